@@ -1,0 +1,338 @@
+"""The gate: what users bring becomes clean arrays here, or an error that names it.
+
+Behind the gate: float64, dense matrices C-contiguous, sparse ones canonical (sorted, no
+duplicates) with int32 indices where they fit, vectors 1-D and contiguous. The caller's
+arrays are never changed; they are passed on as they are when they are clean already.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numba import njit
+
+# Bounds of at least this modulus mean "no bound", as in the QP collections.
+INFINITE = 1e20
+# P may differ from its transpose by this times max |P| (rounding); it is symmetrised.
+ASYMMETRY = 1e-10
+
+FLOAT = np.dtype(np.float64)
+
+
+class QPData(NamedTuple):
+    """A checked QP; all three matrices dense, or all three csc_array.
+
+    Absent parts have zero rows, absent bounds are infinite.
+    """
+
+    P: Any
+    q: np.ndarray
+    G: Any
+    h: np.ndarray
+    A: Any
+    b: np.ndarray
+    lb: np.ndarray
+    ub: np.ndarray
+
+    @property
+    def is_dense(self) -> bool:
+        """Tell whether the matrices are ndarrays."""
+        return type(self.P) is np.ndarray
+
+
+def is_clean(array: Any, ndim: int) -> bool:
+    """Tell whether `array` can go to compiled code as it is."""
+    return (
+        type(array) is np.ndarray
+        and array.dtype == FLOAT
+        and array.ndim == ndim
+        and array.flags.carray
+    )
+
+
+def real_array(name: str, value: Any) -> np.ndarray:
+    """Return `value` as a writeable, C-contiguous float64 array of its own or as it is."""
+    try:
+        array = np.asarray(value)
+    except ValueError as error:
+        raise TypeError(f"{name} must be an array of real numbers: {error}") from None
+    if array.dtype.kind not in "biuf":
+        raise TypeError(
+            f"{name} must be an array of real numbers, got dtype {array.dtype}"
+        )
+    array = np.ascontiguousarray(array, dtype=np.float64)
+    return array if array.flags.carray else array.copy()
+
+
+def vector(name: str, value: Any, size: int, match: str) -> np.ndarray:
+    """Return `value` as a clean (size,) array; columns and rows are flattened."""
+    if is_clean(value, 1) and value.size == size:
+        return value
+    if sp.issparse(value):
+        value = value.toarray()
+    array = real_array(name, value)
+    if array.ndim == 2 and 1 in array.shape:
+        array = array.ravel()
+    if array.shape != (size,):
+        raise ValueError(
+            f"{name} must have shape ({size},) to match {match}, got {np.shape(value)}"
+        )
+    return array
+
+
+def sparse_matrix(name: str, value: Any, layout: str) -> Any:
+    """Return `value` as a canonical csr_array or csc_array of float64."""
+    kind = sp.csr_array if layout == "csr" else sp.csc_array
+    if value.dtype.kind not in "biuf":
+        raise TypeError(f"{name} must hold real numbers, got dtype {value.dtype}")
+    if value.ndim == 1:
+        value = value.reshape(1, -1)
+    if value.format == layout and value.dtype == FLOAT and value.has_canonical_format:
+        data, indices, indptr = value.data, value.indices, value.indptr
+        nnz = indptr[-1]
+        data, indices = data[:nnz], indices[:nnz]
+    else:
+        value = kind(value, copy=True)
+        value.sum_duplicates()
+        data, indices, indptr = value.data, value.indices, value.indptr
+        data = data.astype(np.float64, copy=False)
+    if indices.dtype != np.int32 and max(*value.shape, data.size) < 2**31:
+        indices, indptr = indices.astype(np.int32), indptr.astype(np.int32)
+    data, indices, indptr = (
+        array if array.flags.carray else array.copy()
+        for array in (data, indices, indptr)
+    )
+    matrix = kind((data, indices, indptr), shape=value.shape)
+    matrix.has_canonical_format = True
+    return matrix
+
+
+def matrix(name: str, value: Any, layout: str) -> Any:
+    """Return `value` as a clean 2-D array, or as a canonical sparse array."""
+    if is_clean(value, 2):
+        return value
+    if sp.issparse(value):
+        return sparse_matrix(name, value, layout)
+    array = real_array(name, value)
+    if array.ndim == 1:
+        array = array.reshape(1, -1)
+    if array.ndim != 2:
+        raise ValueError(f"{name} must have two dimensions, got shape {array.shape}")
+    return array
+
+
+@njit(cache=True, nogil=True)
+def first_bad(values, infinite_allowed):
+    """Return the index of the first NaN (or infinite value unless allowed), or -1."""
+    for i in range(values.size):
+        v = values[i]
+        if v != v or (not infinite_allowed and np.isinf(v)):
+            return i
+    return -1
+
+
+@njit(cache=True, nogil=True)
+def dense_asymmetry(P):
+    """Return (max |P - P'|, max |P|)."""
+    gap, size = 0.0, 0.0
+    for i in range(P.shape[0]):
+        size = max(size, abs(P[i, i]))
+        for j in range(i):
+            gap = max(gap, abs(P[i, j] - P[j, i]))
+            size = max(size, abs(P[i, j]), abs(P[j, i]))
+    return gap, size
+
+
+@njit(cache=True, nogil=True)
+def sparse_asymmetry(indptr, indices, data):
+    """Return (max |P - P'|, max |P|) of a canonical square CSR or CSC matrix.
+
+    The entries of row j arrive in order of i, so one pointer a row follows them: one
+    pass, no transpose.
+    """
+    n = indptr.size - 1
+    gap, size = 0.0, 0.0
+    follow = indptr[:-1].copy()
+    for i in range(n):
+        for t in range(indptr[i], indptr[i + 1]):
+            j, value = indices[t], data[t]
+            size = max(size, abs(value))
+            if j <= i:
+                continue
+            s = follow[j]
+            while s < indptr[j + 1] and indices[s] < i:
+                gap = max(gap, abs(data[s]))  # no partner above the diagonal
+                s += 1
+            if s < indptr[j + 1] and indices[s] == i:
+                gap = max(gap, abs(value - data[s]))
+                s += 1
+            else:
+                gap = max(gap, abs(value))
+            follow[j] = s
+    for j in range(n):
+        for s in range(follow[j], indptr[j + 1]):
+            if indices[s] < j:
+                gap = max(gap, abs(data[s]))
+    return gap, size
+
+
+@njit(cache=True, nogil=True)
+def dense_faults(P, q, G, h, A, b, lb, ub):
+    """Return (which argument holds a bad number or -1, asymmetry of P, max |P|).
+
+    One compiled call, because a dozen NumPy calls cost more than a small QP.
+    """
+    which = np.int64(-1)
+    if first_bad(P.ravel(), False) >= 0:
+        which = 0
+    elif first_bad(q, False) >= 0:
+        which = 1
+    elif first_bad(G.ravel(), False) >= 0:
+        which = 2
+    elif first_bad(h, True) >= 0:
+        which = 3
+    elif first_bad(A.ravel(), False) >= 0:
+        which = 4
+    elif first_bad(b, False) >= 0:
+        which = 5
+    elif first_bad(lb, True) >= 0:
+        which = 6
+    elif first_bad(ub, True) >= 0:
+        which = 7
+    gap, size = dense_asymmetry(P)
+    return which, gap, size
+
+
+def refuse_number(name: str, values: np.ndarray, infinite_allowed: bool) -> None:
+    """Raise a ValueError that tells where the first bad number of `values` stands."""
+    flat = values.ravel()
+    i = first_bad(flat, infinite_allowed)
+    if i >= 0:
+        wanted = "must not hold NaN" if infinite_allowed else "must be finite"
+        place = ", ".join(str(k) for k in np.unravel_index(i, values.shape))
+        raise ValueError(f"{name} {wanted}, got {flat[i]} at ({place})")
+
+
+def refuse_numbers(qp: QPData) -> None:
+    """Raise for the first NaN, or infinity in P, q, G, A or b."""
+    for name, values in zip(qp._fields, qp, strict=True):
+        entries = values.data if sp.issparse(values) else values
+        refuse_number(name, entries, name in ("h", "lb", "ub"))
+
+
+def symmetrised(P: Any, gap: float, size: float) -> Any:
+    """Return P, exactly symmetric; raise if it differs from P' by more than rounding."""
+    if gap == 0.0:
+        return P
+    if gap > ASYMMETRY * size:
+        raise ValueError(
+            f"P must be symmetric: max |P - P'| = {gap:.1e}; "
+            "pass (P + P.T) / 2 if that is intended"
+        )
+    if sp.issparse(P):
+        return sparse_matrix("P", (P + P.T) * 0.5, "csc")
+    return (P + P.T) * 0.5
+
+
+def bound(values: np.ndarray) -> np.ndarray:
+    """Return `values` with entries beyond INFINITE made infinite."""
+    if values.size and (np.abs(values) >= INFINITE).any():
+        return np.where(np.abs(values) >= INFINITE, np.sign(values) * np.inf, values)
+    return values
+
+
+def constraint(
+    name: str, C: Any, right: str, d: Any, n: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the pair (G, h) or (A, b), with zero rows where it is absent."""
+    if (C is None) != (d is None):
+        given, missing = (name, right) if d is None else (right, name)
+        raise ValueError(f"{given} was given without {missing}: pass both or neither")
+    if C is None:
+        return np.empty((0, n)), np.empty(0)
+    C = matrix(name, C, "csc")
+    if C.shape[1] != n:
+        raise ValueError(
+            f"{name} must have {n} columns to match q of shape ({n},), got {C.shape}"
+        )
+    shape = f"{name} of shape {C.shape}"
+    return C, vector(right, d, C.shape[0], shape)
+
+
+def qp_data(
+    P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any
+) -> QPData:
+    """Check a QP as the user gave it and return it clean.
+
+    Raises TypeError or ValueError naming the argument, what was expected and what came.
+    Contradictory or infinite sides (lb > ub, h = -inf) pass: they are infeasible
+    problems, not malformed ones.
+    """
+    P = matrix("P", P, "csc")
+    n = P.shape[1]
+    if P.shape[0] != n:
+        raise ValueError(f"P must be square, got shape {P.shape}")
+    shape = f"P of shape {P.shape}"
+    q = vector("q", q, n, shape)
+    G, h = constraint("G", G, "h", h, n)
+    A, b = constraint("A", A, "b", b, n)
+    lb = np.full(n, -np.inf) if lb is None else vector("lb", lb, n, shape)
+    ub = np.full(n, np.inf) if ub is None else vector("ub", ub, n, shape)
+    if sp.issparse(P) or sp.issparse(G) or sp.issparse(A):
+        P, G, A = (
+            C if sp.issparse(C) else sparse_matrix(name, sp.csc_array(C), "csc")
+            for name, C in (("P", P), ("G", G), ("A", A))
+        )
+        refuse_numbers(QPData(P, q, G, h, A, b, lb, ub))
+        gap, size = sparse_asymmetry(P.indptr, P.indices, P.data)
+    else:
+        which, gap, size = dense_faults(P, q, G, h, A, b, lb, ub)
+        if which >= 0:
+            refuse_numbers(QPData(P, q, G, h, A, b, lb, ub))
+    P = symmetrised(P, gap, size)
+    return QPData(P, q, G, bound(h), A, b, bound(lb), bound(ub))
+
+
+class LCPData(NamedTuple):
+    """A checked box LCP; A is a dense array or a csr_array."""
+
+    A: Any
+    q: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+
+def box_side(name: str, value: Any, n: int, default: float) -> np.ndarray:
+    """Return one side of the box as a clean (n,) array; a scalar holds for all."""
+    if value is None:
+        return np.full(n, default)
+    if np.ndim(value) == 0:
+        return np.full(n, real_array(name, value))
+    return vector(name, value, n, f"A of shape ({n}, {n})")
+
+
+def lcp_data(A: Any, q: Any, lower: Any, upper: Any) -> LCPData:
+    """Check a box LCP as the user gave it and return it clean.
+
+    Raises TypeError or ValueError naming the argument, what was expected and what came.
+    """
+    A = matrix("A", A, "csr")
+    n = A.shape[1]
+    if A.shape[0] != n:
+        raise ValueError(f"A must be square, got shape {A.shape}")
+    q = vector("q", q, n, f"A of shape {A.shape}")
+    lower = box_side("lower", lower, n, 0.0)
+    upper = box_side("upper", upper, n, np.inf)
+    refuse_number("A", A.data if sp.issparse(A) else A, False)
+    refuse_number("q", q, False)
+    refuse_number("lower", lower, True)
+    refuse_number("upper", upper, True)
+    lower, upper = bound(lower), bound(upper)
+    wrong = np.flatnonzero((lower > upper) | (lower == np.inf) | (upper == -np.inf))
+    if wrong.size:
+        i = wrong[0]
+        raise ValueError(
+            "lower must not exceed upper, lower be < inf and upper > -inf, "
+            f"got lower[{i}] = {lower[i]:g}, upper[{i}] = {upper[i]:g}"
+        )
+    return LCPData(A, q, lower, upper)

@@ -1,0 +1,249 @@
+"""Face systems (A_FF + diag(shift)_F) x = b: Cholesky, LU or sparse L D L'.
+
+F is the set of unknowns strictly between their bounds, state 0. Small, dense and
+nonsymmetric faces go to LAPACK, sparse symmetric ones to `ldl`, whichever takes fewer
+operations.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from namlcp.lapack import cholesky, cholesky_solve, lu, lu_solve
+from namlcp.lcp.ldl import minimum_degree, numeric, solve, symbolic
+from namlcp.lcp.matrix import NO_DATA, NO_DENSE, NO_INDICES, SMALL
+
+REGULAR = 0
+SINGULAR = 1
+INDEFINITE = 2
+
+JITTER = 1e-11
+"""Added to the diagonal of a face that Cholesky refuses."""
+
+LEAST_PIVOT = -1e-7
+"""A smaller pivot of L D L' is no rounding error: the matrix is indefinite."""
+
+
+class Ordering(NamedTuple):
+    """Elimination order of the unknowns met so far.
+
+    sequence (n,) int32 begins with the `number[0]` unknowns in order; rank (n,) int32 is
+    their place in it, -1 for others; number[1] counts how often it was made. local (n,)
+    int32 is -1 between calls.
+    """
+
+    sequence: np.ndarray
+    rank: np.ndarray
+    local: np.ndarray
+    number: np.ndarray
+
+
+class Factor(NamedTuple):
+    """Factors of one face: dense with or without pivots, or L (Lp, Li, Lx) and D."""
+
+    order: np.ndarray
+    dense: np.ndarray
+    pivots: np.ndarray
+    parent: np.ndarray
+    Lp: np.ndarray
+    Li: np.ndarray
+    Lx: np.ndarray
+    D: np.ndarray
+
+
+NO_FACTOR = Factor(
+    NO_INDICES,
+    NO_DENSE,
+    NO_INDICES,
+    NO_INDICES,
+    np.zeros(1, dtype=np.int64),
+    NO_INDICES,
+    NO_DATA,
+    NO_DATA,
+)
+
+
+def empty_ordering(n: int) -> Ordering:
+    """Return the ordering of no unknowns."""
+    rank = np.full(n, -1, dtype=np.int32)
+    return Ordering(
+        np.empty(n, dtype=np.int32), rank, rank.copy(), np.zeros(2, dtype=np.int64)
+    )
+
+
+@njit(cache=True, nogil=True)
+def gather(columns, shift, order, local, out):
+    """Write the transpose of A_FF + diag(shift)_F to out (m, m), F = order."""
+    m = order.size
+    dense, data, indices, indptr = columns
+    if dense.shape[0] > 0:
+        for k in range(m):
+            column = dense[order[k]]
+            for t in range(m):
+                out[k, t] = column[order[t]]
+    else:
+        out[:] = 0.0
+        for k in range(m):
+            local[order[k]] = k
+        for k in range(m):
+            for p in range(indptr[order[k]], indptr[order[k] + 1]):
+                if local[indices[p]] >= 0:
+                    out[k, local[indices[p]]] = data[p]
+        for k in range(m):
+            local[order[k]] = -1
+    for k in range(m):
+        out[k, k] += shift[order[k]]
+
+
+@njit(cache=True, nogil=True)
+def dense_factor(columns, symmetric, shift, factor, local):
+    """Factor the face into factor.dense; return REGULAR, SINGULAR or INDEFINITE."""
+    m = factor.order.size
+    M = factor.dense
+    gather(columns, shift, factor.order, local, M)
+    if symmetric:
+        if cholesky(M) == 0:
+            return REGULAR
+        gather(columns, shift, factor.order, local, M)
+        for k in range(m):
+            M[k, k] += JITTER
+        if cholesky(M) == 0:
+            return SINGULAR
+        for k in range(m):  # no more than a point to go on from
+            M[k, k] = max(M[k, k], JITTER)
+        return INDEFINITE
+    for k in range(m):
+        for t in range(k):
+            M[k, t], M[t, k] = M[t, k], M[k, t]
+    if lu(M, factor.pivots) > 0:
+        return SINGULAR
+    positive = True
+    for k in range(m):
+        positive ^= M[k, k] < 0.0
+        positive ^= factor.pivots[k] != k + 1
+    return REGULAR if positive else INDEFINITE
+
+
+@njit(cache=True, nogil=True)
+def ordered(columns, state, ordering):
+    """Return the face {state = 0} in elimination order, extending the order if needed.
+
+    The first order is made on the face, the second on it and all unknowns met before,
+    the third on all n: most solves see one or two faces that differ little.
+    """
+    sequence, rank, local, number = ordering
+    n = state.size
+    missing = False
+    for i in range(n):
+        missing |= state[i] == 0 and rank[i] < 0
+    if missing:
+        nodes = np.empty(n, dtype=np.int32)
+        size = 0
+        for i in range(n):
+            if state[i] == 0 or rank[i] >= 0 or number[1] >= 2:
+                nodes[size] = i
+                size += 1
+        minimum_degree(
+            columns.indices, columns.indptr, nodes[:size], local, sequence
+        )
+        for k in range(size):
+            rank[sequence[k]] = k
+        number[0] = size
+        number[1] += 1
+    order = np.empty(number[0], dtype=np.int32)
+    m = 0
+    for k in range(number[0]):
+        if state[sequence[k]] == 0:
+            order[m] = sequence[k]
+            m += 1
+    return order[:m].copy()
+
+
+@njit(cache=True, nogil=True)
+def analyse(columns, symmetric, state, ordering):
+    """Return an empty `Factor` for the face {state = 0}, its storage chosen by cost."""
+    n = state.size
+    m = 0
+    for i in range(n):
+        m += state[i] == 0
+    no_indices = np.empty(0, dtype=np.int32)
+    no_data = np.empty(0)
+    if symmetric and m > SMALL and columns.dense.shape[0] == 0:
+        order = ordered(columns, state, ordering)
+        parent = np.empty(m, dtype=np.int32)
+        counts = np.empty(m, dtype=np.int32)
+        local = ordering.local
+        for k in range(m):
+            local[order[k]] = k
+        flops = symbolic(
+            columns.indices, columns.indptr, order, local, parent, counts
+        )
+        for k in range(m):
+            local[order[k]] = -1
+        if 10.0 * flops <= m * (m * (m / 3.0)) + 5000.0:
+            Lp = np.zeros(m + 1, dtype=np.int64)
+            for k in range(m):
+                Lp[k + 1] = Lp[k] + counts[k]
+            return Factor(
+                order,
+                np.empty((0, 0)),
+                no_indices,
+                parent,
+                Lp,
+                np.empty(Lp[m], dtype=np.int32),
+                np.empty(Lp[m]),
+                np.empty(m),
+            )
+    order = np.empty(m, dtype=np.int32)
+    m = 0
+    for i in range(n):
+        if state[i] == 0:
+            order[m] = i
+            m += 1
+    return Factor(
+        order,
+        np.empty((m, m)),
+        np.empty(0 if symmetric else m, dtype=np.int32),
+        no_indices,
+        np.zeros(1, dtype=np.int64),
+        no_indices,
+        no_data,
+        no_data,
+    )
+
+
+@njit(cache=True, nogil=True)
+def refactor(columns, symmetric, shift, factor, local):
+    """Compute the numbers of `factor`; return REGULAR, SINGULAR or INDEFINITE."""
+    m = factor.order.size
+    if factor.dense.shape[0] == m:
+        return dense_factor(columns, symmetric, shift, factor, local)
+    order = factor.order
+    for k in range(m):
+        local[order[k]] = k
+    smallest = numeric(
+        columns, shift, order, local, factor.parent,
+        factor.Lp, factor.Li, factor.Lx, factor.D,
+    )  # fmt: skip
+    for k in range(m):
+        local[order[k]] = -1
+    return INDEFINITE if smallest < LEAST_PIVOT else REGULAR
+
+
+@njit(cache=True, nogil=True)
+def solve_face(symmetric, factor, b, x):
+    """Write the solution for b (n,) on the face to x (n,); other entries stay."""
+    order = factor.order
+    m = order.size
+    u = np.empty(m)
+    for k in range(m):
+        u[k] = b[order[k]]
+    if factor.dense.shape[0] < m:
+        solve(factor.Lp, factor.Li, factor.Lx, factor.D, u)
+    elif symmetric:
+        cholesky_solve(factor.dense, u)
+    else:
+        lu_solve(factor.dense, factor.pivots, u)
+    for k in range(m):
+        x[order[k]] = u[k]

@@ -1,0 +1,90 @@
+"""The options of a QP solve, each checked where it is made."""
+
+import difflib
+import math
+import numbers
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+
+
+@dataclass(frozen=True, kw_only=True)
+class Options:
+    """Options of `solve_qp`, by the names the field knows.
+
+    A point is a solution when primal residual, dual residual and duality gap are
+    each at most eps_abs + eps_rel * (size of their terms); `residuals` defines both.
+
+    Attributes
+    ----------
+    eps_abs, eps_rel : float
+        Absolute and relative tolerance, >= 0, not both zero.
+    max_iter : int
+        Limit on the iterations of any one loop, >= 1.
+    time_limit : float
+        Limit on the whole solve [s], > 0. The best point so far is returned.
+    verbose : bool
+        Print a table of the progress on standard output.
+    """
+
+    eps_abs: float = 1e-9
+    eps_rel: float = 1e-10
+    max_iter: int = 1000
+    time_limit: float = math.inf
+    verbose: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse, by name, a value that means nothing."""
+        check_number("eps_abs", self.eps_abs, 0.0, closed=True)
+        check_number("eps_rel", self.eps_rel, 0.0, closed=True)
+        if self.eps_abs == 0.0 and self.eps_rel == 0.0:
+            raise ValueError("eps_abs and eps_rel must not both be 0")
+        check_count("max_iter", self.max_iter)
+        check_number("time_limit", self.time_limit, 0.0)
+        check_flag("verbose", self.verbose)
+
+    @classmethod
+    def from_names(cls, settings: Mapping[str, Any]) -> "Options":
+        """Make options from names; an unknown one is a TypeError that names it."""
+        check_names(settings, [field.name for field in fields(cls)])
+        return cls(**settings)
+
+
+def check_names(settings: Mapping[str, Any], known: list[str]) -> None:
+    """Raise a TypeError for the first name that is not `known`."""
+    for name in settings:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+            hint = f"did you mean {near[0]!r}?" if near else f"known: {sorted(known)}"
+            raise TypeError(f"unknown option {name!r}; {hint}")
+
+
+def check_number(
+    name: str, value: object, above: float, *, closed: bool = False
+) -> None:
+    """Raise unless `value` is a real number > above (>= above if `closed`)."""
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
+        raise TypeError(f"{name} must be a number, got {value!r}")
+    number = float(value)
+    if not (number > above or (closed and number == above)):
+        sign = ">=" if closed else ">"
+        raise ValueError(f"{name} must be {sign} {above:g}, got {value!r}")
+
+
+def check_count(name: str, value: object) -> None:
+    """Raise unless `value` is an integer >= 1."""
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral):
+        raise TypeError(f"{name} must be an integer, got {value!r}")
+    if int(value) < 1:
+        raise ValueError(f"{name} must be >= 1, got {value!r}")
+
+
+def check_flag(name: str, value: object) -> None:
+    """Raise unless `value` is True or False."""
+    if not isinstance(value, (bool, np.bool_)):
+        raise TypeError(f"{name} must be True or False, got {value!r}")
+
+
+DEFAULT_OPTIONS = Options()

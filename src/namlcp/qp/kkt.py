@@ -1,0 +1,240 @@
+"""The KKT matrix: one fixed pattern, its diagonal changes, sparse LDL' factors it.
+
+        [P  A'  G']          [P + dx   A'   G']
+    K = [A  0   0 ],   K~ =  [A       -dy    0],   dx, dy, dv > 0 (quasi-definite).
+        [G  0   0 ]          [G        0   -dv]
+
+K is kept as the upper triangle in CSC, so column n + i is row i of C = [A; G] and the
+diagonal is the last entry of every column. Solutions are refined in the norm
+max |r_i| / max(1, |K~_ii|): rows of inactive constraints have diagonals of 1e10 and more,
+which would hide all others. Where refinement stops short, GMRES(8) with the factors
+as preconditioner goes on.
+"""
+
+import numpy as np
+import qdldl
+from numba import njit
+from scipy.sparse import csc_array, csr_array
+
+REFINED = 1e-14  # relative residual at which refinement stops
+PASSES = 11  # refinement steps at most
+POOR = 1e-9  # relative residual above which GMRES goes on
+TINY = 1e-8  # right-hand sides below this are not measured relatively
+KRYLOV = 8
+
+
+class KKT:
+    """K with its factors.
+
+    Attributes
+    ----------
+    indptr, indices, base : the upper triangle of K in CSC, diagonal entries stored
+    data : the values of K~, diagonal filled in by the caller through `diagonal`
+    diagonal : positions of the diagonal in `base` and `data`
+    n, size : number of variables; of all rows of K
+    """
+
+    def __init__(self, P: csc_array, A: csr_array, G: csr_array) -> None:
+        """Lay out K for P (symmetric, all of it stored), A and G."""
+        self.n = P.shape[0]
+        self.size = self.n + A.shape[0] + G.shape[0]
+        room = P.nnz + A.nnz + G.nnz + self.size
+        self.indptr = np.zeros(self.size + 1, dtype=np.int32)
+        self.indices = np.empty(room, dtype=np.int32)
+        self.base = np.empty(room)
+        upper_triangle(
+            P.indptr, P.indices, P.data, A.indptr, A.indices, A.data,
+            G.indptr, G.indices, G.data, self.indptr, self.indices, self.base,
+        )  # fmt: skip
+        self.indices = self.indices[: self.indptr[-1]].copy()
+        self.base = self.base[: self.indptr[-1]].copy()
+        self.diagonal = self.indptr[1:] - 1
+        self.matrix = csc_array(
+            (self.base.copy(), self.indices, self.indptr), shape=(self.size, self.size)
+        )
+        self.data = self.matrix.data
+        self.factors: qdldl.Solver | None = None
+        self.residual = np.empty(self.size)
+        self.trial = np.empty(self.size)
+
+    def factor(self) -> bool:
+        """Factor K~ as it stands in `data`; False if a pivot vanishes."""
+        try:
+            if self.factors is None:
+                self.factors = qdldl.Solver(self.matrix, upper=True)
+            else:
+                self.factors.update(self.matrix, upper=True)
+        except (RuntimeError, ValueError):
+            return False
+        return True
+
+    def solve_once(self, rhs: np.ndarray) -> np.ndarray:
+        """Return the solution as the factors give it."""
+        assert self.factors is not None
+        return self.factors.solve(rhs)
+
+    def solve(self, rhs: np.ndarray) -> tuple[np.ndarray, float]:
+        """Return a refined u with K~ u = rhs and its relative residual."""
+        size = max(TINY, scaled_norm(rhs, self.data, self.diagonal))
+        u = self.solve_once(rhs)
+        res, other = self.residual, self.trial
+        error = remainder(self.indptr, self.indices, self.data, rhs, u, res) / size
+        for _ in range(PASSES):
+            if error <= REFINED:
+                break
+            better = self.solve_once(res)
+            better += u
+            new = remainder(self.indptr, self.indices, self.data, rhs, better, other)
+            new /= size
+            if not new < error:
+                break
+            gained = new <= 0.5 * error
+            u, error, res, other = better, new, other, res
+            if not gained:
+                break
+        if not error <= POOR:
+            u, error = self.gmres(rhs, u, error, size)
+        return u, error
+
+    def gmres(
+        self, rhs: np.ndarray, u: np.ndarray, error: float, size: float
+    ) -> tuple[np.ndarray, float]:
+        """One cycle of GMRES(8) from u, in the norm of `solve`; the better point."""
+        weight = 1.0 / np.maximum(1.0, np.abs(self.data[self.diagonal]))
+        r = np.empty(self.size)
+        remainder(self.indptr, self.indices, self.data, rhs, u, r)
+        r *= weight
+        beta = float(np.linalg.norm(r))
+        if not 0.0 < beta < np.inf:
+            return u, error
+        basis = np.zeros((KRYLOV + 1, self.size))
+        steps = np.zeros((KRYLOV, self.size))
+        H = np.zeros((KRYLOV + 1, KRYLOV))
+        basis[0] = r / beta
+        zero = np.zeros(self.size)
+        used = 0
+        for k in range(KRYLOV):
+            steps[k] = self.solve_once(basis[k] / weight)
+            remainder(self.indptr, self.indices, self.data, zero, steps[k], r)
+            r *= -weight
+            for _ in range(2):  # orthogonalised twice, or the basis degenerates
+                h = basis[: k + 1] @ r
+                r -= h @ basis[: k + 1]
+                H[: k + 1, k] += h
+            H[k + 1, k] = np.linalg.norm(r)
+            if not np.isfinite(H[: k + 2, k]).all():
+                break
+            used = k + 1
+            if H[k + 1, k] <= 1e-14 * beta:
+                break
+            basis[k + 1] = r / H[k + 1, k]
+        if used == 0:
+            return u, error
+        first = np.zeros(used + 1)
+        first[0] = beta
+        weights = np.linalg.lstsq(H[: used + 1, :used], first, rcond=None)[0]
+        better = u + weights @ steps[:used]
+        new = remainder(self.indptr, self.indices, self.data, rhs, better, r) / size
+        return (better, new) if new < error else (u, error)
+
+
+@njit(cache=True, nogil=True)
+def upper_triangle(
+    Pp, Pi, Px, Ap, Ai, Ax, Gp, Gi, Gx, indptr, indices, data
+):  # pragma: no cover
+    """Fill the upper triangle of K from P in CSC (both triangles), A and G in CSR."""
+    n = Pp.size - 1
+    k = 0
+    for j in range(n):
+        diagonal = 0.0
+        for t in range(Pp[j], Pp[j + 1]):
+            if Pi[t] < j:
+                indices[k] = Pi[t]
+                data[k] = Px[t]
+                k += 1
+            elif Pi[t] == j:
+                diagonal = Px[t]
+        indices[k] = j
+        data[k] = diagonal
+        k += 1
+        indptr[j + 1] = k
+    column = n
+    for i in range(Ap.size - 1):
+        for t in range(Ap[i], Ap[i + 1]):
+            indices[k] = Ai[t]
+            data[k] = Ax[t]
+            k += 1
+        indices[k] = column
+        data[k] = 0.0
+        k += 1
+        column += 1
+        indptr[column] = k
+    for i in range(Gp.size - 1):
+        for t in range(Gp[i], Gp[i + 1]):
+            indices[k] = Gi[t]
+            data[k] = Gx[t]
+            k += 1
+        indices[k] = column
+        data[k] = 0.0
+        k += 1
+        column += 1
+        indptr[column] = k
+
+
+@njit(cache=True, nogil=True)
+def scaled_norm(r, data, diagonal):  # pragma: no cover
+    """Return max |r_i| / max(1, |K~_ii|)."""
+    worst = 0.0
+    for i in range(r.size):
+        value = abs(r[i]) / max(1.0, abs(data[diagonal[i]]))
+        if not value <= worst:
+            worst = value
+    return worst
+
+
+@njit(cache=True, nogil=True)
+def remainder(indptr, indices, data, rhs, u, r):  # pragma: no cover
+    """Set r = rhs - K~ u; return its norm max |r_i| / max(1, |K~_ii|)."""
+    for i in range(r.size):
+        r[i] = rhs[i]
+    for j in range(r.size):
+        last = indptr[j + 1] - 1
+        uj = u[j]
+        total = data[last] * uj
+        for t in range(indptr[j], last):
+            i = indices[t]
+            r[i] -= data[t] * uj
+            total += data[t] * u[i]
+        r[j] -= total
+    worst = 0.0
+    for i in range(r.size):
+        value = abs(r[i]) / max(1.0, abs(data[indptr[i + 1] - 1]))
+        if not value <= worst:
+            worst = value
+    return worst
+
+
+@njit(cache=True, nogil=True)
+def products(indptr, indices, base, n, x, v, Px, Ctv, t):  # pragma: no cover
+    """Set Px = P x, Ctv = C'v[n:] and t = (x, C x) for x (n,), v and t (size,)."""
+    for j in range(n):
+        Px[j] = 0.0
+        Ctv[j] = 0.0
+        t[j] = x[j]
+    for j in range(n):
+        last = indptr[j + 1] - 1
+        xj = x[j]
+        total = base[last] * xj
+        for k in range(indptr[j], last):
+            i = indices[k]
+            Px[i] += base[k] * xj
+            total += base[k] * x[i]
+        Px[j] += total
+    for j in range(n, t.size):
+        vj = v[j]
+        total = 0.0
+        for k in range(indptr[j], indptr[j + 1] - 1):
+            i = indices[k]
+            Ctv[i] += base[k] * vj
+            total += base[k] * x[i]
+        t[j] = total

@@ -1,0 +1,310 @@
+"""Presolve: what does not matter is dropped, and put back exactly.
+
+    min 1/2 x'Px + q'x,  Gx <= h,  Ax = b,  lb <= x <= ub
+
+becomes the same problem with ranges, lower <= Gx <= upper, without infinite rows, empty
+rows, repeated rows (c g'x <= h beside g'x <= h) and fixed variables (lb = ub). The
+multipliers of what was dropped are zero or follow from stationarity.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from scipy.sparse import csc_array, csr_array
+
+from namlcp.checks import QPData
+
+FIXED = 1e-12  # ub - lb below this, relative to |lb| above 1, fixes a variable
+SAME = 1e-13  # relative difference of the entries of proportional rows
+
+
+class Contradiction(NamedTuple):
+    """Why the constraints contradict each other, and the rows' multipliers as proof.
+
+    y and z are None where no vector of multipliers can say it (lb > ub, h = -inf).
+    """
+
+    message: str
+    y: np.ndarray | None = None
+    z: np.ndarray | None = None
+
+
+class Owners(NamedTuple):
+    """Which user row gives each side of a range: g_user = ratio * g_range."""
+
+    rows: np.ndarray
+    ratio: np.ndarray
+
+
+class Presolved(NamedTuple):
+    """The smaller problem and the way back.
+
+    min 1/2 x'Px + q'x, A x = b, lower <= G x <= upper, lb <= x <= ub with A and G in CSR.
+    `kept` and `fixed` are the user's columns, `rows` the user's rows of A; `upper_of`
+    and `lower_of` say which row of the user's G an end of a range is.
+    """
+
+    qp: QPData
+    P: csc_array
+    q: np.ndarray
+    A: csr_array
+    b: np.ndarray
+    G: csr_array
+    lower: np.ndarray
+    upper: np.ndarray
+    lb: np.ndarray
+    ub: np.ndarray
+    kept: np.ndarray
+    fixed: np.ndarray
+    x_fixed: np.ndarray
+    rows: np.ndarray
+    upper_of: Owners
+    lower_of: Owners
+    contradictions: list[Contradiction]
+
+    def primal(self, x: np.ndarray) -> np.ndarray:
+        """Return the user's x."""
+        full = np.empty(self.qp.q.size)
+        full[self.kept] = x
+        full[self.fixed] = self.x_fixed
+        return full
+
+    def row_multipliers(
+        self, y: np.ndarray, z_upper: np.ndarray, z_lower: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the user's (y, z) from those of the ends of the ranges."""
+        y_full = np.zeros(self.qp.b.size)
+        y_full[self.rows] = y
+        z_full = np.zeros(self.qp.h.size)
+        for owners, side in ((self.upper_of, z_upper), (self.lower_of, z_lower)):
+            has = owners.rows >= 0
+            z_full[owners.rows[has]] += side[has] / np.abs(owners.ratio[has])
+        return y_full, z_full
+
+    def point(
+        self,
+        x: np.ndarray,
+        y: np.ndarray,
+        z_upper: np.ndarray,
+        z_lower: np.ndarray,
+        z_box: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return the user's (x, y, z, z_box); a fixed variable's z_box is exact."""
+        qp = self.qp
+        x = self.primal(x)
+        y, z = self.row_multipliers(y, z_upper, z_lower)
+        box = np.zeros(qp.q.size)
+        box[self.kept] = z_box
+        if self.fixed.size:
+            gradient = qp.P @ x + qp.q + qp.A.T @ y + qp.G.T @ z
+            box[self.fixed] = -gradient[self.fixed]
+        return x, y, z, box
+
+
+def presolve(qp: QPData, eps_abs: float, eps_rel: float) -> Presolved:
+    """Drop what does not matter. All matrices are CSC; nothing of `qp` is changed."""
+    found = contradictory_sides(qp, eps_abs, eps_rel)
+    span = qp.ub - qp.lb
+    small = FIXED * np.maximum(1.0, np.abs(qp.lb))
+    is_fixed = (span <= small) & np.isfinite(qp.lb) & np.isfinite(qp.ub)
+    kept, fixed = np.flatnonzero(~is_fixed), np.flatnonzero(is_fixed)
+    x_fixed = 0.5 * (qp.lb[fixed] + qp.ub[fixed])
+    P, q, b, h = qp.P, qp.q, qp.b, qp.h
+    A, G = without_zeros(qp.A), without_zeros(qp.G)
+    lb, ub = qp.lb, qp.ub
+    if fixed.size:
+        q = q[kept] + P[:, fixed][kept] @ x_fixed
+        b = b - A[:, fixed] @ x_fixed
+        h = h - G[:, fixed] @ x_fixed
+        P, A, G = P[:, kept][kept], A[:, kept], G[:, kept]
+        lb, ub = lb[kept], ub[kept]
+    tol = eps_abs if eps_abs > 0.0 else eps_rel
+    A, rows, b, more = equality_rows(A.tocsr(), b, tol)
+    found += more
+    G, lower_of, upper_of, lower, upper, more = inequality_rows(
+        G.tocsr(), h, tol, qp.b.size
+    )
+    found += more
+    return Presolved(
+        qp, P, q, A, b, G, lower, upper, lb, ub, kept, fixed, x_fixed, rows,
+        upper_of, lower_of, found,
+    )  # fmt: skip
+
+
+def without_zeros(M: csc_array) -> csc_array:
+    """Return M without stored zeros, itself if there are none."""
+    if M.nnz and not M.data.all():
+        M = M.copy()
+        M.eliminate_zeros()
+    return M
+
+
+def contradictory_sides(
+    qp: QPData, eps_abs: float, eps_rel: float
+) -> list[Contradiction]:
+    """Return the first bound or row that no number can satisfy."""
+    with np.errstate(invalid="ignore"):
+        size = np.maximum(np.abs(qp.lb), np.abs(qp.ub))
+        gap = qp.lb - qp.ub > 2.0 * (eps_abs + eps_rel * np.minimum(size, 1e300))
+    bad = np.flatnonzero(gap | (qp.lb == np.inf) | (qp.ub == -np.inf))
+    if bad.size:
+        j = bad[0]
+        return [
+            Contradiction(
+                f"bounds of x[{j}] contradict each other: "
+                f"lb = {qp.lb[j]:g}, ub = {qp.ub[j]:g}"
+            )
+        ]
+    bad = np.flatnonzero(qp.h == -np.inf)
+    if bad.size:
+        return [Contradiction(f"row {bad[0]} of G has h = -inf")]
+    return []
+
+
+def equality_rows(
+    A: csr_array, b: np.ndarray, tol: float
+) -> tuple[csr_array, np.ndarray, np.ndarray, list[Contradiction]]:
+    """Drop empty and repeated equality rows; return A, its user rows, b, verdicts.
+
+    Repeated rows whose right-hand sides differ within tolerance get their mean.
+    """
+    found = []
+    p = b.size
+    empty = np.diff(A.indptr) == 0
+    for i in np.flatnonzero(empty & (np.abs(b) > tol))[:1]:
+        message = f"row {i} of A has no free variable, but the right-hand side {b[i]:g}"
+        found.append(Contradiction(message, unit(p, i, -np.sign(b[i]))))
+    A, b, rows = selected(A, b, ~empty)
+    leader, ratio = proportional_rows(A)
+    if leader is None:
+        return A, rows, b, found
+    value = b / ratio
+    low, low_at = extreme(-value, leader)
+    high, high_at = extreme(value, leader)
+    first = np.flatnonzero(leader == np.arange(rows.size))
+    for k in first[(high + low)[first] > 2.0 * tol][:1]:
+        i, j = high_at[k], low_at[k]
+        y = unit(p, rows[j], 1.0 / ratio[j]) - unit(p, rows[i], 1.0 / ratio[i])
+        message = f"rows {rows[i]} and {rows[j]} of A contradict each other"
+        found.append(Contradiction(message, y))
+    middle = np.where(high == -low, high, 0.5 * (high - low))
+    return A[first], rows[first], middle[first], found
+
+
+def inequality_rows(
+    G: csr_array, h: np.ndarray, tol: float, p: int
+) -> tuple[csr_array, Owners, Owners, np.ndarray, np.ndarray, list[Contradiction]]:
+    """Drop infinite and empty rows of Gx <= h, merge proportional ones into ranges.
+
+    Returns G, the owners of the lower and upper ends, the ends, and verdicts (with
+    y = 0 of size p).
+    """
+    found = []
+    m = h.size
+    empty = np.diff(G.indptr) == 0
+    for i in np.flatnonzero(empty & (h < -tol) & (h > -np.inf))[:1]:
+        message = f"row {i} of G has no free variable, but the right-hand side {h[i]:g}"
+        found.append(Contradiction(message, np.zeros(p), unit(m, i, 1.0)))
+    G, h, rows = selected(G, h, ~empty & (h < np.inf))
+    leader, ratio = proportional_rows(G)
+    if leader is None:
+        none = Owners(np.full(rows.size, -1), ratio)
+        return G, none, Owners(rows, ratio), np.full(rows.size, -np.inf), h, found
+    value = h / ratio
+    upper, upper_at = extreme(-np.where(ratio > 0.0, value, np.inf), leader)
+    lower, lower_at = extreme(np.where(ratio < 0.0, value, -np.inf), leader)
+    upper = -upper
+    first = np.flatnonzero(leader == np.arange(rows.size))
+    for k in first[(lower - upper)[first] > 2.0 * tol][:1]:
+        i, j = upper_at[k], lower_at[k]
+        z = unit(m, rows[i], 1.0 / ratio[i]) + unit(m, rows[j], -1.0 / ratio[j])
+        message = f"rows {rows[i]} and {rows[j]} of G contradict each other"
+        found.append(Contradiction(message, np.zeros(p), z))
+    ends = []
+    for end, at in ((lower[first], lower_at[first]), (upper[first], upper_at[first])):
+        ends.append(Owners(np.where(np.isfinite(end), rows[at], -1), ratio[at]))
+    return G[first], ends[0], ends[1], lower[first], upper[first], found
+
+
+def selected(
+    M: csr_array, rhs: np.ndarray, keep: np.ndarray
+) -> tuple[csr_array, np.ndarray, np.ndarray]:
+    """Return the rows of M and rhs to keep, and their numbers."""
+    rows = np.flatnonzero(keep)
+    return (M, rhs, rows) if keep.all() else (M[rows], rhs[rows], rows)
+
+
+def proportional_rows(M: csr_array) -> tuple[np.ndarray | None, np.ndarray]:
+    """Group the (not empty) rows of M that are multiples of each other.
+
+    Returns `leader`, the first row of the group, or None if all rows differ, and
+    `ratio`, row = ratio * leader's row. Candidates have the same first column, length
+    and two weighted sums over the first entry (to 9 digits); then entries are compared.
+    """
+    m = M.shape[0]
+    if m < 2:
+        return None, np.ones(m)
+    start = M.indptr[:-1]
+    lead = M.data[start]
+    t = np.arange(1.0, M.shape[1] + 1.0)
+    key = [M.indices[start], np.diff(M.indptr)]
+    for weight in (np.sin(t), np.sin(2.0 * t) + 0.5):
+        total = np.add.reduceat(M.data * weight[M.indices], start)
+        key.append(np.round(total / lead, 9))
+    order = np.lexsort(key)
+    same = np.ones(m, dtype=bool)
+    same[0] = False
+    for k in key:
+        same[1:] &= k[order[1:]] == k[order[:-1]]
+    if not same.any():
+        return None, np.ones(m)
+    leader = np.arange(m)
+    compare_rows(M.indptr, M.indices, M.data, order, same, leader)
+    if np.array_equal(leader, np.arange(m)):
+        return None, np.ones(m)
+    return leader, lead / lead[leader]
+
+
+@njit(cache=True, nogil=True)
+def compare_rows(indptr, indices, data, order, same, leader):
+    """Set leader[row] to the first row of its run of candidates if proportional.
+
+    `order` sorts the rows, same[k] says that row order[k] has the key of its predecessor.
+    """
+    head = order[0]
+    for k in range(order.size):
+        row = order[k]
+        if not same[k]:
+            head = row
+            continue
+        a = indptr[head]
+        c = indptr[row]
+        ratio = data[a] / data[c]
+        equal = True
+        for t in range(indptr[head + 1] - a):
+            difference = data[c + t] * ratio - data[a + t]
+            if indices[a + t] != indices[c + t] or (
+                abs(difference) > SAME * abs(data[a + t])
+            ):
+                equal = False
+                break
+        if equal:
+            leader[row] = head
+
+
+def extreme(value: np.ndarray, leader: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the largest `value` of each group, at its leader, and where it is."""
+    best = np.full(leader.size, -np.inf)
+    np.maximum.at(best, leader, value)
+    at = leader.copy()
+    hit = np.flatnonzero(value == best[leader])
+    at[leader[hit[::-1]]] = hit[::-1]
+    return best, at
+
+
+def unit(size: int, index: int, value: float) -> np.ndarray:
+    """Return value * e_index."""
+    e = np.zeros(size)
+    e[index] = value
+    return e

@@ -1,0 +1,120 @@
+"""Scaling: the presolved QP in equilibrated form, and the exact way back.
+
+Symmetric Ruiz scaling of K = [[P, C'], [C, 0]], C = [A; G]: ten rounds divide rows and
+columns by the square roots of their largest entries, until those are 1 within 1e-3
+(D. Ruiz, RAL-TR-2001-034). With d the factors of the columns and e those of the rows,
+x = d x_scaled, y = e y_scaled, z_box = z_box_scaled / d; the cost is not scaled.
+
+The constraints become *pieces*, one for each finite side: sign * t[place] <= c, where
+t = (x, Ax, Gx) has the layout of K; t_user = unit * t and multipliers_user = v / unit.
+"""
+
+import numpy as np
+from numba import njit
+
+from namlcp.qp.kkt import KKT
+from namlcp.qp.presolve import Presolved
+
+ROUNDS = 10
+EQUAL = 1e-3
+
+
+class ScaledQP:
+    """min 1/2 x'Px + q'x, Ax = b, sign * t[place] <= c.
+
+    The pieces come in the order upper and lower ends of rows, upper and lower bounds;
+    `ends` has the three positions where the next kind begins.
+    """
+
+    def __init__(self, small: Presolved) -> None:
+        """Scale the presolved problem; P, A and G live on in `kkt` alone."""
+        n, p = small.q.size, small.b.size
+        self.small = small
+        self.n, self.p = n, p
+        self.kkt = KKT(small.P, small.A, small.G)
+        scale = np.ones(self.kkt.size)
+        equilibrate(self.kkt.indptr, self.kkt.indices, self.kkt.base, scale)
+        self.unit = np.concatenate((scale[:n], 1.0 / scale[n:]))
+        self.q = small.q * scale[:n]
+        self.b = small.b * scale[n : n + p]
+        sides = (small.upper, small.lower, small.ub, small.lb)
+        finite = [np.flatnonzero(np.isfinite(side)) for side in sides]
+        first = n + p
+        self.place = np.concatenate(
+            (finite[0] + first, finite[1] + first, finite[2], finite[3])
+        ).astype(np.int32)
+        counts = [rows.size for rows in finite]
+        self.ends = np.cumsum(counts[:3])
+        self.sign = np.repeat((1.0, -1.0, 1.0, -1.0), counts)
+        value = np.concatenate([s[rows] for s, rows in zip(sides, finite, strict=True)])
+        self.c = self.sign * value / self.unit[self.place]
+        self.finite = finite
+
+    def user_point(
+        self, x: np.ndarray, y: np.ndarray, Z: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return the user's (x, y, z, z_box)."""
+        n, p = self.n, self.p
+        z_upper, z_lower, box = self.sides(Z)
+        return self.small.point(
+            x * self.unit[:n], y / self.unit[n : n + p], z_upper, z_lower, box
+        )
+
+    def user_rows(self, y: np.ndarray, Z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the user's multipliers (y, z) of the rows."""
+        z_upper, z_lower, _ = self.sides(Z)
+        y = y / self.unit[self.n : self.n + self.p]
+        return self.small.row_multipliers(y, z_upper, z_lower)
+
+    def user_direction(self, dx: np.ndarray) -> np.ndarray:
+        """Return a direction of the user's x; fixed variables do not move."""
+        d = np.zeros(self.small.qp.q.size)
+        d[self.small.kept] = dx * self.unit[: self.n]
+        return d
+
+    def from_user(self, x: np.ndarray) -> np.ndarray:
+        """Return the scaled x of a user's x."""
+        return x[self.small.kept] / self.unit[: self.n]
+
+    def sides(self, Z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return unscaled multipliers of row-uppers, row-lowers, and the net bounds'."""
+        z = Z / self.unit[self.place]
+        upper, lower = np.zeros((2, self.small.upper.size))
+        box = np.zeros(self.n)
+        i, j, k = self.ends
+        upper[self.finite[0]] = z[:i]
+        lower[self.finite[1]] = z[i:j]
+        box[self.finite[2]] = z[j:k]
+        box[self.finite[3]] -= z[k:]
+        return upper, lower, box
+
+
+@njit(cache=True, nogil=True)
+def equilibrate(indptr, indices, data, scale):  # pragma: no cover
+    """Scale the symmetric matrix (upper triangle in CSC) in place, data and `scale`.
+
+    Factors are clipped to [1e-8, 1e8]; an empty row keeps its own.
+    """
+    size = scale.size
+    largest = np.empty(size)
+    for _ in range(ROUNDS):
+        largest[:] = 0.0
+        for j in range(size):
+            for t in range(indptr[j], indptr[j + 1]):
+                value = abs(data[t])
+                i = indices[t]
+                largest[i] = max(largest[i], value)
+                largest[j] = max(largest[j], value)
+        off = 0.0
+        for j in range(size):
+            factor = 1.0
+            if largest[j] > 0.0:
+                off = max(off, abs(1.0 - largest[j]))
+                factor = 1.0 / np.sqrt(largest[j])
+            largest[j] = min(max(factor, 1e-8 / scale[j]), 1e8 / scale[j])
+        if off <= EQUAL:
+            return
+        for j in range(size):
+            scale[j] *= largest[j]
+            for t in range(indptr[j], indptr[j + 1]):
+                data[t] *= largest[j] * largest[indices[t]]

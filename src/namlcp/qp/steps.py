@@ -1,0 +1,219 @@
+"""Vector work of one interior iteration, compiled, without allocation.
+
+Pieces sign * t[place] + W = c, W >= 0, multipliers Z >= 0, with t = (x, Ax, Gx) and
+v = (net z_box, y, net z) in the layout of K. The Newton direction for the target
+W dZ + Z dW = rc is, after elimination of dZ and dW and with proximal terms rho, delta
+centred at the current point,
+
+    tau = -rw - rc/Z,   omega = Z/(W + delta Z),
+    weight[j] = sum of omega, g[j] = sum of sign omega tau over the pieces at place j
+    [P + rho + weight   A'       G'       ] [dx]   [-rd + g   ]
+    [A                  -delta            ] [dy] = [-rp       ]
+    [G                           -1/weight] [dv]   [g / weight]
+    dZ = omega (sign * dt[place] - tau),   dW = (rc - W dZ)/Z
+"""
+
+import numpy as np
+from numba import njit
+
+from namlcp.qp.kkt import products
+
+THIN = 1e-20  # smallest weight of a row
+
+
+@njit(cache=True, nogil=True)
+def evaluate(
+    indptr, indices, base, unit, q, b, place, sign, c, x, y, W, Z,
+    v, Px, Ctv, t, rd, rp, rw, out,
+):  # pragma: no cover  # fmt: skip
+    """Residuals of the iterate; work arrays v, Px, Ctv, t, results rd, rp, rw, out.
+
+    rd = Px + q + C'v + z_box, rp = Ax - b, rw = sign t[place] - c + W; out = (mu, |rd|,
+    |rp|, |rw|, |x|_1) scaled, then the six numbers of `Residuals` in the user's units:
+    the point is judged without W.
+    """
+    n = x.size
+    p = y.size
+    v[:] = 0.0
+    for i in range(p):
+        v[n + i] = y[i]
+    for k in range(place.size):
+        v[place[k]] += sign[k] * Z[k]
+    products(indptr, indices, base, n, x, v, Px, Ctv, t)
+    out[:] = 0.0
+    xPx = 0.0
+    qx = 0.0
+    for j in range(n):
+        rd[j] = Px[j] + q[j] + Ctv[j] + v[j]
+        xPx += x[j] * Px[j]
+        qx += q[j] * x[j]
+        out[1] = max(out[1], abs(rd[j]))
+        out[4] += abs(x[j] * unit[j])
+        out[6] = max(out[6], abs(rd[j]) / unit[j])
+        largest = max(abs(Px[j]), abs(q[j]), abs(Ctv[j]), abs(v[j]))
+        out[9] = max(out[9], largest / unit[j])
+        out[8] = max(out[8], abs(x[j]) * unit[j])
+        if rd[j] != rd[j]:
+            out[6] = np.nan
+            return
+    by = 0.0
+    for i in range(p):
+        rp[i] = t[n + i] - b[i]
+        by += b[i] * y[i]
+        out[2] = max(out[2], abs(rp[i]))
+        out[5] = max(out[5], abs(rp[i]) * unit[n + i])
+        out[8] = max(out[8], max(abs(b[i]), abs(t[n + i])) * unit[n + i])
+    support = 0.0
+    complement = 0.0
+    for k in range(place.size):
+        j = place[k]
+        excess = sign[k] * t[j] - c[k]
+        rw[k] = excess + W[k]
+        support += c[k] * Z[k]
+        complement += W[k] * Z[k]
+        out[3] = max(out[3], abs(rw[k]))
+        out[5] = max(out[5], excess * unit[j])
+        if j >= n:
+            out[8] = max(out[8], max(abs(c[k]), abs(t[j])) * unit[j])
+    if place.size > 0:
+        out[0] = complement / place.size
+    out[7] = abs(xPx + qx + by + support)
+    out[10] = max(abs(xPx), abs(qx), abs(by), abs(support))
+
+
+@njit(cache=True, nogil=True)
+def assemble(
+    base, diagonal, n, p, place, W, Z, rho, delta, omega, weight, data
+):  # pragma: no cover
+    """Set omega, weight and the diagonal of K~ in `data`."""
+    weight[:] = 0.0
+    for k in range(place.size):
+        omega[k] = Z[k] / (W[k] + delta * Z[k])
+        weight[place[k]] += omega[k]
+    for j in range(n):
+        data[diagonal[j]] = base[diagonal[j]] + rho + weight[j]
+    for j in range(n, n + p):
+        data[diagonal[j]] = -delta
+    for j in range(n + p, weight.size):
+        weight[j] = max(weight[j], THIN)
+        data[diagonal[j]] = -1.0 / weight[j]
+
+
+@njit(cache=True, nogil=True)
+def right_side(
+    rd, rp, rw, rc, place, sign, Z, omega, weight, tau, rhs
+):  # pragma: no cover
+    """Set tau and the right-hand side of the Newton system for the target rc."""
+    n = rd.size
+    p = rp.size
+    for j in range(n):
+        rhs[j] = -rd[j]
+    for i in range(p):
+        rhs[n + i] = -rp[i]
+    rhs[n + p :] = 0.0
+    for k in range(place.size):
+        tau[k] = -rw[k] - rc[k] / Z[k]
+        rhs[place[k]] += sign[k] * omega[k] * tau[k]
+    for j in range(n + p, rhs.size):
+        rhs[j] /= weight[j]
+
+
+@njit(cache=True, nogil=True)
+def piece_step(
+    indptr, indices, base, n, du, place, sign, omega, tau, rc, W, Z, dt, dW, dZ, out
+):  # pragma: no cover
+    """Set dt = (dx, C dx), dW, dZ and out = (longest steps for W and Z, product).
+
+    The product is (W + a dW)'(Z + a' dZ) at those steps a, a' <= 1.
+    """
+    for j in range(n):
+        dt[j] = du[j]
+    for j in range(n, dt.size):
+        total = 0.0
+        for k in range(indptr[j], indptr[j + 1] - 1):
+            total += base[k] * du[indices[k]]
+        dt[j] = total
+    primal = 1.0
+    dual = 1.0
+    ww = 0.0
+    wz = 0.0
+    zw = 0.0
+    zz = 0.0
+    for k in range(place.size):
+        dZ[k] = omega[k] * (sign[k] * dt[place[k]] - tau[k])
+        dW[k] = (rc[k] - W[k] * dZ[k]) / Z[k]
+        if W[k] + primal * dW[k] < 0.0:
+            primal = -W[k] / dW[k]
+        if Z[k] + dual * dZ[k] < 0.0:
+            dual = -Z[k] / dZ[k]
+        ww += W[k] * Z[k]
+        wz += W[k] * dZ[k]
+        zw += dW[k] * Z[k]
+        zz += dW[k] * dZ[k]
+    out[0] = primal
+    out[1] = dual
+    out[2] = ww + dual * wz + primal * zw + primal * dual * zz
+
+
+@njit(cache=True, nogil=True)
+def corrector_target(W, Z, dW, dZ, smu, rc):  # pragma: no cover
+    """Set rc = smu - WZ - dW dZ (Mehrotra); dW = dZ = 0 and smu = 0 predict."""
+    for k in range(W.size):
+        rc[k] = smu - W[k] * Z[k] - dW[k] * dZ[k]
+
+
+@njit(cache=True, nogil=True)
+def centred_target(W, Z, dW, dZ, primal, dual, smu, rc):  # pragma: no cover
+    """Pull the products at the longer steps into [0.1, 10] smu (Gondzio 1996)."""
+    a = min(1.0, 1.08 * primal + 0.08)
+    z = min(1.0, 1.08 * dual + 0.08)
+    for k in range(W.size):
+        product = (W[k] + a * dW[k]) * (Z[k] + z * dZ[k])
+        change = min(max(product, 0.1 * smu), 10.0 * smu) - product
+        rc[k] += max(change, -10.0 * smu)
+
+
+@njit(cache=True, nogil=True)
+def advance(n, du, dW, dZ, primal, dual, x, y, W, Z, out):  # pragma: no cover
+    """Step; out = (largest change of x, largest change of y and Z)."""
+    out[0] = 0.0
+    out[1] = 0.0
+    for j in range(n):
+        x[j] += primal * du[j]
+        out[0] = max(out[0], primal * abs(du[j]))
+    for i in range(y.size):
+        y[i] += dual * du[n + i]
+        out[1] = max(out[1], dual * abs(du[n + i]))
+    for k in range(W.size):
+        W[k] += primal * dW[k]
+        Z[k] += dual * dZ[k]
+        out[1] = max(out[1], dual * abs(dZ[k]))
+
+
+@njit(cache=True, nogil=True)
+def shift_inside(W, Z):  # pragma: no cover
+    """Make W, Z > 0 by Mehrotra's shift (SIAM J. Optim. 2, 1992, sec. 7)."""
+    m = W.size
+    largest = 0.0
+    for k in range(m):
+        largest = max(largest, abs(W[k]), abs(Z[k]))
+    if largest <= 1e-4:
+        W[:] = 0.1
+        Z[:] = 0.1
+    dw = 0.0
+    dz = 0.0
+    for k in range(m):
+        dw = max(dw, -1.5 * W[k])
+        dz = max(dz, -1.5 * Z[k])
+    product = 0.0
+    sum_w = 0.0
+    sum_z = 0.0
+    for k in range(m):
+        W[k] += dw
+        Z[k] += dz
+        product += W[k] * Z[k]
+        sum_w += W[k]
+        sum_z += Z[k]
+    for k in range(m):
+        W[k] += 0.5 * product / sum_z
+        Z[k] += 0.5 * product / sum_w

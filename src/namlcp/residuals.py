@@ -1,0 +1,134 @@
+"""The one definition of every residual: solvers, tests and validation import it.
+
+LCP(q, A) with bounds: Res(z) = || z - clip(z - (A z + q), lower, upper) ||_2, which is
+the paper's || min(z, A z + q) ||_2 where lower = 0, upper = +inf.
+
+QP: min 1/2 x'Px + q'x, Gx <= h, Ax = b, lb <= x <= ub, multipliers y, z, z_box in
+qpsolvers' signs (P x + q + G'z + A'y + z_box = 0, z >= 0, z_box <= 0 at a lower bound):
+
+- primal residual: the largest violation of a constraint;
+- dual residual: the largest entry of |P x + q + G'z + A'y + z_box|, or of a multiplier
+  with a sign that its constraint does not allow;
+- duality gap: |x'Px + q'x + b'y + h'z + lb'z_box^- + ub'z_box^+|.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+
+
+class Residuals(NamedTuple):
+    """The three residuals of a QP point, each with the size of its largest term."""
+
+    primal: float
+    dual: float
+    gap: float
+    primal_size: float
+    dual_size: float
+    gap_size: float
+
+    def worst(self, eps_abs: float, eps_rel: float) -> float:
+        """Return the largest residual over its tolerance; at most 1 means solved."""
+        ratios = (
+            self.primal / (eps_abs + eps_rel * self.primal_size),
+            self.dual / (eps_abs + eps_rel * self.dual_size),
+            self.gap / (eps_abs + eps_rel * self.gap_size),
+        )
+        return math.inf if any(math.isnan(r) for r in ratios) else max(ratios)
+
+    def solved(self, eps_abs: float, eps_rel: float) -> bool:
+        """Tell whether all three are within tolerance."""
+        return self.worst(eps_abs, eps_rel) <= 1.0
+
+
+def natural_residual(
+    z: np.ndarray, w: np.ndarray, lower: np.ndarray, upper: np.ndarray
+) -> float:
+    """Return || z - clip(z - w, lower, upper) ||_2 for w = A z + q."""
+    return float(np.linalg.norm(z - np.clip(z - w, lower, upper)))
+
+
+@njit(cache=True, nogil=True)
+def qp_residuals_of_products(
+    q, h, b, lb, ub, x, y, z, z_box, Px, Gx, Ax, Aty_Gtz
+):  # pragma: no cover
+    """Return the six numbers of `Residuals` from the products with P, G and A.
+
+    `Aty_Gtz` is A'y + G'z. An infinite side of a constraint has no term in the gap,
+    and a multiplier on it counts with its full modulus as a dual residual.
+    """
+    primal = 0.0
+    primal_size = 0.0
+    dual = 0.0
+    dual_size = 0.0
+    xPx = 0.0
+    qx = 0.0
+    support = 0.0
+    gap_size = 0.0
+    for j in range(x.size):
+        primal = max(primal, lb[j] - x[j], x[j] - ub[j])
+        primal_size = max(primal_size, abs(x[j]))
+        rd = Px[j] + q[j] + Aty_Gtz[j] + z_box[j]
+        dual = max(dual, abs(rd))
+        dual_size = max(
+            dual_size, abs(Px[j]), abs(q[j]), abs(Aty_Gtz[j]), abs(z_box[j])
+        )
+        if rd != rd or x[j] != x[j]:
+            dual = np.nan
+            break
+        xPx += x[j] * Px[j]
+        qx += q[j] * x[j]
+        side = lb[j] if z_box[j] < 0.0 else ub[j]
+        if z_box[j] != 0.0:
+            if np.isinf(side):
+                dual = max(dual, abs(z_box[j]))
+            else:
+                support += side * z_box[j]
+    hz = 0.0
+    for i in range(h.size):
+        if Gx[i] != Gx[i] or z[i] != z[i]:
+            dual = np.nan
+        primal = max(primal, Gx[i] - h[i])
+        if not np.isinf(h[i]):
+            primal_size = max(primal_size, abs(Gx[i]), abs(h[i]))
+            hz += h[i] * z[i]
+        else:
+            dual = max(dual, abs(z[i]))
+        dual = max(dual, -z[i])
+    by = 0.0
+    for i in range(b.size):
+        if Ax[i] != Ax[i] or y[i] != y[i]:
+            dual = np.nan
+        primal = max(primal, abs(Ax[i] - b[i]))
+        primal_size = max(primal_size, abs(Ax[i]), abs(b[i]))
+        by += b[i] * y[i]
+    gap = abs(xPx + qx + by + hz + support)
+    gap_size = max(abs(xPx), abs(qx), abs(by), abs(hz), abs(support))
+    return primal, dual, gap, primal_size, dual_size, gap_size
+
+
+def qp_residuals(
+    P: Any,
+    q: np.ndarray,
+    G: Any,
+    h: np.ndarray,
+    A: Any,
+    b: np.ndarray,
+    lb: np.ndarray,
+    ub: np.ndarray,
+    x: np.ndarray,
+    y: np.ndarray,
+    z: np.ndarray,
+    z_box: np.ndarray,
+) -> Residuals:
+    """Return the residuals of (x, y, z, z_box) on the QP as it was given.
+
+    P, G, A are dense or sparse; absent parts have zero rows, absent bounds are infinite.
+    """
+    return Residuals(
+        *qp_residuals_of_products(
+            q, h, b, lb, ub, x, y, z, z_box, P @ x, G @ x, A @ x, A.T @ y + G.T @ z
+        )
+    )

@@ -1,0 +1,51 @@
+"""What a result means: one Enum for LCPs and QPs."""
+
+from enum import Enum
+
+
+class Status(Enum):
+    """Outcome of a solve; `value` is for machines, `explanation` for people."""
+
+    explanation: str
+
+    SOLVED = "solved", "All residuals on the user's own data are within tolerance."
+    PRIMAL_INFEASIBLE = (
+        "primal_infeasible",
+        "No x satisfies the constraints; y, z, z_box prove it (Farkas).",
+    )
+    DUAL_INFEASIBLE = (
+        "dual_infeasible",
+        "The objective is unbounded below along the feasible ray x.",
+    )
+    MAX_ITER = (
+        "max_iter",
+        "Iteration limit reached; the best point is returned. "
+        "Raise max_iter or loosen eps_abs.",
+    )
+    TIME_LIMIT = (
+        "time_limit",
+        "Time limit reached; the best point is returned. Raise time_limit.",
+    )
+    STALLED = (
+        "stalled",
+        "Rounding errors stop further progress; the best point is returned. "
+        "Loosen eps_abs or eps_rel.",
+    )
+    DIVERGED = (
+        "diverged",
+        "The sweeps diverge or cycle on this matrix; the best point is returned. "
+        'Use method="auto", or another omega and alpha.',
+    )
+    UNSOLVABLE = (
+        "unsolvable",
+        "The LCP has no solution, or its matrix lies outside the class that the "
+        "method can decide; a ray is returned where it was found.",
+    )
+    NUMERICAL_ERROR = ("numerical_error", "A factorisation broke down.")
+
+    def __new__(cls, value: str, explanation: str) -> "Status":
+        """Keep the sentence beside the value."""
+        member = object.__new__(cls)
+        member._value_ = value
+        member.explanation = explanation
+        return member
