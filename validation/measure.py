@@ -1,6 +1,7 @@
 """Time and judge one solver on one problem, in a child process with a time limit."""
 
 import multiprocessing as mp
+import os
 import resource
 import statistics
 import time
@@ -12,37 +13,36 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import problems
 import qpsolvers
 from qpsolvers import Problem, Solution
+
+import problems
 from settings import solver_settings
 
 GRACE = 2.0  # [s] on top of the time limit before a child process is ended
 LOADING = 120.0  # [s] to read a problem, warm up and, once, compile
 MEMORY = 8 << 30  # bytes of address space of a child process
-REPEATS, REPEAT_TIME = 5, 0.5  # repeat until either is reached,
-QUICK_TIME = 0.05  # [s] and quick problems at least that long
+SLOW = 2.0  # [s] a first call that takes longer is not repeated
+REPEATS, REPEAT_TIME = 5, 0.5  # calls, [s]: repeat until either is reached,
+QUICK_TIME = 0.05  # [s] and quick calls at least that long
 
 
 def median_time(call: Callable[[], Any]) -> tuple[Any, float, float]:
-    """Return the first result of a call, the time of that one and the median time [s].
+    """Return the first result of a call, its time and the median time of the others.
 
-    The first call is not repeated if it took longer than all repeats may; otherwise
-    it does not count in the median.
+    The first call stands for the median where it is too slow to be repeated.
     """
+    start = time.perf_counter()
+    first = call()
+    cold = time.perf_counter() - start
     times: list[float] = []
-    first: Any = None
-    while True:
+    while cold < SLOW and sum(times) < REPEAT_TIME:
         start = time.perf_counter()
-        result = call()
+        call()
         times.append(time.perf_counter() - start)
-        if len(times) == 1:
-            first = result
-            if times[0] >= REPEAT_TIME:
-                return first, times[0], times[0]
-        spent, repeats = sum(times[1:]), len(times) - 1
-        if spent >= (QUICK_TIME if repeats >= REPEATS else REPEAT_TIME):
-            return first, times[0], statistics.median(times[1:])
+        if len(times) >= REPEATS and sum(times) >= QUICK_TIME:
+            break
+    return first, cold, statistics.median(times or [cold])
 
 
 def sign_violation(problem: Problem, solution: Solution) -> float:
@@ -113,6 +113,7 @@ def measure(
 def serve(pipe: Connection, data: Path, solver: str, limit: float) -> None:
     """Answer requests (set, problem, eps) until None comes: the child process."""
     warnings.simplefilter("ignore")
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # some solvers print unasked
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     if solver == "nam":
         import namlcp  # noqa: F401
@@ -136,7 +137,6 @@ class Bench:
 
     def __init__(self, data: Path, solver: str, limit: float) -> None:
         self.data, self.solver, self.limit = data, solver, limit
-        self.process: Any = None
         self.start()
 
     def start(self) -> None:
@@ -144,7 +144,7 @@ class Bench:
         context = mp.get_context("spawn")
         self.pipe, child_end = context.Pipe()
         arguments = (child_end, self.data, self.solver, self.limit)
-        self.process = context.Process(target=serve, args=arguments, daemon=True)
+        self.process: Any = context.Process(target=serve, args=arguments, daemon=True)
         self.process.start()
         child_end.close()
 
@@ -156,21 +156,24 @@ class Bench:
 
     def run(self, problem_set: str, name: str, eps: float) -> dict[str, Any]:
         """Return the row of one problem; a hang or a crash is a failure."""
-        self.pipe.send((problem_set, name, eps))
+        key = {"problem": name, "set": problem_set, "solver": self.solver, "eps": eps}
         try:
+            self.pipe.send((problem_set, name, eps))
             answer = self.wait(LOADING)
             if answer == "ready":
                 answer = self.wait(self.limit + GRACE)
         except TimeoutError:
-            answer = failure("timeout") | {"runtime": self.limit, "cold": self.limit}
+            answer = {"found": False} | failure("timeout")
+            self.restart()
         except (EOFError, ConnectionError):
-            self.process.join()
-            answer = failure(f"crashed, exit code {self.process.exitcode}")
-        if "found" not in answer:
-            self.stop()
-            self.start()
-        key = {"problem": name, "set": problem_set, "solver": self.solver, "eps": eps}
-        return key | {"found": False} | answer
+            answer = {"found": False} | failure("crashed")
+            self.restart()
+        return key | answer
+
+    def restart(self) -> None:
+        """Replace the child process."""
+        self.stop()
+        self.start()
 
     def wait(self, seconds: float) -> Any:
         """Return the next message of the child process."""

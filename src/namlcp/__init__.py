@@ -1,0 +1,31 @@
+"""Linear complementarity problems and convex quadratic programs, solved exactly.
+
+``solve_lcp(A, q)`` finds z >= 0 with w = A z + q >= 0 and z'w = 0 (or its box form);
+``solve_qp(P, q, G, h, A, b, lb, ub)`` solves a convex QP. Importing the package makes
+``solver="nam"`` known to qpsolvers.
+"""
+
+from importlib.metadata import version
+
+from namlcp.lcp.solve import solve_lcp
+from namlcp.options import Options
+from namlcp.qp.solve import solve_qp
+from namlcp.qpsolvers import register
+from namlcp.residuals import Residuals, natural_residual, qp_residuals
+from namlcp.result import LCPResult, QPResult
+from namlcp.status import Status
+
+__all__ = [
+    "LCPResult",
+    "Options",
+    "QPResult",
+    "Residuals",
+    "Status",
+    "natural_residual",
+    "qp_residuals",
+    "solve_lcp",
+    "solve_qp",
+]
+__version__ = version("namlcp")
+
+register()

@@ -64,8 +64,13 @@ def real_array(name: str, value: Any) -> np.ndarray:
     return array if array.flags.carray else array.copy()
 
 
-def vector(name: str, value: Any, size: int, match: str) -> np.ndarray:
-    """Return `value` as a clean (size,) array; columns and rows are flattened."""
+def vector(
+    name: str, value: Any, size: int, other: str, shape: tuple[int, ...]
+) -> np.ndarray:
+    """Return `value` as a clean (size,) array; columns and rows are flattened.
+
+    `other`, of `shape`, is the argument that sets the size.
+    """
     if is_clean(value, 1) and value.size == size:
         return value
     if sp.issparse(value):
@@ -75,7 +80,8 @@ def vector(name: str, value: Any, size: int, match: str) -> np.ndarray:
         array = array.ravel()
     if array.shape != (size,):
         raise ValueError(
-            f"{name} must have shape ({size},) to match {match}, got {np.shape(value)}"
+            f"{name} must have shape ({size},) to match {other} of shape {shape}, "
+            f"got {np.shape(value)}"
         )
     return array
 
@@ -131,6 +137,20 @@ def first_bad(values, infinite_allowed):
     return -1
 
 
+# Sums may be taken in any order, so that they vectorise; NaN keeps its meaning.
+@njit(cache=True, nogil=True, fastmath={"reassoc"})
+def is_bad(values, infinite_allowed):
+    """Tell whether a NaN (or an infinite value unless allowed) is among the values."""
+    total = 0.0
+    if infinite_allowed:
+        for i in range(values.size):
+            total += 1.0 if values[i] != values[i] else 0.0
+    else:
+        for i in range(values.size):
+            total += 0.0 * values[i]
+    return not total == 0.0
+
+
 @njit(cache=True, nogil=True)
 def dense_asymmetry(P):
     """Return (max |P - P'|, max |P|)."""
@@ -178,29 +198,40 @@ def sparse_asymmetry(indptr, indices, data):
 
 @njit(cache=True, nogil=True)
 def dense_faults(P, q, G, h, A, b, lb, ub):
-    """Return (which argument holds a bad number or -1, asymmetry of P, max |P|).
+    """Return (argument with a bad number or -1, asymmetry of P, max |P|, huge sides).
 
-    One compiled call, because a dozen NumPy calls cost more than a small QP.
+    The last tells whether a side is finite but beyond INFINITE. One compiled call,
+    because a dozen NumPy calls cost more than a small QP.
     """
     which = np.int64(-1)
-    if first_bad(P.ravel(), False) >= 0:
+    if is_bad(P.ravel(), False):
         which = 0
-    elif first_bad(q, False) >= 0:
+    elif is_bad(q, False):
         which = 1
-    elif first_bad(G.ravel(), False) >= 0:
+    elif is_bad(G.ravel(), False):
         which = 2
-    elif first_bad(h, True) >= 0:
+    elif is_bad(h, True):
         which = 3
-    elif first_bad(A.ravel(), False) >= 0:
+    elif is_bad(A.ravel(), False):
         which = 4
-    elif first_bad(b, False) >= 0:
+    elif is_bad(b, False):
         which = 5
-    elif first_bad(lb, True) >= 0:
+    elif is_bad(lb, True):
         which = 6
-    elif first_bad(ub, True) >= 0:
+    elif is_bad(ub, True):
         which = 7
     gap, size = dense_asymmetry(P)
-    return which, gap, size
+    huge = is_huge(h) or is_huge(lb) or is_huge(ub)
+    return which, gap, size, huge
+
+
+@njit(cache=True, nogil=True)
+def is_huge(side):
+    """Tell whether an entry is finite, but beyond INFINITE."""
+    for i in range(side.size):
+        if abs(side[i]) >= INFINITE and not np.isinf(side[i]):
+            return True
+    return False
 
 
 def refuse_number(name: str, values: np.ndarray, infinite_allowed: bool) -> None:
@@ -222,8 +253,6 @@ def refuse_numbers(qp: QPData) -> None:
 
 def symmetrised(P: Any, gap: float, size: float) -> Any:
     """Return P, exactly symmetric; raise if it differs from P' by more than rounding."""
-    if gap == 0.0:
-        return P
     if gap > ASYMMETRY * size:
         raise ValueError(
             f"P must be symmetric: max |P - P'| = {gap:.1e}; "
@@ -234,9 +263,9 @@ def symmetrised(P: Any, gap: float, size: float) -> Any:
     return (P + P.T) * 0.5
 
 
-def bound(values: np.ndarray) -> np.ndarray:
+def side(values: np.ndarray) -> np.ndarray:
     """Return `values` with entries beyond INFINITE made infinite."""
-    if values.size and (np.abs(values) >= INFINITE).any():
+    if is_huge(values):
         return np.where(np.abs(values) >= INFINITE, np.sign(values) * np.inf, values)
     return values
 
@@ -255,8 +284,14 @@ def constraint(
         raise ValueError(
             f"{name} must have {n} columns to match q of shape ({n},), got {C.shape}"
         )
-    shape = f"{name} of shape {C.shape}"
-    return C, vector(right, d, C.shape[0], shape)
+    return C, vector(right, d, C.shape[0], name, C.shape)
+
+
+def constant(n: int, value: float) -> np.ndarray:
+    """Return np.full(n, value), at a third of its price."""
+    array = np.empty(n)
+    array.fill(value)
+    return array
 
 
 def qp_data(
@@ -272,25 +307,28 @@ def qp_data(
     n = P.shape[1]
     if P.shape[0] != n:
         raise ValueError(f"P must be square, got shape {P.shape}")
-    shape = f"P of shape {P.shape}"
-    q = vector("q", q, n, shape)
+    q = vector("q", q, n, "P", P.shape)
     G, h = constraint("G", G, "h", h, n)
     A, b = constraint("A", A, "b", b, n)
-    lb = np.full(n, -np.inf) if lb is None else vector("lb", lb, n, shape)
-    ub = np.full(n, np.inf) if ub is None else vector("ub", ub, n, shape)
-    if sp.issparse(P) or sp.issparse(G) or sp.issparse(A):
+    lb = constant(n, -np.inf) if lb is None else vector("lb", lb, n, "P", P.shape)
+    ub = constant(n, np.inf) if ub is None else vector("ub", ub, n, "P", P.shape)
+    if not (type(P) is type(G) is type(A) is np.ndarray):
         P, G, A = (
             C if sp.issparse(C) else sparse_matrix(name, sp.csc_array(C), "csc")
             for name, C in (("P", P), ("G", G), ("A", A))
         )
         refuse_numbers(QPData(P, q, G, h, A, b, lb, ub))
         gap, size = sparse_asymmetry(P.indptr, P.indices, P.data)
+        huge = True
     else:
-        which, gap, size = dense_faults(P, q, G, h, A, b, lb, ub)
+        which, gap, size, huge = dense_faults(P, q, G, h, A, b, lb, ub)
         if which >= 0:
             refuse_numbers(QPData(P, q, G, h, A, b, lb, ub))
-    P = symmetrised(P, gap, size)
-    return QPData(P, q, G, bound(h), A, b, bound(lb), bound(ub))
+    if gap > 0.0:
+        P = symmetrised(P, gap, size)
+    if huge:
+        h, lb, ub = side(h), side(lb), side(ub)
+    return QPData(P, q, G, h, A, b, lb, ub)
 
 
 class LCPData(NamedTuple):
@@ -308,7 +346,7 @@ def box_side(name: str, value: Any, n: int, default: float) -> np.ndarray:
         return np.full(n, default)
     if np.ndim(value) == 0:
         return np.full(n, real_array(name, value))
-    return vector(name, value, n, f"A of shape ({n}, {n})")
+    return vector(name, value, n, "A", (n, n))
 
 
 def lcp_data(A: Any, q: Any, lower: Any, upper: Any) -> LCPData:
@@ -320,14 +358,14 @@ def lcp_data(A: Any, q: Any, lower: Any, upper: Any) -> LCPData:
     n = A.shape[1]
     if A.shape[0] != n:
         raise ValueError(f"A must be square, got shape {A.shape}")
-    q = vector("q", q, n, f"A of shape {A.shape}")
+    q = vector("q", q, n, "A", A.shape)
     lower = box_side("lower", lower, n, 0.0)
     upper = box_side("upper", upper, n, np.inf)
     refuse_number("A", A.data if sp.issparse(A) else A, False)
     refuse_number("q", q, False)
     refuse_number("lower", lower, True)
     refuse_number("upper", upper, True)
-    lower, upper = bound(lower), bound(upper)
+    lower, upper = side(lower), side(upper)
     wrong = np.flatnonzero((lower > upper) | (lower == np.inf) | (upper == -np.inf))
     if wrong.size:
         i = wrong[0]

@@ -48,7 +48,8 @@ class Options:
     @classmethod
     def from_names(cls, settings: Mapping[str, Any]) -> "Options":
         """Make options from names; an unknown one is a TypeError that names it."""
-        check_names(settings, [field.name for field in fields(cls)])
+        if not OPTION_NAMES.issuperset(settings):
+            check_names(settings, sorted(OPTION_NAMES))
         return cls(**settings)
 
 
@@ -65,9 +66,11 @@ def check_number(
     name: str, value: object, above: float, *, closed: bool = False
 ) -> None:
     """Raise unless `value` is a real number > above (>= above if `closed`)."""
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
+    if type(value) is not float and (
+        isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real)
+    ):
         raise TypeError(f"{name} must be a number, got {value!r}")
-    number = float(value)
+    number = float(value)  # type: ignore[arg-type]
     if not (number > above or (closed and number == above)):
         sign = ">=" if closed else ">"
         raise ValueError(f"{name} must be {sign} {above:g}, got {value!r}")
@@ -75,9 +78,11 @@ def check_number(
 
 def check_count(name: str, value: object) -> None:
     """Raise unless `value` is an integer >= 1."""
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral):
+    if type(value) is not int and (
+        isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Integral)
+    ):
         raise TypeError(f"{name} must be an integer, got {value!r}")
-    if int(value) < 1:
+    if int(value) < 1:  # type: ignore[call-overload]
         raise ValueError(f"{name} must be >= 1, got {value!r}")
 
 
@@ -87,4 +92,5 @@ def check_flag(name: str, value: object) -> None:
         raise TypeError(f"{name} must be True or False, got {value!r}")
 
 
+OPTION_NAMES = frozenset(field.name for field in fields(Options))
 DEFAULT_OPTIONS = Options()

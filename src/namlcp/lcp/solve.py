@@ -9,6 +9,7 @@ from namlcp.lcp.matrix import NO_DATA, NO_DENSE, Columns, columns_of, diagonal, 
 from namlcp.lcp.pivoting import Iterate, Problem
 from namlcp.status import Status
 
+TOLF=0.01
 def solve_box(A, q, lower, upper, z0=None, *, symmetric=True, eps_abs=0.0, eps_rel=1e-9, max_iter=2000, deadline=np.inf):
     n = q.size
     columns = columns_of(A, symmetric)
@@ -21,6 +22,7 @@ def solve_box(A, q, lower, upper, z0=None, *, symmetric=True, eps_abs=0.0, eps_r
     it = Iterate(np.zeros((8, n)), np.zeros(n, np.int8), np.zeros(n, np.int8), np.zeros(7, np.int64), np.zeros(7), empty_ordering(n))
     if z0 is not None:
         it.vectors[0] = z0 / d
+    it.number[6]=TOLF
     it.number[pivoting.EPS_ABS] = eps_abs
     it.number[pivoting.EPS_REL] = eps_rel
     outside = (not symmetric) and columns.dense.shape[0]==0 and n > 2000

@@ -300,7 +300,7 @@ def start_from(x0, active, multiplier, k, P, q, G, h, A, lb, ub, L, Q, R):
             slack, size = x0[i - m] - lb[i - m], abs(lb[i - m])
         else:
             slack, size = ub[i - m - n] - x0[i - m - n], abs(ub[i - m - n])
-        if k < n and slack <= 1e-7 * (1.0 + size) and slack >= -1e-7 * (1.0 + size):
+        if k < n and abs(slack) <= 1e-7 * (1.0 + size) < np.inf:
             set_row(p + i, G, A, row)
             forward_solve(L, row)
             whole = np.sqrt(dot(row, row))
@@ -503,7 +503,7 @@ def solve(P, q, G, h, A, b, lb, ub, x0, max_iter):
 
     All arrays are float64 and C-contiguous; absent parts have zero rows, absent bounds
     are infinite; x0 is (n,) or (0,). Returns (code, pivots, x, y, z, z_box, residuals),
-    residuals the six numbers of `Residuals`.
+    residuals the numbers of `Residuals`.
     """
     n = q.size
     x, y, z, z_box = np.zeros(n), np.zeros(b.size), np.zeros(h.size), np.zeros(n)

@@ -4,8 +4,7 @@ For P positive semidefinite and any rows: presolve, equilibrate, follow the cent
 W Z = mu through one sparse quasi-definite KKT matrix, try the exact active-set finish as
 soon as it can pay, and judge every candidate on the user's own data. Mehrotra's predictor
 and corrector (SIAM J. Optim. 2, 1992), one corrector of Gondzio (Comput. Optim. Appl. 6,
-1996), separate primal and dual steps, and proximal regularisation centred at the current
-point whose size follows the accuracy of the linear solves.
+1996), separate primal and dual steps.
 """
 
 import time
@@ -17,10 +16,11 @@ import numpy as np
 
 from namlcp.checks import QPData
 from namlcp.options import Options
-from namlcp.qp import certificates
+from namlcp.qp.certificates import LoopTests, check_convex, contradiction
 from namlcp.qp.finish import Finish
 from namlcp.qp.judge import Judge
 from namlcp.qp.presolve import presolve
+from namlcp.qp.regularisation import POOR, Regularisation
 from namlcp.qp.scaling import ScaledQP
 from namlcp.qp.steps import (
     advance,
@@ -38,7 +38,10 @@ Report = Callable[..., None]
 
 SHORT = 0.99  # fraction of the longest step
 ROUNDS = 6  # sets tried by one finish
+GOOD = 1e-2  # judgement at which a finish stops mending the set
+GAIN = 0.02  # growth of the steps that pays for Gondzio's corrector
 PATIENCE = 100  # iterations without halving the worst residual before STALLED
+NEAR = 1e-7  # a guess of x is on its bounds and rows within this
 
 
 class PathResult(NamedTuple):
@@ -51,7 +54,6 @@ class PathResult(NamedTuple):
     z_box: np.ndarray
     iterations: int
     message: str
-    history: list[tuple]
 
 
 def solve(
@@ -66,64 +68,27 @@ def solve(
     x0 is a guess of x: if its active set is the right one, no iteration is needed.
     Raises ValueError if P is not positive semidefinite.
     """
-    certificates.check_convex(qp.P)
+    check_convex(qp.P)
     small = presolve(qp, options.eps_abs, options.eps_rel)
     judge = Judge(qp, options)
     for reason in small.contradictions:
-        proof = certificates.contradiction(judge, small, reason)
+        proof = contradiction(judge, small, reason)
         if proof is not None:
-            return PathResult(Status.PRIMAL_INFEASIBLE, *proof, 0, reason.message, [])
+            return PathResult(Status.PRIMAL_INFEASIBLE, *proof, 0, reason.message)
     problem = ScaledQP(small)
     loop = Interior(problem, judge, options)
     status = loop.run(x0, deadline, report)
-    point = judge.proof or judge.point
-    return PathResult(status, *point, loop.iterations, loop.message, [])
-
-
-class Regularisation:
-    """rho and delta, moved by the accuracy of the linear solves."""
-
-    floor, least = 1e-7, 1e-16
-    top = 1e-6
-    poor, good = 1e-5, 1e-8
-
-    def __init__(self) -> None:
-        self.rho, self.delta = 1e-6, 1e-4
-        self.wait = 0
-
-    def follow(self, mu_old: float, mu: float) -> None:
-        """Shrink with mu down to the floor."""
-        factor = 1.0 - min(1.0, abs(mu_old - mu) / mu_old)
-        if self.rho > self.floor:
-            self.rho = max(self.rho * factor, self.floor)
-        if self.delta > self.floor:
-            self.delta = max(self.delta * factor, self.floor)
-
-    def raise_both(self) -> None:
-        """Answer an inaccurate solve."""
-        self.rho = max(self.rho, min(10.0 * self.rho, self.top))
-        self.delta = max(self.delta, min(10.0 * self.delta, self.top))
-        self.wait = 3
-
-    def adapt(
-        self, error: float, rho_binds: bool, delta_binds: bool
-    ) -> None:
-        """After a step: raise after poor solves, lower what binds after good ones."""
-        if error > self.poor:
-            self.raise_both()
-        elif self.wait > 0:
-            self.wait -= 1
-        elif error < self.good:
-            if rho_binds:
-                self.rho = max(0.1 * self.rho, self.least)
-            if delta_binds:
-                self.delta = max(0.1 * self.delta, self.least)
+    proof = loop.tests.proof
+    return PathResult(
+        status, *(judge.point if proof is None else proof), loop.iterations, ""
+    )
 
 
 class Interior:
     """The iterate (x, y, W, Z) of a scaled problem, and the loop."""
 
     def __init__(self, problem: ScaledQP, judge: Judge, options: Options) -> None:
+        """Allocate everything the loop needs."""
         self.problem, self.judge, self.options = problem, judge, options
         n, p, m, size = problem.n, problem.p, problem.c.size, problem.kkt.size
         self.x, self.y = np.zeros(n), np.zeros(p)
@@ -131,17 +96,18 @@ class Interior:
         self.rd, self.Px, self.Ctv = np.empty((3, n))
         self.rp = np.empty(p)
         self.rw, self.rc, self.tau, self.omega = np.empty((4, m))
-        self.weight, self.rhs, self.v, self.t, self.dt = np.empty((5, size))
-        self.dW, self.dZ, self.dW2, self.dZ2 = np.zeros((4, m))
-        self.state = np.empty(11)
-        self.step = np.empty(3)
-        self.change = np.empty(2)
+        self.dW, self.dZ, self.dW_other, self.dZ_other = np.zeros((4, m))
+        self.weight, self.rhs, self.v, self.t, self.dt, self.du = np.zeros((6, size))
+        self.norms = np.zeros(11)
+        self.length = np.ones(3)
+        self.change = np.zeros(2)
+        self.error = 0.0
         self.reg = Regularisation()
-        self.iterations = 0
-        self.message = ""
         self.finish = Finish(problem, self.offer)
+        self.tests = LoopTests(problem, judge)
+        self.iterations = 0
         self.best = inf
-        self.best_point = self.x.copy(), self.y.copy(), self.Z.copy()
+        self.best_point = self.x, self.y, self.Z
 
     def offer(self, x: np.ndarray, y: np.ndarray, Z: np.ndarray) -> float:
         """Let the judge see a scaled point."""
@@ -151,54 +117,214 @@ class Interior:
         self, x0: np.ndarray | None, deadline: float, report: Report | None
     ) -> Status:
         """Iterate until solved, proved impossible, or out of iterations or time."""
-        status = self.follow(x0, deadline, report)
-        if self.best < inf:
-            self.offer(*self.best_point)
-        return Status.SOLVED if self.judge.best <= 1.0 else status
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            status = self.follow(x0, deadline, report)
+            if self.best < inf:
+                self.offer(*self.best_point)
+        if self.tests.proof is None and self.judge.best <= 1.0:
+            return Status.SOLVED
+        return status
 
     def follow(
         self, x0: np.ndarray | None, deadline: float, report: Report | None
     ) -> Status:
-        """The loop."""
-        trigger = FinishTrigger(self.options)
-        tests = certificates.LoopTests(self.problem, self.judge)
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            if x0 is not None and self.guess(x0):
+        """Run the loop."""
+        if x0 is not None and self.guess(x0):
+            return Status.SOLVED
+        if not self.start():
+            return Status.NUMERICAL_ERROR
+        trigger = Trigger(self.options)
+        active = self.Z > self.W
+        mark, since = inf, 0
+        for k in range(self.options.max_iter + 1):
+            self.iterations = k
+            mu_old = self.norms[0]
+            worst = self.evaluate()
+            before, active = active, self.Z > self.W
+            if report is not None:
+                report(k, *self.norms[5:8], self.length[:2].min(), int(active.sum()))
+            if k > 0:
+                self.regularise(mu_old)
+            if trigger.pulled(worst, self.norms[0], active, before):
+                self.finish.run(self.x, self.y, self.Z, active, ROUNDS, GOOD)
+            if self.judge.best <= 1.0:
                 return Status.SOLVED
-            if not self.start():
-                return Status.NUMERICAL_ERROR
-            active = self.Z > self.W
-            mark, since = inf, 0
-            mu_old = 0.0
-            for k in range(self.options.max_iter + 1):
-                self.iterations = k
-                worst = self.evaluate()
-                if report is not None:
-                    report(k, *self.state[5:8], self.step[0], int(np.sum(active)))
-                if not worst < inf and k > 0:
-                    return Status.STALLED
-                before, active = active, self.Z > self.W
-                if worst <= 1.0 and self.offer(self.x, self.y, self.Z) <= 1.0:
-                    self.polish(active)
-                    return Status.SOLVED
-                if trigger.ready(worst, self.state[0], active, before):
-                    self.finish.run(self.x, self.y, self.Z, active, ROUNDS, GOOD)
-                    if self.judge.best <= 1.0:
-                        return Status.SOLVED
-                if tests.decide(self, k):
-                    return self.judge.verdict
-                since = 0 if worst <= 0.5 * mark else since + 1
-                mark = min(mark, worst)
-                if k == self.options.max_iter:
-                    return Status.MAX_ITER
-                if since > PATIENCE:
-                    return Status.STALLED
-                if time.perf_counter() > deadline:
-                    return Status.TIME_LIMIT
-                mu = self.state[0]
-                if k > 0 and mu_old > 0.0:
-                    self.reg.follow(mu_old, mu)
-                mu_old = mu
-                if not self.advance():
-                    return Status.STALLED
-        raise AssertionError("unreachable")
+            if worst <= 1.0 and self.offer(self.x, self.y, self.Z) <= 1.0:
+                return Status.SOLVED
+            verdict = self.tests.decide(self)
+            if verdict is not None:
+                return verdict
+            since = 0 if worst <= 0.5 * mark else since + 1
+            mark = mark if since else worst
+            if since > PATIENCE or not worst < inf:
+                return Status.STALLED
+            if k < self.options.max_iter and time.perf_counter() > deadline:
+                return Status.TIME_LIMIT
+            if k < self.options.max_iter and not self.step():
+                return Status.STALLED
+        return Status.MAX_ITER
+
+    def guess(self, x0: np.ndarray) -> bool:
+        """Try the active set of x0 (the user's x)."""
+        s = self.problem
+        self.x[:] = s.from_user(x0)
+        self.Z[:] = 0.0
+        self.evaluate()
+        active = self.rw - self.W > -NEAR * np.maximum(1.0, np.abs(s.c))
+        self.finish.run(self.x, self.y, self.Z, active, ROUNDS, GOOD)
+        self.x[:] = 0.0
+        return self.judge.best <= 1.0
+
+    def start(self) -> bool:
+        """Solve with W = Z = 1 as weights, then shift inside (Mehrotra)."""
+        s, kkt = self.problem, self.problem.kkt
+        self.W[:] = 1.0
+        self.Z[:] = 1.0
+        self.rc[:] = 0.0
+        if not self.factor():
+            return False
+        right_side(
+            s.q, -s.b, -s.c, self.rc, s.place, s.sign, self.Z, self.omega, self.weight,
+            self.tau, self.rhs,
+        )  # fmt: skip
+        self.du, self.error = kkt.solve(self.rhs)
+        self.measure_step()
+        self.x[:] = self.du[: s.n]
+        self.y[:] = self.du[s.n : s.n + s.p]
+        self.Z[:] = self.dZ
+        self.W[:] = -self.dZ
+        self.dZ[:] = 0.0
+        self.du[:] = 0.0
+        if s.c.size:
+            shift_inside(self.W, self.Z)
+        return True
+
+    def evaluate(self) -> float:
+        """Compute the residuals; return the worst over its tolerance, keep the best."""
+        s, kkt = self.problem, self.problem.kkt
+        evaluate(
+            kkt.indptr, kkt.indices, kkt.base, s.unit, s.q, s.b, s.place, s.sign, s.c,
+            self.x, self.y, self.W, self.Z, self.v, self.Px, self.Ctv, self.t,
+            self.rd, self.rp, self.rw, self.norms,
+        )  # fmt: skip
+        worst = 0.0
+        for i in (5, 6, 7):
+            tol = self.options.eps_abs + self.options.eps_rel * self.norms[i + 3]
+            ratio = self.norms[i] / tol
+            worst = ratio if not ratio <= worst else worst
+        if worst < self.best:
+            self.best = worst
+            self.best_point = self.x.copy(), self.y.copy(), self.Z.copy()
+        return worst if worst < inf else inf
+
+    def regularise(self, mu_old: float) -> None:
+        """Adapt rho and delta to the step that led here."""
+        mu, rd, rp, rw = self.norms[:4]
+        if self.problem.c.size == 0:
+            self.reg.fade()
+            return
+        self.reg.follow(mu_old, mu)
+        self.reg.adapt(
+            self.error,
+            rd > 1e-12 and self.reg.rho * self.change[0] > 0.5 * rd,
+            self.reg.delta * self.change[1] > 0.5 * max(rp, rw),
+        )
+
+    def step(self) -> bool:
+        """Predict, correct, centre, move; False if no factorisation succeeds."""
+        W, Z = self.W, self.Z
+        for _ in range(3):
+            if not self.factor():
+                self.reg.strengthen()
+                continue
+            self.dW[:] = 0.0
+            self.dZ[:] = 0.0
+            corrector_target(W, Z, self.dW, self.dZ, 0.0, self.rc)
+            self.direction()
+            predicted = self.error
+            if predicted <= POOR:
+                break
+            self.reg.strengthen()
+        if not np.isfinite(self.error):
+            return False
+        m = W.size
+        if m:
+            mu = self.norms[0]
+            sigma = min(max(self.length[2] / (m * mu), 0.0), 1.0) ** 3
+            gap = self.options.eps_abs + self.options.eps_rel * self.norms[10]
+            smu = max(sigma * mu, 0.01 * gap / m)
+            corrector_target(W, Z, self.dW, self.dZ, smu, self.rc)
+            self.direction()
+            self.centre(smu)
+        self.error = max(self.error, predicted)
+        primal, dual = self.length[:2] * SHORT if m else (1.0, 1.0)
+        advance(
+            self.problem.n, self.du, self.dW, self.dZ, primal, dual, self.x, self.y, W,
+            Z, self.change,
+        )  # fmt: skip
+        return True
+
+    def centre(self, smu: float) -> None:
+        """Add Gondzio's corrector if it lengthens the steps."""
+        primal, dual = self.length[:2]
+        centred_target(
+            self.W, self.Z, self.dW, self.dZ, primal, dual, smu, self.rc
+        )
+        kept = self.du, self.error
+        self.dW, self.dW_other = self.dW_other, self.dW
+        self.dZ, self.dZ_other = self.dZ_other, self.dZ
+        self.direction()
+        if not self.length[0] + self.length[1] >= primal + dual + GAIN:
+            self.du, self.error = kept
+            self.dW, self.dW_other = self.dW_other, self.dW
+            self.dZ, self.dZ_other = self.dZ_other, self.dZ
+            self.length[:2] = primal, dual
+
+    def factor(self) -> bool:
+        """Factor K~ at the current W, Z, rho and delta."""
+        s, kkt = self.problem, self.problem.kkt
+        assemble(
+            kkt.base, kkt.diagonal, s.n, s.p, s.place, self.W, self.Z, self.reg.rho,
+            self.reg.delta, self.omega, self.weight, kkt.data,
+        )  # fmt: skip
+        return kkt.factor()
+
+    def direction(self) -> None:
+        """Solve for the target rc; leaves du, dW, dZ, the longest steps and the error."""
+        s = self.problem
+        right_side(
+            self.rd, self.rp, self.rw, self.rc, s.place, s.sign, self.Z, self.omega,
+            self.weight, self.tau, self.rhs,
+        )  # fmt: skip
+        self.du, self.error = s.kkt.solve(self.rhs)
+        self.measure_step()
+
+    def measure_step(self) -> None:
+        """Set dW, dZ and the longest steps from du."""
+        s, kkt = self.problem, self.problem.kkt
+        piece_step(
+            kkt.indptr, kkt.indices, kkt.base, s.n, self.du, s.place, s.sign,
+            self.omega, self.tau, self.rc, self.W, self.Z, self.dt, self.dW, self.dZ,
+            self.length,
+        )  # fmt: skip
+
+
+class Trigger:
+    """When a finish can pay: near enough, better than last time, and a steady set."""
+
+    def __init__(self, options: Options) -> None:
+        """Measure the residual in units of the tolerance."""
+        self.eps = max(options.eps_abs, options.eps_rel)
+        self.last = inf
+
+    def pulled(
+        self, worst: float, mu: float, active: np.ndarray, before: np.ndarray
+    ) -> bool:
+        """Decide, and remember the residual of the attempt."""
+        near = self.eps * worst < 1e-2 or mu < 1e-7
+        if not near or not worst <= 0.1 * self.last:
+            return False
+        if worst >= 100.0 and not np.array_equal(active, before):
+            return False
+        self.last = worst
+        return True

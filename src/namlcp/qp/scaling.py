@@ -34,6 +34,7 @@ class ScaledQP:
         self.kkt = KKT(small.P, small.A, small.G)
         scale = np.ones(self.kkt.size)
         equilibrate(self.kkt.indptr, self.kkt.indices, self.kkt.base, scale)
+        self.kkt.data[:] = self.kkt.base
         self.unit = np.concatenate((scale[:n], 1.0 / scale[n:]))
         self.q = small.q * scale[:n]
         self.b = small.b * scale[n : n + p]

@@ -1,0 +1,109 @@
+"""Methods with M = A: the left-hand matrix is factored once and serves every iteration.
+
+    modulus:            (A + Omega) (s+ - s) = -2 (A z + q - w)           (Bai 2010)
+    nam, modified-nam:  (A + Omega + E - L) (s+ - s) = -2 (A z + q - w)   (the paper)
+
+with A = D - L - U, z = clip(s, l, u), w = Omega (z - s): the increment form of the
+paper's Method 3.1 with N = 0 (r only scales s: r = 2 here, r = 1 there, the same z).
+"modulus" is Peaceman-Rachford splitting and converges for every symmetric positive
+definite A and every Omega > 0; its matrix is symmetric if A is: LDL' or Cholesky. The
+other two have an unsymmetric matrix, LU.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import qdldl
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from namlcp.checks import dense_asymmetry, sparse_asymmetry
+from namlcp.lapack import cholesky, cholesky_solve, lu, lu_solve
+from namlcp.residuals import natural_residual
+
+Solve = Callable[[np.ndarray], np.ndarray]
+
+
+def factored_step(
+    A: Any,
+    q: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    omega: np.ndarray,
+    shift: np.ndarray | None,
+) -> Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], float] | None:
+    """Return one iteration as a function step(s, z, s_next, z_next) -> Res(z).
+
+    `shift` is the diagonal of E; None stands for "modulus", without E and L. None is
+    returned where the matrix has no factorisation.
+    """
+    dense = isinstance(A, np.ndarray)
+    if shift is None:
+        symmetric = is_symmetric(A)
+        left, diagonal = A, omega
+    else:
+        symmetric = False
+        left = A + (np.tril(A, -1) if dense else sparse.tril(A, -1))
+        diagonal = omega + shift
+    if dense:
+        solve = dense_solver(left + np.diag(diagonal), symmetric)
+    else:
+        solve = sparse_solver(left + sparse.diags_array(diagonal), symmetric)
+    if solve is None:
+        return None
+
+    def step(
+        s: np.ndarray, z: np.ndarray, s_next: np.ndarray, z_next: np.ndarray
+    ) -> float:
+        w = A @ z + q
+        s_next[:] = s - 2.0 * solve(w - omega * (z - s))
+        np.clip(s_next, lower, upper, out=z_next)
+        return natural_residual(z, w, lower, upper)
+
+    return step
+
+
+def is_symmetric(A: Any) -> bool:
+    """Tell whether A = A' exactly."""
+    if isinstance(A, np.ndarray):
+        return dense_asymmetry(A)[0] == 0.0
+    return sparse_asymmetry(A.indptr, A.indices, A.data)[0] == 0.0
+
+
+def dense_solver(K: np.ndarray, symmetric: bool) -> Solve | None:
+    """Factor K (n, n), which is overwritten; return x = K^-1 b as a function of b."""
+    if symmetric:
+        L = K.copy()
+        if cholesky(L) == 0:
+
+            def by_cholesky(b: np.ndarray) -> np.ndarray:
+                x = b.copy()
+                cholesky_solve(L, x)
+                return x
+
+            return by_cholesky
+    pivots = np.empty(K.shape[0], dtype=np.int32)
+    if lu(K, pivots) != 0:
+        return None
+
+    def by_lu(b: np.ndarray) -> np.ndarray:
+        x = b.copy()
+        lu_solve(K, pivots, x)
+        return x
+
+    return by_lu
+
+
+def sparse_solver(K: Any, symmetric: bool) -> Solve | None:
+    """Factor the sparse matrix K; return x = K^-1 b as a function of b."""
+    K = sparse.csc_array(K)
+    if symmetric:
+        try:
+            return qdldl.Solver(sparse.csc_matrix(sparse.triu(K)), upper=True).solve
+        except RuntimeError:  # a zero pivot: K is not definite
+            pass
+    try:
+        return splu(K).solve
+    except RuntimeError:  # exactly singular
+        return None

@@ -1,0 +1,82 @@
+"""Every character that the package prints, and the history with the same columns."""
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TextIO
+
+import numpy as np
+
+QP_COLUMNS = ("iter", "primal", "dual", "gap", "step", "active")
+LCP_COLUMNS = ("iter", "residual", "active")
+COUNTS = ("iter", "active")
+
+
+class Progress:
+    """Rows of one solve: kept for the history, printed when verbose.
+
+    Parameters
+    ----------
+    columns : tuple of str
+        Names of the columns; the time [s] since the start is added as the last.
+    verbose : bool
+        Print, on `stream` (standard output unless given).
+    """
+
+    def __init__(
+        self, columns: tuple[str, ...], verbose: bool, stream: TextIO | None = None
+    ):
+        self.columns = (*columns, "time")
+        self.verbose = verbose
+        self.stream = stream
+        self.start = time.perf_counter()
+        self.rows: list[tuple] = []
+
+    def say(self, text: str) -> None:
+        """Print one line if verbose."""
+        if self.verbose:
+            print(text, file=self.stream or sys.stdout, flush=True)
+
+    def announce(self, kernel: Any) -> None:
+        """Say, before the first call ever of a compiled `kernel`, that it compiles."""
+        if self.verbose and not is_compiled(kernel):
+            self.say("  first solve after installation: compiling, up to 15 s, once")
+
+    def row(self, iteration: int, *values: float) -> None:
+        """Take one row: the iteration and the values of the other columns."""
+        row = (iteration, *values, time.perf_counter() - self.start)
+        if not self.rows:
+            names = ("time [s]" if c == "time" else c for c in self.columns)
+            self.say("".join(f"{name:>10}" for name in names))
+        self.rows.append(row)
+        if self.verbose and is_shown(iteration):
+            cells = (
+                f"{value:10d}" if name in COUNTS else f"{value:10.2e}"
+                for name, value in zip(self.columns, row, strict=True)
+            )
+            self.say("".join(cells))
+
+    def report(self, wanted: bool) -> Callable[..., None] | None:
+        """Return `row` where rows are of use, None otherwise."""
+        return self.row if wanted or self.verbose else None
+
+    def history(self) -> np.ndarray:
+        """Return the rows as a structured array with the printed columns."""
+        kinds = [(name, "i8" if name in COUNTS else "f8") for name in self.columns]
+        return np.array(self.rows, dtype=kinds)
+
+
+def is_shown(iteration: int) -> bool:
+    """Print all rows below 20, then every 10th below 200, then every 100th."""
+    return iteration < 20 or (
+        iteration % 10 == 0 if iteration < 200 else iteration % 100 == 0
+    )
+
+
+def is_compiled(kernel: Any) -> bool:
+    """Tell whether a cached compiled `kernel` is at hand, in memory or on disk."""
+    if getattr(kernel, "signatures", True):
+        return True
+    name = kernel.py_func.__qualname__
+    return any(Path(kernel.stats.cache_path).glob(f"*.{name}-*.nbi"))

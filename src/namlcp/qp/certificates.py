@@ -1,0 +1,364 @@
+"""Infeasible, unbounded, non-convex: found on the way and proved on the user's data.
+
+Primal infeasible: (y, z >= 0, z_box) with A'y + G'z + z_box = 0 and
+b'y + h'z + lb'z_box^- + ub'z_box^+ = -1 (Farkas). Unbounded: a direction d with P d = 0,
+A d = 0, G d <= 0, d in the recession cone of the bounds and q'd = -1. Candidates are the
+iterate and the last Newton step, raw or *polished* (projected by one factorisation of K).
+The proofs are accepted by `accept_primal` and `accept_dual` alone.
+
+Meaning of the acceptance: every x that violates no constraint by more than t has
+1 <= |r|_inf |x|_1 + t lam, with r the residual of the Farkas system and lam the 1-norm of
+the multipliers, so that 1/lam is the margin by which the problem is infeasible.
+"""
+
+from math import inf
+from typing import TYPE_CHECKING
+
+import numpy as np
+import qdldl
+from numba import njit
+from scipy.sparse import csc_array, diags_array, triu
+
+from namlcp.checks import QPData
+from namlcp.qp.finish import Face
+from namlcp.qp.judge import Judge, Point
+from namlcp.qp.kkt import products
+from namlcp.qp.presolve import Contradiction, Presolved
+from namlcp.qp.scaling import ScaledQP
+from namlcp.status import Status
+
+if TYPE_CHECKING:
+    from namlcp.qp.path import Interior
+
+CONVEX = 1e-9  # negative curvature allowed in P with unit diagonal
+ROUNDING = 1e3 * np.finfo(float).eps
+PROMISING = 0.1  # relative residual of a candidate worth a test
+PROJECTION = 1e-8  # weight of the distance in the polish
+PASSES = 15
+
+
+def check_convex(P: csc_array) -> None:
+    """Raise ValueError unless P is positive semidefinite up to rounding.
+
+    Signs of the diagonal, 2 by 2 minors, then LDL' of P itself with unit diagonal plus
+    1e-9 I: the KKT matrix would hide negative curvature behind its constraints.
+    """
+    if P.nnz == 0:
+        return
+    diagonal = P.diagonal()
+    j = int(np.argmin(diagonal))
+    tiny = 1e-12 * float(np.abs(P.data).max())
+    if diagonal[j] < -tiny:
+        raise ValueError(
+            f"P must be positive semidefinite: P[{j}, {j}] = {diagonal[j]:g} < 0"
+        )
+    i, j = diagonal_dominance(P.indptr, P.indices, P.data, diagonal, tiny, CONVEX)
+    if j >= 0:
+        raise ValueError(
+            f"P must be positive semidefinite: its rows and columns {i} and {j} have "
+            "a negative determinant"
+        )
+    if i < 0:
+        return
+    rows = np.flatnonzero(diagonal > tiny)
+    scale = diags_array(1.0 / np.sqrt(diagonal[rows]))
+    unit = scale @ P[:, rows][rows] @ scale
+    upper = csc_array(triu(unit, format="csc") + CONVEX * diags_array(np.ones(rows.size)))
+    try:
+        pivots = qdldl.Solver(upper, upper=True).factors()[1]
+        convex = bool((pivots > 0.0).all())
+    except (RuntimeError, ValueError):
+        convex = False
+    if not convex:
+        raise ValueError(
+            "P must be positive semidefinite: an eigenvalue of P with its diagonal "
+            f"scaled to 1 is below -{CONVEX:g}"
+        )
+
+
+@njit(cache=True, nogil=True)
+def diagonal_dominance(Pp, Pi, Px, diagonal, tiny, slack):  # pragma: no cover
+    """Return (-1, -1) if P is diagonally dominant, (0, -1) if it is not, and (i, j) if
+    the minor of i and j is negative.
+    """
+    dominant = True
+    for j in range(diagonal.size):
+        total = 0.0
+        for t in range(Pp[j], Pp[j + 1]):
+            i = Pi[t]
+            if i != j:
+                value = abs(Px[t])
+                total += value
+                bound = np.sqrt(max(diagonal[i], 0.0) * max(diagonal[j], 0.0))
+                if value > bound * (1.0 + 2.0 * slack) + tiny:
+                    return i, j
+        dominant = dominant and total <= diagonal[j]
+    return (-1, -1) if dominant else (0, -1)
+
+
+def contradiction(
+    judge: Judge, small: Presolved, reason: Contradiction
+) -> Point | None:
+    """Return the proof of what presolve found, NaN where no multipliers can say it."""
+    qp = judge.qp
+    n, m, p = qp.q.size, qp.h.size, qp.b.size
+    if reason.y is None:
+        return tuple(np.full(k, np.nan) for k in (n, p, m, n))
+    z = np.zeros(m) if reason.z is None else reason.z
+    x = small.primal(np.zeros(small.q.size))
+    return accept_primal(qp, x, reason.y, z, judge.options.eps_abs)
+
+
+def accept_primal(
+    qp: QPData, x: np.ndarray, y: np.ndarray, z: np.ndarray, tol: float
+) -> Point | None:
+    """Return (NaN, y, z, z_box) scaled to -1 if it proves that no x is feasible.
+
+    The bounds' multipliers are completed exactly; x is the point the residual is
+    weighed with.
+    """
+    z = np.where(np.isinf(qp.h), 0.0, np.maximum(z, 0.0))
+    s = qp.G.T @ z + qp.A.T @ y
+    allowed = np.where(s < 0.0, np.isfinite(qp.ub), np.isfinite(qp.lb))
+    z_box = np.where(allowed & (s != 0.0), -s, 0.0)
+    side = np.where(z_box > 0.0, qp.ub, qp.lb)
+    terms = np.concatenate(
+        (qp.b * y, qp.h[z > 0.0] * z[z > 0.0], (side * z_box)[z_box != 0.0])
+    )
+    value = terms.sum()
+    if not value < -ROUNDING * np.abs(terms).sum():
+        return None
+    y, z, z_box = y / -value, z / -value, z_box / -value
+    residual = largest(s / -value + z_box)
+    lam = np.abs(y).sum() + z.sum() + np.abs(z_box).sum()
+    relative = residual / max(largest(y), largest(z), largest(z_box))
+    radius = 1e3 * residual * max(1.0, np.abs(x).sum()) + tol * lam
+    if (relative <= 1e-8 and radius <= 1.0) or (relative <= 1e-12 and tol * lam <= 0.5):
+        return np.full(x.size, np.nan), y, z, z_box
+    return None
+
+
+def accept_dual(
+    qp: QPData, x: np.ndarray, y: np.ndarray, z: np.ndarray, d: np.ndarray, tol: float
+) -> Point | None:
+    """Return (d, NaN, NaN, NaN) with q'd = -1 if it proves unboundedness."""
+    d = np.where(np.isfinite(qp.ub), np.minimum(d, 0.0), d)
+    d = np.where(np.isfinite(qp.lb), np.maximum(d, 0.0), d)
+    terms = qp.q * d
+    value = terms.sum()
+    if not value < -ROUNDING * np.abs(terms).sum():
+        return None
+    d = d / -value
+    Gd = np.where(np.isinf(qp.h), 0.0, np.maximum(qp.G @ d, 0.0))
+    parts = largest(qp.P @ d), largest(qp.A @ d), largest(Gd)
+    relative = max(parts) / largest(d)
+    weights = [max(1.0, np.abs(v).sum()) for v in (x, y, z)]
+    radius = 1e3 * float(np.dot(parts, weights)) + tol * np.abs(d).sum()
+    if (relative <= 1e-8 and radius <= 1.0) or (
+        relative <= 1e-12 and tol * np.abs(d).sum() <= 0.5
+    ):
+        return d, *(np.full(v.size, np.nan) for v in (y, z, d))
+    return None
+
+
+def largest(v: np.ndarray) -> float:
+    """Return max |v_i|, 0 for no entries."""
+    return float(np.abs(v).max()) if v.size else 0.0
+
+
+class LoopTests:
+    """The tests of every iteration: cheap ratios first, polish where they promise."""
+
+    def __init__(self, problem: ScaledQP, judge: Judge) -> None:
+        """Allocate."""
+        self.problem, self.judge = problem, judge
+        self.proof: Point | None = None
+        self.polished = np.full(4, PROMISING)  # ratio at which to polish again
+        self.ratios = np.empty(4)
+        self.face = Face(problem)
+        n, size = problem.n, problem.kkt.size
+        self.Px, self.Ctv = np.empty((2, n))
+        self.v, self.t = np.empty((2, size))
+
+    def decide(self, loop: "Interior") -> Status | None:
+        """Return a verdict with `proof` set, or None.
+
+        Candidates: iterate and step for either kind; a feasible iterate needs no test.
+        """
+        s, kkt = self.problem, self.problem.kkt
+        primal, dual = loop.norms[5:7] > self.judge.options.eps_abs
+        promising_ratios(
+            kkt.indptr, kkt.indices, kkt.base, s.q, s.b, s.c, s.place, s.sign, loop.x,
+            loop.y, loop.Z, loop.Px, loop.Ctv, loop.v, loop.t, loop.du, loop.dZ,
+            self.Px, self.Ctv, self.v, self.t, self.ratios,
+        )  # fmt: skip
+        step_y, step_Z = loop.du[s.n : s.n + s.p], np.maximum(loop.dZ, 0.0)
+        if primal:
+            for k, y, Z in ((0, loop.y, loop.Z), (1, step_y, step_Z)):
+                if self.ratios[k] <= PROMISING and self.primal(loop, k, y, Z):
+                    return Status.PRIMAL_INFEASIBLE
+        if dual:
+            for k, d in ((2, loop.x), (3, loop.du[: s.n])):
+                if self.ratios[k] <= PROMISING and self.dual(loop, k, d):
+                    return Status.DUAL_INFEASIBLE
+        return None
+
+    def due(self, k: int) -> bool:
+        """Tell whether candidate k improved enough for another polish."""
+        if self.ratios[k] > 0.1 * self.polished[k]:
+            return False
+        self.polished[k] = self.ratios[k]
+        return True
+
+    def primal(self, loop: "Interior", k: int, y: np.ndarray, Z: np.ndarray) -> bool:
+        """Test (y, Z), then its projection on the Farkas system."""
+        s = self.problem
+        tol = self.judge.options.eps_abs
+        x = s.small.primal(loop.x * s.unit[: s.n])
+        self.proof = accept_primal(self.judge.qp, x, *s.user_rows(y, Z), tol)
+        if self.proof is None and self.due(k):
+            y, Z = self.polish_primal(y, Z)
+            self.proof = accept_primal(self.judge.qp, x, *s.user_rows(y, Z), tol)
+        return self.proof is not None
+
+    def dual(self, loop: "Interior", k: int, d: np.ndarray) -> bool:
+        """Test d, then its projection on the recession cone."""
+        s, tol = self.problem, self.judge.options.eps_abs
+        x, y, z, _ = s.user_point(loop.x, loop.y, loop.Z)
+        self.proof = accept_dual(self.judge.qp, x, y, z, s.user_direction(d), tol)
+        if self.proof is None and self.due(k):
+            for better in self.polish_dual(d):
+                step = s.user_direction(better)
+                self.proof = accept_dual(self.judge.qp, x, y, z, step, tol)
+                if self.proof is not None:
+                    break
+        return self.proof is not None
+
+    def polish_primal(
+        self, y: np.ndarray, Z: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Project: min |A'y + C'Z|^2/(2 eps) + |dy|^2/2 + sum dZ^2/(2 w), w = sqrt(Z)."""
+        s, kkt = self.problem, self.problem.kkt
+        size = max(largest(y), largest(Z))
+        y, Z = y / size, Z / size
+        w = np.sqrt(Z)
+        weight = np.bincount(s.place, w, minlength=kkt.size)
+        kkt.data[:] = kkt.base
+        kkt.data[: kkt.indptr[s.n]] = 0.0
+        diagonal = np.full(kkt.size, -1.0)
+        diagonal[: s.n] = PROJECTION + weight[: s.n]
+        row = slice(s.n + s.p, None)
+        diagonal[row] = -1.0 / np.maximum(weight[row], 1e-20)
+        kkt.data[kkt.diagonal] = diagonal
+        factored = kkt.factor()
+        kkt.data[:] = kkt.base
+        last, rhs = inf, np.zeros(kkt.size)
+        for _ in range(PASSES if factored else 0):
+            v = np.bincount(s.place, s.sign * Z, minlength=kkt.size)
+            v[s.n : s.n + s.p] = y
+            self.multiply(np.zeros(s.n), v)
+            r = self.Ctv + v[: s.n]
+            if not largest(r) <= 0.5 * last:
+                break
+            best = y, Z
+            last = largest(r)
+            rhs[: s.n] = -r
+            u = kkt.solve_once(rhs)
+            self.multiply(u[: s.n], v)
+            y = y + u[s.n : s.n + s.p]
+            Z = np.maximum(Z + w * s.sign * self.t[s.place], 0.0)
+        return best if last < inf else (y, Z)
+
+    def polish_dual(self, d: np.ndarray) -> list[np.ndarray]:
+        """Project d on P d = 0, A d = 0 and the pieces that d does not leave."""
+        s = self.problem
+        d = d / largest(d)
+        self.multiply(d, np.zeros(s.kkt.size))
+        active = s.sign * self.t[s.place] > -1e-3
+        zero_y, zero, found = np.zeros(s.p), np.zeros(s.c.size), []
+        for _ in range(3):
+            if not self.face.factor(d, zero_y, zero, active, zero_y, zero, PROJECTION):
+                break
+            if not self.face.iterate(np.zeros(s.n), PASSES):
+                break
+            better = self.face.x.copy()
+            found.append(better)
+            self.multiply(better, np.zeros(s.kkt.size))
+            more = active | (s.sign * self.t[s.place] > 1e-13)
+            if np.array_equal(more, active):
+                break
+            active = more
+        return found[::-1]
+
+    def multiply(self, x: np.ndarray, v: np.ndarray) -> None:
+        """Set Px, Ctv and t for scaled x and v."""
+        kkt = self.problem.kkt
+        products(
+            kkt.indptr, kkt.indices, kkt.base, self.problem.n, x, v, self.Px, self.Ctv,
+            self.t,
+        )  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def promising_ratios(
+    indptr, indices, base, q, b, c, place, sign, x, y, Z, Px, Ctv, v, t, du, dZ,
+    Pdx, Ctdv, dv, dt, ratios,
+):  # pragma: no cover  # fmt: skip
+    """Set the relative residuals of four candidates, inf where they prove nothing.
+
+    Farkas from the iterate and from the step (its Z cut at 0); a ray from the iterate
+    and from the step. Pdx, Ctdv, dv and dt are work arrays.
+    """
+    n = x.size
+    p = y.size
+    dv[:] = 0.0
+    for i in range(p):
+        dv[n + i] = du[n + i]
+    for k in range(place.size):
+        dv[place[k]] += sign[k] * max(dZ[k], 0.0)
+    products(indptr, indices, base, n, du[:n], dv, Pdx, Ctdv, dt)
+    size = 1.0
+    for j in range(n):
+        size = max(size, abs(x[j]))
+    ratios[0] = farkas_ratio(b, c, y, Z, v, Ctv, size)
+    ratios[1] = farkas_ratio(b, c, du[n : n + p], dZ, dv, Ctdv, size)
+    ratios[2] = ray_ratio(q, x, Px, t, place, sign, p)
+    ratios[3] = ray_ratio(q, du[:n], Pdx, dt, place, sign, p)
+
+
+@njit(cache=True, nogil=True)
+def farkas_ratio(b, c, y, Z, v, Ctv, size):  # pragma: no cover
+    """Return min(|r| |x| / -value, |r| / |multipliers|), inf if value >= 0."""
+    value = 0.0
+    most = 0.0
+    for i in range(b.size):
+        value += b[i] * y[i]
+        most = max(most, abs(y[i]))
+    for k in range(c.size):
+        value += c[k] * max(Z[k], 0.0)
+        most = max(most, Z[k])
+    if not value < 0.0:
+        return np.inf
+    residual = 0.0
+    for j in range(Ctv.size):
+        residual = max(residual, abs(Ctv[j] + v[j]))
+    return min(residual * size / -value, residual / most)
+
+
+@njit(cache=True, nogil=True)
+def ray_ratio(q, d, Pd, t, place, sign, p):  # pragma: no cover
+    """Return max(|P d|, |A d|, (C d)+) / |d|, inf if q'd >= 0."""
+    value = 0.0
+    most = 0.0
+    residual = 0.0
+    for j in range(d.size):
+        value += q[j] * d[j]
+        most = max(most, abs(d[j]))
+        residual = max(residual, abs(Pd[j]))
+    if not value < 0.0:
+        return np.inf
+    for i in range(d.size, d.size + p):
+        residual = max(residual, abs(t[i]))
+    for k in range(place.size):
+        residual = max(residual, sign[k] * t[place[k]])
+    return residual / most

@@ -1,0 +1,329 @@
+"""solve_qp: check, choose the smallest form, solve, recover, judge.
+
+The forms, smallest first (`Form`): a strictly convex problem that is small goes to
+`dense` (its multipliers' LCP); bounds alone make a box LCP with A = P; everything else
+follows the `path`. A form that cannot finish hands over to the path, and the better of
+the two points is returned. Whatever a form says, SOLVED is decided here, on the user's
+own data.
+"""
+
+import time
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from namlcp.checks import QPData, qp_data, sparse_matrix, vector
+from namlcp.lcp.solve import solve_box
+from namlcp.options import DEFAULT_OPTIONS, Options
+from namlcp.progress import QP_COLUMNS, Progress
+from namlcp.qp import certificates, dense, path
+from namlcp.qp.reduction import bound_multipliers, box_lcp
+from namlcp.residuals import Residuals, qp_residuals
+from namlcp.result import QPResult
+from namlcp.status import Status
+
+# Up to here a strictly convex QP is small: measured, beyond it the path is as quick.
+DENSE_VARIABLES = 500
+DENSE_ENTRIES = 600_000
+# Sparse problems below this many entries are cheaper as dense ones.
+SPARSE_ENTRIES = 10_000
+
+NOTHING = np.empty(0)
+UNDEFINED = Residuals(*[np.nan] * 7)
+
+
+class Answer(NamedTuple):
+    """What a form found: a claim, a point or a certificate, and how."""
+
+    status: Status
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    z_box: np.ndarray
+    residuals: Residuals
+    iterations: int
+    form: str
+    message: str
+
+
+def solve_qp(
+    P: Any,
+    q: Any,
+    G: Any = None,
+    h: Any = None,
+    A: Any = None,
+    b: Any = None,
+    lb: Any = None,
+    ub: Any = None,
+    *,
+    x0: Any = None,
+    warm_start: Any = None,
+    history: bool = False,
+    **settings: Any,
+) -> QPResult:
+    """Solve a convex quadratic program.
+
+    ``minimise 1/2 x'Px + q'x  subject to  Gx <= h,  Ax = b,  lb <= x <= ub``
+
+    Parameters
+    ----------
+    P : (n, n) array or sparse matrix
+        Cost matrix, symmetric positive semidefinite.
+    q : (n,) array
+        Cost vector.
+    G, h : (m, n) array or sparse matrix, (m,) array, optional
+        Inequalities; h_i = +inf switches a row off.
+    A, b : (p, n) array or sparse matrix, (p,) array, optional
+        Equalities.
+    lb, ub : (n,) array, optional
+        Bounds; -inf and +inf (or beyond 1e20) mean none.
+    x0 : (n,) array, optional
+        A guess of x; the rows active there are tried first.
+    warm_start : QPResult or qpsolvers.Solution, optional
+        The full state of a solve of a similar problem (x, y, z, z_box); its active
+        set is tried first. Overrides x0.
+    history : bool
+        Keep the rows of the verbose table in the result.
+    **settings
+        The fields of `Options`: eps_abs, eps_rel, max_iter, time_limit [s], verbose.
+
+    Returns
+    -------
+    QPResult
+        Read `status` first. Signs of y, z, z_box as in qpsolvers.
+
+    Raises
+    ------
+    ValueError
+        Shapes disagree, an entry is NaN, P is not symmetric or not positive
+        semidefinite, an option has no meaning. The message names the argument.
+    TypeError
+        An argument is no array of real numbers, or an option is unknown.
+
+    Notes
+    -----
+    SOLVED means that primal residual, dual residual and duality gap, recomputed on the
+    arguments as they came, are within eps_abs + eps_rel * (size of their terms);
+    `namlcp.residuals` has the formulas. The forms and their sources: module docstring.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import namlcp
+    >>> P = np.array([[4.0, 1.0], [1.0, 2.0]])
+    >>> result = namlcp.solve_qp(P, np.ones(2), A=np.ones((1, 2)), b=np.ones(1),
+    ...                          lb=np.zeros(2), ub=np.full(2, 0.7))
+    >>> result.status.value, result.x.round(6), round(result.obj, 6)
+    ('solved', array([0.3, 0.7]), 1.88)
+    """
+    start = time.perf_counter()
+    qp = qp_data(P, q, G, h, A, b, lb, ub)
+    options = Options.from_names(settings) if settings else DEFAULT_OPTIONS
+    return solve_checked(qp, options, start, x0, warm_start, history)
+
+
+def solve_checked(
+    qp: QPData,
+    options: Options,
+    start: float,
+    x0: Any = None,
+    warm_start: Any = None,
+    history: bool = False,
+) -> QPResult:
+    """Solve a checked QP; `start` is the time.perf_counter() of the call."""
+    guess = start_point(qp, x0, warm_start)
+    deadline = start + options.time_limit
+    progress = None
+    if options.verbose or history:
+        progress = Progress(QP_COLUMNS, options.verbose)
+        progress.say(describe(qp, options))
+    ready = time.perf_counter()
+    answer = solve_forms(qp, options, guess, deadline, progress)
+    end = time.perf_counter()
+    if progress is not None:
+        progress.say(conclude(answer, end - start))
+    return QPResult(
+        status=answer.status,
+        x=answer.x,
+        y=answer.y,
+        z=answer.z,
+        z_box=answer.z_box,
+        obj=OBJECTIVE.get(answer.status, answer.residuals.objective),
+        residuals=answer.residuals,
+        iterations=answer.iterations,
+        form=answer.form,
+        message=answer.message,
+        setup_time=ready - start,
+        solve_time=end - ready,
+        history=progress.history() if progress is not None and history else None,
+    )
+
+
+def start_point(qp: QPData, x0: Any, warm_start: Any) -> np.ndarray:
+    """Return the guess of x as an (n,) array, or an empty array where there is none."""
+    if warm_start is not None:
+        x0 = getattr(warm_start, "x", None)
+        if x0 is None:
+            raise TypeError(
+                "warm_start must have an attribute x (a QPResult or a "
+                f"qpsolvers.Solution with a point), got {warm_start!r}"
+            )
+    if x0 is None:
+        return NOTHING
+    guess = vector("x0", x0, qp.q.size, "q", qp.q.shape)
+    return guess if np.isfinite(guess).all() else NOTHING
+
+
+def solve_forms(
+    qp: QPData,
+    options: Options,
+    guess: np.ndarray,
+    deadline: float,
+    progress: Progress | None,
+) -> Answer:
+    """Try the smallest form that fits, then the path; return the better answer."""
+    answer = None
+    if is_small(qp):
+        answer = solve_dense(qp, options, guess, progress)
+    elif is_box(qp):
+        answer = solve_bounds(qp, options, guess, deadline)
+    if answer is not None and answer.status in FINAL:
+        return answer
+    other = solve_path(qp, options, guess, deadline, progress)
+    if answer is None or other.status in FINAL:
+        return other
+    eps = options.eps_abs, options.eps_rel
+    if answer.residuals.worst(*eps) < other.residuals.worst(*eps):
+        return answer._replace(status=other.status, message=other.message)
+    return other
+
+
+OBJECTIVE = {Status.PRIMAL_INFEASIBLE: np.inf, Status.DUAL_INFEASIBLE: -np.inf}
+FINAL = (Status.SOLVED, Status.PRIMAL_INFEASIBLE, Status.DUAL_INFEASIBLE)
+
+
+def is_consistent(qp: QPData) -> bool:
+    """Tell whether no side contradicts another at sight (lb > ub, h = -inf)."""
+    return not (
+        (qp.lb > qp.ub).any()
+        or (qp.lb == np.inf).any()
+        or (qp.ub == -np.inf).any()
+        or (qp.h == -np.inf).any()
+    )
+
+
+def is_small(qp: QPData) -> bool:
+    """Tell whether the dense form fits, if P turns out to be definite."""
+    n = qp.q.size
+    entries = n * (n + qp.h.size + qp.b.size)
+    if n > DENSE_VARIABLES or entries > DENSE_ENTRIES:
+        return False
+    return qp.is_dense or entries <= SPARSE_ENTRIES
+
+
+def is_box(qp: QPData) -> bool:
+    """Tell whether there are bounds and nothing else."""
+    return qp.h.size == 0 and qp.b.size == 0 and is_consistent(qp)
+
+
+def solve_dense(
+    qp: QPData, options: Options, guess: np.ndarray, progress: Progress | None
+) -> Answer | None:
+    """Pivot on the multipliers' LCP; None where P is not definite."""
+    if progress is not None:
+        progress.announce(dense.solve)
+    P, q, G, h, A, b, lb, ub = qp
+    if not qp.is_dense:
+        P, G, A = P.toarray(), G.toarray(), A.toarray()
+    code, pivots, x, y, z, z_box, numbers = dense.solve(
+        P, q, G, h, A, b, lb, ub, guess, options.max_iter
+    )
+    if code == dense.NOT_DEFINITE:
+        return None
+    residuals = Residuals(*numbers)
+    status = Status.STALLED
+    if code == dense.INFEASIBLE:
+        proof = certificates.accept_primal(qp, x, y, z, options.eps_abs)
+        if proof is None:
+            return None
+        x, y, z, z_box = proof
+        residuals, status = UNDEFINED, Status.PRIMAL_INFEASIBLE
+    elif residuals.solved(options.eps_abs, options.eps_rel):
+        status = Status.SOLVED
+    if progress is not None:
+        progress.row(pivots, *residuals[:3], 0.0, int((z > 0).sum()))
+    return Answer(status, x, y, z, z_box, residuals, pivots, "dual", "")
+
+
+def solve_bounds(
+    qp: QPData, options: Options, guess: np.ndarray, deadline: float
+) -> Answer | None:
+    """Solve the box LCP that a QP with bounds only is; None where it does not decide."""
+    A, q, lower, upper = box_lcp(qp)
+    status, x, w, iterations, ray = solve_box(
+        A, q, lower, upper, guess if guess.size else None, deadline=deadline
+    )
+    z_box = bound_multipliers(x, w, lower, upper)
+    if ray is not None:
+        proof = certificates.accept_dual(qp, x, NOTHING, NOTHING, ray, options.eps_abs)
+        if proof is None:
+            return None
+        return Answer(
+            Status.DUAL_INFEASIBLE, *proof, UNDEFINED, iterations, "bounds", ""
+        )
+    residuals = qp_residuals(*qp, x, NOTHING, NOTHING, z_box)
+    if residuals.solved(options.eps_abs, options.eps_rel):
+        certificates.check_convex(sp.csc_array(qp.P))
+        status = Status.SOLVED
+    elif status is Status.SOLVED:
+        status = Status.STALLED
+    return Answer(
+        status, x, NOTHING, NOTHING, z_box, residuals, iterations, "bounds", ""
+    )
+
+
+def solve_path(
+    qp: QPData,
+    options: Options,
+    guess: np.ndarray,
+    deadline: float,
+    progress: Progress | None,
+) -> Answer:
+    """Follow the path, which is sparse."""
+    if qp.is_dense:
+        qp = qp._replace(P=csc(qp.P), G=csc(qp.G), A=csc(qp.A))
+    report = None if progress is None else progress.row
+    found = path.solve(qp, options, guess if guess.size else None, deadline, report)
+    point = found.x, found.y, found.z, found.z_box
+    proved = found.status in (Status.PRIMAL_INFEASIBLE, Status.DUAL_INFEASIBLE)
+    residuals = UNDEFINED if proved else qp_residuals(*qp, *point)
+    return Answer(
+        found.status, *point, residuals, found.iterations, "path", found.message
+    )
+
+
+def csc(C: np.ndarray) -> sp.csc_array:
+    """Return a dense matrix in the sparse form that the path wants."""
+    return sparse_matrix("matrix", sp.csc_array(C), "csc")
+
+
+def describe(qp: QPData, options: Options) -> str:
+    """Return the first lines of the verbose output."""
+    bounds = np.count_nonzero(np.isfinite(qp.lb)) + np.count_nonzero(np.isfinite(qp.ub))
+    return (
+        f"namlcp  QP: n = {qp.q.size}, equalities = {qp.b.size}, "
+        f"inequalities = {qp.h.size}, bounds = {bounds}, "
+        f"{'dense' if qp.is_dense else 'sparse'}\n"
+        f"  stop: eps_abs = {options.eps_abs:g}, eps_rel = {options.eps_rel:g}, "
+        f"max_iter = {options.max_iter}"
+    )
+
+
+def conclude(answer: Answer, seconds: float) -> str:
+    """Return the closing sentence of the verbose output."""
+    r = answer.residuals
+    return (
+        f"{answer.status.value}: {answer.form}, {answer.iterations} iterations, "
+        f"{seconds:.1e} s, primal {r.primal:.1e}, dual {r.dual:.1e}, gap {r.gap:.1e}"
+    )

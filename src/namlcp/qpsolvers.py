@@ -1,0 +1,151 @@
+"""The edge to qpsolvers: a Problem in, a Solution out, nothing computed here."""
+
+import importlib
+import time
+from typing import Any
+
+import numpy as np
+import qpsolvers
+from qpsolvers.exceptions import ParamError, ProblemError, SolverError
+
+from namlcp.checks import qp_data, vector
+from namlcp.options import DEFAULT_OPTIONS, Options
+from namlcp.qp.solve import solve_checked
+from namlcp.result import QPResult
+from namlcp.status import Status
+
+KEYWORD = "nam"
+
+
+def nam_solve_problem(
+    problem: qpsolvers.Problem,
+    initvals: Any = None,
+    verbose: bool = False,
+    **settings: Any,
+) -> qpsolvers.Solution:
+    """Solve a quadratic program with namlcp.
+
+    Parameters
+    ----------
+    problem : qpsolvers.Problem
+        Dense, sparse or mixed; any SciPy sparse class. It is not changed.
+    initvals : (n,) array, optional
+        A guess of x; the rows active there are tried first.
+    verbose : bool
+        Print a table of the progress.
+    **settings
+        eps_abs, eps_rel, max_iter, time_limit [s] as in `namlcp.Options`, and
+        warm_start, a Solution of a similar problem.
+
+    Returns
+    -------
+    qpsolvers.Solution
+        `found` only if the tolerances are met on the problem as it came; otherwise x
+        is the best point, or None for an infeasible or unbounded problem, whose proof
+        is extras["certificate"]. extras also has status, message, iterations, form
+        and residuals.
+
+    Raises
+    ------
+    qpsolvers.ParamError
+        A setting is unknown or has no meaning; the message names it.
+    qpsolvers.ProblemError
+        The problem is malformed, or P is not positive semidefinite.
+    qpsolvers.SolverError
+        The solver failed in a way it should not.
+    """
+    start = time.perf_counter()
+    warm_start = settings.pop("warm_start", None)
+    try:
+        options = DEFAULT_OPTIONS
+        if settings or verbose:
+            options = Options.from_names({"verbose": bool(verbose), **settings})
+    except (TypeError, ValueError) as error:
+        raise ParamError(str(error)) from error
+    try:
+        qp = qp_data(*problem.unpack())
+    except (TypeError, ValueError) as error:
+        raise ProblemError(str(error)) from error
+    try:
+        if initvals is not None:
+            initvals = vector("initvals", initvals, qp.q.size, "q", qp.q.shape)
+    except (TypeError, ValueError) as error:
+        raise ParamError(str(error)) from error
+    try:
+        result = solve_checked(qp, options, start, initvals, warm_start)
+    except ValueError as error:
+        raise ProblemError(str(error)) from error
+    except TypeError as error:
+        raise ParamError(str(error)) from error
+    except Exception as error:
+        raise SolverError(f"namlcp failed: {error!r}") from error
+    return solution(problem, result)
+
+
+def solution(problem: qpsolvers.Problem, result: QPResult) -> qpsolvers.Solution:
+    """Return `result` in the host's terms."""
+    extras: dict[str, Any] = {
+        "status": result.status.value,
+        "message": result.message or result.status.explanation,
+        "iterations": result.iterations,
+        "form": result.form,
+        "residuals": result.residuals,
+    }
+    found = result.status is Status.SOLVED
+    answer = qpsolvers.Solution(
+        problem,
+        extras=extras,
+        found=found,
+        obj=result.obj,
+        build_time=result.setup_time,
+        solve_time=result.solve_time,
+    )
+    absent = problem.lb is None and problem.ub is None
+    z_box = np.empty(0) if absent else result.z_box
+    if result.status is Status.PRIMAL_INFEASIBLE:
+        extras["certificate"] = {"y": result.y, "z": result.z, "z_box": z_box}
+    elif result.status is Status.DUAL_INFEASIBLE:
+        extras["certificate"] = {"x": result.x}
+    else:
+        answer.x, answer.y, answer.z, answer.z_box = (
+            result.x, result.y, result.z, z_box,
+        )
+    return answer
+
+
+def nam_solve_qp(
+    P: Any,
+    q: Any,
+    G: Any = None,
+    h: Any = None,
+    A: Any = None,
+    b: Any = None,
+    lb: Any = None,
+    ub: Any = None,
+    initvals: Any = None,
+    verbose: bool = False,
+    **settings: Any,
+) -> np.ndarray | None:
+    """Return x of `nam_solve_problem`, or None where no solution was found."""
+    problem = qpsolvers.Problem(P, q, G, h, A, b, lb, ub)
+    answer = nam_solve_problem(problem, initvals, verbose, **settings)
+    return answer.x if answer.found else None
+
+
+def register() -> None:
+    """Make solver="nam" known to qpsolvers; calling it again changes nothing.
+
+    qpsolvers has no entry points; its table and lists are shared objects, so that
+    earlier imports of them see the new name. A worker process started by spawn or
+    forkserver must import namlcp again.
+    """
+    # The attribute qpsolvers.solve_problem is the function, hence import_module.
+    host = importlib.import_module("qpsolvers.solve_problem")
+    host.solve_function[KEYWORD] = nam_solve_problem
+    for names in (
+        qpsolvers.available_solvers,
+        qpsolvers.dense_solvers,
+        qpsolvers.sparse_solvers,
+    ):
+        if KEYWORD not in names:
+            names.append(KEYWORD)
