@@ -196,6 +196,7 @@ def main(arguments: list[str] | None = None) -> int:
     header = machine_lines(solvers)
     print("\n".join(header))
     rows = read_rows(args.also) if args.also else []
+    rows = [row for row in rows if row["solver"] not in solvers]
     with open(args.csv or os.devnull, "w", newline="") as file:
         file.writelines(f"# {line}\n" for line in header)
         writer = csv.DictWriter(file, COLUMNS, restval="")

@@ -51,7 +51,7 @@ def is_clean(array: Any, ndim: int) -> bool:
 
 
 def real_array(name: str, value: Any) -> np.ndarray:
-    """Return `value` as a writeable, C-contiguous float64 array of its own or as it is."""
+    """Return `value` as a writeable C-contiguous float64 array, copied if need be."""
     try:
         array = np.asarray(value)
     except ValueError as error:
@@ -252,7 +252,7 @@ def refuse_numbers(qp: QPData) -> None:
 
 
 def symmetrised(P: Any, gap: float, size: float) -> Any:
-    """Return P, exactly symmetric; raise if it differs from P' by more than rounding."""
+    """Return P exactly symmetric; raise if more than rounding is missing."""
     if gap > ASYMMETRY * size:
         raise ValueError(
             f"P must be symmetric: max |P - P'| = {gap:.1e}; "
@@ -294,9 +294,7 @@ def constant(n: int, value: float) -> np.ndarray:
     return array
 
 
-def qp_data(
-    P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any
-) -> QPData:
+def qp_data(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) -> QPData:
     """Check a QP as the user gave it and return it clean.
 
     Raises TypeError or ValueError naming the argument, what was expected and what came.

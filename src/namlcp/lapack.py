@@ -35,7 +35,13 @@ if not config.DISABLE_JIT:
         "cython_lapack",
         "dpotrs",
         (
-            _INTEGER, _INTEGER, _INTEGER, _POINTER, _INTEGER, _POINTER, _INTEGER,
+            _INTEGER,
+            _INTEGER,
+            _INTEGER,
+            _POINTER,
+            _INTEGER,
+            _POINTER,
+            _INTEGER,
             _INTEGER,
         ),
     )
@@ -48,8 +54,15 @@ if not config.DISABLE_JIT:
         "cython_lapack",
         "dgetrs",
         (
-            _INTEGER, _INTEGER, _INTEGER, _POINTER, _INTEGER, _INTEGER, _POINTER,
-            _INTEGER, _INTEGER,
+            _INTEGER,
+            _INTEGER,
+            _INTEGER,
+            _POINTER,
+            _INTEGER,
+            _INTEGER,
+            _POINTER,
+            _INTEGER,
+            _INTEGER,
         ),
     )
 
@@ -63,7 +76,7 @@ if not config.DISABLE_JIT:
         return _INTEGER(types.int32), codegen
 
 
-# Sums may be taken in any order, so that they vectorise; NaN and inf keep their meaning.
+# Any order of the sum is allowed, so that it vectorises; NaN keeps its meaning.
 @njit(cache=True, nogil=True, fastmath={"reassoc"})
 def dot(a, b):
     """Return a'b; the one reduction of the kernels that is worth vectorising."""
@@ -125,8 +138,14 @@ def cholesky_solve(L, b):  # pragma: no cover
         return
     info = np.zeros(1, dtype=np.int32)
     _dpotrs(
-        _address(np.int32(85)), _address(n), _address(np.int32(1)), L.ctypes,
-        _address(n), b.ctypes, _address(n), info.ctypes,
+        _address(np.int32(85)),
+        _address(n),
+        _address(np.int32(1)),
+        L.ctypes,
+        _address(n),
+        b.ctypes,
+        _address(n),
+        info.ctypes,
     )
 
 
@@ -147,7 +166,7 @@ def backward_solve(L, b):
 
 @njit(cache=True, nogil=True)
 def lu(A, pivots):  # pragma: no cover
-    """Overwrite A (n, n) by the LU factors of A', pivots (n,) int32. Return 0 if regular.
+    """Overwrite A (n, n) by the LU factors of A', pivots (n,) int32; 0 if regular.
 
     k > 0 means that the k-th pivot is exactly zero.
     """
@@ -155,9 +174,7 @@ def lu(A, pivots):  # pragma: no cover
     if n == 0:
         return 0
     info = np.zeros(1, dtype=np.int32)
-    _dgetrf(
-        _address(n), _address(n), A.ctypes, _address(n), pivots.ctypes, info.ctypes
-    )
+    _dgetrf(_address(n), _address(n), A.ctypes, _address(n), pivots.ctypes, info.ctypes)
     return info[0]
 
 
@@ -169,8 +186,15 @@ def lu_solve(factors, pivots, b):  # pragma: no cover
         return
     info = np.zeros(1, dtype=np.int32)
     _dgetrs(
-        _address(np.int32(84)), _address(n), _address(np.int32(1)), factors.ctypes,
-        _address(n), pivots.ctypes, b.ctypes, _address(n), info.ctypes,
+        _address(np.int32(84)),
+        _address(n),
+        _address(np.int32(1)),
+        factors.ctypes,
+        _address(n),
+        pivots.ctypes,
+        b.ctypes,
+        _address(n),
+        info.ctypes,
     )
 
 

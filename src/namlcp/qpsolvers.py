@@ -108,7 +108,10 @@ def solution(problem: qpsolvers.Problem, result: QPResult) -> qpsolvers.Solution
         extras["certificate"] = {"x": result.x}
     else:
         answer.x, answer.y, answer.z, answer.z_box = (
-            result.x, result.y, result.z, z_box,
+            result.x,
+            result.y,
+            result.z,
+            z_box,
         )
     return answer
 

@@ -129,7 +129,8 @@ def qp_residuals(
 ) -> Residuals:
     """Return the residuals of (x, y, z, z_box) on the QP as it was given.
 
-    P, G, A are dense or sparse; absent parts have zero rows, absent bounds are infinite.
+    P, G, A are dense or sparse; absent parts have zero rows, absent bounds infinite
+    entries.
     """
     return Residuals(
         *qp_residuals_of_products(

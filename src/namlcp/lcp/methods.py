@@ -91,7 +91,7 @@ def spread(
     if np.ndim(value) == 0:
         diagonal = np.full(n, real_array(name, value))
     else:
-        diagonal = vector(name, value, n, f"A of shape ({n}, {n})")
+        diagonal = vector(name, value, n, "A", (n, n))
     refuse_number(name, diagonal, False)
     wrong = np.flatnonzero(diagonal <= 0.0 if positive else diagonal < 0.0)
     if wrong.size:

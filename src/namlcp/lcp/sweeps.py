@@ -344,13 +344,12 @@ def start(
     """Return the first s, an array of our own."""
     if s0 is not None and z0 is not None:
         raise ValueError("s0 and z0 must not both be given: either fixes the start")
-    match = f"A of shape {A.shape}"
     if s0 is not None:
-        s = vector("s0", s0, q.size, match).copy()
+        s = vector("s0", s0, q.size, "A", A.shape).copy()
         refuse_number("s0", s, False)
         return s
     if z0 is not None:
-        z = vector("z0", z0, q.size, match)
+        z = vector("z0", z0, q.size, "A", A.shape)
         refuse_number("z0", z, False)
         return z - (A @ z + q) / omega
     return np.clip(np.zeros_like(q), lower, upper)

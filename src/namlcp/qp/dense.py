@@ -4,11 +4,11 @@ With P = L L' and C the rows of all constraints, the multipliers solve an LCP wh
 matrix is V V', V = C L^-T: positive semidefinite, never formed. It is solved by
 parametric principal pivoting, one index at a time: index p enters, its multiplier grows
 until its row holds (full step) or another multiplier reaches zero and leaves (partial
-step). In the letters of the QP that is the dual active-set method of Goldfarb and Idnani
-(Math. Programming 27 (1983) 1-33), which ends after finitely many steps for every
-definite P, tells infeasible problems, and needs no start. The active rows are kept as a
-thin QR factorisation V_F' = Q R, so that dependent rows are seen; at the end the KKT
-system of the active set is solved with refinement on the unfactored data.
+step). In the letters of the QP that is the dual active-set method of Goldfarb and
+Idnani (Math. Programming 27 (1983) 1-33), which ends after finitely many steps for
+every definite P, tells infeasible problems, and needs no start. The active rows are
+kept as a thin QR factorisation V_F' = Q R, so that dependent rows are seen; at the end
+the KKT system of the active set is solved with refinement on the unfactored data.
 
 Constraints have one index: equalities 0..p-1, rows of G p..p+m-1, then the lower bounds
 (row -e_j), then the upper ones (row e_j).
@@ -33,8 +33,8 @@ SOLVED, INFEASIBLE, NOT_DEFINITE, STALLED = 0, 1, 2, 3
 
 # A row whose part outside the active rows is smaller than this is dependent on them.
 DEPENDENT = 1e-10
-# A dependent row violated by more than this, relative to its terms, contradicts.
-CONTRADICTION = 1e-9
+# A Farkas sum below minus this, relative to its terms, is a contradiction.
+CONTRADICTION = 1e-10
 # Pivots after which multipliers and x are computed anew, against drift.
 REFIT = 32
 # A pivot of P below this multiple of its diagonal entry counts as zero.
@@ -182,7 +182,7 @@ def remove(Q, R, k, leaving, active, multiplier):
 
 @njit(cache=True, nogil=True)
 def blocking(multiplier, r, k, active, p):
-    """Return (step, index) of the first multiplier that reaches zero; inf, -1 if none."""
+    """Return (step, index) of the first multiplier to reach zero; inf, -1 if none."""
     step, leaving = np.inf, np.int64(-1)
     for i in range(k):
         if active[i] >= p and r[i] > 0.0 and multiplier[i] < step * r[i]:
@@ -320,7 +320,7 @@ def refine(active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x):
     [P N'; N 0] [dx; dm] = -[rd; rp] by R'(R dm + Q g) = rp, L'dx = -(g + Q'R dm),
     g = L^-1 rd. Stops when a step gains less than a factor 2.
     """
-    n, p = x.size, b.size
+    n = x.size
     row, g, dx = np.empty(n), np.empty(n), np.empty(n)
     dm, trial = np.empty(k), np.empty(n)
     new_multiplier = np.empty(k)
@@ -407,6 +407,17 @@ def recover(active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box):
 
 
 @njit(cache=True, nogil=True)
+def contradicts(active, multiplier, k, h, b, lb, ub):
+    """Tell whether the Farkas sum d'multiplier of k rows is negative beyond rounding."""
+    value, size = 0.0, 0.0
+    for i in range(k):
+        term = multiplier[i] * right_side(active[i], h, b, lb, ub)
+        value += term
+        size += abs(term)
+    return value < -CONTRADICTION * size
+
+
+@njit(cache=True, nogil=True)
 def certificate(active, multiplier, k, p, y, z, z_box):
     """Set y, z, z_box to the Farkas multipliers of k contradicting rows."""
     n, m = z_box.size, z.size
@@ -457,7 +468,7 @@ def pivot(P, q, G, h, A, b, lb, ub, L, x0, x, y, z, z_box, max_iter):
     if x0.size == n:
         k = start_from(x0, active, multiplier, k, P, q, G, h, A, lb, ub, L, Q, R)
         k = refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x)
-    for round_ in range(4):
+    for _ in range(4):
         while pivots < max_iter:
             matvec(G, x, Gx)
             entering = most_violated(x, Gx, h, lb, ub, norms, level, p)
@@ -467,18 +478,13 @@ def pivot(P, q, G, h, A, b, lb, ub, L, x0, x, y, z, z_box, max_iter):
             if pivots % (n + m) == 0:
                 level *= 10.0  # rounding, not the problem, keeps it busy
             if pivots % REFIT == 0:
-                k = refit(
-                    active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x
-                )
+                k = refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x)
             set_row(entering, G, A, row)
             d = right_side(entering, h, b, lb, ub)
-            violation = dot(row, x) - d
-            k = enter(
-                entering, row, d, active, multiplier, k, L, Q, R, u, x, p, level
-            )
+            k = enter(entering, row, d, active, multiplier, k, L, Q, R, u, x, p, level)
             if k < 0:
-                if violation > CONTRADICTION * term_size(row, x, d):
-                    active[-1 - k] = entering
+                active[-1 - k] = entering
+                if contradicts(active, multiplier, -k, h, b, lb, ub):
                     certificate(active, multiplier, -k, p, y, z, z_box)
                     return INFEASIBLE, pivots
                 level *= 10.0  # dependent rows that disagree by rounding
@@ -517,9 +523,7 @@ def solve(P, q, G, h, A, b, lb, ub, x0, max_iter):
                 definite = False
     code, pivots = NOT_DEFINITE, 0
     if definite:
-        code, pivots = pivot(
-            P, q, G, h, A, b, lb, ub, L, x0, x, y, z, z_box, max_iter
-        )
+        code, pivots = pivot(P, q, G, h, A, b, lb, ub, L, x0, x, y, z, z_box, max_iter)
     Px, Gx, Ax, Aty_Gtz = np.empty(n), np.empty(h.size), np.empty(b.size), np.zeros(n)
     matvec(P, x, Px)
     matvec(G, x, Gx)
@@ -527,7 +531,18 @@ def solve(P, q, G, h, A, b, lb, ub, x0, max_iter):
     add_rmatvec(A, y, Aty_Gtz)
     add_rmatvec(G, z, Aty_Gtz)
     residuals = qp_residuals_of_products(
-        q, h, b, lb, ub, x, y, z, z_box,
-        Px, Gx, Ax, Aty_Gtz,
+        q,
+        h,
+        b,
+        lb,
+        ub,
+        x,
+        y,
+        z,
+        z_box,
+        Px,
+        Gx,
+        Ax,
+        Aty_Gtz,
     )
     return code, pivots, x, y, z, z_box, residuals

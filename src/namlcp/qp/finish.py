@@ -24,7 +24,7 @@ OFF = 1e20  # diagonal that switches a row or variable off
 PASSES = 25
 EXACT = 1e-14
 WRONG = 1e-12  # a multiplier or slack below minus this is wrong
-LARGE = 50_000  # entries of K above which a round must pay
+LARGE = 5_000  # entries of K above which a round must pay
 
 Offer = Callable[[np.ndarray, np.ndarray, np.ndarray], float]
 

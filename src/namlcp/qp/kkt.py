@@ -16,7 +16,6 @@ import qdldl
 from numba import njit
 from scipy.sparse import csc_array, csr_array
 
-REFINED = 1e-14  # relative residual at which refinement stops
 PASSES = 11  # refinement steps at most
 POOR = 1e-9  # relative residual above which GMRES goes on
 TINY = 1e-8  # right-hand sides below this are not measured relatively
@@ -31,11 +30,13 @@ class KKT:
     indptr, indices, base : the upper triangle of K in CSC, diagonal entries stored
     data : the values of K~, diagonal filled in by the caller through `diagonal`
     diagonal : positions of the diagonal in `base` and `data`
+    accuracy : relative residual at which refinement stops
     n, size : number of variables; of all rows of K
     """
 
     def __init__(self, P: csc_array, A: csr_array, G: csr_array) -> None:
         """Lay out K for P (symmetric, all of it stored), A and G."""
+        self.accuracy = 1e-14
         self.n = P.shape[0]
         self.size = self.n + A.shape[0] + G.shape[0]
         room = P.nnz + A.nnz + G.nnz + self.size
@@ -80,7 +81,7 @@ class KKT:
         res, other = self.residual, self.trial
         error = remainder(self.indptr, self.indices, self.data, rhs, u, res) / size
         for _ in range(PASSES):
-            if error <= REFINED:
+            if error <= self.accuracy:
                 break
             better = self.solve_once(res)
             better += u

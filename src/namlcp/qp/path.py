@@ -38,9 +38,13 @@ Report = Callable[..., None]
 
 SHORT = 0.99  # fraction of the longest step
 ROUNDS = 6  # sets tried by one finish
+DROP = 0.03  # of the worst residual between two attempts to finish
 GOOD = 1e-2  # judgement at which a finish stops mending the set
+LONG = 1.8  # sum of the steps above which Gondzio's corrector is not tried
 GAIN = 0.02  # growth of the steps that pays for Gondzio's corrector
 PATIENCE = 100  # iterations without halving the worst residual before STALLED
+ACCURACY = 1e-4  # of the linear solves, relative to the tolerance
+EXACT = 1e-8  # tolerances up to this one ask for an exact finish in any case
 NEAR = 1e-7  # a guess of x is on its bounds and rows within this
 
 
@@ -75,6 +79,12 @@ def solve(
         proof = contradiction(judge, small, reason)
         if proof is not None:
             return PathResult(Status.PRIMAL_INFEASIBLE, *proof, 0, reason.message)
+    if small.q.size == 0:
+        none = np.empty(0)
+        zero = np.zeros(small.lower.size)
+        solved = judge.offer(*small.point(none, none, zero, zero, none)) <= 1.0
+        status = Status.SOLVED if solved else Status.STALLED
+        return PathResult(status, *judge.point, 0, "")
     problem = ScaledQP(small)
     loop = Interior(problem, judge, options)
     status = loop.run(x0, deadline, report)
@@ -103,6 +113,8 @@ class Interior:
         self.change = np.zeros(2)
         self.error = 0.0
         self.reg = Regularisation()
+        self.tol = max(options.eps_abs, options.eps_rel)
+        problem.kkt.accuracy = min(max(ACCURACY * self.tol, 1e-14), 1e-10)
         self.finish = Finish(problem, self.offer)
         self.tests = LoopTests(problem, judge)
         self.iterations = 0
@@ -133,7 +145,7 @@ class Interior:
             return Status.SOLVED
         if not self.start():
             return Status.NUMERICAL_ERROR
-        trigger = Trigger(self.options)
+        trigger = Trigger(self.tol)
         active = self.Z > self.W
         mark, since = inf, 0
         for k in range(self.options.max_iter + 1):
@@ -145,11 +157,11 @@ class Interior:
                 report(k, *self.norms[5:8], self.length[:2].min(), int(active.sum()))
             if k > 0:
                 self.regularise(mu_old)
-            if trigger.pulled(worst, self.norms[0], active, before):
+            done = worst <= 1.0 and self.offer(self.x, self.y, self.Z) <= 1.0
+            exact = done and self.tol <= EXACT
+            if exact or trigger.pulled(worst, self.norms[0], active, before):
                 self.finish.run(self.x, self.y, self.Z, active, ROUNDS, GOOD)
             if self.judge.best <= 1.0:
-                return Status.SOLVED
-            if worst <= 1.0 and self.offer(self.x, self.y, self.Z) <= 1.0:
                 return Status.SOLVED
             verdict = self.tests.decide(self)
             if verdict is not None:
@@ -255,7 +267,8 @@ class Interior:
             smu = max(sigma * mu, 0.01 * gap / m)
             corrector_target(W, Z, self.dW, self.dZ, smu, self.rc)
             self.direction()
-            self.centre(smu)
+            if self.length[0] + self.length[1] < LONG:
+                self.centre(smu)
         self.error = max(self.error, predicted)
         primal, dual = self.length[:2] * SHORT if m else (1.0, 1.0)
         advance(
@@ -312,17 +325,17 @@ class Interior:
 class Trigger:
     """When a finish can pay: near enough, better than last time, and a steady set."""
 
-    def __init__(self, options: Options) -> None:
-        """Measure the residual in units of the tolerance."""
-        self.eps = max(options.eps_abs, options.eps_rel)
+    def __init__(self, tol: float) -> None:
+        """Residuals come in units of `tol`."""
+        self.tol = tol
         self.last = inf
 
     def pulled(
         self, worst: float, mu: float, active: np.ndarray, before: np.ndarray
     ) -> bool:
         """Decide, and remember the residual of the attempt."""
-        near = self.eps * worst < 1e-2 or mu < 1e-7
-        if not near or not worst <= 0.1 * self.last:
+        near = self.tol * worst < 1e-2 or mu < 1e-7
+        if not near or not worst <= DROP * self.last:
             return False
         if worst >= 100.0 and not np.array_equal(active, before):
             return False

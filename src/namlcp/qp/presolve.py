@@ -105,9 +105,9 @@ class Presolved(NamedTuple):
 def presolve(qp: QPData, eps_abs: float, eps_rel: float) -> Presolved:
     """Drop what does not matter. All matrices are CSC; nothing of `qp` is changed."""
     found = contradictory_sides(qp, eps_abs, eps_rel)
-    span = qp.ub - qp.lb
-    small = FIXED * np.maximum(1.0, np.abs(qp.lb))
-    is_fixed = (span <= small) & np.isfinite(qp.lb) & np.isfinite(qp.ub)
+    finite = np.isfinite(qp.lb) & np.isfinite(qp.ub)
+    lb, ub = np.where(finite, qp.lb, 0.0), np.where(finite, qp.ub, 0.0)
+    is_fixed = finite & (ub - lb <= FIXED * np.maximum(1.0, np.abs(lb)))
     kept, fixed = np.flatnonzero(~is_fixed), np.flatnonzero(is_fixed)
     x_fixed = 0.5 * (qp.lb[fixed] + qp.ub[fixed])
     P, q, b, h = qp.P, qp.q, qp.b, qp.h
@@ -183,13 +183,14 @@ def equality_rows(
     low, low_at = extreme(-value, leader)
     high, high_at = extreme(value, leader)
     first = np.flatnonzero(leader == np.arange(rows.size))
-    for k in first[(high + low)[first] > 2.0 * tol][:1]:
+    for k in first[high[first] + low[first] > 2.0 * tol][:1]:
         i, j = high_at[k], low_at[k]
         y = unit(p, rows[j], 1.0 / ratio[j]) - unit(p, rows[i], 1.0 / ratio[i])
         message = f"rows {rows[i]} and {rows[j]} of A contradict each other"
         found.append(Contradiction(message, y))
-    middle = np.where(high == -low, high, 0.5 * (high - low))
-    return A[first], rows[first], middle[first], found
+    high, low = high[first], -low[first]
+    b = np.where(high == low, high, 0.5 * (high + low))
+    return A[first], rows[first], b, found
 
 
 def inequality_rows(
@@ -216,7 +217,7 @@ def inequality_rows(
     lower, lower_at = extreme(np.where(ratio < 0.0, value, -np.inf), leader)
     upper = -upper
     first = np.flatnonzero(leader == np.arange(rows.size))
-    for k in first[(lower - upper)[first] > 2.0 * tol][:1]:
+    for k in first[lower[first] - upper[first] > 2.0 * tol][:1]:
         i, j = upper_at[k], lower_at[k]
         z = unit(m, rows[i], 1.0 / ratio[i]) + unit(m, rows[j], -1.0 / ratio[j])
         message = f"rows {rows[i]} and {rows[j]} of G contradict each other"

@@ -1,12 +1,12 @@
 """QP and box LCP: the one module that knows both alphabets.
 
-    QP, bounds only                       box LCP
-    P, q                                  A, q
-    lb <= x <= ub                         lower <= z <= upper
-    x                                     z
-    -z_box = P x + q                      w = A z + q
-    z_box <= 0 at lb, >= 0 at ub          w >= 0 at lower, <= 0 at upper
-    ray x, q'x = -1                       ray v, q'v = -1 (no solution)
+QP, bounds only                       box LCP
+P, q                                  A, q
+lb <= x <= ub                         lower <= z <= upper
+x                                     z
+-z_box = P x + q                      w = A z + q
+z_box <= 0 at lb, >= 0 at ub          w >= 0 at lower, <= 0 at upper
+ray x, q'x = -1                       ray v, q'v = -1 (no solution)
 """
 
 from typing import Any

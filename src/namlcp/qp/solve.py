@@ -259,7 +259,7 @@ def solve_dense(
 def solve_bounds(
     qp: QPData, options: Options, guess: np.ndarray, deadline: float
 ) -> Answer | None:
-    """Solve the box LCP that a QP with bounds only is; None where it does not decide."""
+    """Solve the box LCP that bounds alone make; None where it does not decide."""
     A, q, lower, upper = box_lcp(qp)
     status, x, w, iterations, ray = solve_box(
         A, q, lower, upper, guess if guess.size else None, deadline=deadline
@@ -324,6 +324,6 @@ def conclude(answer: Answer, seconds: float) -> str:
     """Return the closing sentence of the verbose output."""
     r = answer.residuals
     return (
-        f"{answer.status.value}: {answer.form}, {answer.iterations} iterations, "
-        f"{seconds:.1e} s, primal {r.primal:.1e}, dual {r.dual:.1e}, gap {r.gap:.1e}"
+        f"{answer.status.value}: {answer.form}, {answer.iterations} it, {seconds:.1e} s"
+        f", primal {r.primal:.0e}, dual {r.dual:.0e}, gap {r.gap:.0e}"
     )

@@ -1,0 +1,97 @@
+"""The scenes of the demonstration: no more data than each needs."""
+
+import numpy as np
+import qpsolvers
+import scipy.sparse as sp
+
+
+def forced_obstacle(m: int) -> tuple[sp.csr_array, np.ndarray]:
+    """Return LCP(q, A): a membrane on the unit square that may not go below zero.
+
+    A is the five-point Laplacian on m x m interior nodes times h^2; the load is
+    50 sin(3 pi x) sin(3 pi y), h = 1/(m + 1).
+    """
+    h = 1.0 / (m + 1)
+    line = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(m, m))
+    one = sp.eye_array(m)
+    A = sp.csr_array(sp.kron(line, one) + sp.kron(one, line))
+    wave = np.sin(3.0 * np.pi * h * np.arange(1, m + 1))
+    return A, -50.0 * h**2 * np.outer(wave, wave).ravel()
+
+
+def disc_pile(rows: int) -> tuple[sp.csr_array, np.ndarray]:
+    """Return LCP(q, A): contact forces in a hexagonal pile of discs, no friction.
+
+    Unit discs of random mass (seed 0) lie in `rows` rows of decreasing length on a
+    floor and between the walls of a wedge. With normals N (2 bodies x contacts), masses
+    M and free velocity v after one step of gravity, the impulses z >= 0 solve
+    N'M^-1 N z + N'v >= 0 (Moreau-Jean, no restitution). There are more contacts than
+    degrees of freedom, so that A is singular.
+    """
+    centres = [
+        (2.0 * i + r, np.sqrt(3.0) * r) for r in range(rows) for i in range(rows - r)
+    ]
+    index = {(round(x), round(y / np.sqrt(3.0))): k for k, (x, y) in enumerate(centres)}
+    pairs, normals = [], []
+    for (i, r), k in index.items():
+        for step, normal in (
+            ((2, 0), (1.0, 0.0)),
+            ((1, 1), (0.5, np.sqrt(0.75))),
+            ((-1, 1), (-0.5, np.sqrt(0.75))),
+        ):
+            other = index.get((i + step[0], r + step[1]))
+            if other is not None:
+                pairs.append((k, other))
+                normals.append(normal)
+        walls = []
+        if r == 0:
+            walls.append((0.0, 1.0))
+        if i == r:
+            walls.append((np.sqrt(0.75), -0.5))
+        if i == 2 * rows - 2 - r:
+            walls.append((-np.sqrt(0.75), -0.5))
+        for normal in walls:
+            pairs.append((-1, k))
+            normals.append(normal)
+    entries = [
+        (2 * body + axis, c, sign * normals[c][axis])
+        for c, (first, second) in enumerate(pairs)
+        for body, sign in ((first, -1.0), (second, 1.0))
+        if body >= 0
+        for axis in (0, 1)
+    ]
+    i, j, value = zip(*entries, strict=True)
+    size = 2 * len(centres)
+    N = sp.csr_array((value, (i, j)), shape=(size, len(pairs)))
+    mass = np.repeat(np.random.default_rng(0).uniform(0.5, 2.0, len(centres)), 2)
+    velocity = np.zeros(size)
+    velocity[1::2] = -9.81e-3
+    A = sp.csr_array(N.T @ sp.diags_array(1.0 / mass) @ N)
+    return A, N.T @ velocity
+
+
+def preview_control(steps: int) -> qpsolvers.Problem:
+    """Return a QP: a walking robot keeps its balance (linear model predictive control).
+
+    Point mass at height 0.8 m above alternating footsteps, state (position, velocity,
+    acceleration), jerks as unknowns, 0.1 s a step; the zero-moment point
+    position - 0.8/9.81 acceleration stays within 0.06 m of the support, and the state
+    ends at rest over the last support. Kajita et al., ICRA 2003; Wieber, Humanoids 2006.
+    """
+    T, height, gravity = 0.1, 0.8, 9.81
+    F = np.array([[1.0, T, T**2 / 2.0], [0.0, 1.0, T], [0.0, 0.0, 1.0]])
+    g = np.array([T**3 / 6.0, T**2 / 2.0, T])
+    rows = np.zeros((steps, 3, steps))
+    for k in range(steps):
+        if k:
+            rows[k] = F @ rows[k - 1]
+        rows[k, :, k] = g
+    zmp = rows[:, 0] - height / gravity * rows[:, 2]
+    support = np.where(np.arange(steps) // 8 % 2 == 0, 0.1, -0.1)
+    P = 1e-3 * np.eye(steps) + rows[:, 1].T @ rows[:, 1]
+    G = np.vstack((zmp, -zmp))
+    h = np.concatenate((support + 0.06, 0.06 - support))
+    start = 0.1 * np.ones(2 * steps)
+    start[steps:] = -0.1
+    end = np.array([support[-1] - 0.1, 0.0, 0.0])
+    return qpsolvers.Problem(P, np.zeros(steps), G, h - start, rows[-1], end)

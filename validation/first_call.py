@@ -1,0 +1,62 @@
+"""Solve one small problem in a fresh process and print how long the first call took.
+
+Usage: python validation/first_call.py PATH, with one of the names in PATHS: one problem
+for each way through the solver that is compiled separately. `lcp.py` runs them all.
+"""
+
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import qpsolvers
+import scipy.sparse as sp
+
+import namlcp
+
+SPARSE = sp.diags_array([4.0, -1.0, -1.0], offsets=[0, 1, -1], shape=(200, 200))
+DENSE = SPARSE.toarray()[:40, :40]
+LOAD = np.tile([-3.0, 1.0, -2.0, 2.0], 50)
+ROWS = np.ones((1, 40))
+
+
+def lcp(A: Any, **options: Any) -> namlcp.LCPResult:
+    """Solve an LCP with the matrix A."""
+    return namlcp.solve_lcp(A, LOAD[: A.shape[0]], **options)
+
+
+def qp(P: Any, **constraints: Any) -> qpsolvers.Solution:
+    """Solve a QP with the matrix P through qpsolvers."""
+    problem = qpsolvers.Problem(P, LOAD[: P.shape[0]], **constraints)
+    return qpsolvers.solve_problem(problem, solver="nam")
+
+
+PATHS: dict[str, Callable[[], Any]] = {
+    "lcp-sparse": lambda: lcp(sp.csr_array(SPARSE)),
+    "lcp-dense": lambda: lcp(DENSE),
+    "lcp-nonsymmetric": lambda: lcp(DENSE + np.triu(np.full((40, 40), 0.01))),
+    "lcp-namgs": lambda: lcp(sp.csr_array(SPARSE), method="namgs"),
+    "qp-equalities": lambda: qp(DENSE, A=ROWS, b=np.ones(1)),
+    "qp-bounds": lambda: qp(sp.csc_matrix(SPARSE), lb=np.zeros(200)),
+    "qp-dense": lambda: qp(DENSE, G=ROWS, h=np.ones(1), lb=np.zeros(40)),
+    "qp-sparse": lambda: qp(
+        sp.csc_matrix(sp.diags_array(np.arange(200.0) // 100)),
+        G=sp.csc_matrix(np.ones((1, 200))),
+        h=np.ones(1),
+        lb=np.zeros(200),
+        ub=np.ones(200),
+    ),
+}
+
+
+def main() -> None:
+    """Print the seconds of the first call."""
+    call = PATHS[sys.argv[1]]
+    start = time.perf_counter()
+    call()
+    print(time.perf_counter() - start)
+
+
+if __name__ == "__main__":
+    main()
