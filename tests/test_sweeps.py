@@ -191,9 +191,9 @@ def test_accelerated_sor_is_projected_sor(alpha, kind):
     old = np.clip(s, lower, upper)
     relaxed = old.copy()
     C = sparse.csr_array(A)
-    moved = relax_csr(C.data, C.indices, C.indptr, q, lower, upper, alpha / D, relaxed)
+    moved = relax_csr(C.data, C.indices, C.indptr, q, lower, upper, alpha, relaxed)
     assert_close(relaxed, z)
-    assert moved == pytest.approx(np.linalg.norm((z - old) * D / alpha))
+    assert moved == pytest.approx(np.linalg.norm(D * (z - old)))
 
 
 @pytest.mark.parametrize("method", [*TRIANGULAR, "modulus"])
@@ -445,9 +445,8 @@ def test_symmetric_indefinite_modulus_falls_back_on_lu(kind):
 def test_dominance_and_its_solver():
     A, q, lower, upper = paper_example(2, 40)
     q = q + 6.0 * np.random.default_rng(0).normal(size=q.size)
-    mu, diagonal = dominance(A)
+    mu = dominance(A)
     assert mu == pytest.approx(0.5)
-    np.testing.assert_array_equal(diagonal, A.diagonal())
     alpha = relaxation(mu, symmetric=False)
     assert alpha == pytest.approx(2.0 / (1.0 + math.sqrt(0.75)))
     assert relaxation(0.9, symmetric=False) == 1.0
@@ -458,33 +457,29 @@ def test_dominance_and_its_solver():
         return asked[-1] < 1e-10
 
     z = np.zeros_like(q)
-    status, w, sweeps = solve_dominant(
-        A, q, z, lower, upper, alpha / diagonal, accept, 1e-10, 100
-    )
+    status, w, sweeps = solve_dominant(A, q, z, lower, upper, alpha, accept, 1e-10, 100)
     assert status is Status.SOLVED
     assert sweeps < 30
-    assert len(asked) <= 2
+    assert len(asked) == 1
     np.testing.assert_array_equal(w, A @ z + q)
     assert natural_residual(z, w, lower, upper) < 1e-10
     assert 0 < np.count_nonzero(z == 0.0) < z.size
     limits = ((Status.MAX_ITER, 1, math.inf), (Status.TIME_LIMIT, 9, 0.0))
     for expected, max_iter, deadline in limits:
         status, _, sweeps = solve_dominant(
-            A, q, np.zeros_like(q), lower, upper, alpha / diagonal, accept, 1e-10,
+            A, q, np.zeros_like(q), lower, upper, alpha, accept, 1e-10,
             max_iter, deadline,
         )  # fmt: skip
         assert (status, sweeps) == (expected, 1)
     status, _, _ = solve_dominant(
-        A, q, z, lower, upper, alpha / diagonal, lambda z, w: False, 1e-300, 1000
+        A, q, z, lower, upper, alpha, lambda z, w: False, 1e-300, 1000
     )
     assert status is Status.STALLED
 
 
 def test_dominance_without_positive_diagonal():
     A = sparse.csr_array(np.array([[1.0, 0.5], [0.25, 0.0]]))
-    mu, diagonal = dominance(A)
-    assert mu == math.inf
-    np.testing.assert_array_equal(diagonal, [1.0, 0.0])
+    assert dominance(A) == math.inf
 
 
 @pytest.mark.parametrize(

@@ -26,13 +26,12 @@ PATIENCE = 32
 """Sweeps without progress after which only rounding is left to blame."""
 
 
-def dominance(A: Any) -> tuple[float, np.ndarray]:
-    """Return mu = max_i sum_{j != i} |a_ij| / a_ii of a csr_array, and its diagonal.
+def dominance(A: Any) -> float:
+    """Return mu = max_i sum_{j != i} |a_ij| / a_ii of a csr_array.
 
-    mu is inf where a diagonal entry is not positive.
+    It is inf where a diagonal entry is not positive.
     """
-    diagonal = np.empty(A.shape[0])
-    return dominance_csr(A.data, A.indices, A.indptr, diagonal), diagonal
+    return dominance_csr(A.data, A.indices, A.indptr)
 
 
 def relaxation(mu: float, symmetric: bool) -> float:
@@ -48,7 +47,7 @@ def solve_dominant(
     z: np.ndarray,
     lower: np.ndarray,
     upper: np.ndarray,
-    step: np.ndarray,
+    alpha: float,
     accept: Callable[[np.ndarray, np.ndarray], bool],
     goal: float,
     max_iter: int,
@@ -64,8 +63,8 @@ def solve_dominant(
         The rest of the box LCP.
     z : (n,) array
         Start in [lower, upper], overwritten by the last iterate.
-    step : (n,) array
-        relaxation(mu, symmetric) / diag(A).
+    alpha : float
+        As `relaxation` returns it.
     accept : callable
         The exact test, which costs a product with A; asked only when Res(z), guessed
         from the last two sweeps, is below `goal` (which a refusal divides by 10).
@@ -76,13 +75,11 @@ def solve_dominant(
     deadline : float
         Value of time.perf_counter() at which to stop.
     """
-    moved = before = reference = math.inf
+    before = reference = math.inf
     for k in range(1, max_iter + 1):
-        before, moved = (
-            moved,
-            relax_csr(A.data, A.indices, A.indptr, q, lower, upper, step, z),
-        )
-        if moved * min(1.0, moved / before) < goal or moved == 0.0:
+        moved = relax_csr(A.data, A.indices, A.indptr, q, lower, upper, alpha, z)
+        guess = moved * min(1.0, moved / before) if k > 1 else moved
+        if guess < goal or moved == 0.0:
             w = A @ z + q
             if accept(z, w):
                 return Status.SOLVED, w, k
@@ -93,4 +90,5 @@ def solve_dominant(
             reference = moved
         if time.perf_counter() >= deadline:
             return Status.TIME_LIMIT, A @ z + q, k
+        before = moved
     return Status.MAX_ITER, A @ z + q, max_iter

@@ -2,27 +2,26 @@
 
 Primal infeasible: (y, z >= 0, z_box) with A'y + G'z + z_box = 0 and
 b'y + h'z + lb'z_box^- + ub'z_box^+ = -1 (Farkas). Unbounded: a direction d with P d = 0,
-A d = 0, G d <= 0, d in the recession cone of the bounds and q'd = -1. Candidates are the
-iterate and the last Newton step, raw or *polished* (projected by one factorisation of K).
-The proofs are accepted by `accept_primal` and `accept_dual` alone.
+A d = 0, G d <= 0, d in the recession cone of the bounds and q'd = -1. Candidates are
+the iterate and the last Newton step, raw or *polished* (projected by one factorisation
+of K). The proofs are accepted by `accept_primal` and `accept_dual` alone.
 
 Meaning of the acceptance: every x that violates no constraint by more than t has
-1 <= |r|_inf |x|_1 + t lam, with r the residual of the Farkas system and lam the 1-norm of
-the multipliers, so that 1/lam is the margin by which the problem is infeasible.
+1 <= |r|_inf |x|_1 + t lam, with r the residual of the Farkas system and lam the 1-norm
+of the multipliers, so that 1/lam is the margin by which the problem is infeasible.
 """
 
 from math import inf
 from typing import TYPE_CHECKING
 
 import numpy as np
-import qdldl
 from numba import njit
-from scipy.sparse import csc_array, diags_array, triu
+from scipy.sparse import csc_array, csr_array
 
 from namlcp.checks import QPData
 from namlcp.qp.finish import Face
 from namlcp.qp.judge import Judge, Point
-from namlcp.qp.kkt import products
+from namlcp.qp.kkt import KKT, products
 from namlcp.qp.presolve import Contradiction, Presolved
 from namlcp.qp.scaling import ScaledQP
 from namlcp.status import Status
@@ -60,16 +59,12 @@ def check_convex(P: csc_array) -> None:
         )
     if i < 0:
         return
-    rows = np.flatnonzero(diagonal > tiny)
-    scale = diags_array(1.0 / np.sqrt(diagonal[rows]))
-    unit = scale @ P[:, rows][rows] @ scale
-    upper = csc_array(triu(unit, format="csc") + CONVEX * diags_array(np.ones(rows.size)))
-    try:
-        pivots = qdldl.Solver(upper, upper=True).factors()[1]
-        convex = bool((pivots > 0.0).all())
-    except (RuntimeError, ValueError):
-        convex = False
-    if not convex:
+    none = csr_array((0, diagonal.size))
+    triangle = KKT(P, none, none)
+    unit_diagonal(
+        triangle.indptr, triangle.indices, triangle.data, diagonal, tiny, CONVEX
+    )
+    if not (triangle.factor() and triangle.is_positive()):
         raise ValueError(
             "P must be positive semidefinite: an eigenvalue of P with its diagonal "
             f"scaled to 1 is below -{CONVEX:g}"
@@ -77,9 +72,22 @@ def check_convex(P: csc_array) -> None:
 
 
 @njit(cache=True, nogil=True)
+def unit_diagonal(indptr, indices, data, diagonal, tiny, shift):  # pragma: no cover
+    """Scale the upper triangle to a unit diagonal (zero rows too) and add the shift."""
+    for j in range(diagonal.size):
+        last = indptr[j + 1] - 1
+        for t in range(indptr[j], last):
+            product = diagonal[j] * diagonal[indices[t]]
+            small = min(diagonal[j], diagonal[indices[t]]) <= tiny
+            data[t] = 0.0 if small else data[t] / np.sqrt(product)
+        data[last] = 1.0 + shift
+
+
+@njit(cache=True, nogil=True)
 def diagonal_dominance(Pp, Pi, Px, diagonal, tiny, slack):  # pragma: no cover
-    """Return (-1, -1) if P is diagonally dominant, (0, -1) if it is not, and (i, j) if
-    the minor of i and j is negative.
+    """Return (-1, -1) if P is diagonally dominant, (0, -1) if it is not.
+
+    Return (i, j) if the minor of i and j is negative.
     """
     dominant = True
     for j in range(diagonal.size):
@@ -103,7 +111,8 @@ def contradiction(
     qp = judge.qp
     n, m, p = qp.q.size, qp.h.size, qp.b.size
     if reason.y is None:
-        return tuple(np.full(k, np.nan) for k in (n, p, m, n))
+        x, y, z = (np.full(k, np.nan) for k in (n, p, m))
+        return x, y, z, x
     z = np.zeros(m) if reason.z is None else reason.z
     x = small.primal(np.zeros(small.q.size))
     return accept_primal(qp, x, reason.y, z, judge.options.eps_abs)
@@ -124,7 +133,12 @@ def accept_primal(
     up, down = np.flatnonzero(z_box > 0.0), np.flatnonzero(z_box < 0.0)
     rows = np.flatnonzero(z)
     terms = np.concatenate(
-        (qp.b * y, qp.h[rows] * z[rows], qp.ub[up] * z_box[up], qp.lb[down] * z_box[down])
+        (
+            qp.b * y,
+            qp.h[rows] * z[rows],
+            qp.ub[up] * z_box[up],
+            qp.lb[down] * z_box[down],
+        )
     )
     value = terms.sum()
     if not value < -ROUNDING * np.abs(terms).sum():
@@ -158,7 +172,8 @@ def accept_dual(
     if (relative <= 1e-8 and radius <= 1.0) or (
         relative <= 1e-12 and tol * np.abs(d).sum() <= 0.5
     ):
-        return d, *(np.full(v.size, np.nan) for v in (y, z, d))
+        nan_y, nan_z, nan = (np.full(v.size, np.nan) for v in (y, z, d))
+        return d, nan_y, nan_z, nan
     return None
 
 
@@ -174,6 +189,7 @@ class LoopTests:
         """Allocate."""
         self.problem, self.judge = problem, judge
         self.proof: Point | None = None
+        self.promised = False  # some candidate was worth a test
         self.polished = np.full(4, PROMISING)  # ratio at which to polish again
         self.ratios = np.empty(4)
         self.face = Face(problem)
@@ -193,6 +209,7 @@ class LoopTests:
             loop.y, loop.Z, loop.Px, loop.Ctv, loop.v, loop.t, loop.du, loop.dZ,
             self.Px, self.Ctv, self.v, self.t, self.ratios,
         )  # fmt: skip
+        self.promised = self.promised or bool((self.ratios <= PROMISING).any())
         step_y, step_Z = loop.du[s.n : s.n + s.p], np.maximum(loop.dZ, 0.0)
         if primal:
             for k, y, Z in ((0, loop.y, loop.Z), (1, step_y, step_Z)):
@@ -238,7 +255,10 @@ class LoopTests:
     def polish_primal(
         self, y: np.ndarray, Z: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Project: min |A'y + C'Z|^2/(2 eps) + |dy|^2/2 + sum dZ^2/(2 w), w = sqrt(Z)."""
+        """Project on the Farkas system, in the metric of w = sqrt(Z).
+
+        min |A'(y + dy) + C'(Z + dZ)|^2/(2 eps) + |dy|^2/2 + sum dZ^2/(2 w), repeated.
+        """
         s, kkt = self.problem, self.problem.kkt
         size = max(largest(y), largest(Z))
         y, Z = y / size, Z / size

@@ -173,7 +173,7 @@ def hold_active(
 def face_residual(
     indptr, indices, base, unit, q, goal, held, x, v, Px, Ctv, t, rhs
 ):  # pragma: no cover
-    """Set rhs = minus the residual of the equality problem; return its unscaled size."""
+    """Set rhs = minus the residual of the face problem; return its unscaled size."""
     n = x.size
     products(indptr, indices, base, n, x, v, Px, Ctv, t)
     worst = 0.0

@@ -33,9 +33,7 @@ class Judge:
             A.indptr, A.indices, A.data, x, y, z, *self.work,
         )  # fmt: skip
         return Residuals(
-            *qp_residuals_of_products(
-                q, h, b, lb, ub, x, y, z, z_box, *self.work
-            )
+            *qp_residuals_of_products(q, h, b, lb, ub, x, y, z, z_box, *self.work)
         )
 
     def offer(

@@ -6,9 +6,9 @@
 
 K is kept as the upper triangle in CSC, so column n + i is row i of C = [A; G] and the
 diagonal is the last entry of every column. Solutions are refined in the norm
-max |r_i| / max(1, |K~_ii|): rows of inactive constraints have diagonals of 1e10 and more,
-which would hide all others. Where refinement stops short, GMRES(8) with the factors
-as preconditioner goes on.
+max |r_i| / max(1, |K~_ii|): rows of inactive constraints have diagonals of 1e10 and
+more, which would hide all others. Where refinement stops short, GMRES(8) with the
+factors as preconditioner goes on.
 """
 
 import numpy as np
@@ -68,6 +68,11 @@ class KKT:
         except (RuntimeError, ValueError):
             return False
         return True
+
+    def is_positive(self) -> bool:
+        """Tell whether all pivots of the last factorisation are positive."""
+        assert self.factors is not None
+        return bool((self.factors.factors()[1] > 0.0).all())
 
     def solve_once(self, rhs: np.ndarray) -> np.ndarray:
         """Return the solution as the factors give it."""

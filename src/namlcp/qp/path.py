@@ -1,10 +1,10 @@
 """The path: a regularised primal-dual interior method with an exact finish.
 
 For P positive semidefinite and any rows: presolve, equilibrate, follow the central path
-W Z = mu through one sparse quasi-definite KKT matrix, try the exact active-set finish as
-soon as it can pay, and judge every candidate on the user's own data. Mehrotra's predictor
-and corrector (SIAM J. Optim. 2, 1992), one corrector of Gondzio (Comput. Optim. Appl. 6,
-1996), separate primal and dual steps.
+W Z = mu through one sparse quasi-definite KKT matrix, try the exact active-set finish
+as soon as it can pay, and judge every candidate on the user's own data. Mehrotra's
+predictor and corrector (SIAM J. Optim. 2, 1992), one corrector of Gondzio (Comput.
+Optim. Appl. 6, 1996), separate primal and dual steps.
 """
 
 import time
@@ -16,6 +16,7 @@ import numpy as np
 
 from namlcp.checks import QPData
 from namlcp.options import Options
+from namlcp.qp import fallback
 from namlcp.qp.certificates import LoopTests, check_convex, contradiction
 from namlcp.qp.finish import Finish
 from namlcp.qp.judge import Judge
@@ -45,6 +46,8 @@ GAIN = 0.02  # growth of the steps that pays for Gondzio's corrector
 PATIENCE = 100  # iterations without halving the worst residual before STALLED
 ACCURACY = 1e-4  # of the linear solves, relative to the tolerance
 EXACT = 1e-8  # tolerances up to this one ask for an exact finish in any case
+DOUBT = 25  # iterations without halving before the fallback QPs are asked
+FALLBACK = Options(eps_abs=1e-10, eps_rel=1e-12, max_iter=60)
 NEAR = 1e-7  # a guess of x is on its bounds and rows within this
 
 
@@ -73,6 +76,19 @@ def solve(
     Raises ValueError if P is not positive semidefinite.
     """
     check_convex(qp.P)
+    return follow_path(qp, options, x0, deadline, report, may_ask=True)
+
+
+def follow_path(
+    qp: QPData,
+    options: Options,
+    x0: np.ndarray | None,
+    deadline: float,
+    report: Report | None,
+    *,
+    may_ask: bool,
+) -> PathResult:
+    """Solve a QP known to be convex; `may_ask` allows the fallback QPs."""
     small = presolve(qp, options.eps_abs, options.eps_rel)
     judge = Judge(qp, options)
     for reason in small.contradictions:
@@ -87,6 +103,10 @@ def solve(
         return PathResult(status, *judge.point, 0, "")
     problem = ScaledQP(small)
     loop = Interior(problem, judge, options)
+    if may_ask:
+        loop.ask = lambda other: follow_path(
+            other, FALLBACK, None, deadline, None, may_ask=False
+        )
     status = loop.run(x0, deadline, report)
     proof = loop.tests.proof
     return PathResult(
@@ -117,6 +137,7 @@ class Interior:
         problem.kkt.accuracy = min(max(ACCURACY * self.tol, 1e-14), 1e-10)
         self.finish = Finish(problem, self.offer)
         self.tests = LoopTests(problem, judge)
+        self.ask: fallback.Solver | None = None
         self.iterations = 0
         self.best = inf
         self.best_point = self.x, self.y, self.Z
@@ -170,11 +191,27 @@ class Interior:
             mark = mark if since else worst
             if since > PATIENCE or not worst < inf:
                 return Status.STALLED
+            if since == DOUBT and self.tests.promised:
+                verdict = self.doubt()
+                if verdict is not None:
+                    return verdict
             if k < self.options.max_iter and time.perf_counter() > deadline:
                 return Status.TIME_LIMIT
             if k < self.options.max_iter and not self.step():
                 return Status.STALLED
         return Status.MAX_ITER
+
+    def doubt(self) -> Status | None:
+        """Ask the fallback QPs, once."""
+        ask, self.ask = self.ask, None
+        if ask is None:
+            return None
+        self.offer(*self.best_point)
+        verdict = fallback.decide(self.judge, ask)
+        if verdict is None:
+            return None
+        self.tests.proof = verdict[1]
+        return verdict[0]
 
     def guess(self, x0: np.ndarray) -> bool:
         """Try the active set of x0 (the user's x)."""
@@ -280,9 +317,7 @@ class Interior:
     def centre(self, smu: float) -> None:
         """Add Gondzio's corrector if it lengthens the steps."""
         primal, dual = self.length[:2]
-        centred_target(
-            self.W, self.Z, self.dW, self.dZ, primal, dual, smu, self.rc
-        )
+        centred_target(self.W, self.Z, self.dW, self.dZ, primal, dual, smu, self.rc)
         kept = self.du, self.error
         self.dW, self.dW_other = self.dW_other, self.dW
         self.dZ, self.dZ_other = self.dZ_other, self.dZ
@@ -303,7 +338,7 @@ class Interior:
         return kkt.factor()
 
     def direction(self) -> None:
-        """Solve for the target rc; leaves du, dW, dZ, the longest steps and the error."""
+        """Solve for the target rc; set du, dW, dZ, the longest steps and the error."""
         s = self.problem
         right_side(
             self.rd, self.rp, self.rw, self.rc, s.place, s.sign, self.Z, self.omega,

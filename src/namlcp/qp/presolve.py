@@ -40,9 +40,10 @@ class Owners(NamedTuple):
 class Presolved(NamedTuple):
     """The smaller problem and the way back.
 
-    min 1/2 x'Px + q'x, A x = b, lower <= G x <= upper, lb <= x <= ub with A and G in CSR.
-    `kept` and `fixed` are the user's columns, `rows` the user's rows of A; `upper_of`
-    and `lower_of` say which row of the user's G an end of a range is.
+    min 1/2 x'Px + q'x, A x = b, lower <= G x <= upper, lb <= x <= ub; A and G in CSR.
+    `kept` and `fixed` are the user's columns. `upper_of` and `lower_of` say which row
+    of the user's G an end of a range is, `largest_of` and `smallest_of` which rows of
+    the user's A have the extreme right-hand sides of an equation (b is their mean).
     """
 
     qp: QPData
@@ -58,7 +59,8 @@ class Presolved(NamedTuple):
     kept: np.ndarray
     fixed: np.ndarray
     x_fixed: np.ndarray
-    rows: np.ndarray
+    largest_of: Owners
+    smallest_of: Owners
     upper_of: Owners
     lower_of: Owners
     contradictions: list[Contradiction]
@@ -73,9 +75,13 @@ class Presolved(NamedTuple):
     def row_multipliers(
         self, y: np.ndarray, z_upper: np.ndarray, z_lower: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the user's (y, z) from those of the ends of the ranges."""
+        """Return the user's (y, z) from those of the ends of the ranges.
+
+        The two extreme rows of an equation share its y, so that b'y stays what it is.
+        """
         y_full = np.zeros(self.qp.b.size)
-        y_full[self.rows] = y
+        for owners in (self.largest_of, self.smallest_of):
+            y_full[owners.rows] += 0.5 * y / owners.ratio
         z_full = np.zeros(self.qp.h.size)
         for owners, side in ((self.upper_of, z_upper), (self.lower_of, z_lower)):
             has = owners.rows >= 0
@@ -120,15 +126,15 @@ def presolve(qp: QPData, eps_abs: float, eps_rel: float) -> Presolved:
         P, A, G = P[:, kept][kept], A[:, kept], G[:, kept]
         lb, ub = lb[kept], ub[kept]
     tol = eps_abs if eps_abs > 0.0 else eps_rel
-    A, rows, b, more = equality_rows(A.tocsr(), b, tol)
+    A, largest_of, smallest_of, b, more = equality_rows(A.tocsr(), b, tol)
     found += more
     G, lower_of, upper_of, lower, upper, more = inequality_rows(
         G.tocsr(), h, tol, qp.b.size
     )
     found += more
     return Presolved(
-        qp, P, q, A, b, G, lower, upper, lb, ub, kept, fixed, x_fixed, rows,
-        upper_of, lower_of, found,
+        qp, P, q, A, b, G, lower, upper, lb, ub, kept, fixed, x_fixed,
+        largest_of, smallest_of, upper_of, lower_of, found,
     )  # fmt: skip
 
 
@@ -164,10 +170,11 @@ def contradictory_sides(
 
 def equality_rows(
     A: csr_array, b: np.ndarray, tol: float
-) -> tuple[csr_array, np.ndarray, np.ndarray, list[Contradiction]]:
-    """Drop empty and repeated equality rows; return A, its user rows, b, verdicts.
+) -> tuple[csr_array, Owners, Owners, np.ndarray, list[Contradiction]]:
+    """Drop empty and merge proportional rows of Ax = b.
 
-    Repeated rows whose right-hand sides differ within tolerance get their mean.
+    Returns A, the owners of the largest and smallest b of each row, their mean, and
+    verdicts.
     """
     found = []
     p = b.size
@@ -178,7 +185,8 @@ def equality_rows(
     A, b, rows = selected(A, b, ~empty)
     leader, ratio = proportional_rows(A)
     if leader is None:
-        return A, rows, b, found
+        same = Owners(rows, ratio)
+        return A, same, same, b, found
     value = b / ratio
     low, low_at = extreme(-value, leader)
     high, high_at = extreme(value, leader)
@@ -188,9 +196,9 @@ def equality_rows(
         y = unit(p, rows[j], 1.0 / ratio[j]) - unit(p, rows[i], 1.0 / ratio[i])
         message = f"rows {rows[i]} and {rows[j]} of A contradict each other"
         found.append(Contradiction(message, y))
-    high, low = high[first], -low[first]
-    b = np.where(high == low, high, 0.5 * (high + low))
-    return A[first], rows[first], b, found
+    ends = [Owners(rows[at], ratio[at]) for at in (high_at[first], low_at[first])]
+    mean = 0.5 * (high[first] - low[first])
+    return A[first], ends[0], ends[1], mean, found
 
 
 def inequality_rows(
@@ -240,38 +248,45 @@ def proportional_rows(M: csr_array) -> tuple[np.ndarray | None, np.ndarray]:
     """Group the (not empty) rows of M that are multiples of each other.
 
     Returns `leader`, the first row of the group, or None if all rows differ, and
-    `ratio`, row = ratio * leader's row. Candidates have the same first column, length
-    and two weighted sums over the first entry (to 9 digits); then entries are compared.
+    `ratio`, row = ratio * leader's row. Rows with the same key are compared.
     """
     m = M.shape[0]
+    one = np.ones(m)
     if m < 2:
-        return None, np.ones(m)
-    start = M.indptr[:-1]
-    lead = M.data[start]
-    t = np.arange(1.0, M.shape[1] + 1.0)
-    key = [M.indices[start], np.diff(M.indptr)]
-    for weight in (np.sin(t), np.sin(2.0 * t) + 0.5):
-        total = np.add.reduceat(M.data * weight[M.indices], start)
-        key.append(np.round(total / lead, 9))
-    order = np.lexsort(key)
-    same = np.ones(m, dtype=bool)
-    same[0] = False
-    for k in key:
-        same[1:] &= k[order[1:]] == k[order[:-1]]
+        return None, one
+    key = np.empty(m)
+    row_keys(M.indptr, M.indices, M.data, key)
+    order = np.argsort(key, kind="stable")
+    same = np.zeros(m, dtype=bool)
+    same[1:] = key[order[1:]] == key[order[:-1]]
     if not same.any():
-        return None, np.ones(m)
+        return None, one
     leader = np.arange(m)
     compare_rows(M.indptr, M.indices, M.data, order, same, leader)
     if np.array_equal(leader, np.arange(m)):
-        return None, np.ones(m)
+        return None, one
+    lead = M.data[M.indptr[:-1]]
     return leader, lead / lead[leader]
 
 
 @njit(cache=True, nogil=True)
-def compare_rows(indptr, indices, data, order, same, leader):
+def row_keys(indptr, indices, data, key):  # pragma: no cover
+    """Set key = sum |a_j| (2 + sin j) / |first a|, in single precision.
+
+    Rounding errors seldom change it, and no terms cancel.
+    """
+    for i in range(key.size):
+        total = 0.0
+        for t in range(indptr[i], indptr[i + 1]):
+            total += abs(data[t]) * (2.0 + np.sin(float(indices[t])))
+        key[i] = np.float32(total / abs(data[indptr[i]]))
+
+
+@njit(cache=True, nogil=True)
+def compare_rows(indptr, indices, data, order, same, leader):  # pragma: no cover
     """Set leader[row] to the first row of its run of candidates if proportional.
 
-    `order` sorts the rows, same[k] says that row order[k] has the key of its predecessor.
+    `order` sorts the rows; same[k] says that row order[k] has the key of the last one.
     """
     head = order[0]
     for k in range(order.size):

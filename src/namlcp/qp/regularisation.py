@@ -1,10 +1,10 @@
 """Proximal regularisation that follows the accuracy of the linear solves.
 
-rho and delta stand on the diagonal of K~ with centres at the current point, so they slow
-the steps but do not move the solution. They shrink with mu to 1e-7. From there the linear
-algebra decides: inaccurate solves raise them, accurate ones lower what *binds*, that is,
-holds the residual up. LP-like problems stay near 1e-7, where LDL' without pivoting keeps
-its digits; problems with huge multipliers and nearly dependent rows go down to 1e-12.
+rho and delta stand on the diagonal of K~ with centres at the current point, so they
+slow the steps but do not move the solution. They shrink with mu to 1e-7. From there the
+linear algebra decides: inaccurate solves raise them, accurate ones lower what *binds*,
+that is, holds the residual up. LP-like problems stay near 1e-7, where LDL' without
+pivoting keeps its digits; huge multipliers and nearly dependent rows go to 1e-12.
 """
 
 FLOOR = 1e-7  # mu leads down to here
@@ -19,7 +19,7 @@ class Regularisation:
     """The pair (rho, delta)."""
 
     def __init__(self) -> None:
-        """Begin as recipe and PIQP do."""
+        """Begin large: the first iterations shrink it."""
         self.rho, self.delta = 1e-6, 1e-4
         self.wait = 0
 
