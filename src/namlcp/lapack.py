@@ -226,4 +226,4 @@ if config.DISABLE_JIT:
     def lu_solve(factors, pivots, b):  # type: ignore[no-redef]
         """Overwrite b (n,) by the solution of A x = b, with factors from `lu`."""
         if b.size:
-            b[:] = _lapack.dgetrs(factors.T, pivots, b)[0]
+            b[:] = _lapack.dgetrs(factors.T, pivots, b, trans=1)[0]

@@ -8,11 +8,10 @@ operations.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from namlcp.lapack import cholesky, cholesky_solve, lu, lu_solve
 from namlcp.lcp.ldl import minimum_degree, numeric, solve, symbolic
-from namlcp.lcp.matrix import NO_DATA, NO_DENSE, NO_INDICES, SMALL
+from namlcp.lcp.matrix import SMALL, inner
 
 REGULAR = 0
 SINGULAR = 1
@@ -52,27 +51,7 @@ class Factor(NamedTuple):
     D: np.ndarray
 
 
-NO_FACTOR = Factor(
-    NO_INDICES,
-    NO_DENSE,
-    NO_INDICES,
-    NO_INDICES,
-    np.zeros(1, dtype=np.int64),
-    NO_INDICES,
-    NO_DATA,
-    NO_DATA,
-)
-
-
-def empty_ordering(n: int) -> Ordering:
-    """Return the ordering of no unknowns."""
-    rank = np.full(n, -1, dtype=np.int32)
-    return Ordering(
-        np.empty(n, dtype=np.int32), rank, rank.copy(), np.zeros(2, dtype=np.int64)
-    )
-
-
-@njit(cache=True, nogil=True)
+@inner
 def gather(columns, shift, order, local, out):
     """Write the transpose of A_FF + diag(shift)_F to out (m, m), F = order."""
     m = order.size
@@ -83,9 +62,10 @@ def gather(columns, shift, order, local, out):
             for t in range(m):
                 out[k, t] = column[order[t]]
     else:
-        out[:] = 0.0
         for k in range(m):
             local[order[k]] = k
+            for t in range(m):
+                out[k, t] = 0.0
         for k in range(m):
             for p in range(indptr[order[k]], indptr[order[k] + 1]):
                 if local[indices[p]] >= 0:
@@ -96,7 +76,7 @@ def gather(columns, shift, order, local, out):
         out[k, k] += shift[order[k]]
 
 
-@njit(cache=True, nogil=True)
+@inner
 def dense_factor(columns, symmetric, shift, factor, local):
     """Factor the face into factor.dense; return REGULAR, SINGULAR or INDEFINITE."""
     m = factor.order.size
@@ -125,14 +105,14 @@ def dense_factor(columns, symmetric, shift, factor, local):
     return REGULAR if positive else INDEFINITE
 
 
-@njit(cache=True, nogil=True)
+@inner
 def ordered(columns, state, ordering):
     """Return the face {state = 0} in elimination order, extending the order if needed.
 
     The first order is made on the face, the second on it and all unknowns met before,
     the third on all n: most solves see one or two faces that differ little.
     """
-    sequence, rank, local, number = ordering
+    sequence, rank, number = ordering.sequence, ordering.rank, ordering.number
     n = state.size
     missing = False
     for i in range(n):
@@ -145,7 +125,7 @@ def ordered(columns, state, ordering):
                 nodes[size] = i
                 size += 1
         minimum_degree(
-            columns.indices, columns.indptr, nodes[:size], local, sequence
+            columns.indices, columns.indptr, nodes[:size], ordering.local, sequence
         )
         for k in range(size):
             rank[sequence[k]] = k
@@ -157,10 +137,10 @@ def ordered(columns, state, ordering):
         if state[sequence[k]] == 0:
             order[m] = sequence[k]
             m += 1
-    return order[:m].copy()
+    return order[:m]
 
 
-@njit(cache=True, nogil=True)
+@inner
 def analyse(columns, symmetric, state, ordering):
     """Return an empty `Factor` for the face {state = 0}, its storage chosen by cost."""
     n = state.size
@@ -213,7 +193,7 @@ def analyse(columns, symmetric, state, ordering):
     )
 
 
-@njit(cache=True, nogil=True)
+@inner
 def refactor(columns, symmetric, shift, factor, local):
     """Compute the numbers of `factor`; return REGULAR, SINGULAR or INDEFINITE."""
     m = factor.order.size
@@ -231,7 +211,7 @@ def refactor(columns, symmetric, shift, factor, local):
     return INDEFINITE if smallest < LEAST_PIVOT else REGULAR
 
 
-@njit(cache=True, nogil=True)
+@inner
 def solve_face(symmetric, factor, b, x):
     """Write the solution for b (n,) on the face to x (n,); other entries stay."""
     order = factor.order

@@ -9,20 +9,36 @@ import numpy as np
 from numba import njit
 
 from namlcp.lcp.faces import analyse, refactor, solve_face
-from namlcp.lcp.matrix import add_product
+from namlcp.lcp.matrix import copy, inner, largest
+from namlcp.lcp.pivoting import (
+    BEST,
+    CENTRE,
+    PATHED,
+    SIZE,
+    STATE,
+    WL,
+    WU,
+    W,
+    Z,
+    evaluate,
+    ordering_in,
+    problem_in,
+    record,
+    residuals,
+    restart,
+)
 
 REGULARISATION = 1e-12
 """Added to the unit diagonal of A."""
 
 
-@njit(cache=True, nogil=True)
+@inner
 def enter(problem, z, w, wl, wu):
     """Push z inside its bounds and choose multipliers, all by 0.1 max|w|."""
     lower, upper = problem.lower, problem.upper
     n = z.size
-    w[:] = problem.q
-    add_product(problem.columns, z, w)
-    size = np.max(np.abs(w))
+    evaluate(problem, z, w)
+    size = largest(w)
     if size == 0.0:
         size = 1.0
     for i in range(n):
@@ -39,7 +55,7 @@ def enter(problem, z, w, wl, wu):
             wu[i] = max(-w[i], 0.1 * size)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def longest_step(lower, upper, z, wl, wu, dz, dwl, dwu):
     """Return the largest step in [0, inf) that keeps all of them nonnegative."""
     step = np.inf
@@ -57,7 +73,7 @@ def longest_step(lower, upper, z, wl, wu, dz, dwl, dwu):
     return step
 
 
-@njit(cache=True, nogil=True)
+@inner
 def complementarity(lower, upper, z, wl, wu, dz, dwl, dwu, step):
     """Return the mean product of slack and multiplier after the step."""
     total = 0.0
@@ -72,7 +88,7 @@ def complementarity(lower, upper, z, wl, wu, dz, dwl, dwu, step):
     return total / max(pairs, 1)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def direction(problem, factor, z, w, wl, wu, mu, corrector, rhs, dz, dwl, dwu):
     """Overwrite dz, dwl, dwu by the Newton direction towards slack * multiplier = mu.
 
@@ -93,7 +109,8 @@ def direction(problem, factor, z, w, wl, wu, mu, corrector, rhs, dz, dwl, dwu):
         if wu[i] > 0.0:
             dwu[i] = (mu + high) / (upper[i] - z[i]) - wu[i]
             rhs[i] -= dwu[i] + wu[i]
-    dz[:] = 0.0
+    for i in range(n):
+        dz[i] = 0.0
     solve_face(problem.symmetric, factor, rhs, dz)
     for i in range(n):
         if wl[i] > 0.0:
@@ -102,30 +119,22 @@ def direction(problem, factor, z, w, wl, wu, mu, corrector, rhs, dz, dwl, dwu):
             dwu[i] += wu[i] / (upper[i] - z[i]) * dz[i]
 
 
-@njit(cache=True, nogil=True)
-def follow(problem, ordering, state, z, w, wl, wu, first, target, steps):
+@inner
+def walk(problem, ordering, state, z, w, wl, wu, target, steps):
     """Follow the path from (z, wl, wu) until Res(z) <= target, `steps` at most.
 
-    On entry mu of the first point is `first`; `state` marks the fixed unknowns (not 0).
-
-    Returns
-    -------
-    steps taken, Res(z)
+    `state` is -1 for the fixed unknowns, 0 for all others. Returns the steps taken.
     """
     lower, upper = problem.lower, problem.upper
     n = z.size
-    vectors = np.zeros((5, n))
-    shift, rhs, dz, dwl, dwu = vectors[0], vectors[1], vectors[2], vectors[3], vectors[4]
+    shift, rhs, dz = np.empty(n), np.empty(n), np.zeros(n)
+    dwl, dwu = np.zeros(n), np.zeros(n)
     factor = analyse(problem.columns, problem.symmetric, state, ordering)
-    for k in range(steps + 1):
-        w[:] = problem.q
-        add_product(problem.columns, z, w)
-        residual = 0.0
-        for i in range(n):
-            residual += (z[i] - min(max(z[i] - w[i], lower[i]), upper[i])) ** 2
-        residual = np.sqrt(residual)
-        if not residual > target or k == steps:
-            return k, residual
+    first = complementarity(lower, upper, z, wl, wu, dz, dwl, dwu, 0.0)
+    for k in range(steps):
+        evaluate(problem, z, w)
+        if residuals(z, w, lower, upper, problem.d)[0] <= target:
+            return k
         for i in range(n):
             shift[i] = REGULARISATION
             if wl[i] > 0.0:
@@ -134,17 +143,63 @@ def follow(problem, ordering, state, z, w, wl, wu, first, target, steps):
                 shift[i] += wu[i] / (upper[i] - z[i])
         refactor(problem.columns, problem.symmetric, shift, factor, ordering.local)
         mu = complementarity(lower, upper, z, wl, wu, dz, dwl, dwu, 0.0)
-        direction(problem, factor, z, w, wl, wu, 0.0, 0.0, rhs, dz, dwl, dwu)
-        step = min(1.0, longest_step(lower, upper, z, wl, wu, dz, dwl, dwu))
-        affine = complementarity(lower, upper, z, wl, wu, dz, dwl, dwu, step)
-        centre = mu * (affine / mu) ** 3 if mu > 0.0 else 0.0
-        direction(problem, factor, z, w, wl, wu, centre, 1.0, rhs, dz, dwl, dwu)
-        near = max(0.95, 1.0 - mu / first)
-        step = min(1.0, 0.995 * near * longest_step(lower, upper, z, wl, wu, dz, dwl, dwu))
+        centre = 0.0
+        for corrector in range(2):
+            direction(
+                problem, factor, z, w, wl, wu, centre, corrector, rhs, dz, dwl, dwu
+            )
+            step = longest_step(lower, upper, z, wl, wu, dz, dwl, dwu)
+            if corrector == 0:
+                affine = complementarity(
+                    lower, upper, z, wl, wu, dz, dwl, dwu, min(1.0, step)
+                )
+                centre = mu * (affine / mu) ** 3 if mu > 0.0 else 0.0
+        step = min(1.0, 0.995 * max(0.95, 1.0 - mu / first) * step)
         if not step > 1e-12:
-            return k, residual
+            return k
         for i in range(n):
             z[i] += step * dz[i]
             wl[i] += step * dwl[i]
             wu[i] += step * dwu[i]
-    return steps, residual
+    return steps
+
+
+@inner
+def adopt(problem, work, z):
+    """Go on from the end z of the path, unless it is no better than what is known."""
+    vectors, state = work.vectors, work.marks[STATE]
+    wl, wu = vectors[WL], vectors[WU]
+    copy(z, vectors[Z])
+    evaluate(problem, z, vectors[W])
+    before = work.number[BEST]
+    record(problem, work)
+    if work.number[BEST] < before:
+        for i in range(z.size):
+            at_lower = z[i] - problem.lower[i] < wl[i]
+            at_upper = problem.upper[i] - z[i] < wu[i]
+            fixed = problem.lower[i] == problem.upper[i]
+            state[i] = -1 if at_lower or fixed else (1 if at_upper else 0)
+        copy(z, vectors[CENTRE])
+    restart(work, work.number[RHO])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def follow(symmetric, work, target, steps):
+    """Follow the path from the centre of `work`, put its end there with its states.
+
+    Returns the steps taken; ends when Res <= target * number[SIZE].
+    """
+    problem = problem_in(work, symmetric)
+    ordering = ordering_in(work)
+    n = problem.q.size
+    z, w, wl, wu = np.empty(n), work.vectors[W], work.vectors[WL], work.vectors[WU]
+    state = np.zeros(n, dtype=np.int32)
+    for i in range(n):
+        state[i] = -(problem.lower[i] == problem.upper[i])
+    copy(work.vectors[CENTRE], z)
+    enter(problem, z, w, wl, wu)
+    goal = target * work.number[SIZE]
+    taken = walk(problem, ordering, state, z, w, wl, wu, goal, steps)
+    work.count[PATHED] = 1
+    adopt(problem, work, z)
+    return taken

@@ -9,13 +9,14 @@ one, so one order serves every face.
 """
 
 import numpy as np
-from numba import njit
+
+from namlcp.lcp.matrix import inner
 
 PIVOT_FLOOR = 1e-14
 """Smallest pivot: A has a unit diagonal, so this is rounding of a singular face."""
 
 
-@njit(cache=True, nogil=True)
+@inner
 def symbolic(indices, indptr, order, position, parent, counts):
     """Fill parent and counts (m,): elimination tree and nonzeros of L's columns.
 
@@ -46,7 +47,7 @@ def symbolic(indices, indptr, order, position, parent, counts):
     return flops
 
 
-@njit(cache=True, nogil=True)
+@inner
 def numeric(columns, shift, order, position, parent, Lp, Li, Lx, D):
     """Factor the submatrix + diag(shift); Lp (m + 1,) are the offsets of L's columns.
 
@@ -62,7 +63,9 @@ def numeric(columns, shift, order, position, parent, Lp, Li, Lx, D):
     y = np.zeros(m)
     pattern = np.empty(m, dtype=np.int32)
     flag = np.empty(m, dtype=np.int32)
-    ends = Lp[:m].copy()
+    ends = np.empty(m, dtype=np.int64)
+    for k in range(m):
+        ends[k] = Lp[k]
     smallest = np.inf
     for k in range(m):
         flag[k] = k
@@ -104,7 +107,7 @@ def numeric(columns, shift, order, position, parent, Lp, Li, Lx, D):
     return smallest
 
 
-@njit(cache=True, nogil=True)
+@inner
 def solve(Lp, Li, Lx, D, x):
     """Overwrite x (m,), in elimination order, by the solution of L D L' x = b."""
     m = x.size
@@ -119,7 +122,7 @@ def solve(Lp, Li, Lx, D, x):
         x[j] = x_j
 
 
-@njit(cache=True, nogil=True)
+@inner
 def popcount(word):
     """Return the number of bits set in a uint64 (Warren, Hacker's Delight, 5-1)."""
     word -= (word >> np.uint64(1)) & np.uint64(0x5555555555555555)
@@ -130,7 +133,7 @@ def popcount(word):
     return np.int32((word * np.uint64(0x0101010101010101)) >> np.uint64(56))
 
 
-@njit(cache=True, nogil=True)
+@inner
 def members(row, out):
     """Write the positions of the bits set in row to out; return how many."""
     size = 0
@@ -144,7 +147,7 @@ def members(row, out):
     return size
 
 
-@njit(cache=True, nogil=True)
+@inner
 def move(v, degree, old, head, after, before):
     """Move v to the list of its degree; old < 0: it is in none, degree < 0: to none."""
     if old >= 0:
@@ -162,7 +165,7 @@ def move(v, degree, old, head, after, before):
         head[degree] = v
 
 
-@njit(cache=True, nogil=True)
+@inner
 def minimum_degree(indices, indptr, nodes, local, sequence):
     """Write to sequence (m,) a minimum-degree elimination order of nodes (m,).
 
@@ -175,10 +178,12 @@ def minimum_degree(indices, indptr, nodes, local, sequence):
     for v in range(m):
         local[nodes[v]] = v
     degree = np.zeros(m, dtype=np.int32)
-    head = np.full(m, -1, dtype=np.int32)
-    after = np.full(m, -1, dtype=np.int32)
-    before = np.full(m, -1, dtype=np.int32)
+    head = np.empty(m, dtype=np.int32)
+    after = np.empty(m, dtype=np.int32)
+    before = np.empty(m, dtype=np.int32)
     neighbours = np.empty(m, dtype=np.int32)
+    for v in range(m):
+        head[v] = -1
     for v in range(m - 1, -1, -1):
         j = nodes[v]
         for p in range(indptr[j], indptr[j + 1]):

@@ -7,8 +7,7 @@ wrong sign then changes state: all of them (Judice and Pires, Computers Ops Res 
 after finitely many steps for every P-matrix. The proximal loop around it (centre c, rho
 relative to the unit diagonal) carries singular matrices and refines the others.
 
-The problem is scaled to a unit diagonal. `begin` and `advance` are one compiled call
-each and come back to Python only with a reason: see the codes.
+All of it is one compiled call, `pivot`, which comes back with a reason: see the codes.
 """
 
 from typing import NamedTuple
@@ -24,36 +23,58 @@ from namlcp.lcp.faces import (
     refactor,
     solve_face,
 )
-from namlcp.lcp.matrix import Columns, add_column, add_product, scale
+from namlcp.lcp.matrix import (
+    Columns,
+    add_column,
+    add_product,
+    copy,
+    diagonal,
+    inner,
+    largest,
+    scale,
+)
 
-# Why `begin` and `advance` return.
+# Why `pivot` returns.
 GO_ON = -1  # never returned
 SOLVED = 0
 MORE = 1  # the budget of factorisations is used up
-PATH = 2  # stagnated: follow the path, then come back
-FACE = 3  # the caller is to solve the face system: right side in RHS, answer to Z
+PATH = 2  # stagnated: `interior.follow`, then come back
+FACE = 3  # the caller is to solve the face system, right side in RHS, answer to Z
 RAY = 4  # RHS may be a direction that proves that there is no solution
 STUCK = 5  # nothing else to try
 
-# Places in `Iterate.count`.
-FACTORED, OUTER, FEWEST, PATIENCE, STALE, PATHED, OUTSIDE = range(7)
-# Places in `Iterate.number`.
+# Rows of `Work.vectors`; Q, LOWER, UPPER belong to the scaled problem.
+Q, LOWER, UPPER, D, Z, W, CENTRE, BEST_Z, RHS, SHIFT, WL, WU = range(12)
+# Rows of `Work.marks`.
+STATE, GOAL, UNIT, SEQUENCE, RANK, LOCAL = range(6)
+# Places in `Work.count`.
+STARTED, FACTORED, OUTER, FEWEST, PATIENCE, STALE, PATHED, OUTSIDE = range(8)
+ORDERED, ORDERINGS = 8, 9
+# Places in `Work.number`.
 RHO, TOLERANCE, SIZE, EPS_ABS, EPS_REL, BEST, MET = range(7)
-# Rows of `Iterate.vectors`.
-Z, W, CENTRE, BEST_Z, RHS, SHIFT, WL, WU = range(8)
 
 OMEGA = 1.4
 SWEEPS = 30
 STILL = 3
 BLOCK_STEPS = 3
-import os; LEAST_RHO = float(os.environ.get("LR","1e-8"))
+LEAST_RHO = 1e-8
 MOST_RHO = 1.0
 OUTER_STEPS = 200
 EXACT = 1e-15
 
 
+class Work(NamedTuple):
+    """All memory of one solve, made by `workspace`: the scaled matrix and the rest."""
+
+    scaled: Columns
+    vectors: np.ndarray
+    marks: np.ndarray
+    count: np.ndarray
+    number: np.ndarray
+
+
 class Problem(NamedTuple):
-    """Box LCP scaled by d to a unit diagonal; where that failed d = 1, unit = False."""
+    """Box LCP scaled by d to a unit diagonal; where that failed d = 1, unit = 0."""
 
     columns: Columns
     symmetric: bool
@@ -64,40 +85,60 @@ class Problem(NamedTuple):
     unit: np.ndarray
 
 
-class Iterate(NamedTuple):
-    """All that changes: vectors, states and where each would go, scalars, the order."""
+def workspace(columns: Columns, n: int) -> Work:
+    """Return the memory for a problem of order n, nothing begun."""
+    scaled = columns._replace(
+        dense=np.empty_like(columns.dense), data=np.empty_like(columns.data)
+    )
+    marks = np.zeros((6, n), dtype=np.int32)
+    marks[RANK:] = -1
+    return Work(
+        scaled,
+        np.zeros((12, n)),
+        marks,
+        np.zeros(10, dtype=np.int64),
+        np.zeros(7),
+    )
 
-    vectors: np.ndarray
-    state: np.ndarray
-    goal: np.ndarray
-    count: np.ndarray
-    number: np.ndarray
-    ordering: Ordering
+
+@inner
+def problem_in(work, symmetric):
+    """Return the scaled problem as views of the workspace."""
+    v = work.vectors
+    return Problem(
+        work.scaled, symmetric, v[Q], v[LOWER], v[UPPER], v[D], work.marks[UNIT]
+    )
 
 
-@njit(cache=True, nogil=True)
-def residuals(problem, z, w):
-    """Return Res of the scaled problem and of the user's."""
-    lower, upper, d = problem.lower, problem.upper, problem.d
-    scaled = 0.0
-    plain = 0.0
+@inner
+def ordering_in(work):
+    """Return the elimination order as views of the workspace."""
+    m = work.marks
+    return Ordering(m[SEQUENCE], m[RANK], m[LOCAL], work.count[ORDERED:])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def residuals(z, w, lower, upper, d):
+    """Return Res of this problem and of the one with z, bounds times d and w over d."""
+    here = 0.0
+    there = 0.0
     for i in range(z.size):
         r = z[i] - min(max(z[i] - w[i], lower[i]), upper[i])
-        scaled += r * r
-        z_i = d[i] * z[i]
-        r = z_i - min(max(z_i - w[i] / d[i], lower[i] * d[i]), upper[i] * d[i])
-        plain += r * r
-    return np.sqrt(scaled), np.sqrt(plain)
+        here += r * r
+        t = d[i] * z[i]
+        r = t - min(max(t - w[i] / d[i], lower[i] * d[i]), upper[i] * d[i])
+        there += r * r
+    return np.sqrt(here), np.sqrt(there)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def evaluate(problem, z, w):
     """Write A z + q to w."""
-    w[:] = problem.q
+    copy(problem.q, w)
     add_product(problem.columns, z, w)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def set_states(problem, z, w, state):
     """Guess the state of every unknown from z - w."""
     lower, upper = problem.lower, problem.upper
@@ -106,7 +147,7 @@ def set_states(problem, z, w, state):
         state[i] = -1 if s <= lower[i] else (1 if s >= upper[i] else 0)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def relax(problem, z, w, state):
     """Sweep by projected SOR in residual form: w = A z + q is kept, not computed.
 
@@ -132,26 +173,29 @@ def relax(problem, z, w, state):
             break
 
 
-@njit(cache=True, nogil=True)
-def record(problem, it):
-    """Judge z, w, keep z if it is the best so far; return whether it improved much."""
-    scaled, plain = residuals(problem, it.vectors[Z], it.vectors[W])
-    number = it.number
+@inner
+def record(problem, work):
+    """Judge z, w, keep z if it is the best so far; return whether it is much better."""
+    number = work.number
+    scaled, plain = residuals(
+        work.vectors[Z], work.vectors[W], problem.lower, problem.upper, problem.d
+    )
     improved = scaled < 0.25 * number[BEST]
     if scaled < number[BEST]:
         number[BEST] = scaled
-        it.vectors[BEST_Z] = it.vectors[Z]
+        copy(work.vectors[Z], work.vectors[BEST_Z])
         met = scaled <= number[EPS_REL] * number[SIZE] or plain < number[EPS_ABS]
         number[MET] = 1.0 if met else 0.0
     return improved
 
 
-@njit(cache=True, nogil=True)
-def mark(problem, it):
-    """Write to `goal` the state each unknown belongs to; return how many are wrong."""
-    z, w, centre = it.vectors[Z], it.vectors[W], it.vectors[CENTRE]
-    lower, upper, state, goal = problem.lower, problem.upper, it.state, it.goal
-    rho, tolerance = it.number[RHO], it.number[TOLERANCE]
+@inner
+def mark(problem, work):
+    """Write to GOAL the state each unknown belongs to; return how many are wrong."""
+    z, w, centre = work.vectors[Z], work.vectors[W], work.vectors[CENTRE]
+    lower, upper = problem.lower, problem.upper
+    state, goal = work.marks[STATE], work.marks[GOAL]
+    rho, tolerance = work.number[RHO], work.number[TOLERANCE]
     wrong = 0
     for i in range(z.size):
         goal[i] = state[i]
@@ -167,51 +211,54 @@ def mark(problem, it):
     return wrong
 
 
-@njit(cache=True, nogil=True)
+@inner
 def may_be_ray(problem, v):
     """Tell whether v, scaled here to max|v| = 1, looks like a Farkas direction."""
     lower, upper, q = problem.lower, problem.upper, problem.q
-    v /= np.max(np.abs(v))
+    size = largest(v)
+    descent = 0.0
     for i in range(v.size):
+        v[i] /= size
         if abs(v[i]) <= 1e-9:
             v[i] = 0.0
-        elif (v[i] > 0.0 and upper[i] < np.inf) or (v[i] < 0.0 and lower[i] > -np.inf):
+        if (v[i] > 0.0 and upper[i] < np.inf) or (v[i] < 0.0 and lower[i] > -np.inf):
             return False
-    if not np.sum(q * v) < -1e-9 * np.max(np.abs(q)):
+        descent += q[i] * v[i]
+    if not descent < -1e-9 * largest(q):
         return False
     Av = np.zeros(v.size)
     add_product(problem.columns, v, Av)
     for i in range(v.size):
-        # A'v = -A v in the monotone unsymmetric case, both 0 in the symmetric one.
+        # A'v = -A v in the monotone unsymmetric case, both are 0 in the symmetric one.
         if Av[i] < -1e-9 or (problem.symmetric and Av[i] > 1e-9):
             return False
     return True
 
 
-@njit(cache=True, nogil=True)
-def restart(it, rho):
+@inner
+def restart(work, rho):
     """Count wrong signs afresh, with this rho."""
-    count = it.count
-    count[FEWEST] = it.state.size + 1
+    count = work.count
+    count[FEWEST] = work.vectors.shape[1] + 1
     count[PATIENCE] = BLOCK_STEPS
-    if rho != it.number[RHO]:
-        it.number[RHO] = rho
+    if rho != work.number[RHO]:
+        work.number[RHO] = rho
         count[STALE] = 1
 
 
-@njit(cache=True, nogil=True)
-def close_outer(problem, it):
+@inner
+def close_outer(problem, work):
     """End an outer step: no sign is wrong. Return a code; GO_ON starts the next."""
-    z, w, centre = it.vectors[Z], it.vectors[W], it.vectors[CENTRE]
-    count, number = it.count, it.number
+    vectors, count, number = work.vectors, work.count, work.number
+    z, v, centre = vectors[Z], vectors[RHS], vectors[CENTRE]
     clipped = False
     for i in range(z.size):
         t = min(max(z[i], problem.lower[i]), problem.upper[i])
         clipped |= t != z[i]
         z[i] = t
     if clipped:
-        evaluate(problem, z, w)
-    improved = record(problem, it)
+        evaluate(problem, z, vectors[W])
+    improved = record(problem, work)
     count[OUTER] += 1
     rho = number[RHO]
     exact = number[BEST] <= EXACT * number[SIZE]
@@ -219,74 +266,73 @@ def close_outer(problem, it):
         return SOLVED
     if count[OUTER] >= OUTER_STEPS:
         return STUCK
-    v = it.vectors[RHS]
-    v[:] = z - centre
-    centre[:] = z
-    if rho == 0.0:
-        restart(it, LEAST_RHO)
-    elif rho > LEAST_RHO:
-        restart(it, max(0.01 * rho, LEAST_RHO))
-    else:
-        restart(it, rho)
+    for i in range(z.size):
+        v[i] = z[i] - centre[i]
+        centre[i] = z[i]
+    restart(work, max(0.01 * rho, LEAST_RHO))
     if count[OUTER] >= 3 and rho > 0.0 and may_be_ray(problem, v):
         return RAY
     return GO_ON
 
 
-@njit(cache=True, nogil=True)
-def flip(problem, it, wrong):
-    """Change states towards `goal`: all, or when that stagnates as the module says."""
-    count, number, state = it.count, it.number, it.state
-    if wrong < count[FEWEST]:
-        count[FEWEST] = wrong
-        count[PATIENCE] = BLOCK_STEPS
-    elif count[PATIENCE] > 0:
+@inner
+def flip(problem, work, wrong):
+    """Change states towards GOAL: all, or when that stagnates as the module says."""
+    count, state, goal = work.count, work.marks[STATE], work.marks[GOAL]
+    centre, rho = work.vectors[CENTRE], work.number[RHO]
+    count[STALE] = 1
+    if wrong < count[FEWEST] or count[PATIENCE] > 0:
         count[PATIENCE] -= 1
+        if wrong < count[FEWEST]:
+            count[FEWEST] = wrong
+            count[PATIENCE] = BLOCK_STEPS
+        for i in range(state.size):
+            state[i] = goal[i]
     elif not count[PATHED]:
         return PATH
-    elif problem.symmetric and number[RHO] < MOST_RHO:
-        restart(it, min(1000.0 * number[RHO], MOST_RHO))
-        centre = it.vectors[CENTRE]
-        evaluate(problem, centre, it.vectors[W])
-        set_states(problem, centre, it.vectors[W], state)
-        count[STALE] = 1
-        return GO_ON
+    elif problem.symmetric and rho < MOST_RHO:
+        restart(work, min(1000.0 * rho, MOST_RHO))
+        evaluate(problem, centre, work.vectors[W])
+        set_states(problem, centre, work.vectors[W], state)
     else:
         last = state.size - 1
-        while it.goal[last] == state[last]:
+        while goal[last] == state[last]:
             last -= 1
-        state[last] = it.goal[last]
-        count[STALE] = 1
-        return GO_ON
-    state[:] = it.goal
-    count[STALE] = 1
+        state[last] = goal[last]
     return GO_ON
 
 
-@njit(cache=True, nogil=True)
-def judge(problem, it):
+@inner
+def regularise(work):
+    """Go on from the best point with rho > 0: a face was singular without."""
+    copy(work.vectors[BEST_Z], work.vectors[CENTRE])
+    restart(work, LEAST_RHO)
+
+
+@inner
+def judge(problem, work):
     """With the face system solved, flip what is wrong or end the outer step."""
-    evaluate(problem, it.vectors[Z], it.vectors[W])
-    if not np.isfinite(np.sum(it.vectors[W])):
-        if it.number[RHO] >= LEAST_RHO:
+    z, w = work.vectors[Z], work.vectors[W]
+    evaluate(problem, z, w)
+    if not largest(w) < np.inf:
+        if work.number[RHO] > 0.0:
             return STUCK
-        it.vectors[CENTRE] = it.vectors[BEST_Z]
-        restart(it, LEAST_RHO)
+        regularise(work)
         return GO_ON
-    wrong = mark(problem, it)
+    wrong = mark(problem, work)
     if wrong == 0:
-        return close_outer(problem, it)
-    if it.number[MET]:
+        return close_outer(problem, work)
+    if work.number[MET]:
         return SOLVED
-    return flip(problem, it, wrong)
+    return flip(problem, work, wrong)
 
 
-@njit(cache=True, nogil=True)
-def set_face(problem, it):
+@inner
+def set_face(problem, work):
     """Put bounded unknowns at their bounds, write the right side of the face system."""
-    z, centre, rhs = it.vectors[Z], it.vectors[CENTRE], it.vectors[RHS]
-    state, rho = it.state, it.number[RHO]
-    rhs[:] = problem.q
+    z, centre, rhs = work.vectors[Z], work.vectors[CENTRE], work.vectors[RHS]
+    state, rho = work.marks[STATE], work.number[RHO]
+    copy(problem.q, rhs)
     for i in range(z.size):
         z[i] = 0.0
         if state[i] != 0:
@@ -297,101 +343,92 @@ def set_face(problem, it):
         rhs[i] = rho * centre[i] - rhs[i]
 
 
-@njit(cache=True, nogil=True)
-def advance(problem, it, factor, budget, outside):
-    """Go on until solved, or for `budget` factorisations.
-
-    With `outside` faces are factored by the caller. Returns a code and the factor.
-    """
-    count = it.count
-    symmetric = problem.symmetric
-    while True:
-        if count[STALE] and not outside:
-            if budget <= 0:
-                return MORE, factor
-            budget -= 1
-            shift = it.vectors[SHIFT]
-            shift[:] = it.number[RHO]
-            factor = analyse(problem.columns, symmetric, it.state, it.ordering)
-            quality = refactor(
-                problem.columns, symmetric, shift, factor, it.ordering.local
-            )
-            count[FACTORED] += 1
-            count[STALE] = 0
-            if quality == INDEFINITE:
-                count[OUTSIDE] = 1
-            if quality != REGULAR and it.number[RHO] < LEAST_RHO:
-                it.vectors[CENTRE] = it.vectors[BEST_Z]
-                restart(it, LEAST_RHO)
-                continue
-        set_face(problem, it)
-        if outside:
-            return FACE, factor
-        solve_face(symmetric, factor, it.vectors[RHS], it.vectors[Z])
-        code = judge(problem, it)
-        if code != GO_ON:
-            return code, factor
-
-
-@njit(cache=True, nogil=True)
-def begin(columns, problem, it, factor, budget, outside):
-    """Scale `columns` to problem.columns, take z from the start by sweeps, advance.
-
-    On entry vectors[Z] is the start on the scaled problem, number[EPS_ABS], [EPS_REL]
-    are set and everything else in `it` is 0.
-    """
-    count, number = it.count, it.number
-    z, w = it.vectors[Z], it.vectors[W]
+@inner
+def begin(columns, problem, work):
+    """Scale, then sweep from the user's z, which vectors[Z] holds. Return a code."""
+    vectors, count, number = work.vectors, work.count, work.number
+    z, w, best, d = vectors[Z], vectors[W], vectors[BEST_Z], problem.d
     n = z.size
-    scale(columns, problem.d, problem.columns)
-    best = it.vectors[BEST_Z]
+    diagonal(columns, d)
     for i in range(n):
+        problem.unit[i] = d[i] > 0.0
+        d[i] = 1.0 / np.sqrt(d[i]) if d[i] > 0.0 else 1.0
+        problem.q[i] *= d[i]
+        problem.lower[i] /= d[i]
+        problem.upper[i] /= d[i]
+        z[i] = min(max(z[i] / d[i], problem.lower[i]), problem.upper[i])
         best[i] = min(max(0.0, problem.lower[i]), problem.upper[i])
-        z[i] = min(max(z[i], problem.lower[i]), problem.upper[i])
+    scale(columns, d, problem.columns)
     evaluate(problem, best, w)
-    size, plain = residuals(problem, best, w)
-    if size == 0.0:
-        z[:] = best
-        return SOLVED, factor
-    number[SIZE] = size
+    number[SIZE] = residuals(best, w, problem.lower, problem.upper, d)[0]
+    if number[SIZE] == 0.0:
+        return SOLVED
+    eps = 0.01 * number[EPS_REL] * number[SIZE] / np.sqrt(n)
+    number[TOLERANCE] = max(1e-14 * largest(problem.q), eps)
     number[BEST] = np.inf
-    eps = number[6] * number[EPS_REL] * size / np.sqrt(n)
-    number[MET] = 0.0
-    number[TOLERANCE] = max(1e-14 * np.max(np.abs(problem.q)), eps)
     evaluate(problem, z, w)
-    record(problem, it)
-    set_states(problem, z, w, it.state)
+    record(problem, work)
     if number[MET]:
-        return SOLVED, factor
-    relax(problem, z, w, it.state)
-    record(problem, it)
-    if problem.symmetric or number[BEST] == residuals(problem, z, w)[0]:
-        set_states(problem, z, w, it.state)
-    else:
-        z[:] = best
-    it.vectors[CENTRE] = z
+        return SOLVED
+    relax(problem, z, w, work.marks[STATE])
+    if not record(problem, work) and not problem.symmetric:
+        copy(best, z)
+        evaluate(problem, z, w)
+    set_states(problem, z, w, work.marks[STATE])
+    copy(z, vectors[CENTRE])
     count[STALE] = 1
-    number[RHO] = -1.0
-    restart(it, LEAST_RHO if problem.symmetric else 0.0)
-    return advance(problem, it, factor, budget, outside)
+    restart(work, LEAST_RHO if problem.symmetric else 0.0)
+    return GO_ON
 
 
-@njit(cache=True, nogil=True)
-def adopt(problem, it, z):
-    """Go on from the end z of the path, unless it is no better than what is known."""
-    it.vectors[Z] = z
-    evaluate(problem, z, it.vectors[W])
-    before = it.number[BEST]
-    record(problem, it)
-    if it.number[BEST] < before:
-        wl, wu, state = it.vectors[WL], it.vectors[WU], it.state
-        for i in range(z.size):
-            at_lower = z[i] - problem.lower[i] < wl[i]
-            at_upper = problem.upper[i] - z[i] < wu[i]
-            state[i] = -1 if at_lower else (1 if at_upper else 0)
-            if problem.lower[i] == problem.upper[i]:
-                state[i] = -1
-        it.vectors[CENTRE] = z
-    it.count[PATHED] = 1
-    it.count[STALE] = 1
-    restart(it, it.number[RHO])
+@njit(cache=True, nogil=True, error_model="numpy")
+def pivot(columns, symmetric, work, budget, outside):
+    """Begin or go on until solved, or for `budget` factorisations. Return a code.
+
+    Parameters
+    ----------
+    columns : Columns
+        The user's matrix.
+    work : Work
+        First call: vectors[Q, LOWER, UPPER] hold the user's problem, vectors[Z] the
+        start, number[EPS_ABS] and [EPS_REL] the tolerances. On return vectors[BEST_Z]
+        is the best z of the problem scaled by vectors[D].
+    outside : bool
+        The caller solves the face systems, then calls `resume`.
+    """
+    problem = problem_in(work, symmetric)
+    ordering = ordering_in(work)
+    count = work.count
+    if not count[STARTED]:
+        count[STARTED] = 1
+        if begin(columns, problem, work) == SOLVED:
+            return SOLVED
+    if outside:
+        set_face(problem, work)
+        return FACE
+    state, shift = work.marks[STATE], work.vectors[SHIFT]
+    while budget > 0:
+        budget -= 1
+        for i in range(shift.size):
+            shift[i] = work.number[RHO]
+        factor = analyse(problem.columns, symmetric, state, ordering)
+        quality = refactor(problem.columns, symmetric, shift, factor, ordering.local)
+        count[FACTORED] += 1
+        count[STALE] = 0
+        if quality == INDEFINITE:
+            count[OUTSIDE] = 1
+        if quality != REGULAR and work.number[RHO] == 0.0:
+            regularise(work)
+        while not count[STALE]:
+            set_face(problem, work)
+            solve_face(symmetric, factor, work.vectors[RHS], work.vectors[Z])
+            code = judge(problem, work)
+            if code != GO_ON:
+                return code
+    return MORE
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def resume(symmetric, work):
+    """Take the caller's solution of the face system in vectors[Z]. Return a code."""
+    return judge(problem_in(work, symmetric), work)

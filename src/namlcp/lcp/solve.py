@@ -1,47 +1,228 @@
-"""solve_lcp prototype."""
-from typing import Any
+"""solve_lcp: check, choose, solve, judge."""
+
+import math
 import time
+from typing import Any
+
 import numpy as np
 from scipy import sparse
-from namlcp.lcp import interior, pivoting
-from namlcp.lcp.faces import NO_FACTOR, empty_ordering
-from namlcp.lcp.matrix import NO_DATA, NO_DENSE, Columns, columns_of, diagonal, is_symmetric
-from namlcp.lcp.pivoting import Iterate, Problem
-from namlcp.status import Status
 
-TOLF=0.01
-def solve_box(A, q, lower, upper, z0=None, *, symmetric=True, eps_abs=0.0, eps_rel=1e-9, max_iter=2000, deadline=np.inf):
-    n = q.size
-    columns = columns_of(A, symmetric)
-    d = np.empty(n)
-    diagonal(columns, d)
-    unit = d > 0.0
-    d = 1.0 / np.sqrt(np.where(unit, d, 1.0))
-    scaled = Columns(np.empty_like(columns.dense), np.empty_like(columns.data), columns.indices, columns.indptr)
-    problem = Problem(scaled, symmetric, q * d, lower / d, upper / d, d, unit)
-    it = Iterate(np.zeros((8, n)), np.zeros(n, np.int8), np.zeros(n, np.int8), np.zeros(7, np.int64), np.zeros(7), empty_ordering(n))
-    if z0 is not None:
-        it.vectors[0] = z0 / d
-    it.number[6]=TOLF
-    it.number[pivoting.EPS_ABS] = eps_abs
-    it.number[pivoting.EPS_REL] = eps_rel
-    outside = (not symmetric) and columns.dense.shape[0]==0 and n > 2000
-    code, factor = pivoting.begin(columns, problem, it, NO_FACTOR, max_iter, outside)
-    psteps=0
-    log=[]
-    while code in (pivoting.PATH, pivoting.RAY, pivoting.FACE):
-        log.append((code,int(it.count[0]),float(it.number[pivoting.BEST]/it.number[pivoting.SIZE])))
-        if code == pivoting.PATH:
-            zc = it.vectors[pivoting.CENTRE].copy()
-            w, wl, wu = it.vectors[[pivoting.W]][0], it.vectors[pivoting.WL], it.vectors[pivoting.WU]
-            w = it.vectors[pivoting.W]
-            interior.enter(problem, zc, w, wl, wu)
-            state = np.where(lower == upper, -1, 0).astype(np.int8)
-            first = interior.complementarity(problem.lower, problem.upper, zc, wl, wu, zc*0, zc*0, zc*0, 0.0)
-            psteps, res = interior.follow(problem, it.ordering, state, zc, w, wl, wu, first, 1e-8*it.number[pivoting.SIZE], 60)
-            log.append(("path", psteps, res/it.number[pivoting.SIZE]))
-            pivoting.adopt(problem, it, zc)
-        budget = max_iter - it.count[0]
-        code, factor = pivoting.advance(problem, it, factor, budget, outside)
-    z = d * it.vectors[pivoting.BEST_Z]
-    return code, z, it, psteps, log
+from namlcp.checks import (
+    dense_asymmetry,
+    lcp_data,
+    refuse_number,
+    sparse_asymmetry,
+    vector,
+)
+from namlcp.lcp.auto import MAX_ITER, Outcome, solve_auto, solve_box
+from namlcp.lcp.pivoting import pivot
+from namlcp.lcp.methods import METHODS
+from namlcp.lcp.sweeps import sweep
+from namlcp.options import check_count, check_flag, check_number
+from namlcp.progress import LCP_COLUMNS, Progress
+from namlcp.residuals import natural_residual
+from namlcp.result import LCPResult
+
+__all__ = ["solve_box", "solve_lcp"]
+
+ROUNDING = 1e-14
+"""Asymmetry of A below this times max|A| is rounding."""
+
+SWEEP_EPS_ABS = 1e-8
+SWEEP_MAX_ITER = 100_000
+AUTO_EPS_REL = 1e-9
+
+
+def solve_lcp(
+    A: Any,
+    q: Any,
+    lower: Any = None,
+    upper: Any = None,
+    *,
+    method: str = "auto",
+    alpha: float | None = None,
+    beta: float | None = None,
+    omega: Any = None,
+    shift: Any = None,
+    s0: Any = None,
+    z0: Any = None,
+    eps_abs: float | None = None,
+    eps_rel: float | None = None,
+    max_iter: int | None = None,
+    time_limit: float = math.inf,
+    history: bool = False,
+    verbose: bool = False,
+) -> LCPResult:
+    """Solve a linear complementarity problem, with bounds.
+
+    Find z in [lower, upper] such that w = A z + q satisfies w_i >= 0 where z_i =
+    lower_i, w_i <= 0 where z_i = upper_i, and w_i = 0 in between. With the default
+    bounds: z >= 0, w >= 0, z'w = 0.
+
+    Parameters
+    ----------
+    A : (n, n) array or sparse array
+        Symmetric or not.
+    q : (n,) array
+    lower, upper : (n,) array or float
+        Bounds, 0 and +inf unless given. lower_i = upper_i pins z_i, lower_i = -inf with
+        upper_i = +inf frees it: equation i.
+    method : str
+        "auto": sweeps, block principal pivoting, a short interior path and a proximal
+        loop; solves every LCP with a P-matrix and every solvable one with a symmetric
+        positive semidefinite matrix, exactly up to rounding. Otherwise the name of a
+        sweep method, see `namlcp.lcp.sweeps.METHODS`.
+    alpha, beta, omega, shift, s0 :
+        Parameters of the sweep methods, see `namlcp.lcp.sweeps.sweep`.
+    z0 : (n,) array
+        Where to start.
+    eps_abs : float
+        Solved when Res(z) = || z - clip(z - w, lower, upper) ||_2 < eps_abs.
+    eps_rel : float
+        "auto" only. Solved when Res, of the problem scaled to a unit diagonal, is at
+        most eps_rel times its value at z = clip(0), which is || min(q, 0) ||_2 without
+        bounds. If neither is given eps_rel = 1e-9; if one is given the other is 0.
+    max_iter : int
+        Limit on sweeps; for "auto" on factorisations.
+    time_limit : float
+        Limit on the solve [s]; the best point so far is returned.
+    history : bool
+        Keep a row for every iteration.
+    verbose : bool
+        Print them.
+
+    Returns
+    -------
+    LCPResult
+        Read `status` first. UNSOLVABLE: there is no solution, with `ray` as the proof,
+        or A is outside what the method can decide.
+
+    Raises
+    ------
+    TypeError, ValueError
+        An argument is malformed; the text says which and why.
+
+    Notes
+    -----
+    Pivoting after Judice and Pires [1]_; `namlcp.lcp.pivoting` has the details. It
+    works on d A d, d_i = a_ii^(-1/2), so that units do not matter.
+
+    References
+    ----------
+    .. [1] J. J. Judice and F. M. Pires, Computers Ops Res 21 (1994) 587-596.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from namlcp import solve_lcp
+    >>> result = solve_lcp(np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([-5.0, -6.0]))
+    >>> result.status.value
+    'solved'
+    >>> (3 * result.z).round(9)
+    array([4., 7.])
+    """
+    start = time.perf_counter()
+    deadline = start + check_limits(eps_abs, eps_rel, max_iter, time_limit)
+    check_flag("history", history)
+    check_flag("verbose", verbose)
+    data = lcp_data(A, q, lower, upper)
+    n = data.q.size
+    progress = Progress(LCP_COLUMNS, verbose)
+    progress.say(f"namlcp  LCP: n = {n}, method = {method}")
+    report = progress.report(history)
+    ready = time.perf_counter()
+    if method == "auto":
+        refuse_parameters(alpha=alpha, beta=beta, omega=omega, shift=shift, s0=s0)
+        if eps_rel is None:
+            eps_rel = AUTO_EPS_REL if eps_abs is None else 0.0
+        progress.announce(pivot)
+        outcome, method = solve_auto(
+            *data,
+            None if z0 is None else start_point(z0, n),
+            lambda: is_symmetric(data.A),
+            eps_abs=eps_abs or 0.0,
+            eps_rel=eps_rel,
+            max_iter=max_iter or MAX_ITER,
+            deadline=deadline,
+            report=report,
+        )
+        weight = data.A.diagonal()
+        s = outcome.z - outcome.w / np.where(weight > 0.0, weight, 1.0)
+    else:
+        if eps_rel is not None:
+            raise ValueError(f'eps_rel is an option of method "auto", not of {method!r}')
+        swept = sweep(
+            *data,
+            method,
+            alpha=alpha,
+            beta=beta,
+            omega=omega,
+            shift=shift,
+            s0=s0,
+            z0=z0,
+            eps_abs=SWEEP_EPS_ABS if eps_abs is None else eps_abs,
+            max_iter=max_iter or SWEEP_MAX_ITER,
+            deadline=deadline,
+            report=report,
+        )
+        s = swept.s
+        outcome = Outcome(
+            swept.status, swept.z, data.A @ swept.z + data.q, swept.iterations, None
+        )
+    residual = natural_residual(outcome.z, outcome.w, data.lower, data.upper)
+    end = time.perf_counter()
+    progress.say(
+        f"{outcome.status.value}: {outcome.iterations} iterations, {end - start:.1e} s, "
+        f"residual {residual:.1e}"
+    )
+    return LCPResult(
+        status=outcome.status,
+        z=outcome.z,
+        w=outcome.w,
+        s=s,
+        iterations=outcome.iterations,
+        residual=residual,
+        method=method,
+        setup_time=ready - start,
+        solve_time=end - ready,
+        ray=outcome.ray,
+        history=progress.history() if history else None,
+    )
+
+
+def check_limits(
+    eps_abs: Any, eps_rel: Any, max_iter: Any, time_limit: Any
+) -> float:
+    """Raise for a bad tolerance or limit; return the time limit."""
+    for name, value in (("eps_abs", eps_abs), ("eps_rel", eps_rel)):
+        if value is not None:
+            check_number(name, value, 0.0, closed=name == "eps_rel")
+    if max_iter is not None:
+        check_count("max_iter", max_iter)
+    check_number("time_limit", time_limit, 0.0)
+    return float(time_limit)
+
+
+def refuse_parameters(**given: Any) -> None:
+    """Raise for a parameter of the sweep methods, which "auto" does not have."""
+    for name, value in given.items():
+        if value is not None:
+            raise ValueError(
+                f'{name} is not a parameter of method "auto", only of {list(METHODS)}'
+            )
+
+
+def start_point(z0: Any, n: int) -> np.ndarray:
+    """Return z0 as a clean vector."""
+    z0 = vector("z0", z0, n, "A", (n, n))
+    refuse_number("z0", z0, False)
+    return z0
+
+
+def is_symmetric(A: Any) -> bool:
+    """Tell whether A = A' up to rounding."""
+    if sparse.issparse(A):
+        gap, size = sparse_asymmetry(A.indptr, A.indices, A.data)
+    else:
+        gap, size = dense_asymmetry(A)
+    return gap <= ROUNDING * size

@@ -99,8 +99,9 @@ def sweep(
     method : str
         A key of `METHODS`.
     alpha, beta : float
-        Relaxation, alpha in (0, 2), beta in [0, 2); 1 and alpha unless given. For
-        "modified-nam" alpha is any positive number, and Omega = alpha I.
+        Relaxation, alpha in (0, 2), beta in [0, 2); 1 and alpha unless given. Outside
+        projected SOR cannot converge, and no theory of the others reaches beyond. For
+        "modified-nam" alpha is any positive number: Omega = alpha I.
     omega : float or (n,) array
         Diagonal of Omega, positive. Unless given: D/(2 alpha^2) for m* and nam* (the
         paper's tables), D/alpha for am*; p* always has D/alpha. D for "modulus", I for
@@ -146,7 +147,8 @@ def sweep(
         step, omega = triangular_step(
             A, q, lower, upper, method, alpha, beta, omega, shift
         )
-    s = start(A, q, lower, upper, omega, s0, z0)
+    with np.errstate(all="ignore"):
+        s = start(A, q, lower, upper, omega, s0, z0)
     if step is None:
         nothing = np.full(n, np.nan)
         return SweepResult(
@@ -291,31 +293,20 @@ def triangular_step(
     H = chosen.reflected
     change = np.empty_like(q)
 
-    def dense(s: Any, z: Any, s_next: Any, z_next: Any) -> float:
-        return sweep_dense(
-            A, q, lower, upper, omega, inverse, G, H, s, z, s_next, z_next, change
-        )
+    kernel: Any
+    matrix: tuple
+    if isinstance(A, np.ndarray):
+        kernel, matrix = sweep_dense, (A,)
+    else:
+        kernel, matrix = sweep_csr, (A.data, A.indices, A.indptr)
+    fixed = (*matrix, q, lower, upper, omega, inverse, G, H)
 
-    def compressed(s: Any, z: Any, s_next: Any, z_next: Any) -> float:
-        return sweep_csr(
-            A.data,
-            A.indices,
-            A.indptr,
-            q,
-            lower,
-            upper,
-            omega,
-            inverse,
-            G,
-            H,
-            s,
-            z,
-            s_next,
-            z_next,
-            change,
-        )
+    def step(
+        s: np.ndarray, z: np.ndarray, s_next: np.ndarray, z_next: np.ndarray
+    ) -> float:
+        return kernel(*fixed, s, z, s_next, z_next, change)
 
-    return dense if isinstance(A, np.ndarray) else compressed, omega
+    return step, omega
 
 
 def factored_omega(A: Any, method: str, alpha: float | None, omega: Any) -> np.ndarray:

@@ -19,10 +19,11 @@ from numba import njit
 from namlcp.qp.kkt import products
 from namlcp.qp.scaling import ScaledQP
 
-REGULAR = 1e-9
+REGULAR = 1e-9, 1e-7  # the second where LDL' of the first breaks down (singular faces)
 OFF = 1e20  # diagonal that switches a row or variable off
 PASSES = 25
 EXACT = 1e-14
+NOISE = 1e-11  # residuals below are good enough to start with
 WRONG = 1e-12  # a multiplier or slack below minus this is wrong
 LARGE = 5_000  # entries of K above which a round must pay
 
@@ -54,10 +55,11 @@ class Finish:
         s = self.problem
         best = np.inf
         for _ in range(rounds):
-            if not self.face.factor(x, y, Z, active, s.b, s.c, REGULAR):
-                break
-            if not self.face.iterate(s.q, PASSES):
-                break
+            for regular in REGULAR:
+                if not self.face.factor(x, y, Z, active, s.b, s.c, regular):
+                    return best
+                if self.face.iterate(s.q, PASSES):
+                    break
             x, y, multiplier, slack = self.face.solution(s.q, s.c, active)
             Z = np.maximum(multiplier, 0.0)
             worst = self.offer(x, y, Z)
@@ -104,16 +106,18 @@ class Face:
     def iterate(self, q: np.ndarray, passes: int) -> bool:
         """Correct until the unscaled residual is 1e-14 or fails twice to halve.
 
-        Leaves the best point in x and v; False if there is none.
+        Leaves the best point in x and v; tells whether it is any better than the start.
         """
         s, kkt = self.problem, self.problem.kkt
-        best, failures = np.inf, 0
+        first = best = np.inf
+        failures = 0
         kept = self.x.copy(), self.v.copy()
         for _ in range(passes):
             error = face_residual(
                 kkt.indptr, kkt.indices, kkt.base, s.unit, q, self.goal, self.held,
                 self.x, self.v, self.Px, self.Ctv, self.t, self.rhs,
             )  # fmt: skip
+            first = max(error, NOISE) if first == np.inf else first
             failures = 0 if error < 0.5 * best else failures + 1
             if error < best:
                 kept = self.x.copy(), self.v.copy()
@@ -122,7 +126,7 @@ class Face:
                 break
             move(s.n, kkt.solve_once(self.rhs), self.held, self.x, self.v)
         self.x, self.v = kept
-        return best < np.inf
+        return bool(best <= 0.1 * first)
 
     def solution(
         self, q: np.ndarray, c: np.ndarray, active: np.ndarray

@@ -78,7 +78,7 @@ class ScaledQP:
         return x[self.small.kept] / self.unit[: self.n]
 
     def sides(self, Z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return unscaled multipliers of upper and lower row ends and (net) of bounds."""
+        """Return unscaled multipliers: upper and lower ends of rows, net bounds."""
         z = Z / self.unit[self.place]
         upper, lower = np.zeros((2, self.small.upper.size))
         box = np.zeros(self.n)

@@ -1,0 +1,326 @@
+"""method="auto": sweeps alone where they will do, else pivoting, the path where needed.
+
+The caller's matrix is never copied while sweeps are enough; `solve_box` works on a copy
+scaled to a unit diagonal. What it finds is judged on the caller's data.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import qdldl
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from namlcp.lcp import pivoting
+from namlcp.lcp.dominant import dominance, relaxation, solve_dominant
+from namlcp.lcp.interior import follow
+from namlcp.lcp.matrix import Columns, columns_of
+from namlcp.lcp.pivoting import (
+    BEST_Z,
+    CENTRE,
+    EPS_ABS,
+    EPS_REL,
+    FACTORED,
+    LOWER,
+    ORDERED,
+    ORDERINGS,
+    OUTER,
+    OUTSIDE,
+    PATHED,
+    RANK,
+    RHO,
+    RHS,
+    SEQUENCE,
+    SIZE,
+    STATE,
+    UPPER,
+    BEST,
+    D,
+    Q,
+    Work,
+    Z,
+    pivot,
+    residuals,
+    resume,
+    workspace,
+)
+from namlcp.status import Status
+
+Report = Callable[..., None] | None
+
+MAX_ITER = 5000
+"""Factorisations at most, unless the caller says."""
+
+LARGE = 10_000
+"""From this order on, sparse problems try whether sweeps alone will do."""
+
+PROBE = 8
+"""Sweeps after which their rate is known."""
+
+WORTH = 200
+"""So many sweeps cost about as much as one sparse factorisation of that order."""
+
+BITSETS = 20_000
+"""Up to this order the elimination order comes from bitsets (50 MB)."""
+
+DENSE_LU = 600
+"""Up to this order faces of sparse unsymmetric matrices go to dense LU."""
+
+PATH_STEPS = 60
+PATH_TARGET = 1e-8
+
+RAY_TOLERANCE = 1e-9
+
+
+class Outcome(NamedTuple):
+    """Status, z, w = A z + q, factorisations (or sweeps), ray or None."""
+
+    status: Status
+    z: np.ndarray
+    w: np.ndarray
+    iterations: int
+    ray: np.ndarray | None
+
+
+def solve_auto(
+    A: Any,
+    q: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    z0: np.ndarray | None,
+    symmetric: Callable[[], bool],
+    **limits: Any,
+) -> tuple[Outcome, str]:
+    """Solve a checked box LCP; return the outcome and the method that gave it.
+
+    `symmetric` is asked only if sweeps alone will not do. limits: eps_abs, eps_rel,
+    max_iter, deadline, report as in `solve_box`.
+    """
+    if sparse.issparse(A) and q.size >= LARGE:
+        z = np.clip(0.0 if z0 is None else z0, lower, upper)
+        z = np.array(np.broadcast_to(z, q.shape))
+        outcome = solve_by_sweeps(A, q, lower, upper, z, **limits)
+        if outcome is not None:
+            return outcome, "psor"
+        z0 = z
+    return (
+        solve_box(A, q, lower, upper, z0, symmetric=symmetric(), **limits),
+        "pivoting",
+    )
+
+
+def solve_by_sweeps(
+    A: Any,
+    q: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    z: np.ndarray,
+    *,
+    eps_abs: float,
+    eps_rel: float,
+    max_iter: int,
+    deadline: float,
+    report: Report = None,
+) -> Outcome | None:
+    """Sweep over the caller's own matrix; None if the observed rate is too slow.
+
+    z is overwritten by the last iterate.
+    """
+    mu = dominance(A)
+    if not mu < math.inf:
+        return None
+    root = np.sqrt(A.diagonal())
+    size = residuals(*at_zero(A, q, lower, upper), lower, upper, root)[1]
+    goal = max(eps_rel * size * root.min(), eps_abs)
+
+    def accept(z: np.ndarray, w: np.ndarray) -> bool:
+        plain, scaled = residuals(z, w, lower, upper, root)
+        return plain < eps_abs or scaled <= eps_rel * size
+
+    w = A @ z + q
+    if accept(z, w):
+        return Outcome(Status.SOLVED, z, w, 0, None)
+    before = residuals(z, w, lower, upper, root)[0]
+    alpha = relaxation(mu, False) if mu < 1.0 else 1.0
+    problem = A, q, z, lower, upper, alpha, accept, goal
+    status, w, done = solve_dominant(*problem, PROBE, deadline)
+    if status is Status.MAX_ITER:
+        now = residuals(z, w, lower, upper, root)[0]
+        rate = (now / before) ** (1.0 / PROBE) if before > 0.0 else 1.0
+        if not rate < 1.0 or now * rate**WORTH > goal:
+            return None
+        status, w, more = solve_dominant(*problem, WORTH, deadline)
+        done += more
+    if status in (Status.SOLVED, Status.TIME_LIMIT):
+        return Outcome(status, z, w, done, None)
+    return None
+
+
+def at_zero(
+    A: Any, q: np.ndarray, lower: np.ndarray, upper: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return z = clip(0) and w = A z + q."""
+    z = np.clip(np.zeros(q.size), lower, upper)
+    return z, A @ z + q if z.any() else q
+
+
+def solve_box(
+    A: Any,
+    q: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    z0: np.ndarray | None = None,
+    *,
+    symmetric: bool = True,
+    eps_abs: float = 0.0,
+    eps_rel: float = 1e-9,
+    max_iter: int = MAX_ITER,
+    deadline: float = math.inf,
+    report: Report = None,
+) -> Outcome:
+    """Solve a box LCP by pivoting, without checks.
+
+    Parameters
+    ----------
+    A : (n, n) array or sparse array
+        float64; dense C-contiguous, or canonical CSR (CSC too if symmetric).
+    symmetric : bool
+        A = A'. Nothing tests it here.
+    eps_abs, eps_rel : float
+        SOLVED when Res < eps_abs on this problem, or Res <= eps_rel Res(clip(0)) on
+        the problem scaled to a unit diagonal.
+    max_iter : int
+        Factorisations at most.
+    deadline : float
+        Value of time.perf_counter() at which to stop.
+    report : callable
+        Called as report(factorisations, Res of the scaled problem, unknowns at bounds).
+
+    Returns
+    -------
+    status, z, w = A z + q, factorisations, ray or None
+    """
+    n = q.size
+    columns = columns_of(A, symmetric)
+    work = workspace(columns, n)
+    vectors, count, number = work.vectors, work.count, work.number
+    vectors[Q], vectors[LOWER], vectors[UPPER] = q, lower, upper
+    if z0 is not None:
+        vectors[Z] = z0
+    number[EPS_ABS], number[EPS_REL] = eps_abs, eps_rel
+    compressed = columns.dense.shape[0] == 0
+    if symmetric and compressed and n > BITSETS:
+        set_order(A, work)
+    outside = not symmetric and compressed and n > DENSE_LU
+    status, ray = drive(
+        A, q, columns, symmetric, work, outside, max_iter, deadline, report
+    )
+    z = vectors[BEST_Z] * vectors[D]
+    np.clip(z, lower, upper, out=z)
+    w = A @ z + q
+    if status is Status.SOLVED and number[SIZE] > 0.0:
+        plain, scaled = residuals(z, w, lower, upper, 1.0 / vectors[D])
+        if not (plain < eps_abs or scaled <= eps_rel * number[SIZE]):
+            status = Status.STALLED
+    return Outcome(status, z, w, int(count[FACTORED]), ray)
+
+
+def drive(
+    A: Any,
+    q: np.ndarray,
+    columns: Columns,
+    symmetric: bool,
+    work: Work,
+    outside: bool,
+    max_iter: int,
+    deadline: float,
+    report: Report,
+) -> tuple[Status, np.ndarray | None]:
+    """Call `pivot` until it is done, and do for it what it asks for."""
+    count, n = work.count, q.size
+    chunk = 1 if n > 500 or report is not None else 50
+    code = pivoting.GO_ON
+    while True:
+        if code == pivoting.PATH:
+            if not outside:
+                follow(symmetric, work, PATH_TARGET, PATH_STEPS)
+            count[PATHED] = 1
+        elif code == pivoting.FACE:
+            solve_outside(work, columns)
+            count[FACTORED] += 1
+        elif code == pivoting.RAY:
+            ray = proof(A, q, work.vectors[RHS] * work.vectors[D], work)
+            if ray is not None:
+                return Status.UNSOLVABLE, ray
+        if report is not None and count[FACTORED]:
+            residual = work.number[BEST]
+            report(int(count[FACTORED]), residual, np.count_nonzero(work.marks[STATE]))
+        left = max_iter - int(count[FACTORED])
+        if count[OUTSIDE] and count[PATHED]:
+            left = min(left, 200 + n - int(count[FACTORED]))
+        if code == pivoting.FACE:
+            code = resume(symmetric, work)
+        else:
+            code = pivot(columns, symmetric, work, min(chunk, left), outside)
+        if code == pivoting.SOLVED:
+            return Status.SOLVED, None
+        if code == pivoting.STUCK:
+            return (Status.UNSOLVABLE if count[OUTSIDE] else Status.STALLED), None
+        if left <= 0:
+            return (Status.UNSOLVABLE if count[OUTSIDE] else Status.MAX_ITER), None
+        if time.perf_counter() >= deadline:
+            return Status.TIME_LIMIT, None
+
+
+def set_order(A: Any, work: Work) -> None:
+    """Take the elimination order of all unknowns from AMD (Amestoy, Davis, Duff)."""
+    n = A.shape[0]
+    pattern = sparse.csc_matrix(
+        (np.full(A.nnz, 1e-3), A.indices, A.indptr), shape=A.shape
+    )
+    pattern.setdiag(1.0 + np.diff(A.indptr))
+    order = qdldl.Solver(pattern).factors()[2]
+    work.marks[SEQUENCE] = order
+    work.marks[RANK][order] = np.arange(n)
+    work.count[ORDERED], work.count[ORDERINGS] = n, 2
+
+
+def solve_outside(work: Work, columns: Columns) -> None:
+    """Solve the face system of `work` by sparse LU, for unsymmetric matrices."""
+    scaled, vectors = work.scaled, work.vectors
+    n = vectors.shape[1]
+    face = np.flatnonzero(work.marks[STATE] == 0)
+    A = sparse.csc_array((scaled.data, scaled.indices, scaled.indptr), shape=(n, n))
+    shift = work.number[RHO] * sparse.eye_array(face.size)
+    try:
+        factor = splu(sparse.csc_array(A[:, face].tocsr()[face] + shift))
+        vectors[Z][face] = factor.solve(vectors[RHS][face])
+    except RuntimeError:  # exactly singular
+        vectors[Z][face] = np.nan
+
+
+def proof(
+    A: Any, q: np.ndarray, v: np.ndarray, work: Work
+) -> np.ndarray | None:
+    """Return v scaled to q'v = -1 if it proves that there is no solution, else None.
+
+    v is zero where it would leave a finite bound, hence v'w >= 0 for every solution;
+    but v'w = z'A'v + q'v, and A'v is <= 0 where z >= 0 (0 where z is free): v'w < 0.
+    Holds for every A.
+    """
+    lower, upper, d = work.vectors[LOWER], work.vectors[UPPER], work.vectors[D]
+    fall = q @ v
+    if not fall < 0.0:
+        return None
+    v = v / -fall
+    Av = (A.T @ v) * d
+    bound = RAY_TOLERANCE * np.max(np.abs(v / d))
+    sides = np.where(Av > 0.0, upper, lower)
+    Av[np.abs(Av) <= bound] = 0.0
+    if np.any(np.isinf(sides) & (Av != 0.0)):
+        return None
+    support = float(np.sum(np.where(Av != 0.0, sides, 0.0) * Av))
+    return v if support < 0.5 else None

@@ -1,0 +1,241 @@
+"""QPs with known answers, and what it means to solve one or to prove it impossible."""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import block_diag, csc_array, eye_array
+
+from namlcp.checks import QPData
+from namlcp.residuals import qp_residuals
+from namlcp.status import Status
+
+
+class Known(NamedTuple):
+    """A QP and one primal-dual solution."""
+
+    qp: QPData
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    z_box: np.ndarray
+
+
+def make_qp(P, q, G=None, h=None, A=None, b=None, lb=None, ub=None) -> QPData:
+    """Return a QP as it comes out of the gate, in CSC."""
+    q = np.asarray(q, dtype=float)
+    n = q.size
+
+    def matrix(M, rows):
+        M = csc_array(np.zeros((rows, n)) if M is None else M, dtype=float)
+        M.sum_duplicates()
+        M.indptr, M.indices = M.indptr.astype(np.int32), M.indices.astype(np.int32)
+        return M
+
+    def vector(v, value, size):
+        return np.full(size, value) if v is None else np.asarray(v, dtype=float)
+
+    return QPData(
+        matrix(P, n),
+        q,
+        matrix(G, 0),
+        vector(h, 0.0, 0),
+        matrix(A, 0),
+        vector(b, 0.0, 0),
+        vector(lb, -np.inf, n),
+        vector(ub, np.inf, n),
+    )
+
+
+def complementary(seed, n, m, p, rank, density=1.0, weak=0) -> Known:
+    """Pick (x, y, z, z_box) complementary, then q and h to match.
+
+    P has the given rank. A third of the rows and of the bounds is active; `weak` of the
+    active rows have multiplier 0.
+    """
+    rng = np.random.default_rng(seed)
+    B = rng.standard_normal((rank, n)) * (rng.random((rank, n)) < density)
+    P = B.T @ B
+    G = rng.standard_normal((m, n)) * (rng.random((m, n)) < density)
+    A = rng.standard_normal((p, n)) * (rng.random((p, n)) < density)
+    x, y = rng.standard_normal(n), rng.standard_normal(p)
+    active = rng.random(m) < 1 / 3
+    z = np.where(active, 0.1 + rng.random(m), 0.0)
+    z[np.flatnonzero(active)[:weak]] = 0.0
+    side = rng.integers(0, 6, n)  # 0: at lb, 1: at ub, 2: free, else inside
+    lb = np.where(side == 2, -np.inf, x - (0.1 + rng.random(n)) * (side != 0))
+    ub = np.where(side == 2, np.inf, x + (0.1 + rng.random(n)) * (side != 1))
+    z_box = (0.1 + rng.random(n)) * (1.0 * (side == 1) - 1.0 * (side == 0))
+    h = G @ x + (0.1 + rng.random(m)) * ~active
+    q = -(P @ x + G.T @ z + A.T @ y + z_box)
+    return Known(make_qp(P, q, G, h, A, A @ x, lb, ub), x, y, z, z_box)
+
+
+def infeasible(seed, n, m, p, rank) -> QPData:
+    """Return a QP whose last row of G is minus a combination of all other rows."""
+    rng = np.random.default_rng(seed)
+    B = rng.standard_normal((rank, n))
+    G, A = rng.standard_normal((m, n)), rng.standard_normal((p, n))
+    h, b = rng.standard_normal(m), rng.standard_normal(p)
+    z, y = 0.1 + rng.random(m - 1), rng.standard_normal(p)
+    G[-1] = -(G[:-1].T @ z + A.T @ y)
+    h[-1] = -1.0 - h[:-1] @ z - b @ y
+    return make_qp(B.T @ B, rng.standard_normal(n), G, h, A, b)
+
+
+def unbounded(seed, n, m, p, rank) -> QPData:
+    """Return a feasible QP with a direction d: P d = 0, A d = 0, G d <= 0, q'd = -1."""
+    rng = np.random.default_rng(seed)
+    d = rng.standard_normal(n)
+    d /= np.linalg.norm(d)
+
+    def across(M):
+        return M - np.outer(M @ d, d)
+
+    B, A = across(rng.standard_normal((rank, n))), across(rng.standard_normal((p, n)))
+    G = rng.standard_normal((m, n))
+    G = np.where((G @ d > 0.0)[:, None], across(G), G)
+    x, q = rng.standard_normal(n), rng.standard_normal(n)
+    q -= (q @ d + 1.0) * d
+    return make_qp(B.T @ B, q, G, G @ x + rng.random(m), A, A @ x)
+
+
+def least_squares(n) -> QPData:
+    """Return min |x - s|^2/2, Gx <= 1, sum(x) = 42, x >= 0 with a dense row.
+
+    qpsolvers, tests/problems.py, get_sparse_least_squares (there n = 15000).
+    """
+    i = np.arange(n)
+    G = np.zeros((3, n))
+    for row, step in enumerate((2, 3, 5)):
+        G[row] = i % step == 0
+    G = csc_array(
+        (
+            np.concatenate((G[0], G[1][: n - 1], G[2][: n - 1])),
+            (
+                np.concatenate((i, i[:-1], i[1:])),
+                np.concatenate((i, i[1:], i[:-1])),
+            ),
+        )
+    )
+    G.eliminate_zeros()
+    one = np.ones((1, n))
+    return make_qp(eye_array(n), -i.astype(float), G, np.ones(n), one, [42.0], 0.0 * i)
+
+
+def singular_block(seed, n) -> Known:
+    """Return a QP whose P is zero but for one definite block."""
+    known = complementary(seed, n, n, 3, 0)
+    B = np.random.default_rng(seed).standard_normal((n // 2, n // 2))
+    P = block_diag((csc_array(B.T @ B + np.eye(n // 2)), csc_array((n - n // 2,) * 2)))
+    q = known.qp.q - P @ known.x
+    qp = make_qp(P, q, *known.qp[2:])
+    return known._replace(qp=qp)
+
+
+# W. Hock, K. Schittkowski, Test Examples for Nonlinear Programming Codes, 1981:
+# number -> (QP, constant of the objective, optimal value).
+HOCK_SCHITTKOWSKI = {
+    21: (
+        make_qp(
+            np.diag([0.02, 2.0]), [0, 0], [[-10, 1]], [-10], lb=[2, -50], ub=[50, 50]
+        ),
+        -100.0,
+        -99.96,
+    ),
+    35: (
+        make_qp(
+            [[4, 2, 2], [2, 4, 0], [2, 0, 2]], [-8, -6, -4], [[1, 1, 2]], [3],
+            lb=[0, 0, 0],
+        ),
+        9.0,
+        1.0 / 9.0,
+    ),
+    51: (
+        make_qp(
+            [
+                [2, -2, 0, 0, 0], [-2, 4, 2, 0, 0], [0, 2, 2, 0, 0], [0, 0, 0, 2, 0],
+                [0, 0, 0, 0, 2],
+            ],
+            [0, -4, -4, -2, -2],
+            A=[[1, 3, 0, 0, 0], [0, 0, 1, 1, -2], [0, 1, 0, 0, -1]],
+            b=[4, 0, 0],
+        ),
+        6.0,
+        0.0,
+    ),
+    52: (
+        make_qp(
+            [
+                [32, -8, 0, 0, 0], [-8, 4, 2, 0, 0], [0, 2, 2, 0, 0], [0, 0, 0, 2, 0],
+                [0, 0, 0, 0, 2],
+            ],
+            [0, -4, -4, -2, -2],
+            A=[[1, 3, 0, 0, 0], [0, 0, 1, 1, -2], [0, 1, 0, 0, -1]],
+            b=[0, 0, 0],
+        ),
+        6.0,
+        1859.0 / 349.0,
+    ),
+    53: (
+        make_qp(
+            [
+                [2, -2, 0, 0, 0], [-2, 4, 2, 0, 0], [0, 2, 2, 0, 0], [0, 0, 0, 2, 0],
+                [0, 0, 0, 0, 2],
+            ],
+            [0, -4, -4, -2, -2],
+            A=[[1, 3, 0, 0, 0], [0, 0, 1, 1, -2], [0, 1, 0, 0, -1]],
+            b=[0, 0, 0],
+            lb=[-10] * 5,
+            ub=[10] * 5,
+        ),
+        6.0,
+        176.0 / 43.0,
+    ),
+    76: (
+        make_qp(
+            [[2, 0, -1, 0], [0, 1, 0, 0], [-1, 0, 2, 1], [0, 0, 1, 1]],
+            [-1, -3, 1, -1],
+            [[1, 2, 1, 1], [3, 1, 2, -1], [0, -1, -4, 0]],
+            [5, 4, -1.5],
+            lb=[0, 0, 0, 0],
+        ),
+        0.0,
+        -103.0 / 22.0,
+    ),
+}  # fmt: skip
+
+
+def assert_solves_qp(qp: QPData, result, tol=1e-9) -> None:
+    """Status, residuals and signs of a solution."""
+    assert result.status is Status.SOLVED, result.message
+    residuals = qp_residuals(*qp, result.x, result.y, result.z, result.z_box)
+    assert residuals.solved(tol, tol), residuals
+    assert (result.z >= 0.0).all()
+    assert (result.z[np.isinf(qp.h)] == 0.0).all()
+    assert (result.z_box[np.isinf(qp.lb)] >= 0.0).all()
+    assert (result.z_box[np.isinf(qp.ub)] <= 0.0).all()
+
+
+def assert_certificate(qp: QPData, result, tol=1e-8) -> None:
+    """A Farkas vector with value -1, or a ray with q'x = -1, to a relative `tol`."""
+    P, q, G, h, A, b, lb, ub = qp
+    if result.status is Status.DUAL_INFEASIBLE:
+        d = result.x
+        size = tol * np.abs(d).max()
+        assert abs(q @ d + 1.0) <= 1e-9
+        assert np.abs(P @ d).max(initial=0.0) <= size
+        assert np.abs(A @ d).max(initial=0.0) <= size
+        assert (G @ d)[np.isfinite(h)].max(initial=0.0) <= size
+        assert (d[np.isfinite(ub)] <= 0.0).all()
+        assert (d[np.isfinite(lb)] >= 0.0).all()
+        return
+    assert result.status is Status.PRIMAL_INFEASIBLE, result.status
+    y, z, z_box = result.y, result.z, result.z_box
+    size = tol * max(np.abs(v).max(initial=0.0) for v in (y, z, z_box))
+    assert np.isnan(result.x).all()
+    assert (z >= 0.0).all()
+    assert np.abs(A.T @ y + G.T @ z + z_box).max(initial=0.0) <= size
+    side = np.where(z_box > 0.0, ub, lb)
+    used, rows = z_box != 0.0, z != 0.0
+    value = b @ y + h[rows] @ z[rows] + side[used] @ z_box[used]
+    assert abs(value + 1.0) <= 1e-9
