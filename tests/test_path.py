@@ -1,5 +1,6 @@
 """The path for convex QPs: solutions, proofs, edges, and its parts."""
 
+import re
 import time
 
 import numpy as np
@@ -145,9 +146,6 @@ def test_contradictions_are_proved(name):
 def test_contradictory_sides_are_named(sides, place):
     result = solve(make_qp(I2, [1, 1], **sides), DEFAULT)
     assert result.status is Status.PRIMAL_INFEASIBLE
-    assert pytest.raises(AssertionError, pytest.fail, "") or True
-    import re
-
     assert re.search(place, result.message)
 
 
@@ -177,9 +175,7 @@ EDGES = {
     "nothing but P": make_qp(I2, [1, 2]),
     "equations only": make_qp(I2, [1, 2], A=[[1, 1]], b=[1]),
     "dependent equations": make_qp(I2, [1, 2], A=[[1, 1], [2, 2]], b=[1, 2]),
-    "singular, equations only": make_qp(
-        np.diag([1.0, 0.0]), [1, 0], A=[[1, 1]], b=[1]
-    ),
+    "singular, equations only": make_qp(np.diag([1.0, 0.0]), [1, 0], A=[[1, 1]], b=[1]),
     "LP": make_qp(O2, [-1, -1], [[1, 2], [3, 1]], [4, 6], lb=[0, 0]),
     "zero objective": make_qp(O2, [0, 0], [[1, 1]], [-1]),
     "infinite and empty rows": make_qp(
@@ -188,15 +184,11 @@ EDGES = {
     "repeated rows": make_qp(
         I2, [-5, -5], [[1, 1], [2, 2], [1, 1], [-1, -1]], [3, 5, 4, 0]
     ),
-    "fixed": make_qp(
-        I2, [1, 2], [[1, 1]], [5], [[1, -1]], [-1], lb=[1, 2], ub=[1, 2]
-    ),
+    "fixed": make_qp(I2, [1, 2], [[1, 1]], [5], [[1, -1]], [-1], lb=[1, 2], ub=[1, 2]),
     "one fixed": make_qp(
         [[2, 1], [1, 2]], [1, 2], [[-1, -1]], [-5], lb=[1, -9], ub=[1, 9]
     ),
-    "degenerate": make_qp(
-        I2, [-2, -2], [[1, 0], [0, 1], [1, 1], [1, 2]], [1, 1, 2, 3]
-    ),
+    "degenerate": make_qp(I2, [-2, -2], [[1, 0], [0, 1], [1, 1], [1, 2]], [1, 1, 2, 3]),
     "huge": make_qp(1e8 * I2, [-1e8, -2e8], [[1e6, 1e6]], [1e6]),
     "tiny": make_qp(1e-8 * I2, [-1e-8, -2e-8], [[1e-6, 1e-6]], [1e-6]),
     "flat": make_qp([[1e-9]], [-1.0]),
@@ -290,7 +282,7 @@ def test_scaling_equilibrates_and_is_inverted_exactly():
     s = ScaledQP(presolve(known.qp, 1e-9, 0.0))
     K = abs(s.kkt.matrix + s.kkt.matrix.T).toarray()
     np.fill_diagonal(K, abs(s.kkt.base[s.kkt.diagonal]))
-    np.testing.assert_allclose(K.max(axis=1), 1.0, atol=2e-3)
+    np.testing.assert_allclose(K.max(axis=1), 1.0, atol=5e-3)
     np.testing.assert_allclose(
         s.small.primal(s.from_user(known.x) * s.unit[:10]), known.x, rtol=1e-14
     )

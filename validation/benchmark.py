@@ -199,7 +199,7 @@ def main(arguments: list[str] | None = None) -> int:
     rows = [row for row in rows if row["solver"] not in solvers]
     with open(args.csv or os.devnull, "w", newline="") as file:
         file.writelines(f"# {line}\n" for line in header)
-        writer = csv.DictWriter(file, COLUMNS, restval="")
+        writer = csv.DictWriter(file, COLUMNS, restval="", lineterminator="\n")
         writer.writeheader()
         for problem_set in args.set:
             for solver in solvers:

@@ -38,7 +38,7 @@ import scipy.sparse as sp
 import problems
 from benchmark import geometric_mean, machine_lines, use_one_thread
 from first_call import PATHS
-from measure import median_time
+from measure import median_time, silence
 from settings import solver_settings
 
 Row = dict[str, Any]
@@ -235,7 +235,7 @@ def print_first_calls(rows: list[Row]) -> None:
 def isolated(function: Callable[..., Any], *arguments: Any) -> Any:
     """Return the value of a function, computed in a fresh process."""
     context = mp.get_context("spawn")
-    with ProcessPoolExecutor(1, mp_context=context) as pool:
+    with ProcessPoolExecutor(1, context, silence) as pool:
         return pool.submit(function, *arguments).result()
 
 
@@ -244,7 +244,7 @@ def write_csv(file: Path, header: list[str], rows: list[Row]) -> None:
     file.parent.mkdir(parents=True, exist_ok=True)
     with file.open("w", newline="") as stream:
         stream.writelines(f"# {line}\n" for line in header)
-        writer = csv.DictWriter(stream, list(rows[0]))
+        writer = csv.DictWriter(stream, list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
 

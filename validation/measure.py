@@ -110,10 +110,15 @@ def measure(
     return row | {"runtime": runtime, "cold": cold}
 
 
+def silence() -> None:
+    """Discard the standard output of this process: some solvers print unasked."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+
+
 def serve(pipe: Connection, data: Path, solver: str, limit: float) -> None:
     """Answer requests (set, problem, eps) until None comes: the child process."""
     warnings.simplefilter("ignore")
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)  # some solvers print unasked
+    silence()
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     if solver == "nam":
         import namlcp  # noqa: F401

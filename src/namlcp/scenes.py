@@ -76,7 +76,8 @@ def preview_control(steps: int) -> qpsolvers.Problem:
     Point mass at height 0.8 m above alternating footsteps, state (position, velocity,
     acceleration), jerks as unknowns, 0.1 s a step; the zero-moment point
     position - 0.8/9.81 acceleration stays within 0.06 m of the support, and the state
-    ends at rest over the last support. Kajita et al., ICRA 2003; Wieber, Humanoids 2006.
+    ends at rest over the last support (Kajita et al., ICRA 2003; Wieber, Humanoids
+    2006).
     """
     T, height, gravity = 0.1, 0.8, 9.81
     F = np.array([[1.0, T, T**2 / 2.0], [0.0, 1.0, T], [0.0, 0.0, 1.0]])

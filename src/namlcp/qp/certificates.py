@@ -2,7 +2,7 @@
 
 Primal infeasible: (y, z >= 0, z_box) with A'y + G'z + z_box = 0 and
 b'y + h'z + lb'z_box^- + ub'z_box^+ = -1 (Farkas). Unbounded: a direction d, q'd = -1,
-with P d = 0, A d = 0, G d <= 0 and d in the recession cone of the bounds. Candidates are
+with P d = 0, A d = 0, G d <= 0, d in the recession cone of the bounds. Candidates are
 the iterate and the last Newton step, raw or *polished* (projected by one factorisation
 of K). The proofs are accepted by `accept_primal` and `accept_dual` alone.
 
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 CONVEX = 1e-9  # negative curvature allowed in P with unit diagonal
 ROUNDING = 1e3 * np.finfo(float).eps
+FAST = 0.1  # a residual that falls below this part of the last one is no obstacle
 PROMISING = 0.1  # relative residual of a candidate worth a test
 PROJECTION = 1e-8  # weight of the distance in the polish
 PASSES = 15
@@ -189,6 +190,7 @@ class LoopTests:
         """Allocate."""
         self.problem, self.judge = problem, judge
         self.proof: Point | None = None
+        self.before = 0.0, 0.0
         self.promised = False  # some candidate was worth a test
         self.polished = np.full(4, PROMISING)  # ratio at which to polish again
         self.ratios = np.empty(4)
@@ -200,10 +202,18 @@ class LoopTests:
     def decide(self, loop: "Interior") -> Status | None:
         """Return a verdict with `proof` set, or None.
 
-        Candidates: iterate and step for either kind; a feasible iterate needs no test.
+        Candidates: iterate and step for either kind. No test where the residual that
+        a proof would forbid to vanish is small, or ten times less than before.
         """
         s, kkt = self.problem, self.problem.kkt
-        primal, dual = loop.norms[5:7] > self.judge.options.eps_abs
+        now = loop.norms[1], max(loop.norms[2:4])
+        stuck = [new > FAST * old for new, old in zip(now, self.before, strict=True)]
+        self.before = now
+        eps = self.judge.options.eps_abs
+        dual = stuck[0] and loop.norms[6] > eps
+        primal = stuck[1] and loop.norms[5] > eps
+        if not (primal or dual):
+            return None
         promising_ratios(
             kkt.indptr, kkt.indices, kkt.base, s.q, s.b, s.c, s.place, s.sign, loop.x,
             loop.y, loop.Z, loop.Px, loop.Ctv, loop.v, loop.t, loop.du, loop.dZ,

@@ -124,7 +124,10 @@ class Face:
                 best = error
             if error <= EXACT or failures == 2 or not np.isfinite(error):
                 break
-            move(s.n, kkt.solve_once(self.rhs), self.held, self.x, self.v)
+            du = kkt.solve_once(self.rhs)
+            du[self.held] = 0.0
+            self.x += du[: s.n]
+            self.v[s.n :] += du[s.n :]
         self.x, self.v = kept
         return bool(best <= 0.1 * first)
 
@@ -193,17 +196,6 @@ def face_residual(
             if not size <= worst:
                 worst = size
     return worst
-
-
-@njit(cache=True, nogil=True)
-def move(n, du, held, x, v):  # pragma: no cover
-    """Add the correction du to x and v where they are free."""
-    for j in range(held.size):
-        if not held[j]:
-            if j < n:
-                x[j] += du[j]
-            else:
-                v[j] += du[j]
 
 
 @njit(cache=True, nogil=True)

@@ -55,11 +55,13 @@ class KKT:
         )
         self.data = self.matrix.data
         self.factors: qdldl.Solver | None = None
+        self.weight = np.ones(self.size)
         self.residual = np.empty(self.size)
         self.trial = np.empty(self.size)
 
     def factor(self) -> bool:
         """Factor K~ as it stands in `data`; False if a pivot vanishes."""
+        self.weight = np.maximum(1.0, np.abs(self.data[self.diagonal]))
         try:
             if self.factors is None:
                 self.factors = qdldl.Solver(self.matrix, upper=True)
@@ -81,7 +83,7 @@ class KKT:
 
     def solve(self, rhs: np.ndarray) -> tuple[np.ndarray, float]:
         """Return a refined u with K~ u = rhs and its relative residual."""
-        size = max(TINY, scaled_norm(rhs, self.data, self.diagonal))
+        size = max(TINY, float(np.abs(rhs / self.weight).max()))
         u = self.solve_once(rhs)
         res, other = self.residual, self.trial
         error = remainder(self.indptr, self.indices, self.data, rhs, u, res) / size
@@ -106,10 +108,9 @@ class KKT:
         self, rhs: np.ndarray, u: np.ndarray, error: float, size: float
     ) -> tuple[np.ndarray, float]:
         """One cycle of GMRES(8) from u, in the norm of `solve`; the better point."""
-        weight = 1.0 / np.maximum(1.0, np.abs(self.data[self.diagonal]))
         r = np.empty(self.size)
         remainder(self.indptr, self.indices, self.data, rhs, u, r)
-        r *= weight
+        r /= self.weight
         beta = float(np.linalg.norm(r))
         if not 0.0 < beta < np.inf:
             return u, error
@@ -120,9 +121,9 @@ class KKT:
         zero = np.zeros(self.size)
         used = 0
         for k in range(KRYLOV):
-            steps[k] = self.solve_once(basis[k] / weight)
+            steps[k] = self.solve_once(basis[k] * self.weight)
             remainder(self.indptr, self.indices, self.data, zero, steps[k], r)
-            r *= -weight
+            r /= -self.weight
             for _ in range(2):  # orthogonalised twice, or the basis degenerates
                 h = basis[: k + 1] @ r
                 r -= h @ basis[: k + 1]
@@ -185,17 +186,6 @@ def upper_triangle(
         k += 1
         column += 1
         indptr[column] = k
-
-
-@njit(cache=True, nogil=True)
-def scaled_norm(r, data, diagonal):  # pragma: no cover
-    """Return max |r_i| / max(1, |K~_ii|)."""
-    worst = 0.0
-    for i in range(r.size):
-        value = abs(r[i]) / max(1.0, abs(data[diagonal[i]]))
-        if not value <= worst:
-            worst = value
-    return worst
 
 
 @njit(cache=True, nogil=True)

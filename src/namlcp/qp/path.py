@@ -27,11 +27,10 @@ from namlcp.qp.steps import (
     advance,
     assemble,
     centred_target,
-    corrector_target,
     evaluate,
     piece_step,
     right_side,
-    shift_inside,
+    shifted_inside,
 )
 from namlcp.status import Status
 
@@ -46,7 +45,7 @@ GAIN = 0.02  # growth of the steps that pays for Gondzio's corrector
 PATIENCE = 100  # iterations without halving the worst residual before STALLED
 ACCURACY = 1e-4  # of the linear solves, relative to the tolerance
 EXACT = 1e-8  # tolerances up to this one ask for an exact finish in any case
-DOUBT = 25  # iterations without halving before the fallback QPs are asked
+DOUBT = 50  # iterations without halving before the fallback QPs are asked
 FALLBACK = Options(eps_abs=1e-10, eps_rel=1e-12, max_iter=60)
 NEAR = 1e-7  # a guess of x is on its bounds and rows within this
 
@@ -245,7 +244,7 @@ class Interior:
         self.dZ[:] = 0.0
         self.du[:] = 0.0
         if s.c.size:
-            shift_inside(self.W, self.Z)
+            self.W, self.Z = shifted_inside(self.W, self.Z)
         return True
 
     def evaluate(self) -> float:
@@ -286,9 +285,7 @@ class Interior:
             if not self.factor():
                 self.reg.strengthen()
                 continue
-            self.dW[:] = 0.0
-            self.dZ[:] = 0.0
-            corrector_target(W, Z, self.dW, self.dZ, 0.0, self.rc)
+            self.rc[:] = -W * Z
             self.direction()
             predicted = self.error
             if predicted <= POOR:
@@ -302,7 +299,7 @@ class Interior:
             sigma = min(max(self.length[2] / (m * mu), 0.0), 1.0) ** 3
             gap = self.options.eps_abs + self.options.eps_rel * self.norms[10]
             smu = max(sigma * mu, 0.01 * gap / m)
-            corrector_target(W, Z, self.dW, self.dZ, smu, self.rc)
+            self.rc[:] = smu - W * Z - self.dW * self.dZ
             self.direction()
             if self.length[0] + self.length[1] < LONG:
                 self.centre(smu)

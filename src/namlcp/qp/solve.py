@@ -11,9 +11,8 @@ import time
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 
-from namlcp.checks import QPData, qp_data, sparse_matrix, vector
+from namlcp.checks import QPData, as_dense, as_sparse, qp_data, vector
 from namlcp.lcp.solve import solve_box
 from namlcp.options import DEFAULT_OPTIONS, Options
 from namlcp.progress import QP_COLUMNS, Progress
@@ -235,7 +234,7 @@ def solve_dense(
         progress.announce(dense.solve)
     P, q, G, h, A, b, lb, ub = qp
     if not qp.is_dense:
-        P, G, A = P.toarray(), G.toarray(), A.toarray()
+        P, G, A = as_dense(P), as_dense(G), as_dense(A)
     code, pivots, x, y, z, z_box, numbers = dense.solve(
         P, q, G, h, A, b, lb, ub, guess, options.max_iter
     )
@@ -274,7 +273,7 @@ def solve_bounds(
         )
     residuals = qp_residuals(*qp, x, NOTHING, NOTHING, z_box)
     if residuals.solved(options.eps_abs, options.eps_rel):
-        certificates.check_convex(sp.csc_array(qp.P))
+        certificates.check_convex(as_sparse(qp.P))
         status = Status.SOLVED
     elif status is Status.SOLVED:
         status = Status.STALLED
@@ -292,7 +291,7 @@ def solve_path(
 ) -> Answer:
     """Follow the path, which is sparse."""
     if qp.is_dense:
-        qp = qp._replace(P=csc(qp.P), G=csc(qp.G), A=csc(qp.A))
+        qp = qp._replace(P=as_sparse(qp.P), G=as_sparse(qp.G), A=as_sparse(qp.A))
     report = None if progress is None else progress.row
     found = path.solve(qp, options, guess if guess.size else None, deadline, report)
     point = found.x, found.y, found.z, found.z_box
@@ -301,11 +300,6 @@ def solve_path(
     return Answer(
         found.status, *point, residuals, found.iterations, "path", found.message
     )
-
-
-def csc(C: np.ndarray) -> sp.csc_array:
-    """Return a dense matrix in the sparse form that the path wants."""
-    return sparse_matrix("matrix", sp.csc_array(C), "csc")
 
 
 def describe(qp: QPData, options: Options) -> str:

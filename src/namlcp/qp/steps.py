@@ -156,13 +156,6 @@ def piece_step(
 
 
 @njit(cache=True, nogil=True)
-def corrector_target(W, Z, dW, dZ, smu, rc):  # pragma: no cover
-    """Set rc = smu - WZ - dW dZ (Mehrotra); dW = dZ = 0 and smu = 0 predict."""
-    for k in range(W.size):
-        rc[k] = smu - W[k] * Z[k] - dW[k] * dZ[k]
-
-
-@njit(cache=True, nogil=True)
 def centred_target(W, Z, dW, dZ, primal, dual, smu, rc):  # pragma: no cover
     """Pull the products at the longer steps into [0.1, 10] smu (Gondzio 1996)."""
     a = min(1.0, 1.08 * primal + 0.08)
@@ -190,30 +183,11 @@ def advance(n, du, dW, dZ, primal, dual, x, y, W, Z, out):  # pragma: no cover
         out[1] = max(out[1], dual * abs(dZ[k]))
 
 
-@njit(cache=True, nogil=True)
-def shift_inside(W, Z):  # pragma: no cover
-    """Make W, Z > 0 by Mehrotra's shift (SIAM J. Optim. 2, 1992, sec. 7)."""
-    m = W.size
-    largest = 0.0
-    for k in range(m):
-        largest = max(largest, abs(W[k]), abs(Z[k]))
-    if largest <= 1e-4:
-        W[:] = 0.1
-        Z[:] = 0.1
-    dw = 0.0
-    dz = 0.0
-    for k in range(m):
-        dw = max(dw, -1.5 * W[k])
-        dz = max(dz, -1.5 * Z[k])
-    product = 0.0
-    sum_w = 0.0
-    sum_z = 0.0
-    for k in range(m):
-        W[k] += dw
-        Z[k] += dz
-        product += W[k] * Z[k]
-        sum_w += W[k]
-        sum_z += Z[k]
-    for k in range(m):
-        W[k] += 0.5 * product / sum_z
-        Z[k] += 0.5 * product / sum_w
+def shifted_inside(W: np.ndarray, Z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return W, Z > 0 by Mehrotra's shift (SIAM J. Optim. 2, 1992, sec. 7)."""
+    if max(np.abs(W).max(), np.abs(Z).max()) <= 1e-4:
+        return np.full(W.size, 0.1), np.full(Z.size, 0.1)
+    W = W + max(0.0, -1.5 * W.min())
+    Z = Z + max(0.0, -1.5 * Z.min())
+    product, sum_w, sum_z = W @ Z, W.sum(), Z.sum()
+    return W + 0.5 * product / sum_z, Z + 0.5 * product / sum_w
