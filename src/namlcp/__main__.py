@@ -18,6 +18,7 @@ import scipy.sparse as sp
 from scipy.io import loadmat
 
 import namlcp
+from namlcp.checks import INFINITE
 from namlcp.scenes import disc_pile, forced_obstacle, preview_control
 
 NPZ_NAMES = ("P", "q", "G", "h", "A", "b", "lb", "ub")
@@ -68,7 +69,7 @@ def read_mat(path: str) -> qpsolvers.Problem:
             f"{path}: A, l, u must have as many rows, at least one for each entry of "
             f"q, got {C.shape[0]}, {low.size}, {high.size} for {q.size}"
         )
-    low[low <= -1e20], high[high >= 1e20] = -np.inf, np.inf
+    low[low <= -INFINITE], high[high >= INFINITE] = -np.inf, np.inf
     C, (lb, ub), low, high = C[:m], (low[m:], high[m:]), low[:m], high[:m]
     equal = low == high
     above, below = ~equal & np.isfinite(high), ~equal & np.isfinite(low)

@@ -12,8 +12,9 @@ import numpy as np
 import scipy.sparse as sp
 from numba import njit
 
-# Bounds of at least this modulus mean "no bound", as in the QP collections.
-INFINITE = 1e20
+# Bounds of at least this modulus mean "no bound": 1e20 in the QP collections, where
+# scaling left some of them a few digits smaller.
+INFINITE = 0.999e20
 # P may differ from its transpose by this times max |P| (rounding); it is symmetrised.
 ASYMMETRY = 1e-10
 

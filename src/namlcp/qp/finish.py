@@ -63,7 +63,7 @@ class Finish:
             x, y, multiplier, slack = self.face.solution(s.q, s.c, active)
             Z = np.maximum(multiplier, 0.0)
             worst = self.offer(x, y, Z)
-            pays = worst <= 0.5 * best or s.kkt.indptr[-1] <= LARGE
+            pays = worst <= 0.5 * best or s.kkt.base.size <= LARGE
             best = min(best, worst)
             new = np.where(active, multiplier > -WRONG, slack < -WRONG)
             if best <= good or not pays or np.array_equal(new, active):

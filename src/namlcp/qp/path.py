@@ -18,7 +18,7 @@ from namlcp.checks import QPData
 from namlcp.options import Options
 from namlcp.qp import fallback
 from namlcp.qp.certificates import LoopTests, check_convex, contradiction
-from namlcp.qp.finish import Finish
+from namlcp.qp.finish import LARGE, Finish
 from namlcp.qp.judge import Judge
 from namlcp.qp.presolve import presolve
 from namlcp.qp.regularisation import POOR, Regularisation
@@ -38,7 +38,7 @@ Report = Callable[..., None]
 
 SHORT = 0.99  # fraction of the longest step
 ROUNDS = 6  # sets tried by one finish
-DROP = 0.03  # of the worst residual between two attempts to finish
+DROP = 0.1, 1e-3  # of the worst residual between two finishes, for small and large K
 GOOD = 1e-2  # judgement at which a finish stops mending the set
 LONG = 1.8  # sum of the steps above which Gondzio's corrector is not tried
 GAIN = 0.02  # growth of the steps that pays for Gondzio's corrector
@@ -165,7 +165,8 @@ class Interior:
             return Status.SOLVED
         if not self.start():
             return Status.NUMERICAL_ERROR
-        trigger = Trigger(self.tol)
+        large = self.problem.kkt.base.size > LARGE
+        trigger = Trigger(self.tol, DROP[large])
         active = self.Z > self.W
         mark, since = inf, 0
         for k in range(self.options.max_iter + 1):
@@ -357,9 +358,9 @@ class Interior:
 class Trigger:
     """When a finish can pay: near enough, better than last time, and a steady set."""
 
-    def __init__(self, tol: float) -> None:
-        """Residuals come in units of `tol`."""
-        self.tol = tol
+    def __init__(self, tol: float, drop: float) -> None:
+        """Residuals come in units of `tol`; `drop` is one of DROP."""
+        self.tol, self.drop = tol, drop
         self.last = inf
 
     def pulled(
@@ -367,7 +368,7 @@ class Trigger:
     ) -> bool:
         """Decide, and remember the residual of the attempt."""
         near = self.tol * worst < 1e-2 or mu < 1e-7
-        if not near or not worst <= DROP * self.last:
+        if not near or not worst <= self.drop * self.last:
             return False
         if worst >= 100.0 and not np.array_equal(active, before):
             return False

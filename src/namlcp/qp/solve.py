@@ -28,6 +28,9 @@ DENSE_ENTRIES = 600_000
 # Sparse problems below this many entries are cheaper as dense ones.
 SPARSE_ENTRIES = 10_000
 
+# A tolerance below this times the terms of the gap is decided by their rounding.
+ROUNDING = 1e-13
+
 NOTHING = np.empty(0)
 UNDEFINED = Residuals(*[np.nan] * 7)
 
@@ -250,6 +253,10 @@ def solve_dense(
         residuals, status = UNDEFINED, Status.PRIMAL_INFEASIBLE
     elif residuals.solved(options.eps_abs, options.eps_rel):
         status = Status.SOLVED
+        if residuals.gap_size * ROUNDING > options.eps_abs:
+            residuals = qp_residuals(*qp, x, y, z, z_box)
+            if not residuals.solved(options.eps_abs, options.eps_rel):
+                status = Status.STALLED
     if progress is not None:
         progress.row(pivots, *residuals[:3], 0.0, int((z > 0).sum()))
     return Answer(status, x, y, z, z_box, residuals, pivots, "dual", "")
