@@ -1,9 +1,12 @@
 """QPs with known answers, and what it means to solve one or to prove it impossible."""
 
+import os
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import block_diag, csc_array, eye_array
+from scipy.io import loadmat
+from scipy.sparse import block_diag, csc_array, csr_array, eye_array, vstack
 
 from namlcp.checks import QPData
 from namlcp.residuals import qp_residuals
@@ -120,6 +123,26 @@ def least_squares(n) -> QPData:
     G.eliminate_zeros()
     one = np.ones((1, n))
     return make_qp(eye_array(n), -i.astype(float), G, np.ones(n), one, [42.0], 0.0 * i)
+
+
+DATA = Path(
+    os.environ.get("NAMLCP_DATA", Path(__file__).resolve().parents[2] / "shared/data")
+)
+
+
+def maros_meszaros(name) -> QPData:
+    """Read a Maros-Meszaros problem: l <= Ax <= u, the last n rows are the bounds."""
+    data = loadmat(DATA / "maros_meszaros" / f"{name}.mat")
+    q, lower, upper = (data[key].ravel().astype(float) for key in ("q", "l", "u"))
+    lower[lower < -9e19], upper[upper > 9e19] = -np.inf, np.inf
+    rows = lower.size - q.size
+    C = csr_array(data["A"])[:rows]
+    equal = lower[:rows] == upper[:rows]
+    above = np.flatnonzero(~equal & np.isfinite(upper[:rows]))
+    below = np.flatnonzero(~equal & np.isfinite(lower[:rows]))
+    G, h = vstack((C[above], -C[below])), np.r_[upper[above], -lower[below]]
+    A, b = C[np.flatnonzero(equal)], upper[:rows][equal]
+    return make_qp(data["P"], q, G, h, A, b, lower[rows:], upper[rows:])
 
 
 def singular_block(seed, n) -> Known:

@@ -6,6 +6,7 @@ import time
 import numpy as np
 import pytest
 from problems_qp import (
+    DATA,
     HOCK_SCHITTKOWSKI,
     assert_certificate,
     assert_solves_qp,
@@ -13,15 +14,18 @@ from problems_qp import (
     infeasible,
     least_squares,
     make_qp,
+    maros_meszaros,
     singular_block,
     unbounded,
 )
 from scipy.sparse import csr_array, diags_array
 
 from namlcp.options import Options
+from namlcp.qp import fallback
 from namlcp.qp.certificates import check_convex
+from namlcp.qp.judge import Judge
 from namlcp.qp.kkt import KKT
-from namlcp.qp.path import solve
+from namlcp.qp.path import PathResult, solve
 from namlcp.qp.presolve import presolve
 from namlcp.qp.scaling import ScaledQP
 from namlcp.residuals import qp_residuals
@@ -258,6 +262,37 @@ def test_scaled_rows_and_columns(seed):
         0.5 * (P + P.T), q * d, E @ G @ D, h * e, F @ A @ D, b * f, lb / d, ub / d
     )
     assert_solves_qp(qp, solve(qp, DEFAULT))
+
+
+@pytest.mark.parametrize("kind", [infeasible, unbounded])
+def test_fallback_decides_alone(kind):
+    qp = kind(0, 10, 20, 3, 4)
+    judge = Judge(qp, DEFAULT)
+    loose = Options(eps_abs=1e-10, eps_rel=1e-12)
+    verdict = fallback.decide(judge, lambda other: solve(other, loose))
+    assert verdict is not None
+    status, (x, y, z, z_box) = verdict
+    assert_certificate(qp, PathResult(status, x, y, z, z_box, 0, ""))
+
+
+@pytest.mark.skipif(
+    not (DATA / "maros_meszaros").is_dir(),
+    reason="no Maros-Meszaros data: set NAMLCP_DATA to the data folder",
+)
+@pytest.mark.parametrize(
+    "name",
+    [
+        "AUG3DCQP", "CONT-050", "CVXQP1_S", "DUALC1", "HS118", "HUES-MOD", "KSIP",
+        "LASER", "LISWET3", "MOSARQP2", "PRIMAL1", "QADLITTL", "QAFIRO", "QBANDM",
+        "QCAPRI", "QPCBLEND", "QPCBOEI2", "QRECIPE", "QSCTAP1", "YAO",
+    ],
+)  # fmt: skip
+def test_maros_meszaros(name):
+    qp = maros_meszaros(name)
+    result = solve(qp, Options(eps_abs=1e-6, eps_rel=0.0))
+    assert result.status is Status.SOLVED
+    residuals = qp_residuals(*qp, result.x, result.y, result.z, result.z_box)
+    assert residuals.solved(1e-6, 0.0)
 
 
 def test_presolve_recovers_exactly():

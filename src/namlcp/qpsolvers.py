@@ -2,10 +2,15 @@
 
 import importlib
 import time
+import warnings
 from typing import Any
 
 import numpy as np
-import qpsolvers
+
+with warnings.catch_warnings():
+    # Alone on a machine, qpsolvers warns that it has no solver: it is about to.
+    warnings.filterwarnings("ignore", message="no QP solver found")
+    import qpsolvers
 from qpsolvers.exceptions import ParamError, ProblemError, SolverError
 
 from namlcp.checks import qp_data, vector

@@ -19,17 +19,21 @@ from namlcp.lcp.dominant import dominance, relaxation, solve_dominant
 from namlcp.lcp.interior import follow
 from namlcp.lcp.matrix import Columns, columns_of
 from namlcp.lcp.pivoting import (
+    BEST,
     BEST_Z,
+    BLOCK_STEPS,
     CENTRE,
     EPS_ABS,
     EPS_REL,
     FACTORED,
+    FEWEST,
     LOWER,
+    MOST_RHO,
     ORDERED,
     ORDERINGS,
-    OUTER,
     OUTSIDE,
     PATHED,
+    PATIENCE,
     RANK,
     RHO,
     RHS,
@@ -37,7 +41,6 @@ from namlcp.lcp.pivoting import (
     SIZE,
     STATE,
     UPPER,
-    BEST,
     D,
     Q,
     Work,
@@ -69,7 +72,11 @@ BITSETS = 20_000
 DENSE_LU = 600
 """Up to this order faces of sparse unsymmetric matrices go to dense LU."""
 
+LAST_STEPS = 200
+"""So many factorisations, and one for each unknown, are left to a hopeless case."""
+
 PATH_STEPS = 60
+PATH_CHUNK = 5
 PATH_TARGET = 1e-8
 
 RAY_TOLERANCE = 1e-9
@@ -154,9 +161,12 @@ def solve_by_sweeps(
             return None
         status, w, more = solve_dominant(*problem, WORTH, deadline)
         done += more
-    if status in (Status.SOLVED, Status.TIME_LIMIT):
-        return Outcome(status, z, w, done, None)
-    return None
+    if status not in (Status.SOLVED, Status.TIME_LIMIT):
+        return None
+    if report is not None:
+        active = np.count_nonzero((z == lower) | (z == upper))
+        report(done, residuals(z, w, lower, upper, root)[0], active)
+    return Outcome(status, z, w, done, None)
 
 
 def at_zero(
@@ -206,11 +216,11 @@ def solve_box(
     n = q.size
     columns = columns_of(A, symmetric)
     work = workspace(columns, n)
-    vectors, count, number = work.vectors, work.count, work.number
+    vectors, scalar = work.vectors, work.scalar
     vectors[Q], vectors[LOWER], vectors[UPPER] = q, lower, upper
     if z0 is not None:
         vectors[Z] = z0
-    number[EPS_ABS], number[EPS_REL] = eps_abs, eps_rel
+    scalar[EPS_ABS], scalar[EPS_REL] = eps_abs, eps_rel
     compressed = columns.dense.shape[0] == 0
     if symmetric and compressed and n > BITSETS:
         set_order(A, work)
@@ -221,11 +231,11 @@ def solve_box(
     z = vectors[BEST_Z] * vectors[D]
     np.clip(z, lower, upper, out=z)
     w = A @ z + q
-    if status is Status.SOLVED and number[SIZE] > 0.0:
+    if status is Status.SOLVED and scalar[SIZE] > 0.0:
         plain, scaled = residuals(z, w, lower, upper, 1.0 / vectors[D])
-        if not (plain < eps_abs or scaled <= eps_rel * number[SIZE]):
+        if not (plain < eps_abs or scaled <= eps_rel * scalar[SIZE]):
             status = Status.STALLED
-    return Outcome(status, z, w, int(count[FACTORED]), ray)
+    return Outcome(status, z, w, int(work.counter[FACTORED]), ray)
 
 
 def drive(
@@ -240,39 +250,60 @@ def drive(
     report: Report,
 ) -> tuple[Status, np.ndarray | None]:
     """Call `pivot` until it is done, and do for it what it asks for."""
-    count, n = work.count, q.size
+    counter, n = work.counter, q.size
     chunk = 1 if n > 500 or report is not None else 50
-    code = pivoting.GO_ON
-    while True:
-        if code == pivoting.PATH:
-            if not outside:
-                follow(symmetric, work, PATH_TARGET, PATH_STEPS)
-            count[PATHED] = 1
-        elif code == pivoting.FACE:
-            solve_outside(work, columns)
-            count[FACTORED] += 1
-        elif code == pivoting.RAY:
+    code = pivoting.MORE
+    while code != pivoting.SOLVED:
+        done = int(counter[FACTORED])
+        # Murty's rule may go round in circles where a minor was seen to be negative.
+        limit = min(max_iter, LAST_STEPS + n) if hopeless(work) else max_iter
+        if code == pivoting.STUCK or done >= limit:
+            status = Status.STALLED if code == pivoting.STUCK else Status.MAX_ITER
+            return (Status.UNSOLVABLE if counter[OUTSIDE] else status), None
+        if done > 0 and time.perf_counter() >= deadline:
+            return Status.TIME_LIMIT, None
+        if code == pivoting.RAY:
             ray = proof(A, q, work.vectors[RHS] * work.vectors[D], work)
             if ray is not None:
                 return Status.UNSOLVABLE, ray
-        if report is not None and count[FACTORED]:
-            residual = work.number[BEST]
-            report(int(count[FACTORED]), residual, np.count_nonzero(work.marks[STATE]))
-        left = max_iter - int(count[FACTORED])
-        if count[OUTSIDE] and count[PATHED]:
-            left = min(left, 200 + n - int(count[FACTORED]))
+        elif code == pivoting.STAGNATED:
+            cure(A, work, symmetric, outside, deadline)
         if code == pivoting.FACE:
+            solve_outside(work)
             code = resume(symmetric, work)
         else:
-            code = pivot(columns, symmetric, work, min(chunk, left), outside)
-        if code == pivoting.SOLVED:
-            return Status.SOLVED, None
-        if code == pivoting.STUCK:
-            return (Status.UNSOLVABLE if count[OUTSIDE] else Status.STALLED), None
-        if left <= 0:
-            return (Status.UNSOLVABLE if count[OUTSIDE] else Status.MAX_ITER), None
-        if time.perf_counter() >= deadline:
-            return Status.TIME_LIMIT, None
+            budget = min(chunk, limit - done)
+            code = pivot(columns, symmetric, work, budget, outside)
+        if report is not None and counter[FACTORED] > done:
+            active = np.count_nonzero(work.marks[STATE])
+            report(int(counter[FACTORED]), work.scalar[BEST], active)
+    return Status.SOLVED, None
+
+
+def hopeless(work: Work) -> bool:
+    """Tell whether A is not a P-matrix and the path has failed."""
+    return bool(work.counter[OUTSIDE] and work.counter[PATHED])
+
+
+def cure(A: Any, work: Work, symmetric: bool, outside: bool, deadline: float) -> None:
+    """Get block pivoting going again: once by the path, then by a larger rho."""
+    counter, vectors, scalar = work.counter, work.vectors, work.scalar
+    if not counter[PATHED]:
+        if outside:
+            counter[PATHED] = 1
+            return
+        chunk = PATH_STEPS if math.isinf(deadline) else PATH_CHUNK
+        for _ in range(PATH_STEPS // chunk):
+            taken = follow(symmetric, work, PATH_TARGET, chunk)
+            if taken < chunk or time.perf_counter() >= deadline:
+                return
+    else:
+        s = vectors[CENTRE] - vectors[Q]
+        s -= vectors[D] * (A @ (vectors[D] * vectors[CENTRE]))
+        at_upper = np.where(s >= vectors[UPPER], 1, 0)
+        work.marks[STATE] = np.where(s <= vectors[LOWER], -1, at_upper)
+        scalar[RHO] = min(1000.0 * scalar[RHO], MOST_RHO)
+        counter[FEWEST], counter[PATIENCE] = s.size + 1, BLOCK_STEPS
 
 
 def set_order(A: Any, work: Work) -> None:
@@ -285,16 +316,17 @@ def set_order(A: Any, work: Work) -> None:
     order = qdldl.Solver(pattern).factors()[2]
     work.marks[SEQUENCE] = order
     work.marks[RANK][order] = np.arange(n)
-    work.count[ORDERED], work.count[ORDERINGS] = n, 2
+    work.counter[ORDERED], work.counter[ORDERINGS] = n, 2
 
 
-def solve_outside(work: Work, columns: Columns) -> None:
+def solve_outside(work: Work) -> None:
     """Solve the face system of `work` by sparse LU, for unsymmetric matrices."""
     scaled, vectors = work.scaled, work.vectors
+    work.counter[FACTORED] += 1
     n = vectors.shape[1]
     face = np.flatnonzero(work.marks[STATE] == 0)
     A = sparse.csc_array((scaled.data, scaled.indices, scaled.indptr), shape=(n, n))
-    shift = work.number[RHO] * sparse.eye_array(face.size)
+    shift = work.scalar[RHO] * sparse.eye_array(face.size)
     try:
         factor = splu(sparse.csc_array(A[:, face].tocsr()[face] + shift))
         vectors[Z][face] = factor.solve(vectors[RHS][face])
@@ -302,25 +334,22 @@ def solve_outside(work: Work, columns: Columns) -> None:
         vectors[Z][face] = np.nan
 
 
-def proof(
-    A: Any, q: np.ndarray, v: np.ndarray, work: Work
-) -> np.ndarray | None:
+def proof(A: Any, q: np.ndarray, v: np.ndarray, work: Work) -> np.ndarray | None:
     """Return v scaled to q'v = -1 if it proves that there is no solution, else None.
 
-    v is zero where it would leave a finite bound, hence v'w >= 0 for every solution;
-    but v'w = z'A'v + q'v, and A'v is <= 0 where z >= 0 (0 where z is free): v'w < 0.
-    Holds for every A.
+    v is 0 on the side of every finite bound, hence v'w >= 0 for every solution. But
+    v'w = z'(A'v) + q'v, and z'(A'v) <= 0 for every z in the box: a contradiction. This
+    needs no property of A; a symmetric semidefinite A has A v = 0.
     """
     lower, upper, d = work.vectors[LOWER], work.vectors[UPPER], work.vectors[D]
-    fall = q @ v
-    if not fall < 0.0:
+    v = np.where(np.abs(v / d) <= RAY_TOLERANCE * np.max(np.abs(v / d)), 0.0, v)
+    into_bound = (v > 0.0) & (upper < math.inf) | (v < 0.0) & (lower > -math.inf)
+    fall = float(q @ v)
+    if not fall < 0.0 or np.any(into_bound):
         return None
     v = v / -fall
-    Av = (A.T @ v) * d
-    bound = RAY_TOLERANCE * np.max(np.abs(v / d))
-    sides = np.where(Av > 0.0, upper, lower)
-    Av[np.abs(Av) <= bound] = 0.0
-    if np.any(np.isinf(sides) & (Av != 0.0)):
-        return None
-    support = float(np.sum(np.where(Av != 0.0, sides, 0.0) * Av))
-    return v if support < 0.5 else None
+    slope = d * (A.T @ v)
+    slope[np.abs(slope) <= RAY_TOLERANCE * np.max(np.abs(v / d))] = 0.0
+    moving = slope != 0.0
+    side = np.where(slope > 0.0, upper, lower)[moving]
+    return v if side @ slope[moving] < 0.5 else None

@@ -20,6 +20,9 @@ INDEFINITE = 2
 JITTER = 1e-11
 """Added to the diagonal of a face that Cholesky refuses."""
 
+LEAST_MINOR = 1e-10
+"""Pivots of LU below it leave the sign of the determinant open."""
+
 LEAST_PIVOT = -1e-7
 """A smaller pivot of L D L' is no rounding error: the matrix is indefinite."""
 
@@ -27,9 +30,9 @@ LEAST_PIVOT = -1e-7
 class Ordering(NamedTuple):
     """Elimination order of the unknowns met so far.
 
-    sequence (n,) int32 begins with the `number[0]` unknowns in order; rank (n,) int32 is
-    their place in it, -1 for others; number[1] counts how often it was made. local (n,)
-    int32 is -1 between calls.
+    sequence (n,) int32 begins with the number[0] unknowns in order; rank (n,) int32 is
+    their place in it, -1 for others; number[1] counts how often an order was made.
+    local (n,) int32 is -1 between calls.
     """
 
     sequence: np.ndarray
@@ -99,10 +102,13 @@ def dense_factor(columns, symmetric, shift, factor, local):
     if lu(M, factor.pivots) > 0:
         return SINGULAR
     positive = True
+    least = np.inf
     for k in range(m):
+        least = min(least, abs(M[k, k]))
         positive ^= M[k, k] < 0.0
         positive ^= factor.pivots[k] != k + 1
-    return REGULAR if positive else INDEFINITE
+    # No P-matrix has a negative minor, but the sign of a tiny one is rounding.
+    return INDEFINITE if least > LEAST_MINOR and not positive else REGULAR
 
 
 @inner
@@ -151,14 +157,12 @@ def analyse(columns, symmetric, state, ordering):
     no_data = np.empty(0)
     if symmetric and m > SMALL and columns.dense.shape[0] == 0:
         order = ordered(columns, state, ordering)
-        parent = np.empty(m, dtype=np.int32)
-        counts = np.empty(m, dtype=np.int32)
+        tree = np.empty((2, m), dtype=np.int32)
+        parent, counts = tree[0], tree[1]
         local = ordering.local
         for k in range(m):
             local[order[k]] = k
-        flops = symbolic(
-            columns.indices, columns.indptr, order, local, parent, counts
-        )
+        flops = symbolic(columns.indices, columns.indptr, order, local, parent, counts)
         for k in range(m):
             local[order[k]] = -1
         if 10.0 * flops <= m * (m * (m / 3.0)) + 5000.0:

@@ -9,18 +9,20 @@ import numpy as np
 from numba import njit
 
 from namlcp.lcp.faces import analyse, refactor, solve_face
-from namlcp.lcp.matrix import copy, inner, largest
+from namlcp.lcp.matrix import add_product, copy, inner, largest
 from namlcp.lcp.pivoting import (
     BEST,
     CENTRE,
+    FIRST_MU,
+    PATH,
     PATHED,
+    RHO,
     SIZE,
     STATE,
     WL,
     WU,
     W,
     Z,
-    evaluate,
     ordering_in,
     problem_in,
     record,
@@ -37,7 +39,6 @@ def enter(problem, z, w, wl, wu):
     """Push z inside its bounds and choose multipliers, all by 0.1 max|w|."""
     lower, upper = problem.lower, problem.upper
     n = z.size
-    evaluate(problem, z, w)
     size = largest(w)
     if size == 0.0:
         size = 1.0
@@ -120,21 +121,23 @@ def direction(problem, factor, z, w, wl, wu, mu, corrector, rhs, dz, dwl, dwu):
 
 
 @inner
-def walk(problem, ordering, state, z, w, wl, wu, target, steps):
+def walk(problem, ordering, state, z, w, wl, wu, first, target, steps):
     """Follow the path from (z, wl, wu) until Res(z) <= target, `steps` at most.
 
-    `state` is -1 for the fixed unknowns, 0 for all others. Returns the steps taken.
+    `state` is -1 for the fixed unknowns, 0 for all others; `first` is the mu that the
+    path began with, 0 to measure it. Returns the steps taken and `first`.
     """
     lower, upper = problem.lower, problem.upper
     n = z.size
-    shift, rhs, dz = np.empty(n), np.empty(n), np.zeros(n)
-    dwl, dwu = np.zeros(n), np.zeros(n)
+    memory = np.zeros((5, n))
+    shift, rhs, dz, dwl, dwu = memory[0], memory[1], memory[2], memory[3], memory[4]
     factor = analyse(problem.columns, problem.symmetric, state, ordering)
-    first = complementarity(lower, upper, z, wl, wu, dz, dwl, dwu, 0.0)
-    for k in range(steps):
-        evaluate(problem, z, w)
-        if residuals(z, w, lower, upper, problem.d)[0] <= target:
-            return k
+    for k in range(steps + 1):
+        copy(problem.q, w)
+        add_product(problem.columns, z, w)
+        done = residuals(z, w, lower, upper, problem.d)[0] <= target
+        if done or k == steps:
+            break
         for i in range(n):
             shift[i] = REGULARISATION
             if wl[i] > 0.0:
@@ -143,25 +146,26 @@ def walk(problem, ordering, state, z, w, wl, wu, target, steps):
                 shift[i] += wu[i] / (upper[i] - z[i])
         refactor(problem.columns, problem.symmetric, shift, factor, ordering.local)
         mu = complementarity(lower, upper, z, wl, wu, dz, dwl, dwu, 0.0)
+        first = max(first, mu)
         centre = 0.0
         for corrector in range(2):
             direction(
                 problem, factor, z, w, wl, wu, centre, corrector, rhs, dz, dwl, dwu
             )
             step = longest_step(lower, upper, z, wl, wu, dz, dwl, dwu)
-            if corrector == 0:
+            if corrector == 0 and mu > 0.0:
                 affine = complementarity(
                     lower, upper, z, wl, wu, dz, dwl, dwu, min(1.0, step)
                 )
-                centre = mu * (affine / mu) ** 3 if mu > 0.0 else 0.0
+                centre = mu * (affine / mu) ** 3
         step = min(1.0, 0.995 * max(0.95, 1.0 - mu / first) * step)
         if not step > 1e-12:
-            return k
+            break
         for i in range(n):
             z[i] += step * dz[i]
             wl[i] += step * dwl[i]
             wu[i] += step * dwu[i]
-    return steps
+    return k, first
 
 
 @inner
@@ -170,36 +174,42 @@ def adopt(problem, work, z):
     vectors, state = work.vectors, work.marks[STATE]
     wl, wu = vectors[WL], vectors[WU]
     copy(z, vectors[Z])
-    evaluate(problem, z, vectors[W])
-    before = work.number[BEST]
+    before = work.scalar[BEST]
     record(problem, work)
-    if work.number[BEST] < before:
+    if work.scalar[BEST] < before:
         for i in range(z.size):
             at_lower = z[i] - problem.lower[i] < wl[i]
             at_upper = problem.upper[i] - z[i] < wu[i]
             fixed = problem.lower[i] == problem.upper[i]
             state[i] = -1 if at_lower or fixed else (1 if at_upper else 0)
         copy(z, vectors[CENTRE])
-    restart(work, work.number[RHO])
+    restart(work, work.scalar[RHO])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def follow(symmetric, work, target, steps):
-    """Follow the path from the centre of `work`, put its end there with its states.
+    """Follow the path and give `work` its end, with the states it tells.
 
-    Returns the steps taken; ends when Res <= target * number[SIZE].
+    The first call starts from the centre, another goes on. Ends after `steps`, or when
+    Res <= target * scalar[SIZE]. Returns the steps taken.
     """
     problem = problem_in(work, symmetric)
-    ordering = ordering_in(work)
-    n = problem.q.size
-    z, w, wl, wu = np.empty(n), work.vectors[W], work.vectors[WL], work.vectors[WU]
-    state = np.zeros(n, dtype=np.int32)
-    for i in range(n):
-        state[i] = -(problem.lower[i] == problem.upper[i])
-    copy(work.vectors[CENTRE], z)
-    enter(problem, z, w, wl, wu)
-    goal = target * work.number[SIZE]
-    taken = walk(problem, ordering, state, z, w, wl, wu, goal, steps)
-    work.count[PATHED] = 1
+    vectors, scalar = work.vectors, work.scalar
+    z, w, wl, wu = vectors[PATH], vectors[W], vectors[WL], vectors[WU]
+    if not work.counter[PATHED]:
+        work.counter[PATHED] = 1
+        copy(vectors[CENTRE], z)
+        copy(problem.q, w)
+        add_product(problem.columns, z, w)
+        enter(problem, z, w, wl, wu)
+    state = np.zeros(z.size, dtype=np.int32)
+    for i in range(z.size):
+        if problem.lower[i] == problem.upper[i]:
+            state[i] = -1
+    taken, first = walk(
+        problem, ordering_in(work), state, z, w, wl, wu,
+        scalar[FIRST_MU], target * scalar[SIZE], steps,
+    )  # fmt: skip
+    scalar[FIRST_MU] = first
     adopt(problem, work, z)
     return taken

@@ -12,6 +12,9 @@ import numpy as np
 
 from namlcp.lcp.matrix import inner
 
+NONE = np.int32(-1)
+"""No node, no list."""
+
 PIVOT_FLOOR = 1e-14
 """Smallest pivot: A has a unit diagonal, so this is rounding of a singular face."""
 
@@ -58,14 +61,12 @@ def numeric(columns, shift, order, position, parent, Lp, Li, Lx, D):
     smallest : float
         The smallest pivot before that; clearly negative means indefinite.
     """
-    dense, data, indices, indptr = columns
+    data, indices, indptr = columns.data, columns.indices, columns.indptr
     m = order.size
     y = np.zeros(m)
-    pattern = np.empty(m, dtype=np.int32)
-    flag = np.empty(m, dtype=np.int32)
-    ends = np.empty(m, dtype=np.int64)
-    for k in range(m):
-        ends[k] = Lp[k]
+    marks = np.empty((2, m), dtype=np.int32)
+    pattern, flag = marks[0], marks[1]
+    ends = Lp.copy()
     smallest = np.inf
     for k in range(m):
         flag[k] = k
@@ -130,7 +131,10 @@ def popcount(word):
         (word >> np.uint64(2)) & np.uint64(0x3333333333333333)
     )
     word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
-    return np.int32((word * np.uint64(0x0101010101010101)) >> np.uint64(56))
+    word += word >> np.uint64(8)
+    word += word >> np.uint64(16)
+    word += word >> np.uint64(32)
+    return np.int32(word & np.uint64(0x7F))
 
 
 @inner
@@ -177,13 +181,12 @@ def minimum_degree(indices, indptr, nodes, local, sequence):
     graph = np.zeros((m, (m + 63) // 64), dtype=np.uint64)
     for v in range(m):
         local[nodes[v]] = v
-    degree = np.zeros(m, dtype=np.int32)
-    head = np.empty(m, dtype=np.int32)
-    after = np.empty(m, dtype=np.int32)
-    before = np.empty(m, dtype=np.int32)
-    neighbours = np.empty(m, dtype=np.int32)
+    marks = np.empty((5, m), dtype=np.int32)
+    degree, head, after, before = marks[0], marks[1], marks[2], marks[3]
+    neighbours = marks[4]
     for v in range(m):
-        head[v] = -1
+        degree[v] = 0
+        head[v] = NONE
     for v in range(m - 1, -1, -1):
         j = nodes[v]
         for p in range(indptr[j], indptr[j + 1]):
@@ -191,7 +194,7 @@ def minimum_degree(indices, indptr, nodes, local, sequence):
             if u >= 0 and u != v:
                 graph[v, u >> 6] |= one << np.uint64(u & 63)
                 degree[v] += 1
-        move(v, degree[v], -1, head, after, before)
+        move(np.int32(v), degree[v], NONE, head, after, before)
     least = 0
     done = 0
     while done < m:
@@ -200,7 +203,7 @@ def minimum_degree(indices, indptr, nodes, local, sequence):
         if least >= m - done - 1:
             break  # what is left is a clique
         v = head[least]
-        move(v, -1, degree[v], head, after, before)
+        move(np.int32(v), NONE, degree[v], head, after, before)
         degree[v] = -1
         sequence[done] = nodes[v]
         done += 1
@@ -209,13 +212,13 @@ def minimum_degree(indices, indptr, nodes, local, sequence):
         for t in range(size):
             u = neighbours[t]
             joined = graph[u]
-            count = 0
+            count = np.int32(0)
             for b in range(row.size):
                 joined[b] |= row[b]
             joined[v >> 6] &= ~(one << np.uint64(v & 63))
             joined[u >> 6] &= ~(one << np.uint64(u & 63))
             for b in range(row.size):
-                count += popcount(joined[b])
+                count = np.int32(count + popcount(joined[b]))
             move(u, count, degree[u], head, after, before)
             degree[u] = count
             least = min(least, count)

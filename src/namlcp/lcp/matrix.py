@@ -1,7 +1,7 @@
 """The matrix of a box LCP as compiled code sees it: its columns, dense or compressed.
 
-Compiled code only ever walks **columns**: an unknown that moves changes w = A z + q by a
-multiple of its column, and unknowns at zero cost nothing. The columns of a symmetric
+Compiled code only ever walks **columns**: an unknown that moves changes w = A z + q by
+a multiple of its column, and unknowns at zero cost nothing. The columns of a symmetric
 matrix are its rows, so no copy is made.
 """
 
@@ -14,10 +14,14 @@ from scipy import sparse
 SMALL = 24
 """Up to this order everything is dense."""
 
-inner = njit(
-    nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True
-)
-"""For functions that only compiled code calls: they are part of its cache entry, and
+INNER: dict[str, Any] = {
+    "nogil": True,
+    "error_model": "numpy",
+    "no_cpython_wrapper": True,
+    "no_cfunc_wrapper": True,
+}
+inner = njit(**INNER)
+"""For functions that only compiled code calls: they are kept in its cache entry, and
 without a door to Python of their own they compile in two thirds of the time."""
 
 
@@ -124,3 +128,12 @@ def largest(x):
     for i in range(x.size):
         size = max(size, abs(x[i]))
     return size
+
+
+@inner
+def is_finite(x):
+    """Tell whether there is neither NaN nor infinity in x."""
+    for i in range(x.size):
+        if not abs(x[i]) < np.inf:
+            return False
+    return True

@@ -2,10 +2,10 @@
 
 Every unknown is at its lower bound (state -1), at its upper bound (1) or free (0). With
 the bounded ones fixed, the free ones solve (A_FF + rho I) z_F = rhs; whoever has the
-wrong sign then changes state: all of them (Judice and Pires, Computers Ops Res 21 (1994)
-587-596), or only the last one (Murty 1974) when nothing else makes progress, which ends
-after finitely many steps for every P-matrix. The proximal loop around it (centre c, rho
-relative to the unit diagonal) carries singular matrices and refines the others.
+wrong sign then changes state: all of them (Judice and Pires, Computers Ops Res 21
+(1994) 587-596), or only the last one (Murty 1974) when nothing else makes progress,
+which ends after finitely many steps for every P-matrix. The proximal loop around it
+(rho, relative to the unit diagonal) carries singular matrices and refines the others.
 
 All of it is one compiled call, `pivot`, which comes back with a reason: see the codes.
 """
@@ -15,14 +15,8 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from namlcp.lcp.faces import (
-    INDEFINITE,
-    REGULAR,
-    Ordering,
-    analyse,
-    refactor,
-    solve_face,
-)
+from namlcp.lcp import faces
+from namlcp.lcp.faces import Ordering, analyse, refactor, solve_face
 from namlcp.lcp.matrix import (
     Columns,
     add_column,
@@ -30,6 +24,7 @@ from namlcp.lcp.matrix import (
     copy,
     diagonal,
     inner,
+    is_finite,
     largest,
     scale,
 )
@@ -38,20 +33,20 @@ from namlcp.lcp.matrix import (
 GO_ON = -1  # never returned
 SOLVED = 0
 MORE = 1  # the budget of factorisations is used up
-PATH = 2  # stagnated: `interior.follow`, then come back
+STAGNATED = 2  # block pivoting makes no progress: for the caller to cure
 FACE = 3  # the caller is to solve the face system, right side in RHS, answer to Z
-RAY = 4  # RHS may be a direction that proves that there is no solution
+RAY = 4  # RHS may prove that there is no solution
 STUCK = 5  # nothing else to try
 
 # Rows of `Work.vectors`; Q, LOWER, UPPER belong to the scaled problem.
-Q, LOWER, UPPER, D, Z, W, CENTRE, BEST_Z, RHS, SHIFT, WL, WU = range(12)
+Q, LOWER, UPPER, D, Z, W, CENTRE, BEST_Z, RHS, SHIFT, PATH, WL, WU = range(13)
 # Rows of `Work.marks`.
 STATE, GOAL, UNIT, SEQUENCE, RANK, LOCAL = range(6)
-# Places in `Work.count`.
+# Places in `Work.counter`.
 STARTED, FACTORED, OUTER, FEWEST, PATIENCE, STALE, PATHED, OUTSIDE = range(8)
 ORDERED, ORDERINGS = 8, 9
-# Places in `Work.number`.
-RHO, TOLERANCE, SIZE, EPS_ABS, EPS_REL, BEST, MET = range(7)
+# Places in `Work.scalar`.
+RHO, TOLERANCE, SIZE, EPS_ABS, EPS_REL, BEST, MET, FIRST_MU = range(8)
 
 OMEGA = 1.4
 SWEEPS = 30
@@ -64,13 +59,17 @@ EXACT = 1e-15
 
 
 class Work(NamedTuple):
-    """All memory of one solve, made by `workspace`: the scaled matrix and the rest."""
+    """All memory of one solve, made by `workspace`; the rows and places are above.
+
+    scaled: the matrix with a unit diagonal. vectors (13, n), marks (6, n) int32,
+    counter (10,) int64, scalar (8,).
+    """
 
     scaled: Columns
     vectors: np.ndarray
     marks: np.ndarray
-    count: np.ndarray
-    number: np.ndarray
+    counter: np.ndarray
+    scalar: np.ndarray
 
 
 class Problem(NamedTuple):
@@ -94,10 +93,10 @@ def workspace(columns: Columns, n: int) -> Work:
     marks[RANK:] = -1
     return Work(
         scaled,
-        np.zeros((12, n)),
+        np.zeros((13, n)),
         marks,
         np.zeros(10, dtype=np.int64),
-        np.zeros(7),
+        np.zeros(8),
     )
 
 
@@ -114,7 +113,7 @@ def problem_in(work, symmetric):
 def ordering_in(work):
     """Return the elimination order as views of the workspace."""
     m = work.marks
-    return Ordering(m[SEQUENCE], m[RANK], m[LOCAL], work.count[ORDERED:])
+    return Ordering(m[SEQUENCE], m[RANK], m[LOCAL], work.counter[ORDERED:])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -129,22 +128,6 @@ def residuals(z, w, lower, upper, d):
         r = t - min(max(t - w[i] / d[i], lower[i] * d[i]), upper[i] * d[i])
         there += r * r
     return np.sqrt(here), np.sqrt(there)
-
-
-@inner
-def evaluate(problem, z, w):
-    """Write A z + q to w."""
-    copy(problem.q, w)
-    add_product(problem.columns, z, w)
-
-
-@inner
-def set_states(problem, z, w, state):
-    """Guess the state of every unknown from z - w."""
-    lower, upper = problem.lower, problem.upper
-    for i in range(z.size):
-        s = z[i] - w[i]
-        state[i] = -1 if s <= lower[i] else (1 if s >= upper[i] else 0)
 
 
 @inner
@@ -176,7 +159,7 @@ def relax(problem, z, w, state):
 @inner
 def record(problem, work):
     """Judge z, w, keep z if it is the best so far; return whether it is much better."""
-    number = work.number
+    number = work.scalar
     scaled, plain = residuals(
         work.vectors[Z], work.vectors[W], problem.lower, problem.upper, problem.d
     )
@@ -190,12 +173,24 @@ def record(problem, work):
 
 
 @inner
+def clip_rounding(problem, work):
+    """Clip z if no free unknown is outside its bounds by more than the tolerance."""
+    z, lower, upper = work.vectors[Z], problem.lower, problem.upper
+    tolerance = work.scalar[TOLERANCE]
+    for i in range(z.size):
+        if not lower[i] - tolerance <= z[i] <= upper[i] + tolerance:
+            return
+    for i in range(z.size):
+        z[i] = min(max(z[i], lower[i]), upper[i])
+
+
+@inner
 def mark(problem, work):
     """Write to GOAL the state each unknown belongs to; return how many are wrong."""
     z, w, centre = work.vectors[Z], work.vectors[W], work.vectors[CENTRE]
     lower, upper = problem.lower, problem.upper
     state, goal = work.marks[STATE], work.marks[GOAL]
-    rho, tolerance = work.number[RHO], work.number[TOLERANCE]
+    rho, tolerance = work.scalar[RHO], work.scalar[TOLERANCE]
     wrong = 0
     for i in range(z.size):
         goal[i] = state[i]
@@ -213,51 +208,35 @@ def mark(problem, work):
 
 @inner
 def may_be_ray(problem, v):
-    """Tell whether v, scaled here to max|v| = 1, looks like a Farkas direction."""
-    lower, upper, q = problem.lower, problem.upper, problem.q
-    size = largest(v)
+    """Tell whether v leads down, and into infinite sides only (up to rounding)."""
+    lower, upper = problem.lower, problem.upper
+    least = 1e-9 * largest(v)
     descent = 0.0
     for i in range(v.size):
-        v[i] /= size
-        if abs(v[i]) <= 1e-9:
-            v[i] = 0.0
-        if (v[i] > 0.0 and upper[i] < np.inf) or (v[i] < 0.0 and lower[i] > -np.inf):
+        if (v[i] > least and upper[i] < np.inf) or (
+            v[i] < -least and lower[i] > -np.inf
+        ):
             return False
-        descent += q[i] * v[i]
-    if not descent < -1e-9 * largest(q):
-        return False
-    Av = np.zeros(v.size)
-    add_product(problem.columns, v, Av)
-    for i in range(v.size):
-        # A'v = -A v in the monotone unsymmetric case, both are 0 in the symmetric one.
-        if Av[i] < -1e-9 or (problem.symmetric and Av[i] > 1e-9):
-            return False
-    return True
+        descent += problem.q[i] * v[i]
+    return descent < 0.0
 
 
 @inner
 def restart(work, rho):
     """Count wrong signs afresh, with this rho."""
-    count = work.count
+    count = work.counter
     count[FEWEST] = work.vectors.shape[1] + 1
     count[PATIENCE] = BLOCK_STEPS
-    if rho != work.number[RHO]:
-        work.number[RHO] = rho
+    if rho != work.scalar[RHO]:
+        work.scalar[RHO] = rho
         count[STALE] = 1
 
 
 @inner
 def close_outer(problem, work):
     """End an outer step: no sign is wrong. Return a code; GO_ON starts the next."""
-    vectors, count, number = work.vectors, work.count, work.number
+    vectors, count, number = work.vectors, work.counter, work.scalar
     z, v, centre = vectors[Z], vectors[RHS], vectors[CENTRE]
-    clipped = False
-    for i in range(z.size):
-        t = min(max(z[i], problem.lower[i]), problem.upper[i])
-        clipped |= t != z[i]
-        z[i] = t
-    if clipped:
-        evaluate(problem, z, vectors[W])
     improved = record(problem, work)
     count[OUTER] += 1
     rho = number[RHO]
@@ -276,69 +255,62 @@ def close_outer(problem, work):
 
 
 @inner
-def flip(problem, work, wrong):
-    """Change states towards GOAL: all, or when that stagnates as the module says."""
-    count, state, goal = work.count, work.marks[STATE], work.marks[GOAL]
-    centre, rho = work.vectors[CENTRE], work.number[RHO]
-    count[STALE] = 1
-    if wrong < count[FEWEST] or count[PATIENCE] > 0:
+def flip(work, wrong, single):
+    """Change states towards GOAL: all, or only the last one where that stagnated."""
+    count, state, goal = work.counter, work.marks[STATE], work.marks[GOAL]
+    first = 0
+    if wrong < count[FEWEST]:
+        count[FEWEST] = wrong
+        count[PATIENCE] = BLOCK_STEPS
+    elif count[PATIENCE] > 0:
         count[PATIENCE] -= 1
-        if wrong < count[FEWEST]:
-            count[FEWEST] = wrong
-            count[PATIENCE] = BLOCK_STEPS
-        for i in range(state.size):
-            state[i] = goal[i]
-    elif not count[PATHED]:
-        return PATH
-    elif problem.symmetric and rho < MOST_RHO:
-        restart(work, min(1000.0 * rho, MOST_RHO))
-        evaluate(problem, centre, work.vectors[W])
-        set_states(problem, centre, work.vectors[W], state)
+    elif single:
+        first = state.size - 1
+        while goal[first] == state[first]:
+            first -= 1
     else:
-        last = state.size - 1
-        while goal[last] == state[last]:
-            last -= 1
-        state[last] = goal[last]
+        return STAGNATED
+    for i in range(first, state.size):
+        state[i] = goal[i]
+    count[STALE] = 1
     return GO_ON
-
-
-@inner
-def regularise(work):
-    """Go on from the best point with rho > 0: a face was singular without."""
-    copy(work.vectors[BEST_Z], work.vectors[CENTRE])
-    restart(work, LEAST_RHO)
 
 
 @inner
 def judge(problem, work):
     """With the face system solved, flip what is wrong or end the outer step."""
-    z, w = work.vectors[Z], work.vectors[W]
-    evaluate(problem, z, w)
-    if not largest(w) < np.inf:
-        if work.number[RHO] > 0.0:
+    z, w, rho = work.vectors[Z], work.vectors[W], work.scalar[RHO]
+    clip_rounding(problem, work)
+    copy(problem.q, w)
+    add_product(problem.columns, z, w)
+    if not is_finite(w):
+        if rho > 0.0:
             return STUCK
-        regularise(work)
+        # The face is singular: on from the best point with rho > 0.
+        copy(work.vectors[BEST_Z], work.vectors[CENTRE])
+        restart(work, LEAST_RHO)
         return GO_ON
     wrong = mark(problem, work)
     if wrong == 0:
         return close_outer(problem, work)
-    if work.number[MET]:
+    if work.scalar[MET]:
         return SOLVED
-    return flip(problem, work, wrong)
+    # A larger rho is left to try only where A is symmetric.
+    last_resort = work.counter[PATHED] and (rho >= MOST_RHO or not problem.symmetric)
+    return flip(work, wrong, last_resort)
 
 
 @inner
 def set_face(problem, work):
     """Put bounded unknowns at their bounds, write the right side of the face system."""
     z, centre, rhs = work.vectors[Z], work.vectors[CENTRE], work.vectors[RHS]
-    state, rho = work.marks[STATE], work.number[RHO]
+    state, rho = work.marks[STATE], work.scalar[RHO]
     copy(problem.q, rhs)
     for i in range(z.size):
         z[i] = 0.0
         if state[i] != 0:
             z[i] = problem.lower[i] if state[i] < 0 else problem.upper[i]
-            if z[i] != 0.0:
-                add_column(problem.columns, i, z[i], rhs)
+    add_product(problem.columns, z, rhs)
     for i in range(z.size):
         rhs[i] = rho * centre[i] - rhs[i]
 
@@ -346,8 +318,8 @@ def set_face(problem, work):
 @inner
 def begin(columns, problem, work):
     """Scale, then sweep from the user's z, which vectors[Z] holds. Return a code."""
-    vectors, count, number = work.vectors, work.count, work.number
-    z, w, best, d = vectors[Z], vectors[W], vectors[BEST_Z], problem.d
+    vectors, count, number = work.vectors, work.counter, work.scalar
+    z, w, d = vectors[Z], vectors[W], problem.d
     n = z.size
     diagonal(columns, d)
     for i in range(n):
@@ -356,26 +328,35 @@ def begin(columns, problem, work):
         problem.q[i] *= d[i]
         problem.lower[i] /= d[i]
         problem.upper[i] /= d[i]
-        z[i] = min(max(z[i] / d[i], problem.lower[i]), problem.upper[i])
-        best[i] = min(max(0.0, problem.lower[i]), problem.upper[i])
+        # First z = clip(0), which gives the size of the problem; then the start.
+        vectors[CENTRE, i] = min(max(z[i] / d[i], problem.lower[i]), problem.upper[i])
+        z[i] = min(max(0.0, problem.lower[i]), problem.upper[i])
     scale(columns, d, problem.columns)
-    evaluate(problem, best, w)
-    number[SIZE] = residuals(best, w, problem.lower, problem.upper, d)[0]
-    if number[SIZE] == 0.0:
-        return SOLVED
+    number[BEST] = np.inf
+    for start in range(2):
+        copy(problem.q, w)
+        add_product(problem.columns, z, w)
+        record(problem, work)
+        if start == 0:
+            number[SIZE] = number[BEST]
+            copy(vectors[CENTRE], z)
+        if number[SIZE] == 0.0 or number[MET]:
+            return SOLVED
     eps = 0.01 * number[EPS_REL] * number[SIZE] / np.sqrt(n)
     number[TOLERANCE] = max(1e-14 * largest(problem.q), eps)
-    number[BEST] = np.inf
-    evaluate(problem, z, w)
-    record(problem, work)
-    if number[MET]:
-        return SOLVED
-    relax(problem, z, w, work.marks[STATE])
-    if not record(problem, work) and not problem.symmetric:
-        copy(best, z)
-        evaluate(problem, z, w)
-    set_states(problem, z, w, work.marks[STATE])
     copy(z, vectors[CENTRE])
+    copy(w, vectors[RHS])
+    before = number[BEST]
+    relax(problem, z, w, work.marks[STATE])
+    record(problem, work)
+    if number[BEST] == before and not problem.symmetric:
+        copy(vectors[CENTRE], z)
+        copy(vectors[RHS], w)
+    for i in range(n):
+        s = z[i] - w[i]
+        guess = -1 if s <= problem.lower[i] else (1 if s >= problem.upper[i] else 0)
+        work.marks[STATE, i] = guess
+        vectors[CENTRE, i] = z[i]
     count[STALE] = 1
     restart(work, LEAST_RHO if problem.symmetric else 0.0)
     return GO_ON
@@ -398,7 +379,7 @@ def pivot(columns, symmetric, work, budget, outside):
     """
     problem = problem_in(work, symmetric)
     ordering = ordering_in(work)
-    count = work.count
+    count = work.counter
     if not count[STARTED]:
         count[STARTED] = 1
         if begin(columns, problem, work) == SOLVED:
@@ -410,15 +391,12 @@ def pivot(columns, symmetric, work, budget, outside):
     while budget > 0:
         budget -= 1
         for i in range(shift.size):
-            shift[i] = work.number[RHO]
+            shift[i] = work.scalar[RHO]
         factor = analyse(problem.columns, symmetric, state, ordering)
         quality = refactor(problem.columns, symmetric, shift, factor, ordering.local)
         count[FACTORED] += 1
+        count[OUTSIDE] |= quality == faces.INDEFINITE
         count[STALE] = 0
-        if quality == INDEFINITE:
-            count[OUTSIDE] = 1
-        if quality != REGULAR and work.number[RHO] == 0.0:
-            regularise(work)
         while not count[STALE]:
             set_face(problem, work)
             solve_face(symmetric, factor, work.vectors[RHS], work.vectors[Z])

@@ -15,8 +15,8 @@ from namlcp.checks import (
     vector,
 )
 from namlcp.lcp.auto import MAX_ITER, Outcome, solve_auto, solve_box
-from namlcp.lcp.pivoting import pivot
 from namlcp.lcp.methods import METHODS
+from namlcp.lcp.pivoting import pivot
 from namlcp.lcp.sweeps import sweep
 from namlcp.options import check_count, check_flag, check_number
 from namlcp.progress import LCP_COLUMNS, Progress
@@ -126,54 +126,48 @@ def solve_lcp(
     check_flag("history", history)
     check_flag("verbose", verbose)
     data = lcp_data(A, q, lower, upper)
-    n = data.q.size
     progress = Progress(LCP_COLUMNS, verbose)
-    progress.say(f"namlcp  LCP: n = {n}, method = {method}")
-    report = progress.report(history)
+    progress.say(f"namlcp  LCP: n = {data.q.size}, method = {method}")
+    limits = {"deadline": deadline, "report": progress.report(history)}
+    parameters = {
+        "alpha": alpha, "beta": beta, "omega": omega, "shift": shift, "s0": s0,
+    }  # fmt: skip
     ready = time.perf_counter()
     if method == "auto":
-        refuse_parameters(alpha=alpha, beta=beta, omega=omega, shift=shift, s0=s0)
+        refuse_parameters(parameters)
+        progress.announce(pivot)
         if eps_rel is None:
             eps_rel = AUTO_EPS_REL if eps_abs is None else 0.0
-        progress.announce(pivot)
         outcome, method = solve_auto(
             *data,
-            None if z0 is None else start_point(z0, n),
+            None if z0 is None else start_point(z0, data.q.size),
             lambda: is_symmetric(data.A),
             eps_abs=eps_abs or 0.0,
             eps_rel=eps_rel,
             max_iter=max_iter or MAX_ITER,
-            deadline=deadline,
-            report=report,
+            **limits,
         )
-        weight = data.A.diagonal()
-        s = outcome.z - outcome.w / np.where(weight > 0.0, weight, 1.0)
+        diagonal = data.A.diagonal()
+        s = outcome.z - outcome.w / np.where(diagonal > 0.0, diagonal, 1.0)
     else:
         if eps_rel is not None:
-            raise ValueError(f'eps_rel is an option of method "auto", not of {method!r}')
+            raise ValueError(f'eps_rel is for method "auto" only, got {method!r}')
         swept = sweep(
             *data,
             method,
-            alpha=alpha,
-            beta=beta,
-            omega=omega,
-            shift=shift,
-            s0=s0,
             z0=z0,
             eps_abs=SWEEP_EPS_ABS if eps_abs is None else eps_abs,
             max_iter=max_iter or SWEEP_MAX_ITER,
-            deadline=deadline,
-            report=report,
+            **parameters,
+            **limits,
         )
-        s = swept.s
-        outcome = Outcome(
-            swept.status, swept.z, data.A @ swept.z + data.q, swept.iterations, None
-        )
+        w, s = data.A @ swept.z + data.q, swept.s
+        outcome = Outcome(swept.status, swept.z, w, swept.iterations, None)
     residual = natural_residual(outcome.z, outcome.w, data.lower, data.upper)
     end = time.perf_counter()
     progress.say(
-        f"{outcome.status.value}: {outcome.iterations} iterations, {end - start:.1e} s, "
-        f"residual {residual:.1e}"
+        f"{outcome.status.value}: {outcome.iterations} iterations, "
+        f"{end - start:.1e} s, residual {residual:.1e}"
     )
     return LCPResult(
         status=outcome.status,
@@ -190,9 +184,7 @@ def solve_lcp(
     )
 
 
-def check_limits(
-    eps_abs: Any, eps_rel: Any, max_iter: Any, time_limit: Any
-) -> float:
+def check_limits(eps_abs: Any, eps_rel: Any, max_iter: Any, time_limit: Any) -> float:
     """Raise for a bad tolerance or limit; return the time limit."""
     for name, value in (("eps_abs", eps_abs), ("eps_rel", eps_rel)):
         if value is not None:
@@ -203,7 +195,7 @@ def check_limits(
     return float(time_limit)
 
 
-def refuse_parameters(**given: Any) -> None:
+def refuse_parameters(given: dict[str, Any]) -> None:
     """Raise for a parameter of the sweep methods, which "auto" does not have."""
     for name, value in given.items():
         if value is not None:

@@ -11,6 +11,7 @@ iterations, which converge for dependent active rows too). The next guess keeps 
 active pieces with Z >= 0 and adds the violated ones: a primal-dual active set method.
 """
 
+import time
 from collections.abc import Callable
 
 import numpy as np
@@ -37,6 +38,7 @@ class Finish:
         """`offer(x, y, Z)` judges a point: its worst residual over the tolerance."""
         self.problem, self.offer = problem, offer
         self.face = Face(problem)
+        self.deadline = np.inf
 
     def run(
         self,
@@ -67,6 +69,8 @@ class Finish:
             best = min(best, worst)
             new = np.where(active, multiplier > -WRONG, slack < -WRONG)
             if best <= good or not pays or np.array_equal(new, active):
+                break
+            if time.perf_counter() > self.deadline:
                 break
             active = new
         return best

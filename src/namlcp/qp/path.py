@@ -39,11 +39,13 @@ Report = Callable[..., None]
 SHORT = 0.99  # fraction of the longest step
 ROUNDS = 6  # sets tried by one finish
 DROP = 0.1, 1e-3  # of the worst residual between two finishes, for small and large K
+STEADY = 100.0  # worst residual above which a finish waits for a steady active set
 GOOD = 1e-2  # judgement at which a finish stops mending the set
 LONG = 1.8  # sum of the steps above which Gondzio's corrector is not tried
 GAIN = 0.02  # growth of the steps that pays for Gondzio's corrector
 PATIENCE = 100  # iterations without halving the worst residual before STALLED
 ACCURACY = 1e-4  # of the linear solves, relative to the tolerance
+CLOSE = 1e3  # gap over its tolerance at which the judge sees a feasible iterate
 EXACT = 1e-8  # tolerances up to this one ask for an exact finish in any case
 DOUBT = 50  # iterations without halving before the fallback QPs are asked
 FALLBACK = Options(eps_abs=1e-10, eps_rel=1e-12, max_iter=60)
@@ -128,6 +130,7 @@ class Interior:
         self.dW, self.dZ, self.dW_other, self.dZ_other = np.zeros((4, m))
         self.weight, self.rhs, self.v, self.t, self.dt, self.du = np.zeros((6, size))
         self.norms = np.zeros(11)
+        self.ratios = np.zeros(3)  # primal, dual residual and gap over the tolerance
         self.length = np.ones(3)
         self.change = np.zeros(2)
         self.error = 0.0
@@ -161,6 +164,7 @@ class Interior:
         self, x0: np.ndarray | None, deadline: float, report: Report | None
     ) -> Status:
         """Run the loop."""
+        self.finish.deadline = deadline
         if x0 is not None and self.guess(x0):
             return Status.SOLVED
         if not self.start():
@@ -178,9 +182,10 @@ class Interior:
                 report(k, *self.norms[5:8], self.length[:2].min(), int(active.sum()))
             if k > 0:
                 self.regularise(mu_old)
-            done = worst <= 1.0 and self.offer(self.x, self.y, self.Z) <= 1.0
-            exact = done and self.tol <= EXACT
-            if exact or trigger.pulled(worst, self.norms[0], active, before):
+            done = self.is_close(worst) and self.offer(self.x, self.y, self.Z) <= 1.0
+            if done and self.tol > EXACT:
+                return Status.SOLVED
+            if done or trigger.pulled(worst, self.norms[0], active, before):
                 self.finish.run(self.x, self.y, self.Z, active, ROUNDS, GOOD)
             if self.judge.best <= 1.0:
                 return Status.SOLVED
@@ -256,15 +261,20 @@ class Interior:
             self.x, self.y, self.W, self.Z, self.v, self.Px, self.Ctv, self.t,
             self.rd, self.rp, self.rw, self.norms,
         )  # fmt: skip
-        worst = 0.0
-        for i in (5, 6, 7):
-            tol = self.options.eps_abs + self.options.eps_rel * self.norms[i + 3]
-            ratio = self.norms[i] / tol
-            worst = ratio if not ratio <= worst else worst
+        eps_abs, eps_rel = self.options.eps_abs, self.options.eps_rel
+        self.ratios[:] = self.norms[5:8] / (eps_abs + eps_rel * self.norms[8:11])
+        worst = float(self.ratios.max())
         if worst < self.best:
             self.best = worst
             self.best_point = self.x.copy(), self.y.copy(), self.Z.copy()
         return worst if worst < inf else inf
+
+    def is_close(self, worst: float) -> bool:
+        """Tell whether the user's data may judge the iterate solved.
+
+        The gap is a difference of large sums, which come out differently there.
+        """
+        return worst <= CLOSE and bool(self.ratios[:2].max() <= 1.0)
 
     def regularise(self, mu_old: float) -> None:
         """Adapt rho and delta to the step that led here."""
@@ -370,7 +380,7 @@ class Trigger:
         near = self.tol * worst < 1e-2 or mu < 1e-7
         if not near or not worst <= self.drop * self.last:
             return False
-        if worst >= 100.0 and not np.array_equal(active, before):
+        if worst >= STEADY and not np.array_equal(active, before):
             return False
         self.last = worst
         return True

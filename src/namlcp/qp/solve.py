@@ -29,7 +29,7 @@ DENSE_ENTRIES = 600_000
 SPARSE_ENTRIES = 10_000
 
 # A tolerance below this times the terms of the gap is decided by their rounding.
-ROUNDING = 1e-13
+ROUNDING = 4e-15
 
 NOTHING = np.empty(0)
 UNDEFINED = Residuals(*[np.nan] * 7)
