@@ -22,7 +22,7 @@ from scipy.sparse import csr_array, diags_array
 
 from namlcp.options import Options
 from namlcp.qp import fallback
-from namlcp.qp.certificates import check_convex
+from namlcp.qp.convexity import check_convex
 from namlcp.qp.judge import Judge
 from namlcp.qp.kkt import KKT
 from namlcp.qp.path import PathResult, solve

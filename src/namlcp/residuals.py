@@ -134,7 +134,12 @@ def qp_residuals(
     sums decides: it is that of the hosts, dot product by dot product.
     """
     Px = P @ x
-    products = Px, G @ x, A @ x, A.T @ y + G.T @ z
+    Aty_Gtz = np.zeros(x.size)
+    if y.size:
+        Aty_Gtz += y @ A
+    if z.size:
+        Aty_Gtz += z @ G
+    products = Px, G @ x, A @ x, Aty_Gtz
     found = qp_residuals_of_products(q, h, b, lb, ub, x, y, z, z_box, *products)
     gap = x.dot(Px) + q.dot(x) + support(h, z) + b.dot(y)
     gap += support(lb, np.minimum(z_box, 0.0)) + support(ub, np.maximum(z_box, 0.0))

@@ -225,9 +225,10 @@ def solve_box(
     if symmetric and compressed and n > BITSETS:
         set_order(A, work)
     outside = not symmetric and compressed and n > DENSE_LU
-    status, ray = drive(
-        A, q, columns, symmetric, work, outside, max_iter, deadline, report
-    )
+    with np.errstate(all="ignore"):  # a singular face overflows, and is noticed
+        status, ray = drive(
+            A, q, columns, symmetric, work, outside, max_iter, deadline, report
+        )
     z = vectors[BEST_Z] * vectors[D]
     np.clip(z, lower, upper, out=z)
     w = A @ z + q

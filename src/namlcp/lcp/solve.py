@@ -128,8 +128,8 @@ def solve_lcp(
     data = lcp_data(A, q, lower, upper)
     progress = Progress(LCP_COLUMNS, verbose)
     progress.say(f"namlcp  LCP: n = {data.q.size}, method = {method}")
-    limits = {"deadline": deadline, "report": progress.report(history)}
-    parameters = {
+    limits: dict[str, Any] = {"deadline": deadline, "report": progress.report(history)}
+    parameters: dict[str, Any] = {
         "alpha": alpha, "beta": beta, "omega": omega, "shift": shift, "s0": s0,
     }  # fmt: skip
     ready = time.perf_counter()
@@ -153,7 +153,10 @@ def solve_lcp(
         if eps_rel is not None:
             raise ValueError(f'eps_rel is for method "auto" only, got {method!r}')
         swept = sweep(
-            *data,
+            data.A,
+            data.q,
+            data.lower,
+            data.upper,
             method,
             z0=z0,
             eps_abs=SWEEP_EPS_ABS if eps_abs is None else eps_abs,

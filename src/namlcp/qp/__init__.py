@@ -1,0 +1,1 @@
+"""Convex QPs: reduction to the smallest form, the forms, recovery and judgement."""

@@ -16,12 +16,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numba import njit
-from scipy.sparse import csc_array, csr_array
 
 from namlcp.checks import QPData
 from namlcp.qp.finish import Face
 from namlcp.qp.judge import Judge, Point
-from namlcp.qp.kkt import KKT, products
+from namlcp.qp.kkt import products
 from namlcp.qp.presolve import Contradiction, Presolved
 from namlcp.qp.scaling import ScaledQP
 from namlcp.status import Status
@@ -29,80 +28,11 @@ from namlcp.status import Status
 if TYPE_CHECKING:
     from namlcp.qp.path import Interior
 
-CONVEX = 1e-9  # negative curvature allowed in P with unit diagonal
 ROUNDING = 1e3 * np.finfo(float).eps
 FAST = 0.1  # a residual that falls below this part of the last one is no obstacle
 PROMISING = 0.1  # relative residual of a candidate worth a test
 PROJECTION = 1e-8  # weight of the distance in the polish
 PASSES = 15
-
-
-def check_convex(P: csc_array) -> None:
-    """Raise ValueError unless P is positive semidefinite up to rounding.
-
-    Signs of the diagonal, 2 by 2 minors, then LDL' of P itself with unit diagonal plus
-    1e-9 I: the KKT matrix would hide negative curvature behind its constraints.
-    """
-    if P.nnz == 0:
-        return
-    diagonal = P.diagonal()
-    j = int(np.argmin(diagonal))
-    tiny = 1e-12 * float(np.abs(P.data).max())
-    if diagonal[j] < -tiny:
-        raise ValueError(
-            f"P must be positive semidefinite: P[{j}, {j}] = {diagonal[j]:g} < 0"
-        )
-    i, j = diagonal_dominance(P.indptr, P.indices, P.data, diagonal, tiny, CONVEX)
-    if j >= 0:
-        raise ValueError(
-            f"P must be positive semidefinite: its rows and columns {i} and {j} have "
-            "a negative determinant"
-        )
-    if i < 0:
-        return
-    none = csr_array((0, diagonal.size))
-    triangle = KKT(P, none, none)
-    unit_diagonal(
-        triangle.indptr, triangle.indices, triangle.data, diagonal, tiny, CONVEX
-    )
-    if not (triangle.factor() and triangle.is_positive()):
-        raise ValueError(
-            "P must be positive semidefinite: an eigenvalue of P with its diagonal "
-            f"scaled to 1 is below -{CONVEX:g}"
-        )
-
-
-@njit(cache=True, nogil=True)
-def unit_diagonal(indptr, indices, data, diagonal, tiny, shift):  # pragma: no cover
-    """Scale the upper triangle to a unit diagonal (zero rows too) and add the shift."""
-    for j in range(diagonal.size):
-        last = indptr[j + 1] - 1
-        for t in range(indptr[j], last):
-            product = diagonal[j] * diagonal[indices[t]]
-            small = min(diagonal[j], diagonal[indices[t]]) <= tiny
-            data[t] = 0.0 if small else data[t] / np.sqrt(product)
-        data[last] = 1.0 + shift
-
-
-@njit(cache=True, nogil=True)
-def diagonal_dominance(Pp, Pi, Px, diagonal, tiny, slack):  # pragma: no cover
-    """Return (-1, -1) if P is diagonally dominant, (0, -1) if it is not.
-
-    Return (i, j) if the minor of i and j is negative.
-    """
-    dominant = True
-    for j in range(diagonal.size):
-        total = 0.0
-        for t in range(Pp[j], Pp[j + 1]):
-            i = Pi[t]
-            if i != j:
-                value = abs(Px[t])
-                total += value
-                bound = np.sqrt(max(diagonal[i], 0.0) * max(diagonal[j], 0.0))
-                if value > bound * (1.0 + 2.0 * slack) + tiny:
-                    return i, j
-        dominant = dominant and total <= diagonal[j]
-    return (-1, -1) if dominant else (0, -1)
 
 
 def contradiction(

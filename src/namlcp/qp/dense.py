@@ -341,7 +341,7 @@ def recover(active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box):
 
 @njit(cache=True, nogil=True)
 def contradicts(active, multiplier, k, h, b, lb, ub):
-    """Tell whether the Farkas sum d'multiplier of k rows is negative beyond rounding."""
+    """Tell whether the Farkas sum d'multiplier is negative beyond rounding."""
     value, size = 0.0, 0.0
     for i in range(k):
         term = multiplier[i] * right_side(active[i], h, b, lb, ub)

@@ -71,11 +71,6 @@ class KKT:
             return False
         return True
 
-    def is_positive(self) -> bool:
-        """Tell whether all pivots of the last factorisation are positive."""
-        assert self.factors is not None
-        return bool((self.factors.factors()[1] > 0.0).all())
-
     def solve_once(self, rhs: np.ndarray) -> np.ndarray:
         """Return the solution as the factors give it."""
         assert self.factors is not None

@@ -17,7 +17,8 @@ import numpy as np
 from namlcp.checks import QPData
 from namlcp.options import Options
 from namlcp.qp import fallback
-from namlcp.qp.certificates import LoopTests, check_convex, contradiction
+from namlcp.qp.certificates import LoopTests, contradiction
+from namlcp.qp.convexity import check_convex
 from namlcp.qp.finish import LARGE, Finish
 from namlcp.qp.judge import Judge
 from namlcp.qp.presolve import presolve

@@ -17,6 +17,7 @@ from namlcp.lcp.solve import solve_box
 from namlcp.options import DEFAULT_OPTIONS, Options
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp import certificates, dense, path
+from namlcp.qp.convexity import check_convex
 from namlcp.qp.reduction import bound_multipliers, box_lcp
 from namlcp.residuals import Residuals, qp_residuals
 from namlcp.result import QPResult
@@ -280,7 +281,7 @@ def solve_bounds(
         )
     residuals = qp_residuals(*qp, x, NOTHING, NOTHING, z_box)
     if residuals.solved(options.eps_abs, options.eps_rel):
-        certificates.check_convex(as_sparse(qp.P))
+        check_convex(as_sparse(qp.P))
         status = Status.SOLVED
     elif status is Status.SOLVED:
         status = Status.STALLED
