@@ -25,10 +25,13 @@ def box_lcp(qp: QPData) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray]:
     return A, qp.q, qp.lb, qp.ub
 
 
-def bound_multipliers(
+def box_point(
     z: np.ndarray, w: np.ndarray, lower: np.ndarray, upper: np.ndarray
-) -> np.ndarray:
-    """Return z_box = -w where z is at the bound that allows its sign, else 0."""
-    return np.where(
-        z <= lower, -np.maximum(w, 0.0), np.where(z >= upper, -np.minimum(w, 0.0), 0.0)
-    ) + np.where((z <= lower) & (z >= upper), -np.minimum(w, 0.0), 0.0)
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (x, z_box): x on its bound and z_box = -w where z - w leaves the box.
+
+    Elsewhere z_box = 0; the sign is right by construction (0 at an infinite bound).
+    """
+    s = z - w
+    x = np.where(s <= lower, lower, np.where(s >= upper, upper, z))
+    return x, np.where((s <= lower) | (s >= upper), -w, 0.0)

@@ -18,14 +18,14 @@ from namlcp.options import DEFAULT_OPTIONS, Options
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp import certificates, dense, path
 from namlcp.qp.convexity import check_convex
-from namlcp.qp.reduction import bound_multipliers, box_lcp
+from namlcp.qp.reduction import box_lcp, box_point
 from namlcp.residuals import Residuals, qp_residuals
 from namlcp.result import QPResult
 from namlcp.status import Status
 
-# Up to here a strictly convex QP is small: measured, beyond it the path is as quick.
-DENSE_VARIABLES = 500
-DENSE_ENTRIES = 600_000
+# Up to here a strictly convex dense QP is small; beyond, its pivots take seconds.
+DENSE_VARIABLES = 2000
+DENSE_ENTRIES = 16_000_000
 # Sparse problems below this many entries are cheaper as dense ones.
 SPARSE_ENTRIES = 10_000
 
@@ -271,7 +271,7 @@ def solve_bounds(
     status, x, w, iterations, ray = solve_box(
         A, q, lower, upper, guess if guess.size else None, deadline=deadline
     )
-    z_box = bound_multipliers(x, w, lower, upper)
+    x, z_box = box_point(x, w, lower, upper)
     if ray is not None:
         proof = certificates.accept_dual(qp, x, NOTHING, NOTHING, ray, options.eps_abs)
         if proof is None:
