@@ -133,13 +133,14 @@ def qp_residuals(
     entries. Where the terms of the gap are 1e16 times the tolerance, the order of the
     sums decides: it is that of the hosts, dot product by dot product.
     """
-    Px = P @ x
-    Aty_Gtz = np.zeros(x.size)
-    if y.size:
-        Aty_Gtz += y @ A
-    if z.size:
+    Px, Gx, Ax, Aty_Gtz = P @ x, h, b, np.zeros(x.size)
+    if h.size:  # SciPy's products with empty matrices cost more than a small QP
+        Gx = G @ x
         Aty_Gtz += z @ G
-    products = Px, G @ x, A @ x, Aty_Gtz
+    if b.size:
+        Ax = A @ x
+        Aty_Gtz += y @ A
+    products = Px, Gx, Ax, Aty_Gtz
     found = qp_residuals_of_products(q, h, b, lb, ub, x, y, z, z_box, *products)
     gap = x.dot(Px) + q.dot(x) + support(h, z) + b.dot(y)
     gap += support(lb, np.minimum(z_box, 0.0)) + support(ub, np.maximum(z_box, 0.0))

@@ -19,10 +19,9 @@ from namlcp.checks import QPData
 def box_lcp(qp: QPData) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray]:
     """Return (A, q, lower, upper) of the box LCP that a QP with bounds only is.
 
-    P is symmetric, so that its compressed columns are its compressed rows.
+    P is symmetric, so that its compressed columns pass for compressed rows.
     """
-    A = qp.P if qp.is_dense else qp.P.T
-    return A, qp.q, qp.lb, qp.ub
+    return qp.P, qp.q, qp.lb, qp.ub
 
 
 def box_point(

@@ -245,19 +245,16 @@ def solve_dense(
     if code == dense.NOT_DEFINITE:
         return None
     residuals = Residuals(*numbers)
-    status = Status.STALLED
+    if residuals.gap_size * ROUNDING > options.eps_abs:
+        residuals = qp_residuals(*qp, x, y, z, z_box)
+    solved = residuals.solved(options.eps_abs, options.eps_rel)
+    status = Status.SOLVED if solved else Status.STALLED
     if code == dense.INFEASIBLE:
         proof = certificates.accept_primal(qp, x, y, z, options.eps_abs)
         if proof is None:
             return None
         x, y, z, z_box = proof
         residuals, status = UNDEFINED, Status.PRIMAL_INFEASIBLE
-    elif residuals.solved(options.eps_abs, options.eps_rel):
-        status = Status.SOLVED
-        if residuals.gap_size * ROUNDING > options.eps_abs:
-            residuals = qp_residuals(*qp, x, y, z, z_box)
-            if not residuals.solved(options.eps_abs, options.eps_rel):
-                status = Status.STALLED
     if progress is not None:
         progress.row(pivots, *residuals[:3], 0.0, int((z > 0).sum()))
     return Answer(status, x, y, z, z_box, residuals, pivots, "dual", "")
