@@ -10,7 +10,7 @@ from scipy import sparse
 
 from namlcp import Status, solve_lcp
 from namlcp.lcp.auto import solve_box
-from namlcp.lcp.faces import Ordering, analyse, refactor, solve_face
+from namlcp.lcp.faces import Ordering, analyse, face_order, refactor, solve_face
 from namlcp.lcp.matrix import columns_of
 
 RELATIVE = 1e-9
@@ -393,7 +393,8 @@ def test_bad_arguments_are_named(arguments, options, error, text):
 
 @njit
 def face_solution(columns, symmetric, state, shift, ordering, b, x):
-    factor = analyse(columns, symmetric, state, ordering)
+    order = face_order(columns, symmetric, state, ordering)
+    factor = analyse(columns, symmetric, order, ordering)
     quality = refactor(columns, symmetric, shift, factor, ordering.local)
     solve_face(symmetric, factor, b, x)
     return quality, factor.dense.shape[0]

@@ -230,7 +230,7 @@ def solve_box(
             A, q, columns, symmetric, work, outside, max_iter, deadline, report
         )
     z = vectors[BEST_Z] * vectors[D]
-    np.clip(z, lower, upper, out=z)
+    z = np.minimum(np.maximum(z, lower), upper)
     w = A @ z + q
     if status is Status.SOLVED and scalar[SIZE] > 0.0:
         plain, scaled = residuals(z, w, lower, upper, 1.0 / vectors[D])

@@ -112,18 +112,22 @@ def dense_factor(columns, symmetric, shift, factor, local):
 
 
 @inner
-def ordered(columns, state, ordering):
-    """Return the face {state = 0} in elimination order, extending the order if needed.
+def face_order(columns, symmetric, state, ordering):
+    """Return the face {state = 0}, in elimination order where it may be sparse.
 
     The first order is made on the face, the second on it and all unknowns met before,
     the third on all n: most solves see one or two faces that differ little.
     """
     sequence, rank, number = ordering.sequence, ordering.rank, ordering.number
     n = state.size
+    m = 0
     missing = False
     for i in range(n):
-        missing |= state[i] == 0 and rank[i] < 0
-    if missing:
+        if state[i] == 0:
+            m += 1
+            missing |= rank[i] < 0
+    sparse = symmetric and m > SMALL and columns.dense.shape[0] == 0
+    if sparse and missing:
         nodes = np.empty(n, dtype=np.int32)
         size = 0
         for i in range(n):
@@ -137,63 +141,43 @@ def ordered(columns, state, ordering):
             rank[sequence[k]] = k
         number[0] = size
         number[1] += 1
-    order = np.empty(number[0], dtype=np.int32)
+    order = np.empty(m, dtype=np.int32)
     m = 0
-    for k in range(number[0]):
-        if state[sequence[k]] == 0:
-            order[m] = sequence[k]
+    for k in range(number[0] if sparse else n):
+        i = sequence[k] if sparse else k
+        if state[i] == 0:
+            order[m] = i
             m += 1
-    return order[:m]
+    return order
 
 
 @inner
-def analyse(columns, symmetric, state, ordering):
-    """Return an empty `Factor` for the face {state = 0}, its storage chosen by cost."""
-    n = state.size
-    m = 0
-    for i in range(n):
-        m += state[i] == 0
-    no_indices = np.empty(0, dtype=np.int32)
-    no_data = np.empty(0)
+def analyse(columns, symmetric, order, ordering):
+    """Return an empty `Factor` for the face `order`, its storage chosen by cost."""
+    m = order.size
+    tree = np.empty((2, m), dtype=np.int32)
+    local, parent, counts = ordering.local, tree[0], tree[1]
+    Lp = np.zeros(m + 1, dtype=np.int64)
+    size = m  # of the dense factor
     if symmetric and m > SMALL and columns.dense.shape[0] == 0:
-        order = ordered(columns, state, ordering)
-        tree = np.empty((2, m), dtype=np.int32)
-        parent, counts = tree[0], tree[1]
-        local = ordering.local
         for k in range(m):
             local[order[k]] = k
         flops = symbolic(columns.indices, columns.indptr, order, local, parent, counts)
         for k in range(m):
             local[order[k]] = -1
         if 10.0 * flops <= m * (m * (m / 3.0)) + 5000.0:
-            Lp = np.zeros(m + 1, dtype=np.int64)
+            size = 0
             for k in range(m):
                 Lp[k + 1] = Lp[k] + counts[k]
-            return Factor(
-                order,
-                np.empty((0, 0)),
-                no_indices,
-                parent,
-                Lp,
-                np.empty(Lp[m], dtype=np.int32),
-                np.empty(Lp[m]),
-                np.empty(m),
-            )
-    order = np.empty(m, dtype=np.int32)
-    m = 0
-    for i in range(n):
-        if state[i] == 0:
-            order[m] = i
-            m += 1
     return Factor(
         order,
-        np.empty((m, m)),
-        np.empty(0 if symmetric else m, dtype=np.int32),
-        no_indices,
-        np.zeros(1, dtype=np.int64),
-        no_indices,
-        no_data,
-        no_data,
+        np.empty((size, size)),
+        np.empty(size, dtype=np.int32),
+        parent,
+        Lp,
+        np.empty(Lp[m], dtype=np.int32),
+        np.empty(Lp[m]),
+        np.empty(m - size),
     )
 
 

@@ -8,7 +8,7 @@ face, or to the accuracy asked for where no face can be told.
 import numpy as np
 from numba import njit
 
-from namlcp.lcp.faces import analyse, refactor, solve_face
+from namlcp.lcp.faces import analyse, face_order, refactor, solve_face
 from namlcp.lcp.matrix import add_product, copy, inner, largest
 from namlcp.lcp.pivoting import (
     BEST,
@@ -131,7 +131,8 @@ def walk(problem, ordering, state, z, w, wl, wu, first, target, steps):
     n = z.size
     memory = np.zeros((5, n))
     shift, rhs, dz, dwl, dwu = memory[0], memory[1], memory[2], memory[3], memory[4]
-    factor = analyse(problem.columns, problem.symmetric, state, ordering)
+    order = face_order(problem.columns, problem.symmetric, state, ordering)
+    factor = analyse(problem.columns, problem.symmetric, order, ordering)
     for k in range(steps + 1):
         copy(problem.q, w)
         add_product(problem.columns, z, w)

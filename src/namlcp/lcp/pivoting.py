@@ -16,7 +16,7 @@ import numpy as np
 from numba import njit
 
 from namlcp.lcp import faces
-from namlcp.lcp.faces import Ordering, analyse, refactor, solve_face
+from namlcp.lcp.faces import Ordering, analyse, face_order, refactor, solve_face
 from namlcp.lcp.matrix import (
     Columns,
     add_column,
@@ -392,7 +392,8 @@ def pivot(columns, symmetric, work, budget, outside):
         budget -= 1
         for i in range(shift.size):
             shift[i] = work.scalar[RHO]
-        factor = analyse(problem.columns, symmetric, state, ordering)
+        order = face_order(problem.columns, symmetric, state, ordering)
+        factor = analyse(problem.columns, symmetric, order, ordering)
         quality = refactor(problem.columns, symmetric, shift, factor, ordering.local)
         count[FACTORED] += 1
         count[OUTSIDE] |= quality == faces.INDEFINITE
