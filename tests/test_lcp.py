@@ -428,7 +428,23 @@ def test_face_solves(rng, kind):
 def test_solve_box_takes_csc(rng):
     A, q = problems.disc_pile(rng, 3)
     lower, upper = np.zeros(q.size), np.full(q.size, np.inf)
-    status, z, w, _, ray = solve_box(A.tocsc(), q, lower, upper)
-    assert status is Status.SOLVED
-    assert ray is None
-    np.testing.assert_allclose(w, A @ z + q)
+    found = solve_box(A.tocsc(), q, lower, upper, ask_convex=True)
+    assert found.status is Status.SOLVED
+    assert found.ray is None
+    assert found.convex
+    np.testing.assert_allclose(found.w, A @ found.z + q)
+
+
+@pytest.mark.parametrize("n", [3, 40])
+def test_convexity_is_told_on_demand(rng, n):
+    """A - 2 lambda_min I has a solution of its LCP, but is not convex."""
+    A = problems.spd(rng, n, 10.0)
+    d = np.sqrt(A.diagonal())
+    A /= np.outer(d, d)
+    low = np.linalg.eigvalsh(A)[0]
+    lower, upper = np.zeros(n), np.full(n, 1.0)
+    for shift, convex in ((0.0, True), (0.9 * low, True), (1.2 * low, False)):
+        B = A - shift * np.eye(n)
+        for matrix in (B, sparse.csr_array(B)):
+            found = solve_box(matrix, -np.ones(n), lower, upper, ask_convex=True)
+            assert found.convex is convex

@@ -10,6 +10,7 @@ import sys
 import time
 import warnings
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -180,7 +181,7 @@ def demonstrate() -> int:
     ):
         A, q = scene
         namlcp.solve_lcp(A, q)
-        result, seconds = best_time(lambda A=A, q=q: namlcp.solve_lcp(A, q))
+        result, seconds = best_time(partial(namlcp.solve_lcp, A, q))
         solved &= result.status is namlcp.Status.SOLVED
         size = f"n = {q.size}, {np.count_nonzero(result.z)} with z > 0"
         show(name, size, result.residual, seconds, osqp_lcp(A, q))

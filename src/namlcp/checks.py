@@ -53,6 +53,11 @@ def is_clean(array: Any, ndim: int) -> bool:
     )
 
 
+def clean_copy(array: np.ndarray, kind: Any) -> np.ndarray:
+    """Return `array` as it is if it is clean and of that dtype, else a clean copy."""
+    return np.require(array, kind, ["C", "A", "W"])
+
+
 def real_array(name: str, value: Any) -> np.ndarray:
     """Return `value` as a writeable C-contiguous float64 array, copied if need be."""
     try:
@@ -63,7 +68,7 @@ def real_array(name: str, value: Any) -> np.ndarray:
         raise TypeError(
             f"{name} must be an array of real numbers, got dtype {array.dtype}"
         )
-    return np.require(array, np.float64, "CAW")
+    return clean_copy(array, np.float64)
 
 
 def vector(
@@ -131,9 +136,9 @@ def sparse_matrix(name: str, value: Any, layout: str) -> Any:
         value = sp.csr_array(value, copy=True).asformat(layout)
         value.sum_duplicates()
         data, indices, indptr = value.data, value.indices, value.indptr
-    data = np.require(data, np.float64, "CAW")
+    data = clean_copy(data, np.float64)
     kind = np.int32 if max(*value.shape, data.size) < 2**31 else np.int64
-    indices, indptr = (np.require(v, kind, "CAW") for v in (indices, indptr))
+    indices, indptr = (clean_copy(v, kind) for v in (indices, indptr))
     wrap = sp.csr_array if layout == "csr" else sp.csc_array
     clean = wrap((data, indices, indptr), shape=value.shape)
     clean.has_canonical_format = True

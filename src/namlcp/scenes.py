@@ -60,9 +60,9 @@ def disc_pile(rows: int) -> tuple[sp.csr_array, np.ndarray]:
         if body >= 0
         for axis in (0, 1)
     ]
-    i, j, value = zip(*entries, strict=True)
+    rows_of_N, columns_of_N, values = zip(*entries, strict=True)
     size = 2 * len(centres)
-    N = sp.csr_array((value, (i, j)), shape=(size, len(pairs)))
+    N = sp.csr_array((values, (rows_of_N, columns_of_N)), shape=(size, len(pairs)))
     mass = np.repeat(np.random.default_rng(0).uniform(0.5, 2.0, len(centres)), 2)
     velocity = np.zeros(size)
     velocity[1::2] = -9.81e-3

@@ -23,6 +23,7 @@ from namlcp.lcp.pivoting import (
     BEST_Z,
     BLOCK_STEPS,
     CENTRE,
+    CURVATURE,
     EPS_ABS,
     EPS_REL,
     FACTORED,
@@ -83,13 +84,17 @@ RAY_TOLERANCE = 1e-9
 
 
 class Outcome(NamedTuple):
-    """Status, z, w = A z + q, factorisations (or sweeps), ray or None."""
+    """Status, z, w = A z + q, factorisations (or sweeps), ray or None.
+
+    `convex` answers, where it was asked, whether A is positive semidefinite.
+    """
 
     status: Status
     z: np.ndarray
     w: np.ndarray
     iterations: int
     ray: np.ndarray | None
+    convex: bool | None = None
 
 
 def solve_auto(
@@ -190,6 +195,7 @@ def solve_box(
     max_iter: int = MAX_ITER,
     deadline: float = math.inf,
     report: Report = None,
+    ask_convex: bool = False,
 ) -> Outcome:
     """Solve a box LCP by pivoting, without checks.
 
@@ -208,10 +214,8 @@ def solve_box(
         Value of time.perf_counter() at which to stop.
     report : callable
         Called as report(factorisations, Res of the scaled problem, unknowns at bounds).
-
-    Returns
-    -------
-    status, z, w = A z + q, factorisations, ray or None
+    ask_convex : bool
+        For symmetric A: tell whether it is positive semidefinite (one factorisation).
     """
     n = q.size
     columns = columns_of(A, symmetric)
@@ -229,6 +233,10 @@ def solve_box(
         status, ray = drive(
             A, q, columns, symmetric, work, outside, max_iter, deadline, report
         )
+        convex = None
+        if ask_convex:
+            work.counter[CURVATURE] = 1
+            convex = pivot(columns, symmetric, work, 1, outside) == pivoting.SOLVED
     z = vectors[BEST_Z] * vectors[D]
     z = np.minimum(np.maximum(z, lower), upper)
     w = A @ z + q
@@ -236,7 +244,7 @@ def solve_box(
         plain, scaled = residuals(z, w, lower, upper, 1.0 / vectors[D])
         if not (plain < eps_abs or scaled <= eps_rel * scalar[SIZE]):
             status = Status.STALLED
-    return Outcome(status, z, w, int(work.counter[FACTORED]), ray)
+    return Outcome(status, z, w, int(work.counter[FACTORED]), ray, convex)
 
 
 def drive(

@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from namlcp.lapack import cholesky, cholesky_solve, lu, lu_solve
+from namlcp.lapack import cholesky, cholesky_solve, inner, lu, lu_solve
 from namlcp.lcp.ldl import minimum_degree, numeric, solve, symbolic
-from namlcp.lcp.matrix import SMALL, inner
+from namlcp.lcp.matrix import SMALL
 
 REGULAR = 0
 SINGULAR = 1

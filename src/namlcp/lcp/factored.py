@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 import qdldl
 from scipy import sparse
+from scipy.linalg.lapack import dgetrf, dgetrs, dpotrf, dpotrs
 from scipy.sparse.linalg import splu
 
 from namlcp.checks import dense_asymmetry, sparse_asymmetry
-from namlcp.lapack import cholesky, cholesky_solve, lu, lu_solve
 from namlcp.residuals import natural_residual
 
 Solve = Callable[[np.ndarray], np.ndarray]
@@ -72,27 +72,15 @@ def is_symmetric(A: Any) -> bool:
 
 
 def dense_solver(K: np.ndarray, symmetric: bool) -> Solve | None:
-    """Factor K (n, n), which is overwritten; return x = K^-1 b as a function of b."""
+    """Factor K (n, n); return x = K^-1 b as a function of b."""
     if symmetric:
-        L = K.copy()
-        if cholesky(L) == 0:
-
-            def by_cholesky(b: np.ndarray) -> np.ndarray:
-                x = b.copy()
-                cholesky_solve(L, x)
-                return x
-
-            return by_cholesky
-    pivots = np.empty(K.shape[0], dtype=np.int32)
-    if lu(K, pivots) != 0:
+        L, info = dpotrf(K, lower=1)
+        if info == 0:
+            return lambda b: dpotrs(L, b, lower=1)[0]
+    factors, pivots, info = dgetrf(K)
+    if info != 0:
         return None
-
-    def by_lu(b: np.ndarray) -> np.ndarray:
-        x = b.copy()
-        lu_solve(K, pivots, x)
-        return x
-
-    return by_lu
+    return lambda b: dgetrs(factors, pivots, b)[0]
 
 
 def sparse_solver(K: Any, symmetric: bool) -> Solve | None:

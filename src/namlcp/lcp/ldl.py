@@ -10,7 +10,7 @@ one, so one order serves every face.
 
 import numpy as np
 
-from namlcp.lcp.matrix import inner
+from namlcp.lapack import inner
 
 NONE = np.int32(-1)
 """No node, no list."""

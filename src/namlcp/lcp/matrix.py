@@ -8,8 +8,9 @@ matrix are its rows, so no copy is made.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy import sparse
+
+from namlcp.lapack import inner
 
 SMALL = 24
 """Up to this order everything is dense."""
@@ -20,9 +21,6 @@ INNER: dict[str, Any] = {
     "no_cpython_wrapper": True,
     "no_cfunc_wrapper": True,
 }
-inner = njit(**INNER)
-"""For functions that only compiled code calls: they are kept in its cache entry, and
-without a door to Python of their own they compile in two thirds of the time."""
 
 
 class Columns(NamedTuple):
@@ -93,25 +91,22 @@ def scale(columns, d, scaled):
 
 
 @inner
-def add_column(columns, j, t, w):
-    """Add t times column j of A to w (n,)."""
+def add_product(columns, z, w):
+    """Add A z to w (n,); unknowns at zero cost nothing.
+
+    Unsigned indices spare the test for those that count from the end.
+    """
     dense, data, indices, indptr = columns
     if dense.shape[0] > 0:
-        column = dense[j]
-        for i in range(w.size):
-            w[i] += t * column[i]
+        for j in range(z.size):
+            if z[j] != 0.0:
+                for i in range(w.size):
+                    w[i] += z[j] * dense[j, i]
     else:
-        # Unsigned: no test for indices that count from the end.
-        for k in range(np.uint32(indptr[j]), np.uint32(indptr[j + 1])):
-            w[np.uint32(indices[k])] += t * data[k]
-
-
-@inner
-def add_product(columns, z, w):
-    """Add A z to w (n,)."""
-    for j in range(z.size):
-        if z[j] != 0.0:
-            add_column(columns, j, z[j], w)
+        for j in range(z.size):
+            if z[j] != 0.0:
+                for p in range(np.uint32(indptr[j]), np.uint32(indptr[j + 1])):
+                    w[np.uint32(indices[p])] += z[j] * data[p]
 
 
 @inner

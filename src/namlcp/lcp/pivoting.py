@@ -15,15 +15,14 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from namlcp.lapack import inner, pasted
 from namlcp.lcp import faces
 from namlcp.lcp.faces import Ordering, analyse, face_order, refactor, solve_face
 from namlcp.lcp.matrix import (
     Columns,
-    add_column,
     add_product,
     copy,
     diagonal,
-    inner,
     is_finite,
     largest,
     scale,
@@ -45,6 +44,7 @@ STATE, GOAL, UNIT, SEQUENCE, RANK, LOCAL = range(6)
 # Places in `Work.counter`.
 STARTED, FACTORED, OUTER, FEWEST, PATIENCE, STALE, PATHED, OUTSIDE = range(8)
 ORDERED, ORDERINGS = 8, 9
+CURVATURE = 10
 # Places in `Work.scalar`.
 RHO, TOLERANCE, SIZE, EPS_ABS, EPS_REL, BEST, MET, FIRST_MU = range(8)
 
@@ -56,6 +56,7 @@ LEAST_RHO = 1e-8
 MOST_RHO = 1.0
 OUTER_STEPS = 200
 EXACT = 1e-15
+SLACK = 1e-6  # negative curvature, unit diagonal, that single precision explains
 
 
 class Work(NamedTuple):
@@ -95,7 +96,7 @@ def workspace(columns: Columns, n: int) -> Work:
         scaled,
         np.zeros((13, n)),
         marks,
-        np.zeros(10, dtype=np.int64),
+        np.zeros(11, dtype=np.int64),
         np.zeros(8),
     )
 
@@ -137,16 +138,24 @@ def relax(problem, z, w, state):
     An unknown that stays at its bound costs no more than its test. Ends after `SWEEPS`,
     or once the states stood still.
     """
-    lower, upper = problem.lower, problem.upper
+    dense, data, indices, indptr = problem.columns
+    lower, upper, unit = problem.lower, problem.upper, problem.unit
     still = 0
     for _ in range(SWEEPS):
         still += 1
         for i in range(z.size):
-            if problem.unit[i]:
+            if unit[i]:
                 t = min(max(z[i] - OMEGA * w[i], lower[i]), upper[i])
-                if t != z[i]:
-                    add_column(problem.columns, i, t - z[i], w)
+                step = t - z[i]
+                if step != 0.0:
                     z[i] = t
+                    # Written out: a call costs more than the work on a sparse column.
+                    if dense.shape[0] > 0:
+                        for k in range(w.size):
+                            w[k] += step * dense[i, k]
+                    else:
+                        for p in range(np.uint32(indptr[i]), np.uint32(indptr[i + 1])):
+                            w[np.uint32(indices[p])] += step * data[p]
             s = z[i] - w[i]
             guess = -1 if s <= lower[i] else (1 if s >= upper[i] else 0)
             if guess != state[i]:
@@ -184,7 +193,7 @@ def clip_rounding(problem, work):
         z[i] = min(max(z[i], lower[i]), upper[i])
 
 
-@inner
+@pasted
 def mark(problem, work):
     """Write to GOAL the state each unknown belongs to; return how many are wrong."""
     z, w, centre = work.vectors[Z], work.vectors[W], work.vectors[CENTRE]
@@ -232,7 +241,7 @@ def restart(work, rho):
         count[STALE] = 1
 
 
-@inner
+@pasted
 def close_outer(problem, work):
     """End an outer step: no sign is wrong. Return a code; GO_ON starts the next."""
     vectors, count, number = work.vectors, work.counter, work.scalar
@@ -254,7 +263,7 @@ def close_outer(problem, work):
     return GO_ON
 
 
-@inner
+@pasted
 def flip(work, wrong, single):
     """Change states towards GOAL: all, or only the last one where that stagnated."""
     count, state, goal = work.counter, work.marks[STATE], work.marks[GOAL]
@@ -276,7 +285,7 @@ def flip(work, wrong, single):
     return GO_ON
 
 
-@inner
+@pasted
 def judge(problem, work):
     """With the face system solved, flip what is wrong or end the outer step."""
     z, w, rho = work.vectors[Z], work.vectors[W], work.scalar[RHO]
@@ -315,7 +324,7 @@ def set_face(problem, work):
         rhs[i] = rho * centre[i] - rhs[i]
 
 
-@inner
+@pasted
 def begin(columns, problem, work):
     """Scale, then sweep from the user's z, which vectors[Z] holds. Return a code."""
     vectors, count, number = work.vectors, work.counter, work.scalar
@@ -376,6 +385,9 @@ def pivot(columns, symmetric, work, budget, outside):
         is the best z of the problem scaled by vectors[D].
     outside : bool
         The caller solves the face systems, then calls `resume`.
+
+    With count[CURVATURE] = 1 it tells instead, of a solved symmetric problem, whether A
+    is positive semidefinite up to `SLACK`: SOLVED if it is, STUCK if not.
     """
     problem = problem_in(work, symmetric)
     ordering = ordering_in(work)
@@ -391,10 +403,13 @@ def pivot(columns, symmetric, work, budget, outside):
     while budget > 0:
         budget -= 1
         for i in range(shift.size):
-            shift[i] = work.scalar[RHO]
+            shift[i] = SLACK if count[CURVATURE] else work.scalar[RHO]
+            state[i] = 0 if count[CURVATURE] else state[i]
         order = face_order(problem.columns, symmetric, state, ordering)
         factor = analyse(problem.columns, symmetric, order, ordering)
         quality = refactor(problem.columns, symmetric, shift, factor, ordering.local)
+        if count[CURVATURE]:
+            return SOLVED if quality == faces.REGULAR else STUCK
         count[FACTORED] += 1
         count[OUTSIDE] |= quality == faces.INDEFINITE
         count[STALE] = 0

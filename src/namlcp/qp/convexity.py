@@ -13,9 +13,8 @@ import qdldl
 from numba import njit
 from scipy.sparse import csc_matrix
 
-# Negative curvature allowed in P with unit diagonal: what single precision does to a
-# covariance or Delassus matrix, and no more.
-SLACK = 1e-6
+from namlcp.lcp.pivoting import SLACK
+
 # A diagonal entry below this times max |P| counts as zero, and so must its row.
 ZERO = 1e-12
 

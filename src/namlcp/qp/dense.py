@@ -25,7 +25,9 @@ from namlcp.lapack import (
     copy,
     dot,
     forward_solve,
+    inner,
     matvec,
+    pasted,
 )
 from namlcp.qp.thinqr import (
     append,
@@ -48,7 +50,7 @@ REFIT = 32
 DEFINITE = 1e-13
 
 
-@njit(cache=True, nogil=True)
+@inner
 def row_norms(C, norms):
     """Set norms (m,) to the Euclidean norms of the rows of C, 1 for empty rows."""
     for i in range(C.shape[0]):
@@ -57,7 +59,7 @@ def row_norms(C, norms):
             norms[i] = 1.0
 
 
-@njit(cache=True, nogil=True)
+@inner
 def set_row(k, G, A, row):
     """Set row (n,) to the row of constraint k."""
     p, m, n = A.shape[0], G.shape[0], row.size
@@ -74,7 +76,7 @@ def set_row(k, G, A, row):
             row[k - p - m - n] = 1.0
 
 
-@njit(cache=True, nogil=True)
+@inner
 def right_side(k, h, b, lb, ub):
     """Return d of constraint k, row'x <= d."""
     p, m, n = b.size, h.size, lb.size
@@ -87,7 +89,7 @@ def right_side(k, h, b, lb, ub):
     return ub[k - p - m - n]
 
 
-@njit(cache=True, nogil=True)
+@inner
 def most_violated(x, Gx, h, lb, ub, norms, level, p):
     """Return the inequality with the largest scaled violation above rounding, or -1.
 
@@ -113,7 +115,7 @@ def most_violated(x, Gx, h, lb, ub, norms, level, p):
     return best
 
 
-@njit(cache=True, nogil=True)
+@inner
 def blocking(multiplier, r, k, active, p):
     """Return (step, index) of the first multiplier to reach zero; inf, -1 if none."""
     step, leaving = np.inf, np.int64(-1)
@@ -123,7 +125,7 @@ def blocking(multiplier, r, k, active, p):
     return step, leaving
 
 
-@njit(cache=True, nogil=True)
+@inner
 def term_size(row, x, d):
     """Return the sum of the moduli of the terms of row'x - d."""
     size = abs(d)
@@ -132,7 +134,7 @@ def term_size(row, x, d):
     return size
 
 
-@njit(cache=True, nogil=True)
+@inner
 def enter(entering, row, d, active, multiplier, k, L, Q, R, u, x, p, level):
     """Let constraint `entering` (row'x <= d, or = d) in by partial and full steps.
 
@@ -186,7 +188,7 @@ def enter(entering, row, d, active, multiplier, k, L, Q, R, u, x, p, level):
         k -= 1
 
 
-@njit(cache=True, nogil=True)
+@inner
 def refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x):
     """Drop inequalities until the multipliers of the active rows are >= 0.
 
@@ -219,7 +221,7 @@ def refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x):
         k -= 1
 
 
-@njit(cache=True, nogil=True)
+@inner
 def start_from(x0, active, multiplier, k, P, q, G, h, A, lb, ub, L, Q, R):
     """Append the independent inequalities that hold with equality at x0."""
     n, m, p = x0.size, h.size, A.shape[0]
@@ -246,7 +248,7 @@ def start_from(x0, active, multiplier, k, P, q, G, h, A, lb, ub, L, Q, R):
     return k
 
 
-@njit(cache=True, nogil=True)
+@inner
 def refine(active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x):
     """Improve x and multiplier on the unfactored KKT system of the active rows.
 
@@ -295,7 +297,7 @@ def refine(active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x):
         backward_solve(L, dx)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def clear(y, z, z_box):
     """Set all multipliers to zero."""
     for i in range(y.size):
@@ -306,7 +308,7 @@ def clear(y, z, z_box):
         z_box[j] = 0.0
 
 
-@njit(cache=True, nogil=True)
+@inner
 def recover(active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box):
     """Set y, z, z_box from the active rows; active bounds hold to the last bit.
 
@@ -339,7 +341,7 @@ def recover(active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box):
             z_box[j] = min(-gradient[j], 0.0)
 
 
-@njit(cache=True, nogil=True)
+@inner
 def contradicts(active, multiplier, k, h, b, lb, ub):
     """Tell whether the Farkas sum d'multiplier is negative beyond rounding."""
     value, size = 0.0, 0.0
@@ -350,7 +352,7 @@ def contradicts(active, multiplier, k, h, b, lb, ub):
     return value < -CONTRADICTION * size
 
 
-@njit(cache=True, nogil=True)
+@inner
 def certificate(active, multiplier, k, p, y, z, z_box):
     """Set y, z, z_box to the Farkas multipliers of k contradicting rows."""
     n, m = z_box.size, z.size
@@ -367,7 +369,7 @@ def certificate(active, multiplier, k, p, y, z, z_box):
             z_box[index - p - m - n] += multiplier[i]
 
 
-@njit(cache=True, nogil=True)
+@pasted
 def pivot(P, q, G, h, A, b, lb, ub, L, x0, x, y, z, z_box, max_iter):
     """Run the pivoting with P = L L'; set x and the multipliers; return (code, pivots).
 
@@ -436,7 +438,7 @@ def pivot(P, q, G, h, A, b, lb, ub, L, x0, x, y, z, z_box, max_iter):
     return STALLED, pivots
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def solve(P, q, G, h, A, b, lb, ub, x0, max_iter):
     """Solve min 1/2 x'Px + q'x, Gx <= h, Ax = b, lb <= x <= ub for definite P.
 

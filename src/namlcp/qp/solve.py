@@ -17,7 +17,6 @@ from namlcp.lcp.solve import solve_box
 from namlcp.options import DEFAULT_OPTIONS, Options
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp import certificates, dense, path
-from namlcp.qp.convexity import check_convex
 from namlcp.qp.reduction import box_lcp, box_point
 from namlcp.residuals import Residuals, qp_residuals
 from namlcp.result import QPResult
@@ -265,9 +264,12 @@ def solve_bounds(
 ) -> Answer | None:
     """Solve the box LCP that bounds alone make; None where it does not decide."""
     A, q, lower, upper = box_lcp(qp)
-    status, x, w, iterations, ray = solve_box(
-        A, q, lower, upper, guess if guess.size else None, deadline=deadline
+    start = guess if guess.size else None
+    status, x, w, iterations, ray, convex = solve_box(
+        A, q, lower, upper, start, deadline=deadline, ask_convex=True
     )
+    if not convex:
+        return None  # the path looks closer, and refuses
     x, z_box = box_point(x, w, lower, upper)
     if ray is not None:
         proof = certificates.accept_dual(qp, x, NOTHING, NOTHING, ray, options.eps_abs)
@@ -278,7 +280,6 @@ def solve_bounds(
         )
     residuals = qp_residuals(*qp, x, NOTHING, NOTHING, z_box)
     if residuals.solved(options.eps_abs, options.eps_rel):
-        check_convex(as_sparse(qp.P))
         status = Status.SOLVED
     elif status is Status.SOLVED:
         status = Status.STALLED

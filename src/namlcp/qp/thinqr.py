@@ -7,12 +7,11 @@ tells how far a row is from depending on the earlier ones.
 """
 
 import numpy as np
-from numba import njit
 
-from namlcp.lapack import add_scaled, dot
+from namlcp.lapack import add_scaled, dot, inner
 
 
-@njit(cache=True, nogil=True)
+@inner
 def project(Q, k, v, d):
     """Split v in place: d (k,) = Q v, v -= Q'd. Return |v|_2 of what is left.
 
@@ -34,7 +33,7 @@ def project(Q, k, v, d):
     return length
 
 
-@njit(cache=True, nogil=True)
+@inner
 def triangular_solve(R, k, d):
     """Overwrite d (k,) by R^-1 d, R upper triangular of order k."""
     for i in range(k - 1, -1, -1):
@@ -44,7 +43,7 @@ def triangular_solve(R, k, d):
         d[i] = value / R[i, i]
 
 
-@njit(cache=True, nogil=True)
+@inner
 def triangular_solve_transposed(R, k, d):
     """Overwrite d (k,) by R^-T d."""
     for i in range(k):
@@ -53,7 +52,7 @@ def triangular_solve_transposed(R, k, d):
             d[j] -= R[i, j] * d[i]
 
 
-@njit(cache=True, nogil=True)
+@inner
 def append(Q, R, k, v, d, length):
     """Append the row with coefficients d (k,) and remainder v, |v| = length."""
     for i in range(k):
@@ -63,7 +62,7 @@ def append(Q, R, k, v, d, length):
         Q[k, j] = v[j] / length
 
 
-@njit(cache=True, nogil=True)
+@inner
 def remove(Q, R, k, leaving, active, multiplier):
     """Delete active row `leaving` from the factorisation of order k (Givens)."""
     for j in range(leaving, k - 1):
