@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from namlcp.checks import QPData, as_dense, as_sparse, qp_data, vector
+from namlcp.lcp.pivoting import pivot
 from namlcp.lcp.solve import solve_box
 from namlcp.options import DEFAULT_OPTIONS, Options
 from namlcp.progress import QP_COLUMNS, Progress
@@ -189,8 +190,8 @@ def solve_forms(
     if is_small(qp):
         answer = solve_dense(qp, options, guess, progress)
     elif is_box(qp):
-        answer = solve_bounds(qp, options, guess, deadline)
-    if answer is not None and answer.status in FINAL:
+        answer = solve_bounds(qp, options, guess, deadline, progress)
+    if answer is not None and answer.status in (*FINAL, Status.TIME_LIMIT):
         return answer
     other = solve_path(qp, options, guess, deadline, progress)
     if answer is None or other.status in FINAL:
@@ -260,13 +261,26 @@ def solve_dense(
 
 
 def solve_bounds(
-    qp: QPData, options: Options, guess: np.ndarray, deadline: float
+    qp: QPData,
+    options: Options,
+    guess: np.ndarray,
+    deadline: float,
+    progress: Progress | None,
 ) -> Answer | None:
     """Solve the box LCP that bounds alone make; None where it does not decide."""
+    if progress is not None:
+        progress.announce(pivot)
     A, q, lower, upper = box_lcp(qp)
     start = guess if guess.size else None
     status, x, w, iterations, ray, convex = solve_box(
-        A, q, lower, upper, start, deadline=deadline, ask_convex=True
+        A,
+        q,
+        lower,
+        upper,
+        start,
+        max_iter=options.max_iter,
+        deadline=deadline,
+        ask_convex=True,
     )
     if not convex:
         return None  # the path looks closer, and refuses
@@ -296,6 +310,8 @@ def solve_path(
     progress: Progress | None,
 ) -> Answer:
     """Follow the path, which is sparse."""
+    if progress is not None:
+        progress.announce(path.evaluate)
     if qp.is_dense:
         qp = qp._replace(P=as_sparse(qp.P), G=as_sparse(qp.G), A=as_sparse(qp.A))
     report = None if progress is None else progress.row

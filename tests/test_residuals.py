@@ -1,0 +1,61 @@
+"""The one definition of the residuals, against the host's and against the formula."""
+
+import math
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from qpsolvers import Problem, Solution
+
+from namlcp import Residuals, natural_residual, qp_residuals
+
+
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("sparse", [False, True])
+def test_same_as_the_host(seed, sparse):
+    rng = np.random.default_rng(seed)
+    n, m, p = 7, 5, 3
+    P, G, A = (rng.standard_normal((k, n)) for k in (n, m, p))
+    if sparse:
+        P, G, A = (sp.csc_matrix(C) for C in (P, G, A))
+    q, h, b, lb = (rng.standard_normal(k) for k in (n, m, p, n))
+    ub = lb + 1.0
+    x, y, z = rng.standard_normal(n), rng.standard_normal(p), rng.random(m)
+    z_box = rng.standard_normal(n)
+    host = Solution(Problem(P, q, G, h, A, b, lb, ub), found=True)
+    host.x, host.y, host.z, host.z_box = x, y, z, z_box
+    ours = qp_residuals(P, q, G, h, A, b, lb, ub, x, y, z, z_box)
+    assert ours.primal == pytest.approx(host.primal_residual(), rel=1e-14)
+    assert ours.dual == pytest.approx(host.dual_residual(), rel=1e-13)
+    assert ours.gap == pytest.approx(host.duality_gap(), rel=1e-13)
+    assert ours.objective == pytest.approx(0.5 * x @ (P @ x) + q @ x)
+
+
+def one_variable(z=0.0, z_box=0.0, lb=-np.inf, ub=np.inf, x=1.0):
+    """Return the residuals of a point of min x^2/2 - x, x <= 1 as a row."""
+    return qp_residuals(
+        np.eye(1), -np.ones(1), np.ones((1, 1)), np.ones(1), np.empty((0, 1)),
+        np.empty(0), np.array([lb]), np.array([ub]), np.array([x]), np.empty(0),
+        np.array([z]), np.array([z_box]),
+    )  # fmt: skip
+
+
+def test_signs_count_as_dual_residual():
+    assert one_variable().solved(1e-12, 0.0)
+    assert one_variable(z=-1.0, z_box=1.0).dual == 1.0
+    assert one_variable(z=1.0, z_box=-1.0).dual == 1.0  # lower bound is infinite
+    assert one_variable(z=1.0, z_box=-1.0, lb=1.0).solved(1e-12, 0.0)
+
+
+def test_nan_is_never_solved():
+    assert one_variable(x=math.nan).worst(1.0, 1.0) == math.inf
+    assert one_variable(z=math.nan).worst(1.0, 1.0) == math.inf
+    assert Residuals(0, 0, 0, 0, 0, 0, 0).solved(1e-9, 0.0)
+
+
+def test_natural_residual_is_the_papers():
+    rng = np.random.default_rng(0)
+    z, w = rng.standard_normal((2, 9))
+    lower, upper = np.zeros(9), np.full(9, np.inf)
+    expected = np.linalg.norm(np.minimum(z, w))
+    assert natural_residual(z, w, lower, upper) == pytest.approx(expected)
