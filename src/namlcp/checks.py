@@ -61,9 +61,13 @@ def clean_copy(array: np.ndarray, kind: Any) -> np.ndarray:
 def real_array(name: str, value: Any) -> np.ndarray:
     """Return `value` as a writeable C-contiguous float64 array, copied if need be."""
     try:
+        if value is None or isinstance(value, np.ma.MaskedArray):
+            raise ValueError("None or masked")
         array = np.asarray(value)
     except ValueError as error:
-        raise TypeError(f"{name} must be an array of real numbers: {error}") from None
+        raise TypeError(
+            f"{name} must be an array of real numbers, got {value!r:.60} ({error})"
+        ) from None
     if array.dtype.kind not in "biuf":
         raise TypeError(
             f"{name} must be an array of real numbers, got dtype {array.dtype}"
@@ -94,17 +98,36 @@ def vector(
 
 
 @njit(cache=True, nogil=True)
-def are_indices(indptr, indices, size):
+def are_indices(indptr, indices, major, minor):
     """Tell whether compressed indices stay inside: no kernel checks them again."""
-    if indptr[0] != 0 or indptr[-1] != indices.size:
+    if indptr.size != major + 1 or indptr[0] != 0 or indptr[major] > indices.size:
         return False
-    for j in range(indptr.size - 1):
+    for j in range(major):
         if indptr[j + 1] < indptr[j]:
             return False
-    for t in range(indices.size):
-        if indices[t] < 0 or indices[t] >= size:
+    for t in range(indptr[major]):
+        if indices[t] < 0 or indices[t] >= minor:
             return False
     return True
+
+
+def refuse_indices(name: str, C: Any) -> None:
+    """Raise a ValueError if a sparse matrix is corrupt: SciPy itself does not look."""
+    sound = True
+    if C.format == "coo":
+        sides = zip(C.coords, C.shape, strict=True)
+        sound = all(0 <= k.min() <= k.max() < n for k, n in sides if k.size)
+    elif C.format in ("csr", "csc", "bsr") and C.ndim == 2:
+        major, minor = C.shape if C.format != "csc" else C.shape[::-1]
+        size = C.data.shape[0]
+        if C.format == "bsr":
+            major, minor = major // C.blocksize[0], minor // C.blocksize[1]
+        sound = are_indices(C.indptr, C.indices[:size], major, minor)
+    if not sound:
+        raise ValueError(
+            f"{name} must have indices within its shape {C.shape}, got others "
+            "(a corrupt sparse matrix)"
+        )
 
 
 def is_clean_sparse(value: Any, layout: str) -> bool:
@@ -122,8 +145,8 @@ def is_clean_sparse(value: Any, layout: str) -> bool:
 
 def sparse_matrix(name: str, value: Any, layout: str) -> Any:
     """Return `value` as a canonical sparse array or matrix of float64."""
+    refuse_indices(name, value)
     if value.ndim == 2 and is_clean_sparse(value, layout):
-        refuse_indices(name, value)
         return value  # SciPy takes 30 us to make another
     if value.dtype.kind not in "biuf":
         raise TypeError(f"{name} must hold real numbers, got dtype {value.dtype}")
@@ -142,18 +165,7 @@ def sparse_matrix(name: str, value: Any, layout: str) -> Any:
     wrap = sp.csr_array if layout == "csr" else sp.csc_array
     clean = wrap((data, indices, indptr), shape=value.shape)
     clean.has_canonical_format = True
-    refuse_indices(name, clean)
     return clean
-
-
-def refuse_indices(name: str, C: Any) -> None:
-    """Raise a ValueError if the index arrays of a compressed matrix are corrupt."""
-    size = C.shape[1] if C.format == "csr" else C.shape[0]
-    if not are_indices(C.indptr, C.indices, size):
-        raise ValueError(
-            f"{name} must have indices within its shape {C.shape}, got others "
-            "(a corrupt sparse matrix)"
-        )
 
 
 @functools.lru_cache(maxsize=16)
@@ -164,7 +176,10 @@ def no_rows(n: int) -> sp.csc_array:
 
 
 def matrix(name: str, value: Any, layout: str) -> Any:
-    """Return `value` as a clean 2-D array, or as a canonical sparse array."""
+    """Return `value` as a clean 2-D array, or as a canonical sparse array.
+
+    A vector is one row.
+    """
     if is_clean(value, 2):
         return value
     if sp.issparse(value):
@@ -175,6 +190,14 @@ def matrix(name: str, value: Any, layout: str) -> Any:
     if array.ndim != 2:
         raise ValueError(f"{name} must have two dimensions, got shape {array.shape}")
     return array
+
+
+def square_matrix(name: str, value: Any, layout: str) -> Any:
+    """Return `value` as `matrix` does; raise unless it is square."""
+    C = matrix(name, value, layout)
+    if C.shape[0] != C.shape[1]:
+        raise ValueError(f"{name} must be square, got shape {np.shape(value)}")
+    return C
 
 
 @njit(cache=True, nogil=True)
@@ -284,6 +307,13 @@ def is_huge(side):
     return False
 
 
+def asymmetry(C: Any) -> tuple[float, float]:
+    """Return (max |C - C'|, max |C|) of a clean square matrix, dense or compressed."""
+    if type(C) is np.ndarray:
+        return dense_asymmetry(C)
+    return sparse_asymmetry(C.indptr, C.indices, C.data)
+
+
 def refuse_number(name: str, values: np.ndarray, infinite_allowed: bool) -> None:
     """Raise a ValueError that tells where the first bad number of `values` stands."""
     flat = values.ravel()
@@ -313,10 +343,13 @@ def symmetrised(P: Any, gap: float, size: float) -> Any:
     return (P + P.T) * 0.5
 
 
-def side(values: np.ndarray) -> np.ndarray:
-    """Return `values` with entries beyond INFINITE made infinite."""
+def side(values: np.ndarray, sign: float) -> np.ndarray:
+    """Return `values` with those beyond INFINITE, on the open side, made infinite.
+
+    sign is +1 for upper sides and -1 for lower ones: x <= -1e21 is a constraint.
+    """
     if is_huge(values):
-        return np.where(np.abs(values) >= INFINITE, np.copysign(np.inf, values), values)
+        return np.where(sign * values >= INFINITE, sign * np.inf, values)
     return values
 
 
@@ -375,10 +408,8 @@ def qp_data(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) ->
     Contradictory or infinite sides (lb > ub, h = -inf) pass: they are infeasible
     problems, not malformed ones.
     """
-    P = matrix("P", P, "csc")
+    P = square_matrix("P", P, "csc")
     n = P.shape[1]
-    if P.shape[0] != n:
-        raise ValueError(f"P must be square, got shape {P.shape}")
     q = vector("q", q, n, "P", P.shape)
     G, h = constraint("G", G, "h", h, n)
     A, b = constraint("A", A, "b", b, n)
@@ -387,7 +418,7 @@ def qp_data(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) ->
     if not (type(P) is type(G) is type(A) is np.ndarray):
         P, G, A = (as_sparse(C) for C in (P, G, A))
         refuse_numbers(QPData(P, q, G, h, A, b, lb, ub))
-        gap, size = sparse_asymmetry(P.indptr, P.indices, P.data)
+        gap, size = asymmetry(P)
         huge = True
     else:
         which, gap, size, huge = dense_faults(P, q, G, h, A, b, lb, ub)
@@ -396,7 +427,7 @@ def qp_data(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) ->
     if gap > 0.0:
         P = symmetrised(P, gap, size)
     if huge:
-        h, lb, ub = side(h), side(lb), side(ub)
+        h, lb, ub = side(h, 1.0), side(lb, -1.0), side(ub, 1.0)
     return QPData(P, q, G, h, A, b, lb, ub)
 
 
@@ -413,8 +444,9 @@ def box_side(name: str, value: Any, n: int, default: float) -> np.ndarray:
     """Return one side of the box as a clean (n,) array; a scalar holds for all."""
     if value is None:
         return np.full(n, default)
-    if np.ndim(value) == 0:
-        return np.full(n, real_array(name, value))
+    value = value if is_clean(value, 1) else real_array(name, value)
+    if value.ndim == 0:
+        return np.full(n, value)
     return vector(name, value, n, "A", (n, n))
 
 
@@ -423,10 +455,8 @@ def lcp_data(A: Any, q: Any, lower: Any, upper: Any) -> LCPData:
 
     Raises TypeError or ValueError naming the argument, what was expected and what came.
     """
-    A = matrix("A", A, "csr")
+    A = square_matrix("A", A, "csr")
     n = A.shape[1]
-    if A.shape[0] != n:
-        raise ValueError(f"A must be square, got shape {A.shape}")
     q = vector("q", q, n, "A", A.shape)
     lower = box_side("lower", lower, n, 0.0)
     upper = box_side("upper", upper, n, np.inf)
@@ -434,12 +464,13 @@ def lcp_data(A: Any, q: Any, lower: Any, upper: Any) -> LCPData:
     refuse_number("q", q, False)
     refuse_number("lower", lower, True)
     refuse_number("upper", upper, True)
-    lower, upper = side(lower), side(upper)
+    lower, upper = side(lower, -1.0), side(upper, 1.0)
     wrong = np.flatnonzero((lower > upper) | (lower == np.inf) | (upper == -np.inf))
     if wrong.size:
         i = wrong[0]
         raise ValueError(
             "lower must not exceed upper, lower be < inf and upper > -inf, "
-            f"got lower[{i}] = {lower[i]:g}, upper[{i}] = {upper[i]:g}"
+            f"got lower[{i}] = {lower[i]:g}, upper[{i}] = {upper[i]:g} "
+            "(from 1e20 on, no bound)"
         )
     return LCPData(A, q, lower, upper)

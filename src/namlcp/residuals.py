@@ -50,7 +50,11 @@ def natural_residual(
     z: np.ndarray, w: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> float:
     """Return || z - clip(z - w, lower, upper) ||_2 for w = A z + q."""
-    return float(np.linalg.norm(z - np.clip(z - w, lower, upper)))
+    r = z - np.clip(z - w, lower, upper)
+    size = float(np.abs(r).max()) if r.size else 0.0
+    if not 0.0 < size < math.inf:
+        return size
+    return size * float(np.linalg.norm(r / size))  # squares may over- or underflow
 
 
 @njit(cache=True, nogil=True)

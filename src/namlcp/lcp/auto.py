@@ -81,6 +81,7 @@ PATH_CHUNK = 5
 PATH_TARGET = 1e-8
 
 RAY_TOLERANCE = 1e-9
+SLOPE_ROUNDING = 1e-13
 
 
 class Outcome(NamedTuple):
@@ -150,7 +151,7 @@ def solve_by_sweeps(
 
     def accept(z: np.ndarray, w: np.ndarray) -> bool:
         plain, scaled = residuals(z, w, lower, upper, root)
-        return plain < eps_abs or scaled <= eps_rel * size
+        return plain < eps_abs or scaled <= eps_rel * size < math.inf
 
     w = A @ z + q
     if accept(z, w):
@@ -242,7 +243,7 @@ def solve_box(
     w = A @ z + q
     if status is Status.SOLVED and scalar[SIZE] > 0.0:
         plain, scaled = residuals(z, w, lower, upper, 1.0 / vectors[D])
-        if not (plain < eps_abs or scaled <= eps_rel * scalar[SIZE]):
+        if not (plain < eps_abs or scaled <= eps_rel * scalar[SIZE] < math.inf):
             status = Status.STALLED
     return Outcome(status, z, w, int(work.counter[FACTORED]), ray, convex)
 
@@ -358,7 +359,8 @@ def proof(A: Any, q: np.ndarray, v: np.ndarray, work: Work) -> np.ndarray | None
         return None
     v = v / -fall
     slope = d * (A.T @ v)
-    slope[np.abs(slope) <= RAY_TOLERANCE * np.max(np.abs(v / d))] = 0.0
+    # Only rounding is forgiven: a true slope, however small, has a solution far away.
+    slope[np.abs(slope) <= SLOPE_ROUNDING * d * (abs(A).T @ np.abs(v))] = 0.0
     moving = slope != 0.0
     side = np.where(slope > 0.0, upper, lower)[moving]
     return v if side @ slope[moving] < 0.5 else None

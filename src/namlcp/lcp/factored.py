@@ -19,7 +19,7 @@ from scipy import sparse
 from scipy.linalg.lapack import dgetrf, dgetrs, dpotrf, dpotrs
 from scipy.sparse.linalg import splu
 
-from namlcp.checks import dense_asymmetry, sparse_asymmetry
+from namlcp.checks import asymmetry
 from namlcp.residuals import natural_residual
 
 Solve = Callable[[np.ndarray], np.ndarray]
@@ -40,7 +40,7 @@ def factored_step(
     """
     dense = isinstance(A, np.ndarray)
     if shift is None:
-        symmetric = is_symmetric(A)
+        symmetric = asymmetry(A)[0] == 0.0
         left, diagonal = A, omega
     else:
         symmetric = False
@@ -62,13 +62,6 @@ def factored_step(
         return natural_residual(z, w, lower, upper)
 
     return step
-
-
-def is_symmetric(A: Any) -> bool:
-    """Tell whether A = A' exactly."""
-    if isinstance(A, np.ndarray):
-        return dense_asymmetry(A)[0] == 0.0
-    return sparse_asymmetry(A.indptr, A.indices, A.data)[0] == 0.0
 
 
 def dense_solver(K: np.ndarray, symmetric: bool) -> Solve | None:

@@ -8,9 +8,9 @@ face, or to the accuracy asked for where no face can be told.
 import numpy as np
 from numba import njit
 
-from namlcp.lapack import inner
+from namlcp.lapack import copy, inner
 from namlcp.lcp.faces import analyse, face_order, refactor, solve_face
-from namlcp.lcp.matrix import add_product, copy, largest
+from namlcp.lcp.matrix import add_product, largest
 from namlcp.lcp.pivoting import (
     BEST,
     CENTRE,

@@ -15,13 +15,6 @@ from namlcp.lapack import inner
 SMALL = 24
 """Up to this order everything is dense."""
 
-INNER: dict[str, Any] = {
-    "nogil": True,
-    "error_model": "numpy",
-    "no_cpython_wrapper": True,
-    "no_cfunc_wrapper": True,
-}
-
 
 class Columns(NamedTuple):
     """Columns of A: row j of `dense` (n, n), or of the compressed arrays, is column j.
@@ -107,13 +100,6 @@ def add_product(columns, z, w):
             if z[j] != 0.0:
                 for p in range(np.uint32(indptr[j]), np.uint32(indptr[j + 1])):
                     w[np.uint32(indices[p])] += z[j] * data[p]
-
-
-@inner
-def copy(x, out):
-    """Write x to out (n,): a loop, because array assignment is slow to compile."""
-    for i in range(out.size):
-        out[i] = x[i]
 
 
 @inner

@@ -15,13 +15,12 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from namlcp.lapack import inner, pasted
+from namlcp.lapack import copy, inner, pasted
 from namlcp.lcp import faces
 from namlcp.lcp.faces import Ordering, analyse, face_order, refactor, solve_face
 from namlcp.lcp.matrix import (
     Columns,
     add_product,
-    copy,
     diagonal,
     is_finite,
     largest,
@@ -387,7 +386,7 @@ def pivot(columns, symmetric, work, budget, outside):
         The caller solves the face systems, then calls `resume`.
 
     With count[CURVATURE] = 1 it tells instead, of a solved symmetric problem, whether A
-    is positive semidefinite up to `SLACK`: SOLVED if it is, STUCK if not.
+    is positive semidefinite up to `SLACK`: SOLVED if it is, STUCK if that is not sure.
     """
     problem = problem_in(work, symmetric)
     ordering = ordering_in(work)
@@ -404,7 +403,10 @@ def pivot(columns, symmetric, work, budget, outside):
         budget -= 1
         for i in range(shift.size):
             shift[i] = SLACK if count[CURVATURE] else work.scalar[RHO]
-            state[i] = 0 if count[CURVATURE] else state[i]
+            if count[CURVATURE]:
+                state[i] = 0
+                if not problem.unit[i]:
+                    return STUCK  # zero or negative diagonal: not decided here
         order = face_order(problem.columns, symmetric, state, ordering)
         factor = analyse(problem.columns, symmetric, order, ordering)
         quality = refactor(problem.columns, symmetric, shift, factor, ordering.local)

@@ -5,15 +5,8 @@ import time
 from typing import Any
 
 import numpy as np
-from scipy import sparse
 
-from namlcp.checks import (
-    dense_asymmetry,
-    lcp_data,
-    refuse_number,
-    sparse_asymmetry,
-    vector,
-)
+from namlcp.checks import asymmetry, lcp_data, refuse_number, vector
 from namlcp.lcp.auto import MAX_ITER, Outcome, solve_auto, solve_box
 from namlcp.lcp.methods import METHODS
 from namlcp.lcp.pivoting import pivot
@@ -216,8 +209,5 @@ def start_point(z0: Any, n: int) -> np.ndarray:
 
 def is_symmetric(A: Any) -> bool:
     """Tell whether A = A' up to rounding."""
-    if sparse.issparse(A):
-        gap, size = sparse_asymmetry(A.indptr, A.indices, A.data)
-    else:
-        gap, size = dense_asymmetry(A)
+    gap, size = asymmetry(A)
     return gap <= ROUNDING * size

@@ -16,7 +16,7 @@ from scipy.sparse import csc_matrix
 from namlcp.lcp.pivoting import SLACK
 
 # A diagonal entry below this times max |P| counts as zero, and so must its row.
-ZERO = 1e-12
+ZERO = 1e-15
 
 CONVEX, NEGATIVE, MINOR, UNDECIDED = 0, 1, 2, 3
 
