@@ -440,14 +440,12 @@ class LCPData(NamedTuple):
     upper: np.ndarray
 
 
-def box_side(name: str, value: Any, n: int, default: float) -> np.ndarray:
-    """Return one side of the box as a clean (n,) array; a scalar holds for all."""
-    if value is None:
-        return np.full(n, default)
-    value = value if is_clean(value, 1) else real_array(name, value)
-    if value.ndim == 0:
-        return np.full(n, value)
-    return vector(name, value, n, "A", (n, n))
+def spread_number(name: str, value: Any, n: int) -> np.ndarray:
+    """Return a number or an (n,) array as a clean (n,) array."""
+    array = value if is_clean(value, 1) else real_array(name, value)
+    if array.ndim == 0:
+        return np.full(n, array)
+    return vector(name, array, n, "A", (n, n))
 
 
 def lcp_data(A: Any, q: Any, lower: Any, upper: Any) -> LCPData:
@@ -458,8 +456,8 @@ def lcp_data(A: Any, q: Any, lower: Any, upper: Any) -> LCPData:
     A = square_matrix("A", A, "csr")
     n = A.shape[1]
     q = vector("q", q, n, "A", A.shape)
-    lower = box_side("lower", lower, n, 0.0)
-    upper = box_side("upper", upper, n, np.inf)
+    lower = spread_number("lower", 0.0 if lower is None else lower, n)
+    upper = spread_number("upper", np.inf if upper is None else upper, n)
     refuse_number("A", A.data if sp.issparse(A) else A, False)
     refuse_number("q", q, False)
     refuse_number("lower", lower, True)

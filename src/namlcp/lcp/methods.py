@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from namlcp.checks import real_array, refuse_number, vector
+from namlcp.checks import refuse_number, spread_number
 
 
 class Method(NamedTuple):
@@ -43,11 +43,17 @@ METHODS = {
 }
 
 
+AUTO = Method(())
+
+
 def find_method(method: str, **given: Any) -> Method:
     """Return the method of that name; raise for a parameter that it does not have."""
-    if method not in METHODS:
-        raise ValueError(f"method must be one of {list(METHODS)}, got {method!r}")
-    chosen = METHODS[method]
+    if not isinstance(method, str):
+        raise TypeError(f"method must be a string, got {method!r}")
+    known = {"auto": AUTO, **METHODS}
+    if method not in known:
+        raise ValueError(f"method must be one of {list(known)}, got {method!r}")
+    chosen = known[method]
     for name, value in given.items():
         if value is not None and name not in chosen.takes:
             takers = [key for key, other in METHODS.items() if name in other.takes]
@@ -88,10 +94,7 @@ def spread(
     """Return a diagonal given as None, a number or an (n,) array, checked."""
     if value is None:
         return default
-    if np.ndim(value) == 0:
-        diagonal = np.full(n, real_array(name, value))
-    else:
-        diagonal = vector(name, value, n, "A", (n, n))
+    diagonal = spread_number(name, value, n)
     refuse_number(name, diagonal, False)
     wrong = np.flatnonzero(diagonal <= 0.0 if positive else diagonal < 0.0)
     if wrong.size:

@@ -8,7 +8,7 @@ import numpy as np
 
 from namlcp.checks import asymmetry, lcp_data, refuse_number, vector
 from namlcp.lcp.auto import MAX_ITER, Outcome, solve_auto, solve_box
-from namlcp.lcp.methods import METHODS
+from namlcp.lcp.methods import find_method
 from namlcp.lcp.pivoting import pivot
 from namlcp.lcp.sweeps import sweep
 from namlcp.options import check_count, check_flag, check_number
@@ -118,28 +118,36 @@ def solve_lcp(
     deadline = start + check_limits(eps_abs, eps_rel, max_iter, time_limit)
     check_flag("history", history)
     check_flag("verbose", verbose)
+    parameters: dict[str, Any] = {
+        "alpha": alpha, "beta": beta, "omega": omega, "shift": shift, "s0": s0,
+    }  # fmt: skip
+    find_method(method, **{k: v for k, v in parameters.items() if k != "s0"})
+    if method == "auto" and s0 is not None:
+        raise ValueError('s0 is for the sweep methods, pass z0 to method "auto"')
     data = lcp_data(A, q, lower, upper)
     progress = Progress(LCP_COLUMNS, verbose)
     progress.say(f"namlcp  LCP: n = {data.q.size}, method = {method}")
     limits: dict[str, Any] = {"deadline": deadline, "report": progress.report(history)}
-    parameters: dict[str, Any] = {
-        "alpha": alpha, "beta": beta, "omega": omega, "shift": shift, "s0": s0,
-    }  # fmt: skip
     ready = time.perf_counter()
     if method == "auto":
-        refuse_parameters(parameters)
         progress.announce(pivot)
         if eps_rel is None:
             eps_rel = AUTO_EPS_REL if eps_abs is None else 0.0
+        unit = unit_of(data.q)
+        z0 = None if z0 is None else start_point(z0, data.q.size) / unit
         outcome, method = solve_auto(
-            *data,
-            None if z0 is None else start_point(z0, data.q.size),
+            data.A,
+            data.q / unit,
+            data.lower / unit,
+            data.upper / unit,
+            z0,
             lambda: is_symmetric(data.A),
-            eps_abs=eps_abs or 0.0,
+            eps_abs=(eps_abs or 0.0) / unit,
             eps_rel=eps_rel,
             max_iter=max_iter or MAX_ITER,
             **limits,
         )
+        outcome = outcome._replace(z=outcome.z * unit, w=outcome.w * unit)
         diagonal = data.A.diagonal()
         s = outcome.z - outcome.w / np.where(diagonal > 0.0, diagonal, 1.0)
     else:
@@ -191,13 +199,12 @@ def check_limits(eps_abs: Any, eps_rel: Any, max_iter: Any, time_limit: Any) -> 
     return float(time_limit)
 
 
-def refuse_parameters(given: dict[str, Any]) -> None:
-    """Raise for a parameter of the sweep methods, which "auto" does not have."""
-    for name, value in given.items():
-        if value is not None:
-            raise ValueError(
-                f'{name} is not a parameter of method "auto", only of {list(METHODS)}'
-            )
+def unit_of(q: np.ndarray) -> float:
+    """Return 1, or a power of 2 near max |q| where squares would leave the range."""
+    size = float(np.abs(q).max(initial=0.0))
+    if size == 0.0 or 1e-100 < size < 1e100:
+        return 1.0
+    return 2.0 ** math.floor(math.log2(size))
 
 
 def start_point(z0: Any, n: int) -> np.ndarray:
