@@ -11,7 +11,7 @@ from namlcp.residuals import Residuals
 INF = np.inf
 
 
-def solve(P, q, G=None, h=None, A=None, b=None, lb=None, ub=None, x0=None):
+def solve(P, q, G=None, h=None, A=None, b=None, lb=None, ub=None, hint=None):
     """Call the kernel with absent parts filled in."""
     n = len(q)
     return dense.solve(
@@ -23,7 +23,7 @@ def solve(P, q, G=None, h=None, A=None, b=None, lb=None, ub=None, x0=None):
         np.empty(0) if b is None else np.asarray(b, dtype=float),
         np.full(n, -INF) if lb is None else np.asarray(lb, dtype=float),
         np.full(n, INF) if ub is None else np.asarray(ub, dtype=float),
-        np.empty(0) if x0 is None else x0,
+        np.empty(0, dtype=np.int8) if hint is None else hint,
         10_000,
     )
 
@@ -49,11 +49,12 @@ def test_random_problems_are_exact(seed):
     rng = np.random.default_rng(seed)
     n, m = int(rng.integers(1, 30)), int(rng.integers(0, 60))
     qp = random_qp(rng, n, m, int(rng.integers(0, 1 + n // 4)), 10.0 ** (seed % 8))
-    code, _, x, _y, z, _z_box, numbers = solve(*qp)
+    code, _, x, _y, z, z_box, numbers = solve(*qp)
     assert code == dense.SOLVED
     assert Residuals(*numbers).solved(1e-10, 1e-10)
     assert (z >= 0.0).all()
-    restart = solve(*qp, x0=x)
+    hint = np.concatenate((z > 0.0, z_box < 0.0, z_box > 0.0)).astype(np.int8)
+    restart = solve(*qp, hint=hint)
     assert restart[0] == dense.SOLVED
     np.testing.assert_allclose(restart[2], x, atol=1e-7)
 

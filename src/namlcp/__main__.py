@@ -221,7 +221,7 @@ def main(arguments: list[str] | None = None) -> int:
     settings = {
         name: value
         for name in ("eps_abs", "time_limit", "verbose")
-        if (value := getattr(options, name))
+        if (value := getattr(options, name)) is not None
     }
     return solve_file(options.file, settings)
 

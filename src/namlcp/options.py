@@ -24,7 +24,9 @@ class Options:
     max_iter : int
         Limit on the iterations of any one loop, >= 1.
     time_limit : float
-        Limit on the whole solve [s], > 0. The best point so far is returned.
+        Limit on the whole solve [s], > 0. The best point so far is returned. It is
+        looked at between iterations; the dense form, one compiled call, looks at its
+        end only.
     verbose : bool
         Print a table of the progress on standard output.
     """
@@ -37,8 +39,8 @@ class Options:
 
     def __post_init__(self) -> None:
         """Refuse, by name, a value that means nothing."""
-        check_number("eps_abs", self.eps_abs, 0.0, closed=True)
-        check_number("eps_rel", self.eps_rel, 0.0, closed=True)
+        check_number("eps_abs", self.eps_abs, 0.0, closed=True, finite=True)
+        check_number("eps_rel", self.eps_rel, 0.0, closed=True, finite=True)
         if self.eps_abs == 0.0 and self.eps_rel == 0.0:
             raise ValueError("eps_abs and eps_rel must not both be 0")
         check_count("max_iter", self.max_iter)
@@ -63,7 +65,12 @@ def check_names(settings: Mapping[str, Any], known: list[str]) -> None:
 
 
 def check_number(
-    name: str, value: object, above: float, *, closed: bool = False
+    name: str,
+    value: object,
+    above: float,
+    *,
+    closed: bool = False,
+    finite: bool = False,
 ) -> None:
     """Raise unless `value` is a real number > above (>= above if `closed`)."""
     if type(value) is not float and (
@@ -71,6 +78,8 @@ def check_number(
     ):
         raise TypeError(f"{name} must be a number, got {value!r}")
     number = float(value)  # type: ignore[arg-type]
+    if finite and number == math.inf:
+        raise ValueError(f"{name} must be finite, got {value!r}")
     if not (number > above or (closed and number == above)):
         sign = ">=" if closed else ">"
         raise ValueError(f"{name} must be {sign} {above:g}, got {value!r}")

@@ -32,6 +32,7 @@ class Progress:
         self.stream = stream
         self.start = time.perf_counter()
         self.rows: list[tuple] = []
+        self.shown = True
 
     def say(self, text: str) -> None:
         """Print one line if verbose."""
@@ -50,12 +51,23 @@ class Progress:
             names = ("time [s]" if c == "time" else c for c in self.columns)
             self.say("".join(f"{name:>10}" for name in names))
         self.rows.append(row)
-        if self.verbose and is_shown(iteration):
-            cells = (
-                f"{value:10d}" if name in COUNTS else f"{value:10.2e}"
-                for name, value in zip(self.columns, row, strict=True)
-            )
-            self.say("".join(cells))
+        self.shown = is_shown(iteration)
+        if self.shown:
+            self.show(row)
+
+    def show(self, row: tuple) -> None:
+        """Print a row."""
+        cells = (
+            f"{value:10d}" if name in COUNTS else f"{value:10.2e}"
+            for name, value in zip(self.columns, row, strict=True)
+        )
+        self.say("".join(cells))
+
+    def close(self, text: str) -> None:
+        """Print the last row, unless it was, and the closing sentence."""
+        if not self.shown:
+            self.show(self.rows[-1])
+        self.say(text)
 
     def report(self, wanted: bool) -> Callable[..., None] | None:
         """Return `row` where rows are of use, None otherwise."""

@@ -13,9 +13,11 @@ with warnings.catch_warnings():
     import qpsolvers
 from qpsolvers.exceptions import ParamError, ProblemError, SolverError
 
-from namlcp.checks import qp_data, vector
+from namlcp.checks import qp_data
 from namlcp.options import DEFAULT_OPTIONS, Options
+from namlcp.qp.convexity import NotConvex
 from namlcp.qp.solve import solve_checked
+from namlcp.qp.start import make_guess
 from namlcp.result import QPResult
 from namlcp.status import Status
 
@@ -60,31 +62,31 @@ def nam_solve_problem(
         The solver failed in a way it should not.
     """
     start = time.perf_counter()
-    warm_start = settings.pop("warm_start", None)
     try:
-        options = DEFAULT_OPTIONS
-        if settings or verbose:
-            options = Options.from_names({"verbose": bool(verbose), **settings})
-    except (TypeError, ValueError) as error:
-        raise ParamError(str(error)) from error
-    try:
-        qp = qp_data(*problem.unpack())
-    except (TypeError, ValueError) as error:
-        raise ProblemError(str(error)) from error
-    try:
-        if initvals is not None:
-            initvals = vector("initvals", initvals, qp.q.size, "q", qp.q.shape)
-    except (TypeError, ValueError) as error:
-        raise ParamError(str(error)) from error
-    try:
-        result = solve_checked(qp, options, start, initvals, warm_start)
-    except ValueError as error:
-        raise ProblemError(str(error)) from error
-    except TypeError as error:
-        raise ParamError(str(error)) from error
-    except Exception as error:
+        warm_start = settings.pop("warm_start", None)
+        try:
+            options = DEFAULT_OPTIONS
+            if settings or verbose:
+                options = Options.from_names({"verbose": bool(verbose), **settings})
+        except (TypeError, ValueError) as error:
+            raise ParamError(str(error)) from error
+        try:
+            qp = qp_data(*problem.unpack())
+        except (TypeError, ValueError) as error:
+            raise ProblemError(str(error)) from error
+        try:
+            guess = make_guess(qp, initvals, warm_start, "initvals")
+        except (TypeError, ValueError) as error:
+            raise ParamError(str(error)) from error
+        try:
+            result = solve_checked(qp, options, guess, start)
+        except NotConvex as error:
+            raise ProblemError(str(error)) from error
+        return solution(problem, result)
+    except qpsolvers.exceptions.QPError:
+        raise
+    except Exception as error:  # a KeyError would read as "solver not installed"
         raise SolverError(f"namlcp failed: {error!r}") from error
-    return solution(problem, result)
 
 
 def solution(problem: qpsolvers.Problem, result: QPResult) -> qpsolvers.Solution:

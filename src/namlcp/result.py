@@ -17,9 +17,11 @@ class LCPResult:
     status : Status
         What happened.
     z, w : (n,) array
-        The point and w = A z + q. The best one found unless the status is SOLVED.
+        The point and w = A z + q: the best one found unless the status is SOLVED; NaN
+        for NUMERICAL_ERROR.
     s : (n,) array
-        The modulus variable, z = clip(s, lower, upper), w = omega (z - s).
+        The modulus variable: z = clip(s, lower, upper), w = Omega (z - s), with the
+        Omega of a named method, diag(A) for "auto".
     iterations : int
         Sweeps of a named method; factorisations of method="auto" (0 where its sweeps
         alone did it).
@@ -30,10 +32,12 @@ class LCPResult:
     setup_time, solve_time : float
         Seconds.
     ray : (n,) array or None
-        UNSOLVABLE with a proof: v >= 0 (0 where a bound is finite on that side),
-        A v = 0, q'v = -1: no z has z'w = 0 with w >= 0.
+        UNSOLVABLE with a proof: v is 0 on the side of every finite bound (v >= 0 for
+        the plain LCP), z'A'v <= 0 for every z in the box (A'v = 0 if A is symmetric),
+        q'v = -1. A solution would have v'w >= 0, but v'w = z'A'v + q'v < 0.
     history : structured array or None
-        One row an iteration, when asked for.
+        The rows of the verbose table, when asked for: one an iteration, for "auto" one
+        a factorisation or a run of sweeps.
     """
 
     status: Status
@@ -62,7 +66,9 @@ class QPResult:
         signs: P x + q + G'z + A'y + z_box = 0, z >= 0, z_box <= 0 at a lower bound.
         PRIMAL_INFEASIBLE: x is NaN, (y, z, z_box) a Farkas certificate with
         b'y + h'z + lb'z_box^- + ub'z_box^+ = -1. DUAL_INFEASIBLE: x is a ray with
-        q'x = -1, the rest NaN. Otherwise the best point found.
+        q'x = -1 (whether any x is feasible is not decided then), the rest NaN; where
+        one side contradicts another at sight (lb > ub, h = -inf) all are NaN and
+        `message` names the place. Otherwise the best point found.
     obj : float
         1/2 x'Px + q'x; +inf when infeasible, -inf when unbounded.
     residuals : Residuals
@@ -70,7 +76,7 @@ class QPResult:
     iterations : int
         Pivots, sweeps or interior steps of the form that was chosen.
     form : str
-        The smallest form that fitted: "linear system", "bounds", "dual" or "path".
+        The smallest form that fitted: "bounds", "dual" or "path".
     message : str
         One sentence more than the status says, or "".
     setup_time, solve_time : float

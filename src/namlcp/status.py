@@ -11,11 +11,12 @@ class Status(Enum):
     SOLVED = "solved", "All residuals on the user's own data are within tolerance."
     PRIMAL_INFEASIBLE = (
         "primal_infeasible",
-        "No x satisfies the constraints; y, z, z_box prove it (Farkas).",
+        "No x satisfies the constraints; y, z, z_box prove it (Farkas) for every x of "
+        "1-norm below the reciprocal of the certificate's residual.",
     )
     DUAL_INFEASIBLE = (
         "dual_infeasible",
-        "The objective is unbounded below along the feasible ray x.",
+        "The objective falls for ever along the ray x: unbounded if any x is feasible.",
     )
     MAX_ITER = (
         "max_iter",
@@ -41,7 +42,10 @@ class Status(Enum):
         "The LCP has no solution, or its matrix lies outside the class that the "
         "method can decide; a ray is returned where it was found.",
     )
-    NUMERICAL_ERROR = ("numerical_error", "A factorisation broke down.")
+    NUMERICAL_ERROR = (
+        "numerical_error",
+        "A factorisation broke down; NaN is returned.",
+    )
 
     def __new__(cls, value: str, explanation: str) -> "Status":
         """Keep the sentence beside the value."""

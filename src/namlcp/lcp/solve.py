@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from namlcp.checks import asymmetry, lcp_data, refuse_number, vector
-from namlcp.lcp.auto import MAX_ITER, Outcome, solve_auto, solve_box
+from namlcp.lcp.auto import MAX_ITER, Outcome, solve_auto
 from namlcp.lcp.methods import find_method
 from namlcp.lcp.pivoting import pivot
 from namlcp.lcp.sweeps import sweep
@@ -15,8 +15,6 @@ from namlcp.options import check_count, check_flag, check_number
 from namlcp.progress import LCP_COLUMNS, Progress
 from namlcp.residuals import natural_residual
 from namlcp.result import LCPResult
-
-__all__ = ["solve_box", "solve_lcp"]
 
 ROUNDING = 1e-14
 """Asymmetry of A below this times max|A| is rounding."""
@@ -62,11 +60,15 @@ def solve_lcp(
         upper_i = +inf frees it: equation i.
     method : str
         "auto": sweeps, block principal pivoting, a short interior path and a proximal
-        loop; solves every LCP with a P-matrix and every solvable one with a symmetric
-        positive semidefinite matrix, exactly up to rounding. Otherwise the name of a
-        sweep method, see `namlcp.lcp.sweeps.METHODS`.
-    alpha, beta, omega, shift, s0 :
-        Parameters of the sweep methods, see `namlcp.lcp.sweeps.sweep`.
+        loop; for every P-matrix and every symmetric positive semidefinite matrix, as
+        far as rounding allows. Otherwise the name of a sweep method, see
+        `namlcp.lcp.methods`.
+    alpha, beta : float
+        Relaxation parameters of the sweep methods that have them.
+    omega, shift : float or (n,) array
+        Diagonals of the sweep methods; a number c stands for c I.
+    s0 : (n,) array
+        Start of a sweep method in the modulus variable (scale r = 2).
     z0 : (n,) array
         Where to start.
     eps_abs : float
@@ -76,7 +78,7 @@ def solve_lcp(
         most eps_rel times its value at z = clip(0), which is || min(q, 0) ||_2 without
         bounds. If neither is given eps_rel = 1e-9; if one is given the other is 0.
     max_iter : int
-        Limit on sweeps; for "auto" on factorisations.
+        Limit on sweeps; for "auto" on factorisations (of sweeps it makes few).
     time_limit : float
         Limit on the solve [s]; the best point so far is returned.
     history : bool
@@ -169,7 +171,7 @@ def solve_lcp(
         outcome = Outcome(swept.status, swept.z, w, swept.iterations, None)
     residual = natural_residual(outcome.z, outcome.w, data.lower, data.upper)
     end = time.perf_counter()
-    progress.say(
+    progress.close(
         f"{outcome.status.value}: {outcome.iterations} iterations, "
         f"{end - start:.1e} s, residual {residual:.1e}"
     )
@@ -192,7 +194,7 @@ def check_limits(eps_abs: Any, eps_rel: Any, max_iter: Any, time_limit: Any) -> 
     """Raise for a bad tolerance or limit; return the time limit."""
     for name, value in (("eps_abs", eps_abs), ("eps_rel", eps_rel)):
         if value is not None:
-            check_number(name, value, 0.0, closed=name == "eps_rel")
+            check_number(name, value, 0.0, closed=name == "eps_rel", finite=True)
     if max_iter is not None:
         check_count("max_iter", max_iter)
     check_number("time_limit", time_limit, 0.0)

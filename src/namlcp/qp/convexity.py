@@ -21,8 +21,12 @@ ZERO = 1e-15
 CONVEX, NEGATIVE, MINOR, UNDECIDED = 0, 1, 2, 3
 
 
+class NotConvex(ValueError):
+    """P is not positive semidefinite."""
+
+
 def check_convex(P: Any) -> None:
-    """Raise ValueError unless P (CSC, symmetric) is positive semidefinite."""
+    """Raise NotConvex unless P (CSC, symmetric) is positive semidefinite."""
     code, i, j, indptr, indices, data = unit_triangle(P.indptr, P.indices, P.data)
     if code == CONVEX:
         return
@@ -33,7 +37,7 @@ def check_convex(P: Any) -> None:
         reason = f"the determinant of its rows and columns {i} and {j} is negative"
     elif has_positive_pivots(csc_matrix((data, indices, indptr), shape=P.shape)):
         return
-    raise ValueError(f"P must be positive semidefinite: {reason}")
+    raise NotConvex(f"P must be positive semidefinite: {reason}")
 
 
 def has_positive_pivots(triangle: csc_matrix) -> bool:

@@ -222,20 +222,12 @@ def refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x):
 
 
 @inner
-def start_from(x0, active, multiplier, k, P, q, G, h, A, lb, ub, L, Q, R):
-    """Append the independent inequalities that hold with equality at x0."""
-    n, m, p = x0.size, h.size, A.shape[0]
-    Gx = np.empty(m)
-    matvec(G, x0, Gx)
+def start_from(hint, active, multiplier, k, G, A, L, Q, R):
+    """Append the independent ones of the inequalities that are marked in hint."""
+    p, n = A.shape[0], G.shape[1]
     row, d = np.empty(n), np.empty(n + 1)
-    for i in range(m + 2 * n):
-        if i < m:
-            slack, size = h[i] - Gx[i], abs(h[i]) + abs(Gx[i])
-        elif i < m + n:
-            slack, size = x0[i - m] - lb[i - m], abs(lb[i - m])
-        else:
-            slack, size = ub[i - m - n] - x0[i - m - n], abs(ub[i - m - n])
-        if k < n and abs(slack) <= 1e-7 * (1.0 + size) < np.inf:
+    for i in range(hint.size):
+        if hint[i] and k < n:
             set_row(p + i, G, A, row)
             forward_solve(L, row)
             whole = np.sqrt(dot(row, row))
@@ -370,7 +362,7 @@ def certificate(active, multiplier, k, p, y, z, z_box):
 
 
 @pasted
-def pivot(P, q, G, h, A, b, lb, ub, L, x0, x, y, z, z_box, max_iter):
+def pivot(P, q, G, h, A, b, lb, ub, L, hint, x, y, z, z_box, max_iter):
     """Run the pivoting with P = L L'; set x and the multipliers; return (code, pivots).
 
     INFEASIBLE leaves a candidate for a Farkas certificate in y, z, z_box.
@@ -400,8 +392,8 @@ def pivot(P, q, G, h, A, b, lb, ub, L, x0, x, y, z, z_box, max_iter):
             active[-1 - k] = i
             certificate(active, multiplier, -k, p, y, z, z_box)
             return INFEASIBLE, pivots
-    if x0.size == n:
-        k = start_from(x0, active, multiplier, k, P, q, G, h, A, lb, ub, L, Q, R)
+    if hint.size > 0:
+        k = start_from(hint, active, multiplier, k, G, A, L, Q, R)
         k = refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x)
     for _ in range(4):
         while pivots < max_iter:
@@ -439,12 +431,12 @@ def pivot(P, q, G, h, A, b, lb, ub, L, x0, x, y, z, z_box, max_iter):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def solve(P, q, G, h, A, b, lb, ub, x0, max_iter):
+def solve(P, q, G, h, A, b, lb, ub, hint, max_iter):
     """Solve min 1/2 x'Px + q'x, Gx <= h, Ax = b, lb <= x <= ub for definite P.
 
     All arrays are float64 and C-contiguous; absent parts have zero rows, absent bounds
-    are infinite; x0 is (n,) or (0,). Returns (code, pivots, x, y, z, z_box, residuals),
-    residuals the numbers of `Residuals`.
+    are infinite; hint, (m + 2 n,) int8 or empty, marks inequalities to begin with.
+    Returns (code, pivots, x, y, z, z_box, residuals), the last as in `Residuals`.
     """
     n = q.size
     x, y, z, z_box = np.zeros(n), np.zeros(b.size), np.zeros(h.size), np.zeros(n)
@@ -458,7 +450,9 @@ def solve(P, q, G, h, A, b, lb, ub, x0, max_iter):
                 definite = False
     code, pivots = NOT_DEFINITE, 0
     if definite:
-        code, pivots = pivot(P, q, G, h, A, b, lb, ub, L, x0, x, y, z, z_box, max_iter)
+        code, pivots = pivot(
+            P, q, G, h, A, b, lb, ub, L, hint, x, y, z, z_box, max_iter
+        )
     Px, Gx, Ax, Aty_Gtz = np.empty(n), np.empty(h.size), np.empty(b.size), np.zeros(n)
     matvec(P, x, Px)
     matvec(G, x, Gx)

@@ -1,6 +1,6 @@
 """solve_qp: check, choose the smallest form, solve, recover, judge.
 
-The forms, smallest first (`Form`): a strictly convex problem that is small goes to
+The forms, smallest first: a strictly convex problem that is small goes to
 `dense` (its multipliers' LCP); bounds alone make a box LCP with A = P; everything else
 follows the `path`. A form that cannot finish hands over to the path, and the better of
 the two points is returned. Whatever a form says, SOLVED is decided here, on the user's
@@ -12,13 +12,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from namlcp.checks import QPData, as_dense, as_sparse, qp_data, vector
+from namlcp.checks import QPData, as_dense, as_sparse, qp_data
+from namlcp.lcp.auto import solve_box
 from namlcp.lcp.pivoting import pivot
-from namlcp.lcp.solve import solve_box
-from namlcp.options import DEFAULT_OPTIONS, Options
+from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp import certificates, dense, path
 from namlcp.qp.reduction import box_lcp, box_point
+from namlcp.qp.start import Guess, make_guess
 from namlcp.residuals import Residuals, qp_residuals
 from namlcp.result import QPResult
 from namlcp.status import Status
@@ -76,16 +77,16 @@ def solve_qp(
     q : (n,) array
         Cost vector.
     G, h : (m, n) array or sparse matrix, (m,) array, optional
-        Inequalities; h_i = +inf switches a row off.
+        Inequalities; h_i = +inf (from 1e20 on) switches a row off.
     A, b : (p, n) array or sparse matrix, (p,) array, optional
         Equalities.
     lb, ub : (n,) array, optional
-        Bounds; -inf and +inf (or beyond 1e20) mean none.
+        Bounds; lb_i <= -1e20 and ub_i >= 1e20 mean none.
     x0 : (n,) array, optional
         A guess of x; the rows active there are tried first.
     warm_start : QPResult or qpsolvers.Solution, optional
-        The full state of a solve of a similar problem (x, y, z, z_box); its active
-        set is tried first. Overrides x0.
+        The solution of a similar problem, of the same sizes; the rows with a multiplier
+        there are tried first. Overrides x0.
     history : bool
         Keep the rows of the verbose table in the result.
     **settings
@@ -123,19 +124,18 @@ def solve_qp(
     start = time.perf_counter()
     qp = qp_data(P, q, G, h, A, b, lb, ub)
     options = Options.from_names(settings) if settings else DEFAULT_OPTIONS
-    return solve_checked(qp, options, start, x0, warm_start, history)
+    check_flag("history", history)
+    return solve_checked(qp, options, make_guess(qp, x0, warm_start), start, history)
 
 
 def solve_checked(
     qp: QPData,
     options: Options,
+    guess: Guess,
     start: float,
-    x0: Any = None,
-    warm_start: Any = None,
     history: bool = False,
 ) -> QPResult:
     """Solve a checked QP; `start` is the time.perf_counter() of the call."""
-    guess = start_point(qp, x0, warm_start)
     deadline = start + options.time_limit
     progress = None
     if options.verbose or history:
@@ -145,7 +145,7 @@ def solve_checked(
     answer = solve_forms(qp, options, guess, deadline, progress)
     end = time.perf_counter()
     if progress is not None:
-        progress.say(conclude(answer, end - start))
+        progress.close(conclude(answer, end - start))
     return QPResult(
         status=answer.status,
         x=answer.x,
@@ -163,25 +163,10 @@ def solve_checked(
     )
 
 
-def start_point(qp: QPData, x0: Any, warm_start: Any) -> np.ndarray:
-    """Return the guess of x as an (n,) array, or an empty array where there is none."""
-    if warm_start is not None:
-        x0 = getattr(warm_start, "x", None)
-        if x0 is None:
-            raise TypeError(
-                "warm_start must have an attribute x (a QPResult or a "
-                f"qpsolvers.Solution with a point), got {warm_start!r}"
-            )
-    if x0 is None:
-        return NOTHING
-    guess = vector("x0", x0, qp.q.size, "q", qp.q.shape)
-    return guess if np.isfinite(guess).all() else NOTHING
-
-
 def solve_forms(
     qp: QPData,
     options: Options,
-    guess: np.ndarray,
+    guess: Guess,
     deadline: float,
     progress: Progress | None,
 ) -> Answer:
@@ -231,7 +216,7 @@ def is_box(qp: QPData) -> bool:
 
 
 def solve_dense(
-    qp: QPData, options: Options, guess: np.ndarray, progress: Progress | None
+    qp: QPData, options: Options, guess: Guess, progress: Progress | None
 ) -> Answer | None:
     """Pivot on the multipliers' LCP; None where P is not definite."""
     if progress is not None:
@@ -240,7 +225,7 @@ def solve_dense(
     if not qp.is_dense:
         P, G, A = as_dense(P), as_dense(G), as_dense(A)
     code, pivots, x, y, z, z_box, numbers = dense.solve(
-        P, q, G, h, A, b, lb, ub, guess, options.max_iter
+        P, q, G, h, A, b, lb, ub, guess.active, options.max_iter
     )
     if code == dense.NOT_DEFINITE:
         return None
@@ -263,7 +248,7 @@ def solve_dense(
 def solve_bounds(
     qp: QPData,
     options: Options,
-    guess: np.ndarray,
+    guess: Guess,
     deadline: float,
     progress: Progress | None,
 ) -> Answer | None:
@@ -271,7 +256,7 @@ def solve_bounds(
     if progress is not None:
         progress.announce(pivot)
     A, q, lower, upper = box_lcp(qp)
-    start = guess if guess.size else None
+    start = guess.x if guess.x.size else None
     status, x, w, iterations, ray, convex = solve_box(
         A,
         q,
@@ -305,7 +290,7 @@ def solve_bounds(
 def solve_path(
     qp: QPData,
     options: Options,
-    guess: np.ndarray,
+    guess: Guess,
     deadline: float,
     progress: Progress | None,
 ) -> Answer:
@@ -315,7 +300,7 @@ def solve_path(
     if qp.is_dense:
         qp = qp._replace(P=as_sparse(qp.P), G=as_sparse(qp.G), A=as_sparse(qp.A))
     report = None if progress is None else progress.row
-    found = path.solve(qp, options, guess if guess.size else None, deadline, report)
+    found = path.solve(qp, options, guess.x if guess.x.size else None, deadline, report)
     point = found.x, found.y, found.z, found.z_box
     proved = found.status in (Status.PRIMAL_INFEASIBLE, Status.DUAL_INFEASIBLE)
     residuals = UNDEFINED if proved else qp_residuals(*qp, *point)
@@ -327,12 +312,12 @@ def solve_path(
 def describe(qp: QPData, options: Options) -> str:
     """Return the first lines of the verbose output."""
     bounds = np.count_nonzero(np.isfinite(qp.lb)) + np.count_nonzero(np.isfinite(qp.ub))
+    kind = "dense" if qp.is_dense else "sparse"
     return (
         f"namlcp  QP: n = {qp.q.size}, equalities = {qp.b.size}, "
-        f"inequalities = {qp.h.size}, bounds = {bounds}, "
-        f"{'dense' if qp.is_dense else 'sparse'}\n"
-        f"  stop: eps_abs = {options.eps_abs:g}, eps_rel = {options.eps_rel:g}, "
-        f"max_iter = {options.max_iter}"
+        f"inequalities = {qp.h.size}\n"
+        f"  {kind}, bounds = {bounds}; stop: eps_abs = {options.eps_abs:g}, "
+        f"eps_rel = {options.eps_rel:g}"
     )
 
 
