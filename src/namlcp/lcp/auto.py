@@ -19,11 +19,12 @@ from namlcp.lcp.dominant import dominance, relaxation, solve_dominant
 from namlcp.lcp.interior import follow
 from namlcp.lcp.matrix import Columns, columns_of
 from namlcp.lcp.pivoting import (
+    ASKED,
     BEST,
     BEST_Z,
     BLOCK_STEPS,
     CENTRE,
-    CURVATURE,
+    CONVEX,
     EPS_ABS,
     EPS_REL,
     FACTORED,
@@ -87,7 +88,7 @@ SLOPE_ROUNDING = 1e-13
 class Outcome(NamedTuple):
     """Status, z, w = A z + q, factorisations (or sweeps), ray or None.
 
-    `convex` answers, where it was asked, whether A is positive semidefinite.
+    `convex` says, where it was asked and A = A', that A is positive semidefinite.
     """
 
     status: Status
@@ -95,7 +96,7 @@ class Outcome(NamedTuple):
     w: np.ndarray
     iterations: int
     ray: np.ndarray | None
-    convex: bool | None = None
+    convex: bool = False
 
 
 def solve_auto(
@@ -230,14 +231,11 @@ def solve_box(
     if symmetric and compressed and n > BITSETS:
         set_order(A, work)
     outside = not symmetric and compressed and n > DENSE_LU
+    work.counter[ASKED] = ask_convex
     with np.errstate(all="ignore"):  # a singular face overflows, and is noticed
         status, ray = drive(
             A, q, columns, symmetric, work, outside, max_iter, deadline, report
         )
-        convex = None
-        if ask_convex:
-            work.counter[CURVATURE] = 1
-            convex = pivot(columns, symmetric, work, 1, outside) == pivoting.SOLVED
     z = vectors[BEST_Z] * vectors[D]
     z = np.minimum(np.maximum(z, lower), upper)
     w = A @ z + q
@@ -245,7 +243,8 @@ def solve_box(
         plain, scaled = residuals(z, w, lower, upper, 1.0 / vectors[D])
         if not (plain < eps_abs or scaled <= eps_rel * scalar[SIZE] < math.inf):
             status = Status.STALLED
-    return Outcome(status, z, w, int(work.counter[FACTORED]), ray, convex)
+    counter = work.counter
+    return Outcome(status, z, w, int(counter[FACTORED]), ray, bool(counter[CONVEX]))
 
 
 def drive(

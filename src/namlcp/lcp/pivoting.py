@@ -43,7 +43,7 @@ STATE, GOAL, UNIT, SEQUENCE, RANK, LOCAL = range(6)
 # Places in `Work.counter`.
 STARTED, FACTORED, OUTER, FEWEST, PATIENCE, STALE, PATHED, OUTSIDE = range(8)
 ORDERED, ORDERINGS = 8, 9
-CURVATURE = 10
+CURVATURE, ASKED, CONVEX = 10, 11, 12
 # Places in `Work.scalar`.
 RHO, TOLERANCE, SIZE, EPS_ABS, EPS_REL, BEST, MET, FIRST_MU = range(8)
 
@@ -95,7 +95,7 @@ def workspace(columns: Columns, n: int) -> Work:
         scaled,
         np.zeros((13, n)),
         marks,
-        np.zeros(11, dtype=np.int64),
+        np.zeros(13, dtype=np.int64),
         np.zeros(8),
     )
 
@@ -385,8 +385,8 @@ def pivot(columns, symmetric, work, budget, outside):
     outside : bool
         The caller solves the face systems, then calls `resume`.
 
-    With count[CURVATURE] = 1 it tells instead, of a solved symmetric problem, whether A
-    is positive semidefinite up to `SLACK`: SOLVED if it is, STUCK if that is not sure.
+    With counter[ASKED] = 1 a solved symmetric problem is followed by one factorisation
+    of A + `SLACK` I: counter[CONVEX] = 1 if that is positive definite.
     """
     problem = problem_in(work, symmetric)
     ordering = ordering_in(work)
@@ -394,7 +394,10 @@ def pivot(columns, symmetric, work, budget, outside):
     if not count[STARTED]:
         count[STARTED] = 1
         if begin(columns, problem, work) == SOLVED:
-            return SOLVED
+            if not count[ASKED]:
+                return SOLVED
+            count[CURVATURE] = 1
+            budget += 1
     if outside:
         set_face(problem, work)
         return FACE
@@ -406,12 +409,13 @@ def pivot(columns, symmetric, work, budget, outside):
             if count[CURVATURE]:
                 state[i] = 0
                 if not problem.unit[i]:
-                    return STUCK  # zero or negative diagonal: not decided here
+                    return SOLVED  # zero or negative diagonal: not decided here
         order = face_order(problem.columns, symmetric, state, ordering)
         factor = analyse(problem.columns, symmetric, order, ordering)
         quality = refactor(problem.columns, symmetric, shift, factor, ordering.local)
         if count[CURVATURE]:
-            return SOLVED if quality == faces.REGULAR else STUCK
+            count[CONVEX] = quality == faces.REGULAR
+            return SOLVED
         count[FACTORED] += 1
         count[OUTSIDE] |= quality == faces.INDEFINITE
         count[STALE] = 0
@@ -419,6 +423,10 @@ def pivot(columns, symmetric, work, budget, outside):
             set_face(problem, work)
             solve_face(symmetric, factor, work.vectors[RHS], work.vectors[Z])
             code = judge(problem, work)
+            if code == SOLVED and count[ASKED]:
+                count[CURVATURE] = 1
+                budget += 1
+                break
             if code != GO_ON:
                 return code
     return MORE

@@ -12,6 +12,7 @@ ray x, q'x = -1                       ray v, q'v = -1 (no solution)
 from typing import Any
 
 import numpy as np
+from numba import njit
 
 from namlcp.checks import QPData
 
@@ -24,13 +25,27 @@ def box_lcp(qp: QPData) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray]:
     return qp.P, qp.q, qp.lb, qp.ub
 
 
-def box_point(
-    z: np.ndarray, w: np.ndarray, lower: np.ndarray, upper: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+@njit(cache=True, nogil=True)
+def box_point(z, w, lower, upper):
     """Return (x, z_box): x on its bound and z_box = -w where z - w leaves the box.
 
     Elsewhere z_box = 0; the sign is right by construction (0 at an infinite bound).
     """
-    s = z - w
-    x = np.where(s <= lower, lower, np.where(s >= upper, upper, z))
-    return x, np.where((s <= lower) | (s >= upper), -w, 0.0)
+    x, z_box = np.empty(z.size), np.empty(z.size)
+    for j in range(z.size):
+        s = z[j] - w[j]
+        x[j], z_box[j] = z[j], 0.0
+        if s <= lower[j]:
+            x[j], z_box[j] = lower[j], -w[j]
+        elif s >= upper[j]:
+            x[j], z_box[j] = upper[j], -w[j]
+    return x, z_box
+
+
+@njit(cache=True, nogil=True)
+def is_box_open(lower, upper):
+    """Tell whether there is a finite point in the box."""
+    for j in range(lower.size):
+        if lower[j] > upper[j] or lower[j] == np.inf or upper[j] == -np.inf:
+            return False
+    return True

@@ -18,7 +18,8 @@ from namlcp.lcp.pivoting import pivot
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp import certificates, dense, path
-from namlcp.qp.reduction import box_lcp, box_point
+from namlcp.qp.convexity import check_convex
+from namlcp.qp.reduction import box_lcp, box_point, is_box_open
 from namlcp.qp.start import Guess, make_guess
 from namlcp.residuals import Residuals, qp_residuals
 from namlcp.result import QPResult
@@ -191,16 +192,6 @@ OBJECTIVE = {Status.PRIMAL_INFEASIBLE: np.inf, Status.DUAL_INFEASIBLE: -np.inf}
 FINAL = (Status.SOLVED, Status.PRIMAL_INFEASIBLE, Status.DUAL_INFEASIBLE)
 
 
-def is_consistent(qp: QPData) -> bool:
-    """Tell whether no side contradicts another at sight (lb > ub, h = -inf)."""
-    return not (
-        (qp.lb > qp.ub).any()
-        or (qp.lb == np.inf).any()
-        or (qp.ub == -np.inf).any()
-        or (qp.h == -np.inf).any()
-    )
-
-
 def is_small(qp: QPData) -> bool:
     """Tell whether the dense form fits, if P turns out to be definite."""
     n = qp.q.size
@@ -212,7 +203,7 @@ def is_small(qp: QPData) -> bool:
 
 def is_box(qp: QPData) -> bool:
     """Tell whether there are bounds and nothing else."""
-    return qp.h.size == 0 and qp.b.size == 0 and is_consistent(qp)
+    return qp.h.size == 0 and qp.b.size == 0 and is_box_open(qp.lb, qp.ub)
 
 
 def solve_dense(
@@ -267,10 +258,11 @@ def solve_bounds(
         deadline=deadline,
         ask_convex=True,
     )
-    if not convex:
+    if ray is None and not convex:
         return None  # the path looks closer, and refuses
     x, z_box = box_point(x, w, lower, upper)
     if ray is not None:
+        check_convex(as_sparse(qp.P))
         proof = certificates.accept_dual(qp, x, NOTHING, NOTHING, ray, options.eps_abs)
         if proof is None:
             return None
