@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from namlcp.checks import asymmetry, lcp_data, refuse_number, vector
+from namlcp.checks import LCPData, asymmetry, lcp_data, refuse_number, vector
 from namlcp.lcp.auto import MAX_ITER, Outcome, solve_auto
 from namlcp.lcp.methods import find_method
 from namlcp.lcp.pivoting import pivot
@@ -135,21 +135,11 @@ def solve_lcp(
         progress.announce(pivot)
         if eps_rel is None:
             eps_rel = AUTO_EPS_REL if eps_abs is None else 0.0
-        unit = unit_of(data.q)
-        z0 = None if z0 is None else start_point(z0, data.q.size) / unit
-        outcome, method = solve_auto(
-            data.A,
-            data.q / unit,
-            data.lower / unit,
-            data.upper / unit,
-            z0,
-            lambda: is_symmetric(data.A),
-            eps_abs=(eps_abs or 0.0) / unit,
-            eps_rel=eps_rel,
-            max_iter=max_iter or MAX_ITER,
-            **limits,
+        start_at = None if z0 is None else start_point(z0, data.q.size)
+        limits["max_iter"] = max_iter or MAX_ITER
+        outcome, method = solve_in_units(
+            data, start_at, eps_abs or 0.0, eps_rel, limits
         )
-        outcome = outcome._replace(z=outcome.z * unit, w=outcome.w * unit)
         diagonal = data.A.diagonal()
         s = outcome.z - outcome.w / np.where(diagonal > 0.0, diagonal, 1.0)
     else:
@@ -199,6 +189,29 @@ def check_limits(eps_abs: Any, eps_rel: Any, max_iter: Any, time_limit: Any) -> 
         check_count("max_iter", max_iter)
     check_number("time_limit", time_limit, 0.0)
     return float(time_limit)
+
+
+def solve_in_units(
+    data: LCPData,
+    z0: np.ndarray | None,
+    eps_abs: float,
+    eps_rel: float,
+    limits: dict[str, Any],
+) -> tuple[Outcome, str]:
+    """Call `solve_auto`, in units of `unit_of(q)` for q, z and the bounds."""
+    unit = unit_of(data.q)
+    outcome, method = solve_auto(
+        data.A,
+        data.q / unit,
+        data.lower / unit,
+        data.upper / unit,
+        None if z0 is None else z0 / unit,
+        lambda: is_symmetric(data.A),
+        eps_abs=eps_abs / unit,
+        eps_rel=eps_rel,
+        **limits,
+    )
+    return outcome._replace(z=outcome.z * unit, w=outcome.w * unit), method
 
 
 def unit_of(q: np.ndarray) -> float:
