@@ -9,6 +9,9 @@ one, so one order serves every face.
 """
 
 import numpy as np
+from llvmlite import ir
+from numba import config, types
+from numba.extending import intrinsic
 
 from namlcp.lapack import inner
 
@@ -123,18 +126,21 @@ def solve(Lp, Li, Lx, D, x):
         x[j] = x_j
 
 
-@inner
-def popcount(word):
-    """Return the number of bits set in a uint64 (Warren, Hacker's Delight, 5-1)."""
-    word -= (word >> np.uint64(1)) & np.uint64(0x5555555555555555)
-    word = (word & np.uint64(0x3333333333333333)) + (
-        (word >> np.uint64(2)) & np.uint64(0x3333333333333333)
-    )
-    word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
-    word += word >> np.uint64(8)
-    word += word >> np.uint64(16)
-    word += word >> np.uint64(32)
-    return np.int32(word & np.uint64(0x7F))
+@intrinsic
+def popcount(typingctx, word):
+    """Return the number of bits set in a uint64, as int32: one instruction."""
+
+    def codegen(context, builder, signature, arguments):
+        return builder.trunc(builder.ctpop(arguments[0]), ir.IntType(32))
+
+    return types.int32(types.uint64), codegen
+
+
+if config.DISABLE_JIT:
+
+    def popcount(word):  # type: ignore[no-redef]
+        """Return the number of bits set in a uint64."""
+        return int(word).bit_count()
 
 
 @inner
