@@ -127,7 +127,7 @@ def solve(Lp, Li, Lx, D, x):
 
 
 @intrinsic
-def popcount(typingctx, word):
+def population(typingctx, word):
     """Return the number of bits set in a uint64, as int32: one instruction."""
 
     def codegen(context, builder, signature, arguments):
@@ -136,11 +136,12 @@ def popcount(typingctx, word):
     return types.int32(types.uint64), codegen
 
 
-if config.DISABLE_JIT:
+def interpreted_population(word):
+    """Return the same where nothing is compiled."""
+    return int(word).bit_count()
 
-    def popcount(word):  # type: ignore[no-redef]
-        """Return the number of bits set in a uint64."""
-        return int(word).bit_count()
+
+popcount = interpreted_population if config.DISABLE_JIT else population
 
 
 @inner
