@@ -159,7 +159,7 @@ def show(
     other: tuple[float, float] | None,
 ) -> None:
     """Print one line of the demonstration."""
-    line = f"{name:<26}{size:<25}{residual:9.1e} {seconds * 1e3:9.2f} ms"
+    line = f"{name:<26}{size:<28}{residual:9.1e} {seconds * 1e3:9.2f} ms"
     if other is not None:
         line += f"   {other[0]:8.1e} {other[1] * 1e3:9.2f} ms"
     print(line)
@@ -171,8 +171,8 @@ def demonstrate() -> int:
     print(
         f"namlcp {namlcp.__version__}: residuals recomputed on the problem's own data"
     )
-    print("(the first solves after installation compile, up to 15 s each)\n")
-    head = f"{'scene':<26}{'size':<25}{'residual':>9} {'time':>12}"
+    print("(the first solves after installation compile, some 15 s each)\n")
+    head = f"{'scene':<26}{'size':<28}{'residual':>9} {'time':>12}"
     print(head + (f"   {'OSQP':>8} {'time':>12}" if with_osqp else ""))
     solved = True
     for name, scene in (

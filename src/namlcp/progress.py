@@ -42,7 +42,7 @@ class Progress:
     def announce(self, kernel: Any) -> None:
         """Say, before the first call ever of a compiled `kernel`, that it compiles."""
         if self.verbose and not is_compiled(kernel):
-            self.say("  first solve after installation: compiling, up to 15 s, once")
+            self.say("  first solve after installation: compiling for some 15 s, once")
 
     def row(self, iteration: int, *values: float) -> None:
         """Take one row: the iteration and the values of the other columns."""
