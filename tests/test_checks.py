@@ -86,3 +86,18 @@ def test_wide_indices_are_narrowed():
 def test_lcp_arguments_are_named(arguments, error, text):
     with pytest.raises(error, match=text):
         checks.lcp_data(*arguments)
+
+
+def test_corrupt_coordinates_are_refused():
+    C = sp.coo_matrix(np.eye(3))
+    C.coords[0][0] = 9000
+    with pytest.raises(ValueError, match="indices within its shape"):
+        checks.sparse_matrix("A", C, "csr")
+
+
+def test_only_the_open_side_becomes_infinite():
+    """x <= -1e21 is a constraint, however far away."""
+    qp = checks.qp_data(
+        np.eye(1), [0.0], [[1.0]], [-1e21], None, None, [-1e21], [-1e21]
+    )
+    assert (qp.h[0], qp.lb[0], qp.ub[0]) == (-1e21, -np.inf, -1e21)

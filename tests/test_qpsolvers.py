@@ -8,7 +8,7 @@ import pytest
 import qpsolvers
 import scipy.sparse as sp
 from qpsolvers import Problem, solve_ls, solve_problem, solve_qp
-from qpsolvers.exceptions import ParamError, ProblemError
+from qpsolvers.exceptions import ParamError, ProblemError, SolverError
 from qpsolvers.problems import (
     get_qpgurabs,
     get_qpgurdu,
@@ -350,3 +350,26 @@ def test_repeated_solves_agree_to_the_last_bit():
     second = solve_problem(problem, solver="nam", verbose=False)
     for name in ("x", "y", "z", "z_box"):
         np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
+
+
+class Hostile:
+    """An array-like that raises what the host would misread."""
+
+    def __array__(self, *args, **kwargs):
+        raise KeyError("no array")
+
+
+def test_no_keyerror_leaves_the_adapter():
+    problem = Problem(np.eye(2), np.ones(2))
+    with pytest.raises(SolverError, match="KeyError"):
+        solve_problem(problem, solver="nam", initvals=Hostile())
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+@pytest.mark.parametrize("kind", [np.asarray, sp.csc_matrix])
+def test_negative_curvature_is_refused_at_any_scale(scale, kind):
+    n = 101
+    P = kind(scale * np.diag(np.append(np.ones(n - 1), -1e-3)))
+    bounds = {"lb": -np.ones(n), "ub": np.ones(n)}
+    with pytest.raises(ProblemError, match="positive semidefinite"):
+        solve_problem(Problem(P, np.zeros(n), **bounds), solver="nam")
