@@ -448,3 +448,12 @@ def test_convexity_is_told_on_demand(rng, n):
         for matrix in (B, sparse.csr_array(B)):
             found = solve_box(matrix, -np.ones(n), lower, upper, ask_convex=True)
             assert found.convex is convex
+
+
+@pytest.mark.parametrize("low", [1e-3, 1e-6, 1e-9, 1e-11])
+def test_solution_far_along_a_nearly_singular_direction(low):
+    """z = (2 + low, 2) / low, a P-matrix whose condition is 4 / low."""
+    A, q = np.array([[1.0, -1.0], [-1.0, 1.0 + low]]), np.array([-1.0, -1.0])
+    result = solve_lcp(A, q)
+    assert result.status is Status.SOLVED
+    np.testing.assert_allclose(result.z, [(2 + low) / low, 2 / low], rtol=1e-4)

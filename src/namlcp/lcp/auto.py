@@ -243,6 +243,13 @@ def solve_box(
         plain, scaled = residuals(z, w, lower, upper, 1.0 / vectors[D])
         if not (plain < eps_abs or scaled <= eps_rel * scalar[SIZE] < math.inf):
             status = Status.STALLED
+    if status is Status.STALLED and symmetric and n <= DENSE_LU:
+        # Nearly singular towards the solution: rho hides it, so once more without.
+        limits: dict[str, Any] = {"eps_abs": eps_abs, "eps_rel": eps_rel}
+        limits |= {"max_iter": max_iter, "deadline": deadline, "report": report}
+        again = solve_box(A, q, lower, upper, z, symmetric=False, **limits)
+        if again.status is Status.SOLVED:
+            return again._replace(convex=bool(work.counter[CONVEX]))
     counter = work.counter
     return Outcome(status, z, w, int(counter[FACTORED]), ray, bool(counter[CONVEX]))
 
