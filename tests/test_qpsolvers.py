@@ -373,3 +373,17 @@ def test_negative_curvature_is_refused_at_any_scale(scale, kind):
     bounds = {"lb": -np.ones(n), "ub": np.ones(n)}
     with pytest.raises(ProblemError, match="positive semidefinite"):
         solve_problem(Problem(P, np.zeros(n), **bounds), solver="nam")
+
+
+def test_time_limit_keeps_the_best_point_of_the_bounds_form():
+    line = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(40, 40))
+    P = sp.csc_matrix(sp.kron(line, sp.eye_array(40)) + sp.kron(sp.eye_array(40), line))
+    q = np.random.default_rng(0).standard_normal(1600)
+    problem = Problem(P, q, lb=np.zeros(1600))
+    answer = solve_problem(problem, solver="nam", time_limit=1e-6)
+    assert answer.found is False
+    assert answer.extras["status"] == "time_limit"
+    assert answer.extras["form"] == "bounds"
+    assert np.linalg.norm(np.minimum(answer.x, P @ answer.x + q)) < np.linalg.norm(
+        np.minimum(0.0, q)
+    )

@@ -132,7 +132,7 @@ def add_scaled(scale, a, out):
 
 
 @inner
-def cholesky(A):  # pragma: no cover
+def cholesky(A):
     """Overwrite the lower triangle of A (n, n) by L, A = L L'. Return 0 if it exists.
 
     Only the lower triangle is read or written; k > 0 means that the leading minor of
@@ -147,7 +147,7 @@ def cholesky(A):  # pragma: no cover
 
 
 @inner
-def cholesky_solve(L, b):  # pragma: no cover
+def cholesky_solve(L, b):
     """Overwrite b (n,) by the solution of L L' x = b."""
     n = np.int32(L.shape[0])
     if n == 0:
@@ -181,7 +181,7 @@ def backward_solve(L, b):
 
 
 @inner
-def lu(A, pivots):  # pragma: no cover
+def lu(A, pivots):
     """Overwrite A (n, n) by the LU factors of A', pivots (n,) int32; 0 if regular.
 
     k > 0 means that the k-th pivot is exactly zero.
@@ -195,7 +195,7 @@ def lu(A, pivots):  # pragma: no cover
 
 
 @inner
-def lu_solve(factors, pivots, b):  # pragma: no cover
+def lu_solve(factors, pivots, b):
     """Overwrite b (n,) by the solution of A x = b, with factors from `lu`."""
     n = np.int32(factors.shape[0])
     if n == 0:

@@ -61,9 +61,7 @@ def natural_residual(
 
 
 @njit(cache=True, nogil=True)
-def qp_residuals_of_products(
-    q, h, b, lb, ub, x, y, z, z_box, Px, Gx, Ax, Aty_Gtz
-):  # pragma: no cover
+def qp_residuals_of_products(q, h, b, lb, ub, x, y, z, z_box, Px, Gx, Ax, Aty_Gtz):
     """Return the numbers of `Residuals` from the products with P, G and A.
 
     `Aty_Gtz` is A'y + G'z. An infinite side of a constraint has no term in the gap,

@@ -41,7 +41,7 @@ def sweep_csr(
     s_next,
     z_next,
     change,
-):  # pragma: no cover
+):
     """Write the sweep's s+ and z+ = clip(s+) and return Res(z), z = clip(s).
 
     Parameters
@@ -108,9 +108,7 @@ def sweep_csr(
 
 
 @njit(cache=True, nogil=True)
-def sweep_dense(
-    A, q, lower, upper, omega, inverse, G, H, s, z, s_next, z_next, change
-):  # pragma: no cover
+def sweep_dense(A, q, lower, upper, omega, inverse, G, H, s, z, s_next, z_next, change):
     """Do what `sweep_csr` does with a row-major (n, n) array A.
 
     Both inner products of a row are BLAS calls while the row is in cache.
@@ -141,7 +139,7 @@ def sweep_dense(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def relax_csr(data, indices, indptr, q, lower, upper, alpha, z):  # pragma: no cover
+def relax_csr(data, indices, indptr, q, lower, upper, alpha, z):
     """Overwrite z by one projected SOR sweep; return || D (z+ - z) ||_2, D = diag(A).
 
     z_i <- clip(z_i - alpha (A z + q)_i / a_ii, l_i, u_i) with the newest values of z
@@ -196,7 +194,7 @@ def relax_csr(data, indices, indptr, q, lower, upper, alpha, z):  # pragma: no c
 
 
 @njit(cache=True, nogil=True)
-def dominance_csr(data, indices, indptr):  # pragma: no cover
+def dominance_csr(data, indices, indptr):
     """Return max_i sum_{j != i} |a_ij| / a_ii, inf where an a_ii is not positive.
 
     Below 1, A is strictly dominant, an H+ matrix, and the number bounds

@@ -263,7 +263,7 @@ class LoopTests:
 def promising_ratios(
     indptr, indices, base, q, b, c, place, sign, x, y, Z, Px, Ctv, v, t, du, dZ,
     Pdx, Ctdv, dv, dt, ratios,
-):  # pragma: no cover  # fmt: skip
+):  # fmt: skip
     """Set the relative residuals of four candidates, inf where they prove nothing.
 
     Farkas from the iterate and from the step (its Z cut at 0); a ray from the iterate
@@ -287,7 +287,7 @@ def promising_ratios(
 
 
 @njit(cache=True, nogil=True)
-def farkas_ratio(b, c, y, Z, v, Ctv, size):  # pragma: no cover
+def farkas_ratio(b, c, y, Z, v, Ctv, size):
     """Return min(|r| |x| / -value, |r| / |multipliers|), inf if value >= 0."""
     value = 0.0
     most = 0.0
@@ -306,7 +306,7 @@ def farkas_ratio(b, c, y, Z, v, Ctv, size):  # pragma: no cover
 
 
 @njit(cache=True, nogil=True)
-def ray_ratio(q, d, Pd, t, place, sign, p):  # pragma: no cover
+def ray_ratio(q, d, Pd, t, place, sign, p):
     """Return max(|P d|, |A d|, (C d)+) / |d|, inf if q'd >= 0."""
     value = 0.0
     most = 0.0

@@ -152,7 +152,7 @@ class Face:
 def hold_active(
     base, diagonal, n, p, place, sign, c, active, Z, y, b, regular, x, held, goal, v,
     data,
-):  # pragma: no cover  # fmt: skip
+):  # fmt: skip
     """Set the diagonal, put x on its active bounds and v on y and the active rows' Z.
 
     `held` marks what does not move: variables at active bounds and inactive rows;
@@ -181,9 +181,7 @@ def hold_active(
 
 
 @njit(cache=True, nogil=True)
-def face_residual(
-    indptr, indices, base, unit, q, goal, held, x, v, Px, Ctv, t, rhs
-):  # pragma: no cover
+def face_residual(indptr, indices, base, unit, q, goal, held, x, v, Px, Ctv, t, rhs):
     """Set rhs = minus the residual of the face problem; return its unscaled size."""
     n = x.size
     products(indptr, indices, base, n, x, v, Px, Ctv, t)
@@ -206,7 +204,7 @@ def face_residual(
 def piece_values(
     indptr, indices, base, q, place, sign, c, active, x, v, Px, Ctv, t, multiplier,
     slack,
-):  # pragma: no cover  # fmt: skip
+):  # fmt: skip
     """Set the multiplier of every piece (bounds: from stationarity) and its slack."""
     n = x.size
     products(indptr, indices, base, n, x, v, Px, Ctv, t)

@@ -141,9 +141,7 @@ class KKT:
 
 
 @njit(cache=True, nogil=True)
-def upper_triangle(
-    Pp, Pi, Px, Ap, Ai, Ax, Gp, Gi, Gx, indptr, indices, data
-):  # pragma: no cover
+def upper_triangle(Pp, Pi, Px, Ap, Ai, Ax, Gp, Gi, Gx, indptr, indices, data):
     """Fill the upper triangle of K from P in CSC (both triangles), A and G in CSR."""
     n = Pp.size - 1
     k = 0
@@ -184,7 +182,7 @@ def upper_triangle(
 
 
 @njit(cache=True, nogil=True)
-def remainder(indptr, indices, data, rhs, u, r):  # pragma: no cover
+def remainder(indptr, indices, data, rhs, u, r):
     """Set r = rhs - K~ u; return its norm max |r_i| / max(1, |K~_ii|)."""
     for i in range(r.size):
         r[i] = rhs[i]
@@ -206,7 +204,7 @@ def remainder(indptr, indices, data, rhs, u, r):  # pragma: no cover
 
 
 @njit(cache=True, nogil=True)
-def products(indptr, indices, base, n, x, v, Px, Ctv, t):  # pragma: no cover
+def products(indptr, indices, base, n, x, v, Px, Ctv, t):
     """Set Px = P x, Ctv = C'v[n:] and t = (x, C x) for x (n,), v and t (size,)."""
     for j in range(n):
         Px[j] = 0.0

@@ -270,7 +270,7 @@ def proportional_rows(M: csr_array) -> tuple[np.ndarray | None, np.ndarray]:
 
 
 @njit(cache=True, nogil=True)
-def row_keys(indptr, indices, data, key):  # pragma: no cover
+def row_keys(indptr, indices, data, key):
     """Set key = sum |a_j| (2 + sin j) / |first a|, in single precision.
 
     Rounding errors seldom change it, and no terms cancel.
@@ -283,7 +283,7 @@ def row_keys(indptr, indices, data, key):  # pragma: no cover
 
 
 @njit(cache=True, nogil=True)
-def compare_rows(indptr, indices, data, order, same, leader):  # pragma: no cover
+def compare_rows(indptr, indices, data, order, same, leader):
     """Set leader[row] to the first row of its run of candidates if proportional.
 
     `order` sorts the rows; same[k] says that row order[k] has the key of the last one.

@@ -91,7 +91,7 @@ class ScaledQP:
 
 
 @njit(cache=True, nogil=True)
-def equilibrate(indptr, indices, data, scale):  # pragma: no cover
+def equilibrate(indptr, indices, data, scale):
     """Scale the symmetric matrix (upper triangle in CSC) in place, data and `scale`.
 
     Factors are clipped to [1e-8, 1e8]; an empty row keeps its own.

@@ -189,7 +189,7 @@ def solve_forms(
 
 
 OBJECTIVE = {Status.PRIMAL_INFEASIBLE: np.inf, Status.DUAL_INFEASIBLE: -np.inf}
-FINAL = (Status.SOLVED, Status.PRIMAL_INFEASIBLE, Status.DUAL_INFEASIBLE)
+FINAL = (Status.SOLVED, *OBJECTIVE)
 
 
 def is_small(qp: QPData) -> bool:
@@ -247,19 +247,16 @@ def solve_bounds(
     if progress is not None:
         progress.announce(pivot)
     A, q, lower, upper = box_lcp(qp)
-    start = guess.x if guess.x.size else None
     status, x, w, iterations, ray, convex = solve_box(
         A,
         q,
         lower,
         upper,
-        start,
+        guess.point,
         max_iter=options.max_iter,
         deadline=deadline,
         ask_convex=True,
     )
-    if ray is None and not convex:
-        return None  # the path looks closer, and refuses
     x, z_box = box_point(x, w, lower, upper)
     if ray is not None:
         check_convex(as_sparse(qp.P))
@@ -271,6 +268,8 @@ def solve_bounds(
         )
     residuals = qp_residuals(*qp, x, NOTHING, NOTHING, z_box)
     if residuals.solved(options.eps_abs, options.eps_rel):
+        if not convex:
+            return None  # the path looks closer, and may refuse
         status = Status.SOLVED
     elif status is Status.SOLVED:
         status = Status.STALLED
@@ -292,10 +291,9 @@ def solve_path(
     if qp.is_dense:
         qp = qp._replace(P=as_sparse(qp.P), G=as_sparse(qp.G), A=as_sparse(qp.A))
     report = None if progress is None else progress.row
-    found = path.solve(qp, options, guess.x if guess.x.size else None, deadline, report)
+    found = path.solve(qp, options, guess.point, deadline, report)
     point = found.x, found.y, found.z, found.z_box
-    proved = found.status in (Status.PRIMAL_INFEASIBLE, Status.DUAL_INFEASIBLE)
-    residuals = UNDEFINED if proved else qp_residuals(*qp, *point)
+    residuals = UNDEFINED if found.status in OBJECTIVE else qp_residuals(*qp, *point)
     return Answer(
         found.status, *point, residuals, found.iterations, "path", found.message
     )

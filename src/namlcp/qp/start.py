@@ -20,6 +20,11 @@ class Guess(NamedTuple):
     x: np.ndarray
     active: np.ndarray
 
+    @property
+    def point(self) -> np.ndarray | None:
+        """Return x, or None where there is no guess."""
+        return self.x if self.x.size else None
+
 
 NO_GUESS = Guess(np.empty(0), np.empty(0, dtype=np.int8))
 

@@ -25,7 +25,7 @@ THIN = 1e-20  # smallest weight of a row
 def evaluate(
     indptr, indices, base, unit, q, b, place, sign, c, x, y, W, Z,
     v, Px, Ctv, t, rd, rp, rw, out,
-):  # pragma: no cover  # fmt: skip
+):  # fmt: skip
     """Residuals of the iterate; work arrays v, Px, Ctv, t, results rd, rp, rw, out.
 
     rd = Px + q + C'v + z_box, rp = Ax - b, rw = sign t[place] - c + W; out = (mu, |rd|,
@@ -82,9 +82,7 @@ def evaluate(
 
 
 @njit(cache=True, nogil=True)
-def assemble(
-    base, diagonal, n, p, place, W, Z, rho, delta, omega, weight, data
-):  # pragma: no cover
+def assemble(base, diagonal, n, p, place, W, Z, rho, delta, omega, weight, data):
     """Set omega, weight and the diagonal of K~ in `data`."""
     weight[:] = 0.0
     for k in range(place.size):
@@ -100,9 +98,7 @@ def assemble(
 
 
 @njit(cache=True, nogil=True)
-def right_side(
-    rd, rp, rw, rc, place, sign, Z, omega, weight, tau, rhs
-):  # pragma: no cover
+def right_side(rd, rp, rw, rc, place, sign, Z, omega, weight, tau, rhs):
     """Set tau and the right-hand side of the Newton system for the target rc."""
     n = rd.size
     p = rp.size
@@ -121,7 +117,7 @@ def right_side(
 @njit(cache=True, nogil=True)
 def piece_step(
     indptr, indices, base, n, du, place, sign, omega, tau, rc, W, Z, dt, dW, dZ, out
-):  # pragma: no cover
+):
     """Set dt = (dx, C dx), dW, dZ and out = (longest steps for W and Z, product).
 
     The product is (W + a dW)'(Z + a' dZ) at those steps a, a' <= 1.
@@ -156,7 +152,7 @@ def piece_step(
 
 
 @njit(cache=True, nogil=True)
-def centred_target(W, Z, dW, dZ, primal, dual, smu, rc):  # pragma: no cover
+def centred_target(W, Z, dW, dZ, primal, dual, smu, rc):
     """Pull the products at the longer steps into [0.1, 10] smu (Gondzio 1996)."""
     a = min(1.0, 1.08 * primal + 0.08)
     z = min(1.0, 1.08 * dual + 0.08)
@@ -167,7 +163,7 @@ def centred_target(W, Z, dW, dZ, primal, dual, smu, rc):  # pragma: no cover
 
 
 @njit(cache=True, nogil=True)
-def advance(n, du, dW, dZ, primal, dual, x, y, W, Z, out):  # pragma: no cover
+def advance(n, du, dW, dZ, primal, dual, x, y, W, Z, out):
     """Step; out = (largest change of x, largest change of y and Z)."""
     out[0] = 0.0
     out[1] = 0.0
