@@ -77,6 +77,13 @@ def positive_diagonal(A: Any, method: str) -> np.ndarray:
     return D
 
 
+def is_auto(name: str, value: object, wanted: str) -> bool:
+    """Tell whether a parameter is "auto"; raise if it is another string."""
+    if isinstance(value, str) and value != "auto":
+        raise TypeError(f"{name} must be {wanted} or 'auto', got {value!r}")
+    return isinstance(value, str)
+
+
 def number(name: str, value: object, interval: str) -> float:
     """Return `value` as a float; raise unless it lies in (0, 2), [0, 2), (0, inf)."""
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):

@@ -31,7 +31,7 @@ def solve_lcp(
     upper: Any = None,
     *,
     method: str = "auto",
-    alpha: float | None = None,
+    alpha: float | str | None = None,
     beta: float | None = None,
     omega: Any = None,
     shift: Any = None,
@@ -64,9 +64,11 @@ def solve_lcp(
         far as rounding allows. Otherwise the name of a sweep method, see
         `namlcp.lcp.methods`.
     alpha, beta : float
-        Relaxation parameters of the sweep methods that have them.
+        Relaxation parameters of the sweep methods that have them. alpha = "auto" is
+        chosen as the method runs.
     omega, shift : float or (n,) array
-        Diagonals of the sweep methods; a number c stands for c I.
+        Diagonals of the sweep methods; a number c stands for c I. omega = "auto" is a
+        multiple of diag(A), chosen as the method runs.
     s0 : (n,) array
         Start of a sweep method in the modulus variable (scale r = 2).
     z0 : (n,) array

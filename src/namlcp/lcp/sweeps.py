@@ -35,15 +35,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from namlcp.checks import refuse_number, vector
+from namlcp.lcp.adaptive import AdaptiveStep
 from namlcp.lcp.factored import factored_step
 from namlcp.lcp.kernels import sweep_csr, sweep_dense
 from namlcp.lcp.methods import (
     METHODS,
     find_method,
+    is_auto,
     number,
     positive_diagonal,
     spread,
 )
+from namlcp.lcp.parameters import Choice
 from namlcp.progress import LCP_COLUMNS, Progress
 from namlcp.status import Status
 
@@ -74,7 +77,7 @@ def sweep(
     upper: np.ndarray,
     method: str,
     *,
-    alpha: float | None = None,
+    alpha: float | str | None = None,
     beta: float | None = None,
     omega: Any = None,
     shift: Any = None,
@@ -101,15 +104,17 @@ def sweep(
     alpha, beta : float
         Relaxation, alpha in (0, 2), beta in [0, 2); 1 and alpha unless given. Outside
         projected SOR cannot converge, and no theory of the others reaches beyond. For
-        "modified-nam" alpha is any positive number: Omega = alpha I.
-    omega : float or (n,) array
+        "modified-nam" alpha is any positive number: Omega = alpha I. alpha = "auto":
+        see `parameters`.
+    omega : float, (n,) array or "auto"
         Diagonal of Omega, positive. Unless given: D/(2 alpha^2) for m* and nam* (the
         paper's tables), D/alpha for am*; p* always has D/alpha. D for "modulus", I for
-        "nam", alpha I for "modified-nam".
+        "nam", alpha I for "modified-nam". "auto": c D, see `parameters`; c changes
+        during the run, and s with it.
     shift : float or (n,) array
         Diagonal of E, not negative; only for nam*, where it is D unless given (so that
-        units do not matter), and for "nam" and "modified-nam", where it is I. 1.0 is
-        the paper's own.
+        units do not matter), and for "nam" and "modified-nam", where it is I, or D if
+        alpha or omega is "auto". 1.0 is the paper's own.
     s0, z0 : (n,) array
         Start, at most one: s0 itself, or s0 = z0 - (A z0 + q)/Omega, which is a fixed
         point if z0 solves the problem. Unless given s0 = clip(0, lower, upper); the
@@ -139,7 +144,13 @@ def sweep(
     """
     chosen = find_method(method, alpha=alpha, beta=beta, omega=omega, shift=shift)
     n = q.size
-    if chosen.factored:
+    step: Step | None
+    interval = "(0, inf)" if method == "modified-nam" else "(0, 2)"
+    alpha_auto = is_auto("alpha", alpha, f"a number in {interval}")
+    if is_auto("omega", omega, "a positive number, an array") or alpha_auto:
+        step = adaptive_step(A, q, lower, upper, method, alpha, beta, omega, shift)
+        omega = step.omega
+    elif chosen.factored:
         omega = factored_omega(A, method, alpha, omega)
         shift = spread("shift", shift, n, np.ones(n)) if chosen.own else None
         step = factored_step(A, q, lower, upper, omega, shift)
@@ -149,7 +160,7 @@ def sweep(
         )
     with np.errstate(all="ignore"):
         s = start(A, q, lower, upper, omega, s0, z0)
-    if step is None:
+    if step is None or (isinstance(step, AdaptiveStep) and step.step is None):
         nothing = np.full(n, np.nan)
         return SweepResult(
             Status.NUMERICAL_ERROR, nothing, nothing, omega, math.nan, 0, None
@@ -162,6 +173,8 @@ def sweep(
         status, s, residual, iterations = iterate(
             step, q, s, lower, upper, eps_abs, max_iter, deadline, reports
         )
+    if isinstance(step, AdaptiveStep):
+        omega = step.omega
     z = np.clip(s, lower, upper)
     history = rows.history() if keep_history else None
     return SweepResult(status, z, s, omega, residual, iterations, history)
@@ -200,6 +213,11 @@ def iterate(
         else:
             spare = s
         trouble = watch.verdict(k, residual, s, s_next)
+        if trouble is Status.DIVERGED and isinstance(step, AdaptiveStep):
+            np.copyto(s_next, best)
+            np.clip(s_next, lower, upper, out=z_next)
+            if step.retries_from(s_next, z_next):
+                trouble, watch = None, Watch(watch.size)
         if trouble is not None:
             return trouble, best, least, k
         if time.perf_counter() >= deadline:
@@ -214,7 +232,8 @@ class Watch:
 
     - Overflow: Res is not finite.
     - Growth: every Res of the sweeps 2^p + 1 .. 2^(p+1) exceeds every earlier one and
-      GROWTH times the size of the problem, max(Res(z_0), ||q||).
+      GROWTH times the size of the problem, max(Res(z_0), ||q||), from FIRST sweeps on:
+      a method far from normal may grow by 10^10 at once and still converge.
     - A cycle (Brent 1980): s is again, to REPEAT, what it was at the last power of two
       (FIRST at least). If it hardly moves in between, rounding repeats near a solution.
     """
@@ -249,7 +268,8 @@ class Watch:
         if k == 0:
             self.size = max(self.size, residual)
         if k & (k - 1) == 0:
-            if self.lowest > max(self.peak, self.GROWTH * self.size):
+            grown = self.lowest > max(self.peak, self.GROWTH * self.size)
+            if grown and k >= self.FIRST:
                 return Status.DIVERGED
             self.peak = max(self.peak, self.highest)
             self.lowest, self.highest = math.inf, 0.0
@@ -269,25 +289,20 @@ def triangular_step(
     lower: np.ndarray,
     upper: np.ndarray,
     method: str,
-    alpha: float | None,
+    alpha: Any,
     beta: float | None,
     omega: Any,
     shift: Any,
 ) -> tuple[Step, np.ndarray]:
     """Return one sweep of a triangular method as a function, and its Omega."""
     chosen = METHODS[method]
-    alpha = 1.0 if alpha is None else number("alpha", alpha, "(0, 2)")
-    if beta is None:
-        beta = alpha if chosen.beta is None else chosen.beta
-    else:
-        beta = number("beta", beta, "[0, 2)")
-    D = positive_diagonal(A, method)
-    default = D / alpha if chosen.reflected else D / (2.0 * alpha * alpha)
-    omega = spread("omega", omega, q.size, default, positive=True)
-    inverse = D / alpha
+    alpha, beta, omega, shift = triangular_parameters(
+        A, method, alpha, beta, omega, shift
+    )
+    inverse = A.diagonal() / alpha
     inverse += omega
-    if "shift" in chosen.takes:
-        inverse += spread("shift", shift, q.size, D)
+    if shift is not None:
+        inverse += shift
     np.divide(1.0, inverse, out=inverse)
     G = beta / alpha + chosen.own
     H = chosen.reflected
@@ -309,7 +324,66 @@ def triangular_step(
     return step, omega
 
 
-def factored_omega(A: Any, method: str, alpha: float | None, omega: Any) -> np.ndarray:
+def adaptive_step(
+    A: Any,
+    q: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    method: str,
+    alpha: Any,
+    beta: float | None,
+    omega: Any,
+    shift: Any,
+) -> AdaptiveStep:
+    """Return a step that chooses where alpha or omega is "auto", the rest checked."""
+    chosen = METHODS[method]
+    fixed_alpha = None if isinstance(alpha, str) else alpha
+    fixed_omega = None if isinstance(omega, str) else omega
+    if chosen.factored:
+        if alpha is not None and omega is not None:
+            factored_omega(A, method, 1.0, 1.0)  # raises
+        shift = spread("shift", shift, q.size, positive_diagonal(A, method))
+        shift = shift if chosen.own else None
+    else:
+        checked = triangular_parameters(
+            A, method, fixed_alpha, beta, fixed_omega, shift
+        )
+        shift = checked[3]
+        omega = omega if fixed_omega is None else checked[2]
+
+    def build(alpha: float, omega: np.ndarray) -> tuple[Step | None, np.ndarray]:
+        if chosen.factored:
+            return factored_step(A, q, lower, upper, omega, shift), omega
+        return triangular_step(A, q, lower, upper, method, alpha, beta, omega, shift)
+
+    choice = Choice(A, chosen, alpha, beta, omega, shift)
+    return AdaptiveStep(choice, build, lower, upper)
+
+
+def triangular_parameters(
+    A: Any,
+    method: str,
+    alpha: Any,
+    beta: float | None,
+    omega: Any,
+    shift: Any,
+) -> tuple[float, float, np.ndarray, np.ndarray | None]:
+    """Return alpha, beta and the diagonals of Omega and E (None without E), checked."""
+    chosen = METHODS[method]
+    alpha = 1.0 if alpha is None else number("alpha", alpha, "(0, 2)")
+    if beta is None:
+        beta = alpha if chosen.beta is None else chosen.beta
+    else:
+        beta = number("beta", beta, "[0, 2)")
+    D = positive_diagonal(A, method)
+    default = D / alpha if chosen.reflected else D / (2.0 * alpha * alpha)
+    omega = spread("omega", omega, D.size, default, positive=True)
+    if "shift" not in chosen.takes:
+        return alpha, beta, omega, None
+    return alpha, beta, omega, spread("shift", shift, D.size, D)
+
+
+def factored_omega(A: Any, method: str, alpha: Any, omega: Any) -> np.ndarray:
     """Return the diagonal of Omega for a method that factors once."""
     if alpha is not None and omega is not None:
         raise ValueError(
