@@ -69,6 +69,11 @@ def test_import_prints_nothing_and_warns_of_nothing():
     assert (done.returncode, done.stdout) == (0, ""), done.stderr
 
 
+def test_multigrid_is_imported_only_where_it_is_used():
+    code = "import namlcp, sys; sys.exit('pyamg' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
 def test_results_can_be_compared_without_an_error():
     result = namlcp.solve_qp(np.eye(2), np.ones(2))
     assert result == result

@@ -7,6 +7,8 @@
 
 from importlib.metadata import version
 
+from namlcp.lcp.comparison import Verdict, is_h_plus
+from namlcp.lcp.convergence import converges
 from namlcp.lcp.solve import solve_lcp
 from namlcp.options import Options
 from namlcp.qp.solve import solve_qp
@@ -21,6 +23,9 @@ __all__ = [
     "QPResult",
     "Residuals",
     "Status",
+    "Verdict",
+    "converges",
+    "is_h_plus",
     "natural_residual",
     "qp_residuals",
     "solve_lcp",

@@ -1,0 +1,363 @@
+"""Positive vectors that enclose the spectral radius of each irreducible block of J.
+
+J = D^-1 |A - D| is the Jacobi matrix of a comparison matrix. In an irreducible block
+min (J x)_i / x_i <= rho(J) <= max (J x)_i / x_i for every x > 0 (Collatz and Wielandt),
+and x <- (lambda I - J)^-1 x with lambda the upper bound closes in quadratically and
+keeps x > 0 (Noda, Numer. Math. 17 (1971) 382-386; Elsner, Linear Algebra Appl. 15
+(1976) 235-242). Power steps come first, as long as they get somewhere. All blocks are
+iterated together. They are balanced first: Perron vectors of badly scaled matrices, and
+of their products, leave the range of floating point, so vectors are x 2^exponent
+throughout.
+"""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+from numba import njit
+from scipy import sparse
+from scipy.sparse.csgraph import connected_components
+from scipy.sparse.linalg import splu
+
+STEPS = 40
+POWER_STEPS = 10
+POWER_HELPS = 0.7
+"""Power steps go on as long as so many shrink the interval by this factor."""
+
+BALANCE_SWEEPS = 10
+BALANCED = 0.1
+"""Largest change of an exponent in the last sweep."""
+
+NARROW = 4e-15
+"""An interval around rho(J) of this width cannot be made narrower in floating point."""
+
+LEAST = 1e-250
+
+DIRECT = 20_000
+"""Up to this order linear systems are factored, beyond it multigrid cycles."""
+
+DENSE = 3000
+"""Up to this order matrices with a quarter of their entries go to dense LU."""
+
+CYCLES = 12
+"""Multigrid cycles at most for one system, each with a sweep of our own after it."""
+
+PROGRESS = 0.9
+"""Cycles end when one does not shrink the residual so far."""
+
+Candidate = tuple[np.ndarray, np.ndarray, float, float]
+
+
+def row_numbers(A: Any) -> np.ndarray:
+    """Return the row of every stored entry."""
+    return np.repeat(np.arange(A.shape[0]), np.diff(A.indptr))
+
+
+def row_starts(rows: np.ndarray, n: int) -> np.ndarray:
+    """Return where each of n rows starts in entries sorted by row."""
+    start = np.zeros(n + 1, dtype=np.int32 if rows.size < 2**31 else np.int64)
+    np.cumsum(np.bincount(rows, minlength=n), out=start[1:])
+    return start
+
+
+def block_vectors(A: Any, D: np.ndarray) -> Iterator[Candidate]:
+    """Yield (x, exponent, low, high): vectors that should settle <A>, and bounds.
+
+    x is positive on all unknowns where every block has rho(J) < 1, and then <A> y > 0,
+    or on one block with rho(J) >= 1 alone, and then <A> y <= 0 where y > 0, for y = x
+    2^exponent; or empty, at the end, where neither is known. `low` and `high` are the
+    least bounds that hold for the block with the largest.
+
+    A is a csr_array, its diagonal D is positive.
+    """
+    n = A.shape[0]
+    label, inner = blocks(A)
+    count = int(label.max()) + 1
+    rows, columns = row_numbers(A)[inner], A.indices[inner]
+    logarithm = np.log2(np.abs(A.data[inner])) - np.log2(D[rows])
+    potential = balanced(n, rows, columns, logarithm)
+    exponent = np.rint(potential).astype(np.int64)
+    mantissa = np.exp2(potential - exponent)
+    entries = np.exp2(logarithm + potential[columns] - potential[rows])
+    J = sparse.csr_array((entries, columns, row_starts(rows, n)), shape=A.shape)
+    x = np.ones(n)
+    low, high = np.zeros(count), np.full(count, np.inf)
+    before = np.inf
+    for _ in range(STEPS):
+        quotient = (J @ x) / x
+        high = np.minimum(high, extreme(np.maximum, quotient, label, count))
+        low = np.maximum(low, extreme(np.minimum, quotient, label, count))
+        worst = int(np.argmax(low))
+        bounds = float(low[worst]), float(high.max())
+        if low[worst] >= 1.0:
+            yield np.where(label == worst, x * mantissa, 0.0), exponent, *bounds
+        elif np.all(high < 1.0):
+            power = stacked(A, x * mantissa, exponent, label, 1.0 - quotient)
+            yield x * mantissa, power, *bounds
+        width = (high - low) / np.maximum(high, LEAST)
+        open_ = (width > NARROW) & (high >= 1.0 - NARROW)
+        here = np.flatnonzero(open_[label])
+        if not here.size:
+            break
+        gap = float(np.log(high[open_] / low[open_]).max())
+        if gap < POWER_HELPS * before or before == np.inf:
+            before, x = gap, powered(J, x, label, high)
+            continue
+        before = 0.0
+        found = inverted(J, x, here, label, high)
+        if found is None:
+            break
+        x = found
+    yield np.empty(0), exponent, *bounds
+
+
+def powered(J: Any, x: np.ndarray, label: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Return x after steps with J + high/2: the shift makes J primitive."""
+    scale = np.where(high > 0.0, high, 1.0)[label]
+    for _ in range(POWER_STEPS):
+        x = (J @ x) / scale + 0.5 * x
+    return normalised(x, label)
+
+
+def inverted(
+    J: Any, x: np.ndarray, here: np.ndarray, label: np.ndarray, high: np.ndarray
+) -> np.ndarray | None:
+    """Return Noda's next x, its unknowns `here` changed; None if there is none.
+
+    A system is solved only as well as it must be for an answer.
+    """
+    count = high.size
+    shift = sparse.diags_array(high[label[here]] * (1.0 + 1e-15))
+    trial = None
+    inner = J if here.size == x.size else J[here][:, here]
+    for y in solutions(sparse.csr_array(shift - inner), x[here]):
+        if not np.all(np.isfinite(y)):
+            break
+        trial = x.copy()
+        trial[here] = np.abs(y)
+        trial = normalised(trial, label)
+        quotient = (J @ trial) / trial
+        below = bool(np.all(quotient < 1.0))
+        if below or extreme(np.minimum, quotient, label, count).max() >= 1.0:
+            break
+    return trial
+
+
+def normalised(x: np.ndarray, label: np.ndarray) -> np.ndarray:
+    """Return x with largest entry 1 in every block, entries at least LEAST."""
+    top = extreme(np.maximum, x, label, int(label.max()) + 1)
+    return np.maximum(x / top[label], LEAST)
+
+
+def extreme(choose: Any, values: np.ndarray, label: np.ndarray, count: int) -> Any:
+    """Return the largest (np.maximum) or least (np.minimum) value of each block."""
+    result = np.full(count, -np.inf if choose is np.maximum else np.inf)
+    choose.at(result, label, values)
+    return result
+
+
+def blocks(A: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Return the irreducible block of each unknown, and which entries are inside one.
+
+    Inside means: both unknowns in one block, off the diagonal, not zero.
+    """
+    rows = row_numbers(A)
+    real = (A.data != 0.0) & (rows != A.indices)
+    start = row_starts(rows[real], A.shape[0])
+    columns = A.indices[real]
+    graph = sparse.csr_array((np.ones(columns.size), columns, start), shape=A.shape)
+    _, label = connected_components(graph, connection="strong")
+    return label, real & (label[rows] == label[A.indices])
+
+
+def balanced(
+    n: int, rows: np.ndarray, columns: np.ndarray, logarithm: np.ndarray
+) -> np.ndarray:
+    """Return e that balances 2^-e J 2^e: row i and column i have equal largest entries.
+
+    A symmetrisable J becomes symmetric along trees of edges; what is not is balanced as
+    by Osborne, J. ACM 7 (1960) 338-345. `logarithm` is that of the entries to base 2,
+    in the order of the rows, columns ascending.
+    """
+
+    def compressed(major: np.ndarray, minor: np.ndarray) -> tuple[np.ndarray, ...]:
+        order = np.argsort(major, kind="stable")
+        return row_starts(major, n), minor[order], logarithm[order]
+
+    exponent = np.zeros(n)
+    by_row, by_column = compressed(rows, columns), compressed(columns, rows)
+    symmetrise(*by_row, *by_column, exponent)
+    for _ in range(BALANCE_SWEEPS):
+        if osborne(*by_row, *by_column, exponent) < BALANCED:
+            break
+    return exponent
+
+
+@njit(cache=True, nogil=True)
+def symmetrise(indptr, indices, entry, indptr_c, indices_c, entry_c, e):
+    """Set e so that a_ij and a_ji become equal along trees of such pairs."""
+    n = e.size
+    seen = np.zeros(n, dtype=np.bool_)
+    queue = np.empty(n, dtype=np.int64)
+    for root in range(n):
+        if seen[root]:
+            continue
+        seen[root] = True
+        queue[0] = root
+        first, last = 0, 1
+        while first < last:
+            i = queue[first]
+            first += 1
+            t = indptr_c[i]
+            for k in range(indptr[i], indptr[i + 1]):
+                j = indices[k]
+                while t < indptr_c[i + 1] and indices_c[t] < j:
+                    t += 1
+                if t < indptr_c[i + 1] and indices_c[t] == j and not seen[j]:
+                    seen[j] = True
+                    e[j] = e[i] + 0.5 * (entry_c[t] - entry[k])
+                    queue[last] = j
+                    last += 1
+
+
+@njit(cache=True, nogil=True)
+def osborne(indptr, indices, entry, indptr_c, indices_c, entry_c, e):
+    """Make the largest entry of row i and of column i equal, for i up and then down.
+
+    Entries are logarithms; row i is entry + e_j - e_i. Returns the largest change.
+    """
+    n = e.size
+    largest = 0.0
+    for t in range(2 * n):
+        i = t if t < n else 2 * n - 1 - t
+        row = -np.inf
+        for k in range(indptr[i], indptr[i + 1]):
+            row = max(row, entry[k] + e[indices[k]])
+        column = -np.inf
+        for k in range(indptr_c[i], indptr_c[i + 1]):
+            column = max(column, entry_c[k] - e[indices_c[k]])
+        if row > -np.inf and column > -np.inf:
+            new = 0.5 * (row - column)
+            largest = max(largest, abs(new - e[i]))
+            e[i] = new
+    return largest
+
+
+def stacked(
+    A: Any, x: np.ndarray, exponent: np.ndarray, label: np.ndarray, rest: np.ndarray
+) -> np.ndarray:
+    """Return exponents that make the blocks' vectors one with <A> v > 0.
+
+    Block after block is scaled up until what others contribute to its rows is at most
+    half of what it has left, rest_i d_i v_i. Labels come in topological order or its
+    reverse; other orders would only take more passes.
+    """
+    scale = np.zeros(int(label.max()) + 1)
+    order = np.argsort(label, kind="stable")
+    matrix = A.data, A.indices, A.indptr, A.diagonal()
+    for _ in range(scale.size + 1):
+        for rows in (order, order[::-1].copy()):
+            if not raise_blocks(*matrix, x, exponent, label, rest, rows, scale):
+                return exponent + scale[label].astype(np.int64)
+    return exponent
+
+
+@njit(cache=True, nogil=True)
+def raise_blocks(data, indices, indptr, D, x, exponent, label, rest, order, scale):
+    """Raise the powers `scale` of the blocks, row by row; tell whether one changed."""
+    changed = False
+    for i in order:
+        most = -np.inf
+        for k in range(indptr[i], indptr[i + 1]):
+            j = indices[k]
+            if label[j] != label[i] and data[k] != 0.0:
+                t = np.log2(abs(data[k])) + np.log2(x[j])
+                most = max(most, t + exponent[j] + scale[label[j]])
+        if most > -np.inf:
+            terms = np.log2(float(indptr[i + 1] - indptr[i]))
+            have = np.log2(rest[i]) + np.log2(D[i]) + np.log2(x[i]) + exponent[i]
+            needed = np.ceil(most + terms + 1.0 - have)
+            if needed > scale[label[i]]:
+                scale[label[i]] = needed
+                changed = True
+    return changed
+
+
+def solutions(K: Any, b: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield approximations of K^-1 b for a Z-matrix K with a positive diagonal."""
+    n = K.shape[0]
+    if n > DIRECT:
+        yield from cycles(K, b)
+        return
+    if n <= DENSE and K.nnz > n * n // 4:
+        try:
+            yield np.linalg.solve(K.toarray(), b)
+        except np.linalg.LinAlgError:
+            return
+        return
+    for threshold in (0.0, 1.0):  # pivots from the diagonal do not depend on scaling
+        try:
+            factor = splu(
+                sparse.csc_array(K),
+                permc_spec="MMD_AT_PLUS_A",
+                diag_pivot_thresh=threshold,
+                options={"SymmetricMode": threshold == 0.0},
+            )
+        except RuntimeError:  # exactly singular
+            continue
+        yield factor.solve(b)
+
+
+def cycles(K: Any, b: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield what multigrid cycles for K x = b give (Ruge and Stueben's coarsening)."""
+    import pyamg  # takes 0.5 s to import
+
+    K = sparse.csr_matrix(K)
+    D = K.diagonal()
+    x = np.zeros_like(b)
+    size = np.linalg.norm(b)
+    before = np.inf
+    levels = None
+    for _ in range(CYCLES):
+        try:
+            if levels is None:
+                levels = pyamg.ruge_stuben_solver(
+                    K, interpolation="direct", coarse_solver="splu", max_coarse=500
+                )
+            x = levels.solve(b, x0=x, maxiter=1, tol=1e-16)
+        except (ValueError, RuntimeError, np.linalg.LinAlgError):
+            return  # a level is singular: K is not an M-matrix
+        if not np.all(np.isfinite(x)):
+            return
+        yield x
+        gauss_seidel(K.data, K.indices, K.indptr, b / D, x)
+        residual = float(np.linalg.norm(b - K @ x))
+        if residual <= 1e-13 * size or not residual < PROGRESS * before:
+            return
+        before = residual
+
+
+@njit(cache=True, nogil=True)
+def gauss_seidel(data, indices, indptr, c, v):
+    """Overwrite v by a forward and a backward sweep on <A> v = D c; return max |step|.
+
+    The step is that of the backward sweep.
+    """
+    n = v.size
+    largest = 0.0
+    for pass_ in range(2):
+        largest = 0.0
+        for t in range(n):
+            i = t if pass_ == 0 else n - 1 - t
+            d = 1.0
+            r = 0.0
+            for k in range(indptr[i], indptr[i + 1]):
+                j = indices[k]
+                if j == i:
+                    d = data[k]
+                else:
+                    r += abs(data[k]) * v[j]
+            new = c[i] + r / d
+            largest = max(largest, abs(new - v[i]))
+            v[i] = new
+    return largest
