@@ -14,6 +14,7 @@ from numba import njit
 from scipy.sparse import csc_array, csr_array
 
 from namlcp.checks import QPData
+from namlcp.qp.csc import by_rows, part, without_zeros
 
 FIXED = 1e-12  # ub - lb below this, relative to |lb| above 1, fixes a variable
 SAME = 1e-13  # relative difference of the entries of proportional rows
@@ -120,30 +121,23 @@ def presolve(qp: QPData, eps_abs: float, eps_rel: float) -> Presolved:
     A, G = without_zeros(qp.A), without_zeros(qp.G)
     lb, ub = qp.lb, qp.ub
     if fixed.size:
-        q = q[kept] + P[:, fixed][kept] @ x_fixed
-        b = b - A[:, fixed] @ x_fixed
-        h = h - G[:, fixed] @ x_fixed
-        P, A, G = P[:, kept][kept], A[:, kept], G[:, kept]
+        held = np.zeros(q.size)
+        held[fixed] = x_fixed
+        q, b, h = (q + P @ held)[kept], b - A @ held, h - G @ held
+        P = part(P, kept, kept)
+        A, G = (part(M, np.arange(M.shape[0]), kept) for M in (A, G))
         lb, ub = lb[kept], ub[kept]
     tol = eps_abs if eps_abs > 0.0 else eps_rel
-    A, largest_of, smallest_of, b, more = equality_rows(A.tocsr(), b, tol)
+    A, largest_of, smallest_of, b, more = equality_rows(by_rows(A), b, tol)
     found += more
     G, lower_of, upper_of, lower, upper, more = inequality_rows(
-        G.tocsr(), h, tol, qp.b.size
+        by_rows(G), h, tol, qp.b.size
     )
     found += more
     return Presolved(
         qp, P, q, A, b, G, lower, upper, lb, ub, kept, fixed, x_fixed,
         largest_of, smallest_of, upper_of, lower_of, found,
     )  # fmt: skip
-
-
-def without_zeros(M: csc_array) -> csc_array:
-    """Return M without stored zeros, itself if there are none."""
-    if M.nnz and not M.data.all():
-        M = M.copy()
-        M.eliminate_zeros()
-    return M
 
 
 def contradictory_sides(

@@ -21,6 +21,7 @@ from namlcp.qp import certificates, dense, path
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.reduction import box_lcp, box_point, is_box_open
 from namlcp.qp.start import Guess, make_guess
+from namlcp.qp.substitution import Substitution, substitute
 from namlcp.residuals import Residuals, qp_residuals
 from namlcp.result import QPResult
 from namlcp.status import Status
@@ -30,6 +31,9 @@ DENSE_VARIABLES = 2000
 DENSE_ENTRIES = 16_000_000
 # Sparse problems below this many entries are cheaper as dense ones.
 SPARSE_ENTRIES = 10_000
+
+# From this density on the matrices of a sparse problem are treated as dense.
+FULL = 0.3
 
 # A tolerance below this times the terms of the gap is decided by their rounding.
 ROUNDING = 4e-15
@@ -171,6 +175,66 @@ def solve_forms(
     deadline: float,
     progress: Progress | None,
 ) -> Answer:
+    """Substitute what one row or column decides, then solve the smallest form.
+
+    What comes back unsolved from the smaller problem is tried again as it came.
+    """
+    smaller = None if qp.is_dense else substitute(qp)
+    if smaller is None:
+        return try_forms(qp, options, guess, deadline, progress)
+    if guess.x.size:
+        guess = Guess(guess.x[smaller.kept], smaller.active(guess.active))
+    answer = try_forms(densified(smaller.qp), options, guess, deadline, progress)
+    answer = restored(answer, smaller, options)
+    if answer.status in (Status.STALLED, Status.NUMERICAL_ERROR):
+        other = solve_path(qp, options, guess, deadline, progress)
+        return better(answer, other, options)
+    return answer
+
+
+def restored(answer: Answer, smaller: Substitution, options: Options) -> Answer:
+    """Return the answer for the user's QP, judged anew."""
+    qp, tol = smaller.user, options.eps_abs
+    if answer.status is Status.PRIMAL_INFEASIBLE:
+        y, z, _ = smaller.multipliers(answer.y, answer.z, answer.z_box)
+        proof = certificates.accept_primal(qp, np.zeros(qp.q.size), y, z, tol)
+    elif answer.status is Status.DUAL_INFEASIBLE:
+        d = smaller.direction(answer.x)
+        proof = certificates.accept_dual(qp, NOTHING, NOTHING, NOTHING, d, tol)
+    else:
+        point = smaller.point(answer.x, answer.y, answer.z, answer.z_box)
+        residuals = qp_residuals(*qp, *point)
+        solved = residuals.solved(options.eps_abs, options.eps_rel)
+        status = Status.SOLVED if solved else answer.status
+        if not solved and status is Status.SOLVED:
+            status = Status.STALLED
+        x, y, z, z_box = point
+        return answer._replace(
+            status=status, x=x, y=y, z=z, z_box=z_box, residuals=residuals
+        )
+    if proof is None:
+        return answer._replace(status=Status.STALLED)
+    x, y, z, z_box = proof
+    return answer._replace(x=x, y=y, z=z, z_box=z_box)
+
+
+def densified(qp: QPData) -> QPData:
+    """Return a QP whose matrices are mostly full with dense ones."""
+    n = qp.q.size
+    entries = n * (n + qp.h.size + qp.b.size)
+    full = qp.P.nnz + qp.G.nnz + qp.A.nnz >= FULL * entries
+    if n > DENSE_VARIABLES or entries > DENSE_ENTRIES or not full:
+        return qp
+    return qp._replace(P=as_dense(qp.P), G=as_dense(qp.G), A=as_dense(qp.A))
+
+
+def try_forms(
+    qp: QPData,
+    options: Options,
+    guess: Guess,
+    deadline: float,
+    progress: Progress | None,
+) -> Answer:
     """Try the smallest form that fits, then the path; return the better answer."""
     answer = None
     if is_small(qp):
@@ -180,10 +244,15 @@ def solve_forms(
     if answer is not None and answer.status in (*FINAL, Status.TIME_LIMIT):
         return answer
     other = solve_path(qp, options, guess, deadline, progress)
-    if answer is None or other.status in FINAL:
-        return other
+    return other if answer is None else better(answer, other, options)
+
+
+def better(answer: Answer, other: Answer, options: Options) -> Answer:
+    """Return `other`, tried after `answer`, unless that has the better point."""
     eps = options.eps_abs, options.eps_rel
-    if answer.residuals.worst(*eps) < other.residuals.worst(*eps):
+    if other.status not in FINAL and (
+        answer.residuals.worst(*eps) < other.residuals.worst(*eps)
+    ):
         return answer._replace(status=other.status, message=other.message)
     return other
 

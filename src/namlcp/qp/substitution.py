@@ -1,0 +1,249 @@
+"""Substitution: what one row or column decides is taken out, and put back exactly.
+
+Modelling languages give every residual a variable of its own, so that the cost is
+diagonal where the user wrote a least-squares term, and every bound a row. Both are
+undone here.
+
+    row g x_j <= h of G                 bound of x_j, its z is z_box_j / g
+    row a x_j = b of A                  lb_j = ub_j = b / a, its y is z_box_j / a
+    free column t with the cost         t = (b_i - a_i'x) / a_it,
+    p t^2/2 + q_t t, p >= 0, and one      y_i = -(p t + q_t) / a_it,
+    entry a_it, in row i of A           P + (p/a_it^2) a_i a_i',
+                                        q - (p b_i/a_it + q_t) / a_it a_i
+
+The multipliers follow from stationarity in x_j and in t. A column goes only where the
+products a_i a_i' do not fill P: a cost a_i'x is then shorter than its square.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from scipy.sparse import csc_array
+
+from namlcp.checks import QPData
+from namlcp.qp.convexity import check_convex
+from namlcp.qp.csc import part, with_squares, without_zeros
+
+PIVOT = 1e-3  # least size of a_it relative to its row
+FILL = 4  # entries of P that one entry of the rows may cost
+SHORT = 2  # rows up to this length fill in no more than they free
+
+
+class Owners(NamedTuple):
+    """The row of [G; A] that gives a bound, -1 where the bound is the user's own."""
+
+    rows: np.ndarray
+    entry: np.ndarray
+
+
+class Substitution(NamedTuple):
+    """The smaller QP and the way back.
+
+    `kept` columns stay, `solved` columns t are substituted by the rows `by` of A (with
+    the entries `pivot`), `rows` of G and `others` of A stay.
+    """
+
+    user: QPData
+    qp: QPData
+    kept: np.ndarray
+    solved: np.ndarray
+    by: np.ndarray
+    pivot: np.ndarray
+    rest: csc_array
+    cost: np.ndarray
+    rows: np.ndarray
+    others: np.ndarray
+    lower: Owners
+    upper: Owners
+
+    def point(
+        self, x: np.ndarray, y: np.ndarray, z: np.ndarray, z_box: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return the user's (x, y, z, z_box)."""
+        full = self.direction(x)
+        full[self.solved] += self.user.b[self.by] / self.pivot
+        y, z, box = self.multipliers(y, z, z_box)
+        gradient = self.cost * full[self.solved] + self.user.q[self.solved]
+        y[self.by] = -gradient / self.pivot
+        return full, y, z, box
+
+    def direction(self, d: np.ndarray) -> np.ndarray:
+        """Return the user's direction of x."""
+        full = np.empty(self.user.q.size)
+        full[self.kept] = d
+        full[self.solved] = -(self.rest @ d) / self.pivot
+        return full
+
+    def multipliers(
+        self, y: np.ndarray, z: np.ndarray, z_box: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the user's (y, z, z_box) with y = 0 at the rows substituted."""
+        m = self.user.h.size
+        rows = np.zeros(m + self.user.b.size)
+        rows[self.rows] = z
+        rows[m + self.others] = y
+        box = z_box.copy()
+        for owners, sign in ((self.lower, -1.0), (self.upper, 1.0)):
+            at = np.flatnonzero((owners.rows >= 0) & (sign * z_box > 0.0))
+            rows[owners.rows[at]] = z_box[at] / owners.entry[at]
+            box[at] = 0.0
+        full = np.zeros(self.user.q.size)
+        full[self.kept] = box
+        return rows[m:], rows[:m], full
+
+    def active(self, active: np.ndarray) -> np.ndarray:
+        """Return the marks of `Guess.active` for the smaller QP."""
+        m, n = self.user.h.size, self.user.q.size
+        if not active.size:
+            return active
+        parts = [active[self.rows]]
+        row = np.concatenate((active[:m], np.ones(self.user.b.size, active.dtype)))
+        for owners, own in (
+            (self.lower, active[m : m + n]),
+            (self.upper, active[m + n :]),
+        ):
+            mark = own[self.kept]
+            has = owners.rows >= 0
+            mark[has] |= row[owners.rows[has]]
+            parts.append(mark)
+        return np.concatenate(parts)
+
+
+def substitute(qp: QPData) -> Substitution | None:
+    """Return the smaller QP of a sparse one, None where there is nothing to gain."""
+    if not (qp.lb <= qp.ub).all():
+        return None
+    n, m, p = qp.q.size, qp.h.size, qp.b.size
+    P, G, A = without_zeros(qp.P), without_zeros(qp.G), without_zeros(qp.A)
+    lb, ub, lower, upper, rows, equations = bounds_from_rows(qp, G, A)
+    solved, by, pivot, cost, others = free_columns(P, G, A, lb, ub, equations)
+    if rows.size == m and others.size == p:
+        return None
+    kept = np.delete(np.arange(n), solved)
+    q, rest = qp.q[kept], part(A, by, kept)
+    if solved.size:
+        check_convex(qp.P)  # the squares added below would hide what is negative
+        P = with_squares(part(P, kept, kept), rest, cost / pivot**2)
+        q -= rest.T @ ((cost * qp.b[by] / pivot + qp.q[solved]) / pivot)
+    G, A = part(G, rows, kept), part(A, others, kept)
+    smaller = QPData(P, q, G, qp.h[rows], A, qp.b[others], lb[kept], ub[kept])
+    owners = [Owners(o.rows[kept], o.entry[kept]) for o in (lower, upper)]
+    return Substitution(
+        qp, smaller, kept, solved, by, pivot, rest, cost, rows, others, *owners
+    )
+
+
+def bounds_from_rows(
+    qp: QPData, G: csc_array, A: csc_array
+) -> tuple[np.ndarray, np.ndarray, Owners, Owners, np.ndarray, np.ndarray]:
+    """Return lb, ub, their owners, and the rows of G and of A that are no bounds.
+
+    Rows stay where they would contradict other bounds: the proof needs them.
+    """
+    n, m = qp.q.size, qp.h.size
+    at_G, column_G, entry_G = single_entries(G)
+    at_A, column_A, entry_A = single_entries(A)
+    finite = np.isfinite(qp.h[at_G])
+    at_G, column_G, entry_G = at_G[finite], column_G[finite], entry_G[finite]
+    rows = np.concatenate((at_G, m + at_A))
+    column = np.concatenate((column_G, column_A))
+    entry = np.concatenate((entry_G, entry_A))
+    value = np.concatenate((qp.h[at_G], qp.b[at_A])) / entry
+    equal = rows >= m
+    sides = []
+    for own, sign in ((qp.lb, -1.0), (qp.ub, 1.0)):
+        # the least of sign * bound; a later row of the same value is not needed
+        bound = sign * own
+        gives = equal | (sign * entry > 0.0)
+        np.minimum.at(bound, column[gives], sign * value[gives])
+        owners = Owners(np.full(n, -1), np.ones(n))
+        best = np.flatnonzero(gives & (sign * value == bound[column]))
+        best = best[sign * value[best] < (sign * own)[column[best]]]
+        owners.rows[column[best]] = rows[best]
+        owners.entry[column[best]] = entry[best]
+        sides.append((sign * bound, owners))
+    (lb, lower), (ub, upper) = sides
+    clash = lb > ub
+    twice = np.bincount(column_A, minlength=n) > 1
+    clash |= twice
+    if clash.any():
+        lb[clash], ub[clash] = qp.lb[clash], qp.ub[clash]
+        lower.rows[clash] = upper.rows[clash] = -1
+    done = np.zeros(m + qp.b.size, dtype=bool)
+    done[rows[~clash[column]]] = True
+    return (
+        lb, ub, lower, upper, np.flatnonzero(~done[:m]), np.flatnonzero(~done[m:])
+    )  # fmt: skip
+
+
+def single_entries(M: csc_array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the rows with one entry, its columns and values."""
+    alone = np.bincount(M.indices, minlength=M.shape[0]) == 1
+    at = np.flatnonzero(alone[M.indices])
+    column = np.searchsorted(M.indptr, at, side="right") - 1
+    return M.indices[at].astype(np.intp), column, M.data[at]
+
+
+def free_columns(
+    P: csc_array,
+    G: csc_array,
+    A: csc_array,
+    lb: np.ndarray,
+    ub: np.ndarray,
+    equations: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the columns to substitute, their rows of A, entries and costs; the others.
+
+    One column a row, the one with the largest entry.
+    """
+    p = A.shape[0]
+    diagonal = P.diagonal()
+    is_free = (
+        (np.diff(A.indptr) == 1)
+        & (np.diff(G.indptr) == 0)
+        & np.isinf(lb)
+        & np.isinf(ub)
+        & (diagonal >= 0.0)
+        & (np.diff(P.indptr) == (diagonal != 0.0))
+    )
+    columns = np.flatnonzero(is_free)
+    at = A.indptr[columns]
+    row, entry = A.indices[at].astype(np.intp), A.data[at]
+    size = np.zeros(p)
+    np.maximum.at(size, A.indices, np.abs(A.data))
+    usable = np.zeros(p, dtype=bool)
+    usable[equations] = True
+    good = usable[row] & (np.abs(entry) >= PIVOT * size[row])
+    order = np.flatnonzero(good)
+    order = order[np.argsort(-np.abs(entry[order]), kind="stable")]
+    order = order[np.unique(row[order], return_index=True)[1]]
+    columns, row, entry = columns[order], row[order], entry[order]
+    keep = worth_it(A, row, diagonal[columns] > 0.0)
+    columns, row, entry = columns[keep], row[keep], entry[keep]
+    usable[row] = False
+    return columns, row, entry, diagonal[columns], np.flatnonzero(usable)
+
+
+def worth_it(A: csc_array, row: np.ndarray, squared: np.ndarray) -> np.ndarray:
+    """Tell which rows to square into P: where all would fill it in, the short ones."""
+    length = np.bincount(A.indices, minlength=A.shape[0])[row] - 1
+    costs = length[squared]
+    touched = np.zeros(A.shape[0], dtype=bool)
+    touched[row[squared]] = True
+    width = count_columns(A.indptr, A.indices, touched) - costs.size
+    if min((costs**2).sum(), width**2) <= FILL * costs.sum():
+        return np.ones(row.size, dtype=bool)
+    return ~squared | (length <= SHORT)
+
+
+@njit(cache=True, nogil=True)
+def count_columns(indptr, indices, touched):
+    """Count the columns with an entry in a touched row."""
+    count = 0
+    for j in range(indptr.size - 1):
+        for t in range(indptr[j], indptr[j + 1]):
+            if touched[indices[t]]:
+                count += 1
+                break
+    return count
