@@ -28,6 +28,7 @@ from namlcp.qp.kkt import KKT
 from namlcp.qp.path import PathResult, solve
 from namlcp.qp.presolve import presolve
 from namlcp.qp.scaling import ScaledQP
+from namlcp.qp.start import make_guess
 from namlcp.residuals import qp_residuals
 from namlcp.status import Status
 
@@ -213,14 +214,14 @@ def test_edges(name):
 def test_start_at_the_solution_needs_no_iteration(name):
     qp = EDGES[name]
     x = solve(qp, DEFAULT).x
-    result = solve(qp, DEFAULT, x)
+    result = solve(qp, DEFAULT, make_guess(qp, x, None))
     assert_solves_qp(qp, result)
     assert result.iterations == 0
 
 
 def test_any_start_is_accepted():
     known = complementary(1, 20, 30, 5, 20)
-    result = solve(known.qp, DEFAULT, np.full(20, 1e3))
+    result = solve(known.qp, DEFAULT, make_guess(known.qp, np.full(20, 1e3), None))
     assert_solves_qp(known.qp, result)
 
 
@@ -318,8 +319,9 @@ def test_scaling_equilibrates_and_is_inverted_exactly():
     K = abs(s.kkt.matrix + s.kkt.matrix.T).toarray()
     np.fill_diagonal(K, abs(s.kkt.base[s.kkt.diagonal]))
     np.testing.assert_allclose(K.max(axis=1), 1.0, atol=5e-3)
+    guess = make_guess(known.qp, known.x, None)
     np.testing.assert_allclose(
-        s.small.primal(s.from_user(known.x) * s.unit[:10]), known.x, rtol=1e-14
+        s.small.primal(s.from_user(guess)[0] * s.unit[:10]), known.x, rtol=1e-14
     )
 
 

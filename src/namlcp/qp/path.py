@@ -21,9 +21,11 @@ from namlcp.qp.certificates import LoopTests, contradiction
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.finish import LARGE, Finish
 from namlcp.qp.judge import Judge
+from namlcp.qp.memory import Memory
 from namlcp.qp.presolve import presolve
 from namlcp.qp.regularisation import POOR, Regularisation
 from namlcp.qp.scaling import ScaledQP
+from namlcp.qp.start import NO_GUESS, Guess
 from namlcp.qp.steps import (
     advance,
     assemble,
@@ -50,7 +52,6 @@ CLOSE = 1e3  # gap over its tolerance at which the judge sees a feasible iterate
 EXACT = 1e-8  # tolerances up to this one ask for an exact finish in any case
 DOUBT = 50  # iterations without halving before the fallback QPs are asked
 FALLBACK = Options(eps_abs=1e-10, eps_rel=1e-12, max_iter=60)
-NEAR = 1e-7  # a guess of x is on its bounds and rows within this
 
 
 class PathResult(NamedTuple):
@@ -68,30 +69,37 @@ class PathResult(NamedTuple):
 def solve(
     qp: QPData,
     options: Options,
-    x0: np.ndarray | None = None,
+    guess: Guess = NO_GUESS,
     deadline: float = inf,
     report: Report | None = None,
+    memory: Memory | None = None,
 ) -> PathResult:
     """Solve a convex QP in CSC; `deadline` is a value of time.perf_counter().
 
-    x0 is a guess of x: if its active set is the right one, no iteration is needed.
+    If the active set of the guess is the right one, no iteration is needed. `memory`
+    holds the factors of a problem solved before, and takes those of this one.
     Raises ValueError if P is not positive semidefinite.
     """
-    check_convex(qp.P)
-    return follow_path(qp, options, x0, deadline, report, may_ask=True)
+    known = memory is not None and memory.presolved is not None
+    if not (known and memory.presolved.qp.P is qp.P):
+        check_convex(qp.P)
+    return follow_path(qp, options, guess, deadline, report, memory, may_ask=True)
 
 
 def follow_path(
     qp: QPData,
     options: Options,
-    x0: np.ndarray | None,
+    guess: Guess,
     deadline: float,
     report: Report | None,
+    memory: Memory | None,
     *,
     may_ask: bool,
 ) -> PathResult:
     """Solve a QP known to be convex; `may_ask` allows the fallback QPs."""
-    small = presolve(qp, options.eps_abs, options.eps_rel)
+    memory = Memory() if memory is None else memory
+    small = presolve(qp, options.eps_abs, options.eps_rel, memory.presolved)
+    memory.presolved = small
     judge = Judge(qp, options)
     for reason in small.contradictions:
         proof = contradiction(judge, small, reason)
@@ -103,13 +111,13 @@ def follow_path(
         solved = judge.offer(*small.point(none, none, zero, zero, none)) <= 1.0
         status = Status.SOLVED if solved else Status.STALLED
         return PathResult(status, *judge.point, 0, "")
-    problem = ScaledQP(small)
+    problem = memory.problem = ScaledQP(small, memory.problem)
     loop = Interior(problem, judge, options)
     if may_ask:
         loop.ask = lambda other: follow_path(
-            other, FALLBACK, None, deadline, None, may_ask=False
+            other, FALLBACK, NO_GUESS, deadline, None, None, may_ask=False
         )
-    status = loop.run(x0, deadline, report)
+    status = loop.run(guess, deadline, report)
     proof = loop.tests.proof
     return PathResult(
         status, *(judge.point if proof is None else proof), loop.iterations, ""
@@ -149,26 +157,22 @@ class Interior:
         """Let the judge see a scaled point."""
         return self.judge.offer(*self.problem.user_point(x, y, Z))
 
-    def run(
-        self, x0: np.ndarray | None, deadline: float, report: Report | None
-    ) -> Status:
+    def run(self, guess: Guess, deadline: float, report: Report | None) -> Status:
         """Iterate until solved, proved impossible, or out of iterations or time."""
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            status = self.follow(x0, deadline, report)
+            status = self.follow(guess, deadline, report)
             if self.best < inf:
                 self.offer(*self.best_point)
         if self.tests.proof is None and self.judge.best <= 1.0:
             return Status.SOLVED
         return status
 
-    def follow(
-        self, x0: np.ndarray | None, deadline: float, report: Report | None
-    ) -> Status:
+    def follow(self, guess: Guess, deadline: float, report: Report | None) -> Status:
         """Run the loop."""
         self.finish.deadline = deadline
-        if x0 is not None and self.guess(x0):
+        if guess.x.size and self.try_face(guess):
             return Status.SOLVED
-        if not self.start():
+        if not (guess.x.size and self.warm_start(guess)) and not self.start():
             return Status.NUMERICAL_ERROR
         large = self.problem.kkt.base.size > LARGE
         trigger = Trigger(self.tol, DROP[large])
@@ -219,16 +223,31 @@ class Interior:
         self.tests.proof = verdict[1]
         return verdict[0]
 
-    def guess(self, x0: np.ndarray) -> bool:
-        """Try the active set of x0 (the user's x)."""
-        s = self.problem
-        self.x[:] = s.from_user(x0)
-        self.Z[:] = 0.0
-        self.evaluate()
-        active = self.rw - self.W > -NEAR * np.maximum(1.0, np.abs(s.c))
-        self.finish.run(self.x, self.y, self.Z, active, ROUNDS, GOOD)
-        self.x[:] = 0.0
+    def try_face(self, guess: Guess) -> bool:
+        """Try the active set of a guess and its neighbours."""
+        x, y, Z, active = self.problem.from_user(guess)
+        self.finish.run(x, y, Z, active, ROUNDS, GOOD)
         return self.judge.best <= 1.0
+
+    def warm_start(self, guess: Guess) -> bool:
+        """Start from the guess, shifted inside as Mehrotra's start is."""
+        import os
+
+        mode = os.environ.get("WARM", "0")
+        if mode == "0":
+            return False
+        self.x, self.y, self.Z, _ = self.problem.from_user(guess)
+        self.W[:] = 0.0
+        self.evaluate()
+        self.best = inf
+        self.W = -self.rw
+        if mode == "1":
+            self.W, self.Z = shifted_inside(self.W, self.Z)
+        else:
+            tau = float(mode)
+            self.W = np.maximum(self.W, tau)
+            self.Z = np.maximum(self.Z, tau)
+        return True
 
     def start(self) -> bool:
         """Solve with W = Z = 1 as weights, then shift inside (Mehrotra)."""

@@ -19,6 +19,7 @@ from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp import certificates, dense, path
 from namlcp.qp.convexity import check_convex
+from namlcp.qp.memory import Memory
 from namlcp.qp.reduction import box_lcp, box_point, is_box_open
 from namlcp.qp.start import Guess, make_guess
 from namlcp.qp.substitution import Substitution, substitute
@@ -139,15 +140,19 @@ def solve_checked(
     guess: Guess,
     start: float,
     history: bool = False,
+    memory: Memory | None = None,
 ) -> QPResult:
-    """Solve a checked QP; `start` is the time.perf_counter() of the call."""
+    """Solve a checked QP; `start` is the time.perf_counter() of the call.
+
+    `memory` is kept by the caller from one problem to the next of the same pattern.
+    """
     deadline = start + options.time_limit
     progress = None
     if options.verbose or history:
         progress = Progress(QP_COLUMNS, options.verbose)
         progress.say(describe(qp, options))
     ready = time.perf_counter()
-    answer = solve_forms(qp, options, guess, deadline, progress)
+    answer = solve_forms(qp, options, guess, deadline, progress, memory)
     end = time.perf_counter()
     if progress is not None:
         progress.close(conclude(answer, end - start))
@@ -174,20 +179,23 @@ def solve_forms(
     guess: Guess,
     deadline: float,
     progress: Progress | None,
+    memory: Memory | None,
 ) -> Answer:
     """Substitute what one row or column decides, then solve the smallest form.
 
     What comes back unsolved from the smaller problem is tried again as it came.
     """
-    smaller = None if qp.is_dense else substitute(qp)
+    memory = Memory() if memory is None else memory
+    qp = memory.recognised(qp)
+    smaller = None if qp.is_dense else substitute(qp, memory.substitution)
+    memory.substitution = smaller
     if smaller is None:
-        return try_forms(qp, options, guess, deadline, progress)
-    if guess.x.size:
-        guess = Guess(guess.x[smaller.kept], smaller.active(guess.active))
-    answer = try_forms(densified(smaller.qp), options, guess, deadline, progress)
+        return try_forms(qp, options, guess, deadline, progress, memory)
+    inner, near = densified(smaller.qp), smaller.guess(guess)
+    answer = try_forms(inner, options, near, deadline, progress, memory)
     answer = restored(answer, smaller, options)
     if answer.status in (Status.STALLED, Status.NUMERICAL_ERROR):
-        other = solve_path(qp, options, guess, deadline, progress)
+        other = solve_path(qp, options, guess, deadline, progress, None)
         return better(answer, other, options)
     return answer
 
@@ -234,6 +242,7 @@ def try_forms(
     guess: Guess,
     deadline: float,
     progress: Progress | None,
+    memory: Memory | None,
 ) -> Answer:
     """Try the smallest form that fits, then the path; return the better answer."""
     answer = None
@@ -243,7 +252,7 @@ def try_forms(
         answer = solve_bounds(qp, options, guess, deadline, progress)
     if answer is not None and answer.status in (*FINAL, Status.TIME_LIMIT):
         return answer
-    other = solve_path(qp, options, guess, deadline, progress)
+    other = solve_path(qp, options, guess, deadline, progress, memory)
     return other if answer is None else better(answer, other, options)
 
 
@@ -353,6 +362,7 @@ def solve_path(
     guess: Guess,
     deadline: float,
     progress: Progress | None,
+    memory: Memory | None,
 ) -> Answer:
     """Follow the path, which is sparse."""
     if progress is not None:
@@ -360,7 +370,7 @@ def solve_path(
     if qp.is_dense:
         qp = qp._replace(P=as_sparse(qp.P), G=as_sparse(qp.G), A=as_sparse(qp.A))
     report = None if progress is None else progress.row
-    found = path.solve(qp, options, guess.point, deadline, report)
+    found = path.solve(qp, options, guess, deadline, report, memory)
     point = found.x, found.y, found.z, found.z_box
     residuals = UNDEFINED if found.status in OBJECTIVE else qp_residuals(*qp, *point)
     return Answer(

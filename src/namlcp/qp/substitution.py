@@ -24,6 +24,7 @@ from scipy.sparse import csc_array
 from namlcp.checks import QPData
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.csc import part, with_squares, without_zeros
+from namlcp.qp.start import Guess
 
 PIVOT = 1e-3  # least size of a_it relative to its row
 FILL = 4  # entries of P that one entry of the rows may cost
@@ -37,25 +38,66 @@ class Owners(NamedTuple):
     entry: np.ndarray
 
 
+class Bounds(NamedTuple):
+    """Bounds with those from rows, their owners, and the rows of G and A that are none.
+
+    `infinite` has the marks of lb = -inf and of ub = +inf.
+    """
+
+    lb: np.ndarray
+    ub: np.ndarray
+    lower: Owners
+    upper: Owners
+    rows: np.ndarray
+    equations: np.ndarray
+    infinite: np.ndarray
+
+    def is_like(self, other: "Bounds") -> bool:
+        """Tell whether the same rows are left and the same bounds are infinite."""
+        return (
+            np.array_equal(self.rows, other.rows)
+            and np.array_equal(self.equations, other.equations)
+            and np.array_equal(self.infinite, other.infinite)
+        )
+
+
 class Substitution(NamedTuple):
     """The smaller QP and the way back.
 
-    `kept` columns stay, `solved` columns t are substituted by the rows `by` of A (with
-    the entries `pivot`), `rows` of G and `others` of A stay.
+    `kept` columns stay, the columns `solved` are substituted by the rows `by` of A,
+    where they have the entries `pivot` and the others make up `rest`; `cost` is their
+    p. `others` are the rows of A that stay.
     """
 
     user: QPData
-    qp: QPData
+    bounds: Bounds
     kept: np.ndarray
     solved: np.ndarray
     by: np.ndarray
     pivot: np.ndarray
-    rest: csc_array
     cost: np.ndarray
-    rows: np.ndarray
     others: np.ndarray
-    lower: Owners
-    upper: Owners
+    rest: csc_array
+    P: csc_array
+    G: csc_array
+    A: csc_array
+
+    @property
+    def qp(self) -> QPData:
+        """The smaller QP."""
+        user, bounds, kept = self.user, self.bounds, self.kept
+        q = user.q[kept]
+        if self.solved.size:
+            slope = self.cost * user.b[self.by] / self.pivot + user.q[self.solved]
+            q -= self.rest.T @ (slope / self.pivot)
+        return QPData(
+            self.P, q, self.G, user.h[bounds.rows], self.A, user.b[self.others],
+            bounds.lb[kept], bounds.ub[kept],
+        )  # fmt: skip
+
+    def has_matrices_of(self, qp: QPData) -> bool:
+        """Tell whether qp has the very matrices of the user's QP."""
+        return qp.P is self.user.P and qp.G is self.user.G and qp.A is self.user.A
 
     def point(
         self, x: np.ndarray, y: np.ndarray, z: np.ndarray, z_box: np.ndarray
@@ -81,66 +123,70 @@ class Substitution(NamedTuple):
         """Return the user's (y, z, z_box) with y = 0 at the rows substituted."""
         m = self.user.h.size
         rows = np.zeros(m + self.user.b.size)
-        rows[self.rows] = z
+        rows[self.bounds.rows] = z
         rows[m + self.others] = y
-        box = z_box.copy()
-        for owners, sign in ((self.lower, -1.0), (self.upper, 1.0)):
-            at = np.flatnonzero((owners.rows >= 0) & (sign * z_box > 0.0))
-            rows[owners.rows[at]] = z_box[at] / owners.entry[at]
-            box[at] = 0.0
         full = np.zeros(self.user.q.size)
-        full[self.kept] = box
+        full[self.kept] = z_box
+        for owners, sign in ((self.bounds.lower, -1.0), (self.bounds.upper, 1.0)):
+            at = np.flatnonzero((owners.rows >= 0) & (sign * full > 0.0))
+            rows[owners.rows[at]] = full[at] / owners.entry[at]
+            full[at] = 0.0
         return rows[m:], rows[:m], full
 
-    def active(self, active: np.ndarray) -> np.ndarray:
-        """Return the marks of `Guess.active` for the smaller QP."""
+    def guess(self, guess: Guess) -> Guess:
+        """Return a guess for the smaller QP."""
+        if not guess.x.size:
+            return guess
         m, n = self.user.h.size, self.user.q.size
-        if not active.size:
-            return active
-        parts = [active[self.rows]]
-        row = np.concatenate((active[:m], np.ones(self.user.b.size, active.dtype)))
-        for owners, own in (
-            (self.lower, active[m : m + n]),
-            (self.upper, active[m + n :]),
-        ):
-            mark = own[self.kept]
-            has = owners.rows >= 0
-            mark[has] |= row[owners.rows[has]]
-            parts.append(mark)
-        return np.concatenate(parts)
+        marks = np.split(guess.active.copy(), (m, m + n))
+        row_mark = np.concatenate((marks[0], np.ones(guess.y.size, marks[0].dtype)))
+        multiplier = np.concatenate((guess.z, guess.y))
+        bounds = self.bounds
+        box = guess.z_box.copy()
+        for owners, mark in zip((bounds.lower, bounds.upper), marks[1:], strict=True):
+            at = np.flatnonzero(owners.rows >= 0)
+            mark[at] = row_mark[owners.rows[at]]
+            box[at] += multiplier[owners.rows[at]] * owners.entry[at]
+        marks = marks[0][bounds.rows], marks[1][self.kept], marks[2][self.kept]
+        return Guess(
+            guess.x[self.kept],
+            guess.y[self.others],
+            guess.z[bounds.rows],
+            box[self.kept],
+            np.concatenate(marks),
+        )
 
 
-def substitute(qp: QPData) -> Substitution | None:
-    """Return the smaller QP of a sparse one, None where there is nothing to gain."""
+def substitute(qp: QPData, last: Substitution | None = None) -> Substitution | None:
+    """Return the smaller QP of a sparse one, None where there is nothing to gain.
+
+    The matrices of `last` are taken where qp has the same ones and the same rows can
+    be substituted.
+    """
     if not (qp.lb <= qp.ub).all():
         return None
     n, m, p = qp.q.size, qp.h.size, qp.b.size
-    P, G, A = without_zeros(qp.P), without_zeros(qp.G), without_zeros(qp.A)
-    lb, ub, lower, upper, rows, equations = bounds_from_rows(qp, G, A)
-    solved, by, pivot, cost, others = free_columns(P, G, A, lb, ub, equations)
-    if rows.size == m and others.size == p:
+    G, A = without_zeros(qp.G), without_zeros(qp.A)
+    bounds = bounds_from_rows(qp, G, A)
+    if last is not None and last.has_matrices_of(qp) and bounds.is_like(last.bounds):
+        return last._replace(user=qp, bounds=bounds)
+    P = without_zeros(qp.P)
+    solved, by, pivot, cost, others = free_columns(P, G, A, bounds)
+    if bounds.rows.size == m and others.size == p:
         return None
     kept = np.delete(np.arange(n), solved)
-    q, rest = qp.q[kept], part(A, by, kept)
+    rest = part(A, by, kept)
     if solved.size:
         check_convex(qp.P)  # the squares added below would hide what is negative
         P = with_squares(part(P, kept, kept), rest, cost / pivot**2)
-        q -= rest.T @ ((cost * qp.b[by] / pivot + qp.q[solved]) / pivot)
-    G, A = part(G, rows, kept), part(A, others, kept)
-    smaller = QPData(P, q, G, qp.h[rows], A, qp.b[others], lb[kept], ub[kept])
-    owners = [Owners(o.rows[kept], o.entry[kept]) for o in (lower, upper)]
     return Substitution(
-        qp, smaller, kept, solved, by, pivot, rest, cost, rows, others, *owners
-    )
+        qp, bounds, kept, solved, by, pivot, cost, others, rest,
+        P, part(G, bounds.rows, kept), part(A, others, kept),
+    )  # fmt: skip
 
 
-def bounds_from_rows(
-    qp: QPData, G: csc_array, A: csc_array
-) -> tuple[np.ndarray, np.ndarray, Owners, Owners, np.ndarray, np.ndarray]:
-    """Return lb, ub, their owners, and the rows of G and of A that are no bounds.
-
-    Rows stay where they would contradict other bounds: the proof needs them.
-    """
+def bounds_from_rows(qp: QPData, G: csc_array, A: csc_array) -> Bounds:
+    """Turn rows into bounds, but for those that contradict others: proofs need them."""
     n, m = qp.q.size, qp.h.size
     at_G, column_G, entry_G = single_entries(G)
     at_A, column_A, entry_A = single_entries(A)
@@ -172,8 +218,9 @@ def bounds_from_rows(
         lower.rows[clash] = upper.rows[clash] = -1
     done = np.zeros(m + qp.b.size, dtype=bool)
     done[rows[~clash[column]]] = True
-    return (
-        lb, ub, lower, upper, np.flatnonzero(~done[:m]), np.flatnonzero(~done[m:])
+    return Bounds(
+        lb, ub, lower, upper, np.flatnonzero(~done[:m]), np.flatnonzero(~done[m:]),
+        np.isinf((lb, ub)),
     )  # fmt: skip
 
 
@@ -189,9 +236,7 @@ def free_columns(
     P: csc_array,
     G: csc_array,
     A: csc_array,
-    lb: np.ndarray,
-    ub: np.ndarray,
-    equations: np.ndarray,
+    bounds: Bounds,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Return the columns to substitute, their rows of A, entries and costs; the others.
 
@@ -202,8 +247,7 @@ def free_columns(
     is_free = (
         (np.diff(A.indptr) == 1)
         & (np.diff(G.indptr) == 0)
-        & np.isinf(lb)
-        & np.isinf(ub)
+        & bounds.infinite.all(axis=0)
         & (diagonal >= 0.0)
         & (np.diff(P.indptr) == (diagonal != 0.0))
     )
@@ -213,7 +257,7 @@ def free_columns(
     size = np.zeros(p)
     np.maximum.at(size, A.indices, np.abs(A.data))
     usable = np.zeros(p, dtype=bool)
-    usable[equations] = True
+    usable[bounds.equations] = True
     good = usable[row] & (np.abs(entry) >= PIVOT * size[row])
     order = np.flatnonzero(good)
     order = order[np.argsort(-np.abs(entry[order]), kind="stable")]
