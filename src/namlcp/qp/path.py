@@ -35,6 +35,7 @@ from namlcp.qp.steps import (
     right_side,
     shifted_inside,
 )
+from namlcp.residuals import UNDEFINED, Residuals
 from namlcp.status import Status
 
 Report = Callable[..., None]
@@ -64,6 +65,7 @@ class PathResult(NamedTuple):
     z_box: np.ndarray
     iterations: int
     message: str
+    residuals: Residuals = UNDEFINED
 
 
 def solve(
@@ -110,7 +112,7 @@ def follow_path(
         zero = np.zeros(small.lower.size)
         solved = judge.offer(*small.point(none, none, zero, zero, none)) <= 1.0
         status = Status.SOLVED if solved else Status.STALLED
-        return PathResult(status, *judge.point, 0, "")
+        return PathResult(status, *judge.point, 0, "", judge.residuals)
     problem = memory.problem = ScaledQP(small, memory.problem)
     loop = Interior(problem, judge, options)
     if may_ask:
@@ -119,9 +121,9 @@ def follow_path(
         )
     status = loop.run(guess, deadline, report)
     proof = loop.tests.proof
-    return PathResult(
-        status, *(judge.point if proof is None else proof), loop.iterations, ""
-    )
+    if proof is not None:
+        return PathResult(status, *proof, loop.iterations, "")
+    return PathResult(status, *judge.point, loop.iterations, "", judge.residuals)
 
 
 class Interior:

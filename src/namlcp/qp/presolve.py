@@ -14,6 +14,7 @@ from numba import njit
 from scipy.sparse import csc_array, csr_array
 
 from namlcp.checks import QPData
+from namlcp.products import add_transposed, times
 from namlcp.qp.csc import by_rows, part, without_zeros
 
 FIXED = 1e-12  # ub - lb below this, relative to |lb| above 1, fixes a variable
@@ -148,7 +149,9 @@ class Presolved(NamedTuple):
         box = np.zeros(qp.q.size)
         box[self.kept] = z_box
         if self.fixed.size:
-            gradient = qp.P @ x + qp.q + qp.A.T @ y + qp.G.T @ z
+            gradient = times(qp.P, x) + qp.q
+            add_transposed(qp.A, y, gradient)
+            add_transposed(qp.G, z, gradient)
             box[self.fixed] = -gradient[self.fixed]
         return x, y, z, box
 
@@ -171,7 +174,8 @@ def presolve(
     if fixed.size:
         held = np.zeros(q.size)
         held[fixed] = x_fixed
-        q, b, h = (q + qp.P @ held)[kept], b - qp.A @ held, h - qp.G @ held
+        q = (q + times(qp.P, held))[kept]
+        b, h = b - times(qp.A, held), h - times(qp.G, held)
     lb, ub = qp.lb[kept], qp.ub[kept]
     if last is not None and last.can_be_renewed(qp, fixed):
         P, A, G, A_groups, G_groups = (

@@ -23,7 +23,7 @@ from namlcp.qp.memory import Memory
 from namlcp.qp.reduction import box_lcp, box_point, is_box_open
 from namlcp.qp.start import Guess, make_guess
 from namlcp.qp.substitution import Substitution, substitute
-from namlcp.residuals import Residuals, qp_residuals
+from namlcp.residuals import UNDEFINED, Residuals, qp_residuals
 from namlcp.result import QPResult
 from namlcp.status import Status
 
@@ -40,7 +40,6 @@ FULL = 0.3
 ROUNDING = 4e-15
 
 NOTHING = np.empty(0)
-UNDEFINED = Residuals(*[np.nan] * 7)
 
 
 class Answer(NamedTuple):
@@ -372,9 +371,8 @@ def solve_path(
     report = None if progress is None else progress.row
     found = path.solve(qp, options, guess, deadline, report, memory)
     point = found.x, found.y, found.z, found.z_box
-    residuals = UNDEFINED if found.status in OBJECTIVE else qp_residuals(*qp, *point)
     return Answer(
-        found.status, *point, residuals, found.iterations, "path", found.message
+        found.status, *point, found.residuals, found.iterations, "path", found.message
     )
 
 

@@ -22,6 +22,7 @@ from numba import njit
 from scipy.sparse import csc_array
 
 from namlcp.checks import QPData
+from namlcp.products import add_transposed, times
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.csc import part, with_squares, without_zeros
 from namlcp.qp.start import Guess
@@ -89,7 +90,7 @@ class Substitution(NamedTuple):
         q = user.q[kept]
         if self.solved.size:
             slope = self.cost * user.b[self.by] / self.pivot + user.q[self.solved]
-            q -= self.rest.T @ (slope / self.pivot)
+            add_transposed(self.rest, -slope / self.pivot, q)
         return QPData(
             self.P, q, self.G, user.h[bounds.rows], self.A, user.b[self.others],
             bounds.lb[kept], bounds.ub[kept],
@@ -114,7 +115,7 @@ class Substitution(NamedTuple):
         """Return the user's direction of x."""
         full = np.empty(self.user.q.size)
         full[self.kept] = d
-        full[self.solved] = -(self.rest @ d) / self.pivot
+        full[self.solved] = -times(self.rest, d) / self.pivot
         return full
 
     def multipliers(
