@@ -204,6 +204,9 @@ def contradictory_sides(
     qp: QPData, eps_abs: float, eps_rel: float
 ) -> list[Contradiction]:
     """Return the first bound or row that no number can satisfy."""
+    wrong = ~(qp.lb <= qp.ub) | (qp.lb == np.inf) | (qp.ub == -np.inf)
+    if not wrong.any() and not (qp.h == -np.inf).any():
+        return []
     with np.errstate(invalid="ignore"):
         size = np.maximum(np.abs(qp.lb), np.abs(qp.ub))
         gap = qp.lb - qp.ub > 2.0 * (eps_abs + eps_rel * np.minimum(size, 1e300))

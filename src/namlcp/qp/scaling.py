@@ -91,9 +91,11 @@ class ScaledQP:
         box = guess.z_box[small.kept]
         sides = z_upper, z_lower, np.maximum(box, 0.0), np.maximum(-box, 0.0)
         Z = np.concatenate([v[at] for v, at in zip(sides, self.finite, strict=True)])
-        mark_row, mark_lb, mark_ub = np.split(
-            guess.active != 0, (small.qp.h.size, small.qp.h.size + guess.x.size)
-        )
+        first, active = small.qp.h.size, guess.active != 0
+        second = first + guess.x.size
+        mark_row, mark_lb, mark_ub = (
+            active[:first], active[first:second], active[second:]
+        )  # fmt: skip
         upper, lower, ub, lb = self.finite
         marks = (
             mark_row[small.upper_of.rows[upper]],

@@ -206,8 +206,9 @@ def restored(answer: Answer, smaller: Substitution, options: Options) -> Answer:
         y, z, _ = smaller.multipliers(answer.y, answer.z, answer.z_box)
         proof = certificates.accept_primal(qp, np.zeros(qp.q.size), y, z, tol)
     elif answer.status is Status.DUAL_INFEASIBLE:
+        x, y, z = (np.zeros(v.size) for v in (qp.q, qp.b, qp.h))
         d = smaller.direction(answer.x)
-        proof = certificates.accept_dual(qp, NOTHING, NOTHING, NOTHING, d, tol)
+        proof = certificates.accept_dual(qp, x, y, z, d, tol)
     else:
         point = smaller.point(answer.x, answer.y, answer.z, answer.z_box)
         residuals = qp_residuals(*qp, *point)

@@ -139,16 +139,17 @@ class Substitution(NamedTuple):
         if not guess.x.size:
             return guess
         m, n = self.user.h.size, self.user.q.size
-        marks = np.split(guess.active.copy(), (m, m + n))
-        row_mark = np.concatenate((marks[0], np.ones(guess.y.size, marks[0].dtype)))
+        active = guess.active.copy()
+        at_row, at_lb, at_ub = active[:m], active[m : m + n], active[m + n :]
+        row_mark = np.concatenate((at_row, np.ones(guess.y.size, active.dtype)))
         multiplier = np.concatenate((guess.z, guess.y))
         bounds = self.bounds
         box = guess.z_box.copy()
-        for owners, mark in zip((bounds.lower, bounds.upper), marks[1:], strict=True):
+        for owners, mark in ((bounds.lower, at_lb), (bounds.upper, at_ub)):
             at = np.flatnonzero(owners.rows >= 0)
             mark[at] = row_mark[owners.rows[at]]
             box[at] += multiplier[owners.rows[at]] * owners.entry[at]
-        marks = marks[0][bounds.rows], marks[1][self.kept], marks[2][self.kept]
+        marks = at_row[bounds.rows], at_lb[self.kept], at_ub[self.kept]
         return Guess(
             guess.x[self.kept],
             guess.y[self.others],
