@@ -190,8 +190,8 @@ def solve_forms(
     memory.substitution = smaller
     if smaller is None:
         return try_forms(qp, options, guess, deadline, progress, memory)
-    inner, near = densified(smaller.qp), smaller.guess(guess)
-    answer = try_forms(inner, options, near, deadline, progress, memory)
+    near = smaller.guess(guess)
+    answer = try_forms(smaller.qp, options, near, deadline, progress, memory)
     answer = restored(answer, smaller, options)
     if answer.status in (Status.STALLED, Status.NUMERICAL_ERROR):
         other = solve_path(qp, options, guess, deadline, progress, None)
@@ -224,16 +224,6 @@ def restored(answer: Answer, smaller: Substitution, options: Options) -> Answer:
         return answer._replace(status=Status.STALLED)
     x, y, z, z_box = proof
     return answer._replace(x=x, y=y, z=z, z_box=z_box)
-
-
-def densified(qp: QPData) -> QPData:
-    """Return a QP whose matrices are mostly full with dense ones."""
-    n = qp.q.size
-    entries = n * (n + qp.h.size + qp.b.size)
-    full = qp.P.nnz + qp.G.nnz + qp.A.nnz >= FULL * entries
-    if n > DENSE_VARIABLES or entries > DENSE_ENTRIES or not full:
-        return qp
-    return qp._replace(P=as_dense(qp.P), G=as_dense(qp.G), A=as_dense(qp.A))
 
 
 def try_forms(
@@ -276,7 +266,9 @@ def is_small(qp: QPData) -> bool:
     entries = n * (n + qp.h.size + qp.b.size)
     if n > DENSE_VARIABLES or entries > DENSE_ENTRIES:
         return False
-    return qp.is_dense or entries <= SPARSE_ENTRIES
+    if qp.is_dense or entries <= SPARSE_ENTRIES:
+        return True
+    return qp.P.nnz + qp.G.nnz + qp.A.nnz >= FULL * entries
 
 
 def is_box(qp: QPData) -> bool:

@@ -29,6 +29,7 @@ from namlcp.qp.start import Guess
 
 PIVOT = 1e-3  # least size of a_it relative to its row
 FILL = 4  # entries of P that one entry of the rows may cost
+SMALL = 10_000  # entries of P that do not count
 SHORT = 2  # rows up to this length fill in no more than they free
 
 
@@ -278,7 +279,7 @@ def worth_it(A: csc_array, row: np.ndarray, squared: np.ndarray) -> np.ndarray:
     touched = np.zeros(A.shape[0], dtype=bool)
     touched[row[squared]] = True
     width = count_columns(A.indptr, A.indices, touched) - costs.size
-    if min((costs**2).sum(), width**2) <= FILL * costs.sum():
+    if min((costs**2).sum(), width**2) <= FILL * costs.sum() + SMALL:
         return np.ones(row.size, dtype=bool)
     return ~squared | (length <= SHORT)
 
