@@ -1,4 +1,4 @@
-"""The KKT matrix: one fixed pattern, its diagonal changes, sparse LDL' factors it.
+"""The KKT matrix: one fixed pattern, its diagonal changes, LDL' factors it.
 
         [P  A'  G']          [P + dx   A'   G']
     K = [A  0   0 ],   K~ =  [A       -dy    0],   dx, dy, dv > 0 (quasi-definite).
@@ -12,9 +12,10 @@ factors as preconditioner goes on.
 """
 
 import numpy as np
-import qdldl
 from numba import njit
 from scipy.sparse import csc_array, csr_array
+
+from namlcp.qp.factors import Factors, factor
 
 PASSES = 11  # refinement steps at most
 POOR = 1e-9  # relative residual above which GMRES goes on
@@ -63,7 +64,7 @@ class KKT:
             (self.base.copy(), self.indices, self.indptr), shape=(self.size, self.size)
         )
         self.data = self.matrix.data
-        self.factors: qdldl.Solver | None = None
+        self.factors: Factors | None = None
         self.factored = np.empty(0)
         if last is not None and (
             np.array_equal(last.indptr, self.indptr)
@@ -82,9 +83,9 @@ class KKT:
         self.factored = np.empty(0)
         try:
             if self.factors is None:
-                self.factors = qdldl.Solver(self.matrix, upper=True)
+                self.factors = factor(self.matrix)
             else:
-                self.factors.update(self.matrix, upper=True)
+                self.factors.update(self.data)
         except (RuntimeError, ValueError):
             return False
         self.factored = self.data.copy()

@@ -1,0 +1,227 @@
+"""Factors of the KKT matrix: qdldl alone, or qdldl and a dense border.
+
+Where a few variables are in many rows (a dense data matrix in a support vector machine,
+a dense P), almost all of a sparse factorisation is spent on one dense block, entry by
+entry. There the matrix is split into a sparse part R and a dense border D,
+
+    K = [K_R  B  ]      X = K_R^-1 B,   S = K_D - B'X,
+        [B'   K_D]      K u = r:  u_D = S^-1 (r_D - B' K_R^-1 r_R),
+                                  u_R = K_R^-1 r_R - X u_D
+
+with qdldl for K_R and LAPACK for S: the same elimination, in blocks.
+"""
+
+from typing import Any
+
+import numpy as np
+import qdldl
+from numba import njit
+from scipy.linalg.lapack import dpotrf, dpotrs, dsytrf, dsytrs
+from scipy.sparse import csc_array, csc_matrix
+
+LIGHT = 20_000  # entries of K below which nothing is gained
+SPARSE = 16  # degree at which a row or column may stay in the sparse part
+LEAST, MOST = 50, 3000  # size of a border
+THIN = 0.1  # density of B from which a small border pays
+WIDE = 600  # size from which a border with a thin B pays
+ROOM = 20_000_000  # entries of B at most
+
+
+class Factors:
+    """What the KKT matrix needs of a factorisation."""
+
+    def update(self, data: np.ndarray) -> None:
+        """Factor again with other values; raises ValueError or RuntimeError."""
+        raise NotImplementedError
+
+    def solve(self, rhs: np.ndarray) -> np.ndarray:
+        """Return the solution for a right-hand side."""
+        raise NotImplementedError
+
+
+def factor(matrix: csc_array) -> Factors:
+    """Return factors of a quasi-definite matrix, its upper triangle given in CSC."""
+    border = dense_border(matrix.indptr, matrix.indices)
+    return Sparse(matrix) if border.size == 0 else Bordered(matrix, border)
+
+
+class Sparse(Factors):
+    """L D L' by qdldl."""
+
+    def __init__(self, matrix: csc_array) -> None:
+        """Order and factor; the pattern stays."""
+        self.matrix = matrix
+        self.solver = qdldl.Solver(matrix, upper=True)
+
+    def update(self, data: np.ndarray) -> None:
+        """Factor again with other values."""
+        if data is not self.matrix.data:
+            self.matrix.data[:] = data
+        self.solver.update(self.matrix, upper=True)
+
+    def solve(self, rhs: np.ndarray) -> np.ndarray:
+        """Return the solution for a right-hand side."""
+        return self.solver.solve(rhs)
+
+
+class Bordered(Factors):
+    """qdldl for the sparse part, LAPACK for the Schur complement on the border."""
+
+    def __init__(self, matrix: csc_array, border: np.ndarray) -> None:
+        """Split and factor; `border` has the rows of D in rising order."""
+        size = matrix.shape[0]
+        self.indptr, self.indices = matrix.indptr, matrix.indices
+        self.border = border
+        self.rest = np.delete(np.arange(size), border)
+        self.place = np.empty(size, dtype=np.int32)
+        self.place[self.rest] = np.arange(self.rest.size)
+        self.place[border] = -1 - np.arange(border.size)
+        counts = count_rest(self.indptr, self.indices, self.place)
+        indptr = np.concatenate(([0], np.cumsum(counts[self.rest]))).astype(np.int32)
+        self.inner = csc_matrix(
+            (
+                np.empty(indptr[-1]),
+                np.empty(indptr[-1], dtype=np.int32),
+                indptr,
+            ),
+            shape=(self.rest.size, self.rest.size),
+        )
+        self.B = np.zeros((self.rest.size, border.size), order="F")
+        self.S = np.zeros((border.size, border.size), order="F")
+        self.solver: Any = None
+        self.update(matrix.data)
+
+    def update(self, data: np.ndarray) -> None:
+        """Factor again with other values."""
+        inner, B, S = self.inner, self.B, self.S
+        S[:] = 0.0
+        split(
+            self.indptr, self.indices, data, self.place, inner.indices, inner.data, B, S
+        )
+        if inner.nnz == self.rest.size:
+            self.solver = Diagonal(inner.data)
+        elif self.solver is None:
+            self.solver = qdldl.Solver(inner, upper=True)
+        else:
+            self.solver.update(inner, upper=True)
+        self.X = self.solver.solve(B) if isinstance(self.solver, Diagonal) else B.copy()
+        if not isinstance(self.solver, Diagonal):
+            for j in range(B.shape[1]):
+                self.X[:, j] = self.solver.solve(B[:, j])
+        S -= B.T @ self.X
+        self.L, info = dpotrf(S, lower=0)
+        self.is_definite = info == 0
+        if not self.is_definite:
+            self.L, self.pivots, info = dsytrf(S, lower=0)
+            if info != 0:
+                raise ValueError("the Schur complement is singular")
+
+    def solve(self, rhs: np.ndarray) -> np.ndarray:
+        """Return the solution for a right-hand side."""
+        u = np.empty_like(rhs)
+        inner = self.solver.solve(rhs[self.rest])
+        goal = rhs[self.border] - self.B.T @ inner
+        if self.is_definite:
+            outer = dpotrs(self.L, goal, lower=0)[0]
+        else:
+            outer = dsytrs(self.L, self.pivots, goal, lower=0)[0]
+        u[self.border] = outer
+        u[self.rest] = inner - self.X @ outer
+        return u
+
+
+class Diagonal:
+    """A diagonal matrix with the interface of a factorisation."""
+
+    def __init__(self, entries: np.ndarray) -> None:
+        """Keep the entries."""
+        self.entries = entries
+
+    def solve(self, rhs: np.ndarray) -> np.ndarray:
+        """Return the solution for one or many right-hand sides."""
+        return (rhs.T / self.entries).T
+
+
+def dense_border(indptr: np.ndarray, indices: np.ndarray) -> np.ndarray:
+    """Return the rows to split off, none if that does not pay."""
+    none = np.empty(0, dtype=np.intp)
+    size = indptr.size - 1
+    if indices.size < LIGHT:
+        return none
+    outside = np.zeros(size, dtype=np.bool_)
+    degree = np.empty(size, dtype=np.int64)
+    while True:
+        degrees(indptr, indices, outside, degree)
+        highest = degree.max()
+        if highest <= SPARSE:
+            break
+        outside |= degree > max(highest // 2, SPARSE)
+        if np.count_nonzero(outside) > MOST:
+            return none
+    border = np.flatnonzero(outside)
+    room = border.size * (size - border.size)
+    if border.size < LEAST or room > ROOM:
+        return none
+    crossing = crossings(indptr, indices, outside)
+    if border.size < WIDE and crossing < THIN * room:
+        return none
+    return border
+
+
+@njit(cache=True, nogil=True)
+def degrees(indptr, indices, outside, degree):
+    """Count the neighbours of every row among those not outside (there: 0)."""
+    degree[:] = 0
+    for j in range(degree.size):
+        for t in range(indptr[j], indptr[j + 1] - 1):
+            i = indices[t]
+            if not (outside[i] or outside[j]):
+                degree[i] += 1
+                degree[j] += 1
+
+
+@njit(cache=True, nogil=True)
+def crossings(indptr, indices, outside):
+    """Count the entries between rows outside and the others."""
+    count = 0
+    for j in range(outside.size):
+        for t in range(indptr[j], indptr[j + 1]):
+            if outside[indices[t]] != outside[j]:
+                count += 1
+    return count
+
+
+@njit(cache=True, nogil=True)
+def count_rest(indptr, indices, place):
+    """Count the entries of each column of K that belong to K_R."""
+    counts = np.zeros(place.size, dtype=np.int32)
+    for j in range(place.size):
+        if place[j] >= 0:
+            for t in range(indptr[j], indptr[j + 1]):
+                if place[indices[t]] >= 0:
+                    counts[j] += 1
+    return counts
+
+
+@njit(cache=True, nogil=True)
+def split(indptr, indices, data, place, inner_indices, inner_data, B, S):
+    """Write the upper triangle of K into that of K_R, B and that of S.
+
+    place[j] is the row of K_R, or -1 minus that of the border.
+    """
+    nnz = 0
+    for j in range(place.size):
+        to = place[j]
+        for t in range(indptr[j], indptr[j + 1]):
+            row = place[indices[t]]
+            if row >= 0 and to >= 0:
+                inner_indices[nnz] = row
+                inner_data[nnz] = data[t]
+                nnz += 1
+            elif row >= 0:
+                B[row, -1 - to] = data[t]
+            elif to >= 0:
+                B[to, -1 - row] = data[t]
+            else:
+                S[-1 - row, -1 - to] = data[t]
+                S[-1 - to, -1 - row] = data[t]
