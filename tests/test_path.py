@@ -18,11 +18,12 @@ from problems_qp import (
     singular_block,
     unbounded,
 )
-from scipy.sparse import csr_array, diags_array
+from scipy.sparse import csc_array, csr_array, diags_array
 
 from namlcp.options import Options
 from namlcp.qp import fallback
 from namlcp.qp.convexity import check_convex
+from namlcp.qp.factors import Bordered, dense_border
 from namlcp.qp.judge import Judge
 from namlcp.qp.kkt import KKT
 from namlcp.qp.path import PathResult, solve
@@ -346,3 +347,52 @@ def test_kkt_solves_are_refined():
     crude = weaker.solve_once(rhs)
     better = weaker.gmres(rhs, crude, np.inf, 1.0)[0]
     assert np.abs(full @ better - rhs).max() < 0.1 * np.abs(full @ crude - rhs).max()
+
+
+def dense_rows(seed, m=400, n=60):
+    """A support vector machine: min |w|^2/2 + sum t, t >= 1 - Bw, t >= 0."""
+    rng = np.random.default_rng(seed)
+    B = rng.standard_normal((m, n))
+    P = np.diag(np.concatenate((np.ones(n), np.zeros(m))))
+    q = np.concatenate((np.zeros(n), np.ones(m)))
+    G = np.block([[-B, -np.eye(m)], [np.zeros((m, n)), -np.eye(m)]])
+    return make_qp(P, q, G, np.concatenate((-np.ones(m), np.zeros(m))))
+
+
+def test_a_dense_border_is_found_and_factored():
+    qp = dense_rows(0)
+    matrix = ScaledQP(presolve(qp, 1e-9, 0.0)).kkt.matrix
+    border = dense_border(matrix.indptr, matrix.indices)
+    np.testing.assert_array_equal(border, np.arange(60))
+    assert_solves_qp(qp, solve(qp, DEFAULT), 1e-10)
+
+
+@pytest.mark.parametrize("inner", ["diagonal", "sparse"])
+@pytest.mark.parametrize("border", ["positive", "mixed"])
+def test_bordered_factors_solve(inner, border):
+    rng = np.random.default_rng(1)
+    n, m = 30, 50
+    H = np.zeros((n, n))
+    H[:10, :10] = rng.standard_normal((10, 10))
+    H = H @ H.T + np.diag(1.0 + rng.random(n))
+    C = rng.standard_normal((m, n)) * (rng.random((m, n)) < 0.3)
+    if inner == "diagonal":
+        H[10:, 10:] = np.diag(np.diag(H)[10:])
+        C[:, 10:] = 0.0
+    K = np.block([[H, C.T], [C, -np.diag(0.1 + rng.random(m))]])
+    rows = np.arange(10) if border == "positive" else np.r_[0:10, 32:36]
+    factors = Bordered(csc_array(np.triu(K)), rows)
+    rhs = rng.standard_normal(n + m)
+    np.testing.assert_allclose(K @ factors.solve(rhs), rhs, atol=1e-11)
+    K[np.diag_indices(n + m)] *= 1.5
+    factors.update(csc_array(np.triu(K)).data)
+    np.testing.assert_allclose(K @ factors.solve(rhs), rhs, atol=1e-11)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_wrong_warm_start_costs_iterations_only(seed):
+    """The solution of another problem of the same shape, and nonsense."""
+    qp, other = (complementary(s, 30, 60, 3, 8, 0.5).qp for s in (seed, seed + 50))
+    for point in (solve(other, DEFAULT), solve(other, DEFAULT)._replace(z=np.ones(60))):
+        result = solve(qp, DEFAULT, make_guess(qp, None, point))
+        assert_solves_qp(qp, result, 1e-10)

@@ -22,30 +22,19 @@ from scipy.sparse import csc_array, csc_matrix
 LIGHT = 20_000  # entries of K below which nothing is gained
 SPARSE = 16  # degree at which a row or column may stay in the sparse part
 LEAST, MOST = 50, 3000  # size of a border
-THIN = 0.1  # density of B from which a small border pays
-WIDE = 600  # size from which a border with a thin B pays
+THIN = 0.1  # density of B from which a border pays
+WIDE = 600  # size from which it pays with a thinner B, if K_D is full:
+FULL = 0.2  # so many of its entries are there, of 0.5 in the upper triangle
 ROOM = 20_000_000  # entries of B at most
 
 
-class Factors:
-    """What the KKT matrix needs of a factorisation."""
-
-    def update(self, data: np.ndarray) -> None:
-        """Factor again with other values; raises ValueError or RuntimeError."""
-        raise NotImplementedError
-
-    def solve(self, rhs: np.ndarray) -> np.ndarray:
-        """Return the solution for a right-hand side."""
-        raise NotImplementedError
-
-
-def factor(matrix: csc_array) -> Factors:
+def factor(matrix: csc_array) -> "Sparse | Bordered":
     """Return factors of a quasi-definite matrix, its upper triangle given in CSC."""
     border = dense_border(matrix.indptr, matrix.indices)
     return Sparse(matrix) if border.size == 0 else Bordered(matrix, border)
 
 
-class Sparse(Factors):
+class Sparse:
     """L D L' by qdldl."""
 
     def __init__(self, matrix: csc_array) -> None:
@@ -64,7 +53,7 @@ class Sparse(Factors):
         return self.solver.solve(rhs)
 
 
-class Bordered(Factors):
+class Bordered:
     """qdldl for the sparse part, LAPACK for the Schur complement on the border."""
 
     def __init__(self, matrix: csc_array, border: np.ndarray) -> None:
@@ -78,14 +67,8 @@ class Bordered(Factors):
         self.place[border] = -1 - np.arange(border.size)
         counts = count_rest(self.indptr, self.indices, self.place)
         indptr = np.concatenate(([0], np.cumsum(counts[self.rest]))).astype(np.int32)
-        self.inner = csc_matrix(
-            (
-                np.empty(indptr[-1]),
-                np.empty(indptr[-1], dtype=np.int32),
-                indptr,
-            ),
-            shape=(self.rest.size, self.rest.size),
-        )
+        empty = np.zeros(indptr[-1]), np.zeros(indptr[-1], dtype=np.int32), indptr
+        self.inner = csc_matrix(empty, shape=(self.rest.size, self.rest.size))
         self.B = np.zeros((self.rest.size, border.size), order="F")
         self.S = np.zeros((border.size, border.size), order="F")
         self.solver: Any = None
@@ -100,15 +83,17 @@ class Bordered(Factors):
         )
         if inner.nnz == self.rest.size:
             self.solver = Diagonal(inner.data)
-        elif self.solver is None:
-            self.solver = qdldl.Solver(inner, upper=True)
+            X = B / inner.data[:, None]
         else:
-            self.solver.update(inner, upper=True)
-        self.X = self.solver.solve(B) if isinstance(self.solver, Diagonal) else B.copy()
-        if not isinstance(self.solver, Diagonal):
+            if self.solver is None:
+                self.solver = qdldl.Solver(inner, upper=True)
+            else:
+                self.solver.update(inner, upper=True)
+            X = np.empty_like(B)
             for j in range(B.shape[1]):
-                self.X[:, j] = self.solver.solve(B[:, j])
-        S -= B.T @ self.X
+                X[:, j] = self.solver.solve(B[:, j])
+        S -= B.T @ X
+        self.X = X
         self.L, info = dpotrf(S, lower=0)
         self.is_definite = info == 0
         if not self.is_definite:
@@ -138,8 +123,8 @@ class Diagonal:
         self.entries = entries
 
     def solve(self, rhs: np.ndarray) -> np.ndarray:
-        """Return the solution for one or many right-hand sides."""
-        return (rhs.T / self.entries).T
+        """Return the solution for a right-hand side."""
+        return rhs / self.entries
 
 
 def dense_border(indptr: np.ndarray, indices: np.ndarray) -> np.ndarray:
@@ -159,13 +144,12 @@ def dense_border(indptr: np.ndarray, indices: np.ndarray) -> np.ndarray:
         if np.count_nonzero(outside) > MOST:
             return none
     border = np.flatnonzero(outside)
-    room = border.size * (size - border.size)
-    if border.size < LEAST or room > ROOM:
+    rest = size - border.size
+    if border.size < LEAST or border.size * rest > ROOM:
         return none
-    crossing = crossings(indptr, indices, outside)
-    if border.size < WIDE and crossing < THIN * room:
-        return none
-    return border
+    inside, crossing = count_entries(indptr, indices, outside)
+    is_full = border.size >= WIDE and inside >= FULL * border.size**2
+    return border if is_full or crossing >= THIN * border.size * rest else none
 
 
 @njit(cache=True, nogil=True)
@@ -181,14 +165,17 @@ def degrees(indptr, indices, outside, degree):
 
 
 @njit(cache=True, nogil=True)
-def crossings(indptr, indices, outside):
-    """Count the entries between rows outside and the others."""
-    count = 0
+def count_entries(indptr, indices, outside):
+    """Count the entries of K_D (its upper triangle) and of B."""
+    inside = 0
+    crossing = 0
     for j in range(outside.size):
         for t in range(indptr[j], indptr[j + 1]):
             if outside[indices[t]] != outside[j]:
-                count += 1
-    return count
+                crossing += 1
+            elif outside[j]:
+                inside += 1
+    return inside, crossing
 
 
 @njit(cache=True, nogil=True)

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from scipy.sparse import csc_array, csr_array
 
-from namlcp.qp.factors import Factors, factor
+from namlcp.qp.factors import Bordered, Sparse, factor
 
 PASSES = 11  # refinement steps at most
 POOR = 1e-9  # relative residual above which GMRES goes on
@@ -64,7 +64,7 @@ class KKT:
             (self.base.copy(), self.indices, self.indptr), shape=(self.size, self.size)
         )
         self.data = self.matrix.data
-        self.factors: Factors | None = None
+        self.factors: Sparse | Bordered | None = None
         self.factored = np.empty(0)
         if last is not None and (
             np.array_equal(last.indptr, self.indptr)

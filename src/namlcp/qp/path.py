@@ -51,6 +51,8 @@ PATIENCE = 100  # iterations without halving the worst residual before STALLED
 ACCURACY = 1e-4  # of the linear solves, relative to the tolerance
 CLOSE = 1e3  # gap over its tolerance at which the judge sees a feasible iterate
 EXACT = 1e-8  # tolerances up to this one ask for an exact finish in any case
+INSIDE = 1e-2  # least slack and multiplier of a warm start, relative to the largest
+DOUBTED = 10  # iterations without halving before a warm start is given up
 DOUBT = 50  # iterations without halving before the fallback QPs are asked
 FALLBACK = Options(eps_abs=1e-10, eps_rel=1e-12, max_iter=60)
 
@@ -82,8 +84,8 @@ def solve(
     holds the factors of a problem solved before, and takes those of this one.
     Raises ValueError if P is not positive semidefinite.
     """
-    known = memory is not None and memory.presolved is not None
-    if not (known and memory.presolved.qp.P is qp.P):
+    memory = Memory() if memory is None else memory
+    if memory.presolved is None or memory.presolved.qp.P is not qp.P:
         check_convex(qp.P)
     return follow_path(qp, options, guess, deadline, report, memory, may_ask=True)
 
@@ -94,12 +96,11 @@ def follow_path(
     guess: Guess,
     deadline: float,
     report: Report | None,
-    memory: Memory | None,
+    memory: Memory,
     *,
     may_ask: bool,
 ) -> PathResult:
     """Solve a QP known to be convex; `may_ask` allows the fallback QPs."""
-    memory = Memory() if memory is None else memory
     small = presolve(qp, options.eps_abs, options.eps_rel, memory.presolved)
     memory.presolved = small
     judge = Judge(qp, options)
@@ -117,7 +118,7 @@ def follow_path(
     loop = Interior(problem, judge, options)
     if may_ask:
         loop.ask = lambda other: follow_path(
-            other, FALLBACK, NO_GUESS, deadline, None, None, may_ask=False
+            other, FALLBACK, NO_GUESS, deadline, None, Memory(), may_ask=False
         )
     status = loop.run(guess, deadline, report)
     proof = loop.tests.proof
@@ -174,7 +175,8 @@ class Interior:
         self.finish.deadline = deadline
         if guess.x.size and self.try_face(guess):
             return Status.SOLVED
-        if not (guess.x.size and self.warm_start(guess)) and not self.start():
+        warm = guess.x.size > 0 and self.warm_start(guess)
+        if not warm and not self.start():
             return Status.NUMERICAL_ERROR
         large = self.problem.kkt.base.size > LARGE
         trigger = Trigger(self.tol, DROP[large])
@@ -203,6 +205,11 @@ class Interior:
             mark = mark if since else worst
             if since > PATIENCE or not worst < inf:
                 return Status.STALLED
+            if warm and since == DOUBTED:
+                warm, mark, since = False, inf, 0
+                if not self.start():
+                    return Status.NUMERICAL_ERROR
+                continue
             if since == DOUBT and self.tests.promised:
                 verdict = self.doubt()
                 if verdict is not None:
@@ -232,23 +239,19 @@ class Interior:
         return self.judge.best <= 1.0
 
     def warm_start(self, guess: Guess) -> bool:
-        """Start from the guess, shifted inside as Mehrotra's start is."""
-        import os
+        """Start from the multipliers of a guess too, moved inside; False without any.
 
-        mode = os.environ.get("WARM", "0")
-        if mode == "0":
+        Every slack and multiplier is at least INSIDE times the largest one.
+        """
+        if not (guess.z.any() or guess.z_box.any()):
             return False
         self.x, self.y, self.Z, _ = self.problem.from_user(guess)
         self.W[:] = 0.0
         self.evaluate()
         self.best = inf
-        self.W = -self.rw
-        if mode == "1":
-            self.W, self.Z = shifted_inside(self.W, self.Z)
-        else:
-            tau = float(mode)
-            self.W = np.maximum(self.W, tau)
-            self.Z = np.maximum(self.Z, tau)
+        slack = -self.rw
+        self.W[:] = np.maximum(slack, INSIDE * np.abs(slack).max(initial=1.0))
+        self.Z[:] = np.maximum(self.Z, INSIDE * self.Z.max(initial=1e-3))
         return True
 
     def start(self) -> bool:

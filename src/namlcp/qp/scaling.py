@@ -34,16 +34,18 @@ class ScaledQP:
         """
         n, p = small.q.size, small.b.size
         self.small = small
+        self.kkt: KKT
+        self.scale: np.ndarray
         self.n, self.p = n, p
         if last is not None and small.has_matrices_of(last.small):
-            self.kkt, scale = last.kkt, last.scale
+            self.kkt, self.scale = last.kkt, last.scale
         else:
             old = None if last is None else last.kkt
             self.kkt = KKT(small.P, small.A, small.G, old)
-            scale = np.ones(self.kkt.size)
-            equilibrate(self.kkt.indptr, self.kkt.indices, self.kkt.base, scale)
+            self.scale = np.ones(self.kkt.size)
+            equilibrate(self.kkt.indptr, self.kkt.indices, self.kkt.base, self.scale)
         self.kkt.data[:] = self.kkt.base
-        self.scale = scale
+        scale = self.scale
         self.unit = np.concatenate((scale[:n], 1.0 / scale[n:]))
         self.q = small.q * scale[:n]
         self.b = small.b * scale[n : n + p]

@@ -29,7 +29,8 @@ class Guess(NamedTuple):
         return self.x if self.x.size else None
 
 
-NO_GUESS = Guess(*[np.empty(0)] * 4, np.empty(0, dtype=np.int8))
+NOTHING = np.empty(0)
+NO_GUESS = Guess(NOTHING, NOTHING, NOTHING, NOTHING, np.empty(0, dtype=np.int8))
 
 
 def make_guess(qp: QPData, x0: Any, warm_start: Any, name: str = "x0") -> Guess:
@@ -42,8 +43,8 @@ def make_guess(qp: QPData, x0: Any, warm_start: Any, name: str = "x0") -> Guess:
             return NO_GUESS
         x = vector(name, x0, qp.q.size, "q", qp.q.shape)
         refuse_number(name, x, False)
-        zeros = (np.zeros(v.size) for v in (qp.b, qp.h, x))
-        return Guess(x, *zeros, active_at(qp, x))
+        y, z, z_box = (np.zeros(v.size) for v in (qp.b, qp.h, x))
+        return Guess(x, y, z, z_box, active_at(qp, x))
     parts: list[Any] = [
         getattr(warm_start, key, None) for key in ("x", "y", "z", "z_box")
     ]

@@ -29,7 +29,7 @@ from namlcp.qp.start import Guess
 
 PIVOT = 1e-3  # least size of a_it relative to its row
 FILL = 4  # entries of P that one entry of the rows may cost
-SMALL = 10_000  # entries of P that do not count
+SMALL = 1000  # entries of P that do not count
 SHORT = 2  # rows up to this length fill in no more than they free
 
 
