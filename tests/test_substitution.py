@@ -254,6 +254,14 @@ def test_memory_keeps_the_factors_of_an_unchanged_face():
     assert calls
 
 
+def test_memory_sees_a_matrix_changed_in_place():
+    qp, _, _ = residual_form(8, 30, 40, lower=0.0)
+    memory = Memory()
+    for factor in (1.0, 3.0, 0.2):
+        qp.A.data *= factor
+        assert_solves_qp(qp, solve(qp, memory=memory), 1e-10)
+
+
 def test_memory_of_another_problem_is_forgotten():
     memory = Memory()
     for seed, n in ((0, 20), (1, 20), (2, 11)):

@@ -5,12 +5,23 @@ of penalties) needs its presolve, its scaling and, on the same face, its factori
 once. A problem that keeps only the pattern keeps the elimination order.
 """
 
+from typing import Any, NamedTuple
+
 import numpy as np
 
 from namlcp.checks import QPData
 from namlcp.qp.presolve import Presolved
 from namlcp.qp.scaling import ScaledQP
 from namlcp.qp.substitution import Substitution
+
+
+class Seen(NamedTuple):
+    """A matrix and what it held when it was seen: the caller may change it in place."""
+
+    matrix: Any
+    indptr: np.ndarray
+    indices: np.ndarray
+    data: np.ndarray
 
 
 class Memory:
@@ -22,27 +33,34 @@ class Memory:
 
     def __init__(self) -> None:
         """Begin empty."""
-        self.qp: QPData | None = None
+        self.seen: list[Seen] = []
         self.substitution: Substitution | None = None
         self.presolved: Presolved | None = None
         self.problem: ScaledQP | None = None
 
     def recognised(self, qp: QPData) -> QPData:
         """Return qp with the last matrices where they are the same, and remember it."""
-        if self.qp is not None and not (qp.is_dense or self.qp.is_dense):
-            old = self.qp
-            P, G, A = (
-                known if is_same(known, new) else new
-                for known, new in ((old.P, qp.P), (old.G, qp.G), (old.A, qp.A))
-            )
-            qp = qp._replace(P=P, G=G, A=A)
-        self.qp = qp
-        return qp
+        if qp.is_dense:
+            return qp
+        matrices = [qp.P, qp.G, qp.A]
+        for k, seen in enumerate(self.seen):
+            M = matrices[k]
+            if holds(M, seen):
+                matrices[k] = seen.matrix
+            elif M is seen.matrix:
+                matrices[k] = M.copy()
+        self.seen = [
+            Seen(M, M.indptr.copy(), M.indices.copy(), M.data.copy()) for M in matrices
+        ]
+        return qp._replace(P=matrices[0], G=matrices[1], A=matrices[2])
 
 
-def is_same(M: object, N: object) -> bool:
-    """Tell whether two matrices in CSC are equal, entry by entry."""
-    return M.shape == N.shape and all(  # type: ignore[attr-defined]
-        np.array_equal(getattr(M, part), getattr(N, part))
-        for part in ("indptr", "indices", "data")
+def holds(M: Any, seen: Seen) -> bool:
+    """Tell whether a matrix in CSC has the entries that were seen, one by one."""
+    return (
+        M.shape == seen.matrix.shape
+        and np.array_equal(M.indptr, seen.indptr)
+        and np.array_equal(M.indices, seen.indices)
+        and np.array_equal(M.data, seen.data)
+        and (M is seen.matrix or np.array_equal(seen.matrix.data, seen.data))
     )
