@@ -38,6 +38,10 @@ class Memory:
         self.presolved: Presolved | None = None
         self.problem: ScaledQP | None = None
 
+    def __reduce__(self) -> tuple[type["Memory"], tuple[()]]:
+        """Let a copy begin empty: the factors cannot be copied."""
+        return Memory, ()
+
     def recognised(self, qp: QPData) -> QPData:
         """Return qp with the last matrices where they are the same, and remember it."""
         if qp.is_dense:
