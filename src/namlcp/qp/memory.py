@@ -42,21 +42,30 @@ class Memory:
         """Let a copy begin empty: the factors cannot be copied."""
         return Memory, ()
 
+    def known(self, P: Any, G: Any, A: Any) -> list[Any]:
+        """Return the matrices of the last QP where these, in CSC, hold the same.
+
+        Those are checked already; the others come back as they are.
+        """
+        matrices = [P, G, A]
+        for k, seen in enumerate(self.seen):
+            if holds(matrices[k], seen):
+                matrices[k] = seen.matrix
+        return matrices
+
     def recognised(self, qp: QPData) -> QPData:
         """Return qp with the last matrices where they are the same, and remember it."""
         if qp.is_dense:
             return qp
-        matrices = [qp.P, qp.G, qp.A]
+        matrices = self.known(qp.P, qp.G, qp.A)
         for k, seen in enumerate(self.seen):
-            M = matrices[k]
-            if holds(M, seen):
-                matrices[k] = seen.matrix
-            elif M is seen.matrix:
-                matrices[k] = M.copy()
+            if matrices[k] is seen.matrix and not holds(matrices[k], seen):
+                matrices[k] = matrices[k].copy()
         self.seen = [
             Seen(M, M.indptr.copy(), M.indices.copy(), M.data.copy()) for M in matrices
         ]
-        return qp._replace(P=matrices[0], G=matrices[1], A=matrices[2])
+        P, G, A = matrices
+        return qp._replace(P=P, G=G, A=A)
 
 
 def holds(M: Any, seen: Seen) -> bool:
