@@ -57,13 +57,15 @@ class Memory:
         """Return qp with the last matrices where they are the same, and remember it."""
         if qp.is_dense:
             return qp
-        matrices = self.known(qp.P, qp.G, qp.A)
-        for k, seen in enumerate(self.seen):
-            if matrices[k] is seen.matrix and not holds(matrices[k], seen):
-                matrices[k] = matrices[k].copy()
-        self.seen = [
-            Seen(M, M.indptr.copy(), M.indices.copy(), M.data.copy()) for M in matrices
-        ]
+        matrices = [qp.P, qp.G, qp.A]
+        for k, M in enumerate(matrices):
+            if k < len(self.seen) and holds(M, self.seen[k]):
+                matrices[k] = self.seen[k].matrix
+                continue
+            if k < len(self.seen) and M is self.seen[k].matrix:
+                matrices[k] = M = M.copy()
+            seen = Seen(M, M.indptr.copy(), M.indices.copy(), M.data.copy())
+            self.seen[k : k + 1] = [seen]
         P, G, A = matrices
         return qp._replace(P=P, G=G, A=A)
 

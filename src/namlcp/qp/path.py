@@ -115,7 +115,13 @@ def follow_path(
         status = Status.SOLVED if solved else Status.STALLED
         return PathResult(status, *judge.point, 0, "", judge.residuals)
     problem = memory.problem = ScaledQP(small, memory.problem)
-    loop = Interior(problem, judge, options)
+    finish = Finish(problem, judge, deadline)
+    if guess.x.size:
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            finish.run(*problem.from_user(guess), ROUNDS, GOOD)
+        if judge.best <= 1.0:
+            return PathResult(Status.SOLVED, *judge.point, 0, "", judge.residuals)
+    loop = Interior(problem, judge, options, finish)
     if may_ask:
         loop.ask = lambda other: follow_path(
             other, FALLBACK, NO_GUESS, deadline, None, Memory(), may_ask=False
@@ -130,7 +136,9 @@ def follow_path(
 class Interior:
     """The iterate (x, y, W, Z) of a scaled problem, and the loop."""
 
-    def __init__(self, problem: ScaledQP, judge: Judge, options: Options) -> None:
+    def __init__(
+        self, problem: ScaledQP, judge: Judge, options: Options, finish: Finish
+    ) -> None:
         """Allocate everything the loop needs."""
         self.problem, self.judge, self.options = problem, judge, options
         n, p, m, size = problem.n, problem.p, problem.c.size, problem.kkt.size
@@ -149,7 +157,7 @@ class Interior:
         self.reg = Regularisation()
         self.tol = max(options.eps_abs, options.eps_rel)
         problem.kkt.accuracy = min(max(ACCURACY * self.tol, 1e-14), 1e-10)
-        self.finish = Finish(problem, self.offer)
+        self.finish = finish
         self.tests = LoopTests(problem, judge)
         self.ask: fallback.Solver | None = None
         self.iterations = 0
@@ -172,9 +180,6 @@ class Interior:
 
     def follow(self, guess: Guess, deadline: float, report: Report | None) -> Status:
         """Run the loop."""
-        self.finish.deadline = deadline
-        if guess.x.size and self.try_face(guess):
-            return Status.SOLVED
         warm = guess.x.size > 0 and self.warm_start(guess)
         if not warm and not self.start():
             return Status.NUMERICAL_ERROR
@@ -231,12 +236,6 @@ class Interior:
             return None
         self.tests.proof = verdict[1]
         return verdict[0]
-
-    def try_face(self, guess: Guess) -> bool:
-        """Try the active set of a guess and its neighbours."""
-        x, y, Z, active = self.problem.from_user(guess)
-        self.finish.run(x, y, Z, active, ROUNDS, GOOD)
-        return self.judge.best <= 1.0
 
     def warm_start(self, guess: Guess) -> bool:
         """Start from the multipliers of a guess too, moved inside; False without any.

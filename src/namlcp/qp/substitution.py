@@ -190,49 +190,62 @@ def substitute(qp: QPData, last: Substitution | None = None) -> Substitution | N
 
 def bounds_from_rows(qp: QPData, G: csc_array, A: csc_array) -> Bounds:
     """Turn rows into bounds, but for those that contradict others: proofs need them."""
-    n, m = qp.q.size, qp.h.size
-    at_G, column_G, entry_G = single_entries(G)
-    at_A, column_A, entry_A = single_entries(A)
-    finite = np.isfinite(qp.h[at_G])
-    at_G, column_G, entry_G = at_G[finite], column_G[finite], entry_G[finite]
-    rows = np.concatenate((at_G, m + at_A))
-    column = np.concatenate((column_G, column_A))
-    entry = np.concatenate((entry_G, entry_A))
-    value = np.concatenate((qp.h[at_G], qp.b[at_A])) / entry
-    equal = rows >= m
-    sides = []
-    for own, sign in ((qp.lb, -1.0), (qp.ub, 1.0)):
-        # the least of sign * bound; a later row of the same value is not needed
-        bound = sign * own
-        gives = equal | (sign * entry > 0.0)
-        np.minimum.at(bound, column[gives], sign * value[gives])
-        owners = Owners(np.full(n, -1), np.ones(n))
-        best = np.flatnonzero(gives & (sign * value == bound[column]))
-        best = best[sign * value[best] < (sign * own)[column[best]]]
-        owners.rows[column[best]] = rows[best]
-        owners.entry[column[best]] = entry[best]
-        sides.append((sign * bound, owners))
-    (lb, lower), (ub, upper) = sides
+    n, m, p = qp.q.size, qp.h.size, qp.b.size
+    lb, ub = qp.lb.copy(), qp.ub.copy()
+    lower, upper = (Owners(np.full(n, -1), np.ones(n)) for _ in range(2))
+    left = np.ones(m + p, dtype=np.bool_)
+    rows, equations = left[:m], left[m:]
+    sides = lb, ub, *lower, *upper
+    take_rows(G.indptr, G.indices, G.data, qp.h, 0, False, *sides, rows)
+    take_rows(A.indptr, A.indices, A.data, qp.b, m, True, *sides, equations)
     clash = lb > ub
-    twice = np.bincount(column_A, minlength=n) > 1
-    clash |= twice
     if clash.any():
         lb[clash], ub[clash] = qp.lb[clash], qp.ub[clash]
         lower.rows[clash] = upper.rows[clash] = -1
-    done = np.zeros(m + qp.b.size, dtype=bool)
-    done[rows[~clash[column]]] = True
+        give_back(G.indptr, G.indices, clash, rows)
+        give_back(A.indptr, A.indices, clash, equations)
     return Bounds(
-        lb, ub, lower, upper, np.flatnonzero(~done[:m]), np.flatnonzero(~done[m:]),
+        lb, ub, lower, upper, np.flatnonzero(rows), np.flatnonzero(equations),
         np.isinf((lb, ub)),
     )  # fmt: skip
 
 
-def single_entries(M: csc_array) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the rows with one entry, its columns and values."""
-    alone = np.bincount(M.indices, minlength=M.shape[0]) == 1
-    at = np.flatnonzero(alone[M.indices])
-    column = np.searchsorted(M.indptr, at, side="right") - 1
-    return M.indices[at].astype(np.intp), column, M.data[at]
+@njit(cache=True, nogil=True)
+def take_rows(
+    indptr, indices, data, side, first, is_equal, lb, ub, lower_rows, lower_entry,
+    upper_rows, upper_entry, left,
+):  # fmt: skip
+    """Tighten lb and ub by the rows with one entry, and take these from `left`.
+
+    Row i is number first + i among the owners.
+    """
+    entries = np.zeros(side.size, dtype=np.int32)
+    for i in indices:
+        entries[i] += 1
+    for j in range(lb.size):
+        for t in range(indptr[j], indptr[j + 1]):
+            i = indices[t]
+            if entries[i] != 1 or np.isinf(side[i]):
+                continue
+            left[i] = False
+            value = side[i] / data[t]
+            if (is_equal or data[t] > 0.0) and value < ub[j]:
+                ub[j] = value
+                upper_rows[j] = first + i
+                upper_entry[j] = data[t]
+            if (is_equal or data[t] < 0.0) and value > lb[j]:
+                lb[j] = value
+                lower_rows[j] = first + i
+                lower_entry[j] = data[t]
+
+
+@njit(cache=True, nogil=True)
+def give_back(indptr, indices, clash, left):
+    """Leave all rows with an entry in a column where bounds clash."""
+    for j in range(clash.size):
+        if clash[j]:
+            for t in range(indptr[j], indptr[j + 1]):
+                left[indices[t]] = True
 
 
 def free_columns(
