@@ -154,7 +154,8 @@ def qp_residuals(
     if found.gap_size < LARGE:
         return found
     gap = x.dot(Px) + q.dot(x) + support(h, z) + b.dot(y)
-    gap += support(lb, np.minimum(z_box, 0.0)) + support(ub, np.maximum(z_box, 0.0))
+    gap += support(lb, np.minimum(z_box, 0.0))
+    gap += support(ub, np.maximum(z_box, 0.0))
     return found._replace(gap=abs(float(gap)))
 
 
