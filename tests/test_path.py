@@ -368,7 +368,7 @@ def test_a_dense_border_is_found_and_factored():
 
 
 @pytest.mark.parametrize("inner", ["diagonal", "sparse"])
-@pytest.mark.parametrize("border", ["positive", "mixed"])
+@pytest.mark.parametrize("border", ["positive", "negative", "mixed", "all"])
 def test_bordered_factors_solve(inner, border):
     rng = np.random.default_rng(1)
     n, m = 30, 50
@@ -380,7 +380,12 @@ def test_bordered_factors_solve(inner, border):
         H[10:, 10:] = np.diag(np.diag(H)[10:])
         C[:, 10:] = 0.0
     K = np.block([[H, C.T], [C, -np.diag(0.1 + rng.random(m))]])
-    rows = np.arange(10) if border == "positive" else np.r_[0:10, 32:36]
+    rows = {
+        "positive": np.arange(10),
+        "negative": np.arange(40, 60),
+        "mixed": np.r_[0:10, 32:36],
+        "all": np.arange(n + m),
+    }[border]
     factors = Bordered(csc_array(np.triu(K)), rows)
     rhs = rng.standard_normal(n + m)
     np.testing.assert_allclose(K @ factors.solve(rhs), rhs, atol=1e-11)

@@ -12,7 +12,7 @@ from namlcp.qp.csc import by_rows, part, transposed, with_squares, without_zeros
 from namlcp.qp.memory import Memory
 from namlcp.qp.solve import solve_checked
 from namlcp.qp.start import NO_GUESS, make_guess
-from namlcp.qp.substitution import substitute
+from namlcp.qp.substitution import Substitution, substitute
 from namlcp.status import Status
 
 
@@ -315,3 +315,82 @@ def test_public_call_takes_the_same_way():
     assert result.x.size == 55
     assert_solves_qp(qp, result, 1e-11)
     np.testing.assert_allclose(result.x[:50], B @ result.x[50:] - qp.b, atol=1e-12)
+
+
+def test_an_equation_gives_two_bounds_but_one_multiplier():
+    A = np.array([[2.0, 0.0], [1.0, 1.0]])
+    qp = make_qp(np.eye(2), np.ones(2), A=A, b=np.array([2.0, 3.0]))
+    result = solve(qp)
+    assert_solves_qp(qp, result, 1e-12)
+    near = substitute(qp).guess(make_guess(qp, None, result))
+    assert near.z_box[0] == pytest.approx(2.0 * result.y[0])
+
+
+def test_full_rows_are_squared_in_blocks(monkeypatch):
+    rng = np.random.default_rng(2)
+    B = canonical(csc_array(rng.random((50, 6))))
+    P = canonical(csc_array(np.eye(6)))
+    monkeypatch.setattr("namlcp.qp.csc.ROOM", 40)
+    exact = np.eye(6) + B.toarray().T @ B.toarray()
+    found = with_squares(P, B, np.ones(50)).toarray()
+    np.testing.assert_allclose(found, exact, atol=1e-12)
+
+
+def test_bounds_alone_go_to_the_box_lcp():
+    qp, _, _ = residual_form(9, 300, 200, lower=0.0)
+    result = solve(qp)
+    assert result.form == "bounds"
+    assert_solves_qp(qp, result, 1e-10)
+
+
+def test_memory_does_not_believe_a_matrix_whose_indices_moved():
+    qp, _, _ = residual_form(10, 30, 40, lower=0.0)
+    memory = Memory()
+    original = qp._replace(A=qp.A.copy())
+    solve(qp, memory=memory)
+    first = qp.A.indptr[30]  # swap the rows of two entries of x_0, in place
+    a, b = qp.A.indices[first], qp.A.indices[first + 1]
+    qp.A.data[first : first + 2] = qp.A.data[first : first + 2][::-1].copy()
+    assert a < b
+    assert_solves_qp(original, solve(original, memory=memory), 1e-10)
+    assert_solves_qp(qp, solve(qp, memory=memory), 1e-10)
+
+
+def test_what_does_not_pass_the_judge_is_solved_as_it_came(monkeypatch):
+    qp, _, _ = residual_form(11, 30, 8, lower=0.0)
+    point = Substitution.point
+
+    def spoilt(self, *parts):
+        x, y, z, z_box = point(self, *parts)
+        return x + 1e-3, y, z, z_box
+
+    monkeypatch.setattr(Substitution, "point", spoilt)
+    result = solve(qp)
+    assert result.form == "path"
+    assert_solves_qp(qp, result, 1e-10)
+
+
+@pytest.mark.parametrize("kind", ["infeasible", "unbounded"])
+def test_a_proof_that_does_not_pass_is_looked_for_again(monkeypatch, kind):
+    G = np.array([[1.0, 1.0], [-1.0, -1.0], [1.0, 0.0]])
+    h = np.array([1.0, -2.0, 5.0]) if kind == "infeasible" else np.array([1.0, 9, 5])
+    P = np.eye(2) if kind == "infeasible" else np.zeros((2, 2))
+    qp = make_qp(P, np.array([1.0, -1.0]), G, h)
+    spoilt = {"infeasible": "multipliers", "unbounded": "direction"}[kind]
+    wrong = {
+        "multipliers": lambda self, y, z, z_box: (y, np.zeros(3), np.zeros(2)),
+        "direction": lambda self, d: np.ones(2),
+    }[spoilt]
+    monkeypatch.setattr(Substitution, spoilt, wrong)
+    result = solve(qp)
+    assert_certificate(qp, result)
+
+
+def test_row_without_end_beside_its_multiple():
+    """h = -inf beside a proportional row: a proof at sight, and no warning."""
+    G = np.array([[1.0, 1.0], [1.0, 1.0], [-1.0, -1.0]])
+    qp = make_qp(np.eye(2), np.ones(2), G, np.array([1.0, -np.inf, np.inf]))
+    assert solve(qp).status is Status.PRIMAL_INFEASIBLE
+    G = np.array([[1.0, 1.0], [-1.0, -1.0]])
+    qp = make_qp(np.eye(2), np.ones(2), G, np.array([-np.inf, -np.inf]))
+    assert solve(qp).status is Status.PRIMAL_INFEASIBLE

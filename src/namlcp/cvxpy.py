@@ -27,7 +27,6 @@ from namlcp.result import QPResult
 from namlcp.status import Status
 
 KEYWORD = "NAM"
-OBJECTIVE = {s.INFEASIBLE: np.inf, s.UNBOUNDED: -np.inf}
 
 
 class NAM(QpSolver):
@@ -129,10 +128,11 @@ class NAM(QpSolver):
         }
         x: dict[int, Any] = {}
         duals: dict[int, Any] = {}
-        value = OBJECTIVE.get(status)
+        value = None
+        if status != s.SOLVER_ERROR:
+            value = solution.obj + inverse_data[s.OFFSET]  # infinite without a point
         if status in s.SOLUTION_PRESENT:
             x = {self.VAR_ID: solution.x}
-            value = solution.obj + inverse_data[s.OFFSET]
         if have_duals:
             for kind, values in (self.EQ_CONSTR, y), (self.NEQ_CONSTR, z):
                 constraints = inverse_data[kind]
@@ -168,7 +168,8 @@ def program(data: dict[str, Any], memory: Memory) -> QPData:
 def decide(qp: QPData, options: Options, unbounded: QPResult, start: float) -> QPResult:
     """Return a proof that no x is feasible if there is one, else `unbounded`.
 
-    A ray leaves that open, but CVXPY's "unbounded" does not.
+    A ray leaves that open, but CVXPY's "unbounded" does not; it is said all the same
+    where the search for a feasible point ends undecided.
     """
     flat = qp._replace(P=0.0 * qp.P, q=0.0 * qp.q)
     result = solve_checked(flat, options, NO_GUESS, start)

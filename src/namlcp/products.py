@@ -12,7 +12,9 @@ from numba import njit
 
 
 def times(M: Any, x: np.ndarray) -> np.ndarray:
-    """Return M x."""
+    """Return M x. Raises ValueError where the sizes disagree."""
+    if x.shape != (M.shape[1],):
+        raise ValueError(f"x must have shape ({M.shape[1]},), got {x.shape}")
     if not is_csc(M):
         return M @ x
     out = np.zeros(M.shape[0])
@@ -21,7 +23,9 @@ def times(M: Any, x: np.ndarray) -> np.ndarray:
 
 
 def add_transposed(M: Any, z: np.ndarray, out: np.ndarray) -> None:
-    """Add M'z to `out`."""
+    """Add M'z to `out`. Raises ValueError where the sizes disagree."""
+    if z.shape != (M.shape[0],) or out.shape != (M.shape[1],):
+        raise ValueError(f"z must have shape ({M.shape[0]},), got {z.shape}")
     if not is_csc(M):
         out += z @ M
     elif z.size:

@@ -12,7 +12,7 @@ from scipy.sparse import csc_array, csr_array
 from namlcp.checks import as_dense, as_sparse
 
 DENSE = 0.2  # density from which rows are multiplied as dense ones
-MOST = 20_000_000  # entries of a dense factor or product at most
+ROOM = 20_000_000  # entries of a dense matrix at most
 
 
 def without_zeros(M: csc_array) -> csc_array:
@@ -44,9 +44,13 @@ def by_rows(M: csc_array) -> csr_array:
 def with_squares(P: csc_array, B: csc_array, weight: np.ndarray) -> csc_array:
     """Return P + B' diag(weight) B."""
     rows, columns = B.shape
-    if DENSE * rows * columns < B.nnz and columns * max(rows, columns) <= MOST:
-        half = as_dense(B) * np.sqrt(weight)[:, None]
-        return as_sparse(as_dense(P) + half.T @ half)
+    if DENSE * rows * columns < B.nnz and columns**2 <= ROOM:
+        S, C = as_dense(P), by_rows(B)
+        step = max(1, ROOM // columns)
+        for i in range(0, rows, step):
+            half = C[i : i + step].toarray() * np.sqrt(weight[i : i + step])[:, None]
+            S += half.T @ half
+        return as_sparse(S)
     turned = transposed(B.indptr, B.indices, B.data, rows)
     parts = add_squares(
         P.indptr, P.indices, P.data, B.indptr, B.indices, B.data, *turned, weight

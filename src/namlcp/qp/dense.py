@@ -46,7 +46,8 @@ DEPENDENT = 1e-10
 CONTRADICTION = 1e-10
 # Pivots after which multipliers and x are computed anew, against drift.
 REFIT = 32
-# After so many pivots on violations below so many roundings, larger ones count as such.
+# After IDLE pivots in a row on violations below NOISE roundings, `level`, what counts
+# as rounding, grows tenfold.
 IDLE, NOISE = 10, 1e3
 # A pivot of P below this multiple of its diagonal entry counts as zero.
 DEFINITE = 1e-13
@@ -411,6 +412,8 @@ def pivot(P, q, G, h, A, b, lb, ub, L, hint, x, y, z, z_box, max_iter):
             size = abs(d) + np.sqrt(dot(row, row)) * np.abs(x).max()
             if dot(row, x) - d <= NOISE * level * size:
                 idle += 1
+            else:
+                idle = 0
             if idle == IDLE:
                 level *= 10.0  # rounding, not the problem, keeps it busy
                 idle = 0

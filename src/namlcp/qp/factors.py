@@ -16,8 +16,10 @@ from typing import Any
 import numpy as np
 import qdldl
 from numba import njit
-from scipy.linalg.lapack import dpotrf, dpotrs, dsytrf, dsytrs
+from scipy.linalg.lapack import dpotrf, dpotrs, dsytrf, dsytrf_lwork, dsytrs
 from scipy.sparse import csc_array, csc_matrix
+
+from namlcp.qp.csc import ROOM
 
 LIGHT = 20_000  # entries of K below which nothing is gained
 SPARSE = 16  # degree at which a row or column may stay in the sparse part
@@ -25,7 +27,6 @@ LEAST, MOST = 50, 3000  # size of a border
 THIN = 0.1  # density of B from which a border pays
 WIDE = 600  # size from which it pays with a thinner B, if K_D is full:
 FULL = 0.2  # so many of its entries are there, of 0.5 in the upper triangle
-ROOM = 20_000_000  # entries of B at most
 
 
 def factor(matrix: csc_array) -> "Sparse | Bordered":
@@ -97,7 +98,8 @@ class Bordered:
         self.L, info = dpotrf(S, lower=0)
         self.is_definite = info == 0
         if not self.is_definite:
-            self.L, self.pivots, info = dsytrf(S, lower=0)
+            lwork = int(dsytrf_lwork(S.shape[0], lower=0)[0])  # or it is unblocked
+            self.L, self.pivots, info = dsytrf(S, lower=0, lwork=lwork)
             if info != 0:
                 raise ValueError("the Schur complement is singular")
 

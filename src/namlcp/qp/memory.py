@@ -5,35 +5,30 @@ of penalties) needs its presolve, its scaling and, on the same face, its factori
 once. A problem that keeps only the pattern keeps the elimination order.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
+from scipy.sparse import csc_array
 
 from namlcp.checks import QPData
+from namlcp.qp.convexity import check_convex
 from namlcp.qp.presolve import Presolved
 from namlcp.qp.scaling import ScaledQP
 from namlcp.qp.substitution import Substitution
 
 
-class Seen(NamedTuple):
-    """A matrix and what it held when it was seen: the caller may change it in place."""
-
-    matrix: Any
-    indptr: np.ndarray
-    indices: np.ndarray
-    data: np.ndarray
-
-
 class Memory:
     """Kept by the caller from solve to solve; not for two solves at a time.
 
-    Parts are recognised by the identity of their matrices: `recognised` gives equal
-    matrices the identity of the last ones.
+    `matrices` are copies of the last P, G and A: `recognised` puts them in the place of
+    equal ones, so that all else is recognised by their identity. `convex` is the last
+    P found positive semidefinite.
     """
 
     def __init__(self) -> None:
         """Begin empty."""
-        self.seen: list[Seen] = []
+        self.matrices: list[Any] = []
+        self.convex: Any = None
         self.substitution: Substitution | None = None
         self.presolved: Presolved | None = None
         self.problem: ScaledQP | None = None
@@ -42,40 +37,38 @@ class Memory:
         """Let a copy begin empty: the factors cannot be copied."""
         return Memory, ()
 
-    def known(self, P: Any, G: Any, A: Any) -> list[Any]:
-        """Return the matrices of the last QP where these, in CSC, hold the same.
+    def known(self, *matrices: Any) -> list[Any]:
+        """Return P, G and A, in CSC, or our copies where they are the same.
 
-        Those are checked already; the others come back as they are.
+        Those are checked already.
         """
-        matrices = [P, G, A]
-        for k, seen in enumerate(self.seen):
-            if holds(matrices[k], seen):
-                matrices[k] = seen.matrix
-        return matrices
+        if not self.matrices:
+            return list(matrices)
+        pairs = zip(self.matrices, matrices, strict=True)
+        return [old if is_same(old, M) else M for old, M in pairs]
 
     def recognised(self, qp: QPData) -> QPData:
-        """Return qp with the last matrices where they are the same, and remember it."""
+        """Return qp with our copies of its matrices, the last ones where they fit."""
         if qp.is_dense:
             return qp
-        matrices = [qp.P, qp.G, qp.A]
-        for k, M in enumerate(matrices):
-            if k < len(self.seen) and holds(M, self.seen[k]):
-                matrices[k] = self.seen[k].matrix
-                continue
-            if k < len(self.seen) and M is self.seen[k].matrix:
-                matrices[k] = M = M.copy()
-            seen = Seen(M, M.indptr.copy(), M.indices.copy(), M.data.copy())
-            self.seen[k : k + 1] = [seen]
-        P, G, A = matrices
+        kept = self.known(qp.P, qp.G, qp.A)
+        ours = {id(M) for M in self.matrices}
+        self.matrices = [M if id(M) in ours else M.copy() for M in kept]
+        P, G, A = self.matrices
         return qp._replace(P=P, G=G, A=A)
 
+    def ensure_convex(self, P: csc_array) -> None:
+        """Raise NotConvex unless P is positive semidefinite; ask once."""
+        if self.convex is not P:
+            check_convex(P)
+            self.convex = P
 
-def holds(M: Any, seen: Seen) -> bool:
-    """Tell whether a matrix in CSC has the entries that were seen, one by one."""
-    return (
-        M.shape == seen.matrix.shape
-        and np.array_equal(M.indptr, seen.indptr)
-        and np.array_equal(M.indices, seen.indices)
-        and np.array_equal(M.data, seen.data)
-        and (M is seen.matrix or np.array_equal(seen.matrix.data, seen.data))
+
+def is_same(M: Any, N: Any) -> bool:
+    """Tell whether two matrices in CSC are equal, entry by entry."""
+    return M is N or (
+        M.shape == N.shape
+        and np.array_equal(M.indptr, N.indptr)
+        and np.array_equal(M.indices, N.indices)
+        and np.array_equal(M.data, N.data)
     )

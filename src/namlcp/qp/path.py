@@ -18,7 +18,6 @@ from namlcp.checks import QPData
 from namlcp.options import Options
 from namlcp.qp import fallback
 from namlcp.qp.certificates import LoopTests, contradiction
-from namlcp.qp.convexity import check_convex
 from namlcp.qp.finish import LARGE, Finish
 from namlcp.qp.judge import Judge
 from namlcp.qp.memory import Memory
@@ -85,8 +84,7 @@ def solve(
     Raises ValueError if P is not positive semidefinite.
     """
     memory = Memory() if memory is None else memory
-    if memory.presolved is None or memory.presolved.qp.P is not qp.P:
-        check_convex(qp.P)
+    memory.ensure_convex(qp.P)
     return follow_path(qp, options, guess, deadline, report, memory, may_ask=True)
 
 

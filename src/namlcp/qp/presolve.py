@@ -285,7 +285,7 @@ def ends(
     upper, upper_at = extreme(-np.where(ratio > 0.0, value, np.inf), leader)
     lower, lower_at = extreme(np.where(ratio < 0.0, value, -np.inf), leader)
     upper = -upper
-    for k in first[lower[first] - upper[first] > 2.0 * tol][:1]:
+    for k in first[lower[first] > upper[first] + 2.0 * tol][:1]:
         i, j = upper_at[k], lower_at[k]
         z = unit(m, rows[i], 1.0 / ratio[i]) + unit(m, rows[j], -1.0 / ratio[j])
         message = f"rows {rows[i]} and {rows[j]} of G contradict each other"

@@ -1,8 +1,9 @@
 """solve_qp: check, choose the smallest form, solve, recover, judge.
 
-The forms, smallest first: a strictly convex problem that is small goes to
-`dense` (its multipliers' LCP); bounds alone make a box LCP with A = P; everything else
-follows the `path`. A form that cannot finish hands over to the path, and the better of
+First `substitution` takes out of a sparse problem what one row or column decides. The
+forms, smallest first: bounds alone make a box LCP with A = P; a strictly convex problem
+that is small goes to `dense` (its multipliers' LCP); everything else follows the
+`path`. A form that cannot finish hands over to the path, and the better of
 the two points is returned. Whatever a form says, SOLVED is decided here, on the user's
 own data.
 """
@@ -30,6 +31,8 @@ from namlcp.status import Status
 # Up to here a strictly convex dense QP is small; beyond, its pivots take seconds.
 DENSE_VARIABLES = 2000
 DENSE_ENTRIES = 16_000_000
+# Bounds alone, and fewer variables: the dense form is quicker than the box LCP.
+DENSE_BOX = 50
 # Sparse problems below this many entries are cheaper as dense ones.
 SPARSE_ENTRIES = 10_000
 
@@ -184,24 +187,30 @@ def solve_forms(
 
     What comes back unsolved from the smaller problem is tried again as it came.
     """
-    memory = Memory() if memory is None else memory
-    qp = memory.recognised(qp)
+    if memory is None:
+        memory = Memory()
+    else:
+        qp = memory.recognised(qp)
     smaller = None if qp.is_dense else substitute(qp, memory.substitution)
     memory.substitution = smaller
     if smaller is None:
         return try_forms(qp, options, guess, deadline, progress, memory)
+    if smaller.solved.size:
+        memory.convex = smaller.P  # P was asked, and squares were added
     near = smaller.guess(guess)
     answer = try_forms(smaller.qp, options, near, deadline, progress, memory)
     answer = restored(answer, smaller, options)
     if answer.status in (Status.STALLED, Status.NUMERICAL_ERROR):
-        other = solve_path(qp, options, guess, deadline, progress, None)
+        near = make_guess(qp, None, answer)
+        other = solve_path(qp, options, near, deadline, progress, Memory())
         return better(answer, other, options)
     return answer
 
 
 def restored(answer: Answer, smaller: Substitution, options: Options) -> Answer:
-    """Return the answer for the user's QP, judged anew."""
+    """Return the answer for the user's QP, judged anew; STALLED if it does not pass."""
     qp, tol = smaller.user, options.eps_abs
+    proof = None
     if answer.status is Status.PRIMAL_INFEASIBLE:
         y, z, _ = smaller.multipliers(answer.y, answer.z, answer.z_box)
         proof = certificates.accept_primal(qp, np.zeros(qp.q.size), y, z, tol)
@@ -209,21 +218,19 @@ def restored(answer: Answer, smaller: Substitution, options: Options) -> Answer:
         x, y, z = (np.zeros(v.size) for v in (qp.q, qp.b, qp.h))
         d = smaller.direction(answer.x)
         proof = certificates.accept_dual(qp, x, y, z, d, tol)
-    else:
-        point = smaller.point(answer.x, answer.y, answer.z, answer.z_box)
-        residuals = qp_residuals(*qp, *point)
-        solved = residuals.solved(options.eps_abs, options.eps_rel)
-        status = Status.SOLVED if solved else answer.status
-        if not solved and status is Status.SOLVED:
-            status = Status.STALLED
-        x, y, z, z_box = point
-        return answer._replace(
-            status=status, x=x, y=y, z=z, z_box=z_box, residuals=residuals
-        )
-    if proof is None:
-        return answer._replace(status=Status.STALLED)
-    x, y, z, z_box = proof
-    return answer._replace(x=x, y=y, z=z, z_box=z_box)
+    if proof is not None:
+        x, y, z, z_box = proof
+        return answer._replace(x=x, y=y, z=z, z_box=z_box)
+    x, y, z, z_box = smaller.point(answer.x, answer.y, answer.z, answer.z_box)
+    residuals = qp_residuals(*qp, x, y, z, z_box)
+    status = answer.status
+    if residuals.solved(options.eps_abs, options.eps_rel):
+        status = Status.SOLVED
+    elif status in FINAL:
+        status = Status.STALLED
+    return answer._replace(
+        status=status, x=x, y=y, z=z, z_box=z_box, residuals=residuals
+    )
 
 
 def try_forms(
@@ -232,14 +239,14 @@ def try_forms(
     guess: Guess,
     deadline: float,
     progress: Progress | None,
-    memory: Memory | None,
+    memory: Memory,
 ) -> Answer:
     """Try the smallest form that fits, then the path; return the better answer."""
     answer = None
-    if is_small(qp):
-        answer = solve_dense(qp, options, guess, progress)
-    elif is_box(qp):
+    if is_box(qp) and (qp.q.size > DENSE_BOX or not is_small(qp)):
         answer = solve_bounds(qp, options, guess, deadline, progress)
+    elif is_small(qp):
+        answer = solve_dense(qp, options, guess, progress)
     if answer is not None and answer.status in (*FINAL, Status.TIME_LIMIT):
         return answer
     other = solve_path(qp, options, guess, deadline, progress, memory)
@@ -354,7 +361,7 @@ def solve_path(
     guess: Guess,
     deadline: float,
     progress: Progress | None,
-    memory: Memory | None,
+    memory: Memory,
 ) -> Answer:
     """Follow the path, which is sparse."""
     if progress is not None:

@@ -45,21 +45,22 @@ def make_guess(qp: QPData, x0: Any, warm_start: Any, name: str = "x0") -> Guess:
         refuse_number(name, x, False)
         y, z, z_box = (np.zeros(v.size) for v in (qp.b, qp.h, x))
         return Guess(x, y, z, z_box, active_at(qp, x))
-    parts: list[Any] = [
-        getattr(warm_start, key, None) for key in ("x", "y", "z", "z_box")
-    ]
-    if any(part is None for part in parts):
+    names = "x", "y", "z", "z_box"
+    if not all(hasattr(warm_start, key) for key in names):
         raise TypeError(
             "warm_start must be a QPResult or a qpsolvers.Solution, with x, y, z and "
             f"z_box, got {warm_start!r:.60}"
         )
+    parts: list[Any] = [getattr(warm_start, key) for key in names]
+    if any(part is None for part in parts):  # nothing was found
+        return NO_GUESS
     x = vector("warm_start.x", parts[0], qp.q.size, "q", qp.q.shape)
     y = vector("warm_start.y", parts[1], qp.b.size, "b", qp.b.shape)
     z = vector("warm_start.z", parts[2], qp.h.size, "h", qp.h.shape)
     z_box = parts[3] if np.size(parts[3]) else np.zeros(x.size)  # no bounds: empty
     z_box = vector("warm_start.z_box", z_box, x.size, "q", qp.q.shape)
     point = x, y, z, z_box
-    if not all(np.isfinite(v).all() for v in point):  # a proof is no start
+    if not all(np.isfinite(v).all() for v in point):  # a proof, not a point
         return NO_GUESS
     active = np.concatenate((z > 0.0, z_box < 0.0, z_box > 0.0))
     return Guess(*point, active.astype(np.int8))

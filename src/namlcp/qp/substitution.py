@@ -33,7 +33,7 @@ SMALL = 1000  # entries of P that do not count
 SHORT = 2  # rows up to this length fill in no more than they free
 
 
-class Owners(NamedTuple):
+class Givers(NamedTuple):
     """The row of [G; A] that gives a bound, -1 where the bound is the user's own."""
 
     rows: np.ndarray
@@ -41,15 +41,15 @@ class Owners(NamedTuple):
 
 
 class Bounds(NamedTuple):
-    """Bounds with those from rows, their owners, and the rows of G and A that are none.
+    """Bounds with those from rows, who gives them, and the rows of G and A left over.
 
     `infinite` has the marks of lb = -inf and of ub = +inf.
     """
 
     lb: np.ndarray
     ub: np.ndarray
-    lower: Owners
-    upper: Owners
+    lower: Givers
+    upper: Givers
     rows: np.ndarray
     equations: np.ndarray
     infinite: np.ndarray
@@ -129,9 +129,9 @@ class Substitution(NamedTuple):
         rows[m + self.others] = y
         full = np.zeros(self.user.q.size)
         full[self.kept] = z_box
-        for owners, sign in ((self.bounds.lower, -1.0), (self.bounds.upper, 1.0)):
-            at = np.flatnonzero((owners.rows >= 0) & (sign * full > 0.0))
-            rows[owners.rows[at]] = full[at] / owners.entry[at]
+        for givers, sign in ((self.bounds.lower, -1.0), (self.bounds.upper, 1.0)):
+            at = np.flatnonzero((givers.rows >= 0) & (sign * full > 0.0))
+            rows[givers.rows[at]] = full[at] / givers.entry[at]
             full[at] = 0.0
         return rows[m:], rows[:m], full
 
@@ -146,10 +146,12 @@ class Substitution(NamedTuple):
         multiplier = np.concatenate((guess.z, guess.y))
         bounds = self.bounds
         box = guess.z_box.copy()
-        for owners, mark in ((bounds.lower, at_lb), (bounds.upper, at_ub)):
-            at = np.flatnonzero(owners.rows >= 0)
-            mark[at] = row_mark[owners.rows[at]]
-            box[at] += multiplier[owners.rows[at]] * owners.entry[at]
+        for givers, mark in ((bounds.lower, at_lb), (bounds.upper, at_ub)):
+            at = np.flatnonzero(givers.rows >= 0)
+            mark[at] = row_mark[givers.rows[at]]
+            if givers is bounds.upper:  # an equation gives both bounds, but once
+                at = at[givers.rows[at] != bounds.lower.rows[at]]
+            box[at] += multiplier[givers.rows[at]] * givers.entry[at]
         marks = at_row[bounds.rows], at_lb[self.kept], at_ub[self.kept]
         return Guess(
             guess.x[self.kept],
@@ -192,7 +194,7 @@ def bounds_from_rows(qp: QPData, G: csc_array, A: csc_array) -> Bounds:
     """Turn rows into bounds, but for those that contradict others: proofs need them."""
     n, m, p = qp.q.size, qp.h.size, qp.b.size
     lb, ub = qp.lb.copy(), qp.ub.copy()
-    lower, upper = (Owners(np.full(n, -1), np.ones(n)) for _ in range(2))
+    lower, upper = (Givers(np.full(n, -1), np.ones(n)) for _ in range(2))
     left = np.ones(m + p, dtype=np.bool_)
     rows, equations = left[:m], left[m:]
     sides = lb, ub, *lower, *upper
@@ -217,7 +219,7 @@ def take_rows(
 ):  # fmt: skip
     """Tighten lb and ub by the rows with one entry, and take these from `left`.
 
-    Row i is number first + i among the owners.
+    Row i is number first + i among the givers.
     """
     entries = np.zeros(side.size, dtype=np.int32)
     for i in indices:
