@@ -401,3 +401,22 @@ def test_a_wrong_warm_start_costs_iterations_only(seed):
     for point in (solve(other, DEFAULT), solve(other, DEFAULT)._replace(z=np.ones(60))):
         result = solve(qp, DEFAULT, make_guess(qp, None, point))
         assert_solves_qp(qp, result, 1e-10)
+
+
+@pytest.mark.parametrize("scale", [1e-8, 1e-7, 1e-5])
+def test_small_blocks_of_p_are_not_torn_apart(scale):
+    v = scale * np.array([1.0, 1.0, 100.0])
+    P = np.zeros((4, 4))
+    P[:3, :3] = np.outer(v, v)
+    P[3, 3] = 1.0
+    check_convex(csc_array(P))
+
+
+def test_a_huge_side_of_an_inactive_row_does_not_loosen_the_others():
+    """x1 + x2 <= -1, x1 - x2 <= -1, x1 >= 0 leave nothing, whatever else is asked."""
+    G = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 0.0], [1.0, 2.0]])
+    for huge in (1e10, 1e14, 1e18):
+        qp = make_qp(np.diag([1.0, 0.0]), [0, 0], G, [-1.0, -1.0, 0.0, huge])
+        point = (np.zeros(2), np.zeros(0), np.zeros(4), np.zeros(2))
+        assert not qp_residuals(*qp, *point).solved(1e-9, 1e-10)
+        assert solve(qp, DEFAULT).status is not Status.SOLVED

@@ -105,7 +105,8 @@ def qp_residuals_of_products(q, h, b, lb, ub, x, y, z, z_box, Px, Gx, Ax, Aty_Gt
             dual = np.nan
         primal = max(primal, Gx[i] - h[i])
         if not np.isinf(h[i]):
-            primal_size = max(primal_size, abs(Gx[i]), abs(h[i]))
+            # not |h_i|: where the row binds it is no larger, elsewhere it may be huge
+            primal_size = max(primal_size, abs(Gx[i]))
             hz += h[i] * z[i]
         else:
             dual = max(dual, abs(z[i]))

@@ -202,7 +202,7 @@ def solve_forms(
     answer = restored(answer, smaller, options)
     if answer.status in (Status.STALLED, Status.NUMERICAL_ERROR):
         near = make_guess(qp, None, answer)
-        other = solve_path(qp, options, near, deadline, progress, Memory())
+        other = try_forms(qp, options, near, deadline, progress, Memory())
         return better(answer, other, options)
     return answer
 
