@@ -18,16 +18,18 @@ from problems_qp import (
     singular_block,
     unbounded,
 )
-from scipy.sparse import csr_array, diags_array
+from scipy.sparse import csc_array, csr_array, diags_array
 
 from namlcp.options import Options
 from namlcp.qp import fallback
 from namlcp.qp.convexity import check_convex
+from namlcp.qp.factors import Bordered, dense_border
 from namlcp.qp.judge import Judge
 from namlcp.qp.kkt import KKT
 from namlcp.qp.path import PathResult, solve
 from namlcp.qp.presolve import presolve
 from namlcp.qp.scaling import ScaledQP
+from namlcp.qp.start import make_guess
 from namlcp.residuals import qp_residuals
 from namlcp.status import Status
 
@@ -213,14 +215,14 @@ def test_edges(name):
 def test_start_at_the_solution_needs_no_iteration(name):
     qp = EDGES[name]
     x = solve(qp, DEFAULT).x
-    result = solve(qp, DEFAULT, x)
+    result = solve(qp, DEFAULT, make_guess(qp, x, None))
     assert_solves_qp(qp, result)
     assert result.iterations == 0
 
 
 def test_any_start_is_accepted():
     known = complementary(1, 20, 30, 5, 20)
-    result = solve(known.qp, DEFAULT, np.full(20, 1e3))
+    result = solve(known.qp, DEFAULT, make_guess(known.qp, np.full(20, 1e3), None))
     assert_solves_qp(known.qp, result)
 
 
@@ -318,8 +320,9 @@ def test_scaling_equilibrates_and_is_inverted_exactly():
     K = abs(s.kkt.matrix + s.kkt.matrix.T).toarray()
     np.fill_diagonal(K, abs(s.kkt.base[s.kkt.diagonal]))
     np.testing.assert_allclose(K.max(axis=1), 1.0, atol=5e-3)
+    guess = make_guess(known.qp, known.x, None)
     np.testing.assert_allclose(
-        s.small.primal(s.from_user(known.x) * s.unit[:10]), known.x, rtol=1e-14
+        s.small.primal(s.from_user(guess)[0] * s.unit[:10]), known.x, rtol=1e-14
     )
 
 
@@ -344,3 +347,76 @@ def test_kkt_solves_are_refined():
     crude = weaker.solve_once(rhs)
     better = weaker.gmres(rhs, crude, np.inf, 1.0)[0]
     assert np.abs(full @ better - rhs).max() < 0.1 * np.abs(full @ crude - rhs).max()
+
+
+def dense_rows(seed, m=400, n=60):
+    """A support vector machine: min |w|^2/2 + sum t, t >= 1 - Bw, t >= 0."""
+    rng = np.random.default_rng(seed)
+    B = rng.standard_normal((m, n))
+    P = np.diag(np.concatenate((np.ones(n), np.zeros(m))))
+    q = np.concatenate((np.zeros(n), np.ones(m)))
+    G = np.block([[-B, -np.eye(m)], [np.zeros((m, n)), -np.eye(m)]])
+    return make_qp(P, q, G, np.concatenate((-np.ones(m), np.zeros(m))))
+
+
+def test_a_dense_border_is_found_and_factored():
+    qp = dense_rows(0)
+    matrix = ScaledQP(presolve(qp, 1e-9, 0.0)).kkt.matrix
+    border = dense_border(matrix.indptr, matrix.indices)
+    np.testing.assert_array_equal(border, np.arange(60))
+    assert_solves_qp(qp, solve(qp, DEFAULT), 1e-10)
+
+
+@pytest.mark.parametrize("inner", ["diagonal", "sparse"])
+@pytest.mark.parametrize("border", ["positive", "negative", "mixed", "all"])
+def test_bordered_factors_solve(inner, border):
+    rng = np.random.default_rng(1)
+    n, m = 30, 50
+    H = np.zeros((n, n))
+    H[:10, :10] = rng.standard_normal((10, 10))
+    H = H @ H.T + np.diag(1.0 + rng.random(n))
+    C = rng.standard_normal((m, n)) * (rng.random((m, n)) < 0.3)
+    if inner == "diagonal":
+        H[10:, 10:] = np.diag(np.diag(H)[10:])
+        C[:, 10:] = 0.0
+    K = np.block([[H, C.T], [C, -np.diag(0.1 + rng.random(m))]])
+    rows = {
+        "positive": np.arange(10),
+        "negative": np.arange(40, 60),
+        "mixed": np.r_[0:10, 32:36],
+        "all": np.arange(n + m),
+    }[border]
+    factors = Bordered(csc_array(np.triu(K)), rows)
+    rhs = rng.standard_normal(n + m)
+    np.testing.assert_allclose(K @ factors.solve(rhs), rhs, atol=1e-11)
+    K[np.diag_indices(n + m)] *= 1.5
+    factors.update(csc_array(np.triu(K)).data)
+    np.testing.assert_allclose(K @ factors.solve(rhs), rhs, atol=1e-11)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_wrong_warm_start_costs_iterations_only(seed):
+    """The solution of another problem of the same shape, and nonsense."""
+    qp, other = (complementary(s, 30, 60, 3, 8, 0.5).qp for s in (seed, seed + 50))
+    for point in (solve(other, DEFAULT), solve(other, DEFAULT)._replace(z=np.ones(60))):
+        result = solve(qp, DEFAULT, make_guess(qp, None, point))
+        assert_solves_qp(qp, result, 1e-10)
+
+
+@pytest.mark.parametrize("scale", [1e-8, 1e-7, 1e-5])
+def test_small_blocks_of_p_are_not_torn_apart(scale):
+    v = scale * np.array([1.0, 1.0, 100.0])
+    P = np.zeros((4, 4))
+    P[:3, :3] = np.outer(v, v)
+    P[3, 3] = 1.0
+    check_convex(csc_array(P))
+
+
+def test_a_huge_side_of_an_inactive_row_does_not_loosen_the_others():
+    """x1 + x2 <= -1, x1 - x2 <= -1, x1 >= 0 leave nothing, whatever else is asked."""
+    G = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 0.0], [1.0, 2.0]])
+    for huge in (1e10, 1e14, 1e18):
+        qp = make_qp(np.diag([1.0, 0.0]), [0, 0], G, [-1.0, -1.0, 0.0, huge])
+        point = (np.zeros(2), np.zeros(0), np.zeros(4), np.zeros(2))
+        assert not qp_residuals(*qp, *point).solved(1e-9, 1e-10)
+        assert solve(qp, DEFAULT).status is not Status.SOLVED

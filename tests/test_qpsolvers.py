@@ -331,6 +331,11 @@ def test_warm_starts_give_the_same_answer():
         warm = solve_problem(problem, solver="nam", **settings)
         np.testing.assert_allclose(warm.x, cold.x, atol=1e-12)
         assert warm.extras["iterations"] <= 1
+    impossible = Problem(**{**textbook(), "ub": np.full(3, -1e3)})
+    failed = solve_problem(impossible, solver="nam")
+    assert not failed.found
+    again = solve_problem(problem, solver="nam", warm_start=failed)
+    np.testing.assert_allclose(again.x, cold.x, atol=1e-12)
 
 
 def test_nothing_is_printed_unless_asked(capsys):

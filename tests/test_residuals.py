@@ -59,3 +59,19 @@ def test_natural_residual_is_the_papers():
     lower, upper = np.zeros(9), np.full(9, np.inf)
     expected = np.linalg.norm(np.minimum(z, w))
     assert natural_residual(z, w, lower, upper) == pytest.approx(expected)
+
+
+@pytest.mark.parametrize("sparse", [False, True])
+@pytest.mark.parametrize("name", ["x", "y", "z"])
+def test_wrong_sizes_are_refused(sparse, name):
+    P, G, A = np.eye(3), np.ones((2, 3)), np.ones((1, 3))
+    if sparse:
+        P, G, A = (sp.csc_array(C) for C in (P, G, A))
+    point = {"x": np.zeros(3), "y": np.zeros(1), "z": np.zeros(2)}
+    point[name] = np.zeros(7)
+    bounds = np.full(3, -np.inf), np.full(3, np.inf)
+    with pytest.raises(ValueError, match="shape"):
+        qp_residuals(
+            P, np.ones(3), G, np.ones(2), A, np.ones(1), *bounds, *point.values(),
+            np.zeros(3),
+        )  # fmt: skip

@@ -5,7 +5,9 @@
 ``solver="nam"`` known to qpsolvers.
 """
 
+from importlib import import_module
 from importlib.metadata import version
+from typing import Any
 
 from namlcp.lcp.comparison import Verdict, is_h_plus
 from namlcp.lcp.convergence import converges
@@ -34,3 +36,10 @@ __all__ = [
 __version__ = version("namlcp")
 
 register()
+
+
+def __getattr__(name: str) -> Any:
+    """Import `namlcp.cvxpy` on first use: CVXPY is optional, and slow to import."""
+    if name == "cvxpy":
+        return import_module("namlcp.cvxpy")
+    raise AttributeError(f"module 'namlcp' has no attribute {name!r}")

@@ -18,6 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numba import njit
 
+from namlcp.products import add_transposed, times
+
 # Terms of the gap below this round off by less than 1e-12: any order will do.
 LARGE = 250.0
 
@@ -47,6 +49,9 @@ class Residuals(NamedTuple):
     def solved(self, eps_abs: float, eps_rel: float) -> bool:
         """Tell whether all three are within tolerance."""
         return self.worst(eps_abs, eps_rel) <= 1.0
+
+
+UNDEFINED = Residuals(*[math.nan] * 7)
 
 
 def natural_residual(
@@ -100,7 +105,8 @@ def qp_residuals_of_products(q, h, b, lb, ub, x, y, z, z_box, Px, Gx, Ax, Aty_Gt
             dual = np.nan
         primal = max(primal, Gx[i] - h[i])
         if not np.isinf(h[i]):
-            primal_size = max(primal_size, abs(Gx[i]), abs(h[i]))
+            # not |h_i|: where the row binds it is no larger, elsewhere it may be huge
+            primal_size = max(primal_size, abs(Gx[i]))
             hz += h[i] * z[i]
         else:
             dual = max(dual, abs(z[i]))
@@ -138,21 +144,19 @@ def qp_residuals(
     entries. Where the terms of the gap are 1e16 times the tolerance, the order of the
     sums decides: large ones are summed as the hosts do, dot product by dot product.
     """
-    Px, Gx, Ax, Aty_Gtz = P @ x, h, b, np.zeros(x.size)
-    if h.size:  # SciPy's products with empty matrices cost more than a small QP
-        Gx = G @ x
-        Aty_Gtz += z @ G
-    if b.size:
-        Ax = A @ x
-        Aty_Gtz += y @ A
-    products = Px, Gx, Ax, Aty_Gtz
+    Aty_Gtz = np.zeros(x.size)
+    add_transposed(A, y, Aty_Gtz)
+    add_transposed(G, z, Aty_Gtz)
+    Px = times(P, x)
+    products = Px, times(G, x), times(A, x), Aty_Gtz
     found = Residuals(
         *qp_residuals_of_products(q, h, b, lb, ub, x, y, z, z_box, *products)
     )
     if found.gap_size < LARGE:
         return found
     gap = x.dot(Px) + q.dot(x) + support(h, z) + b.dot(y)
-    gap += support(lb, np.minimum(z_box, 0.0)) + support(ub, np.maximum(z_box, 0.0))
+    gap += support(lb, np.minimum(z_box, 0.0))
+    gap += support(ub, np.maximum(z_box, 0.0))
     return found._replace(gap=abs(float(gap)))
 
 

@@ -76,7 +76,7 @@ class QPResult:
     iterations : int
         Pivots, sweeps or interior steps of the form that was chosen.
     form : str
-        The smallest form that fitted: "bounds", "dual" or "path".
+        The smallest form that fitted, after substitution: "bounds", "dual" or "path".
     message : str
         One sentence more than the status says, or "".
     setup_time, solve_time : float

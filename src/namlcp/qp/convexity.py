@@ -51,9 +51,10 @@ def has_positive_pivots(triangle: csc_matrix) -> bool:
 
 @njit(cache=True, nogil=True)
 def unit_triangle(indptr, indices, data):
-    """Return (code, i, j) and the upper triangle of D^-1/2 P D^-1/2 + SLACK I in CSC.
+    """Return (code, i, j) and the upper triangle of R^-1 (P + t I) R^-1 + SLACK I.
 
-    i and j say where NEGATIVE (j) or MINOR was found. Zero rows get a unit diagonal.
+    t = ZERO max |P| stands for rounding, R has the roots of the diagonal of P + t I.
+    i and j say where NEGATIVE (j) or MINOR was found.
     """
     n = indptr.size - 1
     diagonal = np.zeros(n)
@@ -67,6 +68,7 @@ def unit_triangle(indptr, indices, data):
     up = np.zeros(n + 1, dtype=np.int32)
     ui = np.empty(data.size + n, dtype=np.int32)
     ux = np.empty(data.size + n)
+    root = np.sqrt(np.maximum(diagonal, 0.0) + max(tiny, 1e-300))
     code = CONVEX
     nnz = 0
     for j in range(n):
@@ -81,9 +83,9 @@ def unit_triangle(indptr, indices, data):
             bound = np.sqrt(max(diagonal[i], 0.0) * max(diagonal[j], 0.0))
             if abs(data[t]) > bound * (1.0 + 2.0 * SLACK) + tiny:
                 return MINOR, i, j, up, ui, ux
-            if i < j and bound > tiny:
+            if i < j:
                 ui[nnz] = i
-                ux[nnz] = data[t] / bound
+                ux[nnz] = data[t] / (root[i] * root[j])
                 nnz += 1
         if rest > diagonal[j]:
             code = UNDECIDED

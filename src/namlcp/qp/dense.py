@@ -46,6 +46,9 @@ DEPENDENT = 1e-10
 CONTRADICTION = 1e-10
 # Pivots after which multipliers and x are computed anew, against drift.
 REFIT = 32
+# After IDLE pivots in a row on violations below NOISE roundings, `level`, what counts
+# as rounding, grows tenfold.
+IDLE, NOISE = 10, 1e3
 # A pivot of P below this multiple of its diagonal entry counts as zero.
 DEFINITE = 1e-13
 
@@ -379,7 +382,7 @@ def pivot(P, q, G, h, A, b, lb, ub, L, hint, x, y, z, z_box, max_iter):
     copy(u, x)
     backward_solve(L, x)
     # np.int64, because a literal would compile every callee once more
-    k, pivots, level = np.int64(0), 0, 1e-14
+    k, pivots, idle, level = np.int64(0), 0, 0, 1e-14
     matvec(G, x, Gx)
     if p == 0 and most_violated(x, Gx, h, lb, ub, norms, level, p) < 0:
         refine(active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x)
@@ -402,12 +405,18 @@ def pivot(P, q, G, h, A, b, lb, ub, L, hint, x, y, z, z_box, max_iter):
             if entering < 0:
                 break
             pivots += 1
-            if pivots % (n + m) == 0:
-                level *= 10.0  # rounding, not the problem, keeps it busy
             if pivots % REFIT == 0:
                 k = refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x)
             set_row(entering, G, A, row)
             d = right_side(entering, h, b, lb, ub)
+            size = abs(d) + np.sqrt(dot(row, row)) * np.abs(x).max()
+            if dot(row, x) - d <= NOISE * level * size:
+                idle += 1
+            else:
+                idle = 0
+            if idle == IDLE:
+                level *= 10.0  # rounding, not the problem, keeps it busy
+                idle = 0
             k = enter(entering, row, d, active, multiplier, k, L, Q, R, u, x, p, level)
             if k < 0:
                 active[-1 - k] = entering

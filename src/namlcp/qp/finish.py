@@ -12,11 +12,11 @@ active pieces with Z >= 0 and adds the violated ones: a primal-dual active set m
 """
 
 import time
-from collections.abc import Callable
 
 import numpy as np
 from numba import njit
 
+from namlcp.qp.judge import Judge
 from namlcp.qp.kkt import products
 from namlcp.qp.scaling import ScaledQP
 
@@ -28,17 +28,14 @@ NOISE = 1e-11  # residuals below are good enough to start with
 WRONG = 1e-12  # a multiplier or slack below minus this is wrong
 LARGE = 5_000  # entries of K above which a round must pay
 
-Offer = Callable[[np.ndarray, np.ndarray, np.ndarray], float]
-
 
 class Finish:
     """Exact active-set rounds on a scaled problem; the factors of K are overwritten."""
 
-    def __init__(self, problem: ScaledQP, offer: Offer) -> None:
-        """`offer(x, y, Z)` judges a point: its worst residual over the tolerance."""
-        self.problem, self.offer = problem, offer
+    def __init__(self, problem: ScaledQP, judge: Judge, deadline: float) -> None:
+        """`deadline` is a value of time.perf_counter()."""
+        self.problem, self.judge, self.deadline = problem, judge, deadline
         self.face = Face(problem)
-        self.deadline = np.inf
 
     def run(
         self,
@@ -64,7 +61,7 @@ class Finish:
                     break
             x, y, multiplier, slack = self.face.solution(s.q, s.c, active)
             Z = np.maximum(multiplier, 0.0)
-            worst = self.offer(x, y, Z)
+            worst = self.judge.offer(*s.user_point(x, y, Z))
             pays = worst <= 0.5 * best or s.kkt.base.size <= LARGE
             best = min(best, worst)
             new = np.where(active, multiplier > -WRONG, slack < -WRONG)

@@ -6,7 +6,7 @@ import numpy as np
 
 from namlcp.checks import QPData
 from namlcp.options import Options
-from namlcp.residuals import qp_residuals
+from namlcp.residuals import Residuals, qp_residuals
 
 Point = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
@@ -20,6 +20,12 @@ class Judge:
         n, m, p = qp.q.size, qp.h.size, qp.b.size
         self.best = inf
         self.point: Point = np.zeros(n), np.zeros(p), np.zeros(m), np.zeros(n)
+        self.found: Residuals | None = None
+
+    @property
+    def residuals(self) -> Residuals:
+        """Those of the best point."""
+        return self.found or qp_residuals(*self.qp, *self.point)
 
     def offer(
         self, x: np.ndarray, y: np.ndarray, z: np.ndarray, z_box: np.ndarray
@@ -29,10 +35,11 @@ class Judge:
         worst = inf
         inside = np.minimum(np.maximum(x, self.qp.lb), self.qp.ub)
         for point in (x, inside):
-            value = qp_residuals(*self.qp, point, y, z, z_box).worst(*eps)
+            found = qp_residuals(*self.qp, point, y, z, z_box)
+            value = found.worst(*eps)
             worst = min(worst, value)
             if value < self.best:
-                self.best = value
+                self.best, self.found = value, found
                 self.point = point, y, z, z_box
             if np.array_equal(x, inside):
                 break

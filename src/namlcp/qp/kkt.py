@@ -1,4 +1,4 @@
-"""The KKT matrix: one fixed pattern, its diagonal changes, sparse LDL' factors it.
+"""The KKT matrix: one fixed pattern, its diagonal changes, LDL' factors it.
 
         [P  A'  G']          [P + dx   A'   G']
     K = [A  0   0 ],   K~ =  [A       -dy    0],   dx, dy, dv > 0 (quasi-definite).
@@ -12,9 +12,10 @@ factors as preconditioner goes on.
 """
 
 import numpy as np
-import qdldl
 from numba import njit
 from scipy.sparse import csc_array, csr_array
+
+from namlcp.qp.factors import Bordered, Sparse, factor
 
 PASSES = 11  # refinement steps at most
 POOR = 1e-9  # relative residual above which GMRES goes on
@@ -34,8 +35,17 @@ class KKT:
     n, size : number of variables; of all rows of K
     """
 
-    def __init__(self, P: csc_array, A: csr_array, G: csr_array) -> None:
-        """Lay out K for P (symmetric, all of it stored), A and G."""
+    def __init__(
+        self,
+        P: csc_array,
+        A: csr_array,
+        G: csr_array,
+        last: "KKT | None" = None,
+    ) -> None:
+        """Lay out K for P (symmetric, all of it stored), A and G.
+
+        The factors of the `last` K are taken over where the pattern is the same.
+        """
         self.accuracy = 1e-14
         self.n = P.shape[0]
         self.size = self.n + A.shape[0] + G.shape[0]
@@ -54,7 +64,13 @@ class KKT:
             (self.base.copy(), self.indices, self.indptr), shape=(self.size, self.size)
         )
         self.data = self.matrix.data
-        self.factors: qdldl.Solver | None = None
+        self.factors: Sparse | Bordered | None = None
+        self.factored = np.empty(0)
+        if last is not None and (
+            np.array_equal(last.indptr, self.indptr)
+            and np.array_equal(last.indices, self.indices)
+        ):
+            self.factors, self.factored = last.factors, last.factored
         self.weight = np.ones(self.size)
         self.residual = np.empty(self.size)
         self.trial = np.empty(self.size)
@@ -62,13 +78,17 @@ class KKT:
     def factor(self) -> bool:
         """Factor K~ as it stands in `data`; False if a pivot vanishes."""
         self.weight = np.maximum(1.0, np.abs(self.data[self.diagonal]))
+        if self.factored.size and np.array_equal(self.factored, self.data):
+            return True
+        self.factored = np.empty(0)
         try:
             if self.factors is None:
-                self.factors = qdldl.Solver(self.matrix, upper=True)
+                self.factors = factor(self.matrix)
             else:
-                self.factors.update(self.matrix, upper=True)
+                self.factors.update(self.data)
         except (RuntimeError, ValueError):
             return False
+        self.factored = self.data.copy()
         return True
 
     def solve_once(self, rhs: np.ndarray) -> np.ndarray:

@@ -18,12 +18,13 @@ from namlcp.checks import QPData
 from namlcp.options import Options
 from namlcp.qp import fallback
 from namlcp.qp.certificates import LoopTests, contradiction
-from namlcp.qp.convexity import check_convex
 from namlcp.qp.finish import LARGE, Finish
 from namlcp.qp.judge import Judge
+from namlcp.qp.memory import Memory
 from namlcp.qp.presolve import presolve
 from namlcp.qp.regularisation import POOR, Regularisation
 from namlcp.qp.scaling import ScaledQP
+from namlcp.qp.start import NO_GUESS, Guess
 from namlcp.qp.steps import (
     advance,
     assemble,
@@ -33,6 +34,7 @@ from namlcp.qp.steps import (
     right_side,
     shifted_inside,
 )
+from namlcp.residuals import UNDEFINED, Residuals
 from namlcp.status import Status
 
 Report = Callable[..., None]
@@ -48,9 +50,10 @@ PATIENCE = 100  # iterations without halving the worst residual before STALLED
 ACCURACY = 1e-4  # of the linear solves, relative to the tolerance
 CLOSE = 1e3  # gap over its tolerance at which the judge sees a feasible iterate
 EXACT = 1e-8  # tolerances up to this one ask for an exact finish in any case
+INSIDE = 1e-2  # least slack and multiplier of a warm start, relative to the largest
+DOUBTED = 10  # iterations without halving before a warm start is given up
 DOUBT = 50  # iterations without halving before the fallback QPs are asked
 FALLBACK = Options(eps_abs=1e-10, eps_rel=1e-12, max_iter=60)
-NEAR = 1e-7  # a guess of x is on its bounds and rows within this
 
 
 class PathResult(NamedTuple):
@@ -63,35 +66,41 @@ class PathResult(NamedTuple):
     z_box: np.ndarray
     iterations: int
     message: str
+    residuals: Residuals = UNDEFINED
 
 
 def solve(
     qp: QPData,
     options: Options,
-    x0: np.ndarray | None = None,
+    guess: Guess = NO_GUESS,
     deadline: float = inf,
     report: Report | None = None,
+    memory: Memory | None = None,
 ) -> PathResult:
     """Solve a convex QP in CSC; `deadline` is a value of time.perf_counter().
 
-    x0 is a guess of x: if its active set is the right one, no iteration is needed.
+    If the active set of the guess is the right one, no iteration is needed. `memory`
+    holds the factors of a problem solved before, and takes those of this one.
     Raises ValueError if P is not positive semidefinite.
     """
-    check_convex(qp.P)
-    return follow_path(qp, options, x0, deadline, report, may_ask=True)
+    memory = Memory() if memory is None else memory
+    memory.ensure_convex(qp.P)
+    return follow_path(qp, options, guess, deadline, report, memory, may_ask=True)
 
 
 def follow_path(
     qp: QPData,
     options: Options,
-    x0: np.ndarray | None,
+    guess: Guess,
     deadline: float,
     report: Report | None,
+    memory: Memory,
     *,
     may_ask: bool,
 ) -> PathResult:
     """Solve a QP known to be convex; `may_ask` allows the fallback QPs."""
-    small = presolve(qp, options.eps_abs, options.eps_rel)
+    small = presolve(qp, options.eps_abs, options.eps_rel, memory.presolved)
+    memory.presolved = small
     judge = Judge(qp, options)
     for reason in small.contradictions:
         proof = contradiction(judge, small, reason)
@@ -102,24 +111,32 @@ def follow_path(
         zero = np.zeros(small.lower.size)
         solved = judge.offer(*small.point(none, none, zero, zero, none)) <= 1.0
         status = Status.SOLVED if solved else Status.STALLED
-        return PathResult(status, *judge.point, 0, "")
-    problem = ScaledQP(small)
-    loop = Interior(problem, judge, options)
+        return PathResult(status, *judge.point, 0, "", judge.residuals)
+    problem = memory.problem = ScaledQP(small, memory.problem)
+    finish = Finish(problem, judge, deadline)
+    if guess.x.size:
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            finish.run(*problem.from_user(guess), ROUNDS, GOOD)
+        if judge.best <= 1.0:
+            return PathResult(Status.SOLVED, *judge.point, 0, "", judge.residuals)
+    loop = Interior(problem, judge, options, finish)
     if may_ask:
         loop.ask = lambda other: follow_path(
-            other, FALLBACK, None, deadline, None, may_ask=False
+            other, FALLBACK, NO_GUESS, deadline, None, Memory(), may_ask=False
         )
-    status = loop.run(x0, deadline, report)
+    status = loop.run(guess, deadline, report)
     proof = loop.tests.proof
-    return PathResult(
-        status, *(judge.point if proof is None else proof), loop.iterations, ""
-    )
+    if proof is not None:
+        return PathResult(status, *proof, loop.iterations, "")
+    return PathResult(status, *judge.point, loop.iterations, "", judge.residuals)
 
 
 class Interior:
     """The iterate (x, y, W, Z) of a scaled problem, and the loop."""
 
-    def __init__(self, problem: ScaledQP, judge: Judge, options: Options) -> None:
+    def __init__(
+        self, problem: ScaledQP, judge: Judge, options: Options, finish: Finish
+    ) -> None:
         """Allocate everything the loop needs."""
         self.problem, self.judge, self.options = problem, judge, options
         n, p, m, size = problem.n, problem.p, problem.c.size, problem.kkt.size
@@ -138,7 +155,7 @@ class Interior:
         self.reg = Regularisation()
         self.tol = max(options.eps_abs, options.eps_rel)
         problem.kkt.accuracy = min(max(ACCURACY * self.tol, 1e-14), 1e-10)
-        self.finish = Finish(problem, self.offer)
+        self.finish = finish
         self.tests = LoopTests(problem, judge)
         self.ask: fallback.Solver | None = None
         self.iterations = 0
@@ -149,26 +166,20 @@ class Interior:
         """Let the judge see a scaled point."""
         return self.judge.offer(*self.problem.user_point(x, y, Z))
 
-    def run(
-        self, x0: np.ndarray | None, deadline: float, report: Report | None
-    ) -> Status:
+    def run(self, guess: Guess, deadline: float, report: Report | None) -> Status:
         """Iterate until solved, proved impossible, or out of iterations or time."""
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            status = self.follow(x0, deadline, report)
+            status = self.follow(guess, deadline, report)
             if self.best < inf:
                 self.offer(*self.best_point)
         if self.tests.proof is None and self.judge.best <= 1.0:
             return Status.SOLVED
         return status
 
-    def follow(
-        self, x0: np.ndarray | None, deadline: float, report: Report | None
-    ) -> Status:
+    def follow(self, guess: Guess, deadline: float, report: Report | None) -> Status:
         """Run the loop."""
-        self.finish.deadline = deadline
-        if x0 is not None and self.guess(x0):
-            return Status.SOLVED
-        if not self.start():
+        warm = guess.x.size > 0 and self.warm_start(guess)
+        if not warm and not self.start():
             return Status.NUMERICAL_ERROR
         large = self.problem.kkt.base.size > LARGE
         trigger = Trigger(self.tol, DROP[large])
@@ -197,6 +208,11 @@ class Interior:
             mark = mark if since else worst
             if since > PATIENCE or not worst < inf:
                 return Status.STALLED
+            if warm and since == DOUBTED:
+                warm, mark, since = False, inf, 0
+                if not self.start():
+                    return Status.NUMERICAL_ERROR
+                continue
             if since == DOUBT and self.tests.promised:
                 verdict = self.doubt()
                 if verdict is not None:
@@ -219,16 +235,21 @@ class Interior:
         self.tests.proof = verdict[1]
         return verdict[0]
 
-    def guess(self, x0: np.ndarray) -> bool:
-        """Try the active set of x0 (the user's x)."""
-        s = self.problem
-        self.x[:] = s.from_user(x0)
-        self.Z[:] = 0.0
+    def warm_start(self, guess: Guess) -> bool:
+        """Start from the multipliers of a guess too, moved inside; False without any.
+
+        Every slack and multiplier is at least INSIDE times the largest one.
+        """
+        if not (guess.z.any() or guess.z_box.any()):
+            return False
+        self.x, self.y, self.Z, _ = self.problem.from_user(guess)
+        self.W[:] = 0.0
         self.evaluate()
-        active = self.rw - self.W > -NEAR * np.maximum(1.0, np.abs(s.c))
-        self.finish.run(self.x, self.y, self.Z, active, ROUNDS, GOOD)
-        self.x[:] = 0.0
-        return self.judge.best <= 1.0
+        self.best = inf
+        slack = -self.rw
+        self.W[:] = np.maximum(slack, INSIDE * np.abs(slack).max(initial=1.0))
+        self.Z[:] = np.maximum(self.Z, INSIDE * self.Z.max(initial=1e-3))
+        return True
 
     def start(self) -> bool:
         """Solve with W = Z = 1 as weights, then shift inside (Mehrotra)."""

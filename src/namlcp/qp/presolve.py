@@ -14,6 +14,8 @@ from numba import njit
 from scipy.sparse import csc_array, csr_array
 
 from namlcp.checks import QPData
+from namlcp.products import add_transposed, times
+from namlcp.qp.csc import by_rows, part, without_zeros
 
 FIXED = 1e-12  # ub - lb below this, relative to |lb| above 1, fixes a variable
 SAME = 1e-13  # relative difference of the entries of proportional rows
@@ -35,6 +37,20 @@ class Owners(NamedTuple):
 
     rows: np.ndarray
     ratio: np.ndarray
+
+
+class Groups(NamedTuple):
+    """The rows of a matrix that are not dropped, and which are multiples of which.
+
+    `empty` rows have no entry; of the kept `rows`, row i = ratio[i] * row leader[i]
+    (positions in `rows`; None if no two are proportional), and `first` are the leaders.
+    """
+
+    empty: np.ndarray
+    rows: np.ndarray
+    leader: np.ndarray | None
+    ratio: np.ndarray
+    first: np.ndarray
 
 
 class Presolved(NamedTuple):
@@ -64,6 +80,21 @@ class Presolved(NamedTuple):
     upper_of: Owners
     lower_of: Owners
     contradictions: list[Contradiction]
+    A_groups: Groups
+    G_groups: Groups
+
+    def has_matrices_of(self, other: "Presolved") -> bool:
+        """Tell whether P, A and G are the very same objects."""
+        return self.P is other.P and self.A is other.A and self.G is other.G
+
+    def can_be_renewed(self, qp: QPData, fixed: np.ndarray) -> bool:
+        """Tell whether only vectors differ, and the same entries are dropped."""
+        old = self.qp
+        return (
+            (qp.P is old.P and qp.A is old.A and qp.G is old.G)
+            and np.array_equal(fixed, self.fixed)
+            and np.array_equal(qp.h < np.inf, old.h < np.inf)
+        )
 
     def primal(self, x: np.ndarray) -> np.ndarray:
         """Return the user's x."""
@@ -88,6 +119,21 @@ class Presolved(NamedTuple):
             z_full[owners.rows[has]] += side[has] / np.abs(owners.ratio[has])
         return y_full, z_full
 
+    def rows_of(
+        self, y: np.ndarray, z: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return (y, z_upper, z_lower) of the user's multipliers."""
+        most, least = self.largest_of, self.smallest_of
+        y_kept = y[most.rows] * most.ratio
+        y_kept += np.where(least.rows != most.rows, y[least.rows] * least.ratio, 0.0)
+        sides = []
+        for owners in (self.upper_of, self.lower_of):
+            side = np.zeros(owners.rows.size)
+            has = owners.rows >= 0
+            side[has] = z[owners.rows[has]] * np.abs(owners.ratio[has])
+            sides.append(side)
+        return y_kept, sides[0], sides[1]
+
     def point(
         self,
         x: np.ndarray,
@@ -103,53 +149,64 @@ class Presolved(NamedTuple):
         box = np.zeros(qp.q.size)
         box[self.kept] = z_box
         if self.fixed.size:
-            gradient = qp.P @ x + qp.q + qp.A.T @ y + qp.G.T @ z
+            gradient = times(qp.P, x) + qp.q
+            add_transposed(qp.A, y, gradient)
+            add_transposed(qp.G, z, gradient)
             box[self.fixed] = -gradient[self.fixed]
         return x, y, z, box
 
 
-def presolve(qp: QPData, eps_abs: float, eps_rel: float) -> Presolved:
-    """Drop what does not matter. All matrices are CSC; nothing of `qp` is changed."""
+def presolve(
+    qp: QPData, eps_abs: float, eps_rel: float, last: Presolved | None = None
+) -> Presolved:
+    """Drop what does not matter. All matrices are CSC; nothing of `qp` is changed.
+
+    `last` is the outcome for a similar problem: matrices are taken from there where
+    they were the same objects and would be treated the same.
+    """
     found = contradictory_sides(qp, eps_abs, eps_rel)
     finite = np.isfinite(qp.lb) & np.isfinite(qp.ub)
     lb, ub = np.where(finite, qp.lb, 0.0), np.where(finite, qp.ub, 0.0)
     is_fixed = finite & (ub - lb <= FIXED * np.maximum(1.0, np.abs(lb)))
     kept, fixed = np.flatnonzero(~is_fixed), np.flatnonzero(is_fixed)
     x_fixed = 0.5 * (qp.lb[fixed] + qp.ub[fixed])
-    P, q, b, h = qp.P, qp.q, qp.b, qp.h
-    A, G = without_zeros(qp.A), without_zeros(qp.G)
-    lb, ub = qp.lb, qp.ub
+    q, b, h = qp.q, qp.b, qp.h
     if fixed.size:
-        q = q[kept] + P[:, fixed][kept] @ x_fixed
-        b = b - A[:, fixed] @ x_fixed
-        h = h - G[:, fixed] @ x_fixed
-        P, A, G = P[:, kept][kept], A[:, kept], G[:, kept]
-        lb, ub = lb[kept], ub[kept]
+        held = np.zeros(q.size)
+        held[fixed] = x_fixed
+        q = (q + times(qp.P, held))[kept]
+        b, h = b - times(qp.A, held), h - times(qp.G, held)
+    lb, ub = qp.lb[kept], qp.ub[kept]
+    if last is not None and last.can_be_renewed(qp, fixed):
+        P, A, G, A_groups, G_groups = (
+            last.P, last.A, last.G, last.A_groups, last.G_groups
+        )  # fmt: skip
+    else:
+        P = part(qp.P, kept, kept)
+        A, G = (
+            by_rows(part(without_zeros(M), np.arange(M.shape[0]), kept))
+            for M in (qp.A, qp.G)
+        )
+        A, A_groups = grouped(A, np.ones(b.size, dtype=bool))
+        G, G_groups = grouped(G, h < np.inf)
     tol = eps_abs if eps_abs > 0.0 else eps_rel
-    A, largest_of, smallest_of, b, more = equality_rows(A.tocsr(), b, tol)
+    b, largest_of, smallest_of, more = equality_sides(A_groups, b, tol)
     found += more
-    G, lower_of, upper_of, lower, upper, more = inequality_rows(
-        G.tocsr(), h, tol, qp.b.size
-    )
+    lower, upper, lower_of, upper_of, more = ends(G_groups, h, tol, qp.b.size)
     found += more
     return Presolved(
         qp, P, q, A, b, G, lower, upper, lb, ub, kept, fixed, x_fixed,
-        largest_of, smallest_of, upper_of, lower_of, found,
+        largest_of, smallest_of, upper_of, lower_of, found, A_groups, G_groups,
     )  # fmt: skip
-
-
-def without_zeros(M: csc_array) -> csc_array:
-    """Return M without stored zeros, itself if there are none."""
-    if M.nnz and not M.data.all():
-        M = M.copy()
-        M.eliminate_zeros()
-    return M
 
 
 def contradictory_sides(
     qp: QPData, eps_abs: float, eps_rel: float
 ) -> list[Contradiction]:
     """Return the first bound or row that no number can satisfy."""
+    wrong = ~(qp.lb <= qp.ub) | (qp.lb == np.inf) | (qp.ub == -np.inf)
+    if not wrong.any() and not (qp.h == -np.inf).any():
+        return []
     with np.errstate(invalid="ignore"):
         size = np.maximum(np.abs(qp.lb), np.abs(qp.ub))
         gap = qp.lb - qp.ub > 2.0 * (eps_abs + eps_rel * np.minimum(size, 1e300))
@@ -168,80 +225,75 @@ def contradictory_sides(
     return []
 
 
-def equality_rows(
-    A: csr_array, b: np.ndarray, tol: float
-) -> tuple[csr_array, Owners, Owners, np.ndarray, list[Contradiction]]:
-    """Drop empty and merge proportional rows of Ax = b.
+def grouped(M: csr_array, wanted: np.ndarray) -> tuple[csr_array, Groups]:
+    """Return the leading rows of M among those wanted and not empty, and the groups."""
+    is_empty = np.diff(M.indptr) == 0
+    rows = np.flatnonzero(wanted & ~is_empty)
+    M = M if rows.size == M.shape[0] else M[rows]
+    leader, ratio = proportional_rows(M)
+    first = np.arange(rows.size)
+    if leader is not None:
+        first = np.flatnonzero(leader == first)
+        M = M[first]
+    return M, Groups(np.flatnonzero(is_empty), rows, leader, ratio, first)
 
-    Returns A, the owners of the largest and smallest b of each row, their mean, and
-    verdicts.
-    """
+
+def equality_sides(
+    groups: Groups, b: np.ndarray, tol: float
+) -> tuple[np.ndarray, Owners, Owners, list[Contradiction]]:
+    """Return the mean right-hand sides, the owners of the extreme ones, verdicts."""
     found = []
     p = b.size
-    empty = np.diff(A.indptr) == 0
-    for i in np.flatnonzero(empty & (np.abs(b) > tol))[:1]:
+    empty, rows, leader, ratio, first = groups
+    for i in empty[np.abs(b[empty]) > tol][:1]:
         message = f"row {i} of A has no free variable, but the right-hand side {b[i]:g}"
         found.append(Contradiction(message, unit(p, i, -np.sign(b[i]))))
-    A, b, rows = selected(A, b, ~empty)
-    leader, ratio = proportional_rows(A)
+    b = b[rows]
     if leader is None:
         same = Owners(rows, ratio)
-        return A, same, same, b, found
+        return b, same, same, found
     value = b / ratio
     low, low_at = extreme(-value, leader)
     high, high_at = extreme(value, leader)
-    first = np.flatnonzero(leader == np.arange(rows.size))
     for k in first[high[first] + low[first] > 2.0 * tol][:1]:
         i, j = high_at[k], low_at[k]
         y = unit(p, rows[j], 1.0 / ratio[j]) - unit(p, rows[i], 1.0 / ratio[i])
         message = f"rows {rows[i]} and {rows[j]} of A contradict each other"
         found.append(Contradiction(message, y))
-    ends = [Owners(rows[at], ratio[at]) for at in (high_at[first], low_at[first])]
-    mean = 0.5 * (high[first] - low[first])
-    return A[first], ends[0], ends[1], mean, found
+    owners = [Owners(rows[at], ratio[at]) for at in (high_at[first], low_at[first])]
+    return 0.5 * (high[first] - low[first]), owners[0], owners[1], found
 
 
-def inequality_rows(
-    G: csr_array, h: np.ndarray, tol: float, p: int
-) -> tuple[csr_array, Owners, Owners, np.ndarray, np.ndarray, list[Contradiction]]:
-    """Drop infinite and empty rows of Gx <= h, merge proportional ones into ranges.
+def ends(
+    groups: Groups, h: np.ndarray, tol: float, p: int
+) -> tuple[np.ndarray, np.ndarray, Owners, Owners, list[Contradiction]]:
+    """Return the lower and upper ends of the ranges, their owners, and verdicts.
 
-    Returns G, the owners of the lower and upper ends, the ends, and verdicts (with
-    y = 0 of size p).
+    The verdicts have y = 0 of size p.
     """
     found = []
     m = h.size
-    empty = np.diff(G.indptr) == 0
-    for i in np.flatnonzero(empty & (h < -tol) & (h > -np.inf))[:1]:
+    empty, rows, leader, ratio, first = groups
+    for i in empty[(h[empty] < -tol) & (h[empty] > -np.inf)][:1]:
         message = f"row {i} of G has no free variable, but the right-hand side {h[i]:g}"
         found.append(Contradiction(message, np.zeros(p), unit(m, i, 1.0)))
-    G, h, rows = selected(G, h, ~empty & (h < np.inf))
-    leader, ratio = proportional_rows(G)
+    h = h[rows]
     if leader is None:
         none = Owners(np.full(rows.size, -1), ratio)
-        return G, none, Owners(rows, ratio), np.full(rows.size, -np.inf), h, found
+        return np.full(rows.size, -np.inf), h, none, Owners(rows, ratio), found
     value = h / ratio
     upper, upper_at = extreme(-np.where(ratio > 0.0, value, np.inf), leader)
     lower, lower_at = extreme(np.where(ratio < 0.0, value, -np.inf), leader)
     upper = -upper
-    first = np.flatnonzero(leader == np.arange(rows.size))
-    for k in first[lower[first] - upper[first] > 2.0 * tol][:1]:
+    for k in first[lower[first] > upper[first] + 2.0 * tol][:1]:
         i, j = upper_at[k], lower_at[k]
         z = unit(m, rows[i], 1.0 / ratio[i]) + unit(m, rows[j], -1.0 / ratio[j])
         message = f"rows {rows[i]} and {rows[j]} of G contradict each other"
         found.append(Contradiction(message, np.zeros(p), z))
-    ends = []
+    owners = []
     for end, at in ((lower[first], lower_at[first]), (upper[first], upper_at[first])):
-        ends.append(Owners(np.where(np.isfinite(end), rows[at], -1), ratio[at]))
-    return G[first], ends[0], ends[1], lower[first], upper[first], found
-
-
-def selected(
-    M: csr_array, rhs: np.ndarray, keep: np.ndarray
-) -> tuple[csr_array, np.ndarray, np.ndarray]:
-    """Return the rows of M and rhs to keep, and their numbers."""
-    rows = np.flatnonzero(keep)
-    return (M, rhs, rows) if keep.all() else (M[rows], rhs[rows], rows)
+        owners.append(Owners(np.where(np.isfinite(end), rows[at], -1), ratio[at]))
+    return lower[first], upper[first], owners[0], owners[1], found
 
 
 def proportional_rows(M: csr_array) -> tuple[np.ndarray | None, np.ndarray]:

@@ -14,6 +14,7 @@ from numba import njit
 
 from namlcp.qp.kkt import KKT
 from namlcp.qp.presolve import Presolved
+from namlcp.qp.start import Guess
 
 ROUNDS = 10
 EQUAL = 1e-3
@@ -26,15 +27,25 @@ class ScaledQP:
     `ends` has the three positions where the next kind begins.
     """
 
-    def __init__(self, small: Presolved) -> None:
-        """Scale the presolved problem; P, A and G live on in `kkt` alone."""
+    def __init__(self, small: Presolved, last: "ScaledQP | None" = None) -> None:
+        """Scale the presolved problem; P, A and G live on in `kkt` alone.
+
+        The matrices of the `last` problem are not scaled again.
+        """
         n, p = small.q.size, small.b.size
         self.small = small
+        self.kkt: KKT
+        self.scale: np.ndarray
         self.n, self.p = n, p
-        self.kkt = KKT(small.P, small.A, small.G)
-        scale = np.ones(self.kkt.size)
-        equilibrate(self.kkt.indptr, self.kkt.indices, self.kkt.base, scale)
+        if last is not None and small.has_matrices_of(last.small):
+            self.kkt, self.scale = last.kkt, last.scale
+        else:
+            old = None if last is None else last.kkt
+            self.kkt = KKT(small.P, small.A, small.G, old)
+            self.scale = np.ones(self.kkt.size)
+            equilibrate(self.kkt.indptr, self.kkt.indices, self.kkt.base, self.scale)
         self.kkt.data[:] = self.kkt.base
+        scale = self.scale
         self.unit = np.concatenate((scale[:n], 1.0 / scale[n:]))
         self.q = small.q * scale[:n]
         self.b = small.b * scale[n : n + p]
@@ -73,9 +84,33 @@ class ScaledQP:
         d[self.small.kept] = dx * self.unit[: self.n]
         return d
 
-    def from_user(self, x: np.ndarray) -> np.ndarray:
-        """Return the scaled x of a user's x."""
-        return x[self.small.kept] / self.unit[: self.n]
+    def from_user(
+        self, guess: Guess
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return the scaled (x, y, Z) of a guess and its active pieces."""
+        n, small = self.n, self.small
+        y, z_upper, z_lower = small.rows_of(guess.y, guess.z)
+        box = guess.z_box[small.kept]
+        sides = z_upper, z_lower, np.maximum(box, 0.0), np.maximum(-box, 0.0)
+        Z = np.concatenate([v[at] for v, at in zip(sides, self.finite, strict=True)])
+        first, active = small.qp.h.size, guess.active != 0
+        second = first + guess.x.size
+        mark_row, mark_lb, mark_ub = (
+            active[:first], active[first:second], active[second:]
+        )  # fmt: skip
+        upper, lower, ub, lb = self.finite
+        marks = (
+            mark_row[small.upper_of.rows[upper]],
+            mark_row[small.lower_of.rows[lower]],
+            mark_ub[small.kept[ub]],
+            mark_lb[small.kept[lb]],
+        )
+        return (
+            guess.x[small.kept] / self.unit[:n],
+            y * self.unit[n : n + self.p],
+            Z * self.unit[self.place],
+            np.concatenate(marks),
+        )
 
     def sides(self, Z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return unscaled multipliers: upper and lower ends of rows, net bounds."""

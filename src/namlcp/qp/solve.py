@@ -1,8 +1,9 @@
 """solve_qp: check, choose the smallest form, solve, recover, judge.
 
-The forms, smallest first: a strictly convex problem that is small goes to
-`dense` (its multipliers' LCP); bounds alone make a box LCP with A = P; everything else
-follows the `path`. A form that cannot finish hands over to the path, and the better of
+First `substitution` takes out of a sparse problem what one row or column decides. The
+forms, smallest first: bounds alone make a box LCP with A = P; a strictly convex problem
+that is small goes to `dense` (its multipliers' LCP); everything else follows the
+`path`. A form that cannot finish hands over to the path, and the better of
 the two points is returned. Whatever a form says, SOLVED is decided here, on the user's
 own data.
 """
@@ -19,23 +20,29 @@ from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp import certificates, dense, path
 from namlcp.qp.convexity import check_convex
+from namlcp.qp.memory import Memory
 from namlcp.qp.reduction import box_lcp, box_point, is_box_open
 from namlcp.qp.start import Guess, make_guess
-from namlcp.residuals import Residuals, qp_residuals
+from namlcp.qp.substitution import Substitution, substitute
+from namlcp.residuals import UNDEFINED, Residuals, qp_residuals
 from namlcp.result import QPResult
 from namlcp.status import Status
 
 # Up to here a strictly convex dense QP is small; beyond, its pivots take seconds.
 DENSE_VARIABLES = 2000
 DENSE_ENTRIES = 16_000_000
+# Bounds alone, and fewer variables: the dense form is quicker than the box LCP.
+DENSE_BOX = 50
 # Sparse problems below this many entries are cheaper as dense ones.
 SPARSE_ENTRIES = 10_000
+
+# From this density on the matrices of a sparse problem are treated as dense.
+FULL = 0.3
 
 # A tolerance below this times the terms of the gap is decided by their rounding.
 ROUNDING = 4e-15
 
 NOTHING = np.empty(0)
-UNDEFINED = Residuals(*[np.nan] * 7)
 
 
 class Answer(NamedTuple):
@@ -135,15 +142,19 @@ def solve_checked(
     guess: Guess,
     start: float,
     history: bool = False,
+    memory: Memory | None = None,
 ) -> QPResult:
-    """Solve a checked QP; `start` is the time.perf_counter() of the call."""
+    """Solve a checked QP; `start` is the time.perf_counter() of the call.
+
+    `memory` is kept by the caller from one problem to the next of the same pattern.
+    """
     deadline = start + options.time_limit
     progress = None
     if options.verbose or history:
         progress = Progress(QP_COLUMNS, options.verbose)
         progress.say(describe(qp, options))
     ready = time.perf_counter()
-    answer = solve_forms(qp, options, guess, deadline, progress)
+    answer = solve_forms(qp, options, guess, deadline, progress, memory)
     end = time.perf_counter()
     if progress is not None:
         progress.close(conclude(answer, end - start))
@@ -170,20 +181,84 @@ def solve_forms(
     guess: Guess,
     deadline: float,
     progress: Progress | None,
+    memory: Memory | None,
+) -> Answer:
+    """Substitute what one row or column decides, then solve the smallest form.
+
+    What comes back unsolved from the smaller problem is tried again as it came.
+    """
+    if memory is None:
+        memory = Memory()
+    else:
+        qp = memory.recognised(qp)
+    smaller = None if qp.is_dense else substitute(qp, memory.substitution)
+    memory.substitution = smaller
+    if smaller is None:
+        return try_forms(qp, options, guess, deadline, progress, memory)
+    if smaller.solved.size:
+        memory.convex = smaller.P  # P was asked, and squares were added
+    near = smaller.guess(guess)
+    answer = try_forms(smaller.qp, options, near, deadline, progress, memory)
+    answer = restored(answer, smaller, options)
+    if answer.status in (Status.STALLED, Status.NUMERICAL_ERROR):
+        near = make_guess(qp, None, answer)
+        other = try_forms(qp, options, near, deadline, progress, Memory())
+        return better(answer, other, options)
+    return answer
+
+
+def restored(answer: Answer, smaller: Substitution, options: Options) -> Answer:
+    """Return the answer for the user's QP, judged anew; STALLED if it does not pass."""
+    qp, tol = smaller.user, options.eps_abs
+    proof = None
+    if answer.status is Status.PRIMAL_INFEASIBLE:
+        y, z, _ = smaller.multipliers(answer.y, answer.z, answer.z_box)
+        proof = certificates.accept_primal(qp, np.zeros(qp.q.size), y, z, tol)
+    elif answer.status is Status.DUAL_INFEASIBLE:
+        x, y, z = (np.zeros(v.size) for v in (qp.q, qp.b, qp.h))
+        d = smaller.direction(answer.x)
+        proof = certificates.accept_dual(qp, x, y, z, d, tol)
+    if proof is not None:
+        x, y, z, z_box = proof
+        return answer._replace(x=x, y=y, z=z, z_box=z_box)
+    x, y, z, z_box = smaller.point(answer.x, answer.y, answer.z, answer.z_box)
+    residuals = qp_residuals(*qp, x, y, z, z_box)
+    status = answer.status
+    if residuals.solved(options.eps_abs, options.eps_rel):
+        status = Status.SOLVED
+    elif status in FINAL:
+        status = Status.STALLED
+    return answer._replace(
+        status=status, x=x, y=y, z=z, z_box=z_box, residuals=residuals
+    )
+
+
+def try_forms(
+    qp: QPData,
+    options: Options,
+    guess: Guess,
+    deadline: float,
+    progress: Progress | None,
+    memory: Memory,
 ) -> Answer:
     """Try the smallest form that fits, then the path; return the better answer."""
     answer = None
-    if is_small(qp):
-        answer = solve_dense(qp, options, guess, progress)
-    elif is_box(qp):
+    if is_box(qp) and (qp.q.size > DENSE_BOX or not is_small(qp)):
         answer = solve_bounds(qp, options, guess, deadline, progress)
+    elif is_small(qp):
+        answer = solve_dense(qp, options, guess, progress)
     if answer is not None and answer.status in (*FINAL, Status.TIME_LIMIT):
         return answer
-    other = solve_path(qp, options, guess, deadline, progress)
-    if answer is None or other.status in FINAL:
-        return other
+    other = solve_path(qp, options, guess, deadline, progress, memory)
+    return other if answer is None else better(answer, other, options)
+
+
+def better(answer: Answer, other: Answer, options: Options) -> Answer:
+    """Return `other`, tried after `answer`, unless that has the better point."""
     eps = options.eps_abs, options.eps_rel
-    if answer.residuals.worst(*eps) < other.residuals.worst(*eps):
+    if other.status not in FINAL and (
+        answer.residuals.worst(*eps) < other.residuals.worst(*eps)
+    ):
         return answer._replace(status=other.status, message=other.message)
     return other
 
@@ -198,7 +273,9 @@ def is_small(qp: QPData) -> bool:
     entries = n * (n + qp.h.size + qp.b.size)
     if n > DENSE_VARIABLES or entries > DENSE_ENTRIES:
         return False
-    return qp.is_dense or entries <= SPARSE_ENTRIES
+    if qp.is_dense or entries <= SPARSE_ENTRIES:
+        return True
+    return qp.P.nnz + qp.G.nnz + qp.A.nnz >= FULL * entries
 
 
 def is_box(qp: QPData) -> bool:
@@ -284,6 +361,7 @@ def solve_path(
     guess: Guess,
     deadline: float,
     progress: Progress | None,
+    memory: Memory,
 ) -> Answer:
     """Follow the path, which is sparse."""
     if progress is not None:
@@ -291,11 +369,10 @@ def solve_path(
     if qp.is_dense:
         qp = qp._replace(P=as_sparse(qp.P), G=as_sparse(qp.G), A=as_sparse(qp.A))
     report = None if progress is None else progress.row
-    found = path.solve(qp, options, guess.point, deadline, report)
+    found = path.solve(qp, options, guess, deadline, report, memory)
     point = found.x, found.y, found.z, found.z_box
-    residuals = UNDEFINED if found.status in OBJECTIVE else qp_residuals(*qp, *point)
     return Answer(
-        found.status, *point, residuals, found.iterations, "path", found.message
+        found.status, *point, found.residuals, found.iterations, "path", found.message
     )
 
 

@@ -11,13 +11,16 @@ NEAR = 1e-7
 
 
 class Guess(NamedTuple):
-    """A guess of x (n,) and of the active inequalities; both empty where there is none.
+    """A guess of the solution and the active inequalities; empty where there is none.
 
     active (m + 2 n,) is 1 for the active ones among the rows of G, the lower and the
-    upper bounds, in this order.
+    upper bounds, in this order. The multipliers are zero where only x was given.
     """
 
     x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    z_box: np.ndarray
     active: np.ndarray
 
     @property
@@ -26,7 +29,8 @@ class Guess(NamedTuple):
         return self.x if self.x.size else None
 
 
-NO_GUESS = Guess(np.empty(0), np.empty(0, dtype=np.int8))
+NOTHING = np.empty(0)
+NO_GUESS = Guess(NOTHING, NOTHING, NOTHING, NOTHING, np.empty(0, dtype=np.int8))
 
 
 def make_guess(qp: QPData, x0: Any, warm_start: Any, name: str = "x0") -> Guess:
@@ -39,20 +43,27 @@ def make_guess(qp: QPData, x0: Any, warm_start: Any, name: str = "x0") -> Guess:
             return NO_GUESS
         x = vector(name, x0, qp.q.size, "q", qp.q.shape)
         refuse_number(name, x, False)
-        return Guess(x, active_at(qp, x))
-    parts: list[Any] = [getattr(warm_start, key, None) for key in ("x", "z", "z_box")]
-    if any(part is None for part in parts):
+        y, z, z_box = (np.zeros(v.size) for v in (qp.b, qp.h, x))
+        return Guess(x, y, z, z_box, active_at(qp, x))
+    names = "x", "y", "z", "z_box"
+    if not all(hasattr(warm_start, key) for key in names):
         raise TypeError(
-            "warm_start must be a QPResult or a qpsolvers.Solution, with x, z and "
+            "warm_start must be a QPResult or a qpsolvers.Solution, with x, y, z and "
             f"z_box, got {warm_start!r:.60}"
         )
-    x = vector("warm_start.x", parts[0], qp.q.size, "q", qp.q.shape)
-    z = vector("warm_start.z", parts[1], qp.h.size, "h", qp.h.shape)
-    z_box = parts[2] if np.size(parts[2]) else np.zeros(x.size)  # no bounds: empty
-    z_box = vector("warm_start.z_box", z_box, x.size, "q", qp.q.shape)
-    if not np.isfinite(x).all():  # the proof of an infeasible problem is no start
+    parts: list[Any] = [getattr(warm_start, key) for key in names]
+    if any(part is None for part in parts):  # nothing was found
         return NO_GUESS
-    return Guess(x, np.concatenate((z > 0.0, z_box < 0.0, z_box > 0.0)).astype(np.int8))
+    x = vector("warm_start.x", parts[0], qp.q.size, "q", qp.q.shape)
+    y = vector("warm_start.y", parts[1], qp.b.size, "b", qp.b.shape)
+    z = vector("warm_start.z", parts[2], qp.h.size, "h", qp.h.shape)
+    z_box = parts[3] if np.size(parts[3]) else np.zeros(x.size)  # no bounds: empty
+    z_box = vector("warm_start.z_box", z_box, x.size, "q", qp.q.shape)
+    point = x, y, z, z_box
+    if not all(np.isfinite(v).all() for v in point):  # a proof, not a point
+        return NO_GUESS
+    active = np.concatenate((z > 0.0, z_box < 0.0, z_box > 0.0))
+    return Guess(*point, active.astype(np.int8))
 
 
 def active_at(qp: QPData, x: np.ndarray) -> np.ndarray:

@@ -74,7 +74,7 @@ def evaluate(
         out[3] = max(out[3], abs(rw[k]))
         out[5] = max(out[5], excess * unit[j])
         if j >= n:
-            out[8] = max(out[8], max(abs(c[k]), abs(t[j])) * unit[j])
+            out[8] = max(out[8], abs(t[j]) * unit[j])
     if place.size > 0:
         out[0] = complement / place.size
     out[7] = abs(xPx + qx + by + support)

@@ -1,0 +1,193 @@
+"""The edge to CVXPY: its data dict in, its Solution out, nothing computed here.
+
+``prob.solve(solver=namlcp.cvxpy.NAM())`` works as it stands; after `register` so does
+``prob.solve(solver="NAM")``. Needs cvxpy >= 1.8.
+"""
+
+import time
+from importlib.metadata import version
+from typing import Any
+
+import cvxpy.settings as s
+import numpy as np
+import scipy.sparse as sp
+from cvxpy.error import SolverError
+from cvxpy.reductions.solution import Solution
+from cvxpy.reductions.solvers import defines
+from cvxpy.reductions.solvers.qp_solvers.qp_solver import QpSolver
+from cvxpy.reductions.solvers.utilities import extract_dual_value, get_dual_values
+
+from namlcp.checks import QPData, qp_data
+from namlcp.options import Options
+from namlcp.qp.convexity import NotConvex
+from namlcp.qp.memory import Memory
+from namlcp.qp.solve import solve_checked
+from namlcp.qp.start import NO_GUESS, make_guess
+from namlcp.result import QPResult
+from namlcp.status import Status
+
+KEYWORD = "NAM"
+
+
+class NAM(QpSolver):
+    """Solver of min 1/2 x'Px + q'x, A x = b, F x <= g for ``Problem.solve(solver=)``.
+
+    Options, by keyword of ``Problem.solve``: eps_abs, eps_rel, max_iter, time_limit [s]
+    as in `namlcp.Options`; an unknown one is a TypeError. A problem solved again with
+    other Parameters starts from its last solution unless ``warm_start=False``.
+
+    ``Problem.status`` is "optimal" only if the tolerances are met on CVXPY's own data;
+    "infeasible" leaves a Farkas certificate in the dual values (A'y + F'z = 0, z >= 0,
+    b'y + g'z < 0), "unbounded" a ray in ``solver_stats.extra_stats["ray"]``;
+    "user_limit" the best point, where iterations, time or digits ran out. A P that is
+    not positive semidefinite raises SolverError.
+    """
+
+    MIP_CAPABLE = False
+    BOUNDED_VARIABLES = False  # cvxpy 1.9 bounds auxiliary variables wrongly with True
+    STATUS_MAP = {  # noqa: RUF012
+        Status.SOLVED: s.OPTIMAL,
+        Status.PRIMAL_INFEASIBLE: s.INFEASIBLE,
+        Status.DUAL_INFEASIBLE: s.UNBOUNDED,
+        Status.MAX_ITER: s.USER_LIMIT,
+        Status.TIME_LIMIT: s.USER_LIMIT,
+        Status.STALLED: s.USER_LIMIT,
+        Status.NUMERICAL_ERROR: s.SOLVER_ERROR,
+    }
+
+    def name(self) -> str:
+        """Return the name by which CVXPY knows the solver."""
+        return KEYWORD
+
+    def import_solver(self) -> None:
+        """Do nothing: the solver came with this module."""
+
+    def __eq__(self, other: object) -> bool:
+        """Equal by type, or every inline ``NAM()`` would recompile the problem."""
+        return type(other) is type(self)
+
+    def __hash__(self) -> int:
+        """Match `__eq__`."""
+        return hash(type(self))
+
+    def solve_via_data(
+        self,
+        data: dict[str, Any],
+        warm_start: bool,
+        verbose: bool,
+        solver_opts: dict[str, Any],
+        solver_cache: dict[str, Any] | None = None,
+    ) -> QPResult:
+        """Solve what CVXPY hands over; the cache keeps the last solution and factors.
+
+        Raises TypeError or ValueError for an option, SolverError for all else.
+        """
+        start = time.perf_counter()
+        names = {k: v for k, v in solver_opts.items() if k != "use_quad_obj"}  # CVXPY's
+        options = Options.from_names({**names, "verbose": bool(verbose)})
+        cache = {} if solver_cache is None else solver_cache
+        try:
+            known = cache.get(KEYWORD) if warm_start else None
+            last, memory = known or (None, Memory())
+            qp = program(data, memory)
+            if last is not None and not is_alike(qp, last):
+                last = None
+            guess = make_guess(qp, None, last)
+            result = solve_checked(qp, options, guess, start, memory=memory)
+            if result.status is Status.DUAL_INFEASIBLE:
+                result = decide(qp, options, result, start)
+        except NotConvex as error:
+            raise SolverError(str(error)) from error
+        except Exception as error:
+            raise SolverError(f"namlcp failed: {error!r}") from error
+        if self.STATUS_MAP[result.status] in s.SOLUTION_PRESENT:
+            cache[KEYWORD] = result, memory
+        return result
+
+    def invert(self, solution: QPResult, inverse_data: Any) -> Solution:
+        """Return the result in CVXPY's terms; the signs of the duals are the same."""
+        status = self.STATUS_MAP[solution.status]
+        y, z = solution.y, solution.z
+        extra = {
+            "status": solution.status.value,
+            "message": solution.message or solution.status.explanation,
+            "form": solution.form,
+            "residuals": solution.residuals,
+        }
+        # NaN where the problem was refused at sight, or is unbounded.
+        have_duals = np.isfinite(y).all() and np.isfinite(z).all()
+        if status == s.INFEASIBLE and have_duals:
+            extra["certificate"] = {"y": y, "z": z}  # cvxpy 1.8 drops duals here
+        elif status == s.UNBOUNDED:
+            extra["ray"] = solution.x
+        attr = {
+            s.SOLVE_TIME: solution.solve_time,
+            s.SETUP_TIME: solution.setup_time,
+            s.NUM_ITERS: int(solution.iterations),
+            s.EXTRA_STATS: extra,
+        }
+        x: dict[int, Any] = {}
+        duals: dict[int, Any] = {}
+        value = None
+        if status != s.SOLVER_ERROR:
+            value = solution.obj + inverse_data[s.OFFSET]  # infinite without a point
+        if status in s.SOLUTION_PRESENT:
+            x = {self.VAR_ID: solution.x}
+        if have_duals:
+            for kind, values in (self.EQ_CONSTR, y), (self.NEQ_CONSTR, z):
+                constraints = inverse_data[kind]
+                duals |= get_dual_values(values, extract_dual_value, constraints)
+        return Solution(status, value, x, duals, attr)
+
+    def cite(self, data: dict[str, Any]) -> str:
+        """Return the BibTeX entry that ``verbose=True, bibtex=True`` prints."""
+        return (
+            "@misc{namlcp,\n  author = {The namlcp authors},\n"
+            "  title = {namlcp: linear complementarity problems and convex quadratic "
+            "programs, solved exactly},\n"
+            f"  note = {{version {version('namlcp')}}}\n}}\n"
+        )
+
+
+def program(data: dict[str, Any], memory: Memory) -> QPData:
+    """Return CVXPY's data as a checked QP, with the last matrices where they stay.
+
+    CVXPY lets an equality have an infinite side, which no x satisfies: such a row goes
+    among the inequalities as a'x <= -inf, which says so.
+    """
+    P, A, b, F, g = (data[key] for key in (s.P, s.A, s.B, s.F, s.G))
+    infinite = np.isinf(b)
+    if infinite.any():
+        F = sp.vstack((F, A[infinite]))
+        g = np.append(g, np.full(infinite.sum(), -np.inf))
+        A, b = A[~infinite], b[~infinite]
+    P, F, A = memory.known(P, F, A)  # checked and converted already
+    return qp_data(P, data[s.Q], F, g, A, b, None, None)
+
+
+def decide(qp: QPData, options: Options, unbounded: QPResult, start: float) -> QPResult:
+    """Return a proof that no x is feasible if there is one, else `unbounded`.
+
+    A ray leaves that open, but CVXPY's "unbounded" does not; it is said all the same
+    where the search for a feasible point ends undecided.
+    """
+    flat = qp._replace(P=0.0 * qp.P, q=0.0 * qp.q)
+    result = solve_checked(flat, options, NO_GUESS, start)
+    return result if result.status is Status.PRIMAL_INFEASIBLE else unbounded
+
+
+def is_alike(qp: QPData, last: QPResult) -> bool:
+    """Tell whether a result has the sizes of a problem."""
+    sizes = qp.q.size, qp.b.size, qp.h.size
+    return sizes == (last.x.size, last.y.size, last.z.size)
+
+
+def register() -> None:
+    """Make ``solver="NAM"`` known to CVXPY; calling it again changes nothing.
+
+    It goes last in CVXPY's order of preference: what is chosen by default stays.
+    """
+    defines.SOLVER_MAP_QP[KEYWORD] = NAM()
+    for names in defines.QP_SOLVERS, defines.INSTALLED_SOLVERS:  # cvxpy 1.8 asks both
+        if KEYWORD not in names:
+            names.append(KEYWORD)
