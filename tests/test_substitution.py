@@ -394,3 +394,13 @@ def test_row_without_end_beside_its_multiple():
     G = np.array([[1.0, 1.0], [-1.0, -1.0]])
     qp = make_qp(np.eye(2), np.ones(2), G, np.array([-np.inf, -np.inf]))
     assert solve(qp).status is Status.PRIMAL_INFEASIBLE
+
+
+def test_memory_sees_a_side_that_becomes_finite_in_place():
+    known = complementary(4, 10, 14, 2, 10)
+    qp, memory = known.qp, Memory()
+    h = qp.h.copy()
+    qp.h[3:6] = np.inf
+    solve(qp, memory=memory)
+    qp.h[:] = h
+    assert_solves_qp(qp, solve(qp, memory=memory), 1e-10)

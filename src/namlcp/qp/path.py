@@ -206,21 +206,21 @@ class Interior:
                 return verdict
             since = 0 if worst <= 0.5 * mark else since + 1
             mark = mark if since else worst
-            if since > PATIENCE or not worst < inf:
-                return Status.STALLED
-            if warm and since == DOUBTED:
-                warm, mark, since = False, inf, 0
-                if not self.start():
-                    return Status.NUMERICAL_ERROR
-                continue
+            stuck = since > (DOUBTED if warm else PATIENCE) or not worst < inf
             if since == DOUBT and self.tests.promised:
                 verdict = self.doubt()
                 if verdict is not None:
                     return verdict
-            if k < self.options.max_iter and time.perf_counter() > deadline:
+            if k == self.options.max_iter:
+                break
+            if time.perf_counter() > deadline:
                 return Status.TIME_LIMIT
-            if k < self.options.max_iter and not self.step():
-                return Status.STALLED
+            if stuck or not self.step():
+                if not warm:
+                    return Status.STALLED
+                warm, mark, since = False, inf, 0
+                if not self.start():
+                    return Status.NUMERICAL_ERROR
         return Status.MAX_ITER
 
     def doubt(self) -> Status | None:

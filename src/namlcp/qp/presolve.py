@@ -42,10 +42,12 @@ class Owners(NamedTuple):
 class Groups(NamedTuple):
     """The rows of a matrix that are not dropped, and which are multiples of which.
 
-    `empty` rows have no entry; of the kept `rows`, row i = ratio[i] * row leader[i]
-    (positions in `rows`; None if no two are proportional), and `first` are the leaders.
+    Rows not `wanted` (infinite) and `empty` ones are dropped; of the kept `rows`, row i
+    = ratio[i] * row leader[i] (positions in `rows`; None if no two are proportional),
+    and `first` are the leaders.
     """
 
+    wanted: np.ndarray
     empty: np.ndarray
     rows: np.ndarray
     leader: np.ndarray | None
@@ -93,7 +95,7 @@ class Presolved(NamedTuple):
         return (
             (qp.P is old.P and qp.A is old.A and qp.G is old.G)
             and np.array_equal(fixed, self.fixed)
-            and np.array_equal(qp.h < np.inf, old.h < np.inf)
+            and np.array_equal(qp.h < np.inf, self.G_groups.wanted)
         )
 
     def primal(self, x: np.ndarray) -> np.ndarray:
@@ -235,7 +237,7 @@ def grouped(M: csr_array, wanted: np.ndarray) -> tuple[csr_array, Groups]:
     if leader is not None:
         first = np.flatnonzero(leader == first)
         M = M[first]
-    return M, Groups(np.flatnonzero(is_empty), rows, leader, ratio, first)
+    return M, Groups(wanted, np.flatnonzero(is_empty), rows, leader, ratio, first)
 
 
 def equality_sides(
@@ -244,7 +246,7 @@ def equality_sides(
     """Return the mean right-hand sides, the owners of the extreme ones, verdicts."""
     found = []
     p = b.size
-    empty, rows, leader, ratio, first = groups
+    _, empty, rows, leader, ratio, first = groups
     for i in empty[np.abs(b[empty]) > tol][:1]:
         message = f"row {i} of A has no free variable, but the right-hand side {b[i]:g}"
         found.append(Contradiction(message, unit(p, i, -np.sign(b[i]))))
@@ -273,7 +275,7 @@ def ends(
     """
     found = []
     m = h.size
-    empty, rows, leader, ratio, first = groups
+    _, empty, rows, leader, ratio, first = groups
     for i in empty[(h[empty] < -tol) & (h[empty] > -np.inf)][:1]:
         message = f"row {i} of G has no free variable, but the right-hand side {h[i]:g}"
         found.append(Contradiction(message, np.zeros(p), unit(m, i, 1.0)))
