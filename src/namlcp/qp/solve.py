@@ -191,8 +191,9 @@ def solve_forms(
         memory = Memory()
     else:
         qp = memory.recognised(qp)
-    smaller = None if qp.is_dense else substitute(qp, memory.substitution)
-    memory.substitution = smaller
+    smaller = None
+    if not qp.is_dense and (qp.h.size or qp.b.size):
+        smaller = memory.substitution = substitute(qp, memory.substitution)
     if smaller is None:
         return try_forms(qp, options, guess, deadline, progress, memory)
     if smaller.solved.size:
