@@ -362,21 +362,6 @@ def as_sparse(C: Any) -> Any:
     )
 
 
-def as_dense(C: Any) -> np.ndarray:
-    """Return a clean sparse matrix in CSC as a clean dense one."""
-    out = np.zeros(C.shape)
-    scatter(C.indptr, C.indices, C.data, out)
-    return out
-
-
-@njit(cache=True, nogil=True)
-def scatter(indptr, indices, data, out):
-    """Write the entries of a CSC matrix into `out`, which is zero."""
-    for j in range(indptr.size - 1):
-        for t in range(indptr[j], indptr[j + 1]):
-            out[indices[t], j] = data[t]
-
-
 def constraint(
     name: str, C: Any, right: str, d: Any, n: int
 ) -> tuple[np.ndarray, np.ndarray]:

@@ -469,18 +469,6 @@ def solve(P, q, G, h, A, b, lb, ub, hint, max_iter):
     add_rmatvec(A, y, Aty_Gtz)
     add_rmatvec(G, z, Aty_Gtz)
     residuals = qp_residuals_of_products(
-        q,
-        h,
-        b,
-        lb,
-        ub,
-        x,
-        y,
-        z,
-        z_box,
-        Px,
-        Gx,
-        Ax,
-        Aty_Gtz,
+        q, h, b, lb, ub, x, y, z, z_box, Px, Gx, Ax, Aty_Gtz
     )
     return code, pivots, x, y, z, z_box, residuals

@@ -13,16 +13,17 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from namlcp.checks import QPData, as_dense, as_sparse, qp_data
+from namlcp.checks import QPData, as_sparse, qp_data
 from namlcp.lcp.auto import solve_box
 from namlcp.lcp.pivoting import pivot
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp import certificates, dense, path
 from namlcp.qp.convexity import check_convex
+from namlcp.qp.csc import as_dense
 from namlcp.qp.memory import Memory
 from namlcp.qp.reduction import box_lcp, box_point, is_box_open
-from namlcp.qp.start import Guess, make_guess
+from namlcp.qp.start import NOTHING, Guess, make_guess
 from namlcp.qp.substitution import Substitution, substitute
 from namlcp.residuals import UNDEFINED, Residuals, qp_residuals
 from namlcp.result import QPResult
@@ -41,8 +42,6 @@ FULL = 0.3
 
 # A tolerance below this times the terms of the gap is decided by their rounding.
 ROUNDING = 4e-15
-
-NOTHING = np.empty(0)
 
 
 class Answer(NamedTuple):
