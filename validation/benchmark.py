@@ -13,6 +13,7 @@ tiny problem of the same kind; the first call is kept as `cold`.
 """
 
 import argparse
+import contextlib
 import csv
 import datetime
 import importlib.metadata
@@ -20,9 +21,9 @@ import importlib.util
 import os
 import platform
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import qpsolvers
@@ -52,6 +53,31 @@ def machine_lines(solvers: Iterable[str]) -> list[str]:
         f"python: {platform.python_version()} on {platform.system()}",
         f"versions: {', '.join(versions)}",
     ]
+
+
+@contextlib.contextmanager
+def csv_writer(
+    path: Path | None,
+    header: list[str],
+    columns: list[str],
+    extras: Literal["raise", "ignore"] = "raise",
+) -> Iterator[Callable[[Row], None]]:
+    """Yield a function that writes a row at once, below the lines of the header.
+
+    Without a path nothing is written; extras="ignore" leaves out other columns.
+    """
+    with open(path or os.devnull, "w", newline="") as file:
+        file.writelines(f"# {line}\n" for line in header)
+        writer = csv.DictWriter(
+            file, columns, restval="", extrasaction=extras, lineterminator="\n"
+        )
+        writer.writeheader()
+
+        def write(row: Row) -> None:
+            writer.writerow(row)
+            file.flush()
+
+        yield write
 
 
 def package_version(name: str) -> str:
@@ -197,17 +223,13 @@ def main(arguments: list[str] | None = None) -> int:
     print("\n".join(header))
     rows = read_rows(args.also) if args.also else []
     rows = [row for row in rows if row["solver"] not in solvers]
-    with open(args.csv or os.devnull, "w", newline="") as file:
-        file.writelines(f"# {line}\n" for line in header)
-        writer = csv.DictWriter(file, COLUMNS, restval="", lineterminator="\n")
-        writer.writeheader()
+    with csv_writer(args.csv, header, COLUMNS) as write:
         for problem_set in args.set:
             for solver in solvers:
                 for row in run_set(
                     args.data, problem_set, solver, args.eps, args.limit
                 ):
-                    writer.writerow(row)
-                    file.flush()
+                    write(row)
                     rows.append(row)
     print_tables(rows)
     return 0

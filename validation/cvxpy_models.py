@@ -22,8 +22,6 @@ host's compilation and without a warm start: processor time, on one thread.
 """
 
 import argparse
-import csv
-import os
 import sys
 import time
 import warnings
@@ -33,7 +31,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmark import geometric_mean, machine_lines, use_one_thread
+from benchmark import csv_writer, geometric_mean, machine_lines, use_one_thread
 from measure import Bench, failure, median_time, silence
 
 TIGHT = {"tol_gap_abs": 1e-12, "tol_gap_rel": 1e-12, "tol_feas": 1e-12}
@@ -324,20 +322,14 @@ def main(arguments: list[str] | None = None) -> int:
     rows: list[Row] = []
     children = {s: ModelBench(None, s, args.limit) for s in args.solvers}
     try:
-        with open(args.csv or os.devnull, "w", newline="") as file:
-            file.writelines(f"# {line}\n" for line in header)
-            writer = csv.DictWriter(
-                file, COLUMNS, restval="", extrasaction="ignore", lineterminator="\n"
-            )
-            writer.writeheader()
+        with csv_writer(args.csv, header, COLUMNS, "ignore") as write:
             for size in args.size or ["small", "large"]:
                 for name in args.models or models:
                     found = [c.run(size, name, 0.0) for c in children.values()]
                     conclude(found, models[name].expected)
                     for row in found:
                         print_row(row)
-                        writer.writerow(row)
-                    file.flush()
+                        write(row)
                     rows += found
     finally:
         for child in children.values():

@@ -16,8 +16,6 @@ with Clarabel's at its tightest tolerances.
 """
 
 import argparse
-import csv
-import os
 import sys
 import time
 import warnings
@@ -30,7 +28,7 @@ import cvxpy as cp
 import numpy as np
 from scipy.linalg import solve_discrete_are
 
-from benchmark import machine_lines, use_one_thread
+from benchmark import csv_writer, machine_lines, use_one_thread
 from cvxpy_decisions import market, plant
 from cvxpy_models import REFERENCE, SOLVERS, ModelBench, judge
 from cvxpy_statistics import regression
@@ -223,20 +221,14 @@ def main(arguments: list[str] | None = None) -> int:
     print("\n".join(header))
     children = {s: ResolveBench(None, s, args.limit) for s in args.solvers}
     try:
-        with open(args.csv or os.devnull, "w", newline="") as file:
-            file.writelines(f"# {line}\n" for line in header)
-            writer = csv.DictWriter(
-                file, COLUMNS, restval="", extrasaction="ignore", lineterminator="\n"
-            )
-            writer.writeheader()
+        with csv_writer(args.csv, header, COLUMNS, "ignore") as write:
             for size in args.size:
                 for name in args.models:
                     rows = [c.run(size, name, 0.0) for c in children.values()]
                     conclude(rows)
                     for row in rows:
                         print_row(row)
-                        writer.writerow(row)
-                    file.flush()
+                        write(row)
     finally:
         for child in children.values():
             child.stop()

@@ -42,6 +42,10 @@ class QPData(NamedTuple):
         """Tell whether the matrices are ndarrays."""
         return type(self.P) is np.ndarray
 
+    def has_matrices_of(self, other: "QPData") -> bool:
+        """Tell whether P, G and A are the very same objects."""
+        return self.P is other.P and self.G is other.G and self.A is other.A
+
 
 def is_clean(array: Any, ndim: int) -> bool:
     """Tell whether `array` can go to compiled code as it is."""

@@ -340,8 +340,7 @@ def adaptive_step(
     fixed_alpha = None if isinstance(alpha, str) else alpha
     fixed_omega = None if isinstance(omega, str) else omega
     if chosen.factored:
-        if alpha is not None and omega is not None:
-            factored_omega(A, method, 1.0, 1.0)  # raises
+        refuse_two_omegas(method, alpha, omega)
         shift = spread("shift", shift, q.size, positive_diagonal(A, method))
         shift = shift if chosen.own else None
     else:
@@ -383,12 +382,17 @@ def triangular_parameters(
     return alpha, beta, omega, spread("shift", shift, D.size, D)
 
 
-def factored_omega(A: Any, method: str, alpha: Any, omega: Any) -> np.ndarray:
-    """Return the diagonal of Omega for a method that factors once."""
+def refuse_two_omegas(method: str, alpha: Any, omega: Any) -> None:
+    """Raise if Omega is given twice, as alpha I and as itself."""
     if alpha is not None and omega is not None:
         raise ValueError(
             f"method {method!r} has Omega = alpha I: give alpha or omega, not both"
         )
+
+
+def factored_omega(A: Any, method: str, alpha: Any, omega: Any) -> np.ndarray:
+    """Return the diagonal of Omega for a method that factors once."""
+    refuse_two_omegas(method, alpha, omega)
     n = A.shape[0]
     if alpha is not None:
         return np.full(n, number("alpha", alpha, "(0, inf)"))

@@ -47,7 +47,7 @@ def part(M: csc_array, rows: np.ndarray, columns: np.ndarray) -> csc_array:
     number = np.full(M.shape[0], -1, dtype=np.int32)
     number[rows] = np.arange(rows.size)
     parts = selected_part(M.indptr, M.indices, M.data, number, columns)
-    return canonical(parts, (rows.size, columns.size))
+    return from_arrays(parts, (rows.size, columns.size))
 
 
 def by_rows(M: csc_array) -> csr_array:
@@ -72,10 +72,10 @@ def with_squares(P: csc_array, B: csc_array, weight: np.ndarray) -> csc_array:
     parts = add_squares(
         P.indptr, P.indices, P.data, B.indptr, B.indices, B.data, *turned, weight
     )
-    return canonical(parts, P.shape)
+    return from_arrays(parts, P.shape)
 
 
-def canonical(
+def from_arrays(
     parts: tuple[np.ndarray, np.ndarray, np.ndarray], shape: tuple[int, int]
 ) -> csc_array:
     """Return (indptr, indices, data), sorted and without duplicates, as a matrix."""
@@ -172,5 +172,5 @@ def add_squares(
         for t in range(start, nnz):
             out_data[t] = sums[out_indices[t]]
         out_indptr[j + 1] = nnz
-    # The matrix is symmetric, so that turning it only sorts it.
+    # The matrix is symmetric (to rounding), so that turning it only sorts it.
     return transposed(out_indptr, out_indices[:nnz], out_data[:nnz], n)

@@ -91,9 +91,8 @@ class Presolved(NamedTuple):
 
     def can_be_renewed(self, qp: QPData, fixed: np.ndarray) -> bool:
         """Tell whether only vectors differ, and the same entries are dropped."""
-        old = self.qp
         return (
-            (qp.P is old.P and qp.A is old.A and qp.G is old.G)
+            qp.has_matrices_of(self.qp)
             and np.array_equal(fixed, self.fixed)
             and np.array_equal(qp.h < np.inf, self.G_groups.wanted)
         )

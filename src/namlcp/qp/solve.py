@@ -243,9 +243,10 @@ def try_forms(
 ) -> Answer:
     """Try the smallest form that fits, then the path; return the better answer."""
     answer = None
-    if is_box(qp) and (qp.q.size > DENSE_BOX or not is_small(qp)):
+    small = is_small(qp)
+    if is_box(qp) and not (small and qp.q.size <= DENSE_BOX):
         answer = solve_bounds(qp, options, guess, deadline, progress)
-    elif is_small(qp):
+    elif small:
         answer = solve_dense(qp, options, guess, progress)
     if answer is not None and answer.status in (*FINAL, Status.TIME_LIMIT):
         return answer

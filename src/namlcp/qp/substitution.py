@@ -97,10 +97,6 @@ class Substitution(NamedTuple):
             bounds.lb[kept], bounds.ub[kept],
         )  # fmt: skip
 
-    def has_matrices_of(self, qp: QPData) -> bool:
-        """Tell whether qp has the very matrices of the user's QP."""
-        return qp.P is self.user.P and qp.G is self.user.G and qp.A is self.user.A
-
     def point(
         self, x: np.ndarray, y: np.ndarray, z: np.ndarray, z_box: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -173,8 +169,9 @@ def substitute(qp: QPData, last: Substitution | None = None) -> Substitution | N
     n, m, p = qp.q.size, qp.h.size, qp.b.size
     G, A = without_zeros(qp.G), without_zeros(qp.A)
     bounds = bounds_from_rows(qp, G, A)
-    if last is not None and last.has_matrices_of(qp) and bounds.is_like(last.bounds):
-        return last._replace(user=qp, bounds=bounds)
+    if last is not None and qp.has_matrices_of(last.user):
+        if bounds.is_like(last.bounds):
+            return last._replace(user=qp, bounds=bounds)
     P = without_zeros(qp.P)
     solved, by, pivot, cost, others = free_columns(P, G, A, bounds)
     if bounds.rows.size == m and others.size == p:
