@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from namlcp import checks
+from namlcp import checks, solve_lcp
 
 
 def test_clean_arrays_are_not_copied():
@@ -85,7 +85,7 @@ def test_wide_indices_are_narrowed():
 )
 def test_lcp_arguments_are_named(arguments, error, text):
     with pytest.raises(error, match=text):
-        checks.lcp_data(*arguments)
+        solve_lcp(*arguments)
 
 
 def test_corrupt_coordinates_are_refused():

@@ -8,7 +8,7 @@ import pytest
 from numba import njit
 from scipy import sparse
 
-from namlcp import Status, solve_lcp
+from namlcp import Prepared, Status, solve_lcp
 from namlcp.lcp.auto import solve_box
 from namlcp.lcp.faces import Ordering, analyse, face_order, refactor, solve_face
 from namlcp.lcp.matrix import columns_of
@@ -457,3 +457,26 @@ def test_solution_far_along_a_nearly_singular_direction(low):
     result = solve_lcp(A, q)
     assert result.status is Status.SOLVED
     np.testing.assert_allclose(result.z, [(2 + low) / low, 2 / low], rtol=1e-4)
+
+
+@pytest.mark.parametrize("kind", [np.asarray, sparse.csr_array, sparse.coo_matrix])
+def test_a_prepared_matrix_serves_many_problems(kind, monkeypatch):
+    """The same answers to the last bit, and A is looked at once."""
+    rng = np.random.default_rng(5)
+    A = problems.spd(rng, 30, 1e3)
+    plain = [rng.standard_normal(30) for _ in range(3)]
+    expected = [solve_lcp(kind(A), q) for q in plain]
+    prepared = Prepared(kind(A))
+    assert prepared.symmetric
+    monkeypatch.setattr("namlcp.lcp.prepared.lcp_matrix", None)
+    monkeypatch.setattr("namlcp.lcp.prepared.asymmetry", None)
+    for q, before in zip(plain, expected, strict=True):
+        result = solve_lcp(prepared, q)
+        assert_solves_lcp(result, prepared.A, q)
+        assert np.array_equal(result.z, before.z)
+    assert solve_lcp(prepared, plain[0], method="namgs").method == "namgs"
+
+
+def test_a_prepared_matrix_is_checked_at_once():
+    with pytest.raises(ValueError, match=r"A must be square, got shape \(2, 3\)"):
+        Prepared(np.ones((2, 3)))

@@ -11,6 +11,7 @@ from typing import Any
 
 from namlcp.lcp.comparison import Verdict, is_h_plus
 from namlcp.lcp.convergence import converges
+from namlcp.lcp.prepared import Prepared
 from namlcp.lcp.solve import solve_lcp
 from namlcp.options import Options
 from namlcp.qp.solve import solve_qp
@@ -22,6 +23,7 @@ from namlcp.status import Status
 __all__ = [
     "LCPResult",
     "Options",
+    "Prepared",
     "QPResult",
     "Residuals",
     "Status",

@@ -52,6 +52,7 @@ from namlcp.lcp.pivoting import (
     resume,
     workspace,
 )
+from namlcp.lcp.prepared import Prepared
 from namlcp.status import Status
 
 Report = Callable[..., None] | None
@@ -100,19 +101,18 @@ class Outcome(NamedTuple):
 
 
 def solve_auto(
-    A: Any,
+    matrix: Prepared,
     q: np.ndarray,
     lower: np.ndarray,
     upper: np.ndarray,
     z0: np.ndarray | None,
-    symmetric: Callable[[], bool],
     **limits: Any,
 ) -> tuple[Outcome, str]:
     """Solve a checked box LCP; return the outcome and the method that gave it.
 
-    `symmetric` is asked only if sweeps alone will not do. limits: eps_abs, eps_rel,
-    max_iter, deadline, report as in `solve_box`.
+    limits: eps_abs, eps_rel, max_iter, deadline, report as in `solve_box`.
     """
+    A = matrix.A
     if sparse.issparse(A) and q.size >= LARGE:
         z = np.clip(0.0 if z0 is None else z0, lower, upper)
         z = np.array(np.broadcast_to(z, q.shape))
@@ -121,7 +121,7 @@ def solve_auto(
             return outcome, "psor"
         z0 = z
     return (
-        solve_box(A, q, lower, upper, z0, symmetric=symmetric(), **limits),
+        solve_box(A, q, lower, upper, z0, symmetric=matrix.symmetric, **limits),
         "pivoting",
     )
 

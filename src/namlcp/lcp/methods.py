@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from namlcp.checks import refuse_number, spread_number
+from namlcp.checks import refuse_number
+from namlcp.lcp.data import spread_number
 
 
 class Method(NamedTuple):

@@ -6,18 +6,17 @@ from typing import Any
 
 import numpy as np
 
-from namlcp.checks import LCPData, asymmetry, lcp_data, refuse_number, vector
+from namlcp.checks import refuse_number, vector
 from namlcp.lcp.auto import MAX_ITER, Outcome, solve_auto
+from namlcp.lcp.data import LCPData, lcp_data
 from namlcp.lcp.methods import find_method
 from namlcp.lcp.pivoting import pivot
+from namlcp.lcp.prepared import Prepared
 from namlcp.lcp.sweeps import sweep
 from namlcp.options import check_count, check_flag, check_number
 from namlcp.progress import LCP_COLUMNS, Progress
 from namlcp.residuals import natural_residual
 from namlcp.result import LCPResult
-
-ROUNDING = 1e-14
-"""Asymmetry of A below this times max|A| is rounding."""
 
 SWEEP_EPS_ABS = 1e-8
 SWEEP_MAX_ITER = 100_000
@@ -52,7 +51,7 @@ def solve_lcp(
 
     Parameters
     ----------
-    A : (n, n) array or sparse array
+    A : (n, n) array, sparse array or Prepared
         Symmetric or not.
     q : (n,) array
     lower, upper : (n,) array or float
@@ -128,7 +127,8 @@ def solve_lcp(
     find_method(method, **{k: v for k, v in parameters.items() if k != "s0"})
     if method == "auto" and s0 is not None:
         raise ValueError('s0 is for the sweep methods, pass z0 to method "auto"')
-    data = lcp_data(A, q, lower, upper)
+    matrix = A if isinstance(A, Prepared) else Prepared(A)
+    data = lcp_data(matrix.A, q, lower, upper)
     progress = Progress(LCP_COLUMNS, verbose)
     progress.say(f"namlcp  LCP: n = {data.q.size}, method = {method}")
     limits: dict[str, Any] = {"deadline": deadline, "report": progress.report(history)}
@@ -140,7 +140,7 @@ def solve_lcp(
         start_at = None if z0 is None else start_point(z0, data.q.size)
         limits["max_iter"] = max_iter or MAX_ITER
         outcome, method = solve_in_units(
-            data, start_at, eps_abs or 0.0, eps_rel, limits
+            matrix, data, start_at, eps_abs or 0.0, eps_rel, limits
         )
         diagonal = data.A.diagonal()
         s = outcome.z - outcome.w / np.where(diagonal > 0.0, diagonal, 1.0)
@@ -194,6 +194,7 @@ def check_limits(eps_abs: Any, eps_rel: Any, max_iter: Any, time_limit: Any) -> 
 
 
 def solve_in_units(
+    matrix: Prepared,
     data: LCPData,
     z0: np.ndarray | None,
     eps_abs: float,
@@ -203,12 +204,11 @@ def solve_in_units(
     """Call `solve_auto`, in units of `unit_of(q)` for q, z and the bounds."""
     unit = unit_of(data.q)
     outcome, method = solve_auto(
-        data.A,
+        matrix,
         data.q / unit,
         data.lower / unit,
         data.upper / unit,
         None if z0 is None else z0 / unit,
-        lambda: is_symmetric(data.A),
         eps_abs=eps_abs / unit,
         eps_rel=eps_rel,
         **limits,
@@ -229,9 +229,3 @@ def start_point(z0: Any, n: int) -> np.ndarray:
     z0 = vector("z0", z0, n, "A", (n, n))
     refuse_number("z0", z0, False)
     return z0
-
-
-def is_symmetric(A: Any) -> bool:
-    """Tell whether A = A' up to rounding."""
-    gap, size = asymmetry(A)
-    return gap <= ROUNDING * size

@@ -96,7 +96,7 @@ def sweep(
     Parameters
     ----------
     A : (n, n) array or csr_array
-        Matrix as `checks.lcp_data` returns it.
+        Matrix as `data.lcp_matrix` returns it.
     q, lower, upper : (n,) array
         The rest of the problem; bounds may be infinite.
     method : str
