@@ -29,7 +29,7 @@ import numpy as np
 import qpsolvers
 
 import problems
-from measure import bench
+from measure import Bench, bench
 from settings import SOLVERS
 
 COLUMNS = (
@@ -117,17 +117,26 @@ def installed(solvers: Iterable[str]) -> list[str]:
 
 
 def run_set(
-    data: Path, problem_set: str, solver: str, tolerances: list[float], limit: float
+    data: Path,
+    problem_set: str,
+    solver: str,
+    tolerances: list[float],
+    limit: float,
+    names: list[str] | None = None,
+    kind: type[Bench] = Bench,
 ) -> Iterable[Row]:
     """Yield the rows of one solver on one set, loose tolerances first.
 
-    What ran into the time limit is not tried at a tighter tolerance.
+    What ran into the time limit is not tried at a tighter tolerance. `kind` is where
+    problems other than those of `problems` come from, `names` are theirs.
     """
+    if names is None:
+        names = problems.set_names(data, problem_set)
     late = {"timeout", "too slow"}
     slow: dict[str, Row] = {}
-    with bench(data, solver, limit) as child:
+    with bench(data, solver, limit, kind) as child:
         for eps in sorted(tolerances, reverse=True):
-            for name in problems.set_names(data, problem_set):
+            for name in names:
                 if name not in slow:
                     row = child.run(problem_set, name, eps)
                     if row["status"] in late:

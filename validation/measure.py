@@ -117,15 +117,24 @@ def silence() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
 
 
-def serve(pipe: Connection, data: Path, solver: str, limit: float) -> None:
-    """Answer requests (set, problem, eps) until None comes: the child process."""
+def serve(
+    pipe: Connection,
+    data: Path,
+    solver: str,
+    limit: float,
+    load: Callable[[Path, str, str], Problem] = problems.load,
+) -> None:
+    """Answer requests (set, problem, eps) until None comes: the child process.
+
+    load(data, set, name) returns a problem.
+    """
     warnings.simplefilter("ignore")
     silence()
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     if solver == "nam":
         import namlcp  # noqa: F401
     for problem_set, name, eps in iter(pipe.recv, None):
-        problem = problems.load(data, problem_set, name)
+        problem = load(data, problem_set, name)
         pipe.send(measure(pipe, solver, problem, eps, limit))
 
 
@@ -193,9 +202,14 @@ class Bench:
 
 
 @contextmanager
-def bench(data: Path, solver: str, limit: float) -> Iterator[Bench]:
-    """Hold a child process with one solver open."""
-    child = Bench(data, solver, limit)
+def bench(
+    data: Path, solver: str, limit: float, kind: type[Bench] = Bench
+) -> Iterator[Bench]:
+    """Hold a child process with one solver open.
+
+    A subclass takes its problems elsewhere: work = staticmethod(partial(serve, load=f)).
+    """
+    child = kind(data, solver, limit)
     try:
         yield child
     finally:
