@@ -207,7 +207,7 @@ def bench(
 ) -> Iterator[Bench]:
     """Hold a child process with one solver open.
 
-    A subclass takes its problems elsewhere: work = staticmethod(partial(serve, load=f)).
+    Problems from elsewhere: a subclass with work = staticmethod(partial(serve, load=f)).
     """
     child = kind(data, solver, limit)
     try:
