@@ -207,7 +207,7 @@ def bench(
 ) -> Iterator[Bench]:
     """Hold a child process with one solver open.
 
-    Problems from elsewhere: a subclass with work = staticmethod(partial(serve, load=f)).
+    A subclass has its problems from elsewhere: work = partial(serve, load=...).
     """
     child = kind(data, solver, limit)
     try:
