@@ -5,6 +5,7 @@ import time
 
 import numpy as np
 import pytest
+from problems_lcp import laplacian
 from problems_qp import (
     DATA,
     HOCK_SCHITTKOWSKI,
@@ -21,7 +22,7 @@ from problems_qp import (
 from scipy.sparse import csc_array, csr_array, diags_array
 
 from namlcp.options import Options
-from namlcp.qp import fallback
+from namlcp.qp import convexity, fallback
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.factors import Bordered, dense_border
 from namlcp.qp.judge import Judge
@@ -410,6 +411,17 @@ def test_small_blocks_of_p_are_not_torn_apart(scale):
     P[:3, :3] = np.outer(v, v)
     P[3, 3] = 1.0
     check_convex(csc_array(P))
+
+
+def test_a_large_h_matrix_is_convex_without_a_factorisation(monkeypatch):
+    """Badly scaled, so that its rows are not dominant."""
+    d = diags_array(10.0 ** np.random.default_rng(0).uniform(-2, 2, 400))
+    P = make_qp(d @ laplacian(20) @ d, np.zeros(400)).P
+    monkeypatch.setattr(convexity, "LARGE", 400)
+    with pytest.raises(convexity.NotConvex, match="an eigenvalue of P"):
+        check_convex(csc_array(P - 0.1 * (d @ d)))
+    monkeypatch.setattr(convexity, "has_positive_pivots", None)
+    check_convex(P)
 
 
 def test_a_huge_side_of_an_inactive_row_does_not_loosen_the_others():

@@ -2,8 +2,8 @@
 
 The KKT matrix hides negative curvature behind its constraints, and a stationary point
 of a non-convex problem passes every residual. So: signs of the diagonal, minors of
-order two, diagonal dominance; if that does not decide, the pivots of P scaled to a unit
-diagonal plus `SLACK` I.
+order two, diagonal dominance; a large P may be an H+ matrix; if none of that decides,
+the pivots of P scaled to a unit diagonal plus `SLACK` I.
 """
 
 from typing import Any
@@ -13,10 +13,13 @@ import qdldl
 from numba import njit
 from scipy.sparse import csc_matrix
 
+from namlcp.lcp.comparison import is_h_plus
 from namlcp.lcp.pivoting import SLACK
 
 # A diagonal entry below this times max |P| counts as zero, and so must its row.
 ZERO = 1e-15
+# From this order on a factorisation may cost far more than the multigrid of is_h_plus.
+LARGE = 50_000
 
 CONVEX, NEGATIVE, MINOR, UNDECIDED = 0, 1, 2, 3
 
@@ -29,6 +32,8 @@ def check_convex(P: Any) -> None:
     """Raise NotConvex unless P (CSC, symmetric) is positive semidefinite."""
     code, i, j, indptr, indices, data = unit_triangle(P.indptr, P.indices, P.data)
     if code == CONVEX:
+        return
+    if code == UNDECIDED and P.shape[0] >= LARGE and is_h_plus(P.T):
         return
     reason = f"an eigenvalue of P with its diagonal scaled to 1 is below -{SLACK:g}"
     if code == NEGATIVE:
