@@ -1,0 +1,79 @@
+"""Matrices known by their products alone: SciPy's LinearOperator behind the gate."""
+
+from typing import Any
+
+import numpy as np
+from scipy.sparse.linalg import LinearOperator
+
+from namlcp.checks import refuse_number, vector
+
+
+class Operator:
+    """A symmetric matrix A known by x -> A x and, where it was given, its diagonal.
+
+    It takes the place of an array where only A @ x, A.shape and A.diagonal() are used;
+    an unknown diagonal is taken to be 1.
+
+    Parameters
+    ----------
+    A : LinearOperator
+        Real, (n, n).
+    diagonal : (n,) array or None
+        diag(A), checked.
+    """
+
+    def __init__(self, A: LinearOperator, diagonal: np.ndarray | None):
+        self.A = A
+        self.shape = A.shape
+        self.given = diagonal
+
+    def __matmul__(self, x: np.ndarray) -> np.ndarray:
+        """Return A x, an array of its own."""
+        return np.array(self.A.matvec(x), dtype=np.float64).reshape(x.shape)
+
+    def diagonal(self) -> np.ndarray:
+        """Return diag(A), or ones."""
+        return np.ones(self.shape[0]) if self.given is None else self.given
+
+    def asymmetry(self) -> tuple[float, float]:
+        """Return |u'Av - v'Au| and its size |u||Av| + |v||Au| for two fixed vectors.
+
+        Both are NaN where A's products are.
+        """
+        rng = np.random.default_rng(0)
+        u, v = rng.standard_normal((2, self.shape[0]))
+        Au, Av = self @ u, self @ v
+        gap = abs(float(u @ Av) - float(v @ Au))
+        norm = np.linalg.norm
+        return gap, float(norm(u) * norm(Av) + norm(v) * norm(Au))
+
+
+SYMMETRIC = 1e-7
+"""A product in single precision is symmetric to this, times the size of its terms."""
+
+
+def operator_data(A: LinearOperator, diagonal: Any) -> Operator:
+    """Check a LinearOperator and its diagonal (or None) and return it clean."""
+    n = A.shape[0]
+    if A.shape[1] != n:
+        raise ValueError(f"A must be square, got shape {A.shape}")
+    if np.dtype(A.dtype or np.float64).kind not in "biuf":
+        raise TypeError(f"A must be real, got a LinearOperator of dtype {A.dtype}")
+    if diagonal is not None:
+        diagonal = vector("diagonal", diagonal, n, "A", A.shape)
+        refuse_number("diagonal", diagonal, False)
+        wrong = np.flatnonzero(diagonal < 0.0)
+        if wrong.size:
+            i = wrong[0]
+            raise ValueError(
+                "diagonal must not be negative (A must be positive semidefinite as a "
+                f"LinearOperator), got {diagonal[i]:g} at ({i})"
+            )
+    operator = Operator(A, diagonal)
+    gap, size = operator.asymmetry()
+    if gap > SYMMETRIC * size:
+        raise ValueError(
+            "A must be symmetric as a LinearOperator: u'Av and v'Au differ by "
+            f"{gap / size:.1e} of their size for random u and v"
+        )
+    return operator
