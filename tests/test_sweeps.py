@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scipy import sparse
 
+from namlcp import Prepared
+from namlcp.lcp.auto import ask_sweeps
 from namlcp.lcp.dominant import dominance, relaxation, solve_dominant
 from namlcp.lcp.kernels import relax_csr
 from namlcp.lcp.methods import METHODS, find_method
@@ -190,7 +192,7 @@ def test_psor_and_its_short_kernel_are_the_formula(alpha, kind):
     C = sparse.csr_array(A)
     moved = relax_csr(C.data, C.indices, C.indptr, q, lower, upper, alpha, relaxed)
     assert_close(relaxed, z)
-    assert moved == pytest.approx(np.linalg.norm(D * (z - old)))
+    assert moved == pytest.approx(np.linalg.norm(np.sqrt(D) * (z - old)))
 
 
 @pytest.mark.parametrize("method", [*TRIANGULAR, "modulus"])
@@ -483,6 +485,31 @@ def test_dominance_and_its_solver():
         A, q, z, lower, upper, alpha, lambda z, w: False, 1e-300, 1000
     )
     assert status is Status.STALLED
+
+
+@pytest.mark.parametrize("example", [1, 2])
+@pytest.mark.parametrize(("delta", "most"), [(0.0, 16), (0.01, 16), (1.0, 50)])
+def test_auto_notices_in_time_whether_sweeps_will_do(example, delta, most, monkeypatch):
+    """Units do not matter, and slow cases are given up after a few sweeps."""
+    A, q, lower, upper = paper_example(example, 60, delta)
+    sweeps = []
+
+    def counted(*arguments):
+        sweeps[-1] += 1
+        return relax_csr(*arguments)
+
+    monkeypatch.setattr("namlcp.lcp.dominant.relax_csr", counted)
+    units = 10.0 ** np.random.default_rng(0).uniform(-3, 3, q.size)
+    for s in (np.ones_like(q), units):
+        B = sparse.csr_array(sparse.diags_array(s) @ A @ sparse.diags_array(s))
+        B.sort_indices()
+        sweeps.append(0)
+        outcome = ask_sweeps(
+            Prepared(B), s * q, lower, upper, None, eps_abs=0.0, eps_rel=1e-9,
+            deadline=math.inf,
+        )  # fmt: skip
+        assert (outcome.status is Status.SOLVED) == (delta == 1.0)
+    assert sweeps[0] == sweeps[1] <= most
 
 
 def test_dominance_without_positive_diagonal():

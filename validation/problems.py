@@ -67,6 +67,19 @@ def contact_lcp(data: Path, name: str) -> tuple[sp.csr_matrix, np.ndarray]:
     return A, np.ascontiguousarray(scene["q"][::dim], dtype=float)
 
 
+def heart_scale(data: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Return points (270 x 13) and labels of heart_scale, in LIBSVM's format."""
+    text = require(data / "svm" / "heart_scale").read_text()
+    lines = [line.split() for line in text.splitlines() if line.strip()]
+    y = np.array([float(words[0]) for words in lines])
+    X = np.zeros((y.size, 13))
+    for row, words in zip(X, lines, strict=True):
+        for word in words[1:]:
+            feature, value = word.split(":")
+            row[int(feature) - 1] = float(value)
+    return X, y
+
+
 def maros_index(data: Path, problem_set: str) -> dict[str, dict[str, str]]:
     """Return the rows of index.csv that belong to a set, by problem name."""
     with require(data / "maros_meszaros" / "index.csv").open() as file:

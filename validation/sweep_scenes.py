@@ -11,6 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 import problems
+from known_scenes import svm_rbf, two_clouds
 from namlcp.scenes import disc_pile, forced_obstacle
 
 
@@ -137,34 +138,12 @@ def spd_not_h(n: int, per_row: int = 4, seed: int = 0) -> Scene:
 
 def svm_heart(data: Path) -> Scene:
     """Return the SVM dual of heart_scale: RBF kernel, gamma = 1/13, C = 1, no bias."""
-    file = data / "svm" / "heart_scale"
-    if not file.exists():
-        raise problems.MissingDataError(f"there is no {file}")
-    lines = [line.split() for line in file.read_text().splitlines() if line.strip()]
-    y = np.array([float(words[0]) for words in lines])
-    X = np.zeros((y.size, 13))
-    for row, words in zip(X, lines, strict=True):
-        for word in words[1:]:
-            feature, value = word.split(":")
-            row[int(feature) - 1] = float(value)
-    return svm_dual("SVM heart", X, y, 1.0 / 13.0)
+    return Scene("SVM heart", *svm_rbf(*problems.heart_scale(data), 1.0 / 13.0))
 
 
 def svm_generated(n: int, seed: int = 0) -> Scene:
     """Return the SVM dual of two overlapping normal clouds in 5 dimensions."""
-    rng = np.random.default_rng(seed)
-    y = np.where(rng.random(n) < 0.5, 1.0, -1.0)
-    X = rng.standard_normal((n, 5)) + 0.7 * y[:, None]
-    return svm_dual("SVM generated", X, y, 0.2)
-
-
-def svm_dual(name: str, X: np.ndarray, y: np.ndarray, gamma: float) -> Scene:
-    """Return min 1/2 z'Az - sum z, 0 <= z <= 1, a_ij = y_i y_j exp(-gamma d_ij^2)."""
-    square = np.sum(X * X, axis=1)
-    distance = np.maximum(square[:, None] + square - 2.0 * X @ X.T, 0.0)
-    A = np.outer(y, y) * np.exp(-gamma * distance)
-    ones = np.ones_like(y)
-    return Scene(name, A, -ones, np.zeros_like(y), ones)
+    return Scene("SVM generated", *svm_rbf(*two_clouds(n, seed=seed), 0.2))
 
 
 def badly_scaled(m: int, decades: float = 3.0, seed: int = 0) -> Scene:

@@ -8,6 +8,9 @@ from typing import Any, TextIO
 
 import numpy as np
 
+SILENCE = 2.0
+"""So long [s] nothing is printed at the most while rows come in."""
+
 QP_COLUMNS = ("iter", "primal", "dual", "gap", "step", "active")
 LCP_COLUMNS = ("iter", "residual", "active")
 COUNTS = ("iter", "active")
@@ -33,6 +36,7 @@ class Progress:
         self.start = time.perf_counter()
         self.rows: list[tuple] = []
         self.shown = True
+        self.last = self.start  # when a row was printed
 
     def say(self, text: str) -> None:
         """Print one line if verbose."""
@@ -51,12 +55,14 @@ class Progress:
             names = ("time [s]" if c == "time" else c for c in self.columns)
             self.say("".join(f"{name:>10}" for name in names))
         self.rows.append(row)
-        self.shown = is_shown(iteration)
+        late = time.perf_counter() - self.last > SILENCE
+        self.shown = late or is_shown(iteration)
         if self.shown:
             self.show(row)
 
     def show(self, row: tuple) -> None:
         """Print a row."""
+        self.last = time.perf_counter()
         cells = (
             f"{value:10d}" if name in COUNTS else f"{value:10.2e}"
             for name, value in zip(self.columns, row, strict=True)
@@ -80,10 +86,12 @@ class Progress:
 
 
 def is_shown(iteration: int) -> bool:
-    """Print all rows below 20, then every 10th below 200, then every 100th."""
-    return iteration < 20 or (
-        iteration % 10 == 0 if iteration < 200 else iteration % 100 == 0
-    )
+    """Print all rows below 20, every 10th below 200, every 100th below 2000, ..."""
+    while iteration >= 20:
+        if iteration % 10:
+            return False
+        iteration //= 10
+    return True
 
 
 def is_compiled(kernel: Any) -> bool:

@@ -54,15 +54,36 @@ class Residuals(NamedTuple):
 UNDEFINED = Residuals(*[math.nan] * 7)
 
 
+# The sum may be taken in any order, so that it vectorises; NaN keeps its meaning.
+@njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc"})
+def natural_squares(z, w, lower, upper, unit):
+    """Return the sum of squares of (z - clip(z - w, lower, upper)) / unit."""
+    total = 0.0
+    for i in range(z.size):
+        r = (z[i] - min(max(z[i] - w[i], lower[i]), upper[i])) / unit
+        total += r * r
+    return total
+
+
 def natural_residual(
     z: np.ndarray, w: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> float:
     """Return || z - clip(z - w, lower, upper) ||_2 for w = A z + q."""
+    total = natural_squares(z, w, lower, upper, 1.0)
+    if 1e-200 < total < 1e200:
+        return math.sqrt(total)
     r = z - np.clip(z - w, lower, upper)
     size = float(np.abs(r).max()) if r.size else 0.0
     if not 0.0 < size < math.inf:
-        return size
-    return size * float(np.linalg.norm(r / size))  # squares may over- or underflow
+        return size  # squares may over- or underflow
+    return size * math.sqrt(natural_squares(z, w, lower, upper, size))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def modulus_variable(z, w, omega, s):
+    """Set s to z - w / omega, for which z = clip(s) and w = omega (z - s)."""
+    for i in range(z.size):
+        s[i] = z[i] - w[i] / omega[i]
 
 
 @njit(cache=True, nogil=True)

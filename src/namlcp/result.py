@@ -23,8 +23,8 @@ class LCPResult:
         The modulus variable: z = clip(s, lower, upper), w = Omega (z - s), with the
         Omega of a named method, diag(A) for "auto".
     iterations : int
-        Sweeps of a named method; factorisations of method="auto" (0 where its sweeps
-        alone did it).
+        What `method` counts: sweeps, multigrid cycles, MPRGP iterations, else
+        factorisations.
     residual : float
         || z - clip(z - w, lower, upper) ||_2, recomputed on the caller's data.
     method : str

@@ -27,6 +27,11 @@ class Status(Enum):
         "time_limit",
         "Time limit reached; the best point is returned. Raise time_limit.",
     )
+    INTERRUPTED = (
+        "interrupted",
+        "Ctrl-C was pressed; the best point is returned. A second Ctrl-C would have "
+        "raised KeyboardInterrupt.",
+    )
     STALLED = (
         "stalled",
         "Rounding errors stop further progress; the best point is returned. "
@@ -44,7 +49,7 @@ class Status(Enum):
     )
     NUMERICAL_ERROR = (
         "numerical_error",
-        "A factorisation broke down; NaN is returned.",
+        "A factorisation broke down, or a product was not finite; NaN is returned.",
     )
 
     def __new__(cls, value: str, explanation: str) -> "Status":

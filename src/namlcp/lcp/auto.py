@@ -1,103 +1,40 @@
-"""method="auto": sweeps alone where they will do, else pivoting, the path where needed.
+"""method="auto": which method solves a box LCP, from what A and the first sweeps tell.
 
-The caller's matrix is never copied while sweeps are enough; `solve_box` works on a copy
-scaled to a unit diagonal. What it finds is judged on the caller's data.
+A LinearOperator leaves only products, and a tridiagonal matrix is eliminated directly.
+For other large sparse matrices sweeps alone are tried as long as their rate promises
+enough, then multigrid cycles where A suits them. Everything else, and what they leave
+unsolved, is for pivoting. The caller's matrix is not copied before that.
 """
 
 import math
-import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-import qdldl
 from scipy import sparse
-from scipy.sparse.linalg import splu
 
-from namlcp.lcp import pivoting
+from namlcp.lcp import exact, matrixfree, multigrid
 from namlcp.lcp.dominant import dominance, relaxation, solve_dominant
-from namlcp.lcp.interior import follow
-from namlcp.lcp.matrix import Columns, columns_of
-from namlcp.lcp.pivoting import (
-    ASKED,
-    BEST,
-    BEST_Z,
-    BLOCK_STEPS,
-    CENTRE,
-    CONVEX,
-    EPS_ABS,
-    EPS_REL,
-    FACTORED,
-    FEWEST,
-    LOWER,
-    MOST_RHO,
-    ORDERED,
-    ORDERINGS,
-    OUTSIDE,
-    PATHED,
-    PATIENCE,
-    RANK,
-    RHO,
-    RHS,
-    SEQUENCE,
-    SIZE,
-    STATE,
-    UPPER,
-    D,
-    Q,
-    Work,
-    Z,
-    pivot,
-    residuals,
-    resume,
-    workspace,
-)
+from namlcp.lcp.exact import Outcome, Report, solve_box
+from namlcp.lcp.matrixfree import solve_by_products
+from namlcp.lcp.multigrid import solve_multigrid
+from namlcp.lcp.operators import Operator
+from namlcp.lcp.pivoting import residuals
 from namlcp.lcp.prepared import Prepared
+from namlcp.lcp.tridiagonal import solve_tridiagonal
 from namlcp.status import Status
 
-Report = Callable[..., None] | None
-
-MAX_ITER = 5000
-"""Factorisations at most, unless the caller says."""
-
 LARGE = 10_000
-"""From this order on, sparse problems try whether sweeps alone will do."""
-
-PROBE = 8
-"""Sweeps after which their rate is known."""
+"""From this order on, sparse problems try whether sweeps or multigrid will do."""
 
 WORTH = 200
 """So many sweeps cost about as much as one sparse factorisation of that order."""
 
-BITSETS = 20_000
-"""Up to this order the elimination order comes from bitsets (50 MB)."""
+LAST = 5000
+"""So many are worth it where cycles on a nonsymmetric matrix have come to nothing."""
 
-DENSE_LU = 600
-"""Up to this order faces of sparse unsymmetric matrices go to dense LU."""
-
-LAST_STEPS = 200
-"""So many factorisations, and one for each unknown, are left to a hopeless case."""
-
-PATH_STEPS = 60
-PATH_CHUNK = 5
-PATH_TARGET = 1e-8
-
-RAY_TOLERANCE = 1e-9
-SLOPE_ROUNDING = 1e-13
-
-
-class Outcome(NamedTuple):
-    """Status, z, w = A z + q, factorisations (or sweeps), ray or None.
-
-    `convex` says, where it was asked and A = A', that A is positive semidefinite.
-    """
-
-    status: Status
-    z: np.ndarray
-    w: np.ndarray
-    iterations: int
-    ray: np.ndarray | None
-    convex: bool = False
+ENDS = (Status.SOLVED, Status.TIME_LIMIT)
+"""With these there is nothing left for another method to do."""
 
 
 def solve_auto(
@@ -106,267 +43,165 @@ def solve_auto(
     lower: np.ndarray,
     upper: np.ndarray,
     z0: np.ndarray | None,
+    *,
+    max_iter: int | None,
     **limits: Any,
 ) -> tuple[Outcome, str]:
     """Solve a checked box LCP; return the outcome and the method that gave it.
 
-    limits: eps_abs, eps_rel, max_iter, deadline, report as in `solve_box`.
+    limits: eps_abs, eps_rel, deadline, report as in `solve_box`; max_iter = None stands
+    for the default of each method.
     """
     A = matrix.A
-    if sparse.issparse(A) and q.size >= LARGE:
-        z = np.clip(0.0 if z0 is None else z0, lower, upper)
-        z = np.array(np.broadcast_to(z, q.shape))
-        outcome = solve_by_sweeps(A, q, lower, upper, z, **limits)
-        if outcome is not None:
-            return outcome, "psor"
+    if isinstance(A, Operator):
+        most = max_iter or matrixfree.MAX_ITER
+        return ask_products(A, q, lower, upper, z0, max_iter=most, **limits), "mprgp"
+    if matrix.tridiagonal is not None:
+        most = max_iter or exact.MAX_ITER
+        status, z, w, faces = solve_tridiagonal(
+            matrix.tridiagonal, q, lower, upper, z0, max_iter=most, **limits
+        )
+        if status is not None:
+            return Outcome(status, z, w, faces, None), "tridiagonal"
         z0 = z
-    return (
-        solve_box(A, q, lower, upper, z0, symmetric=matrix.symmetric, **limits),
-        "pivoting",
+    if sparse.issparse(A) and q.size >= LARGE:
+        outcome = ask_sweeps(matrix, q, lower, upper, z0, **limits)
+        if outcome.status in ENDS:
+            return outcome, "psor"
+        if matrix.hierarchy is not None:
+            problem = matrix, q, lower, upper, outcome.z
+            outcome, name = ask_multigrid(*problem, max_iter=max_iter, **limits)
+            if outcome.status not in ENDS and not matrix.symmetric:
+                name = "psor"
+                outcome = ask_sweeps(matrix, q, lower, upper, outcome.z, LAST, **limits)
+            if outcome.status in ENDS:
+                return outcome, name
+        z0 = outcome.z
+    limits |= {"max_iter": max_iter or exact.MAX_ITER, "symmetric": matrix.symmetric}
+    return solve_box(A, q, lower, upper, z0, **limits), "pivoting"
+
+
+def ask_sweeps(
+    matrix: Prepared,
+    q: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    z0: np.ndarray | None,
+    worth: int = WORTH,
+    *,
+    eps_abs: float,
+    eps_rel: float,
+    deadline: float,
+    report: Report = None,
+) -> Outcome:
+    """Sweep over the caller's own matrix, as long as `worth` sweeps seem to do."""
+    A = matrix.A
+    z = start(z0, lower, upper)
+    mu = dominance(A)
+    if not mu < math.inf:
+        return Outcome(Status.STALLED, z, q, 0, None)
+    accept, goal, _, size = criterion(A, q, lower, upper, eps_abs, eps_rel)
+    w = A @ z + q if z.any() else q.copy()
+    if accept(z, w):
+        return Outcome(Status.SOLVED, z, w, 0, None)
+    alpha = relaxation(mu, False)
+    if alpha == 1.0 and mu < 1.0:
+        young = relaxation(mu, True)
+        if (young - 1.0) ** (worth // 2) * size <= goal and matrix.symmetric:
+            alpha = young
+    status, w, done = solve_dominant(
+        A, q, z, lower, upper, alpha, accept, goal, worth, deadline
     )
+    if report is not None and status in ENDS:
+        active = np.count_nonzero((z == lower) | (z == upper))
+        root = np.sqrt(A.diagonal())
+        report(done, residuals(z, w, lower, upper, root)[0], active)
+    return Outcome(status, z, w, done, None)
 
 
-def solve_by_sweeps(
+def ask_multigrid(
+    matrix: Prepared,
+    q: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    z0: np.ndarray | None,
+    *,
+    eps_abs: float,
+    eps_rel: float,
+    max_iter: int | None,
+    **limits: Any,
+) -> tuple[Outcome, str]:
+    """Solve by multigrid cycles; raise if A does not suit."""
+    if matrix.hierarchy is None:
+        raise ValueError(
+            'A does not suit method "multigrid": it must have a positive diagonal, '
+            "short rows, mostly negative couplings and V-cycles that contract; "
+            'use method="auto"'
+        )
+    accept, _, goal, _ = criterion(matrix.A, q, lower, upper, eps_abs, eps_rel)
+    limits |= {"accept": accept, "goal": goal}
+    limits["max_cycles"] = max_iter or multigrid.MAX_CYCLES
+    found = solve_multigrid(matrix.hierarchy, q, lower, upper, z0, **limits)
+    return Outcome(*found, None), "multigrid"
+
+
+def ask_products(
+    A: Operator,
+    q: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    z0: np.ndarray | None,
+    *,
+    eps_abs: float,
+    eps_rel: float,
+    **limits: Any,
+) -> Outcome:
+    """Solve with products only; the other limits are `solve_by_products`'s."""
+    accept = criterion(A, q, lower, upper, eps_abs, eps_rel).accept
+    z = start(z0, lower, upper)
+    return Outcome(*solve_by_products(A, q, lower, upper, z, accept, **limits))
+
+
+def start(z0: np.ndarray | None, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
+    """Return clip(z0), an array of its own."""
+    z = np.zeros(lower.size) if z0 is None else z0.copy()
+    return np.clip(z, lower, upper, out=z)
+
+
+class Criterion(NamedTuple):
+    """When a point solves the LCP: accept(z, w).
+
+    A Res of `scaled` of the problem scaled to a unit diagonal will pass, and a Res of
+    `plain` of the caller's; `size` is Res(clip(0)), scaled.
+    """
+
+    accept: Callable[[np.ndarray, np.ndarray], bool]
+    scaled: float
+    plain: float
+    size: float
+
+
+def criterion(
     A: Any,
     q: np.ndarray,
     lower: np.ndarray,
     upper: np.ndarray,
-    z: np.ndarray,
-    *,
     eps_abs: float,
     eps_rel: float,
-    max_iter: int,
-    deadline: float,
-    report: Report = None,
-) -> Outcome | None:
-    """Sweep over the caller's own matrix; None if the observed rate is too slow.
-
-    z is overwritten by the last iterate.
-    """
-    mu = dominance(A)
-    if not mu < math.inf:
-        return None
-    root = np.sqrt(A.diagonal())
-    size = residuals(*at_zero(A, q, lower, upper), lower, upper, root)[1]
-    goal = max(eps_rel * size * root.min(), eps_abs)
+) -> Criterion:
+    """Return the criterion of `solve_lcp`."""
+    D = A.diagonal()
+    root = np.sqrt(np.where(D > 0.0, D, 1.0))
+    z = start(None, lower, upper)
+    size = residuals(z, A @ z + q if z.any() else q, lower, upper, root)[1]
 
     def accept(z: np.ndarray, w: np.ndarray) -> bool:
         plain, scaled = residuals(z, w, lower, upper, root)
         return plain < eps_abs or scaled <= eps_rel * size < math.inf
 
-    w = A @ z + q
-    if accept(z, w):
-        return Outcome(Status.SOLVED, z, w, 0, None)
-    before = residuals(z, w, lower, upper, root)[0]
-    alpha = relaxation(mu, False) if mu < 1.0 else 1.0
-    problem = A, q, z, lower, upper, alpha, accept, goal
-    status, w, done = solve_dominant(*problem, PROBE, deadline)
-    if status is Status.MAX_ITER:
-        now = residuals(z, w, lower, upper, root)[0]
-        rate = (now / before) ** (1.0 / PROBE) if before > 0.0 else 1.0
-        if not rate < 1.0 or now * rate**WORTH > goal:
-            return None
-        status, w, more = solve_dominant(*problem, WORTH, deadline)
-        done += more
-    if status not in (Status.SOLVED, Status.TIME_LIMIT):
-        return None
-    if report is not None:
-        active = np.count_nonzero((z == lower) | (z == upper))
-        report(done, residuals(z, w, lower, upper, root)[0], active)
-    return Outcome(status, z, w, done, None)
-
-
-def at_zero(
-    A: Any, q: np.ndarray, lower: np.ndarray, upper: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return z = clip(0) and w = A z + q."""
-    z = np.clip(np.zeros(q.size), lower, upper)
-    return z, A @ z + q if z.any() else q
-
-
-def solve_box(
-    A: Any,
-    q: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    z0: np.ndarray | None = None,
-    *,
-    symmetric: bool = True,
-    eps_abs: float = 0.0,
-    eps_rel: float = 1e-9,
-    max_iter: int = MAX_ITER,
-    deadline: float = math.inf,
-    report: Report = None,
-    ask_convex: bool = False,
-) -> Outcome:
-    """Solve a box LCP by pivoting, without checks.
-
-    Parameters
-    ----------
-    A : (n, n) array or sparse array
-        float64; dense C-contiguous, or canonical CSR (CSC too if symmetric).
-    symmetric : bool
-        A = A'. Nothing tests it here.
-    eps_abs, eps_rel : float
-        SOLVED when Res < eps_abs on this problem, or Res <= eps_rel Res(clip(0)) on
-        the problem scaled to a unit diagonal.
-    max_iter : int
-        Factorisations at most.
-    deadline : float
-        Value of time.perf_counter() at which to stop.
-    report : callable
-        Called as report(factorisations, Res of the scaled problem, unknowns at bounds).
-    ask_convex : bool
-        For symmetric A: tell whether it is positive semidefinite (one factorisation).
-    """
-    n = q.size
-    columns = columns_of(A, symmetric)
-    work = workspace(columns, n)
-    vectors, scalar = work.vectors, work.scalar
-    vectors[Q], vectors[LOWER], vectors[UPPER] = q, lower, upper
-    if z0 is not None:
-        vectors[Z] = z0
-    scalar[EPS_ABS], scalar[EPS_REL] = eps_abs, eps_rel
-    compressed = columns.dense.shape[0] == 0
-    if symmetric and compressed and n > BITSETS:
-        set_order(A, work)
-    outside = not symmetric and compressed and n > DENSE_LU
-    work.counter[ASKED] = ask_convex
-    with np.errstate(all="ignore"):  # a singular face overflows, and is noticed
-        status, ray = drive(
-            A, q, columns, symmetric, work, outside, max_iter, deadline, report
-        )
-    z = vectors[BEST_Z] * vectors[D]
-    z = np.minimum(np.maximum(z, lower), upper)
-    w = A @ z + q
-    if status is Status.SOLVED and scalar[SIZE] > 0.0:
-        plain, scaled = residuals(z, w, lower, upper, 1.0 / vectors[D])
-        if not (plain < eps_abs or scaled <= eps_rel * scalar[SIZE] < math.inf):
-            status = Status.STALLED
-    if status is Status.STALLED and symmetric and n <= DENSE_LU:
-        # Nearly singular towards the solution: rho hides it, so once more without.
-        limits: dict[str, Any] = {"eps_abs": eps_abs, "eps_rel": eps_rel}
-        limits |= {"max_iter": max_iter, "deadline": deadline, "report": report}
-        again = solve_box(A, q, lower, upper, z, symmetric=False, **limits)
-        if again.status is Status.SOLVED:
-            return again._replace(convex=bool(work.counter[CONVEX]))
-    counter = work.counter
-    return Outcome(status, z, w, int(counter[FACTORED]), ray, bool(counter[CONVEX]))
-
-
-def drive(
-    A: Any,
-    q: np.ndarray,
-    columns: Columns,
-    symmetric: bool,
-    work: Work,
-    outside: bool,
-    max_iter: int,
-    deadline: float,
-    report: Report,
-) -> tuple[Status, np.ndarray | None]:
-    """Call `pivot` until it is done, and do for it what it asks for."""
-    counter, n = work.counter, q.size
-    chunk = 1 if n > 500 or report is not None else 50
-    code = pivoting.MORE
-    while code != pivoting.SOLVED:
-        done = int(counter[FACTORED])
-        # Murty's rule may go round in circles where a minor was seen to be negative.
-        limit = min(max_iter, LAST_STEPS + n) if hopeless(work) else max_iter
-        if code == pivoting.STUCK or done >= limit:
-            status = Status.STALLED if code == pivoting.STUCK else Status.MAX_ITER
-            return (Status.UNSOLVABLE if counter[OUTSIDE] else status), None
-        if done > 0 and time.perf_counter() >= deadline:
-            return Status.TIME_LIMIT, None
-        if code == pivoting.RAY:
-            ray = proof(A, q, work.vectors[RHS] * work.vectors[D], work)
-            if ray is not None:
-                return Status.UNSOLVABLE, ray
-        elif code == pivoting.STAGNATED:
-            cure(A, work, symmetric, outside, deadline)
-        if code == pivoting.FACE:
-            solve_outside(work)
-            code = resume(symmetric, work)
-        else:
-            budget = min(chunk, limit - done)
-            code = pivot(columns, symmetric, work, budget, outside)
-        if report is not None and counter[FACTORED] > done:
-            active = np.count_nonzero(work.marks[STATE])
-            report(int(counter[FACTORED]), work.scalar[BEST], active)
-    return Status.SOLVED, None
-
-
-def hopeless(work: Work) -> bool:
-    """Tell whether A is not a P-matrix and the path has failed."""
-    return bool(work.counter[OUTSIDE] and work.counter[PATHED])
-
-
-def cure(A: Any, work: Work, symmetric: bool, outside: bool, deadline: float) -> None:
-    """Get block pivoting going again: once by the path, then by a larger rho."""
-    counter, vectors, scalar = work.counter, work.vectors, work.scalar
-    if not counter[PATHED]:
-        if outside:
-            counter[PATHED] = 1
-            return
-        chunk = PATH_STEPS if math.isinf(deadline) else PATH_CHUNK
-        for _ in range(PATH_STEPS // chunk):
-            taken = follow(symmetric, work, PATH_TARGET, chunk)
-            if taken < chunk or time.perf_counter() >= deadline:
-                return
-    else:
-        s = vectors[CENTRE] - vectors[Q]
-        s -= vectors[D] * (A @ (vectors[D] * vectors[CENTRE]))
-        at_upper = np.where(s >= vectors[UPPER], 1, 0)
-        work.marks[STATE] = np.where(s <= vectors[LOWER], -1, at_upper)
-        scalar[RHO] = min(1000.0 * scalar[RHO], MOST_RHO)
-        counter[FEWEST], counter[PATIENCE] = s.size + 1, BLOCK_STEPS
-
-
-def set_order(A: Any, work: Work) -> None:
-    """Take the elimination order of all unknowns from AMD (Amestoy, Davis, Duff)."""
-    n = A.shape[0]
-    pattern = sparse.csc_matrix(
-        (np.full(A.nnz, 1e-3), A.indices, A.indptr), shape=A.shape
+    return Criterion(
+        accept,
+        max(eps_rel * size, eps_abs / float(root.max(initial=1e-300))),
+        max(eps_rel * size * float(root.min(initial=1.0)), eps_abs),
+        size,
     )
-    pattern.setdiag(1.0 + np.diff(A.indptr))
-    order = qdldl.Solver(pattern).factors()[2]
-    work.marks[SEQUENCE] = order
-    work.marks[RANK][order] = np.arange(n)
-    work.counter[ORDERED], work.counter[ORDERINGS] = n, 2
-
-
-def solve_outside(work: Work) -> None:
-    """Solve the face system of `work` by sparse LU, for unsymmetric matrices."""
-    scaled, vectors = work.scaled, work.vectors
-    work.counter[FACTORED] += 1
-    n = vectors.shape[1]
-    face = np.flatnonzero(work.marks[STATE] == 0)
-    A = sparse.csc_array((scaled.data, scaled.indices, scaled.indptr), shape=(n, n))
-    shift = work.scalar[RHO] * sparse.eye_array(face.size)
-    try:
-        factor = splu(sparse.csc_array(A[:, face].tocsr()[face] + shift))
-        vectors[Z][face] = factor.solve(vectors[RHS][face])
-    except RuntimeError:  # exactly singular
-        vectors[Z][face] = np.nan
-
-
-def proof(A: Any, q: np.ndarray, v: np.ndarray, work: Work) -> np.ndarray | None:
-    """Return v scaled to q'v = -1 if it proves that there is no solution, else None.
-
-    v is 0 on the side of every finite bound, hence v'w >= 0 for every solution. But
-    v'w = z'(A'v) + q'v, and z'(A'v) <= 0 for every z in the box: a contradiction. This
-    needs no property of A; a symmetric semidefinite A has A v = 0.
-    """
-    lower, upper, d = work.vectors[LOWER], work.vectors[UPPER], work.vectors[D]
-    v = np.where(np.abs(v / d) <= RAY_TOLERANCE * np.max(np.abs(v / d)), 0.0, v)
-    into_bound = (v > 0.0) & (upper < math.inf) | (v < 0.0) & (lower > -math.inf)
-    fall = float(q @ v)
-    if not fall < 0.0 or np.any(into_bound):
-        return None
-    v = v / -fall
-    slope = d * (A.T @ v)
-    # Only rounding is forgiven: a true slope, however small, has a solution far away.
-    slope[np.abs(slope) <= SLOPE_ROUNDING * d * (abs(A).T @ np.abs(v))] = 0.0
-    moving = slope != 0.0
-    side = np.where(slope > 0.0, upper, lower)[moving]
-    return v if side @ slope[moving] < 0.5 else None

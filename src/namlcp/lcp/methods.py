@@ -44,17 +44,17 @@ METHODS = {
 }
 
 
-AUTO = Method(())
+EXACT = {"auto": Method(()), "multigrid": Method(())}
+KNOWN = EXACT | METHODS
 
 
 def find_method(method: str, **given: Any) -> Method:
     """Return the method of that name; raise for a parameter that it does not have."""
     if not isinstance(method, str):
         raise TypeError(f"method must be a string, got {method!r}")
-    known = {"auto": AUTO, **METHODS}
-    if method not in known:
-        raise ValueError(f"method must be one of {list(known)}, got {method!r}")
-    chosen = known[method]
+    if method not in KNOWN:
+        raise ValueError(f"method must be one of {list(KNOWN)}, got {method!r}")
+    chosen = KNOWN[method]
     for name, value in given.items():
         if value is not None and name not in chosen.takes:
             takers = [key for key, other in METHODS.items() if name in other.takes]

@@ -3,8 +3,13 @@
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+from scipy import sparse
+
 from namlcp.checks import asymmetry
 from namlcp.lcp.data import lcp_matrix
+from namlcp.lcp.diagonals import Tridiagonal, tridiagonal_of
+from namlcp.lcp.hierarchy import Hierarchy, build
 
 ROUNDING = 1e-14
 """Asymmetry of A below this times max|A| is rounding."""
@@ -15,9 +20,11 @@ class Prepared:
 
     Parameters
     ----------
-    A : (n, n) array or sparse array
+    A : (n, n) array, sparse array or scipy LinearOperator
         The matrix of the LCP. It is kept as it is where it is clean float64 (CSR if
         sparse), and must not be changed afterwards.
+    diagonal : (n,) array
+        diag(A) of a LinearOperator, see `solve_lcp`.
 
     Raises
     ------
@@ -37,11 +44,27 @@ class Prepared:
     [[1.333333, 2.333333], [2.5, 0.0]]
     """
 
-    def __init__(self, A: Any):
-        self.A = lcp_matrix(A)
+    def __init__(self, A: Any, diagonal: Any = None):
+        self.A = lcp_matrix(A, diagonal)
 
     @cached_property
     def symmetric(self) -> bool:
         """A = A' up to rounding."""
         gap, size = asymmetry(self.A)
         return gap <= ROUNDING * size
+
+    @cached_property
+    def hierarchy(self) -> Hierarchy | None:
+        """Levels for multigrid cycles, None where A does not suit."""
+        return build(sparse.csr_array(self.A), self.symmetric)
+
+    @cached_property
+    def tridiagonal(self) -> Tridiagonal | None:
+        """The form of a sparse tridiagonal matrix with a positive diagonal."""
+        return None if isinstance(self.A, np.ndarray) else tridiagonal_of(self.A)
+
+    @cached_property
+    def slopes(self) -> np.ndarray:
+        """Omega of the modulus variable: diag(A), 1 where that is not positive."""
+        diagonal = self.A.diagonal()
+        return np.where(diagonal > 0.0, diagonal, 1.0)

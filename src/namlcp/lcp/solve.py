@@ -7,15 +7,19 @@ from typing import Any
 import numpy as np
 
 from namlcp.checks import refuse_number, vector
-from namlcp.lcp.auto import MAX_ITER, Outcome, solve_auto
+from namlcp.deadline import Deadline
+from namlcp.lcp.auto import ask_multigrid, solve_auto
 from namlcp.lcp.data import LCPData, lcp_data
-from namlcp.lcp.methods import find_method
+from namlcp.lcp.exact import Outcome
+from namlcp.lcp.methods import EXACT, find_method
+from namlcp.lcp.operators import Operator
 from namlcp.lcp.pivoting import pivot
 from namlcp.lcp.prepared import Prepared
 from namlcp.lcp.sweeps import sweep
+from namlcp.lcp.truncation import ascend
 from namlcp.options import check_count, check_flag, check_number
 from namlcp.progress import LCP_COLUMNS, Progress
-from namlcp.residuals import natural_residual
+from namlcp.residuals import modulus_variable, natural_residual
 from namlcp.result import LCPResult
 
 SWEEP_EPS_ABS = 1e-8
@@ -30,12 +34,14 @@ def solve_lcp(
     upper: Any = None,
     *,
     method: str = "auto",
+    diagonal: Any = None,
     alpha: float | str | None = None,
     beta: float | None = None,
     omega: Any = None,
     shift: Any = None,
     s0: Any = None,
     z0: Any = None,
+    threads: int | None = None,
     eps_abs: float | None = None,
     eps_rel: float | None = None,
     max_iter: int | None = None,
@@ -51,17 +57,23 @@ def solve_lcp(
 
     Parameters
     ----------
-    A : (n, n) array, sparse array or Prepared
-        Symmetric or not.
+    A : (n, n) array, sparse array, scipy LinearOperator or Prepared
+        Symmetric or not; a LinearOperator must be symmetric positive semidefinite.
     q : (n,) array
     lower, upper : (n,) array or float
         Bounds, 0 and +inf unless given. lower_i = upper_i pins z_i, lower_i = -inf with
         upper_i = +inf frees it: equation i.
     method : str
-        "auto": sweeps, block principal pivoting, a short interior path and a proximal
-        loop; for every P-matrix and every symmetric positive semidefinite matrix, as
-        far as rounding allows. Otherwise the name of a sweep method, see
-        `namlcp.lcp.methods`.
+        "auto": sweeps, multigrid cycles, block principal pivoting, a short interior
+        path and a proximal loop, as A needs; for every P-matrix and every symmetric
+        positive semidefinite matrix, as far as rounding allows. For a LinearOperator it
+        is MPRGP, see `namlcp.lcp.matrixfree`, and there is no other. "multigrid": the
+        cycles alone, for matrices like those of differential equations, see
+        `namlcp.lcp.multigrid`; "auto" takes them from order 10^4 on where A suits.
+        Otherwise the name of a sweep method, see `namlcp.lcp.methods`.
+    diagonal : (n,) array
+        diag(A) of a LinearOperator, which scales the problem; without it the scale is
+        left as it is.
     alpha, beta : float
         Relaxation parameters of the sweep methods that have them. alpha = "auto" is
         chosen as the method runs.
@@ -72,16 +84,24 @@ def solve_lcp(
         Start of a sweep method in the modulus variable (scale r = 2).
     z0 : (n,) array
         Where to start.
+    threads : int
+        Sparse A and a triangular sweep method only. Sweep on at most so many threads,
+        in the coloured order of `namlcp.lcp.coloured`: another splitting than that of
+        the natural order (None), with other counts of iterations, but the same ones
+        for every number of threads.
     eps_abs : float
         Solved when Res(z) = || z - clip(z - w, lower, upper) ||_2 < eps_abs.
     eps_rel : float
-        "auto" only. Solved when Res, of the problem scaled to a unit diagonal, is at
-        most eps_rel times its value at z = clip(0), which is || min(q, 0) ||_2 without
-        bounds. If neither is given eps_rel = 1e-9; if one is given the other is 0.
+        "auto" and "multigrid" only. Solved when Res, of the problem scaled to a unit
+        diagonal, is at most eps_rel times its value at z = clip(0), which is
+        || min(q, 0) ||_2 without bounds. If neither is given eps_rel = 1e-9; if one is
+        given the other is 0.
     max_iter : int
-        Limit on sweeps; for "auto" on factorisations (of sweeps it makes few).
+        Limit on sweeps; for "multigrid" on cycles, for "auto" on cycles, factorisations
+        or, of a LinearOperator, iterations (of sweeps it makes few).
     time_limit : float
-        Limit on the solve [s]; the best point so far is returned.
+        Limit on the solve [s]; the best point so far is returned. So it is after Ctrl-C
+        in the main thread (a second one raises KeyboardInterrupt).
     history : bool
         Keep a row for every iteration.
     verbose : bool
@@ -118,57 +138,47 @@ def solve_lcp(
     array([4., 7.])
     """
     start = time.perf_counter()
-    deadline = start + check_limits(eps_abs, eps_rel, max_iter, time_limit)
+    deadline = Deadline(start + check_limits(eps_abs, eps_rel, max_iter, time_limit))
     check_flag("history", history)
     check_flag("verbose", verbose)
-    parameters: dict[str, Any] = {
-        "alpha": alpha, "beta": beta, "omega": omega, "shift": shift, "s0": s0,
-    }  # fmt: skip
-    find_method(method, **{k: v for k, v in parameters.items() if k != "s0"})
-    if method == "auto" and s0 is not None:
-        raise ValueError('s0 is for the sweep methods, pass z0 to method "auto"')
-    matrix = A if isinstance(A, Prepared) else Prepared(A)
+    find_method(method, alpha=alpha, beta=beta, omega=omega, shift=shift)
+    matrix = prepared(A, diagonal, method)
     data = lcp_data(matrix.A, q, lower, upper)
     progress = Progress(LCP_COLUMNS, verbose)
-    progress.say(f"namlcp  LCP: n = {data.q.size}, method = {method}")
+    if verbose:
+        progress.say(f"namlcp  LCP: n = {data.q.size}, method = {method}")
     limits: dict[str, Any] = {"deadline": deadline, "report": progress.report(history)}
+    limits |= {"eps_abs": eps_abs, "max_iter": max_iter}
     ready = time.perf_counter()
-    if method == "auto":
-        progress.announce(pivot)
-        if eps_rel is None:
-            eps_rel = AUTO_EPS_REL if eps_abs is None else 0.0
-        start_at = None if z0 is None else start_point(z0, data.q.size)
-        limits["max_iter"] = max_iter or MAX_ITER
-        outcome, method = solve_in_units(
-            matrix, data, start_at, eps_abs or 0.0, eps_rel, limits
-        )
-        diagonal = data.A.diagonal()
-        s = outcome.z - outcome.w / np.where(diagonal > 0.0, diagonal, 1.0)
-    else:
-        if eps_rel is not None:
-            raise ValueError(f'eps_rel is for method "auto" only, got {method!r}')
-        swept = sweep(
-            data.A,
-            data.q,
-            data.lower,
-            data.upper,
-            method,
-            z0=z0,
-            eps_abs=SWEEP_EPS_ABS if eps_abs is None else eps_abs,
-            max_iter=max_iter or SWEEP_MAX_ITER,
-            **parameters,
-            **limits,
-        )
-        w, s = data.A @ swept.z + data.q, swept.s
-        outcome = Outcome(swept.status, swept.z, w, swept.iterations, None)
+    with deadline.listening():
+        if method in EXACT:
+            for name, value in (("s0", s0), ("threads", threads)):
+                if value is not None:
+                    raise ValueError(
+                        f"{name} is for the sweep methods, not for method {method!r}"
+                    )
+            if not isinstance(data.A, Operator):
+                progress.announce(pivot if method == "auto" else ascend)
+            limits["eps_rel"] = eps_rel
+            outcome, s, method = solve_exactly(matrix, data, method, z0, limits)
+        else:
+            if eps_rel is not None:
+                raise ValueError(
+                    f'eps_rel is for method "auto" or "multigrid" only, got {method!r}'
+                )
+            limits |= {"alpha": alpha, "beta": beta, "omega": omega, "shift": shift}
+            limits |= {"s0": s0, "z0": z0, "threads": threads}
+            outcome, s = solve_by_name(data, method, limits)
+    status = deadline.verdict(outcome.status)
     residual = natural_residual(outcome.z, outcome.w, data.lower, data.upper)
     end = time.perf_counter()
-    progress.close(
-        f"{outcome.status.value}: {outcome.iterations} iterations, "
-        f"{end - start:.1e} s, residual {residual:.1e}"
-    )
+    if verbose:
+        progress.close(
+            f"{status.value}: {method}, {outcome.iterations} iterations, "
+            f"{end - start:.1e} s, residual {residual:.1e}"
+        )
     return LCPResult(
-        status=outcome.status,
+        status=status,
         z=outcome.z,
         w=outcome.w,
         s=s,
@@ -182,6 +192,60 @@ def solve_lcp(
     )
 
 
+def solve_exactly(
+    matrix: Prepared, data: LCPData, method: str, z0: Any, limits: dict[str, Any]
+) -> tuple[Outcome, np.ndarray, str]:
+    """Solve by one of EXACT; return outcome, s and the method that gave it.
+
+    It is called in units of data.unit for q, z, the bounds and eps_abs.
+    """
+    _, q, lower, upper, unit = data
+    eps_abs, eps_rel = limits["eps_abs"], limits["eps_rel"]
+    if eps_rel is None:
+        limits["eps_rel"] = AUTO_EPS_REL if eps_abs is None else 0.0
+    limits["eps_abs"] = (eps_abs or 0.0) / unit
+    z0 = None if z0 is None else start_point(z0, q.size)
+    solver = solve_auto if method == "auto" else ask_multigrid
+    if unit != 1.0:
+        q, lower, upper = q / unit, lower / unit, upper / unit
+        z0 = None if z0 is None else z0 / unit
+    outcome, method = solver(matrix, q, lower, upper, z0, **limits)
+    if unit != 1.0:
+        outcome = outcome._replace(z=outcome.z * unit, w=outcome.w * unit)
+    s = np.empty(q.size)
+    modulus_variable(outcome.z, outcome.w, matrix.slopes, s)
+    return outcome, s, method
+
+
+def solve_by_name(
+    data: LCPData, method: str, limits: dict[str, Any]
+) -> tuple[Outcome, np.ndarray]:
+    """Solve by a named sweep method; return outcome and s."""
+    A, q, lower, upper, _ = data
+    if limits["eps_abs"] is None:
+        limits["eps_abs"] = SWEEP_EPS_ABS
+    limits["max_iter"] = limits["max_iter"] or SWEEP_MAX_ITER
+    swept = sweep(A, q, lower, upper, method, **limits)
+    w = A @ swept.z + q
+    return Outcome(swept.status, swept.z, w, swept.iterations, None), swept.s
+
+
+def prepared(A: Any, diagonal: Any, method: str) -> Prepared:
+    """Return A prepared, as it is if it was; raise if the method cannot use it."""
+    if isinstance(A, Prepared):
+        if diagonal is not None:
+            raise ValueError("diagonal must be given to Prepared, with A")
+        matrix = A
+    else:
+        matrix = Prepared(A, diagonal)
+    if method != "auto" and isinstance(matrix.A, Operator):
+        raise ValueError(
+            f"method {method!r} needs the entries of A; a LinearOperator is solved by "
+            'method "auto"'
+        )
+    return matrix
+
+
 def check_limits(eps_abs: Any, eps_rel: Any, max_iter: Any, time_limit: Any) -> float:
     """Raise for a bad tolerance or limit; return the time limit."""
     for name, value in (("eps_abs", eps_abs), ("eps_rel", eps_rel)):
@@ -191,37 +255,6 @@ def check_limits(eps_abs: Any, eps_rel: Any, max_iter: Any, time_limit: Any) -> 
         check_count("max_iter", max_iter)
     check_number("time_limit", time_limit, 0.0)
     return float(time_limit)
-
-
-def solve_in_units(
-    matrix: Prepared,
-    data: LCPData,
-    z0: np.ndarray | None,
-    eps_abs: float,
-    eps_rel: float,
-    limits: dict[str, Any],
-) -> tuple[Outcome, str]:
-    """Call `solve_auto`, in units of `unit_of(q)` for q, z and the bounds."""
-    unit = unit_of(data.q)
-    outcome, method = solve_auto(
-        matrix,
-        data.q / unit,
-        data.lower / unit,
-        data.upper / unit,
-        None if z0 is None else z0 / unit,
-        eps_abs=eps_abs / unit,
-        eps_rel=eps_rel,
-        **limits,
-    )
-    return outcome._replace(z=outcome.z * unit, w=outcome.w * unit), method
-
-
-def unit_of(q: np.ndarray) -> float:
-    """Return 1, or a power of 2 near max |q| where squares would leave the range."""
-    size = float(np.abs(q).max(initial=0.0))
-    if size == 0.0 or 1e-100 < size < 1e100:
-        return 1.0
-    return 2.0 ** math.floor(math.log2(size))
 
 
 def start_point(z0: Any, n: int) -> np.ndarray:

@@ -83,6 +83,7 @@ def sweep(
     shift: Any = None,
     s0: Any = None,
     z0: Any = None,
+    threads: int | None = None,
     eps_abs: float,
     max_iter: int,
     deadline: float = math.inf,
@@ -119,6 +120,9 @@ def sweep(
         Start, at most one: s0 itself, or s0 = z0 - (A z0 + q)/Omega, which is a fixed
         point if z0 solves the problem. Unless given s0 = clip(0, lower, upper); the
         paper's runs start at (1, 0, 1, 0, ...).
+    threads : int
+        Sweep a sparse A in coloured order on at most so many threads, see `coloured`: L
+        and U above are then those of that order. None: natural order.
     eps_abs : float
         Stop at the first k >= 0 with Res(z_k) < eps_abs.
     max_iter : int
@@ -144,11 +148,16 @@ def sweep(
     """
     chosen = find_method(method, alpha=alpha, beta=beta, omega=omega, shift=shift)
     n = q.size
+    run = None
+    if threads is not None:  # imported here: it compiles for threads
+        from namlcp.lcp.coloured import coloured_sweep
+
+        run = coloured_sweep(A, chosen, threads)
     step: Step | None
     interval = "(0, inf)" if method == "modified-nam" else "(0, 2)"
     alpha_auto = is_auto("alpha", alpha, f"a number in {interval}")
     if is_auto("omega", omega, "a positive number, an array") or alpha_auto:
-        step = adaptive_step(A, q, lower, upper, method, alpha, beta, omega, shift)
+        step = adaptive_step(A, q, lower, upper, method, alpha, beta, omega, shift, run)
         omega = step.omega
     elif chosen.factored:
         omega = factored_omega(A, method, alpha, omega)
@@ -156,7 +165,7 @@ def sweep(
         step = factored_step(A, q, lower, upper, omega, shift)
     else:
         step, omega = triangular_step(
-            A, q, lower, upper, method, alpha, beta, omega, shift
+            A, q, lower, upper, method, alpha, beta, omega, shift, run
         )
     with np.errstate(all="ignore"):
         s = start(A, q, lower, upper, omega, s0, z0)
@@ -293,8 +302,12 @@ def triangular_step(
     beta: float | None,
     omega: Any,
     shift: Any,
+    run: Callable[..., float] | None = None,
 ) -> tuple[Step, np.ndarray]:
-    """Return one sweep of a triangular method as a function, and its Omega."""
+    """Return one sweep of a triangular method as a function, and its Omega.
+
+    `run` takes the place of the sequential kernel, with the same arguments after A.
+    """
     chosen = METHODS[method]
     alpha, beta, omega, shift = triangular_parameters(
         A, method, alpha, beta, omega, shift
@@ -310,10 +323,14 @@ def triangular_step(
 
     kernel: Any
     matrix: tuple
-    if isinstance(A, np.ndarray):
+    if run is not None:
+        kernel, matrix = run, ()
+    elif isinstance(A, np.ndarray):
         kernel, matrix = sweep_dense, (A,)
     else:
         kernel, matrix = sweep_csr, (A.data, A.indices, A.indptr)
+    if kernel is not sweep_dense and not lower.any() and np.all(upper == np.inf):
+        lower = upper = np.empty(0)
     fixed = (*matrix, q, lower, upper, omega, inverse, G, H)
 
     def step(
@@ -334,6 +351,7 @@ def adaptive_step(
     beta: float | None,
     omega: Any,
     shift: Any,
+    run: Callable[..., float] | None = None,
 ) -> AdaptiveStep:
     """Return a step that chooses where alpha or omega is "auto", the rest checked."""
     chosen = METHODS[method]
@@ -353,7 +371,9 @@ def adaptive_step(
     def build(alpha: float, omega: np.ndarray) -> tuple[Step | None, np.ndarray]:
         if chosen.factored:
             return factored_step(A, q, lower, upper, omega, shift), omega
-        return triangular_step(A, q, lower, upper, method, alpha, beta, omega, shift)
+        return triangular_step(
+            A, q, lower, upper, method, alpha, beta, omega, shift, run
+        )
 
     choice = Choice(A, chosen, alpha, beta, omega, shift)
     return AdaptiveStep(choice, build, lower, upper)

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.sparse import csc_array
 
 from namlcp.checks import QPData
+from namlcp.lcp.prepared import Prepared
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.presolve import Presolved
 from namlcp.qp.scaling import ScaledQP
@@ -32,6 +33,7 @@ class Memory:
         self.substitution: Substitution | None = None
         self.presolved: Presolved | None = None
         self.problem: ScaledQP | None = None
+        self.rows: Prepared | None = None
 
     def __reduce__(self) -> tuple[type["Memory"], tuple[()]]:
         """Let a copy begin empty: the factors cannot be copied."""
@@ -62,6 +64,13 @@ class Memory:
         if self.convex is not P:
             check_convex(P)
             self.convex = P
+
+    def prepared(self, P: csc_array) -> Prepared:
+        """Return P, its columns being its rows, for one LCP after another."""
+        rows = self.rows
+        if rows is None or rows.A.data is not P.data:
+            rows = self.rows = Prepared(P.T)
+        return rows
 
 
 def is_same(M: Any, N: Any) -> bool:

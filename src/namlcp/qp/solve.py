@@ -14,7 +14,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from namlcp.checks import QPData, as_sparse, qp_data
-from namlcp.lcp.auto import solve_box
+from namlcp.deadline import Deadline
+from namlcp.lcp.auto import LARGE, solve_auto
+from namlcp.lcp.exact import Outcome, solve_box
 from namlcp.lcp.pivoting import pivot
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
@@ -39,6 +41,9 @@ SPARSE_ENTRIES = 10_000
 
 # From this density on the matrices of a sparse problem are treated as dense.
 FULL = 0.3
+
+# Relative residuals of the LCP tried one after another for a large QP with bounds.
+SHARPER = (1e-9, 1e-11, 1e-13)
 
 # A tolerance below this times the terms of the gap is decided by their rounding.
 ROUNDING = 4e-15
@@ -147,13 +152,15 @@ def solve_checked(
 
     `memory` is kept by the caller from one problem to the next of the same pattern.
     """
-    deadline = start + options.time_limit
+    deadline = Deadline(start + options.time_limit)
     progress = None
     if options.verbose or history:
         progress = Progress(QP_COLUMNS, options.verbose)
         progress.say(describe(qp, options))
     ready = time.perf_counter()
     answer = solve_forms(qp, options, guess, deadline, progress, memory)
+    if deadline.interrupted:
+        answer = answer._replace(status=deadline.verdict(answer.status))
     end = time.perf_counter()
     if progress is not None:
         progress.close(conclude(answer, end - start))
@@ -178,7 +185,7 @@ def solve_forms(
     qp: QPData,
     options: Options,
     guess: Guess,
-    deadline: float,
+    deadline: Deadline,
     progress: Progress | None,
     memory: Memory | None,
 ) -> Answer:
@@ -237,7 +244,7 @@ def try_forms(
     qp: QPData,
     options: Options,
     guess: Guess,
-    deadline: float,
+    deadline: Deadline,
     progress: Progress | None,
     memory: Memory,
 ) -> Answer:
@@ -245,12 +252,14 @@ def try_forms(
     answer = None
     small = is_small(qp)
     if is_box(qp) and not (small and qp.q.size <= DENSE_BOX):
-        answer = solve_bounds(qp, options, guess, deadline, progress)
+        with deadline.listening():
+            answer = solve_bounds(qp, options, guess, deadline, progress, memory)
     elif small:
         answer = solve_dense(qp, options, guess, progress)
     if answer is not None and answer.status in (*FINAL, Status.TIME_LIMIT):
         return answer
-    other = solve_path(qp, options, guess, deadline, progress, memory)
+    with deadline.listening():
+        other = solve_path(qp, options, guess, deadline, progress, memory)
     return other if answer is None else better(answer, other, options)
 
 
@@ -318,23 +327,21 @@ def solve_bounds(
     qp: QPData,
     options: Options,
     guess: Guess,
-    deadline: float,
+    deadline: Deadline,
     progress: Progress | None,
+    memory: Memory,
 ) -> Answer | None:
     """Solve the box LCP that bounds alone make; None where it does not decide."""
     if progress is not None:
         progress.announce(pivot)
     A, q, lower, upper = box_lcp(qp)
-    status, x, w, iterations, ray, convex = solve_box(
-        A,
-        q,
-        lower,
-        upper,
-        guess.point,
-        max_iter=options.max_iter,
-        deadline=deadline,
-        ask_convex=True,
-    )
+    limits: dict[str, Any] = {"max_iter": options.max_iter, "deadline": deadline}
+    if qp.is_dense or q.size < LARGE:
+        outcome = solve_box(A, q, lower, upper, guess.point, ask_convex=True, **limits)
+    else:
+        memory.ensure_convex(A)
+        outcome = solve_large_box(qp, options, guess, memory, limits)
+    status, x, w, iterations, ray, convex = outcome
     x, z_box = box_point(x, w, lower, upper)
     if ray is not None:
         check_convex(as_sparse(qp.P))
@@ -356,11 +363,38 @@ def solve_bounds(
     )
 
 
+def solve_large_box(
+    qp: QPData,
+    options: Options,
+    guess: Guess,
+    memory: Memory,
+    limits: dict[str, Any],
+) -> Outcome:
+    """Solve the box LCP of a convex QP until that, not the LCP, is solved.
+
+    The gap adds up what each of many unknowns leaves.
+    """
+    A, q, lower, upper = box_lcp(qp)
+    matrix, z0 = memory.prepared(A), guess.point
+    for eps_rel in SHARPER:
+        found, _ = solve_auto(
+            matrix, q, lower, upper, z0, eps_abs=0.0, eps_rel=eps_rel, **limits
+        )
+        x, z_box = box_point(found.z, found.w, lower, upper)
+        residuals = qp_residuals(*qp, x, NOTHING, NOTHING, z_box)
+        if found.status is not Status.SOLVED or residuals.solved(
+            options.eps_abs, options.eps_rel
+        ):
+            break
+        z0 = found.z
+    return found._replace(convex=True)
+
+
 def solve_path(
     qp: QPData,
     options: Options,
     guess: Guess,
-    deadline: float,
+    deadline: Deadline,
     progress: Progress | None,
     memory: Memory,
 ) -> Answer:

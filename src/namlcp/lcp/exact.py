@@ -1,0 +1,277 @@
+"""Box LCPs by pivoting, the path where needed: the compiled stages and who calls them.
+
+`solve_box` works on a copy scaled to a unit diagonal. What it finds is judged on the
+caller's data.
+"""
+
+import math
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+import qdldl
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from namlcp.lcp import pivoting
+from namlcp.lcp.interior import follow
+from namlcp.lcp.matrix import Columns, columns_of
+from namlcp.lcp.pivoting import (
+    ASKED,
+    BEST,
+    BEST_Z,
+    BLOCK_STEPS,
+    CENTRE,
+    CONVEX,
+    EPS_ABS,
+    EPS_REL,
+    FACTORED,
+    FEWEST,
+    LOWER,
+    MOST_RHO,
+    ORDERED,
+    ORDERINGS,
+    OUTSIDE,
+    PATHED,
+    PATIENCE,
+    RANK,
+    RHO,
+    RHS,
+    SEQUENCE,
+    SIZE,
+    STATE,
+    UPPER,
+    D,
+    Q,
+    Work,
+    Z,
+    pivot,
+    residuals,
+    resume,
+    workspace,
+)
+from namlcp.status import Status
+
+Report = Callable[..., None] | None
+
+MAX_ITER = 5000
+"""Factorisations at most, unless the caller says."""
+
+BITSETS = 20_000
+"""Up to this order the elimination order comes from bitsets (50 MB)."""
+
+DENSE_LU = 600
+"""Up to this order faces of sparse unsymmetric matrices go to dense LU."""
+
+LAST_STEPS = 200
+"""So many factorisations, and one for each unknown, are left to a hopeless case."""
+
+PATH_STEPS = 60
+PATH_CHUNK = 5
+PATH_TARGET = 1e-8
+
+RAY_TOLERANCE = 1e-9
+SLOPE_ROUNDING = 1e-13
+
+
+class Outcome(NamedTuple):
+    """Status, z, w = A z + q, factorisations (or sweeps), ray or None.
+
+    `convex` says, where it was asked and A = A', that A is positive semidefinite.
+    """
+
+    status: Status
+    z: np.ndarray
+    w: np.ndarray
+    iterations: int
+    ray: np.ndarray | None
+    convex: bool = False
+
+
+def solve_box(
+    A: Any,
+    q: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    z0: np.ndarray | None = None,
+    *,
+    symmetric: bool = True,
+    eps_abs: float = 0.0,
+    eps_rel: float = 1e-9,
+    max_iter: int = MAX_ITER,
+    deadline: float = math.inf,
+    report: Report = None,
+    ask_convex: bool = False,
+) -> Outcome:
+    """Solve a box LCP by pivoting, without checks.
+
+    Parameters
+    ----------
+    A : (n, n) array or sparse array
+        float64; dense C-contiguous, or canonical CSR (CSC too if symmetric).
+    symmetric : bool
+        A = A'. Nothing tests it here.
+    eps_abs, eps_rel : float
+        SOLVED when Res < eps_abs on this problem, or Res <= eps_rel Res(clip(0)) on
+        the problem scaled to a unit diagonal.
+    max_iter : int
+        Factorisations at most.
+    deadline : float
+        Value of time.perf_counter() at which to stop.
+    report : callable
+        Called as report(factorisations, Res of the scaled problem, unknowns at bounds).
+    ask_convex : bool
+        For symmetric A: tell whether it is positive semidefinite (one factorisation).
+    """
+    n = q.size
+    columns = columns_of(A, symmetric)
+    work = workspace(columns, n)
+    vectors, scalar = work.vectors, work.scalar
+    vectors[Q], vectors[LOWER], vectors[UPPER] = q, lower, upper
+    if z0 is not None:
+        vectors[Z] = z0
+    scalar[EPS_ABS], scalar[EPS_REL] = eps_abs, eps_rel
+    compressed = columns.dense.shape[0] == 0
+    if symmetric and compressed and n > BITSETS:
+        set_order(A, work)
+    outside = not symmetric and compressed and n > DENSE_LU
+    work.counter[ASKED] = ask_convex
+    with np.errstate(all="ignore"):  # a singular face overflows, and is noticed
+        status, ray = drive(
+            A, q, columns, symmetric, work, outside, max_iter, deadline, report
+        )
+    z = vectors[BEST_Z] * vectors[D]
+    z = np.minimum(np.maximum(z, lower), upper)
+    w = A @ z + q
+    if status is Status.SOLVED and scalar[SIZE] > 0.0:
+        plain, scaled = residuals(z, w, lower, upper, 1.0 / vectors[D])
+        if not (plain < eps_abs or scaled <= eps_rel * scalar[SIZE] < math.inf):
+            status = Status.STALLED
+    if status is Status.STALLED and symmetric and n <= DENSE_LU:
+        # Nearly singular towards the solution: rho hides it, so once more without.
+        limits: dict[str, Any] = {"eps_abs": eps_abs, "eps_rel": eps_rel}
+        limits |= {"max_iter": max_iter, "deadline": deadline, "report": report}
+        again = solve_box(A, q, lower, upper, z, symmetric=False, **limits)
+        if again.status is Status.SOLVED:
+            return again._replace(convex=bool(work.counter[CONVEX]))
+    counter = work.counter
+    return Outcome(status, z, w, int(counter[FACTORED]), ray, bool(counter[CONVEX]))
+
+
+def drive(
+    A: Any,
+    q: np.ndarray,
+    columns: Columns,
+    symmetric: bool,
+    work: Work,
+    outside: bool,
+    max_iter: int,
+    deadline: float,
+    report: Report,
+) -> tuple[Status, np.ndarray | None]:
+    """Call `pivot` until it is done, and do for it what it asks for."""
+    counter, n = work.counter, q.size
+    chunk = 1 if n > 500 or report is not None else 50
+    code = pivoting.MORE
+    while code != pivoting.SOLVED:
+        done = int(counter[FACTORED])
+        # Murty's rule may go round in circles where a minor was seen to be negative.
+        limit = min(max_iter, LAST_STEPS + n) if hopeless(work) else max_iter
+        if code == pivoting.STUCK or done >= limit:
+            status = Status.STALLED if code == pivoting.STUCK else Status.MAX_ITER
+            return (Status.UNSOLVABLE if counter[OUTSIDE] else status), None
+        if done > 0 and time.perf_counter() >= deadline:
+            return Status.TIME_LIMIT, None
+        if code == pivoting.RAY:
+            ray = proof(A, q, work.vectors[RHS] * work.vectors[D], work)
+            if ray is not None:
+                return Status.UNSOLVABLE, ray
+        elif code == pivoting.STAGNATED:
+            cure(A, work, symmetric, outside, deadline)
+        if code == pivoting.FACE:
+            solve_outside(work)
+            code = resume(symmetric, work)
+        else:
+            budget = min(chunk, limit - done)
+            code = pivot(columns, symmetric, work, budget, outside)
+        if report is not None and counter[FACTORED] > done:
+            active = np.count_nonzero(work.marks[STATE])
+            report(int(counter[FACTORED]), work.scalar[BEST], active)
+    return Status.SOLVED, None
+
+
+def hopeless(work: Work) -> bool:
+    """Tell whether A is not a P-matrix and the path has failed."""
+    return bool(work.counter[OUTSIDE] and work.counter[PATHED])
+
+
+def cure(A: Any, work: Work, symmetric: bool, outside: bool, deadline: float) -> None:
+    """Get block pivoting going again: once by the path, then by a larger rho."""
+    counter, vectors, scalar = work.counter, work.vectors, work.scalar
+    if not counter[PATHED]:
+        if outside:
+            counter[PATHED] = 1
+            return
+        chunk = PATH_STEPS if math.isinf(deadline) else PATH_CHUNK
+        for _ in range(PATH_STEPS // chunk):
+            taken = follow(symmetric, work, PATH_TARGET, chunk)
+            if taken < chunk or time.perf_counter() >= deadline:
+                return
+    else:
+        s = vectors[CENTRE] - vectors[Q]
+        s -= vectors[D] * (A @ (vectors[D] * vectors[CENTRE]))
+        at_upper = np.where(s >= vectors[UPPER], 1, 0)
+        work.marks[STATE] = np.where(s <= vectors[LOWER], -1, at_upper)
+        scalar[RHO] = min(1000.0 * scalar[RHO], MOST_RHO)
+        counter[FEWEST], counter[PATIENCE] = s.size + 1, BLOCK_STEPS
+
+
+def set_order(A: Any, work: Work) -> None:
+    """Take the elimination order of all unknowns from AMD (Amestoy, Davis, Duff)."""
+    n = A.shape[0]
+    pattern = sparse.csc_matrix(
+        (np.full(A.nnz, 1e-3), A.indices, A.indptr), shape=A.shape
+    )
+    pattern.setdiag(1.0 + np.diff(A.indptr))
+    order = qdldl.Solver(pattern).factors()[2]
+    work.marks[SEQUENCE] = order
+    work.marks[RANK][order] = np.arange(n)
+    work.counter[ORDERED], work.counter[ORDERINGS] = n, 2
+
+
+def solve_outside(work: Work) -> None:
+    """Solve the face system of `work` by sparse LU, for unsymmetric matrices."""
+    scaled, vectors = work.scaled, work.vectors
+    work.counter[FACTORED] += 1
+    n = vectors.shape[1]
+    face = np.flatnonzero(work.marks[STATE] == 0)
+    A = sparse.csc_array((scaled.data, scaled.indices, scaled.indptr), shape=(n, n))
+    shift = work.scalar[RHO] * sparse.eye_array(face.size)
+    try:
+        factor = splu(sparse.csc_array(A[:, face].tocsr()[face] + shift))
+        vectors[Z][face] = factor.solve(vectors[RHS][face])
+    except RuntimeError:  # exactly singular
+        vectors[Z][face] = np.nan
+
+
+def proof(A: Any, q: np.ndarray, v: np.ndarray, work: Work) -> np.ndarray | None:
+    """Return v scaled to q'v = -1 if it proves that there is no solution, else None.
+
+    v is 0 on the side of every finite bound, hence v'w >= 0 for every solution. But
+    v'w = z'(A'v) + q'v, and z'(A'v) <= 0 for every z in the box: a contradiction. This
+    needs no property of A; a symmetric semidefinite A has A v = 0.
+    """
+    lower, upper, d = work.vectors[LOWER], work.vectors[UPPER], work.vectors[D]
+    v = np.where(np.abs(v / d) <= RAY_TOLERANCE * np.max(np.abs(v / d)), 0.0, v)
+    into_bound = (v > 0.0) & (upper < math.inf) | (v < 0.0) & (lower > -math.inf)
+    fall = float(q @ v)
+    if not fall < 0.0 or np.any(into_bound):
+        return None
+    v = v / -fall
+    slope = d * (A.T @ v)
+    # Only rounding is forgiven: a true slope, however small, has a solution far away.
+    slope[np.abs(slope) <= SLOPE_ROUNDING * d * (abs(A).T @ np.abs(v))] = 0.0
+    moving = slope != 0.0
+    side = np.where(slope > 0.0, upper, lower)[moving]
+    return v if side @ slope[moving] < 0.5 else None
