@@ -15,7 +15,8 @@ import scipy.sparse as sp
 
 import namlcp
 
-SPARSE = sp.diags_array([4.0, -1.0, -1.0], offsets=[0, 1, -1], shape=(200, 200))
+SPARSE = sp.diags_array([4.0, -1.0, -1.0], offsets=[0, 2, -2], shape=(200, 200))
+TRIDIAGONAL = sp.diags_array([4.0, -1.0, -1.0], offsets=[0, 1, -1], shape=(200, 200))
 DENSE = SPARSE.toarray()[:40, :40]
 LOAD = np.tile([-3.0, 1.0, -2.0, 2.0], 50)
 ROWS = np.ones((1, 40))
@@ -34,6 +35,7 @@ def qp(P: Any, **constraints: Any) -> qpsolvers.Solution:
 
 PATHS: dict[str, Callable[[], Any]] = {
     "lcp-sparse": lambda: lcp(sp.csr_array(SPARSE)),
+    "lcp-tridiagonal": lambda: lcp(sp.csr_array(TRIDIAGONAL)),
     "lcp-dense": lambda: lcp(DENSE),
     "lcp-nonsymmetric": lambda: lcp(DENSE + np.triu(np.full((40, 40), 0.01))),
     "lcp-namgs": lambda: lcp(sp.csr_array(SPARSE), method="namgs"),

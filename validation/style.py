@@ -36,6 +36,14 @@ METHODS = {
 }
 """Colour and marker of every sweep method."""
 
+SOLVERS = {
+    "nam": (BLUE, "o"),
+    "osqp": (PURPLE, "s"),
+    "piqp": (GREEN, "^"),
+    "clarabel": (CYAN, "v"),
+}
+"""Colour and marker of every solver."""
+
 mpl.rcParams.update(
     {
         "figure.dpi": 110,
