@@ -10,12 +10,12 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-import qdldl
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from namlcp.lcp import pivoting
 from namlcp.lcp.interior import follow
+from namlcp.lcp.largefaces import LargeFaces
 from namlcp.lcp.matrix import Columns, columns_of
 from namlcp.lcp.pivoting import (
     ASKED,
@@ -30,15 +30,11 @@ from namlcp.lcp.pivoting import (
     FEWEST,
     LOWER,
     MOST_RHO,
-    ORDERED,
-    ORDERINGS,
     OUTSIDE,
     PATHED,
     PATIENCE,
-    RANK,
     RHO,
     RHS,
-    SEQUENCE,
     SIZE,
     STATE,
     UPPER,
@@ -59,7 +55,10 @@ MAX_ITER = 5000
 """Factorisations at most, unless the caller says."""
 
 BITSETS = 20_000
-"""Up to this order the elimination order comes from bitsets (50 MB)."""
+"""Up to this order the elimination order can come from bitsets (50 MB)."""
+
+BLOCK_ORDER, BLOCK_ENTRIES = 2000, 20_000
+"""From this order and so many entries on, symmetric faces are factored in blocks."""
 
 DENSE_LU = 600
 """Up to this order faces of sparse unsymmetric matrices go to dense LU."""
@@ -68,6 +67,7 @@ LAST_STEPS = 200
 """So many factorisations, and one for each unknown, are left to a hopeless case."""
 
 PATH_STEPS = 60
+LARGE_STEPS = 150
 PATH_CHUNK = 5
 PATH_TARGET = 1e-8
 
@@ -133,14 +133,16 @@ def solve_box(
         vectors[Z] = z0
     scalar[EPS_ABS], scalar[EPS_REL] = eps_abs, eps_rel
     compressed = columns.dense.shape[0] == 0
-    if symmetric and compressed and n > BITSETS:
-        set_order(A, work)
-    outside = not symmetric and compressed and n > DENSE_LU
-    work.counter[ASKED] = ask_convex
+    large = symmetric and compressed and in_blocks(n, columns.data.size)
+    outside = large or (not symmetric and compressed and n > DENSE_LU)
+    faces = LargeFaces(work) if large else None
+    work.counter[ASKED] = ask_convex and not large
     with np.errstate(all="ignore"):  # a singular face overflows, and is noticed
         status, ray = drive(
-            A, q, columns, symmetric, work, outside, max_iter, deadline, report
+            A, q, columns, symmetric, work, outside, faces, max_iter, deadline, report
         )
+        if faces is not None and ask_convex and status is Status.SOLVED:
+            work.counter[CONVEX] = faces.is_convex()
     z = vectors[BEST_Z] * vectors[D]
     z = np.minimum(np.maximum(z, lower), upper)
     w = A @ z + q
@@ -159,6 +161,11 @@ def solve_box(
     return Outcome(status, z, w, int(counter[FACTORED]), ray, bool(counter[CONVEX]))
 
 
+def in_blocks(n: int, entries: int) -> bool:
+    """Tell whether the faces of a sparse symmetric matrix are worth blocks."""
+    return n > BITSETS or (n > BLOCK_ORDER and entries > BLOCK_ENTRIES)
+
+
 def drive(
     A: Any,
     q: np.ndarray,
@@ -166,6 +173,7 @@ def drive(
     symmetric: bool,
     work: Work,
     outside: bool,
+    faces: LargeFaces | None,
     max_iter: int,
     deadline: float,
     report: Report,
@@ -188,9 +196,12 @@ def drive(
             if ray is not None:
                 return Status.UNSOLVABLE, ray
         elif code == pivoting.STAGNATED:
-            cure(A, work, symmetric, outside, deadline)
+            cure(A, work, symmetric, outside, faces, deadline)
         if code == pivoting.FACE:
-            solve_outside(work)
+            if faces is None:
+                solve_outside(work)
+            else:
+                faces.solve()
             code = resume(symmetric, work)
         else:
             budget = min(chunk, limit - done)
@@ -206,10 +217,20 @@ def hopeless(work: Work) -> bool:
     return bool(work.counter[OUTSIDE] and work.counter[PATHED])
 
 
-def cure(A: Any, work: Work, symmetric: bool, outside: bool, deadline: float) -> None:
+def cure(
+    A: Any,
+    work: Work,
+    symmetric: bool,
+    outside: bool,
+    faces: LargeFaces | None,
+    deadline: float,
+) -> None:
     """Get block pivoting going again: once by the path, then by a larger rho."""
     counter, vectors, scalar = work.counter, work.vectors, work.scalar
     if not counter[PATHED]:
+        if faces is not None:
+            faces.follow(PATH_TARGET, LARGE_STEPS, deadline)
+            return
         if outside:
             counter[PATHED] = 1
             return
@@ -225,19 +246,6 @@ def cure(A: Any, work: Work, symmetric: bool, outside: bool, deadline: float) ->
         work.marks[STATE] = np.where(s <= vectors[LOWER], -1, at_upper)
         scalar[RHO] = min(1000.0 * scalar[RHO], MOST_RHO)
         counter[FEWEST], counter[PATIENCE] = s.size + 1, BLOCK_STEPS
-
-
-def set_order(A: Any, work: Work) -> None:
-    """Take the elimination order of all unknowns from AMD (Amestoy, Davis, Duff)."""
-    n = A.shape[0]
-    pattern = sparse.csc_matrix(
-        (np.full(A.nnz, 1e-3), A.indices, A.indptr), shape=A.shape
-    )
-    pattern.setdiag(1.0 + np.diff(A.indptr))
-    order = qdldl.Solver(pattern).factors()[2]
-    work.marks[SEQUENCE] = order
-    work.marks[RANK][order] = np.arange(n)
-    work.counter[ORDERED], work.counter[ORDERINGS] = n, 2
 
 
 def solve_outside(work: Work) -> None:

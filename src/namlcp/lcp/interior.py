@@ -5,6 +5,8 @@ z stays strictly between its finite bounds, w - wl + wu = A z + q - wl + wu is d
 face, or to the accuracy asked for where no face can be told.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -15,11 +17,13 @@ from namlcp.lcp.pivoting import (
     BEST,
     CENTRE,
     FIRST_MU,
+    LOWER,
     PATH,
     PATHED,
     RHO,
     SIZE,
     STATE,
+    UPPER,
     WL,
     WU,
     W,
@@ -34,13 +38,49 @@ from namlcp.lcp.pivoting import (
 REGULARISATION = 1e-12
 """Added to the unit diagonal of A."""
 
+CORRECTORS = 2
+"""Right sides at most after Mehrotra's corrector."""
+
+LONGER = 1.03
+"""What each of them must make of the step."""
+
+# Rows of the memory of a step: the direction, products, the direction before.
+DZ, DWL, DWU, LOW, HIGH, KEPT = range(6)
+DIRECTIONS = KEPT + 3
+# Numbers of a step.
+RESIDUAL, MU, FIRST, STEP, AIM = range(5)
+
+
+class Path(NamedTuple):
+    """A point of the path and its bounds; wl > 0 and wu > 0 tell which bounds count."""
+
+    lower: np.ndarray
+    upper: np.ndarray
+    z: np.ndarray
+    wl: np.ndarray
+    wu: np.ndarray
+
+
+@inner
+def path_in(work):
+    """Return the point of the path as views of the workspace."""
+    v = work.vectors
+    return Path(v[LOWER], v[UPPER], v[PATH], v[WL], v[WU])
+
 
 @inner
 def enter(problem, z, w, wl, wu):
-    """Push z inside its bounds and choose multipliers, all by 0.1 max|w|."""
+    """Push z inside its bounds and choose multipliers, all of one size.
+
+    That is the larger of max|w| and the largest distance of z from its nearest bound.
+    """
     lower, upper = problem.lower, problem.upper
     n = z.size
     size = largest(w)
+    for i in range(n):
+        room = min(z[i] - lower[i], upper[i] - z[i])
+        if room < np.inf:
+            size = max(size, room)
     if size == 0.0:
         size = 1.0
     for i in range(n):
@@ -49,125 +89,190 @@ def enter(problem, z, w, wl, wu):
         if lower[i] == upper[i]:
             z[i] = lower[i]
             continue
-        room = min(0.1 * size, 0.05 * (upper[i] - lower[i]))
+        room = min(size, 0.05 * (upper[i] - lower[i]))
         z[i] = min(max(z[i], lower[i] + room), upper[i] - room)
         if lower[i] > -np.inf:
-            wl[i] = max(w[i], 0.1 * size)
+            wl[i] = max(w[i], size)
         if upper[i] < np.inf:
-            wu[i] = max(-w[i], 0.1 * size)
+            wu[i] = max(-w[i], size)
 
 
 @inner
-def longest_step(lower, upper, z, wl, wu, dz, dwl, dwu):
+def longest_step(path, d):
     """Return the largest step in [0, inf) that keeps all of them nonnegative."""
     step = np.inf
-    for i in range(z.size):
-        if wl[i] > 0.0:
-            if dz[i] < 0.0:
-                step = min(step, (lower[i] - z[i]) / dz[i])
-            if dwl[i] < 0.0:
-                step = min(step, -wl[i] / dwl[i])
-        if wu[i] > 0.0:
-            if dz[i] > 0.0:
-                step = min(step, (upper[i] - z[i]) / dz[i])
-            if dwu[i] < 0.0:
-                step = min(step, -wu[i] / dwu[i])
+    for i in range(path.z.size):
+        dz, dwl, dwu = d[DZ, i], d[DWL, i], d[DWU, i]
+        wl, wu = path.wl[i], path.wu[i]
+        if wl > 0.0:
+            if dz < 0.0:
+                step = min(step, (path.lower[i] - path.z[i]) / dz)
+            if dwl < 0.0:
+                step = min(step, -wl / dwl)
+        if wu > 0.0:
+            if dz > 0.0:
+                step = min(step, (path.upper[i] - path.z[i]) / dz)
+            if dwu < 0.0:
+                step = min(step, -wu / dwu)
     return step
 
 
 @inner
-def complementarity(lower, upper, z, wl, wu, dz, dwl, dwu, step):
+def complementarity(path, d, step):
     """Return the mean product of slack and multiplier after the step."""
     total = 0.0
     pairs = 0
-    for i in range(z.size):
-        if wl[i] > 0.0:
-            total += (z[i] + step * dz[i] - lower[i]) * (wl[i] + step * dwl[i])
+    for i in range(path.z.size):
+        z = path.z[i] + step * d[DZ, i]
+        if path.wl[i] > 0.0:
+            total += (z - path.lower[i]) * (path.wl[i] + step * d[DWL, i])
             pairs += 1
-        if wu[i] > 0.0:
-            total += (upper[i] - z[i] - step * dz[i]) * (wu[i] + step * dwu[i])
+        if path.wu[i] > 0.0:
+            total += (path.upper[i] - z) * (path.wu[i] + step * d[DWU, i])
             pairs += 1
     return total / max(pairs, 1)
 
 
 @inner
-def direction(problem, factor, z, w, wl, wu, mu, corrector, rhs, dz, dwl, dwu):
-    """Overwrite dz, dwl, dwu by the Newton direction towards slack * multiplier = mu.
-
-    With `corrector` the second-order terms dz dwl and dz dwu of the direction that
-    comes in are taken along.
-    """
-    lower, upper = problem.lower, problem.upper
-    n = z.size
-    for i in range(n):
-        rhs[i] = -w[i]
-        low = corrector * dwl[i] * dz[i]
-        high = corrector * dwu[i] * dz[i]
-        dwl[i] = 0.0
-        dwu[i] = 0.0
-        if wl[i] > 0.0:
-            dwl[i] = (mu - low) / (z[i] - lower[i]) - wl[i]
-            rhs[i] += dwl[i] + wl[i]
-        if wu[i] > 0.0:
-            dwu[i] = (mu + high) / (upper[i] - z[i]) - wu[i]
-            rhs[i] -= dwu[i] + wu[i]
-    for i in range(n):
-        dz[i] = 0.0
-    solve_face(problem.symmetric, factor, rhs, dz)
-    for i in range(n):
-        if wl[i] > 0.0:
-            dwl[i] -= wl[i] / (z[i] - lower[i]) * dz[i]
-        if wu[i] > 0.0:
-            dwu[i] += wu[i] / (upper[i] - z[i]) * dz[i]
+def weights(path, shift):
+    """Write the diagonal that the bounds add to A to shift."""
+    for i in range(path.z.size):
+        shift[i] = REGULARISATION
+        if path.wl[i] > 0.0:
+            shift[i] += path.wl[i] / (path.z[i] - path.lower[i])
+        if path.wu[i] > 0.0:
+            shift[i] += path.wu[i] / (path.upper[i] - path.z[i])
 
 
 @inner
-def walk(problem, ordering, state, z, w, wl, wu, first, target, steps):
-    """Follow the path from (z, wl, wu) until Res(z) <= target, `steps` at most.
+def right_side(path, mu, w, d, rhs):
+    """Write the right side for dz, towards slack * multiplier = mu.
 
-    `state` is -1 for the fixed unknowns, 0 for all others; `first` is the mu that the
-    path began with, 0 to measure it. Returns the steps taken and `first`.
+    d[LOW] and d[HIGH] are the products of second order to leave out. d[DWL] and d[DWU]
+    become what they are for dz = 0.
     """
-    lower, upper = problem.lower, problem.upper
-    n = z.size
-    memory = np.zeros((5, n))
-    shift, rhs, dz, dwl, dwu = memory[0], memory[1], memory[2], memory[3], memory[4]
+    for i in range(path.z.size):
+        rhs[i] = -w[i]
+        d[DZ, i] = 0.0
+        d[DWL, i] = 0.0
+        d[DWU, i] = 0.0
+        if path.wl[i] > 0.0:
+            target = (mu - d[LOW, i]) / (path.z[i] - path.lower[i])
+            d[DWL, i] = target - path.wl[i]
+            rhs[i] += target
+        if path.wu[i] > 0.0:
+            target = (mu - d[HIGH, i]) / (path.upper[i] - path.z[i])
+            d[DWU, i] = target - path.wu[i]
+            rhs[i] -= target
+
+
+@inner
+def recentre(path, mu, step, d):
+    """Aim to bring the products a longer step gives closer to mu (Gondzio)."""
+    step = min(1.0, max(1.3 * step, step + 0.1))
+    low, high = 0.1 * mu, 10.0 * mu
+    for i in range(path.z.size):
+        z = path.z[i] + step * d[DZ, i]
+        if path.wl[i] > 0.0:
+            product = (z - path.lower[i]) * (path.wl[i] + step * d[DWL, i])
+            d[LOW, i] -= max(min(max(product, low), high) - product, -high)
+        if path.wu[i] > 0.0:
+            product = (path.upper[i] - z) * (path.wu[i] + step * d[DWU, i])
+            d[HIGH, i] -= max(min(max(product, low), high) - product, -high)
+
+
+@inner
+def digest(path, corrector, d, number):
+    """Take d[DZ] as solved for; return whether another right side should be tried.
+
+    Corrector 0 is the predictor, 1 Mehrotra's corrector. Further ones (Gondzio 1996)
+    cost a solve each, and are kept while they lengthen the step.
+    """
+    n = path.z.size
+    for i in range(n):
+        if path.wl[i] > 0.0:
+            d[DWL, i] -= path.wl[i] / (path.z[i] - path.lower[i]) * d[DZ, i]
+        if path.wu[i] > 0.0:
+            d[DWU, i] += path.wu[i] / (path.upper[i] - path.z[i]) * d[DZ, i]
+    step = longest_step(path, d)
+    mu = number[MU]
+    if corrector == 0:
+        number[AIM] = 0.0
+        if mu > 0.0:
+            number[AIM] = mu * (complementarity(path, d, min(1.0, step)) / mu) ** 3
+        for i in range(n):
+            d[LOW, i] = d[DWL, i] * d[DZ, i]
+            d[HIGH, i] = -d[DWU, i] * d[DZ, i]
+        return True
+    if corrector > 1 and step < LONGER * number[STEP]:
+        for k in range(3):
+            copy(d[KEPT + k], d[DZ + k])
+        return False
+    number[STEP] = step
+    if corrector > CORRECTORS or step >= 1.0:
+        return False
+    for k in range(3):
+        copy(d[DZ + k], d[KEPT + k])
+    recentre(path, number[AIM], step, d)
+    return True
+
+
+@inner
+def advance(path, d, number):
+    """Go nearly the longest step, 1 at most; return whether it is a step."""
+    share = max(0.95, 1.0 - number[MU] / number[FIRST])
+    step = min(1.0, 0.995 * share * number[STEP])
+    if not step > 1e-12:
+        return False
+    for i in range(path.z.size):
+        path.z[i] += step * d[DZ, i]
+        path.wl[i] += step * d[DWL, i]
+        path.wu[i] += step * d[DWU, i]
+    return True
+
+
+@inner
+def measure(problem, path, w, d, number):
+    """Write w = A z + q, Res(z), mu and the largest mu so far; clear d."""
+    copy(problem.q, w)
+    add_product(problem.columns, path.z, w)
+    number[RESIDUAL] = residuals(path.z, w, path.lower, path.upper, problem.d)[0]
+    for i in range(w.size):
+        d[LOW, i] = 0.0
+        d[HIGH, i] = 0.0
+    number[MU] = complementarity(path, d, 0.0)
+    number[FIRST] = max(number[FIRST], number[MU])
+
+
+@inner
+def walk(problem, ordering, state, path, w, number, target, steps):
+    """Follow the path until Res(z) <= target, `steps` at most; return the steps taken.
+
+    `state` is -1 for the fixed unknowns, 0 for all others.
+    """
+    n = w.size
+    d = np.zeros((DIRECTIONS, n))
+    memory = np.zeros((2, n))
+    shift, rhs = memory[0], memory[1]
     order = face_order(problem.columns, problem.symmetric, state, ordering)
     factor = analyse(problem.columns, problem.symmetric, order, ordering)
     for k in range(steps + 1):
-        copy(problem.q, w)
-        add_product(problem.columns, z, w)
-        done = residuals(z, w, lower, upper, problem.d)[0] <= target
-        if done or k == steps:
+        measure(problem, path, w, d, number)
+        if number[RESIDUAL] <= target or k == steps:
             break
-        for i in range(n):
-            shift[i] = REGULARISATION
-            if wl[i] > 0.0:
-                shift[i] += wl[i] / (z[i] - lower[i])
-            if wu[i] > 0.0:
-                shift[i] += wu[i] / (upper[i] - z[i])
+        weights(path, shift)
         refactor(problem.columns, problem.symmetric, shift, factor, ordering.local)
-        mu = complementarity(lower, upper, z, wl, wu, dz, dwl, dwu, 0.0)
-        first = max(first, mu)
-        centre = 0.0
-        for corrector in range(2):
-            direction(
-                problem, factor, z, w, wl, wu, centre, corrector, rhs, dz, dwl, dwu
-            )
-            step = longest_step(lower, upper, z, wl, wu, dz, dwl, dwu)
-            if corrector == 0 and mu > 0.0:
-                affine = complementarity(
-                    lower, upper, z, wl, wu, dz, dwl, dwu, min(1.0, step)
-                )
-                centre = mu * (affine / mu) ** 3
-        step = min(1.0, 0.995 * max(0.95, 1.0 - mu / first) * step)
-        if not step > 1e-12:
+        corrector = 0
+        number[AIM] = 0.0
+        more = True
+        while more:
+            right_side(path, number[AIM], w, d, rhs)
+            solve_face(problem.symmetric, factor, rhs, d[DZ])
+            more = digest(path, corrector, d, number)
+            corrector += 1
+        if not advance(path, d, number):
             break
-        for i in range(n):
-            z[i] += step * dz[i]
-            wl[i] += step * dwl[i]
-            wu[i] += step * dwu[i]
-    return k, first
+    return k
 
 
 @inner
@@ -188,6 +293,19 @@ def adopt(problem, work, z):
     restart(work, work.scalar[RHO])
 
 
+@inner
+def open_path(problem, work):
+    """On the first call, start the path from the centre."""
+    if work.counter[PATHED]:
+        return
+    work.counter[PATHED] = 1
+    vectors = work.vectors
+    copy(vectors[CENTRE], vectors[PATH])
+    copy(problem.q, vectors[W])
+    add_product(problem.columns, vectors[PATH], vectors[W])
+    enter(problem, vectors[PATH], vectors[W], vectors[WL], vectors[WU])
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def follow(symmetric, work, target, steps):
     """Follow the path and give `work` its end, with the states it tells.
@@ -196,22 +314,18 @@ def follow(symmetric, work, target, steps):
     Res <= target * scalar[SIZE]. Returns the steps taken.
     """
     problem = problem_in(work, symmetric)
-    vectors, scalar = work.vectors, work.scalar
-    z, w, wl, wu = vectors[PATH], vectors[W], vectors[WL], vectors[WU]
-    if not work.counter[PATHED]:
-        work.counter[PATHED] = 1
-        copy(vectors[CENTRE], z)
-        copy(problem.q, w)
-        add_product(problem.columns, z, w)
-        enter(problem, z, w, wl, wu)
-    state = np.zeros(z.size, dtype=np.int32)
-    for i in range(z.size):
+    open_path(problem, work)
+    state = np.zeros(problem.q.size, dtype=np.int32)
+    for i in range(state.size):
         if problem.lower[i] == problem.upper[i]:
             state[i] = -1
-    taken, first = walk(
-        problem, ordering_in(work), state, z, w, wl, wu,
-        scalar[FIRST_MU], target * scalar[SIZE], steps,
+    number = np.zeros(AIM + 1)
+    number[FIRST] = work.scalar[FIRST_MU]
+    path = path_in(work)
+    taken = walk(
+        problem, ordering_in(work), state, path, work.vectors[W], number,
+        target * work.scalar[SIZE], steps,
     )  # fmt: skip
-    scalar[FIRST_MU] = first
-    adopt(problem, work, z)
+    work.scalar[FIRST_MU] = number[FIRST]
+    adopt(problem, work, path.z)
     return taken

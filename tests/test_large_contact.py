@@ -1,0 +1,132 @@
+"""Large symmetric faces: the factor in blocks, its parts, and what is built on it."""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import problems_lcp as problems
+import pytest
+from scipy import sparse
+
+from namlcp import Status, solve_lcp
+from namlcp.lcp import exact
+from namlcp.lcp.exact import solve_box
+from namlcp.lcp.largefaces import elimination_order
+from namlcp.lcp.matrix import columns_of
+from namlcp.lcp.supernodes import RELAXED, blocks_of, factor_blocks, solve_blocks
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "validation"))
+import contact_scenes
+
+KINDS = {
+    "heap": contact_scenes.heap,
+    "full heap": lambda n: contact_scenes.heap(n, sideways=True),
+    "wall": contact_scenes.brick_wall,
+}
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(20261121)
+
+
+def residual(A, q, z):
+    """Return Res of the LCP scaled to a unit diagonal, over Res(0)."""
+    d = 1.0 / np.sqrt(A.diagonal())
+    found = np.linalg.norm(np.minimum(z / d, d * (A @ z + q)))
+    return found / np.linalg.norm(np.minimum(d * q, 0.0))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_scenes(kind):
+    A, q, freedom = KINDS[kind](300)
+    again = KINDS[kind](300)
+    assert (A != again.A).nnz == 0
+    np.testing.assert_array_equal(q, again.q)
+    assert abs(A - A.T).max() <= 1e-15 * abs(A).max()
+    assert abs(q.size - 300) < 60
+    d = 1.0 / np.sqrt(A.diagonal())
+    rank = np.linalg.matrix_rank(A.toarray() * np.outer(d, d), tol=1e-10)
+    assert rank <= freedom
+    assert (rank == q.size) == (kind == "heap")
+
+
+@pytest.mark.parametrize("kind", ["grid", *KINDS])
+@pytest.mark.parametrize("share", [0.6, 1.0])
+def test_factor_in_blocks(rng, kind, share):
+    """Against a dense solve: all anew, and after some unknowns changed their state."""
+    A = problems.laplacian(18) if kind == "grid" else KINDS[kind](300).A
+    n = A.shape[0]
+    member = rng.random(n) < share
+    columns = columns_of(A, True)
+    order = elimination_order(columns.indices, columns.indptr, member)
+    assert sorted(order) == list(np.flatnonzero(member))
+    blocks = blocks_of(columns.indices, columns.indptr, order, RELAXED)
+    assert blocks.first[-1] == order.size
+    values = np.full(blocks.value_at[-1], np.nan)
+    shift, b = A.diagonal() * rng.random(n), rng.standard_normal(n)
+    free, changed = member & (rng.random(n) < 0.8), member
+    for _ in range(4):
+        least, part = factor_blocks(columns, shift, free, changed, blocks, values)
+        assert least == 1.0
+        assert part <= 1.0
+        x = np.zeros(n)
+        solve_blocks(blocks, free, values, b, x)
+        F = np.flatnonzero(free)
+        M = A.toarray()[np.ix_(F, F)] + np.diag(shift[F])
+        np.testing.assert_allclose(M @ x[F], b[F], atol=1e-9)
+        assert not x[~free].any()
+        anew = np.empty_like(values)
+        factor_blocks(columns, shift, free, member, blocks, anew)
+        np.testing.assert_array_equal(values, anew)
+        changed = member & (rng.random(n) < 0.02)
+        free = free ^ changed
+
+
+def test_indefinite_is_told(rng):
+    A = sparse.csr_array(problems.laplacian(15) - 2.0 * sparse.eye_array(225))
+    columns, every = columns_of(A, True), np.ones(225, dtype=bool)
+    order = elimination_order(columns.indices, columns.indptr, every)
+    blocks = blocks_of(columns.indices, columns.indptr, order, RELAXED)
+    values = np.empty(blocks.value_at[-1])
+    least, _ = factor_blocks(columns, np.zeros(225), every, every, blocks, values)
+    assert least < -0.1
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_large_contact(kind):
+    A, q, _ = KINDS[kind](3000)
+    result = solve_lcp(A, q)
+    assert result.status is Status.SOLVED
+    assert np.all(result.z >= 0.0)
+    assert residual(A, q, result.z) <= 1e-9
+    np.testing.assert_array_equal(solve_lcp(A, q).z, result.z)
+
+
+@pytest.mark.parametrize("kind", ["heap", "wall"])
+def test_blocks_change_nothing(monkeypatch, kind):
+    """w of a semidefinite LCP is unique: with and without blocks it is the same."""
+    A, q, _ = KINDS[kind](600)
+    found = []
+    for size in (100, 10**9):
+        monkeypatch.setattr(exact, "BLOCK_ORDER", size)
+        monkeypatch.setattr(exact, "BLOCK_ENTRIES", 0)
+        found.append(solve_lcp(A, q))
+    np.testing.assert_allclose(found[0].w, found[1].w, atol=1e-7 * abs(q).max())
+
+
+def test_box_pinned_free_and_convexity(rng, monkeypatch):
+    monkeypatch.setattr(exact, "BLOCK_ORDER", 100)
+    monkeypatch.setattr(exact, "BLOCK_ENTRIES", 0)
+    A, q = problems.laplacian(15), rng.standard_normal(225)
+    lower, upper = -rng.random(225), rng.random(225)
+    lower[:20], upper[10:30] = -np.inf, np.inf
+    upper[40:50] = lower[40:50]
+    found = solve_box(A, q, lower, upper, ask_convex=True)
+    assert found.status is Status.SOLVED
+    assert found.convex
+    r = found.z - np.clip(found.z - found.w, lower, upper)
+    assert np.linalg.norm(r) <= 1e-8 * np.linalg.norm(q)
+    B = sparse.csr_array(A - 0.5 * sparse.eye_array(225))
+    found = solve_box(B, np.ones(225), np.zeros(225), np.ones(225), ask_convex=True)
+    assert not found.convex
