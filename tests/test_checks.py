@@ -101,3 +101,15 @@ def test_only_the_open_side_becomes_infinite():
         np.eye(1), [0.0], [[1.0]], [-1e21], None, None, [-1e21], [-1e21]
     )
     assert (qp.h[0], qp.lb[0], qp.ub[0]) == (-1e21, -np.inf, -1e21)
+
+
+@pytest.mark.parametrize("shape", [(0, 3), (1, 1), (4, 7), (9, 2)])
+def test_dense_matrices_become_canonical_sparse_ones(shape):
+    rng = np.random.default_rng(3)
+    C = rng.standard_normal(shape) * (rng.random(shape) < 0.5)
+    sparse, known = checks.as_sparse(C), sp.csc_array(C)
+    assert sparse.has_canonical_format
+    assert sparse.shape == shape
+    for name in ("data", "indices", "indptr"):
+        np.testing.assert_array_equal(getattr(sparse, name), getattr(known, name))
+    assert sparse.indices.dtype == sparse.indptr.dtype == np.int32

@@ -361,9 +361,34 @@ def as_sparse(C: Any) -> Any:
     """Return a clean matrix as a clean sparse one."""
     if type(C) is not np.ndarray:
         return C
-    return (
-        sparse_matrix("", sp.csc_array(C), "csc") if C.shape[0] else no_rows(C.shape[1])
-    )
+    if C.shape[0] == 0:
+        return no_rows(C.shape[1])
+    sparse = sp.csc_array(compressed(C), shape=C.shape)
+    sparse.has_canonical_format = True
+    return sparse
+
+
+@njit(cache=True, nogil=True)
+def compressed(C):
+    """Return the CSC arrays (data, indices, indptr) of a dense matrix."""
+    rows, columns = C.shape
+    indptr = np.zeros(columns + 1, dtype=np.int32)
+    for i in range(rows):
+        for j in range(columns):
+            if C[i, j] != 0.0:
+                indptr[j + 1] += 1
+    for j in range(columns):
+        indptr[j + 1] += indptr[j]
+    place = indptr[:columns].copy()
+    data = np.empty(indptr[columns])
+    indices = np.empty(indptr[columns], dtype=np.int32)
+    for i in range(rows):
+        for j in range(columns):
+            if C[i, j] != 0.0:
+                data[place[j]] = C[i, j]
+                indices[place[j]] = i
+                place[j] += 1
+    return data, indices, indptr
 
 
 def constraint(

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from scipy.sparse import csc_array, csr_array
 
-from namlcp.qp.factors import Bordered, Sparse, factor
+from namlcp.qp.factors import Bordered, Multifrontal, Sparse, factor
 
 PASSES = 11  # refinement steps at most
 POOR = 1e-9  # relative residual above which GMRES goes on
@@ -64,8 +64,8 @@ class KKT:
             (self.base.copy(), self.indices, self.indptr), shape=(self.size, self.size)
         )
         self.data = self.matrix.data
-        self.factors: Sparse | Bordered | None = None
-        self.factored = np.empty(0)
+        self.factors: Sparse | Multifrontal | Bordered | None = None
+        self.factored = np.full(self.data.size, np.nan)  # unlike any data
         if last is not None and (
             np.array_equal(last.indptr, self.indptr)
             and np.array_equal(last.indices, self.indices)
@@ -77,10 +77,9 @@ class KKT:
 
     def factor(self) -> bool:
         """Factor K~ as it stands in `data`; False if a pivot vanishes."""
-        self.weight = np.maximum(1.0, np.abs(self.data[self.diagonal]))
-        if self.factored.size and np.array_equal(self.factored, self.data):
+        if weigh(self.data, self.diagonal, self.factored, self.weight):
             return True
-        self.factored = np.empty(0)
+        self.factored[-1] = np.nan
         try:
             if self.factors is None:
                 self.factors = factor(self.matrix)
@@ -88,7 +87,7 @@ class KKT:
                 self.factors.update(self.data)
         except (RuntimeError, ValueError):
             return False
-        self.factored = self.data.copy()
+        self.factored[:] = self.data
         return True
 
     def solve_once(self, rhs: np.ndarray) -> np.ndarray:
@@ -98,7 +97,7 @@ class KKT:
 
     def solve(self, rhs: np.ndarray) -> tuple[np.ndarray, float]:
         """Return a refined u with K~ u = rhs and its relative residual."""
-        size = max(TINY, float(np.abs(rhs / self.weight).max()))
+        size = max(TINY, scaled_norm(rhs, self.weight))
         u = self.solve_once(rhs)
         res, other = self.residual, self.trial
         error = remainder(self.indptr, self.indices, self.data, rhs, u, res) / size
@@ -199,6 +198,28 @@ def upper_triangle(Pp, Pi, Px, Ap, Ai, Ax, Gp, Gi, Gx, indptr, indices, data):
         k += 1
         column += 1
         indptr[column] = k
+
+
+@njit(cache=True, nogil=True)
+def weigh(data, diagonal, factored, weight):
+    """Set weight = max(1, |K~_ii|); tell whether the data are the factored ones."""
+    for i in range(weight.size):
+        weight[i] = max(1.0, abs(data[diagonal[i]]))
+    for t in range(data.size - 1, -1, -1):
+        if data[t] != factored[t]:
+            return False
+    return True
+
+
+@njit(cache=True, nogil=True)
+def scaled_norm(r, weight):
+    """Return max |r_i| / weight_i; NaN counts."""
+    worst = 0.0
+    for i in range(r.size):
+        value = abs(r[i]) / weight[i]
+        if not value <= worst:
+            worst = value
+    return worst
 
 
 @njit(cache=True, nogil=True)

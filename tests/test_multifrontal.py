@@ -1,0 +1,230 @@
+"""Dense fronts: each part against its definition, the factors against K itself."""
+
+import numpy as np
+import pytest
+from problems_qp import assert_solves_qp, make_qp
+from scipy.sparse import block_array, csc_array, diags_array, eye_array, kron, triu
+
+from namlcp.options import Options
+from namlcp.qp import factors
+from namlcp.qp.elimination import elimination_tree, minimum_degree, postordered
+from namlcp.qp.factors import Bordered, Sparse, factor
+from namlcp.qp.multifrontal import Multifrontal
+from namlcp.qp.path import solve
+
+
+def quasi_definite(n, p, density, seed):
+    """Return [P A'; A -D] with random sparse parts, dense, in random order."""
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((p, n)) * (rng.random((p, n)) < density)
+    P = np.diag(1.0 + rng.random(n))
+    B = rng.standard_normal((n, n)) * (rng.random((n, n)) < density / 4)
+    K = np.block([[P + B @ B.T, A.T], [A, -np.diag(0.1 + rng.random(p))]])
+    order = rng.permutation(n + p)
+    return K[np.ix_(order, order)]
+
+
+def laplacian(rows, columns, shift=0.1):
+    """Return the five-point matrix of a grid plus shift * I."""
+    sides = [
+        diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(k, k))
+        for k in (rows, columns)
+    ]
+    one = kron(sides[0], eye_array(columns))
+    other = kron(eye_array(rows), sides[1])
+    return csc_array(one + other + shift * eye_array(rows * columns))
+
+
+def saddle(rows, columns):
+    """Return the K of a discretised control problem on a grid."""
+    L = laplacian(rows, columns)
+    return csc_array(block_array([[eye_array(L.shape[0]), L], [L, -1e-6 * L]]))
+
+
+def upper(K):
+    """Return the upper triangle with a full diagonal in CSC with int32 indices."""
+    U = csc_array(triu(csc_array(K), format="csc"))
+    U.sort_indices()
+    return csc_array((U.data, U.indices.astype(np.int32), U.indptr.astype(np.int32)))
+
+
+def natural(U):
+    """Return the order in which the rows come, but for the postorder."""
+    place = np.arange(U.shape[0], dtype=np.int32)
+    return postordered(*parts(U), place)
+
+
+def parts(U):
+    """Return indptr and indices."""
+    return U.indptr, U.indices
+
+
+def fill(K):
+    """Return the pattern of L for a dense pattern, by elimination."""
+    L = K != 0
+    for j in range(L.shape[0]):
+        below = np.flatnonzero(L[j + 1 :, j]) + j + 1
+        L[np.ix_(below, below)] = True
+    return np.tril(L)
+
+
+def dense_factors(f):
+    """Return L and D of Multifrontal factors as dense matrices, in their order."""
+    L = np.eye(f.D.size)
+    for s in range(f.first.size - 1):
+        begin, end = f.first[s], f.first[s + 1]
+        rows = f.rows[f.starts[s] : f.starts[s + 1]]
+        panel = f.L[f.panels[s] : f.panels[s + 1]].reshape(rows.size, end - begin)
+        for k in range(end - begin):
+            L[rows[k + 1 :], begin + k] = panel[k + 1 :, k]
+    return L, np.diag(f.D)
+
+
+CASES = {
+    "one": np.array([[-2.0]]),
+    "diagonal": np.diag([1.0, -2.0, 3.0]),
+    "dense": quasi_definite(130, 90, 1.0, 1),
+    "sparse": quasi_definite(60, 40, 0.06, 2),
+    "two parts": np.kron(np.eye(2), quasi_definite(12, 6, 0.3, 3)),
+    "grid": laplacian(17, 13).toarray(),
+    "saddle": saddle(9, 12).toarray(),
+}
+
+
+@pytest.fixture(params=CASES)
+def K(request):
+    return CASES[request.param]
+
+
+def test_tree_and_counts_are_those_of_the_elimination(K):
+    U = upper(K)
+    parent, count = elimination_tree(*parts(U))
+    L = fill(K)
+    np.fill_diagonal(L, False)
+    np.testing.assert_array_equal(count, L.sum(axis=0))
+    first = np.where(L.any(axis=0), L.argmax(axis=0), -1)
+    np.testing.assert_array_equal(parent, first)
+
+
+def test_minimum_degree_is_a_postordered_permutation(K):
+    U = upper(K)
+    order = minimum_degree(*parts(U))
+    size = U.shape[0]
+    np.testing.assert_array_equal(np.sort(order.place), np.arange(size))
+    by_place = np.argsort(order.place)
+    L = fill(K[np.ix_(by_place, by_place)])
+    np.testing.assert_array_equal(order.counts, L.sum(axis=0) - 1)
+    # the descendants of a node stand directly before it
+    descendants = np.ones(size, dtype=int)
+    for j in range(size):
+        if order.parent[j] >= 0:
+            assert order.parent[j] > j
+            descendants[order.parent[j]] += descendants[j]
+    for j in range(size):
+        if order.parent[j] >= 0:
+            assert order.parent[j] - descendants[order.parent[j]] < j
+
+
+def test_minimum_degree_saves_fill():
+    U = upper(laplacian(30, 30))
+    assert minimum_degree(*parts(U)).work < 0.4 * natural(U).work
+
+
+@pytest.mark.parametrize("order", [natural, None])
+def test_factors_reproduce_the_matrix(K, order):
+    U = upper(K)
+    order = minimum_degree(*parts(U)) if order is None else order(U)
+    f = Multifrontal(U, order)
+    L, D = dense_factors(f)
+    by_place = np.argsort(f.place)
+    np.testing.assert_allclose(
+        L @ D @ L.T, K[np.ix_(by_place, by_place)], rtol=0, atol=1e-12 * abs(K).max()
+    )
+
+
+def test_rows_of_a_supernode_hold_the_pattern_of_its_columns():
+    K = CASES["saddle"]
+    f = Multifrontal(upper(K), minimum_degree(*parts(upper(K))))
+    by_place = np.argsort(f.place)
+    L = fill(K[np.ix_(by_place, by_place)])
+    kept = 0
+    for s in range(f.first.size - 1):
+        rows = f.rows[f.starts[s] : f.starts[s + 1]]
+        assert (np.diff(rows) > 0).all()
+        for j in range(f.first[s], f.first[s + 1]):
+            assert np.isin(np.flatnonzero(L[:, j]), rows).all()
+            kept += int((rows >= j).sum())
+    assert L.sum() <= kept <= 2 * L.sum()
+
+
+def test_solve_and_update():
+    K = CASES["saddle"]
+    U = upper(K)
+    f = Multifrontal(U, minimum_degree(*parts(U)))
+    rhs = np.random.default_rng(0).standard_normal(K.shape[0])
+    np.testing.assert_allclose(K @ f.solve(rhs), rhs, atol=1e-8)
+    other = K + np.diag(np.sign(np.diag(K)))
+    f.update(upper(other).data)
+    np.testing.assert_allclose(other @ f.solve(rhs), rhs, atol=1e-11)
+    f.update(U.data)
+    np.testing.assert_allclose(K @ f.solve(rhs), rhs, atol=1e-8)
+
+
+def test_factors_repeat_bit_for_bit():
+    U = upper(saddle(20, 20))
+    order = minimum_degree(*parts(U))
+    rhs = np.arange(U.shape[0]) * 1.0
+    one, two = (Multifrontal(U, order).solve(rhs) for _ in range(2))
+    np.testing.assert_array_equal(one, two)
+
+
+@pytest.mark.parametrize("bad", [0.0, np.nan])
+def test_a_pivot_that_vanishes_is_told(bad):
+    U = upper(np.diag([1.0, 5.0, 2.0]))
+    U.data[1] = bad
+    with pytest.raises(ValueError, match="pivot"):
+        Multifrontal(U, natural(U))
+
+
+def test_the_kind_of_factors_is_chosen_by_counts(monkeypatch):
+    assert isinstance(factor(upper(laplacian(90, 90))), Sparse)  # few entries a column
+    control = upper(saddle(64, 64))
+    monkeypatch.setattr(factors, "HEAVY", 1e6)
+    assert isinstance(factor(control), Multifrontal)
+    monkeypatch.setattr(factors, "HEAVY", 1e9)
+    assert isinstance(factor(control), Sparse)
+
+
+def test_no_order_is_sought_around_a_hub():
+    K = laplacian(150, 150, 1.0).tolil()
+    K[-1, :] = 1e-3
+    K[:, -1] = 1e-3
+    assert factors.heavy_order(*parts(upper(K))) is None
+
+
+def test_a_border_comes_first():
+    rng = np.random.default_rng(4)
+    B = rng.standard_normal((400, 60))
+    K = np.block([[-np.eye(400), B], [B.T, np.eye(60)]])
+    assert isinstance(factor(upper(K)), Bordered)
+
+
+def test_the_path_solves_with_dense_fronts(monkeypatch):
+    monkeypatch.setattr(factors, "LIGHT", 0)
+    monkeypatch.setattr(factors, "FEW", 0)
+    monkeypatch.setattr(factors, "HEAVY", 0.0)
+    used = []
+    init = Multifrontal.__init__
+    monkeypatch.setattr(
+        Multifrontal, "__init__", lambda *args: (used.append(1), init(*args))[1]
+    )
+    n = 15
+    L = laplacian(n, n)
+    P = csc_array(diags_array(np.r_[np.ones(n * n), np.full(n * n, 1e-2)]))
+    A = csc_array(block_array([[L, -eye_array(n * n)]]))
+    q = np.r_[-np.sin(np.arange(n * n)), np.zeros(n * n)]
+    lb, ub = np.full(2 * n * n, -0.2), np.full(2 * n * n, 0.3)
+    qp = make_qp(P, q, A=A, b=np.zeros(n * n), lb=lb, ub=ub)
+    result = solve(qp, Options(eps_abs=1e-9, eps_rel=0.0))
+    assert used
+    assert_solves_qp(qp, result, 1e-9)
