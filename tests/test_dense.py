@@ -5,14 +5,18 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+import namlcp
 from namlcp.qp import dense
-from namlcp.residuals import Residuals
+from namlcp.residuals import Residuals, qp_residuals
+from namlcp.status import Status
 
 INF = np.inf
 
 
-def solve(P, q, G=None, h=None, A=None, b=None, lb=None, ub=None, hint=None):
-    """Call the kernel with absent parts filled in."""
+def solve(
+    P, q, G=None, h=None, A=None, b=None, lb=None, ub=None, start=None, hint=None
+):
+    """Call the kernel with absent parts filled in; `hint` marks inequalities."""
     n = len(q)
     return dense.solve(
         np.asarray(P, dtype=float),
@@ -23,7 +27,10 @@ def solve(P, q, G=None, h=None, A=None, b=None, lb=None, ub=None, hint=None):
         np.empty(0) if b is None else np.asarray(b, dtype=float),
         np.full(n, -INF) if lb is None else np.asarray(lb, dtype=float),
         np.full(n, INF) if ub is None else np.asarray(ub, dtype=float),
-        np.empty(0, dtype=np.int8) if hint is None else hint,
+        np.empty(0) if start is None else start,
+        np.empty(0, dtype=int)
+        if hint is None
+        else (0 if b is None else len(b)) + np.flatnonzero(hint),
         10_000,
     )
 
@@ -53,7 +60,7 @@ def test_random_problems_are_exact(seed):
     assert code == dense.SOLVED
     assert Residuals(*numbers).solved(1e-10, 1e-10)
     assert (z >= 0.0).all()
-    hint = np.concatenate((z > 0.0, z_box < 0.0, z_box > 0.0)).astype(np.int8)
+    hint = np.concatenate((z > 0.0, z_box < 0.0, z_box > 0.0))
     restart = solve(*qp, hint=hint)
     assert restart[0] == dense.SOLVED
     np.testing.assert_allclose(restart[2], x, atol=1e-7)
@@ -137,10 +144,12 @@ def test_infeasible_rows_give_a_farkas_candidate(seed):
 
 
 @pytest.mark.parametrize(
-    "P", [np.diag([1.0, 0.0]), np.diag([1.0, -1.0]), np.ones((2, 2))]
+    "P", [np.diag([1.0, -1.0]), [[1.0, 1.1], [1.1, 1.0]], [[0.0, 1.0], [1.0, 0.0]]]
 )
-def test_indefinite_and_singular_are_handed_over(P):
-    assert solve(P, [1.0, 1.0])[0] == dense.NOT_DEFINITE
+def test_a_cost_that_is_not_convex_is_refused(P):
+    assert solve(P, [1.0, 1.0], lb=[0.0, 0.0], ub=[1.0, 1.0])[0] == dense.NOT_CONVEX
+    with pytest.raises(ValueError, match="P must be positive semidefinite"):
+        namlcp.solve_qp(P, np.ones(2), np.ones((1, 2)), np.ones(1), lb=np.zeros(2))
 
 
 def test_scales_do_not_matter():
@@ -152,3 +161,173 @@ def test_scales_do_not_matter():
     np.testing.assert_allclose(scaled[2], x, atol=1e-9)
     far = solve(P, 1e8 * q, G, 1e8 * h, A, 1e8 * b, 1e8 * lb, 1e8 * ub)
     np.testing.assert_allclose(far[2] * 1e-8, x, atol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_definite_on_the_equalities_is_enough(seed):
+    """P of rank n - p with p equalities across its kernel, against the whole KKT."""
+    rng = np.random.default_rng(seed)
+    n, p = 9, 4
+    B = rng.standard_normal((n - p, n))
+    P, q = B.T @ B, 1e3 * rng.standard_normal(n)
+    A, b = rng.standard_normal((p, n)), rng.standard_normal(p)
+    result = namlcp.solve_qp(P, q, A=A, b=b)
+    assert (result.status.value, result.form) == ("solved", "dual")
+    K = np.block([[P, A.T], [A, np.zeros((p, p))]])
+    known = np.linalg.solve(K, np.concatenate((-q, b)))
+    np.testing.assert_allclose(np.concatenate((result.x, result.y)), known, rtol=1e-9)
+
+
+def test_an_indefinite_cost_is_refused_where_equalities_hide_it():
+    P, A = np.diag([1.0, -1.0]), np.array([[0.0, 1.0]])
+    with pytest.raises(ValueError, match="positive semidefinite"):
+        namlcp.solve_qp(P, np.ones(2), A=A, b=np.ones(1))
+
+
+def test_equalities_that_contradict_are_told_with_a_singular_cost():
+    P, A = np.diag([1.0, 0.0]), np.array([[0.0, 1.0], [0.0, 2.0]])
+    result = namlcp.solve_qp(P, np.ones(2), A=A, b=np.array([1.0, 3.0]))
+    assert result.status.value == "primal_infeasible"
+    assert abs(A.T @ result.y).max() <= 1e-9
+
+
+def singular_qp(rng, n, m, p, rank):
+    """Return (qp, x): P of this rank, often dependent and degenerate rows, x optimal.
+
+    x and multipliers are planted; some of the active rows have multiplier zero.
+    """
+    B = rng.standard_normal((rank, n))
+    P, G, A = B.T @ B, rng.standard_normal((m, n)), rng.standard_normal((p, n))
+    if m > 4 and rng.random() < 0.5:
+        G = np.round(G)
+        G[m // 2 :] = G[: m - m // 2] * rng.uniform(0.1, 10.0, (m - m // 2, 1))
+    if p > 1:
+        A[-1] = A[0]
+    x = np.round(rng.standard_normal(n), 1)
+    on, at = rng.random(m) < 0.6, rng.integers(0, 4, n)  # at 0: lb, 1: ub, 2, 3: open
+    h = G @ x + np.where(on, 0.0, rng.random(m))
+    lb = np.where(at == 0, x, np.where(at == 2, -INF, x - 1.0))
+    ub = np.where(at == 1, x, np.where(at == 3, INF, x + 1.0))
+    z = np.where(on & (rng.random(m) < 0.7), rng.random(m), 0.0)
+    z_box = np.where(at == 0, -1.0, np.where(at == 1, 1.0, 0.0)) * rng.random(n)
+    q = -(P @ x + G.T @ z + A.T @ rng.standard_normal(p) + z_box)
+    return (P, q, G, h, A, A @ x, lb, ub), x
+
+
+@pytest.mark.parametrize("seed", range(80))
+def test_singular_problems_are_exact(seed):
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 40))
+    m, p, rank = (int(rng.integers(0, k + 1)) for k in (2 * n, n // 3, n - 1))
+    qp, optimal = singular_qp(rng, n, m, p, rank if seed % 4 else 0)
+    code, _, x, y, z, z_box, numbers = solve(*qp)
+    assert code == dense.SOLVED
+    residuals = qp_residuals(*qp, x, y, z, z_box)
+    np.testing.assert_allclose(numbers, residuals, rtol=1e-12, atol=1e-10)
+    assert residuals.solved(1e-10, 1e-10)
+    assert (z >= 0.0).all()
+    P, q = qp[:2]
+    best = 0.5 * optimal @ P @ optimal + q @ optimal
+    assert residuals.objective == pytest.approx(best, abs=1e-9 * (1.0 + abs(best)))
+    hint = np.concatenate((z > 0.0, z_box < 0.0, z_box > 0.0))
+    restart = solve(*qp, start=x, hint=hint)
+    assert restart[0] == dense.SOLVED
+    assert restart[1] <= 1
+    assert Residuals(*restart[6]).solved(1e-10, 1e-10)
+
+
+def test_vertex_of_a_linear_program():
+    """Vanderbei, Linear Programming, section 2.1: 5, 4, 3 gives (2, 0, 1)."""
+    G = [[2.0, 3.0, 1.0], [4.0, 1.0, 2.0], [3.0, 4.0, 2.0]]
+    code, _, x, _, z, z_box, _ = solve(
+        np.zeros((3, 3)), [-5.0, -4.0, -3.0], G, [5.0, 11.0, 8.0], lb=np.zeros(3)
+    )
+    assert code == dense.SOLVED
+    np.testing.assert_allclose(x, [2.0, 0.0, 1.0], atol=1e-14)
+    np.testing.assert_allclose(z, [1.0, 0.0, 1.0], atol=1e-14)
+    np.testing.assert_allclose(z_box, [0.0, -3.0, 0.0], atol=1e-14)
+
+
+def test_beale_cycling_example():
+    """Beale (1955), where the textbook simplex method cycles: -1/20 at (1/25, 0, 1, 0).
+
+    The vertex at the origin is degenerate.
+    """
+    G = [[0.25, -60.0, -0.04, 9.0], [0.5, -90.0, -0.02, 3.0], [0.0, 0.0, 1.0, 0.0]]
+    q = np.array([-0.75, 150.0, -0.02, 6.0])
+    code, _, x, *_ = solve(np.zeros((4, 4)), q, G, [0.0, 0.0, 1.0], lb=np.zeros(4))
+    assert code == dense.SOLVED
+    np.testing.assert_allclose(x, [0.04, 0.0, 1.0, 0.0], atol=1e-13)
+    assert q @ x == pytest.approx(-0.05, abs=1e-14)
+
+
+def test_no_cost_at_all_asks_for_a_feasible_point():
+    code, _, x, *_ = solve(np.zeros((2, 2)), np.zeros(2), A=[[1.0, 1.0]], b=[3.0])
+    assert code == dense.SOLVED
+    np.testing.assert_allclose(x, [1.5, 1.5], atol=1e-14)  # the one nearest to 0
+    assert solve(np.zeros((1, 1)), [0.0])[2] == [0.0]
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize("rank", [0, 3])
+def test_unbounded_problems_give_a_ray(rank, scale):
+    rng = np.random.default_rng(rank)
+    n, m = 8, 5
+    d = rng.standard_normal(n)
+    B, G = rng.standard_normal((rank, n)), rng.standard_normal((m, n))
+    A = rng.standard_normal((2, n))
+    B, A = (M - np.outer(M @ d, d) / (d @ d) for M in (B, A))
+    G = np.where((G @ d > 0.0)[:, None], -G, G)
+    q = rng.standard_normal(n)
+    q = np.where(q @ d > 0.0, -q, q) * scale
+    h, b = scale * rng.random(m), scale * rng.random(2)
+    P = B.T @ B
+    code, _, _, _, _, ray, _ = solve(P, q, G, h, A, b)
+    assert code == dense.UNBOUNDED
+    size = np.abs(ray).max()
+    np.testing.assert_allclose(P @ ray, 0.0, atol=1e-8 * size * np.abs(P).max())
+    np.testing.assert_allclose(A @ ray, 0.0, atol=1e-9 * size)
+    assert (G @ ray <= 1e-9 * size).all()
+    assert q @ ray < 0.0
+    result = namlcp.solve_qp(P, q, G, h, A, b)
+    assert (result.status, result.form) == (Status.DUAL_INFEASIBLE, "dual")
+
+
+def test_infeasible_singular_problems_give_a_farkas_certificate():
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        n, m = 6, 9
+        G, h = rng.standard_normal((m, n)), rng.standard_normal(m)
+        weights = rng.random(m)
+        G = np.vstack((G, -weights @ G))
+        h = np.append(h, -weights @ h - 0.1)
+        B = rng.standard_normal((2, n))
+        result = namlcp.solve_qp(B.T @ B, rng.standard_normal(n), G, h)
+        assert (result.status, result.form) == (Status.PRIMAL_INFEASIBLE, "dual")
+        np.testing.assert_allclose(G.T @ result.z, 0.0, atol=1e-8)
+        assert h @ result.z == pytest.approx(-1.0)
+
+
+def test_slow_centres_get_less_weight():
+    """Curvatures from 1 to 1e-8 and 0 on one face: the weight has to fall."""
+    P = np.diag([1.0, 1e-4, 1e-8, 0.0])
+    q = np.array([-1.0, -1e-4, -1e-8, -1.0])
+    code, _, x, _, z, *_ = solve(P, q, np.ones((1, 4)), [10.0])
+    assert code == dense.SOLVED
+    # x_i = 1 - z / P_ii where that is not pushed down: z = 1 by the last column
+    np.testing.assert_allclose(z, [1.0], atol=1e-12)
+    gradient = P @ x + q + 1.0
+    np.testing.assert_allclose(gradient, 0.0, atol=1e-11)
+
+
+def test_limits_and_guesses_that_are_wrong():
+    rng = np.random.default_rng(2)
+    qp, _ = singular_qp(rng, 20, 30, 2, 8)
+    few = np.array([solve(*qp)[1]])
+    assert few > 3
+    m, n = qp[2].shape
+    for hint in (np.ones(m + 2 * n), rng.random(m + 2 * n) < 0.3):
+        finite = np.isfinite(np.concatenate(qp[3:4] + qp[6:]))
+        code, *_, numbers = solve(*qp, start=rng.standard_normal(n), hint=hint * finite)
+        assert code == dense.SOLVED
+        assert Residuals(*numbers).solved(1e-10, 1e-10)

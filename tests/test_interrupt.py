@@ -69,7 +69,7 @@ def test_ctrl_c_returns_the_best_point(method, monkeypatch):
 
 
 def test_ctrl_c_returns_the_best_point_of_a_qp(monkeypatch):
-    known = complementary(3, 60, 90, 10, 20, 0.2)
+    known = complementary(3, 120, 90, 10, 40, 0.02)
     press = Presses(4)
     row = Progress.row
     monkeypatch.setattr(Progress, "row", lambda *args: (row(*args), press())[0])

@@ -1,4 +1,4 @@
-"""Small dense strictly convex QPs: principal pivoting on their multipliers' LCP.
+"""Small dense convex QPs: principal pivoting on their multipliers' LCP.
 
 With P = L L' and C the rows of all constraints, the multipliers solve an LCP whose
 matrix is V V', V = C L^-T: positive semidefinite, never formed. It is solved by
@@ -10,8 +10,11 @@ every definite P, tells infeasible problems, and needs no start. The active rows
 kept as a thin QR factorisation V_F' = Q R, so that dependent rows are seen; at the end
 the KKT system of the active set is solved with refinement on the unfactored data.
 
-Constraints have one index: equalities 0..p-1, rows of G p..p+m-1, then the lower bounds
-(row -e_j), then the upper ones (row e_j).
+A singular P gets a diagonal weight W, P + W = L L', and the cost (x - c)'W(x - c)/2
+around a centre c, which moves to the solution: the proximal point method (Rockafellar,
+SIAM J. Control Optim. 14 (1976) 877-898), exact after finitely many steps for a QP. The
+refinement is on P alone, so that one or two centres do once the active set is right.
+Where the centre runs away along a ray, the QP is unbounded.
 """
 
 import numpy as np
@@ -29,233 +32,63 @@ from namlcp.lapack import (
     matvec,
     pasted,
 )
-from namlcp.qp.thinqr import (
-    append,
-    project,
-    remove,
-    triangular_solve,
-    triangular_solve_transposed,
+from namlcp.qp.convexity import SLACK, ZERO
+from namlcp.qp.face import enter, refit, start_from
+from namlcp.qp.rows import (
+    TINY,
+    certificate,
+    clear,
+    contradicts,
+    is_ray,
+    largest,
+    most_violated,
+    right_side,
+    row_norms,
+    set_row,
+    typical_curvature,
 )
+from namlcp.qp.thinqr import triangular_solve, triangular_solve_transposed
 from namlcp.residuals import qp_residuals_of_products
 
-SOLVED, INFEASIBLE, NOT_DEFINITE, STALLED = 0, 1, 2, 3
+SOLVED, INFEASIBLE, UNBOUNDED, NOT_CONVEX, STALLED = 0, 1, 2, 3, 4
 
-# A row whose part outside the active rows is smaller than this is dependent on them.
-DEPENDENT = 1e-10
-# A Farkas sum below minus this, relative to its terms, is a contradiction.
-CONTRADICTION = 1e-10
 # Pivots after which multipliers and x are computed anew, against drift.
 REFIT = 32
+# A violation below this, relative to its terms, is rounding; with a weight, x loses the
+# digits that the weight is smaller than P.
+EXACT, WEIGHTED = 1e-14, 1e-12
 # After IDLE pivots in a row on violations below NOISE roundings, `level`, what counts
 # as rounding, grows tenfold.
 IDLE, NOISE = 10, 1e3
 # A pivot of P below this multiple of its diagonal entry counts as zero.
 DEFINITE = 1e-13
+# The weight, relative to the largest entry of P, or to a typical one if that is more.
+WEIGHT = 1e-4
+# Centres tried, and passes of refinement for each; without a weight, tries and passes.
+CENTRES = 20, 20
+TRIES = 4, 5
+# The second centre and the next ones, LOWERED in all, have this part of the weight.
+LOWER, LOWERED = 0.1, 5
+# Relative residual of the KKT system at which a face is solved.
+SETTLED = 1e-11
+# Pivots allowed for every variable and row with a weight; the path is safer then.
+MANY = 10
 
 
 @inner
-def row_norms(C, norms):
-    """Set norms (m,) to the Euclidean norms of the rows of C, 1 for empty rows."""
-    for i in range(C.shape[0]):
-        norms[i] = np.sqrt(dot(C[i], C[i]))
-        if norms[i] == 0.0:
-            norms[i] = 1.0
-
-
-@inner
-def set_row(k, G, A, row):
-    """Set row (n,) to the row of constraint k."""
-    p, m, n = A.shape[0], G.shape[0], row.size
-    if k < p:
-        copy(A[k], row)
-    elif k < p + m:
-        copy(G[k - p], row)
-    else:
-        for j in range(n):
-            row[j] = 0.0
-        if k < p + m + n:
-            row[k - p - m] = -1.0
-        else:
-            row[k - p - m - n] = 1.0
-
-
-@inner
-def right_side(k, h, b, lb, ub):
-    """Return d of constraint k, row'x <= d."""
-    p, m, n = b.size, h.size, lb.size
-    if k < p:
-        return b[k]
-    if k < p + m:
-        return h[k - p]
-    if k < p + m + n:
-        return -lb[k - p - m]
-    return ub[k - p - m - n]
-
-
-@inner
-def most_violated(x, Gx, h, lb, ub, norms, level, p):
-    """Return the inequality with the largest scaled violation above rounding, or -1.
-
-    The violation is measured along the unit normal; `level` times the size of the terms
-    is taken for rounding.
-    """
-    m, n = h.size, x.size
-    size = 0.0
-    for j in range(n):
-        size = max(size, abs(x[j]))
-    best, worst = -1, 0.0
-    for i in range(m):
-        violation = (Gx[i] - h[i]) / norms[i]
-        if violation > worst and violation > level * (abs(h[i]) / norms[i] + size):
-            best, worst = p + i, violation
-    for j in range(n):
-        violation = lb[j] - x[j]
-        if violation > worst and violation > level * (abs(lb[j]) + size):
-            best, worst = p + m + j, violation
-        violation = x[j] - ub[j]
-        if violation > worst and violation > level * (abs(ub[j]) + size):
-            best, worst = p + m + n + j, violation
-    return best
-
-
-@inner
-def blocking(multiplier, r, k, active, p):
-    """Return (step, index) of the first multiplier to reach zero; inf, -1 if none."""
-    step, leaving = np.inf, np.int64(-1)
-    for i in range(k):
-        if active[i] >= p and r[i] > 0.0 and multiplier[i] < step * r[i]:
-            step, leaving = multiplier[i] / r[i], i
-    return step, leaving
-
-
-@inner
-def term_size(row, x, d):
-    """Return the sum of the moduli of the terms of row'x - d."""
-    size = abs(d)
-    for j in range(x.size):
-        size += abs(row[j] * x[j])
-    return size
-
-
-@inner
-def enter(entering, row, d, active, multiplier, k, L, Q, R, u, x, p, level):
-    """Let constraint `entering` (row'x <= d, or = d) in by partial and full steps.
-
-    Moves u = L'x, x and multiplier[:k]; equalities must enter before inequalities.
-    Returns the new number of active rows. A negative number -1 - k says that the
-    constraint contradicts the k active ones; multiplier[:k + 1] is then their part of a
-    Farkas certificate, the entering constraint's last.
-    """
-    v = np.empty(row.size)
-    copy(row, v)
-    forward_solve(L, v)
-    whole = np.sqrt(dot(v, v))
-    rest = np.empty(v.size)
-    coefficients = np.empty(k + 1)
-    r = np.empty(k + 1)
-    own = 0.0
-    while True:
-        copy(v, rest)
-        length = project(Q, k, rest, coefficients)
-        dependent = k == v.size or length <= DEPENDENT * whole
-        violation = dot(row, x) - d
-        copy(coefficients, r)
-        triangular_solve(R, k, r)
-        if entering < p:
-            step, leaving = np.inf, np.int64(-1)
-            if dependent and abs(violation) <= 1e3 * level * term_size(row, x, d):
-                return k  # it follows from the others
-        else:
-            step, leaving = blocking(multiplier, r, k, active, p)
-        if dependent and leaving < 0:
-            sign = 1.0 if violation > 0.0 else -1.0
-            for i in range(k):
-                multiplier[i] = -sign * r[i]
-            multiplier[k] = sign
-            return -1 - k
-        full = np.inf if dependent else violation / length**2
-        t = min(full, step)
-        for i in range(k):
-            multiplier[i] -= t * r[i]
-        own += t
-        if not dependent:
-            add_scaled(-t, rest, u)
-            copy(u, x)
-            backward_solve(L, x)
-            if t == full:
-                append(Q, R, k, rest, coefficients, length)
-                active[k] = entering
-                multiplier[k] = own
-                return k + 1
-        remove(Q, R, k, leaving, active, multiplier)
-        k -= 1
-
-
-@inner
-def refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x):
-    """Drop inequalities until the multipliers of the active rows are >= 0.
-
-    For the active rows held as equations: R'R multiplier = V u0 - d and
-    u = u0 - Q'R multiplier. What is left is optimal for the problem that has the active
-    rows alone, hence a legal start of the pivoting. Returns the number of rows left.
-    """
-    p = b.size
-    row = np.empty(x.size)
-    while True:
-        copy(u0, x)
-        backward_solve(L, x)
-        for i in range(k):
-            set_row(active[i], G, A, row)
-            multiplier[i] = dot(row, x) - right_side(active[i], h, b, lb, ub)
-        triangular_solve_transposed(R, k, multiplier)
-        copy(u0, u)
-        for i in range(k):
-            add_scaled(-multiplier[i], Q[i], u)
-        triangular_solve(R, k, multiplier)
-        leaving, least = np.int64(-1), 0.0
-        for i in range(k):
-            if active[i] >= p and multiplier[i] < least:
-                leaving, least = i, multiplier[i]
-        if leaving < 0:
-            copy(u, x)
-            backward_solve(L, x)
-            return k
-        remove(Q, R, k, leaving, active, multiplier)
-        k -= 1
-
-
-@inner
-def start_from(hint, active, multiplier, k, G, A, L, Q, R):
-    """Append the independent ones of the inequalities that are marked in hint."""
-    p, n = A.shape[0], G.shape[1]
-    row, d = np.empty(n), np.empty(n + 1)
-    for i in range(hint.size):
-        if hint[i] and k < n:
-            set_row(p + i, G, A, row)
-            forward_solve(L, row)
-            whole = np.sqrt(dot(row, row))
-            length = project(Q, k, row, d)
-            if length > 1e-6 * whole:
-                append(Q, R, k, row, d, length)
-                active[k] = p + i
-                multiplier[k] = 0.0
-                k += 1
-    return k
-
-
-@inner
-def refine(active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x):
+def refine(active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x, passes):
     """Improve x and multiplier on the unfactored KKT system of the active rows.
 
     [P N'; N 0] [dx; dm] = -[rd; rp] by R'(R dm + Q g) = rp, L'dx = -(g + Q'R dm),
-    g = L^-1 rd. Stops when a step gains less than a factor 2.
+    g = L^-1 rd. Stops when a step gains less than a factor 2. Where L L' is P plus the
+    weight, each step is a proximal one on the face. Returns the relative residual.
     """
     n = x.size
     row, g, dx = np.empty(n), np.empty(n), np.empty(n)
     dm, trial = np.empty(k), np.empty(n)
     new_multiplier = np.empty(k)
     best = np.inf
-    for _ in range(5):
+    for _ in range(passes):
         copy(x, trial)
         for i in range(k):
             new_multiplier[i] = multiplier[i]
@@ -263,23 +96,26 @@ def refine(active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x):
             add_scaled(1.0, dx, trial)
             add_scaled(1.0, dm, new_multiplier)
         matvec(P, trial, g)
+        size = max(largest(q), largest(g))
         add_scaled(1.0, q, g)
-        worst = 0.0
+        primal, primal_size = 0.0, largest(trial)
         for i in range(k):
             set_row(active[i], G, A, row)
             add_scaled(new_multiplier[i], row, g)
-            residual = dot(row, trial) - right_side(active[i], h, b, lb, ub)
+            d = right_side(active[i], h, b, lb, ub)
+            residual = dot(row, trial) - d
             dm[i] = residual
-            worst = max(worst, abs(residual))
-        for j in range(n):
-            worst = max(worst, abs(g[j]))
+            primal = max(primal, abs(residual))
+            primal_size = max(primal_size, abs(d))
+        worst = max(largest(g) / max(size, TINY), primal / max(primal_size, TINY))
         if not worst < best:
-            return
+            break
         copy(trial, x)
         copy(new_multiplier, multiplier)
-        if worst > 0.5 * best or worst == 0.0:
-            return
+        gained = worst <= 0.5 * best
         best = worst
+        if not gained or worst == 0.0:
+            break
         forward_solve(L, g)
         triangular_solve_transposed(R, k, dm)
         for i in range(k):
@@ -290,17 +126,7 @@ def refine(active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x):
             add_scaled(-dm[i], Q[i], dx)
         triangular_solve(R, k, dm)
         backward_solve(L, dx)
-
-
-@inner
-def clear(y, z, z_box):
-    """Set all multipliers to zero."""
-    for i in range(y.size):
-        y[i] = 0.0
-    for i in range(z.size):
-        z[i] = 0.0
-    for j in range(z_box.size):
-        z_box[j] = 0.0
+    return best
 
 
 @inner
@@ -308,7 +134,8 @@ def recover(active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box):
     """Set y, z, z_box from the active rows; active bounds hold to the last bit.
 
     The multiplier of an active bound is minus the stationarity residual, so that
-    P x + q + G'z + A'y + z_box = 0 holds there exactly.
+    P x + q + G'z + A'y + z_box = 0 holds there exactly. Returns the largest entry of
+    what is left of it, relative to its terms.
     """
     n, m, p = x.size, z.size, y.size
     clear(y, z, z_box)
@@ -324,6 +151,7 @@ def recover(active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box):
             x[index - p - m - n] = ub[index - p - m - n]
     gradient = np.empty(n)
     matvec(P, x, gradient)
+    size = max(largest(q), largest(gradient))
     add_scaled(1.0, q, gradient)
     add_rmatvec(A, y, gradient)
     add_rmatvec(G, z, gradient)
@@ -334,60 +162,106 @@ def recover(active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box):
         elif active[i] >= p + m:
             j = active[i] - p - m
             z_box[j] = min(-gradient[j], 0.0)
+    add_scaled(1.0, z_box, gradient)
+    return largest(gradient) / max(size, TINY)
 
 
 @inner
-def contradicts(active, multiplier, k, h, b, lb, ub):
-    """Tell whether the Farkas sum d'multiplier is negative beyond rounding."""
-    value, size = 0.0, 0.0
-    for i in range(k):
-        term = multiplier[i] * right_side(active[i], h, b, lb, ub)
-        value += term
-        size += abs(term)
-    return value < -CONTRADICTION * size
+def unconstrained(q, weight, centre, L, u0, u, x):
+    """Set u0 = u = L^-1 (W centre - q) and x = L^-T u, the minimum of the cost."""
+    for j in range(q.size):
+        u0[j] = weight[j] * centre[j] - q[j]
+    forward_solve(L, u0)
+    copy(u0, u)
+    copy(u, x)
+    backward_solve(L, x)
 
 
 @inner
-def certificate(active, multiplier, k, p, y, z, z_box):
-    """Set y, z, z_box to the Farkas multipliers of k contradicting rows."""
-    n, m = z_box.size, z.size
-    clear(y, z, z_box)
-    for i in range(k):
-        index = active[i]
-        if index < p:
-            y[index] = multiplier[i]
-        elif index < p + m:
-            z[index - p] = multiplier[i]
-        elif index < p + m + n:
-            z_box[index - p - m] -= multiplier[i]
-        else:
-            z_box[index - p - m - n] += multiplier[i]
+def stay_at(x, L, u):
+    """Set u = L'x."""
+    for j in range(x.size):
+        u[j] = 0.0
+    for i in range(x.size):
+        add_scaled(x[i], L[i, : i + 1], u[: i + 1])
+
+
+@inner
+def factor(P, weight, L):
+    """Set L L' = P + diag(weight); tell whether that is positive definite."""
+    for i in range(P.shape[0]):
+        copy(P[i], L[i])
+        L[i, i] += weight[i]
+    return cholesky(L) == 0
+
+
+@inner
+def is_definite(P, L):
+    """Tell whether no pivot of P = L L' is zero but for rounding."""
+    for j in range(P.shape[0]):
+        if L[j, j] * L[j, j] <= DEFINITE * P[j, j]:
+            return False
+    return True
+
+
+@inner
+def factor_weighted(P, q, G, h, A, b, lb, ub, weight, L):
+    """Choose the weight for a singular P and factor; False if P is not convex.
+
+    The first factorisation is the question of `convexity.check_convex`.
+    """
+    n = P.shape[0]
+    most = 0.0
+    for j in range(n):
+        most = max(most, abs(P[j, j]))
+    for j in range(n):
+        weight[j] = SLACK * P[j, j] + (ZERO * most if most > 0.0 else 1.0)
+    if not factor(P, weight, L):
+        return False
+    scale = max(most, typical_curvature(q, G, h, A, b, lb, ub))
+    if scale == 0.0:
+        scale = 1.0
+    for j in range(n):
+        weight[j] = WEIGHT * scale
+    return factor(P, weight, L)
+
+
+@inner
+def lower(weight, active, multiplier, k, P, G, A, L, Q, R):
+    """Lower the weight and factor anew; return the number of active rows, -1 if not."""
+    for j in range(weight.size):
+        weight[j] *= LOWER
+    if not factor(P, weight, L):
+        return np.int64(-1)
+    kept = active[:k].copy()
+    return start_from(kept, active, multiplier, np.int64(0), G, A, L, Q, R)
 
 
 @pasted
-def pivot(P, q, G, h, A, b, lb, ub, L, hint, x, y, z, z_box, max_iter):
-    """Run the pivoting with P = L L'; set x and the multipliers; return (code, pivots).
+def pivot(P, q, G, h, A, b, lb, ub, L, weight, start, hint, x, y, z, z_box, max_iter):
+    """Run the pivoting with P + diag(weight) = L L'; set x and the multipliers.
 
-    INFEASIBLE leaves a candidate for a Farkas certificate in y, z, z_box.
+    The weight is zero for a definite P. Returns (code, pivots). INFEASIBLE leaves a
+    candidate for a Farkas certificate in y, z, z_box, UNBOUNDED one for a ray in z_box.
     """
     n, m, p = q.size, h.size, b.size
     Q, R = np.empty((n, n)), np.empty((n, n))
     active, multiplier = np.empty(n + 1, dtype=np.int64), np.empty(n + 1)
     row, norms, u0, u = np.empty(n), np.ones(m), np.empty(n), np.empty(n)
-    Gx = np.empty(m)
-    for j in range(n):
-        u0[j] = -q[j]
-    forward_solve(L, u0)
-    copy(u0, u)
-    copy(u, x)
-    backward_solve(L, x)
+    Gx, centre, point = np.empty(m), np.zeros(n), np.empty(n)
+    definite = largest(weight) == 0.0
+    centres, passes = TRIES if definite else CENTRES
+    level = EXACT if definite else WEIGHTED
     # np.int64, because a literal would compile every callee once more
-    k, pivots, idle, level = np.int64(0), 0, 0, 1e-14
+    k, pivots, idle, exact = np.int64(0), 0, 0, EXACT
+    copy(start, centre)
+    unconstrained(q, weight, centre, L, u0, u, x)
     matvec(G, x, Gx)
-    if p == 0 and most_violated(x, Gx, h, lb, ub, norms, level, p) < 0:
-        refine(active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x)
-        recover(active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box)
-        return SOLVED, 0
+    if definite and p == 0:
+        if most_violated(x, Gx, h, lb, ub, norms, level, p) < 0:
+            refine(active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x, passes)
+            recover(active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box)
+            return SOLVED, 0
     row_norms(G, norms)
     for i in range(p):
         k = enter(i, A[i], b[i], active, multiplier, k, L, Q, R, u, x, p, level)
@@ -397,9 +271,12 @@ def pivot(P, q, G, h, A, b, lb, ub, L, hint, x, y, z, z_box, max_iter):
             return INFEASIBLE, pivots
     if hint.size > 0:
         k = start_from(hint, active, multiplier, k, G, A, L, Q, R)
-        k = refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x)
-    for _ in range(4):
-        while pivots < max_iter:
+        if definite:
+            k = refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x)
+        else:
+            copy(centre, x)
+    for turn in range(centres):
+        while pivots < max_iter and (definite or turn > 0 or hint.size == 0):
             matvec(G, x, Gx)
             entering = most_violated(x, Gx, h, lb, ub, norms, level, p)
             if entering < 0:
@@ -409,60 +286,83 @@ def pivot(P, q, G, h, A, b, lb, ub, L, hint, x, y, z, z_box, max_iter):
                 k = refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x)
             set_row(entering, G, A, row)
             d = right_side(entering, h, b, lb, ub)
-            size = abs(d) + np.sqrt(dot(row, row)) * np.abs(x).max()
-            if dot(row, x) - d <= NOISE * level * size:
-                idle += 1
-            else:
-                idle = 0
+            size = abs(d) + np.sqrt(dot(row, row)) * largest(x)
+            is_noise = dot(row, x) - d <= NOISE * level * size
+            idle = idle + 1 if is_noise else 0
             if idle == IDLE:
                 level *= 10.0  # rounding, not the problem, keeps it busy
                 idle = 0
             k = enter(entering, row, d, active, multiplier, k, L, Q, R, u, x, p, level)
             if k < 0:
                 active[-1 - k] = entering
-                if contradicts(active, multiplier, -k, h, b, lb, ub):
+                if (definite or not is_noise) and contradicts(
+                    active, multiplier, -k, h, b, lb, ub
+                ):
                     certificate(active, multiplier, -k, p, y, z, z_box)
                     return INFEASIBLE, pivots
                 level *= 10.0  # dependent rows that disagree by rounding
                 k = refit(
                     active, multiplier, -1 - k, G, h, A, b, lb, ub, u0, L, Q, R, u, x
                 )
-        refine(active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x)
-        recover(active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box)
-        matvec(G, x, Gx)
+        copy(x, point)
+        error = refine(
+            active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x, passes
+        )
+        left = recover(active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box)
         if pivots >= max_iter:
             return STALLED, pivots
-        level *= 10.0
-        if most_violated(x, Gx, h, lb, ub, norms, level, p) < 0:
+        matvec(G, x, Gx)
+        exact = 10.0 * (level if definite else exact)
+        settled = definite or max(error, left) <= SETTLED
+        if settled and most_violated(x, Gx, h, lb, ub, norms, exact, p) < 0:
             return SOLVED, pivots
+        if definite:
+            level = exact
+        elif settled:  # x is the solution around itself: go on without a refit
+            copy(x, centre)
+            unconstrained(q, weight, centre, L, u0, u, x)
+            copy(centre, x)
+            stay_at(x, L, u)
+            level = exact
+            continue
+        else:
+            for j in range(n):
+                z_box[j] = point[j] - centre[j]
+            if turn > 0 and is_ray(z_box, P, q, G, h, lb, ub, norms, row, Gx):
+                return UNBOUNDED, pivots
+            if 0 < turn <= LOWERED:
+                k = lower(weight, active, multiplier, k, P, G, A, L, Q, R)
+                if k < 0:
+                    return STALLED, pivots
+            copy(point, centre)
+            unconstrained(q, weight, centre, L, u0, u, x)
+            exact = EXACT
         k = refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x)
     return STALLED, pivots
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def solve(P, q, G, h, A, b, lb, ub, hint, max_iter):
-    """Solve min 1/2 x'Px + q'x, Gx <= h, Ax = b, lb <= x <= ub for definite P.
+def solve(P, q, G, h, A, b, lb, ub, start, hint, max_iter):
+    """Solve min 1/2 x'Px + q'x, Gx <= h, Ax = b, lb <= x <= ub.
 
     All arrays are float64 and C-contiguous; absent parts have zero rows, absent bounds
-    are infinite; hint, (m + 2 n,) int8 or empty, marks inequalities to begin with.
-    Returns (code, pivots, x, y, z, z_box, residuals), the last as in `Residuals`.
+    are infinite; start, (n,) or empty, is a guess of x, hint (int64) lists inequalities
+    to begin with. Returns (code, pivots, x, y, z, z_box, residuals), the last as in
+    `Residuals`. NOT_CONVEX says that P is not positive semidefinite.
     """
-    n = q.size
-    x, y, z, z_box = np.zeros(n), np.zeros(b.size), np.zeros(h.size), np.zeros(n)
-    L = np.empty((n, n))
-    for j in range(n):
-        copy(P[j], L[j])
-    definite = cholesky(L) == 0
-    if definite:
-        for j in range(n):
-            if L[j, j] * L[j, j] <= DEFINITE * P[j, j]:
-                definite = False
-    code, pivots = NOT_DEFINITE, 0
-    if definite:
+    n, m, p = q.size, h.size, b.size
+    x, y, z, z_box = np.zeros(n), np.zeros(p), np.zeros(m), np.zeros(n)
+    L, weight = np.empty((n, n)), np.zeros(n)
+    code, pivots = NOT_CONVEX, 0
+    ready = factor(P, weight, L) and is_definite(P, L)
+    if not ready:
+        ready = factor_weighted(P, q, G, h, A, b, lb, ub, weight, L)
+        max_iter = min(max_iter, MANY * (n + m + p))
+    if ready:
         code, pivots = pivot(
-            P, q, G, h, A, b, lb, ub, L, hint, x, y, z, z_box, max_iter
+            P, q, G, h, A, b, lb, ub, L, weight, start, hint, x, y, z, z_box, max_iter
         )
-    Px, Gx, Ax, Aty_Gtz = np.empty(n), np.empty(h.size), np.empty(b.size), np.zeros(n)
+    Px, Gx, Ax, Aty_Gtz = np.empty(n), np.empty(m), np.empty(p), np.zeros(n)
     matvec(P, x, Px)
     matvec(G, x, Gx)
     matvec(A, x, Ax)

@@ -1,11 +1,10 @@
 """solve_qp: check, choose the smallest form, solve, recover, judge.
 
 First `substitution` takes out of a sparse problem what one row or column decides. The
-forms, smallest first: bounds alone make a box LCP with A = P; a strictly convex problem
-that is small goes to `dense` (its multipliers' LCP); everything else follows the
-`path`. A form that cannot finish hands over to the path, and the better of
-the two points is returned. Whatever a form says, SOLVED is decided here, on the user's
-own data.
+forms, smallest first: bounds alone make a box LCP with A = P; a problem that is small
+or full goes to `dense` (its multipliers' LCP); everything else follows the `path`. A
+form that cannot finish hands over to the path, and the better of the two points is
+returned. Whatever a form says, SOLVED is decided here, on the user's own data.
 """
 
 import time
@@ -31,7 +30,7 @@ from namlcp.residuals import UNDEFINED, Residuals, qp_residuals
 from namlcp.result import QPResult
 from namlcp.status import Status
 
-# Up to here a strictly convex dense QP is small; beyond, its pivots take seconds.
+# Up to here a dense QP is small; beyond, its pivots take seconds.
 DENSE_VARIABLES = 2000
 DENSE_ENTRIES = 16_000_000
 # Bounds alone, and fewer variables: the dense form is quicker than the box LCP.
@@ -44,6 +43,8 @@ FULL = 0.3
 
 # Relative residuals of the LCP tried one after another for a large QP with bounds.
 SHARPER = (1e-9, 1e-11, 1e-13)
+
+NO_HINT = np.empty(0, dtype=np.int64)
 
 # A tolerance below this times the terms of the gap is decided by their rounding.
 ROUNDING = 4e-15
@@ -122,6 +123,10 @@ def solve_qp(
     SOLVED means that primal residual, dual residual and duality gap, recomputed on the
     arguments as they came, are within eps_abs + eps_rel * (size of their terms);
     `namlcp.residuals` has the formulas. The forms and their sources: module docstring.
+
+    P is refused as not convex if, scaled to a unit diagonal, it has an eigenvalue below
+    -1e-6; what lies between that and 0 is taken for rounding to single precision. (Of
+    the Maros-Meszaros collection that refuses VALUES, whose smallest is -1.3e-5.)
 
     Examples
     --------
@@ -278,7 +283,7 @@ FINAL = (Status.SOLVED, *OBJECTIVE)
 
 
 def is_small(qp: QPData) -> bool:
-    """Tell whether the dense form fits, if P turns out to be definite."""
+    """Tell whether the dense form fits."""
     n = qp.q.size
     entries = n * (n + qp.h.size + qp.b.size)
     if n > DENSE_VARIABLES or entries > DENSE_ENTRIES:
@@ -296,28 +301,37 @@ def is_box(qp: QPData) -> bool:
 def solve_dense(
     qp: QPData, options: Options, guess: Guess, progress: Progress | None
 ) -> Answer | None:
-    """Pivot on the multipliers' LCP; None where P is not definite."""
+    """Pivot on the multipliers' LCP; None where it does not decide."""
     if progress is not None:
         progress.announce(dense.solve)
     P, q, G, h, A, b, lb, ub = qp
     if not qp.is_dense:
         P, G, A = as_dense(P), as_dense(G), as_dense(A)
+    hint = NO_HINT
+    if guess.active.size:
+        hint = b.size + np.flatnonzero(guess.active)
     code, pivots, x, y, z, z_box, numbers = dense.solve(
-        P, q, G, h, A, b, lb, ub, guess.active, options.max_iter
+        P, q, G, h, A, b, lb, ub, guess.x, hint, options.max_iter
     )
-    if code == dense.NOT_DEFINITE:
+    if code == dense.NOT_CONVEX:
         return None
     residuals = Residuals(*numbers)
     if residuals.gap_size * ROUNDING > options.eps_abs:
         residuals = qp_residuals(*qp, x, y, z, z_box)
     solved = residuals.solved(options.eps_abs, options.eps_rel)
     status = Status.SOLVED if solved else Status.STALLED
-    if code == dense.INFEASIBLE:
-        proof = certificates.accept_primal(qp, x, y, z, options.eps_abs)
+    if code in (dense.INFEASIBLE, dense.UNBOUNDED):
+        tol = options.eps_abs
+        if code == dense.INFEASIBLE:
+            status = Status.PRIMAL_INFEASIBLE
+            proof = certificates.accept_primal(qp, x, y, z, tol)
+        else:
+            status = Status.DUAL_INFEASIBLE
+            proof = certificates.accept_dual(qp, x, y, z, z_box, tol)
         if proof is None:
             return None
         x, y, z, z_box = proof
-        residuals, status = UNDEFINED, Status.PRIMAL_INFEASIBLE
+        residuals = UNDEFINED
     if progress is not None:
         progress.row(pivots, *residuals[:3], 0.0, int((z > 0).sum()))
     return Answer(status, x, y, z, z_box, residuals, pivots, "dual", "")

@@ -37,10 +37,7 @@ def project(Q, k, v, d):
 def triangular_solve(R, k, d):
     """Overwrite d (k,) by R^-1 d, R upper triangular of order k."""
     for i in range(k - 1, -1, -1):
-        value = d[i]
-        for j in range(i + 1, k):
-            value -= R[i, j] * d[j]
-        d[i] = value / R[i, i]
+        d[i] = (d[i] - dot(R[i, i + 1 : k], d[i + 1 : k])) / R[i, i]
 
 
 @inner
