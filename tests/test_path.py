@@ -270,9 +270,9 @@ def test_scaled_rows_and_columns(seed):
 @pytest.mark.parametrize("kind", [infeasible, unbounded])
 def test_fallback_decides_alone(kind):
     qp = kind(0, 10, 20, 3, 4)
-    judge = Judge(qp, DEFAULT)
     loose = Options(eps_abs=1e-10, eps_rel=1e-12)
-    verdict = fallback.decide(judge, lambda other: solve(other, loose))
+    point = Judge(qp, DEFAULT).point
+    verdict = fallback.decide(qp, point, 1e-9, lambda other: solve(other, loose))
     assert verdict is not None
     status, (x, y, z, z_box) = verdict
     assert_certificate(qp, PathResult(status, x, y, z, z_box, 0, ""))

@@ -23,6 +23,7 @@ from namlcp.qp.judge import Judge, Point
 from namlcp.qp.kkt import products
 from namlcp.qp.presolve import Contradiction, Presolved
 from namlcp.qp.scaling import ScaledQP
+from namlcp.qp.start import Guess
 from namlcp.status import Status
 
 if TYPE_CHECKING:
@@ -178,6 +179,17 @@ class LoopTests:
             y, Z = self.polish_primal(y, Z)
             self.proof = accept_primal(self.judge.qp, x, *s.user_rows(y, Z), tol)
         return self.proof is not None
+
+    def project(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> Point | None:
+        """Test the user's multipliers of the rows after their projection."""
+        s, qp = self.problem, self.judge.qp
+        if not largest(y) + largest(z) > 0.0:
+            return None
+        z_box = -(qp.G.T @ z + qp.A.T @ y)
+        active = np.zeros(z.size + 2 * z_box.size, dtype=np.int8)
+        _, y, Z, _ = s.from_user(Guess(x, y, z, z_box, active))
+        y, Z = self.polish_primal(y, Z)
+        return accept_primal(qp, x, *s.user_rows(y, Z), self.judge.options.eps_abs)
 
     def dual(self, loop: "Interior", k: int, d: np.ndarray) -> bool:
         """Test d, then its projection on the recession cone."""

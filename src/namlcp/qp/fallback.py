@@ -19,26 +19,39 @@ from scipy.sparse import csc_array
 
 from namlcp.checks import QPData
 from namlcp.qp.certificates import accept_dual, accept_primal, largest
-from namlcp.qp.judge import Judge, Point
+from namlcp.qp.judge import Point
 from namlcp.status import Status
 
+NEARLY = 1e-6  # relative violation up to which a ray is looked for first
+
 Solver = Callable[[QPData], Any]
+Projection = Callable[[np.ndarray, np.ndarray, np.ndarray], Point | None]
 
 
-def decide(judge: Judge, solver: Solver) -> tuple[Status, Point] | None:
-    """Return a verdict with its proof, or None.
+def decide(
+    qp: QPData,
+    point: Point,
+    tol: float,
+    solver: Solver,
+    project: Projection | None = None,
+) -> tuple[Status, Point] | None:
+    """Return a verdict with its proof, or None, from the state of the loop.
 
-    A point that meets the rows makes the ray the better first question.
+    A point that meets the rows makes the ray the better first question. `project` makes
+    a proof of (x, y, z) where the solution of the elastic QP is not exact enough.
     """
-    qp = judge.qp
-    x, y, z, _ = judge.point
+    x, y, z, _ = point
     x = np.minimum(np.maximum(x, qp.lb), qp.ub)
-    tol = judge.options.eps_abs
-    violation = max(largest(qp.A @ x - qp.b), (qp.G @ x - qp.h).max(initial=0.0))
-    kinds = ["primal", "dual"] if violation > max(tol, 1e-6) else ["dual", "primal"]
+    Ax, Gx = qp.A @ x, qp.G @ x
+    violation = max(largest(Ax - qp.b), (Gx - qp.h).max(initial=0.0))
+    nearly = max(tol, NEARLY * max(1.0, largest(Ax), largest(Gx)))
+    kinds = ["primal", "dual"] if violation > nearly else ["dual", "primal"]
     for kind in kinds:
         if kind == "primal":
-            proof = elastic(judge, solver, x, tol)
+            y_found, z_found = elastic(qp, solver, x, 1e-4 * tol)
+            proof = accept_primal(qp, x, y_found, z_found, tol)
+            if proof is None and project is not None:
+                proof = project(x, y_found, z_found)
             if proof is not None:
                 return Status.PRIMAL_INFEASIBLE, proof
         else:
@@ -49,16 +62,17 @@ def decide(judge: Judge, solver: Solver) -> tuple[Status, Point] | None:
     return None
 
 
-def elastic(judge: Judge, solver: Solver, x: np.ndarray, tol: float) -> Point | None:
-    """Return an accepted Farkas certificate from the elastic QP around x."""
-    qp = judge.qp
+def elastic(
+    qp: QPData, solver: Solver, x: np.ndarray, least: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (y, z) of the elastic QP; zeros if x violates less than `least`."""
     n, p = qp.q.size, qp.b.size
     rows = np.flatnonzero(np.isfinite(qp.h))
     G, h, g = unit_rows(qp.G.tocsr()[rows], qp.h[rows] - qp.G[rows] @ x)
     A, b, a = unit_rows(qp.A.tocsr(), qp.b - qp.A @ x)
     k = max(largest(b), -h.min(initial=0.0))
-    if not k > 1e-4 * tol:
-        return None
+    if not k > least:
+        return np.zeros(p), np.zeros(qp.h.size)
     m = rows.size
     free = np.full(m + p, np.inf)
     answer = solver(
@@ -75,7 +89,7 @@ def elastic(judge: Judge, solver: Solver, x: np.ndarray, tol: float) -> Point | 
     )
     z = np.zeros(qp.h.size)
     z[rows] = answer.z / g
-    return accept_primal(qp, x, answer.y / a, z, tol)
+    return answer.y / a, z
 
 
 def recession(qp: QPData, solver: Solver) -> np.ndarray:

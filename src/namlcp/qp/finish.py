@@ -27,6 +27,29 @@ EXACT = 1e-14
 NOISE = 1e-11  # residuals below are good enough to start with
 WRONG = 1e-12  # a multiplier or slack below minus this is wrong
 LARGE = 5_000  # entries of K above which a round must pay
+DROP = 0.1, 1e-3  # of the worst residual between two finishes, for small and large K
+STEADY = 100.0  # worst residual above which a finish waits for a steady active set
+
+
+class Trigger:
+    """When a finish can pay: near enough, better than last time, and a steady set."""
+
+    def __init__(self, tol: float, is_large: bool) -> None:
+        """Residuals come in units of `tol`."""
+        self.tol, self.drop = tol, DROP[is_large]
+        self.last = np.inf
+
+    def pulled(
+        self, worst: float, mu: float, active: np.ndarray, before: np.ndarray
+    ) -> bool:
+        """Decide, and remember the residual of the attempt."""
+        near = self.tol * worst < 1e-2 or mu < 1e-7
+        if not near or not worst <= self.drop * self.last:
+            return False
+        if worst >= STEADY and not np.array_equal(active, before):
+            return False
+        self.last = worst
+        return True
 
 
 class Finish:
@@ -55,10 +78,11 @@ class Finish:
         best = np.inf
         for _ in range(rounds):
             for regular in REGULAR:
-                if not self.face.factor(x, y, Z, active, s.b, s.c, regular):
-                    return best
-                if self.face.iterate(s.q, PASSES):
+                ready = self.face.factor(x, y, Z, active, s.b, s.c, regular)
+                if ready and self.face.iterate(s.q, PASSES):
                     break
+            if not ready:
+                return best
             x, y, multiplier, slack = self.face.solution(s.q, s.c, active)
             Z = np.maximum(multiplier, 0.0)
             worst = self.judge.offer(*s.user_point(x, y, Z))

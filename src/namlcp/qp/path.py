@@ -18,7 +18,7 @@ from namlcp.checks import QPData
 from namlcp.options import Options
 from namlcp.qp import fallback
 from namlcp.qp.certificates import LoopTests, contradiction
-from namlcp.qp.finish import LARGE, Finish
+from namlcp.qp.finish import LARGE, Finish, Trigger
 from namlcp.qp.judge import Judge
 from namlcp.qp.memory import Memory
 from namlcp.qp.presolve import presolve
@@ -41,18 +41,18 @@ Report = Callable[..., None]
 
 SHORT = 0.99  # fraction of the longest step
 ROUNDS = 6  # sets tried by one finish
-DROP = 0.1, 1e-3  # of the worst residual between two finishes, for small and large K
-STEADY = 100.0  # worst residual above which a finish waits for a steady active set
 GOOD = 1e-2  # judgement at which a finish stops mending the set
 LONG = 1.8  # sum of the steps above which Gondzio's corrector is not tried
 GAIN = 0.02  # growth of the steps that pays for Gondzio's corrector
-PATIENCE = 100  # iterations without halving the worst residual before STALLED
+PATIENCE = 100  # iterations without halving the worst residual before another try
+LIFT = 0.1  # part of the gap that m mu does not fall below in the second try
+TOLERABLE = 0.5  # violation over its tolerance that the second try may leave
 ACCURACY = 1e-4  # of the linear solves, relative to the tolerance
 CLOSE = 1e3  # gap over its tolerance at which the judge sees a feasible iterate
 EXACT = 1e-8  # tolerances up to this one ask for an exact finish in any case
 INSIDE = 1e-2  # least slack and multiplier of a warm start, relative to the largest
 DOUBTED = 10  # iterations without halving before a warm start is given up
-DOUBT = 50  # iterations without halving before the fallback QPs are asked
+DOUBT = 12  # iterations without halving before the fallback QPs are asked
 FALLBACK = Options(eps_abs=1e-10, eps_rel=1e-12, max_iter=60)
 
 
@@ -159,6 +159,8 @@ class Interior:
         self.tests = LoopTests(problem, judge)
         self.ask: fallback.Solver | None = None
         self.iterations = 0
+        self.is_warm = False
+        self.lift = 0.0
         self.best = inf
         self.best_point = self.x, self.y, self.Z
 
@@ -178,11 +180,11 @@ class Interior:
 
     def follow(self, guess: Guess, deadline: float, report: Report | None) -> Status:
         """Run the loop."""
-        warm = guess.x.size > 0 and self.warm_start(guess)
-        if not warm and not self.start():
+        self.is_warm = guess.x.size > 0 and self.warm_start(guess)
+        if not self.is_warm and not self.start():
             return Status.NUMERICAL_ERROR
-        large = self.problem.kkt.base.size > LARGE
-        trigger = Trigger(self.tol, DROP[large])
+        is_large = self.problem.kkt.base.size > LARGE
+        trigger = Trigger(self.tol, is_large)
         active = self.Z > self.W
         mark, since = inf, 0
         for k in range(self.options.max_iter + 1):
@@ -206,7 +208,8 @@ class Interior:
                 return verdict
             since = 0 if worst <= 0.5 * mark else since + 1
             mark = mark if since else worst
-            stuck = since > (DOUBTED if warm else PATIENCE) or not worst < inf
+            patience = DOUBTED if self.is_warm else PATIENCE
+            stuck = since > patience or not worst < inf
             if since == DOUBT and self.tests.promised:
                 verdict = self.doubt()
                 if verdict is not None:
@@ -216,20 +219,40 @@ class Interior:
             if time.perf_counter() > deadline:
                 return Status.TIME_LIMIT
             if stuck or not self.step():
-                if not warm:
+                if not self.restart():
                     return Status.STALLED
-                warm, mark, since = False, inf, 0
-                if not self.start():
-                    return Status.NUMERICAL_ERROR
+                mark, since = inf, 0
+                trigger = Trigger(self.tol, is_large)
         return Status.MAX_ITER
 
+    def restart(self) -> bool:
+        """Start again: cold after a warm start, then once more centred; else False.
+
+        In the second try rows that the best point violates tolerably give way to it:
+        dependent rows contradict each other by rounding errors, and y grows for ever.
+        """
+        if not self.is_warm:
+            if self.lift > 0.0 or self.problem.c.size == 0:
+                return False
+            self.lift = LIFT
+            self.offer(*self.best_point)
+            self.x, self.y, self.Z = (v.copy() for v in self.best_point)
+            self.evaluate()
+            self.best = inf
+            if self.ratios[0] <= TOLERABLE:
+                self.problem.give_way(self.t)
+        self.is_warm = False
+        return self.start()
+
     def doubt(self) -> Status | None:
-        """Ask the fallback QPs, once."""
+        """Let the judge see the best point, and ask the fallback QPs, once."""
         ask, self.ask = self.ask, None
-        if ask is None:
+        if ask is None or self.offer(*self.best_point) <= 1.0:
             return None
-        self.offer(*self.best_point)
-        verdict = fallback.decide(self.judge, ask)
+        point = self.problem.user_point(self.x, self.y, self.Z)
+        verdict = fallback.decide(
+            self.judge.qp, point, self.options.eps_abs, ask, self.tests.project
+        )
         if verdict is None:
             return None
         self.tests.proof = verdict[1]
@@ -254,6 +277,7 @@ class Interior:
     def start(self) -> bool:
         """Solve with W = Z = 1 as weights, then shift inside (Mehrotra)."""
         s, kkt = self.problem, self.problem.kkt
+        self.reg = Regularisation()
         self.W[:] = 1.0
         self.Z[:] = 1.0
         self.rc[:] = 0.0
@@ -331,7 +355,7 @@ class Interior:
             mu = self.norms[0]
             sigma = min(max(self.length[2] / (m * mu), 0.0), 1.0) ** 3
             gap = self.options.eps_abs + self.options.eps_rel * self.norms[10]
-            smu = max(sigma * mu, 0.01 * gap / m)
+            smu = max(sigma * mu, 0.01 * gap / m, self.lift * self.norms[7] / m)
             self.rc[:] = smu - W * Z - self.dW * self.dZ
             self.direction()
             if self.length[0] + self.length[1] < LONG:
@@ -385,24 +409,3 @@ class Interior:
             self.omega, self.tau, self.rc, self.W, self.Z, self.dt, self.dW, self.dZ,
             self.length,
         )  # fmt: skip
-
-
-class Trigger:
-    """When a finish can pay: near enough, better than last time, and a steady set."""
-
-    def __init__(self, tol: float, drop: float) -> None:
-        """Residuals come in units of `tol`; `drop` is one of DROP."""
-        self.tol, self.drop = tol, drop
-        self.last = inf
-
-    def pulled(
-        self, worst: float, mu: float, active: np.ndarray, before: np.ndarray
-    ) -> bool:
-        """Decide, and remember the residual of the attempt."""
-        near = self.tol * worst < 1e-2 or mu < 1e-7
-        if not near or not worst <= self.drop * self.last:
-            return False
-        if worst >= STEADY and not np.array_equal(active, before):
-            return False
-        self.last = worst
-        return True

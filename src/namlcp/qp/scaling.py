@@ -112,6 +112,12 @@ class ScaledQP:
             np.concatenate(marks),
         )
 
+    def give_way(self, t: np.ndarray) -> None:
+        """Move the sides of rows that t = (x, Ax, Gx) violates to t."""
+        row = self.place >= self.n + self.p
+        self.b = t[self.n : self.n + self.p].copy()
+        self.c = np.where(row, np.maximum(self.c, self.sign * t[self.place]), self.c)
+
     def sides(self, Z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return unscaled multipliers: upper and lower ends of rows, net bounds."""
         z = Z / self.unit[self.place]
