@@ -34,10 +34,11 @@ from settings import SOLVERS
 
 COLUMNS = (
     "problem set solver eps runtime cold found primal_residual dual_residual "
-    "duality_gap sign_violation success status"
+    "duality_gap sign_violation success status iterations form"
 ).split()
 RESIDUALS = COLUMNS[7:11]
 PACKAGES = {"nam": "namlcp", "proxqp": "proxsuite", "highs": "highspy"}
+LATE = {"timeout", "too slow"}  # what a row says that ran into the time limit
 THREADS = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "NUMBA", "RAYON")
 Row = dict[str, Any]
 
@@ -61,17 +62,22 @@ def csv_writer(
     header: list[str],
     columns: list[str],
     extras: Literal["raise", "ignore"] = "raise",
+    *,
+    append: bool = False,
 ) -> Iterator[Callable[[Row], None]]:
     """Yield a function that writes a row at once, below the lines of the header.
 
-    Without a path nothing is written; extras="ignore" leaves out other columns.
+    Without a path nothing is written; extras="ignore" leaves out other columns;
+    append=True goes on with a file that is there.
     """
-    with open(path or os.devnull, "w", newline="") as file:
-        file.writelines(f"# {line}\n" for line in header)
+    goes_on = append and path is not None and path.exists()
+    with open(path or os.devnull, "a" if goes_on else "w", newline="") as file:
         writer = csv.DictWriter(
             file, columns, restval="", extrasaction=extras, lineterminator="\n"
         )
-        writer.writeheader()
+        if not goes_on:
+            file.writelines(f"# {line}\n" for line in header)
+            writer.writeheader()
 
         def write(row: Row) -> None:
             writer.writerow(row)
@@ -132,18 +138,26 @@ def run_set(
     """
     if names is None:
         names = problems.set_names(data, problem_set)
-    late = {"timeout", "too slow"}
     slow: dict[str, Row] = {}
     with bench(data, solver, limit, kind) as child:
         for eps in sorted(tolerances, reverse=True):
             for name in names:
-                if name not in slow:
-                    row = child.run(problem_set, name, eps)
-                    if row["status"] in late:
-                        slow[name] = row
-                else:
-                    row = slow[name] | {"eps": eps}
-                yield row
+                yield run_problem(child, problem_set, name, eps, slow)
+
+
+def run_problem(
+    child: Bench, problem_set: str, name: str, eps: float, slow: dict[str, Row]
+) -> Row:
+    """Return the row of one problem; `slow` holds those that ran into the limit.
+
+    They are not tried again, and what runs into it now is added.
+    """
+    if name in slow:
+        return slow[name] | {"eps": eps}
+    row = child.run(problem_set, name, eps)
+    if row["status"] in LATE:
+        slow[name] = row
+    return row
 
 
 def geometric_mean(values: list[float]) -> float:

@@ -64,20 +64,24 @@ def sign_violation(problem: Problem, solution: Solution) -> float:
 
 
 def judge(problem: Problem, solution: Solution, eps: float) -> dict[str, Any]:
-    """Return found, the residuals, success and a status in words."""
+    """Return found, the residuals, success and a status in words.
+
+    Our own solver also says how many iterations it took and in which form.
+    """
+    extras = solution.extras or {}
     row: dict[str, Any] = {"found": bool(solution.found)}
+    row |= {key: extras[key] for key in ("iterations", "form") if key in extras}
     if not row["found"] or solution.x is None:
-        extras = solution.extras or {}
         said = extras.get("status", getattr(extras.get("info"), "status", ""))
         return row | failure(f"not found {said}".strip())
-    row |= {
+    errors = {
         "primal_residual": float(solution.primal_residual()),
         "dual_residual": float(solution.dual_residual()),
         "duality_gap": float(solution.duality_gap()),
         "sign_violation": sign_violation(problem, solution),
     }
-    errors = list(row.values())[1:]
-    row["success"] = all(error <= eps for error in errors)
+    row |= errors
+    row["success"] = all(error <= eps for error in errors.values())
     row["status"] = "solved" if row["success"] else "inaccurate"
     return row
 
@@ -174,10 +178,14 @@ class Bench:
         self.pipe.close()
 
     def run(self, problem_set: str, name: str, eps: float) -> dict[str, Any]:
-        """Return the row of one problem; a hang or a crash is a failure."""
+        """Return the row of one problem."""
         key = {"problem": name, "set": problem_set, "solver": self.solver, "eps": eps}
+        return key | self.ask((problem_set, name, eps))
+
+    def ask(self, request: Any) -> dict[str, Any]:
+        """Return the answer to a request; a hang or a crash is a failure."""
         try:
-            self.pipe.send((problem_set, name, eps))
+            self.pipe.send(request)
             answer = self.wait(LOADING)
             if answer == "ready":
                 answer = self.wait(self.limit + GRACE)
@@ -187,7 +195,7 @@ class Bench:
         except (EOFError, ConnectionError):
             answer = {"found": False} | failure("crashed")
             self.restart()
-        return key | answer
+        return answer
 
     def restart(self) -> None:
         """Replace the child process."""

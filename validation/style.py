@@ -16,6 +16,7 @@ mpl.use("Agg")
 
 WIDTH = 9.0  # [in]
 BLUE, CYAN, GREEN, PURPLE = "#4477AA", "#66CCEE", "#228833", "#AA3377"
+YELLOW, RED = "#CCBB44", "#EE6677"
 DARK = "#555555"
 
 METHODS = {
@@ -41,6 +42,8 @@ SOLVERS = {
     "osqp": (PURPLE, "s"),
     "piqp": (GREEN, "^"),
     "clarabel": (CYAN, "v"),
+    "proxqp": (YELLOW, "D"),
+    "daqp": (RED, "P"),
 }
 """Colour and marker of every solver."""
 

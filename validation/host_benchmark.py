@@ -1,0 +1,170 @@
+"""The host's own benchmark with solver="nam": qpbenchmark on Maros-Meszaros.
+
+Usage::
+
+    python validation/host_benchmark.py --data DIR --csv FILE [--subset dense]
+        [--solvers nam piqp ...] [--settings mid_accuracy high_accuracy]
+        [--limit 10] [--timeouts CSV] [--only NAME ...]
+
+qpbenchmark (`pip install qpbenchmark`) knows the solvers in its settings only, so "nam"
+is added there, and reads its problems from files, so the test set is told to take those
+of the data folder. Runs, tolerances, tables and their meaning are qpbenchmark's. It
+solves in its own process and cannot end a solver that knows no time limit: --timeouts
+names a result file of maros_meszaros.py, and what was late there is not run. The whole
+report is written beside the CSV file.
+"""
+
+import argparse
+import logging
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import qpbenchmark
+import qpsolvers
+from qpbenchmark.report import Report
+from qpbenchmark.results import Results
+from qpbenchmark.run import run
+from qpbenchmark.solver_settings import SolverSettings
+from qpbenchmark.test_set import TestSet
+
+import namlcp  # noqa: F401  (makes solver="nam" known to qpsolvers)
+import problems
+from benchmark import LATE, machine_lines, read_rows, use_one_thread
+
+NAME = "nam"
+SAMPLES = ("QAFIRO", "HS118", "DUALC1")  # solved once before anything is timed
+FOLDER_OF = {"dense": "dense_subset", "sparse": "sparse_subset"}
+EPS = {"low_accuracy": 1e-3, "mid_accuracy": 1e-6, "high_accuracy": 1e-9}
+
+
+class MarosMeszaros(TestSet):
+    """The problems of the data folder, all sparse, or the dense subset dense.
+
+    Parameters
+    ----------
+    data : Path
+        The data folder.
+    subset : str
+        "all", "dense" or "sparse".
+    limit : float
+        Time limit of a solve [s].
+    """
+
+    def __init__(self, data: Path, subset: str, limit: float) -> None:
+        self.data, self.subset, self.limit = data, subset, limit
+        index = problems.maros_index(data, "all")
+        self.names = [
+            name
+            for name, row in sorted(index.items())
+            if subset == "all" or row["subset"] == FOLDER_OF[subset]
+        ]
+        SolverSettings.IMPLEMENTED_SOLVERS.add(NAME)
+        super().__init__()
+
+    def __iter__(self) -> Iterator[qpbenchmark.Problem]:
+        """Yield the problems by name."""
+        for name in self.names:
+            file = self.data / "maros_meszaros" / f"{name}.mat"
+            problem = problems.maros_problem(file, dense=self.subset == "dense")
+            yield qpbenchmark.Problem.from_qpsolvers(problem, name)
+
+    @property
+    def description(self) -> str:
+        """Say what the problems are."""
+        return f"Maros and Meszaros' convex quadratic programs, {self.subset}."
+
+    @property
+    def sparse_only(self) -> bool:
+        """Leave out solvers of dense problems, except on the dense subset."""
+        return self.subset != "dense"
+
+    @property
+    def title(self) -> str:
+        """Head the report."""
+        return f"Maros-Meszaros ({self.subset})"
+
+    def define_tolerances(self, runtime: float = 10.0) -> None:
+        """Take qpbenchmark's own, with our time limit."""
+        super().define_tolerances(self.limit)
+
+    def define_solver_settings(self) -> None:
+        """Tell `nam` what qpbenchmark tells the others."""
+        super().define_solver_settings()
+        for name, settings in self.solver_settings.items():
+            settings.set_param(NAME, "time_limit", self.tolerances[name].runtime)
+            settings.set_param("clarabel", "time_limit", self.limit)
+            if name in EPS:
+                settings.set_param(NAME, "eps_abs", EPS[name])
+                settings.set_param(NAME, "eps_rel", 0.0)
+
+
+def late_runs(file: Path, limit: float) -> dict[tuple[str, str, str], float]:
+    """Return what ran into the limit in maros_meszaros.py, as qpbenchmark has it."""
+    names = {eps: name for name, eps in EPS.items()}
+    return {
+        (row["problem"], row["solver"], names[row["eps"]]): 2.0 * limit
+        for row in read_rows(file)
+        if row["status"] in LATE and row["solver"] != NAME and row["eps"] in names
+    }
+
+
+def warm_up(data: Path) -> None:
+    """Let the compiled code be loaded before the first problem is timed."""
+    for name in SAMPLES:
+        file = data / "maros_meszaros" / f"{name}.mat"
+        for dense in (False, True):
+            problem = problems.maros_problem(file, dense)
+            qpsolvers.solve_problem(problem, solver=NAME)
+
+
+def parse_arguments(arguments: list[str] | None) -> argparse.Namespace:
+    """Return the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--data", type=Path, required=True, help="the data folder")
+    parser.add_argument("--csv", type=Path, required=True, help="results, continued")
+    parser.add_argument("--subset", choices=["all", *FOLDER_OF], default="all")
+    parser.add_argument("--solvers", nargs="+", default=[NAME, "piqp", "clarabel"])
+    parser.add_argument(
+        "--settings", nargs="+", default=list(EPS), choices=["default", *EPS]
+    )
+    parser.add_argument("--limit", type=float, default=10.0, help="[s] a problem")
+    parser.add_argument("--timeouts", type=Path, help="a file of maros_meszaros.py")
+    parser.add_argument("--only", nargs="+", help="names of problems")
+    return parser.parse_args(arguments)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the host's benchmark and print its tables; return 2 if data lack."""
+    args = parse_arguments(arguments)
+    use_one_thread()
+    logging.getLogger().setLevel(logging.ERROR)
+    try:
+        test_set = MarosMeszaros(args.data, args.subset, args.limit)
+    except problems.MissingDataError as error:
+        print(error)
+        return 2
+    if args.only:
+        test_set.names = [name for name in test_set.names if name in args.only]
+        if not test_set.names:
+            print(f"none of these problems in the subset {args.subset!r}")
+            return 2
+    test_set.solvers &= set(args.solvers)
+    for name in set(test_set.solver_settings) - set(args.settings):
+        del test_set.solver_settings[name], test_set.tolerances[name]
+    if args.timeouts is not None:
+        test_set.known_solver_timeouts = late_runs(args.timeouts, args.limit)
+    warm_up(args.data)
+    results = Results(args.csv, test_set)
+    run(test_set, results)
+    report = args.csv.with_suffix(".md")
+    Report("namlcp", results).write(str(report))
+    print("\n".join(machine_lines(sorted(test_set.solvers))))
+    text = report.read_text()
+    begin, end = text.index("## Results by settings"), text.index("## Settings")
+    print(text[begin:end])
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,315 @@
+"""The whole Maros-Meszaros set: success, time and accuracy beside the peers.
+
+Usage::
+
+    python validation/maros_meszaros.py run --data DIR --csv FILE [--eps 1e-3 1e-6 1e-9]
+        [--limit 10] [--solvers nam piqp ...] [--minutes 30] [--only NAME ...]
+    python validation/maros_meszaros.py plot --data DIR --csv FILE [--figure FILE]
+
+`run` measures as benchmark.py does, one problem after the other with every solver in
+turn, and writes a row at once; it goes on where an earlier run of the same file has
+stopped. With a larger --limit only what was late under the smaller one is run again.
+`plot` prints the tables of every limit in Markdown and draws performance profiles.
+
+The shifted geometric mean is qpbenchmark's: exp(mean(log(t + 10 s))) - 10 s over all
+problems, with the time limit for t where a problem is not solved.
+"""
+
+import argparse
+import sys
+import time
+from collections import Counter
+from contextlib import ExitStack
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+
+import problems
+from benchmark import (
+    COLUMNS,
+    LATE,
+    RESIDUALS,
+    Row,
+    csv_writer,
+    failure_text,
+    geometric_mean,
+    installed,
+    machine_lines,
+    read_rows,
+    run_problem,
+    use_one_thread,
+)
+from measure import bench
+from style import DARK, SOLVERS, WIDTH, caption, save
+
+PEERS = ["nam", "piqp", "clarabel", "proxqp", "osqp"]
+TOLERANCES = [1e-3, 1e-6, 1e-9]
+SHIFT = 10.0  # [s]
+WRONG = 10.0  # a "found" with a residual above so many tolerances is a lie
+CLASSES = (0.0, 1e-3, 1e-2, 1e-1, np.inf)  # [s] of the peer's time
+SUBSETS = {
+    "all": lambda row: True,
+    "strictly convex": lambda row: row["def"] == "pd",
+    "dense": lambda row: row["subset"] == "dense_subset",
+    "sparse": lambda row: row["subset"] == "sparse_subset",
+}
+"""Which rows of index.csv belong to a subset."""
+
+
+def read_results(file: Path) -> list[Row]:
+    """Return the rows written so far, with numbers for limits and residuals."""
+    rows = read_rows(file) if file.exists() else []
+    for row in rows:
+        row["limit"], row["found"] = float(row["limit"]), row["found"] == "True"
+        for name in RESIDUALS:
+            row[name] = float(row[name] or "nan")
+    return rows
+
+
+def run(args: argparse.Namespace) -> None:
+    """Measure what the CSV file does not have yet."""
+    use_one_thread()
+    solvers = installed(args.solvers)
+    known = read_results(args.csv)
+    done = {
+        (row["problem"], row["solver"], row["eps"])
+        for row in known
+        if row["limit"] == args.limit
+        or (row["limit"] < args.limit and row["status"] not in LATE)
+    }
+    slow: dict[str, dict[str, Row]] = {solver: {} for solver in solvers}
+    for row in known:
+        late = row["status"] in LATE and row["limit"] >= args.limit
+        if late and row["solver"] in slow:
+            slow[row["solver"]][row["problem"]] = row
+    end = time.monotonic() + 60.0 * args.minutes
+    with ExitStack() as stack:
+        header = machine_lines(solvers)
+        write = stack.enter_context(
+            csv_writer(args.csv, header, ["limit", *COLUMNS], append=True)
+        )
+        children = {
+            solver: stack.enter_context(bench(args.data, solver, args.limit))
+            for solver in solvers
+        }
+        for eps in sorted(args.eps, reverse=True):
+            for name in args.only or problems.set_names(args.data, "all"):
+                for solver, child in children.items():
+                    if (name, solver, eps) in done:
+                        continue
+                    if time.monotonic() > end:
+                        print("out of minutes; the same command goes on from here")
+                        return
+                    row = run_problem(child, "all", name, eps, slow[solver])
+                    write(row | {"limit": args.limit})
+
+
+def at_limit(rows: list[Row], limit: float) -> list[Row]:
+    """Return, of each run, the row under the largest limit up to this one."""
+    last: dict[tuple[str, str, float], Row] = {}
+    for row in sorted(rows, key=lambda row: row["limit"]):
+        if row["limit"] <= limit:
+            last[row["problem"], row["solver"], row["eps"]] = row
+    return list(last.values())
+
+
+def shifted_mean(rows: list[Row], limit: float) -> float:
+    """Return the shifted geometric mean of the times [s]."""
+    times = [row["runtime"] if row["success"] else limit for row in rows]
+    return float(np.exp(np.mean(np.log(np.array(times) + SHIFT))) - SHIFT)
+
+
+def worst_residual(row: Row) -> float:
+    """Return the largest of the residuals and wrong-signed multipliers."""
+    return max(row[name] for name in RESIDUALS)
+
+
+def is_wrong(row: Row) -> bool:
+    """Tell whether a solver says found and misses its tolerance tenfold."""
+    return bool(row["found"]) and not worst_residual(row) <= WRONG * row["eps"]
+
+
+def print_markdown(columns: list[str], lines: list[list[str]]) -> None:
+    """Print a table."""
+    print("\n| " + " | ".join(columns) + " |\n" + "|---" * len(columns) + "|")
+    for line in lines:
+        print("| " + " | ".join(line) + " |")
+
+
+def by_solver(rows: list[Row]) -> dict[str, list[Row]]:
+    """Return the rows of each solver, the largest number of successes first."""
+    solvers = {row["solver"] for row in rows}
+    groups = {s: [row for row in rows if row["solver"] == s] for s in solvers}
+    count = {s: sum(row["success"] for row in own) for s, own in groups.items()}
+    return {s: groups[s] for s in sorted(solvers, key=lambda s: (-count[s], s))}
+
+
+def common(ours: list[Row], theirs: list[Row]) -> list[tuple[float, float]]:
+    """Return the pairs of times on problems that both solve."""
+    times = {row["problem"]: row["runtime"] for row in theirs if row["success"]}
+    return [
+        (row["runtime"], times[row["problem"]])
+        for row in ours
+        if row["success"] and row["problem"] in times
+    ]
+
+
+def summary(rows: list[Row], limit: float, total: int) -> list[list[str]]:
+    """Return the lines of the table of one subset at one tolerance."""
+    groups = by_solver(rows)
+    means = {solver: shifted_mean(own, limit) for solver, own in groups.items()}
+    lines = []
+    for solver, own in groups.items():
+        solved = [row for row in own if row["success"]]
+        pairs = common(groups.get("nam", []), own)
+        ratio = geometric_mean([ours / theirs for ours, theirs in pairs])
+        error = np.median([worst_residual(row) for row in solved]) if solved else np.nan
+        lines.append(
+            [
+                solver,
+                f"{len(solved)}/{total}" + ("" if len(own) == total else "?"),
+                f"{means[solver]:.3f}",
+                f"{means[solver] / min(means.values()):.1f}",
+                f"{ratio:.2f} ({len(pairs)})" if pairs and solver != "nam" else "",
+                f"{error:.0e}",
+                str(sum(is_wrong(row) for row in own)),
+            ]
+        )
+    return lines
+
+
+def print_classes(rows: list[Row], peer: str) -> None:
+    """Print our time over a peer's, by the peer's time."""
+    groups = by_solver(rows)
+    if peer not in groups or "nam" not in groups:
+        return
+    pairs = common(groups["nam"], groups[peer])
+    lines = []
+    for low, high in pairwise(CLASSES):
+        own = [ours / theirs for ours, theirs in pairs if low <= theirs < high]
+        if own:
+            text = f"{1e3 * low:g} to {1e3 * high:g}"
+            lines.append(
+                [text, str(len(own)), f"{geometric_mean(own):.2f}", f"{max(own):.1f}"]
+            )
+    print_markdown([f"{peer} [ms]", "problems", f"nam/{peer}", "largest"], lines)
+
+
+def print_failures(rows: list[Row]) -> None:
+    """Print what we miss, what is wrong, and the forms that solved it."""
+    ours = [row for row in rows if row["solver"] == "nam"]
+    failed = [row for row in ours if not row["success"]]
+    print("\nnam fails: " + "; ".join(failure_text(row) for row in failed))
+    wrong = [row for row in rows if is_wrong(row)]
+    if wrong:
+        names = (f"{row['solver']} {row['problem']}" for row in wrong)
+        print("\nfound, but tenfold off: " + "; ".join(names))
+    forms = Counter(row["form"] for row in ours if row["success"])
+    parts = (f"{form} {count}" for form, count in forms.most_common())
+    print("\nforms that solved it: " + ", ".join(parts))
+
+
+def print_tables(data: Path, rows: list[Row]) -> None:
+    """Print all tables, limit by limit and tolerance by tolerance."""
+    index = problems.maros_index(data, "all")
+    columns = "solver,solved,shifted mean [s],over the best,nam/solver (both)"
+    columns += ",median error,wrong"
+    for limit in sorted({row["limit"] for row in rows}):
+        known = at_limit(rows, limit)
+        for eps in sorted({row["eps"] for row in known}, reverse=True):
+            for subset, belongs in SUBSETS.items():
+                names = {name for name, row in index.items() if belongs(row)}
+                own = [r for r in known if r["eps"] == eps and r["problem"] in names]
+                print(f"\n{subset}, eps {eps:.0e}, {limit:g} s")
+                lines = summary(own, limit, len(names))
+                print_markdown(columns.split(","), lines)
+            own = [row for row in known if row["eps"] == eps]
+            print_classes(own, "piqp")
+            print_failures(own)
+
+
+def draw_profile(axes: Axes, rows: list[Row], total: int) -> None:
+    """Draw how many problems each solver solves within a factor of the fastest.
+
+    What is not solved has an infinite ratio and never counts.
+    """
+    best: dict[str, float] = {}
+    for row in rows:
+        if row["success"]:
+            name = row["problem"]
+            best[name] = min(best.get(name, np.inf), row["runtime"])
+    for solver, own in reversed(by_solver(rows).items()):
+        solved = [row for row in own if row["success"]]
+        ratios = np.sort([row["runtime"] / best[row["problem"]] for row in solved])
+        x = np.concatenate(([1.0], ratios, [1e4]))
+        y = np.concatenate(([0], np.arange(1, ratios.size + 1), [ratios.size]))
+        colour = SOLVERS[solver][0] if solver in SOLVERS else DARK
+        width = 2.4 if solver == "nam" else 1.4
+        label = f"{solver} {ratios.size}"
+        axes.step(x, y, where="post", color=colour, linewidth=width, label=label)
+    axes.axhline(total, color=DARK, linestyle=":", linewidth=1.0)
+    axes.set_xscale("log")
+    axes.set_xlim(1.0, 1e3)
+    axes.set_ylim(0, total * 1.03)
+    axes.set_xlabel("time over the fastest solver's")
+    axes.legend(loc="lower right", reverse=True, fontsize=8.0)
+
+
+def plot(args: argparse.Namespace) -> None:
+    """Print the tables and draw the profiles of the smallest limit."""
+    rows = read_results(args.csv)
+    print_tables(args.data, rows)
+    if args.figure is None:
+        return
+    limit = min(row["limit"] for row in rows)
+    rows = at_limit(rows, limit)
+    tolerances = sorted({row["eps"] for row in rows}, reverse=True)
+    total = len(problems.set_names(args.data, "all"))
+    figure, axes = plt.subplots(
+        1, len(tolerances), figsize=(WIDTH, 3.6), sharey=True, layout="constrained",
+        squeeze=False,
+    )  # fmt: skip
+    for axis, eps in zip(axes[0], tolerances, strict=True):
+        draw_profile(axis, [row for row in rows if row["eps"] == eps], total)
+        axis.set_title(f"eps = {eps:.0e}, {limit:g} s")
+    axes[0, 0].set_ylabel(f"problems solved, of {total}")
+    caption(axes[0, 0], args.csv)
+    save(figure, args.figure)
+
+
+def parse_arguments(arguments: list[str] | None) -> argparse.Namespace:
+    """Return the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    commands = parser.add_subparsers(dest="command", required=True)
+    for name in ("run", "plot"):
+        command = commands.add_parser(name)
+        command.add_argument("--data", type=Path, required=True, help="the data folder")
+        command.add_argument("--csv", type=Path, required=True, help="the result file")
+        if name == "run":
+            command.add_argument("--eps", nargs="+", type=float, default=TOLERANCES)
+            command.add_argument("--limit", type=float, default=10.0, help="[s]")
+            command.add_argument("--solvers", nargs="+", default=PEERS)
+            command.add_argument("--minutes", type=float, default=np.inf)
+            command.add_argument("--only", nargs="+", help="names of problems")
+        else:
+            command.add_argument("--figure", type=Path, help="draw into this file")
+    return parser.parse_args(arguments)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run or plot; return 2 if the data folder lacks the set."""
+    args = parse_arguments(arguments)
+    try:
+        problems.set_names(args.data, "all")
+    except problems.MissingDataError as error:
+        print(error)
+        return 2
+    {"run": run, "plot": plot}[args.command](args)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
