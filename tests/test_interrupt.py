@@ -10,6 +10,7 @@ import numpy as np
 import problems_lcp as problems
 import pytest
 from problems_qp import complementary
+from scipy import sparse
 from scipy.sparse.linalg import LinearOperator
 
 from namlcp import qp_residuals, solve_lcp, solve_qp
@@ -147,6 +148,17 @@ def test_time_limit_returns_the_best_point(method):
     result = solve_lcp(A, q, method=method, time_limit=1e-9, eps_abs=1e-12)
     assert result.status is Status.TIME_LIMIT
     assert np.isfinite(result.residual)
+
+
+def test_time_limit_is_looked_at_before_a_long_factorisation():
+    A, q = slow_problem(100)
+    A = sparse.lil_array(A)
+    A[0, 0] = 0.0  # neither for sweeps nor for multigrid
+    A = sparse.csr_array(A)
+    result = solve_lcp(A, q, 0.1, time_limit=1e-9)
+    assert result.status is Status.TIME_LIMIT
+    assert result.iterations == 0
+    np.testing.assert_array_equal(result.w, A @ result.z + q)
 
 
 # ---- the table

@@ -9,9 +9,10 @@ from numba import njit
 from scipy import sparse
 
 from namlcp import Prepared, Status, solve_lcp
-from namlcp.lcp.exact import solve_box
+from namlcp.lcp.exact import proof, solve_box
 from namlcp.lcp.faces import Ordering, analyse, face_order, refactor, solve_face
 from namlcp.lcp.matrix import columns_of
+from namlcp.lcp.pivoting import UPPER, D, workspace
 
 RELATIVE = 1e-9
 """Res of the unit-diagonal LCP over its value at z = clip(0)."""
@@ -303,8 +304,26 @@ def test_nothing_to_do():
     np.testing.assert_array_equal(result.z, np.zeros(3))
 
 
-def test_empty():
-    result = solve_lcp(np.zeros((0, 0)), np.zeros(0))
+@pytest.mark.filterwarnings("ignore:overflow")
+def test_overflow_proves_nothing():
+    """q'v = -inf would scale v to zero."""
+    work = workspace(columns_of(-np.eye(1), True), 1)
+    work.vectors[D], work.vectors[UPPER] = 1.0, np.inf
+    for v, proved in (([1e300], False), ([1.0], True)):
+        ray = proof(-np.eye(1), np.array([-1e10]), np.array(v), work)
+        assert (ray is not None) == proved
+
+
+@pytest.mark.parametrize("size", [1e-120, 1.0, 1e120])
+def test_ray_in_any_unit(size):
+    q = np.array([-1.0, 2.0]) * size
+    ray = solve_lcp(np.zeros((2, 2)), q).ray
+    np.testing.assert_allclose(q @ ray, -1.0, rtol=1e-12)
+
+
+@pytest.mark.parametrize("method", ["auto", "multigrid"])
+def test_empty(method):
+    result = solve_lcp(np.zeros((0, 0)), np.zeros(0), method=method)
     assert result.status is Status.SOLVED
     assert result.z.shape == (0,)
 
@@ -378,7 +397,15 @@ def test_history(rng, capsys):
         ((np.eye(1), [1.0]), {"verbose": 1}, TypeError, "verbose must be True or"),
         (
             (np.eye(1), [1.0]), {"method": "pgs", "eps_rel": 1e-3}, ValueError,
-            'eps_rel is for method "auto"',
+            'eps_rel is for method "auto" or "multigrid", not for method \'pgs\'',
+        ),
+        (
+            (np.eye(1), [1.0]), {"method": "multigrid", "s0": [1.0]}, ValueError,
+            "s0 is for the sweep methods, not for method 'multigrid'",
+        ),
+        (
+            (np.eye(1), [1.0]), {"method": "pgs", "s0": [1.0], "z0": [1.0]}, ValueError,
+            "s0 and z0 must not both be given",
         ),
         ((np.eye(1), [1.0]), {"maxiter": 3}, TypeError, "maxiter"),
     ],

@@ -177,6 +177,10 @@ SKEW = np.array([[1.0, 1.0], [-1.0, 1.0]])
         (operator(np.eye(2)), {"diagonal": [1, -1]}, ValueError, "diagonal must not b"),
         (operator(np.eye(2)), {"method": "psor"}, ValueError, "method 'psor' needs th"),
         (
+            operator(np.eye(2)), {"method": "multigrid"}, ValueError,
+            "method 'multigrid' needs the entries of A",
+        ),
+        (
             Prepared(operator(np.eye(2))), {"diagonal": [1, 1]}, ValueError,
             "diagonal must be given to Prepared",
         ),

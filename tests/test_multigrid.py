@@ -11,9 +11,8 @@ from scipy.linalg import solve_triangular
 from namlcp import Prepared, Status, solve_lcp
 from namlcp.lcp import multigrid
 from namlcp.lcp.hierarchy import MAX_COARSE, Hierarchy, build, coarsen, suits
-from namlcp.lcp.kernels import relax_csr
+from namlcp.lcp.kernels import relax_back, relax_csr
 from namlcp.lcp.multigrid import solve_multigrid
-from namlcp.lcp.truncation import Rows, relax_back
 from namlcp.lcp.vcycle import VCycle
 from namlcp.residuals import natural_residual
 from namlcp.scenes import forced_obstacle
@@ -129,7 +128,7 @@ def test_backward_sweep_is_the_forward_one_in_reverse_order(rng):
     upper = lower + rng.random(n)
     z = np.clip(rng.standard_normal(n), lower, upper)
     back = z.copy()
-    relax_back(Rows(A.data, A.indices, A.indptr), q, lower, upper, back)
+    relax_back(A.data, A.indices, A.indptr, q, lower, upper, back)
     R = sparse.csr_array(A[::-1][:, ::-1])
     R.sort_indices()
     vectors = [v[::-1].copy() for v in (q, lower, upper, z)]

@@ -101,6 +101,15 @@ def vector(
     return array
 
 
+def finite_vector(
+    name: str, value: Any, size: int, other: str, shape: tuple[int, ...]
+) -> np.ndarray:
+    """Return `value` as `vector` does; raise unless all of it is finite."""
+    array = vector(name, value, size, other, shape)
+    refuse_number(name, array, False)
+    return array
+
+
 @njit(cache=True, nogil=True)
 def are_indices(indptr, indices, major, minor):
     """Tell whether compressed indices stay inside: no kernel checks them again."""

@@ -8,6 +8,9 @@ from typing import Any, TextIO
 
 import numpy as np
 
+Report = Callable[..., None] | None
+"""What a loop calls for every row, as `Progress.row`; None where nobody looks."""
+
 SILENCE = 2.0
 """So long [s] nothing is printed at the most while rows come in."""
 
@@ -46,7 +49,7 @@ class Progress:
     def announce(self, kernel: Any) -> None:
         """Say, before the first call ever of a compiled `kernel`, that it compiles."""
         if self.verbose and not is_compiled(kernel):
-            self.say("  first solve after installation: compiling for some 15 s, once")
+            self.say("  first solve of its kind: compiling for up to 20 s, once")
 
     def row(self, iteration: int, *values: float) -> None:
         """Take one row: the iteration and the values of the other columns."""
@@ -75,7 +78,7 @@ class Progress:
             self.show(self.rows[-1])
         self.say(text)
 
-    def report(self, wanted: bool) -> Callable[..., None] | None:
+    def report(self, wanted: bool) -> Report:
         """Return `row` where rows are of use, None otherwise."""
         return self.row if wanted or self.verbose else None
 
@@ -95,7 +98,7 @@ def is_shown(iteration: int) -> bool:
 
 
 def is_compiled(kernel: Any) -> bool:
-    """Tell whether a cached compiled `kernel` is at hand, in memory or on disk."""
+    """Tell whether `kernel` is at hand, in memory or on disk, or needs no compiling."""
     if getattr(kernel, "signatures", True):
         return True
     name = kernel.py_func.__qualname__

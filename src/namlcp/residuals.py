@@ -80,6 +80,20 @@ def natural_residual(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def natural_residuals(z, w, lower, upper, d):
+    """Return Res of this problem and of the one with z, bounds times d and w over d."""
+    here = 0.0
+    there = 0.0
+    for i in range(z.size):
+        r = z[i] - min(max(z[i] - w[i], lower[i]), upper[i])
+        here += r * r
+        t = d[i] * z[i]
+        r = t - min(max(t - w[i] / d[i], lower[i] * d[i]), upper[i] * d[i])
+        there += r * r
+    return np.sqrt(here), np.sqrt(there)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def modulus_variable(z, w, omega, s):
     """Set s to z - w / omega, for which z = clip(s) and w = omega (z - s)."""
     for i in range(z.size):

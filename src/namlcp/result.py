@@ -28,7 +28,8 @@ class LCPResult:
     residual : float
         || z - clip(z - w, lower, upper) ||_2, recomputed on the caller's data.
     method : str
-        The method that gave the point.
+        The method that gave the point; for "auto" one of "tridiagonal", "psor",
+        "multigrid", "mprgp", "pivoting".
     setup_time, solve_time : float
         Seconds.
     ray : (n,) array or None

@@ -34,8 +34,8 @@ class Status(Enum):
     )
     STALLED = (
         "stalled",
-        "Rounding errors stop further progress; the best point is returned. "
-        "Loosen eps_abs or eps_rel.",
+        "Rounding errors stop further progress, or the method has come to its end; the "
+        'best point is returned. Loosen eps_abs or eps_rel; LCP: method="auto".',
     )
     DIVERGED = (
         "diverged",

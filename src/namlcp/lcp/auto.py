@@ -7,6 +7,7 @@ unsolved, is for pivoting. The caller's matrix is not copied before that.
 """
 
 import math
+import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -15,13 +16,14 @@ from scipy import sparse
 
 from namlcp.lcp import exact, matrixfree, multigrid
 from namlcp.lcp.dominant import dominance, relaxation, solve_dominant
-from namlcp.lcp.exact import Outcome, Report, solve_box
+from namlcp.lcp.exact import Outcome, solve_box
 from namlcp.lcp.matrixfree import solve_by_products
 from namlcp.lcp.multigrid import solve_multigrid
 from namlcp.lcp.operators import Operator
-from namlcp.lcp.pivoting import residuals
 from namlcp.lcp.prepared import Prepared
 from namlcp.lcp.tridiagonal import solve_tridiagonal
+from namlcp.progress import Report
+from namlcp.residuals import natural_residual, natural_residuals
 from namlcp.status import Status
 
 LARGE = 10_000
@@ -55,7 +57,8 @@ def solve_auto(
     A = matrix.A
     if isinstance(A, Operator):
         most = max_iter or matrixfree.MAX_ITER
-        return ask_products(A, q, lower, upper, z0, max_iter=most, **limits), "mprgp"
+        outcome = ask_products(matrix, q, lower, upper, z0, max_iter=most, **limits)
+        return outcome, "mprgp"
     if matrix.tridiagonal is not None:
         most = max_iter or exact.MAX_ITER
         status, z, w, faces = solve_tridiagonal(
@@ -65,9 +68,10 @@ def solve_auto(
             return Outcome(status, z, w, faces, None), "tridiagonal"
         z0 = z
     if sparse.issparse(A) and q.size >= LARGE:
+        name = "psor"
         outcome = ask_sweeps(matrix, q, lower, upper, z0, **limits)
         if outcome.status in ENDS:
-            return outcome, "psor"
+            return outcome, name
         if matrix.hierarchy is not None:
             problem = matrix, q, lower, upper, outcome.z
             outcome, name = ask_multigrid(*problem, max_iter=max_iter, **limits)
@@ -76,6 +80,8 @@ def solve_auto(
                 outcome = ask_sweeps(matrix, q, lower, upper, outcome.z, LAST, **limits)
             if outcome.status in ENDS:
                 return outcome, name
+        if time.perf_counter() >= limits["deadline"]:  # before a long factorisation
+            return outcome._replace(status=Status.TIME_LIMIT), name
         z0 = outcome.z
     limits |= {"max_iter": max_iter or exact.MAX_ITER, "symmetric": matrix.symmetric}
     return solve_box(A, q, lower, upper, z0, **limits), "pivoting"
@@ -99,8 +105,8 @@ def ask_sweeps(
     z = start(z0, lower, upper)
     mu = dominance(A)
     if not mu < math.inf:
-        return Outcome(Status.STALLED, z, q, 0, None)
-    accept, goal, _, size = criterion(A, q, lower, upper, eps_abs, eps_rel)
+        return Outcome(Status.STALLED, z, A @ z + q, 0, None)
+    accept, goal, _, size = criterion(matrix, q, lower, upper, eps_abs, eps_rel)
     w = A @ z + q if z.any() else q.copy()
     if accept(z, w):
         return Outcome(Status.SOLVED, z, w, 0, None)
@@ -114,8 +120,7 @@ def ask_sweeps(
     )
     if report is not None and status in ENDS:
         active = np.count_nonzero((z == lower) | (z == upper))
-        root = np.sqrt(A.diagonal())
-        report(done, residuals(z, w, lower, upper, root)[0], active)
+        report(done, natural_residual(z, w, lower, upper), active)
     return Outcome(status, z, w, done, None)
 
 
@@ -138,7 +143,7 @@ def ask_multigrid(
             "short rows, mostly negative couplings and V-cycles that contract; "
             'use method="auto"'
         )
-    accept, _, goal, _ = criterion(matrix.A, q, lower, upper, eps_abs, eps_rel)
+    accept, _, goal, _ = criterion(matrix, q, lower, upper, eps_abs, eps_rel)
     limits |= {"accept": accept, "goal": goal}
     limits["max_cycles"] = max_iter or multigrid.MAX_CYCLES
     found = solve_multigrid(matrix.hierarchy, q, lower, upper, z0, **limits)
@@ -146,7 +151,7 @@ def ask_multigrid(
 
 
 def ask_products(
-    A: Operator,
+    matrix: Prepared,
     q: np.ndarray,
     lower: np.ndarray,
     upper: np.ndarray,
@@ -157,9 +162,9 @@ def ask_products(
     **limits: Any,
 ) -> Outcome:
     """Solve with products only; the other limits are `solve_by_products`'s."""
-    accept = criterion(A, q, lower, upper, eps_abs, eps_rel).accept
+    accept = criterion(matrix, q, lower, upper, eps_abs, eps_rel).accept
     z = start(z0, lower, upper)
-    return Outcome(*solve_by_products(A, q, lower, upper, z, accept, **limits))
+    return Outcome(*solve_by_products(matrix.A, q, lower, upper, z, accept, **limits))
 
 
 def start(z0: np.ndarray | None, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
@@ -182,7 +187,7 @@ class Criterion(NamedTuple):
 
 
 def criterion(
-    A: Any,
+    matrix: Prepared,
     q: np.ndarray,
     lower: np.ndarray,
     upper: np.ndarray,
@@ -190,13 +195,13 @@ def criterion(
     eps_rel: float,
 ) -> Criterion:
     """Return the criterion of `solve_lcp`."""
-    D = A.diagonal()
-    root = np.sqrt(np.where(D > 0.0, D, 1.0))
+    root = np.sqrt(matrix.slopes)
     z = start(None, lower, upper)
-    size = residuals(z, A @ z + q if z.any() else q, lower, upper, root)[1]
+    w = matrix.A @ z + q if z.any() else q
+    size = natural_residuals(z, w, lower, upper, root)[1]
 
     def accept(z: np.ndarray, w: np.ndarray) -> bool:
-        plain, scaled = residuals(z, w, lower, upper, root)
+        plain, scaled = natural_residuals(z, w, lower, upper, root)
         return plain < eps_abs or scaled <= eps_rel * size < math.inf
 
     return Criterion(

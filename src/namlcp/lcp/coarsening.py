@@ -14,7 +14,7 @@ import numpy as np
 from numba import njit
 from scipy import sparse
 
-from namlcp.lcp.truncation import Rows
+from namlcp.lcp.truncation import rows_of
 
 THETA = 0.25
 """Strong are the couplings -a_ij >= THETA max_k -a_ik."""
@@ -81,10 +81,10 @@ def strong(A: Any) -> Any:
     n = A.shape[0]
     indptr = np.zeros(n + 1, dtype=np.int32)
     threshold = np.empty(n)
-    count_strong(Rows(A.data, A.indices, A.indptr), indptr, threshold)
+    count_strong(rows_of(A), indptr, threshold)
     data, indices = np.empty(indptr[-1]), np.empty(indptr[-1], dtype=np.int32)
     S = sparse.csr_array((data, indices, indptr), shape=(n, n))
-    copy_strong(Rows(A.data, A.indices, A.indptr), threshold, data, indices)
+    copy_strong(rows_of(A), threshold, data, indices)
     return S
 
 

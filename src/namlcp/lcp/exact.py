@@ -6,7 +6,6 @@ caller's data.
 
 import math
 import time
-from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -43,13 +42,15 @@ from namlcp.lcp.pivoting import (
     Work,
     Z,
     pivot,
-    residuals,
     resume,
     workspace,
 )
+from namlcp.progress import Report
+from namlcp.residuals import natural_residuals
 from namlcp.status import Status
 
-Report = Callable[..., None] | None
+ACCURACY = 1e-9
+"""eps_rel, unless the caller gives a tolerance."""
 
 MAX_ITER = 5000
 """Factorisations at most, unless the caller says."""
@@ -69,6 +70,8 @@ LAST_STEPS = 200
 PATH_STEPS = 60
 LARGE_STEPS = 150
 PATH_CHUNK = 5
+"""Steps of the path at most, and so many between two looks at the deadline."""
+
 PATH_TARGET = 1e-8
 
 RAY_TOLERANCE = 1e-9
@@ -76,7 +79,7 @@ SLOPE_ROUNDING = 1e-13
 
 
 class Outcome(NamedTuple):
-    """Status, z, w = A z + q, factorisations (or sweeps), ray or None.
+    """Status, z, w = A z + q, iterations as `LCPResult` counts them, ray or None.
 
     `convex` says, where it was asked and A = A', that A is positive semidefinite.
     """
@@ -98,7 +101,7 @@ def solve_box(
     *,
     symmetric: bool = True,
     eps_abs: float = 0.0,
-    eps_rel: float = 1e-9,
+    eps_rel: float = ACCURACY,
     max_iter: int = MAX_ITER,
     deadline: float = math.inf,
     report: Report = None,
@@ -147,7 +150,7 @@ def solve_box(
     z = np.minimum(np.maximum(z, lower), upper)
     w = A @ z + q
     if status is Status.SOLVED and scalar[SIZE] > 0.0:
-        plain, scaled = residuals(z, w, lower, upper, 1.0 / vectors[D])
+        plain, scaled = natural_residuals(z, w, lower, upper, 1.0 / vectors[D])
         if not (plain < eps_abs or scaled <= eps_rel * scalar[SIZE] < math.inf):
             status = Status.STALLED
     if status is Status.STALLED and symmetric and n <= DENSE_LU:
@@ -234,10 +237,9 @@ def cure(
         if outside:
             counter[PATHED] = 1
             return
-        chunk = PATH_STEPS if math.isinf(deadline) else PATH_CHUNK
-        for _ in range(PATH_STEPS // chunk):
-            taken = follow(symmetric, work, PATH_TARGET, chunk)
-            if taken < chunk or time.perf_counter() >= deadline:
+        for _ in range(PATH_STEPS // PATH_CHUNK):
+            taken = follow(symmetric, work, PATH_TARGET, PATH_CHUNK)
+            if taken < PATH_CHUNK or time.perf_counter() >= deadline:
                 return
     else:
         s = vectors[CENTRE] - vectors[Q]
@@ -274,7 +276,7 @@ def proof(A: Any, q: np.ndarray, v: np.ndarray, work: Work) -> np.ndarray | None
     v = np.where(np.abs(v / d) <= RAY_TOLERANCE * np.max(np.abs(v / d)), 0.0, v)
     into_bound = (v > 0.0) & (upper < math.inf) | (v < 0.0) & (lower > -math.inf)
     fall = float(q @ v)
-    if not fall < 0.0 or np.any(into_bound):
+    if not -math.inf < fall < 0.0 or np.any(into_bound):
         return None
     v = v / -fall
     slope = d * (A.T @ v)

@@ -20,7 +20,7 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.lcp.coarsening import interpolation, unlike_rows
-from namlcp.lcp.truncation import Rows, find_diagonal, residual_vector
+from namlcp.lcp.truncation import Rows, find_diagonal, residual_vector, rows_of
 from namlcp.lcp.vcycle import Level, VCycle
 
 MAX_COARSE = 50
@@ -125,6 +125,8 @@ def build(A: Any, symmetric: bool) -> Hierarchy | None:
 def scaling(A: Any) -> np.ndarray:
     """Return S: 1, or D^-1/2 if the median |row sum| / diagonal of S A S is less."""
     d = A.diagonal()
+    if not d.size:
+        return d
     ones = np.ones(d.size)
     root = 1.0 / np.sqrt(d)
     plain = np.median(np.abs(A @ ones) / d)
@@ -157,11 +159,6 @@ def coarsen(A: Any, symmetric: bool, second_pass: bool) -> list[Level] | None:
         A.sort_indices()
         entries -= A.nnz
     return None
-
-
-def rows_of(A: Any) -> Rows:
-    """Return a csr_array as compiled code sees it."""
-    return Rows(A.data, A.indices, A.indptr)
 
 
 NO_INDICES = np.empty(0, dtype=np.int32)

@@ -31,9 +31,9 @@ from namlcp.lcp.pivoting import (
     ordering_in,
     problem_in,
     record,
-    residuals,
     restart,
 )
+from namlcp.residuals import natural_residuals
 
 REGULARISATION = 1e-12
 """Added to the unit diagonal of A."""
@@ -236,7 +236,8 @@ def measure(problem, path, w, d, number):
     """Write w = A z + q, Res(z), mu and the largest mu so far; clear d."""
     copy(problem.q, w)
     add_product(problem.columns, path.z, w)
-    number[RESIDUAL] = residuals(path.z, w, path.lower, path.upper, problem.d)[0]
+    res, _ = natural_residuals(path.z, w, path.lower, path.upper, problem.d)
+    number[RESIDUAL] = res
     for i in range(w.size):
         d[LOW, i] = 0.0
         d[HIGH, i] = 0.0

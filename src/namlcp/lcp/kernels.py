@@ -191,6 +191,41 @@ def relax_csr(data, indices, indptr, q, lower, upper, alpha, z):
     return np.sqrt(total)
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def relax_back(data, indices, indptr, q, lower, upper, z):
+    """Overwrite z by one projected Gauss-Seidel sweep from the last row to the first.
+
+    The mirror image of `relax_csr` with alpha = 1.
+    """
+    last = 0.0  # z of the row below
+    k = np.uintp(indptr[z.size])
+    for t in range(z.size):
+        i = z.size - 1 - t
+        row = np.uintp(i)
+        start = np.uintp(indptr[i])
+        r = q[i]
+        neighbour = 0.0  # a_{i, i+1}
+        a = 0.0  # a_ii when the first loop is left
+        while k > start:
+            k -= ONE
+            j = np.uintp(indices[k])
+            a = data[k]
+            if j <= row + ONE:
+                if j > row:
+                    neighbour = a
+                    k -= ONE
+                    a = data[k]
+                break
+            r += a * z[j]
+        while k > start:
+            k -= ONE
+            r += data[k] * z[np.uintp(indices[k])]
+        last = (-r - neighbour * last) / a
+        last = lower[i] if last < lower[i] else last
+        last = upper[i] if last > upper[i] else last
+        z[i] = last
+
+
 @njit(cache=True, nogil=True)
 def dominance_csr(data, indices, indptr, root):
     """Return the largest row sums of |I - D^-1 A| and of |I - D^(-1/2) A D^(-1/2)|.

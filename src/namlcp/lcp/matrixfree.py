@@ -33,6 +33,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from namlcp.progress import Report
 from namlcp.residuals import natural_residual
 from namlcp.status import Status
 
@@ -81,7 +82,7 @@ def solve_by_products(
     *,
     max_iter: int = MAX_ITER,
     deadline: float = math.inf,
-    report: Callable[..., None] | None = None,
+    report: Report = None,
 ) -> Found:
     """Solve a box LCP with a symmetric A.
 

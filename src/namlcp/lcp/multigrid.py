@@ -26,21 +26,19 @@ from typing import NamedTuple
 import numpy as np
 
 from namlcp.lcp.hierarchy import Hierarchy
-from namlcp.lcp.kernels import relax_csr
+from namlcp.lcp.kernels import relax_back, relax_csr
 from namlcp.lcp.krylov import solve_face
-from namlcp.lcp.pivoting import residuals
 from namlcp.lcp.truncation import (
     interpolate,
     mark_free,
     move,
-    relax_back,
     residual_vector,
     segment,
 )
 from namlcp.lcp.vcycle import VCycle
+from namlcp.progress import Report
+from namlcp.residuals import natural_residuals
 from namlcp.status import Status
-
-Report = Callable[..., None] | None
 
 MAX_CYCLES = 40
 """Unless the caller says; what suits takes less than 10."""
@@ -108,7 +106,7 @@ class Iterate:
 
     def judge(self) -> None:
         """Compute the residuals."""
-        self.here, self.residual = residuals(self.z, self.w, *self.box[1:])
+        self.here, self.residual = natural_residuals(self.z, self.w, *self.box[1:])
 
     @property
     def active(self) -> int:
@@ -121,7 +119,7 @@ class Iterate:
         q, lower, upper, _ = self.box
         for _ in range(SWEEPS):
             relax_csr(*self.A, q, lower, upper, 1.0, self.z)
-            relax_back(self.A, q, lower, upper, self.z)
+            relax_back(*self.A, q, lower, upper, self.z)
         residual_vector(self.A, q, self.z, self.w)
         self.judge()
 
@@ -173,7 +171,7 @@ def solve_multigrid(
     q, lower, upper : (n,) array
         The rest of the box LCP.
     z0 : (n,) array
-        Where to start; taken if it is close to the solution.
+        Where to start; heeded if it is close to the solution.
     accept : callable
         The exact test, asked only when Res(z) <= goal (which a refusal divides by 10).
     goal : float

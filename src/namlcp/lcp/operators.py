@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
-from namlcp.checks import refuse_number, vector
+from namlcp.checks import finite_vector
 
 
 class Operator:
@@ -60,8 +60,7 @@ def operator_data(A: LinearOperator, diagonal: Any) -> Operator:
     if np.dtype(A.dtype or np.float64).kind not in "biuf":
         raise TypeError(f"A must be real, got a LinearOperator of dtype {A.dtype}")
     if diagonal is not None:
-        diagonal = vector("diagonal", diagonal, n, "A", A.shape)
-        refuse_number("diagonal", diagonal, False)
+        diagonal = finite_vector("diagonal", diagonal, n, "A", A.shape)
         wrong = np.flatnonzero(diagonal < 0.0)
         if wrong.size:
             i = wrong[0]

@@ -26,6 +26,7 @@ from namlcp.lcp.matrix import (
     largest,
     scale,
 )
+from namlcp.residuals import natural_residuals
 
 # Why `pivot` returns.
 GO_ON = -1  # never returned
@@ -116,20 +117,6 @@ def ordering_in(work):
     return Ordering(m[SEQUENCE], m[RANK], m[LOCAL], work.counter[ORDERED:])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def residuals(z, w, lower, upper, d):
-    """Return Res of this problem and of the one with z, bounds times d and w over d."""
-    here = 0.0
-    there = 0.0
-    for i in range(z.size):
-        r = z[i] - min(max(z[i] - w[i], lower[i]), upper[i])
-        here += r * r
-        t = d[i] * z[i]
-        r = t - min(max(t - w[i] / d[i], lower[i] * d[i]), upper[i] * d[i])
-        there += r * r
-    return np.sqrt(here), np.sqrt(there)
-
-
 @inner
 def relax(problem, z, w, state):
     """Sweep by projected SOR in residual form: w = A z + q is kept, not computed.
@@ -168,7 +155,7 @@ def relax(problem, z, w, state):
 def record(problem, work):
     """Judge z, w, keep z if it is the best so far; return whether it is much better."""
     number = work.scalar
-    scaled, plain = residuals(
+    scaled, plain = natural_residuals(
         work.vectors[Z], work.vectors[W], problem.lower, problem.upper, problem.d
     )
     improved = scaled < 0.25 * number[BEST]

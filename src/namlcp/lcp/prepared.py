@@ -65,6 +65,6 @@ class Prepared:
 
     @cached_property
     def slopes(self) -> np.ndarray:
-        """Omega of the modulus variable: diag(A), 1 where that is not positive."""
+        """diag(A), 1 where that is not positive: the units, and Omega of s."""
         diagonal = self.A.diagonal()
         return np.where(diagonal > 0.0, diagonal, 1.0)

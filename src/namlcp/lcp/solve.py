@@ -5,17 +5,20 @@ import time
 from typing import Any
 
 import numpy as np
+from scipy.sparse import issparse
 
-from namlcp.checks import refuse_number, vector
+from namlcp.checks import finite_vector
 from namlcp.deadline import Deadline
-from namlcp.lcp.auto import ask_multigrid, solve_auto
+from namlcp.lcp.auto import LARGE, ask_multigrid, solve_auto
 from namlcp.lcp.data import LCPData, lcp_data
-from namlcp.lcp.exact import Outcome
+from namlcp.lcp.exact import ACCURACY, Outcome
+from namlcp.lcp.kernels import relax_csr
 from namlcp.lcp.methods import EXACT, find_method
 from namlcp.lcp.operators import Operator
 from namlcp.lcp.pivoting import pivot
 from namlcp.lcp.prepared import Prepared
 from namlcp.lcp.sweeps import sweep
+from namlcp.lcp.tridiagonal import solve_faces
 from namlcp.lcp.truncation import ascend
 from namlcp.options import check_count, check_flag, check_number
 from namlcp.progress import LCP_COLUMNS, Progress
@@ -24,7 +27,6 @@ from namlcp.result import LCPResult
 
 SWEEP_EPS_ABS = 1e-8
 SWEEP_MAX_ITER = 100_000
-AUTO_EPS_REL = 1e-9
 
 
 def solve_lcp(
@@ -64,13 +66,14 @@ def solve_lcp(
         Bounds, 0 and +inf unless given. lower_i = upper_i pins z_i, lower_i = -inf with
         upper_i = +inf frees it: equation i.
     method : str
-        "auto": sweeps, multigrid cycles, block principal pivoting, a short interior
-        path and a proximal loop, as A needs; for every P-matrix and every symmetric
-        positive semidefinite matrix, as far as rounding allows. For a LinearOperator it
-        is MPRGP, see `namlcp.lcp.matrixfree`, and there is no other. "multigrid": the
-        cycles alone, for matrices like those of differential equations, see
-        `namlcp.lcp.multigrid`; "auto" takes them from order 10^4 on where A suits.
-        Otherwise the name of a sweep method, see `namlcp.lcp.methods`.
+        "auto": elimination (tridiagonal A), sweeps, multigrid cycles, block principal
+        pivoting, a short interior path and a proximal loop, as A needs; for every
+        P-matrix and every symmetric positive semidefinite matrix, as far as rounding
+        allows. For a LinearOperator it is MPRGP, see `namlcp.lcp.matrixfree`, and there
+        is no other. "multigrid": the cycles alone, for matrices like those of
+        differential equations, see `namlcp.lcp.multigrid`; "auto" takes them from order
+        10^4 on where A suits. Otherwise the name of a sweep method, see
+        `namlcp.lcp.methods`.
     diagonal : (n,) array
         diag(A) of a LinearOperator, which scales the problem; without it the scale is
         left as it is.
@@ -81,7 +84,7 @@ def solve_lcp(
         Diagonals of the sweep methods; a number c stands for c I. omega = "auto" is a
         multiple of diag(A), chosen as the method runs.
     s0 : (n,) array
-        Start of a sweep method in the modulus variable (scale r = 2).
+        Start of a sweep method in the modulus variable (scale r = 2); not beside z0.
     z0 : (n,) array
         Where to start.
     threads : int
@@ -142,30 +145,25 @@ def solve_lcp(
     check_flag("history", history)
     check_flag("verbose", verbose)
     find_method(method, alpha=alpha, beta=beta, omega=omega, shift=shift)
+    if method in EXACT:
+        refuse("is for the sweep methods, not for", method, s0=s0, threads=threads)
+    else:
+        refuse('is for method "auto" or "multigrid", not for', method, eps_rel=eps_rel)
     matrix = prepared(A, diagonal, method)
     data = lcp_data(matrix.A, q, lower, upper)
     progress = Progress(LCP_COLUMNS, verbose)
     if verbose:
         progress.say(f"namlcp  LCP: n = {data.q.size}, method = {method}")
+        if method in EXACT:
+            progress.announce(first_kernel(matrix, method))
     limits: dict[str, Any] = {"deadline": deadline, "report": progress.report(history)}
     limits |= {"eps_abs": eps_abs, "max_iter": max_iter}
     ready = time.perf_counter()
     with deadline.listening():
         if method in EXACT:
-            for name, value in (("s0", s0), ("threads", threads)):
-                if value is not None:
-                    raise ValueError(
-                        f"{name} is for the sweep methods, not for method {method!r}"
-                    )
-            if not isinstance(data.A, Operator):
-                progress.announce(pivot if method == "auto" else ascend)
             limits["eps_rel"] = eps_rel
             outcome, s, method = solve_exactly(matrix, data, method, z0, limits)
         else:
-            if eps_rel is not None:
-                raise ValueError(
-                    f'eps_rel is for method "auto" or "multigrid" only, got {method!r}'
-                )
             limits |= {"alpha": alpha, "beta": beta, "omega": omega, "shift": shift}
             limits |= {"s0": s0, "z0": z0, "threads": threads}
             outcome, s = solve_by_name(data, method, limits)
@@ -202,16 +200,18 @@ def solve_exactly(
     _, q, lower, upper, unit = data
     eps_abs, eps_rel = limits["eps_abs"], limits["eps_rel"]
     if eps_rel is None:
-        limits["eps_rel"] = AUTO_EPS_REL if eps_abs is None else 0.0
+        limits["eps_rel"] = ACCURACY if eps_abs is None else 0.0
     limits["eps_abs"] = (eps_abs or 0.0) / unit
-    z0 = None if z0 is None else start_point(z0, q.size)
+    if z0 is not None:
+        z0 = finite_vector("z0", z0, q.size, "A", (q.size, q.size))
     solver = solve_auto if method == "auto" else ask_multigrid
     if unit != 1.0:
         q, lower, upper = q / unit, lower / unit, upper / unit
         z0 = None if z0 is None else z0 / unit
     outcome, method = solver(matrix, q, lower, upper, z0, **limits)
     if unit != 1.0:
-        outcome = outcome._replace(z=outcome.z * unit, w=outcome.w * unit)
+        ray = None if outcome.ray is None else outcome.ray / unit
+        outcome = outcome._replace(z=outcome.z * unit, w=outcome.w * unit, ray=ray)
     s = np.empty(q.size)
     modulus_variable(outcome.z, outcome.w, matrix.slopes, s)
     return outcome, s, method
@@ -246,6 +246,25 @@ def prepared(A: Any, diagonal: Any, method: str) -> Prepared:
     return matrix
 
 
+def first_kernel(matrix: Prepared, method: str) -> Any:
+    """Return the compiled function that the solve will begin with, None if none."""
+    A = matrix.A
+    if isinstance(A, Operator):
+        return None
+    if method == "multigrid":
+        return ascend
+    if matrix.tridiagonal is not None:
+        return solve_faces
+    return relax_csr if issparse(A) and A.shape[0] >= LARGE else pivot
+
+
+def refuse(why: str, method: str, **given: Any) -> None:
+    """Raise for an argument that was given but is not for the method."""
+    for name, value in given.items():
+        if value is not None:
+            raise ValueError(f"{name} {why} method {method!r}")
+
+
 def check_limits(eps_abs: Any, eps_rel: Any, max_iter: Any, time_limit: Any) -> float:
     """Raise for a bad tolerance or limit; return the time limit."""
     for name, value in (("eps_abs", eps_abs), ("eps_rel", eps_rel)):
@@ -255,10 +274,3 @@ def check_limits(eps_abs: Any, eps_rel: Any, max_iter: Any, time_limit: Any) -> 
         check_count("max_iter", max_iter)
     check_number("time_limit", time_limit, 0.0)
     return float(time_limit)
-
-
-def start_point(z0: Any, n: int) -> np.ndarray:
-    """Return z0 as a clean vector."""
-    z0 = vector("z0", z0, n, "A", (n, n))
-    refuse_number("z0", z0, False)
-    return z0

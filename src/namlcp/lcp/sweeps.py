@@ -34,7 +34,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from namlcp.checks import refuse_number, vector
+from namlcp.checks import finite_vector
 from namlcp.lcp.adaptive import AdaptiveStep
 from namlcp.lcp.factored import factored_step
 from namlcp.lcp.kernels import sweep_csr, sweep_dense
@@ -47,7 +47,7 @@ from namlcp.lcp.methods import (
     spread,
 )
 from namlcp.lcp.parameters import Choice
-from namlcp.progress import LCP_COLUMNS, Progress
+from namlcp.progress import LCP_COLUMNS, Progress, Report
 from namlcp.status import Status
 
 Step = Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], float]
@@ -88,7 +88,7 @@ def sweep(
     max_iter: int,
     deadline: float = math.inf,
     keep_history: bool = False,
-    report: Callable[..., None] | None = None,
+    report: Report = None,
 ) -> SweepResult:
     """Solve a box LCP by the named method of `METHODS`.
 
@@ -434,11 +434,8 @@ def start(
     if s0 is not None and z0 is not None:
         raise ValueError("s0 and z0 must not both be given: either fixes the start")
     if s0 is not None:
-        s = vector("s0", s0, q.size, "A", A.shape).copy()
-        refuse_number("s0", s, False)
-        return s
+        return finite_vector("s0", s0, q.size, "A", A.shape).copy()
     if z0 is not None:
-        z = vector("z0", z0, q.size, "A", A.shape)
-        refuse_number("z0", z, False)
+        z = finite_vector("z0", z0, q.size, "A", A.shape)
         return z - (A @ z + q) / omega
     return np.clip(np.zeros_like(q), lower, upper)

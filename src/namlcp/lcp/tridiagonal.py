@@ -15,7 +15,6 @@ or one far from an H-matrix) is left to the caller.
 
 import math
 import time
-from collections.abc import Callable
 
 import numpy as np
 from numba import njit
@@ -34,6 +33,7 @@ from namlcp.lcp.diagonals import (
     multiply,
 )
 from namlcp.lcp.segments import scan
+from namlcp.progress import Report
 from namlcp.status import Status
 
 # Rows of the work array.
@@ -388,11 +388,11 @@ def solve_tridiagonal(
     eps_rel: float,
     max_iter: int,
     deadline: float,
-    report: Callable[..., None] | None = None,
+    report: Report = None,
 ) -> tuple[Status | None, np.ndarray, np.ndarray, int]:
     """Solve a box LCP; return status, z, w = A z + q and the faces solved.
 
-    The arguments are those of `auto.solve_box`. STALLED: every sign is right, so that
+    The arguments are those of `exact.solve_box`. STALLED: every sign is right, so that
     rounding alone is left to blame. None: another method may do better from z on.
     """
     n = q.size

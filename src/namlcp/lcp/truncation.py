@@ -13,12 +13,12 @@ indptr) in CSR with ascending columns; `diagonal` holds the places of their a_ii
 Indices are cast to unsigned so that no negative index is looked for.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 
-ONE = np.uintp(1)
+from namlcp.lcp.kernels import ONE
 
 VANISHED = 1e-13
 """A coarse diagonal that truncation leaves below this times its old value is zero."""
@@ -30,6 +30,11 @@ class Rows(NamedTuple):
     data: np.ndarray
     indices: np.ndarray
     indptr: np.ndarray
+
+
+def rows_of(A: Any) -> Rows:
+    """Return a csr_array as compiled code sees it."""
+    return Rows(A.data, A.indices, A.indptr)
 
 
 @njit(cache=True, nogil=True)
@@ -44,41 +49,6 @@ def find_diagonal(A, diagonal, d):
         if diagonal[i] < 0 or not d[i] > 0.0:
             return False
     return True
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def relax_back(A, q, lower, upper, z):
-    """Overwrite z by one projected Gauss-Seidel sweep from the last row to the first.
-
-    The mirror image of `kernels.relax_csr` with alpha = 1.
-    """
-    last = 0.0  # z of the row below
-    k = np.uintp(A.indptr[z.size])
-    for t in range(z.size):
-        i = z.size - 1 - t
-        row = np.uintp(i)
-        start = np.uintp(A.indptr[i])
-        r = q[i]
-        neighbour = 0.0  # a_{i, i+1}
-        a = 0.0  # a_ii when the first loop is left
-        while k > start:
-            k -= ONE
-            j = np.uintp(A.indices[k])
-            a = A.data[k]
-            if j <= row + ONE:
-                if j > row:
-                    neighbour = a
-                    k -= ONE
-                    a = A.data[k]
-                break
-            r += a * z[j]
-        while k > start:
-            k -= ONE
-            r += A.data[k] * z[np.uintp(A.indices[k])]
-        last = (-r - neighbour * last) / a
-        last = lower[i] if last < lower[i] else last
-        last = upper[i] if last > upper[i] else last
-        z[i] = last
 
 
 @njit(cache=True, nogil=True)

@@ -15,7 +15,8 @@ import numpy as np
 from namlcp.checks import QPData, as_sparse, qp_data
 from namlcp.deadline import Deadline
 from namlcp.lcp.auto import LARGE, solve_auto
-from namlcp.lcp.exact import Outcome, solve_box
+from namlcp.lcp.exact import ACCURACY, Outcome, solve_box
+from namlcp.lcp.kernels import relax_csr
 from namlcp.lcp.pivoting import pivot
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
@@ -42,7 +43,7 @@ SPARSE_ENTRIES = 10_000
 FULL = 0.3
 
 # Relative residuals of the LCP tried one after another for a large QP with bounds.
-SHARPER = (1e-9, 1e-11, 1e-13)
+SHARPER = (ACCURACY, 1e-11, 1e-13)
 
 NO_HINT = np.empty(0, dtype=np.int64)
 
@@ -346,15 +347,16 @@ def solve_bounds(
     memory: Memory,
 ) -> Answer | None:
     """Solve the box LCP that bounds alone make; None where it does not decide."""
-    if progress is not None:
-        progress.announce(pivot)
     A, q, lower, upper = box_lcp(qp)
+    large = not qp.is_dense and q.size >= LARGE
+    if progress is not None:
+        progress.announce(relax_csr if large else pivot)
     limits: dict[str, Any] = {"max_iter": options.max_iter, "deadline": deadline}
-    if qp.is_dense or q.size < LARGE:
-        outcome = solve_box(A, q, lower, upper, guess.point, ask_convex=True, **limits)
-    else:
+    if large:
         memory.ensure_convex(A)
         outcome = solve_large_box(qp, options, guess, memory, limits)
+    else:
+        outcome = solve_box(A, q, lower, upper, guess.point, ask_convex=True, **limits)
     status, x, w, iterations, ray, convex = outcome
     x, z_box = box_point(x, w, lower, upper)
     if ray is not None:
