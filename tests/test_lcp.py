@@ -42,7 +42,7 @@ def assert_solves_lcp(result, A, q, lower=0.0, upper=np.inf):
     assert np.all(result.z <= upper)
     np.testing.assert_allclose(result.w, A @ result.z + q, rtol=0, atol=0)
     assert relative_residual(A, q, result.z, lower, upper) <= RELATIVE
-    plain = result.z - np.clip(result.z - result.w, lower, upper)
+    plain = np.maximum(np.minimum(result.w, result.z - lower), result.z - upper)
     assert result.residual == pytest.approx(np.linalg.norm(plain))
 
 

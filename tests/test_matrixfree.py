@@ -200,3 +200,23 @@ def test_sparse_format_is_not_needed(rng):
     found = solve_lcp(A, q, diagonal=diagonal, eps_rel=1e-11)
     exact = solve_lcp(sparse.csr_array(L).toarray() + V @ V.T, q)
     np.testing.assert_allclose(found.z, exact.z, atol=1e-8)
+
+
+def test_complex_products_are_refused():
+    A = LinearOperator((2, 2), matvec=lambda x: x * (1 + 1j), dtype=float)
+    with pytest.raises(TypeError, match="A must be real, got a product of dtype"):
+        solve_lcp(A, -np.ones(2))
+
+
+def test_a_start_far_away_does_no_harm():
+    A = aslinearoperator(sparse.csr_array(problems.laplacian(4)))
+    for far in (1e17, 1e200):
+        result = solve_lcp(A, -np.ones(16), z0=np.full(16, far))
+        assert result.status is Status.SOLVED
+        assert result.residual < 1e-8
+
+
+def test_a_tiny_curvature_is_no_ray():
+    """A minimum at 1e13 is one."""
+    result = solve_lcp(aslinearoperator(np.diag([1.0, 1e-13])), -np.ones(2))
+    assert result.status is not Status.UNSOLVABLE

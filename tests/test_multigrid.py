@@ -292,6 +292,16 @@ def test_units_do_not_matter(rng):
     np.testing.assert_allclose(d * result.z, expected, atol=1e-6)
 
 
+@pytest.mark.parametrize("unit", [1e-14, 1e10, 1e17])
+def test_units_of_the_matrix_do_not_matter(unit, capfd):
+    A, q = forced_obstacle(30)
+    result = solve_lcp(unit * A, q, method="multigrid")
+    assert result.status is Status.SOLVED
+    expected = solve_lcp(A, q, method="multigrid").z / unit
+    np.testing.assert_allclose(result.z, expected, atol=1e-8 * np.max(expected))
+    assert capfd.readouterr().out == ""
+
+
 @pytest.mark.parametrize("m", [5, 9, 40])
 def test_few_unknowns_and_the_default_tolerance(m):
     A, q = forced_obstacle(m)

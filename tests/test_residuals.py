@@ -53,6 +53,14 @@ def test_nan_is_never_solved():
     assert Residuals(0, 0, 0, 0, 0, 0, 0).solved(1e-9, 0.0)
 
 
+def test_natural_residual_sees_a_small_w_far_out():
+    """z - (z - w) would be 0 here, and any point of a singular LCP a solution."""
+    free = np.full(2, np.inf)
+    z, w = np.full(2, 1e20), np.array([1.0, 0.0])
+    assert natural_residual(z, w, -free, free) == 1.0
+    assert natural_residual(z, w, 0.0 * z, free) == 1.0
+
+
 def test_natural_residual_is_the_papers():
     rng = np.random.default_rng(0)
     z, w = rng.standard_normal((2, 9))

@@ -54,13 +54,23 @@ class Residuals(NamedTuple):
 UNDEFINED = Residuals(*[math.nan] * 7)
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def deviation(z, w, lower, upper):
+    """Return z - clip(z - w, lower, upper), NaN if z or w is.
+
+    The difference z - w would lose a w below the rounding of z, and far out on a
+    singular A everything would be solved.
+    """
+    return max(min(w, z - lower), z - upper) + 0.0 * z
+
+
 # The sum may be taken in any order, so that it vectorises; NaN keeps its meaning.
 @njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc"})
 def natural_squares(z, w, lower, upper, unit):
     """Return the sum of squares of (z - clip(z - w, lower, upper)) / unit."""
     total = 0.0
     for i in range(z.size):
-        r = (z[i] - min(max(z[i] - w[i], lower[i]), upper[i])) / unit
+        r = deviation(z[i], w[i], lower[i], upper[i]) / unit
         total += r * r
     return total
 
@@ -72,7 +82,7 @@ def natural_residual(
     total = natural_squares(z, w, lower, upper, 1.0)
     if 1e-200 < total < 1e200:
         return math.sqrt(total)
-    r = z - np.clip(z - w, lower, upper)
+    r = np.maximum(np.minimum(w, z - lower), z - upper)
     size = float(np.abs(r).max()) if r.size else 0.0
     if not 0.0 < size < math.inf:
         return size  # squares may over- or underflow
@@ -85,10 +95,10 @@ def natural_residuals(z, w, lower, upper, d):
     here = 0.0
     there = 0.0
     for i in range(z.size):
-        r = z[i] - min(max(z[i] - w[i], lower[i]), upper[i])
+        r = deviation(z[i], w[i], lower[i], upper[i])
         here += r * r
         t = d[i] * z[i]
-        r = t - min(max(t - w[i] / d[i], lower[i] * d[i]), upper[i] * d[i])
+        r = deviation(t, w[i] / d[i], lower[i] * d[i], upper[i] * d[i])
         there += r * r
     return np.sqrt(here), np.sqrt(there)
 

@@ -35,6 +35,9 @@ WORTH = 200
 LAST = 5000
 """So many are worth it where cycles on a nonsymmetric matrix have come to nothing."""
 
+TOO_FAR = 1e6
+"""Products at a start with a residual so many times that of clip(0) lose its digits."""
+
 ENDS = (Status.SOLVED, Status.TIME_LIMIT)
 """With these there is nothing left for another method to do."""
 
@@ -64,6 +67,8 @@ def solve_auto(
         status, z, w, faces = solve_tridiagonal(
             matrix.tridiagonal, q, lower, upper, z0, max_iter=most, **limits
         )
+        if status is Status.STALLED and q.size < LARGE:
+            status = None  # A may be singular, and pivoting may prove what is wrong
         if status is not None:
             return Outcome(status, z, w, faces, None), "tridiagonal"
         z0 = z
@@ -106,7 +111,7 @@ def ask_sweeps(
     mu = dominance(A)
     if not mu < math.inf:
         return Outcome(Status.STALLED, z, A @ z + q, 0, None)
-    accept, goal, _, size = criterion(matrix, q, lower, upper, eps_abs, eps_rel)
+    accept, goal, size = criterion(matrix, q, lower, upper, eps_abs, eps_rel)
     w = A @ z + q if z.any() else q.copy()
     if accept(z, w):
         return Outcome(Status.SOLVED, z, w, 0, None)
@@ -143,7 +148,7 @@ def ask_multigrid(
             "short rows, mostly negative couplings and V-cycles that contract; "
             'use method="auto"'
         )
-    accept, _, goal, _ = criterion(matrix, q, lower, upper, eps_abs, eps_rel)
+    accept, goal, _ = criterion(matrix, q, lower, upper, eps_abs, eps_rel)
     limits |= {"accept": accept, "goal": goal}
     limits["max_cycles"] = max_iter or multigrid.MAX_CYCLES
     found = solve_multigrid(matrix.hierarchy, q, lower, upper, z0, **limits)
@@ -162,9 +167,15 @@ def ask_products(
     **limits: Any,
 ) -> Outcome:
     """Solve with products only; the other limits are `solve_by_products`'s."""
-    accept = criterion(matrix, q, lower, upper, eps_abs, eps_rel).accept
-    z = start(z0, lower, upper)
-    return Outcome(*solve_by_products(matrix.A, q, lower, upper, z, accept, **limits))
+    A, root = matrix.A, np.sqrt(matrix.slopes)
+    with np.errstate(all="ignore"):  # numbers out of range are noticed
+        accept, _, size = criterion(matrix, q, lower, upper, eps_abs, eps_rel)
+        z = start(z0, lower, upper)
+        if z0 is not None:
+            there = natural_residuals(z, A @ z + q, lower, upper, root)[1]
+            if not there <= TOO_FAR * size:
+                z = start(None, lower, upper)
+        return Outcome(*solve_by_products(A, q, lower, upper, z, accept, **limits))
 
 
 def start(z0: np.ndarray | None, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
@@ -176,13 +187,12 @@ def start(z0: np.ndarray | None, lower: np.ndarray, upper: np.ndarray) -> np.nda
 class Criterion(NamedTuple):
     """When a point solves the LCP: accept(z, w).
 
-    A Res of `scaled` of the problem scaled to a unit diagonal will pass, and a Res of
-    `plain` of the caller's; `size` is Res(clip(0)), scaled.
+    Of the problem scaled to a unit diagonal: a Res of `goal` will pass, and `size` is
+    Res(clip(0)).
     """
 
     accept: Callable[[np.ndarray, np.ndarray], bool]
-    scaled: float
-    plain: float
+    goal: float
     size: float
 
 
@@ -204,9 +214,5 @@ def criterion(
         plain, scaled = natural_residuals(z, w, lower, upper, root)
         return plain < eps_abs or scaled <= eps_rel * size < math.inf
 
-    return Criterion(
-        accept,
-        max(eps_rel * size, eps_abs / float(root.max(initial=1e-300))),
-        max(eps_rel * size * float(root.min(initial=1.0)), eps_abs),
-        size,
-    )
+    largest = float(root.max(initial=1e-300))
+    return Criterion(accept, max(eps_rel * size, eps_abs / largest), size)

@@ -14,6 +14,7 @@ References
 Ruge and Stueben, in McCormick (ed.), Multigrid Methods, SIAM 1987, 73-130.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -47,6 +48,9 @@ USELESS = 0.8
 """A V-cycle that does not reduce the error so far is of no use."""
 
 RATE_CYCLES = 4
+
+FAR = 1e8
+"""A largest diagonal entry beyond this, or below its inverse, is scaled."""
 
 ROUNDING = 1e-12
 """Relative row sums may differ by so much and count as equal."""
@@ -123,7 +127,11 @@ def build(A: Any, symmetric: bool) -> Hierarchy | None:
 
 
 def scaling(A: Any) -> np.ndarray:
-    """Return S: 1, or D^-1/2 if the median |row sum| / diagonal of S A S is less."""
+    """Return S: 1, or D^-1/2 if the median |row sum| / diagonal of S A S is less.
+
+    Where the diagonal is far from 1, a power of 2 in place of 1: pyamg's weights
+    compare products of entries with entries.
+    """
     d = A.diagonal()
     if not d.size:
         return d
@@ -131,7 +139,12 @@ def scaling(A: Any) -> np.ndarray:
     root = 1.0 / np.sqrt(d)
     plain = np.median(np.abs(A @ ones) / d)
     scaled = np.median(np.abs(A @ root) * root)
-    return root if scaled < plain - ROUNDING else ones
+    if scaled < plain - ROUNDING:
+        return root
+    largest = float(d.max())
+    if 1.0 / FAR < largest < FAR:
+        return ones
+    return ones * 2.0 ** -round(0.5 * math.log2(largest))
 
 
 def coarsen(A: Any, symmetric: bool, second_pass: bool) -> list[Level] | None:

@@ -52,8 +52,11 @@ FLAT = 1e-13
 NEGATIVE = -1e-10
 """One below this times ||A|| is negative: A is not semidefinite."""
 
-RAY = 1e-12
+RAY = 1e-14
 """||A v|| up to this times ||A|| ||v|| is rounding."""
+
+REAL = 0.1
+"""A flat direction has a minimum if a tenth of the residual is left there."""
 
 PURIFY = 500
 """Products at most that are spent to rid a flat direction of what A sees of it."""
@@ -138,7 +141,7 @@ def solve_by_products(
                 break
             misses = 0 if descent.size < 0.5 * missed else misses + 1
             missed = min(missed, descent.size)
-        if misses == PATIENCE or size == 0.0:
+        if misses == PATIENCE or descent.size == 0.0:
             status = Status.STALLED
             break
         if k == max_iter:
@@ -252,6 +255,11 @@ class Descent:
         whole = float(self.g @ p) / pAp if pAp > 0.0 else math.inf
         if whole == room == math.inf:
             self.ray = self.proof(p)
+            if self.leap(p) or (
+                self.ray is not None and self.leap(-self.ray * self.root)
+            ):
+                self.ray = None
+                return None
             return Status.STALLED if self.ray is None else Status.UNSOLVABLE
         if whole <= room:
             self.move(whole, p, Ap)
@@ -286,6 +294,22 @@ class Descent:
         if slope + 0.5 * float(d @ Ad) > SUFFICIENT * slope:
             return False
         self.y, self.g = y, self.g + Ad
+        self.look()
+        return True
+
+    def leap(self, p: np.ndarray) -> bool:
+        """Go to the minimum along -p, where its curvature is tiny, if it is one.
+
+        A curvature that is not rounding, however small, has a minimum far away.
+        """
+        pAp = float(p @ self.product(p))
+        if not pAp > 0.0:
+            return False
+        y = np.clip(self.y - float(self.g @ p) / pAp * p, self.lower, self.upper)
+        g = self.product(y) + self.q
+        if not natural_residual(y, g, self.lower, self.upper) <= REAL * self.size:
+            return False
+        self.y, self.g, self.p = y, g, None
         self.look()
         return True
 

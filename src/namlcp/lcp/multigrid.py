@@ -90,7 +90,8 @@ class Box(NamedTuple):
 class Iterate:
     """z, w = A z + q and Res(z) on one level, and what changes them.
 
-    `residual` is Res in the caller's scaling, `here` in that of the hierarchy.
+    `residual` is Res of the problem scaled to a unit diagonal (as it is on coarse
+    levels), `here` in the scaling of the hierarchy.
     """
 
     def __init__(self, cycle: VCycle, k: int, box: Box, z: np.ndarray):
@@ -173,9 +174,10 @@ def solve_multigrid(
     z0 : (n,) array
         Where to start; heeded if it is close to the solution.
     accept : callable
-        The exact test, asked only when Res(z) <= goal (which a refusal divides by 10).
+        The exact test, asked only when Res(z) of the problem scaled to a unit diagonal
+        is at most `goal` (which a refusal divides by 10).
     goal : float
-        The size of Res(z) that `accept` wants.
+        The size of that Res(z) that `accept` wants.
     max_cycles : int
         Cycles on A at most.
     deadline : float
@@ -214,7 +216,8 @@ class Solver:
         self.cycle = VCycle(hierarchy.levels, hierarchy.symmetric)
         self.users = q, lower, upper
         S = hierarchy.scale
-        self.box = Box(S * q, lower / S, upper / S, S)
+        root = np.sqrt(hierarchy.levels[0].d)
+        self.box = Box(S * q, lower / S, upper / S, root)
         self.accept, self.goal = accept, goal
         self.best = self.clipped(np.zeros(q.size), self.box)
         self.least = math.inf
@@ -293,7 +296,8 @@ class Solver:
         cold = Iterate(self.cycle, 0, self.box, self.best.copy())
         self.note(cold)
         if z0 is not None:
-            z = self.clipped(z0 / self.box.scale, self.box)
+            with np.errstate(over="ignore"):
+                z = self.clipped(z0 / self.hierarchy.scale, self.box)
             warm = Iterate(self.cycle, 0, self.box, z)
             self.note(warm)
             if warm.residual <= max(WARM * cold.residual, self.goal):

@@ -29,7 +29,10 @@ class Operator:
 
     def __matmul__(self, x: np.ndarray) -> np.ndarray:
         """Return A x, an array of its own."""
-        return np.array(self.A.matvec(x), dtype=np.float64).reshape(x.shape)
+        y = np.asarray(self.A.matvec(x))
+        if y.dtype.kind not in "biuf":
+            raise TypeError(f"A must be real, got a product of dtype {y.dtype}")
+        return np.array(y, dtype=np.float64).reshape(x.shape)
 
     def diagonal(self) -> np.ndarray:
         """Return diag(A), or ones."""
@@ -43,9 +46,10 @@ class Operator:
         rng = np.random.default_rng(0)
         u, v = rng.standard_normal((2, self.shape[0]))
         Au, Av = self @ u, self @ v
-        gap = abs(float(u @ Av) - float(v @ Au))
         norm = np.linalg.norm
-        return gap, float(norm(u) * norm(Av) + norm(v) * norm(Au))
+        with np.errstate(all="ignore"):
+            gap = abs(float(u @ Av) - float(v @ Au))
+            return gap, float(norm(u) * norm(Av) + norm(v) * norm(Au))
 
 
 SYMMETRIC = 1e-7

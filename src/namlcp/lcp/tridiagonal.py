@@ -34,6 +34,7 @@ from namlcp.lcp.diagonals import (
 )
 from namlcp.lcp.segments import scan
 from namlcp.progress import Report
+from namlcp.residuals import deviation
 from namlcp.status import Status
 
 # Rows of the work array.
@@ -143,9 +144,9 @@ def measure(rows, lower, upper, z, w):
     diagonal, root = rows[DIAGONAL], rows[ROOT]
     plain, scaled = 0.0, 0.0
     for i in range(z.size):
-        r = z[i] - min(max(z[i] - w[i], lower[i]), upper[i])
+        r = deviation(z[i], w[i], lower[i], upper[i])
         plain += r * r
-        r = z[i] - min(max(z[i] - w[i] * (root[i] * root[i]), lower[i]), upper[i])
+        r = deviation(z[i], w[i] * (root[i] * root[i]), lower[i], upper[i])
         scaled += diagonal[i] * (r * r)
     return np.sqrt(plain), np.sqrt(scaled)
 
@@ -169,7 +170,7 @@ def squares_at_zero(rows, q, lower, upper, zero):
     for i in range(q.size):
         z = zero[i + 1]
         w = below[i] * zero[i] + diagonal[i] * z + above[i] * zero[i + 2] + q[i]
-        r = z - min(max(z - w * (root[i] * root[i]), lower[i]), upper[i])
+        r = deviation(z, w * (root[i] * root[i]), lower[i], upper[i])
         residual += diagonal[i] * (r * r)
         size += (q[i] * root[i]) * (q[i] * root[i])
     return residual, size
