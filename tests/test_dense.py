@@ -1,9 +1,11 @@
 """The dense form against the definition, a brute force and known answers."""
 
 from itertools import combinations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.sparse import csc_array
 
 import namlcp
 from namlcp.qp import dense
@@ -331,3 +333,39 @@ def test_limits_and_guesses_that_are_wrong():
         code, *_, numbers = solve(*qp, start=rng.standard_normal(n), hint=hint * finite)
         assert code == dense.SOLVED
         assert Residuals(*numbers).solved(1e-10, 1e-10)
+
+
+def test_an_empty_row_says_nothing_about_the_scale():
+    G, h = [[1.0, 1.0], [0.0, 0.0], [-1.0, 0.0], [0.0, -1.0]], [4.0, 1.0, 0.0, 0.0]
+    result = namlcp.solve_qp(np.zeros((2, 2)), [-1.0, -2.0], G, h)
+    assert (result.status, result.form) == (Status.SOLVED, "dual")
+    np.testing.assert_allclose(result.x, [0.0, 4.0], atol=1e-12)
+
+
+def test_a_guess_with_multipliers_on_infinite_sides_does_no_harm():
+    guess = SimpleNamespace(
+        x=np.ones(2), y=np.zeros(0), z=np.zeros(0), z_box=np.array([-1.0, 1.0])
+    )
+    P, q, lb = np.diag([1.0, 0.0]), np.array([-1.0, 1.0]), np.array([-INF, 0.0])
+    result = namlcp.solve_qp(P, q, lb=lb, warm_start=guess)
+    assert result.status is Status.SOLVED
+    np.testing.assert_allclose(result.x, [1.0, 0.0], atol=1e-12)
+
+
+def test_ctrl_c_in_compiled_code_is_ctrl_c(monkeypatch):
+    def pressed(*_):
+        raise SystemError("result with an exception set") from KeyboardInterrupt()
+
+    monkeypatch.setattr(dense, "solve", pressed)
+    with pytest.raises(KeyboardInterrupt):
+        namlcp.solve_qp(np.eye(2), np.ones(2))
+
+
+@pytest.mark.parametrize("off", [1e-7, 1e-12])
+def test_proportional_equalities_are_judged_in_their_own_units(off):
+    A, b = [[1.0], [300.0], [300.0]], [1.0, 300.0, 300.0 + 2.0 * off]
+    for kind in (np.asarray, csc_array):
+        matrices = kind(np.eye(1)), kind(np.array(A))
+        result = namlcp.solve_qp(matrices[0], [0.0], A=matrices[1], b=b)
+        wanted = Status.SOLVED if off < 1e-9 else Status.PRIMAL_INFEASIBLE
+        assert result.status is wanted

@@ -1,16 +1,11 @@
 """Hertz contact by the FFT, without a matrix, against Hertz' own formulas."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 
+import hertz
 from namlcp import solve_lcp
 from namlcp.status import Status
-
-sys.path.append(str(Path(__file__).parents[1] / "validation"))
-hertz = pytest.importorskip("hertz")
 
 
 def test_toeplitz_operator_is_the_dense_matrix():

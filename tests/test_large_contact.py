@@ -1,22 +1,17 @@
 """Large symmetric faces: the factor in blocks, its parts, and what is built on it."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import problems_lcp as problems
 import pytest
 from scipy import sparse
 
+import contact_scenes
 from namlcp import Status, solve_lcp
+from namlcp.elimination import minimum_degree
 from namlcp.lcp import exact
 from namlcp.lcp.exact import solve_box
-from namlcp.lcp.largefaces import elimination_order
 from namlcp.lcp.matrix import columns_of
-from namlcp.lcp.supernodes import RELAXED, blocks_of, factor_blocks, solve_blocks
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "validation"))
-import contact_scenes
+from namlcp.lcp.supernodes import blocks_of, factor_blocks, solve_blocks
 
 KINDS = {
     "heap": contact_scenes.heap,
@@ -59,15 +54,14 @@ def test_factor_in_blocks(rng, kind, share):
     n = A.shape[0]
     member = rng.random(n) < share
     columns = columns_of(A, True)
-    order = elimination_order(columns.indices, columns.indptr, member)
-    assert sorted(order) == list(np.flatnonzero(member))
-    blocks = blocks_of(columns.indices, columns.indptr, order, RELAXED)
-    assert blocks.first[-1] == order.size
-    values = np.full(blocks.value_at[-1], np.nan)
+    order = minimum_degree(columns.indptr, columns.indices, member)
+    blocks = blocks_of(columns.indptr, columns.indices, order)
+    assert sorted(blocks.order) == list(np.flatnonzero(member))
+    data, values = columns.data, np.full(blocks.nodes.panels[-1], np.nan)
     shift, b = A.diagonal() * rng.random(n), rng.standard_normal(n)
     free, changed = member & (rng.random(n) < 0.8), member
     for _ in range(4):
-        least, part = factor_blocks(columns, shift, free, changed, blocks, values)
+        least, part = factor_blocks(data, shift, free, changed, blocks, values)
         assert least == 1.0
         assert part <= 1.0
         x = np.zeros(n)
@@ -77,7 +71,7 @@ def test_factor_in_blocks(rng, kind, share):
         np.testing.assert_allclose(M @ x[F], b[F], atol=1e-9)
         assert not x[~free].any()
         anew = np.empty_like(values)
-        factor_blocks(columns, shift, free, member, blocks, anew)
+        factor_blocks(data, shift, free, member, blocks, anew)
         np.testing.assert_array_equal(values, anew)
         changed = member & (rng.random(n) < 0.02)
         free = free ^ changed
@@ -86,10 +80,10 @@ def test_factor_in_blocks(rng, kind, share):
 def test_indefinite_is_told(rng):
     A = sparse.csr_array(problems.laplacian(15) - 2.0 * sparse.eye_array(225))
     columns, every = columns_of(A, True), np.ones(225, dtype=bool)
-    order = elimination_order(columns.indices, columns.indptr, every)
-    blocks = blocks_of(columns.indices, columns.indptr, order, RELAXED)
-    values = np.empty(blocks.value_at[-1])
-    least, _ = factor_blocks(columns, np.zeros(225), every, every, blocks, values)
+    order = minimum_degree(columns.indptr, columns.indices)
+    blocks = blocks_of(columns.indptr, columns.indices, order)
+    values = np.empty(blocks.nodes.panels[-1])
+    least, _ = factor_blocks(columns.data, np.zeros(225), every, every, blocks, values)
     assert least < -0.1
 
 

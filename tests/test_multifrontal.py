@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from problems_elimination import fill, laplacian, natural, parts, upper
 from problems_qp import assert_solves_qp, make_qp
-from scipy.sparse import block_array, csc_array, diags_array, eye_array, kron, triu
+from scipy.sparse import block_array, csc_array, diags_array, eye_array
 
+from namlcp.elimination import minimum_degree
 from namlcp.options import Options
 from namlcp.qp import factors
-from namlcp.qp.elimination import elimination_tree, minimum_degree, postordered
 from namlcp.qp.factors import Bordered, Sparse, factor
 from namlcp.qp.multifrontal import Multifrontal
 from namlcp.qp.path import solve
@@ -24,57 +25,21 @@ def quasi_definite(n, p, density, seed):
     return K[np.ix_(order, order)]
 
 
-def laplacian(rows, columns, shift=0.1):
-    """Return the five-point matrix of a grid plus shift * I."""
-    sides = [
-        diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(k, k))
-        for k in (rows, columns)
-    ]
-    one = kron(sides[0], eye_array(columns))
-    other = kron(eye_array(rows), sides[1])
-    return csc_array(one + other + shift * eye_array(rows * columns))
-
-
 def saddle(rows, columns):
     """Return the K of a discretised control problem on a grid."""
     L = laplacian(rows, columns)
     return csc_array(block_array([[eye_array(L.shape[0]), L], [L, -1e-6 * L]]))
 
 
-def upper(K):
-    """Return the upper triangle with a full diagonal in CSC with int32 indices."""
-    U = csc_array(triu(csc_array(K), format="csc"))
-    U.sort_indices()
-    return csc_array((U.data, U.indices.astype(np.int32), U.indptr.astype(np.int32)))
-
-
-def natural(U):
-    """Return the order in which the rows come, but for the postorder."""
-    place = np.arange(U.shape[0], dtype=np.int32)
-    return postordered(*parts(U), place)
-
-
-def parts(U):
-    """Return indptr and indices."""
-    return U.indptr, U.indices
-
-
-def fill(K):
-    """Return the pattern of L for a dense pattern, by elimination."""
-    L = K != 0
-    for j in range(L.shape[0]):
-        below = np.flatnonzero(L[j + 1 :, j]) + j + 1
-        L[np.ix_(below, below)] = True
-    return np.tril(L)
-
-
 def dense_factors(f):
     """Return L and D of Multifrontal factors as dense matrices, in their order."""
     L = np.eye(f.D.size)
-    for s in range(f.first.size - 1):
-        begin, end = f.first[s], f.first[s + 1]
-        rows = f.rows[f.starts[s] : f.starts[s + 1]]
-        panel = f.L[f.panels[s] : f.panels[s + 1]].reshape(rows.size, end - begin)
+    for s in range(f.nodes.first.size - 1):
+        begin, end = f.nodes.first[s], f.nodes.first[s + 1]
+        rows = f.nodes.rows[f.nodes.starts[s] : f.nodes.starts[s + 1]]
+        panel = f.L[f.nodes.panels[s] : f.nodes.panels[s + 1]].reshape(
+            rows.size, end - begin
+        )
         for k in range(end - begin):
             L[rows[k + 1 :], begin + k] = panel[k + 1 :, k]
     return L, np.diag(f.D)
@@ -96,40 +61,6 @@ def K(request):
     return CASES[request.param]
 
 
-def test_tree_and_counts_are_those_of_the_elimination(K):
-    U = upper(K)
-    parent, count = elimination_tree(*parts(U))
-    L = fill(K)
-    np.fill_diagonal(L, False)
-    np.testing.assert_array_equal(count, L.sum(axis=0))
-    first = np.where(L.any(axis=0), L.argmax(axis=0), -1)
-    np.testing.assert_array_equal(parent, first)
-
-
-def test_minimum_degree_is_a_postordered_permutation(K):
-    U = upper(K)
-    order = minimum_degree(*parts(U))
-    size = U.shape[0]
-    np.testing.assert_array_equal(np.sort(order.place), np.arange(size))
-    by_place = np.argsort(order.place)
-    L = fill(K[np.ix_(by_place, by_place)])
-    np.testing.assert_array_equal(order.counts, L.sum(axis=0) - 1)
-    # the descendants of a node stand directly before it
-    descendants = np.ones(size, dtype=int)
-    for j in range(size):
-        if order.parent[j] >= 0:
-            assert order.parent[j] > j
-            descendants[order.parent[j]] += descendants[j]
-    for j in range(size):
-        if order.parent[j] >= 0:
-            assert order.parent[j] - descendants[order.parent[j]] < j
-
-
-def test_minimum_degree_saves_fill():
-    U = upper(laplacian(30, 30))
-    assert minimum_degree(*parts(U)).work < 0.4 * natural(U).work
-
-
 @pytest.mark.parametrize("order", [natural, None])
 def test_factors_reproduce_the_matrix(K, order):
     U = upper(K)
@@ -148,10 +79,10 @@ def test_rows_of_a_supernode_hold_the_pattern_of_its_columns():
     by_place = np.argsort(f.place)
     L = fill(K[np.ix_(by_place, by_place)])
     kept = 0
-    for s in range(f.first.size - 1):
-        rows = f.rows[f.starts[s] : f.starts[s + 1]]
+    for s in range(f.nodes.first.size - 1):
+        rows = f.nodes.rows[f.nodes.starts[s] : f.nodes.starts[s + 1]]
         assert (np.diff(rows) > 0).all()
-        for j in range(f.first[s], f.first[s + 1]):
+        for j in range(f.nodes.first[s], f.nodes.first[s + 1]):
             assert np.isin(np.flatnonzero(L[:, j]), rows).all()
             kept += int((rows >= j).sum())
     assert L.sum() <= kept <= 2 * L.sum()

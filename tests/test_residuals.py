@@ -47,6 +47,16 @@ def test_signs_count_as_dual_residual():
     assert one_variable(z=1.0, z_box=-1.0, lb=1.0).solved(1e-12, 0.0)
 
 
+def test_only_what_stands_in_a_constraint_loosens_the_primal_tolerance():
+    """x = (0, 1e12), x_0 = 1 violated by 1: x_1 is in no row and has no bound."""
+    row, none, free = np.array([[1.0, 0.0]]), np.empty(0), np.full(2, np.inf)
+    residuals = qp_residuals(
+        np.zeros((2, 2)), np.zeros(2), np.empty((0, 2)), none, row, np.ones(1), -free,
+        free, np.array([0.0, 1e12]), np.zeros(1), none, np.zeros(2),
+    )  # fmt: skip
+    assert (residuals.primal, residuals.primal_size) == (1.0, 1.0)
+
+
 def test_nan_is_never_solved():
     assert one_variable(x=math.nan).worst(1.0, 1.0) == math.inf
     assert one_variable(z=math.nan).worst(1.0, 1.0) == math.inf

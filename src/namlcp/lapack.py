@@ -212,51 +212,6 @@ def cholesky_solve(L, b):
 
 
 @inner
-def multiply(A, m, B, n, k, C):
-    """Overwrite C by A B', row-major (m, k) and (n, k) arrays given as vectors."""
-    rows, columns, depth = np.int32(m), np.int32(n), np.int32(k)
-    factors = np.zeros(2)
-    factors[0] = 1.0
-    _dgemm(
-        _address(np.int32(84)),
-        _address(np.int32(78)),
-        _address(columns),
-        _address(rows),
-        _address(depth),
-        factors.ctypes,
-        B.ctypes,
-        _address(depth),
-        A.ctypes,
-        _address(depth),
-        factors[1:].ctypes,
-        C.ctypes,
-        _address(columns),
-    )
-
-
-@inner
-def triangular_solve(L, k, B, m):
-    """Overwrite B by B L'^-1, row-major (m, k) and lower (k, k) arrays as vectors."""
-    rows, size = np.int32(m), np.int32(k)
-    if m == 0:
-        return
-    one = np.ones(1)
-    _dtrsm(
-        _address(np.int32(76)),
-        _address(np.int32(85)),
-        _address(np.int32(84)),
-        _address(np.int32(78)),
-        _address(size),
-        _address(rows),
-        one.ctypes,
-        L.ctypes,
-        _address(size),
-        B.ctypes,
-        _address(size),
-    )
-
-
-@inner
 def forward_solve(L, b):
     """Overwrite b (n,) by the solution of L x = b, L lower triangular."""
     for i in range(b.size):
@@ -306,10 +261,13 @@ def lu_solve(factors, pivots, b):
 
 
 @inner
-def subtract_product(C, A, B):
-    """Subtract A B' from C (m, n); A (m, k) and B (n, k), rows may be apart."""
+def product(alpha, A, B, beta, C):
+    """Overwrite C (m, n) by alpha A B' + beta C; A (m, k), B (n, k), rows may be apart.
+
+    With beta = 0 C need not be finite on entry.
+    """
     m, n = np.int32(C.shape[0]), np.int32(C.shape[1])
-    if m == 0 or n == 0 or A.shape[1] == 0:
+    if m == 0 or n == 0:
         return
     _dgemm(
         _address(np.int32(84)),
@@ -317,20 +275,23 @@ def subtract_product(C, A, B):
         _address(n),
         _address(m),
         _address(np.int32(A.shape[1])),
-        _number_address(-1.0),
+        _number_address(alpha),
         B.ctypes,
         _address(np.int32(B.strides[0] // 8)),
         A.ctypes,
         _address(np.int32(A.strides[0] // 8)),
-        _number_address(1.0),
+        _number_address(beta),
         C.ctypes,
         _address(np.int32(C.strides[0] // 8)),
     )
 
 
 @inner
-def solve_unit_rows(L, X):
-    """Overwrite X (m, k) by X L^-T, L (k, k) lower triangular with a unit diagonal."""
+def solve_rows(L, unit, X):
+    """Overwrite X (m, k) by X L'^-1, L (k, k) lower triangular, rows may be apart.
+
+    With `unit` its diagonal counts as 1, whatever stands there.
+    """
     m, k = np.int32(X.shape[0]), np.int32(X.shape[1])
     if m == 0 or k == 0:
         return
@@ -338,7 +299,7 @@ def solve_unit_rows(L, X):
         _address(np.int32(76)),
         _address(np.int32(85)),
         _address(np.int32(84)),
-        _address(np.int32(85)),
+        _address(np.int32(85 if unit else 78)),
         _address(k),
         _address(m),
         _number_address(1.0),
@@ -366,15 +327,6 @@ if config.DISABLE_JIT:
         if b.size:
             b[:] = _lapack.dpotrs(L, b, lower=1)[0]
 
-    def multiply(A, m, B, n, k, C):  # type: ignore[no-redef]
-        """Overwrite C by A B', row-major arrays given as vectors."""
-        C[: m * n] = (A[: m * k].reshape(m, k) @ B[: n * k].reshape(n, k).T).ravel()
-
-    def triangular_solve(L, k, B, m):  # type: ignore[no-redef]
-        """Overwrite B by B L'^-1, row-major arrays as vectors."""
-        for i in range(m):
-            forward_solve(L.reshape(k, k), B[i * k : (i + 1) * k])
-
     def lu(A, pivots):  # type: ignore[no-redef]
         """Overwrite A by the LU factors of A', pivots (n,) int32."""
         if A.shape[0] == 0:
@@ -389,10 +341,11 @@ if config.DISABLE_JIT:
         if b.size:
             b[:] = _lapack.dgetrs(factors.T, pivots, b, trans=1)[0]
 
-    def subtract_product(C, A, B):  # type: ignore[no-redef]
-        """Subtract A B' from C."""
-        C -= A @ B.T
+    def product(alpha, A, B, beta, C):  # type: ignore[no-redef]
+        """Overwrite C by alpha A B' + beta C."""
+        C[:] = alpha * (A @ B.T) + (beta * C if beta else 0.0)
 
-    def solve_unit_rows(L, X):  # type: ignore[no-redef]
-        """Overwrite X (m, k) by X L^-T, L lower triangular with a unit diagonal."""
-        X[:] = solve_triangular(L, X.T, lower=True, unit_diagonal=True).T
+    def solve_rows(L, unit, X):  # type: ignore[no-redef]
+        """Overwrite X (m, k) by X L'^-1, L lower triangular."""
+        if X.size:
+            X[:] = solve_triangular(L, X.T, lower=True, unit_diagonal=unit).T

@@ -127,7 +127,8 @@ def qp_residuals_of_products(q, h, b, lb, ub, x, y, z, z_box, Px, Gx, Ax, Aty_Gt
     gap_size = 0.0
     for j in range(x.size):
         primal = max(primal, lb[j] - x[j], x[j] - ub[j])
-        primal_size = max(primal_size, abs(x[j]))
+        if lb[j] > -np.inf or ub[j] < np.inf:  # else it stands in no bound
+            primal_size = max(primal_size, abs(x[j]))
         rd = Px[j] + q[j] + Aty_Gtz[j] + z_box[j]
         dual = max(dual, abs(rd))
         dual_size = max(

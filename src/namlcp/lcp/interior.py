@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from namlcp.lapack import copy, inner
+from namlcp.lapack import copy, inner, pasted
 from namlcp.lcp.faces import analyse, face_order, refactor, solve_face
 from namlcp.lcp.matrix import add_product, largest
 from namlcp.lcp.pivoting import (
@@ -133,7 +133,7 @@ def complementarity(path, d, step):
     return total / max(pairs, 1)
 
 
-@inner
+@pasted
 def weights(path, shift):
     """Write the diagonal that the bounds add to A to shift."""
     for i in range(path.z.size):
@@ -144,7 +144,7 @@ def weights(path, shift):
             shift[i] += path.wu[i] / (path.upper[i] - path.z[i])
 
 
-@inner
+@pasted
 def right_side(path, mu, w, d, rhs):
     """Write the right side for dz, towards slack * multiplier = mu.
 
@@ -217,7 +217,7 @@ def digest(path, corrector, d, number):
     return True
 
 
-@inner
+@pasted
 def advance(path, d, number):
     """Go nearly the longest step, 1 at most; return whether it is a step."""
     share = max(0.95, 1.0 - number[MU] / number[FIRST])
@@ -231,7 +231,7 @@ def advance(path, d, number):
     return True
 
 
-@inner
+@pasted
 def measure(problem, path, w, d, number):
     """Write w = A z + q, Res(z), mu and the largest mu so far; clear d."""
     copy(problem.q, w)
@@ -245,7 +245,7 @@ def measure(problem, path, w, d, number):
     number[FIRST] = max(number[FIRST], number[MU])
 
 
-@inner
+@pasted
 def walk(problem, ordering, state, path, w, number, target, steps):
     """Follow the path until Res(z) <= target, `steps` at most; return the steps taken.
 

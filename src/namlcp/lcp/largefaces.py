@@ -8,10 +8,9 @@ and of their ancestors. The path is that of `interior`, with its steps called fr
 import time
 
 import numpy as np
-import qdldl
 from numba import njit
-from scipy import sparse
 
+from namlcp.elimination import minimum_degree
 from namlcp.lcp.faces import LEAST_PIVOT
 from namlcp.lcp.interior import (
     AIM,
@@ -45,7 +44,6 @@ from namlcp.lcp.pivoting import (
     problem_in,
 )
 from namlcp.lcp.supernodes import (
-    RELAXED,
     Blocks,
     blocks_of,
     factor_blocks,
@@ -120,7 +118,12 @@ class LargeFaces:
             again = False
         changed = free != self.free if again else self.member
         smallest, _ = factor_blocks(
-            work.scaled, work.vectors[SHIFT], free, changed, self.blocks, self.values
+            work.scaled.data,
+            work.vectors[SHIFT],
+            free,
+            changed,
+            self.blocks,
+            self.values,
         )
         self.free, self.rho = free, rho
         return smallest
@@ -137,9 +140,9 @@ class LargeFaces:
             member = vectors[LOWER] < vectors[UPPER]
         self.member = member
         scaled = self.work.scaled
-        order = elimination_order(scaled.indices, scaled.indptr, member)
-        self.blocks = blocks_of(scaled.indices, scaled.indptr, order, RELAXED)
-        self.values = np.empty(self.blocks.value_at[-1])
+        order = minimum_degree(scaled.indptr, scaled.indices, member)
+        self.blocks = blocks_of(scaled.indptr, scaled.indices, order)
+        self.values = np.empty(self.blocks.nodes.panels[-1])
 
     def solve(self) -> None:
         """Solve the face system of `pivot`, vectors[RHS] to vectors[Z]."""
@@ -186,18 +189,3 @@ class LargeFaces:
         self.member[:] = True
         self.blocks = None
         return self.factor(np.ones(self.free.size, dtype=bool), np.nan) == 1.0
-
-
-def elimination_order(
-    indices: np.ndarray, indptr: np.ndarray, member: np.ndarray
-) -> np.ndarray:
-    """Return the members in an order by AMD (Amestoy, Davis, Duff)."""
-    nodes = np.flatnonzero(member)
-    n = member.size
-    pattern = sparse.csr_array((np.full(indices.size, 1e-3), indices, indptr), (n, n))
-    if nodes.size < n:
-        pattern = pattern[nodes][:, nodes]
-    pattern = sparse.csc_matrix(pattern.T)
-    pattern.setdiag(1.0 + np.diff(pattern.indptr))
-    order = qdldl.Solver(pattern).factors()[2]
-    return nodes[order].astype(np.int32)

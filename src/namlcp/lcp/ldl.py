@@ -13,6 +13,7 @@ from llvmlite import ir
 from numba import config, types
 from numba.extending import intrinsic
 
+from namlcp.elimination import climb
 from namlcp.lapack import inner
 
 NONE = np.int32(-1)
@@ -41,12 +42,7 @@ def symbolic(indices, indptr, order, position, parent, counts):
         for p in range(indptr[j], indptr[j + 1]):
             i = position[indices[p]]
             if 0 <= i < k:
-                while flag[i] != k:
-                    if parent[i] == -1:
-                        parent[i] = k
-                    counts[i] += 1
-                    flag[i] = k
-                    i = parent[i]
+                climb(i, k, parent, counts, flag)
     flops = 0.0
     for k in range(m):
         flops += counts[k] * (counts[k] + 3.0)

@@ -1,13 +1,12 @@
 """Sparse Cholesky factors of A + diag(shift) in dense blocks, for large faces.
 
-Neighbouring columns of L with (nearly) the same rows make a supernode, a dense block,
-so that BLAS does the work (Ng and Peyton, SIAM J. Sci. Comput. 14 (1993) 1034-1056).
-The blocks are made once, for all unknowns; one that is not free is a row and a column
-of the identity. Left-looking: a block is made from A and from the blocks below it in
-the elimination tree, so when few unknowns change state only the blocks of those and of
-their ancestors are made anew. The
-rows of a bounded unknown in the blocks below its own stay what they would be if it were
-free: they are skipped, and are right when it is free again.
+Every supernode is a dense block (Ng and Peyton, SIAM J. Sci. Comput. 14 (1993)
+1034-1056). The blocks are laid out once, for all unknowns; one that is not free is a
+row and a column of the identity. Left-looking: a block is made from A and from the
+blocks below it in the elimination tree, so when few unknowns change state only the
+blocks of those and of their ancestors are made anew. The rows of a bounded unknown in
+the blocks below its own stay what they would be if it were free: they are skipped, and
+are right when it is free again.
 """
 
 from typing import NamedTuple
@@ -15,269 +14,146 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from namlcp.lapack import cholesky, dot, inner, multiply, triangular_solve
-from namlcp.lcp.ldl import NONE, PIVOT_FLOOR, symbolic
-
-# Supernodes merge up to so many columns if that makes at most such a share of zeros.
-RELAXED = np.array(((4, 0.95), (16, 0.6), (48, 0.15), (1 << 30, 0.05)))
-
+from namlcp.elimination import Order, Supernodes, supernodes
+from namlcp.lapack import (
+    add_scaled,
+    backward_solve,
+    cholesky,
+    dot,
+    inner,
+    product,
+    solve_rows,
+)
+from namlcp.lcp.ldl import PIVOT_FLOOR
 
 DIRECT = 64
 """Products with fewer multiplications are not worth a call of BLAS."""
 
 
 class Blocks(NamedTuple):
-    """Where everything is; positions count along `order`.
+    """The supernodes of a face, and what each of them takes from those below it.
 
-    Supernode s has the columns first[s] : first[s + 1]; below them come its rows,
-    rows[row_at[s] : row_at[s + 1]], ascending. Its block, row-major, begins at
-    value_at[s] and starts with the square of its columns. The blocks below it that
-    have rows in its columns are source[source_at[s] : source_at[s + 1], 0], with the
-    rows from column 1 to column 2.
+    order (size,) lists the unknowns by position, place (n,) is its inverse, -1 for
+    those left out. The blocks with rows in the columns of supernode s are
+    run[run_at[s] : run_at[s + 1], 0], with their rows from column 1 to column 2.
     """
 
+    nodes: Supernodes
     order: np.ndarray
     place: np.ndarray
-    node: np.ndarray
-    parent: np.ndarray
-    first: np.ndarray
-    row_at: np.ndarray
-    rows: np.ndarray
-    value_at: np.ndarray
-    source_at: np.ndarray
-    source: np.ndarray
+    run_at: np.ndarray
+    run: np.ndarray
 
 
-@inner
-def postorder(parent):
-    """Return the nodes of a forest, children before parents, subtree by subtree."""
-    n = parent.size
-    links = np.full((2, n), NONE, dtype=np.int32)
-    head, after = links[0], links[1]
-    for j in range(n - 1, -1, -1):
-        if parent[j] >= 0:
-            after[j] = head[parent[j]]
-            head[parent[j]] = j
-    found = np.empty(n, dtype=np.int32)
-    stack = np.empty(n, dtype=np.int32)
-    done = 0
-    for root in range(n):
-        if parent[root] >= 0:
-            continue
-        stack[0] = root
-        top = 1
-        while top > 0:
-            j = stack[top - 1]
-            child = head[j]
-            if child >= 0:
-                head[j] = after[child]
-                stack[top] = child
-                top += 1
-            else:
-                top -= 1
-                found[done] = j
-                done += 1
-    return found
+def blocks_of(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Blocks:
+    """Return the blocks of a symmetric matrix (n, n) in compressed columns."""
+    nodes = supernodes(indptr, indices, order)
+    chosen = np.flatnonzero(order.place >= 0)
+    by_place = np.empty(chosen.size, dtype=np.int32)
+    by_place[order.place[chosen]] = chosen
+    return Blocks(nodes, by_place, order.place, *runs(nodes))
 
 
-@inner
-def elimination_tree(indices, indptr, order):
-    """Return place (the inverse of order, else -1), tree, counts of L's columns."""
-    n = order.size
-    place = np.full(indptr.size - 1, NONE, dtype=np.int32)
-    for k in range(n):
-        place[order[k]] = k
-    tree = np.empty((2, n), dtype=np.int32)
-    symbolic(indices, indptr, order, place, tree[0], tree[1])
-    return place, tree[0], tree[1]
-
-
-@inner
-def entries(columns, rows):
-    """Return how many numbers a supernode has."""
-    return columns * (rows - 0.5 * (columns - 1.0))
-
-
-@inner
-def merge(parent, counts, limits):
-    """Return first, lengths: the supernodes of a postordered tree and all their rows.
-
-    A column joins the one before if that is its child; limits (k, 2) says, for so many
-    columns together, which share of zeros is worth it.
-    """
-    n = parent.size
-    first = np.empty(n + 1, dtype=np.int32)
-    lengths = np.empty(n, dtype=np.int32)
-    filled = np.empty(n)  # numbers that are not zero by the merging
-    size = 0
-    for j in range(n):
-        first[size] = j
-        lengths[size] = counts[j] + 1
-        filled[size] = counts[j] + 1.0
-        size += 1
-        while size > 1 and first[size - 2] < first[size - 1]:
-            last = first[size - 1] - 1
-            if parent[last] < 0 or parent[last] > j:
-                break
-            columns = j + 1 - first[size - 2]
-            rows = lengths[size - 1] + first[size - 1] - first[size - 2]
-            share = 1.0 - (filled[size - 1] + filled[size - 2]) / entries(columns, rows)
-            k = 0
-            while columns > limits[k, 0]:
-                k += 1
-            if share > limits[k, 1]:
-                break
-            filled[size - 2] += filled[size - 1]
-            lengths[size - 2] = rows
-            size -= 1
-    first[size] = n
-    return first[: size + 1].copy(), lengths[:size].copy()
-
-
-@inner
-def lay_out(indices, indptr, order, place, tree, first, lengths):
-    """Return the `Blocks` of these supernodes."""
-    n, size = order.size, lengths.size
-    node = np.empty(n, dtype=np.int32)
-    parent = np.empty(size, dtype=np.int32)
-    row_at = np.zeros(size + 1, dtype=np.int64)
-    value_at = np.zeros(size + 1, dtype=np.int64)
-    for s in range(size):
-        columns = first[s + 1] - first[s]
-        row_at[s + 1] = row_at[s] + lengths[s] - columns
-        value_at[s + 1] = value_at[s] + columns * lengths[s]
-        for j in range(first[s], first[s + 1]):
-            node[j] = s
-    for s in range(size):
-        above = tree[first[s + 1] - 1]
-        parent[s] = node[above] if above >= 0 else NONE
-    rows = np.empty(row_at[size], dtype=np.int32)
-    filled = row_at.copy()
-    seen = np.full(size, NONE, dtype=np.int32)
-    for k in range(n):
-        seen[node[k]] = k
-        for p in range(indptr[order[k]], indptr[order[k] + 1]):
-            i = place[indices[p]]
-            if 0 <= i < k:
-                s = node[i]
-                while seen[s] != k:
-                    seen[s] = k
-                    rows[filled[s]] = k
-                    filled[s] += 1
-                    s = parent[s]
-    # Runs of rows within the columns of one supernode: first counted, then written.
-    source_at = np.zeros(size + 1, dtype=np.int64)
-    source = np.empty((0, 3), dtype=np.int32)
-    for write in range(2):
+@njit(cache=True, nogil=True)
+def runs(nodes):
+    """Return the rows of blocks that lie within the columns of one supernode."""
+    size = nodes.parent.size
+    run_at = np.zeros(size + 1, dtype=np.int64)
+    run = np.empty((0, 3), dtype=np.int32)
+    free = np.empty(size, dtype=np.int64)
+    for write in range(2):  # first they are counted
         for s in range(size):
-            begin = row_at[s]
-            while begin < row_at[s + 1]:
-                t = node[rows[begin]]
+            start, stop = nodes.starts[s], nodes.starts[s + 1]
+            begin = start + nodes.first[s + 1] - nodes.first[s]
+            while begin < stop:
+                t = nodes.node[nodes.rows[begin]]
                 end = begin + 1
-                while end < row_at[s + 1] and node[rows[end]] == t:
+                while end < stop and nodes.node[nodes.rows[end]] == t:
                     end += 1
                 if write:
-                    source[seen[t], 0] = s
-                    source[seen[t], 1] = begin - row_at[s]
-                    source[seen[t], 2] = end - row_at[s]
-                    seen[t] += 1
+                    run[free[t], 0] = s
+                    run[free[t], 1] = begin - start
+                    run[free[t], 2] = end - start
+                    free[t] += 1
                 else:
-                    source_at[t + 1] += 1
+                    run_at[t + 1] += 1
                 begin = end
         if not write:
             for t in range(size):
-                source_at[t + 1] += source_at[t]
-                seen[t] = source_at[t]
-            source = np.empty((source_at[size], 3), dtype=np.int32)
-    return Blocks(
-        order, place, node, parent, first, row_at, rows, value_at, source_at, source
-    )
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def blocks_of(indices, indptr, order, limits):
-    """Return the blocks of a symmetric pattern (n, n) in that elimination order.
-
-    order (m,) int32 lists the unknowns that may be free; it becomes a postorder of its
-    elimination tree. limits is `RELAXED`.
-    """
-    place, tree, counts = elimination_tree(indices, indptr, order)
-    order = order[postorder(tree)]
-    place, tree, counts = elimination_tree(indices, indptr, order)
-    first, lengths = merge(tree, counts, limits)
-    return lay_out(indices, indptr, order, place, tree, first, lengths)
+                run_at[t + 1] += run_at[t]
+                free[t] = run_at[t]
+            run = np.empty((run_at[size], 3), dtype=np.int32)
+    return run_at, run
 
 
 @inner
-def assemble(columns, shift, open_, blocks, s, where, block):
+def panel(nodes, values, s):
+    """Return the block of supernode s: its rows in its columns."""
+    height = nodes.starts[s + 1] - nodes.starts[s]
+    width = np.int64(nodes.first[s + 1] - nodes.first[s])
+    return values[nodes.panels[s] : nodes.panels[s + 1]].reshape(height, width)
+
+
+@inner
+def assemble(data, shift, open_, blocks, s, where, block):
     """Write the part of A + diag(shift) that belongs to supernode s to its block."""
-    order, place = blocks.order, blocks.place
-    begin, end = blocks.first[s], blocks.first[s + 1]
-    width = end - begin
-    for k in range(block.size):
-        block[k] = 0.0
+    nodes = blocks.nodes
+    begin, end = nodes.first[s], nodes.first[s + 1]
+    for i in range(block.shape[0]):
+        for j in range(block.shape[1]):
+            block[i, j] = 0.0
     for j in range(begin, end):
         at = j - begin
         if not open_[j]:
-            block[at * (width + 1)] = 1.0
+            block[at, at] = 1.0
             continue
-        i = order[j]
-        for p in range(columns.indptr[i], columns.indptr[i + 1]):
-            k = place[columns.indices[p]]
-            if k >= end:
-                block[where[k] * width + at] = columns.data[p]
-            elif k >= j and open_[k]:
-                block[(k - begin) * width + at] = columns.data[p]
-        block[at * (width + 1)] += shift[i]
+        for t in range(nodes.lower[j], nodes.lower[j + 1]):
+            i = nodes.below[t]
+            if i >= end or open_[i]:
+                block[where[i], at] = data[nodes.source[t]]
+        block[at, at] += shift[blocks.order[j]]
 
 
 @inner
-def subtract_sources(blocks, open_, s, where, values, product, block):
+def subtract_runs(blocks, open_, s, where, values, work, block):
     """Subtract what the blocks below supernode s contribute to its own."""
-    begin, end = blocks.first[s], blocks.first[s + 1]
-    width = end - begin
-    for at in range(blocks.source_at[s], blocks.source_at[s + 1]):
-        t, top = blocks.source[at, 0], blocks.source[at, 1]
-        inside = blocks.source[at, 2] - top
-        rows = blocks.rows[blocks.row_at[t] + top : blocks.row_at[t + 1]]
-        across = blocks.first[t + 1] - blocks.first[t]
-        start = blocks.value_at[t] + (across + top) * across
-        L = values[start : blocks.value_at[t + 1]]
-        small = across * inside * rows.size < DIRECT
+    nodes = blocks.nodes
+    begin = nodes.first[s]
+    for at in range(blocks.run_at[s], blocks.run_at[s + 1]):
+        t, top = blocks.run[at, 0], blocks.run[at, 1]
+        inside = np.int64(blocks.run[at, 2] - top)
+        rows = nodes.rows[nodes.starts[t] + top : nodes.starts[t + 1]]
+        L = panel(nodes, values, t)[top:]
+        small = L.shape[1] * inside * rows.size < DIRECT
+        found = work[: rows.size * inside].reshape(rows.size, inside)
         if not small:
-            multiply(L, rows.size, L, inside, across, product)
+            product(1.0, L, L[:inside], 0.0, found)
         for i in range(rows.size):
-            row = where[rows[i]]
-            if i < inside:
-                row = rows[i] - begin
-                if not open_[rows[i]]:
-                    continue
+            if i < inside and not open_[rows[i]]:
+                continue
+            line = block[where[rows[i]]]
             for j in range(min(i + 1, inside)):
-                if not open_[rows[j]]:
-                    continue
-                if small:
-                    total = 0.0
-                    for k in range(across):
-                        total += L[i * across + k] * L[j * across + k]
-                else:
-                    total = product[i * inside + j]
-                block[row * width + rows[j] - begin] -= total
+                if open_[rows[j]]:
+                    total = dot(L[i], L[j]) if small else found[i, j]
+                    line[rows[j] - begin] -= total
 
 
 @inner
-def factor_square(square, width, copy_of):
+def factor_square(L, work):
     """Overwrite the lower triangle by its Cholesky factor; return the least pivot.
 
     Where LAPACK refuses, pivots are raised to `PIVOT_FLOOR` and the least is told.
     """
-    for k in range(width * width):
-        copy_of[k] = square[k]
-    L = square.reshape((width, width))
+    width = L.shape[0]
+    for i in range(width):
+        for j in range(i + 1):
+            work[i * width + j] = L[i, j]
     if cholesky(L) == 0:
         return 1.0
-    for k in range(width * width):
-        square[k] = copy_of[k]
     smallest = 1.0
+    for i in range(width):
+        for j in range(i + 1):
+            L[i, j] = work[i * width + j]
     for j in range(width):
         pivot = L[j, j] - dot(L[j, :j], L[j, :j])
         smallest = min(smallest, pivot)
@@ -287,14 +163,29 @@ def factor_square(square, width, copy_of):
     return smallest
 
 
+@inner
+def work_room(blocks):
+    """Return the largest product of a run, or square, of all supernodes."""
+    nodes = blocks.nodes
+    room = np.int64(1)
+    for s in range(nodes.parent.size):
+        width = np.int64(nodes.first[s + 1] - nodes.first[s])
+        room = max(room, width * width)
+    for at in range(blocks.run.shape[0]):
+        s, top = blocks.run[at, 0], np.int64(blocks.run[at, 1])
+        height = nodes.starts[s + 1] - nodes.starts[s] - top
+        room = max(room, height * (blocks.run[at, 2] - top))
+    return room
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
-def factor_blocks(columns, shift, free, changed, blocks, values):
+def factor_blocks(data, shift, free, changed, blocks, values):
     """Factor A + diag(shift) on the free unknowns, with the identity on the others.
 
     Parameters
     ----------
-    columns : Columns
-        Compressed columns of A (n, n), symmetric.
+    data : array
+        Entries of the compressed columns of A (n, n) that the blocks were made for.
     shift : (n,) array
     free, changed : (n,) bool array
         Only blocks of changed unknowns and their ancestors are made; the others stay.
@@ -310,88 +201,64 @@ def factor_blocks(columns, shift, free, changed, blocks, values):
     work : float
         Numbers in the blocks made over numbers in all.
     """
-    size = blocks.parent.size
+    nodes = blocks.nodes
+    size = nodes.parent.size
     dirty = np.zeros(size, dtype=np.bool_)
-    for i in range(changed.size):
-        if changed[i] and blocks.place[i] >= 0:
-            dirty[blocks.node[blocks.place[i]]] = True
-    widest, largest = np.int64(0), np.int64(0)
-    made = 0.0
-    for s in range(size):
-        if dirty[s]:
-            made += blocks.value_at[s + 1] - blocks.value_at[s]
-            if blocks.parent[s] >= 0:
-                dirty[blocks.parent[s]] = True
-        widest = max(widest, np.int64(blocks.first[s + 1] - blocks.first[s]))
-        largest = max(largest, blocks.row_at[s + 1] - blocks.row_at[s])
-    for at in range(blocks.source.shape[0]):
-        rows = (
-            blocks.row_at[blocks.source[at, 0] + 1]
-            - blocks.row_at[blocks.source[at, 0]]
-        )
-        inside = np.int64(blocks.source[at, 2] - blocks.source[at, 1])
-        largest = max(largest, (rows - blocks.source[at, 1]) * inside)
-    product = np.empty(max(largest, widest * widest))
-    where = np.empty(changed.size, dtype=np.int32)
+    for j in range(blocks.order.size):
+        if changed[blocks.order[j]]:
+            dirty[nodes.node[j]] = True
+    work = np.empty(work_room(blocks))
+    where = np.empty(blocks.order.size, dtype=np.int32)
     open_ = free[blocks.order]
+    made = 0.0
     smallest = 1.0
     for s in range(size):
         if not dirty[s]:
             continue
-        width = blocks.first[s + 1] - blocks.first[s]
-        rows = blocks.rows[blocks.row_at[s] : blocks.row_at[s + 1]]
+        if nodes.parent[s] >= 0:
+            dirty[nodes.parent[s]] = True
+        rows = nodes.rows[nodes.starts[s] : nodes.starts[s + 1]]
         for k in range(rows.size):
-            where[rows[k]] = width + k
-        block = values[blocks.value_at[s] : blocks.value_at[s + 1]]
-        assemble(columns, shift, open_, blocks, s, where, block)
-        subtract_sources(blocks, open_, s, where, values, product, block)
-        pivot = factor_square(block[: width * width], width, product)
-        smallest = min(smallest, pivot)
-        triangular_solve(
-            block[: width * width], width, block[width * width :], rows.size
-        )
+            where[rows[k]] = k
+        block = panel(nodes, values, s)
+        width = block.shape[1]
+        made += block.size
+        assemble(data, shift, open_, blocks, s, where, block)
+        subtract_runs(blocks, open_, s, where, values, work, block)
+        smallest = min(smallest, factor_square(block[:width], work))
+        solve_rows(block[:width], False, block[width:])
     return smallest, made / max(1.0, np.float64(values.size))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def solve_blocks(blocks, free, values, b, x):
     """Write the solution for b (n,) on the free unknowns to x (n,); others stay."""
-    n = blocks.order.size
-    y = np.zeros(n)
-    for k in range(n):
-        if free[blocks.order[k]]:
-            y[k] = b[blocks.order[k]]
-    size = blocks.parent.size
-    for s in range(size):
-        begin, width = blocks.first[s], blocks.first[s + 1] - blocks.first[s]
-        rows = blocks.rows[blocks.row_at[s] : blocks.row_at[s + 1]]
-        L = values[blocks.value_at[s] : blocks.value_at[s + 1]]
-        own = y[begin : begin + width]
-        for i in range(width):
-            if not free[blocks.order[begin + i]]:
+    nodes, order = blocks.nodes, blocks.order
+    y = np.zeros(order.size)
+    for k in range(order.size):
+        if free[order[k]]:
+            y[k] = b[order[k]]
+    for s in range(nodes.parent.size):
+        begin, end = nodes.first[s], nodes.first[s + 1]
+        rows = nodes.rows[nodes.starts[s] : nodes.starts[s + 1]]
+        L = panel(nodes, values, s)
+        own = y[begin:end]
+        for i in range(own.size):
+            if not free[order[begin + i]]:
                 own[i] = 0.0
                 continue
-            own[i] = (own[i] - dot(L[i * width : i * width + i], own[:i])) / L[
-                i * (width + 1)
-            ]
-        for k in range(rows.size):
-            i = (width + k) * width
-            y[rows[k]] -= dot(L[i : i + width], own)
-    for s in range(size - 1, -1, -1):
-        begin, width = blocks.first[s], blocks.first[s + 1] - blocks.first[s]
-        rows = blocks.rows[blocks.row_at[s] : blocks.row_at[s + 1]]
-        L = values[blocks.value_at[s] : blocks.value_at[s + 1]]
-        own = y[begin : begin + width]
-        for k in range(rows.size):
-            y_k = y[rows[k]]
-            if y_k != 0.0:
-                i = (width + k) * width
-                for j in range(width):
-                    own[j] -= y_k * L[i + j]
-        for i in range(width - 1, -1, -1):
-            own[i] /= L[i * (width + 1)]
-            for j in range(i):
-                own[j] -= own[i] * L[i * width + j]
-    for k in range(n):
-        if free[blocks.order[k]]:
-            x[blocks.order[k]] = y[k]
+            own[i] = (own[i] - dot(L[i, :i], own[:i])) / L[i, i]
+        for k in range(own.size, rows.size):
+            y[rows[k]] -= dot(L[k], own)
+    for s in range(nodes.parent.size - 1, -1, -1):
+        begin, end = nodes.first[s], nodes.first[s + 1]
+        rows = nodes.rows[nodes.starts[s] : nodes.starts[s + 1]]
+        L = panel(nodes, values, s)
+        own = y[begin:end]
+        for k in range(own.size, rows.size):
+            if y[rows[k]] != 0.0:
+                add_scaled(-y[rows[k]], L[k], own)
+        backward_solve(L, own)
+    for k in range(order.size):
+        if free[order[k]]:
+            x[order[k]] = y[k]

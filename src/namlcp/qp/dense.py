@@ -60,6 +60,8 @@ EXACT, WEIGHTED = 1e-14, 1e-12
 # After IDLE pivots in a row on violations below NOISE roundings, `level`, what counts
 # as rounding, grows tenfold.
 IDLE, NOISE = 10, 1e3
+# Where `level` grows beyond this, the pivoting has lost its digits.
+COARSE = 1e-6
 # A pivot of P below this multiple of its diagonal entry counts as zero.
 DEFINITE = 1e-13
 # The weight, relative to the largest entry of P, or to a typical one if that is more.
@@ -276,7 +278,11 @@ def pivot(P, q, G, h, A, b, lb, ub, L, weight, start, hint, x, y, z, z_box, max_
         else:
             copy(centre, x)
     for turn in range(centres):
-        while pivots < max_iter and (definite or turn > 0 or hint.size == 0):
+        while (
+            pivots < max_iter
+            and level <= COARSE
+            and (definite or turn > 0 or hint.size == 0)
+        ):
             matvec(G, x, Gx)
             entering = most_violated(x, Gx, h, lb, ub, norms, level, p)
             if entering < 0:
@@ -309,7 +315,7 @@ def pivot(P, q, G, h, A, b, lb, ub, L, weight, start, hint, x, y, z, z_box, max_
             active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x, passes
         )
         left = recover(active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box)
-        if pivots >= max_iter:
+        if pivots >= max_iter or level > COARSE:
             return STALLED, pivots
         matvec(G, x, Gx)
         exact = 10.0 * (level if definite else exact)

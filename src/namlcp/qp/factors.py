@@ -21,8 +21,8 @@ from numba import njit
 from scipy.linalg.lapack import dpotrf, dpotrs, dsytrf, dsytrf_lwork, dsytrs
 from scipy.sparse import csc_array, csc_matrix
 
+from namlcp.elimination import HUB, Order, degrees, minimum_degree
 from namlcp.qp.csc import ROOM
-from namlcp.qp.elimination import Order, minimum_degree
 from namlcp.qp.multifrontal import Multifrontal
 
 LIGHT = 20_000  # entries of K below which nothing is gained
@@ -34,7 +34,6 @@ FULL = 0.2  # so many of its entries are there, of 0.5 in the upper triangle
 HEAVY = 1.5e7  # multiplications of a factorisation from which dense fronts pay
 FEW = 3  # entries of K a column up to which little fill is expected,
 LARGE = 200_000  # below so many entries: there no order is sought to count it
-HUB = 10.0  # a degree of so many square roots of the size spoils minimum degree
 
 
 def factor(matrix: csc_array) -> "Sparse | Multifrontal | Bordered":
@@ -147,9 +146,8 @@ def dense_border(indptr: np.ndarray, indices: np.ndarray) -> np.ndarray:
     if indices.size < LIGHT:
         return none
     outside = np.zeros(size, dtype=np.bool_)
-    degree = np.empty(size, dtype=np.int64)
     while True:
-        degrees(indptr, indices, outside, degree)
+        degree = degrees(indptr, indices, ~outside)
         highest = degree.max()
         if highest <= SPARSE:
             break
@@ -170,24 +168,11 @@ def heavy_order(indptr: np.ndarray, indices: np.ndarray) -> Order | None:
     size = indptr.size - 1
     if indices.size < (LIGHT if indices.size > FEW * size else LARGE):
         return None
-    degree = np.empty(size, dtype=np.int64)
-    degrees(indptr, indices, np.zeros(size, dtype=np.bool_), degree)
+    degree = degrees(indptr, indices, np.ones(size, dtype=np.bool_))
     if degree.max() > HUB * np.sqrt(size):
         return None
     order = minimum_degree(indptr, indices)
     return order if order.work >= HEAVY else None
-
-
-@njit(cache=True, nogil=True)
-def degrees(indptr, indices, outside, degree):
-    """Count the neighbours of every row among those not outside (there: 0)."""
-    degree[:] = 0
-    for j in range(degree.size):
-        for t in range(indptr[j], indptr[j + 1] - 1):
-            i = indices[t]
-            if not (outside[i] or outside[j]):
-                degree[i] += 1
-                degree[j] += 1
 
 
 @njit(cache=True, nogil=True)

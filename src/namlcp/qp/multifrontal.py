@@ -12,16 +12,8 @@ import numpy as np
 from numba import njit
 from scipy.sparse import csc_array
 
-from namlcp.lapack import add_scaled, dot, inner, solve_unit_rows, subtract_product
-from namlcp.qp.elimination import (
-    Order,
-    by_first,
-    permuted,
-    row_patterns,
-    sort_parts,
-    stack_room,
-    supernodes,
-)
+from namlcp.elimination import Order, supernodes
+from namlcp.lapack import add_scaled, dot, inner, product, solve_rows
 
 BLOCK = 48  # columns eliminated at a time in a front
 STRIP = 96  # rows of the lower triangle updated by one product
@@ -33,28 +25,14 @@ class Multifrontal:
 
     def __init__(self, matrix: csc_array, order: Order) -> None:
         """Plan the fronts and factor; raise ValueError if a pivot vanishes."""
-        size = matrix.shape[0]
         self.place = order.place
-        upper = permuted(matrix.indptr, matrix.indices, order.place)
-        self.lower, self.below, self.source = by_first(*upper)
-        self.first = supernodes(order.parent, order.counts)
-        last = self.first[1:] - 1
-        k = np.diff(self.first).astype(np.int64)
-        f = k + order.counts[last]
-        self.starts = np.concatenate(([0], np.cumsum(f)))
-        self.panels = np.concatenate(([0], np.cumsum(f * k)))
-        self.rows = np.empty(self.starts[-1], dtype=np.int32)
-        owner = np.repeat(np.arange(k.size, dtype=np.int32), k)
-        above = order.parent[last]
-        self.parent = np.where(above < 0, -1, owner[above]).astype(np.int32)
-        row_patterns(
-            self.lower, self.below, self.first, self.starts, self.parent, self.rows
-        )
-        sort_parts(self.rows, self.starts, size)
-        self.L = np.empty(self.panels[-1])
-        self.D = np.empty(size)
-        self.position = np.empty(size, dtype=np.int32)
-        self.stack = np.empty(stack_room(self.parent, f - k))
+        self.nodes = nodes = supernodes(matrix.indptr, matrix.indices, order)
+        k = np.diff(nodes.first).astype(np.int64)
+        f = np.diff(nodes.starts)
+        self.L = np.empty(nodes.panels[-1])
+        self.D = np.empty(order.place.size)
+        self.position = np.empty(order.place.size, dtype=np.int32)
+        self.stack = np.empty(stack_room(nodes.parent, f - k))
         self.front = np.empty(((f - k) ** 2).max())
         self.work = np.empty(max((f * np.minimum(k, BLOCK)).max(), ((f - k) * k).max()))
         self.update(matrix.data)
@@ -62,9 +40,8 @@ class Multifrontal:
     def update(self, data: np.ndarray) -> None:
         """Factor again with other values."""
         if not factorise(
-            self.lower, self.below, self.source, data, self.first, self.starts,
-            self.panels, self.parent, self.rows, self.L, self.D, self.position,
-            self.stack, self.front, self.work,
+            self.nodes, data, self.L, self.D, self.position, self.stack, self.front,
+            self.work,
         ):  # fmt: skip
             raise ValueError("a pivot vanishes")
 
@@ -72,19 +49,17 @@ class Multifrontal:
         """Return the solution for a right-hand side."""
         u = np.empty(rhs.size)
         u[self.place] = rhs
-        substitute(self.first, self.starts, self.panels, self.rows, self.L, self.D, u)
+        substitute(self.nodes, self.L, self.D, u)
         return u[self.place]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def factorise(
-    lower, below, source, data, first, starts, panels, parent, rows, L, D, position,
-    stack, front, work,
-):  # fmt: skip
+def factorise(nodes, data, L, D, position, stack, front, work):
     """Set L and D; False if a pivot vanishes. Work arrays: position and those after.
 
     The updates of the children of a supernode lie on top of the stack.
     """
+    first, parent, _, starts, rows, panels, lower, below, source = nodes
     number = first.size - 1
     waiting = np.zeros(number, dtype=np.int32)
     left = np.empty(number, dtype=np.int32)  # supernodes whose update is on the stack
@@ -128,6 +103,21 @@ def factorise(
     return True
 
 
+@njit(cache=True, nogil=True)
+def stack_room(parent, order):
+    """Return the entries of all updates that wait for their parents at a time."""
+    waiting = np.zeros(parent.size, dtype=np.int64)
+    room = 0
+    most = 1
+    for s in range(parent.size):
+        entries = order[s] * order[s]
+        room += entries - waiting[s]
+        most = max(most, room)
+        if parent[s] >= 0:
+            waiting[parent[s]] += entries
+    return most
+
+
 @inner
 def extend_add(child, rows, position, k, panel, update):
     """Add the lower triangle of a child's update, of order rows.size, to a front."""
@@ -166,7 +156,7 @@ def eliminate(panel, D, work):
         if stop == f:
             break
         block = work[: (f - stop) * width].reshape(f - stop, width)
-        solve_unit_rows(panel[start:stop, start:stop], panel[stop:f, start:stop])
+        solve_rows(panel[start:stop, start:stop], True, panel[stop:f, start:stop])
         for i in range(f - stop):
             for j in range(width):
                 x = panel[stop + i, start + j]
@@ -176,10 +166,12 @@ def eliminate(panel, D, work):
             if stop < k:
                 end = min(row + STRIP, f)
                 last = min(end, k)
-                subtract_product(
-                    panel[row:end, stop:last],
+                product(
+                    -1.0,
                     block[row - stop : end - stop, :width],
                     panel[stop:last, start:stop],
+                    1.0,
+                    panel[row:end, stop:last],
                 )
     return True
 
@@ -202,12 +194,13 @@ def complement(panel, D, update, work):
             scaled[i, p] = panel[k + i, p] * D[p]
     for row in range(0, u, STRIP):
         end = min(row + STRIP, u)
-        subtract_product(update[row:end, :end], scaled[row:end, :], panel[k : k + end])
+        product(-1.0, scaled[row:end], panel[k : k + end], 1.0, update[row:end, :end])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def substitute(first, starts, panels, rows, L, D, u):
+def substitute(nodes, L, D, u):
     """Overwrite u, in the order of the columns, by the solution of L D L' u = u."""
+    first, starts, rows, panels = nodes.first, nodes.starts, nodes.rows, nodes.panels
     number = first.size - 1
     for s in range(number):
         k = first[s + 1] - first[s]

@@ -253,16 +253,21 @@ def equality_sides(
     if leader is None:
         same = Owners(rows, ratio)
         return b, same, same, found
-    value = b / ratio
+    value, margin = b / ratio, tol / np.abs(ratio)  # of each row in its own units
     low, low_at = extreme(-value, leader)
     high, high_at = extreme(value, leader)
-    for k in first[high[first] + low[first] > 2.0 * tol][:1]:
-        i, j = high_at[k], low_at[k]
+    most, most_at = extreme(-(value + margin), leader)
+    least, least_at = extreme(value - margin, leader)
+    for k in first[least[first] + most[first] > 0.0][:1]:
+        i, j = least_at[k], most_at[k]
         y = unit(p, rows[j], 1.0 / ratio[j]) - unit(p, rows[i], 1.0 / ratio[i])
         message = f"rows {rows[i]} and {rows[j]} of A contradict each other"
         found.append(Contradiction(message, y))
     owners = [Owners(rows[at], ratio[at]) for at in (high_at[first], low_at[first])]
-    return 0.5 * (high[first] - low[first]), owners[0], owners[1], found
+    mean = 0.5 * (high[first] - low[first])
+    below, above = least[first], -most[first]
+    b = np.where(below <= above, np.clip(mean, below, above), mean)
+    return b, owners[0], owners[1], found
 
 
 def ends(
@@ -286,7 +291,9 @@ def ends(
     upper, upper_at = extreme(-np.where(ratio > 0.0, value, np.inf), leader)
     lower, lower_at = extreme(np.where(ratio < 0.0, value, -np.inf), leader)
     upper = -upper
-    for k in first[lower[first] > upper[first] + 2.0 * tol][:1]:
+    margin = tol / np.abs(ratio)
+    margin = margin[upper_at] + margin[lower_at]
+    for k in first[lower[first] > upper[first] + margin[first]][:1]:
         i, j = upper_at[k], lower_at[k]
         z = unit(m, rows[i], 1.0 / ratio[i]) + unit(m, rows[j], -1.0 / ratio[j])
         message = f"rows {rows[i]} and {rows[j]} of G contradict each other"

@@ -29,16 +29,17 @@ def box_lcp(qp: QPData) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray]:
 def box_point(z, w, lower, upper):
     """Return (x, z_box): x on its bound and z_box = -w where z - w leaves the box.
 
-    Elsewhere z_box = 0; the sign is right by construction (0 at an infinite bound).
+    Elsewhere z_box = 0; a w of the wrong sign, too small to move z - w off its bound,
+    is left to the residual.
     """
     x, z_box = np.empty(z.size), np.empty(z.size)
     for j in range(z.size):
         s = z[j] - w[j]
         x[j], z_box[j] = z[j], 0.0
         if s <= lower[j]:
-            x[j], z_box[j] = lower[j], -w[j]
+            x[j], z_box[j] = lower[j], min(-w[j], 0.0)
         elif s >= upper[j]:
-            x[j], z_box[j] = upper[j], -w[j]
+            x[j], z_box[j] = upper[j], max(-w[j], 0.0)
     return x, z_box
 
 

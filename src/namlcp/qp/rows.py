@@ -168,9 +168,11 @@ def typical_curvature(q, G, h, A, b, lb, ub):
     for k in range(p + m + 2 * q.size):
         d = abs(right_side(k, h, b, lb, ub))
         if 0.0 < d < np.inf:
-            total += np.log(d)
-            count += 1
+            size = 1.0
             if k < p + m:
                 row = A[k] if k < p else G[k - p]
-                total -= 0.5 * np.log(max(dot(row, row), TINY))
+                size = np.sqrt(dot(row, row))
+            if size > 0.0:  # an empty row says nothing about x
+                total += np.log(d / size)
+                count += 1
     return largest(q) / np.exp(total / max(count, 1))

@@ -8,7 +8,7 @@ returned. Whatever a form says, SOLVED is decided here, on the user's own data.
 """
 
 import time
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -21,11 +21,12 @@ from namlcp.lcp.pivoting import pivot
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp import certificates, dense, path
+from namlcp.qp.answer import FINAL, OBJECTIVE, Answer, better, is_decided
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.csc import as_dense
 from namlcp.qp.memory import Memory
 from namlcp.qp.reduction import box_lcp, box_point, is_box_open
-from namlcp.qp.start import NOTHING, Guess, make_guess
+from namlcp.qp.start import NO_GUESS, NOTHING, Guess, make_guess
 from namlcp.qp.substitution import Substitution, substitute
 from namlcp.residuals import UNDEFINED, Residuals, qp_residuals
 from namlcp.result import QPResult
@@ -49,20 +50,6 @@ NO_HINT = np.empty(0, dtype=np.int64)
 
 # A tolerance below this times the terms of the gap is decided by their rounding.
 ROUNDING = 4e-15
-
-
-class Answer(NamedTuple):
-    """What a form found: a claim, a point or a certificate, and how."""
-
-    status: Status
-    x: np.ndarray
-    y: np.ndarray
-    z: np.ndarray
-    z_box: np.ndarray
-    residuals: Residuals
-    iterations: int
-    form: str
-    message: str
 
 
 def solve_qp(
@@ -260,27 +247,18 @@ def try_forms(
     if is_box(qp) and not (small and qp.q.size <= DENSE_BOX):
         with deadline.listening():
             answer = solve_bounds(qp, options, guess, deadline, progress, memory)
-    elif small:
-        answer = solve_dense(qp, options, guess, progress)
-    if answer is not None and answer.status in (*FINAL, Status.TIME_LIMIT):
+    starts = [guess, NO_GUESS] if guess.x.size else [NO_GUESS]
+    while small and starts and not is_decided(answer):
+        # once more without the guess: a wrong one may cost time, not the answer
+        found = solve_dense(qp, options, starts.pop(0), progress)
+        if found is None:
+            break
+        answer = found if answer is None else better(answer, found, options)
+    if answer is not None and is_decided(answer):
         return answer
     with deadline.listening():
         other = solve_path(qp, options, guess, deadline, progress, memory)
     return other if answer is None else better(answer, other, options)
-
-
-def better(answer: Answer, other: Answer, options: Options) -> Answer:
-    """Return `other`, tried after `answer`, unless that has the better point."""
-    eps = options.eps_abs, options.eps_rel
-    if other.status not in FINAL and (
-        answer.residuals.worst(*eps) < other.residuals.worst(*eps)
-    ):
-        return answer._replace(status=other.status, message=other.message)
-    return other
-
-
-OBJECTIVE = {Status.PRIMAL_INFEASIBLE: np.inf, Status.DUAL_INFEASIBLE: -np.inf}
-FINAL = (Status.SOLVED, *OBJECTIVE)
 
 
 def is_small(qp: QPData) -> bool:
@@ -311,9 +289,14 @@ def solve_dense(
     hint = NO_HINT
     if guess.active.size:
         hint = b.size + np.flatnonzero(guess.active)
-    code, pivots, x, y, z, z_box, numbers = dense.solve(
-        P, q, G, h, A, b, lb, ub, guess.x, hint, options.max_iter
-    )
+    try:
+        code, pivots, x, y, z, z_box, numbers = dense.solve(
+            P, q, G, h, A, b, lb, ub, guess.x, hint, options.max_iter
+        )
+    except SystemError as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):  # as compiled code tells it
+            raise KeyboardInterrupt from None
+        raise
     if code == dense.NOT_CONVEX:
         return None
     residuals = Residuals(*numbers)

@@ -63,6 +63,7 @@ def make_guess(qp: QPData, x0: Any, warm_start: Any, name: str = "x0") -> Guess:
     if not all(np.isfinite(v).all() for v in point):  # a proof, not a point
         return NO_GUESS
     active = np.concatenate((z > 0.0, z_box < 0.0, z_box > 0.0))
+    active &= np.isfinite(np.concatenate((qp.h, qp.lb, qp.ub)))
     return Guess(*point, active.astype(np.int8))
 
 

@@ -1,0 +1,304 @@
+"""What a sparse factorisation will do, counted in advance: order, tree, supernodes.
+
+The elimination tree has an edge from every column of L to the row of its first entry
+below the diagonal; the pattern of a column is then a subset of its parent's. Columns of
+L with nearly the same pattern form a *supernode*, a dense block, so that BLAS does the
+work. The order is SuperLU's minimum degree; tree and counts: J. Liu, SIAM J. Matrix
+Anal. Appl. 11 (1990) 134-172; supernodes are relaxed as in CHOLMOD (Chen, Davis, Hager,
+Rajamanickam, ACM Trans. Math. Softw. 35, 2008).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from scipy.sparse import csc_matrix, identity
+from scipy.sparse.linalg import spilu
+
+from namlcp.lapack import inner
+
+MERGE = np.array(((4, 1.0), (16, 0.8), (48, 0.1), (1 << 30, 0.05)))
+"""Supernodes become one of up to so many columns if at most this share are zeros."""
+
+HUB = 10.0
+"""A row of more entries than so many square roots of the size is eliminated last."""
+
+
+class Order(NamedTuple):
+    """A fill-reducing order in which every column follows its descendants.
+
+    place (n,) has the new position of every row, -1 for those left out, parent (size,)
+    the elimination tree in new positions, counts (size,) the entries of L below the
+    diagonal.
+    """
+
+    place: np.ndarray
+    parent: np.ndarray
+    counts: np.ndarray
+
+    @property
+    def work(self) -> float:
+        """Multiplications of a factorisation, about half of them in the updates."""
+        return float((self.counts.astype(np.float64) ** 2).sum())
+
+
+class Supernodes(NamedTuple):
+    """Where everything is in L; all indices are positions of the order.
+
+    Supernode s has the columns first[s] : first[s + 1], its rows are rows[starts[s] :
+    starts[s + 1]], ascending, its own columns first. Its block, row-major, is
+    panels[s] : panels[s + 1] of the values, parent[s] the supernode of its first row
+    below the block, -1 if there is none. node (size,) tells the supernode of a column.
+    Column j of the matrix has the entries data[source[t]] in the rows below[t], for t
+    in lower[j] : lower[j + 1], the diagonal included.
+    """
+
+    first: np.ndarray
+    parent: np.ndarray
+    node: np.ndarray
+    starts: np.ndarray
+    rows: np.ndarray
+    panels: np.ndarray
+    lower: np.ndarray
+    below: np.ndarray
+    source: np.ndarray
+
+
+def minimum_degree(
+    indptr: np.ndarray, indices: np.ndarray, member: np.ndarray | None = None
+) -> Order:
+    """Order the rows in `member` of a symmetric matrix, or all of them.
+
+    Of the matrix in CSC only the upper triangle is read.
+    """
+    size = indptr.size - 1
+    member = np.ones(size, dtype=bool) if member is None else member
+    hub = member & (degrees(indptr, indices, member) > HUB * np.sqrt(size))
+    place = numbered(member & ~hub, 0)
+    core = size_of(place)
+    if core:
+        columns, rows, _ = permuted(indptr, indices, place, core)
+        upper = csc_matrix((np.ones(rows.size), rows, columns), shape=(core, core))
+        pattern = (upper + 2.0 * identity(core, format="csc")).tocsc()
+        # Nothing is factored: all but the diagonal is zero, and is dropped.
+        pattern.data = (pattern.data > 1.0).astype(float)
+        by_degree = spilu(
+            pattern,
+            drop_tol=1.0,
+            fill_factor=1.0,
+            permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        ).perm_c
+        place[place >= 0] = by_degree[place[place >= 0]]
+    return postordered(indptr, indices, np.maximum(place, numbered(hub, core)))
+
+
+def numbered(chosen: np.ndarray, begin: int) -> np.ndarray:
+    """Return begin, begin + 1, ... where `chosen`, -1 elsewhere."""
+    return np.where(chosen, np.cumsum(chosen) - 1 + begin, -1).astype(np.int32)
+
+
+def size_of(place: np.ndarray) -> int:
+    """Return how many rows have a place."""
+    return int(place.max(initial=-1)) + 1
+
+
+def postordered(indptr: np.ndarray, indices: np.ndarray, place: np.ndarray) -> Order:
+    """Return the order `place` rearranged, with the same fill."""
+    size = size_of(place)
+    parent, _ = elimination_tree(*permuted(indptr, indices, place, size)[:2])
+    chosen = place >= 0
+    place = place.copy()
+    place[chosen] = postorder(parent)[place[chosen]]
+    return Order(place, *elimination_tree(*permuted(indptr, indices, place, size)[:2]))
+
+
+def supernodes(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Supernodes:
+    """Lay out L for the order of a symmetric matrix; its upper triangle is read."""
+    size = order.parent.size
+    columns, upper, source = permuted(indptr, indices, order.place, size)
+    lower, below, source = by_first(columns, upper, source)
+    first = merged(order.parent, order.counts, MERGE)
+    last = first[1:] - 1
+    k = np.diff(first).astype(np.int64)
+    f = k + order.counts[last]
+    starts = np.concatenate(([0], np.cumsum(f)))
+    panels = np.concatenate(([0], np.cumsum(f * k)))
+    node = np.repeat(np.arange(k.size, dtype=np.int32), k)
+    above = order.parent[last]
+    parent = np.where(above < 0, -1, node[above]).astype(np.int32)
+    rows = np.empty(starts[-1], dtype=np.int32)
+    row_patterns(columns, upper, first, starts, parent, node, rows)
+    return Supernodes(first, parent, node, starts, rows, panels, lower, below, source)
+
+
+@njit(cache=True, nogil=True)
+def degrees(indptr, indices, member):
+    """Return how many neighbours every row has in `member`, 0 outside."""
+    degree = np.zeros(indptr.size - 1, dtype=np.int64)
+    for j in range(degree.size):
+        for t in range(indptr[j], indptr[j + 1]):
+            i = indices[t]
+            if i < j and member[i] and member[j]:
+                degree[i] += 1
+                degree[j] += 1
+    return degree
+
+
+@njit(cache=True, nogil=True)
+def permuted(indptr, indices, place, size):
+    """Return the permuted upper triangle in CSC, and where its entries come from.
+
+    place (n,) has the new position of every row, -1 for those left out.
+    """
+    columns = np.zeros(size + 1, dtype=np.int32)
+    for j in range(place.size):
+        for t in range(indptr[j], indptr[j + 1]):
+            i = indices[t]
+            if i <= j and place[i] >= 0 and place[j] >= 0:
+                columns[max(place[i], place[j]) + 1] += 1
+    for j in range(size):
+        columns[j + 1] += columns[j]
+    next_entry = columns[:size].copy()
+    rows = np.empty(columns[size], dtype=np.int32)
+    source = np.empty_like(rows)
+    for j in range(place.size):
+        for t in range(indptr[j], indptr[j + 1]):
+            i = indices[t]
+            if i <= j and place[i] >= 0 and place[j] >= 0:
+                k = max(place[i], place[j])
+                rows[next_entry[k]] = min(place[i], place[j])
+                source[next_entry[k]] = t
+                next_entry[k] += 1
+    return columns, rows, source
+
+
+@njit(cache=True, nogil=True)
+def by_first(columns, rows, source):
+    """Return the lower triangle in CSC from the upper one: column pointers, rows, t."""
+    size = columns.size - 1
+    lower = np.zeros(size + 1, dtype=np.int32)
+    for i in rows:
+        lower[i + 1] += 1
+    for j in range(size):
+        lower[j + 1] += lower[j]
+    next_entry = lower[:size].copy()
+    below = np.empty_like(rows)
+    origin = np.empty_like(source)
+    for j in range(size):
+        for t in range(columns[j], columns[j + 1]):
+            k = next_entry[rows[t]]
+            below[k] = j
+            origin[k] = source[t]
+            next_entry[rows[t]] = k + 1
+    return lower, below, origin
+
+
+@inner
+def climb(i, k, parent, count, seen):
+    """Follow the entry (k, i) of L up the tree to what row k has seen already."""
+    while seen[i] != k:
+        seen[i] = k
+        count[i] += 1
+        if parent[i] < 0:
+            parent[i] = k
+        i = parent[i]
+
+
+@njit(cache=True, nogil=True)
+def elimination_tree(columns, rows):
+    """Return the parent of every column, -1 at a root, and its entries of L."""
+    size = columns.size - 1
+    parent = np.full(size, -1, dtype=np.int32)
+    count = np.zeros(size, dtype=np.int32)
+    seen = np.full(size, -1, dtype=np.int32)
+    for k in range(size):
+        seen[k] = k
+        for t in range(columns[k], columns[k + 1]):
+            climb(rows[t], k, parent, count, seen)
+    return parent, count
+
+
+@njit(cache=True, nogil=True)
+def postorder(parent):
+    """Return the position of every node when each follows its descendants."""
+    size = parent.size
+    head = np.full(size + 1, -1, dtype=np.int32)  # the last list: the roots
+    following = np.empty(size, dtype=np.int32)
+    for j in range(size - 1, -1, -1):
+        k = parent[j] if parent[j] >= 0 else size
+        following[j] = head[k]
+        head[k] = j
+    place = np.empty(size, dtype=np.int32)
+    path = np.empty(size + 1, dtype=np.int32)
+    path[0] = size
+    depth = 0
+    done = 0
+    while depth >= 0:
+        k = path[depth]
+        child = head[k]
+        if child >= 0:
+            head[k] = following[child]
+            depth += 1
+            path[depth] = child
+        else:
+            if k < size:
+                place[k] = done
+                done += 1
+            depth -= 1
+    return place
+
+
+@njit(cache=True, nogil=True)
+def merged(parent, counts, limits):
+    """Return the first column of every supernode, and the number of columns.
+
+    A column, with the supernode it ends, joins the supernode before if that is its
+    child; limits (k, 2) says, for so many columns together, which share of zeros is
+    worth it.
+    """
+    size = parent.size
+    first = np.empty(size + 1, dtype=np.int32)
+    filled = np.empty(size)  # entries that are not there by the merging
+    found = 0
+    for j in range(size):
+        first[found] = j
+        filled[found] = counts[j] + 1.0
+        found += 1
+        while found > 1:
+            above = parent[first[found - 1] - 1]
+            if above < 0 or above > j:
+                break
+            columns = j + 1 - first[found - 2]
+            entries = columns * (0.5 * (columns + 1.0) + counts[j])
+            k = 0
+            while columns > limits[k, 0]:
+                k += 1
+            true = filled[found - 1] + filled[found - 2]
+            if entries - true > limits[k, 1] * entries:
+                break
+            filled[found - 2] = true
+            found -= 1
+    first[found] = size
+    return first[: found + 1].copy()
+
+
+@njit(cache=True, nogil=True)
+def row_patterns(columns, upper, first, starts, parent, node, rows):
+    """Set the rows of every supernode: row k is in all between its entries and k."""
+    number = parent.size
+    end = starts[:number].copy()
+    seen = np.full(number, -1, dtype=np.int32)
+    for k in range(node.size):
+        own = node[k]
+        rows[end[own]] = k
+        end[own] += 1
+        seen[own] = k
+        for t in range(columns[k], columns[k + 1]):
+            s = node[upper[t]]
+            while seen[s] != k:
+                seen[s] = k
+                rows[end[s]] = k
+                end[s] += 1
+                s = parent[s]

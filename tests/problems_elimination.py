@@ -1,0 +1,44 @@
+"""Patterns to eliminate, and the definition of fill."""
+
+import numpy as np
+from scipy.sparse import csc_array, diags_array, eye_array, kron, triu
+
+from namlcp.elimination import postordered
+
+
+def laplacian(rows, columns, shift=0.1):
+    """Return the five-point matrix of a grid plus shift * I."""
+    sides = [
+        diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(k, k))
+        for k in (rows, columns)
+    ]
+    one = kron(sides[0], eye_array(columns))
+    other = kron(eye_array(rows), sides[1])
+    return csc_array(one + other + shift * eye_array(rows * columns))
+
+
+def upper(K):
+    """Return the upper triangle with a full diagonal in CSC with int32 indices."""
+    U = csc_array(triu(csc_array(K), format="csc"))
+    U.sort_indices()
+    return csc_array((U.data, U.indices.astype(np.int32), U.indptr.astype(np.int32)))
+
+
+def natural(U):
+    """Return the order in which the rows come, but for the postorder."""
+    place = np.arange(U.shape[0], dtype=np.int32)
+    return postordered(*parts(U), place)
+
+
+def parts(U):
+    """Return indptr and indices."""
+    return U.indptr, U.indices
+
+
+def fill(K):
+    """Return the pattern of L for a dense pattern, by elimination."""
+    L = K != 0
+    for j in range(L.shape[0]):
+        below = np.flatnonzero(L[j + 1 :, j]) + j + 1
+        L[np.ix_(below, below)] = True
+    return np.tril(L)
