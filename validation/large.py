@@ -45,12 +45,12 @@ import numpy as np
 import pyamg
 import qpsolvers
 import scipy.sparse as sp
-from contact_scenes import brick_wall, heap
 from scipy.sparse.linalg import LinearOperator
 
 import american_put
 import large_figures
 from benchmark import csv_writer, installed, machine_lines, use_one_thread
+from contact_scenes import brick_wall, heap
 from hertz import hertz
 from known_scenes import BoxLCP, nonnegative
 from large_scenes import FAMILIES, side
@@ -102,11 +102,16 @@ def hertz_contact(n: int) -> BoxLCP:
 
 
 class Entry(NamedTuple):
-    """How to make a scene of n unknowns, which n, and pyamg's Krylov method for A."""
+    """How to make a scene of n unknowns, which n, and pyamg's Krylov method for A.
+
+    Where it is `relative`, the tolerance and the residual of the row are: that of the
+    problem scaled to a unit diagonal, over its value at z = 0.
+    """
 
     make: Callable[[int], BoxLCP]
     sizes: tuple[int, ...] = SIZES
     accel: str | None = "cg"
+    relative: bool = False
 
 
 PLAIN = [*"ball torsion biactive rough anisotropic 3-D".split(), "mesh, jumps"]
@@ -115,9 +120,9 @@ SCENES = {
     **{name: Entry(FAMILIES[name]) for name in PLAIN},
     "transport": Entry(FAMILIES["transport"], accel="bicgstab"),
     "dominant": Entry(strongly_dominant, accel="bicgstab"),
-    "heap": Entry(partial(pile, "heap"), PILE_SIZES, None),
-    "heap, wide": Entry(partial(pile, "heap, wide"), PILE_SIZES, None),
-    "wall": Entry(partial(pile, "wall"), PILE_SIZES, None),
+    "heap": Entry(partial(pile, "heap"), PILE_SIZES, None, True),
+    "heap, wide": Entry(partial(pile, "heap, wide"), PILE_SIZES, None, True),
+    "wall": Entry(partial(pile, "wall"), PILE_SIZES, None, True),
     "hertz": Entry(hertz_contact, HERTZ_SIZES, None),
 }
 SIZES_OF = {name: entry.sizes for name, entry in SCENES.items()} | {"put": PUT_SIZES}
@@ -126,8 +131,8 @@ SIZES_OF = {name: entry.sizes for name, entry in SCENES.items()} | {"put": PUT_S
 def scene_row(name: str, n: int, method: str) -> Row:
     """Solve one scene and the linear system in turns; return the row."""
     warnings.simplefilter("ignore")
-    make, _, accel = SCENES[name]
-    call(make(min(n, WARM_UP)), method, 60.0)
+    make, _, accel, relative = SCENES[name]
+    call(make(min(n, WARM_UP)), method, 60.0, relative)
     scene = make(n)
     A = scene.A
     row: Row = {"scene": name, "n": scene.q.size, "solver": "nam"}
@@ -138,7 +143,7 @@ def scene_row(name: str, n: int, method: str) -> Row:
     times, baselines = [], []
     for turn in range(2):
         start = time.perf_counter()
-        result = call(scene, method, LIMIT)
+        result = call(scene, method, LIMIT, relative)
         times.append(time.perf_counter() - start)
         if turn == 0 and sp.issparse(A):
             row["memory"] = (resident_memory() - before) / own
@@ -146,7 +151,7 @@ def scene_row(name: str, n: int, method: str) -> Row:
             baselines.append(linear_solve(A, scene.q, accel))
         if times[0] > ONCE:
             break
-    row |= judged(scene, result.z)
+    row |= judged(scene, result.z, relative)
     row |= {
         "method": result.method,
         "status": result.status.value,
@@ -163,9 +168,10 @@ def scene_row(name: str, n: int, method: str) -> Row:
     return row
 
 
-def call(scene: BoxLCP, method: str, limit: float) -> LCPResult:
+def call(scene: BoxLCP, method: str, limit: float, relative: bool) -> LCPResult:
     """Make the call that is timed."""
-    given: Row = {"method": method, "eps_abs": EPS, "time_limit": limit}
+    kind = "eps_rel" if relative else "eps_abs"
+    given: Row = {"method": method, kind: EPS, "time_limit": limit}
     if isinstance(scene.A, LinearOperator):
         corner = np.zeros(scene.q.size)
         corner[0] = 1.0
@@ -207,11 +213,21 @@ def release_memory() -> None:
         libc.malloc_trim(0)
 
 
-def judged(scene: BoxLCP, z: np.ndarray) -> Row:
+def judged(scene: BoxLCP, z: np.ndarray, relative: bool = False) -> Row:
     """Return the natural residual of z and the share of unknowns at a bound."""
     A, q, lower, upper = scene
     active = np.mean((z <= lower) | (z >= upper))
-    residual = natural_residual(z, A @ z + q, lower, upper)
+
+    def residual_of(z: np.ndarray) -> float:
+        w = A @ z + q
+        if not relative:
+            return natural_residual(z, w, lower, upper)
+        root = np.sqrt(A.diagonal())
+        return natural_residual(root * z, w / root, root * lower, root * upper)
+
+    residual = residual_of(z)
+    if relative:
+        residual /= residual_of(np.clip(np.zeros(q.size), lower, upper))
     return {"residual": residual, "active": float(active)}
 
 
