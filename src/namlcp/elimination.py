@@ -129,7 +129,7 @@ def supernodes(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Superno
     above = order.parent[last]
     parent = np.where(above < 0, -1, node[above]).astype(np.int32)
     rows = np.empty(starts[-1], dtype=np.int32)
-    row_patterns(columns, upper, first, starts, parent, node, rows)
+    row_patterns(columns, upper, starts, parent, node, rows)
     return Supernodes(first, parent, node, starts, rows, panels, lower, below, source)
 
 
@@ -285,7 +285,7 @@ def merged(parent, counts, limits):
 
 
 @njit(cache=True, nogil=True)
-def row_patterns(columns, upper, first, starts, parent, node, rows):
+def row_patterns(columns, upper, starts, parent, node, rows):
     """Set the rows of every supernode: row k is in all between its entries and k."""
     number = parent.size
     end = starts[:number].copy()
