@@ -12,6 +12,8 @@ import numpy as np
 import scipy.sparse as sp
 from numba import njit
 
+from namlcp.symmetry import asymmetry, dense_asymmetry
+
 # Bounds of at least this modulus mean "no bound": 1e20 in the QP collections, where
 # scaling left some of them a few digits smaller.
 INFINITE = 0.999e20
@@ -238,51 +240,6 @@ def is_bad(values, infinite_allowed):
 
 
 @njit(cache=True, nogil=True)
-def dense_asymmetry(P):
-    """Return (max |P - P'|, max |P|)."""
-    gap, size = 0.0, 0.0
-    for i in range(P.shape[0]):
-        size = max(size, abs(P[i, i]))
-        for j in range(i):
-            gap = max(gap, abs(P[i, j] - P[j, i]))
-            size = max(size, abs(P[i, j]), abs(P[j, i]))
-    return gap, size
-
-
-@njit(cache=True, nogil=True)
-def sparse_asymmetry(indptr, indices, data):
-    """Return (max |P - P'|, max |P|) of a canonical square CSR or CSC matrix.
-
-    The entries of row j arrive in order of i, so one pointer a row follows them: one
-    pass, no transpose.
-    """
-    n = indptr.size - 1
-    gap, size = 0.0, 0.0
-    follow = indptr[:-1].copy()
-    for i in range(n):
-        for t in range(indptr[i], indptr[i + 1]):
-            j, value = indices[t], data[t]
-            size = max(size, abs(value))
-            if j <= i:
-                continue
-            s = follow[j]
-            while s < indptr[j + 1] and indices[s] < i:
-                gap = max(gap, abs(data[s]))  # no partner above the diagonal
-                s += 1
-            if s < indptr[j + 1] and indices[s] == i:
-                gap = max(gap, abs(value - data[s]))
-                s += 1
-            else:
-                gap = max(gap, abs(value))
-            follow[j] = s
-    for j in range(n):
-        for s in range(follow[j], indptr[j + 1]):
-            if indices[s] < j:
-                gap = max(gap, abs(data[s]))
-    return gap, size
-
-
-@njit(cache=True, nogil=True)
 def dense_faults(P, q, G, h, A, b, lb, ub):
     """Return (argument with a bad number or -1, asymmetry of P, max |P|, huge sides).
 
@@ -318,13 +275,6 @@ def is_huge(side):
         if abs(side[i]) >= INFINITE and not np.isinf(side[i]):
             return True
     return False
-
-
-def asymmetry(C: Any) -> tuple[float, float]:
-    """Return (max |C - C'|, max |C|) of a clean square matrix, dense or compressed."""
-    if type(C) is np.ndarray:
-        return dense_asymmetry(C)
-    return sparse_asymmetry(C.indptr, C.indices, C.data)
 
 
 def refuse_number(name: str, values: np.ndarray, infinite_allowed: bool) -> None:

@@ -57,7 +57,6 @@ import numpy as np
 import qdldl
 from scipy import linalg, sparse
 
-from namlcp.checks import asymmetry
 from namlcp.lcp.comparison import Verdict, exact_dominance, is_h_plus, is_m_matrix
 from namlcp.lcp.contraction import (
     SMALL,
@@ -82,6 +81,7 @@ from namlcp.lcp.splittings import (
     splitting,
     theorem_3,
 )
+from namlcp.symmetry import asymmetry
 
 __all__ = [
     "Bounds",

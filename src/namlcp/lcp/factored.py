@@ -19,8 +19,8 @@ from scipy import sparse
 from scipy.linalg.lapack import dgetrf, dgetrs, dpotrf, dpotrs
 from scipy.sparse.linalg import splu
 
-from namlcp.checks import asymmetry
 from namlcp.residuals import natural_residual
+from namlcp.symmetry import asymmetry
 
 Solve = Callable[[np.ndarray], np.ndarray]
 

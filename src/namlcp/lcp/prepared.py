@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from namlcp.checks import asymmetry
 from namlcp.lcp.data import lcp_matrix
 from namlcp.lcp.diagonals import Tridiagonal, tridiagonal_of
 from namlcp.lcp.hierarchy import Hierarchy, build
+from namlcp.symmetry import asymmetry
 
 ROUNDING = 1e-14
 """Asymmetry of A below this times max|A| is rounding."""

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eigh_tridiagonal
 
-from namlcp.checks import asymmetry
+from namlcp.symmetry import asymmetry
 
 LANCZOS = 14
 """Products with A of an estimate; fewer where both ends have converged to SHARP."""
