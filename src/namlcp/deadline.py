@@ -2,7 +2,6 @@
 
 import signal
 import threading
-import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -18,11 +17,6 @@ class Deadline(float):
     """
 
     interrupted = False
-
-    @classmethod
-    def after(cls, seconds: float) -> "Deadline":
-        """Return the deadline so many seconds from now."""
-        return cls(time.perf_counter() + seconds)
 
     # Python asks the subclass of float first: now >= deadline is deadline <= now.
     def __le__(self, now: float) -> bool:

@@ -22,7 +22,6 @@ from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp import certificates, dense, path
 from namlcp.qp.answer import FINAL, OBJECTIVE, Answer, better, is_decided
-from namlcp.qp.convexity import check_convex
 from namlcp.qp.csc import as_dense
 from namlcp.qp.memory import Memory
 from namlcp.qp.reduction import box_lcp, box_point, is_box_open
@@ -343,7 +342,7 @@ def solve_bounds(
     status, x, w, iterations, ray, convex = outcome
     x, z_box = box_point(x, w, lower, upper)
     if ray is not None:
-        check_convex(as_sparse(qp.P))
+        memory.ensure_convex(as_sparse(qp.P))
         proof = certificates.accept_dual(qp, x, NOTHING, NOTHING, ray, options.eps_abs)
         if proof is None:
             return None
