@@ -54,7 +54,7 @@ from contact_scenes import brick_wall, heap
 from hertz import hertz
 from known_scenes import BoxLCP, nonnegative
 from large_scenes import FAMILIES, side
-from lcp import isolated, resident_memory
+from lcp import isolated, relative_residual, resident_memory
 from measure import MEMORY, Bench, failure, median_time, silence
 from namlcp import LCPResult, solve_lcp
 from namlcp.residuals import natural_residual
@@ -217,17 +217,10 @@ def judged(scene: BoxLCP, z: np.ndarray, relative: bool = False) -> Row:
     """Return the natural residual of z and the share of unknowns at a bound."""
     A, q, lower, upper = scene
     active = np.mean((z <= lower) | (z >= upper))
-
-    def residual_of(z: np.ndarray) -> float:
-        w = A @ z + q
-        if not relative:
-            return natural_residual(z, w, lower, upper)
-        root = np.sqrt(A.diagonal())
-        return natural_residual(root * z, w / root, root * lower, root * upper)
-
-    residual = residual_of(z)
     if relative:
-        residual /= residual_of(np.clip(np.zeros(q.size), lower, upper))
+        residual = relative_residual(A, q, z)
+    else:
+        residual = natural_residual(z, A @ z + q, lower, upper)
     return {"residual": residual, "active": float(active)}
 
 
