@@ -8,6 +8,7 @@ import pytest
 from scipy import sparse
 from scipy.linalg import solve_triangular
 
+import large_scenes
 from namlcp import Prepared, Status, solve_lcp
 from namlcp.lcp import multigrid
 from namlcp.lcp.hierarchy import MAX_COARSE, Hierarchy, build, coarsen, suits
@@ -417,3 +418,15 @@ def test_cycles_that_do_not_converge_say_so():
     assert cycles <= 20
     np.testing.assert_array_equal(w, A @ z + q)
     assert natural_residual(z, w, lower, upper) <= np.sqrt(n)
+
+
+def test_transport_takes_few_v_cycles_on_all_levels_together():
+    """Example 2 at delta = 0, with a load: 60 at most, whatever the order."""
+    A, q, lower, upper = large_scenes.transport(100)
+
+    def accept(z, w):
+        return natural_residual(z, w, lower, upper) < 1e-9
+
+    solver = multigrid.Solver(build(A, False), q, lower, upper, accept, 1e-9)
+    assert solver.run(None, 40, np.inf, None) is Status.SOLVED
+    assert 0 < sum(solver.cycle.cycles) <= 60
