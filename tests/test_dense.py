@@ -8,7 +8,7 @@ import pytest
 from scipy.sparse import csc_array
 
 import namlcp
-from namlcp.qp import dense
+from namlcp.qp import dense, units
 from namlcp.residuals import Residuals, qp_residuals
 from namlcp.status import Status
 
@@ -51,6 +51,37 @@ def random_qp(rng, n, m, p, condition):
     lb = np.where(rng.random(n) < 0.5, x - rng.integers(0, 2, n), -INF)
     ub = np.where(rng.random(n) < 0.5, x + rng.random(n), INF)
     return P, rng.standard_normal(n), G, h, A, A @ x, lb, ub
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_variables_in_units_of_very_different_size(seed):
+    """x = c t, c from 1e-8 to 1e8: rounding in one column is a whole unit in others."""
+    rng = np.random.default_rng(seed)
+    n, m = 12, 18
+    P, q, G, h, A, b, lb, ub = random_qp(rng, n, m, 2, 10.0)
+    plain = namlcp.solve_qp(P, q, G, h, A, b, lb, ub)
+    c = 10.0 ** rng.permutation(np.linspace(-8.0, 8.0, n))
+    scaled = c[:, None] * P * c, c * q, G * c, h, A * c, b, lb / c, ub / c
+    result = namlcp.solve_qp(*scaled, x0=plain.x / c if seed % 2 else None)
+    assert result.status is Status.SOLVED
+    assert result.form == "dual"
+    np.testing.assert_allclose(c * result.x, plain.x, atol=1e-9)
+    there = c * result.x, result.y, result.z, result.z_box / c
+    assert qp_residuals(P, q, G, h, A, b, lb, ub, *there).solved(1e-9, 1e-9)
+
+
+def test_proofs_in_units_of_very_different_size():
+    c = np.array([1e-7, 1.0, 1e7])
+    P, G = c[:, None] * (np.eye(3) + 0.5) * c, np.ones((2, 3)) * c
+    G[1] *= -1.0
+    result = namlcp.solve_qp(P, np.ones(3), G, np.array([-1.0, -1.0]))
+    assert result.status is Status.PRIMAL_INFEASIBLE
+    assert np.abs(G.T @ result.z).max() <= 1e-12 * np.abs(G * result.z[:, None]).max()
+    for even in (np.eye(3), np.zeros((0, 0)), np.diag([0.0, 1e20])):
+        assert not units.is_uneven(even)
+    np.testing.assert_array_equal(
+        units.column_units(np.diag([1e-300, 4.0])), [2.0**498, 0.5]
+    )
 
 
 @pytest.mark.parametrize("seed", range(60))

@@ -7,6 +7,11 @@ each solver has those with which it solves most; a comment says where that matte
 
 from typing import Any
 
+import numpy as np
+import qpsolvers
+import scipy.sparse as sp
+from qpsolvers import Problem, Solution
+
 SOLVERS = ("nam", "piqp", "daqp", "proxqp", "clarabel", "osqp")
 
 
@@ -58,7 +63,12 @@ def solver_settings(solver: str, eps: float, limit: float) -> dict[str, Any]:
             "max_iter": 1_000_000_000,
             "time_limit": limit,
         },
-        "scs": {"eps_abs": eps, "eps_rel": 0.0, "max_iters": 1_000_000_000},
+        "scs": {
+            "eps_abs": eps,
+            "eps_rel": 0.0,
+            "max_iters": 1_000_000_000,
+            "time_limit_secs": limit,
+        },
         "highs": {
             "primal_feasibility_tolerance": eps,
             "dual_feasibility_tolerance": eps,
@@ -67,3 +77,30 @@ def solver_settings(solver: str, eps: float, limit: float) -> dict[str, Any]:
         "quadprog": {},
     }
     return known[solver]
+
+
+def solve(problem: Problem, solver: str, **settings: Any) -> Solution:
+    """Return what a solver answers, HiGHS's to bounds alone given to it as rows.
+
+    As bounds HiGHS 1.15 calls x = 0 optimal on contact problems where it is not.
+    """
+    alone = problem.h is None and problem.b is None
+    bounded = problem.lb is not None or problem.ub is not None
+    if solver != "highs" or not (alone and bounded):
+        return qpsolvers.solve_problem(problem, solver=solver, **settings)
+    n = problem.q.size
+    ub = np.full(n, np.inf) if problem.ub is None else problem.ub
+    lb = np.full(n, -np.inf) if problem.lb is None else problem.lb
+    up, low = np.flatnonzero(np.isfinite(ub)), np.flatnonzero(np.isfinite(lb))
+    eye = sp.eye(n, format="csr")
+    G, h = sp.vstack((eye[up], -eye[low])), np.append(ub[up], -lb[low])
+    dense = not sp.issparse(problem.P)
+    rows = Problem(problem.P, problem.q, G.toarray() if dense else sp.csc_matrix(G), h)
+    found = qpsolvers.solve_problem(rows, solver=solver, **settings)
+    answer = Solution(problem, extras=found.extras, found=found.found, x=found.x)
+    answer.y = answer.z = np.empty(0)
+    if found.z is not None:
+        answer.z_box = np.zeros(n)
+        answer.z_box[up] += found.z[: up.size]
+        answer.z_box[low] -= found.z[up.size :]
+    return answer

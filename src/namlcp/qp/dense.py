@@ -48,9 +48,10 @@ from namlcp.qp.rows import (
     typical_curvature,
 )
 from namlcp.qp.thinqr import triangular_solve, triangular_solve_transposed
+from namlcp.qp.units import is_uneven
 from namlcp.residuals import qp_residuals_of_products
 
-SOLVED, INFEASIBLE, UNBOUNDED, NOT_CONVEX, STALLED = 0, 1, 2, 3, 4
+SOLVED, INFEASIBLE, UNBOUNDED, NOT_CONVEX, STALLED, UNEVEN = 0, 1, 2, 3, 4, 5
 
 # Pivots after which multipliers and x are computed anew, against drift.
 REFIT = 32
@@ -354,14 +355,18 @@ def solve(P, q, G, h, A, b, lb, ub, start, hint, max_iter):
     All arrays are float64 and C-contiguous; absent parts have zero rows, absent bounds
     are infinite; start, (n,) or empty, is a guess of x, hint (int64) lists inequalities
     to begin with. Returns (code, pivots, x, y, z, z_box, residuals), the last as in
-    `Residuals`. NOT_CONVEX says that P is not positive semidefinite.
+    `Residuals`. NOT_CONVEX says that P is not positive semidefinite, UNEVEN that the
+    variables need other units first (`units`): nothing is solved then.
     """
     n, m, p = q.size, h.size, b.size
     x, y, z, z_box = np.zeros(n), np.zeros(p), np.zeros(m), np.zeros(n)
     L, weight = np.empty((n, n)), np.zeros(n)
     code, pivots = NOT_CONVEX, 0
-    ready = factor(P, weight, L) and is_definite(P, L)
-    if not ready:
+    uneven = is_uneven(P)
+    ready = not uneven and factor(P, weight, L) and is_definite(P, L)
+    if uneven:
+        code = UNEVEN
+    elif not ready:
         ready = factor_weighted(P, q, G, h, A, b, lb, ub, weight, L)
         max_iter = min(max_iter, MANY * (n + m + p))
     if ready:

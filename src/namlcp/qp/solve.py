@@ -27,6 +27,7 @@ from namlcp.qp.memory import Memory
 from namlcp.qp.reduction import box_lcp, box_point, is_box_open
 from namlcp.qp.start import NO_GUESS, NOTHING, Guess, make_guess
 from namlcp.qp.substitution import Substitution, substitute
+from namlcp.qp.units import column_units, in_units
 from namlcp.residuals import UNDEFINED, Residuals, qp_residuals
 from namlcp.result import QPResult
 from namlcp.status import Status
@@ -282,24 +283,25 @@ def solve_dense(
     """Pivot on the multipliers' LCP; None where it does not decide."""
     if progress is not None:
         progress.announce(dense.solve)
-    P, q, G, h, A, b, lb, ub = qp
+    own = qp
     if not qp.is_dense:
-        P, G, A = as_dense(P), as_dense(G), as_dense(A)
+        own = qp._replace(P=as_dense(qp.P), G=as_dense(qp.G), A=as_dense(qp.A))
     hint = NO_HINT
     if guess.active.size:
-        hint = b.size + np.flatnonzero(guess.active)
-    try:
-        code, pivots, x, y, z, z_box, numbers = dense.solve(
-            P, q, G, h, A, b, lb, ub, guess.x, hint, options.max_iter
-        )
-    except SystemError as error:
-        if isinstance(error.__cause__, KeyboardInterrupt):  # as compiled code tells it
-            raise KeyboardInterrupt from None
-        raise
-    if code == dense.NOT_CONVEX:
+        hint = qp.b.size + np.flatnonzero(guess.active)
+    found = call_dense(own, guess.x, hint, options)
+    c = None
+    if found[0] == dense.UNEVEN:
+        c = column_units(own.P)
+        start = guess.x / c if guess.x.size else guess.x
+        found = call_dense(in_units(own, c), start, hint, options)
+    code, pivots, x, y, z, z_box, numbers = found
+    if code in (dense.NOT_CONVEX, dense.UNEVEN):
         return None
+    if c is not None:
+        x, z_box = c * x, c * z_box if code == dense.UNBOUNDED else z_box / c
     residuals = Residuals(*numbers)
-    if residuals.gap_size * ROUNDING > options.eps_abs:
+    if c is not None or residuals.gap_size * ROUNDING > options.eps_abs:
         residuals = qp_residuals(*qp, x, y, z, z_box)
     solved = residuals.solved(options.eps_abs, options.eps_rel)
     status = Status.SOLVED if solved else Status.STALLED
@@ -318,6 +320,18 @@ def solve_dense(
     if progress is not None:
         progress.row(pivots, *residuals[:3], 0.0, int((z > 0).sum()))
     return Answer(status, x, y, z, z_box, residuals, pivots, "dual", "")
+
+
+def call_dense(
+    qp: QPData, start: np.ndarray, hint: np.ndarray, options: Options
+) -> tuple[Any, ...]:
+    """Return what `dense.solve` returns; Ctrl-C in compiled code is Ctrl-C."""
+    try:
+        return dense.solve(*qp, start, hint, options.max_iter)
+    except SystemError as error:
+        if isinstance(error.__cause__, KeyboardInterrupt):  # as compiled code tells it
+            raise KeyboardInterrupt from None
+        raise
 
 
 def solve_bounds(
