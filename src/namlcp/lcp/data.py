@@ -38,10 +38,11 @@ def spread_number(name: str, value: Any, n: int) -> np.ndarray:
     """Return a number or an (n,) array as a clean (n,) array."""
     if is_clean(value, 1) and value.size == n:
         return value
-    array = real_array(name, value)
-    if array.ndim == 0:
-        return constant(n, float(array))
-    return vector(name, array, n, "A", (n, n))
+    if not sp.issparse(value):
+        value = real_array(name, value)
+        if value.ndim == 0:
+            return constant(n, float(value))
+    return vector(name, value, n, "A", (n, n))
 
 
 def lcp_matrix(A: Any, diagonal: Any = None) -> Any:

@@ -76,6 +76,10 @@ PATH_TARGET = 1e-8
 
 RAY_TOLERANCE = 1e-9
 SLOPE_ROUNDING = 1e-13
+LEAST_FALL = 1e-10
+NEARBY = 1e-6
+"""Of a proof of unsolvability: what is 0 in v, in A'v, in q'v, relative to the terms;
+and the share of v_i by which it may be moved to get there."""
 
 
 class Outcome(NamedTuple):
@@ -278,6 +282,10 @@ def proof(A: Any, q: np.ndarray, v: np.ndarray, work: Work) -> np.ndarray | None
     fall = float(q @ v)
     if not -math.inf < fall < 0.0 or np.any(into_bound):
         return None
+    v = settled(A, v / -fall, d)
+    fall = float(q @ v)
+    if not fall < -LEAST_FALL * (np.abs(q) @ np.abs(v)):
+        return None  # the terms of q'v cancel, as for every v if there is a solution
     v = v / -fall
     slope = d * (A.T @ v)
     # Only rounding is forgiven: a true slope, however small, has a solution far away.
@@ -285,3 +293,20 @@ def proof(A: Any, q: np.ndarray, v: np.ndarray, work: Work) -> np.ndarray | None
     moving = slope != 0.0
     side = np.where(slope > 0.0, upper, lower)[moving]
     return v if side @ slope[moving] < 0.5 else None
+
+
+def settled(A: Any, v: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Return v moved a little to A'v = 0, as it is where that leads elsewhere.
+
+    The proximal loop ends a few digits short of it where v has grown by rho.
+    """
+    if v.size > DENSE_LU:
+        return v
+    slope, size = d * (A.T @ v), d * (abs(A).T @ np.abs(v))
+    if not (np.abs(slope) > SLOPE_ROUNDING * size).any():
+        return v
+    face = np.flatnonzero(v)
+    rows = A[face].toarray() if sparse.issparse(A) else A[face]
+    step = np.zeros(v.size)
+    step[face] = d[face] * np.linalg.lstsq((rows * np.outer(d[face], d)).T, -slope)[0]
+    return v + step if (np.abs(step) <= NEARBY * np.abs(v)).all() else v

@@ -147,7 +147,7 @@ def measure(rows, lower, upper, z, w):
         r = deviation(z[i], w[i], lower[i], upper[i])
         plain += r * r
         r = deviation(z[i], w[i] * (root[i] * root[i]), lower[i], upper[i])
-        scaled += diagonal[i] * (r * r)
+        scaled += (diagonal[i] * r) * r
     return np.sqrt(plain), np.sqrt(scaled)
 
 
@@ -171,7 +171,7 @@ def squares_at_zero(rows, q, lower, upper, zero):
         z = zero[i + 1]
         w = below[i] * zero[i] + diagonal[i] * z + above[i] * zero[i + 2] + q[i]
         r = deviation(z, w * (root[i] * root[i]), lower[i], upper[i])
-        residual += diagonal[i] * (r * r)
+        residual += (diagonal[i] * r) * r
         size += (q[i] * root[i]) * (q[i] * root[i])
     return residual, size
 

@@ -12,7 +12,7 @@ of the multipliers, so that 1/lam is the margin by which the problem is infeasib
 """
 
 from math import inf
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numba import njit
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 ROUNDING = 1e3 * np.finfo(float).eps
 FAST = 0.1  # a residual that falls below this part of the last one is no obstacle
+CANCELLED = 1e-10  # of the terms of a row, in a proof without a radius
 PROMISING = 0.1  # relative residual of a candidate worth a test
 PROJECTION = 1e-8  # weight of the distance in the polish
 PASSES = 15
@@ -96,17 +97,25 @@ def accept_dual(
     if not value < -ROUNDING * np.abs(terms).sum():
         return None
     d = d / -value
+    Pd, Ad = qp.P @ d, qp.A @ d
     Gd = np.where(np.isinf(qp.h), 0.0, np.maximum(qp.G @ d, 0.0))
-    parts = largest(qp.P @ d), largest(qp.A @ d), largest(Gd)
+    parts = largest(Pd), largest(Ad), largest(Gd)
     relative = max(parts) / largest(d)
     weights = [max(1.0, np.abs(v).sum()) for v in (x, y, z)]
     radius = 1e3 * float(np.dot(parts, weights)) + tol * np.abs(d).sum()
     if (relative <= 1e-8 and radius <= 1.0) or (
-        relative <= 1e-12 and tol * np.abs(d).sum() <= 0.5
+        relative <= 1e-12
+        and tol * np.abs(d).sum() <= 0.5
+        and all(cancels(M, d, v) for M, v in ((qp.P, Pd), (qp.A, Ad), (qp.G, Gd)))
     ):
         nan_y, nan_z, nan = (np.full(v.size, np.nan) for v in (y, z, d))
         return d, nan_y, nan_z, nan
     return None
+
+
+def cancels(M: Any, d: np.ndarray, Md: np.ndarray) -> bool:
+    """Tell whether M d is small beside its own terms, row by row, in any units."""
+    return bool((np.abs(Md) <= CANCELLED * (abs(M) @ np.abs(d))).all())
 
 
 def largest(v: np.ndarray) -> float:

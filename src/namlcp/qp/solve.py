@@ -23,6 +23,7 @@ from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp import certificates, dense, path
 from namlcp.qp.answer import FINAL, OBJECTIVE, Answer, better, is_decided
 from namlcp.qp.csc import as_dense
+from namlcp.qp.farsides import confirmed, without_far_sides
 from namlcp.qp.memory import Memory
 from namlcp.qp.reduction import box_lcp, box_point, is_box_open
 from namlcp.qp.start import NO_GUESS, NOTHING, Guess, make_guess
@@ -152,6 +153,11 @@ def solve_checked(
         progress.say(describe(qp, options))
     ready = time.perf_counter()
     answer = solve_forms(qp, options, guess, deadline, progress, memory)
+    if answer.status in (Status.STALLED, Status.NUMERICAL_ERROR):
+        near = without_far_sides(qp)
+        if near is not None:
+            other = solve_forms(near, options, NO_GUESS, deadline, progress, None)
+            answer = confirmed(qp, other, options) or answer
     if deadline.interrupted:
         answer = answer._replace(status=deadline.verdict(answer.status))
     end = time.perf_counter()

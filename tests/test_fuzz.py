@@ -1,0 +1,229 @@
+"""Nothing wrong is ever called solved: problems of every kind, judged by definition.
+
+Hypothesis draws small problems (and shrinks what fails); the classes of the campaign in
+validation/ bring larger ones. The judge computes every residual anew.
+"""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+
+import campaign
+import campaign_forms as forms
+import campaign_problems as problems
+from campaign_judge import Answer, judge_lcp, judge_qp, lcp_faults, qp_faults
+from campaign_lcps import LCP
+from namlcp import solve_lcp, solve_qp
+from namlcp.checks import QPData
+from namlcp.qp.farsides import without_far_sides
+
+INF = np.inf
+FUZZ = settings(derandomize=True, deadline=None, database=None, max_examples=100)
+WHOLE = st.integers(-3, 3).map(float)
+ABOVE = st.one_of(WHOLE, st.sampled_from([1e6, 1e19, 1e20, 1e21, INF, -INF]))
+
+
+def block(rows, columns, elements=WHOLE):
+    return arrays.arrays(np.float64, (rows, columns), elements=elements)
+
+
+def column(size, elements=WHOLE):
+    return arrays.arrays(np.float64, size, elements=elements)
+
+
+@st.composite
+def convex_qps(draw):
+    """Whole numbers, P = F F', any bounds and sides; nothing is known of it."""
+    n = draw(st.integers(1, 5))
+    m, p = draw(st.integers(0, 6)), draw(st.integers(0, 3))
+    F = draw(block(n, draw(st.integers(0, n))))
+    return QPData(
+        F @ F.T,
+        draw(column(n)),
+        draw(block(m, n)),
+        draw(column(m, ABOVE)),
+        draw(block(p, n)),
+        draw(column(p)),
+        -draw(column(n, ABOVE)),
+        draw(column(n, ABOVE)),
+    )
+
+
+@st.composite
+def box_lcps(draw):
+    """Whole numbers, any square matrix."""
+    n = draw(st.integers(0, 6))
+    A = draw(block(n, n))
+    if draw(st.booleans()):
+        A = A @ A.T
+    lower = draw(column(n, st.sampled_from([0.0, 0.0, -1.0, -INF])))
+    width = draw(column(n, st.sampled_from([INF, INF, 0.0, 2.0])))
+    upper = np.where(lower == -INF, width, np.maximum(lower, -9.0) + width)
+    return LCP(A, draw(column(n)), lower, upper)
+
+
+def truth(qp):
+    return campaign.truth_of(problems.Case("", "ask", qp, {"P": qp.P}))
+
+
+@given(convex_qps())
+@FUZZ
+def test_qps_of_whole_numbers(qp):
+    """Each is decided, and as HiGHS decides it."""
+    clean = campaign.clean(qp)
+    one_sided = (qp.h == -INF).any() or (qp.lb == INF).any() or (qp.ub == -INF).any()
+    known = "infeasible" if one_sided or (qp.lb > qp.ub).any() else truth(qp)
+    answer = campaign.qp_answer(solve_qp(*qp))
+    if known == "infeasible" and answer.said == "unbounded":
+        known = "both"
+    outcome = judge_qp(clean, known, answer, campaign.NAM, True)
+    assert outcome == ("right", "")
+
+
+@given(box_lcps())
+@FUZZ
+def test_lcps_of_whole_numbers(lcp):
+    """What is called solved is, what is called unsolvable has a proof."""
+    answer = campaign.lcp_answer(solve_lcp(*lcp))
+    outcome, why = judge_lcp(lcp, "near", answer, campaign.NAM_LCP)
+    assert outcome in ("right", "refused"), why
+    psd = np.array_equal(lcp.A, lcp.A.T) and (
+        np.linalg.eigvalsh(lcp.A).min(initial=0.0) > -1e-12
+    )
+    assert outcome == "right" or not psd
+
+
+@given(st.integers(0, 10**9))
+@settings(FUZZ, max_examples=200)
+def test_campaign(index):
+    """Any problem of the campaign: never wrong, and solved where it must be."""
+    case = problems.make(7, index)
+    found = campaign.examine(case, "nam", 1e-6, 10.0)
+    assert found["outcome"] in ("right", "refused"), found
+    if found["truth"] in ("solvable", "infeasible", "unsolvable", "malformed"):
+        assert found["outcome"] == "right", found
+
+
+@given(st.integers(0, 10**9), convex_qps())
+@FUZZ
+def test_representations_are_the_same_problem(seed, qp):
+    """Lists, integers, strides, unsorted and doubled entries: the same answer."""
+    arguments = forms.dress(np.random.default_rng(seed), qp._asdict())
+    dressed, plain = solve_qp(**arguments), solve_qp(*qp)
+    assert dressed.status is plain.status
+    if np.isfinite(plain.obj):
+        assert dressed.obj == pytest.approx(plain.obj, rel=1e-8, abs=1e-8)
+
+
+@given(st.integers(0, 10**9), st.booleans())
+@settings(FUZZ, max_examples=200)
+def test_malformed_arguments_are_named(seed, is_qp):
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 4))
+    one = np.eye(n)
+    if is_qp:
+        arguments = QPData(one, one[0], one, one[0], one, one[0], -one[0], one[0])
+    else:
+        arguments = LCP(one, one[0], 0.0 * one[0], one[0])
+    spoiled, name = forms.spoil(rng, arguments._asdict())
+    with pytest.raises((ValueError, TypeError), match=rf"\b{name}\b"):
+        (solve_qp if is_qp else solve_lcp)(**spoiled)
+
+
+@pytest.mark.parametrize("layout", forms.LAYOUTS)
+@pytest.mark.parametrize("kind", ["array", "matrix"])
+def test_every_sparse_class(layout, kind):
+    wrap = getattr(sp, f"{layout}_{kind}")
+    P, one = wrap(np.diag([2.0, 4.0])), np.ones(2)
+    result = solve_qp(P, -one, wrap(np.eye(2)), 0.3 * one, lb=wrap(one[:, None]) * 0.0)
+    np.testing.assert_allclose(result.x, [0.3, 0.25])
+    result = solve_lcp(P, -one, wrap(0.1 * one[:, None]), 0.3)
+    np.testing.assert_allclose(result.z, [0.3, 0.25])
+
+
+def test_the_judge_sees_every_fault():
+    """One point that solves its QP, spoiled in each part in turn."""
+    one, none = np.ones(1), np.zeros(0)
+    row, no_row = np.ones((1, 1)), np.zeros((0, 1))
+    # min x^2/2 - 3x, x <= 1 (row) and 0 <= x <= 5
+    qp = QPData(row, -3.0 * one, row, one, no_row, none, 0.0 * one, 5.0 * one)
+    x, y, z, z_box = one, none, 2.0 * one, 0.0 * one
+    tolerance = campaign.NAM
+    assert qp_faults(qp, x, y, z, z_box, tolerance) == ""
+    shift = 1e-6 * one
+    assert "primal" in qp_faults(qp, x + shift, y, z - shift, z_box, tolerance)
+    assert "dual" in qp_faults(qp, x, y, z + shift, z_box, tolerance)
+    assert "gap" in qp_faults(qp, x - shift, y, z + shift, z_box, tolerance)
+    unbounded_above = qp._replace(ub=INF * one)
+    assert "sign" in qp_faults(unbounded_above, x, y, z - one, one, tolerance)
+    assert qp_faults(qp, np.nan * one, y, z, z_box, tolerance) == "not finite"
+    lcp = LCP(row, -one, 0.0 * one, INF * one)
+    assert lcp_faults(lcp, one, 1e-9) == ""
+    assert "residual" in lcp_faults(lcp, one + 1e-8, 1e-9)
+    assert lcp_faults(lcp, -one, 1e-9) == "outside of the box"
+
+
+@pytest.mark.parametrize(
+    ("said", "known", "outcome"),
+    [
+        ("infeasible", "solvable", "wrong"),
+        ("unbounded", "possible", "wrong"),
+        ("refused", "solvable", "refused"),
+        ("error", "solvable", "raised"),
+        ("error", "not convex", "raised"),
+    ],
+)
+def test_the_judge_believes_no_words(said, known, outcome):
+    nan = np.full(1, np.nan)
+    qp = QPData(*[np.ones((1, 1)) if k in (0, 2, 4) else np.ones(1) for k in range(8)])
+    answer = Answer(said, nan, nan, nan, nan, "no", RuntimeError)
+    assert judge_qp(qp, known, answer, campaign.NAM, True)[0] == outcome
+
+
+@pytest.mark.parametrize("index", [8104, 5860, 10909])
+def test_a_ray_that_the_loop_left_inexact_is_settled(index):
+    """A v = 0, v >= 0, q'v < 0, and the proximal loop has v to ten digits."""
+    case = problems.make(1, index)
+    result = solve_lcp(*case.problem)
+    outcome = judge_lcp(
+        case.problem, "unsolvable", campaign.lcp_answer(result), campaign.NAM_LCP
+    )
+    assert outcome == ("right", "")
+
+
+def test_bounds_of_an_lcp_may_be_sparse_columns():
+    """As q may."""
+    lower = sp.csc_array(np.array([[1.0], [0.0]]))
+    result = solve_lcp(np.eye(2), -0.5 * np.ones(2), lower)
+    assert result.z.tolist() == [1.0, 0.5]
+
+
+def test_a_ray_of_rounding_proves_nothing():
+    """A singular A in other units, with a solution: q'v is what its terms leave."""
+    case = problems.make(3, 13203)
+    assert solve_lcp(*case.problem).ray is None
+
+
+@pytest.mark.parametrize("index", [174, 4917, 6804])
+def test_sides_of_1e18_do_not_hide_the_others(index):
+    case = problems.make(3, index)
+    found = campaign.examine(case, "nam", 1e-6, 10.0)
+    assert found["outcome"] == "right", found
+
+
+def test_far_sides_are_those_beyond_all_others():
+    one = np.ones(1)
+    near = QPData(*[np.ones((1, 1)) if k in (0, 2, 4) else one for k in range(8)])
+    assert without_far_sides(near) is None
+    assert without_far_sides(near._replace(b=1e5 * one, ub=1e10 * one)) is None
+    found = without_far_sides(near._replace(b=1e3 * one, h=-1e12 * one, ub=1e10 * one))
+    assert (found.h, found.lb, found.ub) == (-1e12, 1.0, INF)
+
+
+def test_squares_of_tiny_unknowns_are_no_residual():
+    """z = 4e-6 where A = 2e167: its square, in units of q, is no number."""
+    result = solve_lcp(np.array([[2e167]]), np.array([1e162]), -4e-6, 2e-6)
+    assert (result.status.value, result.z[0]) == ("solved", -4e-6)

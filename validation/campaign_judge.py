@@ -1,0 +1,253 @@
+"""Judge an answer by the definition of its problem, not by the solver's own words.
+
+Nothing here is taken from namlcp: residuals, signs and certificates are computed anew,
+and HiGHS (`infeasible_problems`) decides what was not constructed. The outcomes:
+
+- right: solved within tolerance where a solution exists, infeasible or unbounded called
+  so with a proof that holds, malformed input refused with its argument named;
+- refused: no answer claimed;
+- wrong: an answer that the definition contradicts;
+- raised: an exception where none belongs, or one that does not say what is wrong.
+"""
+
+import re
+from typing import Any, NamedTuple
+
+import numpy as np
+
+ROUNDING = 1e-14  # of the terms of a residual, which the judge adds up in another order
+PROOF = 1.01e-8  # relative residual of a certificate
+SLOPE = 1e-12  # of an LCP's ray, relative to its terms
+
+
+class Answer(NamedTuple):
+    """What a solver says, and what it returns with it.
+
+    said: solved, infeasible, unbounded, unsolvable, refused, or error; then `words` is
+    the message. For a QP (x, y, z, z_box) are the point or the certificate; for an LCP
+    x is z, or the ray.
+    """
+
+    said: str
+    x: Any = None
+    y: Any = None
+    z: Any = None
+    z_box: Any = None
+    words: str = ""
+    kind: type[BaseException] | None = None
+
+
+class Tolerance(NamedTuple):
+    """A residual may be factor * (eps_abs + eps_rel * size of its terms)."""
+
+    eps_abs: float
+    eps_rel: float
+    factor: float = 1.0
+
+    def allows(self, residual: float, size: float, terms: float) -> bool:
+        """Tell whether it does; `terms` is what the sum rounds with."""
+        allowed = self.factor * (self.eps_abs + self.eps_rel * size)
+        return residual <= allowed + ROUNDING * terms
+
+
+def largest(*arrays: np.ndarray) -> float:
+    """Return the largest modulus of an entry, 0 of nothing."""
+    return max((float(np.abs(a).max()) for a in arrays if a.size), default=0.0)
+
+
+def excess(*arrays: np.ndarray) -> float:
+    """Return the largest positive entry, 0 if there is none."""
+    return max(0.0, *(float(a.max()) for a in arrays if a.size), 0.0)
+
+
+def qp_faults(
+    qp: Any, x: np.ndarray, y: np.ndarray, z: np.ndarray, z_box: np.ndarray,
+    tolerance: Tolerance,
+) -> str:  # fmt: skip
+    """Return what is wrong with a primal-dual point, "" if it solves the QP."""
+    P, q, G, h, A, b, lb, ub = qp
+    if not all(np.isfinite(v).all() for v in (x, y, z, z_box)):
+        return "not finite"
+    row = np.isfinite(h)
+    low, high = np.isfinite(lb), np.isfinite(ub)
+    Px, Gx, Ax, Aty, Gtz = P @ x, G @ x, A @ x, A.T @ y, G.T @ z
+    primal = excess(Gx - h, lb - x, x - ub, np.abs(Ax - b))
+    size = largest(Gx[row], Ax, b, x[low | high])
+    terms = largest(np.abs(G) @ np.abs(x), np.abs(A) @ np.abs(x), size * np.ones(1))
+    faults = []
+    if not tolerance.allows(primal, size, terms):
+        faults.append(f"primal {primal:.1e} of {size:.1e}")
+    dual = largest(Px + q + Gtz + Aty + z_box)
+    sign = excess(-z, -z_box[~low], z_box[~high], np.abs(z[~row]))
+    size = largest(Px, q, Aty + Gtz, z_box)
+    terms = largest(
+        np.abs(P) @ np.abs(x) + np.abs(G.T) @ np.abs(z) + np.abs(A.T) @ np.abs(y),
+        size * np.ones(1),
+    )
+    if not tolerance.allows(max(dual, sign), size, terms):
+        faults.append(f"dual {dual:.1e}, signs {sign:.1e}, of {size:.1e}")
+    side = np.where(z_box < 0.0, lb, ub)
+    used = (z_box != 0.0) & np.isfinite(side)
+    parts = (x * Px, q * x, b * y, h[row] * z[row], side[used] * z_box[used])
+    sums = [float(part.sum()) for part in parts]
+    gap, size = abs(sum(sums)), max(map(abs, sums))
+    terms = sum(float(np.abs(part).sum()) for part in parts)
+    terms += float(np.abs(x) @ (np.abs(P) @ np.abs(x)))
+    if not tolerance.allows(gap, size, terms):
+        faults.append(f"gap {gap:.1e} of {size:.1e}")
+    return ", ".join(faults)
+
+
+def farkas_faults(qp: Any, y: np.ndarray, z: np.ndarray, z_box: np.ndarray) -> str:
+    """Return what is wrong with a proof of infeasibility, "" if it holds.
+
+    b'y + h'z + lb'z_box^- + ub'z_box^+ = -1, z >= 0, A'y + G'z + z_box = 0. It may be
+    NaN where one side alone is a contradiction.
+    """
+    _, _, G, h, A, b, lb, ub = qp
+    if np.isnan(np.concatenate((y, z, z_box))).any():
+        clear = (lb > ub).any() or (lb == np.inf).any() or (ub == -np.inf).any()
+        return "" if clear or (h == -np.inf).any() else "NaN for a proof"
+    side = np.where(z_box < 0.0, lb, ub)
+    rows, used = z != 0.0, z_box != 0.0
+    if (z < 0.0).any() or np.isinf(h[rows]).any() or np.isinf(side[used]).any():
+        return "proof: a sign"
+    value = float(b @ y + h[rows] @ z[rows] + side[used] @ z_box[used])
+    if abs(value + 1.0) > 1e-6:
+        return f"proof: value {value}"
+    residual = largest(A.T @ y + G.T @ z + z_box)
+    if residual > PROOF * largest(y, z, z_box):
+        return f"proof: residual {residual / largest(y, z, z_box):.1e}"
+    return ""
+
+
+def ray_faults(qp: Any, d: np.ndarray) -> str:
+    """Return what is wrong with a proof of unboundedness, "" if it holds.
+
+    q'd = -1, P d = 0, A d = 0, G d <= 0, d in the recession cone of the bounds.
+    """
+    P, q, G, h, A, _, lb, ub = qp
+    if not np.isfinite(d).all():
+        return "ray: not finite"
+    if abs(q @ d + 1.0) > 1e-6:
+        return f"ray: slope {q @ d}"
+    if (d[np.isfinite(lb)] < 0.0).any() or (d[np.isfinite(ub)] > 0.0).any():
+        return "ray: into a bound"
+    rise = np.maximum((G @ d)[np.isfinite(h)], 0.0)
+    residual = largest(P @ d, A @ d, rise)
+    if residual > PROOF * largest(d):
+        return f"ray: residual {residual / largest(d):.1e}"
+    return ""
+
+
+def lcp_faults(lcp: Any, z: np.ndarray, eps_rel: float) -> str:
+    """Return what is wrong with z, "" if it solves the LCP.
+
+    The natural residual of the problem scaled to a unit diagonal is at most eps_rel
+    times its value at z = clip(0).
+    """
+    A, q, lower, upper = lcp
+    if not np.isfinite(z).all():
+        return "not finite"
+    if (z < lower).any() or (z > upper).any():
+        return "outside of the box"
+    slopes = np.diag(A)
+    d = np.sqrt(np.where(slopes > 0.0, slopes, 1.0))
+
+    def residual(z: np.ndarray) -> tuple[float, float]:
+        w = A @ z + q
+        terms = np.abs(A) @ np.abs(z) + np.abs(q)
+        r = np.maximum(np.minimum(w / d, (z - lower) * d), (z - upper) * d)
+        scale = largest(r)
+        if scale == 0.0:
+            return 0.0, float(largest(terms / d))
+        return scale * float(np.linalg.norm(r / scale)), largest(terms / d)
+
+    here, terms = residual(z)
+    start, _ = residual(np.clip(np.zeros(q.size), lower, upper))
+    if here > eps_rel * start * (1.0 + 1e-9) + ROUNDING * terms:
+        return f"residual {here:.1e} of {start:.1e}"
+    return ""
+
+
+def lcp_ray_faults(lcp: Any, v: np.ndarray) -> str:
+    """Return what is wrong with a proof that an LCP has no solution, "" if it holds.
+
+    v is 0 on the side of every finite bound, q'v = -1, z'A'v <= 1/2 for z in the box.
+    """
+    A, q, lower, upper = lcp
+    if not np.isfinite(v).all() or abs(q @ v + 1.0) > 1e-6:
+        return "ray: slope"
+    if SLOPE * (np.abs(q) @ np.abs(v)) > 1.0:
+        return "ray: rounding alone"
+    if ((v > 0.0) & (upper < np.inf)).any() or ((v < 0.0) & (lower > -np.inf)).any():
+        return "ray: into a bound"
+    s = A.T @ v
+    moving = np.abs(s) > SLOPE * (np.abs(A.T) @ np.abs(v))
+    side = np.where(s > 0.0, upper, lower)
+    most = float(side[moving] @ s[moving])
+    return f"ray: {most}" if most > 0.5 else ""
+
+
+def judge_malformed(answer: Answer, name: str) -> tuple[str, str]:
+    """Return the outcome for a malformed argument, and why."""
+    if answer.said != "error":
+        return "wrong", f"{name} malformed: {answer.said}"
+    named = re.search(rf"\b{name}\b", answer.words) is not None
+    if answer.kind in (ValueError, TypeError) and named:
+        return "right", ""
+    return "raised", f"{name} malformed: {answer.words}"
+
+
+def judge_qp(
+    qp: Any, truth: str, answer: Answer, tolerance: Tolerance, proofs: bool
+) -> tuple[str, str]:
+    """Return the outcome for a QP, and why it is not right.
+
+    truth: as `campaign_qps` has it, but for "ask". proofs: certificates are judged.
+    """
+    said = answer.said
+    if said == "error":
+        fitting = truth in ("not convex", "near") and issubclass(
+            answer.kind or KeyError, ValueError
+        )
+        named = "P must be positive semidefinite" in answer.words
+        return ("right" if fitting and named else "raised"), answer.words
+    if said == "refused":
+        return "refused", answer.words
+    why = ""
+    if said == "solved":
+        why = qp_faults(qp, answer.x, answer.y, answer.z, answer.z_box, tolerance)
+    elif proofs and said == "infeasible":
+        why = farkas_faults(qp, answer.y, answer.z, answer.z_box)
+    elif proofs:
+        why = ray_faults(qp, answer.x)
+    possible = {
+        "solvable": ("solved",),
+        "possible": ("solved",),
+        "infeasible": ("infeasible",),
+        "unbounded": ("unbounded",),
+        "both": ("infeasible", "unbounded"),
+        "near": ("solved", "infeasible", "unbounded"),
+        "not convex": ("infeasible", "unbounded"),
+    }[truth]
+    if said not in possible:
+        why = f"called {said}" + (f", {why}" if why else "")
+    return ("wrong" if why else "right"), why
+
+
+def judge_lcp(lcp: Any, truth: str, answer: Answer, eps_rel: float) -> tuple[str, str]:
+    """Return the outcome for an LCP, and why it is not right."""
+    if answer.said == "error":
+        return "raised", answer.words
+    if answer.said == "refused":
+        return "refused", answer.words
+    if answer.said == "unsolvable":
+        why = lcp_ray_faults(lcp, answer.x)
+        if truth in ("solvable", "possible"):
+            why = f"called unsolvable {why}"
+    else:
+        why = lcp_faults(lcp, answer.x, eps_rel)
+        if truth in ("unsolvable", "no solution"):
+            why = f"called solved {why}"
+    return ("wrong" if why else "right"), why
