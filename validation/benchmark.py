@@ -206,10 +206,21 @@ def print_tables(rows: list[Row], reference: str = "nam") -> None:
         print_table([r for r in rows if (r["set"], r["eps"]) == key], reference)
 
 
+def header_lines(file: Path) -> list[str]:
+    """Return what the first lines of a CSV file say of the run."""
+    lines = file.read_text().splitlines()
+    return [line[2:].strip() for line in lines if line[:2] == "# "]
+
+
+def read_csv(file: Path) -> list[dict[str, str]]:
+    """Return the rows of a CSV file whose first lines start with #."""
+    with file.open(newline="") as stream:
+        return list(csv.DictReader(line for line in stream if line[0] != "#"))
+
+
 def read_rows(file: Path) -> list[Row]:
     """Return the rows that an earlier run has written."""
-    lines = [line for line in file.read_text().splitlines() if line[:1] != "#"]
-    rows: list[Row] = list(csv.DictReader(lines))
+    rows: list[Row] = list(read_csv(file))
     for row in rows:
         row["eps"], row["success"] = float(row["eps"]), row["success"] == "True"
         row["runtime"] = float(row["runtime"] or "nan")

@@ -32,6 +32,16 @@ class Scene(NamedTuple):
     freedom: int
 
 
+class Heap(NamedTuple):
+    """Normals, masses, velocities, degrees of freedom, and where the discs are."""
+
+    N: sp.csr_array
+    mass: np.ndarray
+    velocity: np.ndarray
+    freedom: int
+    centre: np.ndarray
+
+
 def heap(
     contacts: int, *, sideways: bool = False, mass_ratio: float = 1e4, seed: int = 0
 ) -> Scene:
@@ -42,6 +52,11 @@ def heap(
     `sideways` it touches both neighbours of its row too: A is singular. Some discs are
     taken out again and all move a little, so that contacts open.
     """
+    return scene(*heap_of_discs(contacts, sideways, mass_ratio, seed)[:4])
+
+
+def heap_of_discs(contacts: int, sideways: bool, mass_ratio: float, seed: int) -> Heap:
+    """Return the bodies of `heap`."""
     rng = np.random.default_rng(seed)
     side = max(2, round(np.sqrt(contacts / (2.75 if sideways else 1.85))))
     discs = side * side
@@ -78,7 +93,7 @@ def heap(
     mass = np.repeat(mass_ratio ** rng.random(discs), 2)
     velocity = 0.5 * STEP * rng.standard_normal(2 * discs)
     velocity[1::2] -= STEP
-    return scene(N, mass, velocity, 2 * int(present.sum()))
+    return Heap(N, mass, velocity, 2 * int(present.sum()), centre)
 
 
 def brick_wall(contacts: int, *, mass_ratio: float = 1e4, seed: int = 0) -> Scene:
@@ -132,6 +147,24 @@ def brick_wall(contacts: int, *, mass_ratio: float = 1e4, seed: int = 0) -> Scen
     velocity[rng.random(bricks) < 0.9] = 0.0
     velocity[:, 1] -= STEP
     return scene(N, inertia, velocity.ravel(), 3 * bricks)
+
+
+def stack(boxes: int, *, mass_ratio: float = 1e4) -> Scene:
+    """Return a column of boxes 2 x 1 at rest, light below and heavy above.
+
+    Masses grow from 1 to mass_ratio; a box stands on its two corners, so that z of both
+    is half the weight above times STEP: known in every digit, with an A whose condition
+    grows like boxes^2 mass_ratio.
+    """
+    mass = np.geomspace(1.0, mass_ratio, boxes)
+    upper = np.repeat(np.arange(boxes), 2)
+    arm = np.tile([-1.0, 1.0], boxes)  # left and right corner
+    push = np.column_stack((np.ones(2 * boxes), arm))  # force upwards, moment
+    N = normals(upper - 1, upper, -push, push, boxes)
+    inertia = np.column_stack((mass, mass * 5.0 / 12.0)).ravel()
+    velocity = np.zeros(2 * boxes)
+    velocity[::2] = -STEP
+    return scene(N, inertia, velocity, 2 * boxes)
 
 
 def normals(

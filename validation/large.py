@@ -2,7 +2,7 @@
 
 Usage::
 
-    python validation/large.py [run | plot | table | picture] [--quick]
+    python validation/large.py [run | plot | table] [--quick]
         [--scenes forced ball ...] [--method auto] [--no-peers]
         [--results DIR] [--figures DIR]
 
@@ -22,8 +22,6 @@ plot
     large.svg from large.csv.
 table
     large.csv as Markdown, the claims below it.
-picture
-    contact-sets.png: where the bounds hold, computed and drawn.
 
 --quick: n up to 10^5. Without a subcommand: run and plot.
 """
@@ -361,7 +359,7 @@ def run(args: argparse.Namespace) -> None:
 def main(arguments: list[str] | None = None) -> int:
     """Run and plot, or what is asked for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("task", nargs="?", choices=["run", "plot", "table", "picture"])
+    parser.add_argument("task", nargs="?", choices=["run", "plot", "table"])
     parser.add_argument("--quick", action="store_true", help="n up to 10^5")
     parser.add_argument("--scenes", nargs="+", choices=SIZES_OF, default=list(SIZES_OF))
     parser.add_argument("--method", default="auto", help="of solve_lcp")
@@ -376,8 +374,6 @@ def main(arguments: list[str] | None = None) -> int:
         large_figures.plot(args.results / "large.csv", args.figures)
     if args.task == "table":
         large_figures.table(args.results / "large.csv")
-    if args.task == "picture":
-        large_figures.picture(args.figures)
     return 0
 
 

@@ -6,12 +6,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap, ListedColormap
-from matplotlib.patches import Patch
 
-from known_scenes import BoxLCP, ball_obstacle, obstacle, torsion
-from namlcp import solve_lcp
-from style import BLUE, DARK, PURPLE, SOLVERS, WIDTH, caption, read_rows, save
+from style import BLUE, DARK, SOLVERS, WIDTH, caption, read_rows, save
 
 Rows = list[dict[str, str]]
 
@@ -168,41 +164,6 @@ def note(axes: Axes, text: str, height: float = 0.03) -> None:
     """Write a remark at the right."""
     place = {"transform": axes.transAxes, "ha": "right"}
     axes.text(0.98, height, text, color=DARK, fontsize=7.5, **place)
-
-
-def picture(figures: Path, m: int = 511) -> None:
-    """Solve three problems on m x m nodes; draw contact-sets.png."""
-    figure, panels = plt.subplots(1, 3, figsize=(WIDTH, 3.5), layout="constrained")
-    scenes = {
-        "forced obstacle: membrane on the floor": (obstacle(m), (0.0, 1.0)),
-        "ball obstacle: membrane on the ball": (ball_obstacle(m + 2), (-2.0, 2.0)),
-        "torsion, c = 5: plastic zone": (torsion(m, m), (0.0, 1.0)),
-    }
-    for axes, (title, (scene, sides)) in zip(panels, scenes.items(), strict=True):
-        draw_contact(axes, scene, m, sides)
-        axes.set_title(title)
-    figure.legend(
-        handles=[Patch(color=PURPLE, label="at a bound")],
-        loc="outside lower center",
-    )
-    save(figure, figures / "contact-sets.png")
-
-
-def draw_contact(axes: Axes, scene: BoxLCP, m: int, sides: tuple[float, float]) -> None:
-    """Draw z in shades with level lines, and over it where a bound holds."""
-    z = solve_lcp(*scene).z
-    active = ((z <= scene.lower) | (z >= scene.upper)).reshape(m, m).T
-    z = z.reshape(m, m).T
-    shades = LinearSegmentedColormap.from_list("shades", ["white", BLUE])
-    place = {"origin": "lower", "extent": (*sides, *sides)}
-    axes.imshow(z, cmap=shades, **place)
-    axes.contour(z, 9, colors="white", linewidths=0.6, **place)
-    shown = np.ma.masked_where(~active, active)
-    axes.imshow(shown, cmap=ListedColormap([PURPLE]), interpolation="nearest", **place)
-    share = f"{int(np.sum(active)):,} of {m * m:,} nodes".replace(",", " ")
-    axes.set_xlabel(share)
-    axes.set(xticks=sides, yticks=sides)
-    axes.grid(False)
 
 
 def table(results: Path) -> None:

@@ -4,12 +4,12 @@ Usage::
 
     python validation/maros_meszaros.py run --data DIR --csv FILE [--eps 1e-3 1e-6 1e-9]
         [--limit 10] [--solvers nam piqp ...] [--minutes 30] [--only NAME ...]
-    python validation/maros_meszaros.py plot --data DIR --csv FILE [--figure FILE]
+    python validation/maros_meszaros.py table --data DIR --csv FILE
 
 `run` measures as benchmark.py does, one problem after the other with every solver in
 turn, and writes a row at once; it goes on where an earlier run of the same file has
 stopped. With a larger --limit only what was late under the smaller one is run again.
-`plot` prints the tables of every limit in Markdown and draws performance profiles.
+`table` prints the tables of every limit in Markdown; profiles.py draws them.
 
 The shifted geometric mean is qpbenchmark's: exp(mean(log(t + 10 s))) - 10 s over all
 problems, with the time limit for t where a problem is not solved.
@@ -24,8 +24,6 @@ from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
-from matplotlib import pyplot as plt
-from matplotlib.axes import Axes
 
 import problems
 from benchmark import (
@@ -43,7 +41,6 @@ from benchmark import (
     use_one_thread,
 )
 from measure import bench
-from style import DARK, SOLVERS, WIDTH, caption, save
 
 PEERS = ["nam", "piqp", "clarabel", "proxqp", "osqp"]
 TOLERANCES = [1e-3, 1e-6, 1e-9]
@@ -231,60 +228,16 @@ def print_tables(data: Path, rows: list[Row]) -> None:
             print_failures(own)
 
 
-def draw_profile(axes: Axes, rows: list[Row], total: int) -> None:
-    """Draw how many problems each solver solves within a factor of the fastest.
-
-    What is not solved has an infinite ratio and never counts.
-    """
-    best: dict[str, float] = {}
-    for row in rows:
-        if row["success"]:
-            name = row["problem"]
-            best[name] = min(best.get(name, np.inf), row["runtime"])
-    for solver, own in reversed(by_solver(rows).items()):
-        solved = [row for row in own if row["success"]]
-        ratios = np.sort([row["runtime"] / best[row["problem"]] for row in solved])
-        x = np.concatenate(([1.0], ratios, [1e4]))
-        y = np.concatenate(([0], np.arange(1, ratios.size + 1), [ratios.size]))
-        colour = SOLVERS[solver][0] if solver in SOLVERS else DARK
-        width = 2.4 if solver == "nam" else 1.4
-        label = f"{solver} {ratios.size}"
-        axes.step(x, y, where="post", color=colour, linewidth=width, label=label)
-    axes.axhline(total, color=DARK, linestyle=":", linewidth=1.0)
-    axes.set_xscale("log")
-    axes.set_xlim(1.0, 1e3)
-    axes.set_ylim(0, total * 1.03)
-    axes.set_xlabel("time over the fastest solver's")
-    axes.legend(loc="lower right", reverse=True, fontsize=8.0)
-
-
-def plot(args: argparse.Namespace) -> None:
-    """Print the tables and draw the profiles of the smallest limit."""
-    rows = read_results(args.csv)
-    print_tables(args.data, rows)
-    if args.figure is None:
-        return
-    limit = min(row["limit"] for row in rows)
-    rows = at_limit(rows, limit)
-    tolerances = sorted({row["eps"] for row in rows}, reverse=True)
-    total = len(problems.set_names(args.data, "all"))
-    figure, axes = plt.subplots(
-        1, len(tolerances), figsize=(WIDTH, 3.6), sharey=True, layout="constrained",
-        squeeze=False,
-    )  # fmt: skip
-    for axis, eps in zip(axes[0], tolerances, strict=True):
-        draw_profile(axis, [row for row in rows if row["eps"] == eps], total)
-        axis.set_title(f"eps = {eps:.0e}, {limit:g} s")
-    axes[0, 0].set_ylabel(f"problems solved, of {total}")
-    caption(axes[0, 0], args.csv)
-    save(figure, args.figure)
+def table(args: argparse.Namespace) -> None:
+    """Print the tables."""
+    print_tables(args.data, read_results(args.csv))
 
 
 def parse_arguments(arguments: list[str] | None) -> argparse.Namespace:
     """Return the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     commands = parser.add_subparsers(dest="command", required=True)
-    for name in ("run", "plot"):
+    for name in ("run", "table"):
         command = commands.add_parser(name)
         command.add_argument("--data", type=Path, required=True, help="the data folder")
         command.add_argument("--csv", type=Path, required=True, help="the result file")
@@ -294,20 +247,18 @@ def parse_arguments(arguments: list[str] | None) -> argparse.Namespace:
             command.add_argument("--solvers", nargs="+", default=PEERS)
             command.add_argument("--minutes", type=float, default=np.inf)
             command.add_argument("--only", nargs="+", help="names of problems")
-        else:
-            command.add_argument("--figure", type=Path, help="draw into this file")
     return parser.parse_args(arguments)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run or plot; return 2 if the data folder lacks the set."""
+    """Run or tabulate; return 2 if the data folder lacks the set."""
     args = parse_arguments(arguments)
     try:
         problems.set_names(args.data, "all")
     except problems.MissingDataError as error:
         print(error)
         return 2
-    {"run": run, "plot": plot}[args.command](args)
+    {"run": run, "table": table}[args.command](args)
     return 0
 
 

@@ -13,11 +13,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import qpsolvers
 from qpsolvers import Problem, Solution
 
 import problems
-from settings import solver_settings
+from settings import solve, solver_settings
 
 GRACE = 2.0  # [s] on top of the time limit before a child process is ended
 LOADING = 120.0  # [s] to read a problem, warm up and, once, compile
@@ -98,11 +97,11 @@ def measure(
     settings = solver_settings(solver, eps, limit)
 
     def call() -> Solution:
-        return qpsolvers.solve_problem(problem, solver=solver, **settings)
+        return solve(problem, solver, **settings)
 
     for tiny in problems.tiny_problems(problem):
         try:
-            qpsolvers.solve_problem(tiny, solver=solver, **settings)
+            solve(tiny, solver, **settings)
         except Exception:  # what the solver refuses cannot warm it up
             continue
     pipe.send("ready")

@@ -146,6 +146,13 @@ def tiny_problems(problem: Problem) -> Iterator[Problem]:
         )
 
 
+def filled(problem: Problem) -> Problem:
+    """Return the problem with dense matrices, for the solvers that want them."""
+    P, q, G, h, A, b, lb, ub = problem.unpack()
+    P, G, A = (C.toarray() if sp.issparse(C) else C for C in (P, G, A))
+    return Problem(P, q, G, h, A, b, lb, ub)
+
+
 def require(path: Path) -> Path:
     """Return a path that exists, or say that it is missing."""
     if not path.exists():

@@ -72,6 +72,7 @@ def solver_settings(solver: str, eps: float, limit: float) -> dict[str, Any]:
         "highs": {
             "primal_feasibility_tolerance": eps,
             "dual_feasibility_tolerance": eps,
+            "qp_regularization_value": 0.0,  # 1e-7 leaves residuals of 1e-5
             "time_limit": limit,
         },
         "quadprog": {},

@@ -4,7 +4,6 @@ Colours are Paul Tol's "bright" scheme, distinct for the colour-blind; a family 
 methods has one colour, its members differ by marker.
 """
 
-import csv
 from pathlib import Path
 
 import matplotlib as mpl
@@ -12,11 +11,16 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from benchmark import header_lines, read_csv
+
 mpl.use("Agg")
+
+read_rows = read_csv  # what a figure begins with
 
 WIDTH = 9.0  # [in]
 BLUE, CYAN, GREEN, PURPLE = "#4477AA", "#66CCEE", "#228833", "#AA3377"
 YELLOW, RED = "#CCBB44", "#EE6677"
+ORANGE, GREY, BLACK = "#EE7733", "#999999", "#000000"
 DARK = "#555555"
 
 METHODS = {
@@ -44,6 +48,9 @@ SOLVERS = {
     "clarabel": (CYAN, "v"),
     "proxqp": (YELLOW, "D"),
     "daqp": (RED, "P"),
+    "quadprog": (BLACK, "<"),
+    "scs": (GREY, ">"),
+    "highs": (ORANGE, "h"),
 }
 """Colour and marker of every solver."""
 
@@ -78,8 +85,7 @@ def save(figure: Figure, file: Path) -> None:
 
 def caption(axes: Axes, file: Path) -> None:
     """Write CPU and date, from the first lines of a CSV file, below an axes."""
-    lines = [line[2:].strip() for line in file.open() if line.startswith("# ")]
-    known = dict(line.split(": ", 1) for line in lines if ": " in line)
+    known = dict(line.split(": ", 1) for line in header_lines(file) if ": " in line)
     axes.annotate(
         f"{known['cpu']}; {known['date']}; {file.name}",
         (0.0, 0.0),
@@ -89,9 +95,3 @@ def caption(axes: Axes, file: Path) -> None:
         fontsize=6.5,
         color=DARK,
     )
-
-
-def read_rows(file: Path) -> list[dict[str, str]]:
-    """Return the rows of a CSV file whose first lines start with #."""
-    with file.open(newline="") as stream:
-        return list(csv.DictReader(line for line in stream if line[0] != "#"))

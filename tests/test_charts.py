@@ -1,0 +1,204 @@
+"""The charts, profiles and the report of the validation, on tiny problems."""
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+from qpsolvers import Problem, Solution
+
+import benchmark
+import contact_scenes
+import families
+import references
+import report
+import work_precision
+from namlcp import Status, solve_lcp, solve_qp
+
+VALIDATION = Path(work_precision.__file__).parent
+
+
+@pytest.fixture
+def one_thread(monkeypatch):
+    """Undo what the scripts set for their children."""
+    for library in benchmark.THREADS:
+        monkeypatch.setenv(f"{library}_NUM_THREADS", "1")
+
+
+# ---- families and references
+
+
+def test_families_without_data(tmp_path):
+    known = families.families(tmp_path)
+    assert list(known) == [
+        "dominant", "obstacle", "contact", "MPC", "SVM", "general QP", "paper",
+    ]  # fmt: skip
+    for family in known.values():
+        assert len(family.makers) >= 5
+        assert set(family.quick) <= set(family.makers)
+    for name in ("dominant", "obstacle", "MPC", "paper"):
+        task = known[name].makers[known[name].quick[0]]()
+        if task.exact is not None:
+            w = task.problem.P @ task.exact + task.problem.q
+            assert np.abs(np.minimum(task.exact, w)).max() < 1e-12
+
+
+def test_missing_data_are_named(tmp_path):
+    absent = families.missing(tmp_path)
+    assert [text.split(":")[0] for text in absent] == [
+        "contact", "MPC", "general QP", "SVM",
+    ]  # fmt: skip
+    assert "kaplas_570" in absent[0]
+    assert families.missing(None) == absent
+
+
+def test_reference_is_the_solution():
+    """x = (0.3, 0.7): Clarabel's first example, objective 1.88."""
+    P, q = np.array([[4.0, 1.0], [1.0, 2.0]]), np.ones(2)
+    G, h = np.vstack((np.eye(2), -np.eye(2))), np.array([0.7, 0.7, 0.0, 0.0])
+    A, b = np.ones((1, 2)), np.ones(1)
+    problem = Problem(P, q, G, h, A, b)
+    found = solve_qp(P, q, G, h, A, b)
+    solution = Solution(problem, found=True, x=found.x + 1e-6)
+    solution.y, solution.z, solution.z_box = found.y, found.z, found.z_box
+    exact = references.reference(problem, solution)
+    np.testing.assert_allclose(exact, [0.3, 0.7], rtol=1e-15)
+    solution.x = np.full(2, 0.5)
+    solution.z = np.zeros(4)  # no inequality proposed: refused, not believed
+    assert references.reference(problem, solution) is None
+    singular = Problem(np.diag([1.0, 0.0]), q, G, h)
+    assert references.reference(singular, solution) is None
+    assert references.distance(np.array([2.0, 0.5]), np.array([2.0, 0.0])) == 0.25
+
+
+def test_stack_carries_the_weight_above():
+    boxes = 10
+    scene = contact_scenes.stack(boxes)
+    found = solve_lcp(scene.A, scene.q)
+    assert found.status is Status.SOLVED
+    weight = np.geomspace(1.0, 1e4, boxes)[::-1].cumsum()[::-1]
+    expected = np.repeat(0.5 * contact_scenes.STEP * weight, 2)
+    np.testing.assert_allclose(found.z, expected, rtol=1e-9)
+
+
+# ---- work-precision
+
+
+def test_quartiles_of_a_sample_with_failures():
+    assert work_precision.quartiles([3.0, np.inf, 1.0, 2.0]) == [1.0, 2.0, 3.0]
+    assert work_precision.quartiles([1.0, np.inf, np.inf])[1] == np.inf
+
+
+def test_a_miss_is_ours_to_call():
+    row = {"set": "s", "eps": 1e-6, "status": "solved", "residual": 2e-5}
+    exact = np.array([1.0, 2.0])
+    done = work_precision.complete(dict(row), exact + 0.5, exact)
+    assert done["missed"]
+    assert done["error"] == 0.25
+    row["residual"] = 5e-6
+    assert not work_precision.complete(dict(row), exact, None)["missed"]
+    assert work_precision.complete(row | {"status": "too slow"}, None, None)["missed"]
+
+
+def test_work_precision_on_two_problems(tmp_path, one_thread, capsys):
+    command = "run --quick --families dominant --eps 1e-3 1e-6 --solvers nam nobody"
+    code = work_precision.main(
+        [*command.split(), "--data", str(tmp_path), "--results", str(tmp_path)]
+    )
+    said = capsys.readouterr().out
+    assert code == 2
+    assert "missing in the data folder, left out: MPC: LIPMWALK0" in said
+    assert "nobody: not installed" in said
+    file = tmp_path / "work-precision-quick.csv"
+    assert "# not installed: nobody" in file.read_text()
+    rows = benchmark.read_csv(file)
+    assert {row["solver"] for row in rows} == {"nam", *families.SWEPT}
+    for row in rows:
+        assert row["solved"] == row["problems"] == "2"
+        assert float(row["q1"]) <= float(row["time"]) <= float(row["q3"])
+        assert float(row["error"]) < (1e-12 if row["solver"] == "nam" else 1e-2)
+    detail = tmp_path / "work-precision-quick-problems.csv"
+    before = detail.read_text()
+    work_precision.main([*command.split(), "--results", str(tmp_path)])
+    assert detail.read_text() == before  # nothing left to measure
+    pytest.importorskip("matplotlib")
+    work_precision.main(
+        ["plot", "--quick", "--results", str(tmp_path), "--figures", str(tmp_path)]
+    )
+    assert "<svg" in (tmp_path / "work-precision-quick.svg").read_text()
+
+
+# ---- profiles
+
+
+def test_profiles_count_failures_as_infinite(tmp_path, capsys):
+    pytest.importorskip("matplotlib")
+    from matplotlib import pyplot as plt
+
+    import profiles
+
+    code = profiles.main(
+        ["run", "--quick", "--data", str(tmp_path), "--results", str(tmp_path)]
+    )
+    assert code == 2
+    assert f"{tmp_path / 'mpc'} is missing" in capsys.readouterr().out
+    rows = [
+        {"problem": str(k), "solver": solver, "runtime": time, "success": time < 9.0}
+        for k, times in enumerate([(1.0, 2.0), (3.0, 9.0)])
+        for solver, time in zip(("nam", "piqp"), times, strict=True)
+    ]
+    figure, axes = plt.subplots()
+    profiles.draw_profile(axes, rows, 2)
+    heights = {line.get_label(): line.get_ydata()[-1] for line in axes.get_lines()}
+    plt.close(figure)
+    assert heights["namlcp 2"] == 2
+    assert heights["piqp 1"] == 1
+
+
+# ---- report
+
+
+def test_report_names_what_fails_and_goes_on(tmp_path):
+    (tmp_path / "good.py").write_text("print('the table\\n| a | <b> |\\n|---|---|')")
+    (tmp_path / "bad.py").write_text("raise SystemExit(3)")
+    (tmp_path / "lacking.py").write_text("print('x is missing'); raise SystemExit(2)")
+    (tmp_path / "a.svg").write_text("<?xml version='1.0'?><svg>drawn</svg>")
+
+    def part(name, *figures):
+        return report.Part(name, (f"{tmp_path / name}.py",), figures, 1.0)
+
+    parts = {
+        "bad": part("bad"),
+        "lacking": part("lacking"),
+        "absent": part("absent"),
+        "good": part("good", "a.svg", "b.svg"),
+    }
+    folders = dict.fromkeys(("results", "figures"), tmp_path)
+    folders["data"] = tmp_path / "nowhere"
+    stream = io.StringIO()
+    outcomes = report.report(parts, folders, tmp_path, stream)
+    faults = [outcome.fault for outcome in outcomes.values()]
+    assert faults[0].endswith("ended with 3, see its text")
+    assert faults[1].startswith("something is missing")
+    assert faults[2].endswith("absent.py is not there")
+    assert faults[3] == ""
+    page = (tmp_path / "report.html").read_text()
+    assert f"the data folder {tmp_path / 'nowhere'} is missing" in page
+    assert "<caption>the table</caption><tr><th>a</th><th>&lt;b&gt;</th>" in page
+    assert "<svg>drawn</svg>" in page
+    assert "b.svg was not drawn" in page
+    assert "x is missing" in page
+    assert "good: done" in stream.getvalue()
+
+
+def test_scripts_of_the_report_take_their_arguments():
+    """Every command names a script that is there and arguments that it has."""
+    for part in (*report.QUICK.values(), *report.FULL.values()):
+        for command in part.commands:
+            script, *words = command.split()
+            if not (VALIDATION / script).exists():
+                continue
+            text = (VALIDATION / script).read_text()
+            for word in words:
+                if word.startswith("--"):
+                    assert f'"{word}"' in text, (script, word)

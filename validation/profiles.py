@@ -1,0 +1,250 @@
+"""Performance profiles: how many problems are solved within a factor of the fastest.
+
+Usage::
+
+    python validation/profiles.py run [--data DIR] [--quick] [--results DIR]
+        [--solvers nam piqp ...] [--limit 10]
+    python validation/profiles.py plot [--results DIR] [--figures DIR]
+
+run
+    profiles.csv: a row for each set, problem, solver and tolerance (1e-3, 1e-6, 1e-9),
+    judged and timed as benchmark.py does. Model predictive control and contact are
+    measured here; a run that was stopped goes on where its file ends. Maros-Meszaros
+    (dense subset, strictly convex, all) is taken over from maros-meszaros.csv, which
+    maros_meszaros.py measures: each panel's times are those of one run.
+plot
+    profiles.svg from profiles.csv. What is not solved has an infinite ratio and is
+    never counted; the dotted line is the size of the set.
+
+--quick: a quarter of the control problems and no contact scene above 300 unknowns.
+"""
+
+import argparse
+import sys
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+from qpsolvers import Problem
+
+import problems
+from benchmark import (
+    Row,
+    csv_writer,
+    installed,
+    machine_lines,
+    read_csv,
+    run_set,
+    use_one_thread,
+)
+from maros_meszaros import SUBSETS, at_limit, by_solver, read_results
+from measure import Bench, serve
+from problems import MissingDataError
+from style import DARK, SOLVERS, WIDTH, caption, save
+from work_precision import DENSE, QUICK_LIMIT
+from work_precision import SOLVERS as NAMES
+
+HERE = Path(__file__).parent
+TOLERANCES = [1e-3, 1e-6, 1e-9]
+COLUMNS = "set problem solver eps runtime success status".split()
+MEASURED = {"mpc": "MPC", "contact": "contact"}
+STORED = ("dense", "strictly convex", "all")
+LIMIT = 10.0  # [s], that of maros-meszaros.csv too
+FARTHEST = 1e4  # ratio up to which a line is drawn
+
+
+def load_dense(data: Path, problem_set: str, name: str) -> Problem:
+    """Return a problem with dense matrices."""
+    return problems.filled(problems.load(data, problem_set, name))
+
+
+class DenseBench(Bench):
+    """A child process whose solver wants dense matrices."""
+
+    work = staticmethod(partial(serve, load=load_dense))
+
+
+def chosen(data: Path, problem_set: str, quick: bool) -> list[str]:
+    """Return the names of a set that are measured."""
+    names = problems.set_names(data, problem_set)
+    if not quick:
+        return names
+    if problem_set == "mpc":
+        return names[::4]
+    return [n for n in names if problems.load(data, problem_set, n).q.size <= 300]
+
+
+def measured(
+    args: argparse.Namespace, solvers: list[str], rows: list[Row]
+) -> Iterator[Row]:
+    """Yield the rows of the sets that are measured here, but for those there are."""
+    for problem_set, title in MEASURED.items():
+        names = chosen(args.data, problem_set, args.quick)
+        for solver in solvers:
+            kind = DenseBench if solver in DENSE else Bench
+            own = [row for row in rows if row["solver"] == solver]
+            have = [row["eps"] for row in own if row["set"] == title]
+            wanted = [eps for eps in TOLERANCES if have.count(eps) < len(names)]
+            if not wanted:
+                continue
+            found = run_set(
+                args.data, problem_set, solver, wanted, args.limit, names, kind
+            )
+            for row in found:
+                yield row | {"set": title}
+
+
+def stored(args: argparse.Namespace) -> Iterator[Row]:
+    """Yield the rows of the Maros-Meszaros subsets from the file of their own run."""
+    own = args.results / "maros-meszaros.csv"
+    rows = read_results(own if own.exists() else HERE / "results" / own.name)
+    if not rows:
+        print("maros-meszaros.csv: no results, left out")
+        return
+    rows = at_limit(rows, min(row["limit"] for row in rows))
+    index = problems.maros_index(args.data, "all")
+    for subset in STORED:
+        for row in rows:
+            if SUBSETS[subset](index[row["problem"]]):
+                yield row | {"set": f"Maros-Meszaros, {subset}"}
+
+
+def run(args: argparse.Namespace) -> int:
+    """Write what the file does not have yet; return 2 if the data are missing."""
+    use_one_thread()
+    solvers = installed(args.solvers)
+    header = machine_lines(solvers)
+    left_out = [solver for solver in args.solvers if solver not in solvers]
+    header += [f"not installed: {', '.join(left_out)}"] if left_out else []
+    file = args.results / f"{args.stem}.csv"
+    file.parent.mkdir(parents=True, exist_ok=True)
+    rows = known(file)
+    missing: list[str] = []
+    with csv_writer(file, header, COLUMNS, "ignore", append=True) as write:
+        try:
+            for row in measured(args, solvers, rows):
+                write(row)
+                args.report(row)
+        except MissingDataError as error:
+            missing.append(str(error))
+    rows = [row for row in known(file) if row["set"] in MEASURED.values()]
+    try:
+        rows += stored(args)
+    except MissingDataError as error:
+        missing.append(str(error))
+    with csv_writer(file, header, COLUMNS, "ignore") as write:
+        for row in rows:
+            write(row)
+    for text in missing:
+        print(f"{text}; left out")
+    return 2 if missing else 0
+
+
+def known(file: Path) -> list[Row]:
+    """Return the rows that are written, as numbers; the last one stands."""
+    rows: dict[tuple[str, ...], Row] = {}
+    for row in read_csv(file) if file.exists() else []:
+        solved = row["success"] == "True"
+        runtime = float(row["runtime"] or "nan")
+        numbers = {"eps": float(row["eps"]), "success": solved, "runtime": runtime}
+        key = row["set"], row["problem"], row["solver"], row["eps"]
+        rows[key] = {**row, **numbers}
+    return list(rows.values())
+
+
+def draw_profile(axes: Axes, rows: list[Row], total: int) -> None:
+    """Draw how many problems each solver solves within a factor of the fastest.
+
+    What is not solved has an infinite ratio and never counts.
+    """
+    best: dict[str, float] = {}
+    for row in rows:
+        if row["success"]:
+            name = row["problem"]
+            best[name] = min(best.get(name, np.inf), row["runtime"])
+    for solver, own in reversed(by_solver(rows).items()):
+        solved = [row for row in own if row["success"]]
+        ratios = np.sort([row["runtime"] / best[row["problem"]] for row in solved])
+        x = np.concatenate(([1.0], ratios, [FARTHEST]))
+        y = np.concatenate(([0], np.arange(1, ratios.size + 1), [ratios.size]))
+        colour = SOLVERS[solver][0]
+        width = 2.4 if solver == "nam" else 1.2
+        name = "namlcp" if solver == "nam" else solver
+        label = f"{name} {ratios.size}"
+        axes.step(x, y, where="post", color=colour, linewidth=width, label=label)
+    axes.axhline(total, color=DARK, linestyle=":", linewidth=1.0)
+    axes.set_xscale("log")
+    axes.set_xlim(1.0, FARTHEST)
+    axes.set_ylim(0, total * 1.04)
+    axes.legend(
+        loc="lower right", reverse=True, fontsize=6.5, labelspacing=0.15,
+        handlelength=1.2, borderaxespad=0.2,
+    )  # fmt: skip
+
+
+def plot(results: Path, file: Path) -> None:
+    """Draw a row of panels for each set that the file has."""
+    rows = known(results)
+    sets = list(dict.fromkeys(row["set"] for row in rows))
+    if not sets:
+        print(f"{results.name} has no rows: nothing to draw")
+        return
+    figure, axes = plt.subplots(
+        len(sets), 3, figsize=(WIDTH, 2.6 * len(sets) + 0.4), sharex=True,
+        layout="constrained", squeeze=False,
+    )  # fmt: skip
+    for line, name in zip(axes, sets, strict=True):
+        total = len({row["problem"] for row in rows if row["set"] == name})
+        for panel, eps in zip(line, TOLERANCES, strict=True):
+            own = [row for row in rows if (row["set"], row["eps"]) == (name, eps)]
+            draw_profile(panel, own, total)
+            panel.set_title(f"eps = {eps:.0e}", fontsize=8.5)
+        line[0].set_ylabel(f"{name}\nsolved, of {total}")
+    for panel in axes[-1]:
+        panel.set_xlabel("time over the fastest solver's")
+    caption(axes[-1, 0], results)
+    axes[-1, 0].texts[-1].set_in_layout(False)  # it is wider than its panel
+    save(figure, file)
+
+
+def print_row(row: Row) -> None:
+    """Print one measurement on one line."""
+    print(
+        f"{row['set']:<32}{row['problem']:<16}{row['solver']:<10}{row['eps']:<8.0e}"
+        f"{1e3 * float(row.get('runtime', 'nan')):>11.3f} ms {row['status']:.30}",
+        flush=True,
+    )
+
+
+def parse_arguments(arguments: list[str] | None) -> argparse.Namespace:
+    """Return the command line, with what --quick stands for."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("task", choices=["run", "plot"])
+    parser.add_argument("--data", type=Path, help="the data folder")
+    parser.add_argument("--quick", action="store_true")
+    parser.add_argument("--solvers", nargs="+", default=NAMES)
+    parser.add_argument("--limit", type=float, help="[s] a solve")
+    parser.add_argument("--results", type=Path, default=HERE / "results")
+    parser.add_argument("--figures", type=Path, default=HERE / "figures")
+    args = parser.parse_args(arguments)
+    args.data = args.data or Path("(no --data)")
+    args.limit = args.limit or (QUICK_LIMIT if args.quick else LIMIT)
+    args.stem = "profiles-quick" if args.quick else "profiles"
+    args.report = print_row
+    return args
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run or plot."""
+    args = parse_arguments(arguments)
+    if args.task == "run":
+        return run(args)
+    plot(args.results / f"{args.stem}.csv", args.figures / f"{args.stem}.svg")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
