@@ -34,6 +34,7 @@ def solve(
         if hint is None
         else (0 if b is None else len(b)) + np.flatnonzero(hint),
         10_000,
+        0,
     )
 
 

@@ -16,58 +16,27 @@ from typing import Any
 import numpy as np
 import qpsolvers
 import scipy.sparse as sp
-from scipy.io import loadmat
 
 import namlcp
 from namlcp.checks import INFINITE
+from namlcp.files import read_mat, read_npz
 from namlcp.scenes import disc_pile, forced_obstacle, preview_control
 
-NPZ_NAMES = ("P", "q", "G", "h", "A", "b", "lb", "ub")
+
+def npz_problem(path: str) -> qpsolvers.Problem:
+    """Read what qpsolvers.Problem.save wrote."""
+    return qpsolvers.Problem(**read_npz(path))
 
 
-def read_npz(path: str) -> qpsolvers.Problem:
-    """Read what qpsolvers.Problem.save wrote, without unpickling anything."""
-    with np.load(path, allow_pickle=False) as archive:
-        missing = [name for name in ("P", "q") if name not in archive]
-        if missing:
-            raise ValueError(f"{path} holds no {missing[0]}: not a qpsolvers problem")
-        data = {}
-        for name in NPZ_NAMES:
-            data[name] = read_array(archive, name) if name in archive else None
-    return qpsolvers.Problem(**data)
-
-
-def read_array(archive: Any, name: str) -> np.ndarray | None:
-    """Return one array; None is saved as an object array, which is not unpickled."""
-    member = f"{name}.npy"
-    with archive.zip.open(member) as stream:
-        version = np.lib.format.read_magic(stream)
-        read = {
-            (1, 0): np.lib.format.read_array_header_1_0,
-            (2, 0): np.lib.format.read_array_header_2_0,
-        }.get(version)
-        shape, _, dtype = read(stream) if read else ((), False, np.dtype(float))
-    if not dtype.hasobject:
-        return archive[name]
-    if shape == ():
-        return None
-    raise ValueError(f"{name} is an array of Python objects, which is not read")
-
-
-def read_mat(path: str) -> qpsolvers.Problem:
+def mat_problem(path: str) -> qpsolvers.Problem:
     """Read a Maros-Meszaros problem, l <= A x <= u with the bounds as its last rows."""
-    data = loadmat(path)
-    missing = [name for name in ("P", "q", "A", "l", "u") if name not in data]
-    if missing:
-        raise ValueError(f"{path} holds no {missing[0]}: not a Maros-Meszaros problem")
+    data = read_mat(path)
     P, C = sp.csc_matrix(data["P"]), sp.csr_matrix(data["A"])
-    q, low, high = (
-        np.asarray(data[name], dtype=float).ravel() for name in ("q", "l", "u")
-    )
+    q, low, high = data["q"], data["l"], data["u"]
     m = C.shape[0] - q.size
     if m < 0 or low.size != C.shape[0] or high.size != C.shape[0]:
         raise ValueError(
-            f"{path}: A, l, u must have as many rows, at least one for each entry of "
+            "A, l, u must have as many rows, at least one for each entry of "
             f"q, got {C.shape[0]}, {low.size}, {high.size} for {q.size}"
         )
     low[low <= -INFINITE], high[high >= INFINITE] = -np.inf, np.inf
@@ -90,9 +59,10 @@ def read_mat(path: str) -> qpsolvers.Problem:
 def solve_file(path: str, settings: dict[str, Any]) -> int:
     """Solve the problem in a file and print the outcome; 0 if solved."""
     try:
-        problem = read_mat(path) if path.endswith(".mat") else read_npz(path)
+        problem = mat_problem(path) if path.endswith(".mat") else npz_problem(path)
     except Exception as error:  # whatever a hostile file provokes in its reader
-        print(f"cannot read {path}: {error}", file=sys.stderr)
+        reason = str(error) or type(error).__name__
+        print(f"cannot read {path}: {reason}", file=sys.stderr)
         return 2
     try:
         answer = qpsolvers.solve_problem(problem, solver="nam", **settings)

@@ -6,12 +6,14 @@ arrays are never changed; they are passed on as they are when they are clean alr
 """
 
 import functools
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
 from numba import njit
 
+from namlcp.deadline import interruptible
 from namlcp.symmetry import asymmetry, dense_asymmetry
 
 # Bounds of at least this modulus mean "no bound": 1e20 in the QP collections, where
@@ -19,6 +21,9 @@ from namlcp.symmetry import asymmetry, dense_asymmetry
 INFINITE = 0.999e20
 # P may differ from its transpose by this times max |P| (rounding); it is symmetrised.
 ASYMMETRY = 1e-10
+
+# What int32 can count: no matrix, and no KKT matrix, may have more entries.
+MOST_ENTRIES = 2**31 - 1
 
 FLOAT = np.dtype(np.float64)
 INDEX = np.dtype(np.int32)
@@ -91,16 +96,26 @@ def vector(
     if is_clean(value, 1) and value.size == size:
         return value
     if sp.issparse(value):
+        if math.prod(value.shape) != size:  # before it is made dense
+            raise wrong_shape(name, value, size, other, shape)
+        refuse_indices(name, value)
         value = value.toarray()
     array = real_array(name, value)
     if array.ndim == 2 and 1 in array.shape:
         array = array.ravel()
     if array.shape != (size,):
-        raise ValueError(
-            f"{name} must have shape ({size},) to match {other} of shape {shape}, "
-            f"got {np.shape(value)}"
-        )
+        raise wrong_shape(name, value, size, other, shape)
     return array
+
+
+def wrong_shape(
+    name: str, value: Any, size: int, other: str, shape: tuple[int, ...]
+) -> ValueError:
+    """Return the error of a vector that does not match `other`."""
+    return ValueError(
+        f"{name} must have shape ({size},) to match {other} of shape {shape}, "
+        f"got {np.shape(value)}"
+    )
 
 
 def finite_vector(
@@ -158,6 +173,15 @@ def is_clean_sparse(value: Any, layout: str) -> bool:
     )
 
 
+def refuse_size(name: str, entries: int) -> None:
+    """Raise a MemoryError where there are more entries than int32 can count."""
+    if entries > MOST_ENTRIES:
+        raise MemoryError(
+            f"{name} would have {entries:.1e} entries of {8e-9 * entries:.0f} GB, "
+            f"allowed are {MOST_ENTRIES:.1e}"
+        )
+
+
 def sparse_matrix(name: str, value: Any, layout: str) -> Any:
     """Return `value` as a canonical sparse array or matrix of float64."""
     refuse_indices(name, value)
@@ -171,12 +195,13 @@ def sparse_matrix(name: str, value: Any, layout: str) -> Any:
         nnz = value.indptr[-1]
         data, indices, indptr = value.data[:nnz], value.indices[:nnz], value.indptr
     else:
+        refuse_size(name, value.nnz)
         value = sp.csr_array(value, copy=True).asformat(layout)
         value.sum_duplicates()
         data, indices, indptr = value.data, value.indices, value.indptr
+    refuse_size(name, max(*value.shape, data.size))
     data = clean_copy(data, np.float64)
-    kind = np.int32 if max(*value.shape, data.size) < 2**31 else np.int64
-    indices, indptr = (clean_copy(v, kind) for v in (indices, indptr))
+    indices, indptr = (clean_copy(v, np.int32) for v in (indices, indptr))
     wrap = sp.csr_array if layout == "csr" else sp.csc_array
     clean = wrap((data, indices, indptr), shape=value.shape)
     clean.has_canonical_format = True
@@ -320,6 +345,7 @@ def as_sparse(C: Any) -> Any:
     """Return a clean matrix as a clean sparse one."""
     if type(C) is not np.ndarray:
         return C
+    refuse_size("a dense matrix as a sparse one", C.size)
     if C.shape[0] == 0:
         return no_rows(C.shape[1])
     sparse = sp.csc_array(compressed(C), shape=C.shape)
@@ -374,6 +400,7 @@ def constant(n: int, value: float) -> np.ndarray:
     return array
 
 
+@interruptible
 def qp_data(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) -> QPData:
     """Check a QP as the user gave it and return it clean.
 

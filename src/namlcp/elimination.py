@@ -15,6 +15,7 @@ from numba import njit
 from scipy.sparse import csc_matrix, identity
 from scipy.sparse.linalg import spilu
 
+from namlcp.checks import refuse_size
 from namlcp.lapack import inner
 
 MERGE = np.array(((4, 1.0), (16, 0.8), (48, 0.1), (1 << 30, 0.05)))
@@ -125,6 +126,7 @@ def supernodes(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Superno
     f = k + order.counts[last]
     starts = np.concatenate(([0], np.cumsum(f)))
     panels = np.concatenate(([0], np.cumsum(f * k)))
+    refuse_size("the factors", int(panels[-1]))
     node = np.repeat(np.arange(k.size, dtype=np.int32), k)
     above = order.parent[last]
     parent = np.where(above < 0, -1, node[above]).astype(np.int32)

@@ -25,8 +25,8 @@ class Options:
         Limit on the iterations of any one loop, >= 1.
     time_limit : float
         Limit on the whole solve [s], > 0. The best point so far is returned. It is
-        looked at between iterations; the dense form, one compiled call, looks at its
-        end only.
+        looked at between iterations, hence after at most one factorisation more; the
+        very first call compiles, which is not interrupted.
     verbose : bool
         Print a table of the progress on standard output.
     """

@@ -78,7 +78,13 @@ def natural_squares(z, w, lower, upper, unit):
 def natural_residual(
     z: np.ndarray, w: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> float:
-    """Return || z - clip(z - w, lower, upper) ||_2 for w = A z + q."""
+    """Return || z - clip(z - w, lower, upper) ||_2 for w = A z + q.
+
+    All four are (n,) arrays of float64. Raises ValueError where the sizes disagree.
+    """
+    if not z.shape == w.shape == lower.shape == upper.shape:
+        shapes = z.shape, w.shape, lower.shape, upper.shape
+        raise ValueError(f"z, w, lower and upper must have one shape, got {shapes}")
     total = natural_squares(z, w, lower, upper, 1.0)
     if 1e-200 < total < 1e200:
         return math.sqrt(total)
@@ -177,8 +183,8 @@ def qp_residuals(
     h: np.ndarray,
     A: Any,
     b: np.ndarray,
-    lb: np.ndarray,
-    ub: np.ndarray,
+    lb: np.ndarray | None,
+    ub: np.ndarray | None,
     x: np.ndarray,
     y: np.ndarray,
     z: np.ndarray,
@@ -186,10 +192,22 @@ def qp_residuals(
 ) -> Residuals:
     """Return the residuals of (x, y, z, z_box) on the QP as it was given.
 
-    P, G, A are dense or sparse; absent parts have zero rows, absent bounds infinite
-    entries. Where the terms of the gap are 1e16 times the tolerance, the order of the
-    sums decides: large ones are summed as the hosts do, dot product by dot product.
+    P, G, A are dense or sparse, the vectors arrays of float64; absent parts have zero
+    rows, absent bounds infinite entries or are None. Raises ValueError where the sizes
+    disagree.
+
+    Where the terms of the gap are 1e16 times the tolerance, the order of the sums
+    decides: large ones are summed as the hosts do, dot product by dot product.
     """
+    lb = np.full(x.size, -np.inf) if lb is None else lb
+    ub = np.full(x.size, np.inf) if ub is None else ub
+    if not x.shape == q.shape == lb.shape == ub.shape == z_box.shape:
+        shapes = x.shape, q.shape, lb.shape, ub.shape, z_box.shape
+        raise ValueError(f"x, q, lb, ub, z_box must have one shape, got {shapes}")
+    for names, side, multiplier in (("h and z", h, z), ("b and y", b, y)):
+        if side.shape != multiplier.shape:
+            sides = f"{side.shape} and {multiplier.shape}"
+            raise ValueError(f"{names} must have one shape, got {sides}")
     Aty_Gtz = np.zeros(x.size)
     add_transposed(A, y, Aty_Gtz)
     add_transposed(G, z, Aty_Gtz)

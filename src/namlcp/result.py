@@ -77,7 +77,8 @@ class QPResult:
     iterations : int
         Pivots, sweeps or interior steps of the form that was chosen.
     form : str
-        The smallest form that fitted, after substitution: "bounds", "dual" or "path".
+        The smallest form that fitted, after substitution: "bounds", "dual" or "path";
+        "substitution" where time was over before any.
     message : str
         One sentence more than the status says, or "".
     setup_time, solve_time : float

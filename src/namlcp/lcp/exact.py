@@ -64,6 +64,9 @@ BLOCK_ORDER, BLOCK_ENTRIES = 2000, 20_000
 DENSE_LU = 600
 """Up to this order faces of sparse unsymmetric matrices go to dense LU."""
 
+UNSEEN = 30_000_000
+"""Multiplications of dense factorisations between two looks at the deadline."""
+
 LAST_STEPS = 200
 """So many factorisations, and one for each unknown, are left to a hopeless case."""
 
@@ -187,7 +190,7 @@ def drive(
 ) -> tuple[Status, np.ndarray | None]:
     """Call `pivot` until it is done, and do for it what it asks for."""
     counter, n = work.counter, q.size
-    chunk = 1 if n > 500 or report is not None else 50
+    chunk = 1 if report is not None else max(1, min(50, UNSEEN // (n**3 + 1)))
     code = pivoting.MORE
     while code != pivoting.SOLVED:
         done = int(counter[FACTORED])

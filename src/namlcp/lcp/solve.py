@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import issparse
 
 from namlcp.checks import finite_vector
-from namlcp.deadline import Deadline
+from namlcp.deadline import Deadline, interruptible
 from namlcp.lcp.auto import LARGE, ask_multigrid, solve_auto
 from namlcp.lcp.data import LCPData, lcp_data
 from namlcp.lcp.exact import ACCURACY, Outcome
@@ -29,6 +29,7 @@ SWEEP_EPS_ABS = 1e-8
 SWEEP_MAX_ITER = 100_000
 
 
+@interruptible
 def solve_lcp(
     A: Any,
     q: Any,

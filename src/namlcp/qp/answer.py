@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from namlcp.checks import QPData
 from namlcp.options import Options
-from namlcp.residuals import Residuals
+from namlcp.residuals import Residuals, qp_residuals
 from namlcp.status import Status
 
 OBJECTIVE = {Status.PRIMAL_INFEASIBLE: np.inf, Status.DUAL_INFEASIBLE: -np.inf}
@@ -24,6 +25,15 @@ class Answer(NamedTuple):
     iterations: int
     form: str
     message: str
+
+
+def late(qp: QPData) -> Answer:
+    """Return the answer where time is over before a form has begun: x = clip(0)."""
+    x = np.minimum(np.maximum(np.zeros(qp.q.size), qp.lb), qp.ub)
+    point = x, np.zeros(qp.b.size), np.zeros(qp.h.size), np.zeros(qp.q.size)
+    return Answer(
+        Status.TIME_LIMIT, *point, qp_residuals(*qp, *point), 0, "substitution", ""
+    )
 
 
 def is_decided(answer: Answer | None) -> bool:

@@ -5,6 +5,8 @@ than the whole solve; everything here is one compiled pass. All matrices are can
 (sorted, no duplicates) with int32 indices.
 """
 
+import time
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,7 @@ from namlcp.checks import as_sparse
 
 DENSE = 0.2  # density from which rows are multiplied as dense ones
 ROOM = 20_000_000  # entries of a dense matrix at most
+STRIP = 4_000_000  # entries of the rows multiplied at a time
 
 
 def as_dense(C: Any) -> np.ndarray:
@@ -58,13 +61,17 @@ def by_rows(M: csc_array) -> csr_array:
     return rows
 
 
-def with_squares(P: csc_array, B: csc_array, weight: np.ndarray) -> csc_array:
-    """Return P + B' diag(weight) B."""
+def with_squares(
+    P: csc_array, B: csc_array, weight: np.ndarray, deadline: float = inf
+) -> csc_array | None:
+    """Return P + B' diag(weight) B, None where the deadline comes before that."""
     rows, columns = B.shape
     if DENSE * rows * columns < B.nnz and columns**2 <= ROOM:
         S, C = as_dense(P), by_rows(B)
-        step = max(1, ROOM // columns)
+        step = max(1, STRIP // columns)
         for i in range(0, rows, step):
+            if time.perf_counter() >= deadline:
+                return None
             half = C[i : i + step].toarray() * np.sqrt(weight[i : i + step])[:, None]
             S += half.T @ half
         return as_sparse(S)

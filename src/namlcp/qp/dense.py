@@ -20,6 +20,7 @@ Where the centre runs away along a ray, the QP is unbounded.
 import numpy as np
 from numba import njit
 
+from namlcp.deadline import is_over, new_watch
 from namlcp.lapack import (
     add_rmatvec,
     add_scaled,
@@ -51,7 +52,7 @@ from namlcp.qp.thinqr import triangular_solve, triangular_solve_transposed
 from namlcp.qp.units import is_uneven
 from namlcp.residuals import qp_residuals_of_products
 
-SOLVED, INFEASIBLE, UNBOUNDED, NOT_CONVEX, STALLED, UNEVEN = 0, 1, 2, 3, 4, 5
+SOLVED, INFEASIBLE, UNBOUNDED, NOT_CONVEX, STALLED, UNEVEN, LATE = range(7)
 
 # Pivots after which multipliers and x are computed anew, against drift.
 REFIT = 32
@@ -230,18 +231,20 @@ def factor_weighted(P, q, G, h, A, b, lb, ub, weight, L):
 
 
 @inner
-def lower(weight, active, multiplier, k, P, G, A, L, Q, R):
+def lower(weight, active, multiplier, k, P, G, A, L, Q, R, watch):
     """Lower the weight and factor anew; return the number of active rows, -1 if not."""
     for j in range(weight.size):
         weight[j] *= LOWER
     if not factor(P, weight, L):
         return np.int64(-1)
     kept = active[:k].copy()
-    return start_from(kept, active, multiplier, np.int64(0), G, A, L, Q, R)
+    return start_from(kept, active, multiplier, np.int64(0), G, A, L, Q, R, watch)
 
 
 @pasted
-def pivot(P, q, G, h, A, b, lb, ub, L, weight, start, hint, x, y, z, z_box, max_iter):
+def pivot(
+    P, q, G, h, A, b, lb, ub, L, weight, start, hint, x, y, z, z_box, max_iter, watch
+):
     """Run the pivoting with P + diag(weight) = L L'; set x and the multipliers.
 
     The weight is zero for a definite P. Returns (code, pivots). INFEASIBLE leaves a
@@ -267,15 +270,17 @@ def pivot(P, q, G, h, A, b, lb, ub, L, weight, start, hint, x, y, z, z_box, max_
             return SOLVED, 0
     row_norms(G, norms)
     for i in range(p):
-        k = enter(i, A[i], b[i], active, multiplier, k, L, Q, R, u, x, p, level)
+        k = enter(i, A[i], b[i], active, multiplier, k, L, Q, R, u, x, p, level, watch)
         if k < 0:
             active[-1 - k] = i
             certificate(active, multiplier, -k, p, y, z, z_box)
             return INFEASIBLE, pivots
     if hint.size > 0:
-        k = start_from(hint, active, multiplier, k, G, A, L, Q, R)
+        k = start_from(hint, active, multiplier, k, G, A, L, Q, R, watch)
         if definite:
-            k = refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x)
+            k = refit(
+                active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x, watch
+            )
         else:
             copy(centre, x)
     for turn in range(centres):
@@ -283,6 +288,7 @@ def pivot(P, q, G, h, A, b, lb, ub, L, weight, start, hint, x, y, z, z_box, max_
             pivots < max_iter
             and level <= COARSE
             and (definite or turn > 0 or hint.size == 0)
+            and not is_over(watch, n * m)
         ):
             matvec(G, x, Gx)
             entering = most_violated(x, Gx, h, lb, ub, norms, level, p)
@@ -290,7 +296,9 @@ def pivot(P, q, G, h, A, b, lb, ub, L, weight, start, hint, x, y, z, z_box, max_
                 break
             pivots += 1
             if pivots % REFIT == 0:
-                k = refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x)
+                k = refit(
+                    active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x, watch
+                )
             set_row(entering, G, A, row)
             d = right_side(entering, h, b, lb, ub)
             size = abs(d) + np.sqrt(dot(row, row)) * largest(x)
@@ -299,7 +307,9 @@ def pivot(P, q, G, h, A, b, lb, ub, L, weight, start, hint, x, y, z, z_box, max_
             if idle == IDLE:
                 level *= 10.0  # rounding, not the problem, keeps it busy
                 idle = 0
-            k = enter(entering, row, d, active, multiplier, k, L, Q, R, u, x, p, level)
+            k = enter(
+                entering, row, d, active, multiplier, k, L, Q, R, u, x, p, level, watch
+            )
             if k < 0:
                 active[-1 - k] = entering
                 if (definite or not is_noise) and contradicts(
@@ -309,13 +319,16 @@ def pivot(P, q, G, h, A, b, lb, ub, L, weight, start, hint, x, y, z, z_box, max_
                     return INFEASIBLE, pivots
                 level *= 10.0  # dependent rows that disagree by rounding
                 k = refit(
-                    active, multiplier, -1 - k, G, h, A, b, lb, ub, u0, L, Q, R, u, x
-                )
+                    active, multiplier, -1 - k, G, h, A, b, lb, ub, u0, L, Q, R, u, x,
+                    watch,
+                )  # fmt: skip
         copy(x, point)
         error = refine(
             active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x, passes
         )
         left = recover(active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box)
+        if is_over(watch, 0):
+            return LATE, pivots
         if pivots >= max_iter or level > COARSE:
             return STALLED, pivots
         matvec(G, x, Gx)
@@ -338,25 +351,26 @@ def pivot(P, q, G, h, A, b, lb, ub, L, weight, start, hint, x, y, z, z_box, max_
             if turn > 0 and is_ray(z_box, P, q, G, h, lb, ub, norms, row, Gx):
                 return UNBOUNDED, pivots
             if 0 < turn <= LOWERED:
-                k = lower(weight, active, multiplier, k, P, G, A, L, Q, R)
+                k = lower(weight, active, multiplier, k, P, G, A, L, Q, R, watch)
                 if k < 0:
                     return STALLED, pivots
             copy(point, centre)
             unconstrained(q, weight, centre, L, u0, u, x)
             exact = EXACT
-        k = refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x)
+        k = refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x, watch)
     return STALLED, pivots
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def solve(P, q, G, h, A, b, lb, ub, start, hint, max_iter):
+def solve(P, q, G, h, A, b, lb, ub, start, hint, max_iter, address):
     """Solve min 1/2 x'Px + q'x, Gx <= h, Ax = b, lb <= x <= ub.
 
     All arrays are float64 and C-contiguous; absent parts have zero rows, absent bounds
     are infinite; start, (n,) or empty, is a guess of x, hint (int64) lists inequalities
-    to begin with. Returns (code, pivots, x, y, z, z_box, residuals), the last as in
-    `Residuals`. NOT_CONVEX says that P is not positive semidefinite, UNEVEN that the
-    variables need other units first (`units`): nothing is solved then.
+    to begin with; address: see `Deadline.run`. Returns (code, pivots, x, y, z, z_box,
+    residuals), the last as in `Residuals`. NOT_CONVEX says that P is not positive
+    semidefinite, UNEVEN that the variables need other units first (`units`): nothing is
+    solved then.
     """
     n, m, p = q.size, h.size, b.size
     x, y, z, z_box = np.zeros(n), np.zeros(p), np.zeros(m), np.zeros(n)
@@ -371,8 +385,9 @@ def solve(P, q, G, h, A, b, lb, ub, start, hint, max_iter):
         max_iter = min(max_iter, MANY * (n + m + p))
     if ready:
         code, pivots = pivot(
-            P, q, G, h, A, b, lb, ub, L, weight, start, hint, x, y, z, z_box, max_iter
-        )
+            P, q, G, h, A, b, lb, ub, L, weight, start, hint, x, y, z, z_box, max_iter,
+            new_watch(address),
+        )  # fmt: skip
     Px, Gx, Ax, Aty_Gtz = np.empty(n), np.empty(m), np.empty(p), np.zeros(n)
     matvec(P, x, Px)
     matvec(G, x, Gx)

@@ -6,6 +6,7 @@ V = C L^-T is kept by `thinqr`. u = L'x; u0 is u of the unconstrained minimum.
 
 import numpy as np
 
+from namlcp.deadline import is_over
 from namlcp.lapack import add_scaled, backward_solve, copy, dot, forward_solve, inner
 from namlcp.qp.rows import right_side, set_row, term_size
 from namlcp.qp.thinqr import (
@@ -32,7 +33,7 @@ def blocking(multiplier, r, k, active, p):
 
 
 @inner
-def enter(entering, row, d, active, multiplier, k, L, Q, R, u, x, p, level):
+def enter(entering, row, d, active, multiplier, k, L, Q, R, u, x, p, level, watch):
     """Let constraint `entering` (row'x <= d, or = d) in by partial and full steps.
 
     Moves u = L'x, x and multiplier[:k]; equalities must enter before inequalities.
@@ -48,7 +49,7 @@ def enter(entering, row, d, active, multiplier, k, L, Q, R, u, x, p, level):
     coefficients = np.empty(k + 1)
     r = np.empty(k + 1)
     own = 0.0
-    while True:
+    while not is_over(watch, 4 * v.size * v.size):
         copy(v, rest)
         length = project(Q, k, rest, coefficients)
         dependent = k == v.size or length <= DEPENDENT * whole
@@ -83,10 +84,11 @@ def enter(entering, row, d, active, multiplier, k, L, Q, R, u, x, p, level):
                 return k + 1
         remove(Q, R, k, leaving, active, multiplier)
         k -= 1
+    return k
 
 
 @inner
-def refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x):
+def refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x, watch):
     """Drop inequalities until the multipliers of the active rows are >= 0.
 
     For the active rows held as equations: R'R multiplier = V u0 - d and
@@ -110,7 +112,7 @@ def refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x):
         for i in range(k):
             if active[i] >= p and multiplier[i] < least:
                 leaving, least = i, multiplier[i]
-        if leaving < 0:
+        if leaving < 0 or is_over(watch, 4 * x.size * x.size):
             copy(u, x)
             backward_solve(L, x)
             return k
@@ -119,12 +121,12 @@ def refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x):
 
 
 @inner
-def start_from(rows, active, multiplier, k, G, A, L, Q, R):
+def start_from(rows, active, multiplier, k, G, A, L, Q, R, watch):
     """Append the independent ones of the constraints `rows`, with multiplier 0."""
     p, n = A.shape[0], G.shape[1]
     row, d = np.empty(n), np.empty(n + 1)
     for i in range(rows.size):
-        if k < n:
+        if k < n and not is_over(watch, 2 * n * n):
             set_row(rows[i], G, A, row)
             forward_solve(L, row)
             whole = np.sqrt(dot(row, row))

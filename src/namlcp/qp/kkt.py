@@ -15,6 +15,7 @@ import numpy as np
 from numba import njit
 from scipy.sparse import csc_array, csr_array
 
+from namlcp.checks import refuse_size
 from namlcp.qp.factors import Bordered, Multifrontal, Sparse, factor
 
 PASSES = 11  # refinement steps at most
@@ -50,6 +51,7 @@ class KKT:
         self.n = P.shape[0]
         self.size = self.n + A.shape[0] + G.shape[0]
         room = P.nnz + A.nnz + G.nnz + self.size
+        refuse_size("the KKT matrix", room)
         self.indptr = np.zeros(self.size + 1, dtype=np.int32)
         self.indices = np.empty(room, dtype=np.int32)
         self.base = np.empty(room)

@@ -180,6 +180,8 @@ class Interior:
 
     def follow(self, guess: Guess, deadline: float, report: Report | None) -> Status:
         """Run the loop."""
+        if time.perf_counter() > deadline:  # before the first factorisation
+            return Status.TIME_LIMIT
         self.is_warm = guess.x.size > 0 and self.warm_start(guess)
         if not self.is_warm and not self.start():
             return Status.NUMERICAL_ERROR

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from namlcp.checks import QPData, as_sparse, qp_data
-from namlcp.deadline import Deadline
+from namlcp.deadline import Deadline, interruptible
 from namlcp.lcp.auto import LARGE, solve_auto
 from namlcp.lcp.exact import ACCURACY, Outcome, solve_box
 from namlcp.lcp.kernels import relax_csr
@@ -21,7 +21,7 @@ from namlcp.lcp.pivoting import pivot
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp import certificates, dense, path
-from namlcp.qp.answer import FINAL, OBJECTIVE, Answer, better, is_decided
+from namlcp.qp.answer import FINAL, OBJECTIVE, Answer, better, is_decided, late
 from namlcp.qp.csc import as_dense
 from namlcp.qp.farsides import confirmed, without_far_sides
 from namlcp.qp.memory import Memory
@@ -134,6 +134,7 @@ def solve_qp(
     return solve_checked(qp, options, make_guess(qp, x0, warm_start), start, history)
 
 
+@interruptible
 def solve_checked(
     qp: QPData,
     options: Options,
@@ -198,7 +199,11 @@ def solve_forms(
         qp = memory.recognised(qp)
     smaller = None
     if not qp.is_dense and (qp.h.size or qp.b.size):
-        smaller = memory.substitution = substitute(qp, memory.substitution)
+        with deadline.listening():
+            smaller = substitute(qp, memory.substitution, deadline)
+        memory.substitution = smaller
+        if time.perf_counter() >= deadline:
+            return late(qp)
     if smaller is None:
         return try_forms(qp, options, guess, deadline, progress, memory)
     if smaller.solved.size:
@@ -256,7 +261,7 @@ def try_forms(
     starts = [guess, NO_GUESS] if guess.x.size else [NO_GUESS]
     while small and starts and not is_decided(answer):
         # once more without the guess: a wrong one may cost time, not the answer
-        found = solve_dense(qp, options, starts.pop(0), progress)
+        found = solve_dense(qp, options, starts.pop(0), deadline, progress)
         if found is None:
             break
         answer = found if answer is None else better(answer, found, options)
@@ -284,7 +289,11 @@ def is_box(qp: QPData) -> bool:
 
 
 def solve_dense(
-    qp: QPData, options: Options, guess: Guess, progress: Progress | None
+    qp: QPData,
+    options: Options,
+    guess: Guess,
+    deadline: Deadline,
+    progress: Progress | None,
 ) -> Answer | None:
     """Pivot on the multipliers' LCP; None where it does not decide."""
     if progress is not None:
@@ -295,12 +304,12 @@ def solve_dense(
     hint = NO_HINT
     if guess.active.size:
         hint = qp.b.size + np.flatnonzero(guess.active)
-    found = call_dense(own, guess.x, hint, options)
+    found = call_dense(own, guess.x, hint, options, deadline)
     c = None
     if found[0] == dense.UNEVEN:
         c = column_units(own.P)
         start = guess.x / c if guess.x.size else guess.x
-        found = call_dense(in_units(own, c), start, hint, options)
+        found = call_dense(in_units(own, c), start, hint, options, deadline)
     code, pivots, x, y, z, z_box, numbers = found
     if code in (dense.NOT_CONVEX, dense.UNEVEN):
         return None
@@ -310,7 +319,9 @@ def solve_dense(
     if c is not None or residuals.gap_size * ROUNDING > options.eps_abs:
         residuals = qp_residuals(*qp, x, y, z, z_box)
     solved = residuals.solved(options.eps_abs, options.eps_rel)
-    status = Status.SOLVED if solved else Status.STALLED
+    status = Status.TIME_LIMIT if code == dense.LATE else Status.STALLED
+    if solved:
+        status = Status.SOLVED
     if code in (dense.INFEASIBLE, dense.UNBOUNDED):
         tol = options.eps_abs
         if code == dense.INFEASIBLE:
@@ -329,15 +340,12 @@ def solve_dense(
 
 
 def call_dense(
-    qp: QPData, start: np.ndarray, hint: np.ndarray, options: Options
+    qp: QPData, start: np.ndarray, hint: np.ndarray, options: Options, deadline: Deadline
 ) -> tuple[Any, ...]:
-    """Return what `dense.solve` returns; Ctrl-C in compiled code is Ctrl-C."""
-    try:
-        return dense.solve(*qp, start, hint, options.max_iter)
-    except SystemError as error:
-        if isinstance(error.__cause__, KeyboardInterrupt):  # as compiled code tells it
-            raise KeyboardInterrupt from None
-        raise
+    """Return what `dense.solve` returns, by the deadline."""
+    n, rows = qp.q.size, qp.h.size + qp.b.size
+    work = 4.0 * options.max_iter * n * (n + rows)
+    return deadline.run(dense.solve, work, *qp, start, hint, options.max_iter)
 
 
 def solve_bounds(

@@ -15,6 +15,8 @@ The multipliers follow from stationarity in x_j and in t. A column goes only whe
 products a_i a_i' do not fill P: a cost a_i'x is then shorter than its square.
 """
 
+import time
+from math import inf
 from typing import NamedTuple
 
 import numpy as np
@@ -158,11 +160,14 @@ class Substitution(NamedTuple):
         )
 
 
-def substitute(qp: QPData, last: Substitution | None = None) -> Substitution | None:
+def substitute(
+    qp: QPData, last: Substitution | None = None, deadline: float = inf
+) -> Substitution | None:
     """Return the smaller QP of a sparse one, None where there is nothing to gain.
 
-    The matrices of `last` are taken where qp has the same ones and the same rows can
-    be substituted.
+    None, too, where the deadline, a value of time.perf_counter(), has come. The
+    matrices of `last` are taken where qp has the same ones and the same rows can be
+    substituted.
     """
     if not (qp.lb <= qp.ub).all():
         return None
@@ -180,7 +185,11 @@ def substitute(qp: QPData, last: Substitution | None = None) -> Substitution | N
     rest = part(A, by, kept)
     if solved.size:
         check_convex(qp.P)  # the squares added below would hide what is negative
-        P = with_squares(part(P, kept, kept), rest, cost / pivot**2)
+        if time.perf_counter() >= deadline:
+            return None
+        P = with_squares(part(P, kept, kept), rest, cost / pivot**2, deadline)
+        if P is None:
+            return None
     return Substitution(
         qp, bounds, kept, solved, by, pivot, cost, others, rest,
         P, part(G, bounds.rows, kept), part(A, others, kept),

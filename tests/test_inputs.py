@@ -1,0 +1,339 @@
+"""What the caller hands over stays as it is, nothing is printed, no warning is given.
+
+Every message that refuses an argument is tested by its text.
+"""
+
+import os
+import socket
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from problems_qp import complementary
+from scipy import sparse
+
+import namlcp
+from namlcp import (
+    Prepared,
+    converges,
+    is_h_plus,
+    natural_residual,
+    qp_residuals,
+    solve_lcp,
+    solve_qp,
+)
+
+ROOT = Path(namlcp.__file__).parent
+
+
+def image(value):
+    """Return all bytes of an argument, and its flags; the object where it is none."""
+    if isinstance(value, np.ndarray):
+        return value.tobytes(), value.strides, str(value.flags), value.dtype.str
+    if sparse.issparse(value):
+        state = vars(value).items()  # without what SciPy found out about it
+        return {k: image(part) for k, part in state if k[:5] != "_has_"}, type(value)
+    if isinstance(value, tuple | list):
+        return [image(part) for part in value]
+    return repr(value)
+
+
+def forms(array):
+    """Yield the same numbers in the shapes and kinds that people bring."""
+    yield array
+    yield np.asfortranarray(array)
+    locked = array.copy()
+    locked.flags.writeable = False
+    yield locked
+    if array.ndim == 2:
+        for kind in (
+            sparse.csr_array, sparse.csc_array, sparse.coo_array, sparse.lil_array,
+            sparse.dok_array, sparse.csr_matrix, sparse.csc_matrix, sparse.coo_matrix,
+        ):  # fmt: skip
+            yield kind(array)
+        yield unsorted(array)
+
+
+def unsorted(array):
+    """Return a CSC matrix with unsorted and repeated entries."""
+    once = sparse.csc_array(array)
+    data, indices = (
+        np.concatenate([np.tile(c[::-1], 2) for c in np.split(v, once.indptr[1:-1])])
+        for v in (once.data / 2, once.indices)
+    )
+    return sparse.csc_array((data, indices, 2 * once.indptr), shape=array.shape)
+
+
+def small_qp():
+    """Return all arguments of a QP, dense."""
+    qp = complementary(5, 6, 5, 2, 6).qp
+    return [part.toarray() if sparse.issparse(part) else part for part in qp]
+
+
+@pytest.mark.parametrize("place", [0, 2, 4])
+def test_a_qp_stays_as_it_is(place, capfd):
+    expected = solve_qp(*small_qp()).x
+    for form in forms(small_qp()[place]):
+        data = small_qp()
+        data[place] = form
+        before = image(data)
+        result = solve_qp(*data, x0=expected)
+        again = solve_qp(*data, warm_start=result)
+        assert image(data) == before, type(form)
+        np.testing.assert_allclose(again.x, expected, atol=1e-6)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_an_infeasible_and_a_sparse_qp_stay_as_they_are(capfd):
+    qp = list(complementary(3, 120, 90, 10, 40, 0.02).qp)
+    before = image(qp)
+    assert solve_qp(*qp).form == "path"
+    assert image(qp) == before
+    qp[3] = qp[3] - 1e3
+    before = image(qp)
+    solve_qp(*qp)
+    assert image(qp) == before
+    assert capfd.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        {}, {"method": "psor"}, {"method": "namsor", "alpha": "auto"},
+        {"method": "modulus"}, {"method": "nam"}, {"method": "multigrid"},
+    ],
+)  # fmt: skip
+def test_an_lcp_stays_as_it_is(options, capfd):
+    n = 40
+    A = 2.5 * np.eye(n) - np.eye(n, k=1) - np.eye(n, k=-1)
+    q, lower, upper = np.cos(np.arange(40.0)), np.zeros(n), np.full(n, 2.0)
+    for form in forms(A):
+        if options.get("method") == "multigrid" and not sparse.issparse(form):
+            continue
+        data = [form, q, lower, upper, np.ones(n)]
+        before = image(data)
+        solve_lcp(*data[:4], z0=data[4], **options)
+        assert image(data) == before, type(form)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_theory_and_preparation_leave_the_matrix_alone(capfd):
+    A = np.array([[2.0, -1.0], [-1.0, 2.0]])
+    for form in forms(A):
+        before = image(form)
+        solve_lcp(Prepared(form), np.ones(2))
+        assert converges(form, "pgs").answer
+        assert is_h_plus(form).answer
+        assert image(form) == before
+    assert capfd.readouterr() == ("", "")
+
+
+# ---- what is refused, and in which words
+
+EYE, ONE = np.eye(2), np.ones(2)
+ROW = np.ones((1, 2))
+QP_REFUSALS = [
+    ((ONE, ONE), {}, ValueError, r"P must be square, got shape \(2,\)"),
+    (
+        (EYE, np.ones(3)), {}, ValueError,
+        r"q must have shape \(2,\) to match P of shape \(2, 2\), got \(3,\)",
+    ),
+    (
+        (EYE, ONE, ROW, ONE), {}, ValueError,
+        r"h must have shape \(1,\) to match G of shape \(1, 2\), got \(2,\)",
+    ),
+    (
+        (EYE, ONE, np.ones((1, 3)), ONE[:1]), {}, ValueError,
+        r"G must have 2 columns to match q of shape \(2,\), got \(1, 3\)",
+    ),
+    ((EYE, ONE, ROW), {}, ValueError, "G was given without h: pass both or neither"),
+    (
+        (EYE, ONE, None, None, None, ONE[:1]), {}, ValueError,
+        "b was given without A: pass both or neither",
+    ),
+    (
+        (np.array([[1.0, 2.0], [0.5, 1.0]]), ONE), {}, ValueError,
+        r"P must be symmetric: max \|P - P'\| = 1\.5e\+00; pass \(P \+ P\.T\) / 2",
+    ),
+    (
+        (-EYE, ONE), {}, ValueError,
+        "P must be positive semidefinite: its diagonal entry 0 is negative",
+    ),
+    (
+        (EYE, np.array([1.0, np.inf])), {}, ValueError,
+        r"q must be finite, got inf at \(1\)",
+    ),
+    (
+        (EYE, ONE, ROW, [np.nan]), {}, ValueError,
+        r"h must not hold NaN, got nan at \(0\)",
+    ),
+    (
+        (EYE, ["a", "b"]), {}, TypeError,
+        "q must be an array of real numbers, got dtype <U1",
+    ),
+    (
+        (EYE * 1j, ONE), {}, TypeError,
+        "P must be an array of real numbers, got dtype complex128",
+    ),
+    (
+        (sparse.csc_array(EYE * 1j), ONE), {}, TypeError,
+        "P must hold real numbers, got dtype complex128",
+    ),
+    (
+        (EYE, None), {}, TypeError,
+        r"q must be an array of real numbers, got None \(None or masked\)",
+    ),
+    (
+        (np.ones((1, 2, 2)), ONE), {}, ValueError,
+        r"P must have two dimensions, got shape \(1, 2, 2\)",
+    ),
+    (
+        (EYE, ONE), {"maxiter": 3}, TypeError,
+        "unknown option 'maxiter'; did you mean 'max_iter'?",
+    ),
+    ((EYE, ONE), {"max_iter": 0}, ValueError, "max_iter must be >= 1, got 0"),
+    (
+        (EYE, ONE), {"max_iter": 2.5}, TypeError, "max_iter must be an integer, got 2.5"
+    ),
+    ((EYE, ONE), {"eps_abs": -1.0}, ValueError, "eps_abs must be >= 0, got -1.0"),
+    (
+        (EYE, ONE), {"eps_abs": 0.0, "eps_rel": 0.0}, ValueError,
+        "eps_abs and eps_rel must not both be 0",
+    ),
+    ((EYE, ONE), {"eps_rel": np.inf}, ValueError, "eps_rel must be finite, got inf"),
+    (
+        (EYE, ONE), {"time_limit": 0.0}, ValueError, "time_limit must be > 0, got 0.0"
+    ),
+    ((EYE, ONE), {"time_limit": "1"}, TypeError, "time_limit must be a number, got"),
+    ((EYE, ONE), {"verbose": 1}, TypeError, "verbose must be True or False, got 1"),
+    ((EYE, ONE), {"history": None}, TypeError, "history must be True or False"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("arguments", "options", "error", "text"), QP_REFUSALS)
+def test_a_qp_is_refused_in_words(arguments, options, error, text, capfd):
+    with pytest.raises(error, match=text):
+        solve_qp(*arguments, **options)
+    assert capfd.readouterr() == ("", "")
+
+
+LCP_REFUSALS = [
+    ({"method": "sor"}, ValueError, "method"),
+    ({"method": "psor", "alpha": 2.0}, ValueError, r"alpha must lie in \(0, 2\)"),
+    ({"method": "pgs", "alpha": 1.0}, (TypeError, ValueError), "alpha"),
+    (
+        {"method": "pgs", "eps_rel": 1e-3}, ValueError,
+        "eps_rel is for method \"auto\" or \"multigrid\", not for method 'pgs'",
+    ),
+    ({"s0": ONE}, ValueError, "s0 is for the sweep methods, not for method 'auto'"),
+    ({"z0": np.ones(3)}, ValueError, r"z0 must have shape \(2,\)"),
+    (
+        {"method": "pgs", "z0": ONE, "s0": ONE}, ValueError,
+        "s0 and z0 must not both be given",
+    ),
+    ({"diagonal": ONE}, ValueError, "diagonal is for a LinearOperator"),
+    ({"max_iter": True}, TypeError, "max_iter must be an integer, got True"),
+    ({"time_limit": -1}, ValueError, "time_limit must be > 0, got -1"),
+    ({"verbose": "yes"}, TypeError, "verbose must be True or False, got 'yes'"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("options", "error", "text"), LCP_REFUSALS)
+def test_an_lcp_is_refused_in_words(options, error, text):
+    with pytest.raises(error, match=text):
+        solve_lcp(EYE, ONE, **options)
+
+
+def test_residuals_take_none_for_absent_bounds():
+    none = np.empty((0, 2)), np.empty(0)
+    free = np.full(2, np.inf)
+    point = ONE, np.empty(0), np.empty(0), np.array([1.0, -2.0])
+    whole = qp_residuals(EYE, ONE, *none, *none, -free, free, *point)
+    assert qp_residuals(EYE, ONE, *none, *none, None, None, *point) == whole
+    half = qp_residuals(EYE, ONE, *none, *none, 0.0 * ONE, None, *point)
+    assert half == qp_residuals(EYE, ONE, *none, *none, 0.0 * ONE, free, *point)
+    assert half != whole
+
+
+@pytest.mark.parametrize("place", range(6, 12))
+def test_residuals_refuse_other_sizes(place):
+    """Compiled code would read beyond the end."""
+    none = np.empty((0, 2)), np.empty(0)
+    point = ONE, np.empty(0), np.empty(0), ONE
+    data = [EYE, ONE, *none, *none, ONE, ONE, *point]
+    data[place] = np.ones(1)
+    with pytest.raises(ValueError, match=r"shape"):
+        qp_residuals(*data)
+    with pytest.raises(ValueError, match="must have one shape"):
+        natural_residual(ONE, ONE, ONE[:1], ONE)
+
+
+# ---- where it runs
+
+USE = """
+import sys
+import numpy as np, namlcp
+assert namlcp.__file__.startswith(sys.argv[1]), namlcp.__file__
+print(namlcp.natural_residual(*np.ones((4, 2))))
+print(namlcp.checks.first_bad(np.array([1.0, np.nan]), False))
+"""
+
+
+def run(code, *arguments, **environment):
+    """Return the output of a process of its own, which must print no warning."""
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code, *map(str, arguments)],
+        capture_output=True, text=True, check=False,
+        env={k: v for k, v in (os.environ | environment).items() if v is not None},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_an_empty_cache(tmp_path):
+    empty = tmp_path / "empty"
+    where = {"PYTHONPATH": str(ROOT.parent), "NUMBA_CACHE_DIR": str(empty)}
+    expected = run(USE, ROOT.parent, **where)
+    assert list(empty.rglob("*.nbi"))
+    assert run(USE, ROOT.parent, **where) == expected
+
+
+def test_an_installation_folder_that_cannot_be_written(tmp_path):
+    """Not by root either: where a __pycache__ would be there is a file.
+
+    The machine code is then kept in the user's own folder.
+    """
+    for path in ROOT.rglob("*.py"):
+        copy = tmp_path / "namlcp" / path.relative_to(ROOT)
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        copy.write_text(path.read_text())
+        (copy.parent / "__pycache__").write_text("")
+    home = tmp_path / "home"
+    out = run(
+        USE, tmp_path, PYTHONPATH=str(tmp_path), NUMBA_CACHE_DIR=None,
+        XDG_CACHE_HOME=str(home), HOME=str(home),
+    )  # fmt: skip
+    assert out.split() == ["0.0", "1"]
+    assert list(home.rglob("*.nbi"))
+
+
+def test_nothing_is_sent(monkeypatch):
+    """No network at run time."""
+
+    def refuse(*_, **__):
+        raise AssertionError("a socket was opened")
+
+    monkeypatch.setattr(socket, "socket", refuse)
+    monkeypatch.setattr(socket, "create_connection", refuse)
+    monkeypatch.setattr(socket, "getaddrinfo", refuse)
+    solve_qp(*small_qp())
+    solve_lcp(EYE, ONE)
+    code = (
+        "import socket, sys\n"
+        "sys.addaudithook(lambda event, _: event[:7] == 'socket.' and sys.exit(3))\n"
+        "import namlcp, namlcp.__main__, numpy as np\n"
+        "namlcp.solve_lcp(np.eye(2), -np.ones(2))\n"
+    )
+    run(code, PYTHONPATH=str(ROOT.parent))

@@ -1,0 +1,142 @@
+"""Many threads, processes of every kind, and always the same bits."""
+
+import ast
+import multiprocessing
+import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import problems_lcp as problems
+import pytest
+from problems_qp import complementary
+from scipy import sparse
+
+import namlcp
+
+
+def dense_form():
+    """A QP that is pivoted on."""
+    return namlcp.solve_qp(*complementary(1, 12, 20, 2, 12).qp)
+
+
+def path_form(**options):
+    """A QP that follows the path."""
+    return namlcp.solve_qp(*complementary(3, 120, 90, 10, 40, 0.02).qp, **options)
+
+
+def infeasible_form():
+    """A QP with a proof that it has no solution."""
+    P, G, h = np.eye(3), np.ones((2, 3)), np.array([-1.0, -2.0])
+    G[1] = -1.0
+    return namlcp.solve_qp(P, np.ones(3), G, h)
+
+
+def pivoted(**options):
+    """An LCP with a dense matrix."""
+    A = problems.triangular_p(np.random.default_rng(0), 30, 10.0)
+    return namlcp.solve_lcp(A, -np.ones(30), **options)
+
+
+def swept(**options):
+    """An LCP with a sparse matrix, by a named method."""
+    return namlcp.solve_lcp(problems.laplacian(12), -np.ones(144), 0.0, 1.0,
+                            method="namgs", **options)  # fmt: skip
+
+
+def eliminated(**options):
+    """A tridiagonal LCP."""
+    A = sparse.diags_array([-1.0, 2.5, -1.0], offsets=[-1, 0, 1], shape=(50, 50))
+    return namlcp.solve_lcp(sparse.csr_array(A), np.cos(np.arange(50.0)), **options)
+
+
+CASES = (dense_form, path_form, infeasible_form, pivoted, swept, eliminated)
+
+
+def bits(result) -> tuple:
+    """Return all of a result but its times, byte for byte."""
+    fields = vars(result)
+    return tuple(
+        value.tobytes() if isinstance(value, np.ndarray) else repr(value)
+        for name, value in fields.items()
+        if not name.endswith("_time") and name != "history"
+    )
+
+
+def all_bits(_=None) -> list[tuple]:
+    """Solve all cases."""
+    return [bits(case()) for case in CASES]
+
+
+def test_runs_repeat_bit_for_bit():
+    assert all_bits() == all_bits()
+
+
+@pytest.mark.parametrize("case", [path_form, pivoted, swept, eliminated])
+def test_looking_on_changes_nothing(case, capfd):
+    """Neither verbose, nor history, nor a time limit that is not reached."""
+    expected = bits(case())
+    assert capfd.readouterr().out == ""
+    for options in ({"verbose": True}, {"history": True}, {"time_limit": 1e3}):
+        assert bits(case(**options)) == expected, options
+    assert capfd.readouterr().out != ""
+
+
+def test_many_threads_at_once():
+    expected = all_bits()
+    start = threading.Barrier(6)
+
+    def work(_):
+        start.wait()
+        return all_bits()
+
+    with ThreadPoolExecutor(6) as pool:
+        assert all(found == expected for found in pool.map(work, range(6)))
+
+
+def test_threads_share_a_prepared_matrix():
+    A, q = problems.laplacian(12), -np.ones(144)
+    expected = bits(namlcp.solve_lcp(A, q))
+    matrix = namlcp.Prepared(A)
+    with ThreadPoolExecutor(4) as pool:
+        found = pool.map(lambda _: bits(namlcp.solve_lcp(matrix, q)), range(12))
+        assert all(one == expected for one in found)
+
+
+def test_all_compiled_functions_release_the_lock():
+    for path in Path(namlcp.__file__).parent.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "njit":
+                given = {k.arg: getattr(k.value, "value", None) for k in node.keywords}
+                assert given.get("nogil") is True, (path.name, node.lineno)
+
+
+@pytest.mark.parametrize("kind", ["fork", "spawn", "forkserver"])
+@pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")  # fork, 3.12
+def test_processes_of_every_kind(kind):
+    """A forked child inherits the compiled code, the others load it."""
+    if kind not in multiprocessing.get_all_start_methods():
+        pytest.skip(f"no {kind} here")
+    expected = all_bits()
+    context = multiprocessing.get_context(kind)
+    with context.Pool(1) as pool:
+        assert pool.map(all_bits, [None]) == [expected]
+
+
+def test_nothing_is_left_behind():
+    """Module-level names are constants: what a solve changes is its own."""
+
+    def state():
+        names = [name for name in sys.modules if name.startswith("namlcp")]
+        return {
+            (name, key): repr(value)
+            for name in names
+            for key, value in vars(sys.modules[name]).items()
+            if isinstance(value, (list, dict, set, np.ndarray)) and key[:2] != "__"
+        }
+
+    all_bits()
+    before = state()
+    all_bits()
+    assert state() == before
