@@ -9,6 +9,7 @@ from problems_qp import (
     infeasible,
     make_qp,
 )
+from scipy.sparse import diags_array
 
 import namlcp
 from namlcp.options import Options
@@ -45,7 +46,7 @@ def test_rows_contradicting_within_the_tolerance_are_solved(seed, shape, off):
 
 
 def test_a_second_try_follows_the_first():
-    qp = with_sums(0, *SHAPES[3], 1e-7)
+    qp = with_sums(0, *SHAPES[2], 1e-7)
     result = solve(qp, LOOSE)
     assert PATIENCE < result.iterations < 2 * PATIENCE
     assert_solves_qp(qp, result, TOL)
@@ -160,3 +161,25 @@ def test_the_threshold_of_convexity_is_named():
                 namlcp.solve_qp(P, np.ones(4), **box)
         else:
             assert namlcp.solve_qp(P, np.ones(4), **box).status is Status.SOLVED
+
+
+def test_a_column_of_tiny_entries_proves_nothing():
+    """1e-13 x <= -1 holds far out; x <= 1 with -x <= -2 holds nowhere."""
+    one = np.ones(1)
+    qp = make_qp([[0.0]], [0.0], [[-1e-13]], [-1.0])
+    assert accept_primal(qp, np.zeros(1), np.empty(0), one, TOL) is None
+    qp = make_qp([[0.0]], [0.0], [[1e-13], [-1e-13]], [1e-3, -2e-3])
+    assert accept_primal(qp, np.zeros(1), np.empty(0), np.ones(2), TOL) is not None
+
+
+@pytest.mark.parametrize("unit", [1e-8, 1e8])
+@pytest.mark.parametrize("seed", range(10))
+def test_feasible_problems_in_odd_units_are_not_called_infeasible(seed, unit):
+    qp = complementary(seed, 8, 10, 2, 3, 0.6).qp
+    D = np.where(np.random.default_rng(seed).random(8) < 0.5, unit, 1.0)
+    P, q, G, h, A, b, lb, ub = qp
+    d = diags_array(D)
+    result = namlcp.solve_qp(
+        d @ P @ d, D * q, G @ d, h, A @ d, b, lb / D, ub / D, eps_abs=TOL, eps_rel=TOL
+    )
+    assert result.status not in (Status.PRIMAL_INFEASIBLE, Status.DUAL_INFEASIBLE)

@@ -3,7 +3,8 @@
 Usage::
 
     python validation/generalisation.py --data DIR [--families NAME ...] [--seeds 40]
-        [--changes NAME ...] [--eps 1e-6] [--solvers nam piqp] [--csv FILE]
+        [--changes NAME ...] [--problems NAME ...] [--eps 1e-6] [--solvers nam piqp]
+        [--csv FILE]
 
 Two kinds of problems, judged and timed as in `benchmark`:
 
@@ -276,6 +277,7 @@ def parse_arguments(arguments: list[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--changes", nargs="*", choices=list(CHANGES), default=list(CHANGES)
     )
+    parser.add_argument("--problems", nargs="+", help="change these, not all 137")
     parser.add_argument("--seeds", type=int, default=40, help="problems of a family")
     parser.add_argument("--eps", nargs="+", type=float, default=[1e-6])
     parser.add_argument("--solvers", nargs="+", default=["nam", "piqp", "clarabel"])
@@ -293,7 +295,7 @@ def main(arguments: list[str] | None = None) -> int:
     if args.changes:
         try:
             maros = problems.set_names(args.data or Path("data"), "all")
-            names |= dict.fromkeys(args.changes, maros)
+            names |= dict.fromkeys(args.changes, args.problems or maros)
         except problems.MissingDataError as error:
             print(f"{error}: the changed Maros-Meszaros problems are left out")
             args.changes, missing = [], True

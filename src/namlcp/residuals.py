@@ -117,11 +117,12 @@ def modulus_variable(z, w, omega, s):
 
 
 @njit(cache=True, nogil=True)
-def qp_residuals_of_products(q, h, b, lb, ub, x, y, z, z_box, Px, Gx, Ax, Aty_Gtz):
+def qp_residuals_of_products(q, h, b, lb, ub, x, y, z, z_box, Px, Gx, Ax, Gtz, Aty):
     """Return the numbers of `Residuals` from the products with P, G and A.
 
-    `Aty_Gtz` is A'y + G'z. An infinite side of a constraint has no term in the gap,
-    and a multiplier on it counts with its full modulus as a dual residual.
+    Gtz is G'z, Aty is A'y, added as the hosts do. An infinite side of a constraint has
+    no term in the gap, and a multiplier on it counts with its full modulus as a dual
+    residual.
     """
     primal = 0.0
     primal_size = 0.0
@@ -135,10 +136,10 @@ def qp_residuals_of_products(q, h, b, lb, ub, x, y, z, z_box, Px, Gx, Ax, Aty_Gt
         primal = max(primal, lb[j] - x[j], x[j] - ub[j])
         if lb[j] > -np.inf or ub[j] < np.inf:  # else it stands in no bound
             primal_size = max(primal_size, abs(x[j]))
-        rd = Px[j] + q[j] + Aty_Gtz[j] + z_box[j]
+        rd = Px[j] + q[j] + Gtz[j] + Aty[j] + z_box[j]
         dual = max(dual, abs(rd))
         dual_size = max(
-            dual_size, abs(Px[j]), abs(q[j]), abs(Aty_Gtz[j]), abs(z_box[j])
+            dual_size, abs(Px[j]), abs(q[j]), abs(Gtz[j] + Aty[j]), abs(z_box[j])
         )
         if rd != rd or x[j] != x[j]:
             dual = np.nan
@@ -208,20 +209,36 @@ def qp_residuals(
         if side.shape != multiplier.shape:
             sides = f"{side.shape} and {multiplier.shape}"
             raise ValueError(f"{names} must have one shape, got {sides}")
-    Aty_Gtz = np.zeros(x.size)
-    add_transposed(A, y, Aty_Gtz)
-    add_transposed(G, z, Aty_Gtz)
+    Gtz, Aty = np.zeros((2, x.size))
+    add_transposed(G, z, Gtz)
+    add_transposed(A, y, Aty)
     Px = times(P, x)
-    products = Px, times(G, x), times(A, x), Aty_Gtz
+    products = Px, times(G, x), times(A, x), Gtz, Aty
     found = Residuals(
         *qp_residuals_of_products(q, h, b, lb, ub, x, y, z, z_box, *products)
     )
     if found.gap_size < LARGE:
         return found
+    return found._replace(gap=abs(signed_gap(q, h, b, lb, ub, x, y, z, z_box, Px)))
+
+
+def signed_gap(
+    q: np.ndarray,
+    h: np.ndarray,
+    b: np.ndarray,
+    lb: np.ndarray,
+    ub: np.ndarray,
+    x: np.ndarray,
+    y: np.ndarray,
+    z: np.ndarray,
+    z_box: np.ndarray,
+    Px: np.ndarray,
+) -> float:
+    """Return x'Px + q'x + b'y + h'z + lb'z_box^- + ub'z_box^+ as the hosts add it."""
     gap = x.dot(Px) + q.dot(x) + support(h, z) + b.dot(y)
     gap += support(lb, np.minimum(z_box, 0.0))
     gap += support(ub, np.maximum(z_box, 0.0))
-    return found._replace(gap=abs(float(gap)))
+    return float(gap)
 
 
 def support(side: np.ndarray, multiplier: np.ndarray) -> float:

@@ -16,13 +16,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numba import njit
+from scipy.sparse import csc_array
 
-from namlcp.checks import QPData
+from namlcp.checks import QPData, as_sparse
+from namlcp.qp.csc import by_rows, without_zeros
 from namlcp.qp.finish import Face
 from namlcp.qp.judge import Judge, Point
-from namlcp.qp.kkt import products
+from namlcp.qp.kkt import KKT, products
 from namlcp.qp.presolve import Contradiction, Presolved
-from namlcp.qp.scaling import ScaledQP
+from namlcp.qp.scaling import ScaledQP, equilibrate
 from namlcp.qp.start import Guess
 from namlcp.status import Status
 
@@ -77,13 +79,43 @@ def accept_primal(
     if not value < -ROUNDING * np.abs(terms).sum():
         return None
     y, z, z_box = y / -value, z / -value, z_box / -value
-    residual = largest(s / -value + z_box)
+    residual = np.abs(s / -value + z_box)
     lam = np.abs(y).sum() + z.sum() + np.abs(z_box).sum()
-    relative = residual / max(largest(y), largest(z), largest(z_box))
-    radius = 1e3 * residual * max(1.0, np.abs(x).sum()) + tol * lam
-    if (relative <= 1e-8 and radius <= 1.0) or (relative <= 1e-12 and tol * lam <= 0.5):
-        return np.full(x.size, np.nan), y, z, z_box
-    return None
+    alone = np.ones(x.size), np.ones(y.size), np.ones(z.size)
+    for scale in (alone, equilibration(qp)):
+        if not is_contradiction(residual, x, y, z, z_box, tol * lam, scale):
+            return None
+    return np.full(x.size, np.nan), y, z, z_box
+
+
+def is_contradiction(
+    residual: np.ndarray,
+    x: np.ndarray,
+    y: np.ndarray,
+    z: np.ndarray,
+    z_box: np.ndarray,
+    margin: float,
+    scale: tuple[np.ndarray, np.ndarray, np.ndarray],
+) -> bool:
+    """Tell whether the residual is small enough in these units of x, y and z."""
+    d, a, g = scale
+    worst = largest(residual * d)
+    relative = worst / max(largest(y / a), largest(z / g), largest(z_box * d))
+    radius = 1e3 * worst * max(1.0, float(np.abs(x / d).sum())) + margin
+    return (relative <= 1e-8 and radius <= 1.0) or (relative <= 1e-12 and margin <= 0.5)
+
+
+def equilibration(qp: QPData) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return units of x, y and z in which no row or column of A and G is a tiny one.
+
+    In the user's units a column of tiny entries would hide its residual.
+    """
+    n, p = qp.q.size, qp.b.size
+    A, G = (by_rows(without_zeros(as_sparse(M))) for M in (qp.A, qp.G))
+    kkt = KKT(csc_array((n, n)), A, G)
+    scale = np.ones(kkt.size)
+    equilibrate(kkt.indptr, kkt.indices, kkt.base, scale)
+    return scale[:n], scale[n : n + p], scale[n + p :]
 
 
 def accept_dual(

@@ -388,13 +388,14 @@ def solve(P, q, G, h, A, b, lb, ub, start, hint, max_iter, address):
             P, q, G, h, A, b, lb, ub, L, weight, start, hint, x, y, z, z_box, max_iter,
             new_watch(address),
         )  # fmt: skip
-    Px, Gx, Ax, Aty_Gtz = np.empty(n), np.empty(m), np.empty(p), np.zeros(n)
+    Px, Gx, Ax = np.empty(n), np.empty(m), np.empty(p)
+    Gtz, Aty = np.zeros(n), np.zeros(n)
     matvec(P, x, Px)
     matvec(G, x, Gx)
     matvec(A, x, Ax)
-    add_rmatvec(A, y, Aty_Gtz)
-    add_rmatvec(G, z, Aty_Gtz)
+    add_rmatvec(G, z, Gtz)
+    add_rmatvec(A, y, Aty)
     residuals = qp_residuals_of_products(
-        q, h, b, lb, ub, x, y, z, z_box, Px, Gx, Ax, Aty_Gtz
+        q, h, b, lb, ub, x, y, z, z_box, Px, Gx, Ax, Gtz, Aty
     )
     return code, pivots, x, y, z, z_box, residuals

@@ -6,9 +6,10 @@ import numpy as np
 
 from namlcp.checks import QPData
 from namlcp.options import Options
+from namlcp.qp.digits import Point, settle
 from namlcp.residuals import Residuals, qp_residuals
 
-Point = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+NEAR = 1e3  # residual over its tolerance up to which last digits may be what lacks
 
 
 class Judge:
@@ -30,17 +31,24 @@ class Judge:
     def offer(
         self, x: np.ndarray, y: np.ndarray, z: np.ndarray, z_box: np.ndarray
     ) -> float:
-        """Judge (x, ...) and (clip(x, lb, ub), ...); return the better judgement."""
-        eps = self.options.eps_abs, self.options.eps_rel
-        worst = inf
+        """Judge (x, ...), (clip(x, lb, ub), ...) and that with its last digits settled.
+
+        Returns the best of the judgements.
+        """
         inside = np.minimum(np.maximum(x, self.qp.lb), self.qp.ub)
-        for point in (x, inside):
-            found = qp_residuals(*self.qp, point, y, z, z_box)
-            value = found.worst(*eps)
-            worst = min(worst, value)
-            if value < self.best:
-                self.best, self.found = value, found
-                self.point = point, y, z, z_box
-            if np.array_equal(x, inside):
-                break
+        worst = self.see((x, y, z, z_box))
+        if not np.array_equal(x, inside):
+            worst = min(worst, self.see((inside, y, z, z_box)))
+        if 1.0 < worst <= NEAR:
+            point = inside, y, z, z_box
+            eps = self.options.eps_abs, self.options.eps_rel
+            worst = min(worst, self.see(settle(self.qp, point, *eps)))
+        return worst
+
+    def see(self, point: Point) -> float:
+        """Return the judgement of one point; keep it if it is the best."""
+        found = qp_residuals(*self.qp, *point)
+        worst = found.worst(self.options.eps_abs, self.options.eps_rel)
+        if worst < self.best:
+            self.best, self.found, self.point = worst, found, point
         return worst

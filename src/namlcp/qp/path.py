@@ -230,8 +230,9 @@ class Interior:
     def restart(self) -> bool:
         """Start again: cold after a warm start, then once more centred; else False.
 
-        In the second try rows that the best point violates tolerably give way to it:
-        dependent rows contradict each other by rounding errors, and y grows for ever.
+        The second try is in other units. Rows that the best point violates tolerably
+        give way to it: dependent rows contradict each other by rounding errors, and y
+        grows for ever.
         """
         if not self.is_warm:
             if self.lift > 0.0 or self.problem.c.size == 0:
@@ -241,6 +242,7 @@ class Interior:
             self.x, self.y, self.Z = (v.copy() for v in self.best_point)
             self.evaluate()
             self.best = inf
+            self.t /= self.problem.balance()
             if self.ratios[0] <= TOLERABLE:
                 self.problem.give_way(self.t)
         self.is_warm = False

@@ -4,6 +4,8 @@ Symmetric Ruiz scaling of K = [[P, C'], [C, 0]], C = [A; G]: ten rounds divide r
 columns by the square roots of their largest entries, until those are 1 within 1e-3
 (D. Ruiz, RAL-TR-2001-034). With d the factors of the columns and e those of the rows,
 x = d x_scaled, y = e y_scaled, z_box = z_box_scaled / d; the cost is not scaled.
+Where that leads nowhere, `balance` goes first to the geometric means, whose scaled
+matrix is the same in whatever units the rows and columns came.
 
 The constraints become *pieces*, one for each finite side: sign * t[place] <= c, where
 t = (x, Ax, Gx) has the layout of K; t_user = unit * t and multipliers_user = v / unit.
@@ -18,6 +20,10 @@ from namlcp.qp.start import Guess
 
 ROUNDS = 10
 EQUAL = 1e-3
+GEOMETRIC_ROUNDS = 20
+GEOMETRIC = 1e-6  # of the first squares is left
+LARGEST = 20.0  # of the logarithms of the factors
+TINY = 1e-300
 
 
 class ScaledQP:
@@ -44,11 +50,6 @@ class ScaledQP:
             self.kkt = KKT(small.P, small.A, small.G, old)
             self.scale = np.ones(self.kkt.size)
             equilibrate(self.kkt.indptr, self.kkt.indices, self.kkt.base, self.scale)
-        self.kkt.data[:] = self.kkt.base
-        scale = self.scale
-        self.unit = np.concatenate((scale[:n], 1.0 / scale[n:]))
-        self.q = small.q * scale[:n]
-        self.b = small.b * scale[n : n + p]
         sides = (small.upper, small.lower, small.ub, small.lb)
         finite = [np.flatnonzero(np.isfinite(side)) for side in sides]
         first = n + p
@@ -58,9 +59,27 @@ class ScaledQP:
         counts = [rows.size for rows in finite]
         self.ends = np.cumsum(counts[:3])
         self.sign = np.repeat((1.0, -1.0, 1.0, -1.0), counts)
-        value = np.concatenate([s[rows] for s, rows in zip(sides, finite, strict=True)])
-        self.c = self.sign * value / self.unit[self.place]
         self.finite = finite
+        self.scale_vectors()
+
+    def scale_vectors(self) -> None:
+        """Set the units, q, b and c for the scaled matrix."""
+        n, p, small, scale = self.n, self.p, self.small, self.scale
+        self.kkt.data[:] = self.kkt.base
+        self.unit = np.concatenate((scale[:n], 1.0 / scale[n:]))
+        self.q = small.q * scale[:n]
+        self.b = small.b * scale[n : n + p]
+        sides = (small.upper, small.lower, small.ub, small.lb)
+        value = [side[at] for side, at in zip(sides, self.finite, strict=True)]
+        self.c = self.sign * np.concatenate(value) / self.unit[self.place]
+
+    def balance(self) -> np.ndarray:
+        """Scale anew, geometric means first; return the ratio of new units to old."""
+        old, kkt = self.unit, self.kkt
+        even_out(kkt.indptr, kkt.indices, kkt.base, self.scale)
+        equilibrate(kkt.indptr, kkt.indices, kkt.base, self.scale)
+        self.scale_vectors()
+        return self.unit / old
 
     def user_point(
         self, x: np.ndarray, y: np.ndarray, Z: np.ndarray
@@ -160,3 +179,53 @@ def equilibrate(indptr, indices, data, scale):
             scale[j] *= largest[j]
             for t in range(indptr[j], indptr[j + 1]):
                 data[t] *= largest[j] * largest[indices[t]]
+
+
+@njit(cache=True, nogil=True)
+def even_out(indptr, indices, data, scale):
+    """Scale like `equilibrate`, but min sum log(|k_ij| s_i s_j)^2 over the entries.
+
+    Conjugate gradients on the normal equations, preconditioned by the numbers of
+    entries (A.R. Curtis and J.K. Reid, J. Inst. Maths Applics 10, 1972).
+    """
+    size = scale.size
+    count, r, p, Mp = np.zeros(size), np.zeros(size), np.zeros(size), np.empty(size)
+    for j in range(size):
+        for t in range(indptr[j], indptr[j + 1]):
+            if data[t] != 0.0:
+                i, value = indices[t], np.log(abs(data[t]))
+                count[j] += 1.0
+                r[j] -= value
+                if i != j:
+                    count[i] += 1.0
+                    r[i] -= value
+    s = np.zeros(size)
+    first = last = 0.0
+    for k in range(GEOMETRIC_ROUNDS):
+        rho = 0.0
+        for j in range(size):
+            rho += r[j] * r[j] / max(count[j], 1.0)
+        if k == 0:
+            first = last = rho
+        if rho <= GEOMETRIC * first:
+            break
+        for j in range(size):
+            p[j] = r[j] / max(count[j], 1.0) + rho / last * p[j]
+            Mp[j] = count[j] * p[j]
+        last = rho
+        for j in range(size):
+            for t in range(indptr[j], indptr[j + 1]):
+                if data[t] != 0.0:
+                    i = indices[t]
+                    Mp[j] += p[i]
+                    if i != j:
+                        Mp[i] += p[j]
+        step = rho / max(np.dot(p, Mp), TINY)
+        for j in range(size):
+            s[j] += step * p[j]
+            r[j] -= step * Mp[j]
+    for j in range(size):
+        s[j] = np.exp(min(max(s[j], -LARGEST), LARGEST))
+        scale[j] *= s[j]
+        for t in range(indptr[j], indptr[j + 1]):
+            data[t] *= s[j] * s[indices[t]]

@@ -24,6 +24,7 @@ from namlcp.qp import certificates, dense, path
 from namlcp.qp.answer import FINAL, OBJECTIVE, Answer, better, is_decided, late
 from namlcp.qp.csc import as_dense
 from namlcp.qp.farsides import confirmed, without_far_sides
+from namlcp.qp.judge import Judge
 from namlcp.qp.memory import Memory
 from namlcp.qp.reduction import box_lcp, box_point, is_box_open
 from namlcp.qp.start import NO_GUESS, NOTHING, Guess, make_guess
@@ -232,10 +233,12 @@ def restored(answer: Answer, smaller: Substitution, options: Options) -> Answer:
     if proof is not None:
         x, y, z, z_box = proof
         return answer._replace(x=x, y=y, z=z, z_box=z_box)
-    x, y, z, z_box = smaller.point(answer.x, answer.y, answer.z, answer.z_box)
-    residuals = qp_residuals(*qp, x, y, z, z_box)
+    judge = Judge(qp, options)
+    judge.offer(*smaller.point(answer.x, answer.y, answer.z, answer.z_box))
+    x, y, z, z_box = judge.point
+    residuals = judge.residuals
     status = answer.status
-    if residuals.solved(options.eps_abs, options.eps_rel):
+    if judge.best <= 1.0:
         status = Status.SOLVED
     elif status in FINAL:
         status = Status.STALLED

@@ -1,0 +1,102 @@
+"""What rounding leaves in a point, moved where it does no harm."""
+
+import numpy as np
+import pytest
+from problems_qp import complementary, make_qp
+from scipy.sparse import diags_array
+
+from namlcp.options import Options
+from namlcp.qp.digits import move_dual_residual, settle
+from namlcp.qp.judge import Judge
+from namlcp.qp.presolve import presolve
+from namlcp.qp.scaling import ScaledQP
+from namlcp.residuals import qp_residuals, signed_gap
+
+EPS = 1e-6
+
+
+def test_a_dual_residual_goes_into_a_bound_or_into_a_curved_variable():
+    # x = (at its lower bound, free and curved, free and straight)
+    qp = make_qp(np.diag([0.0, 2.0, 0.0]), [1.0, -4.0, 0.0], lb=[0.0, -np.inf, -np.inf])
+    none = np.empty(0)
+    point = np.array([0.0, 2.1, 0.0]), none, none, np.zeros(3)
+    x, _, _, z_box = move_dual_residual(qp, point, EPS)
+    np.testing.assert_allclose(x, [0.0, 2.0, 0.0])
+    np.testing.assert_array_equal(z_box, [-1.0, 0.0, 0.0])
+
+
+def test_no_multiplier_gets_a_sign_its_bounds_do_not_allow():
+    rng = np.random.default_rng(4)
+    n = 50
+    lb = np.where(rng.random(n) < 0.5, 0.0, -np.inf)
+    ub = np.where(rng.random(n) < 0.5, 1.0, np.inf)
+    qp = make_qp(np.zeros((n, n)), rng.standard_normal(n), lb=lb, ub=ub)
+    none = np.empty(0)
+    point = np.full(n, 0.5), none, none, np.zeros(n)
+    x, _, _, z_box = move_dual_residual(qp, point, EPS)
+    assert (z_box[np.isinf(lb)] >= 0.0).all()
+    assert (z_box[np.isinf(ub)] <= 0.0).all()
+    np.testing.assert_array_equal(x, point[0])
+    allowed = np.where(qp.q > 0.0, np.isfinite(lb), np.isfinite(ub))
+    np.testing.assert_array_equal(z_box[allowed], -qp.q[allowed])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_multipliers_without_enough_digits_are_made_up_for(seed):
+    known = complementary(seed, 30, 40, 5, 30)
+    D = 1e3
+    P, q, G, h, A, b, lb, ub = known.qp
+    qp = make_qp(D * P * D, D * q, G * D, h, A * D, b, lb / D, ub / D)
+    rng = np.random.default_rng(seed)
+    z = known.z * (1.0 + 1e-9 * rng.standard_normal(known.z.size))
+    point = known.x / D, known.y, z, known.z_box * D
+    assert qp_residuals(*qp, *point).worst(EPS, 0.0) > 1.0
+    found = qp_residuals(*qp, *settle(qp, point, EPS, 0.0))
+    assert max(found.dual, found.primal) <= EPS
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_gap_goes_into_a_multiplier_with_a_large_side(seed):
+    known = complementary(seed, 30, 40, 5, 30)
+    far = 1e3  # the origin is far away: the terms of the gap are huge
+    P, q, G, h, A, b, lb, ub = known.qp
+    qp = make_qp(
+        P, q - far * P.sum(1), G, h + far * G.sum(1), A, b + far * A.sum(1),
+        lb + far, ub + far,
+    )  # fmt: skip
+    y = known.y.copy()
+    y[0] += 1e-7
+    point = known.x + far, y, known.z, known.z_box
+    before = qp_residuals(*qp, *point)
+    assert 20.0 * EPS < before.gap < 1e3 * EPS
+    judge = Judge(qp, Options(eps_abs=EPS, eps_rel=0.0))
+    worst = judge.offer(*point)
+    assert worst < 0.1 * before.worst(EPS, 0.0)
+    x, y, z, z_box = judge.point
+    gap = signed_gap(*[qp[k] for k in (1, 3, 5, 6, 7)], x, y, z, z_box, qp.P @ x)
+    assert abs(gap) == judge.residuals.gap
+    assert (z >= 0.0).all()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_geometric_means_do_not_see_units(seed):
+    qp = complementary(seed, 20, 30, 5, 20, 0.5).qp
+    rng = np.random.default_rng(seed)
+    D, E, F = (10.0 ** rng.uniform(-3, 3, k) for k in (20, 30, 5))
+    d, e, f = (diags_array(v) for v in (D, E, F))
+    P, q, G, h, A, b, lb, ub = qp
+    other = make_qp(
+        d @ P @ d, D * q, e @ G @ d, E * h, f @ A @ d, F * b, lb / D, ub / D
+    )
+    here, there = (ScaledQP(presolve(problem, 1e-9, 0.0)) for problem in (qp, other))
+
+    def difference():
+        return np.abs(here.kkt.base - there.kkt.base).max()
+
+    assert difference() > 0.1
+    unit = here.unit
+    ratio = here.balance()
+    np.testing.assert_allclose(here.unit, unit * ratio)
+    there.balance()
+    assert difference() < 0.01
+    assert np.abs(here.kkt.base).max() < 1.1
