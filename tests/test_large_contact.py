@@ -3,6 +3,7 @@
 import numpy as np
 import problems_lcp as problems
 import pytest
+from numba import njit
 from scipy import sparse
 
 import contact_scenes
@@ -11,6 +12,7 @@ from namlcp.elimination import minimum_degree
 from namlcp.lcp import exact
 from namlcp.lcp.exact import solve_box
 from namlcp.lcp.matrix import columns_of
+from namlcp.lcp.search import step_to
 from namlcp.lcp.supernodes import blocks_of, factor_blocks, solve_blocks
 
 KINDS = {
@@ -124,3 +126,87 @@ def test_box_pinned_free_and_convexity(rng, monkeypatch):
     B = sparse.csr_array(A - 0.5 * sparse.eye_array(225))
     found = solve_box(B, np.ones(225), np.zeros(225), np.ones(225), ask_convex=True)
     assert not found.convex
+
+
+# ---- the search along a step of block pivoting
+
+
+@njit
+def stepped(x, s, x_end, s_end, lower, upper):
+    """Call what only compiled code may call."""
+    return step_to(x, s, x_end, s_end, lower, upper)
+
+
+def test_search_finds_the_least_phi(rng):
+    """Against a grid of steps, with bounds of every kind."""
+    n, rho = 30, 1e-2
+    B = rng.standard_normal((n, n // 2))
+    A, q, centre = B @ B.T, rng.standard_normal(n), rng.random(n)
+    lower, upper = np.zeros(n), np.full(n, np.inf)
+    upper[:10], lower[20:] = 0.5, -np.inf
+
+    def shifted(x):
+        return centre - (A @ x + q) / rho
+
+    def phi(x):
+        s = shifted(x)
+        outside = s - np.clip(s, lower, upper)
+        return 0.5 * x @ A @ x + 0.5 * rho * (s @ s - outside @ outside)
+
+    begin, end = rng.random(n), rng.standard_normal(n)
+    x, s = begin.copy(), shifted(begin)
+    step = stepped(x, s, end, shifted(end), lower, upper)
+    assert 0.0 < step < 1.0
+    steps = np.linspace(0.0, 1.0, 2001)
+    values = [phi(begin + t * (end - begin)) for t in steps]
+    assert abs(step - steps[np.argmin(values)]) <= 1e-3
+    np.testing.assert_allclose(x, begin + step * (end - begin))
+    np.testing.assert_allclose(s, shifted(x), atol=1e-9 / rho)
+
+
+def test_search_ends_where_pivoting_goes_round():
+    """A heap on which the path stalls: no more than some dozens of factorisations."""
+    A, q, _ = contact_scenes.heap(6000, sideways=True, seed=1)
+    result = solve_lcp(A, q)
+    assert result.status is Status.SOLVED
+    assert residual(A, q, result.z) <= 1e-9
+    assert result.iterations <= 60
+
+
+# ---- singular matrices of pure Neumann problems
+
+
+def neumann(n):
+    """Return the second difference with free ends: it sends constants to 0."""
+    diagonal = np.full(n, 2.0)
+    diagonal[[0, -1]] = 1.0
+    off = -np.ones(n - 1)
+    return sparse.diags_array([off, diagonal, off], offsets=[-1, 0, 1])
+
+
+def neumann_wall(m, n):
+    return sparse.csr_array(
+        sparse.kron(neumann(m), sparse.eye_array(n))
+        + sparse.kron(sparse.eye_array(m), neumann(n))
+    )
+
+
+@pytest.mark.parametrize(
+    "A", [sparse.csr_array(neumann(544)), neumann_wall(2, 272), neumann_wall(16, 34)]
+)
+@pytest.mark.parametrize("seed", range(3))
+def test_neumann_is_solved_or_refuted(A, seed):
+    """Solvable if and only if sum(q) >= 0; otherwise the constants prove it."""
+    n = A.shape[0]
+    q = np.random.default_rng(seed).standard_normal(n)
+    lower, upper = np.zeros(n), np.full(n, np.inf)
+    found = solve_box(A, q - q.mean() + 1e-3, lower, upper)
+    assert found.status is Status.SOLVED
+    assert found.iterations < 30
+    q -= q.mean() + 1e-3
+    found = solve_box(A, q, lower, upper)
+    assert found.status is Status.UNSOLVABLE
+    assert found.iterations < 30
+    assert q @ found.ray == pytest.approx(-1.0)
+    assert found.ray.min() > 0.0
+    assert abs(A @ found.ray).max() <= 1e-12 * found.ray.max()

@@ -1,5 +1,6 @@
 """Truncated multigrid: kernels against plain matrices, solutions against pivoting."""
 
+import math
 import time
 import tracemalloc
 
@@ -10,7 +11,9 @@ from scipy.linalg import solve_triangular
 
 import large_scenes
 from namlcp import Prepared, Status, solve_lcp
+from namlcp.deadline import Deadline
 from namlcp.lcp import multigrid
+from namlcp.lcp.coarsening import interpolation
 from namlcp.lcp.hierarchy import MAX_COARSE, Hierarchy, build, coarsen, suits
 from namlcp.lcp.kernels import relax_back, relax_csr
 from namlcp.lcp.multigrid import solve_multigrid
@@ -215,9 +218,9 @@ def test_matrices_that_do_not_suit_are_refused(rng):
 def test_second_pass_comes_where_the_rate_is_bad(monkeypatch):
     asked = []
 
-    def noted(A, symmetric, second_pass):
+    def noted(A, symmetric, second_pass, deadline):
         asked.append(second_pass)
-        return coarsen(A, symmetric, second_pass)
+        return coarsen(A, symmetric, second_pass, deadline)
 
     monkeypatch.setattr("namlcp.lcp.hierarchy.coarsen", noted)
     build(MATRICES["five-point"], True)
@@ -355,6 +358,29 @@ def test_hierarchy_is_kept_and_reused(monkeypatch):
     assert far.residual < EPS
 
 
+def test_set_up_looks_at_the_deadline(monkeypatch):
+    """Between the levels; nothing half made is kept."""
+    deadline, levels = Deadline(math.inf), []
+
+    def interrupting(*arguments):
+        levels.append(arguments[0].shape[0])
+        deadline.interrupted = len(levels) == 2
+        return interpolation(*arguments)
+
+    A, q = forced_obstacle(40)
+    matrix = Prepared(A)
+    with monkeypatch.context() as patch:
+        patch.setattr("namlcp.lcp.hierarchy.interpolation", interrupting)
+        assert matrix.hierarchy(deadline) is None
+    assert len(levels) == 2
+    result = solve_lcp(matrix, q, 0.1, method="multigrid", time_limit=1e-9)
+    assert result.status is Status.TIME_LIMIT
+    assert result.iterations == 0
+    np.testing.assert_array_equal(result.z, 0.1)
+    np.testing.assert_array_equal(result.w, A @ result.z + q)
+    assert solve_lcp(matrix, q, method="multigrid").status is Status.SOLVED
+
+
 def test_memory_stays_below_three_times_that_of_the_hierarchy():
     A, q = forced_obstacle(120)
     solve_lcp(A, q, method="multigrid", eps_abs=EPS)  # compiles
@@ -364,7 +390,7 @@ def test_memory_stays_below_three_times_that_of_the_hierarchy():
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     size = A.data.nbytes + A.indices.nbytes + A.indptr.nbytes
-    assert size + peak < 2.5 * matrix.hierarchy.nbytes
+    assert size + peak < 2.5 * matrix.hierarchy().nbytes
 
 
 # ---- honest ends

@@ -38,7 +38,8 @@ class LCPResult:
         q'v = -1. A solution would have v'w >= 0, but v'w = z'A'v + q'v < 0.
     history : structured array or None
         The rows of the verbose table, when asked for: one an iteration, for "auto" one
-        a factorisation or a run of sweeps.
+        a factorisation or a run of sweeps. Residuals are those of `residual`: of the
+        iterate, where factorisations are counted of the best point so far.
     """
 
     status: Status

@@ -77,7 +77,7 @@ def solve_auto(
         outcome = ask_sweeps(matrix, q, lower, upper, z0, **limits)
         if outcome.status in ENDS:
             return outcome, name
-        if matrix.hierarchy is not None:
+        if matrix.hierarchy(limits["deadline"]) is not None:
             problem = matrix, q, lower, upper, outcome.z
             outcome, name = ask_multigrid(*problem, max_iter=max_iter, **limits)
             if outcome.status not in ENDS and not matrix.symmetric:
@@ -142,7 +142,11 @@ def ask_multigrid(
     **limits: Any,
 ) -> tuple[Outcome, str]:
     """Solve by multigrid cycles; raise if A does not suit."""
-    if matrix.hierarchy is None:
+    hierarchy = matrix.hierarchy(limits["deadline"])
+    if hierarchy is None and time.perf_counter() >= limits["deadline"]:
+        z = start(z0, lower, upper)
+        return Outcome(Status.TIME_LIMIT, z, matrix.A @ z + q, 0, None), "multigrid"
+    if hierarchy is None:
         raise ValueError(
             'A does not suit method "multigrid": it must have a positive diagonal, '
             "short rows, mostly negative couplings and V-cycles that contract; "
@@ -151,7 +155,7 @@ def ask_multigrid(
     accept, goal, _ = criterion(matrix, q, lower, upper, eps_abs, eps_rel)
     limits |= {"accept": accept, "goal": goal}
     limits["max_cycles"] = max_iter or multigrid.MAX_CYCLES
-    found = solve_multigrid(matrix.hierarchy, q, lower, upper, z0, **limits)
+    found = solve_multigrid(hierarchy, q, lower, upper, z0, **limits)
     return Outcome(*found, None), "multigrid"
 
 

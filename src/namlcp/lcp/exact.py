@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import splu
+from scipy.sparse.linalg import LinearOperator, cg, splu
 
 from namlcp.lcp import pivoting
 from namlcp.lcp.interior import follow
@@ -18,7 +18,6 @@ from namlcp.lcp.largefaces import LargeFaces
 from namlcp.lcp.matrix import Columns, columns_of
 from namlcp.lcp.pivoting import (
     ASKED,
-    BEST,
     BEST_Z,
     BLOCK_STEPS,
     CENTRE,
@@ -34,19 +33,23 @@ from namlcp.lcp.pivoting import (
     PATIENCE,
     RHO,
     RHS,
+    SEARCH_STEPS,
+    SEARCHING,
     SIZE,
     STATE,
     UPPER,
     D,
     Q,
+    S,
     Work,
+    X,
     Z,
     pivot,
     resume,
     workspace,
 )
 from namlcp.progress import Report
-from namlcp.residuals import natural_residuals
+from namlcp.residuals import natural_residual, natural_residuals
 from namlcp.status import Status
 
 ACCURACY = 1e-9
@@ -83,6 +86,9 @@ LEAST_FALL = 1e-10
 NEARBY = 1e-6
 """Of a proof of unsolvability: what is 0 in v, in A'v, in q'v, relative to the terms;
 and the share of v_i by which it may be moved to get there."""
+
+SHARPNESS, SHARPENINGS = 1e-6, 2000
+"""Of what A leaves of a ray so much may remain; steps at most."""
 
 
 class Outcome(NamedTuple):
@@ -130,7 +136,7 @@ def solve_box(
     deadline : float
         Value of time.perf_counter() at which to stop.
     report : callable
-        Called as report(factorisations, Res of the scaled problem, unknowns at bounds).
+        Called as report(factorisations, least Res so far, unknowns at bounds).
     ask_convex : bool
         For symmetric A: tell whether it is positive semidefinite (one factorisation).
     """
@@ -148,9 +154,8 @@ def solve_box(
     faces = LargeFaces(work) if large else None
     work.counter[ASKED] = ask_convex and not large
     with np.errstate(all="ignore"):  # a singular face overflows, and is noticed
-        status, ray = drive(
-            A, q, columns, symmetric, work, outside, faces, max_iter, deadline, report
-        )
+        problem, limits = (A, q, lower, upper, columns), (max_iter, deadline, report)
+        status, ray = drive(*problem, symmetric, work, outside, faces, *limits)
         if faces is not None and ask_convex and status is Status.SOLVED:
             work.counter[CONVEX] = faces.is_convex()
     z = vectors[BEST_Z] * vectors[D]
@@ -162,9 +167,9 @@ def solve_box(
             status = Status.STALLED
     if status is Status.STALLED and symmetric and n <= DENSE_LU:
         # Nearly singular towards the solution: rho hides it, so once more without.
-        limits: dict[str, Any] = {"eps_abs": eps_abs, "eps_rel": eps_rel}
-        limits |= {"max_iter": max_iter, "deadline": deadline, "report": report}
-        again = solve_box(A, q, lower, upper, z, symmetric=False, **limits)
+        given: dict[str, Any] = {"eps_abs": eps_abs, "eps_rel": eps_rel}
+        given |= {"max_iter": max_iter, "deadline": deadline, "report": report}
+        again = solve_box(A, q, lower, upper, z, symmetric=False, **given)
         if again.status is Status.SOLVED:
             return again._replace(convex=bool(work.counter[CONVEX]))
     counter = work.counter
@@ -179,6 +184,8 @@ def in_blocks(n: int, entries: int) -> bool:
 def drive(
     A: Any,
     q: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
     columns: Columns,
     symmetric: bool,
     work: Work,
@@ -202,7 +209,10 @@ def drive(
         if done > 0 and time.perf_counter() >= deadline:
             return Status.TIME_LIMIT, None
         if code == pivoting.RAY:
-            ray = proof(A, q, work.vectors[RHS] * work.vectors[D], work)
+            v = work.vectors[RHS] * work.vectors[D]
+            ray = proof(A, q, v, work)
+            if ray is None and symmetric:
+                ray = proof(A, q, sharpened(A, v, work.vectors[D]), work)
             if ray is not None:
                 return Status.UNSOLVABLE, ray
         elif code == pivoting.STAGNATED:
@@ -218,7 +228,9 @@ def drive(
             code = pivot(columns, symmetric, work, budget, outside)
         if report is not None and counter[FACTORED] > done:
             active = np.count_nonzero(work.marks[STATE])
-            report(int(counter[FACTORED]), work.scalar[BEST], active)
+            z = np.clip(work.vectors[BEST_Z] * work.vectors[D], lower, upper)
+            residual = natural_residual(z, A @ z + q, lower, upper)
+            report(int(counter[FACTORED]), residual, active)
     return Status.SOLVED, None
 
 
@@ -249,12 +261,16 @@ def cure(
             if taken < PATH_CHUNK or time.perf_counter() >= deadline:
                 return
     else:
-        s = vectors[CENTRE] - vectors[Q]
-        s -= vectors[D] * (A @ (vectors[D] * vectors[CENTRE]))
+        scalar[RHO] = min(1000.0 * scalar[RHO], MOST_RHO)
+        w = vectors[Q] + vectors[D] * (A @ (vectors[D] * vectors[CENTRE]))
+        counter[SEARCHING] = symmetric
+        vectors[X] = vectors[CENTRE]
+        vectors[S] = vectors[CENTRE] - w / (scalar[RHO] if symmetric else 1.0)
+        s = vectors[CENTRE] - w
         at_upper = np.where(s >= vectors[UPPER], 1, 0)
         work.marks[STATE] = np.where(s <= vectors[LOWER], -1, at_upper)
-        scalar[RHO] = min(1000.0 * scalar[RHO], MOST_RHO)
-        counter[FEWEST], counter[PATIENCE] = s.size + 1, BLOCK_STEPS
+        counter[FEWEST] = w.size + 1
+        counter[PATIENCE] = SEARCH_STEPS if symmetric else BLOCK_STEPS
 
 
 def solve_outside(work: Work) -> None:
@@ -270,6 +286,27 @@ def solve_outside(work: Work) -> None:
         vectors[Z][face] = factor.solve(vectors[RHS][face])
     except RuntimeError:  # exactly singular
         vectors[Z][face] = np.nan
+
+
+def sharpened(A: Any, v: np.ndarray, d: np.ndarray) -> np.ndarray:
+    """Return v less what A, symmetric positive semidefinite, does not send to 0.
+
+    The part e with A e = A v is left by the rounding of a nearly singular factor. It is
+    small, and conjugate gradients need not be exact to take most of it away.
+    """
+    face = np.flatnonzero(np.abs(v / d) > RAY_TOLERANCE * np.max(np.abs(v / d)))
+    spread = np.zeros(v.size)
+
+    def times(u: np.ndarray) -> np.ndarray:
+        spread[face] = d[face] * u
+        return d[face] * (A @ spread)[face]
+
+    x = v[face] / d[face]
+    B = LinearOperator((face.size, face.size), matvec=times, dtype=np.float64)
+    e, _ = cg(B, times(x), rtol=SHARPNESS, maxiter=SHARPENINGS)
+    out = np.zeros(v.size)
+    out[face] = d[face] * (x - e)
+    return out
 
 
 def proof(A: Any, q: np.ndarray, v: np.ndarray, work: Work) -> np.ndarray | None:

@@ -15,6 +15,7 @@ Ruge and Stueben, in McCormick (ed.), Multigrid Methods, SIAM 1987, 73-130.
 """
 
 import math
+import time
 from typing import Any
 
 import numpy as np
@@ -102,10 +103,11 @@ def suits(A: Any) -> bool:
     return 0 <= count <= UNLIKE * A.shape[0]
 
 
-def build(A: Any, symmetric: bool) -> Hierarchy | None:
-    """Return a hierarchy of A, or None where it is of no use.
+def build(A: Any, symmetric: bool, deadline: float = math.inf) -> Hierarchy | None:
+    """Return a hierarchy of A, or None where it is of no use, or late.
 
-    A : (n, n) csr_array, canonical. symmetric : A = A'; nothing tests it here.
+    A : (n, n) csr_array, canonical. symmetric : A = A'; nothing tests it here. The
+    deadline is looked at before each costly part of a level.
     """
     if not suits(A):
         return None
@@ -116,7 +118,9 @@ def build(A: Any, symmetric: bool) -> Hierarchy | None:
         fine = sparse.csr_array(S @ A @ S)
     best = None
     for second_pass in (False, True):
-        levels = coarsen(fine, symmetric, second_pass)
+        levels = coarsen(fine, symmetric, second_pass, deadline)
+        if time.perf_counter() >= deadline:
+            return None
         if levels is not None:
             hierarchy = Hierarchy(A, symmetric, scale, levels)
             if best is None or hierarchy.rate < best.rate:
@@ -147,11 +151,16 @@ def scaling(A: Any) -> np.ndarray:
     return ones * 2.0 ** -round(0.5 * math.log2(largest))
 
 
-def coarsen(A: Any, symmetric: bool, second_pass: bool) -> list[Level] | None:
-    """Return the levels of A, None if they grow, end too early or lose a diagonal."""
+def coarsen(
+    A: Any, symmetric: bool, second_pass: bool, deadline: float = math.inf
+) -> list[Level] | None:
+    """Return the levels of A, None if they grow, end too early or lose a diagonal.
+
+    None, too, once the deadline has come.
+    """
     levels: list[Level] = []
     entries = GROWTH * A.nnz
-    while entries >= 0:
+    while entries >= 0 and not time.perf_counter() >= deadline:
         n = A.shape[0]
         diagonal, d = np.empty(n, dtype=np.int32), np.empty(n)
         if not find_diagonal(rows_of(A), diagonal, d):
@@ -165,6 +174,8 @@ def coarsen(A: Any, symmetric: bool, second_pass: bool) -> list[Level] | None:
             last = NO_ROWS, NO_ROWS, NO_INDICES
             levels.append(Level(rows_of(A), diagonal, d, *last))
             return levels
+        if time.perf_counter() >= deadline:
+            return None
         P, C = found
         R = sparse.csr_array(P.T)
         levels.append(Level(rows_of(A), diagonal, d, rows_of(P), rows_of(R), C))

@@ -105,7 +105,7 @@ def solve_by_products(
     deadline : float
         Value of time.perf_counter() at which to stop.
     report : callable
-        Called as report(iteration, Res in units of D, unknowns at bounds).
+        Called as report(iteration, Res, unknowns at bounds).
 
     Returns
     -------
@@ -132,7 +132,8 @@ def solve_by_products(
         if size < least:
             best, least = (descent.y, descent.g), size
         if report is not None:
-            report(k, size, int(np.count_nonzero(~descent.free)))
+            here = natural_residual(*caller(descent.y, descent.g), lower, upper)
+            report(k, here, int(np.count_nonzero(~descent.free)))
         if accept(*caller(descent.y, descent.g)):
             descent.refresh()
             best, least = (descent.y, descent.g), descent.size

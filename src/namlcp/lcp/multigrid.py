@@ -37,7 +37,7 @@ from namlcp.lcp.truncation import (
 )
 from namlcp.lcp.vcycle import VCycle
 from namlcp.progress import Report
-from namlcp.residuals import natural_residuals
+from namlcp.residuals import natural_residual, natural_residuals
 from namlcp.status import Status
 
 MAX_CYCLES = 40
@@ -271,7 +271,9 @@ class Solver:
                 iterate.correct(self.goal)
                 solved = self.is_solved(iterate)
             if report is not None:
-                report(self.done, iterate.residual, iterate.active)
+                point = self.users_point(iterate.z)
+                residual = natural_residual(*point, *self.users[1:])
+                report(self.done, residual, iterate.active)
             if solved:
                 return Status.SOLVED
             if self.warm and self.done == WARM_CYCLES:

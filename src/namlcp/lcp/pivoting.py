@@ -6,6 +6,7 @@ wrong sign then changes state: all of them (Judice and Pires, Computers Ops Res 
 (1994) 587-596), or only the last one (Murty 1974) when nothing else makes progress,
 which ends after finitely many steps for every P-matrix. The proximal loop around it
 (rho, relative to the unit diagonal) carries singular matrices and refines the others.
+Where all at once goes too far for a symmetric A, `search` tells how far to go.
 
 All of it is one compiled call, `pivot`, which comes back with a reason: see the codes.
 """
@@ -26,6 +27,7 @@ from namlcp.lcp.matrix import (
     largest,
     scale,
 )
+from namlcp.lcp.search import begin_at, end_at, face_of, step_to
 from namlcp.residuals import natural_residuals
 
 # Why `pivot` returns.
@@ -39,12 +41,13 @@ STUCK = 5  # nothing else to try
 
 # Rows of `Work.vectors`; Q, LOWER, UPPER belong to the scaled problem.
 Q, LOWER, UPPER, D, Z, W, CENTRE, BEST_Z, RHS, SHIFT, PATH, WL, WU = range(13)
+X, S = 13, 14  # see `search`
 # Rows of `Work.marks`.
 STATE, GOAL, UNIT, SEQUENCE, RANK, LOCAL = range(6)
 # Places in `Work.counter`.
 STARTED, FACTORED, OUTER, FEWEST, PATIENCE, STALE, PATHED, OUTSIDE = range(8)
 ORDERED, ORDERINGS = 8, 9
-CURVATURE, ASKED, CONVEX = 10, 11, 12
+CURVATURE, ASKED, CONVEX, SEARCHING = 10, 11, 12, 13
 # Places in `Work.scalar`.
 RHO, TOLERANCE, SIZE, EPS_ABS, EPS_REL, BEST, MET, FIRST_MU = range(8)
 
@@ -52,6 +55,7 @@ OMEGA = 1.4
 SWEEPS = 30
 STILL = 3
 BLOCK_STEPS = 3
+SEARCH_STEPS = 100
 LEAST_RHO = 1e-8
 MOST_RHO = 1.0
 OUTER_STEPS = 200
@@ -62,8 +66,8 @@ SLACK = 1e-6  # negative curvature, unit diagonal, that single precision explain
 class Work(NamedTuple):
     """All memory of one solve, made by `workspace`; the rows and places are above.
 
-    scaled: the matrix with a unit diagonal. vectors (13, n), marks (6, n) int32,
-    counter (10,) int64, scalar (8,).
+    scaled: the matrix with a unit diagonal. vectors (15, n), marks (6, n) int32,
+    counter (14,) int64, scalar (8,).
     """
 
     scaled: Columns
@@ -94,9 +98,9 @@ def workspace(columns: Columns, n: int) -> Work:
     marks[RANK:] = -1
     return Work(
         scaled,
-        np.zeros((13, n)),
+        np.zeros((15, n)),
         marks,
-        np.zeros(13, dtype=np.int64),
+        np.zeros(14, dtype=np.int64),
         np.zeros(8),
     )
 
@@ -221,7 +225,7 @@ def restart(work, rho):
     """Count wrong signs afresh, with this rho."""
     count = work.counter
     count[FEWEST] = work.vectors.shape[1] + 1
-    count[PATIENCE] = BLOCK_STEPS
+    count[PATIENCE] = SEARCH_STEPS if count[SEARCHING] else BLOCK_STEPS
     if rho != work.scalar[RHO]:
         work.scalar[RHO] = rho
         count[STALE] = 1
@@ -243,18 +247,37 @@ def close_outer(problem, work):
     for i in range(z.size):
         v[i] = z[i] - centre[i]
         centre[i] = z[i]
-    restart(work, max(0.01 * rho, LEAST_RHO))
-    if count[OUTER] >= 3 and rho > 0.0 and may_be_ray(problem, v):
+    restart(work, max((0.1 if count[SEARCHING] else 0.01) * rho, LEAST_RHO))
+    begin_at(centre, vectors[W], number[RHO], vectors[X], vectors[S])
+    # At 3, 6, 12, ...: what was no proof may become one, but asking costs a factor.
+    turn = count[OUTER] // 3
+    due = count[OUTER] == 3 * turn and turn > 0 and turn & (turn - 1) == 0
+    if due and rho > 0.0 and may_be_ray(problem, v):
         return RAY
     return GO_ON
 
 
+@inner
+def search(problem, work):
+    """Go towards Z, which solves the face system; GOAL is for where that ends."""
+    vectors, rho = work.vectors, work.scalar[RHO]
+    z, x, s, s_end = vectors[Z], vectors[X], vectors[S], vectors[RHS]
+    state, goal = work.marks[STATE], work.marks[GOAL]
+    lower, upper = problem.lower, problem.upper
+    end_at(z, vectors[CENTRE], vectors[W], rho, state, s_end)
+    if step_to(x, s, z, s_end, lower, upper) < 1.0:
+        face_of(s, lower, upper, rho, work.scalar[TOLERANCE], state, goal)
+
+
 @pasted
-def flip(work, wrong, single):
+def flip(problem, work, wrong, single):
     """Change states towards GOAL: all, or only the last one where that stagnated."""
     count, state, goal = work.counter, work.marks[STATE], work.marks[GOAL]
     first = 0
-    if wrong < count[FEWEST]:
+    if count[SEARCHING] and not count[OUTSIDE] and count[PATIENCE] > 0:
+        count[PATIENCE] -= 1
+        search(problem, work)
+    elif wrong < count[FEWEST]:
         count[FEWEST] = wrong
         count[PATIENCE] = BLOCK_STEPS
     elif count[PATIENCE] > 0:
@@ -292,7 +315,7 @@ def judge(problem, work):
         return SOLVED
     # A larger rho is left to try only where A is symmetric.
     last_resort = work.counter[PATHED] and (rho >= MOST_RHO or not problem.symmetric)
-    return flip(work, wrong, last_resort)
+    return flip(problem, work, wrong, last_resort)
 
 
 @inner

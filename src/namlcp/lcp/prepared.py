@@ -1,5 +1,7 @@
 """What depends on the matrix of an LCP alone, found once for one q after another."""
 
+import math
+import time
 from functools import cached_property
 from typing import Any
 
@@ -46,6 +48,8 @@ class Prepared:
 
     def __init__(self, A: Any, diagonal: Any = None):
         self.A = lcp_matrix(A, diagonal)
+        self.levels: Hierarchy | None = None
+        self.unsuited = False
 
     @cached_property
     def symmetric(self) -> bool:
@@ -53,10 +57,17 @@ class Prepared:
         gap, size = asymmetry(self.A)
         return gap <= ROUNDING * size
 
-    @cached_property
-    def hierarchy(self) -> Hierarchy | None:
-        """Levels for multigrid cycles, None where A does not suit."""
-        return build(sparse.csr_array(self.A), self.symmetric)
+    def hierarchy(self, deadline: float = math.inf) -> Hierarchy | None:
+        """Return levels for multigrid cycles, None where A does not suit.
+
+        None, too, where they were not ready by the deadline: then nothing is kept.
+        """
+        if self.levels is None and not self.unsuited:
+            A = sparse.csr_array(self.A)
+            self.levels = build(A, self.symmetric, deadline)
+            late = time.perf_counter() >= deadline
+            self.unsuited = self.levels is None and not late
+        return self.levels
 
     @cached_property
     def tridiagonal(self) -> Tridiagonal | None:

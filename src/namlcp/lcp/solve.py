@@ -209,6 +209,11 @@ def solve_exactly(
     if unit != 1.0:
         q, lower, upper = q / unit, lower / unit, upper / unit
         z0 = None if z0 is None else z0 / unit
+        told = limits["report"]
+        if told is not None:
+            limits["report"] = lambda k, residual, active: told(
+                k, residual * unit, active
+            )
     outcome, method = solver(matrix, q, lower, upper, z0, **limits)
     if unit != 1.0:
         ray = None if outcome.ray is None else outcome.ray / unit

@@ -34,7 +34,7 @@ from namlcp.lcp.diagonals import (
 )
 from namlcp.lcp.segments import scan
 from namlcp.progress import Report
-from namlcp.residuals import deviation
+from namlcp.residuals import deviation, natural_residual
 from namlcp.status import Status
 
 # Rows of the work array.
@@ -408,7 +408,8 @@ def solve_tridiagonal(
         code = solver.run(min(budget, max_iter - before))
         done = solver.faces
         if report is not None and done > before:
-            report(done, solver.number[BEST], np.count_nonzero(solver.state))
+            residual = natural_residual(solver.z, solver.w, lower, upper)
+            report(done, residual, np.count_nonzero(solver.state))
         if code == SOLVED:
             return Status.SOLVED, solver.z, solver.w, done
         if code == ROUNDING or (code == STUCK and begun):
