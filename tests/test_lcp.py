@@ -310,7 +310,7 @@ def test_overflow_proves_nothing():
     work = workspace(columns_of(-np.eye(1), True), 1)
     work.vectors[D], work.vectors[UPPER] = 1.0, np.inf
     for v, proved in (([1e300], False), ([1.0], True)):
-        ray = proof(-np.eye(1), np.array([-1e10]), np.array(v), work)
+        ray = proof(-np.eye(1), np.array([-1e10]), np.array(v), work, True)
         assert (ray is not None) == proved
 
 

@@ -83,12 +83,12 @@ PATH_TARGET = 1e-8
 RAY_TOLERANCE = 1e-9
 SLOPE_ROUNDING = 1e-13
 LEAST_FALL = 1e-10
-NEARBY = 1e-6
+NEARBY = 1e-3
 """Of a proof of unsolvability: what is 0 in v, in A'v, in q'v, relative to the terms;
 and the share of v_i by which it may be moved to get there."""
 
 SHARPNESS, SHARPENINGS = 1e-6, 2000
-"""Of what A leaves of a ray so much may remain; steps at most."""
+"""Of what A leaves of a proof so much may remain; steps at most."""
 
 
 class Outcome(NamedTuple):
@@ -209,10 +209,7 @@ def drive(
         if done > 0 and time.perf_counter() >= deadline:
             return Status.TIME_LIMIT, None
         if code == pivoting.RAY:
-            v = work.vectors[RHS] * work.vectors[D]
-            ray = proof(A, q, v, work)
-            if ray is None and symmetric:
-                ray = proof(A, q, sharpened(A, v, work.vectors[D]), work)
+            ray = proof(A, q, work.vectors[RHS] * work.vectors[D], work, symmetric)
             if ray is not None:
                 return Status.UNSOLVABLE, ray
         elif code == pivoting.STAGNATED:
@@ -288,28 +285,9 @@ def solve_outside(work: Work) -> None:
         vectors[Z][face] = np.nan
 
 
-def sharpened(A: Any, v: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Return v less what A, symmetric positive semidefinite, does not send to 0.
-
-    The part e with A e = A v is left by the rounding of a nearly singular factor. It is
-    small, and conjugate gradients need not be exact to take most of it away.
-    """
-    face = np.flatnonzero(np.abs(v / d) > RAY_TOLERANCE * np.max(np.abs(v / d)))
-    spread = np.zeros(v.size)
-
-    def times(u: np.ndarray) -> np.ndarray:
-        spread[face] = d[face] * u
-        return d[face] * (A @ spread)[face]
-
-    x = v[face] / d[face]
-    B = LinearOperator((face.size, face.size), matvec=times, dtype=np.float64)
-    e, _ = cg(B, times(x), rtol=SHARPNESS, maxiter=SHARPENINGS)
-    out = np.zeros(v.size)
-    out[face] = d[face] * (x - e)
-    return out
-
-
-def proof(A: Any, q: np.ndarray, v: np.ndarray, work: Work) -> np.ndarray | None:
+def proof(
+    A: Any, q: np.ndarray, v: np.ndarray, work: Work, symmetric: bool
+) -> np.ndarray | None:
     """Return v scaled to q'v = -1 if it proves that there is no solution, else None.
 
     v is 0 on the side of every finite bound, hence v'w >= 0 for every solution. But
@@ -322,7 +300,7 @@ def proof(A: Any, q: np.ndarray, v: np.ndarray, work: Work) -> np.ndarray | None
     fall = float(q @ v)
     if not -math.inf < fall < 0.0 or np.any(into_bound):
         return None
-    v = settled(A, v / -fall, d)
+    v = settled(A, v / -fall, d, symmetric)
     fall = float(q @ v)
     if not fall < -LEAST_FALL * (np.abs(q) @ np.abs(v)):
         return None  # the terms of q'v cancel, as for every v if there is a solution
@@ -335,18 +313,30 @@ def proof(A: Any, q: np.ndarray, v: np.ndarray, work: Work) -> np.ndarray | None
     return v if side @ slope[moving] < 0.5 else None
 
 
-def settled(A: Any, v: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Return v moved a little to A'v = 0, as it is where that leads elsewhere.
+def settled(A: Any, v: np.ndarray, d: np.ndarray, symmetric: bool) -> np.ndarray:
+    """Return v moved a little to A'v = 0, or v itself where that leads elsewhere.
 
-    The proximal loop ends a few digits short of it where v has grown by rho.
+    The proximal loop ends a few digits short of it: with v, which has grown by 1/rho,
+    the rounding of a nearly singular factor has grown, too. On the face e is sought
+    with A'e = A'v; it is small, and need not be exact to take most of that away.
     """
-    if v.size > DENSE_LU:
-        return v
     slope, size = d * (A.T @ v), d * (abs(A).T @ np.abs(v))
     if not (np.abs(slope) > SLOPE_ROUNDING * size).any():
         return v
     face = np.flatnonzero(v)
-    rows = A[face].toarray() if sparse.issparse(A) else A[face]
-    step = np.zeros(v.size)
-    step[face] = d[face] * np.linalg.lstsq((rows * np.outer(d[face], d)).T, -slope)[0]
-    return v + step if (np.abs(step) <= NEARBY * np.abs(v)).all() else v
+    e = np.zeros(v.size)
+    if v.size <= DENSE_LU:
+        rows = A[face].toarray() if sparse.issparse(A) else A[face]
+        part = np.linalg.lstsq((rows * np.outer(d[face], d)).T, slope)[0]
+    elif symmetric:
+
+        def times(u: np.ndarray) -> np.ndarray:
+            e[face] = d[face] * u
+            return d[face] * (A @ e)[face]
+
+        B = LinearOperator((face.size, face.size), matvec=times, dtype=np.float64)
+        part, _ = cg(B, slope[face], rtol=SHARPNESS, maxiter=SHARPENINGS)
+    else:
+        return v
+    e[face] = d[face] * part
+    return v - e if (np.abs(e) <= NEARBY * np.abs(v)).all() else v
