@@ -12,7 +12,11 @@ from namlcp import Prepared, Status, solve_lcp
 from namlcp.lcp.exact import proof, solve_box
 from namlcp.lcp.faces import Ordering, analyse, face_order, refactor, solve_face
 from namlcp.lcp.matrix import columns_of
-from namlcp.lcp.pivoting import UPPER, D, workspace
+from namlcp.lcp.workspace import (
+    UPPER,
+    D,
+    workspace,
+)
 
 RELATIVE = 1e-9
 """Res of the unit-diagonal LCP over its value at z = clip(0)."""

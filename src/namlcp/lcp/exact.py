@@ -17,9 +17,15 @@ from namlcp.lcp.interior import follow
 from namlcp.lcp.largefaces import LargeFaces
 from namlcp.lcp.matrix import Columns, columns_of
 from namlcp.lcp.pivoting import (
+    BLOCK_STEPS,
+    MOST_RHO,
+    SEARCH_STEPS,
+    pivot,
+    resume,
+)
+from namlcp.lcp.workspace import (
     ASKED,
     BEST_Z,
-    BLOCK_STEPS,
     CENTRE,
     CONVEX,
     EPS_ABS,
@@ -27,13 +33,11 @@ from namlcp.lcp.pivoting import (
     FACTORED,
     FEWEST,
     LOWER,
-    MOST_RHO,
     OUTSIDE,
     PATHED,
     PATIENCE,
     RHO,
     RHS,
-    SEARCH_STEPS,
     SEARCHING,
     SIZE,
     STATE,
@@ -44,8 +48,6 @@ from namlcp.lcp.pivoting import (
     Work,
     X,
     Z,
-    pivot,
-    resume,
     workspace,
 )
 from namlcp.progress import Report
@@ -67,8 +69,8 @@ BLOCK_ORDER, BLOCK_ENTRIES = 2000, 20_000
 DENSE_LU = 600
 """Up to this order faces of sparse unsymmetric matrices go to dense LU."""
 
-UNSEEN = 30_000_000
-"""Multiplications of dense factorisations between two looks at the deadline."""
+UNSEEN, MOST_AT_ONCE = 0.02, 50
+"""Time [s] and factorisations between two looks at the deadline; no result changes."""
 
 LAST_STEPS = 200
 """So many factorisations, and one for each unknown, are left to a hopeless case."""
@@ -197,7 +199,7 @@ def drive(
 ) -> tuple[Status, np.ndarray | None]:
     """Call `pivot` until it is done, and do for it what it asks for."""
     counter, n = work.counter, q.size
-    chunk = 1 if report is not None else max(1, min(50, UNSEEN // (n**3 + 1)))
+    chunk = 1
     code = pivoting.MORE
     while code != pivoting.SOLVED:
         done = int(counter[FACTORED])
@@ -221,8 +223,11 @@ def drive(
                 faces.solve()
             code = resume(symmetric, work)
         else:
-            budget = min(chunk, limit - done)
+            budget, began = min(chunk, limit - done), time.perf_counter()
             code = pivot(columns, symmetric, work, budget, outside)
+            if report is None:
+                each = (time.perf_counter() - began) / (counter[FACTORED] - done + 1)
+                chunk = int(min(max(UNSEEN / max(each, 1e-6), 1.0), MOST_AT_ONCE))
         if report is not None and counter[FACTORED] > done:
             active = np.count_nonzero(work.marks[STATE])
             z = np.clip(work.vectors[BEST_Z] * work.vectors[D], lower, upper)

@@ -14,6 +14,10 @@ from namlcp.lapack import copy, inner, pasted
 from namlcp.lcp.faces import analyse, face_order, refactor, solve_face
 from namlcp.lcp.matrix import add_product, largest
 from namlcp.lcp.pivoting import (
+    record,
+    restart,
+)
+from namlcp.lcp.workspace import (
     BEST,
     CENTRE,
     FIRST_MU,
@@ -30,8 +34,6 @@ from namlcp.lcp.pivoting import (
     Z,
     ordering_in,
     problem_in,
-    record,
-    restart,
 )
 from namlcp.residuals import natural_residuals
 

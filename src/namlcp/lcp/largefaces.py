@@ -27,6 +27,15 @@ from namlcp.lcp.interior import (
     weights,
 )
 from namlcp.lcp.pivoting import (
+    SLACK,
+)
+from namlcp.lcp.supernodes import (
+    Blocks,
+    blocks_of,
+    factor_blocks,
+    solve_blocks,
+)
+from namlcp.lcp.workspace import (
     FACTORED,
     LOWER,
     OUTSIDE,
@@ -34,7 +43,6 @@ from namlcp.lcp.pivoting import (
     RHS,
     SHIFT,
     SIZE,
-    SLACK,
     STATE,
     UNIT,
     UPPER,
@@ -42,12 +50,6 @@ from namlcp.lcp.pivoting import (
     Work,
     Z,
     problem_in,
-)
-from namlcp.lcp.supernodes import (
-    Blocks,
-    blocks_of,
-    factor_blocks,
-    solve_blocks,
 )
 
 # What `newton` is to do.

@@ -11,16 +11,13 @@ Where all at once goes too far for a symmetric A, `search` tells how far to go.
 All of it is one compiled call, `pivot`, which comes back with a reason: see the codes.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 from numba import njit
 
 from namlcp.lapack import copy, inner, pasted
 from namlcp.lcp import faces
-from namlcp.lcp.faces import Ordering, analyse, face_order, refactor, solve_face
+from namlcp.lcp.faces import analyse, face_order, refactor, solve_face
 from namlcp.lcp.matrix import (
-    Columns,
     add_product,
     diagonal,
     is_finite,
@@ -28,6 +25,39 @@ from namlcp.lcp.matrix import (
     scale,
 )
 from namlcp.lcp.search import begin_at, end_at, face_of, step_to
+from namlcp.lcp.workspace import (
+    ASKED,
+    BEST,
+    BEST_Z,
+    CENTRE,
+    CONVEX,
+    CURVATURE,
+    EPS_ABS,
+    EPS_REL,
+    FACTORED,
+    FEWEST,
+    GOAL,
+    MET,
+    OUTER,
+    OUTSIDE,
+    PATHED,
+    PATIENCE,
+    RHO,
+    RHS,
+    SEARCHING,
+    SHIFT,
+    SIZE,
+    STALE,
+    STARTED,
+    STATE,
+    TOLERANCE,
+    S,
+    W,
+    X,
+    Z,
+    ordering_in,
+    problem_in,
+)
 from namlcp.residuals import natural_residuals
 
 # Why `pivot` returns.
@@ -39,18 +69,6 @@ FACE = 3  # the caller is to solve the face system, right side in RHS, answer to
 RAY = 4  # RHS may prove that there is no solution
 STUCK = 5  # nothing else to try
 
-# Rows of `Work.vectors`; Q, LOWER, UPPER belong to the scaled problem.
-Q, LOWER, UPPER, D, Z, W, CENTRE, BEST_Z, RHS, SHIFT, PATH, WL, WU = range(13)
-X, S = 13, 14  # see `search`
-# Rows of `Work.marks`.
-STATE, GOAL, UNIT, SEQUENCE, RANK, LOCAL = range(6)
-# Places in `Work.counter`.
-STARTED, FACTORED, OUTER, FEWEST, PATIENCE, STALE, PATHED, OUTSIDE = range(8)
-ORDERED, ORDERINGS = 8, 9
-CURVATURE, ASKED, CONVEX, SEARCHING = 10, 11, 12, 13
-# Places in `Work.scalar`.
-RHO, TOLERANCE, SIZE, EPS_ABS, EPS_REL, BEST, MET, FIRST_MU = range(8)
-
 OMEGA = 1.4
 SWEEPS = 30
 STILL = 3
@@ -59,66 +77,9 @@ SEARCH_STEPS = 100
 LEAST_RHO = 1e-8
 MOST_RHO = 1.0
 OUTER_STEPS = 200
+EARLY_STEPS, FEW = 20, 64  # see `is_near`
 EXACT = 1e-15
 SLACK = 1e-6  # negative curvature, unit diagonal, that single precision explains
-
-
-class Work(NamedTuple):
-    """All memory of one solve, made by `workspace`; the rows and places are above.
-
-    scaled: the matrix with a unit diagonal. vectors (15, n), marks (6, n) int32,
-    counter (14,) int64, scalar (8,).
-    """
-
-    scaled: Columns
-    vectors: np.ndarray
-    marks: np.ndarray
-    counter: np.ndarray
-    scalar: np.ndarray
-
-
-class Problem(NamedTuple):
-    """Box LCP scaled by d to a unit diagonal; where that failed d = 1, unit = 0."""
-
-    columns: Columns
-    symmetric: bool
-    q: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-    d: np.ndarray
-    unit: np.ndarray
-
-
-def workspace(columns: Columns, n: int) -> Work:
-    """Return the memory for a problem of order n, nothing begun."""
-    scaled = columns._replace(
-        dense=np.empty_like(columns.dense), data=np.empty_like(columns.data)
-    )
-    marks = np.zeros((6, n), dtype=np.int32)
-    marks[RANK:] = -1
-    return Work(
-        scaled,
-        np.zeros((15, n)),
-        marks,
-        np.zeros(14, dtype=np.int64),
-        np.zeros(8),
-    )
-
-
-@inner
-def problem_in(work, symmetric):
-    """Return the scaled problem as views of the workspace."""
-    v = work.vectors
-    return Problem(
-        work.scaled, symmetric, v[Q], v[LOWER], v[UPPER], v[D], work.marks[UNIT]
-    )
-
-
-@inner
-def ordering_in(work):
-    """Return the elimination order as views of the workspace."""
-    m = work.marks
-    return Ordering(m[SEQUENCE], m[RANK], m[LOCAL], work.counter[ORDERED:])
 
 
 @inner
@@ -233,7 +194,7 @@ def restart(work, rho):
 
 @pasted
 def close_outer(problem, work):
-    """End an outer step: no sign is wrong. Return a code; GO_ON starts the next."""
+    """End an outer step: no or few signs wrong. Return a code; GO_ON for the next."""
     vectors, count, number = work.vectors, work.counter, work.scalar
     z, v, centre = vectors[Z], vectors[RHS], vectors[CENTRE]
     improved = record(problem, work)
@@ -294,6 +255,17 @@ def flip(problem, work, wrong, single):
     return GO_ON
 
 
+@inner
+def is_near(problem, work, wrong):
+    """Tell whether an outer step of a symmetric A may end with one sign in FEW wrong.
+
+    The centre moves anyway; to be exact before it has come near costs factorisations.
+    """
+    count, early = work.counter, problem.symmetric and work.scalar[RHO] > 0.0
+    falls = wrong < count[FEWEST] and count[OUTER] < EARLY_STEPS
+    return early and falls and not count[SEARCHING] and FEW * wrong <= problem.q.size
+
+
 @pasted
 def judge(problem, work):
     """With the face system solved, flip what is wrong or end the outer step."""
@@ -309,7 +281,7 @@ def judge(problem, work):
         restart(work, LEAST_RHO)
         return GO_ON
     wrong = mark(problem, work)
-    if wrong == 0:
+    if wrong == 0 or is_near(problem, work, wrong):
         return close_outer(problem, work)
     if work.scalar[MET]:
         return SOLVED
