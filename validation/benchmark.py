@@ -39,7 +39,7 @@ COLUMNS = (
 RESIDUALS = COLUMNS[7:11]
 PACKAGES = {"nam": "namlcp", "proxqp": "proxsuite", "highs": "highspy"}
 LATE = {"timeout", "too slow"}  # what a row says that ran into the time limit
-THREADS = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "NUMBA", "RAYON")
+THREADS = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "RAYON")  # numba has its own: threads=
 Row = dict[str, Any]
 
 

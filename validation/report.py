@@ -375,7 +375,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("report"))
     parser.add_argument("--only", nargs="+", choices=list(FULL), metavar="PART")
     args = parser.parse_args(arguments)
-    use_one_thread()  # before numba is there, which cannot change its mind
+    use_one_thread()
     parts = QUICK if args.quick else FULL
     if args.only:
         parts = {name: part for name, part in parts.items() if name in args.only}
