@@ -5,12 +5,19 @@ import pytest
 from problems_qp import complementary, make_qp
 from scipy.sparse import diags_array
 
+from namlcp.checks import qp_data
+from namlcp.deadline import Deadline
 from namlcp.options import Options
-from namlcp.qp.digits import move_dual_residual, settle
+from namlcp.qp.digits import move_dual_residual, move_gap, settle
+from namlcp.qp.forms import solve_path
 from namlcp.qp.judge import Judge
+from namlcp.qp.memory import Memory
+from namlcp.qp.path import PathResult
 from namlcp.qp.presolve import presolve
 from namlcp.qp.scaling import ScaledQP
-from namlcp.residuals import qp_residuals, signed_gap
+from namlcp.qp.start import NO_GUESS
+from namlcp.residuals import UNDEFINED, qp_residuals, signed_gap
+from namlcp.status import Status
 
 EPS = 1e-6
 
@@ -76,6 +83,29 @@ def test_a_gap_goes_into_a_multiplier_with_a_large_side(seed):
     gap = signed_gap(*[qp[k] for k in (1, 3, 5, 6, 7)], x, y, z, z_box, qp.P @ x)
     assert abs(gap) == judge.residuals.gap
     assert (z >= 0.0).all()
+
+
+def test_a_gap_goes_into_the_only_multiplier_there_is():
+    """The other rows are empty, with sides that are 0 or infinite."""
+    one = np.ones((1, 1))
+    qp = make_qp(one, [0.0], 0.0 * np.ones((2, 1)), [0.0, np.inf], 1e-6 * one, [1e3])
+    point = np.zeros(1), np.array([1e-9]), np.zeros(2), np.zeros(1)
+    gap = qp_residuals(*qp, *point).gap
+    assert gap > 1e-7
+    found = move_gap(qp, point, gap, 1e-9, 1e-8)
+    assert qp_residuals(*qp, *found).gap <= 1e-9
+    np.testing.assert_array_equal(np.concatenate((found[2], found[3])), 0.0)
+
+
+def test_dense_problems_are_judged_on_their_dense_matrices(monkeypatch):
+    """The path sums sparse ones, in an order that last digits may be settled for."""
+    zero, none = np.zeros(2), np.empty(0)
+    qp = qp_data(np.eye(2), np.ones(2), None, None, None, None, None, None)
+    found = PathResult(Status.SOLVED, zero, none, none, zero, 1, "", UNDEFINED)
+    monkeypatch.setattr("namlcp.qp.path.solve", lambda *arguments: found)
+    answer = solve_path(qp, Options(), NO_GUESS, Deadline(np.inf), None, Memory())
+    assert answer.status is Status.STALLED
+    assert answer.residuals.dual == 1.0
 
 
 @pytest.mark.parametrize("seed", range(3))

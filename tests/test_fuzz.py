@@ -219,6 +219,7 @@ def test_far_sides_are_those_beyond_all_others():
     near = QPData(*[np.ones((1, 1)) if k in (0, 2, 4) else one for k in range(8)])
     assert without_far_sides(near) is None
     assert without_far_sides(near._replace(b=1e5 * one, ub=1e10 * one)) is None
+    assert without_far_sides(near._replace(h=-1e12 * one, lb=1e12 * one)) is None
     found = without_far_sides(near._replace(b=1e3 * one, h=-1e12 * one, ub=1e10 * one))
     assert (found.h, found.lb, found.ub) == (-1e12, 1.0, INF)
 

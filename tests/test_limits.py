@@ -23,6 +23,7 @@ import namlcp
 from namlcp import checks, solve_lcp, solve_qp
 from namlcp.deadline import OFTEN, PATIENCE, SPEED, Answer, Deadline
 from namlcp.qp import csc, dense
+from namlcp.qp.answer import late
 from namlcp.qp.substitution import substitute
 from namlcp.status import Status
 
@@ -111,6 +112,17 @@ def test_time_limit_within_the_substitution():
     assert result.status is Status.TIME_LIMIT
     assert result.form == "substitution"
     assert np.isfinite(result.residuals.primal)
+
+
+def test_time_limit_of_the_second_try_without_far_sides(monkeypatch):
+    def forms(qp, *arguments):
+        status = Status.STALLED if qp.ub[0] < np.inf else Status.TIME_LIMIT
+        return late(qp)._replace(status=status)
+
+    monkeypatch.setattr("namlcp.qp.solve.solve_forms", forms)
+    result = solve_qp(np.eye(1), np.ones(1), ub=np.full(1, 1e10))
+    assert result.status is Status.TIME_LIMIT
+    assert np.isfinite(result.x).all()
 
 
 def test_time_limit_before_the_first_factorisation():

@@ -126,6 +126,19 @@ def hostile_npz(folder):
     yield "absent.npz", "No such file"
 
 
+def fourth(large, n) -> bytes:
+    """Return a .mat file of version 4 whose sparse P or A claims to be of order n."""
+    content = b""
+    for name in ("P", "q", "A", "l", "u"):
+        kind, array = 0, np.ones((2, 1))
+        if name in "PA":
+            size = n if name == large else 2
+            kind, array = 2, np.array([[1.0, 1.0, 1.0], [size, size, 0.0]])
+        content += struct.pack("<5i", kind, *array.shape, 0, 2) + name.encode() + b"\0"
+        content += array.tobytes("F")
+    return content
+
+
 def hostile_mat(folder):
     """Yield .mat files that must be refused, each with words of the refusal."""
     good = maros_meszaros()
@@ -151,6 +164,9 @@ def hostile_mat(folder):
     wide = sp.csc_matrix((1, 10**9))
     savemat(folder / "wide.mat", {**good, "q": wide.T})
     yield "wide.mat", "bytes, allowed are"
+    for name, n in (("P", 2**31 - 1), ("A", 2**31 - 1)):
+        (folder / f"{name}.mat").write_bytes(fourth(name, n))
+        yield f"{name}.mat", "bytes, allowed are"
 
 
 @pytest.mark.parametrize("hostile", [hostile_npz, hostile_mat])

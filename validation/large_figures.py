@@ -7,7 +7,8 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
-from style import BLUE, DARK, SOLVERS, WIDTH, caption, read_rows, save
+from benchmark import read_csv
+from style import BLUE, DARK, SOLVERS, WIDTH, caption, save
 
 Rows = list[dict[str, str]]
 
@@ -40,7 +41,7 @@ LAYOUT = ("FFab", "FFcd", "efgh", "ijkl")
 
 def plot(results: Path, figures: Path) -> None:
     """Draw large.svg: time against n, a panel for each scene, the forced one large."""
-    rows = read_rows(results)
+    rows = read_csv(results)
     figure, axes = plt.subplot_mosaic(
         [list(line) for line in LAYOUT],
         figsize=(WIDTH, 9.6),
@@ -168,7 +169,7 @@ def note(axes: Axes, text: str, height: float = 0.03) -> None:
 
 def table(results: Path) -> None:
     """Print the rows in Markdown and what the claims are about."""
-    rows = read_rows(results)
+    rows = read_csv(results)
 
     def value(row: dict[str, str], key: str) -> float:
         return float(row[key] or "nan")

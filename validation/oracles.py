@@ -31,7 +31,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmark import csv_writer, machine_lines, use_one_thread
+from benchmark import csv_writer, machine_lines, read_csv, use_one_thread
 from known_scenes import BoxLCP, dam
 from measure import Bench, failure, silence
 from namlcp.residuals import natural_residual
@@ -281,9 +281,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--csv", type=Path, help="default: results/oracles.csv")
     args = parser.parse_args(arguments)
     if args.command == "table":
-        from style import read_rows
-
-        print(markdown(read_rows(args.csv or CSV)))
+        print(markdown(read_csv(args.csv or CSV)))
         return 0
     csv = args.csv or (Path("oracles-quick.csv") if args.quick else CSV)
     rows = run_to(csv, args.data, args.quick)

@@ -5,7 +5,8 @@ from pathlib import Path
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
-from style import BLUE, CYAN, DARK, METHODS, PURPLE, WIDTH, caption, read_rows, save
+from benchmark import read_csv
+from style import BLUE, CYAN, DARK, METHODS, PURPLE, WIDTH, caption, save
 
 Rows = list[dict[str, str]]
 NAMES = {"mgs": "MGS", "namgs": "NAMGS", "msor": "MSOR", "namsor": "NAMSOR"}
@@ -17,7 +18,7 @@ def plot(results: Path, figures: Path) -> None:
     tables = results / "paper-tables.csv"
     figure, axes = plt.subplots(2, 2, figsize=(WIDTH, 6.2), layout="constrained")
     for column, example in enumerate(("1", "2")):
-        rows = [row for row in read_rows(tables) if row["example"] == example]
+        rows = [row for row in read_csv(tables) if row["example"] == example]
         draw_counts(axes[0, column], rows)
         draw_times(axes[1, column], rows)
         axes[0, column].set_title(f"Example {example}, $\\delta = 4$: sweeps")
@@ -30,7 +31,7 @@ def plot(results: Path, figures: Path) -> None:
         1, 2, figsize=(WIDTH, 6.6), sharey=True, layout="constrained"
     )
     for axis, example in zip(pair, ("1", "2"), strict=True):
-        rows = [row for row in read_rows(methods) if row["example"] == example]
+        rows = [row for row in read_csv(methods) if row["example"] == example]
         draw_methods(axis, rows)
         axis.set_title(f"Example {example}, n = 10 000")
     handles, labels = pair[0].get_legend_handles_labels()

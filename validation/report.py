@@ -6,11 +6,11 @@ Usage::
     python validation/report.py --full  [--data DIR] [--out DIR] [--only PART ...]
 
 --quick: small versions of the charts, profiles, oracles, the stress test and the
-pictures, in less than ten minutes. --full: every script of this folder as it is, which
-takes hours. Either writes report.html into the folder --out (report), figures and
-tables inlined, also when it is interrupted, beside its CSV files and figures. What goes
-on where it stopped does so here too; `--full --out validation` brings the repository's
-own files up to date.
+pictures, in less than ten minutes. --full: the same at their sizes, and Maros-Meszaros,
+benchmarks, large LCPs and infeasible QPs, which takes hours. Either writes report.html
+into the folder --out (report), figures and tables inlined, also when it is interrupted,
+beside its CSV files and figures. What goes on where it stopped does so here too;
+`--full --out validation` brings the repository's own files up to date.
 
 The parts are commands of their own, each run in a process, one after the other, so that
 none disturbs the times of another. One that fails, or whose data are missing, is named

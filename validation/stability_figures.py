@@ -11,7 +11,8 @@ from matplotlib.colors import ListedColormap, LogNorm, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from style import DARK, read_rows, save
+from benchmark import read_csv
+from style import DARK, save
 
 Rows = list[dict[str, str]]
 FAILURES = {"slow": "#F2B134", "cycles": "#D6336C", "diverges": "#222222"}
@@ -47,10 +48,10 @@ TITLES = {
 
 def plot(results: Path, figures: Path) -> None:
     """Draw the three figures."""
-    rows = read_rows(results / "stability.csv")
+    rows = read_csv(results / "stability.csv")
     plot_maps([row for row in rows if row["axes"] == "alpha c"], figures)
     plot_strips([row for row in rows if row["axes"] != "alpha c"], figures)
-    plot_units(read_rows(results / "stability-units.csv"), figures)
+    plot_units(read_csv(results / "stability-units.csv"), figures)
 
 
 def colours(cells: list[list[str]]) -> np.ndarray:

@@ -40,7 +40,7 @@ from typing import Any
 import numpy as np
 from qpsolvers import Solution
 
-from benchmark import csv_writer, installed, machine_lines, use_one_thread
+from benchmark import csv_writer, installed, machine_lines, read_csv, use_one_thread
 from measure import Bench, bench, failure, silence
 from namlcp.residuals import Residuals, qp_residuals
 from settings import SOLVERS as MAIN_SOLVERS
@@ -303,10 +303,8 @@ def main(arguments: list[str] | None = None) -> int:
 
         plot(args.csv or CSV, args.figure)
         return 0
-    from style import read_rows
-
     if args.command == "table":
-        print(markdown(read_rows(args.csv or CSV)))
+        print(markdown(read_csv(args.csv or CSV)))
         return 0
     csv = args.csv or (Path("stress-quick.csv") if args.quick else CSV)
     size = (QUICK_PROBLEMS, QUICK_LIMIT) if args.quick else (PROBLEMS, LIMIT)

@@ -9,8 +9,9 @@ from matplotlib.axes import Axes
 from matplotlib.patches import Patch, Rectangle
 from matplotlib.patheffects import withStroke
 
+from benchmark import read_csv
 from stress import OUTCOMES, counts
-from style import DARK, caption, read_rows, save
+from style import DARK, caption, save
 
 # light to dark in the order of harm, so that they stay apart in grey
 LOOKS = {
@@ -30,7 +31,7 @@ HEIGHT = 0.74
 
 def plot(csv: Path, figure_file: Path) -> None:
     """Draw the outcomes of every solver (columns) in every row of the table."""
-    rows = read_rows(csv)
+    rows = read_csv(csv)
     table = counts(rows)
     names = list(dict.fromkeys(row["row"] for row in rows))
     solvers = list(dict.fromkeys(row["solver"] for row in rows))

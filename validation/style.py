@@ -11,11 +11,10 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from benchmark import header_lines, read_csv
+from benchmark import header_lines
 
 mpl.use("Agg")
 
-read_rows = read_csv  # what a figure begins with
 
 WIDTH = 9.0  # [in]
 BLUE, CYAN, GREEN, PURPLE = "#4477AA", "#66CCEE", "#228833", "#AA3377"

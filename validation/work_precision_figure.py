@@ -14,7 +14,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from style import DARK, METHODS, SOLVERS, WIDTH, caption, read_rows, save
+from benchmark import read_csv
+from style import DARK, METHODS, SOLVERS, WIDTH, caption, save
 
 Rows = list[dict[str, str]]
 PLACES = {
@@ -54,7 +55,7 @@ def looks(solver: str) -> tuple[str, str, str]:
 
 def plot(results: Path, file: Path) -> None:
     """Draw the families that the summary has."""
-    rows = read_rows(results)
+    rows = read_csv(results)
     figure = plt.figure(figsize=(WIDTH * 1.22, 10.6))
     grid = figure.add_gridspec(
         3, 3, hspace=0.52, wspace=0.2, left=0.07, right=0.985, top=0.95, bottom=0.07

@@ -130,7 +130,7 @@ def interruptible(function: F) -> F:
     """
 
     @functools.wraps(function)
-    def call(*arguments: Any, **settings: Any) -> Any:
+    def guarded(*arguments: Any, **settings: Any) -> Any:
         try:
             return function(*arguments, **settings)
         except SystemError as error:
@@ -141,7 +141,7 @@ def interruptible(function: F) -> F:
                 raise KeyboardInterrupt from None
             raise
 
-    return call  # type: ignore[return-value]
+    return guarded  # type: ignore[return-value]
 
 
 @intrinsic

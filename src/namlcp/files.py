@@ -16,12 +16,11 @@ import numpy as np
 from scipy.io import loadmat, whosmat
 from scipy.sparse import issparse
 
-from namlcp.checks import refuse_indices
+from namlcp.checks import QPData, refuse_indices
 
 MOST_BYTES = 2**31
 """Size of all arrays of a file together."""
 
-NPZ_NAMES = ("P", "q", "G", "h", "A", "b", "lb", "ub")
 MAT_NAMES = ("P", "q", "A", "l", "u")
 
 # What NumPy's own pickle of an object array that holds None is made of.
@@ -38,10 +37,10 @@ def read_npz(path: str) -> dict[str, np.ndarray | None]:
     """Return the arrays of a problem that qpsolvers.Problem.save wrote."""
     with zipfile.ZipFile(path) as archive:
         members = {entry.filename: entry for entry in archive.infolist()}
-        wanted = {name: members.get(f"{name}.npy") for name in NPZ_NAMES}
+        wanted = {name: members.get(f"{name}.npy") for name in QPData._fields}
         require([name for name in ("P", "q") if wanted[name] is None], "qpsolvers")
         bound(sum(entry.file_size for entry in wanted.values() if entry))
-        data: dict[str, np.ndarray | None] = dict.fromkeys(NPZ_NAMES)
+        data: dict[str, np.ndarray | None] = dict.fromkeys(QPData._fields)
         for name, entry in wanted.items():
             if entry is not None:
                 with archive.open(entry) as stream:
@@ -95,6 +94,7 @@ def read_mat(path: str) -> dict[str, Any]:
     require([name for name in MAT_NAMES if name not in found], "Maros-Meszaros")
     dense = [s for n, (s, kind) in found.items() if n in "qlu" or kind != "sparse"]
     bound(sum(8 * math.prod(shape) for shape in dense))
+    bound(sum(8 * sum(s) for s, kind in found.values() if kind == "sparse"))
     for name in MAT_NAMES:
         if found[name][1] in ("cell", "struct", "object", "char", "function", "opaque"):
             raise ValueError(f"{name} must hold real numbers, got a {found[name][1]}")

@@ -89,8 +89,8 @@ NEARBY = 1e-3
 """Of a proof of unsolvability: what is 0 in v, in A'v, in q'v, relative to the terms;
 and the share of v_i by which it may be moved to get there."""
 
-SHARPNESS, SHARPENINGS = 1e-6, 2000
-"""Of what A leaves of a proof so much may remain; steps at most."""
+SHARPNESS, SHARPENINGS, SHARPENING_WORK = 1e-6, 2000, 200_000_000
+"""Of what A leaves of a proof so much may remain; steps and multiplications at most."""
 
 
 class Outcome(NamedTuple):
@@ -332,7 +332,7 @@ def settled(A: Any, v: np.ndarray, d: np.ndarray, symmetric: bool) -> np.ndarray
     e = np.zeros(v.size)
     if v.size <= DENSE_LU:
         rows = A[face].toarray() if sparse.issparse(A) else A[face]
-        part = np.linalg.lstsq((rows * np.outer(d[face], d)).T, slope)[0]
+        part = np.linalg.lstsq((rows * np.outer(d[face], d)).T, slope, rcond=None)[0]
     elif symmetric:
 
         def times(u: np.ndarray) -> np.ndarray:
@@ -340,7 +340,8 @@ def settled(A: Any, v: np.ndarray, d: np.ndarray, symmetric: bool) -> np.ndarray
             return d[face] * (A @ e)[face]
 
         B = LinearOperator((face.size, face.size), matvec=times, dtype=np.float64)
-        part, _ = cg(B, slope[face], rtol=SHARPNESS, maxiter=SHARPENINGS)
+        steps = min(SHARPENINGS, SHARPENING_WORK // (A.size + v.size))
+        part, _ = cg(B, slope[face], rtol=SHARPNESS, maxiter=max(steps, 1))
     else:
         return v
     e[face] = d[face] * part

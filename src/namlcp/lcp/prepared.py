@@ -62,12 +62,14 @@ class Prepared:
 
         None, too, where they were not ready by the deadline: then nothing is kept.
         """
-        if self.levels is None and not self.unsuited:
-            A = sparse.csr_array(self.A)
-            self.levels = build(A, self.symmetric, deadline)
-            late = time.perf_counter() >= deadline
-            self.unsuited = self.levels is None and not late
-        return self.levels
+        levels = self.levels  # other threads may set it, and may be late
+        if levels is None and not self.unsuited:
+            levels = build(sparse.csr_array(self.A), self.symmetric, deadline)
+            if levels is not None:
+                self.levels = levels
+            elif not time.perf_counter() >= deadline:
+                self.unsuited = True
+        return levels
 
     @cached_property
     def tridiagonal(self) -> Tridiagonal | None:

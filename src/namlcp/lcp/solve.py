@@ -121,6 +121,8 @@ def solve_lcp(
     ------
     TypeError, ValueError
         An argument is malformed; the text says which and why.
+    MemoryError
+        A matrix to be made would have more entries than int32 can count.
 
     Notes
     -----
@@ -217,7 +219,8 @@ def solve_exactly(
     outcome, method = solver(matrix, q, lower, upper, z0, **limits)
     if unit != 1.0:
         ray = None if outcome.ray is None else outcome.ray / unit
-        outcome = outcome._replace(z=outcome.z * unit, w=outcome.w * unit, ray=ray)
+        with np.errstate(over="ignore"):  # beyond the range w is infinite
+            outcome = outcome._replace(z=outcome.z * unit, w=outcome.w * unit, ray=ray)
     s = np.empty(q.size)
     modulus_variable(outcome.z, outcome.w, matrix.slopes, s)
     return outcome, s, method

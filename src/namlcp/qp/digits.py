@@ -91,20 +91,22 @@ def move_gap(qp: QPData, point: Point, size: float, tol: float, room: float) -> 
     side = np.concatenate((qp.b, qp.h, qp.lb, qp.ub))
     column = np.concatenate((peaks(qp.A), peaks(qp.G), np.ones(2 * n)))
     usable = np.isfinite(side) & (side != 0.0)
-    step = np.divide(size, np.abs(side), out=np.full(side.size, np.inf), where=usable)
+    step = np.divide(size, np.abs(side), out=np.zeros(side.size), where=usable)
     usable &= step * column <= room
     usable[p:] &= np.abs(multiplier[p:]) > step[p:]  # no sign may change
     turns = np.flatnonzero(usable)
     Px = times(qp.P, x)
-    for i in turns[:: max(turns.size // TRIES, 1)]:
+    gap = signed_gap(qp.q, qp.h, qp.b, qp.lb, qp.ub, x, y, z, z_box, Px)
+    for i in turns[:: max(-(-turns.size // TRIES), 1)]:
+        value = multiplier[i] - gap / side[i]
+        if i >= p and not value * multiplier[i] > 0.0:
+            continue
+        multiplier[i] = value
         y, z = multiplier[:p], multiplier[p : p + m]
         z_box = multiplier[p + m : p + m + n] + multiplier[p + m + n :]
         gap = signed_gap(qp.q, qp.h, qp.b, qp.lb, qp.ub, x, y, z, z_box, Px)
         if abs(gap) <= tol:
             return x, y, z, z_box
-        value = multiplier[i] - gap / side[i]
-        if i < p or value * multiplier[i] > 0.0:
-            multiplier[i] = value
     return point
 
 

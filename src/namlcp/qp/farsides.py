@@ -20,7 +20,8 @@ def without_far_sides(qp: QPData) -> QPData | None:
     sides = np.abs(np.concatenate((qp.h, qp.lb, qp.ub)))
     near = np.concatenate((np.ones(1), np.abs(qp.b), sides[sides < FAR]))
     far = FAR * near.max()
-    if not ((far <= sides) & (sides < np.inf)).any():
+    limits = np.concatenate((qp.h, -qp.lb, qp.ub))
+    if not ((far <= limits) & (limits < np.inf)).any():
         return None
     h = np.where(qp.h >= far, np.inf, qp.h)
     lb = np.where(qp.lb <= -far, -np.inf, qp.lb)

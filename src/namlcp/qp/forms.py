@@ -203,11 +203,15 @@ def solve_path(
     """Follow the path, which is sparse."""
     if progress is not None:
         progress.announce(path.evaluate)
+    own = qp
     if qp.is_dense:
-        qp = qp._replace(P=as_sparse(qp.P), G=as_sparse(qp.G), A=as_sparse(qp.A))
+        own = qp._replace(P=as_sparse(qp.P), G=as_sparse(qp.G), A=as_sparse(qp.A))
     report = None if progress is None else progress.row
-    found = path.solve(qp, options, guess, deadline, report, memory)
+    found = path.solve(own, options, guess, deadline, report, memory)
+    status, residuals = found.status, found.residuals
     point = found.x, found.y, found.z, found.z_box
-    return Answer(
-        found.status, *point, found.residuals, found.iterations, "path", found.message
-    )
+    if qp.is_dense and status is Status.SOLVED:  # dense sums round differently
+        residuals = qp_residuals(*qp, *point)
+        if not residuals.solved(options.eps_abs, options.eps_rel):
+            status = Status.STALLED
+    return Answer(status, *point, residuals, found.iterations, "path", found.message)

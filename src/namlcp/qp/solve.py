@@ -84,6 +84,8 @@ def solve_qp(
         semidefinite, an option has no meaning. The message names the argument.
     TypeError
         An argument is no array of real numbers, or an option is unknown.
+    MemoryError
+        A matrix to be made would have more entries than int32 can count.
 
     Notes
     -----
@@ -136,6 +138,8 @@ def solve_checked(
         near = without_far_sides(qp)
         if near is not None:
             other = solve_forms(near, options, NO_GUESS, deadline, progress, None)
+            if other.status is Status.TIME_LIMIT:  # with more of it, this may help
+                answer = answer._replace(status=other.status)
             answer = confirmed(qp, other, options) or answer
     if deadline.interrupted:
         answer = answer._replace(status=deadline.verdict(answer.status))

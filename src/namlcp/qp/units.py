@@ -36,5 +36,6 @@ def column_units(P: np.ndarray) -> np.ndarray:
 def in_units(qp: QPData, c: np.ndarray) -> QPData:
     """Return the dense QP of t = x / c."""
     P, q, G, h, A, b, lb, ub = qp
-    scaled = c[:, None] * P * c, c * q, G * c, h, A * c, b, lb / c, ub / c
+    with np.errstate(over="ignore"):  # what overflows cannot be solved, and is judged
+        scaled = c[:, None] * P * c, c * q, G * c, h, A * c, b, lb / c, ub / c
     return QPData(*scaled)
