@@ -16,7 +16,7 @@ import campaign_forms as forms
 import campaign_problems as problems
 from campaign_judge import Answer, judge_lcp, judge_qp, lcp_faults, qp_faults
 from campaign_lcps import LCP
-from namlcp import solve_lcp, solve_qp
+from namlcp import Status, solve_lcp, solve_qp
 from namlcp.checks import QPData
 from namlcp.qp.farsides import without_far_sides
 
@@ -228,3 +228,12 @@ def test_squares_of_tiny_unknowns_are_no_residual():
     """z = 4e-6 where A = 2e167: its square, in units of q, is no number."""
     result = solve_lcp(np.array([[2e167]]), np.array([1e162]), -4e-6, 2e-6)
     assert (result.status.value, result.z[0]) == ("solved", -4e-6)
+
+
+@pytest.mark.parametrize("index", [12824, 18672])
+def test_what_the_campaign_found(index):
+    """A point far out raised a warning; an entry stored on one side crashed."""
+    case = problems.make(1, index)
+    result = solve_qp(**case.arguments)
+    known = {"infeasible": Status.PRIMAL_INFEASIBLE, "solvable": Status.SOLVED}
+    assert result.status is known[case.truth]

@@ -511,3 +511,17 @@ def test_a_prepared_matrix_serves_many_problems(kind, monkeypatch):
 def test_a_prepared_matrix_is_checked_at_once():
     with pytest.raises(ValueError, match=r"A must be square, got shape \(2, 3\)"):
         Prepared(np.ones((2, 3)))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_entries_of_which_one_side_is_stored(seed):
+    """Symmetric up to rounding, but not in its pattern: the order must not mind."""
+    rng = np.random.default_rng(seed)
+    n = 70
+    B = np.where(rng.random((n, n)) < 0.06, rng.standard_normal((n, n)), 0.0)
+    A = B @ B.T + 0.1 * np.eye(n)
+    A[(A == 0.0) & (rng.random((n, n)) < 0.1)] = 1e-18
+    q = rng.standard_normal(n)
+    result = solve_lcp(sparse.csr_array(A), q)
+    assert result.status is Status.SOLVED
+    assert np.abs(np.minimum(result.z, A @ result.z + q)).max() <= 1e-9

@@ -372,3 +372,13 @@ def test_american_put_against_brennan_and_schwartz():
             before = max((b[i] - below * before) / pivots[i], payoff[i])
             expected[i] = before
         np.testing.assert_allclose(V, expected, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("size", [1e-160, 1e162])
+def test_diagonals_whose_squares_leave_the_range(size):
+    """z is as small as 1 / diag A, once q has been scaled: its square would be 0."""
+    A = sparse.csr_array(sparse.diags_array(np.array([7.0, 7.0]) * size))
+    result = solve_lcp(A, np.array([-1.5, 1.1]) * 1e-6 * size)
+    assert result.status is Status.SOLVED
+    assert result.method == "tridiagonal"
+    np.testing.assert_allclose(result.z, [1.5e-6 / 7.0, 0.0], rtol=1e-9)

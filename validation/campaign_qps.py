@@ -323,6 +323,8 @@ def descending(draw: Draw) -> tuple[QPData, np.ndarray, np.ndarray]:
     across = np.eye(n) - np.outer(d, d)
     P, A = across @ qp.P @ across, qp.A @ across
     G = qp.G - np.outer(np.maximum(qp.G @ d, 0.0), d)
+    for C in (A, G):
+        C[np.abs(C) < 1e-12] = 0.0  # rows of rounding alone would bound what d leaves
     q = qp.q @ across - draw.one_of(1e-3, 1.0, 10.0) * d
     slack = np.where(np.isinf(qp.h), INF, draw.positive(qp.h.size))
     lb, ub = np.where(d < 0.0, -INF, qp.lb), np.where(d > 0.0, INF, qp.ub)

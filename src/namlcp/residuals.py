@@ -235,9 +235,10 @@ def signed_gap(
     Px: np.ndarray,
 ) -> float:
     """Return x'Px + q'x + b'y + h'z + lb'z_box^- + ub'z_box^+ as the hosts add it."""
-    gap = x.dot(Px) + q.dot(x) + support(h, z) + b.dot(y)
-    gap += support(lb, np.minimum(z_box, 0.0))
-    gap += support(ub, np.maximum(z_box, 0.0))
+    with np.errstate(all="ignore"):  # far out it is infinite or nothing
+        gap = x.dot(Px) + q.dot(x) + support(h, z) + b.dot(y)
+        gap += support(lb, np.minimum(z_box, 0.0))
+        gap += support(ub, np.maximum(z_box, 0.0))
     return float(gap)
 
 

@@ -188,16 +188,20 @@ def minimum_degree(indices, indptr, nodes, local, sequence):
     degree, head, after, before = marks[0], marks[1], marks[2], marks[3]
     neighbours = marks[4]
     for v in range(m):
-        degree[v] = 0
         head[v] = NONE
-    for v in range(m - 1, -1, -1):
         j = nodes[v]
         for p in range(indptr[j], indptr[j + 1]):
             u = local[indices[p]]
             if u >= 0 and u != v:
+                # Both: of an entry that is nearly zero only one side may be stored.
                 graph[v, u >> 6] |= one << np.uint64(u & 63)
-                degree[v] += 1
-        move(np.int32(v), degree[v], NONE, head, after, before)
+                graph[u, v >> 6] |= one << np.uint64(v & 63)
+    for v in range(m - 1, -1, -1):
+        count = np.int32(0)
+        for b in range(graph.shape[1]):
+            count = np.int32(count + popcount(graph[v, b]))
+        degree[v] = count
+        move(np.int32(v), count, NONE, head, after, before)
     least = 0
     done = 0
     while done < m:

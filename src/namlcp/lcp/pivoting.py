@@ -263,7 +263,7 @@ def is_near(problem, work, wrong):
     """
     count, early = work.counter, problem.symmetric and work.scalar[RHO] > 0.0
     falls = wrong < count[FEWEST] and count[OUTER] < EARLY_STEPS
-    return early and falls and not count[SEARCHING] and FEW * wrong <= problem.q.size
+    return early and falls and not count[PATHED] and FEW * wrong <= problem.q.size
 
 
 @pasted

@@ -60,6 +60,9 @@ SAME = 4.0 * np.finfo(float).eps
 UNKNOWNS = 1_000_000
 """So many unknowns are solved for between two looks at the clock."""
 
+TINY = 1e-280
+"""Sums of squares below this may have lost terms."""
+
 COARSEST = 16
 """Up to this order the first face is that of clip(0)."""
 
@@ -138,6 +141,17 @@ def solve_face(rows, q, lower, upper, tolerance, state, coupling, z, w):
     return wrong if positive else -1, inside
 
 
+@inner
+def scaled_deviation(z, w, lower, upper, diagonal, root):
+    """Return `residuals.deviation` on the problem with a unit diagonal.
+
+    It is scaled before it is squared: with a diagonal of 1e160 its square in the units
+    of z would be 0.
+    """
+    s = diagonal * root
+    return max(min(w * root, (z - lower) * s), (z - upper) * s) + 0.0 * z
+
+
 @fast
 def measure(rows, lower, upper, z, w):
     """Return Res(z), of this problem and of the one with a unit diagonal."""
@@ -146,8 +160,13 @@ def measure(rows, lower, upper, z, w):
     for i in range(z.size):
         r = deviation(z[i], w[i], lower[i], upper[i])
         plain += r * r
-        r = deviation(z[i], w[i] * (root[i] * root[i]), lower[i], upper[i])
-        scaled += (diagonal[i] * r) * r
+        r = scaled_deviation(z[i], w[i], lower[i], upper[i], diagonal[i], root[i])
+        scaled += r * r
+    if plain < TINY:  # squares have underflown
+        plain = 0.0
+        for i in range(z.size):
+            plain = max(plain, abs(deviation(z[i], w[i], lower[i], upper[i])))
+        return plain, np.sqrt(scaled)
     return np.sqrt(plain), np.sqrt(scaled)
 
 
@@ -170,8 +189,8 @@ def squares_at_zero(rows, q, lower, upper, zero):
     for i in range(q.size):
         z = zero[i + 1]
         w = below[i] * zero[i] + diagonal[i] * z + above[i] * zero[i + 2] + q[i]
-        r = deviation(z, w * (root[i] * root[i]), lower[i], upper[i])
-        residual += (diagonal[i] * r) * r
+        r = scaled_deviation(z, w, lower[i], upper[i], diagonal[i], root[i])
+        residual += r * r
         size += (q[i] * root[i]) * (q[i] * root[i])
     return residual, size
 
