@@ -61,7 +61,7 @@ def plot(results: Path, figures: Path) -> None:
         else:
             draw_scene(panel, own, named=name == "F")
     forced = axes["F"]
-    forced.set(xscale="log", yscale="log", xlim=(600.0, 8e6), ylim=(3e-6, 400.0))
+    forced.set(xscale="log", yscale="log", xlim=(600.0, 8e6), ylim=(3e-6, 1500.0))
     forced.tick_params(labelbottom=True)
     for name in "Fei":
         axes[name].set_ylabel("time [s]")
