@@ -77,7 +77,7 @@ SEARCH_STEPS = 100
 LEAST_RHO = 1e-8
 MOST_RHO = 1.0
 OUTER_STEPS = 200
-EARLY_STEPS, FEW = 20, 64  # see `is_near`
+EARLY_STEPS, FEW, SOME = 20, 64, 4  # see `is_near`
 EXACT = 1e-15
 SLACK = 1e-6  # negative curvature, unit diagonal, that single precision explains
 
@@ -259,9 +259,11 @@ def flip(problem, work, wrong, single):
 def is_near(problem, work, wrong):
     """Tell whether an outer step of a symmetric A may end with one sign in FEW wrong.
 
-    The centre moves anyway; to be exact before it has come near costs factorisations.
+    The centre moves anyway, with the factor at hand; to be exact before it has come
+    near costs factorisations. Not before there have been some: most faces need no more.
     """
     count, early = work.counter, problem.symmetric and work.scalar[RHO] > 0.0
+    early &= count[FACTORED] > SOME
     falls = wrong < count[FEWEST] and count[OUTER] < EARLY_STEPS
     return early and falls and not count[PATHED] and FEW * wrong <= problem.q.size
 
