@@ -58,7 +58,7 @@ def test_multipliers_without_enough_digits_are_made_up_for(seed):
     z = known.z * (1.0 + 1e-9 * rng.standard_normal(known.z.size))
     point = known.x / D, known.y, z, known.z_box * D
     assert qp_residuals(*qp, *point).worst(EPS, 0.0) > 1.0
-    found = qp_residuals(*qp, *settle(qp, point, EPS, 0.0))
+    found = qp_residuals(*qp, *settle(qp, point, qp_residuals(*qp, *point), EPS, 0.0))
     assert max(found.dual, found.primal) <= EPS
 
 

@@ -81,11 +81,11 @@ def accept_primal(
     y, z, z_box = y / -value, z / -value, z_box / -value
     residual = np.abs(s / -value + z_box)
     lam = np.abs(y).sum() + z.sum() + np.abs(z_box).sum()
+    claim = residual, x, y, z, z_box, tol * lam
     alone = np.ones(x.size), np.ones(y.size), np.ones(z.size)
-    for scale in (alone, equilibration(qp)):
-        if not is_contradiction(residual, x, y, z, z_box, tol * lam, scale):
-            return None
-    return np.full(x.size, np.nan), y, z, z_box
+    if is_contradiction(*claim, alone) and is_contradiction(*claim, equilibration(qp)):
+        return np.full(x.size, np.nan), y, z, z_box
+    return None
 
 
 def is_contradiction(

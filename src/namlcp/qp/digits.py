@@ -19,7 +19,7 @@ from numba import njit
 
 from namlcp.checks import QPData
 from namlcp.products import add_transposed, times
-from namlcp.residuals import qp_residuals, signed_gap
+from namlcp.residuals import Residuals, qp_residuals, signed_gap
 
 Point = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
@@ -28,9 +28,13 @@ TRIES = 64  # corrections of the gap at most
 SHARE = 0.5  # of the tolerance that a residual may take up before it is moved
 
 
-def settle(qp: QPData, point: Point, eps_abs: float, eps_rel: float) -> Point:
-    """Return the point with its dual residual and its gap moved. Matrices are CSC."""
-    found = qp_residuals(*qp, *point)
+def settle(
+    qp: QPData, point: Point, found: Residuals, eps_abs: float, eps_rel: float
+) -> Point:
+    """Return the point, of these residuals, with its dual residual and its gap moved.
+
+    Matrices are CSC. Where nothing can be moved it is `point` itself.
+    """
     tol = eps_abs + eps_rel * found.dual_size
     if found.dual > SHARE * tol:
         point = move_dual_residual(qp, point, SHARE * tol)

@@ -36,19 +36,24 @@ class Judge:
         Returns the best of the judgements.
         """
         inside = np.minimum(np.maximum(x, self.qp.lb), self.qp.ub)
-        worst = self.see((x, y, z, z_box))
+        eps = self.options.eps_abs, self.options.eps_rel
+        point: Point = x, y, z, z_box
+        found = self.see(point)
+        worst = found.worst(*eps)
         if not np.array_equal(x, inside):
-            worst = min(worst, self.see((inside, y, z, z_box)))
-        if 1.0 < worst <= NEAR:
             point = inside, y, z, z_box
-            eps = self.options.eps_abs, self.options.eps_rel
-            worst = min(worst, self.see(settle(self.qp, point, *eps)))
+            found = self.see(point)
+            worst = min(worst, found.worst(*eps))
+        if 1.0 < worst <= NEAR:
+            moved = settle(self.qp, point, found, *eps)
+            if moved is not point:
+                worst = min(worst, self.see(moved).worst(*eps))
         return worst
 
-    def see(self, point: Point) -> float:
-        """Return the judgement of one point; keep it if it is the best."""
+    def see(self, point: Point) -> Residuals:
+        """Return the residuals of one point; keep it if it is the best."""
         found = qp_residuals(*self.qp, *point)
         worst = found.worst(self.options.eps_abs, self.options.eps_rel)
         if worst < self.best:
             self.best, self.found, self.point = worst, found, point
-        return worst
+        return found
