@@ -10,6 +10,8 @@ It returns the arrays and what is true of them:
 - not convex: P has a curvature of less than -1e-3 of its size.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 
 from campaign_draw import (
@@ -30,6 +32,7 @@ from namlcp.checks import QPData
 
 INF = np.inf
 Truth = tuple[QPData, str]
+Cost = Callable[[Draw, int], np.ndarray]
 
 
 def planted(
@@ -70,34 +73,35 @@ def ordinary(draw: Draw, P: np.ndarray, m: int, p: int) -> Truth:
     return planted(draw, P, draw.matrix(m, n), draw.matrix(p, n))[0], "solvable"
 
 
+def with_cost(draw: Draw, cost: Cost) -> Truth:
+    """Return a solvable QP of any size with such a P."""
+    n, m, p = draw.sizes()
+    return ordinary(draw, cost(draw, n), m, p)
+
+
 def strictly_convex(draw: Draw) -> Truth:
     """P = F F' + I."""
-    n, m, p = draw.sizes()
-    return ordinary(draw, definite(draw, n), m, p)
+    return with_cost(draw, definite)
 
 
 def semidefinite_cost(draw: Draw) -> Truth:
     """P of any rank."""
-    n, m, p = draw.sizes()
-    return ordinary(draw, semidefinite(draw, n), m, p)
+    return with_cost(draw, semidefinite)
 
 
 def linear_program(draw: Draw) -> Truth:
     """P = 0."""
-    n, m, p = draw.sizes()
-    return ordinary(draw, linear(draw, n), m, p)
+    return with_cost(draw, linear)
 
 
 def condition_1e8(draw: Draw) -> Truth:
     """P with eigenvalues from 1e-8 to 1."""
-    n, m, p = draw.sizes()
-    return ordinary(draw, ill_conditioned(draw, n), m, p)
+    return with_cost(draw, ill_conditioned)
 
 
 def nearly_singular_cost(draw: Draw) -> Truth:
     """P semidefinite plus 1e-12 to 1e-6 of its size."""
-    n, m, p = draw.sizes()
-    return ordinary(draw, nearly_singular(draw, n), m, p)
+    return with_cost(draw, nearly_singular)
 
 
 def bounds_alone(draw: Draw) -> Truth:
