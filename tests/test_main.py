@@ -120,7 +120,7 @@ def hostile_npz(folder):
     yield "short.npz", "P is cut off: 24 of 32 bytes"
     npz(folder / "inner.npz", P=npy(np.eye(2)), q=npy(np.array(None))[:-9] + b"x")
     yield "inner.npz", "not a pickle"
-    outside = {"../P": npy(np.eye(2)), "/tmp/q": npy(np.ones(2))}
+    outside = {"../P": npy(np.eye(2)), "/q": npy(np.ones(2))}
     npz(folder / "paths.npz", **outside)
     yield "paths.npz", "holds no P"
     yield "absent.npz", "No such file"
