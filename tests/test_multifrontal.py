@@ -141,8 +141,7 @@ def test_a_border_comes_first():
 
 
 def test_the_path_solves_with_dense_fronts(monkeypatch):
-    monkeypatch.setattr(factors, "LIGHT", 0)
-    monkeypatch.setattr(factors, "FEW", 0)
+    monkeypatch.setattr(factors, "FILL", ((0, 0),))
     monkeypatch.setattr(factors, "HEAVY", 0.0)
     used = []
     init = Multifrontal.__init__

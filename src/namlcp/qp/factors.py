@@ -32,8 +32,8 @@ THIN = 0.1  # density of B from which a border pays
 WIDE = 600  # size from which it pays with a thinner B, if K_D is full:
 FULL = 0.2  # so many of its entries are there, of 0.5 in the upper triangle
 HEAVY = 1.5e7  # multiplications of a factorisation from which dense fronts pay
-FEW = 3  # entries of K a column up to which little fill is expected,
-LARGE = 200_000  # below so many entries: there no order is sought to count it
+FILL = (200_000, 0), (20_000, 3), (5_000, 4)
+"""Fill is counted where K has so many entries, and more than so many a column."""
 
 
 def factor(matrix: csc_array) -> "Sparse | Multifrontal | Bordered":
@@ -166,7 +166,7 @@ def dense_border(indptr: np.ndarray, indices: np.ndarray) -> np.ndarray:
 def heavy_order(indptr: np.ndarray, indices: np.ndarray) -> Order | None:
     """Return an order for dense fronts, None where qdldl is as good."""
     size = indptr.size - 1
-    if indices.size < (LIGHT if indices.size > FEW * size else LARGE):
+    if not any(indices.size >= max(least, few * size) for least, few in FILL):
         return None
     degree = degrees(indptr, indices, np.ones(size, dtype=np.bool_))
     if degree.max() > HUB * np.sqrt(size):
