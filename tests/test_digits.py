@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from problems_qp import complementary, make_qp
-from scipy.sparse import diags_array
 
 from namlcp.checks import qp_data
 from namlcp.deadline import Deadline
@@ -13,8 +12,6 @@ from namlcp.qp.forms import solve_path
 from namlcp.qp.judge import Judge
 from namlcp.qp.memory import Memory
 from namlcp.qp.path import PathResult
-from namlcp.qp.presolve import presolve
-from namlcp.qp.scaling import ScaledQP
 from namlcp.qp.start import NO_GUESS
 from namlcp.residuals import UNDEFINED, qp_residuals, signed_gap
 from namlcp.status import Status
@@ -97,6 +94,24 @@ def test_a_gap_goes_into_the_only_multiplier_there_is():
     np.testing.assert_array_equal(np.concatenate((found[2], found[3])), 0.0)
 
 
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_a_gap_too_large_for_one_multiplier_is_spread_over_many(sign):
+    """All sides are 1; one multiplier has no room, and keeps its sign."""
+    n = 40
+    none = np.empty(0)
+    q = np.r_[0.0, np.full(n - 1, -1.0)]
+    qp = make_qp(np.zeros((n, n)), q, ub=np.ones(n))
+    z_box = np.r_[1e-12, np.full(n - 1, 1.0 + sign * 5e-7)]
+    point = np.ones(n), none, none, z_box
+    gap = qp_residuals(*qp, *point).gap
+    assert gap > 1e-5
+    found = move_gap(qp, point, gap, 1e-9, EPS)
+    after = qp_residuals(*qp, *found)
+    assert after.gap <= 1e-9
+    assert after.dual <= EPS
+    assert (found[3] > 0.0).all()
+
+
 def test_dense_problems_are_judged_on_their_dense_matrices(monkeypatch):
     """The path sums sparse ones, in an order that last digits may be settled for."""
     zero, none = np.zeros(2), np.empty(0)
@@ -106,27 +121,3 @@ def test_dense_problems_are_judged_on_their_dense_matrices(monkeypatch):
     answer = solve_path(qp, Options(), NO_GUESS, Deadline(np.inf), None, Memory())
     assert answer.status is Status.STALLED
     assert answer.residuals.dual == 1.0
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_geometric_means_do_not_see_units(seed):
-    qp = complementary(seed, 20, 30, 5, 20, 0.5).qp
-    rng = np.random.default_rng(seed)
-    D, E, F = (10.0 ** rng.uniform(-3, 3, k) for k in (20, 30, 5))
-    d, e, f = (diags_array(v) for v in (D, E, F))
-    P, q, G, h, A, b, lb, ub = qp
-    other = make_qp(
-        d @ P @ d, D * q, e @ G @ d, E * h, f @ A @ d, F * b, lb / D, ub / D
-    )
-    here, there = (ScaledQP(presolve(problem, 1e-9, 0.0)) for problem in (qp, other))
-
-    def difference():
-        return np.abs(here.kkt.base - there.kkt.base).max()
-
-    assert difference() > 0.1
-    unit = here.unit
-    ratio = here.balance()
-    np.testing.assert_allclose(here.unit, unit * ratio)
-    there.balance()
-    assert difference() < 0.01
-    assert np.abs(here.kkt.base).max() < 1.1

@@ -84,10 +84,12 @@ def absorb(indptr, indices, data, lb, ub, tol, r, x, z_box):
 
 
 def move_gap(qp: QPData, point: Point, size: float, tol: float, room: float) -> Point:
-    """Return the point with its gap, of this size, moved into one multiplier.
+    """Return the point with its gap, of this size, moved into multipliers.
 
-    One after another is tried whose change takes no more than `room` of the dual
-    residual: the sums of the gap round differently with each of them.
+    What is added last is rounded least, so first all of ub'z_box^+ give way together
+    (the smallest change, dz = -g s / s's), then those of the other sums. Then one
+    multiplier after another: the sums round differently with each of them. No change
+    takes more than `room` of the dual residual, or a sign: those it would are left out.
     """
     x, y, z, z_box = point
     n, p, m = x.size, y.size, z.size
@@ -95,22 +97,43 @@ def move_gap(qp: QPData, point: Point, size: float, tol: float, room: float) -> 
     side = np.concatenate((qp.b, qp.h, qp.lb, qp.ub))
     column = np.concatenate((peaks(qp.A), peaks(qp.G), np.ones(2 * n)))
     usable = np.isfinite(side) & (side != 0.0)
-    step = np.divide(size, np.abs(side), out=np.zeros(side.size), where=usable)
-    usable &= step * column <= room
-    usable[p:] &= np.abs(multiplier[p:]) > step[p:]  # no sign may change
-    turns = np.flatnonzero(usable)
+    usable[p:] &= multiplier[p:] != 0.0
     Px = times(qp.P, x)
-    gap = signed_gap(qp.q, qp.h, qp.b, qp.lb, qp.ub, x, y, z, z_box, Px)
-    for i in turns[:: max(-(-turns.size // TRIES), 1)]:
-        value = multiplier[i] - gap / side[i]
-        if i >= p and not value * multiplier[i] > 0.0:
-            continue
-        multiplier[i] = value
+
+    def moved(k: np.ndarray, gap: float) -> tuple[Point, float] | None:
+        """Move the gap into the multipliers k, or those of them that may change."""
+        for _ in range(2):
+            s = side[k]
+            new = multiplier[k] - gap / (s @ s) * s
+            free = np.abs(new - multiplier[k]) * column[k] <= room
+            free &= (k < p) | (new * multiplier[k] > 0.0)
+            if free.all():
+                break
+            k = k[free]
+            if not k.size:
+                return None
+        if not free.all():
+            return None
+        multiplier[k] = new
         y, z = multiplier[:p], multiplier[p : p + m]
         z_box = multiplier[p + m : p + m + n] + multiplier[p + m + n :]
-        gap = signed_gap(qp.q, qp.h, qp.b, qp.lb, qp.ub, x, y, z, z_box, Px)
-        if abs(gap) <= tol:
-            return x, y, z, z_box
+        sides = qp.q, qp.h, qp.b, qp.lb, qp.ub
+        return (x, y, z, z_box), signed_gap(*sides, x, y, z, z_box, Px)
+
+    kinds = np.split(np.arange(side.size), np.cumsum((p, m, n)))
+    groups = [k[usable[k]] for k in reversed(kinds)]
+    step = np.divide(size, np.abs(side), out=np.zeros(side.size), where=usable)
+    single = usable & (step * column <= room)
+    single[p:] &= np.abs(multiplier[p:]) > step[p:]
+    turns = np.flatnonzero(single)
+    turns = turns[:: max(-(-turns.size // TRIES), 1)]
+    gap = signed_gap(qp.q, qp.h, qp.b, qp.lb, qp.ub, x, y, z, z_box, Px)
+    for k in (*groups, *turns[:, None]):
+        found = moved(k, gap) if k.size else None
+        if found is not None:
+            point_now, gap = found
+            if abs(gap) <= tol:
+                return point_now
     return point
 
 
