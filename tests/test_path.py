@@ -315,18 +315,6 @@ def test_presolve_recovers_exactly():
     assert_solves_qp(qp, solve(qp, DEFAULT))
 
 
-def test_scaling_equilibrates_and_is_inverted_exactly():
-    known = complementary(3, 10, 12, 2, 10)
-    s = ScaledQP(presolve(known.qp, 1e-9, 0.0))
-    K = abs(s.kkt.matrix + s.kkt.matrix.T).toarray()
-    np.fill_diagonal(K, abs(s.kkt.base[s.kkt.diagonal]))
-    np.testing.assert_allclose(K.max(axis=1), 1.0, atol=5e-3)
-    guess = make_guess(known.qp, known.x, None)
-    np.testing.assert_allclose(
-        s.small.primal(s.from_user(guess)[0] * s.unit[:10]), known.x, rtol=1e-14
-    )
-
-
 def test_kkt_solves_are_refined():
     known = complementary(4, 20, 10, 3, 12)
     P, G, A = known.qp.P, known.qp.G.tocsr(), known.qp.A.tocsr()

@@ -23,7 +23,7 @@ from namlcp.qp.judge import Judge
 from namlcp.qp.memory import Memory
 from namlcp.qp.presolve import presolve
 from namlcp.qp.regularisation import POOR, Regularisation
-from namlcp.qp.scaling import ScaledQP
+from namlcp.qp.scaling import UNITS, ScaledQP
 from namlcp.qp.start import NO_GUESS, Guess
 from namlcp.qp.steps import (
     advance,
@@ -45,8 +45,8 @@ GOOD = 1e-2  # judgement at which a finish stops mending the set
 LONG = 1.8  # sum of the steps above which Gondzio's corrector is not tried
 GAIN = 0.02  # growth of the steps that pays for Gondzio's corrector
 PATIENCE = 100  # iterations without halving the worst residual before another try
-LIFT = 0.1  # part of the gap that m mu does not fall below in the second try
-TOLERABLE = 0.5  # violation over its tolerance that the second try may leave
+LIFT = 0.1  # part of the gap that m mu does not fall below in another try
+TOLERABLE = 0.5  # violation over its tolerance that another try may leave
 ACCURACY = 1e-4  # of the linear solves, relative to the tolerance
 CLOSE = 1e3  # gap over its tolerance at which the judge sees a feasible iterate
 EXACT = 1e-8  # tolerances up to this one ask for an exact finish in any case
@@ -160,6 +160,7 @@ class Interior:
         self.ask: fallback.Solver | None = None
         self.iterations = 0
         self.is_warm = False
+        self.tries = 1
         self.lift = 0.0
         self.best = inf
         self.best_point = self.x, self.y, self.Z
@@ -228,21 +229,22 @@ class Interior:
         return Status.MAX_ITER
 
     def restart(self) -> bool:
-        """Start again: cold after a warm start, then once more centred; else False.
+        """Start again: cold after a warm start, then in other units; else False.
 
-        The second try is in other units. Rows that the best point violates tolerably
-        give way to it: dependent rows contradict each other by rounding errors, and y
-        grows for ever.
+        Later tries are centred. Rows that the best point violates tolerably give way
+        to it: dependent rows contradict each other by rounding errors, and y grows for
+        ever.
         """
         if not self.is_warm:
-            if self.lift > 0.0 or self.problem.c.size == 0:
+            if self.tries == len(UNITS) or self.problem.c.size == 0:
                 return False
+            self.tries += 1
             self.lift = LIFT
             self.offer(*self.best_point)
             self.x, self.y, self.Z = (v.copy() for v in self.best_point)
             self.evaluate()
             self.best = inf
-            self.t /= self.problem.balance()
+            self.t /= self.problem.change_units()
             if self.ratios[0] <= TOLERABLE:
                 self.problem.give_way(self.t)
         self.is_warm = False

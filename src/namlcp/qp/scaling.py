@@ -4,8 +4,10 @@ Symmetric Ruiz scaling of K = [[P, C'], [C, 0]], C = [A; G]: ten rounds divide r
 columns by the square roots of their largest entries, until those are 1 within 1e-3
 (D. Ruiz, RAL-TR-2001-034). With d the factors of the columns and e those of the rows,
 x = d x_scaled, y = e y_scaled, z_box = z_box_scaled / d; the cost is not scaled.
-Where that leads nowhere, `balance` goes first to the geometric means, whose scaled
-matrix is the same in whatever units the rows and columns came.
+The scaling of a matrix is not unique, and what K is divided by first decides which one
+is found: `normalise` looks for the side whose units are apart, `even_out` leads to the
+same matrix in whatever units the rows and columns came. A path that leads nowhere is
+tried again in other UNITS.
 
 The constraints become *pieces*, one for each finite side: sign * t[place] <= c, where
 t = (x, Ax, Gx) has the layout of K; t_user = unit * t and multipliers_user = v / unit.
@@ -18,8 +20,10 @@ from namlcp.qp.kkt import KKT
 from namlcp.qp.presolve import Presolved
 from namlcp.qp.start import Guess
 
+UNITS = "normal", "even", "given"  # in this order; all are equilibrated then
 ROUNDS = 10
 EQUAL = 1e-3
+PAYS = 0.8  # of the variance may be left where one side is normalised
 GEOMETRIC_ROUNDS = 20
 GEOMETRIC = 1e-6  # of the first squares is left
 LARGEST = 20.0  # of the logarithms of the factors
@@ -42,14 +46,18 @@ class ScaledQP:
         self.small = small
         self.kkt: KKT
         self.scale: np.ndarray
+        self.unscaled: np.ndarray
         self.n, self.p = n, p
         if last is not None and small.has_matrices_of(last.small):
-            self.kkt, self.scale = last.kkt, last.scale
+            self.kkt, self.unscaled, self.scale = last.kkt, last.unscaled, last.scale
+            self.units = last.units
         else:
             old = None if last is None else last.kkt
             self.kkt = KKT(small.P, small.A, small.G, old)
             self.scale = np.ones(self.kkt.size)
-            equilibrate(self.kkt.indptr, self.kkt.indices, self.kkt.base, self.scale)
+            self.unscaled = self.kkt.base.copy()
+            self.units = 0
+            self.scale_matrix()
         sides = (small.upper, small.lower, small.ub, small.lb)
         finite = [np.flatnonzero(np.isfinite(side)) for side in sides]
         first = n + p
@@ -73,11 +81,24 @@ class ScaledQP:
         value = [side[at] for side, at in zip(sides, self.finite, strict=True)]
         self.c = self.sign * np.concatenate(value) / self.unit[self.place]
 
-    def balance(self) -> np.ndarray:
-        """Scale anew, geometric means first; return the ratio of new units to old."""
-        old, kkt = self.unit, self.kkt
-        even_out(kkt.indptr, kkt.indices, kkt.base, self.scale)
-        equilibrate(kkt.indptr, kkt.indices, kkt.base, self.scale)
+    def scale_matrix(self) -> None:
+        """Scale K and set the factors."""
+        kkt = self.kkt
+        self.scale[:] = 1.0
+        kkt.base[:] = self.unscaled
+        matrix = kkt.indptr, kkt.indices, kkt.base
+        units = UNITS[self.units]
+        if units == "normal":
+            normalise(*matrix, self.n, self.scale)
+        elif units == "even":
+            even_out(*matrix, self.scale)
+        equilibrate(*matrix, self.scale)
+
+    def change_units(self) -> np.ndarray:
+        """Scale in the next of UNITS; return the ratio of new units to old."""
+        old = self.unit
+        self.units = (self.units + 1) % len(UNITS)
+        self.scale_matrix()
         self.scale_vectors()
         return self.unit / old
 
@@ -148,6 +169,50 @@ class ScaledQP:
         box[self.finite[2]] = z[j:k]
         box[self.finite[3]] -= z[k:]
         return upper, lower, box
+
+
+@njit(cache=True, nogil=True)
+def normalise(indptr, indices, data, n, scale):
+    """Divide the rows of C by their largest entries, or the columns, if that pays.
+
+    It does where the logarithms of the entries vary less afterwards: the user's units
+    of one side that are far apart are nothing the other side should make up for.
+    Factors are clipped as in `equilibrate`.
+    """
+    size = scale.size
+    factor = np.zeros(size)  # of column j < n or row j of C, first its largest entry
+    for j in range(n, size):
+        for t in range(indptr[j], indptr[j + 1] - 1):
+            value = abs(data[t])
+            factor[j] = max(factor[j], value)
+            factor[indices[t]] = max(factor[indices[t]], value)
+    for j in range(size):
+        largest = factor[j] if factor[j] > 0.0 else 1.0
+        factor[j] = min(max(1.0 / largest, 1e-8), 1e8)
+    logarithm = np.log(factor)
+    count = 0
+    total, squares = np.zeros(3), np.zeros(3)  # of all logarithms: rows, columns, as is
+    for j in range(n, size):
+        for t in range(indptr[j], indptr[j + 1] - 1):
+            if data[t] != 0.0:
+                value = np.log(abs(data[t]))
+                count += 1
+                shift = logarithm[j], logarithm[indices[t]], 0.0
+                for k in range(3):
+                    total[k] += value + shift[k]
+                    squares[k] += (value + shift[k]) ** 2
+    variance = squares - total**2 / max(count, 1)
+    variance[2] *= PAYS
+    side = np.argmin(variance[::-1])  # the last one where they are equal
+    if side == 0:
+        return
+    first, last = (0, n) if side == 1 else (n, size)
+    factor[:first] = 1.0
+    factor[last:] = 1.0
+    for j in range(size):
+        scale[j] *= factor[j]
+        for t in range(indptr[j], indptr[j + 1]):
+            data[t] *= factor[j] * factor[indices[t]]
 
 
 @njit(cache=True, nogil=True)
