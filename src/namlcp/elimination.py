@@ -18,7 +18,7 @@ from scipy.sparse.linalg import spilu
 from namlcp.checks import refuse_size
 from namlcp.lapack import inner
 
-MERGE = np.array(((4, 1.0), (16, 0.8), (48, 0.1), (1 << 30, 0.05)))
+MERGE = np.array(((4, 0.5), (16, 0.3), (48, 0.1), (1 << 30, 0.05)))
 """Supernodes become one of up to so many columns if at most this share are zeros."""
 
 HUB = 10.0
