@@ -1,11 +1,18 @@
 """Order, tree and supernodes against elimination of dense patterns."""
 
+import sys
+
 import numpy as np
 import pytest
 from problems_elimination import fill, laplacian, natural, parts, upper
 from scipy.sparse import csc_array
 
-from namlcp.elimination import elimination_tree, minimum_degree, supernodes
+from namlcp.elimination import (
+    elimination_tree,
+    minimum_degree,
+    nested_dissection,
+    supernodes,
+)
 
 
 def scattered(size, density, seed):
@@ -39,9 +46,12 @@ def test_tree_and_counts_are_those_of_the_elimination(K):
     np.testing.assert_array_equal(parent, first)
 
 
-def test_minimum_degree_is_a_postordered_permutation(K):
+@pytest.mark.parametrize("find", [minimum_degree, nested_dissection])
+def test_an_order_is_a_postordered_permutation(K, find):
+    if find is nested_dissection:
+        pytest.importorskip("pymetis")
     U = upper(K)
-    order = minimum_degree(*parts(U))
+    order = find(*parts(U))
     size = U.shape[0]
     np.testing.assert_array_equal(np.sort(order.place), np.arange(size))
     by_place = np.argsort(order.place)
@@ -105,3 +115,8 @@ def test_supernodes_hold_the_pattern_of_their_columns(K):
 def test_minimum_degree_saves_fill():
     U = upper(laplacian(30, 30))
     assert minimum_degree(*parts(U)).work < 0.4 * natural(U).work
+
+
+def test_without_metis_there_is_no_nested_dissection(monkeypatch):
+    monkeypatch.setitem(sys.modules, "pymetis", None)
+    assert nested_dissection(*parts(upper(CASES["grid"]))) is None

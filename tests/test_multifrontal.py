@@ -140,6 +140,20 @@ def test_a_border_comes_first():
     assert isinstance(factor(upper(K)), Bordered)
 
 
+@pytest.mark.parametrize("worse", ["minimum_degree", "nested_dissection"])
+def test_of_two_orders_the_one_with_less_work_is_taken(monkeypatch, worse):
+    U = upper(laplacian(20, 20).toarray())
+    orders = dict.fromkeys(("minimum_degree", "nested_dissection"), minimum_degree)
+    orders[worse] = lambda *parts: natural(U)
+    for name, find in orders.items():
+        monkeypatch.setattr(factors, name, find)
+    monkeypatch.setattr(factors, "FILL", ((0, 0),))
+    monkeypatch.setattr(factors, "DEEP", 0.0)
+    monkeypatch.setattr(factors, "HEAVY", 0.0)
+    order = factors.heavy_order(*parts(U))
+    assert order.work == minimum_degree(*parts(U)).work < natural(U).work
+
+
 def test_the_path_solves_with_dense_fronts(monkeypatch):
     monkeypatch.setattr(factors, "FILL", ((0, 0),))
     monkeypatch.setattr(factors, "HEAVY", 0.0)

@@ -31,7 +31,9 @@ PART = (
     "convergence", "qpsolvers",
 )  # fmt: skip
 
-PACKAGES = ("numpy", "scipy", "numba", "pyamg", "qdldl", "qpsolvers", "cvxpy")
+PACKAGES = (
+    "numpy", "scipy", "numba", "pyamg", "qdldl", "qpsolvers", "cvxpy", "pymetis",
+)  # fmt: skip
 
 
 def lower_bounds(extra: str | None = None) -> dict[str, str]:
@@ -52,7 +54,7 @@ WITH_CVXPY = {
     "numba": "0.60",
 }
 ENVIRONMENTS: dict[str, tuple[dict[str, str], tuple[str, ...]]] = {
-    "oldest": (lower_bounds(), PART),
+    "oldest": (lower_bounds() | lower_bounds("large"), PART),
     "oldest-cvxpy": (WITH_CVXPY, ("cvxpy", "qpsolvers", "public_api")),
     "newest": (dict.fromkeys(PACKAGES, ""), (*PART, "cvxpy")),
 }

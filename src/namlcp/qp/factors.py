@@ -21,7 +21,13 @@ from numba import njit
 from scipy.linalg.lapack import dpotrf, dpotrs, dsytrf, dsytrf_lwork, dsytrs
 from scipy.sparse import csc_array, csc_matrix
 
-from namlcp.elimination import HUB, Order, degrees, minimum_degree
+from namlcp.elimination import (
+    HUB,
+    Order,
+    degrees,
+    minimum_degree,
+    nested_dissection,
+)
 from namlcp.qp.csc import ROOM
 from namlcp.qp.multifrontal import Multifrontal
 
@@ -32,6 +38,7 @@ THIN = 0.1  # density of B from which a border pays
 WIDE = 600  # size from which it pays with a thinner B, if K_D is full:
 FULL = 0.2  # so many of its entries are there, of 0.5 in the upper triangle
 HEAVY = 1.5e7  # multiplications of a factorisation from which dense fronts pay
+DEEP = 1e5  # multiplications a row from which another order is worth its time
 FILL = (200_000, 0), (20_000, 3), (5_000, 4)
 """Fill is counted where K has so many entries, and more than so many a column."""
 
@@ -172,6 +179,10 @@ def heavy_order(indptr: np.ndarray, indices: np.ndarray) -> Order | None:
     if degree.max() > HUB * np.sqrt(size):
         return None
     order = minimum_degree(indptr, indices)
+    if order.work >= DEEP * size:
+        other = nested_dissection(indptr, indices)
+        if other is not None and other.work < order.work:
+            order = other
     return order if order.work >= HEAVY else None
 
 

@@ -47,6 +47,7 @@ class ScaledQP:
         self.kkt: KKT
         self.scale: np.ndarray
         self.unscaled: np.ndarray
+        self.units: int
         self.n, self.p = n, p
         if last is not None and small.has_matrices_of(last.small):
             self.kkt, self.unscaled, self.scale = last.kkt, last.unscaled, last.scale
