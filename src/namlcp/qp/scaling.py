@@ -182,6 +182,7 @@ def normalise(indptr, indices, data, n, scale):
     """
     size = scale.size
     factor = np.zeros(size)  # of column j < n or row j of C, first its largest entry
+    logarithm = np.empty(size)
     for j in range(n, size):
         for t in range(indptr[j], indptr[j + 1] - 1):
             value = abs(data[t])
@@ -190,27 +191,35 @@ def normalise(indptr, indices, data, n, scale):
     for j in range(size):
         largest = factor[j] if factor[j] > 0.0 else 1.0
         factor[j] = min(max(1.0 / largest, 1e-8), 1e8)
-    logarithm = np.log(factor)
+        logarithm[j] = np.log(factor[j])
     count = 0
-    total, squares = np.zeros(3), np.zeros(3)  # of all logarithms: rows, columns, as is
+    total, squares = np.zeros(3), np.zeros(3)  # of all logarithms: as is, rows, columns
     for j in range(n, size):
         for t in range(indptr[j], indptr[j + 1] - 1):
             if data[t] != 0.0:
                 value = np.log(abs(data[t]))
+                by_rows = value + logarithm[j]
+                by_columns = value + logarithm[indices[t]]
                 count += 1
-                shift = logarithm[j], logarithm[indices[t]], 0.0
-                for k in range(3):
-                    total[k] += value + shift[k]
-                    squares[k] += (value + shift[k]) ** 2
-    variance = squares - total**2 / max(count, 1)
-    variance[2] *= PAYS
-    side = np.argmin(variance[::-1])  # the last one where they are equal
-    if side == 0:
+                total[0] += value
+                total[1] += by_rows
+                total[2] += by_columns
+                squares[0] += value * value
+                squares[1] += by_rows * by_rows
+                squares[2] += by_columns * by_columns
+    best = 0
+    least = np.inf
+    for k in range(3):
+        variance = squares[k] - total[k] * total[k] / max(count, 1)
+        if k == 0:
+            variance *= PAYS
+        if variance < least:
+            best, least = k, variance
+    if best == 0:
         return
-    first, last = (0, n) if side == 1 else (n, size)
-    factor[:first] = 1.0
-    factor[last:] = 1.0
     for j in range(size):
+        if (j < n) == (best == 1):
+            factor[j] = 1.0
         scale[j] *= factor[j]
         for t in range(indptr[j], indptr[j + 1]):
             data[t] *= factor[j] * factor[indices[t]]
