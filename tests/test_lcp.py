@@ -9,9 +9,10 @@ from numba import njit
 from scipy import sparse
 
 from namlcp import Prepared, Status, solve_lcp
-from namlcp.lcp.exact import proof, solve_box
+from namlcp.lcp.exact import solve_box
 from namlcp.lcp.faces import Ordering, analyse, face_order, refactor, solve_face
 from namlcp.lcp.matrix import columns_of
+from namlcp.lcp.proofs import proof
 from namlcp.lcp.workspace import (
     UPPER,
     D,
@@ -308,14 +309,16 @@ def test_nothing_to_do():
     np.testing.assert_array_equal(result.z, np.zeros(3))
 
 
-@pytest.mark.filterwarnings("ignore:overflow")
-def test_overflow_proves_nothing():
-    """q'v = -inf would scale v to zero."""
+@pytest.mark.parametrize(
+    ("v", "q", "proved"),
+    [(1.0, -1e10, True), (1e300, -1e10, True), (np.inf, -1e10, False)],
+)
+def test_overflow_proves_nothing(v, q, proved):
     work = workspace(columns_of(-np.eye(1), True), 1)
     work.vectors[D], work.vectors[UPPER] = 1.0, np.inf
-    for v, proved in (([1e300], False), ([1.0], True)):
-        ray = proof(-np.eye(1), np.array([-1e10]), np.array(v), work, True)
-        assert (ray is not None) == proved
+    ray = proof(-np.eye(1), np.array([q]), np.array([v]), work, True)
+    assert (ray is not None) == proved
+    assert ray is None or q * ray[0] == pytest.approx(-1.0)
 
 
 @pytest.mark.parametrize("size", [1e-120, 1.0, 1e120])

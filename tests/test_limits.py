@@ -170,17 +170,16 @@ def test_ctrl_c_from_outside():
     assert done.stdout.split() == ["interrupted", "interrupted", "True"], done.stderr
 
 
-def test_a_loop_over_small_solves_can_be_left():
-    """Whatever the signal meets, it comes out as KeyboardInterrupt."""
-    A, q, left = np.eye(2), np.ones(2), 0
+def leave(call):
+    """Call in a loop until Ctrl-C, at 20 moments; return how often it was left."""
+    left = 0
 
     def press(go, after):
         go.wait()
         time.sleep(after)
         signal.raise_signal(signal.SIGINT)
 
-    solve_qp(A, q, lb=np.zeros(2))  # while code is loaded, LLVM swallows signals
-    solve_lcp(A, q)
+    call()  # while code is loaded, LLVM swallows signals
     for k in range(20):
         go = threading.Event()
         thread = threading.Thread(target=press, args=(go, 1e-4 * k))
@@ -189,12 +188,40 @@ def test_a_loop_over_small_solves_can_be_left():
             go.set()
             end = time.perf_counter() + 5.0
             while time.perf_counter() < end:
-                solve_qp(A, q, lb=np.zeros(2))
-                solve_lcp(A, q)
+                call()
         except KeyboardInterrupt:
             left += 1
         thread.join()
-    assert left == 20
+    return left
+
+
+def test_a_loop_over_small_solves_can_be_left():
+    """Whatever the signal meets, it comes out as KeyboardInterrupt."""
+    A, q = np.eye(2), np.ones(2)
+
+    def call():
+        solve_qp(A, q, lb=np.zeros(2))
+        solve_lcp(A, q)
+
+    assert leave(call) == 20
+
+
+def test_a_loop_over_verdicts_can_be_left():
+    A = problems.laplacian(4)
+    assert leave(lambda: namlcp.is_h_plus(A)) == 20
+    assert leave(lambda: namlcp.converges(A, "psor", alpha=1.5)) == 20
+
+
+@pytest.mark.parametrize("verdict", [namlcp.is_h_plus, namlcp.converges])
+def test_what_compiled_code_makes_of_ctrl_c_is_undone(verdict, monkeypatch):
+    def interrupted(*_, **__):
+        raise SystemError("a chain") from KeyboardInterrupt()
+
+    for name in ("comparison.decide", "convergence.splitting"):
+        monkeypatch.setattr(f"namlcp.lcp.{name}", interrupted)
+    arguments = (np.eye(2),) if verdict is namlcp.is_h_plus else (np.eye(2), "pgs")
+    with pytest.raises(KeyboardInterrupt):
+        verdict(*arguments)
 
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="no timers here")

@@ -5,8 +5,7 @@ It returns A, q, lower, upper and what is true of them:
 - solvable: A is a P-matrix, or semidefinite with a planted solution; nam must solve it;
 - possible: there is a solution, but A is outside of that class, or rounding may forbid
   to find it: a refusal is no failure;
-- unsolvable: a symmetric semidefinite A, and nam must prove it; no solution: the same
-  of an A that is not symmetric, where a refusal is no failure;
+- unsolvable: a semidefinite A, symmetric or not, and nam must prove it;
 - near: nothing is known, any answer that can be proved is right.
 """
 
@@ -281,7 +280,7 @@ def unsolvable(draw: Draw) -> Truth:
 
 def unsolvable_skew(draw: Draw) -> Truth:
     """Semidefinite with a skew part, without a solution."""
-    return without_solution(draw, True), "no solution"
+    return without_solution(draw, True), "unsolvable"
 
 
 def empty(draw: Draw) -> Truth:

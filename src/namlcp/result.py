@@ -33,9 +33,9 @@ class LCPResult:
     setup_time, solve_time : float
         Seconds.
     ray : (n,) array or None
-        UNSOLVABLE with a proof: v is 0 on the side of every finite bound (v >= 0 for
-        the plain LCP), z'A'v <= 0 for every z in the box (A'v = 0 if A is symmetric),
-        q'v = -1. A solution would have v'w >= 0, but v'w = z'A'v + q'v < 0.
+        UNSOLVABLE with a proof: v is 0 on the side of every finite bound, and q'v +
+        z'A'v is -1 at most for z in the box. For the plain LCP: v >= 0, A'v <= 0, q'v =
+        -1. A solution would have v'w >= 0, but v'w = q'v + z'A'v < 0.
     history : structured array or None
         The rows of the verbose table, when asked for: one an iteration, for "auto" one
         a factorisation or a run of sweeps. Residuals are those of `residual`: of the

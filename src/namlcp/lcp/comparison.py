@@ -39,6 +39,7 @@ from numba import njit
 from scipy import sparse
 
 from namlcp.checks import refuse_number, square_matrix
+from namlcp.deadline import interruptible
 from namlcp.lcp.noda import (
     DIRECT,
     block_vectors,
@@ -91,6 +92,7 @@ class Verdict:
         return self.answer is True
 
 
+@interruptible
 def is_h_plus(A: Any) -> Verdict:
     """Tell whether A is an H+ matrix, with a vector that proves it.
 

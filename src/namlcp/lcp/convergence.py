@@ -57,6 +57,7 @@ import numpy as np
 import qdldl
 from scipy import linalg, sparse
 
+from namlcp.deadline import interruptible
 from namlcp.lcp.comparison import Verdict, exact_dominance, is_h_plus, is_m_matrix
 from namlcp.lcp.contraction import (
     SMALL,
@@ -100,6 +101,7 @@ __all__ = [
 ]
 
 
+@interruptible
 def converges(
     A: Any,
     method: str,

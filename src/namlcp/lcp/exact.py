@@ -10,21 +10,25 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import LinearOperator, cg, splu
+from scipy.sparse.linalg import splu
 
 from namlcp.lcp import pivoting
+from namlcp.lcp.homogeneous import homogeneous_path, is_definite
 from namlcp.lcp.interior import follow
 from namlcp.lcp.largefaces import LargeFaces
 from namlcp.lcp.matrix import Columns, columns_of
 from namlcp.lcp.pivoting import (
     BLOCK_STEPS,
+    LEAST_RHO,
     MOST_RHO,
     SEARCH_STEPS,
     pivot,
     resume,
 )
+from namlcp.lcp.proofs import DENSE, proof
 from namlcp.lcp.workspace import (
     ASKED,
+    BEST,
     BEST_Z,
     CENTRE,
     CONVEX,
@@ -33,6 +37,7 @@ from namlcp.lcp.workspace import (
     FACTORED,
     FEWEST,
     LOWER,
+    MET,
     OUTSIDE,
     PATHED,
     PATIENCE,
@@ -40,6 +45,7 @@ from namlcp.lcp.workspace import (
     RHS,
     SEARCHING,
     SIZE,
+    STARTED,
     STATE,
     UPPER,
     D,
@@ -66,11 +72,8 @@ BITSETS = 20_000
 BLOCK_ORDER, BLOCK_ENTRIES = 2000, 20_000
 """From this order and so many entries on, symmetric faces are factored in blocks."""
 
-DENSE_LU = 600
-"""Up to this order faces of sparse unsymmetric matrices go to dense LU."""
-
-UNSEEN, MOST_AT_ONCE = 0.02, 50
-"""Time [s] and factorisations between two looks at the deadline; no result changes."""
+UNSEEN, MOST_AT_ONCE = 10_000_000, 50
+"""Operations and factorisations between two looks at the deadline, or one of these."""
 
 LAST_STEPS = 200
 """So many factorisations, and one for each unknown, are left to a hopeless case."""
@@ -78,19 +81,20 @@ LAST_STEPS = 200
 PATH_STEPS = 60
 LARGE_STEPS = 150
 PATH_CHUNK = 5
-"""Steps of the path at most, and so many between two looks at the deadline."""
+"""Steps of the path at most, and so many between two points that may be kept."""
 
 PATH_TARGET = 1e-8
 
-RAY_TOLERANCE = 1e-9
-SLOPE_ROUNDING = 1e-13
-LEAST_FALL = 1e-10
-NEARBY = 1e-3
-"""Of a proof of unsolvability: what is 0 in v, in A'v, in q'v, relative to the terms;
-and the share of v_i by which it may be moved to get there."""
+CURVATURE = 1e-10
+"""So much below 0, of a unit diagonal, is rounding of a semidefinite matrix."""
 
-SHARPNESS, SHARPENINGS, SHARPENING_WORK = 1e-6, 2000, 200_000_000
-"""Of what A leaves of a proof so much may remain; steps and multiplications at most."""
+ROUNDING = 1e-15
+"""Of w = A z + q, relative to its terms."""
+
+DEAD_ENDS = pivoting.STAGNATED, pivoting.STUCK
+
+CLEAR = 1e3
+"""kappa / tau from which on a proof is looked for; then at ten times as much."""
 
 
 class Outcome(NamedTuple):
@@ -152,7 +156,7 @@ def solve_box(
     scalar[EPS_ABS], scalar[EPS_REL] = eps_abs, eps_rel
     compressed = columns.dense.shape[0] == 0
     large = symmetric and compressed and in_blocks(n, columns.data.size)
-    outside = large or (not symmetric and compressed and n > DENSE_LU)
+    outside = large or (not symmetric and compressed and n > DENSE)
     faces = LargeFaces(work) if large else None
     work.counter[ASKED] = ask_convex and not large
     with np.errstate(all="ignore"):  # a singular face overflows, and is noticed
@@ -160,22 +164,50 @@ def solve_box(
         status, ray = drive(*problem, symmetric, work, outside, faces, *limits)
         if faces is not None and ask_convex and status is Status.SOLVED:
             work.counter[CONVEX] = faces.is_convex()
-    z = vectors[BEST_Z] * vectors[D]
-    z = np.minimum(np.maximum(z, lower), upper)
-    w = A @ z + q
-    if status is Status.SOLVED and scalar[SIZE] > 0.0:
-        plain, scaled = natural_residuals(z, w, lower, upper, 1.0 / vectors[D])
-        if not (plain < eps_abs or scaled <= eps_rel * scalar[SIZE] < math.inf):
-            status = Status.STALLED
-    if status is Status.STALLED and symmetric and n <= DENSE_LU:
+        z, w, status = judged(A, q, lower, upper, work, status)
+        if status is Status.STALLED and may_decide(work, symmetric, outside):
+            scalar[BEST], scalar[MET] = math.inf, 0.0
+            status, ray = drive(*problem, symmetric, work, outside, faces, *limits)
+            z, w, status = judged(A, q, lower, upper, work, status)
+    if status is Status.STALLED and symmetric and n <= DENSE:
         # Nearly singular towards the solution: rho hides it, so once more without.
         given: dict[str, Any] = {"eps_abs": eps_abs, "eps_rel": eps_rel}
         given |= {"max_iter": max_iter, "deadline": deadline, "report": report}
         again = solve_box(A, q, lower, upper, z, symmetric=False, **given)
-        if again.status is Status.SOLVED:
+        if again.status is Status.SOLVED or again.ray is not None:
             return again._replace(convex=bool(work.counter[CONVEX]))
     counter = work.counter
     return Outcome(status, z, w, int(counter[FACTORED]), ray, bool(counter[CONVEX]))
+
+
+def judged(
+    A: Any,
+    q: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    work: Work,
+    status: Status,
+) -> tuple[np.ndarray, np.ndarray, Status]:
+    """Return the best z, w = A z + q, and STALLED where they belie SOLVED.
+
+    What solves but for rounding is z = clip(0), to which others would be compared.
+    """
+    vectors, scalar = work.vectors, work.scalar
+    z = np.minimum(np.maximum(vectors[BEST_Z] * vectors[D], lower), upper)
+    w = A @ z + q
+    if status is Status.SOLVED and scalar[SIZE] > 0.0:
+        plain, scaled = natural_residuals(z, w, lower, upper, 1.0 / vectors[D])
+        goal = scalar[EPS_REL] * scalar[SIZE]
+        if not (plain < scalar[EPS_ABS] or scaled <= goal < math.inf):
+            status = Status.STALLED
+    if status is Status.STALLED:
+        start = np.clip(np.zeros(q.size), lower, upper)
+        v = A @ start + q
+        r = np.maximum(np.minimum(v, start - lower), start - upper)
+        terms = np.abs(q) + abs(A) @ np.abs(start)
+        if (np.abs(r) <= ROUNDING * terms).all():
+            return start, v, Status.SOLVED
+    return z, w, status
 
 
 def in_blocks(n: int, entries: int) -> bool:
@@ -197,14 +229,22 @@ def drive(
     deadline: float,
     report: Report,
 ) -> tuple[Status, np.ndarray | None]:
-    """Call `pivot` until it is done, and do for it what it asks for."""
+    """Call `pivot` until it is done, and do for it what it asks for.
+
+    Called again, what `pivot` held for the solution was none.
+    """
     counter, n = work.counter, q.size
-    chunk = 1
-    code = pivoting.MORE
+    chunk = 1 if report is not None else at_once(n)
+    code = pivoting.STUCK if counter[STARTED] else pivoting.MORE
     while code != pivoting.SOLVED:
         done = int(counter[FACTORED])
         # Murty's rule may go round in circles where a minor was seen to be negative.
         limit = min(max_iter, LAST_STEPS + n) if hopeless(work) else max_iter
+        if code in DEAD_ENDS and may_decide(work, symmetric, outside):
+            ray = decide(A, q, work, limit, deadline)
+            if ray is not None:
+                return Status.UNSOLVABLE, ray
+            done, code = int(counter[FACTORED]), pivoting.MORE
         if code == pivoting.STUCK or done >= limit:
             status = Status.STALLED if code == pivoting.STUCK else Status.MAX_ITER
             return (Status.UNSOLVABLE if counter[OUTSIDE] else status), None
@@ -216,6 +256,8 @@ def drive(
                 return Status.UNSOLVABLE, ray
         elif code == pivoting.STAGNATED:
             cure(A, work, symmetric, outside, faces, deadline)
+            if time.perf_counter() >= deadline:
+                return Status.TIME_LIMIT, None
         if code == pivoting.FACE:
             if faces is None:
                 solve_outside(work)
@@ -223,17 +265,19 @@ def drive(
                 faces.solve()
             code = resume(symmetric, work)
         else:
-            budget, began = min(chunk, limit - done), time.perf_counter()
+            budget = min(chunk, limit - done)
             code = pivot(columns, symmetric, work, budget, outside)
-            if report is None:
-                each = (time.perf_counter() - began) / (counter[FACTORED] - done + 1)
-                chunk = int(min(max(UNSEEN / max(each, 1e-6), 1.0), MOST_AT_ONCE))
         if report is not None and counter[FACTORED] > done:
             active = np.count_nonzero(work.marks[STATE])
             z = np.clip(work.vectors[BEST_Z] * work.vectors[D], lower, upper)
             residual = natural_residual(z, A @ z + q, lower, upper)
             report(int(counter[FACTORED]), residual, active)
     return Status.SOLVED, None
+
+
+def at_once(n: int) -> int:
+    """Return how many factorisations of order n go by without a look at the clock."""
+    return int(min(max(3 * UNSEEN // max(n, 1) ** 3, 1), MOST_AT_ONCE))
 
 
 def hopeless(work: Work) -> bool:
@@ -250,7 +294,7 @@ def cure(
     deadline: float,
 ) -> None:
     """Get block pivoting going again: once by the path, then by a larger rho."""
-    counter, vectors, scalar = work.counter, work.vectors, work.scalar
+    counter, scalar = work.counter, work.scalar
     if not counter[PATHED]:
         if faces is not None:
             faces.follow(PATH_TARGET, LARGE_STEPS, deadline)
@@ -258,91 +302,95 @@ def cure(
         if outside:
             counter[PATHED] = 1
             return
-        for _ in range(PATH_STEPS // PATH_CHUNK):
-            taken = follow(symmetric, work, PATH_TARGET, PATH_CHUNK)
-            if taken < PATH_CHUNK or time.perf_counter() >= deadline:
+        steps, chunk = 0, PATH_CHUNK
+        if work.scaled.dense.shape[0] > 0:  # sparse ones that take long are in blocks
+            chunk = min(chunk, at_once(work.vectors.shape[1]))
+        while steps < PATH_STEPS:
+            budget = min(chunk, PATH_STEPS - steps)
+            taken = follow(symmetric, work, PATH_TARGET, budget)
+            steps += taken
+            if taken < budget or time.perf_counter() >= deadline:
                 return
     else:
         scalar[RHO] = min(1000.0 * scalar[RHO], MOST_RHO)
-        w = vectors[Q] + vectors[D] * (A @ (vectors[D] * vectors[CENTRE]))
         counter[SEARCHING] = symmetric
-        vectors[X] = vectors[CENTRE]
-        vectors[S] = vectors[CENTRE] - w / (scalar[RHO] if symmetric else 1.0)
-        s = vectors[CENTRE] - w
-        at_upper = np.where(s >= vectors[UPPER], 1, 0)
-        work.marks[STATE] = np.where(s <= vectors[LOWER], -1, at_upper)
-        counter[FEWEST] = w.size + 1
-        counter[PATIENCE] = SEARCH_STEPS if symmetric else BLOCK_STEPS
+        start_over(A, work)
+
+
+def start_over(A: Any, work: Work) -> None:
+    """Begin block pivoting with rho at the centre."""
+    counter, vectors, searching = work.counter, work.vectors, work.counter[SEARCHING]
+    w = vectors[Q] + vectors[D] * (A @ (vectors[D] * vectors[CENTRE]))
+    vectors[X] = vectors[CENTRE]
+    vectors[S] = vectors[CENTRE] - w / (work.scalar[RHO] if searching else 1.0)
+    s = vectors[CENTRE] - w
+    at_upper = np.where(s >= vectors[UPPER], 1, 0)
+    work.marks[STATE] = np.where(s <= vectors[LOWER], -1, at_upper)
+    counter[FEWEST] = w.size + 1
+    counter[PATIENCE] = SEARCH_STEPS if searching else BLOCK_STEPS
+
+
+def may_decide(work: Work, symmetric: bool, outside: bool) -> bool:
+    """Tell whether the homogeneous path is the way on: x'Ax >= 0, A not symmetric.
+
+    Where x'Ax > 0 there is nothing to decide, and the short path does as well.
+    """
+    if symmetric or work.counter[PATHED]:
+        return False
+    A = matrix_of(work)
+    return (outside or not is_definite(A, -CURVATURE)) and is_definite(A, CURVATURE)
+
+
+def decide(
+    A: Any, q: np.ndarray, work: Work, limit: int, deadline: float
+) -> np.ndarray | None:
+    """Follow the homogeneous path; return a proof, else give `work` its best point."""
+    counter, vectors, scalar = work.counter, work.vectors, work.scalar
+    lower, upper, d = vectors[LOWER], vectors[UPPER], vectors[D]
+    counter[PATHED] = 1
+    scaled, clear = matrix_of(work), CLEAR
+    for point in homogeneous_path(scaled, vectors[Q], lower, upper):
+        if point.clarity < 1.0:
+            z = np.clip(point.z, lower, upper)
+            w = vectors[Q] + scaled @ z
+            residual, plain = natural_residuals(z, w, lower, upper, d)
+            if residual < scalar[BEST]:
+                scalar[BEST], vectors[BEST_Z] = residual, z
+                met = residual <= scalar[EPS_REL] * scalar[SIZE]
+                scalar[MET] = met or plain < scalar[EPS_ABS]
+        elif point.clarity > clear:
+            clear = 10.0 * point.clarity
+            ray = proof(A, q, point.z * d, work, False)
+            if ray is not None:
+                return ray
+        over = counter[FACTORED] >= limit or time.perf_counter() >= deadline
+        if scalar[MET] or over:
+            break
+        counter[FACTORED] += 1
+    vectors[CENTRE] = vectors[BEST_Z]
+    scalar[RHO] = LEAST_RHO
+    start_over(A, work)
+    return None
+
+
+def matrix_of(work: Work) -> Any:
+    """Return the matrix scaled to a unit diagonal."""
+    scaled, n = work.scaled, work.vectors.shape[1]
+    if scaled.dense.shape[0] == n:
+        return scaled.dense.T
+    arrays = scaled.data, scaled.indices, scaled.indptr
+    return sparse.csc_array(arrays, shape=(n, n))
 
 
 def solve_outside(work: Work) -> None:
     """Solve the face system of `work` by sparse LU, for unsymmetric matrices."""
-    scaled, vectors = work.scaled, work.vectors
+    vectors = work.vectors
     work.counter[FACTORED] += 1
-    n = vectors.shape[1]
     face = np.flatnonzero(work.marks[STATE] == 0)
-    A = sparse.csc_array((scaled.data, scaled.indices, scaled.indptr), shape=(n, n))
+    A = matrix_of(work)
     shift = work.scalar[RHO] * sparse.eye_array(face.size)
     try:
         factor = splu(sparse.csc_array(A[:, face].tocsr()[face] + shift))
         vectors[Z][face] = factor.solve(vectors[RHS][face])
     except RuntimeError:  # exactly singular
         vectors[Z][face] = np.nan
-
-
-def proof(
-    A: Any, q: np.ndarray, v: np.ndarray, work: Work, symmetric: bool
-) -> np.ndarray | None:
-    """Return v scaled to q'v = -1 if it proves that there is no solution, else None.
-
-    v is 0 on the side of every finite bound, hence v'w >= 0 for every solution. But
-    v'w = z'(A'v) + q'v, and z'(A'v) <= 0 for every z in the box: a contradiction. This
-    needs no property of A; a symmetric semidefinite A has A v = 0.
-    """
-    lower, upper, d = work.vectors[LOWER], work.vectors[UPPER], work.vectors[D]
-    v = np.where(np.abs(v / d) <= RAY_TOLERANCE * np.max(np.abs(v / d)), 0.0, v)
-    into_bound = (v > 0.0) & (upper < math.inf) | (v < 0.0) & (lower > -math.inf)
-    fall = float(q @ v)
-    if not -math.inf < fall < 0.0 or np.any(into_bound):
-        return None
-    v = settled(A, v / -fall, d, symmetric)
-    fall = float(q @ v)
-    if not fall < -LEAST_FALL * (np.abs(q) @ np.abs(v)):
-        return None  # the terms of q'v cancel, as for every v if there is a solution
-    v = v / -fall
-    slope = d * (A.T @ v)
-    # Only rounding is forgiven: a true slope, however small, has a solution far away.
-    slope[np.abs(slope) <= SLOPE_ROUNDING * d * (abs(A).T @ np.abs(v))] = 0.0
-    moving = slope != 0.0
-    side = np.where(slope > 0.0, upper, lower)[moving]
-    return v if side @ slope[moving] < 0.5 else None
-
-
-def settled(A: Any, v: np.ndarray, d: np.ndarray, symmetric: bool) -> np.ndarray:
-    """Return v moved a little to A'v = 0, or v itself where that leads elsewhere.
-
-    The proximal loop ends a few digits short of it: with v, which has grown by 1/rho,
-    the rounding of a nearly singular factor has grown, too. On the face e is sought
-    with A'e = A'v; it is small, and need not be exact to take most of that away.
-    """
-    slope, size = d * (A.T @ v), d * (abs(A).T @ np.abs(v))
-    if not (np.abs(slope) > SLOPE_ROUNDING * size).any():
-        return v
-    face = np.flatnonzero(v)
-    e = np.zeros(v.size)
-    if v.size <= DENSE_LU:
-        rows = A[face].toarray() if sparse.issparse(A) else A[face]
-        part = np.linalg.lstsq((rows * np.outer(d[face], d)).T, slope, rcond=None)[0]
-    elif symmetric:
-
-        def times(u: np.ndarray) -> np.ndarray:
-            e[face] = d[face] * u
-            return d[face] * (A @ e)[face]
-
-        B = LinearOperator((face.size, face.size), matvec=times, dtype=np.float64)
-        steps = min(SHARPENINGS, SHARPENING_WORK // (A.size + v.size))
-        part, _ = cg(B, slope[face], rtol=SHARPNESS, maxiter=max(steps, 1))
-    else:
-        return v
-    e[face] = d[face] * part
-    return v - e if (np.abs(e) <= NEARBY * np.abs(v)).all() else v

@@ -68,13 +68,13 @@ def solve_lcp(
         upper_i = +inf frees it: equation i.
     method : str
         "auto": elimination (tridiagonal A), sweeps, multigrid cycles, block principal
-        pivoting, a short interior path and a proximal loop, as A needs; for every
-        P-matrix and every symmetric positive semidefinite matrix, as far as rounding
-        allows. For a LinearOperator it is MPRGP, see `namlcp.lcp.matrixfree`, and there
-        is no other. "multigrid": the cycles alone, for matrices like those of
-        differential equations, see `namlcp.lcp.multigrid`; "auto" takes them from order
-        10^4 on where A suits. Otherwise the name of a sweep method, see
-        `namlcp.lcp.methods`.
+        pivoting, a short interior path, a homogeneous one and a proximal loop, as A
+        needs; for every P-matrix and every positive semidefinite matrix (z'A z >= 0,
+        symmetric or not), as far as rounding allows. For a LinearOperator it is MPRGP,
+        see `namlcp.lcp.matrixfree`, and there is no other. "multigrid": the cycles
+        alone, for matrices like those of differential equations, see
+        `namlcp.lcp.multigrid`; "auto" takes them from order 10^4 on where A suits.
+        Otherwise the name of a sweep method, see `namlcp.lcp.methods`.
     diagonal : (n,) array
         diag(A) of a LinearOperator, which scales the problem; without it the scale is
         left as it is.
@@ -98,8 +98,8 @@ def solve_lcp(
     eps_rel : float
         "auto" and "multigrid" only. Solved when Res, of the problem scaled to a unit
         diagonal, is at most eps_rel times its value at z = clip(0), which is
-        || min(q, 0) ||_2 without bounds. If neither is given eps_rel = 1e-9; if one is
-        given the other is 0.
+        || min(q, 0) ||_2 without bounds; where that value is rounding alone clip(0) is
+        the answer. If neither is given eps_rel = 1e-9; if one is given the other is 0.
     max_iter : int
         Limit on sweeps; for "multigrid" on cycles, for "auto" on cycles, factorisations
         or, of a LinearOperator, iterations (of sweeps it makes few).
