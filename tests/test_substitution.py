@@ -55,7 +55,7 @@ def test_least_squares(rows, n):
     result = solve(qp)
     assert_solves_qp(qp, result, 1e-11)
     if rows > n:
-        x = np.linalg.lstsq(B, c)[0]
+        x = np.linalg.lstsq(B, c, rcond=None)[0]
         np.testing.assert_allclose(result.x[rows:], x, atol=1e-12)
 
 
@@ -187,7 +187,7 @@ def test_ill_conditioned_residuals_are_still_exact():
     qp = make_qp(P, np.zeros(70), A=np.hstack((-np.eye(60), B)), b=np.sin(5 * x))
     result = solve(qp)
     assert_solves_qp(qp, result, 1e-9)
-    best = np.linalg.lstsq(B, np.sin(5 * x))[1][0]
+    best = np.linalg.lstsq(B, np.sin(5 * x), rcond=None)[1][0]
     assert 2 * result.obj == pytest.approx(best, rel=1e-4)
 
 

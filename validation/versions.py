@@ -27,8 +27,8 @@ ROOT = Path(__file__).resolve().parent.parent
 PART = (
     "checks", "residuals", "inputs", "limits", "threads", "main", "public_api",
     "elimination", "dense", "path", "substitution", "multifrontal", "infeasible",
-    "lcp", "sweeps", "tridiagonal", "multigrid", "matrixfree", "coloured",
-    "convergence", "qpsolvers",
+    "scaling", "lcp", "homogeneous", "sweeps", "tridiagonal", "multigrid",
+    "matrixfree", "coloured", "convergence", "qpsolvers",
 )  # fmt: skip
 
 PACKAGES = (
