@@ -112,9 +112,10 @@ def farkas_faults(qp: Any, y: np.ndarray, z: np.ndarray, z_box: np.ndarray) -> s
     rows, used = z != 0.0, z_box != 0.0
     if (z < 0.0).any() or np.isinf(h[rows]).any() or np.isinf(side[used]).any():
         return "proof: a sign"
-    value = float(b @ y + h[rows] @ z[rows] + side[used] @ z_box[used])
-    if abs(value + 1.0) > 1e-6:
-        return f"proof: value {value}"
+    summands = np.concatenate((b * y, h[rows] * z[rows], side[used] * z_box[used]))
+    value, rounding = float(summands.sum()), ROUNDING * float(np.abs(summands).sum())
+    if not abs(value + 1.0) <= 1e-6 + rounding or rounding > 0.01:
+        return f"proof: value {value} of terms {largest(summands):.1e}"
     residual = largest(A.T @ y + G.T @ z + z_box)
     if residual > PROOF * largest(y, z, z_box):
         return f"proof: residual {residual / largest(y, z, z_box):.1e}"
