@@ -112,6 +112,23 @@ def test_a_gap_too_large_for_one_multiplier_is_spread_over_many(sign):
     assert (found[3] > 0.0).all()
 
 
+@pytest.mark.parametrize("kind", ["inequalities", "equalities"])
+def test_changes_that_add_up_in_the_dual_residual_have_one_room(kind):
+    """10^4 equal rows: each has room for its part of the gap, all together have not."""
+    m, none = 10_000, np.empty(0)
+    C, side, one = np.ones((m, 1)), np.ones(m), np.ones(m)
+    x = np.array([1.0 - 1e-10])
+    rows = {"G": C, "h": side} if kind == "inequalities" else {"A": C, "b": side}
+    qp = make_qp(np.zeros((1, 1)), [-1.0 * m], **rows)
+    y, z = (none, one) if kind == "inequalities" else (one, none)
+    point = x, y, z, np.zeros(1)
+    before = qp_residuals(*qp, *point)
+    assert before.dual == 0.0
+    assert before.gap > 5e-7
+    after = qp_residuals(*qp, *move_gap(qp, point, before.gap, 1e-7, 1e-7))
+    assert after.dual <= 1e-7
+
+
 def test_dense_problems_are_judged_on_their_dense_matrices(monkeypatch):
     """The path sums sparse ones, in an order that last digits may be settled for."""
     zero, none = np.zeros(2), np.empty(0)

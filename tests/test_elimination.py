@@ -117,6 +117,10 @@ def test_minimum_degree_saves_fill():
     assert minimum_degree(*parts(U)).work < 0.4 * natural(U).work
 
 
+def test_of_nothing_there_is_no_nested_dissection():
+    assert nested_dissection(np.zeros(1, np.int32), np.empty(0, np.int32)) is None
+
+
 def test_without_metis_there_is_no_nested_dissection(monkeypatch):
     monkeypatch.setitem(sys.modules, "pymetis", None)
     assert nested_dissection(*parts(upper(CASES["grid"]))) is None

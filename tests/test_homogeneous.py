@@ -118,7 +118,7 @@ def test_every_lcp_of_whole_numbers_is_decided():
 @pytest.mark.parametrize("kind", ["infeasible", "unbounded", "solvable"])
 @pytest.mark.parametrize("shape", [(4, 6), (15, 30), (60, 100)])
 def test_quadratic_programs(shape, kind, free):
-    truth = "solvable" if kind == "solvable" else "no solution"
+    truth = "solvable" if kind == "solvable" else "unsolvable"
     for seed in range(3):
         result = assert_decided(program(seed, *shape, kind, free), truth)
         assert result.iterations <= MOST
@@ -190,6 +190,29 @@ def test_max_iter_of_the_homogeneous_path_is_exact():
         result = solve_lcp(*lcp, max_iter=most)
         assert (result.status, result.iterations) == (Status.MAX_ITER, most)
     assert solve_lcp(*lcp, max_iter=whole.iterations).status is whole.status
+
+
+def test_a_limit_after_the_tolerance_is_met_changes_nothing():
+    """The path has met it when factorisation 18 ends, and pivoting would go on."""
+    result = solve_lcp(*program(0, 15, 30, "solvable", 0.3), max_iter=18)
+    assert (result.status, result.iterations) == (Status.SOLVED, 18)
+
+
+@pytest.mark.parametrize("index", [98, 149, 302, 557, 710])
+def test_rounding_of_a_skew_matrix_does_not_hide_that_it_is_monotone(index):
+    A, q, lower, upper = problems.make(1, index).problem
+    rng = np.random.default_rng(index)
+    A = A + 1e-16 * np.abs(A).max() * rng.standard_normal(A.shape)
+    assert solve_lcp(A, q, lower, upper).iterations <= MOST
+
+
+@pytest.mark.parametrize("layout", [np.asarray, sparse.csc_array])
+def test_equilibration(layout):
+    A = layout(np.array([[0.0, 1e8, 0.0], [-1e8, 1e-6, 0.0], [0.0, 0.0, 0.0]]))
+    d = homogeneous.equilibration(A)
+    sums = np.abs(homogeneous.congruent(A, d) @ np.ones(3))
+    assert (d > 0.0).all()
+    np.testing.assert_allclose(sums[:2], 1.0, rtol=0.5)
 
 
 class Looks(float):
@@ -294,8 +317,6 @@ def test_the_path_leads_to_the_solution(layout):
     w = A @ last.z + q
     assert last.clarity < 1e-6
     assert natural_residual(np.clip(last.z, lower, upper), w, lower, upper) < 1e-8
-    kept = lower < upper
-    np.testing.assert_allclose((last.wl - last.wu)[kept], w[kept], atol=1e-7)
 
 
 def test_definite_or_not():

@@ -528,3 +528,24 @@ def test_entries_of_which_one_side_is_stored(seed):
     result = solve_lcp(sparse.csr_array(A), q)
     assert result.status is Status.SOLVED
     assert np.abs(np.minimum(result.z, A @ result.z + q)).max() <= 1e-9
+
+
+@pytest.mark.parametrize("skewness", [0.0, 1.0])
+def test_a_narrow_box_does_not_make_any_point_a_solution(skewness):
+    """Its width is rounding beside w, so that every z is near a bound."""
+    rng = np.random.default_rng(0)
+    B, K = rng.standard_normal((2, 6, 6))
+    A = 1e18 * (B.T @ B + skewness * (K - K.T))
+    q = [1.0, -2.0, 3.0, -1.0, 2.0, -3.0]
+    result = solve_lcp(A, q, -1e-18, 1e-18, eps_abs=1e-40)
+    assert result.status is not Status.SOLVED or result.residual < 1e-40
+
+
+@pytest.mark.parametrize("fall", [1.0, 1e-3, 1e-6])
+def test_a_proof_beyond_the_range_is_not_returned(fall):
+    A = [[0.0, 3.0 * fall, 0.0], [-3.0 * fall, 0.0, 0.0], [0.0, 0.0, 1.0]]
+    unit = 1e-305
+    lower, upper = [2.0 * unit, 0.0, 0.0], [2.0 * unit, np.inf, np.inf]
+    result = solve_lcp(A, np.array([1.0, 0.0, 1.0]) * unit, lower, upper)
+    assert result.status is Status.UNSOLVABLE
+    assert result.ray is None or np.isfinite(result.ray).all()

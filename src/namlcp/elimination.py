@@ -107,6 +107,8 @@ def nested_dissection(indptr: np.ndarray, indices: np.ndarray) -> Order | None:
     except ImportError:
         return None
     size = indptr.size - 1
+    if size == 0:  # METIS would divide by it
+        return None
     upper = csc_matrix((np.ones(indices.size), indices, indptr), shape=(size, size))
     graph = (upper + upper.T).tocsr()
     graph.setdiag(0.0)

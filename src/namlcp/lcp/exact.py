@@ -13,7 +13,12 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from namlcp.lcp import pivoting
-from namlcp.lcp.homogeneous import homogeneous_path, is_definite
+from namlcp.lcp.homogeneous import (
+    congruent,
+    equilibration,
+    homogeneous_path,
+    is_definite,
+)
 from namlcp.lcp.interior import follow
 from namlcp.lcp.largefaces import LargeFaces
 from namlcp.lcp.matrix import Columns, columns_of
@@ -166,9 +171,17 @@ def solve_box(
             work.counter[CONVEX] = faces.is_convex()
         z, w, status = judged(A, q, lower, upper, work, status)
         if status is Status.STALLED and may_decide(work, symmetric, outside):
+            first = z, w
             scalar[BEST], scalar[MET] = math.inf, 0.0
             status, ray = drive(*problem, symmetric, work, outside, faces, *limits)
             z, w, status = judged(A, q, lower, upper, work, status)
+            is_better = status is Status.SOLVED or natural_residual(
+                z, w, lower, upper
+            ) <= natural_residual(*first, lower, upper)
+            z, w = (z, w) if is_better else first
+        if status is Status.STALLED and is_solved_by_zero(A, q, lower, upper):
+            z = np.clip(np.zeros(n), lower, upper)
+            w, status = A @ z + q, Status.SOLVED
     if status is Status.STALLED and symmetric and n <= DENSE:
         # Nearly singular towards the solution: rho hides it, so once more without.
         given: dict[str, Any] = {"eps_abs": eps_abs, "eps_rel": eps_rel}
@@ -188,10 +201,7 @@ def judged(
     work: Work,
     status: Status,
 ) -> tuple[np.ndarray, np.ndarray, Status]:
-    """Return the best z, w = A z + q, and STALLED where they belie SOLVED.
-
-    What solves but for rounding is z = clip(0), to which others would be compared.
-    """
+    """Return the best z, w = A z + q, and STALLED where they belie SOLVED."""
     vectors, scalar = work.vectors, work.scalar
     z = np.minimum(np.maximum(vectors[BEST_Z] * vectors[D], lower), upper)
     w = A @ z + q
@@ -200,14 +210,17 @@ def judged(
         goal = scalar[EPS_REL] * scalar[SIZE]
         if not (plain < scalar[EPS_ABS] or scaled <= goal < math.inf):
             status = Status.STALLED
-    if status is Status.STALLED:
-        start = np.clip(np.zeros(q.size), lower, upper)
-        v = A @ start + q
-        r = np.maximum(np.minimum(v, start - lower), start - upper)
-        terms = np.abs(q) + abs(A) @ np.abs(start)
-        if (np.abs(r) <= ROUNDING * terms).all():
-            return start, v, Status.SOLVED
     return z, w, status
+
+
+def is_solved_by_zero(
+    A: Any, q: np.ndarray, lower: np.ndarray, upper: np.ndarray
+) -> bool:
+    """Tell whether clip(0) is a solution but for the rounding of w = A z + q."""
+    z = np.clip(np.zeros(q.size), lower, upper)
+    w = A @ z + q
+    w[np.abs(w) <= ROUNDING * (np.abs(q) + abs(A) @ np.abs(z))] = 0.0
+    return not np.maximum(np.minimum(w, z - lower), z - upper).any()
 
 
 def in_blocks(n: int, entries: int) -> bool:
@@ -242,14 +255,15 @@ def drive(
         limit = min(max_iter, LAST_STEPS + n) if hopeless(work) else max_iter
         if code in DEAD_ENDS and may_decide(work, symmetric, outside):
             ray = decide(A, q, work, limit, deadline)
+            tell(report, A, q, lower, upper, work)
             if ray is not None:
                 return Status.UNSOLVABLE, ray
             done, code = int(counter[FACTORED]), pivoting.MORE
         if code == pivoting.STUCK or done >= limit:
             status = Status.STALLED if code == pivoting.STUCK else Status.MAX_ITER
-            return (Status.UNSOLVABLE if counter[OUTSIDE] else status), None
+            return left(work, Status.UNSOLVABLE if counter[OUTSIDE] else status)
         if done > 0 and time.perf_counter() >= deadline:
-            return Status.TIME_LIMIT, None
+            return left(work, Status.TIME_LIMIT)
         if code == pivoting.RAY:
             ray = proof(A, q, work.vectors[RHS] * work.vectors[D], work, symmetric)
             if ray is not None:
@@ -257,7 +271,7 @@ def drive(
         elif code == pivoting.STAGNATED:
             cure(A, work, symmetric, outside, faces, deadline)
             if time.perf_counter() >= deadline:
-                return Status.TIME_LIMIT, None
+                return left(work, Status.TIME_LIMIT)
         if code == pivoting.FACE:
             if faces is None:
                 solve_outside(work)
@@ -267,12 +281,31 @@ def drive(
         else:
             budget = min(chunk, limit - done)
             code = pivot(columns, symmetric, work, budget, outside)
-        if report is not None and counter[FACTORED] > done:
-            active = np.count_nonzero(work.marks[STATE])
-            z = np.clip(work.vectors[BEST_Z] * work.vectors[D], lower, upper)
-            residual = natural_residual(z, A @ z + q, lower, upper)
-            report(int(counter[FACTORED]), residual, active)
+        if counter[FACTORED] > done:
+            tell(report, A, q, lower, upper, work)
     return Status.SOLVED, None
+
+
+def left(work: Work, status: Status) -> tuple[Status, None]:
+    """Return how it ended: the path may have met the tolerance before a limit."""
+    return Status.SOLVED if work.scalar[MET] else status, None
+
+
+def tell(
+    report: Report,
+    A: Any,
+    q: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    work: Work,
+) -> None:
+    """Report the factorisations so far, the least Res and the unknowns at bounds."""
+    if report is None:
+        return
+    active = np.count_nonzero(work.marks[STATE])
+    z = np.clip(work.vectors[BEST_Z] * work.vectors[D], lower, upper)
+    residual = natural_residual(z, A @ z + q, lower, upper)
+    report(int(work.counter[FACTORED]), residual, active)
 
 
 def at_once(n: int) -> int:
@@ -338,6 +371,7 @@ def may_decide(work: Work, symmetric: bool, outside: bool) -> bool:
     if symmetric or work.counter[PATHED]:
         return False
     A = matrix_of(work)
+    A = congruent(A, equilibration(A))  # what has a_ii = 0 has no unit yet
     return (outside or not is_definite(A, -CURVATURE)) and is_definite(A, CURVATURE)
 
 

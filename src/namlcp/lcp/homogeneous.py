@@ -40,13 +40,11 @@ EQUILIBRATIONS = 3
 class Point(NamedTuple):
     """A point of the path, for the box LCP.
 
-    With clarity = kappa / tau < 1: z and the multipliers of its bounds, w = wl - wu in
-    the end. Else z is the direction, without what complementarity tells to be 0.
+    With clarity = kappa / tau < 1 it is z. Else z is the direction, without what
+    complementarity tells to be 0.
     """
 
     z: np.ndarray
-    wl: np.ndarray
-    wu: np.ndarray
     clarity: float
 
 
@@ -75,16 +73,9 @@ class Model:
         c = (A @ self.base + q)[kept]
         self.signed, self.boxed = (low | high)[kept], (low & high)[kept]
         A = A[:, kept][kept]
-        d, size = np.ones(kept.size), abs(A)
-        for _ in range(EQUILIBRATIONS):
-            total = np.maximum(size @ d, size.T @ d) * d
-            d /= np.sqrt(np.where(total > 0.0, total, 1.0))
+        d = equilibration(A)
         self.scale = np.where(low | ~high, 1.0, -1.0)[kept] * d
-        if sparse.issparse(A):
-            D = sparse.diags_array(self.scale)
-            self.M = sparse.csc_array(D @ A @ D)
-        else:
-            self.M = A * np.outer(self.scale, self.scale)
+        self.M = congruent(A, self.scale)
         self.c = self.scale * c
         self.unit = float(np.abs(self.c).max(initial=0.0)) or 1.0
         self.c /= self.unit
@@ -102,7 +93,6 @@ class Model:
     def point(self, x: Iterate) -> Point:
         """Return the point of the box LCP."""
         clarity = float(x.kappa[0] / x.tau[0])
-        size = abs(self.scale)
         if clarity < 1.0:
             z, over = self.base.copy(), self.unit / x.tau[0]
             z[self.kept] += over * self.scale * x.p
@@ -110,11 +100,24 @@ class Model:
             z, over = np.zeros(self.base.size), self.unit / x.kappa[0]
             positive = np.where(self.signed, x.p > x.s, ~self.boxed)
             z[self.kept] = over * self.scale * np.where(positive, x.p, 0.0)
-        wl, wu = np.zeros(z.size), np.zeros(z.size)
-        flipped = self.scale < 0.0
-        wl[self.kept] = over / size * np.where(flipped, x.y, x.s)
-        wu[self.kept] = over / size * np.where(flipped, x.s, x.y)
-        return Point(z, wl, wu, clarity)
+        return Point(z, clarity)
+
+
+def equilibration(A: Any) -> np.ndarray:
+    """Return d > 0 that brings the largest sums |D A D| of a row or column near 1."""
+    d, size = np.ones(A.shape[0]), abs(A)
+    for _ in range(EQUILIBRATIONS):
+        total = np.maximum(size @ d, size.T @ d) * d
+        d /= np.sqrt(np.where(total > 0.0, total, 1.0))
+    return d
+
+
+def congruent(A: Any, d: np.ndarray) -> Any:
+    """Return D A D, dense or CSC."""
+    if sparse.issparse(A):
+        D = sparse.diags_array(d)
+        return sparse.csc_array(D @ A @ D)
+    return A * np.outer(d, d)
 
 
 def homogeneous_path(

@@ -218,8 +218,10 @@ def solve_exactly(
             )
     outcome, method = solver(matrix, q, lower, upper, z0, **limits)
     if unit != 1.0:
-        ray = None if outcome.ray is None else outcome.ray / unit
         with np.errstate(over="ignore"):  # beyond the range w is infinite
+            ray = None if outcome.ray is None else outcome.ray / unit
+            if ray is not None and not np.isfinite(ray).all():
+                ray = None
             outcome = outcome._replace(z=outcome.z * unit, w=outcome.w * unit, ray=ray)
     s = np.empty(q.size)
     modulus_variable(outcome.z, outcome.w, matrix.slopes, s)

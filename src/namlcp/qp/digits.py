@@ -7,7 +7,7 @@ leave room:
 
 - the entry r_j of the dual residual goes into z_box_j where x_j has a bound on that
   side, else into x_j (a Gauss-Seidel step on the Lagrangian, dx_j = -r_j/P_jj);
-- the gap g goes into one multiplier with a side s, dz = -g/s.
+- the gap g goes into multipliers with sides s, dz = -g s/s's.
 
 Every point made here is judged on the user's data like any other.
 """
@@ -87,9 +87,10 @@ def move_gap(qp: QPData, point: Point, size: float, tol: float, room: float) -> 
     """Return the point with its gap, of this size, moved into multipliers.
 
     What is added last is rounded least, so first all of ub'z_box^+ give way together
-    (the smallest change, dz = -g s / s's), then those of the other sums. Then one
-    multiplier after another: the sums round differently with each of them. No change
-    takes more than `room` of the dual residual, or a sign: those it would are left out.
+    (the smallest change, dz = -g s/s's), then those of the other sums. Then one
+    multiplier after another: the sums round differently with each of them. What would
+    change its sign, or take more than `room` of the dual residual, is left out, and so
+    is what would together with all before.
     """
     x, y, z, z_box = point
     n, p, m = x.size, y.size, z.size
@@ -99,12 +100,13 @@ def move_gap(qp: QPData, point: Point, size: float, tol: float, room: float) -> 
     usable = np.isfinite(side) & (side != 0.0)
     usable[p:] &= multiplier[p:] != 0.0
     Px = times(qp.P, x)
+    spent = np.zeros(n)  # of the room
 
     def moved(k: np.ndarray, gap: float) -> tuple[Point, float] | None:
         """Move the gap into the multipliers k, or those of them that may change."""
         for _ in range(2):
-            s = side[k]
-            new = multiplier[k] - gap / (s @ s) * s
+            s = side[k] / np.abs(side[k]).max()  # or s's leaves the range
+            new = multiplier[k] - gap / np.abs(side[k]).max() / (s @ s) * s
             free = np.abs(new - multiplier[k]) * column[k] <= room
             free &= (k < p) | (new * multiplier[k] > 0.0)
             if free.all():
@@ -114,6 +116,14 @@ def move_gap(qp: QPData, point: Point, size: float, tol: float, room: float) -> 
                 return None
         if not free.all():
             return None
+        change = np.zeros(side.size)
+        change[k] = new - multiplier[k]
+        part = spent + change[p + m : p + m + n] + change[p + m + n :]
+        add_transposed(qp.A, change[:p], part)
+        add_transposed(qp.G, change[p : p + m], part)
+        if not np.abs(part).max(initial=0.0) <= room:
+            return None
+        spent[:] = part
         multiplier[k] = new
         y, z = multiplier[:p], multiplier[p : p + m]
         z_box = multiplier[p + m : p + m + n] + multiplier[p + m + n :]

@@ -31,7 +31,7 @@ from namlcp.elimination import (
 from namlcp.qp.csc import ROOM
 from namlcp.qp.multifrontal import Multifrontal
 
-LIGHT = 20_000  # entries of K below which nothing is gained
+LIGHT = 20_000  # entries of K below which a border gains nothing
 SPARSE = 16  # degree at which a row or column may stay in the sparse part
 LEAST, MOST = 50, 3000  # size of a border
 THIN = 0.1  # density of B from which a border pays
@@ -40,7 +40,7 @@ FULL = 0.2  # so many of its entries are there, of 0.5 in the upper triangle
 HEAVY = 1.5e7  # multiplications of a factorisation from which dense fronts pay
 DEEP = 1e5  # multiplications a row from which another order is worth its time
 FILL = (200_000, 0), (20_000, 3), (5_000, 4)
-"""Fill is counted where K has so many entries, and more than so many a column."""
+"""Fill is counted where K has so many entries or more, and so many a column."""
 
 
 def factor(matrix: csc_array) -> "Sparse | Multifrontal | Bordered":

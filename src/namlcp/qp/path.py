@@ -242,9 +242,14 @@ class Interior:
             self.lift = LIFT
             self.offer(*self.best_point)
             self.x, self.y, self.Z = (v.copy() for v in self.best_point)
+            self.problem.scale_vectors()  # nothing has given way yet
             self.evaluate()
             self.best = inf
-            self.t /= self.problem.change_units()
+            n, p = self.x.size, self.y.size
+            ratio = self.problem.change_units()
+            self.t /= ratio
+            Z = self.Z * ratio[self.problem.place]
+            self.best_point = self.x / ratio[:n], self.y * ratio[n : n + p], Z
             if self.ratios[0] <= TOLERABLE:
                 self.problem.give_way(self.t)
         self.is_warm = False
