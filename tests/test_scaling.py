@@ -5,7 +5,11 @@ import pytest
 from problems_qp import complementary, make_qp
 from scipy.sparse import csc_array, csr_array, diags_array, random_array
 
+from namlcp.options import Options
+from namlcp.qp.finish import Finish
+from namlcp.qp.judge import Judge
 from namlcp.qp.kkt import KKT
+from namlcp.qp.path import TOLERABLE, Interior
 from namlcp.qp.presolve import presolve
 from namlcp.qp.scaling import PAYS, ScaledQP, normalise
 from namlcp.qp.start import make_guess
@@ -98,3 +102,25 @@ def test_a_matrix_without_entries_is_left_alone():
     found, d, e = normalised(np.zeros((3, 2)))
     np.testing.assert_array_equal(found, 0.0)
     np.testing.assert_array_equal(np.r_[d, e], 1.0)
+
+
+def test_sides_give_way_from_where_they_were():
+    """In the second try and the third alike, tolerably; far off they stay."""
+    known = complementary(3, 10, 12, 2, 10)
+    eps = 1e-6
+    options = Options(eps_abs=eps, eps_rel=0.0)
+    problem = ScaledQP(presolve(known.qp, eps, 0.0))
+    judge = Judge(known.qp, options)
+    loop = Interior(problem, judge, options, Finish(problem, judge, np.inf))
+    loop.start()
+    rows = slice(problem.n, problem.n + problem.p)
+    b = problem.b * problem.unit[rows]
+    d = np.linalg.lstsq(known.qp.A.toarray(), [1.0, 0.0], rcond=None)[0]
+    for violation in (0.4, 0.8):
+        x = (known.x + violation * eps * d) / problem.unit[: problem.n]
+        loop.best_point = x, np.zeros(problem.p), np.zeros(problem.c.size)
+        assert loop.restart()
+        moved = np.abs(problem.b * problem.unit[rows] - b).max()
+        expected = violation * eps if violation <= TOLERABLE else 0.0
+        assert moved == pytest.approx(expected, abs=1e-3 * eps)
+    assert not loop.restart()
