@@ -179,9 +179,9 @@ def solve_box(
                 z, w, lower, upper
             ) <= natural_residual(*first, lower, upper)
             z, w = (z, w) if is_better else first
-        if status is Status.STALLED and is_solved_by_zero(A, q, lower, upper):
-            z = np.clip(np.zeros(n), lower, upper)
-            w, status = A @ z + q, Status.SOLVED
+        exact = solved_by_zero(A, q, lower, upper) if status is Status.STALLED else None
+        if exact is not None:
+            (z, w), status = exact, Status.SOLVED
     if status is Status.STALLED and symmetric and n <= DENSE:
         # Nearly singular towards the solution: rho hides it, so once more without.
         given: dict[str, Any] = {"eps_abs": eps_abs, "eps_rel": eps_rel}
@@ -213,14 +213,15 @@ def judged(
     return z, w, status
 
 
-def is_solved_by_zero(
+def solved_by_zero(
     A: Any, q: np.ndarray, lower: np.ndarray, upper: np.ndarray
-) -> bool:
-    """Tell whether clip(0) is a solution but for the rounding of w = A z + q."""
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return z = clip(0) and w if they solve but for the rounding of w, else None."""
     z = np.clip(np.zeros(q.size), lower, upper)
     w = A @ z + q
-    w[np.abs(w) <= ROUNDING * (np.abs(q) + abs(A) @ np.abs(z))] = 0.0
-    return not np.maximum(np.minimum(w, z - lower), z - upper).any()
+    terms = np.abs(q) + abs(A) @ np.abs(z)
+    v = np.where(np.abs(w) <= ROUNDING * terms, 0.0, w)
+    return None if np.maximum(np.minimum(v, z - lower), z - upper).any() else (z, w)
 
 
 def in_blocks(n: int, entries: int) -> bool:

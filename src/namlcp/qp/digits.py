@@ -95,6 +95,7 @@ def move_gap(qp: QPData, point: Point, size: float, tol: float, room: float) -> 
     x, y, z, z_box = point
     n, p, m = x.size, y.size, z.size
     multiplier = np.concatenate((y, z, np.minimum(z_box, 0.0), np.maximum(z_box, 0.0)))
+    sides = qp.q, qp.h, qp.b, qp.lb, qp.ub
     side = np.concatenate((qp.b, qp.h, qp.lb, qp.ub))
     column = np.concatenate((peaks(qp.A), peaks(qp.G), np.ones(2 * n)))
     usable = np.isfinite(side) & (side != 0.0)
@@ -105,8 +106,9 @@ def move_gap(qp: QPData, point: Point, size: float, tol: float, room: float) -> 
     def moved(k: np.ndarray, gap: float) -> tuple[Point, float] | None:
         """Move the gap into the multipliers k, or those of them that may change."""
         for _ in range(2):
-            s = side[k] / np.abs(side[k]).max()  # or s's leaves the range
-            new = multiplier[k] - gap / np.abs(side[k]).max() / (s @ s) * s
+            largest = np.abs(side[k]).max()
+            s = side[k] / largest  # or s's leaves the range
+            new = multiplier[k] - gap / largest / (s @ s) * s
             free = np.abs(new - multiplier[k]) * column[k] <= room
             free &= (k < p) | (new * multiplier[k] > 0.0)
             if free.all():
@@ -127,7 +129,6 @@ def move_gap(qp: QPData, point: Point, size: float, tol: float, room: float) -> 
         multiplier[k] = new
         y, z = multiplier[:p], multiplier[p : p + m]
         z_box = multiplier[p + m : p + m + n] + multiplier[p + m + n :]
-        sides = qp.q, qp.h, qp.b, qp.lb, qp.ub
         return (x, y, z, z_box), signed_gap(*sides, x, y, z, z_box, Px)
 
     kinds = np.split(np.arange(side.size), np.cumsum((p, m, n)))
@@ -137,7 +138,7 @@ def move_gap(qp: QPData, point: Point, size: float, tol: float, room: float) -> 
     single[p:] &= np.abs(multiplier[p:]) > step[p:]
     turns = np.flatnonzero(single)
     turns = turns[:: max(-(-turns.size // TRIES), 1)]
-    gap = signed_gap(qp.q, qp.h, qp.b, qp.lb, qp.ub, x, y, z, z_box, Px)
+    gap = signed_gap(*sides, x, y, z, z_box, Px)
     for k in (*groups, *turns[:, None]):
         found = moved(k, gap) if k.size else None
         if found is not None:
