@@ -29,6 +29,9 @@ class Options:
         very first call compiles, which is not interrupted.
     verbose : bool
         Print a table of the progress on standard output.
+    threads : int
+        Threads that BLAS may use in the solve, >= 1; see `namlcp.threads` for when
+        more than one are of use.
     """
 
     eps_abs: float = 1e-9
@@ -36,6 +39,7 @@ class Options:
     max_iter: int = 1000
     time_limit: float = math.inf
     verbose: bool = False
+    threads: int = 1
 
     def __post_init__(self) -> None:
         """Refuse, by name, a value that means nothing."""
@@ -46,6 +50,7 @@ class Options:
         check_count("max_iter", self.max_iter)
         check_number("time_limit", self.time_limit, 0.0)
         check_flag("verbose", self.verbose)
+        check_count("threads", self.threads)
 
     @classmethod
     def from_names(cls, settings: Mapping[str, Any]) -> "Options":

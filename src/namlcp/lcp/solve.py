@@ -24,6 +24,7 @@ from namlcp.options import check_count, check_flag, check_number
 from namlcp.progress import LCP_COLUMNS, Progress
 from namlcp.residuals import modulus_variable, natural_residual
 from namlcp.result import LCPResult
+from namlcp.threads import blas_threads
 
 SWEEP_EPS_ABS = 1e-8
 SWEEP_MAX_ITER = 100_000
@@ -162,7 +163,7 @@ def solve_lcp(
     limits: dict[str, Any] = {"deadline": deadline, "report": progress.report(history)}
     limits |= {"eps_abs": eps_abs, "max_iter": max_iter}
     ready = time.perf_counter()
-    with deadline.listening():
+    with deadline.listening(), blas_threads(1, data.q.size):
         if method in EXACT:
             limits["eps_rel"] = eps_rel
             outcome, s, method = solve_exactly(matrix, data, method, z0, limits)

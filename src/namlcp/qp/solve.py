@@ -26,6 +26,7 @@ from namlcp.qp.start import NO_GUESS, Guess, make_guess
 from namlcp.qp.substitution import Substitution, substitute
 from namlcp.result import QPResult
 from namlcp.status import Status
+from namlcp.threads import blas_threads
 
 # Bounds alone, and fewer variables: the dense form is quicker than the box LCP.
 DENSE_BOX = 50
@@ -133,14 +134,8 @@ def solve_checked(
         progress = Progress(QP_COLUMNS, options.verbose)
         progress.say(describe(qp, options))
     ready = time.perf_counter()
-    answer = solve_forms(qp, options, guess, deadline, progress, memory)
-    if answer.status in (Status.STALLED, Status.NUMERICAL_ERROR):
-        near = without_far_sides(qp)
-        if near is not None:
-            other = solve_forms(near, options, NO_GUESS, deadline, progress, None)
-            if other.status is Status.TIME_LIMIT:  # with more of it, this may help
-                answer = answer._replace(status=other.status)
-            answer = confirmed(qp, other, options) or answer
+    with blas_threads(options.threads, qp.q.size + qp.h.size + qp.b.size):
+        answer = solve_far_sides(qp, options, guess, deadline, progress, memory)
     if deadline.interrupted:
         answer = answer._replace(status=deadline.verdict(answer.status))
     end = time.perf_counter()
@@ -161,6 +156,26 @@ def solve_checked(
         solve_time=end - ready,
         history=progress.history() if progress is not None and history else None,
     )
+
+
+def solve_far_sides(
+    qp: QPData,
+    options: Options,
+    guess: Guess,
+    deadline: Deadline,
+    progress: Progress | None,
+    memory: Memory | None,
+) -> Answer:
+    """Solve; where that stalls, once more without bounds and sides that are far out."""
+    answer = solve_forms(qp, options, guess, deadline, progress, memory)
+    if answer.status in (Status.STALLED, Status.NUMERICAL_ERROR):
+        near = without_far_sides(qp)
+        if near is not None:
+            other = solve_forms(near, options, NO_GUESS, deadline, progress, None)
+            if other.status is Status.TIME_LIMIT:  # a longer limit may let it succeed
+                answer = answer._replace(status=other.status)
+            answer = confirmed(qp, other, options) or answer
+    return answer
 
 
 def solve_forms(

@@ -1,0 +1,139 @@
+"""How many threads BLAS may use: one, unless more are asked for.
+
+OpenBLAS lets the threads of one small factorisation wait for each other. Where another
+process keeps one of them off its core all of them wait, and a solve takes many times as
+long. On an idle machine with two cores a second thread gains 5 to 15 % of dense QPs
+with 600 to 1800 variables and rows, and nothing below or of dense LCPs. So a solve runs
+on one thread, a QP of that size on more where they are asked for, and the user's own
+setting is restored after it.
+
+The setting is one of the whole process. Solves that run at once in several threads of
+Python count themselves: the last one out restores what the first one found.
+"""
+
+import contextlib
+import ctypes
+import functools
+import os
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import scipy.linalg
+
+SMALL = 100
+"""Up to this order BLAS uses one thread, or as well could: nothing is set."""
+
+NAMES = (
+    ("scipy_openblas_set_num_threads", "scipy_openblas_get_num_threads"),
+    ("scipy_openblas_set_num_threads64_", "scipy_openblas_get_num_threads64_"),
+    ("openblas_set_num_threads", "openblas_get_num_threads"),
+    ("openblas_set_num_threads64_", "openblas_get_num_threads64_"),
+    ("MKL_Set_Num_Threads", "MKL_Get_Max_Threads"),
+    ("bli_thread_set_num_threads", "bli_thread_get_num_threads"),
+)
+"""How the BLAS libraries set and tell their number of threads."""
+
+WORTH = 600
+"""From this order on more threads may pay."""
+
+Setting = tuple[Callable[[int], None], Callable[[], int]]
+
+
+@functools.cache
+def settings() -> list[Setting]:
+    """Return how to set and read the number of threads, for NumPy's and SciPy's BLAS.
+
+    A library whose functions cannot be found is left alone.
+    """
+    found: dict[int | None, Setting] = {}
+    for file in extension_modules():
+        with contextlib.suppress(OSError):
+            library = ctypes.CDLL(file)  # it is loaded already; its own libraries too
+            for put_name, get_name in NAMES:
+                put, get = (getattr(library, n, None) for n in (put_name, get_name))
+                if put is not None and get is not None:
+                    put.argtypes, put.restype = [ctypes.c_int], None
+                    address = ctypes.cast(put, ctypes.c_void_p).value
+                    found[address] = put, get
+                    break
+    return list(found.values())
+
+
+def extension_modules() -> Iterator[str]:
+    """Yield files that are linked with NumPy's BLAS and with SciPy's.
+
+    On Windows a search of such a file does not reach the libraries it is linked with;
+    they lie in a folder beside the package.
+    """
+    core = getattr(np, "_core", None) or np.core
+    yield core._multiarray_umath.__file__
+    yield scipy.linalg._fblas.__file__
+    if os.name == "nt":
+        for package in (np, scipy):
+            folder = Path(f"{package.__path__[0]}.libs")
+            yield from map(str, folder.glob("*openblas*"))
+
+
+class BlasThreads:
+    """Counts the solves that run, and sets what the largest of them asks for."""
+
+    def __init__(self) -> None:
+        self.lock = threading.Lock()
+        self.asked: list[int] = []
+        self.before: list[int] = []
+
+    def enter(self, threads: int) -> None:
+        """Begin a solve that may use so many threads."""
+        with self.lock:
+            if not self.asked:
+                self.before = [get() for _, get in settings()]
+            self.asked.append(threads)
+            self.put()
+
+    def leave(self, threads: int) -> None:
+        """End it."""
+        with self.lock:
+            self.asked.remove(threads)
+            self.put()
+
+    def put(self) -> None:
+        """Set the number of threads: what is asked for, or what it was before."""
+        for (put, get), before in zip(settings(), self.before, strict=False):
+            wanted = max(self.asked, default=before)
+            if get() != wanted:
+                put(wanted)
+
+    def forget(self) -> None:
+        """Begin anew in a child of fork, where the threads that solved are not."""
+        self.lock = threading.Lock()
+        self.asked.clear()
+        self.put()
+
+
+BLAS_THREADS = BlasThreads()
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=BLAS_THREADS.forget)
+
+
+@contextlib.contextmanager
+def blas_threads(threads: int, order: int) -> Iterator[None]:
+    """Let BLAS use so many threads in the block.
+
+    Parameters
+    ----------
+    threads : int
+        At most; one where more do not pay.
+    order : int
+        Of the largest matrix that may be dense; nothing is set for a small one.
+    """
+    if order <= SMALL or not settings():
+        yield
+        return
+    threads = threads if order >= WORTH else 1
+    BLAS_THREADS.enter(threads)
+    try:
+        yield
+    finally:
+        BLAS_THREADS.leave(threads)
