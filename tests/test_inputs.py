@@ -272,14 +272,6 @@ def test_residuals_refuse_other_sizes(place):
 
 # ---- where it runs
 
-USE = """
-import sys
-import numpy as np, namlcp
-assert namlcp.__file__.startswith(sys.argv[1]), namlcp.__file__
-print(namlcp.natural_residual(*np.ones((4, 2))))
-print(namlcp.checks.first_bad(np.array([1.0, np.nan]), False))
-"""
-
 
 def run(code, *arguments, **environment):
     """Return the output of a process of its own, which must print no warning."""
@@ -290,33 +282,6 @@ def run(code, *arguments, **environment):
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
     return done.stdout
-
-
-def test_an_empty_cache(tmp_path):
-    empty = tmp_path / "empty"
-    where = {"PYTHONPATH": str(ROOT.parent), "NUMBA_CACHE_DIR": str(empty)}
-    expected = run(USE, ROOT.parent, **where)
-    assert list(empty.rglob("*.nbi"))
-    assert run(USE, ROOT.parent, **where) == expected
-
-
-def test_an_installation_folder_that_cannot_be_written(tmp_path):
-    """Not by root either: where a __pycache__ would be there is a file.
-
-    The machine code is then kept in the user's own folder.
-    """
-    for path in ROOT.rglob("*.py"):
-        copy = tmp_path / "namlcp" / path.relative_to(ROOT)
-        copy.parent.mkdir(parents=True, exist_ok=True)
-        copy.write_text(path.read_text())
-        (copy.parent / "__pycache__").write_text("")
-    home = tmp_path / "home"
-    out = run(
-        USE, tmp_path, PYTHONPATH=str(tmp_path), NUMBA_CACHE_DIR=None,
-        XDG_CACHE_HOME=str(home), HOME=str(home),
-    )  # fmt: skip
-    assert out.split() == ["0.0", "1"]
-    assert list(home.rglob("*.nbi"))
 
 
 def test_nothing_is_sent(monkeypatch):

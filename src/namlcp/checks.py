@@ -11,8 +11,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from numba import njit
 
+from namlcp.compiled import kernel, part
 from namlcp.deadline import interruptible
 from namlcp.symmetry import asymmetry, dense_asymmetry
 
@@ -127,7 +127,7 @@ def finite_vector(
     return array
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def are_indices(indptr, indices, major, minor):
     """Tell whether compressed indices stay inside: no kernel checks them again."""
     if indptr.size != major + 1 or indptr[0] != 0 or indptr[major] > indices.size:
@@ -240,7 +240,7 @@ def square_matrix(name: str, value: Any, layout: str) -> Any:
     return C
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def first_bad(values, infinite_allowed):
     """Return the index of the first NaN (or infinite value unless allowed), or -1."""
     for i in range(values.size):
@@ -251,7 +251,7 @@ def first_bad(values, infinite_allowed):
 
 
 # Sums may be taken in any order, so that they vectorise; NaN keeps its meaning.
-@njit(cache=True, nogil=True, fastmath={"reassoc"})
+@kernel(fastmath={"reassoc"})
 def is_bad(values, infinite_allowed):
     """Tell whether a NaN (or an infinite value unless allowed) is among the values."""
     total = 0.0
@@ -264,7 +264,7 @@ def is_bad(values, infinite_allowed):
     return not total == 0.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def dense_faults(P, q, G, h, A, b, lb, ub):
     """Return (argument with a bad number or -1, asymmetry of P, max |P|, huge sides).
 
@@ -272,28 +272,39 @@ def dense_faults(P, q, G, h, A, b, lb, ub):
     because a dozen NumPy calls cost more than a small QP.
     """
     which = np.int64(-1)
-    if is_bad(P.ravel(), False):
+    allowed = np.bool_(True)  # not a literal, which would compile is_bad once more
+    if has_bad_row(P):
         which = 0
-    elif is_bad(q, False):
+    elif is_bad(q, not allowed):
         which = 1
-    elif is_bad(G.ravel(), False):
+    elif has_bad_row(G):
         which = 2
-    elif is_bad(h, True):
+    elif is_bad(h, allowed):
         which = 3
-    elif is_bad(A.ravel(), False):
+    elif has_bad_row(A):
         which = 4
-    elif is_bad(b, False):
+    elif is_bad(b, not allowed):
         which = 5
-    elif is_bad(lb, True):
+    elif is_bad(lb, allowed):
         which = 6
-    elif is_bad(ub, True):
+    elif is_bad(ub, allowed):
         which = 7
     gap, size = dense_asymmetry(P)
     huge = is_huge(h) or is_huge(lb) or is_huge(ub)
     return which, gap, size, huge
 
 
-@njit(cache=True, nogil=True)
+@part
+def has_bad_row(C):
+    """Tell whether a NaN or an infinite value is in a dense matrix."""
+    infinite_allowed = np.bool_(False)
+    for i in range(C.shape[0]):
+        if is_bad(C[i], infinite_allowed):
+            return True
+    return False
+
+
+@kernel
 def is_huge(side):
     """Tell whether an entry is finite, but beyond INFINITE."""
     for i in range(side.size):
@@ -353,7 +364,7 @@ def as_sparse(C: Any) -> Any:
     return sparse
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def compressed(C):
     """Return the CSC arrays (data, indices, indptr) of a dense matrix."""
     rows, columns = C.shape

@@ -19,7 +19,7 @@ from llvmlite import ir
 from numba import config, types
 from numba.extending import intrinsic
 
-from namlcp.lapack import inner
+from namlcp.compiled import part
 from namlcp.status import Status
 
 # Operations of compiled code between two looks, some milliseconds.
@@ -164,7 +164,7 @@ def interpreted_call(address):
 call = interpreted_call if config.DISABLE_JIT else called
 
 
-@inner
+@part
 def new_watch(address):
     """Return what `is_over` needs: the address, operations since the last look, over.
 
@@ -175,7 +175,7 @@ def new_watch(address):
     return watch
 
 
-@inner
+@part
 def is_over(watch, operations):
     """Tell whether to stop, after so many more operations; once over, always over."""
     if watch[0] == 0:

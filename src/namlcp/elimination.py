@@ -11,12 +11,11 @@ in CHOLMOD (Chen, Davis, Hager, Rajamanickam, ACM Trans. Math. Softw. 35, 2008).
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy.sparse import csc_matrix, identity
 from scipy.sparse.linalg import spilu
 
 from namlcp.checks import refuse_size
-from namlcp.lapack import inner
+from namlcp.compiled import kernel, part
 
 MERGE = np.array(((4, 0.5), (16, 0.3), (48, 0.1), (1 << 30, 0.05)))
 """Supernodes become one of up to so many columns if at most this share are zeros."""
@@ -158,7 +157,7 @@ def supernodes(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Superno
     return Supernodes(first, parent, node, starts, rows, panels, lower, below, source)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def degrees(indptr, indices, member):
     """Return how many neighbours every row has in `member`, 0 outside."""
     degree = np.zeros(indptr.size - 1, dtype=np.int64)
@@ -171,7 +170,7 @@ def degrees(indptr, indices, member):
     return degree
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def permuted(indptr, indices, place, size):
     """Return the permuted upper triangle in CSC, and where its entries come from.
 
@@ -199,7 +198,7 @@ def permuted(indptr, indices, place, size):
     return columns, rows, source
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def by_first(columns, rows, source):
     """Return the lower triangle in CSC from the upper one: column pointers, rows, t."""
     size = columns.size - 1
@@ -220,7 +219,7 @@ def by_first(columns, rows, source):
     return lower, below, origin
 
 
-@inner
+@part
 def climb(i, k, parent, count, seen):
     """Follow the entry (k, i) of L up the tree to what row k has seen already."""
     while seen[i] != k:
@@ -231,7 +230,7 @@ def climb(i, k, parent, count, seen):
         i = parent[i]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def elimination_tree(columns, rows):
     """Return the parent of every column, -1 at a root, and its entries of L."""
     size = columns.size - 1
@@ -245,7 +244,7 @@ def elimination_tree(columns, rows):
     return parent, count
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def postorder(parent):
     """Return the position of every node when each follows its descendants."""
     size = parent.size
@@ -275,7 +274,7 @@ def postorder(parent):
     return place
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def merged(parent, counts, limits):
     """Return the first column of every supernode, and the number of columns.
 
@@ -309,7 +308,7 @@ def merged(parent, counts, limits):
     return first[: found + 1].copy()
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def row_patterns(columns, upper, starts, parent, node, rows):
     """Set the rows of every supernode: row k is in all between its entries and k."""
     number = parent.size

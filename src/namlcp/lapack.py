@@ -10,19 +10,11 @@ With NUMBA_DISABLE_JIT=1 the same names fall back on scipy.linalg.
 
 import numpy as np
 from llvmlite import binding
-from numba import config, njit, types
+from numba import config, types
 from numba.core import cgutils
 from numba.extending import get_cython_function_address, intrinsic
 
-# For functions that only compiled code calls (a call from Python would crash): they are
-# part of its cache entry, and without a door to Python they compile a third faster.
-inner = njit(
-    nogil=True, error_model="numpy", no_cpython_wrapper=True, no_cfunc_wrapper=True
-)
-
-# For the parts of one long compiled function that are called in one place: pasted in
-# there before anything is compiled, which saves optimising them twice.
-pasted = njit(inline="always", nogil=True, error_model="numpy")
+from namlcp.compiled import part
 
 _POINTER = types.CPointer(types.float64)
 _INTEGER = types.CPointer(types.int32)
@@ -131,15 +123,18 @@ if not config.DISABLE_JIT:
 
         return _INTEGER(types.int32), codegen
 
+    @intrinsic
+    def _integer_at(typingctx, pointer):
+        """Return the int32 at an address."""
+
+        def codegen(context, builder, signature, args):
+            return builder.load(args[0])
+
+        return types.int32(_INTEGER), codegen
+
 
 # Any order of the sum is allowed, so that it vectorises; NaN keeps its meaning.
-@njit(
-    nogil=True,
-    error_model="numpy",
-    no_cpython_wrapper=True,
-    no_cfunc_wrapper=True,
-    fastmath={"reassoc"},
-)
+@part(fastmath={"reassoc"})
 def dot(a, b):
     """Return a'b; the one reduction of the kernels that is worth vectorising."""
     total = 0.0
@@ -148,21 +143,21 @@ def dot(a, b):
     return total
 
 
-@inner
+@part
 def copy(a, out):
     """Set out[:a.size] to a; a plain loop compiles faster than a slice assignment."""
     for i in range(a.size):
         out[i] = a[i]
 
 
-@inner
+@part
 def matvec(A, x, out):
     """Set out (m,) to A x for a row-major A (m, n)."""
     for i in range(A.shape[0]):
         out[i] = dot(A[i], x)
 
 
-@inner
+@part
 def add_rmatvec(A, y, out):
     """Add A'y to out (n,), skipping the zeros of y (m,)."""
     for i in range(A.shape[0]):
@@ -170,14 +165,14 @@ def add_rmatvec(A, y, out):
             add_scaled(y[i], A[i], out)
 
 
-@inner
+@part
 def add_scaled(scale, a, out):
     """Add scale * a to out (n,)."""
     for j in range(out.size):
         out[j] += scale * a[j]
 
 
-@inner
+@part
 def cholesky(A):
     """Overwrite the lower triangle of A (n, n) by L, A = L L'. Return 0 if it exists.
 
@@ -187,18 +182,17 @@ def cholesky(A):
     n = np.int32(A.shape[0])
     if n == 0:
         return 0
-    info = np.zeros(1, dtype=np.int32)
-    _dpotrf(_address(np.int32(85)), _address(n), A.ctypes, _address(n), info.ctypes)
-    return info[0]
+    info = _address(np.int32(0))
+    _dpotrf(_address(np.int32(85)), _address(n), A.ctypes, _address(n), info)
+    return _integer_at(info)
 
 
-@inner
+@part
 def cholesky_solve(L, b):
     """Overwrite b (n,) by the solution of L L' x = b."""
     n = np.int32(L.shape[0])
     if n == 0:
         return
-    info = np.zeros(1, dtype=np.int32)
     _dpotrs(
         _address(np.int32(85)),
         _address(n),
@@ -207,18 +201,18 @@ def cholesky_solve(L, b):
         _address(n),
         b.ctypes,
         _address(n),
-        info.ctypes,
+        _address(np.int32(0)),
     )
 
 
-@inner
+@part
 def forward_solve(L, b):
     """Overwrite b (n,) by the solution of L x = b, L lower triangular."""
     for i in range(b.size):
         b[i] = (b[i] - dot(L[i, :i], b[:i])) / L[i, i]
 
 
-@inner
+@part
 def backward_solve(L, b):
     """Overwrite b (n,) by the solution of L' x = b, L lower triangular."""
     for i in range(b.size - 1, -1, -1):
@@ -226,7 +220,7 @@ def backward_solve(L, b):
         add_scaled(-b[i], L[i, :i], b[:i])
 
 
-@inner
+@part
 def lu(A, pivots):
     """Overwrite A (n, n) by the LU factors of A', pivots (n,) int32; 0 if regular.
 
@@ -235,18 +229,17 @@ def lu(A, pivots):
     n = np.int32(A.shape[0])
     if n == 0:
         return 0
-    info = np.zeros(1, dtype=np.int32)
-    _dgetrf(_address(n), _address(n), A.ctypes, _address(n), pivots.ctypes, info.ctypes)
-    return info[0]
+    info = _address(np.int32(0))
+    _dgetrf(_address(n), _address(n), A.ctypes, _address(n), pivots.ctypes, info)
+    return _integer_at(info)
 
 
-@inner
+@part
 def lu_solve(factors, pivots, b):
     """Overwrite b (n,) by the solution of A x = b, with factors from `lu`."""
     n = np.int32(factors.shape[0])
     if n == 0:
         return
-    info = np.zeros(1, dtype=np.int32)
     _dgetrs(
         _address(np.int32(84)),
         _address(n),
@@ -256,11 +249,11 @@ def lu_solve(factors, pivots, b):
         pivots.ctypes,
         b.ctypes,
         _address(n),
-        info.ctypes,
+        _address(np.int32(0)),
     )
 
 
-@inner
+@part
 def product(alpha, A, B, beta, C):
     """Overwrite C (m, n) by alpha A B' + beta C; A (m, k), B (n, k), rows may be apart.
 
@@ -286,7 +279,7 @@ def product(alpha, A, B, beta, C):
     )
 
 
-@inner
+@part
 def solve_rows(L, unit, X):
     """Overwrite X (m, k) by X L'^-1, L (k, k) lower triangular, rows may be apart.
 

@@ -8,7 +8,8 @@ the same order of summation. Any other matrix is left to its own `@`.
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from namlcp.compiled import kernel
 
 
 def times(M: Any, x: np.ndarray) -> np.ndarray:
@@ -37,7 +38,7 @@ def is_csc(M: Any) -> bool:
     return getattr(M, "format", "") == "csc" and M.dtype == np.float64
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def add_columns(indptr, indices, data, x, out):
     """Add M x to `out`."""
     for j in range(x.size):
@@ -46,7 +47,7 @@ def add_columns(indptr, indices, data, x, out):
             out[indices[t]] += data[t] * xj
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def add_column_sums(indptr, indices, data, z, out):
     """Add M'z to `out`."""
     for j in range(out.size):

@@ -3,16 +3,20 @@
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
+
+from namlcp.compiled import is_at_hand, kept_in
 
 Report = Callable[..., None] | None
 """What a loop calls for every row, as `Progress.row`; None where nobody looks."""
 
 SILENCE = 2.0
 """So long [s] nothing is printed at the most while rows come in."""
+
+BAR = 30
+"""Characters of a full bar."""
 
 QP_COLUMNS = ("iter", "primal", "dual", "gap", "step", "active")
 LCP_COLUMNS = ("iter", "residual", "active")
@@ -48,8 +52,11 @@ class Progress:
 
     def announce(self, kernel: Any) -> None:
         """Say, before the first call ever of a compiled `kernel`, that it compiles."""
-        if self.verbose and not is_compiled(kernel):
-            self.say("  first solve of its kind: compiling for up to 20 s, once")
+        if not self.verbose or is_at_hand(kernel):
+            return
+        self.say("  first solve of its kind: compiling for up to 10 s, once")
+        if kept_in() is None:
+            self.say("  in every process: no folder for machine code can be written")
 
     def row(self, iteration: int, *values: float) -> None:
         """Take one row: the iteration and the values of the other columns."""
@@ -97,9 +104,11 @@ def is_shown(iteration: int) -> bool:
     return True
 
 
-def is_compiled(kernel: Any) -> bool:
-    """Tell whether `kernel` is at hand, in memory or on disk, or needs no compiling."""
-    if getattr(kernel, "signatures", True):
-        return True
-    name = kernel.py_func.__qualname__
-    return any(Path(kernel.stats.cache_path).glob(f"*.{name}-*.nbi"))
+def show_share(done: int, total: int, stream: TextIO | None = None) -> None:
+    """Draw a bar in one line: how much is done."""
+    stream = stream or sys.stdout
+    filled = BAR * done // total
+    end = "\n" if done == total else "\r" if stream.isatty() else ""
+    if end:  # a file gets the last state alone
+        bar = "#" * filled + "." * (BAR - filled)
+        print(f"[{bar}] {done} of {total}", end=end, file=stream, flush=True)

@@ -16,8 +16,8 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from namlcp.compiled import kernel, part
 from namlcp.products import add_transposed, times
 
 # Terms of the gap below this round off by less than 1e-12: any order will do.
@@ -54,7 +54,7 @@ class Residuals(NamedTuple):
 UNDEFINED = Residuals(*[math.nan] * 7)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@part
 def deviation(z, w, lower, upper):
     """Return z - clip(z - w, lower, upper), NaN if z or w is.
 
@@ -65,7 +65,7 @@ def deviation(z, w, lower, upper):
 
 
 # The sum may be taken in any order, so that it vectorises; NaN keeps its meaning.
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"reassoc"})
+@kernel(error_model="numpy", fastmath={"reassoc"})
 def natural_squares(z, w, lower, upper, unit):
     """Return the sum of squares of (z - clip(z - w, lower, upper)) / unit."""
     total = 0.0
@@ -95,7 +95,7 @@ def natural_residual(
     return size * math.sqrt(natural_squares(z, w, lower, upper, size))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def natural_residuals(z, w, lower, upper, d):
     """Return Res of this problem and of the one with z, bounds times d and w over d."""
     here = 0.0
@@ -109,14 +109,14 @@ def natural_residuals(z, w, lower, upper, d):
     return np.sqrt(here), np.sqrt(there)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def modulus_variable(z, w, omega, s):
     """Set s to z - w / omega, for which z = clip(s) and w = omega (z - s)."""
     for i in range(z.size):
         s[i] = z[i] - w[i] / omega[i]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def qp_residuals_of_products(q, h, b, lb, ub, x, y, z, z_box, Px, Gx, Ax, Gtz, Aty):
     """Return the numbers of `Residuals` from the products with P, G and A.
 

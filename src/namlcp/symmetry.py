@@ -3,10 +3,11 @@
 from typing import Any
 
 import numpy as np
-from numba import njit
+
+from namlcp.compiled import kernel
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def dense_asymmetry(P):
     """Return (max |P - P'|, max |P|)."""
     gap, size = 0.0, 0.0
@@ -18,7 +19,7 @@ def dense_asymmetry(P):
     return gap, size
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def sparse_asymmetry(indptr, indices, data):
     """Return (max |P - P'|, max |P|) of a canonical square CSR or CSC matrix.
 

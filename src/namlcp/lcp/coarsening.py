@@ -11,9 +11,9 @@ that its public ones make of every matrix.
 from typing import Any
 
 import numpy as np
-from numba import njit
 from scipy import sparse
 
+from namlcp.compiled import kernel
 from namlcp.lcp.truncation import rows_of
 
 THETA = 0.25
@@ -88,7 +88,7 @@ def strong(A: Any) -> Any:
     return S
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def count_strong(A, indptr, threshold):
     """Write the row starts of the strong couplings and the largest strong a_ij."""
     for i in range(threshold.size):
@@ -104,7 +104,7 @@ def count_strong(A, indptr, threshold):
         indptr[i + 1] = indptr[i] + count
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def copy_strong(A, threshold, data, indices):
     """Write the strong couplings row after row."""
     t = 0
@@ -117,7 +117,7 @@ def copy_strong(A, threshold, data, indices):
                 t += 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def unlike_rows(A, root):
     """Return how many rows have positive couplings of more than half the negative ones.
 

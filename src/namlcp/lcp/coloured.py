@@ -23,8 +23,9 @@ from typing import Any
 
 import numba
 import numpy as np
-from numba import njit, prange
+from numba import prange
 
+from namlcp.compiled import kernel
 from namlcp.lcp.kernels import FUSED, ONE, clip
 from namlcp.lcp.methods import Method
 from namlcp.options import check_count
@@ -107,7 +108,7 @@ def coloured(A: Any, shift: int) -> tuple[np.ndarray, int]:
     return colour, int(colour.max()) + 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def couple(indices, indptr, shift, coupled):
     """Set coupled[b, c] where a row of block b has an entry in block c."""
     for i in range(indptr.size - 1):
@@ -115,7 +116,7 @@ def couple(indices, indptr, shift, coupled):
             coupled[i >> shift, indices[k] >> shift] = True
 
 
-@njit(cache=True, nogil=True, parallel=True)
+@kernel(parallel=True)
 def sweep_blocks(
     data,
     indices,
@@ -182,7 +183,7 @@ def sweep_blocks(
     return np.sqrt(total)
 
 
-@njit(cache=True, nogil=True, fastmath=FUSED)
+@kernel(fastmath=FUSED)
 def sweep_block(
     data,
     indices,

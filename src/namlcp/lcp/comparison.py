@@ -35,10 +35,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numba import njit
 from scipy import sparse
 
 from namlcp.checks import refuse_number, square_matrix
+from namlcp.compiled import kernel, part
 from namlcp.deadline import interruptible
 from namlcp.lcp.noda import (
     DIRECT,
@@ -252,7 +252,7 @@ def within_range(x: np.ndarray) -> bool:
     return bool(nonzero.size and nonzero.min() > 1e-200)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def signs(data, indices, indptr, x, exponent):
     """Tell the signs of K y, K = D - |A - D|, y = x 2^exponent >= 0, and bounds of J.
 
@@ -306,7 +306,7 @@ def signs(data, indices, indptr, x, exponent):
     return above, below and least >= 0.0, largest, least
 
 
-@njit(cache=True, nogil=True)
+@part
 def exact_row(data, indices, indptr, i, x, exponent):
     """Return bounds of (K y)_i that hold and are equal where nothing was rounded.
 
@@ -355,7 +355,7 @@ def exact_row(data, indices, indptr, i, x, exponent):
     return whole - margin, whole + margin
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def exact_dominance(data, indices, indptr):
     """Tell whether a_ii >= sum_{j != i} |a_ij| for the numbers as they are stored."""
     n = indptr.size - 1

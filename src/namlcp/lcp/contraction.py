@@ -7,10 +7,10 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy import linalg, sparse
 from scipy.sparse.linalg import splu
 
+from namlcp.compiled import kernel
 from namlcp.lcp.comparison import is_m_matrix
 from namlcp.lcp.noda import row_numbers
 from namlcp.lcp.splittings import Splitting, comparison, splitting
@@ -56,7 +56,7 @@ def left_solver(C: Any) -> Any:
         return lambda b: np.full(b.size, np.nan)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def substitute(data, indices, indptr, b):
     """Return C^-1 b for a lower triangular C in CSR with a nonzero diagonal."""
     x = np.empty_like(b)

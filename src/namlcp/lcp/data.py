@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from numba import njit
 from scipy.sparse.linalg import LinearOperator
 
 from namlcp.checks import (
@@ -18,6 +17,7 @@ from namlcp.checks import (
     square_matrix,
     vector,
 )
+from namlcp.compiled import kernel
 from namlcp.lcp.operators import operator_data
 
 
@@ -87,7 +87,7 @@ def lcp_data(A: Any, q: Any, lower: Any, upper: Any) -> LCPData:
 
 
 # Sums may be taken in any order, so that they vectorise; NaN keeps its meaning.
-@njit(cache=True, nogil=True, fastmath={"reassoc"})
+@kernel(fastmath={"reassoc"})
 def is_ordinary(q, lower, upper):
     """Tell whether no check has a fault to find, and the unit is 1.
 

@@ -8,9 +8,8 @@ are those of A, wherever A is dominant, and need no more divisions from there on
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
-from namlcp.lapack import inner
+from namlcp.compiled import kernel, part
 
 # Rows of `Tridiagonal.rows`: the diagonals, 1 / pivot of the elimination of A itself,
 # 1 / sqrt(a_ii).
@@ -27,7 +26,7 @@ class Tridiagonal(NamedTuple):
     z_matrix: bool
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def read_diagonals(data, indices, indptr, rows):
     """Write the three diagonals of a canonical CSR matrix; return whether it has more.
 
@@ -43,7 +42,7 @@ def read_diagonals(data, indices, indptr, rows):
     return False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def eliminate(rows):
     """Write what follows from the diagonals; return whether a_ii > 0, and Z.
 
@@ -74,7 +73,7 @@ def tridiagonal_of(A: Any) -> Tridiagonal | None:
     return Tridiagonal(rows, z_matrix) if positive else None
 
 
-@inner
+@part
 def multiply(rows, z, q, w):
     """Set w to A z + q, summed as SciPy sums it."""
     below, diagonal, above = rows[BELOW], rows[DIAGONAL], rows[ABOVE]
@@ -87,7 +86,7 @@ def multiply(rows, z, q, w):
     w[i] = below[i] * left + diagonal[i] * here + q[i]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def halve(rows, q, rows_below, q_below):
     """Write the diagonals and q of every second unknown, the others eliminated."""
     n = q.size
@@ -108,7 +107,7 @@ def halve(rows, q, rows_below, q_below):
         rows_below[DIAGONAL, k], q_below[k] = d, r
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def fill_in(rows, q, lower, upper, below, z):
     """Write z: `below` at every second unknown, between them the best in the box."""
     n = z.size

@@ -9,7 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from namlcp.lapack import cholesky, cholesky_solve, inner, lu, lu_solve
+from namlcp.compiled import part
+from namlcp.lapack import cholesky, cholesky_solve, lu, lu_solve
 from namlcp.lcp.ldl import minimum_degree, numeric, solve, symbolic
 from namlcp.lcp.matrix import SMALL
 
@@ -54,7 +55,7 @@ class Factor(NamedTuple):
     D: np.ndarray
 
 
-@inner
+@part
 def gather(columns, shift, order, local, out):
     """Write the transpose of A_FF + diag(shift)_F to out (m, m), F = order."""
     m = order.size
@@ -79,7 +80,7 @@ def gather(columns, shift, order, local, out):
         out[k, k] += shift[order[k]]
 
 
-@inner
+@part
 def dense_factor(columns, symmetric, shift, factor, local):
     """Factor the face into factor.dense; return REGULAR, SINGULAR or INDEFINITE."""
     m = factor.order.size
@@ -111,7 +112,7 @@ def dense_factor(columns, symmetric, shift, factor, local):
     return INDEFINITE if least > LEAST_MINOR and not positive else REGULAR
 
 
-@inner
+@part
 def face_order(columns, symmetric, state, ordering):
     """Return the face {state = 0}, in elimination order where it may be sparse.
 
@@ -151,7 +152,7 @@ def face_order(columns, symmetric, state, ordering):
     return order
 
 
-@inner
+@part
 def analyse(columns, symmetric, order, ordering):
     """Return an empty `Factor` for the face `order`, its storage chosen by cost."""
     m = order.size
@@ -181,7 +182,7 @@ def analyse(columns, symmetric, order, ordering):
     )
 
 
-@inner
+@part
 def refactor(columns, symmetric, shift, factor, local):
     """Compute the numbers of `factor`; return REGULAR, SINGULAR or INDEFINITE."""
     m = factor.order.size
@@ -199,7 +200,7 @@ def refactor(columns, symmetric, shift, factor, local):
     return INDEFINITE if smallest < LEAST_PIVOT else REGULAR
 
 
-@inner
+@part
 def solve_face(symmetric, factor, b, x):
     """Write the solution for b (n,) on the face to x (n,); other entries stay."""
     order = factor.order

@@ -8,9 +8,9 @@ face, or to the accuracy asked for where no face can be told.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from namlcp.lapack import copy, inner, pasted
+from namlcp.compiled import kernel, part, pasted
+from namlcp.lapack import copy
 from namlcp.lcp.faces import analyse, face_order, refactor, solve_face
 from namlcp.lcp.matrix import add_product, largest
 from namlcp.lcp.pivoting import (
@@ -63,14 +63,14 @@ class Path(NamedTuple):
     wu: np.ndarray
 
 
-@inner
+@part
 def path_in(work):
     """Return the point of the path as views of the workspace."""
     v = work.vectors
     return Path(v[LOWER], v[UPPER], v[PATH], v[WL], v[WU])
 
 
-@inner
+@part
 def enter(problem, z, w, wl, wu):
     """Push z inside its bounds and choose multipliers, all of one size.
 
@@ -99,7 +99,7 @@ def enter(problem, z, w, wl, wu):
             wu[i] = max(-w[i], size)
 
 
-@inner
+@part
 def longest_step(path, d):
     """Return the largest step in [0, inf) that keeps all of them nonnegative."""
     step = np.inf
@@ -119,7 +119,7 @@ def longest_step(path, d):
     return step
 
 
-@inner
+@part
 def complementarity(path, d, step):
     """Return the mean product of slack and multiplier after the step."""
     total = 0.0
@@ -168,7 +168,7 @@ def right_side(path, mu, w, d, rhs):
             rhs[i] -= target
 
 
-@inner
+@part
 def recentre(path, mu, step, d):
     """Aim to bring the products a longer step gives closer to mu (Gondzio)."""
     step = min(1.0, max(1.3 * step, step + 0.1))
@@ -183,7 +183,7 @@ def recentre(path, mu, step, d):
             d[HIGH, i] -= max(min(max(product, low), high) - product, -high)
 
 
-@inner
+@part
 def digest(path, corrector, d, number):
     """Take d[DZ] as solved for; return whether another right side should be tried.
 
@@ -278,7 +278,7 @@ def walk(problem, ordering, state, path, w, number, target, steps):
     return k
 
 
-@inner
+@part
 def adopt(problem, work, z):
     """Go on from the end z of the path, unless it is no better than what is known."""
     vectors, state = work.vectors, work.marks[STATE]
@@ -296,7 +296,7 @@ def adopt(problem, work, z):
     restart(work, work.scalar[RHO])
 
 
-@inner
+@part
 def open_path(problem, work):
     """On the first call, start the path from the centre."""
     if work.counter[PATHED]:
@@ -309,7 +309,7 @@ def open_path(problem, work):
     enter(problem, vectors[PATH], vectors[W], vectors[WL], vectors[WU])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def follow(symmetric, work, target, steps):
     """Follow the path and give `work` its end, with the states it tells.
 

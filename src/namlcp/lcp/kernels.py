@@ -22,7 +22,8 @@ subtracted. Rows have a diagonal entry; every caller has checked that it is posi
 """
 
 import numpy as np
-from numba import njit
+
+from namlcp.compiled import kernel, part
 
 ONE = np.uintp(1)
 
@@ -31,14 +32,14 @@ ONE = np.uintp(1)
 FUSED = {"contract"}
 
 
-@njit(cache=True, nogil=True)
+@part
 def clip(x, l, u):
     """Return x in [l, u], NaN for NaN, without a branch."""
     x = l if x < l else x
     return u if x > u else x
 
 
-@njit(cache=True, nogil=True, fastmath=FUSED)
+@kernel(fastmath=FUSED)
 def sweep_csr(
     data,
     indices,
@@ -119,7 +120,7 @@ def sweep_csr(
     return np.sqrt(total)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def sweep_dense(A, q, lower, upper, omega, inverse, G, H, s, z, s_next, z_next, change):
     """Do what `sweep_csr` does with a row-major (n, n) array A.
 
@@ -142,7 +143,7 @@ def sweep_dense(A, q, lower, upper, omega, inverse, G, H, s, z, s_next, z_next, 
     return np.sqrt(total)
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FUSED)
+@kernel(error_model="numpy", fastmath=FUSED)
 def relax_csr(data, indices, indptr, q, lower, upper, alpha, z):
     """Overwrite z by one projected SOR sweep; return || D^(1/2) (z+ - z) ||_2.
 
@@ -191,7 +192,7 @@ def relax_csr(data, indices, indptr, q, lower, upper, alpha, z):
     return np.sqrt(total)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def relax_back(data, indices, indptr, q, lower, upper, z):
     """Overwrite z by one projected Gauss-Seidel sweep from the last row to the first.
 
@@ -226,7 +227,7 @@ def relax_back(data, indices, indptr, q, lower, upper, z):
         z[i] = last
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def dominance_csr(data, indices, indptr, root):
     """Return the largest row sums of |I - D^-1 A| and of |I - D^(-1/2) A D^(-1/2)|.
 

@@ -8,8 +8,8 @@ and of their ancestors. The path is that of `interior`, with its steps called fr
 import time
 
 import numpy as np
-from numba import njit
 
+from namlcp.compiled import kernel
 from namlcp.elimination import minimum_degree
 from namlcp.lcp.faces import LEAST_PIVOT
 from namlcp.lcp.interior import (
@@ -56,7 +56,7 @@ from namlcp.lcp.workspace import (
 MEASURE, AIM_AT, DIGEST, MOVE, LEAVE = range(5)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def newton(work, stage, corrector, d, number):
     """Do one part of a step of the path, between the caller's factor and solves.
 

@@ -13,8 +13,8 @@ from llvmlite import ir
 from numba import config, types
 from numba.extending import intrinsic
 
+from namlcp.compiled import part
 from namlcp.elimination import climb
-from namlcp.lapack import inner
 
 NONE = np.int32(-1)
 """No node, no list."""
@@ -23,7 +23,7 @@ PIVOT_FLOOR = 1e-14
 """Smallest pivot: A has a unit diagonal, so this is rounding of a singular face."""
 
 
-@inner
+@part
 def symbolic(indices, indptr, order, position, parent, counts):
     """Fill parent and counts (m,): elimination tree and nonzeros of L's columns.
 
@@ -49,7 +49,7 @@ def symbolic(indices, indptr, order, position, parent, counts):
     return flops
 
 
-@inner
+@part
 def numeric(columns, shift, order, position, parent, Lp, Li, Lx, D):
     """Factor the submatrix + diag(shift); Lp (m + 1,) are the offsets of L's columns.
 
@@ -62,10 +62,11 @@ def numeric(columns, shift, order, position, parent, Lp, Li, Lx, D):
     """
     data, indices, indptr = columns.data, columns.indices, columns.indptr
     m = order.size
-    y = np.zeros(m)
-    marks = np.empty((2, m), dtype=np.int32)
-    pattern, flag = marks[0], marks[1]
-    ends = Lp.copy()
+    y, ends = np.empty(m), np.empty(m, dtype=np.int64)
+    pattern, flag = np.empty(m, dtype=np.int32), np.empty(m, dtype=np.int32)
+    for k in range(m):
+        y[k] = 0.0
+        ends[k] = Lp[k]
     smallest = np.inf
     for k in range(m):
         flag[k] = k
@@ -107,7 +108,7 @@ def numeric(columns, shift, order, position, parent, Lp, Li, Lx, D):
     return smallest
 
 
-@inner
+@part
 def solve(Lp, Li, Lx, D, x):
     """Overwrite x (m,), in elimination order, by the solution of L D L' x = b."""
     m = x.size
@@ -140,7 +141,7 @@ def interpreted_population(word):
 popcount = interpreted_population if config.DISABLE_JIT else population
 
 
-@inner
+@part
 def members(row, out):
     """Write the positions of the bits set in row to out; return how many."""
     size = 0
@@ -154,7 +155,7 @@ def members(row, out):
     return size
 
 
-@inner
+@part
 def move(v, degree, old, head, after, before):
     """Move v to the list of its degree; old < 0: it is in none, degree < 0: to none."""
     if old >= 0:
@@ -172,7 +173,7 @@ def move(v, degree, old, head, after, before):
         head[degree] = v
 
 
-@inner
+@part
 def minimum_degree(indices, indptr, nodes, local, sequence):
     """Write to sequence (m,) a minimum-degree elimination order of nodes (m,).
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import sparse
 
-from namlcp.lapack import inner
+from namlcp.compiled import part
 
 SMALL = 24
 """Up to this order everything is dense."""
@@ -54,7 +54,7 @@ def columns_of(A: Any, symmetric: bool) -> Columns:
     return Columns(NO_DENSE, A.data, indices, indptr)
 
 
-@inner
+@part
 def diagonal(columns, out):
     """Write the diagonal of A to out (n,)."""
     dense, data, indices, indptr = columns
@@ -68,7 +68,7 @@ def diagonal(columns, out):
                     out[j] = data[k]
 
 
-@inner
+@part
 def scale(columns, d, scaled):
     """Write diag(d) A diag(d) to the values of `scaled`."""
     dense, data, indices, indptr = columns
@@ -83,7 +83,7 @@ def scale(columns, d, scaled):
                 scaled.data[k] = data[k] * d[j] * d[indices[k]]
 
 
-@inner
+@part
 def add_product(columns, z, w):
     """Add A z to w (n,); unknowns at zero cost nothing.
 
@@ -102,7 +102,7 @@ def add_product(columns, z, w):
                     w[np.uint32(indices[p])] += z[j] * data[p]
 
 
-@inner
+@part
 def largest(x):
     """Return max |x_i|."""
     size = 0.0
@@ -111,7 +111,7 @@ def largest(x):
     return size
 
 
-@inner
+@part
 def is_finite(x):
     """Tell whether there is neither NaN nor infinity in x."""
     for i in range(x.size):

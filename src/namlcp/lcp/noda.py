@@ -14,10 +14,11 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
-from numba import njit
 from scipy import sparse
 from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
+
+from namlcp.compiled import kernel
 
 STEPS = 40
 POWER_STEPS = 10
@@ -193,7 +194,7 @@ def balanced(
     return exponent
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def symmetrise(indptr, indices, entry, indptr_c, indices_c, entry_c, e):
     """Set e so that a_ij and a_ji become equal along trees of such pairs."""
     n = e.size
@@ -220,7 +221,7 @@ def symmetrise(indptr, indices, entry, indptr_c, indices_c, entry_c, e):
                     last += 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def osborne(indptr, indices, entry, indptr_c, indices_c, entry_c, e):
     """Make the largest entry of row i and of column i equal, for i up and then down.
 
@@ -262,7 +263,7 @@ def stacked(
     return exponent
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def raise_blocks(data, indices, indptr, D, x, exponent, label, rest, order, scale):
     """Raise the powers `scale` of the blocks, row by row; tell whether one changed."""
     changed = False
@@ -337,7 +338,7 @@ def cycles(K: Any, b: np.ndarray) -> Iterator[np.ndarray]:
         before = residual
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def gauss_seidel(data, indices, indptr, c, v):
     """Overwrite v by a forward and a backward sweep on <A> v = D c; return max |step|.
 

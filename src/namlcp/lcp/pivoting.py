@@ -12,9 +12,9 @@ All of it is one compiled call, `pivot`, which comes back with a reason: see the
 """
 
 import numpy as np
-from numba import njit
 
-from namlcp.lapack import copy, inner, pasted
+from namlcp.compiled import kernel, part, pasted
+from namlcp.lapack import copy
 from namlcp.lcp import faces
 from namlcp.lcp.faces import analyse, face_order, refactor, solve_face
 from namlcp.lcp.matrix import (
@@ -82,7 +82,7 @@ EXACT = 1e-15
 SLACK = 1e-6  # negative curvature, unit diagonal, that single precision explains
 
 
-@inner
+@part
 def relax(problem, z, w, state):
     """Sweep by projected SOR in residual form: w = A z + q is kept, not computed.
 
@@ -116,7 +116,7 @@ def relax(problem, z, w, state):
             break
 
 
-@inner
+@part
 def record(problem, work):
     """Judge z, w, keep z if it is the best so far; return whether it is much better."""
     number = work.scalar
@@ -132,7 +132,7 @@ def record(problem, work):
     return improved
 
 
-@inner
+@part
 def clip_rounding(problem, work):
     """Clip z if no free unknown is outside its bounds by more than the tolerance."""
     z, lower, upper = work.vectors[Z], problem.lower, problem.upper
@@ -166,7 +166,7 @@ def mark(problem, work):
     return wrong
 
 
-@inner
+@part
 def may_be_ray(problem, v):
     """Tell whether v leads down, and into infinite sides only (up to rounding)."""
     lower, upper = problem.lower, problem.upper
@@ -181,7 +181,7 @@ def may_be_ray(problem, v):
     return descent < 0.0
 
 
-@inner
+@part
 def restart(work, rho):
     """Count wrong signs afresh, with this rho."""
     count = work.counter
@@ -218,7 +218,7 @@ def close_outer(problem, work):
     return GO_ON
 
 
-@inner
+@part
 def search(problem, work):
     """Go towards Z, which solves the face system; GOAL is for where that ends."""
     vectors, rho = work.vectors, work.scalar[RHO]
@@ -255,7 +255,7 @@ def flip(problem, work, wrong, single):
     return GO_ON
 
 
-@inner
+@part
 def is_near(problem, work, wrong):
     """Tell whether an outer step of a symmetric A may end with one sign in FEW wrong.
 
@@ -292,7 +292,7 @@ def judge(problem, work):
     return flip(problem, work, wrong, last_resort)
 
 
-@inner
+@part
 def set_face(problem, work):
     """Put bounded unknowns at their bounds, write the right side of the face system."""
     z, centre, rhs = work.vectors[Z], work.vectors[CENTRE], work.vectors[RHS]
@@ -354,7 +354,7 @@ def begin(columns, problem, work):
     return GO_ON
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def pivot(columns, symmetric, work, budget, outside):
     """Begin or go on until solved, or for `budget` factorisations. Return a code.
 
@@ -416,7 +416,7 @@ def pivot(columns, symmetric, work, budget, outside):
     return MORE
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def resume(symmetric, work):
     """Take the caller's solution of the face system in vectors[Z]. Return a code."""
     return judge(problem_in(work, symmetric), work)

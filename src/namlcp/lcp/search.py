@@ -19,12 +19,12 @@ Li, Sun and Toh, SIAM J. Optim. 28 (2018) 433-458; Hermans, Themelis and Patrino
 Program. Comput. 14 (2022) 497-541 (the exact search).
 """
 
-from namlcp.lapack import inner
+from namlcp.compiled import part
 
 HALVINGS = 40
 
 
-@inner
+@part
 def begin_at(centre, w, rho, x, s):
     """Begin the search at the centre, where w = A x + q; rho = 0 has none."""
     for i in range(x.size):
@@ -32,7 +32,7 @@ def begin_at(centre, w, rho, x, s):
         s[i] = centre[i] - w[i] / rho
 
 
-@inner
+@part
 def end_at(z, centre, w, rho, state, s_end):
     """Write s at the solution z of the face system.
 
@@ -42,7 +42,7 @@ def end_at(z, centre, w, rho, state, s_end):
         s_end[i] = z[i] if state[i] == 0 else centre[i] - w[i] / rho
 
 
-@inner
+@part
 def slope(x, s, x_end, s_end, lower, upper, step):
     """Return phi' / rho at that step."""
     total = 0.0
@@ -54,7 +54,7 @@ def slope(x, s, x_end, s_end, lower, upper, step):
     return total
 
 
-@inner
+@part
 def step_to(x, s, x_end, s_end, lower, upper):
     """Move x and s to the least phi on the way to x_end, s_end; return the step."""
     step = 1.0
@@ -72,7 +72,7 @@ def step_to(x, s, x_end, s_end, lower, upper):
     return step
 
 
-@inner
+@part
 def face_of(s, lower, upper, rho, tolerance, state, goal):
     """Write to goal the states that s tells; within tolerance they stay what they are.
 

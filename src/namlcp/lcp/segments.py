@@ -12,16 +12,14 @@ x_l and x_r being its neighbours, and the six numbers of two neighbouring segmen
 those of their union. All are sums and products of numbers >= 0.
 """
 
-from numba import njit
-
-from namlcp.lapack import inner
+from namlcp.compiled import part
 from namlcp.lcp.diagonals import ABOVE, BELOW, DIAGONAL
 
 # Places of alpha and beta.
 FIRST, LAST = 0, 3
 
 
-@inner
+@part
 def join(one, two):
     """Return the segment of two neighbouring ones (their six numbers each)."""
     alpha1, p1, s1, beta1, t1, v1 = one
@@ -39,7 +37,7 @@ def join(one, two):
     )
 
 
-@inner
+@part
 def segment(stack, k):
     """Return the six numbers of segment k."""
     return (
@@ -52,7 +50,7 @@ def segment(stack, k):
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@part
 def scan(rows, slope, lower, upper, stack, spans, state):
     """Write the states of the solution: 0 for free unknowns, -1 for the others.
 

@@ -12,18 +12,10 @@ are right when it is free again.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from namlcp.compiled import kernel, part
 from namlcp.elimination import Order, Supernodes, supernodes
-from namlcp.lapack import (
-    add_scaled,
-    backward_solve,
-    cholesky,
-    dot,
-    inner,
-    product,
-    solve_rows,
-)
+from namlcp.lapack import add_scaled, backward_solve, cholesky, dot, product, solve_rows
 from namlcp.lcp.ldl import PIVOT_FLOOR
 
 DIRECT = 64
@@ -54,7 +46,7 @@ def blocks_of(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Blocks:
     return Blocks(nodes, by_place, order.place, *runs(nodes))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def runs(nodes):
     """Return the rows of blocks that lie within the columns of one supernode."""
     size = nodes.parent.size
@@ -86,7 +78,7 @@ def runs(nodes):
     return run_at, run
 
 
-@inner
+@part
 def panel(nodes, values, s):
     """Return the block of supernode s: its rows in its columns."""
     height = nodes.starts[s + 1] - nodes.starts[s]
@@ -94,7 +86,7 @@ def panel(nodes, values, s):
     return values[nodes.panels[s] : nodes.panels[s + 1]].reshape(height, width)
 
 
-@inner
+@part
 def assemble(data, shift, open_, blocks, s, where, block):
     """Write the part of A + diag(shift) that belongs to supernode s to its block."""
     nodes = blocks.nodes
@@ -114,7 +106,7 @@ def assemble(data, shift, open_, blocks, s, where, block):
         block[at, at] += shift[blocks.order[j]]
 
 
-@inner
+@part
 def subtract_runs(blocks, open_, s, where, values, work, block):
     """Subtract what the blocks below supernode s contribute to its own."""
     nodes = blocks.nodes
@@ -138,7 +130,7 @@ def subtract_runs(blocks, open_, s, where, values, work, block):
                     line[rows[j] - begin] -= total
 
 
-@inner
+@part
 def factor_square(L, work):
     """Overwrite the lower triangle by its Cholesky factor; return the least pivot.
 
@@ -163,7 +155,7 @@ def factor_square(L, work):
     return smallest
 
 
-@inner
+@part
 def work_room(blocks):
     """Return the largest product of a run, or square, of all supernodes."""
     nodes = blocks.nodes
@@ -178,7 +170,7 @@ def work_room(blocks):
     return room
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def factor_blocks(data, shift, free, changed, blocks, values):
     """Factor A + diag(shift) on the free unknowns, with the identity on the others.
 
@@ -230,7 +222,7 @@ def factor_blocks(data, shift, free, changed, blocks, values):
     return smallest, made / max(1.0, np.float64(values.size))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def solve_blocks(blocks, free, values, b, x):
     """Write the solution for b (n,) on the free unknowns to x (n,); others stay."""
     nodes, order = blocks.nodes, blocks.order

@@ -17,9 +17,9 @@ import math
 import time
 
 import numpy as np
-from numba import njit
 
-from namlcp.lapack import copy, inner
+from namlcp.compiled import kernel, part
+from namlcp.lapack import copy
 from namlcp.lcp.diagonals import (
     ABOVE,
     BELOW,
@@ -71,16 +71,10 @@ NESTED_FACES = 12
 """With half the unknowns: relative residual wanted, and faces at most."""
 
 # The sums may be taken in any order, so that they vectorise; NaN keeps its meaning.
-fast = njit(
-    nogil=True,
-    error_model="numpy",
-    fastmath={"reassoc"},
-    no_cpython_wrapper=True,
-    no_cfunc_wrapper=True,
-)
+fast = part(fastmath={"reassoc"})
 
 
-@inner
+@part
 def solve_face(rows, q, lower, upper, tolerance, state, coupling, z, w):
     """Write z and w = A z + q of a face; change the states of wrong sign.
 
@@ -141,7 +135,7 @@ def solve_face(rows, q, lower, upper, tolerance, state, coupling, z, w):
     return wrong if positive else -1, inside
 
 
-@inner
+@part
 def scaled_deviation(z, w, lower, upper, diagonal, root):
     """Return `residuals.deviation` on the problem with a unit diagonal.
 
@@ -170,7 +164,7 @@ def measure(rows, lower, upper, z, w):
     return np.sqrt(plain), np.sqrt(scaled)
 
 
-@inner
+@part
 def clip(x, lower, upper, z):
     """Set z to clip(x, lower, upper)."""
     for i in range(z.size):
@@ -195,7 +189,7 @@ def squares_at_zero(rows, q, lower, upper, zero):
     return residual, size
 
 
-@inner
+@part
 def begin(rows, q, lower, upper, warm, state, number, work, z, w):
     """Measure clip(0); if `warm`, take the states to which a Jacobi step from z leads.
 
@@ -223,7 +217,7 @@ def begin(rows, q, lower, upper, warm, state, number, work, z, w):
             state[i] = np.int8(s >= upper[i]) - np.int8(s <= lower[i])
 
 
-@inner
+@part
 def end(problem, number, work, z, w):
     """Set z, w to the best point so far, clip(0) if there is none."""
     rows, q, lower, upper = problem
@@ -237,14 +231,14 @@ def end(problem, number, work, z, w):
         multiply(rows, z, q, w)
 
 
-@inner
+@part
 def is_met(number, plain, scaled):
     """Tell whether these residuals are within tolerance."""
     relative = scaled <= number[EPS_REL] * number[SIZE] < np.inf
     return relative or plain < number[EPS_ABS]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def solve_faces(rows, q, lower, upper, warm, state, number, work, z, w, budget):
     """Begin where number[FEWEST] = 0, else go on, for `budget` faces. Return a code.
 
@@ -307,7 +301,7 @@ def solve_faces(rows, q, lower, upper, warm, state, number, work, z, w, budget):
     return MORE
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def scan_for_states(rows, q, lower, upper, state, work, stack, spans):
     """Set the states to those that `scan` finds."""
     n = q.size

@@ -16,8 +16,8 @@ Indices are cast to unsigned so that no negative index is looked for.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
+from namlcp.compiled import kernel
 from namlcp.lcp.kernels import ONE
 
 VANISHED = 1e-13
@@ -37,7 +37,7 @@ def rows_of(A: Any) -> Rows:
     return Rows(A.data, A.indices, A.indptr)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def find_diagonal(A, diagonal, d):
     """Write the places of the a_ii and their values; tell whether all are positive."""
     for i in range(d.size):
@@ -51,7 +51,7 @@ def find_diagonal(A, diagonal, d):
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def residual_vector(A, q, z, w):
     """Write w = A z + q."""
     for i in range(w.size):
@@ -61,7 +61,7 @@ def residual_vector(A, q, z, w):
         w[i] = r
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def mark_free(d, z, lower, upper, dinv):
     """Write the face l < z < u to `dinv`; return how many unknowns changed sides."""
     changed = 0
@@ -72,7 +72,7 @@ def mark_free(d, z, lower, upper, dinv):
     return changed
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def descend(A, diagonal, P, dinv, b, x, coarse):
     """Write x, one forward sweep on T A T x = b from zero, and coarse = P'(b - T A x).
 
@@ -99,7 +99,7 @@ def descend(A, diagonal, P, dinv, b, x, coarse):
             coarse[np.uintp(P.indices[k])] += P.data[k] * r
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def ascend(A, diagonal, P, dinv, b, coarse, x):
     """Add T P coarse to x, sweep backward on T A T x = b, return b'x."""
     for i in range(x.size):
@@ -125,7 +125,7 @@ def ascend(A, diagonal, P, dinv, b, coarse, x):
     return product
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def mark_dirty(A, dinv, touched, dirty):
     """Mark the rows that are truncated, touched or have a truncated neighbour."""
     for i in range(dinv.size):
@@ -138,7 +138,7 @@ def mark_dirty(A, dinv, touched, dirty):
         dirty[i] = mark
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def truncate_coarse(
     A, P, R, dinv, dirty, coarse, d, truncated, coarse_dinv, touched, place
 ):
@@ -211,7 +211,7 @@ def truncate_coarse(
             coarse_dinv[j] = 1.0 / truncated[p]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def face_product(A, dinv, p, Ap):
     """Write Ap = T A p for p = T p; return p'Ap."""
     product = 0.0
@@ -225,7 +225,7 @@ def face_product(A, dinv, p, Ap):
     return product
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def negative_on_face(dinv, w, r):
     """Write r = -T w; return || r ||_2."""
     total = 0.0
@@ -235,7 +235,7 @@ def negative_on_face(dinv, w, r):
     return np.sqrt(total)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def advance(step, p, Ap, x, r):
     """Add step p to x and -step Ap to r; return || r ||_2."""
     total = 0.0
@@ -247,7 +247,7 @@ def advance(step, p, Ap, x, r):
     return np.sqrt(total)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def segment(A, z, w, lower, upper, x, Ax):
     """Make x the step from z to clip(z + x) and Ax its product; return w'x and x'Ax."""
     for i in range(z.size):
@@ -264,7 +264,7 @@ def segment(A, z, w, lower, upper, x, Ax):
     return slope, curvature
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def move(step, x, Ax, lower, upper, z, w):
     """Add step x to z, which stays in its box, and step Ax to w."""
     for i in range(z.size):
@@ -272,7 +272,7 @@ def move(step, x, Ax, lower, upper, z, w):
         w[i] += step * Ax[i]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def interpolate(P, coarse, lower, upper, z):
     """Write z = clip(P coarse)."""
     for i in range(z.size):

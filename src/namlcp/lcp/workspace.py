@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from namlcp.lapack import inner
+from namlcp.compiled import part
 from namlcp.lcp.faces import Ordering
 from namlcp.lcp.matrix import Columns
 
@@ -63,7 +63,7 @@ def workspace(columns: Columns, n: int) -> Work:
     )
 
 
-@inner
+@part
 def problem_in(work, symmetric):
     """Return the scaled problem as views of the workspace."""
     v = work.vectors
@@ -72,7 +72,7 @@ def problem_in(work, symmetric):
     )
 
 
-@inner
+@part
 def ordering_in(work):
     """Return the elimination order as views of the workspace."""
     m = work.marks

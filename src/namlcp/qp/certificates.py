@@ -15,10 +15,10 @@ from math import inf
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numba import njit
 from scipy.sparse import csc_array
 
 from namlcp.checks import QPData, as_sparse
+from namlcp.compiled import kernel, part
 from namlcp.qp.csc import by_rows, without_zeros
 from namlcp.qp.finish import Face
 from namlcp.qp.judge import Judge, Point
@@ -312,7 +312,7 @@ class LoopTests:
         )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def promising_ratios(
     indptr, indices, base, q, b, c, place, sign, x, y, Z, Px, Ctv, v, t, du, dZ,
     Pdx, Ctdv, dv, dt, ratios,
@@ -339,7 +339,7 @@ def promising_ratios(
     ratios[3] = ray_ratio(q, du[:n], Pdx, dt, place, sign, p)
 
 
-@njit(cache=True, nogil=True)
+@part
 def farkas_ratio(b, c, y, Z, v, Ctv, size):
     """Return min(|r| |x| / -value, |r| / |multipliers|), inf if value >= 0."""
     value = 0.0
@@ -358,7 +358,7 @@ def farkas_ratio(b, c, y, Z, v, Ctv, size):
     return min(residual * size / -value, residual / most)
 
 
-@njit(cache=True, nogil=True)
+@part
 def ray_ratio(q, d, Pd, t, place, sign, p):
     """Return max(|P d|, |A d|, (C d)+) / |d|, inf if q'd >= 0."""
     value = 0.0

@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 import qdldl
-from numba import njit
 from scipy.sparse import csc_matrix
 
+from namlcp.compiled import kernel
 from namlcp.lcp.comparison import is_h_plus
 from namlcp.lcp.pivoting import SLACK
 
@@ -30,17 +30,25 @@ class NotConvex(ValueError):
 
 def check_convex(P: Any) -> None:
     """Raise NotConvex unless P (CSC, symmetric) is positive semidefinite."""
-    code, i, j, indptr, indices, data = unit_triangle(P.indptr, P.indices, P.data)
+    n = P.shape[0]
+    indptr = np.zeros(n + 1, dtype=np.int32)
+    indices = np.empty(P.data.size + n, dtype=np.int32)
+    data = np.empty(indices.size)
+    code, i, j = unit_triangle(
+        P.indptr, P.indices, P.data, np.zeros((2, n)), indptr, indices, data
+    )
     if code == CONVEX:
         return
-    if code == UNDECIDED and P.shape[0] >= LARGE and is_h_plus(P.T):
+    if code == UNDECIDED and n >= LARGE and is_h_plus(P.T):
         return
     reason = f"an eigenvalue of P with its diagonal scaled to 1 is below -{SLACK:g}"
     if code == NEGATIVE:
         reason = f"its diagonal entry {j} is negative"
     elif code == MINOR:
         reason = f"the determinant of its rows and columns {i} and {j} is negative"
-    elif has_positive_pivots(csc_matrix((data, indices, indptr), shape=P.shape)):
+    elif has_positive_pivots(
+        csc_matrix((data[: indptr[n]], indices[: indptr[n]], indptr), shape=P.shape)
+    ):
         return
     raise NotConvex(f"P must be positive semidefinite: {reason}")
 
@@ -54,15 +62,24 @@ def has_positive_pivots(triangle: csc_matrix) -> bool:
     return bool((pivots > 0.0).all())
 
 
-@njit(cache=True, nogil=True)
-def unit_triangle(indptr, indices, data):
-    """Return (code, i, j) and the upper triangle of R^-1 (P + t I) R^-1 + SLACK I.
+@kernel
+def unit_triangle(indptr, indices, data, work, up, ui, ux):
+    """Write the upper triangle of R^-1 (P + t I) R^-1 + SLACK I; return (code, i, j).
 
     t = ZERO max |P| stands for rounding, R has the roots of the diagonal of P + t I.
     i and j say where NEGATIVE (j) or MINOR was found.
+
+    Parameters
+    ----------
+    indptr, indices, data : arrays
+        P, symmetric, CSC.
+    work : (2, n) array
+        Zeros in the first row; no meaning on return.
+    up, ui, ux : (n + 1,) int32, (nnz(P) + n,) int32, (nnz(P) + n,) arrays
+        The triangle, CSC; up is zero on entry.
     """
     n = indptr.size - 1
-    diagonal = np.zeros(n)
+    diagonal, root = work[0], work[1]
     size = 0.0
     for j in range(n):
         for t in range(indptr[j], indptr[j + 1]):
@@ -70,15 +87,13 @@ def unit_triangle(indptr, indices, data):
             if indices[t] == j:
                 diagonal[j] = data[t]
     tiny = ZERO * size
-    up = np.zeros(n + 1, dtype=np.int32)
-    ui = np.empty(data.size + n, dtype=np.int32)
-    ux = np.empty(data.size + n)
-    root = np.sqrt(np.maximum(diagonal, 0.0) + max(tiny, 1e-300))
+    for j in range(n):
+        root[j] = np.sqrt(max(diagonal[j], 0.0) + max(tiny, 1e-300))
     code = CONVEX
     nnz = 0
     for j in range(n):
         if diagonal[j] < -tiny:
-            return NEGATIVE, j, j, up, ui, ux
+            return NEGATIVE, j, j
         rest = 0.0
         for t in range(indptr[j], indptr[j + 1]):
             i = indices[t]
@@ -87,7 +102,7 @@ def unit_triangle(indptr, indices, data):
             rest += abs(data[t])
             bound = np.sqrt(max(diagonal[i], 0.0) * max(diagonal[j], 0.0))
             if abs(data[t]) > bound * (1.0 + 2.0 * SLACK) + tiny:
-                return MINOR, i, j, up, ui, ux
+                return MINOR, i, j
             if i < j:
                 ui[nnz] = i
                 ux[nnz] = data[t] / (root[i] * root[j])
@@ -98,4 +113,4 @@ def unit_triangle(indptr, indices, data):
         ux[nnz] = 1.0 + SLACK
         nnz += 1
         up[j + 1] = nnz
-    return code, 0, 0, up, ui[:nnz], ux[:nnz]
+    return code, 0, 0

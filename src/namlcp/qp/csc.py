@@ -10,10 +10,10 @@ from math import inf
 from typing import Any
 
 import numpy as np
-from numba import njit
 from scipy.sparse import csc_array, csr_array
 
 from namlcp.checks import as_sparse
+from namlcp.compiled import kernel
 
 DENSE = 0.2  # density from which rows are multiplied as dense ones
 ROOM = 20_000_000  # entries of a dense matrix at most
@@ -27,7 +27,7 @@ def as_dense(C: Any) -> np.ndarray:
     return out
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def scatter(indptr, indices, data, out):
     """Write the entries of a CSC matrix into `out`, which is zero."""
     for j in range(indptr.size - 1):
@@ -92,7 +92,7 @@ def from_arrays(
     return M
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def selected_part(indptr, indices, data, number, columns):
     """Return the CSC arrays of some columns; `number` renames rows, -1 drops them."""
     new_indptr = np.zeros(columns.size + 1, dtype=np.int32)
@@ -113,7 +113,7 @@ def selected_part(indptr, indices, data, number, columns):
     return new_indptr, new_indices[:nnz], new_data[:nnz]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def transposed(indptr, indices, data, rows):
     """Return the CSR arrays of a CSC matrix."""
     turned = np.zeros(rows + 1, dtype=np.int32)
@@ -133,7 +133,7 @@ def transposed(indptr, indices, data, rows):
     return turned, columns, values
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def add_squares(
     P_indptr, P_indices, P_data, indptr, indices, data, turned, columns, values, weight
 ):

@@ -18,8 +18,8 @@ Where the centre runs away along a ray, the QP is unbounded.
 """
 
 import numpy as np
-from numba import njit
 
+from namlcp.compiled import kernel, part, pasted
 from namlcp.deadline import is_over, new_watch
 from namlcp.lapack import (
     add_rmatvec,
@@ -29,9 +29,7 @@ from namlcp.lapack import (
     copy,
     dot,
     forward_solve,
-    inner,
     matvec,
-    pasted,
 )
 from namlcp.qp.convexity import SLACK, ZERO
 from namlcp.qp.face import enter, refit, start_from
@@ -79,7 +77,7 @@ SETTLED = 1e-11
 MANY = 10
 
 
-@inner
+@part
 def refine(active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x, passes):
     """Improve x and multiplier on the unfactored KKT system of the active rows.
 
@@ -133,7 +131,7 @@ def refine(active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x, passes):
     return best
 
 
-@inner
+@part
 def recover(active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box):
     """Set y, z, z_box from the active rows; active bounds hold to the last bit.
 
@@ -170,7 +168,7 @@ def recover(active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box):
     return largest(gradient) / max(size, TINY)
 
 
-@inner
+@part
 def unconstrained(q, weight, centre, L, u0, u, x):
     """Set u0 = u = L^-1 (W centre - q) and x = L^-T u, the minimum of the cost."""
     for j in range(q.size):
@@ -181,7 +179,7 @@ def unconstrained(q, weight, centre, L, u0, u, x):
     backward_solve(L, x)
 
 
-@inner
+@part
 def stay_at(x, L, u):
     """Set u = L'x."""
     for j in range(x.size):
@@ -190,7 +188,7 @@ def stay_at(x, L, u):
         add_scaled(x[i], L[i, : i + 1], u[: i + 1])
 
 
-@inner
+@part
 def factor(P, weight, L):
     """Set L L' = P + diag(weight); tell whether that is positive definite."""
     for i in range(P.shape[0]):
@@ -199,7 +197,7 @@ def factor(P, weight, L):
     return cholesky(L) == 0
 
 
-@inner
+@part
 def is_definite(P, L):
     """Tell whether no pivot of P = L L' is zero but for rounding."""
     for j in range(P.shape[0]):
@@ -208,7 +206,7 @@ def is_definite(P, L):
     return True
 
 
-@inner
+@part
 def factor_weighted(P, q, G, h, A, b, lb, ub, weight, L):
     """Choose the weight for a singular P and factor; False if P is not convex.
 
@@ -230,7 +228,7 @@ def factor_weighted(P, q, G, h, A, b, lb, ub, weight, L):
     return factor(P, weight, L)
 
 
-@inner
+@part
 def lower(weight, active, multiplier, k, P, G, A, L, Q, R, watch):
     """Lower the weight and factor anew; return the number of active rows, -1 if not."""
     for j in range(weight.size):
@@ -361,7 +359,7 @@ def pivot(
     return STALLED, pivots
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def solve(P, q, G, h, A, b, lb, ub, start, hint, max_iter, address):
     """Solve min 1/2 x'Px + q'x, Gx <= h, Ax = b, lb <= x <= ub.
 

@@ -15,9 +15,9 @@ Every point made here is judged on the user's data like any other.
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from namlcp.checks import QPData
+from namlcp.compiled import kernel
 from namlcp.products import add_transposed, times
 from namlcp.residuals import Residuals, qp_residuals, signed_gap
 
@@ -59,7 +59,7 @@ def move_dual_residual(qp: QPData, point: Point, tol: float) -> Point:
     return x, y, z, z_box
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def absorb(indptr, indices, data, lb, ub, tol, r, x, z_box):
     """Reduce |r_j + z_box_j| above tol by z_box_j, then by x_j; r = Px + q + C'v."""
     for _ in range(PASSES):

@@ -6,8 +6,9 @@ V = C L^-T is kept by `thinqr`. u = L'x; u0 is u of the unconstrained minimum.
 
 import numpy as np
 
+from namlcp.compiled import part
 from namlcp.deadline import is_over
-from namlcp.lapack import add_scaled, backward_solve, copy, dot, forward_solve, inner
+from namlcp.lapack import add_scaled, backward_solve, copy, dot, forward_solve
 from namlcp.qp.rows import right_side, set_row, term_size
 from namlcp.qp.thinqr import (
     append,
@@ -22,7 +23,7 @@ from namlcp.qp.thinqr import (
 DEPENDENT, GUESSED = 1e-10, 1e-6
 
 
-@inner
+@part
 def blocking(multiplier, r, k, active, p):
     """Return (step, index) of the first multiplier to reach zero; inf, -1 if none."""
     step, leaving = np.inf, np.int64(-1)
@@ -32,7 +33,7 @@ def blocking(multiplier, r, k, active, p):
     return step, leaving
 
 
-@inner
+@part
 def enter(entering, row, d, active, multiplier, k, L, Q, R, u, x, p, level, watch):
     """Let constraint `entering` (row'x <= d, or = d) in by partial and full steps.
 
@@ -68,7 +69,7 @@ def enter(entering, row, d, active, multiplier, k, L, Q, R, u, x, p, level, watc
                 multiplier[i] = -sign * r[i]
             multiplier[k] = sign
             return -1 - k
-        full = np.inf if dependent else violation / length**2
+        full = np.inf if dependent else violation / (length * length)
         t = min(full, step)
         for i in range(k):
             multiplier[i] -= t * r[i]
@@ -87,7 +88,7 @@ def enter(entering, row, d, active, multiplier, k, L, Q, R, u, x, p, level, watc
     return k
 
 
-@inner
+@part
 def refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x, watch):
     """Drop inequalities until the multipliers of the active rows are >= 0.
 
@@ -120,7 +121,7 @@ def refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x, watch):
         k -= 1
 
 
-@inner
+@part
 def start_from(rows, active, multiplier, k, G, A, L, Q, R, watch):
     """Append the independent ones of the constraints `rows`, with multiplier 0."""
     p, n = A.shape[0], G.shape[1]

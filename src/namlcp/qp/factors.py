@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 import qdldl
-from numba import njit
 from scipy.linalg.lapack import dpotrf, dpotrs, dsytrf, dsytrf_lwork, dsytrs
 from scipy.sparse import csc_array, csc_matrix
 
+from namlcp.compiled import kernel
 from namlcp.elimination import (
     HUB,
     Order,
@@ -186,7 +186,7 @@ def heavy_order(indptr: np.ndarray, indices: np.ndarray) -> Order | None:
     return order if order.work >= HEAVY else None
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def count_entries(indptr, indices, outside):
     """Count the entries of K_D (its upper triangle) and of B."""
     inside = 0
@@ -200,7 +200,7 @@ def count_entries(indptr, indices, outside):
     return inside, crossing
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def count_rest(indptr, indices, place):
     """Count the entries of each column of K that belong to K_R."""
     counts = np.zeros(place.size, dtype=np.int32)
@@ -212,7 +212,7 @@ def count_rest(indptr, indices, place):
     return counts
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def split(indptr, indices, data, place, inner_indices, inner_data, B, S):
     """Write the upper triangle of K into that of K_R, B and that of S.
 

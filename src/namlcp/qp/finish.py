@@ -14,8 +14,8 @@ active pieces with Z >= 0 and adds the violated ones: a primal-dual active set m
 import time
 
 import numpy as np
-from numba import njit
 
+from namlcp.compiled import kernel
 from namlcp.qp.judge import Judge
 from namlcp.qp.kkt import products
 from namlcp.qp.scaling import ScaledQP
@@ -169,7 +169,7 @@ class Face:
         return self.x.copy(), self.v[s.n : s.n + s.p].copy(), multiplier, slack
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def hold_active(
     base, diagonal, n, p, place, sign, c, active, Z, y, b, regular, x, held, goal, v,
     data,
@@ -201,7 +201,7 @@ def hold_active(
         data[diagonal[j]] = -OFF if held[j] else -regular
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def face_residual(indptr, indices, base, unit, q, goal, held, x, v, Px, Ctv, t, rhs):
     """Set rhs = minus the residual of the face problem; return its unscaled size."""
     n = x.size
@@ -221,7 +221,7 @@ def face_residual(indptr, indices, base, unit, q, goal, held, x, v, Px, Ctv, t, 
     return worst
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def piece_values(
     indptr, indices, base, q, place, sign, c, active, x, v, Px, Ctv, t, multiplier,
     slack,

@@ -12,10 +12,10 @@ factors as preconditioner goes on.
 """
 
 import numpy as np
-from numba import njit
 from scipy.sparse import csc_array, csr_array
 
 from namlcp.checks import refuse_size
+from namlcp.compiled import kernel
 from namlcp.qp.factors import Bordered, Multifrontal, Sparse, factor
 
 PASSES = 11  # refinement steps at most
@@ -161,7 +161,7 @@ class KKT:
         return (better, new) if new < error else (u, error)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def upper_triangle(Pp, Pi, Px, Ap, Ai, Ax, Gp, Gi, Gx, indptr, indices, data):
     """Fill the upper triangle of K from P in CSC (both triangles), A and G in CSR."""
     n = Pp.size - 1
@@ -202,7 +202,7 @@ def upper_triangle(Pp, Pi, Px, Ap, Ai, Ax, Gp, Gi, Gx, indptr, indices, data):
         indptr[column] = k
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def weigh(data, diagonal, factored, weight):
     """Set weight = max(1, |K~_ii|); tell whether the data are the factored ones."""
     for i in range(weight.size):
@@ -213,7 +213,7 @@ def weigh(data, diagonal, factored, weight):
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def scaled_norm(r, weight):
     """Return max |r_i| / weight_i; NaN counts."""
     worst = 0.0
@@ -224,7 +224,7 @@ def scaled_norm(r, weight):
     return worst
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def remainder(indptr, indices, data, rhs, u, r):
     """Set r = rhs - K~ u; return its norm max |r_i| / max(1, |K~_ii|)."""
     for i in range(r.size):
@@ -246,7 +246,7 @@ def remainder(indptr, indices, data, rhs, u, r):
     return worst
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def products(indptr, indices, base, n, x, v, Px, Ctv, t):
     """Set Px = P x, Ctv = C'v[n:] and t = (x, C x) for x (n,), v and t (size,)."""
     for j in range(n):

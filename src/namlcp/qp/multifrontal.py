@@ -9,11 +9,11 @@ permutation of a quasi-definite matrix has an L D L' (R. Vanderbei, SIAM J. Opti
 """
 
 import numpy as np
-from numba import njit
 from scipy.sparse import csc_array
 
+from namlcp.compiled import kernel, part
 from namlcp.elimination import Order, supernodes
-from namlcp.lapack import add_scaled, dot, inner, product, solve_rows
+from namlcp.lapack import add_scaled, dot, product, solve_rows
 
 BLOCK = 48  # columns eliminated at a time in a front
 STRIP = 96  # rows of the lower triangle updated by one product
@@ -53,7 +53,7 @@ class Multifrontal:
         return u[self.place]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def factorise(nodes, data, L, D, position, stack, front, work):
     """Set L and D; False if a pivot vanishes. Work arrays: position and those after.
 
@@ -103,7 +103,7 @@ def factorise(nodes, data, L, D, position, stack, front, work):
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def stack_room(parent, order):
     """Return the entries of all updates that wait for their parents at a time."""
     waiting = np.zeros(parent.size, dtype=np.int64)
@@ -118,7 +118,7 @@ def stack_room(parent, order):
     return most
 
 
-@inner
+@part
 def extend_add(child, rows, position, k, panel, update):
     """Add the lower triangle of a child's update, of order rows.size, to a front."""
     u = rows.size
@@ -134,7 +134,7 @@ def extend_add(child, rows, position, k, panel, update):
             update[row - k, position[rows[j]] - k] += line[j]
 
 
-@inner
+@part
 def eliminate(panel, D, work):
     """Overwrite the panel (f, k) by its columns of L; False if a pivot vanishes."""
     f, k = panel.shape
@@ -176,7 +176,7 @@ def eliminate(panel, D, work):
     return True
 
 
-@inner
+@part
 def complement(panel, D, update, work):
     """Subtract L D L' from the lower triangle of the update, L the lower panel."""
     f, k = panel.shape
@@ -197,7 +197,7 @@ def complement(panel, D, update, work):
         product(-1.0, scaled[row:end], panel[k : k + end], 1.0, update[row:end, :end])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel(error_model="numpy")
 def substitute(nodes, L, D, u):
     """Overwrite u, in the order of the columns, by the solution of L D L' u = u."""
     first, starts, rows, panels = nodes.first, nodes.starts, nodes.rows, nodes.panels

@@ -10,10 +10,10 @@ multipliers of what was dropped are zero or follow from stationarity.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy.sparse import csc_array, csr_array
 
 from namlcp.checks import QPData
+from namlcp.compiled import kernel
 from namlcp.products import add_transposed, times
 from namlcp.qp.csc import by_rows, part, without_zeros
 
@@ -329,7 +329,7 @@ def proportional_rows(M: csr_array) -> tuple[np.ndarray | None, np.ndarray]:
     return leader, lead / lead[leader]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def row_keys(indptr, indices, data, key):
     """Set key = sum |a_j| (2 + sin j) / |first a|, in single precision.
 
@@ -342,7 +342,7 @@ def row_keys(indptr, indices, data, key):
         key[i] = np.float32(total / abs(data[indptr[i]]))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def compare_rows(indptr, indices, data, order, same, leader):
     """Set leader[row] to the first row of its run of candidates if proportional.
 

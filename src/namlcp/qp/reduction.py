@@ -12,9 +12,9 @@ ray x, q'x = -1                       ray v, q'v = -1 (no solution)
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from namlcp.checks import QPData
+from namlcp.compiled import kernel
 
 
 def box_lcp(qp: QPData) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray]:
@@ -25,7 +25,7 @@ def box_lcp(qp: QPData) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray]:
     return qp.P, qp.q, qp.lb, qp.ub
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def box_point(z, w, lower, upper):
     """Return (x, z_box): x on its bound and z_box = -w where z - w leaves the box.
 
@@ -43,7 +43,7 @@ def box_point(z, w, lower, upper):
     return x, z_box
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def is_box_open(lower, upper):
     """Tell whether there is a finite point in the box."""
     for j in range(lower.size):

@@ -6,7 +6,8 @@ the upper ones (row e_j): row'x <= d, or = d for the first p.
 
 import numpy as np
 
-from namlcp.lapack import copy, dot, inner, matvec
+from namlcp.compiled import part
+from namlcp.lapack import copy, dot, matvec
 
 # A Farkas sum below minus this, relative to its terms, is a contradiction.
 CONTRADICTION = 1e-10
@@ -16,7 +17,7 @@ RAY = 1e-9
 TINY = 1e-300
 
 
-@inner
+@part
 def largest(v):
     """Return max |v_i|, 0 for no entries."""
     size = 0.0
@@ -25,7 +26,7 @@ def largest(v):
     return size
 
 
-@inner
+@part
 def row_norms(C, norms):
     """Set norms (m,) to the Euclidean norms of the rows of C, 1 for empty rows."""
     for i in range(C.shape[0]):
@@ -34,7 +35,7 @@ def row_norms(C, norms):
             norms[i] = 1.0
 
 
-@inner
+@part
 def set_row(k, G, A, row):
     """Set row (n,) to the row of constraint k."""
     p, m, n = A.shape[0], G.shape[0], row.size
@@ -51,7 +52,7 @@ def set_row(k, G, A, row):
             row[k - p - m - n] = 1.0
 
 
-@inner
+@part
 def right_side(k, h, b, lb, ub):
     """Return d of constraint k, row'x <= d."""
     p, m, n = b.size, h.size, lb.size
@@ -64,7 +65,7 @@ def right_side(k, h, b, lb, ub):
     return ub[k - p - m - n]
 
 
-@inner
+@part
 def most_violated(x, Gx, h, lb, ub, norms, level, p):
     """Return the inequality with the largest scaled violation above rounding, or -1.
 
@@ -90,7 +91,7 @@ def most_violated(x, Gx, h, lb, ub, norms, level, p):
     return best
 
 
-@inner
+@part
 def term_size(row, x, d):
     """Return the sum of the moduli of the terms of row'x - d."""
     size = abs(d)
@@ -99,7 +100,7 @@ def term_size(row, x, d):
     return size
 
 
-@inner
+@part
 def clear(y, z, z_box):
     """Set all multipliers to zero."""
     for i in range(y.size):
@@ -110,7 +111,7 @@ def clear(y, z, z_box):
         z_box[j] = 0.0
 
 
-@inner
+@part
 def contradicts(active, multiplier, k, h, b, lb, ub):
     """Tell whether the Farkas sum d'multiplier is negative beyond rounding."""
     value, size = 0.0, 0.0
@@ -121,7 +122,7 @@ def contradicts(active, multiplier, k, h, b, lb, ub):
     return value < -CONTRADICTION * size
 
 
-@inner
+@part
 def certificate(active, multiplier, k, p, y, z, z_box):
     """Set y, z, z_box to the Farkas multipliers of k contradicting rows."""
     n, m = z_box.size, z.size
@@ -138,7 +139,7 @@ def certificate(active, multiplier, k, p, y, z, z_box):
             z_box[index - p - m - n] += multiplier[i]
 
 
-@inner
+@part
 def is_ray(d, P, q, G, h, lb, ub, norms, Pd, Gd):
     """Tell whether the QP may be unbounded in the direction d; Ad = 0 is not asked."""
     zero = RAY * largest(d)
@@ -157,7 +158,7 @@ def is_ray(d, P, q, G, h, lb, ub, norms, Pd, Gd):
     return largest(Pd) <= curvature * zero
 
 
-@inner
+@part
 def typical_curvature(q, G, h, A, b, lb, ub):
     """Return max |q| over the geometric mean of the sides' distances from 0.
 

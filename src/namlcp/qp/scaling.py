@@ -14,8 +14,8 @@ t = (x, Ax, Gx) has the layout of K; t_user = unit * t and multipliers_user = v 
 """
 
 import numpy as np
-from numba import njit
 
+from namlcp.compiled import kernel
 from namlcp.qp.kkt import KKT
 from namlcp.qp.presolve import Presolved
 from namlcp.qp.start import Guess
@@ -172,7 +172,7 @@ class ScaledQP:
         return upper, lower, box
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def normalise(indptr, indices, data, n, scale):
     """Divide the rows of C by their largest entries, or the columns, if that pays.
 
@@ -225,7 +225,7 @@ def normalise(indptr, indices, data, n, scale):
             data[t] *= factor[j] * factor[indices[t]]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def equilibrate(indptr, indices, data, scale):
     """Scale the symmetric matrix (upper triangle in CSC) in place, data and `scale`.
 
@@ -256,7 +256,7 @@ def equilibrate(indptr, indices, data, scale):
                 data[t] *= largest[j] * largest[indices[t]]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def even_out(indptr, indices, data, scale):
     """Scale like `equilibrate`, but min sum log(|k_ij| s_i s_j)^2 over the entries.
 

@@ -14,14 +14,14 @@ centred at the current point,
 """
 
 import numpy as np
-from numba import njit
 
+from namlcp.compiled import kernel
 from namlcp.qp.kkt import products
 
 THIN = 1e-20  # smallest weight of a row
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def evaluate(
     indptr, indices, base, unit, q, b, place, sign, c, x, y, W, Z,
     v, Px, Ctv, t, rd, rp, rw, out,
@@ -81,7 +81,7 @@ def evaluate(
     out[10] = max(abs(xPx), abs(qx), abs(by), abs(support))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def assemble(base, diagonal, n, p, place, W, Z, rho, delta, omega, weight, data):
     """Set omega, weight and the diagonal of K~ in `data`."""
     weight[:] = 0.0
@@ -97,7 +97,7 @@ def assemble(base, diagonal, n, p, place, W, Z, rho, delta, omega, weight, data)
         data[diagonal[j]] = -1.0 / weight[j]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def right_side(rd, rp, rw, rc, place, sign, Z, omega, weight, tau, rhs):
     """Set tau and the right-hand side of the Newton system for the target rc."""
     n = rd.size
@@ -114,7 +114,7 @@ def right_side(rd, rp, rw, rc, place, sign, Z, omega, weight, tau, rhs):
         rhs[j] /= weight[j]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def piece_step(
     indptr, indices, base, n, du, place, sign, omega, tau, rc, W, Z, dt, dW, dZ, out
 ):
@@ -151,7 +151,7 @@ def piece_step(
     out[2] = ww + dual * wz + primal * zw + primal * dual * zz
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def centred_target(W, Z, dW, dZ, primal, dual, smu, rc):
     """Pull the products at the longer steps into [0.1, 10] smu (Gondzio 1996)."""
     a = min(1.0, 1.08 * primal + 0.08)
@@ -162,7 +162,7 @@ def centred_target(W, Z, dW, dZ, primal, dual, smu, rc):
         rc[k] += max(change, -10.0 * smu)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def advance(n, du, dW, dZ, primal, dual, x, y, W, Z, out):
     """Step; out = (largest change of x, largest change of y and Z)."""
     out[0] = 0.0

@@ -20,10 +20,10 @@ from math import inf
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy.sparse import csc_array
 
 from namlcp.checks import QPData
+from namlcp.compiled import kernel
 from namlcp.products import add_transposed, times
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.csc import part, with_squares, without_zeros
@@ -218,7 +218,7 @@ def bounds_from_rows(qp: QPData, G: csc_array, A: csc_array) -> Bounds:
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def take_rows(
     indptr, indices, data, side, first, is_equal, lb, ub, lower_rows, lower_entry,
     upper_rows, upper_entry, left,
@@ -247,7 +247,7 @@ def take_rows(
                 lower_entry[j] = data[t]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def give_back(indptr, indices, clash, left):
     """Leave all rows with an entry in a column where bounds clash."""
     for j in range(clash.size):
@@ -305,7 +305,7 @@ def worth_it(A: csc_array, row: np.ndarray, squared: np.ndarray) -> np.ndarray:
     return ~squared | (length <= SHORT)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def count_columns(indptr, indices, touched):
     """Count the columns with an entry in a touched row."""
     count = 0

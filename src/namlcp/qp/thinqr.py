@@ -8,10 +8,11 @@ tells how far a row is from depending on the earlier ones.
 
 import numpy as np
 
-from namlcp.lapack import add_scaled, dot, inner
+from namlcp.compiled import part
+from namlcp.lapack import add_scaled, dot
 
 
-@inner
+@part
 def project(Q, k, v, d):
     """Split v in place: d (k,) = Q v, v -= Q'd. Return |v|_2 of what is left.
 
@@ -33,14 +34,14 @@ def project(Q, k, v, d):
     return length
 
 
-@inner
+@part
 def triangular_solve(R, k, d):
     """Overwrite d (k,) by R^-1 d, R upper triangular of order k."""
     for i in range(k - 1, -1, -1):
         d[i] = (d[i] - dot(R[i, i + 1 : k], d[i + 1 : k])) / R[i, i]
 
 
-@inner
+@part
 def triangular_solve_transposed(R, k, d):
     """Overwrite d (k,) by R^-T d."""
     for i in range(k):
@@ -49,7 +50,7 @@ def triangular_solve_transposed(R, k, d):
             d[j] -= R[i, j] * d[i]
 
 
-@inner
+@part
 def append(Q, R, k, v, d, length):
     """Append the row with coefficients d (k,) and remainder v, |v| = length."""
     for i in range(k):
@@ -59,7 +60,7 @@ def append(Q, R, k, v, d, length):
         Q[k, j] = v[j] / length
 
 
-@inner
+@part
 def remove(Q, R, k, leaving, active, multiplier):
     """Delete active row `leaving` from the factorisation of order k (Givens)."""
     for j in range(leaving, k - 1):

@@ -6,9 +6,9 @@ entries of 1e8 in the row meet entries of 1e-8 in x.
 """
 
 import numpy as np
-from numba import njit
 
 from namlcp.checks import QPData
+from namlcp.compiled import part
 
 # Diagonals of P that spread further are worth the copy of all matrices.
 SPREAD = 1e12
@@ -16,7 +16,7 @@ SPREAD = 1e12
 EXPONENT = 500
 
 
-@njit(cache=True, nogil=True)
+@part
 def is_uneven(P):
     """Tell whether the diagonal is positive and spreads over more than SPREAD."""
     low = np.inf

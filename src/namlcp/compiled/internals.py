@@ -1,0 +1,463 @@
+"""What the package uses of numba's internals, and the only module that does.
+
+numba keeps machine code in files by `cache=True`, with a stamp over the one file in
+which a function stands: a changed callee in another file is not noticed. Its dispatcher
+asks an object, `_cache`, for every signature; here that is a `Store` of our own. What
+it keeps is what numba keeps, less what makes loading slow.
+
+Two kinds of functions are compiled. A kernel is called from Python and has machine code
+of its own. A part is called by kernels alone: its code is translated once, and then
+optimised within each kernel that it is linked into; machine code of its own would be
+thrown away. numba optimises every function for itself, and its callers again.
+
+All of this was read and run in numba 0.59 to 0.68 (`KNOWN`). With another version
+`njit` has numba's own cache, in a folder with the package's stamp in its name: kernels
+start as slowly as numba starts them, and are never old.
+"""
+
+import contextlib
+import functools
+import gc
+import hashlib
+import pickle
+import sys
+import sysconfig
+import time
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import llvmlite
+import numba
+import numpy as np
+from llvmlite import binding
+from numba.core import codegen, compiler, config, event, serialize
+from numba.core.runtime import rtsys
+
+from namlcp.compiled.sources import are_unchanged, hashed_files, stamp, state
+from namlcp.compiled.store import SUFFIX, Folder, folders, prebuilt
+
+KNOWN = (0, 59), (0, 68)
+"""First and last version of numba whose internals are those used here."""
+
+SETTINGS = (
+    "OPT",
+    "BOUNDSCHECK",
+    "DEBUGINFO_DEFAULT",
+    "DISABLE_INTEL_SVML",
+    "ENABLE_PROFILING",
+    "LLVM_REFPRUNE_FLAGS",
+    "LLVM_REFPRUNE_PASS",
+    "LOOP_VECTORIZE",
+    "NRT_STATS",
+    "SLP_VECTORIZE",
+    "USE_LLVMLITE_MEMORY_MANAGER",
+    "USING_SVML",
+)
+"""Settings of numba that the machine code depends on."""
+
+BASELINES = {"x86_64": "x86-64-v3", "AMD64": "x86-64-v3"}
+"""The processor that prebuilt code is for, by machine; elsewhere "generic"."""
+
+BASELINE_FEATURES = {
+    "x86-64-v3": frozenset(
+        "avx avx2 bmi bmi2 cx16 f16c fma lzcnt movbe popcnt sahf sse3 sse4.1 sse4.2 "
+        "ssse3 xsave".split()
+    )
+}
+"""What a processor must have to run code for a baseline, in LLVM's names."""
+
+
+def is_known() -> bool:
+    """Tell whether this is a version of numba whose internals are used."""
+    return KNOWN[0] <= tuple(numba.version_info[:2]) <= KNOWN[1]
+
+
+# ---- files
+
+
+def environment() -> tuple:
+    """Return all that machine code depends on, but for sources and processor."""
+    return (
+        stamp(),
+        sys.implementation.cache_tag,
+        sysconfig.get_config_var("SOABI"),
+        numba.__version__,
+        llvmlite.__version__,
+        np.__version__.split(".")[:2],
+        [str(getattr(config, name, None)) for name in SETTINGS],
+    )
+
+
+@functools.cache
+def baseline(machine: str) -> str:
+    """Return the processor that prebuilt code for this kind of machine is for."""
+    return BASELINES.get(machine, "generic")
+
+
+@functools.cache
+def fits_baseline(name: str) -> bool:
+    """Tell whether this processor runs code for a baseline."""
+    has = {feature for feature, on in binding.get_host_cpu_features().items() if on}
+    return BASELINE_FEATURES.get(name, frozenset()) <= has
+
+
+class Store:
+    """What a dispatcher asks for machine code, in place of numba's `FunctionCache`.
+
+    Parameters
+    ----------
+    function : function
+        The Python function.
+    keeps : bool
+        Its machine code is kept in files.
+    """
+
+    cache_path = None
+
+    def __init__(self, function: Callable[..., Any], keeps: bool):
+        self.name = name_of(function)
+        self.code = function.__code__.co_code
+        self.keeps = keeps and is_of_stamp(function.__code__.co_filename)
+        self.loaded = 0
+
+    def load_overload(self, signature: Any, context: Any) -> Any:
+        """Return the compiled function from a file, None if there is none."""
+        # numba's own cache refreshes the typing context here, which takes 0.17 s; where
+        # something has to be compiled the compiler does that anyway.
+        rtsys.initialize(context)
+        if not (self.keeps and were_unchanged()):
+            return None
+        for folder, processor in places(context):
+            key = self.key(signature, processor)
+            payload = folder.read(self.file(key))
+            result = None if payload is None else rebuilt(payload, key, context)
+            if result is not None:
+                self.loaded += 1
+                return result
+        return None
+
+    def save_overload(self, signature: Any, result: Any) -> None:
+        """Complete a compiled function, and write it to a file."""
+        # Parts were never loaded, so the constants that they use are set now.
+        for environment in result._find_referenced_environments():
+            result.library.codegen.set_env(environment.env_name, environment)
+        holds_addresses = result.lifted or result.library.has_dynamic_globals
+        if not self.keeps or holds_addresses or not are_unchanged():
+            return
+        key = self.key(signature, result.library.codegen.magic_tuple())
+        payload = serialize.dumps((key, reduced(result)))
+        any(folder.write(self.file(key), payload) for folder in folders())
+
+    def key(self, signature: Any, processor: tuple) -> bytes:
+        """Return what tells this machine code from all other, as bytes."""
+        parts = (self.name, self.code, str(signature), processor, environment())
+        return repr(parts).encode()
+
+    def file(self, key: bytes) -> str:
+        """Return the name of a file."""
+        return f"{self.name}-{hashlib.sha256(key).hexdigest()[:32]}{SUFFIX}"
+
+    def is_at_hand(self) -> bool:
+        """Tell whether there seems to be machine code in a file."""
+        where = [*folders(), prebuilt()] if self.keeps else []
+        return any(folder.has(f"{self.name}-") for folder in where)
+
+    def enable(self) -> None:
+        """Do nothing; numba's interface."""
+
+    disable = flush = enable
+
+
+def name_of(function: Callable[..., Any]) -> str:
+    """Return the name of a function: its module's within the package, and its own."""
+    module = function.__module__.removeprefix("namlcp.")
+    return f"{module}.{function.__qualname__}"
+
+
+def is_of_stamp(file: str) -> bool:
+    """Tell whether a source file is as it was when the stamp was taken."""
+    try:
+        return hashed_files()[1].get(file) == state(file)
+    except OSError:
+        return False
+
+
+@functools.cache
+def were_unchanged() -> bool:
+    """Tell whether the sources were still those of the stamp at the first solve."""
+    return are_unchanged()
+
+
+def places(context: Any) -> Iterator[tuple[Folder, tuple]]:
+    """Yield where to look for code and the processor, in LLVM's terms, that it is for.
+
+    Code that came with the package first: it is there, and as fast.
+    """
+    triple, name, features = context.codegen().magic_tuple()
+    processor = baseline(triple.split("-")[0])
+    if fits_baseline(processor):
+        yield prebuilt(), (triple, processor, "")
+    for folder in folders():
+        yield folder, (triple, name, features)
+
+
+def reduced(result: Any) -> tuple:
+    """Return a compiled function as what can be pickled.
+
+    numba keeps the environments of all functions inside: a hundred in a large kernel.
+    Only those with constants are of use.
+    """
+    library = result.library
+    environments = result._find_referenced_environments()
+    bitcode = library._get_module_for_linking().as_bitcode()
+    result.fndesc.typemap = result.fndesc.calltypes = None
+    return (
+        (library.name, library._get_compiled_object(), bitcode),
+        result.fndesc,
+        result.environment,
+        result.signature,
+        tuple(result.reload_init),
+        tuple(e for e in environments if e.consts),
+    )
+
+
+def rebuilt(payload: bytes, key: bytes, context: Any) -> Any:
+    """Return the compiled function that was reduced; None if it is another.
+
+    Whatever is wrong with a file, the kernel can be compiled.
+    """
+    try:
+        saved, parts = pickle.loads(payload)
+        if saved != key:
+            return None
+        code, description, own, signature, at_load, environments = parts
+    except Exception:
+        return None
+    for prepare in at_load:
+        prepare()
+    library = LoadedLibrary(context.codegen(), code[0])
+    library.load(*code[1:])
+    entry = context.get_executable(library, description, own)
+    for environment in environments:
+        library.codegen.set_env(environment.env_name, environment)
+    return compiler.compile_result(
+        target_context=context,
+        typing_context=context.typing_context,
+        library=library,
+        environment=own,
+        entry_point=entry,
+        fndesc=description,
+        type_annotation="",
+        signature=signature,
+        objectmode=False,
+        lifted=(),
+        reload_init=list(at_load),
+        referenced_envs=environments,
+    )
+
+
+class LoadedLibrary(codegen.JITCodeLibrary):
+    """Machine code from a file. Its bitcode is read where another kernel links it."""
+
+    _shared_module: Any
+
+    def load(self, machine_code: bytes, bitcode: bytes) -> None:
+        """Give the machine code to the process."""
+        self.bitcode = bitcode
+        self.enable_object_caching()
+        self._set_compiled_object(machine_code)
+        self._finalize_final_module()
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Return the address of a function of the machine code."""
+        return self._codegen._engine.get_function_address(name)
+
+    def _get_module_for_linking(self) -> Any:
+        if self._shared_module is None:
+            self._shared_module = binding.parse_bitcode(self.bitcode)
+            self._codegen._engine._load_defined_symbols(self._shared_module)
+        return self._shared_module
+
+
+# ---- compiling
+
+
+class KernelLibrary(codegen.JITCodeLibrary):
+    """Code with machine code of its own, optimised once, when all of it is there.
+
+    numba also optimises each function by itself, before it is joined with those that it
+    calls; that takes a twentieth of the time and changes nothing in the end.
+    """
+
+    def _optimize_functions(self, module: Any) -> None:
+        module.data_layout = self._codegen._data_layout
+
+
+class PartLibrary(KernelLibrary):
+    """Code for other libraries to link, as it came from numba: nothing is optimised."""
+
+    @property
+    def codegen(self) -> Any:
+        """Return the code generator, which here sets no environment."""
+        return NoEnvironment(self._codegen)
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Return 0: there is no machine code."""
+        self._ensure_finalized()
+        return 0
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        self._finalized = True
+
+
+class KernelCompiler(compiler.Compiler):
+    """numba's compiler into a `KernelLibrary`, without the garbage collector.
+
+    Compiling makes millions of small objects that live until its end; looking through
+    them again and again takes a tenth of the time.
+    """
+
+    library: type[KernelLibrary] = KernelLibrary
+
+    def compile_extra(self, function: Callable[..., Any]) -> Any:
+        """Compile; numba's interface."""
+        state = self.state
+        if state.library is None:
+            target = state.targetctx.codegen()
+            state.library = self.library(target, function.__qualname__)
+            state.library.enable_object_caching()
+        with without_collector():
+            return super().compile_extra(function)
+
+
+class PartCompiler(KernelCompiler):
+    """The compiler of functions that are called by compiled functions alone."""
+
+    library = PartLibrary
+
+
+class NoEnvironment:
+    """A code generator for which an environment is nothing to be set.
+
+    `Store.save_overload` sets those of all parts of a kernel.
+    """
+
+    def __init__(self, target: Any):
+        self.target = target
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what the code generator has."""
+        return getattr(self.target, name)
+
+    def set_env(self, name: str, environment: Any) -> None:
+        """Do nothing."""
+
+
+@contextlib.contextmanager
+def without_collector() -> Iterator[None]:
+    """Stop the garbage collector for as long as the block takes."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
+
+
+# ---- decorators
+
+
+KERNELS: dict[str, Any] = {}
+"""All kernels by name, as far as their modules were imported."""
+
+
+def compiled(
+    function: Callable[..., Any], is_part: bool = False, **options: Any
+) -> Any:
+    """Return the numba dispatcher of a function."""
+    if config.DISABLE_JIT:
+        return function
+    if is_part:
+        options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    is_kernel = not (is_part or options.get("inline"))
+    if is_known():
+        pipeline = PartCompiler if is_part else KernelCompiler
+        dispatcher = numba.njit(pipeline_class=pipeline, **options)(function)
+        dispatcher._cache = Store(function, keeps=is_kernel)
+        if is_part:
+            # Where Python calls it there is no overload, and none may be compiled.
+            dispatcher._insert = lambda *_: None
+            dispatcher._compile_for_args = functools.partial(refuse, function.__name__)
+    else:
+        dispatcher = numba.njit(**options)(function)
+        if is_kernel:
+            use_numbas_cache(dispatcher)
+    if is_kernel:
+        KERNELS[name_of(function)] = dispatcher
+    return dispatcher
+
+
+def refuse(name: str, *_: Any) -> None:
+    """Raise where Python calls a part: it has no machine code of its own."""
+    raise TypeError(f"{name} is called by compiled functions alone, see its py_func")
+
+
+def use_numbas_cache(dispatcher: Any) -> None:
+    """Give a dispatcher numba's own cache, in a folder of this stamp."""
+    before = config.CACHE_DIR
+    for folder in folders():
+        try:
+            if folder.prepare():
+                config.CACHE_DIR = str(folder.path)
+                dispatcher.enable_caching()
+                return
+        except Exception:  # nowhere to write, or no such cache: compiled each time
+            continue
+        finally:
+            config.CACHE_DIR = before
+
+
+def is_at_hand(dispatcher: Any) -> bool:
+    """Tell whether a kernel has machine code, in memory or in a file, or needs none."""
+    if getattr(dispatcher, "signatures", True):
+        return True
+    cache = dispatcher._cache
+    return isinstance(cache, Store) and cache.is_at_hand()
+
+
+class Clock(event.Listener):
+    """Adds up the seconds that numba takes to compile functions of this package."""
+
+    def __init__(self) -> None:
+        self.total, self.depth, self.since = 0.0, 0, 0.0
+
+    def on_start(self, event: Any) -> None:
+        """Begin with the outermost function; numba's interface."""
+        if not is_ours(event):
+            return
+        if self.depth == 0:
+            self.since = time.perf_counter()
+        self.depth += 1
+
+    def on_end(self, event: Any) -> None:
+        """End with it; numba's interface."""
+        if not is_ours(event):
+            return
+        self.depth -= 1
+        if self.depth == 0:
+            self.total += time.perf_counter() - self.since
+
+
+def is_ours(event: Any) -> bool:
+    """Tell whether it is a function of this package that is compiled."""
+    return event.data["dispatcher"].__module__.startswith("namlcp.")
+
+
+CLOCK = Clock()
+event.register("numba:compile", CLOCK)

@@ -1,0 +1,189 @@
+"""Files of machine code: where they are kept, which are trusted, when they go.
+
+One file holds one kernel for one signature. Its name is the hash of its key, and it
+begins with the SHA-256 of the rest: a file that was cut short or changed is no file.
+There is no index that two processes could write at once, and a file appears under its
+name only when it is whole.
+
+What is loaded is run. So only files and folders count that belong to this user, to root
+or to the owner of the package, and that nobody else may write to. The files that came
+with the package (`PREBUILT`) are as trusted as the sources beside them.
+"""
+
+import contextlib
+import functools
+import hashlib
+import os
+import secrets
+import shutil
+import stat
+import sys
+import time
+from pathlib import Path
+
+from namlcp.compiled.sources import PACKAGE, stamp
+
+SUFFIX = ".kernel"
+
+DIGEST = hashlib.sha256().digest_size
+
+KEPT = 30 * 86400.0
+"""Machine code of other versions goes when it was not used for so long [s]."""
+
+USED = 86400.0
+"""The time of use is noted once in so long [s]."""
+
+
+class Folder:
+    """A folder for the machine code of this stamp.
+
+    Parameters
+    ----------
+    parent : Path
+        Holds a folder for each stamp.
+    patience : float
+        How long [s] the folders of other stamps stay after their last use.
+    prebuilt : bool
+        It came with the package: nothing is written there, everything is trusted.
+    """
+
+    def __init__(self, parent: Path, patience: float = KEPT, prebuilt: bool = False):
+        self.parent, self.patience, self.prebuilt = parent, patience, prebuilt
+        self.path = parent / stamp()
+        self.is_used = False
+
+    def read(self, name: str) -> bytes | None:
+        """Return what was written under the name; None unless whole and trusted."""
+        try:
+            with open(self.path / name, "rb") as file:
+                trusted = self.prebuilt or (
+                    is_trusted(os.fstat(file.fileno()))
+                    and is_trusted(os.stat(self.path))
+                )
+                content = file.read() if trusted else b""
+        except OSError:
+            return None
+        payload = content[DIGEST:]
+        if not payload or hashlib.sha256(payload).digest() != content[:DIGEST]:
+            return None
+        if not (self.is_used or self.prebuilt):
+            self.note_use()
+        return payload
+
+    def write(self, name: str, payload: bytes) -> bool:
+        """Write a file, which others see whole or not at all; tell whether it is."""
+        if not self.prepare():
+            return False
+        draft = self.path / f"{name}.{secrets.token_hex(8)}"
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
+        try:
+            try:
+                with open(os.open(draft, flags, 0o644), "wb") as file:
+                    file.write(hashlib.sha256(payload).digest() + payload)
+                os.replace(draft, self.path / name)
+            finally:
+                draft.unlink(missing_ok=True)
+        except OSError:  # read-only, full, or in use by another process (Windows)
+            return False
+        return True
+
+    def prepare(self) -> bool:
+        """Make the folder unless it is there; tell whether it may be written to."""
+        try:
+            if not self.path.is_dir():
+                self.path.mkdir(0o755, parents=True, exist_ok=True)
+                self.remove_others()
+            return not self.prebuilt and is_trusted(os.stat(self.path))
+        except OSError:
+            return False
+
+    def has(self, prefix: str) -> bool:
+        """Tell whether there is a file whose name begins so."""
+        return next(self.path.glob(f"{prefix}*{SUFFIX}"), None) is not None
+
+    def note_use(self) -> None:
+        """Set the folder's time, which `remove_others` of other versions looks at."""
+        self.is_used = True
+        with contextlib.suppress(OSError):
+            if time.time() - self.path.stat().st_mtime > USED:
+                os.utime(self.path)
+
+    def remove_others(self) -> None:
+        """Remove the folders of other stamps that were not used for `patience`."""
+        for other in self.parent.iterdir():
+            if other != self.path and is_stamp(other.name):
+                with contextlib.suppress(OSError):
+                    if time.time() - other.stat().st_mtime > self.patience:
+                        shutil.rmtree(other, ignore_errors=True)
+
+
+def is_stamp(name: str) -> bool:
+    """Tell whether a folder's name is a stamp."""
+    return len(name) == len(stamp()) and set(name) <= set("0123456789abcdef")
+
+
+def is_trusted(found: os.stat_result) -> bool:
+    """Tell whether nobody can have written a file, or to a folder, who may not.
+
+    On Windows the folders themselves belong to the user or to an administrator.
+    """
+    if not hasattr(os, "getuid"):
+        return True
+    writable_by_others = found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+    kind = stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)
+    return kind and not writable_by_others and found.st_uid in trusted_owners()
+
+
+@functools.cache
+def trusted_owners() -> set[int]:
+    """Return the users whose files may be run: this one, root, the package's owner."""
+    return {os.getuid(), os.geteuid(), 0, os.stat(PACKAGE).st_uid}
+
+
+def user_folder() -> Path | None:
+    """Return the operating system's folder for a user's caches; None without a home."""
+    try:
+        home = Path.home()
+    except RuntimeError:
+        return None
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or home / "AppData" / "Local")
+    if sys.platform == "darwin":
+        return home / "Library" / "Caches"
+    given = os.environ.get("XDG_CACHE_HOME", "")
+    return Path(given) if os.path.isabs(given) else home / ".cache"
+
+
+@functools.cache
+def prebuilt() -> Folder:
+    """Return the folder of the machine code that came with the package."""
+    return Folder(PACKAGE / "prebuilt", prebuilt=True)
+
+
+@functools.cache
+def folders() -> list[Folder]:
+    """Return where machine code is looked for and written, the first choice first.
+
+    NUMBA_CACHE_DIR, where it is set, alone; else beside the package, else the user's
+    folder for caches. Beside the package code of other stamps has lost its sources and
+    goes at once.
+    """
+    if not stamp():
+        return []
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    if given:
+        return [Folder(Path(given) / "namlcp")]
+    beside = Folder(PACKAGE / "__pycache__" / "kernels", patience=0.0)
+    user = user_folder()
+    return [beside] if user is None else [beside, Folder(user / "namlcp")]
+
+
+def kept_in() -> Path | None:
+    """Return the first folder that can be written; None if there is none."""
+    for folder in folders():
+        place = folder.path
+        while not place.exists() and place != place.parent:
+            place = place.parent
+        if place.is_dir() and os.access(place, os.W_OK | os.X_OK):
+            return folder.path
+    return None
