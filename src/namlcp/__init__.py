@@ -6,7 +6,6 @@
 """
 
 from importlib import import_module
-from importlib.metadata import version
 from typing import Any
 
 from namlcp.lcp.comparison import Verdict, is_h_plus
@@ -34,14 +33,17 @@ __all__ = [
     "qp_residuals",
     "solve_lcp",
     "solve_qp",
+    "warmup",
 ]
-__version__ = version("namlcp")
+__version__ = "0.1.0"
 
 register()
 
 
 def __getattr__(name: str) -> Any:
-    """Import `namlcp.cvxpy` on first use: CVXPY is optional, and slow to import."""
+    """Import on first use what few need: CVXPY is optional, and slow to import."""
     if name == "cvxpy":
         return import_module("namlcp.cvxpy")
+    if name == "warmup":
+        return import_module("namlcp.first_use").warmup
     raise AttributeError(f"module 'namlcp' has no attribute {name!r}")

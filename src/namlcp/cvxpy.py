@@ -5,7 +5,6 @@
 """
 
 import time
-from importlib.metadata import version
 from typing import Any
 
 import cvxpy.settings as s
@@ -17,6 +16,7 @@ from cvxpy.reductions.solvers import defines
 from cvxpy.reductions.solvers.qp_solvers.qp_solver import QpSolver
 from cvxpy.reductions.solvers.utilities import extract_dual_value, get_dual_values
 
+import namlcp
 from namlcp.checks import QPData, qp_data
 from namlcp.options import Options
 from namlcp.qp.convexity import NotConvex
@@ -146,7 +146,7 @@ class NAM(QpSolver):
             "@misc{namlcp,\n  author = {The namlcp authors},\n"
             "  title = {namlcp: linear complementarity problems and convex quadratic "
             "programs, solved exactly},\n"
-            f"  note = {{version {version('namlcp')}}}\n}}\n"
+            f"  note = {{version {namlcp.__version__}}}\n}}\n"
         )
 
 

@@ -1,0 +1,103 @@
+"""Compile every kernel of the list ahead of its use, in several processes.
+
+Each of them reads lines of the list from its standard input, compiles the kernel and
+answers with the same line.
+"""
+
+import queue
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+
+from namlcp.compiled.signatures import all_modules, listed, read
+from namlcp.compiled.sources import PACKAGE
+from namlcp.compiled.store import kept_in
+
+START = (
+    "import sys; sys.path.insert(0, sys.argv[1]); "
+    "from namlcp.compiled.ahead import work; work()"
+)
+WORKER = [sys.executable, "-c", START, str(PACKAGE.parent)]
+"""How a process is started, so that it finds this package and no other."""
+
+
+def compile_line(line: str) -> None:
+    """Compile, or load, one kernel of the list."""
+    dispatcher, arguments = read(line)
+    dispatcher.compile(arguments)
+
+
+def compile_all(processes: int) -> Iterator[str]:
+    """Compile all kernels of the list; yield each line when it is done.
+
+    The machine code goes into files. Where none can be written it can serve this
+    process alone, so that this process compiles.
+    """
+    lines = listed()
+    if processes > 1 and kept_in() is not None:
+        yield from compile_in_processes(lines, processes)
+        return
+    all_modules()
+    for line in lines:
+        compile_line(line)
+        yield line
+
+
+def compile_in_processes(lines: list[str], processes: int) -> Iterator[str]:
+    """Let processes of their own compile the lines; yield each when it is done."""
+    waiting: queue.SimpleQueue[str] = queue.SimpleQueue()
+    for line in lines:
+        waiting.put(line)
+    done: queue.SimpleQueue[str | Exception] = queue.SimpleQueue()
+    threads = [
+        threading.Thread(target=guarded, args=(serve, waiting, done), daemon=True)
+        for _ in range(min(processes, len(lines)))
+    ]
+    for thread in threads:
+        thread.start()
+    for _ in lines:
+        answer = done.get()
+        if isinstance(answer, Exception):
+            raise answer
+        yield answer
+
+
+def guarded(
+    serve: Callable[..., None],
+    waiting: queue.SimpleQueue,
+    done: queue.SimpleQueue,
+) -> None:
+    """Hand over what `serve` raises."""
+    try:
+        serve(waiting, done)
+    except Exception as error:
+        done.put(error)
+
+
+def serve(waiting: queue.SimpleQueue, done: queue.SimpleQueue) -> None:
+    """Give one process a line after the other until none waits."""
+    with subprocess.Popen(
+        WORKER, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdin is not None
+        assert process.stdout is not None
+        while True:
+            try:
+                line = waiting.get_nowait()
+            except queue.Empty:
+                process.stdin.close()
+                return
+            process.stdin.write(f"{line}\n")
+            process.stdin.flush()
+            if process.stdout.readline() != f"{line}\n":
+                raise RuntimeError(f"a process that compiled ended at {line}")
+            done.put(line)
+
+
+def work() -> None:
+    """Compile the lines of standard input."""
+    all_modules()
+    for line in sys.stdin:
+        compile_line(line.rstrip("\n"))
+        print(line, end="", flush=True)

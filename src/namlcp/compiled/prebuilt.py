@@ -1,0 +1,26 @@
+"""Compile every kernel for a baseline processor, for a wheel with machine code."""
+
+import os
+import platform
+import shutil
+import tempfile
+from pathlib import Path
+
+from namlcp.compiled.ahead import compile_all
+from namlcp.compiled.internals import baseline
+from namlcp.compiled.sources import stamp
+
+
+def fill(folder: str) -> None:
+    """Fill a folder with what `store.prebuilt` reads; the build hook calls it."""
+    goal = Path(folder) / stamp()
+    processor = baseline(platform.machine())
+    with tempfile.TemporaryDirectory() as cache:
+        os.environ["NUMBA_CACHE_DIR"] = cache
+        os.environ["NUMBA_CPU_NAME"] = processor
+        os.environ["NUMBA_CPU_FEATURES"] = ""
+        # In processes of their own, which read the variables.
+        for _ in compile_all(max(2, os.cpu_count() or 1)):
+            pass
+        shutil.copytree(Path(cache) / "namlcp" / stamp(), goal)
+    print(f"{len(list(goal.iterdir()))} kernels compiled for {processor}")

@@ -1,0 +1,97 @@
+"""The list of all kernels and the types that each is called with, `kernels.txt`.
+
+One line is one kernel for one set of argument types, in numba's notation:
+``lcp.data.scale_rows(float64[:, ::1], readonly(float64[::1]))``. NamedTuples stand by
+the name of their class. The list is written by hand and reviewed as code: the tests
+fail on a kernel that they use and that is not listed, and print the missing line.
+"""
+
+import functools
+import pkgutil
+from collections.abc import Iterator
+from importlib import import_module
+from importlib.resources import files
+from typing import Any
+
+from numba import types
+
+from namlcp.compiled.internals import KERNELS
+
+NEEDS_MORE = {"__main__", "cvxpy"}
+"""Modules without kernels, which run something or need what may not be installed."""
+
+
+def listed() -> list[str]:
+    """Return the lines of the list."""
+    text = files(__package__).joinpath("kernels.txt").read_text("utf-8")
+    return [line for line in text.splitlines() if line and not line.startswith("#")]
+
+
+def used() -> Iterator[str]:
+    """Yield a line for each kernel and set of types that this process has called."""
+    for name, dispatcher in KERNELS.items():
+        for arguments in dispatcher.overloads:
+            yield f"{name}({', '.join(map(spelled, arguments))})"
+
+
+def spelled(given: types.Type) -> str:
+    """Return a type in numba's notation."""
+    given = types.unliteral(given)
+    if isinstance(given, types.Array):
+        sizes = [":"] * given.ndim
+        if given.layout != "A":
+            sizes[-1 if given.layout == "C" else 0] = "::1"
+        text = f"{given.dtype}[{', '.join(sizes)}]"
+        return text if given.mutable else f"readonly({text})"
+    if isinstance(given, types.BaseNamedTuple):
+        inside = ", ".join(map(spelled, given.types))
+        return f"{given.instance_class.__name__}({inside})"
+    return str(given)
+
+
+def read(line: str) -> tuple[Any, tuple]:
+    """Return the kernel and the argument types of a line of the list."""
+    name, _, arguments = line.partition("(")
+    words = {"readonly": readonly, "bool": types.boolean, **named_tuples()}
+    words |= {str(t): t for t in (types.int8, types.int32, types.int64, types.float64)}
+    given = eval(f"({arguments[:-1]},)" if arguments != ")" else "()", words)
+    return KERNELS[name], given
+
+
+def readonly(array: types.Array) -> types.Array:
+    """Return the type of an array that may not be written to."""
+    return array.copy(readonly=True)
+
+
+@functools.cache
+def named_tuples() -> dict[str, Any]:
+    """Return, by its name, what makes a type of each NamedTuple of the package."""
+    found: dict[str, type] = {}
+    for module in all_modules():
+        for value in vars(module).values():
+            if (
+                isinstance(value, type)
+                and hasattr(value, "_fields")
+                and value.__module__ == module.__name__
+            ):
+                if value.__name__ in found:
+                    found[value.__name__] = type(None)  # two of one name: no kernel's
+                else:
+                    found[value.__name__] = value
+    return {name: functools.partial(named_tuple, kind) for name, kind in found.items()}
+
+
+def named_tuple(kind: type, *inside: types.Type) -> types.BaseTuple:
+    """Return the type of a NamedTuple."""
+    return types.BaseTuple.from_types(inside, kind)
+
+
+def all_modules() -> list[Any]:
+    """Import every module that may have kernels."""
+    package = import_module("namlcp")
+    names = [
+        name
+        for _, name, _ in pkgutil.walk_packages(package.__path__, "namlcp.")
+        if name.rpartition(".")[2] not in NEEDS_MORE
+    ]
+    return [import_module(name) for name in names]

@@ -1,0 +1,54 @@
+"""`warmup`: all machine code before the first solve, for containers and CI."""
+
+import os
+import time
+
+from namlcp.compiled.ahead import compile_all
+from namlcp.compiled.signatures import listed
+from namlcp.compiled.store import kept_in
+from namlcp.options import check_count, check_flag
+from namlcp.progress import show_share
+
+
+def warmup(progress: bool = True, processes: int | None = None) -> None:
+    """Compile all of the package's machine code that is not at hand, and keep it.
+
+    A solver compiles a function when it is first called, which takes seconds, and keeps
+    the machine code for later processes. After `warmup` there is nothing left to
+    compile on this machine with this version of the package. It is kept beside the
+    package, else in the user's folder for caches, or in NUMBA_CACHE_DIR alone where
+    that is set. Where no folder can be written, everything is compiled for this process
+    alone.
+
+    Parameters
+    ----------
+    progress : bool
+        Draw a bar on standard output.
+    processes : int, optional
+        How many processes compile at once: as many as there are cores unless given.
+
+    Raises
+    ------
+    TypeError, ValueError
+        An argument has no meaning.
+    RuntimeError
+        A process that compiled came to an early end.
+
+    Examples
+    --------
+    >>> import namlcp
+    >>> namlcp.warmup()  # doctest: +SKIP
+    [##############################] 118 of 118
+    32 s; machine code in .../namlcp/__pycache__/kernels/2b9c...
+    """
+    check_flag("progress", progress)
+    if processes is not None:
+        check_count("processes", processes)
+    start = time.perf_counter()
+    total = len(listed())
+    for done, _ in enumerate(compile_all(processes or os.cpu_count() or 1), start=1):
+        if progress:
+            show_share(done, total)
+    if progress:
+        where = kept_in() or "memory alone: no folder can be written"
+        print(f"{time.perf_counter() - start:.1f} s; machine code in {where}")
