@@ -14,7 +14,14 @@ import pytest
 
 import namlcp
 from namlcp import first_use, residuals
-from namlcp.compiled import ahead, internals, signatures, sources, store
+from namlcp.compiled import (
+    ahead,
+    decorators,
+    internals,
+    signatures,
+    sources,
+    store,
+)
 
 PACKAGE = Path(namlcp.__file__).parent
 
@@ -69,7 +76,7 @@ def clean():
     return namlcp.natural_residual(*np.array([[3.0], [1.0], [0.0], [9.0]]))
 
 def kernels(kind):
-    from namlcp.compiled.internals import KERNELS
+    from namlcp.compiled.decorators import KERNELS
     return sorted(k for k, d in KERNELS.items() if getattr(d.stats, kind))
 
 answers = {}
@@ -164,6 +171,9 @@ def edit(root, name, before, after):
     assert text.count(before) == 1, (name, before)
     path.write_text(text.replace(before, after))
     os.utime(path, ns=(found.st_atime_ns, found.st_mtime_ns))
+
+
+V3 = internals.BASELINE_FEATURES["x86-64-v3"]
 
 
 # ---- never old
@@ -267,6 +277,31 @@ def test_a_package_that_cannot_be_written_uses_the_users_folder(tmp_path):
         assert len(files(tmp_path / "cache" / "namlcp")) == len(first[1])
 
 
+def test_a_package_that_is_reached_by_a_link_keeps_its_code(tmp_path):
+    real, link = tmp_path / "real", tmp_path / "link"
+    real.mkdir()
+    copied(real)
+    link.symlink_to(real)
+    first = run(link, "clean")
+    assert first[1]
+    assert not run(link, "clean")[1]
+    assert not run(link / ".." / "real", "clean")[1]
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no such permissions")
+def test_an_open_umask_opens_no_folder(tmp_path):
+    root = copied(tmp_path)
+    before = os.umask(0)
+    try:
+        assert run(root, "clean")[1]
+        assert not run(root, "clean")[1]
+    finally:
+        os.umask(before)
+    for path in files(root):
+        assert not path.stat().st_mode & 0o022
+        assert not path.parent.stat().st_mode & 0o022
+
+
 def test_nowhere_to_write(tmp_path):
     root = blocked(copied(tmp_path))
     (tmp_path / "home").write_text("")
@@ -289,8 +324,7 @@ def test_numbas_folder_alone_where_it_is_set(tmp_path):
     assert files(tmp_path / "given") == files(tmp_path)
 
 
-def test_code_of_other_versions_goes_after_a_month(tmp_path, monkeypatch):
-    monkeypatch.setattr(store.Folder, "note_use", lambda self: None)
+def test_code_of_other_versions_goes_after_a_month(tmp_path):
     old, new, foreign = (tmp_path / name for name in ("0" * 32, "1" * 32, "notes"))
     for folder in (old, new, foreign):
         folder.mkdir()
@@ -327,7 +361,7 @@ def folder(tmp_path):
 @pytest.mark.parametrize(
     "damage",
     [lambda t: t[:-1], lambda t: b"", lambda t: t[:10], lambda t: t[:-1] + b"f",
-     lambda t: b"\\0" + t[1:], lambda t: t + b"e"],
+     lambda t: b"\0" + t[1:], lambda t: t + b"e"],
 )  # fmt: skip
 def test_a_damaged_file_is_no_file(folder, damage):
     path = folder.path / "a.kernel"
@@ -348,6 +382,21 @@ def test_nothing_from_a_folder_that_others_may_write(folder, mode):
     folder.path.chmod(mode)
     assert folder.read("a.kernel") is None
     assert not folder.write("b.kernel", b"code")
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no such permissions")
+def test_nothing_from_below_a_folder_that_others_may_write(folder):
+    folder.parent.chmod(0o777)
+    assert folder.read("a.kernel") is None
+    assert not folder.write("b.kernel", b"code")
+
+
+@pytest.mark.skipif(not hasattr(os, "O_NOFOLLOW"), reason="no such links")
+def test_a_link_is_not_followed_and_a_pipe_not_waited_for(folder):
+    (folder.path / "b.kernel").symlink_to(folder.path / "a.kernel")
+    os.mkfifo(folder.path / "c.kernel")
+    assert folder.read("b.kernel") is None
+    assert folder.read("c.kernel") is None
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="no such permissions")
@@ -397,20 +446,25 @@ def test_eight_processes_on_an_empty_cache(tmp_path):
 def test_an_unknown_numba_has_its_own_cache_under_the_stamp(tmp_path):
     """A new numba costs time at the start and nothing else."""
     root = copied(tmp_path)
-    unknown = "import numba; numba.version_info = (0, 999, 0)\n" + PROBES
+    unknown = (
+        "import numba, sys; numba.version_info = (0, 999, 0)\n"
+        "sys.modules['namlcp.compiled.internals'] = None\n"  # its import would fail
+    ) + PROBES
     first = ended(start(root, "clean", code=unknown))
     assert first[0]["clean"] == 1.0
     again = ended(start(root, "clean", code=unknown))
     assert again[0] == first[0]
     assert not again[1]
     assert list(root.rglob("*.nbi"))
+    listing = "from namlcp.compiled import signatures; signatures.all_modules()\n"
+    ended(start(root, code=unknown + listing))
     edit(root, "residuals.py", "z - upper) + 0.0 * z", "z - upper) + 2.0 * z")
     assert ended(start(root, "clean", code=unknown))[0]["clean"] == 7.0
 
 
 def test_this_numba_is_known():
     """Where it is not, internals.py is to be read beside the new version."""
-    assert internals.is_known(), numba.__version__
+    assert decorators.is_known(), numba.__version__
 
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
@@ -419,10 +473,28 @@ def test_a_part_refuses_a_call_from_python():
     one = np.ones(1)
     for _ in range(2):
         with pytest.raises(
-            TypeError, match="deviation is called by compiled functions"
+            TypeError, match=r"residuals\.deviation is called by compiled functions"
         ):
             residuals.deviation(1.0, 1.0, 0.0, 2.0)
         assert residuals.natural_squares(one, one, 0.0 * one, 2.0 * one, 1.0) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("given", "name", "features", "expected"),
+    [
+        (None, "znver3", "+avx,+avx2,+x", False),
+        (None, "znver3", "".join(f"+{f}," for f in V3) + "-avx512f", True),
+        ("generic", "generic", "", False),
+        ("x86-64-v3", "x86-64-v3", "", True),
+        ("x86-64-v3", "x86-64-v3", "-avx2", False),
+    ],
+)
+def test_prebuilt_code_is_for_processors_that_have_what_it_needs(
+    given, name, features, expected, monkeypatch
+):
+    monkeypatch.setattr(numba.config, "CPU_NAME", given)
+    fits = internals.fits_baseline.__wrapped__
+    assert fits("x86-64-v3", name, features) is expected
 
 
 # ---- the list
@@ -435,11 +507,12 @@ def test_every_kernel_is_listed_and_every_line_is_one():
     assert lines == sorted(lines)
     for line in lines:
         dispatcher, arguments = signatures.read(line)
-        name = internals.name_of(dispatcher.py_func)
+        name = decorators.name_of(dispatcher.py_func)
         assert f"{name}({', '.join(map(signatures.spelled, arguments))})" == line
-    assert {line.partition("(")[0] for line in lines} == set(internals.KERNELS)
+    assert {line.partition("(")[0] for line in lines} == set(decorators.KERNELS)
 
 
+@pytest.mark.skipif(store.prebuilt().path.is_dir(), reason="it came with the package")
 def test_warmup_compiles_what_is_listed(tmp_path, monkeypatch, capsys):
     two = [line for line in signatures.listed() if "checks.is_" in line]
     for module in (ahead, first_use):
@@ -464,12 +537,19 @@ def test_warmup_says_which_argument_is_wrong():
 
 
 def test_warmup_of_a_process_that_ends_early(monkeypatch):
-    monkeypatch.setattr(ahead, "WORKER", [sys.executable, "-c", "input()"])
+    monkeypatch.setattr(ahead, "START", "input()")
     with pytest.raises(RuntimeError, match="ended at checks"):
         namlcp.warmup(progress=False, processes=2)
 
 
-def test_compile_time_counts_this_package_alone():
+def test_compile_time_counts_this_package_alone(tmp_path):
     before = namlcp.compiled.compile_time()
     numba.njit(lambda x: x + 1)(1)
     assert namlcp.compiled.compile_time() == before
+    nobodys = {}
+    exec("def f(x): return x", nobodys)
+    nobodys["f"].__module__ = None
+    numba.njit(nobodys["f"])(1)
+    assert namlcp.compiled.compile_time() == before
+    timed = PROBES + "assert 0.05 < namlcp.compiled.compile_time() < 30.0\n"
+    assert ended(start(copied(tmp_path), "clean", code=timed))[1]

@@ -38,8 +38,8 @@ def warmup(progress: bool = True, processes: int | None = None) -> None:
     --------
     >>> import namlcp
     >>> namlcp.warmup()  # doctest: +SKIP
-    [##############################] 118 of 118
-    32 s; machine code in .../namlcp/__pycache__/kernels/2b9c...
+    [##############################] 110 of 110
+    30.1 s; machine code in .../namlcp/__pycache__/kernels/2b9c...
     """
     check_flag("progress", progress)
     if processes is not None:

@@ -15,6 +15,7 @@ import contextlib
 import ctypes
 import functools
 import os
+import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -23,7 +24,7 @@ import numpy as np
 import scipy.linalg
 
 SMALL = 100
-"""Up to this order BLAS uses one thread, or as well could: nothing is set."""
+"""Up to this order more threads change nothing, and the setting is left alone."""
 
 NAMES = (
     ("scipy_openblas_set_num_threads", "scipy_openblas_get_num_threads"),
@@ -67,9 +68,14 @@ def extension_modules() -> Iterator[str]:
     On Windows a search of such a file does not reach the libraries it is linked with;
     they lie in a folder beside the package.
     """
-    core = getattr(np, "_core", None) or np.core
-    yield core._multiarray_umath.__file__
-    yield scipy.linalg._fblas.__file__
+    for name in (
+        "numpy._core._multiarray_umath",
+        "numpy.core._multiarray_umath",  # before NumPy 2
+        "scipy.linalg._fblas",
+    ):
+        module = sys.modules.get(name)
+        if module is not None and module.__file__:
+            yield module.__file__
     if os.name == "nt":
         for package in (np, scipy):
             folder = Path(f"{package.__path__[0]}.libs")
@@ -95,12 +101,13 @@ class BlasThreads:
     def leave(self, threads: int) -> None:
         """End it."""
         with self.lock:
-            self.asked.remove(threads)
-            self.put()
+            if threads in self.asked:  # not so in a child of fork
+                self.asked.remove(threads)
+                self.put()
 
     def put(self) -> None:
         """Set the number of threads: what is asked for, or what it was before."""
-        for (put, get), before in zip(settings(), self.before, strict=False):
+        for (put, get), before in zip(settings(), self.before, strict=True):
             wanted = max(self.asked, default=before)
             if get() != wanted:
                 put(wanted)
@@ -108,8 +115,9 @@ class BlasThreads:
     def forget(self) -> None:
         """Begin anew in a child of fork, where the threads that solved are not."""
         self.lock = threading.Lock()
-        self.asked.clear()
-        self.put()
+        if self.asked:
+            self.asked.clear()
+            self.put()
 
 
 BLAS_THREADS = BlasThreads()
@@ -117,9 +125,26 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=BLAS_THREADS.forget)
 
 
-@contextlib.contextmanager
-def blas_threads(threads: int, order: int) -> Iterator[None]:
-    """Let BLAS use so many threads in the block.
+class Limited:
+    """A block in which BLAS uses so many threads."""
+
+    def __init__(self, threads: int):
+        self.threads = threads
+
+    def __enter__(self) -> None:
+        """Set the number."""
+        BLAS_THREADS.enter(self.threads)
+
+    def __exit__(self, *_: object) -> None:
+        """Put it back."""
+        BLAS_THREADS.leave(self.threads)
+
+
+NOTHING: contextlib.AbstractContextManager[None] = contextlib.nullcontext()
+
+
+def blas_threads(threads: int, order: int) -> contextlib.AbstractContextManager[None]:
+    """Let BLAS use so many threads in a block.
 
     Parameters
     ----------
@@ -129,11 +154,5 @@ def blas_threads(threads: int, order: int) -> Iterator[None]:
         Of the largest matrix that may be dense; nothing is set for a small one.
     """
     if order <= SMALL or not settings():
-        yield
-        return
-    threads = threads if order >= WORTH else 1
-    BLAS_THREADS.enter(threads)
-    try:
-        yield
-    finally:
-        BLAS_THREADS.leave(threads)
+        return NOTHING
+    return Limited(threads if order >= WORTH else 1)

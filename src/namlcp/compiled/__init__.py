@@ -3,16 +3,17 @@
 `kernel` is for functions that Python calls, `part` for those that only compiled
 functions call, `pasted` for a stretch of one long function. Machine code is kept in
 files under a stamp over all of the package's sources, so that a changed package never
-runs old code, and may come with the package. Rooms: `sources` has the stamp, `store`
-the files, `internals` what is used of numba's inner parts, `signatures` the list of
-all kernels, `warm_up` compiles them.
+runs old code, and may come with the package. `sources` has the stamp, `store` the
+files, `decorators` chooses compiler and cache, `internals` is all that is used of
+numba's inner parts; `signatures` has the list of all kernels, `ahead` and `prebuilt`
+compile them before their use.
 """
 
 import functools
 from collections.abc import Callable
 from typing import Any
 
-from namlcp.compiled.internals import CLOCK, compiled, is_at_hand
+from namlcp.compiled.decorators import compile_time, compiled, is_at_hand
 from namlcp.compiled.store import kept_in
 
 __all__ = ["compile_time", "is_at_hand", "kept_in", "kernel", "part", "pasted"]
@@ -42,8 +43,3 @@ def part(function: Callable[..., Any] | None = None, **options: Any) -> Any:
 def pasted(function: Callable[..., Any]) -> Any:
     """Compile a stretch of one long compiled function as if it stood in its place."""
     return compiled(function, nogil=True, error_model="numpy", inline="always")
-
-
-def compile_time() -> float:
-    """Return the seconds this process has spent compiling the package's functions."""
-    return CLOCK.total

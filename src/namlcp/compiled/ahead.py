@@ -4,6 +4,8 @@ Each of them reads lines of the list from its standard input, compiles the kerne
 answers with the same line.
 """
 
+import contextlib
+import os
 import queue
 import subprocess
 import sys
@@ -11,15 +13,13 @@ import threading
 from collections.abc import Callable, Iterator
 
 from namlcp.compiled.signatures import all_modules, listed, read
-from namlcp.compiled.sources import PACKAGE
 from namlcp.compiled.store import kept_in
 
 START = (
-    "import sys; sys.path.insert(0, sys.argv[1]); "
+    "import sys; sys.path[:] = sys.argv[1:]; "
     "from namlcp.compiled.ahead import work; work()"
 )
-WORKER = [sys.executable, "-c", START, str(PACKAGE.parent)]
-"""How a process is started, so that it finds this package and no other."""
+"""What a process runs, with this one's paths, so that it finds the same packages."""
 
 
 def compile_line(line: str) -> None:
@@ -35,7 +35,7 @@ def compile_all(processes: int) -> Iterator[str]:
     process alone, so that this process compiles.
     """
     lines = listed()
-    if processes > 1 and kept_in() is not None:
+    if processes > 1 and sys.executable and kept_in() is not None:
         yield from compile_in_processes(lines, processes)
         return
     all_modules()
@@ -72,13 +72,17 @@ def guarded(
     try:
         serve(waiting, done)
     except Exception as error:
+        with contextlib.suppress(queue.Empty):
+            while True:  # the others end as well
+                waiting.get_nowait()
         done.put(error)
 
 
 def serve(waiting: queue.SimpleQueue, done: queue.SimpleQueue) -> None:
     """Give one process a line after the other until none waits."""
+    command = [sys.executable, "-c", START, *sys.path]
     with subprocess.Popen(
-        WORKER, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
     ) as process:
         assert process.stdin is not None
         assert process.stdout is not None
@@ -96,8 +100,13 @@ def serve(waiting: queue.SimpleQueue, done: queue.SimpleQueue) -> None:
 
 
 def work() -> None:
-    """Compile the lines of standard input."""
-    all_modules()
-    for line in sys.stdin:
-        compile_line(line.rstrip("\n"))
-        print(line, end="", flush=True)
+    """Compile the lines of standard input.
+
+    Only answers go to standard output, whatever else is printed on the way.
+    """
+    with os.fdopen(os.dup(1), "w") as answers:
+        os.dup2(2, 1)
+        all_modules()
+        for line in sys.stdin:
+            compile_line(line.rstrip("\n"))
+            print(line, end="", file=answers, flush=True)

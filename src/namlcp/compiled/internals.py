@@ -10,9 +10,8 @@ of its own. A part is called by kernels alone: its code is translated once, and 
 optimised within each kernel that it is linked into; machine code of its own would be
 thrown away. numba optimises every function for itself, and its callers again.
 
-All of this was read and run in numba 0.59 to 0.68 (`KNOWN`). With another version
-`njit` has numba's own cache, in a folder with the package's stamp in its name: kernels
-start as slowly as numba starts them, and are never old.
+All of this was read in the sources of numba 0.59 to 0.68; with another version this
+module is not imported, see `decorators`.
 """
 
 import contextlib
@@ -21,9 +20,9 @@ import gc
 import hashlib
 import pickle
 import sys
-import sysconfig
 import time
 from collections.abc import Callable, Iterator
+from importlib.machinery import EXTENSION_SUFFIXES
 from typing import Any
 
 import llvmlite
@@ -33,11 +32,8 @@ from llvmlite import binding
 from numba.core import codegen, compiler, config, event, serialize
 from numba.core.runtime import rtsys
 
-from namlcp.compiled.sources import are_unchanged, hashed_files, stamp, state
+from namlcp.compiled.sources import are_unchanged, is_unchanged, stamp
 from namlcp.compiled.store import SUFFIX, Folder, folders, prebuilt
-
-KNOWN = (0, 59), (0, 68)
-"""First and last version of numba whose internals are those used here."""
 
 SETTINGS = (
     "OPT",
@@ -67,11 +63,6 @@ BASELINE_FEATURES = {
 """What a processor must have to run code for a baseline, in LLVM's names."""
 
 
-def is_known() -> bool:
-    """Tell whether this is a version of numba whose internals are used."""
-    return KNOWN[0] <= tuple(numba.version_info[:2]) <= KNOWN[1]
-
-
 # ---- files
 
 
@@ -80,7 +71,7 @@ def environment() -> tuple:
     return (
         stamp(),
         sys.implementation.cache_tag,
-        sysconfig.get_config_var("SOABI"),
+        EXTENSION_SUFFIXES[0],
         numba.__version__,
         llvmlite.__version__,
         np.__version__.split(".")[:2],
@@ -95,10 +86,16 @@ def baseline(machine: str) -> str:
 
 
 @functools.cache
-def fits_baseline(name: str) -> bool:
-    """Tell whether this processor runs code for a baseline."""
-    has = {feature for feature, on in binding.get_host_cpu_features().items() if on}
-    return BASELINE_FEATURES.get(name, frozenset()) <= has
+def fits_baseline(baseline: str, name: str, features: str) -> bool:
+    """Tell whether a processor, or what numba was told to take it for, has a baseline.
+
+    name and features are LLVM's, the features "+avx,-avx512f,..."; a processor that was
+    named by the user has none, and then has to be the baseline itself.
+    """
+    if config.CPU_NAME is not None:
+        return (name, features) == (baseline, "")
+    has = {word[1:] for word in features.split(",") if word.startswith("+")}
+    return BASELINE_FEATURES.get(baseline, frozenset()) <= has
 
 
 class Store:
@@ -108,17 +105,19 @@ class Store:
     ----------
     function : function
         The Python function.
+    name : str
+        Its name in the package.
     keeps : bool
         Its machine code is kept in files.
     """
 
     cache_path = None
 
-    def __init__(self, function: Callable[..., Any], keeps: bool):
-        self.name = name_of(function)
+    def __init__(self, function: Callable[..., Any], name: str, keeps: bool):
+        self.name = name
         self.code = function.__code__.co_code
-        self.keeps = keeps and is_of_stamp(function.__code__.co_filename)
-        self.loaded = 0
+        file = function.__code__.co_filename
+        self.keeps = keeps and is_unchanged(function.__module__, file)
 
     def load_overload(self, signature: Any, context: Any) -> Any:
         """Return the compiled function from a file, None if there is none."""
@@ -132,21 +131,21 @@ class Store:
             payload = folder.read(self.file(key))
             result = None if payload is None else rebuilt(payload, key, context)
             if result is not None:
-                self.loaded += 1
                 return result
         return None
 
     def save_overload(self, signature: Any, result: Any) -> None:
         """Complete a compiled function, and write it to a file."""
         # Parts were never loaded, so the constants that they use are set now.
-        for environment in result._find_referenced_environments():
-            result.library.codegen.set_env(environment.env_name, environment)
+        for inside in result._find_referenced_environments():
+            result.library.codegen.set_env(inside.env_name, inside)
         holds_addresses = result.lifted or result.library.has_dynamic_globals
         if not self.keeps or holds_addresses or not are_unchanged():
             return
-        key = self.key(signature, result.library.codegen.magic_tuple())
-        payload = serialize.dumps((key, reduced(result)))
-        any(folder.write(self.file(key), payload) for folder in folders())
+        with contextlib.suppress(Exception):  # the kernel is there, kept or not
+            key = self.key(signature, result.library.codegen.magic_tuple())
+            payload = serialize.dumps((key, reduced(result)))
+            any(folder.write(self.file(key), payload) for folder in folders())
 
     def key(self, signature: Any, processor: tuple) -> bytes:
         """Return what tells this machine code from all other, as bytes."""
@@ -168,20 +167,6 @@ class Store:
     disable = flush = enable
 
 
-def name_of(function: Callable[..., Any]) -> str:
-    """Return the name of a function: its module's within the package, and its own."""
-    module = function.__module__.removeprefix("namlcp.")
-    return f"{module}.{function.__qualname__}"
-
-
-def is_of_stamp(file: str) -> bool:
-    """Tell whether a source file is as it was when the stamp was taken."""
-    try:
-        return hashed_files()[1].get(file) == state(file)
-    except OSError:
-        return False
-
-
 @functools.cache
 def were_unchanged() -> bool:
     """Tell whether the sources were still those of the stamp at the first solve."""
@@ -195,7 +180,7 @@ def places(context: Any) -> Iterator[tuple[Folder, tuple]]:
     """
     triple, name, features = context.codegen().magic_tuple()
     processor = baseline(triple.split("-")[0])
-    if fits_baseline(processor):
+    if fits_baseline(processor, name, features):
         yield prebuilt(), (triple, processor, "")
     for folder in folders():
         yield folder, (triple, name, features)
@@ -231,15 +216,15 @@ def rebuilt(payload: bytes, key: bytes, context: Any) -> Any:
         if saved != key:
             return None
         code, description, own, signature, at_load, environments = parts
+        for prepare in at_load:
+            prepare()
+        library = LoadedLibrary(context.codegen(), code[0])
+        library.load(*code[1:])
+        entry = context.get_executable(library, description, own)
+        for inside in environments:
+            library.codegen.set_env(inside.env_name, inside)
     except Exception:
         return None
-    for prepare in at_load:
-        prepare()
-    library = LoadedLibrary(context.codegen(), code[0])
-    library.load(*code[1:])
-    entry = context.get_executable(library, description, own)
-    for environment in environments:
-        library.codegen.set_env(environment.env_name, environment)
     return compiler.compile_result(
         target_context=context,
         typing_context=context.typing_context,
@@ -283,18 +268,22 @@ class LoadedLibrary(codegen.JITCodeLibrary):
 
 
 class KernelLibrary(codegen.JITCodeLibrary):
-    """Code with machine code of its own, optimised once, when all of it is there.
+    """The code of a kernel.
 
-    numba also optimises each function by itself, before it is joined with those that it
-    calls; that takes a twentieth of the time and changes nothing in the end.
+    numba optimises each function by itself before it is joined with those that it
+    calls, and then all together. The wrapper that takes Python's arguments apart is
+    optimised with all the rest alone.
     """
 
     def _optimize_functions(self, module: Any) -> None:
-        module.data_layout = self._codegen._data_layout
+        if module.name == "wrapper":
+            module.data_layout = self._codegen._data_layout
+        else:
+            super()._optimize_functions(module)
 
 
 class PartLibrary(KernelLibrary):
-    """Code for other libraries to link, as it came from numba: nothing is optimised."""
+    """The code of a part, for kernels to link; it gets no machine code of its own."""
 
     @property
     def codegen(self) -> Any:
@@ -370,36 +359,17 @@ def without_collector() -> Iterator[None]:
             gc.enable()
 
 
-# ---- decorators
-
-
-KERNELS: dict[str, Any] = {}
-"""All kernels by name, as far as their modules were imported."""
-
-
-def compiled(
-    function: Callable[..., Any], is_part: bool = False, **options: Any
+def dispatcher_of(
+    function: Callable[..., Any], name: str, is_part: bool, keeps: bool, **options: Any
 ) -> Any:
-    """Return the numba dispatcher of a function."""
-    if config.DISABLE_JIT:
-        return function
+    """Return the dispatcher of a function, which keeps its machine code or not."""
+    pipeline = PartCompiler if is_part else KernelCompiler
+    dispatcher = numba.njit(pipeline_class=pipeline, **options)(function)
+    dispatcher._cache = Store(function, name, keeps)
     if is_part:
-        options |= {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    is_kernel = not (is_part or options.get("inline"))
-    if is_known():
-        pipeline = PartCompiler if is_part else KernelCompiler
-        dispatcher = numba.njit(pipeline_class=pipeline, **options)(function)
-        dispatcher._cache = Store(function, keeps=is_kernel)
-        if is_part:
-            # Where Python calls it there is no overload, and none may be compiled.
-            dispatcher._insert = lambda *_: None
-            dispatcher._compile_for_args = functools.partial(refuse, function.__name__)
-    else:
-        dispatcher = numba.njit(**options)(function)
-        if is_kernel:
-            use_numbas_cache(dispatcher)
-    if is_kernel:
-        KERNELS[name_of(function)] = dispatcher
+        # Where Python calls it there is no overload, and none may be compiled.
+        dispatcher._insert = lambda *_: None
+        dispatcher._compile_for_args = functools.partial(refuse, name)
     return dispatcher
 
 
@@ -408,55 +378,33 @@ def refuse(name: str, *_: Any) -> None:
     raise TypeError(f"{name} is called by compiled functions alone, see its py_func")
 
 
-def use_numbas_cache(dispatcher: Any) -> None:
-    """Give a dispatcher numba's own cache, in a folder of this stamp."""
-    before = config.CACHE_DIR
-    for folder in folders():
-        try:
-            if folder.prepare():
-                config.CACHE_DIR = str(folder.path)
-                dispatcher.enable_caching()
-                return
-        except Exception:  # nowhere to write, or no such cache: compiled each time
-            continue
-        finally:
-            config.CACHE_DIR = before
-
-
-def is_at_hand(dispatcher: Any) -> bool:
-    """Tell whether a kernel has machine code, in memory or in a file, or needs none."""
-    if getattr(dispatcher, "signatures", True):
-        return True
-    cache = dispatcher._cache
-    return isinstance(cache, Store) and cache.is_at_hand()
-
-
 class Clock(event.Listener):
     """Adds up the seconds that numba takes to compile functions of this package."""
 
     def __init__(self) -> None:
         self.total, self.depth, self.since = 0.0, 0, 0.0
 
-    def on_start(self, event: Any) -> None:
-        """Begin with the outermost function; numba's interface."""
-        if not is_ours(event):
-            return
-        if self.depth == 0:
-            self.since = time.perf_counter()
-        self.depth += 1
+    def on_start(self, compiling: Any) -> None:
+        """Begin with the outermost function of ours; numba's interface."""
+        if is_ours(compiling):
+            if self.depth == 0:
+                self.since = time.perf_counter()
+            self.depth += 1
 
-    def on_end(self, event: Any) -> None:
+    def on_end(self, compiling: Any) -> None:
         """End with it; numba's interface."""
-        if not is_ours(event):
-            return
-        self.depth -= 1
-        if self.depth == 0:
-            self.total += time.perf_counter() - self.since
+        if is_ours(compiling):
+            self.depth -= 1
+            if self.depth == 0:
+                self.total += time.perf_counter() - self.since
 
 
-def is_ours(event: Any) -> bool:
-    """Tell whether it is a function of this package that is compiled."""
-    return event.data["dispatcher"].__module__.startswith("namlcp.")
+def is_ours(compiling: Any) -> bool:
+    """Tell whether it is a function of this package that is compiled.
+
+    Functions that a program has written may belong to no module.
+    """
+    return (compiling.data["dispatcher"].__module__ or "").startswith("namlcp.")
 
 
 CLOCK = Clock()

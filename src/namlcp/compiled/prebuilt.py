@@ -6,13 +6,19 @@ import shutil
 import tempfile
 from pathlib import Path
 
+import numba
+
 from namlcp.compiled.ahead import compile_all
-from namlcp.compiled.internals import baseline
+from namlcp.compiled.decorators import is_known
 from namlcp.compiled.sources import stamp
 
 
 def fill(folder: str) -> None:
     """Fill a folder with what `store.prebuilt` reads; the build hook calls it."""
+    if not is_known():
+        raise RuntimeError(f"machine code of numba {numba.__version__} cannot be kept")
+    from namlcp.compiled.internals import baseline
+
     goal = Path(folder) / stamp()
     processor = baseline(platform.machine())
     with tempfile.TemporaryDirectory() as cache:

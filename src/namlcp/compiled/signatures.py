@@ -15,10 +15,10 @@ from typing import Any
 
 from numba import types
 
-from namlcp.compiled.internals import KERNELS
+from namlcp.compiled.decorators import KERNELS
 
-NEEDS_MORE = {"__main__", "cvxpy"}
-"""Modules without kernels, which run something or need what may not be installed."""
+WITHOUT_KERNELS = ("namlcp.__main__", "namlcp.cvxpy", "namlcp.compiled.")
+"""Modules that run something, need what may not be installed, or any known numba."""
 
 
 def listed() -> list[str]:
@@ -92,6 +92,6 @@ def all_modules() -> list[Any]:
     names = [
         name
         for _, name, _ in pkgutil.walk_packages(package.__path__, "namlcp.")
-        if name.rpartition(".")[2] not in NEEDS_MORE
+        if not name.startswith(WITHOUT_KERNELS)
     ]
     return [import_module(name) for name in names]

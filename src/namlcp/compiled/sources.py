@@ -10,7 +10,7 @@ import hashlib
 import os
 from pathlib import Path
 
-PACKAGE = Path(__file__).resolve().parents[1]
+PACKAGE = Path(os.path.abspath(__file__)).parents[1]
 
 
 def source_files() -> list[Path]:
@@ -29,9 +29,9 @@ def hashed_files() -> tuple[str, dict[str, tuple[int, int]]]:
     states = {}
     try:
         for path in source_files():
-            states[str(path)] = state(path)
-            text = path.read_bytes().replace(b"\r\n", b"\n")
             name = path.relative_to(PACKAGE).as_posix()
+            states[name] = state(path)
+            text = path.read_bytes().replace(b"\r\n", b"\n")
             sources.update(f"{name} {len(text)}\n".encode())
             sources.update(text)
     except OSError:  # a file went away between the list and its reading
@@ -58,6 +58,19 @@ def are_unchanged() -> bool:
     """
     known = hashed_files()[1]
     try:
-        return {str(path): state(path) for path in source_files()} == known
+        found = {p.relative_to(PACKAGE).as_posix(): state(p) for p in source_files()}
+    except OSError:
+        return False
+    return found == known
+
+
+def is_unchanged(module: str, file: str) -> bool:
+    """Tell whether the file of one module is as it was when the stamp was taken.
+
+    It is known by the module's name: a file may be reached by several paths.
+    """
+    name = f"{module.removeprefix('namlcp.').replace('.', '/')}.py"
+    try:
+        return hashed_files()[1].get(name) == state(file)
     except OSError:
         return False

@@ -5,16 +5,15 @@ begins with the SHA-256 of the rest: a file that was cut short or changed is no 
 There is no index that two processes could write at once, and a file appears under its
 name only when it is whole.
 
-What is loaded is run. So only files and folders count that belong to this user, to root
-or to the owner of the package, and that nobody else may write to. The files that came
-with the package (`PREBUILT`) are as trusted as the sources beside them.
+What is loaded is run. So a file counts only if it, its folder and the folder above
+belong to this user, to root or to the owner of the package, and nobody else may write
+to them. The files that came with the package are as trusted as the sources beside them.
 """
 
 import contextlib
 import functools
 import hashlib
 import os
-import secrets
 import shutil
 import stat
 import sys
@@ -26,6 +25,11 @@ from namlcp.compiled.sources import PACKAGE, stamp
 SUFFIX = ".kernel"
 
 DIGEST = hashlib.sha256().digest_size
+
+READING = os.O_RDONLY | sum(
+    getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY")
+)
+"""A file is opened without following a link or waiting for the end of a pipe."""
 
 KEPT = 30 * 86400.0
 """Machine code of other versions goes when it was not used for so long [s]."""
@@ -55,12 +59,9 @@ class Folder:
     def read(self, name: str) -> bytes | None:
         """Return what was written under the name; None unless whole and trusted."""
         try:
-            with open(self.path / name, "rb") as file:
-                trusted = self.prebuilt or (
-                    is_trusted(os.fstat(file.fileno()))
-                    and is_trusted(os.stat(self.path))
-                )
-                content = file.read() if trusted else b""
+            with open(os.open(self.path / name, READING), "rb") as file:
+                trusted = is_trusted(os.fstat(file.fileno())) and self.is_safe()
+                content = file.read() if self.prebuilt or trusted else b""
         except OSError:
             return None
         payload = content[DIGEST:]
@@ -74,7 +75,7 @@ class Folder:
         """Write a file, which others see whole or not at all; tell whether it is."""
         if not self.prepare():
             return False
-        draft = self.path / f"{name}.{secrets.token_hex(8)}"
+        draft = self.path / f"{name}.{os.urandom(8).hex()}"
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0)
         try:
             try:
@@ -89,17 +90,29 @@ class Folder:
 
     def prepare(self) -> bool:
         """Make the folder unless it is there; tell whether it may be written to."""
+        if self.prebuilt:
+            return False
         try:
-            if not self.path.is_dir():
-                self.path.mkdir(0o755, parents=True, exist_ok=True)
+            if not os.path.isdir(self.path):
+                self.parent.parent.mkdir(parents=True, exist_ok=True)
+                for place in (self.parent, self.path):
+                    place.mkdir(0o755, exist_ok=True)
                 self.remove_others()
-            return not self.prebuilt and is_trusted(os.stat(self.path))
+            return self.is_safe()
         except OSError:
             return False
 
+    def is_safe(self) -> bool:
+        """Tell whether the folder is what `is_trusted` asks for, and the one above."""
+        return all(is_trusted(os.lstat(place)) for place in (self.path, self.parent))
+
     def has(self, prefix: str) -> bool:
         """Tell whether there is a file whose name begins so."""
-        return next(self.path.glob(f"{prefix}*{SUFFIX}"), None) is not None
+        try:
+            names = os.listdir(self.path)
+        except OSError:
+            return False
+        return any(name.startswith(prefix) for name in names)
 
     def note_use(self) -> None:
         """Set the folder's time, which `remove_others` of other versions looks at."""
@@ -123,9 +136,9 @@ def is_stamp(name: str) -> bool:
 
 
 def is_trusted(found: os.stat_result) -> bool:
-    """Tell whether nobody can have written a file, or to a folder, who may not.
+    """Tell whether a file or folder belongs to a trusted user and no other may write.
 
-    On Windows the folders themselves belong to the user or to an administrator.
+    On Windows the user's own folders are closed to others.
     """
     if not hasattr(os, "getuid"):
         return True
@@ -180,10 +193,4 @@ def folders() -> list[Folder]:
 
 def kept_in() -> Path | None:
     """Return the first folder that can be written; None if there is none."""
-    for folder in folders():
-        place = folder.path
-        while not place.exists() and place != place.parent:
-            place = place.parent
-        if place.is_dir() and os.access(place, os.W_OK | os.X_OK):
-            return folder.path
-    return None
+    return next((folder.path for folder in folders() if folder.prepare()), None)

@@ -163,7 +163,9 @@ def solve_lcp(
     limits: dict[str, Any] = {"deadline": deadline, "report": progress.report(history)}
     limits |= {"eps_abs": eps_abs, "max_iter": max_iter}
     ready = time.perf_counter()
-    with deadline.listening(), blas_threads(1, data.q.size):
+    # The products of a LinearOperator are the user's own, with the user's setting.
+    order = 0 if isinstance(matrix.A, Operator) else data.q.size
+    with deadline.listening(), blas_threads(1, order):
         if method in EXACT:
             limits["eps_rel"] = eps_rel
             outcome, s, method = solve_exactly(matrix, data, method, z0, limits)
