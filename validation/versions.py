@@ -28,7 +28,7 @@ PART = (
     "checks", "residuals", "inputs", "limits", "threads", "main", "public_api",
     "elimination", "dense", "path", "substitution", "multifrontal", "infeasible",
     "scaling", "lcp", "homogeneous", "sweeps", "tridiagonal", "multigrid",
-    "matrixfree", "coloured", "convergence", "qpsolvers",
+    "matrixfree", "coloured", "convergence", "qpsolvers", "compiled", "blas_threads",
 )  # fmt: skip
 
 PACKAGES = (
@@ -56,6 +56,9 @@ WITH_CVXPY = {
 ENVIRONMENTS: dict[str, tuple[dict[str, str], tuple[str, ...]]] = {
     "oldest": (lower_bounds() | lower_bounds("large"), PART),
     "oldest-cvxpy": (WITH_CVXPY, ("cvxpy", "qpsolvers", "public_api")),
+    # Machine code is kept by what is known of numba's inner parts.
+    "numba-0.62": ({"numba": "0.62.1"}, ("compiled",)),
+    "numba-0.67": ({"numba": "0.67.0"}, ("compiled",)),
     "newest": (dict.fromkeys(PACKAGES, ""), (*PART, "cvxpy")),
 }
 
