@@ -33,8 +33,9 @@ class NAM(QpSolver):
     """Solver of min 1/2 x'Px + q'x, A x = b, F x <= g for ``Problem.solve(solver=)``.
 
     Options, by keyword of ``Problem.solve``: eps_abs, eps_rel, max_iter, time_limit [s]
-    as in `namlcp.Options`; an unknown one is a TypeError. A problem solved again with
-    other Parameters starts from its last solution unless ``warm_start=False``.
+    and threads as in `namlcp.Options`; an unknown one is a TypeError. A problem solved
+    again with other Parameters starts from its last solution unless
+    ``warm_start=False``.
 
     ``Problem.status`` is "optimal" only if the tolerances are met on CVXPY's own data;
     "infeasible" leaves a Farkas certificate in the dual values (A'y + F'z = 0, z >= 0,

@@ -41,8 +41,8 @@ def nam_solve_problem(
     verbose : bool
         Print a table of the progress.
     **settings
-        eps_abs, eps_rel, max_iter, time_limit [s] as in `namlcp.Options`, and
-        warm_start, a Solution of a similar problem.
+        eps_abs, eps_rel, max_iter, time_limit [s], threads as in `namlcp.Options`,
+        and warm_start, a Solution of a similar problem.
 
     Returns
     -------

@@ -71,7 +71,8 @@ def solve_qp(
     history : bool
         Keep the rows of the verbose table in the result.
     **settings
-        The fields of `Options`: eps_abs, eps_rel, max_iter, time_limit [s], verbose.
+        The fields of `Options`: eps_abs, eps_rel, max_iter, time_limit [s], verbose,
+        threads.
 
     Returns
     -------
