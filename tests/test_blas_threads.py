@@ -103,17 +103,22 @@ def test_solves_run_on_one_thread(monkeypatch):
             assert seen_inside(patch, solve) == [{1}]
 
 
+def numbers_in_a_child():
+    """Return the numbers that a child of fork has."""
+    read, write = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.write(write, bytes(numbers()))
+        os._exit(0)
+    os.waitpid(child, 0)
+    return set(os.read(read, 9))
+
+
 @pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")  # from Python 3.12 on
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
 def test_a_child_of_fork_has_the_users_number():
     with blas_threads(1, LARGE):
-        read, write = os.pipe()
-        child = os.fork()
-        if child == 0:
-            os.write(write, bytes(numbers()))
-            os._exit(0)
-        os.waitpid(child, 0)
-        assert set(os.read(read, 9)) == {2}
+        assert numbers_in_a_child() == {2}
     assert set(numbers()) == {2}
 
 
@@ -124,13 +129,7 @@ def test_a_child_of_fork_has_what_was_set_after_a_solve():
         pass
     for put, _ in settings():
         put(1)
-    read, write = os.pipe()
-    child = os.fork()
-    if child == 0:
-        os.write(write, bytes(numbers()))
-        os._exit(0)
-    os.waitpid(child, 0)
-    assert set(os.read(read, 9)) == {1}
+    assert numbers_in_a_child() == {1}
 
 
 def test_bad_numbers_are_named():

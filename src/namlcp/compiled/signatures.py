@@ -1,9 +1,9 @@
 """The list of all kernels and the types that each is called with, `kernels.txt`.
 
 One line is one kernel for one set of argument types, in numba's notation:
-``lcp.data.scale_rows(float64[:, ::1], readonly(float64[::1]))``. NamedTuples stand by
-the name of their class. The list is written by hand and reviewed as code: the tests
-fail on a kernel that they use and that is not listed, and print the missing line.
+``products.add_columns(int32[::1], int32[::1], float64[::1], ...)``. NamedTuples stand
+by the name of their class. The list is reviewed as code: the tests fail on a kernel
+that they use and that is not listed, and print the line that is missing.
 """
 
 import functools
