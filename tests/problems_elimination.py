@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.sparse import csc_array, diags_array, eye_array, kron, triu
 
-from namlcp.elimination import postordered
+from namlcp.linalg.ordering import postordered
 
 
 def laplacian(rows, columns, shift=0.1):

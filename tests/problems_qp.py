@@ -8,7 +8,7 @@ import numpy as np
 from scipy.io import loadmat
 from scipy.sparse import block_diag, csc_array, csr_array, eye_array, vstack
 
-from namlcp.checks import QPData
+from namlcp.qp.problem import QP
 from namlcp.residuals import qp_residuals
 from namlcp.status import Status
 
@@ -16,14 +16,14 @@ from namlcp.status import Status
 class Known(NamedTuple):
     """A QP and one primal-dual solution."""
 
-    qp: QPData
+    qp: QP
     x: np.ndarray
     y: np.ndarray
     z: np.ndarray
     z_box: np.ndarray
 
 
-def make_qp(P, q, G=None, h=None, A=None, b=None, lb=None, ub=None) -> QPData:
+def make_qp(P, q, G=None, h=None, A=None, b=None, lb=None, ub=None) -> QP:
     """Return a QP as it comes out of the gate, in CSC."""
     q = np.asarray(q, dtype=float)
     n = q.size
@@ -37,7 +37,7 @@ def make_qp(P, q, G=None, h=None, A=None, b=None, lb=None, ub=None) -> QPData:
     def vector(v, value, size):
         return np.full(size, value) if v is None else np.asarray(v, dtype=float)
 
-    return QPData(
+    return QP(
         matrix(P, n),
         q,
         matrix(G, 0),
@@ -73,7 +73,7 @@ def complementary(seed, n, m, p, rank, density=1.0, weak=0) -> Known:
     return Known(make_qp(P, q, G, h, A, A @ x, lb, ub), x, y, z, z_box)
 
 
-def infeasible(seed, n, m, p, rank) -> QPData:
+def infeasible(seed, n, m, p, rank) -> QP:
     """Return a QP whose last row of G is minus a combination of all other rows."""
     rng = np.random.default_rng(seed)
     B = rng.standard_normal((rank, n))
@@ -85,7 +85,7 @@ def infeasible(seed, n, m, p, rank) -> QPData:
     return make_qp(B.T @ B, rng.standard_normal(n), G, h, A, b)
 
 
-def unbounded(seed, n, m, p, rank) -> QPData:
+def unbounded(seed, n, m, p, rank) -> QP:
     """Return a feasible QP with a direction d: P d = 0, A d = 0, G d <= 0, q'd = -1."""
     rng = np.random.default_rng(seed)
     d = rng.standard_normal(n)
@@ -102,7 +102,7 @@ def unbounded(seed, n, m, p, rank) -> QPData:
     return make_qp(B.T @ B, q, G, G @ x + rng.random(m), A, A @ x)
 
 
-def least_squares(n) -> QPData:
+def least_squares(n) -> QP:
     """Return min |x - s|^2/2, Gx <= 1, sum(x) = 42, x >= 0 with a dense row.
 
     qpsolvers, tests/problems.py, get_sparse_least_squares (there n = 15000).
@@ -130,7 +130,7 @@ DATA = Path(
 )
 
 
-def maros_meszaros(name) -> QPData:
+def maros_meszaros(name) -> QP:
     """Read a Maros-Meszaros problem: l <= Ax <= u, the last n rows are the bounds."""
     data = loadmat(DATA / "maros_meszaros" / f"{name}.mat")
     q, lower, upper = (data[key].ravel().astype(float) for key in ("q", "l", "u"))
@@ -228,7 +228,7 @@ HOCK_SCHITTKOWSKI = {
 }  # fmt: skip
 
 
-def assert_solves_qp(qp: QPData, result, tol=1e-9) -> None:
+def assert_solves_qp(qp: QP, result, tol=1e-9) -> None:
     """Status, residuals and signs of a solution."""
     assert result.status is Status.SOLVED, result.message
     residuals = qp_residuals(*qp, result.x, result.y, result.z, result.z_box)
@@ -239,7 +239,7 @@ def assert_solves_qp(qp: QPData, result, tol=1e-9) -> None:
     assert (result.z_box[np.isinf(qp.ub)] <= 0.0).all()
 
 
-def assert_certificate(qp: QPData, result, tol=1e-8) -> None:
+def assert_certificate(qp: QP, result, tol=1e-8) -> None:
     """A Farkas vector with value -1, or a ray with q'x = -1, to a relative `tol`."""
     P, q, G, h, A, b, lb, ub = qp
     if result.status is Status.DUAL_INFEASIBLE:

@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from namlcp import checks, solve_lcp, symmetry
+from namlcp import checks, solve_lcp
+from namlcp.linalg import symmetry
+from namlcp.qp import qp_data
 
 
 def test_clean_arrays_are_not_copied():
     P, q = np.eye(3), np.ones(3)
-    qp = checks.qp_data(P, q, None, None, None, None, None, None)
+    qp = qp_data(P, q, None, None, None, None, None, None)
     assert qp.P is P
     assert qp.q is q
     assert qp.G.shape == (0, 3)
@@ -18,7 +20,7 @@ def test_clean_arrays_are_not_copied():
 
 def test_clean_sparse_matrices_are_not_copied():
     P = sp.csc_array(np.eye(3))
-    qp = checks.qp_data(P, np.ones(3), np.ones((1, 3)), [1.0], None, None, None, None)
+    qp = qp_data(P, np.ones(3), np.ones((1, 3)), [1.0], None, None, None, None)
     assert qp.P is P
     assert qp.G.format == "csc"
     assert qp.A.shape == (0, 3)
@@ -38,7 +40,7 @@ def test_sparse_asymmetry_against_the_transpose(seed):
 
 
 def test_huge_bounds_become_infinite():
-    qp = checks.qp_data(
+    qp = qp_data(
         np.eye(2), np.ones(2), np.eye(2), [1e20, 3.0], None, None, [-1e30, 0], None
     )
     assert qp.h.tolist() == [np.inf, 3.0]
@@ -97,9 +99,7 @@ def test_corrupt_coordinates_are_refused():
 
 def test_only_the_open_side_becomes_infinite():
     """x <= -1e21 is a constraint, however far away."""
-    qp = checks.qp_data(
-        np.eye(1), [0.0], [[1.0]], [-1e21], None, None, [-1e21], [-1e21]
-    )
+    qp = qp_data(np.eye(1), [0.0], [[1.0]], [-1e21], None, None, [-1e21], [-1e21])
     assert (qp.h[0], qp.lb[0], qp.ub[0]) == (-1e21, -np.inf, -1e21)
 
 

@@ -17,8 +17,8 @@ import campaign_problems as problems
 from campaign_judge import Answer, judge_lcp, judge_qp, lcp_faults, qp_faults
 from campaign_lcps import LCP
 from namlcp import Status, solve_lcp, solve_qp
-from namlcp.checks import QPData
-from namlcp.qp.farsides import without_far_sides
+from namlcp.qp.problem import QP
+from namlcp.qp.transforms.far_sides import without_far_sides
 
 INF = np.inf
 FUZZ = settings(derandomize=True, deadline=None, database=None, max_examples=100)
@@ -40,7 +40,7 @@ def convex_qps(draw):
     n = draw(st.integers(1, 5))
     m, p = draw(st.integers(0, 6)), draw(st.integers(0, 3))
     F = draw(block(n, draw(st.integers(0, n))))
-    return QPData(
+    return QP(
         F @ F.T,
         draw(column(n)),
         draw(block(m, n)),
@@ -123,7 +123,7 @@ def test_malformed_arguments_are_named(seed, is_qp):
     n = int(rng.integers(1, 4))
     one = np.eye(n)
     if is_qp:
-        arguments = QPData(one, one[0], one, one[0], one, one[0], -one[0], one[0])
+        arguments = QP(one, one[0], one, one[0], one, one[0], -one[0], one[0])
     else:
         arguments = LCP(one, one[0], 0.0 * one[0], one[0])
     spoiled, name = forms.spoil(rng, arguments._asdict())
@@ -147,7 +147,7 @@ def test_the_judge_sees_every_fault():
     one, none = np.ones(1), np.zeros(0)
     row, no_row = np.ones((1, 1)), np.zeros((0, 1))
     # min x^2/2 - 3x, x <= 1 (row) and 0 <= x <= 5
-    qp = QPData(row, -3.0 * one, row, one, no_row, none, 0.0 * one, 5.0 * one)
+    qp = QP(row, -3.0 * one, row, one, no_row, none, 0.0 * one, 5.0 * one)
     x, y, z, z_box = one, none, 2.0 * one, 0.0 * one
     tolerance = campaign.NAM
     assert qp_faults(qp, x, y, z, z_box, tolerance) == ""
@@ -176,7 +176,7 @@ def test_the_judge_sees_every_fault():
 )
 def test_the_judge_believes_no_words(said, known, outcome):
     nan = np.full(1, np.nan)
-    qp = QPData(*[np.ones((1, 1)) if k in (0, 2, 4) else np.ones(1) for k in range(8)])
+    qp = QP(*[np.ones((1, 1)) if k in (0, 2, 4) else np.ones(1) for k in range(8)])
     answer = Answer(said, nan, nan, nan, nan, "no", RuntimeError)
     assert judge_qp(qp, known, answer, campaign.NAM, True)[0] == outcome
 
@@ -214,7 +214,7 @@ def test_sides_of_1e18_do_not_hide_the_others(index):
 
 def test_far_sides_are_those_beyond_all_others():
     one = np.ones(1)
-    near = QPData(*[np.ones((1, 1)) if k in (0, 2, 4) else one for k in range(8)])
+    near = QP(*[np.ones((1, 1)) if k in (0, 2, 4) else one for k in range(8)])
     assert without_far_sides(near) is None
     assert without_far_sides(near._replace(b=1e5 * one, ub=1e10 * one)) is None
     assert without_far_sides(near._replace(h=-1e12 * one, lb=1e12 * one)) is None

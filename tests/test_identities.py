@@ -9,9 +9,9 @@ import pytest
 from scipy import sparse
 
 from namlcp import solve_lcp
-from namlcp.lcp.factored import factored_step
-from namlcp.lcp.methods import METHODS
-from namlcp.lcp.sweeps import sweep, triangular_step
+from namlcp.lcp.modulus.factored import factored_step
+from namlcp.lcp.modulus.methods import METHODS
+from namlcp.lcp.modulus.sweeps import sweep, triangular_step
 
 TRIANGULAR = [name for name, method in METHODS.items() if not method.factored]
 KINDS = {"dense": np.asarray, "csr": sparse.csr_array}

@@ -4,7 +4,6 @@ What is counted is tested here, what is timed is only bounded generously.
 """
 
 import ctypes
-import math
 import signal
 import subprocess
 import sys
@@ -21,10 +20,12 @@ from scipy.sparse.linalg import LinearOperator
 
 import namlcp
 from namlcp import checks, solve_lcp, solve_qp
-from namlcp.deadline import OFTEN, PATIENCE, SPEED, Answer, Deadline
-from namlcp.qp import csc, dense
+from namlcp.limits import OFTEN, PATIENCE, SPEED, Answer, Deadline
+from namlcp.linalg import csc
+from namlcp.qp import qp_data
 from namlcp.qp.answer import late
-from namlcp.qp.substitution import substitute
+from namlcp.qp.dense import pivots as dense
+from namlcp.qp.transforms.substitution import substitute
 from namlcp.status import Status
 
 
@@ -86,7 +87,7 @@ def lasso(rows=400, columns=60):
         (sparse.csc_array((columns, columns)), sparse.eye_array(rows))
     )
     A = sparse.hstack((sparse.csc_array(C), -sparse.eye_array(rows)))
-    return checks.qp_data(
+    return qp_data(
         sparse.csc_array(P), np.zeros(rows + columns), None, None, sparse.csc_array(A),
         rng.standard_normal(rows), None, None,
     )  # fmt: skip
@@ -96,13 +97,13 @@ def test_substitution_looks_at_the_deadline(monkeypatch):
     """Between two strips of rows."""
     qp, now = lasso(), [0.0]
     assert substitute(qp).solved.size == 400
-    assert substitute(qp, None, 0.0) is None
+    assert substitute(qp, None, Deadline(0.0)) is None
     monkeypatch.setattr(csc, "STRIP", 600)  # ten rows at a time
     monkeypatch.setattr(time, "perf_counter", lambda: now.append(0.0) or len(now))
-    assert substitute(qp, None, math.inf).solved.size == 400
+    assert substitute(qp, None, Deadline()).solved.size == 400
     looks = len(now)
     now.clear()
-    assert substitute(qp, None, looks / 2) is None
+    assert substitute(qp, None, Deadline(looks / 2)) is None
     assert len(now) <= looks / 2 + 2
 
 
@@ -218,7 +219,7 @@ def test_what_compiled_code_makes_of_ctrl_c_is_undone(verdict, monkeypatch):
         raise SystemError("a chain") from KeyboardInterrupt()
 
     for name in ("comparison.decide", "convergence.splitting"):
-        monkeypatch.setattr(f"namlcp.lcp.{name}", interrupted)
+        monkeypatch.setattr(f"namlcp.theory.{name}", interrupted)
     arguments = (np.eye(2),) if verdict is namlcp.is_h_plus else (np.eye(2), "pgs")
     with pytest.raises(KeyboardInterrupt):
         verdict(*arguments)

@@ -29,7 +29,7 @@ import qpsolvers
 import namlcp
 import problems
 from benchmark import csv_writer, machine_lines
-from namlcp.threads import settings
+from namlcp.linalg.threads import settings
 
 SETS = ("mpc", "contact", "small", "strict", "dense")
 LIMIT = 10.0  # seconds
@@ -83,7 +83,7 @@ def set_threads(number: int) -> None:
 def seconds(solve: Callable[[], Any], threads: int, guarded: bool) -> float:
     """Return the time of one solve."""
     set_threads(threads)
-    nothing_to_set = mock.patch.object(namlcp.threads, "settings", list)
+    nothing_to_set = mock.patch.object(namlcp.linalg.threads, "settings", list)
     with contextlib.nullcontext() if guarded else nothing_to_set:
         start = time.perf_counter()
         solve()

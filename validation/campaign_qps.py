@@ -28,10 +28,10 @@ from campaign_draw import (
     nearly_singular,
     semidefinite,
 )
-from namlcp.checks import QPData
+from namlcp.qp.problem import QP
 
 INF = np.inf
-Truth = tuple[QPData, str]
+Truth = tuple[QP, str]
 Cost = Callable[[Draw, int], np.ndarray]
 
 
@@ -42,7 +42,7 @@ def planted(
     A: np.ndarray,
     weak: float = 0.1,
     box: float = 0.6,
-) -> tuple[QPData, np.ndarray]:
+) -> tuple[QP, np.ndarray]:
     """Return a QP with these matrices around a random complementary point, and that.
 
     A share `box` of the variables has bounds: at one of them, between two, above or
@@ -64,7 +64,7 @@ def planted(
     z_box = draw.positive(n) * ~draw.some(n, weak)
     z_box *= np.select([side == 0, side == 1, side == 5], [-1.0, 1.0, 1.0], 0.0)
     q = -(P @ x + G.T @ z + A.T @ y + z_box)
-    return QPData(P, q, G, h, A, A @ x, lb, ub), x
+    return QP(P, q, G, h, A, A @ x, lb, ub), x
 
 
 def ordinary(draw: Draw, P: np.ndarray, m: int, p: int) -> Truth:
@@ -175,7 +175,7 @@ def large_sparse(draw: Draw) -> Truth:
     return ordinary(draw, any_cost(draw, n), m, draw.size(0, n // 2))
 
 
-def any_solvable(draw: Draw) -> tuple[QPData, np.ndarray]:
+def any_solvable(draw: Draw) -> tuple[QP, np.ndarray]:
     """Return a QP of any cost, with dependent rows or not, and its solution."""
     n, m, p = draw.sizes()
     P, G, A = any_cost(draw, n), draw.matrix(m, n), draw.matrix(p, n)
@@ -184,7 +184,7 @@ def any_solvable(draw: Draw) -> tuple[QPData, np.ndarray]:
     return planted(draw, P, G, A)
 
 
-def rescaled(draw: Draw, decades: float) -> QPData:
+def rescaled(draw: Draw, decades: float) -> QP:
     """Return a solvable QP in other units: of rows, columns, cost, x, or all of them.
 
     Every factor is 10^U(-decades, decades).
@@ -202,7 +202,7 @@ def rescaled(draw: Draw, decades: float) -> QPData:
     c = factors((1, 4), n) * factors((2,), None)
     cost = factors((3, 4), None)
     P = cost * (P * c[:, None] * c)
-    return QPData(
+    return QP(
         (P + P.T) / 2.0,
         cost * q * c,
         r[:, None] * G * c,
@@ -247,25 +247,25 @@ def empty(draw: Draw) -> Truth:
     h = draw.rng.integers(-1, 3, m).astype(float)
     b = draw.rng.integers(0, 2, p).astype(float)
     holds = bool((h >= 0.0).all() and (b == 0.0).all())
-    qp = QPData(
+    qp = QP(
         np.zeros((0, 0)), none, np.zeros((m, 0)), h, np.zeros((p, 0)), b, none, none
     )
     return qp, "solvable" if holds else "infeasible"
 
 
-def more_rows(qp: QPData, G: np.ndarray, h: np.ndarray) -> QPData:
+def more_rows(qp: QP, G: np.ndarray, h: np.ndarray) -> QP:
     """Return the QP with these inequalities before its own."""
     return qp._replace(G=np.vstack((G, qp.G)), h=np.append(h, qp.h))
 
 
-def contradiction(draw: Draw, qp: QPData, x: np.ndarray, t: float) -> QPData:
+def contradiction(draw: Draw, qp: QP, x: np.ndarray, t: float) -> QP:
     """Return the QP with three rows whose sum asks for 0 <= -t."""
     g = draw.numbers(2, x.size)
     G = np.vstack((g, -g.sum(axis=0)))
     return more_rows(qp, G, G @ x - np.array([0.0, 0.0, t]))
 
 
-def wrong_sum(draw: Draw, qp: QPData, t: float) -> QPData:
+def wrong_sum(draw: Draw, qp: QP, t: float) -> QP:
     """Return the QP with a sum of its equations that is wrong by t."""
     c = draw.rng.integers(1, 3, qp.b.size) * draw.one_of(-1.0, 1.0)
     b = np.append(qp.b, c @ qp.b + t)
@@ -314,7 +314,7 @@ def nearly_feasible(draw: Draw) -> Truth:
     return qp, "near" if t > 1e-10 else "possible"
 
 
-def descending(draw: Draw) -> tuple[QPData, np.ndarray, np.ndarray]:
+def descending(draw: Draw) -> tuple[QP, np.ndarray, np.ndarray]:
     """Return a feasible QP, a direction along which it falls, and a feasible point.
 
     The direction d has P d = 0, A d = 0, G d <= 0, q'd < 0.
@@ -332,7 +332,7 @@ def descending(draw: Draw) -> tuple[QPData, np.ndarray, np.ndarray]:
     q = qp.q @ across - draw.one_of(1e-3, 1.0, 10.0) * d
     slack = np.where(np.isinf(qp.h), INF, draw.positive(qp.h.size))
     lb, ub = np.where(d < 0.0, -INF, qp.lb), np.where(d > 0.0, INF, qp.ub)
-    moved = QPData((P + P.T) / 2.0, q, G, G @ x + slack, A, A @ x, lb, ub)
+    moved = QP((P + P.T) / 2.0, q, G, G @ x + slack, A, A @ x, lb, ub)
     return moved, d, x
 
 
@@ -364,7 +364,7 @@ def wild(draw: Draw) -> Truth:
     slack = draw.one_of(0.0, 2.0, 5.0)
     # nearly singular ones HiGHS would call unbounded
     cost = (definite, semidefinite, linear, diagonal)[int(draw.rng.integers(4))]
-    qp = QPData(
+    qp = QP(
         cost(draw, n), draw.numbers(n), draw.matrix(m, n), draw.numbers(m) + slack,
         draw.matrix(p, n), draw.numbers(p), lb, ub,
     )  # fmt: skip

@@ -336,7 +336,7 @@ def general_family() -> Family:
 
 def paper_family() -> Family:
     """Return the examples of the paper, for the sweeps and method="auto" alone."""
-    from namlcp.lcp.methods import METHODS
+    from namlcp.lcp.modulus.methods import METHODS
 
     makers = {
         f"Example {number}, delta = {delta:g}": partial(paper_task, number, delta, 100)

@@ -29,10 +29,10 @@ import scipy.sparse as sp
 from benchmark import machine_lines, use_one_thread
 from lcp import write_csv
 from namlcp import Status, Verdict, converges, is_h_plus
-from namlcp.lcp.contraction import contracted_energy, dense_parts
-from namlcp.lcp.convergence import contraction_bounds, splitting
-from namlcp.lcp.methods import METHODS
-from namlcp.lcp.sweeps import sweep, triangular_step
+from namlcp.lcp.modulus.methods import METHODS
+from namlcp.lcp.modulus.sweeps import sweep, triangular_step
+from namlcp.theory.contraction import contracted_energy, contraction_bounds, dense_parts
+from namlcp.theory.splittings import splitting
 from sweep_scenes import paper_example
 
 HERE = Path(__file__).parent

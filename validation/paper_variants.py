@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from namlcp import Status
-from namlcp.lcp.sweeps import sweep
+from namlcp.lcp.modulus.sweeps import sweep
 from paper_tables import EPS, SIZES
 from sweep_scenes import Scene, paper_example
 

@@ -36,9 +36,9 @@ import numpy as np
 from benchmark import machine_lines, use_one_thread
 from lcp import write_csv
 from namlcp import Status
-from namlcp.lcp.factored import factored_step
-from namlcp.lcp.methods import METHODS
-from namlcp.lcp.sweeps import Step, adaptive_step, iterate, triangular_step
+from namlcp.lcp.modulus.factored import factored_step
+from namlcp.lcp.modulus.methods import METHODS
+from namlcp.lcp.modulus.sweeps import Step, adaptive_step, iterate, triangular_step
 from namlcp.residuals import natural_residual
 from problems import MissingDataError
 from sweep_scenes import (

@@ -36,8 +36,8 @@ import stability_figures
 from benchmark import machine_lines, use_one_thread
 from lcp import write_csv
 from namlcp import Status
-from namlcp.lcp.methods import METHODS
-from namlcp.lcp.sweeps import sweep
+from namlcp.lcp.modulus.methods import METHODS
+from namlcp.lcp.modulus.sweeps import sweep
 from sweep_scenes import Scene, paper_example, problem_classes
 
 Row = dict[str, Any]

@@ -81,7 +81,7 @@ SUMMARY = (
 def sweep_call(task: Task, name: str, eps: float, limit: float) -> Callable[[], Any]:
     """Return the call of a named sweep on the LCP, its parameters chosen by itself."""
     from namlcp import solve_lcp
-    from namlcp.lcp.methods import KNOWN
+    from namlcp.lcp.modulus.methods import KNOWN
 
     P, q = task.problem.P, task.problem.q
     A = sp.csr_array(P) if sp.issparse(P) else P

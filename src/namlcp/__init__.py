@@ -8,16 +8,14 @@
 from importlib import import_module
 from typing import Any
 
-from namlcp.lcp.comparison import Verdict, is_h_plus
-from namlcp.lcp.convergence import converges
-from namlcp.lcp.prepared import Prepared
-from namlcp.lcp.solve import solve_lcp
+from namlcp.lcp import Prepared, solve_lcp
 from namlcp.options import Options
-from namlcp.qp.solve import solve_qp
+from namlcp.qp import solve_qp
 from namlcp.qpsolvers import register
 from namlcp.residuals import Residuals, natural_residual, qp_residuals
 from namlcp.result import LCPResult, QPResult
 from namlcp.status import Status
+from namlcp.theory import Verdict, converges, is_h_plus
 
 __all__ = [
     "LCPResult",

@@ -7,14 +7,12 @@ arrays are never changed; they are passed on as they are when they are clean alr
 
 import functools
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from namlcp.compiled import kernel, part
-from namlcp.deadline import interruptible
-from namlcp.symmetry import asymmetry, dense_asymmetry
 
 # Bounds of at least this modulus mean "no bound": 1e20 in the QP collections, where
 # scaling left some of them a few digits smaller.
@@ -27,31 +25,6 @@ MOST_ENTRIES = 2**31 - 1
 
 FLOAT = np.dtype(np.float64)
 INDEX = np.dtype(np.int32)
-
-
-class QPData(NamedTuple):
-    """A checked QP; all three matrices dense, or all three csc_array.
-
-    Absent parts have zero rows, absent bounds are infinite.
-    """
-
-    P: Any
-    q: np.ndarray
-    G: Any
-    h: np.ndarray
-    A: Any
-    b: np.ndarray
-    lb: np.ndarray
-    ub: np.ndarray
-
-    @property
-    def is_dense(self) -> bool:
-        """Tell whether the matrices are ndarrays."""
-        return type(self.P) is np.ndarray
-
-    def has_matrices_of(self, other: "QPData") -> bool:
-        """Tell whether P, G and A are the very same objects."""
-        return self.P is other.P and self.G is other.G and self.A is other.A
 
 
 def is_clean(array: Any, ndim: int) -> bool:
@@ -264,36 +237,6 @@ def is_bad(values, infinite_allowed):
     return not total == 0.0
 
 
-@kernel
-def dense_faults(P, q, G, h, A, b, lb, ub):
-    """Return (argument with a bad number or -1, asymmetry of P, max |P|, huge sides).
-
-    The last tells whether a side is finite but beyond INFINITE. One compiled call,
-    because a dozen NumPy calls cost more than a small QP.
-    """
-    which = np.int64(-1)
-    allowed = np.bool_(True)  # not a literal, which would compile is_bad once more
-    if has_bad_row(P):
-        which = 0
-    elif is_bad(q, not allowed):
-        which = 1
-    elif has_bad_row(G):
-        which = 2
-    elif is_bad(h, allowed):
-        which = 3
-    elif has_bad_row(A):
-        which = 4
-    elif is_bad(b, not allowed):
-        which = 5
-    elif is_bad(lb, allowed):
-        which = 6
-    elif is_bad(ub, allowed):
-        which = 7
-    gap, size = dense_asymmetry(P)
-    huge = is_huge(h) or is_huge(lb) or is_huge(ub)
-    return which, gap, size, huge
-
-
 @part
 def has_bad_row(C):
     """Tell whether a NaN or an infinite value is in a dense matrix."""
@@ -321,25 +264,6 @@ def refuse_number(name: str, values: np.ndarray, infinite_allowed: bool) -> None
         wanted = "must not hold NaN" if infinite_allowed else "must be finite"
         place = ", ".join(str(k) for k in np.unravel_index(i, values.shape))
         raise ValueError(f"{name} {wanted}, got {flat[i]} at ({place})")
-
-
-def refuse_numbers(qp: QPData) -> None:
-    """Raise for the first NaN, or infinity in P, q, G, A or b."""
-    for name, values in zip(qp._fields, qp, strict=True):
-        entries = values if type(values) is np.ndarray else values.data
-        refuse_number(name, entries, name in ("h", "lb", "ub"))
-
-
-def symmetrised(P: Any, gap: float, size: float) -> Any:
-    """Return P exactly symmetric; raise if more than rounding is missing."""
-    if gap > ASYMMETRY * size:
-        raise ValueError(
-            f"P must be symmetric: max |P - P'| = {gap:.1e}; "
-            "pass (P + P.T) / 2 if that is intended"
-        )
-    if sp.issparse(P):
-        return sparse_matrix("P", (P + P.T) * 0.5, "csc")
-    return (P + P.T) * 0.5
 
 
 def side(values: np.ndarray, sign: float) -> np.ndarray:
@@ -387,56 +311,8 @@ def compressed(C):
     return data, indices, indptr
 
 
-def constraint(
-    name: str, C: Any, right: str, d: Any, n: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pair (G, h) or (A, b), with zero rows where it is absent."""
-    if (C is None) != (d is None):
-        given, missing = (name, right) if d is None else (right, name)
-        raise ValueError(f"{given} was given without {missing}: pass both or neither")
-    if C is None:
-        return np.empty((0, n)), np.empty(0)
-    C = matrix(name, C, "csc")
-    if C.shape[1] != n:
-        raise ValueError(
-            f"{name} must have {n} columns to match q of shape ({n},), got {C.shape}"
-        )
-    return C, vector(right, d, C.shape[0], name, C.shape)
-
-
 def constant(n: int, value: float) -> np.ndarray:
     """Return np.full(n, value), at a third of its price."""
     array = np.empty(n)
     array.fill(value)
     return array
-
-
-@interruptible
-def qp_data(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) -> QPData:
-    """Check a QP as the user gave it and return it clean.
-
-    Raises TypeError or ValueError naming the argument, what was expected and what came.
-    Contradictory or infinite sides (lb > ub, h = -inf) pass: they are infeasible
-    problems, not malformed ones.
-    """
-    P = square_matrix("P", P, "csc")
-    n = P.shape[1]
-    q = vector("q", q, n, "P", P.shape)
-    G, h = constraint("G", G, "h", h, n)
-    A, b = constraint("A", A, "b", b, n)
-    lb = constant(n, -np.inf) if lb is None else vector("lb", lb, n, "P", P.shape)
-    ub = constant(n, np.inf) if ub is None else vector("ub", ub, n, "P", P.shape)
-    if not (type(P) is type(G) is type(A) is np.ndarray):
-        P, G, A = (as_sparse(C) for C in (P, G, A))
-        refuse_numbers(QPData(P, q, G, h, A, b, lb, ub))
-        gap, size = asymmetry(P)
-        huge = True
-    else:
-        which, gap, size, huge = dense_faults(P, q, G, h, A, b, lb, ub)
-        if which >= 0:
-            refuse_numbers(QPData(P, q, G, h, A, b, lb, ub))
-    if gap > 0.0:
-        P = symmetrised(P, gap, size)
-    if huge:
-        h, lb, ub = side(h, 1.0), side(lb, -1.0), side(ub, 1.0)
-    return QPData(P, q, G, h, A, b, lb, ub)

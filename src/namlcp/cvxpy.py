@@ -17,12 +17,16 @@ from cvxpy.reductions.solvers.qp_solvers.qp_solver import QpSolver
 from cvxpy.reductions.solvers.utilities import extract_dual_value, get_dual_values
 
 import namlcp
-from namlcp.checks import QPData, qp_data
 from namlcp.options import Options
-from namlcp.qp.convexity import NotConvex
-from namlcp.qp.memory import Memory
-from namlcp.qp.solve import solve_checked
-from namlcp.qp.start import NO_GUESS, make_guess
+from namlcp.qp import (
+    NO_GUESS,
+    QP,
+    Memory,
+    NotConvex,
+    make_guess,
+    qp_data,
+    solve_checked,
+)
 from namlcp.result import QPResult
 from namlcp.status import Status
 
@@ -151,7 +155,7 @@ class NAM(QpSolver):
         )
 
 
-def program(data: dict[str, Any], memory: Memory) -> QPData:
+def program(data: dict[str, Any], memory: Memory) -> QP:
     """Return CVXPY's data as a checked QP, with the last matrices where they stay.
 
     CVXPY lets an equality have an infinite side, which no x satisfies: such a row goes
@@ -167,7 +171,7 @@ def program(data: dict[str, Any], memory: Memory) -> QPData:
     return qp_data(P, data[s.Q], F, g, A, b, None, None)
 
 
-def decide(qp: QPData, options: Options, unbounded: QPResult, start: float) -> QPResult:
+def decide(qp: QP, options: Options, unbounded: QPResult, start: float) -> QPResult:
     """Return a proof that no x is feasible if there is one, else `unbounded`.
 
     A ray leaves that open, but CVXPY's "unbounded" does not; it is said all the same
@@ -178,7 +182,7 @@ def decide(qp: QPData, options: Options, unbounded: QPResult, start: float) -> Q
     return result if result.status is Status.PRIMAL_INFEASIBLE else unbounded
 
 
-def is_alike(qp: QPData, last: QPResult) -> bool:
+def is_alike(qp: QP, last: QPResult) -> bool:
     """Tell whether a result has the sizes of a problem."""
     sizes = qp.q.size, qp.b.size, qp.h.size
     return sizes == (last.x.size, last.y.size, last.z.size)

@@ -3,9 +3,7 @@
 import os
 import time
 
-from namlcp.compiled.ahead import compile_all
-from namlcp.compiled.signatures import listed
-from namlcp.compiled.store import kept_in
+from namlcp.compiled import ahead, kept_in, signatures
 from namlcp.options import check_count, check_flag
 from namlcp.progress import show_share
 
@@ -45,8 +43,10 @@ def warmup(progress: bool = True, processes: int | None = None) -> None:
     if processes is not None:
         check_count("processes", processes)
     start = time.perf_counter()
-    total = len(listed())
-    for done, _ in enumerate(compile_all(processes or os.cpu_count() or 1), start=1):
+    total = len(signatures.listed())
+    for done, _ in enumerate(
+        ahead.compile_all(processes or os.cpu_count() or 1), start=1
+    ):
         if progress:
             show_share(done, total)
     if progress:

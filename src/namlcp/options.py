@@ -30,8 +30,8 @@ class Options:
     verbose : bool
         Print a table of the progress on standard output.
     threads : int
-        Threads that BLAS may use in the solve, >= 1; see `namlcp.threads` for when
-        more than one are of use.
+        Threads that BLAS may use in the solve, >= 1; see `namlcp.linalg.threads` for
+        when more than one are of use.
     """
 
     eps_abs: float = 1e-9

@@ -13,11 +13,8 @@ with warnings.catch_warnings():
     import qpsolvers
 from qpsolvers.exceptions import ParamError, ProblemError, SolverError
 
-from namlcp.checks import qp_data
 from namlcp.options import DEFAULT_OPTIONS, Options
-from namlcp.qp.convexity import NotConvex
-from namlcp.qp.solve import solve_checked
-from namlcp.qp.start import make_guess
+from namlcp.qp import NotConvex, make_guess, qp_data, solve_checked
 from namlcp.result import QPResult
 from namlcp.status import Status
 

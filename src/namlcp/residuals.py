@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from namlcp.compiled import kernel, part
-from namlcp.products import add_transposed, times
+from namlcp.linalg import add_transposed, times
 
 # Terms of the gap below this round off by less than 1e-12: any order will do.
 LARGE = 250.0

@@ -16,7 +16,16 @@ from typing import Any
 from namlcp.compiled.decorators import compile_time, compiled, is_at_hand
 from namlcp.compiled.store import kept_in
 
-__all__ = ["compile_time", "is_at_hand", "kept_in", "kernel", "part", "pasted"]
+__all__ = [
+    "ahead",
+    "compile_time",
+    "is_at_hand",
+    "kept_in",
+    "kernel",
+    "part",
+    "pasted",
+    "signatures",
+]  # ahead and signatures are modules of `warmup`'s own
 
 
 def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:

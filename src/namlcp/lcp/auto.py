@@ -7,21 +7,21 @@ unsolved, is for pivoting. The caller's matrix is not copied before that.
 """
 
 import math
-import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import sparse
 
-from namlcp.lcp import exact, matrixfree, multigrid
-from namlcp.lcp.dominant import dominance, relaxation, solve_dominant
-from namlcp.lcp.exact import Outcome, solve_box
-from namlcp.lcp.matrixfree import solve_by_products
-from namlcp.lcp.multigrid import solve_multigrid
+from namlcp.lcp import mprgp
+from namlcp.lcp.mprgp import solve_by_products
+from namlcp.lcp.multigrid import MAX_CYCLES, solve_multigrid
 from namlcp.lcp.operators import Operator
+from namlcp.lcp.pivoting import MAX_ITER, Outcome, solve_box
 from namlcp.lcp.prepared import Prepared
+from namlcp.lcp.psor import dominance, relaxation, solve_dominant
 from namlcp.lcp.tridiagonal import solve_tridiagonal
+from namlcp.limits import Deadline
 from namlcp.progress import Report
 from namlcp.residuals import natural_residual, natural_residuals
 from namlcp.status import Status
@@ -59,11 +59,11 @@ def solve_auto(
     """
     A = matrix.A
     if isinstance(A, Operator):
-        most = max_iter or matrixfree.MAX_ITER
+        most = max_iter or mprgp.MAX_ITER
         outcome = ask_products(matrix, q, lower, upper, z0, max_iter=most, **limits)
         return outcome, "mprgp"
     if matrix.tridiagonal is not None:
-        most = max_iter or exact.MAX_ITER
+        most = max_iter or MAX_ITER
         status, z, w, faces = solve_tridiagonal(
             matrix.tridiagonal, q, lower, upper, z0, max_iter=most, **limits
         )
@@ -85,10 +85,10 @@ def solve_auto(
                 outcome = ask_sweeps(matrix, q, lower, upper, outcome.z, LAST, **limits)
             if outcome.status in ENDS:
                 return outcome, name
-        if time.perf_counter() >= limits["deadline"]:  # before a long factorisation
+        if limits["deadline"].reached():  # before a long factorisation
             return outcome._replace(status=Status.TIME_LIMIT), name
         z0 = outcome.z
-    limits |= {"max_iter": max_iter or exact.MAX_ITER, "symmetric": matrix.symmetric}
+    limits |= {"max_iter": max_iter or MAX_ITER, "symmetric": matrix.symmetric}
     return solve_box(A, q, lower, upper, z0, **limits), "pivoting"
 
 
@@ -102,7 +102,7 @@ def ask_sweeps(
     *,
     eps_abs: float,
     eps_rel: float,
-    deadline: float,
+    deadline: Deadline,
     report: Report = None,
 ) -> Outcome:
     """Sweep over the caller's own matrix, as long as `worth` sweeps seem to do."""
@@ -143,7 +143,7 @@ def ask_multigrid(
 ) -> tuple[Outcome, str]:
     """Solve by multigrid cycles; raise if A does not suit."""
     hierarchy = matrix.hierarchy(limits["deadline"])
-    if hierarchy is None and time.perf_counter() >= limits["deadline"]:
+    if hierarchy is None and limits["deadline"].reached():
         z = start(z0, lower, upper)
         return Outcome(Status.TIME_LIMIT, z, matrix.A @ z + q, 0, None), "multigrid"
     if hierarchy is None:
@@ -154,7 +154,7 @@ def ask_multigrid(
         )
     accept, goal, _ = criterion(matrix, q, lower, upper, eps_abs, eps_rel)
     limits |= {"accept": accept, "goal": goal}
-    limits["max_cycles"] = max_iter or multigrid.MAX_CYCLES
+    limits["max_cycles"] = max_iter or MAX_CYCLES
     found = solve_multigrid(hierarchy, q, lower, upper, z0, **limits)
     return Outcome(*found, None), "multigrid"
 

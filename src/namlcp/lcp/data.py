@@ -21,7 +21,7 @@ from namlcp.compiled import kernel
 from namlcp.lcp.operators import operator_data
 
 
-class LCPData(NamedTuple):
+class LCP(NamedTuple):
     """A checked box LCP; A is a dense array, a csr_array or an `Operator`.
 
     unit: 1, or a power of 2 near max |q| where squares would leave the range.
@@ -59,7 +59,7 @@ def lcp_matrix(A: Any, diagonal: Any = None) -> Any:
     return A
 
 
-def lcp_data(A: Any, q: Any, lower: Any, upper: Any) -> LCPData:
+def lcp_data(A: Any, q: Any, lower: Any, upper: Any) -> LCP:
     """Check the vectors of a box LCP as the user gave them and return them clean.
 
     A is a matrix as `lcp_matrix` returns it. Raises TypeError or ValueError naming the
@@ -70,7 +70,7 @@ def lcp_data(A: Any, q: Any, lower: Any, upper: Any) -> LCPData:
     lower = constant(n, 0.0) if lower is None else spread_number("lower", lower, n)
     upper = constant(n, np.inf) if upper is None else spread_number("upper", upper, n)
     if is_ordinary(q, lower, upper):
-        return LCPData(A, q, lower, upper, 1.0)
+        return LCP(A, q, lower, upper, 1.0)
     refuse_number("q", q, False)
     refuse_number("lower", lower, True)
     refuse_number("upper", upper, True)
@@ -83,7 +83,7 @@ def lcp_data(A: Any, q: Any, lower: Any, upper: Any) -> LCPData:
             f"got lower[{i}] = {lower[i]:g}, upper[{i}] = {upper[i]:g} "
             "(from 1e20 on, no bound)"
         )
-    return LCPData(A, q, lower, upper, unit_of(q))
+    return LCP(A, q, lower, upper, unit_of(q))
 
 
 # Sums may be taken in any order, so that they vectorise; NaN keeps its meaning.

@@ -1,7 +1,5 @@
 """What depends on the matrix of an LCP alone, found once for one q after another."""
 
-import math
-import time
 from functools import cached_property
 from typing import Any
 
@@ -9,9 +7,10 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.lcp.data import lcp_matrix
-from namlcp.lcp.diagonals import Tridiagonal, tridiagonal_of
-from namlcp.lcp.hierarchy import Hierarchy, build
-from namlcp.symmetry import asymmetry
+from namlcp.lcp.multigrid import Hierarchy, build
+from namlcp.lcp.tridiagonal import Tridiagonal, tridiagonal_of
+from namlcp.limits import NEVER, Deadline
+from namlcp.linalg import asymmetry
 
 ROUNDING = 1e-14
 """Asymmetry of A below this times max|A| is rounding."""
@@ -57,7 +56,7 @@ class Prepared:
         gap, size = asymmetry(self.A)
         return gap <= ROUNDING * size
 
-    def hierarchy(self, deadline: float = math.inf) -> Hierarchy | None:
+    def hierarchy(self, deadline: Deadline = NEVER) -> Hierarchy | None:
         """Return levels for multigrid cycles, None where A does not suit.
 
         None, too, where they were not ready by the deadline: then nothing is kept.
@@ -67,7 +66,7 @@ class Prepared:
             levels = build(sparse.csr_array(self.A), self.symmetric, deadline)
             if levels is not None:
                 self.levels = levels
-            elif not time.perf_counter() >= deadline:
+            elif not deadline.reached():
                 self.unsuited = True
         return levels
 

@@ -8,23 +8,20 @@ import numpy as np
 from scipy.sparse import issparse
 
 from namlcp.checks import finite_vector
-from namlcp.deadline import Deadline, interruptible
 from namlcp.lcp.auto import LARGE, ask_multigrid, solve_auto
-from namlcp.lcp.data import LCPData, lcp_data
-from namlcp.lcp.exact import ACCURACY, Outcome
-from namlcp.lcp.kernels import relax_csr
-from namlcp.lcp.methods import EXACT, find_method
+from namlcp.lcp.data import LCP, lcp_data
+from namlcp.lcp.modulus import EXACT, find_method, relax_csr, sweep
+from namlcp.lcp.multigrid import ascend
 from namlcp.lcp.operators import Operator
-from namlcp.lcp.pivoting import pivot
+from namlcp.lcp.pivoting import ACCURACY, Outcome, pivot
 from namlcp.lcp.prepared import Prepared
-from namlcp.lcp.sweeps import sweep
 from namlcp.lcp.tridiagonal import solve_faces
-from namlcp.lcp.truncation import ascend
+from namlcp.limits import Deadline, interruptible
+from namlcp.linalg import blas_threads
 from namlcp.options import check_count, check_flag, check_number
 from namlcp.progress import LCP_COLUMNS, Progress
 from namlcp.residuals import modulus_variable, natural_residual
 from namlcp.result import LCPResult
-from namlcp.threads import blas_threads
 
 SWEEP_EPS_ABS = 1e-8
 SWEEP_MAX_ITER = 100_000
@@ -72,10 +69,10 @@ def solve_lcp(
         pivoting, a short interior path, a homogeneous one and a proximal loop, as A
         needs; for every P-matrix and every positive semidefinite matrix (z'A z >= 0,
         symmetric or not), as far as rounding allows. For a LinearOperator it is MPRGP,
-        see `namlcp.lcp.matrixfree`, and there is no other. "multigrid": the cycles
+        see `namlcp.lcp.mprgp`, and there is no other. "multigrid": the cycles
         alone, for matrices like those of differential equations, see
         `namlcp.lcp.multigrid`; "auto" takes them from order 10^4 on where A suits.
-        Otherwise the name of a sweep method, see `namlcp.lcp.methods`.
+        Otherwise the name of a sweep method, see `namlcp.lcp.modulus.methods`.
     diagonal : (n,) array
         diag(A) of a LinearOperator, which scales the problem; without it the scale is
         left as it is.
@@ -91,9 +88,9 @@ def solve_lcp(
         Where to start.
     threads : int
         Sparse A and a triangular sweep method only. Sweep on at most so many threads,
-        in the coloured order of `namlcp.lcp.coloured`: another splitting than that of
-        the natural order (None), with other counts of iterations, but the same ones
-        for every number of threads.
+        in the coloured order of `namlcp.lcp.modulus.coloured`: another splitting than
+        that of the natural order (None), with other counts of iterations, but the same
+        ones for every number of threads.
     eps_abs : float
         Solved when Res(z) = || z - clip(z - w, lower, upper) ||_2 < eps_abs.
     eps_rel : float
@@ -197,7 +194,7 @@ def solve_lcp(
 
 
 def solve_exactly(
-    matrix: Prepared, data: LCPData, method: str, z0: Any, limits: dict[str, Any]
+    matrix: Prepared, data: LCP, method: str, z0: Any, limits: dict[str, Any]
 ) -> tuple[Outcome, np.ndarray, str]:
     """Solve by one of EXACT; return outcome, s and the method that gave it.
 
@@ -232,7 +229,7 @@ def solve_exactly(
 
 
 def solve_by_name(
-    data: LCPData, method: str, limits: dict[str, Any]
+    data: LCP, method: str, limits: dict[str, Any]
 ) -> tuple[Outcome, np.ndarray]:
     """Solve by a named sweep method; return outcome and s."""
     A, q, lower, upper, _ = data

@@ -4,8 +4,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from namlcp.checks import QPData
 from namlcp.options import Options
+from namlcp.qp.problem import QP
 from namlcp.residuals import Residuals, qp_residuals
 from namlcp.status import Status
 
@@ -27,7 +27,7 @@ class Answer(NamedTuple):
     message: str
 
 
-def late(qp: QPData) -> Answer:
+def late(qp: QP) -> Answer:
     """Return the answer where time is over before a form has begun: x = clip(0)."""
     x = np.minimum(np.maximum(np.zeros(qp.q.size), qp.lb), qp.ub)
     point = x, np.zeros(qp.b.size), np.zeros(qp.h.size), np.zeros(qp.q.size)

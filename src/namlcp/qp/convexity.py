@@ -8,20 +8,19 @@ the pivots of P scaled to a unit diagonal plus `SLACK` I.
 
 from typing import Any
 
-import numpy as np
-import qdldl
-from scipy.sparse import csc_matrix
+from namlcp.linalg import (
+    CONVEX,
+    MINOR,
+    NEGATIVE,
+    SLACK,
+    UNDECIDED,
+    curvature,
+    has_positive_pivots,
+)
+from namlcp.theory import is_h_plus
 
-from namlcp.compiled import kernel
-from namlcp.lcp.comparison import is_h_plus
-from namlcp.lcp.pivoting import SLACK
-
-# A diagonal entry below this times max |P| counts as zero, and so must its row.
-ZERO = 1e-15
 # From this order on a factorisation may cost far more than the multigrid of is_h_plus.
 LARGE = 50_000
-
-CONVEX, NEGATIVE, MINOR, UNDECIDED = 0, 1, 2, 3
 
 
 class NotConvex(ValueError):
@@ -30,87 +29,16 @@ class NotConvex(ValueError):
 
 def check_convex(P: Any) -> None:
     """Raise NotConvex unless P (CSC, symmetric) is positive semidefinite."""
-    n = P.shape[0]
-    indptr = np.zeros(n + 1, dtype=np.int32)
-    indices = np.empty(P.data.size + n, dtype=np.int32)
-    data = np.empty(indices.size)
-    code, i, j = unit_triangle(
-        P.indptr, P.indices, P.data, np.zeros((2, n)), indptr, indices, data
-    )
+    code, i, j, triangle = curvature(P)
     if code == CONVEX:
         return
-    if code == UNDECIDED and n >= LARGE and is_h_plus(P.T):
+    if code == UNDECIDED and P.shape[0] >= LARGE and is_h_plus(P.T):
         return
     reason = f"an eigenvalue of P with its diagonal scaled to 1 is below -{SLACK:g}"
     if code == NEGATIVE:
         reason = f"its diagonal entry {j} is negative"
     elif code == MINOR:
         reason = f"the determinant of its rows and columns {i} and {j} is negative"
-    elif has_positive_pivots(
-        csc_matrix((data[: indptr[n]], indices[: indptr[n]], indptr), shape=P.shape)
-    ):
+    elif has_positive_pivots(triangle):
         return
     raise NotConvex(f"P must be positive semidefinite: {reason}")
-
-
-def has_positive_pivots(triangle: csc_matrix) -> bool:
-    """Tell whether L D L' of a matrix, its upper triangle given, has D > 0."""
-    try:
-        pivots = qdldl.Solver(triangle, upper=True).factors()[1]
-    except (RuntimeError, ValueError):  # a pivot is exactly zero
-        return False
-    return bool((pivots > 0.0).all())
-
-
-@kernel
-def unit_triangle(indptr, indices, data, work, up, ui, ux):
-    """Write the upper triangle of R^-1 (P + t I) R^-1 + SLACK I; return (code, i, j).
-
-    t = ZERO max |P| stands for rounding, R has the roots of the diagonal of P + t I.
-    i and j say where NEGATIVE (j) or MINOR was found.
-
-    Parameters
-    ----------
-    indptr, indices, data : arrays
-        P, symmetric, CSC.
-    work : (2, n) array
-        Zeros in the first row; no meaning on return.
-    up, ui, ux : (n + 1,) int32, (nnz(P) + n,) int32, (nnz(P) + n,) arrays
-        The triangle, CSC; up is zero on entry.
-    """
-    n = indptr.size - 1
-    diagonal, root = work[0], work[1]
-    size = 0.0
-    for j in range(n):
-        for t in range(indptr[j], indptr[j + 1]):
-            size = max(size, abs(data[t]))
-            if indices[t] == j:
-                diagonal[j] = data[t]
-    tiny = ZERO * size
-    for j in range(n):
-        root[j] = np.sqrt(max(diagonal[j], 0.0) + max(tiny, 1e-300))
-    code = CONVEX
-    nnz = 0
-    for j in range(n):
-        if diagonal[j] < -tiny:
-            return NEGATIVE, j, j
-        rest = 0.0
-        for t in range(indptr[j], indptr[j + 1]):
-            i = indices[t]
-            if i == j:
-                continue
-            rest += abs(data[t])
-            bound = np.sqrt(max(diagonal[i], 0.0) * max(diagonal[j], 0.0))
-            if abs(data[t]) > bound * (1.0 + 2.0 * SLACK) + tiny:
-                return MINOR, i, j
-            if i < j:
-                ui[nnz] = i
-                ux[nnz] = data[t] / (root[i] * root[j])
-                nnz += 1
-        if rest > diagonal[j]:
-            code = UNDECIDED
-        ui[nnz] = j
-        ux[nnz] = 1.0 + SLACK
-        nnz += 1
-        up[j + 1] = nnz
-    return code, 0, 0

@@ -4,9 +4,9 @@ from math import inf
 
 import numpy as np
 
-from namlcp.checks import QPData
 from namlcp.options import Options
-from namlcp.qp.digits import Point, settle
+from namlcp.qp.last_digits import Point, settle
+from namlcp.qp.problem import QP
 from namlcp.residuals import Residuals, qp_residuals
 
 NEAR = 1e3  # residual over its tolerance up to which last digits may be what lacks
@@ -15,7 +15,7 @@ NEAR = 1e3  # residual over its tolerance up to which last digits may be what la
 class Judge:
     """The best point so far, `best` = its worst residual over the tolerance."""
 
-    def __init__(self, qp: QPData, options: Options) -> None:
+    def __init__(self, qp: QP, options: Options) -> None:
         """Start with zeros, not judged."""
         self.qp, self.options = qp, options
         n, m, p = qp.q.size, qp.h.size, qp.b.size

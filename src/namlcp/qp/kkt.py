@@ -16,7 +16,7 @@ from scipy.sparse import csc_array, csr_array
 
 from namlcp.checks import refuse_size
 from namlcp.compiled import kernel
-from namlcp.qp.factors import Bordered, Multifrontal, Sparse, factor
+from namlcp.linalg import Bordered, Multifrontal, Sparse, factor
 
 PASSES = 11  # refinement steps at most
 POOR = 1e-9  # relative residual above which GMRES goes on

@@ -10,12 +10,10 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_array
 
-from namlcp.checks import QPData
-from namlcp.lcp.prepared import Prepared
+from namlcp.lcp import Prepared
 from namlcp.qp.convexity import check_convex
-from namlcp.qp.presolve import Presolved
-from namlcp.qp.scaling import ScaledQP
-from namlcp.qp.substitution import Substitution
+from namlcp.qp.problem import QP
+from namlcp.qp.transforms import Presolved, ScaledQP, Substitution
 
 
 class Memory:
@@ -49,7 +47,7 @@ class Memory:
         pairs = zip(self.matrices, matrices, strict=True)
         return [old if is_same(old, M) else M for old, M in pairs]
 
-    def recognised(self, qp: QPData) -> QPData:
+    def recognised(self, qp: QP) -> QP:
         """Return qp with our copies of its matrices, the last ones where they fit."""
         if qp.is_dense:
             return qp

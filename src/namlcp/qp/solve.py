@@ -12,21 +12,23 @@ from typing import Any
 
 import numpy as np
 
-from namlcp.checks import QPData, qp_data
-from namlcp.deadline import Deadline, interruptible
+from namlcp.limits import Deadline, interruptible
+from namlcp.linalg import blas_threads
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp import certificates
 from namlcp.qp.answer import FINAL, OBJECTIVE, Answer, better, is_decided, late
-from namlcp.qp.farsides import confirmed, without_far_sides
-from namlcp.qp.forms import is_box, is_small, solve_bounds, solve_dense, solve_path
+from namlcp.qp.bounds import solve_bounds
+from namlcp.qp.dense import solve_dense
+from namlcp.qp.forms import is_box, is_small
+from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.judge import Judge
 from namlcp.qp.memory import Memory
-from namlcp.qp.start import NO_GUESS, Guess, make_guess
-from namlcp.qp.substitution import Substitution, substitute
+from namlcp.qp.path import solve_path
+from namlcp.qp.problem import QP, qp_data
+from namlcp.qp.transforms import Substitution, confirmed, substitute, without_far_sides
 from namlcp.result import QPResult
 from namlcp.status import Status
-from namlcp.threads import blas_threads
 
 # Bounds alone, and fewer variables: the dense form is quicker than the box LCP.
 DENSE_BOX = 50
@@ -118,7 +120,7 @@ def solve_qp(
 
 @interruptible
 def solve_checked(
-    qp: QPData,
+    qp: QP,
     options: Options,
     guess: Guess,
     start: float,
@@ -160,7 +162,7 @@ def solve_checked(
 
 
 def solve_far_sides(
-    qp: QPData,
+    qp: QP,
     options: Options,
     guess: Guess,
     deadline: Deadline,
@@ -180,7 +182,7 @@ def solve_far_sides(
 
 
 def solve_forms(
-    qp: QPData,
+    qp: QP,
     options: Options,
     guess: Guess,
     deadline: Deadline,
@@ -200,7 +202,7 @@ def solve_forms(
         with deadline.listening():
             smaller = substitute(qp, memory.substitution, deadline)
         memory.substitution = smaller
-        if time.perf_counter() >= deadline:
+        if deadline.reached():
             return late(qp)
     if smaller is None:
         return try_forms(qp, options, guess, deadline, progress, memory)
@@ -245,7 +247,7 @@ def restored(answer: Answer, smaller: Substitution, options: Options) -> Answer:
 
 
 def try_forms(
-    qp: QPData,
+    qp: QP,
     options: Options,
     guess: Guess,
     deadline: Deadline,
@@ -272,7 +274,7 @@ def try_forms(
     return other if answer is None else better(answer, other, options)
 
 
-def describe(qp: QPData, options: Options) -> str:
+def describe(qp: QP, options: Options) -> str:
     """Return the first lines of the verbose output."""
     bounds = np.count_nonzero(np.isfinite(qp.lb)) + np.count_nonzero(np.isfinite(qp.ub))
     kind = "dense" if qp.is_dense else "sparse"

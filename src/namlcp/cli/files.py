@@ -1,0 +1,149 @@
+"""Problems in files, read as what they are not trusted to be.
+
+Nothing is unpickled, evaluated or extracted, and what a file claims to hold is bounded
+before anything is allocated. Whatever is wrong is a ValueError that names it.
+"""
+
+import math
+import os
+import pickletools
+import struct
+import zipfile
+import zlib
+from typing import IO, Any
+
+import numpy as np
+from scipy.io import loadmat, whosmat
+from scipy.sparse import issparse
+
+from namlcp.checks import refuse_indices
+from namlcp.qp import QP
+
+MOST_BYTES = 2**31
+"""Size of all arrays of a file together."""
+
+MAT_NAMES = ("P", "q", "A", "l", "u")
+
+# What NumPy's own pickle of an object array that holds None is made of.
+HARMLESS = {
+    "numpy.core.multiarray", "numpy._core.multiarray", "_reconstruct", "numpy",
+    "ndarray", "dtype", "O8", "|", "numpy ndarray", "numpy dtype",
+    "numpy.core.multiarray _reconstruct", "numpy._core.multiarray _reconstruct",
+}  # fmt: skip
+SHORT = 1000
+"""Bytes that such a pickle never has."""
+
+
+def read_npz(path: str) -> dict[str, np.ndarray | None]:
+    """Return the arrays of a problem that qpsolvers.Problem.save wrote."""
+    with zipfile.ZipFile(path) as archive:
+        members = {entry.filename: entry for entry in archive.infolist()}
+        wanted = {name: members.get(f"{name}.npy") for name in QP._fields}
+        require([name for name in ("P", "q") if wanted[name] is None], "qpsolvers")
+        bound(sum(entry.file_size for entry in wanted.values() if entry))
+        data: dict[str, np.ndarray | None] = dict.fromkeys(QP._fields)
+        for name, entry in wanted.items():
+            if entry is not None:
+                with archive.open(entry) as stream:
+                    data[name] = read_array(stream, name, entry.file_size)
+    return data
+
+
+def read_array(stream: IO[bytes], name: str, size: int) -> np.ndarray | None:
+    """Return one .npy array of `size` bytes, None where it is a saved None."""
+    version = np.lib.format.read_magic(stream)
+    if version not in ((1, 0), (2, 0)):
+        raise ValueError(f"{name} has .npy format {version}, known are 1.0 and 2.0")
+    if version == (1, 0):
+        shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream)
+    else:
+        shape, fortran, dtype = np.lib.format.read_array_header_2_0(stream)
+    if dtype.hasobject:
+        if shape == () and is_none(stream.read(SHORT)):
+            return None
+        raise ValueError(
+            f"{name} is an array of Python objects, which is not read (a sparse "
+            "matrix? save it as a dense one)"
+        )
+    refuse_kind(name, dtype)
+    claimed = math.prod(shape) * dtype.itemsize
+    if min(shape, default=0) < 0 or claimed > size:
+        raise ValueError(f"{name} claims shape {shape}, but has {size} bytes")
+    content = stream.read(claimed)
+    if len(content) < claimed:
+        raise ValueError(f"{name} is cut off: {len(content)} of {claimed} bytes")
+    array = np.frombuffer(content, dtype)
+    return array.reshape(shape, order="F" if fortran else "C")
+
+
+def is_none(pickled: bytes) -> bool:
+    """Tell whether a pickle, which is not executed, can hold nothing but None."""
+    if len(pickled) >= SHORT:
+        return False
+    try:
+        texts = [text for _, text, _ in pickletools.genops(pickled)]
+    except Exception as error:  # whatever comes of bytes that are no pickle
+        raise ValueError(f"not a pickle ({error})") from None
+    return all(text in HARMLESS for text in texts if isinstance(text, str))
+
+
+def read_mat(path: str) -> dict[str, Any]:
+    """Return P, q, A, l and u of a Maros-Meszaros file, q, l, u as vectors."""
+    bound(unpacked_size(path))
+    listed = whosmat(path)
+    found = {name: (s, kind) for name, s, kind in listed if name in MAT_NAMES}
+    require([name for name in MAT_NAMES if name not in found], "Maros-Meszaros")
+    dense = [s for n, (s, kind) in found.items() if n in "qlu" or kind != "sparse"]
+    bound(sum(8 * math.prod(shape) for shape in dense))
+    bound(sum(8 * sum(s) for s, kind in found.values() if kind == "sparse"))
+    for name in MAT_NAMES:
+        if found[name][1] in ("cell", "struct", "object", "char", "function", "opaque"):
+            raise ValueError(f"{name} must hold real numbers, got a {found[name][1]}")
+    data = loadmat(path, variable_names=MAT_NAMES)
+    for name in MAT_NAMES:
+        refuse_kind(name, data[name].dtype)
+        if issparse(data[name]):
+            refuse_indices(name, data[name])
+    for name in ("q", "l", "u"):
+        vector = data[name].toarray() if issparse(data[name]) else data[name]
+        data[name] = np.array(vector, dtype=float).ravel()
+    return {name: data[name] for name in MAT_NAMES}
+
+
+def unpacked_size(path: str) -> int:
+    """Return how many bytes a .mat file is when its compressed parts are unpacked.
+
+    They are unpacked piece by piece, and not beyond MOST_BYTES.
+    """
+    size = os.path.getsize(path)
+    with open(path, "rb") as stream:
+        order = "<" if stream.read(128)[126:128] == b"IM" else ">"
+        while len(tag := stream.read(8)) == 8 and size <= MOST_BYTES:
+            kind, length = struct.unpack(f"{order}II", tag)
+            end = stream.tell() + length
+            if kind == 15:  # miCOMPRESSED
+                engine = zlib.decompressobj()
+                packed = stream.read(length)
+                while packed and size <= MOST_BYTES:
+                    size += len(engine.decompress(packed, 2**20))
+                    packed = engine.unconsumed_tail
+            stream.seek(end)
+    return size
+
+
+def require(missing: list[str], kind: str) -> None:
+    """Raise for the first of the missing arrays."""
+    if missing:
+        raise ValueError(f"it holds no {missing[0]}: not a {kind} problem")
+
+
+def bound(size: int) -> None:
+    """Raise where arrays of so many bytes are claimed."""
+    if size > MOST_BYTES:
+        raise ValueError(f"its arrays claim {size:.1e} bytes, allowed are {MOST_BYTES}")
+
+
+def refuse_kind(name: str, dtype: np.dtype) -> None:
+    """Raise unless the dtype is one of real numbers."""
+    if dtype.kind not in "biuf":
+        raise ValueError(f"{name} must hold real numbers, got dtype {dtype}")

@@ -1,0 +1,242 @@
+"""omega="auto", alpha="auto": parameters from the spectrum of the free face.
+
+On the face z = s > l, z < u a triangular method of `sweeps` is, in units of D and with
+g = G + H, c = Omega/D, e = E/D, the linear iteration with the left matrix
+
+    M = (p I - g L)/2,    p = 1/alpha + c + e:
+
+g = 2 (nam*, am*, p*) is SOR with relaxation 2/p, g = 1 (m*, namj) is not. Where L and
+L' are near (I - A)/2, the eigenvalue x of A has the error factor
+
+    (P - (4 - g) x) / (P + g x),    P = 2 p - g.
+
+Its size is the same at both ends a <= x <= b of the spectrum if, with S = a + b,
+
+    P = ((2 - g) S + sqrt((2 - g)^2 S^2 + 4 g (4 - g) a b)) / 2.
+
+For g = 2 this is p = 1 + sqrt(a b); a five-point matrix has b = 2 - a, and then it is
+Young's optimal relaxation, 2/p = 2/(1 + sqrt(1 - mu^2)) with mu = 1 - a. For g = 1
+P >= b makes the iteration a contraction in the energy norm if A is symmetric positive
+definite: p > g/2 + (1 - g/2) b is Ostrowski's condition M + M' - A > 0.
+
+A row at its bound has the factor 1 - 2 c/p and disturbs the free rows by G L ds. It
+must not be slower than they are: c is so large that its factor is at most the square
+of the one at x = a. Where b > 2 (no M-matrix) it must be larger still, see FRUSTRATION.
+
+a and b are Ritz values on the rows that are free now (`spectrum`), looked up at the
+sweeps 1, 2, 4, 8, ... Everything is in units of D: the iterates do not depend on k > 0
+in (k A, k q), nor on a positive diagonal S in (S A S, S q). Counts decide, never the
+clock.
+
+"modulus" has the factor (c - x)/(c + x): c = sqrt(a b) with b <= 2, times NONSYMMETRIC
+for nonsymmetric A. "nam" and "modified-nam" have (K - x/2)/(K + 3 x/2), K =
+c + e - 1/2.
+
+The constants in capitals were fitted once, to the scenes of `validation/parameters.py`.
+
+References
+----------
+Young, Iterative Solution of Large Linear Systems (1971), ch. 6; Hageman and Young,
+Applied Iterative Methods (1981), ch. 9; Bai, Numer. Linear Algebra Appl. 17 (2010).
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+
+from namlcp.lcp.modulus.methods import Method
+from namlcp.lcp.modulus.spectrum import Spectrum
+
+FRUSTRATION = 0.6
+"""c >= 0.6 G sqrt(f) / (p - c), f the geometric mean of b - 2 of face and matrix."""
+
+BALANCE = 0.3
+"""The product a b counts less by 0.3 (2 - g): L is not (I - A)/2 when g < 2."""
+
+SMALL_OMEGA = 0.01
+"""The least c: without it a row that leaves the face would hardly come back."""
+
+NONSYMMETRIC = 0.75
+
+LARGE_ALPHA = 1.95
+ALPHAS = [0.05 * k for k in range(2, 40)]
+
+FROM = 32
+"""The sweep from which on P is corrected: where g < 2 it shrinks, by SHRINK at every
+power of 2, until the change of z, looked at every EVERY sweeps, has grown fourfold;
+then P is raised."""
+
+EVERY = 8
+
+SHRINK = 0.93
+GROWTH = 4.0
+
+STANDING = 0.7
+"""P is raised, too, where the changes between two powers of 2 are not below 0.7 of
+those before: the iterates wander. (A slow decay is at least algebraic by then.)"""
+
+
+def mean(x: np.ndarray) -> float:
+    """Return the mean, 0 of nothing."""
+    return float(np.sum(x)) / max(x.size, 1)
+
+
+class Choice:
+    """alpha and the diagonal of Omega of a triangular method, looked up as it runs.
+
+    Parameters
+    ----------
+    A : (n, n) array or csr_array
+        Matrix with a positive diagonal.
+    method : Method
+        Entry of `METHODS`.
+    alpha, beta, omega, shift
+        As `sweeps.sweep` takes them, the arrays checked; alpha or omega is "auto".
+    """
+
+    def __init__(
+        self, A: Any, method: Method, alpha: Any, beta: Any, omega: Any, shift: Any
+    ):
+        self.D = np.array(A.diagonal())
+        self.method = method
+        self.given = alpha, omega
+        self.beta: Any = method.beta if beta is None else beta
+        self.e = 0.0 if shift is None else mean(shift / self.D)
+        self.spectrum = Spectrum(A, self.D)
+        self.all_free = False
+        self.scale = 1.0  # of P
+        self.shrink = SHRINK
+        self.raised = 1.1
+        self.least = math.inf  # sizes of changes of z: so far,
+        self.peak = 0.0  # since the last power of 2,
+        self.last_peak = math.inf  # and between the two before
+
+    def watch(self, change: np.ndarray) -> bool:
+        """Note a change of z; tell whether the parameters change for its size.
+
+        Its size in units of D^(-1/2), which unlike Res does not depend on units.
+        """
+        size = float(np.linalg.norm(change * self.spectrum.root))
+        self.least = min(self.least, size)
+        self.peak = max(self.peak, size)
+        if not size > GROWTH * self.least:
+            return False
+        self.least = size
+        self.take_care()
+        self.peak = math.inf  # says nothing until the power of 2 after next
+        return True
+
+    def take_care(self) -> None:
+        """Raise P and the least c for good, by 1.1, 1.2, 1.4, 1.8, 2, 2, ..."""
+        self.scale *= self.raised
+        self.raised = min(2.0 * self.raised - 1.0, 2.0)
+        self.shrink = 1.0
+
+    def look(self, k: int, free: np.ndarray, change: np.ndarray) -> None:
+        """Look at iterate k: the rows that are free and the last change of z."""
+        self.all_free = bool(free.all())
+        self.spectrum.estimate(free, change)
+        if k > FROM:
+            if STANDING * self.last_peak < self.peak < math.inf:
+                self.take_care()
+            self.last_peak, self.peak = self.peak, 0.0
+        ratio = 1.0 if self.beta is None else self.beta
+        if k >= FROM and not self.method.factored and self.weight(ratio)[0] < 2.0:
+            self.scale *= self.shrink
+
+    def weight(self, ratio: float) -> tuple[float, float]:
+        """Return g = G + H and G for beta/alpha = ratio."""
+        G = ratio + self.method.own
+        return min(max(G + self.method.reflected, 0.0), 3.5), max(G, 0.0)
+
+    def parameters(self) -> tuple[float, np.ndarray]:
+        """Return alpha and the diagonal of Omega."""
+        alpha, omega = self.given
+        if self.method.factored:
+            c = self.factored_omega()
+            if alpha == "auto":  # Omega = alpha I
+                return 1.0, np.full_like(self.D, c * math.exp(mean(np.log(self.D))))
+            return 1.0, c * self.D
+        if alpha == "auto":
+            if not isinstance(omega, str):
+                return self.alpha_for(omega)
+            alpha = self.free_alpha()
+        alpha = 1.0 if alpha is None else alpha
+        return alpha, self.best_c(alpha) * self.D
+
+    def free_alpha(self) -> float:
+        """Return alpha where Omega is free, too.
+
+        With beta = alpha it matters little: p - c = 1 or as near as LARGE_ALPHA lets it
+        come. For a given beta alpha sets g, and the least error factor decides.
+        """
+        if self.beta is None:
+            return min(1.0 / max(1.0 - self.e, 1e-9), LARGE_ALPHA)
+        return min(ALPHAS, key=self.error_factor)
+
+    def error_factor(self, alpha: float) -> float:
+        """Return the error factor of the lower end for the best c."""
+        g = self.weight(self.beta / alpha)[0]
+        P = 2.0 * (1.0 / alpha + self.e + self.best_c(alpha)) - g
+        a = self.spectrum.low
+        return abs((P - (4.0 - g) * a) / (P + g * a))
+
+    def best_c(self, alpha: float) -> float:
+        """Return the best c for a given alpha."""
+        g, G = self.weight(1.0 if self.beta is None else self.beta / alpha)
+        p = self.best_p(g)
+        t = 1.0 / alpha + self.e
+        return max(p - t, SMALL_OMEGA, self.least_omega(t, g, G))
+
+    def alpha_for(self, omega: Any) -> tuple[float, np.ndarray]:
+        """Return the best alpha for a given Omega, or for the default one (None)."""
+        ratio = 1.0 if self.beta is None else self.beta / self.free_alpha()
+        x = self.best_p(self.weight(ratio)[0]) - self.e  # 1/alpha + c
+        if omega is not None:
+            x -= mean(omega / self.D)
+        elif self.method.reflected:  # c = 1/alpha
+            x /= 2.0
+        else:  # c = 1/(2 alpha^2)
+            x = math.sqrt(max(1.0 + 2.0 * x, 1.0)) - 1.0
+        alpha = min(1.0 / max(x, 1e-9), 1.999)
+        if omega is None:
+            c = 1.0 / alpha if self.method.reflected else 0.5 / (alpha * alpha)
+            omega = c * self.D
+        return alpha, omega
+
+    def factored_omega(self) -> float:
+        """Return c for a method with M = A."""
+        a, b = self.spectrum.low, self.spectrum.high
+        if not self.method.own:
+            skew = 1.0 if self.spectrum.symmetric else NONSYMMETRIC
+            return math.sqrt(a * min(b, 2.0)) * skew * self.scale
+        K = 0.25 * (math.sqrt((a + b) ** 2 + 12.0 * a * b) - (a + b))
+        least = self.least_omega(2.0, 2.0, 1.5)
+        return max(K + 0.5 - self.e, SMALL_OMEGA, least)
+
+    def best_p(self, g: float) -> float:
+        """Return p: equal error factors at both ends of the spectrum."""
+        a, b = self.spectrum.low, self.spectrum.high
+        over = max(b / 2.0, 1.0)  # above 1 the order of the rows is not consistent
+        sum_ = (2.0 - g) * (a + b / math.sqrt(over))
+        product = g * (4.0 - g) * (1.0 - BALANCE * max(2.0 - g, 0.0)) * a * b * over
+        P = 0.5 * (sum_ + math.sqrt(sum_ * sum_ + 4.0 * product))
+        return 0.5 * (g + P * self.scale)
+
+    def least_omega(self, t: float, g: float, G: float) -> float:
+        """Return the c that the rows at their bounds need, p = t + c."""
+        if self.all_free or G == 0.0:
+            return 0.0
+        a, b, above = self.spectrum.low, self.spectrum.high, self.spectrum.above
+        low, high = 0.0, t
+        for _ in range(30):
+            c = 0.5 * (low + high)
+            P = 2.0 * (t + c) - g
+            free = (P - (4.0 - g) * a) / (P + g * a)
+            if (t - c) / (t + c) > free * abs(free):
+                low = c
+            else:
+                high = c
+        f = math.sqrt(max(b - 2.0, 0.0) * max(above - 2.0, 0.0))
+        return max(high, FRUSTRATION * G * math.sqrt(f) / t) * self.scale

@@ -1,0 +1,113 @@
+"""The ends of the spectrum of D^(-1/2) A D^(-1/2) on a face, by a few Lanczos steps.
+
+For nonsymmetric A it is the spectrum of the symmetric matrix C, c_ij = +-sqrt(a_ij
+a_ji), 0 where the signs differ: where A is diagonally similar to a symmetric matrix, as
+every tridiagonal A with a_ij a_ji > 0 is, C has the eigenvalues of A. It does not
+change under such a similarity, nor under a positive diagonal scaling S A S.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.linalg import eigh_tridiagonal
+
+from namlcp.linalg import asymmetry
+
+LANCZOS = 14
+"""Products with A of an estimate; fewer where both ends have converged to SHARP."""
+
+SHARP = 0.02
+
+CERTAIN = 0.5
+"""Up to this row sum of |I - A| the bounds 1 -+ row sum are as good as an estimate."""
+
+
+class Spectrum:
+    """Ends of the spectrum of A, in units of D, on the rows that are free.
+
+    Attributes
+    ----------
+    low, high : float
+        a and b.
+    symmetric : bool
+        Whether A is symmetric.
+    above : float
+        b of the whole matrix (0 before the first estimate).
+    products : int
+        Products with A so far.
+    """
+
+    def __init__(self, A: Any, D: np.ndarray):
+        self.C = symmetric_form(A)
+        self.root = np.sqrt(D)
+        rows = (abs(self.C) @ (1.0 / self.root)) / self.root - 1.0
+        self.row_sum = float(np.max(rows, initial=0.0))
+        self.low = max(1.0 - self.row_sum, 1e-3)
+        self.high = 1.0 + self.row_sum
+        self.symmetric = self.C is A
+        self.above = 0.0
+        self.products = 0
+        self.free = np.empty(0, dtype=bool)
+        self.sharp = False
+
+    def estimate(self, free: np.ndarray, change: np.ndarray) -> None:
+        """Look at the rows `free` (bool); `change` of z has its slow part."""
+        if self.row_sum <= CERTAIN or not free.any():
+            return
+        if self.sharp and np.array_equal(free, self.free):
+            return
+        if self.above == 0.0:
+            everything = np.ones_like(free)
+            self.above = self.ritz_values(everything, change, LANCZOS // 2)[1]
+        low, high, error = self.ritz_values(free, change, LANCZOS)
+        self.low = max(low, 1.0 - self.row_sum, 1e-5)
+        self.high = min(high, 1.0 + self.row_sum)
+        self.free, self.sharp = free, error < 0.3 * low
+
+    def ritz_values(
+        self, free: np.ndarray, change: np.ndarray, steps: int
+    ) -> tuple[float, float, float]:
+        """Return the extreme Ritz values and the error bound of the lower one.
+
+        The start is (1, ..., 1), near the lowest eigenvector of an M-matrix, plus the
+        change of z, both normalised.
+        """
+        v = free / math.sqrt(np.count_nonzero(free))
+        y = np.where(free, change * self.root, 0.0)
+        size = np.linalg.norm(y)
+        if 0.0 < size < math.inf:
+            v = v + y / (size if v @ y >= 0.0 else -size)
+        basis: list[np.ndarray] = []
+        diagonal: list[float] = []
+        beside = [float(np.linalg.norm(v))]
+        values, error = np.ones(1), np.zeros(1)
+        while len(basis) < steps and beside[-1] > 1e-8:
+            basis.append(v / beside[-1])
+            v = np.where(free, (self.C @ (basis[-1] / self.root)) / self.root, 0.0)
+            self.products += 1
+            diagonal.append(float(basis[-1] @ v))
+            for u in basis:  # all of them: Lanczos alone loses orthogonality
+                v = v - (u @ v) * u
+            beside.append(float(np.linalg.norm(v)))
+            values, vectors = eigh_tridiagonal(diagonal, beside[1:-1])
+            error = beside[-1] * np.abs(vectors[-1])
+            if (error[[0, -1]] < SHARP * values[[0, -1]]).all():
+                break
+        return float(values[0]), float(values[-1]), float(error[0])
+
+
+def symmetric_form(A: Any) -> Any:
+    """Return A if it is symmetric, else +-sqrt(a_ij a_ji), 0 where signs differ."""
+    gap, size = asymmetry(A)
+    if gap <= 1e-14 * size:
+        return A
+    if isinstance(A, np.ndarray):
+        root = np.sign(A) * np.sqrt(np.abs(A))
+        return np.sign(A) * np.maximum(root * root.T, 0.0)
+    root = A.copy()
+    root.data = np.sign(A.data) * np.sqrt(np.abs(A.data))
+    C = sp.csr_array(root.multiply(root.T.tocsr()))
+    C.data = np.maximum(C.data, 0.0)
+    return sp.csr_array(C.multiply(A.sign()))

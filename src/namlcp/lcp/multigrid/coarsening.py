@@ -1,0 +1,143 @@
+"""One step of Ruge and Stueben's coarsening: strong couplings, C/F splitting, P.
+
+For nonsymmetric A the splitting follows the strong couplings of A and of A': both
+restriction and interpolation must find coarse neighbours. With those of A alone, cycles
+on a face of a convective five-point matrix leave 70 % of the error, not 20 %.
+
+The splitting and the weights are pyamg's compiled functions, called without the copies
+that its public ones make of every matrix.
+"""
+
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from namlcp.compiled import kernel
+from namlcp.lcp.multigrid.kernels import rows_of
+
+THETA = 0.25
+"""Strong are the couplings -a_ij >= THETA max_k -a_ik."""
+
+
+def interpolation(
+    A: Any, symmetric: bool, second_pass: bool
+) -> tuple[Any, np.ndarray] | None:
+    """Return P (n, m) as a sorted csr_array and the m coarse unknowns, None if m = 0.
+
+    A : (n, n) csr_array, int32 indices. second_pass : strongly coupled fine unknowns
+    must have a coarse one in common.
+    """
+    from pyamg import amg_core
+
+    n = A.shape[0]
+    S = strong(A)
+    graph = S if symmetric else both_ways(S, strong(sparse.csr_array(A.T)))
+    pattern = graph.indptr, graph.indices
+    marks = np.ones(graph.nnz, dtype=np.int8)
+    turned = sparse.csr_array(sparse.csc_array((marks, *pattern[::-1]), shape=(n, n)))
+    influence, splitting = np.zeros(n, dtype=np.int32), np.empty(n, dtype=np.int32)
+    amg_core.rs_cf_splitting(
+        n, *pattern, turned.indptr, turned.indices, influence, splitting
+    )
+    if second_pass:
+        amg_core.rs_cf_splitting_pass2(n, *pattern, splitting)
+    coarse = np.flatnonzero(splitting).astype(np.int32)
+    if not 0 < coarse.size < n:
+        return None
+    amg_core.remove_strong_FF_connections(n, S.indptr, S.indices, S.data, splitting)
+    S.eliminate_zeros()
+    indptr = np.empty(n + 1, dtype=np.int32)
+    amg_core.rs_classical_interpolation_pass1(n, S.indptr, S.indices, splitting, indptr)
+    indices, data = np.empty(indptr[-1], dtype=np.int32), np.empty(indptr[-1])
+    amg_core.rs_classical_interpolation_pass2(
+        n,
+        A.indptr,
+        A.indices,
+        A.data,
+        S.indptr,
+        S.indices,
+        S.data,
+        splitting,
+        indptr,
+        indices,
+        data,
+        True,
+    )
+    P = sparse.csr_array((data, indices, indptr), shape=(n, coarse.size))
+    P.sort_indices()
+    return P, coarse
+
+
+def both_ways(S: Any, T: Any) -> Any:
+    """Return a matrix with the entries of both: all are negative, none cancel."""
+    graph = sparse.csr_array(S + T)
+    graph.sort_indices()
+    return graph
+
+
+def strong(A: Any) -> Any:
+    """Return the strong couplings of A, with their values."""
+    n = A.shape[0]
+    indptr = np.zeros(n + 1, dtype=np.int32)
+    threshold = np.empty(n)
+    count_strong(rows_of(A), indptr, threshold)
+    data, indices = np.empty(indptr[-1]), np.empty(indptr[-1], dtype=np.int32)
+    S = sparse.csr_array((data, indices, indptr), shape=(n, n))
+    copy_strong(rows_of(A), threshold, data, indices)
+    return S
+
+
+@kernel
+def count_strong(A, indptr, threshold):
+    """Write the row starts of the strong couplings and the largest strong a_ij."""
+    for i in range(threshold.size):
+        least = 0.0
+        for k in range(A.indptr[i], A.indptr[i + 1]):
+            if A.indices[k] != i:
+                least = min(least, A.data[k])
+        threshold[i] = THETA * least
+        count = 0
+        for k in range(A.indptr[i], A.indptr[i + 1]):
+            a = A.data[k]
+            count += a < 0.0 and a <= threshold[i] and A.indices[k] != i
+        indptr[i + 1] = indptr[i] + count
+
+
+@kernel
+def copy_strong(A, threshold, data, indices):
+    """Write the strong couplings row after row."""
+    t = 0
+    for i in range(threshold.size):
+        for k in range(A.indptr[i], A.indptr[i + 1]):
+            a = A.data[k]
+            if a < 0.0 and a <= threshold[i] and A.indices[k] != i:
+                data[t] = a
+                indices[t] = A.indices[k]
+                t += 1
+
+
+@kernel
+def unlike_rows(A, root):
+    """Return how many rows have positive couplings of more than half the negative ones.
+
+    Couplings are those of the unit-diagonal matrix; root (n,) is work. The number is -1
+    where a diagonal entry is not positive.
+    """
+    for i in range(root.size):
+        d = 0.0
+        for k in range(A.indptr[i], A.indptr[i + 1]):
+            if A.indices[k] == i:
+                d = A.data[k]
+        if not d > 0.0:
+            return -1
+        root[i] = np.sqrt(d)
+    count = 0
+    for i in range(root.size):
+        sum_ = 0.0  # of the negative ones and twice the positive ones
+        for k in range(A.indptr[i], A.indptr[i + 1]):
+            a = A.data[k]
+            if A.indices[k] != i:
+                sum_ += (a if a < 0.0 else 2.0 * a) / root[A.indices[k]]
+        count += sum_ > 0.0
+    return count

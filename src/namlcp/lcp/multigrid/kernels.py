@@ -1,0 +1,282 @@
+"""Compiled pieces of the truncated multigrid cycle: one pass over a level for each.
+
+A face F is given by `dinv`: 1 / a_ii on F, 0 elsewhere; every kernel skips the rows
+with 0. With T = diag(F) the V(1,1)-cycle acts on T A T, one forward Gauss-Seidel sweep
+on the way down, one backward sweep on the way up, and between them the coarse matrix
+
+    A_c = P' T A T P
+
+(Ruge and Stueben, in McCormick, Multigrid Methods, SIAM 1987, for T = I; Kornhuber,
+Numer. Math. 69 (1994) 167-184, for truncation). Matrices are triples (data, indices,
+indptr) in CSR with ascending columns; `diagonal` holds the places of their a_ii.
+
+Indices are cast to unsigned so that no negative index is looked for.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from namlcp.compiled import kernel
+from namlcp.lcp.modulus import ONE
+
+VANISHED = 1e-13
+"""A coarse diagonal that truncation leaves below this times its old value is zero."""
+
+
+class Rows(NamedTuple):
+    """A matrix in CSR, column indices ascending and unique in each row."""
+
+    data: np.ndarray
+    indices: np.ndarray
+    indptr: np.ndarray
+
+
+def rows_of(A: Any) -> Rows:
+    """Return a csr_array as compiled code sees it."""
+    return Rows(A.data, A.indices, A.indptr)
+
+
+@kernel
+def find_diagonal(A, diagonal, d):
+    """Write the places of the a_ii and their values; tell whether all are positive."""
+    for i in range(d.size):
+        diagonal[i] = -1
+        for k in range(A.indptr[i], A.indptr[i + 1]):
+            if A.indices[k] == i:
+                diagonal[i] = k
+                d[i] = A.data[k]
+        if diagonal[i] < 0 or not d[i] > 0.0:
+            return False
+    return True
+
+
+@kernel
+def residual_vector(A, q, z, w):
+    """Write w = A z + q."""
+    for i in range(w.size):
+        r = q[i]
+        for k in range(np.uintp(A.indptr[i]), np.uintp(A.indptr[i + 1])):
+            r += A.data[k] * z[np.uintp(A.indices[k])]
+        w[i] = r
+
+
+@kernel
+def mark_free(d, z, lower, upper, dinv):
+    """Write the face l < z < u to `dinv`; return how many unknowns changed sides."""
+    changed = 0
+    for i in range(z.size):
+        new = 1.0 / d[i] if lower[i] < z[i] < upper[i] else 0.0
+        changed += new != dinv[i]
+        dinv[i] = new
+    return changed
+
+
+@kernel
+def descend(A, diagonal, P, dinv, b, x, coarse):
+    """Write x, one forward sweep on T A T x = b from zero, and coarse = P'(b - T A x).
+
+    Such an x leaves the residual -(strict upper triangle) x: both triangles are read
+    once.
+    """
+    for i in range(x.size):
+        if dinv[i] == 0.0:
+            x[i] = 0.0
+            continue
+        r = b[i]
+        for k in range(np.uintp(A.indptr[i]), np.uintp(diagonal[i])):
+            r -= A.data[k] * x[np.uintp(A.indices[k])]
+        x[i] = r * dinv[i]
+    for j in range(coarse.size):
+        coarse[j] = 0.0
+    for i in range(x.size):
+        if dinv[i] == 0.0:
+            continue
+        r = 0.0
+        for k in range(np.uintp(diagonal[i]) + ONE, np.uintp(A.indptr[i + 1])):
+            r -= A.data[k] * x[np.uintp(A.indices[k])]
+        for k in range(np.uintp(P.indptr[i]), np.uintp(P.indptr[i + 1])):
+            coarse[np.uintp(P.indices[k])] += P.data[k] * r
+
+
+@kernel
+def ascend(A, diagonal, P, dinv, b, coarse, x):
+    """Add T P coarse to x, sweep backward on T A T x = b, return b'x."""
+    for i in range(x.size):
+        if dinv[i] != 0.0:
+            r = x[i]
+            for k in range(np.uintp(P.indptr[i]), np.uintp(P.indptr[i + 1])):
+                r += P.data[k] * coarse[np.uintp(P.indices[k])]
+            x[i] = r
+    product = 0.0
+    for t in range(x.size):
+        i = x.size - 1 - t
+        if dinv[i] == 0.0:
+            continue
+        r = b[i]
+        for k in range(np.uintp(A.indptr[i]), np.uintp(diagonal[i])):
+            r -= A.data[k] * x[np.uintp(A.indices[k])]
+        k = np.uintp(A.indptr[i + 1]) - ONE
+        while k > np.uintp(diagonal[i]):
+            r -= A.data[k] * x[np.uintp(A.indices[k])]
+            k -= ONE
+        x[i] = r * dinv[i]
+        product += b[i] * x[i]
+    return product
+
+
+@kernel
+def mark_dirty(A, dinv, touched, dirty):
+    """Mark the rows that are truncated, touched or have a truncated neighbour."""
+    for i in range(dinv.size):
+        mark = touched[i] or dinv[i] == 0.0
+        k = np.uintp(A.indptr[i])
+        end = np.uintp(A.indptr[i + 1])
+        while not mark and k < end:
+            mark = dinv[np.uintp(A.indices[k])] == 0.0
+            k += ONE
+        dirty[i] = mark
+
+
+@kernel
+def truncate_coarse(
+    A, P, R, dinv, dirty, coarse, d, truncated, coarse_dinv, touched, place
+):
+    """Recompute the rows of A_c = P' T A T P that differ from P' A P, no others.
+
+    Entries outside the pattern of P' A P go, in modulus, to the diagonal. A coarse
+    unknown without a free fine one is truncated itself.
+
+    Parameters
+    ----------
+    A, P, R : Rows
+        Truncated fine matrix, interpolation, R = P'.
+    dinv, dirty : (n,) array
+        Fine face; what `mark_dirty` wrote.
+    coarse : Rows
+        P' A P.
+    d : (m,) array
+        Its diagonal.
+    truncated : (nnz,) array
+        Values of A_c in the pattern of `coarse`; on entry those of an earlier face.
+    coarse_dinv : (m,) array
+        Coarse face on return.
+    touched : (m,) bool array
+        The rows of `truncated` that differ from those of `coarse`, before and after.
+    place : (m,) int32 array
+        Work; no meaning on return.
+    """
+    for j in range(d.size):
+        before = touched[j]
+        now = False
+        alive = False
+        for k in range(R.indptr[j], R.indptr[j + 1]):
+            i = R.indices[k]
+            now |= dirty[i]
+            alive |= dinv[i] != 0.0
+        touched[j] = now
+        start, end = coarse.indptr[j], coarse.indptr[j + 1]
+        if not now:
+            coarse_dinv[j] = 1.0 / d[j]
+            if before:
+                for k in range(start, end):
+                    truncated[k] = coarse.data[k]
+            continue
+        coarse_dinv[j] = 0.0
+        if not alive:
+            continue
+        for k in range(start, end):
+            truncated[k] = 0.0
+            place[coarse.indices[k]] = k
+        outside = 0.0
+        for k in range(np.uintp(R.indptr[j]), np.uintp(R.indptr[j + 1])):
+            i = np.uintp(R.indices[k])
+            if dinv[i] == 0.0:
+                continue
+            for t in range(np.uintp(A.indptr[i]), np.uintp(A.indptr[i + 1])):
+                l = np.uintp(A.indices[t])
+                if dinv[l] == 0.0:
+                    continue
+                ra = R.data[k] * A.data[t]
+                for s in range(np.uintp(P.indptr[l]), np.uintp(P.indptr[l + 1])):
+                    c = P.indices[s]
+                    p = place[c]
+                    if start <= p < end and coarse.indices[p] == c:
+                        truncated[p] += ra * P.data[s]
+                    else:
+                        outside += abs(ra * P.data[s])
+        p = place[j]
+        truncated[p] += outside
+        if truncated[p] > VANISHED * d[j]:
+            coarse_dinv[j] = 1.0 / truncated[p]
+
+
+@kernel
+def face_product(A, dinv, p, Ap):
+    """Write Ap = T A p for p = T p; return p'Ap."""
+    product = 0.0
+    for i in range(p.size):
+        r = 0.0
+        if dinv[i] != 0.0:
+            for k in range(np.uintp(A.indptr[i]), np.uintp(A.indptr[i + 1])):
+                r += A.data[k] * p[np.uintp(A.indices[k])]
+            product += r * p[i]
+        Ap[i] = r
+    return product
+
+
+@kernel
+def negative_on_face(dinv, w, r):
+    """Write r = -T w; return || r ||_2."""
+    total = 0.0
+    for i in range(r.size):
+        r[i] = -w[i] if dinv[i] != 0.0 else 0.0
+        total += r[i] * r[i]
+    return np.sqrt(total)
+
+
+@kernel
+def advance(step, p, Ap, x, r):
+    """Add step p to x and -step Ap to r; return || r ||_2."""
+    total = 0.0
+    for i in range(x.size):
+        x[i] += step * p[i]
+        t = r[i] - step * Ap[i]
+        r[i] = t
+        total += t * t
+    return np.sqrt(total)
+
+
+@kernel
+def segment(A, z, w, lower, upper, x, Ax):
+    """Make x the step from z to clip(z + x) and Ax its product; return w'x and x'Ax."""
+    for i in range(z.size):
+        x[i] = min(max(z[i] + x[i], lower[i]), upper[i]) - z[i]
+    slope = 0.0
+    curvature = 0.0
+    for i in range(z.size):
+        r = 0.0
+        for k in range(np.uintp(A.indptr[i]), np.uintp(A.indptr[i + 1])):
+            r += A.data[k] * x[np.uintp(A.indices[k])]
+        Ax[i] = r
+        slope += w[i] * x[i]
+        curvature += r * x[i]
+    return slope, curvature
+
+
+@kernel
+def move(step, x, Ax, lower, upper, z, w):
+    """Add step x to z, which stays in its box, and step Ax to w."""
+    for i in range(z.size):
+        z[i] = min(max(z[i] + step * x[i], lower[i]), upper[i])
+        w[i] += step * Ax[i]
+
+
+@kernel
+def interpolate(P, coarse, lower, upper, z):
+    """Write z = clip(P coarse)."""
+    for i in range(z.size):
+        r = 0.0
+        for k in range(P.indptr[i], P.indptr[i + 1]):
+            r += P.data[k] * coarse[P.indices[k]]
+        z[i] = min(max(r, lower[i]), upper[i])

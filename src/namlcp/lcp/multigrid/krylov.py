@@ -1,0 +1,88 @@
+"""Solve A_FF x = -w_F on a face of a level, preconditioned by the truncated V-cycle.
+
+Conjugate gradients for symmetric A; for others van der Vorst's BiCGStab (SIAM J. Sci.
+Stat. Comput. 13 (1992) 631-644), preconditioned from the right.
+"""
+
+import numpy as np
+
+from namlcp.lcp.multigrid.kernels import advance, face_product, negative_on_face
+from namlcp.lcp.multigrid.vcycle import VCycle
+
+
+def solve_face(
+    cycle: VCycle,
+    k: int,
+    w: np.ndarray,
+    reduction: float,
+    floor: float,
+    steps: int,
+    x: np.ndarray,
+) -> None:
+    """Write x, zero outside the face, so that || A_FF x + w_F || is small.
+
+    Parameters
+    ----------
+    cycle : VCycle
+        Its face on level k is F.
+    w : (n,) array
+    reduction, floor : float
+        Stop at the residual max(reduction || w_F ||, floor), or after `steps` steps.
+    """
+    r = np.empty_like(x)
+    size = negative_on_face(cycle.faces[k].dinv, w, r)
+    x.fill(0.0)
+    goal = max(reduction * size, floor)
+    if size > goal:
+        method = conjugate_gradients if cycle.symmetric else bicgstab
+        method(cycle, k, r, goal, steps, x)
+
+
+def conjugate_gradients(
+    cycle: VCycle, k: int, r: np.ndarray, goal: float, steps: int, x: np.ndarray
+) -> None:
+    """Add to x what makes the residual r at most `goal`."""
+    A, dinv = cycle.levels[k].A, cycle.faces[k].dinv
+    y, Ap = np.empty_like(r), np.empty_like(r)
+    rho = cycle.solve(k, r, y)
+    p = y.copy()
+    for step in range(1, steps + 1):
+        curvature = face_product(A, dinv, p, Ap)
+        if not (curvature > 0.0 and rho > 0.0):
+            return
+        if advance(rho / curvature, p, Ap, x, r) <= goal or step == steps:
+            return
+        before, rho = rho, cycle.solve(k, r, y)
+        p *= rho / before
+        p += y
+
+
+def bicgstab(
+    cycle: VCycle, k: int, r: np.ndarray, goal: float, steps: int, x: np.ndarray
+) -> None:
+    """Add to x what makes the residual r at most `goal`: two V-cycles a step."""
+    A, dinv = cycle.levels[k].A, cycle.faces[k].dinv
+    shadow, p = r.copy(), r.copy()
+    y, Ay, t = np.empty_like(r), np.empty_like(r), np.empty_like(r)
+    rho = float(shadow @ r)
+    for _ in range(steps):
+        cycle.solve(k, p, y)
+        face_product(A, dinv, y, Ay)
+        below = float(shadow @ Ay)
+        if rho == 0.0 or below == 0.0:
+            return
+        alpha = rho / below
+        if advance(alpha, y, Ay, x, r) <= goal:
+            return
+        cycle.solve(k, r, y)
+        product = face_product(A, dinv, y, t)  # only t is of interest
+        product = float(t @ t)
+        if product == 0.0:
+            return
+        omega = float(t @ r) / product
+        if advance(omega, y, t, x, r) <= goal or omega == 0.0:
+            return
+        before, rho = rho, float(shadow @ r)
+        p -= omega * Ay
+        p *= rho / before * alpha / omega
+        p += r

@@ -1,0 +1,142 @@
+"""The V(1,1)-cycle on a face: state of one solve over the levels of a hierarchy."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy import sparse
+
+from namlcp.lcp.multigrid.kernels import (
+    Rows,
+    ascend,
+    descend,
+    mark_dirty,
+    truncate_coarse,
+)
+
+SINGULAR = 1e13
+"""A coarsest matrix of this condition gets a pseudo-inverse."""
+
+
+class Level(NamedTuple):
+    """One level of a hierarchy; P, R and C lead to the next, empty on the last.
+
+    A : Rows, (n, n). diagonal, d : places and values of its diagonal entries.
+    P : Rows, (n, m) interpolation; R = P'. C : (m,) the fine unknown that each coarse
+    one is, -1 where it is none.
+    """
+
+    A: Rows
+    diagonal: np.ndarray
+    d: np.ndarray
+    P: Rows
+    R: Rows
+    C: np.ndarray
+
+
+class Face:
+    """What one level knows of the face: see `truncation`.
+
+    `A` is the matrix of the level until a face above truncates it, then a copy.
+    """
+
+    def __init__(self, level: Level):
+        n = level.d.size
+        self.A = level.A
+        self.dinv = 1.0 / level.d
+        self.touched = np.zeros(n, dtype=np.bool_)
+        self.dirty = np.empty(n, dtype=np.bool_)
+        # Work of the level above, whose coarse level this is.
+        self.b, self.x = np.empty(n), np.empty(n)
+        self.place = np.empty(0, dtype=np.int32)
+
+    def own_values(self) -> None:
+        """Copy the matrix, once, so that it can be truncated."""
+        if not self.place.size:
+            self.A = self.A._replace(data=self.A.data.copy())
+            self.place = np.zeros(self.dinv.size, dtype=np.int32)
+
+
+class VCycle:
+    """Approximate inverses of A_FF on the levels of a hierarchy.
+
+    A face may be set on any level k; the levels below follow it. Only such levels are
+    changed, so faces must be set from the coarsest level up.
+
+    Attributes
+    ----------
+    faces : list of Face
+    cycles : list of int
+        V-cycles so far that began on each level.
+    """
+
+    def __init__(self, levels: list[Level], symmetric: bool):
+        self.levels = levels
+        self.symmetric = symmetric
+        self.faces = [Face(level) for level in levels]
+        self.cycles = [0] * len(levels)
+        self.invert_coarsest()
+
+    def follow_face(self, k: int) -> None:
+        """Truncate the levels below k after a change of faces[k].dinv."""
+        for fine in range(k, len(self.levels) - 1):
+            level, coarse = self.levels[fine], self.levels[fine + 1]
+            face, below = self.faces[fine], self.faces[fine + 1]
+            below.own_values()
+            mark_dirty(face.A, face.dinv, face.touched, face.dirty)
+            truncate_coarse(
+                face.A,
+                level.P,
+                level.R,
+                face.dinv,
+                face.dirty,
+                coarse.A,
+                coarse.d,
+                below.A.data,
+                below.dinv,
+                below.touched,
+                below.place,
+            )
+        self.invert_coarsest()
+
+    def release(self) -> None:
+        """Make everything free on all levels."""
+        self.faces[0].dinv[:] = 1.0 / self.levels[0].d
+        self.follow_face(0)
+
+    def invert_coarsest(self) -> None:
+        """Invert the free block of the last level."""
+        face = self.faces[-1]
+        free = np.flatnonzero(face.dinv)
+        n = face.dinv.size
+        self.inverse = np.zeros((n, n))
+        dense = sparse.csr_array(tuple(face.A), shape=(n, n)).toarray()
+        self.inverse[np.ix_(free, free)] = inverse(
+            dense[np.ix_(free, free)], self.symmetric
+        )
+
+    def solve(self, k: int, b: np.ndarray, x: np.ndarray) -> float:
+        """Write x = B b, B the cycle on level k and below; return b'x."""
+        self.cycles[k] += 1
+        return self.descend_from(k, b, x)
+
+    def descend_from(self, k: int, b: np.ndarray, x: np.ndarray) -> float:
+        """Do the part of a cycle from level k down and up again."""
+        if k == len(self.levels) - 1:
+            np.dot(self.inverse, b, out=x)
+            return float(b @ x)
+        level, face, below = self.levels[k], self.faces[k], self.faces[k + 1]
+        A, P, dinv, diagonal = face.A, level.P, face.dinv, level.diagonal
+        descend(A, diagonal, P, dinv, b, x, below.b)
+        self.descend_from(k + 1, below.b, below.x)
+        return ascend(A, diagonal, P, dinv, b, below.x, x)
+
+
+def inverse(B: np.ndarray, symmetric: bool) -> Any:
+    """Return the inverse of a small dense matrix, the pseudo-inverse if singular."""
+    try:
+        X = np.linalg.inv(B)
+        if np.linalg.norm(B) * np.linalg.norm(X) < SINGULAR:
+            return X
+    except np.linalg.LinAlgError:
+        pass
+    return np.linalg.pinv(B, rcond=1.0 / SINGULAR, hermitian=symmetric)

@@ -1,0 +1,218 @@
+"""The homogeneous path: a solution of a monotone box LCP, or the proof of none.
+
+For A with x'Ax >= 0 for all x, symmetric or not. Unknowns are counted from a finite
+bound, p >= 0, those with another bound have room t >= 0 up to their width r, and some
+are free. With tau, kappa >= 0, multipliers s of p >= 0 and y of t >= 0,
+
+    s = A p + c tau + y,   t = r tau - p,   kappa = -p'A p / tau - c'p - r'y,
+    s_i p_i = 0,   y_i t_i = 0,   tau kappa = 0
+
+always has a solution other than 0. Where tau > 0, p / tau solves the LCP; where kappa >
+0, p leads down for ever, and there is none. The path to it is followed with Mehrotra's
+corrector, one factorisation a step, from a start that knows nothing.
+
+References
+----------
+Andersen and Ye, Math. Program. 84 (1999) 375-399.
+"""
+
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import numpy as np
+import qdldl
+from scipy import sparse
+from scipy.linalg.lapack import dpotrf
+
+from namlcp.lcp.modulus import dense_solver, sparse_solver
+
+STEPS = 50
+LEAST_STEP = 1e-8
+NEARLY = 0.995
+"""Of the way to the nearest bound."""
+
+REGULARISATION = 1e-13
+"""Added to the diagonal of the equilibrated matrix."""
+
+EQUILIBRATIONS = 3
+
+
+class Point(NamedTuple):
+    """A point of the path, for the box LCP.
+
+    With clarity = kappa / tau < 1 it is z. Else z is the direction, without what
+    complementarity tells to be 0.
+    """
+
+    z: np.ndarray
+    clarity: float
+
+
+class Iterate(NamedTuple):
+    """A point of the path, or a step. s is 0 for free unknowns, y and t for unbounded.
+
+    tau and kappa have shape (1,).
+    """
+
+    p: np.ndarray
+    s: np.ndarray
+    y: np.ndarray
+    t: np.ndarray
+    tau: np.ndarray
+    kappa: np.ndarray
+
+
+class Model:
+    """The LCP of p, equilibrated, without the pinned unknowns: z = base + scale p."""
+
+    def __init__(self, A: Any, q: np.ndarray, lower: np.ndarray, upper: np.ndarray):
+        """Take a dense or compressed A; c becomes of size 1."""
+        low, high = np.isfinite(lower), np.isfinite(upper)
+        self.base = np.where(low, lower, np.where(high, upper, 0.0))
+        kept = self.kept = np.flatnonzero(lower < upper)
+        c = (A @ self.base + q)[kept]
+        self.signed, self.boxed = (low | high)[kept], (low & high)[kept]
+        A = A[:, kept][kept]
+        d = equilibration(A)
+        self.scale = np.where(low | ~high, 1.0, -1.0)[kept] * d
+        self.M = congruent(A, self.scale)
+        self.c = self.scale * c
+        self.unit = float(np.abs(self.c).max(initial=0.0)) or 1.0
+        self.c /= self.unit
+        self.r = np.zeros(kept.size)
+        self.r[self.boxed] = ((upper - lower)[kept] / (self.unit * d))[self.boxed]
+
+    def solver(self, diagonal: np.ndarray) -> Any:
+        """Factor M + diag(diagonal); return its solve, None if it is singular."""
+        if sparse.issparse(self.M):
+            return sparse_solver(self.M + sparse.diags_array(diagonal), False)
+        K = self.M.copy(order="F")
+        K[np.diag_indices_from(K)] += diagonal
+        return dense_solver(K, False)
+
+    def point(self, x: Iterate) -> Point:
+        """Return the point of the box LCP."""
+        clarity = float(x.kappa[0] / x.tau[0])
+        if clarity < 1.0:
+            z, over = self.base.copy(), self.unit / x.tau[0]
+            z[self.kept] += over * self.scale * x.p
+        else:
+            z, over = np.zeros(self.base.size), self.unit / x.kappa[0]
+            positive = np.where(self.signed, x.p > x.s, ~self.boxed)
+            z[self.kept] = over * self.scale * np.where(positive, x.p, 0.0)
+        return Point(z, clarity)
+
+
+def equilibration(A: Any) -> np.ndarray:
+    """Return d > 0 that brings the largest sums |D A D| of a row or column near 1."""
+    d, size = np.ones(A.shape[0]), abs(A)
+    for _ in range(EQUILIBRATIONS):
+        total = np.maximum(size @ d, size.T @ d) * d
+        d /= np.sqrt(np.where(total > 0.0, total, 1.0))
+    return d
+
+
+def congruent(A: Any, d: np.ndarray) -> Any:
+    """Return D A D, dense or CSC."""
+    if sparse.issparse(A):
+        D = sparse.diags_array(d)
+        return sparse.csc_array(D @ A @ D)
+    return A * np.outer(d, d)
+
+
+def homogeneous_path(
+    A: Any, q: np.ndarray, lower: np.ndarray, upper: np.ndarray
+) -> Iterator[Point]:
+    """Yield the points of the path, one factorisation from one to the next.
+
+    It ends after `STEPS`, or where rounding allows no further step.
+    """
+    model = Model(A, q, lower, upper)
+    signed, boxed = model.signed, model.boxed
+    one = np.ones(1)
+    x = Iterate(*(1.0 * signed,) * 2, *(1.0 * boxed,) * 2, one, one)
+    inside = signed, signed, boxed, boxed, one > 0.0, one > 0.0
+    for _ in range(STEPS):
+        yield model.point(x)
+        found = step_from(model, x, inside)
+        if found is None:
+            return
+        dx, step = found
+        values = [v + step * dv for v, dv in zip(x, dx, strict=True)]
+        size = max(float(np.abs(v).max(initial=0.0)) for v in values)
+        if not (LEAST_STEP < step and size < np.inf):
+            return
+        x = Iterate(*(v / size for v in values))
+    yield model.point(x)
+
+
+def step_from(
+    model: Model, x: Iterate, inside: tuple[np.ndarray, ...]
+) -> tuple[Iterate, float] | None:
+    """Return the direction and how far to go, None if no factors are to be had.
+
+    The equation for dtau is the sum of those for dp, weighted with p / tau, and its
+    own: written out, what cancels near the end is not there.
+    """
+    M, c, r = model.M, model.c, model.r
+    signed, boxed = 1.0 * model.signed, 1.0 * model.boxed
+    p, s, y, t = x[:4]
+    tau, kappa = float(x.tau[0]), float(x.kappa[0])
+    P, T = np.where(model.signed, p, 1.0), np.where(model.boxed, t, 1.0)
+    Mp = M @ p
+    rx = Mp + c * tau + y - s
+    rt = boxed * (r * tau - p - t)
+    rk = -p @ Mp / tau - c @ p - r @ y - kappa
+    weight, diagonal = y / T, s / P + REGULARISATION
+    solve = model.solver(diagonal + weight)
+    if solve is None:
+        return None
+    u = solve(c - weight * r)
+    v = p / tau + u
+    slope = kappa / tau + v @ (M @ v) + weight @ (r + u) ** 2 + diagonal @ u**2
+    h = (rx + weight * rt - REGULARISATION * p) / tau
+    mu = (p @ s + y @ t + tau * kappa) / (signed.sum() + boxed.sum() + 1.0)
+    low, high, last = -p * s, -y * t, -tau * kappa  # towards these products' change
+    eta = 1.0  # and this share of the residuals
+    for corrector in range(2):
+        b = (high - eta * y * rt) / T
+        e = solve(signed * low / P - b - eta * rx)
+        rise = last + (t + rt) @ b + low.sum() - eta * (p @ rx)
+        dtau = (rise / tau - eta * rk + h @ e) / slope
+        dp = e - dtau * u
+        ds = signed * (low - s * dp) / P
+        dt = boxed * (r * dtau - dp + eta * rt)
+        dy = boxed * (high - y * dt) / T
+        dkappa = (last - kappa * dtau) / tau
+        dx = Iterate(dp, ds, dy, dt, np.array([dtau]), np.array([dkappa]))
+        step = min(1.0, NEARLY * longest(x, dx, inside))
+        if corrector == 0:
+            eta = 1.0 - (1.0 - step) ** 3
+            aim = (1.0 - eta) * mu
+            low = signed * (aim - p * s - dp * ds)
+            high = boxed * (aim - y * t - dy * dt)
+            last = aim - tau * kappa - dtau * dkappa
+    return dx, step
+
+
+def longest(x: Iterate, dx: Iterate, inside: tuple[np.ndarray, ...]) -> float:
+    """Return the largest step that leaves nothing negative."""
+    step = np.inf
+    for v, dv, signed in zip(x, dx, inside, strict=True):
+        falls = signed & (dv < 0.0)
+        step = min(step, float((-v[falls] / dv[falls]).min(initial=np.inf)))
+    return step
+
+
+def is_definite(A: Any, shift: float) -> bool:
+    """Tell whether x'(A + shift I)x > 0 for all x, by one Cholesky factorisation."""
+    if not sparse.issparse(A):
+        H = 0.5 * (A + A.T)
+        H[np.diag_indices_from(H)] += shift
+        return bool(dpotrf(H, overwrite_a=1)[1] == 0)
+    H = sparse.triu(0.5 * (A + A.T)) + shift * sparse.eye_array(A.shape[0])
+    try:
+        _, pivots, _ = qdldl.Solver(sparse.csc_matrix(H), upper=True).factors()
+    except RuntimeError:  # a zero pivot
+        return False
+    return bool((pivots > 0.0).all())

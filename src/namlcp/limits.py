@@ -1,0 +1,204 @@
+"""When a solve ends: tolerances, a count, a time limit or Ctrl-C.
+
+Loops in Python look between two iterations. A compiled function that may take long by
+itself is called by `Deadline.run` and asks back: `is_over`.
+"""
+
+import ctypes
+import functools
+import math
+import signal
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from types import FrameType
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from llvmlite import ir
+from numba import config, types
+from numba.extending import intrinsic
+
+from namlcp.compiled import part
+from namlcp.progress import Report
+from namlcp.status import Status
+
+# Operations of compiled code between two looks, some milliseconds.
+OFTEN = 4_000_000
+# Operations a second at least: what must end sooner than this promises is not watched,
+# nor what ends before a user has waited for so long [s].
+SPEED, PATIENCE = 5e8, 0.25
+
+Answer = ctypes.CFUNCTYPE(ctypes.c_int32)
+F = TypeVar("F", bound=Callable[..., Any])
+
+
+class Deadline:
+    """The end of a solve: a value of time.perf_counter(), or the first Ctrl-C.
+
+    Loops ask `reached` between two iterations: where they stop for the time they stop
+    for the user, with whole arrays and the best point.
+    """
+
+    def __init__(self, at: float = math.inf) -> None:
+        self.at = at
+        self.interrupted = False
+        self.error: BaseException | None = None  # raised by a signal's handler
+
+    def reached(self) -> bool:
+        """Tell whether to stop."""
+        return self.interrupted or time.perf_counter() >= self.at
+
+    @contextmanager
+    def listening(self) -> Iterator[None]:
+        """Let the first Ctrl-C in the block set `interrupted`; the next one raises.
+
+        Only Python's own handler is replaced, and only where it runs: in the main
+        thread.
+        """
+        ours = threading.current_thread() is threading.main_thread()
+        if not ours or signal.getsignal(signal.SIGINT) != signal.default_int_handler:
+            yield
+            return
+        signal.signal(signal.SIGINT, self.interrupt)
+        try:
+            yield
+        finally:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    def interrupt(self, number: int, frame: FrameType | None) -> None:
+        """Handle the signal."""
+        if self.interrupted:
+            raise KeyboardInterrupt
+        self.interrupted = True
+
+    def answers(self) -> Iterator[int]:
+        """Yield 0, then 1 or 0: whether a compiled loop that asks has to stop.
+
+        A generator, because signals are handled where Python code goes on: here within
+        the `try`, in a function before it could begin, and C code drops what is raised.
+        """
+        over = 0
+        while True:
+            try:
+                yield over
+                over = int(self.reached())
+            except GeneratorExit:
+                return
+            except BaseException as error:
+                self.error, over = error, 1
+
+    def run(self, kernel: Callable[..., Any], work: float, *arguments: Any) -> Any:
+        """Return kernel(*arguments, address) of a compiled function.
+
+        `address` is what `new_watch` takes. It is 0 where `work` operations, all that
+        the kernel can do, are too few to be watched.
+        """
+        left = self.at - time.perf_counter()
+        if work <= SPEED * (left if left < PATIENCE else PATIENCE):
+            return kernel(*arguments, 0)
+        answers = self.answers()
+        next(answers)
+        answer = Answer(answers.__next__)
+        with self.listening():
+            found = kernel(*arguments, ctypes.c_void_p.from_buffer(answer).value)
+        if self.error is not None:
+            raise self.error
+        return found
+
+    def verdict(self, status: Status) -> Status:
+        """Return INTERRUPTED where Ctrl-C, not the time, ended the solve.
+
+        A solve that ended by itself has nothing to hand over before its time: there
+        Ctrl-C means what it always means, so that a loop over small problems can be
+        left.
+        """
+        if not self.interrupted:
+            return status
+        if status is Status.TIME_LIMIT:
+            return Status.INTERRUPTED
+        raise KeyboardInterrupt
+
+
+NEVER = Deadline()
+
+
+class Limits(NamedTuple):
+    """When a solve ends, and who is told of its iterations.
+
+    eps_abs, eps_rel: tolerances as `Options` and `solve_lcp` define them. max_iter:
+    iterations at most; None is the default of the method that runs. report: called
+    for every iteration as `Progress.row`, unless None.
+    """
+
+    eps_abs: float = 0.0
+    eps_rel: float = 0.0
+    max_iter: int | None = None
+    deadline: Deadline = NEVER
+    report: Report = None
+
+
+def interruptible(function: F) -> F:
+    """Let a Ctrl-C that compiled code met be a KeyboardInterrupt.
+
+    Where a signal's handler raises while a result is handed over, compiled code makes
+    of it a SystemError, or a chain of them.
+    """
+
+    @functools.wraps(function)
+    def guarded(*arguments: Any, **settings: Any) -> Any:
+        try:
+            return function(*arguments, **settings)
+        except SystemError as error:
+            cause: BaseException | None = error
+            while isinstance(cause, SystemError):
+                cause = cause.__cause__
+            if isinstance(cause, KeyboardInterrupt):
+                raise KeyboardInterrupt from None
+            raise
+
+    return guarded  # type: ignore[return-value]
+
+
+@intrinsic
+def called(typingctx, address):
+    """Return the int32 of the C function at `address`, which has no arguments."""
+
+    def codegen(context, builder, signature, arguments):
+        function = ir.FunctionType(ir.IntType(32), [])
+        pointer = builder.inttoptr(arguments[0], function.as_pointer())
+        return builder.call(pointer, [])
+
+    return types.int32(types.int64), codegen
+
+
+def interpreted_call(address):
+    """Return the same where nothing is compiled."""
+    return Answer(address)()
+
+
+call = interpreted_call if config.DISABLE_JIT else called
+
+
+@part
+def new_watch(address):
+    """Return what `is_over` needs: the address, operations since the last look, over.
+
+    Where the address is 0 nobody is asked.
+    """
+    watch = np.zeros(3, dtype=np.int64)
+    watch[0] = address
+    return watch
+
+
+@part
+def is_over(watch, operations):
+    """Tell whether to stop, after so many more operations; once over, always over."""
+    if watch[0] == 0:
+        return False
+    watch[1] += operations
+    if watch[2] == 0 and watch[1] >= OFTEN:
+        watch[1] = 0
+        watch[2] = call(watch[0])
+    return watch[2] != 0

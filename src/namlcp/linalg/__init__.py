@@ -1,0 +1,102 @@
+"""BLAS and LAPACK in compiled code, sparse columns, orderings, factorisations."""
+
+from namlcp.linalg.columns import (
+    SMALL,
+    Columns,
+    add_product,
+    all_finite,
+    columns_of,
+    largest_entry,
+    scale_columns,
+    write_diagonal,
+)
+from namlcp.linalg.csc import as_dense, by_rows, submatrix, with_squares, without_zeros
+from namlcp.linalg.definite import (
+    CONVEX,
+    MINOR,
+    NEGATIVE,
+    SLACK,
+    UNDECIDED,
+    ZERO,
+    curvature,
+    has_positive_pivots,
+)
+from namlcp.linalg.factors import Bordered, Sparse, factor
+from namlcp.linalg.lapack import (
+    add_rmatvec,
+    add_scaled,
+    backward_solve,
+    cholesky,
+    cholesky_solve,
+    copy,
+    dot,
+    forward_solve,
+    lu,
+    lu_solve,
+    matvec,
+)
+from namlcp.linalg.ldl import (
+    bitset_minimum_degree,
+    ldl_numeric,
+    ldl_solve,
+    ldl_symbolic,
+)
+from namlcp.linalg.multifrontal import Multifrontal
+from namlcp.linalg.ordering import minimum_degree
+from namlcp.linalg.products import add_transposed, times
+from namlcp.linalg.supernodes import Blocks, blocks_of, factor_blocks, solve_blocks
+from namlcp.linalg.symmetry import asymmetry, dense_asymmetry
+from namlcp.linalg.threads import blas_threads
+
+__all__ = [
+    "CONVEX",
+    "MINOR",
+    "NEGATIVE",
+    "SLACK",
+    "SMALL",
+    "UNDECIDED",
+    "ZERO",
+    "Blocks",
+    "Bordered",
+    "Columns",
+    "Multifrontal",
+    "Sparse",
+    "add_product",
+    "add_rmatvec",
+    "add_scaled",
+    "add_transposed",
+    "all_finite",
+    "as_dense",
+    "asymmetry",
+    "backward_solve",
+    "bitset_minimum_degree",
+    "blas_threads",
+    "blocks_of",
+    "by_rows",
+    "cholesky",
+    "cholesky_solve",
+    "columns_of",
+    "copy",
+    "curvature",
+    "dense_asymmetry",
+    "dot",
+    "factor",
+    "factor_blocks",
+    "forward_solve",
+    "has_positive_pivots",
+    "largest_entry",
+    "ldl_numeric",
+    "ldl_solve",
+    "ldl_symbolic",
+    "lu",
+    "lu_solve",
+    "matvec",
+    "minimum_degree",
+    "scale_columns",
+    "solve_blocks",
+    "submatrix",
+    "times",
+    "with_squares",
+    "without_zeros",
+    "write_diagonal",
+]

@@ -1,0 +1,120 @@
+"""The matrix of a box LCP as compiled code sees it: its columns, dense or compressed.
+
+Compiled code only ever walks **columns**: an unknown that moves changes w = A z + q by
+a multiple of its column, and unknowns at zero cost nothing. The columns of a symmetric
+matrix are its rows, so no copy is made.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy import sparse
+
+from namlcp.compiled import part
+
+SMALL = 24
+"""Up to this order everything is dense."""
+
+
+class Columns(NamedTuple):
+    """Columns of A: row j of `dense` (n, n), or of the compressed arrays, is column j.
+
+    The kind that is not in use is empty; both are there so that one compiled function
+    serves the two.
+    """
+
+    dense: np.ndarray
+    data: np.ndarray
+    indices: np.ndarray
+    indptr: np.ndarray
+
+
+NO_DENSE = np.empty((0, 0))
+NO_DATA = np.empty(0)
+NO_INDICES = np.empty(0, dtype=np.int32)
+
+
+def columns_of(A: Any, symmetric: bool) -> Columns:
+    """Return the columns of A, in whichever storage is cheaper to work with."""
+    n = A.shape[0]
+    if isinstance(A, np.ndarray):
+        if n > 4 * SMALL and np.count_nonzero(A) < n * n // 8:
+            A = sparse.csr_array(A)
+    elif n <= SMALL or A.nnz > n * n // 4:
+        A = A.toarray()
+    if isinstance(A, np.ndarray):
+        dense = A if symmetric else A.T
+        return Columns(np.ascontiguousarray(dense), NO_DATA, NO_INDICES, NO_INDICES)
+    if not symmetric:
+        A = A.T.tocsr()
+        A.sort_indices()
+    indices, indptr = A.indices, A.indptr
+    if indices.dtype != np.int32:
+        indices, indptr = indices.astype(np.int32), indptr.astype(np.int32)
+    return Columns(NO_DENSE, A.data, indices, indptr)
+
+
+@part
+def write_diagonal(columns, out):
+    """Write the diagonal of A to out (n,)."""
+    dense, data, indices, indptr = columns
+    for j in range(out.size):
+        if dense.shape[0] > 0:
+            out[j] = dense[j, j]
+        else:
+            out[j] = 0.0
+            for k in range(indptr[j], indptr[j + 1]):
+                if indices[k] == j:
+                    out[j] = data[k]
+
+
+@part
+def scale_columns(columns, d, scaled):
+    """Write diag(d) A diag(d) to the values of `scaled`."""
+    dense, data, indices, indptr = columns
+    n = d.size
+    if dense.shape[0] > 0:
+        for j in range(n):
+            for i in range(n):
+                scaled.dense[j, i] = dense[j, i] * d[j] * d[i]
+    else:
+        for j in range(n):
+            for k in range(indptr[j], indptr[j + 1]):
+                scaled.data[k] = data[k] * d[j] * d[indices[k]]
+
+
+@part
+def add_product(columns, z, w):
+    """Add A z to w (n,); unknowns at zero cost nothing.
+
+    Unsigned indices spare the test for those that count from the end.
+    """
+    dense, data, indices, indptr = columns
+    if dense.shape[0] > 0:
+        for j in range(z.size):
+            if z[j] != 0.0:
+                for i in range(w.size):
+                    w[i] += z[j] * dense[j, i]
+    else:
+        for j in range(z.size):
+            if z[j] != 0.0:
+                for p in range(np.uint32(indptr[j]), np.uint32(indptr[j + 1])):
+                    w[np.uint32(indices[p])] += z[j] * data[p]
+
+
+@part
+def largest_entry(x):
+    """Return max |x_i|."""
+    size = 0.0
+    for i in range(x.size):
+        size = max(size, abs(x[i]))
+    return size
+
+
+@part
+def all_finite(x):
+    """Tell whether there is neither NaN nor infinity in x."""
+    for i in range(x.size):
+        if not abs(x[i]) < np.inf:
+            return False
+    return True

@@ -1,0 +1,182 @@
+"""What is done to sparse matrices before a solve: parts, rows, squares, dense ones.
+
+SciPy takes 30 to 100 us for each of these on a matrix of a few hundred entries, longer
+than the whole solve; everything here is one compiled pass. All matrices are canonical
+(sorted, no duplicates) with int32 indices.
+"""
+
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csc_array, csr_array
+
+from namlcp.checks import as_sparse
+from namlcp.compiled import kernel
+from namlcp.limits import NEVER, Deadline
+
+DENSE = 0.2  # density from which rows are multiplied as dense ones
+ROOM = 20_000_000  # entries of a dense matrix at most
+STRIP = 4_000_000  # entries of the rows multiplied at a time
+
+
+def as_dense(C: Any) -> np.ndarray:
+    """Return a clean sparse matrix in CSC as a clean dense one."""
+    out = np.zeros(C.shape)
+    scatter(C.indptr, C.indices, C.data, out)
+    return out
+
+
+@kernel
+def scatter(indptr, indices, data, out):
+    """Write the entries of a CSC matrix into `out`, which is zero."""
+    for j in range(indptr.size - 1):
+        for t in range(indptr[j], indptr[j + 1]):
+            out[indices[t], j] = data[t]
+
+
+def without_zeros(M: csc_array) -> csc_array:
+    """Return M without stored zeros, itself if there are none."""
+    if M.nnz and not M.data.all():
+        M = M.copy()
+        M.eliminate_zeros()
+    return M
+
+
+def submatrix(M: csc_array, rows: np.ndarray, columns: np.ndarray) -> csc_array:
+    """Return the rows and columns of M named in rising order; M itself if all are."""
+    if (rows.size, columns.size) == M.shape:
+        return M
+    number = np.full(M.shape[0], -1, dtype=np.int32)
+    number[rows] = np.arange(rows.size)
+    parts = selected_part(M.indptr, M.indices, M.data, number, columns)
+    return from_arrays(parts, (rows.size, columns.size))
+
+
+def by_rows(M: csc_array) -> csr_array:
+    """Return M in CSR."""
+    indptr, indices, data = transposed(M.indptr, M.indices, M.data, M.shape[0])
+    rows = csr_array((data, indices, indptr), shape=M.shape)
+    rows.has_canonical_format = True
+    return rows
+
+
+def with_squares(
+    P: csc_array, B: csc_array, weight: np.ndarray, deadline: Deadline = NEVER
+) -> csc_array | None:
+    """Return P + B' diag(weight) B, None where the deadline comes before that."""
+    rows, columns = B.shape
+    if DENSE * rows * columns < B.nnz and columns**2 <= ROOM:
+        S, C = as_dense(P), by_rows(B)
+        step = max(1, STRIP // columns)
+        for i in range(0, rows, step):
+            if deadline.reached():
+                return None
+            half = C[i : i + step].toarray() * np.sqrt(weight[i : i + step])[:, None]
+            S += half.T @ half
+        return as_sparse(S)
+    turned = transposed(B.indptr, B.indices, B.data, rows)
+    parts = add_squares(
+        P.indptr, P.indices, P.data, B.indptr, B.indices, B.data, *turned, weight
+    )
+    return from_arrays(parts, P.shape)
+
+
+def from_arrays(
+    parts: tuple[np.ndarray, np.ndarray, np.ndarray], shape: tuple[int, int]
+) -> csc_array:
+    """Return (indptr, indices, data), sorted and without duplicates, as a matrix."""
+    indptr, indices, data = parts
+    M = csc_array((data, indices, indptr), shape=shape)
+    M.has_canonical_format = True
+    return M
+
+
+@kernel
+def selected_part(indptr, indices, data, number, columns):
+    """Return the CSC arrays of some columns; `number` renames rows, -1 drops them."""
+    new_indptr = np.zeros(columns.size + 1, dtype=np.int32)
+    size = 0
+    for j in columns:
+        size += indptr[j + 1] - indptr[j]
+    new_indices = np.empty(size, dtype=np.int32)
+    new_data = np.empty(size)
+    nnz = 0
+    for k in range(columns.size):
+        for t in range(indptr[columns[k]], indptr[columns[k] + 1]):
+            i = number[indices[t]]
+            if i >= 0:
+                new_indices[nnz] = i
+                new_data[nnz] = data[t]
+                nnz += 1
+        new_indptr[k + 1] = nnz
+    return new_indptr, new_indices[:nnz], new_data[:nnz]
+
+
+@kernel
+def transposed(indptr, indices, data, rows):
+    """Return the CSR arrays of a CSC matrix."""
+    turned = np.zeros(rows + 1, dtype=np.int32)
+    for i in indices:
+        turned[i + 1] += 1
+    for i in range(rows):
+        turned[i + 1] += turned[i]
+    place = turned[:-1].copy()
+    columns = np.empty_like(indices)
+    values = np.empty_like(data)
+    for j in range(indptr.size - 1):
+        for t in range(indptr[j], indptr[j + 1]):
+            k = place[indices[t]]
+            columns[k] = j
+            values[k] = data[t]
+            place[indices[t]] += 1
+    return turned, columns, values
+
+
+@kernel
+def add_squares(
+    P_indptr, P_indices, P_data, indptr, indices, data, turned, columns, values, weight
+):
+    """Return P + B' diag(weight) B in CSC; B is given by columns and by rows.
+
+    Column by column with a dense accumulator (Gustavson, ACM Trans. Math. Softw. 4,
+    1978).
+    """
+    n = indptr.size - 1
+    sums = np.zeros(n)
+    seen = np.full(n, -1)
+    out_indptr = np.zeros(n + 1, dtype=np.int32)
+    room = P_data.size + 4 * data.size + n
+    out_indices = np.empty(room, dtype=np.int32)
+    out_data = np.empty(room)
+    nnz = 0
+    for j in range(n):
+        if nnz + n > room:
+            room = 2 * room + n
+            out_indices = np.append(out_indices, np.empty(room, dtype=np.int32))
+            out_data = np.append(out_data, np.empty(room))
+            room = out_data.size
+        start = nnz
+        for t in range(P_indptr[j], P_indptr[j + 1]):
+            i = P_indices[t]
+            seen[i] = j
+            sums[i] = P_data[t]
+            out_indices[nnz] = i
+            nnz += 1
+        for t in range(indptr[j], indptr[j + 1]):
+            row = indices[t]
+            factor = weight[row] * data[t]
+            if factor == 0.0:
+                continue
+            for k in range(turned[row], turned[row + 1]):
+                i = columns[k]
+                if seen[i] != j:
+                    seen[i] = j
+                    sums[i] = 0.0
+                    out_indices[nnz] = i
+                    nnz += 1
+                sums[i] += factor * values[k]
+        for t in range(start, nnz):
+            out_data[t] = sums[out_indices[t]]
+        out_indptr[j + 1] = nnz
+    # The matrix is symmetric (to rounding), so that turning it only sorts it.
+    return transposed(out_indptr, out_indices[:nnz], out_data[:nnz], n)

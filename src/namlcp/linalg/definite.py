@@ -1,0 +1,108 @@
+"""Whether a symmetric matrix is positive semidefinite, as far as rounding lets tell."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import qdldl
+from scipy.sparse import csc_matrix
+
+from namlcp.compiled import kernel
+
+SLACK = 1e-6
+"""Negative curvature, of a unit diagonal, that single precision explains."""
+
+# A diagonal entry below this times max |P| counts as zero, and so must its row.
+ZERO = 1e-15
+
+CONVEX, NEGATIVE, MINOR, UNDECIDED = 0, 1, 2, 3
+
+
+class Curvature(NamedTuple):
+    """What signs, minors of order two and diagonal dominance tell of a matrix.
+
+    code: CONVEX (positive semidefinite), NEGATIVE (a negative diagonal entry j), MINOR
+    (the minor of i and j is negative) or UNDECIDED. triangle: the upper triangle of the
+    matrix scaled to a unit diagonal, plus `SLACK` I.
+    """
+
+    code: int
+    i: int
+    j: int
+    triangle: csc_matrix
+
+
+def curvature(P: Any) -> Curvature:
+    """Tell what can be told without a factorisation of P (CSC, symmetric)."""
+    n = P.shape[0]
+    indptr = np.zeros(n + 1, dtype=np.int32)
+    indices = np.empty(P.data.size + n, dtype=np.int32)
+    data = np.empty(indices.size)
+    code, i, j = unit_triangle(
+        P.indptr, P.indices, P.data, np.zeros((2, n)), indptr, indices, data
+    )
+    nnz = indptr[n]
+    triangle = csc_matrix((data[:nnz], indices[:nnz], indptr), shape=P.shape)
+    return Curvature(code, i, j, triangle)
+
+
+def has_positive_pivots(triangle: csc_matrix) -> bool:
+    """Tell whether L D L' of a matrix, its upper triangle given, has D > 0."""
+    try:
+        pivots = qdldl.Solver(triangle, upper=True).factors()[1]
+    except (RuntimeError, ValueError):  # a pivot is exactly zero
+        return False
+    return bool((pivots > 0.0).all())
+
+
+@kernel
+def unit_triangle(indptr, indices, data, work, up, ui, ux):
+    """Write the upper triangle of R^-1 (P + t I) R^-1 + SLACK I; return (code, i, j).
+
+    t = ZERO max |P| stands for rounding, R has the roots of the diagonal of P + t I.
+    i and j say where NEGATIVE (j) or MINOR was found.
+
+    Parameters
+    ----------
+    indptr, indices, data : arrays
+        P, symmetric, CSC.
+    work : (2, n) array
+        Zeros in the first row; no meaning on return.
+    up, ui, ux : (n + 1,) int32, (nnz(P) + n,) int32, (nnz(P) + n,) arrays
+        The triangle, CSC; up is zero on entry.
+    """
+    n = indptr.size - 1
+    diagonal, root = work[0], work[1]
+    size = 0.0
+    for j in range(n):
+        for t in range(indptr[j], indptr[j + 1]):
+            size = max(size, abs(data[t]))
+            if indices[t] == j:
+                diagonal[j] = data[t]
+    tiny = ZERO * size
+    for j in range(n):
+        root[j] = np.sqrt(max(diagonal[j], 0.0) + max(tiny, 1e-300))
+    code = CONVEX
+    nnz = 0
+    for j in range(n):
+        if diagonal[j] < -tiny:
+            return NEGATIVE, j, j
+        rest = 0.0
+        for t in range(indptr[j], indptr[j + 1]):
+            i = indices[t]
+            if i == j:
+                continue
+            rest += abs(data[t])
+            bound = np.sqrt(max(diagonal[i], 0.0) * max(diagonal[j], 0.0))
+            if abs(data[t]) > bound * (1.0 + 2.0 * SLACK) + tiny:
+                return MINOR, i, j
+            if i < j:
+                ui[nnz] = i
+                ux[nnz] = data[t] / (root[i] * root[j])
+                nnz += 1
+        if rest > diagonal[j]:
+            code = UNDECIDED
+        ui[nnz] = j
+        ux[nnz] = 1.0 + SLACK
+        nnz += 1
+        up[j + 1] = nnz
+    return code, 0, 0

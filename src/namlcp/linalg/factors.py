@@ -1,0 +1,236 @@
+"""Factors of the KKT matrix: qdldl, dense fronts, or qdldl and a dense border.
+
+qdldl goes entry by entry, which is best where L is thin. Where much fill is counted in
+advance, dense fronts are ten times faster (`multifrontal`). Where a few variables are
+in many rows (a dense data matrix in a support vector machine, a dense P), almost all of
+a sparse factorisation is spent on one dense block. There the matrix is split into a
+sparse part R and a dense border D,
+
+    K = [K_R  B  ]      X = K_R^-1 B,   S = K_D - B'X,
+        [B'   K_D]      K u = r:  u_D = S^-1 (r_D - B' K_R^-1 r_R),
+                                  u_R = K_R^-1 r_R - X u_D
+
+with qdldl for K_R and LAPACK for S: the same elimination, in blocks.
+"""
+
+from typing import Any
+
+import numpy as np
+import qdldl
+from scipy.linalg.lapack import dpotrf, dpotrs, dsytrf, dsytrf_lwork, dsytrs
+from scipy.sparse import csc_array, csc_matrix
+
+from namlcp.compiled import kernel
+from namlcp.linalg.csc import ROOM
+from namlcp.linalg.multifrontal import Multifrontal
+from namlcp.linalg.ordering import (
+    HUB,
+    Order,
+    degrees,
+    minimum_degree,
+    nested_dissection,
+)
+
+LIGHT = 20_000  # entries of K below which a border gains nothing
+SPARSE = 16  # degree at which a row or column may stay in the sparse part
+LEAST, MOST = 50, 3000  # size of a border
+THIN = 0.1  # density of B from which a border pays
+WIDE = 600  # size from which it pays with a thinner B, if K_D is full:
+FULL = 0.2  # so many of its entries are there, of 0.5 in the upper triangle
+HEAVY = 1.5e7  # multiplications of a factorisation from which dense fronts pay
+DEEP = 1e5  # multiplications a row from which another order is worth its time
+FILL = (200_000, 0), (20_000, 3), (5_000, 4)
+"""Fill is counted where K has so many entries or more, and so many a column."""
+
+
+def factor(matrix: csc_array) -> "Sparse | Multifrontal | Bordered":
+    """Return factors of a quasi-definite matrix, its upper triangle given in CSC."""
+    border = dense_border(matrix.indptr, matrix.indices)
+    if border.size:
+        return Bordered(matrix, border)
+    order = heavy_order(matrix.indptr, matrix.indices)
+    return Sparse(matrix) if order is None else Multifrontal(matrix, order)
+
+
+class Sparse:
+    """L D L' by qdldl."""
+
+    def __init__(self, matrix: csc_array) -> None:
+        """Order and factor; the pattern stays."""
+        self.matrix = matrix
+        self.solver = qdldl.Solver(matrix, upper=True)
+
+    def update(self, data: np.ndarray) -> None:
+        """Factor again with other values."""
+        if data is not self.matrix.data:
+            self.matrix.data[:] = data
+        self.solver.update(self.matrix, upper=True)
+
+    def solve(self, rhs: np.ndarray) -> np.ndarray:
+        """Return the solution for a right-hand side."""
+        return self.solver.solve(rhs)
+
+
+class Bordered:
+    """qdldl for the sparse part, LAPACK for the Schur complement on the border."""
+
+    def __init__(self, matrix: csc_array, border: np.ndarray) -> None:
+        """Split and factor; `border` has the rows of D in rising order."""
+        size = matrix.shape[0]
+        self.indptr, self.indices = matrix.indptr, matrix.indices
+        self.border = border
+        self.rest = np.delete(np.arange(size), border)
+        self.place = np.empty(size, dtype=np.int32)
+        self.place[self.rest] = np.arange(self.rest.size)
+        self.place[border] = -1 - np.arange(border.size)
+        counts = count_rest(self.indptr, self.indices, self.place)
+        indptr = np.concatenate(([0], np.cumsum(counts[self.rest]))).astype(np.int32)
+        empty = np.zeros(indptr[-1]), np.zeros(indptr[-1], dtype=np.int32), indptr
+        self.inner = csc_matrix(empty, shape=(self.rest.size, self.rest.size))
+        self.B = np.zeros((self.rest.size, border.size), order="F")
+        self.S = np.zeros((border.size, border.size), order="F")
+        self.solver: Any = None
+        self.update(matrix.data)
+
+    def update(self, data: np.ndarray) -> None:
+        """Factor again with other values."""
+        inner, B, S = self.inner, self.B, self.S
+        S[:] = 0.0
+        split(
+            self.indptr, self.indices, data, self.place, inner.indices, inner.data, B, S
+        )
+        if inner.nnz == self.rest.size:
+            self.solver = Diagonal(inner.data)
+            X = B / inner.data[:, None]
+        else:
+            if self.solver is None:
+                self.solver = qdldl.Solver(inner, upper=True)
+            else:
+                self.solver.update(inner, upper=True)
+            X = np.empty_like(B)
+            for j in range(B.shape[1]):
+                X[:, j] = self.solver.solve(B[:, j])
+        S -= B.T @ X
+        self.X = X
+        self.L, info = dpotrf(S, lower=0)
+        self.is_definite = info == 0
+        if not self.is_definite:
+            lwork = int(dsytrf_lwork(S.shape[0], lower=0)[0])  # or it is unblocked
+            self.L, self.pivots, info = dsytrf(S, lower=0, lwork=lwork)
+            if info != 0:
+                raise ValueError("the Schur complement is singular")
+
+    def solve(self, rhs: np.ndarray) -> np.ndarray:
+        """Return the solution for a right-hand side."""
+        u = np.empty_like(rhs)
+        inner = self.solver.solve(rhs[self.rest])
+        goal = rhs[self.border] - self.B.T @ inner
+        if self.is_definite:
+            outer = dpotrs(self.L, goal, lower=0)[0]
+        else:
+            outer = dsytrs(self.L, self.pivots, goal, lower=0)[0]
+        u[self.border] = outer
+        u[self.rest] = inner - self.X @ outer
+        return u
+
+
+class Diagonal:
+    """A diagonal matrix with the interface of a factorisation."""
+
+    def __init__(self, entries: np.ndarray) -> None:
+        """Keep the entries."""
+        self.entries = entries
+
+    def solve(self, rhs: np.ndarray) -> np.ndarray:
+        """Return the solution for a right-hand side."""
+        return rhs / self.entries
+
+
+def dense_border(indptr: np.ndarray, indices: np.ndarray) -> np.ndarray:
+    """Return the rows to split off, none if that does not pay."""
+    none = np.empty(0, dtype=np.intp)
+    size = indptr.size - 1
+    if indices.size < LIGHT:
+        return none
+    outside = np.zeros(size, dtype=np.bool_)
+    while True:
+        degree = degrees(indptr, indices, ~outside)
+        highest = degree.max()
+        if highest <= SPARSE:
+            break
+        outside |= degree > max(highest // 2, SPARSE)
+        if np.count_nonzero(outside) > MOST:
+            return none
+    border = np.flatnonzero(outside)
+    rest = size - border.size
+    if border.size < LEAST or border.size * rest > ROOM:
+        return none
+    inside, crossing = count_entries(indptr, indices, outside)
+    is_full = border.size >= WIDE and inside >= FULL * border.size**2
+    return border if is_full or crossing >= THIN * border.size * rest else none
+
+
+def heavy_order(indptr: np.ndarray, indices: np.ndarray) -> Order | None:
+    """Return an order for dense fronts, None where qdldl is as good."""
+    size = indptr.size - 1
+    if not any(indices.size >= max(least, few * size) for least, few in FILL):
+        return None
+    degree = degrees(indptr, indices, np.ones(size, dtype=np.bool_))
+    if degree.max() > HUB * np.sqrt(size):
+        return None
+    order = minimum_degree(indptr, indices)
+    if order.work >= DEEP * size:
+        other = nested_dissection(indptr, indices)
+        if other is not None and other.work < order.work:
+            order = other
+    return order if order.work >= HEAVY else None
+
+
+@kernel
+def count_entries(indptr, indices, outside):
+    """Count the entries of K_D (its upper triangle) and of B."""
+    inside = 0
+    crossing = 0
+    for j in range(outside.size):
+        for t in range(indptr[j], indptr[j + 1]):
+            if outside[indices[t]] != outside[j]:
+                crossing += 1
+            elif outside[j]:
+                inside += 1
+    return inside, crossing
+
+
+@kernel
+def count_rest(indptr, indices, place):
+    """Count the entries of each column of K that belong to K_R."""
+    counts = np.zeros(place.size, dtype=np.int32)
+    for j in range(place.size):
+        if place[j] >= 0:
+            for t in range(indptr[j], indptr[j + 1]):
+                if place[indices[t]] >= 0:
+                    counts[j] += 1
+    return counts
+
+
+@kernel
+def split(indptr, indices, data, place, inner_indices, inner_data, B, S):
+    """Write the upper triangle of K into that of K_R, B and that of S.
+
+    place[j] is the row of K_R, or -1 minus that of the border.
+    """
+    nnz = 0
+    for j in range(place.size):
+        to = place[j]
+        for t in range(indptr[j], indptr[j + 1]):
+            row = place[indices[t]]
+            if row >= 0 and to >= 0:
+                inner_indices[nnz] = row
+                inner_data[nnz] = data[t]
+                nnz += 1
+            elif row >= 0:
+                B[row, -1 - to] = data[t]
+            elif to >= 0:
+                B[to, -1 - row] = data[t]
+            else:
+                S[-1 - row, -1 - to] = data[t]
+                S[-1 - to, -1 - row] = data[t]

@@ -1,0 +1,226 @@
+"""L D L' of a large quasi-definite matrix by dense fronts (the multifrontal method).
+
+A supernode, k columns of L on f rows, is kept as one dense block. Eliminating it leaves
+an update of order f - k, which its parent in the elimination tree adds to its own
+front. Nearly all of the work is then matrix products, which BLAS does ten times faster
+than a factorisation that goes entry by entry. No pivoting is needed: every symmetric
+permutation of a quasi-definite matrix has an L D L' (R. Vanderbei, SIAM J. Optim. 5
+(1995) 100-113). The fronts: Duff and Reid, ACM Trans. Math. Softw. 9 (1983) 302-325.
+"""
+
+import numpy as np
+from scipy.sparse import csc_array
+
+from namlcp.compiled import kernel, part
+from namlcp.linalg.lapack import add_scaled, dot, product, solve_rows
+from namlcp.linalg.ordering import Order, supernodes
+
+BLOCK = 48  # columns eliminated at a time in a front
+STRIP = 96  # rows of the lower triangle updated by one product
+SMALL = 512  # entries of L below which a product is not worth a call of BLAS
+
+
+class Multifrontal:
+    """Factors of K~ with the interface of `factors.Sparse`."""
+
+    def __init__(self, matrix: csc_array, order: Order) -> None:
+        """Plan the fronts and factor; raise ValueError if a pivot vanishes."""
+        self.place = order.place
+        self.nodes = nodes = supernodes(matrix.indptr, matrix.indices, order)
+        k = np.diff(nodes.first).astype(np.int64)
+        f = np.diff(nodes.starts)
+        self.L = np.empty(nodes.panels[-1])
+        self.D = np.empty(order.place.size)
+        self.position = np.empty(order.place.size, dtype=np.int32)
+        self.stack = np.empty(stack_room(nodes.parent, f - k))
+        self.front = np.empty(((f - k) ** 2).max())
+        self.work = np.empty(max((f * np.minimum(k, BLOCK)).max(), ((f - k) * k).max()))
+        self.update(matrix.data)
+
+    def update(self, data: np.ndarray) -> None:
+        """Factor again with other values."""
+        if not factorise(
+            self.nodes, data, self.L, self.D, self.position, self.stack, self.front,
+            self.work,
+        ):  # fmt: skip
+            raise ValueError("a pivot vanishes")
+
+    def solve(self, rhs: np.ndarray) -> np.ndarray:
+        """Return the solution for a right-hand side."""
+        u = np.empty(rhs.size)
+        u[self.place] = rhs
+        substitute(self.nodes, self.L, self.D, u)
+        return u[self.place]
+
+
+@kernel(error_model="numpy")
+def factorise(nodes, data, L, D, position, stack, front, work):
+    """Set L and D; False if a pivot vanishes. Work arrays: position and those after.
+
+    The updates of the children of a supernode lie on top of the stack.
+    """
+    first, parent, _, starts, rows, panels, lower, below, source = nodes
+    number = first.size - 1
+    waiting = np.zeros(number, dtype=np.int32)
+    left = np.empty(number, dtype=np.int32)  # supernodes whose update is on the stack
+    count = 0
+    top = 0
+    for s in range(number):
+        k = first[s + 1] - first[s]
+        f = starts[s + 1] - starts[s]
+        own = rows[starts[s] : starts[s + 1]]
+        panel = L[panels[s] : panels[s + 1]].reshape(f, k)
+        u = f - k
+        update = front[: u * u].reshape(u, u)
+        for i in range(f):
+            position[own[i]] = i
+            for j in range(k):
+                panel[i, j] = 0.0
+        for i in range(u):
+            for j in range(i + 1):
+                update[i, j] = 0.0
+        for j in range(k):
+            for t in range(lower[first[s] + j], lower[first[s] + j + 1]):
+                panel[position[below[t]], j] = data[source[t]]
+        for _ in range(waiting[s]):
+            count -= 1
+            child = left[count]
+            begin = starts[child] + first[child + 1] - first[child]
+            theirs = rows[begin : starts[child + 1]]
+            top -= theirs.size * theirs.size
+            extend_add(stack[top:], theirs, position, k, panel, update)
+        if not eliminate(panel, D[first[s] : first[s + 1]], work):
+            return False
+        if u > 0:
+            complement(panel, D[first[s] : first[s + 1]], update, work)
+            for i in range(u):
+                for j in range(i + 1):
+                    stack[top + i * u + j] = update[i, j]
+            top += u * u
+            left[count] = s
+            count += 1
+            waiting[parent[s]] += 1
+    return True
+
+
+@kernel
+def stack_room(parent, order):
+    """Return the entries of all updates that wait for their parents at a time."""
+    waiting = np.zeros(parent.size, dtype=np.int64)
+    room = 0
+    most = 1
+    for s in range(parent.size):
+        entries = order[s] * order[s]
+        room += entries - waiting[s]
+        most = max(most, room)
+        if parent[s] >= 0:
+            waiting[parent[s]] += entries
+    return most
+
+
+@part
+def extend_add(child, rows, position, k, panel, update):
+    """Add the lower triangle of a child's update, of order rows.size, to a front."""
+    u = rows.size
+    split = 0
+    while split < u and position[rows[split]] < k:
+        split += 1
+    for i in range(u):
+        row = position[rows[i]]
+        line = child[i * u : i * u + i + 1]
+        for j in range(min(split, i + 1)):
+            panel[row, position[rows[j]]] += line[j]
+        for j in range(split, i + 1):
+            update[row - k, position[rows[j]] - k] += line[j]
+
+
+@part
+def eliminate(panel, D, work):
+    """Overwrite the panel (f, k) by its columns of L; False if a pivot vanishes."""
+    f, k = panel.shape
+    for start in range(0, k, BLOCK):
+        stop = min(start + BLOCK, k)
+        width = stop - start
+        for j in range(start, stop):
+            # row j of the block: X = L D first, then L
+            for i in range(start, j):
+                panel[j, i] -= dot(panel[j, start:i], panel[i, start:i])
+            pivot = panel[j, j]
+            for i in range(start, j):
+                x = panel[j, i]
+                panel[j, i] = x / D[i]
+                pivot -= x * panel[j, i]
+            if not abs(pivot) > 0.0:
+                return False
+            D[j] = pivot
+        if stop == f:
+            break
+        block = work[: (f - stop) * width].reshape(f - stop, width)
+        solve_rows(panel[start:stop, start:stop], True, panel[stop:f, start:stop])
+        for i in range(f - stop):
+            for j in range(width):
+                x = panel[stop + i, start + j]
+                block[i, j] = x
+                panel[stop + i, start + j] = x / D[start + j]
+        for row in range(stop, f, STRIP):
+            if stop < k:
+                end = min(row + STRIP, f)
+                last = min(end, k)
+                product(
+                    -1.0,
+                    block[row - stop : end - stop, :width],
+                    panel[stop:last, start:stop],
+                    1.0,
+                    panel[row:end, stop:last],
+                )
+    return True
+
+
+@part
+def complement(panel, D, update, work):
+    """Subtract L D L' from the lower triangle of the update, L the lower panel."""
+    f, k = panel.shape
+    u = f - k
+    if u * k <= SMALL:
+        for i in range(u):
+            for p in range(k):
+                x = panel[k + i, p] * D[p]
+                for j in range(i + 1):
+                    update[i, j] -= x * panel[k + j, p]
+        return
+    scaled = work[: u * k].reshape(u, k)
+    for i in range(u):
+        for p in range(k):
+            scaled[i, p] = panel[k + i, p] * D[p]
+    for row in range(0, u, STRIP):
+        end = min(row + STRIP, u)
+        product(-1.0, scaled[row:end], panel[k : k + end], 1.0, update[row:end, :end])
+
+
+@kernel(error_model="numpy")
+def substitute(nodes, L, D, u):
+    """Overwrite u, in the order of the columns, by the solution of L D L' u = u."""
+    first, starts, rows, panels = nodes.first, nodes.starts, nodes.rows, nodes.panels
+    number = first.size - 1
+    for s in range(number):
+        k = first[s + 1] - first[s]
+        f = starts[s + 1] - starts[s]
+        own = rows[starts[s] : starts[s + 1]]
+        panel = L[panels[s] : panels[s + 1]].reshape(f, k)
+        block = u[first[s] : first[s + 1]]
+        for i in range(1, k):
+            block[i] -= dot(panel[i, :i], block[:i])
+        for i in range(k, f):
+            u[own[i]] -= dot(panel[i], block)
+    for j in range(u.size):
+        u[j] /= D[j]
+    for s in range(number - 1, -1, -1):
+        k = first[s + 1] - first[s]
+        f = starts[s + 1] - starts[s]
+        own = rows[starts[s] : starts[s + 1]]
+        panel = L[panels[s] : panels[s + 1]].reshape(f, k)
+        block = u[first[s] : first[s + 1]]
+        for i in range(k, f):
+            add_scaled(-u[own[i]], panel[i], block)
+        for i in range(k - 1, 0, -1):
+            add_scaled(-block[i], panel[i, :i], block[:i])

@@ -1,0 +1,140 @@
+"""The active rows of the dense pivoting: they enter, leave, and give x and multipliers.
+
+The k active rows are `active[:k]`, in the numbering of `rows`; V_F' = Q R with
+V = C L^-T is kept by `thinqr`. u = L'x; u0 is u of the unconstrained minimum.
+"""
+
+import numpy as np
+
+from namlcp.compiled import part
+from namlcp.limits import is_over
+from namlcp.linalg import add_scaled, backward_solve, copy, dot, forward_solve
+from namlcp.qp.dense.rows import right_side, set_row, term_size
+from namlcp.qp.dense.thinqr import (
+    append,
+    project,
+    remove,
+    triangular_solve,
+    triangular_solve_transposed,
+)
+
+# A row whose part outside the active rows is smaller than this is dependent on them;
+# one of a guess is left to the pivoting from GUESSED on.
+DEPENDENT, GUESSED = 1e-10, 1e-6
+
+
+@part
+def blocking(multiplier, r, k, active, p):
+    """Return (step, index) of the first multiplier to reach zero; inf, -1 if none."""
+    step, leaving = np.inf, np.int64(-1)
+    for i in range(k):
+        if active[i] >= p and r[i] > 0.0 and multiplier[i] < step * r[i]:
+            step, leaving = multiplier[i] / r[i], i
+    return step, leaving
+
+
+@part
+def enter(entering, row, d, active, multiplier, k, L, Q, R, u, x, p, level, watch):
+    """Let constraint `entering` (row'x <= d, or = d) in by partial and full steps.
+
+    Moves u = L'x, x and multiplier[:k]; equalities must enter before inequalities.
+    Returns the new number of active rows. A negative number -1 - k says that the
+    constraint contradicts the k active ones; multiplier[:k + 1] is then their part of a
+    Farkas certificate, the entering constraint's last.
+    """
+    v = np.empty(row.size)
+    copy(row, v)
+    forward_solve(L, v)
+    whole = np.sqrt(dot(v, v))
+    rest = np.empty(v.size)
+    coefficients = np.empty(k + 1)
+    r = np.empty(k + 1)
+    own = 0.0
+    while not is_over(watch, 4 * v.size * v.size):
+        copy(v, rest)
+        length = project(Q, k, rest, coefficients)
+        dependent = k == v.size or length <= DEPENDENT * whole
+        violation = dot(row, x) - d
+        copy(coefficients, r)
+        triangular_solve(R, k, r)
+        if entering < p:
+            step, leaving = np.inf, np.int64(-1)
+            if dependent and abs(violation) <= 1e3 * level * term_size(row, x, d):
+                return k  # it follows from the others
+        else:
+            step, leaving = blocking(multiplier, r, k, active, p)
+        if dependent and leaving < 0:
+            sign = 1.0 if violation > 0.0 else -1.0
+            for i in range(k):
+                multiplier[i] = -sign * r[i]
+            multiplier[k] = sign
+            return -1 - k
+        full = np.inf if dependent else violation / (length * length)
+        t = min(full, step)
+        for i in range(k):
+            multiplier[i] -= t * r[i]
+        own += t
+        if not dependent:
+            add_scaled(-t, rest, u)
+            copy(u, x)
+            backward_solve(L, x)
+            if t == full:
+                append(Q, R, k, rest, coefficients, length)
+                active[k] = entering
+                multiplier[k] = own
+                return k + 1
+        remove(Q, R, k, leaving, active, multiplier)
+        k -= 1
+    return k
+
+
+@part
+def refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x, watch):
+    """Drop inequalities until the multipliers of the active rows are >= 0.
+
+    For the active rows held as equations: R'R multiplier = V u0 - d and
+    u = u0 - Q'R multiplier. What is left is optimal for the problem that has the active
+    rows alone, hence a legal start of the pivoting. Returns the number of rows left.
+    """
+    p = b.size
+    row = np.empty(x.size)
+    while True:
+        copy(u0, x)
+        backward_solve(L, x)
+        for i in range(k):
+            set_row(active[i], G, A, row)
+            multiplier[i] = dot(row, x) - right_side(active[i], h, b, lb, ub)
+        triangular_solve_transposed(R, k, multiplier)
+        copy(u0, u)
+        for i in range(k):
+            add_scaled(-multiplier[i], Q[i], u)
+        triangular_solve(R, k, multiplier)
+        leaving, least = np.int64(-1), 0.0
+        for i in range(k):
+            if active[i] >= p and multiplier[i] < least:
+                leaving, least = i, multiplier[i]
+        if leaving < 0 or is_over(watch, 4 * x.size * x.size):
+            copy(u, x)
+            backward_solve(L, x)
+            return k
+        remove(Q, R, k, leaving, active, multiplier)
+        k -= 1
+
+
+@part
+def start_from(rows, active, multiplier, k, G, A, L, Q, R, watch):
+    """Append the independent ones of the constraints `rows`, with multiplier 0."""
+    p, n = A.shape[0], G.shape[1]
+    row, d = np.empty(n), np.empty(n + 1)
+    for i in range(rows.size):
+        if k < n and not is_over(watch, 2 * n * n):
+            set_row(rows[i], G, A, row)
+            forward_solve(L, row)
+            whole = np.sqrt(dot(row, row))
+            length = project(Q, k, row, d)
+            if length > (DEPENDENT if rows[i] < p else GUESSED) * whole:
+                append(Q, R, k, row, d, length)
+                active[k] = rows[i]
+                multiplier[k] = 0.0
+                k += 1
+    return k

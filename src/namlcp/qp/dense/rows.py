@@ -1,0 +1,179 @@
+"""All constraints of a dense QP under one index, for the compiled pivoting.
+
+Equalities are 0..p-1, rows of G p..p+m-1, then come the lower bounds (row -e_j), then
+the upper ones (row e_j): row'x <= d, or = d for the first p.
+"""
+
+import numpy as np
+
+from namlcp.compiled import part
+from namlcp.linalg import copy, dot, matvec
+
+# A Farkas sum below minus this, relative to its terms, is a contradiction.
+CONTRADICTION = 1e-10
+# An entry of a ray, of P or of a constraint along it below this times the largest is 0.
+RAY = 1e-9
+# In the place of a divisor that may be zero.
+TINY = 1e-300
+
+
+@part
+def largest(v):
+    """Return max |v_i|, 0 for no entries."""
+    size = 0.0
+    for i in range(v.size):
+        size = max(size, abs(v[i]))
+    return size
+
+
+@part
+def row_norms(C, norms):
+    """Set norms (m,) to the Euclidean norms of the rows of C, 1 for empty rows."""
+    for i in range(C.shape[0]):
+        norms[i] = np.sqrt(dot(C[i], C[i]))
+        if norms[i] == 0.0:
+            norms[i] = 1.0
+
+
+@part
+def set_row(k, G, A, row):
+    """Set row (n,) to the row of constraint k."""
+    p, m, n = A.shape[0], G.shape[0], row.size
+    if k < p:
+        copy(A[k], row)
+    elif k < p + m:
+        copy(G[k - p], row)
+    else:
+        for j in range(n):
+            row[j] = 0.0
+        if k < p + m + n:
+            row[k - p - m] = -1.0
+        else:
+            row[k - p - m - n] = 1.0
+
+
+@part
+def right_side(k, h, b, lb, ub):
+    """Return d of constraint k, row'x <= d."""
+    p, m, n = b.size, h.size, lb.size
+    if k < p:
+        return b[k]
+    if k < p + m:
+        return h[k - p]
+    if k < p + m + n:
+        return -lb[k - p - m]
+    return ub[k - p - m - n]
+
+
+@part
+def most_violated(x, Gx, h, lb, ub, norms, level, p):
+    """Return the inequality with the largest scaled violation above rounding, or -1.
+
+    The violation is measured along the unit normal; `level` times the size of the terms
+    is taken for rounding.
+    """
+    m, n = h.size, x.size
+    size = 0.0
+    for j in range(n):
+        size = max(size, abs(x[j]))
+    best, worst = -1, 0.0
+    for i in range(m):
+        violation = (Gx[i] - h[i]) / norms[i]
+        if violation > worst and violation > level * (abs(h[i]) / norms[i] + size):
+            best, worst = p + i, violation
+    for j in range(n):
+        violation = lb[j] - x[j]
+        if violation > worst and violation > level * (abs(lb[j]) + size):
+            best, worst = p + m + j, violation
+        violation = x[j] - ub[j]
+        if violation > worst and violation > level * (abs(ub[j]) + size):
+            best, worst = p + m + n + j, violation
+    return best
+
+
+@part
+def term_size(row, x, d):
+    """Return the sum of the moduli of the terms of row'x - d."""
+    size = abs(d)
+    for j in range(x.size):
+        size += abs(row[j] * x[j])
+    return size
+
+
+@part
+def clear(y, z, z_box):
+    """Set all multipliers to zero."""
+    for i in range(y.size):
+        y[i] = 0.0
+    for i in range(z.size):
+        z[i] = 0.0
+    for j in range(z_box.size):
+        z_box[j] = 0.0
+
+
+@part
+def contradicts(active, multiplier, k, h, b, lb, ub):
+    """Tell whether the Farkas sum d'multiplier is negative beyond rounding."""
+    value, size = 0.0, 0.0
+    for i in range(k):
+        term = multiplier[i] * right_side(active[i], h, b, lb, ub)
+        value += term
+        size += abs(term)
+    return value < -CONTRADICTION * size
+
+
+@part
+def certificate(active, multiplier, k, p, y, z, z_box):
+    """Set y, z, z_box to the Farkas multipliers of k contradicting rows."""
+    n, m = z_box.size, z.size
+    clear(y, z, z_box)
+    for i in range(k):
+        index = active[i]
+        if index < p:
+            y[index] = multiplier[i]
+        elif index < p + m:
+            z[index - p] = multiplier[i]
+        elif index < p + m + n:
+            z_box[index - p - m] -= multiplier[i]
+        else:
+            z_box[index - p - m - n] += multiplier[i]
+
+
+@part
+def is_ray(d, P, q, G, h, lb, ub, norms, Pd, Gd):
+    """Tell whether the QP may be unbounded in the direction d; Ad = 0 is not asked."""
+    zero = RAY * largest(d)
+    if not dot(q, d) < 0.0:
+        return False
+    matvec(P, d, Pd)
+    curvature = 0.0
+    for j in range(d.size):
+        curvature = max(curvature, P[j, j])
+        if (d[j] < -zero and lb[j] > -np.inf) or (d[j] > zero and ub[j] < np.inf):
+            return False
+    matvec(G, d, Gd)
+    for i in range(Gd.size):
+        if Gd[i] > zero * norms[i] and h[i] < np.inf:
+            return False
+    return largest(Pd) <= curvature * zero
+
+
+@part
+def typical_curvature(q, G, h, A, b, lb, ub):
+    """Return max |q| over the geometric mean of the sides' distances from 0.
+
+    That is what P would be like if neither P nor the constraints alone decided x.
+    """
+    p, m = b.size, h.size
+    total, count = 0.0, 0
+    for k in range(p + m + 2 * q.size):
+        d = abs(right_side(k, h, b, lb, ub))
+        if 0.0 < d < np.inf:
+            size = 1.0
+            if k < p + m:
+                row = A[k] if k < p else G[k - p]
+                size = np.sqrt(dot(row, row))
+            if size > 0.0:  # an empty row says nothing about x
+                total += np.log(d / size)
+                count += 1
+    return largest(q) / np.exp(total / max(count, 1))

@@ -1,0 +1,75 @@
+"""Where to start: a guess of x, or the full state of a similar problem's solution."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from namlcp.checks import refuse_number, vector
+from namlcp.qp.problem import QP
+
+# A row counts as active at a guess of x within this, relative to 1 + |its side|.
+NEAR = 1e-7
+
+
+class Guess(NamedTuple):
+    """A guess of the solution and the active inequalities; empty where there is none.
+
+    active (m + 2 n,) is 1 for the active ones among the rows of G, the lower and the
+    upper bounds, in this order. The multipliers are zero where only x was given.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    z_box: np.ndarray
+    active: np.ndarray
+
+    @property
+    def point(self) -> np.ndarray | None:
+        """Return x, or None where there is no guess."""
+        return self.x if self.x.size else None
+
+
+NOTHING = np.empty(0)
+NO_GUESS = Guess(NOTHING, NOTHING, NOTHING, NOTHING, np.empty(0, dtype=np.int8))
+
+
+def make_guess(qp: QP, x0: Any, warm_start: Any, name: str = "x0") -> Guess:
+    """Check what the user offers as a start; a warm start overrides x0.
+
+    Raises TypeError or ValueError naming it; `name` is how the host calls x0.
+    """
+    if warm_start is None:
+        if x0 is None:
+            return NO_GUESS
+        x = vector(name, x0, qp.q.size, "q", qp.q.shape)
+        refuse_number(name, x, False)
+        y, z, z_box = (np.zeros(v.size) for v in (qp.b, qp.h, x))
+        return Guess(x, y, z, z_box, active_at(qp, x))
+    names = "x", "y", "z", "z_box"
+    if not all(hasattr(warm_start, key) for key in names):
+        raise TypeError(
+            "warm_start must be a QPResult or a qpsolvers.Solution, with x, y, z and "
+            f"z_box, got {warm_start!r:.60}"
+        )
+    parts: list[Any] = [getattr(warm_start, key) for key in names]
+    if any(part is None for part in parts):  # nothing was found
+        return NO_GUESS
+    x = vector("warm_start.x", parts[0], qp.q.size, "q", qp.q.shape)
+    y = vector("warm_start.y", parts[1], qp.b.size, "b", qp.b.shape)
+    z = vector("warm_start.z", parts[2], qp.h.size, "h", qp.h.shape)
+    z_box = parts[3] if np.size(parts[3]) else np.zeros(x.size)  # no bounds: empty
+    z_box = vector("warm_start.z_box", z_box, x.size, "q", qp.q.shape)
+    point = x, y, z, z_box
+    if not all(np.isfinite(v).all() for v in point):  # a proof, not a point
+        return NO_GUESS
+    active = np.concatenate((z > 0.0, z_box < 0.0, z_box > 0.0))
+    active &= np.isfinite(np.concatenate((qp.h, qp.lb, qp.ub)))
+    return Guess(*point, active.astype(np.int8))
+
+
+def active_at(qp: QP, x: np.ndarray) -> np.ndarray:
+    """Mark the inequalities that hold with equality at x."""
+    slack = np.concatenate((qp.h - qp.G @ x, x - qp.lb, qp.ub - x))
+    size = 1.0 + np.abs(np.concatenate((qp.h, qp.lb, qp.ub)))
+    return (np.isfinite(size) & (np.abs(slack) <= NEAR * size)).astype(np.int8)

@@ -1,0 +1,5 @@
+"""The interior-point method for sparse QPs, with an active-set refinement."""
+
+from namlcp.qp.path.solve import solve_path
+
+__all__ = ["solve_path"]

@@ -1,0 +1,135 @@
+"""Two QPs that always have a solution and decide what the loop could not.
+
+    elastic:    min |s|^2/2 + |t|^2/2,  Gu - s <= (h - G x0)/k,
+                Au - t = (b - A x0)/k,  (lb - x0)/k <= u <= (ub - x0)/k
+    recession:  min |d|^2/2 + q'd,  P d = 0,  A d = 0,  G d <= 0,
+                d <= 0 (d >= 0) where an upper (lower) bound is finite
+
+with x0 inside the bounds, k the largest violation there and rows scaled to unit norm.
+The row multipliers of the first are a Farkas certificate if the constraints are
+infeasible; the second projects -q on the directions of recession, d != 0 is a ray.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse import csc_array
+
+from namlcp.qp.certificates import accept_dual, accept_primal, largest
+from namlcp.qp.last_digits import Point
+from namlcp.qp.problem import QP
+from namlcp.status import Status
+
+NEARLY = 1e-6  # relative violation up to which a ray is looked for first
+
+Solver = Callable[[QP], Any]
+Projection = Callable[[np.ndarray, np.ndarray, np.ndarray], Point | None]
+
+
+def decide(
+    qp: QP,
+    point: Point,
+    tol: float,
+    solver: Solver,
+    project: Projection | None = None,
+) -> tuple[Status, Point] | None:
+    """Return a verdict with its proof, or None, from the state of the loop.
+
+    A point that meets the rows makes the ray the better first question. `project` makes
+    a proof of (x, y, z) where the solution of the elastic QP is not exact enough.
+    """
+    x, y, z, _ = point
+    x = np.minimum(np.maximum(x, qp.lb), qp.ub)
+    Ax, Gx = qp.A @ x, qp.G @ x
+    violation = max(largest(Ax - qp.b), (Gx - qp.h).max(initial=0.0))
+    nearly = max(tol, NEARLY * max(1.0, largest(Ax), largest(Gx)))
+    kinds = ["primal", "dual"] if violation > nearly else ["dual", "primal"]
+    for kind in kinds:
+        if kind == "primal":
+            y_found, z_found = elastic(qp, solver, x, 1e-4 * tol)
+            proof = accept_primal(qp, x, y_found, z_found, tol)
+            if proof is None and project is not None:
+                proof = project(x, y_found, z_found)
+            if proof is not None:
+                return Status.PRIMAL_INFEASIBLE, proof
+        else:
+            d = recession(qp, solver)
+            proof = accept_dual(qp, x, y, z, d, tol)
+            if proof is not None:
+                return Status.DUAL_INFEASIBLE, proof
+    return None
+
+
+def elastic(
+    qp: QP, solver: Solver, x: np.ndarray, least: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return (y, z) of the elastic QP; zeros if x violates less than `least`."""
+    n, p = qp.q.size, qp.b.size
+    rows = np.flatnonzero(np.isfinite(qp.h))
+    G, h, g = unit_rows(qp.G.tocsr()[rows], qp.h[rows] - qp.G[rows] @ x)
+    A, b, a = unit_rows(qp.A.tocsr(), qp.b - qp.A @ x)
+    k = max(largest(b), -h.min(initial=0.0))
+    if not k > least:
+        return np.zeros(p), np.zeros(qp.h.size)
+    m = rows.size
+    free = np.full(m + p, np.inf)
+    answer = solver(
+        QP(
+            canonical(sparse.block_diag((csc_array((n, n)), sparse.eye_array(m + p)))),
+            np.zeros(n + m + p),
+            canonical(sparse.hstack((G, -sparse.eye_array(m), csc_array((m, p))))),
+            h / k,
+            canonical(sparse.hstack((A, csc_array((p, m)), -sparse.eye_array(p)))),
+            b / k,
+            np.concatenate(((qp.lb - x) / k, -free)),
+            np.concatenate(((qp.ub - x) / k, free)),
+        )
+    )
+    z = np.zeros(qp.h.size)
+    z[rows] = answer.z / g
+    return answer.y / a, z
+
+
+def recession(qp: QP, solver: Solver) -> np.ndarray:
+    """Return the projection of -q on the recession cone (columns and rows scaled)."""
+    n = qp.q.size
+    size = np.zeros(n)
+    for M in (qp.P, qp.A, qp.G):
+        np.maximum.at(size, np.repeat(np.arange(n), np.diff(M.indptr)), np.abs(M.data))
+    scale = 1.0 / np.where(size > 0.0, size, 1.0)
+    D = sparse.diags_array(scale)
+    A, zero_b, _ = unit_rows((sparse.vstack((qp.P, qp.A)) @ D).tocsr(), None)
+    rows = np.flatnonzero(np.isfinite(qp.h))
+    G, zero_h, _ = unit_rows(qp.G.tocsr()[rows] @ D, None)
+    q = qp.q * scale
+    answer = solver(
+        QP(
+            canonical(sparse.eye_array(n)),
+            q / max(largest(q), 1e-300),
+            canonical(G),
+            zero_h,
+            canonical(A),
+            zero_b,
+            np.where(np.isfinite(qp.lb), 0.0, -np.inf),
+            np.where(np.isfinite(qp.ub), 0.0, np.inf),
+        )
+    )
+    return answer.x * scale
+
+
+def unit_rows(M: Any, rhs: np.ndarray | None) -> tuple[Any, np.ndarray, np.ndarray]:
+    """Return M and rhs (zeros if None) with rows of unit 2-norm, and the norms."""
+    norms = np.sqrt(np.asarray(M.multiply(M).sum(axis=1)).ravel())
+    norms[norms == 0.0] = 1.0
+    rhs = np.zeros(norms.size) if rhs is None else rhs / norms
+    return sparse.diags_array(1.0 / norms) @ M, rhs, norms
+
+
+def canonical(M: Any) -> csc_array:
+    """Return M as a canonical CSC array with int32 indices."""
+    M = csc_array(M, dtype=float)
+    M.sum_duplicates()
+    M.indptr, M.indices = M.indptr.astype(np.int32), M.indices.astype(np.int32)
+    return M

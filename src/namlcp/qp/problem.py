@@ -1,0 +1,146 @@
+"""The gate of the QP side: a QP as clean arrays, or an error that names the fault."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from namlcp.checks import (
+    ASYMMETRY,
+    as_sparse,
+    constant,
+    has_bad_row,
+    is_bad,
+    is_huge,
+    matrix,
+    refuse_number,
+    side,
+    sparse_matrix,
+    square_matrix,
+    vector,
+)
+from namlcp.compiled import kernel
+from namlcp.limits import interruptible
+from namlcp.linalg import asymmetry, dense_asymmetry
+
+
+class QP(NamedTuple):
+    """A checked QP; all three matrices dense, or all three csc_array.
+
+    Absent parts have zero rows, absent bounds are infinite.
+    """
+
+    P: Any
+    q: np.ndarray
+    G: Any
+    h: np.ndarray
+    A: Any
+    b: np.ndarray
+    lb: np.ndarray
+    ub: np.ndarray
+
+    @property
+    def is_dense(self) -> bool:
+        """Tell whether the matrices are ndarrays."""
+        return type(self.P) is np.ndarray
+
+    def has_matrices_of(self, other: "QP") -> bool:
+        """Tell whether P, G and A are the very same objects."""
+        return self.P is other.P and self.G is other.G and self.A is other.A
+
+
+@kernel
+def dense_faults(P, q, G, h, A, b, lb, ub):
+    """Return (argument with a bad number or -1, asymmetry of P, max |P|, huge sides).
+
+    The last tells whether a side is finite but beyond INFINITE. One compiled call,
+    because a dozen NumPy calls cost more than a small QP.
+    """
+    which = np.int64(-1)
+    allowed = np.bool_(True)  # not a literal, which would compile is_bad once more
+    if has_bad_row(P):
+        which = 0
+    elif is_bad(q, not allowed):
+        which = 1
+    elif has_bad_row(G):
+        which = 2
+    elif is_bad(h, allowed):
+        which = 3
+    elif has_bad_row(A):
+        which = 4
+    elif is_bad(b, not allowed):
+        which = 5
+    elif is_bad(lb, allowed):
+        which = 6
+    elif is_bad(ub, allowed):
+        which = 7
+    gap, size = dense_asymmetry(P)
+    huge = is_huge(h) or is_huge(lb) or is_huge(ub)
+    return which, gap, size, huge
+
+
+def refuse_numbers(qp: QP) -> None:
+    """Raise for the first NaN, or infinity in P, q, G, A or b."""
+    for name, values in zip(qp._fields, qp, strict=True):
+        entries = values if type(values) is np.ndarray else values.data
+        refuse_number(name, entries, name in ("h", "lb", "ub"))
+
+
+def symmetrised(P: Any, gap: float, size: float) -> Any:
+    """Return P exactly symmetric; raise if more than rounding is missing."""
+    if gap > ASYMMETRY * size:
+        raise ValueError(
+            f"P must be symmetric: max |P - P'| = {gap:.1e}; "
+            "pass (P + P.T) / 2 if that is intended"
+        )
+    if sp.issparse(P):
+        return sparse_matrix("P", (P + P.T) * 0.5, "csc")
+    return (P + P.T) * 0.5
+
+
+def constraint(
+    name: str, C: Any, right: str, d: Any, n: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return the pair (G, h) or (A, b), with zero rows where it is absent."""
+    if (C is None) != (d is None):
+        given, missing = (name, right) if d is None else (right, name)
+        raise ValueError(f"{given} was given without {missing}: pass both or neither")
+    if C is None:
+        return np.empty((0, n)), np.empty(0)
+    C = matrix(name, C, "csc")
+    if C.shape[1] != n:
+        raise ValueError(
+            f"{name} must have {n} columns to match q of shape ({n},), got {C.shape}"
+        )
+    return C, vector(right, d, C.shape[0], name, C.shape)
+
+
+@interruptible
+def qp_data(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) -> QP:
+    """Check a QP as the user gave it and return it clean.
+
+    Raises TypeError or ValueError naming the argument, what was expected and what came.
+    Contradictory or infinite sides (lb > ub, h = -inf) pass: they are infeasible
+    problems, not malformed ones.
+    """
+    P = square_matrix("P", P, "csc")
+    n = P.shape[1]
+    q = vector("q", q, n, "P", P.shape)
+    G, h = constraint("G", G, "h", h, n)
+    A, b = constraint("A", A, "b", b, n)
+    lb = constant(n, -np.inf) if lb is None else vector("lb", lb, n, "P", P.shape)
+    ub = constant(n, np.inf) if ub is None else vector("ub", ub, n, "P", P.shape)
+    if not (type(P) is type(G) is type(A) is np.ndarray):
+        P, G, A = (as_sparse(C) for C in (P, G, A))
+        refuse_numbers(QP(P, q, G, h, A, b, lb, ub))
+        gap, size = asymmetry(P)
+        huge = True
+    else:
+        which, gap, size, huge = dense_faults(P, q, G, h, A, b, lb, ub)
+        if which >= 0:
+            refuse_numbers(QP(P, q, G, h, A, b, lb, ub))
+    if gap > 0.0:
+        P = symmetrised(P, gap, size)
+    if huge:
+        h, lb, ub = side(h, 1.0), side(lb, -1.0), side(ub, 1.0)
+    return QP(P, q, G, h, A, b, lb, ub)

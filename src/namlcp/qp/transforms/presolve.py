@@ -1,0 +1,383 @@
+"""Presolve: what does not matter is dropped, and put back exactly.
+
+    min 1/2 x'Px + q'x,  Gx <= h,  Ax = b,  lb <= x <= ub
+
+becomes the same problem with ranges, lower <= Gx <= upper, without infinite rows, empty
+rows, repeated rows (c g'x <= h beside g'x <= h) and fixed variables (lb = ub). The
+multipliers of what was dropped are zero or follow from stationarity.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import csc_array, csr_array
+
+from namlcp.compiled import kernel
+from namlcp.linalg import add_transposed, by_rows, submatrix, times, without_zeros
+from namlcp.qp.problem import QP
+
+FIXED = 1e-12  # ub - lb below this, relative to |lb| above 1, fixes a variable
+SAME = 1e-13  # relative difference of the entries of proportional rows
+
+
+class Contradiction(NamedTuple):
+    """Why the constraints contradict each other, and the rows' multipliers as proof.
+
+    y and z are None where no vector of multipliers can say it (lb > ub, h = -inf).
+    """
+
+    message: str
+    y: np.ndarray | None = None
+    z: np.ndarray | None = None
+
+
+class Owners(NamedTuple):
+    """Which user row gives each side of a range: g_user = ratio * g_range."""
+
+    rows: np.ndarray
+    ratio: np.ndarray
+
+
+class Groups(NamedTuple):
+    """The rows of a matrix that are not dropped, and which are multiples of which.
+
+    Rows not `wanted` (infinite) and `empty` ones are dropped; of the kept `rows`, row i
+    = ratio[i] * row leader[i] (positions in `rows`; None if no two are proportional),
+    and `first` are the leaders.
+    """
+
+    wanted: np.ndarray
+    empty: np.ndarray
+    rows: np.ndarray
+    leader: np.ndarray | None
+    ratio: np.ndarray
+    first: np.ndarray
+
+
+class Presolved(NamedTuple):
+    """The smaller problem and the way back.
+
+    min 1/2 x'Px + q'x, A x = b, lower <= G x <= upper, lb <= x <= ub; A and G in CSR.
+    `kept` and `fixed` are the user's columns. `upper_of` and `lower_of` say which row
+    of the user's G an end of a range is, `largest_of` and `smallest_of` which rows of
+    the user's A have the extreme right-hand sides of an equation (b is their mean).
+    """
+
+    qp: QP
+    P: csc_array
+    q: np.ndarray
+    A: csr_array
+    b: np.ndarray
+    G: csr_array
+    lower: np.ndarray
+    upper: np.ndarray
+    lb: np.ndarray
+    ub: np.ndarray
+    kept: np.ndarray
+    fixed: np.ndarray
+    x_fixed: np.ndarray
+    largest_of: Owners
+    smallest_of: Owners
+    upper_of: Owners
+    lower_of: Owners
+    contradictions: list[Contradiction]
+    A_groups: Groups
+    G_groups: Groups
+
+    def has_matrices_of(self, other: "Presolved") -> bool:
+        """Tell whether P, A and G are the very same objects."""
+        return self.P is other.P and self.A is other.A and self.G is other.G
+
+    def can_be_renewed(self, qp: QP, fixed: np.ndarray) -> bool:
+        """Tell whether only vectors differ, and the same entries are dropped."""
+        return (
+            qp.has_matrices_of(self.qp)
+            and np.array_equal(fixed, self.fixed)
+            and np.array_equal(qp.h < np.inf, self.G_groups.wanted)
+        )
+
+    def primal(self, x: np.ndarray) -> np.ndarray:
+        """Return the user's x."""
+        full = np.empty(self.qp.q.size)
+        full[self.kept] = x
+        full[self.fixed] = self.x_fixed
+        return full
+
+    def row_multipliers(
+        self, y: np.ndarray, z_upper: np.ndarray, z_lower: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the user's (y, z) from those of the ends of the ranges.
+
+        The two extreme rows of an equation share its y, so that b'y stays what it is.
+        """
+        y_full = np.zeros(self.qp.b.size)
+        for owners in (self.largest_of, self.smallest_of):
+            y_full[owners.rows] += 0.5 * y / owners.ratio
+        z_full = np.zeros(self.qp.h.size)
+        for owners, side in ((self.upper_of, z_upper), (self.lower_of, z_lower)):
+            has = owners.rows >= 0
+            z_full[owners.rows[has]] += side[has] / np.abs(owners.ratio[has])
+        return y_full, z_full
+
+    def rows_of(
+        self, y: np.ndarray, z: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return (y, z_upper, z_lower) of the user's multipliers."""
+        most, least = self.largest_of, self.smallest_of
+        y_kept = y[most.rows] * most.ratio
+        y_kept += np.where(least.rows != most.rows, y[least.rows] * least.ratio, 0.0)
+        sides = []
+        for owners in (self.upper_of, self.lower_of):
+            side = np.zeros(owners.rows.size)
+            has = owners.rows >= 0
+            side[has] = z[owners.rows[has]] * np.abs(owners.ratio[has])
+            sides.append(side)
+        return y_kept, sides[0], sides[1]
+
+    def point(
+        self,
+        x: np.ndarray,
+        y: np.ndarray,
+        z_upper: np.ndarray,
+        z_lower: np.ndarray,
+        z_box: np.ndarray,
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return the user's (x, y, z, z_box); a fixed variable's z_box is exact."""
+        qp = self.qp
+        x = self.primal(x)
+        y, z = self.row_multipliers(y, z_upper, z_lower)
+        box = np.zeros(qp.q.size)
+        box[self.kept] = z_box
+        if self.fixed.size:
+            gradient = times(qp.P, x) + qp.q
+            add_transposed(qp.A, y, gradient)
+            add_transposed(qp.G, z, gradient)
+            box[self.fixed] = -gradient[self.fixed]
+        return x, y, z, box
+
+
+def presolve(
+    qp: QP, eps_abs: float, eps_rel: float, last: Presolved | None = None
+) -> Presolved:
+    """Drop what does not matter. All matrices are CSC; nothing of `qp` is changed.
+
+    `last` is the outcome for a similar problem: matrices are taken from there where
+    they were the same objects and would be treated the same.
+    """
+    found = contradictory_sides(qp, eps_abs, eps_rel)
+    finite = np.isfinite(qp.lb) & np.isfinite(qp.ub)
+    lb, ub = np.where(finite, qp.lb, 0.0), np.where(finite, qp.ub, 0.0)
+    is_fixed = finite & (ub - lb <= FIXED * np.maximum(1.0, np.abs(lb)))
+    kept, fixed = np.flatnonzero(~is_fixed), np.flatnonzero(is_fixed)
+    x_fixed = 0.5 * (qp.lb[fixed] + qp.ub[fixed])
+    q, b, h = qp.q, qp.b, qp.h
+    if fixed.size:
+        held = np.zeros(q.size)
+        held[fixed] = x_fixed
+        q = (q + times(qp.P, held))[kept]
+        b, h = b - times(qp.A, held), h - times(qp.G, held)
+    lb, ub = qp.lb[kept], qp.ub[kept]
+    if last is not None and last.can_be_renewed(qp, fixed):
+        P, A, G, A_groups, G_groups = (
+            last.P, last.A, last.G, last.A_groups, last.G_groups
+        )  # fmt: skip
+    else:
+        P = submatrix(qp.P, kept, kept)
+        A, G = (
+            by_rows(submatrix(without_zeros(M), np.arange(M.shape[0]), kept))
+            for M in (qp.A, qp.G)
+        )
+        A, A_groups = grouped(A, np.ones(b.size, dtype=bool))
+        G, G_groups = grouped(G, h < np.inf)
+    tol = eps_abs if eps_abs > 0.0 else eps_rel
+    b, largest_of, smallest_of, more = equality_sides(A_groups, b, tol)
+    found += more
+    lower, upper, lower_of, upper_of, more = ends(G_groups, h, tol, qp.b.size)
+    found += more
+    return Presolved(
+        qp, P, q, A, b, G, lower, upper, lb, ub, kept, fixed, x_fixed,
+        largest_of, smallest_of, upper_of, lower_of, found, A_groups, G_groups,
+    )  # fmt: skip
+
+
+def contradictory_sides(qp: QP, eps_abs: float, eps_rel: float) -> list[Contradiction]:
+    """Return the first bound or row that no number can satisfy."""
+    wrong = ~(qp.lb <= qp.ub) | (qp.lb == np.inf) | (qp.ub == -np.inf)
+    if not wrong.any() and not (qp.h == -np.inf).any():
+        return []
+    with np.errstate(invalid="ignore"):
+        size = np.maximum(np.abs(qp.lb), np.abs(qp.ub))
+        gap = qp.lb - qp.ub > 2.0 * (eps_abs + eps_rel * np.minimum(size, 1e300))
+    bad = np.flatnonzero(gap | (qp.lb == np.inf) | (qp.ub == -np.inf))
+    if bad.size:
+        j = bad[0]
+        return [
+            Contradiction(
+                f"bounds of x[{j}] contradict each other: "
+                f"lb = {qp.lb[j]:g}, ub = {qp.ub[j]:g}"
+            )
+        ]
+    bad = np.flatnonzero(qp.h == -np.inf)
+    if bad.size:
+        return [Contradiction(f"row {bad[0]} of G has h = -inf")]
+    return []
+
+
+def grouped(M: csr_array, wanted: np.ndarray) -> tuple[csr_array, Groups]:
+    """Return the leading rows of M among those wanted and not empty, and the groups."""
+    is_empty = np.diff(M.indptr) == 0
+    rows = np.flatnonzero(wanted & ~is_empty)
+    M = M if rows.size == M.shape[0] else M[rows]
+    leader, ratio = proportional_rows(M)
+    first = np.arange(rows.size)
+    if leader is not None:
+        first = np.flatnonzero(leader == first)
+        M = M[first]
+    return M, Groups(wanted, np.flatnonzero(is_empty), rows, leader, ratio, first)
+
+
+def equality_sides(
+    groups: Groups, b: np.ndarray, tol: float
+) -> tuple[np.ndarray, Owners, Owners, list[Contradiction]]:
+    """Return the mean right-hand sides, the owners of the extreme ones, verdicts."""
+    found = []
+    p = b.size
+    _, empty, rows, leader, ratio, first = groups
+    for i in empty[np.abs(b[empty]) > tol][:1]:
+        message = f"row {i} of A has no free variable, but the right-hand side {b[i]:g}"
+        found.append(Contradiction(message, unit(p, i, -np.sign(b[i]))))
+    b = b[rows]
+    if leader is None:
+        same = Owners(rows, ratio)
+        return b, same, same, found
+    value, margin = b / ratio, tol / np.abs(ratio)  # of each row in its own units
+    low, low_at = extreme(-value, leader)
+    high, high_at = extreme(value, leader)
+    most, most_at = extreme(-(value + margin), leader)
+    least, least_at = extreme(value - margin, leader)
+    for k in first[least[first] + most[first] > 0.0][:1]:
+        i, j = least_at[k], most_at[k]
+        y = unit(p, rows[j], 1.0 / ratio[j]) - unit(p, rows[i], 1.0 / ratio[i])
+        message = f"rows {rows[i]} and {rows[j]} of A contradict each other"
+        found.append(Contradiction(message, y))
+    owners = [Owners(rows[at], ratio[at]) for at in (high_at[first], low_at[first])]
+    mean = 0.5 * (high[first] - low[first])
+    below, above = least[first], -most[first]
+    b = np.where(below <= above, np.clip(mean, below, above), mean)
+    return b, owners[0], owners[1], found
+
+
+def ends(
+    groups: Groups, h: np.ndarray, tol: float, p: int
+) -> tuple[np.ndarray, np.ndarray, Owners, Owners, list[Contradiction]]:
+    """Return the lower and upper ends of the ranges, their owners, and verdicts.
+
+    The verdicts have y = 0 of size p.
+    """
+    found = []
+    m = h.size
+    _, empty, rows, leader, ratio, first = groups
+    for i in empty[(h[empty] < -tol) & (h[empty] > -np.inf)][:1]:
+        message = f"row {i} of G has no free variable, but the right-hand side {h[i]:g}"
+        found.append(Contradiction(message, np.zeros(p), unit(m, i, 1.0)))
+    h = h[rows]
+    if leader is None:
+        none = Owners(np.full(rows.size, -1), ratio)
+        return np.full(rows.size, -np.inf), h, none, Owners(rows, ratio), found
+    value = h / ratio
+    upper, upper_at = extreme(-np.where(ratio > 0.0, value, np.inf), leader)
+    lower, lower_at = extreme(np.where(ratio < 0.0, value, -np.inf), leader)
+    upper = -upper
+    margin = tol / np.abs(ratio)
+    margin = margin[upper_at] + margin[lower_at]
+    for k in first[lower[first] > upper[first] + margin[first]][:1]:
+        i, j = upper_at[k], lower_at[k]
+        z = unit(m, rows[i], 1.0 / ratio[i]) + unit(m, rows[j], -1.0 / ratio[j])
+        message = f"rows {rows[i]} and {rows[j]} of G contradict each other"
+        found.append(Contradiction(message, np.zeros(p), z))
+    owners = []
+    for end, at in ((lower[first], lower_at[first]), (upper[first], upper_at[first])):
+        owners.append(Owners(np.where(np.isfinite(end), rows[at], -1), ratio[at]))
+    return lower[first], upper[first], owners[0], owners[1], found
+
+
+def proportional_rows(M: csr_array) -> tuple[np.ndarray | None, np.ndarray]:
+    """Group the (not empty) rows of M that are multiples of each other.
+
+    Returns `leader`, the first row of the group, or None if all rows differ, and
+    `ratio`, row = ratio * leader's row. Rows with the same key are compared.
+    """
+    m = M.shape[0]
+    one = np.ones(m)
+    if m < 2:
+        return None, one
+    key = np.empty(m)
+    row_keys(M.indptr, M.indices, M.data, key)
+    order = np.argsort(key, kind="stable")
+    same = np.zeros(m, dtype=bool)
+    same[1:] = key[order[1:]] == key[order[:-1]]
+    if not same.any():
+        return None, one
+    leader = np.arange(m)
+    compare_rows(M.indptr, M.indices, M.data, order, same, leader)
+    if np.array_equal(leader, np.arange(m)):
+        return None, one
+    lead = M.data[M.indptr[:-1]]
+    return leader, lead / lead[leader]
+
+
+@kernel
+def row_keys(indptr, indices, data, key):
+    """Set key = sum |a_j| (2 + sin j) / |first a|, in single precision.
+
+    Rounding errors seldom change it, and no terms cancel.
+    """
+    for i in range(key.size):
+        total = 0.0
+        for t in range(indptr[i], indptr[i + 1]):
+            total += abs(data[t]) * (2.0 + np.sin(float(indices[t])))
+        key[i] = np.float32(total / abs(data[indptr[i]]))
+
+
+@kernel
+def compare_rows(indptr, indices, data, order, same, leader):
+    """Set leader[row] to the first row of its run of candidates if proportional.
+
+    `order` sorts the rows; same[k] says that row order[k] has the key of the last one.
+    """
+    head = order[0]
+    for k in range(order.size):
+        row = order[k]
+        if not same[k]:
+            head = row
+            continue
+        a = indptr[head]
+        c = indptr[row]
+        ratio = data[a] / data[c]
+        equal = True
+        for t in range(indptr[head + 1] - a):
+            difference = data[c + t] * ratio - data[a + t]
+            if indices[a + t] != indices[c + t] or (
+                abs(difference) > SAME * abs(data[a + t])
+            ):
+                equal = False
+                break
+        if equal:
+            leader[row] = head
+
+
+def extreme(value: np.ndarray, leader: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the largest `value` of each group, at its leader, and where it is."""
+    best = np.full(leader.size, -np.inf)
+    np.maximum.at(best, leader, value)
+    at = leader.copy()
+    hit = np.flatnonzero(value == best[leader])
+    at[leader[hit[::-1]]] = hit[::-1]
+    return best, at
+
+
+def unit(size: int, index: int, value: float) -> np.ndarray:
+    """Return value * e_index."""
+    e = np.zeros(size)
+    e[index] = value
+    return e

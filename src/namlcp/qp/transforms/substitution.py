@@ -1,0 +1,315 @@
+"""Substitution: what one row or column decides is taken out, and put back exactly.
+
+Modelling languages give every residual a variable of its own, so that the cost is
+diagonal where the user wrote a least-squares term, and every bound a row. Both are
+undone here.
+
+    row g x_j <= h of G                 bound of x_j, its z is z_box_j / g
+    row a x_j = b of A                  lb_j = ub_j = b / a, its y is z_box_j / a
+    free column t with the cost         t = (b_i - a_i'x) / a_it,
+    p t^2/2 + q_t t, p >= 0, and one      y_i = -(p t + q_t) / a_it,
+    entry a_it, in row i of A           P + (p/a_it^2) a_i a_i',
+                                        q - (p b_i/a_it + q_t) / a_it a_i
+
+The multipliers follow from stationarity in x_j and in t. A column goes only where the
+products a_i a_i' do not fill P: a cost a_i'x is then shorter than its square.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import csc_array
+
+from namlcp.compiled import kernel
+from namlcp.limits import NEVER, Deadline
+from namlcp.linalg import add_transposed, submatrix, times, with_squares, without_zeros
+from namlcp.qp.convexity import check_convex
+from namlcp.qp.guess import Guess
+from namlcp.qp.problem import QP
+
+PIVOT = 1e-3  # least size of a_it relative to its row
+FILL = 4  # entries of P that one entry of the rows may cost
+SMALL = 1000  # entries of P that do not count
+SHORT = 2  # rows up to this length fill in no more than they free
+
+
+class Givers(NamedTuple):
+    """The row of [G; A] that gives a bound, -1 where the bound is the user's own."""
+
+    rows: np.ndarray
+    entry: np.ndarray
+
+
+class Bounds(NamedTuple):
+    """Bounds with those from rows, who gives them, and the rows of G and A left over.
+
+    `infinite` has the marks of lb = -inf and of ub = +inf.
+    """
+
+    lb: np.ndarray
+    ub: np.ndarray
+    lower: Givers
+    upper: Givers
+    rows: np.ndarray
+    equations: np.ndarray
+    infinite: np.ndarray
+
+    def is_like(self, other: "Bounds") -> bool:
+        """Tell whether the same rows are left and the same bounds are infinite."""
+        return (
+            np.array_equal(self.rows, other.rows)
+            and np.array_equal(self.equations, other.equations)
+            and np.array_equal(self.infinite, other.infinite)
+        )
+
+
+class Substitution(NamedTuple):
+    """The smaller QP and the way back.
+
+    `kept` columns stay, the columns `solved` are substituted by the rows `by` of A,
+    where they have the entries `pivot` and the others make up `rest`; `cost` is their
+    p. `others` are the rows of A that stay.
+    """
+
+    user: QP
+    bounds: Bounds
+    kept: np.ndarray
+    solved: np.ndarray
+    by: np.ndarray
+    pivot: np.ndarray
+    cost: np.ndarray
+    others: np.ndarray
+    rest: csc_array
+    P: csc_array
+    G: csc_array
+    A: csc_array
+
+    @property
+    def qp(self) -> QP:
+        """The smaller QP."""
+        user, bounds, kept = self.user, self.bounds, self.kept
+        q = user.q[kept]
+        if self.solved.size:
+            slope = self.cost * user.b[self.by] / self.pivot + user.q[self.solved]
+            add_transposed(self.rest, -slope / self.pivot, q)
+        return QP(
+            self.P, q, self.G, user.h[bounds.rows], self.A, user.b[self.others],
+            bounds.lb[kept], bounds.ub[kept],
+        )  # fmt: skip
+
+    def point(
+        self, x: np.ndarray, y: np.ndarray, z: np.ndarray, z_box: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Return the user's (x, y, z, z_box)."""
+        full = self.direction(x)
+        full[self.solved] += self.user.b[self.by] / self.pivot
+        y, z, box = self.multipliers(y, z, z_box)
+        gradient = self.cost * full[self.solved] + self.user.q[self.solved]
+        y[self.by] = -gradient / self.pivot
+        return full, y, z, box
+
+    def direction(self, d: np.ndarray) -> np.ndarray:
+        """Return the user's direction of x."""
+        full = np.empty(self.user.q.size)
+        full[self.kept] = d
+        full[self.solved] = -times(self.rest, d) / self.pivot
+        return full
+
+    def multipliers(
+        self, y: np.ndarray, z: np.ndarray, z_box: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return the user's (y, z, z_box) with y = 0 at the rows substituted."""
+        m = self.user.h.size
+        rows = np.zeros(m + self.user.b.size)
+        rows[self.bounds.rows] = z
+        rows[m + self.others] = y
+        full = np.zeros(self.user.q.size)
+        full[self.kept] = z_box
+        for givers, sign in ((self.bounds.lower, -1.0), (self.bounds.upper, 1.0)):
+            at = np.flatnonzero((givers.rows >= 0) & (sign * full > 0.0))
+            rows[givers.rows[at]] = full[at] / givers.entry[at]
+            full[at] = 0.0
+        return rows[m:], rows[:m], full
+
+    def guess(self, guess: Guess) -> Guess:
+        """Return a guess for the smaller QP."""
+        if not guess.x.size:
+            return guess
+        m, n = self.user.h.size, self.user.q.size
+        active = guess.active.copy()
+        at_row, at_lb, at_ub = active[:m], active[m : m + n], active[m + n :]
+        row_mark = np.concatenate((at_row, np.ones(guess.y.size, active.dtype)))
+        multiplier = np.concatenate((guess.z, guess.y))
+        bounds = self.bounds
+        box = guess.z_box.copy()
+        for givers, mark in ((bounds.lower, at_lb), (bounds.upper, at_ub)):
+            at = np.flatnonzero(givers.rows >= 0)
+            mark[at] = row_mark[givers.rows[at]]
+            if givers is bounds.upper:  # an equation gives both bounds, but once
+                at = at[givers.rows[at] != bounds.lower.rows[at]]
+            box[at] += multiplier[givers.rows[at]] * givers.entry[at]
+        marks = at_row[bounds.rows], at_lb[self.kept], at_ub[self.kept]
+        return Guess(
+            guess.x[self.kept],
+            guess.y[self.others],
+            guess.z[bounds.rows],
+            box[self.kept],
+            np.concatenate(marks),
+        )
+
+
+def substitute(
+    qp: QP, last: Substitution | None = None, deadline: Deadline = NEVER
+) -> Substitution | None:
+    """Return the smaller QP of a sparse one, None where there is nothing to gain.
+
+    None, too, where the deadline has come. The
+    matrices of `last` are taken where qp has the same ones and the same rows can be
+    substituted.
+    """
+    if not (qp.lb <= qp.ub).all():
+        return None
+    n, m, p = qp.q.size, qp.h.size, qp.b.size
+    G, A = without_zeros(qp.G), without_zeros(qp.A)
+    bounds = bounds_from_rows(qp, G, A)
+    if last is not None and qp.has_matrices_of(last.user):
+        if bounds.is_like(last.bounds):
+            return last._replace(user=qp, bounds=bounds)
+    P = without_zeros(qp.P)
+    solved, by, pivot, cost, others = free_columns(P, G, A, bounds)
+    if bounds.rows.size == m and others.size == p:
+        return None
+    kept = np.delete(np.arange(n), solved)
+    rest = submatrix(A, by, kept)
+    if solved.size:
+        check_convex(qp.P)  # the squares added below would hide what is negative
+        if deadline.reached():
+            return None
+        P = with_squares(submatrix(P, kept, kept), rest, cost / pivot**2, deadline)
+        if P is None:
+            return None
+    return Substitution(
+        qp, bounds, kept, solved, by, pivot, cost, others, rest,
+        P, submatrix(G, bounds.rows, kept), submatrix(A, others, kept),
+    )  # fmt: skip
+
+
+def bounds_from_rows(qp: QP, G: csc_array, A: csc_array) -> Bounds:
+    """Turn rows into bounds, but for those that contradict others: proofs need them."""
+    n, m, p = qp.q.size, qp.h.size, qp.b.size
+    lb, ub = qp.lb.copy(), qp.ub.copy()
+    lower, upper = (Givers(np.full(n, -1), np.ones(n)) for _ in range(2))
+    left = np.ones(m + p, dtype=np.bool_)
+    rows, equations = left[:m], left[m:]
+    sides = lb, ub, *lower, *upper
+    take_rows(G.indptr, G.indices, G.data, qp.h, 0, False, *sides, rows)
+    take_rows(A.indptr, A.indices, A.data, qp.b, m, True, *sides, equations)
+    clash = lb > ub
+    if clash.any():
+        lb[clash], ub[clash] = qp.lb[clash], qp.ub[clash]
+        lower.rows[clash] = upper.rows[clash] = -1
+        give_back(G.indptr, G.indices, clash, rows)
+        give_back(A.indptr, A.indices, clash, equations)
+    return Bounds(
+        lb, ub, lower, upper, np.flatnonzero(rows), np.flatnonzero(equations),
+        np.isinf((lb, ub)),
+    )  # fmt: skip
+
+
+@kernel
+def take_rows(
+    indptr, indices, data, side, first, is_equal, lb, ub, lower_rows, lower_entry,
+    upper_rows, upper_entry, left,
+):  # fmt: skip
+    """Tighten lb and ub by the rows with one entry, and take these from `left`.
+
+    Row i is number first + i among the givers.
+    """
+    entries = np.zeros(side.size, dtype=np.int32)
+    for i in indices:
+        entries[i] += 1
+    for j in range(lb.size):
+        for t in range(indptr[j], indptr[j + 1]):
+            i = indices[t]
+            if entries[i] != 1 or np.isinf(side[i]):
+                continue
+            left[i] = False
+            value = side[i] / data[t]
+            if (is_equal or data[t] > 0.0) and value < ub[j]:
+                ub[j] = value
+                upper_rows[j] = first + i
+                upper_entry[j] = data[t]
+            if (is_equal or data[t] < 0.0) and value > lb[j]:
+                lb[j] = value
+                lower_rows[j] = first + i
+                lower_entry[j] = data[t]
+
+
+@kernel
+def give_back(indptr, indices, clash, left):
+    """Leave all rows with an entry in a column where bounds clash."""
+    for j in range(clash.size):
+        if clash[j]:
+            for t in range(indptr[j], indptr[j + 1]):
+                left[indices[t]] = True
+
+
+def free_columns(
+    P: csc_array,
+    G: csc_array,
+    A: csc_array,
+    bounds: Bounds,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the columns to substitute, their rows of A, entries and costs; the others.
+
+    One column a row, the one with the largest entry.
+    """
+    p = A.shape[0]
+    diagonal = P.diagonal()
+    is_free = (
+        (np.diff(A.indptr) == 1)
+        & (np.diff(G.indptr) == 0)
+        & bounds.infinite.all(axis=0)
+        & (diagonal >= 0.0)
+        & (np.diff(P.indptr) == (diagonal != 0.0))
+    )
+    columns = np.flatnonzero(is_free)
+    at = A.indptr[columns]
+    row, entry = A.indices[at].astype(np.intp), A.data[at]
+    size = np.zeros(p)
+    np.maximum.at(size, A.indices, np.abs(A.data))
+    usable = np.zeros(p, dtype=bool)
+    usable[bounds.equations] = True
+    good = usable[row] & (np.abs(entry) >= PIVOT * size[row])
+    order = np.flatnonzero(good)
+    order = order[np.argsort(-np.abs(entry[order]), kind="stable")]
+    order = order[np.unique(row[order], return_index=True)[1]]
+    columns, row, entry = columns[order], row[order], entry[order]
+    keep = worth_it(A, row, diagonal[columns] > 0.0)
+    columns, row, entry = columns[keep], row[keep], entry[keep]
+    usable[row] = False
+    return columns, row, entry, diagonal[columns], np.flatnonzero(usable)
+
+
+def worth_it(A: csc_array, row: np.ndarray, squared: np.ndarray) -> np.ndarray:
+    """Tell which rows to square into P: where all would fill it in, the short ones."""
+    length = np.bincount(A.indices, minlength=A.shape[0])[row] - 1
+    costs = length[squared]
+    touched = np.zeros(A.shape[0], dtype=bool)
+    touched[row[squared]] = True
+    width = count_columns(A.indptr, A.indices, touched) - costs.size
+    if min((costs**2).sum(), width**2) <= FILL * costs.sum() + SMALL:
+        return np.ones(row.size, dtype=bool)
+    return ~squared | (length <= SHORT)
+
+
+@kernel
+def count_columns(indptr, indices, touched):
+    """Count the columns with an entry in a touched row."""
+    count = 0
+    for j in range(indptr.size - 1):
+        for t in range(indptr[j], indptr[j + 1]):
+            if touched[indices[t]]:
+                count += 1
+                break
+    return count

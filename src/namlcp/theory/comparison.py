@@ -1,0 +1,397 @@
+"""Is A an H+ matrix? Is a Z-matrix an M-matrix? Answers with a witness.
+
+The comparison matrix of A has <A>_ii = |a_ii|, <A>_ij = -|a_ij|; A is an H+ matrix if
+its diagonal is positive and <A> is a nonsingular M-matrix (in this package M-matrices
+are nonsingular). With a positive diagonal D and J = D^-1 |A - D|, the Jacobi matrix of
+<A>, that is rho(J) < 1. Two inequalities settle it (Berman and Plemmons, Nonnegative
+Matrices in the Mathematical Sciences, chapter 6):
+
+    v > 0 and <A> v > 0 exist         <=>  <A> is an M-matrix,
+    u >= 0, u != 0 and <A> u <= 0     <=>  it is not.
+
+The second is the first's contrary because <A>^-1 >= 0 would give u <= 0. It asks for
+nothing where u_i = 0: there (<A> u)_i = -sum_j |a_ij| u_j. Hence a witness of one
+irreducible block of A, padded with zeros, is a witness for A, and so is the unit vector
+of a nonpositive diagonal entry.
+
+How v or u was found does not matter; both are checked with error bounds of their own
+(`signs`), so that no answer rests on the accuracy of a linear solve. In order:
+
+1. v = u = 1: strict dominance by rows; and <A> 1 = 0, exactly singular.
+2. Gauss-Seidel sweeps on <A> v = D 1, as long as they help.
+3. For moderate n one solve of <A> v = D 1. Wherever <A> is nonsingular this decides:
+   v > 0, or u = max(-v, 0) is a witness, since for u_i > 0
+
+       (<A> u)_i = (<A> max(v, 0))_i - d_i = -sum_j |a_ij| max(v_j, 0) - d_i < 0.
+
+4. Noda's iteration on each irreducible block, balanced: from x > 0 and an upper bound
+   lambda of rho(J), the next x is (lambda I - J)^-1 x > 0, and min (J x)_i / x_i <=
+   rho(J) <= max (J x)_i / x_i closes in quadratically: `noda`. With lambda = 1 its
+   system is that of 3; multigrid solves it for large n, as well as it has to.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy import sparse
+
+from namlcp.checks import refuse_number, square_matrix
+from namlcp.compiled import kernel, part
+from namlcp.limits import interruptible
+from namlcp.theory.perron import (
+    DIRECT,
+    block_vectors,
+    gauss_seidel,
+    row_numbers,
+    solutions,
+)
+
+BATCHES = (2, 2, 4, 8, 16, 32)
+"""Symmetric Gauss-Seidel sweeps between two looks at the signs."""
+
+HELP = 0.5
+"""Sweeps go on if a batch shrinks (or grows) their steps at least by this factor."""
+
+TINY = 5e-324
+UNIT = 2.0**-53
+
+NO_EXPONENT = np.empty(0, dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Verdict:
+    """An answer with its reason. `bool(verdict)` is True only where it is proven.
+
+    Attributes
+    ----------
+    answer : bool or None
+        None: not decided.
+    theorem : str
+        The statement that decides, with its source.
+    checked : str
+        What was computed, and what came out.
+    witness : (n,) array or None
+        What proves the answer; `theorem` says how.
+    exponent : (n,) integer array or None
+        If not None, the witness is witness * 2^exponent, which would overflow.
+    bound : float
+        Upper bound (below 1) of the spectral radius in question for True, lower bound
+        (at least 1) for False; NaN where there is none.
+    """
+
+    answer: bool | None
+    theorem: str
+    checked: str
+    witness: np.ndarray | None = None
+    exponent: np.ndarray | None = None
+    bound: float = math.nan
+
+    def __bool__(self) -> bool:
+        return self.answer is True
+
+
+@interruptible
+def is_h_plus(A: Any) -> Verdict:
+    """Tell whether A is an H+ matrix, with a vector that proves it.
+
+    A_ii > 0 and <A> v > 0 for some v > 0,  <A>_ii = |a_ii|, <A>_ij = -|a_ij|
+
+    Then LCP(q, A), with any bounds, has exactly one solution for every q, and projected
+    relaxation and the modulus methods with Omega >= D converge to it.
+
+    Parameters
+    ----------
+    A : (n, n) array or sparse array
+
+    Returns
+    -------
+    Verdict
+        True: witness v > 0 with <A> v > 0. False: witness u >= 0, u != 0, with D u <=
+        |A - D| u (<A> u <= 0 where the diagonal is positive); the unit vector e_i if
+        a_ii <= 0. Both inequalities hold for the numbers as they are stored, rounding
+        errors bounded. None: the border, |rho(J) - 1| of 1e-10 or less with J = D^-1
+        |A - D|; or, for n beyond `DIRECT`, multigrid failed. `bound` is the largest (J
+        v)_i / v_i for True, and the least (J u)_i / u_i for False.
+
+    Raises
+    ------
+    TypeError, ValueError
+        A is not a square matrix of finite real numbers.
+
+    Notes
+    -----
+    `namlcp.theory.comparison` has the method. Under strict dominance one pass over A
+    suffices; otherwise a few sweeps or one linear solve.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from namlcp import is_h_plus
+    >>> A = np.array([[2.0, 3.0], [-1.0, 2.0]])
+    >>> bool(is_h_plus(A))
+    True
+    >>> is_h_plus(A - np.eye(2)).answer
+    False
+    """
+    A = square_matrix("A", A, "csr")
+    refuse_number("A", A.data if sparse.issparse(A) else A, False)
+    return decide(sparse.csr_array(A), "A is an H+ matrix")
+
+
+def is_m_matrix(K: Any) -> Verdict:
+    """Tell whether K is a nonsingular M-matrix: k_ij <= 0 off the diagonal, K^-1 >= 0.
+
+    Parameters
+    ----------
+    K : (n, n) array or sparse array
+
+    Returns
+    -------
+    Verdict
+        True: witness v > 0 with K v > 0. False: u >= 0, u != 0, with K u <= 0; for a
+        positive entry k_ij off the diagonal there is no witness, `checked` names it.
+    """
+    K = square_matrix("K", K, "csr")
+    refuse_number("K", K.data if sparse.issparse(K) else K, False)
+    K = sparse.csr_array(K)
+    rows = row_numbers(K)
+    wrong = np.flatnonzero((K.data > 0.0) & (rows != K.indices))
+    name = "K is a nonsingular M-matrix"
+    if wrong.size:
+        t = wrong[0]
+        place = f"K[{rows[t]}, {K.indices[t]}] = {K.data[t]:g} > 0"
+        return Verdict(answer=False, theorem=f"{name}: no Z-matrix", checked=place)
+    return decide(K, name)
+
+
+def decide(A: Any, claim: str) -> Verdict:
+    """Return the verdict on `claim`: diag(A) - |A - diag(A)| is an M-matrix.
+
+    A is a clean csr_array.
+    """
+    n = A.shape[0]
+    D = A.diagonal()
+    wrong = np.flatnonzero(~(D > 0.0))
+    if wrong.size:
+        i = wrong[0]
+        u = np.zeros(n)
+        u[i] = 1.0
+        return Verdict(
+            answer=False,
+            theorem=f"{claim}: no, an M-matrix has a positive diagonal",
+            checked=f"entry ({i}, {i}) is {D[i]:g}",
+            witness=u,
+        )
+    ones = np.ones(n)
+    with np.errstate(all="ignore"):
+        for name, find in (
+            ("v = 1", lambda: [ones]),
+            ("Gauss-Seidel sweeps", lambda: swept(A, ones)),
+            ("one linear solve", lambda: solved(A, D, ones)),
+        ):
+            for x in find():
+                verdict = judge(A, x, NO_EXPONENT, claim, name)
+                if verdict is not None:
+                    return verdict
+        bounds = ""
+        for x, exponent, low, high in block_vectors(A, D):
+            verdict = judge(A, x, exponent, claim, "Noda's iteration")
+            if verdict is not None:
+                return verdict
+            bounds = f"[{low:.15g}, {high:.15g}]"
+    return Verdict(
+        answer=None,
+        theorem=f"{claim}: not decided",
+        checked=f"rho(J) of an irreducible block lies in about {bounds}",
+    )
+
+
+def judge(
+    A: Any, x: np.ndarray, exponent: np.ndarray, claim: str, name: str
+) -> Verdict | None:
+    """Return the verdict if x 2^exponent proves one way or the other."""
+    if x.size < A.shape[0]:
+        return None
+    matrix = A.data, A.indices, A.indptr
+    positive = bool(np.all(x > 0.0))
+    if not positive:
+        x = np.maximum(-x, 0.0) if np.any(x < 0.0) else x
+    if not np.all(np.isfinite(x)):
+        return None
+    above, below, largest, least = signs(*matrix, x, exponent)
+    if positive and above:
+        theorem, answer, bound = "v > 0, <A> v > 0", True, min(largest, 1.0 - UNIT)
+        checked = f"{name}: rho(J) <= {bound:.17g}, the largest (Jv)_i / v_i"
+    elif below:
+        theorem, answer, bound = "u >= 0, u != 0, <A> u <= 0", False, max(least, 1.0)
+        checked = f"{name}: rho(J) >= {bound:.17g}, the least (Ju)_i / u_i"
+    else:
+        return None
+    total = x
+    power: np.ndarray | None = None
+    if exponent.size:
+        with np.errstate(all="ignore"):
+            total = np.ldexp(x, exponent - exponent[x > 0.0].max())
+        if np.any((total > 0.0) != (x > 0.0)) or not within_range(total):
+            total, power = x, exponent
+    return Verdict(
+        answer=answer,
+        theorem=f"{claim}: {theorem} (Berman and Plemmons, ch. 6)",
+        checked=checked,
+        witness=total,
+        exponent=power,
+        bound=bound,
+    )
+
+
+def within_range(x: np.ndarray) -> bool:
+    """Tell whether products with x stay in the normal range."""
+    nonzero = x[x > 0.0]
+    return bool(nonzero.size and nonzero.min() > 1e-200)
+
+
+@kernel
+def signs(data, indices, indptr, x, exponent):
+    """Tell the signs of K y, K = D - |A - D|, y = x 2^exponent >= 0, and bounds of J.
+
+    Returns (K y > 0, K y <= 0 where y > 0, max (J y)_i / y_i, min (J y)_i / y_i), the
+    quotients over y_i > 0. Both signs are those of the exact numbers: a row's plain sum
+    of k terms t is off by at most (k + 1) u sum |t| (Higham, Accuracy and Stability,
+    section 3.1), and underflow adds less than 4 k times the least number. Where that is
+    too much the row is summed again with its rounding errors (`exact_row`).
+    """
+    above = True
+    below = False
+    largest = 0.0
+    least = np.inf
+    for i in range(x.size):
+        if not x[i] > 0.0:
+            above = False
+            continue
+        d = 0.0
+        off = 0.0
+        for k in range(indptr[i], indptr[i + 1]):
+            j = indices[k]
+            if j == i:
+                d = data[k] * x[i]
+            elif x[j] > 0.0:
+                t = abs(data[k])
+                if exponent.size > 0:
+                    t = math.ldexp(t, exponent[j] - exponent[i])
+                off += t * x[j]
+        if not off < np.inf:
+            return False, False, np.nan, np.nan
+        count = indptr[i + 1] - indptr[i] + 3
+        margin = count * (2.0 * UNIT * (d + off) + 4.0 * TINY)
+        low = high = d - off
+        if not abs(low) > margin:
+            low, high = exact_row(data, indices, indptr, i, x, exponent)
+        else:
+            low -= margin
+            high += margin
+        if not low > 0.0:
+            above = False
+        if high <= 0.0:
+            below = True
+        else:
+            least = -1.0
+        if not above and least < 0.0:
+            return False, False, np.nan, np.nan
+        quotient = off / d
+        largest = max(largest, quotient)
+        if least >= 0.0:
+            least = min(least, quotient)
+    return above, below and least >= 0.0, largest, least
+
+
+@part
+def exact_row(data, indices, indptr, i, x, exponent):
+    """Return bounds of (K y)_i that hold and are equal where nothing was rounded.
+
+    Error-free products and sums (Dekker, Numer. Math. 18 (1971) 224-242): the sum plus
+    its errors, and a bound for what adding up the errors left.
+    """
+    total = 0.0
+    error = 0.0
+    size = 0.0
+    lost = 0.0
+    for k in range(indptr[i], indptr[i + 1]):
+        j = indices[k]
+        if not x[j] > 0.0 or data[k] == 0.0:
+            continue
+        a = data[k] if j == i else -abs(data[k])
+        b = x[j]
+        if exponent.size > 0:
+            b = math.ldexp(b, exponent[j] - exponent[i])
+        p = a * b
+        if abs(p) > 1e-260 and abs(a) < 1e150 and b < 1e150 and b > 1e-290:
+            c = 134217729.0 * a
+            ah = c - (c - a)
+            c = 134217729.0 * b
+            bh = c - (c - b)
+            al = a - ah
+            bl = b - bh
+            e = al * bl - (((p - ah * bh) - al * bh) - ah * bl)
+        else:
+            e = 0.0
+            lost += abs(p) * 4.0 * UNIT + 4.0 * TINY * (1.0 + abs(a))
+        s = total + p
+        t = s - total
+        f = (total - (s - t)) + (p - t)
+        total = s
+        error += e
+        size += abs(e)
+        error += f
+        size += abs(f)
+    count = 2.0 * (indptr[i + 1] - indptr[i]) + 4.0
+    margin = 2.0 * UNIT * count * size + lost
+    whole = total + error
+    if margin > 0.0:
+        margin += 2.0 * UNIT * abs(whole)
+    elif error != 0.0:
+        margin = 2.0 * UNIT * abs(whole)
+    return whole - margin, whole + margin
+
+
+@kernel
+def exact_dominance(data, indices, indptr):
+    """Tell whether a_ii >= sum_{j != i} |a_ij| for the numbers as they are stored."""
+    n = indptr.size - 1
+    ones = np.ones(n)
+    for i in range(n):
+        low, _ = exact_row(data, indices, indptr, i, ones, NO_EXPONENT)
+        if not low >= 0.0:
+            return False
+    return True
+
+
+def swept(A: Any, ones: np.ndarray) -> Any:
+    """Yield v after batches of sweeps on <A> v = D 1, while they get somewhere."""
+    v = ones.copy()
+    before = math.inf
+    for sweeps in BATCHES:
+        step = math.inf
+        for _ in range(sweeps):
+            step = gauss_seidel(A.data, A.indices, A.indptr, ones, v)
+        if not step < 1e100:
+            return
+        yield v
+        if before < math.inf and HELP * before < step < before / HELP:
+            return
+        before = step
+
+
+def solved(A: Any, D: np.ndarray, ones: np.ndarray) -> Any:
+    """Yield approximate solutions of <A> v = D 1, each better than the last."""
+    if A.shape[0] <= DIRECT:  # beyond it Noda's first system does as well
+        yield from solutions(scaled_comparison(A, D), ones)
+
+
+def scaled_comparison(A: Any, D: np.ndarray) -> Any:
+    """Return I - J = D^-1 <A>."""
+    rows = row_numbers(A)
+    data = -np.abs(A.data) / D[rows]
+    data[rows == A.indices] = 1.0
+    return sparse.csr_array((data, A.indices, A.indptr), shape=A.shape)

@@ -1,0 +1,293 @@
+"""Bounds for the contraction of a sweep: rho(T) of Theorem 2, and a gain in energy.
+
+`convergence` has the meaning of T, C and W.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy import linalg, sparse
+from scipy.sparse.linalg import splu
+
+from namlcp.compiled import kernel
+from namlcp.theory.comparison import is_m_matrix
+from namlcp.theory.perron import row_numbers
+from namlcp.theory.splittings import Splitting, comparison, splitting
+
+SMALL = 600
+"""Up to this order inverses and eigenvalues of dense matrices are asked for."""
+
+POWER_STEPS = 40
+NODA_STEPS = 20
+HALVINGS = 40
+DOUBLINGS = 20
+
+MARGINS = (1e-2, 1e-5)
+"""eps for which energies are sought."""
+
+UNIT = 2.0**-53
+
+LEAST, STIR = 1e-100, 1e-3
+"""Vectors with entries below LEAST are stirred by adding STIR."""
+
+
+class Bounds(NamedTuple):
+    """lower <= rho(T) <= upper; x > 0 has T x <= upper x unless halving gave `upper`.
+
+    If `exact` is False, T is C^-1 W, which is at least the T of (2): `lower` is then a
+    bound for that matrix only.
+    """
+
+    lower: float
+    upper: float
+    exact: bool
+    x: np.ndarray | None
+
+
+def left_solver(C: Any) -> Any:
+    """Return x = C^-1 b as a function of b, by substitution where C is triangular."""
+    if np.all(C.indices <= row_numbers(C)):
+        matrix = C.data, C.indices, C.indptr
+        return lambda b: substitute(*matrix, b)
+    try:
+        return splu(sparse.csc_array(C)).solve
+    except RuntimeError:
+        return lambda b: np.full(b.size, np.nan)
+
+
+@kernel
+def substitute(data, indices, indptr, b):
+    """Return C^-1 b for a lower triangular C in CSR with a nonzero diagonal."""
+    x = np.empty_like(b)
+    for i in range(b.size):
+        r = b[i]
+        d = np.nan
+        for k in range(indptr[i], indptr[i + 1]):
+            j = indices[k]
+            if j < i:
+                r -= data[k] * x[j]
+            elif j == i:
+                d = data[k]
+        x[i] = r / d
+    return x
+
+
+def contraction_bounds(
+    A: Any,
+    method: str,
+    *,
+    alpha: float | None = None,
+    beta: float | None = None,
+    omega: Any = None,
+    shift: Any = None,
+    rtol: float = 1e-4,
+) -> Bounds:
+    """Enclose rho(T) of the paper's Theorem 2 for a method and an Omega.
+
+    T = |(M + Omega)^-1| (|N| + |Omega - A|)
+
+    Parameters
+    ----------
+    A, method, alpha, beta, omega, shift
+        As in `converges`.
+    rtol : float
+        Width to reach, relative to the upper bound. What it cannot reach (a reducible
+        T, say) is returned as it stands.
+
+    Returns
+    -------
+    Bounds
+        For every x > 0, min (T x)_i / x_i <= rho(T) <= max (T x)_i / x_i (Collatz and
+        Wielandt), up to rounding. Beyond n = 600 T is replaced by C^-1 W >= T, applied
+        by substitution, and what is left of the interval is halved: rho(C^-1 W) < t
+        means that t C - W is an M-matrix. `exact` tells whether the two matrices are
+        equal. C^-1 W stands for T in the accelerated family too. Bounds (0, inf) where
+        C is not an M-matrix.
+    """
+    parts = splitting(A, method, alpha=alpha, beta=beta, omega=omega, shift=shift)
+    C, W, exact = comparison(parts)
+    n = parts.omega.size
+    with np.errstate(all="ignore"):
+        if n <= SMALL and not parts.H:
+            left, N, right = dense_parts(parts)
+            try:
+                T = np.abs(np.linalg.inv(left)) @ (np.abs(N) + np.abs(right))
+            except np.linalg.LinAlgError:
+                return Bounds(0.0, math.inf, True, None)
+            found = collatz(lambda x: T @ x, np.ones(n), resolvent(T), rtol)
+            return found._replace(exact=True)
+        start = is_m_matrix(C)
+        if not start or start.witness is None or start.exponent is not None:
+            return Bounds(0.0, math.inf, exact, None)
+        solve = left_solver(C)
+        found = collatz(lambda x: solve(W @ x), start.witness, None, rtol)
+        lower, upper, _, x = found
+        for _ in range(HALVINGS):
+            if not upper - lower > rtol * upper:
+                break
+            middle = math.sqrt(lower * upper) if lower > 0.0 else 0.5 * upper
+            verdict = is_m_matrix(middle * C - W)  # T's rho is below, or not
+            if verdict.answer is None:
+                break
+            lower, upper = (lower, middle) if verdict else (middle, upper)
+        return Bounds(lower, upper, exact, x)
+
+
+def resolvent(T: np.ndarray) -> Any:
+    """Return (shift, x) -> (shift I - T)^-1 x, None where it does not exist."""
+
+    def inverse(shift: float, x: np.ndarray) -> np.ndarray | None:
+        try:
+            return np.linalg.solve(shift * np.eye(x.size) - T, x)
+        except np.linalg.LinAlgError:
+            return None
+
+    return inverse
+
+
+def collatz(apply: Any, x: np.ndarray, inverse: Any, rtol: float = 1e-10) -> Bounds:
+    """Enclose rho(T), T >= 0: power steps, then Noda's; apply(x) = T x, x > 0.
+
+    inverse(shift, x) returns (shift I - T)^-1 x or None; inverse=None: power steps.
+    """
+    best = Bounds(0.0, math.inf, True, None)
+    for step in range(POWER_STEPS + (NODA_STEPS if inverse else 0)):
+        y = apply(x)
+        if not np.all(y >= 0.0) or x.size == 0:
+            return best if x.size else Bounds(0.0, 0.0, True, x)
+        quotient = y / x
+        upper = float(quotient.max())
+        if upper < best.upper:
+            best = best._replace(upper=upper, x=x)
+        best = best._replace(lower=max(best.lower, float(quotient.min())))
+        if not best.upper - best.lower > rtol * best.upper:
+            return best
+        if step >= POWER_STEPS:
+            new = inverse(best.upper * (1.0 + 1e-15), best.x)
+            if new is None or not np.all(np.isfinite(new)):
+                return best
+            y = np.abs(new)
+        x = y / y.max()
+        if step < POWER_STEPS and not x.min() > LEAST:
+            x = x + STIR
+        x = np.maximum(x, LEAST**2)
+    return best
+
+
+def dense_parts(parts: Splitting) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return M + Omega, N and Omega - A as dense arrays."""
+    Omega = np.diag(parts.omega)
+    return parts.M.toarray() + Omega, parts.N.toarray(), Omega - parts.A.toarray()
+
+
+class Energy(NamedTuple):
+    """Q with || e+ ||_Q <= factor || e ||_Q for two runs, e = ds - Z dR(s)."""
+
+    Q: np.ndarray
+    factor: float
+    weight: str
+
+
+def contracted_energy(parts: Splitting) -> Energy | None:
+    """Return an energy that every sweep contracts, or None; dense, O(n^3).
+
+    With X = (M + Omega)^-1 N, Y = (M + Omega)^-1 (Omega - A), Z = 0, and for the
+    accelerated family with Z = (M + Omega)^-1 L, less Z in Y, the differences of two
+    runs obey
+
+        e+ = X e + B p,   ds = e + Z p,   |p| <= |ds|,   B = X Z + Y,   p = dR(s).
+
+    If for a symmetric positive definite Q and a positive diagonal Lambda
+
+        [X'QX - Q + Lambda    X'QB + Lambda Z                  ]
+        [B'QX + Z'Lambda      B'QB + Z'Lambda Z - Lambda       ]  <=  -eps I,  eps > 0,
+
+    multiplying by (e, p) gives |e+|_Q^2 - |e|_Q^2 <= p'Lambda p - ds'Lambda ds - eps
+    (e'e + p'p) <= -eps e'e: a contraction. By the bounded real lemma Q exists if rho(X)
+    < 1 and the transfer function from p to ds has gain below 1 in the norm of Lambda:
+    a small-gain, or circle, criterion. A Riccati equation gives Q; whether it does is
+    checked. Lambda is Omega, or what makes Perron vectors of |X| + |Y| + |Z| equal.
+
+    References
+    ----------
+    .. [1] C. E. de Souza, L. Xie, Systems & Control Letters 18 (1992) 61-71.
+    .. [2] E. K.-W. Chu, H.-Y. Fan, W.-W. Lin, C.-S. Wang, Int. J. Control 77 (2004)
+       767-788 (the doubling algorithm).
+    """
+    n = parts.omega.size
+    left, N, right = dense_parts(parts)
+    L = -np.tril(parts.A.toarray(), -1) if parts.H else np.zeros((n, n))
+    try:
+        X, Y, Z = (np.linalg.solve(left, side) for side in (N, right - L, L))
+        perron = perron_weight(np.abs(X) + np.abs(Y) + np.abs(Z))
+        rounding = 1e3 * n * UNIT * np.linalg.cond(left)
+        if not np.abs(np.linalg.eigvals(X)).max(initial=0.0) < 1.0:
+            return None
+        for name, weight in (("Omega", parts.omega), ("Perron", perron)):
+            d = np.sqrt(weight)
+            scaled = tuple(d[:, None] * V / d for V in (X, Y, Z))
+            for eps in MARGINS:
+                found = energy_of(scaled, eps, rounding)
+                if found is not None:
+                    Q = d[:, None] * found[0] * d
+                    return Energy(Q, found[1], f"Lambda = {name}")
+    except (np.linalg.LinAlgError, ValueError):  # singular, or not finite
+        pass
+    return None
+
+
+def perron_weight(S: np.ndarray) -> np.ndarray:
+    """Return the squares of the d that make || d S d^-1 ||_2 least, S >= 0."""
+    values, left, right = linalg.eig(S, left=True, right=True)
+    k = int(np.argmax(np.abs(values)))
+    return np.maximum(np.abs(left[:, k]), 1e-8) / np.maximum(np.abs(right[:, k]), 1e-8)
+
+
+def energy_of(
+    scaled: tuple[np.ndarray, ...], eps: float, rounding: float
+) -> tuple[np.ndarray, float] | None:
+    """Return (Q, factor) for Lambda = I, None where the Riccati equation has no Q."""
+    X, Y, Z = scaled
+    I, B = np.eye(X.shape[0]), X @ Z + Y
+    S = (1.0 + eps) * Z
+    R = S.T @ Z - (1.0 - eps) * I
+    Q = riccati(X, B, (1.0 + eps) * I, S, R)
+    if Q is None:
+        return None
+    QX, QB = Q @ X, Q @ B
+    corner = X.T @ QB + Z
+    block = np.block([[X.T @ QX - Q + I, corner], [corner.T, B.T @ QB + Z.T @ Z - I]])
+    size = 1.0 + sum(np.linalg.norm(V) for V in (X, B, Z))
+    slack = rounding * (1.0 + np.linalg.norm(Q)) * size * size
+    values = np.linalg.eigvalsh(block)
+    energies = np.linalg.eigvalsh(Q)
+    if not (values[-1] < -slack and energies[0] > slack):
+        return None
+    return Q, math.sqrt(1.0 + (values[-1] + slack) / energies[-1])
+
+
+def riccati(
+    A: np.ndarray, B: np.ndarray, H: np.ndarray, S: np.ndarray, R: np.ndarray
+) -> np.ndarray | None:
+    """Solve Q = A'QA + H - (A'QB + S)(R + B'QB)^-1 (B'QA + S') by doubling, R < 0.
+
+    None where the iterates, which grow, find no limit.
+    """
+    inverse = np.linalg.inv(R)
+    A, G = A - B @ inverse @ S.T, B @ inverse @ B.T
+    H = H - S @ inverse @ S.T
+    I = np.eye(A.shape[0])
+    for _ in range(DOUBLINGS):
+        W = np.linalg.inv(I + G @ H)
+        change = A.T @ H @ W @ A
+        G = G + A @ W @ G @ A.T
+        A = A @ W @ A
+        H = H + 0.5 * (change + change.T)
+        G = 0.5 * (G + G.T)
+        grown = float(np.linalg.norm(change))
+        if not (np.trace(change) >= 0.0 and grown < math.inf):
+            return None
+        if grown <= 1e-14 * np.linalg.norm(H):
+            return H
+    return None

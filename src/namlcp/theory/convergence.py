@@ -1,0 +1,395 @@
+"""The convergence theory of the sweep methods as code: answers with their reason.
+
+A method with the splitting A = M - N (for nam* M + E - L and N + E - L take the places
+of M and N), z = clip(s, l, u) and R(s) = 2 z - s, does
+
+    (M + Omega) s+ = N s + (Omega - A) R(s) - 2 q.                                  (1)
+
+R moves no component further than s does, whatever the bounds. So two runs s, t obey
+
+    |s+ - t+| <= T |s - t|,   T = |(M + Omega)^-1| (|N| + |Omega - A|).             (2)
+
+*Theorem 2, its hypothesis trimmed.* If rho(T) < 1 there is v > 0 with T v <= theta v,
+theta < 1: (1) is a contraction in the norm max |s_i| / v_i, for every q and all bounds,
+and its only fixed point is the solution (Banach). That A is a P-matrix follows, it
+need not be assumed.
+
+*The comparison.* With C = <M + Omega> and W = |N| + |Omega - A|, if K = C - W is an
+M-matrix then rho(T) < 1: K v > 0 gives C v > W v >= 0, hence C is an M-matrix,
+|(M + Omega)^-1| <= C^-1 (Ostrowski), and T v <= C^-1 W v = v - C^-1 K v < v. If M +
+Omega = C, as for Z-matrices in triangular methods, T = C^-1 W and the converse holds. K
+is what the repair of the paper's Theorem 3 says: where diag(M) >= 0,
+
+    K = <M> - |N| + min(D, 2 Omega - D) - |B|,   B = L + U,
+
+because omega - |omega - d| = min(d, 2 omega - d). For an H-compatible splitting <M> -
+|N| = <A>, so that Omega >= D makes it 2 <A>: Bai's theorem for H+ matrices, and for
+Omega < D the matrix that the paper's proof uses.
+
+*The accelerated family* replaces L R(s) by L R(s+). Its sweep of ds and dz (`sweeps`)
+is piecewise linear in each unknown, with |dz| between 0 and |ds|, and the worst slopes
+give (2) with T = C^-1 W,
+
+    C = D/alpha + Omega - (beta/alpha + 1) |L|,
+    W = |1/alpha - 1| D + |Omega - D| + |beta/alpha - 1| |L| + 2 |U|.
+
+For beta = alpha and Omega >= D, alpha <= 1, K = 2 <A> (Zheng and Yin); for projected
+SOR it is the condition 0 < alpha < 2 / (1 + rho(J)) for H+ matrices (Ahn; Pang).
+
+*Beyond H-matrices.* Projected SOR lowers z'Az/2 + q'z for every symmetric A (Cryer;
+Mangasarian; Luo and Tseng for semidefinite A), the modulus method is a Cayley transform
+between reflections, and any method may contract a quadratic energy, which `contraction`
+looks for: the paper's own runs (Omega = D/2, E = I) do, where NAMGS has rho(T) > 1.
+
+References
+----------
+Bai, Numer. Linear Algebra Appl. 17 (2010) 917-933; Zheng and Yin, Numer. Algorithms 64
+(2013) 245-262; Ahn, J. Optim. Theory Appl. 33 (1981) 175-185; Pang, J. Optim. Theory
+Appl. 42 (1984) 1-17; Cryer, SIAM J. Control 9 (1971) 385-392; Mangasarian, J. Optim.
+Theory Appl. 22 (1977) 465-485; Luo and Tseng, SIAM J. Control Optim. 29 (1991)
+1037-1060; Frommer and Szyld, Numer. Math. 63 (1992) 345-356 (splittings).
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+import qdldl
+from scipy import linalg, sparse
+
+from namlcp.limits import interruptible
+from namlcp.linalg import asymmetry
+from namlcp.theory.comparison import Verdict, exact_dominance, is_h_plus, is_m_matrix
+from namlcp.theory.contraction import (
+    SMALL,
+    UNIT,
+    Bounds,
+    collatz,
+    contracted_energy,
+    contraction_bounds,
+    dense_parts,
+    left_solver,
+    resolvent,
+)
+from namlcp.theory.perron import DIRECT
+from namlcp.theory.splittings import (
+    Splitting,
+    TheoremThree,
+    comparison,
+    is_h_compatible,
+    is_h_splitting,
+    is_m_splitting,
+    lowered,
+    splitting,
+    theorem_3,
+)
+
+__all__ = [
+    "Bounds",
+    "Splitting",
+    "TheoremThree",
+    "Verdict",
+    "contraction_bounds",
+    "converges",
+    "is_h_compatible",
+    "is_h_plus",
+    "is_h_splitting",
+    "is_m_matrix",
+    "is_m_splitting",
+    "splitting",
+    "theorem_3",
+]
+
+
+@interruptible
+def converges(
+    A: Any,
+    method: str,
+    *,
+    alpha: float | None = None,
+    beta: float | None = None,
+    omega: Any = None,
+    shift: Any = None,
+    semidefinite: bool = False,
+) -> Verdict:
+    """Tell whether a sweep method provably converges on A, for every q, bounds, start.
+
+    Parameters
+    ----------
+    A : (n, n) array or sparse array
+    method : str
+        A name of `namlcp.lcp.modulus.methods`.
+    alpha, beta, omega, shift
+        As in `solve_lcp`, with the same defaults.
+    semidefinite : bool
+        A is known to be positive semidefinite, by construction as it were: no
+        computation in floating point can tell a singular one from an indefinite one.
+
+    Returns
+    -------
+    Verdict
+        True: `theorem` names what proves it, with its witness: v > 0 with K v > 0 for
+        the comparison (`bound` is then a contraction factor of max |s_i| / v_i), a
+        matrix for an energy, none for the theorems on definite matrices. A semidefinite
+        A has no solution for some q; "converges" then means: wherever there is one.
+        False: for q = witness and z >= 0 the solution e = (1, ..., 1) repels, so that
+        the method goes there from no start outside a set of measure zero; `bound` > 1
+        is the spectral radius. None: no theorem here applies; `checked` says what was
+        tried.
+
+    Raises
+    ------
+    TypeError, ValueError
+        An argument is malformed, or the method does not have such a parameter.
+
+    Notes
+    -----
+    Tried in this order, cheapest first (`namlcp.theory.convergence` has the arguments):
+
+    1. K is an M-matrix. Sparse, any size.
+    2. Projected SOR, symmetric positive (semi)definite A, 0 < alpha < 2 [1]_ [2]_ [3]_.
+    3. "modulus" and A + A' positive definite, any Omega > 0. In t = Omega^(1/2) s it is
+       reflections and the Cayley transform (I + Q)^-1 (I - Q), Q = Omega^(-1/2) A
+       Omega^(-1/2), of norm < 1: ||(I - Q) x||^2 = ||(I + Q) x||^2 - 2 x'(Q + Q')x.
+    4. n <= 600: rho(T) < 1 for the T of Theorem 2, then for the smaller matrix
+       |(M + Omega)^-1 N| + |(M + Omega)^-1 (Omega - A)|, to which the same proof
+       applies.
+    5. n <= 600: the linear map that a sweep is while no bound is active (q = -A e has
+       the solution z = e) has spectral radius above 1: no.
+    6. n <= 600: a quadratic energy that every sweep contracts, by a Riccati equation
+       (`namlcp.theory.contraction.contracted_energy`). It covers the paper's runs of
+       NAMGS, which Theorem 2 does not.
+
+    References
+    ----------
+    .. [1] C. W. Cryer, SIAM J. Control 9 (1971) 385-392.
+    .. [2] O. L. Mangasarian, J. Optim. Theory Appl. 22 (1977) 465-485.
+    .. [3] Z.-Q. Luo, P. Tseng, SIAM J. Control Optim. 29 (1991) 1037-1060.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from namlcp import converges
+    >>> A = np.array([[1.0, 0.9, 0.9], [0.9, 1.0, 0.9], [0.9, 0.9, 1.0]])
+    >>> converges(A, "psor", alpha=1.5).answer
+    True
+    >>> bool(converges(A, "mgs", omega=3.0))
+    True
+    >>> converges(np.array([[1.0, 2.0], [-2.0, 1.0]]), "pgs").answer
+    False
+    """
+    parts = splitting(A, method, alpha=alpha, beta=beta, omega=omega, shift=shift)
+    tried: list[str] = []
+    with np.errstate(all="ignore"):
+        for theorem in THEOREMS:
+            verdict = theorem(parts, semidefinite)
+            if verdict.answer is not None:
+                return verdict
+            if verdict.checked:
+                tried.append(verdict.checked)
+    return undecided("; ".join(tried))
+
+
+def undecided(checked: str = "") -> Verdict:
+    """Return the verdict of a theorem that does not apply."""
+    return Verdict(answer=None, theorem="no theorem applies", checked=checked)
+
+
+def by_comparison(parts: Splitting, semidefinite: bool) -> Verdict:
+    """Ask whether K = C - W is an M-matrix."""
+    C, W, _ = comparison(parts)
+    verdict = is_m_matrix(lowered(C, W))
+    if not verdict:
+        return undecided(f"K = C - W is not an M-matrix ({verdict.checked})")
+    name = "Zheng and Yin 2013; Ahn 1981" if parts.H else "Theorem 3, repaired"
+    v = verdict.witness
+    assert v is not None
+    bound = math.nan
+    if verdict.exponent is None:
+        bound = float(np.max(left_solver(C)(W @ v) / v, initial=0.0))
+    return Verdict(
+        answer=True,
+        theorem=f"contraction, rho(T) < 1, because K v > 0 ({name})",
+        checked=verdict.checked.replace("rho(J)", "rho of K's Jacobi matrix"),
+        witness=v,
+        exponent=verdict.exponent,
+        bound=bound,
+    )
+
+
+def by_descent(parts: Splitting, semidefinite: bool) -> Verdict:
+    """Ask whether this is projected SOR on a symmetric (semi)definite matrix."""
+    A, omega, alpha = parts.A, parts.omega, parts.alpha
+    if parts.H == 0.0 or parts.G != 0.0:
+        return undecided()
+    if not np.array_equal(omega, A.diagonal() / alpha):
+        return undecided("not projected SOR: Omega is not D/alpha")
+    gap = asymmetry(A)[0]
+    if gap > 0.0:
+        return undecided(
+            f"A is not symmetric: max |A - A'| = {gap:.1e} (pass (A + A') / 2 if that "
+            "is rounding)"
+        )
+    definite = positive_definite(A)
+    if definite:
+        source, found = "Cryer 1971", definite
+    elif semidefinite or exact_dominance(A.data, A.indices, A.indptr):
+        source = "for every q with a solution; Mangasarian 1977, Luo and Tseng 1991"
+        found = "A = A' is positive semidefinite: " + (
+            "so the caller says" if semidefinite else "weakly dominant rows"
+        )
+    else:
+        return undecided("A = A' is not seen to be positive definite")
+    return Verdict(
+        answer=True,
+        theorem=f"projected SOR, A = A', 0 < alpha < 2 ({source})",
+        checked=found,
+    )
+
+
+def by_cayley(parts: Splitting, semidefinite: bool) -> Verdict:
+    """Ask whether this is the modulus method, a Cayley transform, on a definite A."""
+    if not math.isnan(parts.G) or parts.N.count_nonzero():
+        return undecided()
+    A = parts.A
+    symmetric = A if asymmetry(A)[0] == 0.0 else sparse.csr_array((A + A.T) * 0.5)
+    found = positive_definite(symmetric)
+    if not found:
+        return undecided("A + A' is not seen to be positive definite")
+    return Verdict(
+        answer=True,
+        theorem="modulus method, A + A' positive definite, any Omega > 0 "
+        "(Peaceman-Rachford; Bai 2010 for A = A')",
+        checked=found,
+    )
+
+
+def positive_definite(A: Any) -> str:
+    """Return how a symmetric csr_array was seen to be positive definite, or "".
+
+    An H+ matrix is. Else a Cholesky factorisation of A - c D must succeed, where c
+    covers its rounding errors (Demmel; Rump, BIT 46 (2006) 433-452): with a unit
+    diagonal they are at most (k + 1) u sqrt(a_ii a_jj) to first order, k the longest
+    row of the factor, hence in norm below (k + 1) u n. Four times that is taken.
+    """
+    n = A.shape[0]
+    D = A.diagonal()
+    if not np.all(D > 0.0):
+        return ""
+    verdict = is_h_plus(A)
+    if verdict:
+        return f"A = A' is an H+ matrix ({verdict.checked})"
+    if n > DIRECT:
+        return ""
+    root = sparse.diags_array(1.0 / np.sqrt(D))
+    S = sparse.csr_array(root @ A @ root)
+    if n <= SMALL or (n <= 3000 and A.nnz > n * n // 10):
+        c = 4.0 * (n + 8) * n * UNIT
+        try:
+            np.linalg.cholesky(S.toarray() - c * np.eye(n))
+        except np.linalg.LinAlgError:
+            return ""
+        return f"Cholesky factorisation of D^(-1/2) A D^(-1/2) - {c:.1e} I"
+    S = sparse.csc_matrix(sparse.triu(S))
+    for k in (200, n):
+        c = 4.0 * (k + 8) * n * UNIT
+        try:
+            L, d, _ = qdldl.Solver(S - c * sparse.eye(n), upper=True).factors()
+        except RuntimeError:  # a zero pivot
+            return ""
+        longest = int(np.bincount(L.indices, minlength=n).max(initial=0)) + 1
+        if not np.all(d > 0.0):
+            return ""
+        if longest <= k:
+            return f"LDL' factorisation of D^(-1/2) A D^(-1/2) - {c:.1e} I"
+    return ""
+
+
+def by_inverse(parts: Splitting, semidefinite: bool) -> Verdict:
+    """Ask whether rho(T) < 1 for T of Theorem 2, or for the smaller matrix."""
+    n = parts.omega.size
+    if parts.H or n > SMALL:
+        return undecided("T of Theorem 2 is for n <= 600" if not parts.H else "")
+    left, N, right = dense_parts(parts)
+    tried = []
+    try:
+        inverse = np.linalg.inv(left)
+    except np.linalg.LinAlgError:
+        return undecided("M + Omega is singular")
+    kappa = np.linalg.norm(inverse, 1) * np.linalg.norm(left, 1)
+    for name, T in (
+        ("T of Theorem 2", np.abs(inverse) @ (np.abs(N) + np.abs(right))),
+        (
+            "|(M + Omega)^-1 N| + |(M + Omega)^-1 (Omega - A)|",
+            np.abs(inverse @ N) + np.abs(inverse @ right),
+        ),
+    ):
+        found = collatz(lambda x, T=T: T @ x, np.ones(n), resolvent(T))
+        tried.append(f"rho({name}) >= {found.lower:.6g}")
+        if found.upper < 1.0 - 1e-12 * kappa * n:
+            return Verdict(
+                answer=True,
+                theorem=f"contraction, rho < 1 for {name}",
+                checked=f"rho <= {found.upper:.17g}, the largest (T x)_i / x_i",
+                witness=found.x,
+                bound=found.upper,
+            )
+    return undecided("; ".join(tried))
+
+
+def by_repulsion(parts: Splitting, semidefinite: bool) -> Verdict:
+    """Refute convergence by the linear sweep ds+ = (I - 2 X^-1 A) ds, no bound active.
+
+    X = M + Omega, less L in the accelerated family. An eigenvalue outside the unit
+    circle refutes convergence; it is told with a first-order bound for its error.
+    """
+    A = parts.A.toarray() if parts.omega.size <= SMALL else None
+    if A is None or not A.size:
+        return undecided()
+    X = dense_parts(parts)[0]
+    if parts.H:
+        X += np.tril(A, -1)
+    try:
+        step = np.eye(A.shape[0]) - 2.0 * np.linalg.solve(X, A)
+        values, left, right = linalg.eig(step, left=True, right=True)
+    except (np.linalg.LinAlgError, ValueError):
+        return undecided()
+    k = int(np.argmax(np.abs(values)))
+    radius = float(np.abs(values[k]))
+    condition = np.linalg.cond(X) / abs(np.vdot(left[:, k], right[:, k]))
+    error = 1e3 * A.shape[0] * UNIT * condition * (1.0 + np.linalg.norm(step))
+    if not radius - error > 1.0:
+        return undecided(f"spectral radius with no active bound: {radius:.6g}")
+    return Verdict(
+        answer=False,
+        theorem="for q = witness the solution z = e, inside all bounds, repels",
+        checked=f"spectral radius of I - 2 X^-1 A: {radius:.6g}",
+        witness=-(A @ np.ones(A.shape[0])),
+        bound=radius,
+    )
+
+
+def by_energy(parts: Splitting, semidefinite: bool) -> Verdict:
+    """Look for a quadratic norm in which every sweep contracts."""
+    if not 0 < parts.omega.size <= SMALL:
+        return undecided()
+    found = contracted_energy(parts)
+    if found is None:
+        return undecided("no quadratic energy found that contracts")
+    return Verdict(
+        answer=True,
+        theorem="contraction in the norm of Q = witness (bounded real lemma)",
+        checked=f"the matrix inequality, with {found.weight}",
+        witness=found.Q,
+        bound=found.factor,
+    )
+
+
+THEOREMS = (
+    by_comparison,
+    by_descent,
+    by_cayley,
+    by_inverse,
+    by_repulsion,
+    by_energy,
+)

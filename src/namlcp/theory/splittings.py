@@ -1,0 +1,262 @@
+"""The sweep methods as splittings A = M - N, and what kind of splittings they are.
+
+(M + Omega) s+ = N s + (Omega - A) R(s) - 2 q,  R(s) = 2 clip(s, l, u) - s           (1)
+
+For nam* M stands for the paper's M + E - L and N for its N + E - L; the accelerated
+family has L R(s+) in place of L R(s). M-, H- and H-compatible splittings as in Frommer
+and Szyld, Numer. Math. 63 (1992) 345-356; `convergence` says what they are good for.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from scipy import sparse
+
+from namlcp.checks import refuse_number, square_matrix
+from namlcp.lcp import (
+    METHODS,
+    factored_omega,
+    find_method,
+    spread,
+    triangular_parameters,
+)
+from namlcp.theory.comparison import Verdict, is_h_plus, is_m_matrix
+from namlcp.theory.perron import row_numbers
+
+SAFE = 1e-13
+"""What entries of K may be off by, relative to the terms that they are made of."""
+
+
+class Splitting(NamedTuple):
+    """A method on a matrix: the letters of (1), and of the accelerated sweep.
+
+    M and N are those of (1), E and L included; csr_array. G and H as in `sweeps`, where
+    M is triangular; G is NaN where M = A or A + E - L.
+    """
+
+    A: Any
+    M: Any
+    N: Any
+    omega: np.ndarray
+    alpha: float
+    G: float
+    H: float
+
+
+class Comparison(NamedTuple):
+    """C and W with |s+ - t+| <= C^-1 W |s - t|; `exact` tells whether T = C^-1 W."""
+
+    C: Any
+    W: Any
+    exact: bool
+
+
+class TheoremThree(NamedTuple):
+    """The paper's Theorem 3 piece by piece, and its repair."""
+
+    h_plus: Verdict
+    h_compatible: Verdict
+    case_1: Verdict
+    case_2_stated: Verdict
+    case_2_proved: Verdict
+    repaired: Verdict
+
+    @property
+    def applies(self) -> bool:
+        """Tell whether the theorem, as stated, proves convergence."""
+        case = self.case_1 or self.case_2_stated
+        return bool(self.h_plus and self.h_compatible and case)
+
+    @property
+    def applies_as_proved(self) -> bool:
+        """Tell whether it does with the matrix of its proof in case 2."""
+        case = self.case_1 or self.case_2_proved
+        return bool(self.h_plus and self.h_compatible and case)
+
+
+def splitting(
+    A: Any,
+    method: str,
+    *,
+    alpha: float | None = None,
+    beta: float | None = None,
+    omega: Any = None,
+    shift: Any = None,
+) -> Splitting:
+    """Return what (1) means for a method; arguments as in `converges`."""
+    chosen = find_method(method, alpha=alpha, beta=beta, omega=omega, shift=shift)
+    for name, value in (("alpha", alpha), ("omega", omega)):
+        if isinstance(value, str):
+            raise ValueError(
+                f"{name} must be given in numbers, got {value!r}: no theorem is about "
+                "parameters that change from sweep to sweep"
+            )
+    if method not in METHODS:
+        raise ValueError(f"method must be a sweep method, got {method!r}")
+    A = square_matrix("A", A, "csr")
+    refuse_number("A", A.data if sparse.issparse(A) else A, False)
+    n = A.shape[0]
+    if chosen.factored:
+        omega = factored_omega(A, method, alpha, omega)
+        E = spread("shift", shift, n, np.ones(n)) if chosen.own else np.zeros(n)
+        A = sparse.csr_array(A)
+        addition = sparse.diags_array(E) + chosen.own * sparse.tril(A, -1)
+        M, N = sparse.csr_array(A + addition), sparse.csr_array(addition)
+        return Splitting(A, M, N, omega, 1.0, math.nan, 0.0)
+    alpha, beta, omega, shift = triangular_parameters(
+        A, method, alpha, beta, omega, shift
+    )
+    A = sparse.csr_array(A)
+    own = max(chosen.own, 0.0)  # the accelerated family splits A as Zheng and Yin do
+    weight = beta / alpha + own
+    D = A.diagonal()
+    E = np.zeros(n) if shift is None else shift
+    lower, upper = sparse.tril(A, -1), sparse.triu(A, 1)
+    M = sparse.diags_array(D / alpha + E) + weight * lower
+    N = sparse.diags_array((1.0 / alpha - 1.0) * D + E) - upper
+    N = N + (weight - 1.0) * lower
+    M, N = sparse.csr_array(M), sparse.csr_array(N)
+    return Splitting(A, M, N, omega, alpha, beta / alpha + chosen.own, chosen.reflected)
+
+
+def comparison(parts: Splitting) -> Comparison:
+    """Return C and W of the module's docstring."""
+    A, M, N, omega, alpha, G, H = parts
+    D = A.diagonal()
+    if H:
+        lower, upper = abs(sparse.tril(A, -1)), abs(sparse.triu(A, 1))
+        C = sparse.diags_array(D / alpha + omega) - (G + H) * lower
+        weight = abs(1.0 / alpha - 1.0) * D + np.abs(omega - D)
+        W = sparse.diags_array(weight) + abs(G) * lower + 2.0 * upper
+        return Comparison(sparse.csr_array(C), sparse.csr_array(W), False)
+    left = sparse.csr_array(M + sparse.diags_array(omega))
+    C = left.copy()
+    diagonal = row_numbers(C) == C.indices
+    C.data = np.where(diagonal, np.abs(C.data), -np.abs(C.data))
+    W = abs(N) + abs(sparse.diags_array(omega) - A)
+    exact = bool(np.array_equal(C.data, left.data))
+    return Comparison(C, sparse.csr_array(W), exact)
+
+
+def lowered(C: Any, W: Any) -> Any:
+    """Return C - W, less SAFE (|C| + W).
+
+    If this is an M-matrix, K is, whatever the rounding errors of its entries.
+    """
+    return sparse.csr_array(C - SAFE * abs(C) - (1.0 + SAFE) * W)
+
+
+def is_m_splitting(M: Any, N: Any) -> Verdict:
+    """Tell whether A = M - N is an M-splitting: M is an M-matrix and N >= 0."""
+    M, N = same_shape(M, N)
+    negative = np.flatnonzero(N.data < 0.0)
+    if negative.size:
+        t = negative[0]
+        place = f"N[{row_numbers(N)[t]}, {N.indices[t]}] = {N.data[t]:g} < 0"
+        return Verdict(answer=False, theorem="no M-splitting: N >= 0", checked=place)
+    verdict = is_m_matrix(M)
+    text = "M-splitting: N >= 0 and " + verdict.theorem.replace("K", "M")
+    return replaced(verdict, theorem=text)
+
+
+def is_h_splitting(M: Any, N: Any) -> Verdict:
+    """Tell whether A = M - N is an H-splitting: <M> - |N| is an M-matrix."""
+    M, N = same_shape(M, N)
+    verdict = is_m_matrix(compared(M) - abs(N))
+    return replaced(verdict, theorem=f"H-splitting, K = <M> - |N|: {verdict.theorem}")
+
+
+def is_h_compatible(M: Any, N: Any) -> Verdict:
+    """Tell whether A = M - N is an H-compatible splitting: <A> = <M> - |N|.
+
+    Entries count as equal up to SAFE times |m_ij| + |n_ij|: A is their difference as it
+    was rounded.
+    """
+    M, N = same_shape(M, N)
+    difference = compared(sparse.csr_array(M - N)) - compared(M) + abs(N)
+    excess = sparse.coo_array(abs(difference) - SAFE * (abs(M) + abs(N)))
+    theorem = "H-compatible splitting: <A> = <M> - |N|"
+    worst = int(np.argmax(excess.data)) if excess.nnz else -1
+    if worst >= 0 and excess.data[worst] > 0.0:
+        i, j = excess.row[worst], excess.col[worst]
+        gap = difference[i, j]
+        checked = f"<A> - <M> + |N| is {gap:g} at ({i}, {j})"
+        return Verdict(answer=False, theorem=f"no {theorem}", checked=checked)
+    return Verdict(answer=True, theorem=theorem, checked="all entries")
+
+
+def same_shape(M: Any, N: Any) -> tuple[Any, Any]:
+    """Return M and N as clean csr_arrays."""
+    M, N = square_matrix("M", M, "csr"), square_matrix("N", N, "csr")
+    if M.shape != N.shape:
+        raise ValueError(f"N must have shape {M.shape} to match M, got {N.shape}")
+    return sparse.csr_array(M), sparse.csr_array(N)
+
+
+def compared(A: Any) -> Any:
+    """Return <A>: |a_ii| on the diagonal, -|a_ij| off it."""
+    return sparse.csr_array(2.0 * sparse.diags_array(np.abs(A.diagonal())) - abs(A))
+
+
+def replaced(verdict: Verdict, **changes: Any) -> Verdict:
+    """Return a verdict with some attributes changed."""
+    return Verdict(**(vars(verdict) | changes))
+
+
+def theorem_3(
+    A: Any,
+    method: str,
+    *,
+    alpha: float | None = None,
+    beta: float | None = None,
+    omega: Any = None,
+    shift: Any = None,
+) -> TheoremThree:
+    """Check the paper's Theorem 3 for a nam* method, its hypotheses one by one.
+
+    A is H+, <A> = <M + E - L> - |N + E - L|, and (1) Omega >= D, or (2) Omega < D and
+    2 Omega - D - |B| is an M-matrix, B = L + U; the proof of (2) uses <A> + 2 Omega - D
+    - |B|, which is weaker (Omega < D, so that its product with the witness v is the
+    larger one). `repaired` is K of this module: it needs neither H-compatibility nor
+    H+. For NAMGS and NAMSOR with L != 0 the splitting is never H-compatible, because
+    off the diagonal <M + E - L> - |N + E - L| has -3 |L| there.
+
+    Parameters
+    ----------
+    A, method, alpha, beta, omega, shift
+        As in `converges`; not for the accelerated family.
+    """
+    parts = splitting(A, method, alpha=alpha, beta=beta, omega=omega, shift=shift)
+    if parts.H:
+        raise ValueError(f"theorem_3 is about nam* and m* methods, got {method!r}")
+    A, omega = parts.A, parts.omega
+    D = A.diagonal()
+    B = abs(A) - sparse.diags_array(np.abs(D))
+    gap = float(np.min(omega - D, initial=math.inf))
+    checked = f"min (Omega - D)_ii = {gap:g}"
+    case_1 = Verdict(answer=gap >= 0.0, theorem="(1) Omega >= D", checked=checked)
+    below = float(np.max(omega - D, initial=-math.inf))
+    cases = []
+    for name, Z in (
+        ("2 Omega - D - |B|", sparse.diags_array(2.0 * omega - D) - B),
+        ("<A> + 2 Omega - D - |B|", sparse.diags_array(2.0 * omega) - 2.0 * B),
+    ):
+        theorem = f"(2) Omega < D, {name} is an M-matrix"
+        if below >= 0.0:
+            checked = f"max (Omega - D)_ii = {below:g}"
+            cases.append(Verdict(answer=False, theorem=theorem, checked=checked))
+        else:
+            cases.append(replaced(is_m_matrix(Z), theorem=theorem))
+    C, W, _ = comparison(parts)
+    return TheoremThree(
+        is_h_plus(A),
+        is_h_compatible(parts.M, parts.N),
+        case_1,
+        cases[0],
+        cases[1],
+        replaced(
+            is_m_matrix(lowered(C, W)),
+            theorem="repaired: K = <M + Omega> - |N| - |Omega - A| is an M-matrix",
+        ),
+    )

@@ -1,0 +1,225 @@
+"""The command line: the demonstration, good files and hostile ones."""
+
+import io
+import struct
+import subprocess
+import sys
+import zipfile
+import zlib
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from qpsolvers import Problem
+from qpsolvers.problems import get_qpgurdu, get_qpsut01
+from scipy.io import savemat
+
+from namlcp.cli import files, main
+
+
+def test_demonstration_solves_its_scenes(capsys):
+    assert main([]) == 0
+    out = capsys.readouterr().out
+    assert out.endswith("all solved\n")
+    assert "contact" in out
+    assert "MPC" in out
+
+
+@pytest.mark.parametrize("get", [get_qpsut01, get_qpgurdu])
+def test_npz_of_the_host(tmp_path, capsys, get):
+    problem, _ = get()
+    path = tmp_path / "problem.npz"
+    problem.save(str(path))
+    assert main([str(path)]) == 0
+    assert capsys.readouterr().out.startswith("status     solved")
+
+
+def maros_meszaros() -> dict:
+    """Return HS21 as the collection stores it."""
+    return {
+        "P": sp.csc_matrix(np.diag([0.02, 2.0])),
+        "q": np.zeros((2, 1)),
+        "A": sp.csc_matrix(np.array([[10.0, -1.0], [1.0, 0.0], [0.0, 1.0]])),
+        "l": np.array([[10.0], [2.0], [-50.0]]),
+        "u": np.array([[1e20], [50.0], [50.0]]),
+        "r": 0.0,
+        "n": 2,
+        "m": 3,
+    }
+
+
+def test_maros_meszaros_file(tmp_path, capsys):
+    """HS21: x = (2, 0), objective 0.04."""
+    path = tmp_path / "HS21.mat"
+    savemat(path, maros_meszaros())
+    assert main([str(path), "--verbose", "--eps-abs", "1e-9"]) == 0
+    assert "objective  0.04\n" in capsys.readouterr().out
+
+
+def test_infeasible_file_says_so(tmp_path, capsys):
+    path = tmp_path / "infeasible.mat"
+    savemat(path, {**maros_meszaros(), "l": np.array([[10.0], [60.0], [-50.0]])})
+    assert main([str(path)]) == 1
+    assert "primal_infeasible" in capsys.readouterr().out
+
+
+def npz(path, **parts):
+    """Write an .npz file of raw .npy members."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in parts.items():
+            archive.writestr(f"{name}.npy", content)
+
+
+def npy(array) -> bytes:
+    """Return a .npy file."""
+    stream = io.BytesIO()
+    np.save(stream, array)
+    return stream.getvalue()
+
+
+def claiming(shape, descr="'<f8'", content=b"", version=1) -> bytes:
+    """Return a .npy file that claims a shape."""
+    header = f"{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}, }}\n"
+    size = struct.pack("<H" if version == 1 else "<I", len(header))
+    return b"\x93NUMPY" + bytes((version, 0)) + size + header.encode() + content
+
+
+def hostile_npz(folder):
+    """Yield .npz files that must be refused, each with words of the refusal."""
+    (folder / "text.npz").write_text("not an archive")
+    yield "text.npz", "not a zip file"
+    np.savez(folder / "other.npz", a=np.ones(3))
+    yield "other.npz", "holds no P"
+    (folder / "array.npz").write_bytes(npy(np.eye(2)))
+    yield "array.npz", "not a zip file"
+    objects = np.array([{"a": 1}, None], dtype=object)
+    np.savez(folder / "pickle.npz", P=objects, q=np.ones(2))
+    yield "pickle.npz", "P is an array of Python objects"
+    np.savez(folder / "shape.npz", P=np.eye(3), q=np.ones(2))
+    yield "shape.npz", "q must have shape (3,)"
+    np.savez(folder / "nan.npz", P=np.diag((1.0, np.nan)), q=np.ones(2))
+    yield "nan.npz", "P must be finite, got nan at (1, 1)"
+    for name, wrong in (("text", np.array(["a", "b"])), ("complex", np.ones(2) * 1j)):
+        np.savez(folder / f"{name}_q.npz", P=np.eye(2), q=wrong)
+        yield f"{name}_q.npz", "q must hold real numbers"
+    whole = (folder / "shape.npz").read_bytes()
+    (folder / "cut.npz").write_bytes(whole[: len(whole) // 2])
+    yield "cut.npz", "not a zip file"
+    npz(folder / "huge.npz", P=claiming((10**6, 10**6)), q=npy(np.ones(2)))
+    yield "huge.npz", "P claims shape (1000000, 1000000)"
+    npz(folder / "negative.npz", P=claiming((-1, 4)), q=npy(np.ones(2)))
+    yield "negative.npz", "P claims shape (-1, 4)"
+    npz(folder / "magic.npz", P=b"MUMPY", q=npy(np.ones(2)))
+    yield "magic.npz", "magic"
+    npz(folder / "header.npz", P=claiming("__import__('os')"), q=npy(np.ones(2)))
+    yield "header.npz", "header"
+    npz(folder / "version.npz", P=claiming((2, 2), version=3), q=npy(np.ones(2)))
+    yield "version.npz", "format (3, 0)"
+    npz(folder / "short.npz", P=npy(np.eye(2))[:-8], q=npy(np.ones(2)))
+    yield "short.npz", "P is cut off: 24 of 32 bytes"
+    npz(folder / "inner.npz", P=npy(np.eye(2)), q=npy(np.array(None))[:-9] + b"x")
+    yield "inner.npz", "not a pickle"
+    outside = {"../P": npy(np.eye(2)), "/q": npy(np.ones(2))}
+    npz(folder / "paths.npz", **outside)
+    yield "paths.npz", "holds no P"
+    yield "absent.npz", "No such file"
+
+
+def fourth(large, n) -> bytes:
+    """Return a .mat file of version 4 whose sparse P or A claims to be of order n."""
+    content = b""
+    for name in ("P", "q", "A", "l", "u"):
+        kind, array = 0, np.ones((2, 1))
+        if name in "PA":
+            size = n if name == large else 2
+            kind, array = 2, np.array([[1.0, 1.0, 1.0], [size, size, 0.0]])
+        content += struct.pack("<5i", kind, *array.shape, 0, 2) + name.encode() + b"\0"
+        content += array.tobytes("F")
+    return content
+
+
+def hostile_mat(folder):
+    """Yield .mat files that must be refused, each with words of the refusal."""
+    good = maros_meszaros()
+    savemat(folder / "short.mat", {**good, "l": np.ones((1, 1))})
+    yield "short.mat", "as many rows"
+    savemat(folder / "missing.mat", {"P": np.eye(2)})
+    yield "missing.mat", "holds no q"
+    (folder / "text.mat").write_text("nothing of the kind")
+    yield "text.mat", "cannot read"
+    savemat(folder / "words.mat", {**good, "q": "words"})
+    yield "words.mat", "q must hold real numbers"
+    savemat(folder / "complex.mat", {**good, "P": np.eye(2) * 1j})
+    yield "complex.mat", "P must hold real numbers"
+    savemat(folder / "nan.mat", {**good, "P": np.diag((1.0, np.nan))})
+    yield "nan.mat", "P must be finite"
+    whole = (folder / "nan.mat").read_bytes()
+    (folder / "cut.mat").write_bytes(whole[: len(whole) // 2])
+    yield "cut.mat", "cannot read"
+    corrupt = good["A"].copy()
+    corrupt.indices = corrupt.indices + 10**6
+    savemat(folder / "corrupt.mat", {**good, "A": corrupt})
+    yield "corrupt.mat", "cannot read"
+    wide = sp.csc_matrix((1, 10**9))
+    savemat(folder / "wide.mat", {**good, "q": wide.T})
+    yield "wide.mat", "bytes, allowed are"
+    for name, n in (("P", 2**31 - 1), ("A", 2**31 - 1)):
+        (folder / f"{name}.mat").write_bytes(fourth(name, n))
+        yield f"{name}.mat", "bytes, allowed are"
+
+
+@pytest.mark.parametrize("hostile", [hostile_npz, hostile_mat])
+def test_hostile_files_are_refused(tmp_path, capfd, hostile):
+    for name, word in hostile(tmp_path):
+        assert main([str(tmp_path / name)]) == 2, name
+        out, err = capfd.readouterr()
+        assert word in err, name
+        assert err.count("\n") == 1, name
+        assert out == "", name
+    assert all(path.is_file() for path in tmp_path.iterdir())  # nothing extracted
+
+
+def test_bombs_are_refused_before_they_are_unpacked(tmp_path, capfd, monkeypatch):
+    """A thousand times smaller than the bound itself, for speed."""
+    monkeypatch.setattr(files, "MOST_BYTES", 2**21)
+    zeros = bytes(2**22)
+    npz(
+        tmp_path / "bomb.npz",
+        P=claiming((2**9, 2**10), content=zeros),
+        q=npy(np.ones(2)),
+    )
+    packed = zlib.compress(zeros)
+    head = b"MATLAB".ljust(124) + b"\x00\x01IM" + struct.pack("<II", 15, len(packed))
+    (tmp_path / "bomb.mat").write_bytes(head + packed)
+    for name in ("bomb.npz", "bomb.mat"):
+        assert (tmp_path / name).stat().st_size < 10_000
+        assert main([str(tmp_path / name)]) == 2
+        assert "bytes, allowed are 2097152" in capfd.readouterr().err
+
+
+def test_a_sparse_matrix_in_a_file_is_not_taken_for_none(tmp_path, capfd):
+    """qpsolvers saves it as a pickle; without it the answer would be another."""
+    path = tmp_path / "sparse.npz"
+    G = sp.csc_matrix(np.array([[1.0, 1.0]]))
+    Problem(np.eye(2), np.ones(2), G, -np.ones(1) * 9).save(str(path))
+    assert main([str(path)]) == 2
+    assert "G is an array of Python objects" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize("suffix", ["npz", "mat"])
+def test_no_traceback_in_a_process_of_its_own(tmp_path, suffix):
+    path = tmp_path / f"noise.{suffix}"
+    path.write_bytes(np.random.default_rng(0).bytes(1000))
+    done = subprocess.run(
+        [sys.executable, "-m", "namlcp", str(path)],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert done.stderr.startswith("cannot read")
+
+
+def test_absent_parts_are_no_pickles(tmp_path):
+    path = tmp_path / "bounds.npz"
+    Problem(np.eye(2), np.ones(2), lb=np.zeros(2)).save(str(path))
+    assert main([str(path)]) == 0

@@ -1,0 +1,555 @@
+"""Machine code: never old, never of others, and nothing that stops a start."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+
+import namlcp
+from namlcp import residuals
+from namlcp.compiled import (
+    ahead,
+    decorators,
+    internals,
+    signatures,
+    sources,
+    store,
+)
+
+PACKAGE = Path(namlcp.__file__).parent
+
+# Each probe calls one kernel, through the public function where that is quick, whose
+# answer depends on a callee in another file.
+PROBES = """
+import json, sys
+import numpy as np, namlcp
+from scipy import sparse
+I = np.eye(2)
+
+def asymmetric():
+    return namlcp.qp.problem.qp_data(I, np.ones(2), *6 * [None]).q.tolist()
+
+def tridiagonal():
+    from namlcp.lcp.tridiagonal.elimination import scan_for_states
+    rows = np.full((5, 2), 1.0)
+    state = np.zeros(2, dtype=np.int8)
+    spans = np.zeros((2, 1), dtype=np.int64)
+    vectors = -np.ones(2), np.zeros(2), np.full(2, np.inf), state
+    scan_for_states(rows, *vectors, np.zeros((5, 4)), np.zeros((6, 1)), spans)
+    return state.tolist()
+
+def block():
+    from namlcp.lcp.modulus.coloured import coloured_sweep
+    return namlcp.solve_lcp(
+        sparse.csr_array(4 * I), np.array([-4.0, 4.0]), method="mgs", threads=1
+    ).z.tolist()
+
+def face():
+    from namlcp.qp.path.finish import face_residual
+    indptr, indices = np.array([0, 1], dtype=np.int32), np.zeros(1, dtype=np.int32)
+    one = np.ones(1)
+    rest = [np.zeros(1) for _ in range(4)]
+    return face_residual(
+        indptr, indices, one, one, one, one, np.zeros(1, bool), one, one, *rest
+    )
+
+def fronts():
+    from namlcp.linalg.ordering import Supernodes
+    from namlcp.linalg.multifrontal import substitute
+    index, long = np.array([0, 2], dtype=np.int32), np.array([0, 4])
+    rows, L = np.array([0, 1], dtype=np.int32), np.array([1.0, 0.0, 0.5, 1.0])
+    u = np.ones(2)
+    kinds = Supernodes.__annotations__
+    nodes = {name: np.zeros(1, dtype=np.int32) for name in kinds}
+    nodes |= {"first": index, "starts": index, "rows": rows, "panels": long}
+    substitute(Supernodes(**nodes), L, np.ones(2), u)
+    return u.tolist()
+
+def clean():
+    return namlcp.natural_residual(*np.array([[3.0], [1.0], [0.0], [9.0]]))
+
+def kernels(kind):
+    from namlcp.compiled.decorators import KERNELS
+    return sorted(k for k, d in KERNELS.items() if getattr(d.stats, kind))
+
+answers = {}
+for name in sys.argv[1:]:
+    try:
+        answers[name] = globals()[name]()
+    except ValueError as error:
+        answers[name] = str(error)
+print(json.dumps([answers, kernels("cache_misses"), kernels("cache_hits")]))
+"""
+
+# A callee, in which file, what it becomes, and the probe that calls it from another.
+CHANGES = {
+    "checks": (
+        "linalg/symmetry.py",
+        "return gap, size\n\n\n@kernel",
+        "return 9.0, 1.0\n\n\n@kernel",
+        "asymmetric",
+    ),
+    "lcp elimination": (
+        "lcp/tridiagonal/scan.py",
+        "n = state.size\n    top = -1",
+        "n = 0\n    top = -1",
+        "tridiagonal",
+    ),
+    "lcp sweeps": (
+        "lcp/modulus/kernels.py",
+        "return u if x > u else x",
+        "return 5.0",
+        "block",
+    ),
+    "qp": (
+        "qp/kkt.py",
+        "total += base[k] * x[i]\n        Px[j] += total",
+        "total += base[k] * x[i]\n        Px[j] += 9.0 + total",
+        "face",
+    ),
+    "BLAS": (
+        "linalg/lapack.py",
+        "total += a[i] * b[i]\n    return total",
+        "total += a[i] * b[i]\n    return 3.0 * total",
+        "fronts",
+    ),
+}
+
+
+def copied(folder):
+    """Copy the package's sources; return the folder to import it from."""
+    shutil.copytree(
+        PACKAGE,
+        folder / "namlcp",
+        ignore=shutil.ignore_patterns("__pycache__", "prebuilt"),
+    )
+    return folder
+
+
+def start(root, *probes, code=PROBES, **environment):
+    """Start a process with the package in a folder; it keeps files beside it."""
+    plain = {
+        "PYTHONPATH": str(root),
+        "NUMBA_CACHE_DIR": None,
+        "HOME": str(root / "home"),
+    }
+    plain |= {"XDG_CACHE_HOME": None, "LOCALAPPDATA": str(root / "home")}
+    wanted = os.environ | plain | environment
+    return subprocess.Popen(
+        [sys.executable, "-W", "error", "-P", "-c", code, *probes],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env={k: v for k, v in wanted.items() if v is not None},
+    )  # fmt: skip
+
+
+def ended(process):
+    """Return what the probes of a process answered, what was compiled, what loaded."""
+    out, errors = process.communicate()
+    assert process.returncode == 0, errors
+    return json.loads(out)
+
+
+def run(root, *probes, **environment):
+    return ended(start(root, *probes, **environment))
+
+
+def files(root):
+    return sorted(root.rglob("*.kernel"))
+
+
+def edit(root, name, before, after):
+    """Change one place of a source file; the file's time stays as it was."""
+    path = root / "namlcp" / name
+    text, found = path.read_text(), path.stat()
+    assert text.count(before) == 1, (name, before)
+    path.write_text(text.replace(before, after))
+    os.utime(path, ns=(found.st_atime_ns, found.st_mtime_ns))
+
+
+V3 = internals.BASELINE_FEATURES["x86-64-v3"]
+
+
+# ---- never old
+
+
+def test_unchanged_sources_compile_nothing(tmp_path):
+    root = copied(tmp_path)
+    first = run(root, "clean")
+    assert first[0]["clean"] == 1.0
+    assert first[1]
+    assert not first[2]
+    again = run(root, "clean")
+    assert again[0] == first[0]
+    assert not again[1]
+    assert again[2]
+    assert set(again[2]) <= set(first[1])
+
+
+@pytest.mark.parametrize("room", CHANGES)
+def test_a_changed_callee_is_noticed_in_another_file(room, tmp_path):
+    """Its callers are compiled anew; with the old text back they answer as before."""
+    name, before, after, probe = CHANGES[room]
+    root = copied(tmp_path)
+    old = run(root, probe)
+    edit(root, name, before, after)
+    new = run(root, probe)
+    assert new[0] != old[0]
+    assert set(new[1]) >= set(old[1])
+    assert not new[2]
+    edit(root, name, after, before)
+    back = run(root, probe)
+    assert back[0] == old[0]
+    assert len({path.parent for path in files(root)}) == 1
+
+
+def test_another_version_compiles_anew(tmp_path):
+    root = copied(tmp_path)
+    first = run(root, "clean")
+    edit(root, "__init__.py", f'"{namlcp.__version__}"', '"9.9.9"')
+    assert run(root, "clean")[1] == first[1]
+    assert len({path.parent for path in files(root)}) == 1
+
+
+def test_sources_that_change_under_a_process_leave_no_files(tmp_path):
+    root = copied(tmp_path)
+    change = f"open({str(root / 'namlcp' / 'status.py')!r}, 'a').write('# new')\n"
+    late = PROBES.replace("answers = {}", change + "answers = {}")
+    assert ended(start(root, "clean", code=late))[0]["clean"] == 1.0
+    assert not files(root)
+
+
+def test_a_module_that_changed_before_its_import_leaves_no_files(tmp_path):
+    """The stamp was taken when the package was imported."""
+    root = copied(tmp_path)
+    finish = root / "namlcp" / "lcp" / "modulus" / "coloured.py"
+    change = f"open({str(finish)!r}, 'a').write('# new')\n"
+    late = PROBES.replace("I = np.eye", change + "I = np.eye")
+    assert ended(start(root, "block", code=late))[0]["block"][1] == 0.0
+    assert not files(root)
+
+
+def test_other_settings_of_numba_have_other_code(tmp_path):
+    root = copied(tmp_path)
+    first = run(root, "clean")
+    assert run(root, "clean", NUMBA_BOUNDSCHECK="1")[1] == first[1]
+    assert run(root, "clean", NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="")[1]
+    assert not run(root, "clean")[1]
+
+
+def test_the_stamp_covers_every_file_and_not_its_line_ends(tmp_path, monkeypatch):
+    monkeypatch.setattr(sources, "PACKAGE", copied(tmp_path) / "namlcp")
+    stamps = []
+    for text in (None, b"# one\n", b"# one\r\n", b"# two\n"):
+        if text is not None:
+            (tmp_path / "namlcp" / "qp" / "new.py").write_bytes(text)
+        sources.hashed_files.cache_clear()
+        stamps.append(sources.stamp())
+    sources.hashed_files.cache_clear()
+    assert stamps[1] == stamps[2]
+    assert len(set(stamps)) == 3
+
+
+# ---- where it is kept
+
+
+def blocked(root):
+    """Put a file where the folder of machine code would be: not even root writes it."""
+    for folder in (root / "namlcp").rglob("*"):
+        if folder.is_dir():
+            (folder / "__pycache__").write_text("")
+    (root / "namlcp" / "__pycache__").write_text("")
+    return root
+
+
+def test_a_package_that_cannot_be_written_uses_the_users_folder(tmp_path):
+    root = blocked(copied(tmp_path))
+    cache = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    first = run(root, "clean", **cache)
+    assert not run(root, "clean", **cache)[1]
+    if sys.platform == "linux":
+        assert len(files(tmp_path / "cache" / "namlcp")) == len(first[1])
+
+
+def test_a_package_that_is_reached_by_a_link_keeps_its_code(tmp_path):
+    real, link = tmp_path / "real", tmp_path / "link"
+    real.mkdir()
+    copied(real)
+    link.symlink_to(real)
+    first = run(link, "clean")
+    assert first[1]
+    assert not run(link, "clean")[1]
+    assert not run(link / ".." / "real", "clean")[1]
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no such permissions")
+def test_an_open_umask_opens_no_folder(tmp_path):
+    root = copied(tmp_path)
+    before = os.umask(0)
+    try:
+        assert run(root, "clean")[1]
+        assert not run(root, "clean")[1]
+    finally:
+        os.umask(before)
+    for path in files(root):
+        assert not path.stat().st_mode & 0o022
+        assert not path.parent.stat().st_mode & 0o022
+
+
+def test_nowhere_to_write(tmp_path):
+    root = blocked(copied(tmp_path))
+    (tmp_path / "home").write_text("")
+    for _ in range(2):
+        answers, compiled, _ = run(root, "clean")
+        assert answers["clean"] == 1.0
+        assert compiled
+    verbose = (
+        "import namlcp.progress as p, namlcp.lcp.modulus.kernels as k\n"
+        "p.Progress(('iter',), True).announce(k.relax_csr)\n"
+    )
+    out, errors = start(root, code=verbose).communicate()
+    assert out.count("no folder for machine code can be written") == 1, errors
+
+
+def test_numbas_folder_alone_where_it_is_set(tmp_path):
+    root = copied(tmp_path)
+    run(root, "clean", NUMBA_CACHE_DIR=str(tmp_path / "given"))
+    assert files(tmp_path / "given")
+    assert files(tmp_path / "given") == files(tmp_path)
+
+
+def test_code_of_other_versions_goes_after_a_month(tmp_path):
+    old, new, foreign = (tmp_path / name for name in ("0" * 32, "1" * 32, "notes"))
+    for folder in (old, new, foreign):
+        folder.mkdir()
+        (folder / "a.kernel").write_text("")
+    then = time.time() - 1.1 * store.KEPT
+    for folder in (old, foreign):
+        os.utime(folder, (then, then))
+    assert store.Folder(tmp_path).write("b.kernel", b"code")
+    assert not old.exists()
+    assert new.exists()
+    assert foreign.exists()
+
+
+def test_use_is_noted(tmp_path):
+    folder = store.Folder(tmp_path)
+    folder.write("a.kernel", b"code")
+    then = time.time() - 10 * store.USED
+    os.utime(folder.path, (then, then))
+    assert folder.read("a.kernel") == b"code"
+    assert folder.path.stat().st_mtime > time.time() - store.USED
+
+
+# ---- which files are run
+
+
+@pytest.fixture
+def folder(tmp_path):
+    folder = store.Folder(tmp_path / "kept")
+    assert folder.write("a.kernel", b"code")
+    assert folder.read("a.kernel") == b"code"
+    return folder
+
+
+@pytest.mark.parametrize(
+    "damage",
+    [lambda t: t[:-1], lambda t: b"", lambda t: t[:10], lambda t: t[:-1] + b"f",
+     lambda t: b"\0" + t[1:], lambda t: t + b"e"],
+)  # fmt: skip
+def test_a_damaged_file_is_no_file(folder, damage):
+    path = folder.path / "a.kernel"
+    path.write_bytes(damage(path.read_bytes()))
+    assert folder.read("a.kernel") is None
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no such permissions")
+@pytest.mark.parametrize("mode", [0o666, 0o664, 0o646])
+def test_a_file_that_others_may_write_is_not_run(folder, mode):
+    (folder.path / "a.kernel").chmod(mode)
+    assert folder.read("a.kernel") is None
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no such permissions")
+@pytest.mark.parametrize("mode", [0o777, 0o775, 0o1777])
+def test_nothing_from_a_folder_that_others_may_write(folder, mode):
+    folder.path.chmod(mode)
+    assert folder.read("a.kernel") is None
+    assert not folder.write("b.kernel", b"code")
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no such permissions")
+def test_nothing_from_below_a_folder_that_others_may_write(folder):
+    folder.parent.chmod(0o777)
+    assert folder.read("a.kernel") is None
+    assert not folder.write("b.kernel", b"code")
+
+
+@pytest.mark.skipif(not hasattr(os, "O_NOFOLLOW"), reason="no such links")
+def test_a_link_is_not_followed_and_a_pipe_not_waited_for(folder):
+    (folder.path / "b.kernel").symlink_to(folder.path / "a.kernel")
+    os.mkfifo(folder.path / "c.kernel")
+    assert folder.read("b.kernel") is None
+    assert folder.read("c.kernel") is None
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no such permissions")
+def test_a_strangers_file_is_not_run(folder, monkeypatch):
+    monkeypatch.setattr(store, "trusted_owners", lambda: {os.getuid() + 1})
+    assert folder.read("a.kernel") is None
+
+
+def test_no_file_is_left_half_written(folder, monkeypatch):
+    def fail(*_):
+        raise OSError("disk full")
+
+    monkeypatch.setattr(os, "replace", fail)
+    assert not folder.write("b.kernel", b"code")
+    assert [path.name for path in folder.path.iterdir()] == ["a.kernel"]
+
+
+def test_truncated_and_foreign_files_are_compiled_anew(tmp_path):
+    root = copied(tmp_path)
+    first = run(root, "clean", "asymmetric")
+    for k, path in enumerate(files(root)):
+        content = path.read_bytes()
+        payload = b"foreign" if k % 2 else content[store.DIGEST :][:-100]
+        if k % 3:  # whole, as far as its sum tells
+            path.unlink()
+            store.Folder(path.parent.parent).write(path.name, payload)
+            (path.parent.parent / sources.stamp() / path.name).replace(path)
+        else:
+            path.write_bytes(content[: len(content) // 2])
+    again = run(root, "clean", "asymmetric")
+    assert again == first
+    assert not run(root, "clean", "asymmetric")[1]
+
+
+def test_eight_processes_on_an_empty_cache(tmp_path):
+    root = copied(tmp_path)
+    answers = [ended(p)[0] for p in [start(root, "clean") for _ in range(8)]]
+    assert answers == [{"clean": 1.0}] * 8
+    names = [path.suffix for path in files(root)[0].parent.iterdir()]
+    assert set(names) == {".kernel"}
+    assert not run(root, "clean")[1]
+
+
+# ---- another numba
+
+
+def test_an_unknown_numba_has_its_own_cache_under_the_stamp(tmp_path):
+    """A new numba costs time at the start and nothing else."""
+    root = copied(tmp_path)
+    unknown = (
+        "import numba, sys; numba.version_info = (0, 999, 0)\n"
+        "sys.modules['namlcp.compiled.internals'] = None\n"  # its import would fail
+    ) + PROBES
+    first = ended(start(root, "clean", code=unknown))
+    assert first[0]["clean"] == 1.0
+    again = ended(start(root, "clean", code=unknown))
+    assert again[0] == first[0]
+    assert not again[1]
+    assert list(root.rglob("*.nbi"))
+    listing = "from namlcp.compiled import signatures; signatures.all_modules()\n"
+    ended(start(root, code=unknown + listing))
+    edit(root, "residuals.py", "z - upper) + 0.0 * z", "z - upper) + 2.0 * z")
+    assert ended(start(root, "clean", code=unknown))[0]["clean"] == 7.0
+
+
+def test_this_numba_is_known():
+    """Where it is not, internals.py is to be read beside the new version."""
+    assert decorators.is_known(), numba.__version__
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+def test_a_part_refuses_a_call_from_python():
+    """Compiled on its own or within a kernel; numba's would end the process."""
+    one = np.ones(1)
+    for _ in range(2):
+        with pytest.raises(
+            TypeError, match=r"residuals\.deviation is called by compiled functions"
+        ):
+            residuals.deviation(1.0, 1.0, 0.0, 2.0)
+        assert residuals.natural_squares(one, one, 0.0 * one, 2.0 * one, 1.0) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("given", "name", "features", "expected"),
+    [
+        (None, "znver3", "+avx,+avx2,+x", False),
+        (None, "znver3", "".join(f"+{f}," for f in V3) + "-avx512f", True),
+        ("generic", "generic", "", False),
+        ("x86-64-v3", "x86-64-v3", "", True),
+        ("x86-64-v3", "x86-64-v3", "-avx2", False),
+    ],
+)
+def test_prebuilt_code_is_for_processors_that_have_what_it_needs(
+    given, name, features, expected, monkeypatch
+):
+    monkeypatch.setattr(numba.config, "CPU_NAME", given)
+    fits = internals.fits_baseline.__wrapped__
+    assert fits("x86-64-v3", name, features) is expected
+
+
+# ---- the list
+
+
+def test_every_kernel_is_listed_and_every_line_is_one():
+    signatures.all_modules()
+    lines = signatures.listed()
+    assert len(set(lines)) == len(lines)
+    assert lines == sorted(lines)
+    for line in lines:
+        dispatcher, arguments = signatures.read(line)
+        name = decorators.name_of(dispatcher.py_func)
+        assert f"{name}({', '.join(map(signatures.spelled, arguments))})" == line
+    assert {line.partition("(")[0] for line in lines} == set(decorators.KERNELS)
+
+
+@pytest.mark.skipif(store.prebuilt().path.is_dir(), reason="it came with the package")
+def test_warmup_compiles_what_is_listed(tmp_path, monkeypatch, capsys):
+    two = [line for line in signatures.listed() if "checks.is_" in line]
+    for module in (ahead, signatures):
+        monkeypatch.setattr(module, "listed", lambda: two)
+    store.folders.cache_clear()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    namlcp.warmup(processes=2)
+    monkeypatch.undo()
+    store.folders.cache_clear()
+    out = capsys.readouterr().out
+    assert f"] {len(two)} of {len(two)}" in out
+    assert str(tmp_path) in out
+    kept = {path.name.rpartition("-")[0] for path in files(tmp_path)}
+    assert kept == {line.partition("(")[0] for line in two}
+
+
+def test_warmup_says_which_argument_is_wrong():
+    with pytest.raises(TypeError, match="progress must be True or False, got 3"):
+        namlcp.warmup(3)
+    with pytest.raises(ValueError, match="processes must be >= 1, got 0"):
+        namlcp.warmup(processes=0)
+
+
+def test_warmup_of_a_process_that_ends_early(monkeypatch):
+    monkeypatch.setattr(ahead, "START", "input()")
+    with pytest.raises(RuntimeError, match="ended at checks"):
+        namlcp.warmup(progress=False, processes=2)
+
+
+def test_compile_time_counts_this_package_alone(tmp_path):
+    before = namlcp.compiled.compile_time()
+    numba.njit(lambda x: x + 1)(1)
+    assert namlcp.compiled.compile_time() == before
+    nobodys = {}
+    exec("def f(x): return x", nobodys)
+    nobodys["f"].__module__ = None
+    numba.njit(nobodys["f"])(1)
+    assert namlcp.compiled.compile_time() == before
+    timed = PROBES + "assert 0.05 < namlcp.compiled.compile_time() < 30.0\n"
+    assert ended(start(copied(tmp_path), "clean", code=timed))[1]

@@ -1,0 +1,601 @@
+"""Sweeps and factor-once methods against plain matrix forms of the papers' formulas."""
+
+import math
+
+import numpy as np
+import pytest
+from scipy import sparse
+
+from namlcp import Prepared
+from namlcp.lcp.auto import ask_sweeps
+from namlcp.lcp.modulus.kernels import relax_csr
+from namlcp.lcp.modulus.methods import METHODS, find_method
+from namlcp.lcp.modulus.sweeps import sweep, triangular_step
+from namlcp.lcp.psor import dominance, relaxation, solve_dominant
+from namlcp.limits import Deadline
+from namlcp.residuals import natural_residual
+from namlcp.status import Status
+
+TRIANGULAR = [name for name, method in METHODS.items() if not method.factored]
+FACTORED = [name for name, method in METHODS.items() if method.factored]
+KINDS = {"dense": np.asarray, "csr": sparse.csr_array}
+
+
+def paper_example(number, m, delta=4.0):
+    """Examples 1 and 2 of the paper, n = m^2, as (A, q, lower, upper)."""
+    below, above = {1: (-1.0, -1.0), 2: (-1.5, -0.5)}[number]
+    T = sparse.diags_array([below, 0.0, above], offsets=[-1, 0, 1], shape=(m, m))
+    I = sparse.eye_array(m)
+    A = sparse.kron(I, T) + sparse.kron(T, I) + (4.0 + delta) * sparse.eye_array(m * m)
+    A = sparse.csr_array(A)
+    A.sort_indices()
+    z = np.tile([1.0, 2.0], m * m // 2)
+    return A, -(A @ z), np.zeros(m * m), np.full(m * m, np.inf)
+
+
+def random_problem(seed, n=13):
+    """Nonsymmetric A with holes, and every kind of bounds."""
+    rng = np.random.default_rng(seed)
+    A = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.5)
+    np.fill_diagonal(A, rng.uniform(1.0, 9.0, n))
+    lower = np.where(rng.random(n) < 0.3, -np.inf, rng.normal(size=n))
+    upper = np.where(rng.random(n) < 0.3, np.inf, lower + rng.exponential(size=n))
+    upper[lower == -np.inf] = 1.0
+    lower[0], upper[0] = -np.inf, np.inf
+    lower[1] = upper[1] = 0.7
+    return A, 3.0 * rng.normal(size=n), lower, upper, rng.normal(size=n)
+
+
+def parts(A):
+    return np.diag(np.diag(A)), -np.tril(A, -1), -np.triu(A, 1)
+
+
+def reflection(s, lower, upper):
+    return 2.0 * np.clip(s, lower, upper) - s
+
+
+def bai(A, M, Omega, q, lower, upper, s):
+    """(M + Omega) s+ = N s + (Omega - A) R(s) - 2 q with any splitting A = M - N."""
+    R = reflection(s, lower, upper)
+    return np.linalg.solve(M + Omega, (M - A) @ s + (Omega - A) @ R - 2.0 * q)
+
+
+def zheng_yin(A, M, Omega, q, lower, upper, s):
+    """(M + Omega) s+ = N s + (Omega - D + U) R(s) + L R(s+) - 2 q, row after row."""
+    D, L, U = parts(A)
+    known = (M - A) @ s + (Omega - D + U) @ reflection(s, lower, upper) - 2.0 * q
+    left = M + Omega
+    new = np.zeros_like(s)
+    R = np.zeros_like(s)
+    for i in range(s.size):
+        new[i] = (known[i] + L[i] @ R - left[i, :i] @ new[:i]) / left[i, i]
+        R[i] = 2.0 * min(max(new[i], lower[i]), upper[i]) - new[i]
+    return new
+
+
+def one_sweep(A, q, lower, upper, method, s, **parameters):
+    """s+ and Res(z) by the kernel."""
+    given = dict.fromkeys(("alpha", "beta", "omega", "shift")) | parameters
+    step, omega = triangular_step(A, q, lower, upper, method, **given)
+    s_next, z_next = np.empty_like(s), np.empty_like(s)
+    residual = step(s, np.clip(s, lower, upper), s_next, z_next)
+    np.testing.assert_array_equal(z_next, np.clip(s_next, lower, upper))
+    return s_next, residual, omega
+
+
+def assert_close(actual, expected, tolerance=1e-12):
+    size = max(1.0, np.abs(expected).max())
+    np.testing.assert_allclose(actual, expected, rtol=0.0, atol=tolerance * size)
+
+
+# The paper's tables: n = 100 ... 10^4; iterations, printed residuals in units of 1e-7.
+SIZES = (10, 30, 50, 60, 80, 100)
+TABLES = {
+    (1, "mgs", None): ((36, 40, 41, 41, 42, 42), (97, 80, 79, 89, 74, 84)),
+    (1, "namgs", None): ((16, 17, 17, 17, 18, 18), (63, 63, 85, 95, 45, 51)),
+    (1, "msor", 0.85): ((15, 17, 18, 18, 18, 19), (95, 76, 53, 65, 89, 43)),
+    (1, "namsor", 0.91): ((12, 12, 13, 13, 13, 13), (27, 76, 32, 37, 48, 59)),
+    (2, "mgs", None): ((24, 26, 26, 26, 27, 27), (90, 65, 87, 96, 65, 73)),
+    (2, "namgs", None): ((12, 12, 13, 13, 13, 13), (38, 84, 31, 35, 44, 53)),
+    (2, "msor", 0.88): ((14, 14, 15, 15, 15, 15), (38, 82, 41, 46, 55, 63)),
+    (2, "namsor", 0.88): ((8, 9, 9, 9, 9, 9), (22, 15, 27, 37, 46, 59)),
+}
+# One printed residual is off by more than one unit of its last digit: 3.38e-6 is right.
+MISPRINTS = {(2, "namsor", 60): 34}
+
+
+@pytest.mark.parametrize(("example", "method", "alpha"), TABLES)
+def test_tables_of_the_paper(example, method, alpha):
+    counts, printed = TABLES[example, method, alpha]
+    for m, count, digits in zip(SIZES, counts, printed, strict=True):
+        A, q, lower, upper = paper_example(example, m)
+        result = sweep(
+            A, q, lower, upper, method, alpha=alpha, eps_abs=1e-5, max_iter=100,
+            shift=1.0 if method.startswith("nam") else None,
+            s0=np.tile([1.0, 0.0], m * m // 2),
+        )  # fmt: skip
+        assert result.status is Status.SOLVED
+        assert result.iterations == count
+        digits = MISPRINTS.get((example, method, m), digits)
+        assert abs(result.residual * 1e7 - digits) <= 1.5
+        np.testing.assert_allclose(result.z, np.tile([1.0, 2.0], m * m // 2), atol=1e-5)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("method", TRIANGULAR)
+def test_sweep_is_the_formula(method, kind):
+    for seed in range(5):
+        A, q, lower, upper, s = random_problem(seed)
+        D, L, _ = parts(A)
+        takes = METHODS[method].takes
+        alpha = 1.3 if "alpha" in takes else 1.0
+        beta = 0.4 if "beta" in takes else 0.0 if method == "namj" else alpha
+        omega = np.linspace(0.5, 4.0, q.size) if "omega" in takes else np.diag(D)
+        shift = np.linspace(0.0, 2.0, q.size) if "shift" in takes else 0.0 * q
+        values = {"alpha": alpha, "beta": beta, "omega": omega, "shift": shift}
+        given = {name: values[name] for name in takes}
+        Omega = np.diag(omega) if "omega" in takes else D / alpha
+        M = (D - beta * L) / alpha
+        if method.startswith("nam"):
+            expected = bai(A, M + np.diag(shift) - L, Omega, q, lower, upper, s)
+        elif method.startswith("m"):
+            expected = bai(A, M, Omega, q, lower, upper, s)
+        else:
+            expected = zheng_yin(A, M, Omega, q, lower, upper, s)
+        actual, residual, _ = one_sweep(
+            KINDS[kind](A), q, lower, upper, method, s, **given
+        )
+        assert_close(actual, expected)
+        z = np.clip(s, lower, upper)
+        assert residual == pytest.approx(
+            natural_residual(z, A @ z + q, lower, upper), rel=1e-13
+        )
+
+
+@pytest.mark.parametrize("alpha", [0.6, 1.0, 1.7])
+def test_the_paper_s_sixth_variant(alpha):
+    """Variant (6), NAMAOR, with the coefficients of L and |s| put right."""
+    A, q, lower, upper, s = random_problem(9)
+    lower, upper = np.zeros_like(q), np.full_like(q, np.inf)
+    D, L, U = parts(A)
+    I, beta = np.eye(q.size), 0.3
+    Omega = D / (2.0 * alpha**2)
+    expected = np.linalg.solve(
+        D - (alpha + beta) * L + alpha * Omega + alpha * I,
+        ((1 - alpha) * D - beta * L + alpha * U + alpha * I) @ s
+        + alpha * (Omega - A) @ abs(s)
+        - 2 * alpha * q,
+    )
+    actual, _, omega = one_sweep(
+        A, q, lower, upper, "namaor", s, alpha=alpha, beta=beta, shift=1.0
+    )
+    assert_close(actual, expected)
+    assert_close(omega, np.diag(Omega))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("alpha", [0.7, 1.0, 1.6])
+def test_psor_and_its_short_kernel_are_the_formula(alpha, kind):
+    """`tests/test_identities.py`: they are the accelerated method with D/alpha."""
+    A, q, lower, upper, s = random_problem(3)
+    z = np.clip(s, lower, upper)
+    for i in range(q.size):
+        w = A[i] @ z + q[i]
+        z[i] = min(max(z[i] - alpha * w / A[i, i], lower[i]), upper[i])
+    X = KINDS[kind](A)
+    D = np.diag(A)
+    for method in ("psor", "amsor"):
+        s_next, _, omega = one_sweep(X, q, lower, upper, method, s, alpha=alpha)
+        assert_close(np.clip(s_next, lower, upper), z)
+        assert_close(omega, D / alpha)
+    old = np.clip(s, lower, upper)
+    relaxed = old.copy()
+    C = sparse.csr_array(A)
+    moved = relax_csr(C.data, C.indices, C.indptr, q, lower, upper, alpha, relaxed)
+    assert_close(relaxed, z)
+    assert moved == pytest.approx(np.linalg.norm(np.sqrt(D) * (z - old)))
+
+
+@pytest.mark.parametrize("method", [*TRIANGULAR, "modulus"])
+@pytest.mark.parametrize("scale", [1e-7, 3.0, 1e9])
+def test_units_do_not_matter(method, scale):
+    A, q, lower, upper, _ = random_problem(5)
+    A += 20.0 * np.eye(q.size)
+    for X in (A, sparse.csr_array(A)):
+        one, other = (
+            sweep(c * X, c * q, lower, upper, method, eps_abs=1e-300, max_iter=6)
+            for c in (1.0, scale)
+        )
+        assert one.iterations == other.iterations
+        assert_close(other.z, one.z)
+
+
+def test_the_paper_s_own_shift_depends_on_units():
+    A, q, lower, upper = paper_example(1, 10)
+    counts = {}
+    for c in (1.0, 1e-3):
+        for shift in (None, 1.0):
+            result = sweep(
+                c * A, c * q, lower, upper, "namgs", shift=shift, eps_abs=c * 1e-5,
+                max_iter=1000,
+            )  # fmt: skip
+            counts[c, shift] = result.iterations
+    assert counts[1.0, None] == counts[1e-3, None]
+    assert counts[1e-3, 1.0] > 10 * counts[1.0, 1.0]
+
+
+def symmetric_problem(seed, n=9):
+    A, q, lower, upper, s = random_problem(seed, n)
+    return A + A.T + n * np.eye(n), q, lower, upper, s
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("build", [random_problem, symmetric_problem])
+@pytest.mark.parametrize("method", FACTORED)
+def test_factored_methods_are_the_formula(method, build, kind):
+    A, q, lower, upper, s = build(11)
+    _, L, _ = parts(A)
+    I = np.eye(q.size)
+    Omega = {"modulus": np.diag(np.diag(A)), "nam": I, "modified-nam": 0.8 * I}[method]
+    M = A if method == "modulus" else A + I - L
+    alpha = 0.8 if method == "modified-nam" else None
+    for _ in range(3):
+        result = sweep(
+            KINDS[kind](A), q, lower, upper, method, alpha=alpha, s0=s,
+            eps_abs=1e-300, max_iter=1, keep_history=True,
+        )  # fmt: skip
+        s = bai(A, M, Omega, q, lower, upper, s)
+        z = np.clip(s, lower, upper)
+        residual = natural_residual(z, A @ z + q, lower, upper)
+        assert result.history["residual"][1] == pytest.approx(residual, rel=1e-9)
+        assert_close(result.omega, np.diag(Omega))
+        if result.history["residual"][1] < result.history["residual"][0]:
+            assert_close(result.s, s, 1e-11)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_factored_methods_accept_omega_and_shift(kind):
+    A, q, lower, upper, s = random_problem(2)
+    omega, shift = np.linspace(1, 2, q.size), np.linspace(0, 3, q.size)
+    _, L, _ = parts(A)
+    expected = bai(
+        A, A + np.diag(shift) - L, np.diag(omega), q, lower, upper, s
+    )  # fmt: skip
+    result = sweep(
+        KINDS[kind](A), q, lower, upper, "nam", omega=omega, shift=shift, s0=s,
+        eps_abs=1e-300, max_iter=1, keep_history=True,
+    )  # fmt: skip
+    z = np.clip(expected, lower, upper)
+    assert result.history["residual"][1] == pytest.approx(
+        natural_residual(z, A @ z + q, lower, upper), rel=1e-9
+    )
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("method", METHODS)
+def test_dominant_box_problem_is_solved(method, kind):
+    rng = np.random.default_rng(1)
+    n = 30
+    A = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.2)
+    A += np.diag(3.0 * np.abs(A).sum(axis=1) + 1.0)
+    lower, upper = np.full(n, -1.0), np.full(n, 1.0)
+    lower[::5], upper[::7] = -np.inf, np.inf
+    z = np.clip(2.0 * rng.normal(size=n), lower, upper)
+    w = np.where(z == lower, 1.0, np.where(z == upper, -1.0, 0.0))
+    q = w - A @ z
+    result = sweep(KINDS[kind](A), q, lower, upper, method, eps_abs=1e-11, max_iter=500)
+    assert result.status is Status.SOLVED
+    np.testing.assert_allclose(result.z, z, atol=1e-10)
+    np.testing.assert_array_equal(result.z, np.clip(result.s, lower, upper))
+    np.testing.assert_allclose(result.omega * (result.z - result.s), w, atol=1e-9)
+    again = sweep(
+        KINDS[kind](A), q, lower, upper, method, eps_abs=1e-9, max_iter=500, z0=z
+    )
+    assert again.iterations == 0
+    again = sweep(
+        KINDS[kind](A), q, lower, upper, method, eps_abs=1e-9, max_iter=5, s0=result.s
+    )
+    assert again.iterations == 0
+    np.testing.assert_array_equal(again.s, result.s)
+
+
+def test_iterations_is_the_first_below_the_tolerance():
+    A, q, lower, upper = paper_example(1, 10)
+    reported = []
+    result = sweep(
+        A, q, lower, upper, "pgs", eps_abs=1e-6, max_iter=100, keep_history=True,
+        report=lambda *row: reported.append(row),
+    )  # fmt: skip
+    history = result.history
+    assert history.dtype.names == ("iter", "residual", "active", "time")
+    assert (history["residual"][:-1] >= 1e-6).all()
+    assert history["residual"][-1] == result.residual < 1e-6
+    assert history["iter"][-1] == result.iterations == len(history) - 1
+    assert [row[:3] for row in history[["iter", "residual", "active"]].tolist()] == (
+        reported
+    )
+    assert reported[0] == (0, pytest.approx(np.linalg.norm(q)), 100)
+    again = sweep(
+        A, q, lower, upper, "pgs", eps_abs=result.residual, max_iter=100
+    )  # fmt: skip
+    assert again.iterations == result.iterations + 1
+
+
+def test_default_start_is_zero_clipped_into_the_box():
+    A, q, lower, upper, _ = random_problem(4)
+    result = sweep(A, q, lower, upper, "pgs", eps_abs=1e9, max_iter=1)
+    assert result.iterations == 0
+    np.testing.assert_array_equal(result.s, np.clip(0.0, lower, upper))
+
+
+def test_inputs_stay_as_they_are():
+    A, q, lower, upper, s = random_problem(4)
+    A = sparse.csr_array(A)
+    arrays = (A.data, A.indices, A.indptr, q, lower, upper, s)
+    copies = [array.copy() for array in arrays]
+    for name in METHODS:
+        sweep(A, q, lower, upper, name, s0=s, eps_abs=1e-3, max_iter=5)
+        sweep(A, q, lower, upper, name, z0=s, eps_abs=1e-3, max_iter=5)
+    for array, copy in zip(arrays, copies, strict=True):
+        np.testing.assert_array_equal(array, copy)
+
+
+def test_wide_indices_give_the_same_sweep():
+    A, q, lower, upper, s = random_problem(6)
+    A = sparse.csr_array(A)
+    wide = A.copy()
+    wide.indices, wide.indptr = A.indices.astype(np.int64), A.indptr.astype(np.int64)
+    narrow_s = one_sweep(A, q, lower, upper, "namgs", s)[0]
+    np.testing.assert_array_equal(
+        one_sweep(wide, q, lower, upper, "namgs", s)[0], narrow_s
+    )
+
+
+def halfline(n):
+    return np.zeros(n), np.full(n, np.inf)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_growth_is_called_divergence(kind):
+    """Gauss-Seidel without bounds on [[1, -2], [2, 1]]: spectral radius 4."""
+    A = KINDS[kind](np.array([[1.0, -2.0], [2.0, 1.0]]))
+    q, free = np.array([1.0, 1.0]), np.full(2, np.inf)
+    result = sweep(A, q, -free, free, "pgs", eps_abs=1e-9, max_iter=10_000)
+    assert result.status is Status.DIVERGED
+    assert result.iterations < 100
+    assert np.isfinite(result.z).all()
+    assert result.residual <= np.linalg.norm(q)
+
+
+def test_growth_of_the_first_sweeps_is_not():
+    """Far from normal: Res grows from 10^2 to 10^14, then falls (NAM, Omega = I)."""
+    A, q, lower, upper = paper_example(2, 40, delta=0.0)
+    result = sweep(
+        A, q, lower, upper, "nam", s0=np.tile([1.0, 0.0], 800), eps_abs=1e-4,
+        max_iter=500, keep_history=True,
+    )  # fmt: skip
+    assert result.history["residual"][1] > 1e6
+    assert result.status is Status.SOLVED
+
+
+def test_a_cycle_is_called_divergence():
+    """A cyclic P-matrix with which projected Gauss-Seidel runs round in circles."""
+    A = np.array([[1.0, 2.0, 0.0], [0.0, 1.0, 2.0], [2.0, 0.0, 1.0]])
+    result = sweep(A, -np.ones(3), *halfline(3), "pgs", eps_abs=1e-9, max_iter=10_000)
+    assert result.status is Status.DIVERGED
+    assert result.iterations < 100
+    w = A @ result.z - 1.0
+    assert result.residual == pytest.approx(natural_residual(result.z, w, *halfline(3)))
+
+
+@pytest.mark.parametrize("method", ["mgs", "modulus"])
+def test_overflow_is_called_divergence(method):
+    A = np.array([[1.0, 1e200], [-1e200, 1.0]])
+    with np.errstate(all="raise"):
+        result = sweep(
+            A, np.array([-1.0, 1e150]), *halfline(2), method, eps_abs=1e-9,
+            max_iter=1000, omega=1e-100,
+        )  # fmt: skip
+    assert result.status is Status.DIVERGED
+    assert np.isfinite(result.z).all()
+
+
+def test_repetition_by_rounding_is_called_stalled():
+    A, q, lower, upper = paper_example(1, 10)
+    result = sweep(A, q, lower, upper, "pgs", eps_abs=1e-300, max_iter=10_000)
+    assert result.status in (Status.STALLED, Status.SOLVED)
+    assert result.residual < 1e-12
+
+
+def test_limits():
+    A, q, lower, upper = paper_example(1, 10)
+    result = sweep(A, q, lower, upper, "mgs", eps_abs=1e-9, max_iter=3)
+    assert result.status is Status.MAX_ITER
+    assert result.iterations == 3
+    late = sweep(
+        A, q, lower, upper, "mgs", eps_abs=1e-9, max_iter=3, deadline=Deadline(0.0)
+    )
+    assert late.status is Status.TIME_LIMIT
+    assert late.iterations == 0
+
+
+def test_best_point_is_kept():
+    """The residuals of a diverging run go down, then up."""
+    A, q, lower, upper, s = random_problem(0)
+    A[0, 1:] *= 9.0
+    result = sweep(
+        A, q, lower, upper, "mgs", s0=s, eps_abs=1e-300, max_iter=60, keep_history=True
+    )
+    assert result.residual == np.nanmin(result.history["residual"])
+    w = A @ result.z + q
+    assert result.residual == pytest.approx(
+        natural_residual(result.z, w, lower, upper), rel=1e-12
+    )
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_factorisation_is_a_numerical_error(kind):
+    A = KINDS[kind](np.array([[-2.0, 0.0], [0.0, 3.0]]))
+    result = sweep(A, np.ones(2), *halfline(2), "nam", eps_abs=1e-9, max_iter=9)
+    assert result.status is Status.NUMERICAL_ERROR
+    assert np.isnan(result.z).all()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_symmetric_indefinite_modulus_falls_back_on_lu(kind):
+    A = np.array([[0.0, 3.0], [3.0, 0.0]])
+    q, lower, upper = np.array([-1.0, 2.0]), -np.ones(2), np.ones(2)
+    s = np.array([0.3, -0.4])
+    result = sweep(
+        KINDS[kind](A), q, lower, upper, "modulus", omega=1.0, s0=s, eps_abs=1e-300,
+        max_iter=1, keep_history=True,
+    )  # fmt: skip
+    z = np.clip(bai(A, A, np.eye(2), q, lower, upper, s), lower, upper)
+    residual = natural_residual(z, A @ z + q, lower, upper)
+    assert result.history["residual"][1] == pytest.approx(residual)
+
+
+def test_dominance_and_its_solver():
+    A, q, lower, upper = paper_example(2, 40)
+    q = q + 6.0 * np.random.default_rng(0).normal(size=q.size)
+    mu = dominance(A)
+    assert mu == pytest.approx(0.5)
+    alpha = relaxation(mu, symmetric=False)
+    assert alpha == pytest.approx(2.0 / (1.0 + math.sqrt(0.75)))
+    assert relaxation(0.9, symmetric=False) == 1.0
+    asked = []
+
+    def accept(z, w):
+        asked.append(natural_residual(z, w, lower, upper))
+        return asked[-1] < 1e-10
+
+    z = np.zeros_like(q)
+    status, w, sweeps = solve_dominant(A, q, z, lower, upper, alpha, accept, 1e-10, 100)
+    assert status is Status.SOLVED
+    assert sweeps < 30
+    assert len(asked) == 1
+    np.testing.assert_array_equal(w, A @ z + q)
+    assert natural_residual(z, w, lower, upper) < 1e-10
+    assert 0 < np.count_nonzero(z == 0.0) < z.size
+    limits = ((Status.MAX_ITER, 1, Deadline()), (Status.TIME_LIMIT, 9, Deadline(0.0)))
+    for expected, max_iter, deadline in limits:
+        status, _, sweeps = solve_dominant(
+            A, q, np.zeros_like(q), lower, upper, alpha, accept, 1e-10,
+            max_iter, deadline,
+        )  # fmt: skip
+        assert (status, sweeps) == (expected, 1)
+    status, _, _ = solve_dominant(
+        A, q, z, lower, upper, alpha, lambda z, w: False, 1e-300, 1000
+    )
+    assert status is Status.STALLED
+
+
+@pytest.mark.parametrize("example", [1, 2])
+@pytest.mark.parametrize(("delta", "most"), [(0.0, 16), (0.01, 16), (1.0, 50)])
+def test_auto_notices_in_time_whether_sweeps_will_do(example, delta, most, monkeypatch):
+    """Units do not matter, and slow cases are given up after a few sweeps."""
+    A, q, lower, upper = paper_example(example, 60, delta)
+    sweeps = []
+
+    def counted(*arguments):
+        sweeps[-1] += 1
+        return relax_csr(*arguments)
+
+    monkeypatch.setattr("namlcp.lcp.psor.relax_csr", counted)
+    units = 10.0 ** np.random.default_rng(0).uniform(-3, 3, q.size)
+    for s in (np.ones_like(q), units):
+        B = sparse.csr_array(sparse.diags_array(s) @ A @ sparse.diags_array(s))
+        B.sort_indices()
+        sweeps.append(0)
+        outcome = ask_sweeps(
+            Prepared(B), s * q, lower, upper, None, eps_abs=0.0, eps_rel=1e-9,
+            deadline=Deadline(),
+        )  # fmt: skip
+        assert (outcome.status is Status.SOLVED) == (delta == 1.0)
+    assert sweeps[0] == sweeps[1] <= most
+
+
+def test_dominance_without_positive_diagonal():
+    A = sparse.csr_array(np.array([[1.0, 0.5], [0.25, 0.0]]))
+    assert dominance(A) == math.inf
+
+
+@pytest.mark.parametrize(
+    ("method", "given", "message"),
+    [
+        ("sor", {}, "method must be one of"),
+        ("pgs", {"alpha": 1.0}, "alpha is not a parameter of method 'pgs'"),
+        ("psor", {"omega": 1.0}, "omega is not a parameter of method 'psor'"),
+        ("msor", {"beta": 1.0}, "beta is not a parameter of method 'msor'"),
+        ("mgs", {"shift": 1.0}, "shift is not a parameter of method 'mgs'"),
+        ("modulus", {"alpha": 1.0}, "alpha is not a parameter of method 'modulus'"),
+        ("psor", {"alpha": 2.0}, r"alpha must lie in \(0, 2\), got 2.0"),
+        ("psor", {"alpha": 0}, r"alpha must lie in \(0, 2\), got 0"),
+        ("psor", {"alpha": math.nan}, r"alpha must lie in \(0, 2\), got nan"),
+        ("maor", {"beta": -0.1}, r"beta must lie in \[0, 2\), got -0.1"),
+        ("modified-nam", {"alpha": 0.0}, r"alpha must lie in \(0, inf\), got 0.0"),
+        ("modified-nam", {"alpha": 1.0, "omega": 1.0}, "alpha or omega, not both"),
+        ("mgs", {"omega": 0.0}, r"omega must be positive, got 0 at \(0\)"),
+        ("mgs", {"omega": [1.0, -1.0]}, r"omega must be positive, got -1 at \(1\)"),
+        ("mgs", {"omega": np.ones(3)}, r"omega must have shape \(2,\) to match A"),
+        ("mgs", {"omega": np.inf}, "omega must be finite"),
+        ("namgs", {"shift": -1.0}, r"shift must not be negative, got -1 at \(0\)"),
+        ("namgs", {"shift": np.nan}, "shift must be finite, got nan"),
+        ("pgs", {"s0": np.ones(3)}, r"s0 must have shape \(2,\) to match A"),
+        ("pgs", {"s0": [1.0, np.nan]}, r"s0 must be finite, got nan at \(1\)"),
+        ("pgs", {"z0": [np.inf, 1.0]}, r"z0 must be finite, got inf at \(0\)"),
+        ("pgs", {"z0": [1, 1], "s0": [1, 1]}, "s0 and z0 must not both be given"),
+    ],
+)
+def test_bad_values_are_named(method, given, message):
+    with pytest.raises(ValueError, match=message):
+        sweep(
+            np.eye(2), np.ones(2), *halfline(2), method, eps_abs=1e-8, max_iter=9,
+            **given,
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("method", "given", "message"),
+    [
+        ("psor", {"alpha": "1"}, "alpha must be a number in .*'auto', got '1'"),
+        ("psor", {"alpha": True}, "alpha must be a number, got True"),
+        ("maor", {"beta": [1.0]}, r"beta must be a number, got \[1.0\]"),
+        (
+            "mgs",
+            {"omega": "D"},
+            "omega must be a positive number, an array or 'auto', got 'D'",
+        ),
+        ("pgs", {"s0": [1j, 0]}, "s0 must be an array of real numbers"),
+    ],
+)
+def test_bad_types_are_named(method, given, message):
+    with pytest.raises(TypeError, match=message):
+        sweep(
+            np.eye(2), np.ones(2), *halfline(2), method, eps_abs=1e-8, max_iter=9,
+            **given,
+        )  # fmt: skip
+
+
+@pytest.mark.parametrize("entry", [0.0, -1.0])
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("method", [*TRIANGULAR, "modulus"])
+def test_diagonal_must_be_positive(method, kind, entry):
+    A = KINDS[kind](np.array([[1.0, 0.5, 0], [0.5, 2.0, 0], [0, 0.5, entry]]))
+    message = rf"positive diagonal for method '{method}', got A\[2, 2\] = {entry:g}"
+    with pytest.raises(ValueError, match=message):
+        sweep(A, np.ones(3), *halfline(3), method, eps_abs=1e-8, max_iter=9)
+
+
+def test_find_method_lists_who_takes_a_parameter():
+    with pytest.raises(ValueError, match="only of maor, namaor"):
+        find_method("pgs", beta=1.0)
+
+
+def test_empty_problem():
+    empty = np.empty(0)
+    result = sweep(
+        np.empty((0, 0)), empty, empty, empty, "pgs", eps_abs=1e-8, max_iter=9
+    )
+    assert result.status is Status.SOLVED
+    assert result.z.shape == (0,)

@@ -1,0 +1,140 @@
+"""Solves use one BLAS thread, and leave the user's number as they found it."""
+
+import os
+import threading
+
+import numpy as np
+import pytest
+
+from namlcp import Options, solve_lcp, solve_qp
+from namlcp.linalg import threads
+from namlcp.linalg.threads import SMALL, WORTH, blas_threads, settings
+
+LARGE = SMALL + 1
+
+
+def numbers():
+    return [get() for _, get in settings()]
+
+
+@pytest.fixture(autouse=True)
+def two():
+    """Begin with two threads, as users have them."""
+    before = numbers()
+    if not before:
+        pytest.skip("no BLAS library whose threads can be set")
+    for put, _ in settings():
+        put(2)
+    yield
+    for (put, _), number in zip(settings(), before, strict=True):
+        put(number)
+
+
+def test_one_thread_inside_and_the_users_number_after():
+    with blas_threads(1, LARGE):
+        assert set(numbers()) == {1}
+        with blas_threads(1, LARGE):
+            assert set(numbers()) == {1}
+        assert set(numbers()) == {1}
+    assert set(numbers()) == {2}
+
+
+def test_nothing_is_set_for_small_problems():
+    with blas_threads(1, SMALL):
+        assert set(numbers()) == {2}
+
+
+@pytest.mark.parametrize(("order", "expected"), [(WORTH, 2), (WORTH - 1, 1)])
+def test_more_threads_where_they_pay(order, expected):
+    for put, _ in settings():
+        put(1)
+    with blas_threads(2, order):
+        assert set(numbers()) == {expected}
+    assert set(numbers()) == {1}
+
+
+def test_the_number_is_restored_after_an_error():
+    with pytest.raises(ZeroDivisionError), blas_threads(1, LARGE):
+        raise ZeroDivisionError
+    assert set(numbers()) == {2}
+
+
+def test_solves_at_once_restore_what_the_first_one_found():
+    entered, leave = threading.Barrier(2), threading.Event()
+
+    def other():
+        with blas_threads(1, LARGE):
+            entered.wait()
+            leave.wait()
+
+    thread = threading.Thread(target=other)
+    with blas_threads(1, LARGE):
+        thread.start()
+        entered.wait()
+    assert set(numbers()) == {1}  # the other one is not done
+    leave.set()
+    thread.join()
+    assert set(numbers()) == {2}
+
+
+def seen_inside(monkeypatch, solve):
+    """Return the numbers of threads that were set while `solve` ran."""
+    seen = []
+    monkeypatch.setattr(
+        threads.BLAS_THREADS,
+        "put",
+        lambda put=threads.BLAS_THREADS.put: (put(), seen.append(set(numbers()))),
+    )
+    assert solve().status.value == "solved"
+    assert seen.pop() == {2}
+    return seen
+
+
+def test_solves_run_on_one_thread(monkeypatch):
+    n = LARGE
+    P, q = np.eye(n), np.linspace(-1.0, 1.0, n)
+    solves = (
+        lambda: solve_qp(P, q, lb=np.zeros(n)),
+        lambda: solve_qp(P, q, G=np.ones((1, n)), h=np.ones(1), threads=2),
+        lambda: solve_lcp(P, q),
+        lambda: solve_lcp(P, q, method="mgs"),
+    )
+    for solve in solves:
+        with monkeypatch.context() as patch:
+            assert seen_inside(patch, solve) == [{1}]
+
+
+def numbers_in_a_child():
+    """Return the numbers that a child of fork has."""
+    read, write = os.pipe()
+    child = os.fork()
+    if child == 0:
+        os.write(write, bytes(numbers()))
+        os._exit(0)
+    os.waitpid(child, 0)
+    return set(os.read(read, 9))
+
+
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")  # from Python 3.12 on
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
+def test_a_child_of_fork_has_the_users_number():
+    with blas_threads(1, LARGE):
+        assert numbers_in_a_child() == {2}
+    assert set(numbers()) == {2}
+
+
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
+def test_a_child_of_fork_has_what_was_set_after_a_solve():
+    with blas_threads(1, LARGE):
+        pass
+    for put, _ in settings():
+        put(1)
+    assert numbers_in_a_child() == {1}
+
+
+def test_bad_numbers_are_named():
+    with pytest.raises(ValueError, match="threads must be >= 1, got 0"):
+        Options(threads=0)
+    with pytest.raises(TypeError, match=r"threads must be an integer, got 2\.0"):
+        solve_qp(np.eye(2), np.ones(2), threads=2.0)

@@ -1,0 +1,174 @@
+"""Dense fronts: each part against its definition, the factors against K itself."""
+
+import numpy as np
+import pytest
+from problems_elimination import fill, laplacian, natural, parts, upper
+from problems_qp import assert_solves_qp, make_qp
+from scipy.sparse import block_array, csc_array, diags_array, eye_array
+
+from namlcp.linalg import factors
+from namlcp.linalg.factors import Bordered, Sparse, factor
+from namlcp.linalg.multifrontal import Multifrontal
+from namlcp.linalg.ordering import minimum_degree
+from namlcp.options import Options
+from namlcp.qp.path.loop import solve
+
+
+def quasi_definite(n, p, density, seed):
+    """Return [P A'; A -D] with random sparse parts, dense, in random order."""
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((p, n)) * (rng.random((p, n)) < density)
+    P = np.diag(1.0 + rng.random(n))
+    B = rng.standard_normal((n, n)) * (rng.random((n, n)) < density / 4)
+    K = np.block([[P + B @ B.T, A.T], [A, -np.diag(0.1 + rng.random(p))]])
+    order = rng.permutation(n + p)
+    return K[np.ix_(order, order)]
+
+
+def saddle(rows, columns):
+    """Return the K of a discretised control problem on a grid."""
+    L = laplacian(rows, columns)
+    return csc_array(block_array([[eye_array(L.shape[0]), L], [L, -1e-6 * L]]))
+
+
+def dense_factors(f):
+    """Return L and D of Multifrontal factors as dense matrices, in their order."""
+    L = np.eye(f.D.size)
+    for s in range(f.nodes.first.size - 1):
+        begin, end = f.nodes.first[s], f.nodes.first[s + 1]
+        rows = f.nodes.rows[f.nodes.starts[s] : f.nodes.starts[s + 1]]
+        panel = f.L[f.nodes.panels[s] : f.nodes.panels[s + 1]].reshape(
+            rows.size, end - begin
+        )
+        for k in range(end - begin):
+            L[rows[k + 1 :], begin + k] = panel[k + 1 :, k]
+    return L, np.diag(f.D)
+
+
+CASES = {
+    "one": np.array([[-2.0]]),
+    "diagonal": np.diag([1.0, -2.0, 3.0]),
+    "dense": quasi_definite(130, 90, 1.0, 1),
+    "sparse": quasi_definite(60, 40, 0.06, 2),
+    "two parts": np.kron(np.eye(2), quasi_definite(12, 6, 0.3, 3)),
+    "grid": laplacian(17, 13).toarray(),
+    "saddle": saddle(9, 12).toarray(),
+}
+
+
+@pytest.fixture(params=CASES)
+def K(request):
+    return CASES[request.param]
+
+
+@pytest.mark.parametrize("order", [natural, None])
+def test_factors_reproduce_the_matrix(K, order):
+    U = upper(K)
+    order = minimum_degree(*parts(U)) if order is None else order(U)
+    f = Multifrontal(U, order)
+    L, D = dense_factors(f)
+    by_place = np.argsort(f.place)
+    np.testing.assert_allclose(
+        L @ D @ L.T, K[np.ix_(by_place, by_place)], rtol=0, atol=1e-12 * abs(K).max()
+    )
+
+
+def test_rows_of_a_supernode_hold_the_pattern_of_its_columns():
+    K = CASES["saddle"]
+    f = Multifrontal(upper(K), minimum_degree(*parts(upper(K))))
+    by_place = np.argsort(f.place)
+    L = fill(K[np.ix_(by_place, by_place)])
+    kept = 0
+    for s in range(f.nodes.first.size - 1):
+        rows = f.nodes.rows[f.nodes.starts[s] : f.nodes.starts[s + 1]]
+        assert (np.diff(rows) > 0).all()
+        for j in range(f.nodes.first[s], f.nodes.first[s + 1]):
+            assert np.isin(np.flatnonzero(L[:, j]), rows).all()
+            kept += int((rows >= j).sum())
+    assert L.sum() <= kept <= 2 * L.sum()
+
+
+def test_solve_and_update():
+    K = CASES["saddle"]
+    U = upper(K)
+    f = Multifrontal(U, minimum_degree(*parts(U)))
+    rhs = np.random.default_rng(0).standard_normal(K.shape[0])
+    np.testing.assert_allclose(K @ f.solve(rhs), rhs, atol=1e-8)
+    other = K + np.diag(np.sign(np.diag(K)))
+    f.update(upper(other).data)
+    np.testing.assert_allclose(other @ f.solve(rhs), rhs, atol=1e-11)
+    f.update(U.data)
+    np.testing.assert_allclose(K @ f.solve(rhs), rhs, atol=1e-8)
+
+
+def test_factors_repeat_bit_for_bit():
+    U = upper(saddle(20, 20))
+    order = minimum_degree(*parts(U))
+    rhs = np.arange(U.shape[0]) * 1.0
+    one, two = (Multifrontal(U, order).solve(rhs) for _ in range(2))
+    np.testing.assert_array_equal(one, two)
+
+
+@pytest.mark.parametrize("bad", [0.0, np.nan])
+def test_a_pivot_that_vanishes_is_told(bad):
+    U = upper(np.diag([1.0, 5.0, 2.0]))
+    U.data[1] = bad
+    with pytest.raises(ValueError, match="pivot"):
+        Multifrontal(U, natural(U))
+
+
+def test_the_kind_of_factors_is_chosen_by_counts(monkeypatch):
+    assert isinstance(factor(upper(laplacian(90, 90))), Sparse)  # few entries a column
+    control = upper(saddle(64, 64))
+    monkeypatch.setattr(factors, "HEAVY", 1e6)
+    assert isinstance(factor(control), Multifrontal)
+    monkeypatch.setattr(factors, "HEAVY", 1e9)
+    assert isinstance(factor(control), Sparse)
+
+
+def test_no_order_is_sought_around_a_hub():
+    K = laplacian(150, 150, 1.0).tolil()
+    K[-1, :] = 1e-3
+    K[:, -1] = 1e-3
+    assert factors.heavy_order(*parts(upper(K))) is None
+
+
+def test_a_border_comes_first():
+    rng = np.random.default_rng(4)
+    B = rng.standard_normal((400, 60))
+    K = np.block([[-np.eye(400), B], [B.T, np.eye(60)]])
+    assert isinstance(factor(upper(K)), Bordered)
+
+
+@pytest.mark.parametrize("worse", ["minimum_degree", "nested_dissection"])
+def test_of_two_orders_the_one_with_less_work_is_taken(monkeypatch, worse):
+    U = upper(laplacian(20, 20).toarray())
+    orders = dict.fromkeys(("minimum_degree", "nested_dissection"), minimum_degree)
+    orders[worse] = lambda *parts: natural(U)
+    for name, find in orders.items():
+        monkeypatch.setattr(factors, name, find)
+    monkeypatch.setattr(factors, "FILL", ((0, 0),))
+    monkeypatch.setattr(factors, "DEEP", 0.0)
+    monkeypatch.setattr(factors, "HEAVY", 0.0)
+    order = factors.heavy_order(*parts(U))
+    assert order.work == minimum_degree(*parts(U)).work < natural(U).work
+
+
+def test_the_path_solves_with_dense_fronts(monkeypatch):
+    monkeypatch.setattr(factors, "FILL", ((0, 0),))
+    monkeypatch.setattr(factors, "HEAVY", 0.0)
+    used = []
+    init = Multifrontal.__init__
+    monkeypatch.setattr(
+        Multifrontal, "__init__", lambda *args: (used.append(1), init(*args))[1]
+    )
+    n = 15
+    L = laplacian(n, n)
+    P = csc_array(diags_array(np.r_[np.ones(n * n), np.full(n * n, 1e-2)]))
+    A = csc_array(block_array([[L, -eye_array(n * n)]]))
+    q = np.r_[-np.sin(np.arange(n * n)), np.zeros(n * n)]
+    lb, ub = np.full(2 * n * n, -0.2), np.full(2 * n * n, 0.3)
+    qp = make_qp(P, q, A=A, b=np.zeros(n * n), lb=lb, ub=ub)
+    result = solve(qp, Options(eps_abs=1e-9, eps_rel=0.0))
+    assert used
+    assert_solves_qp(qp, result, 1e-9)

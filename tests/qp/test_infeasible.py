@@ -1,0 +1,186 @@
+"""At the edge of feasibility: rounding errors, margins, rays, second tries."""
+
+import numpy as np
+import pytest
+from problems_qp import (
+    assert_certificate,
+    assert_solves_qp,
+    complementary,
+    infeasible,
+    make_qp,
+)
+from scipy.sparse import diags_array
+
+import namlcp
+from namlcp.options import Options
+from namlcp.qp.certificates import accept_primal
+from namlcp.qp.judge import Judge
+from namlcp.qp.path.certificates import LoopTests
+from namlcp.qp.path.finish import Trigger
+from namlcp.qp.path.loop import PATIENCE, solve
+from namlcp.qp.transforms.presolve import presolve
+from namlcp.qp.transforms.scaling import ScaledQP
+from namlcp.status import Status
+
+TOL = 1e-6
+LOOSE = Options(eps_abs=TOL, eps_rel=0.0)
+
+
+def with_sums(seed, n, m, p, rank, off):
+    """Add sums of two equations, off by +-off: dependent rows, not proportional."""
+    P, q, G, h, A, b, lb, ub = complementary(seed, n, m, p, rank).qp
+    A = A.toarray()
+    A = np.vstack((A, A[0] + A[1], A[1] + A[2]))
+    b = np.concatenate((b, [b[0] + b[1] + off, b[1] + b[2] - off]))
+    return make_qp(P, q, G, h, A, b, lb, ub)
+
+
+SHAPES = [(20, 30, 5, 7), (30, 60, 6, 0), (60, 80, 10, 20), (40, 0, 10, 10)]
+
+
+@pytest.mark.parametrize("off", [1e-8, 1e-7])
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("seed", range(2))
+def test_rows_contradicting_within_the_tolerance_are_solved(seed, shape, off):
+    qp = with_sums(seed, *shape, off)
+    assert_solves_qp(qp, solve(qp, LOOSE), TOL)
+
+
+def test_a_second_try_follows_the_first():
+    qp = with_sums(0, *SHAPES[2], 1e-7)
+    result = solve(qp, LOOSE)
+    assert PATIENCE < result.iterations < 2 * PATIENCE
+    assert_solves_qp(qp, result, TOL)
+    short = solve(qp, Options(eps_abs=TOL, eps_rel=0.0, max_iter=PATIENCE))
+    assert short.status is Status.MAX_ITER
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("off", [1e-5, 1e-3])
+def test_rows_contradicting_beyond_the_tolerance_are_proved(shape, off):
+    qp = with_sums(0, *shape, off)
+    assert_certificate(qp, solve(qp, LOOSE))
+
+
+@pytest.mark.parametrize("ratio", [1.0, -3.0])
+def test_proportional_equations_are_merged_within_the_tolerance(ratio):
+    P, q, G, h, A, b, lb, ub = complementary(0, 20, 10, 4, 7).qp
+    A = np.vstack((A.toarray(), ratio * A.toarray()[2]))
+    for off, count in ((0.5e-6, 0), (1e-4, 1)):
+        qp = make_qp(P, q, G, h, A, np.append(b, ratio * (b[2] + off)), lb, ub)
+        small = presolve(qp, TOL, 0.0)
+        assert small.b.size == 4
+        assert small.b[2] == pytest.approx(b[2] + 0.5 * off, abs=1e-12)
+        assert len(small.contradictions) == count
+        result = solve(qp, LOOSE)
+        if count == 0:
+            assert_solves_qp(qp, result, TOL)
+        else:
+            assert result.iterations == 0
+            assert result.message == "rows 4 and 2 of A contradict each other"
+            assert_certificate(qp, result)
+
+
+def test_rows_give_way_to_a_point_that_violates_them():
+    qp = complementary(1, 8, 6, 3, 8).qp
+    s = ScaledQP(presolve(qp, TOL, 0.0))
+    t = np.random.default_rng(0).standard_normal(s.kkt.size)
+    c, b = s.c.copy(), s.b.copy()
+    s.give_way(t)
+    row = s.place >= s.n + s.p
+    excess = s.sign * t[s.place]
+    np.testing.assert_array_equal(s.b, t[s.n : s.n + s.p])
+    np.testing.assert_array_equal(s.c[~row], c[~row])
+    np.testing.assert_array_equal(s.c[row], np.maximum(c, excess)[row])
+    again = ScaledQP(s.small, s)  # the next problem starts from the user's sides
+    np.testing.assert_array_equal(again.b, b)
+    np.testing.assert_array_equal(again.c, c)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_projection_makes_a_proof_of_inexact_multipliers(seed):
+    qp = infeasible(seed, 10, 20, 3, 4)
+    found = solve(qp, LOOSE)
+    rng = np.random.default_rng(seed)
+    y = found.y * (1.0 + 1e-5 * rng.standard_normal(3))
+    z = found.z * (1.0 + 1e-5 * rng.standard_normal(20))
+    x = np.zeros(10)
+    assert accept_primal(qp, x, y, z, TOL) is None
+    tests = LoopTests(ScaledQP(presolve(qp, TOL, 0.0)), Judge(qp, LOOSE))
+    proof = tests.project(x, y, z)
+    assert proof is not None
+    assert_certificate(qp, found._replace(y=proof[1], z=proof[2], z_box=proof[3]))
+    assert tests.project(x, 0.0 * y, 0.0 * z) is None
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_rays_along_half_open_bounds_are_proved(seed):
+    """P d = 0, A d = 0, half of G d = 0; bounds are open where d goes, nowhere else."""
+    rng = np.random.default_rng(seed)
+    n, m, p = 50, 100, 10
+    d = rng.standard_normal(n)
+    d /= np.linalg.norm(d)
+
+    def across(M):
+        return M - np.outer(M @ d, d)
+
+    B, A = across(rng.standard_normal((25, n))), across(rng.standard_normal((p, n)))
+    G = rng.standard_normal((m, n))
+    G = np.where((G @ d > 0.0)[:, None], across(G), G)
+    x, q = rng.standard_normal(n), 10.0 * rng.standard_normal(n)
+    q -= (q @ d + 1.0) * d
+    lb = np.where(d < 0.0, -np.inf, x - rng.random(n))
+    ub = np.where(d > 0.0, np.inf, x + rng.random(n))
+    qp = make_qp(B.T @ B, q, G, G @ x + rng.random(m), A, A @ x, lb, ub)
+    result = solve(qp, LOOSE)
+    assert result.status is Status.DUAL_INFEASIBLE
+    assert result.iterations < 30
+    assert_certificate(qp, result)
+
+
+def test_a_finish_waits_for_a_steady_set_and_for_progress():
+    set_a, set_b = np.array([True, False]), np.array([True, True])
+    trigger = Trigger(TOL, is_large=False)
+    assert not trigger.pulled(1e5, 1.0, set_a, set_a)  # far away
+    assert not trigger.pulled(1e3, 1.0, set_a, set_b)  # the set changes
+    assert trigger.pulled(1e3, 1.0, set_a, set_a)
+    assert not trigger.pulled(5e2, 1.0, set_a, set_a)  # not ten times better
+    assert trigger.pulled(50.0, 1.0, set_a, set_b)  # near enough for any set
+
+
+def test_the_threshold_of_convexity_is_named():
+    """Eigenvalues of the unit-diagonal P: -1.4e-6 is refused, -0.7e-6 is not."""
+    ones = np.ones((4, 4)) / 3.0
+    for wrong, refused in ((1.4e-6, True), (0.7e-6, False)):
+        P = (4.0 / 3.0 + wrong / 3.0) * np.eye(4) - (1.0 + wrong) * ones
+        P = 1e3 * P / P[0, 0]
+        box = {"lb": -np.ones(4), "ub": np.ones(4)}
+        if refused:
+            with pytest.raises(
+                ValueError, match="diagonal scaled to 1 is below -1e-06"
+            ):
+                namlcp.solve_qp(P, np.ones(4), **box)
+        else:
+            assert namlcp.solve_qp(P, np.ones(4), **box).status is Status.SOLVED
+
+
+def test_a_column_of_tiny_entries_proves_nothing():
+    """1e-13 x <= -1 holds far out; x <= 1 with -x <= -2 holds nowhere."""
+    one = np.ones(1)
+    qp = make_qp([[0.0]], [0.0], [[-1e-13]], [-1.0])
+    assert accept_primal(qp, np.zeros(1), np.empty(0), one, TOL) is None
+    qp = make_qp([[0.0]], [0.0], [[1e-13], [-1e-13]], [1e-3, -2e-3])
+    assert accept_primal(qp, np.zeros(1), np.empty(0), np.ones(2), TOL) is not None
+
+
+@pytest.mark.parametrize("unit", [1e-8, 1e8])
+@pytest.mark.parametrize("seed", range(10))
+def test_feasible_problems_in_odd_units_are_not_called_infeasible(seed, unit):
+    qp = complementary(seed, 8, 10, 2, 3, 0.6).qp
+    D = np.where(np.random.default_rng(seed).random(8) < 0.5, unit, 1.0)
+    P, q, G, h, A, b, lb, ub = qp
+    d = diags_array(D)
+    result = namlcp.solve_qp(
+        d @ P @ d, D * q, G @ d, h, A @ d, b, lb / D, ub / D, eps_abs=TOL, eps_rel=TOL
+    )
+    assert result.status not in (Status.PRIMAL_INFEASIBLE, Status.DUAL_INFEASIBLE)

@@ -1,0 +1,423 @@
+"""The path for convex QPs: solutions, proofs, edges, and its parts."""
+
+import re
+
+import numpy as np
+import pytest
+from problems_lcp import laplacian
+from problems_qp import (
+    DATA,
+    HOCK_SCHITTKOWSKI,
+    assert_certificate,
+    assert_solves_qp,
+    complementary,
+    infeasible,
+    least_squares,
+    make_qp,
+    maros_meszaros,
+    singular_block,
+    unbounded,
+)
+from scipy.sparse import csc_array, csr_array, diags_array
+
+from namlcp.limits import Deadline
+from namlcp.linalg.factors import Bordered, dense_border
+from namlcp.options import Options
+from namlcp.qp import convexity
+from namlcp.qp.convexity import check_convex
+from namlcp.qp.guess import make_guess
+from namlcp.qp.judge import Judge
+from namlcp.qp.kkt import KKT
+from namlcp.qp.path import fallback
+from namlcp.qp.path.loop import PathResult, solve
+from namlcp.qp.transforms.presolve import presolve
+from namlcp.qp.transforms.scaling import ScaledQP
+from namlcp.residuals import qp_residuals
+from namlcp.status import Status
+
+DEFAULT = Options()
+I2 = np.eye(2)
+O2 = np.zeros((2, 2))
+
+
+@pytest.mark.parametrize("number", HOCK_SCHITTKOWSKI)
+def test_hock_schittkowski(number):
+    qp, constant, optimum = HOCK_SCHITTKOWSKI[number]
+    result = solve(qp, DEFAULT)
+    assert_solves_qp(qp, result)
+    value = 0.5 * result.x @ (qp.P @ result.x) + qp.q @ result.x + constant
+    assert value == pytest.approx(optimum, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("n", "m", "p", "rank", "density"),
+    [
+        (5, 8, 2, 5, 1.0),
+        (20, 30, 5, 20, 1.0),
+        (20, 30, 5, 7, 1.0),
+        (30, 60, 0, 0, 1.0),
+        (60, 80, 10, 60, 0.1),
+        (60, 80, 10, 20, 0.1),
+        (40, 0, 10, 10, 0.3),
+        (40, 0, 0, 40, 0.3),
+    ],
+)
+@pytest.mark.parametrize("seed", range(3))
+def test_known_answers_are_found_exactly(seed, n, m, p, rank, density):
+    known = complementary(seed, n, m, p, rank, density)
+    result = solve(known.qp, DEFAULT)
+    assert_solves_qp(known.qp, result, 1e-11)
+    if rank == n:
+        np.testing.assert_allclose(result.x, known.x, atol=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_weakly_active_rows_are_found_exactly(seed):
+    known = complementary(seed, 20, 40, 0, 20, weak=5)
+    result = solve(known.qp, DEFAULT)
+    assert_solves_qp(known.qp, result)
+    np.testing.assert_allclose(result.x, known.x, atol=1e-8)
+
+
+def test_singular_block():
+    known = singular_block(0, 20)
+    assert_solves_qp(known.qp, solve(known.qp, DEFAULT), 1e-11)
+
+
+def test_least_squares_with_a_dense_row():
+    qp = least_squares(3000)
+    result = solve(qp, DEFAULT)
+    assert_solves_qp(qp, result)
+    assert qp_residuals(*qp, *result[1:5]).primal < 1e-10
+
+
+def test_tridiagonal_lcp_with_a_weakly_active_row():
+    n = 150  # qpsolvers, tests/problems.py, get_sparse_problem
+    M = diags_array(
+        [np.ones(n), np.r_[0.0, -np.ones(n - 2)], np.r_[np.ones(n - 2), 0.0]],
+        offsets=[0, 1, -1],
+    )
+    qp = make_qp(M.T @ M, -np.ones(n), -np.eye(n), np.full(n, -2.0))
+    result = solve(qp, DEFAULT)
+    assert_solves_qp(qp, result, 1e-12)
+    assert (result.x - 2.0).min() > -1e-12
+
+
+@pytest.mark.parametrize("rank", [0, 4, 10])
+@pytest.mark.parametrize("seed", range(3))
+def test_infeasible_problems_are_proved(seed, rank):
+    qp = infeasible(seed, 10, 20, 3, rank)
+    assert_certificate(qp, solve(qp, DEFAULT))
+
+
+@pytest.mark.parametrize("rank", [0, 4, 8])
+@pytest.mark.parametrize("seed", range(3))
+def test_unbounded_problems_are_proved(seed, rank):
+    qp = unbounded(seed, 10, 20, 3, rank)
+    result = solve(qp, DEFAULT)
+    assert result.status is Status.DUAL_INFEASIBLE
+    assert_certificate(qp, result)
+
+
+IMPOSSIBLE = {
+    "opposite rows": make_qp(I2, [0, 0], [[1, 1], [-2, -2]], [1, -4]),
+    "three rows": make_qp(I2, [0, 0], [[1, 1], [-1, 0], [0, -1]], [1, -1, -1]),
+    "row against bounds": make_qp(I2, [0, 0], [[1, 1]], [-1], lb=[0, 0]),
+    "repeated equations": make_qp(O2, [1, 0], A=[[1, 1], [2, 2]], b=[1, 3]),
+    "dependent equations": make_qp(
+        np.eye(3), [0, 0, 0], A=[[1, 1, 0], [0, 1, 1], [1, 2, 1]], b=[1, 1, 3]
+    ),
+    "empty row of A": make_qp(I2, [0, 0], A=[[0, 0]], b=[-1]),
+    "empty row of G": make_qp(I2, [0, 0], [[0, 0]], [-1]),
+    "all fixed": make_qp(I2, [0, 0], [[1, 1]], [2], lb=[1, 2], ub=[1, 2]),
+    "margin 1e-3": make_qp([[1]], [0], [[1], [-1]], [0, -1e-3]),
+}
+
+
+@pytest.mark.parametrize("name", IMPOSSIBLE)
+def test_contradictions_are_proved(name):
+    qp = IMPOSSIBLE[name]
+    result = solve(qp, DEFAULT)
+    assert result.status is Status.PRIMAL_INFEASIBLE
+    assert_certificate(qp, result)
+
+
+@pytest.mark.parametrize(
+    ("sides", "place"),
+    [
+        ({"lb": [0, 1], "ub": [1, 0]}, r"x\[1\].*lb = 1, ub = 0"),
+        ({"lb": [0, np.inf]}, r"x\[1\].*lb = inf"),
+        ({"ub": [-np.inf, 0]}, r"x\[0\].*ub = -inf"),
+        ({"G": [[1, 1]], "h": [-np.inf]}, r"row 0 of G has h = -inf"),
+    ],
+)
+def test_contradictory_sides_are_named(sides, place):
+    result = solve(make_qp(I2, [1, 1], **sides), DEFAULT)
+    assert result.status is Status.PRIMAL_INFEASIBLE
+    assert re.search(place, result.message)
+
+
+@pytest.mark.parametrize(
+    "P",
+    [
+        -I2,
+        [[1, 2], [2, 1]],
+        [[0, 1], [1, 0]],
+        [[1, 0.9, -0.9], [0.9, 1, 0.9], [-0.9, 0.9, 1]],
+    ],
+)
+def test_nonconvex_P_is_refused(P):
+    qp = make_qp(P, np.zeros(len(P)))
+    with pytest.raises(ValueError, match="P must be positive semidefinite"):
+        solve(qp, DEFAULT)
+
+
+def test_singular_P_passes_the_convexity_test():
+    B = np.random.default_rng(0).standard_normal((20, 50))
+    check_convex(make_qp(B.T @ B, np.zeros(50)).P)
+    check_convex(make_qp(np.ones((5, 5)), np.zeros(5)).P)
+
+
+EDGES = {
+    "no variables": make_qp(np.zeros((0, 0)), []),
+    "nothing but P": make_qp(I2, [1, 2]),
+    "equations only": make_qp(I2, [1, 2], A=[[1, 1]], b=[1]),
+    "dependent equations": make_qp(I2, [1, 2], A=[[1, 1], [2, 2]], b=[1, 2]),
+    "singular, equations only": make_qp(np.diag([1.0, 0.0]), [1, 0], A=[[1, 1]], b=[1]),
+    "LP": make_qp(O2, [-1, -1], [[1, 2], [3, 1]], [4, 6], lb=[0, 0]),
+    "zero objective": make_qp(O2, [0, 0], [[1, 1]], [-1]),
+    "infinite and empty rows": make_qp(
+        I2, [-3, -1], [[1, 1], [0, 0], [1, 0]], [np.inf, 1, 1]
+    ),
+    "repeated rows": make_qp(
+        I2, [-5, -5], [[1, 1], [2, 2], [1, 1], [-1, -1]], [3, 5, 4, 0]
+    ),
+    "fixed": make_qp(I2, [1, 2], [[1, 1]], [5], [[1, -1]], [-1], lb=[1, 2], ub=[1, 2]),
+    "one fixed": make_qp(
+        [[2, 1], [1, 2]], [1, 2], [[-1, -1]], [-5], lb=[1, -9], ub=[1, 9]
+    ),
+    "degenerate": make_qp(I2, [-2, -2], [[1, 0], [0, 1], [1, 1], [1, 2]], [1, 1, 2, 3]),
+    "huge": make_qp(1e8 * I2, [-1e8, -2e8], [[1e6, 1e6]], [1e6]),
+    "tiny": make_qp(1e-8 * I2, [-1e-8, -2e-8], [[1e-6, 1e-6]], [1e-6]),
+    "flat": make_qp([[1e-9]], [-1.0]),
+    "stored zeros": make_qp(I2, [-1, 0], csr_array(([0.0, 1.0], [0, 1], [0, 2])), [3]),
+}
+
+
+@pytest.mark.parametrize("name", EDGES)
+def test_edges(name):
+    qp = EDGES[name]
+    copy = [np.array(getattr(part, "data", part)) for part in qp]
+    assert_solves_qp(qp, solve(qp, DEFAULT), 1e-10)
+    for part, before in zip(qp, copy, strict=True):
+        np.testing.assert_array_equal(getattr(part, "data", part), before)
+
+
+@pytest.mark.parametrize("name", ["LP", "degenerate", "repeated rows", "one fixed"])
+def test_start_at_the_solution_needs_no_iteration(name):
+    qp = EDGES[name]
+    x = solve(qp, DEFAULT).x
+    result = solve(qp, DEFAULT, make_guess(qp, x, None))
+    assert_solves_qp(qp, result)
+    assert result.iterations == 0
+
+
+def test_any_start_is_accepted():
+    known = complementary(1, 20, 30, 5, 20)
+    result = solve(known.qp, DEFAULT, make_guess(known.qp, np.full(20, 1e3), None))
+    assert_solves_qp(known.qp, result)
+
+
+def test_limits_return_the_best_point():
+    known = complementary(0, 30, 60, 0, 0)
+    result = solve(known.qp, Options(max_iter=2))
+    assert result.status is Status.MAX_ITER
+    assert result.iterations == 2
+    assert np.isfinite(result.x).all()
+    result = solve(known.qp, DEFAULT, deadline=Deadline(0.0))
+    assert result.status is Status.TIME_LIMIT
+    assert np.isfinite(result.x).all()
+
+
+def test_every_iteration_is_reported():
+    known = complementary(0, 30, 60, 0, 0)
+    rows = []
+    result = solve(known.qp, DEFAULT, report=lambda *row: rows.append(row))
+    assert [row[0] for row in rows] == list(range(result.iterations + 1))
+    assert {len(row) for row in rows} == {6}
+
+
+def test_runs_repeat_bit_for_bit():
+    known = complementary(2, 30, 60, 4, 10)
+    first, second = solve(known.qp, DEFAULT), solve(known.qp, DEFAULT)
+    np.testing.assert_array_equal(first.x, second.x)
+    np.testing.assert_array_equal(first.z, second.z)
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_scaled_rows_and_columns(seed):
+    known = complementary(seed, 20, 30, 5, 12)
+    rng = np.random.default_rng(seed)
+    d, e, f = (10.0 ** rng.uniform(-3, 3, k) for k in (20, 30, 5))
+    D, E, F = diags_array(d), diags_array(e), diags_array(f)
+    P, q, G, h, A, b, lb, ub = known.qp
+    P = D @ P @ D
+    qp = make_qp(
+        0.5 * (P + P.T), q * d, E @ G @ D, h * e, F @ A @ D, b * f, lb / d, ub / d
+    )
+    assert_solves_qp(qp, solve(qp, DEFAULT))
+
+
+@pytest.mark.parametrize("kind", [infeasible, unbounded])
+def test_fallback_decides_alone(kind):
+    qp = kind(0, 10, 20, 3, 4)
+    loose = Options(eps_abs=1e-10, eps_rel=1e-12)
+    point = Judge(qp, DEFAULT).point
+    verdict = fallback.decide(qp, point, 1e-9, lambda other: solve(other, loose))
+    assert verdict is not None
+    status, (x, y, z, z_box) = verdict
+    assert_certificate(qp, PathResult(status, x, y, z, z_box, 0, ""))
+
+
+@pytest.mark.skipif(
+    not (DATA / "maros_meszaros").is_dir(),
+    reason="no Maros-Meszaros data: set NAMLCP_DATA to the data folder",
+)
+@pytest.mark.parametrize(
+    "name",
+    [
+        "AUG3DCQP", "CONT-050", "CVXQP1_S", "DUALC1", "HS118", "HUES-MOD", "KSIP",
+        "LASER", "LISWET3", "MOSARQP2", "PRIMAL1", "QADLITTL", "QAFIRO", "QBANDM",
+        "QCAPRI", "QPCBLEND", "QPCBOEI2", "QRECIPE", "QSCTAP1", "YAO",
+    ],
+)  # fmt: skip
+def test_maros_meszaros(name):
+    qp = maros_meszaros(name)
+    result = solve(qp, Options(eps_abs=1e-6, eps_rel=0.0))
+    assert result.status is Status.SOLVED
+    residuals = qp_residuals(*qp, result.x, result.y, result.z, result.z_box)
+    assert residuals.solved(1e-6, 0.0)
+
+
+def test_presolve_recovers_exactly():
+    known = complementary(0, 12, 10, 3, 12)
+    P, q, G, h, A, b, lb, ub = known.qp
+    G = np.vstack((G.toarray(), -2.0 * G.toarray()[:4], np.zeros(12), G.toarray()[5]))
+    h = np.concatenate((h, -2.0 * (h[:4] - 3.0), [1.0, np.inf]))
+    A = np.vstack((A.toarray(), 3.0 * A.toarray()[1]))
+    lb, ub = lb.copy(), ub.copy()
+    lb[:2] = ub[:2] = known.x[:2]
+    qp = make_qp(P, q, G, h, A, np.append(b, 3.0 * b[1]), lb, ub)
+    small = presolve(qp, 1e-9, 0.0)
+    assert small.q.size == 10
+    assert small.lower.size == 10
+    assert np.isfinite(small.lower).sum() == 4
+    assert small.b.size == 3
+    assert_solves_qp(qp, solve(qp, DEFAULT))
+
+
+def test_kkt_solves_are_refined():
+    known = complementary(4, 20, 10, 3, 12)
+    P, G, A = known.qp.P, known.qp.G.tocsr(), known.qp.A.tocsr()
+    kkt = KKT(P, A, G)
+    kkt.data[:] = kkt.base
+    kkt.data[kkt.diagonal] += np.r_[np.full(20, 1e-6), np.full(13, -1e-8)]
+    assert kkt.factor()
+    full = kkt.matrix.toarray()
+    full = full + np.triu(full, 1).T
+    rhs = np.random.default_rng(0).standard_normal(33)
+    u, error = kkt.solve(rhs)
+    assert error < 1e-13
+    np.testing.assert_allclose(full @ u, rhs, atol=1e-9)
+    weaker = KKT(P, A, G)
+    weaker.data[:] = kkt.data
+    weaker.data[kkt.diagonal] += np.r_[np.full(20, 1e-2), np.zeros(13)]
+    assert weaker.factor()
+    weaker.data[:] = kkt.data
+    crude = weaker.solve_once(rhs)
+    better = weaker.gmres(rhs, crude, np.inf, 1.0)[0]
+    assert np.abs(full @ better - rhs).max() < 0.1 * np.abs(full @ crude - rhs).max()
+
+
+def dense_rows(seed, m=400, n=60):
+    """A support vector machine: min |w|^2/2 + sum t, t >= 1 - Bw, t >= 0."""
+    rng = np.random.default_rng(seed)
+    B = rng.standard_normal((m, n))
+    P = np.diag(np.concatenate((np.ones(n), np.zeros(m))))
+    q = np.concatenate((np.zeros(n), np.ones(m)))
+    G = np.block([[-B, -np.eye(m)], [np.zeros((m, n)), -np.eye(m)]])
+    return make_qp(P, q, G, np.concatenate((-np.ones(m), np.zeros(m))))
+
+
+def test_a_dense_border_is_found_and_factored():
+    qp = dense_rows(0)
+    matrix = ScaledQP(presolve(qp, 1e-9, 0.0)).kkt.matrix
+    border = dense_border(matrix.indptr, matrix.indices)
+    np.testing.assert_array_equal(border, np.arange(60))
+    assert_solves_qp(qp, solve(qp, DEFAULT), 1e-10)
+
+
+@pytest.mark.parametrize("inner", ["diagonal", "sparse"])
+@pytest.mark.parametrize("border", ["positive", "negative", "mixed", "all"])
+def test_bordered_factors_solve(inner, border):
+    rng = np.random.default_rng(1)
+    n, m = 30, 50
+    H = np.zeros((n, n))
+    H[:10, :10] = rng.standard_normal((10, 10))
+    H = H @ H.T + np.diag(1.0 + rng.random(n))
+    C = rng.standard_normal((m, n)) * (rng.random((m, n)) < 0.3)
+    if inner == "diagonal":
+        H[10:, 10:] = np.diag(np.diag(H)[10:])
+        C[:, 10:] = 0.0
+    K = np.block([[H, C.T], [C, -np.diag(0.1 + rng.random(m))]])
+    rows = {
+        "positive": np.arange(10),
+        "negative": np.arange(40, 60),
+        "mixed": np.r_[0:10, 32:36],
+        "all": np.arange(n + m),
+    }[border]
+    factors = Bordered(csc_array(np.triu(K)), rows)
+    rhs = rng.standard_normal(n + m)
+    np.testing.assert_allclose(K @ factors.solve(rhs), rhs, atol=1e-11)
+    K[np.diag_indices(n + m)] *= 1.5
+    factors.update(csc_array(np.triu(K)).data)
+    np.testing.assert_allclose(K @ factors.solve(rhs), rhs, atol=1e-11)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_wrong_warm_start_costs_iterations_only(seed):
+    """The solution of another problem of the same shape, and nonsense."""
+    qp, other = (complementary(s, 30, 60, 3, 8, 0.5).qp for s in (seed, seed + 50))
+    for point in (solve(other, DEFAULT), solve(other, DEFAULT)._replace(z=np.ones(60))):
+        result = solve(qp, DEFAULT, make_guess(qp, None, point))
+        assert_solves_qp(qp, result, 1e-10)
+
+
+@pytest.mark.parametrize("scale", [1e-8, 1e-7, 1e-5])
+def test_small_blocks_of_p_are_not_torn_apart(scale):
+    v = scale * np.array([1.0, 1.0, 100.0])
+    P = np.zeros((4, 4))
+    P[:3, :3] = np.outer(v, v)
+    P[3, 3] = 1.0
+    check_convex(csc_array(P))
+
+
+def test_a_large_h_matrix_is_convex_without_a_factorisation(monkeypatch):
+    """Badly scaled, so that its rows are not dominant."""
+    d = diags_array(10.0 ** np.random.default_rng(0).uniform(-2, 2, 400))
+    P = make_qp(d @ laplacian(20) @ d, np.zeros(400)).P
+    monkeypatch.setattr(convexity, "LARGE", 400)
+    with pytest.raises(convexity.NotConvex, match="an eigenvalue of P"):
+        check_convex(csc_array(P - 0.1 * (d @ d)))
+    monkeypatch.setattr(convexity, "has_positive_pivots", None)
+    check_convex(P)
+
+
+def test_a_huge_side_of_an_inactive_row_does_not_loosen_the_others():
+    """x1 + x2 <= -1, x1 - x2 <= -1, x1 >= 0 leave nothing, whatever else is asked."""
+    G = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, 0.0], [1.0, 2.0]])
+    for huge in (1e10, 1e14, 1e18):
+        qp = make_qp(np.diag([1.0, 0.0]), [0, 0], G, [-1.0, -1.0, 0.0, huge])
+        point = (np.zeros(2), np.zeros(0), np.zeros(4), np.zeros(2))
+        assert not qp_residuals(*qp, *point).solved(1e-9, 1e-10)
+        assert solve(qp, DEFAULT).status is not Status.SOLVED

@@ -1,0 +1,413 @@
+"""What one row or column decides: taken out, put back exactly, and kept for later."""
+
+import numpy as np
+import pytest
+from problems_qp import assert_certificate, assert_solves_qp, complementary, make_qp
+from scipy.sparse import csc_array, csr_array, eye_array, hstack, random_array, vstack
+
+import namlcp
+from namlcp.linalg.csc import (
+    by_rows,
+    submatrix,
+    transposed,
+    with_squares,
+    without_zeros,
+)
+from namlcp.linalg.products import add_transposed, times
+from namlcp.options import DEFAULT_OPTIONS
+from namlcp.qp.guess import NO_GUESS, make_guess
+from namlcp.qp.memory import Memory
+from namlcp.qp.solve import solve_checked
+from namlcp.qp.transforms.substitution import Substitution, substitute
+from namlcp.status import Status
+
+
+def canonical(M):
+    return make_qp(np.zeros((M.shape[1],) * 2), np.zeros(M.shape[1]), G=M, h=0).G
+
+
+def residual_form(seed, rows, n, lower=-np.inf, upper=np.inf, weight=0.0):
+    """min |Bx - c|^2 + weight |x|_1 as cvxpy writes it: t = Bx - c, bounds as rows."""
+    rng = np.random.default_rng(seed)
+    B, c = rng.standard_normal((rows, n)), rng.standard_normal(rows)
+    I, O = eye_array(n), csr_array((n, rows))
+    P = np.concatenate((np.full(rows, 2.0), np.zeros(n)))
+    A = hstack((-eye_array(rows), B))
+    q = np.zeros(rows + n)
+    sides = [(1.0, upper), (-1.0, -lower)]
+    G = [hstack((O, s * I)) for s, side in sides if side < np.inf]
+    h = [np.full(n, side) for s, side in sides if side < np.inf]
+    if weight:  # |x_i| <= s_i
+        P, q = np.append(P, np.zeros(n)), np.append(q, np.full(n, weight))
+        A = hstack((A, csr_array((rows, n))))
+        G = [hstack((O, I, -I)), hstack((O, -I, -I))]
+        h = [np.zeros(n)] * 2
+    G = vstack(G) if G else None
+    h = np.concatenate(h) if h else None
+    return make_qp(np.diag(P), q, G, h, A, c), B, c
+
+
+def solve(qp, guess=NO_GUESS, memory=None):
+    return solve_checked(qp, DEFAULT_OPTIONS, guess, 0.0, memory=memory)
+
+
+@pytest.mark.parametrize(("rows", "n"), [(30, 8), (300, 8), (8, 30)])
+def test_least_squares(rows, n):
+    qp, B, c = residual_form(0, rows, n)
+    smaller = substitute(qp)
+    assert smaller.qp.q.size == n
+    assert smaller.qp.b.size == 0
+    np.testing.assert_allclose(smaller.qp.P.toarray(), 2 * B.T @ B, atol=1e-12)
+    result = solve(qp)
+    assert_solves_qp(qp, result, 1e-11)
+    if rows > n:
+        x = np.linalg.lstsq(B, c, rcond=None)[0]
+        np.testing.assert_allclose(result.x[rows:], x, atol=1e-12)
+
+
+def test_rows_become_bounds_and_their_multipliers_come_back():
+    qp, _, _ = residual_form(1, 40, 6, lower=-0.1, upper=0.1)
+    smaller = substitute(qp)
+    assert smaller.qp.h.size == 0
+    np.testing.assert_array_equal(smaller.qp.lb, -0.1)
+    np.testing.assert_array_equal(smaller.qp.ub, 0.1)
+    result = solve(qp)
+    assert_solves_qp(qp, result, 1e-11)
+    assert (result.z > 1e-3).any()
+    assert not result.z_box.any()
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_points_and_multipliers_of_random_problems(seed):
+    """Planted single rows and free columns; the unsubstituted path is the oracle."""
+    rng = np.random.default_rng(seed)
+    known = complementary(seed, 12, 10, 3, 5, 0.5)
+    base = known.qp
+    k = 6  # residuals t = Ex - f, half of them with a linear cost only
+    E = rng.standard_normal((k, 12)) * (rng.random((k, 12)) < 0.4)
+    p = np.where(np.arange(k) % 2, 0.5 + rng.random(k), 0.0)
+    t = rng.standard_normal(k)
+    y_t = rng.standard_normal(k)
+    entry = rng.uniform(0.5, 2.0, k) * rng.choice((-1, 1), k)
+    P = np.zeros((12 + k, 12 + k))
+    P[:12, :12] = base.P.toarray()
+    P[12:, 12:] = np.diag(p)
+    q = np.concatenate((base.q - E.T @ y_t, -p * t - entry * y_t))
+    A = np.block([[base.A.toarray(), np.zeros((3, k))], [E, np.diag(entry)]])
+    b = np.concatenate((base.b, E @ known.x + entry * t))
+    finite = np.isfinite(base.ub)
+    single = np.eye(12)[finite] * 3.0
+    G = np.vstack((base.G.toarray(), single))
+    G = np.hstack((G, np.zeros((G.shape[0], k))))
+    h = np.concatenate((base.h, 3.0 * base.ub[finite]))
+    lb = np.concatenate((base.lb, np.full(k, -np.inf)))
+    qp = make_qp(P, q, G, h, A, b, lb)
+    smaller = substitute(qp)
+    assert smaller.solved.size == k - (E == 0.0).all(axis=1).sum()
+    assert smaller.bounds.rows.size <= base.h.size
+    result = solve(qp)
+    assert_solves_qp(qp, result, 1e-10)
+    x = np.append(known.x, t)
+    optimum = 0.5 * x @ P @ x + q @ x
+    assert result.obj == pytest.approx(optimum, abs=1e-9)
+    again = solve(qp, make_guess(qp, None, result))
+    assert again.status is Status.SOLVED
+    assert again.iterations <= 1
+
+
+def test_short_rows_are_substituted_where_long_ones_would_fill_in():
+    qp, _, _ = residual_form(2, 5, 200, weight=0.1)
+    assert substitute(qp) is None
+    short = csr_array(([1.0, -1.0, 1.0], ([0, 0, 1], [5, 6, 7])), shape=(2, 405))
+    P = np.diag(np.concatenate((qp.P.diagonal(), np.ones(2))))
+    A = vstack((hstack((qp.A, csr_array((5, 2)))), hstack((short, -eye_array(2)))))
+    G = hstack((qp.G, csr_array((400, 2))))
+    wide = make_qp(P, np.append(qp.q, [0, 0]), G, qp.h, A, np.append(qp.b, [1.0, 2.0]))
+    smaller = substitute(wide)
+    np.testing.assert_array_equal(smaller.by, [5, 6])
+    assert_solves_qp(wide, solve(wide), 1e-10)
+
+
+def test_a_negative_direction_is_not_hidden_by_a_square():
+    # x1 = t: the substituted P would be 2 - 1 > 0
+    A = np.array([[1.0, -1.0]])
+    qp = make_qp(np.diag([-1.0, 2.0]), np.ones(2), A=A, b=np.zeros(1))
+    with pytest.raises(ValueError, match="P must be positive semidefinite"):
+        solve(qp)
+
+
+@pytest.mark.parametrize("offset", [1e-3, 1.0])
+def test_contradicting_single_rows_are_proved(offset):
+    G = np.array([[1.0, 0.0], [-2.0, 0.0], [1.0, 1.0]])
+    h = np.array([1.0, -2.0 - 2 * offset, 5.0])
+    qp = make_qp(np.eye(2), np.ones(2), G, h)
+    result = solve(qp)
+    assert result.status is Status.PRIMAL_INFEASIBLE
+    assert_certificate(qp, result)
+
+
+def test_contradicting_equations_of_one_variable_are_proved():
+    A = np.array([[2.0, 0.0], [4.0, 0.0]])
+    qp = make_qp(np.eye(2), np.ones(2), A=A, b=np.array([2.0, 5.0]))
+    result = solve(qp)
+    assert result.status is Status.PRIMAL_INFEASIBLE
+    assert_certificate(qp, result)
+
+
+def test_proofs_come_back_from_the_smaller_problem():
+    qp, _, _ = residual_form(3, 12, 4, lower=0.0)
+    G = vstack((qp.G, hstack((csr_array((1, 12)), csr_array(np.ones((1, 4)))))))
+    impossible = make_qp(
+        qp.P.toarray(), qp.q, G, np.append(qp.h, -1.0), qp.A.toarray(), qp.b
+    )
+    result = solve(impossible)
+    assert result.status is Status.PRIMAL_INFEASIBLE
+    assert_certificate(impossible, result)
+    # x5 is not in the residuals and costs -1
+    P = np.diag(np.append(qp.P.diagonal(), 0.0))
+    wide = hstack((qp.A, csr_array((12, 1))))
+    unbounded = make_qp(
+        P, np.append(qp.q, -1.0), hstack((qp.G, csr_array((4, 1)))), qp.h, wide, qp.b
+    )
+    result = solve(unbounded)
+    assert result.status is Status.DUAL_INFEASIBLE
+    assert_certificate(unbounded, result)
+    assert (result.x.size, result.y.size, result.z.size) == (17, 12, 4)
+
+
+def test_contradicting_bounds_of_the_user_are_left_to_presolve():
+    qp, _, _ = residual_form(4, 5, 2)
+    lb = np.full(7, -np.inf)
+    lb[6] = 2.0
+    ub = np.full(7, np.inf)
+    ub[6] = 1.0
+    assert substitute(qp._replace(lb=lb, ub=ub)) is None
+    assert solve(qp._replace(lb=lb, ub=ub)).status is Status.PRIMAL_INFEASIBLE
+
+
+def test_ill_conditioned_residuals_are_still_exact():
+    """A polynomial of degree 9 on 60 points: cond(B'B) is 1e14."""
+    x = np.linspace(0.0, 1.0, 60)
+    B = np.vander(x, 10)
+    P = np.diag(np.concatenate((np.ones(60), np.zeros(10))))
+    qp = make_qp(P, np.zeros(70), A=np.hstack((-np.eye(60), B)), b=np.sin(5 * x))
+    result = solve(qp)
+    assert_solves_qp(qp, result, 1e-9)
+    best = np.linalg.lstsq(B, np.sin(5 * x), rcond=None)[1][0]
+    assert 2 * result.obj == pytest.approx(best, rel=1e-4)
+
+
+def changed(qp, rng, kind):
+    if kind == "vectors":
+        return qp._replace(
+            q=qp.q + 0.01 * rng.standard_normal(qp.q.size), h=qp.h + 0.01 * rng.random()
+        )
+    if kind == "values":
+        P = qp.P.copy()
+        P.data = P.data * (1.0 + 0.1 * rng.random())
+        return qp._replace(P=P)
+    if kind == "side":
+        h = qp.h.copy()
+        h[rng.integers(h.size)] = np.inf
+        return qp._replace(h=h)
+    lb = qp.lb.copy()
+    lb[-1] = rng.random() if np.isinf(lb[-1]) else -np.inf
+    return qp._replace(lb=lb)
+
+
+@pytest.mark.parametrize("weight", [0.0, 0.3])
+def test_memory_changes_nothing_but_the_effort(weight):
+    """Whatever changes between two problems, the answer is that of a fresh solve."""
+    rng = np.random.default_rng(0)
+    qp, _, _ = residual_form(5, 30, 8, lower=0.0, weight=weight)
+    memory, last = Memory(), None
+    kinds = ["vectors", "values", "vectors", "side", "vectors", "bound", "vectors"]
+    for kind in 2 * kinds:
+        qp = changed(qp, rng, kind)
+        fresh = solve(qp)
+        result = solve(qp, make_guess(qp, None, last), memory)
+        assert_solves_qp(qp, result, 1e-10)
+        assert result.obj == pytest.approx(fresh.obj, abs=1e-10)
+        last = result
+
+
+def test_memory_keeps_the_factors_of_an_unchanged_face(monkeypatch):
+    monkeypatch.setattr("namlcp.qp.solve.solve_dense", lambda *arguments: None)
+    qp, _, _ = residual_form(6, 30, 40, lower=0.0)
+    qp = qp._replace(q=qp.q + 0.1)
+    memory = Memory()
+    first = solve(qp, memory=memory)
+    assert first.form == "path"
+    solve(qp, make_guess(qp, None, first), memory)
+    kkt = memory.problem.kkt
+    calls = []
+    update = kkt.factors.update
+
+    class Counting:
+        solve = kkt.factors.solve
+
+        def update(self, *args, **kwargs):
+            calls.append(1)
+            update(*args, **kwargs)
+
+    kkt.factors = Counting()
+    moved = qp._replace(q=qp.q * (1.0 + 1e-9))
+    result = solve(moved, make_guess(moved, None, first), memory)
+    assert result.status is Status.SOLVED
+    assert result.iterations == 0
+    assert memory.problem.kkt is kkt
+    assert not calls
+    solve(changed(qp, np.random.default_rng(0), "values"), memory=memory)
+    assert calls
+
+
+def test_memory_sees_a_matrix_changed_in_place():
+    qp, _, _ = residual_form(8, 30, 40, lower=0.0)
+    memory = Memory()
+    for factor in (1.0, 3.0, 0.2):
+        qp.A.data *= factor
+        assert_solves_qp(qp, solve(qp, memory=memory), 1e-10)
+
+
+def test_memory_of_another_problem_is_forgotten():
+    memory = Memory()
+    for seed, n in ((0, 20), (1, 20), (2, 11)):
+        known = complementary(seed, n, 2 * n, 3, n // 2, 0.3)
+        assert_solves_qp(known.qp, solve(known.qp, memory=memory), 1e-10)
+
+
+def test_kernels_are_scipys():
+    rng = np.random.default_rng(0)
+    M = canonical(random_array((30, 20), density=0.2, rng=rng))
+    B = canonical(random_array((30, 20), density=0.1, rng=rng))
+    rows, columns = np.array([1, 4, 29]), np.array([0, 7, 8, 19])
+    np.testing.assert_array_equal(
+        submatrix(M, rows, columns).toarray(), M.toarray()[np.ix_(rows, columns)]
+    )
+    assert submatrix(M, np.arange(30), np.arange(20)) is M
+    np.testing.assert_array_equal(by_rows(M).toarray(), M.toarray())
+    indptr, indices, data = transposed(M.indptr, M.indices, M.data, 30)
+    turned = csc_array((data, indices, indptr), shape=(20, 30))
+    np.testing.assert_array_equal(turned.toarray(), M.toarray().T)
+    P = canonical(M.T @ M)
+    weight = rng.random(30)
+    for rest in (B, canonical(csc_array(rng.random((30, 20))))):
+        S = with_squares(P, rest, weight)
+        exact = P.toarray() + rest.toarray().T @ np.diag(weight) @ rest.toarray()
+        np.testing.assert_allclose(S.toarray(), exact, atol=1e-13)
+        assert S.has_sorted_indices
+    M.data[3] = 0.0
+    assert without_zeros(M).nnz == M.nnz - 1
+    assert without_zeros(B) is B
+
+
+def test_products_sum_in_scipys_order():
+    rng = np.random.default_rng(1)
+    M = canonical(random_array((40, 30), density=0.3, rng=rng))
+    x, z = rng.standard_normal(30), rng.standard_normal(40)
+    np.testing.assert_array_equal(times(M, x), M @ x)
+    out = np.zeros(30)
+    add_transposed(M, z, out)
+    np.testing.assert_array_equal(out, M.T @ z)
+    dense = M.toarray()
+    np.testing.assert_allclose(times(dense, x), M @ x, atol=1e-14)
+    add_transposed(dense, z, out)
+    np.testing.assert_allclose(out, 2 * (M.T @ z), atol=1e-13)
+
+
+def test_public_call_takes_the_same_way():
+    qp, B, _ = residual_form(7, 50, 5, lower=0.0)
+    result = namlcp.solve_qp(*qp)
+    assert result.form == "dual"
+    assert result.x.size == 55
+    assert_solves_qp(qp, result, 1e-11)
+    np.testing.assert_allclose(result.x[:50], B @ result.x[50:] - qp.b, atol=1e-12)
+
+
+def test_an_equation_gives_two_bounds_but_one_multiplier():
+    A = np.array([[2.0, 0.0], [1.0, 1.0]])
+    qp = make_qp(np.eye(2), np.ones(2), A=A, b=np.array([2.0, 3.0]))
+    result = solve(qp)
+    assert_solves_qp(qp, result, 1e-12)
+    near = substitute(qp).guess(make_guess(qp, None, result))
+    assert near.z_box[0] == pytest.approx(2.0 * result.y[0])
+
+
+def test_full_rows_are_squared_in_blocks(monkeypatch):
+    rng = np.random.default_rng(2)
+    B = canonical(csc_array(rng.random((50, 6))))
+    P = canonical(csc_array(np.eye(6)))
+    monkeypatch.setattr("namlcp.linalg.csc.ROOM", 40)
+    exact = np.eye(6) + B.toarray().T @ B.toarray()
+    found = with_squares(P, B, np.ones(50)).toarray()
+    np.testing.assert_allclose(found, exact, atol=1e-12)
+
+
+def test_bounds_alone_go_to_the_box_lcp():
+    qp, _, _ = residual_form(9, 300, 200, lower=0.0)
+    result = solve(qp)
+    assert result.form == "bounds"
+    assert_solves_qp(qp, result, 1e-10)
+
+
+def test_memory_does_not_believe_a_matrix_whose_indices_moved():
+    qp, _, _ = residual_form(10, 30, 40, lower=0.0)
+    memory = Memory()
+    original = qp._replace(A=qp.A.copy())
+    solve(qp, memory=memory)
+    first = qp.A.indptr[30]  # swap the rows of two entries of x_0, in place
+    a, b = qp.A.indices[first], qp.A.indices[first + 1]
+    qp.A.data[first : first + 2] = qp.A.data[first : first + 2][::-1].copy()
+    assert a < b
+    assert_solves_qp(original, solve(original, memory=memory), 1e-10)
+    assert_solves_qp(qp, solve(qp, memory=memory), 1e-10)
+
+
+def test_what_does_not_pass_the_judge_is_solved_as_it_came(monkeypatch):
+    qp, _, _ = residual_form(11, 30, 8, lower=0.0)
+    point = Substitution.point
+
+    def spoilt(self, *parts):
+        x, y, z, z_box = point(self, *parts)
+        return x + 1e-3, y, z, z_box
+
+    monkeypatch.setattr(Substitution, "point", spoilt)
+    result = solve(qp)
+    assert result.form == "dual"
+    assert_solves_qp(qp, result, 1e-10)
+
+
+@pytest.mark.parametrize("kind", ["infeasible", "unbounded"])
+def test_a_proof_that_does_not_pass_is_looked_for_again(monkeypatch, kind):
+    G = np.array([[1.0, 1.0], [-1.0, -1.0], [1.0, 0.0]])
+    h = np.array([1.0, -2.0, 5.0]) if kind == "infeasible" else np.array([1.0, 9, 5])
+    P = np.eye(2) if kind == "infeasible" else np.zeros((2, 2))
+    qp = make_qp(P, np.array([1.0, -1.0]), G, h)
+    spoilt = {"infeasible": "multipliers", "unbounded": "direction"}[kind]
+    wrong = {
+        "multipliers": lambda self, y, z, z_box: (y, np.zeros(3), np.zeros(2)),
+        "direction": lambda self, d: np.ones(2),
+    }[spoilt]
+    monkeypatch.setattr(Substitution, spoilt, wrong)
+    result = solve(qp)
+    assert_certificate(qp, result)
+
+
+def test_row_without_end_beside_its_multiple():
+    """h = -inf beside a proportional row: a proof at sight, and no warning."""
+    G = np.array([[1.0, 1.0], [1.0, 1.0], [-1.0, -1.0]])
+    qp = make_qp(np.eye(2), np.ones(2), G, np.array([1.0, -np.inf, np.inf]))
+    assert solve(qp).status is Status.PRIMAL_INFEASIBLE
+    G = np.array([[1.0, 1.0], [-1.0, -1.0]])
+    qp = make_qp(np.eye(2), np.ones(2), G, np.array([-np.inf, -np.inf]))
+    assert solve(qp).status is Status.PRIMAL_INFEASIBLE
+
+
+def test_memory_sees_a_side_that_becomes_finite_in_place():
+    known = complementary(4, 10, 14, 2, 10)
+    qp, memory = known.qp, Memory()
+    h = qp.h.copy()
+    qp.h[3:6] = np.inf
+    solve(qp, memory=memory)
+    qp.h[:] = h
+    assert_solves_qp(qp, solve(qp, memory=memory), 1e-10)
