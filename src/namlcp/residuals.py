@@ -20,8 +20,8 @@ import numpy as np
 from namlcp.compiled import kernel, part
 from namlcp.linalg import add_transposed, times
 
-# Terms of the gap below this round off by less than 1e-12: any order will do.
-LARGE = 250.0
+LARGE_TERM = 250.0
+"""Terms of the gap below this size round off by less than 1e-12 in any order."""
 
 
 class Residuals(NamedTuple):
@@ -43,7 +43,7 @@ class Residuals(NamedTuple):
         primal = self.primal / (eps_abs + eps_rel * self.primal_size)
         dual = self.dual / (eps_abs + eps_rel * self.dual_size)
         gap = self.gap / (eps_abs + eps_rel * self.gap_size)
-        # a sum tells NaN, which max() may lose
+        # the sum is NaN if a term is; max() may return another term instead
         return max(primal, dual, gap) if primal + dual + gap >= 0.0 else math.inf
 
     def solved(self, eps_abs: float, eps_rel: float) -> bool:
@@ -58,8 +58,8 @@ UNDEFINED = Residuals(*[math.nan] * 7)
 def deviation(z, w, lower, upper):
     """Return z - clip(z - w, lower, upper), NaN if z or w is.
 
-    The difference z - w would lose a w below the rounding of z, and far out on a
-    singular A everything would be solved.
+    z - w is not computed: it rounds away a w far smaller than z, so that every large z
+    on a singular A would seem a solution.
     """
     return max(min(w, z - lower), z - upper) + 0.0 * z
 
@@ -88,18 +88,17 @@ def natural_residual(
     total = natural_squares(z, w, lower, upper, 1.0)
     if 1e-200 < total < 1e200:
         return math.sqrt(total)
-    r = np.maximum(np.minimum(w, z - lower), z - upper)
+    r = np.maximum(np.minimum(w, z - lower), z - upper)  # squares over- or underflow
     size = float(np.abs(r).max()) if r.size else 0.0
     if not 0.0 < size < math.inf:
-        return size  # squares may over- or underflow
+        return size
     return size * math.sqrt(natural_squares(z, w, lower, upper, size))
 
 
 @kernel(error_model="numpy")
 def natural_residuals(z, w, lower, upper, d):
     """Return Res of this problem and of the one with z, bounds times d and w over d."""
-    here = 0.0
-    there = 0.0
+    here, there = 0.0, 0.0
     for i in range(z.size):
         r = deviation(z[i], w[i], lower[i], upper[i])
         here += r * r
@@ -117,26 +116,25 @@ def modulus_variable(z, w, omega, s):
 
 
 @kernel
-def qp_residuals_of_products(q, h, b, lb, ub, x, y, z, z_box, Px, Gx, Ax, Gtz, Aty):
+def qp_residuals_of_products(vectors, point, products):
     """Return the numbers of `Residuals` from the products with P, G and A.
 
-    Gtz is G'z, Aty is A'y, added as the hosts do. An infinite side of a constraint has
-    no term in the gap, and a multiplier on it counts with its full modulus as a dual
-    residual.
+    vectors = (q, h, b, lb, ub), point = (x, y, z, z_box), products = (Px, Gx, Ax, G'z,
+    A'y): plain tuples, because numba takes 3 us more to take NamedTuples from Python.
+    An infinite bound or right-hand side has no term in the gap, and its multiplier
+    counts with its full modulus as a dual residual.
     """
-    primal = 0.0
-    primal_size = 0.0
-    dual = 0.0
-    dual_size = 0.0
-    xPx = 0.0
-    qx = 0.0
-    support = 0.0
-    gap_size = 0.0
+    q, h, b, lb, ub = vectors
+    x, y, z, z_box = point
+    Px, Gx, Ax, Gtz, Aty = products
+    primal, primal_size = 0.0, 0.0
+    dual, dual_size = 0.0, 0.0
+    xPx, qx, by, hz, bounds = 0.0, 0.0, 0.0, 0.0, 0.0
     for j in range(x.size):
         primal = max(primal, lb[j] - x[j], x[j] - ub[j])
-        if lb[j] > -np.inf or ub[j] < np.inf:  # else it stands in no bound
+        if lb[j] > -np.inf or ub[j] < np.inf:  # else no constraint limits x_j alone
             primal_size = max(primal_size, abs(x[j]))
-        rd = Px[j] + q[j] + Gtz[j] + Aty[j] + z_box[j]
+        rd = Px[j] + q[j] + Gtz[j] + Aty[j] + z_box[j]  # added as the hosts do
         dual = max(dual, abs(rd))
         dual_size = max(
             dual_size, abs(Px[j]), abs(q[j]), abs(Gtz[j] + Aty[j]), abs(z_box[j])
@@ -146,13 +144,12 @@ def qp_residuals_of_products(q, h, b, lb, ub, x, y, z, z_box, Px, Gx, Ax, Gtz, A
             break
         xPx += x[j] * Px[j]
         qx += q[j] * x[j]
-        side = lb[j] if z_box[j] < 0.0 else ub[j]
+        bound = lb[j] if z_box[j] < 0.0 else ub[j]
         if z_box[j] != 0.0:
-            if np.isinf(side):
+            if np.isinf(bound):
                 dual = max(dual, abs(z_box[j]))
             else:
-                support += side * z_box[j]
-    hz = 0.0
+                bounds += bound * z_box[j]
     for i in range(h.size):
         if Gx[i] != Gx[i] or z[i] != z[i]:
             dual = np.nan
@@ -164,15 +161,14 @@ def qp_residuals_of_products(q, h, b, lb, ub, x, y, z, z_box, Px, Gx, Ax, Gtz, A
         else:
             dual = max(dual, abs(z[i]))
         dual = max(dual, -z[i])
-    by = 0.0
     for i in range(b.size):
         if Ax[i] != Ax[i] or y[i] != y[i]:
             dual = np.nan
         primal = max(primal, abs(Ax[i] - b[i]))
         primal_size = max(primal_size, abs(Ax[i]), abs(b[i]))
         by += b[i] * y[i]
-    gap = abs(xPx + qx + by + hz + support)
-    gap_size = max(abs(xPx), abs(qx), abs(by), abs(hz), abs(support))
+    gap = abs(xPx + qx + by + hz + bounds)
+    gap_size = max(abs(xPx), abs(qx), abs(by), abs(hz), abs(bounds))
     objective = 0.5 * xPx + qx
     return primal, dual, gap, primal_size, dual_size, gap_size, objective
 
@@ -197,54 +193,49 @@ def qp_residuals(
     rows, absent bounds infinite entries or are None. Raises ValueError where the sizes
     disagree.
 
-    Where the terms of the gap are 1e16 times the tolerance, the order of the sums
-    decides: large ones are summed as the hosts do, dot product by dot product.
+    A gap with large terms depends on the order of its sums by more than a tolerance of
+    1e-12. It is then summed as the hosts do, dot product by dot product.
     """
     lb = np.full(x.size, -np.inf) if lb is None else lb
     ub = np.full(x.size, np.inf) if ub is None else ub
     if not x.shape == q.shape == lb.shape == ub.shape == z_box.shape:
         shapes = x.shape, q.shape, lb.shape, ub.shape, z_box.shape
         raise ValueError(f"x, q, lb, ub, z_box must have one shape, got {shapes}")
-    for names, side, multiplier in (("h and z", h, z), ("b and y", b, y)):
-        if side.shape != multiplier.shape:
-            sides = f"{side.shape} and {multiplier.shape}"
-            raise ValueError(f"{names} must have one shape, got {sides}")
-    Gtz, Aty = np.zeros((2, x.size))
+    for names, right, multiplier in (("h and z", h, z), ("b and y", b, y)):
+        if right.shape != multiplier.shape:
+            both = f"{right.shape} and {multiplier.shape}"
+            raise ValueError(f"{names} must have one shape, got {both}")
+    vectors, point = (q, h, b, lb, ub), (x, y, z, z_box)
+    Gtz, Aty = np.zeros(x.size), np.zeros(x.size)
     add_transposed(G, z, Gtz)
     add_transposed(A, y, Aty)
     Px = times(P, x)
     products = Px, times(G, x), times(A, x), Gtz, Aty
-    found = Residuals(
-        *qp_residuals_of_products(q, h, b, lb, ub, x, y, z, z_box, *products)
-    )
-    if found.gap_size < LARGE:
+    found = Residuals(*qp_residuals_of_products(vectors, point, products))
+    if found.gap_size < LARGE_TERM:
         return found
-    return found._replace(gap=abs(signed_gap(q, h, b, lb, ub, x, y, z, z_box, Px)))
+    return found._replace(gap=abs(signed_gap(vectors, point, Px)))
 
 
 def signed_gap(
-    q: np.ndarray,
-    h: np.ndarray,
-    b: np.ndarray,
-    lb: np.ndarray,
-    ub: np.ndarray,
-    x: np.ndarray,
-    y: np.ndarray,
-    z: np.ndarray,
-    z_box: np.ndarray,
-    Px: np.ndarray,
+    vectors: tuple[np.ndarray, ...], point: tuple[np.ndarray, ...], Px: np.ndarray
 ) -> float:
-    """Return x'Px + q'x + b'y + h'z + lb'z_box^- + ub'z_box^+ as the hosts add it."""
-    with np.errstate(all="ignore"):  # far out it is infinite or nothing
-        gap = x.dot(Px) + q.dot(x) + support(h, z) + b.dot(y)
-        gap += support(lb, np.minimum(z_box, 0.0))
-        gap += support(ub, np.maximum(z_box, 0.0))
+    """Return x'Px + q'x + b'y + h'z + lb'z_box^- + ub'z_box^+ as the hosts add it.
+
+    vectors = (q, h, b, lb, ub), point = (x, y, z, z_box).
+    """
+    q, h, b, lb, ub = vectors
+    x, y, z, z_box = point
+    with np.errstate(all="ignore"):  # huge terms may overflow to infinity or NaN
+        gap = x.dot(Px) + q.dot(x) + finite_dot(h, z) + b.dot(y)
+        gap += finite_dot(lb, np.minimum(z_box, 0.0))
+        gap += finite_dot(ub, np.maximum(z_box, 0.0))
     return float(gap)
 
 
-def support(side: np.ndarray, multiplier: np.ndarray) -> float:
-    """Return side'multiplier over the finite sides."""
-    finite = np.isfinite(side)
+def finite_dot(bound: np.ndarray, multiplier: np.ndarray) -> float:
+    """Return bound'multiplier over the finite bounds."""
+    finite = np.isfinite(bound)
     if finite.all():
-        return float(side.dot(multiplier))
-    return float(side[finite].dot(multiplier[finite]))
+        return float(bound.dot(multiplier))
+    return float(bound[finite].dot(multiplier[finite]))

@@ -76,10 +76,10 @@ def test_a_gap_goes_into_a_multiplier_with_a_large_side(seed):
     judge = Judge(qp, Options(eps_abs=EPS, eps_rel=0.0))
     worst = judge.offer(*point)
     assert worst < 0.1 * before.worst(EPS, 0.0)
-    x, y, z, z_box = judge.point
-    gap = signed_gap(*[qp[k] for k in (1, 3, 5, 6, 7)], x, y, z, z_box, qp.P @ x)
+    vectors = qp.q, qp.h, qp.b, qp.lb, qp.ub
+    gap = signed_gap(vectors, judge.point, qp.P @ judge.point[0])
     assert abs(gap) == judge.residuals.gap
-    assert (z >= 0.0).all()
+    assert (judge.point[2] >= 0.0).all()
 
 
 def test_a_gap_goes_into_the_only_multiplier_there_is():

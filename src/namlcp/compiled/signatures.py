@@ -43,9 +43,10 @@ def spelled(given: types.Type) -> str:
             sizes[-1 if given.layout == "C" else 0] = "::1"
         text = f"{given.dtype}[{', '.join(sizes)}]"
         return text if given.mutable else f"readonly({text})"
-    if isinstance(given, types.BaseNamedTuple):
+    if isinstance(given, types.BaseTuple):
         inside = ", ".join(map(spelled, given.types))
-        return f"{given.instance_class.__name__}({inside})"
+        kind = getattr(given, "instance_class", None)
+        return f"{kind.__name__ if kind else 'Tuple'}({inside})"
     return str(given)
 
 
@@ -53,6 +54,7 @@ def read(line: str) -> tuple[Any, tuple]:
     """Return the kernel and the argument types of a line of the list."""
     name, _, arguments = line.partition("(")
     words = {"readonly": readonly, "bool": types.boolean, **named_tuples()}
+    words["Tuple"] = functools.partial(tuple_of, None)
     words |= {str(t): t for t in (types.int8, types.int32, types.int64, types.float64)}
     given = eval(f"({arguments[:-1]},)" if arguments != ")" else "()", words)
     return KERNELS[name], given
@@ -78,11 +80,11 @@ def named_tuples() -> dict[str, Any]:
                     found[value.__name__] = type(None)  # two of one name: no kernel's
                 else:
                     found[value.__name__] = value
-    return {name: functools.partial(named_tuple, kind) for name, kind in found.items()}
+    return {name: functools.partial(tuple_of, kind) for name, kind in found.items()}
 
 
-def named_tuple(kind: type, *inside: types.Type) -> types.BaseTuple:
-    """Return the type of a NamedTuple."""
+def tuple_of(kind: type | None, *inside: types.Type) -> types.BaseTuple:
+    """Return the type of a NamedTuple, or of a plain tuple (None)."""
     return types.BaseTuple.from_types(inside, kind)
 
 

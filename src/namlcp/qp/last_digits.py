@@ -95,7 +95,7 @@ def move_gap(qp: QP, point: Point, size: float, tol: float, room: float) -> Poin
     x, y, z, z_box = point
     n, p, m = x.size, y.size, z.size
     multiplier = np.concatenate((y, z, np.minimum(z_box, 0.0), np.maximum(z_box, 0.0)))
-    sides = qp.q, qp.h, qp.b, qp.lb, qp.ub
+    vectors = qp.q, qp.h, qp.b, qp.lb, qp.ub
     side = np.concatenate((qp.b, qp.h, qp.lb, qp.ub))
     column = np.concatenate((peaks(qp.A), peaks(qp.G), np.ones(2 * n)))
     usable = np.isfinite(side) & (side != 0.0)
@@ -129,7 +129,8 @@ def move_gap(qp: QP, point: Point, size: float, tol: float, room: float) -> Poin
         multiplier[k] = new
         y, z = multiplier[:p], multiplier[p : p + m]
         z_box = multiplier[p + m : p + m + n] + multiplier[p + m + n :]
-        return (x, y, z, z_box), signed_gap(*sides, x, y, z, z_box, Px)
+        new_point = x, y, z, z_box
+        return new_point, signed_gap(vectors, new_point, Px)
 
     kinds = np.split(np.arange(side.size), np.cumsum((p, m, n)))
     groups = [k[usable[k]] for k in reversed(kinds)]
@@ -138,7 +139,7 @@ def move_gap(qp: QP, point: Point, size: float, tol: float, room: float) -> Poin
     single[p:] &= np.abs(multiplier[p:]) > step[p:]
     turns = np.flatnonzero(single)
     turns = turns[:: max(-(-turns.size // TRIES), 1)]
-    gap = signed_gap(*sides, x, y, z, z_box, Px)
+    gap = signed_gap(vectors, point, Px)
     for k in (*groups, *turns[:, None]):
         found = moved(k, gap) if k.size else None
         if found is not None:

@@ -395,6 +395,6 @@ def solve(P, q, G, h, A, b, lb, ub, start, hint, max_iter, address):
     add_rmatvec(G, z, Gtz)
     add_rmatvec(A, y, Aty)
     residuals = qp_residuals_of_products(
-        q, h, b, lb, ub, x, y, z, z_box, Px, Gx, Ax, Gtz, Aty
+        (q, h, b, lb, ub), (x, y, z, z_box), (Px, Gx, Ax, Gtz, Aty)
     )
     return code, pivots, x, y, z, z_box, residuals
