@@ -31,7 +31,7 @@ from lcp import write_csv
 from namlcp import Status, Verdict, converges, is_h_plus
 from namlcp.lcp.modulus.methods import METHODS
 from namlcp.lcp.modulus.sweeps import sweep, triangular_step
-from namlcp.theory.contraction import contracted_energy, contraction_bounds, dense_parts
+from namlcp.theory.contraction import contraction_bounds, dense_parts, lyapunov_function
 from namlcp.theory.splittings import splitting
 from sweep_scenes import paper_example
 
@@ -266,12 +266,12 @@ def run_rows(sizes: tuple[int, ...]) -> list[Row]:
                 parts = splitting(A, method, **given)
                 left, N, right = dense_parts(parts)
                 X, Y = np.linalg.solve(left, N), np.linalg.solve(left, right)
-                energy = contracted_energy(parts)
+                found = lyapunov_function(parts)
                 bounds = contraction_bounds(A, method, **given)
                 row: Row = {"example": example, "delta": delta, "n": m * m}
                 row |= {"method": method, "rho_T": round(bounds.upper, 4)}
                 row["rho_smaller_T"] = round(radius(np.abs(X) + np.abs(Y)), 4)
-                row["energy_factor"] = "" if energy is None else round(energy.factor, 6)
+                row["energy_factor"] = "" if found is None else round(found.factor, 6)
                 row["linear_rate"] = round(radius(X + Y), 4)
                 rows.append(row)
                 print("  ".join(f"{key} {value}" for key, value in row.items()))

@@ -213,6 +213,13 @@ def square_matrix(name: str, value: Any, layout: str) -> Any:
     return C
 
 
+def finite_square_matrix(name: str, value: Any, layout: str) -> Any:
+    """Return `value` as `square_matrix` does; raise unless all of it is finite."""
+    C = square_matrix(name, value, layout)
+    refuse_number(name, C.data if sp.issparse(C) else C, False)
+    return C
+
+
 @kernel
 def first_bad(values, infinite_allowed):
     """Return the index of the first NaN (or infinite value unless allowed), or -1."""

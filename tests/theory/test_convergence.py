@@ -11,7 +11,7 @@ from namlcp.lcp.modulus.methods import METHODS
 from namlcp.lcp.modulus.sweeps import sweep, triangular_step
 from namlcp.status import Status
 from namlcp.theory.comparison import is_m_matrix
-from namlcp.theory.contraction import contracted_energy, contraction_bounds, dense_parts
+from namlcp.theory.contraction import contraction_bounds, dense_parts, lyapunov_function
 from namlcp.theory.splittings import (
     comparison,
     is_h_compatible,
@@ -402,16 +402,16 @@ def test_theorem_3_piece_by_piece():
 
 @pytest.mark.parametrize("example", [(-1.0, -1.0), (-1.5, -0.5)])
 @pytest.mark.parametrize("delta", [4.0, 0.0])
-def test_the_papers_runs_contract_an_energy(example, delta):
+def test_the_papers_runs_have_a_lyapunov_function(example, delta):
     A = five_point(10, delta, *example)
     for method, alpha in (("mgs", None), ("namgs", None), ("namsor", 0.91)):
         given = {} if alpha is None else {"alpha": alpha}
         if method != "mgs":
             given["shift"] = 1.0
         assert converges(A, method, **given).answer is True
-        energy = contracted_energy(splitting(A, method, **given))
-        assert energy is not None
-        assert energy.factor < 1.0
+        found = lyapunov_function(splitting(A, method, **given))
+        assert found is not None
+        assert found.factor < 1.0
 
 
 def test_splitting_predicates():

@@ -10,11 +10,11 @@ from scipy.sparse.linalg import LinearOperator
 from namlcp.checks import (
     INFINITE,
     constant,
+    finite_square_matrix,
     is_clean,
     real_array,
     refuse_number,
     side,
-    square_matrix,
     vector,
 )
 from namlcp.compiled import kernel
@@ -54,9 +54,7 @@ def lcp_matrix(A: Any, diagonal: Any = None) -> Any:
         return operator_data(A, diagonal)
     if diagonal is not None:
         raise ValueError("diagonal is for a LinearOperator; other matrices have theirs")
-    A = square_matrix("A", A, "csr")
-    refuse_number("A", A.data if sp.issparse(A) else A, False)
-    return A
+    return finite_square_matrix("A", A, "csr")
 
 
 def lcp_data(A: Any, q: Any, lower: Any, upper: Any) -> LCP:

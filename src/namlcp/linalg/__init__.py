@@ -20,6 +20,8 @@ from namlcp.linalg.definite import (
     ZERO,
     curvature,
     has_positive_pivots,
+    is_positive_semidefinite,
+    ldl_factors,
 )
 from namlcp.linalg.factors import Bordered, Sparse, factor
 from namlcp.linalg.lapack import (
@@ -84,7 +86,9 @@ __all__ = [
     "factor_blocks",
     "forward_solve",
     "has_positive_pivots",
+    "is_positive_semidefinite",
     "largest_entry",
+    "ldl_factors",
     "ldl_numeric",
     "ldl_solve",
     "ldl_symbolic",

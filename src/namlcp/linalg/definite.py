@@ -1,18 +1,23 @@
-"""Whether a symmetric matrix is positive semidefinite, as far as rounding lets tell."""
+"""Is a matrix symmetric, is it positive semidefinite? As far as rounding lets tell.
+
+Every tolerance is relative to a unit diagonal, which the caller sees to, or to the
+largest entry.
+"""
 
 from typing import Any, NamedTuple
 
 import numpy as np
 import qdldl
-from scipy.sparse import csc_matrix
+from scipy.linalg.lapack import dpotrf
+from scipy.sparse import csc_matrix, eye_array, issparse, triu
 
 from namlcp.compiled import kernel
 
 SLACK = 1e-6
-"""Negative curvature, of a unit diagonal, that single precision explains."""
+"""Negative curvature, of a unit diagonal, that data in single precision explain."""
 
-# A diagonal entry below this times max |P| counts as zero, and so must its row.
 ZERO = 1e-15
+"""A diagonal entry below this times max |P| counts as zero, and so must its row."""
 
 CONVEX, NEGATIVE, MINOR, UNDECIDED = 0, 1, 2, 3
 
@@ -45,13 +50,31 @@ def curvature(P: Any) -> Curvature:
     return Curvature(code, i, j, triangle)
 
 
+def is_positive_semidefinite(A: Any, tolerance: float) -> bool:
+    """Tell whether x'(A + tolerance I)x > 0 for all x, by one factorisation of A + A'.
+
+    A negative tolerance asks for definiteness. A is dense or sparse, symmetric or not.
+    """
+    if issparse(A):
+        S = triu(0.5 * (A + A.T)) + tolerance * eye_array(A.shape[0])
+        return ldl_factors(csc_matrix(S)) is not None
+    S = 0.5 * (A + A.T)
+    S[np.diag_indices_from(S)] += tolerance
+    return bool(dpotrf(S, overwrite_a=1)[1] == 0)
+
+
+def ldl_factors(triangle: csc_matrix) -> tuple[Any, np.ndarray] | None:
+    """Return L and D of the matrix with this upper triangle, None unless D > 0."""
+    try:
+        L, pivots, _ = qdldl.Solver(triangle, upper=True).factors()
+    except (RuntimeError, ValueError):  # a pivot is exactly zero
+        return None
+    return (L, pivots) if (pivots > 0.0).all() else None
+
+
 def has_positive_pivots(triangle: csc_matrix) -> bool:
     """Tell whether L D L' of a matrix, its upper triangle given, has D > 0."""
-    try:
-        pivots = qdldl.Solver(triangle, upper=True).factors()[1]
-    except (RuntimeError, ValueError):  # a pivot is exactly zero
-        return False
-    return bool((pivots > 0.0).all())
+    return ldl_factors(triangle) is not None
 
 
 @kernel

@@ -31,13 +31,14 @@ How v or u was found does not matter; both are checked with error bounds of thei
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from scipy import sparse
 
-from namlcp.checks import refuse_number, square_matrix
+from namlcp.checks import finite_square_matrix
 from namlcp.compiled import kernel, part
 from namlcp.limits import interruptible
 from namlcp.theory.perron import (
@@ -49,13 +50,19 @@ from namlcp.theory.perron import (
 )
 
 BATCHES = (2, 2, 4, 8, 16, 32)
-"""Symmetric Gauss-Seidel sweeps between two looks at the signs."""
+"""Symmetric Gauss-Seidel sweeps between two tests of the signs."""
 
 HELP = 0.5
-"""Sweeps go on if a batch shrinks (or grows) their steps at least by this factor."""
+"""Sweeps go on while a batch divides or multiplies their step by at least 1/HELP."""
+
+UNIT = 2.0**-53
+"""Unit roundoff: the largest relative error of one operation."""
 
 TINY = 5e-324
-UNIT = 2.0**-53
+"""Least positive number: the largest absolute error of an operation that underflows."""
+
+SPLITTER = 2.0**27 + 1.0
+"""Dekker's factor, which splits a number into two halves of 26 bits."""
 
 NO_EXPONENT = np.empty(0, dtype=np.int64)
 
@@ -135,9 +142,8 @@ def is_h_plus(A: Any) -> Verdict:
     >>> is_h_plus(A - np.eye(2)).answer
     False
     """
-    A = square_matrix("A", A, "csr")
-    refuse_number("A", A.data if sparse.issparse(A) else A, False)
-    return decide(sparse.csr_array(A), "A is an H+ matrix")
+    A = finite_square_matrix("A", A, "csr")
+    return settle(sparse.csr_array(A), "A is an H+ matrix")
 
 
 def is_m_matrix(K: Any) -> Verdict:
@@ -153,9 +159,7 @@ def is_m_matrix(K: Any) -> Verdict:
         True: witness v > 0 with K v > 0. False: u >= 0, u != 0, with K u <= 0; for a
         positive entry k_ij off the diagonal there is no witness, `checked` names it.
     """
-    K = square_matrix("K", K, "csr")
-    refuse_number("K", K.data if sparse.issparse(K) else K, False)
-    K = sparse.csr_array(K)
+    K = sparse.csr_array(finite_square_matrix("K", K, "csr"))
     rows = row_numbers(K)
     wrong = np.flatnonzero((K.data > 0.0) & (rows != K.indices))
     name = "K is a nonsingular M-matrix"
@@ -163,84 +167,81 @@ def is_m_matrix(K: Any) -> Verdict:
         t = wrong[0]
         place = f"K[{rows[t]}, {K.indices[t]}] = {K.data[t]:g} > 0"
         return Verdict(answer=False, theorem=f"{name}: no Z-matrix", checked=place)
-    return decide(K, name)
+    return settle(K, name)
 
 
-def decide(A: Any, claim: str) -> Verdict:
+def settle(A: Any, claim: str) -> Verdict:
     """Return the verdict on `claim`: diag(A) - |A - diag(A)| is an M-matrix.
 
     A is a clean csr_array.
     """
-    n = A.shape[0]
     D = A.diagonal()
     wrong = np.flatnonzero(~(D > 0.0))
     if wrong.size:
         i = wrong[0]
-        u = np.zeros(n)
-        u[i] = 1.0
         return Verdict(
             answer=False,
             theorem=f"{claim}: no, an M-matrix has a positive diagonal",
             checked=f"entry ({i}, {i}) is {D[i]:g}",
-            witness=u,
+            witness=np.where(np.arange(D.size) == i, 1.0, 0.0),
         )
-    ones = np.ones(n)
+    checked = ""
     with np.errstate(all="ignore"):
-        for name, find in (
-            ("v = 1", lambda: [ones]),
-            ("Gauss-Seidel sweeps", lambda: swept(A, ones)),
-            ("one linear solve", lambda: solved(A, D, ones)),
-        ):
-            for x in find():
-                verdict = judge(A, x, NO_EXPONENT, claim, name)
-                if verdict is not None:
-                    return verdict
-        bounds = ""
-        for x, exponent, low, high in block_vectors(A, D):
-            verdict = judge(A, x, exponent, claim, "Noda's iteration")
+        for source, x, exponent, bounds in candidates(A, D):
+            verdict = verdict_by(A, x, exponent, claim, source)
             if verdict is not None:
                 return verdict
-            bounds = f"[{low:.15g}, {high:.15g}]"
-    return Verdict(
-        answer=None,
-        theorem=f"{claim}: not decided",
-        checked=f"rho(J) of an irreducible block lies in about {bounds}",
-    )
+            checked = f"rho(J) of an irreducible block lies in about {bounds}"
+    return Verdict(answer=None, theorem=f"{claim}: not decided", checked=checked)
 
 
-def judge(
-    A: Any, x: np.ndarray, exponent: np.ndarray, claim: str, name: str
+def candidates(
+    A: Any, D: np.ndarray
+) -> Iterator[tuple[str, np.ndarray, np.ndarray, str]]:
+    """Yield (source, x, exponent, bounds of rho(J) as text), the cheapest first.
+
+    x 2^exponent, or its negative part, may be a witness.
+    """
+    ones = np.ones(D.size)
+    yield "v = 1", ones, NO_EXPONENT, ""
+    for x in swept(A, ones):
+        yield "Gauss-Seidel sweeps", x, NO_EXPONENT, ""
+    if D.size <= DIRECT:  # beyond it Noda's first system does as well
+        for x in solutions(scaled_comparison(A, D), ones):
+            yield "one linear solve", x, NO_EXPONENT, ""
+    for x, exponent, low, high in block_vectors(A, D):
+        yield "Noda's iteration", x, exponent, f"[{low:.15g}, {high:.15g}]"
+
+
+def verdict_by(
+    A: Any, x: np.ndarray, exponent: np.ndarray, claim: str, source: str
 ) -> Verdict | None:
-    """Return the verdict if x 2^exponent proves one way or the other."""
+    """Return the verdict if x 2^exponent, or its negative part, is a witness."""
     if x.size < A.shape[0]:
         return None
-    matrix = A.data, A.indices, A.indptr
-    positive = bool(np.all(x > 0.0))
-    if not positive:
-        x = np.maximum(-x, 0.0) if np.any(x < 0.0) else x
+    if np.any(x < 0.0):
+        x = np.maximum(-x, 0.0)
     if not np.all(np.isfinite(x)):
         return None
-    above, below, largest, least = signs(*matrix, x, exponent)
-    if positive and above:
+    above, below, largest, least = signs(A.indptr, A.indices, A.data, x, exponent)
+    if above:
         theorem, answer, bound = "v > 0, <A> v > 0", True, min(largest, 1.0 - UNIT)
-        checked = f"{name}: rho(J) <= {bound:.17g}, the largest (Jv)_i / v_i"
+        checked = f"{source}: rho(J) <= {bound:.17g}, the largest (Jv)_i / v_i"
     elif below:
         theorem, answer, bound = "u >= 0, u != 0, <A> u <= 0", False, max(least, 1.0)
-        checked = f"{name}: rho(J) >= {bound:.17g}, the least (Ju)_i / u_i"
+        checked = f"{source}: rho(J) >= {bound:.17g}, the least (Ju)_i / u_i"
     else:
         return None
-    total = x
-    power: np.ndarray | None = None
+    witness, power = x, None
     if exponent.size:
-        with np.errstate(all="ignore"):
-            total = np.ldexp(x, exponent - exponent[x > 0.0].max())
-        if np.any((total > 0.0) != (x > 0.0)) or not within_range(total):
-            total, power = x, exponent
+        witness = np.ldexp(x, exponent - exponent[x > 0.0].max())
+        if np.any((witness > 0.0) != (x > 0.0)) or not within_range(witness):
+            witness, power = x, exponent
     return Verdict(
         answer=answer,
         theorem=f"{claim}: {theorem} (Berman and Plemmons, ch. 6)",
         checked=checked,
-        witness=total,
+        witness=witness,
         exponent=power,
         bound=bound,
     )
@@ -253,7 +254,7 @@ def within_range(x: np.ndarray) -> bool:
 
 
 @kernel
-def signs(data, indices, indptr, x, exponent):
+def signs(indptr, indices, data, x, exponent):
     """Tell the signs of K y, K = D - |A - D|, y = x 2^exponent >= 0, and bounds of J.
 
     Returns (K y > 0, K y <= 0 where y > 0, max (J y)_i / y_i, min (J y)_i / y_i), the
@@ -287,7 +288,7 @@ def signs(data, indices, indptr, x, exponent):
         margin = count * (2.0 * UNIT * (d + off) + 4.0 * TINY)
         low = high = d - off
         if not abs(low) > margin:
-            low, high = exact_row(data, indices, indptr, i, x, exponent)
+            low, high = exact_row(indptr, indices, data, i, x, exponent)
         else:
             low -= margin
             high += margin
@@ -307,16 +308,15 @@ def signs(data, indices, indptr, x, exponent):
 
 
 @part
-def exact_row(data, indices, indptr, i, x, exponent):
+def exact_row(indptr, indices, data, i, x, exponent):
     """Return bounds of (K y)_i that hold and are equal where nothing was rounded.
 
-    Error-free products and sums (Dekker, Numer. Math. 18 (1971) 224-242): the sum plus
-    its errors, and a bound for what adding up the errors left.
+    Products and sums are computed with their rounding errors (Dekker, Numer. Math. 18
+    (1971) 224-242). The errors are added up, and a bound for the rounding of that sum
+    widens the result.
     """
-    total = 0.0
-    error = 0.0
-    size = 0.0
-    lost = 0.0
+    total, error = 0.0, 0.0
+    size, lost = 0.0, 0.0  # sum of the errors' moduli; errors that are only bounded
     for k in range(indptr[i], indptr[i + 1]):
         j = indices[k]
         if not x[j] > 0.0 or data[k] == 0.0:
@@ -327,9 +327,9 @@ def exact_row(data, indices, indptr, i, x, exponent):
             b = math.ldexp(b, exponent[j] - exponent[i])
         p = a * b
         if abs(p) > 1e-260 and abs(a) < 1e150 and b < 1e150 and b > 1e-290:
-            c = 134217729.0 * a
+            c = SPLITTER * a
             ah = c - (c - a)
-            c = 134217729.0 * b
+            c = SPLITTER * b
             bh = c - (c - b)
             al = a - ah
             bl = b - bh
@@ -342,9 +342,8 @@ def exact_row(data, indices, indptr, i, x, exponent):
         f = (total - (s - t)) + (p - t)
         total = s
         error += e
-        size += abs(e)
         error += f
-        size += abs(f)
+        size += abs(e) + abs(f)
     count = 2.0 * (indptr[i + 1] - indptr[i]) + 4.0
     margin = 2.0 * UNIT * count * size + lost
     whole = total + error
@@ -356,37 +355,31 @@ def exact_row(data, indices, indptr, i, x, exponent):
 
 
 @kernel
-def exact_dominance(data, indices, indptr):
+def exact_dominance(indptr, indices, data):
     """Tell whether a_ii >= sum_{j != i} |a_ij| for the numbers as they are stored."""
     n = indptr.size - 1
     ones = np.ones(n)
     for i in range(n):
-        low, _ = exact_row(data, indices, indptr, i, ones, NO_EXPONENT)
+        low, _ = exact_row(indptr, indices, data, i, ones, NO_EXPONENT)
         if not low >= 0.0:
             return False
     return True
 
 
-def swept(A: Any, ones: np.ndarray) -> Any:
-    """Yield v after batches of sweeps on <A> v = D 1, while they get somewhere."""
+def swept(A: Any, ones: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield v after batches of sweeps on <A> v = D 1, while they make progress."""
     v = ones.copy()
     before = math.inf
     for sweeps in BATCHES:
         step = math.inf
         for _ in range(sweeps):
-            step = gauss_seidel(A.data, A.indices, A.indptr, ones, v)
+            step = gauss_seidel(A.indptr, A.indices, A.data, ones, v)
         if not step < 1e100:
             return
         yield v
         if before < math.inf and HELP * before < step < before / HELP:
             return
         before = step
-
-
-def solved(A: Any, D: np.ndarray, ones: np.ndarray) -> Any:
-    """Yield approximate solutions of <A> v = D 1, each better than the last."""
-    if A.shape[0] <= DIRECT:  # beyond it Noda's first system does as well
-        yield from solutions(scaled_comparison(A, D), ones)
 
 
 def scaled_comparison(A: Any, D: np.ndarray) -> Any:

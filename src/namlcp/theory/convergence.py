@@ -38,8 +38,9 @@ SOR it is the condition 0 < alpha < 2 / (1 + rho(J)) for H+ matrices (Ahn; Pang)
 
 *Beyond H-matrices.* Projected SOR lowers z'Az/2 + q'z for every symmetric A (Cryer;
 Mangasarian; Luo and Tseng for semidefinite A), the modulus method is a Cayley transform
-between reflections, and any method may contract a quadratic energy, which `contraction`
-looks for: the paper's own runs (Omega = D/2, E = I) do, where NAMGS has rho(T) > 1.
+between reflections, and any method may have a quadratic Lyapunov function, which
+`contraction` looks for: the paper's own runs (Omega = D/2, E = I) have one, where NAMGS
+has rho(T) > 1.
 
 References
 ----------
@@ -54,51 +55,27 @@ import math
 from typing import Any
 
 import numpy as np
-import qdldl
 from scipy import linalg, sparse
 
 from namlcp.limits import interruptible
-from namlcp.linalg import asymmetry
-from namlcp.theory.comparison import Verdict, exact_dominance, is_h_plus, is_m_matrix
+from namlcp.linalg import asymmetry, is_positive_semidefinite, ldl_factors
+from namlcp.theory.comparison import (
+    UNIT,
+    Verdict,
+    exact_dominance,
+    is_h_plus,
+    is_m_matrix,
+)
 from namlcp.theory.contraction import (
     SMALL,
-    UNIT,
-    Bounds,
     collatz,
-    contracted_energy,
-    contraction_bounds,
     dense_parts,
     left_solver,
+    lyapunov_function,
     resolvent,
 )
 from namlcp.theory.perron import DIRECT
-from namlcp.theory.splittings import (
-    Splitting,
-    TheoremThree,
-    comparison,
-    is_h_compatible,
-    is_h_splitting,
-    is_m_splitting,
-    lowered,
-    splitting,
-    theorem_3,
-)
-
-__all__ = [
-    "Bounds",
-    "Splitting",
-    "TheoremThree",
-    "Verdict",
-    "contraction_bounds",
-    "converges",
-    "is_h_compatible",
-    "is_h_plus",
-    "is_h_splitting",
-    "is_m_matrix",
-    "is_m_splitting",
-    "splitting",
-    "theorem_3",
-]
+from namlcp.theory.splittings import Splitting, comparison, lowered, splitting
 
 
 @interruptible
@@ -122,19 +99,19 @@ def converges(
     alpha, beta, omega, shift
         As in `solve_lcp`, with the same defaults.
     semidefinite : bool
-        A is known to be positive semidefinite, by construction as it were: no
-        computation in floating point can tell a singular one from an indefinite one.
+        A is known to be positive semidefinite, by its construction say: no computation
+        in floating point can tell a singular matrix from an indefinite one.
 
     Returns
     -------
     Verdict
         True: `theorem` names what proves it, with its witness: v > 0 with K v > 0 for
         the comparison (`bound` is then a contraction factor of max |s_i| / v_i), a
-        matrix for an energy, none for the theorems on definite matrices. A semidefinite
-        A has no solution for some q; "converges" then means: wherever there is one.
-        False: for q = witness and z >= 0 the solution e = (1, ..., 1) repels, so that
-        the method goes there from no start outside a set of measure zero; `bound` > 1
-        is the spectral radius. None: no theorem here applies; `checked` says what was
+        matrix for a quadratic norm, none for the theorems on definite matrices. Where A
+        is semidefinite and q such that no solution exists, nothing is claimed.
+        False: for q = witness and z >= 0 the iterates leave every neighbourhood of the
+        solution e = (1, ..., 1), but for starts in a set of measure zero; `bound` > 1
+        is the spectral radius. None: no theorem here applies; `checked` says which were
         tried.
 
     Raises
@@ -156,8 +133,8 @@ def converges(
        applies.
     5. n <= 600: the linear map that a sweep is while no bound is active (q = -A e has
        the solution z = e) has spectral radius above 1: no.
-    6. n <= 600: a quadratic energy that every sweep contracts, by a Riccati equation
-       (`namlcp.theory.contraction.contracted_energy`). It covers the paper's runs of
+    6. n <= 600: a quadratic norm in which every sweep contracts, by a Riccati equation
+       (`namlcp.theory.contraction.lyapunov_function`). It covers the paper's runs of
        NAMGS, which Theorem 2 does not.
 
     References
@@ -233,7 +210,7 @@ def by_descent(parts: Splitting, semidefinite: bool) -> Verdict:
     definite = positive_definite(A)
     if definite:
         source, found = "Cryer 1971", definite
-    elif semidefinite or exact_dominance(A.data, A.indices, A.indptr):
+    elif semidefinite or exact_dominance(A.indptr, A.indices, A.data):
         source = "for every q with a solution; Mangasarian 1977, Luo and Tseng 1991"
         found = "A = A' is positive semidefinite: " + (
             "so the caller says" if semidefinite else "weakly dominant rows"
@@ -285,22 +262,16 @@ def positive_definite(A: Any) -> str:
     S = sparse.csr_array(root @ A @ root)
     if n <= SMALL or (n <= 3000 and A.nnz > n * n // 10):
         c = 4.0 * (n + 8) * n * UNIT
-        try:
-            np.linalg.cholesky(S.toarray() - c * np.eye(n))
-        except np.linalg.LinAlgError:
-            return ""
-        return f"Cholesky factorisation of D^(-1/2) A D^(-1/2) - {c:.1e} I"
-    S = sparse.csc_matrix(sparse.triu(S))
-    for k in (200, n):
+        if is_positive_semidefinite(S.toarray(), -c):
+            return f"Cholesky factorisation of D^(-1/2) A D^(-1/2) - {c:.1e} I"
+        return ""
+    upper = sparse.csc_matrix(sparse.triu(S))
+    for k in (200, n):  # a guess of the longest row, and what always holds
         c = 4.0 * (k + 8) * n * UNIT
-        try:
-            L, d, _ = qdldl.Solver(S - c * sparse.eye(n), upper=True).factors()
-        except RuntimeError:  # a zero pivot
+        factors = ldl_factors(upper - c * sparse.eye(n))
+        if factors is None:
             return ""
-        longest = int(np.bincount(L.indices, minlength=n).max(initial=0)) + 1
-        if not np.all(d > 0.0):
-            return ""
-        if longest <= k:
+        if int(np.bincount(factors[0].indices, minlength=n).max()) + 1 <= k:
             return f"LDL' factorisation of D^(-1/2) A D^(-1/2) - {c:.1e} I"
     return ""
 
@@ -341,7 +312,7 @@ def by_repulsion(parts: Splitting, semidefinite: bool) -> Verdict:
     """Refute convergence by the linear sweep ds+ = (I - 2 X^-1 A) ds, no bound active.
 
     X = M + Omega, less L in the accelerated family. An eigenvalue outside the unit
-    circle refutes convergence; it is told with a first-order bound for its error.
+    circle, by more than a first-order bound of its error, refutes convergence.
     """
     A = parts.A.toarray() if parts.omega.size <= SMALL else None
     if A is None or not A.size:
@@ -362,20 +333,20 @@ def by_repulsion(parts: Splitting, semidefinite: bool) -> Verdict:
         return undecided(f"spectral radius with no active bound: {radius:.6g}")
     return Verdict(
         answer=False,
-        theorem="for q = witness the solution z = e, inside all bounds, repels",
+        theorem="for q = witness sweeps leave the solution z = e, inside all bounds",
         checked=f"spectral radius of I - 2 X^-1 A: {radius:.6g}",
         witness=-(A @ np.ones(A.shape[0])),
         bound=radius,
     )
 
 
-def by_energy(parts: Splitting, semidefinite: bool) -> Verdict:
+def by_lyapunov(parts: Splitting, semidefinite: bool) -> Verdict:
     """Look for a quadratic norm in which every sweep contracts."""
     if not 0 < parts.omega.size <= SMALL:
         return undecided()
-    found = contracted_energy(parts)
+    found = lyapunov_function(parts)
     if found is None:
-        return undecided("no quadratic energy found that contracts")
+        return undecided("no quadratic Lyapunov function found")
     return Verdict(
         answer=True,
         theorem="contraction in the norm of Q = witness (bounded real lemma)",
@@ -391,5 +362,5 @@ THEOREMS = (
     by_cayley,
     by_inverse,
     by_repulsion,
-    by_energy,
+    by_lyapunov,
 )

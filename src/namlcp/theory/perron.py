@@ -10,6 +10,7 @@ of their products, leave the range of floating point, so vectors are x 2^exponen
 throughout.
 """
 
+import contextlib
 from collections.abc import Iterator
 from typing import Any
 
@@ -21,30 +22,30 @@ from scipy.sparse.linalg import splu
 from namlcp.compiled import kernel
 
 STEPS = 40
-POWER_STEPS = 10
-POWER_HELPS = 0.7
-"""Power steps go on as long as so many shrink the interval by this factor."""
+"""Rounds at most; in each, all open blocks make power steps or one step of Noda's."""
 
-BALANCE_SWEEPS = 10
-BALANCED = 0.1
-"""Largest change of an exponent in the last sweep."""
+POWER_STEPS, POWER_HELPS = 10, 0.7
+"""Power steps of a round; another such round follows one that shrank log(high/low) of
+the widest block below POWER_HELPS times its size."""
+
+BALANCE_SWEEPS, BALANCED = 10, 0.1
+"""Sweeps of balancing at most; they end at a largest change of an exponent (base 2)."""
 
 NARROW = 4e-15
-"""An interval around rho(J) of this width cannot be made narrower in floating point."""
+"""Relative width of an interval around rho(J) that rounding does not let shrink."""
 
 LEAST = 1e-250
+"""Least entry of a vector whose largest entry in each block is 1."""
 
 DIRECT = 20_000
-"""Up to this order linear systems are factored, beyond it multigrid cycles."""
+"""Largest order of linear systems that are factored; multigrid solves larger ones."""
 
 DENSE = 3000
-"""Up to this order matrices with a quarter of their entries go to dense LU."""
+"""Largest order at which matrices with a quarter of all entries go to dense LU."""
 
-CYCLES = 12
-"""Multigrid cycles at most for one system, each with a sweep of our own after it."""
-
-PROGRESS = 0.9
-"""Cycles end when one does not shrink the residual so far."""
+CYCLES, PROGRESS = 12, 0.9
+"""Multigrid cycles at most for one system; they end when a cycle leaves more than
+PROGRESS of the residual."""
 
 Candidate = tuple[np.ndarray, np.ndarray, float, float]
 
@@ -62,12 +63,12 @@ def row_starts(rows: np.ndarray, n: int) -> np.ndarray:
 
 
 def block_vectors(A: Any, D: np.ndarray) -> Iterator[Candidate]:
-    """Yield (x, exponent, low, high): vectors that should settle <A>, and bounds.
+    """Yield (x, exponent, low, high): possible witnesses y = x 2^exponent for <A>.
 
-    x is positive on all unknowns where every block has rho(J) < 1, and then <A> y > 0,
-    or on one block with rho(J) >= 1 alone, and then <A> y <= 0 where y > 0, for y = x
-    2^exponent; or empty, at the end, where neither is known. `low` and `high` are the
-    least bounds that hold for the block with the largest.
+    Where every block has rho(J) < 1, x is positive and <A> y > 0 is expected. Where a
+    block has rho(J) >= 1, x is positive on it alone, and <A> y <= 0 is expected where y
+    > 0. The last x is empty if neither was found. low and high bound rho(J) of the
+    block in which it is largest.
 
     A is a csr_array, its diagonal D is positive.
     """
@@ -113,7 +114,7 @@ def block_vectors(A: Any, D: np.ndarray) -> Iterator[Candidate]:
 
 
 def powered(J: Any, x: np.ndarray, label: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """Return x after steps with J + high/2: the shift makes J primitive."""
+    """Return x after steps with J + high/2, which is primitive."""
     scale = np.where(high > 0.0, high, 1.0)[label]
     for _ in range(POWER_STEPS):
         x = (J @ x) / scale + 0.5 * x
@@ -125,7 +126,7 @@ def inverted(
 ) -> np.ndarray | None:
     """Return Noda's next x, its unknowns `here` changed; None if there is none.
 
-    A system is solved only as well as it must be for an answer.
+    The system is solved only until its solution bounds rho(J) away from 1.
     """
     count = high.size
     shift = sparse.diags_array(high[label[here]] * (1.0 + 1e-15))
@@ -247,40 +248,43 @@ def osborne(indptr, indices, entry, indptr_c, indices_c, entry_c, e):
 def stacked(
     A: Any, x: np.ndarray, exponent: np.ndarray, label: np.ndarray, rest: np.ndarray
 ) -> np.ndarray:
-    """Return exponents that make the blocks' vectors one with <A> v > 0.
+    """Return exponents that join the blocks' vectors into one v with <A> v > 0.
 
-    Block after block is scaled up until what others contribute to its rows is at most
-    half of what it has left, rest_i d_i v_i. Labels come in topological order or its
-    reverse; other orders would only take more passes.
+    The block's own part of row i of <A> v is rest_i d_i v_i. Each block is scaled up
+    until the other blocks take away at most half of that. The labels are in topological
+    order or its reverse; any other order would take more passes.
     """
+    size = np.log2(x) + exponent
+    spare = np.log2(rest) + np.log2(A.diagonal()) + size - 1.0
+    spare -= np.log2(np.diff(A.indptr))  # each entry of a row may take as much
     scale = np.zeros(int(label.max()) + 1)
     order = np.argsort(label, kind="stable")
-    matrix = A.data, A.indices, A.indptr, A.diagonal()
+    matrix = A.indptr, A.indices, A.data
     for _ in range(scale.size + 1):
         for rows in (order, order[::-1].copy()):
-            if not raise_blocks(*matrix, x, exponent, label, rest, rows, scale):
+            if not raise_blocks(*matrix, size, spare, label, rows, scale):
                 return exponent + scale[label].astype(np.int64)
     return exponent
 
 
 @kernel
-def raise_blocks(data, indices, indptr, D, x, exponent, label, rest, order, scale):
-    """Raise the powers `scale` of the blocks, row by row; tell whether one changed."""
+def raise_blocks(indptr, indices, data, size, spare, label, order, scale):
+    """Raise the exponents `scale` of the blocks, row by row; tell whether one changed.
+
+    `size` is the logarithm of v before scaling, `spare` that of what one entry of a row
+    may take away.
+    """
     changed = False
     for i in order:
         most = -np.inf
         for k in range(indptr[i], indptr[i + 1]):
             j = indices[k]
             if label[j] != label[i] and data[k] != 0.0:
-                t = np.log2(abs(data[k])) + np.log2(x[j])
-                most = max(most, t + exponent[j] + scale[label[j]])
-        if most > -np.inf:
-            terms = np.log2(float(indptr[i + 1] - indptr[i]))
-            have = np.log2(rest[i]) + np.log2(D[i]) + np.log2(x[i]) + exponent[i]
-            needed = np.ceil(most + terms + 1.0 - have)
-            if needed > scale[label[i]]:
-                scale[label[i]] = needed
-                changed = True
+                most = max(most, np.log2(abs(data[k])) + size[j] + scale[label[j]])
+        needed = np.ceil(most - spare[i])
+        if needed > scale[label[i]]:
+            scale[label[i]] = needed
+            changed = True
     return changed
 
 
@@ -291,10 +295,8 @@ def solutions(K: Any, b: np.ndarray) -> Iterator[np.ndarray]:
         yield from cycles(K, b)
         return
     if n <= DENSE and K.nnz > n * n // 4:
-        try:
+        with contextlib.suppress(np.linalg.LinAlgError):
             yield np.linalg.solve(K.toarray(), b)
-        except np.linalg.LinAlgError:
-            return
         return
     for threshold in (0.0, 1.0):  # pivots from the diagonal do not depend on scaling
         try:
@@ -331,7 +333,7 @@ def cycles(K: Any, b: np.ndarray) -> Iterator[np.ndarray]:
         if not np.all(np.isfinite(x)):
             return
         yield x
-        gauss_seidel(K.data, K.indices, K.indptr, b / D, x)
+        gauss_seidel(K.indptr, K.indices, K.data, b / D, x)
         residual = float(np.linalg.norm(b - K @ x))
         if residual <= 1e-13 * size or not residual < PROGRESS * before:
             return
@@ -339,17 +341,17 @@ def cycles(K: Any, b: np.ndarray) -> Iterator[np.ndarray]:
 
 
 @kernel
-def gauss_seidel(data, indices, indptr, c, v):
+def gauss_seidel(indptr, indices, data, c, v):
     """Overwrite v by a forward and a backward sweep on <A> v = D c; return max |step|.
 
     The step is that of the backward sweep.
     """
     n = v.size
     largest = 0.0
-    for pass_ in range(2):
+    for backward in range(2):
         largest = 0.0
         for t in range(n):
-            i = t if pass_ == 0 else n - 1 - t
+            i = n - 1 - t if backward else t
             d = 1.0
             r = 0.0
             for k in range(indptr[i], indptr[i + 1]):
