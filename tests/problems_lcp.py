@@ -10,6 +10,9 @@ from pathlib import Path
 import numpy as np
 from scipy import sparse
 
+from namlcp import Prepared
+from namlcp.lcp.data import LCP
+
 DATA = Path(
     os.environ.get("NAMLCP_DATA", Path(__file__).parents[2] / "shared" / "data")
 )
@@ -55,6 +58,11 @@ UNSOLVABLE = {
     "one_direction": ([[1, -1], [-1, 1]], [-1, -1]),
     "scaled_direction": ([[1e-6, -1e-1], [-1e-1, 1e4]], [-1e-9, -1e-9]),
 }
+
+
+def box_lcp(A, q, lower, upper, symmetric=True):
+    """Return an LCP without any check."""
+    return LCP(Prepared.unchecked(A, symmetric), q, lower, upper)
 
 
 def textbook(name):

@@ -103,7 +103,7 @@ CHANGES = {
         "tridiagonal",
     ),
     "lcp sweeps": (
-        "lcp/modulus/kernels.py",
+        "lcp/relaxation.py",
         "return u if x > u else x",
         "return 5.0",
         "block",
@@ -310,7 +310,7 @@ def test_nowhere_to_write(tmp_path):
         assert answers["clean"] == 1.0
         assert compiled
     verbose = (
-        "import namlcp.progress as p, namlcp.lcp.modulus.kernels as k\n"
+        "import namlcp.progress as p, namlcp.lcp.relaxation as k\n"
         "p.Progress(('iter',), True).announce(k.relax_csr)\n"
     )
     out, errors = start(root, code=verbose).communicate()

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from problems_lcp import skew
+from problems_lcp import box_lcp, skew
 from scipy import sparse
 
 from namlcp import Status, solve_lcp
@@ -20,7 +20,7 @@ from namlcp.lcp.pivoting.homogeneous import (
     longest,
     step_from,
 )
-from namlcp.limits import Deadline
+from namlcp.limits import Deadline, Limits
 from namlcp.residuals import natural_residual
 
 sys.path.append(str(Path(__file__).parents[1] / "validation"))
@@ -243,15 +243,15 @@ def test_one_factorisation_between_two_looks_at_the_deadline(definite, monkeypat
         rng = np.random.default_rng(0)
         A, q = skew(rng, 320, 1.0), rng.standard_normal(320)
         lower = np.zeros(320)
-    whole = exact.solve_box(A, q, lower, upper, symmetric=False)
+    lcp = box_lcp(A, q, lower, upper, symmetric=False)
+    limits = Limits(eps_rel=exact.ACCURACY)
+    whole = exact.solve_box(lcp, None, limits)
     assert whole.status is Status.SOLVED
     assert set(steps) <= {1}
     assert (len(steps) > 3) == definite
     for most in (1, 5, 9):
         steps.clear()
-        late = exact.solve_box(
-            A, q, lower, upper, symmetric=False, deadline=Looks(most)
-        )
+        late = exact.solve_box(lcp, None, limits._replace(deadline=Looks(most)))
         assert late.status is Status.TIME_LIMIT
         assert late.iterations + len(steps) <= most + 1
         assert np.isfinite(late.w).all()

@@ -4,6 +4,7 @@ import numpy as np
 import problems_lcp as problems
 import pytest
 from numba import njit
+from problems_lcp import box_lcp
 from scipy import sparse
 
 import contact_scenes
@@ -11,6 +12,7 @@ from namlcp import Status, solve_lcp
 from namlcp.lcp.pivoting import driver as exact
 from namlcp.lcp.pivoting.driver import solve_box
 from namlcp.lcp.pivoting.line_search import step_to
+from namlcp.limits import Limits
 from namlcp.linalg.columns import columns_of
 from namlcp.linalg.ordering import minimum_degree
 from namlcp.linalg.supernodes import blocks_of, factor_blocks, solve_blocks
@@ -20,6 +22,8 @@ KINDS = {
     "full heap": lambda n: contact_scenes.heap(n, sideways=True),
     "wall": contact_scenes.brick_wall,
 }
+
+LIMITS = Limits(eps_rel=exact.ACCURACY)
 
 
 @pytest.fixture
@@ -118,13 +122,14 @@ def test_box_pinned_free_and_convexity(rng, monkeypatch):
     lower, upper = -rng.random(225), rng.random(225)
     lower[:20], upper[10:30] = -np.inf, np.inf
     upper[40:50] = lower[40:50]
-    found = solve_box(A, q, lower, upper, ask_convex=True)
+    found = solve_box(box_lcp(A, q, lower, upper), None, LIMITS, ask_convex=True)
     assert found.status is Status.SOLVED
     assert found.convex
     r = found.z - np.clip(found.z - found.w, lower, upper)
     assert np.linalg.norm(r) <= 1e-8 * np.linalg.norm(q)
     B = sparse.csr_array(A - 0.5 * sparse.eye_array(225))
-    found = solve_box(B, np.ones(225), np.zeros(225), np.ones(225), ask_convex=True)
+    lcp = box_lcp(B, np.ones(225), np.zeros(225), np.ones(225))
+    found = solve_box(lcp, None, LIMITS, ask_convex=True)
     assert not found.convex
 
 
@@ -200,11 +205,12 @@ def test_neumann_is_solved_or_refuted(A, seed):
     n = A.shape[0]
     q = np.random.default_rng(seed).standard_normal(n)
     lower, upper = np.zeros(n), np.full(n, np.inf)
-    found = solve_box(A, q - q.mean() + 1e-3, lower, upper)
+    lcp = box_lcp(A, q - q.mean() + 1e-3, lower, upper)
+    found = solve_box(lcp, None, LIMITS)
     assert found.status is Status.SOLVED
     assert found.iterations < 30
     q -= q.mean() + 1e-3
-    found = solve_box(A, q, lower, upper)
+    found = solve_box(lcp._replace(q=q), None, LIMITS)
     assert found.status is Status.UNSOLVABLE
     assert found.iterations < 30
     assert q @ found.ray == pytest.approx(-1.0)

@@ -1,5 +1,7 @@
 """LinearOperators: MPRGP against pivoting, certificates, errors."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import problems_lcp as problems
 import pytest
@@ -7,8 +9,9 @@ from scipy import sparse
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 from namlcp import Prepared, solve_lcp
+from namlcp.lcp.data import LCP
 from namlcp.lcp.mprgp import solve_by_products
-from namlcp.lcp.operators import Operator
+from namlcp.limits import Limits
 from namlcp.residuals import natural_residual
 from namlcp.status import Status
 
@@ -71,9 +74,9 @@ def test_f_never_rises(rng):
         values.append(0.5 * z @ (w + q))
         return natural_residual(z, w, lower, upper) < 1e-10
 
-    z0 = np.clip(np.zeros_like(q), lower, upper)
+    matrix = Prepared(aslinearoperator(A), A.diagonal())
     found = solve_by_products(
-        Operator(aslinearoperator(A), A.diagonal()), q, lower, upper, z0, accept
+        LCP(matrix, q, lower, upper), None, Limits(), SimpleNamespace(accepts=accept)
     )
     assert found.status is Status.SOLVED
     assert np.all(np.diff(values) <= 1e-12)

@@ -23,6 +23,7 @@ from namlcp.lcp.pivoting.work import (
     D,
     workspace,
 )
+from namlcp.limits import Limits
 from namlcp.linalg.columns import columns_of
 
 RELATIVE = 1e-9
@@ -468,7 +469,8 @@ def test_face_solves(rng, kind):
 def test_solve_box_takes_csc(rng):
     A, q = problems.disc_pile(rng, 3)
     lower, upper = np.zeros(q.size), np.full(q.size, np.inf)
-    found = solve_box(A.tocsc(), q, lower, upper, ask_convex=True)
+    lcp = problems.box_lcp(A.tocsc(), q, lower, upper)
+    found = solve_box(lcp, None, Limits(eps_rel=1e-9), ask_convex=True)
     assert found.status is Status.SOLVED
     assert found.ray is None
     assert found.convex
@@ -486,7 +488,8 @@ def test_convexity_is_told_on_demand(rng, n):
     for shift, convex in ((0.0, True), (0.9 * low, True), (1.2 * low, False)):
         B = A - shift * np.eye(n)
         for matrix in (B, sparse.csr_array(B)):
-            found = solve_box(matrix, -np.ones(n), lower, upper, ask_convex=True)
+            lcp = problems.box_lcp(matrix, -np.ones(n), lower, upper)
+            found = solve_box(lcp, None, Limits(eps_rel=1e-9), ask_convex=True)
             assert found.convex is convex
 
 

@@ -1,18 +1,21 @@
 """Sweeps and factor-once methods against plain matrix forms of the papers' formulas."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from problems_lcp import box_lcp
 from scipy import sparse
 
 from namlcp import Prepared
-from namlcp.lcp.auto import ask_sweeps
-from namlcp.lcp.modulus.kernels import relax_csr
+from namlcp.lcp.criterion import Criterion
+from namlcp.lcp.data import LCP
 from namlcp.lcp.modulus.methods import METHODS, find_method
 from namlcp.lcp.modulus.sweeps import sweep, triangular_step
-from namlcp.lcp.psor import dominance, relaxation, solve_dominant
-from namlcp.limits import Deadline
+from namlcp.lcp.psor import relax, relaxation, solve_by_sweeps
+from namlcp.lcp.relaxation import dominance, relax_csr
+from namlcp.limits import Deadline, Limits
 from namlcp.residuals import natural_residual
 from namlcp.status import Status
 
@@ -469,25 +472,24 @@ def test_dominance_and_its_solver():
         asked.append(natural_residual(z, w, lower, upper))
         return asked[-1] < 1e-10
 
-    z = np.zeros_like(q)
-    status, w, sweeps = solve_dominant(A, q, z, lower, upper, alpha, accept, 1e-10, 100)
-    assert status is Status.SOLVED
-    assert sweeps < 30
+    z, lcp = np.zeros_like(q), box_lcp(A, q, lower, upper)
+    criterion = SimpleNamespace(accepts=accept, goal=1e-10)
+    found = relax(lcp, z, alpha, Limits(max_iter=100), criterion)
+    assert found.status is Status.SOLVED
+    assert found.z is z
+    assert found.iterations < 30
     assert len(asked) == 1
-    np.testing.assert_array_equal(w, A @ z + q)
-    assert natural_residual(z, w, lower, upper) < 1e-10
+    np.testing.assert_array_equal(found.w, A @ z + q)
+    assert natural_residual(z, found.w, lower, upper) < 1e-10
     assert 0 < np.count_nonzero(z == 0.0) < z.size
     limits = ((Status.MAX_ITER, 1, Deadline()), (Status.TIME_LIMIT, 9, Deadline(0.0)))
     for expected, max_iter, deadline in limits:
-        status, _, sweeps = solve_dominant(
-            A, q, np.zeros_like(q), lower, upper, alpha, accept, 1e-10,
-            max_iter, deadline,
-        )  # fmt: skip
-        assert (status, sweeps) == (expected, 1)
-    status, _, _ = solve_dominant(
-        A, q, z, lower, upper, alpha, lambda z, w: False, 1e-300, 1000
-    )
-    assert status is Status.STALLED
+        limits = Limits(max_iter=max_iter, deadline=deadline)
+        found = relax(lcp, np.zeros_like(q), alpha, limits, criterion)
+        assert (found.status, found.iterations) == (expected, 1)
+    never = SimpleNamespace(accepts=lambda z, w: False, goal=1e-300)
+    found = relax(lcp, z, alpha, Limits(max_iter=1000), never)
+    assert found.status is Status.STALLED
 
 
 @pytest.mark.parametrize("example", [1, 2])
@@ -507,10 +509,8 @@ def test_auto_notices_in_time_whether_sweeps_will_do(example, delta, most, monke
         B = sparse.csr_array(sparse.diags_array(s) @ A @ sparse.diags_array(s))
         B.sort_indices()
         sweeps.append(0)
-        outcome = ask_sweeps(
-            Prepared(B), s * q, lower, upper, None, eps_abs=0.0, eps_rel=1e-9,
-            deadline=Deadline(),
-        )  # fmt: skip
+        lcp, limits = LCP(Prepared(B), s * q, lower, upper), Limits(eps_rel=1e-9)
+        outcome = solve_by_sweeps(lcp, None, limits, Criterion(lcp, limits))
         assert (outcome.status is Status.SOLVED) == (delta == 1.0)
     assert sweeps[0] == sweeps[1] <= most
 

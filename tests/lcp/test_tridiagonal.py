@@ -2,17 +2,17 @@
 
 import numpy as np
 import pytest
-from problems_lcp import with_solution
+from problems_lcp import box_lcp, with_solution
 from scipy import sparse
 
 from namlcp import Prepared, Status, solve_lcp
 from namlcp.lcp.pivoting.driver import solve_box
 from namlcp.lcp.tridiagonal.diagonals import eliminate, fill_in, halve, tridiagonal_of
 from namlcp.lcp.tridiagonal.elimination import scan_for_states, solve_tridiagonal
-from namlcp.limits import Deadline
+from namlcp.limits import Deadline, Limits
 
 INF = np.inf
-LIMITS = {"eps_abs": 0.0, "eps_rel": 1e-9, "max_iter": 1000, "deadline": Deadline()}
+LIMITS = Limits(eps_rel=1e-9, max_iter=1000)
 
 
 def matrix(below, diagonal, above):
@@ -170,12 +170,11 @@ def test_scan_frees_one_after_the_other_in_linear_time():
     A, _ = membrane(n)
     q = np.full(n, 1e-12)
     q[-1] = -1.0
-    form = tridiagonal_of(A)
     lower, upper = np.zeros(n), np.full(n, INF)
-    status, z, w, faces = solve_tridiagonal(form, q, lower, upper, None, **LIMITS)
-    assert (status, faces) == (Status.SOLVED, 1)
-    assert np.all(z > 0.0)
-    assert_solves(A, q, lower, upper, z, w)
+    found = solve_tridiagonal(box_lcp(A, q, lower, upper), None, LIMITS)
+    assert (found.status, found.iterations) == (Status.SOLVED, 1)
+    assert np.all(found.z > 0.0)
+    assert_solves(A, q, lower, upper, found.z, found.w)
 
 
 # ---- the solver
@@ -194,9 +193,8 @@ def test_random_problems(rng, kind, box):
             assert result.method == "tridiagonal"
         assert_solves(A, q, lower, upper, result.z, result.w)
         with np.errstate(all="ignore"):
-            other = solve_box(
-                A, q, lower, upper, symmetric=False, eps_rel=1e-9, eps_abs=0.0
-            )
+            lcp = box_lcp(A, q, lower, upper, symmetric=False)
+            other = solve_box(lcp, None, Limits(eps_rel=1e-9))
         assert other.status is Status.SOLVED
         size = 1.0 + np.abs(other.z).max()
         np.testing.assert_allclose(result.z, other.z, rtol=0, atol=1e-6 * size)
@@ -299,12 +297,10 @@ def test_rounding_is_told(rng):
     n = 300_000
     A, x = membrane(n)
     q = np.sin(3.0 * np.pi * x) * -50.0 / n**2
-    form = tridiagonal_of(A)
-    status, z, w, faces = solve_tridiagonal(
-        form, q, np.zeros(n), np.full(n, INF), None, **LIMITS
-    )
-    assert (status, faces) == (Status.STALLED, 1)
-    assert_solves(A, q, np.zeros(n), np.full(n, INF), z, w, 1e-4)
+    lcp = box_lcp(A, q, np.zeros(n), np.full(n, INF))
+    found = solve_tridiagonal(lcp, None, LIMITS)
+    assert (found.status, found.iterations) == (Status.STALLED, 1)
+    assert_solves(A, *lcp[1:], found.z, found.w, 1e-4)
 
 
 def test_limits(rng):
@@ -316,18 +312,12 @@ def test_limits(rng):
         ({"max_iter": 1}, Status.MAX_ITER),
         ({"deadline": Deadline(0.0)}, Status.TIME_LIMIT),
     ):
-        status, z, w, faces = solve_tridiagonal(
-            tridiagonal_of(A),
-            q,
-            lower,
-            upper,
-            np.zeros(5000),
-            **(LIMITS | limits),
-            report=lambda *row: rows.append(row),
-        )
-        assert (status, faces) == (expected, 1)
-        assert np.all((lower <= z) & (z <= upper))
-        np.testing.assert_allclose(w, A @ z + q, atol=1e-15)
+        limits = LIMITS._replace(report=lambda *row: rows.append(row), **limits)
+        lcp = box_lcp(A, q, lower, upper)
+        found = solve_tridiagonal(lcp, np.zeros(5000), limits)
+        assert (found.status, found.iterations) == (expected, 1)
+        assert np.all((lower <= found.z) & (found.z <= upper))
+        np.testing.assert_allclose(found.w, A @ found.z + q, atol=1e-15)
     assert [row[0] for row in rows] == [1, 1]
 
 

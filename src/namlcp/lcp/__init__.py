@@ -1,21 +1,23 @@
 """Box LCPs: `solve_lcp`, and the methods it chooses from, a room each."""
 
 from namlcp.lcp.auto import LARGE, solve_auto
+from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.modulus import (
     METHODS,
     factored_omega,
     find_method,
-    relax_csr,
     spread,
     triangular_parameters,
 )
-from namlcp.lcp.pivoting import ACCURACY, Outcome, pivot, solve_box
+from namlcp.lcp.pivoting import ACCURACY, pivot, solve_box
 from namlcp.lcp.prepared import Prepared
+from namlcp.lcp.relaxation import relax_csr
 from namlcp.lcp.solve import solve_lcp
 
 __all__ = [
     "ACCURACY",
     "LARGE",
+    "LCP",
     "METHODS",
     "Outcome",
     "Prepared",

@@ -1,7 +1,6 @@
 """The gate of the LCP side: a box LCP as clean arrays, or an error that names it."""
 
-import math
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -19,19 +18,63 @@ from namlcp.checks import (
 )
 from namlcp.compiled import kernel
 from namlcp.lcp.operators import operator_data
+from namlcp.residuals import natural_residual
+from namlcp.status import Status
+
+if TYPE_CHECKING:
+    from namlcp.lcp.prepared import Prepared
 
 
 class LCP(NamedTuple):
-    """A checked box LCP; A is a dense array, a csr_array or an `Operator`.
+    """A checked box LCP: find z in [lower, upper] with w = A z + q as `solve_lcp` says.
 
-    unit: 1, or a power of 2 near max |q| where squares would leave the range.
+    The three vectors are (n,) arrays of float64.
     """
 
-    A: Any
+    matrix: "Prepared"
     q: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
-    unit: float
+
+    @property
+    def A(self) -> Any:
+        """The matrix: a dense array, a csr_array or an `Operator`."""
+        return self.matrix.A
+
+    def w(self, z: np.ndarray) -> np.ndarray:
+        """Return w = A z + q."""
+        return self.matrix.A @ z + self.q
+
+    def start(self, z0: np.ndarray | None = None) -> np.ndarray:
+        """Return clip(z0), or clip(0), an array of its own."""
+        z = np.zeros(self.q.size) if z0 is None else z0.copy()
+        return np.clip(z, self.lower, self.upper, out=z)
+
+    def residual(self, z: np.ndarray, w: np.ndarray) -> float:
+        """Return Res(z) for w = A z + q."""
+        return natural_residual(z, w, self.lower, self.upper)
+
+    def active(self, z: np.ndarray) -> int:
+        """Return how many unknowns are at a bound."""
+        return int(np.count_nonzero((z == self.lower) | (z == self.upper)))
+
+
+class Outcome(NamedTuple):
+    """How a method ended: its point z, w = A z + q, and what it counts as iterations.
+
+    ray: proof that there is no solution, with UNSOLVABLE. s: the modulus variable, of
+    the sweep methods only. convex: A was found to be symmetric positive semidefinite,
+    where the caller asked.
+    """
+
+    status: Status
+    z: np.ndarray
+    w: np.ndarray
+    iterations: int
+    method: str
+    ray: np.ndarray | None = None
+    s: np.ndarray | None = None
+    convex: bool = False
 
 
 def spread_number(name: str, value: Any, n: int) -> np.ndarray:
@@ -57,18 +100,18 @@ def lcp_matrix(A: Any, diagonal: Any = None) -> Any:
     return finite_square_matrix("A", A, "csr")
 
 
-def lcp_data(A: Any, q: Any, lower: Any, upper: Any) -> LCP:
+def lcp_data(matrix: "Prepared", q: Any, lower: Any, upper: Any) -> LCP:
     """Check the vectors of a box LCP as the user gave them and return them clean.
 
-    A is a matrix as `lcp_matrix` returns it. Raises TypeError or ValueError naming the
-    argument, what was expected and what came.
+    Raises TypeError or ValueError naming the argument, what was expected and what came.
     """
-    n = A.shape[1]
-    q = vector("q", q, n, "A", A.shape)
+    shape = matrix.A.shape
+    n = shape[1]
+    q = vector("q", q, n, "A", shape)
     lower = constant(n, 0.0) if lower is None else spread_number("lower", lower, n)
     upper = constant(n, np.inf) if upper is None else spread_number("upper", upper, n)
     if is_ordinary(q, lower, upper):
-        return LCP(A, q, lower, upper, 1.0)
+        return LCP(matrix, q, lower, upper)
     refuse_number("q", q, False)
     refuse_number("lower", lower, True)
     refuse_number("upper", upper, True)
@@ -81,15 +124,15 @@ def lcp_data(A: Any, q: Any, lower: Any, upper: Any) -> LCP:
             f"got lower[{i}] = {lower[i]:g}, upper[{i}] = {upper[i]:g} "
             "(from 1e20 on, no bound)"
         )
-    return LCP(A, q, lower, upper, unit_of(q))
+    return LCP(matrix, q, lower, upper)
 
 
 # Sums may be taken in any order, so that they vectorise; NaN keeps its meaning.
 @kernel(fastmath={"reassoc"})
 def is_ordinary(q, lower, upper):
-    """Tell whether no check has a fault to find, and the unit is 1.
+    """Tell whether no check of the vectors can find a fault.
 
-    No NaN, no q out of range, lower <= upper, no bound that is huge but finite.
+    Then nothing is NaN, q is in range, lower <= upper, and no finite bound is huge.
     """
     size, faults = 0.0, 0.0
     for i in range(q.size):
@@ -99,11 +142,3 @@ def is_ordinary(q, lower, upper):
         above = (u > -INFINITE) & ((u < INFINITE) | (u == np.inf))
         faults += 0.0 if below & above & (l <= u) else 1.0
     return (size == 0.0 or 1e-90 < size < 1e90) and faults == 0.0
-
-
-def unit_of(q: np.ndarray) -> float:
-    """Return 1, or a power of 2 near max |q| where squares would leave the range."""
-    size = float(np.abs(q).max(initial=0.0))
-    if size == 0.0 or 1e-100 < size < 1e100:
-        return 1.0
-    return 2.0 ** math.floor(math.log2(size))

@@ -27,13 +27,12 @@ Comput. Optim. Appl. 30 (2005) 23-43; Kruzik et al., Adv. Eng. Softw. 150 (2020)
 """
 
 import math
-from collections.abc import Callable
-from typing import Any, NamedTuple
 
 import numpy as np
 
-from namlcp.limits import NEVER, Deadline
-from namlcp.progress import Report
+from namlcp.lcp.criterion import Criterion
+from namlcp.lcp.data import LCP, Outcome
+from namlcp.limits import Limits
 from namlcp.residuals import natural_residual
 from namlcp.status import Status
 
@@ -65,63 +64,41 @@ ZERO = 1e-9
 """Entries of a ray below this times the largest are 0."""
 
 
-class Found(NamedTuple):
-    """Status, z, w = A z + q, iterations, and the ray that proves UNSOLVABLE."""
-
-    status: Status
-    z: np.ndarray
-    w: np.ndarray
-    iterations: int
-    ray: np.ndarray | None = None
+TOO_FAR = 1e6
+"""A start with a residual so many times that of clip(0) loses the digits of products;
+it is replaced by clip(0)."""
 
 
 def solve_by_products(
-    A: Any,
-    q: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    z0: np.ndarray,
-    accept: Callable[[np.ndarray, np.ndarray], bool],
-    *,
-    max_iter: int = MAX_ITER,
-    deadline: Deadline = NEVER,
-    report: Report = None,
-) -> Found:
-    """Solve a box LCP with a symmetric A.
+    lcp: LCP, z0: np.ndarray | None, limits: Limits, criterion: Criterion
+) -> Outcome:
+    """Solve a box LCP with a symmetric A, an `Operator` with A.diagonal() >= 0.
 
-    Parameters
-    ----------
-    A : Operator
-        Anything with A @ x, A.diagonal() >= 0. Nothing tests its symmetry here.
-    q, lower, upper : (n,) array
-        The rest of the problem; bounds may be infinite.
-    z0 : (n,) array
-        Start in [lower, upper].
-    accept : callable
-        accept(z, w) tells whether a point is a solution. It is asked for every iterate,
-        and SOLVED is said only after a fresh product w = A z + q.
-    max_iter : int
-        Iterations at most.
-    deadline : Deadline
-        When to stop.
-    report : callable
-        Called as report(iteration, Res, unknowns at bounds).
-
-    Returns
-    -------
-    Found
-        SOLVED, MAX_ITER, TIME_LIMIT, STALLED (rounding), UNSOLVABLE (with a ray: no
-        solution; without: A is not positive semidefinite) or NUMERICAL_ERROR (a product
-        is not finite; z and w are NaN). z is the point with the least Res that was met.
+    The criterion is asked for every iterate, and SOLVED is said only after a fresh
+    product w = A z + q. z is the point with the least Res that was met. STALLED:
+    rounding. UNSOLVABLE with a ray: no solution; without: A is not positive
+    semidefinite. NUMERICAL_ERROR: a product is not finite; z and w are NaN.
     """
-    D = A.diagonal()
-    root = np.sqrt(np.where(D > 0.0, D, 1.0))
+    with np.errstate(all="ignore"):  # numbers out of range are noticed
+        z = lcp.start(z0)
+        if z0 is not None:
+            there = criterion.residuals(z, lcp.w(z))[1]
+            if not there <= TOO_FAR * criterion.size:
+                z = lcp.start()
+        return descend(lcp, z, limits, criterion)
+
+
+def descend(lcp: LCP, z0: np.ndarray, limits: Limits, criterion: Criterion) -> Outcome:
+    """Take steps from z0 in the box until one of the ends of `solve_by_products`."""
+    _, _, lower, upper = lcp
+    root = lcp.matrix.root
+    max_iter = limits.max_iter or MAX_ITER
 
     def caller(y: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         z = np.where(y <= descent.lower, lower, np.clip(y / root, lower, upper))
         return np.where(y >= descent.upper, upper, z), g * root
 
-    descent = Descent(A, root, q, lower, upper, z0)
+    descent = Descent(lcp, z0)
     best = descent.y, descent.g
     least = missed = math.inf
     misses = 0
@@ -131,13 +108,13 @@ def solve_by_products(
         size = descent.size
         if size < least:
             best, least = (descent.y, descent.g), size
-        if report is not None:
-            here = natural_residual(*caller(descent.y, descent.g), lower, upper)
-            report(k, here, int(np.count_nonzero(~descent.free)))
-        if accept(*caller(descent.y, descent.g)):
+        if limits.report is not None:
+            here = lcp.residual(*caller(descent.y, descent.g))
+            limits.report(k, here, int(np.count_nonzero(~descent.free)))
+        if criterion.accepts(*caller(descent.y, descent.g)):
             descent.refresh()
             best, least = (descent.y, descent.g), descent.size
-            if accept(*caller(descent.y, descent.g)):
+            if criterion.accepts(*caller(descent.y, descent.g)):
                 status = Status.SOLVED
                 break
             misses = 0 if descent.size < 0.5 * missed else misses + 1
@@ -147,7 +124,7 @@ def solve_by_products(
             break
         if k == max_iter:
             break
-        if deadline.reached():
+        if limits.deadline.reached():
             status = Status.TIME_LIMIT
             break
         trouble = descent.step()
@@ -156,11 +133,11 @@ def solve_by_products(
             break
         k += 1
     z = caller(*best)[0]
-    w = A @ z + q
+    w = lcp.w(z)
     if not (math.isfinite(descent.size) and np.isfinite(w).all()):
-        nothing = np.full(q.size, np.nan)
-        return Found(Status.NUMERICAL_ERROR, nothing, nothing, k)
-    return Found(status, z, w, k, descent.ray)
+        nothing = np.full(z.size, np.nan)
+        return Outcome(Status.NUMERICAL_ERROR, nothing, nothing, k, "mprgp")
+    return Outcome(status, z, w, k, "mprgp", descent.ray)
 
 
 class Descent:
@@ -178,17 +155,14 @@ class Descent:
         The proof that there is no solution, in the caller's units.
     """
 
-    def __init__(
-        self,
-        A: Any,
-        root: np.ndarray,
-        q: np.ndarray,
-        lower: np.ndarray,
-        upper: np.ndarray,
-        z0: np.ndarray,
-    ):
-        self.A, self.root, self.q = A, root, q / root
-        self.lower, self.upper = lower * root, upper * root
+    def __init__(self, lcp: LCP, z0: np.ndarray):
+        self.A, self.root = lcp.A, lcp.matrix.root
+        root = self.root
+        self.q, self.lower, self.upper = (
+            lcp.q / root,
+            lcp.lower * root,
+            lcp.upper * root,
+        )
         self.ray: np.ndarray | None = None
         self.norm = 0.0  # largest ||A p|| / ||p|| that was met
         self.y = np.clip(z0 * root, self.lower, self.upper)

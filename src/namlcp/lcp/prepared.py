@@ -8,9 +8,10 @@ from scipy import sparse
 
 from namlcp.lcp.data import lcp_matrix
 from namlcp.lcp.multigrid import Hierarchy, build
+from namlcp.lcp.relaxation import dominance
 from namlcp.lcp.tridiagonal import Tridiagonal, tridiagonal_of
 from namlcp.limits import NEVER, Deadline
-from namlcp.linalg import asymmetry
+from namlcp.linalg import Columns, asymmetry, columns_of
 
 ROUNDING = 1e-14
 """Asymmetry of A below this times max|A| is rounding."""
@@ -45,10 +46,21 @@ class Prepared:
     [[1.333333, 2.333333], [2.5, 0.0]]
     """
 
+    levels: Hierarchy | None = None
+    unsuited = False
+
     def __init__(self, A: Any, diagonal: Any = None):
         self.A = lcp_matrix(A, diagonal)
-        self.levels: Hierarchy | None = None
-        self.unsuited = False
+
+    @classmethod
+    def unchecked(cls, A: Any, symmetric: bool) -> "Prepared":
+        """Return a clean matrix prepared, without a look at its entries.
+
+        A may be in CSC if it is symmetric: its columns pass for rows.
+        """
+        matrix = cls.__new__(cls)
+        matrix.A, matrix.symmetric = A, symmetric
+        return matrix
 
     @cached_property
     def symmetric(self) -> bool:
@@ -80,3 +92,18 @@ class Prepared:
         """diag(A), 1 where that is not positive: the units, and Omega of s."""
         diagonal = self.A.diagonal()
         return np.where(diagonal > 0.0, diagonal, 1.0)
+
+    @cached_property
+    def root(self) -> np.ndarray:
+        """sqrt(slopes); D^(-1/2) A D^(-1/2) has a unit diagonal, D = root^2."""
+        return np.sqrt(self.slopes)
+
+    @cached_property
+    def columns(self) -> Columns:
+        """The columns of A, for compiled code."""
+        return columns_of(self.A, self.symmetric)
+
+    @cached_property
+    def dominance(self) -> float:
+        """Bound for rho(|I - D^-1 A|), see `relaxation.dominance`."""
+        return dominance(self.A)

@@ -2,25 +2,29 @@
 
 import math
 import time
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from scipy.sparse import issparse
 
 from namlcp.checks import finite_vector
-from namlcp.lcp.auto import LARGE, ask_multigrid, solve_auto
-from namlcp.lcp.data import LCP, lcp_data
-from namlcp.lcp.modulus import EXACT, find_method, relax_csr, sweep
-from namlcp.lcp.multigrid import ascend
+from namlcp.compiled import kernel
+from namlcp.lcp.auto import LARGE, solve_auto
+from namlcp.lcp.criterion import Criterion
+from namlcp.lcp.data import LCP, Outcome, lcp_data
+from namlcp.lcp.modulus import EXACT, find_method, sweep
+from namlcp.lcp.multigrid import ascend, solve_by_multigrid
 from namlcp.lcp.operators import Operator
-from namlcp.lcp.pivoting import ACCURACY, Outcome, pivot
+from namlcp.lcp.pivoting import ACCURACY, pivot
 from namlcp.lcp.prepared import Prepared
+from namlcp.lcp.relaxation import relax_csr
 from namlcp.lcp.tridiagonal import solve_faces
-from namlcp.limits import Deadline, interruptible
+from namlcp.limits import Deadline, Limits, interruptible
 from namlcp.linalg import blas_threads
 from namlcp.options import check_count, check_flag, check_number
 from namlcp.progress import LCP_COLUMNS, Progress
-from namlcp.residuals import modulus_variable, natural_residual
+from namlcp.residuals import modulus_variable
 from namlcp.result import LCPResult
 
 SWEEP_EPS_ABS = 1e-8
@@ -151,27 +155,35 @@ def solve_lcp(
     else:
         refuse('is for method "auto" or "multigrid", not for', method, eps_rel=eps_rel)
     matrix = prepared(A, diagonal, method)
-    data = lcp_data(matrix.A, q, lower, upper)
+    lcp = lcp_data(matrix, q, lower, upper)
     progress = Progress(LCP_COLUMNS, verbose)
     if verbose:
-        progress.say(f"namlcp  LCP: n = {data.q.size}, method = {method}")
+        progress.say(f"namlcp  LCP: n = {lcp.q.size}, method = {method}")
         if method in EXACT:
             progress.announce(first_kernel(matrix, method))
-    limits: dict[str, Any] = {"deadline": deadline, "report": progress.report(history)}
-    limits |= {"eps_abs": eps_abs, "max_iter": max_iter}
+    given = {"alpha": alpha, "beta": beta, "omega": omega, "shift": shift}
+    given |= {"s0": s0, "z0": z0, "threads": threads}
+    report = progress.report(history)
     ready = time.perf_counter()
     # The products of a LinearOperator are the user's own, with the user's setting.
-    order = 0 if isinstance(matrix.A, Operator) else data.q.size
+    order = 0 if isinstance(matrix.A, Operator) else lcp.q.size
     with deadline.listening(), blas_threads(1, order):
         if method in EXACT:
-            limits["eps_rel"] = eps_rel
-            outcome, s, method = solve_exactly(matrix, data, method, z0, limits)
+            if eps_rel is None:
+                eps_rel = ACCURACY if eps_abs is None else 0.0
+            limits = Limits(eps_abs or 0.0, eps_rel, max_iter, deadline, report)
+            outcome = solve_exactly(lcp, method, z0, limits)
         else:
-            limits |= {"alpha": alpha, "beta": beta, "omega": omega, "shift": shift}
-            limits |= {"s0": s0, "z0": z0, "threads": threads}
-            outcome, s = solve_by_name(data, method, limits)
+            eps_abs = SWEEP_EPS_ABS if eps_abs is None else eps_abs
+            limits = Limits(eps_abs, 0.0, max_iter, deadline, report)
+            outcome = solve_by_name(lcp, method, given, limits)
+    method = outcome.method
     status = deadline.verdict(outcome.status)
-    residual = natural_residual(outcome.z, outcome.w, data.lower, data.upper)
+    residual = lcp.residual(outcome.z, outcome.w)
+    s = outcome.s
+    if s is None:
+        s = np.empty(lcp.q.size)
+        modulus_variable(outcome.z, outcome.w, matrix.slopes, s)
     end = time.perf_counter()
     if verbose:
         progress.close(
@@ -193,52 +205,61 @@ def solve_lcp(
     )
 
 
-def solve_exactly(
-    matrix: Prepared, data: LCP, method: str, z0: Any, limits: dict[str, Any]
-) -> tuple[Outcome, np.ndarray, str]:
-    """Solve by one of EXACT; return outcome, s and the method that gave it.
-
-    It is called in units of data.unit for q, z, the bounds and eps_abs.
-    """
-    _, q, lower, upper, unit = data
-    eps_abs, eps_rel = limits["eps_abs"], limits["eps_rel"]
-    if eps_rel is None:
-        limits["eps_rel"] = ACCURACY if eps_abs is None else 0.0
-    limits["eps_abs"] = (eps_abs or 0.0) / unit
+def solve_exactly(lcp: LCP, method: str, z0: Any, limits: Limits) -> Outcome:
+    """Solve by one of EXACT, in units in which squares stay in range."""
+    n = lcp.q.size
     if z0 is not None:
-        z0 = finite_vector("z0", z0, q.size, "A", (q.size, q.size))
-    solver = solve_auto if method == "auto" else ask_multigrid
-    if unit != 1.0:
-        q, lower, upper = q / unit, lower / unit, upper / unit
-        z0 = None if z0 is None else z0 / unit
-        told = limits["report"]
-        if told is not None:
-            limits["report"] = lambda k, residual, active: told(
-                k, residual * unit, active
-            )
-    outcome, method = solver(matrix, q, lower, upper, z0, **limits)
-    if unit != 1.0:
-        with np.errstate(over="ignore"):  # beyond the range w is infinite
-            ray = None if outcome.ray is None else outcome.ray / unit
-            if ray is not None and not np.isfinite(ray).all():
-                ray = None
-            outcome = outcome._replace(z=outcome.z * unit, w=outcome.w * unit, ray=ray)
-    s = np.empty(q.size)
-    modulus_variable(outcome.z, outcome.w, matrix.slopes, s)
-    return outcome, s, method
+        z0 = finite_vector("z0", z0, n, "A", (n, n))
+    solver = solve_auto if method == "auto" else solve_multigrid
+    unit = unit_of(lcp.q)
+    if unit == 1.0:
+        return solver(lcp, z0, limits)
+    inner = LCP(lcp.matrix, lcp.q / unit, lcp.lower / unit, lcp.upper / unit)
+    report = limits.report
+    if report is not None:
+        report = in_units(report, unit)
+    units = limits._replace(eps_abs=limits.eps_abs / unit, report=report)
+    outcome = solver(inner, None if z0 is None else z0 / unit, units)
+    with np.errstate(over="ignore"):  # beyond the range w is infinite
+        ray = None if outcome.ray is None else outcome.ray / unit
+        if ray is not None and not np.isfinite(ray).all():
+            ray = None
+        return outcome._replace(z=outcome.z * unit, w=outcome.w * unit, ray=ray)
+
+
+def in_units(report: Callable[..., None], unit: float) -> Callable[..., None]:
+    """Return a report of the residual times the unit."""
+    return lambda k, residual, active: report(k, residual * unit, active)
 
 
 def solve_by_name(
-    data: LCP, method: str, limits: dict[str, Any]
-) -> tuple[Outcome, np.ndarray]:
-    """Solve by a named sweep method; return outcome and s."""
-    A, q, lower, upper, _ = data
-    if limits["eps_abs"] is None:
-        limits["eps_abs"] = SWEEP_EPS_ABS
-    limits["max_iter"] = limits["max_iter"] or SWEEP_MAX_ITER
-    swept = sweep(A, q, lower, upper, method, **limits)
-    w = A @ swept.z + q
-    return Outcome(swept.status, swept.z, w, swept.iterations, None), swept.s
+    lcp: LCP, method: str, given: dict[str, Any], limits: Limits
+) -> Outcome:
+    """Solve by a named sweep method."""
+    eps_abs, _, most, deadline, report = limits
+    most = most or SWEEP_MAX_ITER
+    swept = sweep(
+        lcp.A, *lcp[1:], method, **given, eps_abs=eps_abs, max_iter=most,
+        deadline=deadline, report=report,
+    )  # fmt: skip
+    w = lcp.w(swept.z)
+    return Outcome(swept.status, swept.z, w, swept.iterations, method, s=swept.s)
+
+
+def solve_multigrid(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
+    """Solve by multigrid cycles alone."""
+    return solve_by_multigrid(lcp, z0, limits, Criterion(lcp, limits))
+
+
+@kernel
+def unit_of(q):
+    """Return 1, or a power of 2 near max |q| where squares would leave the range."""
+    size = 0.0
+    for i in range(q.size):
+        size = max(size, abs(q[i]))
+    if size == 0.0 or 1e-100 < size < 1e100:
+        return 1.0
+    return 2.0 ** np.floor(np.log2(size))
 
 
 def prepared(A: Any, diagonal: Any, method: str) -> Prepared:

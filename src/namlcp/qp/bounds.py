@@ -9,14 +9,22 @@ z_box <= 0 at lb, >= 0 at ub          w >= 0 at lower, <= 0 at upper
 ray x, q'x = -1                       ray v, q'v = -1 (no solution)
 """
 
-from typing import Any
-
 import numpy as np
 
 from namlcp.checks import as_sparse
 from namlcp.compiled import kernel
-from namlcp.lcp import ACCURACY, LARGE, Outcome, pivot, relax_csr, solve_auto, solve_box
-from namlcp.limits import Deadline
+from namlcp.lcp import (
+    ACCURACY,
+    LARGE,
+    LCP,
+    Outcome,
+    Prepared,
+    pivot,
+    relax_csr,
+    solve_auto,
+    solve_box,
+)
+from namlcp.limits import Deadline, Limits
 from namlcp.options import Options
 from namlcp.progress import Progress
 from namlcp.qp import certificates
@@ -28,12 +36,13 @@ from namlcp.residuals import UNDEFINED, qp_residuals
 from namlcp.status import Status
 
 
-def box_lcp(qp: QP) -> tuple[Any, np.ndarray, np.ndarray, np.ndarray]:
-    """Return (A, q, lower, upper) of the box LCP that a QP with bounds only is.
+def box_lcp(qp: QP, matrix: Prepared | None = None) -> LCP:
+    """Return the box LCP that a QP with bounds only is, of a matrix prepared before.
 
     P is symmetric, so that its compressed columns pass for compressed rows.
     """
-    return qp.P, qp.q, qp.lb, qp.ub
+    matrix = matrix or Prepared.unchecked(qp.P, symmetric=True)
+    return LCP(matrix, qp.q, qp.lb, qp.ub)
 
 
 @kernel
@@ -76,18 +85,17 @@ def solve_bounds(
     memory: Memory,
 ) -> Answer | None:
     """Solve the box LCP that bounds alone make; None where it does not decide."""
-    A, q, lower, upper = box_lcp(qp)
-    large = not qp.is_dense and q.size >= LARGE
+    large = not qp.is_dense and qp.q.size >= LARGE
     if progress is not None:
         progress.announce(relax_csr if large else pivot)
-    limits: dict[str, Any] = {"max_iter": options.max_iter, "deadline": deadline}
+    limits = Limits(0.0, ACCURACY, options.max_iter, deadline)
     if large:
-        memory.ensure_convex(A)
+        memory.ensure_convex(qp.P)
         outcome = solve_large_box(qp, options, guess, memory, limits)
     else:
-        outcome = solve_box(A, q, lower, upper, guess.point, ask_convex=True, **limits)
-    status, x, w, iterations, ray, convex = outcome
-    x, z_box = box_point(x, w, lower, upper)
+        outcome = solve_box(box_lcp(qp), guess.point, limits, ask_convex=True)
+    status, iterations, ray = outcome.status, outcome.iterations, outcome.ray
+    x, z_box = box_point(outcome.z, outcome.w, qp.lb, qp.ub)
     if ray is not None:
         memory.ensure_convex(as_sparse(qp.P))
         proof = certificates.accept_dual(qp, x, NOTHING, NOTHING, ray, options.eps_abs)
@@ -98,7 +106,7 @@ def solve_bounds(
         )
     residuals = qp_residuals(*qp, x, NOTHING, NOTHING, z_box)
     if residuals.solved(options.eps_abs, options.eps_rel):
-        if not convex:
+        if not outcome.convex:
             return None  # the path looks closer, and may refuse
         status = Status.SOLVED
     elif status is Status.SOLVED:
@@ -113,19 +121,16 @@ def solve_large_box(
     options: Options,
     guess: Guess,
     memory: Memory,
-    limits: dict[str, Any],
+    limits: Limits,
 ) -> Outcome:
     """Solve the box LCP of a convex QP until that, not the LCP, is solved.
 
     The gap adds up what each of many unknowns leaves.
     """
-    A, q, lower, upper = box_lcp(qp)
-    matrix, z0 = memory.prepared(A), guess.point
+    lcp, z0 = box_lcp(qp, memory.prepared(qp.P)), guess.point
     for eps_rel in SHARPER:
-        found, _ = solve_auto(
-            matrix, q, lower, upper, z0, eps_abs=0.0, eps_rel=eps_rel, **limits
-        )
-        x, z_box = box_point(found.z, found.w, lower, upper)
+        found = solve_auto(lcp, z0, limits._replace(eps_rel=eps_rel))
+        x, z_box = box_point(found.z, found.w, qp.lb, qp.ub)
         residuals = qp_residuals(*qp, x, NOTHING, NOTHING, z_box)
         if found.status is not Status.SOLVED or residuals.solved(
             options.eps_abs, options.eps_rel

@@ -1,20 +1,15 @@
 """The paper's sweeps: one family of modulus-based splittings, and its parameters."""
 
 from namlcp.lcp.modulus.factored import dense_solver, sparse_solver
-from namlcp.lcp.modulus.kernels import ONE, dominance_csr, relax_back, relax_csr
 from namlcp.lcp.modulus.methods import EXACT, METHODS, find_method, spread
 from namlcp.lcp.modulus.sweeps import factored_omega, sweep, triangular_parameters
 
 __all__ = [
     "EXACT",
     "METHODS",
-    "ONE",
     "dense_solver",
-    "dominance_csr",
     "factored_omega",
     "find_method",
-    "relax_back",
-    "relax_csr",
     "sparse_solver",
     "spread",
     "sweep",

@@ -19,12 +19,12 @@ Kornhuber, Numer. Math. 69 (1994) 167-184; Graeser and Kornhuber, J. Comput. Mat
 """
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
-from namlcp.lcp.modulus import relax_back, relax_csr
+from namlcp.lcp.criterion import Criterion
+from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.multigrid.hierarchy import Hierarchy
 from namlcp.lcp.multigrid.kernels import (
     interpolate,
@@ -35,9 +35,9 @@ from namlcp.lcp.multigrid.kernels import (
 )
 from namlcp.lcp.multigrid.krylov import solve_face
 from namlcp.lcp.multigrid.vcycle import VCycle
-from namlcp.limits import NEVER, Deadline
-from namlcp.progress import Report
-from namlcp.residuals import natural_residual, natural_residuals
+from namlcp.lcp.relaxation import relax_back, relax_csr
+from namlcp.limits import Deadline, Limits
+from namlcp.residuals import natural_residuals
 from namlcp.status import Status
 
 MAX_CYCLES = 40
@@ -147,47 +147,28 @@ class Iterate:
         self.judge()
 
 
-def solve_multigrid(
-    hierarchy: Hierarchy,
-    q: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    z0: np.ndarray | None = None,
-    *,
-    accept: Callable[[np.ndarray, np.ndarray], bool],
-    goal: float,
-    max_cycles: int = MAX_CYCLES,
-    deadline: Deadline = NEVER,
-    report: Report = None,
-) -> tuple[Status, np.ndarray, np.ndarray, int]:
-    """Solve the box LCP; return status, z, w = A z + q and the cycles on A itself.
+def solve_by_multigrid(
+    lcp: LCP, z0: np.ndarray | None, limits: Limits, criterion: Criterion
+) -> Outcome:
+    """Solve the box LCP; iterations are cycles on A itself. Raise if A does not suit.
 
-    SOLVED: accept(z, w). Otherwise z is the best point met: MAX_ITER, TIME_LIMIT,
-    STALLED (rounding, or no progress on a nonsymmetric matrix).
-
-    Parameters
-    ----------
-    hierarchy : Hierarchy
-        Of A.
-    q, lower, upper : (n,) array
-        The rest of the box LCP.
-    z0 : (n,) array
-        Where to start; heeded if it is close to the solution.
-    accept : callable
-        The exact test, asked only when Res(z) of the problem scaled to a unit diagonal
-        is at most `goal` (which a refusal divides by 10).
-    goal : float
-        The size of that Res(z) that `accept` wants.
-    max_cycles : int
-        Cycles on A at most.
-    deadline : Deadline
-        When to stop.
-    report : callable
-        Called as report(cycles, Res, unknowns at bounds).
+    Otherwise than SOLVED z is the best point met: MAX_ITER, TIME_LIMIT, STALLED
+    (rounding, or no progress on a nonsymmetric matrix). z0 is heeded if it is close to
+    the solution.
     """
-    solver = Solver(hierarchy, q, lower, upper, accept, goal)
-    status = solver.run(z0, max_cycles, deadline, report)
-    return status, *solver.users_point(solver.best), solver.done
+    hierarchy = lcp.matrix.hierarchy(limits.deadline)
+    if hierarchy is None:
+        if not limits.deadline.reached():
+            raise ValueError(
+                'A does not suit method "multigrid": it must have a positive diagonal, '
+                "short rows, mostly negative couplings and V-cycles that contract; "
+                'use method="auto"'
+            )
+        z = lcp.start(z0)
+        return Outcome(Status.TIME_LIMIT, z, lcp.w(z), 0, "multigrid")
+    solver = Solver(lcp, hierarchy, criterion)
+    status = solver.run(z0, limits)
+    return Outcome(status, *solver.users_point(solver.best), solver.done, "multigrid")
 
 
 class Solver:
@@ -203,22 +184,14 @@ class Solver:
         Counts the V-cycles on all levels.
     """
 
-    def __init__(
-        self,
-        hierarchy: Hierarchy,
-        q: np.ndarray,
-        lower: np.ndarray,
-        upper: np.ndarray,
-        accept: Callable[[np.ndarray, np.ndarray], bool],
-        goal: float,
-    ):
-        self.hierarchy = hierarchy
+    def __init__(self, lcp: LCP, hierarchy: Hierarchy, criterion: Criterion):
+        self.lcp, self.hierarchy = lcp, hierarchy
         self.cycle = VCycle(hierarchy.levels, hierarchy.symmetric)
-        self.users = q, lower, upper
+        _, q, lower, upper = lcp
         S = hierarchy.scale
         root = np.sqrt(hierarchy.levels[0].d)
         self.box = Box(S * q, lower / S, upper / S, root)
-        self.accept, self.goal = accept, goal
+        self.accepts, self.goal = criterion.accepts, criterion.goal
         self.best = self.clipped(np.zeros(q.size), self.box)
         self.least = math.inf
         self.done = 0
@@ -231,9 +204,9 @@ class Solver:
 
     def users_point(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return z in the caller's scaling, and w = A z + q."""
-        q, lower, upper = self.users
+        _, _, lower, upper = self.lcp
         z = np.minimum(np.maximum(self.hierarchy.scale * z, lower), upper)
-        return z, self.hierarchy.A @ z + q
+        return z, self.lcp.w(z)
 
     def note(self, iterate: Iterate) -> None:
         """Keep the iterate if it is the best so far."""
@@ -242,20 +215,23 @@ class Solver:
             np.copyto(self.best, iterate.z)
 
     def is_solved(self, iterate: Iterate) -> bool:
-        """Note the iterate; tell whether the caller accepts it."""
+        """Note the iterate; tell whether the criterion accepts it.
+
+        It is asked only when Res(z) of the problem scaled to a unit diagonal is at most
+        the goal; a refusal divides that goal by 10.
+        """
         self.note(iterate)
         if not iterate.residual <= self.goal:
             return False
-        if self.accept(*self.users_point(iterate.z)):
+        if self.accepts(*self.users_point(iterate.z)):
             np.copyto(self.best, iterate.z)
             return True
         self.goal *= 0.1
         return False
 
-    def run(
-        self, z0: np.ndarray | None, max_cycles: int, deadline: Deadline, report: Report
-    ) -> Status:
+    def run(self, z0: np.ndarray | None, limits: Limits) -> Status:
         """Start, then cycle until solved or an end is in sight."""
+        deadline, max_cycles = limits.deadline, limits.max_iter or MAX_CYCLES
         iterate = self.start(z0, deadline)
         if self.is_solved(iterate):
             return Status.SOLVED
@@ -270,10 +246,9 @@ class Solver:
             if not solved:
                 iterate.correct(self.goal)
                 solved = self.is_solved(iterate)
-            if report is not None:
-                point = self.users_point(iterate.z)
-                residual = natural_residual(*point, *self.users[1:])
-                report(self.done, residual, iterate.active)
+            if limits.report is not None:
+                residual = self.lcp.residual(*self.users_point(iterate.z))
+                limits.report(self.done, residual, iterate.active)
             if solved:
                 return Status.SOLVED
             if self.warm and self.done == WARM_CYCLES:

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from namlcp.compiled import kernel
-from namlcp.lcp.modulus import ONE
+from namlcp.lcp.relaxation import ONE
 
 VANISHED = 1e-13
 """A coarse diagonal that truncation leaves below this times its old value is zero."""

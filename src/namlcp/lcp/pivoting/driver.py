@@ -5,12 +5,13 @@ caller's data.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.pivoting import blocks as pivoting
 from namlcp.lcp.pivoting.blocks import (
     BLOCK_STEPS,
@@ -59,8 +60,9 @@ from namlcp.lcp.pivoting.work import (
     Z,
     workspace,
 )
-from namlcp.limits import NEVER, Deadline
-from namlcp.linalg import Columns, columns_of
+from namlcp.lcp.prepared import Prepared
+from namlcp.limits import Deadline, Limits
+from namlcp.linalg import Columns
 from namlcp.progress import Report
 from namlcp.residuals import natural_residual, natural_residuals
 from namlcp.status import Status
@@ -102,57 +104,20 @@ CLEAR = 1e3
 """kappa / tau from which on a proof is looked for; then at ten times as much."""
 
 
-class Outcome(NamedTuple):
-    """Status, z, w = A z + q, iterations as `LCPResult` counts them, ray or None.
-
-    `convex` says, where it was asked and A = A', that A is positive semidefinite.
-    """
-
-    status: Status
-    z: np.ndarray
-    w: np.ndarray
-    iterations: int
-    ray: np.ndarray | None
-    convex: bool = False
-
-
 def solve_box(
-    A: Any,
-    q: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    z0: np.ndarray | None = None,
-    *,
-    symmetric: bool = True,
-    eps_abs: float = 0.0,
-    eps_rel: float = ACCURACY,
-    max_iter: int = MAX_ITER,
-    deadline: Deadline = NEVER,
-    report: Report = None,
-    ask_convex: bool = False,
+    lcp: LCP, z0: np.ndarray | None, limits: Limits, ask_convex: bool = False
 ) -> Outcome:
-    """Solve a box LCP by pivoting, without checks.
+    """Solve a box LCP by pivoting; iterations are factorisations.
 
-    Parameters
-    ----------
-    A : (n, n) array or sparse array
-        float64; dense C-contiguous, or canonical CSR (CSC too if symmetric).
-    symmetric : bool
-        A = A'. Nothing tests it here.
-    eps_abs, eps_rel : float
-        SOLVED when Res < eps_abs on this problem, or Res <= eps_rel Res(clip(0)) on
-        the problem scaled to a unit diagonal.
-    max_iter : int
-        Factorisations at most.
-    deadline : Deadline
-        When to stop.
-    report : callable
-        Called as report(factorisations, least Res so far, unknowns at bounds).
-    ask_convex : bool
-        For symmetric A: tell whether it is positive semidefinite (one factorisation).
+    The matrix is dense and C-contiguous or canonical CSR (CSC too if symmetric).
+    ask_convex: for symmetric A, tell whether it is positive semidefinite (one
+    factorisation).
     """
+    matrix, q, lower, upper = lcp
+    A, columns, symmetric = lcp.A, matrix.columns, matrix.symmetric
+    eps_abs, eps_rel, most, deadline, report = limits
+    max_iter = most or MAX_ITER
     n = q.size
-    columns = columns_of(A, symmetric)
     work = workspace(columns, n)
     vectors, scalar = work.vectors, work.scalar
     vectors[Q], vectors[LOWER], vectors[UPPER] = q, lower, upper
@@ -165,15 +130,15 @@ def solve_box(
     faces = LargeFaces(work) if large else None
     work.counter[ASKED] = ask_convex and not large
     with np.errstate(all="ignore"):  # a singular face overflows, and is noticed
-        problem, limits = (A, q, lower, upper, columns), (max_iter, deadline, report)
-        status, ray = drive(*problem, symmetric, work, outside, faces, *limits)
+        problem, given = (A, q, lower, upper, columns), (max_iter, deadline, report)
+        status, ray = drive(*problem, symmetric, work, outside, faces, *given)
         if faces is not None and ask_convex and status is Status.SOLVED:
             work.counter[CONVEX] = faces.is_convex()
         z, w, status = judged(A, q, lower, upper, work, status)
         if status is Status.STALLED and may_decide(work, symmetric, outside):
             first = z, w
             scalar[BEST], scalar[MET] = math.inf, 0.0
-            status, ray = drive(*problem, symmetric, work, outside, faces, *limits)
+            status, ray = drive(*problem, symmetric, work, outside, faces, *given)
             z, w, status = judged(A, q, lower, upper, work, status)
             is_better = status is Status.SOLVED or natural_residual(
                 z, w, lower, upper
@@ -184,13 +149,12 @@ def solve_box(
             (z, w), status = exact, Status.SOLVED
     if status is Status.STALLED and symmetric and n <= DENSE:
         # Nearly singular towards the solution: rho hides it, so once more without.
-        given: dict[str, Any] = {"eps_abs": eps_abs, "eps_rel": eps_rel}
-        given |= {"max_iter": max_iter, "deadline": deadline, "report": report}
-        again = solve_box(A, q, lower, upper, z, symmetric=False, **given)
+        unsymmetric = Prepared.unchecked(A, symmetric=False)
+        again = solve_box(lcp._replace(matrix=unsymmetric), z, limits)
         if again.status is Status.SOLVED or again.ray is not None:
             return again._replace(convex=bool(work.counter[CONVEX]))
-    counter = work.counter
-    return Outcome(status, z, w, int(counter[FACTORED]), ray, bool(counter[CONVEX]))
+    done, convex = int(work.counter[FACTORED]), bool(work.counter[CONVEX])
+    return Outcome(status, z, w, done, "pivoting", ray, convex=convex)
 
 
 def judged(

@@ -18,6 +18,7 @@ import math
 import numpy as np
 
 from namlcp.compiled import kernel, part
+from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.tridiagonal.diagonals import (
     ABOVE,
     BELOW,
@@ -31,10 +32,9 @@ from namlcp.lcp.tridiagonal.diagonals import (
     multiply,
 )
 from namlcp.lcp.tridiagonal.scan import scan
-from namlcp.limits import Deadline
+from namlcp.limits import Limits
 from namlcp.linalg import copy
-from namlcp.progress import Report
-from namlcp.residuals import deviation, natural_residual
+from namlcp.residuals import deviation
 from namlcp.status import Status
 
 # Rows of the work array.
@@ -56,6 +56,9 @@ EXACT = 1e-15
 
 SAME = 4.0 * np.finfo(float).eps
 """Pivots that differ by no more, relatively, are the same."""
+
+MAX_ITER = 5000
+"""Faces at most, unless the caller says."""
 
 UNKNOWNS = 1_000_000
 """So many unknowns are solved for between two looks at the clock."""
@@ -391,47 +394,44 @@ def nested(
     fill_in(rows, q, lower, upper, solver.z, z)
 
 
-def solve_tridiagonal(
-    A: Tridiagonal,
-    q: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    z0: np.ndarray | None,
-    *,
-    eps_abs: float,
-    eps_rel: float,
-    max_iter: int,
-    deadline: Deadline,
-    report: Report = None,
-) -> tuple[Status | None, np.ndarray, np.ndarray, int]:
-    """Solve a box LCP; return status, z, w = A z + q and the faces solved.
+def solve_tridiagonal(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
+    """Solve a box LCP whose matrix has a form `tridiagonal`; iterations are faces.
 
-    The arguments are those of `exact.solve_box`. STALLED: every sign is right, so that
-    rounding alone is left to blame. None: another method may do better from z on.
+    STALLED: every sign is right, so that rounding alone is left to blame. UNSOLVABLE: A
+    is none that elimination can decide, and another method may do better from z on.
     """
+    matrix, q, lower, upper = lcp
+    assert matrix.tridiagonal is not None
     n = q.size
+    max_iter = limits.max_iter or MAX_ITER
     z = np.zeros(n) if z0 is None else z0.copy()
-    solver = Solver(A, q, lower, upper, z, eps_abs, eps_rel)
-    begun = z0 is None
-    if begun:
+    solver = Solver(
+        matrix.tridiagonal, q, lower, upper, z, limits.eps_abs, limits.eps_rel
+    )
+    afar = z0 is None
+    if afar:
         solver.begin_afar()
+
+    def outcome(status: Status) -> Outcome:
+        return Outcome(status, solver.z, solver.w, solver.faces, "tridiagonal")
+
     while True:
         before = solver.faces
-        budget = 1 if report is not None else max(1, UNKNOWNS // n)
+        budget = 1 if limits.report is not None else max(1, UNKNOWNS // n)
         code = solver.run(min(budget, max_iter - before))
-        done = solver.faces
-        if report is not None and done > before:
-            residual = natural_residual(solver.z, solver.w, lower, upper)
-            report(done, residual, np.count_nonzero(solver.state))
+        if limits.report is not None and solver.faces > before:
+            residual = lcp.residual(solver.z, solver.w)
+            limits.report(solver.faces, residual, np.count_nonzero(solver.state))
         if code == SOLVED:
-            return Status.SOLVED, solver.z, solver.w, done
-        if code == ROUNDING or (code == STUCK and begun):
-            status = Status.STALLED if code == ROUNDING else None
-            return status, solver.z, solver.w, done
-        if done >= max_iter:
-            return Status.MAX_ITER, solver.z, solver.w, done
-        if deadline.reached():
-            return Status.TIME_LIMIT, solver.z, solver.w, done
+            return outcome(Status.SOLVED)
+        if code == ROUNDING:
+            return outcome(Status.STALLED)
+        if code == STUCK and afar:
+            return outcome(Status.UNSOLVABLE)
+        if solver.faces >= max_iter:
+            return outcome(Status.MAX_ITER)
+        if limits.deadline.reached():
+            return outcome(Status.TIME_LIMIT)
         if code == STUCK:
             solver.begin_afar()
-            begun = True
+            afar = True

@@ -1,0 +1,44 @@
+"""When a point solves a box LCP: the one test of every method of `solve_lcp`.
+
+Res(z) < eps_abs on the problem as it is, or Res(z) <= eps_rel Res(clip(0)) on the one
+scaled to a unit diagonal. (`lcp.tridiagonal` compiles the same test for its faces.)
+"""
+
+import math
+from functools import cached_property
+
+import numpy as np
+
+from namlcp.lcp.data import LCP
+from namlcp.limits import Limits
+from namlcp.residuals import natural_residuals
+
+
+class Criterion:
+    """The test of an LCP with the tolerances of its limits."""
+
+    def __init__(self, lcp: LCP, limits: Limits):
+        self.lcp = lcp
+        self.eps_abs, self.eps_rel = limits.eps_abs, limits.eps_rel
+
+    def residuals(self, z: np.ndarray, w: np.ndarray) -> tuple[float, float]:
+        """Return Res(z) of the problem and of the one scaled to a unit diagonal."""
+        matrix, _, lower, upper = self.lcp
+        return natural_residuals(z, w, lower, upper, matrix.root)
+
+    @cached_property
+    def size(self) -> float:
+        """Res(clip(0)) of the problem scaled to a unit diagonal."""
+        z = self.lcp.start()
+        return self.residuals(z, self.lcp.w(z) if z.any() else self.lcp.q)[1]
+
+    @cached_property
+    def goal(self) -> float:
+        """A Res of the scaled problem that will be accepted."""
+        largest = float(self.lcp.matrix.root.max(initial=1e-300))
+        return max(self.eps_rel * self.size, self.eps_abs / largest)
+
+    def accepts(self, z: np.ndarray, w: np.ndarray) -> bool:
+        """Tell whether z with w = A z + q solves the problem."""
+        plain, scaled = self.residuals(z, w)
+        return plain < self.eps_abs or scaled <= self.eps_rel * self.size < math.inf
