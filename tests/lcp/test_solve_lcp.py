@@ -10,19 +10,9 @@ from scipy import sparse
 
 from namlcp import Prepared, Status, solve_lcp
 from namlcp.lcp.pivoting.driver import solve_box
-from namlcp.lcp.pivoting.faces import (
-    Ordering,
-    analyse,
-    face_order,
-    refactor,
-    solve_face,
-)
+from namlcp.lcp.pivoting.free_system import analyse, free_order, refactor, solve_free
 from namlcp.lcp.pivoting.rays import proof
-from namlcp.lcp.pivoting.work import (
-    UPPER,
-    D,
-    workspace,
-)
+from namlcp.lcp.pivoting.work import Memory, opened
 from namlcp.limits import Limits
 from namlcp.linalg.columns import columns_of
 
@@ -321,9 +311,8 @@ def test_nothing_to_do():
     [(1.0, -1e10, True), (1e300, -1e10, True), (np.inf, -1e10, False)],
 )
 def test_overflow_proves_nothing(v, q, proved):
-    work = workspace(columns_of(-np.eye(1), True), 1)
-    work.vectors[D], work.vectors[UPPER] = 1.0, np.inf
-    ray = proof(-np.eye(1), np.array([q]), np.array([v]), work, True)
+    lcp = problems.box_lcp(-np.eye(1), np.array([q]), np.zeros(1), np.array([np.inf]))
+    ray = proof(lcp, np.ones(1), np.array([v]))
     assert (ray is not None) == proved
     assert ray is None or q * ray[0] == pytest.approx(-1.0)
 
@@ -433,16 +422,16 @@ def test_bad_arguments_are_named(arguments, options, error, text):
 
 
 @njit
-def face_solution(columns, symmetric, state, shift, ordering, b, x):
-    order = face_order(columns, symmetric, state, ordering)
-    factor = analyse(columns, symmetric, order, ordering)
-    quality = refactor(columns, symmetric, shift, factor, ordering.local)
-    solve_face(symmetric, factor, b, x)
+def free_solution(arena, state, shift, b, x):
+    work = opened(arena)
+    factor = analyse(work, free_order(work, state))
+    quality = refactor(work, shift, factor)
+    solve_free(work.now.symmetric, factor, b, x)
     return quality, factor.dense.shape[0]
 
 
 @pytest.mark.parametrize("kind", ["dense", "sparse", "nonsymmetric"])
-def test_face_solves(rng, kind):
+def test_free_systems(rng, kind):
     A = problems.laplacian(12, 0.5)
     n = A.shape[0]
     if kind == "nonsymmetric":
@@ -451,15 +440,16 @@ def test_face_solves(rng, kind):
         A = A.toarray() + 0.01
     symmetric = kind != "nonsymmetric"
     shift, b = rng.random(n), rng.standard_normal(n)
-    marks = np.full((3, n), -1, dtype=np.int32)
-    ordering = Ordering(*marks, np.zeros(2, dtype=np.int64))
+    columns = columns_of(A, symmetric)
+    memory = Memory(columns, n)
+    memory.now.symmetric = symmetric
+    arena = memory.arena._replace(scaled=columns)
     dense = A if kind == "dense" else A.toarray()
     for share in (0.5, 0.9, 1.0):
         state = np.where(rng.random(n) < share, 0, 1).astype(np.int32)
         F = np.flatnonzero(state == 0)
         x = np.zeros(n)
-        columns = columns_of(A, symmetric)
-        _, size = face_solution(columns, symmetric, state, shift, ordering, b, x)
+        _, size = free_solution(arena, state, shift, b, x)
         assert (size == 0) == (kind == "sparse")
         expected = np.linalg.solve(dense[np.ix_(F, F)] + np.diag(shift[F]), b[F])
         np.testing.assert_allclose(x[F], expected, atol=1e-12)

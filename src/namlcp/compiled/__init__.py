@@ -15,6 +15,7 @@ from typing import Any
 
 from namlcp.compiled.decorators import compile_time, compiled, is_at_hand
 from namlcp.compiled.store import kept_in
+from namlcp.compiled.views import uncounted
 
 __all__ = [
     "ahead",
@@ -25,6 +26,7 @@ __all__ = [
     "part",
     "pasted",
     "signatures",
+    "uncounted",
 ]  # ahead and signatures are modules of `warmup`'s own
 
 

@@ -2,10 +2,12 @@
 
 One line is one kernel for one set of argument types, in numba's notation:
 ``products.add_columns(int32[::1], int32[::1], float64[::1], ...)``. NamedTuples stand
-by the name of their class. The list is reviewed as code: the tests fail on a kernel
-that they use and that is not listed, and print the line that is missing.
+by the name of their class, as do records, which are ctypes structures in Python. The
+list is reviewed as code: the tests fail on a kernel that they use and that is not
+listed, and print the line that is missing.
 """
 
+import ctypes
 import functools
 import pkgutil
 from collections.abc import Iterator
@@ -13,7 +15,8 @@ from importlib import import_module
 from importlib.resources import files
 from typing import Any
 
-from numba import types
+import numpy as np
+from numba import from_dtype, types
 
 from namlcp.compiled.decorators import KERNELS
 
@@ -29,7 +32,7 @@ def listed() -> list[str]:
 
 def used() -> Iterator[str]:
     """Yield a line for each kernel and set of types that this process has called."""
-    for name, dispatcher in KERNELS.items():
+    for name, dispatcher in list(KERNELS.items()):
         for arguments in dispatcher.overloads:
             yield f"{name}({', '.join(map(spelled, arguments))})"
 
@@ -41,7 +44,11 @@ def spelled(given: types.Type) -> str:
         sizes = [":"] * given.ndim
         if given.layout != "A":
             sizes[-1 if given.layout == "C" else 0] = "::1"
-        text = f"{given.dtype}[{', '.join(sizes)}]"
+        entry = str(given.dtype)
+        for name, record in records().items():
+            if record == given.dtype:
+                entry = name
+        text = f"{entry}[{', '.join(sizes)}]"
         return text if given.mutable else f"readonly({text})"
     if isinstance(given, types.BaseTuple):
         inside = ", ".join(map(spelled, given.types))
@@ -53,7 +60,7 @@ def spelled(given: types.Type) -> str:
 def read(line: str) -> tuple[Any, tuple]:
     """Return the kernel and the argument types of a line of the list."""
     name, _, arguments = line.partition("(")
-    words = {"readonly": readonly, "bool": types.boolean, **named_tuples()}
+    words = {"readonly": readonly, "bool": types.boolean, **named_tuples(), **records()}
     words["Tuple"] = functools.partial(tuple_of, None)
     words |= {str(t): t for t in (types.int8, types.int32, types.int64, types.float64)}
     given = eval(f"({arguments[:-1]},)" if arguments != ")" else "()", words)
@@ -81,6 +88,19 @@ def named_tuples() -> dict[str, Any]:
                 else:
                     found[value.__name__] = value
     return {name: functools.partial(tuple_of, kind) for name, kind in found.items()}
+
+
+@functools.cache
+def records() -> dict[str, types.Record]:
+    """Return, by its name, the type of each ctypes structure of the package."""
+    return {
+        value.__name__: from_dtype(np.dtype(value))
+        for module in all_modules()
+        for value in vars(module).values()
+        if isinstance(value, type)
+        and issubclass(value, ctypes.Structure)
+        and value.__module__ == module.__name__
+    }
 
 
 def tuple_of(kind: type | None, *inside: types.Type) -> types.BaseTuple:

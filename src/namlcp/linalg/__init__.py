@@ -38,6 +38,7 @@ from namlcp.linalg.lapack import (
     matvec,
 )
 from namlcp.linalg.ldl import (
+    Triangle,
     bitset_minimum_degree,
     ldl_numeric,
     ldl_solve,
@@ -63,6 +64,7 @@ __all__ = [
     "Columns",
     "Multifrontal",
     "Sparse",
+    "Triangle",
     "add_product",
     "add_rmatvec",
     "add_scaled",

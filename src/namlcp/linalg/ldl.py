@@ -8,6 +8,8 @@ The fill under a restriction of one elimination order is never more than under t
 one, so one order serves every face.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from llvmlite import ir
 from numba import config, types
@@ -23,8 +25,22 @@ PIVOT_FLOOR = 1e-14
 """Smallest pivot: A has a unit diagonal, so this is rounding of a singular face."""
 
 
+class Triangle(NamedTuple):
+    """L and D of a submatrix of order m, columns in elimination order.
+
+    Column j of L has the rows[p] and values[p] for p in starts[j] : starts[j + 1], its
+    unit diagonal left out; parent is the elimination tree.
+    """
+
+    parent: np.ndarray
+    starts: np.ndarray
+    rows: np.ndarray
+    values: np.ndarray
+    D: np.ndarray
+
+
 @part
-def ldl_symbolic(indices, indptr, order, position, parent, counts):
+def ldl_symbolic(indptr, indices, order, position, parent, counts):
     """Fill parent and counts (m,): elimination tree and nonzeros of L's columns.
 
     Returns
@@ -50,8 +66,8 @@ def ldl_symbolic(indices, indptr, order, position, parent, counts):
 
 
 @part
-def ldl_numeric(columns, shift, order, position, parent, Lp, Li, Lx, D):
-    """Factor the submatrix + diag(shift); Lp (m + 1,) are the offsets of L's columns.
+def ldl_numeric(columns, shift, order, position, factor):
+    """Factor the submatrix + diag(shift); parent and starts of `factor` are given.
 
     Pivots below `PIVOT_FLOOR` are raised to it.
 
@@ -61,12 +77,13 @@ def ldl_numeric(columns, shift, order, position, parent, Lp, Li, Lx, D):
         The smallest pivot before that; clearly negative means indefinite.
     """
     data, indices, indptr = columns.data, columns.indices, columns.indptr
+    parent, starts, rows, values, D = factor
     m = order.size
     y, ends = np.empty(m), np.empty(m, dtype=np.int64)
     pattern, flag = np.empty(m, dtype=np.int32), np.empty(m, dtype=np.int32)
     for k in range(m):
         y[k] = 0.0
-        ends[k] = Lp[k]
+        ends[k] = starts[k]
     smallest = np.inf
     for k in range(m):
         flag[k] = k
@@ -96,12 +113,12 @@ def ldl_numeric(columns, shift, order, position, parent, Lp, Li, Lx, D):
             y_i = y[i]
             y[i] = 0.0
             # Unsigned: a quarter faster without the test for negative indices.
-            for p in range(np.uint64(Lp[i]), np.uint64(ends[i])):
-                y[np.uint32(Li[p])] -= Lx[p] * y_i
+            for p in range(np.uint64(starts[i]), np.uint64(ends[i])):
+                y[np.uint32(rows[p])] -= values[p] * y_i
             l_ki = y_i / D[i]
             pivot -= l_ki * y_i
-            Li[ends[i]] = k
-            Lx[ends[i]] = l_ki
+            rows[ends[i]] = k
+            values[ends[i]] = l_ki
             ends[i] += 1
         smallest = min(smallest, pivot)
         D[k] = max(pivot, PIVOT_FLOOR)
@@ -109,17 +126,18 @@ def ldl_numeric(columns, shift, order, position, parent, Lp, Li, Lx, D):
 
 
 @part
-def ldl_solve(Lp, Li, Lx, D, x):
+def ldl_solve(factor, x):
     """Overwrite x (m,), in elimination order, by the solution of L D L' x = b."""
+    _, starts, rows, values, D = factor
     m = x.size
     for j in range(m):
         x_j = x[j]
-        for p in range(Lp[j], Lp[j + 1]):
-            x[Li[p]] -= Lx[p] * x_j
+        for p in range(starts[j], starts[j + 1]):
+            x[rows[p]] -= values[p] * x_j
     for j in range(m - 1, -1, -1):
         x_j = x[j] / D[j]
-        for p in range(Lp[j], Lp[j + 1]):
-            x_j -= Lx[p] * x[Li[p]]
+        for p in range(starts[j], starts[j + 1]):
+            x_j -= values[p] * x[rows[p]]
         x[j] = x_j
 
 
@@ -174,7 +192,7 @@ def move(v, degree, old, head, after, before):
 
 
 @part
-def bitset_minimum_degree(indices, indptr, nodes, local, sequence):
+def bitset_minimum_degree(indptr, indices, nodes, local, sequence):
     """Write to sequence (m,) a minimum-degree elimination order of nodes (m,).
 
     The elimination graph is kept as m bitsets of m bits (m^2 / 8 bytes): eliminating v

@@ -1,7 +1,7 @@
-"""Box LCPs by pivoting, the path where needed: the compiled stages and who calls them.
+"""Box LCPs by pivoting: the loop around the compiled stages.
 
-`solve_box` works on a copy scaled to a unit diagonal. What it finds is judged on the
-caller's data.
+An `Attempt` works on a copy of the problem that is scaled to a unit diagonal. Its
+answer is checked on the caller's data.
 """
 
 import math
@@ -11,16 +11,9 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
+from namlcp.lcp.criterion import Criterion
 from namlcp.lcp.data import LCP, Outcome
-from namlcp.lcp.pivoting import blocks as pivoting
-from namlcp.lcp.pivoting.blocks import (
-    BLOCK_STEPS,
-    LEAST_RHO,
-    MOST_RHO,
-    SEARCH_STEPS,
-    pivot,
-    resume,
-)
+from namlcp.lcp.pivoting import pivot as stages
 from namlcp.lcp.pivoting.homogeneous import (
     congruent,
     equilibration,
@@ -28,43 +21,13 @@ from namlcp.lcp.pivoting.homogeneous import (
     is_definite,
 )
 from namlcp.lcp.pivoting.interior import follow
-from namlcp.lcp.pivoting.large_faces import LargeFaces
-from namlcp.lcp.pivoting.rays import DENSE, proof
-from namlcp.lcp.pivoting.work import (
-    ASKED,
-    BEST,
-    BEST_Z,
-    CENTRE,
-    CONVEX,
-    EPS_ABS,
-    EPS_REL,
-    FACTORED,
-    FEWEST,
-    LOWER,
-    MET,
-    OUTSIDE,
-    PATHED,
-    PATIENCE,
-    RHO,
-    RHS,
-    SEARCHING,
-    SIZE,
-    STARTED,
-    STATE,
-    UPPER,
-    D,
-    Q,
-    S,
-    Work,
-    X,
-    Z,
-    workspace,
-)
+from namlcp.lcp.pivoting.large_system import LargeSystem
+from namlcp.lcp.pivoting.pivot import pivot, resume
+from namlcp.lcp.pivoting.rays import proof
+from namlcp.lcp.pivoting.work import Memory
 from namlcp.lcp.prepared import Prepared
-from namlcp.limits import Deadline, Limits
-from namlcp.linalg import Columns
-from namlcp.progress import Report
-from namlcp.residuals import natural_residual, natural_residuals
+from namlcp.limits import Limits
+from namlcp.residuals import natural_residuals
 from namlcp.status import Status
 
 ACCURACY = 1e-9
@@ -74,322 +37,303 @@ MAX_ITER = 5000
 """Factorisations at most, unless the caller says."""
 
 BITSETS = 20_000
-"""Up to this order the elimination order can come from bitsets (50 MB)."""
+"""Largest order for which `linalg.ldl` finds an order: its bitsets take 50 MB then."""
 
 BLOCK_ORDER, BLOCK_ENTRIES = 2000, 20_000
-"""From this order and so many entries on, symmetric faces are factored in blocks."""
+"""From this order and number of entries on, symmetric systems are factored in blocks:
+smaller ones are solved faster in one compiled call."""
+
+DENSE = 600
+"""Largest order of a sparse nonsymmetric matrix whose systems are dense, and of a
+symmetric problem that is tried once more with rho = 0."""
 
 UNSEEN, MOST_AT_ONCE = 10_000_000, 50
-"""Operations and factorisations between two looks at the deadline, or one of these."""
+"""Multiplications and factorisations at most between two looks at the deadline, 10 ms;
+one factorisation may take more."""
 
 LAST_STEPS = 200
-"""So many factorisations, and one for each unknown, are left to a hopeless case."""
+"""Factorisations, beside one for each unknown, before the attempt ends on a matrix that
+is no P-matrix, where also the path has failed: Murty's rule may go round in circles."""
 
-PATH_STEPS = 60
-LARGE_STEPS = 150
+PATH_STEPS, LARGE_PATH_STEPS = 60, 150
+"""Steps of the interior path at most; in blocks, it also ends where it stalls."""
+
 PATH_CHUNK = 5
-"""Steps of the path at most, and so many between two points that may be kept."""
+"""Steps of the interior path in one compiled call at most."""
 
 PATH_TARGET = 1e-8
+"""Scaled Res, relative to its value at clip(0), at which the interior path ends."""
 
-CURVATURE = 1e-10
-"""So much below 0, of a unit diagonal, is rounding of a semidefinite matrix."""
+PSD_TOLERANCE = 1e-10
+"""Shift of the equilibrated diagonal by which a semidefinite matrix, with rounding,
+becomes definite."""
 
 ROUNDING = 1e-15
-"""Of w = A z + q, relative to its terms."""
+"""Entry of w = A z + q, relative to its terms, that counts as 0."""
 
-DEAD_ENDS = pivoting.STAGNATED, pivoting.STUCK
-
-CLEAR = 1e3
-"""kappa / tau from which on a proof is looked for; then at ten times as much."""
+CLEAR, CLEARER = 1e3, 10.0
+"""kappa / tau of the homogeneous path from which on a proof is looked for; after one
+that failed, it must grow by the second factor."""
 
 
 def solve_box(
     lcp: LCP, z0: np.ndarray | None, limits: Limits, ask_convex: bool = False
 ) -> Outcome:
-    """Solve a box LCP by pivoting; iterations are factorisations.
+    """Solve a box LCP by pivoting.
 
-    The matrix is dense and C-contiguous or canonical CSR (CSC too if symmetric).
-    ask_convex: for symmetric A, tell whether it is positive semidefinite (one
-    factorisation).
+    limits.max_iter counts factorisations. With ask_convex, outcome.convex tells for a
+    symmetric A whether it is positive semidefinite (one more factorisation).
     """
-    matrix, q, lower, upper = lcp
-    A, columns, symmetric = lcp.A, matrix.columns, matrix.symmetric
-    eps_abs, eps_rel, most, deadline, report = limits
-    max_iter = most or MAX_ITER
-    n = q.size
-    work = workspace(columns, n)
-    vectors, scalar = work.vectors, work.scalar
-    vectors[Q], vectors[LOWER], vectors[UPPER] = q, lower, upper
-    if z0 is not None:
-        vectors[Z] = z0
-    scalar[EPS_ABS], scalar[EPS_REL] = eps_abs, eps_rel
-    compressed = columns.dense.shape[0] == 0
-    large = symmetric and compressed and in_blocks(n, columns.data.size)
-    outside = large or (not symmetric and compressed and n > DENSE)
-    faces = LargeFaces(work) if large else None
-    work.counter[ASKED] = ask_convex and not large
-    with np.errstate(all="ignore"):  # a singular face overflows, and is noticed
-        problem, given = (A, q, lower, upper, columns), (max_iter, deadline, report)
-        status, ray = drive(*problem, symmetric, work, outside, faces, *given)
-        if faces is not None and ask_convex and status is Status.SOLVED:
-            work.counter[CONVEX] = faces.is_convex()
-        z, w, status = judged(A, q, lower, upper, work, status)
-        if status is Status.STALLED and may_decide(work, symmetric, outside):
+    with np.errstate(all="ignore"):  # a singular system overflows, and is noticed
+        outcome = Attempt(lcp, z0, limits, ask_convex).outcome()
+        stalled = outcome.status is Status.STALLED and lcp.matrix.symmetric
+        left = outcome.iterations < (limits.max_iter or MAX_ITER)
+        if not stalled or not left or lcp.q.size > DENSE:
+            return outcome
+        # rho may dominate an ill-conditioned matrix: retry with rho = 0.
+        again = lcp._replace(matrix=Prepared.unchecked(lcp.A, False))
+        retried = Attempt(again, outcome.z, limits, False, outcome.iterations).outcome()
+    if retried.status is Status.SOLVED or retried.ray is not None:
+        return retried._replace(convex=outcome.convex)
+    return outcome._replace(iterations=retried.iterations)
+
+
+class Attempt:
+    """One attempt to solve a box LCP: its memory, and the stages in Python."""
+
+    def __init__(
+        self,
+        lcp: LCP,
+        z0: np.ndarray | None,
+        limits: Limits,
+        ask_convex: bool,
+        before: int = 0,
+    ) -> None:
+        """Scale nothing yet; `before` is how many factorisations were made before."""
+        self.lcp, self.limits, self.before = lcp, limits, before
+        self.columns, n = lcp.matrix.columns, lcp.q.size
+        self.work = work = Memory(self.columns, n)
+        now = work.now
+        work.q[:], work.lower[:], work.upper[:] = lcp.q, lcp.lower, lcp.upper
+        if z0 is not None:
+            work.z[:] = z0
+        now.eps_abs, now.eps_rel = limits.eps_abs, limits.eps_rel
+        now.factorisations, now.symmetric = before, lcp.matrix.symmetric
+        sparse_ = self.columns.dense.shape[0] == 0
+        large = now.symmetric and sparse_ and in_blocks(n, self.columns.data.size)
+        now.external_solve = large or (not now.symmetric and sparse_ and n > DENSE)
+        now.ask_convex = ask_convex and not large
+        self.large = LargeSystem(work) if large else None
+        self.ask_convex = ask_convex
+
+    def outcome(self) -> Outcome:
+        """Solve the problem, as far as it can be."""
+        lcp, now = self.lcp, self.work.now
+        status, ray = self.drive()
+        if self.large and self.ask_convex and status is Status.SOLVED:
+            now.convex = self.large.is_convex()
+        z, w, status = self.checked(status)
+        if status is Status.STALLED and self.may_be_decided():
             first = z, w
-            scalar[BEST], scalar[MET] = math.inf, 0.0
-            status, ray = drive(*problem, symmetric, work, outside, faces, *given)
-            z, w, status = judged(A, q, lower, upper, work, status)
-            is_better = status is Status.SOLVED or natural_residual(
-                z, w, lower, upper
-            ) <= natural_residual(*first, lower, upper)
-            z, w = (z, w) if is_better else first
-        exact = solved_by_zero(A, q, lower, upper) if status is Status.STALLED else None
-        if exact is not None:
-            (z, w), status = exact, Status.SOLVED
-    if status is Status.STALLED and symmetric and n <= DENSE:
-        # Nearly singular towards the solution: rho hides it, so once more without.
-        unsymmetric = Prepared.unchecked(A, symmetric=False)
-        again = solve_box(lcp._replace(matrix=unsymmetric), z, limits)
-        if again.status is Status.SOLVED or again.ray is not None:
-            return again._replace(convex=bool(work.counter[CONVEX]))
-    done, convex = int(work.counter[FACTORED]), bool(work.counter[CONVEX])
-    return Outcome(status, z, w, done, "pivoting", ray, convex=convex)
+            now.best_residual, now.solved = math.inf, False
+            status, ray = self.drive()
+            z, w, status = self.checked(status)
+            is_better = lcp.residual(z, w) <= lcp.residual(*first)
+            if status is not Status.SOLVED and not is_better:
+                z, w = first
+        if status is Status.STALLED and is_solved_by_zero(lcp):
+            z = lcp.start()
+            w, status = lcp.w(z), Status.SOLVED
+        count = now.factorisations
+        return Outcome(status, z, w, count, "pivoting", ray, convex=now.convex)
+
+    def best(self) -> np.ndarray:
+        """Return the best z so far, of the caller's problem."""
+        z = self.work.best * self.work.d
+        return np.minimum(np.maximum(z, self.lcp.lower), self.lcp.upper)
+
+    def checked(self, status: Status) -> tuple[np.ndarray, np.ndarray, Status]:
+        """Return the best z and its w; STALLED if they do not solve the problem."""
+        z, size = self.best(), self.work.now.size
+        w = self.lcp.w(z)
+        if status is Status.SOLVED and size > 0.0:
+            criterion = Criterion(self.lcp, self.limits)
+            criterion.size = size
+            if not criterion.accepts(z, w):
+                status = Status.STALLED
+        return z, w, status
+
+    def drive(self) -> tuple[Status, np.ndarray | None]:
+        """Call `pivot` until it is done, with what it asks for in between.
+
+        Return the status and, with UNSOLVABLE, a proof or None. A second call means
+        that the solution of the first was wrong.
+        """
+        work, now, limits = self.work, self.work.now, self.limits
+        chunk = 1 if limits.report is not None else at_once(work.n)
+        code = stages.STUCK if now.started else stages.MORE
+        while code != stages.DONE:
+            done, limit = now.factorisations, self.limit()
+            if code in (stages.STAGNATED, stages.STUCK) and self.may_be_decided():
+                ray = self.decide(limit)
+                self.report()
+                if ray is not None:
+                    return Status.UNSOLVABLE, ray
+                done, code = now.factorisations, stages.MORE
+            if code == stages.STUCK or done >= limit:
+                status = Status.STALLED if code == stages.STUCK else Status.MAX_ITER
+                return self.ended(Status.UNSOLVABLE if now.not_p else status)
+            if done > self.before and limits.deadline.reached():
+                return self.ended(Status.TIME_LIMIT)
+            if code == stages.RAY:
+                ray = proof(self.lcp, work.d, work.rhs * work.d)
+                if ray is not None:
+                    return Status.UNSOLVABLE, ray
+            elif code == stages.STAGNATED:
+                self.change_course()
+                if limits.deadline.reached():
+                    return self.ended(Status.TIME_LIMIT)
+            if code == stages.FREE_SYSTEM:
+                self.solve_free_system()
+                code = resume(self.work.arena)
+            else:
+                code = pivot(self.columns, self.work.arena, min(chunk, limit - done))
+            if now.factorisations > done:
+                self.report()
+        return Status.SOLVED, None
+
+    def limit(self) -> int:
+        """Return how many factorisations there may be."""
+        now, most = self.work.now, self.limits.max_iter or MAX_ITER
+        if now.not_p and now.path_followed:
+            return min(most, self.before + LAST_STEPS + self.work.n)
+        return most
+
+    def ended(self, status: Status) -> tuple[Status, None]:
+        """Return SOLVED if the tolerance was met before a limit, else the status."""
+        return Status.SOLVED if self.work.now.solved else status, None
+
+    def report(self) -> None:
+        """Report the factorisations so far, the least Res and the bounded unknowns."""
+        if self.limits.report is not None:
+            active, z = np.count_nonzero(self.work.state), self.best()
+            residual = self.lcp.residual(z, self.lcp.w(z))
+            self.limits.report(self.work.now.factorisations, residual, active)
+
+    def solve_free_system(self) -> None:
+        """Solve the free system in blocks, or by sparse LU if A is not symmetric."""
+        if self.large:
+            self.large.solve()
+            return
+        work, now = self.work, self.work.now
+        now.factorisations += 1
+        free = np.flatnonzero(work.state == 0)
+        shift = now.rho * sparse.eye_array(free.size)
+        A = self.scaled_matrix()[:, free].tocsr()[free]
+        try:
+            work.z[free] = splu(sparse.csc_array(A + shift)).solve(work.rhs[free])
+        except RuntimeError:  # exactly singular
+            work.z[free] = np.nan
+
+    def change_course(self) -> None:
+        """Get block pivoting going again: once by the path, then by a larger rho."""
+        now, deadline = self.work.now, self.limits.deadline
+        if now.path_followed:
+            now.rho = min(1000.0 * now.rho, stages.MOST_RHO)
+            now.line_search = now.symmetric
+            self.start_at_centre()
+        elif self.large:
+            self.large.follow(PATH_TARGET, LARGE_PATH_STEPS, deadline)
+        elif now.external_solve:
+            now.path_followed = True
+        else:
+            chunk = PATH_CHUNK
+            if self.columns.dense.shape[0] > 0:  # long sparse ones are in blocks
+                chunk = min(chunk, at_once(self.work.n))
+            steps = 0
+            while steps < PATH_STEPS:
+                budget = min(chunk, PATH_STEPS - steps)
+                taken = follow(self.work.arena, PATH_TARGET, budget)
+                steps += taken
+                if taken < budget or deadline.reached():
+                    return
+
+    def start_at_centre(self) -> None:
+        """Begin block pivoting at the proximal point, with the rho of now."""
+        work, now, centre = self.work, self.work.now, self.work.centre
+        w = work.q + work.d * (self.lcp.A @ (work.d * centre))
+        work.x[:] = centre
+        work.s[:] = centre - w / (now.rho if now.line_search else 1.0)
+        s = centre - w
+        at_upper = np.where(s >= work.upper, 1, 0)
+        work.state[:] = np.where(s <= work.lower, -1, at_upper)
+        now.fewest_wrong = w.size + 1
+        now.patience = stages.SEARCH_STEPS if now.line_search else stages.BLOCK_STEPS
+
+    def may_be_decided(self) -> bool:
+        """Tell whether to follow the homogeneous path: x'Ax >= 0, A not symmetric.
+
+        Where x'Ax > 0 there is a solution, and the interior path is as good.
+        """
+        now = self.work.now
+        if now.symmetric or now.path_followed:
+            return False
+        A = self.scaled_matrix()
+        A = congruent(A, equilibration(A))  # rows with a_ii = 0 have no unit yet
+        positive = not now.external_solve and is_definite(A, -PSD_TOLERANCE)
+        return not positive and is_definite(A, PSD_TOLERANCE)
+
+    def decide(self, limit: int) -> np.ndarray | None:
+        """Follow the homogeneous path; return a proof, or start from its best point."""
+        work, now, deadline = self.work, self.work.now, self.limits.deadline
+        now.path_followed = True
+        scaled, clear = self.scaled_matrix(), CLEAR
+        for point in homogeneous_path(scaled, work.q, work.lower, work.upper):
+            if point.clarity < 1.0:
+                z = np.clip(point.z, work.lower, work.upper)
+                w = work.q + scaled @ z
+                found, plain = natural_residuals(z, w, work.lower, work.upper, work.d)
+                if found < now.best_residual:
+                    now.best_residual, work.best[:] = found, z
+                    met = found <= now.eps_rel * now.size or plain < now.eps_abs
+                    now.solved = bool(met)
+            elif point.clarity > clear:
+                clear = CLEARER * point.clarity
+                ray = proof(self.lcp, work.d, point.z * work.d)
+                if ray is not None:
+                    return ray
+            over = now.factorisations >= limit or deadline.reached()
+            if now.solved or over:
+                break
+            now.factorisations += 1
+        work.centre[:] = work.best
+        now.rho = stages.LEAST_RHO
+        self.start_at_centre()
+        return None
+
+    def scaled_matrix(self) -> Any:
+        """Return the matrix with a unit diagonal, dense or CSC."""
+        scaled, n = self.work.scaled, self.work.n
+        if scaled.dense.shape[0] == n:
+            return scaled.dense.T
+        arrays = scaled.data, scaled.indices, scaled.indptr
+        return sparse.csc_array(arrays, shape=(n, n))
 
 
-def judged(
-    A: Any,
-    q: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    work: Work,
-    status: Status,
-) -> tuple[np.ndarray, np.ndarray, Status]:
-    """Return the best z, w = A z + q, and STALLED where they belie SOLVED."""
-    vectors, scalar = work.vectors, work.scalar
-    z = np.minimum(np.maximum(vectors[BEST_Z] * vectors[D], lower), upper)
-    w = A @ z + q
-    if status is Status.SOLVED and scalar[SIZE] > 0.0:
-        plain, scaled = natural_residuals(z, w, lower, upper, 1.0 / vectors[D])
-        goal = scalar[EPS_REL] * scalar[SIZE]
-        if not (plain < scalar[EPS_ABS] or scaled <= goal < math.inf):
-            status = Status.STALLED
-    return z, w, status
-
-
-def solved_by_zero(
-    A: Any, q: np.ndarray, lower: np.ndarray, upper: np.ndarray
-) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return z = clip(0) and w if they solve but for the rounding of w, else None."""
-    z = np.clip(np.zeros(q.size), lower, upper)
-    w = A @ z + q
-    terms = np.abs(q) + abs(A) @ np.abs(z)
-    v = np.where(np.abs(w) <= ROUNDING * terms, 0.0, w)
-    return None if np.maximum(np.minimum(v, z - lower), z - upper).any() else (z, w)
+def is_solved_by_zero(lcp: LCP) -> bool:
+    """Tell whether z = clip(0) is a solution but for the rounding of w."""
+    z = lcp.start()
+    w = lcp.w(z)
+    terms = np.abs(lcp.q) + abs(lcp.A) @ np.abs(z)
+    w[np.abs(w) <= ROUNDING * terms] = 0.0
+    return not np.maximum(np.minimum(w, z - lcp.lower), z - lcp.upper).any()
 
 
 def in_blocks(n: int, entries: int) -> bool:
-    """Tell whether the faces of a sparse symmetric matrix are worth blocks."""
+    """Tell whether the systems of a sparse symmetric matrix are factored in blocks."""
     return n > BITSETS or (n > BLOCK_ORDER and entries > BLOCK_ENTRIES)
-
-
-def drive(
-    A: Any,
-    q: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    columns: Columns,
-    symmetric: bool,
-    work: Work,
-    outside: bool,
-    faces: LargeFaces | None,
-    max_iter: int,
-    deadline: Deadline,
-    report: Report,
-) -> tuple[Status, np.ndarray | None]:
-    """Call `pivot` until it is done, and do for it what it asks for.
-
-    Called again, what `pivot` held for the solution was none.
-    """
-    counter, n = work.counter, q.size
-    chunk = 1 if report is not None else at_once(n)
-    code = pivoting.STUCK if counter[STARTED] else pivoting.MORE
-    while code != pivoting.SOLVED:
-        done = int(counter[FACTORED])
-        # Murty's rule may go round in circles where a minor was seen to be negative.
-        limit = min(max_iter, LAST_STEPS + n) if hopeless(work) else max_iter
-        if code in DEAD_ENDS and may_decide(work, symmetric, outside):
-            ray = decide(A, q, work, limit, deadline)
-            tell(report, A, q, lower, upper, work)
-            if ray is not None:
-                return Status.UNSOLVABLE, ray
-            done, code = int(counter[FACTORED]), pivoting.MORE
-        if code == pivoting.STUCK or done >= limit:
-            status = Status.STALLED if code == pivoting.STUCK else Status.MAX_ITER
-            return left(work, Status.UNSOLVABLE if counter[OUTSIDE] else status)
-        if done > 0 and deadline.reached():
-            return left(work, Status.TIME_LIMIT)
-        if code == pivoting.RAY:
-            ray = proof(A, q, work.vectors[RHS] * work.vectors[D], work, symmetric)
-            if ray is not None:
-                return Status.UNSOLVABLE, ray
-        elif code == pivoting.STAGNATED:
-            cure(A, work, symmetric, outside, faces, deadline)
-            if deadline.reached():
-                return left(work, Status.TIME_LIMIT)
-        if code == pivoting.FACE:
-            if faces is None:
-                solve_outside(work)
-            else:
-                faces.solve()
-            code = resume(symmetric, work)
-        else:
-            budget = min(chunk, limit - done)
-            code = pivot(columns, symmetric, work, budget, outside)
-        if counter[FACTORED] > done:
-            tell(report, A, q, lower, upper, work)
-    return Status.SOLVED, None
-
-
-def left(work: Work, status: Status) -> tuple[Status, None]:
-    """Return how it ended: the path may have met the tolerance before a limit."""
-    return Status.SOLVED if work.scalar[MET] else status, None
-
-
-def tell(
-    report: Report,
-    A: Any,
-    q: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    work: Work,
-) -> None:
-    """Report the factorisations so far, the least Res and the unknowns at bounds."""
-    if report is None:
-        return
-    active = np.count_nonzero(work.marks[STATE])
-    z = np.clip(work.vectors[BEST_Z] * work.vectors[D], lower, upper)
-    residual = natural_residual(z, A @ z + q, lower, upper)
-    report(int(work.counter[FACTORED]), residual, active)
 
 
 def at_once(n: int) -> int:
     """Return how many factorisations of order n go by without a look at the clock."""
     return int(min(max(3 * UNSEEN // max(n, 1) ** 3, 1), MOST_AT_ONCE))
-
-
-def hopeless(work: Work) -> bool:
-    """Tell whether A is not a P-matrix and the path has failed."""
-    return bool(work.counter[OUTSIDE] and work.counter[PATHED])
-
-
-def cure(
-    A: Any,
-    work: Work,
-    symmetric: bool,
-    outside: bool,
-    faces: LargeFaces | None,
-    deadline: Deadline,
-) -> None:
-    """Get block pivoting going again: once by the path, then by a larger rho."""
-    counter, scalar = work.counter, work.scalar
-    if not counter[PATHED]:
-        if faces is not None:
-            faces.follow(PATH_TARGET, LARGE_STEPS, deadline)
-            return
-        if outside:
-            counter[PATHED] = 1
-            return
-        steps, chunk = 0, PATH_CHUNK
-        if work.scaled.dense.shape[0] > 0:  # sparse ones that take long are in blocks
-            chunk = min(chunk, at_once(work.vectors.shape[1]))
-        while steps < PATH_STEPS:
-            budget = min(chunk, PATH_STEPS - steps)
-            taken = follow(symmetric, work, PATH_TARGET, budget)
-            steps += taken
-            if taken < budget or deadline.reached():
-                return
-    else:
-        scalar[RHO] = min(1000.0 * scalar[RHO], MOST_RHO)
-        counter[SEARCHING] = symmetric
-        start_over(A, work)
-
-
-def start_over(A: Any, work: Work) -> None:
-    """Begin block pivoting with rho at the centre."""
-    counter, vectors, searching = work.counter, work.vectors, work.counter[SEARCHING]
-    w = vectors[Q] + vectors[D] * (A @ (vectors[D] * vectors[CENTRE]))
-    vectors[X] = vectors[CENTRE]
-    vectors[S] = vectors[CENTRE] - w / (work.scalar[RHO] if searching else 1.0)
-    s = vectors[CENTRE] - w
-    at_upper = np.where(s >= vectors[UPPER], 1, 0)
-    work.marks[STATE] = np.where(s <= vectors[LOWER], -1, at_upper)
-    counter[FEWEST] = w.size + 1
-    counter[PATIENCE] = SEARCH_STEPS if searching else BLOCK_STEPS
-
-
-def may_decide(work: Work, symmetric: bool, outside: bool) -> bool:
-    """Tell whether the homogeneous path is the way on: x'Ax >= 0, A not symmetric.
-
-    Where x'Ax > 0 there is nothing to decide, and the short path does as well.
-    """
-    if symmetric or work.counter[PATHED]:
-        return False
-    A = matrix_of(work)
-    A = congruent(A, equilibration(A))  # what has a_ii = 0 has no unit yet
-    return (outside or not is_definite(A, -CURVATURE)) and is_definite(A, CURVATURE)
-
-
-def decide(
-    A: Any, q: np.ndarray, work: Work, limit: int, deadline: Deadline
-) -> np.ndarray | None:
-    """Follow the homogeneous path; return a proof, else give `work` its best point."""
-    counter, vectors, scalar = work.counter, work.vectors, work.scalar
-    lower, upper, d = vectors[LOWER], vectors[UPPER], vectors[D]
-    counter[PATHED] = 1
-    scaled, clear = matrix_of(work), CLEAR
-    for point in homogeneous_path(scaled, vectors[Q], lower, upper):
-        if point.clarity < 1.0:
-            z = np.clip(point.z, lower, upper)
-            w = vectors[Q] + scaled @ z
-            residual, plain = natural_residuals(z, w, lower, upper, d)
-            if residual < scalar[BEST]:
-                scalar[BEST], vectors[BEST_Z] = residual, z
-                met = residual <= scalar[EPS_REL] * scalar[SIZE]
-                scalar[MET] = met or plain < scalar[EPS_ABS]
-        elif point.clarity > clear:
-            clear = 10.0 * point.clarity
-            ray = proof(A, q, point.z * d, work, False)
-            if ray is not None:
-                return ray
-        over = counter[FACTORED] >= limit or deadline.reached()
-        if scalar[MET] or over:
-            break
-        counter[FACTORED] += 1
-    vectors[CENTRE] = vectors[BEST_Z]
-    scalar[RHO] = LEAST_RHO
-    start_over(A, work)
-    return None
-
-
-def matrix_of(work: Work) -> Any:
-    """Return the matrix scaled to a unit diagonal."""
-    scaled, n = work.scaled, work.vectors.shape[1]
-    if scaled.dense.shape[0] == n:
-        return scaled.dense.T
-    arrays = scaled.data, scaled.indices, scaled.indptr
-    return sparse.csc_array(arrays, shape=(n, n))
-
-
-def solve_outside(work: Work) -> None:
-    """Solve the face system of `work` by sparse LU, for unsymmetric matrices."""
-    vectors = work.vectors
-    work.counter[FACTORED] += 1
-    face = np.flatnonzero(work.marks[STATE] == 0)
-    A = matrix_of(work)
-    shift = work.scalar[RHO] * sparse.eye_array(face.size)
-    try:
-        factor = splu(sparse.csc_array(A[:, face].tocsr()[face] + shift))
-        vectors[Z][face] = factor.solve(vectors[RHS][face])
-    except RuntimeError:  # exactly singular
-        vectors[Z][face] = np.nan

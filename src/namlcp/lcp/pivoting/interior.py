@@ -1,333 +1,269 @@
-"""The short path: Mehrotra's predictor and corrector for a monotone box LCP.
+"""The interior path: Mehrotra's predictor and corrector for a monotone box LCP.
 
-z stays strictly between its finite bounds, w - wl + wu = A z + q - wl + wu is driven to
-0 together with wl (z - l) and wu (u - z). It is followed only until its signs tell the
-face, or to the accuracy asked for where no face can be told.
+z stays strictly between its finite bounds; w - wl + wu = A z + q - wl + wu is driven to
+0 together with wl (z - l) and wu (u - z). The path is followed only until its signs
+tell the states, or to the accuracy asked for where they do not.
 """
-
-from typing import NamedTuple
 
 import numpy as np
 
 from namlcp.compiled import kernel, part, pasted
-from namlcp.lcp.pivoting.blocks import (
-    record,
-    restart,
-)
-from namlcp.lcp.pivoting.faces import analyse, face_order, refactor, solve_face
-from namlcp.lcp.pivoting.work import (
-    BEST,
-    CENTRE,
-    FIRST_MU,
-    LOWER,
-    PATH,
-    PATHED,
-    RHO,
-    SIZE,
-    STATE,
-    UPPER,
-    WL,
-    WU,
-    W,
-    Z,
-    ordering_in,
-    problem_in,
-)
-from namlcp.linalg import add_product, copy, largest_entry
+from namlcp.lcp.pivoting.free_system import analyse, free_order, refactor, solve_free
+from namlcp.lcp.pivoting.pivot import multiply, record, reset_patience
+from namlcp.lcp.pivoting.work import opened, path_in
+from namlcp.linalg import copy, largest_entry
 from namlcp.residuals import natural_residuals
 
 REGULARISATION = 1e-12
-"""Added to the unit diagonal of A."""
+"""Added to the unit diagonal of A, so that a singular A can be factored."""
 
 CORRECTORS = 2
-"""Right sides at most after Mehrotra's corrector."""
+"""Right-hand sides at most after Mehrotra's corrector."""
 
 LONGER = 1.03
-"""What each of them must make of the step."""
-
-# Rows of the memory of a step: the direction, products, the direction before.
-DZ, DWL, DWU, LOW, HIGH, KEPT = range(6)
-DIRECTIONS = KEPT + 3
-# Numbers of a step.
-RESIDUAL, MU, FIRST, STEP, AIM = range(5)
-
-
-class Path(NamedTuple):
-    """A point of the path and its bounds; wl > 0 and wu > 0 tell which bounds count."""
-
-    lower: np.ndarray
-    upper: np.ndarray
-    z: np.ndarray
-    wl: np.ndarray
-    wu: np.ndarray
+"""Factor by which each of them must lengthen the step to be kept."""
 
 
 @part
-def path_in(work):
-    """Return the point of the path as views of the workspace."""
-    v = work.vectors
-    return Path(v[LOWER], v[UPPER], v[PATH], v[WL], v[WU])
-
-
-@part
-def enter(problem, z, w, wl, wu):
-    """Push z inside its bounds and choose multipliers, all of one size.
+def enter(work, path):
+    """Push path.z inside its bounds and choose multipliers, all of one size.
 
     That is the larger of max|w| and the largest distance of z from its nearest bound.
     """
-    lower, upper = problem.lower, problem.upper
-    n = z.size
+    lower, upper, z, w = work.lower, work.upper, path.z, work.w
     size = largest_entry(w)
-    for i in range(n):
-        room = min(z[i] - lower[i], upper[i] - z[i])
-        if room < np.inf:
-            size = max(size, room)
+    for i in range(z.size):
+        distance = min(z[i] - lower[i], upper[i] - z[i])
+        if distance < np.inf:
+            size = max(size, distance)
     if size == 0.0:
         size = 1.0
-    for i in range(n):
-        wl[i] = 0.0
-        wu[i] = 0.0
+    for i in range(z.size):
+        path.wl[i] = 0.0
+        path.wu[i] = 0.0
         if lower[i] == upper[i]:
             z[i] = lower[i]
             continue
-        room = min(size, 0.05 * (upper[i] - lower[i]))
-        z[i] = min(max(z[i], lower[i] + room), upper[i] - room)
+        distance = min(size, 0.05 * (upper[i] - lower[i]))
+        z[i] = min(max(z[i], lower[i] + distance), upper[i] - distance)
         if lower[i] > -np.inf:
-            wl[i] = max(w[i], size)
+            path.wl[i] = max(w[i], size)
         if upper[i] < np.inf:
-            wu[i] = max(-w[i], size)
+            path.wu[i] = max(-w[i], size)
 
 
 @part
-def longest_step(path, d):
-    """Return the largest step in [0, inf) that keeps all of them nonnegative."""
+def longest_step(work, path):
+    """Return the largest step in [0, inf) that keeps slacks and multipliers >= 0."""
     step = np.inf
     for i in range(path.z.size):
-        dz, dwl, dwu = d[DZ, i], d[DWL, i], d[DWU, i]
+        dz, dwl, dwu = path.dz[i], path.dwl[i], path.dwu[i]
         wl, wu = path.wl[i], path.wu[i]
         if wl > 0.0:
             if dz < 0.0:
-                step = min(step, (path.lower[i] - path.z[i]) / dz)
+                step = min(step, (work.lower[i] - path.z[i]) / dz)
             if dwl < 0.0:
                 step = min(step, -wl / dwl)
         if wu > 0.0:
             if dz > 0.0:
-                step = min(step, (path.upper[i] - path.z[i]) / dz)
+                step = min(step, (work.upper[i] - path.z[i]) / dz)
             if dwu < 0.0:
                 step = min(step, -wu / dwu)
     return step
 
 
 @part
-def complementarity(path, d, step):
+def mean_product(work, path, step):
     """Return the mean product of slack and multiplier after the step."""
     total = 0.0
     pairs = 0
     for i in range(path.z.size):
-        z = path.z[i] + step * d[DZ, i]
+        z = path.z[i] + step * path.dz[i]
         if path.wl[i] > 0.0:
-            total += (z - path.lower[i]) * (path.wl[i] + step * d[DWL, i])
+            total += (z - work.lower[i]) * (path.wl[i] + step * path.dwl[i])
             pairs += 1
         if path.wu[i] > 0.0:
-            total += (path.upper[i] - z) * (path.wu[i] + step * d[DWU, i])
+            total += (work.upper[i] - z) * (path.wu[i] + step * path.dwu[i])
             pairs += 1
     return total / max(pairs, 1)
 
 
 @pasted
-def weights(path, shift):
+def set_shift(work, path):
     """Write the diagonal that the bounds add to A to shift."""
-    for i in range(path.z.size):
+    shift = work.shift
+    for i in range(shift.size):
         shift[i] = REGULARISATION
         if path.wl[i] > 0.0:
-            shift[i] += path.wl[i] / (path.z[i] - path.lower[i])
+            shift[i] += path.wl[i] / (path.z[i] - work.lower[i])
         if path.wu[i] > 0.0:
-            shift[i] += path.wu[i] / (path.upper[i] - path.z[i])
+            shift[i] += path.wu[i] / (work.upper[i] - path.z[i])
 
 
 @pasted
-def right_side(path, mu, w, d, rhs):
-    """Write the right side for dz, towards slack * multiplier = mu.
+def aim(work, path):
+    """Write the right side for dz, towards slack * multiplier = target_mu, to rhs.
 
-    d[LOW] and d[HIGH] are the products of second order to leave out. d[DWL] and d[DWU]
-    become what they are for dz = 0.
+    dwl and dwu become what they are for dz = 0.
     """
+    rhs, mu = work.rhs, work.now.target_mu
     for i in range(path.z.size):
-        rhs[i] = -w[i]
-        d[DZ, i] = 0.0
-        d[DWL, i] = 0.0
-        d[DWU, i] = 0.0
+        rhs[i] = -work.w[i]
+        path.dz[i] = 0.0
+        path.dwl[i] = 0.0
+        path.dwu[i] = 0.0
         if path.wl[i] > 0.0:
-            target = (mu - d[LOW, i]) / (path.z[i] - path.lower[i])
-            d[DWL, i] = target - path.wl[i]
+            target = (mu - path.low[i]) / (path.z[i] - work.lower[i])
+            path.dwl[i] = target - path.wl[i]
             rhs[i] += target
         if path.wu[i] > 0.0:
-            target = (mu - d[HIGH, i]) / (path.upper[i] - path.z[i])
-            d[DWU, i] = target - path.wu[i]
+            target = (mu - path.high[i]) / (work.upper[i] - path.z[i])
+            path.dwu[i] = target - path.wu[i]
             rhs[i] -= target
 
 
 @part
-def recentre(path, mu, step, d):
-    """Aim to bring the products a longer step gives closer to mu (Gondzio)."""
+def recentre(work, path, step):
+    """Change low and high so that after a longer step products are nearer target_mu.
+
+    These are Gondzio's correctors (Comput. Optim. Appl. 6, 1996, 137-156).
+    """
+    mu = work.now.target_mu
     step = min(1.0, max(1.3 * step, step + 0.1))
     low, high = 0.1 * mu, 10.0 * mu
     for i in range(path.z.size):
-        z = path.z[i] + step * d[DZ, i]
+        z = path.z[i] + step * path.dz[i]
         if path.wl[i] > 0.0:
-            product = (z - path.lower[i]) * (path.wl[i] + step * d[DWL, i])
-            d[LOW, i] -= max(min(max(product, low), high) - product, -high)
+            product = (z - work.lower[i]) * (path.wl[i] + step * path.dwl[i])
+            path.low[i] -= max(min(max(product, low), high) - product, -high)
         if path.wu[i] > 0.0:
-            product = (path.upper[i] - z) * (path.wu[i] + step * d[DWU, i])
-            d[HIGH, i] -= max(min(max(product, low), high) - product, -high)
+            product = (work.upper[i] - z) * (path.wu[i] + step * path.dwu[i])
+            path.high[i] -= max(min(max(product, low), high) - product, -high)
 
 
 @part
-def digest(path, corrector, d, number):
-    """Take d[DZ] as solved for; return whether another right side should be tried.
+def try_direction(work, path, corrector):
+    """Complete the direction from dz; return whether to try another right side.
 
-    Corrector 0 is the predictor, 1 Mehrotra's corrector. Further ones (Gondzio 1996)
-    cost a solve each, and are kept while they lengthen the step.
+    Corrector 0 is the predictor, 1 Mehrotra's corrector. Further ones (Gondzio) cost a
+    solve each, and are kept if they lengthen the step.
     """
-    n = path.z.size
+    now, n = work.now, path.z.size
     for i in range(n):
         if path.wl[i] > 0.0:
-            d[DWL, i] -= path.wl[i] / (path.z[i] - path.lower[i]) * d[DZ, i]
+            path.dwl[i] -= path.wl[i] / (path.z[i] - work.lower[i]) * path.dz[i]
         if path.wu[i] > 0.0:
-            d[DWU, i] += path.wu[i] / (path.upper[i] - path.z[i]) * d[DZ, i]
-    step = longest_step(path, d)
-    mu = number[MU]
+            path.dwu[i] += path.wu[i] / (work.upper[i] - path.z[i]) * path.dz[i]
+    step = longest_step(work, path)
     if corrector == 0:
-        number[AIM] = 0.0
-        if mu > 0.0:
-            number[AIM] = mu * (complementarity(path, d, min(1.0, step)) / mu) ** 3
+        now.target_mu = 0.0
+        if now.mu > 0.0:
+            left = mean_product(work, path, min(1.0, step)) / now.mu
+            now.target_mu = now.mu * left**3
         for i in range(n):
-            d[LOW, i] = d[DWL, i] * d[DZ, i]
-            d[HIGH, i] = -d[DWU, i] * d[DZ, i]
+            path.low[i] = path.dwl[i] * path.dz[i]
+            path.high[i] = -path.dwu[i] * path.dz[i]
         return True
-    if corrector > 1 and step < LONGER * number[STEP]:
-        for k in range(3):
-            copy(d[KEPT + k], d[DZ + k])
+    if corrector > 1 and step < LONGER * now.step:
+        copy(path.old_dz, path.dz)
+        copy(path.old_dwl, path.dwl)
+        copy(path.old_dwu, path.dwu)
         return False
-    number[STEP] = step
+    now.step = step
     if corrector > CORRECTORS or step >= 1.0:
         return False
-    for k in range(3):
-        copy(d[DZ + k], d[KEPT + k])
-    recentre(path, number[AIM], step, d)
+    copy(path.dz, path.old_dz)
+    copy(path.dwl, path.old_dwl)
+    copy(path.dwu, path.old_dwu)
+    recentre(work, path, step)
     return True
 
 
 @pasted
-def advance(path, d, number):
-    """Go nearly the longest step, 1 at most; return whether it is a step."""
-    share = max(0.95, 1.0 - number[MU] / number[FIRST])
-    step = min(1.0, 0.995 * share * number[STEP])
+def advance(now, path):
+    """Go nearly the longest step, 1 at most; return False if it is too short."""
+    share = max(0.95, 1.0 - now.mu / now.largest_mu)
+    step = min(1.0, 0.995 * share * now.step)
     if not step > 1e-12:
         return False
     for i in range(path.z.size):
-        path.z[i] += step * d[DZ, i]
-        path.wl[i] += step * d[DWL, i]
-        path.wu[i] += step * d[DWU, i]
+        path.z[i] += step * path.dz[i]
+        path.wl[i] += step * path.dwl[i]
+        path.wu[i] += step * path.dwu[i]
     return True
 
 
 @pasted
-def measure(problem, path, w, d, number):
-    """Write w = A z + q, Res(z), mu and the largest mu so far; clear d."""
-    copy(problem.q, w)
-    add_product(problem.columns, path.z, w)
-    res, _ = natural_residuals(path.z, w, path.lower, path.upper, problem.d)
-    number[RESIDUAL] = res
-    for i in range(w.size):
-        d[LOW, i] = 0.0
-        d[HIGH, i] = 0.0
-    number[MU] = complementarity(path, d, 0.0)
-    number[FIRST] = max(number[FIRST], number[MU])
-
-
-@pasted
-def walk(problem, ordering, state, path, w, number, target, steps):
-    """Follow the path until Res(z) <= target, `steps` at most; return the steps taken.
-
-    `state` is -1 for the fixed unknowns, 0 for all others.
-    """
-    n = w.size
-    d = np.zeros((DIRECTIONS, n))
-    memory = np.zeros((2, n))
-    shift, rhs = memory[0], memory[1]
-    order = face_order(problem.columns, problem.symmetric, state, ordering)
-    factor = analyse(problem.columns, problem.symmetric, order, ordering)
-    for k in range(steps + 1):
-        measure(problem, path, w, d, number)
-        if number[RESIDUAL] <= target or k == steps:
-            break
-        weights(path, shift)
-        refactor(problem.columns, problem.symmetric, shift, factor, ordering.local)
-        corrector = 0
-        number[AIM] = 0.0
-        more = True
-        while more:
-            right_side(path, number[AIM], w, d, rhs)
-            solve_face(problem.symmetric, factor, rhs, d[DZ])
-            more = digest(path, corrector, d, number)
-            corrector += 1
-        if not advance(path, d, number):
-            break
-    return k
+def evaluate(work, path):
+    """Write w = A z + q, Res(z) and the mean products at the point of the path."""
+    now = work.now
+    multiply(work, path.z, work.w)
+    found = natural_residuals(path.z, work.w, work.lower, work.upper, work.d)
+    now.path_residual = found[0]
+    for i in range(path.z.size):
+        path.low[i] = 0.0
+        path.high[i] = 0.0
+    now.mu = mean_product(work, path, 0.0)
+    now.largest_mu = max(now.largest_mu, now.mu)
+    now.target_mu = 0.0
 
 
 @part
-def adopt(problem, work, z):
-    """Go on from the end z of the path, unless it is no better than what is known."""
-    vectors, state = work.vectors, work.marks[STATE]
-    wl, wu = vectors[WL], vectors[WU]
-    copy(z, vectors[Z])
-    before = work.scalar[BEST]
-    record(problem, work)
-    if work.scalar[BEST] < before:
+def open_path(work, path):
+    """On the first call, start the path from the proximal point."""
+    if not work.now.path_followed:
+        work.now.path_followed = True
+        copy(work.centre, path.z)
+        multiply(work, path.z, work.w)
+        enter(work, path)
+
+
+@part
+def close_path(work, path):
+    """Go on from the end of the path, unless it is no better than the best point."""
+    z, state = path.z, work.state
+    copy(z, work.z)
+    before = work.now.best_residual
+    record(work)
+    if work.now.best_residual < before:
         for i in range(z.size):
-            at_lower = z[i] - problem.lower[i] < wl[i]
-            at_upper = problem.upper[i] - z[i] < wu[i]
-            fixed = problem.lower[i] == problem.upper[i]
+            at_lower = z[i] - work.lower[i] < path.wl[i]
+            at_upper = work.upper[i] - z[i] < path.wu[i]
+            fixed = work.lower[i] == work.upper[i]
             state[i] = -1 if at_lower or fixed else (1 if at_upper else 0)
-        copy(z, vectors[CENTRE])
-    restart(work, work.scalar[RHO])
-
-
-@part
-def open_path(problem, work):
-    """On the first call, start the path from the centre."""
-    if work.counter[PATHED]:
-        return
-    work.counter[PATHED] = 1
-    vectors = work.vectors
-    copy(vectors[CENTRE], vectors[PATH])
-    copy(problem.q, vectors[W])
-    add_product(problem.columns, vectors[PATH], vectors[W])
-    enter(problem, vectors[PATH], vectors[W], vectors[WL], vectors[WU])
+        copy(z, work.centre)
+    reset_patience(work.now, z.size, work.now.rho)
 
 
 @kernel(error_model="numpy")
-def follow(symmetric, work, target, steps):
-    """Follow the path and give `work` its end, with the states it tells.
+def follow(arena, target, steps):
+    """Follow the path and go on from its end, with the states that it tells.
 
-    The first call starts from the centre, another goes on. Ends after `steps`, or when
-    Res <= target * scalar[SIZE]. Returns the steps taken.
+    The first call starts from the proximal point, another goes on. Ends after `steps`,
+    or when Res <= target * now.size. Returns the steps taken.
     """
-    problem = problem_in(work, symmetric)
-    open_path(problem, work)
-    state = np.zeros(problem.q.size, dtype=np.int32)
+    work, path = opened(arena), path_in(arena)
+    now = work.now
+    open_path(work, path)
+    state = np.zeros(path.z.size, dtype=np.int32)  # not free: the fixed unknowns
     for i in range(state.size):
-        if problem.lower[i] == problem.upper[i]:
+        if work.lower[i] == work.upper[i]:
             state[i] = -1
-    number = np.zeros(AIM + 1)
-    number[FIRST] = work.scalar[FIRST_MU]
-    path = path_in(work)
-    taken = walk(
-        problem, ordering_in(work), state, path, work.vectors[W], number,
-        target * work.scalar[SIZE], steps,
-    )  # fmt: skip
-    work.scalar[FIRST_MU] = number[FIRST]
-    adopt(problem, work, path.z)
+    factor = analyse(work, free_order(work, state))
+    for taken in range(steps + 1):
+        evaluate(work, path)
+        if now.path_residual <= target * now.size or taken == steps:
+            break
+        set_shift(work, path)
+        refactor(work, work.shift, factor)
+        corrector = 0
+        more = True
+        while more:
+            aim(work, path)
+            solve_free(now.symmetric, factor, work.rhs, path.dz)
+            more = try_direction(work, path, corrector)
+            corrector += 1
+        if not advance(now, path):
+            break
+    close_path(work, path)
     return taken

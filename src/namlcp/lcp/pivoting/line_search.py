@@ -73,7 +73,7 @@ def step_to(x, s, x_end, s_end, lower, upper):
 
 
 @part
-def face_of(s, lower, upper, rho, tolerance, state, goal):
+def states_at(s, lower, upper, rho, tolerance, state, goal):
     """Write to goal the states that s tells; within tolerance they stay what they are.
 
     That is a tolerance of x for the unknowns that are free, of w for the others.

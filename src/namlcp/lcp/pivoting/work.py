@@ -1,79 +1,179 @@
-"""The memory of one solve of `pivoting`, and what stands where in it."""
+"""The memory of one solve by pivoting, every part of it by name.
 
-from typing import NamedTuple
+A kernel takes few arrays, an `Arena`: each array of an argument costs a call from
+Python 0.1 us. It begins with `opened`, which names the rows of the arena: a `Work`,
+handed on whole to all other compiled functions. Python has the same names in a
+`Memory`.
+"""
+
+import ctypes
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from namlcp.compiled import part
-from namlcp.lcp.pivoting.faces import Ordering
+from namlcp.compiled import part, pasted, uncounted
 from namlcp.linalg import Columns
 
-# Rows of `Work.vectors`; Q, LOWER, UPPER belong to the scaled problem.
-Q, LOWER, UPPER, D, Z, W, CENTRE, BEST_Z, RHS, SHIFT, PATH, WL, WU = range(13)
-X, S = 13, 14  # see `search`
-# Rows of `Work.marks`.
-STATE, GOAL, UNIT, SEQUENCE, RANK, LOCAL = range(6)
-# Places in `Work.counter`.
-STARTED, FACTORED, OUTER, FEWEST, PATIENCE, STALE, PATHED, OUTSIDE = range(8)
-ORDERED, ORDERINGS = 8, 9
-CURVATURE, ASKED, CONVEX, SEARCHING = 10, 11, 12, 13
-# Places in `Work.scalar`.
-RHO, TOLERANCE, SIZE, EPS_ABS, EPS_REL, BEST, MET, FIRST_MU = range(8)
 
+class Scalars(ctypes.Structure):
+    """The numbers of one solve: attributes in Python, fields in compiled code.
 
-class Work(NamedTuple):
-    """All memory of one solve, made by `workspace`; the rows and places are above.
-
-    scaled: the matrix with a unit diagonal. vectors (15, n), marks (6, n) int32,
-    counter (14,) int64, scalar (8,).
+    "Scaled" refers to the problem with a unit diagonal.
     """
+
+    _fields_ = (
+        # Tolerances; scaled Res at clip(0); least scaled Res so far.
+        ("eps_abs", ctypes.c_double),
+        ("eps_rel", ctypes.c_double),
+        ("size", ctypes.c_double),
+        ("best_residual", ctypes.c_double),
+        # The proximal parameter, and what counts as 0 in z and w (scaled).
+        ("rho", ctypes.c_double),
+        ("tolerance", ctypes.c_double),
+        # On the interior path: scaled Res, mean product of slack and multiplier now,
+        # at most and aimed at, longest step.
+        ("path_residual", ctypes.c_double),
+        ("mu", ctypes.c_double),
+        ("largest_mu", ctypes.c_double),
+        ("target_mu", ctypes.c_double),
+        ("step", ctypes.c_double),
+        # Factorisations, proximal steps, elimination orders made, unknowns in order.
+        ("factorisations", ctypes.c_int64),
+        ("outer_steps", ctypes.c_int64),
+        ("orderings", ctypes.c_int64),
+        ("ordered", ctypes.c_int64),
+        # Fewest wrong signs so far; factorisations left until there must be fewer.
+        ("fewest_wrong", ctypes.c_int64),
+        ("patience", ctypes.c_int64),
+        # Given: A = A'; the caller solves the free systems; convexity is asked for.
+        ("symmetric", ctypes.c_bool),
+        ("external_solve", ctypes.c_bool),
+        ("ask_convex", ctypes.c_bool),
+        # Found: the tolerance is met; A is not a P-matrix; A is semidefinite.
+        ("solved", ctypes.c_bool),
+        ("not_p", ctypes.c_bool),
+        ("convex", ctypes.c_bool),
+        # Where the solve is.
+        ("started", ctypes.c_bool),
+        ("path_followed", ctypes.c_bool),
+        ("line_search", ctypes.c_bool),
+        ("convexity_phase", ctypes.c_bool),
+        ("must_factor", ctypes.c_bool),
+    )
+
+
+RECORD = np.dtype((np.record, np.dtype(Scalars)))
+
+
+class Arena(NamedTuple):
+    """The arrays of a solve: the scaled matrix, rows of `Work` and `Path`, scalars."""
 
     scaled: Columns
     vectors: np.ndarray
     marks: np.ndarray
-    counter: np.ndarray
-    scalar: np.ndarray
+    scalars: np.ndarray
 
 
-class Problem(NamedTuple):
-    """Box LCP scaled by d to a unit diagonal; where that failed d = 1, unit = 0."""
+class Work(NamedTuple):
+    """The problem scaled to a unit diagonal and what is known of it.
 
-    columns: Columns
-    symmetric: bool
+    scaled: D A D. q, lower, upper, d (n,): the scaled problem, d the diagonal of D.
+    z, w, centre, best: iterate, w = A z + q, proximal point, best z so far.
+    rhs, shift: right-hand side and diagonal shift of the free system.
+    x, s: see `line_search`.
+    state, goal: -1 at the lower bound, 1 at the upper one, 0 free; as it is and as the
+    signs say. has_unit: 1 where d comes from a positive diagonal entry, else d = 1.
+    sequence: the first now.ordered entries are unknowns in elimination order; rank:
+    their place in it, -1 for others; local: -1 between calls.
+    """
+
+    scaled: Columns
     q: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
     d: np.ndarray
-    unit: np.ndarray
+    z: np.ndarray
+    w: np.ndarray
+    centre: np.ndarray
+    best: np.ndarray
+    rhs: np.ndarray
+    shift: np.ndarray
+    x: np.ndarray
+    s: np.ndarray
+    state: np.ndarray
+    goal: np.ndarray
+    has_unit: np.ndarray
+    sequence: np.ndarray
+    rank: np.ndarray
+    local: np.ndarray
+    now: Any
 
 
-def workspace(columns: Columns, n: int) -> Work:
-    """Return the memory for a problem of order n, nothing begun."""
-    scaled = columns._replace(
-        dense=np.empty_like(columns.dense), data=np.empty_like(columns.data)
+class Path(NamedTuple):
+    """A point of the interior path and the step from it.
+
+    z, wl, wu: the point, multipliers of its lower and upper bounds; wl > 0 and wu > 0
+    tell which bounds are finite. dz, dwl, dwu: the direction. low, high: products of
+    second order to leave out. old_...: the direction before the last corrector.
+    """
+
+    z: np.ndarray
+    wl: np.ndarray
+    wu: np.ndarray
+    dz: np.ndarray
+    dwl: np.ndarray
+    dwu: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    old_dz: np.ndarray
+    old_dwl: np.ndarray
+    old_dwu: np.ndarray
+
+
+def vector(row: int) -> Any:
+    """Return a property of `Memory`: one row of its vectors."""
+    return property(lambda self: self.vectors[row])
+
+
+class Memory:
+    """The memory of a problem of order n as Python sees it; names as in `Work`."""
+
+    def __init__(self, columns: Columns, n: int) -> None:
+        """Begin nothing yet; `columns` are those of the user's matrix."""
+        dense, data, indices, indptr = columns
+        self.n, self.now = n, Scalars()
+        self.vectors = np.zeros((23, n))
+        self.marks = np.zeros((6, n), dtype=np.int32)
+        self.marks[4:] = -1  # rank and local
+        self.scaled = Columns(
+            np.empty_like(dense), np.empty_like(data), indices, indptr
+        )
+        scalars = np.frombuffer(memoryview(self.now), RECORD)
+        self.arena = Arena(self.scaled, self.vectors, self.marks, scalars)
+
+    q, lower, upper, d, z, w, centre, best, rhs, shift, x, s = map(vector, range(12))
+    path_dz = vector(15)
+    state = property(lambda self: self.marks[0])
+    has_unit = property(lambda self: self.marks[2])
+
+
+@pasted  # numba returns no record from a function
+def opened(arena):
+    """Return the `Work` of an arena in compiled code."""
+    A, v, m = arena.scaled, uncounted(arena.vectors), uncounted(arena.marks)
+    scaled = Columns(
+        uncounted(A.dense), uncounted(A.data), uncounted(A.indices), uncounted(A.indptr)
     )
-    marks = np.zeros((6, n), dtype=np.int32)
-    marks[RANK:] = -1
     return Work(
-        scaled,
-        np.zeros((15, n)),
-        marks,
-        np.zeros(14, dtype=np.int64),
-        np.zeros(8),
-    )
+        scaled, v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8], v[9], v[10],
+        v[11], m[0], m[1], m[2], m[3], m[4], m[5], arena.scalars[0],
+    )  # fmt: skip
 
 
 @part
-def problem_in(work, symmetric):
-    """Return the scaled problem as views of the workspace."""
-    v = work.vectors
-    return Problem(
-        work.scaled, symmetric, v[Q], v[LOWER], v[UPPER], v[D], work.marks[UNIT]
+def path_in(arena):
+    """Return the `Path` of an arena in compiled code."""
+    v = uncounted(arena.vectors)
+    return Path(
+        v[12], v[13], v[14], v[15], v[16], v[17], v[18], v[19], v[20], v[21], v[22]
     )
-
-
-@part
-def ordering_in(work):
-    """Return the elimination order as views of the workspace."""
-    m = work.marks
-    return Ordering(m[SEQUENCE], m[RANK], m[LOCAL], work.counter[ORDERED:])

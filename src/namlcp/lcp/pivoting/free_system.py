@@ -1,0 +1,210 @@
+"""Free systems (A_FF + diag(shift)_F) x = b: Cholesky, LU or sparse L D L'.
+
+F is the set of unknowns strictly between their bounds, state 0. Small, dense and
+nonsymmetric systems go to LAPACK, sparse symmetric ones to `linalg.ldl`, whichever
+takes fewer operations.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from namlcp.compiled import part
+from namlcp.linalg import (
+    SMALL,
+    Triangle,
+    bitset_minimum_degree,
+    cholesky,
+    cholesky_solve,
+    ldl_numeric,
+    ldl_solve,
+    ldl_symbolic,
+    lu,
+    lu_solve,
+)
+
+# What `refactor` returns.
+REGULAR, SINGULAR, INDEFINITE = range(3)
+
+JITTER = 1e-11
+"""Added to the unit diagonal where Cholesky refuses: a singular A_FF passes then."""
+
+LEAST_MINOR = 1e-10
+"""Least pivot of LU; below it rounding decides the sign of the determinant."""
+
+LEAST_PIVOT = -1e-7
+"""Pivot of L D L' of a unit diagonal; below it A_FF is indefinite, not just rounded."""
+
+CALL, DENSE_SPEED = 5000.0, 10.0
+"""Multiplications that a dense factorisation may take more: at all, and as a factor."""
+
+
+class Factor(NamedTuple):
+    """Factors of one free system: dense (m, m) with pivots, or L D L' (dense empty)."""
+
+    order: np.ndarray
+    dense: np.ndarray
+    pivots: np.ndarray
+    sparse: Triangle
+
+
+@part
+def gather(work, shift, order, out):
+    """Write the transpose of A_FF + diag(shift)_F to out (m, m), F = order."""
+    m, local = order.size, work.local
+    dense, data, indices, indptr = work.scaled
+    if dense.shape[0] > 0:
+        for k in range(m):
+            column = dense[order[k]]
+            for t in range(m):
+                out[k, t] = column[order[t]]
+    else:
+        number(order, local)
+        for k in range(m):
+            for t in range(m):
+                out[k, t] = 0.0
+            for p in range(indptr[order[k]], indptr[order[k] + 1]):
+                if local[indices[p]] >= 0:
+                    out[k, local[indices[p]]] = data[p]
+        forget(order, local)
+    for k in range(m):
+        out[k, k] += shift[order[k]]
+
+
+@part
+def number(order, local):
+    """Write the position of every unknown of `order` to local (n,)."""
+    for k in range(order.size):
+        local[order[k]] = k
+
+
+@part
+def forget(order, local):
+    """Undo `number`."""
+    for k in range(order.size):
+        local[order[k]] = -1
+
+
+@part
+def dense_factor(work, shift, factor):
+    """Factor the system into factor.dense; return REGULAR, SINGULAR or INDEFINITE."""
+    m = factor.order.size
+    M = factor.dense
+    gather(work, shift, factor.order, M)
+    if work.now.symmetric:
+        if cholesky(M) == 0:
+            return REGULAR
+        gather(work, shift, factor.order, M)
+        for k in range(m):
+            M[k, k] += JITTER
+        if cholesky(M) == 0:
+            return SINGULAR
+        for k in range(m):  # a wrong factor, which still gives a point to go on from
+            M[k, k] = max(M[k, k], JITTER)
+        return INDEFINITE
+    for k in range(m):
+        for t in range(k):
+            M[k, t], M[t, k] = M[t, k], M[k, t]
+    if lu(M, factor.pivots) > 0:
+        return SINGULAR
+    positive = True
+    least = np.inf
+    for k in range(m):
+        least = min(least, abs(M[k, k]))
+        positive ^= M[k, k] < 0.0
+        positive ^= factor.pivots[k] != k + 1
+    # No P-matrix has a negative minor, but the sign of a tiny one is rounding.
+    return INDEFINITE if least > LEAST_MINOR and not positive else REGULAR
+
+
+@part
+def free_order(work, state):
+    """Return the unknowns {state = 0}, in elimination order where A_FF may be sparse.
+
+    The first order is made for these unknowns, the second for them and all met before,
+    the third for all n: most solves see one or two sets F that differ little.
+    """
+    sequence, rank, now, scaled = work.sequence, work.rank, work.now, work.scaled
+    n = state.size
+    m = 0
+    missing = False
+    for i in range(n):
+        if state[i] == 0:
+            m += 1
+            missing |= rank[i] < 0
+    sparse = now.symmetric and m > SMALL and scaled.dense.shape[0] == 0
+    if sparse and missing:
+        nodes = np.empty(n, dtype=np.int32)
+        size = 0
+        for i in range(n):
+            if state[i] == 0 or rank[i] >= 0 or now.orderings >= 2:
+                nodes[size] = i
+                size += 1
+        bitset_minimum_degree(
+            scaled.indptr, scaled.indices, nodes[:size], work.local, sequence
+        )
+        for k in range(size):
+            rank[sequence[k]] = k
+        now.ordered = size
+        now.orderings += 1
+    order = np.empty(m, dtype=np.int32)
+    m = 0
+    for k in range(now.ordered if sparse else n):
+        i = sequence[k] if sparse else k
+        if state[i] == 0:
+            order[m] = i
+            m += 1
+    return order
+
+
+@part
+def analyse(work, order):
+    """Return an empty `Factor` for the unknowns in `order`, storage chosen by cost."""
+    m, scaled = order.size, work.scaled
+    parent, counts = np.empty(m, dtype=np.int32), np.empty(m, dtype=np.int32)
+    starts = np.zeros(m + 1, dtype=np.int64)
+    size = m  # of the dense factor
+    if work.now.symmetric and m > SMALL and scaled.dense.shape[0] == 0:
+        number(order, work.local)
+        flops = ldl_symbolic(
+            scaled.indptr, scaled.indices, order, work.local, parent, counts
+        )
+        forget(order, work.local)
+        if DENSE_SPEED * flops <= m * (m * (m / 3.0)) + CALL:
+            size = 0
+            for k in range(m):
+                starts[k + 1] = starts[k] + counts[k]
+    rows, values = np.empty(starts[m], dtype=np.int32), np.empty(starts[m])
+    triangle = Triangle(parent, starts, rows, values, np.empty(m - size))
+    pivots = np.empty(size, dtype=np.int32)
+    return Factor(order, np.empty((size, size)), pivots, triangle)
+
+
+@part
+def refactor(work, shift, factor):
+    """Compute the numbers of `factor`; return REGULAR, SINGULAR or INDEFINITE."""
+    order = factor.order
+    if factor.dense.shape[0] == order.size:
+        return dense_factor(work, shift, factor)
+    number(order, work.local)
+    smallest = ldl_numeric(work.scaled, shift, order, work.local, factor.sparse)
+    forget(order, work.local)
+    return INDEFINITE if smallest < LEAST_PIVOT else REGULAR
+
+
+@part
+def solve_free(symmetric, factor, b, x):
+    """Write the solution for b (n,) to the free entries of x (n,); others stay."""
+    order = factor.order
+    m = order.size
+    u = np.empty(m)
+    for k in range(m):
+        u[k] = b[order[k]]
+    if factor.dense.shape[0] < m:
+        ldl_solve(factor.sparse, u)
+    elif symmetric:
+        cholesky_solve(factor.dense, u)
+    else:
+        lu_solve(factor.dense, factor.pivots, u)
+    for k in range(m):
+        x[order[k]] = u[k]

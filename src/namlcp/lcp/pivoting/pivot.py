@@ -1,0 +1,412 @@
+"""Block principal pivoting inside a proximal loop: the compiled part of the solve.
+
+Every unknown is at its lower bound (state -1), at its upper bound (1) or free (0). With
+the bounded ones fixed, the free ones F solve the free system (A_FF + rho I) z_F = rhs.
+Then the unknowns with a wrong sign change their states: all of them (Judice and Pires,
+Computers Ops Res 21 (1994) 587-596), or only the last one (Murty 1974) when nothing
+else makes progress, which ends after finitely many steps for every P-matrix. The
+proximal loop around it (rho, relative to the unit diagonal) makes singular matrices
+solvable and refines the solution of the others. Where changing all states at once goes
+too far for a symmetric A, `line_search` finds how far to go.
+
+All of it is one compiled call, `pivot`, which returns one of the codes below.
+"""
+
+import numpy as np
+
+from namlcp.compiled import kernel, part, pasted
+from namlcp.lcp.pivoting.free_system import (
+    INDEFINITE,
+    REGULAR,
+    analyse,
+    free_order,
+    refactor,
+    solve_free,
+)
+from namlcp.lcp.pivoting.line_search import begin_at, end_at, states_at, step_to
+from namlcp.lcp.pivoting.work import opened
+from namlcp.linalg import (
+    SLACK,
+    add_product,
+    all_finite,
+    copy,
+    largest_entry,
+    scale_columns,
+    write_diagonal,
+)
+from namlcp.residuals import natural_residuals
+
+# Why `pivot` returns.
+GO_ON = -1  # never returned
+DONE = 0  # solved
+MORE = 1  # the budget of factorisations is used up
+STAGNATED = 2  # block pivoting makes no progress, the caller changes rho or the point
+FREE_SYSTEM = 3  # the caller solves the free system, rhs to z, and calls `resume`
+RAY = 4  # rhs may prove that there is no solution
+STUCK = 5  # nothing else to try
+
+OMEGA = 1.4
+"""Relaxation parameter of the first sweeps."""
+
+SWEEPS, STILL = 30, 3
+"""First sweeps at most; they end after so many in a row that change no state."""
+
+BLOCK_STEPS, SEARCH_STEPS = 3, 100
+"""Factorisations without fewer wrong signs before block pivoting counts as stagnated:
+with all states changed at once, and with the line search, which always descends."""
+
+LEAST_RHO, MOST_RHO = 1e-8, 1.0
+"""Range of the proximal parameter, relative to the unit diagonal."""
+
+OUTER_STEPS = 200
+"""Proximal steps at most."""
+
+EARLY_STEPS, FEW, SOME = 20, 64, 4
+"""A proximal step may end early in the first 20, when at most one sign in 64 is wrong
+and more than 4 factorisations were made: see `may_end_early`."""
+
+ROUNDING = 1e-15
+"""Scaled Res, relative to its value at clip(0), that no further step can lower."""
+
+RAY_ROUNDING = 1e-9
+"""Entry of a ray, relative to the largest, that counts as 0."""
+
+
+@part
+def first_sweeps(work):
+    """Sweep by projected SOR in residual form: w = A z + q is updated, not computed.
+
+    An unknown that stays at its bound costs no more than its test.
+    """
+    dense, data, indices, indptr = work.scaled
+    z, w, state, lower, upper = work.z, work.w, work.state, work.lower, work.upper
+    still = 0
+    for _ in range(SWEEPS):
+        still += 1
+        for i in range(z.size):
+            if work.has_unit[i]:
+                t = min(max(z[i] - OMEGA * w[i], lower[i]), upper[i])
+                step = t - z[i]
+                if step != 0.0:
+                    z[i] = t
+                    # Written out: a call costs more than the work on a sparse column.
+                    if dense.shape[0] > 0:
+                        for k in range(w.size):
+                            w[k] += step * dense[i, k]
+                    else:
+                        for p in range(np.uint32(indptr[i]), np.uint32(indptr[i + 1])):
+                            w[np.uint32(indices[p])] += step * data[p]
+            found = state_of(z[i] - w[i], lower[i], upper[i])
+            if found != state[i]:
+                state[i] = found
+                still = 0
+        if still >= STILL:
+            break
+
+
+@part
+def state_of(s, lower, upper):
+    """Return the state that s = z - w tells."""
+    return -1 if s <= lower else (1 if s >= upper else 0)
+
+
+@part
+def multiply(work, z, w):
+    """Write w = A z + q of the scaled problem."""
+    copy(work.q, w)
+    add_product(work.scaled, z, w)
+
+
+@part
+def record(work):
+    """Keep z if its Res is the least so far; return whether it fell to a quarter."""
+    now = work.now
+    scaled, plain = natural_residuals(work.z, work.w, work.lower, work.upper, work.d)
+    improved = scaled < 0.25 * now.best_residual
+    if scaled < now.best_residual:
+        now.best_residual = scaled
+        copy(work.z, work.best)
+        now.solved = scaled <= now.eps_rel * now.size or plain < now.eps_abs
+    return improved
+
+
+@part
+def clip_rounding(work):
+    """Clip z if no free unknown is outside its bounds by more than the tolerance."""
+    z, lower, upper = work.z, work.lower, work.upper
+    tolerance = work.now.tolerance
+    for i in range(z.size):
+        if not lower[i] - tolerance <= z[i] <= upper[i] + tolerance:
+            return
+    for i in range(z.size):
+        z[i] = min(max(z[i], lower[i]), upper[i])
+
+
+@pasted
+def set_goals(work):
+    """Write to goal the state that the sign of each unknown asks for; count changes."""
+    z, lower, upper = work.z, work.lower, work.upper
+    state, goal = work.state, work.goal
+    rho, tolerance = work.now.rho, work.now.tolerance
+    wrong = 0
+    for i in range(z.size):
+        goal[i] = state[i]
+        if state[i] == 0:
+            if z[i] < lower[i] - tolerance:
+                goal[i] = -1
+            elif z[i] > upper[i] + tolerance:
+                goal[i] = 1
+        elif lower[i] < upper[i]:
+            if state[i] * (work.w[i] + rho * (z[i] - work.centre[i])) > tolerance:
+                goal[i] = 0
+        wrong += goal[i] != state[i]
+    return wrong
+
+
+@part
+def may_be_ray(work, v):
+    """Tell whether q'v < 0 and v moves no unknown towards a finite bound."""
+    least = RAY_ROUNDING * largest_entry(v)
+    descent = 0.0
+    for i in range(v.size):
+        if (v[i] > least and work.upper[i] < np.inf) or (
+            v[i] < -least and work.lower[i] > -np.inf
+        ):
+            return False
+        descent += work.q[i] * v[i]
+    return descent < 0.0
+
+
+@part
+def reset_patience(now, n, rho):
+    """Count wrong signs afresh, with this rho."""
+    now.fewest_wrong = n + 1
+    now.patience = SEARCH_STEPS if now.line_search else BLOCK_STEPS
+    if rho != now.rho:
+        now.rho = rho
+        now.must_factor = True
+
+
+@pasted
+def end_outer_step(work):
+    """Move the proximal point to z. Return a code; GO_ON for the next step."""
+    z, v, centre, now = work.z, work.rhs, work.centre, work.now
+    improved = record(work)
+    now.outer_steps += 1
+    rho = now.rho
+    exact = now.best_residual <= ROUNDING * now.size
+    if now.solved and (exact or rho == 0.0 or not improved):
+        return DONE
+    if now.outer_steps >= OUTER_STEPS:
+        return STUCK
+    for i in range(z.size):
+        v[i] = z[i] - centre[i]
+        centre[i] = z[i]
+    factor = 0.1 if now.line_search else 0.01
+    reset_patience(now, z.size, max(factor * rho, LEAST_RHO))
+    begin_at(centre, work.w, now.rho, work.x, work.s)
+    # Steps 3, 6, 12, ...: the direction becomes clearer, but each proof takes time.
+    turn = now.outer_steps // 3
+    due = now.outer_steps == 3 * turn and turn > 0 and turn & (turn - 1) == 0
+    if due and rho > 0.0 and may_be_ray(work, v):
+        return RAY
+    return GO_ON
+
+
+@part
+def search(work):
+    """Go towards z, which solves the free system; set goal to the states there."""
+    now, s_end = work.now, work.rhs
+    lower, upper = work.lower, work.upper
+    end_at(work.z, work.centre, work.w, now.rho, work.state, s_end)
+    if step_to(work.x, work.s, work.z, s_end, lower, upper) < 1.0:
+        states_at(work.s, lower, upper, now.rho, now.tolerance, work.state, work.goal)
+
+
+@pasted
+def change_states(work, wrong, single):
+    """Change states to their goals: all, or only the last one where that stagnated."""
+    now, state, goal = work.now, work.state, work.goal
+    first = 0
+    if now.line_search and not now.not_p and now.patience > 0:
+        now.patience -= 1
+        search(work)
+    elif wrong < now.fewest_wrong:
+        now.fewest_wrong = wrong
+        now.patience = BLOCK_STEPS
+    elif now.patience > 0:
+        now.patience -= 1
+    elif single:
+        first = state.size - 1
+        while goal[first] == state[first]:
+            first -= 1
+    else:
+        return STAGNATED
+    for i in range(first, state.size):
+        state[i] = goal[i]
+    now.must_factor = True
+    return GO_ON
+
+
+@part
+def may_end_early(now, wrong, n):
+    """Tell whether an outer step of a symmetric A may end with one sign in FEW wrong.
+
+    The proximal point moves anyway, and the factors are at hand; solving its problem
+    exactly before it is near the solution costs factorisations. Most problems need
+    no more than `SOME`, and are solved exactly.
+    """
+    early = now.symmetric and now.rho > 0.0 and now.factorisations > SOME
+    falls = wrong < now.fewest_wrong and now.outer_steps < EARLY_STEPS
+    return early and falls and not now.path_followed and FEW * wrong <= n
+
+
+@pasted
+def use_solution(work):
+    """With the free system solved, change wrong states or end the outer step."""
+    z, now = work.z, work.now
+    clip_rounding(work)
+    multiply(work, z, work.w)
+    if not all_finite(work.w):
+        if now.rho > 0.0:
+            return STUCK
+        # The free system is singular: go on from the best point with rho > 0.
+        copy(work.best, work.centre)
+        reset_patience(now, z.size, LEAST_RHO)
+        return GO_ON
+    wrong = set_goals(work)
+    if wrong == 0 or may_end_early(now, wrong, z.size):
+        return end_outer_step(work)
+    if now.solved:
+        return DONE
+    # Before changing single states, a symmetric A is tried with a larger rho.
+    single = now.path_followed and (now.rho >= MOST_RHO or not now.symmetric)
+    return change_states(work, wrong, single)
+
+
+@part
+def set_right_side(work):
+    """Put bounded unknowns at their bounds, write the right side of the free system."""
+    z, rhs, state, rho = work.z, work.rhs, work.state, work.now.rho
+    for i in range(z.size):
+        z[i] = 0.0
+        if state[i] != 0:
+            z[i] = work.lower[i] if state[i] < 0 else work.upper[i]
+    multiply(work, z, rhs)
+    for i in range(z.size):
+        rhs[i] = rho * work.centre[i] - rhs[i]
+
+
+@part
+def scale(columns, work):
+    """Scale the user's problem to a unit diagonal, and put clip(z) into centre."""
+    q, lower, upper, d = work.q, work.lower, work.upper, work.d
+    write_diagonal(columns, d)
+    for i in range(d.size):
+        work.has_unit[i] = d[i] > 0.0
+        d[i] = 1.0 / np.sqrt(d[i]) if d[i] > 0.0 else 1.0
+        q[i] *= d[i]
+        lower[i] /= d[i]
+        upper[i] /= d[i]
+        work.centre[i] = min(max(work.z[i] / d[i], lower[i]), upper[i])
+    scale_columns(columns, d, work.scaled)
+
+
+@pasted
+def begin(columns, work):
+    """Scale, then sweep from the user's z. Return a code."""
+    z, w, centre, rhs, now = work.z, work.w, work.centre, work.rhs, work.now
+    n = z.size
+    scale(columns, work)
+    now.best_residual = np.inf
+    # First z = clip(0), which gives the size of the problem; then the start.
+    for i in range(n):
+        z[i] = min(max(0.0, work.lower[i]), work.upper[i])
+    for start in range(2):
+        multiply(work, z, w)
+        record(work)
+        if start == 0:
+            now.size = now.best_residual
+            copy(centre, z)
+        if now.size == 0.0 or now.solved:
+            return DONE
+    eps = 0.01 * now.eps_rel * now.size / np.sqrt(n)
+    now.tolerance = max(1e-14 * largest_entry(work.q), eps)
+    copy(z, centre)
+    copy(w, rhs)
+    before = now.best_residual
+    first_sweeps(work)
+    record(work)
+    # On a nonsymmetric A the sweeps may diverge: drop them if Res did not fall.
+    if now.best_residual == before and not now.symmetric:
+        copy(centre, z)
+        copy(rhs, w)
+    for i in range(n):
+        work.state[i] = state_of(z[i] - w[i], work.lower[i], work.upper[i])
+        centre[i] = z[i]
+    now.must_factor = True
+    reset_patience(now, n, LEAST_RHO if now.symmetric else 0.0)
+    return GO_ON
+
+
+@kernel(error_model="numpy")
+def pivot(columns, arena, budget):
+    """Begin or go on until solved, or for `budget` factorisations. Return a code.
+
+    Parameters
+    ----------
+    columns : Columns
+        The user's matrix.
+    arena : Arena
+        First call: q, lower, upper hold the user's problem, z the start, and the
+        scalars the tolerances and what is given. On return `best` is the best z of the
+        scaled problem.
+
+    Where convexity is asked for, a solved symmetric problem is followed by one
+    factorisation of A + `SLACK` I: now.convex tells if that is positive definite.
+    """
+    work = opened(arena)
+    now, state, shift = work.now, work.state, work.shift
+    if not now.started:
+        now.started = True
+        if begin(columns, work) == DONE:
+            if not now.ask_convex:
+                return DONE
+            now.convexity_phase = True
+            budget += 1
+    if now.external_solve:
+        set_right_side(work)
+        return FREE_SYSTEM
+    while budget > 0:
+        budget -= 1
+        for i in range(shift.size):
+            shift[i] = SLACK if now.convexity_phase else now.rho
+            if now.convexity_phase:
+                state[i] = 0
+                if not work.has_unit[i]:
+                    return DONE  # zero or negative diagonal: not decided here
+        factor = analyse(work, free_order(work, state))
+        quality = refactor(work, shift, factor)
+        if now.convexity_phase:
+            now.convex = quality == REGULAR
+            return DONE
+        now.factorisations += 1
+        now.not_p |= quality == INDEFINITE
+        now.must_factor = False
+        while not now.must_factor:
+            set_right_side(work)
+            solve_free(now.symmetric, factor, work.rhs, work.z)
+            code = use_solution(work)
+            if code == DONE and now.ask_convex:
+                now.convexity_phase = True
+                budget += 1
+                break
+            if code != GO_ON:
+                return code
+    return MORE
+
+
+@kernel(error_model="numpy")
+def resume(arena):
+    """Take the caller's solution of the free system in z. Return a code."""
+    return use_solution(opened(arena))
