@@ -3,6 +3,20 @@
 ``solve_lcp(A, q)`` finds z >= 0 with w = A z + q >= 0 and z'w = 0 (or its box form);
 ``solve_qp(P, q, G, h, A, b, lb, ub)`` solves a convex QP. Importing the package makes
 ``solver="nam"`` known to qpsolvers.
+
+A folder is a room, entered by what its ``__init__`` exports. It calls those below it:
+
+- `qpsolvers`, `cvxpy`, `cli`: other people's names and files, given to `solve_qp`;
+- `qp`: any arrays -> `QP` (checked) -> transforms to an easier QP -> an LCP in bounds,
+  dense pivots or interior points -> the point back through the transforms -> residuals
+  on the caller's data decide -> `QPResult`;
+- `theory`: on which matrices the sweeps converge, with proofs (`converges`);
+- `lcp`: any arrays -> `Prepared` and `LCP` (checked) -> unit diagonal -> elimination,
+  the paper's sweeps, multigrid cycles or pivots -> residual on the caller's data ->
+  `LCPResult`;
+- `residuals`, `result`, `limits`, `options`, `status`, `progress`, `checks`: for all;
+- `linalg`: products, orderings and factorisations, dense and sparse;
+- `compiled`: the decorators of compiled functions, and the files of machine code.
 """
 
 from importlib import import_module

@@ -5,7 +5,6 @@ import os
 import shutil
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numba
@@ -15,10 +14,8 @@ import pytest
 import namlcp
 from namlcp import residuals
 from namlcp.compiled import (
-    ahead,
     decorators,
     internals,
-    signatures,
     sources,
     store,
 )
@@ -324,96 +321,6 @@ def test_numbas_folder_alone_where_it_is_set(tmp_path):
     assert files(tmp_path / "given") == files(tmp_path)
 
 
-def test_code_of_other_versions_goes_after_a_month(tmp_path):
-    old, new, foreign = (tmp_path / name for name in ("0" * 32, "1" * 32, "notes"))
-    for folder in (old, new, foreign):
-        folder.mkdir()
-        (folder / "a.kernel").write_text("")
-    then = time.time() - 1.1 * store.KEPT
-    for folder in (old, foreign):
-        os.utime(folder, (then, then))
-    assert store.Folder(tmp_path).write("b.kernel", b"code")
-    assert not old.exists()
-    assert new.exists()
-    assert foreign.exists()
-
-
-def test_use_is_noted(tmp_path):
-    folder = store.Folder(tmp_path)
-    folder.write("a.kernel", b"code")
-    then = time.time() - 10 * store.USED
-    os.utime(folder.path, (then, then))
-    assert folder.read("a.kernel") == b"code"
-    assert folder.path.stat().st_mtime > time.time() - store.USED
-
-
-# ---- which files are run
-
-
-@pytest.fixture
-def folder(tmp_path):
-    folder = store.Folder(tmp_path / "kept")
-    assert folder.write("a.kernel", b"code")
-    assert folder.read("a.kernel") == b"code"
-    return folder
-
-
-@pytest.mark.parametrize(
-    "damage",
-    [lambda t: t[:-1], lambda t: b"", lambda t: t[:10], lambda t: t[:-1] + b"f",
-     lambda t: b"\0" + t[1:], lambda t: t + b"e"],
-)  # fmt: skip
-def test_a_damaged_file_is_no_file(folder, damage):
-    path = folder.path / "a.kernel"
-    path.write_bytes(damage(path.read_bytes()))
-    assert folder.read("a.kernel") is None
-
-
-@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no such permissions")
-@pytest.mark.parametrize("mode", [0o666, 0o664, 0o646])
-def test_a_file_that_others_may_write_is_not_run(folder, mode):
-    (folder.path / "a.kernel").chmod(mode)
-    assert folder.read("a.kernel") is None
-
-
-@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no such permissions")
-@pytest.mark.parametrize("mode", [0o777, 0o775, 0o1777])
-def test_nothing_from_a_folder_that_others_may_write(folder, mode):
-    folder.path.chmod(mode)
-    assert folder.read("a.kernel") is None
-    assert not folder.write("b.kernel", b"code")
-
-
-@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no such permissions")
-def test_nothing_from_below_a_folder_that_others_may_write(folder):
-    folder.parent.chmod(0o777)
-    assert folder.read("a.kernel") is None
-    assert not folder.write("b.kernel", b"code")
-
-
-@pytest.mark.skipif(not hasattr(os, "O_NOFOLLOW"), reason="no such links")
-def test_a_link_is_not_followed_and_a_pipe_not_waited_for(folder):
-    (folder.path / "b.kernel").symlink_to(folder.path / "a.kernel")
-    os.mkfifo(folder.path / "c.kernel")
-    assert folder.read("b.kernel") is None
-    assert folder.read("c.kernel") is None
-
-
-@pytest.mark.skipif(not hasattr(os, "getuid"), reason="no such permissions")
-def test_a_strangers_file_is_not_run(folder, monkeypatch):
-    monkeypatch.setattr(store, "trusted_owners", lambda: {os.getuid() + 1})
-    assert folder.read("a.kernel") is None
-
-
-def test_no_file_is_left_half_written(folder, monkeypatch):
-    def fail(*_):
-        raise OSError("disk full")
-
-    monkeypatch.setattr(os, "replace", fail)
-    assert not folder.write("b.kernel", b"code")
-    assert [path.name for path in folder.path.iterdir()] == ["a.kernel"]
-
-
 def test_truncated_and_foreign_files_are_compiled_anew(tmp_path):
     root = copied(tmp_path)
     first = run(root, "clean", "asymmetric")
@@ -495,51 +402,6 @@ def test_prebuilt_code_is_for_processors_that_have_what_it_needs(
     monkeypatch.setattr(numba.config, "CPU_NAME", given)
     fits = internals.fits_baseline.__wrapped__
     assert fits("x86-64-v3", name, features) is expected
-
-
-# ---- the list
-
-
-def test_every_kernel_is_listed_and_every_line_is_one():
-    signatures.all_modules()
-    lines = signatures.listed()
-    assert len(set(lines)) == len(lines)
-    assert lines == sorted(lines)
-    for line in lines:
-        dispatcher, arguments = signatures.read(line)
-        name = decorators.name_of(dispatcher.py_func)
-        assert f"{name}({', '.join(map(signatures.spelled, arguments))})" == line
-    assert {line.partition("(")[0] for line in lines} == set(decorators.KERNELS)
-
-
-@pytest.mark.skipif(store.prebuilt().path.is_dir(), reason="it came with the package")
-def test_warmup_compiles_what_is_listed(tmp_path, monkeypatch, capsys):
-    two = [line for line in signatures.listed() if "checks.is_" in line]
-    for module in (ahead, signatures):
-        monkeypatch.setattr(module, "listed", lambda: two)
-    store.folders.cache_clear()
-    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
-    namlcp.warmup(processes=2)
-    monkeypatch.undo()
-    store.folders.cache_clear()
-    out = capsys.readouterr().out
-    assert f"] {len(two)} of {len(two)}" in out
-    assert str(tmp_path) in out
-    kept = {path.name.rpartition("-")[0] for path in files(tmp_path)}
-    assert kept == {line.partition("(")[0] for line in two}
-
-
-def test_warmup_says_which_argument_is_wrong():
-    with pytest.raises(TypeError, match="progress must be True or False, got 3"):
-        namlcp.warmup(3)
-    with pytest.raises(ValueError, match="processes must be >= 1, got 0"):
-        namlcp.warmup(processes=0)
-
-
-def test_warmup_of_a_process_that_ends_early(monkeypatch):
-    monkeypatch.setattr(ahead, "START", "input()")
-    with pytest.raises(RuntimeError, match="ended at checks"):
-        namlcp.warmup(progress=False, processes=2)
 
 
 def test_compile_time_counts_this_package_alone(tmp_path):

@@ -106,8 +106,7 @@ def five_point(m, delta=0.0, below=-1.0, above=-1.0):
 def test_exactly_singular_comparison_matrices_are_decided():
     ring = 2.0 * np.eye(5) - np.roll(np.eye(5), 1, 1) - np.roll(np.eye(5), -1, 1)
     verdict = is_h_plus(ring)
-    assert verdict.answer is False
-    assert verdict.bound == 1.0
+    assert (verdict.answer, verdict.bound) == (False, 1.0)
     assert_proves(verdict, ring)
 
 
@@ -171,9 +170,8 @@ def test_m_matrices():
     assert is_m_matrix(np.array([[2.0, -1.0], [-3.0, 2.0]])).answer is True
     assert is_m_matrix(np.array([[2.0, -1.0], [-5.0, 2.0]])).answer is False
     verdict = is_m_matrix(np.array([[2.0, 1.0], [0.0, 2.0]]))
-    assert verdict.answer is False
+    assert (verdict.answer, verdict.witness) == (False, None)
     assert "K[0, 1] = 1 > 0" in verdict.checked
-    assert verdict.witness is None
 
 
 def random_problem(rng, kind):
@@ -232,9 +230,8 @@ def test_splittings_are_those_of_the_sweeps(method):
     np.testing.assert_allclose((parts.M - parts.N).toarray(), A, atol=1e-14)
     s = rng.normal(size=q.size)
     if not parts.H:
-        swept = sweep(
-            A, q, lower, upper, method, s0=s, eps_abs=1e-300, max_iter=1, **given
-        )
+        once = {"s0": s, "eps_abs": 1e-300, "max_iter": 1}
+        swept = sweep(A, q, lower, upper, method, **once, **given)
         other = one_sweep(A, q, lower, upper, method, given, s)
         ends = (swept.s, s, other)  # the better of the two iterates comes back
         assert min(np.abs(ends[0] - end).max() for end in ends[1:]) < 1e-12
@@ -264,9 +261,8 @@ def test_what_provably_converges_does(kind, seed):
                 A, verdict.witness, 0.0 * e, np.inf * e, method, **given,
                 z0=e + 1e-3 * rng.normal(size=q.size), eps_abs=1e-10, max_iter=3000,
             )  # fmt: skip
-            assert (
-                result.status is not Status.SOLVED or np.abs(result.z - e).max() > 1e-7
-            )
+            elsewhere = np.abs(result.z - e).max() > 1e-7
+            assert elsewhere or result.status is not Status.SOLVED
             assert verdict.bound > 1.0
     assert proven > 2
 
@@ -344,8 +340,7 @@ def test_bounds_of_theorem_2_hold(method):
         T = np.abs(np.linalg.inv(left)) @ (np.abs(N) + np.abs(right))
         found = contraction_bounds(A, method, rtol=1e-9)
         rho = radius(T)
-        assert found.lower <= rho * (1.0 + 1e-9)
-        assert rho <= found.upper * (1.0 + 1e-9)
+        assert found.lower <= rho * (1.0 + 1e-9) <= found.upper * (1.0 + 2e-9)
 
 
 @pytest.mark.parametrize("method", ["mgs", "namgs", "pgs", "amgs"])
@@ -376,9 +371,8 @@ def test_theorem_3_piece_by_piece():
     D = A.diagonal()
     own = theorem_3(A, "namgs", shift=1.0)  # the paper's Omega is D/2
     assert own.h_plus.answer is True
-    assert own.h_compatible.answer is False
+    assert own.h_compatible.answer is own.repaired.answer is False
     assert own.case_1.answer is own.case_2_stated.answer is False
-    assert own.repaired.answer is False
     assert not own.applies
     assert not own.applies_as_proved
     above = theorem_3(A, "namgs", shift=1.0, omega=D)
@@ -404,10 +398,11 @@ def test_theorem_3_piece_by_piece():
 @pytest.mark.parametrize("delta", [4.0, 0.0])
 def test_the_papers_runs_have_a_lyapunov_function(example, delta):
     A = five_point(10, delta, *example)
-    for method, alpha in (("mgs", None), ("namgs", None), ("namsor", 0.91)):
-        given = {} if alpha is None else {"alpha": alpha}
-        if method != "mgs":
-            given["shift"] = 1.0
+    for method, given in (
+        ("mgs", {}),
+        ("namgs", {"shift": 1.0}),
+        ("namsor", {"alpha": 0.91, "shift": 1.0}),
+    ):
         assert converges(A, method, **given).answer is True
         found = lyapunov_function(splitting(A, method, **given))
         assert found is not None

@@ -1,7 +1,8 @@
-"""Problems in files, read as what they are not trusted to be.
+"""Problems from files that nobody vouches for.
 
-Nothing is unpickled, evaluated or extracted, and what a file claims to hold is bounded
-before anything is allocated. Whatever is wrong is a ValueError that names it.
+Nothing is unpickled, evaluated or extracted, and the size that a file claims is checked
+before anything is allocated; np.load does neither, nor does it tell a saved None from
+other objects. Whatever is wrong is a ValueError that names it.
 """
 
 import math
@@ -13,51 +14,52 @@ import zlib
 from typing import IO, Any
 
 import numpy as np
+import qpsolvers
+import scipy.sparse as sp
 from scipy.io import loadmat, whosmat
-from scipy.sparse import issparse
 
-from namlcp.checks import refuse_indices
+from namlcp.checks import INFINITE, refuse_indices
 from namlcp.qp import QP
 
 MOST_BYTES = 2**31
-"""Size of all arrays of a file together."""
+"""Largest size of all arrays of a file together [bytes]."""
 
 MAT_NAMES = ("P", "q", "A", "l", "u")
 
-# What NumPy's own pickle of an object array that holds None is made of.
+# The texts in NumPy's own pickle of an object array that holds None.
 HARMLESS = {
     "numpy.core.multiarray", "numpy._core.multiarray", "_reconstruct", "numpy",
     "ndarray", "dtype", "O8", "|", "numpy ndarray", "numpy dtype",
     "numpy.core.multiarray _reconstruct", "numpy._core.multiarray _reconstruct",
 }  # fmt: skip
 SHORT = 1000
-"""Bytes that such a pickle never has."""
+"""Size [bytes] that such a pickle never reaches."""
 
 
-def read_npz(path: str) -> dict[str, np.ndarray | None]:
-    """Return the arrays of a problem that qpsolvers.Problem.save wrote."""
+def npz_problem(path: str) -> qpsolvers.Problem:
+    """Read what qpsolvers.Problem.save wrote."""
     with zipfile.ZipFile(path) as archive:
         members = {entry.filename: entry for entry in archive.infolist()}
         wanted = {name: members.get(f"{name}.npy") for name in QP._fields}
         require([name for name in ("P", "q") if wanted[name] is None], "qpsolvers")
         bound(sum(entry.file_size for entry in wanted.values() if entry))
-        data: dict[str, np.ndarray | None] = dict.fromkeys(QP._fields)
+        data = {}
         for name, entry in wanted.items():
             if entry is not None:
                 with archive.open(entry) as stream:
                     data[name] = read_array(stream, name, entry.file_size)
-    return data
+    return qpsolvers.Problem(**data)
 
 
 def read_array(stream: IO[bytes], name: str, size: int) -> np.ndarray | None:
     """Return one .npy array of `size` bytes, None where it is a saved None."""
     version = np.lib.format.read_magic(stream)
-    if version not in ((1, 0), (2, 0)):
-        raise ValueError(f"{name} has .npy format {version}, known are 1.0 and 2.0")
     if version == (1, 0):
         shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream)
-    else:
+    elif version == (2, 0):
         shape, fortran, dtype = np.lib.format.read_array_header_2_0(stream)
+    else:
+        raise ValueError(f"{name} has .npy format {version}, known are 1.0 and 2.0")
     if dtype.hasobject:
         if shape == () and is_none(stream.read(SHORT)):
             return None
@@ -82,9 +84,31 @@ def is_none(pickled: bytes) -> bool:
         return False
     try:
         texts = [text for _, text, _ in pickletools.genops(pickled)]
-    except Exception as error:  # whatever comes of bytes that are no pickle
+    except Exception as error:  # of any kind, where the bytes are no pickle
         raise ValueError(f"not a pickle ({error})") from None
     return all(text in HARMLESS for text in texts if isinstance(text, str))
+
+
+def mat_problem(path: str) -> qpsolvers.Problem:
+    """Read a Maros-Meszaros problem, l <= A x <= u with the bounds as its last rows."""
+    data = read_mat(path)
+    P, C = sp.csc_matrix(data["P"]), sp.csr_matrix(data["A"])
+    q, low, high = data["q"], data["l"], data["u"]
+    m = C.shape[0] - q.size
+    if m < 0 or low.size != C.shape[0] or high.size != C.shape[0]:
+        raise ValueError(
+            "A, l, u must have as many rows, at least one for each entry of "
+            f"q, got {C.shape[0]}, {low.size}, {high.size} for {q.size}"
+        )
+    low[low <= -INFINITE], high[high >= INFINITE] = -np.inf, np.inf
+    C, (lb, ub), low, high = C[:m], (low[m:], high[m:]), low[:m], high[:m]
+    equal = low == high
+    above, below = ~equal & np.isfinite(high), ~equal & np.isfinite(low)
+    G = sp.vstack([C[above], -C[below]], format="csc")
+    h = np.concatenate((high[above], -low[below]))
+    rows = (G, h) if h.size else (None, None)
+    equalities = (sp.csc_matrix(C[equal]), high[equal]) if equal.any() else (None, None)
+    return qpsolvers.Problem(P, q, *rows, *equalities, lb, ub)
 
 
 def read_mat(path: str) -> dict[str, Any]:
@@ -102,16 +126,16 @@ def read_mat(path: str) -> dict[str, Any]:
     data = loadmat(path, variable_names=MAT_NAMES)
     for name in MAT_NAMES:
         refuse_kind(name, data[name].dtype)
-        if issparse(data[name]):
+        if sp.issparse(data[name]):
             refuse_indices(name, data[name])
     for name in ("q", "l", "u"):
-        vector = data[name].toarray() if issparse(data[name]) else data[name]
+        vector = data[name].toarray() if sp.issparse(data[name]) else data[name]
         data[name] = np.array(vector, dtype=float).ravel()
     return {name: data[name] for name in MAT_NAMES}
 
 
 def unpacked_size(path: str) -> int:
-    """Return how many bytes a .mat file is when its compressed parts are unpacked.
+    """Return the size [bytes] of a .mat file with its compressed parts unpacked.
 
     They are unpacked piece by piece, and not beyond MOST_BYTES.
     """
@@ -138,7 +162,7 @@ def require(missing: list[str], kind: str) -> None:
 
 
 def bound(size: int) -> None:
-    """Raise where arrays of so many bytes are claimed."""
+    """Raise where arrays of more than MOST_BYTES are claimed."""
     if size > MOST_BYTES:
         raise ValueError(f"its arrays claim {size:.1e} bytes, allowed are {MOST_BYTES}")
 

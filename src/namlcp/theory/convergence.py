@@ -124,7 +124,8 @@ def converges(
     Tried in this order, cheapest first (`namlcp.theory.convergence` has the arguments):
 
     1. K is an M-matrix. Sparse, any size.
-    2. Projected SOR, symmetric positive (semi)definite A, 0 < alpha < 2 [1]_ [2]_ [3]_.
+    2. Projected SOR, symmetric positive (semi)definite A, 0 < alpha < 2 (Cryer 1971;
+       Mangasarian 1977; Luo and Tseng 1991).
     3. "modulus" and A + A' positive definite, any Omega > 0. In t = Omega^(1/2) s it is
        reflections and the Cayley transform (I + Q)^-1 (I - Q), Q = Omega^(-1/2) A
        Omega^(-1/2), of norm < 1: ||(I - Q) x||^2 = ||(I + Q) x||^2 - 2 x'(Q + Q')x.
@@ -136,12 +137,6 @@ def converges(
     6. n <= 600: a quadratic norm in which every sweep contracts, by a Riccati equation
        (`namlcp.theory.contraction.lyapunov_function`). It covers the paper's runs of
        NAMGS, which Theorem 2 does not.
-
-    References
-    ----------
-    .. [1] C. W. Cryer, SIAM J. Control 9 (1971) 385-392.
-    .. [2] O. L. Mangasarian, J. Optim. Theory Appl. 22 (1977) 465-485.
-    .. [3] Z.-Q. Luo, P. Tseng, SIAM J. Control Optim. 29 (1991) 1037-1060.
 
     Examples
     --------

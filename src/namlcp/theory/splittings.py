@@ -8,12 +8,13 @@ and Szyld, Numer. Math. 63 (1992) 345-356; `convergence` says what they are good
 """
 
 import math
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import sparse
 
-from namlcp.checks import refuse_number, square_matrix
+from namlcp.checks import finite_square_matrix, square_matrix
 from namlcp.lcp import (
     METHODS,
     factored_omega,
@@ -25,14 +26,15 @@ from namlcp.theory.comparison import Verdict, is_h_plus, is_m_matrix
 from namlcp.theory.perron import row_numbers
 
 SAFE = 1e-13
-"""What entries of K may be off by, relative to the terms that they are made of."""
+"""Bound for the rounding errors of the entries of K, relative to their terms."""
 
 
 class Splitting(NamedTuple):
     """A method on a matrix: the letters of (1), and of the accelerated sweep.
 
-    M and N are those of (1), E and L included; csr_array. G and H as in `sweeps`, where
-    M is triangular; G is NaN where M = A or A + E - L.
+    M and N are those of (1), E and L included; csr_array. alpha, G and H are those of
+    `namlcp.lcp.modulus.sweeps`, where M is triangular; G is NaN where M = A or A + E -
+    L. H = 0 but for the accelerated family.
     """
 
     A: Any
@@ -94,8 +96,7 @@ def splitting(
             )
     if method not in METHODS:
         raise ValueError(f"method must be a sweep method, got {method!r}")
-    A = square_matrix("A", A, "csr")
-    refuse_number("A", A.data if sparse.issparse(A) else A, False)
+    A = finite_square_matrix("A", A, "csr")
     n = A.shape[0]
     if chosen.factored:
         omega = factored_omega(A, method, alpha, omega)
@@ -121,7 +122,7 @@ def splitting(
 
 
 def comparison(parts: Splitting) -> Comparison:
-    """Return C and W of the module's docstring."""
+    """Return C and W as in `namlcp.theory.convergence`."""
     A, M, N, omega, alpha, G, H = parts
     D = A.diagonal()
     if H:
@@ -131,18 +132,15 @@ def comparison(parts: Splitting) -> Comparison:
         W = sparse.diags_array(weight) + abs(G) * lower + 2.0 * upper
         return Comparison(sparse.csr_array(C), sparse.csr_array(W), False)
     left = sparse.csr_array(M + sparse.diags_array(omega))
-    C = left.copy()
-    diagonal = row_numbers(C) == C.indices
-    C.data = np.where(diagonal, np.abs(C.data), -np.abs(C.data))
+    C = compared(left)
     W = abs(N) + abs(sparse.diags_array(omega) - A)
-    exact = bool(np.array_equal(C.data, left.data))
-    return Comparison(C, sparse.csr_array(W), exact)
+    return Comparison(C, sparse.csr_array(W), not (C != left).nnz)
 
 
 def lowered(C: Any, W: Any) -> Any:
     """Return C - W, less SAFE (|C| + W).
 
-    If this is an M-matrix, K is, whatever the rounding errors of its entries.
+    If this is an M-matrix, so is the exact C - W.
     """
     return sparse.csr_array(C - SAFE * abs(C) - (1.0 + SAFE) * W)
 
@@ -157,14 +155,14 @@ def is_m_splitting(M: Any, N: Any) -> Verdict:
         return Verdict(answer=False, theorem="no M-splitting: N >= 0", checked=place)
     verdict = is_m_matrix(M)
     text = "M-splitting: N >= 0 and " + verdict.theorem.replace("K", "M")
-    return replaced(verdict, theorem=text)
+    return replace(verdict, theorem=text)
 
 
 def is_h_splitting(M: Any, N: Any) -> Verdict:
     """Tell whether A = M - N is an H-splitting: <M> - |N| is an M-matrix."""
     M, N = same_shape(M, N)
     verdict = is_m_matrix(compared(M) - abs(N))
-    return replaced(verdict, theorem=f"H-splitting, K = <M> - |N|: {verdict.theorem}")
+    return replace(verdict, theorem=f"H-splitting, K = <M> - |N|: {verdict.theorem}")
 
 
 def is_h_compatible(M: Any, N: Any) -> Verdict:
@@ -199,35 +197,19 @@ def compared(A: Any) -> Any:
     return sparse.csr_array(2.0 * sparse.diags_array(np.abs(A.diagonal())) - abs(A))
 
 
-def replaced(verdict: Verdict, **changes: Any) -> Verdict:
-    """Return a verdict with some attributes changed."""
-    return Verdict(**(vars(verdict) | changes))
-
-
-def theorem_3(
-    A: Any,
-    method: str,
-    *,
-    alpha: float | None = None,
-    beta: float | None = None,
-    omega: Any = None,
-    shift: Any = None,
-) -> TheoremThree:
+def theorem_3(A: Any, method: str, **parameters: Any) -> TheoremThree:
     """Check the paper's Theorem 3 for a nam* method, its hypotheses one by one.
 
     A is H+, <A> = <M + E - L> - |N + E - L|, and (1) Omega >= D, or (2) Omega < D and
-    2 Omega - D - |B| is an M-matrix, B = L + U; the proof of (2) uses <A> + 2 Omega - D
-    - |B|, which is weaker (Omega < D, so that its product with the witness v is the
-    larger one). `repaired` is K of this module: it needs neither H-compatibility nor
-    H+. For NAMGS and NAMSOR with L != 0 the splitting is never H-compatible, because
-    off the diagonal <M + E - L> - |N + E - L| has -3 |L| there.
+    2 Omega - D - |B| is an M-matrix, B = L + U. The proof of (2) uses <A> + 2 Omega - D
+    - |B| instead, a weaker condition since Omega < D. `repaired` is K of
+    `namlcp.theory.convergence`: it needs neither H-compatibility nor H+. For NAMGS and
+    NAMSOR with L != 0 the splitting is never H-compatible: below the diagonal <M + E -
+    L> - |N + E - L| is -3 |L|.
 
-    Parameters
-    ----------
-    A, method, alpha, beta, omega, shift
-        As in `converges`; not for the accelerated family.
+    Arguments as in `converges`; not for the accelerated family.
     """
-    parts = splitting(A, method, alpha=alpha, beta=beta, omega=omega, shift=shift)
+    parts = splitting(A, method, **parameters)
     if parts.H:
         raise ValueError(f"theorem_3 is about nam* and m* methods, got {method!r}")
     A, omega = parts.A, parts.omega
@@ -237,6 +219,7 @@ def theorem_3(
     checked = f"min (Omega - D)_ii = {gap:g}"
     case_1 = Verdict(answer=gap >= 0.0, theorem="(1) Omega >= D", checked=checked)
     below = float(np.max(omega - D, initial=-math.inf))
+    checked = f"max (Omega - D)_ii = {below:g}"
     cases = []
     for name, Z in (
         ("2 Omega - D - |B|", sparse.diags_array(2.0 * omega - D) - B),
@@ -244,19 +227,16 @@ def theorem_3(
     ):
         theorem = f"(2) Omega < D, {name} is an M-matrix"
         if below >= 0.0:
-            checked = f"max (Omega - D)_ii = {below:g}"
             cases.append(Verdict(answer=False, theorem=theorem, checked=checked))
         else:
-            cases.append(replaced(is_m_matrix(Z), theorem=theorem))
+            cases.append(replace(is_m_matrix(Z), theorem=theorem))
     C, W, _ = comparison(parts)
+    repaired = "repaired: K = <M + Omega> - |N| - |Omega - A| is an M-matrix"
     return TheoremThree(
         is_h_plus(A),
         is_h_compatible(parts.M, parts.N),
         case_1,
         cases[0],
         cases[1],
-        replaced(
-            is_m_matrix(lowered(C, W)),
-            theorem="repaired: K = <M + Omega> - |N| - |Omega - A| is an M-matrix",
-        ),
+        replace(is_m_matrix(lowered(C, W)), theorem=repaired),
     )

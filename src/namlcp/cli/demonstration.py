@@ -1,0 +1,103 @@
+"""The demonstration: three real scenes, beside OSQP where that is installed."""
+
+import importlib.util
+import time
+import warnings
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+import qpsolvers
+import scipy.sparse as sp
+
+import namlcp
+from namlcp.compiled import compile_time
+from namlcp.scenes import disc_pile, forced_obstacle, preview_control
+
+
+def demonstrate() -> int:
+    """Solve the scenes and print residuals and times; 0 if all are solved."""
+    with_osqp = importlib.util.find_spec("osqp") is not None
+    print(
+        f"namlcp {namlcp.__version__}: residuals recomputed on the problem's own data"
+    )
+    print("(times are those of the solver, without what is compiled once)\n")
+    head = f"{'scene':<26}{'size':<28}{'residual':>9} {'time':>12}"
+    print(head + (f"   {'OSQP':>8} {'time':>12}" if with_osqp else ""))
+    solved = True
+    for name, (A, q) in (
+        ("membrane over obstacle", forced_obstacle(100)),
+        ("pile of discs in contact", disc_pile(12)),
+    ):
+        result, seconds = best_time(partial(namlcp.solve_lcp, A, q))
+        solved &= result.status is namlcp.Status.SOLVED
+        size = f"n = {q.size}, {np.count_nonzero(result.z)} with z > 0"
+        other = osqp_lcp(A, q) if with_osqp else None
+        show(name, size, (result.residual, seconds), other)
+    problem = preview_control(30)
+    answer, seconds = best_time(partial(qpsolvers.solve_problem, problem, solver="nam"))
+    solved &= answer.found
+    other = None
+    if with_osqp:
+        peer, peer_seconds = best_time(partial(osqp, problem))
+        other = worst_residual(peer), peer_seconds
+    size = f"n = {problem.q.size}, m = {problem.h.size}"
+    show("walking robot (MPC)", size, (worst_residual(answer), seconds), other)
+    print(
+        f'\nMPC, solver="nam": x[:4] = {answer.x[:4].round(6)}, '
+        f"objective {answer.obj:.9g}"
+    )
+    if compile_time():
+        print(f"compiled for {compile_time():.1f} s, once on this machine")
+    print("all solved" if solved else "NOT all solved")
+    return 0 if solved else 1
+
+
+def best_time(solve: Callable[[], Any], repeats: int = 4) -> tuple[Any, float]:
+    """Return the last result and the least time [s] of a few calls."""
+    best = np.inf
+    for _ in range(repeats):
+        start = time.perf_counter()
+        result = solve()
+        best = min(best, time.perf_counter() - start)
+    return result, best
+
+
+def show(
+    name: str, size: str, ours: tuple[float, float], other: tuple[float, float] | None
+) -> None:
+    """Print one line: residual and time, and those of the peer, if any."""
+    line = f"{name:<26}{size:<28}{ours[0]:9.1e} {ours[1] * 1e3:9.2f} ms"
+    if other is not None:
+        line += f"   {other[0]:8.1e} {other[1] * 1e3:9.2f} ms"
+    print(line)
+
+
+def osqp_lcp(A: Any, q: np.ndarray) -> tuple[float, float]:
+    """Return natural residual and time [s] of OSQP on LCP(q, A)."""
+    zero, infinite = np.zeros(q.size), np.full(q.size, np.inf)
+    problem = qpsolvers.Problem(sp.csc_matrix(A), q, lb=zero)
+    answer, seconds = best_time(partial(osqp, problem), 1)
+    z = zero if answer.x is None else answer.x
+    return namlcp.natural_residual(z, A @ z + q, zero, infinite), seconds
+
+
+def osqp(problem: qpsolvers.Problem) -> qpsolvers.Solution:
+    """Solve with OSQP at tight tolerances, polished."""
+    P, q, G, h, A, b, lb, ub = problem.unpack()
+    P, G, A = (None if C is None else sp.csc_matrix(C) for C in (P, G, A))
+    settings = {"eps_abs": 1e-8, "eps_rel": 0.0, "max_iter": 100_000}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # the peer's, about its own interface
+        return qpsolvers.solve_problem(
+            qpsolvers.Problem(P, q, G, h, A, b, lb, ub),
+            solver="osqp",
+            polishing=True,
+            **settings,
+        )
+
+
+def worst_residual(answer: qpsolvers.Solution) -> float:
+    """Return the largest of qpsolvers' three residuals."""
+    return max(answer.primal_residual(), answer.dual_residual(), answer.duality_gap())
