@@ -218,7 +218,7 @@ def test_what_compiled_code_makes_of_ctrl_c_is_undone(verdict, monkeypatch):
     def interrupted(*_, **__):
         raise SystemError("a chain") from KeyboardInterrupt()
 
-    for name in ("comparison.decide", "convergence.splitting"):
+    for name in ("comparison.settle", "convergence.splitting"):
         monkeypatch.setattr(f"namlcp.theory.{name}", interrupted)
     arguments = (np.eye(2),) if verdict is namlcp.is_h_plus else (np.eye(2), "pgs")
     with pytest.raises(KeyboardInterrupt):
