@@ -8,6 +8,10 @@ import numpy as np
 from scipy.io import loadmat
 from scipy.sparse import block_diag, csc_array, csr_array, eye_array, vstack
 
+from namlcp.options import Options
+from namlcp.qp.guess import NO_GUESS
+from namlcp.qp.memory import Memory
+from namlcp.qp.path import solve_path
 from namlcp.qp.problem import QP
 from namlcp.residuals import qp_residuals
 from namlcp.status import Status
@@ -21,6 +25,24 @@ class Known(NamedTuple):
     y: np.ndarray
     z: np.ndarray
     z_box: np.ndarray
+
+
+class Found(NamedTuple):
+    """What the interior-point method found, laid out as a `QPResult`."""
+
+    status: Status
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    z_box: np.ndarray
+    iterations: int = 0
+    message: str = ""
+
+
+def solve_sparse(qp, limits=Options().limits(), guess=NO_GUESS) -> Found:  # noqa: B008
+    """Solve by the interior-point method, whatever the form."""
+    answer = solve_path(qp, guess, limits, Memory())
+    return Found(answer.status, *answer.point, answer.iterations, answer.message)
 
 
 def make_qp(P, q, G=None, h=None, A=None, b=None, lb=None, ub=None) -> QP:

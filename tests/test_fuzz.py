@@ -18,7 +18,7 @@ from campaign_judge import Answer, judge_lcp, judge_qp, lcp_faults, qp_faults
 from campaign_lcps import LCP
 from namlcp import Status, solve_lcp, solve_qp
 from namlcp.qp.problem import QP
-from namlcp.qp.transforms.far_sides import without_far_sides
+from namlcp.qp.transforms.huge_bounds import without_huge_bounds
 
 INF = np.inf
 FUZZ = settings(derandomize=True, deadline=None, database=None, max_examples=100)
@@ -212,13 +212,15 @@ def test_sides_of_1e18_do_not_hide_the_others(index):
     assert found["outcome"] == "right", found
 
 
-def test_far_sides_are_those_beyond_all_others():
+def test_huge_bounds_are_those_beyond_all_others():
     one = np.ones(1)
     near = QP(*[np.ones((1, 1)) if k in (0, 2, 4) else one for k in range(8)])
-    assert without_far_sides(near) is None
-    assert without_far_sides(near._replace(b=1e5 * one, ub=1e10 * one)) is None
-    assert without_far_sides(near._replace(h=-1e12 * one, lb=1e12 * one)) is None
-    found = without_far_sides(near._replace(b=1e3 * one, h=-1e12 * one, ub=1e10 * one))
+    assert without_huge_bounds(near) is None
+    assert without_huge_bounds(near._replace(b=1e5 * one, ub=1e10 * one)) is None
+    assert without_huge_bounds(near._replace(h=-1e12 * one, lb=1e12 * one)) is None
+    found = without_huge_bounds(
+        near._replace(b=1e3 * one, h=-1e12 * one, ub=1e10 * one)
+    )
     assert (found.h, found.lb, found.ub) == (-1e12, 1.0, INF)
 
 

@@ -23,7 +23,7 @@ from namlcp import checks, solve_lcp, solve_qp
 from namlcp.limits import OFTEN, PATIENCE, SPEED, Answer, Deadline
 from namlcp.linalg import csc
 from namlcp.qp import qp_data
-from namlcp.qp.answer import late
+from namlcp.qp.answer import out_of_time
 from namlcp.qp.dense import pivots as dense
 from namlcp.qp.transforms.substitution import substitute
 from namlcp.status import Status
@@ -96,11 +96,11 @@ def lasso(rows=400, columns=60):
 def test_substitution_looks_at_the_deadline(monkeypatch):
     """Between two strips of rows."""
     qp, now = lasso(), [0.0]
-    assert substitute(qp).solved.size == 400
+    assert substitute(qp).columns.size == 400
     assert substitute(qp, None, Deadline(0.0)) is None
     monkeypatch.setattr(csc, "STRIP", 600)  # ten rows at a time
     monkeypatch.setattr(time, "perf_counter", lambda: now.append(0.0) or len(now))
-    assert substitute(qp, None, Deadline()).solved.size == 400
+    assert substitute(qp, None, Deadline()).columns.size == 400
     looks = len(now)
     now.clear()
     assert substitute(qp, None, Deadline(looks / 2)) is None
@@ -115,12 +115,12 @@ def test_time_limit_within_the_substitution():
     assert np.isfinite(result.residuals.primal)
 
 
-def test_time_limit_of_the_second_try_without_far_sides(monkeypatch):
+def test_time_limit_of_the_second_try_without_huge_bounds(monkeypatch):
     def forms(qp, *arguments):
         status = Status.STALLED if qp.ub[0] < np.inf else Status.TIME_LIMIT
-        return late(qp)._replace(status=status)
+        return out_of_time(qp)._replace(status=status)
 
-    monkeypatch.setattr("namlcp.qp.solve.solve_forms", forms)
+    monkeypatch.setattr("namlcp.qp.solve.solve_substituted", forms)
     result = solve_qp(np.eye(1), np.ones(1), ub=np.full(1, 1e10))
     assert result.status is Status.TIME_LIMIT
     assert np.isfinite(result.x).all()

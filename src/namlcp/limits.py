@@ -124,12 +124,17 @@ class Deadline:
 NEVER = Deadline()
 
 
+def silent(kernel: Any) -> None:
+    """Announce nothing."""
+
+
 class Limits(NamedTuple):
     """When a solve ends, and who is told of its iterations.
 
     eps_abs, eps_rel: tolerances as `Options` and `solve_lcp` define them. max_iter:
     iterations at most; None is the default of the method that runs. report: called
-    for every iteration as `Progress.row`, unless None.
+    for every iteration as `Progress.row`, unless None. announce: called with the first
+    kernel of a method before that runs, as `Progress.announce`.
     """
 
     eps_abs: float = 0.0
@@ -137,6 +142,12 @@ class Limits(NamedTuple):
     max_iter: int | None = None
     deadline: Deadline = NEVER
     report: Report = None
+    announce: Callable[[Any], None] = silent
+
+    @property
+    def tolerances(self) -> tuple[float, float]:
+        """The pair (eps_abs, eps_rel)."""
+        return self.eps_abs, self.eps_rel
 
 
 def interruptible(function: F) -> F:

@@ -9,6 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from namlcp.limits import NEVER, Deadline, Limits
+from namlcp.progress import Progress
+
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
@@ -58,6 +61,15 @@ class Options:
         if not OPTION_NAMES.issuperset(settings):
             check_names(settings, sorted(OPTION_NAMES))
         return cls(**settings)
+
+    def limits(
+        self, deadline: Deadline = NEVER, progress: Progress | None = None
+    ) -> Limits:
+        """Return the limits of one solve, whose rows go to `progress`."""
+        limits = Limits(self.eps_abs, self.eps_rel, self.max_iter, deadline)
+        if progress is None:
+            return limits
+        return limits._replace(report=progress.row, announce=progress.announce)
 
 
 def check_names(settings: Mapping[str, Any], known: list[str]) -> None:

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 from problems_elimination import fill, laplacian, natural, parts, upper
 from problems_qp import assert_solves_qp, make_qp
+from problems_qp import solve_sparse as solve
 from scipy.sparse import block_array, csc_array, diags_array, eye_array
 
+from namlcp.limits import Limits
 from namlcp.linalg import factors
 from namlcp.linalg.factors import Bordered, Sparse, factor
 from namlcp.linalg.multifrontal import Multifrontal
 from namlcp.linalg.ordering import minimum_degree
-from namlcp.options import Options
-from namlcp.qp.path.loop import solve
 
 
 def quasi_definite(n, p, density, seed):
@@ -169,6 +169,6 @@ def test_the_path_solves_with_dense_fronts(monkeypatch):
     q = np.r_[-np.sin(np.arange(n * n)), np.zeros(n * n)]
     lb, ub = np.full(2 * n * n, -0.2), np.full(2 * n * n, 0.3)
     qp = make_qp(P, q, A=A, b=np.zeros(n * n), lb=lb, ub=ub)
-    result = solve(qp, Options(eps_abs=1e-9, eps_rel=0.0))
+    result = solve(qp, Limits(eps_abs=1e-9, eps_rel=0.0))
     assert used
     assert_solves_qp(qp, result, 1e-9)

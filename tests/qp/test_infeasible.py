@@ -9,21 +9,24 @@ from problems_qp import (
     infeasible,
     make_qp,
 )
+from problems_qp import (
+    solve_sparse as solve,
+)
 from scipy.sparse import diags_array
 
 import namlcp
-from namlcp.options import Options
+from namlcp.limits import Limits
 from namlcp.qp.certificates import accept_primal
 from namlcp.qp.judge import Judge
 from namlcp.qp.path.certificates import LoopTests
 from namlcp.qp.path.finish import Trigger
-from namlcp.qp.path.loop import PATIENCE, solve
+from namlcp.qp.path.loop import PATIENCE
 from namlcp.qp.transforms.presolve import presolve
 from namlcp.qp.transforms.scaling import ScaledQP
 from namlcp.status import Status
 
 TOL = 1e-6
-LOOSE = Options(eps_abs=TOL, eps_rel=0.0)
+LOOSE = Limits(eps_abs=TOL, eps_rel=0.0)
 
 
 def with_sums(seed, n, m, p, rank, off):
@@ -51,7 +54,7 @@ def test_a_second_try_follows_the_first():
     result = solve(qp, LOOSE)
     assert PATIENCE < result.iterations < 2 * PATIENCE
     assert_solves_qp(qp, result, TOL)
-    short = solve(qp, Options(eps_abs=TOL, eps_rel=0.0, max_iter=PATIENCE))
+    short = solve(qp, Limits(TOL, 0.0, max_iter=PATIENCE))
     assert short.status is Status.MAX_ITER
 
 

@@ -8,6 +8,7 @@ from problems_lcp import laplacian
 from problems_qp import (
     DATA,
     HOCK_SCHITTKOWSKI,
+    Found,
     assert_certificate,
     assert_solves_qp,
     complementary,
@@ -18,9 +19,12 @@ from problems_qp import (
     singular_block,
     unbounded,
 )
+from problems_qp import (
+    solve_sparse as solve,
+)
 from scipy.sparse import csc_array, csr_array, diags_array
 
-from namlcp.limits import Deadline
+from namlcp.limits import Deadline, Limits
 from namlcp.linalg.factors import Bordered, dense_border
 from namlcp.options import Options
 from namlcp.qp import convexity
@@ -29,13 +33,13 @@ from namlcp.qp.guess import make_guess
 from namlcp.qp.judge import Judge
 from namlcp.qp.kkt import KKT
 from namlcp.qp.path import fallback
-from namlcp.qp.path.loop import PathResult, solve
+from namlcp.qp.problem import Point
 from namlcp.qp.transforms.presolve import presolve
 from namlcp.qp.transforms.scaling import ScaledQP
 from namlcp.residuals import qp_residuals
 from namlcp.status import Status
 
-DEFAULT = Options()
+DEFAULT = Options().limits()
 I2 = np.eye(2)
 O2 = np.zeros((2, 2))
 
@@ -230,11 +234,11 @@ def test_any_start_is_accepted():
 
 def test_limits_return_the_best_point():
     known = complementary(0, 30, 60, 0, 0)
-    result = solve(known.qp, Options(max_iter=2))
+    result = solve(known.qp, Options(max_iter=2).limits())
     assert result.status is Status.MAX_ITER
     assert result.iterations == 2
     assert np.isfinite(result.x).all()
-    result = solve(known.qp, DEFAULT, deadline=Deadline(0.0))
+    result = solve(known.qp, DEFAULT._replace(deadline=Deadline(0.0)))
     assert result.status is Status.TIME_LIMIT
     assert np.isfinite(result.x).all()
 
@@ -242,7 +246,7 @@ def test_limits_return_the_best_point():
 def test_every_iteration_is_reported():
     known = complementary(0, 30, 60, 0, 0)
     rows = []
-    result = solve(known.qp, DEFAULT, report=lambda *row: rows.append(row))
+    result = solve(known.qp, DEFAULT._replace(report=lambda *row: rows.append(row)))
     assert [row[0] for row in rows] == list(range(result.iterations + 1))
     assert {len(row) for row in rows} == {6}
 
@@ -271,12 +275,16 @@ def test_scaled_rows_and_columns(seed):
 @pytest.mark.parametrize("kind", [infeasible, unbounded])
 def test_fallback_decides_alone(kind):
     qp = kind(0, 10, 20, 3, 4)
-    loose = Options(eps_abs=1e-10, eps_rel=1e-12)
+    loose = Limits(eps_abs=1e-10, eps_rel=1e-12)
     point = Judge(qp, DEFAULT).point
-    verdict = fallback.decide(qp, point, 1e-9, lambda other: solve(other, loose))
+
+    def solver(other):
+        return Point(*solve(other, loose)[1:5])
+
+    verdict = fallback.decide(qp, point, 1e-9, solver)
     assert verdict is not None
-    status, (x, y, z, z_box) = verdict
-    assert_certificate(qp, PathResult(status, x, y, z, z_box, 0, ""))
+    status, proof = verdict
+    assert_certificate(qp, Found(status, *proof))
 
 
 @pytest.mark.skipif(
@@ -293,7 +301,7 @@ def test_fallback_decides_alone(kind):
 )  # fmt: skip
 def test_maros_meszaros(name):
     qp = maros_meszaros(name)
-    result = solve(qp, Options(eps_abs=1e-6, eps_rel=0.0))
+    result = solve(qp, Limits(eps_abs=1e-6, eps_rel=0.0))
     assert result.status is Status.SOLVED
     residuals = qp_residuals(*qp, result.x, result.y, result.z, result.z_box)
     assert residuals.solved(1e-6, 0.0)
@@ -406,7 +414,7 @@ def test_a_large_h_matrix_is_convex_without_a_factorisation(monkeypatch):
     """Badly scaled, so that its rows are not dominant."""
     d = diags_array(10.0 ** np.random.default_rng(0).uniform(-2, 2, 400))
     P = make_qp(d @ laplacian(20) @ d, np.zeros(400)).P
-    monkeypatch.setattr(convexity, "LARGE", 400)
+    monkeypatch.setattr(convexity, "MULTIGRID_ORDER", 400)
     with pytest.raises(convexity.NotConvex, match="an eigenvalue of P"):
         check_convex(csc_array(P - 0.1 * (d @ d)))
     monkeypatch.setattr(convexity, "has_positive_pivots", None)

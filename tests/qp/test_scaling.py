@@ -5,7 +5,7 @@ import pytest
 from problems_qp import complementary, make_qp
 from scipy.sparse import csc_array, csr_array, diags_array, random_array
 
-from namlcp.options import Options
+from namlcp.limits import Limits
 from namlcp.qp.guess import make_guess
 from namlcp.qp.judge import Judge
 from namlcp.qp.kkt import KKT
@@ -23,7 +23,7 @@ def test_scaling_equilibrates_and_is_inverted_exactly():
     np.testing.assert_allclose(K.max(axis=1), 1.0, atol=5e-3)
     guess = make_guess(known.qp, known.x, None)
     np.testing.assert_allclose(
-        s.small.primal(s.from_user(guess)[0] * s.unit[:10]), known.x, rtol=1e-14
+        s.small.with_fixed(s.guess(guess)[0] * s.unit[:10]), known.x, rtol=1e-14
     )
 
 
@@ -108,10 +108,10 @@ def test_sides_give_way_from_where_they_were():
     """In the second try and the third alike, tolerably; far off they stay."""
     known = complementary(3, 10, 12, 2, 10)
     eps = 1e-6
-    options = Options(eps_abs=eps, eps_rel=0.0)
+    limits = Limits(eps, 0.0)
     problem = ScaledQP(presolve(known.qp, eps, 0.0))
-    judge = Judge(known.qp, options)
-    loop = Interior(problem, judge, options, Finish(problem, judge, np.inf))
+    judge = Judge(known.qp, limits)
+    loop = Interior(problem, judge, limits, Finish(problem, judge, np.inf))
     loop.start()
     rows = slice(problem.n, problem.n + problem.p)
     b = problem.b * problem.unit[rows]

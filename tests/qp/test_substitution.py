@@ -55,9 +55,9 @@ def solve(qp, guess=NO_GUESS, memory=None):
 def test_least_squares(rows, n):
     qp, B, c = residual_form(0, rows, n)
     smaller = substitute(qp)
-    assert smaller.qp.q.size == n
-    assert smaller.qp.b.size == 0
-    np.testing.assert_allclose(smaller.qp.P.toarray(), 2 * B.T @ B, atol=1e-12)
+    assert smaller.problem.q.size == n
+    assert smaller.problem.b.size == 0
+    np.testing.assert_allclose(smaller.problem.P.toarray(), 2 * B.T @ B, atol=1e-12)
     result = solve(qp)
     assert_solves_qp(qp, result, 1e-11)
     if rows > n:
@@ -68,9 +68,9 @@ def test_least_squares(rows, n):
 def test_rows_become_bounds_and_their_multipliers_come_back():
     qp, _, _ = residual_form(1, 40, 6, lower=-0.1, upper=0.1)
     smaller = substitute(qp)
-    assert smaller.qp.h.size == 0
-    np.testing.assert_array_equal(smaller.qp.lb, -0.1)
-    np.testing.assert_array_equal(smaller.qp.ub, 0.1)
+    assert smaller.problem.h.size == 0
+    np.testing.assert_array_equal(smaller.problem.lb, -0.1)
+    np.testing.assert_array_equal(smaller.problem.ub, 0.1)
     result = solve(qp)
     assert_solves_qp(qp, result, 1e-11)
     assert (result.z > 1e-3).any()
@@ -103,7 +103,7 @@ def test_points_and_multipliers_of_random_problems(seed):
     lb = np.concatenate((base.lb, np.full(k, -np.inf)))
     qp = make_qp(P, q, G, h, A, b, lb)
     smaller = substitute(qp)
-    assert smaller.solved.size == k - (E == 0.0).all(axis=1).sum()
+    assert smaller.columns.size == k - (E == 0.0).all(axis=1).sum()
     assert smaller.bounds.rows.size <= base.h.size
     result = solve(qp)
     assert_solves_qp(qp, result, 1e-10)
@@ -232,14 +232,14 @@ def test_memory_changes_nothing_but_the_effort(weight):
 
 
 def test_memory_keeps_the_factors_of_an_unchanged_face(monkeypatch):
-    monkeypatch.setattr("namlcp.qp.solve.solve_dense", lambda *arguments: None)
+    monkeypatch.setattr("namlcp.qp.forms.solve_dense", lambda *arguments: None)
     qp, _, _ = residual_form(6, 30, 40, lower=0.0)
     qp = qp._replace(q=qp.q + 0.1)
     memory = Memory()
     first = solve(qp, memory=memory)
     assert first.form == "path"
     solve(qp, make_guess(qp, None, first), memory)
-    kkt = memory.problem.kkt
+    kkt = memory.scaled.kkt
     calls = []
     update = kkt.factors.update
 
@@ -255,7 +255,7 @@ def test_memory_keeps_the_factors_of_an_unchanged_face(monkeypatch):
     result = solve(moved, make_guess(moved, None, first), memory)
     assert result.status is Status.SOLVED
     assert result.iterations == 0
-    assert memory.problem.kkt is kkt
+    assert memory.scaled.kkt is kkt
     assert not calls
     solve(changed(qp, np.random.default_rng(0), "values"), memory=memory)
     assert calls
@@ -367,9 +367,9 @@ def test_what_does_not_pass_the_judge_is_solved_as_it_came(monkeypatch):
     qp, _, _ = residual_form(11, 30, 8, lower=0.0)
     point = Substitution.point
 
-    def spoilt(self, *parts):
-        x, y, z, z_box = point(self, *parts)
-        return x + 1e-3, y, z, z_box
+    def spoilt(self, inner):
+        outer = point(self, inner)
+        return outer._replace(x=outer.x + 1e-3)
 
     monkeypatch.setattr(Substitution, "point", spoilt)
     result = solve(qp)
@@ -383,10 +383,10 @@ def test_a_proof_that_does_not_pass_is_looked_for_again(monkeypatch, kind):
     h = np.array([1.0, -2.0, 5.0]) if kind == "infeasible" else np.array([1.0, 9, 5])
     P = np.eye(2) if kind == "infeasible" else np.zeros((2, 2))
     qp = make_qp(P, np.array([1.0, -1.0]), G, h)
-    spoilt = {"infeasible": "multipliers", "unbounded": "direction"}[kind]
+    spoilt = {"infeasible": "certificate", "unbounded": "ray"}[kind]
     wrong = {
-        "multipliers": lambda self, y, z, z_box: (y, np.zeros(3), np.zeros(2)),
-        "direction": lambda self, d: np.ones(2),
+        "certificate": lambda self, point: point._replace(z=np.zeros(3)),
+        "ray": lambda self, d: np.ones(2),
     }[spoilt]
     monkeypatch.setattr(Substitution, spoilt, wrong)
     result = solve(qp)

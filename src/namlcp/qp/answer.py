@@ -4,48 +4,49 @@ from typing import NamedTuple
 
 import numpy as np
 
-from namlcp.options import Options
-from namlcp.qp.problem import QP
-from namlcp.residuals import Residuals, qp_residuals
+from namlcp.limits import Limits
+from namlcp.qp.problem import QP, Point
+from namlcp.residuals import UNDEFINED, Residuals, qp_residuals
 from namlcp.status import Status
 
 OBJECTIVE = {Status.PRIMAL_INFEASIBLE: np.inf, Status.DUAL_INFEASIBLE: -np.inf}
 FINAL = (Status.SOLVED, *OBJECTIVE)
+UNDECIDED = (Status.STALLED, Status.NUMERICAL_ERROR)
 
 
 class Answer(NamedTuple):
-    """What a form found: a claim, a point or a certificate, and how."""
+    """The status of a QP, a point or a certificate, and how a form found it."""
 
     status: Status
-    x: np.ndarray
-    y: np.ndarray
-    z: np.ndarray
-    z_box: np.ndarray
+    point: Point
     residuals: Residuals
     iterations: int
     form: str
-    message: str
+    message: str = ""
+
+    @property
+    def ends(self) -> bool:
+        """Tell whether no other form need be tried."""
+        return self.status in FINAL or self.status is Status.TIME_LIMIT
 
 
-def late(qp: QP) -> Answer:
+def proved(
+    status: Status, proof: Point, iterations: int, form: str, message: str = ""
+) -> Answer:
+    """Return the answer that a certificate gives."""
+    return Answer(status, proof, UNDEFINED, iterations, form, message)
+
+
+def out_of_time(qp: QP) -> Answer:
     """Return the answer where time is over before a form has begun: x = clip(0)."""
-    x = np.minimum(np.maximum(np.zeros(qp.q.size), qp.lb), qp.ub)
-    point = x, np.zeros(qp.b.size), np.zeros(qp.h.size), np.zeros(qp.q.size)
-    return Answer(
-        Status.TIME_LIMIT, *point, qp_residuals(*qp, *point), 0, "substitution", ""
-    )
+    point = qp.point(qp.clip(np.zeros(qp.q.size)))
+    residuals = qp_residuals(*qp, *point)
+    return Answer(Status.TIME_LIMIT, point, residuals, 0, "substitution")
 
 
-def is_decided(answer: Answer | None) -> bool:
-    """Tell whether no other form need be tried."""
-    return answer is not None and answer.status in (*FINAL, Status.TIME_LIMIT)
-
-
-def better(answer: Answer, other: Answer, options: Options) -> Answer:
+def better(answer: Answer, other: Answer, limits: Limits) -> Answer:
     """Return `other`, tried after `answer`, unless that has the better point."""
-    eps = options.eps_abs, options.eps_rel
-    if other.status not in FINAL and (
-        answer.residuals.worst(*eps) < other.residuals.worst(*eps)
-    ):
+    worst, new = (a.residuals.worst(*limits.tolerances) for a in (answer, other))
+    if other.status not in FINAL and worst < new:
         return answer._replace(status=other.status, message=other.message)
     return other

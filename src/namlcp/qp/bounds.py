@@ -1,4 +1,4 @@
-"""QPs with bounds alone are box LCPs: the one module that knows both alphabets.
+"""QPs with bounds alone are box LCPs: the one module that uses both alphabets.
 
 QP, bounds only                       box LCP
 P, q                                  A, q
@@ -24,15 +24,13 @@ from namlcp.lcp import (
     solve_auto,
     solve_box,
 )
-from namlcp.limits import Deadline, Limits
-from namlcp.options import Options
-from namlcp.progress import Progress
-from namlcp.qp import certificates
-from namlcp.qp.answer import Answer
+from namlcp.limits import Limits
+from namlcp.qp.answer import Answer, proved
+from namlcp.qp.certificates import accept_dual
 from namlcp.qp.guess import NOTHING, Guess
 from namlcp.qp.memory import Memory
-from namlcp.qp.problem import QP
-from namlcp.residuals import UNDEFINED, qp_residuals
+from namlcp.qp.problem import QP, Point
+from namlcp.residuals import qp_residuals
 from namlcp.status import Status
 
 
@@ -45,12 +43,18 @@ def box_lcp(qp: QP, matrix: Prepared | None = None) -> LCP:
     return LCP(matrix, qp.q, qp.lb, qp.ub)
 
 
+def box_point(qp: QP, outcome: Outcome) -> Point:
+    """Return the point of the QP that the LCP's z and w are."""
+    x, z_box = on_bounds(outcome.z, outcome.w, qp.lb, qp.ub)
+    return Point(x, NOTHING, NOTHING, z_box)
+
+
 @kernel
-def box_point(z, w, lower, upper):
+def on_bounds(z, w, lower, upper):
     """Return (x, z_box): x on its bound and z_box = -w where z - w leaves the box.
 
-    Elsewhere z_box = 0; a w of the wrong sign, too small to move z - w off its bound,
-    is left to the residual.
+    Elsewhere z_box = 0. A w of the wrong sign, too small to move z - w off its bound,
+    remains as a residual.
     """
     x, z_box = np.empty(z.size), np.empty(z.size)
     for j in range(z.size):
@@ -76,65 +80,46 @@ def is_box_open(lower, upper):
 SHARPER = (ACCURACY, 1e-11, 1e-13)
 
 
-def solve_bounds(
-    qp: QP,
-    options: Options,
-    guess: Guess,
-    deadline: Deadline,
-    progress: Progress | None,
-    memory: Memory,
-) -> Answer | None:
+def solve_bounds(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Answer | None:
     """Solve the box LCP that bounds alone make; None where it does not decide."""
     large = not qp.is_dense and qp.q.size >= LARGE
-    if progress is not None:
-        progress.announce(relax_csr if large else pivot)
-    limits = Limits(0.0, ACCURACY, options.max_iter, deadline)
+    limits.announce(relax_csr if large else pivot)
     if large:
         memory.ensure_convex(qp.P)
-        outcome = solve_large_box(qp, options, guess, memory, limits)
+        outcome = solve_large_box(qp, guess, limits, memory)
     else:
-        outcome = solve_box(box_lcp(qp), guess.point, limits, ask_convex=True)
-    status, iterations, ray = outcome.status, outcome.iterations, outcome.ray
-    x, z_box = box_point(outcome.z, outcome.w, qp.lb, qp.ub)
-    if ray is not None:
+        inner = Limits(0.0, ACCURACY, limits.max_iter, limits.deadline)
+        outcome = solve_box(box_lcp(qp), guess.start, inner, ask_convex=True)
+    status, iterations = outcome.status, outcome.iterations
+    point = box_point(qp, outcome)
+    if outcome.ray is not None:
         memory.ensure_convex(as_sparse(qp.P))
-        proof = certificates.accept_dual(qp, x, NOTHING, NOTHING, ray, options.eps_abs)
+        x = point.x
+        proof = accept_dual(qp, x, NOTHING, NOTHING, outcome.ray, limits.eps_abs)
         if proof is None:
             return None
-        return Answer(
-            Status.DUAL_INFEASIBLE, *proof, UNDEFINED, iterations, "bounds", ""
-        )
-    residuals = qp_residuals(*qp, x, NOTHING, NOTHING, z_box)
-    if residuals.solved(options.eps_abs, options.eps_rel):
+        return proved(Status.DUAL_INFEASIBLE, proof, iterations, "bounds")
+    residuals = qp_residuals(*qp, *point)
+    if residuals.solved(*limits.tolerances):
         if not outcome.convex:
-            return None  # the path looks closer, and may refuse
+            return None  # the interior-point method may find that P is not convex
         status = Status.SOLVED
     elif status is Status.SOLVED:
         status = Status.STALLED
-    return Answer(
-        status, x, NOTHING, NOTHING, z_box, residuals, iterations, "bounds", ""
-    )
+    return Answer(status, point, residuals, iterations, "bounds")
 
 
-def solve_large_box(
-    qp: QP,
-    options: Options,
-    guess: Guess,
-    memory: Memory,
-    limits: Limits,
-) -> Outcome:
+def solve_large_box(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Outcome:
     """Solve the box LCP of a convex QP until that, not the LCP, is solved.
 
-    The gap adds up what each of many unknowns leaves.
+    The gap of the QP adds up the errors of many unknowns.
     """
-    lcp, z0 = box_lcp(qp, memory.prepared(qp.P)), guess.point
+    lcp, z0 = box_lcp(qp, memory.prepared(qp.P)), guess.start
     for eps_rel in SHARPER:
-        found = solve_auto(lcp, z0, limits._replace(eps_rel=eps_rel))
-        x, z_box = box_point(found.z, found.w, qp.lb, qp.ub)
-        residuals = qp_residuals(*qp, x, NOTHING, NOTHING, z_box)
-        if found.status is not Status.SOLVED or residuals.solved(
-            options.eps_abs, options.eps_rel
-        ):
+        inner = Limits(0.0, eps_rel, limits.max_iter, limits.deadline)
+        found = solve_auto(lcp, z0, inner)
+        residuals = qp_residuals(*qp, *box_point(qp, found))
+        if found.status is not Status.SOLVED or residuals.solved(*limits.tolerances):
             break
         z0 = found.z
     return found._replace(convex=True)

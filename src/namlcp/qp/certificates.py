@@ -1,17 +1,17 @@
-"""Infeasible, unbounded, non-convex: found on the way and proved on the user's data.
+"""When multipliers prove that a QP is infeasible, and a ray that it is unbounded.
 
 Primal infeasible: (y, z >= 0, z_box) with A'y + G'z + z_box = 0 and
 b'y + h'z + lb'z_box^- + ub'z_box^+ = -1 (Farkas). Unbounded: a direction d, q'd = -1,
-with P d = 0, A d = 0, G d <= 0, d in the recession cone of the bounds. Candidates are
-the iterate and the last Newton step, raw or *polished* (projected by one factorisation
-of K). The proofs are accepted by `accept_primal` and `accept_dual` alone.
+with P d = 0, A d = 0, G d <= 0, d in the recession cone of the bounds. Candidates come
+from every form; `accept_primal` and `accept_dual` alone say what is a certificate.
 
-Meaning of the acceptance: every x that violates no constraint by more than t has
-1 <= |r|_inf |x|_1 + t lam, with r the residual of the Farkas system and lam the 1-norm
-of the multipliers, so that 1/lam is the margin by which the problem is infeasible.
+Why the test of a Farkas certificate is one: every x that violates no constraint by more
+than t has 1 <= |r|_inf |x|_1 + t lam, with r the residual of the Farkas system and lam
+the 1-norm of the multipliers. The certificate excludes all x with |x|_1 up to its
+radius, near (1 - t lam)/|r|_inf, and 1/lam is the margin of the infeasibility.
 """
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csc_array
@@ -19,15 +19,21 @@ from scipy.sparse import csc_array
 from namlcp.checks import as_sparse
 from namlcp.linalg import by_rows, without_zeros
 from namlcp.qp.kkt import KKT
-from namlcp.qp.last_digits import Point
-from namlcp.qp.problem import QP
+from namlcp.qp.problem import QP, Point
 from namlcp.qp.transforms import equilibrate
 
-if TYPE_CHECKING:
-    pass
-
+# The value of a certificate must be below minus this, relative to its terms, which
+# leave rounding errors of that size.
 ROUNDING = 1e3 * np.finfo(float).eps
-CANCELLED = 1e-10  # of the terms of a row, in a proof without a radius
+# A certificate whose residual is at most RESIDUAL, relative to its largest entry, must
+# exclude all x with a 1-norm up to RADIUS times that of the current point. One with a
+# residual of at most EXACT need not: its residual is rounding alone.
+RESIDUAL, RADIUS, EXACT = 1e-8, 1e3, 1e-12
+# Largest error of an exact certificate, by the tolerances of all constraints, relative
+# to its value.
+MARGIN = 0.5
+# Entries of M d that count as zero for an exact ray, relative to |M| |d|.
+CANCELLED = 1e-10
 
 
 def accept_primal(
@@ -35,8 +41,7 @@ def accept_primal(
 ) -> Point | None:
     """Return (NaN, y, z, z_box) scaled to -1 if it proves that no x is feasible.
 
-    The bounds' multipliers are completed exactly; x is the point the residual is
-    weighed with.
+    The bounds' multipliers follow exactly; RADIUS is in units of the norm of x.
     """
     z = np.where(np.isinf(qp.h), 0.0, np.maximum(z, 0.0))
     s = qp.G.T @ z + qp.A.T @ y
@@ -58,28 +63,30 @@ def accept_primal(
     y, z, z_box = y / -value, z / -value, z_box / -value
     residual = np.abs(s / -value + z_box)
     lam = np.abs(y).sum() + z.sum() + np.abs(z_box).sum()
-    claim = residual, x, y, z, z_box, tol * lam
-    alone = np.ones(x.size), np.ones(y.size), np.ones(z.size)
-    if is_contradiction(*claim, alone) and is_contradiction(*claim, equilibration(qp)):
-        return np.full(x.size, np.nan), y, z, z_box
+    point, margin = Point(x, y, z, z_box), tol * lam
+    unscaled = np.ones(x.size), np.ones(y.size), np.ones(z.size)
+    if is_contradiction(residual, point, margin, unscaled) and is_contradiction(
+        residual, point, margin, equilibration(qp)
+    ):
+        return Point(np.full(x.size, np.nan), y, z, z_box)
     return None
 
 
 def is_contradiction(
     residual: np.ndarray,
-    x: np.ndarray,
-    y: np.ndarray,
-    z: np.ndarray,
-    z_box: np.ndarray,
+    point: Point,
     margin: float,
     scale: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> bool:
     """Tell whether the residual is small enough in these units of x, y and z."""
     d, a, g = scale
+    x, y, z, z_box = point
     worst = largest(residual * d)
     relative = worst / max(largest(y / a), largest(z / g), largest(z_box * d))
-    radius = 1e3 * worst * max(1.0, float(np.abs(x / d).sum())) + margin
-    return (relative <= 1e-8 and radius <= 1.0) or (relative <= 1e-12 and margin <= 0.5)
+    error = RADIUS * worst * max(1.0, float(np.abs(x / d).sum())) + margin
+    return (relative <= RESIDUAL and error <= 1.0) or (
+        relative <= EXACT and margin <= MARGIN
+    )
 
 
 def equilibration(qp: QP) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -111,14 +118,14 @@ def accept_dual(
     parts = largest(Pd), largest(Ad), largest(Gd)
     relative = max(parts) / largest(d)
     weights = [max(1.0, np.abs(v).sum()) for v in (x, y, z)]
-    radius = 1e3 * float(np.dot(parts, weights)) + tol * np.abs(d).sum()
-    if (relative <= 1e-8 and radius <= 1.0) or (
-        relative <= 1e-12
-        and tol * np.abs(d).sum() <= 0.5
+    margin = tol * np.abs(d).sum()
+    error = RADIUS * float(np.dot(parts, weights)) + margin
+    if (relative <= RESIDUAL and error <= 1.0) or (
+        relative <= EXACT
+        and margin <= MARGIN
         and all(cancels(M, d, v) for M, v in ((qp.P, Pd), (qp.A, Ad), (qp.G, Gd)))
     ):
-        nan_y, nan_z, nan = (np.full(v.size, np.nan) for v in (y, z, d))
-        return d, nan_y, nan_z, nan
+        return Point(d, *(np.full(v.size, np.nan) for v in (y, z, d)))
     return None
 
 

@@ -1,9 +1,9 @@
-"""Is P positive semidefinite? Asked of P itself, before anything is believed.
+"""Is P positive semidefinite? Decided from P itself, before a solution is accepted.
 
-The KKT matrix hides negative curvature behind its constraints, and a stationary point
-of a non-convex problem passes every residual. So: signs of the diagonal, minors of
-order two, diagonal dominance; a large P may be an H+ matrix; if none of that decides,
-the pivots of P scaled to a unit diagonal plus `SLACK` I.
+Constraints can hide negative curvature in the KKT matrix, and a stationary point of a
+non-convex problem passes every residual check. Tested are, in this order, the signs of
+the diagonal, minors of order two, diagonal dominance, whether a large P is an H+
+matrix, and the pivots of P, scaled to a unit diagonal, plus `SLACK` times I.
 """
 
 from typing import Any
@@ -19,8 +19,9 @@ from namlcp.linalg import (
 )
 from namlcp.theory import is_h_plus
 
-# From this order on a factorisation may cost far more than the multigrid of is_h_plus.
-LARGE = 50_000
+# Order of P from which on `is_h_plus`, a multigrid method, goes before a factorisation,
+# which may cost far more.
+MULTIGRID_ORDER = 50_000
 
 
 class NotConvex(ValueError):
@@ -32,7 +33,7 @@ def check_convex(P: Any) -> None:
     code, i, j, triangle = curvature(P)
     if code == CONVEX:
         return
-    if code == UNDECIDED and P.shape[0] >= LARGE and is_h_plus(P.T):
+    if code == UNDECIDED and P.shape[0] >= MULTIGRID_ORDER and is_h_plus(P.T):
         return
     reason = f"an eigenvalue of P with its diagonal scaled to 1 is below -{SLACK:g}"
     if code == NEGATIVE:

@@ -1,14 +1,15 @@
-"""Where to start: a guess of x, or the full state of a similar problem's solution."""
+"""Where to start: a guess of x, or the solution of a similar problem."""
 
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from namlcp.checks import refuse_number, vector
-from namlcp.qp.problem import QP
+from namlcp.qp.problem import QP, Point
 
-# A row counts as active at a guess of x within this, relative to 1 + |its side|.
-NEAR = 1e-7
+# Distance within which an inequality counts as active at a guess of x, relative to
+# 1 + |its right-hand side|: the accuracy of a solution in single precision.
+ACTIVE = 1e-7
 
 
 class Guess(NamedTuple):
@@ -25,7 +26,7 @@ class Guess(NamedTuple):
     active: np.ndarray
 
     @property
-    def point(self) -> np.ndarray | None:
+    def start(self) -> np.ndarray | None:
         """Return x, or None where there is no guess."""
         return self.x if self.x.size else None
 
@@ -37,22 +38,20 @@ NO_GUESS = Guess(NOTHING, NOTHING, NOTHING, NOTHING, np.empty(0, dtype=np.int8))
 def make_guess(qp: QP, x0: Any, warm_start: Any, name: str = "x0") -> Guess:
     """Check what the user offers as a start; a warm start overrides x0.
 
-    Raises TypeError or ValueError naming it; `name` is how the host calls x0.
+    Raises TypeError or ValueError naming it; `name` is what the caller calls x0.
     """
     if warm_start is None:
         if x0 is None:
             return NO_GUESS
         x = vector(name, x0, qp.q.size, "q", qp.q.shape)
         refuse_number(name, x, False)
-        y, z, z_box = (np.zeros(v.size) for v in (qp.b, qp.h, x))
-        return Guess(x, y, z, z_box, active_at(qp, x))
-    names = "x", "y", "z", "z_box"
-    if not all(hasattr(warm_start, key) for key in names):
+        return Guess(*qp.point(x), active_at(qp, x))
+    if not all(hasattr(warm_start, key) for key in Point._fields):
         raise TypeError(
             "warm_start must be a QPResult or a qpsolvers.Solution, with x, y, z and "
             f"z_box, got {warm_start!r:.60}"
         )
-    parts: list[Any] = [getattr(warm_start, key) for key in names]
+    parts: list[Any] = [getattr(warm_start, key) for key in Point._fields]
     if any(part is None for part in parts):  # nothing was found
         return NO_GUESS
     x = vector("warm_start.x", parts[0], qp.q.size, "q", qp.q.shape)
@@ -60,8 +59,8 @@ def make_guess(qp: QP, x0: Any, warm_start: Any, name: str = "x0") -> Guess:
     z = vector("warm_start.z", parts[2], qp.h.size, "h", qp.h.shape)
     z_box = parts[3] if np.size(parts[3]) else np.zeros(x.size)  # no bounds: empty
     z_box = vector("warm_start.z_box", z_box, x.size, "q", qp.q.shape)
-    point = x, y, z, z_box
-    if not all(np.isfinite(v).all() for v in point):  # a proof, not a point
+    point = Point(x, y, z, z_box)
+    if not all(np.isfinite(v).all() for v in point):  # a certificate, not a point
         return NO_GUESS
     active = np.concatenate((z > 0.0, z_box < 0.0, z_box > 0.0))
     active &= np.isfinite(np.concatenate((qp.h, qp.lb, qp.ub)))
@@ -72,4 +71,4 @@ def active_at(qp: QP, x: np.ndarray) -> np.ndarray:
     """Mark the inequalities that hold with equality at x."""
     slack = np.concatenate((qp.h - qp.G @ x, x - qp.lb, qp.ub - x))
     size = 1.0 + np.abs(np.concatenate((qp.h, qp.lb, qp.ub)))
-    return (np.isfinite(size) & (np.abs(slack) <= NEAR * size)).astype(np.int8)
+    return (np.isfinite(size) & (np.abs(slack) <= ACTIVE * size)).astype(np.int8)

@@ -1,59 +1,99 @@
-"""The judge: every candidate is measured on the user's own data, the best is kept."""
+"""The judge: it measures the points of one QP on its unscaled data and keeps the best.
+
+A form judges its candidates on the problem that it was given. SOLVED is a claim until
+`confirmed` has judged the point, mapped back, on the user's own data. Judging there
+alone would be weaker: bounds that stand for rows of the user clip x and take up dual
+residuals, and the rows themselves do not.
+"""
 
 from math import inf
 
 import numpy as np
 
-from namlcp.options import Options
-from namlcp.qp.last_digits import Point, settle
-from namlcp.qp.problem import QP
+from namlcp.limits import Limits
+from namlcp.qp.answer import FINAL, Answer
+from namlcp.qp.certificates import accept_dual, accept_primal
+from namlcp.qp.last_digits import correct_rounding
+from namlcp.qp.problem import QP, Point
+from namlcp.qp.transforms import Substitution
 from namlcp.residuals import Residuals, qp_residuals
+from namlcp.status import Status
 
-NEAR = 1e3  # residual over its tolerance up to which last digits may be what lacks
+# Largest residual over its tolerance that is tried to be corrected: beyond it, more is
+# wrong than rounding.
+CORRECTABLE = 1e3
 
 
 class Judge:
-    """The best point so far, `best` = its worst residual over the tolerance."""
+    """The best point so far; `best` is its largest residual over the tolerance.
 
-    def __init__(self, qp: QP, options: Options) -> None:
-        """Start with zeros, not judged."""
-        self.qp, self.options = qp, options
-        n, m, p = qp.q.size, qp.h.size, qp.b.size
+    A point with best <= 1 solves the QP.
+    """
+
+    def __init__(self, qp: QP, limits: Limits) -> None:
+        """Start with zeros, not measured."""
+        self.qp, self.limits = qp, limits
         self.best = inf
-        self.point: Point = np.zeros(n), np.zeros(p), np.zeros(m), np.zeros(n)
-        self.found: Residuals | None = None
+        self.point = qp.point()
+        self.measured: Residuals | None = None
 
     @property
     def residuals(self) -> Residuals:
         """Those of the best point."""
-        return self.found or qp_residuals(*self.qp, *self.point)
+        return self.measured or qp_residuals(*self.qp, *self.point)
 
-    def offer(
-        self, x: np.ndarray, y: np.ndarray, z: np.ndarray, z_box: np.ndarray
-    ) -> float:
-        """Judge (x, ...), (clip(x, lb, ub), ...) and that with its last digits settled.
+    def offer(self, point: Point) -> float:
+        """Measure the point, with x clipped to the bounds, and with rounding corrected.
 
-        Returns the best of the judgements.
+        Returns the least of their largest residuals over the tolerance.
         """
-        inside = np.minimum(np.maximum(x, self.qp.lb), self.qp.ub)
-        eps = self.options.eps_abs, self.options.eps_rel
-        point: Point = x, y, z, z_box
-        found = self.see(point)
-        worst = found.worst(*eps)
-        if not np.array_equal(x, inside):
-            point = inside, y, z, z_box
-            found = self.see(point)
-            worst = min(worst, found.worst(*eps))
-        if 1.0 < worst <= NEAR:
-            moved = settle(self.qp, point, found, *eps)
-            if moved is not point:
-                worst = min(worst, self.see(moved).worst(*eps))
+        tolerances = self.limits.tolerances
+        inside = self.qp.clip(point.x)
+        found = self.measure(point)
+        worst = found.worst(*tolerances)
+        if not np.array_equal(point.x, inside):
+            point = point._replace(x=inside)
+            found = self.measure(point)
+            worst = min(worst, found.worst(*tolerances))
+        if 1.0 < worst <= CORRECTABLE:
+            corrected = correct_rounding(self.qp, point, found, *tolerances)
+            if corrected is not point:
+                worst = min(worst, self.measure(corrected).worst(*tolerances))
         return worst
 
-    def see(self, point: Point) -> Residuals:
+    def measure(self, point: Point) -> Residuals:
         """Return the residuals of one point; keep it if it is the best."""
         found = qp_residuals(*self.qp, *point)
-        worst = found.worst(self.options.eps_abs, self.options.eps_rel)
+        worst = found.worst(*self.limits.tolerances)
         if worst < self.best:
-            self.best, self.found, self.point = worst, found, point
+            self.best, self.measured, self.point = worst, found, point
         return found
+
+    def answer(self, status: Status, iterations: int, form: str) -> Answer:
+        """Return the best point: SOLVED if it is, else `status`, STALLED if final."""
+        if self.best <= 1.0:
+            status = Status.SOLVED
+        elif status in FINAL:
+            status = Status.STALLED
+        return Answer(status, self.point, self.residuals, iterations, form)
+
+
+def confirmed(answer: Answer, back: Substitution, limits: Limits) -> Answer:
+    """Return the answer of a transformed problem as one on the user's own data.
+
+    A point is judged there, a certificate tested; STALLED where it does not pass.
+    """
+    qp, point, tol = back.user, answer.point, limits.eps_abs
+    proof = None
+    if answer.status is Status.PRIMAL_INFEASIBLE:
+        _, y, z, _ = back.certificate(point)
+        proof = accept_primal(qp, qp.point().x, y, z, tol)
+    elif answer.status is Status.DUAL_INFEASIBLE:
+        x, y, z, _ = qp.point()
+        proof = accept_dual(qp, x, y, z, back.ray(point.x), tol)
+    if proof is not None:
+        return answer._replace(point=proof)
+    judge = Judge(qp, limits)
+    judge.offer(back.point(point))
+    found = judge.answer(answer.status, answer.iterations, answer.form)
+    return found._replace(message=answer.message)

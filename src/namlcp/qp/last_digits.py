@@ -1,15 +1,14 @@
-"""The last digits: what rounding leaves of the residuals goes where it does no harm.
+"""Corrections of a solution whose residuals are at rounding level, but too large.
 
-A multiplier of 1e7 in units of which the tolerance is 1e-13 cannot be written down in
-double precision: its last digit is a dual residual. So is a gap whose terms are 1e11.
-Both are linear in what has digits to spare, and the tolerances of the other residuals
-leave room:
+A multiplier near 1e7 has rounding errors of 1e-9. Where the tolerance is less, they are
+a dual residual; where the terms of the duality gap are near 1e11, they are a gap. Both
+are linear in other unknowns, whose own residuals have tolerance left:
 
 - the entry r_j of the dual residual goes into z_box_j where x_j has a bound on that
   side, else into x_j (a Gauss-Seidel step on the Lagrangian, dx_j = -r_j/P_jj);
-- the gap g goes into multipliers with sides s, dz = -g s/s's.
+- the gap g goes into multipliers with the sides s, dz = -g s/s's.
 
-Every point made here is judged on the user's data like any other.
+The judge measures every point made here like any other.
 """
 
 from typing import Any
@@ -18,50 +17,56 @@ import numpy as np
 
 from namlcp.compiled import kernel
 from namlcp.linalg import add_transposed, times
-from namlcp.qp.problem import QP
+from namlcp.qp.problem import QP, Point
 from namlcp.residuals import Residuals, qp_residuals, signed_gap
 
-Point = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+# Gauss-Seidel passes over the dual residual.
+PASSES = 3
+# Corrections of the gap by a single multiplier, at most.
+TRIES = 64
+# Part of the tolerance above which an entry of the dual residual is corrected.
+SHARE = 0.5
 
-PASSES = 3  # Gauss-Seidel passes
-TRIES = 64  # corrections of the gap at most
-SHARE = 0.5  # of the tolerance that a residual may take up before it is moved
 
-
-def settle(
+def correct_rounding(
     qp: QP, point: Point, found: Residuals, eps_abs: float, eps_rel: float
 ) -> Point:
-    """Return the point, of these residuals, with its dual residual and its gap moved.
+    """Return the point, which has the residuals `found`, with smaller ones if possible.
 
-    Matrices are CSC. Where nothing can be moved it is `point` itself.
+    Matrices are CSC. Where nothing can be corrected the result is `point` itself.
     """
     tol = eps_abs + eps_rel * found.dual_size
     if found.dual > SHARE * tol:
-        point = move_dual_residual(qp, point, SHARE * tol)
+        point = correct_dual_residual(qp, point, SHARE * tol)
         found = qp_residuals(*qp, *point)
     gap_tol = eps_abs + eps_rel * found.gap_size
     if found.gap > gap_tol and found.dual <= tol:
-        point = move_gap(qp, point, found.gap, gap_tol, tol - found.dual)
+        point = correct_gap(qp, point, found.gap, gap_tol, tol - found.dual)
     return point
 
 
-def move_dual_residual(qp: QP, point: Point, tol: float) -> Point:
-    """Return the point with dual residuals above `tol` in z_box or in x."""
-    x, y, z, z_box = point
-    x, z_box = x.copy(), z_box.copy()
-    r = times(qp.P, x) + qp.q
-    for M, multiplier in ((qp.G, z), (qp.A, y)):  # in the order of the judge
-        part = np.zeros(x.size)
+def correct_dual_residual(qp: QP, point: Point, tol: float) -> Point:
+    """Return the point with dual residuals above `tol` moved into z_box or x."""
+    point = point._replace(x=point.x.copy(), z_box=point.z_box.copy())
+    r = times(qp.P, point.x) + qp.q
+    for M, multiplier in ((qp.G, point.z), (qp.A, point.y)):  # as `qp_residuals` adds
+        part = np.zeros(r.size)
         add_transposed(M, multiplier, part)
         r += part
+    bounds = qp.lb, qp.ub
     P = qp.P
-    absorb(P.indptr, P.indices, P.data, qp.lb, qp.ub, tol, r, x, z_box)
-    return x, y, z, z_box
+    gauss_seidel(P.indptr, P.indices, P.data, bounds, tol, r, (point.x, point.z_box))
+    return point
 
 
 @kernel
-def absorb(indptr, indices, data, lb, ub, tol, r, x, z_box):
-    """Reduce |r_j + z_box_j| above tol by z_box_j, then by x_j; r = Px + q + C'v."""
+def gauss_seidel(indptr, indices, data, bounds, tol, r, unknowns):
+    """Reduce |r_j + z_box_j| above tol by z_box_j, then by x_j; r = Px + q + C'v.
+
+    bounds = (lb, ub), unknowns = (x, z_box).
+    """
+    lb, ub = bounds
+    x, z_box = unknowns
     for _ in range(PASSES):
         for j in range(x.size):
             if abs(r[j] + z_box[j]) <= tol:
@@ -83,33 +88,39 @@ def absorb(indptr, indices, data, lb, ub, tol, r, x, z_box):
                     r[indices[t]] += data[t] * step
 
 
-def move_gap(qp: QP, point: Point, size: float, tol: float, room: float) -> Point:
+def correct_gap(
+    qp: QP, point: Point, size: float, tol: float, dual_left: float
+) -> Point:
     """Return the point with its gap, of this size, moved into multipliers.
 
-    What is added last is rounded least, so first all of ub'z_box^+ give way together
-    (the smallest change, dz = -g s/s's), then those of the other sums. Then one
-    multiplier after another: the sums round differently with each of them. What would
-    change its sign, or take more than `room` of the dual residual, is left out, and so
-    is what would together with all before.
+    First all multipliers of one sum of the gap change together, which is the smallest
+    change (dz = -g s/s's); ub'z_box^+ comes first, because the sum that is added last
+    is rounded least. Then one multiplier after another changes, because the sums round
+    differently with each. Corrections are skipped that flip a sign, or with which the
+    dual residual would grow by more than `dual_left` in all.
     """
     x, y, z, z_box = point
     n, p, m = x.size, y.size, z.size
+    # the multipliers and their sides in the order b, h, lb, ub
     multiplier = np.concatenate((y, z, np.minimum(z_box, 0.0), np.maximum(z_box, 0.0)))
-    vectors = qp.q, qp.h, qp.b, qp.lb, qp.ub
     side = np.concatenate((qp.b, qp.h, qp.lb, qp.ub))
-    column = np.concatenate((peaks(qp.A), peaks(qp.G), np.ones(2 * n)))
+    kinds = np.split(np.arange(side.size), np.cumsum((p, m, n)))
+    largest = np.concatenate((row_maxima(qp.A), row_maxima(qp.G), np.ones(2 * n)))
     usable = np.isfinite(side) & (side != 0.0)
     usable[p:] &= multiplier[p:] != 0.0
     Px = times(qp.P, x)
-    spent = np.zeros(n)  # of the room
+    added = np.zeros(n)  # to the dual residual, by all changes
 
-    def moved(k: np.ndarray, gap: float) -> tuple[Point, float] | None:
+    def gap_of(point: Point) -> float:
+        return signed_gap((qp.q, qp.h, qp.b, qp.lb, qp.ub), point, Px)
+
+    def changed(k: np.ndarray, gap: float) -> Point | None:
         """Move the gap into the multipliers k, or those of them that may change."""
         for _ in range(2):
-            largest = np.abs(side[k]).max()
-            s = side[k] / largest  # or s's leaves the range
-            new = multiplier[k] - gap / largest / (s @ s) * s
-            free = np.abs(new - multiplier[k]) * column[k] <= room
+            top = np.abs(side[k]).max()
+            s = side[k] / top  # or s's leaves the range
+            new = multiplier[k] - gap / top / (s @ s) * s
+            free = np.abs(new - multiplier[k]) * largest[k] <= dual_left
             free &= (k < p) | (new * multiplier[k] > 0.0)
             if free.all():
                 break
@@ -120,36 +131,34 @@ def move_gap(qp: QP, point: Point, size: float, tol: float, room: float) -> Poin
             return None
         change = np.zeros(side.size)
         change[k] = new - multiplier[k]
-        part = spent + change[p + m : p + m + n] + change[p + m + n :]
-        add_transposed(qp.A, change[:p], part)
-        add_transposed(qp.G, change[p : p + m], part)
-        if not np.abs(part).max(initial=0.0) <= room:
+        dy, dz, lower, upper = (change[kind] for kind in kinds)
+        total = added + lower + upper
+        add_transposed(qp.A, dy, total)
+        add_transposed(qp.G, dz, total)
+        if not np.abs(total).max(initial=0.0) <= dual_left:
             return None
-        spent[:] = part
+        added[:] = total
         multiplier[k] = new
-        y, z = multiplier[:p], multiplier[p : p + m]
-        z_box = multiplier[p + m : p + m + n] + multiplier[p + m + n :]
-        new_point = x, y, z, z_box
-        return new_point, signed_gap(vectors, new_point, Px)
+        y, z, lower, upper = (multiplier[kind] for kind in kinds)
+        return Point(x, y, z, lower + upper)
 
-    kinds = np.split(np.arange(side.size), np.cumsum((p, m, n)))
     groups = [k[usable[k]] for k in reversed(kinds)]
     step = np.divide(size, np.abs(side), out=np.zeros(side.size), where=usable)
-    single = usable & (step * column <= room)
+    single = usable & (step * largest <= dual_left)
     single[p:] &= np.abs(multiplier[p:]) > step[p:]
     turns = np.flatnonzero(single)
     turns = turns[:: max(-(-turns.size // TRIES), 1)]
-    gap = signed_gap(vectors, point, Px)
+    gap = gap_of(point)
     for k in (*groups, *turns[:, None]):
-        found = moved(k, gap) if k.size else None
-        if found is not None:
-            point_now, gap = found
+        new_point = changed(k, gap) if k.size else None
+        if new_point is not None:
+            gap = gap_of(new_point)
             if abs(gap) <= tol:
-                return point_now
+                return new_point
     return point
 
 
-def peaks(M: Any) -> np.ndarray:
+def row_maxima(M: Any) -> np.ndarray:
     """Return the largest modulus of each row of a CSC matrix."""
     largest = np.zeros(M.shape[0])
     np.maximum.at(largest, M.indices, np.abs(M.data))

@@ -1,8 +1,8 @@
 """What one solve leaves to the next of the same shape.
 
 A problem whose matrices stay and whose vectors change (model predictive control, a path
-of penalties) needs its presolve, its scaling and, on the same face, its factorisation
-once. A problem that keeps only the pattern keeps the elimination order.
+of penalties) needs its presolve, its scaling and, as long as the active set stays, its
+factorisation once. A problem that keeps only the pattern keeps the elimination order.
 """
 
 from typing import Any
@@ -20,8 +20,9 @@ class Memory:
     """Kept by the caller from solve to solve; not for two solves at a time.
 
     `matrices` are copies of the last P, G and A: `recognised` puts them in the place of
-    equal ones, so that all else is recognised by their identity. `convex` is the last
-    P found positive semidefinite.
+    equal ones, so that what was made from them is recognised by their identity.
+    `convex` is the last P found positive semidefinite, `scaled` the last scaled QP, of
+    whose presolve and factors the next one takes over what still fits.
     """
 
     def __init__(self) -> None:
@@ -30,7 +31,7 @@ class Memory:
         self.convex: Any = None
         self.substitution: Substitution | None = None
         self.presolved: Presolved | None = None
-        self.problem: ScaledQP | None = None
+        self.scaled: ScaledQP | None = None
         self.rows: Prepared | None = None
 
     def __reduce__(self) -> tuple[type["Memory"], tuple[()]]:

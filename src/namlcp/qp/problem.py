@@ -24,6 +24,19 @@ from namlcp.limits import interruptible
 from namlcp.linalg import asymmetry, dense_asymmetry
 
 
+class Point(NamedTuple):
+    """A point x of a QP with the multipliers of Ax = b, Gx <= h and the bounds.
+
+    A certificate has the same parts: (NaN, y, z, z_box) proves that no x is feasible,
+    (d, NaN, NaN, NaN) that the QP is unbounded along d.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    z_box: np.ndarray
+
+
 class QP(NamedTuple):
     """A checked QP; all three matrices dense, or all three csc_array.
 
@@ -43,6 +56,16 @@ class QP(NamedTuple):
     def is_dense(self) -> bool:
         """Tell whether the matrices are ndarrays."""
         return type(self.P) is np.ndarray
+
+    def point(self, x: np.ndarray | None = None) -> Point:
+        """Return x, or 0, with multipliers that are 0."""
+        n = self.q.size
+        x = np.zeros(n) if x is None else x
+        return Point(x, np.zeros(self.b.size), np.zeros(self.h.size), np.zeros(n))
+
+    def clip(self, x: np.ndarray) -> np.ndarray:
+        """Return the nearest point within the bounds."""
+        return np.minimum(np.maximum(x, self.lb), self.ub)
 
     def has_matrices_of(self, other: "QP") -> bool:
         """Tell whether P, G and A are the very same objects."""

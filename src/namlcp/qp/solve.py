@@ -1,10 +1,8 @@
-"""solve_qp: check, choose the smallest form, solve, recover, judge.
+"""solve_qp: check, transform, solve the smallest form, map back, judge.
 
-First `substitution` takes out of a sparse problem what one row or column decides. The
-forms, smallest first: bounds alone make a box LCP with A = P; a problem that is small
-or full goes to `dense` (its multipliers' LCP); everything else follows the `path`. A
-form that cannot finish hands over to the path, and the better of the two points is
-returned. Whatever a form says, SOLVED is decided here, on the user's own data.
+Recoveries: a problem that stalls after the substitution is solved again as it came, and
+one that stalls then is solved without its huge bounds. SOLVED is said on the user's own
+data alone.
 """
 
 import time
@@ -12,26 +10,20 @@ from typing import Any
 
 import numpy as np
 
-from namlcp.limits import Deadline, interruptible
+from namlcp.limits import Deadline, Limits, interruptible
 from namlcp.linalg import blas_threads
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
-from namlcp.qp import certificates
-from namlcp.qp.answer import FINAL, OBJECTIVE, Answer, better, is_decided, late
-from namlcp.qp.bounds import solve_bounds
-from namlcp.qp.dense import solve_dense
-from namlcp.qp.forms import is_box, is_small
+from namlcp.qp.answer import OBJECTIVE, UNDECIDED, Answer, better, out_of_time
+from namlcp.qp.forms import solve_smallest_form
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
-from namlcp.qp.judge import Judge
+from namlcp.qp.judge import confirmed
 from namlcp.qp.memory import Memory
-from namlcp.qp.path import solve_path
 from namlcp.qp.problem import QP, qp_data
-from namlcp.qp.transforms import Substitution, confirmed, substitute, without_far_sides
+from namlcp.qp.transforms import substitute, without_huge_bounds
+from namlcp.residuals import qp_residuals
 from namlcp.result import QPResult
 from namlcp.status import Status
-
-# Bounds alone, and fewer variables: the dense form is quicker than the box LCP.
-DENSE_BOX = 50
 
 
 def solve_qp(
@@ -95,7 +87,7 @@ def solve_qp(
     -----
     SOLVED means that primal residual, dual residual and duality gap, recomputed on the
     arguments as they came, are within eps_abs + eps_rel * (size of their terms);
-    `namlcp.residuals` has the formulas. The forms and their sources: module docstring.
+    `namlcp.residuals` has the formulas, `namlcp.qp.forms` the methods.
 
     P is refused as not convex if, scaled to a unit diagonal, it has an eigenvalue below
     -1e-6; what lies between that and 0 is taken for rounding to single precision. (Of
@@ -131,14 +123,15 @@ def solve_checked(
 
     `memory` is kept by the caller from one problem to the next of the same pattern.
     """
-    deadline = Deadline(start + options.time_limit)
     progress = None
     if options.verbose or history:
         progress = Progress(QP_COLUMNS, options.verbose)
         progress.say(describe(qp, options))
+    deadline = Deadline(start + options.time_limit)
+    limits = options.limits(deadline, progress)
     ready = time.perf_counter()
     with blas_threads(options.threads, qp.q.size + qp.h.size + qp.b.size):
-        answer = solve_far_sides(qp, options, guess, deadline, progress, memory)
+        answer = solve_or_relax(qp, guess, limits, memory)
     if deadline.interrupted:
         answer = answer._replace(status=deadline.verdict(answer.status))
     end = time.perf_counter()
@@ -146,10 +139,10 @@ def solve_checked(
         progress.close(conclude(answer, end - start))
     return QPResult(
         status=answer.status,
-        x=answer.x,
-        y=answer.y,
-        z=answer.z,
-        z_box=answer.z_box,
+        x=answer.point.x,
+        y=answer.point.y,
+        z=answer.point.z,
+        z_box=answer.point.z_box,
         obj=OBJECTIVE.get(answer.status, answer.residuals.objective),
         residuals=answer.residuals,
         iterations=answer.iterations,
@@ -161,117 +154,60 @@ def solve_checked(
     )
 
 
-def solve_far_sides(
-    qp: QP,
-    options: Options,
-    guess: Guess,
-    deadline: Deadline,
-    progress: Progress | None,
-    memory: Memory | None,
+def solve_or_relax(
+    qp: QP, guess: Guess, limits: Limits, memory: Memory | None
 ) -> Answer:
-    """Solve; where that stalls, once more without bounds and sides that are far out."""
-    answer = solve_forms(qp, options, guess, deadline, progress, memory)
-    if answer.status in (Status.STALLED, Status.NUMERICAL_ERROR):
-        near = without_far_sides(qp)
-        if near is not None:
-            other = solve_forms(near, options, NO_GUESS, deadline, progress, None)
-            if other.status is Status.TIME_LIMIT:  # a longer limit may let it succeed
-                answer = answer._replace(status=other.status)
-            answer = confirmed(qp, other, options) or answer
+    """Solve the QP, without its huge bounds where it stalls with them.
+
+    The relaxed QP has fewer constraints: a proof that it is infeasible is one for the
+    QP, too. Its solution is judged with the huge bounds.
+    """
+    answer = solve_substituted(qp, guess, limits, memory)
+    relaxed = without_huge_bounds(qp) if answer.status in UNDECIDED else None
+    if relaxed is None:
+        return answer
+    other = solve_substituted(relaxed, NO_GUESS, limits, None)
+    if other.status is Status.PRIMAL_INFEASIBLE:
+        return other
+    if other.status is Status.SOLVED:
+        residuals = qp_residuals(*qp, *other.point)
+        if residuals.solved(*limits.tolerances):
+            return other._replace(residuals=residuals)
+    if other.status is Status.TIME_LIMIT:  # a longer limit may let it succeed
+        return answer._replace(status=other.status)
     return answer
 
 
-def solve_forms(
-    qp: QP,
-    options: Options,
-    guess: Guess,
-    deadline: Deadline,
-    progress: Progress | None,
-    memory: Memory | None,
+def solve_substituted(
+    qp: QP, guess: Guess, limits: Limits, memory: Memory | None
 ) -> Answer:
-    """Substitute what one row or column decides, then solve the smallest form.
+    """Take out what single rows and free columns decide, solve, and map back.
 
-    What comes back unsolved from the smaller problem is tried again as it came.
+    A QP that remains unsolved after this substitution is solved again as it came.
     """
     if memory is None:
         memory = Memory()
     else:
         qp = memory.recognised(qp)
-    smaller = None
+    substitution = None
     if not qp.is_dense and (qp.h.size or qp.b.size):
-        with deadline.listening():
-            smaller = substitute(qp, memory.substitution, deadline)
-        memory.substitution = smaller
-        if deadline.reached():
-            return late(qp)
-    if smaller is None:
-        return try_forms(qp, options, guess, deadline, progress, memory)
-    if smaller.solved.size:
-        memory.convex = smaller.P  # P was asked, and squares were added
-    near = smaller.guess(guess)
-    answer = try_forms(smaller.qp, options, near, deadline, progress, memory)
-    answer = restored(answer, smaller, options)
-    if answer.status in (Status.STALLED, Status.NUMERICAL_ERROR):
-        near = make_guess(qp, None, answer)
-        other = try_forms(qp, options, near, deadline, progress, Memory())
-        return better(answer, other, options)
-    return answer
-
-
-def restored(answer: Answer, smaller: Substitution, options: Options) -> Answer:
-    """Return the answer for the user's QP, judged anew; STALLED if it does not pass."""
-    qp, tol = smaller.user, options.eps_abs
-    proof = None
-    if answer.status is Status.PRIMAL_INFEASIBLE:
-        y, z, _ = smaller.multipliers(answer.y, answer.z, answer.z_box)
-        proof = certificates.accept_primal(qp, np.zeros(qp.q.size), y, z, tol)
-    elif answer.status is Status.DUAL_INFEASIBLE:
-        x, y, z = (np.zeros(v.size) for v in (qp.q, qp.b, qp.h))
-        d = smaller.direction(answer.x)
-        proof = certificates.accept_dual(qp, x, y, z, d, tol)
-    if proof is not None:
-        x, y, z, z_box = proof
-        return answer._replace(x=x, y=y, z=z, z_box=z_box)
-    judge = Judge(qp, options)
-    judge.offer(*smaller.point(answer.x, answer.y, answer.z, answer.z_box))
-    x, y, z, z_box = judge.point
-    residuals = judge.residuals
-    status = answer.status
-    if judge.best <= 1.0:
-        status = Status.SOLVED
-    elif status in FINAL:
-        status = Status.STALLED
-    return answer._replace(
-        status=status, x=x, y=y, z=z, z_box=z_box, residuals=residuals
+        with limits.deadline.listening():
+            substitution = substitute(qp, memory.substitution, limits.deadline)
+        memory.substitution = substitution
+        if limits.deadline.reached():
+            return out_of_time(qp)
+    if substitution is None:
+        return solve_smallest_form(qp, guess, limits, memory)
+    if substitution.columns.size:
+        memory.convex = substitution.P  # the user's P was checked; it adds only squares
+    answer = solve_smallest_form(
+        substitution.problem, substitution.guess(guess), limits, memory
     )
-
-
-def try_forms(
-    qp: QP,
-    options: Options,
-    guess: Guess,
-    deadline: Deadline,
-    progress: Progress | None,
-    memory: Memory,
-) -> Answer:
-    """Try the smallest form that fits, then the path; return the better answer."""
-    answer = None
-    small = is_small(qp)
-    if is_box(qp) and not (small and qp.q.size <= DENSE_BOX):
-        with deadline.listening():
-            answer = solve_bounds(qp, options, guess, deadline, progress, memory)
-    starts = [guess, NO_GUESS] if guess.x.size else [NO_GUESS]
-    while small and starts and not is_decided(answer):
-        # once more without the guess: a wrong one may cost time, not the answer
-        found = solve_dense(qp, options, starts.pop(0), deadline, progress)
-        if found is None:
-            break
-        answer = found if answer is None else better(answer, found, options)
-    if answer is not None and is_decided(answer):
+    answer = confirmed(answer, substitution, limits)
+    if answer.status not in UNDECIDED:
         return answer
-    with deadline.listening():
-        other = solve_path(qp, options, guess, deadline, progress, memory)
-    return other if answer is None else better(answer, other, options)
+    guess = make_guess(qp, None, answer.point)
+    return better(answer, solve_smallest_form(qp, guess, limits, Memory()), limits)
 
 
 def describe(qp: QP, options: Options) -> str:

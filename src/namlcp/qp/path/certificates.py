@@ -10,8 +10,8 @@ from namlcp.qp.certificates import accept_dual, accept_primal, largest
 from namlcp.qp.guess import Guess
 from namlcp.qp.judge import Judge
 from namlcp.qp.kkt import products
-from namlcp.qp.last_digits import Point
 from namlcp.qp.path.finish import Face
+from namlcp.qp.problem import Point
 from namlcp.qp.transforms import Contradiction, Presolved, ScaledQP
 from namlcp.status import Status
 
@@ -38,10 +38,10 @@ def contradiction(
     n, m, p = qp.q.size, qp.h.size, qp.b.size
     if reason.y is None:
         x, y, z = (np.full(k, np.nan) for k in (n, p, m))
-        return x, y, z, x
+        return Point(x, y, z, x)
     z = np.zeros(m) if reason.z is None else reason.z
-    x = small.primal(np.zeros(small.q.size))
-    return accept_primal(qp, x, reason.y, z, judge.options.eps_abs)
+    x = small.with_fixed(np.zeros(small.q.size))
+    return accept_primal(qp, x, reason.y, z, judge.limits.eps_abs)
 
 
 class LoopTests:
@@ -70,7 +70,7 @@ class LoopTests:
         now = loop.norms[1], max(loop.norms[2:4])
         stuck = [new > FAST * old for new, old in zip(now, self.before, strict=True)]
         self.before = now
-        eps = self.judge.options.eps_abs
+        eps = self.judge.limits.eps_abs
         dual = stuck[0] and loop.norms[6] > eps
         primal = stuck[1] and loop.norms[5] > eps
         if not (primal or dual):
@@ -102,12 +102,12 @@ class LoopTests:
     def primal(self, loop: "Interior", k: int, y: np.ndarray, Z: np.ndarray) -> bool:
         """Test (y, Z), then its projection on the Farkas system."""
         s = self.problem
-        tol = self.judge.options.eps_abs
-        x = s.small.primal(loop.x * s.unit[: s.n])
-        self.proof = accept_primal(self.judge.qp, x, *s.user_rows(y, Z), tol)
+        tol = self.judge.limits.eps_abs
+        x = s.small.with_fixed(loop.x * s.unit[: s.n])
+        self.proof = accept_primal(self.judge.qp, x, *s.certificate(y, Z), tol)
         if self.proof is None and self.due(k):
             y, Z = self.polish_primal(y, Z)
-            self.proof = accept_primal(self.judge.qp, x, *s.user_rows(y, Z), tol)
+            self.proof = accept_primal(self.judge.qp, x, *s.certificate(y, Z), tol)
         return self.proof is not None
 
     def project(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> Point | None:
@@ -117,18 +117,18 @@ class LoopTests:
             return None
         z_box = -(qp.G.T @ z + qp.A.T @ y)
         active = np.zeros(z.size + 2 * z_box.size, dtype=np.int8)
-        _, y, Z, _ = s.from_user(Guess(x, y, z, z_box, active))
+        _, y, Z, _ = s.guess(Guess(x, y, z, z_box, active))
         y, Z = self.polish_primal(y, Z)
-        return accept_primal(qp, x, *s.user_rows(y, Z), self.judge.options.eps_abs)
+        return accept_primal(qp, x, *s.certificate(y, Z), self.judge.limits.eps_abs)
 
     def dual(self, loop: "Interior", k: int, d: np.ndarray) -> bool:
         """Test d, then its projection on the recession cone."""
-        s, tol = self.problem, self.judge.options.eps_abs
-        x, y, z, _ = s.user_point(loop.x, loop.y, loop.Z)
-        self.proof = accept_dual(self.judge.qp, x, y, z, s.user_direction(d), tol)
+        s, tol = self.problem, self.judge.limits.eps_abs
+        x, y, z, _ = s.point(loop.x, loop.y, loop.Z)
+        self.proof = accept_dual(self.judge.qp, x, y, z, s.ray(d), tol)
         if self.proof is None and self.due(k):
             for better in self.polish_dual(d):
-                step = s.user_direction(better)
+                step = s.ray(better)
                 self.proof = accept_dual(self.judge.qp, x, y, z, step, tol)
                 if self.proof is not None:
                     break

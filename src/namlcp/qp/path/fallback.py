@@ -18,13 +18,12 @@ from scipy import sparse
 from scipy.sparse import csc_array
 
 from namlcp.qp.certificates import accept_dual, accept_primal, largest
-from namlcp.qp.last_digits import Point
-from namlcp.qp.problem import QP
+from namlcp.qp.problem import QP, Point
 from namlcp.status import Status
 
 NEARLY = 1e-6  # relative violation up to which a ray is looked for first
 
-Solver = Callable[[QP], Any]
+Solver = Callable[[QP], Point]
 Projection = Callable[[np.ndarray, np.ndarray, np.ndarray], Point | None]
 
 
@@ -75,7 +74,7 @@ def elastic(
         return np.zeros(p), np.zeros(qp.h.size)
     m = rows.size
     free = np.full(m + p, np.inf)
-    answer = solver(
+    u = solver(
         QP(
             canonical(sparse.block_diag((csc_array((n, n)), sparse.eye_array(m + p)))),
             np.zeros(n + m + p),
@@ -88,8 +87,8 @@ def elastic(
         )
     )
     z = np.zeros(qp.h.size)
-    z[rows] = answer.z / g
-    return answer.y / a, z
+    z[rows] = u.z / g
+    return u.y / a, z
 
 
 def recession(qp: QP, solver: Solver) -> np.ndarray:
@@ -104,7 +103,7 @@ def recession(qp: QP, solver: Solver) -> np.ndarray:
     rows = np.flatnonzero(np.isfinite(qp.h))
     G, zero_h, _ = unit_rows(qp.G.tocsr()[rows] @ D, None)
     q = qp.q * scale
-    answer = solver(
+    d = solver(
         QP(
             canonical(sparse.eye_array(n)),
             q / max(largest(q), 1e-300),
@@ -116,7 +115,7 @@ def recession(qp: QP, solver: Solver) -> np.ndarray:
             np.where(np.isfinite(qp.ub), 0.0, np.inf),
         )
     )
-    return answer.x * scale
+    return d.x * scale
 
 
 def unit_rows(M: Any, rhs: np.ndarray | None) -> tuple[Any, np.ndarray, np.ndarray]:

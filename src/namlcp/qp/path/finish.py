@@ -84,7 +84,7 @@ class Finish:
                 return best
             x, y, multiplier, slack = self.face.solution(s.q, s.c, active)
             Z = np.maximum(multiplier, 0.0)
-            worst = self.judge.offer(*s.user_point(x, y, Z))
+            worst = self.judge.offer(s.point(x, y, Z))
             pays = worst <= 0.5 * best or s.kkt.base.size <= LARGE
             best = min(best, worst)
             new = np.where(active, multiplier > -WRONG, slack < -WRONG)

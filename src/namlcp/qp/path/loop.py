@@ -7,19 +7,16 @@ predictor and corrector (SIAM J. Optim. 2, 1992), one corrector of Gondzio (Comp
 Optim. Appl. 6, 1996), separate primal and dual steps.
 """
 
-from collections.abc import Callable
 from math import inf
-from typing import NamedTuple
 
 import numpy as np
 
-from namlcp.limits import NEVER, Deadline
-from namlcp.options import Options
-from namlcp.qp.guess import NO_GUESS, Guess
+from namlcp.limits import Limits
+from namlcp.options import DEFAULT_OPTIONS
+from namlcp.qp.guess import Guess
 from namlcp.qp.judge import Judge
-from namlcp.qp.memory import Memory
 from namlcp.qp.path import fallback
-from namlcp.qp.path.certificates import LoopTests, contradiction
+from namlcp.qp.path.certificates import LoopTests
 from namlcp.qp.path.finish import LARGE, Finish, Trigger
 from namlcp.qp.path.regularisation import POOR, Regularisation
 from namlcp.qp.path.steps import (
@@ -31,12 +28,8 @@ from namlcp.qp.path.steps import (
     right_side,
     shifted_inside,
 )
-from namlcp.qp.problem import QP
-from namlcp.qp.transforms import UNITS, ScaledQP, presolve
-from namlcp.residuals import UNDEFINED, Residuals
+from namlcp.qp.transforms import UNITS, ScaledQP
 from namlcp.status import Status
-
-Report = Callable[..., None]
 
 SHORT = 0.99  # fraction of the longest step
 ROUNDS = 6  # sets tried by one finish
@@ -52,92 +45,16 @@ EXACT = 1e-8  # tolerances up to this one ask for an exact finish in any case
 INSIDE = 1e-2  # least slack and multiplier of a warm start, relative to the largest
 DOUBTED = 10  # iterations without halving before a warm start is given up
 DOUBT = 12  # iterations without halving before the fallback QPs are asked
-FALLBACK = Options(eps_abs=1e-10, eps_rel=1e-12, max_iter=60)
-
-
-class PathResult(NamedTuple):
-    """A status, the point or certificate (see `QPResult`), and how it was found."""
-
-    status: Status
-    x: np.ndarray
-    y: np.ndarray
-    z: np.ndarray
-    z_box: np.ndarray
-    iterations: int
-    message: str
-    residuals: Residuals = UNDEFINED
-
-
-def solve(
-    qp: QP,
-    options: Options,
-    guess: Guess = NO_GUESS,
-    deadline: Deadline = NEVER,
-    report: Report | None = None,
-    memory: Memory | None = None,
-) -> PathResult:
-    """Solve a convex QP in CSC.
-
-    If the active set of the guess is the right one, no iteration is needed. `memory`
-    holds the factors of a problem solved before, and takes those of this one.
-    Raises ValueError if P is not positive semidefinite.
-    """
-    memory = Memory() if memory is None else memory
-    memory.ensure_convex(qp.P)
-    return follow_path(qp, options, guess, deadline, report, memory, may_ask=True)
-
-
-def follow_path(
-    qp: QP,
-    options: Options,
-    guess: Guess,
-    deadline: Deadline,
-    report: Report | None,
-    memory: Memory,
-    *,
-    may_ask: bool,
-) -> PathResult:
-    """Solve a QP known to be convex; `may_ask` allows the fallback QPs."""
-    small = presolve(qp, options.eps_abs, options.eps_rel, memory.presolved)
-    memory.presolved = small
-    judge = Judge(qp, options)
-    for reason in small.contradictions:
-        proof = contradiction(judge, small, reason)
-        if proof is not None:
-            return PathResult(Status.PRIMAL_INFEASIBLE, *proof, 0, reason.message)
-    if small.q.size == 0:
-        none = np.empty(0)
-        zero = np.zeros(small.lower.size)
-        solved = judge.offer(*small.point(none, none, zero, zero, none)) <= 1.0
-        status = Status.SOLVED if solved else Status.STALLED
-        return PathResult(status, *judge.point, 0, "", judge.residuals)
-    problem = memory.problem = ScaledQP(small, memory.problem)
-    finish = Finish(problem, judge, deadline)
-    if guess.x.size:
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            finish.run(*problem.from_user(guess), ROUNDS, GOOD)
-        if judge.best <= 1.0:
-            return PathResult(Status.SOLVED, *judge.point, 0, "", judge.residuals)
-    loop = Interior(problem, judge, options, finish)
-    if may_ask:
-        loop.ask = lambda other: follow_path(
-            other, FALLBACK, NO_GUESS, deadline, None, Memory(), may_ask=False
-        )
-    status = loop.run(guess, deadline, report)
-    proof = loop.tests.proof
-    if proof is not None:
-        return PathResult(status, *proof, loop.iterations, "")
-    return PathResult(status, *judge.point, loop.iterations, "", judge.residuals)
 
 
 class Interior:
     """The iterate (x, y, W, Z) of a scaled problem, and the loop."""
 
     def __init__(
-        self, problem: ScaledQP, judge: Judge, options: Options, finish: Finish
+        self, problem: ScaledQP, judge: Judge, limits: Limits, finish: Finish
     ) -> None:
         """Allocate everything the loop needs."""
-        self.problem, self.judge, self.options = problem, judge, options
+        self.problem, self.judge, self.limits = problem, judge, limits
         n, p, m, size = problem.n, problem.p, problem.c.size, problem.kkt.size
         self.x, self.y = np.zeros(n), np.zeros(p)
         self.W, self.Z = np.ones(m), np.ones(m)
@@ -152,7 +69,8 @@ class Interior:
         self.change = np.zeros(2)
         self.error = 0.0
         self.reg = Regularisation()
-        self.tol = max(options.eps_abs, options.eps_rel)
+        self.max_iter = limits.max_iter or DEFAULT_OPTIONS.max_iter
+        self.tol = max(limits.tolerances)
         problem.kkt.accuracy = min(max(ACCURACY * self.tol, 1e-14), 1e-10)
         self.finish = finish
         self.tests = LoopTests(problem, judge)
@@ -166,20 +84,19 @@ class Interior:
 
     def offer(self, x: np.ndarray, y: np.ndarray, Z: np.ndarray) -> float:
         """Let the judge see a scaled point."""
-        return self.judge.offer(*self.problem.user_point(x, y, Z))
+        return self.judge.offer(self.problem.point(x, y, Z))
 
-    def run(self, guess: Guess, deadline: Deadline, report: Report | None) -> Status:
+    def run(self, guess: Guess) -> Status:
         """Iterate until solved, proved impossible, or out of iterations or time."""
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            status = self.follow(guess, deadline, report)
+            status = self.follow(guess)
             if self.best < inf:
                 self.offer(*self.best_point)
-        if self.tests.proof is None and self.judge.best <= 1.0:
-            return Status.SOLVED
         return status
 
-    def follow(self, guess: Guess, deadline: Deadline, report: Report | None) -> Status:
+    def follow(self, guess: Guess) -> Status:
         """Run the loop."""
+        deadline, report = self.limits.deadline, self.limits.report
         if deadline.reached():  # before the first factorisation
             return Status.TIME_LIMIT
         self.is_warm = guess.x.size > 0 and self.warm_start(guess)
@@ -189,7 +106,7 @@ class Interior:
         trigger = Trigger(self.tol, is_large)
         active = self.Z > self.W
         mark, since = inf, 0
-        for k in range(self.options.max_iter + 1):
+        for k in range(self.max_iter + 1):
             self.iterations = k
             mu_old = self.norms[0]
             worst = self.evaluate()
@@ -216,7 +133,7 @@ class Interior:
                 verdict = self.doubt()
                 if verdict is not None:
                     return verdict
-            if k == self.options.max_iter:
+            if k == self.max_iter:
                 break
             if deadline.reached():
                 return Status.TIME_LIMIT
@@ -259,9 +176,9 @@ class Interior:
         ask, self.ask = self.ask, None
         if ask is None or self.offer(*self.best_point) <= 1.0:
             return None
-        point = self.problem.user_point(self.x, self.y, self.Z)
+        point = self.problem.point(self.x, self.y, self.Z)
         verdict = fallback.decide(
-            self.judge.qp, point, self.options.eps_abs, ask, self.tests.project
+            self.judge.qp, point, self.limits.eps_abs, ask, self.tests.project
         )
         if verdict is None:
             return None
@@ -275,7 +192,7 @@ class Interior:
         """
         if not (guess.z.any() or guess.z_box.any()):
             return False
-        self.x, self.y, self.Z, _ = self.problem.from_user(guess)
+        self.x, self.y, self.Z, _ = self.problem.guess(guess)
         self.W[:] = 0.0
         self.evaluate()
         self.best = inf
@@ -317,7 +234,7 @@ class Interior:
             self.x, self.y, self.W, self.Z, self.v, self.Px, self.Ctv, self.t,
             self.rd, self.rp, self.rw, self.norms,
         )  # fmt: skip
-        eps_abs, eps_rel = self.options.eps_abs, self.options.eps_rel
+        eps_abs, eps_rel = self.limits.tolerances
         self.ratios[:] = self.norms[5:8] / (eps_abs + eps_rel * self.norms[8:11])
         worst = float(self.ratios.max())
         if worst < self.best:
@@ -364,7 +281,7 @@ class Interior:
         if m:
             mu = self.norms[0]
             sigma = min(max(self.length[2] / (m * mu), 0.0), 1.0) ** 3
-            gap = self.options.eps_abs + self.options.eps_rel * self.norms[10]
+            gap = self.limits.eps_abs + self.limits.eps_rel * self.norms[10]
             smu = max(sigma * mu, 0.01 * gap / m, self.lift * self.norms[7] / m)
             self.rc[:] = smu - W * Z - self.dW * self.dZ
             self.direction()

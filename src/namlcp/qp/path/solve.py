@@ -1,38 +1,82 @@
-"""A QP by the interior-point method, as an `Answer`."""
+"""A QP by the interior-point method: presolve, scale, iterate, map back."""
+
+import numpy as np
 
 from namlcp.checks import as_sparse
-from namlcp.limits import Deadline
-from namlcp.options import Options
-from namlcp.progress import Progress
-from namlcp.qp.answer import Answer
-from namlcp.qp.guess import Guess
+from namlcp.limits import Deadline, Limits
+from namlcp.qp.answer import Answer, proved
+from namlcp.qp.guess import NO_GUESS, Guess
+from namlcp.qp.judge import Judge
 from namlcp.qp.memory import Memory
-from namlcp.qp.path import loop
+from namlcp.qp.path import fallback
+from namlcp.qp.path.certificates import contradiction
+from namlcp.qp.path.finish import Finish
+from namlcp.qp.path.loop import GOOD, ROUNDS, Interior
+from namlcp.qp.path.steps import evaluate
 from namlcp.qp.problem import QP
+from namlcp.qp.transforms import ScaledQP, presolve
 from namlcp.residuals import qp_residuals
 from namlcp.status import Status
 
+FORM = "path"
+# Limits of the fallback QPs: they are scaled to have solutions of ordinary size, which
+# certificates need to more digits than a solution of the user's QP.
+FALLBACK = Limits(eps_abs=1e-10, eps_rel=1e-12, max_iter=60)
 
-def solve_path(
-    qp: QP,
-    options: Options,
-    guess: Guess,
-    deadline: Deadline,
-    progress: Progress | None,
-    memory: Memory,
-) -> Answer:
-    """Follow the path, which is sparse."""
-    if progress is not None:
-        progress.announce(loop.evaluate)
+
+def solve_path(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Answer:
+    """Solve a QP with sparse arithmetic.
+
+    If the active set of the guess is the right one, no iteration is needed. `memory`
+    holds the factors of a problem solved before, and takes those of this one. Raises
+    ValueError if P is not positive semidefinite.
+    """
+    limits.announce(evaluate)
     own = qp
     if qp.is_dense:
         own = qp._replace(P=as_sparse(qp.P), G=as_sparse(qp.G), A=as_sparse(qp.A))
-    report = None if progress is None else progress.row
-    found = loop.solve(own, options, guess, deadline, report, memory)
-    status, residuals = found.status, found.residuals
-    point = found.x, found.y, found.z, found.z_box
-    if qp.is_dense and status is Status.SOLVED:  # dense sums round differently
-        residuals = qp_residuals(*qp, *point)
-        if not residuals.solved(options.eps_abs, options.eps_rel):
-            status = Status.STALLED
-    return Answer(status, *point, residuals, found.iterations, "path", found.message)
+    memory.ensure_convex(own.P)
+    answer = follow_path(own, guess, limits, memory)
+    if qp.is_dense and answer.status is Status.SOLVED:  # dense sums round differently
+        residuals = qp_residuals(*qp, *answer.point)
+        solved = residuals.solved(*limits.tolerances)
+        status = Status.SOLVED if solved else Status.STALLED
+        answer = answer._replace(status=status, residuals=residuals)
+    return answer
+
+
+def follow_path(
+    qp: QP, guess: Guess, limits: Limits, memory: Memory, is_fallback: bool = False
+) -> Answer:
+    """Solve a sparse QP known to be convex; a fallback QP has no fallback itself."""
+    small = presolve(qp, *limits.tolerances, memory.presolved)
+    memory.presolved = small
+    judge = Judge(qp, limits)
+    for reason in small.contradictions:
+        proof = contradiction(judge, small, reason)
+        if proof is not None:
+            return proved(Status.PRIMAL_INFEASIBLE, proof, 0, FORM, reason.message)
+    if small.q.size == 0:
+        none, zero = np.empty(0), np.zeros(small.lower.size)
+        judge.offer(small.point(none, none, zero, zero, none))
+        return judge.answer(Status.STALLED, 0, FORM)
+    problem = memory.scaled = ScaledQP(small, memory.scaled)
+    finish = Finish(problem, judge, limits.deadline)
+    if guess.x.size:
+        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+            finish.run(*problem.guess(guess), ROUNDS, GOOD)
+        if judge.best <= 1.0:
+            return judge.answer(Status.SOLVED, 0, FORM)
+    loop = Interior(problem, judge, limits, finish)
+    if not is_fallback:
+        loop.ask = fallback_solver(limits.deadline)
+    status = loop.run(guess)
+    if loop.tests.proof is not None:
+        return proved(status, loop.tests.proof, loop.iterations, FORM)
+    return judge.answer(status, loop.iterations, FORM)
+
+
+def fallback_solver(deadline: Deadline) -> fallback.Solver:
+    """Return the function that solves a fallback QP by the deadline."""
+    limits = FALLBACK._replace(deadline=deadline)
+    return lambda qp: follow_path(qp, NO_GUESS, limits, Memory(), True).point

@@ -1,6 +1,11 @@
-"""Maps from a QP to an easier one: substitution, presolve, scaling, far sides."""
+"""Maps from a QP to an easier one: substitution, presolve, scaling, huge bounds.
 
-from namlcp.qp.transforms.far_sides import confirmed, without_far_sides
+`Substitution`, `Presolved` and `ScaledQP` have the same methods: `point` maps a point
+back to the problem it was made from, `certificate` multipliers that prove it to be
+infeasible, `ray` a direction of x; `guess` maps a guess forward.
+"""
+
+from namlcp.qp.transforms.huge_bounds import without_huge_bounds
 from namlcp.qp.transforms.presolve import Contradiction, Presolved, presolve
 from namlcp.qp.transforms.scaling import UNITS, ScaledQP, equilibrate
 from namlcp.qp.transforms.substitution import Substitution, substitute
@@ -11,9 +16,8 @@ __all__ = [
     "Presolved",
     "ScaledQP",
     "Substitution",
-    "confirmed",
     "equilibrate",
     "presolve",
     "substitute",
-    "without_far_sides",
+    "without_huge_bounds",
 ]

@@ -14,7 +14,7 @@ from scipy.sparse import csc_array, csr_array
 
 from namlcp.compiled import kernel
 from namlcp.linalg import add_transposed, by_rows, submatrix, times, without_zeros
-from namlcp.qp.problem import QP
+from namlcp.qp.problem import QP, Point
 
 FIXED = 1e-12  # ub - lb below this, relative to |lb| above 1, fixes a variable
 SAME = 1e-13  # relative difference of the entries of proportional rows
@@ -96,14 +96,20 @@ class Presolved(NamedTuple):
             and np.array_equal(qp.h < np.inf, self.G_groups.wanted)
         )
 
-    def primal(self, x: np.ndarray) -> np.ndarray:
-        """Return the user's x."""
+    def with_fixed(self, x: np.ndarray) -> np.ndarray:
+        """Return the x of `qp`."""
         full = np.empty(self.qp.q.size)
         full[self.kept] = x
         full[self.fixed] = self.x_fixed
         return full
 
-    def row_multipliers(
+    def ray(self, d: np.ndarray) -> np.ndarray:
+        """Return the direction of the x of `qp`; fixed variables do not move."""
+        full = np.zeros(self.qp.q.size)
+        full[self.kept] = d
+        return full
+
+    def certificate(
         self, y: np.ndarray, z_upper: np.ndarray, z_lower: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the user's (y, z) from those of the ends of the ranges.
@@ -119,7 +125,7 @@ class Presolved(NamedTuple):
             z_full[owners.rows[has]] += side[has] / np.abs(owners.ratio[has])
         return y_full, z_full
 
-    def rows_of(
+    def guess(
         self, y: np.ndarray, z: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return (y, z_upper, z_lower) of the user's multipliers."""
@@ -141,11 +147,11 @@ class Presolved(NamedTuple):
         z_upper: np.ndarray,
         z_lower: np.ndarray,
         z_box: np.ndarray,
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return the user's (x, y, z, z_box); a fixed variable's z_box is exact."""
+    ) -> Point:
+        """Return the point of `qp`; z_box of a fixed variable follows exactly."""
         qp = self.qp
-        x = self.primal(x)
-        y, z = self.row_multipliers(y, z_upper, z_lower)
+        x = self.with_fixed(x)
+        y, z = self.certificate(y, z_upper, z_lower)
         box = np.zeros(qp.q.size)
         box[self.kept] = z_box
         if self.fixed.size:
@@ -153,7 +159,7 @@ class Presolved(NamedTuple):
             add_transposed(qp.A, y, gradient)
             add_transposed(qp.G, z, gradient)
             box[self.fixed] = -gradient[self.fixed]
-        return x, y, z, box
+        return Point(x, y, z, box)
 
 
 def presolve(

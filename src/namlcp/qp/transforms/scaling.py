@@ -18,6 +18,7 @@ import numpy as np
 from namlcp.compiled import kernel
 from namlcp.qp.guess import Guess
 from namlcp.qp.kkt import KKT
+from namlcp.qp.problem import Point
 from namlcp.qp.transforms.presolve import Presolved
 
 UNITS = "normal", "even", "given"  # in this order; all are equilibrated then
@@ -103,34 +104,32 @@ class ScaledQP:
         self.scale_vectors()
         return self.unit / old
 
-    def user_point(
-        self, x: np.ndarray, y: np.ndarray, Z: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return the user's (x, y, z, z_box)."""
+    def point(self, x: np.ndarray, y: np.ndarray, Z: np.ndarray) -> Point:
+        """Return the point of the QP that was presolved."""
         n, p = self.n, self.p
         z_upper, z_lower, box = self.sides(Z)
         return self.small.point(
             x * self.unit[:n], y / self.unit[n : n + p], z_upper, z_lower, box
         )
 
-    def user_rows(self, y: np.ndarray, Z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the user's multipliers (y, z) of the rows."""
+    def certificate(
+        self, y: np.ndarray, Z: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the multipliers (y, z) of its rows."""
         z_upper, z_lower, _ = self.sides(Z)
         y = y / self.unit[self.n : self.n + self.p]
-        return self.small.row_multipliers(y, z_upper, z_lower)
+        return self.small.certificate(y, z_upper, z_lower)
 
-    def user_direction(self, dx: np.ndarray) -> np.ndarray:
-        """Return a direction of the user's x; fixed variables do not move."""
-        d = np.zeros(self.small.qp.q.size)
-        d[self.small.kept] = dx * self.unit[: self.n]
-        return d
+    def ray(self, dx: np.ndarray) -> np.ndarray:
+        """Return the direction of its x; fixed variables do not move."""
+        return self.small.ray(dx * self.unit[: self.n])
 
-    def from_user(
+    def guess(
         self, guess: Guess
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Return the scaled (x, y, Z) of a guess and its active pieces."""
         n, small = self.n, self.small
-        y, z_upper, z_lower = small.rows_of(guess.y, guess.z)
+        y, z_upper, z_lower = small.guess(guess.y, guess.z)
         box = guess.z_box[small.kept]
         sides = z_upper, z_lower, np.maximum(box, 0.0), np.maximum(-box, 0.0)
         Z = np.concatenate([v[at] for v, at in zip(sides, self.finite, strict=True)])

@@ -1,8 +1,7 @@
-"""Substitution: what one row or column decides is taken out, and put back exactly.
+"""Substitution: rows with one entry become bounds, free columns disappear.
 
-Modelling languages give every residual a variable of its own, so that the cost is
-diagonal where the user wrote a least-squares term, and every bound a row. Both are
-undone here.
+Modelling languages give every residual of a least-squares cost a variable of its own,
+and write every bound as a row. Both are undone here:
 
     row g x_j <= h of G                 bound of x_j, its z is z_box_j / g
     row a x_j = b of A                  lb_j = ub_j = b / a, its y is z_box_j / a
@@ -11,8 +10,9 @@ undone here.
     entry a_it, in row i of A           P + (p/a_it^2) a_i a_i',
                                         q - (p b_i/a_it + q_t) / a_it a_i
 
-The multipliers follow from stationarity in x_j and in t. A column goes only where the
-products a_i a_i' do not fill P: a cost a_i'x is then shorter than its square.
+The multipliers follow from stationarity in x_j and in t. A column is substituted only
+where the products a_i a_i' do not fill P; otherwise the row a_i'x + a_it t = b_i is
+shorter than the square of a_i'x.
 """
 
 from typing import NamedTuple
@@ -25,25 +25,29 @@ from namlcp.limits import NEVER, Deadline
 from namlcp.linalg import add_transposed, submatrix, times, with_squares, without_zeros
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import Guess
-from namlcp.qp.problem import QP
+from namlcp.qp.problem import QP, Point
 
-PIVOT = 1e-3  # least size of a_it relative to its row
-FILL = 4  # entries of P that one entry of the rows may cost
-SMALL = 1000  # entries of P that do not count
-SHORT = 2  # rows up to this length fill in no more than they free
+# Least |a_it|, relative to the largest entry of its row, against rounding.
+PIVOT = 1e-3
+# Entries that the squares may add to P for every entry of the rows they replace, and
+# entries beside: fewer cost nothing.
+FILL, SMALL = 4, 1000
+# Length of a row without a_it up to which its square has no more entries than the row
+# and the column that go.
+SHORT = 2
 
 
 class Givers(NamedTuple):
-    """The row of [G; A] that gives a bound, -1 where the bound is the user's own."""
+    """The row of [G; A] that became a bound, -1 where the bound is the user's own."""
 
     rows: np.ndarray
     entry: np.ndarray
 
 
 class Bounds(NamedTuple):
-    """Bounds with those from rows, who gives them, and the rows of G and A left over.
+    """Bounds with those from rows, and the rows of G and of A that are left.
 
-    `infinite` has the marks of lb = -inf and of ub = +inf.
+    `infinite` tells where lb = -inf and where ub = +inf.
     """
 
     lb: np.ndarray
@@ -66,15 +70,15 @@ class Bounds(NamedTuple):
 class Substitution(NamedTuple):
     """The smaller QP and the way back.
 
-    `kept` columns stay, the columns `solved` are substituted by the rows `by` of A,
-    where they have the entries `pivot` and the others make up `rest`; `cost` is their
-    p. `others` are the rows of A that stay.
+    `kept` columns stay. The free `columns` are substituted by the rows `by` of A, where
+    they have the entries `pivot` and the kept columns the entries `rest`; `cost` is
+    their p. `others` are the rows of A that stay.
     """
 
     user: QP
     bounds: Bounds
     kept: np.ndarray
-    solved: np.ndarray
+    columns: np.ndarray
     by: np.ndarray
     pivot: np.ndarray
     cost: np.ndarray
@@ -85,51 +89,47 @@ class Substitution(NamedTuple):
     A: csc_array
 
     @property
-    def qp(self) -> QP:
+    def problem(self) -> QP:
         """The smaller QP."""
         user, bounds, kept = self.user, self.bounds, self.kept
         q = user.q[kept]
-        if self.solved.size:
-            slope = self.cost * user.b[self.by] / self.pivot + user.q[self.solved]
+        if self.columns.size:
+            slope = self.cost * user.b[self.by] / self.pivot + user.q[self.columns]
             add_transposed(self.rest, -slope / self.pivot, q)
         return QP(
             self.P, q, self.G, user.h[bounds.rows], self.A, user.b[self.others],
             bounds.lb[kept], bounds.ub[kept],
         )  # fmt: skip
 
-    def point(
-        self, x: np.ndarray, y: np.ndarray, z: np.ndarray, z_box: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return the user's (x, y, z, z_box)."""
-        full = self.direction(x)
-        full[self.solved] += self.user.b[self.by] / self.pivot
-        y, z, box = self.multipliers(y, z, z_box)
-        gradient = self.cost * full[self.solved] + self.user.q[self.solved]
+    def point(self, point: Point) -> Point:
+        """Return the user's point."""
+        x = self.ray(point.x)
+        x[self.columns] += self.user.b[self.by] / self.pivot
+        _, y, z, z_box = self.certificate(point)
+        gradient = self.cost * x[self.columns] + self.user.q[self.columns]
         y[self.by] = -gradient / self.pivot
-        return full, y, z, box
+        return Point(x, y, z, z_box)
 
-    def direction(self, d: np.ndarray) -> np.ndarray:
+    def certificate(self, point: Point) -> Point:
+        """Return the user's (NaN, y, z, z_box) with y = 0 at the rows substituted."""
+        n, m = self.user.q.size, self.user.h.size
+        rows = np.zeros(m + self.user.b.size)
+        rows[self.bounds.rows] = point.z
+        rows[m + self.others] = point.y
+        z_box = np.zeros(n)
+        z_box[self.kept] = point.z_box
+        for givers, sign in ((self.bounds.lower, -1.0), (self.bounds.upper, 1.0)):
+            at = np.flatnonzero((givers.rows >= 0) & (sign * z_box > 0.0))
+            rows[givers.rows[at]] = z_box[at] / givers.entry[at]
+            z_box[at] = 0.0
+        return Point(np.full(n, np.nan), rows[m:], rows[:m], z_box)
+
+    def ray(self, d: np.ndarray) -> np.ndarray:
         """Return the user's direction of x."""
         full = np.empty(self.user.q.size)
         full[self.kept] = d
-        full[self.solved] = -times(self.rest, d) / self.pivot
+        full[self.columns] = -times(self.rest, d) / self.pivot
         return full
-
-    def multipliers(
-        self, y: np.ndarray, z: np.ndarray, z_box: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the user's (y, z, z_box) with y = 0 at the rows substituted."""
-        m = self.user.h.size
-        rows = np.zeros(m + self.user.b.size)
-        rows[self.bounds.rows] = z
-        rows[m + self.others] = y
-        full = np.zeros(self.user.q.size)
-        full[self.kept] = z_box
-        for givers, sign in ((self.bounds.lower, -1.0), (self.bounds.upper, 1.0)):
-            at = np.flatnonzero((givers.rows >= 0) & (sign * full > 0.0))
-            rows[givers.rows[at]] = full[at] / givers.entry[at]
-            full[at] = 0.0
-        return rows[m:], rows[:m], full
 
     def guess(self, guess: Guess) -> Guess:
         """Return a guess for the smaller QP."""
@@ -163,9 +163,8 @@ def substitute(
 ) -> Substitution | None:
     """Return the smaller QP of a sparse one, None where there is nothing to gain.
 
-    None, too, where the deadline has come. The
-    matrices of `last` are taken where qp has the same ones and the same rows can be
-    substituted.
+    None, too, after the deadline. The matrices of `last` are taken over where qp has
+    the same ones and the same rows can be substituted.
     """
     if not (qp.lb <= qp.ub).all():
         return None
@@ -176,26 +175,26 @@ def substitute(
         if bounds.is_like(last.bounds):
             return last._replace(user=qp, bounds=bounds)
     P = without_zeros(qp.P)
-    solved, by, pivot, cost, others = free_columns(P, G, A, bounds)
+    columns, by, pivot, cost, others = free_columns(P, G, A, bounds)
     if bounds.rows.size == m and others.size == p:
         return None
-    kept = np.delete(np.arange(n), solved)
+    kept = np.delete(np.arange(n), columns)
     rest = submatrix(A, by, kept)
-    if solved.size:
-        check_convex(qp.P)  # the squares added below would hide what is negative
+    if columns.size:
+        check_convex(qp.P)  # the squares added below would hide negative curvature
         if deadline.reached():
             return None
         P = with_squares(submatrix(P, kept, kept), rest, cost / pivot**2, deadline)
         if P is None:
             return None
     return Substitution(
-        qp, bounds, kept, solved, by, pivot, cost, others, rest,
+        qp, bounds, kept, columns, by, pivot, cost, others, rest,
         P, submatrix(G, bounds.rows, kept), submatrix(A, others, kept),
     )  # fmt: skip
 
 
 def bounds_from_rows(qp: QP, G: csc_array, A: csc_array) -> Bounds:
-    """Turn rows into bounds, but for those that contradict others: proofs need them."""
+    """Turn rows into bounds, except where bounds clash: certificates need the rows."""
     n, m, p = qp.q.size, qp.h.size, qp.b.size
     lb, ub = qp.lb.copy(), qp.ub.copy()
     lower, upper = (Givers(np.full(n, -1), np.ones(n)) for _ in range(2))
