@@ -236,7 +236,7 @@ def solve_by_name(
     lcp: LCP, method: str, given: dict[str, Any], limits: Limits
 ) -> Outcome:
     """Solve by a named sweep method."""
-    eps_abs, _, most, deadline, report = limits
+    eps_abs, _, most, deadline, report, _ = limits
     most = most or SWEEP_MAX_ITER
     swept = sweep(
         lcp.A, *lcp[1:], method, **given, eps_abs=eps_abs, max_iter=most,
