@@ -47,6 +47,7 @@ from namlcp.theory.perron import (
     gauss_seidel,
     row_numbers,
     solutions,
+    with_entries,
 )
 
 BATCHES = (2, 2, 4, 8, 16, 32)
@@ -387,4 +388,4 @@ def scaled_comparison(A: Any, D: np.ndarray) -> Any:
     rows = row_numbers(A)
     data = -np.abs(A.data) / D[rows]
     data[rows == A.indices] = 1.0
-    return sparse.csr_array((data, A.indices, A.indptr), shape=A.shape)
+    return with_entries(A, data)

@@ -55,13 +55,6 @@ def row_numbers(A: Any) -> np.ndarray:
     return np.repeat(np.arange(A.shape[0]), np.diff(A.indptr))
 
 
-def row_starts(rows: np.ndarray, n: int) -> np.ndarray:
-    """Return where each of n rows starts in entries sorted by row."""
-    start = np.zeros(n + 1, dtype=np.int32 if rows.size < 2**31 else np.int64)
-    np.cumsum(np.bincount(rows, minlength=n), out=start[1:])
-    return start
-
-
 def block_vectors(A: Any, D: np.ndarray) -> Iterator[Candidate]:
     """Yield (x, exponent, low, high): possible witnesses y = x 2^exponent for <A>.
 
@@ -72,17 +65,15 @@ def block_vectors(A: Any, D: np.ndarray) -> Iterator[Candidate]:
 
     A is a csr_array, its diagonal D is positive.
     """
-    n = A.shape[0]
-    label, inner = blocks(A)
+    label, K = blocks(A)
     count = int(label.max()) + 1
-    rows, columns = row_numbers(A)[inner], A.indices[inner]
-    logarithm = np.log2(np.abs(A.data[inner])) - np.log2(D[rows])
-    potential = balanced(n, rows, columns, logarithm)
+    rows, columns = row_numbers(K), K.indices
+    logarithm = np.log2(K.data) - np.log2(D[rows])
+    potential = balanced(with_entries(K, logarithm))
     exponent = np.rint(potential).astype(np.int64)
     mantissa = np.exp2(potential - exponent)
-    entries = np.exp2(logarithm + potential[columns] - potential[rows])
-    J = sparse.csr_array((entries, columns, row_starts(rows, n)), shape=A.shape)
-    x = np.ones(n)
+    J = with_entries(K, np.exp2(logarithm + potential[columns] - potential[rows]))
+    x = np.ones(D.size)
     low, high = np.zeros(count), np.full(count, np.inf)
     before = np.inf
     for _ in range(STEPS):
@@ -158,39 +149,40 @@ def extreme(choose: Any, values: np.ndarray, label: np.ndarray, count: int) -> A
     return result
 
 
-def blocks(A: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Return the irreducible block of each unknown, and which entries are inside one.
-
-    Inside means: both unknowns in one block, off the diagonal, not zero.
-    """
+def blocks(A: Any) -> tuple[np.ndarray, Any]:
+    """Return the irreducible block of each unknown, and |A - D| within the blocks."""
     rows = row_numbers(A)
-    real = (A.data != 0.0) & (rows != A.indices)
-    start = row_starts(rows[real], A.shape[0])
-    columns = A.indices[real]
-    graph = sparse.csr_array((np.ones(columns.size), columns, start), shape=A.shape)
-    _, label = connected_components(graph, connection="strong")
-    return label, real & (label[rows] == label[A.indices])
+    coupled = (A.data != 0.0) & (rows != A.indices)
+    _, label = connected_components(chosen_entries(A, coupled), connection="strong")
+    inside = label[rows] == label[A.indices]
+    return label, chosen_entries(A, coupled & inside)
 
 
-def balanced(
-    n: int, rows: np.ndarray, columns: np.ndarray, logarithm: np.ndarray
-) -> np.ndarray:
+def chosen_entries(A: Any, chosen: np.ndarray) -> Any:
+    """Return |A| with the chosen ones of its stored entries alone."""
+    start = np.concatenate(([0], np.cumsum(chosen)))[A.indptr].astype(A.indptr.dtype)
+    entries = np.abs(A.data[chosen]), A.indices[chosen], start
+    return sparse.csr_array(entries, shape=A.shape)
+
+
+def with_entries(A: Any, data: np.ndarray) -> Any:
+    """Return a matrix with the pattern of A and these entries."""
+    return sparse.csr_array((data, A.indices, A.indptr), shape=A.shape)
+
+
+def balanced(L: Any) -> np.ndarray:
     """Return e that balances 2^-e J 2^e: row i and column i have equal largest entries.
 
-    A symmetrisable J becomes symmetric along trees of edges; what is not is balanced as
-    by Osborne, J. ACM 7 (1960) 338-345. `logarithm` is that of the entries to base 2,
-    in the order of the rows, columns ascending.
+    L has the logarithms to base 2 of the entries of J. Along trees of pairs j_ij, j_ji
+    a symmetrisable J becomes symmetric; the rest is balanced as by Osborne, J. ACM 7
+    (1960) 338-345.
     """
-
-    def compressed(major: np.ndarray, minor: np.ndarray) -> tuple[np.ndarray, ...]:
-        order = np.argsort(major, kind="stable")
-        return row_starts(major, n), minor[order], logarithm[order]
-
-    exponent = np.zeros(n)
-    by_row, by_column = compressed(rows, columns), compressed(columns, rows)
-    symmetrise(*by_row, *by_column, exponent)
+    exponent = np.zeros(L.shape[0])
+    T = L.tocsc()
+    matrix = L.indptr, L.indices, L.data, T.indptr, T.indices, T.data
+    symmetrise(*matrix, exponent)
     for _ in range(BALANCE_SWEEPS):
-        if osborne(*by_row, *by_column, exponent) < BALANCED:
+        if osborne(*matrix, exponent) < BALANCED:
             break
     return exponent
 
