@@ -6,12 +6,11 @@ the formulas of the methods themselves.
 
 import numpy as np
 import pytest
+import sweeping
 from scipy import sparse
 
 from namlcp import solve_lcp
-from namlcp.lcp.modulus.factored import factored_step
 from namlcp.lcp.modulus.methods import METHODS
-from namlcp.lcp.modulus.sweeps import sweep, triangular_step
 
 TRIANGULAR = [name for name, method in METHODS.items() if not method.factored]
 KINDS = {"dense": np.asarray, "csr": sparse.csr_array}
@@ -54,23 +53,9 @@ def solution(rng, A, lower, upper, degenerate=False):
 
 
 def iterates(A, q, lower, upper, method, s, count=SWEEPS, **given):
-    """s_1 ... s_count of a triangular method."""
-    names = ("alpha", "beta", "omega", "shift")
-    step, _ = triangular_step(
-        A, q, lower, upper, method, **(dict.fromkeys(names) | given)
-    )
-    return run(step, s, lower, upper, count)
-
-
-def run(step, s, lower, upper, count):
-    s, z = s.copy(), np.clip(s, lower, upper)
-    rows = []
-    for _ in range(count):
-        s_next, z_next = np.empty_like(s), np.empty_like(s)
-        step(s, z, s_next, z_next)
-        s, z = s_next, z_next
-        rows.append(s)
-    return np.array(rows)
+    """s_1 ... s_count of a method."""
+    step = sweeping.step_of(A, q, lower, upper, method, **given)
+    return sweeping.iterates(step, s, lower, upper, count)
 
 
 def bai(A, M, Omega, q, lower, upper, s, count=SWEEPS, r=2.0):
@@ -183,16 +168,7 @@ def test_every_solution_gives_a_fixed_point(method, degenerate, box):
         given = {name: value for name, value in given.items() if name in takes}
         scale = omega if "omega" in takes else np.diag(A)
         s = z - w / scale
-        if METHODS[method].factored:
-            diagonal = np.broadcast_to(omega, q.shape)
-            E = None if method == "modulus" else np.full(q.size, shift)
-            step = factored_step(A, q, lower, upper, diagonal, E)
-        else:
-            names = ("alpha", "beta", "omega", "shift")
-            step, _ = triangular_step(
-                A, q, lower, upper, method, **(dict.fromkeys(names) | given)
-            )
-        assert_same(run(step, s, lower, upper, 1)[0], s)
+        assert_same(iterates(A, q, lower, upper, method, s, 1, **given)[0], s)
 
 
 @pytest.mark.parametrize("box", BOXES)
@@ -205,7 +181,7 @@ def test_every_fixed_point_is_a_solution(method, box):
     for c, shift in ((0.6, 0.0), (1.0, 1.0), (3.0, 20.0)):
         given = {"omega": c * np.diag(A), "shift": shift}
         given = {name: value for name, value in given.items() if name in takes}
-        result = sweep(
+        result = sweeping.sweep(
             A, q, lower, upper, method, eps_abs=1e-12, max_iter=5000, **given
         )
         assert result.status.value == "solved"
@@ -249,9 +225,7 @@ def test_modulus_is_peaceman_rachford(box):
     """
     A, q, lower, upper, s = problem(7, box)
     omega = np.linspace(0.5, 4.0, q.size)
-    actual = run(
-        factored_step(A, q, lower, upper, omega, None), s, lower, upper, SWEEPS
-    )
+    actual = iterates(A, q, lower, upper, "modulus", s, omega=omega)
     for k in range(SWEEPS):
         y = 2.0 * np.clip(s, lower, upper) - s
         s = 2.0 * np.linalg.solve(A + np.diag(omega), omega * y - q) - y
@@ -267,10 +241,10 @@ def test_averaged_modulus_is_admm(box):
     A, q, lower, upper, s = problem(8, box)
     A = A + A.T
     omega = np.linspace(0.5, 4.0, q.size)
-    step = factored_step(A, q, lower, upper, omega, None)
+    step = sweeping.step_of(A, q, lower, upper, "modulus", omega=omega)
     z, u = np.clip(s, lower, upper), s - np.clip(s, lower, upper)
     for _ in range(SWEEPS):
-        s = 0.5 * (s + run(step, s, lower, upper, 1)[0])
+        s = 0.5 * (s + sweeping.one_step(step, s, lower, upper)[0])
         x = np.linalg.solve(A + np.diag(omega), omega * (z - u) - q)
         z, u = np.clip(x + u, lower, upper), x + u - np.clip(x + u, lower, upper)
         assert_same(np.clip(s, lower, upper), z)

@@ -28,9 +28,10 @@ import scipy.sparse as sp
 
 from benchmark import machine_lines, use_one_thread
 from lcp import write_csv
-from namlcp import Status, Verdict, converges, is_h_plus
-from namlcp.lcp.modulus.methods import METHODS
-from namlcp.lcp.modulus.sweeps import sweep, triangular_step
+from namlcp import Prepared, Status, Verdict, converges, is_h_plus, solve_lcp
+from namlcp.lcp.data import LCP
+from namlcp.lcp.modulus.methods import METHODS, Parameters
+from namlcp.lcp.modulus.sweeps import step_of
 from namlcp.theory.contraction import contraction_bounds, dense_parts, lyapunov_function
 from namlcp.theory.splittings import splitting
 from sweep_scenes import paper_example
@@ -154,9 +155,9 @@ def time_rows(m: int) -> list[Row]:
     for example, delta in ((1, 4.0), (1, 1.0), (1, 0.0), (1, -0.1), (2, 4.0), (2, 0.0)):
         scene = paper_example(example, m, delta)
         A = scene.A
-        given = dict.fromkeys(("alpha", "beta", "omega", "shift"))
-        step, _ = triangular_step(A, scene.q, scene.lower, scene.upper, "pgs", **given)
-        buffers = [np.zeros(m * m) for _ in range(4)]
+        lcp = LCP(Prepared(A), scene.q, scene.lower, scene.upper)
+        step = step_of(lcp, "pgs", Parameters())
+        buffers = np.zeros((2, 2, m * m))
         row: Row = {"case": f"Example {example}, delta = {delta:g}", "n": m * m}
         row["sweep"] = median(lambda step=step, buffers=buffers: step(*buffers))
         start = time.perf_counter()
@@ -226,16 +227,16 @@ def proof_rows(count: int) -> list[Row]:
             verdict = converges(A, method, **given)
             seen[str(verdict.answer)] += 1
             if verdict.answer is True:
-                result = sweep(
-                    A, q, lower, upper, method, **given, max_iter=300_000,
+                result = solve_lcp(
+                    A, q, lower, upper, method=method, **given, max_iter=300_000,
                     s0=10.0 * rng.normal(size=q.size),
                     eps_abs=1e-9 * max(1.0, np.abs(A).max()),
                 )  # fmt: skip
                 seen["kept"] += result.status is Status.SOLVED
             elif verdict.answer is False:
                 e = np.ones(q.size)
-                result = sweep(
-                    A, verdict.witness, 0.0 * e, np.inf * e, method, **given,
+                result = solve_lcp(
+                    A, verdict.witness, 0.0 * e, np.inf * e, method=method, **given,
                     z0=e + 1e-3 * rng.normal(size=q.size), max_iter=20_000,
                     eps_abs=1e-9,
                 )  # fmt: skip

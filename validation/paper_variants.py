@@ -6,8 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from namlcp import Status
-from namlcp.lcp.modulus.sweeps import sweep
+from namlcp import Status, solve_lcp
 from paper_tables import EPS, SIZES
 from sweep_scenes import Scene, paper_example
 
@@ -159,8 +158,8 @@ class Tuner:
         if relaxed and not (0.0 < alpha < 2.0 and 0.0 <= beta < 2.0):
             return math.inf, math.inf
         cap = FACTORED_CAP if self.variant.factored else CAP
-        result = sweep(
-            scene.A, scene.q, scene.lower, scene.upper, self.variant.method,
+        result = solve_lcp(
+            scene.A, scene.q, scene.lower, scene.upper, method=self.variant.method,
             s0=scene.s0, eps_abs=EPS, max_iter=int(min(cap, limit)),
             **arguments(self.variant, values, scene),
         )  # fmt: skip

@@ -35,10 +35,13 @@ import numpy as np
 
 from benchmark import machine_lines, use_one_thread
 from lcp import write_csv
-from namlcp import Status
-from namlcp.lcp.modulus.factored import factored_step
-from namlcp.lcp.modulus.methods import METHODS
-from namlcp.lcp.modulus.sweeps import Step, adaptive_step, iterate, triangular_step
+from namlcp import Prepared, Status
+from namlcp.lcp.data import LCP
+from namlcp.lcp.modulus.adaptive import adaptive_step
+from namlcp.lcp.modulus.methods import METHODS, Parameters
+from namlcp.lcp.modulus.sweeps import iterate, step_of
+from namlcp.lcp.modulus.triangular import Step
+from namlcp.limits import Limits
 from namlcp.residuals import natural_residual
 from problems import MissingDataError
 from sweep_scenes import (
@@ -129,6 +132,7 @@ class Bench:
 
     def __init__(self, scene: Scene):
         self.scene = scene
+        self.lcp = LCP(Prepared(scene.A), scene.q, scene.lower, scene.upper)
         self.D = np.array(scene.A.diagonal())
         self.zero = np.clip(np.zeros_like(scene.q), scene.lower, scene.upper)
         w = scene.A @ self.zero + scene.q
@@ -140,23 +144,20 @@ class Bench:
         scene = self.scene
         if step is None:
             return None
-        s = (self.zero if scene.s0 is None else scene.s0).copy()
-        status, _, _, k = iterate(
-            step, scene.q, s, scene.lower, scene.upper, self.eps, cap, math.inf, []
-        )
+        s = self.zero if scene.s0 is None else scene.s0
+        status, _, k = iterate(self.lcp, step, s, Limits(self.eps, max_iter=cap))
         return k if status is Status.SOLVED else None
 
     def step(self, method: str, alpha: float | None, c: float) -> Step | None:
         """Return a step at a point of the grid."""
-        scene = self.scene
-        problem = scene.A, scene.q, scene.lower, scene.upper
         chosen = METHODS[method]
         if chosen.factored:
             size = self.D if alpha is None else math.exp(np.mean(np.log(self.D)))
             omega = np.full_like(self.D, c * size)
-            return factored_step(*problem, omega, self.D if chosen.own else None)
+            given = Parameters(omega=omega, shift=self.D if chosen.own else None)
+            return step_of(self.lcp, method, given)
         omega = c * self.D if "omega" in chosen.takes else None
-        return triangular_step(*problem, method, alpha, beta_of(method), omega, None)[0]
+        return step_of(self.lcp, method, Parameters(alpha, beta_of(method), omega))
 
 
 def beta_of(method: str) -> float | None:
@@ -191,10 +192,8 @@ def compare(bench: Bench, method: str, effort: Effort) -> Row:
     auto_omega = "auto" if "omega" in chosen.takes else None
     if method == "modified-nam":
         auto_omega = None
-    step = adaptive_step(
-        scene.A, scene.q, scene.lower, scene.upper, method,
-        auto_alpha, beta_of(method), auto_omega, None,
-    )  # fmt: skip
+    given = Parameters(auto_alpha, beta_of(method), auto_omega)
+    step = adaptive_step(bench.lcp, method, given)
     auto = bench.sweeps(step, cap)
     products = step.choice.spectrum.products
     row: Row = {

@@ -35,9 +35,8 @@ import numpy as np
 import stability_figures
 from benchmark import machine_lines, use_one_thread
 from lcp import write_csv
-from namlcp import Status
+from namlcp import Status, solve_lcp
 from namlcp.lcp.modulus.methods import METHODS
-from namlcp.lcp.modulus.sweeps import sweep
 from sweep_scenes import Scene, paper_example, problem_classes
 
 Row = dict[str, Any]
@@ -113,16 +112,15 @@ def outcome(scene: Scene, method: str, cap: int, **given: Any) -> int | str:
     start = np.clip(0.0, scene.lower, scene.upper)
     gap = start - np.clip(start - scene.A @ start - scene.q, scene.lower, scene.upper)
     first = float(np.linalg.norm(gap))
-    residuals: list[float] = []
-    result = sweep(
-        scene.A, scene.q, scene.lower, scene.upper, method, z0=None,
-        eps_abs=EPS * first, max_iter=cap,
-        report=lambda k, residual, active: residuals.append(residual), **given,
+    result = solve_lcp(
+        scene.A, scene.q, scene.lower, scene.upper, method=method,
+        eps_abs=EPS * first, max_iter=cap, history=True, **given,
     )  # fmt: skip
     if result.status is Status.SOLVED:
         return result.iterations
     if result.status is Status.NUMERICAL_ERROR:
         return "diverges"
+    residuals = result.history["residual"]
     last = residuals[-1]
     if not math.isfinite(last) or last > GROWN * first:
         return "diverges"

@@ -8,11 +8,15 @@ import numba
 import numpy as np
 import problems_lcp as problems
 import pytest
+from problems_lcp import box_lcp
 from scipy import sparse
+from sweeping import one_step
 
 from namlcp import solve_lcp
 from namlcp.lcp.modulus.coloured import BlockSweep, coloured
-from namlcp.lcp.modulus.sweeps import triangular_step
+from namlcp.lcp.modulus.methods import METHODS as ALL
+from namlcp.lcp.modulus.methods import Parameters, checked_parameters
+from namlcp.lcp.modulus.triangular import TriangularStep
 from namlcp.status import Status
 
 METHODS = ["mgs", "namgs", "namaor", "amsor", "psor"]
@@ -36,12 +40,9 @@ def rng():
 
 
 def step_of(A, q, lower, upper, method, run=None):
-    given = dict.fromkeys(("alpha", "beta", "omega", "shift"))
-    if method == "namaor":
-        given |= {"alpha": 0.9, "beta": 0.4}
-    if method == "amsor":
-        given |= {"alpha": 1.2}
-    return triangular_step(A, q, lower, upper, method, run=run, **given)[0]
+    given = {"namaor": Parameters(0.9, 0.4), "amsor": Parameters(1.2)}
+    checked = checked_parameters(A, method, given.get(method, Parameters()))
+    return TriangularStep(box_lcp(A, q, lower, upper), ALL[method], checked, run)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -54,18 +55,17 @@ def test_it_is_the_sequential_sweep_of_the_coloured_order(method, scattered, rng
         A = sparse.csr_array(A[p][:, p])
         A.sort_indices()
     run = BlockSweep(A, 2, shift=3)
-    rank = np.argsort(run.order)
-    blocks = np.arange(n) >> run.shift
+    rank = np.argsort(run.colours.order)
+    blocks = np.arange(n) >> run.colours.shift
     order = np.lexsort((np.arange(n), rank[blocks]))
     B = sparse.csr_array(A[order][:, order])
     B.sort_indices()
     s = rng.standard_normal(n)
-    expected, actual = np.empty((2, 2, n))
     data = q[order], lower[order], upper[order]
-    z = np.clip(s, lower, upper)
-    one = step_of(B, *data, method)(s[order], z[order], *expected)
-    other = step_of(A, q, lower, upper, method, run)(s, z, *actual)
-    np.testing.assert_allclose(actual[:, order], expected, atol=1e-13)
+    expected, one = one_step(step_of(B, *data, method), s[order], *data[1:])
+    step = step_of(A, q, lower, upper, method, run)
+    actual, other = one_step(step, s, lower, upper)
+    np.testing.assert_allclose(actual[order], expected, atol=1e-13)
     assert other == pytest.approx(one, rel=1e-13)
 
 
@@ -81,12 +81,12 @@ def test_no_two_coupled_blocks_share_a_colour(rng):
 def test_colours_of_a_band_and_of_a_scattered_matrix(rng):
     A = problem(rng, 32)[0]
     band = BlockSweep(A, 2, shift=5)
-    assert band.starts.size - 1 == 2
-    assert band.colour.size == 32
+    assert band.colours.starts.size - 1 == 2
+    assert band.colours.colour.size == 32
     p = rng.permutation(A.shape[0])
     scattered = sparse.csr_array(A[p][:, p])
     scattered.sort_indices()
-    assert BlockSweep(scattered, 2, shift=5).colour.size == 1
+    assert BlockSweep(scattered, 2, shift=5).colours.colour.size == 1
 
 
 @pytest.mark.parametrize("method", ["namgs", "psor"])
@@ -168,9 +168,9 @@ def test_no_bounds_but_zero(rng):
     zero, inf = np.zeros_like(q), np.full_like(q, np.inf)
     s = rng.standard_normal(q.size)
     for run in (None, BlockSweep(A, 2, shift=4)):
-        one, other = np.empty((2, 2, q.size))
-        step_of(A, q, zero, inf, "namgs", run)(s, np.maximum(s, 0.0), *one)
+        one = one_step(step_of(A, q, zero, inf, "namgs", run), s, zero, inf)
         upper = inf.copy()
         upper[0] = 1e9  # finite, but out of the way
-        step_of(A, q, zero, upper, "namgs", run)(s, np.maximum(s, 0.0), *other)
-        np.testing.assert_array_equal(one, other)
+        other = one_step(step_of(A, q, zero, upper, "namgs", run), s, zero, upper)
+        np.testing.assert_array_equal(one[0], other[0])
+        assert one[1] == other[1]

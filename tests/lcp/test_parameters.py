@@ -4,15 +4,17 @@ import math
 
 import numpy as np
 import pytest
+from problems_lcp import box_lcp
 from scipy import sparse
+from sweeping import iterates, step_of, sweep
 from test_sweeps import paper_example
 
 from namlcp import Status, solve_lcp
-from namlcp.lcp.modulus.methods import METHODS
+from namlcp.lcp.modulus.methods import METHODS, Parameters
 from namlcp.lcp.modulus.parameters import Choice
 from namlcp.lcp.modulus.spectrum import Spectrum, symmetric_form
-from namlcp.lcp.modulus.sweeps import adaptive_step, iterate, sweep
-from namlcp.limits import Deadline
+from namlcp.lcp.modulus.sweeps import iterate
+from namlcp.limits import Limits
 
 TAKERS = [name for name, method in METHODS.items() if method.takes]
 KINDS = {"dense": np.asarray, "csr": sparse.csr_array}
@@ -82,16 +84,8 @@ def test_units_do_not_matter(method):
 
 def adapted(A, q, lower, upper, method, sweeps):
     """s after some sweeps; Res, which does depend on units, decides nothing."""
-    given = {"alpha": None, "omega": None} | auto(method)
-    step = adaptive_step(
-        A, q, lower, upper, method, given["alpha"], None, given["omega"], None
-    )
-    s, z = np.zeros_like(q), np.zeros_like(q)
-    for _ in range(sweeps):
-        s_next, z_next = np.empty_like(s), np.empty_like(z)
-        step(s, z, s_next, z_next)
-        s, z = s_next, z_next
-    return s
+    step = step_of(A, q, lower, upper, method, **auto(method))
+    return iterates(step, np.zeros_like(q), lower, upper, sweeps)[-1]
 
 
 @pytest.mark.parametrize("method", TAKERS)
@@ -135,7 +129,7 @@ def test_near_the_best_of_a_small_grid(name, method):
 def test_young_s_relaxation():
     """Row sums of 1/2 decide at once: 2/(1 + sqrt(1 - mu^2)), without any product."""
     A, q, lower, upper = paper_example(1, 10, 4.0)
-    step = adaptive_step(A, q, lower, upper, "psor", "auto", None, None, None)
+    step = step_of(A, q, lower, upper, "psor", alpha="auto")
     assert step.alpha == pytest.approx(2.0 / (1.0 + math.sqrt(0.75)))
     assert step.choice.spectrum.products == 0
 
@@ -168,8 +162,7 @@ def test_solution_is_a_fixed_point(method):
     )
     assert start.iterations == 0
     result = sweep(
-        A, q, lower, upper, method, z0=z, eps_abs=1e-300, max_iter=30, **auto(method),
-        keep_history=True,
+        A, q, lower, upper, method, z0=z, eps_abs=1e-300, max_iter=30, **auto(method)
     )  # fmt: skip
     assert result.history["residual"].max() < 1e-10
 
@@ -178,13 +171,19 @@ def test_solution_is_a_fixed_point(method):
 def test_result_satisfies_the_modulus_equation(method):
     A, q, _ = contact_problem(6)
     lower, upper = np.zeros_like(q), np.full_like(q, np.inf)
+    step, lcp = (
+        step_of(A, q, lower, upper, method, **auto(method)),
+        box_lcp(A, q, lower, upper),
+    )
+    status, s, _ = iterate(lcp, step, np.zeros_like(q), Limits(1e-9, max_iter=5000))
+    assert status is Status.SOLVED
+    z = np.clip(s, lower, upper)
+    np.testing.assert_allclose(step.omega * (z - s), A @ z + q, atol=1e-6)
     result = sweep(
         A, q, lower, upper, method, eps_abs=1e-9, max_iter=5000, **auto(method)
     )
-    assert result.status is Status.SOLVED
-    np.testing.assert_array_equal(result.z, np.clip(result.s, lower, upper))
-    w = result.omega * (result.z - result.s)
-    np.testing.assert_allclose(w, A @ result.z + q, atol=1e-6)
+    np.testing.assert_array_equal(result.s, s)
+    np.testing.assert_array_equal(result.z, z)
 
 
 def test_spectrum():
@@ -221,11 +220,10 @@ def test_a_wrong_estimate_is_corrected(method):
     """Signs differ across the diagonal: the estimate sees the identity."""
     A = np.eye(3) + 0.95 * (np.triu(np.ones((3, 3)), 1) - np.tril(np.ones((3, 3)), -1))
     q, lower, upper = -np.ones(3), np.zeros(3), np.full(3, np.inf)
-    step = adaptive_step(A, q, lower, upper, method, "auto", None, "auto", None)
+    step = step_of(A, q, lower, upper, method, alpha="auto", omega="auto")
     first = step.omega[0]
-    status, _, _, _ = iterate(
-        step, q, np.zeros(3), lower, upper, 1e-9, 2000, Deadline(), []
-    )
+    lcp, limits = box_lcp(A, q, lower, upper), Limits(1e-9, max_iter=2000)
+    status, _, _ = iterate(lcp, step, np.zeros(3), limits)
     assert status is Status.SOLVED
     assert step.choice.scale > 1.0
     assert step.omega[0] > first
@@ -233,7 +231,7 @@ def test_a_wrong_estimate_is_corrected(method):
 
 def test_growth_and_standing_raise_p():
     A, _, _ = contact_problem(4)
-    choice = Choice(A, METHODS["amsor"], "auto", None, "auto", None)
+    choice = Choice(A, METHODS["amsor"], Parameters("auto", omega="auto"))
     change = np.ones(len(A))
     free = change > 0.0
     assert not choice.watch(change)

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from problems_lcp import box_lcp
 from scipy import sparse
+from sweeping import one_step, step_of, sweep
 
 from namlcp import Prepared
 from namlcp.lcp.criterion import Criterion
 from namlcp.lcp.data import LCP
 from namlcp.lcp.modulus.methods import METHODS, find_method
-from namlcp.lcp.modulus.sweeps import sweep, triangular_step
 from namlcp.lcp.psor import relax, relaxation, solve_by_sweeps
 from namlcp.lcp.relaxation import dominance, relax_csr
 from namlcp.limits import Deadline, Limits
@@ -77,13 +77,9 @@ def zheng_yin(A, M, Omega, q, lower, upper, s):
 
 
 def one_sweep(A, q, lower, upper, method, s, **parameters):
-    """s+ and Res(z) by the kernel."""
-    given = dict.fromkeys(("alpha", "beta", "omega", "shift")) | parameters
-    step, omega = triangular_step(A, q, lower, upper, method, **given)
-    s_next, z_next = np.empty_like(s), np.empty_like(s)
-    residual = step(s, np.clip(s, lower, upper), s_next, z_next)
-    np.testing.assert_array_equal(z_next, np.clip(s_next, lower, upper))
-    return s_next, residual, omega
+    """s+, Res(z) and Omega of a method."""
+    step = step_of(A, q, lower, upper, method, **parameters)
+    return *one_step(step, s, lower, upper), step.omega
 
 
 def assert_close(actual, expected, tolerance=1e-12):
@@ -245,13 +241,14 @@ def test_factored_methods_are_the_formula(method, build, kind):
     for _ in range(3):
         result = sweep(
             KINDS[kind](A), q, lower, upper, method, alpha=alpha, s0=s,
-            eps_abs=1e-300, max_iter=1, keep_history=True,
+            eps_abs=1e-300, max_iter=1,
         )  # fmt: skip
         s = bai(A, M, Omega, q, lower, upper, s)
         z = np.clip(s, lower, upper)
         residual = natural_residual(z, A @ z + q, lower, upper)
         assert result.history["residual"][1] == pytest.approx(residual, rel=1e-9)
-        assert_close(result.omega, np.diag(Omega))
+        step = step_of(A, q, lower, upper, method, alpha=alpha)
+        assert_close(step.omega, np.diag(Omega))
         if result.history["residual"][1] < result.history["residual"][0]:
             assert_close(result.s, s, 1e-11)
 
@@ -266,7 +263,7 @@ def test_factored_methods_accept_omega_and_shift(kind):
     )  # fmt: skip
     result = sweep(
         KINDS[kind](A), q, lower, upper, "nam", omega=omega, shift=shift, s0=s,
-        eps_abs=1e-300, max_iter=1, keep_history=True,
+        eps_abs=1e-300, max_iter=1,
     )  # fmt: skip
     z = np.clip(expected, lower, upper)
     assert result.history["residual"][1] == pytest.approx(
@@ -290,7 +287,8 @@ def test_dominant_box_problem_is_solved(method, kind):
     assert result.status is Status.SOLVED
     np.testing.assert_allclose(result.z, z, atol=1e-10)
     np.testing.assert_array_equal(result.z, np.clip(result.s, lower, upper))
-    np.testing.assert_allclose(result.omega * (result.z - result.s), w, atol=1e-9)
+    omega = step_of(A, q, lower, upper, method).omega
+    np.testing.assert_allclose(omega * (result.z - result.s), w, atol=1e-9)
     again = sweep(
         KINDS[kind](A), q, lower, upper, method, eps_abs=1e-9, max_iter=500, z0=z
     )
@@ -304,20 +302,15 @@ def test_dominant_box_problem_is_solved(method, kind):
 
 def test_iterations_is_the_first_below_the_tolerance():
     A, q, lower, upper = paper_example(1, 10)
-    reported = []
-    result = sweep(
-        A, q, lower, upper, "pgs", eps_abs=1e-6, max_iter=100, keep_history=True,
-        report=lambda *row: reported.append(row),
-    )  # fmt: skip
+    result = sweep(A, q, lower, upper, "pgs", eps_abs=1e-6, max_iter=100)
     history = result.history
     assert history.dtype.names == ("iter", "residual", "active", "time")
     assert (history["residual"][:-1] >= 1e-6).all()
     assert history["residual"][-1] == result.residual < 1e-6
     assert history["iter"][-1] == result.iterations == len(history) - 1
-    assert [row[:3] for row in history[["iter", "residual", "active"]].tolist()] == (
-        reported
-    )
-    assert reported[0] == (0, pytest.approx(np.linalg.norm(q)), 100)
+    assert history["iter"].tolist() == list(range(len(history)))
+    assert history["residual"][0] == pytest.approx(np.linalg.norm(q))
+    assert history["active"][0] == 100
     again = sweep(
         A, q, lower, upper, "pgs", eps_abs=result.residual, max_iter=100
     )  # fmt: skip
@@ -375,7 +368,7 @@ def test_growth_of_the_first_sweeps_is_not():
     A, q, lower, upper = paper_example(2, 40, delta=0.0)
     result = sweep(
         A, q, lower, upper, "nam", s0=np.tile([1.0, 0.0], 800), eps_abs=1e-4,
-        max_iter=500, keep_history=True,
+        max_iter=500,
     )  # fmt: skip
     assert result.history["residual"][1] > 1e6
     assert result.status is Status.SOLVED
@@ -426,9 +419,7 @@ def test_best_point_is_kept():
     """The residuals of a diverging run go down, then up."""
     A, q, lower, upper, s = random_problem(0)
     A[0, 1:] *= 9.0
-    result = sweep(
-        A, q, lower, upper, "mgs", s0=s, eps_abs=1e-300, max_iter=60, keep_history=True
-    )
+    result = sweep(A, q, lower, upper, "mgs", s0=s, eps_abs=1e-300, max_iter=60)
     assert result.residual == np.nanmin(result.history["residual"])
     w = A @ result.z + q
     assert result.residual == pytest.approx(
@@ -451,7 +442,7 @@ def test_symmetric_indefinite_modulus_falls_back_on_lu(kind):
     s = np.array([0.3, -0.4])
     result = sweep(
         KINDS[kind](A), q, lower, upper, "modulus", omega=1.0, s0=s, eps_abs=1e-300,
-        max_iter=1, keep_history=True,
+        max_iter=1,
     )  # fmt: skip
     z = np.clip(bai(A, A, np.eye(2), q, lower, upper, s), lower, upper)
     residual = natural_residual(z, A @ z + q, lower, upper)

@@ -5,10 +5,10 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from scipy import sparse
+from sweeping import one_step, step_of, sweep
 
 from namlcp import converges, is_h_plus
 from namlcp.lcp.modulus.methods import METHODS
-from namlcp.lcp.modulus.sweeps import sweep, triangular_step
 from namlcp.status import Status
 from namlcp.theory.comparison import is_m_matrix
 from namlcp.theory.contraction import contraction_bounds, dense_parts, lyapunov_function
@@ -211,11 +211,8 @@ def one_sweep(A, q, lower, upper, method, given, s):
     """s+ by the formula of the module, or by the kernel for the accelerated family."""
     parts = splitting(A, method, **given)
     if parts.H:
-        full = dict.fromkeys(("alpha", "beta", "omega", "shift")) | given
-        step, _ = triangular_step(A, q, lower, upper, method, **full)
-        s_next, z_next = np.empty_like(s), np.empty_like(s)
-        step(s, np.clip(s, lower, upper), s_next, z_next)
-        return s_next
+        step = step_of(A, q, lower, upper, method, **given)
+        return one_step(step, s, lower, upper)[0]
     left, N, right = dense_parts(parts)
     R = 2.0 * np.clip(s, lower, upper) - s
     return np.linalg.solve(left, N @ s + right @ R - 2.0 * q)

@@ -4,10 +4,9 @@ from namlcp.lcp.auto import LARGE, solve_auto
 from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.modulus import (
     METHODS,
-    factored_omega,
+    Parameters,
+    checked_parameters,
     find_method,
-    spread,
-    triangular_parameters,
 )
 from namlcp.lcp.pivoting import ACCURACY, pivot, solve_box
 from namlcp.lcp.prepared import Prepared
@@ -20,14 +19,13 @@ __all__ = [
     "LCP",
     "METHODS",
     "Outcome",
+    "Parameters",
     "Prepared",
-    "factored_omega",
+    "checked_parameters",
     "find_method",
     "pivot",
     "relax_csr",
     "solve_auto",
     "solve_box",
     "solve_lcp",
-    "spread",
-    "triangular_parameters",
 ]

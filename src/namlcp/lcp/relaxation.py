@@ -5,7 +5,7 @@ cast to unsigned where they address, so that no negative index is looked for.
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,19 @@ ONE = np.uintp(1)
 # a b + c may be rounded once, which shortens the chain; NaN and infinities keep their
 # meaning.
 FUSED = {"contract"}
+
+
+class Rows(NamedTuple):
+    """A matrix in CSR, column indices ascending and unique in each row."""
+
+    data: np.ndarray
+    indices: np.ndarray
+    indptr: np.ndarray
+
+
+def rows_of(A: Any) -> Rows:
+    """Return a csr_array as compiled code sees it."""
+    return Rows(A.data, A.indices, A.indptr)
 
 
 @part

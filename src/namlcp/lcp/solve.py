@@ -13,7 +13,7 @@ from namlcp.compiled import kernel
 from namlcp.lcp.auto import LARGE, solve_auto
 from namlcp.lcp.criterion import Criterion
 from namlcp.lcp.data import LCP, Outcome, lcp_data
-from namlcp.lcp.modulus import EXACT, find_method, sweep
+from namlcp.lcp.modulus import EXACT, Parameters, find_method, sweep
 from namlcp.lcp.multigrid import ascend, solve_by_multigrid
 from namlcp.lcp.operators import Operator
 from namlcp.lcp.pivoting import ACCURACY, pivot
@@ -28,7 +28,6 @@ from namlcp.residuals import modulus_variable
 from namlcp.result import LCPResult
 
 SWEEP_EPS_ABS = 1e-8
-SWEEP_MAX_ITER = 100_000
 
 
 @interruptible
@@ -161,8 +160,7 @@ def solve_lcp(
         progress.say(f"namlcp  LCP: n = {lcp.q.size}, method = {method}")
         if method in EXACT:
             progress.announce(first_kernel(matrix, method))
-    given = {"alpha": alpha, "beta": beta, "omega": omega, "shift": shift}
-    given |= {"s0": s0, "z0": z0, "threads": threads}
+    given = Parameters(alpha, beta, omega, shift, threads)
     report = progress.report(history)
     ready = time.perf_counter()
     # The products of a LinearOperator are the user's own, with the user's setting.
@@ -176,7 +174,7 @@ def solve_lcp(
         else:
             eps_abs = SWEEP_EPS_ABS if eps_abs is None else eps_abs
             limits = Limits(eps_abs, 0.0, max_iter, deadline, report)
-            outcome = solve_by_name(lcp, method, given, limits)
+            outcome = sweep(lcp, method, given, limits, s0, z0)
     method = outcome.method
     status = deadline.verdict(outcome.status)
     residual = lcp.residual(outcome.z, outcome.w)
@@ -230,20 +228,6 @@ def solve_exactly(lcp: LCP, method: str, z0: Any, limits: Limits) -> Outcome:
 def in_units(report: Callable[..., None], unit: float) -> Callable[..., None]:
     """Return a report of the residual times the unit."""
     return lambda k, residual, active: report(k, residual * unit, active)
-
-
-def solve_by_name(
-    lcp: LCP, method: str, given: dict[str, Any], limits: Limits
-) -> Outcome:
-    """Solve by a named sweep method."""
-    eps_abs, _, most, deadline, report, _ = limits
-    most = most or SWEEP_MAX_ITER
-    swept = sweep(
-        lcp.A, *lcp[1:], method, **given, eps_abs=eps_abs, max_iter=most,
-        deadline=deadline, report=report,
-    )  # fmt: skip
-    w = lcp.w(swept.z)
-    return Outcome(swept.status, swept.z, w, swept.iterations, method, s=swept.s)
 
 
 def solve_multigrid(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:

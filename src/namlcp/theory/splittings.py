@@ -17,10 +17,9 @@ from scipy import sparse
 from namlcp.checks import finite_square_matrix, square_matrix
 from namlcp.lcp import (
     METHODS,
-    factored_omega,
+    Parameters,
+    checked_parameters,
     find_method,
-    spread,
-    triangular_parameters,
 )
 from namlcp.theory.comparison import Verdict, is_h_plus, is_m_matrix
 from namlcp.theory.perron import row_numbers
@@ -98,21 +97,18 @@ def splitting(
         raise ValueError(f"method must be a sweep method, got {method!r}")
     A = finite_square_matrix("A", A, "csr")
     n = A.shape[0]
+    given = checked_parameters(A, method, Parameters(alpha, beta, omega, shift))
+    alpha, beta, omega, shift, _ = given
+    E = np.zeros(n) if shift is None else shift
     if chosen.factored:
-        omega = factored_omega(A, method, alpha, omega)
-        E = spread("shift", shift, n, np.ones(n)) if chosen.own else np.zeros(n)
         A = sparse.csr_array(A)
         addition = sparse.diags_array(E) + chosen.own * sparse.tril(A, -1)
         M, N = sparse.csr_array(A + addition), sparse.csr_array(addition)
         return Splitting(A, M, N, omega, 1.0, math.nan, 0.0)
-    alpha, beta, omega, shift = triangular_parameters(
-        A, method, alpha, beta, omega, shift
-    )
     A = sparse.csr_array(A)
     own = max(chosen.own, 0.0)  # the accelerated family splits A as Zheng and Yin do
     weight = beta / alpha + own
     D = A.diagonal()
-    E = np.zeros(n) if shift is None else shift
     lower, upper = sparse.tril(A, -1), sparse.triu(A, 1)
     M = sparse.diags_array(D / alpha + E) + weight * lower
     N = sparse.diags_array((1.0 / alpha - 1.0) * D + E) - upper

@@ -5,7 +5,19 @@ from typing import Any
 
 import numpy as np
 
+from namlcp.lcp.data import LCP
+from namlcp.lcp.modulus.factored import factored_step
+from namlcp.lcp.modulus.kernels import Z
+from namlcp.lcp.modulus.methods import (
+    METHODS,
+    Parameters,
+    checked_parameters,
+    positive_diagonal,
+    refuse_two_omegas,
+    spread,
+)
 from namlcp.lcp.modulus.parameters import EVERY, FROM, Choice
+from namlcp.lcp.modulus.triangular import Step, TriangularStep
 
 RETRIES = 8
 """Fresh starts after a divergence, each with P twice as large."""
@@ -14,8 +26,8 @@ REFACTOR = 0.2
 """A change of Omega below 20 % is not worth another factorisation."""
 
 
-class AdaptiveStep:
-    """The step of `sweeps.iterate`, with parameters that `Choice` looks up.
+class AdaptiveStep(Step):
+    """A step with parameters that `Choice` looks up.
 
     Where Omega changes s is written anew, s = z - w/Omega with the w of before, so that
     a solution stays a fixed point.
@@ -25,72 +37,105 @@ class AdaptiveStep:
     choice : Choice
     build : callable
         build(alpha, omega) returns the step for fixed parameters, None if there is no
-        factorisation, and its Omega.
-    lower, upper : (n,) array
-        Bounds.
-
-    Attributes
-    ----------
-    omega : (n,) array
-        Diagonal of Omega of the last iterate.
+        factorisation.
+    step : Step
+        The first one, with `alpha`.
     """
 
     def __init__(
-        self, choice: Choice, build: Callable, lower: np.ndarray, upper: np.ndarray
+        self,
+        lcp: LCP,
+        choice: Choice,
+        build: Callable[[float, np.ndarray], Step | None],
+        alpha: float,
+        step: Step,
     ):
-        self.choice = choice
-        self.build = build
-        self.lower, self.upper = lower, upper
+        self.lcp, self.choice, self.build = lcp, choice, build
+        self.alpha, self.step = alpha, step
+        self.omega = step.omega
         self.k = 0
         self.retries = 0
         self.before = np.empty(0)
-        self.alpha, omega = choice.parameters()
-        self.step, self.omega = build(self.alpha, omega)
 
-    def __call__(
-        self, s: np.ndarray, z: np.ndarray, s_next: np.ndarray, z_next: np.ndarray
-    ) -> float:
+    def __call__(self, old: np.ndarray, new: np.ndarray) -> float:
         """Write the next iterate and return Res(z); s may be written anew before."""
+        z = old[Z]
         k, self.k = self.k, self.k + 1
         changes = False
         if is_due(k):
             changes = self.choice.watch(z - self.before)
         if is_power_of_2(k):
-            free = (z > self.lower) & (z < self.upper)
+            free = (z > self.lcp.lower) & (z < self.lcp.upper)
             self.choice.look(k, free, z - self.before)
             changes = True
         if changes:
-            self.change(s, z)
+            self.change(old)
         if is_power_of_2(k + 1) or is_due(k + 1):
             self.before = z.copy()
-        return self.step(s, z, s_next, z_next)
+        return self.step(old, new)
 
-    def retries_from(self, s: np.ndarray, z: np.ndarray) -> bool:
-        """Tell whether to go on after a divergence, from s and z, more carefully."""
+    def retries_from(self, point: np.ndarray) -> bool:
+        """Tell whether to go on after a divergence, from an iterate, more carefully."""
         if self.retries == RETRIES:
             return False
         self.retries += 1
         self.choice.raised = 2.0
         self.choice.take_care()
         self.choice.least = np.inf
-        self.change(s, z)
-        self.before = z.copy()
+        self.change(point)
+        self.before = point[Z].copy()
         return True
 
-    def change(self, s: np.ndarray, z: np.ndarray) -> None:
+    def change(self, point: np.ndarray) -> None:
         """Take the new parameters, and the s that they need."""
+        s, z = point
         alpha, omega = self.choice.parameters()
-        if self.choice.method.factored:
-            if np.all(np.abs(omega - self.omega) <= REFACTOR * self.omega):
-                return
-            step, omega = self.build(alpha, omega)
-            if step is None:
-                return
-        else:
-            step, omega = self.build(alpha, omega)
+        is_near = np.all(np.abs(omega - self.omega) <= REFACTOR * self.omega)
+        if self.choice.method.factored and is_near:
+            return
+        step = self.build(alpha, omega)
+        if step is None:
+            return
         if not np.array_equal(omega, self.omega):
             np.subtract(z, (self.omega / omega) * (z - s), out=s)
         self.alpha, self.step, self.omega = alpha, step, omega
+
+
+def adaptive_step(
+    lcp: LCP, method: str, given: Parameters, run: Any = None
+) -> AdaptiveStep | None:
+    """Return a step that chooses where alpha or omega is "auto", the rest checked.
+
+    `run` is that of `TriangularStep`. None: there is no factorisation.
+    """
+    chosen = METHODS[method]
+    free = {
+        name: None
+        for name, value in (("alpha", given.alpha), ("omega", given.omega))
+        if isinstance(value, str)
+    }
+    if chosen.factored:
+        refuse_two_omegas(method, given)
+        D = positive_diagonal(lcp.A, method)
+        shift = spread("shift", given.shift, D.size, D) if chosen.own else None
+        fixed = given._replace(shift=shift)
+    else:
+        checked = checked_parameters(lcp.A, method, given._replace(**free))
+        fixed = given._replace(shift=checked.shift)
+        if given.omega is not None and "omega" not in free:
+            fixed = fixed._replace(omega=checked.omega)
+
+    def build(alpha: float, omega: np.ndarray) -> Step | None:
+        beta = fixed.beta_for(chosen, alpha)
+        now = fixed._replace(alpha=alpha, beta=beta, omega=omega)
+        if chosen.factored:
+            return factored_step(lcp, now)
+        return TriangularStep(lcp, chosen, now, run)
+
+    choice = Choice(lcp.A, chosen, fixed)
+    alpha, omega = choice.parameters()
+    step = build(alpha, omega)
+    return None if step is None else AdaptiveStep(lcp, choice, build, alpha, step)
 
 
 def is_power_of_2(k: Any) -> bool:

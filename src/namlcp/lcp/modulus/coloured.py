@@ -19,22 +19,23 @@ Adams and Jordan, SIAM J. Sci. Stat. Comput. 7 (1986) 490-506, compare such orde
 """
 
 import threading
-from typing import Any
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
 from numba import prange
 
 from namlcp.compiled import kernel
-from namlcp.lcp.modulus.kernels import FUSED, ONE, clip
+from namlcp.lcp.modulus.kernels import sweep_rows
 from namlcp.lcp.modulus.methods import Method
+from namlcp.lcp.relaxation import rows_of
 from namlcp.options import check_count
 
-SHIFT = 12
+LEAST_SHIFT = 12
 """Blocks have 2^12 = 4096 rows at the least: work for some 30 us."""
 
-SHARE = 4
-"""Blocks of a colour, in the mean, at the least."""
+BLOCKS_A_COLOUR = 4
+"""Blocks of each colour at the least, on average."""
 
 ONE_LAUNCH = threading.Lock()
 """Numba's own pool of threads ends the process where two launches meet."""
@@ -52,8 +53,22 @@ def coloured_sweep(A: Any, method: Method, threads: int) -> "BlockSweep":
     return BlockSweep(A, threads)
 
 
+class Colours(NamedTuple):
+    """Blocks of 2^shift rows and the colour of each.
+
+    The blocks of colour c are order[starts[c]:starts[c + 1]]. sums: work, a number for
+    each block.
+    """
+
+    shift: int
+    colour: np.ndarray
+    order: np.ndarray
+    starts: np.ndarray
+    sums: np.ndarray
+
+
 class BlockSweep:
-    """One sweep over a csr_array on several threads, called as a kernel of `kernels`.
+    """One sweep over a csr_array on several threads.
 
     Parameters
     ----------
@@ -65,27 +80,25 @@ class BlockSweep:
         Blocks have 2^shift rows at the least.
     """
 
-    def __init__(self, A: Any, threads: int, shift: int = SHIFT):
-        self.A = A.data, A.indices, A.indptr
+    def __init__(self, A: Any, threads: int, shift: int = LEAST_SHIFT):
+        self.A = rows_of(A)
         self.threads = min(threads, numba.config.NUMBA_NUM_THREADS)
         while True:
             colour, colours = coloured(A, shift)
-            if colour.size == 1 or colour.size >= SHARE * colours:
+            if colour.size == 1 or colour.size >= BLOCKS_A_COLOUR * colours:
                 break
             shift += 1
-        self.shift, self.colour = shift, colour
-        self.order = np.argsort(colour, kind="stable")
-        self.starts = np.searchsorted(colour[self.order], np.arange(colours + 1))
-        self.sums = np.empty(colour.size)
+        order = np.argsort(colour, kind="stable")
+        starts = np.searchsorted(colour[order], np.arange(colours + 1))
+        self.colours = Colours(shift, colour, order, starts, np.empty(colour.size))
 
     def __call__(self, *arguments: Any) -> float:
         """Do what `sweep_csr` does without its first three arguments."""
-        blocks = self.shift, self.colour, self.order, self.starts, self.sums
         with ONE_LAUNCH:
             before = numba.get_num_threads()
             numba.set_num_threads(self.threads)
             try:
-                return sweep_blocks(*self.A, *arguments, *blocks)
+                return sweep_blocks(self.A, *arguments, self.colours)
             finally:
                 numba.set_num_threads(before)
 
@@ -117,149 +130,14 @@ def couple(indices, indptr, shift, coupled):
 
 
 @kernel(parallel=True)
-def sweep_blocks(
-    data,
-    indices,
-    indptr,
-    q,
-    lower,
-    upper,
-    omega,
-    inverse,
-    G,
-    H,
-    s,
-    z,
-    s_next,
-    z_next,
-    change,
-    shift,
-    colour,
-    order,
-    starts,
-    sums,
-):
-    """Do what `kernels.sweep_csr` does, colour by colour.
-
-    Parameters
-    ----------
-    data, ..., change :
-        As in `kernels.sweep_csr`.
-    shift : int
-        A block has 2^shift rows.
-    colour : (blocks,) array
-        Colour of each block.
-    order, starts : arrays
-        The blocks of colour c are order[starts[c]:starts[c + 1]].
-    sums : (blocks,) array
-        Work; no meaning on return.
-    """
+def sweep_blocks(A, vectors, G, H, old, new, colours):
+    """Do what `kernels.sweep_csr` does, colour by colour."""
+    order, starts, sums = colours.order, colours.starts, colours.sums
     for c in range(starts.size - 1):
         for t in prange(starts[c], starts[c + 1]):
             b = order[t]
-            sums[b] = sweep_block(
-                data,
-                indices,
-                indptr,
-                q,
-                lower,
-                upper,
-                omega,
-                inverse,
-                G,
-                H,
-                s,
-                z,
-                s_next,
-                z_next,
-                change,
-                shift,
-                colour,
-                b,
-            )
+            sums[b] = sweep_rows(A, vectors, G, H, old, new, colours, b)
     total = 0.0
     for b in range(sums.size):  # in this order, whichever thread came first
         total += sums[b]
     return np.sqrt(total)
-
-
-@kernel(fastmath=FUSED)
-def sweep_block(
-    data,
-    indices,
-    indptr,
-    q,
-    lower,
-    upper,
-    omega,
-    inverse,
-    G,
-    H,
-    s,
-    z,
-    s_next,
-    z_next,
-    change,
-    shift,
-    colour,
-    b,
-):
-    """Sweep the rows of block b; return their part of Res(z)^2."""
-    own = colour[b]
-    start = b << shift
-    stop = min((b + 1) << shift, s.size)
-    total = 0.0
-    boxed = lower.size > 0
-    l = 0.0
-    u = np.inf
-    last = 0.0  # G ds + H dz of the row above
-    k = np.uintp(indptr[start])
-    for row in range(start, stop):
-        i = np.uintp(row)
-        end = np.uintp(indptr[i + ONE])
-        above = max(row - 1, start - 1)
-        if boxed:
-            l = lower[i]
-            u = upper[i]
-        zi = z[i]
-        si = s[i]
-        r = q[i]
-        known = 0.0  # terms of the changes of earlier rows, but for the one above
-        neighbour = 0.0  # a_{i, i-1}, 0 in the first row of the block
-        j = np.int64(indices[k])
-        while j < start:  # blocks before this one
-            a = data[k]
-            r += a * z[np.uintp(j)]
-            if colour[j >> shift] < own:
-                known += a * change[np.uintp(j)]
-            k += ONE
-            j = np.int64(indices[k])
-        while j < above:
-            a = data[k]
-            r += a * z[np.uintp(j)]
-            known += a * change[np.uintp(j)]
-            k += ONE
-            j = np.int64(indices[k])
-        if j == above:
-            neighbour = data[k]
-        while k < end:
-            r += data[k] * z[np.uintp(indices[k])]
-            k += ONE
-        back = end - ONE
-        j = np.int64(indices[back])
-        while j >= stop:  # blocks after this one
-            if colour[j >> shift] < own:
-                known += data[back] * change[np.uintp(j)]
-            back -= ONE
-            j = np.int64(indices[back])
-        x = clip(zi - r, l, u)
-        total += (zi - x) * (zi - x)
-        inv = inverse[i]
-        ds = (2.0 * (omega[i] * (zi - si) - r) - known) * inv
-        x = (si + ds) - (neighbour * inv) * last
-        s_next[i] = x
-        y = clip(x, l, u)
-        z_next[i] = y
-        last = G * (x - si) + H * (y - zi)
-        change[i] = last
-    return total

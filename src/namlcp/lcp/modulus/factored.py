@@ -19,25 +19,36 @@ from scipy import sparse
 from scipy.linalg.lapack import dgetrf, dgetrs, dpotrf, dpotrs
 from scipy.sparse.linalg import splu
 
+from namlcp.lcp.data import LCP
+from namlcp.lcp.modulus.kernels import S, Z
+from namlcp.lcp.modulus.methods import Parameters
+from namlcp.lcp.modulus.triangular import Step
 from namlcp.linalg import asymmetry
-from namlcp.residuals import natural_residual
 
 Solve = Callable[[np.ndarray], np.ndarray]
 
 
-def factored_step(
-    A: Any,
-    q: np.ndarray,
-    lower: np.ndarray,
-    upper: np.ndarray,
-    omega: np.ndarray,
-    shift: np.ndarray | None,
-) -> Callable[[np.ndarray, np.ndarray, np.ndarray, np.ndarray], float] | None:
-    """Return one iteration as a function step(s, z, s_next, z_next) -> Res(z).
+class FactoredStep(Step):
+    """One iteration with the factors of M + Omega, see `factored_step`."""
 
-    `shift` is the diagonal of E; None stands for "modulus", without E and L. None is
-    returned where the matrix has no factorisation.
+    def __init__(self, lcp: LCP, omega: np.ndarray, solve: Solve):
+        self.lcp, self.omega, self.solve = lcp, omega, solve
+
+    def __call__(self, old: np.ndarray, new: np.ndarray) -> float:
+        """Write the next iterate and return Res(z) of the old one."""
+        s, z = old
+        w = self.lcp.w(z)
+        new[S] = s - 2.0 * self.solve(w - self.omega * (z - s))
+        np.clip(new[S], self.lcp.lower, self.lcp.upper, out=new[Z])
+        return self.lcp.residual(z, w)
+
+
+def factored_step(lcp: LCP, given: Parameters) -> FactoredStep | None:
+    """Return a step with checked parameters, None if there is no factorisation.
+
+    `shift` is the diagonal of E; None stands for "modulus", without E and L.
     """
+    A, omega, shift = lcp.A, given.omega, given.shift
     dense = isinstance(A, np.ndarray)
     if shift is None:
         symmetric = asymmetry(A)[0] == 0.0
@@ -50,18 +61,7 @@ def factored_step(
         solve = dense_solver(left + np.diag(diagonal), symmetric)
     else:
         solve = sparse_solver(left + sparse.diags_array(diagonal), symmetric)
-    if solve is None:
-        return None
-
-    def step(
-        s: np.ndarray, z: np.ndarray, s_next: np.ndarray, z_next: np.ndarray
-    ) -> float:
-        w = A @ z + q
-        s_next[:] = s - 2.0 * solve(w - omega * (z - s))
-        np.clip(s_next, lower, upper, out=z_next)
-        return natural_residual(z, w, lower, upper)
-
-    return step
+    return None if solve is None else FactoredStep(lcp, omega, solve)
 
 
 def dense_solver(K: np.ndarray, symmetric: bool) -> Solve | None:

@@ -3,6 +3,7 @@
 `sweeps` has the formulas; the numbers G and H of a method are its place in the family.
 """
 
+import math
 import numbers
 from typing import Any, NamedTuple
 
@@ -16,7 +17,8 @@ class Method(NamedTuple):
     """What a name stands for.
 
     `takes` are its parameters among alpha, beta, omega, shift; `beta` is its beta where
-    that is neither free nor alpha; G = beta/alpha + `own` and H = `reflected`.
+    that is neither free nor alpha; G = beta/alpha + `own` and H = `reflected`. Factored
+    methods have M = A, the others a triangular M.
     """
 
     takes: tuple[str, ...]
@@ -46,6 +48,39 @@ METHODS = {
 
 EXACT = {"auto": Method(()), "multigrid": Method(())}
 KNOWN = EXACT | METHODS
+
+
+class Parameters(NamedTuple):
+    """Parameters of a sweep method as `solve_lcp` takes them, None where not given.
+
+    alpha, beta: relaxation, alpha in (0, 2), beta in [0, 2); 1 and alpha unless given.
+    Outside projected SOR cannot converge, and no theory of the others reaches beyond.
+    For "modified-nam" alpha is any positive number: Omega = alpha I.
+
+    omega: diagonal of Omega, positive. Unless given D/(2 alpha^2) for m* and nam* (the
+    paper's tables) and D/alpha for am*; p* always has D/alpha. D for "modulus", I for
+    "nam".
+
+    shift: diagonal of E, not negative; only for nam*, where it is D unless given (so
+    that units do not matter), and for "nam" and "modified-nam", where it is I, or D if
+    alpha or omega is "auto". 1.0 is the paper's own.
+
+    alpha, omega = "auto": see `parameters`; omega is then c D, and c changes during the
+    run. threads: at most so many for a sparse A in coloured order, see `coloured`; the
+    L and U of a method are then those of that order. None is the natural order.
+    """
+
+    alpha: Any = None
+    beta: Any = None
+    omega: Any = None
+    shift: Any = None
+    threads: int | None = None
+
+    def beta_for(self, chosen: Method, alpha: float) -> float:
+        """Return beta, which is alpha where neither the method nor the user has one."""
+        if self.beta is not None:
+            return self.beta
+        return alpha if chosen.beta is None else chosen.beta
 
 
 def find_method(method: str, **given: Any) -> Method:
@@ -110,3 +145,51 @@ def spread(
         wanted = "be positive" if positive else "not be negative"
         raise ValueError(f"{name} must {wanted}, got {diagonal[i]:g} at ({i})")
     return diagonal
+
+
+def is_adaptive(method: str, given: Parameters) -> bool:
+    """Tell whether alpha or omega is "auto"; raise if either is another string."""
+    interval = "(0, inf)" if method == "modified-nam" else "(0, 2)"
+    alpha = is_auto("alpha", given.alpha, f"a number in {interval}")
+    return is_auto("omega", given.omega, "a positive number, an array") or alpha
+
+
+def checked_parameters(A: Any, method: str, given: Parameters) -> Parameters:
+    """Return the parameters checked, with defaults: numbers, and arrays for diagonals.
+
+    shift = None: the method has no E.
+    """
+    chosen = METHODS[method]
+    n = A.shape[0]
+    if chosen.factored:
+        omega = factored_omega(A, method, given)
+        shift = spread("shift", given.shift, n, np.ones(n)) if chosen.own else None
+        return Parameters(1.0, math.nan, omega, shift)
+    alpha = 1.0 if given.alpha is None else number("alpha", given.alpha, "(0, 2)")
+    if given.beta is not None:
+        given = given._replace(beta=number("beta", given.beta, "[0, 2)"))
+    beta = given.beta_for(chosen, alpha)
+    D = positive_diagonal(A, method)
+    default = D / alpha if chosen.reflected else D / (2.0 * alpha * alpha)
+    omega = spread("omega", given.omega, n, default, positive=True)
+    shift = spread("shift", given.shift, n, D) if "shift" in chosen.takes else None
+    return Parameters(alpha, beta, omega, shift)
+
+
+def factored_omega(A: Any, method: str, given: Parameters) -> np.ndarray:
+    """Return the diagonal of Omega for a method that factors once."""
+    refuse_two_omegas(method, given)
+    n = A.shape[0]
+    if given.alpha is not None:
+        return np.full(n, number("alpha", given.alpha, "(0, inf)"))
+    if given.omega is None and method == "modulus":
+        return positive_diagonal(A, method)
+    return spread("omega", given.omega, n, np.ones(n), positive=True)
+
+
+def refuse_two_omegas(method: str, given: Parameters) -> None:
+    """Raise if Omega is given twice, as alpha I and as itself."""
+    if given.alpha is not None and given.omega is not None:
+        raise ValueError(
+            f"method {method!r} has Omega = alpha I: give alpha or omega, not both"
+        )

@@ -45,7 +45,7 @@ from typing import Any
 
 import numpy as np
 
-from namlcp.lcp.modulus.methods import Method
+from namlcp.lcp.modulus.methods import Method, Parameters
 from namlcp.lcp.modulus.spectrum import Spectrum
 
 FRUSTRATION = 0.6
@@ -91,13 +91,12 @@ class Choice:
         Matrix with a positive diagonal.
     method : Method
         Entry of `METHODS`.
-    alpha, beta, omega, shift
-        As `sweeps.sweep` takes them, the arrays checked; alpha or omega is "auto".
+    given : Parameters
+        The arrays checked; alpha or omega is "auto".
     """
 
-    def __init__(
-        self, A: Any, method: Method, alpha: Any, beta: Any, omega: Any, shift: Any
-    ):
+    def __init__(self, A: Any, method: Method, given: Parameters):
+        alpha, beta, omega, shift, _ = given
         self.D = np.array(A.diagonal())
         self.method = method
         self.given = alpha, omega

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.compiled import kernel
-from namlcp.lcp.multigrid.kernels import rows_of
+from namlcp.lcp.relaxation import rows_of
 
 THETA = 0.25
 """Strong are the couplings -a_ij >= THETA max_k -a_ik."""

@@ -21,8 +21,9 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.lcp.multigrid.coarsening import interpolation, unlike_rows
-from namlcp.lcp.multigrid.kernels import Rows, find_diagonal, residual_vector, rows_of
+from namlcp.lcp.multigrid.kernels import find_diagonal, residual_vector
 from namlcp.lcp.multigrid.vcycle import Level, VCycle
+from namlcp.lcp.relaxation import Rows, rows_of
 from namlcp.limits import NEVER, Deadline
 
 MAX_COARSE = 50

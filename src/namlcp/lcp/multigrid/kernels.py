@@ -13,8 +13,6 @@ indptr) in CSR with ascending columns; `diagonal` holds the places of their a_ii
 Indices are cast to unsigned so that no negative index is looked for.
 """
 
-from typing import Any, NamedTuple
-
 import numpy as np
 
 from namlcp.compiled import kernel
@@ -22,19 +20,6 @@ from namlcp.lcp.relaxation import ONE
 
 VANISHED = 1e-13
 """A coarse diagonal that truncation leaves below this times its old value is zero."""
-
-
-class Rows(NamedTuple):
-    """A matrix in CSR, column indices ascending and unique in each row."""
-
-    data: np.ndarray
-    indices: np.ndarray
-    indptr: np.ndarray
-
-
-def rows_of(A: Any) -> Rows:
-    """Return a csr_array as compiled code sees it."""
-    return Rows(A.data, A.indices, A.indptr)
 
 
 @kernel

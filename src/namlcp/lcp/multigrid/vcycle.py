@@ -6,12 +6,12 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.lcp.multigrid.kernels import (
-    Rows,
     ascend,
     descend,
     mark_dirty,
     truncate_coarse,
 )
+from namlcp.lcp.relaxation import Rows
 
 SINGULAR = 1e13
 """A coarsest matrix of this condition gets a pseudo-inverse."""

@@ -1,0 +1,74 @@
+"""A step of an iteration, and the one of the methods with a triangular matrix M."""
+
+from typing import Any
+
+import numpy as np
+
+from namlcp.lcp.data import LCP
+from namlcp.lcp.modulus.kernels import (
+    INVERSE,
+    LOWER,
+    OMEGA,
+    UPPER,
+    Q,
+    sweep_csr,
+    sweep_dense,
+)
+from namlcp.lcp.modulus.methods import Method, Parameters
+
+
+class Step:
+    """One iteration: a function of two iterates, (2, n) arrays of s and z = clip(s).
+
+    Attributes
+    ----------
+    omega : (n,) array
+        Diagonal of the Omega of the last iteration.
+    """
+
+    omega: np.ndarray
+
+    def __call__(self, old: np.ndarray, new: np.ndarray) -> float:
+        """Write the next iterate and return Res(z) of the old one."""
+        raise NotImplementedError
+
+    def retries_from(self, point: np.ndarray) -> bool:
+        """Tell whether to go on after a divergence, from this iterate."""
+        return False
+
+
+class TriangularStep(Step):
+    """One sweep of a triangular method with checked parameters.
+
+    `run` takes the place of the sequential kernel, with the same arguments after A.
+    """
+
+    def __init__(
+        self, lcp: LCP, chosen: Method, given: Parameters, run: Any = None
+    ) -> None:
+        A, (_, q, lower, upper) = lcp.A, lcp
+        alpha, beta, self.omega, shift, _ = given
+        is_dense = isinstance(A, np.ndarray)
+        boxed = is_dense or bool(lower.any()) or not np.all(upper == np.inf)
+        vectors = np.empty((6 if boxed else 4, q.size))
+        vectors[OMEGA], vectors[Q] = self.omega, q
+        if boxed:
+            vectors[LOWER], vectors[UPPER] = lower, upper
+        P = A.diagonal() / alpha
+        P += self.omega
+        if shift is not None:
+            P += shift
+        np.divide(1.0, P, out=vectors[INVERSE])
+        weights = beta / alpha + chosen.own, chosen.reflected
+        matrix: tuple = ()
+        if run is not None:
+            self.kernel = run
+        elif is_dense:
+            self.kernel, matrix = sweep_dense, (A,)
+        else:
+            self.kernel, matrix = sweep_csr, (A.data, A.indices, A.indptr)
+        self.fixed = *matrix, vectors, *weights
+
+    def __call__(self, old: np.ndarray, new: np.ndarray) -> float:
+        """Write the next iterate and return Res(z) of the old one."""
+        return self.kernel(*self.fixed, old, new)

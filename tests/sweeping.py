@@ -1,0 +1,49 @@
+"""Run the sweep methods on bare arrays, and keep what a test wants to see."""
+
+from types import SimpleNamespace
+
+import numpy as np
+from problems_lcp import box_lcp
+
+from namlcp.lcp.modulus import sweeps
+from namlcp.lcp.modulus.methods import Parameters, find_method
+from namlcp.limits import NEVER, Limits
+from namlcp.progress import LCP_COLUMNS, Progress
+
+
+def sweep(
+    A, q, lower, upper, method, *, s0=None, z0=None, eps_abs, max_iter, deadline=NEVER,
+    **given,
+):  # fmt: skip
+    """Return the outcome of `sweeps.sweep` with its history and its least residual."""
+    rows = Progress(LCP_COLUMNS, verbose=False)
+    limits = Limits(eps_abs, 0.0, max_iter, deadline, rows.row)
+    find_method(method, **given)
+    lcp = box_lcp(A, q, lower, upper)
+    found = sweeps.sweep(lcp, method, Parameters(**given), limits, s0, z0)
+    history = rows.history()
+    residual = np.nanmin(history["residual"], initial=np.inf)
+    return SimpleNamespace(**found._asdict(), history=history, residual=residual)
+
+
+def step_of(A, q, lower, upper, method, **given):
+    """Return one iteration of a method as a function."""
+    return sweeps.step_of(box_lcp(A, q, lower, upper), method, Parameters(**given))
+
+
+def one_step(step, s, lower, upper):
+    """Return s+ and Res(z), z = clip(s)."""
+    old, new = np.empty((2, 2, s.size))
+    old[:] = s, np.clip(s, lower, upper)
+    residual = step(old, new)
+    np.testing.assert_array_equal(new[1], np.clip(new[0], lower, upper))
+    return new[0], residual
+
+
+def iterates(step, s, lower, upper, count):
+    """Return s_1 ... s_count."""
+    rows = []
+    for _ in range(count):
+        s, _ = one_step(step, s, lower, upper)
+        rows.append(s)
+    return np.array(rows)
