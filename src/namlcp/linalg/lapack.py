@@ -16,112 +16,41 @@ from numba.extending import get_cython_function_address, intrinsic
 
 from namlcp.compiled import part
 
-_POINTER = types.CPointer(types.float64)
-_INTEGER = types.CPointer(types.int32)
+# The letters by which BLAS and LAPACK are told what to do.
+UPPER = UNIT = ord("U")
+LEFT, PLAIN, TRANSPOSED = (ord(letter) for letter in "LNT")
 
 
-def _declare(module: str, name: str, arguments: tuple) -> types.ExternalFunction:
-    """Return SciPy's routine `name` under a symbol that compiled code can link."""
+def _declare(module: str, name: str, arguments: str) -> types.ExternalFunction:
+    """Return SciPy's routine `name` under a symbol that compiled code can link.
+
+    `arguments` has i for every pointer to integers (or letters), d for one to doubles.
+    """
     symbol = f"namlcp_{name}"
-    binding.add_symbol(
-        symbol, get_cython_function_address(f"scipy.linalg.{module}", name)
-    )
-    return types.ExternalFunction(symbol, types.void(*arguments))
+    address = get_cython_function_address(f"scipy.linalg.cython_{module}", name)
+    binding.add_symbol(symbol, address)
+    kinds = {"i": types.int32, "d": types.float64}
+    pointers = (types.CPointer(kinds[letter]) for letter in arguments)
+    return types.ExternalFunction(symbol, types.void(*pointers))
 
 
 if not config.DISABLE_JIT:
-    _dpotrf = _declare(
-        "cython_lapack", "dpotrf", (_INTEGER, _INTEGER, _POINTER, _INTEGER, _INTEGER)
-    )
-    _dpotrs = _declare(
-        "cython_lapack",
-        "dpotrs",
-        (
-            _INTEGER,
-            _INTEGER,
-            _INTEGER,
-            _POINTER,
-            _INTEGER,
-            _POINTER,
-            _INTEGER,
-            _INTEGER,
-        ),
-    )
-    _dgetrf = _declare(
-        "cython_lapack",
-        "dgetrf",
-        (_INTEGER, _INTEGER, _POINTER, _INTEGER, _INTEGER, _INTEGER),
-    )
-    _dgetrs = _declare(
-        "cython_lapack",
-        "dgetrs",
-        (
-            _INTEGER,
-            _INTEGER,
-            _INTEGER,
-            _POINTER,
-            _INTEGER,
-            _INTEGER,
-            _POINTER,
-            _INTEGER,
-            _INTEGER,
-        ),
-    )
-
-    _dgemm = _declare(
-        "cython_blas",
-        "dgemm",
-        (
-            _INTEGER,
-            _INTEGER,
-            _INTEGER,
-            _INTEGER,
-            _INTEGER,
-            _POINTER,
-            _POINTER,
-            _INTEGER,
-            _POINTER,
-            _INTEGER,
-            _POINTER,
-            _POINTER,
-            _INTEGER,
-        ),
-    )
-    _dtrsm = _declare(
-        "cython_blas",
-        "dtrsm",
-        (
-            _INTEGER,
-            _INTEGER,
-            _INTEGER,
-            _INTEGER,
-            _INTEGER,
-            _INTEGER,
-            _POINTER,
-            _POINTER,
-            _INTEGER,
-            _POINTER,
-            _INTEGER,
-        ),
-    )
-
-    @intrinsic
-    def _number_address(typingctx, value):
-        """Return a pointer to a double on the stack."""
-
-        def codegen(context, builder, signature, args):
-            return cgutils.alloca_once_value(builder, args[0])
-
-        return _POINTER(types.float64), codegen
+    _dpotrf = _declare("lapack", "dpotrf", "iidii")
+    _dpotrs = _declare("lapack", "dpotrs", "iiididii")
+    _dgetrf = _declare("lapack", "dgetrf", "iidiii")
+    _dgetrs = _declare("lapack", "dgetrs", "iiidiidii")
+    _dgemm = _declare("blas", "dgemm", "iiiiiddididdi")
+    _dtrsm = _declare("blas", "dtrsm", "iiiiiiddidi")
 
     @intrinsic
     def _address(typingctx, value):
-        """Return a pointer to an int32 on the stack (Fortran passes by reference)."""
+        """Return a pointer to a double or an int32 on the stack, as Fortran wants."""
+        kind = types.float64 if isinstance(value, types.Float) else types.int32
 
         def codegen(context, builder, signature, args):
             return cgutils.alloca_once_value(builder, args[0])
 
-        return _INTEGER(types.int32), codegen
+        return types.CPointer(kind)(kind), codegen
 
     @intrinsic
     def _integer_at(typingctx, pointer):
@@ -130,7 +59,7 @@ if not config.DISABLE_JIT:
         def codegen(context, builder, signature, args):
             return builder.load(args[0])
 
-        return types.int32(_INTEGER), codegen
+        return types.int32(types.CPointer(types.int32)), codegen
 
 
 # Any order of the sum is allowed, so that it vectorises; NaN keeps its meaning.
@@ -179,30 +108,19 @@ def cholesky(A):
     Only the lower triangle is read or written; k > 0 means that the leading minor of
     order k is not positive.
     """
-    n = np.int32(A.shape[0])
-    if n == 0:
+    if A.shape[0] == 0:
         return 0
-    info = _address(np.int32(0))
-    _dpotrf(_address(np.int32(85)), _address(n), A.ctypes, _address(n), info)
+    n, info = _address(A.shape[0]), _address(0)
+    _dpotrf(_address(UPPER), n, A.ctypes, n, info)
     return _integer_at(info)
 
 
 @part
 def cholesky_solve(L, b):
     """Overwrite b (n,) by the solution of L L' x = b."""
-    n = np.int32(L.shape[0])
-    if n == 0:
-        return
-    _dpotrs(
-        _address(np.int32(85)),
-        _address(n),
-        _address(np.int32(1)),
-        L.ctypes,
-        _address(n),
-        b.ctypes,
-        _address(n),
-        _address(np.int32(0)),
-    )
+    if b.size > 0:
+        n, one, info = _address(L.shape[0]), _address(1), _address(0)
+        _dpotrs(_address(UPPER), n, one, L.ctypes, n, b.ctypes, n, info)
 
 
 @part
@@ -226,31 +144,22 @@ def lu(A, pivots):
 
     k > 0 means that the k-th pivot is exactly zero.
     """
-    n = np.int32(A.shape[0])
-    if n == 0:
+    if A.shape[0] == 0:
         return 0
-    info = _address(np.int32(0))
-    _dgetrf(_address(n), _address(n), A.ctypes, _address(n), pivots.ctypes, info)
+    n, info = _address(A.shape[0]), _address(0)
+    _dgetrf(n, n, A.ctypes, n, pivots.ctypes, info)
     return _integer_at(info)
 
 
 @part
 def lu_solve(factors, pivots, b):
     """Overwrite b (n,) by the solution of A x = b, with factors from `lu`."""
-    n = np.int32(factors.shape[0])
-    if n == 0:
-        return
-    _dgetrs(
-        _address(np.int32(84)),
-        _address(n),
-        _address(np.int32(1)),
-        factors.ctypes,
-        _address(n),
-        pivots.ctypes,
-        b.ctypes,
-        _address(n),
-        _address(np.int32(0)),
-    )
+    if b.size > 0:
+        n, one, info = _address(factors.shape[0]), _address(1), _address(0)
+        _dgetrs(
+            _address(TRANSPOSED), n, one, factors.ctypes, n, pivots.ctypes, b.ctypes, n,
+            info,
+        )  # fmt: skip
 
 
 @part
@@ -259,24 +168,13 @@ def product(alpha, A, B, beta, C):
 
     With beta = 0 C need not be finite on entry.
     """
-    m, n = np.int32(C.shape[0]), np.int32(C.shape[1])
-    if m == 0 or n == 0:
-        return
-    _dgemm(
-        _address(np.int32(84)),
-        _address(np.int32(78)),
-        _address(n),
-        _address(m),
-        _address(np.int32(A.shape[1])),
-        _number_address(alpha),
-        B.ctypes,
-        _address(np.int32(B.strides[0] // 8)),
-        A.ctypes,
-        _address(np.int32(A.strides[0] // 8)),
-        _number_address(beta),
-        C.ctypes,
-        _address(np.int32(C.strides[0] // 8)),
-    )
+    if C.shape[0] > 0 and C.shape[1] > 0:
+        _dgemm(
+            _address(TRANSPOSED), _address(PLAIN), _address(C.shape[1]),
+            _address(C.shape[0]), _address(A.shape[1]), _address(alpha), B.ctypes,
+            _address(B.strides[0] // 8), A.ctypes, _address(A.strides[0] // 8),
+            _address(beta), C.ctypes, _address(C.strides[0] // 8),
+        )  # fmt: skip
 
 
 @part
@@ -285,22 +183,13 @@ def solve_rows(L, unit, X):
 
     With `unit` its diagonal counts as 1, whatever stands there.
     """
-    m, k = np.int32(X.shape[0]), np.int32(X.shape[1])
-    if m == 0 or k == 0:
-        return
-    _dtrsm(
-        _address(np.int32(76)),
-        _address(np.int32(85)),
-        _address(np.int32(84)),
-        _address(np.int32(85 if unit else 78)),
-        _address(k),
-        _address(m),
-        _number_address(1.0),
-        L.ctypes,
-        _address(np.int32(L.strides[0] // 8)),
-        X.ctypes,
-        _address(np.int32(X.strides[0] // 8)),
-    )
+    if X.shape[0] > 0 and X.shape[1] > 0:
+        _dtrsm(
+            _address(LEFT), _address(UPPER), _address(TRANSPOSED),
+            _address(UNIT if unit else PLAIN), _address(X.shape[1]),
+            _address(X.shape[0]), _address(1.0), L.ctypes,
+            _address(L.strides[0] // 8), X.ctypes, _address(X.strides[0] // 8),
+        )  # fmt: skip
 
 
 if config.DISABLE_JIT:
