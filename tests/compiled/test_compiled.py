@@ -49,11 +49,11 @@ def block():
     ).z.tolist()
 
 def face():
-    from namlcp.qp.path.finish import face_residual
+    from namlcp.qp.path.refinement import active_set_residual
     indptr, indices = np.array([0, 1], dtype=np.int32), np.zeros(1, dtype=np.int32)
     one = np.ones(1)
     rest = [np.zeros(1) for _ in range(4)]
-    return face_residual(
+    return active_set_residual(
         indptr, indices, one, one, one, one, np.zeros(1, bool), one, one, *rest
     )
 

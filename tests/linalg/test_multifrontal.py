@@ -9,7 +9,7 @@ from scipy.sparse import block_array, csc_array, diags_array, eye_array
 
 from namlcp.limits import Limits
 from namlcp.linalg import factors
-from namlcp.linalg.factors import Bordered, Sparse, factor
+from namlcp.linalg.factors import Bordered, SparseFactors, factor
 from namlcp.linalg.multifrontal import Multifrontal
 from namlcp.linalg.ordering import minimum_degree
 
@@ -95,9 +95,9 @@ def test_solve_and_update():
     rhs = np.random.default_rng(0).standard_normal(K.shape[0])
     np.testing.assert_allclose(K @ f.solve(rhs), rhs, atol=1e-8)
     other = K + np.diag(np.sign(np.diag(K)))
-    f.update(upper(other).data)
+    f.refactor(upper(other).data)
     np.testing.assert_allclose(other @ f.solve(rhs), rhs, atol=1e-11)
-    f.update(U.data)
+    f.refactor(U.data)
     np.testing.assert_allclose(K @ f.solve(rhs), rhs, atol=1e-8)
 
 
@@ -118,12 +118,13 @@ def test_a_pivot_that_vanishes_is_told(bad):
 
 
 def test_the_kind_of_factors_is_chosen_by_counts(monkeypatch):
-    assert isinstance(factor(upper(laplacian(90, 90))), Sparse)  # few entries a column
+    few_entries_a_column = upper(laplacian(90, 90))
+    assert isinstance(factor(few_entries_a_column), SparseFactors)
     control = upper(saddle(64, 64))
     monkeypatch.setattr(factors, "HEAVY", 1e6)
     assert isinstance(factor(control), Multifrontal)
     monkeypatch.setattr(factors, "HEAVY", 1e9)
-    assert isinstance(factor(control), Sparse)
+    assert isinstance(factor(control), SparseFactors)
 
 
 def test_no_order_is_sought_around_a_hub():

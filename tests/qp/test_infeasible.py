@@ -18,9 +18,9 @@ import namlcp
 from namlcp.limits import Limits
 from namlcp.qp.certificates import accept_primal
 from namlcp.qp.judge import Judge
-from namlcp.qp.path.certificates import LoopTests
-from namlcp.qp.path.finish import Trigger
+from namlcp.qp.path.candidates import CertificateSearch
 from namlcp.qp.path.loop import PATIENCE
+from namlcp.qp.path.refinement import RefinementTiming
 from namlcp.qp.transforms.presolve import presolve
 from namlcp.qp.transforms.scaling import ScaledQP
 from namlcp.status import Status
@@ -109,7 +109,7 @@ def test_projection_makes_a_proof_of_inexact_multipliers(seed):
     z = found.z * (1.0 + 1e-5 * rng.standard_normal(20))
     x = np.zeros(10)
     assert accept_primal(qp, x, y, z, TOL) is None
-    tests = LoopTests(ScaledQP(presolve(qp, TOL, 0.0)), Judge(qp, LOOSE))
+    tests = CertificateSearch(ScaledQP(presolve(qp, TOL, 0.0)), Judge(qp, LOOSE))
     proof = tests.project(x, y, z)
     assert proof is not None
     assert_certificate(qp, found._replace(y=proof[1], z=proof[2], z_box=proof[3]))
@@ -141,14 +141,14 @@ def test_rays_along_half_open_bounds_are_proved(seed):
     assert_certificate(qp, result)
 
 
-def test_a_finish_waits_for_a_steady_set_and_for_progress():
+def test_a_refinement_waits_for_a_steady_set_and_for_progress():
     set_a, set_b = np.array([True, False]), np.array([True, True])
-    trigger = Trigger(TOL, is_large=False)
-    assert not trigger.pulled(1e5, 1.0, set_a, set_a)  # far away
-    assert not trigger.pulled(1e3, 1.0, set_a, set_b)  # the set changes
-    assert trigger.pulled(1e3, 1.0, set_a, set_a)
-    assert not trigger.pulled(5e2, 1.0, set_a, set_a)  # not ten times better
-    assert trigger.pulled(50.0, 1.0, set_a, set_b)  # near enough for any set
+    timing = RefinementTiming(TOL, is_large=False)
+    assert not timing.is_due(1e5, 1.0, set_a, set_a)  # far away
+    assert not timing.is_due(1e3, 1.0, set_a, set_b)  # the set changes
+    assert timing.is_due(1e3, 1.0, set_a, set_a)
+    assert not timing.is_due(5e2, 1.0, set_a, set_a)  # not ten times better
+    assert timing.is_due(50.0, 1.0, set_a, set_b)  # near enough for any set
 
 
 def test_the_threshold_of_convexity_is_named():

@@ -281,7 +281,7 @@ def test_fallback_decides_alone(kind):
     def solver(other):
         return Point(*solve(other, loose)[1:5])
 
-    verdict = fallback.decide(qp, point, 1e-9, solver)
+    verdict = fallback.find_certificate(qp, point, 1e-9, solver)
     assert verdict is not None
     status, proof = verdict
     assert_certificate(qp, Found(status, *proof))
@@ -388,7 +388,7 @@ def test_bordered_factors_solve(inner, border):
     rhs = rng.standard_normal(n + m)
     np.testing.assert_allclose(K @ factors.solve(rhs), rhs, atol=1e-11)
     K[np.diag_indices(n + m)] *= 1.5
-    factors.update(csc_array(np.triu(K)).data)
+    factors.refactor(csc_array(np.triu(K)).data)
     np.testing.assert_allclose(K @ factors.solve(rhs), rhs, atol=1e-11)
 
 

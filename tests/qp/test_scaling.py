@@ -9,8 +9,8 @@ from namlcp.limits import Limits
 from namlcp.qp.guess import make_guess
 from namlcp.qp.judge import Judge
 from namlcp.qp.kkt import KKT
-from namlcp.qp.path.finish import Finish
 from namlcp.qp.path.loop import TOLERABLE, Interior
+from namlcp.qp.path.refinement import Refinement
 from namlcp.qp.transforms.presolve import presolve
 from namlcp.qp.transforms.scaling import PAYS, ScaledQP, normalise
 
@@ -111,7 +111,7 @@ def test_sides_give_way_from_where_they_were():
     limits = Limits(eps, 0.0)
     problem = ScaledQP(presolve(known.qp, eps, 0.0))
     judge = Judge(known.qp, limits)
-    loop = Interior(problem, judge, limits, Finish(problem, judge, np.inf))
+    loop = Interior(problem, judge, limits, Refinement(problem, judge, np.inf))
     loop.start()
     rows = slice(problem.n, problem.n + problem.p)
     b = problem.b * problem.unit[rows]

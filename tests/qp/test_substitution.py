@@ -241,14 +241,14 @@ def test_memory_keeps_the_factors_of_an_unchanged_face(monkeypatch):
     solve(qp, make_guess(qp, None, first), memory)
     kkt = memory.scaled.kkt
     calls = []
-    update = kkt.factors.update
+    refactor = kkt.factors.refactor
 
     class Counting:
         solve = kkt.factors.solve
 
-        def update(self, *args, **kwargs):
+        def refactor(self, *args, **kwargs):
             calls.append(1)
-            update(*args, **kwargs)
+            refactor(*args, **kwargs)
 
     kkt.factors = Counting()
     moved = qp._replace(q=qp.q * (1.0 + 1e-9))
@@ -337,7 +337,7 @@ def test_full_rows_are_squared_in_blocks(monkeypatch):
     rng = np.random.default_rng(2)
     B = canonical(csc_array(rng.random((50, 6))))
     P = canonical(csc_array(np.eye(6)))
-    monkeypatch.setattr("namlcp.linalg.csc.ROOM", 40)
+    monkeypatch.setattr("namlcp.linalg.csc.MOST_DENSE", 40)
     exact = np.eye(6) + B.toarray().T @ B.toarray()
     found = with_squares(P, B, np.ones(50)).toarray()
     np.testing.assert_allclose(found, exact, atol=1e-12)

@@ -10,7 +10,14 @@ from namlcp.linalg.columns import (
     scale_columns,
     write_diagonal,
 )
-from namlcp.linalg.csc import as_dense, by_rows, submatrix, with_squares, without_zeros
+from namlcp.linalg.csc import (
+    arrays_of,
+    as_dense,
+    by_rows,
+    submatrix,
+    with_squares,
+    without_zeros,
+)
 from namlcp.linalg.definite import (
     CONVEX,
     MINOR,
@@ -23,7 +30,7 @@ from namlcp.linalg.definite import (
     is_positive_semidefinite,
     ldl_factors,
 )
-from namlcp.linalg.factors import Bordered, Sparse, factor
+from namlcp.linalg.factors import Factors, factor
 from namlcp.linalg.lapack import (
     add_rmatvec,
     add_scaled,
@@ -44,7 +51,6 @@ from namlcp.linalg.ldl import (
     ldl_solve,
     ldl_symbolic,
 )
-from namlcp.linalg.multifrontal import Multifrontal
 from namlcp.linalg.ordering import minimum_degree
 from namlcp.linalg.products import add_transposed, times
 from namlcp.linalg.supernodes import Blocks, blocks_of, factor_blocks, solve_blocks
@@ -60,16 +66,15 @@ __all__ = [
     "UNDECIDED",
     "ZERO",
     "Blocks",
-    "Bordered",
     "Columns",
-    "Multifrontal",
-    "Sparse",
+    "Factors",
     "Triangle",
     "add_product",
     "add_rmatvec",
     "add_scaled",
     "add_transposed",
     "all_finite",
+    "arrays_of",
     "as_dense",
     "asymmetry",
     "backward_solve",

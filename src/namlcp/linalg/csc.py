@@ -1,11 +1,11 @@
-"""What is done to sparse matrices before a solve: parts, rows, squares, dense ones.
+"""Sparse matrices before a solve: parts of them, rows, P + B'WB, dense copies.
 
 SciPy takes 30 to 100 us for each of these on a matrix of a few hundred entries, longer
 than the whole solve; everything here is one compiled pass. All matrices are canonical
 (sorted, no duplicates) with int32 indices.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.sparse import csc_array, csr_array
@@ -14,9 +14,23 @@ from namlcp.checks import as_sparse
 from namlcp.compiled import kernel
 from namlcp.limits import NEVER, Deadline
 
-DENSE = 0.2  # density from which rows are multiplied as dense ones
-ROOM = 20_000_000  # entries of a dense matrix at most
-STRIP = 4_000_000  # entries of the rows multiplied at a time
+# Density of B from which the rows of P + B'WB are multiplied as dense ones.
+DENSE = 0.2
+# Entries of a dense matrix at most, and of the dense rows multiplied at a time.
+MOST_DENSE, STRIP = 20_000_000, 4_000_000
+
+
+class Compressed(NamedTuple):
+    """The arrays of a matrix in CSC or CSR."""
+
+    indptr: np.ndarray
+    indices: np.ndarray
+    data: np.ndarray
+
+
+def arrays_of(M: Any) -> Compressed:
+    """Return the arrays of a matrix in CSC or CSR."""
+    return Compressed(M.indptr, M.indices, M.data)
 
 
 def as_dense(C: Any) -> np.ndarray:
@@ -54,10 +68,8 @@ def submatrix(M: csc_array, rows: np.ndarray, columns: np.ndarray) -> csc_array:
 
 def by_rows(M: csc_array) -> csr_array:
     """Return M in CSR."""
-    indptr, indices, data = transposed(M.indptr, M.indices, M.data, M.shape[0])
-    rows = csr_array((data, indices, indptr), shape=M.shape)
-    rows.has_canonical_format = True
-    return rows
+    parts = transposed(M.indptr, M.indices, M.data, M.shape[0])
+    return from_arrays(parts, M.shape, csr_array)
 
 
 def with_squares(
@@ -65,7 +77,7 @@ def with_squares(
 ) -> csc_array | None:
     """Return P + B' diag(weight) B, None where the deadline comes before that."""
     rows, columns = B.shape
-    if DENSE * rows * columns < B.nnz and columns**2 <= ROOM:
+    if DENSE * rows * columns < B.nnz and columns**2 <= MOST_DENSE:
         S, C = as_dense(P), by_rows(B)
         step = max(1, STRIP // columns)
         for i in range(0, rows, step):
@@ -74,19 +86,18 @@ def with_squares(
             half = C[i : i + step].toarray() * np.sqrt(weight[i : i + step])[:, None]
             S += half.T @ half
         return as_sparse(S)
-    turned = transposed(B.indptr, B.indices, B.data, rows)
-    parts = add_squares(
-        P.indptr, P.indices, P.data, B.indptr, B.indices, B.data, *turned, weight
-    )
-    return from_arrays(parts, P.shape)
+    by_row = Compressed(*transposed(B.indptr, B.indices, B.data, rows))
+    return from_arrays(add_squares(arrays_of(P), arrays_of(B), by_row, weight), P.shape)
 
 
 def from_arrays(
-    parts: tuple[np.ndarray, np.ndarray, np.ndarray], shape: tuple[int, int]
-) -> csc_array:
+    parts: tuple[np.ndarray, np.ndarray, np.ndarray],
+    shape: tuple[int, int],
+    kind: Any = csc_array,
+) -> Any:
     """Return (indptr, indices, data), sorted and without duplicates, as a matrix."""
     indptr, indices, data = parts
-    M = csc_array((data, indices, indptr), shape=shape)
+    M = kind((data, indices, indptr), shape=shape)
     M.has_canonical_format = True
     return M
 
@@ -133,50 +144,48 @@ def transposed(indptr, indices, data, rows):
 
 
 @kernel
-def add_squares(
-    P_indptr, P_indices, P_data, indptr, indices, data, turned, columns, values, weight
-):
-    """Return P + B' diag(weight) B in CSC; B is given by columns and by rows.
+def add_squares(P, B, by_row, weight):
+    """Return P + B' diag(weight) B in CSC; P and B in CSC, `by_row` is B in CSR.
 
-    Column by column with a dense accumulator (Gustavson, ACM Trans. Math. Softw. 4,
-    1978).
+    Column by column with a dense accumulator (Gustavson, ACM Trans. Math. Softw. 4
+    (1978) 250-269).
     """
-    n = indptr.size - 1
+    n = B.indptr.size - 1
     sums = np.zeros(n)
     seen = np.full(n, -1)
-    out_indptr = np.zeros(n + 1, dtype=np.int32)
-    room = P_data.size + 4 * data.size + n
-    out_indices = np.empty(room, dtype=np.int32)
-    out_data = np.empty(room)
+    indptr = np.zeros(n + 1, dtype=np.int32)
+    room = P.data.size + 4 * B.data.size + n
+    indices = np.empty(room, dtype=np.int32)
+    data = np.empty(room)
     nnz = 0
     for j in range(n):
         if nnz + n > room:
             room = 2 * room + n
-            out_indices = np.append(out_indices, np.empty(room, dtype=np.int32))
-            out_data = np.append(out_data, np.empty(room))
-            room = out_data.size
+            indices = np.append(indices, np.empty(room, dtype=np.int32))
+            data = np.append(data, np.empty(room))
+            room = data.size
         start = nnz
-        for t in range(P_indptr[j], P_indptr[j + 1]):
-            i = P_indices[t]
+        for t in range(P.indptr[j], P.indptr[j + 1]):
+            i = P.indices[t]
             seen[i] = j
-            sums[i] = P_data[t]
-            out_indices[nnz] = i
+            sums[i] = P.data[t]
+            indices[nnz] = i
             nnz += 1
-        for t in range(indptr[j], indptr[j + 1]):
-            row = indices[t]
-            factor = weight[row] * data[t]
+        for t in range(B.indptr[j], B.indptr[j + 1]):
+            row = B.indices[t]
+            factor = weight[row] * B.data[t]
             if factor == 0.0:
                 continue
-            for k in range(turned[row], turned[row + 1]):
-                i = columns[k]
+            for k in range(by_row.indptr[row], by_row.indptr[row + 1]):
+                i = by_row.indices[k]
                 if seen[i] != j:
                     seen[i] = j
                     sums[i] = 0.0
-                    out_indices[nnz] = i
+                    indices[nnz] = i
                     nnz += 1
-                sums[i] += factor * values[k]
+                sums[i] += factor * by_row.data[k]
         for t in range(start, nnz):
-            out_data[t] = sums[out_indices[t]]
-        out_indptr[j + 1] = nnz
+            data[t] = sums[indices[t]]
+        indptr[j + 1] = nnz
     # The matrix is symmetric (to rounding), so that turning it only sorts it.
-    return transposed(out_indptr, out_indices[:nnz], out_data[:nnz], n)
+    return transposed(indptr, indices[:nnz], data[:nnz], n)

@@ -13,7 +13,7 @@ sparse part R and a dense border D,
 with qdldl for K_R and LAPACK for S: the same elimination, in blocks.
 """
 
-from typing import Any
+from typing import Protocol
 
 import numpy as np
 import qdldl
@@ -21,7 +21,7 @@ from scipy.linalg.lapack import dpotrf, dpotrs, dsytrf, dsytrf_lwork, dsytrs
 from scipy.sparse import csc_array, csc_matrix
 
 from namlcp.compiled import kernel
-from namlcp.linalg.csc import ROOM
+from namlcp.linalg.csc import MOST_DENSE
 from namlcp.linalg.multifrontal import Multifrontal
 from namlcp.linalg.ordering import (
     HUB,
@@ -31,36 +31,50 @@ from namlcp.linalg.ordering import (
     nested_dissection,
 )
 
-LIGHT = 20_000  # entries of K below which a border gains nothing
-SPARSE = 16  # degree at which a row or column may stay in the sparse part
-LEAST, MOST = 50, 3000  # size of a border
-THIN = 0.1  # density of B from which a border pays
-WIDE = 600  # size from which it pays with a thinner B, if K_D is full:
-FULL = 0.2  # so many of its entries are there, of 0.5 in the upper triangle
-HEAVY = 1.5e7  # multiplications of a factorisation from which dense fronts pay
-DEEP = 1e5  # multiplications a row from which another order is worth its time
+# A border is looked for in matrices of so many entries or more.
+BORDER_ENTRIES = 20_000
+# Entries of a row or column up to which it stays in the sparse part.
+SPARSE_DEGREE = 16
+# Rows of a border at least and at most.
+LEAST, MOST = 50, 3000
+# Density of B from which a border pays; one of WIDE rows pays with a thinner B too, if
+# the entries of the upper triangle of K_D are FULL times its size squared (0.5 is all).
+DENSE_B, WIDE, FULL = 0.1, 600, 0.2
+# Multiplications of a factorisation from which dense fronts pay; multiplications a row
+# from which nested dissection is tried as another order.
+HEAVY, DEEP = 1.5e7, 1e5
+# Fill is counted where K has so many entries or more, and so many a column.
 FILL = (200_000, 0), (20_000, 3), (5_000, 4)
-"""Fill is counted where K has so many entries or more, and so many a column."""
 
 
-def factor(matrix: csc_array) -> "Sparse | Multifrontal | Bordered":
+class Factors(Protocol):
+    """Factors of a quasi-definite matrix; where a pivot is 0, ValueError."""
+
+    def refactor(self, data: np.ndarray) -> None:
+        """Factor again with other values in the same pattern."""
+
+    def solve(self, rhs: np.ndarray) -> np.ndarray:
+        """Return the solution for a right-hand side."""
+
+
+def factor(matrix: csc_array) -> Factors:
     """Return factors of a quasi-definite matrix, its upper triangle given in CSC."""
     border = dense_border(matrix.indptr, matrix.indices)
     if border.size:
         return Bordered(matrix, border)
     order = heavy_order(matrix.indptr, matrix.indices)
-    return Sparse(matrix) if order is None else Multifrontal(matrix, order)
+    return SparseFactors(matrix) if order is None else Multifrontal(matrix, order)
 
 
-class Sparse:
+class SparseFactors:
     """L D L' by qdldl."""
 
-    def __init__(self, matrix: csc_array) -> None:
+    def __init__(self, matrix: csc_array | csc_matrix) -> None:
         """Order and factor; the pattern stays."""
         self.matrix = matrix
         self.solver = qdldl.Solver(matrix, upper=True)
 
-    def update(self, data: np.ndarray) -> None:
+    def refactor(self, data: np.ndarray) -> None:
         """Factor again with other values."""
         if data is not self.matrix.data:
             self.matrix.data[:] = data
@@ -69,6 +83,22 @@ class Sparse:
     def solve(self, rhs: np.ndarray) -> np.ndarray:
         """Return the solution for a right-hand side."""
         return self.solver.solve(rhs)
+
+
+class Diagonal:
+    """A diagonal matrix as its own factors."""
+
+    def __init__(self, matrix: csc_matrix) -> None:
+        """Keep the entries."""
+        self.entries = matrix.data
+
+    def refactor(self, data: np.ndarray) -> None:
+        """Take other entries."""
+        self.entries = data
+
+    def solve(self, rhs: np.ndarray) -> np.ndarray:
+        """Return the solution for a right-hand side."""
+        return rhs / self.entries
 
 
 class Bordered:
@@ -87,29 +117,26 @@ class Bordered:
         indptr = np.concatenate(([0], np.cumsum(counts[self.rest]))).astype(np.int32)
         empty = np.zeros(indptr[-1]), np.zeros(indptr[-1], dtype=np.int32), indptr
         self.inner = csc_matrix(empty, shape=(self.rest.size, self.rest.size))
+        self.factors: SparseFactors | Diagonal | None = None
         self.B = np.zeros((self.rest.size, border.size), order="F")
         self.S = np.zeros((border.size, border.size), order="F")
-        self.solver: Any = None
-        self.update(matrix.data)
+        self.refactor(matrix.data)
 
-    def update(self, data: np.ndarray) -> None:
+    def refactor(self, data: np.ndarray) -> None:
         """Factor again with other values."""
         inner, B, S = self.inner, self.B, self.S
         S[:] = 0.0
         split(
             self.indptr, self.indices, data, self.place, inner.indices, inner.data, B, S
         )
-        if inner.nnz == self.rest.size:
-            self.solver = Diagonal(inner.data)
-            X = B / inner.data[:, None]
+        if self.factors is None:
+            is_diagonal = inner.nnz == self.rest.size
+            self.factors = Diagonal(inner) if is_diagonal else SparseFactors(inner)
         else:
-            if self.solver is None:
-                self.solver = qdldl.Solver(inner, upper=True)
-            else:
-                self.solver.update(inner, upper=True)
-            X = np.empty_like(B)
-            for j in range(B.shape[1]):
-                X[:, j] = self.solver.solve(B[:, j])
+            self.factors.refactor(inner.data)
+        X = np.empty_like(B)
+        for j in range(B.shape[1]):
+            X[:, j] = self.factors.solve(B[:, j])
         S -= B.T @ X
         self.X = X
         self.L, info = dpotrf(S, lower=0)
@@ -122,8 +149,9 @@ class Bordered:
 
     def solve(self, rhs: np.ndarray) -> np.ndarray:
         """Return the solution for a right-hand side."""
+        assert self.factors is not None
         u = np.empty_like(rhs)
-        inner = self.solver.solve(rhs[self.rest])
+        inner = self.factors.solve(rhs[self.rest])
         goal = rhs[self.border] - self.B.T @ inner
         if self.is_definite:
             outer = dpotrs(self.L, goal, lower=0)[0]
@@ -134,40 +162,28 @@ class Bordered:
         return u
 
 
-class Diagonal:
-    """A diagonal matrix with the interface of a factorisation."""
-
-    def __init__(self, entries: np.ndarray) -> None:
-        """Keep the entries."""
-        self.entries = entries
-
-    def solve(self, rhs: np.ndarray) -> np.ndarray:
-        """Return the solution for a right-hand side."""
-        return rhs / self.entries
-
-
 def dense_border(indptr: np.ndarray, indices: np.ndarray) -> np.ndarray:
     """Return the rows to split off, none if that does not pay."""
     none = np.empty(0, dtype=np.intp)
     size = indptr.size - 1
-    if indices.size < LIGHT:
+    if indices.size < BORDER_ENTRIES:
         return none
     outside = np.zeros(size, dtype=np.bool_)
     while True:
         degree = degrees(indptr, indices, ~outside)
         highest = degree.max()
-        if highest <= SPARSE:
+        if highest <= SPARSE_DEGREE:
             break
-        outside |= degree > max(highest // 2, SPARSE)
+        outside |= degree > max(highest // 2, SPARSE_DEGREE)
         if np.count_nonzero(outside) > MOST:
             return none
     border = np.flatnonzero(outside)
     rest = size - border.size
-    if border.size < LEAST or border.size * rest > ROOM:
+    if border.size < LEAST or border.size * rest > MOST_DENSE:
         return none
     inside, crossing = count_entries(indptr, indices, outside)
     is_full = border.size >= WIDE and inside >= FULL * border.size**2
-    return border if is_full or crossing >= THIN * border.size * rest else none
+    return border if is_full or crossing >= DENSE_B * border.size * rest else none
 
 
 def heavy_order(indptr: np.ndarray, indices: np.ndarray) -> Order | None:

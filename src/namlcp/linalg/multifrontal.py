@@ -15,13 +15,15 @@ from namlcp.compiled import kernel, part
 from namlcp.linalg.lapack import add_scaled, dot, product, solve_rows
 from namlcp.linalg.ordering import Order, supernodes
 
-BLOCK = 48  # columns eliminated at a time in a front
-STRIP = 96  # rows of the lower triangle updated by one product
-SMALL = 512  # entries of L below which a product is not worth a call of BLAS
+# Columns eliminated at a time in a front, and rows of the lower triangle updated by
+# one product.
+BLOCK, STRIP = 48, 96
+# Entries of L up to which a product is not worth a call of BLAS.
+SMALL_PRODUCT = 512
 
 
 class Multifrontal:
-    """Factors of K~ with the interface of `factors.Sparse`."""
+    """`factors.Factors` by dense fronts."""
 
     def __init__(self, matrix: csc_array, order: Order) -> None:
         """Plan the fronts and factor; raise ValueError if a pivot vanishes."""
@@ -35,9 +37,9 @@ class Multifrontal:
         self.stack = np.empty(stack_room(nodes.parent, f - k))
         self.front = np.empty(((f - k) ** 2).max())
         self.work = np.empty(max((f * np.minimum(k, BLOCK)).max(), ((f - k) * k).max()))
-        self.update(matrix.data)
+        self.refactor(matrix.data)
 
-    def update(self, data: np.ndarray) -> None:
+    def refactor(self, data: np.ndarray) -> None:
         """Factor again with other values."""
         if not factorise(
             self.nodes, data, self.L, self.D, self.position, self.stack, self.front,
@@ -181,7 +183,7 @@ def complement(panel, D, update, work):
     """Subtract L D L' from the lower triangle of the update, L the lower panel."""
     f, k = panel.shape
     u = f - k
-    if u * k <= SMALL:
+    if u * k <= SMALL_PRODUCT:
         for i in range(u):
             for p in range(k):
                 x = panel[k + i, p] * D[p]

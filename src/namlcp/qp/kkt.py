@@ -16,12 +16,15 @@ from scipy.sparse import csc_array, csr_array
 
 from namlcp.checks import refuse_size
 from namlcp.compiled import kernel
-from namlcp.linalg import Bordered, Multifrontal, Sparse, factor
+from namlcp.linalg import Factors, arrays_of, factor
 
-PASSES = 11  # refinement steps at most
-POOR = 1e-9  # relative residual above which GMRES goes on
-TINY = 1e-8  # right-hand sides below this are not measured relatively
-KRYLOV = 8
+# Refinement steps at most; relative residual of K~ u = rhs at which they end, unless
+# the caller asks for another.
+PASSES, ACCURACY = 11, 1e-14
+# Relative residual above which GMRES goes on, and its steps.
+POOR, KRYLOV = 1e-9, 8
+# A right-hand side below this is measured as if it were so large.
+SMALL_RHS = 1e-8
 
 
 class KKT:
@@ -30,6 +33,7 @@ class KKT:
     Attributes
     ----------
     indptr, indices, base : the upper triangle of K in CSC, diagonal entries stored
+    triangle : these three
     data : the values of K~, diagonal filled in by the caller through `diagonal`
     diagonal : positions of the diagonal in `base` and `data`
     accuracy : relative residual at which refinement stops
@@ -47,26 +51,23 @@ class KKT:
 
         The factors of the `last` K are taken over where the pattern is the same.
         """
-        self.accuracy = 1e-14
+        self.accuracy = ACCURACY
         self.n = P.shape[0]
         self.size = self.n + A.shape[0] + G.shape[0]
         room = P.nnz + A.nnz + G.nnz + self.size
         refuse_size("the KKT matrix", room)
         self.indptr = np.zeros(self.size + 1, dtype=np.int32)
-        self.indices = np.empty(room, dtype=np.int32)
-        self.base = np.empty(room)
-        upper_triangle(
-            P.indptr, P.indices, P.data, A.indptr, A.indices, A.data,
-            G.indptr, G.indices, G.data, self.indptr, self.indices, self.base,
-        )  # fmt: skip
-        self.indices = self.indices[: self.indptr[-1]].copy()
-        self.base = self.base[: self.indptr[-1]].copy()
+        indices, base = np.empty(room, dtype=np.int32), np.empty(room)
+        upper_triangle(*map(arrays_of, (P, A, G)), self.indptr, indices, base)
+        self.indices = indices[: self.indptr[-1]].copy()
+        self.base = base[: self.indptr[-1]].copy()
+        self.triangle = self.indptr, self.indices, self.base
         self.diagonal = self.indptr[1:] - 1
         self.matrix = csc_array(
             (self.base.copy(), self.indices, self.indptr), shape=(self.size, self.size)
         )
         self.data = self.matrix.data
-        self.factors: Sparse | Multifrontal | Bordered | None = None
+        self.factors: Factors | None = None
         self.factored = np.full(self.data.size, np.nan)  # unlike any data
         if last is not None and (
             np.array_equal(last.indptr, self.indptr)
@@ -79,14 +80,14 @@ class KKT:
 
     def factor(self) -> bool:
         """Factor K~ as it stands in `data`; False if a pivot vanishes."""
-        if weigh(self.data, self.diagonal, self.factored, self.weight):
+        if set_weights(self.data, self.diagonal, self.factored, self.weight):
             return True
         self.factored[-1] = np.nan
         try:
             if self.factors is None:
                 self.factors = factor(self.matrix)
             else:
-                self.factors.update(self.data)
+                self.factors.refactor(self.data)
         except (RuntimeError, ValueError):
             return False
         self.factored[:] = self.data
@@ -97,23 +98,26 @@ class KKT:
         assert self.factors is not None
         return self.factors.solve(rhs)
 
+    def remainder(self, rhs: np.ndarray, u: np.ndarray, r: np.ndarray) -> float:
+        """Set r = rhs - K~ u; return its weighted norm."""
+        return remainder(self.indptr, self.indices, self.data, rhs, u, r)
+
     def solve(self, rhs: np.ndarray) -> tuple[np.ndarray, float]:
         """Return a refined u with K~ u = rhs and its relative residual."""
-        size = max(TINY, scaled_norm(rhs, self.weight))
+        size = max(SMALL_RHS, weighted_norm(rhs, self.weight))
         u = self.solve_once(rhs)
-        res, other = self.residual, self.trial
-        error = remainder(self.indptr, self.indices, self.data, rhs, u, res) / size
+        r, other = self.residual, self.trial
+        error = self.remainder(rhs, u, r) / size
         for _ in range(PASSES):
             if error <= self.accuracy:
                 break
-            better = self.solve_once(res)
+            better = self.solve_once(r)
             better += u
-            new = remainder(self.indptr, self.indices, self.data, rhs, better, other)
-            new /= size
+            new = self.remainder(rhs, better, other) / size
             if not new < error:
                 break
             gained = new <= 0.5 * error
-            u, error, res, other = better, new, other, res
+            u, error, r, other = better, new, other, r
             if not gained:
                 break
         if not error <= POOR:
@@ -125,7 +129,7 @@ class KKT:
     ) -> tuple[np.ndarray, float]:
         """One cycle of GMRES(8) from u, in the norm of `solve`; the better point."""
         r = np.empty(self.size)
-        remainder(self.indptr, self.indices, self.data, rhs, u, r)
+        self.remainder(rhs, u, r)
         r /= self.weight
         beta = float(np.linalg.norm(r))
         if not 0.0 < beta < np.inf:
@@ -138,7 +142,7 @@ class KKT:
         used = 0
         for k in range(KRYLOV):
             steps[k] = self.solve_once(basis[k] * self.weight)
-            remainder(self.indptr, self.indices, self.data, zero, steps[k], r)
+            self.remainder(zero, steps[k], r)
             r /= -self.weight
             for _ in range(2):  # orthogonalised twice, or the basis degenerates
                 h = basis[: k + 1] @ r
@@ -157,54 +161,45 @@ class KKT:
         first[0] = beta
         weights = np.linalg.lstsq(H[: used + 1, :used], first, rcond=None)[0]
         better = u + weights @ steps[:used]
-        new = remainder(self.indptr, self.indices, self.data, rhs, better, r) / size
+        new = self.remainder(rhs, better, r) / size
         return (better, new) if new < error else (u, error)
 
 
 @kernel
-def upper_triangle(Pp, Pi, Px, Ap, Ai, Ax, Gp, Gi, Gx, indptr, indices, data):
+def upper_triangle(P, A, G, indptr, indices, data):
     """Fill the upper triangle of K from P in CSC (both triangles), A and G in CSR."""
-    n = Pp.size - 1
+    n = P.indptr.size - 1
     k = 0
     for j in range(n):
         diagonal = 0.0
-        for t in range(Pp[j], Pp[j + 1]):
-            if Pi[t] < j:
-                indices[k] = Pi[t]
-                data[k] = Px[t]
+        for t in range(P.indptr[j], P.indptr[j + 1]):
+            if P.indices[t] < j:
+                indices[k] = P.indices[t]
+                data[k] = P.data[t]
                 k += 1
-            elif Pi[t] == j:
-                diagonal = Px[t]
+            elif P.indices[t] == j:
+                diagonal = P.data[t]
         indices[k] = j
         data[k] = diagonal
         k += 1
         indptr[j + 1] = k
     column = n
-    for i in range(Ap.size - 1):
-        for t in range(Ap[i], Ap[i + 1]):
-            indices[k] = Ai[t]
-            data[k] = Ax[t]
+    for C in (A, G):
+        for i in range(C.indptr.size - 1):
+            for t in range(C.indptr[i], C.indptr[i + 1]):
+                indices[k] = C.indices[t]
+                data[k] = C.data[t]
+                k += 1
+            indices[k] = column
+            data[k] = 0.0
             k += 1
-        indices[k] = column
-        data[k] = 0.0
-        k += 1
-        column += 1
-        indptr[column] = k
-    for i in range(Gp.size - 1):
-        for t in range(Gp[i], Gp[i + 1]):
-            indices[k] = Gi[t]
-            data[k] = Gx[t]
-            k += 1
-        indices[k] = column
-        data[k] = 0.0
-        k += 1
-        column += 1
-        indptr[column] = k
+            column += 1
+            indptr[column] = k
 
 
 @kernel
-def weigh(data, diagonal, factored, weight):
-    """Set weight = max(1, |K~_ii|); tell whether the data are the factored ones."""
+def set_weights(data, diagonal, factored, weight):
+    """Set weight_i = max(1, |K~_ii|); tell whether the data are the factored ones."""
     for i in range(weight.size):
         weight[i] = max(1.0, abs(data[diagonal[i]]))
     for t in range(data.size - 1, -1, -1):
@@ -214,7 +209,7 @@ def weigh(data, diagonal, factored, weight):
 
 
 @kernel
-def scaled_norm(r, weight):
+def weighted_norm(r, weight):
     """Return max |r_i| / weight_i; NaN counts."""
     worst = 0.0
     for i in range(r.size):
@@ -247,8 +242,9 @@ def remainder(indptr, indices, data, rhs, u, r):
 
 
 @kernel
-def products(indptr, indices, base, n, x, v, Px, Ctv, t):
+def products(indptr, indices, base, x, v, Px, Ctv, t):
     """Set Px = P x, Ctv = C'v[n:] and t = (x, C x) for x (n,), v and t (size,)."""
+    n = x.size
     for j in range(n):
         Px[j] = 0.0
         Ctv[j] = 0.0

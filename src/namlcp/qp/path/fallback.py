@@ -1,4 +1,4 @@
-"""Two QPs that always have a solution and decide what the loop could not.
+"""Two QPs that always have a solution and tell what the loop could not decide.
 
     elastic:    min |s|^2/2 + |t|^2/2,  Gu - s <= (h - G x0)/k,
                 Au - t = (b - A x0)/k,  (lb - x0)/k <= u <= (ub - x0)/k
@@ -17,47 +17,50 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse import csc_array
 
+from namlcp.checks import sparse_matrix
 from namlcp.qp.certificates import accept_dual, accept_primal, largest
 from namlcp.qp.problem import QP, Point
 from namlcp.status import Status
 
-NEARLY = 1e-6  # relative violation up to which a ray is looked for first
+# Violation, relative to the rows' values, up to which a ray is looked for first.
+NEARLY_FEASIBLE = 1e-6
+# A violation below this part of the tolerance leaves nothing to prove.
+SATISFIED = 1e-4
+# In the place of a divisor that is zero.
+TINY = 1e-300
 
 Solver = Callable[[QP], Point]
 Projection = Callable[[np.ndarray, np.ndarray, np.ndarray], Point | None]
 
 
-def decide(
+def find_certificate(
     qp: QP,
     point: Point,
     tol: float,
     solver: Solver,
     project: Projection | None = None,
 ) -> tuple[Status, Point] | None:
-    """Return a verdict with its proof, or None, from the state of the loop.
+    """Return a verdict with its proof, or None, for the best point of the loop.
 
-    A point that meets the rows makes the ray the better first question. `project` makes
+    The ray is looked for first where the point nearly meets the rows. `project` makes
     a proof of (x, y, z) where the solution of the elastic QP is not exact enough.
     """
     x, y, z, _ = point
     x = np.minimum(np.maximum(x, qp.lb), qp.ub)
     Ax, Gx = qp.A @ x, qp.G @ x
     violation = max(largest(Ax - qp.b), (Gx - qp.h).max(initial=0.0))
-    nearly = max(tol, NEARLY * max(1.0, largest(Ax), largest(Gx)))
-    kinds = ["primal", "dual"] if violation > nearly else ["dual", "primal"]
-    for kind in kinds:
-        if kind == "primal":
-            y_found, z_found = elastic(qp, solver, x, 1e-4 * tol)
+    nearly = max(tol, NEARLY_FEASIBLE * max(1.0, largest(Ax), largest(Gx)))
+    questions = Status.PRIMAL_INFEASIBLE, Status.DUAL_INFEASIBLE
+    for status in questions if violation > nearly else questions[::-1]:
+        if status is Status.PRIMAL_INFEASIBLE:
+            y_found, z_found = elastic(qp, solver, x, SATISFIED * tol)
             proof = accept_primal(qp, x, y_found, z_found, tol)
             if proof is None and project is not None:
                 proof = project(x, y_found, z_found)
-            if proof is not None:
-                return Status.PRIMAL_INFEASIBLE, proof
         else:
-            d = recession(qp, solver)
-            proof = accept_dual(qp, x, y, z, d, tol)
-            if proof is not None:
-                return Status.DUAL_INFEASIBLE, proof
+            proof = accept_dual(qp, x, y, z, recession(qp, solver), tol)
+        if proof is not None:
+            return status, proof
     return None
 
 
@@ -94,19 +97,17 @@ def elastic(
 def recession(qp: QP, solver: Solver) -> np.ndarray:
     """Return the projection of -q on the recession cone (columns and rows scaled)."""
     n = qp.q.size
-    size = np.zeros(n)
-    for M in (qp.P, qp.A, qp.G):
-        np.maximum.at(size, np.repeat(np.arange(n), np.diff(M.indptr)), np.abs(M.data))
+    size = abs(sparse.vstack((qp.P, qp.A, qp.G))).max(axis=0).toarray().ravel()
     scale = 1.0 / np.where(size > 0.0, size, 1.0)
     D = sparse.diags_array(scale)
-    A, zero_b, _ = unit_rows((sparse.vstack((qp.P, qp.A)) @ D).tocsr(), None)
     rows = np.flatnonzero(np.isfinite(qp.h))
-    G, zero_h, _ = unit_rows(qp.G.tocsr()[rows] @ D, None)
+    A, zero_b, _ = unit_rows((sparse.vstack((qp.P, qp.A)) @ D).tocsr())
+    G, zero_h, _ = unit_rows(qp.G.tocsr()[rows] @ D)
     q = qp.q * scale
     d = solver(
         QP(
             canonical(sparse.eye_array(n)),
-            q / max(largest(q), 1e-300),
+            q / max(largest(q), TINY),
             canonical(G),
             zero_h,
             canonical(A),
@@ -118,17 +119,13 @@ def recession(qp: QP, solver: Solver) -> np.ndarray:
     return d.x * scale
 
 
-def unit_rows(M: Any, rhs: np.ndarray | None) -> tuple[Any, np.ndarray, np.ndarray]:
-    """Return M and rhs (zeros if None) with rows of unit 2-norm, and the norms."""
+def unit_rows(M: Any, rhs: Any = 0.0) -> tuple[Any, np.ndarray, np.ndarray]:
+    """Return M and rhs with rows of unit 2-norm, and the norms, 1 for empty rows."""
     norms = np.sqrt(np.asarray(M.multiply(M).sum(axis=1)).ravel())
     norms[norms == 0.0] = 1.0
-    rhs = np.zeros(norms.size) if rhs is None else rhs / norms
-    return sparse.diags_array(1.0 / norms) @ M, rhs, norms
+    return sparse.diags_array(1.0 / norms) @ M, rhs / norms, norms
 
 
 def canonical(M: Any) -> csc_array:
-    """Return M as a canonical CSC array with int32 indices."""
-    M = csc_array(M, dtype=float)
-    M.sum_duplicates()
-    M.indptr, M.indices = M.indptr.astype(np.int32), M.indices.astype(np.int32)
-    return M
+    """Return M as compiled code takes it."""
+    return sparse_matrix("a matrix of a fallback QP", M, "csc")

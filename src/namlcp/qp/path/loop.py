@@ -1,8 +1,8 @@
-"""The path: a regularised primal-dual interior method with an exact finish.
+"""The path: a regularised primal-dual interior method with an active-set refinement.
 
 For P positive semidefinite and any rows: presolve, equilibrate, follow the central path
-W Z = mu through one sparse quasi-definite KKT matrix, try the exact active-set finish
-as soon as it can pay, and judge every candidate on the user's own data. Mehrotra's
+W Z = mu through one sparse quasi-definite KKT matrix, refine the active set
+as soon as that can pay, and judge every candidate on the user's own data. Mehrotra's
 predictor and corrector (SIAM J. Optim. 2, 1992), one corrector of Gondzio (Comput.
 Optim. Appl. 6, 1996), separate primal and dual steps.
 """
@@ -16,24 +16,22 @@ from namlcp.options import DEFAULT_OPTIONS
 from namlcp.qp.guess import Guess
 from namlcp.qp.judge import Judge
 from namlcp.qp.path import fallback
-from namlcp.qp.path.certificates import LoopTests
-from namlcp.qp.path.finish import LARGE, Finish, Trigger
+from namlcp.qp.path.candidates import CertificateSearch
+from namlcp.qp.path.refinement import LARGE_KKT, Refinement, RefinementTiming
 from namlcp.qp.path.regularisation import POOR, Regularisation
 from namlcp.qp.path.steps import (
     advance,
     assemble,
     centred_target,
     evaluate,
-    piece_step,
-    right_side,
+    newton_right_side,
     shifted_inside,
+    slack_step,
 )
 from namlcp.qp.transforms import UNITS, ScaledQP
 from namlcp.status import Status
 
 SHORT = 0.99  # fraction of the longest step
-ROUNDS = 6  # sets tried by one finish
-GOOD = 1e-2  # judgement at which a finish stops mending the set
 LONG = 1.8  # sum of the steps above which Gondzio's corrector is not tried
 GAIN = 0.02  # growth of the steps that pays for Gondzio's corrector
 PATIENCE = 100  # iterations without halving the worst residual before another try
@@ -41,7 +39,7 @@ LIFT = 0.1  # part of the gap that m mu does not fall below in another try
 TOLERABLE = 0.5  # violation over its tolerance that another try may leave
 ACCURACY = 1e-4  # of the linear solves, relative to the tolerance
 CLOSE = 1e3  # gap over its tolerance at which the judge sees a feasible iterate
-EXACT = 1e-8  # tolerances up to this one ask for an exact finish in any case
+EXACT = 1e-8  # tolerances up to this one ask for a refinement in any case
 INSIDE = 1e-2  # least slack and multiplier of a warm start, relative to the largest
 DOUBTED = 10  # iterations without halving before a warm start is given up
 DOUBT = 12  # iterations without halving before the fallback QPs are asked
@@ -51,7 +49,11 @@ class Interior:
     """The iterate (x, y, W, Z) of a scaled problem, and the loop."""
 
     def __init__(
-        self, problem: ScaledQP, judge: Judge, limits: Limits, finish: Finish
+        self,
+        problem: ScaledQP,
+        judge: Judge,
+        limits: Limits,
+        refinement: Refinement,
     ) -> None:
         """Allocate everything the loop needs."""
         self.problem, self.judge, self.limits = problem, judge, limits
@@ -72,8 +74,8 @@ class Interior:
         self.max_iter = limits.max_iter or DEFAULT_OPTIONS.max_iter
         self.tol = max(limits.tolerances)
         problem.kkt.accuracy = min(max(ACCURACY * self.tol, 1e-14), 1e-10)
-        self.finish = finish
-        self.tests = LoopTests(problem, judge)
+        self.refinement = refinement
+        self.tests = CertificateSearch(problem, judge)
         self.ask: fallback.Solver | None = None
         self.iterations = 0
         self.is_warm = False
@@ -102,8 +104,8 @@ class Interior:
         self.is_warm = guess.x.size > 0 and self.warm_start(guess)
         if not self.is_warm and not self.start():
             return Status.NUMERICAL_ERROR
-        is_large = self.problem.kkt.base.size > LARGE
-        trigger = Trigger(self.tol, is_large)
+        is_large = self.problem.kkt.base.size > LARGE_KKT
+        timing = RefinementTiming(self.tol, is_large)
         active = self.Z > self.W
         mark, since = inf, 0
         for k in range(self.max_iter + 1):
@@ -118,11 +120,11 @@ class Interior:
             done = self.is_close(worst) and self.offer(self.x, self.y, self.Z) <= 1.0
             if done and self.tol > EXACT:
                 return Status.SOLVED
-            if done or trigger.pulled(worst, self.norms[0], active, before):
-                self.finish.run(self.x, self.y, self.Z, active, ROUNDS, GOOD)
+            if done or timing.is_due(worst, self.norms[0], active, before):
+                self.refinement.run(self.x, self.y, self.Z, active)
             if self.judge.best <= 1.0:
                 return Status.SOLVED
-            verdict = self.tests.decide(self)
+            verdict = self.tests.find(self)
             if verdict is not None:
                 return verdict
             since = 0 if worst <= 0.5 * mark else since + 1
@@ -141,7 +143,7 @@ class Interior:
                 if not self.restart():
                     return Status.STALLED
                 mark, since = inf, 0
-                trigger = Trigger(self.tol, is_large)
+                timing = RefinementTiming(self.tol, is_large)
         return Status.MAX_ITER
 
     def restart(self) -> bool:
@@ -177,7 +179,7 @@ class Interior:
         if ask is None or self.offer(*self.best_point) <= 1.0:
             return None
         point = self.problem.point(self.x, self.y, self.Z)
-        verdict = fallback.decide(
+        verdict = fallback.find_certificate(
             self.judge.qp, point, self.limits.eps_abs, ask, self.tests.project
         )
         if verdict is None:
@@ -210,7 +212,7 @@ class Interior:
         self.rc[:] = 0.0
         if not self.factor():
             return False
-        right_side(
+        newton_right_side(
             s.q, -s.b, -s.c, self.rc, s.place, s.sign, self.Z, self.omega, self.weight,
             self.tau, self.rhs,
         )  # fmt: skip
@@ -230,7 +232,7 @@ class Interior:
         """Compute the residuals; return the worst over its tolerance, keep the best."""
         s, kkt = self.problem, self.problem.kkt
         evaluate(
-            kkt.indptr, kkt.indices, kkt.base, s.unit, s.q, s.b, s.place, s.sign, s.c,
+            *kkt.triangle, s.unit, s.q, s.b, s.place, s.sign, s.c,
             self.x, self.y, self.W, self.Z, self.v, self.Px, self.Ctv, self.t,
             self.rd, self.rp, self.rw, self.norms,
         )  # fmt: skip
@@ -253,7 +255,7 @@ class Interior:
         """Adapt rho and delta to the step that led here."""
         mu, rd, rp, rw = self.norms[:4]
         if self.problem.c.size == 0:
-            self.reg.fade()
+            self.reg.lower()
             return
         self.reg.follow(mu_old, mu)
         self.reg.adapt(
@@ -321,7 +323,7 @@ class Interior:
     def direction(self) -> None:
         """Solve for the target rc; set du, dW, dZ, the longest steps and the error."""
         s = self.problem
-        right_side(
+        newton_right_side(
             self.rd, self.rp, self.rw, self.rc, s.place, s.sign, self.Z, self.omega,
             self.weight, self.tau, self.rhs,
         )  # fmt: skip
@@ -331,8 +333,8 @@ class Interior:
     def measure_step(self) -> None:
         """Set dW, dZ and the longest steps from du."""
         s, kkt = self.problem, self.problem.kkt
-        piece_step(
-            kkt.indptr, kkt.indices, kkt.base, s.n, self.du, s.place, s.sign,
+        slack_step(
+            *kkt.triangle, s.n, self.du, s.place, s.sign,
             self.omega, self.tau, self.rc, self.W, self.Z, self.dt, self.dW, self.dZ,
             self.length,
         )  # fmt: skip

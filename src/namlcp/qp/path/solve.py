@@ -9,9 +9,9 @@ from namlcp.qp.guess import NO_GUESS, Guess
 from namlcp.qp.judge import Judge
 from namlcp.qp.memory import Memory
 from namlcp.qp.path import fallback
-from namlcp.qp.path.certificates import contradiction
-from namlcp.qp.path.finish import Finish
-from namlcp.qp.path.loop import GOOD, ROUNDS, Interior
+from namlcp.qp.path.candidates import contradiction
+from namlcp.qp.path.loop import Interior
+from namlcp.qp.path.refinement import Refinement
 from namlcp.qp.path.steps import evaluate
 from namlcp.qp.problem import QP
 from namlcp.qp.transforms import ScaledQP, presolve
@@ -61,13 +61,13 @@ def follow_path(
         judge.offer(small.point(none, none, zero, zero, none))
         return judge.answer(Status.STALLED, 0, FORM)
     problem = memory.scaled = ScaledQP(small, memory.scaled)
-    finish = Finish(problem, judge, limits.deadline)
+    refinement = Refinement(problem, judge, limits.deadline)
     if guess.x.size:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            finish.run(*problem.guess(guess), ROUNDS, GOOD)
+            refinement.run(*problem.guess(guess))
         if judge.best <= 1.0:
             return judge.answer(Status.SOLVED, 0, FORM)
-    loop = Interior(problem, judge, limits, finish)
+    loop = Interior(problem, judge, limits, refinement)
     if not is_fallback:
         loop.ask = fallback_solver(limits.deadline)
     status = loop.run(guess)

@@ -1,12 +1,12 @@
 """Vector work of one interior iteration, compiled, without allocation.
 
-Pieces sign * t[place] + W = c, W >= 0, multipliers Z >= 0, with t = (x, Ax, Gx) and
-v = (net z_box, y, net z) in the layout of K. The Newton direction for the target
-W dZ + Z dW = rc is, after elimination of dZ and dW and with proximal terms rho, delta
-centred at the current point,
+One-sided constraints are sign * t[place] + W = c with slacks W >= 0 and multipliers
+Z >= 0; t = (x, Ax, Gx) and v = (net z_box, y, net z) have the layout of K. The Newton
+direction for the target W dZ + Z dW = rc is, after elimination of dZ and dW and with
+proximal terms rho, delta centred at the current point,
 
     tau = -rw - rc/Z,   omega = Z/(W + delta Z),
-    weight[j] = sum of omega, g[j] = sum of sign omega tau over the pieces at place j
+    weight[j] = sum of omega, g[j] = sum of sign omega tau over the constraints at j
     [P + rho + weight   A'       G'       ] [dx]   [-rd + g   ]
     [A                  -delta            ] [dy] = [-rp       ]
     [G                           -1/weight] [dv]   [g / weight]
@@ -18,67 +18,75 @@ import numpy as np
 from namlcp.compiled import kernel
 from namlcp.qp.kkt import products
 
-THIN = 1e-20  # smallest weight of a row
+# Places in the `norms` of `evaluate`: the mean product of W and Z, norms of the scaled
+# residuals, then the first six numbers of `Residuals`.
+MU, DUAL_NORM, ROW_NORM, SIDE_NORM = range(4)
+PRIMAL, DUAL, GAP, PRIMAL_SIZE, DUAL_SIZE, GAP_SIZE = range(5, 11)
+# Smallest weight of a row, in the place of zero.
+THIN = 1e-20
+# Gondzio's corrector: steps a become (1 + LONGER) a + LONGER; the products W Z there
+# are kept between these multiples of the target.
+LONGER, LEAST_PRODUCT, MOST_PRODUCT = 0.08, 0.1, 10.0
+# Where all slacks and multipliers of the first solve are below NEGLIGIBLE, scaled, they
+# say nothing, and the iteration starts from these values instead.
+NEGLIGIBLE, START = 1e-4, 0.1
 
 
 @kernel
 def evaluate(
     indptr, indices, base, unit, q, b, place, sign, c, x, y, W, Z,
-    v, Px, Ctv, t, rd, rp, rw, out,
+    v, Px, Ctv, t, rd, rp, rw, norms,
 ):  # fmt: skip
-    """Residuals of the iterate; work arrays v, Px, Ctv, t, results rd, rp, rw, out.
+    """Residuals of the iterate; work arrays v, Px, Ctv, t, results rd, rp, rw, norms.
 
-    rd = Px + q + C'v + z_box, rp = Ax - b, rw = sign t[place] - c + W; out = (mu, |rd|,
-    |rp|, |rw|, |x|_1) scaled, then the six numbers of `Residuals` in the user's units:
-    the point is judged without W.
+    rd = Px + q + C'v + z_box, rp = Ax - b, rw = sign t[place] - c + W; `norms` has the
+    places named above. The numbers of `Residuals` are in the user's units and measure
+    the violation without W.
     """
-    n = x.size
-    p = y.size
+    n, p = x.size, y.size
     v[:] = 0.0
     for i in range(p):
         v[n + i] = y[i]
     for k in range(place.size):
         v[place[k]] += sign[k] * Z[k]
-    products(indptr, indices, base, n, x, v, Px, Ctv, t)
-    out[:] = 0.0
-    xPx = 0.0
-    qx = 0.0
+    products(indptr, indices, base, x, v, Px, Ctv, t)
+    norms[:] = 0.0
+    xPx, qx = 0.0, 0.0
     for j in range(n):
         rd[j] = Px[j] + q[j] + Ctv[j] + v[j]
         xPx += x[j] * Px[j]
         qx += q[j] * x[j]
-        out[1] = max(out[1], abs(rd[j]))
-        out[4] += abs(x[j] * unit[j])
-        out[6] = max(out[6], abs(rd[j]) / unit[j])
-        largest = max(abs(Px[j]), abs(q[j]), abs(Ctv[j]), abs(v[j]))
-        out[9] = max(out[9], largest / unit[j])
-        out[8] = max(out[8], abs(x[j]) * unit[j])
+        norms[DUAL_NORM] = max(norms[DUAL_NORM], abs(rd[j]))
+        norms[DUAL] = max(norms[DUAL], abs(rd[j]) / unit[j])
+        term = max(abs(Px[j]), abs(q[j]), abs(Ctv[j]), abs(v[j]))
+        norms[DUAL_SIZE] = max(norms[DUAL_SIZE], term / unit[j])
+        norms[PRIMAL_SIZE] = max(norms[PRIMAL_SIZE], abs(x[j]) * unit[j])
         if rd[j] != rd[j]:
-            out[6] = np.nan
+            norms[DUAL] = np.nan
             return
     by = 0.0
     for i in range(p):
         rp[i] = t[n + i] - b[i]
         by += b[i] * y[i]
-        out[2] = max(out[2], abs(rp[i]))
-        out[5] = max(out[5], abs(rp[i]) * unit[n + i])
-        out[8] = max(out[8], max(abs(b[i]), abs(t[n + i])) * unit[n + i])
-    support = 0.0
-    complement = 0.0
+        norms[ROW_NORM] = max(norms[ROW_NORM], abs(rp[i]))
+        norms[PRIMAL] = max(norms[PRIMAL], abs(rp[i]) * unit[n + i])
+        term = max(abs(b[i]), abs(t[n + i]))
+        norms[PRIMAL_SIZE] = max(norms[PRIMAL_SIZE], term * unit[n + i])
+    support, complement = 0.0, 0.0
     for k in range(place.size):
         j = place[k]
         excess = sign[k] * t[j] - c[k]
         rw[k] = excess + W[k]
         support += c[k] * Z[k]
         complement += W[k] * Z[k]
-        out[3] = max(out[3], abs(rw[k]))
-        out[5] = max(out[5], excess * unit[j])
+        norms[SIDE_NORM] = max(norms[SIDE_NORM], abs(rw[k]))
+        norms[PRIMAL] = max(norms[PRIMAL], excess * unit[j])
         if j >= n:
-            out[8] = max(out[8], abs(t[j]) * unit[j])
+            norms[PRIMAL_SIZE] = max(norms[PRIMAL_SIZE], abs(t[j]) * unit[j])
     if place.size > 0:
-        out[0] = complement / place.size
-    out[7] = abs(xPx + qx + by + support)
-    out[10] = max(abs(xPx), abs(qx), abs(by), abs(support))
+        norms[MU] = complement / place.size
+    norms[GAP] = abs(xPx + qx + by + support)
+    norms[GAP_SIZE] = max(abs(xPx), abs(qx), abs(by), abs(support))
 
 
 @kernel
@@ -98,10 +106,9 @@ def assemble(base, diagonal, n, p, place, W, Z, rho, delta, omega, weight, data)
 
 
 @kernel
-def right_side(rd, rp, rw, rc, place, sign, Z, omega, weight, tau, rhs):
+def newton_right_side(rd, rp, rw, rc, place, sign, Z, omega, weight, tau, rhs):
     """Set tau and the right-hand side of the Newton system for the target rc."""
-    n = rd.size
-    p = rp.size
+    n, p = rd.size, rp.size
     for j in range(n):
         rhs[j] = -rd[j]
     for i in range(p):
@@ -115,7 +122,7 @@ def right_side(rd, rp, rw, rc, place, sign, Z, omega, weight, tau, rhs):
 
 
 @kernel
-def piece_step(
+def slack_step(
     indptr, indices, base, n, du, place, sign, omega, tau, rc, W, Z, dt, dW, dZ, out
 ):
     """Set dt = (dx, C dx), dW, dZ and out = (longest steps for W and Z, product).
@@ -129,12 +136,8 @@ def piece_step(
         for k in range(indptr[j], indptr[j + 1] - 1):
             total += base[k] * du[indices[k]]
         dt[j] = total
-    primal = 1.0
-    dual = 1.0
-    ww = 0.0
-    wz = 0.0
-    zw = 0.0
-    zz = 0.0
+    primal, dual = 1.0, 1.0
+    ww, wz, zw, zz = 0.0, 0.0, 0.0, 0.0
     for k in range(place.size):
         dZ[k] = omega[k] * (sign[k] * dt[place[k]] - tau[k])
         dW[k] = (rc[k] - W[k] * dZ[k]) / Z[k]
@@ -153,13 +156,16 @@ def piece_step(
 
 @kernel
 def centred_target(W, Z, dW, dZ, primal, dual, smu, rc):
-    """Pull the products at the longer steps into [0.1, 10] smu (Gondzio 1996)."""
-    a = min(1.0, 1.08 * primal + 0.08)
-    z = min(1.0, 1.08 * dual + 0.08)
+    """Change the target rc by Gondzio's corrector (1996) for the mean product smu.
+
+    The products at longer steps are pulled into [LEAST_PRODUCT, MOST_PRODUCT] smu.
+    """
+    a = min(1.0, (1.0 + LONGER) * primal + LONGER)
+    z = min(1.0, (1.0 + LONGER) * dual + LONGER)
     for k in range(W.size):
         product = (W[k] + a * dW[k]) * (Z[k] + z * dZ[k])
-        change = min(max(product, 0.1 * smu), 10.0 * smu) - product
-        rc[k] += max(change, -10.0 * smu)
+        change = min(max(product, LEAST_PRODUCT * smu), MOST_PRODUCT * smu) - product
+        rc[k] += max(change, -MOST_PRODUCT * smu)
 
 
 @kernel
@@ -181,8 +187,8 @@ def advance(n, du, dW, dZ, primal, dual, x, y, W, Z, out):
 
 def shifted_inside(W: np.ndarray, Z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return W, Z > 0 by Mehrotra's shift (SIAM J. Optim. 2, 1992, sec. 7)."""
-    if max(np.abs(W).max(), np.abs(Z).max()) <= 1e-4:
-        return np.full(W.size, 0.1), np.full(Z.size, 0.1)
+    if max(np.abs(W).max(), np.abs(Z).max()) <= NEGLIGIBLE:
+        return np.full(W.size, START), np.full(Z.size, START)
     W = W + max(0.0, -1.5 * W.min())
     Z = Z + max(0.0, -1.5 * Z.min())
     product, sum_w, sum_z = W @ Z, W.sum(), Z.sum()
