@@ -53,7 +53,7 @@ def test_the_dense_form_asks_whether_to_stop():
     data = P, q, G, h, np.empty((0, n)), np.empty(0), q - np.inf, q + np.inf
     start = np.empty(0), np.empty(0, dtype=np.int64), 1000
     code, pivots, x, *_ = dense.solve(*data, *start, address)
-    assert code == dense.LATE
+    assert code == dense.TIME_LIMIT
     assert len(looks) == 3
     assert 0 < pivots <= 3 * OFTEN / (4 * n * n) + 3
     assert np.isfinite(x).all()

@@ -1,20 +1,26 @@
-"""Small dense convex QPs: principal pivoting on their multipliers' LCP.
+"""Small dense convex QPs: a dual active-set method, pivoting on the multipliers' LCP.
 
-With P = L L' and C the rows of all constraints, the multipliers solve an LCP whose
-matrix is V V', V = C L^-T: positive semidefinite, never formed. It is solved by
-parametric principal pivoting, one index at a time: index p enters, its multiplier grows
-until its row holds (full step) or another multiplier reaches zero and leaves (partial
-step). In the letters of the QP that is the dual active-set method of Goldfarb and
-Idnani (Math. Programming 27 (1983) 1-33), which ends after finitely many steps for
-every definite P, tells infeasible problems, and needs no start. The active rows are
-kept as a thin QR factorisation V_F' = Q R, so that dependent rows are seen; at the end
-the KKT system of the active set is solved with refinement on the unfactored data.
+With P = L L' and C the rows of all constraints, the multipliers solve an LCP with the
+positive semidefinite matrix V V', V = C L^-T, which is never formed. Parametric
+principal pivoting on it is, in the letters of the QP, the dual active-set method of
+Goldfarb and Idnani (Math. Programming 27 (1983) 1-33): it ends after finitely many
+steps for every definite P, finds infeasible problems, and needs no start.
+
+1. x is the minimum without constraints; the equalities become active.
+2. The inequality violated most becomes active: its multiplier grows until its row holds
+   (full step) or another multiplier reaches zero and leaves (partial step). If neither
+   ends the step, the active rows contradict each other.
+3. Step 2 is repeated while a violation is above rounding. The active rows are kept as
+   a QR factorisation V_F' = Q'R, from which all multipliers are renewed now and then.
+4. The KKT system of the active set is solved with refinement on the unfactored data.
 
 A singular P gets a diagonal weight W, P + W = L L', and the cost (x - c)'W(x - c)/2
-around a centre c, which moves to the solution: the proximal point method (Rockafellar,
-SIAM J. Control Optim. 14 (1976) 877-898), exact after finitely many steps for a QP. The
-refinement is on P alone, so that one or two centres do once the active set is right.
-Where the centre runs away along a ray, the QP is unbounded.
+around a centre c:
+
+5. c moves to the solution, and steps 2 to 4 are repeated: the proximal point method
+   (Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898), exact after finitely many
+   steps for a QP. Step 4 refines on P alone, so that one or two centres do once the
+   active set is right. Where the centre runs away along a ray, the QP is unbounded.
 """
 
 import numpy as np
@@ -31,55 +37,51 @@ from namlcp.linalg import (
     copy,
     dot,
     forward_solve,
+    largest_entry,
     matvec,
 )
-from namlcp.qp.dense.face import enter, refit, start_from
+from namlcp.qp.dense.active_rows import add_constraint, add_rows, refit
 from namlcp.qp.dense.rows import (
     TINY,
-    certificate,
-    clear,
     contradicts,
     is_ray,
-    largest,
     most_violated,
     right_side,
     row_norms,
     set_row,
+    spread_multipliers,
     typical_curvature,
 )
+from namlcp.qp.dense.scaling import is_badly_scaled
 from namlcp.qp.dense.thinqr import triangular_solve, triangular_solve_transposed
-from namlcp.qp.dense.units import is_uneven
 from namlcp.residuals import qp_residuals_of_products
 
-SOLVED, INFEASIBLE, UNBOUNDED, NOT_CONVEX, STALLED, UNEVEN, LATE = range(7)
+SOLVED, INFEASIBLE, UNBOUNDED, NOT_CONVEX, STALLED, BADLY_SCALED, TIME_LIMIT = range(7)
 
 # Pivots after which multipliers and x are computed anew, against drift.
-REFIT = 32
-# A violation below this, relative to its terms, is rounding; with a weight, x loses the
-# digits that the weight is smaller than P.
-EXACT, WEIGHTED = 1e-14, 1e-12
-# After IDLE pivots in a row on violations below NOISE roundings, `level`, what counts
-# as rounding, grows tenfold.
-IDLE, NOISE = 10, 1e3
-# Where `level` grows beyond this, the pivoting has lost its digits.
-COARSE = 1e-6
-# A pivot of P below this multiple of its diagonal entry counts as zero.
-DEFINITE = 1e-13
-# The weight, relative to the largest entry of P, or to a typical one if that is more.
-WEIGHT = 1e-4
-# Centres tried, and passes of refinement for each; without a weight, tries and passes.
-CENTRES = 20, 20
-TRIES = 4, 5
-# The second centre and the next ones, LOWERED in all, have this part of the weight.
-LOWER, LOWERED = 0.1, 5
-# Relative residual of the KKT system at which a face is solved.
+REFIT_AFTER = 32
+# A violation up to this, relative to its terms, is rounding: with P = L L', and with a
+# weight, where x loses the digits by which the weight is smaller than P.
+ROUNDING, ROUNDING_WEIGHTED = 1e-14, 1e-12
+# After so many pivots in a row on violations below NOISE roundings, what counts as
+# rounding (`level`) grows tenfold; above MOST_ROUNDING the method has failed.
+IDLE_PIVOTS, NOISE, MOST_ROUNDING = 10, 1e3, 1e-6
+# A pivot of P up to this multiple of its diagonal entry counts as zero.
+ZERO_PIVOT = 1e-13
+# The weight relative to the largest entry of P, or to a typical one if that is more;
+# the second centre and the next ones, LOWERED in all, have LOWER times the last weight.
+WEIGHT, LOWER, LOWERED = 1e-4, 0.1, 5
+# Centres at most, and passes of refinement for each. Without a weight: rounds of steps
+# 2 to 4, each with a coarser `level`, and passes.
+CENTRES, ROUNDS = (20, 20), (4, 5)
+# Relative residual of the KKT system at which it is solved, with a weight.
 SETTLED = 1e-11
-# Pivots allowed for every variable and row with a weight; the path is safer then.
-MANY = 10
+# Pivots allowed with a weight for every variable and row; the path is safer then.
+MOST_PIVOTS = 10
 
 
 @part
-def refine(active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x, passes):
+def refine_point(active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x, passes):
     """Improve x and multiplier on the unfactored KKT system of the active rows.
 
     [P N'; N 0] [dx; dm] = -[rd; rp] by R'(R dm + Q g) = rp, L'dx = -(g + Q'R dm),
@@ -99,9 +101,9 @@ def refine(active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x, passes):
             add_scaled(1.0, dx, trial)
             add_scaled(1.0, dm, new_multiplier)
         matvec(P, trial, g)
-        size = max(largest(q), largest(g))
+        size = max(largest_entry(q), largest_entry(g))
         add_scaled(1.0, q, g)
-        primal, primal_size = 0.0, largest(trial)
+        primal, primal_size = 0.0, largest_entry(trial)
         for i in range(k):
             set_row(active[i], G, A, row)
             add_scaled(new_multiplier[i], row, g)
@@ -110,7 +112,7 @@ def refine(active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x, passes):
             dm[i] = residual
             primal = max(primal, abs(residual))
             primal_size = max(primal_size, abs(d))
-        worst = max(largest(g) / max(size, TINY), primal / max(primal_size, TINY))
+        worst = max(largest_entry(g) / max(size, TINY), primal / max(primal_size, TINY))
         if not worst < best:
             break
         copy(trial, x)
@@ -133,7 +135,7 @@ def refine(active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x, passes):
 
 
 @part
-def recover(active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box):
+def set_multipliers(active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box):
     """Set y, z, z_box from the active rows; active bounds hold to the last bit.
 
     The multiplier of an active bound is minus the stationarity residual, so that
@@ -141,36 +143,33 @@ def recover(active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box):
     what is left of it, relative to its terms.
     """
     n, m, p = x.size, z.size, y.size
-    clear(y, z, z_box)
+    spread_multipliers(active, multiplier, k, y, z, z_box)
+    for i in range(m):
+        z[i] = max(z[i], 0.0)
     for i in range(k):
-        index = active[i]
-        if index < p:
-            y[index] = multiplier[i]
-        elif index < p + m:
-            z[index - p] = max(multiplier[i], 0.0)
-        elif index < p + m + n:
-            x[index - p - m] = lb[index - p - m]
-        else:
-            x[index - p - m - n] = ub[index - p - m - n]
+        j = active[i] - p - m
+        if j >= n:
+            x[j - n] = ub[j - n]
+        elif j >= 0:
+            x[j] = lb[j]
     gradient = np.empty(n)
     matvec(P, x, gradient)
-    size = max(largest(q), largest(gradient))
+    size = max(largest_entry(q), largest_entry(gradient))
     add_scaled(1.0, q, gradient)
     add_rmatvec(A, y, gradient)
     add_rmatvec(G, z, gradient)
     for i in range(k):
-        if active[i] >= p + m + n:
-            j = active[i] - p - m - n
-            z_box[j] = max(-gradient[j], 0.0)
-        elif active[i] >= p + m:
-            j = active[i] - p - m
+        j = active[i] - p - m
+        if j >= n:
+            z_box[j - n] = max(-gradient[j - n], 0.0)
+        elif j >= 0:
             z_box[j] = min(-gradient[j], 0.0)
     add_scaled(1.0, z_box, gradient)
-    return largest(gradient) / max(size, TINY)
+    return largest_entry(gradient) / max(size, TINY)
 
 
 @part
-def unconstrained(q, weight, centre, L, u0, u, x):
+def minimise_cost(q, weight, centre, L, u0, u, x):
     """Set u0 = u = L^-1 (W centre - q) and x = L^-T u, the minimum of the cost."""
     for j in range(q.size):
         u0[j] = weight[j] * centre[j] - q[j]
@@ -181,7 +180,7 @@ def unconstrained(q, weight, centre, L, u0, u, x):
 
 
 @part
-def stay_at(x, L, u):
+def set_u(x, L, u):
     """Set u = L'x."""
     for j in range(x.size):
         u[j] = 0.0
@@ -190,7 +189,7 @@ def stay_at(x, L, u):
 
 
 @part
-def factor(P, weight, L):
+def factor_sum(P, weight, L):
     """Set L L' = P + diag(weight); tell whether that is positive definite."""
     for i in range(P.shape[0]):
         copy(P[i], L[i])
@@ -199,16 +198,16 @@ def factor(P, weight, L):
 
 
 @part
-def is_definite(P, L):
+def has_no_zero_pivot(P, L):
     """Tell whether no pivot of P = L L' is zero but for rounding."""
     for j in range(P.shape[0]):
-        if L[j, j] * L[j, j] <= DEFINITE * P[j, j]:
+        if L[j, j] * L[j, j] <= ZERO_PIVOT * P[j, j]:
             return False
     return True
 
 
 @part
-def factor_weighted(P, q, G, h, A, b, lb, ub, weight, L):
+def choose_weight(P, q, G, h, A, b, lb, ub, weight, L):
     """Choose the weight for a singular P and factor; False if P is not convex.
 
     The first factorisation is the question of `convexity.check_convex`.
@@ -219,73 +218,81 @@ def factor_weighted(P, q, G, h, A, b, lb, ub, weight, L):
         most = max(most, abs(P[j, j]))
     for j in range(n):
         weight[j] = SLACK * P[j, j] + (ZERO * most if most > 0.0 else 1.0)
-    if not factor(P, weight, L):
+    if not factor_sum(P, weight, L):
         return False
     scale = max(most, typical_curvature(q, G, h, A, b, lb, ub))
     if scale == 0.0:
         scale = 1.0
     for j in range(n):
         weight[j] = WEIGHT * scale
-    return factor(P, weight, L)
+    return factor_sum(P, weight, L)
 
 
 @part
-def lower(weight, active, multiplier, k, P, G, A, L, Q, R, watch):
+def lower_weight(weight, active, multiplier, k, P, G, A, L, Q, R, watch):
     """Lower the weight and factor anew; return the number of active rows, -1 if not."""
     for j in range(weight.size):
         weight[j] *= LOWER
-    if not factor(P, weight, L):
+    if not factor_sum(P, weight, L):
         return np.int64(-1)
     kept = active[:k].copy()
-    return start_from(kept, active, multiplier, np.int64(0), G, A, L, Q, R, watch)
+    return add_rows(kept, active, multiplier, np.int64(0), G, A, L, Q, R, watch)
 
 
 @pasted
-def pivot(
+def run_pivots(
     P, q, G, h, A, b, lb, ub, L, weight, start, hint, x, y, z, z_box, max_iter, watch
 ):
-    """Run the pivoting with P + diag(weight) = L L'; set x and the multipliers.
+    """Run the steps with P + diag(weight) = L L'; set x and the multipliers.
 
     The weight is zero for a definite P. Returns (code, pivots). INFEASIBLE leaves a
     candidate for a Farkas certificate in y, z, z_box, UNBOUNDED one for a ray in z_box.
+    Between the steps `level` is what counts as rounding while pivoting, `exact` what
+    does in the solution.
     """
     n, m, p = q.size, h.size, b.size
     Q, R = np.empty((n, n)), np.empty((n, n))
     active, multiplier = np.empty(n + 1, dtype=np.int64), np.empty(n + 1)
     row, norms, u0, u = np.empty(n), np.ones(m), np.empty(n), np.empty(n)
     Gx, centre, point = np.empty(m), np.zeros(n), np.empty(n)
-    definite = largest(weight) == 0.0
-    centres, passes = TRIES if definite else CENTRES
-    level = EXACT if definite else WEIGHTED
+    definite = largest_entry(weight) == 0.0
+    rounds, passes = ROUNDS if definite else CENTRES
+    level = ROUNDING if definite else ROUNDING_WEIGHTED
     # np.int64, because a literal would compile every callee once more
-    k, pivots, idle, exact = np.int64(0), 0, 0, EXACT
+    k, pivots, idle, exact = np.int64(0), 0, 0, ROUNDING
+    # Step 1: the minimum, the equalities, and the inequalities of a guess.
     copy(start, centre)
-    unconstrained(q, weight, centre, L, u0, u, x)
+    minimise_cost(q, weight, centre, L, u0, u, x)
     matvec(G, x, Gx)
     if definite and p == 0:
         if most_violated(x, Gx, h, lb, ub, norms, level, p) < 0:
-            refine(active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x, passes)
-            recover(active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box)
+            refine_point(
+                active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x, passes
+            )
+            set_multipliers(active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box)
             return SOLVED, 0
     row_norms(G, norms)
     for i in range(p):
-        k = enter(i, A[i], b[i], active, multiplier, k, L, Q, R, u, x, p, level, watch)
+        k = add_constraint(
+            i, A[i], b[i], active, multiplier, k, L, Q, R, u, x, p, level, watch
+        )
         if k < 0:
             active[-1 - k] = i
-            certificate(active, multiplier, -k, p, y, z, z_box)
+            spread_multipliers(active, multiplier, -k, y, z, z_box)
             return INFEASIBLE, pivots
     if hint.size > 0:
-        k = start_from(hint, active, multiplier, k, G, A, L, Q, R, watch)
+        k = add_rows(hint, active, multiplier, k, G, A, L, Q, R, watch)
         if definite:
             k = refit(
                 active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x, watch
             )
         else:
             copy(centre, x)
-    for turn in range(centres):
+    for turn in range(rounds):
+        # Steps 2 and 3, which a guess with a weight leaves out in the first turn.
         while (
             pivots < max_iter
-            and level <= COARSE
+            and level <= MOST_ROUNDING
             and (definite or turn > 0 or hint.size == 0)
             and not is_over(watch, n * m)
         ):
@@ -294,19 +301,19 @@ def pivot(
             if entering < 0:
                 break
             pivots += 1
-            if pivots % REFIT == 0:
+            if pivots % REFIT_AFTER == 0:
                 k = refit(
                     active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x, watch
                 )
             set_row(entering, G, A, row)
             d = right_side(entering, h, b, lb, ub)
-            size = abs(d) + np.sqrt(dot(row, row)) * largest(x)
+            size = abs(d) + np.sqrt(dot(row, row)) * largest_entry(x)
             is_noise = dot(row, x) - d <= NOISE * level * size
             idle = idle + 1 if is_noise else 0
-            if idle == IDLE:
-                level *= 10.0  # rounding, not the problem, keeps it busy
+            if idle == IDLE_PIVOTS:
+                level *= 10.0  # the violations are rounding
                 idle = 0
-            k = enter(
+            k = add_constraint(
                 entering, row, d, active, multiplier, k, L, Q, R, u, x, p, level, watch
             )
             if k < 0:
@@ -314,34 +321,38 @@ def pivot(
                 if (definite or not is_noise) and contradicts(
                     active, multiplier, -k, h, b, lb, ub
                 ):
-                    certificate(active, multiplier, -k, p, y, z, z_box)
+                    spread_multipliers(active, multiplier, -k, y, z, z_box)
                     return INFEASIBLE, pivots
                 level *= 10.0  # dependent rows that disagree by rounding
                 k = refit(
                     active, multiplier, -1 - k, G, h, A, b, lb, ub, u0, L, Q, R, u, x,
                     watch,
                 )  # fmt: skip
+        # Step 4.
         copy(x, point)
-        error = refine(
+        error = refine_point(
             active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x, passes
         )
-        left = recover(active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box)
+        left = set_multipliers(
+            active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box
+        )
         if is_over(watch, 0):
-            return LATE, pivots
-        if pivots >= max_iter or level > COARSE:
+            return TIME_LIMIT, pivots
+        if pivots >= max_iter or level > MOST_ROUNDING:
             return STALLED, pivots
         matvec(G, x, Gx)
         exact = 10.0 * (level if definite else exact)
         settled = definite or max(error, left) <= SETTLED
         if settled and most_violated(x, Gx, h, lb, ub, norms, exact, p) < 0:
             return SOLVED, pivots
+        # Step 5, or step 2 again with a coarser level.
         if definite:
             level = exact
         elif settled:  # x is the solution around itself: go on without a refit
             copy(x, centre)
-            unconstrained(q, weight, centre, L, u0, u, x)
+            minimise_cost(q, weight, centre, L, u0, u, x)
             copy(centre, x)
-            stay_at(x, L, u)
+            set_u(x, L, u)
             level = exact
             continue
         else:
@@ -350,12 +361,12 @@ def pivot(
             if turn > 0 and is_ray(z_box, P, q, G, h, lb, ub, norms, row, Gx):
                 return UNBOUNDED, pivots
             if 0 < turn <= LOWERED:
-                k = lower(weight, active, multiplier, k, P, G, A, L, Q, R, watch)
+                k = lower_weight(weight, active, multiplier, k, P, G, A, L, Q, R, watch)
                 if k < 0:
                     return STALLED, pivots
             copy(point, centre)
-            unconstrained(q, weight, centre, L, u0, u, x)
-            exact = EXACT
+            minimise_cost(q, weight, centre, L, u0, u, x)
+            exact = ROUNDING
         k = refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x, watch)
     return STALLED, pivots
 
@@ -368,22 +379,21 @@ def solve(P, q, G, h, A, b, lb, ub, start, hint, max_iter, address):
     are infinite; start, (n,) or empty, is a guess of x, hint (int64) lists inequalities
     to begin with; address: see `Deadline.run`. Returns (code, pivots, x, y, z, z_box,
     residuals), the last as in `Residuals`. NOT_CONVEX says that P is not positive
-    semidefinite, UNEVEN that the variables need other units first (`units`): nothing is
-    solved then.
+    semidefinite, BADLY_SCALED that `scaling` has to come first: nothing is solved then.
     """
     n, m, p = q.size, h.size, b.size
     x, y, z, z_box = np.zeros(n), np.zeros(p), np.zeros(m), np.zeros(n)
     L, weight = np.empty((n, n)), np.zeros(n)
     code, pivots = NOT_CONVEX, 0
-    uneven = is_uneven(P)
-    ready = not uneven and factor(P, weight, L) and is_definite(P, L)
-    if uneven:
-        code = UNEVEN
+    badly_scaled = is_badly_scaled(P)
+    ready = not badly_scaled and factor_sum(P, weight, L) and has_no_zero_pivot(P, L)
+    if badly_scaled:
+        code = BADLY_SCALED
     elif not ready:
-        ready = factor_weighted(P, q, G, h, A, b, lb, ub, weight, L)
-        max_iter = min(max_iter, MANY * (n + m + p))
+        ready = choose_weight(P, q, G, h, A, b, lb, ub, weight, L)
+        max_iter = min(max_iter, MOST_PIVOTS * (n + m + p))
     if ready:
-        code, pivots = pivot(
+        code, pivots = run_pivots(
             P, q, G, h, A, b, lb, ub, L, weight, start, hint, x, y, z, z_box, max_iter,
             new_watch(address),
         )  # fmt: skip

@@ -7,23 +7,14 @@ the upper ones (row e_j): row'x <= d, or = d for the first p.
 import numpy as np
 
 from namlcp.compiled import part
-from namlcp.linalg import copy, dot, matvec
+from namlcp.linalg import copy, dot, largest_entry, matvec
 
 # A Farkas sum below minus this, relative to its terms, is a contradiction.
 CONTRADICTION = 1e-10
-# An entry of a ray, of P or of a constraint along it below this times the largest is 0.
-RAY = 1e-9
+# Entries of a ray d, of P d and of G d below this, relative to the largest, count as 0.
+RAY_ZERO = 1e-9
 # In the place of a divisor that may be zero.
 TINY = 1e-300
-
-
-@part
-def largest(v):
-    """Return max |v_i|, 0 for no entries."""
-    size = 0.0
-    for i in range(v.size):
-        size = max(size, abs(v[i]))
-    return size
 
 
 @part
@@ -67,15 +58,12 @@ def right_side(k, h, b, lb, ub):
 
 @part
 def most_violated(x, Gx, h, lb, ub, norms, level, p):
-    """Return the inequality with the largest scaled violation above rounding, or -1.
+    """Return the inequality that x violates most, along its unit normal, or -1.
 
-    The violation is measured along the unit normal; `level` times the size of the terms
-    is taken for rounding.
+    A violation up to `level` times its terms counts as rounding.
     """
     m, n = h.size, x.size
-    size = 0.0
-    for j in range(n):
-        size = max(size, abs(x[j]))
+    size = largest_entry(x)
     best, worst = -1, 0.0
     for i in range(m):
         violation = (Gx[i] - h[i]) / norms[i]
@@ -101,17 +89,6 @@ def term_size(row, x, d):
 
 
 @part
-def clear(y, z, z_box):
-    """Set all multipliers to zero."""
-    for i in range(y.size):
-        y[i] = 0.0
-    for i in range(z.size):
-        z[i] = 0.0
-    for j in range(z_box.size):
-        z_box[j] = 0.0
-
-
-@part
 def contradicts(active, multiplier, k, h, b, lb, ub):
     """Tell whether the Farkas sum d'multiplier is negative beyond rounding."""
     value, size = 0.0, 0.0
@@ -123,10 +100,12 @@ def contradicts(active, multiplier, k, h, b, lb, ub):
 
 
 @part
-def certificate(active, multiplier, k, p, y, z, z_box):
-    """Set y, z, z_box to the Farkas multipliers of k contradicting rows."""
-    n, m = z_box.size, z.size
-    clear(y, z, z_box)
+def spread_multipliers(active, multiplier, k, y, z, z_box):
+    """Set y, z, z_box to the multipliers of the k active rows, 0 elsewhere."""
+    n, m, p = z_box.size, z.size, y.size
+    for vector in (y, z, z_box):
+        for i in range(vector.size):
+            vector[i] = 0.0
     for i in range(k):
         index = active[i]
         if index < p:
@@ -141,8 +120,8 @@ def certificate(active, multiplier, k, p, y, z, z_box):
 
 @part
 def is_ray(d, P, q, G, h, lb, ub, norms, Pd, Gd):
-    """Tell whether the QP may be unbounded in the direction d; Ad = 0 is not asked."""
-    zero = RAY * largest(d)
+    """Tell whether the QP may be unbounded along d; A d = 0 is the caller's."""
+    zero = RAY_ZERO * largest_entry(d)
     if not dot(q, d) < 0.0:
         return False
     matvec(P, d, Pd)
@@ -155,14 +134,14 @@ def is_ray(d, P, q, G, h, lb, ub, norms, Pd, Gd):
     for i in range(Gd.size):
         if Gd[i] > zero * norms[i] and h[i] < np.inf:
             return False
-    return largest(Pd) <= curvature * zero
+    return largest_entry(Pd) <= curvature * zero
 
 
 @part
 def typical_curvature(q, G, h, A, b, lb, ub):
-    """Return max |q| over the geometric mean of the sides' distances from 0.
+    """Return max |q| over the geometric mean of the constraints' distances from x = 0.
 
-    That is what P would be like if neither P nor the constraints alone decided x.
+    With entries of P of this size the cost and the constraints have a say in x alike.
     """
     p, m = b.size, h.size
     total, count = 0.0, 0
@@ -176,4 +155,4 @@ def typical_curvature(q, G, h, A, b, lb, ub):
             if size > 0.0:  # an empty row says nothing about x
                 total += np.log(d / size)
                 count += 1
-    return largest(q) / np.exp(total / max(count, 1))
+    return largest_entry(q) / np.exp(total / max(count, 1))

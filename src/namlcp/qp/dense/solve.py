@@ -1,4 +1,4 @@
-"""A small or full QP by dual pivots, as an `Answer` judged on the data it was given."""
+"""A small or full QP by the dual active-set method, as an `Answer` on its own data."""
 
 from typing import Any
 
@@ -10,21 +10,20 @@ from namlcp.options import DEFAULT_OPTIONS
 from namlcp.qp.answer import Answer
 from namlcp.qp.certificates import accept_dual, accept_primal
 from namlcp.qp.dense import pivots
-from namlcp.qp.dense.units import column_units, in_units
+from namlcp.qp.dense.scaling import scaled_qp, variable_scaling
 from namlcp.qp.guess import Guess
 from namlcp.qp.problem import QP, Point
 from namlcp.residuals import UNDEFINED, Residuals, qp_residuals
 from namlcp.status import Status
 
 NO_HINT = np.empty(0, dtype=np.int64)
-
-
-# A tolerance below this times the terms of the gap is decided by their rounding.
+# Relative rounding of the duality gap: where its terms times this exceed the tolerance,
+# the gap is summed again as the hosts do.
 ROUNDING = 4e-15
 
 
 def solve_dense(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
-    """Pivot on the multipliers' LCP; None where it does not decide."""
+    """Solve by dual pivots; None where they do not decide."""
     limits.announce(pivots.solve)
     own = qp
     if not qp.is_dense:
@@ -32,23 +31,19 @@ def solve_dense(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
     hint = NO_HINT
     if guess.active.size:
         hint = qp.b.size + np.flatnonzero(guess.active)
-    found = call_dense(own, guess.x, hint, limits)
-    c = None
-    if found[0] == pivots.UNEVEN:
-        c = column_units(own.P)
+    found, c = call_dense(own, guess.x, hint, limits), None
+    if found[0] == pivots.BADLY_SCALED:
+        c = variable_scaling(own.P)
         start = guess.x / c if guess.x.size else guess.x
-        found = call_dense(in_units(own, c), start, hint, limits)
+        found = call_dense(scaled_qp(own, c), start, hint, limits)
     code, count, x, y, z, z_box, numbers = found
-    if code in (pivots.NOT_CONVEX, pivots.UNEVEN):
+    if code in (pivots.NOT_CONVEX, pivots.BADLY_SCALED):
         return None
     if c is not None:
         x, z_box = c * x, c * z_box if code == pivots.UNBOUNDED else z_box / c
     point, residuals = Point(x, y, z, z_box), Residuals(*numbers)
     if c is not None or residuals.gap_size * ROUNDING > limits.eps_abs:
         residuals = qp_residuals(*qp, *point)
-    status = Status.TIME_LIMIT if code == pivots.LATE else Status.STALLED
-    if residuals.solved(*limits.tolerances):
-        status = Status.SOLVED
     if code in (pivots.INFEASIBLE, pivots.UNBOUNDED):
         if code == pivots.INFEASIBLE:
             status = Status.PRIMAL_INFEASIBLE
@@ -59,6 +54,11 @@ def solve_dense(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
         if proof is None:
             return None
         point, residuals = proof, UNDEFINED
+    elif residuals.solved(*limits.tolerances):
+        status = Status.SOLVED
+    else:
+        late = code == pivots.TIME_LIMIT
+        status = Status.TIME_LIMIT if late else Status.STALLED
     if limits.report is not None:
         limits.report(count, *residuals[:3], 0.0, int((point.z > 0).sum()))
     return Answer(status, point, residuals, count, "dual")

@@ -1,9 +1,9 @@
 """A thin QR factorisation that gains and loses one row at a time.
 
 V' = Q'R for the k active rows V (k, n): the rows of Q (k, n) are orthonormal, R is
-upper triangular of order k. Both live in the leading parts of larger arrays. Rows are
-added by Gram-Schmidt with repetition and removed by Givens rotations; the diagonal of R
-tells how far a row is from depending on the earlier ones.
+upper triangular of order k. Both are the leading parts of larger arrays. Rows are added
+by Gram-Schmidt with repetition and removed by Givens rotations; the diagonal of R tells
+how far a row is from depending on the earlier ones.
 """
 
 import numpy as np
@@ -13,11 +13,10 @@ from namlcp.linalg import add_scaled, dot
 
 
 @part
-def project(Q, k, v, d):
-    """Split v in place: d (k,) = Q v, v -= Q'd. Return |v|_2 of what is left.
+def orthogonalise(Q, k, v, d):
+    """Set d (k,) = Q v and v -= Q'd; return |v|_2 then.
 
-    Rows 0..k-1 of Q are orthonormal. Gram-Schmidt is repeated where cancellation cost
-    digits ("twice is enough").
+    Gram-Schmidt is repeated where cancellation cost digits ("twice is enough").
     """
     for i in range(k):
         d[i] = 0.0
@@ -51,7 +50,7 @@ def triangular_solve_transposed(R, k, d):
 
 
 @part
-def append(Q, R, k, v, d, length):
+def append_row(Q, R, k, v, d, length):
     """Append the row with coefficients d (k,) and remainder v, |v| = length."""
     for i in range(k):
         R[i, k] = d[i]
@@ -61,8 +60,8 @@ def append(Q, R, k, v, d, length):
 
 
 @part
-def remove(Q, R, k, leaving, active, multiplier):
-    """Delete active row `leaving` from the factorisation of order k (Givens)."""
+def remove_row(Q, R, k, leaving, active, multiplier):
+    """Delete active row `leaving` from the factorisation of order k."""
     for j in range(leaving, k - 1):
         active[j] = active[j + 1]
         multiplier[j] = multiplier[j + 1]

@@ -1,7 +1,7 @@
-"""The active rows of the dense pivoting: they enter, leave, and give x and multipliers.
+"""The active rows of the dual active-set method: they enter and leave.
 
-The k active rows are `active[:k]`, in the numbering of `rows`; V_F' = Q R with
-V = C L^-T is kept by `thinqr`. u = L'x; u0 is u of the unconstrained minimum.
+The k active rows F are `active[:k]`, in the numbering of `rows`; `thinqr` keeps
+V_F' = Q'R, V = C L^-T. u = L'x; u0 is u of the unconstrained minimum.
 """
 
 import numpy as np
@@ -11,20 +11,22 @@ from namlcp.limits import is_over
 from namlcp.linalg import add_scaled, backward_solve, copy, dot, forward_solve
 from namlcp.qp.dense.rows import right_side, set_row, term_size
 from namlcp.qp.dense.thinqr import (
-    append,
-    project,
-    remove,
+    append_row,
+    orthogonalise,
+    remove_row,
     triangular_solve,
     triangular_solve_transposed,
 )
 
-# A row whose part outside the active rows is smaller than this is dependent on them;
-# one of a guess is left to the pivoting from GUESSED on.
-DEPENDENT, GUESSED = 1e-10, 1e-6
+# A row whose part orthogonal to the active rows is at most this, relative to the row,
+# depends on them; a row of a guess, up to DEPENDENT_GUESS, is not taken over.
+DEPENDENT, DEPENDENT_GUESS = 1e-10, 1e-6
+# An equality that depends on the others and is violated up to so many roundings holds.
+REPEATED = 1e3
 
 
 @part
-def blocking(multiplier, r, k, active, p):
+def first_blocking(multiplier, r, k, active, p):
     """Return (step, index) of the first multiplier to reach zero; inf, -1 if none."""
     step, leaving = np.inf, np.int64(-1)
     for i in range(k):
@@ -34,13 +36,15 @@ def blocking(multiplier, r, k, active, p):
 
 
 @part
-def enter(entering, row, d, active, multiplier, k, L, Q, R, u, x, p, level, watch):
-    """Let constraint `entering` (row'x <= d, or = d) in by partial and full steps.
+def add_constraint(
+    entering, row, d, active, multiplier, k, L, Q, R, u, x, p, level, watch
+):
+    """Make constraint `entering`, row'x <= d or = d, active by partial and full steps.
 
     Moves u = L'x, x and multiplier[:k]; equalities must enter before inequalities.
-    Returns the new number of active rows. A negative number -1 - k says that the
-    constraint contradicts the k active ones; multiplier[:k + 1] is then their part of a
-    Farkas certificate, the entering constraint's last.
+    Returns the new number of active rows, or -1 - k where the constraint contradicts
+    the k active ones: multiplier[:k + 1] are then Farkas multipliers, the entering
+    constraint's last.
     """
     v = np.empty(row.size)
     copy(row, v)
@@ -52,17 +56,17 @@ def enter(entering, row, d, active, multiplier, k, L, Q, R, u, x, p, level, watc
     own = 0.0
     while not is_over(watch, 4 * v.size * v.size):
         copy(v, rest)
-        length = project(Q, k, rest, coefficients)
+        length = orthogonalise(Q, k, rest, coefficients)
         dependent = k == v.size or length <= DEPENDENT * whole
         violation = dot(row, x) - d
         copy(coefficients, r)
         triangular_solve(R, k, r)
         if entering < p:
             step, leaving = np.inf, np.int64(-1)
-            if dependent and abs(violation) <= 1e3 * level * term_size(row, x, d):
+            if dependent and abs(violation) <= REPEATED * level * term_size(row, x, d):
                 return k  # it follows from the others
         else:
-            step, leaving = blocking(multiplier, r, k, active, p)
+            step, leaving = first_blocking(multiplier, r, k, active, p)
         if dependent and leaving < 0:
             sign = 1.0 if violation > 0.0 else -1.0
             for i in range(k):
@@ -79,22 +83,22 @@ def enter(entering, row, d, active, multiplier, k, L, Q, R, u, x, p, level, watc
             copy(u, x)
             backward_solve(L, x)
             if t == full:
-                append(Q, R, k, rest, coefficients, length)
+                append_row(Q, R, k, rest, coefficients, length)
                 active[k] = entering
                 multiplier[k] = own
                 return k + 1
-        remove(Q, R, k, leaving, active, multiplier)
+        remove_row(Q, R, k, leaving, active, multiplier)
         k -= 1
     return k
 
 
 @part
 def refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x, watch):
-    """Drop inequalities until the multipliers of the active rows are >= 0.
+    """Compute multipliers and x anew; drop inequalities until no multiplier is < 0.
 
-    For the active rows held as equations: R'R multiplier = V u0 - d and
-    u = u0 - Q'R multiplier. What is left is optimal for the problem that has the active
-    rows alone, hence a legal start of the pivoting. Returns the number of rows left.
+    With the active rows as equations R'R multiplier = V_F u0 - d and
+    u = u0 - Q'R multiplier. The x found is optimal for the problem with the remaining
+    active rows alone, from which the method may go on. Returns the number of rows left.
     """
     p = b.size
     row = np.empty(x.size)
@@ -117,13 +121,13 @@ def refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x, watch):
             copy(u, x)
             backward_solve(L, x)
             return k
-        remove(Q, R, k, leaving, active, multiplier)
+        remove_row(Q, R, k, leaving, active, multiplier)
         k -= 1
 
 
 @part
-def start_from(rows, active, multiplier, k, G, A, L, Q, R, watch):
-    """Append the independent ones of the constraints `rows`, with multiplier 0."""
+def add_rows(rows, active, multiplier, k, G, A, L, Q, R, watch):
+    """Make the independent ones of the constraints `rows` active with multiplier 0."""
     p, n = A.shape[0], G.shape[1]
     row, d = np.empty(n), np.empty(n + 1)
     for i in range(rows.size):
@@ -131,9 +135,9 @@ def start_from(rows, active, multiplier, k, G, A, L, Q, R, watch):
             set_row(rows[i], G, A, row)
             forward_solve(L, row)
             whole = np.sqrt(dot(row, row))
-            length = project(Q, k, row, d)
-            if length > (DEPENDENT if rows[i] < p else GUESSED) * whole:
-                append(Q, R, k, row, d, length)
+            length = orthogonalise(Q, k, row, d)
+            if length > (DEPENDENT if rows[i] < p else DEPENDENT_GUESS) * whole:
+                append_row(Q, R, k, row, d, length)
                 active[k] = rows[i]
                 multiplier[k] = 0.0
                 k += 1
