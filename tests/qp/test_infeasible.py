@@ -89,7 +89,7 @@ def test_rows_give_way_to_a_point_that_violates_them():
     s = ScaledQP(presolve(qp, TOL, 0.0))
     t = np.random.default_rng(0).standard_normal(s.kkt.size)
     c, b = s.c.copy(), s.b.copy()
-    s.give_way(t)
+    s.relax(t)
     row = s.place >= s.n + s.p
     excess = s.sign * t[s.place]
     np.testing.assert_array_equal(s.b, t[s.n : s.n + s.p])

@@ -169,7 +169,7 @@ class Interior:
             Z = self.Z * ratio[self.problem.place]
             self.best_point = self.x / ratio[:n], self.y * ratio[n : n + p], Z
             if self.ratios[0] <= TOLERABLE:
-                self.problem.give_way(self.t)
+                self.problem.relax(self.t)
         self.is_warm = False
         return self.start()
 

@@ -1,10 +1,10 @@
-"""Presolve: what does not matter is dropped, and put back exactly.
+"""Presolve: redundant rows and fixed variables are dropped, and put back exactly.
 
     min 1/2 x'Px + q'x,  Gx <= h,  Ax = b,  lb <= x <= ub
 
 becomes the same problem with ranges, lower <= Gx <= upper, without infinite rows, empty
-rows, repeated rows (c g'x <= h beside g'x <= h) and fixed variables (lb = ub). The
-multipliers of what was dropped are zero or follow from stationarity.
+rows, proportional rows (c g'x <= d beside g'x <= h) and fixed variables (lb = ub). The
+multipliers of dropped rows are zero, those of fixed variables follow from stationarity.
 """
 
 from typing import NamedTuple
@@ -16,8 +16,10 @@ from namlcp.compiled import kernel
 from namlcp.linalg import add_transposed, by_rows, submatrix, times, without_zeros
 from namlcp.qp.problem import QP, Point
 
-FIXED = 1e-12  # ub - lb below this, relative to |lb| above 1, fixes a variable
-SAME = 1e-13  # relative difference of the entries of proportional rows
+# Width ub - lb up to which a variable is fixed, relative to max(1, |lb|).
+FIXED = 1e-12
+# Largest relative difference between the entries of proportional rows, after scaling.
+SAME = 1e-13
 
 
 class Contradiction(NamedTuple):
@@ -32,7 +34,10 @@ class Contradiction(NamedTuple):
 
 
 class Owners(NamedTuple):
-    """Which user row gives each side of a range: g_user = ratio * g_range."""
+    """Which row of the user gives each side of a range, -1 for none.
+
+    The user's row is `ratio` times the row of the range.
+    """
 
     rows: np.ndarray
     ratio: np.ndarray
@@ -41,9 +46,9 @@ class Owners(NamedTuple):
 class Groups(NamedTuple):
     """The rows of a matrix that are not dropped, and which are multiples of which.
 
-    Rows not `wanted` (infinite) and `empty` ones are dropped; of the kept `rows`, row i
-    = ratio[i] * row leader[i] (positions in `rows`; None if no two are proportional),
-    and `first` are the leaders.
+    Rows not `wanted` (infinite) and `empty` ones are dropped. Of the kept `rows`, row i
+    is ratio[i] times row leader[i] (positions in `rows`; None if no two are
+    proportional); `first` has the leaders.
     """
 
     wanted: np.ndarray
@@ -55,12 +60,12 @@ class Groups(NamedTuple):
 
 
 class Presolved(NamedTuple):
-    """The smaller problem and the way back.
+    """The smaller problem of `qp` and the way back to it.
 
     min 1/2 x'Px + q'x, A x = b, lower <= G x <= upper, lb <= x <= ub; A and G in CSR.
-    `kept` and `fixed` are the user's columns. `upper_of` and `lower_of` say which row
-    of the user's G an end of a range is, `largest_of` and `smallest_of` which rows of
-    the user's A have the extreme right-hand sides of an equation (b is their mean).
+    `kept` and `fixed` are columns of `qp`. `upper_of` and `lower_of` say which row of
+    qp.G a side of a range is, `largest_of` and `smallest_of` which rows of qp.A have
+    the extreme right-hand sides of an equation (b is their mean).
     """
 
     qp: QP
@@ -112,7 +117,7 @@ class Presolved(NamedTuple):
     def certificate(
         self, y: np.ndarray, z_upper: np.ndarray, z_lower: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the user's (y, z) from those of the ends of the ranges.
+        """Return the (y, z) of `qp` from those of the sides of the ranges.
 
         The two extreme rows of an equation share its y, so that b'y stays what it is.
         """
@@ -128,7 +133,7 @@ class Presolved(NamedTuple):
     def guess(
         self, y: np.ndarray, z: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return (y, z_upper, z_lower) of the user's multipliers."""
+        """Return (y, z_upper, z_lower) for multipliers of `qp`."""
         most, least = self.largest_of, self.smallest_of
         y_kept = y[most.rows] * most.ratio
         y_kept += np.where(least.rows != most.rows, y[least.rows] * least.ratio, 0.0)
@@ -165,10 +170,10 @@ class Presolved(NamedTuple):
 def presolve(
     qp: QP, eps_abs: float, eps_rel: float, last: Presolved | None = None
 ) -> Presolved:
-    """Drop what does not matter. All matrices are CSC; nothing of `qp` is changed.
+    """Return the smaller problem of a QP in CSC, which is not changed.
 
-    `last` is the outcome for a similar problem: matrices are taken from there where
-    they were the same objects and would be treated the same.
+    `last` is that of a similar QP. Its matrices are taken over where they were made
+    from the same objects in the same way.
     """
     found = contradictory_sides(qp, eps_abs, eps_rel)
     finite = np.isfinite(qp.lb) & np.isfinite(qp.ub)
@@ -184,9 +189,8 @@ def presolve(
         b, h = b - times(qp.A, held), h - times(qp.G, held)
     lb, ub = qp.lb[kept], qp.ub[kept]
     if last is not None and last.can_be_renewed(qp, fixed):
-        P, A, G, A_groups, G_groups = (
-            last.P, last.A, last.G, last.A_groups, last.G_groups
-        )  # fmt: skip
+        P, A, G = last.P, last.A, last.G
+        A_groups, G_groups = last.A_groups, last.G_groups
     else:
         P = submatrix(qp.P, kept, kept)
         A, G = (
@@ -198,7 +202,7 @@ def presolve(
     tol = eps_abs if eps_abs > 0.0 else eps_rel
     b, largest_of, smallest_of, more = equality_sides(A_groups, b, tol)
     found += more
-    lower, upper, lower_of, upper_of, more = ends(G_groups, h, tol, qp.b.size)
+    lower, upper, lower_of, upper_of, more = ranges(G_groups, h, tol, qp.b.size)
     found += more
     return Presolved(
         qp, P, q, A, b, G, lower, upper, lb, ub, kept, fixed, x_fixed,
@@ -214,18 +218,11 @@ def contradictory_sides(qp: QP, eps_abs: float, eps_rel: float) -> list[Contradi
     with np.errstate(invalid="ignore"):
         size = np.maximum(np.abs(qp.lb), np.abs(qp.ub))
         gap = qp.lb - qp.ub > 2.0 * (eps_abs + eps_rel * np.minimum(size, 1e300))
-    bad = np.flatnonzero(gap | (qp.lb == np.inf) | (qp.ub == -np.inf))
-    if bad.size:
-        j = bad[0]
-        return [
-            Contradiction(
-                f"bounds of x[{j}] contradict each other: "
-                f"lb = {qp.lb[j]:g}, ub = {qp.ub[j]:g}"
-            )
-        ]
-    bad = np.flatnonzero(qp.h == -np.inf)
-    if bad.size:
-        return [Contradiction(f"row {bad[0]} of G has h = -inf")]
+    for j in np.flatnonzero(gap | (qp.lb == np.inf) | (qp.ub == -np.inf))[:1]:
+        sides = f"lb = {qp.lb[j]:g}, ub = {qp.ub[j]:g}"
+        return [Contradiction(f"bounds of x[{j}] contradict each other: {sides}")]
+    for i in np.flatnonzero(qp.h == -np.inf)[:1]:
+        return [Contradiction(f"row {i} of G has h = -inf")]
     return []
 
 
@@ -245,9 +242,11 @@ def grouped(M: csr_array, wanted: np.ndarray) -> tuple[csr_array, Groups]:
 def equality_sides(
     groups: Groups, b: np.ndarray, tol: float
 ) -> tuple[np.ndarray, Owners, Owners, list[Contradiction]]:
-    """Return the mean right-hand sides, the owners of the extreme ones, verdicts."""
-    found = []
-    p = b.size
+    """Return the mean right-hand sides, the owners of the extreme ones, contradictions.
+
+    b of proportional rows may differ by `tol` in each row.
+    """
+    found, p = [], b.size
     _, empty, rows, leader, ratio, first = groups
     for i in empty[np.abs(b[empty]) > tol][:1]:
         message = f"row {i} of A has no free variable, but the right-hand side {b[i]:g}"
@@ -273,15 +272,14 @@ def equality_sides(
     return b, owners[0], owners[1], found
 
 
-def ends(
+def ranges(
     groups: Groups, h: np.ndarray, tol: float, p: int
 ) -> tuple[np.ndarray, np.ndarray, Owners, Owners, list[Contradiction]]:
-    """Return the lower and upper ends of the ranges, their owners, and verdicts.
+    """Return the lower and upper sides of the ranges, their owners, contradictions.
 
-    The verdicts have y = 0 of size p.
+    The contradictions have y = 0 of size p.
     """
-    found = []
-    m = h.size
+    found, m = [], h.size
     _, empty, rows, leader, ratio, first = groups
     for i in empty[(h[empty] < -tol) & (h[empty] > -np.inf)][:1]:
         message = f"row {i} of G has no free variable, but the right-hand side {h[i]:g}"
@@ -373,7 +371,7 @@ def compare_rows(indptr, indices, data, order, same, leader):
 
 
 def extreme(value: np.ndarray, leader: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the largest `value` of each group, at its leader, and where it is."""
+    """Return the largest value of each group, at its leader, and the first such row."""
     best = np.full(leader.size, -np.inf)
     np.maximum.at(best, leader, value)
     at = leader.copy()

@@ -1,16 +1,17 @@
 """Scaling: the presolved QP in equilibrated form, and the exact way back.
 
-Symmetric Ruiz scaling of K = [[P, C'], [C, 0]], C = [A; G]: ten rounds divide rows and
-columns by the square roots of their largest entries, until those are 1 within 1e-3
+Symmetric Ruiz scaling of K = [[P, C'], [C, 0]], C = [A; G]: ROUNDS rounds divide rows
+and columns by the square roots of their largest entries, until those are nearly 1
 (D. Ruiz, RAL-TR-2001-034). With d the factors of the columns and e those of the rows,
 x = d x_scaled, y = e y_scaled, z_box = z_box_scaled / d; the cost is not scaled.
-The scaling of a matrix is not unique, and what K is divided by first decides which one
-is found: `normalise` looks for the side whose units are apart, `even_out` leads to the
-same matrix in whatever units the rows and columns came. A path that leads nowhere is
-tried again in other UNITS.
+The scaling of a matrix is not unique, and depends on what K is divided by before:
+`normalise` divides rows or columns whose units are far apart; after `even_out` the
+result is the same in whatever units rows and columns came. Where the interior-point
+method fails, it is restarted with the next of UNITS.
 
-The constraints become *pieces*, one for each finite side: sign * t[place] <= c, where
-t = (x, Ax, Gx) has the layout of K; t_user = unit * t and multipliers_user = v / unit.
+Every finite bound or side of a row is one one-sided constraint: sign * t[place] <= c,
+where t = (x, Ax, Gx) has the layout of K. In the user's units t is unit * t, and its
+multipliers are divided by `unit`.
 """
 
 import numpy as np
@@ -21,28 +22,33 @@ from namlcp.qp.kkt import KKT
 from namlcp.qp.problem import Point
 from namlcp.qp.transforms.presolve import Presolved
 
-UNITS = "normal", "even", "given"  # in this order; all are equilibrated then
-ROUNDS = 10
-EQUAL = 1e-3
-PAYS = 0.8  # of the variance may be left where one side is normalised
-GEOMETRIC_ROUNDS = 20
-GEOMETRIC = 1e-6  # of the first squares is left
-LARGEST = 20.0  # of the logarithms of the factors
+# What K is scaled by before it is equilibrated, in the order of the tries.
+UNITS = "normal", "even", "given"
+# Rounds of `equilibrate`, and the distance of the largest entries from 1 that ends it.
+ROUNDS, EQUAL = 10, 1e-3
+# Range of the factors of all rounds together, so that no product leaves that of floats.
+FACTORS = 1e-8, 1e8
+# Part of the variance of the logarithms up to which it pays to normalise one side.
+PAYS = 0.8
+# Steps of conjugate gradients in `even_out`, and the part of the first squared residual
+# that ends them.
+STEPS, REDUCTION = 20, 1e-6
+# Largest logarithm of a factor of `even_out`.
+LARGEST = 20.0
+# Added to a denominator that may be zero.
 TINY = 1e-300
 
 
 class ScaledQP:
     """min 1/2 x'Px + q'x, Ax = b, sign * t[place] <= c.
 
-    The pieces come in the order upper and lower ends of rows, upper and lower bounds;
-    `ends` has the three positions where the next kind begins.
+    The one-sided constraints come in four kinds: upper and lower sides of rows, upper
+    and lower bounds. `finite` has the rows or variables of each kind. `small` is the
+    presolved problem; P, A and G live on in `kkt` alone.
     """
 
     def __init__(self, small: Presolved, last: "ScaledQP | None" = None) -> None:
-        """Scale the presolved problem; P, A and G live on in `kkt` alone.
-
-        The matrices of the `last` problem are not scaled again.
-        """
+        """Scale the presolved problem; the matrices of `last` are not scaled again."""
         n, p = small.q.size, small.b.size
         self.small = small
         self.kkt: KKT
@@ -60,16 +66,12 @@ class ScaledQP:
             self.unscaled = self.kkt.base.copy()
             self.units = 0
             self.scale_matrix()
-        sides = (small.upper, small.lower, small.ub, small.lb)
-        finite = [np.flatnonzero(np.isfinite(side)) for side in sides]
-        first = n + p
-        self.place = np.concatenate(
-            (finite[0] + first, finite[1] + first, finite[2], finite[3])
-        ).astype(np.int32)
-        counts = [rows.size for rows in finite]
-        self.ends = np.cumsum(counts[:3])
-        self.sign = np.repeat((1.0, -1.0, 1.0, -1.0), counts)
-        self.finite = finite
+        self.bounds = small.upper, small.lower, small.ub, small.lb
+        self.finite = [np.flatnonzero(np.isfinite(side)) for side in self.bounds]
+        self.counts = [at.size for at in self.finite]
+        offset = np.repeat((n + p, n + p, 0, 0), self.counts)
+        self.place = (np.concatenate(self.finite) + offset).astype(np.int32)
+        self.sign = np.repeat((1.0, -1.0, 1.0, -1.0), self.counts)
         self.scale_vectors()
 
     def scale_vectors(self) -> None:
@@ -79,9 +81,12 @@ class ScaledQP:
         self.unit = np.concatenate((scale[:n], 1.0 / scale[n:]))
         self.q = small.q * scale[:n]
         self.b = small.b * scale[n : n + p]
-        sides = (small.upper, small.lower, small.ub, small.lb)
-        value = [side[at] for side, at in zip(sides, self.finite, strict=True)]
-        self.c = self.sign * np.concatenate(value) / self.unit[self.place]
+        self.c = self.sign * self.of_finite(self.bounds) / self.unit[self.place]
+
+    def of_finite(self, values: tuple[np.ndarray, ...]) -> np.ndarray:
+        """Return the values of the one-sided constraints from those of each kind."""
+        parts = zip(values, self.finite, strict=True)
+        return np.concatenate([value[at] for value, at in parts])
 
     def scale_matrix(self) -> None:
         """Scale K and set the factors."""
@@ -127,108 +132,82 @@ class ScaledQP:
     def guess(
         self, guess: Guess
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return the scaled (x, y, Z) of a guess and its active pieces."""
-        n, small = self.n, self.small
+        """Return the scaled (x, y, Z) of a guess and its active constraints."""
+        n, small, kept = self.n, self.small, self.small.kept
         y, z_upper, z_lower = small.guess(guess.y, guess.z)
-        box = guess.z_box[small.kept]
-        sides = z_upper, z_lower, np.maximum(box, 0.0), np.maximum(-box, 0.0)
-        Z = np.concatenate([v[at] for v, at in zip(sides, self.finite, strict=True)])
-        first, active = small.qp.h.size, guess.active != 0
-        second = first + guess.x.size
-        mark_row, mark_lb, mark_ub = (
-            active[:first], active[first:second], active[second:]
-        )  # fmt: skip
-        upper, lower, ub, lb = self.finite
-        marks = (
-            mark_row[small.upper_of.rows[upper]],
-            mark_row[small.lower_of.rows[lower]],
-            mark_ub[small.kept[ub]],
-            mark_lb[small.kept[lb]],
+        box = guess.z_box[kept]
+        Z = self.of_finite((z_upper, z_lower, np.maximum(box, 0), np.maximum(-box, 0)))
+        m, size = guess.z.size, guess.x.size
+        row, lb, ub = np.split(guess.active != 0, (m, m + size))
+        upper, lower = (
+            np.append(row, False)[owners.rows]  # False for -1, no owner
+            for owners in (small.upper_of, small.lower_of)
         )
         return (
-            guess.x[small.kept] / self.unit[:n],
+            guess.x[kept] / self.unit[:n],
             y * self.unit[n : n + self.p],
             Z * self.unit[self.place],
-            np.concatenate(marks),
+            self.of_finite((upper, lower, ub[kept], lb[kept])),
         )
 
-    def give_way(self, t: np.ndarray) -> None:
-        """Move the sides of rows that t = (x, Ax, Gx) violates to t."""
+    def relax(self, t: np.ndarray) -> None:
+        """Move the right-hand sides of rows that t = (x, Ax, Gx) violates to t."""
         row = self.place >= self.n + self.p
         self.b = t[self.n : self.n + self.p].copy()
         self.c = np.where(row, np.maximum(self.c, self.sign * t[self.place]), self.c)
 
     def sides(self, Z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return unscaled multipliers: upper and lower ends of rows, net bounds."""
-        z = Z / self.unit[self.place]
+        """Return unscaled multipliers: upper and lower sides of rows, net bounds."""
+        z = np.split(Z / self.unit[self.place], np.cumsum(self.counts[:3]))
         upper, lower = np.zeros((2, self.small.upper.size))
         box = np.zeros(self.n)
-        i, j, k = self.ends
-        upper[self.finite[0]] = z[:i]
-        lower[self.finite[1]] = z[i:j]
-        box[self.finite[2]] = z[j:k]
-        box[self.finite[3]] -= z[k:]
+        upper[self.finite[0]] = z[0]
+        lower[self.finite[1]] = z[1]
+        box[self.finite[2]] = z[2]
+        box[self.finite[3]] -= z[3]
         return upper, lower, box
 
 
-@kernel
-def normalise(indptr, indices, data, n, scale):
+def normalise(
+    indptr: np.ndarray,
+    indices: np.ndarray,
+    data: np.ndarray,
+    n: int,
+    scale: np.ndarray,
+) -> None:
     """Divide the rows of C by their largest entries, or the columns, if that pays.
 
-    It does where the logarithms of the entries vary less afterwards: the user's units
-    of one side that are far apart are nothing the other side should make up for.
+    It does where the logarithms of the entries vary less afterwards. Then the user's
+    units of one side are far apart, and the other side should not make up for them.
     Factors are clipped as in `equilibrate`.
     """
-    size = scale.size
-    factor = np.zeros(size)  # of column j < n or row j of C, first its largest entry
-    logarithm = np.empty(size)
-    for j in range(n, size):
-        for t in range(indptr[j], indptr[j + 1] - 1):
-            value = abs(data[t])
-            factor[j] = max(factor[j], value)
-            factor[indices[t]] = max(factor[indices[t]], value)
-    for j in range(size):
-        largest = factor[j] if factor[j] > 0.0 else 1.0
-        factor[j] = min(max(1.0 / largest, 1e-8), 1e8)
-        logarithm[j] = np.log(factor[j])
-    count = 0
-    total, squares = np.zeros(3), np.zeros(3)  # of all logarithms: as is, rows, columns
-    for j in range(n, size):
-        for t in range(indptr[j], indptr[j + 1] - 1):
-            if data[t] != 0.0:
-                value = np.log(abs(data[t]))
-                by_rows = value + logarithm[j]
-                by_columns = value + logarithm[indices[t]]
-                count += 1
-                total[0] += value
-                total[1] += by_rows
-                total[2] += by_columns
-                squares[0] += value * value
-                squares[1] += by_rows * by_rows
-                squares[2] += by_columns * by_columns
-    best = 0
-    least = np.inf
-    for k in range(3):
-        variance = squares[k] - total[k] * total[k] / max(count, 1)
-        if k == 0:
-            variance *= PAYS
-        if variance < least:
-            best, least = k, variance
-    if best == 0:
+    column = np.repeat(np.arange(scale.size), np.diff(indptr))  # of K
+    in_C = column >= n
+    in_C[indptr[1:] - 1] = False  # the diagonal
+    i, j, value = column[in_C], indices[in_C], np.abs(data[in_C])
+    factor = np.zeros(scale.size)
+    np.maximum.at(factor, i, value)
+    np.maximum.at(factor, j, value)
+    factor[factor == 0.0] = 1.0
+    factor = np.clip(1.0 / factor, *FACTORS)
+    i, j, value = i[value > 0.0], j[value > 0.0], np.log(value[value > 0.0])
+    if not value.size:
         return
-    for j in range(size):
-        if (j < n) == (best == 1):
-            factor[j] = 1.0
-        scale[j] *= factor[j]
-        for t in range(indptr[j], indptr[j + 1]):
-            data[t] *= factor[j] * factor[indices[t]]
+    by_rows, by_columns = value + np.log(factor[i]), value + np.log(factor[j])
+    spread = PAYS * value.var(), by_rows.var(), by_columns.var()
+    if spread[0] == min(spread):
+        return
+    rows = np.arange(scale.size) >= n
+    factor[rows != (spread[1] == min(spread))] = 1.0
+    scale *= factor
+    data *= factor[column] * factor[indices]
 
 
 @kernel
 def equilibrate(indptr, indices, data, scale):
     """Scale the symmetric matrix (upper triangle in CSC) in place, data and `scale`.
 
-    Factors are clipped to [1e-8, 1e8]; an empty row keeps its own.
+    Factors are clipped to the range FACTORS; an empty row keeps its own.
     """
     size = scale.size
     largest = np.empty(size)
@@ -246,7 +225,7 @@ def equilibrate(indptr, indices, data, scale):
             if largest[j] > 0.0:
                 off = max(off, abs(1.0 - largest[j]))
                 factor = 1.0 / np.sqrt(largest[j])
-            largest[j] = min(max(factor, 1e-8 / scale[j]), 1e8 / scale[j])
+            largest[j] = min(max(factor, FACTORS[0] / scale[j]), FACTORS[1] / scale[j])
         if off <= EQUAL:
             return
         for j in range(size):
@@ -275,13 +254,13 @@ def even_out(indptr, indices, data, scale):
                     r[i] -= value
     s = np.zeros(size)
     first = last = 0.0
-    for k in range(GEOMETRIC_ROUNDS):
+    for k in range(STEPS):
         rho = 0.0
         for j in range(size):
             rho += r[j] * r[j] / max(count[j], 1.0)
         if k == 0:
             first = last = rho
-        if rho <= GEOMETRIC * first:
+        if rho <= REDUCTION * first:
             break
         for j in range(size):
             p[j] = r[j] / max(count[j], 1.0) + rho / last * p[j]

@@ -44,27 +44,29 @@ class Givers(NamedTuple):
     entry: np.ndarray
 
 
-class Bounds(NamedTuple):
-    """Bounds with those from rows, and the rows of G and of A that are left.
-
-    `infinite` tells where lb = -inf and where ub = +inf.
-    """
+class TightBounds(NamedTuple):
+    """Bounds, some of them from rows, and which row gave each."""
 
     lb: np.ndarray
     ub: np.ndarray
     lower: Givers
     upper: Givers
+
+
+class RowBounds(NamedTuple):
+    """Bounds with those from rows, and the rows of G and of A that are left.
+
+    `infinite` tells where lb = -inf and where ub = +inf.
+    """
+
+    tight: TightBounds
     rows: np.ndarray
     equations: np.ndarray
     infinite: np.ndarray
 
-    def is_like(self, other: "Bounds") -> bool:
+    def is_like(self, other: "RowBounds") -> bool:
         """Tell whether the same rows are left and the same bounds are infinite."""
-        return (
-            np.array_equal(self.rows, other.rows)
-            and np.array_equal(self.equations, other.equations)
-            and np.array_equal(self.infinite, other.infinite)
-        )
+        return all(map(np.array_equal, self[1:], other[1:]))
 
 
 class Substitution(NamedTuple):
@@ -76,7 +78,7 @@ class Substitution(NamedTuple):
     """
 
     user: QP
-    bounds: Bounds
+    bounds: RowBounds
     kept: np.ndarray
     columns: np.ndarray
     by: np.ndarray
@@ -91,15 +93,14 @@ class Substitution(NamedTuple):
     @property
     def problem(self) -> QP:
         """The smaller QP."""
-        user, bounds, kept = self.user, self.bounds, self.kept
+        user, kept = self.user, self.kept
         q = user.q[kept]
         if self.columns.size:
             slope = self.cost * user.b[self.by] / self.pivot + user.q[self.columns]
             add_transposed(self.rest, -slope / self.pivot, q)
-        return QP(
-            self.P, q, self.G, user.h[bounds.rows], self.A, user.b[self.others],
-            bounds.lb[kept], bounds.ub[kept],
-        )  # fmt: skip
+        h, b = user.h[self.bounds.rows], user.b[self.others]
+        lb, ub = (bound[kept] for bound in self.bounds.tight[:2])
+        return QP(self.P, q, self.G, h, self.A, b, lb, ub)
 
     def point(self, point: Point) -> Point:
         """Return the user's point."""
@@ -118,7 +119,7 @@ class Substitution(NamedTuple):
         rows[m + self.others] = point.y
         z_box = np.zeros(n)
         z_box[self.kept] = point.z_box
-        for givers, sign in ((self.bounds.lower, -1.0), (self.bounds.upper, 1.0)):
+        for givers, sign in zip(self.bounds.tight[2:], (-1.0, 1.0), strict=True):
             at = np.flatnonzero((givers.rows >= 0) & (sign * z_box > 0.0))
             rows[givers.rows[at]] = z_box[at] / givers.entry[at]
             z_box[at] = 0.0
@@ -136,25 +137,24 @@ class Substitution(NamedTuple):
         if not guess.x.size:
             return guess
         m, n = self.user.h.size, self.user.q.size
-        active = guess.active.copy()
-        at_row, at_lb, at_ub = active[:m], active[m : m + n], active[m + n :]
-        row_mark = np.concatenate((at_row, np.ones(guess.y.size, active.dtype)))
+        at_row, at_lb, at_ub = np.split(guess.active.copy(), (m, m + n))
+        row_active = np.concatenate((at_row, np.ones(guess.y.size, at_row.dtype)))
         multiplier = np.concatenate((guess.z, guess.y))
-        bounds = self.bounds
-        box = guess.z_box.copy()
-        for givers, mark in ((bounds.lower, at_lb), (bounds.upper, at_ub)):
+        _, _, lower, upper = self.bounds.tight
+        z_box = guess.z_box.copy()
+        for givers, active in ((lower, at_lb), (upper, at_ub)):
             at = np.flatnonzero(givers.rows >= 0)
-            mark[at] = row_mark[givers.rows[at]]
-            if givers is bounds.upper:  # an equation gives both bounds, but once
-                at = at[givers.rows[at] != bounds.lower.rows[at]]
-            box[at] += multiplier[givers.rows[at]] * givers.entry[at]
-        marks = at_row[bounds.rows], at_lb[self.kept], at_ub[self.kept]
+            active[at] = row_active[givers.rows[at]]
+            if givers is upper:  # an equation gives both bounds, but once
+                at = at[upper.rows[at] != lower.rows[at]]
+            z_box[at] += multiplier[givers.rows[at]] * givers.entry[at]
+        rows, kept = self.bounds.rows, self.kept
         return Guess(
-            guess.x[self.kept],
+            guess.x[kept],
             guess.y[self.others],
-            guess.z[bounds.rows],
-            box[self.kept],
-            np.concatenate(marks),
+            guess.z[rows],
+            z_box[kept],
+            np.concatenate((at_row[rows], at_lb[kept], at_ub[kept])),
         )
 
 
@@ -193,37 +193,30 @@ def substitute(
     )  # fmt: skip
 
 
-def bounds_from_rows(qp: QP, G: csc_array, A: csc_array) -> Bounds:
+def bounds_from_rows(qp: QP, G: csc_array, A: csc_array) -> RowBounds:
     """Turn rows into bounds, except where bounds clash: certificates need the rows."""
     n, m, p = qp.q.size, qp.h.size, qp.b.size
-    lb, ub = qp.lb.copy(), qp.ub.copy()
     lower, upper = (Givers(np.full(n, -1), np.ones(n)) for _ in range(2))
-    left = np.ones(m + p, dtype=np.bool_)
-    rows, equations = left[:m], left[m:]
-    sides = lb, ub, *lower, *upper
-    take_rows(G.indptr, G.indices, G.data, qp.h, 0, False, *sides, rows)
-    take_rows(A.indptr, A.indices, A.data, qp.b, m, True, *sides, equations)
-    clash = lb > ub
+    tight = TightBounds(qp.lb.copy(), qp.ub.copy(), lower, upper)
+    rows, equations = np.ones(m, dtype=np.bool_), np.ones(p, dtype=np.bool_)
+    tighten(G.indptr, G.indices, G.data, qp.h, 0, False, tight, rows)
+    tighten(A.indptr, A.indices, A.data, qp.b, m, True, tight, equations)
+    clash = tight.lb > tight.ub
     if clash.any():
-        lb[clash], ub[clash] = qp.lb[clash], qp.ub[clash]
+        tight.lb[clash], tight.ub[clash] = qp.lb[clash], qp.ub[clash]
         lower.rows[clash] = upper.rows[clash] = -1
-        give_back(G.indptr, G.indices, clash, rows)
-        give_back(A.indptr, A.indices, clash, equations)
-    return Bounds(
-        lb, ub, lower, upper, np.flatnonzero(rows), np.flatnonzero(equations),
-        np.isinf((lb, ub)),
-    )  # fmt: skip
+        rows[G[:, clash].indices] = equations[A[:, clash].indices] = True
+    infinite = np.isinf(tight[:2])
+    return RowBounds(tight, np.flatnonzero(rows), np.flatnonzero(equations), infinite)
 
 
 @kernel
-def take_rows(
-    indptr, indices, data, side, first, is_equal, lb, ub, lower_rows, lower_entry,
-    upper_rows, upper_entry, left,
-):  # fmt: skip
-    """Tighten lb and ub by the rows with one entry, and take these from `left`.
+def tighten(indptr, indices, data, side, first, is_equal, tight, left):
+    """Tighten the bounds by the rows with one entry, and take these from `left`.
 
     Row i is number first + i among the givers.
     """
+    lb, ub, lower, upper = tight
     entries = np.zeros(side.size, dtype=np.int32)
     for i in indices:
         entries[i] += 1
@@ -236,34 +229,20 @@ def take_rows(
             value = side[i] / data[t]
             if (is_equal or data[t] > 0.0) and value < ub[j]:
                 ub[j] = value
-                upper_rows[j] = first + i
-                upper_entry[j] = data[t]
+                upper.rows[j], upper.entry[j] = first + i, data[t]
             if (is_equal or data[t] < 0.0) and value > lb[j]:
                 lb[j] = value
-                lower_rows[j] = first + i
-                lower_entry[j] = data[t]
-
-
-@kernel
-def give_back(indptr, indices, clash, left):
-    """Leave all rows with an entry in a column where bounds clash."""
-    for j in range(clash.size):
-        if clash[j]:
-            for t in range(indptr[j], indptr[j + 1]):
-                left[indices[t]] = True
+                lower.rows[j], lower.entry[j] = first + i, data[t]
 
 
 def free_columns(
-    P: csc_array,
-    G: csc_array,
-    A: csc_array,
-    bounds: Bounds,
+    P: csc_array, G: csc_array, A: csc_array, bounds: RowBounds
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the columns to substitute, their rows of A, entries and costs; the others.
+    """Return the columns to substitute, their rows of A, entries and costs.
 
-    One column a row, the one with the largest entry.
+    The fifth array has the other rows of A. For each row it is one column at most, that
+    with the largest entry.
     """
-    p = A.shape[0]
     diagonal = P.diagonal()
     is_free = (
         (np.diff(A.indptr) == 1)
@@ -275,17 +254,15 @@ def free_columns(
     columns = np.flatnonzero(is_free)
     at = A.indptr[columns]
     row, entry = A.indices[at].astype(np.intp), A.data[at]
-    size = np.zeros(p)
+    size = np.zeros(A.shape[0])
     np.maximum.at(size, A.indices, np.abs(A.data))
-    usable = np.zeros(p, dtype=bool)
+    usable = np.zeros(size.size, dtype=bool)
     usable[bounds.equations] = True
-    good = usable[row] & (np.abs(entry) >= PIVOT * size[row])
-    order = np.flatnonzero(good)
+    order = np.flatnonzero(usable[row] & (np.abs(entry) >= PIVOT * size[row]))
     order = order[np.argsort(-np.abs(entry[order]), kind="stable")]
     order = order[np.unique(row[order], return_index=True)[1]]
+    order = order[worth_it(A, row[order], diagonal[columns[order]] > 0.0)]
     columns, row, entry = columns[order], row[order], entry[order]
-    keep = worth_it(A, row, diagonal[columns] > 0.0)
-    columns, row, entry = columns[keep], row[keep], entry[keep]
     usable[row] = False
     return columns, row, entry, diagonal[columns], np.flatnonzero(usable)
 
@@ -296,19 +273,8 @@ def worth_it(A: csc_array, row: np.ndarray, squared: np.ndarray) -> np.ndarray:
     costs = length[squared]
     touched = np.zeros(A.shape[0], dtype=bool)
     touched[row[squared]] = True
-    width = count_columns(A.indptr, A.indices, touched) - costs.size
+    count = np.append(0, np.cumsum(touched[A.indices]))[A.indptr]
+    width = np.count_nonzero(np.diff(count)) - costs.size  # columns in touched rows
     if min((costs**2).sum(), width**2) <= FILL * costs.sum() + SMALL:
         return np.ones(row.size, dtype=bool)
     return ~squared | (length <= SHORT)
-
-
-@kernel
-def count_columns(indptr, indices, touched):
-    """Count the columns with an entry in a touched row."""
-    count = 0
-    for j in range(indptr.size - 1):
-        for t in range(indptr[j], indptr[j + 1]):
-            if touched[indices[t]]:
-                count += 1
-                break
-    return count
