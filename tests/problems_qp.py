@@ -5,9 +5,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from scipy.io import loadmat
-from scipy.sparse import block_diag, csc_array, csr_array, eye_array, vstack
+from scipy.sparse import block_diag, csc_array, eye_array
 
+from namlcp.cli.files import mat_problem
 from namlcp.options import Options
 from namlcp.qp.guess import NO_GUESS
 from namlcp.qp.memory import Memory
@@ -133,15 +133,8 @@ def least_squares(n) -> QP:
     G = np.zeros((3, n))
     for row, step in enumerate((2, 3, 5)):
         G[row] = i % step == 0
-    G = csc_array(
-        (
-            np.concatenate((G[0], G[1][: n - 1], G[2][: n - 1])),
-            (
-                np.concatenate((i, i[:-1], i[1:])),
-                np.concatenate((i, i[1:], i[:-1])),
-            ),
-        )
-    )
+    rows, columns = np.r_[i, i[:-1], i[1:]], np.r_[i, i[1:], i[:-1]]
+    G = csc_array((np.r_[G[0], G[1][:-1], G[2][:-1]], (rows, columns)))
     G.eliminate_zeros()
     one = np.ones((1, n))
     return make_qp(eye_array(n), -i.astype(float), G, np.ones(n), one, [42.0], 0.0 * i)
@@ -153,18 +146,9 @@ DATA = Path(
 
 
 def maros_meszaros(name) -> QP:
-    """Read a Maros-Meszaros problem: l <= Ax <= u, the last n rows are the bounds."""
-    data = loadmat(DATA / "maros_meszaros" / f"{name}.mat")
-    q, lower, upper = (data[key].ravel().astype(float) for key in ("q", "l", "u"))
-    lower[lower < -9e19], upper[upper > 9e19] = -np.inf, np.inf
-    rows = lower.size - q.size
-    C = csr_array(data["A"])[:rows]
-    equal = lower[:rows] == upper[:rows]
-    above = np.flatnonzero(~equal & np.isfinite(upper[:rows]))
-    below = np.flatnonzero(~equal & np.isfinite(lower[:rows]))
-    G, h = vstack((C[above], -C[below])), np.r_[upper[above], -lower[below]]
-    A, b = C[np.flatnonzero(equal)], upper[:rows][equal]
-    return make_qp(data["P"], q, G, h, A, b, lower[rows:], upper[rows:])
+    """Read a Maros-Meszaros problem."""
+    path = DATA / "maros_meszaros" / f"{name}.mat"
+    return make_qp(*mat_problem(str(path)).unpack())
 
 
 def singular_block(seed, n) -> Known:
@@ -176,6 +160,14 @@ def singular_block(seed, n) -> Known:
     qp = make_qp(P, q, *known.qp[2:])
     return known._replace(qp=qp)
 
+
+FIVE = np.diag([2.0, 4, 2, 2, 2])
+FIVE[0, 1] = FIVE[1, 0] = -2.0
+FIVE[1, 2] = FIVE[2, 1] = 2.0
+FIVE_52 = FIVE.copy()
+FIVE_52[:2, :2] = [[32, -8], [-8, 4]]
+LINEAR = [0, -4, -4, -2, -2]
+EQUAL = [[1, 3, 0, 0, 0], [0, 0, 1, 1, -2], [0, 1, 0, 0, -1]]
 
 # W. Hock, K. Schittkowski, Test Examples for Nonlinear Programming Codes, 1981:
 # number -> (QP, constant of the objective, optimal value).
@@ -195,44 +187,10 @@ HOCK_SCHITTKOWSKI = {
         9.0,
         1.0 / 9.0,
     ),
-    51: (
-        make_qp(
-            [
-                [2, -2, 0, 0, 0], [-2, 4, 2, 0, 0], [0, 2, 2, 0, 0], [0, 0, 0, 2, 0],
-                [0, 0, 0, 0, 2],
-            ],
-            [0, -4, -4, -2, -2],
-            A=[[1, 3, 0, 0, 0], [0, 0, 1, 1, -2], [0, 1, 0, 0, -1]],
-            b=[4, 0, 0],
-        ),
-        6.0,
-        0.0,
-    ),
-    52: (
-        make_qp(
-            [
-                [32, -8, 0, 0, 0], [-8, 4, 2, 0, 0], [0, 2, 2, 0, 0], [0, 0, 0, 2, 0],
-                [0, 0, 0, 0, 2],
-            ],
-            [0, -4, -4, -2, -2],
-            A=[[1, 3, 0, 0, 0], [0, 0, 1, 1, -2], [0, 1, 0, 0, -1]],
-            b=[0, 0, 0],
-        ),
-        6.0,
-        1859.0 / 349.0,
-    ),
+    51: (make_qp(FIVE, LINEAR, A=EQUAL, b=[4, 0, 0]), 6.0, 0.0),
+    52: (make_qp(FIVE_52, LINEAR, A=EQUAL, b=[0, 0, 0]), 6.0, 1859.0 / 349.0),
     53: (
-        make_qp(
-            [
-                [2, -2, 0, 0, 0], [-2, 4, 2, 0, 0], [0, 2, 2, 0, 0], [0, 0, 0, 2, 0],
-                [0, 0, 0, 0, 2],
-            ],
-            [0, -4, -4, -2, -2],
-            A=[[1, 3, 0, 0, 0], [0, 0, 1, 1, -2], [0, 1, 0, 0, -1]],
-            b=[0, 0, 0],
-            lb=[-10] * 5,
-            ub=[10] * 5,
-        ),
+        make_qp(FIVE, LINEAR, A=EQUAL, b=[0, 0, 0], lb=[-10] * 5, ub=[10] * 5),
         6.0,
         176.0 / 43.0,
     ),

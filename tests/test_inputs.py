@@ -219,31 +219,44 @@ def test_a_qp_is_refused_in_words(arguments, options, error, text, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+PAIR = EYE, ONE
 LCP_REFUSALS = [
-    ({"method": "sor"}, ValueError, "method"),
-    ({"method": "psor", "alpha": 2.0}, ValueError, r"alpha must lie in \(0, 2\)"),
-    ({"method": "pgs", "alpha": 1.0}, (TypeError, ValueError), "alpha"),
+    ((np.ones((2, 3)), np.ones(3)), {}, ValueError, "A must be square"),
+    ((np.diag([1, np.nan]), ONE), {}, ValueError, r"A must be .*\(1, 1"),
+    ((EYE, np.ones(3)), {}, ValueError, r"q must have shape \(2,\)"),
+    ((EYE, [1, np.inf]), {}, ValueError, r"q must be finite.*\(1\)"),
+    ((EYE, ["a", "b"]), {}, TypeError, "q must be an array of real"),
+    ((EYE, [[1], [1, 2]]), {}, TypeError, "q must be an array of real"),
+    ((*PAIR, [2, 0], 1.0), {}, ValueError, r"lower\[0\] = 2, upper\[0\] = 1"),
+    ((*PAIR, np.inf), {}, ValueError, "lower be < inf"),
+    ((*PAIR, np.nan), {}, ValueError, "lower must not hold NaN"),
+    (PAIR, {"method": "sor"}, ValueError, "method"),
+    (PAIR, {"method": "psor", "alpha": 2.0}, ValueError, r"alpha must lie in \(0, 2\)"),
+    (PAIR, {"method": "pgs", "alpha": 1.0}, (TypeError, ValueError), "alpha"),
     (
-        {"method": "pgs", "eps_rel": 1e-3}, ValueError,
+        PAIR, {"method": "pgs", "eps_rel": 1e-3}, ValueError,
         "eps_rel is for method \"auto\" or \"multigrid\", not for method 'pgs'",
     ),
-    ({"s0": ONE}, ValueError, "s0 is for the sweep methods, not for method 'auto'"),
-    ({"z0": np.ones(3)}, ValueError, r"z0 must have shape \(2,\)"),
     (
-        {"method": "pgs", "z0": ONE, "s0": ONE}, ValueError,
+        PAIR, {"s0": ONE}, ValueError,
+        "s0 is for the sweep methods, not for method 'auto'",
+    ),
+    (PAIR, {"z0": np.ones(3)}, ValueError, r"z0 must have shape \(2,\)"),
+    (
+        PAIR, {"method": "pgs", "z0": ONE, "s0": ONE}, ValueError,
         "s0 and z0 must not both be given",
     ),
-    ({"diagonal": ONE}, ValueError, "diagonal is for a LinearOperator"),
-    ({"max_iter": True}, TypeError, "max_iter must be an integer, got True"),
-    ({"time_limit": -1}, ValueError, "time_limit must be > 0, got -1"),
-    ({"verbose": "yes"}, TypeError, "verbose must be True or False, got 'yes'"),
+    (PAIR, {"diagonal": ONE}, ValueError, "diagonal is for a LinearOperator"),
+    (PAIR, {"max_iter": True}, TypeError, "max_iter must be an integer, got True"),
+    (PAIR, {"time_limit": -1}, ValueError, "time_limit must be > 0, got -1"),
+    (PAIR, {"verbose": "yes"}, TypeError, "verbose must be True or False, got 'yes'"),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("options", "error", "text"), LCP_REFUSALS)
-def test_an_lcp_is_refused_in_words(options, error, text):
+@pytest.mark.parametrize(("arguments", "options", "error", "text"), LCP_REFUSALS)
+def test_an_lcp_is_refused_in_words(arguments, options, error, text):
     with pytest.raises(error, match=text):
-        solve_lcp(EYE, ONE, **options)
+        solve_lcp(*arguments, **options)
 
 
 def test_residuals_take_none_for_absent_bounds():

@@ -14,14 +14,12 @@ import scipy.sparse as sp
 
 from namlcp.compiled import kernel, part
 
-# Bounds of at least this modulus mean "no bound": 1e20 in the QP collections, where
-# scaling left some of them a few digits smaller.
 INFINITE = 0.999e20
-# P may differ from its transpose by this times max |P| (rounding); it is symmetrised.
-ASYMMETRY = 1e-10
+"""Bounds of at least this modulus mean "no bound": 1e20 in the QP collections, where
+scaling left some of them a few digits smaller."""
 
-# What int32 can count: no matrix, and no KKT matrix, may have more entries.
 MOST_ENTRIES = 2**31 - 1
+"""Most entries of a matrix, the KKT matrix as well: what int32 can count."""
 
 FLOAT = np.dtype(np.float64)
 INDEX = np.dtype(np.int32)
@@ -255,10 +253,10 @@ def has_bad_row(C):
 
 
 @kernel
-def is_huge(side):
-    """Tell whether an entry is finite, but beyond INFINITE."""
-    for i in range(side.size):
-        if abs(side[i]) >= INFINITE and not np.isinf(side[i]):
+def has_huge_bound(bounds):
+    """Tell whether a bound is finite, but beyond INFINITE."""
+    for i in range(bounds.size):
+        if abs(bounds[i]) >= INFINITE and not np.isinf(bounds[i]):
             return True
     return False
 
@@ -273,14 +271,14 @@ def refuse_number(name: str, values: np.ndarray, infinite_allowed: bool) -> None
         raise ValueError(f"{name} {wanted}, got {flat[i]} at ({place})")
 
 
-def side(values: np.ndarray, sign: float) -> np.ndarray:
-    """Return `values` with those beyond INFINITE, on the open side, made infinite.
+def without_huge(bounds: np.ndarray, sign: float) -> np.ndarray:
+    """Return bounds, of which those that are huge and exclude nothing are infinite.
 
-    sign is +1 for upper sides and -1 for lower ones: x <= -1e21 is a constraint.
+    sign is +1 for upper bounds and -1 for lower ones: x <= -1e21 is a constraint.
     """
-    if is_huge(values):
-        return np.where(sign * values >= INFINITE, sign * np.inf, values)
-    return values
+    if has_huge_bound(bounds):
+        return np.where(sign * bounds >= INFINITE, sign * np.inf, bounds)
+    return bounds
 
 
 def as_sparse(C: Any) -> Any:

@@ -16,7 +16,6 @@ from namlcp.lcp.pivoting.homogeneous import (
     Iterate,
     Model,
     homogeneous_path,
-    is_definite,
     longest,
     step_from,
 )
@@ -318,13 +317,3 @@ def test_the_path_leads_to_the_solution(layout):
     w = A @ last.z + q
     assert last.clarity < 1e-6
     assert natural_residual(np.clip(last.z, lower, upper), w, lower, upper) < 1e-8
-
-
-def test_definite_or_not():
-    A = np.array([[1.0, 5.0, 0.0], [-5.0, 1.0, 0.0], [0.0, 0.0, 0.0]])
-    for layout in (np.asarray, sparse.csc_array, sparse.csr_array):
-        assert is_definite(layout(A), 1e-10)
-        assert not is_definite(layout(A), -1e-10)
-        assert not is_definite(layout(A), 0.0)
-        assert is_definite(layout(A + np.eye(3)), -1e-10)
-        assert not is_definite(layout(A - 1e-3 * np.eye(3)), 1e-10)

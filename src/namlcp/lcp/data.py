@@ -13,8 +13,8 @@ from namlcp.checks import (
     is_clean,
     real_array,
     refuse_number,
-    side,
     vector,
+    without_huge,
 )
 from namlcp.compiled import kernel
 from namlcp.lcp.operators import operator_data
@@ -115,7 +115,7 @@ def lcp_data(matrix: "Prepared", q: Any, lower: Any, upper: Any) -> LCP:
     refuse_number("q", q, False)
     refuse_number("lower", lower, True)
     refuse_number("upper", upper, True)
-    lower, upper = side(lower, -1.0), side(upper, 1.0)
+    lower, upper = without_huge(lower, -1.0), without_huge(upper, 1.0)
     wrong = np.flatnonzero((lower > upper) | (lower == np.inf) | (upper == -np.inf))
     if wrong.size:
         i = wrong[0]

@@ -11,10 +11,7 @@ from namlcp.lcp.multigrid import Hierarchy, build
 from namlcp.lcp.relaxation import dominance
 from namlcp.lcp.tridiagonal import Tridiagonal, tridiagonal_of
 from namlcp.limits import NEVER, Deadline
-from namlcp.linalg import Columns, asymmetry, columns_of
-
-ROUNDING = 1e-14
-"""Asymmetry of A below this times max|A| is rounding."""
+from namlcp.linalg import Columns, columns_of, is_symmetric
 
 
 class Prepared:
@@ -65,8 +62,7 @@ class Prepared:
     @cached_property
     def symmetric(self) -> bool:
         """A = A' up to rounding."""
-        gap, size = asymmetry(self.A)
-        return gap <= ROUNDING * size
+        return is_symmetric(self.A)
 
     def hierarchy(self, deadline: Deadline = NEVER) -> Hierarchy | None:
         """Return levels for multigrid cycles, None where A does not suit.

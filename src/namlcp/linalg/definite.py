@@ -12,9 +12,17 @@ from scipy.linalg.lapack import dpotrf
 from scipy.sparse import csc_matrix, eye_array, issparse, triu
 
 from namlcp.compiled import kernel
+from namlcp.linalg.symmetry import asymmetry
 
 SLACK = 1e-6
 """Negative curvature, of a unit diagonal, that data in single precision explain."""
+
+PSD_TOLERANCE = 1e-10
+"""Shift of a unit diagonal by which a semidefinite matrix, computed in double
+precision, becomes definite."""
+
+SYMMETRIC = 1e-14
+"""Largest |A - A'|, relative to max |A|, that rounding in double precision explains."""
 
 ZERO = 1e-15
 """A diagonal entry below this times max |P| counts as zero, and so must its row."""
@@ -48,6 +56,12 @@ def curvature(P: Any) -> Curvature:
     nnz = indptr[n]
     triangle = csc_matrix((data[:nnz], indices[:nnz], indptr), shape=P.shape)
     return Curvature(code, i, j, triangle)
+
+
+def is_symmetric(A: Any) -> bool:
+    """Tell whether A = A' but for rounding; A has been checked, dense or compressed."""
+    gap, size = asymmetry(A)
+    return gap <= SYMMETRIC * size
 
 
 def is_positive_semidefinite(A: Any, tolerance: float) -> bool:

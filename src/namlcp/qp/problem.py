@@ -6,18 +6,17 @@ import numpy as np
 import scipy.sparse as sp
 
 from namlcp.checks import (
-    ASYMMETRY,
     as_sparse,
     constant,
     has_bad_row,
+    has_huge_bound,
     is_bad,
-    is_huge,
     matrix,
     refuse_number,
-    side,
     sparse_matrix,
     square_matrix,
     vector,
+    without_huge,
 )
 from namlcp.compiled import kernel
 from namlcp.limits import interruptible
@@ -35,6 +34,10 @@ class Point(NamedTuple):
     y: np.ndarray
     z: np.ndarray
     z_box: np.ndarray
+
+
+ASYMMETRY = 1e-10
+"""Largest |P - P'|, relative to max |P|, that passes for rounding; P is symmetrised."""
 
 
 class QP(NamedTuple):
@@ -74,10 +77,10 @@ class QP(NamedTuple):
 
 @kernel
 def dense_faults(P, q, G, h, A, b, lb, ub):
-    """Return (argument with a bad number or -1, asymmetry of P, max |P|, huge sides).
+    """Return (argument with a bad number or -1, asymmetry of P, max |P|, huge bounds).
 
-    The last tells whether a side is finite but beyond INFINITE. One compiled call,
-    because a dozen NumPy calls cost more than a small QP.
+    The last tells whether h or a bound is finite but beyond INFINITE. One compiled
+    call, because a dozen NumPy calls cost more than a small QP.
     """
     which = np.int64(-1)
     allowed = np.bool_(True)  # not a literal, which would compile is_bad once more
@@ -98,7 +101,7 @@ def dense_faults(P, q, G, h, A, b, lb, ub):
     elif is_bad(ub, allowed):
         which = 7
     gap, size = dense_asymmetry(P)
-    huge = is_huge(h) or is_huge(lb) or is_huge(ub)
+    huge = has_huge_bound(h) or has_huge_bound(lb) or has_huge_bound(ub)
     return which, gap, size, huge
 
 
@@ -165,5 +168,6 @@ def qp_data(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) ->
     if gap > 0.0:
         P = symmetrised(P, gap, size)
     if huge:
-        h, lb, ub = side(h, 1.0), side(lb, -1.0), side(ub, 1.0)
+        h, ub = without_huge(h, 1.0), without_huge(ub, 1.0)
+        lb = without_huge(lb, -1.0)
     return QP(P, q, G, h, A, b, lb, ub)

@@ -18,7 +18,6 @@ from namlcp.lcp.pivoting.homogeneous import (
     congruent,
     equilibration,
     homogeneous_path,
-    is_definite,
 )
 from namlcp.lcp.pivoting.interior import follow
 from namlcp.lcp.pivoting.large_system import LargeSystem
@@ -27,6 +26,7 @@ from namlcp.lcp.pivoting.rays import proof
 from namlcp.lcp.pivoting.work import Memory
 from namlcp.lcp.prepared import Prepared
 from namlcp.limits import Limits
+from namlcp.linalg import PSD_TOLERANCE, is_positive_semidefinite
 from namlcp.residuals import natural_residuals
 from namlcp.status import Status
 
@@ -63,10 +63,6 @@ PATH_CHUNK = 5
 
 PATH_TARGET = 1e-8
 """Scaled Res, relative to its value at clip(0), at which the interior path ends."""
-
-PSD_TOLERANCE = 1e-10
-"""Shift of the equilibrated diagonal by which a semidefinite matrix, with rounding,
-becomes definite."""
 
 ROUNDING = 1e-15
 """Entry of w = A z + q, relative to its terms, that counts as 0."""
@@ -280,8 +276,9 @@ class Attempt:
             return False
         A = self.scaled_matrix()
         A = congruent(A, equilibration(A))  # rows with a_ii = 0 have no unit yet
-        positive = not now.external_solve and is_definite(A, -PSD_TOLERANCE)
-        return not positive and is_definite(A, PSD_TOLERANCE)
+        if not now.external_solve and is_positive_semidefinite(A, -PSD_TOLERANCE):
+            return False
+        return is_positive_semidefinite(A, PSD_TOLERANCE)
 
     def decide(self, limit: int) -> np.ndarray | None:
         """Follow the homogeneous path; return a proof, or start from its best point."""

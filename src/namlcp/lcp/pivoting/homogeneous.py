@@ -20,9 +20,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-import qdldl
 from scipy import sparse
-from scipy.linalg.lapack import dpotrf
 
 from namlcp.lcp.modulus import dense_solver, sparse_solver
 
@@ -202,17 +200,3 @@ def longest(x: Iterate, dx: Iterate, inside: tuple[np.ndarray, ...]) -> float:
         falls = signed & (dv < 0.0)
         step = min(step, float((-v[falls] / dv[falls]).min(initial=np.inf)))
     return step
-
-
-def is_definite(A: Any, shift: float) -> bool:
-    """Tell whether x'(A + shift I)x > 0 for all x, by one Cholesky factorisation."""
-    if not sparse.issparse(A):
-        H = 0.5 * (A + A.T)
-        H[np.diag_indices_from(H)] += shift
-        return bool(dpotrf(H, overwrite_a=1)[1] == 0)
-    H = sparse.triu(0.5 * (A + A.T)) + shift * sparse.eye_array(A.shape[0])
-    try:
-        _, pivots, _ = qdldl.Solver(sparse.csc_matrix(H), upper=True).factors()
-    except RuntimeError:  # a zero pivot
-        return False
-    return bool((pivots > 0.0).all())
