@@ -20,7 +20,7 @@ from scipy.sparse.linalg import LinearOperator
 
 import namlcp
 from namlcp import checks, solve_lcp, solve_qp
-from namlcp.limits import OFTEN, PATIENCE, SPEED, Answer, Deadline
+from namlcp.limits import OFTEN, PATIENCE, SPEED, Callback, Deadline
 from namlcp.linalg import csc
 from namlcp.qp import qp_data
 from namlcp.qp.answer import out_of_time
@@ -48,7 +48,7 @@ def test_the_dense_form_asks_whether_to_stop():
         looks.append(1)
         return int(len(looks) == 3)
 
-    function = Answer(answer)
+    function = Callback(answer)
     address = ctypes.c_void_p.from_buffer(function).value
     data = P, q, G, h, np.empty((0, n)), np.empty(0), q - np.inf, q + np.inf
     start = np.empty(0), np.empty(0, dtype=np.int64), 1000

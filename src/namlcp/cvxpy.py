@@ -101,7 +101,7 @@ class NAM(QpSolver):
             guess = make_guess(qp, None, last)
             result = solve_checked(qp, options, guess, start, memory=memory)
             if result.status is Status.DUAL_INFEASIBLE:
-                result = decide(qp, options, result, start)
+                result = infeasible_or(result, qp, options, start)
         except NotConvex as error:
             raise SolverError(str(error)) from error
         except Exception as error:
@@ -171,11 +171,13 @@ def program(data: dict[str, Any], memory: Memory) -> QP:
     return qp_data(P, data[s.Q], F, g, A, b, None, None)
 
 
-def decide(qp: QP, options: Options, unbounded: QPResult, start: float) -> QPResult:
+def infeasible_or(
+    unbounded: QPResult, qp: QP, options: Options, start: float
+) -> QPResult:
     """Return a proof that no x is feasible if there is one, else `unbounded`.
 
-    A ray leaves that open, but CVXPY's "unbounded" does not; it is said all the same
-    where the search for a feasible point ends undecided.
+    A ray proves only that the dual is infeasible; CVXPY's "unbounded" says that some x
+    is feasible. Where the search for one ends undecided, `unbounded` is returned too.
     """
     flat = qp._replace(P=0.0 * qp.P, q=0.0 * qp.q)
     result = solve_checked(flat, options, NO_GUESS, start)

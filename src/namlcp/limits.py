@@ -24,21 +24,24 @@ from namlcp.compiled import part
 from namlcp.progress import Report
 from namlcp.status import Status
 
-# Operations of compiled code between two looks, some milliseconds.
 OFTEN = 4_000_000
-# Operations a second at least: what must end sooner than this promises is not watched,
-# nor what ends before a user has waited for so long [s].
-SPEED, PATIENCE = 5e8, 0.25
+"""Operations of compiled code between two looks at the deadline, some milliseconds."""
 
-Answer = ctypes.CFUNCTYPE(ctypes.c_int32)
+SPEED, PATIENCE = 5e8, 0.25
+"""Operations a second that compiled code does at least, and a time [s]: a kernel sure
+to end before min(time left, PATIENCE) does not look at the deadline."""
+
+Callback = ctypes.CFUNCTYPE(ctypes.c_int32)
+"""What compiled code calls for a look at the deadline."""
+
 F = TypeVar("F", bound=Callable[..., Any])
 
 
 class Deadline:
     """The end of a solve: a value of time.perf_counter(), or the first Ctrl-C.
 
-    Loops ask `reached` between two iterations: where they stop for the time they stop
-    for the user, with whole arrays and the best point.
+    Loops call `reached` between two iterations, so that they stop for the user where
+    they stop for the time: with whole arrays and the best point.
     """
 
     def __init__(self, at: float = math.inf) -> None:
@@ -74,10 +77,11 @@ class Deadline:
         self.interrupted = True
 
     def answers(self) -> Iterator[int]:
-        """Yield 0, then 1 or 0: whether a compiled loop that asks has to stop.
+        """Yield 0, then whether a compiled loop has to stop, 1 or 0, at each look.
 
-        A generator, because signals are handled where Python code goes on: here within
-        the `try`, in a function before it could begin, and C code drops what is raised.
+        Compiled code drops an exception that its callback raises. A generator resumes
+        within its `try`, where a signal's handler is then run; a function would be
+        interrupted before it could enter one.
         """
         over = 0
         while True:
@@ -92,15 +96,15 @@ class Deadline:
     def run(self, kernel: Callable[..., Any], work: float, *arguments: Any) -> Any:
         """Return kernel(*arguments, address) of a compiled function.
 
-        `address` is what `new_watch` takes. It is 0 where `work` operations, all that
-        the kernel can do, are too few to be watched.
+        The kernel does `work` operations at most and hands `address` to `new_watch`. It
+        is 0 where so few operations need no look at the deadline.
         """
         left = self.at - time.perf_counter()
         if work <= SPEED * (left if left < PATIENCE else PATIENCE):
             return kernel(*arguments, 0)
         answers = self.answers()
         next(answers)
-        answer = Answer(answers.__next__)
+        answer = Callback(answers.__next__)
         with self.listening():
             found = kernel(*arguments, ctypes.c_void_p.from_buffer(answer).value)
         if self.error is not None:
@@ -110,9 +114,8 @@ class Deadline:
     def verdict(self, status: Status) -> Status:
         """Return INTERRUPTED where Ctrl-C, not the time, ended the solve.
 
-        A solve that ended by itself has nothing to hand over before its time: there
-        Ctrl-C means what it always means, so that a loop over small problems can be
-        left.
+        Where the solve had ended before it noticed, Ctrl-C raises KeyboardInterrupt as
+        everywhere else, so that a loop over small problems can be left.
         """
         if not self.interrupted:
             return status
@@ -151,10 +154,10 @@ class Limits(NamedTuple):
 
 
 def interruptible(function: F) -> F:
-    """Let a Ctrl-C that compiled code met be a KeyboardInterrupt.
+    """Raise KeyboardInterrupt where compiled code made a SystemError of it.
 
-    Where a signal's handler raises while a result is handed over, compiled code makes
-    of it a SystemError, or a chain of them.
+    It does if a signal's handler raises while it hands over a result; there may be a
+    chain of such errors.
     """
 
     @functools.wraps(function)
@@ -186,7 +189,7 @@ def called(typingctx, address):
 
 def interpreted_call(address):
     """Return the same where nothing is compiled."""
-    return Answer(address)()
+    return Callback(address)()
 
 
 call = interpreted_call if config.DISABLE_JIT else called
@@ -196,7 +199,7 @@ call = interpreted_call if config.DISABLE_JIT else called
 def new_watch(address):
     """Return what `is_over` needs: the address, operations since the last look, over.
 
-    Where the address is 0 nobody is asked.
+    Where the address is 0, `is_over` is always False.
     """
     watch = np.zeros(3, dtype=np.int64)
     watch[0] = address
@@ -205,7 +208,7 @@ def new_watch(address):
 
 @part
 def is_over(watch, operations):
-    """Tell whether to stop, after so many more operations; once over, always over."""
+    """Tell whether to stop, after `operations` more; once over, always over."""
     if watch[0] == 0:
         return False
     watch[1] += operations

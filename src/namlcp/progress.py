@@ -13,10 +13,10 @@ Report = Callable[..., None] | None
 """What a loop calls for every row, as `Progress.row`; None where nobody looks."""
 
 SILENCE = 2.0
-"""So long [s] nothing is printed at the most while rows come in."""
+"""Longest time [s] without a printed row while rows come in."""
 
 BAR = 30
-"""Characters of a full bar."""
+"""Width of a full bar [characters]."""
 
 QP_COLUMNS = ("iter", "primal", "dual", "gap", "step", "active")
 LCP_COLUMNS = ("iter", "residual", "active")

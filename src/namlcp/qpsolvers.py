@@ -111,12 +111,8 @@ def solution(problem: qpsolvers.Problem, result: QPResult) -> qpsolvers.Solution
     elif result.status is Status.DUAL_INFEASIBLE:
         extras["certificate"] = {"x": result.x}
     else:
-        answer.x, answer.y, answer.z, answer.z_box = (
-            result.x,
-            result.y,
-            result.z,
-            z_box,
-        )
+        answer.x, answer.y = result.x, result.y
+        answer.z, answer.z_box = result.z, z_box
     return answer
 
 

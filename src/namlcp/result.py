@@ -17,8 +17,8 @@ class LCPResult:
     status : Status
         What happened.
     z, w : (n,) array
-        The point and w = A z + q: the best one found unless the status is SOLVED; NaN
-        for NUMERICAL_ERROR.
+        The solution, else the best point found, and w = A z + q; NaN for
+        NUMERICAL_ERROR.
     s : (n,) array
         The modulus variable: z = clip(s, lower, upper), w = Omega (z - s), with the
         Omega of a named method, diag(A) for "auto".
@@ -33,13 +33,14 @@ class LCPResult:
     setup_time, solve_time : float
         Seconds.
     ray : (n,) array or None
-        UNSOLVABLE with a proof: v is 0 on the side of every finite bound, and q'v +
-        z'A'v is -1 at most for z in the box. For the plain LCP: v >= 0, A'v <= 0, q'v =
-        -1. A solution would have v'w >= 0, but v'w = q'v + z'A'v < 0.
+        With UNSOLVABLE, where there is a proof v: v_i <= 0 where u_i is finite, v_i >=
+        0 where l_i is, and q'v + z'A'v <= -1 for all z in the box. For the plain LCP: v
+        >= 0, A'v <= 0, q'v = -1. A solution would have v'w >= 0, but v'w = q'v + z'A'v
+        < 0.
     history : structured array or None
-        The rows of the verbose table, when asked for: one an iteration, for "auto" one
-        a factorisation or a run of sweeps. Residuals are those of `residual`: of the
-        iterate, where factorisations are counted of the best point so far.
+        The rows of the verbose table, when asked for: one for each iteration, for
+        "auto" one for each factorisation or run of sweeps. The residuals are those of
+        the iterates, where factorisations are counted those of the best point so far.
     """
 
     status: Status
@@ -68,9 +69,9 @@ class QPResult:
         signs: P x + q + G'z + A'y + z_box = 0, z >= 0, z_box <= 0 at a lower bound.
         PRIMAL_INFEASIBLE: x is NaN, (y, z, z_box) a Farkas certificate with
         b'y + h'z + lb'z_box^- + ub'z_box^+ = -1. DUAL_INFEASIBLE: x is a ray with
-        q'x = -1 (whether any x is feasible is not decided then), the rest NaN; where
-        one side contradicts another at sight (lb > ub, h = -inf) all are NaN and
-        `message` names the place. Otherwise the best point found.
+        q'x = -1 (whether any x is feasible is not decided then), the rest NaN. Where
+        two bounds contradict each other (lb > ub, h = -inf) all are NaN and `message`
+        names the place. Otherwise the best point found.
     obj : float
         1/2 x'Px + q'x; +inf when infeasible, -inf when unbounded.
     residuals : Residuals
