@@ -32,7 +32,7 @@ HARMLESS = {
     "ndarray", "dtype", "O8", "|", "numpy ndarray", "numpy dtype",
     "numpy.core.multiarray _reconstruct", "numpy._core.multiarray _reconstruct",
 }  # fmt: skip
-SHORT = 1000
+NONE_BYTES = 1000
 """Size [bytes] that such a pickle never reaches."""
 
 
@@ -61,7 +61,7 @@ def read_array(stream: IO[bytes], name: str, size: int) -> np.ndarray | None:
     else:
         raise ValueError(f"{name} has .npy format {version}, known are 1.0 and 2.0")
     if dtype.hasobject:
-        if shape == () and is_none(stream.read(SHORT)):
+        if shape == () and is_none(stream.read(NONE_BYTES)):
             return None
         raise ValueError(
             f"{name} is an array of Python objects, which is not read (a sparse "
@@ -80,7 +80,7 @@ def read_array(stream: IO[bytes], name: str, size: int) -> np.ndarray | None:
 
 def is_none(pickled: bytes) -> bool:
     """Tell whether a pickle, which is not executed, can hold nothing but None."""
-    if len(pickled) >= SHORT:
+    if len(pickled) >= NONE_BYTES:
         return False
     try:
         texts = [text for _, text, _ in pickletools.genops(pickled)]

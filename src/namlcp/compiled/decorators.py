@@ -15,7 +15,7 @@ from numba import config
 
 from namlcp.compiled.store import folders
 
-KNOWN = (0, 59), (0, 68)
+KNOWN_VERSIONS = (0, 59), (0, 68)
 """First and last version of numba whose inner parts are those of `internals`."""
 
 KERNELS: dict[str, Any] = {}
@@ -24,7 +24,7 @@ KERNELS: dict[str, Any] = {}
 
 def is_known() -> bool:
     """Tell whether the inner parts of this version of numba are known."""
-    return KNOWN[0] <= tuple(numba.version_info[:2]) <= KNOWN[1]
+    return KNOWN_VERSIONS[0] <= tuple(numba.version_info[:2]) <= KNOWN_VERSIONS[1]
 
 
 def compiled(

@@ -369,11 +369,11 @@ def dispatcher_of(
     if is_part:
         # Where Python calls it there is no overload, and none may be compiled.
         dispatcher._insert = lambda *_: None
-        dispatcher._compile_for_args = functools.partial(refuse, name)
+        dispatcher._compile_for_args = functools.partial(refuse_call, name)
     return dispatcher
 
 
-def refuse(name: str, *_: Any) -> None:
+def refuse_call(name: str, *_: Any) -> None:
     """Raise where Python calls a part: it has no machine code of its own."""
     raise TypeError(f"{name} is called by compiled functions alone, see its py_func")
 

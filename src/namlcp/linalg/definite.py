@@ -21,7 +21,7 @@ PSD_TOLERANCE = 1e-10
 """Shift of a unit diagonal by which a semidefinite matrix, computed in double
 precision, becomes definite."""
 
-SYMMETRIC = 1e-14
+SYMMETRY_ROUNDING = 1e-14
 """Largest |A - A'|, relative to max |A|, that rounding in double precision explains."""
 
 ZERO = 1e-15
@@ -61,7 +61,7 @@ def curvature(P: Any) -> Curvature:
 def is_symmetric(A: Any) -> bool:
     """Tell whether A = A' but for rounding; A has been checked, dense or compressed."""
     gap, size = asymmetry(A)
-    return gap <= SYMMETRIC * size
+    return gap <= SYMMETRY_ROUNDING * size
 
 
 def is_positive_semidefinite(A: Any, tolerance: float) -> bool:

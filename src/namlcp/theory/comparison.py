@@ -42,9 +42,9 @@ from namlcp.checks import finite_square_matrix
 from namlcp.compiled import kernel, part
 from namlcp.limits import interruptible
 from namlcp.theory.perron import (
-    DIRECT,
+    LARGEST_FACTORED,
     block_vectors,
-    gauss_seidel,
+    comparison_sweep,
     row_numbers,
     solutions,
     with_entries,
@@ -59,7 +59,7 @@ HELP = 0.5
 UNIT = 2.0**-53
 """Unit roundoff: the largest relative error of one operation."""
 
-TINY = 5e-324
+LEAST_NUMBER = 5e-324
 """Least positive number: the largest absolute error of an operation that underflows."""
 
 SPLITTER = 2.0**27 + 1.0
@@ -120,7 +120,7 @@ def is_h_plus(A: Any) -> Verdict:
         |A - D| u (<A> u <= 0 where the diagonal is positive); the unit vector e_i if
         a_ii <= 0. Both inequalities hold for the numbers as they are stored, rounding
         errors bounded. None: the border, |rho(J) - 1| of 1e-10 or less with J = D^-1
-        |A - D|; or, for n beyond `DIRECT`, multigrid failed. `bound` is the largest (J
+        |A - D|; or, for n beyond 20 000, multigrid failed. `bound` is the largest (J
         v)_i / v_i for True, and the least (J u)_i / u_i for False.
 
     Raises
@@ -207,7 +207,7 @@ def candidates(
     yield "v = 1", ones, NO_EXPONENT, ""
     for x in swept(A, ones):
         yield "Gauss-Seidel sweeps", x, NO_EXPONENT, ""
-    if D.size <= DIRECT:  # beyond it Noda's first system does as well
+    if D.size <= LARGEST_FACTORED:  # beyond it Noda's first system does as well
         for x in solutions(scaled_comparison(A, D), ones):
             yield "one linear solve", x, NO_EXPONENT, ""
     for x, exponent, low, high in block_vectors(A, D):
@@ -286,7 +286,7 @@ def signs(indptr, indices, data, x, exponent):
         if not off < np.inf:
             return False, False, np.nan, np.nan
         count = indptr[i + 1] - indptr[i] + 3
-        margin = count * (2.0 * UNIT * (d + off) + 4.0 * TINY)
+        margin = count * (2.0 * UNIT * (d + off) + 4.0 * LEAST_NUMBER)
         low = high = d - off
         if not abs(low) > margin:
             low, high = exact_row(indptr, indices, data, i, x, exponent)
@@ -337,7 +337,7 @@ def exact_row(indptr, indices, data, i, x, exponent):
             e = al * bl - (((p - ah * bh) - al * bh) - ah * bl)
         else:
             e = 0.0
-            lost += abs(p) * 4.0 * UNIT + 4.0 * TINY * (1.0 + abs(a))
+            lost += abs(p) * 4.0 * UNIT + 4.0 * LEAST_NUMBER * (1.0 + abs(a))
         s = total + p
         t = s - total
         f = (total - (s - t)) + (p - t)
@@ -374,7 +374,7 @@ def swept(A: Any, ones: np.ndarray) -> Iterator[np.ndarray]:
     for sweeps in BATCHES:
         step = math.inf
         for _ in range(sweeps):
-            step = gauss_seidel(A.indptr, A.indices, A.data, ones, v)
+            step = comparison_sweep(A.indptr, A.indices, A.data, ones, v)
         if not step < 1e100:
             return
         yield v

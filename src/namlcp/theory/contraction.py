@@ -16,13 +16,13 @@ from namlcp.theory.comparison import UNIT, is_m_matrix
 from namlcp.theory.perron import row_numbers
 from namlcp.theory.splittings import Splitting, comparison, splitting
 
-SMALL = 600
+LARGEST_DENSE = 600
 """Largest order at which dense inverses and eigenvalues are computed."""
 
-POWER_STEPS, NODA_STEPS = 40, 20
+POWERS, NODA_STEPS = 40, 20
 """Steps of the power method and of Noda's iteration in one enclosure of rho(T)."""
 
-HALVINGS = 40
+RADIUS_HALVINGS = 40
 """M-matrix tests that may halve the interval of rho(T)."""
 
 DOUBLINGS = 20
@@ -31,11 +31,11 @@ DOUBLINGS = 20
 MARGINS = (1e-2, 1e-5)
 """Values of eps for which a quadratic Lyapunov function is sought, in this order."""
 
-LEAST, STIR = 1e-100, 1e-3
-"""A vector with an entry below LEAST, relative to its largest, has STIR added."""
+LEAST_ENTRY, STIR = 1e-100, 1e-3
+"""A vector with an entry below LEAST_ENTRY, relative to its largest, has STIR added."""
 
 
-class Bounds(NamedTuple):
+class RadiusBounds(NamedTuple):
     """lower <= rho(T) <= upper; x > 0 has T x <= upper x unless halving gave `upper`.
 
     If `exact` is False, the bounds are those of C^-1 W >= T: `upper` then holds for the
@@ -51,7 +51,7 @@ class Bounds(NamedTuple):
 def left_solver(C: Any) -> Callable[[np.ndarray], np.ndarray]:
     """Return x = C^-1 b as a function of b, by substitution where C is triangular."""
     if np.all(C.indices <= row_numbers(C)):
-        return lambda b: substitute(C.indptr, C.indices, C.data, b)
+        return lambda b: solve_lower_triangle(C.indptr, C.indices, C.data, b)
     try:
         return splu(sparse.csc_array(C)).solve
     except RuntimeError:
@@ -59,7 +59,7 @@ def left_solver(C: Any) -> Callable[[np.ndarray], np.ndarray]:
 
 
 @kernel
-def substitute(indptr, indices, data, b):
+def solve_lower_triangle(indptr, indices, data, b):
     """Return C^-1 b for a lower triangular C in CSR with a nonzero diagonal."""
     x = np.empty_like(b)
     for i in range(b.size):
@@ -77,7 +77,7 @@ def substitute(indptr, indices, data, b):
 
 def contraction_bounds(
     A: Any, method: str, *, rtol: float = 1e-4, **parameters: Any
-) -> Bounds:
+) -> RadiusBounds:
     """Enclose rho(T) of the paper's Theorem 2 for a method and an Omega.
 
     T = |(M + Omega)^-1| (|N| + |Omega - A|)
@@ -103,20 +103,20 @@ def contraction_bounds(
     C, W, exact = comparison(parts)
     n = parts.omega.size
     with np.errstate(all="ignore"):
-        if n <= SMALL and not parts.H:
+        if n <= LARGEST_DENSE and not parts.H:
             left, N, right = dense_parts(parts)
             try:
                 T = np.abs(np.linalg.inv(left)) @ (np.abs(N) + np.abs(right))
             except np.linalg.LinAlgError:
-                return Bounds(0.0, math.inf, True, None)
+                return RadiusBounds(0.0, math.inf, True, None)
             return collatz(lambda x: T @ x, np.ones(n), resolvent(T), rtol)
         start = is_m_matrix(C)
         if not start or start.witness is None or start.exponent is not None:
-            return Bounds(0.0, math.inf, exact, None)
+            return RadiusBounds(0.0, math.inf, exact, None)
         solve = left_solver(C)
         found = collatz(lambda x: solve(W @ x), start.witness, None, rtol)
         lower, upper, _, x = found
-        for _ in range(HALVINGS):
+        for _ in range(RADIUS_HALVINGS):
             if not upper - lower > rtol * upper:
                 break
             middle = math.sqrt(lower * upper) if lower > 0.0 else 0.5 * upper
@@ -124,7 +124,7 @@ def contraction_bounds(
             if below.answer is None:
                 break
             lower, upper = (lower, middle) if below else (middle, upper)
-        return Bounds(lower, upper, exact, x)
+        return RadiusBounds(lower, upper, exact, x)
 
 
 def resolvent(T: np.ndarray) -> Any:
@@ -139,15 +139,17 @@ def resolvent(T: np.ndarray) -> Any:
     return inverse
 
 
-def collatz(apply: Any, x: np.ndarray, inverse: Any, rtol: float = 1e-10) -> Bounds:
+def collatz(
+    apply: Any, x: np.ndarray, inverse: Any, rtol: float = 1e-10
+) -> RadiusBounds:
     """Enclose rho(T), T >= 0: power steps, then Noda's; apply(x) = T x, x > 0.
 
     inverse(shift, x) returns (shift I - T)^-1 x or None; inverse=None: power steps.
     """
-    best = Bounds(0.0, math.inf, True, None)
+    best = RadiusBounds(0.0, math.inf, True, None)
     if x.size == 0:
-        return Bounds(0.0, 0.0, True, x)
-    for step in range(POWER_STEPS + (NODA_STEPS if inverse else 0)):
+        return RadiusBounds(0.0, 0.0, True, x)
+    for step in range(POWERS + (NODA_STEPS if inverse else 0)):
         y = apply(x)
         if not np.all(y >= 0.0):
             return best
@@ -158,15 +160,15 @@ def collatz(apply: Any, x: np.ndarray, inverse: Any, rtol: float = 1e-10) -> Bou
         best = best._replace(lower=max(best.lower, float(quotient.min())))
         if not best.upper - best.lower > rtol * best.upper:
             return best
-        if step >= POWER_STEPS:
+        if step >= POWERS:
             new = inverse(best.upper * (1.0 + 1e-15), best.x)
             if new is None or not np.all(np.isfinite(new)):
                 return best
             y = np.abs(new)
         x = y / y.max()
-        if step < POWER_STEPS and not x.min() > LEAST:
+        if step < POWERS and not x.min() > LEAST_ENTRY:
             x = x + STIR
-        x = np.maximum(x, LEAST**2)
+        x = np.maximum(x, LEAST_ENTRY**2)
     return best
 
 

@@ -67,14 +67,14 @@ from namlcp.theory.comparison import (
     is_m_matrix,
 )
 from namlcp.theory.contraction import (
-    SMALL,
+    LARGEST_DENSE,
     collatz,
     dense_parts,
     left_solver,
     lyapunov_function,
     resolvent,
 )
-from namlcp.theory.perron import DIRECT
+from namlcp.theory.perron import LARGEST_FACTORED
 from namlcp.theory.splittings import Splitting, comparison, lowered, splitting
 
 
@@ -251,11 +251,11 @@ def positive_definite(A: Any) -> str:
     verdict = is_h_plus(A)
     if verdict:
         return f"A = A' is an H+ matrix ({verdict.checked})"
-    if n > DIRECT:
+    if n > LARGEST_FACTORED:
         return ""
     root = sparse.diags_array(1.0 / np.sqrt(D))
     S = sparse.csr_array(root @ A @ root)
-    if n <= SMALL or (n <= 3000 and A.nnz > n * n // 10):
+    if n <= LARGEST_DENSE or (n <= 3000 and A.nnz > n * n // 10):
         c = 4.0 * (n + 8) * n * UNIT
         if is_positive_semidefinite(S.toarray(), -c):
             return f"Cholesky factorisation of D^(-1/2) A D^(-1/2) - {c:.1e} I"
@@ -274,7 +274,7 @@ def positive_definite(A: Any) -> str:
 def by_inverse(parts: Splitting, semidefinite: bool) -> Verdict:
     """Ask whether rho(T) < 1 for T of Theorem 2, or for the smaller matrix."""
     n = parts.omega.size
-    if parts.H or n > SMALL:
+    if parts.H or n > LARGEST_DENSE:
         return undecided("T of Theorem 2 is for n <= 600" if not parts.H else "")
     left, N, right = dense_parts(parts)
     tried = []
@@ -309,7 +309,7 @@ def by_repulsion(parts: Splitting, semidefinite: bool) -> Verdict:
     X = M + Omega, less L in the accelerated family. An eigenvalue outside the unit
     circle, by more than a first-order bound of its error, refutes convergence.
     """
-    A = parts.A.toarray() if parts.omega.size <= SMALL else None
+    A = parts.A.toarray() if parts.omega.size <= LARGEST_DENSE else None
     if A is None or not A.size:
         return undecided()
     X = dense_parts(parts)[0]
@@ -337,7 +337,7 @@ def by_repulsion(parts: Splitting, semidefinite: bool) -> Verdict:
 
 def by_lyapunov(parts: Splitting, semidefinite: bool) -> Verdict:
     """Look for a quadratic norm in which every sweep contracts."""
-    if not 0 < parts.omega.size <= SMALL:
+    if not 0 < parts.omega.size <= LARGEST_DENSE:
         return undecided()
     found = lyapunov_function(parts)
     if found is None:

@@ -21,10 +21,10 @@ from scipy.sparse.linalg import splu
 
 from namlcp.compiled import kernel
 
-STEPS = 40
+NODA_ROUNDS = 40
 """Rounds at most; in each, all open blocks make power steps or one step of Noda's."""
 
-POWER_STEPS, POWER_HELPS = 10, 0.7
+POWERS_A_ROUND, POWER_HELPS = 10, 0.7
 """Power steps of a round; another such round follows one that shrank log(high/low) of
 the widest block below POWER_HELPS times its size."""
 
@@ -34,13 +34,13 @@ BALANCE_SWEEPS, BALANCED = 10, 0.1
 NARROW = 4e-15
 """Relative width of an interval around rho(J) that rounding does not let shrink."""
 
-LEAST = 1e-250
+LEAST_OF_BLOCK = 1e-250
 """Least entry of a vector whose largest entry in each block is 1."""
 
-DIRECT = 20_000
+LARGEST_FACTORED = 20_000
 """Largest order of linear systems that are factored; multigrid solves larger ones."""
 
-DENSE = 3000
+LARGEST_DENSE_LU = 3000
 """Largest order at which matrices with a quarter of all entries go to dense LU."""
 
 CYCLES, PROGRESS = 12, 0.9
@@ -76,10 +76,10 @@ def block_vectors(A: Any, D: np.ndarray) -> Iterator[Candidate]:
     x = np.ones(D.size)
     low, high = np.zeros(count), np.full(count, np.inf)
     before = np.inf
-    for _ in range(STEPS):
+    for _ in range(NODA_ROUNDS):
         quotient = (J @ x) / x
-        high = np.minimum(high, extreme(np.maximum, quotient, label, count))
-        low = np.maximum(low, extreme(np.minimum, quotient, label, count))
+        high = np.minimum(high, block_extreme(np.maximum, quotient, label, count))
+        low = np.maximum(low, block_extreme(np.minimum, quotient, label, count))
         worst = int(np.argmax(low))
         bounds = float(low[worst]), float(high.max())
         if low[worst] >= 1.0:
@@ -87,7 +87,7 @@ def block_vectors(A: Any, D: np.ndarray) -> Iterator[Candidate]:
         elif np.all(high < 1.0):
             power = stacked(A, x * mantissa, exponent, label, 1.0 - quotient)
             yield x * mantissa, power, *bounds
-        width = (high - low) / np.maximum(high, LEAST)
+        width = (high - low) / np.maximum(high, LEAST_OF_BLOCK)
         open_ = (width > NARROW) & (high >= 1.0 - NARROW)
         here = np.flatnonzero(open_[label])
         if not here.size:
@@ -107,7 +107,7 @@ def block_vectors(A: Any, D: np.ndarray) -> Iterator[Candidate]:
 def powered(J: Any, x: np.ndarray, label: np.ndarray, high: np.ndarray) -> np.ndarray:
     """Return x after steps with J + high/2, which is primitive."""
     scale = np.where(high > 0.0, high, 1.0)[label]
-    for _ in range(POWER_STEPS):
+    for _ in range(POWERS_A_ROUND):
         x = (J @ x) / scale + 0.5 * x
     return normalised(x, label)
 
@@ -131,18 +131,20 @@ def inverted(
         trial = normalised(trial, label)
         quotient = (J @ trial) / trial
         below = bool(np.all(quotient < 1.0))
-        if below or extreme(np.minimum, quotient, label, count).max() >= 1.0:
+        if below or block_extreme(np.minimum, quotient, label, count).max() >= 1.0:
             break
     return trial
 
 
 def normalised(x: np.ndarray, label: np.ndarray) -> np.ndarray:
-    """Return x with largest entry 1 in every block, entries at least LEAST."""
-    top = extreme(np.maximum, x, label, int(label.max()) + 1)
-    return np.maximum(x / top[label], LEAST)
+    """Return x with largest entry 1 in every block, entries at least LEAST_OF_BLOCK."""
+    top = block_extreme(np.maximum, x, label, int(label.max()) + 1)
+    return np.maximum(x / top[label], LEAST_OF_BLOCK)
 
 
-def extreme(choose: Any, values: np.ndarray, label: np.ndarray, count: int) -> Any:
+def block_extreme(
+    choose: Any, values: np.ndarray, label: np.ndarray, count: int
+) -> Any:
     """Return the largest (np.maximum) or least (np.minimum) value of each block."""
     result = np.full(count, -np.inf if choose is np.maximum else np.inf)
     choose.at(result, label, values)
@@ -283,10 +285,10 @@ def raise_blocks(indptr, indices, data, size, spare, label, order, scale):
 def solutions(K: Any, b: np.ndarray) -> Iterator[np.ndarray]:
     """Yield approximations of K^-1 b for a Z-matrix K with a positive diagonal."""
     n = K.shape[0]
-    if n > DIRECT:
+    if n > LARGEST_FACTORED:
         yield from cycles(K, b)
         return
-    if n <= DENSE and K.nnz > n * n // 4:
+    if n <= LARGEST_DENSE_LU and K.nnz > n * n // 4:
         with contextlib.suppress(np.linalg.LinAlgError):
             yield np.linalg.solve(K.toarray(), b)
         return
@@ -325,7 +327,7 @@ def cycles(K: Any, b: np.ndarray) -> Iterator[np.ndarray]:
         if not np.all(np.isfinite(x)):
             return
         yield x
-        gauss_seidel(K.indptr, K.indices, K.data, b / D, x)
+        comparison_sweep(K.indptr, K.indices, K.data, b / D, x)
         residual = float(np.linalg.norm(b - K @ x))
         if residual <= 1e-13 * size or not residual < PROGRESS * before:
             return
@@ -333,7 +335,7 @@ def cycles(K: Any, b: np.ndarray) -> Iterator[np.ndarray]:
 
 
 @kernel
-def gauss_seidel(indptr, indices, data, c, v):
+def comparison_sweep(indptr, indices, data, c, v):
     """Overwrite v by a forward and a backward sweep on <A> v = D c; return max |step|.
 
     The step is that of the backward sweep.
