@@ -96,7 +96,7 @@ class Progress:
 
 
 def is_shown(iteration: int) -> bool:
-    """Print all rows below 20, every 10th below 200, every 100th below 2000, ..."""
+    """Tell whether to print a row: all below 20, every 10th below 200, and so on."""
     while iteration >= 20:
         if iteration % 10:
             return False

@@ -2,11 +2,10 @@
 
 `kernel` is for functions that Python calls, `part` for those that only compiled
 functions call, `pasted` for a stretch of one long function. Machine code is kept in
-files under a stamp over all of the package's sources, so that a changed package never
-runs old code, and may come with the package. `sources` has the stamp, `store` the
-files, `decorators` chooses compiler and cache, `internals` is all that is used of
-numba's inner parts; `signatures` has the list of all kernels, `ahead` and `prebuilt`
-compile them before their use.
+files, or comes with the package, under a stamp over all sources: a changed package
+never runs old code. `sources` has the stamp, `store` the files; `decorators` chooses
+compiler and cache, `internals` has all use of numba's inner parts; `signatures` has the
+list of all kernels, `ahead` and `prebuilt` compile them before their use.
 """
 
 import functools

@@ -1,9 +1,8 @@
 """Which compiler and which cache a function gets: ours, or numba's own.
 
-Ours rests on inner parts of numba (`internals`), which every new version may change.
-With a version that is not known, functions have numba's compiler and its cache, in a
-folder with the package's stamp in its name: they start as slowly as numba starts them,
-and are never old.
+Ours uses inner parts of numba (`internals`), which every new version may change. With
+an unknown version, functions get numba's own compiler and cache, in a folder with the
+package's stamp in its name: they load more slowly, and are never out of date.
 """
 
 import os

@@ -36,19 +36,10 @@ from namlcp.compiled.sources import are_unchanged, is_unchanged, stamp
 from namlcp.compiled.store import SUFFIX, Folder, folders, prebuilt
 
 SETTINGS = (
-    "OPT",
-    "BOUNDSCHECK",
-    "DEBUGINFO_DEFAULT",
-    "DISABLE_INTEL_SVML",
-    "ENABLE_PROFILING",
-    "LLVM_REFPRUNE_FLAGS",
-    "LLVM_REFPRUNE_PASS",
-    "LOOP_VECTORIZE",
-    "NRT_STATS",
-    "SLP_VECTORIZE",
-    "USE_LLVMLITE_MEMORY_MANAGER",
-    "USING_SVML",
-)
+    "OPT BOUNDSCHECK DEBUGINFO_DEFAULT DISABLE_INTEL_SVML ENABLE_PROFILING "
+    "LLVM_REFPRUNE_FLAGS LLVM_REFPRUNE_PASS LOOP_VECTORIZE NRT_STATS SLP_VECTORIZE "
+    "USE_LLVMLITE_MEMORY_MANAGER USING_SVML"
+).split()
 """Settings of numba that the machine code depends on."""
 
 BASELINES = {"x86_64": "x86-64-v3", "AMD64": "x86-64-v3"}
@@ -79,7 +70,6 @@ def environment() -> tuple:
     )
 
 
-@functools.cache
 def baseline(machine: str) -> str:
     """Return the processor that prebuilt code for this kind of machine is for."""
     return BASELINES.get(machine, "generic")
@@ -87,10 +77,10 @@ def baseline(machine: str) -> str:
 
 @functools.cache
 def fits_baseline(baseline: str, name: str, features: str) -> bool:
-    """Tell whether a processor, or what numba was told to take it for, has a baseline.
+    """Tell whether a processor runs code for a baseline.
 
-    name and features are LLVM's, the features "+avx,-avx512f,..."; a processor that was
-    named by the user has none, and then has to be the baseline itself.
+    name and features are LLVM's, the features "+avx,-avx512f,...". A processor that the
+    user named (NUMBA_CPU_NAME) has no features, and must be the baseline itself.
     """
     if config.CPU_NAME is not None:
         return (name, features) == (baseline, "")
@@ -174,9 +164,9 @@ def were_unchanged() -> bool:
 
 
 def places(context: Any) -> Iterator[tuple[Folder, tuple]]:
-    """Yield where to look for code and the processor, in LLVM's terms, that it is for.
+    """Yield folders with the processor, in LLVM's terms, that their code is for.
 
-    Code that came with the package first: it is there, and as fast.
+    Code that came with the package is first: it is at hand, and as fast.
     """
     triple, name, features = context.codegen().magic_tuple()
     processor = baseline(triple.split("-")[0])
@@ -207,9 +197,9 @@ def reduced(result: Any) -> tuple:
 
 
 def rebuilt(payload: bytes, key: bytes, context: Any) -> Any:
-    """Return the compiled function that was reduced; None if it is another.
+    """Return the compiled function that was reduced; None if the file is another's.
 
-    Whatever is wrong with a file, the kernel can be compiled.
+    None, too, if anything is wrong with the file: the kernel is then compiled.
     """
     try:
         saved, parts = pickle.loads(payload)
@@ -400,9 +390,9 @@ class Clock(event.Listener):
 
 
 def is_ours(compiling: Any) -> bool:
-    """Tell whether it is a function of this package that is compiled.
+    """Tell whether a function of this package is compiled.
 
-    Functions that a program has written may belong to no module.
+    Functions made by `exec` may belong to no module.
     """
     return (compiling.data["dispatcher"].__module__ or "").startswith("namlcp.")
 

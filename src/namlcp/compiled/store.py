@@ -1,9 +1,9 @@
-"""Files of machine code: where they are kept, which are trusted, when they go.
+"""Files of machine code: where they are kept, which are trusted, when they are removed.
 
 One file holds one kernel for one signature. Its name is the hash of its key, and it
-begins with the SHA-256 of the rest: a file that was cut short or changed is no file.
-There is no index that two processes could write at once, and a file appears under its
-name only when it is whole.
+begins with the SHA-256 of the rest, so that a file that was cut short or changed is not
+read. There is no index that two processes could write at once, and a file appears under
+its name only when it is whole.
 
 What is loaded is run. So a file counts only if it, its folder and the folder above
 belong to this user, to root or to the owner of the package, and nobody else may write
@@ -29,13 +29,13 @@ DIGEST = hashlib.sha256().digest_size
 READING = os.O_RDONLY | sum(
     getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY")
 )
-"""A file is opened without following a link or waiting for the end of a pipe."""
+"""Flags to open a file without following a link or waiting for the end of a pipe."""
 
 KEPT = 30 * 86400.0
-"""Machine code of other versions goes when it was not used for so long [s]."""
+"""Time [s] without use after which machine code of other versions is removed."""
 
 USED = 86400.0
-"""The time of use is noted once in so long [s]."""
+"""Least time [s] between two notes of a folder's use."""
 
 
 class Folder:
@@ -107,7 +107,7 @@ class Folder:
         return all(is_trusted(os.lstat(place)) for place in (self.path, self.parent))
 
     def has(self, prefix: str) -> bool:
-        """Tell whether there is a file whose name begins so."""
+        """Tell whether there is a file whose name begins with `prefix`."""
         try:
             names = os.listdir(self.path)
         except OSError:
@@ -178,8 +178,8 @@ def folders() -> list[Folder]:
     """Return where machine code is looked for and written, the first choice first.
 
     NUMBA_CACHE_DIR, where it is set, alone; else beside the package, else the user's
-    folder for caches. Beside the package code of other stamps has lost its sources and
-    goes at once.
+    folder for caches. Beside the package, code of other stamps is removed at once: its
+    sources are gone.
     """
     if not stamp():
         return []

@@ -109,7 +109,7 @@ def contraction_bounds(
                 T = np.abs(np.linalg.inv(left)) @ (np.abs(N) + np.abs(right))
             except np.linalg.LinAlgError:
                 return RadiusBounds(0.0, math.inf, True, None)
-            return collatz(lambda x: T @ x, np.ones(n), resolvent(T), rtol)
+            return dense_bounds(T, rtol)
         start = is_m_matrix(C)
         if not start or start.witness is None or start.exponent is not None:
             return RadiusBounds(0.0, math.inf, exact, None)
@@ -127,24 +127,24 @@ def contraction_bounds(
         return RadiusBounds(lower, upper, exact, x)
 
 
-def resolvent(T: np.ndarray) -> Any:
-    """Return (shift, x) -> (shift I - T)^-1 x, None where it does not exist."""
+def dense_bounds(T: np.ndarray, rtol: float = 1e-10) -> RadiusBounds:
+    """Enclose rho(T) for a dense T >= 0."""
+    I = np.eye(T.shape[0])
 
     def inverse(shift: float, x: np.ndarray) -> np.ndarray | None:
         try:
-            return np.linalg.solve(shift * np.eye(x.size) - T, x)
+            return np.linalg.solve(shift * I - T, x)
         except np.linalg.LinAlgError:
             return None
 
-    return inverse
+    return collatz(lambda x: T @ x, np.ones(T.shape[0]), inverse, rtol)
 
 
-def collatz(
-    apply: Any, x: np.ndarray, inverse: Any, rtol: float = 1e-10
-) -> RadiusBounds:
-    """Enclose rho(T), T >= 0: power steps, then Noda's; apply(x) = T x, x > 0.
+def collatz(apply: Any, x: np.ndarray, inverse: Any, rtol: float) -> RadiusBounds:
+    """Enclose rho(T), T >= 0, from x > 0: power steps, then Noda's.
 
-    inverse(shift, x) returns (shift I - T)^-1 x or None; inverse=None: power steps.
+    apply(x) = T x. inverse(shift, x) returns (shift I - T)^-1 x, or None where that
+    does not exist; without `inverse` there are power steps alone.
     """
     best = RadiusBounds(0.0, math.inf, True, None)
     if x.size == 0:

@@ -68,11 +68,10 @@ from namlcp.theory.comparison import (
 )
 from namlcp.theory.contraction import (
     LARGEST_DENSE,
-    collatz,
+    dense_bounds,
     dense_parts,
     left_solver,
     lyapunov_function,
-    resolvent,
 )
 from namlcp.theory.perron import LARGEST_FACTORED
 from namlcp.theory.splittings import Splitting, comparison, lowered, splitting
@@ -290,7 +289,7 @@ def by_inverse(parts: Splitting, semidefinite: bool) -> Verdict:
             np.abs(inverse @ N) + np.abs(inverse @ right),
         ),
     ):
-        found = collatz(lambda x, T=T: T @ x, np.ones(n), resolvent(T))
+        found = dense_bounds(T)
         tried.append(f"rho({name}) >= {found.lower:.6g}")
         if found.upper < 1.0 - 1e-12 * kappa * n:
             return Verdict(
