@@ -35,11 +35,10 @@ def asymmetric():
 
 def tridiagonal():
     from namlcp.lcp.tridiagonal.elimination import scan_for_states
-    rows = np.full((5, 2), 1.0)
     state = np.zeros(2, dtype=np.int8)
     spans = np.zeros((2, 1), dtype=np.int64)
-    vectors = -np.ones(2), np.zeros(2), np.full(2, np.inf), state
-    scan_for_states(rows, *vectors, np.zeros((5, 4)), np.zeros((6, 1)), spans)
+    rows, vectors = np.full((5, 2), 1.0), (-np.ones(2), np.zeros(2), np.full(2, np.inf))
+    scan_for_states(rows, *vectors, state, np.zeros((7, 4)), np.zeros((6, 1)), spans)
     return state.tolist()
 
 def block():

@@ -7,8 +7,14 @@ from scipy import sparse
 
 from namlcp import Prepared, Status, solve_lcp
 from namlcp.lcp.pivoting.driver import solve_box
-from namlcp.lcp.tridiagonal.diagonals import eliminate, fill_in, halve, tridiagonal_of
-from namlcp.lcp.tridiagonal.elimination import scan_for_states, solve_tridiagonal
+from namlcp.lcp.tridiagonal.diagonals import (
+    eliminate,
+    fill_in,
+    halve,
+    tridiagonal_of,
+)
+from namlcp.lcp.tridiagonal.elimination import scan_for_states
+from namlcp.lcp.tridiagonal.elimination import solve_tridiagonal as solve_form
 from namlcp.limits import Deadline, Limits
 
 INF = np.inf
@@ -55,6 +61,10 @@ def random_box(rng, n, kind):
     if kind == "upper":
         lower, upper = np.full(n, -INF), lower
     return lower, upper
+
+
+def solve_tridiagonal(lcp, z0, limits):
+    return solve_form(lcp, lcp.matrix.tridiagonal, z0, limits)
 
 
 def membrane(n):
@@ -157,9 +167,8 @@ def test_scan_is_chandrasekarans_method(rng, kind):
         state = np.empty(n, dtype=np.int8)
         m = (n + 1) // 2
         stack, spans = np.empty((6, m)), np.empty((2, m), dtype=np.int64)
-        rows = tridiagonal_of(A).rows
-        work = np.empty((5, n + 2))
-        scan_for_states(rows, q, lower, upper, state, work, stack, spans)
+        problem = tridiagonal_of(A).rows, q, lower, upper
+        scan_for_states(*problem, state, np.empty((7, n + 2)), stack, spans)
         free = chandrasekaran(A, q, lower, upper)
         np.testing.assert_array_equal(state, np.where(free, 0, -1))
 

@@ -37,7 +37,7 @@ def solve_auto(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
     if isinstance(lcp.A, Operator):
         return solve_by_products(lcp, z0, limits, Criterion(lcp, limits))
     if matrix.tridiagonal is not None:
-        outcome = solve_tridiagonal(lcp, z0, limits)
+        outcome = solve_tridiagonal(lcp, matrix.tridiagonal, z0, limits)
         # Where a small A is singular, pivoting may prove what is wrong.
         is_open = outcome.status is Status.STALLED and not large
         if outcome.status is not Status.UNSOLVABLE and not is_open:

@@ -160,7 +160,6 @@ def solve_lcp(
         progress.say(f"namlcp  LCP: n = {lcp.q.size}, method = {method}")
         if method in EXACT:
             progress.announce(first_kernel(matrix, method))
-    given = Parameters(alpha, beta, omega, shift, threads)
     report = progress.report(history)
     ready = time.perf_counter()
     # The products of a LinearOperator are the user's own, with the user's setting.
@@ -174,6 +173,7 @@ def solve_lcp(
         else:
             eps_abs = SWEEP_EPS_ABS if eps_abs is None else eps_abs
             limits = Limits(eps_abs, 0.0, max_iter, deadline, report)
+            given = Parameters(alpha, beta, omega, shift, threads)
             outcome = sweep(lcp, method, given, limits, s0, z0)
     method = outcome.method
     status = deadline.verdict(outcome.status)
@@ -235,13 +235,18 @@ def solve_multigrid(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
     return solve_by_multigrid(lcp, z0, limits, Criterion(lcp, limits))
 
 
-@kernel
+@kernel(fastmath={"reassoc"})  # the sum may be taken in any order: it vectorises
 def unit_of(q):
     """Return 1, or a power of 2 near max |q| where squares would leave the range."""
+    total = 0.0
+    for i in range(q.size):
+        total += abs(q[i])
+    if total == 0.0 or 1e-90 < total < 1e90:
+        return 1.0
     size = 0.0
     for i in range(q.size):
         size = max(size, abs(q[i]))
-    if size == 0.0 or 1e-100 < size < 1e100:
+    if 1e-100 < size < 1e100:
         return 1.0
     return 2.0 ** np.floor(np.log2(size))
 

@@ -26,6 +26,15 @@ class Tridiagonal(NamedTuple):
     z_matrix: bool
 
 
+class TridiagonalLCP(NamedTuple):
+    """The LCP as compiled code sees it."""
+
+    rows: np.ndarray
+    q: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+
 @kernel
 def read_diagonals(data, indices, indptr, rows):
     """Write the three diagonals of a canonical CSR matrix; return whether it has more.

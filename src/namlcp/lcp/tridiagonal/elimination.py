@@ -1,16 +1,19 @@
 """Tridiagonal box LCPs in O(n): faces by elimination, a first one that is nearly right.
 
 Every unknown is at its lower bound (state -1), at its upper bound (1) or free (0). A
-face, the free unknowns solved for with the others at their bounds, costs one
-elimination without interchange; whoever has the wrong sign then changes state. That is
-block principal pivoting, or policy iteration where A is an M-matrix, and one or two
-faces do where the start is a good one: the time steps of an American option.
+face is the set of free unknowns. To solve it, with the others at their bounds, costs
+one elimination without interchange; then every unknown with the wrong sign changes its
+state. That is block principal pivoting, or policy iteration where A is an M-matrix, and
+one or two faces do where the start is a good one: the time steps of an American option.
 
 From afar a contact set may move by only one unknown a face. So the first face comes
-from a scan (`segments`) for M-matrices with lower bounds alone. Else every second
-unknown is eliminated, as if its bounds were far, the rest is solved likewise, and the
-eliminated ones are put back into their bounds. What that does not solve (no P-matrix,
-or one far from an H-matrix) is left to the caller.
+from a scan (`scan`) for M-matrices with lower bounds alone. Else every second unknown
+is eliminated, as if its bounds were far, the rest is solved likewise, and the
+eliminated ones are put back into their bounds. Problems that are not solved so (no
+P-matrix, or one far from an H-matrix) are left to the caller.
+
+A face of a few hundred unknowns takes microseconds. So one (7, n + 2) array `work` and
+one array `number` hold the state of a solve, and their rows and places have names.
 """
 
 import math
@@ -26,6 +29,7 @@ from namlcp.lcp.tridiagonal.diagonals import (
     INVERSE,
     ROOT,
     Tridiagonal,
+    TridiagonalLCP,
     eliminate,
     fill_in,
     halve,
@@ -37,40 +41,44 @@ from namlcp.linalg import copy
 from namlcp.residuals import deviation
 from namlcp.status import Status
 
-# Rows of the work array.
-COUPLING, TRIAL, SLOPE, BEST_Z, BEST_W = range(5)
-# Places in the array of numbers.
-EPS_ABS, EPS_REL, SIZE, TOLERANCE, BEST, MET, FACES, FEWEST, PATIENCE = range(9)
+# Rows of `work`: z and w = A z + q of the last face, at the end the best ones; the
+# factors c_i of the elimination; z in its box and w there.
+Z, W, COUPLING, TRIAL_Z, TRIAL_W, BEST_Z, BEST_W = range(7)
+
+# Places of `number`. SIZE: Res(clip(0)) with a unit diagonal. SLACK: a wrong sign below
+# it is rounding. BEST: least Res met. MET: it is within tolerance. WARM: the first face
+# is that of the start z, not that of `state`. FACES: how many so far. FEWEST: wrong
+# signs of the best face. LEFT: faces that may yet have no fewer.
+EPS_ABS, EPS_REL, SIZE, SLACK, BEST, MET, WARM, FACES, FEWEST, LEFT = range(10)
 
 # Why `solve_faces` returns.
 SOLVED = 0
 MORE = 1  # the budget of faces is used up
 STUCK = 2  # no progress, or a pivot that is not positive
-ROUNDING = 3  # every sign is right, but the residual is not within tolerance
-
-BLOCK_STEPS = 3
-"""Faces in a row that may have no fewer wrong signs than the best one had."""
-
-EXACT = 1e-15
-"""A wrong sign below this times the norm of q is rounding."""
-
-SAME = 4.0 * np.finfo(float).eps
-"""Pivots that differ by no more, relatively, are the same."""
+ROUNDED = 3  # every sign is right, but the residual is not within tolerance
 
 MAX_ITER = 5000
 """Faces at most, unless the caller says."""
 
-UNKNOWNS = 1_000_000
-"""So many unknowns are solved for between two looks at the clock."""
+FACES_WITHOUT_PROGRESS = 3
+"""Faces in a row that may have no fewer wrong signs than the best one had."""
 
-TINY = 1e-280
+SIGN_ROUNDING = 1e-15
+"""A wrong sign below this times the norm of q, with a unit diagonal, is rounding."""
+
+SAME_PIVOT = 4.0 * np.finfo(float).eps
+"""Relative difference up to which two pivots are the same."""
+
+UNKNOWNS = 1_000_000
+"""Unknowns solved for between two looks at the clock: some 20 ms."""
+
+UNDERFLOW = 1e-280
 """Sums of squares below this may have lost terms."""
 
 COARSEST = 16
 """Up to this order the first face is that of clip(0)."""
 
-NESTED_EPS = 1e-6
-NESTED_FACES = 12
+NESTED_EPS, NESTED_FACES = 1e-6, 12
 """With half the unknowns: relative residual wanted, and faces at most."""
 
 # The sums may be taken in any order, so that they vectorise; NaN keeps its meaning.
@@ -78,14 +86,16 @@ fast = part(fastmath={"reassoc"})
 
 
 @part
-def solve_face(rows, q, lower, upper, tolerance, state, coupling, z, w):
+def eliminate_face(lcp, slack, state, work):
     """Write z and w = A z + q of a face; change the states of wrong sign.
 
     Return how many had it, or -1 where a pivot is not positive, and whether z is in the
     box. Forward z_i = t_i - c_i z_{i+1}, where a bounded unknown has t_i = bound and
     c_i = 0. The chain of these numbers takes the time, so the rest is done beside it.
     """
-    n = z.size
+    rows, q, lower, upper = lcp
+    n = q.size
+    z, w, coupling = work[Z, :n], work[W, :n], work[COUPLING, :n]
     t, c = 0.0, 0.0
     kept = True  # c is the one of A itself
     positive = True
@@ -104,7 +114,7 @@ def solve_face(rows, q, lower, upper, tolerance, state, coupling, z, w):
             inverse = 1.0 / pivot
             t = (-q[i] - rows[BELOW, i] * t) * inverse
             c = rows[ABOVE, i] * inverse
-            kept = abs(pivot * rows[INVERSE, i] - 1.0) <= SAME
+            kept = abs(pivot * rows[INVERSE, i] - 1.0) <= SAME_PIVOT
         z[i] = t
         coupling[i] = c
     wrong = 0
@@ -122,16 +132,16 @@ def solve_face(rows, q, lower, upper, tolerance, state, coupling, z, w):
         r = r + rows[ABOVE, j] * right + q[j]
         w[j] = r
         if state[j] != 0:
-            if state[j] * r * rows[ROOT, j] > tolerance and lower[j] < upper[j]:
+            if state[j] * r * rows[ROOT, j] > slack and lower[j] < upper[j]:
                 state[j] = 0
                 wrong += 1
         elif not lower[j] <= here <= upper[j]:
             inside = False
-            slack = tolerance * rows[ROOT, j]
-            if here < lower[j] - slack:
+            room = slack * rows[ROOT, j]
+            if here < lower[j] - room:
                 state[j] = -1
                 wrong += 1
-            elif here > upper[j] + slack:
+            elif here > upper[j] + room:
                 state[j] = 1
                 wrong += 1
             positive &= here == here  # kept pivots that are not positive are NaN
@@ -150,8 +160,9 @@ def scaled_deviation(z, w, lower, upper, diagonal, root):
 
 
 @fast
-def measure(rows, lower, upper, z, w):
+def both_residuals(lcp, z, w):
     """Return Res(z), of this problem and of the one with a unit diagonal."""
+    rows, _, lower, upper = lcp
     diagonal, root = rows[DIAGONAL], rows[ROOT]
     plain, scaled = 0.0, 0.0
     for i in range(z.size):
@@ -159,7 +170,7 @@ def measure(rows, lower, upper, z, w):
         plain += r * r
         r = scaled_deviation(z[i], w[i], lower[i], upper[i], diagonal[i], root[i])
         scaled += r * r
-    if plain < TINY:  # squares have underflown
+    if plain < UNDERFLOW:  # squares have underflown
         plain = 0.0
         for i in range(z.size):
             plain = max(plain, abs(deviation(z[i], w[i], lower[i], upper[i])))
@@ -168,19 +179,21 @@ def measure(rows, lower, upper, z, w):
 
 
 @part
-def clip(x, lower, upper, z):
-    """Set z to clip(x, lower, upper)."""
+def clip_into_box(lcp, x, z, w):
+    """Set z to clip(x) and w to A z + q."""
     for i in range(z.size):
-        z[i] = min(max(x[i], lower[i]), upper[i])
+        z[i] = min(max(x[i], lcp.lower[i]), lcp.upper[i])
+    multiply(lcp.rows, z, lcp.q, w)
 
 
 @fast
-def squares_at_zero(rows, q, lower, upper, zero):
-    """Return the squares of Res and || q ||_2 with a unit diagonal.
+def squares_at_zero(lcp, zero):
+    """Return the squares of Res(clip(0)) and || q ||_2 with a unit diagonal.
 
     zero : (n + 2,) array
         clip(0), with a zero at both ends.
     """
+    rows, q, lower, upper = lcp
     below, diagonal, above, root = rows[BELOW], rows[DIAGONAL], rows[ABOVE], rows[ROOT]
     residual, size = 0.0, 0.0
     for i in range(q.size):
@@ -193,45 +206,46 @@ def squares_at_zero(rows, q, lower, upper, zero):
 
 
 @part
-def begin(rows, q, lower, upper, warm, state, number, work, z, w):
-    """Measure clip(0); if `warm`, take the states to which a Jacobi step from z leads.
+def begin(lcp, state, number, work):
+    """Measure clip(0); if WARM, take the states to which a Jacobi step from z leads.
 
     Where clip(0) is the solution it is the start.
     """
-    n = z.size
+    rows, q, lower, upper = lcp
+    n = q.size
+    z, w = work[Z, :n], work[W, :n]
     zero, root = work[COUPLING], rows[ROOT]
     zero[0] = zero[n + 1] = 0.0
     for i in range(n):
         zero[i + 1] = min(max(0.0, lower[i]), upper[i])
-    residual, size = squares_at_zero(rows, q, lower, upper, zero)
+    residual, size = squares_at_zero(lcp, zero)
     number[SIZE] = np.sqrt(residual)
     if residual == 0.0:
         copy(zero[1 : n + 1], z)
         multiply(rows, z, q, w)
         return
     relative = 0.01 * number[EPS_REL] * np.sqrt(residual / n)
-    number[TOLERANCE] = max(EXACT * np.sqrt(size), relative)
-    number[FEWEST], number[PATIENCE] = z.size + 1, BLOCK_STEPS
+    number[SLACK] = max(SIGN_ROUNDING * np.sqrt(size), relative)
+    number[FEWEST], number[LEFT] = n + 1, FACES_WITHOUT_PROGRESS
     number[BEST] = np.inf
-    if warm:
+    if number[WARM]:
         multiply(rows, z, q, w)
-        for i in range(z.size):
+        for i in range(n):
             s = z[i] - w[i] * (root[i] * root[i])
             state[i] = np.int8(s >= upper[i]) - np.int8(s <= lower[i])
 
 
 @part
-def end(problem, number, work, z, w):
+def take_best(lcp, number, work):
     """Set z, w to the best point so far, clip(0) if there is none."""
-    rows, q, lower, upper = problem
-    n = z.size
+    n = lcp.q.size
+    z, w = work[Z, :n], work[W, :n]
     if number[BEST] < np.inf:
         copy(work[BEST_Z, :n], z)
         copy(work[BEST_W, :n], w)
     else:
         z.fill(0.0)
-        clip(z, lower, upper, z)
-        multiply(rows, z, q, w)
+        clip_into_box(lcp, z, z, w)
 
 
 @part
@@ -242,108 +256,87 @@ def is_met(number, plain, scaled):
 
 
 @kernel(error_model="numpy")
-def solve_faces(rows, q, lower, upper, warm, state, number, work, z, w, budget):
+def solve_faces(rows, q, lower, upper, state, number, work, budget):
     """Begin where number[FEWEST] = 0, else go on, for `budget` faces. Return a code.
 
     Parameters
     ----------
-    rows : (5, n) array
-        The matrix, see `Tridiagonal`.
-    q, lower, upper : (n,) array
-        The rest of the problem.
-    warm : bool
-        The first face is that of the start z, not that of `state`.
+    rows, q, lower, upper : arrays
+        Those of a `TridiagonalLCP`; a call from Python with the tuple takes longer.
     state : (n,) int8 array
         States.
-    number : (9,) array
-        EPS_ABS, EPS_REL, at first zeros besides; how far it is.
-    work : (5, n + 2) array
-        Work.
-    z, w : (n,) array
-        Start; on return the best point and A z + q.
+    number : (10,) array
+        EPS_ABS, EPS_REL and WARM, zeros besides at first.
+    work : (7, n + 2) array
+        The rows Z and W hold the start; on return the best point and A z + q.
     """
+    lcp = TridiagonalLCP(rows, q, lower, upper)
     if number[FEWEST] == 0.0:
-        begin(rows, q, lower, upper, warm, state, number, work, z, w)
+        begin(lcp, state, number, work)
         if number[SIZE] == 0.0:
             return SOLVED
-    n = z.size
-    coupling, trial, slope = work[COUPLING, :n], work[TRIAL, :n], work[SLOPE, :n]
-    tolerance = number[TOLERANCE]
+    n = lcp.q.size
+    z, w = work[Z, :n], work[W, :n]
+    trial_z, trial_w = work[TRIAL_Z, :n], work[TRIAL_W, :n]
     while budget > 0:
         budget -= 1
         number[FACES] += 1.0
-        wrong, inside = solve_face(
-            rows, q, lower, upper, tolerance, state, coupling, z, w
-        )
+        wrong, inside = eliminate_face(lcp, number[SLACK], state, work)
         if wrong == 0:
             if not inside:
-                clip(z, lower, upper, z)
-                multiply(rows, z, q, w)
-            plain, scaled = measure(rows, lower, upper, z, w)
+                clip_into_box(lcp, z, z, w)
+            plain, scaled = both_residuals(lcp, z, w)
             if is_met(number, plain, scaled):
                 number[BEST] = scaled
                 return SOLVED
         if wrong >= 0:
-            clip(z, lower, upper, trial)
-            multiply(rows, trial, q, slope)
-            plain, scaled = measure(rows, lower, upper, trial, slope)
+            clip_into_box(lcp, z, trial_z, trial_w)
+            plain, scaled = both_residuals(lcp, trial_z, trial_w)
             if scaled < number[BEST]:
                 number[BEST] = scaled
                 number[MET] = is_met(number, plain, scaled)
-                copy(trial, work[BEST_Z])
-                copy(slope, work[BEST_W])
+                copy(trial_z, work[BEST_Z])
+                copy(trial_w, work[BEST_W])
             if wrong < number[FEWEST]:
-                number[FEWEST], number[PATIENCE] = wrong, BLOCK_STEPS
-            number[PATIENCE] -= 1.0
-        if wrong <= 0 or number[PATIENCE] < 0.0:
-            end((rows, q, lower, upper), number, work, z, w)
+                number[FEWEST], number[LEFT] = wrong, FACES_WITHOUT_PROGRESS
+            number[LEFT] -= 1.0
+        if wrong <= 0 or number[LEFT] < 0.0:
+            take_best(lcp, number, work)
             if number[MET]:
                 return SOLVED
-            return ROUNDING if wrong == 0 else STUCK
-    end((rows, q, lower, upper), number, work, z, w)
+            return ROUNDED if wrong == 0 else STUCK
+    take_best(lcp, number, work)
     return MORE
 
 
 @kernel(error_model="numpy")
 def scan_for_states(rows, q, lower, upper, state, work, stack, spans):
     """Set the states to those that `scan` finds."""
-    n = q.size
-    for i in range(n):
+    lcp = TridiagonalLCP(rows, q, lower, upper)
+    for i in range(state.size):
         state[i] = -1 if lower[i] > -np.inf else 0
-    z, slope = work[TRIAL, :n], work[SLOPE, :n]
-    # With infinite tolerance no state is changed.
-    solve_face(rows, q, lower, upper, np.inf, state, work[COUPLING, :n], z, slope)
-    scan(rows, slope, lower, upper, stack, spans, state)
+    eliminate_face(lcp, np.inf, state, work)  # no state is changed
+    scan(rows, work[W, : state.size], lower, upper, stack, spans, state)
 
 
 class Solver:
     """One solve: the arrays it needs, and how far it is.
 
-    Attributes
-    ----------
-    z, w : (n,) array
-        Best point so far and A z + q.
+    z is the start; on return from `run` z and w are the best point so far and A z + q.
     """
 
     def __init__(
-        self,
-        A: Tridiagonal,
-        q: np.ndarray,
-        lower: np.ndarray,
-        upper: np.ndarray,
-        z: np.ndarray,
-        eps_abs: float,
-        eps_rel: float,
+        self, lcp: TridiagonalLCP, z: np.ndarray | None, eps_abs: float, eps_rel: float
     ):
-        self.A = A
-        self.problem = A.rows, q, lower, upper
-        n = z.size
-        self.z, self.w = z, np.empty(n)
+        self.lcp = lcp
+        n = lcp.q.size
         self.state = np.empty(n, dtype=np.int8)
-        self.work = np.empty((5, n + 2))
-        self.number = np.zeros(9)
+        self.work = np.empty((7, n + 2))
+        self.z, self.w = self.work[Z, :n], self.work[W, :n]
+        self.z[:] = 0.0 if z is None else z
+        self.number = np.zeros(10)
         self.number[EPS_ABS], self.number[EPS_REL] = eps_abs, eps_rel
-        self.warm = True
+        self.number[WARM] = 1.0
 
     @property
     def faces(self) -> int:
@@ -352,86 +345,77 @@ class Solver:
 
     def run(self, budget: int) -> int:
         """Call `solve_faces`."""
-        point = self.z, self.w, budget
-        return solve_faces(
-            *self.problem, self.warm, self.state, self.number, self.work, *point
-        )
+        return solve_faces(*self.lcp, self.state, self.number, self.work, budget)
 
-    def begin_afar(self) -> None:
+    def begin_afar(self, z_matrix: bool) -> None:
         """Find a first face without a start: by the scan, or from half the unknowns."""
-        rows, q, lower, upper = self.problem
-        n = q.size
+        _, _, lower, upper = self.lcp
         self.number[FEWEST] = 0.0
         one_sided = not np.any((upper < math.inf) & (lower < upper))
-        self.warm = not (self.A.z_matrix and one_sided)
-        if self.warm:
-            nested(rows, q, lower, upper, self.z)
-        else:
-            m = (n + 1) // 2
+        is_scanned = z_matrix and one_sided
+        self.number[WARM] = not is_scanned
+        if is_scanned:
+            m = (lower.size + 1) // 2
             stack, spans = np.empty((6, m)), np.empty((2, m), dtype=np.int64)
-            scan_for_states(*self.problem, self.state, self.work, stack, spans)
+            scan_for_states(*self.lcp, self.state, self.work, stack, spans)
+        else:
+            nested_start(self.lcp, self.z)
 
 
-def nested(
-    rows: np.ndarray, q: np.ndarray, lower: np.ndarray, upper: np.ndarray, z: np.ndarray
-) -> None:
+def nested_start(lcp: TridiagonalLCP, z: np.ndarray) -> None:
     """Write to z a start from the solution with half the unknowns, and so on."""
-    n = q.size
+    rows, q, lower, upper = lcp
     z.fill(0.0)
-    if n <= COARSEST:
+    if q.size <= COARSEST:
         return
-    m = (n + 1) // 2
-    rows_below, q_below, below = np.empty((5, m)), np.empty(m), np.empty(m)
+    m = (q.size + 1) // 2
+    rows_below, q_below = np.empty((5, m)), np.empty(m)
     halve(rows, q, rows_below, q_below)
     if not eliminate(rows_below)[0]:
         return
-    box = lower[::2].copy(), upper[::2].copy()
-    nested(rows_below, q_below, *box, below)
-    solver = Solver(
-        Tridiagonal(rows_below, False), q_below, *box, below, 0.0, NESTED_EPS
-    )
+    below = TridiagonalLCP(rows_below, q_below, lower[::2].copy(), upper[::2].copy())
+    solver = Solver(below, None, 0.0, NESTED_EPS)
+    nested_start(below, solver.z)
     solver.run(NESTED_FACES)
     fill_in(rows, q, lower, upper, solver.z, z)
 
 
-def solve_tridiagonal(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
-    """Solve a box LCP whose matrix has a form `tridiagonal`; iterations are faces.
+def solve_tridiagonal(
+    lcp: LCP, form: Tridiagonal, z0: np.ndarray | None, limits: Limits
+) -> Outcome:
+    """Solve a box LCP whose matrix has this form; iterations are faces.
 
     STALLED: every sign is right, so that rounding alone is left to blame. UNSOLVABLE: A
     is none that elimination can decide, and another method may do better from z on.
     """
-    matrix, q, lower, upper = lcp
-    assert matrix.tridiagonal is not None
-    n = q.size
-    max_iter = limits.max_iter or MAX_ITER
-    z = np.zeros(n) if z0 is None else z0.copy()
-    solver = Solver(
-        matrix.tridiagonal, q, lower, upper, z, limits.eps_abs, limits.eps_rel
-    )
-    afar = z0 is None
-    if afar:
-        solver.begin_afar()
-
-    def outcome(status: Status) -> Outcome:
-        return Outcome(status, solver.z, solver.w, solver.faces, "tridiagonal")
-
-    while True:
+    n = lcp.q.size
+    max_iter, report = limits.max_iter or MAX_ITER, limits.report
+    problem = TridiagonalLCP(form.rows, lcp.q, lcp.lower, lcp.upper)
+    solver = Solver(problem, z0, limits.eps_abs, limits.eps_rel)
+    is_cold = z0 is None
+    if is_cold:
+        solver.begin_afar(form.z_matrix)
+    status = None
+    while status is None:
         before = solver.faces
-        budget = 1 if limits.report is not None else max(1, UNKNOWNS // n)
+        budget = 1 if report is not None else max(1, UNKNOWNS // n)
         code = solver.run(min(budget, max_iter - before))
-        if limits.report is not None and solver.faces > before:
+        if report is not None and solver.faces > before:
             residual = lcp.residual(solver.z, solver.w)
-            limits.report(solver.faces, residual, np.count_nonzero(solver.state))
+            report(solver.faces, residual, np.count_nonzero(solver.state))
         if code == SOLVED:
-            return outcome(Status.SOLVED)
-        if code == ROUNDING:
-            return outcome(Status.STALLED)
-        if code == STUCK and afar:
-            return outcome(Status.UNSOLVABLE)
-        if solver.faces >= max_iter:
-            return outcome(Status.MAX_ITER)
-        if limits.deadline.reached():
-            return outcome(Status.TIME_LIMIT)
-        if code == STUCK:
-            solver.begin_afar()
-            afar = True
+            status = Status.SOLVED
+        elif code == ROUNDED:
+            status = Status.STALLED
+        elif code == STUCK and is_cold:
+            status = Status.UNSOLVABLE
+        elif solver.faces >= max_iter:
+            status = Status.MAX_ITER
+        elif limits.deadline.reached():
+            status = Status.TIME_LIMIT
+        elif code == STUCK:
+            solver.begin_afar(form.z_matrix)
+            is_cold = True
+    return Outcome(
+        status, solver.z.copy(), solver.w.copy(), solver.faces, "tridiagonal"
+    )
