@@ -13,7 +13,7 @@ from namlcp.lcp.pivoting import driver as exact
 from namlcp.lcp.pivoting import homogeneous
 from namlcp.lcp.pivoting.driver import at_once
 from namlcp.lcp.pivoting.homogeneous import (
-    Iterate,
+    Embedded,
     Model,
     homogeneous_path,
     longest,
@@ -210,7 +210,7 @@ def test_rounding_of_a_skew_matrix_does_not_hide_that_it_is_monotone(index):
 @pytest.mark.parametrize("layout", [np.asarray, sparse.csc_array])
 def test_equilibration(layout):
     A = layout(np.array([[0.0, 1e8, 0.0], [-1e8, 1e-6, 0.0], [0.0, 0.0, 0.0]]))
-    d = homogeneous.equilibration(A)
+    d = homogeneous.equilibrating_scale(A)
     sums = np.abs(homogeneous.congruent(A, d) @ np.ones(3))
     assert (d > 0.0).all()
     np.testing.assert_allclose(sums[:2], 1.0, rtol=0.5)
@@ -294,18 +294,18 @@ def test_a_step_takes_the_same_share_of_all_residuals(layout):
     model = Model(layout(A), q, lower, upper)
     one = np.ones(1)
     on, up = 1.0 * model.signed, 1.0 * model.boxed
-    x = Iterate(on, on, up, up, one, one)
+    x = Embedded(on, on, up, up, one, one)
     inside = model.signed, model.signed, model.boxed, model.boxed, one > 0, one > 0
     for _ in range(3):
         dx, step = step_from(model, x, inside)
-        after = Iterate(*(v + step * dv for v, dv in zip(x, dx, strict=True)))
+        after = Embedded(*(v + step * dv for v, dv in zip(x, dx, strict=True)))
         rx, rt, rk = residuals(model, x)
         there = residuals(model, after)
         share = there[2] / rk
         assert 0.0 <= share < 1.0
         np.testing.assert_allclose(there[0], share * rx, atol=1e-9)
         np.testing.assert_allclose(there[1], share * rt, atol=1e-9)
-        assert longest(x, dx, inside) * homogeneous.NEARLY >= step
+        assert longest(x, dx, inside) * homogeneous.STEP_PART >= step
         assert min(v[on_].min() for v, on_ in zip(after, inside, strict=True)) > 0.0
         x = after
 
@@ -315,5 +315,5 @@ def test_the_path_leads_to_the_solution(layout):
     A, q, lower, upper = example()
     *_, last = homogeneous_path(layout(A), q, lower, upper)
     w = A @ last.z + q
-    assert last.clarity < 1e-6
+    assert last.ratio < 1e-6
     assert natural_residual(np.clip(last.z, lower, upper), w, lower, upper) < 1e-8

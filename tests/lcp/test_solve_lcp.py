@@ -12,7 +12,7 @@ from namlcp import Prepared, Status, solve_lcp
 from namlcp.lcp.pivoting.driver import solve_box
 from namlcp.lcp.pivoting.free_system import analyse, free_order, refactor, solve_free
 from namlcp.lcp.pivoting.rays import proof
-from namlcp.lcp.pivoting.work import Memory, opened
+from namlcp.lcp.pivoting.work import PivotMemory, opened
 from namlcp.limits import Limits
 from namlcp.linalg.columns import columns_of
 
@@ -441,7 +441,7 @@ def test_free_systems(rng, kind):
     symmetric = kind != "nonsymmetric"
     shift, b = rng.random(n), rng.standard_normal(n)
     columns = columns_of(A, symmetric)
-    memory = Memory(columns, n)
+    memory = PivotMemory(columns, n)
     memory.now.symmetric = symmetric
     arena = memory.arena._replace(scaled=columns)
     dense = A if kind == "dense" else A.toarray()

@@ -1,11 +1,11 @@
-"""What a sparse factorisation will do, counted in advance: order, tree, supernodes.
+"""The analysis before a sparse factorisation: order, elimination tree, supernodes.
 
 The elimination tree has an edge from every column of L to the row of its first entry
-below the diagonal; the pattern of a column is then a subset of its parent's. Columns of
-L with nearly the same pattern form a *supernode*, a dense block, so that BLAS does the
-work. The order is SuperLU's minimum degree, or METIS's nested dissection; tree and
-counts: J. Liu, SIAM J. Matrix Anal. Appl. 11 (1990) 134-172; supernodes are relaxed as
-in CHOLMOD (Chen, Davis, Hager, Rajamanickam, ACM Trans. Math. Softw. 35, 2008).
+below the diagonal; below that row, the pattern of a column is a subset of its parent's.
+Columns of L with nearly the same pattern form a *supernode*, a dense block for BLAS.
+The order is SuperLU's minimum degree, or METIS's nested dissection; tree and counts:
+J. Liu, SIAM J. Matrix Anal. Appl. 11 (1990) 134-172; supernodes are relaxed as in
+CHOLMOD (Chen, Davis, Hager, Rajamanickam, ACM Trans. Math. Softw. 35, 2008).
 """
 
 from typing import NamedTuple
@@ -16,12 +16,15 @@ from scipy.sparse.linalg import spilu
 
 from namlcp.checks import refuse_size
 from namlcp.compiled import kernel, part
+from namlcp.linalg.csc import transposed
 
 MERGE = np.array(((4, 0.5), (16, 0.3), (48, 0.1), (1 << 30, 0.05)))
-"""Supernodes become one of up to so many columns if at most this share are zeros."""
+"""(Columns, fraction): supernodes are merged into one of at most so many columns if no
+larger fraction of its entries are explicit zeros."""
 
 HUB = 10.0
-"""A row of more entries than so many square roots of the size is eliminated last."""
+"""Entries of a row, over the square root of the order, from which on the row is dense
+and is eliminated last: in between it would fill everything."""
 
 
 class Order(NamedTuple):
@@ -141,7 +144,7 @@ def supernodes(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Superno
     """Lay out L for the order of a symmetric matrix; its upper triangle is read."""
     size = order.parent.size
     columns, upper, source = permuted(indptr, indices, order.place, size)
-    lower, below, source = by_first(columns, upper, source)
+    lower, below, source = transposed(columns, upper, source, size)
     first = merged(order.parent, order.counts, MERGE)
     last = first[1:] - 1
     k = np.diff(first).astype(np.int64)
@@ -196,27 +199,6 @@ def permuted(indptr, indices, place, size):
                 source[next_entry[k]] = t
                 next_entry[k] += 1
     return columns, rows, source
-
-
-@kernel
-def by_first(columns, rows, source):
-    """Return the lower triangle in CSC from the upper one: column pointers, rows, t."""
-    size = columns.size - 1
-    lower = np.zeros(size + 1, dtype=np.int32)
-    for i in rows:
-        lower[i + 1] += 1
-    for j in range(size):
-        lower[j + 1] += lower[j]
-    next_entry = lower[:size].copy()
-    below = np.empty_like(rows)
-    origin = np.empty_like(source)
-    for j in range(size):
-        for t in range(columns[j], columns[j + 1]):
-            k = next_entry[rows[t]]
-            below[k] = j
-            origin[k] = source[t]
-            next_entry[rows[t]] = k + 1
-    return lower, below, origin
 
 
 @part
@@ -278,13 +260,12 @@ def postorder(parent):
 def merged(parent, counts, limits):
     """Return the first column of every supernode, and the number of columns.
 
-    A column, with the supernode it ends, joins the supernode before if that is its
-    child; limits (k, 2) says, for so many columns together, which share of zeros is
-    worth it.
+    A column, with the supernode that it ends, joins the supernode before if that is its
+    child, and if the `limits` of explicit zeros allow it, see `MERGE`.
     """
     size = parent.size
     first = np.empty(size + 1, dtype=np.int32)
-    filled = np.empty(size)  # entries that are not there by the merging
+    filled = np.empty(size)  # entries without explicit zeros
     found = 0
     for j in range(size):
         first[found] = j

@@ -1,12 +1,12 @@
 """Sparse Cholesky factors of A + diag(shift) in dense blocks, for large faces.
 
 Every supernode is a dense block (Ng and Peyton, SIAM J. Sci. Comput. 14 (1993)
-1034-1056). The blocks are laid out once, for all unknowns; one that is not free is a
-row and a column of the identity. Left-looking: a block is made from A and from the
-blocks below it in the elimination tree, so when few unknowns change state only the
-blocks of those and of their ancestors are made anew. The rows of a bounded unknown in
-the blocks below its own stay what they would be if it were free: they are skipped, and
-are right when it is free again.
+1034-1056). The blocks are laid out once, for all unknowns; an unknown that is not free
+has a row and a column of the identity. The factorisation is left-looking: it computes
+a block from A and from the blocks below it in the elimination tree. When few unknowns
+change state, it computes only their blocks and those of their ancestors again. In
+blocks below its own, the row of a bounded unknown stays what it would be if the unknown
+were free: the row is skipped, and is right when the unknown is free again.
 """
 
 from typing import NamedTuple
@@ -25,23 +25,27 @@ from namlcp.linalg.lapack import (
 from namlcp.linalg.ldl import PIVOT_FLOOR
 from namlcp.linalg.ordering import Order, Supernodes, supernodes
 
-DIRECT = 64
-"""Products with fewer multiplications are not worth a call of BLAS."""
+FEW_PRODUCTS = 64
+"""Multiplications below which a product costs less than a call of BLAS."""
 
 
 class Blocks(NamedTuple):
-    """The supernodes of a face, and what each of them takes from those below it.
+    """The supernodes of a set of unknowns, and what each takes from those below it.
 
     order (size,) lists the unknowns by position, place (n,) is its inverse, -1 for
-    those left out. The blocks with rows in the columns of supernode s are
-    run[run_at[s] : run_at[s + 1], 0], with their rows from column 1 to column 2.
+    those left out. A run is a stretch of rows of block[r] within the columns of one
+    supernode s, from top[r] to bottom[r]; r is in run_at[s] : run_at[s + 1]. room is
+    the size of the largest product of a run, or square, of all supernodes.
     """
 
     nodes: Supernodes
     order: np.ndarray
     place: np.ndarray
     run_at: np.ndarray
-    run: np.ndarray
+    block: np.ndarray
+    top: np.ndarray
+    bottom: np.ndarray
+    room: int
 
 
 def blocks_of(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Blocks:
@@ -50,39 +54,22 @@ def blocks_of(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Blocks:
     chosen = np.flatnonzero(order.place >= 0)
     by_place = np.empty(chosen.size, dtype=np.int32)
     by_place[order.place[chosen]] = chosen
-    return Blocks(nodes, by_place, order.place, *runs(nodes))
-
-
-@kernel
-def runs(nodes):
-    """Return the rows of blocks that lie within the columns of one supernode."""
-    size = nodes.parent.size
-    run_at = np.zeros(size + 1, dtype=np.int64)
-    run = np.empty((0, 3), dtype=np.int32)
-    free = np.empty(size, dtype=np.int64)
-    for write in range(2):  # first they are counted
-        for s in range(size):
-            start, stop = nodes.starts[s], nodes.starts[s + 1]
-            begin = start + nodes.first[s + 1] - nodes.first[s]
-            while begin < stop:
-                t = nodes.node[nodes.rows[begin]]
-                end = begin + 1
-                while end < stop and nodes.node[nodes.rows[end]] == t:
-                    end += 1
-                if write:
-                    run[free[t], 0] = s
-                    run[free[t], 1] = begin - start
-                    run[free[t], 2] = end - start
-                    free[t] += 1
-                else:
-                    run_at[t + 1] += 1
-                begin = end
-        if not write:
-            for t in range(size):
-                run_at[t + 1] += run_at[t]
-                free[t] = run_at[t]
-            run = np.empty((run_at[size], 3), dtype=np.int32)
-    return run_at, run
+    # Entries of nodes.rows in block s, within the columns of supernode t.
+    s = np.repeat(np.arange(nodes.parent.size), np.diff(nodes.starts))
+    t = nodes.node[nodes.rows]
+    begin = np.flatnonzero(np.diff(s, prepend=-1) | np.diff(t, prepend=-1))
+    end = np.append(begin[1:], s.size)
+    runs = np.flatnonzero(s[begin] != t[begin])
+    runs = runs[np.argsort(t[begin[runs]], kind="stable")]
+    block, into = s[begin[runs]], t[begin[runs]]
+    begin, end = begin[runs], end[runs]
+    run_at = np.searchsorted(into, np.arange(nodes.parent.size + 1))
+    products = (nodes.starts[block + 1] - begin) * (end - begin)
+    squares = np.diff(nodes.first).astype(np.int64) ** 2
+    room = max(1, products.max(initial=0), squares.max(initial=0))
+    start = nodes.starts[block]
+    top, bottom = begin - start, end - start
+    return Blocks(nodes, by_place, order.place, run_at, block, top, bottom, int(room))
 
 
 @part
@@ -94,7 +81,7 @@ def panel(nodes, values, s):
 
 
 @part
-def assemble(data, shift, open_, blocks, s, where, block):
+def assemble_block(data, shift, is_free, blocks, s, where, block):
     """Write the part of A + diag(shift) that belongs to supernode s to its block."""
     nodes = blocks.nodes
     begin, end = nodes.first[s], nodes.first[s + 1]
@@ -103,36 +90,36 @@ def assemble(data, shift, open_, blocks, s, where, block):
             block[i, j] = 0.0
     for j in range(begin, end):
         at = j - begin
-        if not open_[j]:
+        if not is_free[j]:
             block[at, at] = 1.0
             continue
         for t in range(nodes.lower[j], nodes.lower[j + 1]):
             i = nodes.below[t]
-            if i >= end or open_[i]:
+            if i >= end or is_free[i]:
                 block[where[i], at] = data[nodes.source[t]]
         block[at, at] += shift[blocks.order[j]]
 
 
 @part
-def subtract_runs(blocks, open_, s, where, values, work, block):
+def subtract_runs(blocks, is_free, s, where, values, work, block):
     """Subtract what the blocks below supernode s contribute to its own."""
     nodes = blocks.nodes
     begin = nodes.first[s]
-    for at in range(blocks.run_at[s], blocks.run_at[s + 1]):
-        t, top = blocks.run[at, 0], blocks.run[at, 1]
-        inside = np.int64(blocks.run[at, 2] - top)
+    for run in range(blocks.run_at[s], blocks.run_at[s + 1]):
+        t, top = blocks.block[run], blocks.top[run]
+        inside = blocks.bottom[run] - top
         rows = nodes.rows[nodes.starts[t] + top : nodes.starts[t + 1]]
         L = panel(nodes, values, t)[top:]
-        small = L.shape[1] * inside * rows.size < DIRECT
+        small = L.shape[1] * inside * rows.size < FEW_PRODUCTS
         found = work[: rows.size * inside].reshape(rows.size, inside)
         if not small:
             product(1.0, L, L[:inside], 0.0, found)
         for i in range(rows.size):
-            if i < inside and not open_[rows[i]]:
+            if i < inside and not is_free[rows[i]]:
                 continue
             line = block[where[rows[i]]]
             for j in range(min(i + 1, inside)):
-                if open_[rows[j]]:
+                if is_free[rows[j]]:
                     total = dot(L[i], L[j]) if small else found[i, j]
                     line[rows[j] - begin] -= total
 
@@ -160,21 +147,6 @@ def factor_square(L, work):
         for i in range(j + 1, width):
             L[i, j] = (L[i, j] - dot(L[i, :j], L[j, :j])) / L[j, j]
     return smallest
-
-
-@part
-def work_room(blocks):
-    """Return the largest product of a run, or square, of all supernodes."""
-    nodes = blocks.nodes
-    room = np.int64(1)
-    for s in range(nodes.parent.size):
-        width = np.int64(nodes.first[s + 1] - nodes.first[s])
-        room = max(room, width * width)
-    for at in range(blocks.run.shape[0]):
-        s, top = blocks.run[at, 0], np.int64(blocks.run[at, 1])
-        height = nodes.starts[s + 1] - nodes.starts[s] - top
-        room = max(room, height * (blocks.run[at, 2] - top))
-    return room
 
 
 @kernel(error_model="numpy")
@@ -206,9 +178,9 @@ def factor_blocks(data, shift, free, changed, blocks, values):
     for j in range(blocks.order.size):
         if changed[blocks.order[j]]:
             dirty[nodes.node[j]] = True
-    work = np.empty(work_room(blocks))
+    work = np.empty(blocks.room)
     where = np.empty(blocks.order.size, dtype=np.int32)
-    open_ = free[blocks.order]
+    is_free = free[blocks.order]
     made = 0.0
     smallest = 1.0
     for s in range(size):
@@ -222,8 +194,8 @@ def factor_blocks(data, shift, free, changed, blocks, values):
         block = panel(nodes, values, s)
         width = block.shape[1]
         made += block.size
-        assemble(data, shift, open_, blocks, s, where, block)
-        subtract_runs(blocks, open_, s, where, values, work, block)
+        assemble_block(data, shift, is_free, blocks, s, where, block)
+        subtract_runs(blocks, is_free, s, where, values, work, block)
         smallest = min(smallest, factor_square(block[:width], work))
         solve_rows(block[:width], False, block[width:])
     return smallest, made / max(1.0, np.float64(values.size))

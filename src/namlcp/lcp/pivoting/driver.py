@@ -16,14 +16,14 @@ from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.pivoting import pivot as stages
 from namlcp.lcp.pivoting.homogeneous import (
     congruent,
-    equilibration,
+    equilibrating_scale,
     homogeneous_path,
 )
 from namlcp.lcp.pivoting.interior import follow
 from namlcp.lcp.pivoting.large_system import LargeSystem
 from namlcp.lcp.pivoting.pivot import pivot, resume
 from namlcp.lcp.pivoting.rays import proof
-from namlcp.lcp.pivoting.work import Memory
+from namlcp.lcp.pivoting.work import PivotMemory
 from namlcp.lcp.prepared import Prepared
 from namlcp.limits import Limits
 from namlcp.linalg import PSD_TOLERANCE, is_positive_semidefinite
@@ -43,7 +43,7 @@ BLOCK_ORDER, BLOCK_ENTRIES = 2000, 20_000
 """From this order and number of entries on, symmetric systems are factored in blocks:
 smaller ones are solved faster in one compiled call."""
 
-DENSE = 600
+DENSE_ORDER = 600
 """Largest order of a sparse nonsymmetric matrix whose systems are dense, and of a
 symmetric problem that is tried once more with rho = 0."""
 
@@ -51,7 +51,7 @@ UNSEEN, MOST_AT_ONCE = 10_000_000, 50
 """Multiplications and factorisations at most between two looks at the deadline, 10 ms;
 one factorisation may take more."""
 
-LAST_STEPS = 200
+MURTY_STEPS = 200
 """Factorisations, beside one for each unknown, before the attempt ends on a matrix that
 is no P-matrix, where also the path has failed: Murty's rule may go round in circles."""
 
@@ -64,7 +64,7 @@ PATH_CHUNK = 5
 PATH_TARGET = 1e-8
 """Scaled Res, relative to its value at clip(0), at which the interior path ends."""
 
-ROUNDING = 1e-15
+W_ROUNDING = 1e-15
 """Entry of w = A z + q, relative to its terms, that counts as 0."""
 
 CLEAR, CLEARER = 1e3, 10.0
@@ -84,7 +84,7 @@ def solve_box(
         outcome = Attempt(lcp, z0, limits, ask_convex).outcome()
         stalled = outcome.status is Status.STALLED and lcp.matrix.symmetric
         left = outcome.iterations < (limits.max_iter or MAX_ITER)
-        if not stalled or not left or lcp.q.size > DENSE:
+        if not stalled or not left or lcp.q.size > DENSE_ORDER:
             return outcome
         # rho may dominate an ill-conditioned matrix: retry with rho = 0.
         again = lcp._replace(matrix=Prepared.unchecked(lcp.A, False))
@@ -108,16 +108,17 @@ class Attempt:
         """Scale nothing yet; `before` is how many factorisations were made before."""
         self.lcp, self.limits, self.before = lcp, limits, before
         self.columns, n = lcp.matrix.columns, lcp.q.size
-        self.work = work = Memory(self.columns, n)
+        self.work = work = PivotMemory(self.columns, n)
         now = work.now
         work.q[:], work.lower[:], work.upper[:] = lcp.q, lcp.lower, lcp.upper
         if z0 is not None:
             work.z[:] = z0
         now.eps_abs, now.eps_rel = limits.eps_abs, limits.eps_rel
         now.factorisations, now.symmetric = before, lcp.matrix.symmetric
-        sparse_ = self.columns.dense.shape[0] == 0
-        large = now.symmetric and sparse_ and in_blocks(n, self.columns.data.size)
-        now.external_solve = large or (not now.symmetric and sparse_ and n > DENSE)
+        compressed = self.columns.dense.shape[0] == 0
+        large = compressed and now.symmetric and in_blocks(n, self.columns.data.size)
+        by_lu = compressed and not now.symmetric and n > DENSE_ORDER
+        now.external_solve = large or by_lu
         now.ask_convex = ask_convex and not large
         self.large = LargeSystem(work) if large else None
         self.ask_convex = ask_convex
@@ -202,7 +203,7 @@ class Attempt:
         """Return how many factorisations there may be."""
         now, most = self.work.now, self.limits.max_iter or MAX_ITER
         if now.not_p and now.path_followed:
-            return min(most, self.before + LAST_STEPS + self.work.n)
+            return min(most, self.before + MURTY_STEPS + self.work.n)
         return most
 
     def ended(self, status: Status) -> tuple[Status, None]:
@@ -275,7 +276,7 @@ class Attempt:
         if now.symmetric or now.path_followed:
             return False
         A = self.scaled_matrix()
-        A = congruent(A, equilibration(A))  # rows with a_ii = 0 have no unit yet
+        A = congruent(A, equilibrating_scale(A))  # rows with a_ii = 0 have no unit yet
         if not now.external_solve and is_positive_semidefinite(A, -PSD_TOLERANCE):
             return False
         return is_positive_semidefinite(A, PSD_TOLERANCE)
@@ -286,7 +287,7 @@ class Attempt:
         now.path_followed = True
         scaled, clear = self.scaled_matrix(), CLEAR
         for point in homogeneous_path(scaled, work.q, work.lower, work.upper):
-            if point.clarity < 1.0:
+            if point.ratio < 1.0:
                 z = np.clip(point.z, work.lower, work.upper)
                 w = work.q + scaled @ z
                 found, plain = natural_residuals(z, w, work.lower, work.upper, work.d)
@@ -294,8 +295,8 @@ class Attempt:
                     now.best_residual, work.best[:] = found, z
                     met = found <= now.eps_rel * now.size or plain < now.eps_abs
                     now.solved = bool(met)
-            elif point.clarity > clear:
-                clear = CLEARER * point.clarity
+            elif point.ratio > clear:
+                clear = CLEARER * point.ratio
                 ray = proof(self.lcp, work.d, point.z * work.d)
                 if ray is not None:
                     return ray
@@ -322,7 +323,7 @@ def is_solved_by_zero(lcp: LCP) -> bool:
     z = lcp.start()
     w = lcp.w(z)
     terms = np.abs(lcp.q) + abs(lcp.A) @ np.abs(z)
-    w[np.abs(w) <= ROUNDING * terms] = 0.0
+    w[np.abs(w) <= W_ROUNDING * terms] = 0.0
     return not np.maximum(np.minimum(w, z - lcp.lower), z - lcp.upper).any()
 
 

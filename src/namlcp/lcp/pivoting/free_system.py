@@ -59,28 +59,28 @@ def gather(work, shift, order, out):
             for t in range(m):
                 out[k, t] = column[order[t]]
     else:
-        number(order, local)
+        set_positions(order, local)
         for k in range(m):
             for t in range(m):
                 out[k, t] = 0.0
             for p in range(indptr[order[k]], indptr[order[k] + 1]):
                 if local[indices[p]] >= 0:
                     out[k, local[indices[p]]] = data[p]
-        forget(order, local)
+        clear_positions(order, local)
     for k in range(m):
         out[k, k] += shift[order[k]]
 
 
 @part
-def number(order, local):
+def set_positions(order, local):
     """Write the position of every unknown of `order` to local (n,)."""
     for k in range(order.size):
         local[order[k]] = k
 
 
 @part
-def forget(order, local):
-    """Undo `number`."""
+def clear_positions(order, local):
+    """Undo `set_positions`."""
     for k in range(order.size):
         local[order[k]] = -1
 
@@ -165,11 +165,11 @@ def analyse(work, order):
     starts = np.zeros(m + 1, dtype=np.int64)
     size = m  # of the dense factor
     if work.now.symmetric and m > SMALL and scaled.dense.shape[0] == 0:
-        number(order, work.local)
+        set_positions(order, work.local)
         flops = ldl_symbolic(
             scaled.indptr, scaled.indices, order, work.local, parent, counts
         )
-        forget(order, work.local)
+        clear_positions(order, work.local)
         if DENSE_SPEED * flops <= m * (m * (m / 3.0)) + CALL:
             size = 0
             for k in range(m):
@@ -186,9 +186,9 @@ def refactor(work, shift, factor):
     order = factor.order
     if factor.dense.shape[0] == order.size:
         return dense_factor(work, shift, factor)
-    number(order, work.local)
+    set_positions(order, work.local)
     smallest = ldl_numeric(work.scaled, shift, order, work.local, factor.sparse)
-    forget(order, work.local)
+    clear_positions(order, work.local)
     return INDEFINITE if smallest < LEAST_PIVOT else REGULAR
 
 

@@ -8,8 +8,8 @@ are free. With tau, kappa >= 0, multipliers s of p >= 0 and y of t >= 0,
     s_i p_i = 0,   y_i t_i = 0,   tau kappa = 0
 
 always has a solution other than 0. Where tau > 0, p / tau solves the LCP; where kappa >
-0, p leads down for ever, and there is none. The path to it is followed with Mehrotra's
-corrector, one factorisation a step, from a start that knows nothing.
+0, there is none: p is a ray along which c'p + r'y < 0. The interior path to it is
+followed with Mehrotra's corrector, one factorisation a step, from a fixed start.
 
 References
 ----------
@@ -24,29 +24,34 @@ from scipy import sparse
 
 from namlcp.lcp.modulus import dense_solver, sparse_solver
 
-STEPS = 50
-LEAST_STEP = 1e-8
-NEARLY = 0.995
-"""Of the way to the nearest bound."""
+MAX_STEPS = 50
+"""Steps at most."""
 
-REGULARISATION = 1e-13
-"""Added to the diagonal of the equilibrated matrix."""
+LEAST_STEP = 1e-8
+"""Step that is too short to go on; rounding has spoilt the direction."""
+
+STEP_PART = 0.995
+"""Part of the step to the nearest bound that is taken."""
+
+EQUILIBRATED_SHIFT = 1e-13
+"""Added to the diagonal of the equilibrated matrix, so that it can be factored."""
 
 EQUILIBRATIONS = 3
+"""Rounds of scaling rows and columns by their sums."""
 
 
-class Point(NamedTuple):
-    """A point of the path, for the box LCP.
+class PathPoint(NamedTuple):
+    """A point of the path, for the box LCP; ratio = kappa / tau.
 
-    With clarity = kappa / tau < 1 it is z. Else z is the direction, without what
-    complementarity tells to be 0.
+    z is the iterate if ratio < 1, else the direction of a ray. Entries of the direction
+    are 0 where complementarity demands it.
     """
 
     z: np.ndarray
-    clarity: float
+    ratio: float
 
 
-class Iterate(NamedTuple):
+class Embedded(NamedTuple):
     """A point of the path, or a step. s is 0 for free unknowns, y and t for unbounded.
 
     tau and kappa have shape (1,).
@@ -64,14 +69,14 @@ class Model:
     """The LCP of p, equilibrated, without the pinned unknowns: z = base + scale p."""
 
     def __init__(self, A: Any, q: np.ndarray, lower: np.ndarray, upper: np.ndarray):
-        """Take a dense or compressed A; c becomes of size 1."""
+        """Take a dense or sparse A, and scale so that max |c_i| = 1."""
         low, high = np.isfinite(lower), np.isfinite(upper)
         self.base = np.where(low, lower, np.where(high, upper, 0.0))
         kept = self.kept = np.flatnonzero(lower < upper)
         c = (A @ self.base + q)[kept]
         self.signed, self.boxed = (low | high)[kept], (low & high)[kept]
         A = A[:, kept][kept]
-        d = equilibration(A)
+        d = equilibrating_scale(A)
         self.scale = np.where(low | ~high, 1.0, -1.0)[kept] * d
         self.M = congruent(A, self.scale)
         self.c = self.scale * c
@@ -88,20 +93,20 @@ class Model:
         K[np.diag_indices_from(K)] += diagonal
         return dense_solver(K, False)
 
-    def point(self, x: Iterate) -> Point:
+    def point(self, x: Embedded) -> PathPoint:
         """Return the point of the box LCP."""
-        clarity = float(x.kappa[0] / x.tau[0])
-        if clarity < 1.0:
+        ratio = float(x.kappa[0] / x.tau[0])
+        if ratio < 1.0:
             z, over = self.base.copy(), self.unit / x.tau[0]
             z[self.kept] += over * self.scale * x.p
         else:
             z, over = np.zeros(self.base.size), self.unit / x.kappa[0]
             positive = np.where(self.signed, x.p > x.s, ~self.boxed)
             z[self.kept] = over * self.scale * np.where(positive, x.p, 0.0)
-        return Point(z, clarity)
+        return PathPoint(z, ratio)
 
 
-def equilibration(A: Any) -> np.ndarray:
+def equilibrating_scale(A: Any) -> np.ndarray:
     """Return d > 0 that brings the largest sums |D A D| of a row or column near 1."""
     d, size = np.ones(A.shape[0]), abs(A)
     for _ in range(EQUILIBRATIONS):
@@ -120,17 +125,17 @@ def congruent(A: Any, d: np.ndarray) -> Any:
 
 def homogeneous_path(
     A: Any, q: np.ndarray, lower: np.ndarray, upper: np.ndarray
-) -> Iterator[Point]:
+) -> Iterator[PathPoint]:
     """Yield the points of the path, one factorisation from one to the next.
 
-    It ends after `STEPS`, or where rounding allows no further step.
+    It ends after `MAX_STEPS`, or where rounding allows no further step.
     """
     model = Model(A, q, lower, upper)
     signed, boxed = model.signed, model.boxed
     one = np.ones(1)
-    x = Iterate(*(1.0 * signed,) * 2, *(1.0 * boxed,) * 2, one, one)
+    x = Embedded(*(1.0 * signed,) * 2, *(1.0 * boxed,) * 2, one, one)
     inside = signed, signed, boxed, boxed, one > 0.0, one > 0.0
-    for _ in range(STEPS):
+    for _ in range(MAX_STEPS):
         yield model.point(x)
         found = step_from(model, x, inside)
         if found is None:
@@ -140,17 +145,17 @@ def homogeneous_path(
         size = max(float(np.abs(v).max(initial=0.0)) for v in values)
         if not (LEAST_STEP < step and size < np.inf):
             return
-        x = Iterate(*(v / size for v in values))
+        x = Embedded(*(v / size for v in values))
     yield model.point(x)
 
 
 def step_from(
-    model: Model, x: Iterate, inside: tuple[np.ndarray, ...]
-) -> tuple[Iterate, float] | None:
-    """Return the direction and how far to go, None if no factors are to be had.
+    model: Model, x: Embedded, inside: tuple[np.ndarray, ...]
+) -> tuple[Embedded, float] | None:
+    """Return direction and step, None if the matrix cannot be factored.
 
-    The equation for dtau is the sum of those for dp, weighted with p / tau, and its
-    own: written out, what cancels near the end is not there.
+    The equation for dtau is its own plus those for dp, weighted with p / tau. In this
+    sum the terms that cancel near the end are left out by hand.
     """
     M, c, r = model.M, model.c, model.r
     signed, boxed = 1.0 * model.signed, 1.0 * model.boxed
@@ -161,17 +166,17 @@ def step_from(
     rx = Mp + c * tau + y - s
     rt = boxed * (r * tau - p - t)
     rk = -p @ Mp / tau - c @ p - r @ y - kappa
-    weight, diagonal = y / T, s / P + REGULARISATION
+    weight, diagonal = y / T, s / P + EQUILIBRATED_SHIFT
     solve = model.solver(diagonal + weight)
     if solve is None:
         return None
     u = solve(c - weight * r)
     v = p / tau + u
     slope = kappa / tau + v @ (M @ v) + weight @ (r + u) ** 2 + diagonal @ u**2
-    h = (rx + weight * rt - REGULARISATION * p) / tau
+    h = (rx + weight * rt - EQUILIBRATED_SHIFT * p) / tau
     mu = (p @ s + y @ t + tau * kappa) / (signed.sum() + boxed.sum() + 1.0)
     low, high, last = -p * s, -y * t, -tau * kappa  # towards these products' change
-    eta = 1.0  # and this share of the residuals
+    eta = 1.0  # eta is this part of the residuals
     for corrector in range(2):
         b = (high - eta * y * rt) / T
         e = solve(signed * low / P - b - eta * rx)
@@ -182,8 +187,8 @@ def step_from(
         dt = boxed * (r * dtau - dp + eta * rt)
         dy = boxed * (high - y * dt) / T
         dkappa = (last - kappa * dtau) / tau
-        dx = Iterate(dp, ds, dy, dt, np.array([dtau]), np.array([dkappa]))
-        step = min(1.0, NEARLY * longest(x, dx, inside))
+        dx = Embedded(dp, ds, dy, dt, np.array([dtau]), np.array([dkappa]))
+        step = min(1.0, STEP_PART * longest(x, dx, inside))
         if corrector == 0:
             eta = 1.0 - (1.0 - step) ** 3
             aim = (1.0 - eta) * mu
@@ -193,8 +198,8 @@ def step_from(
     return dx, step
 
 
-def longest(x: Iterate, dx: Iterate, inside: tuple[np.ndarray, ...]) -> float:
-    """Return the largest step that leaves nothing negative."""
+def longest(x: Embedded, dx: Embedded, inside: tuple[np.ndarray, ...]) -> float:
+    """Return the largest step that keeps all entries >= 0."""
     step = np.inf
     for v, dv, signed in zip(x, dx, inside, strict=True):
         falls = signed & (dv < 0.0)

@@ -9,7 +9,7 @@ import numpy as np
 
 from namlcp.compiled import kernel, part, pasted
 from namlcp.lcp.pivoting.free_system import analyse, free_order, refactor, solve_free
-from namlcp.lcp.pivoting.pivot import multiply, record, reset_patience
+from namlcp.lcp.pivoting.pivot import record, reset_patience, write_w
 from namlcp.lcp.pivoting.work import opened, path_in
 from namlcp.linalg import copy, largest_entry
 from namlcp.residuals import natural_residuals
@@ -25,7 +25,7 @@ LONGER = 1.03
 
 
 @part
-def enter(work, path):
+def enter_box(work, path):
     """Push path.z inside its bounds and choose multipliers, all of one size.
 
     That is the larger of max|w| and the largest distance of z from its nearest bound.
@@ -180,7 +180,7 @@ def try_direction(work, path, corrector):
 
 
 @pasted
-def advance(now, path):
+def advance_path(now, path):
     """Go nearly the longest step, 1 at most; return False if it is too short."""
     share = max(0.95, 1.0 - now.mu / now.largest_mu)
     step = min(1.0, 0.995 * share * now.step)
@@ -194,10 +194,10 @@ def advance(now, path):
 
 
 @pasted
-def evaluate(work, path):
+def evaluate_path(work, path):
     """Write w = A z + q, Res(z) and the mean products at the point of the path."""
     now = work.now
-    multiply(work, path.z, work.w)
+    write_w(work, path.z, work.w)
     found = natural_residuals(path.z, work.w, work.lower, work.upper, work.d)
     now.path_residual = found[0]
     for i in range(path.z.size):
@@ -214,8 +214,8 @@ def open_path(work, path):
     if not work.now.path_followed:
         work.now.path_followed = True
         copy(work.centre, path.z)
-        multiply(work, path.z, work.w)
-        enter(work, path)
+        write_w(work, path.z, work.w)
+        enter_box(work, path)
 
 
 @part
@@ -251,7 +251,7 @@ def follow(arena, target, steps):
             state[i] = -1
     factor = analyse(work, free_order(work, state))
     for taken in range(steps + 1):
-        evaluate(work, path)
+        evaluate_path(work, path)
         if now.path_residual <= target * now.size or taken == steps:
             break
         set_shift(work, path)
@@ -263,7 +263,7 @@ def follow(arena, target, steps):
             solve_free(now.symmetric, factor, work.rhs, path.dz)
             more = try_direction(work, path, corrector)
             corrector += 1
-        if not advance(now, path):
+        if not advance_path(now, path):
             break
     close_path(work, path)
     return taken

@@ -11,15 +11,15 @@ import numpy as np
 from namlcp.compiled import kernel
 from namlcp.lcp.pivoting.free_system import LEAST_PIVOT
 from namlcp.lcp.pivoting.interior import (
-    advance,
+    advance_path,
     aim,
     close_path,
-    evaluate,
+    evaluate_path,
     open_path,
     set_shift,
     try_direction,
 )
-from namlcp.lcp.pivoting.work import Memory, opened, path_in
+from namlcp.lcp.pivoting.work import PivotMemory, opened, path_in
 from namlcp.limits import Deadline
 from namlcp.linalg import (
     SLACK,
@@ -48,14 +48,14 @@ def path_step(arena, stage, corrector):
     work, path = opened(arena), path_in(arena)
     if stage == EVALUATE:
         open_path(work, path)
-        evaluate(work, path)
+        evaluate_path(work, path)
         set_shift(work, path)
     elif stage == AIM:
         aim(work, path)
     elif stage == TRY:
         return try_direction(work, path, corrector)
     elif stage == ADVANCE:
-        return advance(work.now, path)
+        return advance_path(work.now, path)
     else:
         close_path(work, path)
     return True
@@ -64,7 +64,7 @@ def path_step(arena, stage, corrector):
 class LargeSystem:
     """The factor of the current free system of a sparse symmetric problem."""
 
-    def __init__(self, work: Memory) -> None:
+    def __init__(self, work: PivotMemory) -> None:
         """Keep the memory of `pivot`; nothing is factored yet."""
         self.work = work
         self.free = np.zeros(work.n, dtype=bool)  # in the factor

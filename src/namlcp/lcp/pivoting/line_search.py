@@ -1,17 +1,17 @@
 """How far to go towards the solution of a face system, for symmetric A.
 
-A proximal step from the centre c seeks x = clip(s) where w = A x + q, s = c - w / rho.
-For symmetric positive semidefinite A that is where the convex function
+A proximal step from the point c seeks x = clip(s) where w = A x + q, s = c - w / rho.
+For symmetric positive semidefinite A that x minimises the convex function
 
     phi(x) = 1/2 x'A x + rho/2 (|| s ||^2 - || s - clip(s) ||^2)
 
-is least (an augmented Lagrangian, of the problem that has x for multipliers): its
-gradient is A (x - clip(s)). On the face, the unknowns with s inside its bounds,
-Newton's step solves the face system: block pivoting takes all of it, and may go round
-in circles. With the step that is best along it, it does not, from wherever it starts.
+(an augmented Lagrangian of the problem that has x for multipliers), whose gradient is
+A (x - clip(s)). Newton's step solves the free system of the unknowns with s inside its
+bounds. Block pivoting takes the whole step, and may go round in circles; with an exact
+line search Newton's method converges from every start.
 
-Along the step x and s are linear, and so is phi' from one change of the face to the
-next: phi' = -rho (s_1 - s_0)'(x - clip(s)).
+Along the step x and s are linear, and phi' = -rho (s_1 - s_0)'(x - clip(s)) is linear
+as long as the set of free unknowns stays.
 
 References
 ----------
@@ -21,12 +21,13 @@ Program. Comput. 14 (2022) 497-541 (the exact search).
 
 from namlcp.compiled import part
 
-HALVINGS = 40
+BISECTIONS = 40
+"""Bisections for the zero of phi' in [0, 1]: the step is found to 1e-12."""
 
 
 @part
 def begin_at(centre, w, rho, x, s):
-    """Begin the search at the centre, where w = A x + q; rho = 0 has none."""
+    """Begin the search at the proximal point, where w = A x + q; not with rho = 0."""
     for i in range(x.size):
         x[i] = centre[i]
         s[i] = centre[i] - w[i] / rho
@@ -34,9 +35,9 @@ def begin_at(centre, w, rho, x, s):
 
 @part
 def end_at(z, centre, w, rho, state, s_end):
-    """Write s at the solution z of the face system.
+    """Write s at the solution z of the free system.
 
-    On the face s = z up to rounding, which w / rho would blow up.
+    For free unknowns s = z up to rounding, which w / rho would enlarge.
     """
     for i in range(z.size):
         s_end[i] = z[i] if state[i] == 0 else centre[i] - w[i] / rho
@@ -60,7 +61,7 @@ def step_to(x, s, x_end, s_end, lower, upper):
     step = 1.0
     if slope(x, s, x_end, s_end, lower, upper, 1.0) > 0.0:
         below, above = 0.0, 1.0
-        for _ in range(HALVINGS):
+        for _ in range(BISECTIONS):
             step = 0.5 * (below + above)
             if slope(x, s, x_end, s_end, lower, upper, step) > 0.0:
                 above = step
@@ -74,9 +75,9 @@ def step_to(x, s, x_end, s_end, lower, upper):
 
 @part
 def states_at(s, lower, upper, rho, tolerance, state, goal):
-    """Write to goal the states that s tells; within tolerance they stay what they are.
+    """Write to goal the states that s tells; within the tolerance they stay.
 
-    That is a tolerance of x for the unknowns that are free, of w for the others.
+    It is a tolerance for x of unknowns that are free, for w of the others.
     """
     for i in range(s.size):
         if lower[i] == upper[i]:

@@ -48,7 +48,7 @@ STUCK = 5  # nothing else to try
 OMEGA = 1.4
 """Relaxation parameter of the first sweeps."""
 
-SWEEPS, STILL = 30, 3
+FIRST_SWEEPS, STILL_SWEEPS = 30, 3
 """First sweeps at most; they end after so many in a row that change no state."""
 
 BLOCK_STEPS, SEARCH_STEPS = 3, 100
@@ -65,7 +65,7 @@ EARLY_STEPS, FEW, SOME = 20, 64, 4
 """A proximal step may end early in the first 20, when at most one sign in 64 is wrong
 and more than 4 factorisations were made: see `may_end_early`."""
 
-ROUNDING = 1e-15
+EXACT_RESIDUAL = 1e-15
 """Scaled Res, relative to its value at clip(0), that no further step can lower."""
 
 RAY_ROUNDING = 1e-9
@@ -81,7 +81,7 @@ def first_sweeps(work):
     dense, data, indices, indptr = work.scaled
     z, w, state, lower, upper = work.z, work.w, work.state, work.lower, work.upper
     still = 0
-    for _ in range(SWEEPS):
+    for _ in range(FIRST_SWEEPS):
         still += 1
         for i in range(z.size):
             if work.has_unit[i]:
@@ -100,7 +100,7 @@ def first_sweeps(work):
             if found != state[i]:
                 state[i] = found
                 still = 0
-        if still >= STILL:
+        if still >= STILL_SWEEPS:
             break
 
 
@@ -111,7 +111,7 @@ def state_of(s, lower, upper):
 
 
 @part
-def multiply(work, z, w):
+def write_w(work, z, w):
     """Write w = A z + q of the scaled problem."""
     copy(work.q, w)
     add_product(work.scaled, z, w)
@@ -194,7 +194,7 @@ def end_outer_step(work):
     improved = record(work)
     now.outer_steps += 1
     rho = now.rho
-    exact = now.best_residual <= ROUNDING * now.size
+    exact = now.best_residual <= EXACT_RESIDUAL * now.size
     if now.solved and (exact or rho == 0.0 or not improved):
         return DONE
     if now.outer_steps >= OUTER_STEPS:
@@ -266,7 +266,7 @@ def use_solution(work):
     """With the free system solved, change wrong states or end the outer step."""
     z, now = work.z, work.now
     clip_rounding(work)
-    multiply(work, z, work.w)
+    write_w(work, z, work.w)
     if not all_finite(work.w):
         if now.rho > 0.0:
             return STUCK
@@ -292,13 +292,13 @@ def set_right_side(work):
         z[i] = 0.0
         if state[i] != 0:
             z[i] = work.lower[i] if state[i] < 0 else work.upper[i]
-    multiply(work, z, rhs)
+    write_w(work, z, rhs)
     for i in range(z.size):
         rhs[i] = rho * work.centre[i] - rhs[i]
 
 
 @part
-def scale(columns, work):
+def scale_problem(columns, work):
     """Scale the user's problem to a unit diagonal, and put clip(z) into centre."""
     q, lower, upper, d = work.q, work.lower, work.upper, work.d
     write_diagonal(columns, d)
@@ -313,17 +313,17 @@ def scale(columns, work):
 
 
 @pasted
-def begin(columns, work):
+def begin_pivoting(columns, work):
     """Scale, then sweep from the user's z. Return a code."""
     z, w, centre, rhs, now = work.z, work.w, work.centre, work.rhs, work.now
     n = z.size
-    scale(columns, work)
+    scale_problem(columns, work)
     now.best_residual = np.inf
     # First z = clip(0), which gives the size of the problem; then the start.
     for i in range(n):
         z[i] = min(max(0.0, work.lower[i]), work.upper[i])
     for start in range(2):
-        multiply(work, z, w)
+        write_w(work, z, w)
         record(work)
         if start == 0:
             now.size = now.best_residual
@@ -369,7 +369,7 @@ def pivot(columns, arena, budget):
     now, state, shift = work.now, work.state, work.shift
     if not now.started:
         now.started = True
-        if begin(columns, work) == DONE:
+        if begin_pivoting(columns, work) == DONE:
             if not now.ask_convex:
                 return DONE
             now.convexity_phase = True

@@ -30,10 +30,10 @@ CLEAR_SLOPE = 1e-5
 DROPS = 4
 """Corrections at most; after each, entries that changed their sign are set to 0."""
 
-DENSE = 600
+DENSE_CORRECTION = 600
 """Largest order for which the correction is a dense least-squares problem."""
 
-CORRECTION, STEPS, MULTIPLICATIONS = 1e-6, 2000, 200_000_000
+CORRECTION, CORRECTION_STEPS, MULTIPLICATIONS = 1e-6, 2000, 200_000_000
 """For larger orders: relative accuracy of the correction, steps and multiplications of
 the iteration at most."""
 
@@ -119,11 +119,11 @@ class Candidates:
     ) -> np.ndarray:
         """Return the least u with (A'D u)_rows = (A'v)_rows, u = 0 outside the face."""
         A, d, slope = self.A, self.d, self.slope(v)
-        if v.size <= DENSE:
+        if v.size <= DENSE_CORRECTION:
             part = A[face].toarray() if sparse.issparse(A) else A[face]
             part = (part * np.outer(d[face], d)).T[rows]
             return np.linalg.lstsq(part, slope[rows], rcond=None)[0]
-        steps = max(min(STEPS, MULTIPLICATIONS // (A.size + v.size)), 1)
+        steps = max(min(CORRECTION_STEPS, MULTIPLICATIONS // (A.size + v.size)), 1)
         full = np.zeros(v.size)
 
         def times(u: np.ndarray) -> np.ndarray:

@@ -3,7 +3,7 @@
 A kernel takes few arrays, an `Arena`: each array of an argument costs a call from
 Python 0.1 us. It begins with `opened`, which names the rows of the arena: a `Work`,
 handed on whole to all other compiled functions. Python has the same names in a
-`Memory`.
+`PivotMemory`.
 """
 
 import ctypes
@@ -130,12 +130,12 @@ class Path(NamedTuple):
     old_dwu: np.ndarray
 
 
-def vector(row: int) -> Any:
-    """Return a property of `Memory`: one row of its vectors."""
+def row_of(row: int) -> Any:
+    """Return a property of `PivotMemory`: one row of its vectors."""
     return property(lambda self: self.vectors[row])
 
 
-class Memory:
+class PivotMemory:
     """The memory of a problem of order n as Python sees it; names as in `Work`."""
 
     def __init__(self, columns: Columns, n: int) -> None:
@@ -151,8 +151,8 @@ class Memory:
         scalars = np.frombuffer(memoryview(self.now), RECORD)
         self.arena = Arena(self.scaled, self.vectors, self.marks, scalars)
 
-    q, lower, upper, d, z, w, centre, best, rhs, shift, x, s = map(vector, range(12))
-    path_dz = vector(15)
+    q, lower, upper, d, z, w, centre, best, rhs, shift, x, s = map(row_of, range(12))
+    path_dz = row_of(15)
     state = property(lambda self: self.marks[0])
     has_unit = property(lambda self: self.marks[2])
 
