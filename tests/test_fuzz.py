@@ -11,14 +11,20 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-import campaign
-import campaign_forms as forms
-import campaign_problems as problems
-from campaign_judge import Answer, judge_lcp, judge_qp, lcp_faults, qp_faults
-from campaign_lcps import LCP
 from namlcp import Status, solve_lcp, solve_qp
 from namlcp.qp.problem import QP
 from namlcp.qp.transforms.huge_bounds import without_huge_bounds
+from validation.problems.fuzzed import cases as problems
+from validation.problems.fuzzed import forms
+from validation.problems.fuzzed.lcps import LCP
+from validation.stress import campaign
+from validation.stress.campaign_judge import (
+    Answer,
+    judge_lcp,
+    judge_qp,
+    lcp_faults,
+    qp_faults,
+)
 
 INF = np.inf
 FUZZ = settings(derandomize=True, deadline=None, database=None, max_examples=100)

@@ -18,22 +18,22 @@ at the top, and the rest goes on. --data (or the environment variable NAMLCP_DAT
 the folder described in README.md.
 """
 
-import argparse
 import base64
 import html
 import os
 import subprocess
 import sys
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import NamedTuple, TextIO
 
-from benchmark import machine_lines, use_one_thread
+if not __package__:  # run as a script
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-HERE = Path(__file__).parent
-MISSING = 2  # what a script returns whose data folder lacks something
-BAR = 24
+from validation.harness import cli
+
+BAR = 24  # characters
 STYLE = """
 body { font: 15px/1.5 sans-serif; max-width: 72em; margin: 2em auto; padding: 0 1em }
 table { border-collapse: collapse; font-size: 13px; margin: 1em 0 }
@@ -47,13 +47,15 @@ svg, img { max-width: 100%; height: auto } pre { font-size: 12px; overflow-x: au
 class Part(NamedTuple):
     """A title, the commands, the figures they make, seconds that they take about.
 
-    In the commands {data}, {results} and {figures} stand for folders.
+    {data}, {results} and {figures} stand for folders, {quick} and {-quick} for what a
+    quick run adds; `quick_seconds` is 0 where there is no quick version.
     """
 
     title: str
     commands: tuple[str, ...]
     figures: tuple[str, ...] = ()
     seconds: float = 60.0
+    quick_seconds: float = 0.0
 
 
 class Outcome(NamedTuple):
@@ -64,148 +66,92 @@ class Outcome(NamedTuple):
     seconds: float
 
 
-FOLDERS = "--results {results}"
-QUICK = {
-    "work-precision": Part(
-        "Speed against accuracy",
-        (
-            f"work_precision.py run --quick --data {{data}} {FOLDERS}",
-            f"work_precision.py plot --quick {FOLDERS} --figures {{figures}}",
-        ),
-        ("work-precision-quick.svg",),
-        200.0,
-    ),
-    "profiles": Part(
-        "Performance profiles",
-        (
-            f"profiles.py run --quick --data {{data}} {FOLDERS}",
-            f"profiles.py plot --quick {FOLDERS} --figures {{figures}}",
-        ),
-        ("profiles-quick.svg",),
-    ),
-    "oracles": Part(
-        "Agreement with independent oracles",
-        ("oracles.py run --quick --data {data} --csv {results}/oracles.csv",),
-    ),
-    "stress": Part(
-        "Stability under stress",
-        (
-            "stress.py run --quick --csv {results}/stress.csv",
-            "stress.py plot --csv {results}/stress.csv --figure {figures}/stress.svg",
-        ),
-        ("stress.svg",),
-    ),
-    "pictures": Part(
-        "What solutions look like",
-        ("pictures.py --quick --figures {figures}",),
-        ("contact-sets.png", "exercise-boundary.svg", "contact-forces.svg"),
-        20.0,
-    ),
-}
-FULL = {
-    "maros-meszaros": Part(
-        "The Maros-Meszaros collection",
-        (
-            "maros_meszaros.py run --data {data} --csv {results}/maros-meszaros.csv",
-            "maros_meszaros.py table --data {data} --csv {results}/maros-meszaros.csv",
-        ),
-        seconds=9000.0,
-    ),
-    "work-precision": Part(
-        "Speed against accuracy",
-        (
-            f"work_precision.py run --data {{data}} {FOLDERS}",
-            f"work_precision.py plot {FOLDERS} --figures {{figures}}",
-        ),
-        ("work-precision.svg",),
-        2700.0,
-    ),
-    "profiles": Part(
-        "Performance profiles",
-        (
-            f"profiles.py run --data {{data}} {FOLDERS}",
-            f"profiles.py plot {FOLDERS} --figures {{figures}}",
-        ),
-        ("profiles.svg",),
-        600.0,
-    ),
-    "oracles": Part(
-        "Agreement with independent oracles",
-        ("oracles.py run --data {data} --csv {results}/oracles.csv",),
-        seconds=1200.0,
-    ),
-    "stress": Part(
-        "Stability under stress",
-        (
-            "stress.py run --csv {results}/stress.csv",
-            "stress.py plot --csv {results}/stress.csv --figure {figures}/stress.svg",
-        ),
-        ("stress.svg",),
-        1200.0,
-    ),
-    "pictures": Part(
-        "What solutions look like",
-        ("pictures.py --figures {figures}",),
-        ("contact-sets.png", "exercise-boundary.svg", "contact-forces.svg"),
-    ),
-    "benchmark": Part(
-        "MPC, contact and small QPs",
-        (
-            "benchmark.py --data {data} --set mpc contact small strict"
-            " --csv {results}/benchmark.csv",
-        ),
-        seconds=900.0,
-    ),
-    "infeasible": Part(
-        "Infeasible and unbounded QPs",
-        ("infeasible.py --data {data} --csv {results}/infeasible.csv",),
-        seconds=600.0,
-    ),
-    "generalisation": Part(
-        "Problems that nothing was tuned on",
-        ("generalisation.py --data {data} --csv {results}/generalisation.csv",),
-        seconds=3600.0,
-    ),
-    "large": Part(
-        "Large LCPs",
-        (
-            f"large.py run {FOLDERS}",
-            f"large.py plot {FOLDERS} --figures {{figures}}",
-            f"large.py table {FOLDERS}",
-        ),
-        ("large.svg",),
-        3600.0,
-    ),
-    "lcp": Part("LCPs beside PIQP and OSQP", (f"lcp.py --data {{data}} {FOLDERS}",)),
-    "hertz": Part("Hertz contact without a matrix", ("hertz.py",)),
-    "put": Part("American puts", (f"american_put.py {FOLDERS}",), seconds=300.0),
-    "cvxpy": Part(
-        "Models in CVXPY",
-        (
-            "cvxpy_models.py --csv {results}/cvxpy-models.csv",
-            "cvxpy_resolve.py --csv {results}/cvxpy-resolve.csv",
-        ),
-        seconds=900.0,
-    ),
-    "paper": Part(
-        "The paper's tables",
-        (f"paper.py {FOLDERS} --figures {{figures}}",),
-        ("paper-tables.svg", "paper-methods.svg"),
-        900.0,
-    ),
-    "stability": Part(
-        "Where sweeps fail",
-        (f"stability.py {FOLDERS} --figures {{figures}}",),
-        ("stability-maps.png", "stability-units.png"),
-        900.0,
-    ),
-    "parameters": Part(
-        "Automatic parameters",
-        (f"parameters.py --data {{data}} {FOLDERS}",),
-        seconds=900.0,
-    ),
-    "h_plus": Part("Convergence theory", (f"h_plus.py {FOLDERS}",), seconds=900.0),
-}
+def part(
+    title: str, seconds: float, commands: str, figures: str = "", quick: float = 0.0
+) -> Part:
+    """Return a part whose commands stand one a line."""
+    lines = [line.strip() for line in commands.splitlines() if line.strip()]
+    return Part(title, tuple(lines), tuple(figures.split()), seconds, quick)
+
+
+PARTS = {
+    "maros-meszaros": part("The Maros-Meszaros collection", 9000.0, """
+        peers.maros_meszaros run --data {data} --csv {results}/maros-meszaros.csv
+        peers.maros_meszaros table --data {data} --csv {results}/maros-meszaros.csv
+    """),
+    "work-precision": part("Speed against accuracy", 2700.0, """
+        peers.work_precision run {quick} --data {data} --results {results}
+        peers.work_precision plot {quick} --results {results} --figures {figures}
+    """, "work-precision{-quick}.svg", 200.0),
+    "profiles": part("Performance profiles", 600.0, """
+        peers.profiles run {quick} --data {data} --results {results}
+        peers.profiles plot {quick} --results {results} --figures {figures}
+    """, "profiles{-quick}.svg", 60.0),
+    "oracles": part("Agreement with independent oracles", 1200.0, """
+        oracles.agreement run {quick} --data {data} --csv {results}/oracles.csv
+    """, quick=60.0),
+    "stress": part("Stability under stress", 1200.0, """
+        stress.comparison run {quick} --csv {results}/stress.csv
+        stress.comparison plot --csv {results}/stress.csv --figure {figures}/stress.svg
+    """, "stress.svg", 60.0),
+    "pictures": part("What solutions look like", 60.0, """
+        applications.pictures {quick} --figures {figures}
+    """, "contact-sets.png exercise-boundary.svg contact-forces.svg", 20.0),
+    "benchmark": part("MPC, contact and small QPs", 900.0, """
+        peers.benchmark --data {data} --csv {results}/benchmark.csv \
+        --set mpc contact small strict
+    """),
+    "infeasible": part("Infeasible and unbounded QPs", 600.0, """
+        peers.infeasible --data {data} --csv {results}/infeasible.csv
+    """),
+    "generalisation": part("Problems that nothing was tuned on", 3600.0, """
+        peers.generalisation --data {data} --csv {results}/generalisation.csv
+    """),
+    "large": part("Large LCPs", 3600.0, """
+        applications.large run --results {results}
+        applications.large plot --results {results} --figures {figures}
+        applications.large table --results {results}
+    """, "large.svg"),
+    "lcp": part("LCPs beside PIQP and OSQP", 60.0, """
+        peers.lcp --data {data} --results {results}
+    """),
+    "hertz": part("Hertz contact without a matrix", 600.0, """
+        applications.hertz --results {results}
+    """),
+    "put": part("American puts", 300.0, """
+        applications.american_put --results {results}
+    """),
+    "cvxpy": part("Models in CVXPY", 900.0, """
+        applications.cvxpy_models --csv {results}/cvxpy-models.csv
+        applications.cvxpy_resolve --csv {results}/cvxpy-resolve.csv
+    """),
+    "paper": part("The paper's tables", 900.0, """
+        paper.tables --results {results} --figures {figures}
+    """, "paper-tables.svg paper-methods.svg"),
+    "stability": part("Where sweeps fail", 900.0, """
+        paper.stability --results {results} --figures {figures}
+    """, "stability-maps.png stability-units.png"),
+    "parameters": part("Automatic parameters", 900.0, """
+        paper.parameters --data {data} --results {results}
+    """),
+    "h_plus": part("Convergence theory", 900.0, """
+        paper.h_plus --results {results}
+    """),
+}  # fmt: skip
+
+
+def sized(part: Part, quick: bool) -> Part:
+    """Return a part with {quick} and {-quick} written out."""
+    option, suffix = ("--quick", "-quick") if quick else ("", "")
+    return part._replace(
+        commands=tuple(c.replace("{quick}", option) for c in part.commands),
+        figures=tuple(f.replace("{-quick}", suffix) for f in part.figures),
+        seconds=part.quick_seconds if quick else part.seconds,
+    )
+
+
+FULL = {name: sized(part, False) for name, part in PARTS.items()}
+QUICK = {name: sized(part, True) for name, part in PARTS.items() if part.quick_seconds}
 
 
 class Progress:
@@ -242,25 +188,29 @@ def run_part(name: str, part: Part, folders: dict[str, Path], bar: Progress) -> 
     start = time.monotonic()
     lines: list[str] = []
     fault = ""
-    for command in part.commands:
-        script, *arguments = [word.format(**folders) for word in command.split()]
-        if not (HERE / script).exists():
+    for words in part.commands:
+        script, *arguments = [word.format(**folders) for word in words.split()]
+        if not (cli.ROOT / "validation" / f"{script.replace('.', '/')}.py").exists():
             fault = f"{script} is not there"
             break
-        code = run_command([str(HERE / script), *arguments], lines, name, bar)
-        if code == MISSING:
+        command = cli.script(script, *arguments)
+        code = run_command(command, lines, lambda line: bar.show(name, line))
+        if code == cli.MISSING:
             fault = "something is missing, see its text"
         elif code != 0:
             fault = f"{script} ended with {code}, see its text"
-        if code not in (0, MISSING):
+        if code not in (0, cli.MISSING):
             break
     return Outcome(fault, "".join(lines), time.monotonic() - start)
 
 
-def run_command(command: list[str], lines: list[str], name: str, bar: Progress) -> int:
-    """Run one script, keep its lines, show the last one; return its exit code."""
+def run_command(
+    command: list[str], lines: list[str], show: Callable[[str], None]
+) -> int:
+    """Run a command in the folder ROOT; keep and show its lines; return its code."""
     with subprocess.Popen(
-        [sys.executable, "-u", *command],
+        command,
+        cwd=cli.ROOT,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
         text=True,
@@ -269,7 +219,7 @@ def run_command(command: list[str], lines: list[str], name: str, bar: Progress) 
         assert process.stdout is not None
         for line in process.stdout:
             lines.append(line)
-            bar.show(name, line)
+            show(line)
     return process.returncode
 
 
@@ -351,7 +301,7 @@ def report(
     """Run the parts, with a bar on `stream`; write report.html, also on Ctrl-C."""
     outcomes: dict[str, Outcome] = {}
     bar = Progress(parts, stream)
-    header = machine_lines(["nam"])
+    header = cli.begin(["nam"])
     if not folders["data"].exists():
         header.append(f"the data folder {folders['data']} is missing: see README.md")
     out.mkdir(parents=True, exist_ok=True)
@@ -366,16 +316,14 @@ def report(
 
 def main(arguments: list[str] | None = None) -> int:
     """Run all parts; return 1 if one of them failed, missing data apart."""
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    default = Path(os.environ.get("NAMLCP_DATA", "data"))
+    parser = cli.parser(__doc__, data=default)
     size = parser.add_mutually_exclusive_group(required=True)
     size.add_argument("--quick", action="store_true", help="under ten minutes")
     size.add_argument("--full", action="store_true", help="hours")
-    default = Path(os.environ.get("NAMLCP_DATA", "data"))
-    parser.add_argument("--data", type=Path, default=default, help="the data folder")
     parser.add_argument("--out", type=Path, default=Path("report"))
     parser.add_argument("--only", nargs="+", choices=list(FULL), metavar="PART")
     args = parser.parse_args(arguments)
-    use_one_thread()
     parts = QUICK if args.quick else FULL
     if args.only:
         parts = {name: part for name, part in parts.items() if name in args.only}

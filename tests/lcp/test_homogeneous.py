@@ -1,8 +1,5 @@
 """Monotone LCPs that are not symmetric: solved, or proved to have no solution."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from problems_lcp import box_lcp, skew
@@ -21,12 +18,9 @@ from namlcp.lcp.pivoting.homogeneous import (
 )
 from namlcp.limits import Deadline, Limits
 from namlcp.residuals import natural_residual
-
-sys.path.append(str(Path(__file__).parents[1] / "validation"))
-
-import campaign
-import campaign_problems as problems
-from campaign_judge import judge_lcp
+from validation.problems.fuzzed import cases as problems
+from validation.stress import campaign
+from validation.stress.campaign_judge import judge_lcp
 
 INF = np.inf
 MOST = 60

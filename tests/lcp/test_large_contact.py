@@ -7,7 +7,6 @@ from numba import njit
 from problems_lcp import box_lcp
 from scipy import sparse
 
-import contact_scenes
 from namlcp import Status, solve_lcp
 from namlcp.lcp.pivoting import driver as exact
 from namlcp.lcp.pivoting.driver import solve_box
@@ -16,6 +15,7 @@ from namlcp.limits import Limits
 from namlcp.linalg.columns import columns_of
 from namlcp.linalg.ordering import minimum_degree
 from namlcp.linalg.supernodes import blocks_of, factor_blocks, solve_blocks
+from validation.problems import contact_scenes
 
 KINDS = {
     "heap": contact_scenes.heap,

@@ -10,7 +10,6 @@ from problems_lcp import box_lcp
 from scipy import sparse
 from scipy.linalg import solve_triangular
 
-import large_scenes
 from namlcp import Prepared, Status, solve_lcp
 from namlcp.lcp.multigrid import cycles as multigrid
 from namlcp.lcp.multigrid.coarsening import interpolation
@@ -21,6 +20,7 @@ from namlcp.lcp.relaxation import relax_back, relax_csr
 from namlcp.limits import Deadline, Limits
 from namlcp.residuals import natural_residual
 from namlcp.scenes import forced_obstacle
+from validation.problems import large_scenes
 
 INF = np.inf
 EPS = 1e-9

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-import hertz
 from namlcp import solve_lcp
 from namlcp.status import Status
+from validation.problems import hertz
 
 
 def test_toeplitz_operator_is_the_dense_matrix():

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-import known_scenes as known
-import oracles
-from oracle_parts import collection_row
-from oracle_rows import compared, row_of
-from oracle_scenes import (
+from validation.oracles import agreement
+from validation.oracles.parts import collection_row
+from validation.oracles.rows import compared, row_of
+from validation.oracles.scenes import (
     SCENES,
     Scene,
     at_bounds,
@@ -16,7 +15,8 @@ from oracle_scenes import (
     scenes,
     textbook,
 )
-from oracle_solvers import Answer, is_monotone, is_symmetric, lemke, nam
+from validation.oracles.solvers import Answer, is_monotone, is_symmetric, lemke, nam
+from validation.problems import known_scenes as known
 
 LCP = known.obstacle(8)
 OURS = nam(LCP, 10.0)
@@ -25,7 +25,7 @@ OURS = nam(LCP, 10.0)
 def rows_with(z, w, said="solved", scene=None):
     """Return the rows of a small obstacle where an oracle answers z and w."""
     found = {"nam": OURS, "osqp": Answer(z, w, said)}
-    rows = oracles.scene_rows("s", scene or Scene(lambda _: LCP), LCP, found)
+    rows = agreement.scene_rows("s", scene or Scene(lambda _: LCP), LCP, found)
     return {(row["solver"], row["quantity"]): row for row in rows}
 
 
@@ -44,7 +44,7 @@ def test_exact_answers_agree():
         ("nam", "objective"), ("osqp", "objective"), ("osqp", "z"), ("osqp", "w"),
     }  # fmt: skip
     assert all(row["agrees"] for row in rows.values())
-    assert not oracles.explanations(list(rows.values()))
+    assert not agreement.explanations(list(rows.values()))
 
 
 def test_disagreements_are_explained():
@@ -60,7 +60,7 @@ def test_disagreements_are_explained():
     assert rows["osqp", "objective"]["why"] == "no point: timeout"
     several = rows_with(OURS.z + 1e-4, OURS.w, scene=Scene(lambda _: LCP, (), False))
     assert ("osqp", "z") not in several
-    text = oracles.markdown(list(several.values()))
+    text = agreement.markdown(list(several.values()))
     assert "| s | 64 | objective |" in text
     assert "- s, nam, objective: natural residual" in text
     assert ", of the reference" in text
@@ -75,7 +75,7 @@ def test_lemke_agrees_where_it_applies():
     assert lemke(known.torsion(4, 4), 10.0) is None  # two-sided
     game = bimatrix()
     assert lemke(game, 10.0).z is None
-    assert oracles.residual_of(game, nam(game, 10.0).z) < 1e-12
+    assert agreement.residual_of(game, nam(game, 10.0).z) < 1e-12
 
 
 def test_kinds_of_matrices():

@@ -9,11 +9,12 @@ import pytest
 from scipy import sparse
 from scipy.optimize import lsq_linear, nnls
 
-import known_scenes as known
-import large_scenes as large
 from namlcp import Status, solve_lcp
 from namlcp.residuals import natural_residual
-from problems import MissingDataError, heart_scale
+from validation.harness.data_folder import MissingDataError
+from validation.problems import known_scenes as known
+from validation.problems import large_scenes as large
+from validation.problems.data_sets import heart_scale
 
 
 def solve(scene):

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import qpsolvers
 
-import stress
 from namlcp import Status, solve_qp
 from namlcp.residuals import qp_residuals
-from stress_problems import ROWS, Case, Point, natural, posed
+from validation.problems.stress_cases import ROWS, Case, Point, natural, posed
+from validation.stress import comparison
 
 
 def answer(case, point, found=True, status="solved"):
@@ -43,7 +43,7 @@ def test_planted_points_solve(name, seed):
         for one, other in zip(natural(case, there), case.point, strict=True):
             np.testing.assert_allclose(one, other, rtol=1e-14)
         point = there
-    row = stress.judge(case, answer(case, point))
+    row = comparison.judge(case, answer(case, point))
     assert row["outcome"] == "right"
     assert row.get("objective_error", 0.0) < 1e-12
 
@@ -65,7 +65,7 @@ def test_units_are_a_change_of_variables():
 def off(case, size):
     """Return the judged outcome of the planted point, x off by `size` in one entry."""
     x, *rest = posed_point(case)
-    return stress.judge(
+    return comparison.judge(
         case, answer(case, (x + size * (np.arange(x.size) == 0), *rest))
     )
 
@@ -83,10 +83,11 @@ def test_signs_and_missing_multipliers_count():
     case = ROWS["LCP, half z = w = 0"](0)
     x, y, z, z_box = posed_point(case)
     assert (
-        stress.judge(case, answer(case, (x, None, None, z_box)))["outcome"] == "right"
+        comparison.judge(case, answer(case, (x, None, None, z_box)))["outcome"]
+        == "right"
     )
     for wrong in (-z_box, None):
-        row = stress.judge(case, answer(case, (x, y, z, wrong)))
+        row = comparison.judge(case, answer(case, (x, y, z, wrong)))
         assert row["outcome"] == "wrong"
 
 
@@ -104,7 +105,7 @@ def test_signs_and_missing_multipliers_count():
 )
 def test_what_is_said_without_a_point(said, outcome):
     case = ROWS["n = 1"](1)
-    row = stress.judge(case, answer(case, (None,) * 4, False, said))
+    row = comparison.judge(case, answer(case, (None,) * 4, False, said))
     assert row["outcome"] == outcome
 
 
@@ -119,16 +120,21 @@ def test_table_and_shortfalls():
         for solver, own in outcomes.items()
         for k, outcome in enumerate(own)
     ]
-    assert stress.counts(rows)["one", "osqp"] == Counter(outcomes["osqp"])
-    assert "| one | 2/0/1/0 | 3 | 0/1/0/1/1 |" in stress.markdown(rows)
-    assert stress.shortfalls(rows) == ["one: nam 2, piqp 3", "one: nam wrong 1 times"]
-    assert not stress.shortfalls([row for row in rows if row["seed"] < 2])
+    assert comparison.counts(rows)["one", "osqp"] == Counter(outcomes["osqp"])
+    assert "| one | 2/0/1/0 | 3 | 0/1/0/1/1 |" in comparison.markdown(rows)
+    assert comparison.shortfalls(rows) == [
+        "one: nam 2, piqp 3",
+        "one: nam wrong 1 times",
+    ]
+    assert not comparison.shortfalls([row for row in rows if row["seed"] < 2])
 
 
 def test_every_solver_has_settings():
-    for solver in stress.SOLVERS:
-        known = stress.settings(solver, 1e-3, 1.0)
-        for key in stress.ABSOLUTE.get(solver, ()):
-            assert known[key] == max(1e-3 * stress.EPS, stress.LEAST.get(solver, 0.0))
+    for solver in comparison.SOLVERS:
+        known = comparison.settings(solver, 1e-3, 1.0)
+        for key in comparison.ABSOLUTE.get(solver, ()):
+            assert known[key] == max(
+                1e-3 * comparison.EPS, comparison.LEAST.get(solver, 0.0)
+            )
     nothing = Case(ROWS["empty"](1).qp)
     assert nothing.qp.q.size == 0

@@ -1,0 +1,99 @@
+"""The rooms of the validation: one door each, imports downwards, sizes to be read."""
+
+import ast
+from importlib import import_module
+
+import pytest
+
+from validation.harness import cli
+
+HOUSE = cli.ROOT / "validation"
+
+# From the top down; the rooms of one line do not import each other.
+FLOORS = (
+    {"report", "oracles", "stress", "peers", "paper", "environment"},
+    {"applications"},
+    {"problems"},
+    {"harness"},
+)
+
+
+def name_of(path):
+    return ".".join(path.relative_to(cli.ROOT).with_suffix("").parts)
+
+
+def imports():
+    """Yield (module, what it imports from, the names) for imports of our own."""
+    for path in sorted(HOUSE.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ImportFrom):
+                assert node.level == 0, path
+                if node.module.split(".")[0] == "validation":
+                    names = [alias.name for alias in node.names]
+                    yield name_of(path), node.module, names
+            elif isinstance(node, ast.Import):
+                names = [alias.name for alias in node.names]
+                assert not any(n.startswith("validation") for n in names), path
+
+
+def room_of(module):
+    return module.split(".")[1]
+
+
+def floor(module):
+    return next(k for k, rooms in enumerate(FLOORS) if room_of(module) in rooms)
+
+
+def test_imports_point_downwards():
+    for module, other, _ in imports():
+        if module.endswith("__init__") and other == "validation":
+            continue
+        assert other != "validation", module
+        same = room_of(module) == room_of(other)
+        assert same or floor(other) > floor(module), f"{module} imports {other}"
+
+
+def test_rooms_are_entered_by_their_door():
+    for module, other, names in imports():
+        if room_of(module) == room_of(other):
+            continue
+        folder = cli.ROOT / other.replace(".", "/")
+        assert folder.is_dir(), f"{module} imports {other} past the door"
+        try:
+            door = import_module(other)
+        except ModuleNotFoundError as error:  # CVXPY is not installed
+            pytest.skip(str(error))
+        missing = set(names) - set(door.__all__)
+        assert not missing, f"{module}: {missing} not at the door of {other}"
+
+
+def test_every_name_at_a_door_is_used_outside():
+    taken = {
+        (other, name)
+        for module, other, names in imports()
+        for name in names
+        if room_of(module) != room_of(other)
+    }
+    for path in HOUSE.rglob("*/__init__.py"):
+        room = name_of(path.parent)
+        for node in ast.walk(ast.parse(path.read_text())):
+            target = getattr(node, "targets", [getattr(node, "target", None)])[0]
+            if isinstance(target, ast.Name) and target.id == "__all__":
+                for name in ast.literal_eval(node.value):
+                    assert (room, name) in taken, f"{name} at the door of {room}"
+
+
+def test_rooms_modules_and_functions_can_be_taken_in():
+    """14 modules in a folder, 450 lines in a module, 8 parameters, at most."""
+    for folder in {path.parent for path in HOUSE.rglob("*.py")}:
+        assert len(list(folder.glob("*.py"))) <= 14, folder
+    for path in HOUSE.rglob("*.py"):
+        text = path.read_text()
+        assert len(text.splitlines()) <= 450, path
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.FunctionDef):
+                a = node.args
+                count = len(a.posonlyargs) + len(a.args) + len(a.kwonlyargs)
+                count += (a.vararg is not None) + (a.kwarg is not None)
+                own = bool(a.args) and a.args[0].arg in ("self", "cls")
+                assert count - own <= 8, f"{path}: {node.name}"

@@ -1,0 +1,6 @@
+"""What it is used for: large obstacles, contact, puts, models in CVXPY, pictures.
+
+cvxpy_bench: models in CVXPY solved in child processes, their answers judged.
+"""
+
+__all__ = ["cvxpy_bench"]

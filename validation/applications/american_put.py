@@ -1,0 +1,122 @@
+"""American puts: one tridiagonal LCP a time step, beside Brennan and Schwartz.
+
+Usage::
+
+    python -m validation.applications.american_put [--quick] [--results DIR]
+
+V_t + 1/2 sigma^2 V_xx + (r - q - 1/2 sigma^2) V_x - r V <= 0, V >= payoff, one of the
+two with equality, x = ln S. Central differences on 4000 nodes (x - ln K from -WIDTH to
+WIDTH, the strike midway between two nodes, where the payoff's kink costs least), 4000
+steps of Crank and Nicolson, the first two of them as four implicit Euler steps of half
+the length (Rannacher), which have the same matrix A = I + dt/2 L. The price at S by a
+cubic spline.
+
+timing
+    Each step as a whole `solve_lcp(prepared, q, payoff, z0=last)`, its q included, and
+    as a step of the method of Brennan and Schwartz (J. Finance 32 (1977) 449-462):
+    elimination from the right, substitution from the left with the payoff as a floor,
+    in numba, with the factors kept (`kept`, the faster one) or not. The two take turns
+    in blocks of steps, and processor time is taken, so that other processes matter
+    little; `ratio` is the median over blocks of the ratio of times, `total` the ratio
+    of the sums.
+convergence
+    The price against nodes and steps, with the strike midway or on a node, with and
+    without the Euler steps.
+"""
+
+import sys
+
+import numpy as np
+
+from validation.harness import Row, cli, csv_files, tables
+from validation.problems import american_puts
+
+BLOCK = 10  # steps that one method takes before it is the other's turn
+SLOWER = 3.0  # times Brennan and Schwartz: what is wanted at most
+
+
+def timing(name: str, nodes: int, steps: int) -> Row:
+    """Return the price and the times of one put."""
+    put = american_puts.PUTS[name]
+    grid = american_puts.grid_of(put, nodes, steps)
+    kinds = american_puts.Package, american_puts.Kept, american_puts.Anew
+    for kind in kinds:
+        kind(grid).run(2)  # compiled
+    ours, kept, anew = (kind(grid) for kind in kinds)
+    times = []
+    left = steps + american_puts.EULER_STEPS // 2
+    while left > 0:
+        block = min(BLOCK, left)
+        times.append([march.run(block) for march in (ours, kept, anew)])
+        left -= block
+    seconds = np.array(times)
+    per_step = np.median(seconds[:-1], axis=0) / BLOCK
+    best = seconds[:, 1:].sum(axis=0).argmin() + 1
+    price = ours.price(put.spot)
+    return {
+        "put": name,
+        "nodes": nodes,
+        "steps": steps,
+        "price": price,
+        "error": price - put.price,
+        "from_brennan_schwartz": float(np.abs(ours.V - kept.V).max()),
+        "worst_residual": ours.worst,
+        "faces_a_step": float(np.mean(ours.faces)),
+        "most_faces": max(ours.faces),
+        "us_a_step": per_step[0] * 1e6,
+        "us_kept": per_step[1] * 1e6,
+        "us_anew": per_step[2] * 1e6,
+        "ratio": float(np.median(seconds[:-1, 0] / seconds[:-1, best])),
+        "total": float(seconds[:, 0].sum() / seconds[:, best].sum()),
+    }
+
+
+def convergence(name: str, sizes: tuple[int, ...]) -> list[Row]:
+    """Return the prices of one put against nodes = steps, strike and start."""
+    put = american_puts.PUTS[name]
+    rows = []
+    for size in sizes:
+        for shift in (0.5, 0.0):
+            for euler_steps in (american_puts.EULER_STEPS, 0):
+                march = american_puts.Kept(
+                    american_puts.grid_of(put, size, size, shift), euler_steps
+                )
+                march.run(size + euler_steps // 2)
+                price = march.price(put.spot)
+                rows.append(
+                    {
+                        "put": name,
+                        "nodes": size,
+                        "steps": size,
+                        "strike": "midway" if shift else "on a node",
+                        "euler_steps": euler_steps,
+                        "price": price,
+                        "error": price - put.price,
+                    }
+                )
+    return rows
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Print the tables and write them."""
+    parser = cli.parser(__doc__, "quick", results=None)
+    args = parser.parse_args(arguments)
+    header = cli.begin()
+    size = 400 if args.quick else 4000
+    rows = [timing(name, size, size) for name in american_puts.PUTS]
+    tables.print_rows(
+        rows, "put:16 price error us_a_step us_kept us_anew ratio faces_a_step:12"
+    )
+    print(f"wanted: error {american_puts.BOUND:.0e}, ratio {SLOWER:g} at most")
+    sizes = (100, 200, 400) if args.quick else (500, 1000, 2000, 4000, 8000)
+    prices = [row for name in american_puts.PUTS for row in convergence(name, sizes)]
+    tables.print_rows(prices, "put:16 nodes strike euler_steps:12 error")
+    folder = args.results or (None if args.quick else cli.RESULTS)
+    if folder is not None:
+        csv_files.write(folder / "american-put.csv", header, rows)
+        csv_files.write(folder / "american-put-convergence.csv", header, prices)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

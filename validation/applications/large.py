@@ -1,0 +1,350 @@
+"""Large sparse LCPs: time against n, beside one linear solve with the same matrix.
+
+Usage::
+
+    python -m validation.applications.large [run | plot | table] [--quick]
+        [--scenes forced ball ...] [--method auto] [--no-peers]
+        [--results DIR] [--figures DIR]
+
+run
+    large.csv: one row for each scene, size and solver. `seconds` is the best of two
+    whole calls of `solve_lcp` (of one beyond a minute), checks and set-up included,
+    compiled kernels loaded; `residual` || z - clip(z - (A z + q), lower, upper) ||_2,
+    computed here. `baseline`, in the same process, in turns with ours and the best of
+    as many, is one linear solve: A x = -q to 1e-8 by pyamg's default Ruge-Stueben
+    hierarchy, its set-up included, and CG (BiCGStab if A is not symmetric). `product`
+    is the median time of A @ x, which reads A once. `memory` is what the call needs at
+    its peak and `hierarchy` what the levels of the baseline take, A one of them, both
+    in units of the bytes of A. OSQP, PIQP and Clarabel solve the forced obstacle to
+    1e-8 up to the size that they do not finish in 120 s. The row of the American put
+    has one time step, and one of Brennan and Schwartz as its baseline.
+plot
+    large.svg from large.csv.
+table
+    large.csv as Markdown, the claims below it.
+
+--quick: n up to 10^5. Without a subcommand: run and plot.
+"""
+
+import argparse
+import ctypes
+import gc
+import sys
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+import pyamg
+import qpsolvers
+import scipy.sparse as sp
+from scipy.sparse.linalg import LinearOperator
+
+from namlcp import LCPResult, natural_residual, solve_lcp
+from validation.applications import american_put, large_figures
+from validation.harness import (
+    Bench,
+    Job,
+    Row,
+    cli,
+    csv_files,
+    judging,
+    machine,
+    processes,
+    qp_solvers,
+    tables,
+    timing,
+)
+from validation.problems import (
+    contact_scenes,
+    hertz,
+    known_scenes,
+    large_scenes,
+    sweep_scenes,
+)
+
+COLUMNS = (
+    "scene n nnz solver method status iterations setup solve seconds residual active "
+    "baseline baseline_iterations ratio product memory hierarchy"
+).split()
+SHOWN = (
+    "scene:12 n:8 method:15 status:11 iterations seconds residual baseline ratio:6 "
+    "product memory:6 hierarchy"
+)
+SIZES = (10_000, 100_000, 1_000_000)
+FORCED_SIZES = (10_000, 40_000, 90_000, 100_000, 1_000_000, 4_000_000)
+PILE_SIZES = (1_000, 10_000, 100_000)
+HERTZ_SIZES = (64**2, 128**2, 256**2, 512**2, 1024**2)
+PUT_SIZES = (1_000, 4_000, 16_000)
+PUT_STEPS = 4_000
+PEER_SIZES = (10_000, 40_000, 90_000, 1_000_000)
+QUICK = 100_000  # unknowns at most of a quick run
+WARM_UP = 12_000  # unknowns of the scene that loads what is compiled
+EPS = 1e-9  # Res that is asked of us
+PEER_EPS = 1e-8  # absolute, that is asked of the others
+LIMIT = 600.0  # [s] for us
+PEER_LIMIT = 120.0  # [s] for the others
+ONCE = 60.0  # [s] from which a call is not repeated
+CYCLES = 200  # of the baseline at most
+PEERS = ("osqp", "piqp", "clarabel")
+
+
+def strongly_dominant(n: int) -> known_scenes.BoxLCP:
+    """Return Example 2 at delta = 4 with half of the unknowns in contact."""
+    return known_scenes.BoxLCP(
+        *sweep_scenes.with_contact(sweep_scenes.paper_example(2, large_scenes.side(n)))[
+            1:5
+        ]
+    )
+
+
+def pile(kind: str, n: int) -> known_scenes.BoxLCP:
+    """Return contacts in a heap of discs or in a wall of bricks."""
+    made = (
+        contact_scenes.brick_wall(n)
+        if kind == "wall"
+        else contact_scenes.heap(n, sideways=kind == "heap, wide")
+    )
+    return known_scenes.nonnegative(made.A, made.q)
+
+
+def hertz_contact(n: int) -> known_scenes.BoxLCP:
+    """Return a sphere on a half-space; A is a LinearOperator, a product by the FFT."""
+    made = hertz.hertz(large_scenes.side(n))
+    return known_scenes.nonnegative(made.A, made.q)
+
+
+class Entry(NamedTuple):
+    """How to make a scene of n unknowns, which n, and pyamg's Krylov method for A.
+
+    Where it is `relative`, the tolerance and the residual of the row are: that of the
+    problem scaled to a unit diagonal, over its value at z = 0.
+    """
+
+    make: Callable[[int], known_scenes.BoxLCP]
+    sizes: tuple[int, ...] = SIZES
+    accel: str | None = "cg"
+    relative: bool = False
+
+
+PLAIN = [*"ball torsion biactive rough anisotropic 3-D".split(), "mesh, jumps"]
+SCENES = {
+    "forced": Entry(large_scenes.FAMILIES["forced"], FORCED_SIZES),
+    **{name: Entry(large_scenes.FAMILIES[name]) for name in PLAIN},
+    "transport": Entry(large_scenes.FAMILIES["transport"], accel="bicgstab"),
+    "dominant": Entry(strongly_dominant, accel="bicgstab"),
+    "heap": Entry(partial(pile, "heap"), PILE_SIZES, None, True),
+    "heap, wide": Entry(partial(pile, "heap, wide"), PILE_SIZES, None, True),
+    "wall": Entry(partial(pile, "wall"), PILE_SIZES, None, True),
+    "hertz": Entry(hertz_contact, HERTZ_SIZES, None),
+}
+SIZES_OF = {name: entry.sizes for name, entry in SCENES.items()} | {"put": PUT_SIZES}
+
+
+def scene_row(name: str, n: int, method: str) -> Row:
+    """Solve one scene and the linear system in turns; return the row."""
+    warnings.simplefilter("ignore")
+    make, _, accel, relative = SCENES[name]
+    call(make(min(n, WARM_UP)), method, 60.0, relative)
+    scene = make(n)
+    A = scene.A
+    row: Row = {"scene": name, "n": scene.q.size, "solver": "nam"}
+    if sp.issparse(A):
+        row["nnz"], own = A.nnz, memory_of(A)
+    release_memory()
+    before = timing.resident_memory(reset_peak=True)
+    times, baselines = [], []
+    for turn in range(2):
+        start = time.perf_counter()
+        result = call(scene, method, LIMIT, relative)
+        times.append(time.perf_counter() - start)
+        if turn == 0 and sp.issparse(A):
+            row["memory"] = (timing.resident_memory() - before) / own
+        if accel:
+            baselines.append(linear_solve(A, scene.q, accel))
+        if times[0] > ONCE:
+            break
+    row |= judged(scene, result.z, relative)
+    row |= {
+        "method": result.method,
+        "status": result.status.value,
+        "iterations": result.iterations,
+        "setup": result.setup_time,
+        "solve": result.solve_time,
+        "seconds": min(times),
+        "product": timing.median_time(lambda: A @ scene.q)[2],
+    }
+    if baselines:
+        row["baseline"], row["baseline_iterations"], levels = min(baselines)
+        row["hierarchy"] = levels / own
+        row["ratio"] = row["seconds"] / row["baseline"]
+    return row
+
+
+def call(
+    scene: known_scenes.BoxLCP, method: str, limit: float, relative: bool
+) -> LCPResult:
+    """Make the call that is timed."""
+    kind = "eps_rel" if relative else "eps_abs"
+    given: Row = {"method": method, kind: EPS, "time_limit": limit}
+    if isinstance(scene.A, LinearOperator):
+        corner = np.zeros(scene.q.size)
+        corner[0] = 1.0
+        given["diagonal"] = np.full_like(corner, (scene.A @ corner)[0])  # Toeplitz
+    return solve_lcp(*scene, **given)
+
+
+def put_row(n: int) -> Row:
+    """Return the row of an American put on n nodes: one time step, the median.
+
+    The baseline is a step of the method of Brennan and Schwartz, the faster variant.
+    """
+    found = american_put.timing("S = K = 100", n, PUT_STEPS)
+    return {
+        "scene": "put",
+        "n": n,
+        "nnz": 3 * n - 2,
+        "solver": "nam",
+        "method": f"error {found['error']:.1e}",
+        "status": "solved",
+        "iterations": found["most_faces"],
+        "seconds": 1e-6 * found["us_a_step"],
+        "residual": found["worst_residual"],
+        "baseline": 1e-6 * min(found["us_kept"], found["us_anew"]),
+        "ratio": found["ratio"],
+    }
+
+
+def memory_of(M: Any) -> float:
+    """Return the bytes of a matrix in CSR form."""
+    return float(M.data.nbytes + M.indices.nbytes + M.indptr.nbytes)
+
+
+def release_memory() -> None:
+    """Return freed memory to the system (glibc), so that the peak is not hidden."""
+    gc.collect()
+    libc = ctypes.CDLL(None)
+    if hasattr(libc, "malloc_trim"):
+        libc.malloc_trim(0)
+
+
+def judged(scene: known_scenes.BoxLCP, z: np.ndarray, relative: bool = False) -> Row:
+    """Return the natural residual of z and the share of unknowns at a bound."""
+    A, q, lower, upper = scene
+    active = np.mean((z <= lower) | (z >= upper))
+    if relative:
+        residual = judging.relative_residual(A, q, z)
+    else:
+        residual = natural_residual(z, A @ z + q, lower, upper)
+    return {"residual": residual, "active": float(active)}
+
+
+def linear_solve(A: Any, q: np.ndarray, accel: str) -> tuple[float, int, float]:
+    """Return time, iterations and bytes of the levels of A x = -q to 1e-8.
+
+    The time is NaN where 200 iterations are not enough.
+    """
+    A = sp.csr_matrix(A)
+    steps: list[float] = []
+    start = time.perf_counter()
+    hierarchy = pyamg.ruge_stuben_solver(A)
+    x = hierarchy.solve(
+        -q,
+        tol=1e-8,
+        maxiter=CYCLES,
+        accel=accel,
+        residuals=steps,
+    )
+    seconds = time.perf_counter() - start
+    if not np.linalg.norm(A @ x + q) <= 1e-7 * np.linalg.norm(q):
+        seconds = np.nan
+    matrices = [level.A for level in hierarchy.levels]
+    for level in hierarchy.levels[:-1]:
+        matrices += [level.P, level.R]
+    return seconds, len(steps) - 1, sum(memory_of(M) for M in matrices)
+
+
+def peer_row(job: Job, name: str, size: str, eps: float) -> Row:
+    """Solve a scene as the QP min 1/2 z'Az + q'z by a peer: the work of a child.
+
+    It counts as solved if the solver says so and Res <= eps sqrt(n), that is eps in
+    the mean over the entries.
+    """
+    settings = qp_solvers.settings(job.solver, eps, job.limit)
+
+    def solve(scene: known_scenes.BoxLCP) -> qpsolvers.Solution:
+        A, q, lower, upper = scene
+        problem = qpsolvers.Problem(sp.csc_matrix(A), q, lb=lower, ub=upper)
+        return qpsolvers.solve_problem(problem, solver=job.solver, **settings)
+
+    scene = SCENES[name].make(int(size))
+    row: Row = {"n": scene.q.size, "nnz": scene.A.nnz}
+    solve(SCENES[name].make(100))
+    job.ready()
+    answer, cold, runtime = timing.median_time(lambda: solve(scene))
+    if not answer.found or answer.x is None:
+        return row | processes.failure("not found")
+    row |= judged(scene, answer.x) | {"seconds": runtime, "status": "solved"}
+    if cold > job.limit:
+        row["status"] = "too slow"
+    elif not row["residual"] <= eps * np.sqrt(row["n"]):
+        row["status"] = "inaccurate"
+    return row
+
+
+def peer_rows(scene: str, sizes: list[int]) -> Iterator[Row]:
+    """Yield the rows of the peers, each up to the first size that it fails at."""
+    for solver in machine.installed(PEERS):
+        with Bench(peer_row, solver, PEER_LIMIT) as child:
+            for n in sizes:
+                answer = child.run(scene, str(n), PEER_EPS)
+                yield {"n": n, **answer, "scene": scene, "method": solver}
+                if answer["status"] != "solved":
+                    break
+
+
+def run(args: argparse.Namespace) -> None:
+    """Solve the scenes and write large.csv."""
+    header = cli.begin(["nam", "pyamg", *PEERS])
+    tables.print_rows([], SHOWN)
+    most = QUICK if args.quick else max(FORCED_SIZES)
+    with csv_files.writer(args.results / "large.csv", header, COLUMNS) as write:
+
+        def put(row: Row) -> None:
+            tables.print_row(row, SHOWN)
+            write(row)
+
+        for name in args.scenes:
+            for n in SIZES_OF[name]:
+                if n > most:
+                    continue
+                if name == "put":
+                    put(processes.isolated(put_row, n))
+                else:
+                    put(processes.isolated(scene_row, name, n, args.method))
+            if name == "forced" and args.peers:
+                for row in peer_rows(name, [n for n in PEER_SIZES if n <= most]):
+                    put(row)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run and plot, or what is asked for."""
+    parser = cli.parser(__doc__, "quick", "results", "figures")
+    parser.add_argument("task", nargs="?", choices=["run", "plot", "table"])
+    parser.add_argument("--scenes", nargs="+", choices=SIZES_OF, default=list(SIZES_OF))
+    parser.add_argument("--method", default="auto", help="of solve_lcp")
+    parser.add_argument("--no-peers", dest="peers", action="store_false")
+    args = parser.parse_args(arguments)
+    if args.task in (None, "run"):
+        run(args)
+    if args.task in (None, "plot"):
+        large_figures.plot(args.results / "large.csv", args.figures)
+    if args.task == "table":
+        large_figures.table(args.results / "large.csv")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,77 @@
+"""What the command lines of all scripts have in common."""
+
+import argparse
+import functools
+import os
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any
+
+from validation.harness.data_folder import MissingDataError
+from validation.harness.machine import THREADS, lines
+
+ROOT = Path(__file__).resolve().parents[2]
+RESULTS, FIGURES = ROOT / "validation" / "results", ROOT / "validation" / "figures"
+MISSING = 2  # what a script returns whose data folder lacks something
+USUAL: dict[str, dict[str, Any]] = {
+    "data": {"type": Path, "help": "the data folder"},
+    "quick": {"action": "store_true", "help": "smaller problems, or fewer"},
+    "solvers": {"nargs": "+"},
+    "eps": {"nargs": "+", "type": float, "help": "tolerances"},
+    "limit": {"type": float, "default": 10.0, "help": "[s] a problem"},
+    "minutes": {"type": float, "default": float("inf"), "help": "then stop"},
+    "csv": {"type": Path, "help": "write all rows to this file"},
+    "results": {"type": Path, "default": RESULTS, "help": "folder of CSV files"},
+    "figures": {"type": Path, "default": FIGURES, "help": "folder of figures"},
+}
+"""The usual options, each with what argparse is told of it."""
+
+
+def add_usual(parser: argparse.ArgumentParser, *names: str, **defaults: Any) -> None:
+    """Add usual options, those of `defaults` with another default.
+
+    A default of `...` makes the option required.
+    """
+    for name in (*names, *defaults):
+        given = dict(USUAL[name])
+        if defaults.get(name) is ...:
+            given["required"] = True
+        elif name in defaults:
+            given["default"] = defaults[name]
+        parser.add_argument(f"--{name}", **given)
+
+
+def parser(doc: str | None, *names: str, **defaults: Any) -> Any:
+    """Return a parser described by a first docstring line, with usual options."""
+    parser = argparse.ArgumentParser(description=(doc or "").splitlines()[0])
+    add_usual(parser, *names, **defaults)
+    return parser
+
+
+def begin(solvers: Iterable[str] = (), *more: str) -> list[str]:
+    """Set one thread for the child processes; print and return the CSV header."""
+    for library in THREADS:
+        os.environ[f"{library}_NUM_THREADS"] = "1"
+    header = [*lines(solvers), *more]
+    print("\n".join(header), flush=True)
+    return header
+
+
+def script(name: str, *arguments: str) -> list[str]:
+    """Return the command of a script, "room.script", to be run in the folder ROOT."""
+    return [sys.executable, "-u", "-m", f"validation.{name}", *arguments]
+
+
+def needs_data(main: Callable[..., int]) -> Callable[..., int]:
+    """Let a main function return MISSING where the data folder lacks something."""
+
+    @functools.wraps(main)
+    def careful(arguments: list[str] | None = None) -> int:
+        try:
+            return main(arguments)
+        except MissingDataError as error:
+            print(f"{error}; --data must be the data folder of validation/README.md")
+            return MISSING
+
+    return careful

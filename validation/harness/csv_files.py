@@ -1,0 +1,58 @@
+"""CSV files whose first lines, beginning with #, say what the figures depend on."""
+
+import contextlib
+import csv
+import os
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+Row = dict[str, Any]
+
+
+@contextlib.contextmanager
+def writer(
+    path: Path | None, header: list[str], columns: Sequence[str], append: bool = False
+) -> Iterator[Callable[[Row], None]]:
+    """Yield a function that writes a row at once, below the lines of the header.
+
+    Without a path nothing is written; entries of other columns are left out;
+    append=True goes on with a file that is there.
+    """
+    if path is not None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+    goes_on = append and path is not None and path.exists()
+    with open(path or os.devnull, "a" if goes_on else "w", newline="") as file:
+        writer = csv.DictWriter(
+            file, columns, restval="", extrasaction="ignore", lineterminator="\n"
+        )
+        if not goes_on:
+            file.writelines(f"# {line}\n" for line in header)
+            writer.writeheader()
+
+        def write(row: Row) -> None:
+            writer.writerow(row)
+            file.flush()
+
+        yield write
+
+
+def write(file: Path, header: list[str], rows: list[Row]) -> None:
+    """Write rows that are all there; the first one names the columns."""
+    with writer(file, header, list(rows[0])) as write:
+        for row in rows:
+            write(row)
+
+
+def header(file: Path) -> list[str]:
+    """Return what the first lines of a CSV file say of the run."""
+    lines = file.read_text().splitlines()
+    return [line[2:].strip() for line in lines if line[:2] == "# "]
+
+
+def read(file: Path) -> list[Row]:
+    """Return the rows of a CSV file as text, none if it is not there."""
+    if not file.exists():
+        return []
+    with file.open(newline="") as stream:
+        return list(csv.DictReader(line for line in stream if line[0] != "#"))

@@ -1,0 +1,83 @@
+"""Is an answer right? Residuals and signs, recomputed from the point."""
+
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from qpsolvers import Problem, Solution
+
+from validation.harness.processes import failure
+from validation.harness.qps import parts
+
+RESIDUALS = ["primal_residual", "dual_residual", "duality_gap", "sign_violation"]
+
+
+def said_by(solution: Solution) -> str:
+    """Return what the solver says in its own words; "" where it does not tell."""
+    extras = solution.extras or {}
+    return str(extras.get("status", getattr(extras.get("info"), "status", "")))
+
+
+def largest(*arrays: np.ndarray) -> float:
+    """Return the largest modulus of an entry, 0 of nothing."""
+    return max((float(np.abs(a).max()) for a in arrays if a.size), default=0.0)
+
+
+def sign_violation(problem: Problem, solution: Solution) -> float:
+    """Return the largest entry of a multiplier with a sign that it must not have.
+
+    z >= 0; z_box <= 0 without an upper bound, >= 0 without a lower one, else free.
+    """
+    *_, lb, ub = parts(problem)
+    z = np.zeros(0) if solution.z is None else np.asarray(solution.z)
+    z_box = np.zeros(0) if solution.z_box is None else np.asarray(solution.z_box)
+    wrong = [np.zeros(1), -z]
+    if z_box.size:
+        wrong += [z_box[np.isinf(ub)], -z_box[np.isinf(lb)]]
+    return float(np.max(np.concatenate(wrong)))
+
+
+def judge(problem: Problem, solution: Solution, eps: float) -> dict[str, Any]:
+    """Return found, the residuals, success and a status in words.
+
+    Our own solver also says how many iterations it took and in which form.
+    """
+    extras = solution.extras or {}
+    row: dict[str, Any] = {"found": bool(solution.found)}
+    row |= {key: extras[key] for key in ("iterations", "form") if key in extras}
+    if not row["found"] or solution.x is None:
+        return row | failure(f"not found {said_by(solution)}".strip())
+    errors = (
+        float(solution.primal_residual()),
+        float(solution.dual_residual()),
+        float(solution.duality_gap()),
+        sign_violation(problem, solution),
+    )
+    row |= zip(RESIDUALS, errors, strict=True)
+    row["success"] = all(error <= eps for error in errors)
+    row["status"] = "solved" if row["success"] else "inaccurate"
+    return row
+
+
+def relative_residual(A: sp.csr_matrix, q: np.ndarray, z: np.ndarray) -> float:
+    """Return the relative natural residual of the LCP scaled to unit diagonal.
+
+    With d = 1 / sqrt(diag A): A := d A d, q := d q, z := z / d.
+    """
+    d = 1.0 / np.sqrt(A.diagonal())
+    residual = np.linalg.norm(np.minimum(z / d, d * (A @ z + q)))
+    return float(residual / np.linalg.norm(np.minimum(d * q, 0.0)))
+
+
+def verdict(problem: Problem, solution: Solution, eps: float) -> tuple[str, str]:
+    """Return what the solver says in our words, and in its own."""
+    said = said_by(solution)
+    plain = said.lower().replace("_", "").replace(" ", "")
+    if "primalinfeasible" in plain:
+        return "infeasible", said
+    if "dualinfeasible" in plain:
+        return "unbounded", said
+    if not solution.found:
+        return "undecided", said
+    accurate = judge(problem, solution, 10.0 * eps)["success"]
+    return "solved" if accurate else "inaccurate", said

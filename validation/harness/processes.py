@@ -1,0 +1,156 @@
+"""A solver in a child process with a time limit: a hang or a crash is a failure."""
+
+import multiprocessing as mp
+import os
+import resource
+import warnings
+from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack, contextmanager
+from multiprocessing.connection import Connection
+from typing import Any, NamedTuple, Self
+
+from validation.harness.csv_files import Row
+
+GRACE = 2.0  # [s] on top of the time limit before a child process is ended
+LOADING = 120.0  # [s] to read a problem, warm up and, once, compile
+MEMORY = 8 << 30  # bytes of address space of a child process
+READY = "ready"  # the message with which the clock of a request starts
+
+
+class Job(NamedTuple):
+    """What a child process is for. It calls `ready()` when a solve begins."""
+
+    solver: str
+    limit: float  # [s] a solve
+    data: Any
+    ready: Callable[[], None]
+
+
+Work = Callable[..., Any]
+"""work(job, *request) returns the row, or whatever answers the request."""
+
+
+def failure(status: str) -> Row:
+    """Return the row of a failure that has no residuals."""
+    return {"success": False, "status": " ".join(status.split())[:120]}
+
+
+def raised(error: Exception) -> Row:
+    """Return the row of a solve that ended in an error."""
+    return {"found": False} | failure(f"{type(error).__name__}: {error}")
+
+
+def silence() -> None:
+    """Discard the standard output of this process: some solvers print unasked."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+
+
+def serve(pipe: Connection, work: Work, solver: str, limit: float, data: Any) -> None:
+    """Answer requests until None comes: what the child process does."""
+    warnings.simplefilter("ignore")
+    silence()
+    resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
+    if solver == "nam":
+        import namlcp  # noqa: F401  (makes it known to qpsolvers)
+    job = Job(solver, limit, data, lambda: pipe.send(READY))
+    for request in iter(pipe.recv, None):
+        try:
+            answer = work(job, *request)
+        except Exception as error:
+            answer = raised(error)
+        pipe.send(answer)
+
+
+class Bench:
+    """A child process with one solver, replaced when it hangs or dies.
+
+    Parameters
+    ----------
+    work : Work
+        What the child does with a request: a function of a module.
+    solver : str
+        Its name, mostly its keyword in qpsolvers.
+    limit : float
+        Time limit of one solve [s].
+    data : Any
+        What else the child needs, such as the data folder.
+    """
+
+    def __init__(self, work: Work, solver: str, limit: float, data: Any = None) -> None:
+        self.work, self.solver, self.limit, self.data = work, solver, limit, data
+        self.start()
+
+    def __enter__(self) -> Self:
+        """Hold the child process open."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End it."""
+        self.stop()
+
+    def start(self) -> None:
+        """Start the child process."""
+        context = mp.get_context("spawn")
+        self.pipe, child_end = context.Pipe()
+        arguments = (child_end, self.work, self.solver, self.limit, self.data)
+        process = context.Process(target=serve, args=arguments, daemon=True)
+        self.process: Any = process
+        self.process.start()
+        child_end.close()
+
+    def stop(self) -> None:
+        """End the child process, whatever it is doing."""
+        self.process.kill()
+        self.process.join()
+        self.pipe.close()
+
+    def run(self, problem_set: str, name: str, eps: float) -> Row:
+        """Return the row of one problem."""
+        key = {"problem": name, "set": problem_set, "solver": self.solver, "eps": eps}
+        return key | self.ask(problem_set, name, eps)
+
+    def ask(self, *request: Any) -> Row:
+        """Return the answer to a request; a hang or a crash is a failure."""
+        try:
+            self.pipe.send(request)
+            answer = self.wait(LOADING)
+            if answer == READY:
+                answer = self.wait(self.limit + GRACE)
+        except TimeoutError:
+            answer = {"found": False} | failure("timeout")
+            self.restart()
+        except (EOFError, ConnectionError):
+            answer = {"found": False} | failure("crashed")
+            self.restart()
+        return answer
+
+    def restart(self) -> None:
+        """Replace the child process."""
+        self.stop()
+        self.start()
+
+    def wait(self, seconds: float) -> Any:
+        """Return the next message of the child process."""
+        if not self.pipe.poll(seconds):
+            raise TimeoutError
+        return self.pipe.recv()
+
+
+@contextmanager
+def benches(
+    work: Work, solvers: Iterable[str], limit: float, data: Any = None
+) -> Iterator[dict[str, Bench]]:
+    """Hold a child process for each solver open."""
+    with ExitStack() as stack:
+        yield {
+            solver: stack.enter_context(Bench(work, solver, limit, data))
+            for solver in solvers
+        }
+
+
+def isolated(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Return the value of a function, computed in a fresh process."""
+    context = mp.get_context("spawn")
+    with ProcessPoolExecutor(1, context, silence) as pool:
+        return pool.submit(function, *arguments).result()

@@ -1,0 +1,59 @@
+"""QPs of qpsolvers taken apart and put together."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from qpsolvers import Problem
+
+
+def parts(problem: Problem) -> tuple[Any, ...]:
+    """Return P, q, G, h, A, b, lb, ub, with zero rows and infinite bounds for None."""
+    P, q, G, h, A, b, lb, ub = problem.unpack()
+    n = q.size
+    empty = sp.csc_matrix((0, n))
+    return (
+        P, q, empty if G is None else G, np.zeros(0) if h is None else h,
+        empty if A is None else A, np.zeros(0) if b is None else b,
+        np.full(n, -np.inf) if lb is None else lb,
+        np.full(n, np.inf) if ub is None else ub,
+    )  # fmt: skip
+
+
+def joined(P: Any, q: np.ndarray, *parts: Any) -> Problem:
+    """Return the problem of the parts G, h, A, b, lb, ub.
+
+    None stands for no rows.
+    """
+    G, h, A, b, lb, ub = parts
+    rows = (G, h) if h.size else (None, None)
+    equations = (A, b) if b.size else (None, None)
+    return Problem(P, q, *rows, *equations, lb, ub)
+
+
+def tiny_problems(problem: Problem) -> Iterator[Problem]:
+    """Yield a definite and a semidefinite problem of the kind of `problem`, n = 3.
+
+    The kind: dense or sparse, and which of G, A, lb, ub there are.
+    """
+    matrix = sp.csc_matrix if problem.has_sparse else np.asarray
+    row = np.ones((1, 3))
+    for last in (2.0, 0.0):
+        yield Problem(
+            matrix(np.diag([2.0, 3.0, last]) + 0.5 * row.T @ row),
+            np.array([-1.0, 1.0, -0.5]),
+            None if problem.G is None else matrix(np.vstack([row, -np.eye(3)])),
+            None if problem.G is None else np.array([1.0, 0.0, 0.5, 0.5]),
+            None if problem.A is None else matrix(row),
+            None if problem.A is None else np.array([0.5]),
+            None if problem.lb is None else np.zeros(3),
+            None if problem.ub is None else np.ones(3),
+        )
+
+
+def filled(problem: Problem) -> Problem:
+    """Return the problem with dense matrices, for the solvers that want them."""
+    P, q, G, h, A, b, lb, ub = problem.unpack()
+    P, G, A = (C.toarray() if sp.issparse(C) else C for C in (P, G, A))
+    return Problem(P, q, G, h, A, b, lb, ub)

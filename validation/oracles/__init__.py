@@ -1,0 +1,3 @@
+"""Every scene solved by independent solvers and compared with known values."""
+
+__all__: list[str] = []

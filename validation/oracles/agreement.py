@@ -1,0 +1,281 @@
+"""NAM beside independent oracles on every scene, against the values that are known.
+
+Usage::
+
+    python -m validation.oracles.agreement run [--data DIR] [--quick]
+        [--csv FILE]
+    python -m validation.oracles.agreement table [--csv FILE]
+
+Scenes and known values: `scenes`; solvers: `solvers`, each asked for
+1e-10, in a child process with a time limit. One row of the CSV is one quantity of one
+scene by one solver. The reference is the known value, to the digits that are printed.
+Where there is none:
+
+- objective: the value of the oracle with the least natural residual, to 1e-8 of its
+  size; of a nonsymmetric LCP, which has none, the relative natural residual, to 1e-8;
+- z (where it is unique) and w (by the solver's own multipliers): the largest
+  difference from NAM, over 1 + the largest entry of NAM's, to 1e-6.
+
+Then the parts that are no single box LCP: textbook LCPs and a bimatrix game beside
+Lemke's answers, American puts beside Brennan and Schwartz, Hertz contact without a
+matrix beside Hertz's formulas, NNLS beside SciPy, QPs of the collections beside their
+reference objectives, models in CVXPY beside Clarabel. A row that does not agree says
+why in its last column.
+"""
+
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from namlcp import natural_residual
+from validation.harness import (
+    Bench,
+    Job,
+    Row,
+    cli,
+    csv_files,
+    machine,
+    processes,
+    tables,
+)
+from validation.oracles.parts import PARTS
+from validation.oracles.rows import compared, row_of
+from validation.oracles.scenes import Scene, objective, scenes
+from validation.oracles.solvers import ORACLES, Answer, installed, is_symmetric
+from validation.problems import known_scenes
+
+AGREED = 1e-8  # relative, of objectives and residuals
+NEAR = 1e-6  # of z and w, relative to 1 + their largest entry
+DEFINITION = 0.0, AGREED, "definition"
+QUICK_SIZE = 2500  # unknowns at most
+LIMIT, QUICK_LIMIT = 60.0, 3.0  # [s] a solve
+COLUMNS = (
+    "scene n solver quantity value reference source error tolerance agrees residual why"
+).split()
+FOLDERS = ("contact", "svm", "lcp", "maros_meszaros")  # of the data
+CSV = cli.RESULTS / "oracles.csv"
+
+
+@cache
+def compile_lemke() -> None:
+    """Call Lemke's method once, so that it is compiled."""
+    ORACLES["lemke"][1](known_scenes.dam(), LIMIT)
+
+
+def work(job: Job, scene: known_scenes.BoxLCP) -> Row:
+    """Return {"answer": what a solver says of a scene}: the work of a child."""
+    call = ORACLES[job.solver][1]
+    if job.solver == "lemke":
+        compile_lemke()
+    if job.solver == "nam":
+        call(scene, job.limit)  # compiled
+    job.ready()
+    return {"answer": call(scene, job.limit)}
+
+
+def answers(children: Iterable[Bench], scene: known_scenes.BoxLCP) -> dict[str, Answer]:
+    """Return what every solver says that the scene suits."""
+    found = {}
+    for child in children:
+        row = child.ask(scene)
+        answer = row.get("answer", Answer(None, None, row.get("status", "")))
+        if answer is not None:
+            found[child.solver] = answer
+    return found
+
+
+def residual_of(scene: known_scenes.BoxLCP, z: np.ndarray | None) -> float:
+    """Return the natural residual relative to that of z = 0 clipped."""
+    if z is None or not np.isfinite(z).all():
+        return np.inf
+    start = np.clip(np.zeros_like(z), scene.lower, scene.upper)
+    sides = scene.lower, scene.upper
+    first = natural_residual(start, scene.A @ start + scene.q, *sides)
+    return natural_residual(z, scene.A @ z + scene.q, *sides) / max(first, 1e-300)
+
+
+def scene_rows(
+    name: str, scene: Scene, lcp: known_scenes.BoxLCP, found: dict[str, Answer]
+) -> list[Row]:
+    """Return the rows of one scene: known values, then objective, z and w."""
+    residuals = {s: residual_of(lcp, a.z) for s, a in found.items()}
+    have = [s for s in found if residuals[s] < np.inf]
+    rows: list[Row] = []
+    for known in scene.known:
+        reference = known.value, known.absolute, known.source
+        values = {s: known.of(lcp, found[s].z) for s in have}
+        rows += compared(name, lcp.q.size, known.quantity, values, reference)
+    peers = [s for s in have if s != "nam"]
+    if not is_symmetric(lcp.A):
+        values = {s: residuals[s] for s in have}
+        rows += compared(name, lcp.q.size, "residual", values, DEFINITION)
+    elif peers and not any(known.quantity == "objective" for known in scene.known):
+        best = min(peers, key=lambda s: residuals[s])
+        values = {s: objective(lcp, found[s].z) for s in have}
+        size = max(abs(values[best]), 1e-300)
+        reference = values[best], AGREED * size, best
+        rows += compared(name, lcp.q.size, "objective", values, reference)
+    ours = found.get("nam")
+    for part in ("z", "w") if scene.unique else ("w",):
+        if ours is None or "nam" not in have:
+            continue
+        own = getattr(ours, part)
+        size = 1.0 + float(np.abs(own).max())
+        values = {
+            s: float(np.abs(getattr(found[s], part) - own).max()) / size
+            for s in peers
+            if getattr(found[s], part) is not None
+        }
+        rows += compared(name, lcp.q.size, part, values, (0.0, NEAR, "nam"))
+    for row in rows:
+        solver = row["solver"]
+        row["residual"] = residuals[solver]
+        if not row["agrees"]:
+            row["why"] = reason(row, found[solver].said, residuals)
+    silent = [s for s in found if s not in have]
+    return rows + [
+        row_of(name, lcp.q.size, s, "objective", why=f"no point: {found[s].said}")
+        for s in silent
+    ]
+
+
+def reason(row: Row, said: str, residuals: dict[str, float]) -> str:
+    """Return why a row does not agree, from the natural residuals."""
+    own, ours = residuals[row["solver"]], residuals.get("nam", np.inf)
+    source = residuals.get(row["source"], 0.0)
+    if source > 10.0 * own:
+        return f"natural residual {own:.0e}, of the reference {source:.0e}"
+    if said not in ("solved", "optimal"):
+        return f"gave up ({said}), natural residual {own:.0e}"
+    if own > 1e-9 and own > 10.0 * ours:
+        return f"inaccurate: natural residual {own:.0e}, nam {ours:.0e}"
+    if row["quantity"] == "z":
+        return f"A is ill-conditioned: natural residual {own:.0e}, nam {ours:.0e}"
+    if row["quantity"] == "w":
+        return f"multipliers less accurate than z: residual of z {own:.0e}"
+    return f"error {row['error']:.0e} at a natural residual of {own:.0e}"
+
+
+def run(
+    data: Path | None, quick: bool, limit: float, write: Callable[[Row], None]
+) -> list[Row]:
+    """Return all rows and write each at once."""
+    rows: list[Row] = []
+
+    def keep(more: Iterable[Row]) -> None:
+        for row in more:
+            rows.append(row)
+            write(row)
+
+    here, _ = installed()
+    with processes.benches(work, here, limit) as children:
+        for name, lcp, scene in suitable(data, quick):
+            found = answers(children.values(), lcp)
+            keep(scene_rows(name, scene, lcp, found))
+            print(f"{name}: {verdict(rows, name)}", flush=True)
+    for part in PARTS:
+        keep(part(data, quick))
+    return rows
+
+
+def suitable(
+    data: Path | None, quick: bool
+) -> Iterator[tuple[str, known_scenes.BoxLCP, Scene]]:
+    """Yield the scenes that there are data for."""
+    for name, scene in scenes(data).items():
+        if quick and not scene.quick:
+            continue
+        lcp = scene.make(data)
+        if lcp is not None and not (quick and lcp.q.size > QUICK_SIZE):
+            yield name, lcp, scene
+
+
+def verdict(rows: list[Row], name: str) -> str:
+    """Return in words how many solvers agree on a scene."""
+    own = tables.chosen(rows, scene=name)
+    bad = [f"{r['solver']} {r['quantity']}" for r in own if not r["agrees"]]
+    return "all agree" if not bad else "not: " + ", ".join(bad)
+
+
+def run_to(csv: Path, data: Path | None, quick: bool) -> list[Row]:
+    """Run all, write a CSV file with the machine above the rows, return them."""
+    here, missing = installed()
+    more = machine.not_installed(missing, [])
+    absent = [f for f in FOLDERS if data is None or not (data / f).exists()]
+    if absent:
+        more.append(f"data missing, left out: {', '.join(absent)}")
+    header = cli.begin([*(ORACLES[solver][0] for solver in here), "clarabel"], *more)
+    with csv_files.writer(csv, header, COLUMNS) as write:
+        return run(data, quick, QUICK_LIMIT if quick else LIMIT, write)
+
+
+def markdown(rows: list[Row]) -> str:
+    """Return one line for each quantity of each scene, errors of all solvers, reasons.
+
+    A star marks an error beyond the tolerance.
+    """
+    solvers = tables.distinct(rows, "solver")
+    lines = []
+    for scene, quantity in tables.distinct(rows, "scene", "quantity"):
+        own = {
+            row["solver"]: row
+            for row in tables.chosen(rows, scene=scene, quantity=quantity)
+        }
+        first = next(iter(own.values()))
+        known = [row for row in own.values() if row["reference"] not in ("", None)]
+        shown = ""
+        if known:
+            number, source = float(known[0]["reference"]), known[0]["source"]
+            shown = source if number == 0.0 else f"{number:.10g} ({source})"
+        cells = [cell(own.get(solver)) for solver in solvers]
+        lines.append([scene, first["n"], quantity, shown, *cells])
+    table = tables.markdown(["scene", "n", "quantity", "reference", *solvers], lines)
+    return "\n".join([table, "", *(f"- {text}" for text in explanations(rows))])
+
+
+def cell(row: Row | None) -> str:
+    """Return the error of one solver."""
+    if row is None:
+        return ""
+    if row["error"] in ("", None):
+        return "none *"
+    return f"{float(row['error']):.0e}" + ("" if agrees(row) else " *")
+
+
+def agrees(row: Row) -> bool:
+    """Tell whether a row agrees, as computed or as read from a file."""
+    return str(row["agrees"]) == "True"
+
+
+def explanations(rows: list[Row]) -> list[str]:
+    """Return a line for every disagreement; of one scene and solver those alike."""
+    found: dict[tuple[str, str, str], list[str]] = {}
+    for row in rows:
+        if not agrees(row):
+            place = row["scene"], row["solver"], row["why"]
+            found.setdefault(place, []).append(row["quantity"])
+    return [
+        f"{scene}, {solver}, {', '.join(parts)}: {why}"
+        for (scene, solver, why), parts in found.items()
+    ]
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run or tabulate; a run returns 1 if NAM disagrees with a known value."""
+    parser = cli.parser(__doc__, "data", "quick", "csv")
+    parser.add_argument("command", choices=["run", "table"])
+    args = parser.parse_args(arguments)
+    if args.command == "table":
+        print(markdown(csv_files.read(args.csv or CSV)))
+        return 0
+    csv = args.csv or (Path("oracles-quick.csv") if args.quick else CSV)
+    rows = run_to(csv, args.data, args.quick)
+    print(markdown(rows))
+    return int(bool(tables.chosen(rows, solver="nam", agrees=False)))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

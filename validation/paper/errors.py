@@ -1,0 +1,429 @@
+"""The computations behind paper.md, from plain matrix formulas: no kernel is used.
+
+Each function returns the numbers of one section; `report` prints them all.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+
+from validation.paper.printed import EPS, SIZES, TABLES
+from validation.problems import sweep_scenes
+
+Matrix = Any
+Row = dict[str, Any]
+
+
+def parts(A: Matrix) -> tuple[Matrix, Matrix, Matrix]:
+    """Return D, L, U of A = D - L - U."""
+    D = sp.csr_array(sp.diags_array(A.diagonal()))
+    return D, sp.csr_array(-sp.tril(A, -1)), sp.csr_array(-sp.triu(A, 1))
+
+
+def splitting(A: Matrix, method: str, alpha: float) -> tuple[Matrix, Matrix]:
+    """Return (M~, N~) of a printed method: Bai's (M, N), or (M + I - L, N + I - L)."""
+    D, L, _ = parts(A)
+    M = D / alpha - L
+    N = M - A
+    if method.startswith("m"):
+        return M, N
+    more = sp.eye_array(A.shape[0]) - L
+    return M + more, N + more
+
+
+def count(
+    scene: sweep_scenes.Scene,
+    method: str,
+    alpha: float,
+    Omega: Matrix,
+    bounded: bool = True,
+) -> int:
+    """Return the iterations of (M~ + Omega) s+ = N~ s + (Omega - A)|s| - 2 q.
+
+    Without bounds |s| is replaced by s: a linear system. 0: not within 100.
+    """
+    A, q = scene.A, scene.q
+    M, N = splitting(A, method, alpha)
+    left = splu(sp.csc_array(M + Omega), permc_spec="NATURAL")
+    N, B = sp.csr_array(N), sp.csr_array(Omega - A)
+    s = np.array(scene.s0)
+    for k in range(100):
+        R = np.abs(s) if bounded else s
+        z = 0.5 * (R + s)
+        w = A @ z + q
+        if np.linalg.norm(np.minimum(z, w) if bounded else w) < EPS:
+            return k
+        s = left.solve(N @ s + B @ R - 2.0 * q)
+    return 0
+
+
+def missing_omega() -> list[Row]:
+    """Count the printed iteration numbers that each guess of Omega reproduces."""
+    guesses = {
+        "I": lambda D, alpha: sp.eye_array(D.shape[0]),
+        "D": lambda D, alpha: D,
+        "D/2": lambda D, alpha: D / 2.0,
+        "D/alpha": lambda D, alpha: D / alpha,
+        "D/(2 alpha)": lambda D, alpha: D / (2.0 * alpha),
+        "D/(2 alpha^2)": lambda D, alpha: D / (2.0 * alpha**2),
+    }
+    rows = []
+    for name, guess in guesses.items():
+        agree = 0
+        for (example, method, relaxation), (counts, *_) in TABLES.items():
+            alpha = relaxation or 1.0
+            for m, printed in zip(SIZES, counts, strict=True):
+                scene = sweep_scenes.paper_example(example, m)
+                Omega = guess(parts(scene.A)[0], alpha)
+                agree += count(scene, method, alpha, Omega) == printed
+        rows.append({"Omega": name, "counts of 48": agree})
+    return rows
+
+
+def no_constraint() -> Row:
+    """Count the printed iteration numbers that stay without z >= 0."""
+    same = 0
+    for (example, method, relaxation), (counts, *_) in TABLES.items():
+        alpha = relaxation or 1.0
+        for m, printed in zip(SIZES, counts, strict=True):
+            scene = sweep_scenes.paper_example(example, m)
+            Omega = parts(scene.A)[0] / (2.0 * alpha**2)
+            same += count(scene, method, alpha, Omega, bounded=False) == printed
+    return {"counts of 48 that stay without z >= 0": same}
+
+
+def hidden_relaxation() -> Row:
+    """Count the printed NAM iteration numbers that plain SOR for A z = -q reproduces.
+
+    With |s| = s the left matrix is D/alpha + Omega + I - 2 L and the right side twice
+    the residual: SOR with relaxation 2 d / (d/alpha + omega + 1), d = 8 here.
+    """
+    same, relaxations = 0, {}
+    for (example, method, relaxation), (counts, *_) in TABLES.items():
+        if not method.startswith("nam"):
+            continue
+        alpha = relaxation or 1.0
+        factor = 2.0 / (1.0 / alpha + 1.0 / (2.0 * alpha**2) + 1.0 / 8.0)
+        relaxations[f"{method} {alpha:g}"] = factor
+        for m, printed in zip(SIZES, counts, strict=True):
+            scene = sweep_scenes.paper_example(example, m)
+            A, q = scene.A, scene.q
+            D, L, _ = parts(A)
+            left = splu(sp.csc_array(D / factor - L), permc_spec="NATURAL")
+            z, k = np.array(scene.s0), 0
+            while np.linalg.norm(A @ z + q) >= EPS:
+                z, k = z - left.solve(A @ z + q), k + 1
+            same += k == printed
+    return {"counts of 24 that SOR has too": same} | relaxations
+
+
+def printed_formulas() -> list[Row]:
+    """Apply the printed iterations once to a solution; a correct one stays there.
+
+    A 10 x 10 problem of Example 1, with Omega = D/(2 alpha^2), alpha = 0.9, beta = 0.5
+    and the q that makes half of the z*_i zero; s* = z* - Omega^-1 w*.
+    """
+    scene = sweep_scenes.paper_example(1, 10)
+    A, n, alpha, beta = scene.A, scene.q.size, 0.9, 0.5
+    D, L, U = parts(A)
+    I = sp.eye_array(n)
+    Omega = D / (2.0 * alpha**2)
+    rng = np.random.default_rng(0)
+    free = rng.random(n) < 0.5
+    size = rng.uniform(1.0, 2.0, n)
+    z, w = np.where(free, size, 0.0), np.where(free, 0.0, size)
+    q = w - A @ z
+    s = z - w / Omega.diagonal()
+    c, a, b = alpha * (Omega - A), alpha, beta
+    sor_left = D - 2 * a * L + a * Omega + a * I
+    aor_left = D - (a + b) * L + a * Omega + a * I
+    common = (1 - a) * D + a * U + a * I
+    cases = {
+        "(5) as printed: -L, s": (sor_left, (common - L) @ s + c @ s),
+        "(5) with |s| only": (sor_left, (common - L) @ s + c @ abs(s)),
+        "(5) with -alpha L and |s|": (sor_left, (common - a * L) @ s + c @ abs(s)),
+        "(6) as printed: 2 alpha - beta, s": (
+            aor_left,
+            (common + (2 * a - b) * L) @ s + c @ s,
+        ),
+        "(6) with |s| only": (aor_left, (common + (2 * a - b) * L) @ s + c @ abs(s)),
+        "(6) with -beta and |s|": (aor_left, (common - b * L) @ s + c @ abs(s)),
+    }
+    rows = []
+    for name, (left, right) in cases.items():
+        moved = splu(sp.csc_array(left)).solve(right - 2 * a * q) - s
+        rows.append({"formula": name, "max |s+ - s*|": float(np.max(np.abs(moved)))})
+    # L as the text defines it, the strictly lower part of A itself:
+    wrong_L, wrong_U = -L, -U
+    left = D - 2 * wrong_L + Omega + I
+    right = (wrong_U + I - wrong_L) @ s + (Omega - A) @ abs(s) - 2 * q
+    moved = splu(sp.csc_array(left)).solve(right) - s
+    rows.append(
+        {
+            "formula": "(4) with L = tril(A, -1), U = triu(A, 1)",
+            "max |s+ - s*|": float(np.max(np.abs(moved))),
+        }
+    )
+    return rows
+
+
+def factor_r() -> list[Row]:
+    """Compare Omega(|s| - s) with A z + q at the fixed point for several r."""
+    scene = sweep_scenes.paper_example(1, 10)
+    A = scene.A
+    D, _, _ = parts(A)
+    n = scene.q.size
+    q = scene.q + 3.0 * np.sin(np.arange(n)) * 4.0
+    M, N = splitting(A, "namgs", 1.0)
+    Omega = D / 2.0
+    left = splu(sp.csc_array(M + Omega))
+    rows = []
+    for r in (1.0, 2.0, 5.0):
+        s = np.zeros(n)
+        for _ in range(300):
+            s = left.solve(N @ s + (Omega - A) @ np.abs(s) - r * q)
+        z = (np.abs(s) + s) / r
+        w = A @ z + q
+        printed = Omega @ (np.abs(s) - s)
+        ratio = printed[w > 1e-6] / w[w > 1e-6]
+        rows.append({"r": r, "Omega(|s| - s) / (A z + q)": float(np.median(ratio))})
+    return rows
+
+
+def spectral_radius(T: np.ndarray) -> float:
+    """Return the largest modulus of an eigenvalue."""
+    return float(np.max(np.abs(np.linalg.eigvals(T))))
+
+
+def bound_matrix(A: Matrix, M: Matrix, N: Matrix, Omega: Matrix) -> np.ndarray:
+    """Return T = |(M~ + Omega)^-1| (|N~| + |Omega - A|) of Theorem 2, dense."""
+    M, N, Omega, A = (np.asarray((X + 0 * A).todense()) for X in (M, N, Omega, A))
+    return np.abs(np.linalg.inv(M + Omega)) @ (np.abs(N) + np.abs(Omega - A))
+
+
+def theorem_two() -> list[Row]:
+    """Return rho(T) of the paper's own runs at n = 100, 900."""
+    rows = []
+    for example, method, relaxation in TABLES:
+        alpha = relaxation or 1.0
+        row: Row = {"example": example, "method": method}
+        for m in (10, 30):
+            A = sweep_scenes.paper_example(example, m).A
+            M, N = splitting(A, method, alpha)
+            T = bound_matrix(A, M, N, parts(A)[0] / (2.0 * alpha**2))
+            row[f"rho(T), n = {m * m}"] = spectral_radius(T)
+        rows.append(row)
+    return rows
+
+
+def componentwise() -> Row:
+    """Count the components that one step takes away from s*, with rho(T) < 1.
+
+    Example 1, n = 100, NAMGS, Omega = D; s differs from s* in one component.
+    """
+    scene = sweep_scenes.paper_example(1, 10)
+    A = scene.A
+    D, _, _ = parts(A)
+    M, N = splitting(A, "namgs", 1.0)
+    radius = spectral_radius(bound_matrix(A, M, N, D))
+    fixed = np.tile([1.0, 2.0], 50)
+    s = fixed.copy()
+    s[44] += 1.0
+    new = splu(sp.csc_array(M + D)).solve(N @ s + (D - A) @ np.abs(s) - 2 * scene.q)
+    worse = np.abs(new - fixed) > np.abs(s - fixed) + 1e-14
+    return {"rho(T)": radius, "components further from s*": int(np.sum(worse))}
+
+
+def compatible() -> list[Row]:
+    """Return max | <A> - (<M~> - |N~|) | of Theorem 3's hypothesis, by method."""
+    A = sweep_scenes.paper_example(1, 10).A
+    D, L, _ = parts(A)
+    I = sp.eye_array(A.shape[0])
+    alpha, beta = 0.9, 0.5
+    choices = {
+        "NAM": A,
+        "NAMJ": D,
+        "NAMGS": D - L,
+        "NAMSOR, alpha = 0.9": D / alpha - L,
+        "NAMAOR, alpha = 0.9, beta = 0.5": (D - beta * L) / alpha,
+        "NAMAOR, alpha = 0.9, beta = 0": D / alpha,
+    }
+    rows = []
+    for name, M in choices.items():
+        left, right = M + I - L, M - A + I - L
+        gap = comparison(left) - abs(right) - comparison(A)
+        rows.append({"method": name, "max gap": float(abs(gap).max())})
+    return rows
+
+
+def comparison(A: Matrix) -> Matrix:
+    """Return <A>: |a_ii| on the diagonal, -|a_ij| beside it."""
+    D = sp.diags_array(np.abs(A.diagonal()))
+    return sp.csr_array(2.0 * D - abs(A))
+
+
+def m_radius(A: Matrix, Z: Matrix) -> float:
+    """Return rho(|off-diagonal|/diagonal) of a Z-matrix: below 1, an M-matrix.
+
+    inf where a diagonal entry is not positive: no M-matrix.
+    """
+    Z = np.asarray((Z + 0 * A).todense())
+    d = np.diag(Z)
+    if not (d > 0.0).all():
+        return math.inf
+    return spectral_radius((np.diag(d) - Z) / d[:, None])
+
+
+def theorem_three() -> list[Row]:
+    """Return for NAMGS which condition is an M-matrix: below 1 in each column.
+
+    Stated: 2 Omega - D - |B|. Used in the proof: <A> + 2 Omega - D - |B|. Repaired:
+    <M~> - |N~| + min(D, 2 Omega - D) - |B|.
+    """
+    rows = []
+    for example in (1, 2):
+        for delta in (4.0, 0.0):
+            A = sweep_scenes.paper_example(example, 10, delta).A
+            D, L, U = parts(A)
+            B = L + U
+            M, N = splitting(A, "namgs", 1.0)
+            for c in (0.5, 1.0):
+                Omega = c * D
+                repaired = comparison(M) - abs(N) + min(1.0, 2.0 * c - 1.0) * D - B
+                rows.append(
+                    {
+                        "example": example,
+                        "delta": delta,
+                        "Omega": f"{c:g} D",
+                        "stated": m_radius(A, 2 * Omega - D - B),
+                        "proof": m_radius(A, comparison(A) + 2 * Omega - D - B),
+                        "repaired": m_radius(A, repaired),
+                        "rho(T)": spectral_radius(bound_matrix(A, M, N, Omega)),
+                    }
+                )
+    return rows
+
+
+def repaired_condition(trials: int = 2000) -> Row:
+    """Check the repaired theorem on random matrices with random Omega and methods."""
+    rng = np.random.default_rng(0)
+    holds = violated = bounded = 0
+    worst = 0.0
+    for _ in range(trials):
+        n = int(rng.integers(2, 9))
+        A = rng.standard_normal((n, n)) * (rng.random((n, n)) < 0.6)
+        np.fill_diagonal(A, 0.0)
+        row_sum = np.abs(A).sum(axis=1) + 0.1
+        np.fill_diagonal(A, row_sum * rng.uniform(0.7, 5.0))
+        D, L = np.diag(np.diag(A)), -np.tril(A, -1)
+        alpha, beta = rng.uniform(0.3, 1.9), rng.uniform(0.0, 1.9)
+        E = np.diag(rng.uniform(0.0, 2.0, n)) * rng.integers(0, 2)
+        M = (D - beta * L) / alpha + E - L * rng.integers(0, 2)
+        N = M - A
+        Omega = D * rng.uniform(0.2, 2.0)
+        B = np.abs(A) - D
+        K = 2.0 * np.diag(np.diag(np.abs(M))) - np.abs(M) - np.abs(N)
+        K += np.minimum(D, 2.0 * Omega - D) - B
+        T = np.abs(np.linalg.inv(M + Omega)) @ (np.abs(N) + np.abs(Omega - A))
+        radius = spectral_radius(T)
+        bounded += radius < 1.0
+        d = np.diag(K)
+        if (d > 0.0).all() and spectral_radius((np.diag(d) - K) / d[:, None]) < 1.0:
+            holds += 1
+            violated += radius >= 1.0
+            worst = max(worst, radius)
+    return {
+        "matrices": trials,
+        "condition holds": holds,
+        "of these rho(T) >= 1": violated,
+        "largest rho(T) of these": worst,
+        "rho(T) < 1 in all": bounded,
+    }
+
+
+def units() -> list[Row]:
+    """Return the counts of NAMGS for A, q and eps in other units, both shifts."""
+    rows = []
+    for unit in (1e3, 1.0, 1e-1, 1e-2, 1e-3):
+        row: Row = {"unit": unit}
+        for word in ("I", "D"):
+            scene = sweep_scenes.paper_example(1, 30)
+            A, q, n = unit * scene.A, unit * scene.q, scene.q.size
+            D, L, _ = parts(A)
+            E = sp.eye_array(n) if word == "I" else D
+            M = D - 2 * L + E
+            left = splu(sp.csc_array(M + D / 2), permc_spec="NATURAL")
+            N, B = sp.csr_array(M - A), sp.csr_array(D / 2 - A)
+            s, k = np.array(scene.s0), 0
+            while k < 10_000:
+                z = 0.5 * (np.abs(s) + s)
+                if np.linalg.norm(np.minimum(z, A @ z + q)) < unit * EPS:
+                    break
+                s, k = left.solve(N @ s + B @ np.abs(s) - 2.0 * q), k + 1
+            row[f"sweeps, shift {word}"] = k
+        rows.append(row)
+    return rows
+
+
+def far_from_normal() -> list[Row]:
+    """Return what NAM with Omega = I does in Example 2: growth and stagnation."""
+    rows = []
+    for m in (30, 50):
+        A = sweep_scenes.paper_example(2, m, 0.0).A
+        left = A + 2.0 * sp.eye_array(m * m) - parts(A)[1]
+        inverse = np.linalg.inv(left.toarray())
+        largest = float(np.max(np.abs(inverse)))
+        rows.append({"delta": 0, "n": m * m, "max |(A + 2I - L)^-1|": largest})
+    scene = sweep_scenes.paper_example(2, 30)
+    A, q, s = scene.A, scene.q, np.array(scene.s0)
+    I = sp.eye_array(q.size)
+    L = parts(A)[1]
+    left, N, B = splu(sp.csc_array(A + 2.0 * I - L)), I - L, sp.csr_array(I - A)
+    row: Row = {"delta": 4, "n": q.size}
+    for k in range(2001):
+        z = 0.5 * (np.abs(s) + s)
+        if k in (10, 100, 500, 1000, 2000):
+            row[f"Res {k}"] = float(np.linalg.norm(np.minimum(z, A @ z + q)))
+        s = left.solve(N @ s + B @ np.abs(s) - 2.0 * q)
+    return [*rows, row]
+
+
+def lemma() -> Row:
+    """Return A <= B with rho(A) > rho(B): Lemma 2.2 needs 0 <= A."""
+    A, B = np.array([[-2.0]]), np.array([[1.0]])
+    return {
+        "A": A.item(),
+        "B": B.item(),
+        "rho(A)": spectral_radius(A),
+        "rho(B)": spectral_radius(B),
+    }
+
+
+def report() -> None:
+    """Print every computation."""
+    for title, rows in (
+        ("Which Omega?", missing_omega()),
+        ("Is a constraint ever active?", no_constraint()),
+        ("Which SOR is it?", hidden_relaxation()),
+        ("Is a solution a fixed point of the printed formulas?", printed_formulas()),
+        ("Theorem 1: the factor 1/r", factor_r()),
+        ("Theorem 2: rho(T) in the paper's runs", theorem_two()),
+        ("Theorem 2: 'each component decreases'", componentwise()),
+        ("Theorem 3: is the splitting H-compatible?", compatible()),
+        ("Theorem 3: conditions for NAMGS, n = 100 (M-matrix: < 1)", theorem_three()),
+        ("The repaired Theorem 3 on random matrices", repaired_condition()),
+        ("Units: A, q, eps times", units()),
+        ("NAM (M = A, Omega = I) on Example 2", far_from_normal()),
+        ("Lemma 2.2", lemma()),
+    ):
+        print(f"\n{title}")
+        for row in rows if isinstance(rows, list) else [rows]:
+            print("  " + ", ".join(f"{name} = {text(x)}" for name, x in row.items()))
+
+
+def text(value: Any) -> str:
+    """Return a number to four digits."""
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

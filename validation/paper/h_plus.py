@@ -1,0 +1,291 @@
+"""The convergence theory at scale: is_h_plus by definition, its time; proofs by runs.
+
+Usage::
+
+    python -m validation.paper.h_plus [definition time proofs runs]
+        [--results DIR] [--quick]
+
+definition: random matrices on both sides of rho(J) = 1, near the border included;
+    the truth is the construction (dense eigenvalues), and every witness is checked in
+    rational arithmetic.
+time: n = 10^6, is_h_plus beside one sweep, one product and one multigrid solve.
+proofs: random matrices, methods and parameters; what `converges` proves must converge,
+    what it refutes must not.
+runs: the paper's own runs and Omega; which theorem covers them.
+"""
+
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable
+from fractions import Fraction
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pyamg
+import scipy.sparse as sp
+
+from namlcp import Prepared, Status, Verdict, converges, is_h_plus, solve_lcp
+from namlcp.lcp import LCP, METHODS, Parameters
+from namlcp.lcp.modulus.sweeps import step_of
+from namlcp.theory.contraction import contraction_bounds, dense_parts, lyapunov_function
+from namlcp.theory.splittings import splitting
+from validation.harness import Row, cli, csv_files, tables, timing
+from validation.problems import sweep_scenes
+
+PARTS = ("definition", "time", "proofs", "runs")
+
+DISTANCES = (0.5, 1e-2, 1e-4, 1e-6, 1e-8, 1e-9, 2e-10, 1e-11, 1e-12, 1e-14)
+CLEAR = 1e-10  # where an answer is required
+
+
+def jacobi(A: np.ndarray) -> np.ndarray:
+    """Return J = D^-1 |A - D|."""
+    D = np.diag(A)
+    return np.abs(A - np.diag(D)) / D[:, None]
+
+
+def radius(T: np.ndarray) -> float:
+    """Return rho(T)."""
+    return float(np.abs(np.linalg.eigvals(T)).max(initial=0.0))
+
+
+def random_matrix(rng: np.random.Generator, target: float) -> np.ndarray | None:
+    """Return a matrix of any structure and scaling with rho(J) = target, or None.
+
+    None where rho(J) of the pattern vanishes or is not well determined.
+    """
+    n = int(rng.integers(2, 40))
+    A = rng.normal(size=(n, n)) * (rng.random((n, n)) < rng.choice([0.1, 0.3, 1.0]))
+    if rng.random() < 0.3:
+        A = A + A.T
+    np.fill_diagonal(A, rng.uniform(0.5, 2.0, n))
+    if rng.random() < 0.3:  # reducible
+        A[: n // 2, n // 2 :] = 0.0
+    off = ~np.eye(n, dtype=bool)
+    for _ in range(2):
+        rho = radius(jacobi(A))
+        if rho < 1e-2:
+            return None
+        A[off] *= target / rho
+    if rng.random() < 0.4:  # neither changes rho(J)
+        s = 2.0 ** np.rint(rng.uniform(-20.0, 20.0, n))
+        A = A * s / s[:, None] if rng.random() < 0.5 else A * s[:, None]
+    return A
+
+
+def proves(verdict: Verdict, A: np.ndarray) -> bool:
+    """Tell whether the witness proves the answer, in rational arithmetic."""
+    n = len(A)
+    power = np.zeros(n, int) if verdict.exponent is None else verdict.exponent
+    assert verdict.witness is not None
+    pairs = zip(verdict.witness.tolist(), power.tolist(), strict=True)
+    x = [Fraction(v) * Fraction(2) ** e for v, e in pairs]
+    a = [[Fraction(v) for v in row] for row in A.tolist()]
+    rows = [
+        a[i][i] * x[i] - sum(abs(a[i][j]) * x[j] for j in range(n) if j != i)
+        for i in range(n)
+    ]
+    if verdict.answer:
+        return min(x) > 0 and min(rows) > 0
+    return min(x) >= 0 and max(x) > 0 and max(rows) <= 0
+
+
+def definition_rows(count: int) -> list[Row]:
+    """Compare is_h_plus with the definition, `count` matrices at each distance."""
+    rng = np.random.default_rng(0)
+    rows = []
+    for side in (-1.0, 1.0):
+        for distance in DISTANCES:
+            seen: Counter[str] = Counter()
+            while seen["matrices"] < count:
+                A = random_matrix(rng, 1.0 + side * distance)
+                if A is None:
+                    continue
+                verdict = is_h_plus(sp.csr_array(A) if rng.random() < 0.5 else A)
+                seen["matrices"] += 1
+                seen["undecided"] += verdict.answer is None
+                if verdict.answer is None:
+                    continue
+                seen["proven"] += proves(verdict, A)
+                seen["other"] += verdict.answer is not (side < 0.0)
+            rows.append(
+                {
+                    "case": f"rho(J) = 1 {'-+'[side > 0]} {distance:g}",
+                    "matrices": count,
+                    "proven": seen["proven"],
+                    "undecided": seen["undecided"],
+                    # beyond CLEAR the eigenvalues are right, so this must be 0
+                    "not_the_eigenvalues": seen["other"],
+                }
+            )
+            tables.print_row(rows[-1], "case:24 matrices proven undecided")
+    return rows
+
+
+def solve_time(A: Any, example: int) -> float:
+    """Return the time of A x = 1 to 1e-8 by multigrid and a Krylov method [s]."""
+    start = time.perf_counter()
+    levels = pyamg.ruge_stuben_solver(sp.csr_matrix(A))
+    ones = np.ones(A.shape[0])
+    levels.solve(ones, tol=1e-8, accel="cg" if example == 1 else "bicgstab")
+    return time.perf_counter() - start
+
+
+def time_rows(m: int) -> list[Row]:
+    """Time is_h_plus on n = m^2 unknowns beside a sweep and a multigrid solve."""
+    for delta in (4.0, 0.0, -0.1):
+        is_h_plus(sweep_scenes.paper_example(1, 160, delta).A)  # compile or load
+    rows = []
+    for example, delta in ((1, 4.0), (1, 1.0), (1, 0.0), (1, -0.1), (2, 4.0), (2, 0.0)):
+        scene = sweep_scenes.paper_example(example, m, delta)
+        A = scene.A
+        lcp = LCP(Prepared(A), scene.q, scene.lower, scene.upper)
+        step = step_of(lcp, "pgs", Parameters())
+        buffers = np.zeros((2, 2, m * m))
+        row: Row = {"case": f"Example {example}, delta = {delta:g}", "n": m * m}
+        row["sweep"] = timing.median_time(partial(step, *buffers))[2]
+        verdict, _, row["is_h_plus"] = timing.median_time(partial(is_h_plus, A))
+        row["linear_solve"] = solve_time(A, example) if delta >= 0.0 else ""
+        row["answer"], row["checked"] = verdict.answer, verdict.checked
+        rows.append(row)
+        shown = "case:24 sweep is_h_plus linear_solve:12 answer:6 checked:30"
+        tables.print_row(row, shown)
+    return rows
+
+
+KINDS = ("dominant", "Z", "spd", "gram", "positive real", "badly scaled")
+
+
+def random_problem(rng: np.random.Generator, kind: str) -> tuple[Any, ...]:
+    """Return A of a kind with a positive diagonal, q and bounds of every sort."""
+    n = int(rng.integers(1, 14))
+    A = rng.normal(size=(n, n)) * (rng.random((n, n)) < rng.choice([0.3, 1.0]))
+    if kind in ("spd", "gram"):
+        X = rng.normal(size=(n, n + 2 if kind == "spd" else max(1, n - 2)))
+        A = X @ X.T
+    elif kind == "positive real":
+        A = A - A.T + np.diag(rng.uniform(0.2, 2.0, n))
+    else:
+        np.fill_diagonal(A, 0.0)
+        A = -np.abs(A) if kind == "Z" else A
+        A = A * rng.uniform(0.3, 1.3) + np.diag(np.abs(A).sum(axis=1) + 0.1)
+        if kind == "badly scaled":
+            s = 10.0 ** rng.uniform(-2.0, 2.0, n)
+            A = A * s / s[:, None]
+    lower = np.where(rng.random(n) < 0.3, -np.inf, rng.normal(size=n))
+    upper = np.where(rng.random(n) < 0.3, np.inf, lower + rng.exponential(size=n))
+    upper[lower == -np.inf] = 1.0
+    return A, 3.0 * rng.normal(size=n), lower, upper
+
+
+def random_parameters(rng: np.random.Generator, method: str, D: np.ndarray) -> Row:
+    """Return some of the parameters that a method has."""
+    takes, given = METHODS[method].takes, {}
+    if "alpha" in takes and rng.random() < 0.8:
+        given["alpha"] = rng.uniform(0.1, 1.95)
+    if "beta" in takes and rng.random() < 0.8:
+        given["beta"] = rng.uniform(0.0, 1.95)
+    if "omega" in takes and rng.random() < 0.8 and method != "modified-nam":
+        given["omega"] = rng.choice([0.3, 0.5, 0.8, 1.0, 1.5, 3.0]) * D
+    if "shift" in takes and rng.random() < 0.6:
+        given["shift"] = rng.choice([0.0, 0.1, 1.0]) * D
+    return given
+
+
+def proof_rows(count: int) -> list[Row]:
+    """Run what `converges` proves and what it refutes, `count` problems a kind."""
+    rng = np.random.default_rng(1)
+    rows = []
+    for kind in KINDS:
+        seen: Counter[str] = Counter()
+        for _ in range(count):
+            A, q, lower, upper = random_problem(rng, kind)
+            method = str(rng.choice(list(METHODS)))
+            given = random_parameters(rng, method, np.diag(A))
+            verdict = converges(A, method, **given)
+            seen[str(verdict.answer)] += 1
+            if verdict.answer is True:
+                result = solve_lcp(
+                    A, q, lower, upper, method=method, **given, max_iter=300_000,
+                    s0=10.0 * rng.normal(size=q.size),
+                    eps_abs=1e-9 * max(1.0, np.abs(A).max()),
+                )  # fmt: skip
+                seen["kept"] += result.status is Status.SOLVED
+            elif verdict.answer is False:
+                e = np.ones(q.size)
+                result = solve_lcp(
+                    A, verdict.witness, 0.0 * e, np.inf * e, method=method, **given,
+                    z0=e + 1e-3 * rng.normal(size=q.size), max_iter=20_000,
+                    eps_abs=1e-9,
+                )  # fmt: skip
+                there = np.abs(result.z - e).max() < 1e-7
+                seen["fled"] += not (result.status is Status.SOLVED and there)
+        row = {"kind": kind, "problems": count, "proven": seen["True"]}
+        row |= {"converged": seen["kept"], "refuted": seen["False"]}
+        row |= {"did_not": seen["fled"], "undecided": seen["None"]}
+        rows.append(row)
+        print("  ".join(f"{key} {value}" for key, value in row.items()), flush=True)
+    return rows
+
+
+def run_rows(sizes: tuple[int, ...]) -> list[Row]:
+    """Ask which theorem covers the paper's runs (E = I, Omega = D/(2 alpha^2))."""
+    rows = []
+    alphas = {
+        1: (("msor", 0.85), ("namsor", 0.91)),
+        2: (("msor", 0.88), ("namsor", 0.88)),
+    }
+    for example, delta in ((1, 4.0), (1, 1.0), (1, 0.0), (2, 4.0), (2, 1.0), (2, 0.0)):
+        for m in sizes:
+            A = sweep_scenes.paper_example(example, m, delta).A
+            for method, alpha in (("mgs", None), ("namgs", None), *alphas[example]):
+                given: Row = {} if alpha is None else {"alpha": alpha}
+                if method.startswith("nam"):
+                    given["shift"] = 1.0
+                parts = splitting(A, method, **given)
+                left, N, right = dense_parts(parts)
+                X, Y = np.linalg.solve(left, N), np.linalg.solve(left, right)
+                found = lyapunov_function(parts)
+                bounds = contraction_bounds(A, method, **given)
+                row: Row = {"example": example, "delta": delta, "n": m * m}
+                row |= {"method": method, "rho_T": round(bounds.upper, 4)}
+                row["rho_smaller_T"] = round(radius(np.abs(X) + np.abs(Y)), 4)
+                row["energy_factor"] = "" if found is None else round(found.factor, 6)
+                row["linear_rate"] = round(radius(X + Y), 4)
+                rows.append(row)
+                print("  ".join(f"{key} {value}" for key, value in row.items()))
+    return rows
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Do the parts that are asked for, all unless told."""
+    parser = cli.parser(__doc__, "quick", "results")
+    parser.add_argument("parts", nargs="*", metavar="part", help=", ".join(PARTS))
+    args = parser.parse_args(arguments)
+    unknown = set(args.parts) - set(PARTS)
+    if unknown:
+        parser.error(f"unknown part {sorted(unknown)[0]!r}, known: {', '.join(PARTS)}")
+    header = cli.begin(["pyamg"])
+    quick = args.quick
+    calls: dict[str, tuple[str, Callable[[], list[Row]]]] = {
+        "definition": (
+            "h_plus-definition",
+            lambda: definition_rows(5 if quick else 60),
+        ),
+        "time": ("h_plus", lambda: time_rows(200 if quick else 1000)),
+        "proofs": ("convergence-proofs", lambda: proof_rows(100 if quick else 1500)),
+        "runs": ("convergence-runs", lambda: run_rows((10,) if quick else (10, 24))),
+    }
+    for part in args.parts or PARTS:
+        name, call = calls[part]
+        print(f"\n{part}", flush=True)
+        rows = call()
+        if not quick:
+            csv_files.write(args.results / f"{name}.csv", header, rows)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

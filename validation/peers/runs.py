@@ -1,0 +1,159 @@
+"""Runs of QP solvers over sets of problems: rows, one a solve, and tables of them."""
+
+import argparse
+from collections.abc import Callable, Iterable, Iterator
+from pathlib import Path
+
+import numpy as np
+from qpsolvers import Problem
+
+from validation.harness import (
+    Bench,
+    Job,
+    Row,
+    Work,
+    cli,
+    csv_files,
+    judging,
+    processes,
+    qp_solvers,
+    qps,
+    tables,
+    timing,
+)
+from validation.problems import data_sets
+
+COLUMNS = [
+    *"problem set solver eps runtime cold found".split(),
+    *judging.RESIDUALS,
+    *"success status iterations form".split(),
+]
+LATE = {"timeout", "too slow"}  # what a row says that ran into the time limit
+
+
+def measure(
+    job: Job,
+    problem_set: str,
+    name: str,
+    eps: float,
+    load: Callable[[Path, str, str], Problem] = data_sets.load,
+) -> Row:
+    """Time a solver on a problem and judge its first answer: the work of a child.
+
+    load(data, set, name) returns the problem.
+    """
+    problem = load(job.data, problem_set, name)
+    settings = qp_solvers.settings(job.solver, eps, job.limit)
+    for tiny in qps.tiny_problems(problem):
+        try:
+            qp_solvers.solve(tiny, job.solver, **settings)
+        except Exception:  # what the solver refuses cannot warm it up
+            continue
+    job.ready()
+    try:
+        solution, cold, runtime = timing.median_time(
+            lambda: qp_solvers.solve(problem, job.solver, **settings)
+        )
+        row = judging.judge(problem, solution, eps)
+    except Exception as error:
+        return processes.raised(error)
+    if cold > job.limit:
+        row |= processes.failure("too slow")
+    return row | {"runtime": runtime, "cold": cold}
+
+
+def run_set(
+    child: Bench, problem_set: str, names: Iterable[str], tolerances: Iterable[float]
+) -> Iterator[Row]:
+    """Yield the rows of one solver on one set, loose tolerances first.
+
+    What ran into the time limit is not tried at a tighter tolerance.
+    """
+    slow: dict[str, Row] = {}
+    for eps in sorted(tolerances, reverse=True):
+        for name in names:
+            yield run_problem(child, problem_set, name, eps, slow)
+
+
+def run_problem(
+    child: Bench, problem_set: str, name: str, eps: float, slow: dict[str, Row]
+) -> Row:
+    """Return the row of one problem; `slow` holds those that ran into the limit.
+
+    They are not tried again, and what runs into it now is added.
+    """
+    if name in slow:
+        return slow[name] | {"eps": eps}
+    row = child.run(problem_set, name, eps)
+    if row["status"] in LATE:
+        slow[name] = row
+    return row
+
+
+def run_all(
+    names: dict[str, list[str]],
+    solvers: Iterable[str],
+    args: argparse.Namespace,
+    work: Work = measure,
+    amend: Callable[[Row], Row] = lambda row: row,
+) -> list[Row]:
+    """Run solvers over the sets of `names`; write each row to args.csv, return all."""
+    rows = []
+    with csv_files.writer(args.csv, cli.begin(solvers), COLUMNS) as write:
+        for problem_set, own in names.items():
+            for solver in solvers:
+                with Bench(work, solver, args.limit, args.data) as child:
+                    for row in run_set(child, problem_set, own, args.eps):
+                        rows.append(amend(row))
+                        write(rows[-1])
+    return rows
+
+
+def read_rows(file: Path) -> list[Row]:
+    """Return the rows that an earlier run has written."""
+    rows = csv_files.read(file)
+    for row in rows:
+        row["eps"], row["success"] = float(row["eps"]), row["success"] == "True"
+        row["runtime"] = float(row["runtime"] or "nan")
+    return rows
+
+
+def print_tables(rows: list[Row], reference: str = "nam") -> None:
+    """Print one table for each set and tolerance, in the order of the rows."""
+    for problem_set, eps in tables.distinct(rows, "set", "eps"):
+        print_table(tables.chosen(rows, set=problem_set, eps=eps), reference)
+
+
+def print_table(rows: list[Row], reference: str) -> None:
+    """Print success, time and failures of all solvers on one set at one tolerance."""
+    times = {
+        solver: {
+            row["problem"]: row["runtime"]
+            for row in tables.chosen(rows, solver=solver, success=True)
+        }
+        for solver in tables.distinct(rows, "solver")
+    }
+    total = len(tables.distinct(rows, "problem"))
+    print(f"\nset {rows[0]['set']}, eps {rows[0]['eps']:.0e}: {total} problems")
+    print(f"{'solver':<10}{'solved':>9}{'time [ms]':>12}{reference + '/solver':>14}")
+    base = times.get(reference, {})
+    for solver, own in times.items():
+        mean = 1e3 * timing.geometric_mean(list(own.values()))
+        ratios = [base[name] / own[name] for name in own if name in base]
+        ratio = (
+            f"{timing.geometric_mean(ratios):.2f} ({len(ratios)})" if ratios else "-"
+        )
+        print(f"{solver:<10}{f'{len(own)}/{total}':>9}{mean:>12.3f}{ratio:>14}")
+    for solver in times:
+        failed = tables.chosen(rows, solver=solver, success=False)
+        if failed:
+            print(f"{solver} fails: " + "; ".join(failure_text(row) for row in failed))
+
+
+def failure_text(row: Row) -> str:
+    """Return the name of a problem and what went wrong with it."""
+    errors = {name: float(row.get(name) or 0.0) for name in judging.RESIDUALS}
+    if row["status"] != "inaccurate":
+        return f"{row['problem']} ({row['status']})"
+    worst = max(errors, key=lambda name: np.nan_to_num(errors[name], nan=np.inf))
+    return f"{row['problem']} ({worst.replace('_', ' ')} {errors[worst]:.1e})"

@@ -1,0 +1,34 @@
+"""Scenes and generators of problems; nothing here solves or compares.
+
+A caller takes a module from this door: `from validation.problems import data_sets`.
+
+==========================  ============================================================
+data_sets                   QPs and LCPs of the data folder
+known_scenes                box LCPs whose solutions the literature gives
+large_scenes                families of box LCPs of any size
+contact_scenes              heaps of discs, walls of bricks, stacks
+sweep_scenes                box LCPs of known class for the sweep methods
+hertz                       a sphere on a half-space, without a matrix
+american_puts               American puts, and the method of Brennan and Schwartz
+planted                     random QPs around a planted solution; changed data
+infeasible_cases            QPs without a solution, and some that only look so
+stress_cases                QPs that strain a solver, in units of their own
+families                    the families of the work-precision chart
+fuzzed                      the problems of the campaign (a room of its own)
+models                      what people model in CVXPY (a room of its own)
+==========================  ============================================================
+"""
+
+__all__ = [
+    "american_puts",
+    "contact_scenes",
+    "data_sets",
+    "families",
+    "hertz",
+    "infeasible_cases",
+    "known_scenes",
+    "large_scenes",
+    "planted",
+    "stress_cases",
+    "sweep_scenes",
+]

@@ -1,0 +1,208 @@
+"""American puts: one tridiagonal LCP a time step, beside Brennan and Schwartz."""
+
+import time
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from numba import njit
+from scipy.interpolate import CubicSpline
+
+from namlcp import Prepared, Status, solve_lcp
+
+WIDTH = 1.5
+EULER_STEPS = 4
+BOUND = 1e-5
+
+
+class Put(NamedTuple):
+    """Spot, strike, rate, dividend yield, volatility, years and the known price."""
+
+    spot: float
+    strike: float
+    rate: float
+    dividend: float
+    sigma: float
+    years: float
+    price: float
+
+
+PUTS = {
+    # Andersen, Lake and Offengenden, J. Computational Finance 20 (2016) 39-87
+    "S = K = 100": Put(100.0, 100.0, 0.05, 0.05, 0.25, 1.0, 9.5694453),
+    # known to five decimals
+    "S = 36, K = 40": Put(36.0, 40.0, 0.06, 0.0, 0.2, 1.0, 4.48667),
+}
+
+
+class Grid(NamedTuple):
+    """Nodes x, payoff, its value left of them; A = tridiag(below, diagonal, above)."""
+
+    x: np.ndarray
+    payoff: np.ndarray
+    left: float
+    below: float
+    diagonal: float
+    above: float
+
+
+def grid_of(put: Put, nodes: int, steps: int, shift: float = 0.5) -> Grid:
+    """Return the grid; the strike stands `shift` cells left of a node."""
+    dx = 2.0 * WIDTH / (nodes + 1)
+    x = np.log(put.strike) + (np.arange(nodes) - nodes // 2 + shift) * dx
+    diffusion = 0.5 * put.sigma**2 / dx**2
+    drift = (put.rate - put.dividend - 0.5 * put.sigma**2) / (2.0 * dx)
+    half = 0.5 * put.years / steps
+    return Grid(
+        x,
+        np.maximum(put.strike - np.exp(x), 0.0),
+        put.strike - np.exp(x[0] - dx),
+        half * (drift - diffusion),
+        1.0 + half * (2.0 * diffusion + put.rate),
+        -half * (diffusion + drift),
+    )
+
+
+@njit(cache=True, nogil=True)
+def right_side(V, below, diagonal, above, left, euler, q):
+    """Write q = -V (Euler) or -(2 I - A) V, with V = left beyond the first node."""
+    n = V.size
+    if euler:
+        for i in range(n):
+            q[i] = -V[i]
+    else:
+        before, here = left, V[0]
+        for i in range(n - 1):
+            after = V[i + 1]
+            q[i] = below * before + (diagonal - 2.0) * here + above * after
+            before, here = here, after
+        q[n - 1] = below * before + (diagonal - 2.0) * here
+    q[0] += below * left
+
+
+@njit(cache=True, nogil=True)
+def factorise(below, diagonal, above, factor):
+    """Write 1 / pivot, above / pivot of the next row, below / pivot: from the right."""
+    coupling = 0.0
+    for i in range(factor.shape[1] - 1, -1, -1):
+        inverse = 1.0 / (diagonal - above * coupling)
+        factor[0, i] = inverse
+        if i > 0:
+            factor[1, i - 1] = above * inverse
+        factor[2, i] = coupling = below * inverse
+
+
+@njit(cache=True, nogil=True)
+def brennan_schwartz(factor, payoff, q, V):
+    """Write V to the solution of A V + q >= 0, V >= payoff; q is overwritten."""
+    n = V.size
+    last = -q[n - 1]
+    q[n - 1] = last
+    for i in range(n - 2, -1, -1):
+        last = -q[i] - factor[1, i] * last
+        q[i] = last
+    last = 0.0
+    for i in range(n):
+        last = q[i] * factor[0, i] - factor[2, i] * last
+        if last < payoff[i]:
+            last = payoff[i]
+        V[i] = last
+
+
+@njit(cache=True, nogil=True)
+def brennan_schwartz_anew(below, diagonal, above, payoff, coupling, q, V):
+    """Do what `brennan_schwartz` does, with the elimination as it goes."""
+    n = V.size
+    last, c = 0.0, 0.0
+    for i in range(n - 1, -1, -1):
+        inverse = 1.0 / (diagonal - above * c)
+        last = (-q[i] - above * last) * inverse
+        c = below * inverse
+        q[i], coupling[i] = last, c
+    last = 0.0
+    for i in range(n):
+        last = q[i] - coupling[i] * last
+        if last < payoff[i]:
+            last = payoff[i]
+        V[i] = last
+
+
+class March:
+    """A put on its way through time; `run(k)` takes the next k steps."""
+
+    def __init__(self, grid: Grid, euler_steps: int = EULER_STEPS):
+        self.grid = grid
+        self.V = grid.payoff.copy()
+        self.q = np.empty_like(self.V)
+        self.done = 0
+        self.euler_steps = euler_steps
+
+    def run(self, steps: int) -> float:
+        """Take steps and return their time."""
+        _, _, left, *A = self.grid
+        start = time.thread_time()
+        for _ in range(steps):
+            right_side(self.V, *A, left, self.done < self.euler_steps, self.q)
+            self.solve()
+            self.done += 1
+        return time.thread_time() - start
+
+    def solve(self) -> None:
+        """Write the solution of the LCP with q to V."""
+        raise NotImplementedError
+
+    def price(self, spot: float) -> float:
+        """Return the value at a spot price."""
+        x = self.grid.x
+        k = int(np.searchsorted(x, np.log(spot)))
+        near = slice(k - 8, k + 8)
+        return float(CubicSpline(x[near], self.V[near])(np.log(spot)))
+
+
+class Kept(March):
+    """Brennan and Schwartz with the factors kept."""
+
+    def __init__(self, grid: Grid, euler_steps: int = EULER_STEPS):
+        super().__init__(grid, euler_steps)
+        self.factor = np.empty((3, grid.x.size))
+        factorise(grid.below, grid.diagonal, grid.above, self.factor)
+
+    def solve(self) -> None:
+        """Take the step."""
+        brennan_schwartz(self.factor, self.grid.payoff, self.q, self.V)
+
+
+class Anew(March):
+    """Brennan and Schwartz with a new elimination in every step."""
+
+    def __init__(self, grid: Grid, euler_steps: int = EULER_STEPS):
+        super().__init__(grid, euler_steps)
+        self.coupling = np.empty_like(self.V)
+
+    def solve(self) -> None:
+        """Take the step."""
+        A = self.grid.below, self.grid.diagonal, self.grid.above
+        brennan_schwartz_anew(*A, self.grid.payoff, self.coupling, self.q, self.V)
+
+
+class Package(March):
+    """`solve_lcp`; `faces` counts the factorisations of every step."""
+
+    def __init__(self, grid: Grid, euler_steps: int = EULER_STEPS):
+        super().__init__(grid, euler_steps)
+        n = grid.x.size
+        A = sp.diags_array(
+            [grid.below, grid.diagonal, grid.above], offsets=[-1, 0, 1], shape=(n, n)
+        )
+        self.A = Prepared(sp.csr_array(A))
+        self.faces: list[int] = []
+        self.worst = 0.0
+
+    def solve(self) -> None:
+        """Take the step."""
+        result = solve_lcp(self.A, self.q, self.grid.payoff, z0=self.V)
+        if result.status is not Status.SOLVED:
+            raise RuntimeError(f"step {self.done}: {result.status.value}")
+        self.V = result.z
+        self.faces.append(result.iterations)
+        self.worst = max(self.worst, result.residual)

@@ -1,0 +1,116 @@
+"""The problem sets of the benchmark, read from the data folder.
+
+Every set is a list of names and a loader from name to `qpsolvers.Problem`:
+
+- mpc: model-predictive control, dense, as saved by `Problem.save`;
+- contact: min 1/2 z'Az + q'z, z >= 0 with the symmetrised normal part A of a Delassus
+  matrix, sparse;
+- small, strict, all: Maros-Meszaros; the 19 strictly convex ones of at most 1000
+  variables, inequalities and equalities, dense; the 44 strictly convex ones; all 137.
+  Of the last two the dense subset of the collection is dense, the rest sparse.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import scipy.io
+import scipy.sparse as sp
+from qpsolvers import Problem
+
+from validation.harness import MissingDataError, csv_files, data_folder, qps
+
+SETS = ("mpc", "contact", "small", "strict", "all")
+INFINITY = 9e19  # 1e20 in the collection, in places rounded to slightly less
+
+
+def set_names(data: Path, problem_set: str) -> list[str]:
+    """Return the names of the problems of a set, sorted."""
+    if problem_set in ("mpc", "contact"):
+        files = data_folder.require(data / problem_set).glob("*.npz")
+        names = sorted(file.stem for file in files)
+    else:
+        names = sorted(maros_index(data, problem_set))
+    if not names:
+        raise MissingDataError(f"no problem of the set {problem_set!r} in {data}")
+    return names
+
+
+def load(data: Path, problem_set: str, name: str) -> Problem:
+    """Return one problem of a set, dense or sparse (csc_matrix) as the set has it."""
+    if problem_set == "mpc":
+        return Problem.load(data_folder.require(data / "mpc" / f"{name}.npz"))
+    if problem_set == "contact":
+        A, q = contact_lcp(data, name)
+        return Problem(sp.csc_matrix(A), q, lb=np.zeros(q.size))
+    row = maros_index(data, problem_set)[name]
+    dense = problem_set == "small" or row["subset"] == "dense_subset"
+    return maros_problem(data, name, dense)
+
+
+def contact_lcp(data: Path, name: str) -> tuple[sp.csr_matrix, np.ndarray]:
+    """Return A and q of the frictionless LCP of a contact scene.
+
+    A = W[::dim, ::dim], q = q[::dim], where every contact has `dim` rows of the
+    Delassus matrix, the normal one first; scenes without `dim` are used whole.
+    """
+    scene = np.load(data_folder.require(data / "contact" / f"{name}.npz"))
+    dim = int(scene["dim"]) if "dim" in scene else 1
+    arrays = (scene["data"], scene["indices"], scene["indptr"])
+    W = sp.csr_matrix(arrays, shape=tuple(scene["shape"]))
+    A = W[::dim, ::dim]
+    A = sp.csr_matrix(0.5 * (A + A.T))
+    A.sort_indices()
+    return A, np.ascontiguousarray(scene["q"][::dim], dtype=float)
+
+
+def heart_scale(data: Path) -> tuple[np.ndarray, np.ndarray]:
+    """Return points (270 x 13) and labels of heart_scale, in LIBSVM's format."""
+    text = data_folder.require(data / "svm" / "heart_scale").read_text()
+    lines = [line.split() for line in text.splitlines() if line.strip()]
+    y = np.array([float(words[0]) for words in lines])
+    X = np.zeros((y.size, 13))
+    for row, words in zip(X, lines, strict=True):
+        for word in words[1:]:
+            feature, value = word.split(":")
+            row[int(feature) - 1] = float(value)
+    return X, y
+
+
+def maros_index(data: Path, problem_set: str) -> dict[str, dict[str, str]]:
+    """Return the rows of index.csv that belong to a set, by problem name."""
+    index = csv_files.read(data_folder.require(data / "maros_meszaros" / "index.csv"))
+    rows = {Path(row["file"]).stem: row for row in index}
+    if problem_set == "all":
+        return rows
+    strict = {name: row for name, row in rows.items() if row["def"] == "pd"}
+    if problem_set == "strict":
+        return strict
+    return {
+        name: row
+        for name, row in strict.items()
+        if max(int(row["n"]), int(row["mG"]), int(row["mA"])) <= 1000
+    }
+
+
+def maros_problem(data: Path, name: str, dense: bool) -> Problem:
+    """Read min 1/2 x'Px + q'x, l <= [C; I] x <= u from NAME.mat.
+
+    Rows of C with equal sides become A x = b, every other finite side a row of
+    G x <= h, upper sides first; bounds that are all infinite become None.
+    """
+    mat = scipy.io.loadmat(data_folder.require(data / "maros_meszaros" / f"{name}.mat"))
+    q = mat["q"].ravel().astype(float)
+    n = q.size
+    lower, upper = mat["l"].ravel().astype(float), mat["u"].ravel().astype(float)
+    lower[lower <= -INFINITY], upper[upper >= INFINITY] = -np.inf, np.inf
+    C, lb, ub = sp.csr_matrix(mat["A"])[:-n], lower[-n:], upper[-n:]
+    lower, upper = lower[:-n], upper[:-n]
+    equal = lower == upper
+    below, above = np.isfinite(lower) & ~equal, np.isfinite(upper) & ~equal
+    G, h = sp.vstack([C[above], -C[below]]), np.r_[upper[above], -lower[below]]
+    A, b = C[equal], upper[equal]
+    shape = sp.csc_matrix.toarray if dense else sp.csc_matrix
+    P = sp.csc_matrix(mat["P"], dtype=float)
+    P, G, A = (shape(sp.csc_matrix(M)) for M in (P, G, A))
+    bounds = (v if np.isfinite(v).any() else None for v in (lb, ub))
+    return qps.joined(P, q, G, h, A, b, *bounds)

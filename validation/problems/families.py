@@ -1,0 +1,357 @@
+"""The problem families of the work-precision chart, at least five problems in each.
+
+`families(data)` returns them by name; a problem is made only when its function is
+called. What comes from the data folder stands beside generated problems of the same
+kind, so that every family is there without it; `missing` says what is not. LCPs with a
+symmetric A are the QPs min 1/2 z'Az + q'z over the box.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from qpsolvers import Problem
+
+from namlcp.scenes import disc_pile, preview_control
+from validation.problems import data_sets
+from validation.problems.contact_scenes import brick_wall, heap
+from validation.problems.known_scenes import (
+    BoxLCP,
+    ball_obstacle,
+    input_bounded_mpc,
+    journal_bearing,
+    nonnegative,
+    obstacle,
+    portfolio,
+    svm_data,
+    svm_l2,
+    svm_rbf,
+    torsion,
+    two_clouds,
+)
+from validation.problems.large_scenes import (
+    anisotropic,
+    biactive,
+    box_3d,
+    rough_obstacle,
+)
+from validation.problems.planted import planted as planted_qp
+from validation.problems.planted import sparse_parts
+from validation.problems.sweep_scenes import halfline, paper_example, with_contact
+
+SWEPT = ("sweep namgs", "sweep msor", "sweep psor")
+"""The sweeps that stand beside the solvers where A is an LCP's."""
+
+
+class Task(NamedTuple):
+    """A problem, its solution where the construction knows it, a sweep's start."""
+
+    problem: Problem
+    exact: np.ndarray | None = None
+    s0: np.ndarray | None = None
+
+
+class Family(NamedTuple):
+    """The makers of the problems by name.
+
+    `distance`: the solutions are unique, so that the error is the distance to them,
+    || x - x* ||_inf / || x* ||_inf; else it is the worst residual. `solvers`: None for
+    all QP solvers. `quick`: the names that the quick version takes.
+    """
+
+    title: str
+    distance: bool
+    makers: dict[str, Callable[[], Task]]
+    quick: tuple[str, ...]
+    sweeps: tuple[str, ...] = ()
+    peers: bool = True
+
+
+def boxed(scene: BoxLCP, exact: np.ndarray | None = None) -> Task:
+    """Return the QP of a box LCP with symmetric A."""
+    A, q, lower, upper = scene
+    P = A if isinstance(A, np.ndarray) else sp.csc_matrix(A)
+    return Task(Problem(P, q, lb=lower, ub=upper), exact)
+
+
+def planted(A: Any, seed: int = 0) -> Task:
+    """Return the LCP with A whose solution is planted, half of it at zero."""
+    scene = with_contact(halfline("", A, np.zeros(A.shape[0])), seed)
+    rng = np.random.default_rng(seed)  # the same draws again
+    free = rng.random(scene.q.size) < 0.5
+    z = np.where(free, rng.exponential(size=scene.q.size), 0.0)
+    return boxed(nonnegative(scene.A, scene.q), z)
+
+
+def random_signs(n: int, seed: int = 0) -> sp.csr_array:
+    """Return a sparse symmetric A, strictly dominant, with entries of both signs."""
+    rng = np.random.default_rng(seed)
+    band = [rng.uniform(-1.0, 1.0, n - k) for k in (1, 2, 7)]
+    B = sp.diags_array(band, offsets=[1, 2, 7], shape=(n, n))
+    B = sp.csr_array(B + B.T)
+    return sp.csr_array(B + sp.diags_array(1.25 * np.asarray(abs(B).sum(axis=1))))
+
+
+def dominant(m: int, delta: float) -> Task:
+    """Return Example 1 of the paper with a planted contact set, n = m^2."""
+    return planted(paper_example(1, m, delta).A)
+
+
+def paper_task(number: int, delta: float, m: int) -> Task:
+    """Return an example of the paper, z* = (1, 2, 1, 2, ...), from its start."""
+    scene = paper_example(number, m, delta)
+    problem = Problem(sp.csc_matrix(scene.A), scene.q, lb=scene.lower, ub=scene.upper)
+    return Task(problem, np.tile([1.0, 2.0], m * m // 2), scene.s0)
+
+
+def pile(scene: Any) -> Task:
+    """Return the impulses in a contact scene (A, q, ...)."""
+    return boxed(nonnegative(scene[0], scene[1]))
+
+
+def sparse_mpc(steps: int) -> Task:
+    """Return `input_bounded_mpc` with its states as variables: 3 unknowns a step.
+
+    Variables (u_k, x_{k+1}), the dynamics as equalities, |u| <= 1.
+    """
+    F, g = np.array([[1.0, 0.1], [0.0, 1.0]]), np.array([0.005, 0.1])
+    stage = np.column_stack((g, -np.eye(2)))  # g u_k - x_{k+1}
+    before = np.column_stack((np.zeros(2), F))  # F x_k
+    A = sp.kron(sp.eye_array(steps), stage)
+    A += sp.kron(sp.eye_array(steps, k=-1), before)
+    b = np.zeros(2 * steps)
+    b[:2] = -F @ [10.0, 0.0]
+    P = sp.diags_array(np.tile([0.01, 1.0, 0.1], steps))
+    bound = np.tile([1.0, np.inf, np.inf], steps)
+    matrices = {"A": sp.csc_matrix(A), "b": b, "lb": -bound, "ub": bound}
+    return Task(Problem(sp.csc_matrix(P), np.zeros(3 * steps), **matrices))
+
+
+def linear_svm(points: int, features: int = 20) -> Task:
+    """Return a linear SVM with squared hinge loss, as its users write it.
+
+    min 1/2 |w|^2 + 1/2 sum xi_i^2 subject to y_i x_i'w + xi_i >= 1.
+    """
+    X, y = two_clouds(points, features)
+    G = sp.hstack([-(y[:, None] * X), -sp.eye_array(points)])
+    n = features + points
+    P = sp.eye_array(n)
+    return Task(
+        Problem(sp.csc_matrix(P), np.zeros(n), sp.csc_matrix(G), np.full(points, -1.0))
+    )
+
+
+def random_qp(largest: int, seed: int) -> Task:
+    """Return a sparse QP of random size up to `largest` around a planted point."""
+    rng = np.random.default_rng(seed)
+    return Task(planted_qp(rng, *sparse_parts(rng, largest)))
+
+
+def factor_portfolio(assets: int, factors: int = 50, seed: int = 0) -> Task:
+    """Return the mean-variance portfolio of a factor model, sparse.
+
+    min x'Dx + f'f - mu'x subject to f = F'x, sum x = 1, x >= 0.
+    """
+    rng = np.random.default_rng(seed)
+    F = sp.random_array((assets, factors), density=0.2, rng=rng, format="csc")
+    F.data = 0.3 * rng.standard_normal(F.nnz)
+    P = sp.diags_array(np.r_[rng.uniform(0.05, 0.5, assets), np.full(factors, 2.0)])
+    q = np.r_[-0.1 * rng.standard_normal(assets), np.zeros(factors)]
+    total = sp.csc_array(np.r_[np.ones(assets), np.zeros(factors)][None, :])
+    A = sp.vstack([sp.hstack([F.T, -sp.eye_array(factors)]), total])
+    lb = np.r_[np.zeros(assets), np.full(factors, -np.inf)]
+    b = np.r_[np.zeros(factors), 1.0]
+    return Task(Problem(sp.csc_matrix(P), q, A=sp.csc_matrix(A), b=b, lb=lb))
+
+
+def denoising(n: int, seed: int = 0) -> Task:
+    """Return total-variation denoising of n samples: min 1/2 |x - y|^2 + sum |Dx|.
+
+    |x_{i+1} - x_i| <= t_i, y a step function with noise.
+    """
+    rng = np.random.default_rng(seed)
+    y = np.repeat(rng.standard_normal(-(-n // 50)), 50)[:n]
+    y += 0.2 * rng.standard_normal(n)
+    D = sp.diags_array([-1.0, 1.0], offsets=[0, 1], shape=(n - 1, n))
+    eye = sp.eye_array(n - 1)
+    G = sp.vstack([sp.hstack([D, -eye]), sp.hstack([-D, -eye])])
+    P = sp.diags_array(np.r_[np.ones(n), np.zeros(n - 1)])
+    q = np.r_[-y, np.ones(n - 1)]
+    return Task(Problem(sp.csc_matrix(P), q, sp.csc_matrix(G), np.zeros(2 * n - 2)))
+
+
+def lasso(samples: int, features: int, seed: int = 0) -> Task:
+    """Return min 1/2 |r|^2 + weight |x|_1, r = B x - b, with x = u - v, dense."""
+    rng = np.random.default_rng(seed)
+    B = rng.standard_normal((samples, features))
+    x = np.where(rng.random(features) < 0.1, rng.standard_normal(features), 0.0)
+    b = B @ x + 0.1 * rng.standard_normal(samples)
+    weight = 0.1 * float(np.abs(B.T @ b).max())
+    gram, slope = B.T @ B, B.T @ b
+    P = np.block([[gram, -gram], [-gram, gram]])
+    q = np.r_[weight - slope, weight + slope]
+    return Task(Problem(P, q, lb=np.zeros(2 * features)))
+
+
+def stored(data: Path, problem_set: str, name: str) -> Task:
+    """Return a problem of the data folder."""
+    return Task(data_sets.load(data, problem_set, name))
+
+
+STORED = {
+    "contact": ("contact", "boxstacks_g82 capsules_286 kaplas_570 mj_pile40".split()),
+    "MPC": ("mpc", "LIPMWALK0 LIPMWALK14 WHLIPBAL0 WHLIPBAL14".split()),
+    "general QP": (
+        "all",
+        "HS118 DUAL4 QPCBLEND CVXQP1_M MOSARQP1 LISWET1 AUG2DCQP".split(),
+    ),
+}
+"""What the data folder adds to a family: the set and the names."""
+
+
+def file_of(data: Path, problem_set: str, name: str) -> Path:
+    """Return the file of a stored problem."""
+    if problem_set == "all":
+        return data / "maros_meszaros" / f"{name}.mat"
+    return data / problem_set / f"{name}.npz"
+
+
+def missing(data: Path | None) -> list[str]:
+    """Return what the families would take from the data folder and do not find."""
+    absent = []
+    for family, (problem_set, names) in STORED.items():
+        lacking = names
+        if data is not None:
+            lacking = [n for n in names if not file_of(data, problem_set, n).exists()]
+        if lacking:
+            absent.append(f"{family}: {', '.join(lacking)}")
+    if data is None or not (data / "svm" / "heart_scale").exists():
+        absent.append("SVM: heart_scale")
+    return absent
+
+
+def families(data: Path | None) -> dict[str, Family]:
+    """Return the families by name, with what the data folder has of them."""
+    known = {
+        "dominant": dominant_family(),
+        "obstacle": obstacle_family(),
+        "contact": contact_family(),
+        "MPC": mpc_family(),
+        "SVM": svm_family(data),
+        "general QP": general_family(),
+        "paper": paper_family(),
+    }
+    for name, (problem_set, stored_names) in STORED.items():
+        for key in stored_names:
+            if data is not None and file_of(data, problem_set, key).exists():
+                maker = partial(stored, data, problem_set, key)
+                known[name].makers[key] = maker
+    return known
+
+
+def dominant_family() -> Family:
+    """Return LCPs with a strictly dominant symmetric A and planted solutions."""
+    makers = {
+        "five-point + 4": partial(dominant, 100, 4.0),
+        "five-point + 1": partial(dominant, 50, 1.0),
+        "five-point + 1/4": partial(dominant, 50, 0.25),
+        "no contact, + 4": lambda: paper_task(1, 4.0, 50),
+        "seven-point + 4": lambda: planted(box_3d(12).A + 4.0 * sp.eye_array(12**3)),
+        "random signs": lambda: planted(random_signs(2500)),
+        "five-point + 4, large": partial(dominant, 200, 4.0),
+        "small": partial(dominant, 20, 4.0),
+        "small, random signs": lambda: planted(random_signs(400)),
+    }
+    return Family("dominant LCP", True, makers, ("small", "small, random signs"), SWEPT)
+
+
+def obstacle_family() -> Family:
+    """Return obstacle LCPs on 100 x 100, 50 x 50 and 22 x 22 nodes."""
+    makers = {
+        "forced": lambda: boxed(obstacle(100)),
+        "ball": lambda: boxed(ball_obstacle(52)),
+        "torsion": lambda: boxed(torsion(50, 50)),
+        "journal bearing": lambda: boxed(journal_bearing(50, 50, 0.99)),
+        "rough": lambda: boxed(rough_obstacle(50)),
+        "anisotropic": lambda: boxed(anisotropic(100)),
+        "half biactive": lambda: boxed(*biactive(50)),
+        "forced, small": lambda: boxed(obstacle(22)),
+        "torsion, small": lambda: boxed(torsion(22, 22)),
+    }
+    quick = ("forced, small", "torsion, small")
+    return Family("obstacle LCP", True, makers, quick, SWEPT)
+
+
+def contact_family() -> Family:
+    """Return contact forces without friction; many A are singular."""
+    makers = {
+        "heap": lambda: pile(heap(1000)),
+        "wide heap": lambda: pile(heap(300, sideways=True)),
+        "wall": lambda: pile(brick_wall(1000)),
+        "wall, small": lambda: pile(brick_wall(100)),
+        "wedge": lambda: pile(disc_pile(12)),
+        "heap, large": lambda: pile(heap(10_500)),
+    }
+    quick = ("wall, small", "wedge")
+    return Family("contact", False, makers, quick, SWEPT)
+
+
+def mpc_family() -> Family:
+    """Return model predictive control, condensed and sparse."""
+    makers = {
+        "point mass": lambda: boxed(input_bounded_mpc(100)),
+        "point mass, long": lambda: boxed(input_bounded_mpc(200)),
+        "walk": lambda: Task(preview_control(24)),
+        "walk, long": lambda: Task(preview_control(40)),
+        "sparse": partial(sparse_mpc, 300),
+        "sparse, long": partial(sparse_mpc, 3500),
+    }
+    return Family("MPC", True, makers, ("point mass", "walk"))
+
+
+def svm_family(data: Path | None) -> Family:
+    """Return support vector machines; the largest has 10^4 points."""
+    X, y = svm_data(data)
+    makers = {
+        "RBF": lambda: boxed(svm_rbf(X, y, 1.0 / 13.0)),
+        "squared hinge": lambda: boxed(svm_l2(X, y)),
+        "clouds, 500": lambda: boxed(svm_rbf(*two_clouds(500), 0.2)),
+        "clouds, 1000": lambda: boxed(svm_rbf(*two_clouds(1000, 13), 1.0 / 13.0)),
+        "linear, 1000": partial(linear_svm, 1000),
+        "linear, 10 000": partial(linear_svm, 10_000),
+    }
+    return Family("SVM", True, makers, ("RBF", "squared hinge"))
+
+
+def general_family() -> Family:
+    """Return QPs with everything a QP may have."""
+    makers = {
+        "random, 1": partial(random_qp, 2000, 1),
+        "random, 4": partial(random_qp, 800, 4),
+        "portfolio": lambda: boxed(portfolio(300)),
+        "factor portfolio": partial(factor_portfolio, 10_000),
+        "denoising": partial(denoising, 2000),
+        "lasso": partial(lasso, 200, 100),
+    }
+    return Family("general QP", False, makers, ("random, 1", "lasso"))
+
+
+def paper_family() -> Family:
+    """Return the examples of the paper, for the sweeps and method="auto" alone."""
+    from namlcp.lcp import METHODS
+
+    makers = {
+        f"Example {number}, delta = {delta:g}": partial(paper_task, number, delta, 100)
+        for number in (1, 2)
+        for delta in (4.0, 1.0, 0.25)
+    }
+    small = {
+        f"Example {number}, n = 400": partial(paper_task, number, 4.0, 20)
+        for number in (1, 2)
+    }
+    sweeps = tuple(f"sweep {name}" for name in METHODS)
+    makers |= small
+    return Family("paper's examples", True, makers, tuple(small), sweeps, peers=False)

@@ -1,0 +1,121 @@
+"""Problem number i of the campaign: its class, the arguments, and what is true of it.
+
+Problem i of a seed is made from (seed, i) alone. Its class is CLASSES[i mod their
+number], so that every class gets its share of any run.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from validation.problems.fuzzed import lcps, qps
+from validation.problems.fuzzed.draw import Draw
+from validation.problems.fuzzed.forms import dress, spoil
+
+Maker = Callable[[Draw], tuple[Any, str]]
+
+
+class Case(NamedTuple):
+    """A problem.
+
+    problem: QP or LCP, clean and dense. arguments: the same as it is passed. truth:
+    as `campaign_qps` and `campaign_lcps` have it; of malformed input it is the name of
+    the argument.
+    """
+
+    group: str
+    truth: str
+    problem: Any
+    arguments: dict[str, Any]
+
+
+# The classes that peers are asked, and whether P is definite: quadprog wants that.
+CONVEX: dict[Maker, bool] = {
+    qps.strictly_convex: True,
+    qps.semidefinite_cost: False,
+    qps.linear_program: False,
+    qps.condition_1e8: True,
+    qps.nearly_singular_cost: False,
+    qps.diagonal_cost: False,
+    qps.bounds_alone: False,
+    qps.degenerate: False,
+    qps.redundant: False,
+    qps.modelled: False,
+    qps.large_sparse: False,
+    qps.scaled: False,
+    qps.extreme_scales: False,
+    qps.infeasible: False,
+    qps.unbounded: False,
+    qps.both: False,
+    qps.wild: False,
+}
+OTHER_QPS: tuple[Maker, ...] = (
+    qps.huge_sides,
+    qps.empty,
+    qps.infinite_side,
+    qps.nearly_feasible,
+    qps.rounded_cost,
+    qps.not_convex,
+)
+LCPS: tuple[Maker, ...] = (
+    lcps.positive_definite,
+    lcps.positive_semidefinite,
+    lcps.degenerate_pairs,
+    lcps.h_plus,
+    lcps.m_matrix,
+    lcps.singular_z,
+    lcps.other_z,
+    lcps.quotient,
+    lcps.triangular,
+    lcps.skew_and_definite,
+    lcps.optimality,
+    lcps.zero_or_diagonal,
+    lcps.tridiagonal,
+    lcps.copositive_plus,
+    lcps.general,
+    lcps.general_box,
+    lcps.anything,
+    lcps.scaled,
+    lcps.extreme_scales,
+    lcps.unsolvable,
+    lcps.unsolvable_skew,
+    lcps.empty,
+)
+MALFORMED = ("malformed QP", "malformed LCP")
+OFTEN = (qps.strictly_convex, qps.semidefinite_cost, qps.infeasible, qps.unbounded)
+CLASSES = (*CONVEX, *OFTEN, *OTHER_QPS, *LCPS, *MALFORMED)
+
+
+def group_of(i: int) -> str:
+    """Return the name of the class of problem i."""
+    kind = CLASSES[i % len(CLASSES)]
+    if isinstance(kind, str):
+        return kind
+    side = "LCP" if kind in LCPS else "QP"
+    return f"{side} {kind.__name__.replace('_', ' ')}"
+
+
+def is_convex(i: int) -> bool:
+    """Tell whether peers are asked problem i."""
+    return CLASSES[i % len(CLASSES)] in CONVEX
+
+
+def is_definite(i: int) -> bool:
+    """Tell whether P of problem i is definite."""
+    return CONVEX.get(CLASSES[i % len(CLASSES)], False)  # type: ignore[arg-type]
+
+
+def make(seed: int, i: int) -> Case:
+    """Return problem i of a seed."""
+    rng = np.random.default_rng([seed, i])
+    draw = Draw(rng)
+    kind = CLASSES[i % len(CLASSES)]
+    if isinstance(kind, str):
+        maker = qps.strictly_convex if kind == MALFORMED[0] else lcps.positive_definite
+        problem, _ = maker(draw)
+        arguments, truth = spoil(rng, problem._asdict())
+        return Case(group_of(i), truth, problem, arguments)
+    with np.errstate(invalid="ignore", over="ignore"):
+        problem, truth = kind(draw)
+    return Case(group_of(i), truth, problem, dress(rng, problem._asdict()))

@@ -1,0 +1,289 @@
+"""The LCPs of the campaign: each class a function of a `Draw`.
+
+It returns A, q, lower, upper and what is true of them:
+
+- solvable: A is a P-matrix, or semidefinite with a planted solution; nam must solve it;
+- possible: there is a solution, but A is outside of that class, or rounding may forbid
+  to find it: a refusal is no failure;
+- unsolvable: a semidefinite A, symmetric or not, and nam must prove it;
+- near: nothing is known, any answer that can be proved is right.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from validation.problems.fuzzed.draw import (
+    MOST_VARIABLES,
+    Draw,
+    block_diagonal,
+    definite,
+    diagonal,
+    ill_conditioned,
+    semidefinite,
+    symmetric,
+)
+
+INF = np.inf
+
+
+class LCP(NamedTuple):
+    """z in [lower, upper], w = A z + q, w >= 0 at lower, <= 0 at upper, else 0."""
+
+    A: np.ndarray
+    q: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+
+Truth = tuple[LCP, str]
+
+
+def box(draw: Draw, n: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return bounds: z >= 0 mostly, else of all kinds."""
+    if draw.chance(0.5):
+        return np.zeros(n), np.full(n, INF)
+    lower, width = draw.numbers(n), draw.positive(n)
+    kind = draw.rng.integers(0, 6, n) if draw.chance(0.7) else np.zeros(n, dtype=int)
+    upper = lower + width
+    upper[kind == 1] = INF
+    lower[kind == 2] = -INF
+    lower[kind == 3], upper[kind == 3] = -INF, INF
+    upper[kind == 4] = lower[kind == 4]
+    return lower, upper
+
+
+def planted(draw: Draw, A: np.ndarray, weak: float = 0.1) -> LCP:
+    """Return an LCP in a random box around a random complementary pair (z, w).
+
+    A share `weak` of those at a bound has w = 0.
+    """
+    n = A.shape[0]
+    lower, upper = box(draw, n)
+    place = draw.rng.integers(0, 3, n)  # at lower, at upper, between
+    low, high = np.isfinite(lower), np.isfinite(upper)
+    at_low = low & ((place == 0) | (~high & (place == 1)) | (lower == upper))
+    at_high = high & ~at_low & ((place == 1) | (~low & (place == 0)))
+    room = np.where(low & high, (upper - lower) / 2.0, draw.positive(n))
+    between = np.where(low, lower + room, np.where(high, upper - room, draw.numbers(n)))
+    z = np.where(at_low, lower, np.where(at_high, upper, between))
+    w = draw.positive(n) * ~draw.some(n, weak) * (1.0 * at_low - 1.0 * at_high)
+    return LCP(A, w - A @ z, lower, upper)
+
+
+def random_side(draw: Draw, A: np.ndarray) -> LCP:
+    """Return an LCP with a random q: for P-matrices there is always a solution."""
+    return LCP(A, draw.numbers(A.shape[0]), *box(draw, A.shape[0]))
+
+
+def order(draw: Draw) -> int:
+    """Return n >= 1."""
+    return draw.size(1, MOST_VARIABLES)
+
+
+def positive_definite(draw: Draw) -> Truth:
+    """Symmetric, of condition 1 to 1e8."""
+    n = order(draw)
+    A = definite(draw, n)
+    if draw.chance(0.5):
+        A = ill_conditioned(draw, n, draw.rng.uniform(0.0, 8.0))
+    return random_side(draw, A), "solvable"
+
+
+def positive_semidefinite(draw: Draw) -> Truth:
+    """Symmetric, of any rank, with a planted solution."""
+    return planted(draw, semidefinite(draw, order(draw))), "solvable"
+
+
+def degenerate_pairs(draw: Draw) -> Truth:
+    """Symmetric semidefinite or definite; most of those at a bound have w = 0."""
+    n = order(draw)
+    A = definite(draw, n) if draw.chance(0.5) else semidefinite(draw, n)
+    return planted(draw, A, weak=0.8), "solvable"
+
+
+def dominant(draw: Draw, n: int, excess: float) -> np.ndarray:
+    """Return a strictly diagonally dominant matrix with a positive diagonal."""
+    A = draw.matrix(n, n)
+    np.fill_diagonal(A, 0.0)
+    np.fill_diagonal(A, np.abs(A).sum(axis=1) * (1.0 + excess) + excess)
+    return A
+
+
+def h_plus(draw: Draw) -> Truth:
+    """Take an H+ matrix, not symmetric: dominant, its columns scaled."""
+    n = order(draw)
+    A = dominant(draw, n, draw.one_of(0.01, 0.1, 1.0)) * draw.power(-1, 1, n)
+    return random_side(draw, A), "solvable"
+
+
+def m_matrix(draw: Draw) -> Truth:
+    """Take a Z-matrix that is dominant, symmetric or not."""
+    A = dominant(draw, order(draw), draw.one_of(1e-6, 0.1, 1.0))
+    A = np.where(np.eye(A.shape[0]) > 0.0, A, -np.abs(A))
+    if draw.chance(0.5):
+        A = symmetric(A) + np.diag(np.abs(A - A.T).sum(axis=1))
+    return random_side(draw, A), "solvable"
+
+
+def singular_z(draw: Draw) -> Truth:
+    """Take the Laplacian of a random graph, with a planted solution."""
+    n = order(draw)
+    B = np.abs(np.triu(draw.matrix(n, n), 1))
+    B = B + B.T
+    return planted(draw, np.diag(B.sum(axis=1)) - B), "solvable"
+
+
+def other_z(draw: Draw) -> Truth:
+    """Take a Z-matrix that is no P-matrix, with a planted solution."""
+    n = order(draw)
+    A = -np.abs(draw.matrix(n, n))
+    np.fill_diagonal(A, draw.positive(n))
+    return planted(draw, A), "possible"
+
+
+def quotient(draw: Draw) -> Truth:
+    """B^-1 C of column-dominant B and C: a P-matrix, rarely definite."""
+    draw.whole = False
+    n = min(order(draw), 40)
+    B, C = (dominant(draw, n, 0.5).T for _ in range(2))
+    return random_side(draw, np.linalg.solve(B, C)), "solvable"
+
+
+def triangular(draw: Draw) -> Truth:
+    """Take a triangular P-matrix."""
+    n = min(order(draw), 20)
+    A = np.tril(draw.matrix(n, n), -1) + np.diag(draw.positive(n) + 0.5)
+    return random_side(draw, A if draw.chance(0.5) else A.T.copy()), "solvable"
+
+
+def skew_and_definite(draw: Draw) -> Truth:
+    """K - K' plus a definite part: definite, not symmetric."""
+    n = order(draw)
+    K = draw.matrix(n, n)
+    A = K - K.T + draw.one_of(1.0, 0.1, 0.01) * definite(draw, n)
+    return random_side(draw, A), "solvable"
+
+
+def optimality(draw: Draw) -> Truth:
+    """[P -G'; G 0]: optimality conditions of a QP or LP, with a planted solution."""
+    n = max(order(draw) // 2, 1)
+    P, G = semidefinite(draw, n), draw.matrix(draw.size(1, n), n)
+    A = block_diagonal(P, np.zeros((G.shape[0],) * 2))
+    A[:n, n:], A[n:, :n] = -G.T, G
+    return planted(draw, A), "solvable"
+
+
+def zero_or_diagonal(draw: Draw) -> Truth:
+    """Take A = 0, or diagonal with zeros, and a planted solution."""
+    n = order(draw)
+    A = diagonal(draw, n) * draw.one_of(0.0, 1.0)
+    return planted(draw, A), "solvable"
+
+
+def tridiagonal(draw: Draw) -> Truth:
+    """Tridiagonal: definite, singular, or not symmetric."""
+    n = order(draw)
+    side = np.abs(draw.numbers(n))
+    other = side if draw.chance(0.6) else np.abs(draw.numbers(n))
+    A = np.zeros((n, n))
+    i = np.arange(n - 1)
+    A[i, i + 1], A[i + 1, i] = -side[:-1], -other[:-1]
+    shift = draw.one_of(0.0, 1e-6, 1.0)
+    if other is not side:
+        shift += 0.01
+    np.fill_diagonal(A, np.abs(A).sum(axis=1) + shift)
+    return planted(draw, A), "solvable"
+
+
+def copositive_plus(draw: Draw) -> Truth:
+    """Take a nonnegative matrix plus a definite one: strictly copositive."""
+    n = order(draw)
+    A = np.abs(draw.matrix(n, n)) + 0.1 * definite(draw, n)
+    return LCP(A, draw.numbers(n), np.zeros(n), np.full(n, INF)), "possible"
+
+
+def general(draw: Draw) -> Truth:
+    """Any matrix, with a planted solution."""
+    n = order(draw)
+    return planted(draw, draw.matrix(n, n)), "possible"
+
+
+def general_box(draw: Draw) -> Truth:
+    """Any matrix in a bounded box: a solution exists."""
+    n = order(draw)
+    lower = draw.numbers(n)
+    upper = lower + draw.positive(n)
+    return LCP(draw.matrix(n, n), draw.numbers(n), lower, upper), "possible"
+
+
+def anything(draw: Draw) -> Truth:
+    """Any matrix, any q."""
+    return random_side(draw, draw.matrix(*(order(draw),) * 2)), "near"
+
+
+def scaled_lcp(draw: Draw, decades: float) -> LCP:
+    """Return D A D of a definite or planted semidefinite A, and q, bounds to match."""
+    n = order(draw)
+    if draw.chance(0.5):
+        lcp = random_side(draw, definite(draw, n))
+    else:
+        lcp = planted(draw, semidefinite(draw, n))
+    d, c = draw.power(-decades, decades, n), draw.power(-decades, decades)
+    if draw.chance(0.3):
+        d = np.full(n, d[0])
+    A, q, lower, upper = lcp
+    return LCP(c * symmetric(A * d[:, None] * d), c * q * d, lower / d, upper / d)
+
+
+def scaled(draw: Draw) -> Truth:
+    """Units changed by 1e-4 to 1e4."""
+    return scaled_lcp(draw, draw.one_of(2.0, 4.0)), "solvable"
+
+
+def extreme_scales(draw: Draw) -> Truth:
+    """Units changed by 1e-8 to 1e8, and all numbers by up to 1e150."""
+    lcp = scaled_lcp(draw, 8.0)
+    c = draw.one_of(1.0, 1e150, 1e-150)
+    return lcp._replace(A=c * lcp.A, q=c * lcp.q), "possible"
+
+
+def without_solution(draw: Draw, skew: bool) -> LCP:
+    """Return a semidefinite A with A v = 0, v >= 0, and q with q'v < 0.
+
+    In whole numbers: with A v = 1e-16 there would be a solution with |z| = 1e16.
+    """
+    draw.whole = True
+    n = order(draw)
+    v = draw.positive(n) * draw.some(n, 0.7)
+    v[int(draw.rng.integers(n))] = 1.0
+    across = v @ v * np.eye(n) - np.outer(v, v)
+    S = semidefinite(draw, n)
+    if skew:
+        K = draw.matrix(n, n)
+        S = S + K - K.T
+    A = across @ S @ across / 4.0 ** np.round(np.log2(v @ v))
+    v /= np.linalg.norm(v)
+    q = draw.numbers(n)
+    q -= (q @ v + draw.one_of(0.01, 1.0)) * v
+    lower, upper = np.zeros(n), np.full(n, INF)
+    free = (v == 0.0) & draw.some(n, 0.3)
+    lower[free] = -1.0
+    upper[free] = 1.0
+    return LCP(A, q, lower, upper)
+
+
+def unsolvable(draw: Draw) -> Truth:
+    """Symmetric semidefinite, without a solution."""
+    return without_solution(draw, False), "unsolvable"
+
+
+def unsolvable_skew(draw: Draw) -> Truth:
+    """Semidefinite with a skew part, without a solution."""
+    return without_solution(draw, True), "unsolvable"
+
+
+def empty(draw: Draw) -> Truth:
+    """Take n = 0 or 1."""
+    n = int(draw.rng.integers(0, 2))
+    return random_side(draw, np.full((n, n), float(draw.positive(1)[0]))), "solvable"

@@ -1,0 +1,309 @@
+"""QPs without a solution, and some that only look so: a set with known truth.
+
+Each case has a truth, `infeasible`, `unbounded`, `both`, `feasible` or `not convex`,
+and, where a solvable problem was changed, that problem as its `twin`. The truth follows
+from the construction; where that needs a linear program, HiGHS solves it (by way of
+scipy.optimize.linprog). From the Maros-Meszaros collection come the convex problems of
+at most 1000 variables and rows, each changed in one way:
+
+- fixed: a variable is held above the largest value that the constraints allow (HiGHS);
+- row: a row is added that contradicts the sum of two others by 1e-3 of its size;
+- free: a free variable with a cost and nothing else is added;
+- pair: two variables >= 0 are added that cancel in every row but not in the cost;
+- unbound: all bounds are dropped (HiGHS says if a direction of recession descends);
+- both: row and free;
+- sums: three sums of two equations are added, their right-hand sides off by 1e-4;
+- digits: the same, off by 1e-8, which is feasible within the tolerance.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+from qpsolvers import Problem
+from scipy.optimize import linprog
+
+from validation.harness import qps
+from validation.problems import data_sets
+from validation.problems.small_infeasible_cases import SMALL, make
+
+MOST = 1000  # variables and rows of a Maros-Meszaros problem to be changed
+CHANGES = ("fixed", "row", "free", "pair", "unbound", "both", "sums", "digits")
+MARGIN = 1e-3
+DESCENT, LEVEL = 1e-3, 1e-9  # slopes that HiGHS can tell from each other
+SIZES = ((5, 8, 2), (10, 20, 3), (30, 40, 5), (50, 100, 10), (100, 150, 20),
+         (200, 300, 40), (300, 400, 50))  # fmt: skip
+DENSITY = 0.05
+
+
+class Case(NamedTuple):
+    """A problem, what is true of it, and the solvable problem it was made from."""
+
+    group: str
+    truth: str
+    problem: Problem
+    twin: Problem | None = None
+    eps: float = 1e-6
+
+
+Maker = Callable[[], Case | None]  # None: the change does not make such a problem
+
+
+def all_cases(data: Path | None, step: int) -> dict[str, Maker]:
+    """Return the makers of all cases by name.
+
+    Every `step`-th problem of the Maros-Meszaros collection gets each of its changes.
+    """
+    makers: dict[str, Maker] = {}
+    for name, (group, truth, eps, arrays, other) in SMALL.items():
+        makers[name] = partial(small_case, group, truth, eps, arrays, other)
+    for k, size in enumerate(SIZES):
+        for dense in (True, False):
+            for kind in (random_infeasible, random_unbounded):
+                text = f"{kind.__name__} {size[0]} {'dense' if dense else 'sparse'}"
+                makers[text.replace("_", " ")] = partial(kind, k, *size, dense)
+    if data is not None:
+        for place, change in enumerate(CHANGES):
+            often = 3 * step if change == "both" else step
+            for name in bases(data)[place % often :: often]:
+                makers[f"{name} {change}"] = partial(changed, data, name, change)
+    return makers
+
+
+def small_case(
+    group: str, truth: str, eps: float, arrays: dict[str, Any], other: dict[str, Any]
+) -> Case:
+    """Return a problem written down in `infeasible_small`."""
+    twin = make(**{**arrays, **other}) if other else None
+    return Case(group, truth, make(**arrays), twin, eps)
+
+
+def random_rows(rng: np.random.Generator, rows: int, n: int, dense: bool) -> np.ndarray:
+    """Return normal random entries, all or 5 % of them, and one at least in a row."""
+    M = rng.standard_normal((rows, n))
+    if not dense:
+        keep = rng.random((rows, n)) < DENSITY
+        keep[np.arange(rows), rng.integers(0, n, rows)] = True
+        M *= keep
+    return M
+
+
+def random_feasible(
+    rng: np.random.Generator, n: int, m: int, p: int, rank: int, dense: bool
+) -> list[np.ndarray]:
+    """Return P, q, G, h, A, b, lb, ub with a complementary point; P of some rank."""
+    B = random_rows(rng, rank, n, dense)
+    G, A = random_rows(rng, m, n, dense), random_rows(rng, p, n, dense)
+    x = rng.standard_normal(n)
+    active = rng.random(m) < 0.3
+    z = np.where(active, rng.random(m), 0.0)
+    at_lb = rng.random(n) < 0.3
+    z_box = np.where(at_lb, -rng.random(n), 0.0)
+    lb = np.where(at_lb, x, x - 1.0)
+    q = -(B.T @ (B @ x) + G.T @ z + A.T @ rng.standard_normal(p) + z_box)
+    h = G @ x + np.where(active, 0.0, rng.random(m))
+    return [
+        B.T @ B,
+        q,
+        G,
+        h,
+        A,
+        A @ x,
+        lb,
+        np.where(rng.random(n) < 0.5, x + 2, np.inf),
+    ]
+
+
+def shaped(arrays: list[np.ndarray], dense: bool) -> Problem:
+    """Return a dense or a sparse problem."""
+    if dense:
+        return Problem(*arrays)
+    return Problem(*[sp.csc_matrix(M) if M.ndim == 2 else M for M in arrays])
+
+
+def random_infeasible(seed: int, n: int, m: int, p: int, dense: bool) -> Case:
+    """Add to a solvable problem a row that contradicts a combination of others.
+
+    Of all rows if dense, else of four; P is definite, singular or zero in turn.
+    """
+    rng = np.random.default_rng(seed)
+    twin = random_feasible(rng, n, m, p, (n, n // 2, 0)[seed % 3], dense)
+    P, q, G, h, A, b, lb, ub = twin
+    used = np.arange(m) if dense else rng.choice(m, 4, replace=False)
+    z, y = 0.1 + rng.random(used.size), 0.1 * rng.standard_normal(p)
+    y[2:] *= dense
+    row = -(G[used].T @ z + A.T @ y)
+    side = -(h[used] @ z + b @ y) - 0.1
+    problem = [P, q, np.vstack([G, row]), np.append(h, side), A, b, lb, ub]
+    return Case(
+        "random infeasible", "infeasible", shaped(problem, dense), shaped(twin, dense)
+    )
+
+
+def random_unbounded(seed: int, n: int, m: int, p: int, dense: bool) -> Case:
+    """Give a solvable problem a direction d: P d = 0, A d = 0, G d <= 0, q'd = -1.
+
+    d has all entries, or four. In the twin bounds stop it.
+    """
+    rng = np.random.default_rng(seed)
+    rank = (n // 2, 1, 0)[seed % 3]
+    _, q, G, _, A, *_ = random_feasible(rng, n, m, p, rank, dense)
+    d = np.zeros(n)
+    used = np.arange(n) if dense else rng.choice(n, 4, replace=False)
+    d[used] = rng.standard_normal(used.size)
+    d /= np.linalg.norm(d)
+
+    def across(M: np.ndarray) -> np.ndarray:
+        return M - np.outer(M @ d, d)
+
+    x = rng.standard_normal(n)
+    B, A = across(random_rows(rng, rank, n, dense)), across(A)
+    G = np.where((G @ d > 0.0)[:, None], across(G), G)
+    q -= (q @ d + 1.0) * d
+    lb, ub = x - rng.random(n), x + rng.random(n)
+    h, b = G @ x + rng.random(m), A @ x
+    open_lb, open_ub = np.where(d < 0.0, -np.inf, lb), np.where(d > 0.0, np.inf, ub)
+    problem = [B.T @ B, q, G, h, A, b, open_lb, open_ub]
+    twin = [*problem[:6], lb, ub]
+    return Case(
+        "random unbounded", "unbounded", shaped(problem, dense), shaped(twin, dense)
+    )
+
+
+def bases(data: Path) -> list[str]:
+    """Return the names of the convex Maros-Meszaros problems that are small enough."""
+    index = data_sets.maros_index(data, "all")
+    return sorted(
+        name
+        for name, row in index.items()
+        if int(row["n"]) <= MOST
+        and int(row["mG"]) + int(row["mA"]) <= MOST
+        and name != "VALUES"  # not convex
+    )
+
+
+def changed(data: Path, name: str, change: str) -> Case | None:
+    """Return a problem of the collection after one of CHANGES."""
+    twin = data_sets.load(data, "all", name)
+    group = f"Maros-Meszaros, {change}"
+    if change == "fixed":
+        problem = fix_outside(twin)
+        return problem and Case(group, "infeasible", problem, twin)
+    if change == "row":
+        return Case(group, "infeasible", contradict(twin), twin)
+    if change == "free":
+        return Case(group, "unbounded", add_variables(twin, 1), twin)
+    if change == "pair":
+        return Case(group, "unbounded", add_variables(twin, 2), twin)
+    if change == "both":
+        return Case(group, "both", add_variables(contradict(twin), 1), twin)
+    if change in ("sums", "digits"):
+        off, truth = {"sums": (1e-4, "infeasible"), "digits": (1e-8, "feasible")}[
+            change
+        ]
+        problem = None if twin.A is None else add_sums(twin, off)
+        return problem and Case(group, truth, problem, twin)
+    if twin.lb is None and twin.ub is None:
+        return None
+    problem = Problem(twin.P, twin.q, twin.G, twin.h, twin.A, twin.b)
+    truth = {True: "unbounded", False: "feasible"}.get(is_unbounded(problem))
+    return truth and Case(group, truth, problem, twin)
+
+
+def linear_program(cost: np.ndarray, problem: Problem) -> Any:
+    """Return HiGHS's result for min cost'x over the constraints of a problem."""
+    _, _, G, h, A, b, lb, ub = qps.parts(problem)
+    finite = np.isfinite(h)
+    G = sp.csr_matrix(G)[finite]
+    bounds = np.column_stack([lb, ub])
+    return linprog(cost, G, h[finite], sp.csr_matrix(A), b, bounds, method="highs")
+
+
+def fix_outside(problem: Problem) -> Problem | None:
+    """Hold the first variable that the others' constraints bound above beyond that.
+
+    None if there is no such variable among the first twenty.
+    """
+    P, q, G, h, A, b, lb, ub = qps.parts(problem)
+    for j in range(min(q.size, 20)):
+        cost, low, high = np.zeros(q.size), lb.copy(), ub.copy()
+        cost[j], low[j], high[j] = -1.0, -np.inf, np.inf
+        answer = linear_program(cost, Problem(P, q, G, h, A, b, low, high))
+        if answer.status == 0:
+            low[j] = high[j] = -answer.fun + 1e-2 * (1.0 + abs(answer.fun))
+            return qps.joined(P, q, G, h, A, b, low, high)
+    return None
+
+
+def contradict(problem: Problem) -> Problem:
+    """Add the row -(r1 + r2)'x <= -(s1 + s2) - margin for two of its sides r'x <= s."""
+    P, q, G, h, A, b, lb, ub = qps.parts(problem)
+    G, A, one = sp.csr_matrix(G), sp.csr_matrix(A), sp.eye(q.size, format="csr")
+    finite, up, down = np.isfinite(h), np.isfinite(ub), np.isfinite(lb)
+    rows = sp.vstack([G[finite], A, one[up], -one[down]]).tocsr()
+    sides = np.concatenate([h[finite], b, ub[up], -lb[down]])
+    used = [0, min(1 + sides.size // 3, sides.size - 1)]
+    row, side = rows[used].sum(axis=0), sides[used].sum()
+    margin = MARGIN * (1.0 + abs(side))
+    G = sp.vstack([G, -sp.csr_matrix(row)]).tocsc()
+    return qps.joined(P, q, G, np.append(h, -side - margin), A.tocsc(), b, lb, ub)
+
+
+def add_sums(problem: Problem, off: float) -> Problem:
+    """Add sums of two equations, every right-hand side wrong by +-off."""
+    P, q, G, h, A, b, lb, ub = qps.parts(problem)
+    A, p = sp.csr_matrix(A), b.size
+    first = np.unique(np.arange(3) * p // 3)
+    second = (first + 1) % p
+    sums = b[first] + b[second] + off * (-1.0) ** np.arange(first.size)
+    A = sp.vstack([A, A[first] + A[second]]).tocsc()
+    return qps.joined(P, q, G, h, A, np.append(b, sums), lb, ub)
+
+
+def add_variables(problem: Problem, count: int) -> Problem:
+    """Add a free variable with a cost, or two >= 0 whose columns cancel."""
+    P, q, G, h, A, b, lb, ub = qps.parts(problem)
+    pair = count == 2
+    P = sp.block_diag([P, sp.csc_matrix((count, count))]).tocsc()
+    columns = []
+    for M in (G, A):
+        column = sp.csc_matrix((M.shape[0], 1))
+        if pair and M.shape[0]:
+            column = sp.csc_matrix(M.mean(axis=1).reshape(-1, 1))
+        columns.append(sp.hstack([M, *([column, -column] if pair else [column])]))
+    cost = [1.0, -2.0] if pair else [-1.0]
+    lowest = [0.0, 0.0] if pair else [-np.inf]
+    return qps.joined(
+        P, np.append(q, cost), columns[0].tocsc(), h, columns[1].tocsc(), b,
+        np.append(lb, lowest), np.append(ub, np.full(count, np.inf)),
+    )  # fmt: skip
+
+
+def is_feasible(problem: Problem) -> bool | None:
+    """Ask HiGHS whether the constraints have a point; None if it cannot tell."""
+    if problem.h is not None and (problem.h == -np.inf).any():
+        return False
+    answer = linear_program(np.zeros(problem.q.size), problem)
+    return {0: True, 2: False}.get(answer.status)
+
+
+def is_unbounded(problem: Problem) -> bool | None:
+    """Ask HiGHS whether a direction of recession in [-1, 1] descends.
+
+    None if it cannot tell, or by less than DESCENT and more than LEVEL.
+    """
+    P, q, G, h, A, _, lb, ub = qps.parts(problem)
+    G = sp.csr_matrix(G)[np.isfinite(h)]
+    still = sp.vstack([sp.csr_matrix(P), sp.csr_matrix(A)])
+    cone = Problem(
+        sp.csc_matrix(P.shape), q, G, np.zeros(G.shape[0]), still,
+        np.zeros(still.shape[0]), np.where(np.isfinite(lb), 0.0, -1.0),
+        np.where(np.isfinite(ub), 0.0, 1.0),
+    )  # fmt: skip
+    answer = linear_program(q, cone)
+    if answer.status != 0 or -DESCENT < answer.fun < -LEVEL:
+        return None
+    return bool(answer.fun <= -DESCENT)

@@ -1,0 +1,277 @@
+"""Box LCPs from applications, with the values that are known of their solutions.
+
+Each function returns BoxLCP(A, q, lower, upper): find z in [lower, upper] with
+w = A z + q >= 0 where z_i = lower_i, w_i <= 0 where z_i = upper_i, and w_i = 0 in
+between. Node (i, j) of a grid, counted along x and y, is entry (i, j) of
+z.reshape(nx, ny); values given on a boundary are eliminated. Random ones are seeded.
+tests/validation/test_scenes.py solves them and compares.
+"""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from namlcp.scenes import forced_obstacle
+from validation.problems import data_sets
+
+
+class BoxLCP(NamedTuple):
+    """A is a csr_array, or dense where it is full."""
+
+    A: sp.csr_array | np.ndarray
+    q: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+
+
+def nonnegative(A: sp.csr_array | np.ndarray, q: np.ndarray) -> BoxLCP:
+    """Return the LCP z >= 0, w >= 0, z'w = 0."""
+    return BoxLCP(A, q, np.zeros_like(q), np.full_like(q, np.inf))
+
+
+def second_difference(m: int) -> sp.csr_array:
+    """Return tridiag(-1, 2, -1) of order m."""
+    return sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(m, m)).tocsr()
+
+
+def five_point(nx: int, ny: int, cx: float = 1.0, cy: float = 1.0) -> sp.csr_array:
+    """Return cx Tx + cy Ty, T = tridiag(-1, 2, -1), on nx x ny interior nodes."""
+    x = sp.kron(second_difference(nx), cx * sp.eye_array(ny))
+    return sp.csr_array(x + sp.kron(cy * sp.eye_array(nx), second_difference(ny)))
+
+
+def torsion(nx: int, ny: int, c: float = 5.0) -> BoxLCP:
+    """Return the stress function of an elastic-plastic bar under torsion.
+
+    min 1/2 int |grad v|^2 - c int v on the unit square, |v| <= distance to the
+    boundary; the bar is plastic where the bound is met (MINPACK-2 DEPT, COPS 15).
+    1/2 z'Az + q'z at nx x ny interior nodes: 50 x 50 -0.4180876320 (published
+    -4.18087e-1) with 752 nodes in contact, 50 x 100 -0.4182392134.
+    """
+    hx, hy = 1.0 / (nx + 1), 1.0 / (ny + 1)
+    i, j = np.arange(1, nx + 1), np.arange(1, ny + 1)
+    x, y = np.minimum(i, nx + 1 - i) * hx, np.minimum(j, ny + 1 - j) * hy
+    distance = np.minimum(x[:, None], y).ravel()
+    q = np.full(nx * ny, -c * hx * hy)
+    return BoxLCP(five_point(nx, ny, hy / hx, hx / hy), q, -distance, distance)
+
+
+def journal_bearing(nx: int, ny: int, e: float = 0.1, b: float = 10.0) -> BoxLCP:
+    """Return the pressure of the film in a journal bearing of eccentricity e.
+
+    min 1/2 int w |grad v|^2 - e int sin(x) v over v >= 0 on (0, 2 pi) x (0, 2 b),
+    w = (1 + e cos x)^3, linear elements on right triangles (MINPACK-2 DPJB; PETSc/TAO
+    jbearing2.c). 1/2 z'Az + q'z: 8 x 12, e = 0.1 -0.1834372196 (TAO -0.183437);
+    50 x 50, e = 0.99 -60.1509273215 (TAO -60.1509); 50 x 50, e = 0.1 -0.1804879950.
+    """
+    hx, hy = 2.0 * np.pi / (nx + 1), 2.0 * b / (ny + 1)
+    w = (1.0 + e * np.cos(hx * np.arange(nx + 2))) ** 3
+    lower, upper = (2.0 * w[:-1] + w[1:]) / 3.0, (2.0 * w[1:] + w[:-1]) / 3.0
+    along_x = 0.5 * (lower + upper)  # edge (i, i + 1), once in each of two triangles
+    along_y = 0.5 * (lower[1:] + upper[:-1])  # edge from (i, j) to (i, j + 1)
+    inner = -along_x[1:-1]
+    X = sp.diags_array([inner, along_x[:-1] + along_x[1:], inner], offsets=[-1, 0, 1])
+    A = sp.kron(X, (hy / hx) * sp.eye_array(ny))
+    A += sp.kron(sp.diags_array((hx / hy) * along_y), second_difference(ny))
+    load = e * hx * hy * np.sin(hx * np.arange(1, nx + 1))
+    return nonnegative(sp.csr_array(A), np.repeat(-load, ny))
+
+
+CONTACT_RADIUS = 0.697965148223374
+BALL_A, BALL_B = 0.680259411891719, 0.471519893402112
+
+
+def ball_obstacle(m: int) -> BoxLCP:
+    """Return a membrane over a ball, m x m nodes, boundary included.
+
+    (-2, 2)^2, -Lap u >= 0, u >= psi = sqrt(1 - r^2) for r <= 0.9 and its tangent
+    beyond, u on the boundary from `ball_solution` (Bueler, PETSc for Partial
+    Differential Equations, 2021, ch. 12; snes ex9). Error over all m x m nodes,
+    average / max: m = 17 2.707e-3 / 1.428e-2 (published), 33 8.182e-4 / 5.747e-3,
+    129 3.334e-5 / 2.154e-4. A is the Laplacian times h^2.
+    """
+    line = np.linspace(-2.0, 2.0, m)
+    r = np.hypot(line[:, None], line)
+    edge = np.sqrt(1.0 - 0.9**2)
+    ball = np.sqrt(1.0 - np.minimum(r, 0.9) ** 2)
+    psi = np.where(r <= 0.9, ball, edge - 0.9 / edge * (r - 0.9))
+    inner = slice(1, -1)
+    u = ball_solution(m)
+    u[inner, inner] = 0.0
+    q = -boundary_terms(u)
+    A = five_point(m - 2, m - 2)
+    return BoxLCP(A, q, psi[inner, inner].ravel(), np.full_like(q, np.inf))
+
+
+def ball_solution(m: int) -> np.ndarray:
+    """Return the exact solution of `ball_obstacle` on all m x m nodes.
+
+    sqrt(1 - r^2) up to the contact radius, B - A ln r outside.
+    """
+    line = np.linspace(-2.0, 2.0, m)
+    r = np.hypot(line[:, None], line)
+    inside = np.sqrt(1.0 - np.minimum(r, CONTACT_RADIUS) ** 2)
+    outside = BALL_B - BALL_A * np.log(np.maximum(r, CONTACT_RADIUS))
+    return np.where(r <= CONTACT_RADIUS, inside, outside)
+
+
+def boundary_terms(u: np.ndarray) -> np.ndarray:
+    """Return the sum of the four neighbours of each interior node of a grid."""
+    inner = slice(1, -1)
+    return (u[:-2, inner] + u[2:, inner] + u[inner, :-2] + u[inner, 2:]).ravel()
+
+
+def obstacle(m: int) -> BoxLCP:
+    """Return the forced obstacle: z >= 0 under a load of changing sign.
+
+    Unit square, A the five-point Laplacian times h^2 on m x m interior nodes, load
+    50 sin(3 pi x) sin(3 pi y): 12 % of the nodes in contact, in four patches.
+    """
+    return nonnegative(*forced_obstacle(m))
+
+
+def dam(refinement: int = 1) -> BoxLCP:
+    """Return the seepage through a dam 16 wide, water 24 deep before and 4 behind it.
+
+    u >= 0, -Lap u + 1 >= 0, u (1 - Lap u) = 0 (Baiocchi); u = (24 - y)^2 / 2 left,
+    (4 - y)^2 / 2 right below y = 4 and 0 above, linear at the bottom, 0 at the top
+    (Brandt and Cryer, SIAM J Sci Stat Comput 4 (1983) 655-684). The grid of 5 x 7
+    nodes, boundary included, is refined by doubling. z of it in rational arithmetic,
+    rows from the top: 2.537160152376977 0 0; 18.14864060950791 6.784143053453704 0;
+    47.27325923220094 24.98793160430691 7.912016211797040; two more; the printed ones
+    come from an iteration and differ by up to 1.5e-11. Active sets started cold take
+    about twice the steps after each refinement.
+    """
+    a, y1, y2 = 16.0, 24.0, 4.0
+    nx, ny = 4 * refinement + 1, 6 * refinement + 1
+    h = a / (nx - 1)
+    y = h * np.arange(ny)
+    u = np.zeros((nx, ny))
+    u[0], u[-1] = 0.5 * (y1 - y) ** 2, 0.5 * np.maximum(y2 - y, 0.0) ** 2
+    u[:, 0] = np.linspace(0.5 * y1**2, 0.5 * y2**2, nx)
+    return nonnegative(five_point(nx - 2, ny - 2), h**2 - boundary_terms(u))
+
+
+def american_put(
+    m: int,
+    steps: int,
+    strike: float = 100.0,
+    rate: float = 0.05,
+    dividend: float = 0.05,
+    volatility: float = 0.25,
+    width: float = 2.0,
+) -> BoxLCP:
+    """Return the first implicit Euler step of an American put over one year.
+
+    V >= max(K - S, 0), V_t <= L V in time to maturity, L V = sigma^2/2 (V_xx - V_x) +
+    (r - d) V_x - r V, x = ln(S / K) in (-width, width) on m interior nodes, m odd, so
+    that S = K is the middle one. A is tridiagonal and nonsymmetric, z = V; the next
+    step has q + V_old - V_new for q. With r = d = 5 %, sigma = 25 %, S = K = 100:
+    9.5694453 (Andersen, Lake and Offengenden, J Comput Finance 20 (2015) 39-87).
+    """
+    h, dt = 2.0 * width / (m + 1), 1.0 / steps
+    x = -width + h * np.arange(m + 2)
+    payoff = strike * np.maximum(1.0 - np.exp(x), 0.0)
+    diffusion = 0.5 * volatility**2 / h**2
+    drift = (rate - dividend - 0.5 * volatility**2) / (2.0 * h)
+    below, above = -dt * (diffusion - drift), -dt * (diffusion + drift)
+    middle = 1.0 + dt * (2.0 * diffusion + rate)
+    A = sp.diags_array([below, middle, above], offsets=[-1, 0, 1], shape=(m, m))
+    q = -payoff[1:-1]
+    q[0] += below * payoff[0]
+    return BoxLCP(A.tocsr(), q, payoff[1:-1], np.full(m, np.inf))
+
+
+def input_bounded_mpc(
+    steps: int = 100, start: tuple[float, float] = (10.0, 0.0)
+) -> BoxLCP:
+    """Return the accelerations |u| <= 1 that bring a point mass to rest, condensed.
+
+    x_{k+1} = [[1, .1], [0, 1]] x_k + [.005, .1] u_k; half the sum of x'Qx over x_1 to
+    x_N and of u'Ru, Q = diag(1, .1), R = .01. With x'Qx of x_0 the whole sum for 100
+    steps from (10, 0) is 2490.05936849, with 69 inputs at a bound. A is dense.
+    """
+    F, g = np.array([[1.0, 0.1], [0.0, 1.0]]), np.array([0.005, 0.1])
+    G = np.zeros((steps, 2, steps))
+    x = np.zeros((steps, 2))
+    free = np.array(start)
+    for k in range(steps):
+        free = F @ free
+        x[k] = free
+        if k:
+            G[k] = F @ G[k - 1]
+        G[k, :, k] = g
+    weight = np.tile([1.0, 0.1], steps)[:, None]
+    G = G.reshape(2 * steps, steps)
+    A = G.T @ (weight * G) + 0.01 * np.eye(steps)
+    q = G.T @ (weight[:, 0] * x.ravel())
+    return BoxLCP(0.5 * (A + A.T), q, np.full(steps, -1.0), np.ones(steps))
+
+
+def two_clouds(
+    n: int, features: int = 5, seed: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return points X and labels y = +-1 of two normal clouds that overlap."""
+    rng = np.random.default_rng(seed)
+    y = np.where(rng.random(n) < 0.5, 1.0, -1.0)
+    return rng.standard_normal((n, features)) + 0.7 * y[:, None], y
+
+
+def svm_data(data: Path | None, n: int = 270) -> tuple[np.ndarray, np.ndarray]:
+    """Return X and y: heart_scale of the data folder, n generated points without it."""
+    if data is None or not (data / "svm" / "heart_scale").exists():
+        return two_clouds(n)
+    return data_sets.heart_scale(data)
+
+
+def svm_rbf(X: np.ndarray, y: np.ndarray, gamma: float, C: float = 1.0) -> BoxLCP:
+    """Return the dual of a support vector machine with RBF kernel, without bias.
+
+    min 1/2 z'Az - sum z, 0 <= z <= C, a_ij = y_i y_j exp(-gamma |x_i - x_j|^2).
+    heart_scale (LIBSVM, 270 x 13), gamma = 1/13, C = 1: objective -101.1335996299, 129
+    support vectors, 107 of them at C.
+    """
+    square = np.sum(X * X, axis=1)
+    distance = np.maximum(square[:, None] + square - 2.0 * X @ X.T, 0.0)
+    A = np.outer(y, y) * np.exp(-gamma * distance)
+    return BoxLCP(A, -np.ones_like(y), np.zeros_like(y), np.full_like(y, C))
+
+
+def svm_l2(X: np.ndarray, y: np.ndarray, C: float = 1.0) -> BoxLCP:
+    """Return the dual with a linear kernel and squared hinge loss, an LCP.
+
+    min 1/2 z'(Q + I/(2 C)) z - sum z, z >= 0, q_ij = y_i y_j x_i'x_j. heart_scale,
+    C = 1: objective -121.13472444.
+    """
+    Xy = y[:, None] * X
+    return nonnegative(Xy @ Xy.T + np.eye(y.size) / (2.0 * C), -np.ones_like(y))
+
+
+def nonnegative_least_squares(
+    rows: int, n: int, seed: int = 0
+) -> tuple[BoxLCP, np.ndarray, np.ndarray]:
+    """Return the LCP of min |B x - b|, x >= 0, then B and b: A = B'B, q = -B'b.
+
+    B is normal, so that B'B is well conditioned for rows >= 2 n; scipy.optimize.nnls
+    on B and b is the oracle.
+    """
+    rng = np.random.default_rng(seed)
+    B = rng.standard_normal((rows, n))
+    x = np.maximum(rng.standard_normal(n), 0.0)
+    b = B @ x + 0.5 * rng.standard_normal(rows)
+    return nonnegative(B.T @ B, -(B.T @ b)), B, b
+
+
+def portfolio(n: int, factors: int | None = None, seed: int = 0) -> BoxLCP:
+    """Return the long-only portfolio of n assets with the largest Sharpe ratio.
+
+    Sigma x - mu >= 0, x >= 0, complementary; x / sum x maximises mu'x / sqrt(x'Sigma x)
+    among x >= 0. Sigma = F F' + D with `factors` (n / 10) factors is dense; some
+    returns mu are negative.
+    """
+    rng = np.random.default_rng(seed)
+    F = 0.2 * rng.standard_normal((n, factors or max(1, n // 10)))
+    mu = 0.05 + 0.1 * rng.standard_normal(n)
+    return nonnegative(F @ F.T + np.diag(rng.uniform(0.05, 0.2, n)), -mu)

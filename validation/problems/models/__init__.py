@@ -1,0 +1,7 @@
+"""What people model in CVXPY: statistics (fits) and decisions (plans, portfolios)."""
+
+from validation.problems.models import decisions, statistics
+
+__all__ = ["MODELS", "decisions", "statistics"]
+
+MODELS = statistics.MODELS | decisions.MODELS

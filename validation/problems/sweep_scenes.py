@@ -1,0 +1,213 @@
+"""Box LCPs of known class on which the sweep methods are compared.
+
+Every function returns a Scene: find z in [lower, upper] with w = A z + q >= 0 where
+z_i = lower_i, w_i <= 0 where z_i = upper_i, and w_i = 0 in between.
+"""
+
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from namlcp.scenes import disc_pile, forced_obstacle
+from validation.problems import data_sets
+from validation.problems.known_scenes import svm_rbf, two_clouds
+
+
+class Scene(NamedTuple):
+    """A problem; s0 is the start that a source prescribes."""
+
+    name: str
+    A: Any
+    q: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    s0: np.ndarray | None = None
+
+
+def halfline(name: str, A: Any, q: np.ndarray, s0: np.ndarray | None = None) -> Scene:
+    """Return the scene with z >= 0, the matrix in canonical form."""
+    if not isinstance(A, np.ndarray):
+        A = sp.csr_array(A)
+        A.sum_duplicates()
+    return Scene(name, A, q, np.zeros_like(q), np.full_like(q, np.inf), s0)
+
+
+def paper_example(number: int, m: int, delta: float = 4.0) -> Scene:
+    """Return Example 1 or 2 of the paper, n = m^2, m even, with its start.
+
+    Five-point matrix + delta I with entries -1 (Example 1), or -1.5 below and -0.5
+    above the diagonal (2); z* = (1, 2, 1, 2, ...), so that w* = 0.
+    """
+    below, above = {1: (-1.0, -1.0), 2: (-1.5, -0.5)}[number]
+    line = sp.diags_array([below, above], offsets=[-1, 1], shape=(m, m))
+    A = sp.csr_array(sp.kronsum(line, line) + (4.0 + delta) * sp.eye_array(m * m))
+    z = np.tile([1.0, 2.0], m * m // 2)
+    s0 = np.tile([1.0, 0.0], m * m // 2)
+    return halfline(f"Example {number}, delta = {delta:g}", A, -(A @ z), s0)
+
+
+def with_contact(scene: Scene, seed: int = 0) -> Scene:
+    """Return the scene with another q, so that about half of the z*_i are zero.
+
+    Strictly complementary z*, w*: exponentially distributed, w*_i in units of a_ii.
+    """
+    rng = np.random.default_rng(seed)
+    free = rng.random(scene.q.size) < 0.5
+    size = rng.exponential(size=scene.q.size)
+    w = np.where(free, 0.0, size * scene.A.diagonal())
+    q = w - scene.A @ np.where(free, size, 0.0)
+    return scene._replace(q=q, s0=None)
+
+
+def obstacle(m: int) -> Scene:
+    """Return the membrane on m x m nodes with a load of changing sign."""
+    return halfline("obstacle", *forced_obstacle(m))
+
+
+def contact(data: Path, name: str) -> Scene:
+    """Return the frictionless part of a contact scene of the data folder."""
+    A, q = data_sets.contact_lcp(data, name)
+    return halfline(name, A, q)
+
+
+def discs(rows: int) -> Scene:
+    """Return the contact forces in a pile of discs: A is singular, nearly M."""
+    return halfline("disc pile", *disc_pile(rows))
+
+
+def bricks(rows: int, columns: int, seed: int = 0) -> Scene:
+    """Return the contact forces in a wall of bricks, frictionless and singular.
+
+    Bricks 2 wide and 1 high of random mass lie in running bond, every other row shifted
+    by half a brick. Two bricks touch at both ends of their overlap; with the vertical
+    velocity and the rotation of each brick, N (2 bricks x contacts) and masses M, the
+    impulses solve N'M^-1 N z + N'v >= 0 after a step of gravity and a small random
+    motion. A has entries of both signs, about twice as many rows as its rank, and is
+    not an H-matrix.
+    """
+    rng = np.random.default_rng(seed)
+    centre = [2.0 * k + (row % 2) for row in range(rows) for k in range(columns)]
+    points: list[tuple[int, int, float]] = []  # below (-1: floor), above, x
+    for upper in range(columns * rows):
+        if upper < columns:
+            points += [(-1, upper, centre[upper] + side) for side in (-1.0, 1.0)]
+            continue
+        first = (upper // columns - 1) * columns
+        for lower in range(first, first + columns):
+            left = max(centre[lower], centre[upper]) - 1.0
+            right = min(centre[lower], centre[upper]) + 1.0
+            if left < right:
+                points += [(lower, upper, left), (lower, upper, right)]
+    entries = [
+        (2 * body + part, c, sign * (x - centre[body] if part else 1.0))
+        for c, (below, above, x) in enumerate(points)
+        for body, sign in ((below, -1.0), (above, 1.0))
+        if body >= 0
+        for part in (0, 1)
+    ]
+    into, of, values = zip(*entries, strict=True)
+    N = sp.csr_array((values, (into, of)), shape=(2 * len(centre), len(points)))
+    mass = rng.uniform(0.5, 2.0, len(centre))
+    inverse = np.column_stack((1.0 / mass, 12.0 / (5.0 * mass))).ravel()
+    velocity = 1e-3 * rng.standard_normal(inverse.size)
+    velocity[::2] -= 9.81e-3
+    return halfline("brick wall", N.T @ sp.diags_array(inverse) @ N, N.T @ velocity)
+
+
+def random_spd(n: int, condition: float = 100.0, seed: int = 0) -> Scene:
+    """Return a dense SPD matrix with that condition number, random eigenvectors."""
+    rng = np.random.default_rng(seed)
+    V, _ = np.linalg.qr(rng.standard_normal((n, n)))
+    A = (V * np.geomspace(1.0, 1.0 / condition, n)) @ V.T
+    scene = halfline("random SPD", 0.5 * (A + A.T), np.zeros(n))
+    return with_contact(scene, seed)
+
+
+def spd_not_h(n: int, per_row: int = 4, seed: int = 0) -> Scene:
+    """Return sparse A = B B' + 0.1 I, SPD, with rho(|I - D^-1 A|) well above 1."""
+    rng = np.random.default_rng(seed)
+    rows = np.repeat(np.arange(n), per_row)
+    columns = rng.integers(0, n, n * per_row)
+    values = rng.standard_normal(n * per_row)
+    B = sp.csr_array((values, (rows, columns)), shape=(n, n))
+    scene = halfline("SPD, not H", B @ B.T + 0.1 * sp.eye_array(n), np.zeros(n))
+    return with_contact(scene, seed)
+
+
+def svm_heart(data: Path) -> Scene:
+    """Return the SVM dual of heart_scale: RBF kernel, gamma = 1/13, C = 1, no bias."""
+    return Scene("SVM heart", *svm_rbf(*data_sets.heart_scale(data), 1.0 / 13.0))
+
+
+def svm_generated(n: int, seed: int = 0) -> Scene:
+    """Return the SVM dual of two overlapping normal clouds in 5 dimensions."""
+    return Scene("SVM generated", *svm_rbf(*two_clouds(n, seed=seed), 0.2))
+
+
+def badly_scaled(m: int, decades: float = 3.0, seed: int = 0) -> Scene:
+    """Return Example 1, delta = 1, with row i of A and q times 10^(+-decades)."""
+    scene = with_contact(paper_example(1, m, 1.0), seed)
+    exponent = np.random.default_rng(seed).uniform(-decades, decades, m * m)
+    rows = 10.0**exponent
+    A = sp.csr_array(sp.diags_array(rows) @ scene.A)
+    return halfline("badly scaled rows", A, rows * scene.q)
+
+
+def nonsymmetric_h_plus(n: int, radius: float = 0.9, seed: int = 0) -> Scene:
+    """Return sparse A with random signs and rho(|I - D^-1 A|) = radius < 1: H+."""
+    rng = np.random.default_rng(seed)
+    B = sp.random_array((n, n), density=6.0 / n, rng=rng, format="csr")
+    B.data = rng.standard_normal(B.nnz)
+    B.setdiag(0.0)
+    B.eliminate_zeros()
+    vector, size = np.ones(n), 1.0
+    for _ in range(500):  # power iteration, shifted because |B| may be periodic
+        vector = abs(B) @ vector + vector
+        size = float(np.max(vector))
+        vector /= size
+    B *= radius / (size - 1.0)
+    diagonal = sp.diags_array(rng.uniform(0.5, 2.0, n))
+    scene = halfline("nonsymmetric H+", diagonal @ (sp.eye_array(n) + B), np.zeros(n))
+    return with_contact(scene, seed)
+
+
+def hertz(m: int) -> Scene:
+    """Return a sphere pressed on an elastic half-space, m x m pressures on (-1, 1)^2.
+
+    a_ij is the deflection of cell i by a unit pressure on cell j (Love 1929, in units
+    of 1/(pi E*)), q the gap r^2/(2 R) - depth with R = 1, depth 0.25: A is dense and
+    positive, symmetric, no H-matrix.
+    """
+    half = 1.0 / m
+    line = np.linspace(-1.0 + half, 1.0 - half, m)
+    x, y = (axis.ravel() for axis in np.meshgrid(line, line))
+    dx, dy = x[:, None] - x, y[:, None] - y
+
+    def corner(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return a * np.arcsinh(b / np.abs(a)) + b * np.arcsinh(a / np.abs(b))
+
+    A = corner(dx + half, dy + half) - corner(dx - half, dy + half)
+    A += corner(dx - half, dy - half) - corner(dx + half, dy - half)
+    return halfline("dense positive", 0.5 * (A + A.T), 0.5 * (x * x + y * y) - 0.25)
+
+
+def problem_classes() -> list[Scene]:
+    """Return one scene of each class of the stability map, none of which needs data.
+
+    Laplacian and dominant M-matrix, SPD not H, two singular contact scenes (one nearly
+    an M-matrix, one with entries of both signs), rows in other units, H+ without
+    symmetry, dense and positive.
+    """
+    dominant = with_contact(paper_example(1, 20, 4.0))
+    return [
+        dominant._replace(name="dominant M-matrix"),
+        obstacle(20)._replace(name="Laplacian"),
+        spd_not_h(300),
+        discs(14)._replace(name="singular contact, discs"),
+        bricks(8, 8)._replace(name="singular contact, bricks"),
+        badly_scaled(20),
+        nonsymmetric_h_plus(400),
+        hertz(16),
+    ]

@@ -1,0 +1,3 @@
+"""Who stays right under stress: the seeded campaign, and the stress table."""
+
+__all__: list[str] = []

@@ -1,0 +1,160 @@
+"""What a campaign has counted: kept in a CSV, and printed as Markdown.
+
+A row of the CSV is a solver, a class of problems, what is true of them and an outcome;
+its count, its time, and the indices of the first problems with an outcome that is not
+right. The rows with the outcome "done" tell how many problems a solver has behind it.
+"""
+
+import collections
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from validation.harness import Row, csv_files, tables
+from validation.problems.fuzzed import cases
+
+COLUMNS = "solver class truth outcome count seconds slowest cases first".split()
+LISTED = 40  # indices of a class and outcome in the CSV
+OUTCOMES = ("right", "refused", "wrong", "raised", "hang", "crash")
+NEVER = OUTCOMES[2:]
+SOLVED = 0.998  # share that nam must solve of what has a solution
+NAMED = 0.99  # share whose lack of a solution nam must prove
+NAMELESS = ("infeasible", "unbounded", "both")  # what has no solution
+Key = tuple[str, str, str, str]
+Bar = tuple[str, int, int, bool]
+
+
+class Tally:
+    """The counts of a campaign, kept in a CSV; the row "done" tells how far it is."""
+
+    def __init__(self, path: Path, header: list[str]) -> None:
+        """Read what an earlier run has left."""
+        self.path, self.header = path, header
+        self.rows: dict[Key, Row] = {}
+        self.done: collections.Counter[str] = collections.Counter()
+        for row in read(path):
+            if row["outcome"] == "done":
+                self.done[row["solver"]] = row["count"]
+            else:
+                self.rows[tuple(row[name] for name in COLUMNS[:4])] = row
+
+    def add(self, solver: str, index: int, found: Row) -> None:
+        """Count one problem."""
+        key = (solver, cases.group_of(index), found["truth"], found["outcome"])
+        row = self.rows.setdefault(
+            key,
+            dict(zip(COLUMNS, (*key, 0, 0.0, 0.0, "", ""), strict=True)),
+        )
+        if found["outcome"] != "right" and row["count"] < LISTED:
+            row["cases"] = f"{row['cases']} {index}".strip()
+            row["first"] = row["first"] or " ".join(found["why"].split())[:160]
+        row["count"] += 1
+        row["seconds"] = round(row["seconds"] + found["time"], 4)
+        row["slowest"] = max(row["slowest"], round(found["time"], 4))
+
+    def write(self) -> None:
+        """Replace the CSV."""
+        new = self.path.with_suffix(".part")
+        with csv_files.writer(new, self.header, COLUMNS) as write:
+            for solver, count in self.done.items():
+                write({"solver": solver, "outcome": "done", "count": count})
+            for key in sorted(self.rows):
+                write(self.rows[key])
+        os.replace(new, self.path)
+
+
+def read(path: Path) -> Iterator[Row]:
+    """Yield the rows of a CSV with their numbers."""
+    for row in csv_files.read(path):
+        yield row | {
+            "count": int(row["count"]),
+            "seconds": float(row["seconds"] or 0.0),
+            "slowest": float(row["slowest"] or 0.0),
+        }
+
+
+def total(rows: Iterable[Row], **wanted: Any) -> int:
+    """Return the sum of the counts of the rows with these values.
+
+    A value is a text, or a collection of them, or "QP" and "LCP" for a class.
+    """
+    count = 0
+    for row in rows:
+        if all(fits(row, key, value) for key, value in wanted.items()):
+            count += row["count"]
+    return count
+
+
+def fits(row: Row, key: str, value: Any) -> bool:
+    """Tell whether a row has one of the values."""
+    if key == "side":
+        return str(row["class"]).startswith(value)
+    return row[key] == value if isinstance(value, str) else row[key] in value
+
+
+def bars(rows: Iterable[Row]) -> list[Bar]:
+    """Return what is asked of nam: text, how many, of how many, whether it is met."""
+    own = tables.chosen(rows, solver="nam")
+    found = []
+    for text, share, wanted in (
+        ("convex QPs with a solution: solved", SOLVED, ("QP", "solvable")),
+        ("QPs without one: called by their name", NAMED, ("QP", NAMELESS)),
+        ("LCPs, P or PSD, with a solution: solved", SOLVED, ("LCP", "solvable")),
+        ("LCPs, PSD, without one: proved", NAMED, ("LCP", "unsolvable")),
+        ("not convex: refused by name, or proved", 1.0, ("QP", "not convex")),
+        ("malformed input: named", 1.0, ("malformed", "malformed")),
+    ):
+        side, truth = wanted
+        good = total(own, side=side, truth=truth, outcome="right")
+        of = total(own, side=side, truth=truth)
+        found.append((text, good, of, good >= share * of))
+    for outcome in NEVER:
+        bad = total(own, outcome=outcome)
+        found.append((f"all: {outcome}", bad, total(own), bad == 0))
+    return found
+
+
+def class_lines(rows: list[Row]) -> Iterator[list[Any]]:
+    """Yield the line of each class and truth of one solver."""
+    for group, truth in tables.distinct(rows, "class", "truth"):
+        here = tables.chosen(rows, **{"class": group, "truth": truth})
+        counts = [total(here, outcome=outcome) for outcome in OUTCOMES]
+        seconds = sum(row["seconds"] for row in here)
+        yield [group, truth, sum(counts), *counts, f"{1e3 * seconds / sum(counts):.2f}"]
+
+
+def peer_lines(rows: list[Row]) -> Iterator[list[Any]]:
+    """Yield a line for each solver and kind of truth, on the classes peers have."""
+    common = {row["class"] for row in rows if row["solver"] != "nam"}
+    kinds = {
+        "with a solution": ("solvable",),
+        "extreme scales": ("possible",),
+        "infeasible": ("infeasible",),
+        "unbounded": ("unbounded", "both"),
+    }
+    for text, truths in kinds.items():
+        for solver in tables.distinct(rows, "solver"):
+            here = [
+                r for r in tables.chosen(rows, solver=solver) if r["class"] in common
+            ]
+            here = [r for r in here if r["truth"] in truths]
+            counts = [total(here, outcome=outcome) for outcome in OUTCOMES]
+            if sum(counts):
+                seconds = sum(row["seconds"] for row in here)
+                mean = f"{1e3 * seconds / sum(counts):.2f}"
+                yield [text, solver, sum(counts), *counts, mean]
+
+
+def print_report(path: Path) -> None:
+    """Print the tables of a CSV."""
+    rows = [row for row in read(path) if row["outcome"] != "done"]
+    own = tables.chosen(rows, solver="nam")
+    head = ["problems", *OUTCOMES, "mean [ms]"]
+    met = {True: "yes", False: "NO"}
+    asked = ([*bar[:3], met[bar[3]]] for bar in bars(own))
+    print(tables.markdown(("nam", "count", "of", "met"), asked))
+    print("\n" + tables.markdown(("class", "truth", *head), class_lines(own)))
+    if len(tables.distinct(rows, "solver")) > 1:
+        columns = "convex QPs", "solver", *head
+        print("\n" + tables.markdown(columns, peer_lines(rows)))
