@@ -13,7 +13,7 @@ from problems_qp import complementary
 from scipy import sparse
 from scipy.sparse.linalg import LinearOperator
 
-from namlcp import qp_residuals, solve_lcp, solve_qp
+from namlcp import Prepared, qp_residuals, solve_lcp, solve_qp
 from namlcp.limits import Deadline
 from namlcp.progress import Progress, is_shown
 from namlcp.residuals import natural_residual
@@ -32,6 +32,17 @@ class Presses:
             signal.raise_signal(signal.SIGINT)
 
 
+@pytest.fixture
+def press_at(monkeypatch):
+    """Press Ctrl-C at the k-th row of the history, at any moment between iterations."""
+
+    def patch(k):
+        press, row = Presses(k), Progress.row
+        monkeypatch.setattr(Progress, "row", lambda *args: (row(*args), press())[0])
+
+    return patch
+
+
 def slow_problem(m=30):
     return problems.laplacian(m), -np.ones(m * m)
 
@@ -47,12 +58,9 @@ def test_a_deadline_has_come_after_an_interrupt():
 
 
 @pytest.mark.parametrize("method", ["auto", "namgs", "psor", "modulus"])
-def test_ctrl_c_returns_the_best_point(method, monkeypatch):
-    """The rows of the history stand for any moment between two iterations."""
+def test_ctrl_c_returns_the_best_point(method, press_at):
     A, q = slow_problem()
-    press = Presses(3)
-    row = Progress.row
-    monkeypatch.setattr(Progress, "row", lambda *args: (row(*args), press())[0])
+    press_at(3)
     options = {} if method == "auto" else {"eps_abs": 1e-12}
     if method == "auto":  # one unknown after the other: many factorisations
         A, q = problems.triangular_p(np.random.default_rng(0), 60, 10.0), -np.ones(60)
@@ -67,11 +75,9 @@ def test_ctrl_c_returns_the_best_point(method, monkeypatch):
     )
 
 
-def test_ctrl_c_returns_the_best_point_of_a_qp(monkeypatch):
+def test_ctrl_c_returns_the_best_point_of_a_qp(press_at):
     known = complementary(3, 120, 90, 10, 40, 0.02)
-    press = Presses(4)
-    row = Progress.row
-    monkeypatch.setattr(Progress, "row", lambda *args: (row(*args), press())[0])
+    press_at(4)
     result = solve_qp(*known.qp, history=True)
     assert result.status is Status.INTERRUPTED
     assert len(result.history) == 4
@@ -101,21 +107,16 @@ def test_twice_raises():
         signal.raise_signal(signal.SIGINT)
         return A @ x
 
-    operator = LinearOperator(A.shape, matvec=lambda x: A @ x, dtype=float)
-    from namlcp import Prepared
-
-    matrix = Prepared(operator)
+    matrix = Prepared(LinearOperator(A.shape, matvec=lambda x: A @ x, dtype=float))
     matrix.A.A = LinearOperator(A.shape, matvec=product, dtype=float)
     with pytest.raises(KeyboardInterrupt):
         solve_lcp(matrix, q)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
 
 
-def test_a_solve_that_ends_by_itself_does_not_swallow_it(monkeypatch):
+def test_a_solve_that_ends_by_itself_does_not_swallow_it(press_at):
     """A loop over small problems can be left."""
-    press = Presses(1)
-    row = Progress.row
-    monkeypatch.setattr(Progress, "row", lambda *args: (row(*args), press())[0])
+    press_at(1)
     with pytest.raises(KeyboardInterrupt):
         solve_lcp(np.eye(2), np.ones(2), method="pgs", history=True)
 

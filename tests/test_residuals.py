@@ -80,16 +80,28 @@ def test_natural_residual_is_the_papers():
 
 
 @pytest.mark.parametrize("sparse", [False, True])
-@pytest.mark.parametrize("name", ["x", "y", "z"])
-def test_wrong_sizes_are_refused(sparse, name):
+@pytest.mark.parametrize("place", [1, 3, 5, 6, 7, 8, 9, 10, 11])
+def test_wrong_sizes_are_refused(sparse, place):
+    """Compiled code would read beyond the end."""
     P, G, A = np.eye(3), np.ones((2, 3)), np.ones((1, 3))
     if sparse:
         P, G, A = (sp.csc_array(C) for C in (P, G, A))
-    point = {"x": np.zeros(3), "y": np.zeros(1), "z": np.zeros(2)}
-    point[name] = np.zeros(7)
-    bounds = np.full(3, -np.inf), np.full(3, np.inf)
+    n, m, p = np.ones(3), np.ones(2), np.ones(1)
+    data = [P, n, G, m, A, p, -n, n, n, p, m, n]
+    assert qp_residuals(*data).dual_size > 0.0
+    data[place] = np.zeros(7)
     with pytest.raises(ValueError, match="shape"):
-        qp_residuals(
-            P, np.ones(3), G, np.ones(2), A, np.ones(1), *bounds, *point.values(),
-            np.zeros(3),
-        )  # fmt: skip
+        qp_residuals(*data)
+    with pytest.raises(ValueError, match="must have one shape"):
+        natural_residual(n, n, p, n)
+
+
+def test_none_stands_for_absent_bounds():
+    P, one = np.eye(2), np.ones(2)
+    none, free = (np.empty((0, 2)), np.empty(0)), np.full(2, np.inf)
+    point = one, np.empty(0), np.empty(0), np.array([1.0, -2.0])
+    whole = qp_residuals(P, one, *none, *none, -free, free, *point)
+    assert qp_residuals(P, one, *none, *none, None, None, *point) == whole
+    half = qp_residuals(P, one, *none, *none, 0.0 * one, None, *point)
+    assert half == qp_residuals(P, one, *none, *none, 0.0 * one, free, *point)
+    assert half != whole
