@@ -120,7 +120,7 @@ class NAM(QpSolver):
             "form": solution.form,
             "residuals": solution.residuals,
         }
-        # NaN where the problem was refused at sight, or is unbounded.
+        # NaN where two bounds contradict each other, or the problem is unbounded.
         have_duals = np.isfinite(y).all() and np.isfinite(z).all()
         if status == s.INFEASIBLE and have_duals:
             extra["certificate"] = {"y": y, "z": z}  # cvxpy 1.8 drops duals here
@@ -193,7 +193,7 @@ def is_alike(qp: QP, last: QPResult) -> bool:
 def register() -> None:
     """Make ``solver="NAM"`` known to CVXPY; calling it again changes nothing.
 
-    It goes last in CVXPY's order of preference: what is chosen by default stays.
+    It comes last in CVXPY's order of preference, so that CVXPY's default stays.
     """
     defines.SOLVER_MAP_QP[KEYWORD] = NAM()
     for names in defines.QP_SOLVERS, defines.INSTALLED_SOLVERS:  # cvxpy 1.8 asks both

@@ -87,7 +87,7 @@ def nam_solve_problem(
 
 
 def solution(problem: qpsolvers.Problem, result: QPResult) -> qpsolvers.Solution:
-    """Return `result` in the host's terms."""
+    """Return `result` as a Solution."""
     extras: dict[str, Any] = {
         "status": result.status.value,
         "message": result.message or result.status.explanation,

@@ -134,7 +134,7 @@ def qp_residuals_of_products(vectors, point, products):
         primal = max(primal, lb[j] - x[j], x[j] - ub[j])
         if lb[j] > -np.inf or ub[j] < np.inf:  # else no constraint limits x_j alone
             primal_size = max(primal_size, abs(x[j]))
-        rd = Px[j] + q[j] + Gtz[j] + Aty[j] + z_box[j]  # added as the hosts do
+        rd = Px[j] + q[j] + Gtz[j] + Aty[j] + z_box[j]  # as qpsolvers adds it
         dual = max(dual, abs(rd))
         dual_size = max(
             dual_size, abs(Px[j]), abs(q[j]), abs(Gtz[j] + Aty[j]), abs(z_box[j])
@@ -194,7 +194,7 @@ def qp_residuals(
     disagree.
 
     A gap with large terms depends on the order of its sums by more than a tolerance of
-    1e-12. It is then summed as the hosts do, dot product by dot product.
+    1e-12. It is then summed as qpsolvers does, dot product by dot product.
     """
     lb = np.full(x.size, -np.inf) if lb is None else lb
     ub = np.full(x.size, np.inf) if ub is None else ub
@@ -220,7 +220,7 @@ def qp_residuals(
 def signed_gap(
     vectors: tuple[np.ndarray, ...], point: tuple[np.ndarray, ...], Px: np.ndarray
 ) -> float:
-    """Return x'Px + q'x + b'y + h'z + lb'z_box^- + ub'z_box^+ as the hosts add it.
+    """Return x'Px + q'x + b'y + h'z + lb'z_box^- + ub'z_box^+ as qpsolvers adds it.
 
     vectors = (q, h, b, lb, ub), point = (x, y, z, z_box).
     """

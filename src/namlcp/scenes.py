@@ -1,4 +1,4 @@
-"""The scenes of the demonstration: no more data than each needs."""
+"""The scenes of the demonstration, which tests and validation use as well."""
 
 import numpy as np
 import qpsolvers
@@ -43,16 +43,14 @@ def disc_pile(rows: int) -> tuple[sp.csr_array, np.ndarray]:
             if other is not None:
                 pairs.append((k, other))
                 normals.append(normal)
-        walls = []
-        if r == 0:
-            walls.append((0.0, 1.0))
-        if i == r:
-            walls.append((np.sqrt(0.75), -0.5))
-        if i == 2 * rows - 2 - r:
-            walls.append((-np.sqrt(0.75), -0.5))
-        for normal in walls:
-            pairs.append((-1, k))
-            normals.append(normal)
+        for touches, normal in (
+            (r == 0, (0.0, 1.0)),
+            (i == r, (np.sqrt(0.75), -0.5)),
+            (i == 2 * rows - 2 - r, (-np.sqrt(0.75), -0.5)),
+        ):
+            if touches:
+                pairs.append((-1, k))
+                normals.append(normal)
     entries = [
         (2 * body + axis, c, sign * normals[c][axis])
         for c, (first, second) in enumerate(pairs)

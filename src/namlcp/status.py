@@ -16,7 +16,8 @@ class Status(Enum):
     )
     DUAL_INFEASIBLE = (
         "dual_infeasible",
-        "The objective falls for ever along the ray x: unbounded if any x is feasible.",
+        "The objective falls without bound along the ray x: the problem is unbounded "
+        "if any x is feasible.",
     )
     MAX_ITER = (
         "max_iter",

@@ -25,7 +25,7 @@ SYMMETRY_ROUNDING = 1e-14
 """Largest |A - A'|, relative to max |A|, that rounding in double precision explains."""
 
 ZERO = 1e-15
-"""A diagonal entry below this times max |P| counts as zero, and so must its row."""
+"""Diagonal entry, relative to max |P|, that counts as 0; its row must be 0 too."""
 
 CONVEX, NEGATIVE, MINOR, UNDECIDED = 0, 1, 2, 3
 

@@ -4,7 +4,7 @@ J = D^-1 |A - D| is the Jacobi matrix of a comparison matrix. In an irreducible 
 min (J x)_i / x_i <= rho(J) <= max (J x)_i / x_i for every x > 0 (Collatz and Wielandt),
 and x <- (lambda I - J)^-1 x with lambda the upper bound closes in quadratically and
 keeps x > 0 (Noda, Numer. Math. 17 (1971) 382-386; Elsner, Linear Algebra Appl. 15
-(1976) 235-242). Power steps come first, as long as they get somewhere. All blocks are
+(1976) 235-242). Power steps come first, while they shrink the interval. All blocks are
 iterated together. They are balanced first: Perron vectors of badly scaled matrices, and
 of their products, leave the range of floating point, so vectors are x 2^exponent
 throughout.

@@ -4,7 +4,7 @@
 
 For nam* M stands for the paper's M + E - L and N for its N + E - L; the accelerated
 family has L R(s+) in place of L R(s). M-, H- and H-compatible splittings as in Frommer
-and Szyld, Numer. Math. 63 (1992) 345-356; `convergence` says what they are good for.
+and Szyld, Numer. Math. 63 (1992) 345-356; their use is told in `convergence`.
 """
 
 import math
