@@ -5,20 +5,24 @@ of M and N), z = clip(s, l, u) and R(s) = 2 z - s, does
 
     (M + Omega) s+ = N s + (Omega - A) R(s) - 2 q.                                  (1)
 
-R moves no component further than s does, whatever the bounds. So two runs s, t obey
+It is Method 3.1 of the paper, whose fixed points are those of its equation (3), for r =
+2, any shift E in place of I, and bounds: R(s) = |s| where l = 0 and u = inf.
+
+No component of R(s) changes by more than that of s, whatever the bounds. So two runs s,
+t obey
 
     |s+ - t+| <= T |s - t|,   T = |(M + Omega)^-1| (|N| + |Omega - A|).             (2)
 
-*Theorem 2, its hypothesis trimmed.* If rho(T) < 1 there is v > 0 with T v <= theta v,
-theta < 1: (1) is a contraction in the norm max |s_i| / v_i, for every q and all bounds,
-and its only fixed point is the solution (Banach). That A is a P-matrix follows, it
-need not be assumed.
+*The paper's Theorem 2.* If rho(T) < 1 there is v > 0 with T v <= theta v, theta < 1:
+(1) is a contraction in the norm max |s_i| / v_i, for every q and all bounds, and its
+only fixed point is the solution (Banach). That A is a P-matrix follows; the paper need
+not assume it.
 
 *The comparison.* With C = <M + Omega> and W = |N| + |Omega - A|, if K = C - W is an
 M-matrix then rho(T) < 1: K v > 0 gives C v > W v >= 0, hence C is an M-matrix,
 |(M + Omega)^-1| <= C^-1 (Ostrowski), and T v <= C^-1 W v = v - C^-1 K v < v. If M +
-Omega = C, as for Z-matrices in triangular methods, T = C^-1 W and the converse holds. K
-is what the repair of the paper's Theorem 3 says: where diag(M) >= 0,
+Omega = C, as for Z-matrices in triangular methods, T = C^-1 W and the converse holds.
+This is the paper's Theorem 3, repaired: where diag(M) >= 0,
 
     K = <M> - |N| + min(D, 2 Omega - D) - |B|,   B = L + U,
 

@@ -2,9 +2,10 @@
 
 (M + Omega) s+ = N s + (Omega - A) R(s) - 2 q,  R(s) = 2 clip(s, l, u) - s           (1)
 
-For nam* M stands for the paper's M + E - L and N for its N + E - L; the accelerated
-family has L R(s+) in place of L R(s). M-, H- and H-compatible splittings as in Frommer
-and Szyld, Numer. Math. 63 (1992) 345-356; their use is told in `convergence`.
+That is Method 3.1 of the paper. For nam* M stands for its M + E - L and N for its N + E
+- L; the accelerated family has L R(s+) in place of L R(s). M-, H- and H-compatible
+splittings as in Frommer and Szyld, Numer. Math. 63 (1992) 345-356; `convergence` uses
+them.
 """
 
 import math
