@@ -1,10 +1,15 @@
-"""The path: a regularised primal-dual interior method with an active-set refinement.
+"""The loop: a regularised primal-dual interior-point method.
 
-For P positive semidefinite and any rows: presolve, equilibrate, follow the central path
-W Z = mu through one sparse quasi-definite KKT matrix, refine the active set
-as soon as that can pay, and judge every candidate on the user's own data. Mehrotra's
-predictor and corrector (SIAM J. Optim. 2, 1992), one corrector of Gondzio (Comput.
-Optim. Appl. 6, 1996), separate primal and dual steps.
+For P positive semidefinite and any rows: one sparse quasi-definite KKT matrix follows
+the central path W Z = mu, W the slacks and Z the multipliers of the one-sided
+constraints; an active-set refinement is tried as soon as it can pay, and the judge
+measures every candidate on unscaled data. Mehrotra's predictor and corrector (SIAM J.
+Optim. 2, 1992), one corrector of Gondzio (Comput. Optim. Appl. 6, 1996), separate
+primal and dual steps.
+
+Recoveries: a warm start that stagnates is given up for a cold one, a cold one that
+does is restarted in other units (`rescale`); once, where a certificate was near, two
+fallback QPs decide whether the problem is infeasible or unbounded (`solve_fallback`).
 """
 
 from math import inf
@@ -20,6 +25,14 @@ from namlcp.qp.path.candidates import CertificateSearch
 from namlcp.qp.path.refinement import LARGE_KKT, Refinement, RefinementTiming
 from namlcp.qp.path.regularisation import POOR, Regularisation
 from namlcp.qp.path.steps import (
+    DUAL_NORM,
+    GAP,
+    GAP_SIZE,
+    MU,
+    PRIMAL,
+    PRIMAL_SIZE,
+    ROW_NORM,
+    SIDE_NORM,
     advance,
     assemble,
     centred_target,
@@ -31,18 +44,53 @@ from namlcp.qp.path.steps import (
 from namlcp.qp.transforms import UNITS, ScaledQP
 from namlcp.status import Status
 
-SHORT = 0.99  # fraction of the longest step
-LONG = 1.8  # sum of the steps above which Gondzio's corrector is not tried
-GAIN = 0.02  # growth of the steps that pays for Gondzio's corrector
-PATIENCE = 100  # iterations without halving the worst residual before another try
-LIFT = 0.1  # part of the gap that m mu does not fall below in another try
-TOLERABLE = 0.5  # violation over its tolerance that another try may leave
-ACCURACY = 1e-4  # of the linear solves, relative to the tolerance
-CLOSE = 1e3  # gap over its tolerance at which the judge sees a feasible iterate
-EXACT = 1e-8  # tolerances up to this one ask for a refinement in any case
-INSIDE = 1e-2  # least slack and multiplier of a warm start, relative to the largest
-DOUBTED = 10  # iterations without halving before a warm start is given up
-DOUBT = 12  # iterations without halving before the fallback QPs are asked
+# Places in `norms`: primal residual, dual residual and gap; the sizes of their terms.
+RESIDUALS, SIZES = slice(PRIMAL, GAP + 1), slice(PRIMAL_SIZE, GAP_SIZE + 1)
+# Places in `length`: the longest steps of W and of Z, and W'Z after them.
+PRIMAL_STEP, DUAL_STEP, PRODUCT = range(3)
+# Part of the longest step that is taken.
+SHORT = 0.99
+# Sum of the two steps from which on Gondzio's corrector is not tried, and the growth of
+# the sum for which it is kept.
+LONG, GAIN = 1.8, 0.02
+# Least target of the mean product mu, relative to the tolerance of the gap.
+CENTRED = 0.01
+# After a change of units m mu does not fall below this part of the gap.
+LIFT = 0.1
+# Primal residual over its tolerance up to which a restart relaxes right-hand sides.
+TOLERABLE = 0.5
+# Relative residual of the linear solves, in units of the tolerance, and its limits.
+ACCURACY, MOST_ACCURATE, LEAST_ACCURATE = 1e-4, 1e-14, 1e-10
+# Gap over its tolerance up to which an iterate with small primal and dual residuals is
+# worth measuring on unscaled data, where the sums of the gap round differently.
+CLOSE = 1e3
+# Tolerance up to which a solution is refined before it is returned.
+EXACT = 1e-8
+# Least slack and multiplier of a warm start, relative to the largest, and the least
+# value of that.
+INSIDE, LEAST_SLACK, LEAST_MULTIPLIER = 1e-2, 1.0, 1e-3
+# Iterations without halving the worst residual before a restart, after a cold start
+# and after a warm one, and before the fallback QPs.
+PATIENCE, WARM_PATIENCE, FALLBACK_AFTER = 100, 10, 12
+# Scaled dual residual below which rho is not lowered on its account.
+ROUNDING = 1e-12
+# Factorisations tried for one step, each with more regularisation.
+FACTORISATIONS = 3
+
+
+class Stagnation:
+    """Counts iterations since the worst residual was last halved."""
+
+    def __init__(self) -> None:
+        """Begin with the next residual."""
+        self.reference_residual, self.iterations_since = inf, 0
+
+    def count(self, worst: float) -> int:
+        """Take one iteration's residual; return the iterations since."""
+        self.iterations_since += 1
+        if worst <= 0.5 * self.reference_residual:
+            self.reference_residual, self.iterations_since = worst, 0
+        return self.iterations_since
 
 
 class Interior:
@@ -68,15 +116,16 @@ class Interior:
         self.norms = np.zeros(11)
         self.ratios = np.zeros(3)  # primal, dual residual and gap over the tolerance
         self.length = np.ones(3)
-        self.change = np.zeros(2)
-        self.error = 0.0
+        self.change = np.zeros(2)  # largest change of x, and of y and Z
+        self.error = 0.0  # relative residual of the last linear solve
         self.reg = Regularisation()
         self.max_iter = limits.max_iter or DEFAULT_OPTIONS.max_iter
         self.tol = max(limits.tolerances)
-        problem.kkt.accuracy = min(max(ACCURACY * self.tol, 1e-14), 1e-10)
+        accuracy = min(max(ACCURACY * self.tol, MOST_ACCURATE), LEAST_ACCURATE)
+        problem.kkt.accuracy = accuracy
         self.refinement = refinement
-        self.tests = CertificateSearch(problem, judge)
-        self.ask: fallback.Solver | None = None
+        self.certificates = CertificateSearch(problem, judge)
+        self.fallback_solver: fallback.Solver | None = None
         self.iterations = 0
         self.is_warm = False
         self.tries = 1
@@ -91,12 +140,12 @@ class Interior:
     def run(self, guess: Guess) -> Status:
         """Iterate until solved, proved impossible, or out of iterations or time."""
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            status = self.follow(guess)
+            status = self.iterate(guess)
             if self.best < inf:
                 self.offer(*self.best_point)
         return status
 
-    def follow(self, guess: Guess) -> Status:
+    def iterate(self, guess: Guess) -> Status:
         """Run the loop."""
         deadline, report = self.limits.deadline, self.limits.report
         if deadline.reached():  # before the first factorisation
@@ -105,87 +154,93 @@ class Interior:
         if not self.is_warm and not self.start():
             return Status.NUMERICAL_ERROR
         is_large = self.problem.kkt.base.size > LARGE_KKT
-        timing = RefinementTiming(self.tol, is_large)
+        timing, stagnation = RefinementTiming(self.tol, is_large), Stagnation()
         active = self.Z > self.W
-        mark, since = inf, 0
         for k in range(self.max_iter + 1):
             self.iterations = k
-            mu_old = self.norms[0]
+            mu_old = self.norms[MU]
             worst = self.evaluate()
             before, active = active, self.Z > self.W
             if report is not None:
-                report(k, *self.norms[5:8], self.length[:2].min(), int(active.sum()))
+                step = self.length[:PRODUCT].min()
+                report(k, *self.norms[RESIDUALS], step, int(active.sum()))
             if k > 0:
                 self.regularise(mu_old)
-            done = self.is_close(worst) and self.offer(self.x, self.y, self.Z) <= 1.0
-            if done and self.tol > EXACT:
+            solved = self.is_close(worst) and self.offer(self.x, self.y, self.Z) <= 1.0
+            if solved and self.tol > EXACT:
                 return Status.SOLVED
-            if done or timing.is_due(worst, self.norms[0], active, before):
+            if solved or timing.is_due(worst, self.norms[MU], active, before):
                 self.refinement.run(self.x, self.y, self.Z, active)
             if self.judge.best <= 1.0:
                 return Status.SOLVED
-            verdict = self.tests.find(self)
+            verdict = self.certificates.find(self)
+            since = stagnation.count(worst)
+            if verdict is None and since == FALLBACK_AFTER:
+                verdict = self.solve_fallback()
             if verdict is not None:
                 return verdict
-            since = 0 if worst <= 0.5 * mark else since + 1
-            mark = mark if since else worst
-            patience = DOUBTED if self.is_warm else PATIENCE
-            stuck = since > patience or not worst < inf
-            if since == DOUBT and self.tests.promised:
-                verdict = self.doubt()
-                if verdict is not None:
-                    return verdict
             if k == self.max_iter:
                 break
             if deadline.reached():
                 return Status.TIME_LIMIT
-            if stuck or not self.step():
+            patience = WARM_PATIENCE if self.is_warm else PATIENCE
+            stagnates = since > patience or not worst < inf
+            if stagnates or not self.step():
                 if not self.restart():
                     return Status.STALLED
-                mark, since = inf, 0
-                timing = RefinementTiming(self.tol, is_large)
+                timing, stagnation = RefinementTiming(self.tol, is_large), Stagnation()
         return Status.MAX_ITER
 
     def restart(self) -> bool:
-        """Start again: cold after a warm start, then in other units; else False.
-
-        Later tries are centred. Rows that the best point violates tolerably give way
-        to it: dependent rows contradict each other by rounding errors, and y grows for
-        ever.
-        """
-        if not self.is_warm:
-            if self.tries == len(UNITS) or self.problem.c.size == 0:
-                return False
-            self.tries += 1
-            self.lift = LIFT
-            self.offer(*self.best_point)
-            self.x, self.y, self.Z = (v.copy() for v in self.best_point)
-            self.problem.scale_vectors()  # nothing has given way yet
-            self.evaluate()
-            self.best = inf
-            n, p = self.x.size, self.y.size
-            ratio = self.problem.change_units()
-            self.t /= ratio
-            Z = self.Z * ratio[self.problem.place]
-            self.best_point = self.x / ratio[:n], self.y * ratio[n : n + p], Z
-            if self.ratios[0] <= TOLERABLE:
-                self.problem.relax(self.t)
+        """Start cold after a warm start, then in other units; False after the last."""
+        if not self.is_warm and not self.rescale():
+            return False
         self.is_warm = False
         return self.start()
 
-    def doubt(self) -> Status | None:
-        """Let the judge see the best point, and ask the fallback QPs, once."""
-        ask, self.ask = self.ask, None
-        if ask is None or self.offer(*self.best_point) <= 1.0:
+    def rescale(self) -> bool:
+        """Change the units and keep mu large; False if all units were tried.
+
+        Right-hand sides that the best point violates tolerably are relaxed to it:
+        dependent rows that contradict each other by rounding errors make y grow for
+        ever.
+        """
+        if self.tries == len(UNITS) or self.problem.c.size == 0:
+            return False
+        self.tries += 1
+        self.lift = LIFT
+        self.offer(*self.best_point)
+        self.x, self.y, self.Z = (v.copy() for v in self.best_point)
+        self.problem.scale_vectors()  # as they were before any were relaxed
+        self.evaluate()
+        self.best = inf
+        n, p = self.x.size, self.y.size
+        ratio = self.problem.change_units()
+        self.t /= ratio
+        Z = self.Z * ratio[self.problem.place]
+        self.best_point = self.x / ratio[:n], self.y * ratio[n : n + p], Z
+        if self.ratios[0] <= TOLERABLE:
+            self.problem.relax(self.t)
+        return True
+
+    def solve_fallback(self) -> Status | None:
+        """Return the verdict of the fallback QPs, once, where a certificate was near.
+
+        The best point is offered to the judge before.
+        """
+        solver = self.fallback_solver
+        if solver is None or not self.certificates.promised:
+            return None
+        self.fallback_solver = None
+        if self.offer(*self.best_point) <= 1.0:
             return None
         point = self.problem.point(self.x, self.y, self.Z)
-        verdict = fallback.find_certificate(
-            self.judge.qp, point, self.limits.eps_abs, ask, self.tests.project
-        )
+        qp, tol, project = self.judge.qp, self.limits.eps_abs, self.certificates.project
+        verdict = fallback.find_certificate(qp, point, tol, solver, project)
         if verdict is None:
             return None
-        self.tests.proof = verdict[1]
-        return verdict[0]
+        status, self.certificates.proof = verdict
+        return status
 
     def warm_start(self, guess: Guess) -> bool:
         """Start from the multipliers of a guess too, moved inside; False without any.
@@ -199,8 +254,9 @@ class Interior:
         self.evaluate()
         self.best = inf
         slack = -self.rw
-        self.W[:] = np.maximum(slack, INSIDE * np.abs(slack).max(initial=1.0))
-        self.Z[:] = np.maximum(self.Z, INSIDE * self.Z.max(initial=1e-3))
+        largest = np.abs(slack).max(initial=LEAST_SLACK)
+        self.W[:] = np.maximum(slack, INSIDE * largest)
+        self.Z[:] = np.maximum(self.Z, INSIDE * self.Z.max(initial=LEAST_MULTIPLIER))
         return True
 
     def start(self) -> bool:
@@ -237,7 +293,7 @@ class Interior:
             self.rd, self.rp, self.rw, self.norms,
         )  # fmt: skip
         eps_abs, eps_rel = self.limits.tolerances
-        self.ratios[:] = self.norms[5:8] / (eps_abs + eps_rel * self.norms[8:11])
+        self.ratios[:] = self.norms[RESIDUALS] / (eps_abs + eps_rel * self.norms[SIZES])
         worst = float(self.ratios.max())
         if worst < self.best:
             self.best = worst
@@ -245,29 +301,25 @@ class Interior:
         return worst if worst < inf else inf
 
     def is_close(self, worst: float) -> bool:
-        """Tell whether the user's data may judge the iterate solved.
-
-        The gap is a difference of large sums, which come out differently there.
-        """
+        """Tell whether the iterate is worth measuring on unscaled data."""
         return worst <= CLOSE and bool(self.ratios[:2].max() <= 1.0)
 
     def regularise(self, mu_old: float) -> None:
         """Adapt rho and delta to the step that led here."""
-        mu, rd, rp, rw = self.norms[:4]
+        norms, (change_x, change_yz) = self.norms, self.change
         if self.problem.c.size == 0:
             self.reg.lower()
             return
-        self.reg.follow(mu_old, mu)
-        self.reg.adapt(
-            self.error,
-            rd > 1e-12 and self.reg.rho * self.change[0] > 0.5 * rd,
-            self.reg.delta * self.change[1] > 0.5 * max(rp, rw),
-        )
+        self.reg.follow(mu_old, norms[MU])
+        rd, constraints = norms[DUAL_NORM], max(norms[ROW_NORM], norms[SIDE_NORM])
+        rho_binds = rd > ROUNDING and self.reg.rho * change_x > 0.5 * rd
+        delta_binds = self.reg.delta * change_yz > 0.5 * constraints
+        self.reg.adapt(self.error, rho_binds, delta_binds)
 
     def step(self) -> bool:
         """Predict, correct, centre, move; False if no factorisation succeeds."""
         W, Z = self.W, self.Z
-        for _ in range(3):
+        for _ in range(FACTORISATIONS):
             if not self.factor():
                 self.reg.strengthen()
                 continue
@@ -281,35 +333,39 @@ class Interior:
             return False
         m = W.size
         if m:
-            mu = self.norms[0]
-            sigma = min(max(self.length[2] / (m * mu), 0.0), 1.0) ** 3
-            gap = self.limits.eps_abs + self.limits.eps_rel * self.norms[10]
-            smu = max(sigma * mu, 0.01 * gap / m, self.lift * self.norms[7] / m)
-            self.rc[:] = smu - W * Z - self.dW * self.dZ
+            mu = self.norms[MU]
+            sigma = min(max(self.length[PRODUCT] / (m * mu), 0.0), 1.0) ** 3
+            gap = self.limits.eps_abs + self.limits.eps_rel * self.norms[GAP_SIZE]
+            lift = self.lift * self.norms[GAP]
+            target = max(sigma * mu, CENTRED * gap / m, lift / m)
+            self.rc[:] = target - W * Z - self.dW * self.dZ
             self.direction()
-            if self.length[0] + self.length[1] < LONG:
-                self.centre(smu)
+            if self.length[:PRODUCT].sum() < LONG:
+                self.centre(target)
         self.error = max(self.error, predicted)
-        primal, dual = self.length[:2] * SHORT if m else (1.0, 1.0)
+        primal, dual = self.length[:PRODUCT] * SHORT if m else (1.0, 1.0)
         advance(
             self.problem.n, self.du, self.dW, self.dZ, primal, dual, self.x, self.y, W,
             Z, self.change,
         )  # fmt: skip
         return True
 
-    def centre(self, smu: float) -> None:
+    def centre(self, target: float) -> None:
         """Add Gondzio's corrector if it lengthens the steps."""
-        primal, dual = self.length[:2]
-        centred_target(self.W, self.Z, self.dW, self.dZ, primal, dual, smu, self.rc)
+        primal, dual = self.length[:PRODUCT]
+        centred_target(self.W, self.Z, self.dW, self.dZ, primal, dual, target, self.rc)
         kept = self.du, self.error
+        self.exchange_steps()
+        self.direction()
+        if not self.length[:PRODUCT].sum() >= primal + dual + GAIN:
+            self.du, self.error = kept
+            self.exchange_steps()
+            self.length[:PRODUCT] = primal, dual
+
+    def exchange_steps(self) -> None:
+        """Let the next dW and dZ be computed in the other pair of arrays."""
         self.dW, self.dW_other = self.dW_other, self.dW
         self.dZ, self.dZ_other = self.dZ_other, self.dZ
-        self.direction()
-        if not self.length[0] + self.length[1] >= primal + dual + GAIN:
-            self.du, self.error = kept
-            self.dW, self.dW_other = self.dW_other, self.dW
-            self.dZ, self.dZ_other = self.dZ_other, self.dZ
-            self.length[:2] = primal, dual
 
     def factor(self) -> bool:
         """Factor K~ at the current W, Z, rho and delta."""

@@ -69,10 +69,10 @@ def follow_path(
             return judge.answer(Status.SOLVED, 0, FORM)
     loop = Interior(problem, judge, limits, refinement)
     if not is_fallback:
-        loop.ask = fallback_solver(limits.deadline)
+        loop.fallback_solver = fallback_solver(limits.deadline)
     status = loop.run(guess)
-    if loop.tests.proof is not None:
-        return proved(status, loop.tests.proof, loop.iterations, FORM)
+    if loop.certificates.proof is not None:
+        return proved(status, loop.certificates.proof, loop.iterations, FORM)
     return judge.answer(status, loop.iterations, FORM)
 
 
