@@ -1,6 +1,6 @@
 """Box LCPs: `solve_lcp`, and the methods it chooses from, a room each."""
 
-from namlcp.lcp.auto import LARGE, solve_auto
+from namlcp.lcp.auto import LARGE_LCP, solve_auto
 from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.modulus import (
     METHODS,
@@ -15,7 +15,7 @@ from namlcp.lcp.solve import solve_lcp
 
 __all__ = [
     "ACCURACY",
-    "LARGE",
+    "LARGE_LCP",
     "LCP",
     "METHODS",
     "Outcome",

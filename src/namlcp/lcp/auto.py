@@ -20,7 +20,7 @@ from namlcp.lcp.tridiagonal import solve_tridiagonal
 from namlcp.limits import Limits
 from namlcp.status import Status
 
-LARGE = 10_000
+LARGE_LCP = 10_000
 """From this order on, sparse problems try whether sweeps or multigrid will do."""
 
 LAST_SWEEPS = 5000
@@ -33,7 +33,7 @@ ENDS = (Status.SOLVED, Status.TIME_LIMIT)
 def solve_auto(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
     """Solve a checked box LCP; max_iter = None is the default of each method."""
     matrix = lcp.matrix
-    large = lcp.q.size >= LARGE
+    large = lcp.q.size >= LARGE_LCP
     if isinstance(lcp.A, Operator):
         return solve_by_products(lcp, z0, limits, Criterion(lcp, limits))
     if matrix.tridiagonal is not None:

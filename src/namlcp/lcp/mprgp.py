@@ -5,14 +5,15 @@ A positive semidefinite A makes the LCP the optimality condition of
     minimise f(z) = 1/2 z'A z + q'z  subject to  l <= z <= u,  w = A z + q its gradient.
 
 In units of D = diag(A), y = D^(1/2) z (Jacobi preconditioning; the box stays a box),
-with g the gradient there, the free gradient phi is g on the face l < y < u, and the
-chopped gradient beta is g where it leads from a bound into the box. Three steps, each
-one product with A, two at the most (Dostal 2009, algorithm 5.8):
+with g the gradient there, the free gradient phi is g on the face (the free unknowns,
+l < y < u), and the chopped gradient beta is g at the bounds from which -g points into
+the box. The larger of phi and beta decides which of three steps is taken, each with one
+product with A, two at the most (Dostal 2009, algorithm 5.8):
 
-- phi governs: a step of conjugate gradients on the face, if it stays in the box;
-- if it does not: the whole step projected, where f then falls (Kruzik, Horak, Cermak,
-  Pospisil and Pecha 2020), else the part up to the first bound;
-- beta governs: a step along -beta, which frees its entries.
+- phi: a step of conjugate gradients on the face, if it stays in the box;
+- phi, if it does not: the whole step projected, where f then falls (Kruzik, Horak,
+  Cermak, Pospisil and Pecha 2020), else the part up to the first bound;
+- beta: a step along -beta, which frees its entries.
 
 f never increases. The last face is solved by conjugate gradients to rounding.
 
@@ -39,29 +40,29 @@ from namlcp.status import Status
 MAX_ITER = 20_000
 """Iterations at most, unless the caller says."""
 
-PATIENCE = 4
-"""So often may the accuracy that the recursion promised be missed without progress."""
+MISSES = 4
+"""Times that a fresh product may show, without progress, that the recursion's residual
+was too small."""
 
 SUFFICIENT = 0.1
-"""A projected step is taken if f falls by a tenth of what its slope promises."""
+"""A projected step is taken if f falls by this fraction of what its slope promises."""
 
-FLAT = 1e-13
-"""A curvature below this times ||A|| is none."""
-
-NEGATIVE = -1e-10
-"""One below this times ||A|| is negative: A is not semidefinite."""
+FLAT, NEGATIVE = 1e-13, -1e-10
+"""A curvature p'A p / p'p of modulus below FLAT ||A|| counts as zero; one below
+NEGATIVE ||A|| shows that A is not semidefinite."""
 
 RAY = 1e-14
-"""||A v|| up to this times ||A|| ||v|| is rounding."""
+"""||A v|| up to this times ||A|| ||v|| counts as zero."""
 
-REAL = 0.1
-"""A flat direction has a minimum if a tenth of the residual is left there."""
+MINIMUM = 0.1
+"""A flat direction has a minimum if at most this fraction of the residual is left
+there."""
 
-PURIFY = 500
-"""Products at most that are spent to rid a flat direction of what A sees of it."""
+RAY_PRODUCTS = 500
+"""Products with A at most that make a flat direction v satisfy A v = 0."""
 
-ZERO = 1e-9
-"""Entries of a ray below this times the largest are 0."""
+RAY_ENTRY = 1e-9
+"""Entries of a ray below this times the largest are set to 0."""
 
 
 TOO_FAR = 1e6
@@ -119,7 +120,7 @@ def descend(lcp: LCP, z0: np.ndarray, limits: Limits, criterion: Criterion) -> O
                 break
             misses = 0 if descent.size < 0.5 * missed else misses + 1
             missed = min(missed, descent.size)
-        if misses == PATIENCE or descent.size == 0.0:
+        if misses == MISSES or descent.size == 0.0:
             status = Status.STALLED
             break
         if k == max_iter:
@@ -213,8 +214,8 @@ class Descent:
         at_lower, at_upper = self.y <= self.lower, self.y >= self.upper
         inwards = np.where(at_lower, self.g < 0.0, at_upper & (self.g > 0.0))
         beta = np.where(inwards & ~(at_lower & at_upper), self.g, 0.0)
-        governs = float(beta @ beta) <= self.reduced()
-        if governs:
+        on_face = float(beta @ beta) <= self.reduced()
+        if on_face:
             p = self.phi if self.p is None else self.p
         else:
             p = beta
@@ -239,8 +240,8 @@ class Descent:
         if whole <= room:
             self.move(whole, p, Ap)
             # the face is the same, but for entries that came to rest on a bound
-            self.p = self.phi - (float(self.phi @ Ap) / pAp) * p if governs else None
-        elif governs and whole < math.inf and self.project(whole, p):
+            self.p = self.phi - (float(self.phi @ Ap) / pAp) * p if on_face else None
+        elif on_face and whole < math.inf and self.project(whole, p):
             # What is left of the direction serves on (Polonsky and Keer 1999 do so).
             rest = np.where(self.free, p, 0.0)
             rest = self.phi - (float(self.phi @ Ap) / pAp) * rest
@@ -282,7 +283,7 @@ class Descent:
             return False
         y = np.clip(self.y - float(self.g @ p) / pAp * p, self.lower, self.upper)
         g = self.product(y) + self.q
-        if not natural_residual(y, g, self.lower, self.upper) <= REAL * self.size:
+        if not natural_residual(y, g, self.lower, self.upper) <= MINIMUM * self.size:
             return False
         self.y, self.g, self.p = y, g, None
         self.look()
@@ -298,7 +299,7 @@ class Descent:
         v = -p / np.max(np.abs(p))
         r = self.product(v)
         d = r
-        for _ in range(PURIFY):
+        for _ in range(RAY_PRODUCTS):
             rr = float(r @ r)
             if rr <= (0.1 * RAY * self.norm) ** 2 * float(v @ v):
                 break
@@ -309,7 +310,7 @@ class Descent:
             v = v - (rr / dAd) * d
             r = r - (rr / dAd) * Ad
             d = r + (float(r @ r) / rr) * d
-        v = np.where(np.abs(v) <= ZERO * np.max(np.abs(v)), 0.0, v)
+        v = np.where(np.abs(v) <= RAY_ENTRY * np.max(np.abs(v)), 0.0, v)
         fall = float(self.q @ v)
         rest = np.linalg.norm(self.product(v))
         if rest > RAY * self.norm * np.linalg.norm(v) or self.limit(-v) < math.inf:

@@ -10,10 +10,10 @@ from scipy.sparse import issparse
 
 from namlcp.checks import finite_vector
 from namlcp.compiled import kernel
-from namlcp.lcp.auto import LARGE, solve_auto
+from namlcp.lcp.auto import LARGE_LCP, solve_auto
 from namlcp.lcp.criterion import Criterion
 from namlcp.lcp.data import LCP, Outcome, lcp_data
-from namlcp.lcp.modulus import EXACT, Parameters, find_method, sweep
+from namlcp.lcp.modulus import SOLVERS, Parameters, find_method, sweep
 from namlcp.lcp.multigrid import ascend, solve_by_multigrid
 from namlcp.lcp.operators import Operator
 from namlcp.lcp.pivoting import ACCURACY, pivot
@@ -149,7 +149,7 @@ def solve_lcp(
     check_flag("history", history)
     check_flag("verbose", verbose)
     find_method(method, alpha=alpha, beta=beta, omega=omega, shift=shift)
-    if method in EXACT:
+    if method in SOLVERS:
         refuse("is for the sweep methods, not for", method, s0=s0, threads=threads)
     else:
         refuse('is for method "auto" or "multigrid", not for', method, eps_rel=eps_rel)
@@ -158,14 +158,14 @@ def solve_lcp(
     progress = Progress(LCP_COLUMNS, verbose)
     if verbose:
         progress.say(f"namlcp  LCP: n = {lcp.q.size}, method = {method}")
-        if method in EXACT:
+        if method in SOLVERS:
             progress.announce(first_kernel(matrix, method))
     report = progress.report(history)
     ready = time.perf_counter()
     # The products of a LinearOperator are the user's own, with the user's setting.
     order = 0 if isinstance(matrix.A, Operator) else lcp.q.size
     with deadline.listening(), blas_threads(1, order):
-        if method in EXACT:
+        if method in SOLVERS:
             if eps_rel is None:
                 eps_rel = ACCURACY if eps_abs is None else 0.0
             limits = Limits(eps_abs or 0.0, eps_rel, max_iter, deadline, report)
@@ -204,7 +204,7 @@ def solve_lcp(
 
 
 def solve_exactly(lcp: LCP, method: str, z0: Any, limits: Limits) -> Outcome:
-    """Solve by one of EXACT, in units in which squares stay in range."""
+    """Solve by one of SOLVERS, in units in which squares stay in range."""
     n = lcp.q.size
     if z0 is not None:
         z0 = finite_vector("z0", z0, n, "A", (n, n))
@@ -276,7 +276,7 @@ def first_kernel(matrix: Prepared, method: str) -> Any:
         return ascend
     if matrix.tridiagonal is not None:
         return solve_faces
-    return relax_csr if issparse(A) and A.shape[0] >= LARGE else pivot
+    return relax_csr if issparse(A) and A.shape[0] >= LARGE_LCP else pivot
 
 
 def refuse(why: str, method: str, **given: Any) -> None:

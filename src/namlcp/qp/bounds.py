@@ -15,7 +15,7 @@ from namlcp.checks import as_sparse
 from namlcp.compiled import kernel
 from namlcp.lcp import (
     ACCURACY,
-    LARGE,
+    LARGE_LCP,
     LCP,
     Outcome,
     Prepared,
@@ -82,7 +82,7 @@ SHARPER = (ACCURACY, 1e-11, 1e-13)
 
 def solve_bounds(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Answer | None:
     """Solve the box LCP that bounds alone make; None where it does not decide."""
-    large = not qp.is_dense and qp.q.size >= LARGE
+    large = not qp.is_dense and qp.q.size >= LARGE_LCP
     limits.announce(relax_csr if large else pivot)
     if large:
         memory.ensure_convex(qp.P)

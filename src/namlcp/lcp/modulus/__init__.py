@@ -2,8 +2,8 @@
 
 from namlcp.lcp.modulus.factored import dense_solver, sparse_solver
 from namlcp.lcp.modulus.methods import (
-    EXACT,
     METHODS,
+    SOLVERS,
     Parameters,
     checked_parameters,
     find_method,
@@ -11,8 +11,8 @@ from namlcp.lcp.modulus.methods import (
 from namlcp.lcp.modulus.sweeps import sweep
 
 __all__ = [
-    "EXACT",
     "METHODS",
+    "SOLVERS",
     "Parameters",
     "checked_parameters",
     "dense_solver",

@@ -46,8 +46,8 @@ METHODS = {
 }
 
 
-EXACT = {"auto": Method(()), "multigrid": Method(())}
-KNOWN = EXACT | METHODS
+SOLVERS = {"auto": Method(()), "multigrid": Method(())}
+KNOWN = SOLVERS | METHODS
 
 
 class Parameters(NamedTuple):

@@ -30,10 +30,10 @@ from namlcp.lcp.multigrid.kernels import (
     interpolate,
     mark_free,
     move,
+    project_step,
     residual_vector,
-    segment,
 )
-from namlcp.lcp.multigrid.krylov import solve_face
+from namlcp.lcp.multigrid.krylov import solve_free
 from namlcp.lcp.multigrid.vcycle import VCycle
 from namlcp.lcp.relaxation import relax_back, relax_csr
 from namlcp.limits import Deadline, Limits
@@ -41,44 +41,43 @@ from namlcp.residuals import natural_residuals
 from namlcp.status import Status
 
 MAX_CYCLES = 40
-"""Unless the caller says; what suits takes less than 10."""
+"""Cycles at most, unless the caller says; a matrix that suits takes less than 10."""
 
 SWEEPS = 2
 """Pairs of a forward and a backward sweep in a cycle."""
 
-REDUCTION = 0.1
-STEPS = 12
-"""What Krylov steps shall leave of the residual on a new face, and how many at most."""
+REDUCTION, NEW_FACE_STEPS = 0.1, 12
+"""Fraction of the residual to be left on a new face; Krylov steps at most for that."""
 
-LAST_STEPS = 60
+SETTLED_FACE_STEPS = 60
 """Krylov steps at most on a face that has not changed."""
 
-BELOW = 0.3
-"""No face is solved beyond this times the tolerance."""
+FACE_GOAL = 0.3
+"""Residual wanted on a face, relative to the tolerance: less is wasted work."""
 
-NESTED_GOAL = 1e-3
-NESTED_CYCLES = 3
-"""Residual left on a coarse level, as a part of that of clip(0); cycles at most."""
+NESTED_GOAL, NESTED_CYCLES = 1e-3, 3
+"""Residual wanted on a coarse level, relative to that of clip(0); cycles at most."""
 
-TINY = 1e-300
+SMALLEST = 1e-300
+"""In place of a residual of 0 in a denominator."""
 
-WARM = 1e-2
-WARM_CYCLES = 5
-"""A start with this part of the residual of clip(0) is tried for so many cycles."""
+WARM, WARM_CYCLES = 1e-2, 5
+"""A start whose residual, relative to that of clip(0), is at most WARM is tried for
+WARM_CYCLES cycles."""
 
-STILL = 2
-"""So many cycles in turn on a face solved before may leave half of the residual."""
+SLOW_CYCLES = 2
+"""Cycles in turn on an unchanged face that may leave more than half of the residual."""
 
-PATIENCE = 5
-"""So many cycles may pass without a better point: then nonsymmetric problems are given
-up, and the energy of symmetric ones must decrease.
-"""
+FRUITLESS_CYCLES = 5
+"""Cycles in turn that may pass without a better point: then nonsymmetric problems are
+given up, and the energy of symmetric ones must decrease."""
 
-SHORT = 0.5
-"""A search that ends before this is not followed: the full step corrects the face."""
+SHORT_STEP = 0.5
+"""A line search that ends before this is not followed: the full step corrects the
+face."""
 
 
-class Box(NamedTuple):
+class LevelLCP(NamedTuple):
     """The LCP on one level; its residual counts in units of `scale`."""
 
     q: np.ndarray
@@ -94,7 +93,7 @@ class Iterate:
     levels), `here` in the scaling of the hierarchy.
     """
 
-    def __init__(self, cycle: VCycle, k: int, box: Box, z: np.ndarray):
+    def __init__(self, cycle: VCycle, k: int, box: LevelLCP, z: np.ndarray):
         self.cycle, self.k, self.box = cycle, k, box
         self.A = cycle.levels[k].A
         self.z = z
@@ -134,14 +133,16 @@ class Iterate:
             self.cycle.follow_face(self.k)
         self.settled = self.begun and not changed
         self.begun = True
-        floor = BELOW * goal * (self.here / max(self.residual, TINY))
-        reduction, steps = (0.0, LAST_STEPS) if self.settled else (REDUCTION, STEPS)
-        solve_face(self.cycle, self.k, w, reduction, floor, steps, x)
-        slope, curvature = segment(self.A, z, w, lower, upper, x, Ax)
+        floor = FACE_GOAL * goal * (self.here / max(self.residual, SMALLEST))
+        reduction, steps = 0.0, SETTLED_FACE_STEPS
+        if not self.settled:
+            reduction, steps = REDUCTION, NEW_FACE_STEPS
+        solve_free(self.cycle, self.k, w, reduction, floor, steps, x)
+        slope, curvature = project_step(self.A, z, w, lower, upper, x, Ax)
         step = 1.0
         if self.cycle.symmetric and -slope < curvature:
             step = max(0.0, -slope / curvature)
-        if self.bold and step < SHORT:
+        if self.bold and step < SHORT_STEP:
             step = 1.0
         move(step, x, Ax, lower, upper, z, w)
         self.judge()
@@ -190,7 +191,7 @@ class Solver:
         _, q, lower, upper = lcp
         S = hierarchy.scale
         root = np.sqrt(hierarchy.levels[0].d)
-        self.box = Box(S * q, lower / S, upper / S, root)
+        self.box = LevelLCP(S * q, lower / S, upper / S, root)
         self.accepts, self.goal = criterion.accepts, criterion.goal
         self.best = self.clipped(np.zeros(q.size), self.box)
         self.least = math.inf
@@ -198,7 +199,7 @@ class Solver:
         self.warm = False
 
     @staticmethod
-    def clipped(z: np.ndarray, box: Box) -> np.ndarray:
+    def clipped(z: np.ndarray, box: LevelLCP) -> np.ndarray:
         """Return the point of the box next to z."""
         return np.minimum(np.maximum(z, box.lower), box.upper)
 
@@ -235,7 +236,7 @@ class Solver:
         iterate = self.start(z0, deadline)
         if self.is_solved(iterate):
             return Status.SOLVED
-        since = still = 0
+        fruitless = slow = 0
         while self.done < max_cycles:
             if deadline.reached():
                 return Status.TIME_LIMIT
@@ -255,14 +256,14 @@ class Solver:
                 self.cycle.release()
                 iterate = self.nested_start(deadline)
                 continue
-            since = 0 if self.least < least else since + 1
+            fruitless = 0 if self.least < least else fruitless + 1
             if iterate.settled and not iterate.residual <= 0.5 * before:
-                still += 1
+                slow += 1
             else:
-                still = 0
-            if still >= STILL:
+                slow = 0
+            if slow >= SLOW_CYCLES:
                 return Status.STALLED
-            if since >= PATIENCE:
+            if fruitless >= FRUITLESS_CYCLES:
                 if not self.cycle.symmetric:
                     return Status.STALLED
                 iterate.bold = False
@@ -288,7 +289,7 @@ class Solver:
         """Return the solution of the level below; no level may be truncated."""
         return Iterate(self.cycle, 0, self.box, self.nested(0, self.box, deadline))
 
-    def nested(self, k: int, box: Box, deadline: Deadline) -> np.ndarray:
+    def nested(self, k: int, box: LevelLCP, deadline: Deadline) -> np.ndarray:
         """Return clip(P z) on level k, z from the LCP on the level below.
 
         On a level without one it is clip(0).
@@ -299,7 +300,7 @@ class Solver:
         level = levels[k]
         q, C = np.empty(level.C.size), level.C
         residual_vector(level.R, np.zeros(q.size), box.q, q)
-        below = Box(q, box.lower[C], box.upper[C], np.ones(q.size))
+        below = LevelLCP(q, box.lower[C], box.upper[C], np.ones(q.size))
         cold = self.clipped(np.zeros(q.size), below)
         goal = NESTED_GOAL * Iterate(self.cycle, k + 1, below, cold).residual
         iterate = Iterate(self.cycle, k + 1, below, self.nested(k + 1, below, deadline))

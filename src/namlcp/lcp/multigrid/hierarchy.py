@@ -26,13 +26,14 @@ from namlcp.lcp.multigrid.vcycle import Level, VCycle
 from namlcp.lcp.relaxation import Rows, rows_of
 from namlcp.limits import NEVER, Deadline
 
-MAX_COARSE = 50
+MAX_COARSE, MAX_DENSE = 50, 500
+"""Coarsen down to MAX_COARSE unknowns; more than MAX_DENSE must not be left, since the
+last matrix is inverted as a dense one."""
+
 MAX_LEVELS = 30
-MAX_DENSE = 500
-"""Coarsen down to MAX_COARSE unknowns; more than MAX_DENSE must not be left."""
 
 UNLIKE = 0.03
-"""So many of the rows may have positive couplings of more than half the negative ones.
+"""Fraction of the rows whose positive couplings may exceed half the negative ones.
 
 Discretised differential equations have up to 0.02, contact problems from 0.09.
 """
@@ -43,19 +44,18 @@ MOST_ENTRIES = 100
 GROWTH = 6.0
 """Entries of all coarse levels at most, as a multiple of those of A."""
 
-GOOD = 0.3
-"""A V-cycle that does not reduce the error so far gets a second pass."""
-
-USELESS = 0.8
-"""A V-cycle that does not reduce the error so far is of no use."""
+GOOD, USELESS = 0.3, 0.8
+"""Of the error a V-cycle may leave: up to GOOD coarsening needs no second pass, beyond
+USELESS the hierarchy is refused."""
 
 RATE_CYCLES = 4
+"""V-cycles whose last one measures the rate."""
 
-FAR = 1e8
+FAR_FROM_ONE = 1e8
 """A largest diagonal entry beyond this, or below its inverse, is scaled."""
 
-ROUNDING = 1e-12
-"""Relative row sums may differ by so much and count as equal."""
+EQUAL_SUMS = 1e-12
+"""Difference up to which two relative row sums count as equal."""
 
 
 class Hierarchy:
@@ -144,10 +144,10 @@ def scaling(A: Any) -> np.ndarray:
     root = 1.0 / np.sqrt(d)
     plain = np.median(np.abs(A @ ones) / d)
     scaled = np.median(np.abs(A @ root) * root)
-    if scaled < plain - ROUNDING:
+    if scaled < plain - EQUAL_SUMS:
         return root
     largest = float(d.max())
-    if 1.0 / FAR < largest < FAR:
+    if 1.0 / FAR_FROM_ONE < largest < FAR_FROM_ONE:
         return ones
     return ones * 2.0 ** -round(0.5 * math.log2(largest))
 

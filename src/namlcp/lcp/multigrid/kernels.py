@@ -1,22 +1,26 @@
 """Compiled pieces of the truncated multigrid cycle: one pass over a level for each.
 
-A face F is given by `dinv`: 1 / a_ii on F, 0 elsewhere; every kernel skips the rows
-with 0. With T = diag(F) the V(1,1)-cycle acts on T A T, one forward Gauss-Seidel sweep
-on the way down, one backward sweep on the way up, and between them the coarse matrix
+A face F is the set of free unknowns, given by `dinv`: 1 / a_ii on F, 0 elsewhere;
+every kernel skips the rows with 0. With T = diag(F) the V(1,1)-cycle acts on T A T, one
+forward Gauss-Seidel sweep on the way down, one backward sweep on the way up, and
+between them the coarse matrix
 
     A_c = P' T A T P
 
 (Ruge and Stueben, in McCormick, Multigrid Methods, SIAM 1987, for T = I; Kornhuber,
-Numer. Math. 69 (1994) 167-184, for truncation). Matrices are triples (data, indices,
-indptr) in CSR with ascending columns; `diagonal` holds the places of their a_ii.
+Numer. Math. 69 (1994) 167-184, for truncation). Matrices are `Rows`; `diagonal` holds
+the places of their a_ii. A call from Python takes a tuple more slowly than its arrays,
+by a microsecond, which does not count beside a pass over a level.
 
 Indices are cast to unsigned so that no negative index is looked for.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 
 from namlcp.compiled import kernel
-from namlcp.lcp.relaxation import ONE
+from namlcp.lcp.relaxation import ONE, Rows
 
 VANISHED = 1e-13
 """A coarse diagonal that truncation leaves below this times its old value is zero."""
@@ -110,9 +114,34 @@ def ascend(A, diagonal, P, dinv, b, coarse, x):
     return product
 
 
+class FaceOnLevel(NamedTuple):
+    """The free unknowns F of one level, and what follows from them.
+
+    A : Rows
+        The matrix of the level, truncated by the faces of the levels above.
+    dinv : (n,) array
+        1 / a_ii on F, 0 elsewhere.
+    touched, dirty : (n,) bool arrays
+        Rows of A that differ from the matrix of the level; what `mark_dirty` wrote.
+    b, x : (n,) arrays
+        Right-hand side and solution of a cycle on this level, for the level above.
+    place : (n,) int32 array
+        Work of `truncate_coarse`; empty while A is the matrix of the level itself.
+    """
+
+    A: Rows
+    dinv: np.ndarray
+    touched: np.ndarray
+    dirty: np.ndarray
+    b: np.ndarray
+    x: np.ndarray
+    place: np.ndarray
+
+
 @kernel
-def mark_dirty(A, dinv, touched, dirty):
+def mark_dirty(face):
     """Mark the rows that are truncated, touched or have a truncated neighbour."""
+    A, dinv, touched, dirty = face.A, face.dinv, face.touched, face.dirty
     for i in range(dinv.size):
         mark = touched[i] or dinv[i] == 0.0
         k = np.uintp(A.indptr[i])
@@ -124,9 +153,7 @@ def mark_dirty(A, dinv, touched, dirty):
 
 
 @kernel
-def truncate_coarse(
-    A, P, R, dinv, dirty, coarse, d, truncated, coarse_dinv, touched, place
-):
+def truncate_coarse(face, P, R, coarse, d, below):
     """Recompute the rows of A_c = P' T A T P that differ from P' A P, no others.
 
     Entries outside the pattern of P' A P go, in modulus, to the diagonal. A coarse
@@ -134,23 +161,19 @@ def truncate_coarse(
 
     Parameters
     ----------
-    A, P, R : Rows
-        Truncated fine matrix, interpolation, R = P'.
-    dinv, dirty : (n,) array
-        Fine face; what `mark_dirty` wrote.
+    face : FaceOnLevel
+        The fine one, after `mark_dirty`.
+    P, R : Rows
+        Interpolation and R = P'.
     coarse : Rows
-        P' A P.
-    d : (m,) array
-        Its diagonal.
-    truncated : (nnz,) array
-        Values of A_c in the pattern of `coarse`; on entry those of an earlier face.
-    coarse_dinv : (m,) array
-        Coarse face on return.
-    touched : (m,) bool array
-        The rows of `truncated` that differ from those of `coarse`, before and after.
-    place : (m,) int32 array
-        Work; no meaning on return.
+        P' A P, and d (m,), its diagonal.
+    below : FaceOnLevel
+        The coarse one: on entry of an earlier face, on return A_c in the pattern of
+        `coarse`, its dinv and touched.
     """
+    A, dinv, dirty = face.A, face.dinv, face.dirty
+    truncated, coarse_dinv = below.A.data, below.dinv
+    touched, place = below.touched, below.place
     for j in range(d.size):
         before = touched[j]
         now = False
@@ -233,7 +256,7 @@ def advance(step, p, Ap, x, r):
 
 
 @kernel
-def segment(A, z, w, lower, upper, x, Ax):
+def project_step(A, z, w, lower, upper, x, Ax):
     """Make x the step from z to clip(z + x) and Ax its product; return w'x and x'Ax."""
     for i in range(z.size):
         x[i] = min(max(z[i] + x[i], lower[i]), upper[i]) - z[i]

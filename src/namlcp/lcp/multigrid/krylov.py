@@ -1,7 +1,8 @@
 """Solve A_FF x = -w_F on a face of a level, preconditioned by the truncated V-cycle.
 
 Conjugate gradients for symmetric A; for others van der Vorst's BiCGStab (SIAM J. Sci.
-Stat. Comput. 13 (1992) 631-644), preconditioned from the right.
+Stat. Comput. 13 (1992) 631-644), preconditioned from the right. SciPy's do not end at a
+curvature p'A p <= 0, which an indefinite A has, and update their vectors one by one.
 """
 
 import numpy as np
@@ -10,7 +11,7 @@ from namlcp.lcp.multigrid.kernels import advance, face_product, negative_on_face
 from namlcp.lcp.multigrid.vcycle import VCycle
 
 
-def solve_face(
+def solve_free(
     cycle: VCycle,
     k: int,
     w: np.ndarray,

@@ -6,6 +6,7 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.lcp.multigrid.kernels import (
+    FaceOnLevel,
     ascend,
     descend,
     mark_dirty,
@@ -33,27 +34,13 @@ class Level(NamedTuple):
     C: np.ndarray
 
 
-class Face:
-    """What one level knows of the face: see `truncation`.
-
-    `A` is the matrix of the level until a face above truncates it, then a copy.
-    """
-
-    def __init__(self, level: Level):
-        n = level.d.size
-        self.A = level.A
-        self.dinv = 1.0 / level.d
-        self.touched = np.zeros(n, dtype=np.bool_)
-        self.dirty = np.empty(n, dtype=np.bool_)
-        # Work of the level above, whose coarse level this is.
-        self.b, self.x = np.empty(n), np.empty(n)
-        self.place = np.empty(0, dtype=np.int32)
-
-    def own_values(self) -> None:
-        """Copy the matrix, once, so that it can be truncated."""
-        if not self.place.size:
-            self.A = self.A._replace(data=self.A.data.copy())
-            self.place = np.zeros(self.dinv.size, dtype=np.int32)
+def all_free(level: Level) -> FaceOnLevel:
+    """Return the face with all unknowns of a level."""
+    n = level.d.size
+    touched, dirty = np.zeros(n, dtype=np.bool_), np.empty(n, dtype=np.bool_)
+    place = np.empty(0, dtype=np.int32)
+    b, x = np.empty(n), np.empty(n)
+    return FaceOnLevel(level.A, 1.0 / level.d, touched, dirty, b, x, place)
 
 
 class VCycle:
@@ -64,7 +51,7 @@ class VCycle:
 
     Attributes
     ----------
-    faces : list of Face
+    faces : list of FaceOnLevel
     cycles : list of int
         V-cycles so far that began on each level.
     """
@@ -72,7 +59,7 @@ class VCycle:
     def __init__(self, levels: list[Level], symmetric: bool):
         self.levels = levels
         self.symmetric = symmetric
-        self.faces = [Face(level) for level in levels]
+        self.faces = [all_free(level) for level in levels]
         self.cycles = [0] * len(levels)
         self.invert_coarsest()
 
@@ -81,21 +68,12 @@ class VCycle:
         for fine in range(k, len(self.levels) - 1):
             level, coarse = self.levels[fine], self.levels[fine + 1]
             face, below = self.faces[fine], self.faces[fine + 1]
-            below.own_values()
-            mark_dirty(face.A, face.dinv, face.touched, face.dirty)
-            truncate_coarse(
-                face.A,
-                level.P,
-                level.R,
-                face.dinv,
-                face.dirty,
-                coarse.A,
-                coarse.d,
-                below.A.data,
-                below.dinv,
-                below.touched,
-                below.place,
-            )
+            if not below.place.size:  # its matrix is still that of the level
+                copy = below.A._replace(data=below.A.data.copy())
+                place = np.zeros(below.dinv.size, dtype=np.int32)
+                below = self.faces[fine + 1] = below._replace(A=copy, place=place)
+            mark_dirty(face)
+            truncate_coarse(face, level.P, level.R, coarse.A, coarse.d, below)
         self.invert_coarsest()
 
     def release(self) -> None:
