@@ -23,9 +23,10 @@ from pathlib import Path
 import numpy as np
 import scipy.linalg
 
-SMALL = 100
-"""Up to this order more threads change nothing, and the setting is left alone."""
-
+# Orders of the largest dense matrix up to which the setting is left alone, as threads
+# change nothing, and from which on more threads than one may pay.
+SMALL, WORTH = 100, 600
+# How the BLAS libraries set and tell their number of threads.
 NAMES = (
     ("scipy_openblas_set_num_threads", "scipy_openblas_get_num_threads"),
     ("scipy_openblas_set_num_threads64_", "scipy_openblas_get_num_threads64_"),
@@ -34,10 +35,6 @@ NAMES = (
     ("MKL_Set_Num_Threads", "MKL_Get_Max_Threads"),
     ("bli_thread_set_num_threads", "bli_thread_get_num_threads"),
 )
-"""How the BLAS libraries set and tell their number of threads."""
-
-WORTH = 600
-"""From this order on more threads may pay."""
 
 Setting = tuple[Callable[[int], None], Callable[[], int]]
 
@@ -91,7 +88,7 @@ class BlasThreads:
         self.before: list[int] = []
 
     def enter(self, threads: int) -> None:
-        """Begin a solve that may use so many threads."""
+        """Begin a solve with this number of threads."""
         with self.lock:
             if not self.asked:
                 self.before = [get() for _, get in settings()]
@@ -99,7 +96,7 @@ class BlasThreads:
             self.put()
 
     def leave(self, threads: int) -> None:
-        """End it."""
+        """End a solve with this number of threads."""
         with self.lock:
             if threads in self.asked:  # not so in a child of fork
                 self.asked.remove(threads)
@@ -125,34 +122,25 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=BLAS_THREADS.forget)
 
 
-class Limited:
-    """A block in which BLAS uses so many threads."""
-
-    def __init__(self, threads: int):
-        self.threads = threads
-
-    def __enter__(self) -> None:
-        """Set the number."""
-        BLAS_THREADS.enter(self.threads)
-
-    def __exit__(self, *_: object) -> None:
-        """Put it back."""
-        BLAS_THREADS.leave(self.threads)
-
-
 NOTHING: contextlib.AbstractContextManager[None] = contextlib.nullcontext()
 
 
-def blas_threads(threads: int, order: int) -> contextlib.AbstractContextManager[None]:
-    """Let BLAS use so many threads in a block.
+@contextlib.contextmanager
+def limited(threads: int) -> Iterator[None]:
+    """Let BLAS use so many threads in a block."""
+    BLAS_THREADS.enter(threads)
+    try:
+        yield
+    finally:
+        BLAS_THREADS.leave(threads)
 
-    Parameters
-    ----------
-    threads : int
-        At most; one where more do not pay.
-    order : int
-        Of the largest matrix that may be dense; nothing is set for a small one.
+
+def blas_threads(threads: int, order: int) -> contextlib.AbstractContextManager[None]:
+    """Let BLAS use up to `threads` threads in a block, one where more do not pay.
+
+    `order` is that of the largest matrix that may be dense; nothing is set for a small
+    one.
     """
     if order <= SMALL or not settings():
         return NOTHING
-    return Limited(threads if order >= WORTH else 1)
+    return limited(threads if order >= WORTH else 1)
