@@ -100,7 +100,8 @@ class KKT:
 
     def remainder(self, rhs: np.ndarray, u: np.ndarray, r: np.ndarray) -> float:
         """Set r = rhs - K~ u; return its weighted norm."""
-        return remainder(self.indptr, self.indices, self.data, rhs, u, r)
+        K = self.indptr, self.indices, self.data
+        return set_remainder(*K, self.weight, rhs, u, r)
 
     def solve(self, rhs: np.ndarray) -> tuple[np.ndarray, float]:
         """Return a refined u with K~ u = rhs and its relative residual."""
@@ -220,8 +221,8 @@ def weighted_norm(r, weight):
 
 
 @kernel
-def remainder(indptr, indices, data, rhs, u, r):
-    """Set r = rhs - K~ u; return its norm max |r_i| / max(1, |K~_ii|)."""
+def set_remainder(indptr, indices, data, weight, rhs, u, r):
+    """Set r = rhs - K~ u; return its norm max |r_i| / weight_i."""
     for i in range(r.size):
         r[i] = rhs[i]
     for j in range(r.size):
@@ -233,12 +234,7 @@ def remainder(indptr, indices, data, rhs, u, r):
             r[i] -= data[t] * uj
             total += data[t] * u[i]
         r[j] -= total
-    worst = 0.0
-    for i in range(r.size):
-        value = abs(r[i]) / max(1.0, abs(data[indptr[i + 1] - 1]))
-        if not value <= worst:
-            worst = value
-    return worst
+    return weighted_norm(r, weight)
 
 
 @kernel

@@ -96,30 +96,23 @@ class CertificateSearch:
             return None
         self.promised = True
         point = s.point(loop.x, loop.y, loop.Z)
-        step_y, step_Z = loop.du[s.n : s.n + s.p], np.maximum(loop.dZ, 0.0)
-        if primal:
-            for k, y, Z in ((0, loop.y, loop.Z), (1, step_y, step_Z)):
-                if promising[k] and self.is_proof(
-                    k, self.farkas_proof, self.project_multipliers, point, y, Z
-                ):
-                    return Status.PRIMAL_INFEASIBLE
-        if dual:
-            for k, d in ((2, loop.x), (3, loop.du[: s.n])):
-                if promising[k] and self.is_proof(
-                    k, self.ray_proof, self.project_ray, point, d
-                ):
-                    return Status.DUAL_INFEASIBLE
+        step_x, step_y = loop.du[: s.n], loop.du[s.n : s.n + s.p]
+        for k, stuck, *candidate in (
+            (0, primal, loop.y, loop.Z),
+            (1, primal, step_y, np.maximum(loop.dZ, 0.0)),
+            (2, dual, loop.x),
+            (3, dual, step_x),
+        ):
+            if stuck and promising[k] and self.is_proof(k, point, candidate):
+                return Status.PRIMAL_INFEASIBLE if k < 2 else Status.DUAL_INFEASIBLE
         return None
 
-    def is_proof(
-        self,
-        k: int,
-        proof: Callable[..., Point | None],
-        projections: Callable[..., list[Any]],
-        point: Point,
-        *candidate: np.ndarray,
-    ) -> bool:
+    def is_proof(self, k: int, point: Point, candidate: list[np.ndarray]) -> bool:
         """Test candidate k, then its projections where it improved since the last."""
+        proof: Callable[..., Point | None] = self.ray_proof
+        projections: Callable[..., list[Any]] = self.project_ray
+        if k < 2:
+            proof, projections = self.farkas_proof, self.project_multipliers
         self.proof = proof(point, *candidate)
         if self.proof is None and self.ratios[k] <= AGAIN * self.projected[k]:
             self.projected[k] = self.ratios[k]
@@ -235,8 +228,7 @@ def promising_ratios(
     Farkas multipliers from the iterate and from the step (its Z cut at 0), a ray from
     the iterate and from the step. Pdx, Ctdv, dv and dt are work arrays.
     """
-    n = x.size
-    p = y.size
+    n, p = x.size, y.size
     dv[:] = 0.0
     for i in range(p):
         dv[n + i] = du[n + i]
@@ -255,8 +247,7 @@ def promising_ratios(
 @part
 def farkas_ratio(b, c, y, Z, v, Ctv, size):
     """Return min(|r| |x| / -value, |r| / |multipliers|), inf if value >= 0."""
-    value = 0.0
-    most = 0.0
+    value, most = 0.0, 0.0
     for i in range(b.size):
         value += b[i] * y[i]
         most = max(most, abs(y[i]))
@@ -274,9 +265,7 @@ def farkas_ratio(b, c, y, Z, v, Ctv, size):
 @part
 def ray_ratio(q, d, Pd, t, place, sign, p):
     """Return max(|P d|, |A d|, (C d)+) / |d|, inf if q'd >= 0."""
-    value = 0.0
-    most = 0.0
-    residual = 0.0
+    value, most, residual = 0.0, 0.0, 0.0
     for j in range(d.size):
         value += q[j] * d[j]
         most = max(most, abs(d[j]))
