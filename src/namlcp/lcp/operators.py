@@ -53,7 +53,8 @@ class Operator:
 
 
 SYMMETRIC = 1e-7
-"""A product in single precision is symmetric to this, times the size of its terms."""
+"""Largest |u'Av - v'Au| that counts as zero, relative to the size of its terms: the
+rounding of products in single precision."""
 
 
 def operator_data(A: LinearOperator, diagonal: Any) -> Operator:

@@ -23,7 +23,7 @@ RETRIES = 8
 """Fresh starts after a divergence, each with P twice as large."""
 
 REFACTOR = 0.2
-"""A change of Omega below 20 % is not worth another factorisation."""
+"""A relative change of Omega up to this is not worth another factorisation."""
 
 
 class AdaptiveStep(Step):

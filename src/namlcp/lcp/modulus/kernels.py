@@ -1,7 +1,7 @@
 """Compiled sweeps: one pass over the rows of A for every triangular method.
 
-Box LCP in modulus form, equation (3) of the paper with r = 2 and bounds in place of
-z >= 0 (Bai 2010; A = D - L - U, z = clip(s, l, u)):
+Box LCP in modulus form (the fixed points of the paper's equations (2) and (3), r = 2,
+with bounds in place of z >= 0; A = D - L - U, z = clip(s, l, u)):
 
     A z + q + Omega (s - z) = 0
 

@@ -29,6 +29,8 @@ class Method(NamedTuple):
 
 
 METHODS = {
+    # Bai's splittings, the paper's equation (2), and the accelerated form of the paper,
+    # Method 3.1 or equation (4): its variants 3, 4, 5 and 6.
     "mgs": Method(("omega",)),
     "msor": Method(("alpha", "omega")),
     "maor": Method(("alpha", "beta", "omega")),
@@ -36,10 +38,12 @@ METHODS = {
     "namgs": Method(("omega", "shift"), own=1.0),
     "namsor": Method(("alpha", "omega", "shift"), own=1.0),
     "namaor": Method(("alpha", "beta", "omega", "shift"), own=1.0),
+    # Zheng and Yin's, and those with Omega = D/alpha, which are projected SOR.
     "amgs": Method(("omega",), own=-1.0, reflected=2.0),
     "amsor": Method(("alpha", "omega"), own=-1.0, reflected=2.0),
     "pgs": Method((), own=-1.0, reflected=2.0),
     "psor": Method(("alpha",), own=-1.0, reflected=2.0),
+    # Bai's with M = A, and the variants 1 and 2 of Method 3.1.
     "modulus": Method(("omega",), factored=True),
     "nam": Method(("omega", "shift"), own=1.0, factored=True),
     "modified-nam": Method(("alpha", "omega", "shift"), own=1.0, factored=True),
@@ -47,6 +51,8 @@ METHODS = {
 
 
 SOLVERS = {"auto": Method(()), "multigrid": Method(())}
+"""Methods of `solve_lcp` that are no sweeps: they have no parameters."""
+
 KNOWN = SOLVERS | METHODS
 
 

@@ -49,32 +49,34 @@ from namlcp.lcp.modulus.methods import Method, Parameters
 from namlcp.lcp.modulus.spectrum import Spectrum
 
 FRUSTRATION = 0.6
-"""c >= 0.6 G sqrt(f) / (p - c), f the geometric mean of b - 2 of face and matrix."""
+"""c >= FRUSTRATION G sqrt(f) / (p - c), f the geometric mean of b - 2 on the face and
+on the whole matrix."""
 
 BALANCE = 0.3
-"""The product a b counts less by 0.3 (2 - g): L is not (I - A)/2 when g < 2."""
+"""a b is reduced by the fraction BALANCE (2 - g): L is not (I - A)/2 when g < 2."""
 
 SMALL_OMEGA = 0.01
 """The least c: without it a row that leaves the face would hardly come back."""
 
 NONSYMMETRIC = 0.75
+"""Factor of c of "modulus" for nonsymmetric A."""
 
 LARGE_ALPHA = 1.95
+"""The largest alpha chosen where Omega is free, too."""
+
 ALPHAS = [0.05 * k for k in range(2, 40)]
+"""The alphas compared where beta is given and Omega is free."""
 
-FROM = 32
-"""The sweep from which on P is corrected: where g < 2 it shrinks, by SHRINK at every
-power of 2, until the change of z, looked at every EVERY sweeps, has grown fourfold;
-then P is raised."""
+FROM, EVERY = 32, 8
+"""P is corrected from sweep FROM on; every EVERY sweeps the change of z is looked at."""
 
-EVERY = 8
-
-SHRINK = 0.93
-GROWTH = 4.0
+SHRINK, GROWTH = 0.93, 4.0
+"""Where g < 2, P shrinks by the factor SHRINK at every power of 2 until the change of z
+has grown by the factor GROWTH; then P is raised."""
 
 STANDING = 0.7
-"""P is raised, too, where the changes between two powers of 2 are not below 0.7 of
-those before: the iterates wander. (A slow decay is at least algebraic by then.)"""
+"""P is raised, too, where the changes between two powers of 2 are not below this times
+those before: then the iterates wander. (A slow decay is at least algebraic by then.)"""
 
 
 def mean(x: np.ndarray) -> float:

@@ -15,10 +15,9 @@ from scipy.linalg import eigh_tridiagonal
 
 from namlcp.linalg import asymmetry
 
-LANCZOS = 14
-"""Products with A of an estimate; fewer where both ends have converged to SHARP."""
-
-SHARP = 0.02
+LANCZOS, SHARP = 14, 0.02
+"""Lanczos steps of an estimate; fewer where the error bounds of both ends, relative to
+the Ritz values, are below SHARP."""
 
 CERTAIN = 0.5
 """Up to this row sum of |I - A| the bounds 1 -+ row sum are as good as an estimate."""

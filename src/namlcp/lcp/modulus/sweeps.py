@@ -7,6 +7,9 @@ R(s) = 2 clip(s, l, u) - s, which is |s| for the LCP (r = 2):
     m*:      (M + Omega) s+ = N s + (Omega - A) R(s) - 2 q
     am*, p*: (M + Omega) s+ = N s + (Omega - D + U) R(s) + L R(s+) - 2 q
 
+The first is the paper's Method 3.1, equation (4), where E = I; its fixed points, by the
+paper's Theorem 1 and equation (3), are the solutions. The second is its equation (2).
+
 s + R(s) = 2 z. Subtracting the left matrix times s leaves -2 (A z + q - w) on the
 right, w = Omega (z - s), and on the left, with ds = s+ - s and dz = z+ - z,
 

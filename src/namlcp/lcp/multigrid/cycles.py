@@ -33,7 +33,7 @@ from namlcp.lcp.multigrid.kernels import (
     project_step,
     residual_vector,
 )
-from namlcp.lcp.multigrid.krylov import solve_free
+from namlcp.lcp.multigrid.krylov import solve_on_face
 from namlcp.lcp.multigrid.vcycle import VCycle
 from namlcp.lcp.relaxation import relax_back, relax_csr
 from namlcp.limits import Deadline, Limits
@@ -137,7 +137,7 @@ class Iterate:
         reduction, steps = 0.0, SETTLED_FACE_STEPS
         if not self.settled:
             reduction, steps = REDUCTION, NEW_FACE_STEPS
-        solve_free(self.cycle, self.k, w, reduction, floor, steps, x)
+        solve_on_face(self.cycle, self.k, w, reduction, floor, steps, x)
         slope, curvature = project_step(self.A, z, w, lower, upper, x, Ax)
         step = 1.0
         if self.cycle.symmetric and -slope < curvature:

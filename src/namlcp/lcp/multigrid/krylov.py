@@ -11,7 +11,7 @@ from namlcp.lcp.multigrid.kernels import advance, face_product, negative_on_face
 from namlcp.lcp.multigrid.vcycle import VCycle
 
 
-def solve_free(
+def solve_on_face(
     cycle: VCycle,
     k: int,
     w: np.ndarray,
