@@ -68,7 +68,7 @@ ALPHAS = [0.05 * k for k in range(2, 40)]
 """The alphas compared where beta is given and Omega is free."""
 
 FROM, EVERY = 32, 8
-"""P is corrected from sweep FROM on; every EVERY sweeps the change of z is looked at."""
+"""P is corrected from sweep FROM on; every EVERY sweeps the change of z is measured."""
 
 SHRINK, GROWTH = 0.93, 4.0
 """Where g < 2, P shrinks by the factor SHRINK at every power of 2 until the change of z
