@@ -17,7 +17,6 @@ from namlcp.lcp.relaxation import relax_back, relax_csr
 from namlcp.limits import Deadline
 from namlcp.residuals import natural_residual
 from namlcp.scenes import forced_obstacle
-from validation.problems import large_scenes
 
 INF = np.inf
 EPS = 1e-9

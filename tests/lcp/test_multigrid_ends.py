@@ -6,13 +6,13 @@ import numpy as np
 from problems_lcp import box_lcp
 from test_multigrid import EPS, INF, convection
 
-import large_scenes
 from namlcp import Status
 from namlcp.lcp.multigrid import cycles as multigrid
 from namlcp.lcp.multigrid.cycles import solve_by_multigrid
 from namlcp.lcp.multigrid.hierarchy import Hierarchy, build, coarsen, suits
 from namlcp.limits import Deadline, Limits
 from namlcp.scenes import forced_obstacle
+from validation.problems import large_scenes
 
 
 def problem(m=40):

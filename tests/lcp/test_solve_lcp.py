@@ -411,7 +411,7 @@ def test_a_prepared_matrix_serves_many_problems(kind, monkeypatch):
     prepared = Prepared(kind(A))
     assert prepared.symmetric
     monkeypatch.setattr("namlcp.lcp.prepared.lcp_matrix", None)
-    monkeypatch.setattr("namlcp.lcp.prepared.asymmetry", None)
+    monkeypatch.setattr("namlcp.lcp.prepared.is_symmetric", None)
     for q, before in zip(plain, expected, strict=True):
         result = solve_lcp(prepared, q)
         assert_solves_lcp(result, prepared.A, q)
