@@ -71,6 +71,6 @@ def test_transport_takes_few_v_cycles_on_all_levels_together():
     criterion = SimpleNamespace(
         accepts=lambda z, w: lcp.residual(z, w) < 1e-9, goal=1e-9
     )
-    solver = multigrid.Solver(lcp, build(A, False), criterion)
+    solver = multigrid.MultigridSolver(lcp, build(A, False), criterion)
     assert solver.run(None, Limits(max_iter=40)) is Status.SOLVED
     assert 0 < sum(solver.cycle.cycles) <= 60

@@ -8,7 +8,7 @@ from scipy import sparse
 from namlcp import Prepared, Status, solve_lcp
 from namlcp.lcp.pivoting.driver import solve_box
 from namlcp.lcp.tridiagonal.diagonals import (
-    eliminate,
+    eliminate_rows,
     fill_in,
     halve,
     tridiagonal_of,
@@ -128,7 +128,7 @@ def test_halves_solve_what_the_whole_does(rng):
         z = np.linalg.solve(A.toarray(), -q)
         rows, q_below = np.empty((5, (n + 1) // 2)), np.empty((n + 1) // 2)
         halve(form.rows, q, rows, q_below)
-        assert eliminate(rows) == (True, True)
+        assert eliminate_rows(rows) == (True, True)
         B = matrix(rows[0, 1:], rows[1], rows[2, :-1])
         np.testing.assert_allclose(B @ z[::2], -q_below, rtol=1e-9, atol=1e-9)
         filled = np.empty(n)

@@ -86,10 +86,12 @@ def solve_by_products(
             there = criterion.residuals(z, lcp.w(z))[1]
             if not there <= TOO_FAR * criterion.size:
                 z = lcp.start()
-        return descend(lcp, z, limits, criterion)
+        return descent_from(lcp, z, limits, criterion)
 
 
-def descend(lcp: LCP, z0: np.ndarray, limits: Limits, criterion: Criterion) -> Outcome:
+def descent_from(
+    lcp: LCP, z0: np.ndarray, limits: Limits, criterion: Criterion
+) -> Outcome:
     """Take steps from z0 in the box until one of the ends of `solve_by_products`."""
     _, _, lower, upper = lcp
     root = lcp.matrix.root

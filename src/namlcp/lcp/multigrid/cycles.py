@@ -167,12 +167,12 @@ def solve_by_multigrid(
             )
         z = lcp.start(z0)
         return Outcome(Status.TIME_LIMIT, z, lcp.w(z), 0, "multigrid")
-    solver = Solver(lcp, hierarchy, criterion)
+    solver = MultigridSolver(lcp, hierarchy, criterion)
     status = solver.run(z0, limits)
     return Outcome(status, *solver.users_point(solver.best), solver.done, "multigrid")
 
 
-class Solver:
+class MultigridSolver:
     """One solve.
 
     Attributes

@@ -244,7 +244,7 @@ def negative_on_face(dinv, w, r):
 
 
 @kernel
-def advance(step, p, Ap, x, r):
+def step_along(step, p, Ap, x, r):
     """Add step p to x and -step Ap to r; return || r ||_2."""
     total = 0.0
     for i in range(x.size):

@@ -7,7 +7,7 @@ curvature p'A p <= 0, which an indefinite A has, and update their vectors one by
 
 import numpy as np
 
-from namlcp.lcp.multigrid.kernels import advance, face_product, negative_on_face
+from namlcp.lcp.multigrid.kernels import face_product, negative_on_face, step_along
 from namlcp.lcp.multigrid.vcycle import VCycle
 
 
@@ -51,7 +51,7 @@ def conjugate_gradients(
         curvature = face_product(A, dinv, p, Ap)
         if not (curvature > 0.0 and rho > 0.0):
             return
-        if advance(rho / curvature, p, Ap, x, r) <= goal or step == steps:
+        if step_along(rho / curvature, p, Ap, x, r) <= goal or step == steps:
             return
         before, rho = rho, cycle.solve(k, r, y)
         p *= rho / before
@@ -73,7 +73,7 @@ def bicgstab(
         if rho == 0.0 or below == 0.0:
             return
         alpha = rho / below
-        if advance(alpha, y, Ay, x, r) <= goal:
+        if step_along(alpha, y, Ay, x, r) <= goal:
             return
         cycle.solve(k, r, y)
         product = face_product(A, dinv, y, t)  # only t is of interest
@@ -81,7 +81,7 @@ def bicgstab(
         if product == 0.0:
             return
         omega = float(t @ r) / product
-        if advance(omega, y, t, x, r) <= goal or omega == 0.0:
+        if step_along(omega, y, t, x, r) <= goal or omega == 0.0:
             return
         before, rho = rho, float(shadow @ r)
         p -= omega * Ay

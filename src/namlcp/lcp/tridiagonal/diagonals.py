@@ -52,7 +52,7 @@ def read_diagonals(data, indices, indptr, rows):
 
 
 @kernel(error_model="numpy")
-def eliminate(rows):
+def eliminate_rows(rows):
     """Write what follows from the diagonals; return whether a_ii > 0, and Z.
 
     From the first pivot that is not positive the pivots are NaN.
@@ -78,7 +78,7 @@ def tridiagonal_of(A: Any) -> Tridiagonal | None:
     rows = np.empty((5, n))
     if read_diagonals(A.data, A.indices, A.indptr, rows):
         return None
-    positive, z_matrix = eliminate(rows)
+    positive, z_matrix = eliminate_rows(rows)
     return Tridiagonal(rows, z_matrix) if positive else None
 
 

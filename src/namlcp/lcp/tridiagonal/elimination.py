@@ -30,7 +30,7 @@ from namlcp.lcp.tridiagonal.diagonals import (
     ROOT,
     Tridiagonal,
     TridiagonalLCP,
-    eliminate,
+    eliminate_rows,
     fill_in,
     halve,
     multiply,
@@ -319,7 +319,7 @@ def scan_for_states(rows, q, lower, upper, state, work, stack, spans):
     scan(rows, work[W, : state.size], lower, upper, stack, spans, state)
 
 
-class Solver:
+class TridiagonalSolver:
     """One solve: the arrays it needs, and how far it is.
 
     z is the start; on return from `run` z and w are the best point so far and A z + q.
@@ -371,10 +371,10 @@ def nested_start(lcp: TridiagonalLCP, z: np.ndarray) -> None:
     m = (q.size + 1) // 2
     rows_below, q_below = np.empty((5, m)), np.empty(m)
     halve(rows, q, rows_below, q_below)
-    if not eliminate(rows_below)[0]:
+    if not eliminate_rows(rows_below)[0]:
         return
     below = TridiagonalLCP(rows_below, q_below, lower[::2].copy(), upper[::2].copy())
-    solver = Solver(below, None, 0.0, NESTED_EPS)
+    solver = TridiagonalSolver(below, None, 0.0, NESTED_EPS)
     nested_start(below, solver.z)
     solver.run(NESTED_FACES)
     fill_in(rows, q, lower, upper, solver.z, z)
@@ -391,7 +391,7 @@ def solve_tridiagonal(
     n = lcp.q.size
     max_iter, report = limits.max_iter or MAX_ITER, limits.report
     problem = TridiagonalLCP(form.rows, lcp.q, lcp.lower, lcp.upper)
-    solver = Solver(problem, z0, limits.eps_abs, limits.eps_rel)
+    solver = TridiagonalSolver(problem, z0, limits.eps_abs, limits.eps_rel)
     is_cold = z0 is None
     if is_cold:
         solver.begin_afar(form.z_matrix)
