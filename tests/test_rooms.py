@@ -145,7 +145,6 @@ def parameters(function: ast.FunctionDef) -> int:
     return count - (bool(a.args) and a.args[0].arg in ("self", "cls"))
 
 
-@pytest.mark.xfail(reason="under way")
 def test_functions_take_at_most_eight_parameters():
     """Public ones may have more."""
     public = {*namlcp.__all__, "nam_solve_qp", "solve_qp", "solve_via_data"}
