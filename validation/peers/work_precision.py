@@ -83,12 +83,13 @@ def sweep_call(
 ) -> Callable[[], Any]:
     """Return the call of a named sweep on the LCP, its parameters chosen by itself."""
     from namlcp import solve_lcp
-    from namlcp.lcp.modulus.methods import KNOWN
+    from namlcp.lcp import METHODS
 
     P, q = task.problem.P, task.problem.q
     A = sp.csr_array(P) if sp.issparse(P) else P
     free = {"omega"} if name == "modified-nam" else {"alpha", "omega"}
-    given = dict.fromkeys(set(KNOWN[name].takes) & free, "auto")
+    takes = METHODS[name].takes if name in METHODS else ()
+    given = dict.fromkeys(set(takes) & free, "auto")
     if task.s0 is not None and name != "auto":
         given["s0"] = task.s0
     given |= {"eps_abs": eps, "time_limit": limit}

@@ -20,25 +20,13 @@ from typing import NamedTuple
 import numpy as np
 from qpsolvers import Problem
 
+from namlcp.qp import QP
 from validation.problems.contact_scenes import STEP, Scene, brick_wall, heap
 
 N, INEQUALITIES, EQUALITIES = 20, 30, 3
 ACTIVE_ROWS, ACTIVE_BOUNDS = 6, 4  # with EQUALITIES fewer than N: unique multipliers
 CONTACTS = 80
 ONE = np.ones(1)
-
-
-class QP(NamedTuple):
-    """Dense parts of min 1/2 x'Px + q'x, Gx <= h, Ax = b, lb <= x <= ub."""
-
-    P: np.ndarray
-    q: np.ndarray
-    G: np.ndarray
-    h: np.ndarray
-    A: np.ndarray
-    b: np.ndarray
-    lb: np.ndarray
-    ub: np.ndarray
 
 
 class Point(NamedTuple):
