@@ -22,7 +22,7 @@ ACCURATE = 1e-7  # what residuals and objective must reach to count as a success
 RESIDUALS = ["primal_residual", "dual_residual", "complementarity", "objective_error"]
 
 
-def host_qp(data: dict[str, Any]) -> tuple[Any, ...]:
+def stuffed_qp(data: dict[str, Any]) -> tuple[Any, ...]:
     """Return P, q, A, b, F, g of the data for a QP or a conic solver."""
     if "F" in data:
         return tuple(data[key] for key in ("P", "q", "A", "b", "F", "G"))
@@ -80,7 +80,7 @@ def ray_error(qp: tuple[Any, ...], raw: Any, extra: Any) -> float:
 
 
 def multipliers(solution: Any, constraints: list[Any]) -> np.ndarray:
-    """Return the dual values of the host's stuffed constraints, one after the other."""
+    """Return the dual values of the constraints as CVXPY stuffs them, in one array."""
     values = [np.ravel(solution.dual_vars[c.id], order="F") for c in constraints]
     return np.concatenate([np.zeros(0), *values])
 
@@ -93,7 +93,7 @@ def judge(problem: Any, chain: Any, raw: Any, data: Any, inverse: Any) -> Row:
     extra = solution.attr.get("solver_specific_stats")
     if isinstance(extra, dict) and "form" in extra:
         row |= {"form": extra["form"], "message": extra["message"]}
-    qp = host_qp(data)
+    qp = stuffed_qp(data)
     row |= {"variables": qp[1].size, "equalities": qp[3].size}
     row["inequalities"] = qp[5].size
     solver = chain.solver
@@ -128,15 +128,15 @@ def work(job: Job, size: str, name: str, _: float) -> Row:
     from cvxpy.error import SolverError
 
     model = known_models()[name]
-    host, options = SOLVERS[job.solver]
+    keyword, options = SOLVERS[job.solver]
     if size == "large":  # load what is compiled on first use
         try:
-            model.make(*model.small).solve(solver=host, **options)
+            model.make(*model.small).solve(solver=keyword, **options)
         except Exception as error:
             print(error)
     problem = model.make(*getattr(model, size))
     start = time.perf_counter()
-    data, chain, inverse = problem.get_problem_data(host, solver_opts=dict(options))
+    data, chain, inverse = problem.get_problem_data(keyword, solver_opts=dict(options))
     row: Row = {"compile": time.perf_counter() - start}
 
     def call() -> Any:

@@ -17,8 +17,8 @@ from the point and the multipliers that the solver's interface hands back:
 - proof, of an infeasible problem: largest |A'y + F'z| or wrong sign over -(b'y + g'z);
   of an unbounded one: largest |Px|, |Ax| or (Fx)_i > 0 over -q'x, for the ray x.
 
-The time is the median of repeated calls of the host's solve_via_data, without the
-host's compilation and without a warm start: processor time, on one thread.
+The time is the median of repeated calls of CVXPY's solve_via_data, without its
+compilation and without a warm start: processor time, on one thread.
 """
 
 import sys

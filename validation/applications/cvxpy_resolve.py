@@ -124,16 +124,16 @@ def resolve(name: str, size: str, variant: str) -> Row:
     from namlcp.cvxpy import NAM
 
     make, sizes = MODELS[name]
-    host, options = VARIANTS[variant]
+    keyword, options = VARIANTS[variant]
     problem, steps = make(*sizes[size])
     times, found, values = [], [], []
     first = time.perf_counter()
     next(steps)
-    problem.solve(solver=NAM() if host == "NAM" else host, **options)
+    problem.solve(solver=NAM() if keyword == "NAM" else keyword, **options)
     first = time.perf_counter() - first
     recorder = Recorder(problem)
     for _ in steps:
-        solver = NAM() if host == "NAM" else host
+        solver = NAM() if keyword == "NAM" else keyword
         start = time.process_time()
         problem.solve(solver=solver, **options)
         times.append((time.process_time() - start, recorder.time))

@@ -250,13 +250,7 @@ def linear_solve(A: Any, q: np.ndarray, accel: str) -> tuple[float, int, float]:
     steps: list[float] = []
     start = time.perf_counter()
     hierarchy = pyamg.ruge_stuben_solver(A)
-    x = hierarchy.solve(
-        -q,
-        tol=1e-8,
-        maxiter=CYCLES,
-        accel=accel,
-        residuals=steps,
-    )
+    x = hierarchy.solve(-q, tol=1e-8, maxiter=CYCLES, accel=accel, residuals=steps)
     seconds = time.perf_counter() - start
     if not np.linalg.norm(A @ x + q) <= 1e-7 * np.linalg.norm(q):
         seconds = np.nan

@@ -144,12 +144,7 @@ def draw_piles(axes: Axes, rows: Rows) -> None:
 
 
 def label(
-    axes: Axes,
-    x: float,
-    y: float,
-    text: str,
-    colour: str,
-    shift: tuple[float, float],
+    axes: Axes, x: float, y: float, text: str, colour: str, shift: tuple[float, float]
 ) -> None:
     """Write the name of a line to the left or right of one of its points."""
     axes.annotate(

@@ -40,13 +40,8 @@ def is_monotone(scene: known_scenes.BoxLCP) -> bool:
     """Tell whether z >= lower alone, and A + A' is small and semidefinite."""
     if scene.q.size > SEMIDEFINITE or np.isfinite(scene.upper).any():
         return False
-    A = as_sparse(scene.A).toarray()
+    A = sp.csc_matrix(scene.A).toarray()
     return bool(np.linalg.eigvalsh(A + A.T)[0] >= -1e-12 * np.abs(A).max())
-
-
-def as_sparse(A: Any) -> sp.csc_matrix:
-    """Return A in the format that every solver takes."""
-    return sp.csc_matrix(A)
 
 
 def nam(scene: known_scenes.BoxLCP, limit: float) -> Answer:
@@ -61,20 +56,13 @@ def osqp(scene: known_scenes.BoxLCP, limit: float) -> Answer | None:
     """Solve by OSQP, directly."""
     if not is_symmetric(scene.A):
         return None
-    import osqp as host
+    from osqp import OSQP
 
-    solver, A = host.OSQP(), as_sparse(scene.A)
-    bounds = {"l": scene.lower, "u": scene.upper}
+    solver = OSQP()
+    problem = {"P": sp.csc_matrix(sp.triu(sp.csc_matrix(scene.A))), "q": scene.q}
+    problem |= {"A": sp.eye(scene.q.size, format="csc"), "l": scene.lower}
     options = qp_solvers.settings("osqp", EPS, limit)
-    eye = sp.eye(scene.q.size, format="csc")
-    solver.setup(
-        P=sp.csc_matrix(sp.triu(A)),
-        q=scene.q,
-        A=eye,
-        **bounds,
-        verbose=False,
-        **options,
-    )
+    solver.setup(**problem, u=scene.upper, verbose=False, **options)
     found = solver.solve()
     return Answer(found.x, -found.y, found.info.status)
 
@@ -83,11 +71,8 @@ def by_qpsolvers(
     scene: known_scenes.BoxLCP, solver: str, limit: float
 ) -> Answer | None:
     """Solve by a QP solver of qpsolvers."""
-    A, q, options = (
-        as_sparse(scene.A),
-        scene.q,
-        qp_solvers.settings(solver, EPS, limit),
-    )
+    A, q = sp.csc_matrix(scene.A), scene.q
+    options = qp_solvers.settings(solver, EPS, limit)
     lower, upper = (
         side if np.isfinite(side).any() else None for side in (scene.lower, scene.upper)
     )
@@ -125,7 +110,7 @@ def clarabel(scene: known_scenes.BoxLCP, limit: float) -> Answer | None:
     """Solve by Clarabel the problem as it is written in CVXPY."""
     import cvxpy as cp
 
-    A, q = as_sparse(scene.A), scene.q
+    A, q = sp.csc_matrix(scene.A), scene.q
     low, high = np.isfinite(scene.lower), np.isfinite(scene.upper)
     z = cp.Variable(q.size)
     if is_symmetric(A):
@@ -159,7 +144,7 @@ def lemke(scene: known_scenes.BoxLCP, limit: float) -> Answer | None:
         return None
     from quantecon.optimize import lcp_lemke
 
-    A = np.ascontiguousarray(as_sparse(scene.A).toarray())
+    A = np.ascontiguousarray(sp.csc_matrix(scene.A).toarray())
     q = scene.q + A @ scene.lower
     found = lcp_lemke(A, q)
     if not found.success:

@@ -144,7 +144,7 @@ def print_tables(rows: list[Row]) -> None:
 
 
 def method_rows(jobs: int) -> list[Row]:
-    """Return every variant on every problem; see `paper_variants`.
+    """Return every variant on every problem; see `variants`.
 
     `jobs` processes search for the parameters; the runs are timed in this one.
     """

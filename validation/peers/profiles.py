@@ -43,8 +43,7 @@ from validation.harness import (
 )
 from validation.peers.maros_meszaros import SUBSETS, at_limit, by_solver, read_results
 from validation.peers.runs import measure, run_set
-from validation.peers.work_precision import DENSE, QUICK_LIMIT
-from validation.peers.work_precision import SOLVERS as NAMES
+from validation.peers.work_precision import DENSE, QUICK_LIMIT, SOLVERS
 from validation.problems import data_sets
 
 TOLERANCES = [1e-3, 1e-6, 1e-9]
@@ -200,7 +199,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run or plot."""
     parser = cli.parser(
         __doc__, "quick", "results", "figures", data=Path("(no --data)"),
-        solvers=NAMES, limit=None,
+        solvers=SOLVERS, limit=None,
     )  # fmt: skip
     parser.add_argument("task", choices=["run", "plot"])
     args = parser.parse_args(arguments)

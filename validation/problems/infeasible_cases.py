@@ -76,7 +76,7 @@ def all_cases(data: Path | None, step: int) -> dict[str, Maker]:
 def small_case(
     group: str, truth: str, eps: float, arrays: dict[str, Any], other: dict[str, Any]
 ) -> Case:
-    """Return a problem written down in `infeasible_small`."""
+    """Return a problem written down in `small_infeasible_cases`."""
     twin = make(**{**arrays, **other}) if other else None
     return Case(group, truth, make(**arrays), twin, eps)
 

@@ -15,8 +15,9 @@ with the same file it goes on where it stopped.
 
 nam gets the arguments in all their representations, at its default settings, with
 warnings as errors. Its peers get the convex QPs, clean, through qpsolvers with eps as
-absolute tolerance (`settings`) and their default limits; theirs is a wrong "found" only
-beyond tenfold eps, relative to the size of the terms. quadprog gets the definite ones.
+absolute tolerance (`qp_solvers.detecting_settings`) and their default limits; theirs is
+a wrong "found" only beyond tenfold eps, relative to the size of the terms. quadprog
+gets the definite ones.
 """
 
 import argparse
@@ -72,7 +73,7 @@ def clean(qp: Any) -> Any:
     return qp._replace(h=h, lb=lb, ub=ub)
 
 
-def host_problem(case: cases.Case) -> qpsolvers.Problem:
+def qpsolvers_problem(case: cases.Case) -> qpsolvers.Problem:
     """Return a clean QP for qpsolvers, without rows that are switched off.
 
     It is sparse (csc_matrix) where P is passed sparse.
@@ -90,7 +91,7 @@ def truth_of(case: cases.Case) -> str:
     """Return what is true of a QP; what was not constructed is asked of HiGHS."""
     if case.truth != "ask":
         return case.truth
-    problem = host_problem(case)
+    problem = qpsolvers_problem(case)
     feasible, descends = (
         infeasible_cases.is_feasible(problem),
         infeasible_cases.is_unbounded(problem),
@@ -158,7 +159,7 @@ def lcp_answer(result: Any) -> Answer:
 
 def ask_peer(case: cases.Case, solver: str, eps: float, limit: float) -> Answer:
     """Return what a peer says of a convex QP through qpsolvers."""
-    problem = host_problem(case)
+    problem = qpsolvers_problem(case)
     if solver == "quadprog":
         problem = qpsolvers.Problem(*problem.unpack_as_dense())
     settings = qp_solvers.detecting_settings(solver, eps, limit) | PEERS.get(solver, {})

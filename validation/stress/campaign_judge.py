@@ -1,7 +1,7 @@
 """Judge an answer by the definition of its problem, not by the solver's own words.
 
 Nothing here is taken from namlcp: residuals, signs and certificates are computed anew,
-and HiGHS (`infeasible_problems`) decides what was not constructed. The outcomes:
+and HiGHS (`infeasible_cases`) decides what was not constructed. The outcomes:
 
 - right: solved within tolerance where a solution exists, infeasible or unbounded called
   so with a proof that holds, malformed input refused with its argument named;
@@ -206,7 +206,7 @@ def judge_qp(
 ) -> tuple[str, str]:
     """Return the outcome for a QP, and why it is not right.
 
-    truth: as `campaign_qps` has it, but for "ask". proofs: certificates are judged.
+    truth: as `fuzzed.qps` has it, but for "ask". proofs: certificates are judged.
     """
     said = answer.said
     if said == "error":

@@ -43,8 +43,7 @@ class Tally:
         """Count one problem."""
         key = (solver, cases.group_of(index), found["truth"], found["outcome"])
         row = self.rows.setdefault(
-            key,
-            dict(zip(COLUMNS, (*key, 0, 0.0, 0.0, "", ""), strict=True)),
+            key, dict(zip(COLUMNS, (*key, 0, 0.0, 0.0, "", ""), strict=True))
         )
         if found["outcome"] != "right" and row["count"] < LISTED:
             row["cases"] = f"{row['cases']} {index}".strip()

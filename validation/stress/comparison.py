@@ -9,7 +9,7 @@ Usage::
 
 The rows are those of `stress_cases`, 20 seeded problems each, dense, of 0 to about
 100 variables, all feasible and bounded, with a solution known by construction. Every
-solver is asked for EPS = 1e-8, absolute and relative, through qpsolvers (`settings`;
+solver is asked for EPS = 1e-8, absolute and relative, through qpsolvers (`qp_solvers`;
 the absolute part times the smallest unit of a scaled problem, so that asking for 1e-8
 in natural units is not asking for less), in a child process that is ended when it
 hangs. Its point is taken back to natural units, in which all data are of order one, and
@@ -22,7 +22,7 @@ TOLERANCE (1 + size of its terms), TOLERANCE = 1e-6, a hundred times what was as
 - wrong: it says found, and t > 10 or something is not a number; or it says infeasible
   or unbounded, for all problems have a solution;
 - gave up: it says that it has not found one, for whatever reason, or raises an error.
-  Of daqp, quadprog and highs the host does not tell the reason, and it cannot change
+  Of daqp, quadprog and highs qpsolvers does not tell the reason, and it cannot change
   proxqp's tolerance for calling a problem infeasible;
 - crash or hang: the child died twice, or was ended 2 s after the time limit, which
   some solvers do not know: piqp may take 100 000 iterations, with which it solves most.
@@ -185,10 +185,7 @@ def ask(child: Bench, name: str, seed: int) -> Row:
 
 
 def run(
-    solvers: Iterable[str],
-    problems: int,
-    limit: float,
-    write: Callable[[Row], None],
+    solvers: Iterable[str], problems: int, limit: float, write: Callable[[Row], None]
 ) -> list[Row]:
     """Return the rows of all solvers on all problems, and write each at once."""
     rows = []

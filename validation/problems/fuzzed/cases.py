@@ -20,7 +20,7 @@ class Case(NamedTuple):
     """A problem.
 
     problem: QP or LCP, clean and dense. arguments: the same as it is passed. truth:
-    as `campaign_qps` and `campaign_lcps` have it; of malformed input it is the name of
+    as `qps` and `lcps` have it; of malformed input it is the name of
     the argument.
     """
 

@@ -1,6 +1,6 @@
 """Models that people write in CVXPY: portfolios, control, projections, LPs, traps.
 
-As `cvxpy_statistics`: functions of sizes, data with a fixed seed, a list at the end.
+As `statistics`: functions of sizes, data with a fixed seed, a list at the end.
 """
 
 import cvxpy as cp
