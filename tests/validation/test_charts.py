@@ -9,7 +9,7 @@ from qpsolvers import Problem, Solution
 
 from namlcp import Status, solve_lcp, solve_qp
 from validation import report
-from validation.harness import csv_files
+from validation.harness import cli, csv_files
 from validation.harness.machine import THREADS
 from validation.peers import references, work_precision
 from validation.problems import contact_scenes, families
@@ -163,7 +163,7 @@ def test_report_names_what_fails_and_goes_on(tmp_path, monkeypatch):
     (scripts / "bad.py").write_text("raise SystemExit(3)")
     (scripts / "lacking.py").write_text("print('x is missing'); raise SystemExit(2)")
     (tmp_path / "a.svg").write_text("<?xml version='1.0'?><svg>drawn</svg>")
-    monkeypatch.setattr(report, "ROOT", tmp_path)
+    monkeypatch.setattr(cli, "ROOT", tmp_path)
 
     def part(name, *figures):
         return report.Part(name, (name,), figures, 1.0)
@@ -201,7 +201,7 @@ def commands_of_the_report():
 def test_scripts_of_the_report_take_their_arguments(command, capsys):
     """Every command names a script that is there and arguments that it has."""
     name, *words = command.split()
-    assert (report.ROOT / f"validation/{name.replace('.', '/')}.py").exists()
+    assert (cli.ROOT / f"validation/{name.replace('.', '/')}.py").exists()
     try:
         script = import_module(f"validation.{name}")
     except ModuleNotFoundError as error:
