@@ -5,7 +5,7 @@ indices, data; where a dense form goes with them it stands first.
 """
 
 from namlcp.linalg.columns import (
-    SMALL,
+    SMALL_ORDER,
     Columns,
     add_product,
     all_finite,
@@ -69,7 +69,7 @@ __all__ = [
     "NEGATIVE",
     "PSD_TOLERANCE",
     "SLACK",
-    "SMALL",
+    "SMALL_ORDER",
     "UNDECIDED",
     "ZERO",
     "Blocks",

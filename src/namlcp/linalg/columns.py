@@ -12,7 +12,7 @@ from scipy import sparse
 
 from namlcp.compiled import part
 
-SMALL = 24
+SMALL_ORDER = 24
 """Up to this order everything is dense."""
 
 
@@ -24,9 +24,9 @@ class Columns(NamedTuple):
     """
 
     dense: np.ndarray
-    data: np.ndarray
-    indices: np.ndarray
     indptr: np.ndarray
+    indices: np.ndarray
+    data: np.ndarray
 
 
 NO_DENSE = np.empty((0, 0))
@@ -38,26 +38,26 @@ def columns_of(A: Any, symmetric: bool) -> Columns:
     """Return the columns of A, in whichever storage is cheaper to work with."""
     n = A.shape[0]
     if isinstance(A, np.ndarray):
-        if n > 4 * SMALL and np.count_nonzero(A) < n * n // 8:
+        if n > 4 * SMALL_ORDER and np.count_nonzero(A) < n * n // 8:
             A = sparse.csr_array(A)
-    elif n <= SMALL or A.nnz > n * n // 4:
+    elif n <= SMALL_ORDER or A.nnz > n * n // 4:
         A = A.toarray()
     if isinstance(A, np.ndarray):
         dense = A if symmetric else A.T
-        return Columns(np.ascontiguousarray(dense), NO_DATA, NO_INDICES, NO_INDICES)
+        return Columns(np.ascontiguousarray(dense), NO_INDICES, NO_INDICES, NO_DATA)
     if not symmetric:
         A = A.T.tocsr()
         A.sort_indices()
     indices, indptr = A.indices, A.indptr
     if indices.dtype != np.int32:
         indices, indptr = indices.astype(np.int32), indptr.astype(np.int32)
-    return Columns(NO_DENSE, A.data, indices, indptr)
+    return Columns(NO_DENSE, indptr, indices, A.data)
 
 
 @part
 def write_diagonal(columns, out):
     """Write the diagonal of A to out (n,)."""
-    dense, data, indices, indptr = columns
+    dense, indptr, indices, data = columns
     for j in range(out.size):
         if dense.shape[0] > 0:
             out[j] = dense[j, j]
@@ -71,7 +71,7 @@ def write_diagonal(columns, out):
 @part
 def scale_columns(columns, d, scaled):
     """Write diag(d) A diag(d) to the values of `scaled`."""
-    dense, data, indices, indptr = columns
+    dense, indptr, indices, data = columns
     n = d.size
     if dense.shape[0] > 0:
         for j in range(n):
@@ -89,7 +89,7 @@ def add_product(columns, z, w):
 
     Unsigned indices spare the test for those that count from the end.
     """
-    dense, data, indices, indptr = columns
+    dense, indptr, indices, data = columns
     if dense.shape[0] > 0:
         for j in range(z.size):
             if z[j] != 0.0:

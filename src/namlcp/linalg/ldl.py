@@ -76,7 +76,7 @@ def ldl_numeric(columns, shift, order, position, factor):
     smallest : float
         The smallest pivot before that; clearly negative means indefinite.
     """
-    data, indices, indptr = columns.data, columns.indices, columns.indptr
+    indptr, indices, data = columns.indptr, columns.indices, columns.data
     parent, starts, rows, values, D = factor
     m = order.size
     y, ends = np.empty(m), np.empty(m, dtype=np.int64)

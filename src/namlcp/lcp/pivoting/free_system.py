@@ -11,7 +11,7 @@ import numpy as np
 
 from namlcp.compiled import part
 from namlcp.linalg import (
-    SMALL,
+    SMALL_ORDER,
     Triangle,
     bitset_minimum_degree,
     cholesky,
@@ -52,7 +52,7 @@ class Factor(NamedTuple):
 def gather(work, shift, order, out):
     """Write the transpose of A_FF + diag(shift)_F to out (m, m), F = order."""
     m, local = order.size, work.local
-    dense, data, indices, indptr = work.scaled
+    dense, indptr, indices, data = work.scaled
     if dense.shape[0] > 0:
         for k in range(m):
             column = dense[order[k]]
@@ -132,7 +132,7 @@ def free_order(work, state):
         if state[i] == 0:
             m += 1
             missing |= rank[i] < 0
-    sparse = now.symmetric and m > SMALL and scaled.dense.shape[0] == 0
+    sparse = now.symmetric and m > SMALL_ORDER and scaled.dense.shape[0] == 0
     if sparse and missing:
         nodes = np.empty(n, dtype=np.int32)
         size = 0
@@ -164,7 +164,7 @@ def analyse(work, order):
     parent, counts = np.empty(m, dtype=np.int32), np.empty(m, dtype=np.int32)
     starts = np.zeros(m + 1, dtype=np.int64)
     size = m  # of the dense factor
-    if work.now.symmetric and m > SMALL and scaled.dense.shape[0] == 0:
+    if work.now.symmetric and m > SMALL_ORDER and scaled.dense.shape[0] == 0:
         set_positions(order, work.local)
         flops = ldl_symbolic(
             scaled.indptr, scaled.indices, order, work.local, parent, counts

@@ -175,8 +175,8 @@ def step_from(
     slope = kappa / tau + v @ (M @ v) + weight @ (r + u) ** 2 + diagonal @ u**2
     h = (rx + weight * rt - EQUILIBRATED_SHIFT * p) / tau
     mu = (p @ s + y @ t + tau * kappa) / (signed.sum() + boxed.sum() + 1.0)
-    low, high, last = -p * s, -y * t, -tau * kappa  # towards these products' change
-    eta = 1.0  # eta is this part of the residuals
+    low, high, last = -p * s, -y * t, -tau * kappa  # wanted change of products
+    eta = 1.0  # part of the residuals that the step removes
     for corrector in range(2):
         b = (high - eta * y * rt) / T
         e = solve(signed * low / P - b - eta * rx)

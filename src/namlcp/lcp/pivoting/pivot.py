@@ -78,7 +78,7 @@ def first_sweeps(work):
 
     An unknown that stays at its bound costs no more than its test.
     """
-    dense, data, indices, indptr = work.scaled
+    dense, indptr, indices, data = work.scaled
     z, w, state, lower, upper = work.z, work.w, work.state, work.lower, work.upper
     still = 0
     for _ in range(FIRST_SWEEPS):

@@ -140,13 +140,13 @@ class PivotMemory:
 
     def __init__(self, columns: Columns, n: int) -> None:
         """Begin nothing yet; `columns` are those of the user's matrix."""
-        dense, data, indices, indptr = columns
+        dense, indptr, indices, data = columns
         self.n, self.now = n, Scalars()
         self.vectors = np.zeros((23, n))
         self.marks = np.zeros((6, n), dtype=np.int32)
         self.marks[4:] = -1  # rank and local
         self.scaled = Columns(
-            np.empty_like(dense), np.empty_like(data), indices, indptr
+            np.empty_like(dense), indptr, indices, np.empty_like(data)
         )
         scalars = np.frombuffer(memoryview(self.now), RECORD)
         self.arena = Arena(self.scaled, self.vectors, self.marks, scalars)
@@ -162,7 +162,7 @@ def opened(arena):
     """Return the `Work` of an arena in compiled code."""
     A, v, m = arena.scaled, uncounted(arena.vectors), uncounted(arena.marks)
     scaled = Columns(
-        uncounted(A.dense), uncounted(A.data), uncounted(A.indices), uncounted(A.indptr)
+        uncounted(A.dense), uncounted(A.indptr), uncounted(A.indices), uncounted(A.data)
     )
     return Work(
         scaled, v[0], v[1], v[2], v[3], v[4], v[5], v[6], v[7], v[8], v[9], v[10],
