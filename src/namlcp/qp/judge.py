@@ -13,8 +13,8 @@ import numpy as np
 from namlcp.limits import Limits
 from namlcp.qp.answer import FINAL, Answer
 from namlcp.qp.certificates import accept_dual, accept_primal
-from namlcp.qp.last_digits import correct_rounding
 from namlcp.qp.problem import QP, Point
+from namlcp.qp.rounding import correct_rounding
 from namlcp.qp.transforms import Substitution
 from namlcp.residuals import Residuals, qp_residuals
 from namlcp.status import Status

@@ -77,32 +77,18 @@ class QP(NamedTuple):
 
 @kernel
 def dense_faults(P, q, G, h, A, b, lb, ub):
-    """Return (argument with a bad number or -1, asymmetry of P, max |P|, huge bounds).
+    """Return (whether a number is bad, asymmetry of P, max |P|, huge bounds).
 
     The last tells whether h or a bound is finite but beyond INFINITE. One compiled
     call, because a dozen NumPy calls cost more than a small QP.
     """
-    which = np.int64(-1)
     allowed = np.bool_(True)  # not a literal, which would compile is_bad once more
-    if has_bad_row(P):
-        which = 0
-    elif is_bad(q, not allowed):
-        which = 1
-    elif has_bad_row(G):
-        which = 2
-    elif is_bad(h, allowed):
-        which = 3
-    elif has_bad_row(A):
-        which = 4
-    elif is_bad(b, not allowed):
-        which = 5
-    elif is_bad(lb, allowed):
-        which = 6
-    elif is_bad(ub, allowed):
-        which = 7
+    bad = has_bad_row(P) or has_bad_row(G) or has_bad_row(A)
+    bad = bad or is_bad(q, not allowed) or is_bad(b, not allowed)
+    bad = bad or is_bad(h, allowed) or is_bad(lb, allowed) or is_bad(ub, allowed)
     gap, size = dense_asymmetry(P)
     huge = has_huge_bound(h) or has_huge_bound(lb) or has_huge_bound(ub)
-    return which, gap, size, huge
+    return bad, gap, size, huge
 
 
 def refuse_numbers(qp: QP) -> None:
@@ -156,15 +142,15 @@ def qp_data(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) ->
     A, b = constraint("A", A, "b", b, n)
     lb = constant(n, -np.inf) if lb is None else vector("lb", lb, n, "P", P.shape)
     ub = constant(n, np.inf) if ub is None else vector("ub", ub, n, "P", P.shape)
-    if not (type(P) is type(G) is type(A) is np.ndarray):
+    if type(P) is type(G) is type(A) is np.ndarray:
+        bad, gap, size, huge = dense_faults(P, q, G, h, A, b, lb, ub)
+        if bad:
+            refuse_numbers(QP(P, q, G, h, A, b, lb, ub))
+    else:
         P, G, A = (as_sparse(C) for C in (P, G, A))
         refuse_numbers(QP(P, q, G, h, A, b, lb, ub))
         gap, size = asymmetry(P)
         huge = True
-    else:
-        which, gap, size, huge = dense_faults(P, q, G, h, A, b, lb, ub)
-        if which >= 0:
-            refuse_numbers(QP(P, q, G, h, A, b, lb, ub))
     if gap > 0.0:
         P = symmetrised(P, gap, size)
     if huge:

@@ -42,6 +42,15 @@ class Owners(NamedTuple):
     rows: np.ndarray
     ratio: np.ndarray
 
+    def spread(self, side: np.ndarray, full: np.ndarray) -> None:
+        """Add the multipliers of a side of the ranges to those of the user's rows."""
+        has = self.rows >= 0
+        full[self.rows[has]] += side[has] / np.abs(self.ratio[has])
+
+    def gather(self, full: np.ndarray) -> np.ndarray:
+        """Return the multipliers of a side of the ranges, 0 where it has no owner."""
+        return np.where(self.rows >= 0, full[self.rows] * np.abs(self.ratio), 0.0)
+
 
 class Groups(NamedTuple):
     """The rows of a matrix that are not dropped, and which are multiples of which.
@@ -125,9 +134,8 @@ class Presolved(NamedTuple):
         for owners in (self.largest_of, self.smallest_of):
             y_full[owners.rows] += 0.5 * y / owners.ratio
         z_full = np.zeros(self.qp.h.size)
-        for owners, side in ((self.upper_of, z_upper), (self.lower_of, z_lower)):
-            has = owners.rows >= 0
-            z_full[owners.rows[has]] += side[has] / np.abs(owners.ratio[has])
+        self.upper_of.spread(z_upper, z_full)
+        self.lower_of.spread(z_lower, z_full)
         return y_full, z_full
 
     def guess(
@@ -137,13 +145,7 @@ class Presolved(NamedTuple):
         most, least = self.largest_of, self.smallest_of
         y_kept = y[most.rows] * most.ratio
         y_kept += np.where(least.rows != most.rows, y[least.rows] * least.ratio, 0.0)
-        sides = []
-        for owners in (self.upper_of, self.lower_of):
-            side = np.zeros(owners.rows.size)
-            has = owners.rows >= 0
-            side[has] = z[owners.rows[has]] * np.abs(owners.ratio[has])
-            sides.append(side)
-        return y_kept, sides[0], sides[1]
+        return y_kept, self.upper_of.gather(z), self.lower_of.gather(z)
 
     def point(
         self,

@@ -9,14 +9,14 @@ from namlcp.options import Options
 from namlcp.qp.answer import Answer
 from namlcp.qp.guess import NO_GUESS
 from namlcp.qp.judge import Judge
-from namlcp.qp.last_digits import (
+from namlcp.qp.memory import Memory
+from namlcp.qp.path.solve import solve_path
+from namlcp.qp.problem import Point, qp_data
+from namlcp.qp.rounding import (
     correct_dual_residual,
     correct_gap,
     correct_rounding,
 )
-from namlcp.qp.memory import Memory
-from namlcp.qp.path.solve import solve_path
-from namlcp.qp.problem import Point, qp_data
 from namlcp.residuals import UNDEFINED, qp_residuals, signed_gap
 from namlcp.status import Status
 
