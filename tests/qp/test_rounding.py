@@ -136,7 +136,7 @@ def test_changes_that_add_up_in_the_dual_residual_have_one_room(kind):
 
 
 def test_dense_problems_are_judged_on_their_dense_matrices(monkeypatch):
-    """The path sums sparse ones, in an order that last digits may be settled for."""
+    """Sparse products round in another order, for which a point may be corrected."""
     qp = qp_data(np.eye(2), np.ones(2), None, None, None, None, None, None)
     point = qp.point()
     found = Answer(Status.SOLVED, point, UNDEFINED, 1, "path")

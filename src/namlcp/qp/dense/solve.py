@@ -54,7 +54,7 @@ def solve_dense(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
         if proof is None:
             return None
         point, residuals = proof, UNDEFINED
-    elif residuals.solved(*limits.tolerances):
+    elif residuals.solved(limits.eps_abs, limits.eps_rel):
         status = Status.SOLVED
     else:
         late = code == pivots.TIME_LIMIT

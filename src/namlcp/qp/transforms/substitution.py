@@ -273,8 +273,19 @@ def worth_it(A: csc_array, row: np.ndarray, squared: np.ndarray) -> np.ndarray:
     costs = length[squared]
     touched = np.zeros(A.shape[0], dtype=bool)
     touched[row[squared]] = True
-    count = np.append(0, np.cumsum(touched[A.indices]))[A.indptr]
-    width = np.count_nonzero(np.diff(count)) - costs.size  # columns in touched rows
+    width = count_columns(A.indptr, A.indices, touched) - costs.size
     if min((costs**2).sum(), width**2) <= FILL * costs.sum() + SMALL:
         return np.ones(row.size, dtype=bool)
     return ~squared | (length <= SHORT)
+
+
+@kernel
+def count_columns(indptr, indices, touched):
+    """Count the columns with an entry in a touched row."""
+    count = 0
+    for j in range(indptr.size - 1):
+        for t in range(indptr[j], indptr[j + 1]):
+            if touched[indices[t]]:
+                count += 1
+                break
+    return count
