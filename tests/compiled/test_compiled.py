@@ -58,14 +58,14 @@ def face():
 
 def fronts():
     from namlcp.linalg.ordering import Supernodes
-    from namlcp.linalg.multifrontal import substitute
+    from namlcp.linalg.multifrontal import solve_fronts
     index, long = np.array([0, 2], dtype=np.int32), np.array([0, 4])
     rows, L = np.array([0, 1], dtype=np.int32), np.array([1.0, 0.0, 0.5, 1.0])
     u = np.ones(2)
     kinds = Supernodes.__annotations__
     nodes = {name: np.zeros(1, dtype=np.int32) for name in kinds}
     nodes |= {"first": index, "starts": index, "rows": rows, "panels": long}
-    substitute(Supernodes(**nodes), L, np.ones(2), u)
+    solve_fronts(Supernodes(**nodes), L, np.ones(2), u)
     return u.tolist()
 
 def clean():

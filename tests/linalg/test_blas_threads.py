@@ -8,9 +8,9 @@ import pytest
 
 from namlcp import Options, solve_lcp, solve_qp
 from namlcp.linalg import threads
-from namlcp.linalg.threads import SMALL, WORTH, blas_threads, settings
+from namlcp.linalg.threads import SMALL_ORDER, WORTH_ORDER, blas_threads, settings
 
-LARGE = SMALL + 1
+LARGE = SMALL_ORDER + 1
 
 
 def numbers():
@@ -40,11 +40,13 @@ def test_one_thread_inside_and_the_users_number_after():
 
 
 def test_nothing_is_set_for_small_problems():
-    with blas_threads(1, SMALL):
+    with blas_threads(1, SMALL_ORDER):
         assert set(numbers()) == {2}
 
 
-@pytest.mark.parametrize(("order", "expected"), [(WORTH, 2), (WORTH - 1, 1)])
+@pytest.mark.parametrize(
+    ("order", "expected"), [(WORTH_ORDER, 2), (WORTH_ORDER - 1, 1)]
+)
 def test_more_threads_where_they_pay(order, expected):
     for put, _ in settings():
         put(1)

@@ -148,7 +148,7 @@ def test_of_two_orders_the_one_with_less_work_is_taken(monkeypatch, worse):
     orders[worse] = lambda *parts: natural(U)
     for name, find in orders.items():
         monkeypatch.setattr(factors, name, find)
-    monkeypatch.setattr(factors, "FILL", ((0, 0),))
+    monkeypatch.setattr(factors, "COUNT_FILL", ((0, 0),))
     monkeypatch.setattr(factors, "DEEP", 0.0)
     monkeypatch.setattr(factors, "HEAVY", 0.0)
     order = factors.heavy_order(*parts(U))
@@ -156,7 +156,7 @@ def test_of_two_orders_the_one_with_less_work_is_taken(monkeypatch, worse):
 
 
 def test_the_path_solves_with_dense_fronts(monkeypatch):
-    monkeypatch.setattr(factors, "FILL", ((0, 0),))
+    monkeypatch.setattr(factors, "COUNT_FILL", ((0, 0),))
     monkeypatch.setattr(factors, "HEAVY", 0.0)
     used = []
     init = Multifrontal.__init__

@@ -154,16 +154,16 @@ def add_squares(P, B, by_row, weight):
     sums = np.zeros(n)
     seen = np.full(n, -1)
     indptr = np.zeros(n + 1, dtype=np.int32)
-    room = P.data.size + 4 * B.data.size + n
-    indices = np.empty(room, dtype=np.int32)
-    data = np.empty(room)
+    capacity = P.data.size + 4 * B.data.size + n
+    indices = np.empty(capacity, dtype=np.int32)
+    data = np.empty(capacity)
     nnz = 0
     for j in range(n):
-        if nnz + n > room:
-            room = 2 * room + n
-            indices = np.append(indices, np.empty(room, dtype=np.int32))
-            data = np.append(data, np.empty(room))
-            room = data.size
+        if nnz + n > capacity:
+            capacity = 2 * capacity + n
+            indices = np.append(indices, np.empty(capacity, dtype=np.int32))
+            data = np.append(data, np.empty(capacity))
+            capacity = data.size
         start = nnz
         for t in range(P.indptr[j], P.indptr[j + 1]):
             i = P.indices[t]

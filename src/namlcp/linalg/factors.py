@@ -36,15 +36,15 @@ BORDER_ENTRIES = 20_000
 # Entries of a row or column up to which it stays in the sparse part.
 SPARSE_DEGREE = 16
 # Rows of a border at least and at most.
-LEAST, MOST = 50, 3000
+LEAST_BORDER, MOST_BORDER = 50, 3000
 # Density of B from which a border pays; one of WIDE rows pays with a thinner B too, if
-# the entries of the upper triangle of K_D are FULL times its size squared (0.5 is all).
-DENSE_B, WIDE, FULL = 0.1, 600, 0.2
+# the upper triangle of K_D has FULL_D times its size squared entries (0.5 is all).
+DENSE_B, WIDE, FULL_D = 0.1, 600, 0.2
 # Multiplications of a factorisation from which dense fronts pay; multiplications a row
 # from which nested dissection is tried as another order.
 HEAVY, DEEP = 1.5e7, 1e5
 # Fill is counted where K has so many entries or more, and so many a column.
-FILL = (200_000, 0), (20_000, 3), (5_000, 4)
+COUNT_FILL = (200_000, 0), (20_000, 3), (5_000, 4)
 
 
 class Factors(Protocol):
@@ -175,21 +175,21 @@ def dense_border(indptr: np.ndarray, indices: np.ndarray) -> np.ndarray:
         if highest <= SPARSE_DEGREE:
             break
         outside |= degree > max(highest // 2, SPARSE_DEGREE)
-        if np.count_nonzero(outside) > MOST:
+        if np.count_nonzero(outside) > MOST_BORDER:
             return none
     border = np.flatnonzero(outside)
     rest = size - border.size
-    if border.size < LEAST or border.size * rest > MOST_DENSE:
+    if border.size < LEAST_BORDER or border.size * rest > MOST_DENSE:
         return none
     inside, crossing = count_entries(indptr, indices, outside)
-    is_full = border.size >= WIDE and inside >= FULL * border.size**2
+    is_full = border.size >= WIDE and inside >= FULL_D * border.size**2
     return border if is_full or crossing >= DENSE_B * border.size * rest else none
 
 
 def heavy_order(indptr: np.ndarray, indices: np.ndarray) -> Order | None:
     """Return an order for dense fronts, None where qdldl is as good."""
     size = indptr.size - 1
-    if not any(indices.size >= max(least, few * size) for least, few in FILL):
+    if not any(indices.size >= max(least, few * size) for least, few in COUNT_FILL):
         return None
     degree = degrees(indptr, indices, np.ones(size, dtype=np.bool_))
     if degree.max() > HUB * np.sqrt(size):

@@ -17,7 +17,7 @@ from namlcp.linalg.ordering import Order, supernodes
 
 # Columns eliminated at a time in a front, and rows of the lower triangle updated by
 # one product.
-BLOCK, STRIP = 48, 96
+BLOCK, ROW_STRIP = 48, 96
 # Entries of L up to which a product is not worth a call of BLAS.
 SMALL_PRODUCT = 512
 
@@ -34,7 +34,7 @@ class Multifrontal:
         self.L = np.empty(nodes.panels[-1])
         self.D = np.empty(order.place.size)
         self.position = np.empty(order.place.size, dtype=np.int32)
-        self.stack = np.empty(stack_room(nodes.parent, f - k))
+        self.stack = np.empty(stack_size(nodes.parent, f - k))
         self.front = np.empty(((f - k) ** 2).max())
         self.work = np.empty(max((f * np.minimum(k, BLOCK)).max(), ((f - k) * k).max()))
         self.refactor(matrix.data)
@@ -51,7 +51,7 @@ class Multifrontal:
         """Return the solution for a right-hand side."""
         u = np.empty(rhs.size)
         u[self.place] = rhs
-        substitute(self.nodes, self.L, self.D, u)
+        solve_fronts(self.nodes, self.L, self.D, u)
         return u[self.place]
 
 
@@ -91,7 +91,7 @@ def factorise(nodes, data, L, D, position, stack, front, work):
             theirs = rows[begin : starts[child + 1]]
             top -= theirs.size * theirs.size
             extend_add(stack[top:], theirs, position, k, panel, update)
-        if not eliminate(panel, D[first[s] : first[s + 1]], work):
+        if not eliminate_panel(panel, D[first[s] : first[s + 1]], work):
             return False
         if u > 0:
             complement(panel, D[first[s] : first[s + 1]], update, work)
@@ -106,15 +106,14 @@ def factorise(nodes, data, L, D, position, stack, front, work):
 
 
 @kernel
-def stack_room(parent, order):
+def stack_size(parent, order):
     """Return the entries of all updates that wait for their parents at a time."""
     waiting = np.zeros(parent.size, dtype=np.int64)
-    room = 0
-    most = 1
+    size, most = 0, 1
     for s in range(parent.size):
         entries = order[s] * order[s]
-        room += entries - waiting[s]
-        most = max(most, room)
+        size += entries - waiting[s]
+        most = max(most, size)
         if parent[s] >= 0:
             waiting[parent[s]] += entries
     return most
@@ -137,7 +136,7 @@ def extend_add(child, rows, position, k, panel, update):
 
 
 @part
-def eliminate(panel, D, work):
+def eliminate_panel(panel, D, work):
     """Overwrite the panel (f, k) by its columns of L; False if a pivot vanishes."""
     f, k = panel.shape
     for start in range(0, k, BLOCK):
@@ -164,9 +163,9 @@ def eliminate(panel, D, work):
                 x = panel[stop + i, start + j]
                 block[i, j] = x
                 panel[stop + i, start + j] = x / D[start + j]
-        for row in range(stop, f, STRIP):
+        for row in range(stop, f, ROW_STRIP):
             if stop < k:
-                end = min(row + STRIP, f)
+                end = min(row + ROW_STRIP, f)
                 last = min(end, k)
                 product(
                     -1.0,
@@ -194,13 +193,13 @@ def complement(panel, D, update, work):
     for i in range(u):
         for p in range(k):
             scaled[i, p] = panel[k + i, p] * D[p]
-    for row in range(0, u, STRIP):
-        end = min(row + STRIP, u)
+    for row in range(0, u, ROW_STRIP):
+        end = min(row + ROW_STRIP, u)
         product(-1.0, scaled[row:end], panel[k : k + end], 1.0, update[row:end, :end])
 
 
 @kernel(error_model="numpy")
-def substitute(nodes, L, D, u):
+def solve_fronts(nodes, L, D, u):
     """Overwrite u, in the order of the columns, by the solution of L D L' u = u."""
     first, starts, rows, panels = nodes.first, nodes.starts, nodes.rows, nodes.panels
     number = first.size - 1

@@ -25,7 +25,7 @@ import scipy.linalg
 
 # Orders of the largest dense matrix up to which the setting is left alone, as threads
 # change nothing, and from which on more threads than one may pay.
-SMALL, WORTH = 100, 600
+SMALL_ORDER, WORTH_ORDER = 100, 600
 # How the BLAS libraries set and tell their number of threads.
 NAMES = (
     ("scipy_openblas_set_num_threads", "scipy_openblas_get_num_threads"),
@@ -141,6 +141,6 @@ def blas_threads(threads: int, order: int) -> contextlib.AbstractContextManager[
     `order` is that of the largest matrix that may be dense; nothing is set for a small
     one.
     """
-    if order <= SMALL or not settings():
+    if order <= SMALL_ORDER or not settings():
         return NOTHING
-    return limited(threads if order >= WORTH else 1)
+    return limited(threads if order >= WORTH_ORDER else 1)

@@ -20,9 +20,9 @@ from namlcp.linalg import Factors, arrays_of, factor
 
 # Refinement steps at most; relative residual of K~ u = rhs at which they end, unless
 # the caller asks for another.
-PASSES, ACCURACY = 11, 1e-14
+REFINEMENT_STEPS, DEFAULT_ACCURACY = 11, 1e-14
 # Relative residual above which GMRES goes on, and its steps.
-POOR, KRYLOV = 1e-9, 8
+GMRES_ABOVE, KRYLOV = 1e-9, 8
 # A right-hand side below this is measured as if it were so large.
 SMALL_RHS = 1e-8
 
@@ -51,13 +51,13 @@ class KKT:
 
         The factors of the `last` K are taken over where the pattern is the same.
         """
-        self.accuracy = ACCURACY
+        self.accuracy = DEFAULT_ACCURACY
         self.n = P.shape[0]
         self.size = self.n + A.shape[0] + G.shape[0]
-        room = P.nnz + A.nnz + G.nnz + self.size
-        refuse_size("the KKT matrix", room)
+        entries = P.nnz + A.nnz + G.nnz + self.size
+        refuse_size("the KKT matrix", entries)
         self.indptr = np.zeros(self.size + 1, dtype=np.int32)
-        indices, base = np.empty(room, dtype=np.int32), np.empty(room)
+        indices, base = np.empty(entries, dtype=np.int32), np.empty(entries)
         upper_triangle(*map(arrays_of, (P, A, G)), self.indptr, indices, base)
         self.indices = indices[: self.indptr[-1]].copy()
         self.base = base[: self.indptr[-1]].copy()
@@ -109,7 +109,7 @@ class KKT:
         u = self.solve_once(rhs)
         r, other = self.residual, self.trial
         error = self.remainder(rhs, u, r) / size
-        for _ in range(PASSES):
+        for _ in range(REFINEMENT_STEPS):
             if error <= self.accuracy:
                 break
             better = self.solve_once(r)
@@ -121,7 +121,7 @@ class KKT:
             u, error, r, other = better, new, other, r
             if not gained:
                 break
-        if not error <= POOR:
+        if not error <= GMRES_ABOVE:
             u, error = self.gmres(rhs, u, error, size)
         return u, error
 

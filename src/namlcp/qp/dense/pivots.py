@@ -69,8 +69,8 @@ IDLE_PIVOTS, NOISE, MOST_ROUNDING = 10, 1e3, 1e-6
 # A pivot of P up to this multiple of its diagonal entry counts as zero.
 ZERO_PIVOT = 1e-13
 # The weight relative to the largest entry of P, or to a typical one if that is more;
-# the second centre and the next ones, LOWERED in all, have LOWER times the last weight.
-WEIGHT, LOWER, LOWERED = 1e-4, 0.1, 5
+# after the first centre it is multiplied by LOWERING, LOWERED times in all.
+WEIGHT, LOWERING, LOWERED = 1e-4, 0.1, 5
 # Centres at most, and passes of refinement for each. Without a weight: rounds of steps
 # 2 to 4, each with a coarser `level`, and passes.
 CENTRES, ROUNDS = (20, 20), (4, 5)
@@ -85,8 +85,8 @@ def refine_point(active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x, pa
     """Improve x and multiplier on the unfactored KKT system of the active rows.
 
     [P N'; N 0] [dx; dm] = -[rd; rp] by R'(R dm + Q g) = rp, L'dx = -(g + Q'R dm),
-    g = L^-1 rd. Stops when a step gains less than a factor 2. Where L L' is P plus the
-    weight, each step is a proximal one on the face. Returns the relative residual.
+    g = L^-1 rd. Stops when a step gains less than a factor 2. With a weight each step
+    is a proximal one on the active set. Returns the relative residual.
     """
     n = x.size
     row, g, dx = np.empty(n), np.empty(n), np.empty(n)
@@ -232,7 +232,7 @@ def choose_weight(P, q, G, h, A, b, lb, ub, weight, L):
 def lower_weight(weight, active, multiplier, k, P, G, A, L, Q, R, watch):
     """Lower the weight and factor anew; return the number of active rows, -1 if not."""
     for j in range(weight.size):
-        weight[j] *= LOWER
+        weight[j] *= LOWERING
     if not factor_sum(P, weight, L):
         return np.int64(-1)
     kept = active[:k].copy()

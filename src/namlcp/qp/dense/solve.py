@@ -19,7 +19,7 @@ from namlcp.status import Status
 NO_HINT = np.empty(0, dtype=np.int64)
 # Relative rounding of the duality gap: where its terms times this exceed the tolerance,
 # the gap is summed again as the hosts do.
-ROUNDING = 4e-15
+GAP_ROUNDING = 4e-15
 
 
 def solve_dense(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
@@ -42,7 +42,7 @@ def solve_dense(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
     if c is not None:
         x, z_box = c * x, c * z_box if code == pivots.UNBOUNDED else z_box / c
     point, residuals = Point(x, y, z, z_box), Residuals(*numbers)
-    if c is not None or residuals.gap_size * ROUNDING > limits.eps_abs:
+    if c is not None or residuals.gap_size * GAP_ROUNDING > limits.eps_abs:
         residuals = qp_residuals(*qp, *point)
     if code in (pivots.INFEASIBLE, pivots.UNBOUNDED):
         if code == pivots.INFEASIBLE:

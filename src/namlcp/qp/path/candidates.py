@@ -16,7 +16,7 @@ from namlcp.qp.guess import Guess
 from namlcp.qp.judge import Judge
 from namlcp.qp.kkt import products
 from namlcp.qp.path.refinement import ActiveSetSystem
-from namlcp.qp.path.steps import DUAL, DUAL_NORM, PRIMAL, ROW_NORM, SIDE_NORM
+from namlcp.qp.path.steps import DUAL, DUAL_NORM, PRIMAL, ROW_NORM, SLACK_NORM, THIN
 from namlcp.qp.problem import Point
 from namlcp.qp.transforms import Contradiction, Presolved, ScaledQP
 from namlcp.status import Status
@@ -33,13 +33,11 @@ PROMISING = 0.1
 AGAIN = 0.1
 # Weight of the distance to the candidate in a projection, relative to the scaled
 # residual, and steps of the projection at most.
-PROJECTION, PASSES = 1e-8, 15
-# Least weight of a row in the projection, in the place of zero.
-THIN = 1e-20
-# Scaled violation by a ray of length 1 from which on a side is an equation of its
-# projection, first (as rays are inexact there) and of what was projected; and
+PROJECTION, PROJECTION_STEPS = 1e-8, 15
+# Scaled change C d, for max |d_j| = 1, from which on a one-sided constraint is an
+# equation of the projection: of the inexact candidate, and of what was projected; and
 # projections at most.
-NEARLY_ACTIVE, VIOLATED, ROUNDS = -1e-3, 1e-13, 3
+NEARLY_ACTIVE, VIOLATED, RAY_PROJECTIONS = -1e-3, 1e-13, 3
 
 
 def contradiction(
@@ -80,7 +78,7 @@ class CertificateSearch:
         problem is small or still falls tenfold.
         """
         s, norms = self.problem, loop.norms
-        now = norms[DUAL_NORM], max(norms[ROW_NORM], norms[SIDE_NORM])
+        now = norms[DUAL_NORM], max(norms[ROW_NORM], norms[SLACK_NORM])
         before, self.before = self.before, now
         dual = now[0] > CONVERGING * before[0] and norms[DUAL] > self.tol
         primal = now[1] > CONVERGING * before[1] and norms[PRIMAL] > self.tol
@@ -166,7 +164,7 @@ class CertificateSearch:
         factored = kkt.factor()
         kkt.data[:] = kkt.base
         last, rhs = inf, np.zeros(kkt.size)
-        for _ in range(PASSES if factored else 0):
+        for _ in range(PROJECTION_STEPS if factored else 0):
             v = self.sums(s.sign * Z)
             v[s.n : s.n + s.p] = y
             self.multiply(np.zeros(s.n), v)
@@ -183,33 +181,33 @@ class CertificateSearch:
         return [best if last < inf else (y, Z)]
 
     def project_ray(self, d: np.ndarray) -> list[tuple[np.ndarray]]:
-        """Project d on P d = 0, A d = 0 and the sides that d does not leave.
+        """Project d on P d = 0, A d = 0 and the constraints that d meets.
 
-        Sides that the projection violates join the equations; the last one comes first.
+        Those that the projection violates become equations; the last one comes first.
         """
         s, system = self.problem, self.system
         d = d / largest(d)
-        active = self.change_of_sides(d) > NEARLY_ACTIVE
+        active = self.change_of_constraints(d) > NEARLY_ACTIVE
         zero_y, zero, found = np.zeros(s.p), np.zeros(s.c.size), []
-        for _ in range(ROUNDS):
+        for _ in range(RAY_PROJECTIONS):
             if not system.factor(d, zero_y, zero, active, zero_y, zero, PROJECTION):
                 break
-            system.iterate(np.zeros(s.n), PASSES)
+            system.iterate(np.zeros(s.n), PROJECTION_STEPS)
             better = system.x.copy()
             found.append((better,))
-            more = active | (self.change_of_sides(better) > VIOLATED)
+            more = active | (self.change_of_constraints(better) > VIOLATED)
             if np.array_equal(more, active):
                 break
             active = more
         return found[::-1]
 
-    def change_of_sides(self, d: np.ndarray) -> np.ndarray:
-        """Return C d, positive where the direction d leaves a side."""
+    def change_of_constraints(self, d: np.ndarray) -> np.ndarray:
+        """Return sign * C d, positive where d leads out of a one-sided constraint."""
         self.multiply(d, np.zeros(self.problem.kkt.size))
         return self.problem.sign * self.t[self.problem.place]
 
     def sums(self, values: np.ndarray) -> np.ndarray:
-        """Return the sums of the sides' values at each place in the layout of K."""
+        """Return the sums of the constraints' values at each place of K."""
         place, size = self.problem.place, self.problem.kkt.size
         return np.bincount(place, values, minlength=size).astype(float, copy=False)
 

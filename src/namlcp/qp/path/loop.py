@@ -32,14 +32,14 @@ from namlcp.qp.path.steps import (
     PRIMAL,
     PRIMAL_SIZE,
     ROW_NORM,
-    SIDE_NORM,
-    advance,
+    SLACK_NORM,
     assemble,
     centred_target,
     evaluate,
     newton_right_side,
     shifted_inside,
     slack_step,
+    take_step,
 )
 from namlcp.qp.transforms import UNITS, ScaledQP
 from namlcp.status import Status
@@ -113,7 +113,7 @@ class Interior:
         self.rw, self.rc, self.tau, self.omega = np.empty((4, m))
         self.dW, self.dZ, self.dW_other, self.dZ_other = np.zeros((4, m))
         self.weight, self.rhs, self.v, self.t, self.dt, self.du = np.zeros((6, size))
-        self.norms = np.zeros(11)
+        self.norms = np.zeros(GAP_SIZE + 1)
         self.ratios = np.zeros(3)  # primal, dual residual and gap over the tolerance
         self.length = np.ones(3)
         self.change = np.zeros(2)  # largest change of x, and of y and Z
@@ -311,7 +311,7 @@ class Interior:
             self.reg.lower()
             return
         self.reg.follow(mu_old, norms[MU])
-        rd, constraints = norms[DUAL_NORM], max(norms[ROW_NORM], norms[SIDE_NORM])
+        rd, constraints = norms[DUAL_NORM], max(norms[ROW_NORM], norms[SLACK_NORM])
         rho_binds = rd > ROUNDING and self.reg.rho * change_x > 0.5 * rd
         delta_binds = self.reg.delta * change_yz > 0.5 * constraints
         self.reg.adapt(self.error, rho_binds, delta_binds)
@@ -344,7 +344,7 @@ class Interior:
                 self.centre(target)
         self.error = max(self.error, predicted)
         primal, dual = self.length[:PRODUCT] * SHORT if m else (1.0, 1.0)
-        advance(
+        take_step(
             self.problem.n, self.du, self.dW, self.dZ, primal, dual, self.x, self.y, W,
             Z, self.change,
         )  # fmt: skip

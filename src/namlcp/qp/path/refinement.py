@@ -22,7 +22,7 @@ from namlcp.qp.transforms import ScaledQP
 
 # Active sets tried by one refinement, and the residual over its tolerance, on the
 # user's data, at which it stops to mend the set.
-ROUNDS, GOOD = 6, 1e-2
+MOST_SETS, GOOD_ENOUGH = 6, 1e-2
 # Added to the diagonal of P, and subtracted for rows. The second is tried where L D L'
 # breaks down with the first, or where the iterations do not reduce the residual
 # tenfold: the KKT system of the active set is singular then.
@@ -30,7 +30,7 @@ REGULARISATIONS = 1e-9, 1e-7
 # Modulus of the diagonal entry that switches a row or a variable off.
 OFF = 1e20
 # Proximal iterations at most, and the residual, in the user's units, that ends them.
-PASSES, ROUNDING = 25, 1e-14
+PROXIMAL_STEPS, RESIDUAL_GOAL = 25, 1e-14
 # Residuals below this need not be reduced tenfold.
 SMALL_ENOUGH = 1e-11
 # A scaled multiplier or slack below minus this has the wrong sign.
@@ -82,16 +82,16 @@ class Refinement:
     ) -> float:
         """Try active sets, the given one first; return the smallest residual ratio.
 
-        Every point found is offered to the judge. Ends at a residual ratio <= GOOD, at
-        a set seen just before, or, with a large K, where a round does not halve the
+        Every point found is offered to the judge. Ends at a ratio <= GOOD_ENOUGH, at a
+        set seen just before, or, with a large K, where a round does not halve the
         ratio.
         """
         s, system = self.problem, self.system
         best = np.inf
-        for _ in range(ROUNDS):
+        for _ in range(MOST_SETS):
             for regularisation in REGULARISATIONS:
                 ready = system.factor(x, y, Z, active, s.b, s.c, regularisation)
-                if ready and system.iterate(s.q, PASSES):
+                if ready and system.iterate(s.q, PROXIMAL_STEPS):
                     break
             if not ready:
                 return best
@@ -101,7 +101,7 @@ class Refinement:
             pays = worst <= 0.5 * best or s.kkt.base.size <= LARGE_KKT
             best = min(best, worst)
             new = np.where(active, multiplier > -WRONG_SIGN, slack < -WRONG_SIGN)
-            if best <= GOOD or not pays or np.array_equal(new, active):
+            if best <= GOOD_ENOUGH or not pays or np.array_equal(new, active):
                 break
             if self.deadline.reached():
                 break
@@ -110,7 +110,7 @@ class Refinement:
 
 
 class ActiveSetSystem:
-    """The KKT system of min 1/2 x'Px + q'x with Ax = b and active sides as equations.
+    """The KKT system of min 1/2 x'Px + q'x with the active constraints.
 
     `x` and `v` hold its solution, v in the layout of K: 0, y, net z.
     """
@@ -163,7 +163,7 @@ class ActiveSetSystem:
             if error < best:
                 kept = self.x.copy(), self.v.copy()
                 best = error
-            if error <= ROUNDING or failures == 2 or not np.isfinite(error):
+            if error <= RESIDUAL_GOAL or failures == 2 or not np.isfinite(error):
                 break
             du = kkt.solve_once(self.rhs)
             du[self.held] = 0.0

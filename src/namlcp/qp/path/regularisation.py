@@ -9,11 +9,11 @@ pivoting keeps its digits; huge multipliers and nearly dependent rows go to 1e-1
 
 # Values of a cold start: the first iterations shrink them.
 RHO, DELTA = 1e-6, 1e-4
-# Down to FLOOR they follow mu; below it they are lowered down to LEAST, after accurate
+# Down to FLOOR they follow mu; below it they are lowered down to LOWEST, after accurate
 # solves alone. A bad solve raises them tenfold, up to TOP.
-FLOOR, LEAST, TOP = 1e-7, 1e-16, 1e-6
+FLOOR, LOWEST, TOP = 1e-7, 1e-16, 1e-6
 # Relative residuals above which a solve is bad, and below which it is accurate.
-POOR, GOOD = 1e-5, 1e-8
+POOR, ACCURATE = 1e-5, 1e-8
 # Iterations without lowering after a bad solve.
 WAIT = 3
 
@@ -37,9 +37,9 @@ class Regularisation:
     def lower(self, rho: bool = True, delta: bool = True) -> None:
         """Divide rho, delta or both by ten; after every step without inequalities."""
         if rho:
-            self.rho = max(0.1 * self.rho, LEAST)
+            self.rho = max(0.1 * self.rho, LOWEST)
         if delta:
-            self.delta = max(0.1 * self.delta, LEAST)
+            self.delta = max(0.1 * self.delta, LOWEST)
 
     def strengthen(self) -> None:
         """Raise both after a bad solve."""
@@ -53,5 +53,5 @@ class Regularisation:
             self.strengthen()
         elif self.wait > 0:
             self.wait -= 1
-        elif error < GOOD:
+        elif error < ACCURATE:
             self.lower(rho_dominates, delta_dominates)

@@ -20,16 +20,16 @@ from namlcp.qp.kkt import products
 
 # Places in the `norms` of `evaluate`: the mean product of W and Z, norms of the scaled
 # residuals, then the first six numbers of `Residuals`.
-MU, DUAL_NORM, ROW_NORM, SIDE_NORM = range(4)
-PRIMAL, DUAL, GAP, PRIMAL_SIZE, DUAL_SIZE, GAP_SIZE = range(5, 11)
+MU, DUAL_NORM, ROW_NORM, SLACK_NORM = range(4)
+PRIMAL, DUAL, GAP, PRIMAL_SIZE, DUAL_SIZE, GAP_SIZE = range(4, 10)
 # Smallest weight of a row, in the place of zero.
 THIN = 1e-20
-# Gondzio's corrector: steps a become (1 + LONGER) a + LONGER; the products W Z there
-# are kept between these multiples of the target.
-LONGER, LEAST_PRODUCT, MOST_PRODUCT = 0.08, 0.1, 10.0
+# Gondzio's corrector: steps a become (1 + LENGTHENED) a + LENGTHENED; the products W Z
+# there are kept between these multiples of the target.
+LENGTHENED, LEAST_PRODUCT, MOST_PRODUCT = 0.08, 0.1, 10.0
 # Where all slacks and multipliers of the first solve are below NEGLIGIBLE, scaled, they
 # say nothing, and the iteration starts from these values instead.
-NEGLIGIBLE, START = 1e-4, 0.1
+NEGLIGIBLE, START_VALUE = 1e-4, 0.1
 
 
 @kernel
@@ -79,7 +79,7 @@ def evaluate(
         rw[k] = excess + W[k]
         support += c[k] * Z[k]
         complement += W[k] * Z[k]
-        norms[SIDE_NORM] = max(norms[SIDE_NORM], abs(rw[k]))
+        norms[SLACK_NORM] = max(norms[SLACK_NORM], abs(rw[k]))
         norms[PRIMAL] = max(norms[PRIMAL], excess * unit[j])
         if j >= n:
             norms[PRIMAL_SIZE] = max(norms[PRIMAL_SIZE], abs(t[j]) * unit[j])
@@ -160,8 +160,8 @@ def centred_target(W, Z, dW, dZ, primal, dual, smu, rc):
 
     The products at longer steps are pulled into [LEAST_PRODUCT, MOST_PRODUCT] smu.
     """
-    a = min(1.0, (1.0 + LONGER) * primal + LONGER)
-    z = min(1.0, (1.0 + LONGER) * dual + LONGER)
+    a = min(1.0, (1.0 + LENGTHENED) * primal + LENGTHENED)
+    z = min(1.0, (1.0 + LENGTHENED) * dual + LENGTHENED)
     for k in range(W.size):
         product = (W[k] + a * dW[k]) * (Z[k] + z * dZ[k])
         change = min(max(product, LEAST_PRODUCT * smu), MOST_PRODUCT * smu) - product
@@ -169,7 +169,7 @@ def centred_target(W, Z, dW, dZ, primal, dual, smu, rc):
 
 
 @kernel
-def advance(n, du, dW, dZ, primal, dual, x, y, W, Z, out):
+def take_step(n, du, dW, dZ, primal, dual, x, y, W, Z, out):
     """Step; out = (largest change of x, largest change of y and Z)."""
     out[0] = 0.0
     out[1] = 0.0
@@ -188,7 +188,7 @@ def advance(n, du, dW, dZ, primal, dual, x, y, W, Z, out):
 def shifted_inside(W: np.ndarray, Z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return W, Z > 0 by Mehrotra's shift (SIAM J. Optim. 2, 1992, sec. 7)."""
     if max(np.abs(W).max(), np.abs(Z).max()) <= NEGLIGIBLE:
-        return np.full(W.size, START), np.full(Z.size, START)
+        return np.full(W.size, START_VALUE), np.full(Z.size, START_VALUE)
     W = W + max(0.0, -1.5 * W.min())
     Z = Z + max(0.0, -1.5 * Z.min())
     product, sum_w, sum_z = W @ Z, W.sum(), Z.sum()
