@@ -127,7 +127,7 @@ def test_the_core_imports_no_host():
 
 @pytest.mark.parametrize(
     "tree",
-    [TREES[0], pytest.param(TREES[1], marks=pytest.mark.xfail(reason="under way"))],
+    TREES,
     ids=["src", "tests"],
 )
 def test_rooms_and_modules_can_be_taken_in(tree):
