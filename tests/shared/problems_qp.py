@@ -141,7 +141,7 @@ def least_squares(n) -> QP:
 
 
 DATA = Path(
-    os.environ.get("NAMLCP_DATA", Path(__file__).resolve().parents[2] / "shared/data")
+    os.environ.get("NAMLCP_DATA", Path(__file__).resolve().parents[3] / "shared/data")
 )
 
 

@@ -14,7 +14,7 @@ from namlcp import Prepared
 from namlcp.lcp.data import LCP
 
 DATA = Path(
-    os.environ.get("NAMLCP_DATA", Path(__file__).parents[2] / "shared" / "data")
+    os.environ.get("NAMLCP_DATA", Path(__file__).parents[3] / "shared" / "data")
 )
 
 INF = np.inf
