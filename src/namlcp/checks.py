@@ -37,7 +37,9 @@ def is_clean(array: Any, ndim: int) -> bool:
 
 def clean_copy(array: np.ndarray, kind: Any) -> np.ndarray:
     """Return `array` as it is if it is clean and of that dtype, else a clean copy."""
-    return np.require(array, kind, ["C", "A", "W"])
+    if array.dtype == kind and array.flags.carray:
+        return array
+    return np.array(array, kind, order="C")
 
 
 def real_array(name: str, value: Any) -> np.ndarray:

@@ -7,9 +7,12 @@ itself is called by `Deadline.run` and asks back: `is_over`.
 import ctypes
 import functools
 import math
-import signal
 import threading
 import time
+
+# The module `signal` converts all values to enumerations, 20 us a solve.
+from _signal import SIGINT, default_int_handler, getsignal
+from _signal import signal as set_handler
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -61,14 +64,14 @@ class Deadline:
         thread.
         """
         ours = threading.current_thread() is threading.main_thread()
-        if not ours or signal.getsignal(signal.SIGINT) != signal.default_int_handler:
+        if not ours or getsignal(SIGINT) is not default_int_handler:
             yield
             return
-        signal.signal(signal.SIGINT, self.interrupt)
+        set_handler(SIGINT, self.interrupt)
         try:
             yield
         finally:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
+            set_handler(SIGINT, default_int_handler)
 
     def interrupt(self, number: int, frame: FrameType | None) -> None:
         """Handle the signal."""

@@ -17,14 +17,16 @@ from namlcp.residuals import natural_residuals
 class Criterion:
     """The test of an LCP with the tolerances of its limits."""
 
-    def __init__(self, lcp: LCP, limits: Limits):
+    def __init__(self, lcp: LCP, limits: Limits, root: np.ndarray | None = None):
+        """Take `root`, the square roots of the diagonal, from the caller if given."""
         self.lcp = lcp
+        self.root = lcp.matrix.root if root is None else root
         self.eps_abs, self.eps_rel = limits.eps_abs, limits.eps_rel
 
     def residuals(self, z: np.ndarray, w: np.ndarray) -> tuple[float, float]:
         """Return Res(z) of the problem and of the one scaled to a unit diagonal."""
-        matrix, _, lower, upper = self.lcp
-        return natural_residuals(z, w, lower, upper, matrix.root)
+        _, _, lower, upper = self.lcp
+        return natural_residuals(z, w, lower, upper, self.root)
 
     @cached_property
     def size(self) -> float:
@@ -35,7 +37,7 @@ class Criterion:
     @cached_property
     def goal(self) -> float:
         """A Res of the scaled problem that will be accepted."""
-        largest = float(self.lcp.matrix.root.max(initial=1e-300))
+        largest = float(self.root.max(initial=1e-300))
         return max(self.eps_rel * self.size, self.eps_abs / largest)
 
     def accepts(self, z: np.ndarray, w: np.ndarray) -> bool:

@@ -154,7 +154,7 @@ class Attempt:
         z, size = self.best(), self.work.now.size
         w = self.lcp.w(z)
         if status is Status.SOLVED and size > 0.0:
-            criterion = Criterion(self.lcp, self.limits)
+            criterion = Criterion(self.lcp, self.limits, 1.0 / self.work.d)
             criterion.size = size
             if not criterion.accepts(z, w):
                 status = Status.STALLED

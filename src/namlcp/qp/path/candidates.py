@@ -93,7 +93,6 @@ class CertificateSearch:
         if not promising.any():
             return None
         self.promised = True
-        point = s.point(loop.x, loop.y, loop.Z)
         step_x, step_y = loop.du[: s.n], loop.du[s.n : s.n + s.p]
         for k, stuck, *candidate in (
             (0, primal, loop.y, loop.Z),
@@ -101,29 +100,34 @@ class CertificateSearch:
             (2, dual, loop.x),
             (3, dual, step_x),
         ):
-            if stuck and promising[k] and self.is_proof(k, point, candidate):
+            if stuck and promising[k] and self.is_proof(k, loop, candidate):
                 return Status.PRIMAL_INFEASIBLE if k < 2 else Status.DUAL_INFEASIBLE
         return None
 
-    def is_proof(self, k: int, point: Point, candidate: list[np.ndarray]) -> bool:
+    def is_proof(self, k: int, loop: "Interior", candidate: list[np.ndarray]) -> bool:
         """Test candidate k, then its projections where it improved since the last."""
-        proof: Callable[..., Point | None] = self.ray_proof
-        projections: Callable[..., list[Any]] = self.project_ray
+        proof: Callable[..., Point | None]
+        projections: Callable[..., list[Any]]
+        iterate: Any
         if k < 2:
             proof, projections = self.farkas_proof, self.project_multipliers
-        self.proof = proof(point, *candidate)
+            iterate = self.problem.primal(loop.x)
+        else:
+            proof, projections = self.ray_proof, self.project_ray
+            iterate = self.problem.point(loop.x, loop.y, loop.Z)
+        self.proof = proof(iterate, *candidate)
         if self.proof is None and self.ratios[k] <= AGAIN * self.projected[k]:
             self.projected[k] = self.ratios[k]
             for better in projections(*candidate):
-                self.proof = proof(point, *better)
+                self.proof = proof(iterate, *better)
                 if self.proof is not None:
                     break
         return self.proof is not None
 
-    def farkas_proof(self, point: Point, y: np.ndarray, Z: np.ndarray) -> Point | None:
+    def farkas_proof(self, x: np.ndarray, y: np.ndarray, Z: np.ndarray) -> Point | None:
         """Return the proof that scaled multipliers make, None if they make none."""
         y, z = self.problem.certificate(y, Z)
-        return accept_primal(self.judge.qp, point.x, y, z, self.tol)
+        return accept_primal(self.judge.qp, x, y, z, self.tol)
 
     def ray_proof(self, point: Point, d: np.ndarray) -> Point | None:
         """Return the proof that a scaled direction makes, None if it makes none."""
@@ -139,7 +143,7 @@ class CertificateSearch:
         active = np.zeros(z.size + 2 * z_box.size, dtype=np.int8)
         _, y_scaled, Z, _ = self.problem.guess(Guess(x, y, z, z_box, active))
         projection = self.project_multipliers(y_scaled, Z)[0]
-        return self.farkas_proof(Point(x, y, z, z_box), *projection)
+        return self.farkas_proof(x, *projection)
 
     def project_multipliers(
         self, y: np.ndarray, Z: np.ndarray

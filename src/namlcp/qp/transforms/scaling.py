@@ -70,6 +70,7 @@ class ScaledQP:
         self.finite = [np.flatnonzero(np.isfinite(side)) for side in self.bounds]
         self.counts = [at.size for at in self.finite]
         offset = np.repeat((n + p, n + p, 0, 0), self.counts)
+        self.ends = tuple(np.cumsum(self.counts[:3]).tolist())
         self.place = (np.concatenate(self.finite) + offset).astype(np.int32)
         self.sign = np.repeat((1.0, -1.0, 1.0, -1.0), self.counts)
         self.scale_vectors()
@@ -117,6 +118,10 @@ class ScaledQP:
             x * self.unit[:n], y / self.unit[n : n + p], z_upper, z_lower, box
         )
 
+    def primal(self, x: np.ndarray) -> np.ndarray:
+        """Return the x of the QP that was presolved."""
+        return self.small.with_fixed(x * self.unit[: self.n])
+
     def certificate(
         self, y: np.ndarray, Z: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -158,13 +163,13 @@ class ScaledQP:
 
     def sides(self, Z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return unscaled multipliers: upper and lower sides of rows, net bounds."""
-        z = np.split(Z / self.unit[self.place], np.cumsum(self.counts[:3]))
+        z, (i, j, k) = Z / self.unit[self.place], self.ends
         upper, lower = np.zeros((2, self.small.upper.size))
         box = np.zeros(self.n)
-        upper[self.finite[0]] = z[0]
-        lower[self.finite[1]] = z[1]
-        box[self.finite[2]] = z[2]
-        box[self.finite[3]] -= z[3]
+        upper[self.finite[0]] = z[:i]
+        lower[self.finite[1]] = z[i:j]
+        box[self.finite[2]] = z[j:k]
+        box[self.finite[3]] -= z[k:]
         return upper, lower, box
 
 
