@@ -1,24 +1,22 @@
-"""Box LCPs whose symmetric A is known by its products alone: MPRGP, face by face.
+"""MPRGP for box LCPs with a symmetric A that is known only by its products.
 
-A positive semidefinite A makes the LCP the optimality condition of
+If A is positive semidefinite, the LCP is the optimality condition of
 
-    minimise f(z) = 1/2 z'A z + q'z  subject to  l <= z <= u,  w = A z + q its gradient.
+    minimise f(z) = 1/2 z'A z + q'z  subject to  l <= z <= u,
 
-In units of D = diag(A), y = D^(1/2) z (Jacobi preconditioning; the box stays a box),
-with g the gradient there, the free gradient phi is g on the face (the free unknowns,
-l < y < u), and the chopped gradient beta is g at the bounds from which -g points into
-the box. The larger of phi and beta decides which of three steps is taken, each with one
-product with A, two at the most (Dostal 2009, algorithm 5.8):
+and w = A z + q is the gradient of f. The method works on the problem scaled to a unit
+diagonal (Jacobi preconditioning), y = D^(1/2) z, D = diag(A), with the gradient g. Its
+free gradient phi is g at the free variables, l < y < u, and 0 elsewhere; its chopped
+gradient beta is g at the active variables whose bound -g leaves, and 0 elsewhere. Each
+iteration takes one of these steps (Dostal 2009, algorithm 5.8):
 
-- phi: a step of conjugate gradients on the face, if it stays in the box;
-- phi, if it does not: the whole step projected, where f then falls (Kruzik, Horak,
-  Cermak, Pospisil and Pecha 2020), else the part up to the first bound;
-- beta: a step along -beta, which frees its entries.
+- if beta'beta <= phi'phi_r (see `Descent.reduced`), a conjugate gradient step in the
+  free variables; if that is infeasible, its projection where this decreases f enough
+  (Kruzik, Horak, Cermak, Pospisil and Pecha 2020), else its feasible part;
+- otherwise a step along -beta, which frees variables.
 
-f never increases. The last face is solved by conjugate gradients to rounding.
-
-A direction v with A v = 0 along which f falls for ever proves that there is no
-solution, one of negative curvature that A is not semidefinite.
+A direction v with A v = 0 along which f decreases without bound proves that there is no
+solution; a direction of negative curvature proves that A is not semidefinite.
 
 References
 ----------
@@ -38,36 +36,34 @@ from namlcp.residuals import natural_residual
 from namlcp.status import Status
 
 MAX_ITER = 20_000
-"""Iterations at most, unless the caller says."""
+"""Default limit on iterations."""
 
 MISSES = 4
-"""Times that a fresh product may show, without progress, that the recursion's residual
-was too small."""
+"""The method stalls after so many consecutive times that the criterion accepts the
+updated gradient but not the recomputed one, and Res has not halved in between."""
 
 SUFFICIENT = 0.1
-"""A projected step is taken if f falls by this fraction of what its slope promises."""
+"""A projected step d is taken if f decreases by at least this fraction of -g'd."""
 
 FLAT, NEGATIVE = 1e-13, -1e-10
-"""A curvature p'A p / p'p of modulus below FLAT ||A|| counts as zero; one below
-NEGATIVE ||A|| shows that A is not semidefinite."""
+"""A curvature p'A p / p'p of modulus up to FLAT ||A|| counts as zero; one below
+NEGATIVE ||A|| shows that A is not semidefinite. ||A|| is `Descent.norm`."""
 
 RAY = 1e-14
 """||A v|| up to this times ||A|| ||v|| counts as zero."""
 
 MINIMUM = 0.1
-"""A flat direction has a minimum if at most this fraction of the residual is left
-there."""
+"""`leap` goes to a point only if Res there is at most this fraction of the present."""
 
 RAY_PRODUCTS = 500
-"""Products with A at most that make a flat direction v satisfy A v = 0."""
+"""Limit on the conjugate gradient steps that make A v = 0 for a flat direction v."""
 
 RAY_ENTRY = 1e-9
-"""Entries of a ray below this times the largest are set to 0."""
-
+"""Entries of a ray up to this times the largest are set to 0."""
 
 TOO_FAR = 1e6
-"""A start with a residual so many times that of clip(0) loses the digits of products;
-it is replaced by clip(0)."""
+"""A start is replaced by clip(0) if its Res is larger than that of clip(0) by more than
+this factor: products with so large a z lose too many digits."""
 
 
 def solve_by_products(
@@ -75,12 +71,12 @@ def solve_by_products(
 ) -> Outcome:
     """Solve a box LCP with a symmetric A, an `Operator` with A.diagonal() >= 0.
 
-    The criterion is asked for every iterate, and SOLVED is said only after a fresh
-    product w = A z + q. z is the point with the least Res that was met. STALLED:
-    rounding. UNSOLVABLE with a ray: no solution; without: A is not positive
-    semidefinite. NUMERICAL_ERROR: a product is not finite; z and w are NaN.
+    SOLVED is returned only if the criterion accepts a recomputed gradient. z is the
+    iterate of least Res. STALLED: rounding errors prevent progress. UNSOLVABLE with a
+    ray: no solution; without: A is not positive semidefinite. NUMERICAL_ERROR: a
+    product is not finite; z and w are NaN.
     """
-    with np.errstate(all="ignore"):  # numbers out of range are noticed
+    with np.errstate(all="ignore"):  # the code tests for infinities and NaN
         z = lcp.start(z0)
         if z0 is not None:
             there = criterion.residuals(z, lcp.w(z))[1]
@@ -92,7 +88,7 @@ def solve_by_products(
 def descent_from(
     lcp: LCP, z0: np.ndarray, limits: Limits, criterion: Criterion
 ) -> Outcome:
-    """Take steps from z0 in the box until one of the ends of `solve_by_products`."""
+    """Take steps from a feasible z0, see `solve_by_products` for the outcomes."""
     _, _, lower, upper = lcp
     root = lcp.matrix.root
     max_iter = limits.max_iter or MAX_ITER
@@ -144,18 +140,18 @@ def descent_from(
 
 
 class Descent:
-    """The iterate in units of D and the steps that MPRGP takes from it.
+    """An iterate of the problem scaled to a unit diagonal, and the steps from it.
 
     Attributes
     ----------
     y, g : (n,) array
-        Iterate and gradient there; each step makes new ones.
+        Iterate and its gradient; each step makes new arrays.
     free : (n,) bool array
-        The face, l < y < u.
+        Whether l < y < u.
     size : float
-        Res(y) in these units.
+        Res(y) of the scaled problem.
     ray : (n,) array or None
-        The proof that there is no solution, in the caller's units.
+        Proof that the problem, unscaled, has no solution.
     """
 
     def __init__(self, lcp: LCP, z0: np.ndarray):
@@ -167,7 +163,7 @@ class Descent:
             lcp.upper * root,
         )
         self.ray: np.ndarray | None = None
-        self.norm = 0.0  # largest ||A p|| / ||p|| that was met
+        self.norm = 0.0  # estimate of ||A||: the largest ||A p|| / ||p|| so far
         self.y = np.clip(z0 * root, self.lower, self.upper)
         self.refresh()
 
@@ -176,35 +172,35 @@ class Descent:
         return (self.A @ (x / self.root)) / self.root
 
     def refresh(self) -> None:
-        """Compute the gradient anew, without the errors of the recursion."""
+        """Recompute the gradient and restart the conjugate gradients."""
         self.g = self.product(self.y) + self.q
-        self.p: np.ndarray | None = None  # direction of the conjugate gradients
+        self.p: np.ndarray | None = None  # next conjugate direction; None: phi
         self.look()
 
     def look(self) -> None:
-        """Sort the entries of the gradient at a new iterate."""
+        """Update free, phi and size for a new y and g."""
         self.free = (self.y > self.lower) & (self.y < self.upper)
         self.phi = np.where(self.free, self.g, 0.0)
         self.size = natural_residual(self.y, self.g, self.lower, self.upper)
 
     def move(self, step: float, p: np.ndarray, Ap: np.ndarray) -> None:
-        """Go to clip(y - step p); only rounding is clipped."""
+        """Go to y - step p, which is feasible up to rounding."""
         self.y = np.clip(self.y - step * p, self.lower, self.upper)
         self.g = self.g - step * Ap
         self.look()
 
     def limit(self, p: np.ndarray) -> float:
-        """Return the step along -p that meets the first bound."""
+        """Return the largest feasible step along -p."""
         down, up = p > 0.0, p < 0.0
-        room = np.inf
+        step = np.inf
         if down.any():
-            room = np.min((self.y - self.lower)[down] / p[down])
+            step = np.min((self.y - self.lower)[down] / p[down])
         if up.any():
-            room = min(room, np.min((self.y - self.upper)[up] / p[up]))
-        return float(room)
+            step = min(step, np.min((self.y - self.upper)[up] / p[up]))
+        return float(step)
 
     def curvature(self, p: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return A p and p'A p, 0 where it is only rounding."""
+        """Return A p and p'A p, or 0 for the latter at rounding level; update norm."""
         Ap = self.product(p)
         pp = float(p @ p)
         self.norm = max(self.norm, math.sqrt(float(Ap @ Ap) / pp))
@@ -212,15 +208,14 @@ class Descent:
         return Ap, 0.0 if abs(pAp) <= FLAT * self.norm * pp else pAp
 
     def step(self) -> Status | None:
-        """Take one step; return UNSOLVABLE or STALLED where there is none."""
+        """Take one step, or return the status with which the method ends."""
         at_lower, at_upper = self.y <= self.lower, self.y >= self.upper
         inwards = np.where(at_lower, self.g < 0.0, at_upper & (self.g > 0.0))
         beta = np.where(inwards & ~(at_lower & at_upper), self.g, 0.0)
-        on_face = float(beta @ beta) <= self.reduced()
-        if on_face:
+        keeps_active = float(beta @ beta) <= self.reduced()
+        p = beta
+        if keeps_active:
             p = self.phi if self.p is None else self.p
-        else:
-            p = beta
         if float(p @ p) == 0.0:
             return Status.STALLED
         Ap, pAp = self.curvature(p)
@@ -229,9 +224,9 @@ class Descent:
             return Status.NUMERICAL_ERROR
         if pAp < NEGATIVE * self.norm * float(p @ p):
             return Status.UNSOLVABLE
-        room = self.limit(p)
-        whole = float(self.g @ p) / pAp if pAp > 0.0 else math.inf
-        if whole == room == math.inf:
+        feasible = self.limit(p)
+        optimal = float(self.g @ p) / pAp if pAp > 0.0 else math.inf
+        if optimal == feasible == math.inf:
             self.ray = self.proof(p)
             if self.leap(p) or (
                 self.ray is not None and self.leap(-self.ray * self.root)
@@ -239,22 +234,23 @@ class Descent:
                 self.ray = None
                 return None
             return Status.STALLED if self.ray is None else Status.UNSOLVABLE
-        if whole <= room:
-            self.move(whole, p, Ap)
-            # the face is the same, but for entries that came to rest on a bound
-            self.p = self.phi - (float(self.phi @ Ap) / pAp) * p if on_face else None
-        elif on_face and whole < math.inf and self.project(whole, p):
-            # What is left of the direction serves on (Polonsky and Keer 1999 do so).
+        if optimal <= feasible:
+            self.move(optimal, p, Ap)
+            self.p = None
+            if keeps_active:
+                self.p = self.phi - (float(self.phi @ Ap) / pAp) * p
+        elif keeps_active and optimal < math.inf and self.project(optimal, p):
+            # the direction is kept in the variables still free (Polonsky and Keer 1999)
             rest = np.where(self.free, p, 0.0)
             rest = self.phi - (float(self.phi @ Ap) / pAp) * rest
             self.p = rest if float(self.g @ rest) > 0.0 else None
         else:
-            self.move(room, p, Ap)
+            self.move(feasible, p, Ap)
             self.p = None
         return None
 
     def reduced(self) -> float:
-        """Return phi'phi_r, phi_r the part of phi that a gradient step can use."""
+        """Return phi'phi_r, phi_r = norm (y - clip(y - phi/norm))."""
         if self.norm == 0.0:
             return float(self.phi @ self.phi)
         step = 1.0 / self.norm
@@ -262,7 +258,7 @@ class Descent:
         return float(self.phi @ (self.y - projected)) * self.norm
 
     def project(self, step: float, p: np.ndarray) -> bool:
-        """Go to clip(y - step p), if f falls there."""
+        """Go to clip(y - step p) if f decreases enough, see SUFFICIENT; tell if so."""
         y = np.clip(self.y - step * p, self.lower, self.upper)
         d = y - self.y
         slope = float(self.g @ d)
@@ -276,9 +272,9 @@ class Descent:
         return True
 
     def leap(self, p: np.ndarray) -> bool:
-        """Go to the minimum along -p, where its curvature is tiny, if it is one.
+        """Go to the minimum of f along -p if Res is small there; tell if so.
 
-        A curvature that is not rounding, however small, has a minimum far away.
+        A tiny curvature may be more than rounding errors: the minimum is then far away.
         """
         pAp = float(p @ self.product(p))
         if not pAp > 0.0:
@@ -292,11 +288,11 @@ class Descent:
         return True
 
     def proof(self, p: np.ndarray) -> np.ndarray | None:
-        """Return v in the caller's units, A v = 0 up to rounding and q'v = -1, or None.
+        """Return v of the unscaled problem, A v = 0 up to rounding, q'v = -1; or None.
 
-        v leads into no finite bound; then v'w = v'(A z + q) < 0 for every z, but >= 0
-        for a solution. -p is v but for a part that A sees, x: conjugate gradients for
-        A x = -A p.
+        z + t v meets no bound for any t >= 0, so that a solution has v'w >= 0; but v'w
+        = v'(A z + q) = -1 for every z. To find v, conjugate gradients solve A x = A v
+        for v = -p (scaled), and x is subtracted.
         """
         v = -p / np.max(np.abs(p))
         r = self.product(v)
