@@ -1,14 +1,15 @@
-"""Large sparse LCPs by projected SOR alone, as far as its rate promises enough.
+"""Projected SOR for large sparse LCPs, given up early if it converges too slowly.
 
-With mu = max_i sum_{j != i} |a_ij| / a_ii < 1 (an H+ matrix), alpha in (0, 2/(1 + mu))
-makes projected SOR a contraction in the maximum norm; symmetric A is then positive
-definite and any alpha in (0, 2) converges (Cryer 1971; Mangasarian 1977). A diagonal
-S > 0 in (S A S, S q, l/S, u/S) changes its iterates z by S^-1 alone, so mu may as well
-be that of D^(-1/2) A D^(-1/2), which does not depend on units. Young's
+With mu = max_i sum_{j != i} |a_ij| / a_ii < 1 (an H+ matrix), projected SOR with alpha
+in (0, 2/(1 + mu)) is a contraction in the maximum norm. If A is symmetric, too, it is
+positive definite and any alpha in (0, 2) converges (Cryer 1971; Mangasarian 1977).
+Scaling to (S A S, S q, l/S, u/S), S > 0 diagonal, only changes the iterates z to z/S,
+so mu of D^(-1/2) A D^(-1/2), which does not depend on S, serves as well. Young's
 
-    alpha = 2 / (1 + sqrt(1 - mu^2)),   rate (1 - sqrt(1 - mu^2)) / mu a sweep,
+    alpha = 2 / (1 + sqrt(1 - mu^2))
 
-is the best one for the five-point matrix in its natural order: 0.27 at mu = 1/2.
+is optimal for the five-point matrix in its natural order: without bounds an error then
+falls by the factor alpha - 1 a sweep, asymptotically.
 """
 
 import math
@@ -22,22 +23,22 @@ from namlcp.limits import Limits
 from namlcp.status import Status
 
 MAX_SWEEPS = 200
-"""Sweeps at most, unless the caller says: they take about as long as one sparse
-factorisation of the same order."""
+"""Default limit on sweeps: they take about as long as one sparse factorisation of the
+same order."""
 
 YOUNG_IS_SAFE = 1.0 / math.sqrt(2.0)
-"""Up to this mu Young's alpha is below 2/(1 + mu)."""
+"""Largest mu for which Young's alpha is at most 2/(1 + mu)."""
 
 RATE_SWEEPS = 8
-"""Number of sweeps over which the rate is measured."""
+"""Sweeps between two measurements of the rate."""
 
 SLOW = 3
-"""So many measured rates in a row must be too slow where alpha > 1: over-relaxed sweeps
-begin slowly. One is enough for the others."""
+"""Consecutive rates that must be too slow before the method stalls if alpha > 1, as
+over-relaxed sweeps begin slowly; otherwise one is enough."""
 
 
 def relaxation(mu: float, symmetric: bool) -> float:
-    """Return an alpha that makes projected SOR converge, Young's where it does."""
+    """Return Young's alpha if projected SOR is sure to converge with it, else 1."""
     if mu < 1.0 and (symmetric or mu <= YOUNG_IS_SAFE):
         return 2.0 / (1.0 + math.sqrt(1.0 - mu * mu))
     return 1.0
@@ -46,9 +47,9 @@ def relaxation(mu: float, symmetric: bool) -> float:
 def solve_by_sweeps(
     lcp: LCP, z0: np.ndarray | None, limits: Limits, criterion: Criterion
 ) -> Outcome:
-    """Sweep over a csr_array as long as max_iter sweeps promise to be enough.
+    """Solve an LCP with a csr_array by projected SOR from clip(z0).
 
-    STALLED: they do not, or a diagonal entry is not positive.
+    STALLED: max_iter sweeps will not suffice, or a diagonal entry is not positive.
     """
     z = lcp.start(z0)
     mu = lcp.matrix.dominance
@@ -58,7 +59,7 @@ def solve_by_sweeps(
     if criterion.accepts(z, w):
         return Outcome(Status.SOLVED, z, w, 0, "psor")
     alpha = relaxation(mu, False)
-    if alpha == 1.0 and mu < 1.0:
+    if alpha == 1.0 and mu < 1.0:  # symmetry is tested only if Young's alpha may do
         young = relaxation(mu, True)
         sweeps = (limits.max_iter or MAX_SWEEPS) // 2
         promised = (young - 1.0) ** sweeps * criterion.size
@@ -79,10 +80,9 @@ def relax(
 ) -> Outcome:
     """Sweep from z, which is overwritten, until the criterion accepts it.
 
-    The criterion costs a product with A. So it is asked only when Res(z) of the problem
-    scaled to a unit diagonal, guessed from the last two sweeps, is below its goal; a
-    refusal divides that goal by 10. STALLED: the measured rate does not promise the
-    goal in max_iter sweeps.
+    The criterion costs a product with A. It is therefore evaluated only if an estimate
+    of the scaled Res from the last two sweeps is below its goal; a rejection divides
+    that goal by 10. STALLED: at the measured rate max_iter sweeps do not suffice.
     """
     _, q, lower, upper = lcp
     A, goal = lcp.A, criterion.goal
@@ -118,7 +118,7 @@ def relax(
 
 
 def sweeps_left(moved: float, rate: float, goal: float) -> float:
-    """Return how many sweeps take `moved` below the goal at that rate."""
+    """Return how many sweeps reduce `moved` to the goal at a rate per sweep."""
     if not rate < 1.0:
         return math.inf
     return math.log(goal / moved) / math.log(rate) if goal > 0.0 < rate else 0.0

@@ -1,7 +1,7 @@
-"""Compiled relaxation of a box LCP, z alone: what projected SOR and multigrid share.
+"""Kernels of projected SOR and Gauss-Seidel, for `psor` and multigrid.
 
-Rows have a diagonal entry; every caller has checked that it is positive. Indices are
-cast to unsigned where they address, so that no negative index is looked for.
+Callers have checked that every diagonal entry is stored and positive. Indices are cast
+to unsigned, so that the compiled code has no test for negative ones.
 """
 
 import math
@@ -13,13 +13,12 @@ from namlcp.compiled import kernel, part
 
 ONE = np.uintp(1)
 
-# a b + c may be rounded once, which shortens the chain; NaN and infinities keep their
-# meaning.
 FUSED = {"contract"}
+"""fastmath flag: a b + c may be a fused multiply-add; NaN and infinities are kept."""
 
 
 class Rows(NamedTuple):
-    """A matrix in CSR, column indices ascending and unique in each row."""
+    """A matrix in CSR; column indices are ascending and unique in each row."""
 
     data: np.ndarray
     indices: np.ndarray
@@ -27,13 +26,13 @@ class Rows(NamedTuple):
 
 
 def rows_of(A: Any) -> Rows:
-    """Return a csr_array as compiled code sees it."""
+    """Return the arrays of a csr_array."""
     return Rows(A.data, A.indices, A.indptr)
 
 
 @part
 def clip(x, l, u):
-    """Return x in [l, u], NaN for NaN, without a branch."""
+    """Return x clipped to [l, u], NaN for NaN, without a branch."""
     x = l if x < l else x
     return u if x > u else x
 
@@ -43,9 +42,8 @@ def relax_csr(data, indices, indptr, q, lower, upper, alpha, z):
     """Overwrite z by one projected SOR sweep; return || D^(1/2) (z+ - z) ||_2.
 
     z_i <- clip(z_i - alpha (A z + q)_i / a_ii, l_i, u_i) with the newest values of z
-    (Cryer 1971). Without s and Res it needs two thirds of the time of `sweep_csr`; the
-    number returned, D = diag(A), is of the size of Res of the problem scaled to a unit
-    diagonal, but not a bound for it.
+    (Cryer 1971). The returned number, D = diag(A), is about as large as Res of the
+    problem scaled to a unit diagonal, but no bound for it.
 
     Parameters
     ----------
@@ -53,11 +51,11 @@ def relax_csr(data, indices, indptr, q, lower, upper, alpha, z):
         A (n, n) in CSR, column indices ascending and unique in each row, every
         diagonal entry stored and positive.
     q, lower, upper : (n,) array
-        Problem.
+        Data of the LCP.
     alpha : float
-        Relaxation.
+        Relaxation parameter.
     z : (n,) array
-        Iterate in [lower, upper], old on entry, new on return.
+        Iterate in [lower, upper]; overwritten by the next one.
     """
     total = 0.0
     last = 0.0  # z of the row above
@@ -66,7 +64,7 @@ def relax_csr(data, indices, indptr, q, lower, upper, alpha, z):
         end = np.uintp(indptr[i + 1])
         above = i - 1
         zi = z[i]
-        r = q[i]  # becomes (A z + q)_i but for the row above
+        r = q[i]  # becomes (A z + q)_i without the term of z_{i-1}
         neighbour = 0.0  # a_{i, i-1}
         j = np.int64(indices[k])
         while j < above:
@@ -89,9 +87,9 @@ def relax_csr(data, indices, indptr, q, lower, upper, alpha, z):
 
 @kernel(error_model="numpy")
 def relax_back(data, indices, indptr, q, lower, upper, z):
-    """Overwrite z by one projected Gauss-Seidel sweep from the last row to the first.
+    """Do what `relax_csr` does with alpha = 1 from the last row to the first.
 
-    The mirror image of `relax_csr` with alpha = 1.
+    Nothing is returned.
     """
     last = 0.0  # z of the row below
     k = np.uintp(indptr[z.size])
@@ -101,7 +99,7 @@ def relax_back(data, indices, indptr, q, lower, upper, z):
         start = np.uintp(indptr[i])
         r = q[i]
         neighbour = 0.0  # a_{i, i+1}
-        a = 0.0  # a_ii when the first loop is left
+        a = 0.0  # the entry just read; a_ii after the first loop
         while k > start:
             k -= ONE
             j = np.uintp(indices[k])
@@ -126,14 +124,8 @@ def relax_back(data, indices, indptr, q, lower, upper, z):
 def dominance_csr(data, indices, indptr, root):
     """Return the largest row sums of |I - D^-1 A| and of |I - D^(-1/2) A D^(-1/2)|.
 
-    Either bounds rho(|I - D^-1 A|); below 1, A is an H+ matrix.
-
-    Parameters
-    ----------
-    data, indices, indptr : arrays
-        A (n, n) in CSR.
-    root : (n,) array
-        sqrt(diag(A)), positive.
+    Either bounds rho(|I - D^-1 A|); if one is below 1, A is an H+ matrix. `data`,
+    `indices`, `indptr` are A in CSR, root = sqrt(diag(A)) must be positive.
     """
     plain = 0.0
     scaled = 0.0
@@ -155,10 +147,7 @@ def dominance_csr(data, indices, indptr, root):
 
 
 def dominance(A: Any) -> float:
-    """Return mu of a csr_array, the smaller of the two.
-
-    It is inf where a diagonal entry is not positive.
-    """
+    """Return the lesser of `dominance_csr`, inf if a diagonal entry is not positive."""
     D = A.diagonal()
     if not np.all(D > 0.0):
         return math.inf
