@@ -1,4 +1,4 @@
-"""solve_lcp: check, choose, solve, judge."""
+"""The public function `solve_lcp`."""
 
 import math
 import time
@@ -28,6 +28,7 @@ from namlcp.residuals import modulus_variable
 from namlcp.result import LCPResult
 
 SWEEP_EPS_ABS = 1e-8
+"""Default eps_abs of the sweep methods."""
 
 
 @interruptible
@@ -65,52 +66,51 @@ def solve_lcp(
         Symmetric or not; a LinearOperator must be symmetric positive semidefinite.
     q : (n,) array
     lower, upper : (n,) array or float
-        Bounds, 0 and +inf unless given. lower_i = upper_i pins z_i, lower_i = -inf with
-        upper_i = +inf frees it: equation i.
+        Bounds, 0 and +inf unless given. lower_i = upper_i fixes z_i; an unknown with
+        infinite bounds is free, w_i = 0.
     method : str
-        "auto": elimination (tridiagonal A), sweeps, multigrid cycles, block principal
-        pivoting, a short interior path, a homogeneous one and a proximal loop, as A
-        needs; for every P-matrix and every positive semidefinite matrix (z'A z >= 0,
-        symmetric or not), as far as rounding allows. For a LinearOperator it is MPRGP,
-        see `namlcp.lcp.mprgp`, and there is no other. "multigrid": the cycles
-        alone, for matrices like those of differential equations, see
-        `namlcp.lcp.multigrid`; "auto" takes them from order 10^4 on where A suits.
-        Otherwise the name of a sweep method, see `namlcp.lcp.modulus.methods`.
+        "auto" chooses among elimination (tridiagonal A), projected SOR, multigrid
+        cycles, block principal pivoting, interior-point methods and a proximal-point
+        method. It solves every LCP with a P-matrix or a positive semidefinite matrix
+        (z'A z >= 0, symmetric or not), as far as rounding allows. With a LinearOperator
+        it is MPRGP, see `namlcp.lcp.mprgp`; no other method takes one.
+        "multigrid" means multigrid cycles alone, for matrices like those of
+        differential equations, see `namlcp.lcp.multigrid`; "auto" tries them from order
+        10^4 on. Otherwise the name of a sweep method: `namlcp.lcp.modulus.methods`.
     diagonal : (n,) array
-        diag(A) of a LinearOperator, which scales the problem; without it the scale is
-        left as it is.
+        diag(A) of a LinearOperator, to scale the problem; it is not scaled without.
     alpha, beta : float
         Relaxation parameters of the sweep methods that have them. alpha = "auto" is
-        chosen as the method runs.
+        chosen during the run.
     omega, shift : float or (n,) array
         Diagonals of the sweep methods; a number c stands for c I. omega = "auto" is a
-        multiple of diag(A), chosen as the method runs.
+        multiple of diag(A), chosen during the run.
     s0 : (n,) array
-        Start of a sweep method in the modulus variable (scale r = 2); not beside z0.
+        Start of a sweep method in the modulus variable (scale r = 2), instead of z0.
     z0 : (n,) array
-        Where to start.
+        Start.
     threads : int
-        Sparse A and a triangular sweep method only. Sweep on at most so many threads,
-        in the coloured order of `namlcp.lcp.modulus.coloured`: another splitting than
-        that of the natural order (None), with other counts of iterations, but the same
-        ones for every number of threads.
+        For a sparse A and a triangular sweep method: largest number of threads. Rows
+        are then swept in the coloured order of `namlcp.lcp.modulus.coloured`; its
+        iterates differ from those of the natural order (None), but not with the number
+        of threads.
     eps_abs : float
         Solved when Res(z) = || z - clip(z - w, lower, upper) ||_2 < eps_abs.
     eps_rel : float
-        "auto" and "multigrid" only. Solved when Res, of the problem scaled to a unit
-        diagonal, is at most eps_rel times its value at z = clip(0), which is
-        || min(q, 0) ||_2 without bounds; where that value is rounding alone clip(0) is
-        the answer. If neither is given eps_rel = 1e-9; if one is given the other is 0.
+        "auto" and "multigrid" only. Solved when Res of the problem scaled to a unit
+        diagonal is at most eps_rel times its value at z = clip(0); "auto" returns
+        clip(0) if that value is rounding error. If neither tolerance is given, eps_rel
+        = 1e-9; if one is given, the other is 0.
     max_iter : int
-        Limit on sweeps; for "multigrid" on cycles, for "auto" on cycles, factorisations
-        or, of a LinearOperator, iterations (of sweeps it makes few).
+        Limit on sweeps; for "multigrid" on cycles; for "auto" on cycles, factorisations
+        or, with a LinearOperator, iterations ("auto" limits its sweeps itself).
     time_limit : float
-        Limit on the solve [s]; the best point so far is returned. So it is after Ctrl-C
-        in the main thread (a second one raises KeyboardInterrupt).
+        Limit on the time of the solve [s]. The best point so far is then returned, as
+        it is after Ctrl-C in the main thread (a second one raises KeyboardInterrupt).
     history : bool
         Keep a row for every iteration.
     verbose : bool
-        Print them.
+        Print these rows.
 
     Returns
     -------
@@ -127,8 +127,7 @@ def solve_lcp(
 
     Notes
     -----
-    Pivoting after Judice and Pires [1]_; `namlcp.lcp.pivoting` has the details. It
-    works on d A d, d_i = a_ii^(-1/2), so that units do not matter.
+    Pivoting follows Judice and Pires [1]_, see `namlcp.lcp.pivoting`.
 
     References
     ----------
@@ -162,7 +161,7 @@ def solve_lcp(
             progress.announce(first_kernel(matrix, method))
     report = progress.report(history)
     ready = time.perf_counter()
-    # The products of a LinearOperator are the user's own, with the user's setting.
+    # A LinearOperator is the user's code: it keeps the user's number of BLAS threads.
     order = 0 if isinstance(matrix.A, Operator) else lcp.q.size
     with deadline.listening(), blas_threads(1, order):
         if method in SOLVERS:
@@ -204,7 +203,7 @@ def solve_lcp(
 
 
 def solve_exactly(lcp: LCP, method: str, z0: Any, limits: Limits) -> Outcome:
-    """Solve by one of SOLVERS, in units in which squares stay in range."""
+    """Solve by one of SOLVERS, scaled by `unit_of` so that squares stay in range."""
     n = lcp.q.size
     if z0 is not None:
         z0 = finite_vector("z0", z0, n, "A", (n, n))
@@ -218,7 +217,7 @@ def solve_exactly(lcp: LCP, method: str, z0: Any, limits: Limits) -> Outcome:
         report = in_units(report, unit)
     units = limits._replace(eps_abs=limits.eps_abs / unit, report=report)
     outcome = solver(inner, None if z0 is None else z0 / unit, units)
-    with np.errstate(over="ignore"):  # beyond the range w is infinite
+    with np.errstate(over="ignore"):  # an entry of w that overflows is infinite
         ray = None if outcome.ray is None else outcome.ray / unit
         if ray is not None and not np.isfinite(ray).all():
             ray = None
@@ -226,7 +225,7 @@ def solve_exactly(lcp: LCP, method: str, z0: Any, limits: Limits) -> Outcome:
 
 
 def in_units(report: Callable[..., None], unit: float) -> Callable[..., None]:
-    """Return a report of the residual times the unit."""
+    """Return a report function that multiplies residuals by the unit."""
     return lambda k, residual, active: report(k, residual * unit, active)
 
 
@@ -235,9 +234,9 @@ def solve_multigrid(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
     return solve_by_multigrid(lcp, z0, limits, Criterion(lcp, limits))
 
 
-@kernel(fastmath={"reassoc"})  # the sum may be taken in any order: it vectorises
+@kernel(fastmath={"reassoc"})  # the sum may be reordered and vectorises
 def unit_of(q):
-    """Return 1, or a power of 2 near max |q| where squares would leave the range."""
+    """Return 1, or a power of 2 near max |q_i| if squares may leave the range."""
     total = 0.0
     for i in range(q.size):
         total += abs(q[i])
@@ -252,7 +251,7 @@ def unit_of(q):
 
 
 def prepared(A: Any, diagonal: Any, method: str) -> Prepared:
-    """Return A prepared, as it is if it was; raise if the method cannot use it."""
+    """Return A as a `Prepared`; raise if the method cannot use it."""
     if isinstance(A, Prepared):
         if diagonal is not None:
             raise ValueError("diagonal must be given to Prepared, with A")
@@ -268,7 +267,7 @@ def prepared(A: Any, diagonal: Any, method: str) -> Prepared:
 
 
 def first_kernel(matrix: Prepared, method: str) -> Any:
-    """Return the compiled function that the solve will begin with, None if none."""
+    """Return the kernel that the solve calls first, None for a LinearOperator."""
     A = matrix.A
     if isinstance(A, Operator):
         return None
@@ -280,7 +279,7 @@ def first_kernel(matrix: Prepared, method: str) -> Any:
 
 
 def refuse(why: str, method: str, **given: Any) -> None:
-    """Raise for an argument that was given but is not for the method."""
+    """Raise if an argument is given that the method does not have."""
     for name, value in given.items():
         if value is not None:
             raise ValueError(f"{name} {why} method {method!r}")
