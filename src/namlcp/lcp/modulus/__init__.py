@@ -1,4 +1,4 @@
-"""The paper's sweeps: one family of modulus-based splittings, and its parameters."""
+"""Sweep methods: modulus-based matrix splittings for box LCPs, and their parameters."""
 
 from namlcp.lcp.modulus.factored import dense_solver, sparse_solver
 from namlcp.lcp.modulus.methods import (

@@ -1,28 +1,26 @@
-"""Compiled sweeps: one pass over the rows of A for every triangular method.
+"""Kernels of the triangular sweep methods: each makes one pass over the rows of A.
 
-Box LCP in modulus form (the fixed points of the paper's equations (2) and (3), r = 2,
-with bounds in place of z >= 0; A = D - L - U, z = clip(s, l, u)):
+The box LCP in modulus form (r = 2 in the paper, see `sweeps`) is
 
-    A z + q + Omega (s - z) = 0
+    A z + q + Omega (s - z) = 0,    z = clip(s, l, u).
 
-Every method of `methods.METHODS` is, with ds = s+ - s, dz = z+ - z, the increment form
+With A = D - L - U, ds = s+ - s and dz = z+ - z, every triangular method is
 
     (P - G L) ds - H L dz = -2 (A z + q - w),    w = Omega (z - s),
 
-with P = D/alpha + Omega + E and two numbers G, H; `sweeps` derives them. The right side
-holds A z of the *old* iterate, so the pass that makes s+ also gives Res(z).
+where P = D/alpha + Omega + E and G, H are two numbers, derived in `sweeps`. The right
+side needs A z of the *old* iterate, so the pass that computes s+ also gives Res(z).
 
-A kernel reads row i once. The terms of z go to a sum that needs no new value; the only
-term that must wait for row i - 1 (its change is in a register) is added last, because
-the chain of those waits bounds a Gauss-Seidel sweep more than memory does. Bounds are
-applied by selection, not by branches: while the active set still moves, a branch is
-guessed wrong every other row and the sweep takes two and a half times as long. Indices
-are cast to unsigned where they address, so that no negative index is looked for. NaN
-passes the comparisons and reaches the residual; infinite bounds are compared, never
-subtracted. Rows have a diagonal entry; every caller has checked that it is positive.
+A kernel reads row i once. Terms that do not depend on row i - 1 are summed first; the
+one that does is added last, because the chain of these dependences limits the speed of
+a sweep more than memory does. Bounds are applied without branches: while the active set
+still changes, branches would be mispredicted often. Indices are cast to unsigned, so
+that the compiled code has no test for negative ones. NaN passes the comparisons and
+reaches the residual; infinite bounds are compared, never subtracted. Callers have
+checked that every diagonal entry is stored and positive.
 
-A sweep over a few hundred rows takes a few microseconds, as does a call with fifteen
-arrays. So all vectors stand in two-dimensional arrays, their rows named here.
+A call with fifteen arrays would take as long as a sweep over a few hundred rows. All
+vectors are therefore rows of two-dimensional arrays, numbered here.
 """
 
 import numpy as np
@@ -31,20 +29,20 @@ from namlcp.compiled import kernel, part
 from namlcp.lcp.relaxation import FUSED, ONE, clip
 
 OMEGA, INVERSE, Q, CHANGE, LOWER, UPPER = range(6)
-"""Rows of `vectors`: the diagonals of Omega and of P^-1, q, work, and the bounds, which
-are left out where they are 0 and inf, as they need not be read then."""
+"""Rows of `vectors`: diagonals of Omega and P^-1, q, work space, and the bounds, which
+`sweep_csr` does not need if they are 0 and inf."""
 
 S, Z = range(2)
-"""Rows of an iterate: s, and z = clip(s, lower, upper)."""
+"""Rows of an iterate: s and z = clip(s, lower, upper)."""
 
 
 @part(fastmath=FUSED)
 def sweep_rows(A, vectors, G, H, old, new, colours, b):
-    """Sweep the rows of block b, all rows where `colours` is None; return sum r_i^2.
+    """Sweep the rows of block b, or all rows if `colours` is None; return sum r_i^2.
 
-    r = z - clip(z - w), w = A z + q, z the old iterate. Rows left of the diagonal are
-    those of earlier colours, and earlier ones of the same block. `None` is a type: what
-    only blocks need is not compiled for the natural order.
+    r = z - clip(z - w), w = A z + q, z the old iterate; `new` and the row CHANGE of
+    `vectors` are overwritten. L has the columns of blocks of earlier colours and of
+    earlier rows in the block. The type of None makes numba drop the code for blocks.
     """
     data, indices, indptr = A
     s, z = old[S], old[Z]
@@ -73,11 +71,11 @@ def sweep_rows(A, vectors, G, H, old, new, colours, b):
         zi = z[i]
         si = s[i]
         r = q[i]  # becomes (A z + q)_i
-        known = 0.0  # terms of the changes of earlier rows, but for the one above
+        known = 0.0  # sum a_ij change_j over L without the row above
         neighbour = 0.0  # a_{i, i-1}, 0 in the first row of a block
         j = np.int64(indices[k])
         if colours is not None:
-            while j < start:  # blocks before this one
+            while j < start:  # columns of blocks before this one
                 a = data[k]
                 r += a * z[np.uintp(j)]
                 if colour[j >> shift] < own:
@@ -98,7 +96,7 @@ def sweep_rows(A, vectors, G, H, old, new, colours, b):
         if colours is not None:
             back = end - ONE
             j = np.int64(indices[back])
-            while j >= stop:  # blocks after this one
+            while j >= stop:  # columns of blocks after this one
                 if colour[j >> shift] < own:
                     known += data[back] * change[np.uintp(j)]
                 back -= ONE
@@ -125,11 +123,11 @@ def sweep_csr(data, indices, indptr, vectors, G, H, old, new):
     data, indices, indptr : arrays
         A (n, n) in CSR, column indices ascending and unique in each row.
     vectors : (6, n) or (4, n) array
-        Rows as above.
+        Rows OMEGA to UPPER, or to CHANGE, which is overwritten.
     G, H : float
-        Weights of ds and of dz in the terms left of the diagonal.
+        Weights of L ds and of L dz.
     old, new : (2, n) array
-        Iterates; they must not overlap.
+        Old iterate, and the next one on return; they must not overlap.
     """
     A = data, indices, indptr
     return np.sqrt(sweep_rows(A, vectors, G, H, old, new, None, 0))
@@ -137,10 +135,7 @@ def sweep_csr(data, indices, indptr, vectors, G, H, old, new):
 
 @kernel
 def sweep_dense(A, vectors, G, H, old, new):
-    """Do what `sweep_csr` does with a row-major (n, n) array A and (6, n) vectors.
-
-    Both inner products of a row are BLAS calls while the row is in cache.
-    """
+    """Do what `sweep_csr` does with a row-major (n, n) array A and (6, n) vectors."""
     s, z = old[S], old[Z]
     s_next, z_next = new[S], new[Z]
     omega, inverse = vectors[OMEGA], vectors[INVERSE]

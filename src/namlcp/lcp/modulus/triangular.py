@@ -1,4 +1,4 @@
-"""A step of an iteration, and the one of the methods with a triangular matrix M."""
+"""One step of a sweep method: the interface, and the step with a triangular M."""
 
 from typing import Any
 
@@ -20,27 +20,24 @@ from namlcp.lcp.modulus.methods import Method, Parameters
 class Step:
     """One iteration: a function of two iterates, (2, n) arrays of s and z = clip(s).
 
-    Attributes
-    ----------
-    omega : (n,) array
-        Diagonal of the Omega of the last iteration.
+    `omega` is the diagonal of Omega in the last iteration.
     """
 
     omega: np.ndarray
 
     def __call__(self, old: np.ndarray, new: np.ndarray) -> float:
-        """Write the next iterate and return Res(z) of the old one."""
+        """Write the next iterate to `new` and return Res(z) of `old`."""
         raise NotImplementedError
 
     def retries_from(self, point: np.ndarray) -> bool:
-        """Tell whether to go on after a divergence, from this iterate."""
+        """Tell whether to restart from this iterate after a divergence."""
         return False
 
 
 class TriangularStep(Step):
     """One sweep of a triangular method with checked parameters.
 
-    `run` takes the place of the sequential kernel, with the same arguments after A.
+    `run`, if given, replaces the sequential kernel and takes its arguments after A.
     """
 
     def __init__(
@@ -70,5 +67,5 @@ class TriangularStep(Step):
         self.fixed = *matrix, vectors, *weights
 
     def __call__(self, old: np.ndarray, new: np.ndarray) -> float:
-        """Write the next iterate and return Res(z) of the old one."""
+        """Write the next iterate to `new` and return Res(z) of `old`."""
         return self.kernel(*self.fixed, old, new)
