@@ -1,19 +1,17 @@
-"""Sweeps on several threads: blocks of rows, coloured; threads never change a digit.
+"""Multithreaded sweeps by block colouring, with results independent of the threads.
 
 The rows are cut into blocks of consecutive rows. Blocks that no entry of A couples may
-be swept at once, so the graph of the blocks is coloured greedily and the colours are
-swept one after the other; inside a block the rows keep their order. That is a
-Gauss-Seidel sweep in another order of the unknowns, "lower" meaning an earlier colour,
-or an earlier row of the same block: every method of `sweeps` and every theorem about it
-stays as it is, with the L and U of this order, and which thread takes which block does
-not matter. A is read where it is, contiguously, and only once; the only new arrays are
-as long as there are blocks.
+be swept at the same time. So the graph of the blocks is coloured greedily, and the
+colours are swept one after the other; rows keep their order within a block. This is a
+sweep in another order of the unknowns, where L has the entries of earlier colours and
+of earlier rows of the same block. Every method of `sweeps` and every theorem about it
+holds with the L and U of this order.
 
-Where A has a band, as in meshes numbered row by row, blocks longer than the band couple
-with their neighbours alone and two or three colours do. Blocks are chosen from A alone:
-2^12 rows each, and twice as many until there are few colours. An A whose numbering is
-scattered ends with a single block, that is, in natural order on one thread (order it by
-`scipy.sparse.csgraph.reverse_cuthill_mckee`).
+If A is banded, as for meshes numbered row by row, blocks longer than the bandwidth are
+coupled with their neighbours alone, and two or three colours suffice. Blocks depend on
+A alone: they have 2^12 rows, or twice as many until there are few colours. If the
+entries of A are scattered a single block remains, that is, the natural order on one
+thread; `scipy.sparse.csgraph.reverse_cuthill_mckee` can reorder such an A.
 
 Adams and Jordan, SIAM J. Sci. Stat. Comput. 7 (1986) 490-506, compare such orders.
 """
@@ -32,17 +30,17 @@ from namlcp.lcp.relaxation import rows_of
 from namlcp.options import check_count
 
 LEAST_SHIFT = 12
-"""Blocks have 2^12 = 4096 rows at the least: work for some 30 us."""
+"""log2 of the least number of rows in a block: 4096 rows take some 30 us."""
 
 BLOCKS_A_COLOUR = 4
-"""Blocks of each colour at the least, on average."""
+"""Least number of blocks for each colour, on average."""
 
 ONE_LAUNCH = threading.Lock()
-"""Numba's own pool of threads ends the process where two launches meet."""
+"""Held during a parallel kernel: Numba's workqueue aborts on concurrent launches."""
 
 
 def coloured_sweep(A: Any, method: Method, threads: int) -> "BlockSweep":
-    """Return the sweep of A on that many threads; raise if there is none."""
+    """Return the sweep of A on some threads; raise if A or the method has none."""
     check_count("threads", threads)
     if method.factored or isinstance(A, np.ndarray):
         raise ValueError(
@@ -56,8 +54,8 @@ def coloured_sweep(A: Any, method: Method, threads: int) -> "BlockSweep":
 class Colours(NamedTuple):
     """Blocks of 2^shift rows and the colour of each.
 
-    The blocks of colour c are order[starts[c]:starts[c + 1]]. sums: work, a number for
-    each block.
+    The blocks of colour c are order[starts[c]:starts[c + 1]]. `sums` is work space, one
+    number for each block.
     """
 
     shift: int
@@ -75,9 +73,9 @@ class BlockSweep:
     A : (n, n) csr_array
         Column indices ascending and unique in each row.
     threads : int
-        Threads at most; Numba may have been given fewer.
+        Limit on threads; Numba's own limit holds, too.
     shift : int
-        Blocks have 2^shift rows at the least.
+        Blocks have at least 2^shift rows.
     """
 
     def __init__(self, A: Any, threads: int, shift: int = LEAST_SHIFT):
@@ -93,7 +91,7 @@ class BlockSweep:
         self.colours = Colours(shift, colour, order, starts, np.empty(colour.size))
 
     def __call__(self, *arguments: Any) -> float:
-        """Do what `sweep_csr` does without its first three arguments."""
+        """Do what `sweep_csr` does, for its arguments from `vectors` on."""
         with ONE_LAUNCH:
             before = numba.get_num_threads()
             numba.set_num_threads(self.threads)
@@ -104,9 +102,9 @@ class BlockSweep:
 
 
 def coloured(A: Any, shift: int) -> tuple[np.ndarray, int]:
-    """Return the colour of each block of 2^shift rows, and how many colours there are.
+    """Return the colour of each block of 2^shift rows, and the number of colours.
 
-    Greedily, in order: the least colour that no coupled block before has.
+    Each block in turn gets the least colour that no earlier block coupled with it has.
     """
     blocks = max((A.shape[0] + (1 << shift) - 1) >> shift, 1)
     coupled = np.zeros((blocks, blocks), dtype=np.bool_)
@@ -123,7 +121,7 @@ def coloured(A: Any, shift: int) -> tuple[np.ndarray, int]:
 
 @kernel
 def couple(indices, indptr, shift, coupled):
-    """Set coupled[b, c] where a row of block b has an entry in block c."""
+    """Set coupled[b, c] if a row of block b has an entry in block c."""
     for i in range(indptr.size - 1):
         for k in range(indptr[i], indptr[i + 1]):
             coupled[i >> shift, indices[k] >> shift] = True
@@ -131,13 +129,13 @@ def couple(indices, indptr, shift, coupled):
 
 @kernel(parallel=True)
 def sweep_blocks(A, vectors, G, H, old, new, colours):
-    """Do what `kernels.sweep_csr` does, colour by colour."""
+    """Do what `kernels.sweep_csr` does, colour by colour; A is a `Rows`."""
     order, starts, sums = colours.order, colours.starts, colours.sums
     for c in range(starts.size - 1):
         for t in prange(starts[c], starts[c + 1]):
             b = order[t]
             sums[b] = sweep_rows(A, vectors, G, H, old, new, colours, b)
     total = 0.0
-    for b in range(sums.size):  # in this order, whichever thread came first
+    for b in range(sums.size):  # in an order that does not depend on the threads
         total += sums[b]
     return np.sqrt(total)

@@ -1,13 +1,13 @@
-"""Methods with M = A: the left-hand matrix is factored once and serves every iteration.
+"""Sweep methods with M = A: their matrix is factored once for all iterations.
 
     modulus:            (A + Omega) (s+ - s) = -2 (A z + q - w)           (Bai 2010)
     nam, modified-nam:  (A + Omega + E - L) (s+ - s) = -2 (A z + q - w)   (the paper)
 
-with A = D - L - U, z = clip(s, l, u), w = Omega (z - s): the increment form of the
-paper's Method 3.1 with N = 0 (r only scales s: r = 2 here, r = 1 there, the same z).
+with A = D - L - U, z = clip(s, l, u), w = Omega (z - s). This is the paper's Method 3.1
+with N = 0, written for increments. (The paper has r = 1, here r = 2: only s differs.)
 "modulus" is Peaceman-Rachford splitting and converges for every symmetric positive
-definite A and every Omega > 0; its matrix is symmetric if A is: LDL' or Cholesky. The
-other two have an unsymmetric matrix, LU.
+definite A and every Omega > 0; a symmetric matrix is factored by LDL' or Cholesky. The
+matrix of the other two is unsymmetric and factored by LU.
 """
 
 from collections.abc import Callable
@@ -35,7 +35,7 @@ class FactoredStep(Step):
         self.lcp, self.omega, self.solve = lcp, omega, solve
 
     def __call__(self, old: np.ndarray, new: np.ndarray) -> float:
-        """Write the next iterate and return Res(z) of the old one."""
+        """Write the next iterate to `new` and return Res(z) of `old`."""
         s, z = old
         w = self.lcp.w(z)
         new[S] = s - 2.0 * self.solve(w - self.omega * (z - s))
@@ -44,9 +44,9 @@ class FactoredStep(Step):
 
 
 def factored_step(lcp: LCP, given: Parameters) -> FactoredStep | None:
-    """Return a step with checked parameters, None if there is no factorisation.
+    """Return a step for checked parameters, None if the factorisation fails.
 
-    `shift` is the diagonal of E; None stands for "modulus", without E and L.
+    given.shift is the diagonal of E; None stands for "modulus", without E and L.
     """
     A, omega, shift = lcp.A, given.omega, given.shift
     dense = isinstance(A, np.ndarray)
@@ -65,7 +65,7 @@ def factored_step(lcp: LCP, given: Parameters) -> FactoredStep | None:
 
 
 def dense_solver(K: np.ndarray, symmetric: bool) -> Solve | None:
-    """Factor K (n, n); return x = K^-1 b as a function of b."""
+    """Factor a dense K; return the function b -> K^-1 b, None if K is singular."""
     if symmetric:
         L, info = dpotrf(K, lower=1)
         if info == 0:
@@ -77,7 +77,7 @@ def dense_solver(K: np.ndarray, symmetric: bool) -> Solve | None:
 
 
 def sparse_solver(K: Any, symmetric: bool) -> Solve | None:
-    """Factor the sparse matrix K; return x = K^-1 b as a function of b."""
+    """Factor a sparse K; return the function b -> K^-1 b, None if K is singular."""
     K = sparse.csc_array(K)
     if symmetric:
         try:

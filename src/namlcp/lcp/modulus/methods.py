@@ -1,6 +1,6 @@
-"""The named methods as a table, and the checks of their parameters.
+"""The table of the sweep methods, and the checks of their parameters.
 
-`sweeps` has the formulas; the numbers G and H of a method are its place in the family.
+See `sweeps` for the formulas and for the numbers G and H that define a method.
 """
 
 import math
@@ -14,11 +14,11 @@ from namlcp.lcp.data import spread_number
 
 
 class Method(NamedTuple):
-    """What a name stands for.
+    """A sweep method.
 
-    `takes` are its parameters among alpha, beta, omega, shift; `beta` is its beta where
-    that is neither free nor alpha; G = beta/alpha + `own` and H = `reflected`. Factored
-    methods have M = A, the others a triangular M.
+    `takes`: its parameters among alpha, beta, omega, shift. `beta`: its beta if that is
+    fixed; None: beta = alpha unless given. G = beta/alpha + `own` and H = `reflected`.
+    Factored methods have M = A, the others a triangular M.
     """
 
     takes: tuple[str, ...]
@@ -51,7 +51,7 @@ METHODS = {
 
 
 SOLVERS = {"auto": Method(()), "multigrid": Method(())}
-"""Methods of `solve_lcp` that are no sweeps: they have no parameters."""
+"""Methods of `solve_lcp` that are not sweep methods: they have no parameters."""
 
 KNOWN = SOLVERS | METHODS
 
@@ -59,21 +59,21 @@ KNOWN = SOLVERS | METHODS
 class Parameters(NamedTuple):
     """Parameters of a sweep method as `solve_lcp` takes them, None where not given.
 
-    alpha, beta: relaxation, alpha in (0, 2), beta in [0, 2); 1 and alpha unless given.
-    Outside projected SOR cannot converge, and no theory of the others reaches beyond.
-    For "modified-nam" alpha is any positive number: Omega = alpha I.
+    alpha, beta: relaxation parameters, alpha in (0, 2), 1 by default; beta in [0, 2),
+    alpha by default. (Projected SOR cannot converge for other alpha.) "modified-nam"
+    has Omega = alpha I for any alpha > 0.
 
-    omega: diagonal of Omega, positive. Unless given D/(2 alpha^2) for m* and nam* (the
-    paper's tables) and D/alpha for am*; p* always has D/alpha. D for "modulus", I for
-    "nam".
+    omega: diagonal of Omega, positive. Default: D/(2 alpha^2) for mgs, msor, maor and
+    namj, namgs, namsor, namaor (as in the paper's tables), D/alpha for amgs and amsor,
+    D for "modulus", I for "nam". pgs and psor always have D/alpha.
 
-    shift: diagonal of E, not negative; only for nam*, where it is D unless given (so
-    that units do not matter), and for "nam" and "modified-nam", where it is I, or D if
-    alpha or omega is "auto". 1.0 is the paper's own.
+    shift: diagonal of E, not negative. Default: D for namj, namgs, namsor, namaor (the
+    paper has I), so that they do not depend on the scaling; I for "nam" and
+    "modified-nam", or D if alpha or omega is "auto".
 
-    alpha, omega = "auto": see `parameters`; omega is then c D, and c changes during the
-    run. threads: at most so many for a sparse A in coloured order, see `coloured`; the
-    L and U of a method are then those of that order. None is the natural order.
+    alpha, omega = "auto": chosen during the run, see `parameters`; omega is then c D.
+    threads: limit on threads for a sparse A in the order of `coloured`, which also
+    defines L and U then; None is the natural order.
     """
 
     alpha: Any = None
@@ -83,14 +83,14 @@ class Parameters(NamedTuple):
     threads: int | None = None
 
     def beta_for(self, chosen: Method, alpha: float) -> float:
-        """Return beta, which is alpha where neither the method nor the user has one."""
+        """Return beta: the user's, else the method's, else alpha."""
         if self.beta is not None:
             return self.beta
         return alpha if chosen.beta is None else chosen.beta
 
 
 def find_method(method: str, **given: Any) -> Method:
-    """Return the method of that name; raise for a parameter that it does not have."""
+    """Return a method; raise if it is unknown or lacks a parameter that is given."""
     if not isinstance(method, str):
         raise TypeError(f"method must be a string, got {method!r}")
     if method not in KNOWN:
@@ -127,7 +127,7 @@ def is_auto(name: str, value: object, wanted: str) -> bool:
 
 
 def number(name: str, value: object, interval: str) -> float:
-    """Return `value` as a float; raise unless it lies in (0, 2), [0, 2), (0, inf)."""
+    """Return `value` as a float; raise unless it is in an interval like "(0, 2)"."""
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
         raise TypeError(f"{name} must be a number, got {value!r}")
     x = float(value)
@@ -140,7 +140,7 @@ def number(name: str, value: object, interval: str) -> float:
 def spread(
     name: str, value: Any, n: int, default: np.ndarray, positive: bool = False
 ) -> np.ndarray:
-    """Return a diagonal given as None, a number or an (n,) array, checked."""
+    """Return a checked (n,) diagonal from an array, a number or None (the default)."""
     if value is None:
         return default
     diagonal = spread_number(name, value, n)
@@ -161,7 +161,7 @@ def is_adaptive(method: str, given: Parameters) -> bool:
 
 
 def checked_parameters(A: Any, method: str, given: Parameters) -> Parameters:
-    """Return the parameters checked, with defaults: numbers, and arrays for diagonals.
+    """Return the parameters checked, with defaults; the diagonals are arrays.
 
     shift = None: the method has no E.
     """
@@ -183,7 +183,7 @@ def checked_parameters(A: Any, method: str, given: Parameters) -> Parameters:
 
 
 def factored_omega(A: Any, method: str, given: Parameters) -> np.ndarray:
-    """Return the diagonal of Omega for a method that factors once."""
+    """Return the diagonal of Omega for a factored method."""
     refuse_two_omegas(method, given)
     n = A.shape[0]
     if given.alpha is not None:
@@ -194,7 +194,7 @@ def factored_omega(A: Any, method: str, given: Parameters) -> np.ndarray:
 
 
 def refuse_two_omegas(method: str, given: Parameters) -> None:
-    """Raise if Omega is given twice, as alpha I and as itself."""
+    """Raise if both alpha and omega are given for a factored method."""
     if given.alpha is not None and given.omega is not None:
         raise ValueError(
             f"method {method!r} has Omega = alpha I: give alpha or omega, not both"
