@@ -1,4 +1,4 @@
-"""A step of a sweep method whose alpha or Omega is chosen during the run."""
+"""The step of a sweep method whose alpha or Omega is chosen during the run."""
 
 from collections.abc import Callable
 from typing import Any
@@ -20,26 +20,18 @@ from namlcp.lcp.modulus.parameters import EVERY, FROM, Choice
 from namlcp.lcp.modulus.triangular import Step, TriangularStep
 
 RETRIES = 8
-"""Fresh starts after a divergence, each with P twice as large."""
+"""Limit on restarts after a divergence; each doubles P, see `parameters`."""
 
 REFACTOR = 0.2
-"""A relative change of Omega up to this is not worth another factorisation."""
+"""Largest relative change of Omega for which a factored method keeps its factors."""
 
 
 class AdaptiveStep(Step):
-    """A step with parameters that `Choice` looks up.
+    """A step with parameters chosen by `choice`.
 
-    Where Omega changes s is written anew, s = z - w/Omega with the w of before, so that
-    a solution stays a fixed point.
-
-    Parameters
-    ----------
-    choice : Choice
-    build : callable
-        build(alpha, omega) returns the step for fixed parameters, None if there is no
-        factorisation.
-    step : Step
-        The first one, with `alpha`.
+    When Omega changes, s = z - w/Omega is recomputed for the same z and w, so that a
+    solution remains a fixed point. `build`(alpha, omega) returns a step with these
+    parameters, None if the factorisation fails; `step` is the first one, for `alpha`.
     """
 
     def __init__(
@@ -58,7 +50,10 @@ class AdaptiveStep(Step):
         self.before = np.empty(0)
 
     def __call__(self, old: np.ndarray, new: np.ndarray) -> float:
-        """Write the next iterate and return Res(z); s may be written anew before."""
+        """Write the next iterate to `new` and return Res(z) of `old`.
+
+        old[S] is overwritten if Omega changes.
+        """
         z = old[Z]
         k, self.k = self.k, self.k + 1
         changes = False
@@ -75,7 +70,7 @@ class AdaptiveStep(Step):
         return self.step(old, new)
 
     def retries_from(self, point: np.ndarray) -> bool:
-        """Tell whether to go on after a divergence, from an iterate, more carefully."""
+        """Prepare a restart from an iterate with larger P; tell whether to restart."""
         if self.retries == RETRIES:
             return False
         self.retries += 1
@@ -87,7 +82,7 @@ class AdaptiveStep(Step):
         return True
 
     def change(self, point: np.ndarray) -> None:
-        """Take the new parameters, and the s that they need."""
+        """Use the parameters of `choice` from now on; point[S] is overwritten."""
         s, z = point
         alpha, omega = self.choice.parameters()
         is_near = np.all(np.abs(omega - self.omega) <= REFACTOR * self.omega)
@@ -104,9 +99,9 @@ class AdaptiveStep(Step):
 def adaptive_step(
     lcp: LCP, method: str, given: Parameters, run: Any = None
 ) -> AdaptiveStep | None:
-    """Return a step that chooses where alpha or omega is "auto", the rest checked.
+    """Return a step that chooses alpha or omega, those that are "auto"; check the rest.
 
-    `run` is that of `TriangularStep`. None: there is no factorisation.
+    `run` is that of `TriangularStep`. None: the factorisation fails.
     """
     chosen = METHODS[method]
     free = {
@@ -144,5 +139,5 @@ def is_power_of_2(k: Any) -> bool:
 
 
 def is_due(k: int) -> bool:
-    """Tell whether the change of z is looked at before sweep k."""
+    """Tell whether the change of z is measured before sweep k."""
     return k >= FROM and k % EVERY == 0

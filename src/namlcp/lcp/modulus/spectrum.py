@@ -1,9 +1,9 @@
-"""The ends of the spectrum of D^(-1/2) A D^(-1/2) on a face, by a few Lanczos steps.
+"""Extreme eigenvalues of D^(-1/2) A D^(-1/2) on the free rows, by a few Lanczos steps.
 
-For nonsymmetric A it is the spectrum of the symmetric matrix C, c_ij = +-sqrt(a_ij
-a_ji), 0 where the signs differ: where A is diagonally similar to a symmetric matrix, as
-every tridiagonal A with a_ij a_ji > 0 is, C has the eigenvalues of A. It does not
-change under such a similarity, nor under a positive diagonal scaling S A S.
+A nonsymmetric A is replaced by the symmetric matrix C, c_ij = +-sqrt(a_ij a_ji), or 0
+if the signs of a_ij and a_ji differ. If A is diagonally similar to a symmetric matrix,
+as is every tridiagonal A with a_ij a_ji > 0, C has the eigenvalues of A. A positive
+diagonal scaling S A S, S > 0, does not change the estimates.
 """
 
 import math
@@ -16,20 +16,21 @@ from scipy.linalg import eigh_tridiagonal
 from namlcp.linalg import asymmetry
 
 LANCZOS, SHARP = 14, 0.02
-"""Lanczos steps of an estimate; fewer where the error bounds of both ends, relative to
-the Ritz values, are below SHARP."""
+"""Limit on Lanczos steps, and the error bound of both extreme Ritz values, relative to
+them, at which fewer are taken."""
 
 CERTAIN = 0.5
-"""Up to this row sum of |I - A| the bounds 1 -+ row sum are as good as an estimate."""
+"""Largest row sum of the scaled |I - A| for which the bounds 1 -+ row sum are used
+instead of Ritz values."""
 
 
 class Spectrum:
-    """Ends of the spectrum of A, in units of D, on the rows that are free.
+    """Estimates of the extreme eigenvalues of the scaled A on the free rows.
 
     Attributes
     ----------
     low, high : float
-        a and b.
+        The least and the largest eigenvalue: a and b in `parameters`.
     symmetric : bool
         Whether A is symmetric.
     above : float
@@ -52,7 +53,10 @@ class Spectrum:
         self.sharp = False
 
     def estimate(self, free: np.ndarray, change: np.ndarray) -> None:
-        """Look at the rows `free` (bool); `change` of z has its slow part."""
+        """Update low, high and above for the rows `free` (bool).
+
+        The last `change` of z is rich in the eigenvectors of small eigenvalues.
+        """
         if self.row_sum <= CERTAIN or not free.any():
             return
         if self.sharp and np.array_equal(free, self.free):
@@ -70,8 +74,8 @@ class Spectrum:
     ) -> tuple[float, float, float]:
         """Return the extreme Ritz values and the error bound of the lower one.
 
-        The start is (1, ..., 1), near the lowest eigenvector of an M-matrix, plus the
-        change of z, both normalised.
+        The start vector is (1, ..., 1), near the lowest eigenvector of an M-matrix,
+        plus the change of z, both normalised.
         """
         v = free / math.sqrt(np.count_nonzero(free))
         y = np.where(free, change * self.root, 0.0)
@@ -87,7 +91,7 @@ class Spectrum:
             v = np.where(free, (self.C @ (basis[-1] / self.root)) / self.root, 0.0)
             self.products += 1
             diagonal.append(float(basis[-1] @ v))
-            for u in basis:  # all of them: Lanczos alone loses orthogonality
+            for u in basis:  # full reorthogonalisation
                 v = v - (u @ v) * u
             beside.append(float(np.linalg.norm(v)))
             values, vectors = eigh_tridiagonal(diagonal, beside[1:-1])

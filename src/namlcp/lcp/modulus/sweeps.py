@@ -1,28 +1,29 @@
-"""The named sweep methods: Bai 2010, the paper (corrected), Zheng and Yin 2013, PSOR.
+"""The sweep methods of Bai, of Kumar, Deepmala and Das, of Zheng and Yin, and PSOR.
 
-With A = D - L - U, M = (D - beta L) / alpha, N = M - A, E = diag(shift) and
-R(s) = 2 clip(s, l, u) - s, which is |s| for the LCP (r = 2):
+"The paper" is Kumar, Deepmala and Das, corrected, see `validation/paper.md`. With A = D
+- L - U, M = (D - beta L) / alpha, N = M - A, E = diag(shift) and R(s) = 2 clip(s, l, u)
+- s, which is |s| if l = 0 and u = inf, the triangular methods are (r = 2)
 
     nam*:    (M + Omega + E - L) s+ = (N + E - L) s + (Omega - A) R(s) - 2 q
     m*:      (M + Omega) s+ = N s + (Omega - A) R(s) - 2 q
     am*, p*: (M + Omega) s+ = N s + (Omega - D + U) R(s) + L R(s+) - 2 q
 
-The first is the paper's Method 3.1, equation (4), where E = I; its fixed points, by the
-paper's Theorem 1 and equation (3), are the solutions. The second is its equation (2).
+The first is the paper's Method 3.1, equation (4), where E = I; by the paper's Theorem 1
+and equation (3) its fixed points are the solutions. The second is its equation (2).
 
-s + R(s) = 2 z. Subtracting the left matrix times s leaves -2 (A z + q - w) on the
-right, w = Omega (z - s), and on the left, with ds = s+ - s and dz = z+ - z,
+Note that s + R(s) = 2 z. If the left matrix times s is subtracted from both sides, the
+right side becomes -2 (A z + q - w), w = Omega (z - s), and the left one
 
-    (D/alpha + Omega + E) ds - L (G ds + H dz),
+    (D/alpha + Omega + E) ds - L (G ds + H dz),    ds = s+ - s, dz = z+ - z,
 
     m*: G = beta/alpha,  nam*: G = beta/alpha + 1,  both H = 0,
-    am*, p*: G = beta/alpha - 1, H = 2  (R(s+) - R(s) = 2 dz - ds),
+    am*, p*: G = beta/alpha - 1, H = 2  (R(s+) - R(s) = 2 dz - ds).
 
-which is the one kernel of `kernels`. Hence nam* is Bai's method with the splitting
-(M + E - L, N + E - L), and for beta = alpha, Omega = D/alpha the accelerated method
-*is* projected SOR: z+ = clip(z - alpha D^-1 (A z + q - L dz)).
+This is what `kernels` computes. Hence nam* is Bai's method with the splitting (M + E -
+L, N + E - L), and the am* methods are projected SOR if beta = alpha and Omega =
+D/alpha: z+ = clip(z - alpha D^-1 (A z + q - L dz)).
 
-"modulus", "nam", "modified-nam" have M = A and factor once: `factored`.
+"modulus", "nam" and "modified-nam" have M = A, see `factored`.
 
 References
 ----------
@@ -51,7 +52,7 @@ from namlcp.limits import Limits
 from namlcp.status import Status
 
 MAX_ITER = 100_000
-"""Sweeps at most, unless the caller says."""
+"""Default limit on sweeps."""
 
 
 def sweep(
@@ -62,18 +63,15 @@ def sweep(
     s0: Any = None,
     z0: Any = None,
 ) -> Outcome:
-    """Solve a box LCP by the named method of `METHODS`.
+    """Solve a box LCP by the named method of `METHODS` until Res(z) < eps_abs.
 
-    A z + q + Omega (s - z) = 0,  z = clip(s, lower, upper)
-
-    It stops at the first k >= 0 with Res(z_k) < eps_abs; report is called for every
-    iterate. s0 or z0 is the start: s0 itself, or s0 = z0 - (A z0 + q)/Omega, which is a
-    fixed point if z0 solves the problem. Unless given s0 = clip(0, lower, upper); the
-    paper's runs start at (1, 0, 1, 0, ...).
+    limits.report is called for every iterate. The start is s0, or s = z0 - (A z0 +
+    q)/Omega, which is a fixed point if z0 is a solution, or s = clip(0, lower, upper).
+    (The paper's runs start at (1, 0, 1, 0, ...).)
 
     MAX_ITER, TIME_LIMIT, DIVERGED (growth, overflow or a cycle, see `Watch`) and
-    STALLED (rounding errors repeat the iterates) come with the point of the least Res
-    that was met. NUMERICAL_ERROR: there is no factorisation, and all is NaN.
+    STALLED (rounding errors repeat the iterates) return the iterate of least Res.
+    NUMERICAL_ERROR: the factorisation fails; z, w and s are NaN.
 
     Raises
     ------
@@ -94,9 +92,9 @@ def sweep(
 
 
 def step_of(lcp: LCP, method: str, given: Parameters) -> Step | None:
-    """Return the step of a method, its parameters checked; None if it cannot factor."""
+    """Check the parameters; return the step, None if its factorisation fails."""
     chosen, run = METHODS[method], None
-    if given.threads is not None:  # imported here: it compiles for threads
+    if given.threads is not None:  # only then is the parallel kernel needed
         from namlcp.lcp.modulus.coloured import coloured_sweep
 
         run = coloured_sweep(lcp.A, chosen, given.threads)
@@ -109,7 +107,7 @@ def step_of(lcp: LCP, method: str, given: Parameters) -> Step | None:
 
 
 def first_iterate(lcp: LCP, omega: np.ndarray, s0: Any, z0: Any) -> np.ndarray:
-    """Return the first s, an array of our own."""
+    """Return the first s, a new array."""
     n = lcp.q.size
     if s0 is not None and z0 is not None:
         raise ValueError("s0 and z0 must not both be given: either fixes the start")
@@ -124,9 +122,9 @@ def first_iterate(lcp: LCP, omega: np.ndarray, s0: Any, z0: Any) -> np.ndarray:
 def iterate(
     lcp: LCP, step: Step, s: np.ndarray, limits: Limits
 ) -> tuple[Status, np.ndarray, int]:
-    """Repeat `step` from s; return status, s and the number of sweeps.
+    """Repeat `step` from s; return the status, the last or best s, and the sweeps done.
 
-    Three buffers change places, so that the best point is kept without copies.
+    Three buffers are exchanged, so that the best iterate is kept without copies.
     """
     old, new, best = np.empty((3, 2, s.size))
     old[S] = s
@@ -160,19 +158,19 @@ def iterate(
 
 
 class Watch:
-    """Tell from the iterates alone, never from the clock, that sweeps will not do.
+    """Detect from the iterates that the sweeps do not converge.
 
     - Overflow: Res is not finite.
-    - Growth: every Res of the sweeps 2^p + 1 .. 2^(p+1) exceeds every earlier one and
-      GROWTH times the size of the problem, max(Res(z_0), ||q||), from FIRST sweeps on:
-      a method far from normal may grow by 10^10 at once and still converge.
-    - A cycle (Brent 1980): s is again, to REPEAT, what it was at the last power of two
-      (FIRST at least). If it hardly moves in between, rounding repeats near a solution.
+    - Growth, from sweep FIRST on: every Res of the sweeps 2^p + 1 .. 2^(p+1) exceeds
+      every earlier one and GROWTH times `size` = max(Res(z_0), ||q||). Growth alone
+      proves nothing: for a very nonnormal method Res may grow by 10^10 and then fall.
+    - A cycle (Brent 1980): s equals its value at the last power of two, which is at
+      least FIRST. If the next s is equal, too, rounding errors repeat the iterates.
     """
 
     GROWTH = 1e4
-    REPEAT = 1e-10
-    STILL = 1e-8
+    REPEAT = 1e-10  # relative tolerance for a repeated s and its Res
+    STILL = 1e-8  # relative change of s in a sweep that counts as rounding
     FIRST = 32
 
     def __init__(self, size: float):
@@ -186,7 +184,7 @@ class Watch:
     def verdict(
         self, k: int, residual: float, old: np.ndarray, new: np.ndarray
     ) -> Status | None:
-        """Return DIVERGED or STALLED, or None to go on, after iterate k, `old`."""
+        """Return DIVERGED, STALLED or None; iterate k is `old`, the next is `new`."""
         if not math.isfinite(residual):
             return Status.DIVERGED
         near = abs(residual - self.anchor_residual) <= self.REPEAT * residual
