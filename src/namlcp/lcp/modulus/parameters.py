@@ -1,38 +1,38 @@
-"""omega="auto", alpha="auto": parameters from the spectrum of the free face.
+"""alpha = "auto" and omega = "auto": the choice of alpha and Omega from eigenvalues.
 
-On the face z = s > l, z < u a triangular method of `sweeps` is, in units of D and with
-g = G + H, c = Omega/D, e = E/D, the linear iteration with the left matrix
+A is scaled to a unit diagonal here; c = Omega/D, e = E/D, g = G + H. On the free rows
+(l < z = s < u) a triangular method of `sweeps` is the linear iteration with the matrix
 
-    M = (p I - g L)/2,    p = 1/alpha + c + e:
+    M = (p I - g L)/2,    p = 1/alpha + c + e.
 
-g = 2 (nam*, am*, p*) is SOR with relaxation 2/p, g = 1 (m*, namj) is not. Where L and
-L' are near (I - A)/2, the eigenvalue x of A has the error factor
+For g = 2 (nam*, am*, p*) this is SOR with relaxation parameter 2/p; g = 1 (m*, namj) is
+not SOR. If L and L' are near (I - A)/2, the error in the direction of an eigenvector
+with the eigenvalue x of A is multiplied in each sweep by
 
     (P - (4 - g) x) / (P + g x),    P = 2 p - g.
 
-Its size is the same at both ends a <= x <= b of the spectrum if, with S = a + b,
+The moduli of this factor at the extreme eigenvalues a <= x <= b are equal if
 
-    P = ((2 - g) S + sqrt((2 - g)^2 S^2 + 4 g (4 - g) a b)) / 2.
+    P = ((2 - g) S + sqrt((2 - g)^2 S^2 + 4 g (4 - g) a b)) / 2,    S = a + b.
 
-For g = 2 this is p = 1 + sqrt(a b); a five-point matrix has b = 2 - a, and then it is
-Young's optimal relaxation, 2/p = 2/(1 + sqrt(1 - mu^2)) with mu = 1 - a. For g = 1
-P >= b makes the iteration a contraction in the energy norm if A is symmetric positive
-definite: p > g/2 + (1 - g/2) b is Ostrowski's condition M + M' - A > 0.
+For g = 2 this is p = 1 + sqrt(a b). A five-point matrix has b = 2 - a, and 2/p is then
+Young's optimal parameter 2/(1 + sqrt(1 - mu^2)), mu = 1 - a. For g = 1 and a symmetric
+positive definite A, P >= b makes the iteration a contraction in the norm of A, because
+p > g/2 + (1 - g/2) b is Ostrowski's condition M + M' - A > 0.
 
-A row at its bound has the factor 1 - 2 c/p and disturbs the free rows by G L ds. It
-must not be slower than they are: c is so large that its factor is at most the square
-of the one at x = a. Where b > 2 (no M-matrix) it must be larger still, see FRUSTRATION.
+In a row at a bound, the error of s is multiplied by 1 - 2 c/p; it perturbs the free
+rows by G L ds. c is chosen so large that this factor is at most the square of the one
+at x = a, and larger if b > 2 (A is no M-matrix), see FRUSTRATION.
 
-a and b are Ritz values on the rows that are free now (`spectrum`), looked up at the
-sweeps 1, 2, 4, 8, ... Everything is in units of D: the iterates do not depend on k > 0
-in (k A, k q), nor on a positive diagonal S in (S A S, S q). Counts decide, never the
-clock.
+a and b are Ritz values on the rows that are free at the sweeps 1, 2, 4, 8, ..., see
+`spectrum`. Because of the scaling, the iterates do not depend on k > 0 in (k A, k q) or
+on a positive diagonal S in (S A S, S q).
 
-"modulus" has the factor (c - x)/(c + x): c = sqrt(a b) with b <= 2, times NONSYMMETRIC
-for nonsymmetric A. "nam" and "modified-nam" have (K - x/2)/(K + 3 x/2), K =
-c + e - 1/2.
+"modulus" has the factor (c - x)/(c + x) and c = sqrt(a b), with b cut off at 2, times
+NONSYMMETRIC for nonsymmetric A. "nam" and "modified-nam" have the factor
+(K - x/2)/(K + 3 x/2), K = c + e - 1/2.
 
-The constants in capitals were fitted once, to the scenes of `validation/parameters.py`.
+The constants below were fitted once, to problems of `validation/paper/parameters.py`.
 
 References
 ----------
@@ -49,34 +49,35 @@ from namlcp.lcp.modulus.methods import Method, Parameters
 from namlcp.lcp.modulus.spectrum import Spectrum
 
 FRUSTRATION = 0.6
-"""c >= FRUSTRATION G sqrt(f) / (p - c), f the geometric mean of b - 2 on the face and
-on the whole matrix."""
+"""c >= FRUSTRATION G sqrt(f) / (p - c), f the geometric mean of the values of b - 2 for
+the free rows and for the whole matrix."""
 
 BALANCE = 0.3
 """a b is reduced by the fraction BALANCE (2 - g): L is not (I - A)/2 when g < 2."""
 
 SMALL_OMEGA = 0.01
-"""The least c: without it a row that leaves the face would hardly come back."""
+"""Lower bound of c: with a smaller one s hardly changes in a row at its bound."""
 
 NONSYMMETRIC = 0.75
-"""Factor of c of "modulus" for nonsymmetric A."""
+"""Factor of c for "modulus" with a nonsymmetric A."""
 
 LARGE_ALPHA = 1.95
-"""The largest alpha chosen where Omega is free, too."""
+"""Largest alpha that is chosen together with Omega."""
 
 ALPHAS = [0.05 * k for k in range(2, 40)]
-"""The alphas compared where beta is given and Omega is free."""
+"""Values of alpha that are compared if beta is given and Omega is chosen, too."""
 
 FROM, EVERY = 32, 8
 """P is corrected from sweep FROM on; every EVERY sweeps the change of z is measured."""
 
 SHRINK, GROWTH = 0.93, 4.0
-"""Where g < 2, P shrinks by the factor SHRINK at every power of 2 until the change of z
-has grown by the factor GROWTH; then P is raised."""
+"""If g < 2, P is multiplied by SHRINK at every power of 2 from FROM on, until P is
+raised: that happens when a change of z exceeds GROWTH times the least one so far."""
 
 STANDING = 0.7
-"""P is raised, too, where the changes between two powers of 2 are not below this times
-those before: then the iterates wander. (A slow decay is at least algebraic by then.)"""
+"""P is also raised if the largest change of z between two powers of 2 exceeds STANDING
+times that of the interval before: the iterates wander. (Even a slow, algebraic decay
+would be faster.)"""
 
 
 def mean(x: np.ndarray) -> float:
@@ -85,7 +86,7 @@ def mean(x: np.ndarray) -> float:
 
 
 class Choice:
-    """alpha and the diagonal of Omega of a triangular method, looked up as it runs.
+    """The choice of alpha and Omega of a sweep method during its run.
 
     Parameters
     ----------
@@ -94,7 +95,7 @@ class Choice:
     method : Method
         Entry of `METHODS`.
     given : Parameters
-        The arrays checked; alpha or omega is "auto".
+        Parameters with checked arrays; alpha or omega is "auto".
     """
 
     def __init__(self, A: Any, method: Method, given: Parameters):
@@ -106,17 +107,19 @@ class Choice:
         self.e = 0.0 if shift is None else mean(shift / self.D)
         self.spectrum = Spectrum(A, self.D)
         self.all_free = False
-        self.scale = 1.0  # of P
+        self.scale = 1.0  # factor of P and of the least c
         self.shrink = SHRINK
-        self.raised = 1.1
-        self.least = math.inf  # sizes of changes of z: so far,
-        self.peak = 0.0  # since the last power of 2,
-        self.last_peak = math.inf  # and between the two before
+        self.raised = 1.1  # next factor by which to raise `scale`
+        # Sizes of changes of z: least so far, largest since the last power of 2, and
+        # largest between the two powers before that.
+        self.least = math.inf
+        self.peak = 0.0
+        self.last_peak = math.inf
 
     def watch(self, change: np.ndarray) -> bool:
-        """Note a change of z; tell whether the parameters change for its size.
+        """Note the size of a change of z; tell whether P was raised because of it.
 
-        Its size in units of D^(-1/2), which unlike Res does not depend on units.
+        The size is |D^(1/2) dz|, which unlike Res does not depend on the scaling.
         """
         size = float(np.linalg.norm(change * self.spectrum.root))
         self.least = min(self.least, size)
@@ -125,7 +128,7 @@ class Choice:
             return False
         self.least = size
         self.take_care()
-        self.peak = math.inf  # says nothing until the power of 2 after next
+        self.peak = math.inf  # no use of STANDING until the power of 2 after next
         return True
 
     def take_care(self) -> None:
@@ -135,7 +138,7 @@ class Choice:
         self.shrink = 1.0
 
     def look(self, k: int, free: np.ndarray, change: np.ndarray) -> None:
-        """Look at iterate k: the rows that are free and the last change of z."""
+        """Update the spectrum and P for iterate k, its free rows and change of z."""
         self.all_free = bool(free.all())
         self.spectrum.estimate(free, change)
         if k > FROM:
@@ -147,7 +150,7 @@ class Choice:
             self.scale *= self.shrink
 
     def weight(self, ratio: float) -> tuple[float, float]:
-        """Return g = G + H and G for beta/alpha = ratio."""
+        """Return g = G + H and G for beta/alpha = ratio, both cut off."""
         G = ratio + self.method.own
         return min(max(G + self.method.reflected, 0.0), 3.5), max(G, 0.0)
 
@@ -167,17 +170,17 @@ class Choice:
         return alpha, self.best_c(alpha) * self.D
 
     def free_alpha(self) -> float:
-        """Return alpha where Omega is free, too.
+        """Return alpha if Omega is chosen, too.
 
-        With beta = alpha it matters little: p - c = 1 or as near as LARGE_ALPHA lets it
-        come. For a given beta alpha sets g, and the least error factor decides.
+        With beta = alpha its value matters little: p - c = 1, or as near as LARGE_ALPHA
+        allows. A given beta makes g depend on alpha: the least error factor decides.
         """
         if self.beta is None:
             return min(1.0 / max(1.0 - self.e, 1e-9), LARGE_ALPHA)
         return min(ALPHAS, key=self.error_factor)
 
     def error_factor(self, alpha: float) -> float:
-        """Return the error factor of the lower end for the best c."""
+        """Return the modulus of the error factor at x = a for the best c."""
         g = self.weight(self.beta / alpha)[0]
         P = 2.0 * (1.0 / alpha + self.e + self.best_c(alpha)) - g
         a = self.spectrum.low
@@ -217,16 +220,16 @@ class Choice:
         return max(K + 0.5 - self.e, SMALL_OMEGA, least)
 
     def best_p(self, g: float) -> float:
-        """Return p: equal error factors at both ends of the spectrum."""
+        """Return p, with equal error factors at x = a and x = b if b <= 2."""
         a, b = self.spectrum.low, self.spectrum.high
-        over = max(b / 2.0, 1.0)  # above 1 the order of the rows is not consistent
+        over = max(b / 2.0, 1.0)  # above 1 the ordering of A is not consistent
         sum_ = (2.0 - g) * (a + b / math.sqrt(over))
         product = g * (4.0 - g) * (1.0 - BALANCE * max(2.0 - g, 0.0)) * a * b * over
         P = 0.5 * (sum_ + math.sqrt(sum_ * sum_ + 4.0 * product))
         return 0.5 * (g + P * self.scale)
 
     def least_omega(self, t: float, g: float, G: float) -> float:
-        """Return the c that the rows at their bounds need, p = t + c."""
+        """Return the least c for the rows at their bounds, by bisection; p = t + c."""
         if self.all_free or G == 0.0:
             return 0.0
         a, b, above = self.spectrum.low, self.spectrum.high, self.spectrum.above
