@@ -66,10 +66,8 @@ def solve_by_sweeps(
         if promised <= criterion.goal and lcp.matrix.symmetric:
             alpha = young
     outcome = relax(lcp, z, alpha, limits, criterion)
-    if limits.report is not None and outcome.status in (
-        Status.SOLVED,
-        Status.TIME_LIMIT,
-    ):
+    is_last = outcome.status in (Status.SOLVED, Status.TIME_LIMIT)  # as in `solve_auto`
+    if limits.report is not None and is_last:
         residual = lcp.residual(outcome.z, outcome.w)
         limits.report(outcome.iterations, residual, lcp.active(outcome.z))
     return outcome
