@@ -157,11 +157,8 @@ class Descent:
     def __init__(self, lcp: LCP, z0: np.ndarray):
         self.A, self.root = lcp.A, lcp.matrix.root
         root = self.root
-        self.q, self.lower, self.upper = (
-            lcp.q / root,
-            lcp.lower * root,
-            lcp.upper * root,
-        )
+        self.q = lcp.q / root
+        self.lower, self.upper = lcp.lower * root, lcp.upper * root
         self.ray: np.ndarray | None = None
         self.norm = 0.0  # estimate of ||A||: the largest ||A p|| / ||p|| so far
         self.y = np.clip(z0 * root, self.lower, self.upper)
