@@ -81,10 +81,8 @@ def sweep(
     step = step_of(lcp, method, given)
     with np.errstate(all="ignore"):
         if step is None:
-            nothing = np.full(lcp.q.size, np.nan)
-            return Outcome(
-                Status.NUMERICAL_ERROR, nothing, nothing, 0, method, s=nothing
-            )
+            nan = np.full(lcp.q.size, np.nan)
+            return Outcome(Status.NUMERICAL_ERROR, nan, nan, 0, method, s=nan)
         s = first_iterate(lcp, step.omega, s0, z0)
         status, s, k = iterate(lcp, step, s, limits)
         z = np.clip(s, lcp.lower, lcp.upper)
