@@ -104,11 +104,8 @@ def adaptive_step(
     `run` is that of `TriangularStep`. None: the factorisation fails.
     """
     chosen = METHODS[method]
-    free = {
-        name: None
-        for name, value in (("alpha", given.alpha), ("omega", given.omega))
-        if isinstance(value, str)
-    }
+    names = ("alpha", "omega")
+    free = {name: None for name in names if isinstance(getattr(given, name), str)}
     if chosen.factored:
         refuse_two_omegas(method, given)
         D = positive_diagonal(lcp.A, method)
