@@ -104,9 +104,8 @@ def descent_from(
     status = Status.MAX_ITER
     k = 0
     while math.isfinite(descent.size):
-        size = descent.size
-        if size < least:
-            best, least = (descent.y, descent.g), size
+        if descent.size < least:
+            best, least = (descent.y, descent.g), descent.size
         if limits.report is not None:
             here = lcp.residual(*caller(descent.y, descent.g))
             limits.report(k, here, int(np.count_nonzero(~descent.free)))
