@@ -56,12 +56,7 @@ MAX_ITER = 100_000
 
 
 def sweep(
-    lcp: LCP,
-    method: str,
-    given: Parameters,
-    limits: Limits,
-    s0: Any = None,
-    z0: Any = None,
+    lcp: LCP, method: str, given: Parameters, limits: Limits, s0: Any, z0: Any
 ) -> Outcome:
     """Solve a box LCP by the named method of `METHODS` until Res(z) < eps_abs.
 
