@@ -19,6 +19,8 @@ from namlcp.lcp.modulus.methods import (
 from namlcp.lcp.modulus.parameters import EVERY, FROM, Choice
 from namlcp.lcp.modulus.triangular import Step, TriangularStep
 
+Build = Callable[[float, np.ndarray], Step | None]
+
 RETRIES = 8
 """Limit on restarts after a divergence; each doubles P, see `parameters`."""
 
@@ -35,12 +37,7 @@ class AdaptiveStep(Step):
     """
 
     def __init__(
-        self,
-        lcp: LCP,
-        choice: Choice,
-        build: Callable[[float, np.ndarray], Step | None],
-        alpha: float,
-        step: Step,
+        self, lcp: LCP, choice: Choice, build: Build, alpha: float, step: Step
     ):
         self.lcp, self.choice, self.build = lcp, choice, build
         self.alpha, self.step = alpha, step
