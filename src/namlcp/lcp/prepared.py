@@ -43,8 +43,8 @@ class Prepared:
     [[1.333333, 2.333333], [2.5, 0.0]]
     """
 
-    levels: Hierarchy | None = None
-    unsuited = False
+    levels: Hierarchy | None = None  # see `hierarchy`
+    unsuited = False  # whether A is known not to suit multigrid cycles
 
     def __init__(self, A: Any, diagonal: Any = None):
         self.A = lcp_matrix(A, diagonal)
