@@ -1,22 +1,18 @@
-"""Principal pivoting in blocks, with interior paths where it stagnates.
+"""Block principal pivoting for box LCPs; interior-point methods where it stagnates.
 
-`solve_box` is the door; `driver` calls the compiled stages, of which `pivot` does
-nearly all of the work.
+`solve_box` is the entry point. It calls compiled stages, mostly `pivot`.
 
-| module | what |
+| module | content |
 |---|---|
-| `driver` | the loop around the compiled stages, the check, the second attempt |
-| `pivot`, `line_search` | block pivoting within a proximal loop |
-| `free_system`, `large_system` | the systems of the free unknowns |
-| `interior`, `homogeneous` | interior paths: for definite A, for monotone A |
-| `rays` | proofs that there is no solution |
-| `work` | the memory of all stages, by name |
+| `driver` | the loop around the compiled stages, the residual check, the retry |
+| `pivot`, `line_search` | block pivoting inside a proximal-point loop |
+| `free_system`, `large_system` | the linear systems of the free unknowns |
+| `interior`, `homogeneous` | interior-point methods in general, for monotone LCPs |
+| `rays` | certificates that there is no solution |
+| `work` | the arrays and scalars that all stages share |
 
-Compiled functions take one NamedTuple of named rows, `work.Work`, whose arrays have no
-reference count (`compiled.uncounted`), and a record of scalars. Three ways were timed
-on `pivot` alone with n = 5: rows of one array, found by constants, took 10.7 us; the
-same NamedTuple with reference counts 15.5 us; without them 8.7 us. All three compile in
-8.6 to 9.3 s.
+Compiled functions take the NamedTuple `work.Work`, whose arrays have no reference count
+(`compiled.uncounted`): with n = 5, `pivot` takes 8.7 us, with reference counts 15.5 us.
 """
 
 from namlcp.lcp.pivoting.driver import ACCURACY, solve_box

@@ -1,7 +1,7 @@
 """Box LCPs by pivoting: the loop around the compiled stages.
 
-An `Attempt` works on a copy of the problem that is scaled to a unit diagonal. Its
-answer is checked on the caller's data.
+An `Attempt` solves a copy of the problem that is scaled to a unit diagonal. Its
+solution is checked on the caller's data.
 """
 
 import math
@@ -31,45 +31,45 @@ from namlcp.residuals import natural_residuals
 from namlcp.status import Status
 
 ACCURACY = 1e-9
-"""eps_rel, unless the caller gives a tolerance."""
+"""Default eps_rel."""
 
 MAX_ITER = 5000
-"""Factorisations at most, unless the caller says."""
+"""Factorisations at most, by default."""
 
 BITSETS = 20_000
-"""Largest order for which `linalg.ldl` finds an order: its bitsets take 50 MB then."""
+"""Largest order that `linalg.ldl` orders for elimination: its bitsets take 50 MB."""
 
 BLOCK_ORDER, BLOCK_ENTRIES = 2000, 20_000
-"""From this order and number of entries on, symmetric systems are factored in blocks:
-smaller ones are solved faster in one compiled call."""
+"""Sparse symmetric problems with more unknowns and more entries than this are factored
+in blocks; smaller ones are solved faster in one compiled call."""
 
 DENSE_ORDER = 600
-"""Largest order of a sparse nonsymmetric matrix whose systems are dense, and of a
-symmetric problem that is tried once more with rho = 0."""
+"""Largest order at which sparse nonsymmetric systems are solved by dense LU, and at
+which a symmetric problem that stalled is retried with rho = 0."""
 
 UNSEEN, MOST_AT_ONCE = 10_000_000, 50
-"""Multiplications and factorisations at most between two looks at the deadline, 10 ms;
-one factorisation may take more."""
+"""Multiplications and factorisations at most between two checks of the deadline: about
+10 ms. A single factorisation may take longer."""
 
 MURTY_STEPS = 200
-"""Factorisations, beside one for each unknown, before the attempt ends on a matrix that
-is no P-matrix, where also the path has failed: Murty's rule may go round in circles."""
+"""Factorisations allowed beyond n after an interior path, if A is known not to be a
+P-matrix: Murty's rule may then cycle."""
 
 PATH_STEPS, LARGE_PATH_STEPS = 60, 150
-"""Steps of the interior path at most; in blocks, it also ends where it stalls."""
+"""Interior-point steps at most: in `interior.follow` and in `LargeSystem.follow`."""
 
 PATH_CHUNK = 5
-"""Steps of the interior path in one compiled call at most."""
+"""Interior-point steps at most in one compiled call."""
 
 PATH_TARGET = 1e-8
 """Scaled Res, relative to its value at clip(0), at which the interior path ends."""
 
 W_ROUNDING = 1e-15
-"""Entry of w = A z + q, relative to its terms, that counts as 0."""
+"""Entry of w = A z + q, relative to |A||z| + |q|, that counts as 0."""
 
 CLEAR, CLEARER = 1e3, 10.0
-"""kappa / tau of the homogeneous path from which on a proof is looked for; after one
-that failed, it must grow by the second factor."""
+"""A certificate of infeasibility is sought once kappa / tau of the homogeneous path
+exceeds CLEAR, and again whenever the ratio has grown by the factor CLEARER."""
 
 
 def solve_box(
@@ -77,16 +77,16 @@ def solve_box(
 ) -> Outcome:
     """Solve a box LCP by pivoting.
 
-    limits.max_iter counts factorisations. With ask_convex, outcome.convex tells for a
-    symmetric A whether it is positive semidefinite (one more factorisation).
+    limits.max_iter counts factorisations. With ask_convex, one more factorisation tests
+    whether a symmetric A is positive semidefinite; outcome.convex has the result.
     """
-    with np.errstate(all="ignore"):  # a singular system overflows, and is noticed
+    with np.errstate(all="ignore"):  # singular systems overflow, which is detected
         outcome = Attempt(lcp, z0, limits, ask_convex).outcome()
         stalled = outcome.status is Status.STALLED and lcp.matrix.symmetric
         left = outcome.iterations < (limits.max_iter or MAX_ITER)
         if not stalled or not left or lcp.q.size > DENSE_ORDER:
             return outcome
-        # rho may dominate an ill-conditioned matrix: retry with rho = 0.
+        # rho may dominate an ill-conditioned matrix. As "nonsymmetric" rho begins at 0.
         again = lcp._replace(matrix=Prepared.unchecked(lcp.A, False))
         retried = Attempt(again, outcome.z, limits, False, outcome.iterations).outcome()
     if retried.status is Status.SOLVED or retried.ray is not None:
@@ -95,7 +95,7 @@ def solve_box(
 
 
 class Attempt:
-    """One attempt to solve a box LCP: its memory, and the stages in Python."""
+    """One attempt to solve a box LCP: its memory, and the stages written in Python."""
 
     def __init__(
         self,
@@ -105,7 +105,7 @@ class Attempt:
         ask_convex: bool,
         before: int = 0,
     ) -> None:
-        """Scale nothing yet; `before` is how many factorisations were made before."""
+        """Copy the problem; `before` counts the factorisations of earlier attempts."""
         self.lcp, self.limits, self.before = lcp, limits, before
         self.columns, n = lcp.matrix.columns, lcp.q.size
         self.work = work = PivotMemory(self.columns, n)
@@ -124,7 +124,7 @@ class Attempt:
         self.ask_convex = ask_convex
 
     def outcome(self) -> Outcome:
-        """Solve the problem, as far as it can be."""
+        """Solve, check and, where the check fails, retry; z = clip(0) comes last."""
         lcp, now = self.lcp, self.work.now
         status, ray = self.drive()
         if self.large and self.ask_convex and status is Status.SOLVED:
@@ -145,12 +145,12 @@ class Attempt:
         return Outcome(status, z, w, count, "pivoting", ray, convex=now.convex)
 
     def best(self) -> np.ndarray:
-        """Return the best z so far, of the caller's problem."""
+        """Return the best z so far in the caller's scaling."""
         z = self.work.best * self.work.d
         return np.minimum(np.maximum(z, self.lcp.lower), self.lcp.upper)
 
     def checked(self, status: Status) -> tuple[np.ndarray, np.ndarray, Status]:
-        """Return the best z and its w; STALLED if they do not solve the problem."""
+        """Return the best z, its w, and STALLED in place of SOLVED if they fail."""
         z, size = self.best(), self.work.now.size
         w = self.lcp.w(z)
         if status is Status.SOLVED and size > 0.0:
@@ -161,10 +161,10 @@ class Attempt:
         return z, w, status
 
     def drive(self) -> tuple[Status, np.ndarray | None]:
-        """Call `pivot` until it is done, with what it asks for in between.
+        """Call `pivot` until it is done, and do what its return codes ask for.
 
-        Return the status and, with UNSOLVABLE, a proof or None. A second call means
-        that the solution of the first was wrong.
+        Return the status and, with UNSOLVABLE, a certificate or None. A second call
+        rejects the solution of the first.
         """
         work, now, limits = self.work, self.work.now, self.limits
         chunk = 1 if limits.report is not None else at_once(work.n)
@@ -200,7 +200,7 @@ class Attempt:
         return Status.SOLVED, None
 
     def limit(self) -> int:
-        """Return how many factorisations there may be."""
+        """Return the largest number of factorisations allowed."""
         now, most = self.work.now, self.limits.max_iter or MAX_ITER
         if now.not_p and now.path_followed:
             return min(most, self.before + MURTY_STEPS + self.work.n)
@@ -211,7 +211,7 @@ class Attempt:
         return Status.SOLVED if self.work.now.solved else status, None
 
     def report(self) -> None:
-        """Report the factorisations so far, the least Res and the bounded unknowns."""
+        """Report factorisations, Res of the best z, and how many states are bounded."""
         if self.limits.report is not None:
             active, z = np.count_nonzero(self.work.state), self.best()
             residual = self.lcp.residual(z, self.lcp.w(z))
@@ -233,7 +233,7 @@ class Attempt:
             work.z[free] = np.nan
 
     def change_course(self) -> None:
-        """Get block pivoting going again: once by the path, then by a larger rho."""
+        """Follow the interior path the first time; later restart with a larger rho."""
         now, deadline = self.work.now, self.limits.deadline
         if now.path_followed:
             now.rho = min(1000.0 * now.rho, stages.MOST_RHO)
@@ -242,10 +242,10 @@ class Attempt:
         elif self.large:
             self.large.follow(PATH_TARGET, LARGE_PATH_STEPS, deadline)
         elif now.external_solve:
-            now.path_followed = True
+            now.path_followed = True  # no path with sparse LU: go on with Murty's rule
         else:
             chunk = PATH_CHUNK
-            if self.columns.dense.shape[0] > 0:  # long sparse ones are in blocks
+            if self.columns.dense.shape[0] > 0:  # sparse steps here are short
                 chunk = min(chunk, at_once(self.work.n))
             steps = 0
             while steps < PATH_STEPS:
@@ -256,7 +256,7 @@ class Attempt:
                     return
 
     def start_at_centre(self) -> None:
-        """Begin block pivoting at the proximal point, with the rho of now."""
+        """Restart block pivoting at the proximal point with the current rho."""
         work, now, centre = self.work, self.work.now, self.work.centre
         w = work.q + work.d * (self.lcp.A @ (work.d * centre))
         work.x[:] = centre
@@ -268,21 +268,21 @@ class Attempt:
         now.patience = stages.SEARCH_STEPS if now.line_search else stages.BLOCK_STEPS
 
     def may_be_decided(self) -> bool:
-        """Tell whether to follow the homogeneous path: x'Ax >= 0, A not symmetric.
+        """Tell whether to follow the homogeneous path: A != A' is semidefinite.
 
-        Where x'Ax > 0 there is a solution, and the interior path is as good.
+        A definite A has a solution, which `interior` finds as well if it may be used.
         """
         now = self.work.now
         if now.symmetric or now.path_followed:
             return False
         A = self.scaled_matrix()
-        A = congruent(A, equilibrating_scale(A))  # rows with a_ii = 0 have no unit yet
+        A = congruent(A, equilibrating_scale(A))  # scales rows with a_ii = 0, too
         if not now.external_solve and is_positive_semidefinite(A, -PSD_TOLERANCE):
             return False
         return is_positive_semidefinite(A, PSD_TOLERANCE)
 
     def decide(self, limit: int) -> np.ndarray | None:
-        """Follow the homogeneous path; return a proof, or start from its best point."""
+        """Follow the homogeneous path; return a certificate, or restart from `best`."""
         work, now, deadline = self.work, self.work.now, self.limits.deadline
         now.path_followed = True
         scaled, clear = self.scaled_matrix(), CLEAR
@@ -333,5 +333,5 @@ def in_blocks(n: int, entries: int) -> bool:
 
 
 def at_once(n: int) -> int:
-    """Return how many factorisations of order n go by without a look at the clock."""
+    """Return how many factorisations of order n may pass between deadline checks."""
     return int(min(max(3 * UNSEEN // max(n, 1) ** 3, 1), MOST_AT_ONCE))
