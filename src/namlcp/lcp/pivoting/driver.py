@@ -300,8 +300,7 @@ class Attempt:
                 ray = proof(self.lcp, work.d, point.z * work.d)
                 if ray is not None:
                     return ray
-            over = now.factorisations >= limit or deadline.reached()
-            if now.solved or over:
+            if now.solved or now.factorisations >= limit or deadline.reached():
                 break
             now.factorisations += 1
         work.centre[:] = work.best
