@@ -1,15 +1,12 @@
-"""Block principal pivoting inside a proximal loop: the compiled part of the solve.
+"""Block principal pivoting inside a proximal-point loop: the compiled stage `pivot`.
 
 Every unknown is at its lower bound (state -1), at its upper bound (1) or free (0). With
-the bounded ones fixed, the free ones F solve the free system (A_FF + rho I) z_F = rhs.
+the others fixed, the free unknowns F solve the free system (A_FF + rho I) z_F = rhs.
 Then the unknowns with a wrong sign change their states: all of them (Judice and Pires,
 Computers Ops Res 21 (1994) 587-596), or only the last one (Murty 1974) when nothing
-else makes progress, which ends after finitely many steps for every P-matrix. The
-proximal loop around it (rho, relative to the unit diagonal) makes singular matrices
-solvable and refines the solution of the others. Where changing all states at once goes
-too far for a symmetric A, `line_search` finds how far to go.
-
-All of it is one compiled call, `pivot`, which returns one of the codes below.
+else makes progress; Murty's rule is finite for every P-matrix. The proximal-point loop
+around it regularises singular systems by rho I and refines the solution of the others.
+For symmetric A, once that stagnates, `line_search` shortens the steps.
 """
 
 import numpy as np
@@ -40,33 +37,33 @@ from namlcp.residuals import natural_residuals
 GO_ON = -1  # never returned
 DONE = 0  # solved
 MORE = 1  # the budget of factorisations is used up
-STAGNATED = 2  # block pivoting makes no progress, the caller changes rho or the point
+STAGNATED = 2  # no progress: the caller changes rho or the proximal point
 FREE_SYSTEM = 3  # the caller solves the free system, rhs to z, and calls `resume`
-RAY = 4  # rhs may prove that there is no solution
-STUCK = 5  # nothing else to try
+RAY = 4  # the caller tests whether rhs proves that there is no solution
+STUCK = 5  # w is not finite, or too many proximal steps
 
 OMEGA = 1.4
 """Relaxation parameter of the first sweeps."""
 
 FIRST_SWEEPS, STILL_SWEEPS = 30, 3
-"""First sweeps at most; they end after so many in a row that change no state."""
+"""First sweeps at most; sweeps in a row without a change of state that end them."""
 
 BLOCK_STEPS, SEARCH_STEPS = 3, 100
-"""Factorisations without fewer wrong signs before block pivoting counts as stagnated:
-with all states changed at once, and with the line search, which always descends."""
+"""Changes of states without fewer wrong signs until block pivoting counts as stagnated,
+and changes of states with the line search until it is given up."""
 
 LEAST_RHO, MOST_RHO = 1e-8, 1.0
-"""Range of the proximal parameter, relative to the unit diagonal."""
+"""Range of a positive rho, relative to the unit diagonal."""
 
 OUTER_STEPS = 200
 """Proximal steps at most."""
 
 EARLY_STEPS, FEW, SOME = 20, 64, 4
-"""A proximal step may end early in the first 20, when at most one sign in 64 is wrong
-and more than 4 factorisations were made: see `may_end_early`."""
+"""Proximal steps that may end early, while at most one sign in FEW is wrong and more
+than SOME factorisations were made: see `may_end_early`."""
 
 EXACT_RESIDUAL = 1e-15
-"""Scaled Res, relative to its value at clip(0), that no further step can lower."""
+"""Scaled Res, relative to its value at clip(0), below which no step is tried."""
 
 RAY_ROUNDING = 1e-9
 """Entry of a ray, relative to the largest, that counts as 0."""
@@ -74,9 +71,9 @@ RAY_ROUNDING = 1e-9
 
 @part
 def first_sweeps(work):
-    """Sweep by projected SOR in residual form: w = A z + q is updated, not computed.
+    """Sweep by projected SOR; update z, w = A z + q and state.
 
-    An unknown that stays at its bound costs no more than its test.
+    An unknown that does not move costs no pass over its column.
     """
     dense, indptr, indices, data = work.scaled
     z, w, state, lower, upper = work.z, work.w, work.state, work.lower, work.upper
@@ -106,7 +103,7 @@ def first_sweeps(work):
 
 @part
 def state_of(s, lower, upper):
-    """Return the state that s = z - w tells."""
+    """Return the state of an unknown with s = z - w."""
     return -1 if s <= lower else (1 if s >= upper else 0)
 
 
@@ -119,7 +116,7 @@ def write_w(work, z, w):
 
 @part
 def record(work):
-    """Keep z if its Res is the least so far; return whether it fell to a quarter."""
+    """Copy z to best if its Res is the least; return whether that fell to a quarter."""
     now = work.now
     scaled, plain = natural_residuals(work.z, work.w, work.lower, work.upper, work.d)
     improved = scaled < 0.25 * now.best_residual
@@ -144,7 +141,7 @@ def clip_rounding(work):
 
 @pasted
 def set_goals(work):
-    """Write to goal the state that the sign of each unknown asks for; count changes."""
+    """Write to goal the states that the signs of z and w ask for; count the changes."""
     z, lower, upper = work.z, work.lower, work.upper
     state, goal = work.state, work.goal
     rho, tolerance = work.now.rho, work.now.tolerance
@@ -179,7 +176,7 @@ def may_be_ray(work, v):
 
 @part
 def reset_patience(now, n, rho):
-    """Count wrong signs afresh, with this rho."""
+    """Forget the fewest wrong signs, and set rho."""
     now.fewest_wrong = n + 1
     now.patience = SEARCH_STEPS if now.line_search else BLOCK_STEPS
     if rho != now.rho:
@@ -189,7 +186,7 @@ def reset_patience(now, n, rho):
 
 @pasted
 def end_outer_step(work):
-    """Move the proximal point to z. Return a code; GO_ON for the next step."""
+    """Move the proximal point to z, with the difference in rhs, and lower rho."""
     z, v, centre, now = work.z, work.rhs, work.centre, work.now
     improved = record(work)
     now.outer_steps += 1
@@ -205,7 +202,7 @@ def end_outer_step(work):
     factor = 0.1 if now.line_search else 0.01
     reset_patience(now, z.size, max(factor * rho, LEAST_RHO))
     begin_at(centre, work.w, now.rho, work.x, work.s)
-    # Steps 3, 6, 12, ...: the direction becomes clearer, but each proof takes time.
+    # Steps 3, 6, 12, ...: later directions are more accurate, but every test costs.
     turn = now.outer_steps // 3
     due = now.outer_steps == 3 * turn and turn > 0 and turn & (turn - 1) == 0
     if due and rho > 0.0 and may_be_ray(work, v):
@@ -215,7 +212,7 @@ def end_outer_step(work):
 
 @part
 def search(work):
-    """Go towards z, which solves the free system; set goal to the states there."""
+    """Search on the way to the solution z of the free system; set goal if step < 1."""
     now, s_end = work.now, work.rhs
     lower, upper = work.lower, work.upper
     end_at(work.z, work.centre, work.w, now.rho, work.state, s_end)
@@ -225,7 +222,7 @@ def search(work):
 
 @pasted
 def change_states(work, wrong, single):
-    """Change states to their goals: all, or only the last one where that stagnated."""
+    """Change states to goal: all, or if `single` and stagnated only the last one."""
     now, state, goal = work.now, work.state, work.goal
     first = 0
     if now.line_search and not now.not_p and now.patience > 0:
@@ -252,9 +249,8 @@ def change_states(work, wrong, single):
 def may_end_early(now, wrong, n):
     """Tell whether an outer step of a symmetric A may end with one sign in FEW wrong.
 
-    The proximal point moves anyway, and the factors are at hand; solving its problem
-    exactly before it is near the solution costs factorisations. Most problems need
-    no more than `SOME`, and are solved exactly.
+    Solving the proximal problem exactly far from the solution wastes factorisations;
+    the next proximal step uses the same factor unless rho changes.
     """
     early = now.symmetric and now.rho > 0.0 and now.factorisations > SOME
     falls = wrong < now.fewest_wrong and now.outer_steps < EARLY_STEPS
@@ -263,7 +259,7 @@ def may_end_early(now, wrong, n):
 
 @pasted
 def use_solution(work):
-    """With the free system solved, change wrong states or end the outer step."""
+    """Change wrong states at the solution z, or end the outer step. Return a code."""
     z, now = work.z, work.now
     clip_rounding(work)
     write_w(work, z, work.w)
@@ -279,14 +275,14 @@ def use_solution(work):
         return end_outer_step(work)
     if now.solved:
         return DONE
-    # Before changing single states, a symmetric A is tried with a larger rho.
+    # For a symmetric A, a larger rho is tried before single states are changed.
     single = now.path_followed and (now.rho >= MOST_RHO or not now.symmetric)
     return change_states(work, wrong, single)
 
 
 @part
 def set_right_side(work):
-    """Put bounded unknowns at their bounds, write the right side of the free system."""
+    """Write the bounds of bounded unknowns to z, and the right-hand side to rhs."""
     z, rhs, state, rho = work.z, work.rhs, work.state, work.now.rho
     for i in range(z.size):
         z[i] = 0.0
@@ -299,7 +295,7 @@ def set_right_side(work):
 
 @part
 def scale_problem(columns, work):
-    """Scale the user's problem to a unit diagonal, and put clip(z) into centre."""
+    """Scale the problem to a unit diagonal; write the scaled clip(z) to centre."""
     q, lower, upper, d = work.q, work.lower, work.upper, work.d
     write_diagonal(columns, d)
     for i in range(d.size):
@@ -314,12 +310,12 @@ def scale_problem(columns, work):
 
 @pasted
 def begin_pivoting(columns, work):
-    """Scale, then sweep from the user's z. Return a code."""
+    """Scale the problem, measure clip(0), sweep from the user's z. Return a code."""
     z, w, centre, rhs, now = work.z, work.w, work.centre, work.rhs, work.now
     n = z.size
     scale_problem(columns, work)
     now.best_residual = np.inf
-    # First z = clip(0), which gives the size of the problem; then the start.
+    # First z = clip(0), whose Res is the reference of eps_rel; then the start.
     for i in range(n):
         z[i] = min(max(0.0, work.lower[i]), work.upper[i])
     for start in range(2):
@@ -337,7 +333,7 @@ def begin_pivoting(columns, work):
     before = now.best_residual
     first_sweeps(work)
     record(work)
-    # On a nonsymmetric A the sweeps may diverge: drop them if Res did not fall.
+    # On a nonsymmetric A the sweeps may diverge: discard them if Res did not fall.
     if now.best_residual == before and not now.symmetric:
         copy(centre, z)
         copy(rhs, w)
@@ -358,12 +354,12 @@ def pivot(columns, arena, budget):
     columns : Columns
         The user's matrix.
     arena : Arena
-        First call: q, lower, upper hold the user's problem, z the start, and the
-        scalars the tolerances and what is given. On return `best` is the best z of the
-        scaled problem.
+        On the first call q, lower, upper hold the user's problem, z the start, and the
+        scalars the tolerances and the properties of A. On return `best` is the best z
+        of the scaled problem.
 
-    Where convexity is asked for, a solved symmetric problem is followed by one
-    factorisation of A + `SLACK` I: now.convex tells if that is positive definite.
+    With ask_convex, a factorisation of A + `SLACK` I follows once the problem is
+    solved; now.convex tells whether that matrix is positive definite.
     """
     work = opened(arena)
     now, state, shift = work.now, work.state, work.shift
@@ -408,5 +404,5 @@ def pivot(columns, arena, budget):
 
 @kernel(error_model="numpy")
 def resume(arena):
-    """Take the caller's solution of the free system in z. Return a code."""
+    """Go on with the caller's solution of the free system in z. Return a code."""
     return use_solution(opened(arena))
