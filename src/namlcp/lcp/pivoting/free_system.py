@@ -1,8 +1,7 @@
 """Free systems (A_FF + diag(shift)_F) x = b: Cholesky, LU or sparse L D L'.
 
-F is the set of unknowns strictly between their bounds, state 0. Small, dense and
-nonsymmetric systems go to LAPACK, sparse symmetric ones to `linalg.ldl`, whichever
-takes fewer operations.
+F is the set of free unknowns, state 0. Sparse symmetric systems are factored by
+`linalg.ldl` where that takes less time, all others by dense Cholesky or LU.
 """
 
 from typing import NamedTuple
@@ -27,20 +26,21 @@ from namlcp.linalg import (
 REGULAR, SINGULAR, INDEFINITE = range(3)
 
 JITTER = 1e-11
-"""Added to the unit diagonal where Cholesky refuses: a singular A_FF passes then."""
+"""Added to the unit diagonal where Cholesky fails, so that a singular A_FF succeeds."""
 
 LEAST_MINOR = 1e-10
-"""Least pivot of LU; below it rounding decides the sign of the determinant."""
+"""If a pivot of LU is smaller, rounding may decide the sign of the determinant."""
 
 LEAST_PIVOT = -1e-7
-"""Pivot of L D L' of a unit diagonal; below it A_FF is indefinite, not just rounded."""
+"""Pivot of L D L', for a unit diagonal, below which A_FF counts as indefinite."""
 
 CALL, DENSE_SPEED = 5000.0, 10.0
-"""Multiplications that a dense factorisation may take more: at all, and as a factor."""
+"""Cost of a dense factorisation beside its multiplications, counted in these; speed of
+dense multiplications relative to sparse ones."""
 
 
 class Factor(NamedTuple):
-    """Factors of one free system: dense (m, m) with pivots, or L D L' (dense empty)."""
+    """Factors of one free system: dense (m, m) and pivots, or `sparse`."""
 
     order: np.ndarray
     dense: np.ndarray
@@ -87,7 +87,10 @@ def clear_positions(order, local):
 
 @part
 def dense_factor(work, shift, factor):
-    """Factor the system into factor.dense; return REGULAR, SINGULAR or INDEFINITE."""
+    """Overwrite factor.dense; return REGULAR, SINGULAR or INDEFINITE.
+
+    INDEFINITE means for a nonsymmetric A_FF that its determinant is negative.
+    """
     m = factor.order.size
     M = factor.dense
     gather(work, shift, factor.order, M)
@@ -99,7 +102,7 @@ def dense_factor(work, shift, factor):
             M[k, k] += JITTER
         if cholesky(M) == 0:
             return SINGULAR
-        for k in range(m):  # a wrong factor, which still gives a point to go on from
+        for k in range(m):  # not a factor of A_FF, but a solve stays possible
             M[k, k] = max(M[k, k], JITTER)
         return INDEFINITE
     for k in range(m):
@@ -113,16 +116,16 @@ def dense_factor(work, shift, factor):
         least = min(least, abs(M[k, k]))
         positive ^= M[k, k] < 0.0
         positive ^= factor.pivots[k] != k + 1
-    # No P-matrix has a negative minor, but the sign of a tiny one is rounding.
+    # A P-matrix has no negative minor.
     return INDEFINITE if least > LEAST_MINOR and not positive else REGULAR
 
 
 @part
 def free_order(work, state):
-    """Return the unknowns {state = 0}, in elimination order where A_FF may be sparse.
+    """Return the unknowns with state 0, in elimination order if A_FF may stay sparse.
 
-    The first order is made for these unknowns, the second for them and all met before,
-    the third for all n: most solves see one or two sets F that differ little.
+    The first order covers these unknowns, the second also all those of the first, the
+    third all n: most solves meet one or two sets F that differ little.
     """
     sequence, rank, now, scaled = work.sequence, work.rank, work.now, work.scaled
     n = state.size
@@ -159,7 +162,7 @@ def free_order(work, state):
 
 @part
 def analyse(work, order):
-    """Return an empty `Factor` for the unknowns in `order`, storage chosen by cost."""
+    """Return memory for the `Factor` of the unknowns in `order`, the cheaper kind."""
     m, scaled = order.size, work.scaled
     parent, counts = np.empty(m, dtype=np.int32), np.empty(m, dtype=np.int32)
     starts = np.zeros(m + 1, dtype=np.int64)
@@ -182,7 +185,7 @@ def analyse(work, order):
 
 @part
 def refactor(work, shift, factor):
-    """Compute the numbers of `factor`; return REGULAR, SINGULAR or INDEFINITE."""
+    """Overwrite the numbers of `factor`; return REGULAR, SINGULAR or INDEFINITE."""
     order = factor.order
     if factor.dense.shape[0] == order.size:
         return dense_factor(work, shift, factor)
@@ -194,7 +197,7 @@ def refactor(work, shift, factor):
 
 @part
 def solve_free(symmetric, factor, b, x):
-    """Write the solution for b (n,) to the free entries of x (n,); others stay."""
+    """Write the solution for b (n,) to the free entries of x (n,), and no others."""
     order = factor.order
     m = order.size
     u = np.empty(m)

@@ -1,17 +1,15 @@
-"""How far to go towards the solution of a face system, for symmetric A.
+"""Exact line search towards the solution of a free system, for symmetric A.
 
 A proximal step from the point c seeks x = clip(s) where w = A x + q, s = c - w / rho.
-For symmetric positive semidefinite A that x minimises the convex function
+For symmetric positive semidefinite A this x minimises the convex function
 
     phi(x) = 1/2 x'A x + rho/2 (|| s ||^2 - || s - clip(s) ||^2)
 
 (an augmented Lagrangian of the problem that has x for multipliers), whose gradient is
 A (x - clip(s)). Newton's step solves the free system of the unknowns with s inside its
-bounds. Block pivoting takes the whole step, and may go round in circles; with an exact
-line search Newton's method converges from every start.
-
-Along the step x and s are linear, and phi' = -rho (s_1 - s_0)'(x - clip(s)) is linear
-as long as the set of free unknowns stays.
+bounds. Block pivoting takes the whole step and may cycle; with an exact line search
+Newton's method converges from every start. Along the step x and s are linear, and phi'
+= -rho (s_1 - s_0)'(x - clip(s)) is piecewise linear.
 
 References
 ----------
@@ -22,12 +20,12 @@ Program. Comput. 14 (2022) 497-541 (the exact search).
 from namlcp.compiled import part
 
 BISECTIONS = 40
-"""Bisections for the zero of phi' in [0, 1]: the step is found to 1e-12."""
+"""Bisections of [0, 1] for the zero of phi': the step has an error of 1e-12."""
 
 
 @part
 def begin_at(centre, w, rho, x, s):
-    """Begin the search at the proximal point, where w = A x + q; not with rho = 0."""
+    """Write the start of the search, the proximal point, to x and s; rho > 0."""
     for i in range(x.size):
         x[i] = centre[i]
         s[i] = centre[i] - w[i] / rho
@@ -35,9 +33,9 @@ def begin_at(centre, w, rho, x, s):
 
 @part
 def end_at(z, centre, w, rho, state, s_end):
-    """Write s at the solution z of the free system.
+    """Write to s_end the value of s at the solution z of the free system.
 
-    For free unknowns s = z up to rounding, which w / rho would enlarge.
+    For free unknowns s = z but for rounding errors, which division by rho magnifies.
     """
     for i in range(z.size):
         s_end[i] = z[i] if state[i] == 0 else centre[i] - w[i] / rho
@@ -45,7 +43,7 @@ def end_at(z, centre, w, rho, state, s_end):
 
 @part
 def slope(x, s, x_end, s_end, lower, upper, step):
-    """Return phi' / rho at that step."""
+    """Return phi' / rho at x + step (x_end - x)."""
     total = 0.0
     for i in range(x.size):
         d = s_end[i] - s[i]
@@ -57,7 +55,7 @@ def slope(x, s, x_end, s_end, lower, upper, step):
 
 @part
 def step_to(x, s, x_end, s_end, lower, upper):
-    """Move x and s to the least phi on the way to x_end, s_end; return the step."""
+    """Move x and s to the minimiser of phi on the way to x_end; return the step."""
     step = 1.0
     if slope(x, s, x_end, s_end, lower, upper, 1.0) > 0.0:
         below, above = 0.0, 1.0
@@ -75,9 +73,9 @@ def step_to(x, s, x_end, s_end, lower, upper):
 
 @part
 def states_at(s, lower, upper, rho, tolerance, state, goal):
-    """Write to goal the states that s tells; within the tolerance they stay.
+    """Write to goal the states of s; a violation within the tolerance changes none.
 
-    It is a tolerance for x of unknowns that are free, for w of the others.
+    The tolerance applies to s of free unknowns and to rho (s - bound) of the others.
     """
     for i in range(s.size):
         if lower[i] == upper[i]:

@@ -1,9 +1,8 @@
-"""The memory of one solve by pivoting, every part of it by name.
+"""The arrays and scalars of one solve by pivoting, by name.
 
-A kernel takes few arrays, an `Arena`: each array of an argument costs a call from
-Python 0.1 us. It begins with `opened`, which names the rows of the arena: a `Work`,
-handed on whole to all other compiled functions. Python has the same names in a
-`PivotMemory`.
+A kernel takes an `Arena` of few arrays, since each array costs 0.1 us per call from
+Python. The kernel calls `opened`, which returns the rows of the arena as a `Work` for
+all other compiled functions. In Python, `PivotMemory` has the same names.
 """
 
 import ctypes
@@ -42,10 +41,10 @@ class Scalars(ctypes.Structure):
         ("outer_steps", ctypes.c_int64),
         ("orderings", ctypes.c_int64),
         ("ordered", ctypes.c_int64),
-        # Fewest wrong signs so far; factorisations left until there must be fewer.
+        # Fewest wrong signs so far; changes of states left until there must be fewer.
         ("fewest_wrong", ctypes.c_int64),
         ("patience", ctypes.c_int64),
-        # Given: A = A'; the caller solves the free systems; convexity is asked for.
+        # Given: A = A'; the caller solves the free systems; find out `convex`.
         ("symmetric", ctypes.c_bool),
         ("external_solve", ctypes.c_bool),
         ("ask_convex", ctypes.c_bool),
@@ -53,7 +52,8 @@ class Scalars(ctypes.Structure):
         ("solved", ctypes.c_bool),
         ("not_p", ctypes.c_bool),
         ("convex", ctypes.c_bool),
-        # Where the solve is.
+        # Progress: scaled; an interior path was followed; changes of states are
+        # searched; only A + SLACK I remains to factor; states or rho have changed.
         ("started", ctypes.c_bool),
         ("path_followed", ctypes.c_bool),
         ("line_search", ctypes.c_bool),
@@ -75,16 +75,17 @@ class Arena(NamedTuple):
 
 
 class Work(NamedTuple):
-    """The problem scaled to a unit diagonal and what is known of it.
+    """The problem scaled to a unit diagonal, and the state of its solution.
 
     scaled: D A D. q, lower, upper, d (n,): the scaled problem, d the diagonal of D.
     z, w, centre, best: iterate, w = A z + q, proximal point, best z so far.
     rhs, shift: right-hand side and diagonal shift of the free system.
     x, s: see `line_search`.
-    state, goal: -1 at the lower bound, 1 at the upper one, 0 free; as it is and as the
-    signs say. has_unit: 1 where d comes from a positive diagonal entry, else d = 1.
+    state: -1 at the lower bound, 1 at the upper one, 0 free; goal: the states that the
+    signs of z and w ask for. has_unit: 1 where a_ii > 0, elsewhere d = 1.
     sequence: the first now.ordered entries are unknowns in elimination order; rank:
-    their place in it, -1 for others; local: -1 between calls.
+    their place in it, -1 for others; local: work array, -1 between its uses.
+    now: the record of `Scalars`.
     """
 
     scaled: Columns
@@ -112,9 +113,9 @@ class Work(NamedTuple):
 class Path(NamedTuple):
     """A point of the interior path and the step from it.
 
-    z, wl, wu: the point, multipliers of its lower and upper bounds; wl > 0 and wu > 0
-    tell which bounds are finite. dz, dwl, dwu: the direction. low, high: products of
-    second order to leave out. old_...: the direction before the last corrector.
+    z, wl, wu: the point, multipliers of its lower and upper bounds, 0 where the bound
+    is infinite or l = u. dz, dwl, dwu: the direction. low, high: second-order terms of
+    the products, to be subtracted. old_...: the direction before the last corrector.
     """
 
     z: np.ndarray
@@ -136,10 +137,10 @@ def row_of(row: int) -> Any:
 
 
 class PivotMemory:
-    """The memory of a problem of order n as Python sees it; names as in `Work`."""
+    """The arrays of a problem of order n for Python, with the names of `Work`."""
 
     def __init__(self, columns: Columns, n: int) -> None:
-        """Begin nothing yet; `columns` are those of the user's matrix."""
+        """Allocate; `columns` are those of the user's matrix."""
         dense, indptr, indices, data = columns
         self.n, self.now = n, Scalars()
         self.vectors = np.zeros((23, n))
