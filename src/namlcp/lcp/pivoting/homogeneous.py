@@ -1,15 +1,16 @@
-"""The homogeneous path: a solution of a monotone box LCP, or the proof of none.
+"""A homogeneous interior-point method: a monotone LCP's solution or a certificate.
 
-For A with x'Ax >= 0 for all x, symmetric or not. Unknowns are counted from a finite
-bound, p >= 0, those with another bound have room t >= 0 up to their width r, and some
-are free. With tau, kappa >= 0, multipliers s of p >= 0 and y of t >= 0,
+It requires x'Ax >= 0 for all x; A may be nonsymmetric. p >= 0 is the distance of an
+unknown from a finite bound, t >= 0 the slack to its other bound at the distance r;
+unknowns without bounds have a free p. With tau, kappa >= 0, multipliers s of p >= 0 and
+y of t >= 0,
 
     s = A p + c tau + y,   t = r tau - p,   kappa = -p'A p / tau - c'p - r'y,
     s_i p_i = 0,   y_i t_i = 0,   tau kappa = 0
 
-always has a solution other than 0. Where tau > 0, p / tau solves the LCP; where kappa >
-0, there is none: p is a ray along which c'p + r'y < 0. The interior path to it is
-followed with Mehrotra's corrector, one factorisation a step, from a fixed start.
+always has a solution other than 0. If tau > 0, p / tau solves the LCP; if kappa > 0,
+the LCP has no solution: p is a ray with c'p + r'y < 0. Mehrotra's predictor-corrector
+follows the interior path from a fixed start, with one factorisation a step.
 
 References
 ----------
@@ -28,23 +29,22 @@ MAX_STEPS = 50
 """Steps at most."""
 
 LEAST_STEP = 1e-8
-"""Step that is too short to go on; rounding has spoilt the direction."""
+"""Step length up to which the path ends: the direction is inaccurate."""
 
 STEP_PART = 0.995
-"""Part of the step to the nearest bound that is taken."""
+"""Fraction of the longest feasible step that is taken."""
 
 EQUILIBRATED_SHIFT = 1e-13
 """Added to the diagonal of the equilibrated matrix, so that it can be factored."""
 
 EQUILIBRATIONS = 3
-"""Rounds of scaling rows and columns by their sums."""
+"""Rounds of scaling rows and columns by their absolute sums."""
 
 
 class PathPoint(NamedTuple):
-    """A point of the path, for the box LCP; ratio = kappa / tau.
+    """A point of the path in the variables of the box LCP; ratio = kappa / tau.
 
-    z is the iterate if ratio < 1, else the direction of a ray. Entries of the direction
-    are 0 where complementarity demands it.
+    z is the iterate if ratio < 1, else a ray with 0 where complementarity demands it.
     """
 
     z: np.ndarray
@@ -52,9 +52,9 @@ class PathPoint(NamedTuple):
 
 
 class Embedded(NamedTuple):
-    """A point of the path, or a step. s is 0 for free unknowns, y and t for unbounded.
+    """A point of the path, or a step; tau and kappa have shape (1,).
 
-    tau and kappa have shape (1,).
+    s is 0 for unknowns without bounds, y and t for those without two.
     """
 
     p: np.ndarray
@@ -66,7 +66,10 @@ class Embedded(NamedTuple):
 
 
 class Model:
-    """The LCP of p, equilibrated, without the pinned unknowns: z = base + scale p."""
+    """The equilibrated LCP of p without fixed unknowns: z = base + unit scale p / tau.
+
+    kept: the unknowns with l < u. Of these, signed have a bound, boxed two.
+    """
 
     def __init__(self, A: Any, q: np.ndarray, lower: np.ndarray, upper: np.ndarray):
         """Take a dense or sparse A, and scale so that max |c_i| = 1."""
@@ -94,7 +97,7 @@ class Model:
         return dense_solver(K, False)
 
     def point(self, x: Embedded) -> PathPoint:
-        """Return the point of the box LCP."""
+        """Return x in the variables of the box LCP."""
         ratio = float(x.kappa[0] / x.tau[0])
         if ratio < 1.0:
             z, over = self.base.copy(), self.unit / x.tau[0]
@@ -107,7 +110,7 @@ class Model:
 
 
 def equilibrating_scale(A: Any) -> np.ndarray:
-    """Return d > 0 that brings the largest sums |D A D| of a row or column near 1."""
+    """Return d > 0: the larger of row sum i and column sum i of |D A D| is near 1."""
     d, size = np.ones(A.shape[0]), abs(A)
     for _ in range(EQUILIBRATIONS):
         total = np.maximum(size @ d, size.T @ d) * d
@@ -128,7 +131,8 @@ def homogeneous_path(
 ) -> Iterator[PathPoint]:
     """Yield the points of the path, one factorisation from one to the next.
 
-    It ends after `MAX_STEPS`, or where rounding allows no further step.
+    It ends after `MAX_STEPS`, with a step up to `LEAST_STEP`, or where the matrix
+    cannot be factored.
     """
     model = Model(A, q, lower, upper)
     signed, boxed = model.signed, model.boxed
@@ -152,10 +156,10 @@ def homogeneous_path(
 def step_from(
     model: Model, x: Embedded, inside: tuple[np.ndarray, ...]
 ) -> tuple[Embedded, float] | None:
-    """Return direction and step, None if the matrix cannot be factored.
+    """Return direction and step length, None if the matrix cannot be factored.
 
-    The equation for dtau is its own plus those for dp, weighted with p / tau. In this
-    sum the terms that cancel near the end are left out by hand.
+    The equation for dtau is its own plus those for dp, weighted with p / tau. Terms of
+    this sum that cancel near the solution have been removed analytically.
     """
     M, c, r = model.M, model.c, model.r
     signed, boxed = 1.0 * model.signed, 1.0 * model.boxed
@@ -175,8 +179,8 @@ def step_from(
     slope = kappa / tau + v @ (M @ v) + weight @ (r + u) ** 2 + diagonal @ u**2
     h = (rx + weight * rt - EQUILIBRATED_SHIFT * p) / tau
     mu = (p @ s + y @ t + tau * kappa) / (signed.sum() + boxed.sum() + 1.0)
-    low, high, last = -p * s, -y * t, -tau * kappa  # wanted change of products
-    eta = 1.0  # part of the residuals that the step removes
+    low, high, last = -p * s, -y * t, -tau * kappa  # change of products aimed at
+    eta = 1.0  # fraction of the residuals that a full step removes
     for corrector in range(2):
         b = (high - eta * y * rt) / T
         e = solve(signed * low / P - b - eta * rx)
@@ -199,7 +203,7 @@ def step_from(
 
 
 def longest(x: Embedded, dx: Embedded, inside: tuple[np.ndarray, ...]) -> float:
-    """Return the largest step that keeps all entries >= 0."""
+    """Return the largest step that keeps the entries that `inside` marks >= 0."""
     step = np.inf
     for v, dv, signed in zip(x, dx, inside, strict=True):
         falls = signed & (dv < 0.0)

@@ -1,8 +1,7 @@
-"""The interior path: Mehrotra's predictor and corrector for a monotone box LCP.
+"""An interior-point method, Mehrotra's predictor-corrector, for a monotone box LCP.
 
-z stays strictly between its finite bounds; w - wl + wu = A z + q - wl + wu is driven to
-0 together with wl (z - l) and wu (u - z). The path is followed only until its signs
-tell the states, or to the accuracy asked for where they do not.
+z stays strictly between its finite bounds; A z + q - wl + wu is driven to 0 together
+with the products wl (z - l) and wu (u - z). The end gives block pivoting its states.
 """
 
 import numpy as np
@@ -18,17 +17,17 @@ REGULARISATION = 1e-12
 """Added to the unit diagonal of A, so that a singular A can be factored."""
 
 CORRECTORS = 2
-"""Right-hand sides at most after Mehrotra's corrector."""
+"""Gondzio's correctors at most after Mehrotra's corrector."""
 
 LONGER = 1.03
-"""Factor by which each of them must lengthen the step to be kept."""
+"""Factor by which one of Gondzio's correctors must lengthen the step to be kept."""
 
 
 @part
 def enter_box(work, path):
-    """Push path.z inside its bounds and choose multipliers, all of one size.
+    """Push path.z inside its bounds and write the multipliers, all equal.
 
-    That is the larger of max|w| and the largest distance of z from its nearest bound.
+    They are the larger of max|w| and the largest distance of z from its nearest bound.
     """
     lower, upper, z, w = work.lower, work.upper, path.z, work.w
     size = largest_entry(w)
@@ -54,7 +53,7 @@ def enter_box(work, path):
 
 @part
 def longest_step(work, path):
-    """Return the largest step in [0, inf) that keeps slacks and multipliers >= 0."""
+    """Return the largest step that keeps slacks and multipliers >= 0, possibly inf."""
     step = np.inf
     for i in range(path.z.size):
         dz, dwl, dwu = path.dz[i], path.dwl[i], path.dwu[i]
@@ -74,7 +73,7 @@ def longest_step(work, path):
 
 @part
 def mean_product(work, path, step):
-    """Return the mean product of slack and multiplier after the step."""
+    """Return the mean product of slack and multiplier after a step of this length."""
     total = 0.0
     pairs = 0
     for i in range(path.z.size):
@@ -90,7 +89,7 @@ def mean_product(work, path, step):
 
 @pasted
 def set_shift(work, path):
-    """Write the diagonal that the bounds add to A to shift."""
+    """Write to shift the diagonal that the bounds add to A."""
     shift = work.shift
     for i in range(shift.size):
         shift[i] = REGULARISATION
@@ -102,9 +101,9 @@ def set_shift(work, path):
 
 @pasted
 def aim(work, path):
-    """Write the right side for dz, towards slack * multiplier = target_mu, to rhs.
+    """Write to rhs the right-hand side for dz, towards slack * multiplier = target_mu.
 
-    dwl and dwu become what they are for dz = 0.
+    dz becomes 0, and dwl and dwu the values that belong to dz = 0.
     """
     rhs, mu = work.rhs, work.now.target_mu
     for i in range(path.z.size):
@@ -124,9 +123,10 @@ def aim(work, path):
 
 @part
 def recentre(work, path, step):
-    """Change low and high so that after a longer step products are nearer target_mu.
+    """Write to low and high the terms of Gondzio's corrector for a longer step.
 
-    These are Gondzio's correctors (Comput. Optim. Appl. 6, 1996, 137-156).
+    It moves products outside [0.1, 10] target_mu towards this interval (Comput. Optim.
+    Appl. 6, 1996, 137-156).
     """
     mu = work.now.target_mu
     step = min(1.0, max(1.3 * step, step + 0.1))
@@ -143,10 +143,10 @@ def recentre(work, path, step):
 
 @part
 def try_direction(work, path, corrector):
-    """Complete the direction from dz; return whether to try another right side.
+    """Complete the direction from dz; return whether another corrector is to follow.
 
-    Corrector 0 is the predictor, 1 Mehrotra's corrector. Further ones (Gondzio) cost a
-    solve each, and are kept if they lengthen the step.
+    Corrector 0 is the predictor, 1 Mehrotra's corrector, the others are Gondzio's. The
+    function prepares target_mu, low and high for the next.
     """
     now, n = work.now, path.z.size
     for i in range(n):
@@ -181,7 +181,7 @@ def try_direction(work, path, corrector):
 
 @pasted
 def advance_path(now, path):
-    """Go nearly the longest step, 1 at most; return False if it is too short."""
+    """Take most of now.step, 1 at most; return False if that is too short."""
     share = max(0.95, 1.0 - now.mu / now.largest_mu)
     step = min(1.0, 0.995 * share * now.step)
     if not step > 1e-12:
@@ -195,7 +195,7 @@ def advance_path(now, path):
 
 @pasted
 def evaluate_path(work, path):
-    """Write w = A z + q, Res(z) and the mean products at the point of the path."""
+    """Write w = A z + q, Res(z) and mu at the point; clear low, high and target_mu."""
     now = work.now
     write_w(work, path.z, work.w)
     found = natural_residuals(path.z, work.w, work.lower, work.upper, work.d)
@@ -220,7 +220,10 @@ def open_path(work, path):
 
 @part
 def close_path(work, path):
-    """Go on from the end of the path, unless it is no better than the best point."""
+    """Make the end of the path the proximal point if its Res is the least so far.
+
+    The states are then bounded where the slack is smaller than the multiplier.
+    """
     z, state = path.z, work.state
     copy(z, work.z)
     before = work.now.best_residual
@@ -237,10 +240,10 @@ def close_path(work, path):
 
 @kernel(error_model="numpy")
 def follow(arena, target, steps):
-    """Follow the path and go on from its end, with the states that it tells.
+    """Follow the path and restart block pivoting at its end; return the steps taken.
 
-    The first call starts from the proximal point, another goes on. Ends after `steps`,
-    or when Res <= target * now.size. Returns the steps taken.
+    The first call starts from the proximal point, a later one continues. The path ends
+    after `steps`, at Res <= target * now.size, or where the step is too short.
     """
     work, path = opened(arena), path_in(arena)
     now = work.now

@@ -1,9 +1,8 @@
-"""Free systems and the path of large symmetric problems: factors kept from Python.
+"""Free systems and the interior path of large sparse symmetric problems.
 
 `pivot` returns for every free system, and `LargeSystem` solves it. It keeps the factor
-in blocks: where rho stayed, only blocks of unknowns whose state changed, and their
-ancestors, are computed anew. The path is that of `interior`, with its steps called
-from here.
+in blocks: while rho is the same, only blocks of unknowns whose state changed, and their
+ancestors, are recomputed. The interior path is that of `interior`, driven from Python.
 """
 
 import numpy as np
@@ -31,7 +30,7 @@ from namlcp.linalg import (
 )
 
 STALL = 8
-"""Steps of the path in which the residual must halve; else rounding has stopped it."""
+"""Steps of the path in which Res must halve; otherwise the path ends."""
 
 # The stages of `path_step`.
 EVALUATE, AIM, TRY, ADVANCE, CLOSE = range(5)
@@ -39,11 +38,10 @@ EVALUATE, AIM, TRY, ADVANCE, CLOSE = range(5)
 
 @kernel(error_model="numpy")
 def path_step(arena, stage, corrector):
-    """Do one stage of a step of the path, between the caller's factor and solves.
+    """Do one stage of a step of the path; the caller factors and solves in between.
 
-    EVALUATE: the residual, and the diagonal to shift; AIM: the right side to rhs; TRY:
-    with path.dz solved for, tell whether to go on to the next corrector; ADVANCE: take
-    the step, tell whether there is one; CLOSE: go on from the end of the path.
+    EVALUATE: `evaluate_path` and `set_shift`; AIM: `aim`; TRY: return `try_direction`,
+    with path.dz solved for; ADVANCE: return `advance_path`; CLOSE: `close_path`.
     """
     work, path = opened(arena), path_in(arena)
     if stage == EVALUATE:
@@ -67,17 +65,18 @@ class LargeSystem:
     def __init__(self, work: PivotMemory) -> None:
         """Keep the memory of `pivot`; nothing is factored yet."""
         self.work = work
-        self.free = np.zeros(work.n, dtype=bool)  # in the factor
+        self.free = np.zeros(work.n, dtype=bool)  # unknowns in the factor
         self.rho = np.nan  # of the factor
-        self.member = np.zeros(work.n, dtype=bool)  # of the blocks
-        self.orders = 0
+        self.member = np.zeros(work.n, dtype=bool)  # unknowns in the blocks
+        self.orders = 0  # elimination orders computed so far
         self.blocks: Blocks | None = None
         self.values = np.empty(0)
 
     def factor(self, free: np.ndarray, rho: float) -> float:
         """Factor A + diag(shift) on the free unknowns; return the least pivot.
 
-        An equal rho says that the shift is that of the last call; NaN never is.
+        If rho is that of the last call, so must the shift be, and the factor is
+        updated. With rho = NaN it is always computed anew.
         """
         again = rho == self.rho
         if self.blocks is None or np.any(free > self.member):
@@ -92,9 +91,10 @@ class LargeSystem:
         return smallest
 
     def cover(self, free: np.ndarray) -> None:
-        """Order and lay out blocks for the free unknowns, and for those met before.
+        """Order and lay out blocks for the free unknowns and the earlier members.
 
-        From the third time on, or when they are more than a half, for all unknowns.
+        From the third time on, or if these are more than half of all unknowns, the
+        blocks cover all unknowns with l < u.
         """
         self.orders += 1
         member = free | self.member
@@ -107,7 +107,7 @@ class LargeSystem:
         self.values = np.empty(self.blocks.nodes.panels[-1])
 
     def solve(self) -> None:
-        """Solve the free system of `pivot`, rhs to z."""
+        """Write to z the solution of the free system of `pivot`."""
         work, now = self.work, self.work.now
         free, rho = work.state == 0, now.rho
         if rho != self.rho or np.any(free != self.free):
@@ -118,7 +118,7 @@ class LargeSystem:
             solve_blocks(self.blocks, free, self.values, work.rhs, work.z)
 
     def follow(self, target: float, steps: int, deadline: Deadline) -> None:
-        """Follow the path to Res <= target * now.size, as `interior.follow`."""
+        """Do as `interior.follow`; end also where Res stalls or at the deadline."""
         work, now, arena = self.work, self.work.now, self.work.arena
         free = work.lower < work.upper
         before = np.full(STALL, np.inf)
