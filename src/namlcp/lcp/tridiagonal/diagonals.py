@@ -1,8 +1,8 @@
-"""A tridiagonal matrix by its diagonals, with its elimination, and its halves.
+"""Tridiagonal matrices: diagonals, the pivots of A, elimination of every second row.
 
-The elimination (Thomas) of A itself is kept: where only some unknowns are free, every
-segment of them begins an elimination of its own, but a few rows further on its pivots
-are those of A, wherever A is dominant, and need no more divisions from there on.
+The pivots of A itself are stored. Every segment of free unknowns begins an elimination
+(the Thomas algorithm) of its own, but if A is dominant, the pivots equal those of A to
+rounding after a few rows, and no divisions are needed from there on.
 """
 
 from typing import Any, NamedTuple
@@ -11,15 +11,14 @@ import numpy as np
 
 from namlcp.compiled import kernel, part
 
-# Rows of `Tridiagonal.rows`: the diagonals, 1 / pivot of the elimination of A itself,
-# 1 / sqrt(a_ii).
+# Rows of `Tridiagonal.rows`: the diagonals, 1 / pivot of A itself, 1 / sqrt(a_ii).
 BELOW, DIAGONAL, ABOVE, INVERSE, ROOT = range(5)
 
 
 class Tridiagonal(NamedTuple):
-    """A tridiagonal matrix with a positive diagonal, see `tridiagonal_of`.
+    """A tridiagonal matrix with a positive diagonal.
 
-    rows: (5, n). z_matrix: no entry beside the diagonal is positive.
+    rows: (5, n). z_matrix: no off-diagonal entry is positive.
     """
 
     rows: np.ndarray
@@ -27,7 +26,7 @@ class Tridiagonal(NamedTuple):
 
 
 class TridiagonalLCP(NamedTuple):
-    """The LCP as compiled code sees it."""
+    """A box LCP with the `rows` of a `Tridiagonal`, for compiled code."""
 
     rows: np.ndarray
     q: np.ndarray
@@ -37,10 +36,7 @@ class TridiagonalLCP(NamedTuple):
 
 @kernel
 def read_diagonals(data, indices, indptr, rows):
-    """Write the three diagonals of a canonical CSR matrix; return whether it has more.
-
-    Rows without an entry on the diagonal get a zero there.
-    """
+    """Write the diagonals of a canonical CSR matrix; return whether it has others."""
     for i in range(indptr.size - 1):
         rows[BELOW, i] = rows[DIAGONAL, i] = rows[ABOVE, i] = 0.0
         for k in range(indptr[i], indptr[i + 1]):
@@ -53,9 +49,9 @@ def read_diagonals(data, indices, indptr, rows):
 
 @kernel(error_model="numpy")
 def eliminate_rows(rows):
-    """Write what follows from the diagonals; return whether a_ii > 0, and Z.
+    """Write rows INVERSE and ROOT; return whether all a_ii > 0, and z_matrix.
 
-    From the first pivot that is not positive the pivots are NaN.
+    The entries of INVERSE are NaN from the first pivot that is not positive.
     """
     z_matrix = True
     coupling = 0.0
@@ -71,7 +67,7 @@ def eliminate_rows(rows):
 
 
 def tridiagonal_of(A: Any) -> Tridiagonal | None:
-    """Return a csr_array as a Tridiagonal; None unless it is one."""
+    """Return a csr_array as a Tridiagonal, None if it is none or has an a_ii <= 0."""
     n = A.shape[0]
     if n == 0 or A.nnz > 3 * n:
         return None
@@ -84,7 +80,7 @@ def tridiagonal_of(A: Any) -> Tridiagonal | None:
 
 @part
 def multiply(rows, z, q, w):
-    """Set w to A z + q, summed as SciPy sums it."""
+    """Write w = A z + q, summed as SciPy sums it."""
     below, diagonal, above = rows[BELOW], rows[DIAGONAL], rows[ABOVE]
     left, here = 0.0, z[0]
     for i in range(z.size - 1):
@@ -97,7 +93,7 @@ def multiply(rows, z, q, w):
 
 @kernel(error_model="numpy")
 def halve(rows, q, rows_below, q_below):
-    """Write the diagonals and q of every second unknown, the others eliminated."""
+    """Eliminate unknowns 1, 3, ...; write the diagonals and q of the system left."""
     n = q.size
     for k in range(q_below.size):
         i = 2 * k
@@ -118,7 +114,7 @@ def halve(rows, q, rows_below, q_below):
 
 @kernel(error_model="numpy")
 def fill_in(rows, q, lower, upper, below, z):
-    """Write z: `below` at every second unknown, between them the best in the box."""
+    """Write z: `below` at 0, 2, ...; the others solve their rows, and are clipped."""
     n = z.size
     for i in range(0, n, 2):
         z[i] = below[i // 2]

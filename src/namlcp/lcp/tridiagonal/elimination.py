@@ -1,19 +1,19 @@
-"""Tridiagonal box LCPs in O(n): faces by elimination, a first one that is nearly right.
+"""Tridiagonal box LCPs by block principal pivoting, from a start that is nearly right.
 
-Every unknown is at its lower bound (state -1), at its upper bound (1) or free (0). A
-face is the set of free unknowns. To solve it, with the others at their bounds, costs
-one elimination without interchange; then every unknown with the wrong sign changes its
-state. That is block principal pivoting, or policy iteration where A is an M-matrix, and
-one or two faces do where the start is a good one: the time steps of an American option.
+Every unknown is at its lower bound (state -1), at its upper bound (1) or free (0). In
+this package, "face" means the states of all unknowns. Each iteration solves the free
+system of one face by an elimination without interchanges; then every unknown with a
+wrong sign changes its state. For M-matrices this is policy iteration. From a good start
+(the previous time step of an American option) one or two faces suffice.
 
-From afar a contact set may move by only one unknown a face. So the first face comes
-from a scan (`scan`) for M-matrices with lower bounds alone. Else every second unknown
-is eliminated, as if its bounds were far, the rest is solved likewise, and the
-eliminated ones are put back into their bounds. Problems that are not solved so (no
-P-matrix, or one far from an H-matrix) are left to the caller.
+From a bad start the active set may change by only one unknown per face. So for
+M-matrices with lower bounds alone, `scan` finds the first face. Otherwise every second
+unknown is eliminated without regard to its bounds, the reduced LCP is solved in the
+same way, and the eliminated unknowns are recomputed and clipped. Problems for which
+pivoting then makes no progress are left to the caller.
 
 A face of a few hundred unknowns takes microseconds. So one (7, n + 2) array `work` and
-one array `number` hold the state of a solve, and their rows and places have names.
+one array `number` hold the state of a solve; the constants below name their entries.
 """
 
 import math
@@ -42,13 +42,14 @@ from namlcp.residuals import deviation
 from namlcp.status import Status
 
 # Rows of `work`: z and w = A z + q of the last face, at the end the best ones; the
-# factors c_i of the elimination; z in its box and w there.
+# factors c_i of the elimination; clip(z) and its w; the best z and its w.
 Z, W, COUPLING, TRIAL_Z, TRIAL_W, BEST_Z, BEST_W = range(7)
 
-# Places of `number`. SIZE: Res(clip(0)) with a unit diagonal. SLACK: a wrong sign below
-# it is rounding. BEST: least Res met. MET: it is within tolerance. WARM: the first face
-# is that of the start z, not that of `state`. FACES: how many so far. FEWEST: wrong
-# signs of the best face. LEFT: faces that may yet have no fewer.
+# Entries of `number`. SIZE: Res(clip(0)) with a unit diagonal. SLACK: largest violation
+# of a sign that counts as rounding. BEST: least Res so far; MET: it is within
+# tolerance. WARM: the first face follows from the start z, not from `state`. FACES:
+# number of faces so far. FEWEST: least number of wrong signs so far, 0 before the
+# start. LEFT: faces that may still follow without fewer.
 EPS_ABS, EPS_REL, SIZE, SLACK, BEST, MET, WARM, FACES, FEWEST, LEFT = range(10)
 
 # Why `solve_faces` returns.
@@ -58,28 +59,28 @@ STUCK = 2  # no progress, or a pivot that is not positive
 ROUNDED = 3  # every sign is right, but the residual is not within tolerance
 
 MAX_ITER = 5000
-"""Faces at most, unless the caller says."""
+"""Faces at most, by default."""
 
 FACES_WITHOUT_PROGRESS = 3
-"""Faces in a row that may have no fewer wrong signs than the best one had."""
+"""Faces in a row that may have no fewer wrong signs than the least number so far."""
 
 SIGN_ROUNDING = 1e-15
-"""A wrong sign below this times the norm of q, with a unit diagonal, is rounding."""
+"""Violation of a sign, relative to || q ||_2 with a unit diagonal, that counts as 0."""
 
 SAME_PIVOT = 4.0 * np.finfo(float).eps
-"""Relative difference up to which two pivots are the same."""
+"""Relative difference up to which two pivots count as equal."""
 
 UNKNOWNS = 1_000_000
-"""Unknowns solved for between two looks at the clock: some 20 ms."""
+"""Unknowns times faces between two checks of the deadline: about 20 ms."""
 
 UNDERFLOW = 1e-280
-"""Sums of squares below this may have lost terms."""
+"""Sums of squares below this may have lost terms by underflow."""
 
 COARSEST = 16
-"""Up to this order the first face is that of clip(0)."""
+"""Up to this order the reduction by half ends with the start z = 0."""
 
 NESTED_EPS, NESTED_FACES = 1e-6, 12
-"""With half the unknowns: relative residual wanted, and faces at most."""
+"""For the reduced LCPs: relative tolerance, and faces at most."""
 
 # The sums may be taken in any order, so that they vectorise; NaN keeps its meaning.
 fast = part(fastmath={"reassoc"})
@@ -87,17 +88,17 @@ fast = part(fastmath={"reassoc"})
 
 @part
 def eliminate_face(lcp, slack, state, work):
-    """Write z and w = A z + q of a face; change the states of wrong sign.
+    """Write z and w = A z + q of a face; change the states with a wrong sign.
 
-    Return how many had it, or -1 where a pivot is not positive, and whether z is in the
-    box. Forward z_i = t_i - c_i z_{i+1}, where a bounded unknown has t_i = bound and
-    c_i = 0. The chain of these numbers takes the time, so the rest is done beside it.
+    Return the number of changes, -1 if a pivot is not positive, and whether z is in the
+    box. The elimination gives z_i = t_i - c_i z_{i+1}; bounded unknowns have t_i =
+    bound, c_i = 0. This recurrence limits the speed, so all else is done in its loops.
     """
     rows, q, lower, upper = lcp
     n = q.size
     z, w, coupling = work[Z, :n], work[W, :n], work[COUPLING, :n]
     t, c = 0.0, 0.0
-    kept = True  # c is the one of A itself
+    kept = True  # c is that of the elimination of A itself
     positive = True
     for i in range(n):
         if state[i] != 0:
@@ -125,7 +126,7 @@ def eliminate_face(lcp, slack, state, work):
         left = 0.0
         if j > 0:
             left = z[j - 1]
-            if state[j - 1] == 0:  # a new chain behind every bounded unknown
+            if state[j - 1] == 0:
                 left -= coupling[j - 1] * here
                 z[j - 1] = left
         r = rows[BELOW, j] * left + rows[DIAGONAL, j] * here
@@ -137,11 +138,11 @@ def eliminate_face(lcp, slack, state, work):
                 wrong += 1
         elif not lower[j] <= here <= upper[j]:
             inside = False
-            room = slack * rows[ROOT, j]
-            if here < lower[j] - room:
+            tolerance = slack * rows[ROOT, j]
+            if here < lower[j] - tolerance:
                 state[j] = -1
                 wrong += 1
-            elif here > upper[j] + room:
+            elif here > upper[j] + tolerance:
                 state[j] = 1
                 wrong += 1
             positive &= here == here  # kept pivots that are not positive are NaN
@@ -150,10 +151,10 @@ def eliminate_face(lcp, slack, state, work):
 
 @part
 def scaled_deviation(z, w, lower, upper, diagonal, root):
-    """Return `residuals.deviation` on the problem with a unit diagonal.
+    """Return `residuals.deviation` of the problem with a unit diagonal.
 
-    It is scaled before it is squared: with a diagonal of 1e160 its square in the units
-    of z would be 0.
+    Scaling comes before squaring: with a diagonal of 1e160, the square of z - lower
+    would underflow.
     """
     s = diagonal * root
     return max(min(w * root, (z - lower) * s), (z - upper) * s) + 0.0 * z
@@ -180,7 +181,7 @@ def both_residuals(lcp, z, w):
 
 @part
 def clip_into_box(lcp, x, z, w):
-    """Set z to clip(x) and w to A z + q."""
+    """Write z = clip(x) and w = A z + q."""
     for i in range(z.size):
         z[i] = min(max(x[i], lcp.lower[i]), lcp.upper[i])
     multiply(lcp.rows, z, lcp.q, w)
@@ -190,8 +191,7 @@ def clip_into_box(lcp, x, z, w):
 def squares_at_zero(lcp, zero):
     """Return the squares of Res(clip(0)) and || q ||_2 with a unit diagonal.
 
-    zero : (n + 2,) array
-        clip(0), with a zero at both ends.
+    zero (n + 2,) is clip(0) with an additional zero at both ends.
     """
     rows, q, lower, upper = lcp
     below, diagonal, above, root = rows[BELOW], rows[DIAGONAL], rows[ABOVE], rows[ROOT]
@@ -207,9 +207,10 @@ def squares_at_zero(lcp, zero):
 
 @part
 def begin(lcp, state, number, work):
-    """Measure clip(0); if WARM, take the states to which a Jacobi step from z leads.
+    """Write SIZE, SLACK and the counters to number; if WARM, write state.
 
-    Where clip(0) is the solution it is the start.
+    The states are those after a Jacobi step from z. If clip(0) solves the LCP, only
+    SIZE = 0, z and w are written.
     """
     rows, q, lower, upper = lcp
     n = q.size
@@ -237,7 +238,7 @@ def begin(lcp, state, number, work):
 
 @part
 def take_best(lcp, number, work):
-    """Set z, w to the best point so far, clip(0) if there is none."""
+    """Write the best point so far to z and w, clip(0) if there is none."""
     n = lcp.q.size
     z, w = work[Z, :n], work[W, :n]
     if number[BEST] < np.inf:
@@ -257,18 +258,18 @@ def is_met(number, plain, scaled):
 
 @kernel(error_model="numpy")
 def solve_faces(rows, q, lower, upper, state, number, work, budget):
-    """Begin where number[FEWEST] = 0, else go on, for `budget` faces. Return a code.
+    """Begin if number[FEWEST] = 0, else go on; return a code after `budget` faces.
 
     Parameters
     ----------
     rows, q, lower, upper : arrays
-        Those of a `TridiagonalLCP`; a call from Python with the tuple takes longer.
+        The fields of a `TridiagonalLCP`, which is slower to pass from Python.
     state : (n,) int8 array
-        States.
+        The states, overwritten.
     number : (10,) array
-        EPS_ABS, EPS_REL and WARM, zeros besides at first.
+        At first EPS_ABS, EPS_REL, WARM and zeros; overwritten.
     work : (7, n + 2) array
-        The rows Z and W hold the start; on return the best point and A z + q.
+        Row Z holds the start z; on return, rows Z and W the best z and its w.
     """
     lcp = TridiagonalLCP(rows, q, lower, upper)
     if number[FEWEST] == 0.0:
@@ -311,7 +312,7 @@ def solve_faces(rows, q, lower, upper, state, number, work, budget):
 
 @kernel(error_model="numpy")
 def scan_for_states(rows, q, lower, upper, state, work, stack, spans):
-    """Set the states to those that `scan` finds."""
+    """Write the states that `scan` finds; work, stack and spans are overwritten."""
     lcp = TridiagonalLCP(rows, q, lower, upper)
     for i in range(state.size):
         state[i] = -1 if lower[i] > -np.inf else 0
@@ -320,7 +321,7 @@ def scan_for_states(rows, q, lower, upper, state, work, stack, spans):
 
 
 class TridiagonalSolver:
-    """One solve: the arrays it needs, and how far it is.
+    """The arrays of one solve.
 
     z is the start; on return from `run` z and w are the best point so far and A z + q.
     """
@@ -348,7 +349,7 @@ class TridiagonalSolver:
         return solve_faces(*self.lcp, self.state, self.number, self.work, budget)
 
     def begin_afar(self, z_matrix: bool) -> None:
-        """Find a first face without a start: by the scan, or from half the unknowns."""
+        """Begin anew, with a first face from `scan` or a z from `nested_start`."""
         _, _, lower, upper = self.lcp
         self.number[FEWEST] = 0.0
         one_sided = not np.any((upper < math.inf) & (lower < upper))
@@ -363,7 +364,7 @@ class TridiagonalSolver:
 
 
 def nested_start(lcp: TridiagonalLCP, z: np.ndarray) -> None:
-    """Write to z a start from the solution with half the unknowns, and so on."""
+    """Write to z a start from the solution of the LCP of every second unknown."""
     rows, q, lower, upper = lcp
     z.fill(0.0)
     if q.size <= COARSEST:
@@ -383,10 +384,10 @@ def nested_start(lcp: TridiagonalLCP, z: np.ndarray) -> None:
 def solve_tridiagonal(
     lcp: LCP, form: Tridiagonal, z0: np.ndarray | None, limits: Limits
 ) -> Outcome:
-    """Solve a box LCP whose matrix has this form; iterations are faces.
+    """Solve a box LCP whose matrix is `form`; iterations are faces.
 
-    STALLED: every sign is right, so that rounding alone is left to blame. UNSOLVABLE: A
-    is none that elimination can decide, and another method may do better from z on.
+    STALLED: every sign is right, but rounding keeps Res above the tolerance.
+    UNSOLVABLE: this method makes no progress; another one may go on from z.
     """
     n = lcp.q.size
     max_iter, report = limits.max_iter or MAX_ITER, limits.report
