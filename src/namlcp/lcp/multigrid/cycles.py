@@ -1,16 +1,17 @@
 """Large sparse box LCPs by truncated multigrid: a few cycles, whatever the order.
 
-A cycle: projected Gauss-Seidel sweeps, forward and backward, find the face F, where
-l < z < u; a Krylov method, preconditioned by V-cycles that live on F, solves A_FF x =
--w_F roughly, or exactly where F has not changed; z moves towards clip(z + x), for
-symmetric A to the lowest energy on that segment. For symmetric positive definite A
-every part decreases the energy, and the sweeps alone would converge; only where the
-search goes nowhere the step is full, as it always is for other matrices. For them
-nothing is promised: the best point is kept, and cycles that do not improve it end.
+In a cycle, projected Gauss-Seidel sweeps, forward and backward, determine the free set
+F, where l < z < u, called a face here. A Krylov method, preconditioned by V-cycles
+truncated to F, solves A_FF x = -w_F roughly, or to the tolerance if F has not changed.
+Then z moves towards clip(z + x): for symmetric A to the minimum of E = z'Az / 2 + q'z
+on that segment, unless this is nearby (`SHORT_STEP`), else all the way. For symmetric
+positive definite A the sweeps and the line search decrease E, and the sweeps alone
+would converge. For other matrices convergence is not guaranteed: the best point is
+kept, and cycles that do not improve it end.
 
-The start is nested: coarse levels solve the LCP with P'q and the bounds at the coarse
-unknowns, each from the solution of the next coarser one. Without it the face would grow
-by one layer of unknowns a cycle.
+The start is nested iteration: each coarse level solves the LCP with P'q and the bounds
+at the coarse unknowns, from the solution of the next coarser one. Without it F would
+grow by one layer of unknowns a cycle.
 
 References
 ----------
@@ -41,44 +42,46 @@ from namlcp.residuals import natural_residuals
 from namlcp.status import Status
 
 MAX_CYCLES = 40
-"""Cycles at most, unless the caller says; a matrix that suits takes less than 10."""
+"""Cycles at most, by default; suitable matrices need less than 10."""
 
 SWEEPS = 2
 """Pairs of a forward and a backward sweep in a cycle."""
 
 REDUCTION, NEW_FACE_STEPS = 0.1, 12
-"""Fraction of the residual to be left on a new face; Krylov steps at most for that."""
+"""On a changed face: relative residual of A_FF x = -w_F wanted, and steps at most."""
 
 SETTLED_FACE_STEPS = 60
-"""Krylov steps at most on a face that has not changed."""
+"""Krylov steps at most on an unchanged face."""
 
 FACE_GOAL = 0.3
-"""Residual wanted on a face, relative to the tolerance: less is wasted work."""
+"""Residual of A_FF x = -w_F, relative to the tolerance, at which Krylov steps end."""
 
 NESTED_GOAL, NESTED_CYCLES = 1e-3, 3
-"""Residual wanted on a coarse level, relative to that of clip(0); cycles at most."""
+"""For the nested start, on each coarse level: Res wanted relative to Res(clip(0)), and
+cycles at most."""
 
 SMALLEST = 1e-300
-"""In place of a residual of 0 in a denominator."""
+"""Replaces a residual of 0 in a denominator."""
 
 WARM, WARM_CYCLES = 1e-2, 5
-"""A start whose residual, relative to that of clip(0), is at most WARM is tried for
-WARM_CYCLES cycles."""
+"""z0 is used if Res(z0) <= WARM Res(clip(0)); after WARM_CYCLES cycles without success
+the solve begins anew with the nested start."""
 
 SLOW_CYCLES = 2
-"""Cycles in turn on an unchanged face that may leave more than half of the residual."""
+"""The solve ends after so many cycles in a row on an unchanged face that leave more
+than half of the residual."""
 
 FRUITLESS_CYCLES = 5
-"""Cycles in turn that may pass without a better point: then nonsymmetric problems are
-given up, and the energy of symmetric ones must decrease."""
+"""After so many cycles in a row without a better point a nonsymmetric solve ends, and a
+symmetric one follows every line search from then on."""
 
 SHORT_STEP = 0.5
-"""A line search that ends before this is not followed: the full step corrects the
-face."""
+"""Step length of the line search below which the full step, which corrects the face, is
+taken instead."""
 
 
 class LevelLCP(NamedTuple):
-    """The LCP on one level; its residual counts in units of `scale`."""
+    """The LCP on one level; z times `scale` has a unit diagonal on the finest level."""
 
     q: np.ndarray
     lower: np.ndarray
@@ -87,10 +90,12 @@ class LevelLCP(NamedTuple):
 
 
 class Iterate:
-    """z, w = A z + q and Res(z) on one level, and what changes them.
+    """z, w = A z + q and Res(z) on one level, and the parts of a cycle.
 
-    `residual` is Res of the problem scaled to a unit diagonal (as it is on coarse
-    levels), `here` in the scaling of the hierarchy.
+    `here` is Res in the scaling of the hierarchy, `residual` Res on the finest level of
+    the problem scaled to a unit diagonal, on coarse levels the same as `here`.
+    `settled`: the last correction met an unchanged face. `full_steps`: short line
+    searches are replaced by full steps.
     """
 
     def __init__(self, cycle: VCycle, k: int, box: LevelLCP, z: np.ndarray):
@@ -99,12 +104,12 @@ class Iterate:
         self.z = z
         self.w, self.x, self.Ax = (np.empty_like(z) for _ in range(3))
         self.settled = False
-        self.bold = True
+        self.full_steps = True
         self.begun = False
         residual_vector(self.A, box.q, z, self.w)
-        self.judge()
+        self.update_residuals()
 
-    def judge(self) -> None:
+    def update_residuals(self) -> None:
         """Compute the residuals."""
         self.here, self.residual = natural_residuals(self.z, self.w, *self.box[1:])
 
@@ -121,10 +126,10 @@ class Iterate:
             relax_csr(*self.A, q, lower, upper, 1.0, self.z)
             relax_back(*self.A, q, lower, upper, self.z)
         residual_vector(self.A, q, self.z, self.w)
-        self.judge()
+        self.update_residuals()
 
     def correct(self, goal: float) -> None:
-        """Solve on the face and move; no better than Res = `goal` asks for."""
+        """Solve on the face, no more accurately than Res <= goal needs, and move."""
         _, lower, upper, _ = self.box
         z, w, x, Ax = self.z, self.w, self.x, self.Ax
         d, dinv = self.cycle.levels[self.k].d, self.cycle.faces[self.k].dinv
@@ -142,10 +147,10 @@ class Iterate:
         step = 1.0
         if self.cycle.symmetric and -slope < curvature:
             step = max(0.0, -slope / curvature)
-        if self.bold and step < SHORT_STEP:
+        if self.full_steps and step < SHORT_STEP:
             step = 1.0
         move(step, x, Ax, lower, upper, z, w)
-        self.judge()
+        self.update_residuals()
 
 
 def solve_by_multigrid(
@@ -153,9 +158,8 @@ def solve_by_multigrid(
 ) -> Outcome:
     """Solve the box LCP; iterations are cycles on A itself. Raise if A does not suit.
 
-    Otherwise than SOLVED z is the best point met: MAX_ITER, TIME_LIMIT, STALLED
-    (rounding, or no progress on a nonsymmetric matrix). z0 is heeded if it is close to
-    the solution.
+    z0 is used if it is close to the solution. With MAX_ITER, TIME_LIMIT and STALLED
+    (rounding, or no progress for nonsymmetric A) z is the best point.
     """
     hierarchy = lcp.matrix.hierarchy(limits.deadline)
     if hierarchy is None:
@@ -173,16 +177,9 @@ def solve_by_multigrid(
 
 
 class MultigridSolver:
-    """One solve.
+    """One solve: the best point so far in the scaling of the hierarchy and its Res.
 
-    Attributes
-    ----------
-    best : (n,) array
-        The best point met, in the scaling of the hierarchy, and `least`, its Res.
-    done : int
-        Cycles on the first level.
-    cycle : VCycle
-        Counts the V-cycles on all levels.
+    `least` is this Res, `done` the number of cycles on the finest level.
     """
 
     def __init__(self, lcp: LCP, hierarchy: Hierarchy, criterion: Criterion):
@@ -200,7 +197,7 @@ class MultigridSolver:
 
     @staticmethod
     def clipped(z: np.ndarray, box: LevelLCP) -> np.ndarray:
-        """Return the point of the box next to z."""
+        """Return the projection of z onto the box."""
         return np.minimum(np.maximum(z, box.lower), box.upper)
 
     def users_point(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -216,10 +213,10 @@ class MultigridSolver:
             np.copyto(self.best, iterate.z)
 
     def is_solved(self, iterate: Iterate) -> bool:
-        """Note the iterate; tell whether the criterion accepts it.
+        """Keep the iterate if it is the best; tell whether the criterion accepts it.
 
-        It is asked only when Res(z) of the problem scaled to a unit diagonal is at most
-        the goal; a refusal divides that goal by 10.
+        The criterion is evaluated only if Res(z), with a unit diagonal, is at most
+        `goal`; if it fails, `goal` is divided by 10.
         """
         self.note(iterate)
         if not iterate.residual <= self.goal:
@@ -231,7 +228,7 @@ class MultigridSolver:
         return False
 
     def run(self, z0: np.ndarray | None, limits: Limits) -> Status:
-        """Start, then cycle until solved or an end is in sight."""
+        """Start, then cycle until solved, stalled or at a limit."""
         deadline, max_cycles = limits.deadline, limits.max_iter or MAX_CYCLES
         iterate = self.start(z0, deadline)
         if self.is_solved(iterate):
@@ -266,7 +263,7 @@ class MultigridSolver:
             if fruitless >= FRUITLESS_CYCLES:
                 if not self.cycle.symmetric:
                     return Status.STALLED
-                iterate.bold = False
+                iterate.full_steps = False
         return Status.MAX_ITER
 
     def start(self, z0: np.ndarray | None, deadline: Deadline) -> Iterate:
@@ -286,14 +283,11 @@ class MultigridSolver:
         return self.nested_start(deadline)
 
     def nested_start(self, deadline: Deadline) -> Iterate:
-        """Return the solution of the level below; no level may be truncated."""
+        """Return clip(P z) from the level below; on entry no level may be truncated."""
         return Iterate(self.cycle, 0, self.box, self.nested(0, self.box, deadline))
 
     def nested(self, k: int, box: LevelLCP, deadline: Deadline) -> np.ndarray:
-        """Return clip(P z) on level k, z from the LCP on the level below.
-
-        On a level without one it is clip(0).
-        """
+        """Return clip(P z), z from the level below; on the last level clip(0)."""
         levels = self.cycle.levels
         if k + 1 == len(levels):
             return self.clipped(np.zeros(box.q.size), box)
