@@ -76,7 +76,7 @@ def bicgstab(
         if step_along(alpha, y, Ay, x, r) <= goal:
             return
         cycle.solve(k, r, y)
-        product = face_product(A, dinv, y, t)  # only t is of interest
+        face_product(A, dinv, y, t)
         product = float(t @ t)
         if product == 0.0:
             return
