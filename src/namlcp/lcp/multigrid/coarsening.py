@@ -1,11 +1,11 @@
 """One step of Ruge and Stueben's coarsening: strong couplings, C/F splitting, P.
 
-For nonsymmetric A the splitting follows the strong couplings of A and of A': both
-restriction and interpolation must find coarse neighbours. With those of A alone, cycles
-on a face of a convective five-point matrix leave 70 % of the error, not 20 %.
+For nonsymmetric A the splitting uses the strong couplings of A and of A', since both
+restriction and interpolation need coarse neighbours. With those of A alone, cycles on a
+face of a convective five-point matrix leave 70 % of the error, not 20 %.
 
-The splitting and the weights are pyamg's compiled functions, called without the copies
-that its public ones make of every matrix.
+pyamg's compiled functions compute splitting and weights; its public functions copy
+every matrix.
 """
 
 from typing import Any
@@ -17,16 +17,16 @@ from namlcp.compiled import kernel
 from namlcp.lcp.relaxation import rows_of
 
 THETA = 0.25
-"""Strong are the couplings -a_ij >= THETA max_k -a_ik."""
+"""A coupling a_ij < 0 is strong if -a_ij >= THETA max_k -a_ik."""
 
 
 def interpolation(
     A: Any, symmetric: bool, second_pass: bool
 ) -> tuple[Any, np.ndarray] | None:
-    """Return P (n, m) as a sorted csr_array and the m coarse unknowns, None if m = 0.
+    """Return P (n, m), a sorted csr_array, and the coarse unknowns; None if m = 0 or n.
 
     A : (n, n) csr_array, int32 indices. second_pass : strongly coupled fine unknowns
-    must have a coarse one in common.
+    must have a coarse neighbour in common.
     """
     from pyamg import amg_core
 
@@ -70,7 +70,7 @@ def interpolation(
 
 
 def both_ways(S: Any, T: Any) -> Any:
-    """Return a matrix with the entries of both: all are negative, none cancel."""
+    """Return S + T, whose negative entries cannot cancel."""
     graph = sparse.csr_array(S + T)
     graph.sort_indices()
     return graph
@@ -90,7 +90,7 @@ def strong(A: Any) -> Any:
 
 @kernel
 def count_strong(A, indptr, threshold):
-    """Write the row starts of the strong couplings and the largest strong a_ij."""
+    """Write the row starts of the strong couplings, and the threshold for a_ij."""
     for i in range(threshold.size):
         least = 0.0
         for k in range(A.indptr[i], A.indptr[i + 1]):
@@ -106,7 +106,7 @@ def count_strong(A, indptr, threshold):
 
 @kernel
 def copy_strong(A, threshold, data, indices):
-    """Write the strong couplings row after row."""
+    """Write the strong couplings to data and indices, row after row."""
     t = 0
     for i in range(threshold.size):
         for k in range(A.indptr[i], A.indptr[i + 1]):
@@ -119,10 +119,10 @@ def copy_strong(A, threshold, data, indices):
 
 @kernel
 def unlike_rows(A, root):
-    """Return how many rows have positive couplings of more than half the negative ones.
+    """Return in how many rows the positive couplings exceed half the negative ones.
 
-    Couplings are those of the unit-diagonal matrix; root (n,) is work. The number is -1
-    where a diagonal entry is not positive.
+    Their sums are those of the matrix scaled to a unit diagonal; root (n,) is work. The
+    return value is -1 if a diagonal entry is not positive.
     """
     for i in range(root.size):
         d = 0.0

@@ -1,13 +1,11 @@
-"""Ruge and Stueben's hierarchy of a sparse matrix, with a test of what it is worth.
+"""Ruge and Stueben's hierarchy of a sparse matrix, with a measured convergence rate.
 
-Only negative couplings count as strong, which also serves matrices with some positive
-ones. How well the V-cycle contracts is measured; where that disappoints, as on
-irregular meshes, the coarsening is repeated with its second pass, and where it still
-does the matrix is refused.
+If the V-cycle contracts too slowly, as on irregular meshes, the coarsening is repeated
+with its second pass; if that is not enough, the matrix is refused.
 
-Coarsening does not commute with scaling. Matrices of differential equations, jumping
-coefficients included, have row sums near zero in the right scaling; between A and
-D^-1/2 A D^-1/2 that decides.
+Coarsening depends on the scaling. Matrices of differential equations, also those with
+jumping coefficients, have row sums near zero in the right scaling; by these sums A or
+D^-1/2 A D^-1/2 is chosen.
 
 References
 ----------
@@ -27,41 +25,39 @@ from namlcp.lcp.relaxation import Rows, rows_of
 from namlcp.limits import NEVER, Deadline
 
 MAX_COARSE, MAX_DENSE = 50, 500
-"""Coarsen down to MAX_COARSE unknowns; more than MAX_DENSE must not be left, since the
-last matrix is inverted as a dense one."""
+"""Coarsening ends at MAX_COARSE unknowns; a matrix with more than MAX_DENSE left on the
+last level, which gets a dense inverse, is refused."""
 
 MAX_LEVELS = 30
 
 UNLIKE = 0.03
-"""Fraction of the rows whose positive couplings may exceed half the negative ones.
+"""Fraction of rows, at most, whose positive couplings exceed half the negative ones.
 
 Discretised differential equations have up to 0.02, contact problems from 0.09.
 """
 
 MOST_ENTRIES = 100
-"""Entries at most in a row, on average: a matrix with more is nearly dense."""
+"""Entries of a row, on average, at most."""
 
 GROWTH = 6.0
 """Entries of all coarse levels at most, as a multiple of those of A."""
 
 GOOD, USELESS = 0.3, 0.8
-"""Of the error a V-cycle may leave: up to GOOD coarsening needs no second pass, beyond
-USELESS the hierarchy is refused."""
+"""Convergence rate of the V-cycle up to which no second pass is tried, and above which
+the hierarchy is refused."""
 
 RATE_CYCLES = 4
-"""V-cycles whose last one measures the rate."""
+"""Number of V-cycles, of which the last one gives the rate."""
 
 FAR_FROM_ONE = 1e8
-"""A largest diagonal entry beyond this, or below its inverse, is scaled."""
+"""If the largest diagonal entry is not between this and its inverse, A is scaled."""
 
 EQUAL_SUMS = 1e-12
 """Difference up to which two relative row sums count as equal."""
 
 
 class Hierarchy:
-    """Levels of a matrix, for any number of LCPs with it.
-
-    Made by `build`. It is read only: solves with it may run at the same time.
+    """Levels of a matrix, made by `build`; several solves may use them concurrently.
 
     Attributes
     ----------
@@ -69,10 +65,10 @@ class Hierarchy:
         The matrix itself.
     symmetric : bool
     scale : (n,) array
-        S; the first level is S A S, and A itself where S = I.
+        The diagonal of S; the first level is S A S.
     levels : list of Level
     rate : float
-        What a V-cycle leaves of the error on A x = 0.
+        Result of `measured_rate`.
     """
 
     def __init__(self, A: Any, symmetric: bool, scale: np.ndarray, levels: list[Level]):
@@ -93,10 +89,9 @@ class Hierarchy:
 
 
 def suits(A: Any) -> bool:
-    """Tell at the price of two passes whether a hierarchy of A may be of use.
+    """Tell whether A has a positive diagonal, short rows and mostly negative couplings.
 
-    A : (n, n) csr_array, canonical. Its diagonal must be positive, its rows short, its
-    couplings mostly negative.
+    A : (n, n) csr_array, canonical.
     """
     if A.indices.dtype != np.int32 or A.nnz > MOST_ENTRIES * A.shape[0]:
         return False
@@ -105,10 +100,9 @@ def suits(A: Any) -> bool:
 
 
 def build(A: Any, symmetric: bool, deadline: Deadline = NEVER) -> Hierarchy | None:
-    """Return a hierarchy of A, or None where it is of no use, or late.
+    """Return a hierarchy of A, None if A does not suit or the deadline has passed.
 
-    A : (n, n) csr_array, canonical. symmetric : A = A'; nothing tests it here. The
-    deadline is looked at before each costly part of a level.
+    A : (n, n) csr_array, canonical. symmetric : A = A', which is not checked.
     """
     if not suits(A):
         return None
@@ -132,10 +126,10 @@ def build(A: Any, symmetric: bool, deadline: Deadline = NEVER) -> Hierarchy | No
 
 
 def scaling(A: Any) -> np.ndarray:
-    """Return S: 1, or D^-1/2 if the median |row sum| / diagonal of S A S is less.
+    """Return the diagonal of S, the better one of I and D^-1/2.
 
-    Where the diagonal is far from 1, a power of 2 in place of 1: pyamg's weights
-    compare products of entries with entries.
+    Better is the smaller median of |row sum| / diagonal of S A S. If the diagonal is
+    far from 1, a power of 2 replaces I, since pyamg's weights are not scale invariant.
     """
     d = A.diagonal()
     if not d.size:
@@ -155,9 +149,10 @@ def scaling(A: Any) -> np.ndarray:
 def coarsen(
     A: Any, symmetric: bool, second_pass: bool, deadline: Deadline = NEVER
 ) -> list[Level] | None:
-    """Return the levels of A, None if they grow, end too early or lose a diagonal.
+    """Return the levels of A, or None.
 
-    None, too, once the deadline has come.
+    None means that the levels have too many entries or a last level with too many
+    unknowns, that a diagonal entry is not positive, or that the deadline has passed.
     """
     levels: list[Level] = []
     entries = GROWTH * A.nnz
@@ -191,9 +186,9 @@ NO_ROWS = Rows(np.empty(0), NO_INDICES, NO_INDICES)
 
 
 def measured_rate(levels: list[Level], symmetric: bool) -> float:
-    """Return what the last of a few V-cycles leaves of a random error.
+    """Return the factor by which the last of a few V-cycles reduces a random error.
 
-    In the energy norm for symmetric A, else of the residual in the 2-norm.
+    The norm is that of A for symmetric A, else the 2-norm of the residual.
     """
     A = levels[0].A
     cycle = VCycle(levels, symmetric)

@@ -1,18 +1,16 @@
-"""Compiled pieces of the truncated multigrid cycle: one pass over a level for each.
+"""Compiled parts of the truncated multigrid cycle, each a pass over one level.
 
-A face F is the set of free unknowns, given by `dinv`: 1 / a_ii on F, 0 elsewhere;
-every kernel skips the rows with 0. With T = diag(F) the V(1,1)-cycle acts on T A T, one
-forward Gauss-Seidel sweep on the way down, one backward sweep on the way up, and
-between them the coarse matrix
+A face F is the set of free unknowns, given by `dinv`: 1 / a_ii on F, 0 elsewhere. T is
+diagonal with T_ii = 1 on F, 0 elsewhere. The V(1,1)-cycle acts on T A T: one forward
+Gauss-Seidel sweep, the correction with the coarse matrix
 
-    A_c = P' T A T P
+    A_c = P' T A T P,
 
-(Ruge and Stueben, in McCormick, Multigrid Methods, SIAM 1987, for T = I; Kornhuber,
-Numer. Math. 69 (1994) 167-184, for truncation). Matrices are `Rows`; `diagonal` holds
-the places of their a_ii. A call from Python takes a tuple more slowly than its arrays,
-by a microsecond, which does not count beside a pass over a level.
+and one backward sweep (Ruge and Stueben, in McCormick, Multigrid Methods, SIAM 1987,
+for T = I; Kornhuber, Numer. Math. 69 (1994) 167-184, for truncation). Matrices are
+`Rows`; `diagonal` holds the positions of their a_ii.
 
-Indices are cast to unsigned so that no negative index is looked for.
+Indices are cast to unsigned types, which saves the test for negative indices.
 """
 
 from typing import NamedTuple
@@ -23,12 +21,12 @@ from namlcp.compiled import kernel
 from namlcp.lcp.relaxation import ONE, Rows
 
 VANISHED = 1e-13
-"""A coarse diagonal that truncation leaves below this times its old value is zero."""
+"""Coarse diagonal entry, relative to its value without truncation, that counts as 0."""
 
 
 @kernel
 def find_diagonal(A, diagonal, d):
-    """Write the places of the a_ii and their values; tell whether all are positive."""
+    """Write the positions and values of the a_ii; return whether all are positive."""
     for i in range(d.size):
         diagonal[i] = -1
         for k in range(A.indptr[i], A.indptr[i + 1]):
@@ -52,7 +50,7 @@ def residual_vector(A, q, z, w):
 
 @kernel
 def mark_free(d, z, lower, upper, dinv):
-    """Write the face l < z < u to `dinv`; return how many unknowns changed sides."""
+    """Write the face l < z < u to `dinv`; return how many of its entries changed."""
     changed = 0
     for i in range(z.size):
         new = 1.0 / d[i] if lower[i] < z[i] < upper[i] else 0.0
@@ -63,10 +61,9 @@ def mark_free(d, z, lower, upper, dinv):
 
 @kernel
 def descend(A, diagonal, P, dinv, b, x, coarse):
-    """Write x, one forward sweep on T A T x = b from zero, and coarse = P'(b - T A x).
+    """Write x, one forward sweep on T A T x = b from 0, and coarse = P' T (b - A x).
 
-    Such an x leaves the residual -(strict upper triangle) x: both triangles are read
-    once.
+    The residual is -(strict upper triangle of T A T) x, so every entry is read once.
     """
     for i in range(x.size):
         if dinv[i] == 0.0:
@@ -90,7 +87,7 @@ def descend(A, diagonal, P, dinv, b, x, coarse):
 
 @kernel
 def ascend(A, diagonal, P, dinv, b, coarse, x):
-    """Add T P coarse to x, sweep backward on T A T x = b, return b'x."""
+    """Add T P coarse to x, sweep backward on T A T x = b, and return b'x."""
     for i in range(x.size):
         if dinv[i] != 0.0:
             r = x[i]
@@ -118,13 +115,15 @@ class FaceOnLevel(NamedTuple):
     """The free unknowns F of one level, and what follows from them.
 
     A : Rows
-        The matrix of the level, truncated by the faces of the levels above.
+        The matrix of the level, truncated by the faces of the finer levels.
     dinv : (n,) array
         1 / a_ii on F, 0 elsewhere.
-    touched, dirty : (n,) bool arrays
-        Rows of A that differ from the matrix of the level; what `mark_dirty` wrote.
+    touched : (n,) bool array
+        Rows of A that differ from the matrix of the level.
+    dirty : (n,) bool array
+        Rows that `mark_dirty` marks.
     b, x : (n,) arrays
-        Right-hand side and solution of a cycle on this level, for the level above.
+        Right-hand side and solution of a cycle, for the next finer level.
     place : (n,) int32 array
         Work of `truncate_coarse`; empty while A is the matrix of the level itself.
     """
@@ -140,7 +139,7 @@ class FaceOnLevel(NamedTuple):
 
 @kernel
 def mark_dirty(face):
-    """Mark the rows that are truncated, touched or have a truncated neighbour."""
+    """Write dirty: rows that are truncated, touched or have a truncated neighbour."""
     A, dinv, touched, dirty = face.A, face.dinv, face.touched, face.dirty
     for i in range(dinv.size):
         mark = touched[i] or dinv[i] == 0.0
@@ -156,20 +155,20 @@ def mark_dirty(face):
 def truncate_coarse(face, P, R, coarse, d, below):
     """Recompute the rows of A_c = P' T A T P that differ from P' A P, no others.
 
-    Entries outside the pattern of P' A P go, in modulus, to the diagonal. A coarse
-    unknown without a free fine one is truncated itself.
+    Entries outside the pattern of P' A P are added, in modulus, to the diagonal. A
+    coarse unknown is truncated if it has no free fine unknown or its diagonal vanishes.
 
     Parameters
     ----------
     face : FaceOnLevel
-        The fine one, after `mark_dirty`.
+        The face on the fine level, after `mark_dirty`.
     P, R : Rows
         Interpolation and R = P'.
-    coarse : Rows
-        P' A P, and d (m,), its diagonal.
+    coarse, d : Rows and (m,) array
+        P' A P and its diagonal.
     below : FaceOnLevel
-        The coarse one: on entry of an earlier face, on return A_c in the pattern of
-        `coarse`, its dinv and touched.
+        The face on the coarse level: on entry an earlier one, on return A_c in the
+        pattern of `coarse`, its dinv and touched.
     """
     A, dinv, dirty = face.A, face.dinv, face.dirty
     truncated, coarse_dinv = below.A.data, below.dinv
@@ -257,7 +256,7 @@ def step_along(step, p, Ap, x, r):
 
 @kernel
 def project_step(A, z, w, lower, upper, x, Ax):
-    """Make x the step from z to clip(z + x) and Ax its product; return w'x and x'Ax."""
+    """Overwrite x by clip(z + x) - z, write Ax = A x; return w'x and x'Ax."""
     for i in range(z.size):
         x[i] = min(max(z[i] + x[i], lower[i]), upper[i]) - z[i]
     slope = 0.0
@@ -274,7 +273,7 @@ def project_step(A, z, w, lower, upper, x, Ax):
 
 @kernel
 def move(step, x, Ax, lower, upper, z, w):
-    """Add step x to z, which stays in its box, and step Ax to w."""
+    """Write z = clip(z + step x), and add step Ax to w."""
     for i in range(z.size):
         z[i] = min(max(z[i] + step * x[i], lower[i]), upper[i])
         w[i] += step * Ax[i]

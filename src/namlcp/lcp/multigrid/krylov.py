@@ -1,8 +1,8 @@
-"""Solve A_FF x = -w_F on a face of a level, preconditioned by the truncated V-cycle.
+"""Solve A_FF x = -w_F on a face F of a level, preconditioned by truncated V-cycles.
 
-Conjugate gradients for symmetric A; for others van der Vorst's BiCGStab (SIAM J. Sci.
-Stat. Comput. 13 (1992) 631-644), preconditioned from the right. SciPy's do not end at a
-curvature p'A p <= 0, which an indefinite A has, and update their vectors one by one.
+The methods are conjugate gradients for symmetric A, else right-preconditioned BiCGStab
+(van der Vorst, SIAM J. Sci. Stat. Comput. 13 (1992) 631-644). SciPy's conjugate
+gradients do not end at p'A p <= 0, and SciPy's methods update vectors one by one.
 """
 
 import numpy as np
@@ -20,15 +20,9 @@ def solve_on_face(
     steps: int,
     x: np.ndarray,
 ) -> None:
-    """Write x, zero outside the face, so that || A_FF x + w_F || is small.
+    """Write x, zero outside F = cycle.faces[k], so that || A_FF x + w_F || is small.
 
-    Parameters
-    ----------
-    cycle : VCycle
-        Its face on level k is F.
-    w : (n,) array
-    reduction, floor : float
-        Stop at the residual max(reduction || w_F ||, floor), or after `steps` steps.
+    Stop at the residual max(reduction || w_F ||, floor) or after `steps` steps.
     """
     r = np.empty_like(x)
     size = negative_on_face(cycle.faces[k].dinv, w, r)
@@ -42,7 +36,7 @@ def solve_on_face(
 def conjugate_gradients(
     cycle: VCycle, k: int, r: np.ndarray, goal: float, steps: int, x: np.ndarray
 ) -> None:
-    """Add to x what makes the residual r at most `goal`."""
+    """Solve A_FF x = r from x = 0 until the residual, left in r, is at most `goal`."""
     A, dinv = cycle.levels[k].A, cycle.faces[k].dinv
     y, Ap = np.empty_like(r), np.empty_like(r)
     rho = cycle.solve(k, r, y)
@@ -61,7 +55,7 @@ def conjugate_gradients(
 def bicgstab(
     cycle: VCycle, k: int, r: np.ndarray, goal: float, steps: int, x: np.ndarray
 ) -> None:
-    """Add to x what makes the residual r at most `goal`: two V-cycles a step."""
+    """Do the same for nonsymmetric A, with two V-cycles a step."""
     A, dinv = cycle.levels[k].A, cycle.faces[k].dinv
     shadow, p = r.copy(), r.copy()
     y, Ay, t = np.empty_like(r), np.empty_like(r), np.empty_like(r)

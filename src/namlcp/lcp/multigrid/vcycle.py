@@ -1,4 +1,4 @@
-"""The V(1,1)-cycle on a face: state of one solve over the levels of a hierarchy."""
+"""The V(1,1)-cycle truncated to a face, with the work arrays of one solve."""
 
 from typing import Any, NamedTuple
 
@@ -15,15 +15,14 @@ from namlcp.lcp.multigrid.kernels import (
 from namlcp.lcp.relaxation import Rows
 
 SINGULAR = 1e13
-"""A coarsest matrix of this condition gets a pseudo-inverse."""
+"""Condition number from which on the coarsest matrix gets a pseudo-inverse."""
 
 
 class Level(NamedTuple):
     """One level of a hierarchy; P, R and C lead to the next, empty on the last.
 
-    A : Rows, (n, n). diagonal, d : places and values of its diagonal entries.
-    P : Rows, (n, m) interpolation; R = P'. C : (m,) the fine unknown that each coarse
-    one is, -1 where it is none.
+    A : Rows, (n, n). diagonal, d : positions and values of its diagonal entries.
+    P : Rows, (n, m), interpolation; R = P'. C : (m,), index of each coarse unknown.
     """
 
     A: Rows
@@ -46,14 +45,9 @@ def all_free(level: Level) -> FaceOnLevel:
 class VCycle:
     """Approximate inverses of A_FF on the levels of a hierarchy.
 
-    A face may be set on any level k; the levels below follow it. Only such levels are
-    changed, so faces must be set from the coarsest level up.
-
-    Attributes
-    ----------
-    faces : list of FaceOnLevel
-    cycles : list of int
-        V-cycles so far that began on each level.
+    A caller sets a face in faces[k].dinv and calls `follow_face`, which changes coarser
+    levels only; so faces on several levels must be set from the coarsest level up.
+    cycles[k] counts the V-cycles that began on level k.
     """
 
     def __init__(self, levels: list[Level], symmetric: bool):
@@ -64,7 +58,7 @@ class VCycle:
         self.invert_coarsest()
 
     def follow_face(self, k: int) -> None:
-        """Truncate the levels below k after a change of faces[k].dinv."""
+        """Truncate the levels coarser than k after a change of faces[k].dinv."""
         for fine in range(k, len(self.levels) - 1):
             level, coarse = self.levels[fine], self.levels[fine + 1]
             face, below = self.faces[fine], self.faces[fine + 1]
@@ -77,7 +71,7 @@ class VCycle:
         self.invert_coarsest()
 
     def release(self) -> None:
-        """Make everything free on all levels."""
+        """Make all unknowns free on all levels."""
         self.faces[0].dinv[:] = 1.0 / self.levels[0].d
         self.follow_face(0)
 
@@ -93,7 +87,7 @@ class VCycle:
         )
 
     def solve(self, k: int, b: np.ndarray, x: np.ndarray) -> float:
-        """Write x = B b, B the cycle on level k and below; return b'x."""
+        """Write to x the V-cycle from level k on applied to b; return b'x."""
         self.cycles[k] += 1
         return self.descend_from(k, b, x)
 
