@@ -50,19 +50,9 @@ def interpolation(
     indptr = np.empty(n + 1, dtype=np.int32)
     amg_core.rs_classical_interpolation_pass1(n, S.indptr, S.indices, splitting, indptr)
     indices, data = np.empty(indptr[-1], dtype=np.int32), np.empty(indptr[-1])
+    both = A.indptr, A.indices, A.data, S.indptr, S.indices, S.data
     amg_core.rs_classical_interpolation_pass2(
-        n,
-        A.indptr,
-        A.indices,
-        A.data,
-        S.indptr,
-        S.indices,
-        S.data,
-        splitting,
-        indptr,
-        indices,
-        data,
-        True,
+        n, *both, splitting, indptr, indices, data, True
     )
     P = sparse.csr_array((data, indices, indptr), shape=(n, coarse.size))
     P.sort_indices()
