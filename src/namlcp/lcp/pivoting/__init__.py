@@ -7,7 +7,8 @@
 | `driver` | the loop around the compiled stages, the residual check, the retry |
 | `pivot`, `line_search` | block pivoting inside a proximal-point loop |
 | `free_system`, `large_system` | the linear systems of the free unknowns |
-| `interior`, `homogeneous` | interior-point methods in general, for monotone LCPs |
+| `interior` | an interior-point method for when block pivoting stagnates |
+| `homogeneous` | the same for semidefinite nonsymmetric A, with certificates |
 | `rays` | certificates that there is no solution |
 | `work` | the arrays and scalars that all stages share |
 
