@@ -262,8 +262,7 @@ class Attempt:
         work.x[:] = centre
         work.s[:] = centre - w / (now.rho if now.line_search else 1.0)
         s = centre - w
-        at_upper = np.where(s >= work.upper, 1, 0)
-        work.state[:] = np.where(s <= work.lower, -1, at_upper)
+        work.state[:] = np.where(s <= work.lower, -1, s >= work.upper)
         now.fewest_wrong = w.size + 1
         now.patience = stages.SEARCH_STEPS if now.line_search else stages.BLOCK_STEPS
 
