@@ -167,9 +167,8 @@ def coarsen(
         if found is None:
             if n > MAX_DENSE:
                 return None
-            last = NO_ROWS, NO_ROWS, NO_INDICES
-            levels.append(Level(rows_of(A), diagonal, d, *last))
-            return levels
+            last = Level(rows_of(A), diagonal, d, NO_ROWS, NO_ROWS, NO_INDICES)
+            return [*levels, last]
         if deadline.reached():
             return None
         P, C = found
