@@ -254,10 +254,8 @@ class MultigridSolver:
                 iterate = self.nested_start(deadline)
                 continue
             fruitless = 0 if self.least < least else fruitless + 1
-            if iterate.settled and not iterate.residual <= 0.5 * before:
-                slow += 1
-            else:
-                slow = 0
+            is_slow = iterate.settled and not iterate.residual <= 0.5 * before
+            slow = slow + 1 if is_slow else 0
             if slow >= SLOW_CYCLES:
                 return Status.STALLED
             if fruitless >= FRUITLESS_CYCLES:
