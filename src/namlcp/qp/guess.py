@@ -1,4 +1,4 @@
-"""Where to start: a guess of x, or the solution of a similar problem."""
+"""Starting points: a guess of x, or the solution of a similar problem."""
 
 from typing import Any, NamedTuple
 
@@ -7,16 +7,16 @@ import numpy as np
 from namlcp.checks import refuse_number, vector
 from namlcp.qp.problem import QP, Point
 
-# Distance within which an inequality counts as active at a guess of x, relative to
-# 1 + |its right-hand side|: the accuracy of a solution in single precision.
+# Largest |slack| of an inequality that counts as active at a guess of x, relative to
+# 1 + |right-hand side|: the accuracy of a solution in single precision.
 ACTIVE = 1e-7
 
 
 class Guess(NamedTuple):
-    """A guess of the solution and the active inequalities; empty where there is none.
+    """A guess of the solution; all arrays are empty where there is none.
 
-    active (m + 2 n,) is 1 for the active ones among the rows of G, the lower and the
-    upper bounds, in this order. The multipliers are zero where only x was given.
+    active (m + 2 n,) int8 is 1 for active rows of G, lower bounds and upper bounds, in
+    this order. The multipliers are zero where only x was given.
     """
 
     x: np.ndarray
@@ -36,9 +36,9 @@ NO_GUESS = Guess(NOTHING, NOTHING, NOTHING, NOTHING, np.empty(0, dtype=np.int8))
 
 
 def make_guess(qp: QP, x0: Any, warm_start: Any, name: str = "x0") -> Guess:
-    """Check what the user offers as a start; a warm start overrides x0.
+    """Return the guess that x0 or warm_start makes; the latter overrides x0.
 
-    Raises TypeError or ValueError naming it; `name` is what the caller calls x0.
+    Raises TypeError or ValueError, in which `name` stands for x0.
     """
     if warm_start is None:
         if x0 is None:
@@ -52,7 +52,7 @@ def make_guess(qp: QP, x0: Any, warm_start: Any, name: str = "x0") -> Guess:
             f"z_box, got {warm_start!r:.60}"
         )
     parts: list[Any] = [getattr(warm_start, key) for key in Point._fields]
-    if any(part is None for part in parts):  # nothing was found
+    if any(part is None for part in parts):  # a Solution without a point
         return NO_GUESS
     x = vector("warm_start.x", parts[0], qp.q.size, "q", qp.q.shape)
     y = vector("warm_start.y", parts[1], qp.b.size, "b", qp.b.shape)

@@ -1,8 +1,8 @@
-"""What one solve leaves to the next of the same shape.
+"""What a solve keeps for the next QP with the same matrices or the same pattern.
 
-A problem whose matrices stay and whose vectors change (model predictive control, a path
-of penalties) needs its presolve, its scaling and, as long as the active set stays, its
-factorisation once. A problem that keeps only the pattern keeps the elimination order.
+Where only vectors change, as in model predictive control, presolve and scaling are
+reused, and the factors as long as the active set stays. Where only the pattern stays,
+the elimination order is reused.
 """
 
 from typing import Any
@@ -19,14 +19,14 @@ from namlcp.qp.transforms import Presolved, ScaledQP, Substitution
 class Memory:
     """Kept by the caller from solve to solve; not for two solves at a time.
 
-    `matrices` are copies of the last P, G and A: `recognised` puts them in the place of
-    equal ones, so that what was made from them is recognised by their identity.
-    `convex` is the last P found positive semidefinite, `scaled` the last scaled QP, of
-    whose presolve and factors the next one takes over what still fits.
+    `matrices` are copies of the last P, G and A. `recognised` replaces equal matrices
+    by them, so that identity tells whether what was made from a matrix still fits.
+    `convex` is the last P found positive semidefinite; `substitution`, `presolved` and
+    `scaled` are the last transforms, `rows` the last P prepared for box LCPs.
     """
 
     def __init__(self) -> None:
-        """Begin empty."""
+        """Start empty."""
         self.matrices: list[Any] = []
         self.convex: Any = None
         self.substitution: Substitution | None = None
@@ -35,21 +35,18 @@ class Memory:
         self.rows: Prepared | None = None
 
     def __reduce__(self) -> tuple[type["Memory"], tuple[()]]:
-        """Let a copy begin empty: the factors cannot be copied."""
+        """Let a copy start empty: the factors cannot be copied."""
         return Memory, ()
 
     def known(self, *matrices: Any) -> list[Any]:
-        """Return P, G and A, in CSC, or our copies where they are the same.
-
-        Those are checked already.
-        """
+        """Return P, G and A (CSC), each replaced by its kept copy if that is equal."""
         if not self.matrices:
             return list(matrices)
         pairs = zip(self.matrices, matrices, strict=True)
         return [old if is_same(old, M) else M for old, M in pairs]
 
     def recognised(self, qp: QP) -> QP:
-        """Return qp with our copies of its matrices, the last ones where they fit."""
+        """Return qp with the kept copies of its matrices, new ones of changed ones."""
         if qp.is_dense:
             return qp
         kept = self.known(qp.P, qp.G, qp.A)
@@ -59,13 +56,13 @@ class Memory:
         return qp._replace(P=P, G=G, A=A)
 
     def ensure_convex(self, P: csc_array) -> None:
-        """Raise NotConvex unless P is positive semidefinite; ask once."""
+        """Raise NotConvex unless P is positive semidefinite; the last P is known."""
         if self.convex is not P:
             check_convex(P)
             self.convex = P
 
     def prepared(self, P: csc_array) -> Prepared:
-        """Return P, its columns being its rows, for one LCP after another."""
+        """Return P prepared for box LCPs, as before if P is the same."""
         rows = self.rows
         if rows is None or rows.A.data is not P.data:
             rows = self.rows = Prepared(P.T)

@@ -1,4 +1,4 @@
-"""The gate of the QP side: a QP as clean arrays, or an error that names the fault."""
+"""A QP as clean arrays, and the checks of the arguments it is made from."""
 
 from typing import Any, NamedTuple
 
@@ -37,11 +37,11 @@ class Point(NamedTuple):
 
 
 ASYMMETRY = 1e-10
-"""Largest |P - P'|, relative to max |P|, that passes for rounding; P is symmetrised."""
+"""Largest |P - P'|, relative to max |P|, that counts as rounding; P is symmetrised."""
 
 
 class QP(NamedTuple):
-    """A checked QP; all three matrices dense, or all three csc_array.
+    """A checked QP with three dense matrices, or three of class csc_array.
 
     Absent parts have zero rows, absent bounds are infinite.
     """
@@ -77,10 +77,10 @@ class QP(NamedTuple):
 
 @kernel
 def dense_faults(P, q, G, h, A, b, lb, ub):
-    """Return (whether a number is bad, asymmetry of P, max |P|, huge bounds).
+    """Return (is a number bad?, max |P - P'|, max |P|, is a bound or h_i huge?).
 
-    The last tells whether h or a bound is finite but beyond INFINITE. One compiled
-    call, because a dozen NumPy calls cost more than a small QP.
+    Bad is NaN, or infinite in P, q, G, A or b; huge is finite but beyond INFINITE. This
+    is one compiled call, because a dozen NumPy calls cost more than a small QP.
     """
     allowed = np.bool_(True)  # not a literal, which would compile is_bad once more
     bad = has_bad_row(P) or has_bad_row(G) or has_bad_row(A)
@@ -92,14 +92,14 @@ def dense_faults(P, q, G, h, A, b, lb, ub):
 
 
 def refuse_numbers(qp: QP) -> None:
-    """Raise for the first NaN, or infinity in P, q, G, A or b."""
+    """Raise ValueError for the first NaN, or infinity in P, q, G, A or b."""
     for name, values in zip(qp._fields, qp, strict=True):
         entries = values if type(values) is np.ndarray else values.data
         refuse_number(name, entries, name in ("h", "lb", "ub"))
 
 
 def symmetrised(P: Any, gap: float, size: float) -> Any:
-    """Return P exactly symmetric; raise if more than rounding is missing."""
+    """Return (P + P') / 2; raise ValueError if the asymmetry exceeds rounding."""
     if gap > ASYMMETRY * size:
         raise ValueError(
             f"P must be symmetric: max |P - P'| = {gap:.1e}; "
@@ -129,11 +129,10 @@ def constraint(
 
 @interruptible
 def qp_data(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) -> QP:
-    """Check a QP as the user gave it and return it clean.
+    """Return the user's QP as checked, clean arrays.
 
     Raises TypeError or ValueError naming the argument, what was expected and what came.
-    Contradictory or infinite sides (lb > ub, h = -inf) pass: they are infeasible
-    problems, not malformed ones.
+    Contradictions (lb > ub, h = -inf) pass: such a QP is infeasible, not malformed.
     """
     P = square_matrix("P", P, "csc")
     n = P.shape[1]
