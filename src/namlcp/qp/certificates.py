@@ -1,14 +1,14 @@
-"""When multipliers prove that a QP is infeasible, and a ray that it is unbounded.
+"""Certificates: multipliers that prove a QP infeasible, rays that prove it unbounded.
 
 Primal infeasible: (y, z >= 0, z_box) with A'y + G'z + z_box = 0 and
 b'y + h'z + lb'z_box^- + ub'z_box^+ = -1 (Farkas). Unbounded: a direction d, q'd = -1,
-with P d = 0, A d = 0, G d <= 0, d in the recession cone of the bounds. Candidates come
-from every form; `accept_primal` and `accept_dual` alone say what is a certificate.
+with P d = 0, A d = 0, G d <= 0, d in the recession cone of the bounds. Every form
+proposes candidates; `accept_primal` and `accept_dual` alone accept them.
 
-Why the test of a Farkas certificate is one: every x that violates no constraint by more
-than t has 1 <= |r|_inf |x|_1 + t lam, with r the residual of the Farkas system and lam
-the 1-norm of the multipliers. The certificate excludes all x with |x|_1 up to its
-radius, near (1 - t lam)/|r|_inf, and 1/lam is the margin of the infeasibility.
+The test of a Farkas certificate: let r be the residual of the first equation and lam
+the 1-norm of the multipliers. Every x that violates no constraint by more than t has
+1 <= |r|_inf |x|_1 + t lam. The certificate thus excludes all x with |x|_1 below
+(1 - t lam)/|r|_inf; if r = 0, every x violates some constraint by 1/lam or more.
 """
 
 from typing import Any
@@ -22,26 +22,25 @@ from namlcp.qp.kkt import KKT
 from namlcp.qp.problem import QP, Point
 from namlcp.qp.transforms import equilibrate
 
-# The value of a certificate must be below minus this, relative to its terms, which
-# leave rounding errors of that size.
+# The value of a certificate (the sum scaled to -1 above) must be below minus this times
+# the sum of the moduli of its terms, far beyond the rounding errors of the sum.
 ROUNDING = 1e3 * np.finfo(float).eps
-# A certificate whose residual is at most RESIDUAL, relative to its largest entry, must
-# exclude all x with a 1-norm up to RADIUS times that of the current point. One with a
-# residual of at most EXACT need not: its residual is rounding alone.
+# A certificate with a residual, relative to its largest entry, of at most RESIDUAL must
+# exclude all x with |x|_1 up to RADIUS times max(1, |x|_1 of the current point). With a
+# residual of at most EXACT, mere rounding, it need not, but must satisfy MARGIN.
 RESIDUAL, RADIUS, EXACT = 1e-8, 1e3, 1e-12
-# Largest error of an exact certificate, by the tolerances of all constraints, relative
-# to its value.
+# Largest tol * lam, for a ray tol * |d|_1, of a certificate with residual <= EXACT.
 MARGIN = 0.5
-# Entries of M d that count as zero for an exact ray, relative to |M| |d|.
+# Largest |M d|, relative to |M| |d| row by row, of a ray with residual <= EXACT.
 CANCELLED = 1e-10
 
 
 def accept_primal(
     qp: QP, x: np.ndarray, y: np.ndarray, z: np.ndarray, tol: float
 ) -> Point | None:
-    """Return (NaN, y, z, z_box) scaled to -1 if it proves that no x is feasible.
+    """Return (NaN, y, z, z_box) with value -1 if it proves that no x is feasible.
 
-    The bounds' multipliers follow exactly; RADIUS is in units of the norm of x.
+    z_box follows from y and z; x is the current point, `tol` the absolute tolerance.
     """
     z = np.where(np.isinf(qp.h), 0.0, np.maximum(z, 0.0))
     s = qp.G.T @ z + qp.A.T @ y
@@ -78,7 +77,7 @@ def is_contradiction(
     margin: float,
     scale: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> bool:
-    """Tell whether the residual is small enough in these units of x, y and z."""
+    """Tell whether the certificate passes after scaling x, y, z by 1 / scale."""
     d, a, g = scale
     x, y, z, z_box = point
     worst = largest(residual * d)
@@ -90,9 +89,9 @@ def is_contradiction(
 
 
 def equilibration(qp: QP) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return units of x, y and z in which no row or column of A and G is a tiny one.
+    """Return factors of x, y and z that equilibrate A and G.
 
-    In the user's units a column of tiny entries would hide its residual.
+    Without them a column of tiny entries would have a tiny residual for any y and z.
     """
     n, p = qp.q.size, qp.b.size
     A, G = (by_rows(without_zeros(as_sparse(M))) for M in (qp.A, qp.G))
@@ -105,7 +104,11 @@ def equilibration(qp: QP) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def accept_dual(
     qp: QP, x: np.ndarray, y: np.ndarray, z: np.ndarray, d: np.ndarray, tol: float
 ) -> Point | None:
-    """Return (d, NaN, NaN, NaN) with q'd = -1 if it proves unboundedness."""
+    """Return (d, NaN, NaN, NaN) with q'd = -1 if it proves unboundedness.
+
+    d is first clipped to the recession cone of the bounds; (x, y, z) is the current
+    point, `tol` the absolute tolerance.
+    """
     d = np.where(np.isfinite(qp.ub), np.minimum(d, 0.0), d)
     d = np.where(np.isfinite(qp.lb), np.maximum(d, 0.0), d)
     terms = qp.q * d
@@ -130,7 +133,7 @@ def accept_dual(
 
 
 def cancels(M: Any, d: np.ndarray, Md: np.ndarray) -> bool:
-    """Tell whether M d is small beside its own terms, row by row, in any units."""
+    """Tell whether |M d| <= CANCELLED |M| |d| row by row, in any scaling of rows."""
     return bool((np.abs(Md) <= CANCELLED * (abs(M) @ np.abs(d))).all())
 
 

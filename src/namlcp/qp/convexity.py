@@ -1,8 +1,8 @@
-"""Is P positive semidefinite? Decided from P itself, before a solution is accepted.
+"""The test whether P is positive semidefinite, made before a solution is accepted.
 
 Constraints can hide negative curvature in the KKT matrix, and a stationary point of a
-non-convex problem passes every residual check. Tested are, in this order, the signs of
-the diagonal, minors of order two, diagonal dominance, whether a large P is an H+
+non-convex problem passes every residual check. The tests are, in this order: the signs
+of the diagonal, minors of order two, diagonal dominance, whether a large P is an H+
 matrix, and the pivots of P, scaled to a unit diagonal, plus `SLACK` times I.
 """
 
@@ -19,8 +19,8 @@ from namlcp.linalg import (
 )
 from namlcp.theory import is_h_plus
 
-# Order of P from which on `is_h_plus`, a multigrid method, goes before a factorisation,
-# which may cost far more.
+# Least order of P for which `is_h_plus`, a multigrid method, is tried before a
+# factorisation, which may cost far more.
 MULTIGRID_ORDER = 50_000
 
 
