@@ -1,4 +1,4 @@
-"""What a form found, and which of two answers is the better one."""
+"""The answer of one form of a QP, and the better one of two answers."""
 
 from typing import NamedTuple
 
@@ -9,7 +9,9 @@ from namlcp.qp.problem import QP, Point
 from namlcp.residuals import UNDEFINED, Residuals, qp_residuals
 from namlcp.status import Status
 
+# Objective of a QP with a certificate.
 OBJECTIVE = {Status.PRIMAL_INFEASIBLE: np.inf, Status.DUAL_INFEASIBLE: -np.inf}
+# Statuses that decide a QP, and those after which it is solved in another way.
 FINAL = (Status.SOLVED, *OBJECTIVE)
 UNDECIDED = (Status.STALLED, Status.NUMERICAL_ERROR)
 
@@ -26,7 +28,7 @@ class Answer(NamedTuple):
 
     @property
     def ends(self) -> bool:
-        """Tell whether no other form need be tried."""
+        """Tell whether no other form is to be tried."""
         return self.status in FINAL or self.status is Status.TIME_LIMIT
 
 
@@ -38,14 +40,17 @@ def proved(
 
 
 def out_of_time(qp: QP) -> Answer:
-    """Return the answer where time is over before a form has begun: x = clip(0)."""
+    """Return the answer where time ran out before any form began: x = clip(0)."""
     point = qp.point(qp.clip(np.zeros(qp.q.size)))
     residuals = qp_residuals(*qp, *point)
     return Answer(Status.TIME_LIMIT, point, residuals, 0, "substitution")
 
 
 def better(answer: Answer, other: Answer, limits: Limits) -> Answer:
-    """Return `other`, tried after `answer`, unless that has the better point."""
+    """Return the answer with the better point; `other`, the later one, if it is final.
+
+    The status and the message are those of `other` in any case.
+    """
     worst, new = (a.residuals.worst(*limits.tolerances) for a in (answer, other))
     if other.status not in FINAL and worst < new:
         return answer._replace(status=other.status, message=other.message)

@@ -1,4 +1,4 @@
-"""QPs with bounds alone are box LCPs: the one module that uses both alphabets.
+"""QPs with bounds alone, solved as box LCPs; the table translates the names.
 
 QP, bounds only                       box LCP
 P, q                                  A, q
@@ -35,26 +35,27 @@ from namlcp.status import Status
 
 
 def box_lcp(qp: QP, matrix: Prepared | None = None) -> LCP:
-    """Return the box LCP that a QP with bounds only is, of a matrix prepared before.
+    """Return a QP with bounds alone as a box LCP; `matrix` is P if it was prepared.
 
-    P is symmetric, so that its compressed columns pass for compressed rows.
+    P is symmetric: its compressed columns are its compressed rows.
     """
     matrix = matrix or Prepared.unchecked(qp.P, symmetric=True)
     return LCP(matrix, qp.q, qp.lb, qp.ub)
 
 
 def box_point(qp: QP, outcome: Outcome) -> Point:
-    """Return the point of the QP that the LCP's z and w are."""
+    """Return the point of the QP for z and w of the LCP."""
     x, z_box = on_bounds(outcome.z, outcome.w, qp.lb, qp.ub)
     return Point(x, NOTHING, NOTHING, z_box)
 
 
 @kernel
 def on_bounds(z, w, lower, upper):
-    """Return (x, z_box): x on its bound and z_box = -w where z - w leaves the box.
+    """Return (x, z_box) of the QP for z, w and the bounds of the LCP, all (n,).
 
-    Elsewhere z_box = 0. A w of the wrong sign, too small to move z - w off its bound,
-    remains as a residual.
+    x_j = z_j and z_box_j = 0 where z_j - w_j lies between the bounds. Elsewhere x_j is
+    the bound and z_box_j = -w_j; a w_j too small to move z_j - w_j may have the wrong
+    sign: then z_box_j = 0, and w_j remains as a dual residual.
     """
     x, z_box = np.empty(z.size), np.empty(z.size)
     for j in range(z.size):
@@ -69,19 +70,19 @@ def on_bounds(z, w, lower, upper):
 
 @kernel
 def is_box_open(lower, upper):
-    """Tell whether there is a finite point in the box."""
+    """Tell whether the box has a finite point."""
     for j in range(lower.size):
         if lower[j] > upper[j] or lower[j] == np.inf or upper[j] == -np.inf:
             return False
     return True
 
 
-# Relative residuals of the LCP tried one after another for a large QP with bounds.
+# Relative tolerances of the LCP that `solve_large_box` tries one after another.
 SHARPER = (ACCURACY, 1e-11, 1e-13)
 
 
 def solve_bounds(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Answer | None:
-    """Solve the box LCP that bounds alone make; None where it does not decide."""
+    """Solve a QP with bounds alone as a box LCP; None if that decides nothing."""
     large = not qp.is_dense and qp.q.size >= LARGE_LCP
     limits.announce(relax_csr if large else pivot)
     if large:
@@ -110,9 +111,9 @@ def solve_bounds(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Answer
 
 
 def solve_large_box(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Outcome:
-    """Solve the box LCP of a convex QP until that, not the LCP, is solved.
+    """Solve the box LCP with sharper tolerances until the residuals of the QP pass.
 
-    The gap of the QP adds up the errors of many unknowns.
+    The duality gap of the QP adds up the errors of all unknowns.
     """
     lcp, z0 = box_lcp(qp, memory.prepared(qp.P)), guess.start
     for eps_rel in SHARPER:

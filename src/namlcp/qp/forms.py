@@ -1,8 +1,8 @@
 """The forms a QP may have, smallest first, and the solver of each.
 
-Bounds alone make a box LCP with A = P; a small or full QP is dense and goes to dual
-pivots on its multipliers' LCP; everything else to the interior-point method, which also
-takes over where another form does not finish.
+A QP with bounds alone is a box LCP with A = P; a small or full QP is solved by a dense
+dual active-set method; every other QP, and what these two leave unsolved, is solved by
+the interior-point method.
 """
 
 from namlcp.limits import Limits
@@ -14,20 +14,19 @@ from namlcp.qp.memory import Memory
 from namlcp.qp.path import solve_path
 from namlcp.qp.problem import QP
 
-# Variables up to which the dense form is quicker than the box LCP for bounds alone.
+# Most variables of a QP with bounds alone that is quicker in dense form.
 DENSE_BOX = 50
-# Variables, and entries of P, G and A, up to which pivots on a dense QP do not take
-# many seconds.
+# Most variables, and most entries of P, G and A, zeros included, of the dense form,
+# which would take many seconds beyond.
 DENSE_VARIABLES, DENSE_ENTRIES = 2000, 16_000_000
-# Entries of P, G and A, zeros included, up to which a sparse QP is quicker as a dense
-# one.
+# Most entries, zeros included, of a sparse QP that is quicker in dense form.
 SPARSE_ENTRIES = 10_000
-# Part of these entries, from which on a sparse QP counts as full.
+# Least fraction of stored entries at which a larger sparse QP takes the dense form.
 FULL = 0.3
 
 
 def is_small(qp: QP) -> bool:
-    """Tell whether the dense form fits."""
+    """Tell whether the QP takes the dense form."""
     n = qp.q.size
     entries = n * (n + qp.h.size + qp.b.size)
     if n > DENSE_VARIABLES or entries > DENSE_ENTRIES:
@@ -38,14 +37,14 @@ def is_small(qp: QP) -> bool:
 
 
 def is_box(qp: QP) -> bool:
-    """Tell whether there are bounds and nothing else."""
+    """Tell whether the QP has bounds alone, and these have a finite point."""
     return qp.h.size == 0 and qp.b.size == 0 and is_box_open(qp.lb, qp.ub)
 
 
 def solve_smallest_form(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Answer:
-    """Try the smallest form that fits, then the interior-point method.
+    """Return the better answer of the smallest form and the interior-point method.
 
-    Returns the better answer.
+    The latter does not run where the former decides, or time is over.
     """
     answer = None
     small = is_small(qp)
@@ -54,7 +53,7 @@ def solve_smallest_form(qp: QP, guess: Guess, limits: Limits, memory: Memory) ->
             answer = solve_bounds(qp, guess, limits, memory)
     starts = [guess, NO_GUESS] if guess.x.size else [NO_GUESS]
     while small and starts and not (answer and answer.ends):
-        # a wrong guess may cost the time of a second solve, but not the answer
+        # a wrong guess may mislead the first solve; the second one starts without
         found = solve_dense(qp, starts.pop(0), limits)
         if found is None:
             break

@@ -1,9 +1,9 @@
-"""The judge: it measures the points of one QP on its unscaled data and keeps the best.
+"""Residual checks on unscaled data: `Judge` measures points and keeps the best one.
 
-A form judges its candidates on the problem that it was given. SOLVED is a claim until
-`confirmed` has judged the point, mapped back, on the user's own data. Judging there
-alone would be weaker: bounds that stand for rows of the user clip x and take up dual
-residuals, and the rows themselves do not.
+The interior-point method measures its points on the QP it was given. If that came from
+a substitution, `confirmed` measures the final point again on the user's own data.
+Measuring there alone would be weaker: x can be clipped to bounds, and z_box can take up
+dual residuals, but not where the bounds are still rows of the user.
 """
 
 from math import inf
@@ -19,19 +19,19 @@ from namlcp.qp.transforms import Substitution
 from namlcp.residuals import Residuals, qp_residuals
 from namlcp.status import Status
 
-# Largest residual over its tolerance that is tried to be corrected: beyond it, more is
-# wrong than rounding.
+# Largest ratio of a residual to its tolerance at which `correct_rounding` is tried: a
+# larger one is not due to rounding alone.
 CORRECTABLE = 1e3
 
 
 class Judge:
-    """The best point so far; `best` is its largest residual over the tolerance.
+    """The best point so far; `best` is the largest of its residuals over tolerances.
 
-    A point with best <= 1 solves the QP.
+    The point solves the QP if best <= 1.
     """
 
     def __init__(self, qp: QP, limits: Limits) -> None:
-        """Start with zeros, not measured."""
+        """Start with the zero point, not measured."""
         self.qp, self.limits = qp, limits
         self.best = inf
         self.point = qp.point()
@@ -39,13 +39,13 @@ class Judge:
 
     @property
     def residuals(self) -> Residuals:
-        """Those of the best point."""
+        """The residuals of the best point."""
         return self.measured or qp_residuals(*self.qp, *self.point)
 
     def offer(self, point: Point) -> float:
-        """Measure the point, with x clipped to the bounds, and with rounding corrected.
+        """Measure the point, then with x clipped, then with rounding corrected.
 
-        Returns the least of their largest residuals over the tolerance.
+        Returns the least of their largest residuals over tolerances.
         """
         tolerances = self.limits.tolerances
         inside = self.qp.clip(point.x)
@@ -70,7 +70,10 @@ class Judge:
         return found
 
     def answer(self, status: Status, iterations: int, form: str) -> Answer:
-        """Return the best point: SOLVED if it is, else `status`, STALLED if final."""
+        """Return the best point, SOLVED if it passes.
+
+        If it does not, a final `status` becomes STALLED.
+        """
         if self.best <= 1.0:
             status = Status.SOLVED
         elif status in FINAL:
@@ -79,9 +82,9 @@ class Judge:
 
 
 def confirmed(answer: Answer, back: Substitution, limits: Limits) -> Answer:
-    """Return the answer of a transformed problem as one on the user's own data.
+    """Map the answer of a substituted QP back and check it on the user's own data.
 
-    A point is judged there, a certificate tested; STALLED where it does not pass.
+    It becomes STALLED if its point or certificate does not pass there.
     """
     qp, point, tol = back.user, answer.point, limits.eps_abs
     proof = None

@@ -1,9 +1,4 @@
-"""solve_qp: check, transform, solve the smallest form, map back, judge.
-
-Recoveries: a problem that stalls after the substitution is solved again as it came, and
-one that stalls then is solved without its huge bounds. SOLVED is said on the user's own
-data alone.
-"""
+"""solve_qp: check, substitute, solve the smallest form, map back, check residuals."""
 
 import time
 from typing import Any
@@ -58,10 +53,10 @@ def solve_qp(
     lb, ub : (n,) array, optional
         Bounds; lb_i <= -1e20 and ub_i >= 1e20 mean none.
     x0 : (n,) array, optional
-        A guess of x; the rows active there are tried first.
+        A guess of x; the constraints active there are tried first.
     warm_start : QPResult or qpsolvers.Solution, optional
-        The solution of a similar problem, of the same sizes; the rows with a multiplier
-        there are tried first. Overrides x0.
+        The solution of a similar problem of the same sizes; the constraints with a
+        multiplier there are tried first. Overrides x0.
     history : bool
         Keep the rows of the verbose table in the result.
     **settings
@@ -81,7 +76,7 @@ def solve_qp(
     TypeError
         An argument is no array of real numbers, or an option is unknown.
     MemoryError
-        A matrix to be made would have more entries than int32 can count.
+        A matrix that the solve needs would have more entries than int32 can count.
 
     Notes
     -----
@@ -90,8 +85,8 @@ def solve_qp(
     `namlcp.residuals` has the formulas, `namlcp.qp.forms` the methods.
 
     P is refused as not convex if, scaled to a unit diagonal, it has an eigenvalue below
-    -1e-6; what lies between that and 0 is taken for rounding to single precision. (Of
-    the Maros-Meszaros collection that refuses VALUES, whose smallest is -1.3e-5.)
+    -1e-6; those between that and 0 count as rounding to single precision. (VALUES of
+    the Maros-Meszaros collection is refused: its smallest eigenvalue is -1.3e-5.)
 
     Examples
     --------
@@ -121,7 +116,7 @@ def solve_checked(
 ) -> QPResult:
     """Solve a checked QP; `start` is the time.perf_counter() of the call.
 
-    `memory` is kept by the caller from one problem to the next of the same pattern.
+    `memory` may be kept for the next problem of the same pattern; it is changed.
     """
     progress = None
     if options.verbose or history:
@@ -157,10 +152,10 @@ def solve_checked(
 def solve_or_relax(
     qp: QP, guess: Guess, limits: Limits, memory: Memory | None
 ) -> Answer:
-    """Solve the QP, without its huge bounds where it stalls with them.
+    """Solve the QP; if it stalls, solve it without its huge bounds.
 
-    The relaxed QP has fewer constraints: a proof that it is infeasible is one for the
-    QP, too. Its solution is judged with the huge bounds.
+    A proof that this relaxed QP is infeasible holds for the QP, too. The residuals of
+    its solution are computed with the huge bounds.
     """
     answer = solve_substituted(qp, guess, limits, memory)
     relaxed = without_huge_bounds(qp) if answer.status in UNDECIDED else None
@@ -181,9 +176,9 @@ def solve_or_relax(
 def solve_substituted(
     qp: QP, guess: Guess, limits: Limits, memory: Memory | None
 ) -> Answer:
-    """Take out what single rows and free columns decide, solve, and map back.
+    """Substitute rows with one entry and free columns, solve, and map back.
 
-    A QP that remains unsolved after this substitution is solved again as it came.
+    If that remains undecided, the QP is solved without the substitution.
     """
     if memory is None:
         memory = Memory()
