@@ -1,14 +1,14 @@
-"""The KKT matrix: one fixed pattern, its diagonal changes, LDL' factors it.
+"""The KKT matrix K, its varying diagonal, its LDL' factors and solves with them.
 
         [P  A'  G']          [P + dx   A'   G']
     K = [A  0   0 ],   K~ =  [A       -dy    0],   dx, dy, dv > 0 (quasi-definite).
         [G  0   0 ]          [G        0   -dv]
 
 K is kept as the upper triangle in CSC, so column n + i is row i of C = [A; G] and the
-diagonal is the last entry of every column. Solutions are refined in the norm
+diagonal is the last entry of every column. Iterative refinement measures residuals as
 max |r_i| / max(1, |K~_ii|): rows of inactive constraints have diagonals of 1e10 and
-more, which would hide all others. Where refinement stops short, GMRES(8) with the
-factors as preconditioner goes on.
+more, and would outweigh all others. If refinement ends early, GMRES(8), preconditioned
+by the factors, continues.
 """
 
 import numpy as np
@@ -18,26 +18,26 @@ from namlcp.checks import refuse_size
 from namlcp.compiled import kernel
 from namlcp.linalg import Factors, arrays_of, factor
 
-# Refinement steps at most; relative residual of K~ u = rhs at which they end, unless
-# the caller asks for another.
+# Most refinement steps of a solve; `KKT.accuracy` unless the caller changes it.
 REFINEMENT_STEPS, DEFAULT_ACCURACY = 11, 1e-14
-# Relative residual above which GMRES goes on, and its steps.
+# Least relative residual after refinement at which GMRES runs, and its iterations.
 GMRES_ABOVE, KRYLOV = 1e-9, 8
-# A right-hand side below this is measured as if it were so large.
+# Residuals are relative to the norm of the right-hand side, or to this if larger.
 SMALL_RHS = 1e-8
 
 
 class KKT:
-    """K with its factors.
+    """K with the factors of K~.
 
     Attributes
     ----------
-    indptr, indices, base : the upper triangle of K in CSC, diagonal entries stored
+    indptr, indices, base : upper triangle of K in CSC, all diagonal entries stored
     triangle : these three
-    data : the values of K~, diagonal filled in by the caller through `diagonal`
-    diagonal : positions of the diagonal in `base` and `data`
+    data : values of K~; the caller writes its diagonal, data[diagonal]
+    diagonal : positions of the diagonal entries in `base` and `data`
+    factored : the `data` that `factors` belong to
     accuracy : relative residual at which refinement stops
-    n, size : number of variables; of all rows of K
+    n, size : order of P; order of K
     """
 
     def __init__(
@@ -47,9 +47,9 @@ class KKT:
         G: csr_array,
         last: "KKT | None" = None,
     ) -> None:
-        """Lay out K for P (symmetric, all of it stored), A and G.
+        """Lay out K for P (both triangles stored), A and G.
 
-        The factors of the `last` K are taken over where the pattern is the same.
+        It shares the factors of `last` if that has the same pattern.
         """
         self.accuracy = DEFAULT_ACCURACY
         self.n = P.shape[0]
@@ -79,10 +79,10 @@ class KKT:
         self.trial = np.empty(self.size)
 
     def factor(self) -> bool:
-        """Factor K~ as it stands in `data`; False if a pivot vanishes."""
+        """Factor K~ unless `data` are factored already; False if a pivot vanishes."""
         if set_weights(self.data, self.diagonal, self.factored, self.weight):
             return True
-        self.factored[-1] = np.nan
+        self.factored[-1] = np.nan  # should this fail, no data match
         try:
             if self.factors is None:
                 self.factors = factor(self.matrix)
@@ -94,7 +94,7 @@ class KKT:
         return True
 
     def solve_once(self, rhs: np.ndarray) -> np.ndarray:
-        """Return the solution as the factors give it."""
+        """Return the solution of K~ u = rhs without refinement."""
         assert self.factors is not None
         return self.factors.solve(rhs)
 
@@ -104,7 +104,7 @@ class KKT:
         return set_remainder(*K, self.weight, rhs, u, r)
 
     def solve(self, rhs: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return a refined u with K~ u = rhs and its relative residual."""
+        """Return a refined solution u of K~ u = rhs and its relative residual."""
         size = max(SMALL_RHS, weighted_norm(rhs, self.weight))
         u = self.solve_once(rhs)
         r, other = self.residual, self.trial
@@ -128,7 +128,7 @@ class KKT:
     def gmres(
         self, rhs: np.ndarray, u: np.ndarray, error: float, size: float
     ) -> tuple[np.ndarray, float]:
-        """One cycle of GMRES(8) from u, in the norm of `solve`; the better point."""
+        """Return the better of u and one cycle of GMRES(8) from it, and its error."""
         r = np.empty(self.size)
         self.remainder(rhs, u, r)
         r /= self.weight
@@ -145,7 +145,7 @@ class KKT:
             steps[k] = self.solve_once(basis[k] * self.weight)
             self.remainder(zero, steps[k], r)
             r /= -self.weight
-            for _ in range(2):  # orthogonalised twice, or the basis degenerates
+            for _ in range(2):  # orthogonalised twice against rounding
                 h = basis[: k + 1] @ r
                 r -= h @ basis[: k + 1]
                 H[: k + 1, k] += h
@@ -168,7 +168,10 @@ class KKT:
 
 @kernel
 def upper_triangle(P, A, G, indptr, indices, data):
-    """Fill the upper triangle of K from P in CSC (both triangles), A and G in CSR."""
+    """Write the upper triangle of K from P in CSC (both triangles), A and G in CSR.
+
+    indptr, indices and data take the triangle; indptr[0] is 0 on entry.
+    """
     n = P.indptr.size - 1
     k = 0
     for j in range(n):
@@ -200,7 +203,7 @@ def upper_triangle(P, A, G, indptr, indices, data):
 
 @kernel
 def set_weights(data, diagonal, factored, weight):
-    """Set weight_i = max(1, |K~_ii|); tell whether the data are the factored ones."""
+    """Set weight_i = max(1, |K~_ii|); tell whether `data` equal `factored`."""
     for i in range(weight.size):
         weight[i] = max(1.0, abs(data[diagonal[i]]))
     for t in range(data.size - 1, -1, -1):
@@ -211,7 +214,7 @@ def set_weights(data, diagonal, factored, weight):
 
 @kernel
 def weighted_norm(r, weight):
-    """Return max |r_i| / weight_i; NaN counts."""
+    """Return max |r_i| / weight_i of the entries after the last NaN, NaN if none."""
     worst = 0.0
     for i in range(r.size):
         value = abs(r[i]) / weight[i]
@@ -239,7 +242,10 @@ def set_remainder(indptr, indices, data, weight, rhs, u, r):
 
 @kernel
 def products(indptr, indices, base, x, v, Px, Ctv, t):
-    """Set Px = P x, Ctv = C'v[n:] and t = (x, C x) for x (n,), v and t (size,)."""
+    """Set Px = P x, Ctv = C'v[n:] and t = (x, C x); x, Px, Ctv are (n,), v, t (size,).
+
+    indptr, indices, base are the upper triangle of K.
+    """
     n = x.size
     for j in range(n):
         Px[j] = 0.0

@@ -1,14 +1,9 @@
 """Corrections of a solution whose residuals are at rounding level, but too large.
 
-A multiplier near 1e7 has rounding errors of 1e-9. Where the tolerance is less, they are
-a dual residual; where the terms of the duality gap are near 1e11, they are a gap. Both
-are linear in other unknowns, whose own residuals have tolerance left:
-
-- the entry r_j of the dual residual goes into z_box_j where x_j has a bound on that
-  side, else into x_j (a Gauss-Seidel step on the Lagrangian, dx_j = -r_j/P_jj);
-- the gap g goes into multipliers with the sides s, dz = -g s/s's.
-
-The judge measures every point made here like any other.
+A multiplier near 1e7 has rounding errors of 1e-9. They make a dual residual above a
+smaller tolerance, and a gap where its terms are near 1e11. Both can be removed by small
+changes of unknowns whose own residuals are below tolerance: the dual residual by z_box
+where a bound allows the sign, else by x; the gap by multipliers.
 """
 
 from typing import Any
@@ -20,20 +15,20 @@ from namlcp.linalg import add_transposed, times
 from namlcp.qp.problem import QP, Point
 from namlcp.residuals import Residuals, qp_residuals, signed_gap
 
-# Gauss-Seidel passes over the dual residual.
+# Gauss-Seidel passes over the entries of the dual residual.
 PASSES = 3
-# Corrections of the gap by a single multiplier, at most.
+# Most corrections of the gap by a single multiplier.
 TRIES = 64
-# Part of the tolerance above which an entry of the dual residual is corrected.
+# Fraction of the tolerance above which an entry of the dual residual is corrected.
 SHARE = 0.5
 
 
 def correct_rounding(
     qp: QP, point: Point, found: Residuals, eps_abs: float, eps_rel: float
 ) -> Point:
-    """Return the point, which has the residuals `found`, with smaller ones if possible.
+    """Return a point with residuals smaller than `found`, those of `point`, or `point`.
 
-    Matrices are CSC. Where nothing can be corrected the result is `point` itself.
+    The matrices are CSC.
     """
     tol = eps_abs + eps_rel * found.dual_size
     if found.dual > SHARE * tol:
@@ -46,7 +41,7 @@ def correct_rounding(
 
 
 def correct_dual_residual(qp: QP, point: Point, tol: float) -> Point:
-    """Return the point with dual residuals above `tol` moved into z_box or x."""
+    """Return the point with dual residuals above `tol` removed by z_box or x."""
     point = point._replace(x=point.x.copy(), z_box=point.z_box.copy())
     r = times(qp.P, point.x) + qp.q
     for M, multiplier in ((qp.G, point.z), (qp.A, point.y)):  # as `qp_residuals` adds
@@ -61,9 +56,10 @@ def correct_dual_residual(qp: QP, point: Point, tol: float) -> Point:
 
 @kernel
 def gauss_seidel(indptr, indices, data, bounds, tol, r, unknowns):
-    """Reduce |r_j + z_box_j| above tol by z_box_j, then by x_j; r = Px + q + C'v.
+    """Reduce dual residuals |r_j + z_box_j| > tol by z_box_j, then by x_j.
 
-    bounds = (lb, ub), unknowns = (x, z_box).
+    x_j takes a Gauss-Seidel step on the Lagrangian. P is in CSC, r = Px + q + G'z +
+    A'y, bounds = (lb, ub), unknowns = (x, z_box); r and the unknowns are overwritten.
     """
     lb, ub = bounds
     x, z_box = unknowns
@@ -91,17 +87,17 @@ def gauss_seidel(indptr, indices, data, bounds, tol, r, unknowns):
 def correct_gap(
     qp: QP, point: Point, size: float, tol: float, dual_left: float
 ) -> Point:
-    """Return the point with its gap, of this size, moved into multipliers.
+    """Return the point with its gap, of modulus `size`, removed by multipliers.
 
-    First all multipliers of one sum of the gap change together, which is the smallest
-    change (dz = -g s/s's); ub'z_box^+ comes first, because the sum that is added last
-    is rounded least. Then one multiplier after another changes, because the sums round
-    differently with each. Corrections are skipped that flip a sign, or with which the
-    dual residual would grow by more than `dual_left` in all.
+    First all multipliers of one sum s'z, such as ub'z_box^+, change together, by -g
+    s/s's for the gap g; ub'z_box^+ is first, being added last and thus rounded least.
+    Then single multipliers change, since each makes the sums round differently. A
+    correction is skipped if it flips a sign, or if all corrections together would add
+    more than `dual_left` to the dual residual.
     """
     x, y, z, z_box = point
     n, p, m = x.size, y.size, z.size
-    # the multipliers and their sides in the order b, h, lb, ub
+    # multipliers and their right-hand sides in the order b, h, lb, ub
     multiplier = np.concatenate((y, z, np.minimum(z_box, 0.0), np.maximum(z_box, 0.0)))
     side = np.concatenate((qp.b, qp.h, qp.lb, qp.ub))
     kinds = np.split(np.arange(side.size), np.cumsum((p, m, n)))
@@ -115,10 +111,10 @@ def correct_gap(
         return signed_gap((qp.q, qp.h, qp.b, qp.lb, qp.ub), point, Px)
 
     def changed(k: np.ndarray, gap: float) -> Point | None:
-        """Move the gap into the multipliers k, or those of them that may change."""
+        """Return the point after a correction by multipliers k, None if skipped."""
         for _ in range(2):
             top = np.abs(side[k]).max()
-            s = side[k] / top  # or s's leaves the range
+            s = side[k] / top  # else s's may overflow
             new = multiplier[k] - gap / top / (s @ s) * s
             free = np.abs(new - multiplier[k]) * largest[k] <= dual_left
             free &= (k < p) | (new * multiplier[k] > 0.0)
@@ -159,7 +155,7 @@ def correct_gap(
 
 
 def row_maxima(M: Any) -> np.ndarray:
-    """Return the largest modulus of each row of a CSC matrix."""
+    """Return the largest modulus in each row of a CSC matrix."""
     largest = np.zeros(M.shape[0])
     np.maximum.at(largest, M.indices, np.abs(M.data))
     return largest
