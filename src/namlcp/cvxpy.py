@@ -1,4 +1,4 @@
-"""The edge to CVXPY: its data dict in, its Solution out, nothing computed here.
+"""The interface to CVXPY: data dict in, Solution out, nothing computed here.
 
 ``prob.solve(solver=namlcp.cvxpy.NAM())`` works as it stands; after `register` so does
 ``prob.solve(solver="NAM")``. Needs cvxpy >= 1.8.
@@ -44,8 +44,8 @@ class NAM(QpSolver):
     ``Problem.status`` is "optimal" only if the tolerances are met on CVXPY's own data;
     "infeasible" leaves a Farkas certificate in the dual values (A'y + F'z = 0, z >= 0,
     b'y + g'z < 0), "unbounded" a ray in ``solver_stats.extra_stats["ray"]``;
-    "user_limit" the best point, where iterations, time or digits ran out. A P that is
-    not positive semidefinite raises SolverError.
+    "user_limit" the best point, where iterations or time ran out or rounding errors
+    stopped progress. A P that is not positive semidefinite raises SolverError.
     """
 
     MIP_CAPABLE = False
@@ -84,7 +84,7 @@ class NAM(QpSolver):
         solver_opts: dict[str, Any],
         solver_cache: dict[str, Any] | None = None,
     ) -> QPResult:
-        """Solve what CVXPY hands over; the cache keeps the last solution and factors.
+        """Solve CVXPY's QP; `solver_cache` keeps the last solution and factors.
 
         Raises TypeError or ValueError for an option, SolverError for all else.
         """
@@ -156,10 +156,10 @@ class NAM(QpSolver):
 
 
 def program(data: dict[str, Any], memory: Memory) -> QP:
-    """Return CVXPY's data as a checked QP, with the last matrices where they stay.
+    """Return CVXPY's data as a checked QP, with the copies in `memory` where equal.
 
     CVXPY lets an equality have an infinite side, which no x satisfies: such a row goes
-    among the inequalities as a'x <= -inf, which says so.
+    among the inequalities as a'x <= -inf, which is infeasible too.
     """
     P, A, b, F, g = (data[key] for key in (s.P, s.A, s.B, s.F, s.G))
     infinite = np.isinf(b)

@@ -1,4 +1,4 @@
-"""The edge to qpsolvers: a Problem in, a Solution out, nothing computed here."""
+"""The interface to qpsolvers: a Problem in, a Solution out, nothing computed here."""
 
 import importlib
 import time
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 with warnings.catch_warnings():
-    # Alone on a machine, qpsolvers warns that it has no solver: it is about to.
+    # qpsolvers warns where it finds no solver; `register` adds one.
     warnings.filterwarnings("ignore", message="no QP solver found")
     import qpsolvers
 from qpsolvers.exceptions import ParamError, ProblemError, SolverError
@@ -34,7 +34,7 @@ def nam_solve_problem(
     problem : qpsolvers.Problem
         Dense, sparse or mixed; any SciPy sparse class. It is not changed.
     initvals : (n,) array, optional
-        A guess of x; the rows active there are tried first.
+        A guess of x; the constraints active there are tried first.
     verbose : bool
         Print a table of the progress.
     **settings
@@ -56,7 +56,7 @@ def nam_solve_problem(
     qpsolvers.ProblemError
         The problem is malformed, or P is not positive semidefinite.
     qpsolvers.SolverError
-        The solver failed in a way it should not.
+        The solver failed unexpectedly.
     """
     start = time.perf_counter()
     try:
@@ -82,7 +82,7 @@ def nam_solve_problem(
         return solution(problem, result)
     except qpsolvers.exceptions.QPError:
         raise
-    except Exception as error:  # a KeyError would read as "solver not installed"
+    except Exception as error:  # a KeyError would mean "solver not installed"
         raise SolverError(f"namlcp failed: {error!r}") from error
 
 
