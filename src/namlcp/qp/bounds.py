@@ -95,8 +95,7 @@ def solve_bounds(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Answer
     point = box_point(qp, outcome)
     if outcome.ray is not None:
         memory.ensure_convex(as_sparse(qp.P))
-        x = point.x
-        proof = accept_dual(qp, x, NOTHING, NOTHING, outcome.ray, limits.eps_abs)
+        proof = accept_dual(qp, point.x, NOTHING, NOTHING, outcome.ray, limits.eps_abs)
         if proof is None:
             return None
         return proved(Status.DUAL_INFEASIBLE, proof, iterations, "bounds")
