@@ -46,15 +46,10 @@ def accept_primal(
     s = qp.G.T @ z + qp.A.T @ y
     allowed = np.where(s < 0.0, np.isfinite(qp.ub), np.isfinite(qp.lb))
     z_box = np.where(allowed & (s != 0.0), -s, 0.0)
-    up, down = np.flatnonzero(z_box > 0.0), np.flatnonzero(z_box < 0.0)
-    rows = np.flatnonzero(z)
+    up, low = np.flatnonzero(z_box > 0.0), np.flatnonzero(z_box < 0.0)
+    at = np.flatnonzero(z)
     terms = np.concatenate(
-        (
-            qp.b * y,
-            qp.h[rows] * z[rows],
-            qp.ub[up] * z_box[up],
-            qp.lb[down] * z_box[down],
-        )
+        (qp.b * y, qp.h[at] * z[at], qp.ub[up] * z_box[up], qp.lb[low] * z_box[low])
     )
     value = terms.sum()
     if not value < -ROUNDING * np.abs(terms).sum():
