@@ -11,6 +11,7 @@ import numpy as np
 from scipy.sparse import csc_array
 
 from namlcp.lcp import Prepared
+from namlcp.linalg import arrays_of
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.problem import QP
 from namlcp.qp.transforms import Presolved, ScaledQP, Substitution
@@ -72,8 +73,5 @@ class Memory:
 def is_same(M: Any, N: Any) -> bool:
     """Tell whether two matrices in CSC are equal, entry by entry."""
     return M is N or (
-        M.shape == N.shape
-        and np.array_equal(M.indptr, N.indptr)
-        and np.array_equal(M.indices, N.indices)
-        and np.array_equal(M.data, N.data)
+        M.shape == N.shape and all(map(np.array_equal, arrays_of(M), arrays_of(N)))
     )
