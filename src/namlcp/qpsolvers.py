@@ -95,11 +95,10 @@ def solution(problem: qpsolvers.Problem, result: QPResult) -> qpsolvers.Solution
         "form": result.form,
         "residuals": result.residuals,
     }
-    found = result.status is Status.SOLVED
     answer = qpsolvers.Solution(
         problem,
         extras=extras,
-        found=found,
+        found=result.status is Status.SOLVED,
         obj=result.obj,
         build_time=result.setup_time,
         solve_time=result.solve_time,
