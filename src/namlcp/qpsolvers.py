@@ -142,8 +142,8 @@ def register() -> None:
     forkserver must import namlcp again.
     """
     # The attribute qpsolvers.solve_problem is the function, hence import_module.
-    host = importlib.import_module("qpsolvers.solve_problem")
-    host.solve_function[KEYWORD] = nam_solve_problem
+    module = importlib.import_module("qpsolvers.solve_problem")
+    module.solve_function[KEYWORD] = nam_solve_problem
     for names in (
         qpsolvers.available_solvers,
         qpsolvers.dense_solvers,

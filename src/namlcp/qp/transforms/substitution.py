@@ -270,11 +270,11 @@ def free_columns(
 def worth_it(A: csc_array, row: np.ndarray, squared: np.ndarray) -> np.ndarray:
     """Tell which rows to square into P: where all would fill it in, the short ones."""
     length = np.bincount(A.indices, minlength=A.shape[0])[row] - 1
-    costs = length[squared]
+    lengths = length[squared]
     touched = np.zeros(A.shape[0], dtype=bool)
     touched[row[squared]] = True
-    width = count_columns(A.indptr, A.indices, touched) - costs.size
-    if min((costs**2).sum(), width**2) <= FILL * costs.sum() + SMALL:
+    width = count_columns(A.indptr, A.indices, touched) - lengths.size
+    if min((lengths**2).sum(), width**2) <= FILL * lengths.sum() + SMALL:
         return np.ones(row.size, dtype=bool)
     return ~squared | (length <= SHORT)
 
