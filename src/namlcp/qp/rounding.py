@@ -1,9 +1,9 @@
 """Corrections of a solution whose residuals are at rounding level, but too large.
 
-A multiplier near 1e7 has rounding errors of 1e-9. They make a dual residual above a
-smaller tolerance, and a gap where its terms are near 1e11. Both can be removed by small
-changes of unknowns whose own residuals are below tolerance: the dual residual by z_box
-where a bound allows the sign, else by x; the gap by multipliers.
+Rounding errors of a multiplier near 1e7, about 1e-9, make a dual residual that may
+exceed its tolerance; large terms of the duality gap leave a gap. Both can be removed by
+small changes of unknowns whose own residuals are below tolerance: the dual residual by
+z_box where a bound allows the sign, else by x; the gap by multipliers.
 """
 
 from typing import Any
@@ -26,7 +26,7 @@ SHARE = 0.5
 def correct_rounding(
     qp: QP, point: Point, found: Residuals, eps_abs: float, eps_rel: float
 ) -> Point:
-    """Return a point with residuals smaller than `found`, those of `point`, or `point`.
+    """Return the point, which has the residuals `found`, with the large ones reduced.
 
     The matrices are CSC.
     """
