@@ -20,7 +20,7 @@ from namlcp.linalg import Factors, arrays_of, factor
 
 # Most refinement steps of a solve; `KKT.accuracy` unless the caller changes it.
 REFINEMENT_STEPS, DEFAULT_ACCURACY = 11, 1e-14
-# Least relative residual after refinement at which GMRES runs, and its iterations.
+# Relative residual after refinement above which GMRES runs, and its iterations.
 GMRES_ABOVE, KRYLOV = 1e-9, 8
 # Residuals are relative to the norm of the right-hand side, or to this if larger.
 SMALL_RHS = 1e-8
@@ -41,11 +41,7 @@ class KKT:
     """
 
     def __init__(
-        self,
-        P: csc_array,
-        A: csr_array,
-        G: csr_array,
-        last: "KKT | None" = None,
+        self, P: csc_array, A: csr_array, G: csr_array, last: "KKT | None" = None
     ) -> None:
         """Lay out K for P (both triangles stored), A and G.
 

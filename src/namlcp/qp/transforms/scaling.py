@@ -174,11 +174,7 @@ class ScaledQP:
 
 
 def normalise(
-    indptr: np.ndarray,
-    indices: np.ndarray,
-    data: np.ndarray,
-    n: int,
-    scale: np.ndarray,
+    indptr: np.ndarray, indices: np.ndarray, data: np.ndarray, n: int, scale: np.ndarray
 ) -> None:
     """Divide the rows of C by their largest entries, or the columns, if that pays.
 
