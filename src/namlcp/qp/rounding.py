@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from namlcp.compiled import kernel
-from namlcp.linalg import add_transposed, times
+from namlcp.linalg import add_transposed, arrays_of, times
 from namlcp.qp.problem import QP, Point
 from namlcp.residuals import Residuals, qp_residuals, signed_gap
 
@@ -48,9 +48,7 @@ def correct_dual_residual(qp: QP, point: Point, tol: float) -> Point:
         part = np.zeros(r.size)
         add_transposed(M, multiplier, part)
         r += part
-    bounds = qp.lb, qp.ub
-    P = qp.P
-    gauss_seidel(P.indptr, P.indices, P.data, bounds, tol, r, (point.x, point.z_box))
+    gauss_seidel(*arrays_of(qp.P), (qp.lb, qp.ub), tol, r, (point.x, point.z_box))
     return point
 
 
