@@ -1,7 +1,8 @@
-"""The active rows of the dual active-set method: they enter and leave.
+"""Changes of the active set in the dual active-set method.
 
-The k active rows F are `active[:k]`, in the numbering of `rows`; `thinqr` keeps
-V_F' = Q'R, V = C L^-T. u = L'x; u0 is u of the unconstrained minimum.
+active[:k] lists the k active constraints, numbered as in `rows`, multiplier[:k] their
+multipliers. V_F, the active rows of V = C L^-T, is kept as V_F' = Q'R (`thinqr`).
+u = L'x is updated along with x; u0 is u at the unconstrained minimum.
 """
 
 import numpy as np
@@ -18,16 +19,17 @@ from namlcp.qp.dense.thinqr import (
     triangular_solve_transposed,
 )
 
-# A row whose part orthogonal to the active rows is at most this, relative to the row,
-# depends on them; a row of a guess, up to DEPENDENT_GUESS, is not taken over.
+# A row depends on the active ones if the norm of its part orthogonal to them over its
+# own norm is at most DEPENDENT; for inequalities in `add_rows`, DEPENDENT_GUESS.
 DEPENDENT, DEPENDENT_GUESS = 1e-10, 1e-6
-# An equality that depends on the others and is violated up to so many roundings holds.
+# A dependent equality counts as satisfied, and is skipped, if its violation is at most
+# REPEATED * level times the sum of the moduli of its terms.
 REPEATED = 1e3
 
 
 @part
 def first_blocking(multiplier, r, k, active, p):
-    """Return (step, index) of the first multiplier to reach zero; inf, -1 if none."""
+    """Return (step, index) of an inequality's first zero in multiplier - step r."""
     step, leaving = np.inf, np.int64(-1)
     for i in range(k):
         if active[i] >= p and r[i] > 0.0 and multiplier[i] < step * r[i]:
@@ -39,21 +41,24 @@ def first_blocking(multiplier, r, k, active, p):
 def add_constraint(
     entering, row, d, active, multiplier, k, L, Q, R, u, x, p, level, watch
 ):
-    """Make constraint `entering`, row'x <= d or = d, active by partial and full steps.
+    """Make constraint `entering`, row'x <= d or row'x = d, active.
 
-    Moves u = L'x, x and multiplier[:k]; equalities must enter before inequalities.
-    Returns the new number of active rows, or -1 - k where the constraint contradicts
-    the k active ones: multiplier[:k + 1] are then Farkas multipliers, the entering
-    constraint's last.
+    Overwrites u, x, active, multiplier, Q and R. A full step ends with row'x = d; a
+    partial step ends where a multiplier is zero, and its constraint is removed.
+    Equalities (entering < p) have to be added before inequalities.
+
+    Returns the number of active rows, or -1 - k if the constraint contradicts the k
+    rows active then: multiplier[:k + 1] are then Farkas multipliers, that of the
+    entering constraint last.
     """
     v = np.empty(row.size)
     copy(row, v)
     forward_solve(L, v)
     whole = np.sqrt(dot(v, v))
-    rest = np.empty(v.size)
+    rest = np.empty(v.size)  # part of v orthogonal to the active rows
     coefficients = np.empty(k + 1)
     r = np.empty(k + 1)
-    own = 0.0
+    own = 0.0  # multiplier of the entering constraint
     while not is_over(watch, 4 * v.size * v.size):
         copy(v, rest)
         length = orthogonalise(Q, k, rest, coefficients)
@@ -64,7 +69,7 @@ def add_constraint(
         if entering < p:
             step, leaving = np.inf, np.int64(-1)
             if dependent and abs(violation) <= REPEATED * level * term_size(row, x, d):
-                return k  # it follows from the others
+                return k
         else:
             step, leaving = first_blocking(multiplier, r, k, active, p)
         if dependent and leaving < 0:
@@ -94,11 +99,12 @@ def add_constraint(
 
 @part
 def refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x, watch):
-    """Compute multipliers and x anew; drop inequalities until no multiplier is < 0.
+    """Compute multiplier, u and x of the active rows anew, free of accumulated error.
 
-    With the active rows as equations R'R multiplier = V_F u0 - d and
-    u = u0 - Q'R multiplier. The x found is optimal for the problem with the remaining
-    active rows alone, from which the method may go on. Returns the number of rows left.
+    With the active rows as equations, R'R multiplier = V_F u0 - d and
+    u = u0 - Q'R multiplier. Inequalities are removed, the most negative multiplier
+    first, until none is negative: x solves the QP with the remaining rows alone then.
+    Overwrites active, Q and R too; returns the number of rows left.
     """
     p = b.size
     row = np.empty(x.size)
@@ -127,7 +133,7 @@ def refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x, watch):
 
 @part
 def add_rows(rows, active, multiplier, k, G, A, L, Q, R, watch):
-    """Make the independent ones of the constraints `rows` active with multiplier 0."""
+    """Append the independent ones of `rows`, multipliers 0; return the rows' number."""
     p, n = A.shape[0], G.shape[1]
     row, d = np.empty(n), np.empty(n + 1)
     for i in range(rows.size):

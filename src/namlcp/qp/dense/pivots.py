@@ -1,26 +1,26 @@
-"""Small dense convex QPs: a dual active-set method, pivoting on the multipliers' LCP.
+"""The dual active-set method of Goldfarb and Idnani for small dense convex QPs.
 
-With P = L L' and C the rows of all constraints, the multipliers solve an LCP with the
-positive semidefinite matrix V V', V = C L^-T, which is never formed. Parametric
-principal pivoting on it is, in the letters of the QP, the dual active-set method of
-Goldfarb and Idnani (Math. Programming 27 (1983) 1-33): it ends after finitely many
-steps for every definite P, finds infeasible problems, and needs no start.
+P = L L', the rows of C are those of all constraints, and V = C L^-T. The multipliers
+solve an LCP with the matrix V V', which is never formed; parametric principal pivoting
+on it is this method (Math. Programming 27 (1983) 1-33). For a definite P it ends after
+finitely many steps, finds infeasible problems, and needs no starting point.
 
-1. x is the minimum without constraints; the equalities become active.
-2. The inequality violated most becomes active: its multiplier grows until its row holds
-   (full step) or another multiplier reaches zero and leaves (partial step). If neither
-   ends the step, the active rows contradict each other.
+1. x is the unconstrained minimum; the equalities become active.
+2. The inequality violated most becomes active: its multiplier grows until it holds with
+   equality (full step) or the multiplier of an active one is zero, which is then
+   removed (partial step). If neither ends the step, the active rows contradict it.
 3. Step 2 is repeated while a violation is above rounding. The active rows are kept as
-   a QR factorisation V_F' = Q'R, from which all multipliers are renewed now and then.
-4. The KKT system of the active set is solved with refinement on the unfactored data.
+   a QR factorisation V_F' = Q'R.
+4. The KKT system of the active set is refined with residuals of the unfactored data.
 
-A singular P gets a diagonal weight W, P + W = L L', and the cost (x - c)'W(x - c)/2
-around a centre c:
+For a singular P, (x - c)'W(x - c)/2 is added to the cost, W a diagonal weight, such
+that P + W = L L' is definite:
 
-5. c moves to the solution, and steps 2 to 4 are repeated: the proximal point method
-   (Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898), exact after finitely many
-   steps for a QP. Step 4 refines on P alone, so that one or two centres do once the
-   active set is right. Where the centre runs away along a ray, the QP is unbounded.
+5. c, the centre, moves to the solution and steps 2 to 4 are repeated. This is the
+   proximal point method (Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898), exact
+   after finitely many steps for a QP. Step 4 uses residuals without W, so that one or
+   two centres suffice once the active set is right. If c diverges along a ray, the QP
+   is unbounded.
 """
 
 import numpy as np
@@ -58,35 +58,38 @@ from namlcp.residuals import qp_residuals_of_products
 
 SOLVED, INFEASIBLE, UNBOUNDED, NOT_CONVEX, STALLED, BADLY_SCALED, TIME_LIMIT = range(7)
 
-# Pivots after which multipliers and x are computed anew, against drift.
+# Pivots between two calls of `refit`, which removes accumulated rounding errors.
 REFIT_AFTER = 32
-# A violation up to this, relative to its terms, is rounding: with P = L L', and with a
-# weight, where x loses the digits by which the weight is smaller than P.
+# Violations relative to their terms up to which they count as rounding at first, for
+# W = 0 and for W != 0: solving with a W much smaller than P makes x less accurate.
 ROUNDING, ROUNDING_WEIGHTED = 1e-14, 1e-12
-# After so many pivots in a row on violations below NOISE roundings, what counts as
-# rounding (`level`) grows tenfold; above MOST_ROUNDING the method has failed.
+# `level`, the violation that counts as rounding, grows tenfold after IDLE_PIVOTS pivots
+# in a row on violations below NOISE * level; above MOST_ROUNDING the method gives up.
 IDLE_PIVOTS, NOISE, MOST_ROUNDING = 10, 1e3, 1e-6
-# A pivot of P up to this multiple of its diagonal entry counts as zero.
+# P counts as singular if a pivot is at most this multiple of the diagonal entry of P.
 ZERO_PIVOT = 1e-13
-# The weight relative to the largest entry of P, or to a typical one if that is more;
-# after the first centre it is multiplied by LOWERING, LOWERED times in all.
+# Entries of W, relative to the largest diagonal entry of P or to `typical_curvature` if
+# that is larger; from the second centre on, W is multiplied by LOWERING with each new
+# centre, LOWERED times at most.
 WEIGHT, LOWERING, LOWERED = 1e-4, 0.1, 5
-# Centres at most, and passes of refinement for each. Without a weight: rounds of steps
-# 2 to 4, each with a coarser `level`, and passes.
+# (Rounds of steps 2 to 4, refinement passes in each) at most: for W != 0, each round
+# with a new centre, and for W = 0, each with a larger `level`.
 CENTRES, ROUNDS = (20, 20), (4, 5)
-# Relative residual of the KKT system at which it is solved, with a weight.
+# For W != 0, the relative residual of the KKT system up to which it counts as solved.
 SETTLED = 1e-11
-# Pivots allowed with a weight for every variable and row; the path is safer then.
+# Pivots at most for W != 0, per variable and row; the interior-point method is safer
+# for a QP that needs more.
 MOST_PIVOTS = 10
 
 
 @part
 def refine_point(active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x, passes):
-    """Improve x and multiplier on the unfactored KKT system of the active rows.
+    """Refine x (n,) and multiplier[:k] on the KKT system of the k active rows N.
 
-    [P N'; N 0] [dx; dm] = -[rd; rp] by R'(R dm + Q g) = rp, L'dx = -(g + Q'R dm),
-    g = L^-1 rd. Stops when a step gains less than a factor 2. With a weight each step
-    is a proximal one on the active set. Returns the relative residual.
+    With the residuals rd, rp for P itself, [L L', N'; N, 0] [dx; dm] = -[rd; rp] is
+    solved by g = L^-1 rd, R'(R dm + Q g) = rp, L'dx = -(g + Q'R dm). Ends where a pass
+    does not halve the relative residual, or after `passes`; returns the least one.
+    With W != 0 a pass is a step of the proximal point method on the active set.
     """
     n = x.size
     row, g, dx = np.empty(n), np.empty(n), np.empty(n)
@@ -136,11 +139,11 @@ def refine_point(active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x, pa
 
 @part
 def set_multipliers(active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box):
-    """Set y, z, z_box from the active rows; active bounds hold to the last bit.
+    """Set y, z, z_box from the active rows, and x to its active bounds exactly.
 
-    The multiplier of an active bound is minus the stationarity residual, so that
-    P x + q + G'z + A'y + z_box = 0 holds there exactly. Returns the largest entry of
-    what is left of it, relative to its terms.
+    The multipliers of active bounds follow from P x + q + G'z + A'y + z_box = 0; those
+    of inequalities that have the wrong sign are set to 0. Returns the largest residual
+    of this equation, relative to max(|q|, |P x|).
     """
     n, m, p = x.size, z.size, y.size
     spread_multipliers(active, multiplier, k, y, z, z_box)
@@ -170,7 +173,7 @@ def set_multipliers(active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box):
 
 @part
 def minimise_cost(q, weight, centre, L, u0, u, x):
-    """Set u0 = u = L^-1 (W centre - q) and x = L^-T u, the minimum of the cost."""
+    """Set u0 = u = L^-1 (W centre - q) and x = L^-T u, the unconstrained minimum."""
     for j in range(q.size):
         u0[j] = weight[j] * centre[j] - q[j]
     forward_solve(L, u0)
@@ -199,7 +202,7 @@ def factor_sum(P, weight, L):
 
 @part
 def has_no_zero_pivot(P, L):
-    """Tell whether no pivot of P = L L' is zero but for rounding."""
+    """Tell whether no pivot of P = L L' counts as zero, see `ZERO_PIVOT`."""
     for j in range(P.shape[0]):
         if L[j, j] * L[j, j] <= ZERO_PIVOT * P[j, j]:
             return False
@@ -208,9 +211,9 @@ def has_no_zero_pivot(P, L):
 
 @part
 def choose_weight(P, q, G, h, A, b, lb, ub, weight, L):
-    """Choose the weight for a singular P and factor; False if P is not convex.
+    """Set `weight` (n,) for a singular P, and L; False if P is not semidefinite.
 
-    The first factorisation is the question of `convexity.check_convex`.
+    The first factorisation decides that, with the shifts of `convexity.check_convex`.
     """
     n = P.shape[0]
     most = 0.0
@@ -230,7 +233,7 @@ def choose_weight(P, q, G, h, A, b, lb, ub, weight, L):
 
 @part
 def lower_weight(weight, active, multiplier, k, P, G, A, L, Q, R, watch):
-    """Lower the weight and factor anew; return the number of active rows, -1 if not."""
+    """Lower the weight, renew L, Q and R; return the active rows' number, or -1."""
     for j in range(weight.size):
         weight[j] *= LOWERING
     if not factor_sum(P, weight, L):
@@ -243,12 +246,12 @@ def lower_weight(weight, active, multiplier, k, P, G, A, L, Q, R, watch):
 def run_pivots(
     P, q, G, h, A, b, lb, ub, L, weight, start, hint, x, y, z, z_box, max_iter, watch
 ):
-    """Run the steps with P + diag(weight) = L L'; set x and the multipliers.
+    """Run steps 1 to 5 with P + diag(weight) = L L'; set x, y, z and z_box.
 
     The weight is zero for a definite P. Returns (code, pivots). INFEASIBLE leaves a
     candidate for a Farkas certificate in y, z, z_box, UNBOUNDED one for a ray in z_box.
-    Between the steps `level` is what counts as rounding while pivoting, `exact` what
-    does in the solution.
+    A relative violation counts as rounding up to `level` in the steps, up to `exact` in
+    the solution.
     """
     n, m, p = q.size, h.size, b.size
     Q, R = np.empty((n, n)), np.empty((n, n))
@@ -289,7 +292,7 @@ def run_pivots(
         else:
             copy(centre, x)
     for turn in range(rounds):
-        # Steps 2 and 3, which a guess with a weight leaves out in the first turn.
+        # Steps 2 and 3; a hint for a singular P is first tried as it is, by step 4.
         while (
             pivots < max_iter
             and level <= MOST_ROUNDING
@@ -345,10 +348,10 @@ def run_pivots(
         settled = definite or max(error, left) <= SETTLED
         if settled and most_violated(x, Gx, h, lb, ub, norms, exact, p) < 0:
             return SOLVED, pivots
-        # Step 5, or step 2 again with a coarser level.
+        # Step 5, or step 2 again with a larger level.
         if definite:
             level = exact
-        elif settled:  # x is the solution around itself: go on without a refit
+        elif settled:  # x, as the centre, is the solution: no refit is needed
             copy(x, centre)
             minimise_cost(q, weight, centre, L, u0, u, x)
             copy(centre, x)
@@ -376,10 +379,11 @@ def solve(P, q, G, h, A, b, lb, ub, start, hint, max_iter, address):
     """Solve min 1/2 x'Px + q'x, Gx <= h, Ax = b, lb <= x <= ub.
 
     All arrays are float64 and C-contiguous; absent parts have zero rows, absent bounds
-    are infinite; start, (n,) or empty, is a guess of x, hint (int64) lists inequalities
-    to begin with; address: see `Deadline.run`. Returns (code, pivots, x, y, z, z_box,
-    residuals), the last as in `Residuals`. NOT_CONVEX says that P is not positive
-    semidefinite, BADLY_SCALED that `scaling` has to come first: nothing is solved then.
+    are infinite. start, (n,) or empty, is a guess of x; hint (int64) lists inequalities
+    that are probably active, numbered as in `rows`; address: see `Deadline.run`.
+    Returns (code, pivots, x, y, z, z_box, residuals), the last as in `Residuals`.
+    Nothing is solved with NOT_CONVEX (P is not positive semidefinite) and BADLY_SCALED
+    (the QP has to be scaled first, see `scaling`).
     """
     n, m, p = q.size, h.size, b.size
     x, y, z, z_box = np.zeros(n), np.zeros(p), np.zeros(m), np.zeros(n)

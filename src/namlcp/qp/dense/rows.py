@@ -1,7 +1,7 @@
-"""All constraints of a dense QP under one index, for the compiled pivoting.
+"""All constraints of a dense QP under one index.
 
 Equalities are 0..p-1, rows of G p..p+m-1, then come the lower bounds (row -e_j), then
-the upper ones (row e_j): row'x <= d, or = d for the first p.
+the upper ones (row e_j): row'x <= d, or row'x = d for the first p.
 """
 
 import numpy as np
@@ -9,11 +9,13 @@ import numpy as np
 from namlcp.compiled import part
 from namlcp.linalg import copy, dot, largest_entry, matvec
 
-# A Farkas sum below minus this, relative to its terms, is a contradiction.
+# Constraints contradict each other if d'multiplier, d their right-hand sides, is below
+# -CONTRADICTION times the sum of the moduli of its terms.
 CONTRADICTION = 1e-10
-# Entries of a ray d, of P d and of G d below this, relative to the largest, count as 0.
+# Entries of a ray d, of P d and of G d count as 0 up to this times max |d|, times the
+# largest diagonal entry of P or the norm of the row of G.
 RAY_ZERO = 1e-9
-# In the place of a divisor that may be zero.
+# Divisors that may be 0 are replaced by this.
 TINY = 1e-300
 
 
@@ -45,7 +47,7 @@ def set_row(k, G, A, row):
 
 @part
 def right_side(k, h, b, lb, ub):
-    """Return d of constraint k, row'x <= d."""
+    """Return the right-hand side d of constraint k."""
     p, m, n = b.size, h.size, lb.size
     if k < p:
         return b[k]
@@ -58,9 +60,9 @@ def right_side(k, h, b, lb, ub):
 
 @part
 def most_violated(x, Gx, h, lb, ub, norms, level, p):
-    """Return the inequality that x violates most, along its unit normal, or -1.
+    """Return the inequality with the largest violation of x over its norm, or -1.
 
-    A violation up to `level` times its terms counts as rounding.
+    A violation up to `level` times the moduli of its terms counts as rounding.
     """
     m, n = h.size, x.size
     size = largest_entry(x)
@@ -90,7 +92,7 @@ def term_size(row, x, d):
 
 @part
 def contradicts(active, multiplier, k, h, b, lb, ub):
-    """Tell whether the Farkas sum d'multiplier is negative beyond rounding."""
+    """Tell whether d'multiplier of k Farkas multipliers is negative beyond rounding."""
     value, size = 0.0, 0.0
     for i in range(k):
         term = multiplier[i] * right_side(active[i], h, b, lb, ub)
@@ -120,7 +122,10 @@ def spread_multipliers(active, multiplier, k, y, z, z_box):
 
 @part
 def is_ray(d, P, q, G, h, lb, ub, norms, Pd, Gd):
-    """Tell whether the QP may be unbounded along d; A d = 0 is the caller's."""
+    """Tell whether the cost falls without bound along d, where A d = 0 is known.
+
+    Pd (n,) and Gd (m,) are overwritten by P d and G d.
+    """
     zero = RAY_ZERO * largest_entry(d)
     if not dot(q, d) < 0.0:
         return False
@@ -141,7 +146,8 @@ def is_ray(d, P, q, G, h, lb, ub, norms, Pd, Gd):
 def typical_curvature(q, G, h, A, b, lb, ub):
     """Return max |q| over the geometric mean of the constraints' distances from x = 0.
 
-    With entries of P of this size the cost and the constraints have a say in x alike.
+    With entries of P of this size, the unconstrained minimum P^-1 q and the points
+    where constraints hold with equality have similar norms.
     """
     p, m = b.size, h.size
     total, count = 0.0, 0

@@ -1,4 +1,4 @@
-"""A small or full QP by the dual active-set method, as an `Answer` on its own data."""
+"""Solution of a small or dense QP by the dual active-set method."""
 
 from typing import Any
 
@@ -17,13 +17,13 @@ from namlcp.residuals import UNDEFINED, Residuals, qp_residuals
 from namlcp.status import Status
 
 NO_HINT = np.empty(0, dtype=np.int64)
-# Relative rounding of the duality gap: where its terms times this exceed the tolerance,
-# the gap is summed again as the hosts do.
+# Relative rounding error of the duality gap: where this times its largest term exceeds
+# eps_abs, the gap is summed again by `qp_residuals`, in the order that qpsolvers uses.
 GAP_ROUNDING = 4e-15
 
 
 def solve_dense(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
-    """Solve by dual pivots; None where they do not decide."""
+    """Solve by `pivots.solve`, scaled if need be; None where it does not decide."""
     limits.announce(pivots.solve)
     own = qp
     if not qp.is_dense:
@@ -67,7 +67,7 @@ def solve_dense(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
 def call_dense(
     qp: QP, start: np.ndarray, hint: np.ndarray, limits: Limits
 ) -> tuple[Any, ...]:
-    """Return what `pivots.solve` returns, by the deadline."""
+    """Return what `pivots.solve` returns, run under the deadline."""
     n, rows = qp.q.size, qp.h.size + qp.b.size
     most = limits.max_iter or DEFAULT_OPTIONS.max_iter
     work = 4.0 * most * n * (n + rows)

@@ -1,9 +1,8 @@
 """A thin QR factorisation that gains and loses one row at a time.
 
-V' = Q'R for the k active rows V (k, n): the rows of Q (k, n) are orthonormal, R is
-upper triangular of order k. Both are the leading parts of larger arrays. Rows are added
-by Gram-Schmidt with repetition and removed by Givens rotations; the diagonal of R tells
-how far a row is from depending on the earlier ones.
+V' = Q'R for k rows V (k, n): the rows of Q (k, n) are orthonormal, R is upper
+triangular of order k. Both are the leading parts of larger arrays. Rows are added by
+Gram-Schmidt with repetition and removed by Givens rotations.
 """
 
 import numpy as np
@@ -14,9 +13,9 @@ from namlcp.linalg import add_scaled, dot
 
 @part
 def orthogonalise(Q, k, v, d):
-    """Set d (k,) = Q v and v -= Q'd; return |v|_2 then.
+    """Set d (k,) = Q v and v -= Q'd; return the 2-norm of the new v.
 
-    Gram-Schmidt is repeated where cancellation cost digits ("twice is enough").
+    Gram-Schmidt is repeated, twice at most, where cancellation halves the norm.
     """
     for i in range(k):
         d[i] = 0.0
@@ -51,7 +50,7 @@ def triangular_solve_transposed(R, k, d):
 
 @part
 def append_row(Q, R, k, v, d, length):
-    """Append the row with coefficients d (k,) and remainder v, |v| = length."""
+    """Append a row from the d (k,), v and length of `orthogonalise` to Q and R."""
     for i in range(k):
         R[i, k] = d[i]
     R[k, k] = length
@@ -61,7 +60,7 @@ def append_row(Q, R, k, v, d, length):
 
 @part
 def remove_row(Q, R, k, leaving, active, multiplier):
-    """Delete active row `leaving` from the factorisation of order k."""
+    """Delete row `leaving` of k from active, multiplier, Q and R."""
     for j in range(leaving, k - 1):
         active[j] = active[j + 1]
         multiplier[j] = multiplier[j + 1]
