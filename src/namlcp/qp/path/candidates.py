@@ -1,7 +1,8 @@
-"""Candidates for certificates that the interior-point method meets on its way.
+"""The search for certificates of infeasibility in the interior-point method.
 
-The iterate and the last step, raw or projected by one factorisation of K, are tested
-by `accept_primal` and `accept_dual` on the user's data. Cheap ratios come first.
+Candidates are the iterate and the last step, as they are and projected by means of one
+factorisation of K. Those with small relative residuals (`promising_ratios`) are tested
+by `accept_primal` and `accept_dual` on unscaled data.
 """
 
 from collections.abc import Callable
@@ -24,26 +25,26 @@ from namlcp.status import Status
 if TYPE_CHECKING:
     from namlcp.qp.path.loop import Interior
 
-# A residual that falls below this part of the last one still converges: no test then.
+# A residual converges if an iteration reduces it to this part: then there is no test.
 CONVERGING = 0.1
-# Relative residual of a candidate worth a test.
+# Relative residual of a candidate up to which it is tested.
 PROMISING = 0.1
-# A candidate is projected again when its relative residual fell below this part of
-# that at the last projection.
+# A candidate is projected again when its relative residual fell to this part of that
+# at the last projection.
 AGAIN = 0.1
-# Weight of the distance to the candidate in a projection, relative to the scaled
-# residual, and steps of the projection at most.
+# In a projection, the weight of the distance to the candidate, where the residual has
+# weight 1, and the refinement steps at most.
 PROJECTION, PROJECTION_STEPS = 1e-8, 15
-# Scaled change C d, for max |d_j| = 1, from which on a one-sided constraint is an
-# equation of the projection: of the inexact candidate, and of what was projected; and
-# projections at most.
+# A one-sided constraint is an equation of the projection of a ray d, max |d_j| = 1, if
+# the scaled sign * C d exceeds the first for d or the second for the last projection;
+# projections of one candidate at most.
 NEARLY_ACTIVE, VIOLATED, RAY_PROJECTIONS = -1e-3, 1e-13, 3
 
 
 def contradiction(
     judge: Judge, small: Presolved, reason: Contradiction
 ) -> Point | None:
-    """Return the proof of what presolve found, NaN where no multipliers can say it."""
+    """Return the certificate of what presolve found: NaN without multipliers."""
     qp = judge.qp
     n, m, p = qp.q.size, qp.h.size, qp.b.size
     if reason.y is None:
@@ -58,11 +59,10 @@ class CertificateSearch:
     """The tests of every iteration; `proof` is the certificate found."""
 
     def __init__(self, problem: ScaledQP, judge: Judge) -> None:
-        """Allocate."""
         self.problem, self.judge = problem, judge
         self.tol = judge.limits.eps_abs
         self.proof: Point | None = None
-        self.before = 0.0, 0.0
+        self.before = 0.0, 0.0  # dual and primal residual of the last iteration
         self.promised = False  # some candidate was worth a test
         self.projected = np.full(4, PROMISING)  # ratios at the last projections
         self.ratios = np.empty(4)
@@ -74,8 +74,8 @@ class CertificateSearch:
     def find(self, loop: "Interior") -> Status | None:
         """Return the verdict of the first candidate that is a proof, or None.
 
-        No test while the residual that cannot vanish in an infeasible (unbounded)
-        problem is small or still falls tenfold.
+        In an infeasible (unbounded) problem the primal (dual) residual cannot vanish:
+        without a test where it is within the tolerance or still falls tenfold.
         """
         s, norms = self.problem, loop.norms
         now = norms[DUAL_NORM], max(norms[ROW_NORM], norms[SLACK_NORM])
@@ -135,7 +135,7 @@ class CertificateSearch:
         return accept_dual(self.judge.qp, *point[:3], d, self.tol)
 
     def project(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> Point | None:
-        """Test the user's multipliers of the rows after their projection."""
+        """Return the proof that unscaled multipliers make once projected, or None."""
         qp = self.judge.qp
         if not largest(y) + largest(z) > 0.0:
             return None
@@ -148,10 +148,10 @@ class CertificateSearch:
     def project_multipliers(
         self, y: np.ndarray, Z: np.ndarray
     ) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Project on the Farkas system A'y + C'Z = 0, in the metric of w = sqrt(Z).
+        """Project on the Farkas system A'y + C'Z = 0, in a norm with w = sqrt(Z).
 
-        min |A'(y + dy) + C'(Z + dZ)|^2/(2 eps) + |dy|^2/2 + sum dZ^2/(2 w), repeated
-        while the residual halves; eps = PROJECTION.
+        min |A'(y + dy) + C'(Z + dZ)|^2/(2 eps) + |dy|^2/2 + sum dZ^2/(2 w) is solved
+        while that halves the residual; eps = PROJECTION.
         """
         s, kkt = self.problem, self.problem.kkt
         size = max(largest(y), largest(Z))
@@ -185,9 +185,9 @@ class CertificateSearch:
         return [best if last < inf else (y, Z)]
 
     def project_ray(self, d: np.ndarray) -> list[tuple[np.ndarray]]:
-        """Project d on P d = 0, A d = 0 and the constraints that d meets.
+        """Project d on P d = 0, A d = 0 and C d = 0 in nearly active constraints.
 
-        Those that the projection violates become equations; the last one comes first.
+        Those that the result violates are added for the next; the last is first.
         """
         s, system = self.problem, self.system
         d = d / largest(d)
@@ -206,12 +206,12 @@ class CertificateSearch:
         return found[::-1]
 
     def change_of_constraints(self, d: np.ndarray) -> np.ndarray:
-        """Return sign * C d, positive where d leads out of a one-sided constraint."""
+        """Return sign * C d, positive where d violates a one-sided constraint."""
         self.multiply(d, np.zeros(self.problem.kkt.size))
         return self.problem.sign * self.t[self.problem.place]
 
     def sums(self, values: np.ndarray) -> np.ndarray:
-        """Return the sums of the constraints' values at each place of K."""
+        """Add up the values of the one-sided constraints that share a row of K."""
         place, size = self.problem.place, self.problem.kkt.size
         return np.bincount(place, values, minlength=size).astype(float, copy=False)
 
@@ -225,10 +225,10 @@ def promising_ratios(
     indptr, indices, base, q, b, c, place, sign, x, y, Z, Px, Ctv, v, t, du, dZ,
     Pdx, Ctdv, dv, dt, ratios,
 ):  # fmt: skip
-    """Set the relative residuals of four candidates, inf where they prove nothing.
+    """Set `ratios` (4,) to the relative residuals of candidates, inf if they fail.
 
-    Farkas multipliers from the iterate and from the step (its Z cut at 0), a ray from
-    the iterate and from the step. Pdx, Ctdv, dv and dt are work arrays.
+    They are Farkas multipliers from the iterate and from the step (its Z cut at 0), a
+    ray from the iterate and from the step. Pdx, Ctdv, dv and dt are overwritten.
     """
     n, p = x.size, y.size
     dv[:] = 0.0

@@ -1,13 +1,13 @@
-"""Two QPs that always have a solution and tell what the loop could not decide.
+"""Two QPs, always solvable, that decide whether a QP is infeasible or unbounded.
 
     elastic:    min |s|^2/2 + |t|^2/2,  Gu - s <= (h - G x0)/k,
                 Au - t = (b - A x0)/k,  (lb - x0)/k <= u <= (ub - x0)/k
     recession:  min |d|^2/2 + q'd,  P d = 0,  A d = 0,  G d <= 0,
                 d <= 0 (d >= 0) where an upper (lower) bound is finite
 
-with x0 inside the bounds, k the largest violation there and rows scaled to unit norm.
+x0 is within the bounds, k the largest violation there; rows are scaled to unit norm.
 The row multipliers of the first are a Farkas certificate if the constraints are
-infeasible; the second projects -q on the directions of recession, d != 0 is a ray.
+infeasible. The second projects -q on the directions of recession: d != 0 is a ray.
 """
 
 from collections.abc import Callable
@@ -22,11 +22,11 @@ from namlcp.qp.certificates import accept_dual, accept_primal, largest
 from namlcp.qp.problem import QP, Point
 from namlcp.status import Status
 
-# Violation, relative to the rows' values, up to which a ray is looked for first.
+# Violation over max(1, |A x|, |G x|) up to which a ray is looked for first.
 NEARLY_FEASIBLE = 1e-6
-# A violation below this part of the tolerance leaves nothing to prove.
+# The elastic QP is solved only if the violation is above this times the tolerance.
 SATISFIED = 1e-4
-# In the place of a divisor that is zero.
+# A divisor that is 0 is replaced by this.
 TINY = 1e-300
 
 Solver = Callable[[QP], Point]
@@ -34,24 +34,20 @@ Projection = Callable[[np.ndarray, np.ndarray, np.ndarray], Point | None]
 
 
 def find_certificate(
-    qp: QP,
-    point: Point,
-    tol: float,
-    solver: Solver,
-    project: Projection | None = None,
+    qp: QP, point: Point, tol: float, solver: Solver, project: Projection | None = None
 ) -> tuple[Status, Point] | None:
-    """Return a verdict with its proof, or None, for the best point of the loop.
+    """Return a verdict with its proof, or None, starting from `point`.
 
-    The ray is looked for first where the point nearly meets the rows. `project` makes
-    a proof of (x, y, z) where the solution of the elastic QP is not exact enough.
+    A ray is looked for first where the point nearly satisfies the rows. `project` makes
+    a proof of (x, y, z) if the solution of the elastic QP is not accurate enough.
     """
     x, y, z, _ = point
     x = np.minimum(np.maximum(x, qp.lb), qp.ub)
     Ax, Gx = qp.A @ x, qp.G @ x
     violation = max(largest(Ax - qp.b), (Gx - qp.h).max(initial=0.0))
     nearly = max(tol, NEARLY_FEASIBLE * max(1.0, largest(Ax), largest(Gx)))
-    questions = Status.PRIMAL_INFEASIBLE, Status.DUAL_INFEASIBLE
-    for status in questions if violation > nearly else questions[::-1]:
+    verdicts = Status.PRIMAL_INFEASIBLE, Status.DUAL_INFEASIBLE
+    for status in verdicts if violation > nearly else verdicts[::-1]:
         if status is Status.PRIMAL_INFEASIBLE:
             y_found, z_found = elastic(qp, solver, x, SATISFIED * tol)
             proof = accept_primal(qp, x, y_found, z_found, tol)
@@ -67,7 +63,7 @@ def find_certificate(
 def elastic(
     qp: QP, solver: Solver, x: np.ndarray, least: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (y, z) of the elastic QP; zeros if x violates less than `least`."""
+    """Return (y, z) of the elastic QP; zeros if x violates `least` at most."""
     n, p = qp.q.size, qp.b.size
     rows = np.flatnonzero(np.isfinite(qp.h))
     G, h, g = unit_rows(qp.G.tocsr()[rows], qp.h[rows] - qp.G[rows] @ x)
@@ -120,12 +116,12 @@ def recession(qp: QP, solver: Solver) -> np.ndarray:
 
 
 def unit_rows(M: Any, rhs: Any = 0.0) -> tuple[Any, np.ndarray, np.ndarray]:
-    """Return M and rhs with rows of unit 2-norm, and the norms, 1 for empty rows."""
+    """Return M and rhs, divided by the rows' 2-norms, and these, 1 for empty rows."""
     norms = np.sqrt(np.asarray(M.multiply(M).sum(axis=1)).ravel())
     norms[norms == 0.0] = 1.0
     return sparse.diags_array(1.0 / norms) @ M, rhs / norms, norms
 
 
 def canonical(M: Any) -> csc_array:
-    """Return M as compiled code takes it."""
+    """Return M as a canonical CSC matrix."""
     return sparse_matrix("a matrix of a fallback QP", M, "csc")

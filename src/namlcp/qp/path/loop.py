@@ -1,14 +1,14 @@
-"""The loop: a regularised primal-dual interior-point method.
+"""The loop of a regularised primal-dual interior-point method.
 
-For P positive semidefinite and any rows: one sparse quasi-definite KKT matrix follows
-the central path W Z = mu, W the slacks and Z the multipliers of the one-sided
-constraints; an active-set refinement is tried as soon as it can pay, and the judge
-measures every candidate on unscaled data. Mehrotra's predictor and corrector (SIAM J.
-Optim. 2, 1992), one corrector of Gondzio (Comput. Optim. Appl. 6, 1996), separate
-primal and dual steps.
+The iterates follow the central path W Z = mu, W the slacks and Z the multipliers of the
+one-sided constraints, for a positive semidefinite P and any rows. Each iteration
+factors one quasi-definite KKT matrix and makes Mehrotra's predictor and corrector
+(SIAM J. Optim. 2, 1992), one corrector of Gondzio (Comput. Optim. Appl. 6, 1996), and
+steps of separate length. An active-set refinement is tried near the solution; `Judge`
+measures candidates on unscaled data and keeps the best.
 
-Recoveries: a warm start that stagnates is given up for a cold one, a cold one that
-does is restarted in other units (`rescale`); once, where a certificate was near, two
+A warm start that stagnates is followed by a cold start, a cold start that stagnates by
+one with another scaling (`rescale`). Once, where a certificate seemed near, two
 fallback QPs decide whether the problem is infeasible or unbounded (`solve_fallback`).
 """
 
@@ -44,35 +44,36 @@ from namlcp.qp.path.steps import (
 from namlcp.qp.transforms import UNITS, ScaledQP
 from namlcp.status import Status
 
-# Places in `norms`: primal residual, dual residual and gap; the sizes of their terms.
+# Indices in `norms`: primal residual, dual residual and gap; the sizes of their terms.
 RESIDUALS, SIZES = slice(PRIMAL, GAP + 1), slice(PRIMAL_SIZE, GAP_SIZE + 1)
-# Places in `length`: the longest steps of W and of Z, and W'Z after them.
+# Indices in `length`: the longest steps of W and of Z, and W'Z after them.
 PRIMAL_STEP, DUAL_STEP, PRODUCT = range(3)
-# Part of the longest step that is taken.
+# Fraction of the longest feasible step that is taken.
 SHORT = 0.99
-# Sum of the two steps from which on Gondzio's corrector is not tried, and the growth of
-# the sum for which it is kept.
+# Gondzio's corrector is tried if the sum of the primal and the dual step is below the
+# first, and kept if the sum grows by the second.
 LONG, GAIN = 1.8, 0.02
-# Least target of the mean product mu, relative to the tolerance of the gap.
+# Least target of W'Z, relative to the tolerance of the gap.
 CENTRED = 0.01
-# After a change of units m mu does not fall below this part of the gap.
+# Least target of W'Z, relative to the gap, once the scaling was changed.
 LIFT = 0.1
 # Primal residual over its tolerance up to which a restart relaxes right-hand sides.
 TOLERABLE = 0.5
-# Relative residual of the linear solves, in units of the tolerance, and its limits.
+# Relative residual at which refinement of the linear solves ends: this times the
+# tolerance, within these limits.
 ACCURACY, MOST_ACCURATE, LEAST_ACCURATE = 1e-4, 1e-14, 1e-10
 # Gap over its tolerance up to which an iterate with small primal and dual residuals is
 # worth measuring on unscaled data, where the sums of the gap round differently.
 CLOSE = 1e3
-# Tolerance up to which a solution is refined before it is returned.
+# With a tolerance up to this, a solution is refined before it is returned.
 EXACT = 1e-8
-# Least slack and multiplier of a warm start, relative to the largest, and the least
-# value of that.
+# Slacks and multipliers of a warm start are at least INSIDE times the largest one, or
+# times LEAST_SLACK and LEAST_MULTIPLIER if these are larger.
 INSIDE, LEAST_SLACK, LEAST_MULTIPLIER = 1e-2, 1.0, 1e-3
 # Iterations without halving the worst residual before a restart, after a cold start
 # and after a warm one, and before the fallback QPs.
 PATIENCE, WARM_PATIENCE, FALLBACK_AFTER = 100, 10, 12
-# Scaled dual residual below which rho is not lowered on its account.
+# Scaled dual residual up to which rho is not held responsible for it.
 ROUNDING = 1e-12
 # Factorisations tried for one step, each with more regularisation.
 FACTORISATIONS = 3
@@ -82,11 +83,10 @@ class Stagnation:
     """Counts iterations since the worst residual was last halved."""
 
     def __init__(self) -> None:
-        """Begin with the next residual."""
         self.reference_residual, self.iterations_since = inf, 0
 
     def count(self, worst: float) -> int:
-        """Take one iteration's residual; return the iterations since."""
+        """Take one iteration's worst residual; return the count."""
         self.iterations_since += 1
         if worst <= 0.5 * self.reference_residual:
             self.reference_residual, self.iterations_since = worst, 0
@@ -97,13 +97,8 @@ class Interior:
     """The iterate (x, y, W, Z) of a scaled problem, and the loop."""
 
     def __init__(
-        self,
-        problem: ScaledQP,
-        judge: Judge,
-        limits: Limits,
-        refinement: Refinement,
+        self, problem: ScaledQP, judge: Judge, limits: Limits, refinement: Refinement
     ) -> None:
-        """Allocate everything the loop needs."""
         self.problem, self.judge, self.limits = problem, judge, limits
         n, p, m, size = problem.n, problem.p, problem.c.size, problem.kkt.size
         self.x, self.y = np.zeros(n), np.zeros(p)
@@ -128,13 +123,13 @@ class Interior:
         self.fallback_solver: fallback.Solver | None = None
         self.iterations = 0
         self.is_warm = False
-        self.tries = 1
-        self.lift = 0.0
-        self.best = inf
+        self.tries = 1  # scalings tried
+        self.lift = 0.0  # LIFT once the scaling was changed
+        self.best = inf  # the least worst ratio, in the present scaling
         self.best_point = self.x, self.y, self.Z
 
     def offer(self, x: np.ndarray, y: np.ndarray, Z: np.ndarray) -> float:
-        """Let the judge see a scaled point."""
+        """Return the judge's ratio of residual to tolerance for a scaled point."""
         return self.judge.offer(self.problem.point(x, y, Z))
 
     def run(self, guess: Guess) -> Status:
@@ -192,18 +187,18 @@ class Interior:
         return Status.MAX_ITER
 
     def restart(self) -> bool:
-        """Start cold after a warm start, then in other units; False after the last."""
+        """Start cold: first as scaled, then rescaled; False after the last scaling."""
         if not self.is_warm and not self.rescale():
             return False
         self.is_warm = False
         return self.start()
 
     def rescale(self) -> bool:
-        """Change the units and keep mu large; False if all units were tried.
+        """Change to the next scaling and keep mu large; False after the last scaling.
 
-        Right-hand sides that the best point violates tolerably are relaxed to it:
-        dependent rows that contradict each other by rounding errors make y grow for
-        ever.
+        If the best point violates the constraints within TOLERABLE, right-hand sides
+        are relaxed to it: where dependent rows contradict each other by rounding
+        errors, y diverges.
         """
         if self.tries == len(UNITS) or self.problem.c.size == 0:
             return False
@@ -211,7 +206,7 @@ class Interior:
         self.lift = LIFT
         self.offer(*self.best_point)
         self.x, self.y, self.Z = (v.copy() for v in self.best_point)
-        self.problem.scale_vectors()  # as they were before any were relaxed
+        self.problem.scale_vectors()  # undo an earlier relaxation
         self.evaluate()
         self.best = inf
         n, p = self.x.size, self.y.size
@@ -224,9 +219,9 @@ class Interior:
         return True
 
     def solve_fallback(self) -> Status | None:
-        """Return the verdict of the fallback QPs, once, where a certificate was near.
+        """Return the verdict of the fallback QPs, once, if a candidate was promising.
 
-        The best point is offered to the judge before.
+        None if the best point of the loop solves the QP.
         """
         solver = self.fallback_solver
         if solver is None or not self.certificates.promised:
@@ -243,10 +238,7 @@ class Interior:
         return status
 
     def warm_start(self, guess: Guess) -> bool:
-        """Start from the multipliers of a guess too, moved inside; False without any.
-
-        Every slack and multiplier is at least INSIDE times the largest one.
-        """
+        """Start from a guess, moved inside; False if it has no multipliers."""
         if not (guess.z.any() or guess.z_box.any()):
             return False
         self.x, self.y, self.Z, _ = self.problem.guess(guess)
@@ -301,11 +293,11 @@ class Interior:
         return worst if worst < inf else inf
 
     def is_close(self, worst: float) -> bool:
-        """Tell whether the iterate is worth measuring on unscaled data."""
+        """Tell whether the iterate is worth measuring on unscaled data (`CLOSE`)."""
         return worst <= CLOSE and bool(self.ratios[:2].max() <= 1.0)
 
     def regularise(self, mu_old: float) -> None:
-        """Adapt rho and delta to the step that led here."""
+        """Adapt rho and delta after a step, to its effect on the residuals."""
         norms, (change_x, change_yz) = self.norms, self.change
         if self.problem.c.size == 0:
             self.reg.lower()
@@ -363,7 +355,7 @@ class Interior:
             self.length[:PRODUCT] = primal, dual
 
     def exchange_steps(self) -> None:
-        """Let the next dW and dZ be computed in the other pair of arrays."""
+        """Exchange the two pairs of arrays for dW and dZ."""
         self.dW, self.dW_other = self.dW_other, self.dW
         self.dZ, self.dZ_other = self.dZ_other, self.dZ
 

@@ -1,13 +1,14 @@
-"""Active-set refinement: guess the active constraints, solve with them, mend the guess.
+"""Active-set refinement: guess the active constraints, solve, correct the guess.
 
-With the active one-sided constraints, Z > W, as equations and the others left out,
+With the active one-sided constraints, at first those with Z > W, as equations and
+without the others,
 
     [P  A'  G_a'] [x]   [-q ]
     [A          ] [y] = [b  ]      (variables at an active bound held there)
     [G_a        ] [v]   [c_a]
 
-is solved with the factors of its regularised form: proximal iterations, which converge
-for dependent active rows too. The next guess keeps the active constraints with
+is solved by proximal iterations with the factors of its regularised matrix, which
+converge for dependent active rows too. The next guess keeps the active constraints with
 multipliers >= 0 and adds the violated ones: a primal-dual active-set method
 (Hintermueller, Ito and Kunisch, SIAM J. Optim. 13 (2003) 865-888).
 """
@@ -20,39 +21,37 @@ from namlcp.qp.judge import Judge
 from namlcp.qp.kkt import products
 from namlcp.qp.transforms import ScaledQP
 
-# Active sets tried by one refinement, and the residual over its tolerance, on the
-# user's data, at which it stops to mend the set.
+# Active sets tried by one refinement at most, and the residual over its tolerance, on
+# unscaled data, up to which no other set is tried.
 MOST_SETS, GOOD_ENOUGH = 6, 1e-2
 # Added to the diagonal of P, and subtracted for rows. The second is tried where L D L'
 # breaks down with the first, or where the iterations do not reduce the residual
 # tenfold: the KKT system of the active set is singular then.
 REGULARISATIONS = 1e-9, 1e-7
-# Modulus of the diagonal entry that switches a row or a variable off.
+# Modulus of a diagonal entry of K~ that fixes a variable or drops a row.
 OFF = 1e20
-# Proximal iterations at most, and the residual, in the user's units, that ends them.
+# Proximal iterations at most, and the unscaled residual that ends them.
 PROXIMAL_STEPS, RESIDUAL_GOAL = 25, 1e-14
-# Residuals below this need not be reduced tenfold.
+# A first residual below this counts as this in the demand for a tenfold reduction.
 SMALL_ENOUGH = 1e-11
 # A scaled multiplier or slack below minus this has the wrong sign.
 WRONG_SIGN = 1e-12
-# Entries of K above which a round that does not halve the residual is the last one.
+# A K with more entries is large: a round that does not halve the residual is the last.
 LARGE_KKT = 5_000
-# The worst residual has to fall below this part of that of the last refinement before
-# the next one, for small and for large K.
+# The worst residual has to fall to this part of that at the last refinement before the
+# next one, for small and for large K.
 DROP = 0.1, 1e-3
-# Worst residual over its tolerance above which the active set must have been the same
-# in the last iteration.
+# Worst residual over its tolerance from which on a refinement needs an active set that
+# did not change in the last iteration.
 STEADY = 100.0
-# The iterate is near enough for a refinement below this worst residual, scaled, or
-# below this mean product W Z.
+# Refinement needs a worst residual, or a mean of W Z, below these.
 NEAR, NEAR_MU = 1e-2, 1e-7
 
 
 class RefinementTiming:
-    """When a refinement can pay: near enough, better than last time, a steady set."""
+    """Decides when to refine: see DROP, STEADY and NEAR. Residuals are over `tol`."""
 
     def __init__(self, tol: float, is_large: bool) -> None:
-        """Residuals come in units of `tol`."""
         self.tol, self.drop = tol, DROP[is_large]
         self.last = np.inf
 
@@ -73,18 +72,16 @@ class Refinement:
     """Rounds of the active-set method on a scaled problem; overwrites the factors."""
 
     def __init__(self, problem: ScaledQP, judge: Judge, deadline: Deadline) -> None:
-        """Allocate."""
         self.problem, self.judge, self.deadline = problem, judge, deadline
         self.system = ActiveSetSystem(problem)
 
     def run(
         self, x: np.ndarray, y: np.ndarray, Z: np.ndarray, active: np.ndarray
     ) -> float:
-        """Try active sets, the given one first; return the smallest residual ratio.
+        """Try active sets, the given one first; return the least residual ratio.
 
-        Every point found is offered to the judge. Ends at a ratio <= GOOD_ENOUGH, at a
-        set seen just before, or, with a large K, where a round does not halve the
-        ratio.
+        Every point found is offered to the judge. Ends at a ratio <= GOOD_ENOUGH, where
+        the set does not change, or, with a large K, where the ratio is not halved.
         """
         s, system = self.problem, self.system
         best = np.inf
@@ -116,7 +113,6 @@ class ActiveSetSystem:
     """
 
     def __init__(self, problem: ScaledQP) -> None:
-        """Allocate for the problem's K."""
         self.problem = problem
         size, n = problem.kkt.size, problem.n
         self.x = np.empty(n)
@@ -125,15 +121,9 @@ class ActiveSetSystem:
         self.held = np.empty(size, dtype=np.bool_)
 
     def factor(
-        self,
-        x: np.ndarray,
-        y: np.ndarray,
-        Z: np.ndarray,
-        active: np.ndarray,
-        b: np.ndarray,
-        c: np.ndarray,
-        regularisation: float,
-    ) -> bool:
+        self, x: np.ndarray, y: np.ndarray, Z: np.ndarray, active: np.ndarray,
+        b: np.ndarray, c: np.ndarray, regularisation: float,
+    ) -> bool:  # fmt: skip
         """Factor for the active set and start at (x, y, Z); False if that fails."""
         s, kkt = self.problem, self.problem.kkt
         self.x[:] = x
@@ -144,10 +134,10 @@ class ActiveSetSystem:
         return kkt.factor()
 
     def iterate(self, q: np.ndarray, passes: int) -> bool:
-        """Correct x and v until the residual is rounding or fails twice to halve.
+        """Correct x and v until the unscaled residual is rounding or twice not halved.
 
-        The residual is measured in the user's units. Leaves the best point in x and v;
-        tells whether the residual fell tenfold, or below a tenth of SMALL_ENOUGH.
+        Leaves the best point in x and v; tells whether the residual fell tenfold, or
+        below a tenth of SMALL_ENOUGH.
         """
         s, kkt = self.problem, self.problem.kkt
         first = best = np.inf
@@ -175,7 +165,7 @@ class ActiveSetSystem:
     def solution(
         self, q: np.ndarray, c: np.ndarray, active: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return x, y, multipliers of one-sided constraints (0 if inactive), c - Cx."""
+        """Return x, y and what `multipliers_and_slacks` sets."""
         s, kkt = self.problem, self.problem.kkt
         multiplier, slack = np.empty((2, c.size))
         multipliers_and_slacks(
@@ -190,10 +180,10 @@ def hold_active(
     base, diagonal, n, p, place, sign, c, active, Z, y, b, regularisation, x, held,
     goal, v, data,
 ):  # fmt: skip
-    """Set the diagonal, put x on its active bounds and v on y and the active rows' Z.
+    """Set the diagonal in `data`, x on its active bounds, v to y and active rows' Z.
 
-    `held` marks what does not move: variables at active bounds and inactive rows;
-    `goal` is the right-hand side of the equations.
+    `held` (size,) is set to True for variables at active bounds and inactive rows,
+    `goal` (size,) to the right-hand side of the equations.
     """
     held[:n] = False
     held[n : n + p] = False
@@ -221,7 +211,10 @@ def hold_active(
 def active_set_residual(
     indptr, indices, base, unit, q, goal, held, x, v, Px, Ctv, t, rhs
 ):
-    """Set rhs to minus the residual of the system; return its size in user's units."""
+    """Set rhs to minus the residual of the system; return its unscaled max norm.
+
+    Px, Ctv (n,) and t (size,) are overwritten by the products with x and v.
+    """
     n = x.size
     products(indptr, indices, base, x, v, Px, Ctv, t)
     worst = 0.0
@@ -244,7 +237,10 @@ def multipliers_and_slacks(
     indptr, indices, base, q, place, sign, c, active, x, v, Px, Ctv, t, multiplier,
     slack,
 ):  # fmt: skip
-    """Set multiplier (of an active bound: from stationarity) and slack = c - Cx."""
+    """Set multiplier, 0 if inactive, by stationarity for bounds, and slack = c - Cx.
+
+    Px, Ctv (n,) and t (size,) are overwritten by the products with x and v.
+    """
     n = x.size
     products(indptr, indices, base, x, v, Px, Ctv, t)
     for k in range(place.size):

@@ -1,16 +1,15 @@
 """Proximal regularisation that follows the accuracy of the linear solves.
 
-rho and delta stand on the diagonal of K~ with centres at the current point, so they
-slow the steps but do not move the solution. They shrink with mu to FLOOR. From there
-the linear algebra decides: inaccurate solves raise them; accurate ones lower the one
-that dominates its residual. LP-like problems stay near FLOOR, where LDL' without
-pivoting keeps its digits; huge multipliers and nearly dependent rows go to 1e-12.
+rho and delta, on the diagonal of K~, belong to proximal terms around the current point:
+they shorten the steps but do not move the solution. They fall with mu to FLOOR. From
+there inaccurate solves raise them, and accurate solves lower the one that dominates its
+residual.
 """
 
-# Values of a cold start: the first iterations shrink them.
+# Values at the start.
 RHO, DELTA = 1e-6, 1e-4
-# Down to FLOOR they follow mu; below it they are lowered down to LOWEST, after accurate
-# solves alone. A bad solve raises them tenfold, up to TOP.
+# rho and delta fall with mu down to FLOOR; then accurate solves, or steps without
+# inequalities, lower them down to LOWEST. A bad solve raises them tenfold, up to TOP.
 FLOOR, LOWEST, TOP = 1e-7, 1e-16, 1e-6
 # Relative residuals above which a solve is bad, and below which it is accurate.
 POOR, ACCURATE = 1e-5, 1e-8
@@ -22,7 +21,6 @@ class Regularisation:
     """The pair (rho, delta)."""
 
     def __init__(self) -> None:
-        """Begin large."""
         self.rho, self.delta = RHO, DELTA
         self.wait = 0
 
@@ -35,7 +33,7 @@ class Regularisation:
             self.delta = max(self.delta * factor, FLOOR)
 
     def lower(self, rho: bool = True, delta: bool = True) -> None:
-        """Divide rho, delta or both by ten; after every step without inequalities."""
+        """Divide rho, delta or both by ten."""
         if rho:
             self.rho = max(0.1 * self.rho, LOWEST)
         if delta:

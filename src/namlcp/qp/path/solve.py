@@ -1,4 +1,4 @@
-"""A QP by the interior-point method: presolve, scale, iterate, map back."""
+"""Solution of a QP by the interior-point method: presolve, scale, iterate, map back."""
 
 import numpy as np
 
@@ -19,17 +19,16 @@ from namlcp.residuals import qp_residuals
 from namlcp.status import Status
 
 FORM = "path"
-# Limits of the fallback QPs: they are scaled to have solutions of ordinary size, which
-# certificates need to more digits than a solution of the user's QP.
+# Limits of the fallback QPs: certificates need their solutions, which are of ordinary
+# size, more accurately than the user's QP has to be solved.
 FALLBACK = Limits(eps_abs=1e-10, eps_rel=1e-12, max_iter=60)
 
 
 def solve_path(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Answer:
-    """Solve a QP with sparse arithmetic.
+    """Solve a QP with sparse matrices; ValueError if P is not positive semidefinite.
 
     If the active set of the guess is the right one, no iteration is needed. `memory`
-    holds the factors of a problem solved before, and takes those of this one. Raises
-    ValueError if P is not positive semidefinite.
+    holds the factors of a problem solved before, and takes those of this one.
     """
     limits.announce(evaluate)
     own = qp
@@ -48,7 +47,7 @@ def solve_path(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Answer:
 def follow_path(
     qp: QP, guess: Guess, limits: Limits, memory: Memory, is_fallback: bool = False
 ) -> Answer:
-    """Solve a sparse QP known to be convex; a fallback QP has no fallback itself."""
+    """Solve a sparse convex QP; a fallback QP has no fallback QPs of its own."""
     small = presolve(qp, *limits.tolerances, memory.presolved)
     memory.presolved = small
     judge = Judge(qp, limits)

@@ -1,4 +1,4 @@
-"""Vector work of one interior iteration, compiled, without allocation.
+"""Vector operations of one interior-point iteration, compiled, without allocation.
 
 One-sided constraints are sign * t[place] + W = c with slacks W >= 0 and multipliers
 Z >= 0; t = (x, Ax, Gx) and v = (net z_box, y, net z) have the layout of K. The Newton
@@ -18,17 +18,17 @@ import numpy as np
 from namlcp.compiled import kernel
 from namlcp.qp.kkt import products
 
-# Places in the `norms` of `evaluate`: the mean product of W and Z, norms of the scaled
-# residuals, then the first six numbers of `Residuals`.
+# Indices in the `norms` of `evaluate`: the mean of W Z, norms of the scaled residuals
+# rd, rp and rw, then the first six numbers of `Residuals`.
 MU, DUAL_NORM, ROW_NORM, SLACK_NORM = range(4)
 PRIMAL, DUAL, GAP, PRIMAL_SIZE, DUAL_SIZE, GAP_SIZE = range(4, 10)
-# Smallest weight of a row, in the place of zero.
+# Least weight of a row, whose reciprocal is on the diagonal of K~.
 THIN = 1e-20
-# Gondzio's corrector: steps a become (1 + LENGTHENED) a + LENGTHENED; the products W Z
-# there are kept between these multiples of the target.
+# Gondzio's corrector aims at steps (1 + LENGTHENED) a + LENGTHENED and at products W Z
+# there between LEAST_PRODUCT and MOST_PRODUCT times the target.
 LENGTHENED, LEAST_PRODUCT, MOST_PRODUCT = 0.08, 0.1, 10.0
-# Where all slacks and multipliers of the first solve are below NEGLIGIBLE, scaled, they
-# say nothing, and the iteration starts from these values instead.
+# If all scaled slacks and multipliers of the first solve are at most NEGLIGIBLE, all
+# start from START_VALUE instead.
 NEGLIGIBLE, START_VALUE = 1e-4, 0.1
 
 
@@ -37,11 +37,11 @@ def evaluate(
     indptr, indices, base, unit, q, b, place, sign, c, x, y, W, Z,
     v, Px, Ctv, t, rd, rp, rw, norms,
 ):  # fmt: skip
-    """Residuals of the iterate; work arrays v, Px, Ctv, t, results rd, rp, rw, norms.
+    """Set rd, rp, rw and norms to the residuals of the iterate; v, Px, Ctv, t are work.
 
     rd = Px + q + C'v + z_box, rp = Ax - b, rw = sign t[place] - c + W; `norms` has the
-    places named above. The numbers of `Residuals` are in the user's units and measure
-    the violation without W.
+    indices named above. The numbers of `Residuals` are unscaled and measure the
+    violation without W. A NaN in rd ends the function with NaN as dual residual.
     """
     n, p = x.size, y.size
     v[:] = 0.0
@@ -91,7 +91,7 @@ def evaluate(
 
 @kernel
 def assemble(base, diagonal, n, p, place, W, Z, rho, delta, omega, weight, data):
-    """Set omega, weight and the diagonal of K~ in `data`."""
+    """Set omega, weight (size,) and the diagonal of K~ in `data`."""
     weight[:] = 0.0
     for k in range(place.size):
         omega[k] = Z[k] / (W[k] + delta * Z[k])
@@ -125,9 +125,9 @@ def newton_right_side(rd, rp, rw, rc, place, sign, Z, omega, weight, tau, rhs):
 def slack_step(
     indptr, indices, base, n, du, place, sign, omega, tau, rc, W, Z, dt, dW, dZ, out
 ):
-    """Set dt = (dx, C dx), dW, dZ and out = (longest steps for W and Z, product).
+    """Set dt = (dx, C dx), dW, dZ and out = (a, a', (W + a dW)'(Z + a' dZ)).
 
-    The product is (W + a dW)'(Z + a' dZ) at those steps a, a' <= 1.
+    a and a' are the longest steps <= 1 with W + a dW >= 0 and Z + a' dZ >= 0.
     """
     for j in range(n):
         dt[j] = du[j]
@@ -156,9 +156,9 @@ def slack_step(
 
 @kernel
 def centred_target(W, Z, dW, dZ, primal, dual, smu, rc):
-    """Change the target rc by Gondzio's corrector (1996) for the mean product smu.
+    """Add Gondzio's corrector to the target rc, for the mean smu of W Z.
 
-    The products at longer steps are pulled into [LEAST_PRODUCT, MOST_PRODUCT] smu.
+    Products at longer steps are moved towards [LEAST_PRODUCT, MOST_PRODUCT] smu.
     """
     a = min(1.0, (1.0 + LENGTHENED) * primal + LENGTHENED)
     z = min(1.0, (1.0 + LENGTHENED) * dual + LENGTHENED)
@@ -170,7 +170,7 @@ def centred_target(W, Z, dW, dZ, primal, dual, smu, rc):
 
 @kernel
 def take_step(n, du, dW, dZ, primal, dual, x, y, W, Z, out):
-    """Step; out = (largest change of x, largest change of y and Z)."""
+    """Add the step to x, y, W, Z; out = (largest change of x, that of y and Z)."""
     out[0] = 0.0
     out[1] = 0.0
     for j in range(n):
@@ -186,7 +186,7 @@ def take_step(n, du, dW, dZ, primal, dual, x, y, W, Z, out):
 
 
 def shifted_inside(W: np.ndarray, Z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return W, Z > 0 by Mehrotra's shift (SIAM J. Optim. 2, 1992, sec. 7)."""
+    """Return W and Z made positive by Mehrotra's shift (SIAM J. Optim. 2, sec. 7)."""
     if max(np.abs(W).max(), np.abs(Z).max()) <= NEGLIGIBLE:
         return np.full(W.size, START_VALUE), np.full(Z.size, START_VALUE)
     W = W + max(0.0, -1.5 * W.min())
