@@ -46,8 +46,8 @@ from namlcp.status import Status
 
 # Indices in `norms`: primal residual, dual residual and gap; the sizes of their terms.
 RESIDUALS, SIZES = slice(PRIMAL, GAP + 1), slice(PRIMAL_SIZE, GAP_SIZE + 1)
-# Indices in `length`: the longest steps of W and of Z, and W'Z after them.
-PRIMAL_STEP, DUAL_STEP, PRODUCT = range(3)
+# Index in `length` of W'Z after the longest steps of W and of Z, which come before it.
+PRODUCT = 2
 # Fraction of the longest feasible step that is taken.
 SHORT = 0.99
 # Gondzio's corrector is tried if the sum of the primal and the dual step is below the
