@@ -1,8 +1,8 @@
-"""The matrix of a box LCP as compiled code sees it: its columns, dense or compressed.
+"""The matrix of a box LCP as kernels take it: its columns, dense or compressed.
 
-Compiled code only ever walks **columns**: an unknown that moves changes w = A z + q by
-a multiple of its column, and unknowns at zero cost nothing. The columns of a symmetric
-matrix are its rows, so no copy is made.
+Kernels use **columns** because a change of one unknown changes w = A z + q by a
+multiple of its column, and unknowns at zero need no operation. The columns of a
+symmetric matrix are its rows, so no copy is made.
 """
 
 from typing import Any, NamedTuple
@@ -13,14 +13,13 @@ from scipy import sparse
 from namlcp.compiled import part
 
 SMALL_ORDER = 24
-"""Up to this order everything is dense."""
+"""Largest order of a sparse matrix that is always stored as a dense one."""
 
 
 class Columns(NamedTuple):
     """Columns of A: row j of `dense` (n, n), or of the compressed arrays, is column j.
 
-    The kind that is not in use is empty; both are there so that one compiled function
-    serves the two.
+    The other form is empty, so that one compiled function serves both.
     """
 
     dense: np.ndarray
@@ -35,7 +34,7 @@ NO_INDICES = np.empty(0, dtype=np.int32)
 
 
 def columns_of(A: Any, symmetric: bool) -> Columns:
-    """Return the columns of A, in whichever storage is cheaper to work with."""
+    """Return the columns of A, dense or compressed after its order and density."""
     n = A.shape[0]
     if isinstance(A, np.ndarray):
         if n > 4 * SMALL_ORDER and np.count_nonzero(A) < n * n // 8:
@@ -70,7 +69,7 @@ def write_diagonal(columns, out):
 
 @part
 def scale_columns(columns, d, scaled):
-    """Write diag(d) A diag(d) to the values of `scaled`."""
+    """Write diag(d) A diag(d) to `scaled`, Columns with the pattern of A."""
     dense, indptr, indices, data = columns
     n = d.size
     if dense.shape[0] > 0:
@@ -85,10 +84,7 @@ def scale_columns(columns, d, scaled):
 
 @part
 def add_product(columns, z, w):
-    """Add A z to w (n,); unknowns at zero cost nothing.
-
-    Unsigned indices spare the test for those that count from the end.
-    """
+    """Add A z to w (n,), skipping zeros of z; unsigned indices need no sign test."""
     dense, indptr, indices, data = columns
     if dense.shape[0] > 0:
         for j in range(z.size):

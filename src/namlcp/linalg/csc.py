@@ -1,8 +1,8 @@
-"""Sparse matrices before a solve: parts of them, rows, P + B'WB, dense copies.
+"""Operations on sparse matrices before a solve, each in one compiled pass.
 
 SciPy takes 30 to 100 us for each of these on a matrix of a few hundred entries, longer
-than the whole solve; everything here is one compiled pass. All matrices are canonical
-(sorted, no duplicates) with int32 indices.
+than the whole solve. All matrices are canonical (sorted, no duplicates) with int32
+indices.
 """
 
 from typing import Any, NamedTuple
@@ -14,9 +14,9 @@ from namlcp.checks import as_sparse
 from namlcp.compiled import kernel
 from namlcp.limits import NEVER, Deadline
 
-# Density of B from which the rows of P + B'WB are multiplied as dense ones.
+# Density of B above which P + B'WB is computed with dense matrices.
 DENSE = 0.2
-# Entries of a dense matrix at most, and of the dense rows multiplied at a time.
+# Entries at most of a dense P + B'WB, and of the dense rows multiplied at a time.
 MOST_DENSE, STRIP = 20_000_000, 4_000_000
 
 
@@ -34,7 +34,7 @@ def arrays_of(M: Any) -> Compressed:
 
 
 def as_dense(C: Any) -> np.ndarray:
-    """Return a clean sparse matrix in CSC as a clean dense one."""
+    """Return a CSC matrix as a dense one."""
     out = np.zeros(C.shape)
     scatter(C.indptr, C.indices, C.data, out)
     return out
@@ -49,7 +49,7 @@ def scatter(indptr, indices, data, out):
 
 
 def without_zeros(M: csc_array) -> csc_array:
-    """Return M without stored zeros, itself if there are none."""
+    """Return M without stored zeros, M itself if there are none."""
     if M.nnz and not M.data.all():
         M = M.copy()
         M.eliminate_zeros()
@@ -57,7 +57,7 @@ def without_zeros(M: csc_array) -> csc_array:
 
 
 def submatrix(M: csc_array, rows: np.ndarray, columns: np.ndarray) -> csc_array:
-    """Return the rows and columns of M named in rising order; M itself if all are."""
+    """Return the rows and columns of M, given in rising order; M itself if all are."""
     if (rows.size, columns.size) == M.shape:
         return M
     number = np.full(M.shape[0], -1, dtype=np.int32)
@@ -75,7 +75,7 @@ def by_rows(M: csc_array) -> csr_array:
 def with_squares(
     P: csc_array, B: csc_array, weight: np.ndarray, deadline: Deadline = NEVER
 ) -> csc_array | None:
-    """Return P + B' diag(weight) B, None where the deadline comes before that."""
+    """Return P + B' diag(weight) B, None if the deadline is reached before."""
     rows, columns = B.shape
     if DENSE * rows * columns < B.nnz and columns**2 <= MOST_DENSE:
         S, C = as_dense(P), by_rows(B)
@@ -104,7 +104,7 @@ def from_arrays(
 
 @kernel
 def selected_part(indptr, indices, data, number, columns):
-    """Return the CSC arrays of some columns; `number` renames rows, -1 drops them."""
+    """Return the CSC arrays of some columns; row i becomes number[i], -1 drops it."""
     new_indptr = np.zeros(columns.size + 1, dtype=np.int32)
     size = 0
     for j in columns:
@@ -187,5 +187,5 @@ def add_squares(P, B, by_row, weight):
         for t in range(start, nnz):
             data[t] = sums[indices[t]]
         indptr[j + 1] = nnz
-    # The matrix is symmetric (to rounding), so that turning it only sorts it.
+    # The matrix is symmetric (to rounding): its transpose is itself, but sorted.
     return transposed(indptr, indices[:nnz], data[:nnz], n)

@@ -1,8 +1,4 @@
-"""Is a matrix symmetric, is it positive semidefinite? As far as rounding lets tell.
-
-Every tolerance is relative to a unit diagonal, which the caller sees to, or to the
-largest entry.
-"""
+"""Tests whether a matrix is symmetric or positive semidefinite, up to rounding."""
 
 from typing import Any, NamedTuple
 
@@ -15,25 +11,26 @@ from namlcp.compiled import kernel
 from namlcp.linalg.symmetry import asymmetry
 
 SLACK = 1e-6
-"""Negative curvature, of a unit diagonal, that data in single precision explain."""
+"""Negative curvature of a matrix with unit diagonal that may be due to the rounding of
+its data to single precision."""
 
 PSD_TOLERANCE = 1e-10
-"""Shift of a unit diagonal by which a semidefinite matrix, computed in double
+"""Shift by which a semidefinite matrix with unit diagonal, computed in double
 precision, becomes definite."""
 
 SYMMETRY_ROUNDING = 1e-14
 """Largest |A - A'|, relative to max |A|, that rounding in double precision explains."""
 
 ZERO = 1e-15
-"""Diagonal entry, relative to max |P|, that counts as 0; its row must be 0 too."""
+"""Diagonal entry, relative to max |P|, up to which it counts as 0, as its row must."""
 
-CONVEX, NEGATIVE, MINOR, UNDECIDED = 0, 1, 2, 3
+CONVEX, NEGATIVE, MINOR, UNDECIDED = 0, 1, 2, 3  # codes of `Curvature`
 
 
 class Curvature(NamedTuple):
-    """What signs, minors of order two and diagonal dominance tell of a matrix.
+    """What diagonal signs, minors of order two and diagonal dominance prove.
 
-    code: CONVEX (positive semidefinite), NEGATIVE (a negative diagonal entry j), MINOR
+    code: CONVEX (positive semidefinite), NEGATIVE (diagonal entry j is negative), MINOR
     (the minor of i and j is negative) or UNDECIDED. triangle: the upper triangle of the
     matrix scaled to a unit diagonal, plus `SLACK` I.
     """
@@ -45,7 +42,7 @@ class Curvature(NamedTuple):
 
 
 def curvature(P: Any) -> Curvature:
-    """Tell what can be told without a factorisation of P (CSC, symmetric)."""
+    """Return the `Curvature` of P (CSC, symmetric), found without a factorisation."""
     n = P.shape[0]
     indptr = np.zeros(n + 1, dtype=np.int32)
     indices = np.empty(P.data.size + n, dtype=np.int32)
@@ -59,16 +56,13 @@ def curvature(P: Any) -> Curvature:
 
 
 def is_symmetric(A: Any) -> bool:
-    """Tell whether A = A' but for rounding; A has been checked, dense or compressed."""
+    """Tell whether A (dense, or canonical CSC or CSR) = A' up to rounding."""
     gap, size = asymmetry(A)
     return gap <= SYMMETRY_ROUNDING * size
 
 
 def is_positive_semidefinite(A: Any, tolerance: float) -> bool:
-    """Tell whether x'(A + tolerance I)x > 0 for all x, by one factorisation of A + A'.
-
-    A negative tolerance asks for definiteness. A is dense or sparse, symmetric or not.
-    """
+    """Tell whether A + tolerance I, symmetric or not, is positive definite."""
     if issparse(A):
         S = triu(0.5 * (A + A.T)) + tolerance * eye_array(A.shape[0])
         return ldl_factors(csc_matrix(S)) is not None
@@ -95,17 +89,10 @@ def has_positive_pivots(triangle: csc_matrix) -> bool:
 def unit_triangle(indptr, indices, data, work, up, ui, ux):
     """Write the upper triangle of R^-1 (P + t I) R^-1 + SLACK I; return (code, i, j).
 
-    t = ZERO max |P| stands for rounding, R has the roots of the diagonal of P + t I.
-    i and j say where NEGATIVE (j) or MINOR was found.
-
-    Parameters
-    ----------
-    indptr, indices, data : arrays
-        P, symmetric, CSC.
-    work : (2, n) array
-        Zeros in the first row; no meaning on return.
-    up, ui, ux : (n + 1,) int32, (nnz(P) + n,) int32, (nnz(P) + n,) arrays
-        The triangle, CSC; up is zero on entry.
+    t = ZERO max |P| allows for rounding, R^2 is the diagonal of P + t I; P, symmetric,
+    and the triangle up (n + 1,), ui, ux (nnz(P) + n,) are in CSC. up and the first row
+    of `work` (2, n) are zero on entry; `work` is overwritten. With NEGATIVE or MINOR
+    the triangle is not complete.
     """
     n = indptr.size - 1
     diagonal, root = work[0], work[1]

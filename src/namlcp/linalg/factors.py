@@ -1,16 +1,16 @@
 """Factors of the KKT matrix: qdldl, dense fronts, or qdldl and a dense border.
 
-qdldl goes entry by entry, which is best where L is thin. Where much fill is counted in
-advance, dense fronts are ten times faster (`multifrontal`). Where a few variables are
-in many rows (a dense data matrix in a support vector machine, a dense P), almost all of
-a sparse factorisation is spent on one dense block. There the matrix is split into a
+qdldl works entry by entry, which is best where L is sparse. Where the symbolic analysis
+counts much fill, dense fronts are ten times faster (`multifrontal`). Where some rows
+and columns are dense (a dense data matrix in a support vector machine, a dense P), most
+of a sparse factorisation is spent on one dense block. There the matrix is split into a
 sparse part R and a dense border D,
 
     K = [K_R  B  ]      X = K_R^-1 B,   S = K_D - B'X,
         [B'   K_D]      K u = r:  u_D = S^-1 (r_D - B' K_R^-1 r_R),
                                   u_R = K_R^-1 r_R - X u_D
 
-with qdldl for K_R and LAPACK for S: the same elimination, in blocks.
+with qdldl for K_R and LAPACK for S.
 """
 
 from typing import Protocol
@@ -31,24 +31,24 @@ from namlcp.linalg.ordering import (
     nested_dissection,
 )
 
-# A border is looked for in matrices of so many entries or more.
+# Entries of the upper triangle of K from which on a border is looked for.
 BORDER_ENTRIES = 20_000
-# Entries of a row or column up to which it stays in the sparse part.
+# Off-diagonal entries of a row of K up to which it always stays in the sparse part.
 SPARSE_DEGREE = 16
 # Rows of a border at least and at most.
 LEAST_BORDER, MOST_BORDER = 50, 3000
-# Density of B from which a border pays; one of WIDE rows pays with a thinner B too, if
-# the upper triangle of K_D has FULL_D times its size squared entries (0.5 is all).
+# Density of B from which a border pays. A border of WIDE rows pays with a sparser B too
+# if the upper triangle of K_D has FULL_D times its order squared entries (0.5 is all).
 DENSE_B, WIDE, FULL_D = 0.1, 600, 0.2
 # Multiplications of a factorisation from which dense fronts pay; multiplications a row
-# from which nested dissection is tried as another order.
+# from which nested dissection is tried too.
 HEAVY, DEEP = 1.5e7, 1e5
-# Fill is counted where K has so many entries or more, and so many a column.
+# Fill is counted if K has at least so many entries, and so many a column, for one pair.
 COUNT_FILL = (200_000, 0), (20_000, 3), (5_000, 4)
 
 
 class Factors(Protocol):
-    """Factors of a quasi-definite matrix; where a pivot is 0, ValueError."""
+    """Factors of a quasi-definite matrix; ValueError if a pivot is 0."""
 
     def refactor(self, data: np.ndarray) -> None:
         """Factor again with other values in the same pattern."""
@@ -70,7 +70,6 @@ class SparseFactors:
     """L D L' by qdldl."""
 
     def __init__(self, matrix: csc_array | csc_matrix) -> None:
-        """Order and factor; the pattern stays."""
         self.matrix = matrix
         self.solver = qdldl.Solver(matrix, upper=True)
 
@@ -89,7 +88,6 @@ class Diagonal:
     """A diagonal matrix as its own factors."""
 
     def __init__(self, matrix: csc_matrix) -> None:
-        """Keep the entries."""
         self.entries = matrix.data
 
     def refactor(self, data: np.ndarray) -> None:
@@ -102,10 +100,12 @@ class Diagonal:
 
 
 class Bordered:
-    """qdldl for the sparse part, LAPACK for the Schur complement on the border."""
+    """qdldl for the sparse part, LAPACK for the Schur complement on the border.
+
+    border: the rows of D in rising order.
+    """
 
     def __init__(self, matrix: csc_array, border: np.ndarray) -> None:
-        """Split and factor; `border` has the rows of D in rising order."""
         size = matrix.shape[0]
         self.indptr, self.indices = matrix.indptr, matrix.indices
         self.border = border
@@ -142,7 +142,8 @@ class Bordered:
         self.L, info = dpotrf(S, lower=0)
         self.is_definite = info == 0
         if not self.is_definite:
-            lwork = int(dsytrf_lwork(S.shape[0], lower=0)[0])  # or it is unblocked
+            # without a large lwork dsytrf is unblocked
+            lwork = int(dsytrf_lwork(S.shape[0], lower=0)[0])
             self.L, self.pivots, info = dsytrf(S, lower=0, lwork=lwork)
             if info != 0:
                 raise ValueError("the Schur complement is singular")
@@ -163,7 +164,7 @@ class Bordered:
 
 
 def dense_border(indptr: np.ndarray, indices: np.ndarray) -> np.ndarray:
-    """Return the rows to split off, none if that does not pay."""
+    """Return the rows of the border, none if it does not pay."""
     none = np.empty(0, dtype=np.intp)
     size = indptr.size - 1
     if indices.size < BORDER_ENTRIES:
@@ -187,7 +188,7 @@ def dense_border(indptr: np.ndarray, indices: np.ndarray) -> np.ndarray:
 
 
 def heavy_order(indptr: np.ndarray, indices: np.ndarray) -> Order | None:
-    """Return an order for dense fronts, None where qdldl is as good."""
+    """Return the order for dense fronts, None if they do not pay."""
     size = indptr.size - 1
     if not any(indices.size >= max(least, few * size) for least, few in COUNT_FILL):
         return None
@@ -230,9 +231,9 @@ def count_rest(indptr, indices, place):
 
 @kernel
 def split(indptr, indices, data, place, inner_indices, inner_data, B, S):
-    """Write the upper triangle of K into that of K_R, B and that of S.
+    """Write the upper triangle of K to that of K_R (inner), B and both of S = K_D.
 
-    place[j] is the row of K_R, or -1 minus that of the border.
+    place[j] is the row in K_R of row j of K, or -1 minus its row in the border.
     """
     nnz = 0
     for j in range(place.size):

@@ -1,11 +1,10 @@
-"""BLAS and LAPACK from compiled code: SciPy's own library, called without Python.
+"""SciPy's BLAS and LAPACK, called from compiled code without Python.
 
-numba's np.linalg allocates and checks on every call, which small dense systems feel.
-SciPy exports the addresses of its BLAS and LAPACK for Cython; here they get a name that
-compiled, cached code can link against. Matrices are **row-major** (n, n) arrays: LAPACK
-sees their transpose, so its "upper" is our lower triangle, and no copy is made.
-
-With NUMBA_DISABLE_JIT=1 the same names fall back on scipy.linalg.
+numba's np.linalg allocates and checks on every call, which is slow for small systems.
+SciPy exports the addresses of its BLAS and LAPACK for Cython; here they get names that
+compiled, cached code can link to. Matrices are **row-major**: LAPACK sees their
+transpose, so that its "upper" triangle is the lower one here, and no copy is made. With
+NUMBA_DISABLE_JIT=1 the same names fall back on scipy.linalg.
 """
 
 import numpy as np
@@ -16,7 +15,7 @@ from numba.extending import get_cython_function_address, intrinsic
 
 from namlcp.compiled import part
 
-# The letters by which BLAS and LAPACK are told what to do.
+# The letters that BLAS and LAPACK take as options.
 UPPER = UNIT = ord("U")
 LEFT, PLAIN, TRANSPOSED = (ord(letter) for letter in "LNT")
 
@@ -65,7 +64,7 @@ if not config.DISABLE_JIT:
 # Any order of the sum is allowed, so that it vectorises; NaN keeps its meaning.
 @part(fastmath={"reassoc"})
 def dot(a, b):
-    """Return a'b; the one reduction of the kernels that is worth vectorising."""
+    """Return a'b."""
     total = 0.0
     for i in range(a.size):
         total += a[i] * b[i]
@@ -103,10 +102,10 @@ def add_scaled(scale, a, out):
 
 @part
 def cholesky(A):
-    """Overwrite the lower triangle of A (n, n) by L, A = L L'. Return 0 if it exists.
+    """Overwrite the lower triangle of A (n, n) by L, A = L L'; return 0 if L exists.
 
-    Only the lower triangle is read or written; k > 0 means that the leading minor of
-    order k is not positive.
+    The upper triangle is neither read nor written. A result k > 0 means that the
+    leading minor of order k is not positive.
     """
     if A.shape[0] == 0:
         return 0
@@ -140,9 +139,9 @@ def backward_solve(L, b):
 
 @part
 def lu(A, pivots):
-    """Overwrite A (n, n) by the LU factors of A', pivots (n,) int32; 0 if regular.
+    """Overwrite A (n, n) and pivots (n,) int32 by the LU factors of A'.
 
-    k > 0 means that the k-th pivot is exactly zero.
+    Returns 0, or k > 0 if the k-th pivot is exactly zero.
     """
     if A.shape[0] == 0:
         return 0
@@ -164,9 +163,9 @@ def lu_solve(factors, pivots, b):
 
 @part
 def product(alpha, A, B, beta, C):
-    """Overwrite C (m, n) by alpha A B' + beta C; A (m, k), B (n, k), rows may be apart.
+    """Overwrite C (m, n) by alpha A B' + beta C for A (m, k), B (n, k).
 
-    With beta = 0 C need not be finite on entry.
+    Rows may be strided. With beta = 0, C need not be finite on entry.
     """
     if C.shape[0] > 0 and C.shape[1] > 0:
         _dgemm(
@@ -179,9 +178,9 @@ def product(alpha, A, B, beta, C):
 
 @part
 def solve_rows(L, unit, X):
-    """Overwrite X (m, k) by X L'^-1, L (k, k) lower triangular, rows may be apart.
+    """Overwrite X (m, k) by X L'^-1, L (k, k) lower triangular; rows may be strided.
 
-    With `unit` its diagonal counts as 1, whatever stands there.
+    With `unit` the diagonal of L is taken as 1 and not read.
     """
     if X.shape[0] > 0 and X.shape[1] > 0:
         _dtrsm(
@@ -197,7 +196,7 @@ if config.DISABLE_JIT:
     from scipy.linalg import solve_triangular
 
     def cholesky(A):  # type: ignore[no-redef]
-        """Overwrite the lower triangle of A by L, A = L L'. Return 0 if it exists."""
+        """Overwrite the lower triangle of A by L, A = L L'; return 0 if L exists."""
         if A.shape[0] == 0:
             return 0
         L, info = _lapack.dpotrf(A, lower=1, clean=0)

@@ -1,11 +1,10 @@
-"""Sparse L D L' of a principal submatrix, without ever forming the submatrix.
+"""Sparse L D L' of a principal submatrix, read from the columns of the whole matrix.
 
 Up-looking factorisation after Davis, "Algorithm 849: LDL", ACM TOMS 31 (2005) 587-591:
 row k of L is a sparse triangular solve along the elimination tree. `order` (m,) lists
-the rows and columns of the submatrix in elimination order, `position` (n,) is its
-inverse, -1 elsewhere: everything outside is skipped while the columns of A are read.
-An elimination order of all unknowns, restricted to some, gives a submatrix no more
-fill than the matrix has: one order serves every submatrix.
+the rows of the submatrix in elimination order, `position` (n,) is its inverse, -1 for
+rows outside, which are skipped. An elimination order of the whole matrix, restricted to
+a submatrix, causes no more fill there than in the matrix: one order serves all.
 """
 
 from typing import NamedTuple
@@ -22,14 +21,14 @@ NONE = np.int32(-1)
 """No node, or no list of nodes."""
 
 PIVOT_FLOOR = 1e-14
-"""Smallest pivot. A has a unit diagonal, so smaller ones are rounding of 0."""
+"""Smallest pivot, for matrices with unit diagonal: smaller ones count as rounding."""
 
 
 class Triangle(NamedTuple):
-    """L and D of a submatrix of order m, columns in elimination order.
+    """L and D of a submatrix of order m, in elimination order.
 
-    Column j of L has the rows[p] and values[p] for p in starts[j] : starts[j + 1], its
-    unit diagonal left out; parent is the elimination tree.
+    Column j of L, without its unit diagonal, has values[p] in rows[p] for p in
+    starts[j] : starts[j + 1]; parent is the elimination tree.
     """
 
     parent: np.ndarray
@@ -41,12 +40,9 @@ class Triangle(NamedTuple):
 
 @part
 def ldl_symbolic(indptr, indices, order, position, parent, counts):
-    """Fill parent and counts (m,): elimination tree and nonzeros of L's columns.
+    """Set parent and counts (m,) to the elimination tree and the columns' nonzeros.
 
-    Returns
-    -------
-    flops : float
-        Multiplications and additions of the numeric factorisation.
+    Returns the number of flops of the numeric factorisation.
     """
     m = order.size
     flag = np.empty(m, dtype=np.int32)
@@ -67,14 +63,10 @@ def ldl_symbolic(indptr, indices, order, position, parent, counts):
 
 @part
 def ldl_numeric(columns, shift, order, position, factor):
-    """Factor the submatrix + diag(shift); parent and starts of `factor` are given.
+    """Factor the submatrix + diag(shift), shift (n,): set rows, values, D of `factor`.
 
-    Pivots below `PIVOT_FLOOR` are raised to it.
-
-    Returns
-    -------
-    smallest : float
-        The smallest pivot before that; clearly negative means indefinite.
+    Its parent and starts are given. Pivots below `PIVOT_FLOOR` are raised to it.
+    Returns the smallest pivot before that; clearly negative means indefinite.
     """
     indptr, indices, data = columns.indptr, columns.indices, columns.data
     parent, starts, rows, values, D = factor
@@ -112,7 +104,7 @@ def ldl_numeric(columns, shift, order, position, factor):
             i = pattern[t]
             y_i = y[i]
             y[i] = 0.0
-            # Unsigned: a quarter faster without the test for negative indices.
+            # Unsigned indices need no sign test: this is a quarter faster.
             for p in range(np.uint64(starts[i]), np.uint64(ends[i])):
                 y[np.uint32(rows[p])] -= values[p] * y_i
             l_ki = y_i / D[i]
@@ -143,7 +135,7 @@ def ldl_solve(factor, x):
 
 @intrinsic
 def population(typingctx, word):
-    """Return the number of bits set in a uint64, as int32: one instruction."""
+    """Return the number of bits set in a uint64, as int32."""
 
     def codegen(context, builder, signature, arguments):
         return builder.trunc(builder.ctpop(arguments[0]), ir.IntType(32))
@@ -152,7 +144,7 @@ def population(typingctx, word):
 
 
 def interpreted_population(word):
-    """Return the same where nothing is compiled."""
+    """Return the same with NUMBA_DISABLE_JIT=1."""
     return int(word).bit_count()
 
 
@@ -175,7 +167,7 @@ def members(row, out):
 
 @part
 def relink(v, degree, old, head, after, before):
-    """Move v to the list of its degree; old < 0: it is in none, degree < 0: to none."""
+    """Move v from the list of degree `old` to that of `degree`; < 0 means no list."""
     if old >= 0:
         if before[v] >= 0:
             after[before[v]] = after[v]
@@ -195,13 +187,11 @@ def relink(v, degree, old, head, after, before):
 def bitset_minimum_degree(indptr, indices, nodes, local, sequence):
     """Write to sequence (m,) a minimum-degree elimination order of nodes (m,).
 
-    The elimination graph is kept as m bitsets of m bits (m^2 / 8 bytes): eliminating v
-    joins its neighbours' sets with its own. local (n,) is -1 on entry and on return.
-
-    On obstacle problems and contact scenes it takes 3 us for m = 17, 100 us for 200
-    and 2 ms for 2000, where `ordering.minimum_degree` takes 220, 400 and 2000 us, and
-    must be called from Python; flops of the factorisation differ by 7 % less to 24 %
-    more.
+    The elimination graph is kept as m bitsets of m bits: eliminating v joins its
+    neighbours' sets with its own. local (n,) is -1 on entry and on return. On obstacle
+    problems and contact scenes it takes 3 us for m = 17, 100 us for 200 and 2 ms for
+    2000; `ordering.minimum_degree`, which only Python can call, takes 220, 400 and 2000
+    us. The flops of the factorisation are between 7 % fewer and 24 % more here.
     """
     m = nodes.size
     one = np.uint64(1)
@@ -217,7 +207,7 @@ def bitset_minimum_degree(indptr, indices, nodes, local, sequence):
         for p in range(indptr[j], indptr[j + 1]):
             u = local[indices[p]]
             if u >= 0 and u != v:
-                # Both: of an entry that is nearly zero only one side may be stored.
+                # both, as of two tiny entries only one may be stored
                 graph[v, u >> 6] |= one << np.uint64(u & 63)
                 graph[u, v >> 6] |= one << np.uint64(v & 63)
     for v in range(m - 1, -1, -1):

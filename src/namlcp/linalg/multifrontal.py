@@ -1,11 +1,12 @@
-"""L D L' of a large quasi-definite matrix by dense fronts (the multifrontal method).
+"""L D L' of a large quasi-definite matrix by the multifrontal method.
 
-A supernode, k columns of L on f rows, is kept as one dense block. Eliminating it leaves
-an update of order f - k, which its parent in the elimination tree adds to its own
-front. Nearly all of the work is then matrix products, which BLAS does ten times faster
-than a factorisation that goes entry by entry. No pivoting is needed: every symmetric
-permutation of a quasi-definite matrix has an L D L' (R. Vanderbei, SIAM J. Optim. 5
-(1995) 100-113). The fronts: Duff and Reid, ACM Trans. Math. Softw. 9 (1983) 302-325.
+A supernode, k columns of L on f rows, is kept as one dense block, the panel.
+Eliminating it leaves an update matrix of order f - k, which its parent in the
+elimination tree adds to its own front. Nearly all operations are then matrix products
+by BLAS, ten times faster than a factorisation entry by entry. No pivoting is needed:
+every symmetric permutation of a quasi-definite matrix has an L D L' (R. Vanderbei, SIAM
+J. Optim. 5 (1995) 100-113). The method: Duff and Reid, ACM Trans. Math. Softw. 9 (1983)
+302-325.
 """
 
 import numpy as np
@@ -15,10 +16,9 @@ from namlcp.compiled import kernel, part
 from namlcp.linalg.lapack import add_scaled, dot, product, solve_rows
 from namlcp.linalg.ordering import Order, supernodes
 
-# Columns eliminated at a time in a front, and rows of the lower triangle updated by
-# one product.
+# Columns eliminated at a time, and rows of a lower triangle updated by one product.
 BLOCK, ROW_STRIP = 48, 96
-# Entries of L up to which a product is not worth a call of BLAS.
+# Entries of L below the panel's square up to which loops are faster than BLAS.
 SMALL_PRODUCT = 512
 
 
@@ -26,7 +26,6 @@ class Multifrontal:
     """`factors.Factors` by dense fronts."""
 
     def __init__(self, matrix: csc_array, order: Order) -> None:
-        """Plan the fronts and factor; raise ValueError if a pivot vanishes."""
         self.place = order.place
         self.nodes = nodes = supernodes(matrix.indptr, matrix.indices, order)
         k = np.diff(nodes.first).astype(np.int64)
@@ -57,9 +56,10 @@ class Multifrontal:
 
 @kernel(error_model="numpy")
 def factorise(nodes, data, L, D, position, stack, front, work):
-    """Set L and D; False if a pivot vanishes. Work arrays: position and those after.
+    """Set L and D; return False if a pivot is zero.
 
-    The updates of the children of a supernode lie on top of the stack.
+    position, stack, front and work are overwritten. When a supernode is eliminated, the
+    updates of its children are on top of the stack.
     """
     first, parent, _, starts, rows, panels, lower, below, source = nodes
     number = first.size - 1
@@ -107,7 +107,7 @@ def factorise(nodes, data, L, D, position, stack, front, work):
 
 @kernel
 def stack_size(parent, order):
-    """Return the entries of all updates that wait for their parents at a time."""
+    """Return the largest number of entries of updates on the stack at a time."""
     waiting = np.zeros(parent.size, dtype=np.int64)
     size, most = 0, 1
     for s in range(parent.size):
@@ -121,7 +121,7 @@ def stack_size(parent, order):
 
 @part
 def extend_add(child, rows, position, k, panel, update):
-    """Add the lower triangle of a child's update, of order rows.size, to a front."""
+    """Add the lower triangle of a child's update, on `rows`, to panel and update."""
     u = rows.size
     split = 0
     while split < u and position[rows[split]] < k:
@@ -137,13 +137,13 @@ def extend_add(child, rows, position, k, panel, update):
 
 @part
 def eliminate_panel(panel, D, work):
-    """Overwrite the panel (f, k) by its columns of L; False if a pivot vanishes."""
+    """Overwrite the panel (f, k) by its columns of L, set D; False if a pivot is 0."""
     f, k = panel.shape
     for start in range(0, k, BLOCK):
         stop = min(start + BLOCK, k)
         width = stop - start
         for j in range(start, stop):
-            # row j of the block: X = L D first, then L
+            # row j of the block: first L D, then L
             for i in range(start, j):
                 panel[j, i] -= dot(panel[j, start:i], panel[i, start:i])
             pivot = panel[j, j]
@@ -179,7 +179,7 @@ def eliminate_panel(panel, D, work):
 
 @part
 def complement(panel, D, update, work):
-    """Subtract L D L' from the lower triangle of the update, L the lower panel."""
+    """Subtract L D L', L the panel below row k, from the update's lower triangle."""
     f, k = panel.shape
     u = f - k
     if u * k <= SMALL_PRODUCT:
@@ -200,7 +200,7 @@ def complement(panel, D, update, work):
 
 @kernel(error_model="numpy")
 def solve_fronts(nodes, L, D, u):
-    """Overwrite u, in the order of the columns, by the solution of L D L' u = u."""
+    """Overwrite u, in elimination order, by the solution of L D L' x = u."""
     first, starts, rows, panels = nodes.first, nodes.starts, nodes.rows, nodes.panels
     number = first.size - 1
     for s in range(number):

@@ -1,11 +1,12 @@
-"""The analysis before a sparse factorisation: order, elimination tree, supernodes.
+"""Symbolic analysis for a sparse factorisation: order, elimination tree, supernodes.
 
-The elimination tree has an edge from every column of L to the row of its first entry
-below the diagonal; below that row, the pattern of a column is a subset of its parent's.
+The parent of a column of L in the elimination tree is the row of its first entry below
+the diagonal; below that row, the pattern of a column is a subset of its parent's.
 Columns of L with nearly the same pattern form a *supernode*, a dense block for BLAS.
 The order is SuperLU's minimum degree, or METIS's nested dissection; tree and counts:
 J. Liu, SIAM J. Matrix Anal. Appl. 11 (1990) 134-172; supernodes are relaxed as in
-CHOLMOD (Chen, Davis, Hager, Rajamanickam, ACM Trans. Math. Softw. 35, 2008).
+CHOLMOD (Chen, Davis, Hager, Rajamanickam, ACM Trans. Math. Softw. 35, 2008). Of a
+symmetric matrix, in CSC, only the upper triangle is read.
 """
 
 from typing import NamedTuple
@@ -19,12 +20,12 @@ from namlcp.compiled import kernel, part
 from namlcp.linalg.csc import transposed
 
 MERGE = np.array(((4, 0.5), (16, 0.3), (48, 0.1), (1 << 30, 0.05)))
-"""(Columns, fraction): supernodes are merged into one of at most so many columns if no
-larger fraction of its entries are explicit zeros."""
+"""(Columns, fraction): supernodes are merged into one of at most so many columns if at
+most that fraction of its entries are explicit zeros."""
 
 HUB = 10.0
-"""Entries of a row, over the square root of the order, from which on the row is dense
-and is eliminated last: in between it would fill everything."""
+"""A row with more entries than this times the square root of the order is dense, and is
+eliminated last, to limit the fill."""
 
 
 class Order(NamedTuple):
@@ -46,7 +47,7 @@ class Order(NamedTuple):
 
 
 class Supernodes(NamedTuple):
-    """Where everything is in L; all indices are positions of the order.
+    """The layout of L; all indices are positions in the order.
 
     Supernode s has the columns first[s] : first[s + 1], its rows are rows[starts[s] :
     starts[s + 1]], ascending, its own columns first. Its block, row-major, is
@@ -70,10 +71,7 @@ class Supernodes(NamedTuple):
 def minimum_degree(
     indptr: np.ndarray, indices: np.ndarray, member: np.ndarray | None = None
 ) -> Order:
-    """Order the rows in `member` of a symmetric matrix, or all of them.
-
-    Of the matrix in CSC only the upper triangle is read.
-    """
+    """Order the rows in `member` of a symmetric matrix, or all of them."""
     size = indptr.size - 1
     member = np.ones(size, dtype=bool) if member is None else member
     hub = member & (degrees(indptr, indices, member) > HUB * np.sqrt(size))
@@ -83,7 +81,7 @@ def minimum_degree(
         columns, rows, _ = permuted(indptr, indices, place, core)
         upper = csc_matrix((np.ones(rows.size), rows, columns), shape=(core, core))
         pattern = (upper + 2.0 * identity(core, format="csc")).tocsc()
-        # Nothing is factored: all but the diagonal is zero, and is dropped.
+        # SuperLU is to order only: the values off the diagonal are 0 and are dropped.
         pattern.data = (pattern.data > 1.0).astype(float)
         by_degree = spilu(
             pattern,
@@ -100,16 +98,15 @@ def minimum_degree(
 def nested_dissection(indptr: np.ndarray, indices: np.ndarray) -> Order | None:
     """Order a symmetric matrix by METIS; None without pymetis (the extra `large`).
 
-    Of the matrix in CSC only the upper triangle is read. Separators come last
-    (A. George, SIAM J. Numer. Anal. 10, 1973), which fills less than minimum degree in
-    large matrices without structure and takes ten times as long.
+    Separators come last (A. George, SIAM J. Numer. Anal. 10, 1973): for large matrices
+    without structure this causes less fill than minimum degree, in ten times the time.
     """
     try:
         import pymetis  # here, because few problems are so large
     except ImportError:
         return None
     size = indptr.size - 1
-    if size == 0:  # METIS would divide by it
+    if size == 0:  # METIS would divide by zero
         return None
     upper = csc_matrix((np.ones(indices.size), indices, indptr), shape=(size, size))
     graph = (upper + upper.T).tocsr()
@@ -121,7 +118,7 @@ def nested_dissection(indptr: np.ndarray, indices: np.ndarray) -> Order | None:
 
 
 def numbered(chosen: np.ndarray, begin: int) -> np.ndarray:
-    """Return begin, begin + 1, ... where `chosen`, -1 elsewhere."""
+    """Return begin, begin + 1, ... for the chosen entries, -1 for the others."""
     return np.where(chosen, np.cumsum(chosen) - 1 + begin, -1).astype(np.int32)
 
 
@@ -131,7 +128,7 @@ def size_of(place: np.ndarray) -> int:
 
 
 def postordered(indptr: np.ndarray, indices: np.ndarray, place: np.ndarray) -> Order:
-    """Return the order `place` rearranged, with the same fill."""
+    """Return the postordered equivalent of the order `place`, with the same fill."""
     size = size_of(place)
     parent, _ = elimination_tree(*permuted(indptr, indices, place, size)[:2])
     chosen = place >= 0
@@ -141,7 +138,7 @@ def postordered(indptr: np.ndarray, indices: np.ndarray, place: np.ndarray) -> O
 
 
 def supernodes(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Supernodes:
-    """Lay out L for the order of a symmetric matrix; its upper triangle is read."""
+    """Return the layout of L for a symmetric matrix in this order."""
     size = order.parent.size
     columns, upper, source = permuted(indptr, indices, order.place, size)
     lower, below, source = transposed(columns, upper, source, size)
@@ -175,10 +172,7 @@ def degrees(indptr, indices, member):
 
 @kernel
 def permuted(indptr, indices, place, size):
-    """Return the permuted upper triangle in CSC, and where its entries come from.
-
-    place (n,) has the new position of every row, -1 for those left out.
-    """
+    """Return the permuted upper triangle in CSC, and where its entries come from."""
     columns = np.zeros(size + 1, dtype=np.int32)
     for j in range(place.size):
         for t in range(indptr[j], indptr[j + 1]):
@@ -203,7 +197,7 @@ def permuted(indptr, indices, place, size):
 
 @part
 def climb(i, k, parent, count, seen):
-    """Follow the entry (k, i) of L up the tree to what row k has seen already."""
+    """Follow the entry (k, i) of L up the tree to a column that row k has seen."""
     while seen[i] != k:
         seen[i] = k
         count[i] += 1
@@ -214,7 +208,7 @@ def climb(i, k, parent, count, seen):
 
 @kernel
 def elimination_tree(columns, rows):
-    """Return the parent of every column, -1 at a root, and its entries of L."""
+    """Return each column's parent, -1 at a root, and its entries below the diagonal."""
     size = columns.size - 1
     parent = np.full(size, -1, dtype=np.int32)
     count = np.zeros(size, dtype=np.int32)
@@ -260,8 +254,8 @@ def postorder(parent):
 def merged(parent, counts, limits):
     """Return the first column of every supernode, and the number of columns.
 
-    A column, with the supernode that it ends, joins the supernode before if that is its
-    child, and if the `limits` of explicit zeros allow it, see `MERGE`.
+    The supernode that ends with a column is merged with the one before if that is its
+    child and the `limits` on explicit zeros allow it, see `MERGE`.
     """
     size = parent.size
     first = np.empty(size + 1, dtype=np.int32)
@@ -291,7 +285,10 @@ def merged(parent, counts, limits):
 
 @kernel
 def row_patterns(columns, upper, starts, parent, node, rows):
-    """Set the rows of every supernode: row k is in all between its entries and k."""
+    """Set the rows of all supernodes: k is in those on the tree paths to k's own.
+
+    The paths start at the supernodes of the entries of A in row k.
+    """
     number = parent.size
     end = starts[:number].copy()
     seen = np.full(number, -1, dtype=np.int32)

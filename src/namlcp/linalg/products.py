@@ -1,8 +1,7 @@
-"""Products with matrices as the gate returns them: dense, or CSC in float64.
+"""Products of matrices and vectors, compiled for CSC in float64, `@` for others.
 
-SciPy's sparse products cost more than the work in them on matrices of a few thousand
-entries (30 to 60 us, transposed ones make a new matrix), so those are compiled here, in
-the same order of summation. Any other matrix is left to its own `@`.
+The overhead of SciPy's sparse products, 30 to 60 us, exceeds the time of the product
+for a few thousand entries. The order of summation here is SciPy's.
 """
 
 from typing import Any
@@ -34,7 +33,7 @@ def add_transposed(M: Any, z: np.ndarray, out: np.ndarray) -> None:
 
 
 def is_csc(M: Any) -> bool:
-    """Tell whether M is what the kernels expect."""
+    """Tell whether M is a CSC matrix of float64."""
     return getattr(M, "format", "") == "csc" and M.dtype == np.float64
 
 

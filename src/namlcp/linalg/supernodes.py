@@ -1,12 +1,12 @@
-"""Sparse Cholesky factors of A + diag(shift) in dense blocks, for large faces.
+"""Sparse Cholesky factors of A + diag(shift) on the free unknowns, in dense blocks.
 
 Every supernode is a dense block (Ng and Peyton, SIAM J. Sci. Comput. 14 (1993)
 1034-1056). The blocks are laid out once, for all unknowns; an unknown that is not free
 has a row and a column of the identity. The factorisation is left-looking: it computes
-a block from A and from the blocks below it in the elimination tree. When few unknowns
-change state, it computes only their blocks and those of their ancestors again. In
-blocks below its own, the row of a bounded unknown stays what it would be if the unknown
-were free: the row is skipped, and is right when the unknown is free again.
+a block from A and from the blocks of its descendants in the elimination tree. When few
+unknowns change state, it computes only their blocks and those of their ancestors again.
+In descendants' blocks, the row of an unknown that is not free is computed as if it were
+free, and is skipped: it is right when the unknown is free again.
 """
 
 from typing import NamedTuple
@@ -26,16 +26,16 @@ from namlcp.linalg.ldl import PIVOT_FLOOR
 from namlcp.linalg.ordering import Order, Supernodes, supernodes
 
 FEW_PRODUCTS = 64
-"""Multiplications below which a product costs less than a call of BLAS."""
+"""Multiplications below which a product by loops is faster than by BLAS."""
 
 
 class Blocks(NamedTuple):
-    """The supernodes of a set of unknowns, and what each takes from those below it.
+    """The supernodes of a set of unknowns, and how each depends on its descendants.
 
     order (size,) lists the unknowns by position, place (n,) is its inverse, -1 for
-    those left out. A run is a stretch of rows of block[r] within the columns of one
-    supernode s, from top[r] to bottom[r]; r is in run_at[s] : run_at[s + 1]. room is
-    the size of the largest product of a run, or square, of all supernodes.
+    those left out. Run r, in run_at[s] : run_at[s + 1], is the rows top[r] : bottom[r]
+    of block[r], which are columns of supernode s. room is the number of work entries
+    needed: the largest product of a run, or square of a supernode.
     """
 
     nodes: Supernodes
@@ -49,7 +49,7 @@ class Blocks(NamedTuple):
 
 
 def blocks_of(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Blocks:
-    """Return the blocks of a symmetric matrix (n, n) in compressed columns."""
+    """Return the blocks of a symmetric matrix (n, n) in CSC."""
     nodes = supernodes(indptr, indices, order)
     chosen = np.flatnonzero(order.place >= 0)
     by_place = np.empty(chosen.size, dtype=np.int32)
@@ -74,7 +74,7 @@ def blocks_of(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Blocks:
 
 @part
 def panel(nodes, values, s):
-    """Return the block of supernode s: its rows in its columns."""
+    """Return the block of supernode s, (rows, columns)."""
     height = nodes.starts[s + 1] - nodes.starts[s]
     width = np.int64(nodes.first[s + 1] - nodes.first[s])
     return values[nodes.panels[s] : nodes.panels[s + 1]].reshape(height, width)
@@ -82,7 +82,7 @@ def panel(nodes, values, s):
 
 @part
 def assemble_block(data, shift, is_free, blocks, s, where, block):
-    """Write the part of A + diag(shift) that belongs to supernode s to its block."""
+    """Set the block of supernode s to its part of A + diag(shift)."""
     nodes = blocks.nodes
     begin, end = nodes.first[s], nodes.first[s + 1]
     for i in range(block.shape[0]):
@@ -102,7 +102,7 @@ def assemble_block(data, shift, is_free, blocks, s, where, block):
 
 @part
 def subtract_runs(blocks, is_free, s, where, values, work, block):
-    """Subtract what the blocks below supernode s contribute to its own."""
+    """Subtract the contributions of the descendants of supernode s from its block."""
     nodes = blocks.nodes
     begin = nodes.first[s]
     for run in range(blocks.run_at[s], blocks.run_at[s + 1]):
@@ -126,9 +126,10 @@ def subtract_runs(blocks, is_free, s, where, values, work, block):
 
 @part
 def factor_square(L, work):
-    """Overwrite the lower triangle by its Cholesky factor; return the least pivot.
+    """Overwrite the lower triangle of L by its Cholesky factor; return 1.
 
-    Where LAPACK refuses, pivots are raised to `PIVOT_FLOOR` and the least is told.
+    If LAPACK fails, pivots are raised to `PIVOT_FLOOR`, and the least pivot before that
+    is returned, if it is below 1.
     """
     width = L.shape[0]
     for i in range(width):
@@ -153,24 +154,12 @@ def factor_square(L, work):
 def factor_blocks(data, shift, free, changed, blocks, values):
     """Factor A + diag(shift) on the free unknowns, with the identity on the others.
 
-    Parameters
-    ----------
-    data : array
-        Entries of the compressed columns of A (n, n) that the blocks were made for.
-    shift : (n,) array
-    free, changed : (n,) bool array
-        Only blocks of changed unknowns and their ancestors are made; the others stay.
-    blocks : Blocks
-    values : array
-        The blocks, overwritten.
+    data has the entries of A (n, n) in the CSC pattern that `blocks` were made for;
+    shift, free and changed are (n,), the last two bool. Of `values`, the entries of all
+    blocks, only blocks of changed unknowns and their ancestors are overwritten.
 
-    Returns
-    -------
-    smallest : float
-        The least pivot before it was raised, 1 if none was; clearly negative means
-        indefinite.
-    work : float
-        Numbers in the blocks made over numbers in all.
+    Returns (smallest, work): the least pivot before it was raised, 1 if none was
+    (clearly negative means indefinite), and the fraction of `values` computed.
     """
     nodes = blocks.nodes
     size = nodes.parent.size
@@ -203,7 +192,7 @@ def factor_blocks(data, shift, free, changed, blocks, values):
 
 @kernel(error_model="numpy")
 def solve_blocks(blocks, free, values, b, x):
-    """Write the solution for b (n,) on the free unknowns to x (n,); others stay."""
+    """Set the free entries of x (n,) to the solution for b (n,); the others stay."""
     nodes, order = blocks.nodes, blocks.order
     y = np.zeros(order.size)
     for k in range(order.size):

@@ -23,8 +23,7 @@ def dense_asymmetry(P):
 def sparse_asymmetry(indptr, indices, data):
     """Return (max |P - P'|, max |P|) of a canonical square CSR or CSC matrix.
 
-    The entries of row j arrive in order of i, so one pointer a row follows them: one
-    pass, no transpose.
+    Entries (i, j) come in ascending order of i, so follow[j] moves once along row j.
     """
     n = indptr.size - 1
     gap, size = 0.0, 0.0
@@ -53,7 +52,7 @@ def sparse_asymmetry(indptr, indices, data):
 
 
 def asymmetry(C: Any) -> tuple[float, float]:
-    """Return (max |C - C'|, max |C|) of a clean square matrix, dense or compressed."""
+    """Return (max |C - C'|, max |C|) of a square matrix, dense or canonical CSC/CSR."""
     if type(C) is np.ndarray:
         return dense_asymmetry(C)
     return sparse_asymmetry(C.indptr, C.indices, C.data)

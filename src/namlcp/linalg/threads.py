@@ -1,14 +1,13 @@
-"""How many threads BLAS may use: one, unless more are asked for.
+"""The number of threads of BLAS: one during a solve, unless more are asked for.
 
-OpenBLAS lets the threads of one small factorisation wait for each other. Where another
-process keeps one of them off its core all of them wait, and a solve takes many times as
-long. On an idle machine with two cores a second thread gains 5 to 15 % of dense QPs
-with 600 to 1800 variables and rows, and nothing below or of dense LCPs. So a solve runs
-on one thread, a QP of that size on more where they are asked for, and the user's own
-setting is restored after it.
+The threads of OpenBLAS wait for each other in every small factorisation: if another
+process occupies the core of one, all wait, and a solve takes many times as long. On an
+idle machine with two cores a second thread saves 5 to 15 % of the time of dense QPs
+with 600 to 1800 variables and rows, and nothing for smaller ones or dense LCPs. So a
+solve runs on one thread, a QP of that size on more where they are asked for.
 
-The setting is one of the whole process. Solves that run at once in several threads of
-Python count themselves: the last one out restores what the first one found.
+The setting belongs to the process. Of solves that run at once in several threads of
+Python, the last to end restores the setting that the first one found.
 """
 
 import contextlib
@@ -24,9 +23,9 @@ import numpy as np
 import scipy.linalg
 
 # Orders of the largest dense matrix up to which the setting is left alone, as threads
-# change nothing, and from which on more threads than one may pay.
+# make no difference, and from which on more than one may pay.
 SMALL_ORDER, WORTH_ORDER = 100, 600
-# How the BLAS libraries set and tell their number of threads.
+# Functions of the BLAS libraries that set and return their number of threads.
 NAMES = (
     ("scipy_openblas_set_num_threads", "scipy_openblas_get_num_threads"),
     ("scipy_openblas_set_num_threads64_", "scipy_openblas_get_num_threads64_"),
@@ -41,14 +40,11 @@ Setting = tuple[Callable[[int], None], Callable[[], int]]
 
 @functools.cache
 def settings() -> list[Setting]:
-    """Return how to set and read the number of threads, for NumPy's and SciPy's BLAS.
-
-    A library whose functions cannot be found is left alone.
-    """
+    """Return these functions of NumPy's and SciPy's BLAS, where they can be found."""
     found: dict[int | None, Setting] = {}
     for file in extension_modules():
         with contextlib.suppress(OSError):
-            library = ctypes.CDLL(file)  # it is loaded already; its own libraries too
+            library = ctypes.CDLL(file)  # already loaded, with the BLAS it is linked to
             for put_name, get_name in NAMES:
                 put, get = (getattr(library, n, None) for n in (put_name, get_name))
                 if put is not None and get is not None:
@@ -62,8 +58,8 @@ def settings() -> list[Setting]:
 def extension_modules() -> Iterator[str]:
     """Yield files that are linked with NumPy's BLAS and with SciPy's.
 
-    On Windows a search of such a file does not reach the libraries it is linked with;
-    they lie in a folder beside the package.
+    On Windows symbols of linked libraries are not found through such a file; the
+    libraries are in a folder beside the package.
     """
     for name in (
         "numpy._core._multiarray_umath",
@@ -80,7 +76,7 @@ def extension_modules() -> Iterator[str]:
 
 
 class BlasThreads:
-    """Counts the solves that run, and sets what the largest of them asks for."""
+    """Sets the largest number of threads that any running solve asks for."""
 
     def __init__(self) -> None:
         self.lock = threading.Lock()
@@ -103,14 +99,14 @@ class BlasThreads:
                 self.put()
 
     def put(self) -> None:
-        """Set the number of threads: what is asked for, or what it was before."""
+        """Set the largest number asked for, or the number before the first solve."""
         for (put, get), before in zip(settings(), self.before, strict=True):
             wanted = max(self.asked, default=before)
             if get() != wanted:
                 put(wanted)
 
     def forget(self) -> None:
-        """Begin anew in a child of fork, where the threads that solved are not."""
+        """Start anew in a forked process, which has none of the threads that solved."""
         self.lock = threading.Lock()
         if self.asked:
             self.asked.clear()
@@ -127,7 +123,7 @@ NOTHING: contextlib.AbstractContextManager[None] = contextlib.nullcontext()
 
 @contextlib.contextmanager
 def limited(threads: int) -> Iterator[None]:
-    """Let BLAS use so many threads in a block."""
+    """Let BLAS use this number of threads in a `with` block."""
     BLAS_THREADS.enter(threads)
     try:
         yield
@@ -136,10 +132,9 @@ def limited(threads: int) -> Iterator[None]:
 
 
 def blas_threads(threads: int, order: int) -> contextlib.AbstractContextManager[None]:
-    """Let BLAS use up to `threads` threads in a block, one where more do not pay.
+    """Let BLAS use `threads` threads in a `with` block, one where more do not pay.
 
-    `order` is that of the largest matrix that may be dense; nothing is set for a small
-    one.
+    `order`: of the largest matrix that may be dense; up to SMALL_ORDER nothing is set.
     """
     if order <= SMALL_ORDER or not settings():
         return NOTHING
