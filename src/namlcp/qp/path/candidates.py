@@ -35,9 +35,8 @@ AGAIN = 0.1
 # In a projection, the weight of the distance to the candidate, where the residual has
 # weight 1, and the refinement steps at most.
 PROJECTION, PROJECTION_STEPS = 1e-8, 15
-# A one-sided constraint is an equation of the projection of a ray d, max |d_j| = 1, if
-# the scaled sign * C d exceeds the first for d or the second for the last projection;
-# projections of one candidate at most.
+# A one-sided constraint is an equation in the projection of a ray d, max |d_j| = 1, if
+# sign * C d, scaled, exceeds NEARLY_ACTIVE for d, or VIOLATED for a projection so far.
 NEARLY_ACTIVE, VIOLATED, RAY_PROJECTIONS = -1e-3, 1e-13, 3
 
 
@@ -74,8 +73,8 @@ class CertificateSearch:
     def find(self, loop: "Interior") -> Status | None:
         """Return the verdict of the first candidate that is a proof, or None.
 
-        In an infeasible (unbounded) problem the primal (dual) residual cannot vanish:
-        without a test where it is within the tolerance or still falls tenfold.
+        In an infeasible (unbounded) problem the primal (dual) residual cannot vanish.
+        While it is within the tolerance or falls tenfold, no candidate is tested.
         """
         s, norms = self.problem, loop.norms
         now = norms[DUAL_NORM], max(norms[ROW_NORM], norms[SLACK_NORM])
@@ -150,8 +149,8 @@ class CertificateSearch:
     ) -> list[tuple[np.ndarray, np.ndarray]]:
         """Project on the Farkas system A'y + C'Z = 0, in a norm with w = sqrt(Z).
 
-        min |A'(y + dy) + C'(Z + dZ)|^2/(2 eps) + |dy|^2/2 + sum dZ^2/(2 w) is solved
-        while that halves the residual; eps = PROJECTION.
+        min |A'(y + dy) + C'(Z + dZ)|^2/(2 eps) + |dy|^2/2 + sum dZ^2/(2 w), with eps =
+        PROJECTION, is solved again as long as the residual is halved.
         """
         s, kkt = self.problem, self.problem.kkt
         size = max(largest(y), largest(Z))
@@ -185,9 +184,10 @@ class CertificateSearch:
         return [best if last < inf else (y, Z)]
 
     def project_ray(self, d: np.ndarray) -> list[tuple[np.ndarray]]:
-        """Project d on P d = 0, A d = 0 and C d = 0 in nearly active constraints.
+        """Project d on P d = 0, A d = 0 and, for nearly active constraints, C d = 0.
 
-        Those that the result violates are added for the next; the last is first.
+        Constraints that the result violates are added for another projection. Returns
+        all results, the last one first.
         """
         s, system = self.problem, self.system
         d = d / largest(d)

@@ -277,7 +277,7 @@ class Interior:
         return True
 
     def evaluate(self) -> float:
-        """Compute the residuals; return the worst over its tolerance, keep the best."""
+        """Compute the residuals; return the worst over its tolerance, inf for NaN."""
         s, kkt = self.problem, self.problem.kkt
         evaluate(
             *kkt.triangle, s.unit, s.q, s.b, s.place, s.sign, s.c,
