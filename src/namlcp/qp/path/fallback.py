@@ -73,18 +73,12 @@ def elastic(
         return np.zeros(p), np.zeros(qp.h.size)
     m = rows.size
     free = np.full(m + p, np.inf)
-    u = solver(
-        QP(
-            canonical(sparse.block_diag((csc_array((n, n)), sparse.eye_array(m + p)))),
-            np.zeros(n + m + p),
-            canonical(sparse.hstack((G, -sparse.eye_array(m), csc_array((m, p))))),
-            h / k,
-            canonical(sparse.hstack((A, csc_array((p, m)), -sparse.eye_array(p)))),
-            b / k,
-            np.concatenate(((qp.lb - x) / k, -free)),
-            np.concatenate(((qp.ub - x) / k, free)),
-        )
-    )
+    P = canonical(sparse.block_diag((csc_array((n, n)), sparse.eye_array(m + p))))
+    G = canonical(sparse.hstack((G, -sparse.eye_array(m), csc_array((m, p)))))
+    A = canonical(sparse.hstack((A, csc_array((p, m)), -sparse.eye_array(p))))
+    lb = np.concatenate(((qp.lb - x) / k, -free))
+    ub = np.concatenate(((qp.ub - x) / k, free))
+    u = solver(QP(P, np.zeros(n + m + p), G, h / k, A, b / k, lb, ub))
     z = np.zeros(qp.h.size)
     z[rows] = u.z / g
     return u.y / a, z
@@ -100,19 +94,11 @@ def recession(qp: QP, solver: Solver) -> np.ndarray:
     A, zero_b, _ = unit_rows((sparse.vstack((qp.P, qp.A)) @ D).tocsr())
     G, zero_h, _ = unit_rows(qp.G.tocsr()[rows] @ D)
     q = qp.q * scale
-    d = solver(
-        QP(
-            canonical(sparse.eye_array(n)),
-            q / max(largest(q), TINY),
-            canonical(G),
-            zero_h,
-            canonical(A),
-            zero_b,
-            np.where(np.isfinite(qp.lb), 0.0, -np.inf),
-            np.where(np.isfinite(qp.ub), 0.0, np.inf),
-        )
-    )
-    return d.x * scale
+    q /= max(largest(q), TINY)
+    P, G, A = canonical(sparse.eye_array(n)), canonical(G), canonical(A)
+    lb = np.where(np.isfinite(qp.lb), 0.0, -np.inf)
+    ub = np.where(np.isfinite(qp.ub), 0.0, np.inf)
+    return solver(QP(P, q, G, zero_h, A, zero_b, lb, ub)).x * scale
 
 
 def unit_rows(M: Any, rhs: Any = 0.0) -> tuple[Any, np.ndarray, np.ndarray]:
