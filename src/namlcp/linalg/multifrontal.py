@@ -168,12 +168,9 @@ def eliminate_panel(panel, D, work):
                 end = min(row + ROW_STRIP, f)
                 last = min(end, k)
                 product(
-                    -1.0,
-                    block[row - stop : end - stop, :width],
-                    panel[stop:last, start:stop],
-                    1.0,
-                    panel[row:end, stop:last],
-                )
+                    -1.0, block[row - stop : end - stop, :width],
+                    panel[stop:last, start:stop], 1.0, panel[row:end, stop:last],
+                )  # fmt: skip
     return True
 
 

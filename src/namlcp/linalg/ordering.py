@@ -84,13 +84,9 @@ def minimum_degree(
         # SuperLU is to order only: the values off the diagonal are 0 and are dropped.
         pattern.data = (pattern.data > 1.0).astype(float)
         by_degree = spilu(
-            pattern,
-            drop_tol=1.0,
-            fill_factor=1.0,
-            permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        ).perm_c
+            pattern, drop_tol=1.0, fill_factor=1.0, permc_spec="MMD_AT_PLUS_A",
+            diag_pivot_thresh=0.0, options={"SymmetricMode": True},
+        ).perm_c  # fmt: skip
         place[place >= 0] = by_degree[place[place >= 0]]
     return postordered(indptr, indices, np.maximum(place, numbered(hub, core)))
 
