@@ -77,11 +77,11 @@ class Refinement:
 
     def run(
         self, x: np.ndarray, y: np.ndarray, Z: np.ndarray, active: np.ndarray
-    ) -> float:
-        """Try active sets, the given one first; return the least residual ratio.
+    ) -> None:
+        """Try active sets, the given one first; offer every point found to the judge.
 
-        Every point found is offered to the judge. Ends at a ratio <= GOOD_ENOUGH, where
-        the set does not change, or, with a large K, where the ratio is not halved.
+        Ends with a residual over its tolerance of GOOD_ENOUGH, where the set does not
+        change, or, with a large K, where that ratio is not halved.
         """
         s, system = self.problem, self.system
         best = np.inf
@@ -91,7 +91,7 @@ class Refinement:
                 if ready and system.iterate(s.q, PROXIMAL_STEPS):
                     break
             if not ready:
-                return best
+                return
             x, y, multiplier, slack = system.solution(s.q, s.c, active)
             Z = np.maximum(multiplier, 0.0)
             worst = self.judge.offer(s.point(x, y, Z))
@@ -99,11 +99,10 @@ class Refinement:
             best = min(best, worst)
             new = np.where(active, multiplier > -WRONG_SIGN, slack < -WRONG_SIGN)
             if best <= GOOD_ENOUGH or not pays or np.array_equal(new, active):
-                break
+                return
             if self.deadline.reached():
-                break
+                return
             active = new
-        return best
 
 
 class ActiveSetSystem:
