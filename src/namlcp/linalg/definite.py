@@ -22,7 +22,7 @@ SYMMETRY_ROUNDING = 1e-14
 """Largest |A - A'|, relative to max |A|, that rounding in double precision explains."""
 
 ZERO = 1e-15
-"""Diagonal entry, relative to max |P|, up to which it counts as 0, as its row must."""
+"""Entry p_jj, relative to max |P|, up to which it counts as 0; row j must be 0 then."""
 
 CONVEX, NEGATIVE, MINOR, UNDECIDED = 0, 1, 2, 3  # codes of `Curvature`
 

@@ -1,4 +1,4 @@
-"""Small and full QPs: pivots on the multipliers' LCP."""
+"""The dual active-set method for small and dense QPs."""
 
 from namlcp.qp.dense.solve import solve_dense
 

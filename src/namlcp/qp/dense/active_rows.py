@@ -29,7 +29,7 @@ REPEATED = 1e3
 
 @part
 def first_blocking(multiplier, r, k, active, p):
-    """Return (step, index) of an inequality's first zero in multiplier - step r."""
+    """Return (step, index) of the first inequality with multiplier - step r = 0."""
     step, leaving = np.inf, np.int64(-1)
     for i in range(k):
         if active[i] >= p and r[i] > 0.0 and multiplier[i] < step * r[i]:
@@ -133,7 +133,7 @@ def refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x, watch):
 
 @part
 def add_rows(rows, active, multiplier, k, G, A, L, Q, R, watch):
-    """Append the independent ones of `rows`, multipliers 0; return the rows' number."""
+    """Append those of `rows` that are independent, multipliers 0; return the new k."""
     p, n = A.shape[0], G.shape[1]
     row, d = np.empty(n), np.empty(n + 1)
     for i in range(rows.size):

@@ -213,7 +213,7 @@ def has_no_zero_pivot(P, L):
 def choose_weight(P, q, G, h, A, b, lb, ub, weight, L):
     """Set `weight` (n,) for a singular P, and L; False if P is not semidefinite.
 
-    The first factorisation decides that, with the shifts of `convexity.check_convex`.
+    The first factorisation, shifted as in `convexity.check_convex`, decides that.
     """
     n = P.shape[0]
     most = 0.0
@@ -233,7 +233,7 @@ def choose_weight(P, q, G, h, A, b, lb, ub, weight, L):
 
 @part
 def lower_weight(weight, active, multiplier, k, P, G, A, L, Q, R, watch):
-    """Lower the weight, renew L, Q and R; return the active rows' number, or -1."""
+    """Lower the weight and renew L, Q, R; return the number of active rows, or -1."""
     for j in range(weight.size):
         weight[j] *= LOWERING
     if not factor_sum(P, weight, L):

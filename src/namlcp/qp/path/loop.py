@@ -86,7 +86,7 @@ class Stagnation:
         self.reference_residual, self.iterations_since = inf, 0
 
     def count(self, worst: float) -> int:
-        """Take one iteration's worst residual; return the count."""
+        """Count an iteration with this worst residual; return the count."""
         self.iterations_since += 1
         if worst <= 0.5 * self.reference_residual:
             self.reference_residual, self.iterations_since = worst, 0

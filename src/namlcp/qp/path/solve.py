@@ -19,8 +19,8 @@ from namlcp.residuals import qp_residuals
 from namlcp.status import Status
 
 FORM = "path"
-# Limits of the fallback QPs: certificates need their solutions, which are of ordinary
-# size, more accurately than the user's QP has to be solved.
+# Limits of the fallback QPs, whose solutions are scaled to moderate norms: certificates
+# need them more accurate than a solution of the QP itself has to be.
 FALLBACK = Limits(eps_abs=1e-10, eps_rel=1e-12, max_iter=60)
 
 
