@@ -253,19 +253,14 @@ class Interior:
 
     def start(self) -> bool:
         """Solve with W = Z = 1 as weights, then shift inside (Mehrotra)."""
-        s, kkt = self.problem, self.problem.kkt
+        s = self.problem
         self.reg = Regularisation()
         self.W[:] = 1.0
         self.Z[:] = 1.0
-        self.rc[:] = 0.0
+        self.rd[:], self.rp[:], self.rw[:], self.rc[:] = s.q, -s.b, -s.c, 0.0
         if not self.factor():
             return False
-        newton_right_side(
-            s.q, -s.b, -s.c, self.rc, s.place, s.sign, self.Z, self.omega, self.weight,
-            self.tau, self.rhs,
-        )  # fmt: skip
-        self.du, self.error = kkt.solve(self.rhs)
-        self.measure_step()
+        self.direction()
         self.x[:] = self.du[: s.n]
         self.y[:] = self.du[s.n : s.n + s.p]
         self.Z[:] = self.dZ
@@ -370,17 +365,12 @@ class Interior:
 
     def direction(self) -> None:
         """Solve for the target rc; set du, dW, dZ, the longest steps and the error."""
-        s = self.problem
+        s, kkt = self.problem, self.problem.kkt
         newton_right_side(
             self.rd, self.rp, self.rw, self.rc, s.place, s.sign, self.Z, self.omega,
             self.weight, self.tau, self.rhs,
         )  # fmt: skip
-        self.du, self.error = s.kkt.solve(self.rhs)
-        self.measure_step()
-
-    def measure_step(self) -> None:
-        """Set dW, dZ and the longest steps from du."""
-        s, kkt = self.problem, self.problem.kkt
+        self.du, self.error = kkt.solve(self.rhs)
         slack_step(
             *kkt.triangle, s.n, self.du, s.place, s.sign,
             self.omega, self.tau, self.rc, self.W, self.Z, self.dt, self.dW, self.dZ,
