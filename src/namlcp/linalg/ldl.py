@@ -143,12 +143,7 @@ def population(typingctx, word):
     return types.int32(types.uint64), codegen
 
 
-def interpreted_population(word):
-    """Return the same with NUMBA_DISABLE_JIT=1."""
-    return int(word).bit_count()
-
-
-popcount = interpreted_population if config.DISABLE_JIT else population
+popcount = (lambda word: int(word).bit_count()) if config.DISABLE_JIT else population
 
 
 @part
