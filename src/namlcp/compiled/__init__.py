@@ -1,11 +1,12 @@
-"""The decorators of every compiled function, and where its machine code is kept.
+"""Decorators of compiled functions, and the files that keep their machine code.
 
-`kernel` is for functions that Python calls, `part` for those that only compiled
-functions call, `pasted` for a stretch of one long function. Machine code is kept in
-files, or comes with the package, under a stamp over all sources: a changed package
-never runs old code. `sources` has the stamp, `store` the files; `decorators` chooses
-compiler and cache, `internals` has all use of numba's inner parts; `signatures` has the
-list of all kernels, `ahead` and `prebuilt` compile them before their use.
+`kernel` compiles a function that Python calls, `part` one that only compiled functions
+call, `pasted` one that is inlined into its callers. Machine code is kept in files, or
+comes with the wheel, under a hash of all sources (the stamp): a changed package never
+runs old code. `sources` computes the stamp, `store` reads and writes the files,
+`decorators` chooses compiler and cache, `internals` holds all use of numba's private
+parts, `signatures` reads the list of all kernels (`kernels.txt`), `ahead` and
+`prebuilt` compile them before their first call, `views` avoids reference counts.
 """
 
 import functools
@@ -26,23 +27,21 @@ __all__ = [
     "pasted",
     "signatures",
     "uncounted",
-]  # ahead and signatures are modules of `warmup`'s own
+]  # ahead and signatures are modules that only `namlcp.warmup` needs
 
 
 def kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
-    """Compile a function that is called from Python; its machine code is kept.
-
-    Options are those of `numba.njit`: error_model, fastmath, parallel.
-    """
+    """Compile a function that Python calls; options are those of `numba.njit`."""
     if function is None:
         return functools.partial(kernel, **options)
     return compiled(function, nogil=True, no_cfunc_wrapper=True, **options)
 
 
 def part(function: Callable[..., Any] | None = None, **options: Any) -> Any:
-    """Compile a function that only compiled functions call; Python may not.
+    """Compile a function that only compiled functions call, into their machine code.
 
-    It has no machine code of its own: it is part of that of its callers.
+    It has no machine code of its own: a call from Python raises TypeError. Options are
+    those of `numba.njit`; error_model is "numpy" unless given.
     """
     if function is None:
         return functools.partial(part, **options)
@@ -51,5 +50,5 @@ def part(function: Callable[..., Any] | None = None, **options: Any) -> Any:
 
 
 def pasted(function: Callable[..., Any]) -> Any:
-    """Compile a stretch of one long compiled function as if it stood in its place."""
+    """Compile a function that numba inlines into its compiled callers."""
     return compiled(function, nogil=True, error_model="numpy", inline="always")

@@ -1,7 +1,7 @@
-"""Compile every kernel of the list ahead of its use, in several processes.
+"""Compile every kernel of the list before its first call, in several processes.
 
-Each of them reads lines of the list from its standard input, compiles the kernel and
-answers with the same line.
+Each child process reads lines of the list from its standard input, compiles the kernel
+of a line and answers with the same line.
 """
 
 import contextlib
@@ -19,11 +19,11 @@ START = (
     "import sys; sys.path[:] = sys.argv[1:]; "
     "from namlcp.compiled.ahead import work; work()"
 )
-"""What a process runs, with this one's paths, so that it finds the same packages."""
+"""Code of a child process; its arguments are the sys.path of this process."""
 
 
 def compile_line(line: str) -> None:
-    """Compile, or load, one kernel of the list."""
+    """Compile the kernel of one line, or load it if its file is there."""
     dispatcher, arguments = read(line)
     dispatcher.compile(arguments)
 
@@ -31,8 +31,8 @@ def compile_line(line: str) -> None:
 def compile_all(processes: int) -> Iterator[str]:
     """Compile all kernels of the list; yield each line when it is done.
 
-    The machine code goes into files. Where none can be written it can serve this
-    process alone, so that this process compiles.
+    Child processes hand over machine code by files. Where no file can be written, this
+    process compiles for itself.
     """
     lines = listed()
     if processes > 1 and sys.executable and kept_in() is not None:
@@ -45,7 +45,7 @@ def compile_all(processes: int) -> Iterator[str]:
 
 
 def compile_in_processes(lines: list[str], processes: int) -> Iterator[str]:
-    """Let processes of their own compile the lines; yield each when it is done."""
+    """Let child processes compile the lines; yield each when it is done."""
     waiting: queue.SimpleQueue[str] = queue.SimpleQueue()
     for line in lines:
         waiting.put(line)
@@ -68,18 +68,18 @@ def guarded(
     waiting: queue.SimpleQueue,
     done: queue.SimpleQueue,
 ) -> None:
-    """Hand over what `serve` raises."""
+    """Run `serve`; if it raises, empty `waiting` and put the exception into `done`."""
     try:
         serve(waiting, done)
     except Exception as error:
         with contextlib.suppress(queue.Empty):
-            while True:  # the others end as well
+            while True:  # the other threads end as well
                 waiting.get_nowait()
         done.put(error)
 
 
 def serve(waiting: queue.SimpleQueue, done: queue.SimpleQueue) -> None:
-    """Give one process a line after the other until none waits."""
+    """Start a child process and send it one line after the other until none waits."""
     command = [sys.executable, "-c", START, *sys.path]
     with subprocess.Popen(
         command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
@@ -100,10 +100,7 @@ def serve(waiting: queue.SimpleQueue, done: queue.SimpleQueue) -> None:
 
 
 def work() -> None:
-    """Compile the lines of standard input.
-
-    Only answers go to standard output, whatever else is printed on the way.
-    """
+    """Compile the lines of standard input; whatever else prints goes to stderr."""
     with os.fdopen(os.dup(1), "w") as answers:
         os.dup2(2, 1)
         all_modules()

@@ -1,8 +1,8 @@
-"""Which compiler and which cache a function gets: ours, or numba's own.
+"""The choice of compiler and cache: those of the package, or those of numba.
 
-Ours uses inner parts of numba (`internals`), which every new version may change. With
-an unknown version, functions get numba's own compiler and cache, in a folder with the
-package's stamp in its name: they load more slowly, and are never out of date.
+Those of the package use private parts of numba (`internals`), which every new version
+may change. With an unknown version, functions get numba's own compiler and cache, in a
+folder named by the stamp: they load more slowly, and are never out of date.
 """
 
 import os
@@ -15,21 +15,21 @@ from numba import config
 from namlcp.compiled.store import folders
 
 KNOWN_VERSIONS = (0, 59), (0, 68)
-"""First and last version of numba whose inner parts are those of `internals`."""
+"""First and last version of numba that `internals` was written for."""
 
 KERNELS: dict[str, Any] = {}
-"""All kernels by name, as far as their modules were imported."""
+"""Dispatchers of the kernels of all imported modules, by `name_of`."""
 
 
 def is_known() -> bool:
-    """Tell whether the inner parts of this version of numba are known."""
+    """Tell whether `internals` was written for this version of numba."""
     return KNOWN_VERSIONS[0] <= tuple(numba.version_info[:2]) <= KNOWN_VERSIONS[1]
 
 
 def compiled(
     function: Callable[..., Any], is_part: bool = False, **options: Any
 ) -> Any:
-    """Return the numba dispatcher of a function."""
+    """Return a function's numba dispatcher; with NUMBA_DISABLE_JIT the function."""
     if config.DISABLE_JIT:
         return function
     if is_part:
@@ -50,22 +50,22 @@ def compiled(
 
 
 def name_of(function: Callable[..., Any]) -> str:
-    """Return the name of a function: its module's within the package, and its own."""
+    """Return module and name of a function, without the leading "namlcp."."""
     module = function.__module__.removeprefix("namlcp.")
     return f"{module}.{function.__qualname__}"
 
 
 def use_numbas_cache(dispatcher: Any) -> None:
-    """Give a dispatcher numba's own cache, in a folder of this stamp."""
+    """Enable numba's own cache for a dispatcher, in the first folder that allows it."""
     before = config.CACHE_DIR
     for folder in folders():
         try:
             if folder.prepare():
-                os.chmod(folder.path, 0o700)  # numba looks at no permissions
+                os.chmod(folder.path, 0o700)  # numba does not check who may write
                 config.CACHE_DIR = str(folder.path)
                 dispatcher.enable_caching()
                 return
-        except Exception:  # nowhere to write, or no such cache: compiled each time
+        except Exception:  # not writeable, or numba has changed
             continue
         finally:
             config.CACHE_DIR = before
@@ -74,7 +74,7 @@ def use_numbas_cache(dispatcher: Any) -> None:
 def is_at_hand(dispatcher: Any) -> bool:
     """Tell whether a kernel has machine code, in memory or in a file, or needs none.
 
-    With a numba that is not known nobody can tell: True, so that nothing is announced.
+    True with an unknown numba, so that no compilation is announced by mistake.
     """
     if getattr(dispatcher, "signatures", True) or not is_known():
         return True
@@ -82,10 +82,7 @@ def is_at_hand(dispatcher: Any) -> bool:
 
 
 def compile_time() -> float:
-    """Return the seconds this process has spent compiling the package's functions.
-
-    0 where this version of numba is not known.
-    """
+    """Return the seconds this process has spent compiling; 0 with an unknown numba."""
     if not is_known():
         return 0.0
     from namlcp.compiled.internals import CLOCK

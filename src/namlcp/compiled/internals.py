@@ -1,17 +1,16 @@
-"""What the package uses of numba's internals, and the only module that does.
+"""All use of numba's private parts: a cache of machine code, and a compiler.
 
-numba keeps machine code in files by `cache=True`, with a stamp over the one file in
-which a function stands: a changed callee in another file is not noticed. Its dispatcher
-asks an object, `_cache`, for every signature; here that is a `Store` of our own. What
-it keeps is what numba keeps, less what makes loading slow.
+With `cache=True` numba notices changes of the one file that defines a function, but not
+of a callee in another file. A dispatcher asks its `_cache` for the machine code of each
+signature; here that is a `Store`, whose files hold what numba would write, less what
+makes loading slow.
 
-Two kinds of functions are compiled. A kernel is called from Python and has machine code
-of its own. A part is called by kernels alone: its code is translated once, and then
-optimised within each kernel that it is linked into; machine code of its own would be
-thrown away. numba optimises every function for itself, and its callers again.
+A kernel is called from Python and has machine code of its own. A part is called by
+compiled functions alone: its LLVM code is linked into each kernel that calls it and
+optimised again there, so that machine code of its own is not made.
 
-All of this was read in the sources of numba 0.59 to 0.68; with another version this
-module is not imported, see `decorators`.
+This module was written from the sources of numba 0.59 to 0.68; with another version it
+is not imported, see `decorators`.
 """
 
 import contextlib
@@ -43,7 +42,8 @@ SETTINGS = (
 """Settings of numba that the machine code depends on."""
 
 BASELINES = {"x86_64": "x86-64-v3", "AMD64": "x86-64-v3"}
-"""The processor that prebuilt code is for, by machine; elsewhere "generic"."""
+"""Processor that prebuilt code is compiled for, by `platform.machine()`; for other
+machines "generic"."""
 
 BASELINE_FEATURES = {
     "x86-64-v3": frozenset(
@@ -51,14 +51,14 @@ BASELINE_FEATURES = {
         "ssse3 xsave".split()
     )
 }
-"""What a processor must have to run code for a baseline, in LLVM's names."""
+"""Features that a processor needs to run code for a baseline, in LLVM's names."""
 
 
 # ---- files
 
 
 def environment() -> tuple:
-    """Return all that machine code depends on, but for sources and processor."""
+    """Return what all machine code depends on, except the processor."""
     return (
         stamp(),
         sys.implementation.cache_tag,
@@ -79,8 +79,8 @@ def baseline(machine: str) -> str:
 def fits_baseline(baseline: str, name: str, features: str) -> bool:
     """Tell whether a processor runs code for a baseline.
 
-    name and features are LLVM's, the features "+avx,-avx512f,...". A processor that the
-    user named (NUMBA_CPU_NAME) has no features, and must be the baseline itself.
+    `name` and `features` ("+avx,-avx512f,...") are LLVM's. A processor that the user
+    named (NUMBA_CPU_NAME) must be the baseline itself, without features.
     """
     if config.CPU_NAME is not None:
         return (name, features) == (baseline, "")
@@ -89,16 +89,17 @@ def fits_baseline(baseline: str, name: str, features: str) -> bool:
 
 
 class Store:
-    """What a dispatcher asks for machine code, in place of numba's `FunctionCache`.
+    """The `_cache` of a dispatcher, in place of numba's `FunctionCache`.
 
     Parameters
     ----------
     function : function
         The Python function.
     name : str
-        Its name in the package.
+        As `decorators.name_of` returns it.
     keeps : bool
-        Its machine code is kept in files.
+        Keep machine code in files. This is for kernels, and has no effect where the
+        function's module has changed since the stamp was taken.
     """
 
     cache_path = None
@@ -111,8 +112,8 @@ class Store:
 
     def load_overload(self, signature: Any, context: Any) -> Any:
         """Return the compiled function from a file, None if there is none."""
-        # numba's own cache refreshes the typing context here, which takes 0.17 s; where
-        # something has to be compiled the compiler does that anyway.
+        # numba's own cache refreshes the typing context here, which takes 0.17 s; the
+        # compiler does that anyway when it is needed.
         rtsys.initialize(context)
         if not (self.keeps and were_unchanged()):
             return None
@@ -125,29 +126,28 @@ class Store:
         return None
 
     def save_overload(self, signature: Any, result: Any) -> None:
-        """Complete a compiled function, and write it to a file."""
-        # Parts were never loaded, so the constants that they use are set now.
+        """Set the constants of a compiled function's parts, and write it to a file."""
         for inside in result._find_referenced_environments():
             result.library.codegen.set_env(inside.env_name, inside)
         holds_addresses = result.lifted or result.library.has_dynamic_globals
         if not self.keeps or holds_addresses or not are_unchanged():
             return
-        with contextlib.suppress(Exception):  # the kernel is there, kept or not
+        with contextlib.suppress(Exception):  # the kernel works without a file
             key = self.key(signature, result.library.codegen.magic_tuple())
             payload = serialize.dumps((key, reduced(result)))
             any(folder.write(self.file(key), payload) for folder in folders())
 
     def key(self, signature: Any, processor: tuple) -> bytes:
-        """Return what tells this machine code from all other, as bytes."""
+        """Return everything that this machine code depends on, as bytes."""
         parts = (self.name, self.code, str(signature), processor, environment())
         return repr(parts).encode()
 
     def file(self, key: bytes) -> str:
-        """Return the name of a file."""
+        """Return the name of the file for a key."""
         return f"{self.name}-{hashlib.sha256(key).hexdigest()[:32]}{SUFFIX}"
 
     def is_at_hand(self) -> bool:
-        """Tell whether there seems to be machine code in a file."""
+        """Tell whether there is a file for this kernel, of any signature."""
         where = [*folders(), prebuilt()] if self.keeps else []
         return any(folder.has(f"{self.name}-") for folder in where)
 
@@ -159,14 +159,14 @@ class Store:
 
 @functools.cache
 def were_unchanged() -> bool:
-    """Tell whether the sources were still those of the stamp at the first solve."""
+    """Tell whether the stamp was still true when the first kernel was looked for."""
     return are_unchanged()
 
 
 def places(context: Any) -> Iterator[tuple[Folder, tuple]]:
-    """Yield folders with the processor, in LLVM's terms, that their code is for.
+    """Yield each folder to search and the processor, in LLVM's terms, of its code.
 
-    Code that came with the package is first: it is at hand, and as fast.
+    Prebuilt code comes first, where this processor can run it.
     """
     triple, name, features = context.codegen().magic_tuple()
     processor = baseline(triple.split("-")[0])
@@ -177,10 +177,10 @@ def places(context: Any) -> Iterator[tuple[Folder, tuple]]:
 
 
 def reduced(result: Any) -> tuple:
-    """Return a compiled function as what can be pickled.
+    """Return a compiled function as a tuple that can be pickled; clear its type maps.
 
-    numba keeps the environments of all functions inside: a hundred in a large kernel.
-    Only those with constants are of use.
+    Of the environments of all functions inside, a hundred in a large kernel, only those
+    with constants are needed.
     """
     library = result.library
     environments = result._find_referenced_environments()
@@ -197,10 +197,7 @@ def reduced(result: Any) -> tuple:
 
 
 def rebuilt(payload: bytes, key: bytes, context: Any) -> Any:
-    """Return the compiled function that was reduced; None if the file is another's.
-
-    None, too, if anything is wrong with the file: the kernel is then compiled.
-    """
+    """Return the compiled function of a file; None if broken or of another key."""
     try:
         saved, parts = pickle.loads(payload)
         if saved != key:
@@ -232,19 +229,19 @@ def rebuilt(payload: bytes, key: bytes, context: Any) -> Any:
 
 
 class LoadedLibrary(codegen.JITCodeLibrary):
-    """Machine code from a file. Its bitcode is read where another kernel links it."""
+    """Machine code from a file; its bitcode is parsed when another kernel links it."""
 
     _shared_module: Any
 
     def load(self, machine_code: bytes, bitcode: bytes) -> None:
-        """Give the machine code to the process."""
+        """Load the machine code into this process."""
         self.bitcode = bitcode
         self.enable_object_caching()
         self._set_compiled_object(machine_code)
         self._finalize_final_module()
 
     def get_pointer_to_function(self, name: str) -> int:
-        """Return the address of a function of the machine code."""
+        """Return the address of a function; numba's interface."""
         return self._codegen._engine.get_function_address(name)
 
     def _get_module_for_linking(self) -> Any:
@@ -260,9 +257,8 @@ class LoadedLibrary(codegen.JITCodeLibrary):
 class KernelLibrary(codegen.JITCodeLibrary):
     """The code of a kernel.
 
-    numba optimises each function by itself before it is joined with those that it
-    calls, and then all together. The wrapper that takes Python's arguments apart is
-    optimised with all the rest alone.
+    numba optimises each function alone, and then all functions of a kernel together.
+    The wrapper that unpacks Python's arguments skips the first of these.
     """
 
     def _optimize_functions(self, module: Any) -> None:
@@ -277,7 +273,7 @@ class PartLibrary(KernelLibrary):
 
     @property
     def codegen(self) -> Any:
-        """Return the code generator, which here sets no environment."""
+        """The code generator, with a `set_env` that does nothing."""
         return NoEnvironment(self._codegen)
 
     def get_pointer_to_function(self, name: str) -> int:
@@ -297,8 +293,8 @@ class PartLibrary(KernelLibrary):
 class KernelCompiler(compiler.Compiler):
     """numba's compiler into a `KernelLibrary`, without the garbage collector.
 
-    Compiling makes millions of small objects that live until its end; looking through
-    them again and again takes a tenth of the time.
+    Compiling makes millions of small objects that live until its end; the collector
+    would take a tenth of the time to visit them again and again.
     """
 
     library: type[KernelLibrary] = KernelLibrary
@@ -321,16 +317,13 @@ class PartCompiler(KernelCompiler):
 
 
 class NoEnvironment:
-    """A code generator for which an environment is nothing to be set.
-
-    `Store.save_overload` sets those of all parts of a kernel.
-    """
+    """A code generator for parts, whose environments `Store.save_overload` sets."""
 
     def __init__(self, target: Any):
         self.target = target
 
     def __getattr__(self, name: str) -> Any:
-        """Return what the code generator has."""
+        """Return the attribute of the code generator."""
         return getattr(self.target, name)
 
     def set_env(self, name: str, environment: Any) -> None:
@@ -339,7 +332,7 @@ class NoEnvironment:
 
 @contextlib.contextmanager
 def without_collector() -> Iterator[None]:
-    """Stop the garbage collector for as long as the block takes."""
+    """Switch the garbage collector off in the block."""
     was_on = gc.isenabled()
     gc.disable()
     try:
@@ -352,19 +345,19 @@ def without_collector() -> Iterator[None]:
 def dispatcher_of(
     function: Callable[..., Any], name: str, is_part: bool, keeps: bool, **options: Any
 ) -> Any:
-    """Return the dispatcher of a function, which keeps its machine code or not."""
+    """Return the dispatcher of a function; `keeps` as in `Store`."""
     pipeline = PartCompiler if is_part else KernelCompiler
     dispatcher = numba.njit(pipeline_class=pipeline, **options)(function)
     dispatcher._cache = Store(function, name, keeps)
     if is_part:
-        # Where Python calls it there is no overload, and none may be compiled.
+        # A part has no entry point that Python could call.
         dispatcher._insert = lambda *_: None
         dispatcher._compile_for_args = functools.partial(refuse_call, name)
     return dispatcher
 
 
 def refuse_call(name: str, *_: Any) -> None:
-    """Raise where Python calls a part: it has no machine code of its own."""
+    """Raise where Python calls a part."""
     raise TypeError(f"{name} is called by compiled functions alone, see its py_func")
 
 
@@ -375,14 +368,14 @@ class Clock(event.Listener):
         self.total, self.depth, self.since = 0.0, 0, 0.0
 
     def on_start(self, compiling: Any) -> None:
-        """Begin with the outermost function of ours; numba's interface."""
+        """Start at the outermost function of the package; numba's interface."""
         if is_ours(compiling):
             if self.depth == 0:
                 self.since = time.perf_counter()
             self.depth += 1
 
     def on_end(self, compiling: Any) -> None:
-        """End with it; numba's interface."""
+        """Stop at its end; numba's interface."""
         if is_ours(compiling):
             self.depth -= 1
             if self.depth == 0:
@@ -390,10 +383,8 @@ class Clock(event.Listener):
 
 
 def is_ours(compiling: Any) -> bool:
-    """Tell whether a function of this package is compiled.
-
-    Functions made by `exec` may belong to no module.
-    """
+    """Tell whether the function being compiled belongs to this package."""
+    # Functions made by `exec` may have None as their module.
     return (compiling.data["dispatcher"].__module__ or "").startswith("namlcp.")
 
 

@@ -14,7 +14,7 @@ from namlcp.compiled.sources import stamp
 
 
 def fill(folder: str) -> None:
-    """Fill a folder with what `store.prebuilt` reads; the build hook calls it."""
+    """Write the files that `store.prebuilt` reads; prebuild.py calls this."""
     if not is_known():
         raise RuntimeError(f"machine code of numba {numba.__version__} cannot be kept")
     from namlcp.compiled.internals import baseline
@@ -25,7 +25,7 @@ def fill(folder: str) -> None:
         os.environ["NUMBA_CACHE_DIR"] = cache
         os.environ["NUMBA_CPU_NAME"] = processor
         os.environ["NUMBA_CPU_FEATURES"] = ""
-        # In processes of their own, which read the variables.
+        # Two or more, because only child processes read the variables.
         for _ in compile_all(max(2, os.cpu_count() or 1)):
             pass
         shutil.copytree(Path(cache) / "namlcp" / stamp(), goal)

@@ -1,10 +1,10 @@
 """The list of all kernels and the types that each is called with, `kernels.txt`.
 
 One line is one kernel for one set of argument types, in numba's notation:
-``products.add_columns(int32[::1], int32[::1], float64[::1], ...)``. NamedTuples stand
-by the name of their class, as do records, which are ctypes structures in Python. The
-list is reviewed as code: the tests fail on a kernel that they use and that is not
-listed, and print the line that is missing.
+``checks.are_indices(int32[::1], int32[::1], int64, int64)``. A NamedTuple is written by
+the name of its class, and so is a record, which is a ctypes structure in Python. The
+list is kept by hand: the tests fail on a kernel that they call and that is not listed,
+and print the missing line.
 """
 
 import ctypes
@@ -21,7 +21,8 @@ from numba import from_dtype, types
 from namlcp.compiled.decorators import KERNELS
 
 WITHOUT_KERNELS = ("namlcp.__main__", "namlcp.cvxpy", "namlcp.compiled.")
-"""Modules that run something, need what may not be installed, or any known numba."""
+"""Beginnings of names of modules that are not imported: the first runs the command
+line, the second needs CVXPY, some of the third need a known numba."""
 
 
 def listed() -> list[str]:
@@ -74,7 +75,7 @@ def readonly(array: types.Array) -> types.Array:
 
 @functools.cache
 def named_tuples() -> dict[str, Any]:
-    """Return, by its name, what makes a type of each NamedTuple of the package."""
+    """Return, by name, what makes the numba type of each NamedTuple of the package."""
     found: dict[str, type] = {}
     for module in all_modules():
         for value in vars(module).values():
@@ -84,7 +85,7 @@ def named_tuples() -> dict[str, Any]:
                 and value.__module__ == module.__name__
             ):
                 if value.__name__ in found:
-                    found[value.__name__] = type(None)  # two of one name: no kernel's
+                    found[value.__name__] = type(None)  # ambiguous, so no kernel's
                 else:
                     found[value.__name__] = value
     return {name: functools.partial(tuple_of, kind) for name, kind in found.items()}
@@ -92,7 +93,7 @@ def named_tuples() -> dict[str, Any]:
 
 @functools.cache
 def records() -> dict[str, types.Record]:
-    """Return, by its name, the type of each ctypes structure of the package."""
+    """Return, by name, the numba type of each ctypes structure of the package."""
     return {
         value.__name__: from_dtype(np.dtype(value))
         for module in all_modules()

@@ -1,8 +1,8 @@
 """The stamp of the package: one hash over all of its source files.
 
-A kernel holds the code of every function that it calls, in whatever file they stand, so
-machine code belongs to the package as a whole. It is kept under the stamp, and another
-stamp never finds it.
+A kernel contains the code of every function that it calls, from whatever file, so that
+machine code depends on the package as a whole. It is kept in a folder named by the
+stamp.
 """
 
 import functools
@@ -14,16 +14,16 @@ PACKAGE = Path(os.path.abspath(__file__)).parents[1]
 
 
 def source_files() -> list[Path]:
-    """Return the package's source files; none where it is not kept in files (a zip)."""
+    """Return the package's source files; none where it is imported from a zip file."""
     return sorted(PACKAGE.rglob("*.py"))
 
 
 @functools.cache
 def hashed_files() -> tuple[str, dict[str, tuple[int, int]]]:
-    """Return the stamp and, for each file, its time of change and its size.
+    """Return the stamp and the `state` of each file.
 
     Line ends count as LF, so that a checkout with CR LF has the same stamp. The stamp
-    is "" where there are no files to read.
+    is "" where no files can be read.
     """
     sources = hashlib.sha256()
     states = {}
@@ -40,21 +40,21 @@ def hashed_files() -> tuple[str, dict[str, tuple[int, int]]]:
 
 
 def state(path: str | os.PathLike[str]) -> tuple[int, int]:
-    """Return what changes when a file is written: its time and its size."""
+    """Return the time of change [ns] and the size [bytes] of a file."""
     found = os.stat(path)
     return found.st_mtime_ns, found.st_size
 
 
 def stamp() -> str:
-    """Return the hash of the sources as they were when it was asked for first."""
+    """Return the hash of the sources, computed at the first call."""
     return hashed_files()[0]
 
 
 def are_unchanged() -> bool:
     """Tell whether the sources on disk are still those of the stamp.
 
-    They may be replaced while the process runs, by an upgrade or an edit. The modules
-    in memory are then not all of the stamp, and their code must not be kept under it.
+    An upgrade or an edit may replace them while the process runs. Some modules in
+    memory may then differ from the stamp, and nothing must be kept under it.
     """
     known = hashed_files()[1]
     try:
@@ -67,7 +67,7 @@ def are_unchanged() -> bool:
 def is_unchanged(module: str, file: str) -> bool:
     """Tell whether the file of one module is as it was when the stamp was taken.
 
-    It is known by the module's name: a file may be reached by several paths.
+    The module's name identifies the file, which several paths may lead to.
     """
     name = f"{module.removeprefix('namlcp.').replace('.', '/')}.py"
     try:

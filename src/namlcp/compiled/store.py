@@ -1,13 +1,13 @@
 """Files of machine code: where they are kept, which are trusted, when they are removed.
 
-One file holds one kernel for one signature. Its name is the hash of its key, and it
-begins with the SHA-256 of the rest, so that a file that was cut short or changed is not
-read. There is no index that two processes could write at once, and a file appears under
-its name only when it is whole.
+One file holds one kernel for one signature. Its name ends with the hash of its key, and
+it begins with the SHA-256 of the rest, so that a truncated or changed file is rejected.
+There is no index that two processes could write at once, and a file appears under its
+name only when it is complete.
 
-What is loaded is run. So a file counts only if it, its folder and the folder above
-belong to this user, to root or to the owner of the package, and nobody else may write
-to them. The files that came with the package are as trusted as the sources beside them.
+A loaded file is executed. It is therefore read only if the file, its folder and the
+folder above belong to this user, to root or to the owner of the package, and nobody
+else may write to them. The files in the package are trusted like its sources.
 """
 
 import contextlib
@@ -29,26 +29,26 @@ DIGEST = hashlib.sha256().digest_size
 READING = os.O_RDONLY | sum(
     getattr(os, name, 0) for name in ("O_NOFOLLOW", "O_NONBLOCK", "O_BINARY")
 )
-"""Flags to open a file without following a link or waiting for the end of a pipe."""
+"""Flags to open a file without following a link or waiting for the writer of a pipe."""
 
 KEPT = 30 * 86400.0
-"""Time [s] without use after which machine code of other versions is removed."""
+"""Time [s] without use after which machine code of other stamps is removed."""
 
 USED = 86400.0
-"""Least time [s] between two notes of a folder's use."""
+"""Least age [s] of a folder's time of change that a use sets anew."""
 
 
 class Folder:
-    """A folder for the machine code of this stamp.
+    """A folder for the machine code of the present stamp.
 
     Parameters
     ----------
     parent : Path
-        Holds a folder for each stamp.
+        Contains one folder for each stamp.
     patience : float
-        How long [s] the folders of other stamps stay after their last use.
+        Time [s] that the folders of other stamps stay after their last use.
     prebuilt : bool
-        It came with the package: nothing is written there, everything is trusted.
+        The folder came with the package: it is never written, and always trusted.
     """
 
     def __init__(self, parent: Path, patience: float = KEPT, prebuilt: bool = False):
@@ -57,7 +57,7 @@ class Folder:
         self.is_used = False
 
     def read(self, name: str) -> bytes | None:
-        """Return what was written under the name; None unless whole and trusted."""
+        """Return what was written under the name; None unless complete and trusted."""
         try:
             with open(os.open(self.path / name, READING), "rb") as file:
                 trusted = is_trusted(os.fstat(file.fileno())) and self.is_safe()
@@ -72,7 +72,7 @@ class Folder:
         return payload
 
     def write(self, name: str, payload: bytes) -> bool:
-        """Write a file, which others see whole or not at all; tell whether it is."""
+        """Write a file that others see completely or not at all; tell if it worked."""
         if not self.prepare():
             return False
         draft = self.path / f"{name}.{os.urandom(8).hex()}"
@@ -103,7 +103,7 @@ class Folder:
             return False
 
     def is_safe(self) -> bool:
-        """Tell whether the folder is what `is_trusted` asks for, and the one above."""
+        """Tell whether the folder and the one above are trusted."""
         return all(is_trusted(os.lstat(place)) for place in (self.path, self.parent))
 
     def has(self, prefix: str) -> bool:
@@ -115,7 +115,7 @@ class Folder:
         return any(name.startswith(prefix) for name in names)
 
     def note_use(self) -> None:
-        """Set the folder's time, which `remove_others` of other versions looks at."""
+        """Set the folder's time of change, which `remove_others` looks at."""
         self.is_used = True
         with contextlib.suppress(OSError):
             if time.time() - self.path.stat().st_mtime > USED:
@@ -138,7 +138,7 @@ def is_stamp(name: str) -> bool:
 def is_trusted(found: os.stat_result) -> bool:
     """Tell whether a file or folder belongs to a trusted user and no other may write.
 
-    On Windows the user's own folders are closed to others.
+    On Windows nothing is checked: the user's own folders are closed to others.
     """
     if not hasattr(os, "getuid"):
         return True
@@ -175,11 +175,11 @@ def prebuilt() -> Folder:
 
 @functools.cache
 def folders() -> list[Folder]:
-    """Return where machine code is looked for and written, the first choice first.
+    """Return the folders to read machine code from and to write it to, in this order.
 
-    NUMBA_CACHE_DIR, where it is set, alone; else beside the package, else the user's
-    folder for caches. Beside the package, code of other stamps is removed at once: its
-    sources are gone.
+    They are NUMBA_CACHE_DIR alone where it is set, else the folder beside the package
+    and then the user's folder for caches. Beside the package, code of other stamps is
+    removed at once, because its sources are gone.
     """
     if not stamp():
         return []
@@ -192,5 +192,5 @@ def folders() -> list[Folder]:
 
 
 def kept_in() -> Path | None:
-    """Return the first folder that can be written; None if there is none."""
+    """Return the first folder that can be written, which is made; None without any."""
     return next((folder.path for folder in folders() if folder.prepare()), None)

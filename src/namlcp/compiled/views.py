@@ -9,9 +9,9 @@ from numba.extending import intrinsic
 def view(typingctx, array):
     """Return a view of an array that does not keep it alive.
 
-    numba counts the references of every array of a tuple whenever one compiled function
-    hands it to another, which costs small kernels more than their work. These views
-    have no count. They may be used as long as the caller of the kernel has the array.
+    Whenever one compiled function passes a tuple to another, numba counts references of
+    every array in it, which takes longer than the work of a small kernel. These views
+    are not counted; the caller of the kernel must keep the array alive.
     """
 
     def codegen(context, builder, signature, arguments):
@@ -24,7 +24,7 @@ def view(typingctx, array):
 
 
 def interpreted_view(array):
-    """Return the array where nothing is compiled."""
+    """Return the array itself, where nothing is compiled."""
     return array
 
 
