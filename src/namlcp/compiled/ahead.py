@@ -10,7 +10,7 @@ import queue
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 from namlcp.compiled.signatures import all_modules, listed, read
 from namlcp.compiled.store import kept_in
@@ -51,7 +51,7 @@ def compile_in_processes(lines: list[str], processes: int) -> Iterator[str]:
         waiting.put(line)
     done: queue.SimpleQueue[str | Exception] = queue.SimpleQueue()
     threads = [
-        threading.Thread(target=guarded, args=(serve, waiting, done), daemon=True)
+        threading.Thread(target=guarded, args=(waiting, done), daemon=True)
         for _ in range(min(processes, len(lines)))
     ]
     for thread in threads:
@@ -63,11 +63,7 @@ def compile_in_processes(lines: list[str], processes: int) -> Iterator[str]:
         yield answer
 
 
-def guarded(
-    serve: Callable[..., None],
-    waiting: queue.SimpleQueue,
-    done: queue.SimpleQueue,
-) -> None:
+def guarded(waiting: queue.SimpleQueue, done: queue.SimpleQueue) -> None:
     """Run `serve`; if it raises, empty `waiting` and put the exception into `done`."""
     try:
         serve(waiting, done)
