@@ -9,25 +9,24 @@ Matrices in the Mathematical Sciences, chapter 6):
     v > 0 and <A> v > 0 exist         <=>  <A> is an M-matrix,
     u >= 0, u != 0 and <A> u <= 0     <=>  it is not.
 
-The second is the first's contrary because <A>^-1 >= 0 would give u <= 0. It asks for
-nothing where u_i = 0: there (<A> u)_i = -sum_j |a_ij| u_j. Hence a witness of one
-irreducible block of A, padded with zeros, is a witness for A, and so is the unit vector
-of a nonpositive diagonal entry.
+They exclude each other, because <A>^-1 >= 0 and <A> u <= 0 give u <= 0. The second
+always holds where u_i = 0, for there (<A> u)_i = -sum_j |a_ij| u_j. Hence a witness of
+one irreducible block of A, padded with zeros, is a witness for A, and so is the unit
+vector of a nonpositive diagonal entry.
 
-How v or u was found does not matter; both are checked with error bounds of their own
-(`signs`), so that no answer rests on the accuracy of a linear solve. In order:
+Every candidate v or u is checked with rigorous error bounds (`signs`), so that no
+answer depends on the accuracy of a linear solve. Candidates come, in this order, from
 
-1. v = u = 1: strict dominance by rows; and <A> 1 = 0, exactly singular.
-2. Gauss-Seidel sweeps on <A> v = D 1, as long as they help.
-3. For moderate n one solve of <A> v = D 1. Wherever <A> is nonsingular this decides:
+1. v = u = 1, which decides strict dominance by rows, and <A> 1 = 0 (exactly singular);
+2. Gauss-Seidel sweeps on <A> v = D 1, as long as they make progress;
+3. for moderate n one solve of <A> v = D 1. Wherever <A> is nonsingular this decides:
    v > 0, or u = max(-v, 0) is a witness, since for u_i > 0
 
        (<A> u)_i = (<A> max(v, 0))_i - d_i = -sum_j |a_ij| max(v_j, 0) - d_i < 0.
 
-4. Noda's iteration on each irreducible block, balanced: from x > 0 and an upper bound
-   lambda of rho(J), the next x is (lambda I - J)^-1 x > 0, and min (J x)_i / x_i <=
-   rho(J) <= max (J x)_i / x_i closes in quadratically: `noda`. With lambda = 1 its
-   system is that of 3; multigrid solves it for large n, as well as it has to.
+4. Noda's iteration on each irreducible block, after balancing (`perron`). With its
+   shift lambda = 1 the system would be that of 3; multigrid solves it for large n, only
+   as accurately as the decision needs.
 """
 
 import math
@@ -54,7 +53,7 @@ BATCHES = (2, 2, 4, 8, 16, 32)
 """Symmetric Gauss-Seidel sweeps between two tests of the signs."""
 
 HELP = 0.5
-"""Sweeps go on while a batch divides or multiplies their step by at least 1/HELP."""
+"""Sweeps end after a batch that changed their step by less than a factor of 1/HELP."""
 
 UNIT = 2.0**-53
 """Unit roundoff: the largest relative error of one operation."""
@@ -66,6 +65,7 @@ SPLITTER = 2.0**27 + 1.0
 """Dekker's factor, which splits a number into two halves of 26 bits."""
 
 NO_EXPONENT = np.empty(0, dtype=np.int64)
+"""In place of the exponents of x 2^exponent where they are all 0."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -83,10 +83,11 @@ class Verdict:
     witness : (n,) array or None
         What proves the answer; `theorem` says how.
     exponent : (n,) integer array or None
-        If not None, the witness is witness * 2^exponent, which would overflow.
+        If not None, `witness` * 2^exponent proves the answer, but leaves the range of
+        floating point.
     bound : float
-        Upper bound (below 1) of the spectral radius in question for True, lower bound
-        (at least 1) for False; NaN where there is none.
+        Bound of the spectral radius that the theorem is about: an upper bound (below 1)
+        for True, a lower bound (at least 1) for False; NaN where there is none.
     """
 
     answer: bool | None
@@ -118,10 +119,10 @@ def is_h_plus(A: Any) -> Verdict:
     Verdict
         True: witness v > 0 with <A> v > 0. False: witness u >= 0, u != 0, with D u <=
         |A - D| u (<A> u <= 0 where the diagonal is positive); the unit vector e_i if
-        a_ii <= 0. Both inequalities hold for the numbers as they are stored, rounding
-        errors bounded. None: the border, |rho(J) - 1| of 1e-10 or less with J = D^-1
-        |A - D|; or, for n beyond 20 000, multigrid failed. `bound` is the largest (J
-        v)_i / v_i for True, and the least (J u)_i / u_i for False.
+        a_ii <= 0. Both inequalities hold exactly for the stored numbers. None: rho(J),
+        J = D^-1 |A - D|, is too close to 1 (|rho(J) - 1| <= 1e-10), or for n > 20 000
+        multigrid failed. `bound` is the largest (J v)_i / v_i for True, and the least
+        (J u)_i / u_i for False.
 
     Raises
     ------
@@ -130,8 +131,8 @@ def is_h_plus(A: Any) -> Verdict:
 
     Notes
     -----
-    `namlcp.theory.comparison` has the method. Under strict dominance one pass over A
-    suffices; otherwise a few sweeps or one linear solve.
+    `namlcp.theory.comparison` describes the method. If A is strictly dominant one pass
+    over A suffices, otherwise a few sweeps or one linear solve.
 
     Examples
     --------
@@ -249,20 +250,21 @@ def verdict_by(
 
 
 def within_range(x: np.ndarray) -> bool:
-    """Tell whether products with x stay in the normal range."""
+    """Tell whether x has positive entries, none so small that products underflow."""
     nonzero = x[x > 0.0]
     return bool(nonzero.size and nonzero.min() > 1e-200)
 
 
 @kernel
 def signs(indptr, indices, data, x, exponent):
-    """Tell the signs of K y, K = D - |A - D|, y = x 2^exponent >= 0, and bounds of J.
+    """Return the signs of K y, K = D - |A - D|, y = x 2^exponent >= 0, and bounds of J.
 
     Returns (K y > 0, K y <= 0 where y > 0, max (J y)_i / y_i, min (J y)_i / y_i), the
-    quotients over y_i > 0. Both signs are those of the exact numbers: a row's plain sum
-    of k terms t is off by at most (k + 1) u sum |t| (Higham, Accuracy and Stability,
-    section 3.1), and underflow adds less than 4 k times the least number. Where that is
-    too much the row is summed again with its rounding errors (`exact_row`).
+    quotients over y_i > 0. NaN stands for both where neither sign holds. The signs are
+    those of the exact numbers: a row's plain sum of k terms t is off by at most (k + 1)
+    u sum |t| (Higham, Accuracy and Stability, section 3.1), and underflow adds less
+    than 4 k times the least number. Where that does not settle the sign, the row is
+    summed again with its rounding errors (`exact_row`).
     """
     above = True
     below = False
@@ -310,14 +312,13 @@ def signs(indptr, indices, data, x, exponent):
 
 @part
 def exact_row(indptr, indices, data, i, x, exponent):
-    """Return bounds of (K y)_i that hold and are equal where nothing was rounded.
+    """Return rigorous bounds of (K y)_i, which are equal where nothing was rounded.
 
     Products and sums are computed with their rounding errors (Dekker, Numer. Math. 18
-    (1971) 224-242). The errors are added up, and a bound for the rounding of that sum
-    widens the result.
+    (1971) 224-242). The errors are added up, and the rounding of that sum is bounded.
     """
     total, error = 0.0, 0.0
-    size, lost = 0.0, 0.0  # sum of the errors' moduli; errors that are only bounded
+    size, lost = 0.0, 0.0  # sum of the errors' moduli; bound of errors not computed
     for k in range(indptr[i], indptr[i + 1]):
         j = indices[k]
         if not x[j] > 0.0 or data[k] == 0.0:
@@ -357,7 +358,7 @@ def exact_row(indptr, indices, data, i, x, exponent):
 
 @kernel
 def exact_dominance(indptr, indices, data):
-    """Tell whether a_ii >= sum_{j != i} |a_ij| for the numbers as they are stored."""
+    """Tell whether a_ii >= sum_{j != i} |a_ij| holds exactly in every row."""
     n = indptr.size - 1
     ones = np.ones(n)
     for i in range(n):

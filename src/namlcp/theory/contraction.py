@@ -1,6 +1,6 @@
 """Bounds for the contraction of a sweep: rho(T) of Theorem 2, and quadratic norms.
 
-`convergence` defines T, C and W.
+`namlcp.theory.convergence` defines T, C and W.
 """
 
 import math
@@ -20,26 +20,27 @@ LARGEST_DENSE = 600
 """Largest order at which dense inverses and eigenvalues are computed."""
 
 POWERS, NODA_STEPS = 40, 20
-"""Steps of the power method and of Noda's iteration in one enclosure of rho(T)."""
+"""Most steps of the power method, then of Noda's iteration, to enclose one rho(T)."""
 
 RADIUS_HALVINGS = 40
-"""M-matrix tests that may halve the interval of rho(T)."""
+"""Most M-matrix tests to halve an interval around rho(T)."""
 
 DOUBLINGS = 20
-"""Steps of the doubling algorithm, which converges quadratically, for one equation."""
+"""Most steps of the doubling algorithm, which converges quadratically."""
 
 MARGINS = (1e-2, 1e-5)
 """Values of eps for which a quadratic Lyapunov function is sought, in this order."""
 
 LEAST_ENTRY, STIR = 1e-100, 1e-3
-"""A vector with an entry below LEAST_ENTRY, relative to its largest, has STIR added."""
+"""If a power step gives an entry of at most LEAST_ENTRY, the largest being 1, STIR is
+added to all entries, so that they stay positive."""
 
 
 class RadiusBounds(NamedTuple):
     """lower <= rho(T) <= upper; x > 0 has T x <= upper x unless halving gave `upper`.
 
-    If `exact` is False, the bounds are those of C^-1 W >= T: `upper` then holds for the
-    T of (2), `lower` does not.
+    If `exact` is False, they are bounds of rho(C^-1 W), where C^-1 W >= T: `upper` then
+    holds for rho(T), `lower` does not.
     """
 
     lower: float
@@ -87,17 +88,17 @@ def contraction_bounds(
     A, method, **parameters
         As in `converges`.
     rtol : float
-        Width to reach, relative to the upper bound. Where it is out of reach, for a
-        reducible T say, the interval reached is returned.
+        Width to reach, relative to the upper bound. If it cannot be reached, for a
+        reducible T for instance, a wider interval is returned.
 
     Returns
     -------
-    Bounds
+    RadiusBounds
         For every x > 0, min (T x)_i / x_i <= rho(T) <= max (T x)_i / x_i (Collatz and
-        Wielandt), up to rounding. Beyond n = 600, and for the accelerated family, T is
-        replaced by C^-1 W >= T, which is applied by substitution; `exact` tells whether
-        the two are equal. Halving narrows that interval: rho(C^-1 W) < t means that t C
-        - W is an M-matrix. The bounds are (0, inf) where C is not an M-matrix.
+        Wielandt), up to rounding. For n > 600, and for the accelerated family, T is
+        replaced by C^-1 W >= T; `exact` tells whether the two are equal. The interval
+        is then halved: rho(C^-1 W) < t if t C - W is an M-matrix. The bounds are (0,
+        inf) where C is not an M-matrix.
     """
     parts = splitting(A, method, **parameters)
     C, W, exact = comparison(parts)
@@ -141,10 +142,10 @@ def dense_bounds(T: np.ndarray, rtol: float = 1e-10) -> RadiusBounds:
 
 
 def collatz(apply: Any, x: np.ndarray, inverse: Any, rtol: float) -> RadiusBounds:
-    """Enclose rho(T), T >= 0, from x > 0: power steps, then Noda's.
+    """Enclose rho(T), T >= 0, from x > 0: power steps, then steps of Noda's iteration.
 
-    apply(x) = T x. inverse(shift, x) returns (shift I - T)^-1 x, or None where that
-    does not exist; without `inverse` there are power steps alone.
+    apply(x) is T x; inverse(shift, x) is (shift I - T)^-1 x, or None where that does
+    not exist. If `inverse` is None, there are only power steps.
     """
     best = RadiusBounds(0.0, math.inf, True, None)
     if x.size == 0:
@@ -179,7 +180,10 @@ def dense_parts(parts: Splitting) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 class Lyapunov(NamedTuple):
-    """Q with || e+ ||_Q <= factor || e ||_Q for two runs, e = ds - Z dR(s)."""
+    """Q with || e+ ||_Q <= factor || e ||_Q; `lyapunov_function` defines e.
+
+    `weight` names the diagonal Lambda for which Q was found.
+    """
 
     Q: np.ndarray
     factor: float
@@ -189,11 +193,11 @@ class Lyapunov(NamedTuple):
 def lyapunov_function(parts: Splitting) -> Lyapunov | None:
     """Return a quadratic function that decreases with every sweep; dense, O(n^3).
 
-    With X = (M + Omega)^-1 N, Y = (M + Omega)^-1 (Omega - A), Z = 0, and for the
-    accelerated family with Z = (M + Omega)^-1 L, less Z in Y, the differences of two
-    runs obey
+    Let X = (M + Omega)^-1 N, Y = (M + Omega)^-1 (Omega - A), Z = 0; for the accelerated
+    family Z = (M + Omega)^-1 L, and Z is subtracted from Y. The differences ds and p of
+    s and R(s) between two runs obey, with e = ds - Z p,
 
-        e+ = X e + B p,   ds = e + Z p,   |p| <= |ds|,   B = X Z + Y,   p = dR(s).
+        e+ = X e + B p,   |p| <= |ds|,   B = X Z + Y.
 
     If for a symmetric positive definite Q and a positive diagonal Lambda
 
@@ -204,8 +208,8 @@ def lyapunov_function(parts: Splitting) -> Lyapunov | None:
     (e'e + p'p) <= -eps e'e: a contraction. By the bounded real lemma [1]_ Q exists if
     rho(X) < 1 and the transfer function from p to ds has gain below 1 in the norm of
     Lambda (a small-gain or circle criterion). A Riccati equation gives Q, and the
-    inequality is then checked for it. Lambda is Omega, or the weights that make the
-    Perron vectors of |X| + |Y| + |Z| equal.
+    inequality is then checked for it. Lambda is Omega, or else `perron_weight` of
+    |X| + |Y| + |Z|.
 
     References
     ----------
@@ -234,7 +238,10 @@ def lyapunov_function(parts: Splitting) -> Lyapunov | None:
 
 
 def perron_weight(S: np.ndarray) -> np.ndarray:
-    """Return the squares of the d that make || d S d^-1 ||_2 least, S >= 0."""
+    """Return the squares of the d that minimise || d S d^-1 ||_2, S >= 0.
+
+    They are the ratios of the left and right Perron vectors, kept positive.
+    """
     values, left, right = linalg.eig(S, left=True, right=True)
     k = int(np.argmax(np.abs(values)))
     return np.maximum(np.abs(left[:, k]), 1e-8) / np.maximum(np.abs(right[:, k]), 1e-8)
@@ -243,7 +250,10 @@ def perron_weight(S: np.ndarray) -> np.ndarray:
 def for_unit_weight(
     X: np.ndarray, Y: np.ndarray, Z: np.ndarray, eps: float, rounding: float
 ) -> tuple[np.ndarray, float] | None:
-    """Return (Q, factor) for Lambda = I, None where the Riccati equation has no Q."""
+    """Return (Q, factor) for Lambda = I; None if no Q solves the matrix inequality.
+
+    `rounding` estimates the relative rounding errors of X, Y and Z.
+    """
     I, B = np.eye(X.shape[0]), X @ Z + Y
     S = (1.0 + eps) * Z
     R = S.T @ Z - (1.0 - eps) * I
@@ -268,8 +278,8 @@ def riccati(
     """Solve Q = A'QA + H - (A'QB + S)(R + B'QB)^-1 (B'QA + S') by doubling, R < 0.
 
     E. K.-W. Chu, H.-Y. Fan, W.-W. Lin, C.-S. Wang, Int. J. Control 77 (2004) 767-788.
-    scipy.linalg.solve_discrete_are gives the same Q in 10 to 20 times the time. None
-    where the iterates, which grow, find no limit.
+    Returns None where the iterates, which grow, do not converge. (SciPy's
+    solve_discrete_are takes 10 to 20 times as long.)
     """
     inverse = np.linalg.inv(R)
     A, G = A - B @ inverse @ S.T, B @ inverse @ B.T

@@ -1,12 +1,13 @@
 """The convergence theory of the sweep methods as code: answers with their reason.
 
-A method with the splitting A = M - N (for nam* M + E - L and N + E - L take the places
-of M and N), z = clip(s, l, u) and R(s) = 2 z - s, does
+With the splitting A = M - N (for nam* M + E - L and N + E - L take the places of M and
+N), z = clip(s, l, u) and R(s) = 2 z - s, a sweep is
 
     (M + Omega) s+ = N s + (Omega - A) R(s) - 2 q.                                  (1)
 
-It is Method 3.1 of the paper, whose fixed points are those of its equation (3), for r =
-2, any shift E in place of I, and bounds: R(s) = |s| where l = 0 and u = inf.
+For nam* this is Method 3.1 of the paper, whose fixed points are those of its equation
+(3), with r = 2, any diagonal E in place of I, and bounds: R(s) = |s| where l = 0 and
+u = inf.
 
 No component of R(s) changes by more than that of s, whatever the bounds. So two runs s,
 t obey
@@ -15,8 +16,8 @@ t obey
 
 *The paper's Theorem 2.* If rho(T) < 1 there is v > 0 with T v <= theta v, theta < 1:
 (1) is a contraction in the norm max |s_i| / v_i, for every q and all bounds, and its
-only fixed point is the solution (Banach). That A is a P-matrix follows; the paper need
-not assume it.
+only fixed point is the solution (Banach). It follows that A is a P-matrix; the paper
+need not assume it.
 
 *The comparison.* With C = <M + Omega> and W = |N| + |Omega - A|, if K = C - W is an
 M-matrix then rho(T) < 1: K v > 0 gives C v > W v >= 0, hence C is an M-matrix,
@@ -30,9 +31,9 @@ because omega - |omega - d| = min(d, 2 omega - d). For an H-compatible splitting
 |N| = <A>, so that Omega >= D makes it 2 <A>: Bai's theorem for H+ matrices, and for
 Omega < D the matrix that the paper's proof uses.
 
-*The accelerated family* replaces L R(s) by L R(s+). Its sweep of ds and dz (`sweeps`)
-is piecewise linear in each unknown, with |dz| between 0 and |ds|, and the worst slopes
-give (2) with T = C^-1 W,
+*The accelerated family* replaces L R(s) by L R(s+). Its sweep in the increments ds and
+dz (`namlcp.lcp.modulus.sweeps`) is piecewise linear in each unknown, dz lies between 0
+and ds, and the largest slopes give (2) with T = C^-1 W,
 
     C = D/alpha + Omega - (beta/alpha + 1) |L|,
     W = |1/alpha - 1| D + |Omega - D| + |beta/alpha - 1| |L| + 2 |U|.
@@ -40,11 +41,8 @@ give (2) with T = C^-1 W,
 For beta = alpha and Omega >= D, alpha <= 1, K = 2 <A> (Zheng and Yin); for projected
 SOR it is the condition 0 < alpha < 2 / (1 + rho(J)) for H+ matrices (Ahn; Pang).
 
-*Beyond H-matrices.* Projected SOR lowers z'Az/2 + q'z for every symmetric A (Cryer;
-Mangasarian; Luo and Tseng for semidefinite A), the modulus method is a Cayley transform
-between reflections, and any method may have a quadratic Lyapunov function, which
-`contraction` looks for: the paper's own runs (Omega = D/2, E = I) have one, where NAMGS
-has rho(T) > 1.
+*Beyond H-matrices* the notes of `converges` name further theorems. Projected SOR lowers
+z'Az/2 + q'z for every symmetric A.
 
 References
 ----------
@@ -102,20 +100,19 @@ def converges(
     alpha, beta, omega, shift
         As in `solve_lcp`, with the same defaults.
     semidefinite : bool
-        A is known to be positive semidefinite, by its construction say: no computation
-        in floating point can tell a singular matrix from an indefinite one.
+        Take it as known that A is positive semidefinite, by its construction for
+        instance: rounding hides whether a nearly singular matrix is indefinite.
 
     Returns
     -------
     Verdict
         True: `theorem` names what proves it, with its witness: v > 0 with K v > 0 for
         the comparison (`bound` is then a contraction factor of max |s_i| / v_i), a
-        matrix for a quadratic norm, none for the theorems on definite matrices. Where A
-        is semidefinite and q such that no solution exists, nothing is claimed.
-        False: for q = witness and z >= 0 the iterates leave every neighbourhood of the
-        solution e = (1, ..., 1), but for starts in a set of measure zero; `bound` > 1
-        is the spectral radius. None: no theorem here applies; `checked` says which were
-        tried.
+        matrix for a quadratic norm, none for the theorems on definite matrices. Nothing
+        is claimed for a semidefinite A with a q that has no solution. False: for q =
+        witness and l = 0, u = inf the iterates leave the solution e = (1, ..., 1) from
+        almost every start near it; `bound` > 1 is the spectral radius. None: no theorem
+        here applies; `checked` says which were tried.
 
     Raises
     ------
@@ -124,7 +121,8 @@ def converges(
 
     Notes
     -----
-    Tried in this order, cheapest first (`namlcp.theory.convergence` has the arguments):
+    Theorems in the order in which they are tried, the cheapest first; K and T are
+    defined in `namlcp.theory.convergence`:
 
     1. K is an M-matrix. Sparse, any size.
     2. Projected SOR, symmetric positive (semi)definite A, 0 < alpha < 2 (Cryer 1971;
@@ -135,11 +133,11 @@ def converges(
     4. n <= 600: rho(T) < 1 for the T of Theorem 2, then for the smaller matrix
        |(M + Omega)^-1 N| + |(M + Omega)^-1 (Omega - A)|, to which the same proof
        applies.
-    5. n <= 600: the linear map that a sweep is while no bound is active (q = -A e has
-       the solution z = e) has spectral radius above 1: no.
+    5. n <= 600: while no bound is active a sweep is a linear map. If its spectral
+       radius exceeds 1, the method does not converge (q = -A e has the solution e).
     6. n <= 600: a quadratic norm in which every sweep contracts, by a Riccati equation
        (`namlcp.theory.contraction.lyapunov_function`). It covers the paper's runs of
-       NAMGS, which Theorem 2 does not.
+       NAMGS (Omega = D/2, E = I), which have rho(T) > 1.
 
     Examples
     --------
@@ -242,10 +240,11 @@ def by_cayley(parts: Splitting, semidefinite: bool) -> Verdict:
 def positive_definite(A: Any) -> str:
     """Return how a symmetric csr_array was seen to be positive definite, or "".
 
-    An H+ matrix is. Else a Cholesky factorisation of A - c D must succeed, where c
-    covers its rounding errors (Demmel; Rump, BIT 46 (2006) 433-452): with a unit
-    diagonal they are at most (k + 1) u sqrt(a_ii a_jj) to first order, k the longest
-    row of the factor, hence in norm below (k + 1) u n. Four times that is taken.
+    A symmetric H+ matrix is. Otherwise a Cholesky or LDL' factorisation of S - c I must
+    succeed, S = D^(-1/2) A D^(-1/2), where c covers its rounding errors (Demmel; Rump,
+    BIT 46 (2006) 433-452): to first order an entry's is at most (k + 1) u, with k the
+    longest row of the factor, so that their norm is below (k + 1) u n. c is more than
+    four times that.
     """
     n = A.shape[0]
     D = A.diagonal()
@@ -264,7 +263,7 @@ def positive_definite(A: Any) -> str:
             return f"Cholesky factorisation of D^(-1/2) A D^(-1/2) - {c:.1e} I"
         return ""
     upper = sparse.csc_matrix(sparse.triu(S))
-    for k in (200, n):  # a guess of the longest row, and what always holds
+    for k in (200, n):  # a guess of the longest row of the factor, and its upper bound
         c = 4.0 * (k + 8) * n * UNIT
         factors = ldl_factors(upper - c * sparse.eye(n))
         if factors is None:
@@ -309,8 +308,8 @@ def by_inverse(parts: Splitting, semidefinite: bool) -> Verdict:
 def by_repulsion(parts: Splitting, semidefinite: bool) -> Verdict:
     """Refute convergence by the linear sweep ds+ = (I - 2 X^-1 A) ds, no bound active.
 
-    X = M + Omega, less L in the accelerated family. An eigenvalue outside the unit
-    circle, by more than a first-order bound of its error, refutes convergence.
+    X = M + Omega, less L in the accelerated family. The modulus of an eigenvalue must
+    exceed 1 by more than a first-order estimate of its error.
     """
     A = parts.A.toarray() if parts.omega.size <= LARGEST_DENSE else None
     if A is None or not A.size:
@@ -362,3 +361,4 @@ THEOREMS = (
     by_repulsion,
     by_lyapunov,
 )
+"""Functions of a splitting and `semidefinite`, in the order that `converges` names."""

@@ -5,9 +5,8 @@ min (J x)_i / x_i <= rho(J) <= max (J x)_i / x_i for every x > 0 (Collatz and Wi
 and x <- (lambda I - J)^-1 x with lambda the upper bound closes in quadratically and
 keeps x > 0 (Noda, Numer. Math. 17 (1971) 382-386; Elsner, Linear Algebra Appl. 15
 (1976) 235-242). Power steps come first, while they shrink the interval. All blocks are
-iterated together. They are balanced first: Perron vectors of badly scaled matrices, and
-of their products, leave the range of floating point, so vectors are x 2^exponent
-throughout.
+iterated together, after balancing. Perron vectors of badly scaled matrices leave the
+range of floating point, so vectors are written x 2^exponent.
 """
 
 import contextlib
@@ -22,17 +21,19 @@ from scipy.sparse.linalg import splu
 from namlcp.compiled import kernel
 
 NODA_ROUNDS = 40
-"""Rounds at most; in each, all open blocks make power steps or one step of Noda's."""
+"""Most rounds. A round is power steps of all blocks, or one step of Noda's iteration of
+the open ones: those whose interval is wide and reaches up to 1."""
 
 POWERS_A_ROUND, POWER_HELPS = 10, 0.7
-"""Power steps of a round; another such round follows one that shrank log(high/low) of
-the widest block below POWER_HELPS times its size."""
+"""Power steps of a round. They go on while a round reduces the largest log(high/low) of
+the open blocks below POWER_HELPS times its size; then Noda's iteration begins."""
 
 BALANCE_SWEEPS, BALANCED = 10, 0.1
-"""Sweeps of balancing at most; they end at a largest change of an exponent (base 2)."""
+"""Most sweeps of balancing, and the largest change of an exponent (base 2) at which
+they end."""
 
 NARROW = 4e-15
-"""Relative width of an interval around rho(J) that rounding does not let shrink."""
+"""Relative width of an interval around rho(J) below which rounding errors dominate."""
 
 LEAST_OF_BLOCK = 1e-250
 """Least entry of a vector whose largest entry in each block is 1."""
@@ -41,11 +42,11 @@ LARGEST_FACTORED = 20_000
 """Largest order of linear systems that are factored; multigrid solves larger ones."""
 
 LARGEST_DENSE_LU = 3000
-"""Largest order at which matrices with a quarter of all entries go to dense LU."""
+"""Largest order at which a matrix with over a quarter of entries gets a dense LU."""
 
 CYCLES, PROGRESS = 12, 0.9
-"""Multigrid cycles at most for one system; they end when a cycle leaves more than
-PROGRESS of the residual."""
+"""Most multigrid cycles for one system; they end when a cycle reduces the residual by a
+factor of less than 1/PROGRESS."""
 
 Candidate = tuple[np.ndarray, np.ndarray, float, float]
 
@@ -58,10 +59,10 @@ def row_numbers(A: Any) -> np.ndarray:
 def block_vectors(A: Any, D: np.ndarray) -> Iterator[Candidate]:
     """Yield (x, exponent, low, high): possible witnesses y = x 2^exponent for <A>.
 
-    Where every block has rho(J) < 1, x is positive and <A> y > 0 is expected. Where a
-    block has rho(J) >= 1, x is positive on it alone, and <A> y <= 0 is expected where y
-    > 0. The last x is empty if neither was found. low and high bound rho(J) of the
-    block in which it is largest.
+    If every block has rho(J) < 1, x is positive and <A> y > 0 is expected. If a block
+    has rho(J) >= 1, x is positive on it alone, and <A> y <= 0 is expected there. The
+    last x is empty, with the last bounds. low and high are the largest lower and upper
+    bound of rho(J) among the blocks.
 
     A is a csr_array, its diagonal D is positive.
     """
@@ -115,9 +116,9 @@ def powered(J: Any, x: np.ndarray, label: np.ndarray, high: np.ndarray) -> np.nd
 def inverted(
     J: Any, x: np.ndarray, here: np.ndarray, label: np.ndarray, high: np.ndarray
 ) -> np.ndarray | None:
-    """Return Noda's next x, its unknowns `here` changed; None if there is none.
+    """Return x after a step of Noda's iteration on the unknowns `here`, None if none.
 
-    The system is solved only until its solution bounds rho(J) away from 1.
+    Approximate solutions are refined only until the bounds of rho(J) decide about 1.
     """
     count = high.size
     shift = sparse.diags_array(high[label[here]] * (1.0 + 1e-15))
@@ -161,7 +162,7 @@ def blocks(A: Any) -> tuple[np.ndarray, Any]:
 
 
 def chosen_entries(A: Any, chosen: np.ndarray) -> Any:
-    """Return |A| with the chosen ones of its stored entries alone."""
+    """Return |A| restricted to the stored entries that are `chosen`."""
     start = np.concatenate(([0], np.cumsum(chosen)))[A.indptr].astype(A.indptr.dtype)
     entries = np.abs(A.data[chosen]), A.indices[chosen], start
     return sparse.csr_array(entries, shape=A.shape)
@@ -191,7 +192,10 @@ def balanced(L: Any) -> np.ndarray:
 
 @kernel
 def symmetrise(indptr, indices, entry, indptr_c, indices_c, entry_c, e):
-    """Set e so that a_ij and a_ji become equal along trees of such pairs."""
+    """Overwrite e so that j_ij and j_ji become equal along trees of such pairs.
+
+    The arrays are CSR and CSC of a matrix of logarithms, as in `balanced`.
+    """
     n = e.size
     seen = np.zeros(n, dtype=np.bool_)
     queue = np.empty(n, dtype=np.int64)
@@ -218,9 +222,10 @@ def symmetrise(indptr, indices, entry, indptr_c, indices_c, entry_c, e):
 
 @kernel
 def osborne(indptr, indices, entry, indptr_c, indices_c, entry_c, e):
-    """Make the largest entry of row i and of column i equal, for i up and then down.
+    """Make the largest entries of row i and column i equal, for i upwards, then down.
 
-    Entries are logarithms; row i is entry + e_j - e_i. Returns the largest change.
+    Entries are logarithms; those of row i become entry + e_j - e_i. Overwrites e and
+    returns its largest change.
     """
     n = e.size
     largest = 0.0
@@ -245,8 +250,8 @@ def stacked(
     """Return exponents that join the blocks' vectors into one v with <A> v > 0.
 
     The block's own part of row i of <A> v is rest_i d_i v_i. Each block is scaled up
-    until the other blocks take away at most half of that. The labels are in topological
-    order or its reverse; any other order would take more passes.
+    until the other blocks subtract at most half of that. The labels are in topological
+    order or its reverse, which keeps the number of passes small.
     """
     size = np.log2(x) + exponent
     spare = np.log2(rest) + np.log2(A.diagonal()) + size - 1.0
@@ -265,8 +270,8 @@ def stacked(
 def raise_blocks(indptr, indices, data, size, spare, label, order, scale):
     """Raise the exponents `scale` of the blocks, row by row; tell whether one changed.
 
-    `size` is the logarithm of v before scaling, `spare` that of what one entry of a row
-    may take away.
+    `size` is log2 of v before scaling, `spare` log2 of what one entry outside the block
+    may subtract from a row. Overwrites `scale`.
     """
     changed = False
     for i in order:
@@ -306,7 +311,7 @@ def solutions(K: Any, b: np.ndarray) -> Iterator[np.ndarray]:
 
 
 def cycles(K: Any, b: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield what multigrid cycles for K x = b give (Ruge and Stueben's coarsening)."""
+    """Yield x after each multigrid cycle for K x = b (Ruge and Stueben coarsening)."""
     import pyamg  # takes 0.5 s to import
 
     K = sparse.csr_matrix(K)
@@ -336,9 +341,9 @@ def cycles(K: Any, b: np.ndarray) -> Iterator[np.ndarray]:
 
 @kernel
 def comparison_sweep(indptr, indices, data, c, v):
-    """Overwrite v by a forward and a backward sweep on <A> v = D c; return max |step|.
+    """Overwrite v by a forward and a backward Gauss-Seidel sweep on <A> v = D c.
 
-    The step is that of the backward sweep.
+    Returns the largest change of an entry in the backward sweep.
     """
     n = v.size
     largest = 0.0

@@ -2,10 +2,9 @@
 
 (M + Omega) s+ = N s + (Omega - A) R(s) - 2 q,  R(s) = 2 clip(s, l, u) - s           (1)
 
-That is Method 3.1 of the paper. For nam* M stands for its M + E - L and N for its N + E
-- L; the accelerated family has L R(s+) in place of L R(s). M-, H- and H-compatible
-splittings as in Frommer and Szyld, Numer. Math. 63 (1992) 345-356; `convergence` uses
-them.
+For nam* this is the paper's Method 3.1, with M and N here for its M + E - L and N + E -
+L; the accelerated family has L R(s+) in place of L R(s). M-, H- and H-compatible
+splittings are those of Frommer and Szyld, Numer. Math. 63 (1992) 345-356.
 """
 
 import math
@@ -30,11 +29,12 @@ SAFE = 1e-13
 
 
 class Splitting(NamedTuple):
-    """A method on a matrix: the letters of (1), and of the accelerated sweep.
+    """A method on a matrix: the quantities of (1), and those of its sweep.
 
-    M and N are those of (1), E and L included; csr_array. alpha, G and H are those of
-    `namlcp.lcp.modulus.sweeps`, where M is triangular; G is NaN where M = A or A + E -
-    L. H = 0 but for the accelerated family.
+    A, M and N are those of (1), E and L included; csr_array. omega is the diagonal of
+    Omega. alpha, G and H are those of `namlcp.lcp.modulus.sweeps` where M is
+    triangular; G is NaN where M = A or A + E - L. H = 0 except in the accelerated
+    family.
     """
 
     A: Any
@@ -47,7 +47,7 @@ class Splitting(NamedTuple):
 
 
 class Comparison(NamedTuple):
-    """C and W with |s+ - t+| <= C^-1 W |s - t|; `exact` tells whether T = C^-1 W."""
+    """C and W with T <= C^-1 W; `exact` is True only if these are equal."""
 
     C: Any
     W: Any
@@ -55,7 +55,7 @@ class Comparison(NamedTuple):
 
 
 class TheoremThree(NamedTuple):
-    """The paper's Theorem 3 piece by piece, and its repair."""
+    """The hypotheses of the paper's Theorem 3, and of its repair; see `theorem_3`."""
 
     h_plus: Verdict
     h_compatible: Verdict
@@ -72,7 +72,7 @@ class TheoremThree(NamedTuple):
 
     @property
     def applies_as_proved(self) -> bool:
-        """Tell whether it does with the matrix of its proof in case 2."""
+        """Tell whether it proves convergence with the matrix that its proof uses."""
         case = self.case_1 or self.case_2_proved
         return bool(self.h_plus and self.h_compatible and case)
 
@@ -86,7 +86,7 @@ def splitting(
     omega: Any = None,
     shift: Any = None,
 ) -> Splitting:
-    """Return what (1) means for a method; arguments as in `converges`."""
+    """Return the splitting of a method, checked; arguments as in `converges`."""
     chosen = find_method(method, alpha=alpha, beta=beta, omega=omega, shift=shift)
     for name, value in (("alpha", alpha), ("omega", omega)):
         if isinstance(value, str):
@@ -135,10 +135,7 @@ def comparison(parts: Splitting) -> Comparison:
 
 
 def lowered(C: Any, W: Any) -> Any:
-    """Return C - W, less SAFE (|C| + W).
-
-    If this is an M-matrix, so is the exact C - W.
-    """
+    """Return C - W - SAFE (|C| + W): if it is an M-matrix, so is the exact C - W."""
     return sparse.csr_array(C - SAFE * abs(C) - (1.0 + SAFE) * W)
 
 
@@ -165,8 +162,7 @@ def is_h_splitting(M: Any, N: Any) -> Verdict:
 def is_h_compatible(M: Any, N: Any) -> Verdict:
     """Tell whether A = M - N is an H-compatible splitting: <A> = <M> - |N|.
 
-    Entries count as equal up to SAFE times |m_ij| + |n_ij|: A is their difference as it
-    was rounded.
+    Entries count as equal up to SAFE (|m_ij| + |n_ij|), because M - N is rounded.
     """
     M, N = same_shape(M, N)
     difference = compared(sparse.csr_array(M - N)) - compared(M) + abs(N)
@@ -195,11 +191,11 @@ def compared(A: Any) -> Any:
 
 
 def theorem_3(A: Any, method: str, **parameters: Any) -> TheoremThree:
-    """Check the paper's Theorem 3 for a nam* method, its hypotheses one by one.
+    """Check the hypotheses of the paper's Theorem 3 one by one.
 
-    A is H+, <A> = <M + E - L> - |N + E - L|, and (1) Omega >= D, or (2) Omega < D and
-    2 Omega - D - |B| is an M-matrix, B = L + U. The proof of (2) uses <A> + 2 Omega - D
-    - |B| instead, a weaker condition since Omega < D. `repaired` is K of
+    They are: A is H+, <A> = <M + E - L> - |N + E - L|, and (1) Omega >= D, or (2) Omega
+    < D and 2 Omega - D - |B| is an M-matrix, B = L + U. The proof of (2) uses <A> + 2
+    Omega - D - |B| instead, weaker since Omega < D. `repaired` is K of
     `namlcp.theory.convergence`: it needs neither H-compatibility nor H+. For NAMGS and
     NAMSOR with L != 0 the splitting is never H-compatible: below the diagonal <M + E -
     L> - |N + E - L| is -3 |L|.
