@@ -115,8 +115,7 @@ def contraction_bounds(
         if not start or start.witness is None or start.exponent is not None:
             return RadiusBounds(0.0, math.inf, exact, None)
         solve = left_solver(C)
-        found = collatz(lambda x: solve(W @ x), start.witness, None, rtol)
-        lower, upper, _, x = found
+        lower, upper, _, x = collatz(lambda x: solve(W @ x), start.witness, None, rtol)
         for _ in range(RADIUS_HALVINGS):
             if not upper - lower > rtol * upper:
                 break

@@ -101,12 +101,11 @@ def splitting(
     given = checked_parameters(A, method, Parameters(alpha, beta, omega, shift))
     alpha, beta, omega, shift, _ = given
     E = np.zeros(n) if shift is None else shift
+    A = sparse.csr_array(A)
     if chosen.factored:
-        A = sparse.csr_array(A)
         addition = sparse.diags_array(E) + chosen.own * sparse.tril(A, -1)
         M, N = sparse.csr_array(A + addition), sparse.csr_array(addition)
         return Splitting(A, M, N, omega, 1.0, math.nan, 0.0)
-    A = sparse.csr_array(A)
     own = max(chosen.own, 0.0)  # the accelerated family splits A as Zheng and Yin do
     weight = beta / alpha + own
     D = A.diagonal()
