@@ -237,7 +237,7 @@ def verdict_by(
     witness, power = x, None
     if exponent.size:
         witness = np.ldexp(x, exponent - exponent[x > 0.0].max())
-        if np.any((witness > 0.0) != (x > 0.0)) or not within_range(witness):
+        if not witness[x > 0.0].min() > 1e-200:  # products with it would underflow
             witness, power = x, exponent
     return Verdict(
         answer=answer,
@@ -247,12 +247,6 @@ def verdict_by(
         exponent=power,
         bound=bound,
     )
-
-
-def within_range(x: np.ndarray) -> bool:
-    """Tell whether x has positive entries, none so small that products underflow."""
-    nonzero = x[x > 0.0]
-    return bool(nonzero.size and nonzero.min() > 1e-200)
 
 
 @kernel
