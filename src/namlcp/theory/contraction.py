@@ -97,8 +97,8 @@ def contraction_bounds(
         For every x > 0, min (T x)_i / x_i <= rho(T) <= max (T x)_i / x_i (Collatz and
         Wielandt), up to rounding. For n > 600, and for the accelerated family, T is
         replaced by C^-1 W >= T; `exact` tells whether the two are equal. The interval
-        is then halved: rho(C^-1 W) < t if t C - W is an M-matrix. The bounds are (0,
-        inf) where C is not an M-matrix.
+        is then halved: rho(C^-1 W) < t where t C - W is an M-matrix, else it is >= t.
+        The bounds are (0, inf) where C is not an M-matrix.
     """
     parts = splitting(A, method, **parameters)
     C, W, exact = comparison(parts)
