@@ -77,17 +77,10 @@ def readonly(array: types.Array) -> types.Array:
 def named_tuples() -> dict[str, Any]:
     """Return, by name, what makes the numba type of each NamedTuple of the package."""
     found: dict[str, type] = {}
-    for module in all_modules():
-        for value in vars(module).values():
-            if (
-                isinstance(value, type)
-                and hasattr(value, "_fields")
-                and value.__module__ == module.__name__
-            ):
-                if value.__name__ in found:
-                    found[value.__name__] = type(None)  # ambiguous, so no kernel's
-                else:
-                    found[value.__name__] = value
+    for kind in own_classes():
+        if hasattr(kind, "_fields"):
+            ambiguous = kind.__name__ in found  # then no kernel may take it
+            found[kind.__name__] = type(None) if ambiguous else kind
     return {name: functools.partial(tuple_of, kind) for name, kind in found.items()}
 
 
@@ -95,13 +88,18 @@ def named_tuples() -> dict[str, Any]:
 def records() -> dict[str, types.Record]:
     """Return, by name, the numba type of each ctypes structure of the package."""
     return {
-        value.__name__: from_dtype(np.dtype(value))
-        for module in all_modules()
-        for value in vars(module).values()
-        if isinstance(value, type)
-        and issubclass(value, ctypes.Structure)
-        and value.__module__ == module.__name__
+        kind.__name__: from_dtype(np.dtype(kind))
+        for kind in own_classes()
+        if issubclass(kind, ctypes.Structure)
     }
+
+
+def own_classes() -> Iterator[type]:
+    """Yield every class that a module of the package defines."""
+    for module in all_modules():
+        for value in vars(module).values():
+            if isinstance(value, type) and value.__module__ == module.__name__:
+                yield value
 
 
 def tuple_of(kind: type | None, *inside: types.Type) -> types.BaseTuple:
