@@ -36,7 +36,7 @@ def warmup(progress: bool = True, processes: int | None = None) -> None:
     --------
     >>> import namlcp
     >>> namlcp.warmup()  # doctest: +SKIP
-    [##############################] 110 of 110
+    [##############################] 105 of 105
     30.1 s; machine code in .../namlcp/__pycache__/kernels/2b9c...
     """
     check_flag("progress", progress)
