@@ -1,4 +1,4 @@
-"""Box LCPs: `solve_lcp`, and the methods it chooses from, a room each."""
+"""Box LCPs: `solve_lcp` and the methods that it chooses from."""
 
 from namlcp.lcp.auto import LARGE_LCP, solve_auto
 from namlcp.lcp.data import LCP, Outcome

@@ -1,9 +1,8 @@
-"""method="auto": which method solves a box LCP, from what A and the first sweeps tell.
+"""method="auto": choose the methods that solve a box LCP.
 
-A LinearOperator leaves only products, and a tridiagonal matrix is eliminated directly.
-For other large sparse matrices sweeps alone are tried as long as their rate promises
-enough, then multigrid cycles where A suits them. Everything else, and what they leave
-unsolved, is for pivoting. The caller's matrix is not copied before that.
+MPRGP solves LCPs with a LinearOperator, elimination those with a tridiagonal A. For any
+other large sparse A projected SOR is tried as long as it converges fast enough, then
+multigrid where A suits it. Pivoting solves the rest, and what these leave unsolved.
 """
 
 import numpy as np
@@ -21,13 +20,13 @@ from namlcp.limits import Limits
 from namlcp.status import Status
 
 LARGE_LCP = 10_000
-"""From this order on, sparse problems try whether sweeps or multigrid will do."""
+"""Least order n at which projected SOR and multigrid are tried on a sparse A."""
 
 LAST_SWEEPS = 5000
-"""Sweeps at most after multigrid cycles on a nonsymmetric matrix have failed."""
+"""Largest number of sweeps after multigrid has failed on a nonsymmetric A."""
 
 ENDS = (Status.SOLVED, Status.TIME_LIMIT)
-"""With these there is nothing left for another method to do."""
+"""Statuses after which no other method is tried."""
 
 
 def solve_auto(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
@@ -38,7 +37,7 @@ def solve_auto(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
         return solve_by_products(lcp, z0, limits, Criterion(lcp, limits))
     if matrix.tridiagonal is not None:
         outcome = solve_tridiagonal(lcp, matrix.tridiagonal, z0, limits)
-        # Where a small A is singular, pivoting may prove what is wrong.
+        # A small A may be singular: pivoting may prove that there is no solution.
         is_open = outcome.status is Status.STALLED and not large
         if outcome.status is not Status.UNSOLVABLE and not is_open:
             return outcome
@@ -54,7 +53,7 @@ def solve_auto(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
 
 
 def solve_large(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
-    """Try what needs no factorisation: sweeps, and multigrid cycles where A suits."""
+    """Try projected SOR, then multigrid cycles where A suits them."""
     criterion = Criterion(lcp, limits)
     few, many = (limits._replace(max_iter=k) for k in (MAX_SWEEPS, LAST_SWEEPS))
     outcome = solve_by_sweeps(lcp, z0, few, criterion)

@@ -1,7 +1,8 @@
-"""When a point solves a box LCP: the one test of every method of `solve_lcp`.
+"""The stopping criterion of the methods in SOLVERS.
 
-Res(z) < eps_abs on the problem as it is, or Res(z) <= eps_rel Res(clip(0)) on the one
-scaled to a unit diagonal. (`lcp.tridiagonal` compiles the same test for its faces.)
+A point z solves a box LCP if Res(z) < eps_abs for the problem as given, or if Res(z) <=
+eps_rel Res(clip(0)) for the problem scaled to a unit diagonal. (`lcp.tridiagonal` has a
+compiled copy.)
 """
 
 import math
@@ -15,7 +16,7 @@ from namlcp.residuals import natural_residuals
 
 
 class Criterion:
-    """The test of an LCP with the tolerances of its limits."""
+    """The stopping criterion of one LCP, with the tolerances of `limits`."""
 
     def __init__(self, lcp: LCP, limits: Limits, root: np.ndarray | None = None):
         """Take `root`, the square roots of the diagonal, from the caller if given."""
@@ -24,9 +25,9 @@ class Criterion:
         self.eps_abs, self.eps_rel = limits.eps_abs, limits.eps_rel
 
     def residuals(self, z: np.ndarray, w: np.ndarray) -> tuple[float, float]:
-        """Return Res(z) of the problem and of the one scaled to a unit diagonal."""
-        _, _, lower, upper = self.lcp
-        return natural_residuals(z, w, lower, upper, self.root)
+        """Return Res(z) of the problem as given and scaled to a unit diagonal."""
+        matrix, _, lower, upper = self.lcp
+        return natural_residuals(z, w, lower, upper, matrix.root)
 
     @cached_property
     def size(self) -> float:
@@ -36,8 +37,8 @@ class Criterion:
 
     @cached_property
     def goal(self) -> float:
-        """A Res of the scaled problem that will be accepted."""
-        largest = float(self.root.max(initial=1e-300))
+        """Estimate of the largest Res of the scaled problem that `accepts` accepts."""
+        largest = float(self.lcp.matrix.root.max(initial=1e-300))
         return max(self.eps_rel * self.size, self.eps_abs / largest)
 
     def accepts(self, z: np.ndarray, w: np.ndarray) -> bool:

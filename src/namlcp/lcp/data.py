@@ -1,4 +1,4 @@
-"""The gate of the LCP side: a box LCP as clean arrays, or an error that names it."""
+"""The data of a box LCP: the user's arguments are checked and made clean arrays."""
 
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -46,7 +46,7 @@ class LCP(NamedTuple):
         return self.matrix.A @ z + self.q
 
     def start(self, z0: np.ndarray | None = None) -> np.ndarray:
-        """Return clip(z0), or clip(0), an array of its own."""
+        """Return z0, or 0 if it is None, clipped to the bounds: a new array."""
         z = np.zeros(self.q.size) if z0 is None else z0.copy()
         return np.clip(z, self.lower, self.upper, out=z)
 
@@ -60,11 +60,10 @@ class LCP(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """How a method ended: its point z, w = A z + q, and what it counts as iterations.
+    """The result of a method: a point z, w = A z + q, and the number of iterations.
 
-    ray: proof that there is no solution, with UNSOLVABLE. s: the modulus variable, of
-    the sweep methods only. convex: A was found to be symmetric positive semidefinite,
-    where the caller asked.
+    ray: proof that there is no solution, if any, with UNSOLVABLE. s: modulus variable,
+    from sweep methods only. convex: A was tested and is positive semidefinite.
     """
 
     status: Status
@@ -89,9 +88,9 @@ def spread_number(name: str, value: Any, n: int) -> np.ndarray:
 
 
 def lcp_matrix(A: Any, diagonal: Any = None) -> Any:
-    """Check the matrix as the user gave it and return it clean.
+    """Return the user's matrix checked: an array, csr_array or `Operator`.
 
-    `diagonal` belongs to a LinearOperator, which comes back as an `Operator`.
+    Only a LinearOperator may have `diagonal`.
     """
     if isinstance(A, LinearOperator):
         return operator_data(A, diagonal)
@@ -101,10 +100,7 @@ def lcp_matrix(A: Any, diagonal: Any = None) -> Any:
 
 
 def lcp_data(matrix: "Prepared", q: Any, lower: Any, upper: Any) -> LCP:
-    """Check the vectors of a box LCP as the user gave them and return them clean.
-
-    Raises TypeError or ValueError naming the argument, what was expected and what came.
-    """
+    """Check the user's vectors; raise TypeError or ValueError, or return the LCP."""
     shape = matrix.A.shape
     n = shape[1]
     q = vector("q", q, n, "A", shape)
@@ -127,12 +123,12 @@ def lcp_data(matrix: "Prepared", q: Any, lower: Any, upper: Any) -> LCP:
     return LCP(matrix, q, lower, upper)
 
 
-# Sums may be taken in any order, so that they vectorise; NaN keeps its meaning.
-@kernel(fastmath={"reassoc"})
+@kernel(fastmath={"reassoc"})  # the sums may be reordered and vectorise; NaN stays NaN
 def is_ordinary(q, lower, upper):
-    """Tell whether no check of the vectors can find a fault.
+    """Tell whether the vectors surely need no further check, in one pass.
 
-    Then nothing is NaN, q is in range, lower <= upper, and no finite bound is huge.
+    Then no entry is NaN, sum |q_i| is 0 or in (1e-90, 1e90), lower <= upper, and no
+    finite bound has a modulus of INFINITE or more.
     """
     size, faults = 0.0, 0.0
     for i in range(q.size):

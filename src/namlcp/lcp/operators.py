@@ -1,4 +1,4 @@
-"""Matrices known by their products alone: SciPy's LinearOperator behind the gate."""
+"""Symmetric matrices known only by their products: SciPy's LinearOperator, checked."""
 
 from typing import Any
 
@@ -11,8 +11,7 @@ from namlcp.checks import finite_vector
 class Operator:
     """A symmetric matrix A known by x -> A x and, where it was given, its diagonal.
 
-    It takes the place of an array where only A @ x, A.shape and A.diagonal() are used;
-    an unknown diagonal is taken to be 1.
+    It replaces an array where only A @ x, A.shape and A.diagonal() are used.
 
     Parameters
     ----------
@@ -28,21 +27,18 @@ class Operator:
         self.given = diagonal
 
     def __matmul__(self, x: np.ndarray) -> np.ndarray:
-        """Return A x, an array of its own."""
+        """Return A x, a new array."""
         y = np.asarray(self.A.matvec(x))
         if y.dtype.kind not in "biuf":
             raise TypeError(f"A must be real, got a product of dtype {y.dtype}")
         return np.array(y, dtype=np.float64).reshape(x.shape)
 
     def diagonal(self) -> np.ndarray:
-        """Return diag(A), or ones."""
+        """Return diag(A), ones if it is unknown."""
         return np.ones(self.shape[0]) if self.given is None else self.given
 
     def asymmetry(self) -> tuple[float, float]:
-        """Return |u'Av - v'Au| and its size |u||Av| + |v||Au| for two fixed vectors.
-
-        Both are NaN where A's products are.
-        """
+        """Return |u'Av - v'Au| and |u||Av| + |v||Au| for two fixed random vectors."""
         rng = np.random.default_rng(0)
         u, v = rng.standard_normal((2, self.shape[0]))
         Au, Av = self @ u, self @ v
@@ -53,12 +49,12 @@ class Operator:
 
 
 SYMMETRIC = 1e-7
-"""Largest |u'Av - v'Au| that counts as zero, relative to the size of its terms: the
-rounding of products in single precision."""
+"""Largest |u'Av - v'Au| that counts as zero, relative to |u||Av| + |v||Au|: it allows
+for products in single precision."""
 
 
 def operator_data(A: LinearOperator, diagonal: Any) -> Operator:
-    """Check a LinearOperator and its diagonal (or None) and return it clean."""
+    """Return a LinearOperator and its diagonal (or None) checked, as an `Operator`."""
     n = A.shape[0]
     if A.shape[1] != n:
         raise ValueError(f"A must be square, got shape {A.shape}")

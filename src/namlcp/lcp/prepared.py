@@ -1,4 +1,4 @@
-"""What depends on the matrix of an LCP alone, found once for one q after another."""
+"""Data that depend on the matrix of an LCP alone, computed once for any number of q."""
 
 from functools import cached_property
 from typing import Any
@@ -20,8 +20,8 @@ class Prepared:
     Parameters
     ----------
     A : (n, n) array, sparse array or scipy LinearOperator
-        The matrix of the LCP. It is kept as it is where it is clean float64 (CSR if
-        sparse), and must not be changed afterwards.
+        The matrix of the LCP. It is not copied if it is finite float64 (CSR if sparse),
+        and must not be changed afterwards.
     diagonal : (n,) array
         diag(A) of a LinearOperator, see `solve_lcp`.
 
@@ -29,10 +29,6 @@ class Prepared:
     ------
     TypeError, ValueError
         A is no finite square matrix of real numbers.
-
-    Notes
-    -----
-    What a method needs of A beyond its entries is found at its first use and kept.
 
     Examples
     --------
@@ -51,25 +47,22 @@ class Prepared:
 
     @classmethod
     def unchecked(cls, A: Any, symmetric: bool) -> "Prepared":
-        """Return a clean matrix prepared, without a look at its entries.
-
-        A may be in CSC if it is symmetric: its columns pass for rows.
-        """
+        """Return a Prepared of a matrix known to be clean; symmetric A may be CSC."""
         matrix = cls.__new__(cls)
         matrix.A, matrix.symmetric = A, symmetric
         return matrix
 
     @cached_property
     def symmetric(self) -> bool:
-        """A = A' up to rounding."""
+        """Whether A = A' up to rounding."""
         return is_symmetric(self.A)
 
     def hierarchy(self, deadline: Deadline = NEVER) -> Hierarchy | None:
-        """Return levels for multigrid cycles, None where A does not suit.
+        """Return the levels of multigrid cycles, and keep them.
 
-        None, too, where they were not ready by the deadline: then nothing is kept.
+        None: A does not suit, or the deadline came first; then nothing is kept.
         """
-        levels = self.levels  # other threads may set it, and may be late
+        levels = self.levels  # read once, as another thread may set it
         if levels is None and not self.unsuited:
             levels = build(sparse.csr_array(self.A), self.symmetric, deadline)
             if levels is not None:
@@ -80,26 +73,26 @@ class Prepared:
 
     @cached_property
     def tridiagonal(self) -> Tridiagonal | None:
-        """The form of a sparse tridiagonal matrix with a positive diagonal."""
+        """The rows of a sparse tridiagonal A with a positive diagonal, else None."""
         return None if isinstance(self.A, np.ndarray) else tridiagonal_of(self.A)
 
     @cached_property
     def slopes(self) -> np.ndarray:
-        """diag(A), 1 where that is not positive: the units, and Omega of s."""
+        """diag(A), 1 where that is not positive: the scaling, and Omega of s."""
         diagonal = self.A.diagonal()
         return np.where(diagonal > 0.0, diagonal, 1.0)
 
     @cached_property
     def root(self) -> np.ndarray:
-        """sqrt(slopes); D^(-1/2) A D^(-1/2) has a unit diagonal, D = root^2."""
+        """sqrt(slopes): diag(1/root) A diag(1/root) is A scaled to a unit diagonal."""
         return np.sqrt(self.slopes)
 
     @cached_property
     def columns(self) -> Columns:
-        """The columns of A, for compiled code."""
+        """The columns of A for kernels."""
         return columns_of(self.A, self.symmetric)
 
     @cached_property
     def dominance(self) -> float:
-        """Bound for rho(|I - D^-1 A|), see `relaxation.dominance`."""
+        """Upper bound of rho(|I - D^-1 A|), see `relaxation.dominance`."""
         return dominance(self.A)
