@@ -93,7 +93,8 @@ def descent_from(
     root = lcp.matrix.root
     max_iter = limits.max_iter or MAX_ITER
 
-    def caller(y: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def unscaled(y: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return z and w."""
         z = np.where(y <= descent.lower, lower, np.clip(y / root, lower, upper))
         return np.where(y >= descent.upper, upper, z), g * root
 
@@ -107,12 +108,12 @@ def descent_from(
         if descent.size < least:
             best, least = (descent.y, descent.g), descent.size
         if limits.report is not None:
-            here = lcp.residual(*caller(descent.y, descent.g))
+            here = lcp.residual(*unscaled(descent.y, descent.g))
             limits.report(k, here, int(np.count_nonzero(~descent.free)))
-        if criterion.accepts(*caller(descent.y, descent.g)):
+        if criterion.accepts(*unscaled(descent.y, descent.g)):
             descent.refresh()
             best, least = (descent.y, descent.g), descent.size
-            if criterion.accepts(*caller(descent.y, descent.g)):
+            if criterion.accepts(*unscaled(descent.y, descent.g)):
                 status = Status.SOLVED
                 break
             misses = 0 if descent.size < 0.5 * missed else misses + 1
@@ -130,7 +131,7 @@ def descent_from(
             status = trouble
             break
         k += 1
-    z = caller(*best)[0]
+    z = unscaled(*best)[0]
     w = lcp.w(z)
     if not (math.isfinite(descent.size) and np.isfinite(w).all()):
         nothing = np.full(z.size, np.nan)
@@ -141,16 +142,9 @@ def descent_from(
 class Descent:
     """An iterate of the problem scaled to a unit diagonal, and the steps from it.
 
-    Attributes
-    ----------
-    y, g : (n,) array
-        Iterate and its gradient; each step makes new arrays.
-    free : (n,) bool array
-        Whether l < y < u.
-    size : float
-        Res(y) of the scaled problem.
-    ray : (n,) array or None
-        Proof that the problem, unscaled, has no solution.
+    y, g: iterate and its gradient; each step makes new arrays. free: whether l < y < u.
+    size: Res(y) of the scaled problem. ray: proof that the unscaled problem has no
+    solution, or None.
     """
 
     def __init__(self, lcp: LCP, z0: np.ndarray):

@@ -12,13 +12,6 @@ class Operator:
     """A symmetric matrix A known by x -> A x and, where it was given, its diagonal.
 
     It replaces an array where only A @ x, A.shape and A.diagonal() are used.
-
-    Parameters
-    ----------
-    A : LinearOperator
-        Real, (n, n).
-    diagonal : (n,) array or None
-        diag(A), checked.
     """
 
     def __init__(self, A: LinearOperator, diagonal: np.ndarray | None):

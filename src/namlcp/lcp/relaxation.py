@@ -42,20 +42,9 @@ def relax_csr(data, indices, indptr, q, lower, upper, alpha, z):
     """Overwrite z by one projected SOR sweep; return || D^(1/2) (z+ - z) ||_2.
 
     z_i <- clip(z_i - alpha (A z + q)_i / a_ii, l_i, u_i) with the newest values of z
-    (Cryer 1971). The returned number, D = diag(A), is about as large as Res of the
-    problem scaled to a unit diagonal, but no bound for it.
-
-    Parameters
-    ----------
-    data, indices, indptr : arrays
-        A (n, n) in CSR, column indices ascending and unique in each row, every
-        diagonal entry stored and positive.
-    q, lower, upper : (n,) array
-        Data of the LCP.
-    alpha : float
-        Relaxation parameter.
-    z : (n,) array
-        Iterate in [lower, upper]; overwritten by the next one.
+    (Cryer 1971). z must lie in [lower, upper]. `data`, `indices`, `indptr` are those of
+    `Rows`. The returned number, D = diag(A), is about as large as Res of the problem
+    scaled to a unit diagonal, but no bound for it.
     """
     total = 0.0
     last = 0.0  # z of the row above

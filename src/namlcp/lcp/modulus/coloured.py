@@ -66,16 +66,10 @@ class Colours(NamedTuple):
 
 
 class BlockSweep:
-    """One sweep over a csr_array on several threads.
+    """One sweep over a csr_array on several threads, in blocks of >= 2^shift rows.
 
-    Parameters
-    ----------
-    A : (n, n) csr_array
-        Column indices ascending and unique in each row.
-    threads : int
-        Limit on threads; Numba's own limit holds, too.
-    shift : int
-        Blocks have at least 2^shift rows.
+    Column indices are ascending and unique in each row. Numba's own limit on threads
+    holds, too.
     """
 
     def __init__(self, A: Any, threads: int, shift: int = LEAST_SHIFT):

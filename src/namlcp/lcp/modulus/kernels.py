@@ -116,18 +116,11 @@ def sweep_rows(A, vectors, G, H, old, new, colours, b):
 
 @kernel(fastmath=FUSED)
 def sweep_csr(data, indices, indptr, vectors, G, H, old, new):
-    """Write the next iterate and return Res(z) of the old one.
+    """Write the next iterate to `new` and return Res(z) of `old`, (2, n) arrays.
 
-    Parameters
-    ----------
-    data, indices, indptr : arrays
-        A (n, n) in CSR, column indices ascending and unique in each row.
-    vectors : (6, n) or (4, n) array
-        Rows OMEGA to UPPER, or to CHANGE, which is overwritten.
-    G, H : float
-        Weights of L ds and of L dz.
-    old, new : (2, n) array
-        Old iterate, and the next one on return; they must not overlap.
+    `data`, `indices`, `indptr` are those of `Rows`. `vectors` has the rows OMEGA to
+    UPPER, or to CHANGE if the bounds are 0 and inf; row CHANGE is overwritten. `old`
+    and `new` must not overlap.
     """
     A = data, indices, indptr
     return np.sqrt(sweep_rows(A, vectors, G, H, old, new, None, 0))

@@ -88,14 +88,7 @@ def mean(x: np.ndarray) -> float:
 class Choice:
     """The choice of alpha and Omega of a sweep method during its run.
 
-    Parameters
-    ----------
-    A : (n, n) array or csr_array
-        Matrix with a positive diagonal.
-    method : Method
-        Entry of `METHODS`.
-    given : Parameters
-        Parameters with checked arrays; alpha or omega is "auto".
+    A has a positive diagonal; `given` has checked arrays, and alpha or omega is "auto".
     """
 
     def __init__(self, A: Any, method: Method, given: Parameters):

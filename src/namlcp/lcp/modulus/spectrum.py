@@ -27,16 +27,8 @@ instead of Ritz values."""
 class Spectrum:
     """Estimates of the extreme eigenvalues of the scaled A on the free rows.
 
-    Attributes
-    ----------
-    low, high : float
-        The least and the largest eigenvalue: a and b in `parameters`.
-    symmetric : bool
-        Whether A is symmetric.
-    above : float
-        b of the whole matrix (0 before the first estimate).
-    products : int
-        Products with A so far.
+    low, high: the least and the largest one, a and b in `parameters`. above: b of the
+    whole matrix, 0 before the first estimate. products: products with A so far.
     """
 
     def __init__(self, A: Any, D: np.ndarray):
