@@ -1,4 +1,4 @@
-"""The stopping criterion of the methods in SOLVERS.
+"""The stopping criterion of the methods "auto" and "multigrid".
 
 A point z solves a box LCP if Res(z) < eps_abs for the problem as given, or if Res(z) <=
 eps_rel Res(clip(0)) for the problem scaled to a unit diagonal. (`lcp.tridiagonal` has a

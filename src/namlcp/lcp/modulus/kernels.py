@@ -1,6 +1,6 @@
 """Kernels of the triangular sweep methods: each makes one pass over the rows of A.
 
-The box LCP in modulus form (r = 2 in the paper, see `sweeps`) is
+The box LCP in modulus form, with r = 2 in the paper's equations (2) and (3), is
 
     A z + q + Omega (s - z) = 0,    z = clip(s, l, u).
 

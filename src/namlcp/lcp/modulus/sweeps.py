@@ -1,8 +1,9 @@
 """The sweep methods of Bai, of Kumar, Deepmala and Das, of Zheng and Yin, and PSOR.
 
-"The paper" is Kumar, Deepmala and Das, corrected, see `validation/paper.md`. With A = D
-- L - U, M = (D - beta L) / alpha, N = M - A, E = diag(shift) and R(s) = 2 clip(s, l, u)
-- s, which is |s| if l = 0 and u = inf, the triangular methods are (r = 2)
+"The paper" is that of Kumar, Deepmala and Das, corrected, see `validation/paper.md`. In
+its notation r = 2. Let A = D - L - U, M = (D - beta L)/alpha, N = M - A, E =
+diag(shift), R(s) = 2 clip(s, l, u) - s, that is |s| if l = 0 and u = inf. The
+triangular methods are
 
     nam*:    (M + Omega + E - L) s+ = (N + E - L) s + (Omega - A) R(s) - 2 q
     m*:      (M + Omega) s+ = N s + (Omega - A) R(s) - 2 q
@@ -20,8 +21,8 @@ right side becomes -2 (A z + q - w), w = Omega (z - s), and the left one
     am*, p*: G = beta/alpha - 1, H = 2  (R(s+) - R(s) = 2 dz - ds).
 
 This is what `kernels` computes. Hence nam* is Bai's method with the splitting (M + E -
-L, N + E - L), and the am* methods are projected SOR if beta = alpha and Omega =
-D/alpha: z+ = clip(z - alpha D^-1 (A z + q - L dz)).
+L, N + E - L). p* is am* with beta = alpha and Omega = D/alpha, which is projected SOR:
+z+ = clip(z - alpha D^-1 (A z + q - L dz)).
 
 "modulus", "nam" and "modified-nam" have M = A, see `factored`.
 
