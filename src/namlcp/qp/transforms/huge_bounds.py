@@ -1,14 +1,14 @@
-"""Bounds and right-hand sides that are huge, as 1e10 where "no bound" was meant.
+"""Removal of huge bounds and right-hand sides, such as 1e10 in the place of infinity.
 
-Products with them round off the contributions of the others. A QP that stalls is solved
-without them, and its solution is judged with them; it needs no way back.
+Sums that contain products with them round off all other terms. A point of the QP
+without them needs no mapping back.
 """
 
 import numpy as np
 
 from namlcp.qp.problem import QP
 
-# Least huge bound, relative to all that are not, and to 1.
+# Least huge bound or h_i, relative to the largest of 1, |b| and those below HUGE.
 HUGE = 1e6
 
 

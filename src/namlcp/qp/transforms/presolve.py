@@ -1,9 +1,7 @@
-"""Presolve: redundant rows and fixed variables are dropped, and put back exactly.
+"""Presolve: redundant rows and fixed variables are dropped, and mapped back.
 
-    min 1/2 x'Px + q'x,  Gx <= h,  Ax = b,  lb <= x <= ub
-
-becomes the same problem with ranges, lower <= Gx <= upper, without infinite rows, empty
-rows, proportional rows (c g'x <= d beside g'x <= h) and fixed variables (lb = ub). The
+The presolved problem has ranges, lower <= Gx <= upper, and neither infinite, empty or
+proportional rows (c g'x <= d beside g'x <= h) nor fixed variables (lb = ub). The
 multipliers of dropped rows are zero, those of fixed variables follow from stationarity.
 """
 
@@ -16,16 +14,16 @@ from namlcp.compiled import kernel
 from namlcp.linalg import add_transposed, by_rows, submatrix, times, without_zeros
 from namlcp.qp.problem import QP, Point
 
-# Width ub - lb up to which a variable is fixed, relative to max(1, |lb|).
+# Largest ub - lb of a fixed variable, relative to max(1, |lb|).
 FIXED = 1e-12
-# Largest relative difference between the entries of proportional rows, after scaling.
+# Largest relative difference between entries of proportional rows, one row scaled.
 SAME = 1e-13
 
 
 class Contradiction(NamedTuple):
-    """Why the constraints contradict each other, and the rows' multipliers as proof.
+    """Why the constraints contradict each other, and multipliers of rows as proof.
 
-    y and z are None where no vector of multipliers can say it (lb > ub, h = -inf).
+    y is None where no multipliers prove it (lb > ub, h = -inf); z is None where z = 0.
     """
 
     message: str
@@ -34,30 +32,30 @@ class Contradiction(NamedTuple):
 
 
 class Owners(NamedTuple):
-    """Which row of the user gives each side of a range, -1 for none.
+    """The rows of the QP that give one side of each range, -1 for none.
 
-    The user's row is `ratio` times the row of the range.
+    The row of the QP is `ratio` times the row of the range.
     """
 
     rows: np.ndarray
     ratio: np.ndarray
 
     def spread(self, side: np.ndarray, full: np.ndarray) -> None:
-        """Add the multipliers of a side of the ranges to those of the user's rows."""
+        """Add the multipliers of one side of the ranges to `full`, the rows' own."""
         has = self.rows >= 0
         full[self.rows[has]] += side[has] / np.abs(self.ratio[has])
 
     def gather(self, full: np.ndarray) -> np.ndarray:
-        """Return the multipliers of a side of the ranges, 0 where it has no owner."""
+        """Return the multipliers of one side of the ranges from those of the rows."""
         return np.where(self.rows >= 0, full[self.rows] * np.abs(self.ratio), 0.0)
 
 
 class Groups(NamedTuple):
-    """The rows of a matrix that are not dropped, and which are multiples of which.
+    """The rows of a matrix that are not dropped, and which of them are proportional.
 
     Rows not `wanted` (infinite) and `empty` ones are dropped. Of the kept `rows`, row i
-    is ratio[i] times row leader[i] (positions in `rows`; None if no two are
-    proportional); `first` has the leaders.
+    is ratio[i] times row leader[i], the first one of its group (both are positions in
+    `rows`; leader is None if no two are proportional); `first` has the leaders.
     """
 
     wanted: np.ndarray
@@ -72,9 +70,9 @@ class Presolved(NamedTuple):
     """The smaller problem of `qp` and the way back to it.
 
     min 1/2 x'Px + q'x, A x = b, lower <= G x <= upper, lb <= x <= ub; A and G in CSR.
-    `kept` and `fixed` are columns of `qp`. `upper_of` and `lower_of` say which row of
-    qp.G a side of a range is, `largest_of` and `smallest_of` which rows of qp.A have
-    the extreme right-hand sides of an equation (b is their mean).
+    `kept` and `fixed` are columns of `qp`. `upper_of` and `lower_of` are the rows of
+    qp.G that give `upper` and `lower`, `largest_of` and `smallest_of` the rows of qp.A
+    with the extreme right-hand sides of an equation; b lies between these.
     """
 
     qp: QP
@@ -103,7 +101,7 @@ class Presolved(NamedTuple):
         return self.P is other.P and self.A is other.A and self.G is other.G
 
     def can_be_renewed(self, qp: QP, fixed: np.ndarray) -> bool:
-        """Tell whether only vectors differ, and the same entries are dropped."""
+        """Tell whether only vectors differ, but not what is fixed or infinite."""
         return (
             qp.has_matrices_of(self.qp)
             and np.array_equal(fixed, self.fixed)
@@ -111,7 +109,7 @@ class Presolved(NamedTuple):
         )
 
     def with_fixed(self, x: np.ndarray) -> np.ndarray:
-        """Return the x of `qp`."""
+        """Return the x of `qp` from that of the kept columns."""
         full = np.empty(self.qp.q.size)
         full[self.kept] = x
         full[self.fixed] = self.x_fixed
@@ -126,9 +124,10 @@ class Presolved(NamedTuple):
     def certificate(
         self, y: np.ndarray, z_upper: np.ndarray, z_lower: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the (y, z) of `qp` from those of the sides of the ranges.
+        """Return the (y, z) of `qp`.
 
-        The two extreme rows of an equation share its y, so that b'y stays what it is.
+        The two extreme rows of an equation share its y, so that b'y does not change
+        where b is the mean of their right-hand sides.
         """
         y_full = np.zeros(self.qp.b.size)
         for owners in (self.largest_of, self.smallest_of):
@@ -141,7 +140,7 @@ class Presolved(NamedTuple):
     def guess(
         self, y: np.ndarray, z: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return (y, z_upper, z_lower) for multipliers of `qp`."""
+        """Return (y, z_upper, z_lower) from multipliers of `qp`."""
         most, least = self.largest_of, self.smallest_of
         y_kept = y[most.rows] * most.ratio
         y_kept += np.where(least.rows != most.rows, y[least.rows] * least.ratio, 0.0)
@@ -155,7 +154,7 @@ class Presolved(NamedTuple):
         z_lower: np.ndarray,
         z_box: np.ndarray,
     ) -> Point:
-        """Return the point of `qp`; z_box of a fixed variable follows exactly."""
+        """Return the point of `qp`; z_box of a fixed variable makes its residual 0."""
         qp = self.qp
         x = self.with_fixed(x)
         y, z = self.certificate(y, z_upper, z_lower)
@@ -172,10 +171,9 @@ class Presolved(NamedTuple):
 def presolve(
     qp: QP, eps_abs: float, eps_rel: float, last: Presolved | None = None
 ) -> Presolved:
-    """Return the smaller problem of a QP in CSC, which is not changed.
+    """Return the smaller problem of a QP in CSC; reuse the matrices of `last` if equal.
 
-    `last` is that of a similar QP. Its matrices are taken over where they were made
-    from the same objects in the same way.
+    The tolerances decide which constraints contradict each other.
     """
     found = contradictory_sides(qp, eps_abs, eps_rel)
     finite = np.isfinite(qp.lb) & np.isfinite(qp.ub)
@@ -213,7 +211,10 @@ def presolve(
 
 
 def contradictory_sides(qp: QP, eps_abs: float, eps_rel: float) -> list[Contradiction]:
-    """Return the first bound or row that no number can satisfy."""
+    """Return the first bound or row that contradicts itself, if any.
+
+    Bounds do so if no x is within tolerance of both.
+    """
     wrong = ~(qp.lb <= qp.ub) | (qp.lb == np.inf) | (qp.ub == -np.inf)
     if not wrong.any() and not (qp.h == -np.inf).any():
         return []
@@ -229,7 +230,7 @@ def contradictory_sides(qp: QP, eps_abs: float, eps_rel: float) -> list[Contradi
 
 
 def grouped(M: csr_array, wanted: np.ndarray) -> tuple[csr_array, Groups]:
-    """Return the leading rows of M among those wanted and not empty, and the groups."""
+    """Return the leading rows of M, of those wanted and not empty, and the groups."""
     is_empty = np.diff(M.indptr) == 0
     rows = np.flatnonzero(wanted & ~is_empty)
     M = M if rows.size == M.shape[0] else M[rows]
@@ -244,9 +245,10 @@ def grouped(M: csr_array, wanted: np.ndarray) -> tuple[csr_array, Groups]:
 def equality_sides(
     groups: Groups, b: np.ndarray, tol: float
 ) -> tuple[np.ndarray, Owners, Owners, list[Contradiction]]:
-    """Return the mean right-hand sides, the owners of the extreme ones, contradictions.
+    """Return the right-hand sides, the owners of the extreme ones, contradictions.
 
-    b of proportional rows may differ by `tol` in each row.
+    Proportional rows contradict each other if no value is within `tol` of all their b.
+    `low` and `most` below are minima with their sign reversed.
     """
     found, p = [], b.size
     _, empty, rows, leader, ratio, first = groups
@@ -257,7 +259,7 @@ def equality_sides(
     if leader is None:
         same = Owners(rows, ratio)
         return b, same, same, found
-    value, margin = b / ratio, tol / np.abs(ratio)  # of each row in its own units
+    value, margin = b / ratio, tol / np.abs(ratio)  # of the leader's row
     low, low_at = extreme(-value, leader)
     high, high_at = extreme(value, leader)
     most, most_at = extreme(-(value + margin), leader)
@@ -279,7 +281,7 @@ def ranges(
 ) -> tuple[np.ndarray, np.ndarray, Owners, Owners, list[Contradiction]]:
     """Return the lower and upper sides of the ranges, their owners, contradictions.
 
-    The contradictions have y = 0 of size p.
+    `p` is the size of y in the contradictions.
     """
     found, m = [], h.size
     _, empty, rows, leader, ratio, first = groups
@@ -308,10 +310,10 @@ def ranges(
 
 
 def proportional_rows(M: csr_array) -> tuple[np.ndarray | None, np.ndarray]:
-    """Group the (not empty) rows of M that are multiples of each other.
+    """Group the rows of M, none of them empty, that are multiples of each other.
 
-    Returns `leader`, the first row of the group, or None if all rows differ, and
-    `ratio`, row = ratio * leader's row. Rows with the same key are compared.
+    Returns `leader`, the first row of each row's group, or None if all rows differ, and
+    `ratio`: row = ratio * leader's row. Rows are compared with the first of equal key.
     """
     m = M.shape[0]
     one = np.ones(m)
@@ -334,9 +336,9 @@ def proportional_rows(M: csr_array) -> tuple[np.ndarray | None, np.ndarray]:
 
 @kernel
 def row_keys(indptr, indices, data, key):
-    """Set key = sum |a_j| (2 + sin j) / |first a|, in single precision.
+    """Set key_i = sum |a_ij| (2 + sin j) / |first a_ij| for the rows of a CSR matrix.
 
-    Rounding errors seldom change it, and no terms cancel.
+    It is rounded to single precision, so that rounding errors seldom change it.
     """
     for i in range(key.size):
         total = 0.0
@@ -347,9 +349,10 @@ def row_keys(indptr, indices, data, key):
 
 @kernel
 def compare_rows(indptr, indices, data, order, same, leader):
-    """Set leader[row] to the first row of its run of candidates if proportional.
+    """Set leader[row] to the first row with the same key if they are proportional.
 
-    `order` sorts the rows; same[k] says that row order[k] has the key of the last one.
+    The matrix is in CSR; `order` sorts its rows by key; same[k] tells whether rows
+    order[k] and order[k - 1] have the same key; on entry leader[row] = row.
     """
     head = order[0]
     for k in range(order.size):
@@ -373,7 +376,7 @@ def compare_rows(indptr, indices, data, order, same, leader):
 
 
 def extreme(value: np.ndarray, leader: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the largest value of each group, at its leader, and the first such row."""
+    """Return, at each leader, the largest value of its group and the first such row."""
     best = np.full(leader.size, -np.inf)
     np.maximum.at(best, leader, value)
     at = leader.copy()

@@ -4,14 +4,11 @@ Symmetric Ruiz scaling of K = [[P, C'], [C, 0]], C = [A; G]: ROUNDS rounds divid
 and columns by the square roots of their largest entries, until those are nearly 1
 (D. Ruiz, RAL-TR-2001-034). With d the factors of the columns and e those of the rows,
 x = d x_scaled, y = e y_scaled, z_box = z_box_scaled / d; the cost is not scaled.
-The scaling of a matrix is not unique, and depends on what K is divided by before:
-`normalise` divides rows or columns whose units are far apart; after `even_out` the
-result is the same in whatever units rows and columns came. Where the interior-point
-method fails, it is restarted with the next of UNITS.
+The result depends on how K is scaled before: see UNITS.
 
 Every finite bound or side of a row is one one-sided constraint: sign * t[place] <= c,
-where t = (x, Ax, Gx) has the layout of K. In the user's units t is unit * t, and its
-multipliers are divided by `unit`.
+where t = (x, Ax, Gx) has the layout of K. Unscaled, t is unit * t, and the multipliers
+are divided by `unit`.
 """
 
 import numpy as np
@@ -22,29 +19,30 @@ from namlcp.qp.kkt import KKT
 from namlcp.qp.problem import Point
 from namlcp.qp.transforms.presolve import Presolved
 
-# What K is scaled by before it is equilibrated, in the order of the tries.
+# Scalings of K before `equilibrate`: `normalise`, `even_out` or none. Where the
+# interior-point method fails, it is restarted with the next one.
 UNITS = "normal", "even", "given"
-# Rounds of `equilibrate`, and the distance of the largest entries from 1 that ends it.
+# Most rounds of `equilibrate`, and the largest |1 - largest entry| that ends it.
 ROUNDS, EQUAL = 10, 1e-3
-# Range of the factors of all rounds together, so that no product leaves that of floats.
+# Range of the products of the factors of all rounds, against over- and underflow.
 FACTORS = 1e-8, 1e8
-# Part of the variance of the logarithms up to which it pays to normalise one side.
+# `normalise` must reduce the variance of log |C_ij| below this fraction of it.
 PAYS = 0.8
-# Steps of conjugate gradients in `even_out`, and the part of the first squared residual
-# that ends them.
+# Most conjugate gradient steps of `even_out`, and the squared residual, relative to the
+# first one, that ends them.
 STEPS, REDUCTION = 20, 1e-6
-# Largest logarithm of a factor of `even_out`.
+# Largest |log| of a factor of `even_out`.
 LARGEST = 20.0
-# Added to a denominator that may be zero.
+# Least denominator of a step, against a division by zero.
 TINY = 1e-300
 
 
 class ScaledQP:
     """min 1/2 x'Px + q'x, Ax = b, sign * t[place] <= c.
 
-    The one-sided constraints come in four kinds: upper and lower sides of rows, upper
+    The one-sided constraints are of four kinds: upper and lower sides of rows, upper
     and lower bounds. `finite` has the rows or variables of each kind. `small` is the
-    presolved problem; P, A and G live on in `kkt` alone.
+    presolved problem; the scaled P, A and G are kept in `kkt` alone.
     """
 
     def __init__(self, small: Presolved, last: "ScaledQP | None" = None) -> None:
@@ -76,7 +74,7 @@ class ScaledQP:
         self.scale_vectors()
 
     def scale_vectors(self) -> None:
-        """Set the units, q, b and c for the scaled matrix."""
+        """Set unit, q, b, c and the values of K~ for the present scaling."""
         n, p, small, scale = self.n, self.p, self.small, self.scale
         self.kkt.data[:] = self.kkt.base
         self.unit = np.concatenate((scale[:n], 1.0 / scale[n:]))
@@ -85,12 +83,12 @@ class ScaledQP:
         self.c = self.sign * self.of_finite(self.bounds) / self.unit[self.place]
 
     def of_finite(self, values: tuple[np.ndarray, ...]) -> np.ndarray:
-        """Return the values of the one-sided constraints from those of each kind."""
+        """Return the values at the one-sided constraints from those of each kind."""
         parts = zip(values, self.finite, strict=True)
         return np.concatenate([value[at] for value, at in parts])
 
     def scale_matrix(self) -> None:
-        """Scale K and set the factors."""
+        """Scale K anew; set its values and `scale`."""
         kkt = self.kkt
         self.scale[:] = 1.0
         kkt.base[:] = self.unscaled
@@ -103,7 +101,7 @@ class ScaledQP:
         equilibrate(*matrix, self.scale)
 
     def change_units(self) -> np.ndarray:
-        """Scale in the next of UNITS; return the ratio of new units to old."""
+        """Scale by the next of UNITS; return new `unit` / old `unit`."""
         old = self.unit
         self.units = (self.units + 1) % len(UNITS)
         self.scale_matrix()
@@ -125,19 +123,19 @@ class ScaledQP:
     def certificate(
         self, y: np.ndarray, Z: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the multipliers (y, z) of its rows."""
+        """Return the (y, z) of the QP that was presolved."""
         z_upper, z_lower, _ = self.sides(Z)
         y = y / self.unit[self.n : self.n + self.p]
         return self.small.certificate(y, z_upper, z_lower)
 
     def ray(self, dx: np.ndarray) -> np.ndarray:
-        """Return the direction of its x; fixed variables do not move."""
+        """Return the direction of the x of the QP that was presolved."""
         return self.small.ray(dx * self.unit[: self.n])
 
     def guess(
         self, guess: Guess
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Return the scaled (x, y, Z) of a guess and its active constraints."""
+        """Return the scaled (x, y, Z) of a guess and which constraints are active."""
         n, small, kept = self.n, self.small, self.small.kept
         y, z_upper, z_lower = small.guess(guess.y, guess.z)
         box = guess.z_box[kept]
@@ -156,14 +154,14 @@ class ScaledQP:
         )
 
     def relax(self, t: np.ndarray) -> None:
-        """Move the right-hand sides of rows that t = (x, Ax, Gx) violates to t."""
+        """Relax b, and c of rows of G, to what the scaled t = (x, Ax, Gx) satisfies."""
         row = self.place >= self.n + self.p
         self.b = t[self.n : self.n + self.p].copy()
         self.c = np.where(row, np.maximum(self.c, self.sign * t[self.place]), self.c)
 
     def sides(self, Z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return unscaled multipliers: upper and lower sides of rows, net bounds."""
-        z, (i, j, k) = Z / self.unit[self.place], self.ends
+        """Return the unscaled z_upper, z_lower and z_box from Z."""
+        z = np.split(Z / self.unit[self.place], np.cumsum(self.counts[:3]))
         upper, lower = np.zeros((2, self.small.upper.size))
         box = np.zeros(self.n)
         upper[self.finite[0]] = z[:i]
@@ -176,11 +174,9 @@ class ScaledQP:
 def normalise(
     indptr: np.ndarray, indices: np.ndarray, data: np.ndarray, n: int, scale: np.ndarray
 ) -> None:
-    """Divide the rows of C by their largest entries, or the columns, if that pays.
+    """Divide the rows, or the columns, of C by their largest entries, if PAYS holds.
 
-    It does where the logarithms of the entries vary less afterwards. Then the user's
-    units of one side are far apart, and the other side should not make up for them.
-    Factors are clipped as in `equilibrate`.
+    Overwrites `data`, the values of K, and `scale`. Factors are clipped to FACTORS.
     """
     column = np.repeat(np.arange(scale.size), np.diff(indptr))  # of K
     in_C = column >= n
@@ -206,9 +202,9 @@ def normalise(
 
 @kernel
 def equilibrate(indptr, indices, data, scale):
-    """Scale the symmetric matrix (upper triangle in CSC) in place, data and `scale`.
+    """Equilibrate a symmetric matrix (upper triangle in CSC); overwrite data and scale.
 
-    Factors are clipped to the range FACTORS; an empty row keeps its own.
+    `scale` is multiplied by the factors and clipped to FACTORS; an empty row has none.
     """
     size = scale.size
     largest = np.empty(size)
@@ -237,9 +233,10 @@ def equilibrate(indptr, indices, data, scale):
 
 @kernel
 def even_out(indptr, indices, data, scale):
-    """Scale like `equilibrate`, but min sum log(|k_ij| s_i s_j)^2 over the entries.
+    """Scale as `equilibrate` does, but to minimise sum log(|k_ij| s_i s_j)^2.
 
-    Conjugate gradients on the normal equations, preconditioned by the numbers of
+    The scaled matrix does not depend on how rows and columns were scaled before. The
+    normal equations are solved by conjugate gradients, preconditioned by the numbers of
     entries (A.R. Curtis and J.K. Reid, J. Inst. Maths Applics 10, 1972).
     """
     size = scale.size

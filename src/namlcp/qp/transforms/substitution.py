@@ -1,7 +1,7 @@
-"""Substitution: rows with one entry become bounds, free columns disappear.
+"""Substitution: rows with one entry become bounds, free columns are eliminated.
 
 Modelling languages give every residual of a least-squares cost a variable of its own,
-and write every bound as a row. Both are undone here:
+and write every bound as a row. Both are reversed here:
 
     row g x_j <= h of G                 bound of x_j, its z is z_box_j / g
     row a x_j = b of A                  lb_j = ub_j = b / a, its y is z_box_j / a
@@ -11,8 +11,7 @@ and write every bound as a row. Both are undone here:
                                         q - (p b_i/a_it + q_t) / a_it a_i
 
 The multipliers follow from stationarity in x_j and in t. A column is substituted only
-where the products a_i a_i' do not fill P; otherwise the row a_i'x + a_it t = b_i is
-shorter than the square of a_i'x.
+where the products a_i a_i' do not fill P.
 """
 
 from typing import NamedTuple
@@ -27,25 +26,24 @@ from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import Guess
 from namlcp.qp.problem import QP, Point
 
-# Least |a_it|, relative to the largest entry of its row, against rounding.
+# Least |a_it|, relative to the largest entry of its row, against rounding errors.
 PIVOT = 1e-3
-# Entries that the squares may add to P for every entry of the rows they replace, and
-# entries beside: fewer cost nothing.
+# Most entries that the products a_i a_i' may add to P: for each entry of the rows that
+# they replace, and in addition.
 FILL, SMALL = 4, 1000
-# Length of a row without a_it up to which its square has no more entries than the row
-# and the column that go.
+# Most entries of a_i for which a_i a_i' has no more than the removed row and column.
 SHORT = 2
 
 
 class Givers(NamedTuple):
-    """The row of [G; A] that became a bound, -1 where the bound is the user's own."""
+    """Rows of [G; A] that became bounds, -1 where the bound is the user's; entries."""
 
     rows: np.ndarray
     entry: np.ndarray
 
 
 class TightBounds(NamedTuple):
-    """Bounds, some of them from rows, and which row gave each."""
+    """Bounds and the rows that gave them."""
 
     lb: np.ndarray
     ub: np.ndarray
@@ -54,9 +52,9 @@ class TightBounds(NamedTuple):
 
 
 class RowBounds(NamedTuple):
-    """Bounds with those from rows, and the rows of G and of A that are left.
+    """Bounds with those from rows; `rows` of G and `equations` of A that are left.
 
-    `infinite` tells where lb = -inf and where ub = +inf.
+    infinite (2, n) tells where lb = -inf and where ub = +inf.
     """
 
     tight: TightBounds
@@ -70,11 +68,11 @@ class RowBounds(NamedTuple):
 
 
 class Substitution(NamedTuple):
-    """The smaller QP and the way back.
+    """The smaller QP and the way back to `user`, the QP before.
 
-    `kept` columns stay. The free `columns` are substituted by the rows `by` of A, where
-    they have the entries `pivot` and the kept columns the entries `rest`; `cost` is
-    their p. `others` are the rows of A that stay.
+    The free `columns` are substituted by the rows `by` of A; a_it is `pivot`, p is
+    `cost`, and `rest` is A[by, kept]. The columns `kept` and the rows `others` of A
+    remain.
     """
 
     user: QP
@@ -145,7 +143,7 @@ class Substitution(NamedTuple):
         for givers, active in ((lower, at_lb), (upper, at_ub)):
             at = np.flatnonzero(givers.rows >= 0)
             active[at] = row_active[givers.rows[at]]
-            if givers is upper:  # an equation gives both bounds, but once
+            if givers is upper:  # an equation that gives both bounds counts once
                 at = at[upper.rows[at] != lower.rows[at]]
             z_box[at] += multiplier[givers.rows[at]] * givers.entry[at]
         rows, kept = self.bounds.rows, self.kept
@@ -161,10 +159,10 @@ class Substitution(NamedTuple):
 def substitute(
     qp: QP, last: Substitution | None = None, deadline: Deadline = NEVER
 ) -> Substitution | None:
-    """Return the smaller QP of a sparse one, None where there is nothing to gain.
+    """Return the smaller QP of a sparse one, None if nothing can be substituted.
 
-    None, too, after the deadline. The matrices of `last` are taken over where qp has
-    the same ones and the same rows can be substituted.
+    None, too, if lb > ub or after the deadline. The matrices of `last` are reused if qp
+    has the same matrices and the same rows become bounds.
     """
     if not (qp.lb <= qp.ub).all():
         return None
@@ -194,7 +192,7 @@ def substitute(
 
 
 def bounds_from_rows(qp: QP, G: csc_array, A: csc_array) -> RowBounds:
-    """Turn rows into bounds, except where bounds clash: certificates need the rows."""
+    """Turn rows into bounds; rows that clash with bounds stay, for certificates."""
     n, m, p = qp.q.size, qp.h.size, qp.b.size
     lower, upper = (Givers(np.full(n, -1), np.ones(n)) for _ in range(2))
     tight = TightBounds(qp.lb.copy(), qp.ub.copy(), lower, upper)
@@ -212,9 +210,10 @@ def bounds_from_rows(qp: QP, G: csc_array, A: csc_array) -> RowBounds:
 
 @kernel
 def tighten(indptr, indices, data, side, first, is_equal, tight, left):
-    """Tighten the bounds by the rows with one entry, and take these from `left`.
+    """Tighten the bounds by the rows, of a CSC matrix, with one entry.
 
-    Row i is number first + i among the givers.
+    `side` has the right-hand sides; row i has number first + i in [G; A]. `tight`, a
+    TightBounds, is overwritten; left[i] is set to False for rows with one entry.
     """
     lb, ub, lower, upper = tight
     entries = np.zeros(side.size, dtype=np.int32)
@@ -238,10 +237,9 @@ def tighten(indptr, indices, data, side, first, is_equal, tight, left):
 def free_columns(
     P: csc_array, G: csc_array, A: csc_array, bounds: RowBounds
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return the columns to substitute, their rows of A, entries and costs.
+    """Return (columns, by, pivot, cost, others) of the substitution.
 
-    The fifth array has the other rows of A. For each row it is one column at most, that
-    with the largest entry.
+    A row substitutes at most one column, that with the largest entry.
     """
     diagonal = P.diagonal()
     is_free = (
@@ -268,7 +266,10 @@ def free_columns(
 
 
 def worth_it(A: csc_array, row: np.ndarray, squared: np.ndarray) -> np.ndarray:
-    """Tell which rows to square into P: where all would fill it in, the short ones."""
+    """Tell which rows to substitute: all, or, if their squares would fill P, some.
+
+    Those are the rows that need no square (p = 0) and the short ones.
+    """
     length = np.bincount(A.indices, minlength=A.shape[0])[row] - 1
     lengths = length[squared]
     touched = np.zeros(A.shape[0], dtype=bool)
