@@ -235,7 +235,7 @@ def equilibrate(indptr, indices, data, scale):
 def even_out(indptr, indices, data, scale):
     """Scale as `equilibrate` does, but to minimise sum log(|k_ij| s_i s_j)^2.
 
-    The scaled matrix does not depend on how rows and columns were scaled before. The
+    The minimum does not depend on how rows and columns were scaled before. The
     normal equations are solved by conjugate gradients, preconditioned by the numbers of
     entries (A.R. Curtis and J.K. Reid, J. Inst. Maths Applics 10, 1972).
     """
