@@ -47,7 +47,7 @@ class Memory:
         return [old if is_same(old, M) else M for old, M in pairs]
 
     def recognised(self, qp: QP) -> QP:
-        """Return qp with the kept copies of its matrices, new ones of changed ones."""
+        """Return qp with kept copies of its matrices; changed matrices are copied."""
         if qp.is_dense:
             return qp
         kept = self.known(qp.P, qp.G, qp.A)
@@ -57,7 +57,7 @@ class Memory:
         return qp._replace(P=P, G=G, A=A)
 
     def ensure_convex(self, P: csc_array) -> None:
-        """Raise NotConvex unless P is positive semidefinite; the last P is known."""
+        """Raise NotConvex unless P is positive semidefinite; test the same P once."""
         if self.convex is not P:
             check_convex(P)
             self.convex = P

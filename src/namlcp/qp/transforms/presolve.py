@@ -41,7 +41,7 @@ class Owners(NamedTuple):
     ratio: np.ndarray
 
     def spread(self, side: np.ndarray, full: np.ndarray) -> None:
-        """Add the multipliers of one side of the ranges to `full`, the rows' own."""
+        """Add multipliers of one side of the ranges to `full`, those of the rows."""
         has = self.rows >= 0
         full[self.rows[has]] += side[has] / np.abs(self.ratio[has])
 

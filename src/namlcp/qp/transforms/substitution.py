@@ -271,7 +271,7 @@ def worth_it(A: csc_array, row: np.ndarray, squared: np.ndarray) -> np.ndarray:
     Those are the rows that need no square (p = 0) and the short ones.
     """
     length = np.bincount(A.indices, minlength=A.shape[0])[row] - 1
-    lengths = length[squared]
+    lengths = length[squared]  # of the rows whose squares are added to P
     touched = np.zeros(A.shape[0], dtype=bool)
     touched[row[squared]] = True
     width = count_columns(A.indptr, A.indices, touched) - lengths.size
