@@ -213,7 +213,8 @@ def tighten(indptr, indices, data, side, first, is_equal, tight, left):
     """Tighten the bounds by the rows, of a CSC matrix, with one entry.
 
     `side` has the right-hand sides; row i has number first + i in [G; A]. `tight`, a
-    TightBounds, is overwritten; left[i] is set to False for rows with one entry.
+    TightBounds, is overwritten; left[i] becomes False for these rows. Rows with an
+    infinite side are skipped.
     """
     lb, ub, lower, upper = tight
     entries = np.zeros(side.size, dtype=np.int32)
