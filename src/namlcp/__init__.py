@@ -1,22 +1,11 @@
 """Linear complementarity problems and convex quadratic programs, solved exactly.
 
-``solve_lcp(A, q)`` finds z >= 0 with w = A z + q >= 0 and z'w = 0 (or its box form);
-``solve_qp(P, q, G, h, A, b, lb, ub)`` solves a convex QP. Importing the package makes
-``solver="nam"`` known to qpsolvers.
+``solve_lcp(A, q)`` finds z >= 0 with w = A z + q >= 0 and z'w = 0, or solves an LCP
+with bounds; ``solve_qp(P, q, G, h, A, b, lb, ub)`` solves a convex QP. ``converges``
+and ``is_h_plus`` tell on which matrices the sweep methods converge. Importing the
+package makes ``solver="nam"`` known to qpsolvers; ``namlcp.cvxpy`` is for CVXPY.
 
-A folder is a room, entered by what its ``__init__`` exports. It calls those below it:
-
-- `qpsolvers`, `cvxpy`, `cli`: other people's names and files, given to `solve_qp`;
-- `qp`: any arrays -> `QP` (checked) -> transforms to an easier QP -> an LCP in bounds,
-  dense pivots or interior points -> the point back through the transforms -> residuals
-  on the caller's data decide -> `QPResult`;
-- `theory`: on which matrices the sweeps converge, with proofs (`converges`);
-- `lcp`: any arrays -> `Prepared` and `LCP` (checked) -> unit diagonal -> elimination,
-  the paper's sweeps, multigrid cycles or pivots -> residual on the caller's data ->
-  `LCPResult`;
-- `residuals`, `result`, `limits`, `options`, `status`, `progress`, `checks`: for all;
-- `linalg`: products, orderings and factorisations, dense and sparse;
-- `compiled`: the decorators of compiled functions, and the files of machine code.
+src/README.md in the repository is the map of the source code.
 """
 
 from importlib import import_module
@@ -53,7 +42,7 @@ register()
 
 
 def __getattr__(name: str) -> Any:
-    """Import on first use what few need: CVXPY is optional, and slow to import."""
+    """Import what is seldom used at its first use: CVXPY is optional, and slow."""
     if name == "cvxpy":
         return import_module("namlcp.cvxpy")
     if name == "warmup":

@@ -1,8 +1,8 @@
-"""The gate: users' arrays become clean ones here, or an error names the fault.
+"""Checks of the user's arrays: each becomes a clean one, or an error names the fault.
 
-Clean means: float64, dense matrices C-contiguous, sparse ones canonical (sorted, no
-duplicates) with int32 indices, vectors 1-D and contiguous. The caller's arrays are
-never changed; those that are clean already are passed on without a copy.
+Clean arrays are writeable float64: dense matrices C-contiguous, sparse ones canonical
+(sorted, no duplicates) with int32 indices, vectors 1-D and contiguous. The caller's
+arrays are never changed; those that are clean already are passed on without a copy.
 """
 
 import functools
@@ -15,11 +15,11 @@ import scipy.sparse as sp
 from namlcp.compiled import kernel, part
 
 INFINITE = 0.999e20
-"""Bounds of at least this modulus mean "no bound": 1e20 in the QP collections, where
-scaling left some of them a few digits smaller."""
+"""Bounds of at least this modulus mean "no bound". The QP collections write 1e20, and
+some of these numbers have become slightly smaller by scaling."""
 
 MOST_ENTRIES = 2**31 - 1
-"""Most entries of a matrix, the KKT matrix as well: what int32 can count."""
+"""Most entries of any matrix, the KKT matrix included: int32 counts them."""
 
 FLOAT = np.dtype(np.float64)
 INDEX = np.dtype(np.int32)
@@ -36,10 +36,8 @@ def is_clean(array: Any, ndim: int) -> bool:
 
 
 def clean_copy(array: np.ndarray, kind: Any) -> np.ndarray:
-    """Return `array` as it is if it is clean and of that dtype, else a clean copy."""
-    if array.dtype == kind and array.flags.carray:
-        return array
-    return np.array(array, kind, order="C")
+    """Return `array`, copied unless it is C-contiguous, writeable and of the dtype."""
+    return np.require(array, kind, ["C", "A", "W"])
 
 
 def real_array(name: str, value: Any) -> np.ndarray:
@@ -102,7 +100,10 @@ def finite_vector(
 
 @kernel
 def are_indices(indptr, indices, major, minor):
-    """Tell whether compressed indices are in range; no kernel checks them again."""
+    """Tell whether compressed sparse indices are in range; no kernel checks them later.
+
+    `major` is the number of rows for CSR, of columns for CSC; `minor` is the other one.
+    """
     if indptr.size != major + 1 or indptr[0] != 0 or indptr[major] > indices.size:
         return False
     for j in range(major):
@@ -183,7 +184,7 @@ def sparse_matrix(name: str, value: Any, layout: str) -> Any:
 
 @functools.lru_cache(maxsize=16)
 def no_rows(n: int) -> sp.csc_array:
-    """Return the (0, n) matrix of an absent part, which may not be written to."""
+    """Return the (0, n) matrix of absent constraints, which is shared: read only."""
     indptr = np.zeros(n + 1, dtype=np.int32)
     return sp.csc_array((np.empty(0), np.empty(0, np.int32), indptr), shape=(0, n))
 
@@ -220,7 +221,7 @@ def finite_square_matrix(name: str, value: Any, layout: str) -> Any:
     return C
 
 
-# Sums may be taken in any order, so that they vectorise; NaN keeps its meaning.
+# The order of the sums is free ("reassoc"), so that they vectorise; NaN is kept.
 @kernel(fastmath={"reassoc"})
 def is_bad(values, infinite_allowed):
     """Tell whether a NaN (or an infinite value unless allowed) is among the values."""
@@ -254,7 +255,7 @@ def has_huge_bound(bounds):
 
 
 def refuse_number(name: str, values: np.ndarray, infinite_allowed: bool) -> None:
-    """Raise a ValueError that tells where the first bad number of `values` stands."""
+    """Raise a ValueError that says where the first NaN or forbidden infinity is."""
     flat = values.ravel()
     if is_bad(flat, infinite_allowed):
         i = np.argmax(np.isnan(flat) if infinite_allowed else ~np.isfinite(flat))
@@ -264,9 +265,10 @@ def refuse_number(name: str, values: np.ndarray, infinite_allowed: bool) -> None
 
 
 def without_huge(bounds: np.ndarray, sign: float) -> np.ndarray:
-    """Return bounds, of which those that are huge and exclude nothing are infinite.
+    """Return the bounds with each huge one that excludes nothing made infinite.
 
-    sign is +1 for upper bounds and -1 for lower ones: x <= -1e21 is a constraint.
+    sign is +1 for upper bounds and -1 for lower ones. Huge bounds of the opposite sign
+    stay: x <= -1e21 is a constraint.
     """
     if has_huge_bound(bounds):
         return np.where(sign * bounds >= INFINITE, sign * np.inf, bounds)
@@ -309,7 +311,7 @@ def compressed(C):
 
 
 def constant(n: int, value: float) -> np.ndarray:
-    """Return np.full(n, value) in a third of the time."""
+    """Return np.full(n, value), in a third of its time."""
     array = np.empty(n)
     array.fill(value)
     return array

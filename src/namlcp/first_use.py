@@ -1,4 +1,4 @@
-"""`warmup`: all machine code before the first solve, for containers and CI."""
+"""`warmup`: compile all kernels before the first solve, for containers and CI."""
 
 import os
 import time
@@ -9,28 +9,26 @@ from namlcp.progress import show_share
 
 
 def warmup(progress: bool = True, processes: int | None = None) -> None:
-    """Compile all of the package's machine code that is not at hand, and keep it.
+    """Compile all kernels that have no machine code yet, and keep it.
 
-    A solver compiles a function when it is first called, which takes seconds, and keeps
-    the machine code for later processes. After `warmup` there is nothing left to
-    compile on this machine with this version of the package. It is kept beside the
-    package, else in the user's folder for caches, or in NUMBA_CACHE_DIR alone where
-    that is set. Where no folder can be written, everything is compiled for this process
-    alone.
+    Otherwise a kernel is compiled when it is first called, which takes seconds, and its
+    machine code is kept for later processes. It is kept beside the package, else in the
+    user's folder for caches, or in NUMBA_CACHE_DIR alone where that is set. Where no
+    folder can be written, everything is compiled for this process alone.
 
     Parameters
     ----------
     progress : bool
         Draw a bar on standard output.
     processes : int, optional
-        How many processes compile at once: as many as there are cores unless given.
+        How many processes compile at once; by default the number of cores.
 
     Raises
     ------
     TypeError, ValueError
-        An argument has no meaning.
+        An argument is not of the types above, or processes < 1.
     RuntimeError
-        A process that compiled came to an early end.
+        A process that compiled ended early.
 
     Examples
     --------

@@ -1,7 +1,7 @@
 """When a solve ends: tolerances, a count, a time limit or Ctrl-C.
 
-Loops in Python look between two iterations. A compiled function that may take long by
-itself is called by `Deadline.run` and asks back: `is_over`.
+Loops in Python check the deadline between two iterations. A compiled function that may
+run long is called by `Deadline.run`, and checks it by a callback: `is_over`.
 """
 
 import ctypes
@@ -28,14 +28,14 @@ from namlcp.progress import Report
 from namlcp.status import Status
 
 OFTEN = 4_000_000
-"""Operations of compiled code between two looks at the deadline, some milliseconds."""
+"""Operations of compiled code between two checks of the deadline: some milliseconds."""
 
 SPEED, PATIENCE = 5e8, 0.25
-"""Operations a second that compiled code does at least, and a time [s]: a kernel sure
-to end before min(time left, PATIENCE) does not look at the deadline."""
+"""Least speed of compiled code [operations/s], and a time [s]. A kernel that ends at
+this speed within min(time left, PATIENCE) does not check the deadline."""
 
 Callback = ctypes.CFUNCTYPE(ctypes.c_int32)
-"""What compiled code calls for a look at the deadline."""
+"""Type of the function that compiled code calls to check the deadline."""
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -43,8 +43,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 class Deadline:
     """The end of a solve: a value of time.perf_counter(), or the first Ctrl-C.
 
-    Loops call `reached` between two iterations, so that they stop for the user where
-    they stop for the time: with whole arrays and the best point.
+    Loops call `reached` between two iterations. After Ctrl-C they stop as after the
+    time limit, with complete arrays and the best point.
     """
 
     def __init__(self, at: float = math.inf) -> None:
@@ -60,8 +60,7 @@ class Deadline:
     def listening(self) -> Iterator[None]:
         """Let the first Ctrl-C in the block set `interrupted`; the next one raises.
 
-        Only Python's own handler is replaced, and only where it runs: in the main
-        thread.
+        Only Python's default handler is replaced, and only in the main thread.
         """
         ours = threading.current_thread() is threading.main_thread()
         if not ours or getsignal(SIGINT) is not default_int_handler:
@@ -74,17 +73,17 @@ class Deadline:
             set_handler(SIGINT, default_int_handler)
 
     def interrupt(self, number: int, frame: FrameType | None) -> None:
-        """Handle the signal."""
+        """Handle SIGINT (the interface of `signal.signal`)."""
         if self.interrupted:
             raise KeyboardInterrupt
         self.interrupted = True
 
     def answers(self) -> Iterator[int]:
-        """Yield 0, then whether a compiled loop has to stop, 1 or 0, at each look.
+        """Yield 0, then at each check 1 if the compiled loop has to stop, else 0.
 
-        Compiled code drops an exception that its callback raises. A generator resumes
-        within its `try`, where a signal's handler is then run; a function would be
-        interrupted before it could enter one.
+        An exception in a callback of compiled code is lost, so it is kept in `error`.
+        The callback is the __next__ of this generator, which resumes inside its `try`:
+        a function could be interrupted by a signal's handler before it entered one.
         """
         over = 0
         while True:
@@ -99,8 +98,8 @@ class Deadline:
     def run(self, kernel: Callable[..., Any], work: float, *arguments: Any) -> Any:
         """Return kernel(*arguments, address) of a compiled function.
 
-        The kernel does `work` operations at most and hands `address` to `new_watch`. It
-        is 0 where so few operations need no look at the deadline.
+        The kernel does at most `work` operations and gives `address` to `new_watch`;
+        `address` is 0 where `work` is so little that no check is needed.
         """
         left = self.at - time.perf_counter()
         if work <= SPEED * (left if left < PATIENCE else PATIENCE):
@@ -115,10 +114,10 @@ class Deadline:
         return found
 
     def verdict(self, status: Status) -> Status:
-        """Return INTERRUPTED where Ctrl-C, not the time, ended the solve.
+        """Return the status, with INTERRUPTED for a TIME_LIMIT caused by Ctrl-C.
 
-        Where the solve had ended before it noticed, Ctrl-C raises KeyboardInterrupt as
-        everywhere else, so that a loop over small problems can be left.
+        If the solve ended for another reason after Ctrl-C, KeyboardInterrupt is raised,
+        so that Ctrl-C ends a loop over small problems.
         """
         if not self.interrupted:
             return status
@@ -131,7 +130,7 @@ NEVER = Deadline()
 
 
 def silent(kernel: Any) -> None:
-    """Announce nothing."""
+    """Do nothing, in place of `Progress.announce`."""
 
 
 class Limits(NamedTuple):
@@ -157,10 +156,10 @@ class Limits(NamedTuple):
 
 
 def interruptible(function: F) -> F:
-    """Raise KeyboardInterrupt where compiled code made a SystemError of it.
+    """Raise KeyboardInterrupt where compiled code turned it into a SystemError.
 
-    It does if a signal's handler raises while it hands over a result; there may be a
-    chain of such errors.
+    That happens if a signal's handler raises while compiled code returns its result;
+    the KeyboardInterrupt may be the cause of a chain of such errors.
     """
 
     @functools.wraps(function)
@@ -191,7 +190,7 @@ def called(typingctx, address):
 
 
 def interpreted_call(address):
-    """Return the same where nothing is compiled."""
+    """Return what `called` returns, where nothing is compiled."""
     return Callback(address)()
 
 
@@ -200,7 +199,7 @@ call = interpreted_call if config.DISABLE_JIT else called
 
 @part
 def new_watch(address):
-    """Return what `is_over` needs: the address, operations since the last look, over.
+    """Return the state of `is_over`: [address, operations since the last check, over].
 
     Where the address is 0, `is_over` is always False.
     """
@@ -211,7 +210,7 @@ def new_watch(address):
 
 @part
 def is_over(watch, operations):
-    """Tell whether to stop, after `operations` more; once over, always over."""
+    """Count `operations` in `watch`; tell whether to stop. Once True, always True."""
     if watch[0] == 0:
         return False
     watch[1] += operations

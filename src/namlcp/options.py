@@ -1,4 +1,4 @@
-"""The options of a QP solve, each checked where it is made."""
+"""The options of a QP solve, and checks of option values."""
 
 import difflib
 import math
@@ -15,10 +15,11 @@ from namlcp.progress import Progress
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
-    """Options of `solve_qp`, by the names the field knows.
+    """Options of `solve_qp`.
 
-    A point is a solution when primal residual, dual residual and duality gap are
-    each at most eps_abs + eps_rel * (size of their terms); `residuals` defines both.
+    A point is a solution when primal residual, dual residual and duality gap are each
+    at most eps_abs + eps_rel * (size of their terms); `namlcp.residuals` defines the
+    residuals and these sizes.
 
     Attributes
     ----------
@@ -27,14 +28,14 @@ class Options:
     max_iter : int
         Limit on the iterations of any one loop, >= 1.
     time_limit : float
-        Limit on the whole solve [s], > 0. The best point so far is returned. It is
-        looked at between iterations, hence after at most one factorisation more; the
-        very first call compiles, which is not interrupted.
+        Limit on the whole solve [s], > 0; the best point so far is returned. It is
+        checked between iterations, so that one factorisation more may pass; compiling
+        at the first call is not interrupted.
     verbose : bool
         Print a table of the progress on standard output.
     threads : int
-        Threads that BLAS may use in the solve, >= 1; see `namlcp.linalg.threads` for
-        when more than one are of use.
+        Threads that BLAS may use in the solve, >= 1; `namlcp.linalg.threads` tells when
+        more than one help.
     """
 
     eps_abs: float = 1e-9
@@ -45,7 +46,7 @@ class Options:
     threads: int = 1
 
     def __post_init__(self) -> None:
-        """Refuse, by name, a value that means nothing."""
+        """Raise a TypeError or ValueError that names the first wrong option."""
         check_number("eps_abs", self.eps_abs, 0.0, closed=True, finite=True)
         check_number("eps_rel", self.eps_rel, 0.0, closed=True, finite=True)
         if self.eps_abs == 0.0 and self.eps_rel == 0.0:
@@ -57,7 +58,7 @@ class Options:
 
     @classmethod
     def from_names(cls, settings: Mapping[str, Any]) -> "Options":
-        """Make options from names; an unknown one is a TypeError that names it."""
+        """Return options from a mapping; raise a TypeError for an unknown name."""
         if not OPTION_NAMES.issuperset(settings):
             check_names(settings, sorted(OPTION_NAMES))
         return cls(**settings)
@@ -65,7 +66,7 @@ class Options:
     def limits(
         self, deadline: Deadline = NEVER, progress: Progress | None = None
     ) -> Limits:
-        """Return the limits of one solve, whose rows go to `progress`."""
+        """Return the limits of one solve; its iterations are reported to `progress`."""
         limits = Limits(self.eps_abs, self.eps_rel, self.max_iter, deadline)
         if progress is None:
             return limits

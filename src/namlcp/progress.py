@@ -1,4 +1,4 @@
-"""Every character that the package prints, and the history with the same columns."""
+"""The table of a solve's progress, printed when verbose and kept for the history."""
 
 import sys
 import time
@@ -10,10 +10,10 @@ import numpy as np
 from namlcp.compiled import is_at_hand, kept_in
 
 Report = Callable[..., None] | None
-"""What a loop calls for every row, as `Progress.row`; None where nobody looks."""
+"""What a loop calls for every iteration, as `Progress.row`; None for no report."""
 
 SILENCE = 2.0
-"""Longest time [s] without a printed row while rows come in."""
+"""Time [s] since the last printed row after which the next row is always printed."""
 
 BAR = 30
 """Width of a full bar [characters]."""
@@ -21,6 +21,7 @@ BAR = 30
 QP_COLUMNS = ("iter", "primal", "dual", "gap", "step", "active")
 LCP_COLUMNS = ("iter", "residual", "active")
 COUNTS = ("iter", "active")
+"""Columns of integers; the others are of floats."""
 
 
 class Progress:
@@ -42,8 +43,8 @@ class Progress:
         self.stream = stream
         self.start = time.perf_counter()
         self.rows: list[tuple] = []
-        self.shown = True
-        self.last = self.start  # when a row was printed
+        self.shown = True  # the last row was printed
+        self.last = self.start  # time of the last printed row
 
     def say(self, text: str) -> None:
         """Print one line if verbose."""
@@ -51,7 +52,7 @@ class Progress:
             print(text, file=self.stream or sys.stdout, flush=True)
 
     def announce(self, kernel: Any) -> None:
-        """Say, before the first call ever of a compiled `kernel`, that it compiles."""
+        """Say, if `kernel` has no machine code yet, that its first call compiles."""
         if not self.verbose or is_at_hand(kernel):
             return
         self.say("  first solve of its kind: compiling for up to 10 s, once")
@@ -59,7 +60,7 @@ class Progress:
             self.say("  in every process: no folder for machine code can be written")
 
     def row(self, iteration: int, *values: float) -> None:
-        """Take one row: the iteration and the values of the other columns."""
+        """Keep a row, the iteration and the values of the other columns; print some."""
         row = (iteration, *values, time.perf_counter() - self.start)
         if not self.rows:
             names = ("time [s]" if c == "time" else c for c in self.columns)
@@ -80,13 +81,13 @@ class Progress:
         self.say("".join(cells))
 
     def close(self, text: str) -> None:
-        """Print the last row, unless it was, and the closing sentence."""
+        """Print the last row, if it was not printed, and the closing sentence."""
         if not self.shown:
             self.show(self.rows[-1])
         self.say(text)
 
     def report(self, wanted: bool) -> Report:
-        """Return `row` where rows are of use, None otherwise."""
+        """Return `row` if rows are `wanted` or printed, else None."""
         return self.row if wanted or self.verbose else None
 
     def history(self) -> np.ndarray:
@@ -105,10 +106,10 @@ def is_shown(iteration: int) -> bool:
 
 
 def show_share(done: int, total: int, stream: TextIO | None = None) -> None:
-    """Draw a bar in one line: how much is done."""
+    """Draw a bar of what is done in one line; to a file only when all is done."""
     stream = stream or sys.stdout
     filled = BAR * done // total
     end = "\n" if done == total else "\r" if stream.isatty() else ""
-    if end:  # a file gets the last state alone
+    if end:
         bar = "#" * filled + "." * (BAR - filled)
         print(f"[{bar}] {done} of {total}", end=end, file=stream, flush=True)

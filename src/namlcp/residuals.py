@@ -21,7 +21,8 @@ from namlcp.compiled import kernel, part
 from namlcp.linalg import add_transposed, times
 
 LARGE_TERM = 250.0
-"""Terms of the gap below this size round off by less than 1e-12 in any order."""
+"""If all terms of the gap are smaller than this, then its rounding error is below 1e-12
+in whatever order they are added."""
 
 
 class Residuals(NamedTuple):
@@ -43,7 +44,7 @@ class Residuals(NamedTuple):
         primal = self.primal / (eps_abs + eps_rel * self.primal_size)
         dual = self.dual / (eps_abs + eps_rel * self.dual_size)
         gap = self.gap / (eps_abs + eps_rel * self.gap_size)
-        # the sum is NaN if a term is; max() may return another term instead
+        # max() may ignore a NaN, the sum does not
         return max(primal, dual, gap) if primal + dual + gap >= 0.0 else math.inf
 
     def solved(self, eps_abs: float, eps_rel: float) -> bool:
@@ -58,13 +59,13 @@ UNDEFINED = Residuals(*[math.nan] * 7)
 def deviation(z, w, lower, upper):
     """Return z - clip(z - w, lower, upper), NaN if z or w is.
 
-    z - w is not computed: it rounds away a w far smaller than z, so that every large z
-    on a singular A would seem a solution.
+    z - w is not computed: a w far smaller than z would be lost by rounding, so that
+    every large z would seem a solution where A is singular.
     """
     return max(min(w, z - lower), z - upper) + 0.0 * z
 
 
-# The sum may be taken in any order, so that it vectorises; NaN keeps its meaning.
+# The order of the sum is free ("reassoc"), so that it vectorises; NaN is kept.
 @kernel(error_model="numpy", fastmath={"reassoc"})
 def natural_squares(z, w, lower, upper, unit):
     """Return the sum of squares of (z - clip(z - w, lower, upper)) / unit."""
@@ -88,7 +89,7 @@ def natural_residual(
     total = natural_squares(z, w, lower, upper, 1.0)
     if 1e-200 < total < 1e200:
         return math.sqrt(total)
-    r = np.maximum(np.minimum(w, z - lower), z - upper)  # squares over- or underflow
+    r = np.maximum(np.minimum(w, z - lower), z - upper)  # its squares left the range
     size = float(np.abs(r).max()) if r.size else 0.0
     if not 0.0 < size < math.inf:
         return size
@@ -97,7 +98,7 @@ def natural_residual(
 
 @kernel(error_model="numpy")
 def natural_residuals(z, w, lower, upper, d):
-    """Return Res of this problem and of the one with z, bounds times d and w over d."""
+    """Return Res of this LCP, and of the one with z and bounds times d, w over d."""
     here, there = 0.0, 0.0
     for i in range(z.size):
         r = deviation(z[i], w[i], lower[i], upper[i])
@@ -110,7 +111,7 @@ def natural_residuals(z, w, lower, upper, d):
 
 @kernel(error_model="numpy")
 def modulus_variable(z, w, omega, s):
-    """Set s to z - w / omega, for which z = clip(s) and w = omega (z - s)."""
+    """Overwrite s by z - w / omega: at a solution z = clip(s) and w = omega (z - s)."""
     for i in range(z.size):
         s[i] = z[i] - w[i] / omega[i]
 
@@ -120,9 +121,9 @@ def qp_residuals_of_products(vectors, point, products):
     """Return the numbers of `Residuals` from the products with P, G and A.
 
     vectors = (q, h, b, lb, ub), point = (x, y, z, z_box), products = (Px, Gx, Ax, G'z,
-    A'y): plain tuples, because numba takes 3 us more to take NamedTuples from Python.
-    An infinite bound or right-hand side has no term in the gap, and its multiplier
-    counts with its full modulus as a dual residual.
+    A'y): plain tuples, because passing NamedTuples from Python takes 3 us longer. An
+    infinite bound or right-hand side has no term in the gap, and the modulus of its
+    multiplier is a dual residual.
     """
     q, h, b, lb, ub = vectors
     x, y, z, z_box = point
@@ -155,7 +156,7 @@ def qp_residuals_of_products(vectors, point, products):
             dual = np.nan
         primal = max(primal, Gx[i] - h[i])
         if not np.isinf(h[i]):
-            # not |h_i|: where the row binds it is no larger, elsewhere it may be huge
+            # not |h_i|, which may be huge where the row is not active
             primal_size = max(primal_size, abs(Gx[i]))
             hz += h[i] * z[i]
         else:
@@ -189,12 +190,12 @@ def qp_residuals(
 ) -> Residuals:
     """Return the residuals of (x, y, z, z_box) on the QP as it was given.
 
-    P, G, A are dense or sparse, the vectors arrays of float64; absent parts have zero
-    rows, absent bounds infinite entries or are None. Raises ValueError where the sizes
+    P, G, A are dense or sparse, the vectors arrays of float64. Absent constraints have
+    zero rows, absent bounds are infinite or None. Raises ValueError where the sizes
     disagree.
 
-    A gap with large terms depends on the order of its sums by more than a tolerance of
-    1e-12. It is then summed as qpsolvers does, dot product by dot product.
+    With terms above LARGE_TERM the gap depends on the order of its sum by more than
+    1e-12; it is then added in the order of qpsolvers, dot product by dot product.
     """
     lb = np.full(x.size, -np.inf) if lb is None else lb
     ub = np.full(x.size, np.inf) if ub is None else ub

@@ -15,7 +15,7 @@ class LCPResult:
     Attributes
     ----------
     status : Status
-        What happened.
+        How the solve ended.
     z, w : (n,) array
         The solution, else the best point found, and w = A z + q; NaN for
         NUMERICAL_ERROR.
@@ -23,8 +23,7 @@ class LCPResult:
         The modulus variable: z = clip(s, lower, upper), w = Omega (z - s), with the
         Omega of a named method, diag(A) for "auto".
     iterations : int
-        What `method` counts: sweeps, multigrid cycles, MPRGP iterations, else
-        factorisations.
+        Sweeps, multigrid cycles, MPRGP iterations or else factorisations, by `method`.
     residual : float
         || z - clip(z - w, lower, upper) ||_2, recomputed on the caller's data.
     method : str
@@ -33,14 +32,14 @@ class LCPResult:
     setup_time, solve_time : float
         Seconds.
     ray : (n,) array or None
-        With UNSOLVABLE, where there is a proof v: v_i <= 0 where u_i is finite, v_i >=
-        0 where l_i is, and q'v + z'A'v <= -1 for all z in the box. For the plain LCP: v
-        >= 0, A'v <= 0, q'v = -1. A solution would have v'w >= 0, but v'w = q'v + z'A'v
-        < 0.
+        With UNSOLVABLE, a vector v that proves it, where one was found: v_i <= 0 where
+        u_i is finite, v_i >= 0 where l_i is finite, and q'v + z'A'v <= -1 for all z in
+        the box. For the plain LCP: v >= 0, A'v <= 0, q'v = -1. A solution would have
+        v'w >= 0, but v'w = q'v + z'A'v < 0.
     history : structured array or None
         The rows of the verbose table, when asked for: one for each iteration, for
         "auto" one for each factorisation or run of sweeps. The residuals are those of
-        the iterates, where factorisations are counted those of the best point so far.
+        the iterates; where factorisations are counted, those of the best point so far.
     """
 
     status: Status
@@ -63,26 +62,26 @@ class QPResult:
     Attributes
     ----------
     status : Status
-        What happened, and with it what the arrays hold.
+        How the solve ended, and thus what the arrays hold.
     x, y, z, z_box : (n,), (p,), (m,), (n,) array
         Primal point and multipliers of Ax = b, Gx <= h and the bounds, in qpsolvers'
         signs: P x + q + G'z + A'y + z_box = 0, z >= 0, z_box <= 0 at a lower bound.
         PRIMAL_INFEASIBLE: x is NaN, (y, z, z_box) a Farkas certificate with
         b'y + h'z + lb'z_box^- + ub'z_box^+ = -1. DUAL_INFEASIBLE: x is a ray with
-        q'x = -1 (whether any x is feasible is not decided then), the rest NaN. Where
-        two bounds contradict each other (lb > ub, h = -inf) all are NaN and `message`
-        names the place. Otherwise the best point found.
+        q'x = -1 (it is not decided whether any x is feasible), the rest NaN. Where two
+        bounds contradict each other (lb > ub, h = -inf) all are NaN and `message` names
+        the bounds. Otherwise the best point found.
     obj : float
         1/2 x'Px + q'x; +inf when infeasible, -inf when unbounded.
     residuals : Residuals
         Recomputed on the user's unscaled data.
     iterations : int
-        Pivots, sweeps or interior steps of the form that was chosen.
+        Pivots, sweeps or interior-point steps of the solver named by `form`.
     form : str
-        The smallest form that fitted, after substitution: "bounds", "dual" or "path";
-        "substitution" where time was over before any.
+        The solver that gave the point: "bounds" (box LCP), "dual" (dense pivots) or
+        "path" (interior point); "substitution" if time was over before any began.
     message : str
-        One sentence more than the status says, or "".
+        A sentence that adds to the status, or "".
     setup_time, solve_time : float
         Seconds.
     history : structured array or None

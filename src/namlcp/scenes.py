@@ -1,4 +1,4 @@
-"""The scenes of the demonstration, which tests and validation use as well."""
+"""The problems of the demonstration, which tests and validation use as well."""
 
 import numpy as np
 import qpsolvers
@@ -20,7 +20,7 @@ def forced_obstacle(m: int) -> tuple[sp.csr_array, np.ndarray]:
 
 
 def disc_pile(rows: int) -> tuple[sp.csr_array, np.ndarray]:
-    """Return LCP(q, A): contact forces in a hexagonal pile of discs, no friction.
+    """Return LCP(q, A): frictionless contact forces in a hexagonal pile of discs.
 
     Unit discs of random mass (seed 0) lie in `rows` rows of decreasing length on a
     floor and between the walls of a wedge. With normals N (2 bodies x contacts), masses

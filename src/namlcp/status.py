@@ -1,4 +1,4 @@
-"""What a result means: one Enum for LCPs and QPs."""
+"""How a solve ended: one Enum for LCPs and QPs."""
 
 from enum import Enum
 
@@ -54,7 +54,7 @@ class Status(Enum):
     )
 
     def __new__(cls, value: str, explanation: str) -> "Status":
-        """Keep the sentence beside the value."""
+        """Make a member with its value and its explanation."""
         member = object.__new__(cls)
         member._value_ = value
         member.explanation = explanation

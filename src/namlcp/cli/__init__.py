@@ -1,4 +1,4 @@
-"""The command line, and the files it reads."""
+"""The command line, its demonstration, and the readers of problem files."""
 
 from namlcp.cli.main import main
 

@@ -1,4 +1,4 @@
-"""The demonstration: three real scenes, beside OSQP where that is installed."""
+"""The demonstration: three problems, solved by OSQP too where that is installed."""
 
 import importlib.util
 import time
@@ -17,7 +17,7 @@ from namlcp.scenes import disc_pile, forced_obstacle, preview_control
 
 
 def demonstrate() -> int:
-    """Solve the scenes and print residuals and times; 0 if all are solved."""
+    """Solve the problems and print residuals and times; return 0 if all are solved."""
     with_osqp = importlib.util.find_spec("osqp") is not None
     print(
         f"namlcp {namlcp.__version__}: residuals recomputed on the problem's own data"
@@ -67,7 +67,7 @@ def best_time(solve: Callable[[], Any], repeats: int = 4) -> tuple[Any, float]:
 def show(
     name: str, size: str, ours: tuple[float, float], other: tuple[float, float] | None
 ) -> None:
-    """Print one line: residual and time, and those of the peer, if any."""
+    """Print one line: residual and time [s] of namlcp, and those of OSQP, if any."""
     line = f"{name:<26}{size:<28}{ours[0]:9.1e} {ours[1] * 1e3:9.2f} ms"
     if other is not None:
         line += f"   {other[0]:8.1e} {other[1] * 1e3:9.2f} ms"
@@ -89,7 +89,7 @@ def osqp(problem: qpsolvers.Problem) -> qpsolvers.Solution:
     P, G, A = (None if C is None else sp.csc_matrix(C) for C in (P, G, A))
     settings = {"eps_abs": 1e-8, "eps_rel": 0.0, "max_iter": 100_000}
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # the peer's, about its own interface
+        warnings.simplefilter("ignore")  # OSQP's, about its own interface
         return qpsolvers.solve_problem(
             qpsolvers.Problem(P, q, G, h, A, b, lb, ub),
             solver="osqp",

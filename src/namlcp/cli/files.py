@@ -1,8 +1,8 @@
-"""Problems from files that nobody vouches for.
+"""Readers of problem files, which are not trusted.
 
 Nothing is unpickled, evaluated or extracted, and the size that a file claims is checked
-before anything is allocated; np.load does neither, nor does it tell a saved None from
-other objects. Whatever is wrong is a ValueError that names it.
+before anything is allocated. np.load does not do that, and cannot tell a saved None
+from other objects. Every fault is a ValueError that names it.
 """
 
 import math
@@ -26,14 +26,14 @@ MOST_BYTES = 2**31
 
 MAT_NAMES = ("P", "q", "A", "l", "u")
 
-# The texts in NumPy's own pickle of an object array that holds None.
+# All texts in NumPy's pickle of an object array that holds None.
 HARMLESS = {
     "numpy.core.multiarray", "numpy._core.multiarray", "_reconstruct", "numpy",
     "ndarray", "dtype", "O8", "|", "numpy ndarray", "numpy dtype",
     "numpy.core.multiarray _reconstruct", "numpy._core.multiarray _reconstruct",
 }  # fmt: skip
 NONE_BYTES = 1000
-"""Size [bytes] that such a pickle never reaches."""
+"""A pickle of at least this size [bytes] holds something else."""
 
 
 def npz_problem(path: str) -> qpsolvers.Problem:
@@ -79,7 +79,7 @@ def read_array(stream: IO[bytes], name: str, size: int) -> np.ndarray | None:
 
 
 def is_none(pickled: bytes) -> bool:
-    """Tell whether a pickle, which is not executed, can hold nothing but None."""
+    """Tell whether a pickle can hold nothing but None, without executing it."""
     if len(pickled) >= NONE_BYTES:
         return False
     try:
@@ -90,7 +90,7 @@ def is_none(pickled: bytes) -> bool:
 
 
 def mat_problem(path: str) -> qpsolvers.Problem:
-    """Read a Maros-Meszaros problem, l <= A x <= u with the bounds as its last rows."""
+    """Read a Maros-Meszaros problem l <= A x <= u, its last n rows being the bounds."""
     data = read_mat(path)
     P, C = sp.csc_matrix(data["P"]), sp.csr_matrix(data["A"])
     q, low, high = data["q"], data["l"], data["u"]
@@ -135,10 +135,7 @@ def read_mat(path: str) -> dict[str, Any]:
 
 
 def unpacked_size(path: str) -> int:
-    """Return the size [bytes] of a .mat file with its compressed parts unpacked.
-
-    They are unpacked piece by piece, and not beyond MOST_BYTES.
-    """
+    """Return the unpacked size [bytes] of a .mat file, counted up to MOST_BYTES."""
     size = os.path.getsize(path)
     with open(path, "rb") as stream:
         order = "<" if stream.read(128)[126:128] == b"IM" else ">"

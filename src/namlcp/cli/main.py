@@ -1,6 +1,6 @@
-"""The command line: ``python -m namlcp`` shows real scenes, with FILE solves one.
+"""Solve the problem in FILE; without FILE show a demonstration.
 
-With ``--warmup`` all machine code is compiled, for containers.
+With ``--warmup`` all kernels are compiled, for containers.
 
 FILE is a qpsolvers ``.npz`` (Problem.save) or a Maros-Meszaros ``.mat`` (P, q, A, l, u,
 the last n rows of A being the bounds; 1e20 means none).
@@ -19,10 +19,13 @@ from namlcp.compiled import compile_time
 
 
 def solve_file(path: str, settings: dict[str, Any]) -> int:
-    """Solve the problem in a file and print the outcome; 0 if solved."""
+    """Solve the problem in a file and print the outcome; return the exit status.
+
+    That is 0 if solved, 1 if not, 2 if the file or an option is wrong.
+    """
     try:
         problem = mat_problem(path) if path.endswith(".mat") else npz_problem(path)
-    except Exception as error:  # whatever a hostile file provokes in its reader
+    except Exception as error:  # a hostile file may provoke any
         reason = str(error) or type(error).__name__
         print(f"cannot read {path}: {reason}", file=sys.stderr)
         return 2
