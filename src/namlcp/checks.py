@@ -37,7 +37,9 @@ def is_clean(array: Any, ndim: int) -> bool:
 
 def clean_copy(array: np.ndarray, kind: Any) -> np.ndarray:
     """Return `array`, copied unless it is C-contiguous, writeable and of the dtype."""
-    return np.require(array, kind, ["C", "A", "W"])
+    if array.dtype == kind and array.flags.carray:
+        return array
+    return np.array(array, kind, order="C")
 
 
 def real_array(name: str, value: Any) -> np.ndarray:

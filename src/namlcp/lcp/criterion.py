@@ -26,8 +26,8 @@ class Criterion:
 
     def residuals(self, z: np.ndarray, w: np.ndarray) -> tuple[float, float]:
         """Return Res(z) of the problem as given and scaled to a unit diagonal."""
-        matrix, _, lower, upper = self.lcp
-        return natural_residuals(z, w, lower, upper, matrix.root)
+        _, _, lower, upper = self.lcp
+        return natural_residuals(z, w, lower, upper, self.root)
 
     @cached_property
     def size(self) -> float:
@@ -38,7 +38,7 @@ class Criterion:
     @cached_property
     def goal(self) -> float:
         """Estimate of the largest Res of the scaled problem that `accepts` accepts."""
-        largest = float(self.lcp.matrix.root.max(initial=1e-300))
+        largest = float(self.root.max(initial=1e-300))
         return max(self.eps_rel * self.size, self.eps_abs / largest)
 
     def accepts(self, z: np.ndarray, w: np.ndarray) -> bool:

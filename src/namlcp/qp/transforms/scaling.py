@@ -161,7 +161,7 @@ class ScaledQP:
 
     def sides(self, Z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return the unscaled z_upper, z_lower and z_box from Z."""
-        z = np.split(Z / self.unit[self.place], np.cumsum(self.counts[:3]))
+        z, (i, j, k) = Z / self.unit[self.place], self.ends
         upper, lower = np.zeros((2, self.small.upper.size))
         box = np.zeros(self.n)
         upper[self.finite[0]] = z[:i]
