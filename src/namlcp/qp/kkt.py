@@ -210,12 +210,14 @@ def set_weights(data, diagonal, factored, weight):
 
 @kernel
 def weighted_norm(r, weight):
-    """Return max |r_i| / weight_i of the entries after the last NaN, NaN if none."""
+    """Return max |r_i| / weight_i, NaN if an entry is."""
     worst = 0.0
     for i in range(r.size):
         value = abs(r[i]) / weight[i]
         if not value <= worst:
             worst = value
+            if value != value:
+                break
     return worst
 
 

@@ -94,12 +94,12 @@ class LargeSystem:
         """Order and lay out blocks for the free unknowns and the earlier members.
 
         From the third time on, or if these are more than half of all unknowns, the
-        blocks cover all unknowns with l < u.
+        blocks cover all unknowns with l < u, too.
         """
         self.orders += 1
         member = free | self.member
         if self.orders > 2 or 2 * np.count_nonzero(member) > member.size:
-            member = self.work.lower < self.work.upper
+            member = free | (self.work.lower < self.work.upper)
         self.member = member
         scaled = self.work.scaled
         order = minimum_degree(scaled.indptr, scaled.indices, member)

@@ -308,6 +308,7 @@ class Interior:
         W, Z = self.W, self.Z
         for _ in range(FACTORISATIONS):
             if not self.factor():
+                self.error = np.inf
                 self.reg.strengthen()
                 continue
             self.rc[:] = -W * Z

@@ -363,8 +363,9 @@ def compare_rows(indptr, indices, data, order, same, leader):
         a = indptr[head]
         c = indptr[row]
         ratio = data[a] / data[c]
-        equal = True
-        for t in range(indptr[head + 1] - a):
+        length = indptr[head + 1] - a
+        equal = indptr[row + 1] - c == length
+        for t in range(length if equal else 0):
             difference = data[c + t] * ratio - data[a + t]
             if indices[a + t] != indices[c + t] or (
                 abs(difference) > SAME * abs(data[a + t])
