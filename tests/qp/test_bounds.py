@@ -10,7 +10,7 @@ from namlcp import Status, solve_qp
 @pytest.mark.parametrize("off", [0.5, 2.0])
 def test_curvature_of_fixed_variables_counts_in_large_problems(off):
     """P is factored in blocks here; the two fixed variables are part of it."""
-    n = 2500
+    n = 3300
     bands = [np.ones(n - 2 - k) for k in (1, 2, 3)]
     offsets = [1, 2, 3, -1, -2, -3]
     large = diags_array([*bands, *bands], offsets=offsets, shape=(n - 2, n - 2))
