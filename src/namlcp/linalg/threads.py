@@ -121,14 +121,19 @@ if hasattr(os, "register_at_fork"):
 NOTHING: contextlib.AbstractContextManager[None] = contextlib.nullcontext()
 
 
-@contextlib.contextmanager
-def limited(threads: int) -> Iterator[None]:
-    """Let BLAS use this number of threads in a `with` block."""
-    BLAS_THREADS.enter(threads)
-    try:
-        yield
-    finally:
-        BLAS_THREADS.leave(threads)
+class Limited:
+    """A block in which BLAS may use so many threads; a generator would cost 3 us."""
+
+    def __init__(self, threads: int):
+        self.threads = threads
+
+    def __enter__(self) -> None:
+        """Set the number."""
+        BLAS_THREADS.enter(self.threads)
+
+    def __exit__(self, *_: object) -> None:
+        """Restore what was set before."""
+        BLAS_THREADS.leave(self.threads)
 
 
 def blas_threads(threads: int, order: int) -> contextlib.AbstractContextManager[None]:
@@ -138,4 +143,4 @@ def blas_threads(threads: int, order: int) -> contextlib.AbstractContextManager[
     """
     if order <= SMALL_ORDER or not settings():
         return NOTHING
-    return limited(threads if order >= WORTH_ORDER else 1)
+    return Limited(threads if order >= WORTH_ORDER else 1)
