@@ -4,6 +4,7 @@ import ast
 from importlib import import_module
 
 import pytest
+from sizes import assert_folders_and_modules_are_small, functions, parameters
 
 from validation.harness import cli
 
@@ -84,16 +85,6 @@ def test_every_name_at_a_door_is_used_outside():
 
 
 def test_rooms_modules_and_functions_can_be_taken_in():
-    """14 modules in a folder, 450 lines in a module, 8 parameters, at most."""
-    for folder in {path.parent for path in HOUSE.rglob("*.py")}:
-        assert len(list(folder.glob("*.py"))) <= 14, folder
-    for path in HOUSE.rglob("*.py"):
-        text = path.read_text()
-        assert len(text.splitlines()) <= 450, path
-        for node in ast.walk(ast.parse(text)):
-            if isinstance(node, ast.FunctionDef):
-                a = node.args
-                count = len(a.posonlyargs) + len(a.args) + len(a.kwonlyargs)
-                count += (a.vararg is not None) + (a.kwarg is not None)
-                own = bool(a.args) and a.args[0].arg in ("self", "cls")
-                assert count - own <= 8, f"{path}: {node.name}"
+    assert_folders_and_modules_are_small(HOUSE)
+    for path, node in functions(HOUSE):
+        assert parameters(node) <= 8, f"{path}: {node.name}"
