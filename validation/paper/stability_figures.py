@@ -102,6 +102,14 @@ def title_of(method: str, shift: str) -> str:
     return NAMES[method] + (f"\n(E = {shift})" if shift else "")
 
 
+def rows_of(rows: Rows, name: str, method: str, shift: str) -> Rows:
+    """Return the rows of a class of problems, a method and its shift."""
+    wanted = name, method, shift
+    return [
+        row for row in rows if (row["class"], row["method"], row["shift"]) == wanted
+    ]
+
+
 def plot_maps(rows: Rows, figures: Path) -> None:
     """Draw c against alpha for every class (column) and method (row)."""
     classes, methods = groups(rows)
@@ -113,11 +121,7 @@ def plot_maps(rows: Rows, figures: Path) -> None:
     )  # fmt: skip
     for line, (method, shift) in zip(grid, methods, strict=True):
         for axes, name in zip(line, classes, strict=True):
-            own = [
-                row
-                for row in rows
-                if (row["class"], row["method"], row["shift"]) == (name, method, shift)
-            ]
+            own = rows_of(rows, name, method, shift)
             powers = [np.log2(float(row["c"])) for row in own]
             dx, dy = alphas[1] - alphas[0], powers[0] - powers[1]
             axes.imshow(
@@ -162,11 +166,7 @@ def plot_strips(rows: Rows, figures: Path) -> None:
     )
     for line, (method, shift) in zip(grid, methods, strict=True):
         for axes, name in zip(line, classes, strict=True):
-            own = [
-                row
-                for row in rows
-                if (row["class"], row["method"], row["shift"]) == (name, method, shift)
-            ]
+            own = rows_of(rows, name, method, shift)
             relaxed = own[0]["axes"] == "alpha"
             x = [float(row["c"]) for row in own]
             x = x if relaxed else [float(np.log2(value)) for value in x]
