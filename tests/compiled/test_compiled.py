@@ -1,5 +1,6 @@
 """Machine code: never old, never of others, and nothing that stops a start."""
 
+import ast
 import json
 import os
 import shutil
@@ -13,12 +14,7 @@ import pytest
 
 import namlcp
 from namlcp import residuals
-from namlcp.compiled import (
-    decorators,
-    internals,
-    sources,
-    store,
-)
+from namlcp.compiled import decorators, internals, sources, store
 
 PACKAGE = Path(namlcp.__file__).parent
 
@@ -366,6 +362,20 @@ def test_an_unknown_numba_has_its_own_cache_under_the_stamp(tmp_path):
     ended(start(root, code=unknown + listing))
     edit(root, "residuals.py", "z - upper) + 0.0 * z", "z - upper) + 2.0 * z")
     assert ended(start(root, "clean", code=unknown))[0]["clean"] == 7.0
+
+
+def test_private_parts_of_numba_are_used_in_one_place():
+    """A new version that moves them must not stop the import of the package."""
+    public = {"numba", "numba.extending"}
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text())):
+            taken = []
+            if isinstance(node, ast.ImportFrom):
+                taken = [node.module or ""]
+            elif isinstance(node, ast.Import):
+                taken = [alias.name for alias in node.names]
+            private = {n for n in taken if n.startswith("numba")} - public
+            assert not private or path.name == "internals.py", path
 
 
 def test_this_numba_is_known():

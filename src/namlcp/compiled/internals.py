@@ -1,4 +1,4 @@
-"""All use of numba's private parts: a cache of machine code, and a compiler.
+"""All use of numba's private parts: a cache, a compiler, views without a count.
 
 With `cache=True` numba notices changes of the one file that defines a function, but not
 of a callee in another file. A dispatcher asks its `_cache` for the machine code of each
@@ -28,8 +28,9 @@ import llvmlite
 import numba
 import numpy as np
 from llvmlite import binding
-from numba.core import codegen, compiler, config, event, serialize
+from numba.core import cgutils, codegen, compiler, config, event, serialize
 from numba.core.runtime import rtsys
+from numba.extending import intrinsic
 
 from namlcp.compiled.sources import are_unchanged, is_unchanged, stamp
 from namlcp.compiled.store import SUFFIX, Folder, folders, prebuilt
@@ -390,3 +391,24 @@ def is_ours(compiling: Any) -> bool:
 
 CLOCK = Clock()
 event.register("numba:compile", CLOCK)
+
+
+# ---- views of arrays
+
+
+@intrinsic
+def uncounted(typingctx: Any, array: Any) -> Any:
+    """Return a view of an array that does not keep it alive.
+
+    Whenever one compiled function passes a tuple to another, numba counts references of
+    every array in it, which takes longer than the work of a small kernel. These views
+    are not counted; the caller of the kernel must keep the array alive.
+    """
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        found = context.make_array(array)(context, builder, arguments[0])
+        found.meminfo = cgutils.get_null_value(found.meminfo.type)
+        found.parent = cgutils.get_null_value(found.parent.type)
+        return found._getvalue()
+
+    return array(array), codegen

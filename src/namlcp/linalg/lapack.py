@@ -10,14 +10,13 @@ NUMBA_DISABLE_JIT=1 the same names fall back on scipy.linalg.
 import numpy as np
 from llvmlite import binding
 from numba import config, types
-from numba.core import cgutils
 from numba.extending import get_cython_function_address, intrinsic
 
 from namlcp.compiled import part
 
 # The letters that BLAS and LAPACK take as options.
 UPPER = UNIT = ord("U")
-LEFT, PLAIN, TRANSPOSED = (ord(letter) for letter in "LNT")
+FROM_LEFT, PLAIN, TRANSPOSED = (ord(letter) for letter in "LNT")
 
 
 def _declare(module: str, name: str, arguments: str) -> types.ExternalFunction:
@@ -47,7 +46,10 @@ if not config.DISABLE_JIT:
         kind = types.float64 if isinstance(value, types.Float) else types.int32
 
         def codegen(context, builder, signature, args):
-            return cgutils.alloca_once_value(builder, args[0])
+            with builder.goto_entry_block():
+                place = builder.alloca(args[0].type)
+            builder.store(args[0], place)
+            return place
 
         return types.CPointer(kind)(kind), codegen
 
@@ -184,7 +186,7 @@ def solve_rows(L, unit, X):
     """
     if X.shape[0] > 0 and X.shape[1] > 0:
         _dtrsm(
-            _address(LEFT), _address(UPPER), _address(TRANSPOSED),
+            _address(FROM_LEFT), _address(UPPER), _address(TRANSPOSED),
             _address(UNIT if unit else PLAIN), _address(X.shape[1]),
             _address(X.shape[0]), _address(1.0), L.ctypes,
             _address(L.strides[0] // 8), X.ctypes, _address(X.strides[0] // 8),
