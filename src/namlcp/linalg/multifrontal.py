@@ -15,6 +15,7 @@ from scipy.sparse import csc_array
 from namlcp.compiled import kernel, part
 from namlcp.linalg.lapack import add_scaled, dot, product, solve_rows
 from namlcp.linalg.ordering import Order, supernodes
+from namlcp.linalg.supernodes import panel_of
 
 # Columns eliminated at a time, and rows of a lower triangle updated by one product.
 BLOCK, ROW_STRIP = 48, 96
@@ -61,17 +62,16 @@ def factorise(nodes, data, L, D, position, stack, front, work):
     position, stack, front and work are overwritten. When a supernode is eliminated, the
     updates of its children are on top of the stack.
     """
-    first, parent, _, starts, rows, panels, lower, below, source = nodes
+    first, parent, _, starts, rows, _, lower, below, source = nodes
     number = first.size - 1
     waiting = np.zeros(number, dtype=np.int32)
     left = np.empty(number, dtype=np.int32)  # supernodes whose update is on the stack
     count = 0
     top = 0
     for s in range(number):
-        k = first[s + 1] - first[s]
-        f = starts[s + 1] - starts[s]
         own = rows[starts[s] : starts[s + 1]]
-        panel = L[panels[s] : panels[s + 1]].reshape(f, k)
+        panel, pivots = panel_of(nodes, L, s), D[first[s] : first[s + 1]]
+        f, k = panel.shape
         u = f - k
         update = front[: u * u].reshape(u, u)
         for i in range(f):
@@ -91,10 +91,10 @@ def factorise(nodes, data, L, D, position, stack, front, work):
             theirs = rows[begin : starts[child + 1]]
             top -= theirs.size * theirs.size
             extend_add(stack[top:], theirs, position, k, panel, update)
-        if not eliminate_panel(panel, D[first[s] : first[s + 1]], work):
+        if not eliminate_panel(panel, pivots, work):
             return False
         if u > 0:
-            complement(panel, D[first[s] : first[s + 1]], update, work)
+            complement(panel, pivots, update, work)
             for i in range(u):
                 for j in range(i + 1):
                     stack[top + i * u + j] = update[i, j]
@@ -198,13 +198,12 @@ def complement(panel, D, update, work):
 @kernel(error_model="numpy")
 def solve_fronts(nodes, L, D, u):
     """Overwrite u, in elimination order, by the solution of L D L' x = u."""
-    first, starts, rows, panels = nodes.first, nodes.starts, nodes.rows, nodes.panels
+    first, starts, rows = nodes.first, nodes.starts, nodes.rows
     number = first.size - 1
     for s in range(number):
-        k = first[s + 1] - first[s]
-        f = starts[s + 1] - starts[s]
         own = rows[starts[s] : starts[s + 1]]
-        panel = L[panels[s] : panels[s + 1]].reshape(f, k)
+        panel = panel_of(nodes, L, s)
+        f, k = panel.shape
         block = u[first[s] : first[s + 1]]
         for i in range(1, k):
             block[i] -= dot(panel[i, :i], block[:i])
@@ -213,10 +212,9 @@ def solve_fronts(nodes, L, D, u):
     for j in range(u.size):
         u[j] /= D[j]
     for s in range(number - 1, -1, -1):
-        k = first[s + 1] - first[s]
-        f = starts[s + 1] - starts[s]
         own = rows[starts[s] : starts[s + 1]]
-        panel = L[panels[s] : panels[s + 1]].reshape(f, k)
+        panel = panel_of(nodes, L, s)
+        f, k = panel.shape
         block = u[first[s] : first[s + 1]]
         for i in range(k, f):
             add_scaled(-u[own[i]], panel[i], block)

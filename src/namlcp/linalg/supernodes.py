@@ -73,7 +73,7 @@ def blocks_of(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Blocks:
 
 
 @part
-def panel(nodes, values, s):
+def panel_of(nodes, values, s):
     """Return the block of supernode s, (rows, columns)."""
     height = nodes.starts[s + 1] - nodes.starts[s]
     width = np.int64(nodes.first[s + 1] - nodes.first[s])
@@ -109,7 +109,7 @@ def subtract_runs(blocks, is_free, s, where, values, work, block):
         t, top = blocks.block[run], blocks.top[run]
         inside = blocks.bottom[run] - top
         rows = nodes.rows[nodes.starts[t] + top : nodes.starts[t + 1]]
-        L = panel(nodes, values, t)[top:]
+        L = panel_of(nodes, values, t)[top:]
         small = L.shape[1] * inside * rows.size < FEW_PRODUCTS
         found = work[: rows.size * inside].reshape(rows.size, inside)
         if not small:
@@ -180,7 +180,7 @@ def factor_blocks(data, shift, free, changed, blocks, values):
         rows = nodes.rows[nodes.starts[s] : nodes.starts[s + 1]]
         for k in range(rows.size):
             where[rows[k]] = k
-        block = panel(nodes, values, s)
+        block = panel_of(nodes, values, s)
         width = block.shape[1]
         made += block.size
         assemble_block(data, shift, is_free, blocks, s, where, block)
@@ -201,7 +201,7 @@ def solve_blocks(blocks, free, values, b, x):
     for s in range(nodes.parent.size):
         begin, end = nodes.first[s], nodes.first[s + 1]
         rows = nodes.rows[nodes.starts[s] : nodes.starts[s + 1]]
-        L = panel(nodes, values, s)
+        L = panel_of(nodes, values, s)
         own = y[begin:end]
         for i in range(own.size):
             if not free[order[begin + i]]:
@@ -213,7 +213,7 @@ def solve_blocks(blocks, free, values, b, x):
     for s in range(nodes.parent.size - 1, -1, -1):
         begin, end = nodes.first[s], nodes.first[s + 1]
         rows = nodes.rows[nodes.starts[s] : nodes.starts[s + 1]]
-        L = panel(nodes, values, s)
+        L = panel_of(nodes, values, s)
         own = y[begin:end]
         for k in range(own.size, rows.size):
             if y[rows[k]] != 0.0:
