@@ -20,7 +20,7 @@ from scipy.sparse.linalg import LinearOperator
 
 import namlcp
 from namlcp import checks, solve_lcp, solve_qp
-from namlcp.limits import OFTEN, PATIENCE, SPEED, Callback, Deadline
+from namlcp.limits import OFTEN, SPEED, UNCHECKED_TIME, Callback, Deadline
 from namlcp.linalg import csc
 from namlcp.qp import qp_data
 from namlcp.qp.answer import out_of_time
@@ -64,8 +64,10 @@ def test_the_dense_form_asks_whether_to_stop():
 
 def test_only_long_calls_are_watched():
     deadline, seen = Deadline(time.perf_counter() + 1.0), []
-    deadline.run(seen.append, 0.5 * SPEED * PATIENCE)
-    deadline.run(lambda *values: seen.append(values[-1] != 0), 2.0 * SPEED * PATIENCE)
+    deadline.run(seen.append, 0.5 * SPEED * UNCHECKED_TIME)
+    deadline.run(
+        lambda *values: seen.append(values[-1] != 0), 2.0 * SPEED * UNCHECKED_TIME
+    )
     assert seen == [0, True]
 
 

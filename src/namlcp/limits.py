@@ -30,9 +30,9 @@ from namlcp.status import Status
 OFTEN = 4_000_000
 """Operations of compiled code between two checks of the deadline: some milliseconds."""
 
-SPEED, PATIENCE = 5e8, 0.25
+SPEED, UNCHECKED_TIME = 5e8, 0.25
 """Least speed of compiled code [operations/s], and a time [s]. A kernel that ends at
-this speed within min(time left, PATIENCE) does not check the deadline."""
+this speed within min(time left, UNCHECKED_TIME) does not check the deadline."""
 
 Callback = ctypes.CFUNCTYPE(ctypes.c_int32)
 """Type of the function that compiled code calls to check the deadline."""
@@ -102,7 +102,7 @@ class Deadline:
         `address` is 0 where `work` is so little that no check is needed.
         """
         left = self.at - time.perf_counter()
-        if work <= SPEED * (left if left < PATIENCE else PATIENCE):
+        if work <= SPEED * (left if left < UNCHECKED_TIME else UNCHECKED_TIME):
             return kernel(*arguments, 0)
         answers = self.answers()
         next(answers)

@@ -8,9 +8,9 @@ import pytest
 
 from namlcp import Options, solve_lcp, solve_qp
 from namlcp.linalg import threads
-from namlcp.linalg.threads import SMALL_ORDER, WORTH_ORDER, blas_threads, settings
+from namlcp.linalg.threads import UNTOUCHED_ORDER, WORTH_ORDER, blas_threads, settings
 
-LARGE = SMALL_ORDER + 1
+LARGE = UNTOUCHED_ORDER + 1
 
 
 def numbers():
@@ -40,7 +40,7 @@ def test_one_thread_inside_and_the_users_number_after():
 
 
 def test_nothing_is_set_for_small_problems():
-    with blas_threads(1, SMALL_ORDER):
+    with blas_threads(1, UNTOUCHED_ORDER):
         assert set(numbers()) == {2}
 
 

@@ -1,5 +1,3 @@
 """The command line, its demonstration, and the readers of problem files."""
 
 from namlcp.cli.main import main
-
-__all__ = ["main"]

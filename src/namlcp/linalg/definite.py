@@ -10,7 +10,7 @@ from scipy.sparse import csc_matrix, eye_array, issparse, triu
 from namlcp.compiled import kernel
 from namlcp.linalg.symmetry import asymmetry
 
-SLACK = 1e-6
+PSD_SLACK = 1e-6
 """Negative curvature of a matrix with unit diagonal that may be due to the rounding of
 its data to single precision."""
 
@@ -24,18 +24,16 @@ SYMMETRY_ROUNDING = 1e-14
 ZERO = 1e-15
 """Entry p_jj, relative to max |P|, up to which it counts as 0; row j must be 0 then."""
 
-CONVEX, NEGATIVE, MINOR, UNDECIDED = 0, 1, 2, 3  # codes of `Curvature`
-
 
 class Curvature(NamedTuple):
     """What diagonal signs, minors of order two and diagonal dominance prove.
 
-    code: CONVEX (positive semidefinite), NEGATIVE (diagonal entry j is negative), MINOR
-    (the minor of i and j is negative) or UNDECIDED. triangle: the upper triangle of the
-    matrix scaled to a unit diagonal, plus `SLACK` I.
+    sign: 1 where the matrix is positive semidefinite, 0 where they do not decide, -1
+    where the minor of rows i and j, for i = j a diagonal entry, is negative. triangle:
+    the upper triangle of the matrix scaled to a unit diagonal, plus `PSD_SLACK` I.
     """
 
-    code: int
+    sign: int
     i: int
     j: int
     triangle: csc_matrix
@@ -47,12 +45,12 @@ def curvature(P: Any) -> Curvature:
     indptr = np.zeros(n + 1, dtype=np.int32)
     indices = np.empty(P.data.size + n, dtype=np.int32)
     data = np.empty(indices.size)
-    code, i, j = unit_triangle(
+    sign, i, j = unit_triangle(
         P.indptr, P.indices, P.data, np.zeros((2, n)), indptr, indices, data
     )
     nnz = indptr[n]
     triangle = csc_matrix((data[:nnz], indices[:nnz], indptr), shape=P.shape)
-    return Curvature(code, i, j, triangle)
+    return Curvature(sign, i, j, triangle)
 
 
 def is_symmetric(A: Any) -> bool:
@@ -87,12 +85,12 @@ def has_positive_pivots(triangle: csc_matrix) -> bool:
 
 @kernel
 def unit_triangle(indptr, indices, data, work, up, ui, ux):
-    """Write the upper triangle of R^-1 (P + t I) R^-1 + SLACK I; return (code, i, j).
+    """Write the upper triangle of R^-1 (P + t I) R^-1 + PSD_SLACK I.
 
+    Returns sign, i and j of `Curvature`; with sign = -1 the triangle is not complete.
     t = ZERO max |P| allows for rounding, R^2 is the diagonal of P + t I; P, symmetric,
     and the triangle up (n + 1,), ui, ux (nnz(P) + n,) are in CSC. up and the first row
-    of `work` (2, n) are zero on entry; `work` is overwritten. With NEGATIVE or MINOR
-    the triangle is not complete.
+    of `work` (2, n) are zero on entry; `work` is overwritten.
     """
     n = indptr.size - 1
     diagonal, root = work[0], work[1]
@@ -105,11 +103,11 @@ def unit_triangle(indptr, indices, data, work, up, ui, ux):
     tiny = ZERO * size
     for j in range(n):
         root[j] = np.sqrt(max(diagonal[j], 0.0) + max(tiny, 1e-300))
-    code = CONVEX
+    sign = 1
     nnz = 0
     for j in range(n):
         if diagonal[j] < -tiny:
-            return NEGATIVE, j, j
+            return -1, j, j
         rest = 0.0
         for t in range(indptr[j], indptr[j + 1]):
             i = indices[t]
@@ -117,16 +115,16 @@ def unit_triangle(indptr, indices, data, work, up, ui, ux):
                 continue
             rest += abs(data[t])
             bound = np.sqrt(max(diagonal[i], 0.0) * max(diagonal[j], 0.0))
-            if abs(data[t]) > bound * (1.0 + 2.0 * SLACK) + tiny:
-                return MINOR, i, j
+            if abs(data[t]) > bound * (1.0 + 2.0 * PSD_SLACK) + tiny:
+                return -1, i, j
             if i < j:
                 ui[nnz] = i
                 ux[nnz] = data[t] / (root[i] * root[j])
                 nnz += 1
         if rest > diagonal[j]:
-            code = UNDECIDED
+            sign = 0
         ui[nnz] = j
-        ux[nnz] = 1.0 + SLACK
+        ux[nnz] = 1.0 + PSD_SLACK
         nnz += 1
         up[j + 1] = nnz
-    return code, 0, 0
+    return sign, 0, 0

@@ -24,7 +24,7 @@ import scipy.linalg
 
 # Orders of the largest dense matrix up to which the setting is left alone, as threads
 # make no difference, and from which on more than one may pay.
-SMALL_ORDER, WORTH_ORDER = 100, 600
+UNTOUCHED_ORDER, WORTH_ORDER = 100, 600
 # Functions of the BLAS libraries that set and return their number of threads.
 NAMES = (
     ("scipy_openblas_set_num_threads", "scipy_openblas_get_num_threads"),
@@ -118,7 +118,7 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=BLAS_THREADS.forget)
 
 
-NOTHING: contextlib.AbstractContextManager[None] = contextlib.nullcontext()
+UNLIMITED: contextlib.AbstractContextManager[None] = contextlib.nullcontext()
 
 
 class Limited:
@@ -139,8 +139,9 @@ class Limited:
 def blas_threads(threads: int, order: int) -> contextlib.AbstractContextManager[None]:
     """Let BLAS use `threads` threads in a `with` block, one where more do not pay.
 
-    `order`: of the largest matrix that may be dense; up to SMALL_ORDER nothing is set.
+    `order`: of the largest matrix that may be dense; up to UNTOUCHED_ORDER nothing is
+    set.
     """
-    if order <= SMALL_ORDER or not settings():
-        return NOTHING
+    if order <= UNTOUCHED_ORDER or not settings():
+        return UNLIMITED
     return Limited(threads if order >= WORTH_ORDER else 1)

@@ -5,14 +5,3 @@ from namlcp.qp.guess import NO_GUESS, make_guess
 from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, qp_data
 from namlcp.qp.solve import solve_checked, solve_qp
-
-__all__ = [
-    "NO_GUESS",
-    "QP",
-    "Memory",
-    "NotConvex",
-    "make_guess",
-    "qp_data",
-    "solve_checked",
-    "solve_qp",
-]

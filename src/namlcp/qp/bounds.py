@@ -27,7 +27,7 @@ from namlcp.lcp import (
 from namlcp.limits import Limits
 from namlcp.qp.answer import Answer, proved
 from namlcp.qp.certificates import accept_dual
-from namlcp.qp.guess import NOTHING, Guess
+from namlcp.qp.guess import NO_ENTRIES, Guess
 from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, Point
 from namlcp.residuals import qp_residuals
@@ -46,7 +46,7 @@ def box_lcp(qp: QP, matrix: Prepared | None = None) -> LCP:
 def box_point(qp: QP, outcome: Outcome) -> Point:
     """Return the point of the QP for z and w of the LCP."""
     x, z_box = on_bounds(outcome.z, outcome.w, qp.lb, qp.ub)
-    return Point(x, NOTHING, NOTHING, z_box)
+    return Point(x, NO_ENTRIES, NO_ENTRIES, z_box)
 
 
 @kernel
@@ -95,7 +95,9 @@ def solve_bounds(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Answer
     point = box_point(qp, outcome)
     if outcome.ray is not None:
         memory.ensure_convex(as_sparse(qp.P))
-        proof = accept_dual(qp, point.x, NOTHING, NOTHING, outcome.ray, limits.eps_abs)
+        proof = accept_dual(
+            qp, point.x, NO_ENTRIES, NO_ENTRIES, outcome.ray, limits.eps_abs
+        )
         if proof is None:
             return None
         return proved(Status.DUAL_INFEASIBLE, proof, iterations, "bounds")

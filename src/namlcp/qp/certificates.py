@@ -24,14 +24,15 @@ from namlcp.qp.transforms import equilibrate
 
 # The value of a certificate (the sum scaled to -1 above) must be below minus this times
 # the sum of the moduli of its terms, far beyond the rounding errors of the sum.
-ROUNDING = 1e3 * np.finfo(float).eps
+VALUE_ROUNDING = 1e3 * np.finfo(float).eps
 # A certificate with a residual, relative to its largest entry, of at most RESIDUAL must
 # exclude all x with |x|_1 up to RADIUS times max(1, |x|_1 of the current point). With a
-# residual of at most EXACT, mere rounding, it need not, but must satisfy MARGIN.
-RESIDUAL, RADIUS, EXACT = 1e-8, 1e3, 1e-12
-# Largest tol * lam, for a ray tol * |d|_1, of a certificate with residual <= EXACT.
+# residual of at most EXACT_RESIDUAL, mere rounding, it need not, but must satisfy
+# MARGIN.
+RESIDUAL, RADIUS, EXACT_RESIDUAL = 1e-8, 1e3, 1e-12
+# Largest tol * lam, for a ray tol * |d|_1, of such a certificate.
 MARGIN = 0.5
-# Largest |M d|, relative to |M| |d| row by row, of a ray with residual <= EXACT.
+# Largest |M d|, relative to |M| |d| row by row, of such a ray.
 CANCELLED = 1e-10
 
 
@@ -52,7 +53,7 @@ def accept_primal(
         (qp.b * y, qp.h[at] * z[at], qp.ub[up] * z_box[up], qp.lb[low] * z_box[low])
     )
     value = terms.sum()
-    if not value < -ROUNDING * np.abs(terms).sum():
+    if not value < -VALUE_ROUNDING * np.abs(terms).sum():
         return None
     y, z, z_box = y / -value, z / -value, z_box / -value
     residual = np.abs(s / -value + z_box)
@@ -78,9 +79,17 @@ def is_contradiction(
     worst = largest(residual * d)
     relative = worst / max(largest(y / a), largest(z / g), largest(z_box * d))
     error = RADIUS * worst * max(1.0, float(np.abs(x / d).sum())) + margin
-    return (relative <= RESIDUAL and error <= 1.0) or (
-        relative <= EXACT and margin <= MARGIN
-    )
+    return suffices(relative, error, margin, relative <= EXACT_RESIDUAL)
+
+
+def suffices(relative: float, error: float, margin: float, is_exact: bool) -> bool:
+    """Tell whether a certificate with this relative residual is accepted.
+
+    `error` must be at most 1 for the points within RADIUS, for an exact one `margin`,
+    its part by the tolerance, must be small.
+    """
+    within = relative <= RESIDUAL and error <= 1.0
+    return within or (is_exact and margin <= MARGIN)
 
 
 def equilibration(qp: QP) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -108,7 +117,7 @@ def accept_dual(
     d = np.where(np.isfinite(qp.lb), np.maximum(d, 0.0), d)
     terms = qp.q * d
     value = terms.sum()
-    if not value < -ROUNDING * np.abs(terms).sum():
+    if not value < -VALUE_ROUNDING * np.abs(terms).sum():
         return None
     d = d / -value
     Pd, Ad = qp.P @ d, qp.A @ d
@@ -118,11 +127,10 @@ def accept_dual(
     weights = [max(1.0, np.abs(v).sum()) for v in (x, y, z)]
     margin = tol * np.abs(d).sum()
     error = RADIUS * float(np.dot(parts, weights)) + margin
-    if (relative <= RESIDUAL and error <= 1.0) or (
-        relative <= EXACT
-        and margin <= MARGIN
-        and all(cancels(M, d, v) for M, v in ((qp.P, Pd), (qp.A, Ad), (qp.G, Gd)))
-    ):
+    is_exact = relative <= EXACT_RESIDUAL and all(
+        cancels(M, d, v) for M, v in ((qp.P, Pd), (qp.A, Ad), (qp.G, Gd))
+    )
+    if suffices(relative, error, margin, is_exact):
         return Point(d, *(np.full(v.size, np.nan) for v in (y, z, d)))
     return None
 

@@ -3,20 +3,12 @@
 Constraints can hide negative curvature in the KKT matrix, and a stationary point of a
 non-convex problem passes every residual check. The tests are, in this order: the signs
 of the diagonal, minors of order two, diagonal dominance, whether a large P is an H+
-matrix, and the pivots of P, scaled to a unit diagonal, plus `SLACK` times I.
+matrix, and the pivots of P, scaled to a unit diagonal, plus `PSD_SLACK` times I.
 """
 
 from typing import Any
 
-from namlcp.linalg import (
-    CONVEX,
-    MINOR,
-    NEGATIVE,
-    SLACK,
-    UNDECIDED,
-    curvature,
-    has_positive_pivots,
-)
+from namlcp.linalg import PSD_SLACK, curvature, has_positive_pivots
 from namlcp.theory import is_h_plus
 
 # Least order of P for which `is_h_plus`, a multigrid method, is tried before a
@@ -30,16 +22,19 @@ class NotConvex(ValueError):
 
 def check_convex(P: Any) -> None:
     """Raise NotConvex unless P (CSC, symmetric) is positive semidefinite."""
-    code, i, j, triangle = curvature(P)
-    if code == CONVEX:
+    sign, i, j, triangle = curvature(P)
+    if sign > 0:
         return
-    if code == UNDECIDED and P.shape[0] >= MULTIGRID_ORDER and is_h_plus(P.T):
-        return
-    reason = f"an eigenvalue of P with its diagonal scaled to 1 is below -{SLACK:g}"
-    if code == NEGATIVE:
+    if sign == 0:
+        if P.shape[0] >= MULTIGRID_ORDER and is_h_plus(P.T):
+            return
+        if has_positive_pivots(triangle):
+            return
+        reason = (
+            f"an eigenvalue of P with its diagonal scaled to 1 is below -{PSD_SLACK:g}"
+        )
+    elif i == j:
         reason = f"its diagonal entry {j} is negative"
-    elif code == MINOR:
+    else:
         reason = f"the determinant of its rows and columns {i} and {j} is negative"
-    elif has_positive_pivots(triangle):
-        return
     raise NotConvex(f"P must be positive semidefinite: {reason}")

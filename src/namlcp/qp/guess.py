@@ -31,8 +31,10 @@ class Guess(NamedTuple):
         return self.x if self.x.size else None
 
 
-NOTHING = np.empty(0)
-NO_GUESS = Guess(NOTHING, NOTHING, NOTHING, NOTHING, np.empty(0, dtype=np.int8))
+NO_ENTRIES = np.empty(0)
+NO_GUESS = Guess(
+    NO_ENTRIES, NO_ENTRIES, NO_ENTRIES, NO_ENTRIES, np.empty(0, dtype=np.int8)
+)
 
 
 def make_guess(qp: QP, x0: Any, warm_start: Any, name: str = "x0") -> Guess:

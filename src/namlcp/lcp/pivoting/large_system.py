@@ -21,7 +21,7 @@ from namlcp.lcp.pivoting.interior import (
 from namlcp.lcp.pivoting.work import PivotMemory, opened, path_in
 from namlcp.limits import Deadline
 from namlcp.linalg import (
-    SLACK,
+    PSD_SLACK,
     Blocks,
     blocks_of,
     factor_blocks,
@@ -141,10 +141,10 @@ class LargeSystem:
         path_step(arena, CLOSE, 0)
 
     def is_convex(self) -> bool:
-        """Tell whether A + `SLACK` I is positive definite."""
+        """Tell whether A + `PSD_SLACK` I is positive definite."""
         if not np.all(self.work.has_unit):
             return False
-        self.work.shift[:] = SLACK
+        self.work.shift[:] = PSD_SLACK
         self.member[:] = True
         self.blocks = None
         return self.factor(np.ones(self.free.size, dtype=bool), np.nan) == 1.0

@@ -23,7 +23,7 @@ from namlcp.lcp.pivoting.free_system import (
 from namlcp.lcp.pivoting.line_search import begin_at, end_at, states_at, step_to
 from namlcp.lcp.pivoting.work import opened
 from namlcp.linalg import (
-    SLACK,
+    PSD_SLACK,
     add_product,
     all_finite,
     copy,
@@ -358,7 +358,7 @@ def pivot(columns, arena, budget):
         scalars the tolerances and the properties of A. On return `best` is the best z
         of the scaled problem.
 
-    With ask_convex, a factorisation of A + `SLACK` I follows once the problem is
+    With ask_convex, a factorisation of A + `PSD_SLACK` I follows once the problem is
     solved; now.convex tells whether that matrix is positive definite.
     """
     work = opened(arena)
@@ -376,7 +376,7 @@ def pivot(columns, arena, budget):
     while budget > 0:
         budget -= 1
         for i in range(shift.size):
-            shift[i] = SLACK if now.convexity_phase else now.rho
+            shift[i] = PSD_SLACK if now.convexity_phase else now.rho
             if now.convexity_phase:
                 state[i] = 0
                 if not work.has_unit[i]:

@@ -53,7 +53,7 @@ class Scalars(ctypes.Structure):
         ("not_p", ctypes.c_bool),
         ("convex", ctypes.c_bool),
         # Progress: scaled; an interior path was followed; changes of states are
-        # searched; only A + SLACK I remains to factor; states or rho have changed.
+        # searched; only A + PSD_SLACK I remains to factor; states or rho have changed.
         ("started", ctypes.c_bool),
         ("path_followed", ctypes.c_bool),
         ("line_search", ctypes.c_bool),

@@ -28,7 +28,7 @@ import numpy as np
 from namlcp.compiled import kernel, part, pasted
 from namlcp.limits import is_over, new_watch
 from namlcp.linalg import (
-    SLACK,
+    PSD_SLACK,
     ZERO,
     add_rmatvec,
     add_scaled,
@@ -42,7 +42,7 @@ from namlcp.linalg import (
 )
 from namlcp.qp.dense.active_rows import add_constraint, add_rows, refit
 from namlcp.qp.dense.rows import (
-    TINY,
+    LEAST_DIVISOR,
     contradicts,
     is_ray,
     most_violated,
@@ -62,7 +62,7 @@ SOLVED, INFEASIBLE, UNBOUNDED, NOT_CONVEX, STALLED, BADLY_SCALED, TIME_LIMIT = r
 REFIT_AFTER = 32
 # Violations relative to their terms up to which they count as rounding at first, for
 # W = 0 and for W != 0: solving with a W much smaller than P makes x less accurate.
-ROUNDING, ROUNDING_WEIGHTED = 1e-14, 1e-12
+VIOLATION_ROUNDING, WEIGHTED_ROUNDING = 1e-14, 1e-12
 # `level`, the violation that counts as rounding, grows tenfold after IDLE_PIVOTS pivots
 # in a row on violations below NOISE * level; above MOST_ROUNDING the method gives up.
 IDLE_PIVOTS, NOISE, MOST_ROUNDING = 10, 1e3, 1e-6
@@ -74,7 +74,7 @@ ZERO_PIVOT = 1e-13
 WEIGHT, LOWERING, LOWERED = 1e-4, 0.1, 5
 # (Rounds of steps 2 to 4, refinement passes in each) at most: for W != 0, each round
 # with a new centre, and for W = 0, each with a larger `level`.
-CENTRES, ROUNDS = (20, 20), (4, 5)
+CENTRE_ROUNDS, LEVEL_ROUNDS = (20, 20), (4, 5)
 # For W != 0, the relative residual of the KKT system up to which it counts as solved.
 SETTLED = 1e-11
 # Pivots at most for W != 0, per variable and row; the interior-point method is safer
@@ -115,7 +115,10 @@ def refine_point(active, multiplier, k, P, q, G, h, A, b, lb, ub, L, Q, R, x, pa
             dm[i] = residual
             primal = max(primal, abs(residual))
             primal_size = max(primal_size, abs(d))
-        worst = max(largest_entry(g) / max(size, TINY), primal / max(primal_size, TINY))
+        worst = max(
+            largest_entry(g) / max(size, LEAST_DIVISOR),
+            primal / max(primal_size, LEAST_DIVISOR),
+        )
         if not worst < best:
             break
         copy(trial, x)
@@ -168,7 +171,7 @@ def set_multipliers(active, multiplier, k, P, q, G, A, lb, ub, x, y, z, z_box):
         elif j >= 0:
             z_box[j] = min(-gradient[j], 0.0)
     add_scaled(1.0, z_box, gradient)
-    return largest_entry(gradient) / max(size, TINY)
+    return largest_entry(gradient) / max(size, LEAST_DIVISOR)
 
 
 @part
@@ -220,7 +223,7 @@ def choose_weight(P, q, G, h, A, b, lb, ub, weight, L):
     for j in range(n):
         most = max(most, abs(P[j, j]))
     for j in range(n):
-        weight[j] = SLACK * P[j, j] + (ZERO * most if most > 0.0 else 1.0)
+        weight[j] = PSD_SLACK * P[j, j] + (ZERO * most if most > 0.0 else 1.0)
     if not factor_sum(P, weight, L):
         return False
     scale = max(most, typical_curvature(q, G, h, A, b, lb, ub))
@@ -259,10 +262,10 @@ def run_pivots(
     row, norms, u0, u = np.empty(n), np.ones(m), np.empty(n), np.empty(n)
     Gx, centre, point = np.empty(m), np.zeros(n), np.empty(n)
     definite = largest_entry(weight) == 0.0
-    rounds, passes = ROUNDS if definite else CENTRES
-    level = ROUNDING if definite else ROUNDING_WEIGHTED
+    rounds, passes = LEVEL_ROUNDS if definite else CENTRE_ROUNDS
+    level = VIOLATION_ROUNDING if definite else WEIGHTED_ROUNDING
     # np.int64, because a literal would compile every callee once more
-    k, pivots, idle, exact = np.int64(0), 0, 0, ROUNDING
+    k, pivots, idle, exact = np.int64(0), 0, 0, VIOLATION_ROUNDING
     # Step 1: the minimum, the equalities, and the inequalities of a guess.
     copy(start, centre)
     minimise_cost(q, weight, centre, L, u0, u, x)
@@ -369,7 +372,7 @@ def run_pivots(
                     return STALLED, pivots
             copy(point, centre)
             minimise_cost(q, weight, centre, L, u0, u, x)
-            exact = ROUNDING
+            exact = VIOLATION_ROUNDING
         k = refit(active, multiplier, k, G, h, A, b, lb, ub, u0, L, Q, R, u, x, watch)
     return STALLED, pivots
 

@@ -16,7 +16,7 @@ CONTRADICTION = 1e-10
 # largest diagonal entry of P or the norm of the row of G.
 RAY_ZERO = 1e-9
 # Divisors that may be 0 are replaced by this.
-TINY = 1e-300
+LEAST_DIVISOR = 1e-300
 
 
 @part
