@@ -7,20 +7,3 @@ from namlcp.lcp.pivoting import ACCURACY, pivot, solve_box
 from namlcp.lcp.prepared import Prepared
 from namlcp.lcp.relaxation import relax_csr
 from namlcp.lcp.solve import solve_lcp
-
-__all__ = [
-    "ACCURACY",
-    "LARGE_LCP",
-    "LCP",
-    "METHODS",
-    "Outcome",
-    "Parameters",
-    "Prepared",
-    "checked_parameters",
-    "find_method",
-    "pivot",
-    "relax_csr",
-    "solve_auto",
-    "solve_box",
-    "solve_lcp",
-]

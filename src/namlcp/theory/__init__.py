@@ -2,5 +2,3 @@
 
 from namlcp.theory.comparison import Verdict, is_h_plus
 from namlcp.theory.convergence import converges
-
-__all__ = ["Verdict", "converges", "is_h_plus"]

@@ -9,14 +9,3 @@ from namlcp.lcp.modulus.methods import (
     find_method,
 )
 from namlcp.lcp.modulus.sweeps import sweep
-
-__all__ = [
-    "METHODS",
-    "SOLVERS",
-    "Parameters",
-    "checked_parameters",
-    "dense_solver",
-    "find_method",
-    "sparse_solver",
-    "sweep",
-]

@@ -3,5 +3,3 @@
 from namlcp.lcp.multigrid.cycles import solve_by_multigrid
 from namlcp.lcp.multigrid.hierarchy import Hierarchy, build
 from namlcp.lcp.multigrid.kernels import ascend
-
-__all__ = ["Hierarchy", "ascend", "build", "solve_by_multigrid"]

@@ -18,5 +18,3 @@ Compiled functions take the NamedTuple `work.Work`, whose arrays have no referen
 
 from namlcp.lcp.pivoting.driver import ACCURACY, solve_box
 from namlcp.lcp.pivoting.pivot import pivot
-
-__all__ = ["ACCURACY", "pivot", "solve_box"]

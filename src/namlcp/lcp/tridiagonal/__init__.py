@@ -2,5 +2,3 @@
 
 from namlcp.lcp.tridiagonal.diagonals import Tridiagonal, tridiagonal_of
 from namlcp.lcp.tridiagonal.elimination import solve_faces, solve_tridiagonal
-
-__all__ = ["Tridiagonal", "solve_faces", "solve_tridiagonal", "tridiagonal_of"]

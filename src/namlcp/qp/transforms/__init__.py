@@ -9,15 +9,3 @@ from namlcp.qp.transforms.huge_bounds import without_huge_bounds
 from namlcp.qp.transforms.presolve import Contradiction, Presolved, presolve
 from namlcp.qp.transforms.scaling import UNITS, ScaledQP, equilibrate
 from namlcp.qp.transforms.substitution import Substitution, substitute
-
-__all__ = [
-    "UNITS",
-    "Contradiction",
-    "Presolved",
-    "ScaledQP",
-    "Substitution",
-    "equilibrate",
-    "presolve",
-    "substitute",
-    "without_huge_bounds",
-]
