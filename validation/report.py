@@ -1,10 +1,5 @@
 """All of the evidence in one self-contained HTML file.
 
-Usage::
-
-    python validation/report.py --quick [--data DIR] [--out DIR] [--only PART ...]
-    python validation/report.py --full  [--data DIR] [--out DIR] [--only PART ...]
-
 --quick: small versions of the charts, profiles, oracles, the stress test and the
 pictures, in less than ten minutes. --full: the same at their sizes, and Maros-Meszaros,
 benchmarks, large LCPs and infeasible QPs, which takes hours. Either writes report.html

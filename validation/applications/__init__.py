@@ -2,5 +2,3 @@
 
 cvxpy_bench: models in CVXPY solved in child processes, their answers judged.
 """
-
-__all__ = ["cvxpy_bench"]

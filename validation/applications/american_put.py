@@ -1,9 +1,5 @@
 """American puts: one tridiagonal LCP a time step, beside Brennan and Schwartz.
 
-Usage::
-
-    python -m validation.applications.american_put [--quick] [--results DIR]
-
 V_t + 1/2 sigma^2 V_xx + (r - q - 1/2 sigma^2) V_x - r V <= 0, V >= payoff, one of the
 two with equality, x = ln S. Central differences on 4000 nodes (x - ln K from -WIDTH to
 WIDTH, the strike midway between two nodes, where the payoff's kink costs least), 4000

@@ -1,10 +1,5 @@
 """What people model in CVXPY, solved with NAM beside OSQP and Clarabel.
 
-Usage::
-
-    python -m validation.applications.cvxpy_models [--models NAME ...]
-        [--size small large] [--solvers nam osqp clarabel ...] [--limit 60] [--csv FILE]
-
 Each model (`problems.models`) at two sizes. The objective is
 compared with Clarabel's, at its tightest tolerances unless it fails there. Residuals
 are computed on the data that CVXPY hands over, min 1/2 x'Px + q'x, Ax = b, Fx <= g,

@@ -1,10 +1,5 @@
 """Sequences of 100 problems that differ in Parameters: NAM beside warm-started OSQP.
 
-Usage::
-
-    python -m validation.applications.cvxpy_resolve [--models control frontier lasso]
-        [--size small medium] [--solvers nam osqp ...] [--limit 120] [--csv FILE]
-
 One cp.Problem, its Parameters set 100 times, each time ``problem.solve(solver=...)``;
 NAM as an inline ``NAM()``. Processor seconds a step on one thread, without the first:
 

@@ -1,9 +1,5 @@
 """Hertz contact without a matrix on growing grids, beside Hertz's formulas.
 
-Usage::
-
-    python -m validation.applications.hertz [--quick] [--results DIR]
-
 --quick: 64^2 and 128^2 cells, nothing written.
 """
 

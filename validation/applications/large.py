@@ -1,11 +1,5 @@
 """Large sparse LCPs: time against n, beside one linear solve with the same matrix.
 
-Usage::
-
-    python -m validation.applications.large [run | plot | table] [--quick]
-        [--scenes forced ball ...] [--method auto] [--no-peers]
-        [--results DIR] [--figures DIR]
-
 run
     large.csv: one row for each scene, size and solver. `seconds` is the best of two
     whole calls of `solve_lcp` (of one beyond a minute), checks and set-up included,

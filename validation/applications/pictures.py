@@ -1,9 +1,5 @@
 """What solutions look like: contact sets, an exercise boundary, forces between bodies.
 
-Usage::
-
-    python -m validation.applications.pictures [--quick] [--figures DIR]
-
 contact-sets.png
     A membrane on the floor and on a ball, and the plastic zone of a bar under torsion:
     z in shades with level lines, and where a bound holds.

@@ -1,3 +1,1 @@
 """The environment: package versions, first calls, BLAS threads."""
-
-__all__: list[str] = []

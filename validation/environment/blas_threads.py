@@ -1,10 +1,5 @@
 """What a second BLAS thread does to a solve that did not ask for it.
 
-Usage::
-
-    python -m validation.environment.blas_threads --data DIR
-        [--sets mpc contact small strict dense] [--busy] [--csv FILE]
-
 Every problem is solved in turn with one and with two threads set for the BLAS of NumPy
 and SciPy, as a user would set them or have them by default, and once more with two
 where the package leaves the setting alone. `ratio` is the time with two over that with

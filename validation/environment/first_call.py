@@ -1,9 +1,5 @@
 """Solve one small problem in a fresh process and print how long the first call took.
 
-Usage::
-
-    python -m validation.environment.first_call [PATH]
-
 Without PATH the names of all paths are printed: there is one for each way through the
 solver that is compiled separately; `validation.peers.lcp` runs them all. Printed are
 the seconds of the import beyond that of numba and qpsolvers, those of the

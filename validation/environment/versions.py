@@ -1,10 +1,5 @@
 """Run a part of the tests with the oldest and the newest supported packages.
 
-Usage::
-
-    python -m validation.environment.versions [--only NAME ...] [--folder DIR]
-        [--csv FILE]
-
 For each of ENVIRONMENTS a virtual environment is made in DIR (a temporary folder unless
 given; one that is there is used again), the package is installed as a user would, and
 PART of the tests runs. Needs PyPI and, for each environment, some ten minutes on one

@@ -18,22 +18,3 @@ charts       the style of the figures
 from validation.harness.csv_files import Row
 from validation.harness.data_folder import MissingDataError
 from validation.harness.processes import Bench, Job, Work
-
-__all__ = [
-    "Bench",
-    "Job",
-    "MissingDataError",
-    "Row",
-    "Work",
-    "charts",
-    "cli",
-    "csv_files",
-    "data_folder",
-    "judging",
-    "machine",
-    "processes",
-    "qp_solvers",
-    "qps",
-    "tables",
-    "timing",
-]

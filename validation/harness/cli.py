@@ -43,8 +43,10 @@ def add_usual(parser: argparse.ArgumentParser, *names: str, **defaults: Any) -> 
 
 
 def parser(doc: str | None, *names: str, **defaults: Any) -> Any:
-    """Return a parser described by a first docstring line, with usual options."""
-    parser = argparse.ArgumentParser(description=(doc or "").splitlines()[0])
+    """Return a parser described by a module's docstring, with usual options."""
+    parser = argparse.ArgumentParser(
+        description=doc, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     add_usual(parser, *names, **defaults)
     return parser
 

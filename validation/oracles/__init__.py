@@ -1,3 +1,1 @@
 """Every scene solved by independent solvers and compared with known values."""
-
-__all__: list[str] = []

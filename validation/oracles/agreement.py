@@ -1,11 +1,5 @@
 """NAM beside independent oracles on every scene, against the values that are known.
 
-Usage::
-
-    python -m validation.oracles.agreement run [--data DIR] [--quick]
-        [--csv FILE]
-    python -m validation.oracles.agreement table [--csv FILE]
-
 Scenes and known values: `scenes`; solvers: `solvers`, each asked for
 1e-10, in a child process with a time limit. One row of the CSV is one quantity of one
 scene by one solver. The reference is the known value, to the digits that are printed.

@@ -1,10 +1,5 @@
 """The convergence theory at scale: is_h_plus by definition, its time; proofs by runs.
 
-Usage::
-
-    python -m validation.paper.h_plus [definition time proofs runs]
-        [--results DIR] [--quick]
-
 definition: random matrices on both sides of rho(J) = 1, near the border included;
     the truth is the construction (dense eigenvalues), and every witness is checked in
     rational arithmetic.

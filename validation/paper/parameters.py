@@ -1,10 +1,5 @@
 """How good omega="auto" and alpha="auto" are beside the best point of a grid.
 
-Usage::
-
-    python -m validation.paper.parameters --data DATA [--held-out] [--quick]
-        [--results DIR]
-
 For every scene and every sweep method: the fewest sweeps to Res(z) < 1e-6 Res(0) over
 alpha and c, Omega = c D, within CAP sweeps (grid_alpha, grid_c, grid_sweeps), and what
 the choice of the package needs (auto_sweeps, with its last alpha and c). `products`

@@ -1,10 +1,5 @@
 """Where the sweep methods fail: maps over their parameters, classes and conditioning.
 
-Usage::
-
-    python -m validation.paper.stability [run | plot] [--quick]
-        [--results DIR] [--figures DIR]
-
 run
     stability.csv: every method on one problem of each class (`sweep_scenes`), over c
     in Omega = c D and alpha. stability-units.csv: every method on Example 1, over

@@ -1,10 +1,5 @@
 """Tables 1 and 2 of the paper, checked, and the rows that the paper does not have.
 
-Usage::
-
-    python -m validation.paper.tables [run | plot | large | errors]
-        [--jobs 2] [--results DIR] [--figures DIR]
-
 run
     paper-tables.csv: the 48 printed runs (delta = 4), iterations and Res beside the
     printed ones. paper-methods.csv: the same problems, and delta = 1 and 0, by every

@@ -1,10 +1,5 @@
 """Success and time of solver="nam" beside its peers, through qpsolvers.
 
-Usage::
-
-    python -m validation.peers.benchmark --data DIR [--set mpc contact small strict all]
-        [--eps 1e-6 1e-9] [--solvers nam piqp ...] [--csv FILE]
-
 A problem counts as solved when the solver says so and primal residual, dual residual
 and duality gap (qpsolvers' own functions) and the wrong-signed part of the multipliers
 are all at most eps, within the time limit. The time is the median of repeated calls of

@@ -1,11 +1,5 @@
 """Success on problems that the constants of the path were not tuned on.
 
-Usage::
-
-    python -m validation.peers.generalisation --data DIR [--families NAME ...]
-        [--seeds 40] [--changes NAME ...] [--problems NAME ...] [--eps 1e-6]
-        [--solvers nam piqp] [--csv FILE]
-
 Two kinds of problems, judged and timed as in `benchmark`:
 
 - families: random QPs around a planted primal-dual solution, so that every one of them

@@ -1,11 +1,5 @@
 """qpsolvers' own benchmark, qpbenchmark, with solver="nam", on Maros-Meszaros.
 
-Usage::
-
-    python -m validation.peers.host_benchmark --data DIR --csv FILE
-        [--subset dense] [--solvers nam piqp ...] [--limit 10] [--timeouts CSV]
-        [--settings mid_accuracy high_accuracy] [--only NAME ...]
-
 qpbenchmark (`pip install qpbenchmark`) knows the solvers in its settings only, so "nam"
 is added there, and reads its problems from files, so the test set is told to take those
 of the data folder. Runs, tolerances, tables and their meaning are qpbenchmark's. It

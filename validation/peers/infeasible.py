@@ -1,10 +1,5 @@
 """What solver="nam" says of QPs without a solution, beside its peers, and how fast.
 
-Usage::
-
-    python -m validation.peers.infeasible [--data DIR] [--step 3]
-        [--solvers nam osqp ...] [--csv FILE] [--check]
-
 The problems and what is true of them: `infeasible_cases`. Every solver is called
 through qpsolvers in a child process, at the case's eps as absolute tolerance, each
 with those of its settings that recognise most. What it says is

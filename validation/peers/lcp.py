@@ -1,10 +1,5 @@
 """LCPs: contact scenes beside PIQP, a million unknowns beside OSQP, first calls.
 
-Usage::
-
-    python -m validation.peers.lcp --data DIR [--parts contact example1 first-call]
-        [--results DIR]
-
 contact
     `solve_lcp` at default settings and PIQP (through qpsolvers, 1e-9) on the contact
     scenes. Relative residual: || min(z, Az + q) ||_2 / || min(q, 0) ||_2 of the LCP

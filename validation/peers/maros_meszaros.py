@@ -1,12 +1,5 @@
 """The whole Maros-Meszaros set: success, time and accuracy beside the peers.
 
-Usage::
-
-    python -m validation.peers.maros_meszaros run --data DIR --csv FILE
-        [--eps 1e-3 1e-6 1e-9] [--limit 10] [--solvers nam piqp ...]
-        [--minutes 30] [--only NAME ...]
-    python -m validation.peers.maros_meszaros table --data DIR --csv FILE
-
 `run` measures as benchmark does, one problem after the other with every solver in
 turn, and writes a row at once; it goes on where an earlier run of the same file has
 stopped. With a larger --limit only what was late under the smaller one is run again.

@@ -1,11 +1,5 @@
 """Performance profiles: how many problems are solved within a factor of the fastest.
 
-Usage::
-
-    python -m validation.peers.profiles run [--data DIR] [--quick]
-        [--results DIR] [--solvers nam piqp ...] [--limit 10]
-    python -m validation.peers.profiles plot [--results DIR] [--figures DIR]
-
 run
     profiles.csv: a row for each set, problem, solver and tolerance (1e-3, 1e-6, 1e-9),
     judged and timed as benchmark does. Model predictive control and contact are

@@ -1,12 +1,5 @@
 """Speed against attained accuracy: one panel for each family of problems.
 
-Usage::
-
-    python -m validation.peers.work_precision run [--data DIR] [--quick]
-        [--results DIR] [--families NAME ...] [--solvers nam piqp ...]
-        [--eps 1e-2 1e-4 ...] [--limit 5] [--minutes 60]
-    python -m validation.peers.work_precision plot [--results DIR] [--figures DIR]
-
 run
     work-precision-problems.csv: a row for each problem, solver and requested tolerance.
     `error` is computed here from the returned point: the distance to the solution,

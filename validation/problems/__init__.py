@@ -18,17 +18,3 @@ fuzzed                      the problems of the campaign (a room of its own)
 models                      what people model in CVXPY (a room of its own)
 ==========================  ============================================================
 """
-
-__all__ = [
-    "american_puts",
-    "contact_scenes",
-    "data_sets",
-    "families",
-    "hertz",
-    "infeasible_cases",
-    "known_scenes",
-    "large_scenes",
-    "planted",
-    "stress_cases",
-    "sweep_scenes",
-]

@@ -1,3 +1,1 @@
 """Who stays right under stress: the seeded campaign, and the stress table."""
-
-__all__: list[str] = []

@@ -1,17 +1,11 @@
 """Is anything wrong ever called solved? A seeded campaign over every kind of problem.
 
-Usage::
-
-    python -m validation.stress.campaign run --csv FILE [--seed 1] [--problems 100000]
-        [--solvers nam osqp piqp proxqp clarabel daqp quadprog] [--eps 1e-6]
-    python -m validation.stress.campaign report --csv FILE    # tables in Markdown
-    python -m validation.stress.campaign show --seed 1 --index 77   # one, again
-
 The problems: `problems.fuzzed`; problem i comes from (seed, i) alone. The judge:
 `campaign_judge`, by the definition. Every solver has a child process; what hangs for
 --limit seconds or crashes costs that problem, and the next child goes on. The CSV
 counts outcomes for each class and lists the indices of what was not right; run again
-with the same file it goes on where it stopped.
+with the same file it goes on where it stopped. `report` prints its tables in Markdown,
+`show` asks one problem once more.
 
 nam gets the arguments in all their representations, at its default settings, with
 warnings as errors. Its peers get the convex QPs, clean, through qpsolvers with eps as

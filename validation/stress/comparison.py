@@ -1,12 +1,5 @@
 """Which solver stays right under stress, and which is wrong without saying so.
 
-Usage::
-
-    python -m validation.stress.comparison run [--quick] [--solvers nam piqp ...]
-        [--csv FILE]
-    python -m validation.stress.comparison table [--csv FILE]
-    python -m validation.stress.comparison plot [--csv FILE] [--figure FILE]
-
 The rows are those of `stress_cases`, 20 seeded problems each, dense, of 0 to about
 100 variables, all feasible and bounded, with a solution known by construction. Every
 solver is asked for EPS = 1e-8, absolute and relative, through qpsolvers (`qp_solvers`;

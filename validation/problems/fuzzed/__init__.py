@@ -3,5 +3,3 @@
 draw: random matrices and vectors. qps, lcps: the classes of problems. forms: the
 representations in which arguments are passed, right and malformed. cases: problem i.
 """
-
-__all__ = ["cases"]

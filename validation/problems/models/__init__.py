@@ -2,6 +2,4 @@
 
 from validation.problems.models import decisions, statistics
 
-__all__ = ["MODELS", "decisions", "statistics"]
-
 MODELS = statistics.MODELS | decisions.MODELS
