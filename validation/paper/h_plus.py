@@ -27,6 +27,7 @@ from namlcp.lcp.modulus.sweeps import step_of
 from namlcp.theory.contraction import contraction_bounds, dense_parts, lyapunov_function
 from namlcp.theory.splittings import splitting
 from validation.harness import Row, cli, csv_files, tables, timing
+from validation.paper.errors import spectral_radius
 from validation.problems import sweep_scenes
 
 PARTS = ("definition", "time", "proofs", "runs")
@@ -39,11 +40,6 @@ def jacobi(A: np.ndarray) -> np.ndarray:
     """Return J = D^-1 |A - D|."""
     D = np.diag(A)
     return np.abs(A - np.diag(D)) / D[:, None]
-
-
-def radius(T: np.ndarray) -> float:
-    """Return rho(T)."""
-    return float(np.abs(np.linalg.eigvals(T)).max(initial=0.0))
 
 
 def random_matrix(rng: np.random.Generator, target: float) -> np.ndarray | None:
@@ -60,7 +56,7 @@ def random_matrix(rng: np.random.Generator, target: float) -> np.ndarray | None:
         A[: n // 2, n // 2 :] = 0.0
     off = ~np.eye(n, dtype=bool)
     for _ in range(2):
-        rho = radius(jacobi(A))
+        rho = spectral_radius(jacobi(A))
         if rho < 1e-2:
             return None
         A[off] *= target / rho
@@ -246,9 +242,9 @@ def run_rows(sizes: tuple[int, ...]) -> list[Row]:
                 bounds = contraction_bounds(A, method, **given)
                 row: Row = {"example": example, "delta": delta, "n": m * m}
                 row |= {"method": method, "rho_T": round(bounds.upper, 4)}
-                row["rho_smaller_T"] = round(radius(np.abs(X) + np.abs(Y)), 4)
+                row["rho_smaller_T"] = round(spectral_radius(np.abs(X) + np.abs(Y)), 4)
                 row["energy_factor"] = "" if found is None else round(found.factor, 6)
-                row["linear_rate"] = round(radius(X + Y), 4)
+                row["linear_rate"] = round(spectral_radius(X + Y), 4)
                 rows.append(row)
                 print("  ".join(f"{key} {value}" for key, value in row.items()))
     return rows

@@ -29,7 +29,6 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import splu
 
 from namlcp import LCPResult, solve_lcp
 from validation.harness import Row, cli, csv_files, tables
@@ -215,20 +214,10 @@ def transcription(scene: sweep_scenes.Scene, omega: np.ndarray) -> tuple[int, fl
 
     (D - 2L + Omega + I) s+ = (U + I - L) s + (Omega - A)|s| - 2 q
     """
-    A, q = scene.A, scene.q
-    eye = sp.eye_array(q.size)
-    L, U = -sp.tril(A, -1), -sp.triu(A, 1)
-    Omega = sp.diags_array(omega)
-    D = sp.diags_array(A.diagonal())
-    left = splu(sp.csc_array(D - 2 * L + Omega + eye), permc_spec="NATURAL")
-    N, B = sp.csr_array(U + eye - L), sp.csr_array(Omega - A)
-    s, k = np.array(scene.s0), 0
-    while True:
-        z = 0.5 * (np.abs(s) + s)
-        residual = float(np.linalg.norm(np.minimum(z, A @ z + q)))
-        if residual < EPS or k == 1000:
-            return k, residual
-        s, k = left.solve(N @ s + B @ np.abs(s) - 2.0 * q), k + 1
+    D, L, U = errors.parts(scene.A)
+    eye = sp.eye_array(scene.q.size)
+    run = errors.sweeps(scene, D - 2 * L + eye, U + eye - L, sp.diags_array(omega))
+    return next((k, r) for k, r in enumerate(run) if r < EPS or k == 1000)
 
 
 def run(results: Path, jobs: int) -> None:

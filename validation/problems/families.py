@@ -234,27 +234,17 @@ def missing(data: Path | None) -> list[str]:
 
 
 def families(data: Path | None) -> dict[str, Family]:
-    """Return the families by name, with what the data folder has of them."""
-    known = {
-        "dominant": dominant_family(),
-        "obstacle": obstacle_family(),
-        "contact": contact_family(),
-        "MPC": mpc_family(),
-        "SVM": svm_family(data),
-        "general QP": general_family(),
-        "paper": paper_family(),
-    }
-    for name, (problem_set, stored_names) in STORED.items():
-        for key in stored_names:
-            if data is not None and file_of(data, problem_set, key).exists():
-                maker = partial(stored, data, problem_set, key)
-                known[name].makers[key] = maker
-    return known
+    """Return the families by name, with what the data folder has of them.
 
+    dominant: strictly dominant symmetric A, planted solutions; obstacle: on 100 x 100,
+    50 x 50 and 22 x 22 nodes; contact: without friction, many A are singular; MPC:
+    condensed and sparse; SVM: up to 10^4 points; general QP: everything a QP may have;
+    paper: for the sweeps and method="auto" alone.
+    """
+    from namlcp.lcp import METHODS
 
-def dominant_family() -> Family:
-    """Return LCPs with a strictly dominant symmetric A and planted solutions."""
-    makers = {
+    X, y = svm_data(data)
+    dominant_lcps = {
         "five-point + 4": partial(dominant, 100, 4.0),
         "five-point + 1": partial(dominant, 50, 1.0),
         "five-point + 1/4": partial(dominant, 50, 0.25),
@@ -265,12 +255,7 @@ def dominant_family() -> Family:
         "small": partial(dominant, 20, 4.0),
         "small, random signs": lambda: planted(random_signs(400)),
     }
-    return Family("dominant LCP", True, makers, ("small", "small, random signs"), SWEPT)
-
-
-def obstacle_family() -> Family:
-    """Return obstacle LCPs on 100 x 100, 50 x 50 and 22 x 22 nodes."""
-    makers = {
+    obstacles = {
         "forced": lambda: boxed(obstacle(100)),
         "ball": lambda: boxed(ball_obstacle(52)),
         "torsion": lambda: boxed(torsion(50, 50)),
@@ -281,13 +266,7 @@ def obstacle_family() -> Family:
         "forced, small": lambda: boxed(obstacle(22)),
         "torsion, small": lambda: boxed(torsion(22, 22)),
     }
-    quick = ("forced, small", "torsion, small")
-    return Family("obstacle LCP", True, makers, quick, SWEPT)
-
-
-def contact_family() -> Family:
-    """Return contact forces without friction; many A are singular."""
-    makers = {
+    contacts = {
         "heap": lambda: pile(heap(1000)),
         "wide heap": lambda: pile(heap(300, sideways=True)),
         "wall": lambda: pile(brick_wall(1000)),
@@ -295,13 +274,7 @@ def contact_family() -> Family:
         "wedge": lambda: pile(disc_pile(12)),
         "heap, large": lambda: pile(heap(10_500)),
     }
-    quick = ("wall, small", "wedge")
-    return Family("contact", False, makers, quick, SWEPT)
-
-
-def mpc_family() -> Family:
-    """Return model predictive control, condensed and sparse."""
-    makers = {
+    controls = {
         "point mass": lambda: boxed(input_bounded_mpc(100)),
         "point mass, long": lambda: boxed(input_bounded_mpc(200)),
         "walk": lambda: Task(preview_control(24)),
@@ -309,13 +282,7 @@ def mpc_family() -> Family:
         "sparse": partial(sparse_mpc, 300),
         "sparse, long": partial(sparse_mpc, 3500),
     }
-    return Family("MPC", True, makers, ("point mass", "walk"))
-
-
-def svm_family(data: Path | None) -> Family:
-    """Return support vector machines; the largest has 10^4 points."""
-    X, y = svm_data(data)
-    makers = {
+    machines = {
         "RBF": lambda: boxed(svm_rbf(X, y, 1.0 / 13.0)),
         "squared hinge": lambda: boxed(svm_l2(X, y)),
         "clouds, 500": lambda: boxed(svm_rbf(*two_clouds(500), 0.2)),
@@ -323,12 +290,7 @@ def svm_family(data: Path | None) -> Family:
         "linear, 1000": partial(linear_svm, 1000),
         "linear, 10 000": partial(linear_svm, 10_000),
     }
-    return Family("SVM", True, makers, ("RBF", "squared hinge"))
-
-
-def general_family() -> Family:
-    """Return QPs with everything a QP may have."""
-    makers = {
+    general = {
         "random, 1": partial(random_qp, 2000, 1),
         "random, 4": partial(random_qp, 800, 4),
         "portfolio": lambda: boxed(portfolio(300)),
@@ -336,22 +298,31 @@ def general_family() -> Family:
         "denoising": partial(denoising, 2000),
         "lasso": partial(lasso, 200, 100),
     }
-    return Family("general QP", False, makers, ("random, 1", "lasso"))
-
-
-def paper_family() -> Family:
-    """Return the examples of the paper, for the sweeps and method="auto" alone."""
-    from namlcp.lcp import METHODS
-
-    makers = {
+    examples = {
         f"Example {number}, delta = {delta:g}": partial(paper_task, number, delta, 100)
         for number in (1, 2)
         for delta in (4.0, 1.0, 0.25)
     }
-    small = {
-        f"Example {number}, n = 400": partial(paper_task, number, 4.0, 20)
-        for number in (1, 2)
+    small = {f"Example {k}, n = 400": partial(paper_task, k, 4.0, 20) for k in (1, 2)}
+    every = tuple(f"sweep {name}" for name in METHODS)
+    known = {
+        "dominant": Family(
+            "dominant LCP", True, dominant_lcps, ("small", "small, random signs"), SWEPT
+        ),
+        "obstacle": Family(
+            "obstacle LCP", True, obstacles, ("forced, small", "torsion, small"), SWEPT
+        ),
+        "contact": Family("contact", False, contacts, ("wall, small", "wedge"), SWEPT),
+        "MPC": Family("MPC", True, controls, ("point mass", "walk")),
+        "SVM": Family("SVM", True, machines, ("RBF", "squared hinge")),
+        "general QP": Family("general QP", False, general, ("random, 1", "lasso")),
+        "paper": Family(
+            "paper's examples", True, examples | small, tuple(small), every, False
+        ),
     }
-    sweeps = tuple(f"sweep {name}" for name in METHODS)
-    makers |= small
-    return Family("paper's examples", True, makers, tuple(small), sweeps, peers=False)
+    for name, (problem_set, stored_names) in STORED.items():
+        for key in stored_names:
+            if data is not None and file_of(data, problem_set, key).exists():
+                maker = partial(stored, data, problem_set, key)
+                known[name].makers[key] = maker
+    return known
