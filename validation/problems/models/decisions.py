@@ -3,11 +3,13 @@
 As `statistics`: functions of sizes, data with a fixed seed, a list at the end.
 """
 
+from typing import Any
+
 import cvxpy as cp
 import numpy as np
 import scipy.sparse as sp
 
-from validation.problems.models.statistics import Model
+from validation.problems.models.statistics import Model, least
 
 
 def market(n: int, factors: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -24,12 +26,17 @@ def covariance(n: int) -> tuple[np.ndarray, np.ndarray]:
     return mean, loadings @ loadings.T + np.diag(specific)
 
 
-def markowitz(n: int) -> cp.Problem:
-    """Long-only mean-variance portfolio."""
+def trade_off(n: int) -> tuple[cp.Variable, Any]:
+    """Return the weights of n assets, and twice the variance less the return."""
     mean, sigma = covariance(n)
     w = cp.Variable(n)
-    cost = 2.0 * cp.quad_form(w, cp.psd_wrap(sigma)) - mean @ w
-    return cp.Problem(cp.Minimize(cost), [cp.sum(w) == 1, w >= 0])
+    return w, 2.0 * cp.quad_form(w, cp.psd_wrap(sigma)) - mean @ w
+
+
+def markowitz(n: int) -> cp.Problem:
+    """Long-only mean-variance portfolio."""
+    w, cost = trade_off(n)
+    return least(cost, cp.sum(w) == 1, w >= 0)
 
 
 def markowitz_target(n: int) -> cp.Problem:
@@ -37,7 +44,7 @@ def markowitz_target(n: int) -> cp.Problem:
     mean, sigma = covariance(n)
     w = cp.Variable(n)
     rows = [cp.sum(w) == 1, mean @ w >= 0.02, w >= 0, w <= max(0.1, 4.0 / n)]
-    return cp.Problem(cp.Minimize(cp.quad_form(w, cp.psd_wrap(sigma))), rows)
+    return least(cp.quad_form(w, cp.psd_wrap(sigma)), *rows)
 
 
 def markowitz_sample(n: int) -> cp.Problem:
@@ -52,20 +59,15 @@ def markowitz_sample(n: int) -> cp.Problem:
 
 def turnover_cost(n: int) -> cp.Problem:
     """Mean-variance with costs proportional to trades."""
-    mean, sigma = covariance(n)
-    w, held = cp.Variable(n), np.full(n, 1.0 / n)
-    cost = 2.0 * cp.quad_form(w, cp.psd_wrap(sigma)) - mean @ w
+    (w, cost), held = trade_off(n), np.full(n, 1.0 / n)
     trade = 0.002 * cp.norm1(w - held)
-    return cp.Problem(cp.Minimize(cost + trade), [cp.sum(w) == 1, w >= 0])
+    return least(cost + trade, cp.sum(w) == 1, w >= 0)
 
 
 def turnover_limit(n: int) -> cp.Problem:
     """Mean-variance with limits on trades and on leverage."""
-    mean, sigma = covariance(n)
-    w, held = cp.Variable(n), np.full(n, 1.0 / n)
-    cost = 2.0 * cp.quad_form(w, cp.psd_wrap(sigma)) - mean @ w
-    rows = [cp.sum(w) == 1, cp.norm1(w - held) <= 0.5, cp.norm1(w) <= 1.6]
-    return cp.Problem(cp.Minimize(cost), rows)
+    (w, cost), held = trade_off(n), np.full(n, 1.0 / n)
+    return least(cost, cp.sum(w) == 1, cp.norm1(w - held) <= 0.5, cp.norm1(w) <= 1.6)
 
 
 def factor_model(n: int, factors: int) -> cp.Problem:
@@ -74,7 +76,7 @@ def factor_model(n: int, factors: int) -> cp.Problem:
     w, f = cp.Variable(n), cp.Variable(factors)
     risk = cp.sum_squares(f) + cp.sum_squares(cp.multiply(np.sqrt(specific), w))
     rows = [f == loadings.T @ w, cp.sum(w) == 1, w >= 0, f[0] == 0]
-    return cp.Problem(cp.Minimize(5.0 * risk - mean @ w), rows)
+    return least(5.0 * risk - mean @ w, *rows)
 
 
 def many_periods(n: int, periods: int) -> cp.Problem:
@@ -88,7 +90,7 @@ def many_periods(n: int, periods: int) -> cp.Problem:
         risk = cp.sum_squares(loadings.T @ w[t])
         risk += cp.sum_squares(cp.multiply(np.sqrt(specific), w[t]))
         cost += 5.0 * risk - drift @ w[t] + 0.003 * cp.norm1(w[t] - w[t - 1])
-    return cp.Problem(cp.Minimize(cost), rows)
+    return least(cost, *rows)
 
 
 def capital(n: int) -> cp.Problem:
@@ -106,7 +108,7 @@ def value_at_risk(n: int, samples: int) -> cp.Problem:
     losses = -0.01 - 0.1 * np.random.default_rng(n).standard_normal((samples, n))
     w = cp.Variable(n)
     tail = cp.sum_largest(losses @ w, samples // 10) / (samples // 10)
-    return cp.Problem(cp.Minimize(tail), [cp.sum(w) == 1, w >= 0])
+    return least(tail, cp.sum(w) == 1, w >= 0)
 
 
 def plant(nx: int, nu: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -117,32 +119,33 @@ def plant(nx: int, nu: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return A, rng.standard_normal((nx, nu)) / nx, rng.standard_normal(nx)
 
 
-def control(nx: int, nu: int, steps: int) -> cp.Problem:
-    """Linear model-predictive control with bounds."""
+def moves(nx: int, nu: int, steps: int, scale: float = 1.0) -> tuple[Any, Any, list]:
+    """Return states and inputs of `plant` and its equations, from scale times start."""
     A, B, start = plant(nx, nu)
     x, u = cp.Variable((nx, steps + 1)), cp.Variable((nu, steps))
-    rows = [x[:, 0] == start, x[:, 1:] == A @ x[:, :-1] + B @ u]
+    return x, u, [x[:, 0] == scale * start, x[:, 1:] == A @ x[:, :-1] + B @ u]
+
+
+def control(nx: int, nu: int, steps: int) -> cp.Problem:
+    """Linear model-predictive control with bounds."""
+    x, u, rows = moves(nx, nu, steps)
     rows += [cp.abs(u) <= 0.5, x <= 5.0]
-    cost = cp.sum_squares(x) + 0.1 * cp.sum_squares(u)
-    return cp.Problem(cp.Minimize(cost), rows)
+    return least(cp.sum_squares(x) + 0.1 * cp.sum_squares(u), *rows)
 
 
 def soft_control(nx: int, nu: int, steps: int) -> cp.Problem:
     """Control with an l1 penalty on violated bounds and on the input."""
-    A, B, start = plant(nx, nu)
-    x, u = cp.Variable((nx, steps + 1)), cp.Variable((nu, steps))
-    rows = [x[:, 0] == start, x[:, 1:] == A @ x[:, :-1] + B @ u, cp.abs(u) <= 0.5]
+    x, u, rows = moves(nx, nu, steps)
+    rows += [cp.abs(u) <= 0.5]
     cost = cp.sum_squares(x[:, -1]) + 0.1 * cp.sum(cp.abs(u))
-    return cp.Problem(cp.Minimize(cost + 10.0 * cp.sum(cp.pos(cp.abs(x) - 0.5))), rows)
+    return least(cost + 10.0 * cp.sum(cp.pos(cp.abs(x) - 0.5)), *rows)
 
 
 def terminal_control(nx: int, nu: int, steps: int) -> cp.Problem:
     """Control to rest, least energy, bounded rates of the input."""
-    A, B, start = plant(nx, nu)
-    x, u = cp.Variable((nx, steps + 1)), cp.Variable((nu, steps))
-    rows = [x[:, 0] == 0.2 * start, x[:, 1:] == A @ x[:, :-1] + B @ u, x[:, -1] == 0]
-    rows += [cp.abs(cp.diff(u, axis=1)) <= 2.0]
-    return cp.Problem(cp.Minimize(cp.sum_squares(u)), rows)
+    x, u, rows = moves(nx, nu, steps, 0.2)
+    rows += [x[:, -1] == 0, cp.abs(cp.diff(u, axis=1)) <= 2.0]
+    return least(cp.sum_squares(u), *rows)
 
 
 def big_m(n: int) -> cp.Problem:
@@ -151,8 +154,7 @@ def big_m(n: int) -> cp.Problem:
     amount, used = cp.Variable(n), cp.Variable(n)
     rows = [amount >= 0, amount <= 1e5 * used, used >= 0, used <= 1]
     rows += [cp.sum(amount) >= 100.0 * n, amount <= 150.0 + 300.0 * rng.random(n)]
-    cost = (1.0 + rng.random(n)) @ amount + 1e3 * rng.random(n) @ used
-    return cp.Problem(cp.Minimize(cost), rows)
+    return least((1.0 + rng.random(n)) @ amount + 1e3 * rng.random(n) @ used, *rows)
 
 
 def storage(hours: int) -> cp.Problem:
@@ -170,30 +172,28 @@ def polytope(n: int, m: int) -> cp.Problem:
     A = rng.standard_normal((m, n))
     x, point = cp.Variable(n), 3.0 * rng.standard_normal(n)
     b = 0.5 + rng.random(m)
-    return cp.Problem(cp.Minimize(cp.sum_squares(x - point)), [A @ x <= b])
+    return least(cp.sum_squares(x - point), A @ x <= b)
 
 
 def simplex(n: int) -> cp.Problem:
     """Project a point onto the simplex."""
     x = cp.Variable(n)
     point = np.random.default_rng(n).standard_normal(n)
-    cost = cp.sum_squares(x - point)
-    return cp.Problem(cp.Minimize(cost), [cp.sum(x) == 1, x >= 0])
+    return least(cp.sum_squares(x - point), cp.sum(x) == 1, x >= 0)
 
 
 def l1_ball(n: int) -> cp.Problem:
     """Project a point onto the l1 ball."""
     x = cp.Variable(n)
     point = np.random.default_rng(n).standard_normal(n)
-    return cp.Problem(cp.Minimize(cp.sum_squares(x - point)), [cp.norm1(x) <= 1])
+    return least(cp.sum_squares(x - point), cp.norm1(x) <= 1)
 
 
 def birkhoff(n: int) -> cp.Problem:
     """Nearest doubly stochastic matrix; one equation is redundant."""
     X = cp.Variable((n, n), nonneg=True)
     C = np.random.default_rng(n).standard_normal((n, n))
-    rows = [cp.sum(X, axis=0) == 1, cp.sum(X, axis=1) == 1]
-    return cp.Problem(cp.Minimize(cp.sum_squares(X - C)), rows)
+    return least(cp.sum_squares(X - C), cp.sum(X, axis=0) == 1, cp.sum(X, axis=1) == 1)
 
 
 def dependent_rows(n: int) -> cp.Problem:
@@ -202,8 +202,7 @@ def dependent_rows(n: int) -> cp.Problem:
     A = rng.standard_normal((n // 4, n))
     A = np.vstack([A, rng.standard_normal((n // 4, n // 4)) @ A])
     x = cp.Variable(n)
-    rows = [A @ x == A @ rng.random(n), x >= 0]
-    return cp.Problem(cp.Minimize(cp.sum_squares(x)), rows)
+    return least(cp.sum_squares(x), A @ x == A @ rng.random(n), x >= 0)
 
 
 def lp_unique(n: int, m: int) -> cp.Problem:
@@ -212,7 +211,7 @@ def lp_unique(n: int, m: int) -> cp.Problem:
     A, x = rng.standard_normal((m, n)), cp.Variable(n)
     c = -A.T @ np.where(np.arange(m) < n, 0.5 + rng.random(m), 0.0)
     slack = np.where(np.arange(m) < n, 0.0, 0.5 + rng.random(m))
-    return cp.Problem(cp.Minimize(c @ x), [A @ x <= A @ rng.standard_normal(n) + slack])
+    return least(c @ x, A @ x <= A @ rng.standard_normal(n) + slack)
 
 
 def lp_face(n: int, m: int) -> cp.Problem:
@@ -228,7 +227,7 @@ def assignment(n: int) -> cp.Problem:
     X = cp.Variable((n, n))
     cost = np.random.default_rng(n).random((n, n))
     rows = [cp.sum(X, axis=0) == 1, cp.sum(X, axis=1) == 1, X >= 0]
-    return cp.Problem(cp.Minimize(cp.sum(cp.multiply(cost, X))), rows)
+    return least(cp.sum(cp.multiply(cost, X)), *rows)
 
 
 def transport(n: int, m: int) -> cp.Problem:
@@ -237,7 +236,7 @@ def transport(n: int, m: int) -> cp.Problem:
     X, cost = cp.Variable((n, m)), rng.integers(1, 6, (n, m))
     supply, demand = np.full(n, float(m)), np.full(m, float(n))
     rows = [cp.sum(X, axis=1) == supply, cp.sum(X, axis=0) == demand, X >= 0]
-    return cp.Problem(cp.Minimize(cp.sum(cp.multiply(cost, X))), rows)
+    return least(cp.sum(cp.multiply(cost, X)), *rows)
 
 
 def shortest_path(n: int) -> cp.Problem:
@@ -253,28 +252,23 @@ def shortest_path(n: int) -> cp.Problem:
     demand[0], demand[-1] = 1.0, -1.0
     f = cp.Variable(tails.size)
     length = np.random.default_rng(n).integers(1, 10, tails.size)
-    return cp.Problem(cp.Minimize(length @ f), [D @ f == demand, f >= 0])
+    return least(length @ f, D @ f == demand, f >= 0)
 
 
 def minimax(n: int, m: int) -> cp.Problem:
     """Smallest maximum of affine functions, in a box."""
     rng = np.random.default_rng(n)
     A, x = rng.standard_normal((m, n)), cp.Variable(n)
-    cost = cp.max(A @ x + rng.standard_normal(m))
-    return cp.Problem(cp.Minimize(cost), [x >= -1, x <= 1])
+    return least(cp.max(A @ x + rng.standard_normal(m)), x >= -1, x <= 1)
 
 
 def feasibility(n: int, m: int) -> cp.Problem:
     """Find any point of a polytope: no objective."""
     rng = np.random.default_rng(n)
-    A, C, x = (
-        rng.standard_normal((m, n)),
-        rng.standard_normal((n // 5, n)),
-        cp.Variable(n),
-    )
+    A, C = rng.standard_normal((m, n)), rng.standard_normal((n // 5, n))
+    x = cp.Variable(n)
     inside = rng.standard_normal(n)
-    rows = [A @ x <= A @ inside + rng.random(m), C @ x == C @ inside]
-    return cp.Problem(cp.Minimize(0), rows)
+    return least(0, A @ x <= A @ inside + rng.random(m), C @ x == C @ inside)
 
 
 def infinite_sides(n: int) -> cp.Problem:
@@ -284,7 +278,7 @@ def infinite_sides(n: int) -> cp.Problem:
     upper = np.where(rng.random(n) < 0.5, np.inf, rng.random(n))
     lower = np.where(rng.random(n) < 0.5, -np.inf, -rng.random(n))
     cost = cp.sum_squares(x - 3.0 * rng.standard_normal(n))
-    return cp.Problem(cp.Minimize(cost), [A @ x <= upper, x >= lower])
+    return least(cost, A @ x <= upper, x >= lower)
 
 
 def infeasible_bounds(n: int) -> cp.Problem:
@@ -292,7 +286,7 @@ def infeasible_bounds(n: int) -> cp.Problem:
     x = cp.Variable(n)
     upper = np.ones(n)
     upper[n // 2] = -1e-3
-    return cp.Problem(cp.Minimize(cp.sum_squares(x - 1)), [x >= 0, x <= upper])
+    return least(cp.sum_squares(x - 1), x >= 0, x <= upper)
 
 
 def infeasible_rows(n: int, m: int) -> cp.Problem:
@@ -302,7 +296,7 @@ def infeasible_rows(n: int, m: int) -> cp.Problem:
     A[-1] = -proof[:-1] @ A[:-1]
     b = rng.standard_normal(m)
     b[-1] = -proof[:-1] @ b[:-1] - 0.01
-    return cp.Problem(cp.Minimize(cp.norm1(x)), [A @ x <= b])
+    return least(cp.norm1(x), A @ x <= b)
 
 
 def infeasible_equations(n: int) -> cp.Problem:
@@ -312,17 +306,14 @@ def infeasible_equations(n: int) -> cp.Problem:
     A = np.vstack([A, A.sum(axis=0)])
     b = rng.standard_normal(n // 4)
     x = cp.Variable(n)
-    rows = [A @ x == np.append(b, b.sum() + 0.1)]
-    return cp.Problem(cp.Minimize(cp.sum_squares(x)), rows)
+    return least(cp.sum_squares(x), A @ x == np.append(b, b.sum() + 0.1))
 
 
 def infeasible_control(nx: int, nu: int, steps: int) -> cp.Problem:
     """Control to a state that bounded inputs cannot reach."""
-    A, B, start = plant(nx, nu)
-    x, u = cp.Variable((nx, steps + 1)), cp.Variable((nu, steps))
-    rows = [x[:, 0] == start, x[:, 1:] == A @ x[:, :-1] + B @ u]
+    x, u, rows = moves(nx, nu, steps)
     rows += [cp.abs(u) <= 0.01, x[:, -1] == 10.0]
-    return cp.Problem(cp.Minimize(cp.sum_squares(u)), rows)
+    return least(cp.sum_squares(u), *rows)
 
 
 def infeasible_portfolio(n: int) -> cp.Problem:
@@ -330,7 +321,7 @@ def infeasible_portfolio(n: int) -> cp.Problem:
     mean, sigma = covariance(n)
     w = cp.Variable(n)
     rows = [cp.sum(w) == 1, w >= 0, mean @ w >= 1.01 * mean.max()]
-    return cp.Problem(cp.Minimize(cp.quad_form(w, cp.psd_wrap(sigma))), rows)
+    return least(cp.quad_form(w, cp.psd_wrap(sigma)), *rows)
 
 
 def unbounded_lp(n: int, m: int) -> cp.Problem:
@@ -338,15 +329,14 @@ def unbounded_lp(n: int, m: int) -> cp.Problem:
     rng = np.random.default_rng(n)
     ray, A, x = rng.random(n), rng.standard_normal((m, n)), cp.Variable(n)
     A -= np.outer(np.maximum(A @ ray, 0.0), ray) / (ray @ ray)
-    return cp.Problem(cp.Minimize(-ray @ x), [A @ x <= 1, x >= -1])
+    return least(-ray @ x, A @ x <= 1, x >= -1)
 
 
 def unbounded_qp(n: int) -> cp.Problem:
     """Pose a QP that falls where its matrix is singular."""
     rng = np.random.default_rng(n)
     F, x = rng.standard_normal((n // 2, n)), cp.Variable(n)
-    cost = cp.sum_squares(F @ x) + rng.standard_normal(n) @ x
-    return cp.Problem(cp.Minimize(cost), [x[0] >= 0])
+    return least(cp.sum_squares(F @ x) + rng.standard_normal(n) @ x, x[0] >= 0)
 
 
 def unbounded_maximum(n: int) -> cp.Problem:
@@ -360,8 +350,7 @@ def unbounded_maximum(n: int) -> cp.Problem:
 def infeasible_both(n: int) -> cp.Problem:
     """Neither the problem nor its dual has a feasible point."""
     x = cp.Variable(n)
-    rows = [x[0] - x[1] >= 1, x[1] - x[0] >= 1]
-    return cp.Problem(cp.Minimize(-cp.sum(x)), rows)
+    return least(-cp.sum(x), x[0] - x[1] >= 1, x[1] - x[0] >= 1)
 
 
 def nonconvex(n: int) -> cp.Problem:
@@ -371,7 +360,7 @@ def nonconvex(n: int) -> cp.Problem:
     P = F @ F.T / n
     P -= (np.linalg.eigvalsh(P)[0] + 0.05) * np.eye(n)
     cost = cp.quad_form(x, cp.psd_wrap(P))
-    return cp.Problem(cp.Minimize(cost + cp.sum(x)), [x >= -1, x <= 1])
+    return least(cost + cp.sum(x), x >= -1, x <= 1)
 
 
 MODELS = {

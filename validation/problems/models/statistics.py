@@ -25,6 +25,11 @@ class Model(NamedTuple):
     expected: str = "optimal"
 
 
+def least(cost: Any, *constraints: Any) -> cp.Problem:
+    """Return the problem of the least cost."""
+    return cp.Problem(cp.Minimize(cost), list(constraints))
+
+
 def regression(m: int, n: int, noise: float = 0.3) -> tuple[np.ndarray, np.ndarray]:
     """Return a Gaussian matrix and a right-hand side from a sparse truth."""
     rng = np.random.default_rng(m + n)
@@ -58,7 +63,7 @@ def steps(n: int) -> np.ndarray:
 def least_squares(m: int, n: int) -> cp.Problem:
     """Least squares with a dense matrix."""
     X, y = regression(m, n)
-    return cp.Problem(cp.Minimize(cp.sum_squares(X @ cp.Variable(n) - y)))
+    return least(cp.sum_squares(X @ cp.Variable(n) - y))
 
 
 def local_matrix(m: int, n: int) -> sp.csr_array:
@@ -76,8 +81,7 @@ def local_matrix(m: int, n: int) -> sp.csr_array:
 def sparse_least_squares(m: int, n: int) -> cp.Problem:
     """Least squares with a sparse matrix of local structure."""
     y = np.random.default_rng(3).standard_normal(m)
-    cost = cp.sum_squares(local_matrix(m, n) @ cp.Variable(n) - y)
-    return cp.Problem(cp.Minimize(cost))
+    return least(cp.sum_squares(local_matrix(m, n) @ cp.Variable(n) - y))
 
 
 def random_least_squares(m: int, n: int) -> cp.Problem:
@@ -85,14 +89,14 @@ def random_least_squares(m: int, n: int) -> cp.Problem:
     rng = np.random.default_rng(3)
     X = sp.random_array((m, n), density=4.0 / n, rng=rng) + sp.eye_array(m, n)
     y = rng.standard_normal(m)
-    return cp.Problem(cp.Minimize(cp.sum_squares(sp.csr_array(X) @ cp.Variable(n) - y)))
+    return least(cp.sum_squares(sp.csr_array(X) @ cp.Variable(n) - y))
 
 
 def scaled_least_squares(m: int, n: int) -> cp.Problem:
     """Least squares whose columns have lengths from 1e-3 to 1e3."""
     X, y = regression(m, n)
     X = X * np.logspace(-3.0, 3.0, n)
-    return cp.Problem(cp.Minimize(cp.sum_squares(X @ cp.Variable(n) - y)))
+    return least(cp.sum_squares(X @ cp.Variable(n) - y))
 
 
 def polynomial_fit(m: int, n: int) -> cp.Problem:
@@ -102,7 +106,7 @@ def polynomial_fit(m: int, n: int) -> cp.Problem:
     slope[:, 1:] = X[:, :-1] * np.arange(1, n)
     c = cp.Variable(n)
     y = np.exp(2.0 * t) + 0.3 * np.sin(20.0 * t)
-    return cp.Problem(cp.Minimize(cp.sum_squares(X @ c - y)), [slope @ c >= 0])
+    return least(cp.sum_squares(X @ c - y), slope @ c >= 0)
 
 
 def equality_least_squares(m: int, n: int) -> cp.Problem:
@@ -110,43 +114,41 @@ def equality_least_squares(m: int, n: int) -> cp.Problem:
     X, y = regression(m, n)
     x = cp.Variable(n)
     C = np.random.default_rng(1).standard_normal((n // 5, n))
-    return cp.Problem(cp.Minimize(cp.sum_squares(X @ x - y)), [C @ x == 1])
+    return least(cp.sum_squares(X @ x - y), C @ x == 1)
 
 
 def ridge(m: int, n: int) -> cp.Problem:
     """Ridge regression, more features than samples."""
     X, y = regression(m, n)
     w = cp.Variable(n)
-    return cp.Problem(cp.Minimize(cp.sum_squares(X @ w - y) + 0.5 * cp.sum_squares(w)))
+    return least(cp.sum_squares(X @ w - y) + 0.5 * cp.sum_squares(w))
 
 
 def faint_ridge(m: int, n: int) -> cp.Problem:
     """Ridge regression with a penalty of 1e-6, in a box, more features than samples."""
     X, y = regression(m, n)
     w = cp.Variable(n)
-    cost = cp.sum_squares(X @ w - y) + 1e-6 * cp.sum_squares(w)
-    return cp.Problem(cp.Minimize(cost), [cp.abs(w) <= 1])
+    return least(cp.sum_squares(X @ w - y) + 1e-6 * cp.sum_squares(w), cp.abs(w) <= 1)
 
 
 def nonnegative_least_squares(m: int, n: int) -> cp.Problem:
     """Nonnegative least squares."""
     X, y = regression(m, n)
     x = cp.Variable(n, nonneg=True)
-    return cp.Problem(cp.Minimize(cp.sum_squares(X @ x - y)))
+    return least(cp.sum_squares(X @ x - y))
 
 
 def sparse_nonnegative(m: int, n: int) -> cp.Problem:
     """Nonnegative least squares with a sparse matrix of local structure."""
     x, y = cp.Variable(n), np.random.default_rng(4).standard_normal(m)
-    cost = cp.sum_squares(local_matrix(m, n) @ x - y)
-    return cp.Problem(cp.Minimize(cost), [x >= 0])
+    return least(cp.sum_squares(local_matrix(m, n) @ x - y), x >= 0)
 
 
 def box_least_squares(m: int, n: int) -> cp.Problem:
     """Least squares in a box."""
     X, y = regression(m, n)
     x = cp.Variable(n)
-    return cp.Problem(cp.Minimize(cp.sum_squares(X @ x - y)), [x >= -0.5, x <= 0.5])
+    return least(cp.sum_squares(X @ x - y), x >= -0.5, x <= 0.5)
 
 
 def lasso(m: int, n: int, fraction: float) -> cp.Problem:
@@ -154,7 +156,7 @@ def lasso(m: int, n: int, fraction: float) -> cp.Problem:
     X, y = regression(m, n)
     penalty = fraction * 2.0 * np.abs(X.T @ y).max()
     w = cp.Variable(n)
-    return cp.Problem(cp.Minimize(cp.sum_squares(X @ w - y) + penalty * cp.norm1(w)))
+    return least(cp.sum_squares(X @ w - y) + penalty * cp.norm1(w))
 
 
 def collinear_lasso(m: int, n: int) -> cp.Problem:
@@ -163,7 +165,7 @@ def collinear_lasso(m: int, n: int) -> cp.Problem:
     X = np.hstack([X, X, np.ones((m, 1))])
     w = cp.Variable(2 * n + 1)
     penalty = 0.1 * np.abs(X.T @ y).max()
-    return cp.Problem(cp.Minimize(cp.sum_squares(X @ w - y) + penalty * cp.norm1(w)))
+    return least(cp.sum_squares(X @ w - y) + penalty * cp.norm1(w))
 
 
 def elastic_net(m: int, n: int) -> cp.Problem:
@@ -172,32 +174,32 @@ def elastic_net(m: int, n: int) -> cp.Problem:
     w = cp.Variable(n)
     penalty = 0.1 * np.abs(X.T @ y).max()
     cost = cp.sum_squares(X @ w - y) / 2 + penalty * cp.norm1(w)
-    return cp.Problem(cp.Minimize(cost + 0.5 * penalty * cp.sum_squares(w)))
+    return least(cost + 0.5 * penalty * cp.sum_squares(w))
 
 
 def huber(m: int, n: int) -> cp.Problem:
     """Huber regression."""
     X, y = outliers(m, n)
-    return cp.Problem(cp.Minimize(cp.sum(cp.huber(X @ cp.Variable(n) - y, 1.0))))
+    return least(cp.sum(cp.huber(X @ cp.Variable(n) - y, 1.0)))
 
 
 def absolute_regression(m: int, n: int) -> cp.Problem:
     """Least absolute deviations, an LP."""
     X, y = outliers(m, n)
-    return cp.Problem(cp.Minimize(cp.norm1(X @ cp.Variable(n) - y)))
+    return least(cp.norm1(X @ cp.Variable(n) - y))
 
 
 def chebyshev_regression(m: int, n: int) -> cp.Problem:
     """Smallest largest deviation, an LP."""
     X, y = regression(m, n)
-    return cp.Problem(cp.Minimize(cp.norm_inf(X @ cp.Variable(n) - y)))
+    return least(cp.norm_inf(X @ cp.Variable(n) - y))
 
 
 def quantile_regression(m: int, n: int) -> cp.Problem:
     """Regression of the 0.9 quantile, an LP."""
     X, y = outliers(m, n)
     r = y - X @ cp.Variable(n)
-    return cp.Problem(cp.Minimize(cp.sum(0.9 * cp.pos(r) + 0.1 * cp.neg(r))))
+    return least(cp.sum(0.9 * cp.pos(r) + 0.1 * cp.neg(r)))
 
 
 def dead_zone_regression(m: int, n: int) -> cp.Problem:
@@ -205,7 +207,7 @@ def dead_zone_regression(m: int, n: int) -> cp.Problem:
     X, y = regression(m, n)
     w, c = cp.Variable(n), cp.Variable()
     loss = cp.sum(cp.pos(cp.abs(X @ w + c - y) - 0.3))
-    return cp.Problem(cp.Minimize(0.5 * cp.sum_squares(w) + 2.0 * loss))
+    return least(0.5 * cp.sum_squares(w) + 2.0 * loss)
 
 
 def svm_primal(m: int, n: int) -> cp.Problem:
@@ -213,7 +215,7 @@ def svm_primal(m: int, n: int) -> cp.Problem:
     X, labels = classes(m, n)
     w, c = cp.Variable(n), cp.Variable()
     loss = cp.sum(cp.pos(1 - cp.multiply(labels, X @ w + c)))
-    return cp.Problem(cp.Minimize(0.5 * cp.sum_squares(w) + loss))
+    return least(0.5 * cp.sum_squares(w) + loss)
 
 
 def svm_l1(m: int, n: int) -> cp.Problem:
@@ -221,7 +223,7 @@ def svm_l1(m: int, n: int) -> cp.Problem:
     X, labels = classes(m, n)
     w, c = cp.Variable(n), cp.Variable()
     loss = cp.sum(cp.pos(1 - cp.multiply(labels, X @ w + c)))
-    return cp.Problem(cp.Minimize(cp.norm1(w) + loss))
+    return least(cp.norm1(w) + loss)
 
 
 def svm_dual(m: int, n: int) -> cp.Problem:
@@ -230,7 +232,7 @@ def svm_dual(m: int, n: int) -> cp.Problem:
     a = cp.Variable(m)
     Z = labels[:, None] * X
     cost = 0.5 * cp.sum_squares(Z.T @ a) - cp.sum(a)
-    return cp.Problem(cp.Minimize(cost), [a >= 0, a <= 1, labels @ a == 0])
+    return least(cost, a >= 0, a <= 1, labels @ a == 0)
 
 
 def svm_kernel(m: int, n: int) -> cp.Problem:
@@ -241,14 +243,13 @@ def svm_kernel(m: int, n: int) -> cp.Problem:
     K = np.outer(labels, labels) * np.exp(-distance / (4.0 * n))
     a = cp.Variable(m)
     cost = 0.5 * cp.quad_form(a, cp.psd_wrap(K)) - cp.sum(a)
-    return cp.Problem(cp.Minimize(cost), [a >= 0, a <= 1, labels @ a == 0])
+    return least(cost, a >= 0, a <= 1, labels @ a == 0)
 
 
 def total_variation(n: int) -> cp.Problem:
     """Denoise a line by total variation."""
     x = cp.Variable(n)
-    cost = 0.5 * cp.sum_squares(x - steps(n)) + 0.5 * cp.norm1(cp.diff(x))
-    return cp.Problem(cp.Minimize(cost))
+    return least(0.5 * cp.sum_squares(x - steps(n)) + 0.5 * cp.norm1(cp.diff(x)))
 
 
 def image_total_variation(n: int) -> cp.Problem:
@@ -258,14 +259,13 @@ def image_total_variation(n: int) -> cp.Problem:
     x = cp.Variable((n, n))
     fit = 0.5 * cp.sum_squares(x - image - 0.2 * rng.standard_normal((n, n)))
     jumps = cp.sum(cp.abs(cp.diff(x, axis=0))) + cp.sum(cp.abs(cp.diff(x, axis=1)))
-    return cp.Problem(cp.Minimize(fit + 0.2 * jumps))
+    return least(fit + 0.2 * jumps)
 
 
 def trend_filter(n: int) -> cp.Problem:
     """Fit a piecewise linear signal: l1 norm of second differences."""
     x = cp.Variable(n)
-    cost = 0.5 * cp.sum_squares(x - steps(n)) + 5.0 * cp.norm1(cp.diff(x, 2))
-    return cp.Problem(cp.Minimize(cost))
+    return least(0.5 * cp.sum_squares(x - steps(n)) + 5.0 * cp.norm1(cp.diff(x, 2)))
 
 
 def fused_lasso(m: int, n: int) -> cp.Problem:
@@ -273,14 +273,14 @@ def fused_lasso(m: int, n: int) -> cp.Problem:
     X, y = regression(m, n)
     w = cp.Variable(n)
     cost = 0.5 * cp.sum_squares(X @ w - y) + 2.0 * cp.norm1(w)
-    return cp.Problem(cp.Minimize(cost + 3.0 * cp.norm1(cp.diff(w))))
+    return least(cost + 3.0 * cp.norm1(cp.diff(w)))
 
 
 def isotonic(n: int) -> cp.Problem:
     """Fit a nondecreasing sequence."""
     y = np.linspace(0.0, 3.0, n) + 3.0 * steps(n)
     x = cp.Variable(n)
-    return cp.Problem(cp.Minimize(cp.sum_squares(x - y)), [cp.diff(x) >= 0])
+    return least(cp.sum_squares(x - y), cp.diff(x) >= 0)
 
 
 def convex_regression(n: int) -> cp.Problem:
@@ -288,14 +288,14 @@ def convex_regression(n: int) -> cp.Problem:
     t = np.linspace(-1.0, 1.0, n)
     y = t**2 + 0.1 * np.random.default_rng(n).standard_normal(n)
     x = cp.Variable(n)
-    return cp.Problem(cp.Minimize(cp.sum_squares(x - y)), [cp.diff(x, 2) >= 0])
+    return least(cp.sum_squares(x - y), cp.diff(x, 2) >= 0)
 
 
 def basis_pursuit(m: int, n: int) -> cp.Problem:
     """Smallest l1 norm that satisfies equations, an LP."""
     X, y = regression(m, n, 0.0)
     w = cp.Variable(n)
-    return cp.Problem(cp.Minimize(cp.norm1(w)), [X @ w == y])
+    return least(cp.norm1(w), X @ w == y)
 
 
 def nonnegative_factor(m: int, n: int, rank: int) -> cp.Problem:
@@ -303,7 +303,7 @@ def nonnegative_factor(m: int, n: int, rank: int) -> cp.Problem:
     rng = np.random.default_rng(m)
     W, V = rng.random((m, rank)), rng.random((m, n))
     H = cp.Variable((rank, n), nonneg=True)
-    return cp.Problem(cp.Minimize(cp.sum_squares(V - W @ H)))
+    return least(cp.sum_squares(V - W @ H))
 
 
 MODELS = {
