@@ -154,11 +154,6 @@ def contact(data: Path, name: str) -> known_scenes.BoxLCP:
     return known_scenes.nonnegative(sp.csr_array(A), q)
 
 
-def put_step(m: int = 200) -> known_scenes.BoxLCP:
-    """Return the first time step of an American put: nonsymmetric."""
-    return known_scenes.american_put(m - 1, m)
-
-
 def half_space(cells: int) -> known_scenes.BoxLCP:
     """Return the Hertz contact with its matrix written out."""
     problem = hertz.hertz(cells)
@@ -281,7 +276,7 @@ SCENES: dict[str, Scene] = {
         (Known("largest difference", dam_error, 0.0, 1.5e-11, "scenes.md"),),
     ),
     "dam 33 x 49": Scene(lambda _: known_scenes.dam(8)),
-    "American put, one step": Scene(lambda _: put_step()),
+    "American put, one step": Scene(lambda _: known_scenes.american_put(199, 200)),
     "Hertz contact 20 x 20": Scene(lambda _: half_space(20)),
     "heap, 200 contacts": Scene(of_matrix(lambda: contact_scenes.heap(200))),
     "full heap, 200 contacts": Scene(

@@ -66,28 +66,18 @@ STRIPS = (
 )
 """Methods with one parameter; "c I" means Omega = c I."""
 
-UNITS = (
-    Map("mgs"),
-    Map("msor"),
-    Map("maor", beta=0.0),
-    Map("amgs"),
-    Map("amsor"),
-    Map("pgs"),
-    Map("psor"),
-    Map("namj", "I"),
-    Map("namgs", "I"),
-    Map("namsor", "I"),
-    Map("namaor", "I", beta=0.45),
-    Map("nam", "I"),
-    Map("modified-nam", "I"),
-    Map("modulus"),
-    Map("namj", "D"),
-    Map("namgs", "D"),
-    Map("namsor", "D"),
-    Map("namaor", "D", beta=0.45),
-    Map("nam", "D"),
-    Map("modified-nam", "D"),
-)
+BETAS = {"maor": 0.0, "namaor": 0.45}
+SHIFTED = "namj namgs namsor namaor nam modified-nam"
+UNITS = [
+    Map(method, shift, BETAS.get(method))
+    for methods, shift in (
+        ("mgs msor maor amgs amsor pgs psor", None),
+        (SHIFTED, "I"),
+        ("modulus", None),
+        (SHIFTED, "D"),
+    )
+    for method in methods.split()
+]
 ALPHA, ALPHAS = 0.9, {"modified-nam": 5.0}
 """alpha of UNITS, where Omega has its default: the paper's, or D/alpha for am*."""
 DELTAS = (4.0, 2.0, 1.0, 0.5, 0.25, 0.1, 0.03, 0.01, 0.0)

@@ -11,7 +11,7 @@ from matplotlib.colors import ListedColormap, LogNorm, to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from validation.harness import charts, csv_files
+from validation.harness import charts, csv_files, tables
 
 Rows = list[dict[str, str]]
 FAILURES = {"slow": "#F2B134", "cycles": "#D6336C", "diverges": "#222222"}
@@ -53,11 +53,6 @@ def plot(results: Path, figures: Path) -> None:
     plot_units(csv_files.read(results / "stability-units.csv"), figures)
 
 
-def colours(cells: list[list[str]]) -> np.ndarray:
-    """Return the colours of a table of cells."""
-    return np.array([[colour(cell) for cell in line] for line in cells])
-
-
 def colour(cell: str) -> tuple[float, ...]:
     """Return the colour of a cell: a count, or a failure by name."""
     if cell in FAILURES:
@@ -83,18 +78,14 @@ def legend(figure: Figure, axes: Any, what: str) -> None:
     figure.legend(handles=patches, loc="outside lower center", ncols=3)
 
 
-def frame(axes: Axes) -> None:
-    """Draw a thin frame and no grid."""
+def show(axes: Axes, rows: Rows, names: list[str], extent: tuple[float, ...]) -> None:
+    """Draw a table of cells, columns by name, in a thin frame without a grid."""
+    cells = np.array([[colour(row[name]) for name in names] for row in rows])
+    axes.imshow(cells, extent=extent, aspect="auto", interpolation="nearest")
     axes.grid(False)
     axes.tick_params(length=2, labelsize=7)
     for spine in axes.spines.values():
         spine.set(visible=True, linewidth=0.5, color=charts.DARK)
-
-
-def groups(rows: Rows) -> tuple[list[str], list[tuple[str, str]]]:
-    """Return the classes and the (method, shift) of the rows, in their order."""
-    classes = list(dict.fromkeys(row["class"] for row in rows))
-    return classes, list(dict.fromkeys((row["method"], row["shift"]) for row in rows))
 
 
 def title_of(method: str, shift: str) -> str:
@@ -102,17 +93,11 @@ def title_of(method: str, shift: str) -> str:
     return NAMES[method] + (f"\n(E = {shift})" if shift else "")
 
 
-def rows_of(rows: Rows, name: str, method: str, shift: str) -> Rows:
-    """Return the rows of a class of problems, a method and its shift."""
-    wanted = name, method, shift
-    return [
-        row for row in rows if (row["class"], row["method"], row["shift"]) == wanted
-    ]
-
-
 def plot_maps(rows: Rows, figures: Path) -> None:
     """Draw c against alpha for every class (column) and method (row)."""
-    classes, methods = groups(rows)
+    classes, methods = (
+        tables.distinct(rows, *keys) for keys in (("class",), ("method", "shift"))
+    )
     names = [name for name in rows[0] if name[:2] in ("0.", "1.")]
     alphas = [float(name) for name in names]
     figure, grid = plt.subplots(
@@ -121,19 +106,12 @@ def plot_maps(rows: Rows, figures: Path) -> None:
     )  # fmt: skip
     for line, (method, shift) in zip(grid, methods, strict=True):
         for axes, name in zip(line, classes, strict=True):
-            own = rows_of(rows, name, method, shift)
+            wanted = {"class": name, "method": method, "shift": shift}
+            own = tables.chosen(rows, **wanted)
             powers = [np.log2(float(row["c"])) for row in own]
             dx, dy = alphas[1] - alphas[0], powers[0] - powers[1]
-            axes.imshow(
-                colours([[row[k] for k in names] for row in own]),
-                extent=(
-                    alphas[0] - dx / 2, alphas[-1] + dx / 2,
-                    powers[-1] - dy / 2, powers[0] + dy / 2,
-                ),
-                aspect="auto",
-                interpolation="nearest",
-            )  # fmt: skip
-            frame(axes)
+            sides = alphas[0] - dx / 2, alphas[-1] + dx / 2
+            show(axes, own, names, (*sides, powers[-1] - dy / 2, powers[0] + dy / 2))
             x = np.linspace(alphas[0], alphas[-1], 50)
             if method in ("msor", "namsor", "maor", "namaor"):
                 axes.plot(x, -1.0 - 2.0 * np.log2(x), color="white", linewidth=0.9)
@@ -160,24 +138,23 @@ def plot_maps(rows: Rows, figures: Path) -> None:
 
 def plot_strips(rows: Rows, figures: Path) -> None:
     """Draw the methods with one parameter."""
-    classes, methods = groups(rows)
+    classes, methods = (
+        tables.distinct(rows, *keys) for keys in (("class",), ("method", "shift"))
+    )
     figure, grid = plt.subplots(
         len(methods), len(classes), figsize=(11.5, 5.2), layout="constrained"
     )
     for line, (method, shift) in zip(grid, methods, strict=True):
         for axes, name in zip(line, classes, strict=True):
-            own = rows_of(rows, name, method, shift)
+            wanted = {"class": name, "method": method, "shift": shift}
+            own = tables.chosen(rows, **wanted)
             relaxed = own[0]["axes"] == "alpha"
             x = [float(row["c"]) for row in own]
             x = x if relaxed else [float(np.log2(value)) for value in x]
             step = (x[1] - x[0]) / 2
-            axes.imshow(
-                colours([[row["only"] for row in own]]),
-                extent=(x[0] - step, x[-1] + step, 0.0, 1.0),
-                aspect="auto",
-                interpolation="nearest",
-            )
-            frame(axes)
+            line_of_cells = {str(k): row["only"] for k, row in enumerate(own)}
+            extent = (x[0] - step, x[-1] + step, 0.0, 1.0)
+            show(axes, [line_of_cells], list(line_of_cells), extent)
             axes.set_yticks([])
             if relaxed:
                 axes.set_xticks([0.5, 1.0, 1.5])
@@ -200,23 +177,16 @@ def plot_strips(rows: Rows, figures: Path) -> None:
 
 def plot_units(rows: Rows, figures: Path) -> None:
     """Draw delta against the unit of A and q for every method."""
-    _, methods = groups(rows)
+    methods = tables.distinct(rows, "method", "shift")
     names = [name for name in rows[0] if name.lstrip("-").isdigit()]
-    deltas = list(dict.fromkeys(row["delta"] for row in rows))
+    deltas = tables.distinct(rows, "delta")
     figure, grid = plt.subplots(
         3, 7, figsize=(11.5, 6.0), sharex=True, sharey=True, layout="constrained"
     )
     for axes, (method, shift) in zip(grid.flat, methods, strict=False):
-        own = [row for row in rows if (row["method"], row["shift"]) == (method, shift)]
-        axes.imshow(
-            colours([[row[k] for k in names] for row in own]),
-            extent=(
-                float(names[0]) - 0.5, float(names[-1]) + 0.5, len(deltas) - 0.5, -0.5,
-            ),
-            aspect="auto",
-            interpolation="nearest",
-        )  # fmt: skip
-        frame(axes)
+        own = tables.chosen(rows, method=method, shift=shift)
+        sides = float(names[0]) - 0.5, float(names[-1]) + 0.5
+        show(axes, own, names, (*sides, len(deltas) - 0.5, -0.5))
         text = NAMES[method].split(",")[0] + (f", E = {shift}" if shift else "")
         axes.set_title(text, fontsize=8.5)
         axes.set_xticks([-6, -3, 0, 3, 6], [f"$10^{{{k}}}$" for k in (-6, -3, 0, 3, 6)])

@@ -19,8 +19,8 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import qpsolvers
@@ -51,15 +51,11 @@ def contact(data: Path) -> list[Row]:
     for name in data_sets.set_names(data, "contact"):
         A, q = data_sets.contact_lcp(data, name)
         problem = data_sets.load(data, "contact", name)
-        settings = qp_solvers.settings("piqp", 1e-9, 10.0)
-
-        def nam(A: Any = A, q: np.ndarray = q) -> Any:
-            return namlcp.solve_lcp(A, q)
-
-        def piqp(problem: Any = problem, settings: Row = settings) -> Any:
-            return qpsolvers.solve_problem(problem, solver="piqp", **settings)
-
-        for solver, call in (("nam", nam), ("piqp", piqp)):
+        settings = qp_solvers.settings("piqp", 1e-9, 10.0) | {"solver": "piqp"}
+        for solver, call in (
+            ("nam", partial(namlcp.solve_lcp, A, q)),
+            ("piqp", partial(qpsolvers.solve_problem, problem, **settings)),
+        ):
             call()
             answer, _, runtime = timing.median_time(call)
             z = answer.z if solver == "nam" else answer.x

@@ -154,15 +154,7 @@ def dam(refinement: int = 1) -> BoxLCP:
     return nonnegative(five_point(nx - 2, ny - 2), h**2 - boundary_terms(u))
 
 
-def american_put(
-    m: int,
-    steps: int,
-    strike: float = 100.0,
-    rate: float = 0.05,
-    dividend: float = 0.05,
-    volatility: float = 0.25,
-    width: float = 2.0,
-) -> BoxLCP:
+def american_put(m: int, steps: int) -> BoxLCP:
     """Return the first implicit Euler step of an American put over one year.
 
     V >= max(K - S, 0), V_t <= L V in time to maturity, L V = sigma^2/2 (V_xx - V_x) +
@@ -171,6 +163,7 @@ def american_put(
     step has q + V_old - V_new for q. With r = d = 5 %, sigma = 25 %, S = K = 100:
     9.5694453 (Andersen, Lake and Offengenden, J Comput Finance 20 (2015) 39-87).
     """
+    strike, rate, dividend, volatility, width = 100.0, 0.05, 0.05, 0.25, 2.0
     h, dt = 2.0 * width / (m + 1), 1.0 / steps
     x = -width + h * np.arange(m + 2)
     payoff = strike * np.maximum(1.0 - np.exp(x), 0.0)
@@ -184,9 +177,7 @@ def american_put(
     return BoxLCP(A.tocsr(), q, payoff[1:-1], np.full(m, np.inf))
 
 
-def input_bounded_mpc(
-    steps: int = 100, start: tuple[float, float] = (10.0, 0.0)
-) -> BoxLCP:
+def input_bounded_mpc(steps: int = 100) -> BoxLCP:
     """Return the accelerations |u| <= 1 that bring a point mass to rest, condensed.
 
     x_{k+1} = [[1, .1], [0, 1]] x_k + [.005, .1] u_k; half the sum of x'Qx over x_1 to
@@ -196,7 +187,7 @@ def input_bounded_mpc(
     F, g = np.array([[1.0, 0.1], [0.0, 1.0]]), np.array([0.005, 0.1])
     G = np.zeros((steps, 2, steps))
     x = np.zeros((steps, 2))
-    free = np.array(start)
+    free = np.array([10.0, 0.0])
     for k in range(steps):
         free = F @ free
         x[k] = free

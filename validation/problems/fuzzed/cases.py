@@ -30,58 +30,27 @@ class Case(NamedTuple):
     arguments: dict[str, Any]
 
 
-# The classes that peers are asked, and whether P is definite: quadprog wants that.
-CONVEX: dict[Maker, bool] = {
-    qps.strictly_convex: True,
-    qps.semidefinite_cost: False,
-    qps.linear_program: False,
-    qps.condition_1e8: True,
-    qps.nearly_singular_cost: False,
-    qps.diagonal_cost: False,
-    qps.bounds_alone: False,
-    qps.degenerate: False,
-    qps.redundant: False,
-    qps.modelled: False,
-    qps.large_sparse: False,
-    qps.scaled: False,
-    qps.extreme_scales: False,
-    qps.infeasible: False,
-    qps.unbounded: False,
-    qps.both: False,
-    qps.wild: False,
-}
+# The classes that peers are asked, of these the ones with a definite P (quadprog wants
+# that), and those that nam alone is asked.
+CONVEX: tuple[Maker, ...] = (
+    qps.strictly_convex, qps.semidefinite_cost, qps.linear_program, qps.condition_1e8,
+    qps.nearly_singular_cost, qps.diagonal_cost, qps.bounds_alone, qps.degenerate,
+    qps.redundant, qps.modelled, qps.large_sparse, qps.scaled, qps.extreme_scales,
+    qps.infeasible, qps.unbounded, qps.both, qps.wild,
+)  # fmt: skip
+DEFINITE = (qps.strictly_convex, qps.condition_1e8)
 OTHER_QPS: tuple[Maker, ...] = (
-    qps.huge_sides,
-    qps.empty,
-    qps.infinite_side,
-    qps.nearly_feasible,
-    qps.rounded_cost,
-    qps.not_convex,
-)
+    qps.huge_sides, qps.empty, qps.infinite_side, qps.nearly_feasible,
+    qps.rounded_cost, qps.not_convex,
+)  # fmt: skip
 LCPS: tuple[Maker, ...] = (
-    lcps.positive_definite,
-    lcps.positive_semidefinite,
-    lcps.degenerate_pairs,
-    lcps.h_plus,
-    lcps.m_matrix,
-    lcps.singular_z,
-    lcps.other_z,
-    lcps.quotient,
-    lcps.triangular,
-    lcps.skew_and_definite,
-    lcps.optimality,
-    lcps.zero_or_diagonal,
-    lcps.tridiagonal,
-    lcps.copositive_plus,
-    lcps.general,
-    lcps.general_box,
-    lcps.anything,
-    lcps.scaled,
-    lcps.extreme_scales,
-    lcps.unsolvable,
-    lcps.unsolvable_skew,
-    lcps.empty,
-)
+    lcps.positive_definite, lcps.positive_semidefinite, lcps.degenerate_pairs,
+    lcps.h_plus, lcps.m_matrix, lcps.singular_z, lcps.other_z, lcps.quotient,
+    lcps.triangular, lcps.skew_and_definite, lcps.optimality, lcps.zero_or_diagonal,
+    lcps.tridiagonal, lcps.copositive_plus, lcps.general, lcps.general_box,
+    lcps.anything, lcps.scaled, lcps.extreme_scales, lcps.unsolvable,
+    lcps.unsolvable_skew, lcps.empty,
+)  # fmt: skip
 MALFORMED = ("malformed QP", "malformed LCP")
 OFTEN = (qps.strictly_convex, qps.semidefinite_cost, qps.infeasible, qps.unbounded)
 CLASSES = (*CONVEX, *OFTEN, *OTHER_QPS, *LCPS, *MALFORMED)
@@ -103,7 +72,7 @@ def is_convex(i: int) -> bool:
 
 def is_definite(i: int) -> bool:
     """Tell whether P of problem i is definite."""
-    return CONVEX.get(CLASSES[i % len(CLASSES)], False)  # type: ignore[arg-type]
+    return CLASSES[i % len(CLASSES)] in DEFINITE
 
 
 def make(seed: int, i: int) -> Case:
