@@ -203,13 +203,9 @@ def run_command(
     command: list[str], lines: list[str], show: Callable[[str], None]
 ) -> int:
     """Run a command in the folder ROOT; keep and show its lines; return its code."""
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
     with subprocess.Popen(
-        command,
-        cwd=cli.ROOT,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.STDOUT,
-        text=True,
-        errors="replace",
+        command, cwd=cli.ROOT, errors="replace", **streams
     ) as process:
         assert process.stdout is not None
         for line in process.stdout:

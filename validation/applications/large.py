@@ -87,20 +87,16 @@ PEERS = ("osqp", "piqp", "clarabel")
 
 def strongly_dominant(n: int) -> known_scenes.BoxLCP:
     """Return Example 2 at delta = 4 with half of the unknowns in contact."""
-    return known_scenes.BoxLCP(
-        *sweep_scenes.with_contact(sweep_scenes.paper_example(2, large_scenes.side(n)))[
-            1:5
-        ]
-    )
+    scene = sweep_scenes.paper_example(2, large_scenes.side(n))
+    return known_scenes.BoxLCP(*sweep_scenes.with_contact(scene)[1:5])
 
 
 def pile(kind: str, n: int) -> known_scenes.BoxLCP:
     """Return contacts in a heap of discs or in a wall of bricks."""
-    made = (
-        contact_scenes.brick_wall(n)
-        if kind == "wall"
-        else contact_scenes.heap(n, sideways=kind == "heap, wide")
-    )
+    if kind == "wall":
+        made = contact_scenes.brick_wall(n)
+    else:
+        made = contact_scenes.heap(n, sideways=kind == "heap, wide")
     return known_scenes.nonnegative(made.A, made.q)
 
 

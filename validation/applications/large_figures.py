@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
-from validation.harness import charts, csv_files
+from validation.harness import charts, csv_files, tables
 
 Rows = list[dict[str, str]]
 
@@ -92,13 +92,8 @@ def draw_scene(axes: Axes, rows: Rows, named: bool) -> None:
             theirs = [row for row in rows if row["solver"] == solver]
             draw_solver(axes, theirs, solver)
             start = int(theirs[0]["n"]), float(theirs[0]["seconds"] or LIMIT)
-            label(
-                axes,
-                *start,
-                solver,
-                charts.SOLVERS[solver][0],
-                (-7.0, LIFT.get(solver, 0.0)),
-            )
+            shift = -7.0, LIFT.get(solver, 0.0)
+            label(axes, *start, solver, charts.SOLVERS[solver][0], shift)
     ratio = float(own[-1]["ratio"] or "nan")
     if math.isfinite(ratio):
         if own[-1]["scene"] == "put":
@@ -147,16 +142,8 @@ def label(
     axes: Axes, x: float, y: float, text: str, colour: str, shift: tuple[float, float]
 ) -> None:
     """Write the name of a line to the left or right of one of its points."""
-    axes.annotate(
-        text,
-        (x, y),
-        shift,
-        textcoords="offset points",
-        color=colour,
-        ha="left" if shift[0] > 0.0 else "right",
-        va="center",
-        fontsize=8.5,
-    )
+    side = "left" if shift[0] > 0.0 else "right"
+    charts.label(axes, text, (x, y), shift, colour, ha=side, fontsize=8.5)
 
 
 def note(axes: Axes, text: str, height: float = 0.03) -> None:
@@ -172,18 +159,16 @@ def table(results: Path) -> None:
     def value(row: dict[str, str], key: str) -> float:
         return float(row[key] or "nan")
 
-    own = [row for row in rows if row["solver"] == "nam"]
-    print("| scene | n | method | cycles | time [s] | Res | linear solves | active |")
-    print("|---" * 8 + "|")
+    own = tables.chosen(rows, solver="nam")
+    heads = "scene,n,method,cycles,time [s],Res,linear solves,active".split(",")
+    lines = []
     for row in own:
         ratio = f"{value(row, 'ratio'):.2f}" if row["ratio"] else ""
         share = f"{100.0 * value(row, 'active'):.2g} %" if row["active"] else ""
-        print(
-            f"| {row['scene']} | {row['n']} | {row['method']} | {row['iterations']} "
-            f"| {value(row, 'seconds'):.3g} | {value(row, 'residual'):.1e} | {ratio} "
-            f"| {share} |"
-        )
-    print()
+        first = [row[key] for key in ("scene", "n", "method", "iterations")]
+        seconds, residual = value(row, "seconds"), value(row, "residual")
+        lines.append([*first, f"{seconds:.3g}", f"{residual:.1e}", ratio, share])
+    print(tables.markdown(heads, lines) + "\n")
     for row in (row for row in rows if row["solver"] != "nam"):
         here = [r for r in own if (r["scene"], r["n"]) == (row["scene"], row["n"])]
         times = [value(row, "seconds") / value(r, "seconds") for r in here]
@@ -194,6 +179,5 @@ def table(results: Path) -> None:
         n, seconds = ([value(r, key) for r in found] for key in ("n", "seconds"))
         if len(n) > 1:
             power = np.diff(np.log(seconds)) / np.diff(np.log(n))
-            print(
-                f"{scene}: time grows like n^{', n^'.join(f'{p:.2f}' for p in power)}"
-            )
+            powers = ", ".join(f"n^{p:.2f}" for p in power)
+            print(f"{scene}: time grows like {powers}")

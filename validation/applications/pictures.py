@@ -36,17 +36,12 @@ def contact_sets(file: Path, m: int) -> None:
         1, 3, figsize=(charts.WIDTH, 3.5), layout="constrained"
     )
     scenes = {
-        "forced obstacle: membrane on the floor": (
-            known_scenes.obstacle(m),
-            (0.0, 1.0),
-        ),
-        "ball obstacle: membrane on the ball": (
-            known_scenes.ball_obstacle(m + 2),
-            (-2.0, 2.0),
-        ),
-        "torsion, c = 5: plastic zone": (known_scenes.torsion(m, m), (0.0, 1.0)),
+        "forced obstacle: membrane on the floor": known_scenes.obstacle(m),
+        "ball obstacle: membrane on the ball": known_scenes.ball_obstacle(m + 2),
+        "torsion, c = 5: plastic zone": known_scenes.torsion(m, m),
     }
-    for axes, (title, (problem, sides)) in zip(panels, scenes.items(), strict=True):
+    for axes, (title, problem) in zip(panels, scenes.items(), strict=True):
+        sides = (-2.0, 2.0) if "ball" in title else (0.0, 1.0)
         draw_contact(axes, problem, m, sides)
         axes.set_title(title)
     figure.legend(

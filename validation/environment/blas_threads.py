@@ -14,6 +14,7 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -27,6 +28,7 @@ from validation.harness import cli, csv_files, machine, timing
 from validation.problems import data_sets
 
 SETS = ("mpc", "contact", "small", "strict", "dense")
+DENSE_SIZES = (50, 100), (150, 3000), (300, 300), (300, 20), (600, 300), (1000, 100)
 LIMIT = 10.0  # [s] a solve, and of one kind of solve on a problem
 LEAST = 0.1  # [s] of each kind of solve, at least
 REPEATS = 8  # solves of each kind, at least
@@ -36,14 +38,7 @@ COLUMNS = "set problem one two unguarded_two ratio unguarded".split()
 def dense_problems() -> Iterator[tuple[str, Callable[[], Any]]]:
     """Yield dense QPs and LCPs of the sizes at which OpenBLAS begins to use threads."""
     rng = np.random.default_rng(0)
-    for n, m in (
-        (50, 100),
-        (150, 3000),
-        (300, 300),
-        (300, 20),
-        (600, 300),
-        (1000, 100),
-    ):
+    for n, m in DENSE_SIZES:
         M = rng.standard_normal((n, n))
         data = M @ M.T + np.eye(n), rng.standard_normal(n)
         rows = rng.standard_normal((m, n)), rng.uniform(0.0, 1.0, m)
@@ -61,12 +56,8 @@ def tasks(data: Path, name: str) -> Iterator[tuple[str, Callable[[], Any]]]:
         return
     for each in data_sets.set_names(data, name):
         problem = data_sets.load(data, name, each)
-        yield (
-            each,
-            lambda problem=problem: qpsolvers.solve_problem(
-                problem, solver="nam", time_limit=LIMIT
-            ),
-        )
+        given = {"solver": "nam", "time_limit": LIMIT}
+        yield each, partial(qpsolvers.solve_problem, problem, **given)
 
 
 def set_threads(number: int) -> None:

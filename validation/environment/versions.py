@@ -41,12 +41,7 @@ def lower_bounds(extra: str | None = None) -> dict[str, str]:
 
 
 # cvxpy 1.8 asks for numpy 2, and that for numba 0.60.
-WITH_CVXPY = {
-    **lower_bounds(),
-    **lower_bounds("cvxpy"),
-    "numpy": "2.0",
-    "numba": "0.60",
-}
+WITH_CVXPY = lower_bounds() | lower_bounds("cvxpy") | {"numpy": "2.0", "numba": "0.60"}
 ENVIRONMENTS: dict[str, tuple[dict[str, str], tuple[str, ...]]] = {
     "oldest": (lower_bounds() | lower_bounds("large"), PART),
     "oldest-cvxpy": (WITH_CVXPY, ("cvxpy", "qpsolvers", "public_api")),
@@ -64,17 +59,8 @@ def environment(folder: Path, pins: dict[str, str]) -> Path:
         venv.create(folder, with_pip=True)
     exact = [f"{name}=={pin}" if pin else name for name, pin in pins.items()]
     quiet = "-q", "--disable-pip-version-check", "--upgrade"
-    command = [
-        str(python),
-        "-m",
-        "pip",
-        "install",
-        *quiet,
-        str(cli.ROOT),
-        "pytest",
-        *exact,
-    ]
-    subprocess.run(command, check=True)
+    install = [str(python), "-m", "pip", "install", *quiet]
+    subprocess.run([*install, str(cli.ROOT), "pytest", *exact], check=True)
     return python
 
 

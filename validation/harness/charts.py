@@ -5,6 +5,7 @@ methods has one colour, its members differ by marker.
 """
 
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 from matplotlib import pyplot as plt
@@ -82,15 +83,17 @@ def save(figure: Figure, file: Path) -> None:
     print(f"{file.name}: {file.stat().st_size / 1024:.0f} KiB")
 
 
+def label(
+    axes: Axes, text: str, point: tuple, shift: tuple, colour: str, **style: Any
+) -> None:
+    """Write the name of a line beside one of its points, `shift` [points] off."""
+    place = {"textcoords": "offset points", "va": "center", "color": colour}
+    axes.annotate(text, point, shift, **place, **style)
+
+
 def caption(axes: Axes, file: Path) -> None:
     """Write CPU and date, from the first lines of a CSV file, below an axes."""
     known = dict(line.split(": ", 1) for line in header(file) if ": " in line)
-    axes.annotate(
-        f"{known['cpu']}; {known['date']}; {file.name}",
-        (0.0, 0.0),
-        (0.0, -46.0),
-        xycoords="axes fraction",
-        textcoords="offset points",
-        fontsize=6.5,
-        color=DARK,
-    )
+    text = f"{known['cpu']}; {known['date']}; {file.name}"
+    style = {"xycoords": "axes fraction", "textcoords": "offset points", "color": DARK}
+    axes.annotate(text, (0.0, 0.0), (0.0, -46.0), fontsize=6.5, **style)

@@ -59,6 +59,12 @@ def judge(problem: Problem, solution: Solution, eps: float) -> dict[str, Any]:
     return row
 
 
+def filled(part: Any, size: int) -> np.ndarray:
+    """Return a part of a solution; zeros where it is absent."""
+    absent = part is None or np.size(part) != size
+    return np.zeros(size) if absent else np.asarray(part, dtype=float)
+
+
 def relative_residual(A: sp.csr_matrix, q: np.ndarray, z: np.ndarray) -> float:
     """Return the relative natural residual of the LCP scaled to unit diagonal.
 

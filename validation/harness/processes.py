@@ -65,16 +65,8 @@ def serve(pipe: Connection, work: Work, solver: str, limit: float, data: Any) ->
 class Bench:
     """A child process with one solver, replaced when it hangs or dies.
 
-    Parameters
-    ----------
-    work : Work
-        What the child does with a request: a function of a module.
-    solver : str
-        Its name, mostly its keyword in qpsolvers.
-    limit : float
-        Time limit of one solve [s].
-    data : Any
-        What else the child needs, such as the data folder.
+    work, a function of a module, is what the child does with a request; limit is the
+    time of one solve [s], data what else the child needs, such as the data folder.
     """
 
     def __init__(self, work: Work, solver: str, limit: float, data: Any = None) -> None:

@@ -20,14 +20,8 @@ SOLVERS = ("nam", "piqp", "daqp", "proxqp", "clarabel", "osqp")
 def settings(solver: str, eps: float, limit: float) -> dict[str, Any]:
     """Return the keyword arguments for qpsolvers.solve_problem.
 
-    Parameters
-    ----------
-    solver : str
-        Keyword of the solver in qpsolvers.
-    eps : float
-        Absolute tolerance on primal residual, dual residual and duality gap.
-    limit : float
-        Time limit [s], for the solvers that know one.
+    eps: absolute tolerance on primal residual, dual residual and duality gap. limit: of
+    time [s], for the solvers that know one.
     """
     known: dict[str, dict[str, Any]] = {
         "nam": {"eps_abs": eps, "eps_rel": 0.0, "time_limit": limit},

@@ -392,12 +392,8 @@ def far_from_normal() -> list[Row]:
 def lemma() -> Row:
     """Return A <= B with rho(A) > rho(B): Lemma 2.2 needs 0 <= A."""
     A, B = np.array([[-2.0]]), np.array([[1.0]])
-    return {
-        "A": A.item(),
-        "B": B.item(),
-        "rho(A)": spectral_radius(A),
-        "rho(B)": spectral_radius(B),
-    }
+    row: Row = {"A": A.item(), "B": B.item()}
+    return row | {"rho(A)": spectral_radius(A), "rho(B)": spectral_radius(B)}
 
 
 def report() -> None:

@@ -9,6 +9,7 @@ from validation.harness import charts, csv_files
 
 Rows = list[dict[str, str]]
 NAMES = {"mgs": "MGS", "namgs": "NAMGS", "msor": "MSOR", "namsor": "NAMSOR"}
+LIFTS = {"msor": 6.5, "namgs": -2.5, "namsor": -11.5, "mgs": 7.0}  # [points]
 SHADES = {"4.0": charts.CYAN, "1.0": charts.BLUE, "0.0": charts.PURPLE}
 
 
@@ -49,7 +50,8 @@ def draw_counts(axes: Axes, rows: Rows) -> None:
         axes.plot(n, ours, color=colour, marker=marker, markersize=7)
         printed = [int(row["printed_iterations"]) for row in own]
         axes.plot(n, printed, "+", color="black", markersize=5, markeredgewidth=0.9)
-        label(axes, n[-1], ours[-1], name, colour, method)
+        end = n[-1], ours[-1]
+        charts.label(axes, name, end, (7.0, LIFTS[method]), colour, fontsize=8.0)
     axes.plot([], [], "+", color="black", label="printed in the paper")
     axes.legend(loc="lower left", handletextpad=0.0)
     axes.set_xscale("log")
@@ -73,27 +75,14 @@ def draw_times(axes: Axes, rows: Rows) -> None:
         axes.vlines(n, low, high, color=colour, linewidth=1.0)
         printed = [1e3 * float(row["printed_time"]) for row in own]
         axes.plot(n, printed, ":", color=colour, marker=marker, fillstyle="none")
-        label(axes, n[-1], median[-1], name, colour, method)
+        end = n[-1], median[-1]
+        charts.label(axes, name, end, (7.0, LIFTS[method]), colour, fontsize=8.0)
     axes.text(1.1e4, 2.6e3, "printed\n(dense)", color=charts.DARK, va="center")
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xlim(80, 26000)
     axes.set_xlabel("n")
     axes.set_ylabel("time [ms], median and quartiles")
-
-
-def label(axes: Axes, x: float, y: float, name: str, colour: str, method: str) -> None:
-    """Write the name of a line behind its end, clear of its neighbours."""
-    shift = {"msor": 6.5, "namgs": -2.5, "namsor": -11.5, "mgs": 7.0}[method]
-    axes.annotate(
-        name,
-        (x, y),
-        (7.0, shift),
-        textcoords="offset points",
-        color=colour,
-        va="center",
-        fontsize=8.0,
-    )
 
 
 def draw_methods(axes: Axes, rows: Rows) -> None:

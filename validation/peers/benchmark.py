@@ -18,13 +18,9 @@ from validation.problems import data_sets
 @cli.needs_data
 def main(arguments: list[str] | None = None) -> int:
     """Run the benchmark."""
+    solvers = list(qp_solvers.SOLVERS)
     parser = cli.parser(
-        __doc__,
-        "limit",
-        "csv",
-        data=...,
-        eps=[1e-6, 1e-9],
-        solvers=list(qp_solvers.SOLVERS),
+        __doc__, "limit", "csv", data=..., eps=[1e-6, 1e-9], solvers=solvers
     )
     parser.add_argument(
         "--set", nargs="+", choices=data_sets.SETS, default=["mpc", "contact", "small"]

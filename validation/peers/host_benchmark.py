@@ -35,14 +35,7 @@ EPS = {"low_accuracy": 1e-3, "mid_accuracy": 1e-6, "high_accuracy": 1e-9}
 class MarosMeszaros(TestSet):
     """The problems of the data folder, all sparse, or the dense subset dense.
 
-    Parameters
-    ----------
-    data : Path
-        The data folder.
-    subset : str
-        "all", "dense" or "sparse".
-    limit : float
-        Time limit of a solve [s].
+    `subset` is "all", "dense" or "sparse", `limit` the time of a solve [s].
     """
 
     def __init__(self, data: Path, subset: str, limit: float) -> None:

@@ -176,15 +176,8 @@ def print_classes(rows: list[Row], peer: str) -> None:
     for low, high in pairwise(CLASSES):
         own = [ours / theirs for ours, theirs in pairs if low <= theirs < high]
         if own:
-            text = f"{1e3 * low:g} to {1e3 * high:g}"
-            lines.append(
-                [
-                    text,
-                    str(len(own)),
-                    f"{timing.geometric_mean(own):.2f}",
-                    f"{max(own):.1f}",
-                ]
-            )
+            text, mean = f"{1e3 * low:g} to {1e3 * high:g}", timing.geometric_mean(own)
+            lines.append([text, str(len(own)), f"{mean:.2f}", f"{max(own):.1f}"])
     columns = [f"{peer} [ms]", "problems", f"nam/{peer}", "largest"]
     print("\n" + tables.markdown(columns, lines))
 

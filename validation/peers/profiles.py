@@ -36,7 +36,7 @@ from validation.harness import (
     tables,
 )
 from validation.peers.maros_meszaros import SUBSETS, at_limit, by_solver, read_results
-from validation.peers.runs import measure, run_set
+from validation.peers.runs import measure, read_rows, run_set
 from validation.peers.work_precision import DENSE, QUICK_LIMIT, SOLVERS
 from validation.problems import data_sets
 
@@ -125,13 +125,8 @@ def run(args: argparse.Namespace) -> int:
 
 def known(file: Path) -> list[Row]:
     """Return the rows that are written, as numbers; the last one stands."""
-    rows: dict[tuple[str, ...], Row] = {}
-    for row in csv_files.read(file):
-        solved = row["success"] == "True"
-        runtime = float(row["runtime"] or "nan")
-        numbers = {"eps": float(row["eps"]), "success": solved, "runtime": runtime}
-        key = row["set"], row["problem"], row["solver"], row["eps"]
-        rows[key] = {**row, **numbers}
+    keys = "set problem solver eps".split()
+    rows = {tuple(row[key] for key in keys): row for row in read_rows(file)}
     return list(rows.values())
 
 

@@ -202,8 +202,7 @@ def piles(sizes: Iterable[int]) -> Iterator[tuple[str, Scene]]:
         yield "heap", heap(contacts)
         yield "full heap", heap(contacts, sideways=True)
         yield "brick wall", brick_wall(contacts)
-        rows = round(
-            (np.sqrt(1.0 + 24.0 * contacts) - 3.0) / 6.0
-        )  # 3/2 rows (rows + 1)
+        # 3/2 rows (rows + 1) contacts
+        rows = round((np.sqrt(1.0 + 24.0 * contacts) - 3.0) / 6.0)
         A, q = disc_pile(max(1, rows))
         yield "wedge", Scene(A, q, rows * (rows + 1))

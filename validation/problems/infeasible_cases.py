@@ -105,16 +105,8 @@ def random_feasible(
     lb = np.where(at_lb, x, x - 1.0)
     q = -(B.T @ (B @ x) + G.T @ z + A.T @ rng.standard_normal(p) + z_box)
     h = G @ x + np.where(active, 0.0, rng.random(m))
-    return [
-        B.T @ B,
-        q,
-        G,
-        h,
-        A,
-        A @ x,
-        lb,
-        np.where(rng.random(n) < 0.5, x + 2, np.inf),
-    ]
+    ub = np.where(rng.random(n) < 0.5, x + 2, np.inf)
+    return [B.T @ B, q, G, h, A, A @ x, lb, ub]
 
 
 def shaped(arrays: list[np.ndarray], dense: bool) -> Problem:
@@ -201,9 +193,8 @@ def changed(data: Path, name: str, change: str) -> Case | None:
     if change == "both":
         return Case(group, "both", add_variables(contradict(twin), 1), twin)
     if change in ("sums", "digits"):
-        off, truth = {"sums": (1e-4, "infeasible"), "digits": (1e-8, "feasible")}[
-            change
-        ]
+        known = {"sums": (1e-4, "infeasible"), "digits": (1e-8, "feasible")}
+        off, truth = known[change]
         problem = None if twin.A is None else add_sums(twin, off)
         return problem and Case(group, truth, problem, twin)
     if twin.lb is None and twin.ub is None:

@@ -66,11 +66,8 @@ def sparse_parts(rng: Rng, largest: int, rank: float = 0.5) -> tuple[Any, Any, A
     n, m, p = sizes(rng, largest)
     density = min(1.0, 4.0 / n)
     B = entries(rng, max(int(rank * n), 1), n, density)
-    return (
-        sp.csc_matrix(B.T @ B),
-        entries(rng, m, n, density),
-        entries(rng, p, n, density),
-    )
+    G, A = entries(rng, m, n, density), entries(rng, p, n, density)
+    return sp.csc_matrix(B.T @ B), G, A
 
 
 def sparse_qp(rng: Rng) -> Problem:
@@ -179,14 +176,8 @@ def noisy(problem: Problem, rng: Rng, size: float = 1e-3) -> Problem:
     sides = [None if v is None else v * factors(v.size) for v in (h, b, lb, ub)]
     if lb is not None and ub is not None:
         sides[2] = np.minimum(sides[2], sides[3])
-    return Problem(
-        sp.csc_matrix(D @ P @ D),
-        q * factors(q.size),
-        changed(G),
-        sides[0],
-        changed(A),
-        *sides[1:],
-    )
+    P, q = sp.csc_matrix(D @ P @ D), q * factors(q.size)
+    return Problem(P, q, changed(G), sides[0], changed(A), *sides[1:])
 
 
 CHANGES: dict[str, Callable[[Problem, Rng], Problem]] = {

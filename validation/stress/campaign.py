@@ -168,18 +168,12 @@ def ask_peer(case: cases.Case, solver: str, eps: float, limit: float) -> Answer:
     if not solution.found:
         known = said in ("infeasible", "unbounded")
         return Answer(said if known else "refused", words=words)
-    z = np.zeros(case.problem.h.size)
-    z[case.problem.h < INFINITE] = filled(solution.z, problem.h)
-    y, z_box = filled(solution.y, problem.b), filled(solution.z_box, problem.q)
+    on = case.problem.h < INFINITE
+    z = np.zeros(on.size)
+    z[on] = judging.filled(solution.z, int(on.sum()))
+    y = judging.filled(solution.y, case.problem.b.size)
+    z_box = judging.filled(solution.z_box, problem.q.size)
     return Answer("solved", np.asarray(solution.x), y, z, z_box, words)
-
-
-def filled(multiplier: Any, side: Any) -> np.ndarray:
-    """Return the multiplier, zeros where it is absent."""
-    size = 0 if side is None else side.size
-    if multiplier is None or np.size(multiplier) != size:
-        return np.zeros(size)
-    return np.asarray(multiplier, dtype=float)
 
 
 def examine(case: cases.Case, solver: str, eps: float, limit: float) -> Row:

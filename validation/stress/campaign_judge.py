@@ -15,6 +15,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from validation.harness import judging
+
+largest = judging.largest
 ROUNDING = 1e-14  # of the terms of a residual, which the judge adds up in another order
 PROOF = 1.01e-8  # relative residual of a certificate
 SLOPE = 1e-12  # of an LCP's ray, relative to its terms
@@ -48,11 +51,6 @@ class Tolerance(NamedTuple):
         """Tell whether it does; `terms` is what the sum rounds with."""
         allowed = self.factor * (self.eps_abs + self.eps_rel * size)
         return residual <= allowed + ROUNDING * terms
-
-
-def largest(*arrays: np.ndarray) -> float:
-    """Return the largest modulus of an entry, 0 of nothing."""
-    return max((float(np.abs(a).max()) for a in arrays if a.size), default=0.0)
 
 
 def excess(*arrays: np.ndarray) -> float:

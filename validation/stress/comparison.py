@@ -101,13 +101,8 @@ def denies(said: str) -> bool:
 def multipliers(solution: Solution, case: stress_cases.Case) -> stress_cases.Point:
     """Return the point of a solver; what it leaves out is zero."""
     sizes = case.qp.q.size, case.qp.b.size, case.qp.h.size, case.qp.q.size
-    parts = (solution.x, solution.y, solution.z, solution.z_box)
-    return stress_cases.Point(
-        *(
-            np.zeros(size) if part is None or np.size(part) == 0 else np.asarray(part)
-            for part, size in zip(parts, sizes, strict=True)
-        )
-    )
+    parts = solution.x, solution.y, solution.z, solution.z_box
+    return stress_cases.Point(*map(judging.filled, parts, sizes))
 
 
 def residuals(case: stress_cases.Case, point: stress_cases.Point) -> Residuals:

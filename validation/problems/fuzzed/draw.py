@@ -13,13 +13,7 @@ DENSITIES = (1.0, 1.0, 0.5, 0.2, 0.08)
 
 
 class Draw:
-    """The random numbers of one problem.
-
-    Parameters
-    ----------
-    rng : Generator
-        Where all of them come from.
-    """
+    """The random numbers of one problem, all of them from `rng`."""
 
     def __init__(self, rng: np.random.Generator) -> None:
         self.rng = rng

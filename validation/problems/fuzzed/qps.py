@@ -202,16 +202,8 @@ def rescaled(draw: Draw, decades: float) -> QP:
     c = factors((1, 4), n) * factors((2,), None)
     cost = factors((3, 4), None)
     P = cost * (P * c[:, None] * c)
-    return QP(
-        (P + P.T) / 2.0,
-        cost * q * c,
-        r[:, None] * G * c,
-        r * h,
-        s[:, None] * A * c,
-        s * b,
-        lb / c,
-        ub / c,
-    )
+    G, A = r[:, None] * G * c, s[:, None] * A * c
+    return QP((P + P.T) / 2.0, cost * q * c, G, r * h, A, s * b, lb / c, ub / c)
 
 
 def scaled(draw: Draw) -> Truth:
