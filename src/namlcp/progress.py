@@ -27,12 +27,8 @@ COUNTS = ("iter", "active")
 class Progress:
     """Rows of one solve: kept for the history, printed when verbose.
 
-    Parameters
-    ----------
-    columns : tuple of str
-        Names of the columns; the time [s] since the start is added as the last.
-    verbose : bool
-        Print, on `stream` (standard output unless given).
+    To the columns the time [s] since the start is added as the last. `stream` is
+    standard output unless given.
     """
 
     def __init__(

@@ -92,15 +92,8 @@ def fits_baseline(baseline: str, name: str, features: str) -> bool:
 class Store:
     """The `_cache` of a dispatcher, in place of numba's `FunctionCache`.
 
-    Parameters
-    ----------
-    function : function
-        The Python function.
-    name : str
-        As `decorators.name_of` returns it.
-    keeps : bool
-        Keep machine code in files. This is for kernels, and has no effect where the
-        function's module has changed since the stamp was taken.
+    `name` is what `decorators.name_of` returns. `keeps`: machine code is kept in files,
+    which is for kernels, unless the module has changed since the stamp was taken.
     """
 
     cache_path = None
@@ -312,7 +305,7 @@ class KernelCompiler(compiler.Compiler):
 
 
 class PartCompiler(KernelCompiler):
-    """The compiler of functions that are called by compiled functions alone."""
+    """The compiler of parts."""
 
     library = PartLibrary
 

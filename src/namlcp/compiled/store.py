@@ -39,16 +39,10 @@ USED = 86400.0
 
 
 class Folder:
-    """A folder for the machine code of the present stamp.
+    """The folder for the machine code of the present stamp, one of those in `parent`.
 
-    Parameters
-    ----------
-    parent : Path
-        Contains one folder for each stamp.
-    patience : float
-        Time [s] that the folders of other stamps stay after their last use.
-    prebuilt : bool
-        The folder came with the package: it is never written, and always trusted.
+    The folders of other stamps stay there for `patience` [s] after their last use. One
+    that is `prebuilt` came with the package: it is never written, and always trusted.
     """
 
     def __init__(self, parent: Path, patience: float = KEPT, prebuilt: bool = False):
