@@ -109,18 +109,12 @@ class Bench:
             answer = self.wait(LOADING)
             if answer == READY:
                 answer = self.wait(self.limit + GRACE)
-        except TimeoutError:
-            answer = {"found": False} | failure("timeout")
-            self.restart()
-        except (EOFError, ConnectionError):
-            answer = {"found": False} | failure("crashed")
-            self.restart()
+        except (TimeoutError, EOFError, ConnectionError) as error:
+            late = isinstance(error, TimeoutError)
+            answer = {"found": False} | failure("timeout" if late else "crashed")
+            self.stop()
+            self.start()
         return answer
-
-    def restart(self) -> None:
-        """Replace the child process."""
-        self.stop()
-        self.start()
 
     def wait(self, seconds: float) -> Any:
         """Return the next message of the child process."""

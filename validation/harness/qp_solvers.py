@@ -23,24 +23,15 @@ def settings(solver: str, eps: float, limit: float) -> dict[str, Any]:
     eps: absolute tolerance on primal residual, dual residual and duality gap. limit: of
     time [s], for the solvers that know one.
     """
+    both = {"eps_abs": eps, "eps_rel": 0.0}
+    gap = {"eps_duality_gap_abs": eps, "eps_duality_gap_rel": 0.0}
+    gap["check_duality_gap"] = True
     known: dict[str, dict[str, Any]] = {
-        "nam": {"eps_abs": eps, "eps_rel": 0.0, "time_limit": limit},
-        "piqp": {
-            "max_iter": 100_000,  # 250 end one problem of strict early
-            "eps_abs": eps,
-            "eps_rel": 0.0,
-            "check_duality_gap": True,
-            "eps_duality_gap_abs": eps,
-            "eps_duality_gap_rel": 0.0,
-        },
+        "nam": both | {"time_limit": limit},
+        # 250 iterations end one problem of strict early
+        "piqp": both | gap | {"max_iter": 100_000},
         "daqp": {"primal_tol": eps, "dual_tol": eps},
-        "proxqp": {
-            "eps_abs": eps,
-            "eps_rel": 0.0,
-            "check_duality_gap": True,
-            "eps_duality_gap_abs": eps,
-            "eps_duality_gap_rel": 0.0,
-        },
+        "proxqp": both | gap,
         "clarabel": {
             "tol_feas": eps,
             "tol_gap_abs": eps,
@@ -48,9 +39,8 @@ def settings(solver: str, eps: float, limit: float) -> dict[str, Any]:
             "max_threads": 1,
             "time_limit": limit,
         },
-        "osqp": {
-            "eps_abs": eps,
-            "eps_rel": 0.0,
+        "osqp": both
+        | {
             "check_dualgap": True,
             "polishing": True,
             "polish_refine_iter": 10,  # 3 leave up to two more of each set inaccurate
@@ -59,12 +49,7 @@ def settings(solver: str, eps: float, limit: float) -> dict[str, Any]:
             "max_iter": 1_000_000_000,
             "time_limit": limit,
         },
-        "scs": {
-            "eps_abs": eps,
-            "eps_rel": 0.0,
-            "max_iters": 1_000_000_000,
-            "time_limit_secs": limit,
-        },
+        "scs": both | {"max_iters": 1_000_000_000, "time_limit_secs": limit},
         "highs": {
             "primal_feasibility_tolerance": eps,
             "dual_feasibility_tolerance": eps,

@@ -108,13 +108,9 @@ def print_tables(rows: list[Row]) -> None:
     for example in (1, 2):
         print(f"\nTable {example}   n = " + "".join(f"{m * m:>9}" for m in SIZES))
         for (number, method, alpha), _ in TABLES.items():
-            own = [
-                row
-                for row in rows
-                if (row["example"], row["method"]) == (number, method)
-            ]
             if number != example:
                 continue
+            own = tables.chosen(rows, example=example, method=method)
             for word, ours, theirs, form in (
                 ("IT", "iterations", "printed_iterations", "d"),
                 ("Res", "residual", "printed_residual", ".1e"),

@@ -21,6 +21,7 @@ import numpy as np
 from qpsolvers import Problem
 
 from namlcp.qp import QP
+from validation.harness import qps
 from validation.problems.contact_scenes import STEP, Scene, brick_wall, heap
 
 N, INEQUALITIES, EQUALITIES = 20, 30, 3
@@ -65,12 +66,10 @@ def posed(case: Case) -> Problem:
     """Return the problem as a solver sees it; parts without rows or bounds are None."""
     P, q, G, h, A, b, lb, ub = case.qp
     s, c, r, e = case.units
-    rows = (r[:, None] * G * c, r * h) if h.size else (None, None)
-    equations = (e[:, None] * A * c, e * b) if b.size else (None, None)
     lower = lb / c if np.isfinite(lb).any() else None
     upper = ub / c if np.isfinite(ub).any() else None
-    scaled = s * c[:, None] * P * c, s * c * q
-    return Problem(*scaled, *rows, *equations, lower, upper)
+    rows = r[:, None] * G * c, r * h, e[:, None] * A * c, e * b
+    return qps.joined(s * c[:, None] * P * c, s * c * q, *rows, lower, upper)
 
 
 def natural(case: Case, point: Point) -> Point:
