@@ -27,11 +27,7 @@ def problem(seed, box, n=17, dominance=1.0):
     np.fill_diagonal(A, dominance * np.abs(A).sum(axis=1) + rng.uniform(0.5, 3.0, n))
     lower, upper = np.zeros(n), np.full(n, np.inf)
     if box == "boxes":
-        lower = np.where(rng.random(n) < 0.3, -np.inf, rng.normal(size=n))
-        upper = np.where(rng.random(n) < 0.3, np.inf, lower + rng.exponential(size=n))
-        upper[lower == -np.inf] = 1.0
-        lower[0], upper[0] = -np.inf, np.inf
-        lower[1] = upper[1] = 0.7
+        lower, upper = sweeping.every_bounds(rng, n)
     return A, 4.0 * rng.normal(size=n), lower, upper, 2.0 * rng.normal(size=n)
 
 

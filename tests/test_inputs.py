@@ -209,15 +209,23 @@ def test_a_qp_is_refused_in_words(arguments, options, error, text, capfd):
 PAIR = EYE, ONE
 LCP_REFUSALS = [
     ((np.ones((2, 3)), np.ones(3)), {}, ValueError, "A must be square"),
-    ((np.diag([1, np.nan]), ONE), {}, ValueError, r"A must be .*\(1, 1"),
+    ((np.diag([1, np.nan]), ONE), {}, ValueError, r"A must be finite.*\(1, 1"),
     ((EYE, np.ones(3)), {}, ValueError, r"q must have shape \(2,\)"),
     ((EYE, [1, np.inf]), {}, ValueError, r"q must be finite.*\(1\)"),
     ((EYE, ["a", "b"]), {}, TypeError, "q must be an array of real"),
     ((EYE, [[1], [1, 2]]), {}, TypeError, "q must be an array of real"),
-    ((*PAIR, [2, 0], 1.0), {}, ValueError, r"lower\[0\] = 2, upper\[0\] = 1"),
+    (
+        (*PAIR, [2, 0], 1.0), {}, ValueError,
+        r"lower must not exceed upper.*lower\[0\] = 2, upper\[0\] = 1",
+    ),
     ((*PAIR, np.inf), {}, ValueError, "lower be < inf"),
     ((*PAIR, np.nan), {}, ValueError, "lower must not hold NaN"),
-    (PAIR, {"method": "sor"}, ValueError, "method"),
+    (PAIR, {"method": "sor"}, ValueError, "method must be one of"),
+    (PAIR, {"alpha": 1.0}, ValueError, "alpha is not a parameter"),
+    (PAIR, {"maxiter": 3}, TypeError, "maxiter"),
+    (PAIR, {"eps_abs": -1.0}, ValueError, "eps_abs must be > 0"),
+    (PAIR, {"max_iter": 0}, ValueError, "max_iter must be >= 1"),
+    (PAIR, {"z0": [np.nan, 1.0]}, ValueError, "z0 must be finite"),
     (PAIR, {"method": "psor", "alpha": 2.0}, ValueError, r"alpha must lie in \(0, 2\)"),
     (PAIR, {"method": "pgs", "alpha": 1.0}, (TypeError, ValueError), "alpha"),
     (
@@ -227,6 +235,10 @@ LCP_REFUSALS = [
     (
         PAIR, {"s0": ONE}, ValueError,
         "s0 is for the sweep methods, not for method 'auto'",
+    ),
+    (
+        PAIR, {"method": "multigrid", "s0": ONE}, ValueError,
+        "s0 is for the sweep methods, not for method 'multigrid'",
     ),
     (PAIR, {"z0": np.ones(3)}, ValueError, r"z0 must have shape \(2,\)"),
     (

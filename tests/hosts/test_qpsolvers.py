@@ -8,34 +8,15 @@ import pytest
 import qpsolvers
 import scipy.sparse as sp
 from qpsolvers import Problem, solve_ls, solve_problem, solve_qp
+from qpsolvers import problems as host
 from qpsolvers.exceptions import ParamError, ProblemError, SolverError
-from qpsolvers.problems import (
-    get_qpgurabs,
-    get_qpgurdu,
-    get_qpgureq,
-    get_qpsut01,
-    get_qpsut02,
-    get_qpsut03,
-    get_qpsut04,
-    get_qpsut05,
-    get_qptest,
-    get_sparse_least_squares,
-)
 
 import namlcp.qpsolvers
 
 SPARSE_CLASSES = [
-    sp.csc_matrix,
-    sp.csr_matrix,
-    sp.coo_matrix,
-    sp.csc_array,
-    sp.csr_array,
-    sp.coo_array,
-    sp.lil_matrix,
-    sp.dok_array,
-    sp.bsr_array,
-    sp.dia_array,
-]
+    sp.csc_matrix, sp.csr_matrix, sp.coo_matrix, sp.csc_array, sp.csr_array,
+    sp.coo_array, sp.lil_matrix, sp.dok_array, sp.bsr_array, sp.dia_array,
+]  # fmt: skip
 
 
 def textbook() -> dict:
@@ -87,7 +68,7 @@ def test_registered_in_either_order_of_import(order):
 
 @pytest.mark.parametrize(
     "get",
-    [get_qpsut01, get_qpsut02, get_qpsut04, get_qpsut05],
+    [host.get_qpsut01, host.get_qpsut02, host.get_qpsut04, host.get_qpsut05],
     ids=lambda g: g.__name__,
 )
 def test_host_problem_with_known_solution(get):
@@ -98,7 +79,7 @@ def test_host_problem_with_known_solution(get):
 
 
 def test_host_problem_with_unique_multipliers():
-    problem, reference = get_qpsut01()
+    problem, reference = host.get_qpsut01()
     answer = solve_problem(problem, solver="nam")
     for name in ("y", "z", "z_box"):
         error = getattr(answer, name) - getattr(reference, name)
@@ -106,20 +87,16 @@ def test_host_problem_with_unique_multipliers():
 
 
 def test_host_problem_without_rows_has_empty_multipliers():
-    problem, _ = get_qpsut03()
+    problem, _ = host.get_qpsut03()
     answer = solve_problem(problem, solver="nam")
-    assert [v.shape for v in (answer.x, answer.y, answer.z, answer.z_box)] == [
-        (4,),
-        (0,),
-        (0,),
-        (4,),
-    ]
+    parts = answer.x, answer.y, answer.z, answer.z_box
+    assert [v.shape for v in parts] == [(4,), (0,), (0,), (4,)]
     assert_exact(answer)
 
 
 @pytest.mark.parametrize(
     "get",
-    [get_qptest, get_qpgurdu, get_qpgurabs, get_qpgureq],
+    [host.get_qptest, host.get_qpgurdu, host.get_qpgurabs, host.get_qpgureq],
     ids=lambda g: g.__name__,
 )
 def test_host_problem_is_solved_exactly(get):
@@ -128,34 +105,26 @@ def test_host_problem_is_solved_exactly(get):
 
 @pytest.mark.parametrize(("name", "value"), [("lb", -np.inf), ("ub", np.inf)])
 def test_infinite_bounds(name, value):
-    problem, _ = get_qpsut01()
+    problem, _ = host.get_qpsut01()
     getattr(problem, name)[1] = value
     assert_exact(solve_problem(problem, solver="nam"))
 
 
 def test_infinite_right_side_switches_a_row_off():
-    problem, _ = get_qpsut01()
+    problem, _ = host.get_qpsut01()
     problem.h[0] = np.inf
     answer = solve_problem(problem, solver="nam")
     assert answer.found
     assert answer.z[0] == 0.0
-    smaller = Problem(
-        problem.P,
-        problem.q,
-        problem.G[1:],
-        problem.h[1:],
-        problem.A,
-        problem.b,
-        problem.lb,
-        problem.ub,
-    )
+    P, q, G, h, *others = problem.unpack()
+    smaller = Problem(P, q, G[1:], h[1:], *others)
     np.testing.assert_allclose(
         answer.x, solve_problem(smaller, solver="nam").x, atol=1e-9
     )
 
 
 def test_large_sparse_least_squares():
-    R, s, G, h, A, b, lb, ub = get_sparse_least_squares(15_000)
+    R, s, G, h, A, b, lb, ub = host.get_sparse_least_squares(15_000)
     for conversion in (False, True):
         x = solve_ls(
             R, s, G, h, A, b, lb, ub, solver="nam", sparse_conversion=conversion

@@ -300,42 +300,6 @@ def test_history(rng, capsys):
     assert "solved: " in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(
-    ("arguments", "options", "error", "text"),
-    [
-        ((np.eye(2), [1.0]), {}, ValueError, "q must have shape"),
-        ((np.ones((2, 3)), [1.0, 1.0]), {}, ValueError, "A must be square"),
-        ((np.eye(2), [np.nan, 1.0]), {}, ValueError, "q must be finite"),
-        ((np.full((1, 1), np.nan), [1.0]), {}, ValueError, "A must be finite"),
-        ((np.eye(1), [1.0], 2.0, 1.0), {}, ValueError, "lower must not exceed upper"),
-        ((np.eye(1), [1.0]), {"method": "magic"}, ValueError, "method must be one of"),
-        ((np.eye(1), [1.0]), {"alpha": 1.0}, ValueError, "alpha is not a parameter"),
-        ((np.eye(1), [1.0]), {"z0": [1.0, 2.0]}, ValueError, "z0 must have shape"),
-        ((np.eye(1), [1.0]), {"z0": [np.nan]}, ValueError, "z0 must be finite"),
-        ((np.eye(1), [1.0]), {"eps_abs": -1.0}, ValueError, "eps_abs must be > 0"),
-        ((np.eye(1), [1.0]), {"max_iter": 0}, ValueError, "max_iter must be >= 1"),
-        ((np.eye(1), [1.0]), {"time_limit": 0}, ValueError, "time_limit must be > 0"),
-        ((np.eye(1), [1.0]), {"verbose": 1}, TypeError, "verbose must be True or"),
-        (
-            (np.eye(1), [1.0]), {"method": "pgs", "eps_rel": 1e-3}, ValueError,
-            'eps_rel is for method "auto" or "multigrid", not for method \'pgs\'',
-        ),
-        (
-            (np.eye(1), [1.0]), {"method": "multigrid", "s0": [1.0]}, ValueError,
-            "s0 is for the sweep methods, not for method 'multigrid'",
-        ),
-        (
-            (np.eye(1), [1.0]), {"method": "pgs", "s0": [1.0], "z0": [1.0]}, ValueError,
-            "s0 and z0 must not both be given",
-        ),
-        ((np.eye(1), [1.0]), {"maxiter": 3}, TypeError, "maxiter"),
-    ],
-)  # fmt: skip
-def test_bad_arguments_are_named(arguments, options, error, text):
-    with pytest.raises(error, match=text):
-        solve_lcp(*arguments, **options)
-
-
 # ---- pieces against formulas
 
 

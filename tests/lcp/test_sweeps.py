@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from scipy import sparse
-from sweeping import one_step, step_of, sweep
+from sweeping import every_bounds, one_step, step_of, sweep
 
 from namlcp.lcp.modulus.methods import METHODS
 from namlcp.lcp.relaxation import relax_csr
@@ -32,11 +32,7 @@ def random_problem(seed, n=13):
     rng = np.random.default_rng(seed)
     A = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.5)
     np.fill_diagonal(A, rng.uniform(1.0, 9.0, n))
-    lower = np.where(rng.random(n) < 0.3, -np.inf, rng.normal(size=n))
-    upper = np.where(rng.random(n) < 0.3, np.inf, lower + rng.exponential(size=n))
-    upper[lower == -np.inf] = 1.0
-    lower[0], upper[0] = -np.inf, np.inf
-    lower[1] = upper[1] = 0.7
+    lower, upper = every_bounds(rng, n)
     return A, 3.0 * rng.normal(size=n), lower, upper, rng.normal(size=n)
 
 

@@ -11,6 +11,16 @@ from namlcp.limits import NEVER, Limits
 from namlcp.progress import LCP_COLUMNS, Progress
 
 
+def every_bounds(rng, n):
+    """Return random bounds of every kind: infinite ones, equal ones, none."""
+    lower = np.where(rng.random(n) < 0.3, -np.inf, rng.normal(size=n))
+    upper = np.where(rng.random(n) < 0.3, np.inf, lower + rng.exponential(size=n))
+    upper[lower == -np.inf] = 1.0
+    lower[0], upper[0] = -np.inf, np.inf
+    lower[1] = upper[1] = 0.7
+    return lower, upper
+
+
 def sweep(
     A, q, lower, upper, method, *, s0=None, z0=None, eps_abs, max_iter, deadline=NEVER,
     **given,
