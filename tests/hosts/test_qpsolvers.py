@@ -151,42 +151,27 @@ def test_every_sparse_class(kind):
 def odd_forms():
     """Yield a textbook problem in forms that mean the same."""
     for name, matrix in textbook().items():
-        data = textbook()
+        frozen = matrix.copy()
+        frozen.flags.writeable = False
+        forms = {"read-only": frozen, "strided": np.repeat(matrix, 2, axis=0)[::2]}
         if matrix.ndim == 2:
-            data[name] = sp.csc_matrix(matrix)
-            yield f"{name} sparse", data
-            data = textbook()
-            data[name] = np.asfortranarray(matrix)
-            yield f"{name} Fortran", data
+            forms["sparse"] = sp.csc_matrix(matrix)
+            forms["Fortran"] = np.asfortranarray(matrix)
         else:
-            data[name] = matrix.reshape(-1, 1)
-            yield f"{name} column", data
-        data = textbook()
-        data[name] = matrix.copy()
-        data[name].flags.writeable = False
-        yield f"{name} read-only", data
-        data = textbook()
-        data[name] = np.repeat(matrix, 2, axis=0)[::2]
-        yield f"{name} strided", data
+            forms["column"] = matrix.reshape(-1, 1)
+        for form, value in forms.items():
+            yield f"{name} {form}", textbook() | {name: value}
     data = textbook()
-    data["A"] = data["A"].ravel()
-    yield "A one-dimensional", data
-    data = {name: v.astype(np.float32) for name, v in textbook().items()}
-    yield "float32", data
-    data = textbook()
-    data["P"] = data["P"].astype(int)
-    data["G"] = data["G"].astype(np.int8)
-    yield "integers", data
-    data = textbook()
-    data["P"] = data["P"] + np.array([[0, 1e-12, 0], [0, 0, 0], [0, 0, 0]])
-    yield "rounding asymmetry", data
+    P, G, A = (data[name] for name in "PGA")
+    yield "A one-dimensional", data | {"A": A.ravel()}
+    yield "float32", {name: v.astype(np.float32) for name, v in data.items()}
+    yield "integers", data | {"P": P.astype(int), "G": G.astype(np.int8)}
+    yield "rounding asymmetry", data | {"P": P + 1e-12 * np.eye(3, k=1)}
 
 
 @pytest.mark.parametrize("data", [pytest.param(d, id=n) for n, d in odd_forms()])
 def test_odd_forms_are_taken_and_left_alone(data):
-    before = {
-        name: np.array(v, copy=True) for name, v in data.items() if not sp.issparse(v)
-    }
+    before = {name: v.copy() for name, v in data.items() if not sp.issparse(v)}
     answer = solve_problem(Problem(**data), solver="nam")
     reference = solve_problem(Problem(**textbook()), solver="nam")
     assert answer.found

@@ -59,16 +59,9 @@ def make_qp(P, q, G=None, h=None, A=None, b=None, lb=None, ub=None) -> QP:
     def vector(v, value, size):
         return np.full(size, value) if v is None else np.asarray(v, dtype=float)
 
-    return QP(
-        matrix(P, n),
-        q,
-        matrix(G, 0),
-        vector(h, 0.0, 0),
-        matrix(A, 0),
-        vector(b, 0.0, 0),
-        vector(lb, -np.inf, n),
-        vector(ub, np.inf, n),
-    )
+    rows = matrix(G, 0), vector(h, 0.0, 0), matrix(A, 0), vector(b, 0.0, 0)
+    bounds = vector(lb, -np.inf, n), vector(ub, np.inf, n)
+    return QP(matrix(P, n), q, *rows, *bounds)
 
 
 def complementary(seed, n, m, p, rank, density=1.0, weak=0) -> Known:

@@ -50,9 +50,9 @@ def residuals(
     terms = (x @ Px, q @ x, b @ y, g[finite] @ zf)
     gap_size = max(1.0, largest(*terms))
     dual = largest(Px + q + Ay + Fz, np.minimum(z, 0.0), z[~finite])
+    primal = largest(Ax - b, np.minimum(slack, 0.0))
     return {
-        "primal_residual": largest(Ax - b, np.minimum(slack, 0.0))
-        / max(1.0, largest(Ax, b, Fx, g)),
+        "primal_residual": primal / max(1.0, largest(Ax, b, Fx, g)),
         "dual_residual": dual / max(1.0, largest(Px, q, Ay, Fz)),
         "complementarity": largest(slack * zf, sum(terms)) / gap_size,
     }

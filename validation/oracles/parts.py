@@ -125,16 +125,12 @@ def collections(data: Path | None, quick: bool) -> Iterator[Row]:
         print(f"{error}, left out")
         return
     largest = 500 if quick else LARGEST
-    names = [
-        name
-        for name in sorted(references)
-        if max(int(index[name][key]) for key in ("n", "mG", "mA")) <= largest
-    ]
+    sizes = {n: max(int(index[n][k]) for k in ("n", "mG", "mA")) for n in references}
+    names = [name for name in sorted(references) if sizes[name] <= largest]
     with Bench(objective_of, "nam", LIMIT, data) as child:
         for name in names[:: EVERY if quick else 1]:
-            yield collection_row(
-                name, int(index[name]["n"]), references[name], child.ask(name)
-            )
+            n, known = int(index[name]["n"]), references[name]
+            yield collection_row(name, n, known, child.ask(name))
 
 
 def collection_row(
@@ -207,11 +203,6 @@ def model_row(name: str, expected: str, answer: Row) -> Row:
 
 
 PARTS: tuple[Part, ...] = (
-    textbook_lcps,
-    bimatrix_game,
-    puts,
-    hertz_contact,
-    least_squares,
-    collections,
+    textbook_lcps, bimatrix_game, puts, hertz_contact, least_squares, collections,
     cvxpy_models,
-)
+)  # fmt: skip

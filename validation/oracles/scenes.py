@@ -122,10 +122,8 @@ def ball(m: int, average: float, worst: float, *, quick: bool = True) -> Scene:
     """Return the ball obstacle with its errors, known to four digits."""
     errors = (("average error", False, average), ("largest error", True, worst))
     found = tuple(
-        Known(
-            name, partial(ball_error, m=m, worst=kind), number, 4e-4 * number, "Bueler"
-        )
-        for name, kind, number in errors
+        Known(name, partial(ball_error, m=m, worst=k), error, 4e-4 * error, "Bueler")
+        for name, k, error in errors
     )
     return Scene(lambda _: known_scenes.ball_obstacle(m), found, quick=quick)
 

@@ -260,11 +260,9 @@ def main(arguments: list[str] | None = None) -> int:
         parser.error(f"unknown part {sorted(unknown)[0]!r}, known: {', '.join(PARTS)}")
     header = cli.begin(["pyamg"])
     quick = args.quick
+    count = 5 if quick else 60
     calls: dict[str, tuple[str, Callable[[], list[Row]]]] = {
-        "definition": (
-            "h_plus-definition",
-            lambda: definition_rows(5 if quick else 60),
-        ),
+        "definition": ("h_plus-definition", lambda: definition_rows(count)),
         "time": ("h_plus", lambda: time_rows(200 if quick else 1000)),
         "proofs": ("convergence-proofs", lambda: proof_rows(100 if quick else 1500)),
         "runs": ("convergence-runs", lambda: run_rows((10,) if quick else (10, 24))),

@@ -146,10 +146,8 @@ def print_groups(rows: list[Row]) -> None:
         text = f"{group or 'all':<28}{len(here) // len(solvers):>6}"
         for solver in solvers:
             own = tables.chosen(here, solver=solver)
-            count = [
-                sum(row["outcome"] == word for row in own)
-                for word in ("recognised", "misjudged", "undecided")
-            ]
+            words = "recognised", "misjudged", "undecided"
+            count = [sum(row["outcome"] == word for row in own) for word in words]
             times = [row["runtime"] for row in own if row.get("runtime")]
             middle = 1e3 * float(np.median(times)) if times else np.nan
             text += f"{'/'.join(map(str, count)):>12}{middle:>9.2f}"

@@ -190,9 +190,8 @@ def print_failures(rows: list[Row]) -> None:
     if wrong:
         names = (f"{row['solver']} {row['problem']}" for row in wrong)
         print("\nfound, but tenfold off: " + "; ".join(names))
-    forms = Counter(
-        row["form"] for row in tables.chosen(rows, solver="nam", success=True)
-    )
+    solved = tables.chosen(rows, solver="nam", success=True)
+    forms = Counter(row["form"] for row in solved)
     parts = (f"{form} {count}" for form, count in forms.most_common())
     print("\nforms that solved it: " + ", ".join(parts))
 

@@ -126,13 +126,10 @@ def print_tables(rows: list[Row], reference: str = "nam") -> None:
 
 def print_table(rows: list[Row], reference: str) -> None:
     """Print success, time and failures of all solvers on one set at one tolerance."""
-    times = {
-        solver: {
-            row["problem"]: row["runtime"]
-            for row in tables.chosen(rows, solver=solver, success=True)
-        }
-        for solver in tables.distinct(rows, "solver")
-    }
+    times = {}
+    for solver in tables.distinct(rows, "solver"):
+        solved = tables.chosen(rows, solver=solver, success=True)
+        times[solver] = {row["problem"]: row["runtime"] for row in solved}
     total = len(tables.distinct(rows, "problem"))
     print(f"\nset {rows[0]['set']}, eps {rows[0]['eps']:.0e}: {total} problems")
     print(f"{'solver':<10}{'solved':>9}{'time [ms]':>12}{reference + '/solver':>14}")
@@ -140,9 +137,8 @@ def print_table(rows: list[Row], reference: str) -> None:
     for solver, own in times.items():
         mean = 1e3 * timing.geometric_mean(list(own.values()))
         ratios = [base[name] / own[name] for name in own if name in base]
-        ratio = (
-            f"{timing.geometric_mean(ratios):.2f} ({len(ratios)})" if ratios else "-"
-        )
+        over = f"{timing.geometric_mean(ratios):.2f} ({len(ratios)})"
+        ratio = over if ratios else "-"
         print(f"{solver:<10}{f'{len(own)}/{total}':>9}{mean:>12.3f}{ratio:>14}")
     for solver in times:
         failed = tables.chosen(rows, solver=solver, success=False)

@@ -264,9 +264,8 @@ def summarise(args: argparse.Namespace, file: Path) -> None:
                 quartiles([float(row[key]) for row in solved] + lost)
                 for key in ("error", "runtime")
             )
-            sizes = [
-                int(row["n"]) for row in tables.chosen(rows, family=name) if row["n"]
-            ]
+            family = tables.chosen(rows, family=name)
+            sizes = [int(row["n"]) for row in family if row["n"]]
             row = {"family": name, "title": known[name].title}
             row["measure"] = "distance" if known[name].distance else "residual"
             row |= {"n_least": min(sizes), "n_most": max(sizes), "problems": len(own)}

@@ -86,10 +86,8 @@ def truth_of(case: cases.Case) -> str:
     if case.truth != "ask":
         return case.truth
     problem = qpsolvers_problem(case)
-    feasible, descends = (
-        infeasible_cases.is_feasible(problem),
-        infeasible_cases.is_unbounded(problem),
-    )
+    feasible = infeasible_cases.is_feasible(problem)
+    descends = infeasible_cases.is_unbounded(problem)
     return {
         (True, True): "unbounded",
         (True, False): "solvable",

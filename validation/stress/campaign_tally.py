@@ -78,11 +78,11 @@ def total(rows: Iterable[Row], **wanted: Any) -> int:
 
     A value is a text, or a collection of them, or "QP" and "LCP" for a class.
     """
-    count = 0
-    for row in rows:
-        if all(fits(row, key, value) for key, value in wanted.items()):
-            count += row["count"]
-    return count
+    return sum(
+        row["count"]
+        for row in rows
+        if all(fits(row, key, value) for key, value in wanted.items())
+    )
 
 
 def fits(row: Row, key: str, value: Any) -> bool:
@@ -104,9 +104,8 @@ def bars(rows: Iterable[Row]) -> list[Bar]:
         ("not convex: refused by name, or proved", 1.0, ("QP", "not convex")),
         ("malformed input: named", 1.0, ("malformed", "malformed")),
     ):
-        side, truth = wanted
-        good = total(own, side=side, truth=truth, outcome="right")
-        of = total(own, side=side, truth=truth)
+        asked = dict(zip(("side", "truth"), wanted, strict=True))
+        good, of = total(own, **asked, outcome="right"), total(own, **asked)
         found.append((text, good, of, good >= share * of))
     for outcome in NEVER:
         bad = total(own, outcome=outcome)
@@ -134,10 +133,8 @@ def peer_lines(rows: list[Row]) -> Iterator[list[Any]]:
     }
     for text, truths in kinds.items():
         for solver in tables.distinct(rows, "solver"):
-            here = [
-                r for r in tables.chosen(rows, solver=solver) if r["class"] in common
-            ]
-            here = [r for r in here if r["truth"] in truths]
+            here = tables.chosen(rows, solver=solver)
+            here = [r for r in here if r["class"] in common and r["truth"] in truths]
             counts = [total(here, outcome=outcome) for outcome in OUTCOMES]
             if sum(counts):
                 seconds = sum(row["seconds"] for row in here)

@@ -184,10 +184,8 @@ def run(
                     rows.append(ask(child, name, seed))
                     write(rows[-1])
         right = len(tables.chosen(rows, solver=solver, outcome="right"))
-        print(
-            f"{solver}: {right} of {problems * len(stress_cases.ROWS)} right",
-            flush=True,
-        )
+        total = problems * len(stress_cases.ROWS)
+        print(f"{solver}: {right} of {total} right", flush=True)
     return rows
 
 
