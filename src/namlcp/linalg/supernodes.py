@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from namlcp.compiled import kernel, part
+from namlcp.compiled import kernel, part, pasted
 from namlcp.linalg.lapack import (
     add_scaled,
     backward_solve,
@@ -72,7 +72,7 @@ def blocks_of(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Blocks:
     return Blocks(nodes, by_place, order.place, run_at, block, top, bottom, int(room))
 
 
-@part
+@pasted
 def panel_of(nodes, values, s):
     """Return the block of supernode s, (rows, columns)."""
     height = nodes.starts[s + 1] - nodes.starts[s]
