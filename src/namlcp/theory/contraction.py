@@ -12,18 +12,15 @@ from scipy import linalg, sparse
 from scipy.sparse.linalg import splu
 
 from namlcp.compiled import kernel
-from namlcp.theory.comparison import UNIT, is_m_matrix
+from namlcp.theory.comparison import UNIT
 from namlcp.theory.perron import row_numbers
-from namlcp.theory.splittings import Splitting, comparison, splitting
+from namlcp.theory.splittings import Splitting
 
 LARGEST_DENSE = 600
 """Largest order at which dense inverses and eigenvalues are computed."""
 
 POWERS, NODA_STEPS = 40, 20
 """Most steps of the power method, then of Noda's iteration, to enclose one rho(T)."""
-
-RADIUS_HALVINGS = 40
-"""Most M-matrix tests to halve an interval around rho(T)."""
 
 DOUBLINGS = 20
 """Most steps of the doubling algorithm, which converges quadratically."""
@@ -37,16 +34,49 @@ added to all entries, so that they stay positive."""
 
 
 class RadiusBounds(NamedTuple):
-    """lower <= rho(T) <= upper; x > 0 has T x <= upper x unless halving gave `upper`.
-
-    If `exact` is False, they are bounds of rho(C^-1 W), where C^-1 W >= T: `upper` then
-    holds for rho(T), `lower` does not.
-    """
+    """lower <= rho(T) <= upper; x > 0 has T x <= upper x."""
 
     lower: float
     upper: float
-    exact: bool
-    x: np.ndarray | None
+    x: np.ndarray
+
+
+def radius_bounds(T: np.ndarray, rtol: float = 1e-10) -> RadiusBounds:
+    """Enclose rho(T) for a dense T >= 0, up to rounding.
+
+    min (T x)_i / x_i <= rho(T) <= max (T x)_i / x_i for every x > 0 (Collatz and
+    Wielandt). x comes from power steps, then from steps of Noda's iteration, until the
+    width is at most rtol times the upper bound; for a reducible T it may stay wider.
+    """
+    n = T.shape[0]
+    if n == 0:
+        return RadiusBounds(0.0, 0.0, np.ones(0))
+    x = np.ones(n)
+    best = RadiusBounds(0.0, math.inf, x)
+    for step in range(POWERS + NODA_STEPS):
+        y = T @ x
+        if not np.all(y >= 0.0):
+            break
+        quotient = y / x
+        upper = float(quotient.max())
+        if upper < best.upper:
+            best = best._replace(upper=upper, x=x)
+        best = best._replace(lower=max(best.lower, float(quotient.min())))
+        if not best.upper - best.lower > rtol * best.upper:
+            break
+        if step >= POWERS:
+            try:
+                y = np.linalg.solve(best.upper * (1.0 + 1e-15) * np.eye(n) - T, best.x)
+            except np.linalg.LinAlgError:
+                break
+            if not np.all(np.isfinite(y)):
+                break
+            y = np.abs(y)
+        x = y / y.max()
+        if step < POWERS and not x.min() > LEAST_ENTRY:
+            x = x + STIR
+        x = np.maximum(x, LEAST_ENTRY**2)
+    return best
 
 
 def left_solver(C: Any) -> Callable[[np.ndarray], np.ndarray]:
@@ -74,102 +104,6 @@ def solve_lower_triangle(indptr, indices, data, b):
                 d = data[k]
         x[i] = r / d
     return x
-
-
-def contraction_bounds(
-    A: Any, method: str, *, rtol: float = 1e-4, **parameters: Any
-) -> RadiusBounds:
-    """Enclose rho(T) of the paper's Theorem 2 for a method and an Omega.
-
-    T = |(M + Omega)^-1| (|N| + |Omega - A|)
-
-    Parameters
-    ----------
-    A, method, **parameters
-        As in `converges`.
-    rtol : float
-        Width to reach, relative to the upper bound. If it cannot be reached, for a
-        reducible T for instance, a wider interval is returned.
-
-    Returns
-    -------
-    RadiusBounds
-        For every x > 0, min (T x)_i / x_i <= rho(T) <= max (T x)_i / x_i (Collatz and
-        Wielandt), up to rounding. For n > 600, and for the accelerated family, T is
-        replaced by C^-1 W >= T; `exact` tells whether the two are equal. The interval
-        is then halved: rho(C^-1 W) < t where t C - W is an M-matrix, else it is >= t.
-        The bounds are (0, inf) where C is not an M-matrix.
-    """
-    parts = splitting(A, method, **parameters)
-    C, W, exact = comparison(parts)
-    n = parts.omega.size
-    with np.errstate(all="ignore"):
-        if n <= LARGEST_DENSE and not parts.H:
-            left, N, right = dense_parts(parts)
-            try:
-                T = np.abs(np.linalg.inv(left)) @ (np.abs(N) + np.abs(right))
-            except np.linalg.LinAlgError:
-                return RadiusBounds(0.0, math.inf, True, None)
-            return dense_bounds(T, rtol)
-        start = is_m_matrix(C)
-        if not start or start.witness is None or start.exponent is not None:
-            return RadiusBounds(0.0, math.inf, exact, None)
-        solve = left_solver(C)
-        lower, upper, _, x = collatz(lambda x: solve(W @ x), start.witness, None, rtol)
-        for _ in range(RADIUS_HALVINGS):
-            if not upper - lower > rtol * upper:
-                break
-            middle = math.sqrt(lower * upper) if lower > 0.0 else 0.5 * upper
-            below = is_m_matrix(middle * C - W)
-            if below.answer is None:
-                break
-            lower, upper = (lower, middle) if below else (middle, upper)
-        return RadiusBounds(lower, upper, exact, x)
-
-
-def dense_bounds(T: np.ndarray, rtol: float = 1e-10) -> RadiusBounds:
-    """Enclose rho(T) for a dense T >= 0."""
-    I = np.eye(T.shape[0])
-
-    def inverse(shift: float, x: np.ndarray) -> np.ndarray | None:
-        try:
-            return np.linalg.solve(shift * I - T, x)
-        except np.linalg.LinAlgError:
-            return None
-
-    return collatz(lambda x: T @ x, np.ones(T.shape[0]), inverse, rtol)
-
-
-def collatz(apply: Any, x: np.ndarray, inverse: Any, rtol: float) -> RadiusBounds:
-    """Enclose rho(T), T >= 0, from x > 0: power steps, then steps of Noda's iteration.
-
-    apply(x) is T x; inverse(shift, x) is (shift I - T)^-1 x, or None where that does
-    not exist. If `inverse` is None, there are only power steps.
-    """
-    best = RadiusBounds(0.0, math.inf, True, None)
-    if x.size == 0:
-        return RadiusBounds(0.0, 0.0, True, x)
-    for step in range(POWERS + (NODA_STEPS if inverse else 0)):
-        y = apply(x)
-        if not np.all(y >= 0.0):
-            return best
-        quotient = y / x
-        upper = float(quotient.max())
-        if upper < best.upper:
-            best = best._replace(upper=upper, x=x)
-        best = best._replace(lower=max(best.lower, float(quotient.min())))
-        if not best.upper - best.lower > rtol * best.upper:
-            return best
-        if step >= POWERS:
-            new = inverse(best.upper * (1.0 + 1e-15), best.x)
-            if new is None or not np.all(np.isfinite(new)):
-                return best
-            y = np.abs(new)
-        x = y / y.max()
-        if step < POWERS and not x.min() > LEAST_ENTRY:
-            x = x + STIR
-        x = np.maximum(x, LEAST_ENTRY**2)
-    return best
 
 
 def dense_parts(parts: Splitting) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -50,7 +50,7 @@ Bai, Numer. Linear Algebra Appl. 17 (2010) 917-933; Zheng and Yin, Numer. Algori
 (2013) 245-262; Ahn, J. Optim. Theory Appl. 33 (1981) 175-185; Pang, J. Optim. Theory
 Appl. 42 (1984) 1-17; Cryer, SIAM J. Control 9 (1971) 385-392; Mangasarian, J. Optim.
 Theory Appl. 22 (1977) 465-485; Luo and Tseng, SIAM J. Control Optim. 29 (1991)
-1037-1060; Frommer and Szyld, Numer. Math. 63 (1992) 345-356 (splittings).
+1037-1060.
 """
 
 import math
@@ -70,10 +70,10 @@ from namlcp.theory.comparison import (
 )
 from namlcp.theory.contraction import (
     LARGEST_DENSE,
-    dense_bounds,
     dense_parts,
     left_solver,
     lyapunov_function,
+    radius_bounds,
 )
 from namlcp.theory.perron import LARGEST_FACTORED
 from namlcp.theory.splittings import Splitting, comparison, lowered, splitting
@@ -170,7 +170,7 @@ def undecided(checked: str = "") -> Verdict:
 
 def by_comparison(parts: Splitting, semidefinite: bool) -> Verdict:
     """Ask whether K = C - W is an M-matrix."""
-    C, W, _ = comparison(parts)
+    C, W = comparison(parts)
     verdict = is_m_matrix(lowered(C, W))
     if not verdict:
         return undecided(f"K = C - W is not an M-matrix ({verdict.checked})")
@@ -292,7 +292,7 @@ def by_inverse(parts: Splitting, semidefinite: bool) -> Verdict:
             np.abs(inverse @ N) + np.abs(inverse @ right),
         ),
     ):
-        found = dense_bounds(T)
+        found = radius_bounds(T)
         tried.append(f"rho({name}) >= {found.lower:.6g}")
         if found.upper < 1.0 - 1e-12 * kappa * n:
             return Verdict(
