@@ -2,17 +2,15 @@
 
 import math
 import time
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from scipy.sparse import issparse
 
 from namlcp.checks import finite_vector
-from namlcp.compiled import kernel
 from namlcp.lcp.auto import LARGE_LCP, solve_auto
 from namlcp.lcp.criterion import Criterion
-from namlcp.lcp.data import LCP, Outcome, lcp_data
+from namlcp.lcp.data import LCP, Outcome, is_ordinary, lcp_data
 from namlcp.lcp.modulus import SOLVERS, Parameters, find_method, sweep
 from namlcp.lcp.multigrid import ascend, solve_by_multigrid
 from namlcp.lcp.operators import Operator
@@ -208,14 +206,15 @@ def solve_exactly(lcp: LCP, method: str, z0: Any, limits: Limits) -> Outcome:
     if z0 is not None:
         z0 = finite_vector("z0", z0, n, "A", (n, n))
     solver = solve_auto if method == "auto" else solve_multigrid
-    unit = unit_of(lcp.q)
+    unit = unit_of(lcp)
     if unit == 1.0:
         return solver(lcp, z0, limits)
     inner = LCP(lcp.matrix, lcp.q / unit, lcp.lower / unit, lcp.upper / unit)
-    report = limits.report
-    if report is not None:
-        report = in_units(report, unit)
-    units = limits._replace(eps_abs=limits.eps_abs / unit, report=report)
+    told = limits.report
+    units = limits._replace(
+        eps_abs=limits.eps_abs / unit,
+        report=told and (lambda k, residual, active: told(k, residual * unit, active)),
+    )
     outcome = solver(inner, None if z0 is None else z0 / unit, units)
     with np.errstate(over="ignore"):  # an entry of w that overflows is infinite
         ray = None if outcome.ray is None else outcome.ray / unit
@@ -224,30 +223,20 @@ def solve_exactly(lcp: LCP, method: str, z0: Any, limits: Limits) -> Outcome:
         return outcome._replace(z=outcome.z * unit, w=outcome.w * unit, ray=ray)
 
 
-def in_units(report: Callable[..., None], unit: float) -> Callable[..., None]:
-    """Return a report function that multiplies residuals by the unit."""
-    return lambda k, residual, active: report(k, residual * unit, active)
-
-
 def solve_multigrid(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
     """Solve by multigrid cycles alone."""
     return solve_by_multigrid(lcp, z0, limits, Criterion(lcp, limits))
 
 
-@kernel(fastmath={"reassoc"})  # the sum may be reordered and vectorises
-def unit_of(q):
+def unit_of(lcp: LCP) -> float:
     """Return 1, or a power of 2 near max |q_i| if squares may leave the range."""
-    total = 0.0
-    for i in range(q.size):
-        total += abs(q[i])
-    if total == 0.0 or 1e-90 < total < 1e90:
+    _, q, lower, upper = lcp
+    if is_ordinary(q, lower, upper):
         return 1.0
-    size = 0.0
-    for i in range(q.size):
-        size = max(size, abs(q[i]))
-    if 1e-100 < size < 1e100:
+    size = float(np.abs(q).max(initial=0.0))
+    if size == 0.0 or 1e-100 < size < 1e100:
         return 1.0
-    return 2.0 ** np.floor(np.log2(size))
+    return 2.0 ** math.floor(math.log2(size))
 
 
 def prepared(A: Any, diagonal: Any, method: str) -> Prepared:
