@@ -43,9 +43,14 @@ MATRICES = {
 }
 
 
+def csr(rows, shape):
+    """Return what a kernel sees."""
+    return sparse.csr_array((rows.data, rows.indices, rows.indptr), shape=shape)
+
+
 def dense(rows, shape):
     """Return what a kernel sees as a dense array."""
-    return sparse.csr_array(tuple(rows), shape=shape).toarray()
+    return csr(rows, shape).toarray()
 
 
 def truncated_matrices(levels, free):
@@ -129,11 +134,11 @@ def test_backward_sweep_is_the_forward_one_in_reverse_order(rng):
     upper = lower + rng.random(n)
     z = np.clip(rng.standard_normal(n), lower, upper)
     back = z.copy()
-    relax_back(A.data, A.indices, A.indptr, q, lower, upper, back)
+    relax_back(A.indptr, A.indices, A.data, q, lower, upper, back)
     R = sparse.csr_array(A[::-1][:, ::-1])
     R.sort_indices()
     vectors = [v[::-1].copy() for v in (q, lower, upper, z)]
-    relax_csr(R.data, R.indices, R.indptr, *vectors[:3], 1.0, vectors[3])
+    relax_csr(R.indptr, R.indices, R.data, *vectors[:3], 1.0, vectors[3])
     np.testing.assert_allclose(back, vectors[3][::-1], atol=1e-14)
 
 
@@ -151,7 +156,7 @@ def test_levels_are_what_the_kernels_expect():
         assert level.A.indices.dtype == level.diagonal.dtype == np.int32
         np.testing.assert_array_equal(level.A.data[level.diagonal], level.d)
         n = level.d.size
-        rows = sparse.csr_array(tuple(level.A), shape=(n, n))
+        rows = csr(level.A, (n, n))
         assert (np.diff(rows.tocoo().coords[0] * n + rows.indices) > 0).all()
     P = dense(first.P, (first.d.size, second.d.size))
     np.testing.assert_array_equal(dense(first.R, P.T.shape), P.T)

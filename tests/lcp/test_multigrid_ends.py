@@ -10,6 +10,7 @@ from namlcp import Status
 from namlcp.lcp.multigrid import cycles as multigrid
 from namlcp.lcp.multigrid.cycles import solve_by_multigrid
 from namlcp.lcp.multigrid.hierarchy import Hierarchy, build, coarsen, suits
+from namlcp.lcp.multigrid.vcycle import VCycle
 from namlcp.limits import Deadline, Limits
 from namlcp.scenes import forced_obstacle
 from validation.problems import large_scenes
@@ -64,7 +65,7 @@ def test_cycles_that_do_not_converge_say_so():
     assert lcp.residual(found.z, found.w) <= np.sqrt(n)
 
 
-def test_transport_takes_few_v_cycles_on_all_levels_together():
+def test_transport_takes_few_v_cycles_on_all_levels_together(monkeypatch):
     """Example 2 at delta = 0, with a load: 60 at most, whatever the order."""
     A, *vectors = large_scenes.transport(100)
     lcp = box_lcp(A, *vectors, symmetric=False)
@@ -72,5 +73,12 @@ def test_transport_takes_few_v_cycles_on_all_levels_together():
         accepts=lambda z, w: lcp.residual(z, w) < 1e-9, goal=1e-9
     )
     solver = multigrid.MultigridSolver(lcp, build(A, False), criterion)
+    solve, begun = VCycle.solve, []
+
+    def counted(cycle, k, b, x):
+        begun.append(b is not cycle.faces[k].b)  # else part of a cycle from above
+        return solve(cycle, k, b, x)
+
+    monkeypatch.setattr(VCycle, "solve", counted)
     assert solver.run(None, Limits(max_iter=40)) is Status.SOLVED
-    assert 0 < sum(solver.cycle.cycles) <= 60
+    assert 0 < sum(begun) <= 60

@@ -177,7 +177,7 @@ def test_psor_and_its_short_kernel_are_the_formula(alpha, kind):
     old = np.clip(s, lower, upper)
     relaxed = old.copy()
     C = sparse.csr_array(A)
-    moved = relax_csr(C.data, C.indices, C.indptr, q, lower, upper, alpha, relaxed)
+    moved = relax_csr(C.indptr, C.indices, C.data, q, lower, upper, alpha, relaxed)
     assert_close(relaxed, z)
     assert moved == pytest.approx(np.linalg.norm(np.sqrt(D) * (z - old)))
 
@@ -314,7 +314,7 @@ def test_default_start_is_zero_clipped_into_the_box():
 def test_inputs_stay_as_they_are():
     A, q, lower, upper, s = random_problem(4)
     A = sparse.csr_array(A)
-    arrays = (A.data, A.indices, A.indptr, q, lower, upper, s)
+    arrays = (A.indptr, A.indices, A.data, q, lower, upper, s)
     copies = [array.copy() for array in arrays]
     for name in METHODS:
         sweep(A, q, lower, upper, name, s0=s, eps_abs=1e-3, max_iter=5)

@@ -20,6 +20,7 @@ from namlcp.lcp.criterion import Criterion
 from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.relaxation import relax_csr
 from namlcp.limits import Limits
+from namlcp.linalg import arrays_of
 from namlcp.status import Status
 
 MAX_SWEEPS = 200
@@ -83,7 +84,7 @@ def relax(
     that goal by 10. STALLED: at the measured rate max_iter sweeps do not suffice.
     """
     _, q, lower, upper = lcp
-    A, goal = lcp.A, criterion.goal
+    arrays, goal = arrays_of(lcp.A), criterion.goal
     max_iter = limits.max_iter or MAX_SWEEPS
 
     def outcome(status: Status) -> Outcome:
@@ -92,7 +93,7 @@ def relax(
     before = math.inf
     checked, checked_at, slow = 0.0, 1, 0
     for k in range(1, max_iter + 1):
-        moved = relax_csr(A.data, A.indices, A.indptr, q, lower, upper, alpha, z)
+        moved = relax_csr(*arrays, q, lower, upper, alpha, z)
         guess = moved * min(1.0, moved / before) if k > 1 else moved
         if guess < goal or moved == 0.0:
             found = outcome(Status.SOLVED)

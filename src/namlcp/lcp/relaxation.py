@@ -5,29 +5,17 @@ to unsigned, so that the compiled code has no test for negative ones.
 """
 
 import math
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from namlcp.compiled import kernel, part
+from namlcp.linalg import arrays_of
 
 ONE = np.uintp(1)
 
 FUSED = {"contract"}
 """fastmath flag: a b + c may be a fused multiply-add; NaN and infinities are kept."""
-
-
-class Rows(NamedTuple):
-    """A matrix in CSR; column indices are ascending and unique in each row."""
-
-    data: np.ndarray
-    indices: np.ndarray
-    indptr: np.ndarray
-
-
-def rows_of(A: Any) -> Rows:
-    """Return the arrays of a csr_array."""
-    return Rows(A.data, A.indices, A.indptr)
 
 
 @part
@@ -38,13 +26,13 @@ def clip(x, l, u):
 
 
 @kernel(error_model="numpy", fastmath=FUSED)
-def relax_csr(data, indices, indptr, q, lower, upper, alpha, z):
+def relax_csr(indptr, indices, data, q, lower, upper, alpha, z):
     """Overwrite z by one projected SOR sweep; return || D^(1/2) (z+ - z) ||_2.
 
     z_i <- clip(z_i - alpha (A z + q)_i / a_ii, l_i, u_i) with the newest values of z
-    (Cryer 1971). z must lie in [lower, upper]. `data`, `indices`, `indptr` are those of
-    `Rows`. The returned number, D = diag(A), is about as large as Res of the problem
-    scaled to a unit diagonal, but no bound for it.
+    (Cryer 1971). z must lie in [lower, upper]; A is sorted CSR without duplicates. The
+    returned number, D = diag(A), is about as large as Res of the problem scaled to a
+    unit diagonal, but no bound for it.
     """
     total = 0.0
     last = 0.0  # z of the row above
@@ -75,11 +63,8 @@ def relax_csr(data, indices, indptr, q, lower, upper, alpha, z):
 
 
 @kernel(error_model="numpy")
-def relax_back(data, indices, indptr, q, lower, upper, z):
-    """Do what `relax_csr` does with alpha = 1 from the last row to the first.
-
-    Nothing is returned.
-    """
+def relax_back(indptr, indices, data, q, lower, upper, z):
+    """Do what `relax_csr` does, alpha = 1, from the last row up; return nothing."""
     last = 0.0  # z of the row below
     k = np.uintp(indptr[z.size])
     for t in range(z.size):
@@ -110,11 +95,11 @@ def relax_back(data, indices, indptr, q, lower, upper, z):
 
 
 @kernel
-def dominance_csr(data, indices, indptr, root):
+def dominance_csr(indptr, indices, data, root):
     """Return the largest row sums of |I - D^-1 A| and of |I - D^(-1/2) A D^(-1/2)|.
 
-    Either bounds rho(|I - D^-1 A|); if one is below 1, A is an H+ matrix. `data`,
-    `indices`, `indptr` are A in CSR, root = sqrt(diag(A)) must be positive.
+    Either bounds rho(|I - D^-1 A|); if one is below 1, A is an H+ matrix. A is in CSR,
+    and root = sqrt(diag(A)) must be positive.
     """
     plain = 0.0
     scaled = 0.0
@@ -140,4 +125,4 @@ def dominance(A: Any) -> float:
     D = A.diagonal()
     if not np.all(D > 0.0):
         return math.inf
-    return min(dominance_csr(A.data, A.indices, A.indptr, np.sqrt(D)))
+    return min(dominance_csr(*arrays_of(A), np.sqrt(D)))

@@ -15,6 +15,7 @@ from namlcp.linalg.columns import (
     write_diagonal,
 )
 from namlcp.linalg.csc import (
+    Compressed,
     arrays_of,
     as_dense,
     by_rows,

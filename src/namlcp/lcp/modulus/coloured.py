@@ -26,7 +26,7 @@ from numba import prange
 from namlcp.compiled import kernel
 from namlcp.lcp.modulus.kernels import sweep_rows
 from namlcp.lcp.modulus.methods import Method
-from namlcp.lcp.relaxation import rows_of
+from namlcp.linalg import arrays_of
 from namlcp.options import check_count
 
 LEAST_SHIFT = 12
@@ -73,7 +73,7 @@ class BlockSweep:
     """
 
     def __init__(self, A: Any, threads: int, shift: int = LEAST_SHIFT):
-        self.A = rows_of(A)
+        self.A = arrays_of(A)
         self.threads = min(threads, numba.config.NUMBA_NUM_THREADS)
         while True:
             colour, colours = coloured(A, shift)
@@ -123,7 +123,7 @@ def couple(indices, indptr, shift, coupled):
 
 @kernel(parallel=True)
 def sweep_blocks(A, vectors, G, H, old, new, colours):
-    """Do what `kernels.sweep_csr` does, colour by colour; A is a `Rows`."""
+    """Do what `kernels.sweep_csr` does, colour by colour; A is `Compressed`."""
     order, starts, sums = colours.order, colours.starts, colours.sums
     for c in range(starts.size - 1):
         for t in prange(starts[c], starts[c + 1]):

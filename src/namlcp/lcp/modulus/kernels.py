@@ -44,7 +44,7 @@ def sweep_rows(A, vectors, G, H, old, new, colours, b):
     `vectors` are overwritten. L has the columns of blocks of earlier colours and of
     earlier rows in the block. The type of None makes numba drop the code for blocks.
     """
-    data, indices, indptr = A
+    indptr, indices, data = A
     s, z = old[S], old[Z]
     s_next, z_next = new[S], new[Z]
     omega, inverse = vectors[OMEGA], vectors[INVERSE]
@@ -115,14 +115,14 @@ def sweep_rows(A, vectors, G, H, old, new, colours, b):
 
 
 @kernel(fastmath=FUSED)
-def sweep_csr(data, indices, indptr, vectors, G, H, old, new):
+def sweep_csr(indptr, indices, data, vectors, G, H, old, new):
     """Write the next iterate to `new` and return Res(z) of `old`, (2, n) arrays.
 
-    `data`, `indices`, `indptr` are those of `Rows`. `vectors` has the rows OMEGA to
-    UPPER, or to CHANGE if the bounds are 0 and inf; row CHANGE is overwritten. `old`
-    and `new` must not overlap.
+    A is sorted CSR without duplicates. `vectors` has the rows OMEGA to UPPER, or to
+    CHANGE if the bounds are 0 and inf; row CHANGE is overwritten. `old` and `new` must
+    not overlap.
     """
-    A = data, indices, indptr
+    A = indptr, indices, data
     return np.sqrt(sweep_rows(A, vectors, G, H, old, new, None, 0))
 
 

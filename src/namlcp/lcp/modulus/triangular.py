@@ -15,6 +15,7 @@ from namlcp.lcp.modulus.kernels import (
     sweep_dense,
 )
 from namlcp.lcp.modulus.methods import Method, Parameters
+from namlcp.linalg import arrays_of
 
 
 class Step:
@@ -63,7 +64,7 @@ class TriangularStep(Step):
         elif is_dense:
             self.kernel, matrix = sweep_dense, (A,)
         else:
-            self.kernel, matrix = sweep_csr, (A.data, A.indices, A.indptr)
+            self.kernel, matrix = sweep_csr, arrays_of(A)
         self.fixed = *matrix, vectors, *weights
 
     def __call__(self, old: np.ndarray, new: np.ndarray) -> float:

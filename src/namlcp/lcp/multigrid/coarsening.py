@@ -14,7 +14,7 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.compiled import kernel
-from namlcp.lcp.relaxation import rows_of
+from namlcp.linalg import arrays_of
 
 THETA = 0.25
 """A coupling a_ij < 0 is strong if -a_ij >= THETA max_k -a_ik."""
@@ -28,11 +28,14 @@ def interpolation(
     A : (n, n) csr_array, int32 indices. second_pass : strongly coupled fine unknowns
     must have a coarse neighbour in common.
     """
-    from pyamg import amg_core
+    from pyamg import amg_core  # a slow import
 
     n = A.shape[0]
     S = strong(A)
-    graph = S if symmetric else both_ways(S, strong(sparse.csr_array(A.T)))
+    graph = S
+    if not symmetric:  # a sum of negative entries, which cannot cancel
+        graph = sparse.csr_array(S + strong(sparse.csr_array(A.T)))
+        graph.sort_indices()
     pattern = graph.indptr, graph.indices
     marks = np.ones(graph.nnz, dtype=np.int8)
     turned = sparse.csr_array(sparse.csc_array((marks, *pattern[::-1]), shape=(n, n)))
@@ -50,7 +53,7 @@ def interpolation(
     indptr = np.empty(n + 1, dtype=np.int32)
     amg_core.rs_classical_interpolation_pass1(n, S.indptr, S.indices, splitting, indptr)
     indices, data = np.empty(indptr[-1], dtype=np.int32), np.empty(indptr[-1])
-    both = A.indptr, A.indices, A.data, S.indptr, S.indices, S.data
+    both = *arrays_of(A), *arrays_of(S)
     amg_core.rs_classical_interpolation_pass2(
         n, *both, splitting, indptr, indices, data, True
     )
@@ -59,52 +62,19 @@ def interpolation(
     return P, coarse
 
 
-def both_ways(S: Any, T: Any) -> Any:
-    """Return S + T, whose negative entries cannot cancel."""
-    graph = sparse.csr_array(S + T)
-    graph.sort_indices()
-    return graph
-
-
 def strong(A: Any) -> Any:
-    """Return the strong couplings of A, with their values."""
-    n = A.shape[0]
-    indptr = np.zeros(n + 1, dtype=np.int32)
-    threshold = np.empty(n)
-    count_strong(rows_of(A), indptr, threshold)
-    data, indices = np.empty(indptr[-1]), np.empty(indptr[-1], dtype=np.int32)
+    """Return the strong couplings of A, with their values, as a csr_array."""
+    from pyamg import amg_core
+
+    n, parts = A.shape[0], arrays_of(A)
+    indptr, indices, data = (np.empty_like(part) for part in parts)
+    amg_core.classical_strength_of_connection_min(
+        n, THETA, *parts, indptr, indices, data
+    )
     S = sparse.csr_array((data, indices, indptr), shape=(n, n))
-    copy_strong(rows_of(A), threshold, data, indices)
+    S.data[S.data > 0.0] = 0.0  # the diagonal and positive couplings
+    S.eliminate_zeros()
     return S
-
-
-@kernel
-def count_strong(A, indptr, threshold):
-    """Write the row starts of the strong couplings, and the threshold for a_ij."""
-    for i in range(threshold.size):
-        least = 0.0
-        for k in range(A.indptr[i], A.indptr[i + 1]):
-            if A.indices[k] != i:
-                least = min(least, A.data[k])
-        threshold[i] = THETA * least
-        count = 0
-        for k in range(A.indptr[i], A.indptr[i + 1]):
-            a = A.data[k]
-            count += a < 0.0 and a <= threshold[i] and A.indices[k] != i
-        indptr[i + 1] = indptr[i] + count
-
-
-@kernel
-def copy_strong(A, threshold, data, indices):
-    """Write the strong couplings to data and indices, row after row."""
-    t = 0
-    for i in range(threshold.size):
-        for k in range(A.indptr[i], A.indptr[i + 1]):
-            a = A.data[k]
-            if a < 0.0 and a <= threshold[i] and A.indices[k] != i:
-                data[t] = a
-                indices[t] = A.indices[k]
-                t += 1
 
 
 @kernel

@@ -28,7 +28,6 @@ from namlcp.lcp.criterion import Criterion
 from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.multigrid.hierarchy import Hierarchy
 from namlcp.lcp.multigrid.kernels import (
-    interpolate,
     mark_free,
     move,
     project_step,
@@ -303,5 +302,5 @@ class MultigridSolver:
             if iterate.residual > goal:
                 iterate.correct(goal)
         z = np.empty(box.q.size)
-        interpolate(level.P, iterate.z, box.lower, box.upper, z)
-        return z
+        residual_vector(level.P, np.zeros(z.size), iterate.z, z)
+        return self.clipped(z, box)

@@ -19,10 +19,10 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.lcp.multigrid.coarsening import interpolation, unlike_rows
-from namlcp.lcp.multigrid.kernels import find_diagonal, residual_vector
+from namlcp.lcp.multigrid.kernels import residual_vector
 from namlcp.lcp.multigrid.vcycle import Level, VCycle
-from namlcp.lcp.relaxation import Rows, rows_of
 from namlcp.limits import NEVER, Deadline
+from namlcp.linalg import Compressed, arrays_of
 
 MAX_COARSE, MAX_DENSE = 50, 500
 """Coarsening ends at MAX_COARSE unknowns; a matrix with more than MAX_DENSE left on the
@@ -95,7 +95,7 @@ def suits(A: Any) -> bool:
     """
     if A.indices.dtype != np.int32 or A.nnz > MOST_ENTRIES * A.shape[0]:
         return False
-    count = unlike_rows(rows_of(A), np.empty(A.shape[0]))
+    count = unlike_rows(arrays_of(A), np.empty(A.shape[0]))
     return 0 <= count <= UNLIKE * A.shape[0]
 
 
@@ -158,8 +158,10 @@ def coarsen(
     entries = GROWTH * A.nnz
     while entries >= 0 and not deadline.reached():
         n = A.shape[0]
-        diagonal, d = np.empty(n, dtype=np.int32), np.empty(n)
-        if not find_diagonal(rows_of(A), diagonal, d):
+        rows = np.repeat(np.arange(n, dtype=np.int32), np.diff(A.indptr))
+        diagonal = np.flatnonzero(A.indices == rows).astype(np.int32)
+        d = A.data[diagonal]
+        if d.size < n or not np.all(d > 0.0):
             return None
         found = None
         if n > MAX_COARSE and len(levels) < MAX_LEVELS:
@@ -167,21 +169,18 @@ def coarsen(
         if found is None:
             if n > MAX_DENSE:
                 return None
-            last = Level(rows_of(A), diagonal, d, NO_ROWS, NO_ROWS, NO_INDICES)
-            return [*levels, last]
+            none = np.empty(0, dtype=np.int32)
+            P = Compressed(none, none, np.empty(0))
+            return [*levels, Level(arrays_of(A), diagonal, d, P, P, none)]
         if deadline.reached():
             return None
         P, C = found
         R = sparse.csr_array(P.T)
-        levels.append(Level(rows_of(A), diagonal, d, rows_of(P), rows_of(R), C))
+        levels.append(Level(arrays_of(A), diagonal, d, arrays_of(P), arrays_of(R), C))
         A = sparse.csr_array(R @ A @ P)
         A.sort_indices()
         entries -= A.nnz
     return None
-
-
-NO_INDICES = np.empty(0, dtype=np.int32)
-NO_ROWS = Rows(np.empty(0), NO_INDICES, NO_INDICES)
 
 
 def measured_rate(levels: list[Level], symmetric: bool) -> float:

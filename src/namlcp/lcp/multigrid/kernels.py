@@ -8,7 +8,7 @@ Gauss-Seidel sweep, the correction with the coarse matrix
 
 and one backward sweep (Ruge and Stueben, in McCormick, Multigrid Methods, SIAM 1987,
 for T = I; Kornhuber, Numer. Math. 69 (1994) 167-184, for truncation). Matrices are
-`Rows`; `diagonal` holds the positions of their a_ii.
+`Compressed` by rows; `diagonal` holds the positions of their a_ii.
 
 Indices are cast to unsigned types, which saves the test for negative indices.
 """
@@ -18,24 +18,11 @@ from typing import NamedTuple
 import numpy as np
 
 from namlcp.compiled import kernel
-from namlcp.lcp.relaxation import ONE, Rows
+from namlcp.lcp.relaxation import ONE
+from namlcp.linalg import Compressed
 
 VANISHED = 1e-13
 """Coarse diagonal entry, relative to its value without truncation, that counts as 0."""
-
-
-@kernel
-def find_diagonal(A, diagonal, d):
-    """Write the positions and values of the a_ii; return whether all are positive."""
-    for i in range(d.size):
-        diagonal[i] = -1
-        for k in range(A.indptr[i], A.indptr[i + 1]):
-            if A.indices[k] == i:
-                diagonal[i] = k
-                d[i] = A.data[k]
-        if diagonal[i] < 0 or not d[i] > 0.0:
-            return False
-    return True
 
 
 @kernel
@@ -114,7 +101,7 @@ def ascend(A, diagonal, P, dinv, b, coarse, x):
 class FaceOnLevel(NamedTuple):
     """The free unknowns F of one level, and what follows from them.
 
-    A : Rows
+    A : Compressed
         The matrix of the level, truncated by the faces of the finer levels.
     dinv : (n,) array
         1 / a_ii on F, 0 elsewhere.
@@ -128,7 +115,7 @@ class FaceOnLevel(NamedTuple):
         Work of `truncate_coarse`; empty while A is the matrix of the level itself.
     """
 
-    A: Rows
+    A: Compressed
     dinv: np.ndarray
     touched: np.ndarray
     dirty: np.ndarray
@@ -162,9 +149,9 @@ def truncate_coarse(face, P, R, coarse, d, below):
     ----------
     face : FaceOnLevel
         The face on the fine level, after `mark_dirty`.
-    P, R : Rows
+    P, R : Compressed
         Interpolation and R = P'.
-    coarse, d : Rows and (m,) array
+    coarse, d : Compressed and (m,) array
         P' A P and its diagonal.
     below : FaceOnLevel
         The face on the coarse level: on entry an earlier one, on return A_c in the
@@ -233,16 +220,6 @@ def face_product(A, dinv, p, Ap):
 
 
 @kernel
-def negative_on_face(dinv, w, r):
-    """Write r = -T w; return || r ||_2."""
-    total = 0.0
-    for i in range(r.size):
-        r[i] = -w[i] if dinv[i] != 0.0 else 0.0
-        total += r[i] * r[i]
-    return np.sqrt(total)
-
-
-@kernel
 def step_along(step, p, Ap, x, r):
     """Add step p to x and -step Ap to r; return || r ||_2."""
     total = 0.0
@@ -277,13 +254,3 @@ def move(step, x, Ax, lower, upper, z, w):
     for i in range(z.size):
         z[i] = min(max(z[i] + step * x[i], lower[i]), upper[i])
         w[i] += step * Ax[i]
-
-
-@kernel
-def interpolate(P, coarse, lower, upper, z):
-    """Write z = clip(P coarse)."""
-    for i in range(z.size):
-        r = 0.0
-        for k in range(P.indptr[i], P.indptr[i + 1]):
-            r += P.data[k] * coarse[P.indices[k]]
-        z[i] = min(max(r, lower[i]), upper[i])

@@ -7,7 +7,7 @@ gradients do not end at p'A p <= 0, and SciPy's methods update vectors one by on
 
 import numpy as np
 
-from namlcp.lcp.multigrid.kernels import face_product, negative_on_face, step_along
+from namlcp.lcp.multigrid.kernels import face_product, step_along
 from namlcp.lcp.multigrid.vcycle import VCycle
 
 
@@ -24,9 +24,9 @@ def solve_on_face(
 
     Stop at the residual max(reduction || w_F ||, floor) or after `steps` steps.
     """
-    r = np.empty_like(x)
-    size = negative_on_face(cycle.faces[k].dinv, w, r)
+    r = np.where(cycle.faces[k].dinv != 0.0, -w, 0.0)
     x.fill(0.0)
+    size = float(np.linalg.norm(r))
     goal = max(reduction * size, floor)
     if size > goal:
         method = conjugate_gradients if cycle.symmetric else bicgstab

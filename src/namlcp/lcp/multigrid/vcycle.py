@@ -12,7 +12,7 @@ from namlcp.lcp.multigrid.kernels import (
     mark_dirty,
     truncate_coarse,
 )
-from namlcp.lcp.relaxation import Rows
+from namlcp.linalg import Compressed
 
 SINGULAR = 1e13
 """Condition number from which on the coarsest matrix gets a pseudo-inverse."""
@@ -21,15 +21,15 @@ SINGULAR = 1e13
 class Level(NamedTuple):
     """One level of a hierarchy; P, R and C lead to the next, empty on the last.
 
-    A : Rows, (n, n). diagonal, d : positions and values of its diagonal entries.
-    P : Rows, (n, m), interpolation; R = P'. C : (m,), index of each coarse unknown.
+    A : (n, n). diagonal, d : positions and values of its diagonal entries. P : (n, m),
+    interpolation; R = P'; by rows. C : (m,), index of each coarse unknown.
     """
 
-    A: Rows
+    A: Compressed
     diagonal: np.ndarray
     d: np.ndarray
-    P: Rows
-    R: Rows
+    P: Compressed
+    R: Compressed
     C: np.ndarray
 
 
@@ -47,14 +47,12 @@ class VCycle:
 
     A caller sets a face in faces[k].dinv and calls `follow_face`, which changes coarser
     levels only; so faces on several levels must be set from the coarsest level up.
-    cycles[k] counts the V-cycles that began on level k.
     """
 
     def __init__(self, levels: list[Level], symmetric: bool):
         self.levels = levels
         self.symmetric = symmetric
         self.faces = [all_free(level) for level in levels]
-        self.cycles = [0] * len(levels)
         self.invert_coarsest()
 
     def follow_face(self, k: int) -> None:
@@ -81,25 +79,21 @@ class VCycle:
         free = np.flatnonzero(face.dinv)
         n = face.dinv.size
         self.inverse = np.zeros((n, n))
-        dense = sparse.csr_array(tuple(face.A), shape=(n, n)).toarray()
+        indptr, indices, data = face.A
+        dense = sparse.csr_array((data, indices, indptr), shape=(n, n)).toarray()
         self.inverse[np.ix_(free, free)] = inverse(
             dense[np.ix_(free, free)], self.symmetric
         )
 
     def solve(self, k: int, b: np.ndarray, x: np.ndarray) -> float:
         """Write to x the V-cycle from level k on applied to b; return b'x."""
-        self.cycles[k] += 1
-        return self.descend_from(k, b, x)
-
-    def descend_from(self, k: int, b: np.ndarray, x: np.ndarray) -> float:
-        """Do the part of a cycle from level k down and up again."""
         if k == len(self.levels) - 1:
             np.dot(self.inverse, b, out=x)
             return float(b @ x)
         level, face, below = self.levels[k], self.faces[k], self.faces[k + 1]
         A, P, dinv, diagonal = face.A, level.P, face.dinv, level.diagonal
         descend(A, diagonal, P, dinv, b, x, below.b)
-        self.descend_from(k + 1, below.b, below.x)
+        self.solve(k + 1, below.b, below.x)
         return ascend(A, diagonal, P, dinv, b, below.x, x)
 
 

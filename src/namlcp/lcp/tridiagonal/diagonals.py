@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from namlcp.compiled import kernel, part
+from namlcp.linalg import arrays_of
 
 # Rows of `Tridiagonal.rows`: the diagonals, 1 / pivot of A itself, 1 / sqrt(a_ii).
 BELOW, DIAGONAL, ABOVE, INVERSE, ROOT = range(5)
@@ -35,7 +36,7 @@ class TridiagonalLCP(NamedTuple):
 
 
 @kernel
-def read_diagonals(data, indices, indptr, rows):
+def read_diagonals(indptr, indices, data, rows):
     """Write the diagonals of a canonical CSR matrix; return whether it has others."""
     for i in range(indptr.size - 1):
         rows[BELOW, i] = rows[DIAGONAL, i] = rows[ABOVE, i] = 0.0
@@ -72,7 +73,7 @@ def tridiagonal_of(A: Any) -> Tridiagonal | None:
     if n == 0 or A.nnz > 3 * n:
         return None
     rows = np.empty((5, n))
-    if read_diagonals(A.data, A.indices, A.indptr, rows):
+    if read_diagonals(*arrays_of(A), rows):
         return None
     positive, z_matrix = eliminate_rows(rows)
     return Tridiagonal(rows, z_matrix) if positive else None
