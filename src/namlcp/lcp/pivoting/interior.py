@@ -6,7 +6,7 @@ with the products wl (z - l) and wu (u - z). The end gives block pivoting its st
 
 import numpy as np
 
-from namlcp.compiled import kernel, part, pasted
+from namlcp.compiled import kernel, part
 from namlcp.lcp.pivoting.free_system import analyse, free_order, refactor, solve_free
 from namlcp.lcp.pivoting.pivot import record, reset_patience, write_w
 from namlcp.lcp.pivoting.work import opened, path_in
@@ -21,6 +21,24 @@ CORRECTORS = 2
 
 LONGER = 1.03
 """Factor by which one of Gondzio's correctors must lengthen the step to be kept."""
+
+ASK_FACTOR, ASK_MORE = 1.3, 0.1
+"""Gondzio's correctors aim at the larger of ASK_FACTOR step and step + ASK_MORE."""
+
+LEAST_PRODUCT, MOST_PRODUCT = 0.1, 10.0
+"""Products of slack and multiplier that they leave alone, relative to target_mu."""
+
+INSIDE = 0.05
+"""The start is pushed inside its bounds, by at most this fraction of u - l."""
+
+LEAST_SHARE, MOST_SHARE = 0.95, 0.995
+"""Range of the fraction of the longest feasible step that is taken."""
+
+SHORTEST_STEP = 1e-12
+"""Step length up to which the path ends."""
+
+# What `use_direction` returns.
+TOO_SHORT, TAKEN, AGAIN = range(3)
 
 
 @part
@@ -43,7 +61,7 @@ def enter_box(work, path):
         if lower[i] == upper[i]:
             z[i] = lower[i]
             continue
-        distance = min(size, 0.05 * (upper[i] - lower[i]))
+        distance = min(size, INSIDE * (upper[i] - lower[i]))
         z[i] = min(max(z[i], lower[i] + distance), upper[i] - distance)
         if lower[i] > -np.inf:
             path.wl[i] = max(w[i], size)
@@ -87,19 +105,7 @@ def mean_product(work, path, step):
     return total / max(pairs, 1)
 
 
-@pasted
-def set_shift(work, path):
-    """Write to shift the diagonal that the bounds add to A."""
-    shift = work.shift
-    for i in range(shift.size):
-        shift[i] = REGULARISATION
-        if path.wl[i] > 0.0:
-            shift[i] += path.wl[i] / (path.z[i] - work.lower[i])
-        if path.wu[i] > 0.0:
-            shift[i] += path.wu[i] / (work.upper[i] - path.z[i])
-
-
-@pasted
+@part
 def aim(work, path):
     """Write to rhs the right-hand side for dz, towards slack * multiplier = target_mu.
 
@@ -125,12 +131,12 @@ def aim(work, path):
 def recentre(work, path, step):
     """Write to low and high the terms of Gondzio's corrector for a longer step.
 
-    It moves products outside [0.1, 10] target_mu towards this interval (Comput. Optim.
-    Appl. 6, 1996, 137-156).
+    It moves products outside [LEAST_PRODUCT, MOST_PRODUCT] target_mu towards this
+    interval (Comput. Optim. Appl. 6, 1996, 137-156).
     """
     mu = work.now.target_mu
-    step = min(1.0, max(1.3 * step, step + 0.1))
-    low, high = 0.1 * mu, 10.0 * mu
+    step = min(1.0, max(ASK_FACTOR * step, step + ASK_MORE))
+    low, high = LEAST_PRODUCT * mu, MOST_PRODUCT * mu
     for i in range(path.z.size):
         z = path.z[i] + step * path.dz[i]
         if path.wl[i] > 0.0:
@@ -179,33 +185,50 @@ def try_direction(work, path, corrector):
     return True
 
 
-@pasted
-def advance_path(now, path):
-    """Take most of now.step, 1 at most; return False if that is too short."""
-    share = max(0.95, 1.0 - now.mu / now.largest_mu)
-    step = min(1.0, 0.995 * share * now.step)
-    if not step > 1e-12:
-        return False
+@part
+def use_direction(work, path, corrector):
+    """Use the solution dz. Return AGAIN if another one is to follow, else move.
+
+    AGAIN means that rhs is the right-hand side for the next corrector. Otherwise most
+    of now.step, 1 at most, is TAKEN unless it is TOO_SHORT.
+    """
+    if try_direction(work, path, corrector):
+        aim(work, path)
+        return AGAIN
+    now = work.now
+    share = max(LEAST_SHARE, 1.0 - now.mu / now.largest_mu)
+    step = min(1.0, MOST_SHARE * share * now.step)
+    if not step > SHORTEST_STEP:
+        return TOO_SHORT
     for i in range(path.z.size):
         path.z[i] += step * path.dz[i]
         path.wl[i] += step * path.dwl[i]
         path.wu[i] += step * path.dwu[i]
-    return True
+    return TAKEN
 
 
-@pasted
-def evaluate_path(work, path):
-    """Write w = A z + q, Res(z) and mu at the point; clear low, high and target_mu."""
-    now = work.now
+@part
+def begin_step(work, path):
+    """Write w, Res(z) and mu at the point, and the free system of the predictor.
+
+    Its shift is the diagonal that the bounds add to A.
+    """
+    now, shift = work.now, work.shift
     write_w(work, path.z, work.w)
     found = natural_residuals(path.z, work.w, work.lower, work.upper, work.d)
     now.path_residual = found[0]
     for i in range(path.z.size):
         path.low[i] = 0.0
         path.high[i] = 0.0
+        shift[i] = REGULARISATION
+        if path.wl[i] > 0.0:
+            shift[i] += path.wl[i] / (path.z[i] - work.lower[i])
+        if path.wu[i] > 0.0:
+            shift[i] += path.wu[i] / (work.upper[i] - path.z[i])
     now.mu = mean_product(work, path, 0.0)
     now.largest_mu = max(now.largest_mu, now.mu)
     now.target_mu = 0.0
+    aim(work, path)
 
 
 @part
@@ -254,19 +277,16 @@ def follow(arena, target, steps):
             state[i] = -1
     factor = analyse(work, free_order(work, state))
     for taken in range(steps + 1):
-        evaluate_path(work, path)
+        begin_step(work, path)
         if now.path_residual <= target * now.size or taken == steps:
             break
-        set_shift(work, path)
         refactor(work, work.shift, factor)
-        corrector = 0
-        more = True
-        while more:
-            aim(work, path)
+        corrector, code = 0, AGAIN
+        while code == AGAIN:
             solve_free(now.symmetric, factor, work.rhs, path.dz)
-            more = try_direction(work, path, corrector)
+            code = use_direction(work, path, corrector)
             corrector += 1
-        if not advance_path(now, path):
+        if code == TOO_SHORT:
             break
     close_path(work, path)
     return taken

@@ -10,13 +10,12 @@ import numpy as np
 from namlcp.compiled import kernel
 from namlcp.lcp.pivoting.free_system import LEAST_PIVOT
 from namlcp.lcp.pivoting.interior import (
-    advance_path,
-    aim,
+    AGAIN,
+    TOO_SHORT,
+    begin_step,
     close_path,
-    evaluate_path,
     open_path,
-    set_shift,
-    try_direction,
+    use_direction,
 )
 from namlcp.lcp.pivoting.work import PivotMemory, opened, path_in
 from namlcp.limits import Deadline
@@ -32,31 +31,26 @@ from namlcp.linalg import (
 STALL = 8
 """Steps of the path in which Res must halve; otherwise the path ends."""
 
-# The stages of `path_step`.
-EVALUATE, AIM, TRY, ADVANCE, CLOSE = range(5)
+# Stages of `path_step`; others are numbers of correctors.
+BEGIN, END = -1, -2
 
 
 @kernel(error_model="numpy")
-def path_step(arena, stage, corrector):
+def path_step(arena, stage):
     """Do one stage of a step of the path; the caller factors and solves in between.
 
-    EVALUATE: `evaluate_path` and `set_shift`; AIM: `aim`; TRY: return `try_direction`,
-    with path.dz solved for; ADVANCE: return `advance_path`; CLOSE: `close_path`.
+    BEGIN: `begin_step`; END: `close_path`; k >= 0: return `use_direction` of corrector
+    k, with path.dz solved for.
     """
     work, path = opened(arena), path_in(arena)
-    if stage == EVALUATE:
+    if stage == BEGIN:
         open_path(work, path)
-        evaluate_path(work, path)
-        set_shift(work, path)
-    elif stage == AIM:
-        aim(work, path)
-    elif stage == TRY:
-        return try_direction(work, path, corrector)
-    elif stage == ADVANCE:
-        return advance_path(work.now, path)
-    else:
+        begin_step(work, path)
+    elif stage == END:
         close_path(work, path)
-    return True
+    else:
+        return use_direction(work, path, stage)
+    return AGAIN
 
 
 class LargeSystem:
@@ -123,22 +117,21 @@ class LargeSystem:
         free = work.lower < work.upper
         before = np.full(STALL, np.inf)
         for k in range(steps):
-            path_step(arena, EVALUATE, 0)
+            path_step(arena, BEGIN)
             found = now.path_residual <= target * now.size
             stalled = now.path_residual > 0.5 * before[k % STALL]
             if found or stalled or deadline.reached():
                 break
             before[k % STALL] = now.path_residual
             self.factor(free, np.nan)
-            corrector, more = 0, True
-            while more:
-                path_step(arena, AIM, corrector)
+            corrector, code = 0, AGAIN
+            while code == AGAIN:
                 solve_blocks(self.blocks, free, self.values, work.rhs, work.path_dz)
-                more = path_step(arena, TRY, corrector)
+                code = path_step(arena, corrector)
                 corrector += 1
-            if not path_step(arena, ADVANCE, 0):
+            if code == TOO_SHORT:
                 break
-        path_step(arena, CLOSE, 0)
+        path_step(arena, END)
 
     def is_convex(self) -> bool:
         """Tell whether A + `PSD_SLACK` I is positive definite."""
