@@ -329,7 +329,7 @@ def test_large_obstacle_takes_few_cycles_by_default():
 
 
 def test_start_that_only_looked_close_is_given_up(monkeypatch):
-    monkeypatch.setattr(multigrid, "WARM", INF)
+    monkeypatch.setattr(multigrid, "WARM_RESIDUAL", INF)
     monkeypatch.setattr(multigrid, "WARM_CYCLES", 2)
     A, q = forced_obstacle(120)
     matrix = Prepared(A)

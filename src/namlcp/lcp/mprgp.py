@@ -35,7 +35,7 @@ from namlcp.limits import Limits
 from namlcp.residuals import natural_residual
 from namlcp.status import Status
 
-MAX_ITER = 20_000
+MAX_DESCENT_STEPS = 20_000
 """Default limit on iterations."""
 
 MISSES = 4
@@ -45,11 +45,12 @@ updated gradient but not the recomputed one, and Res has not halved in between."
 SUFFICIENT = 0.1
 """A projected step d is taken if f decreases by at least this fraction of -g'd."""
 
-FLAT, NEGATIVE = 1e-13, -1e-10
-"""A curvature p'A p / p'p of modulus up to FLAT ||A|| counts as zero; one below
-NEGATIVE ||A|| shows that A is not semidefinite. ||A|| is `Descent.norm`."""
+ZERO_CURVATURE, INDEFINITE_CURVATURE = 1e-13, -1e-10
+"""A curvature p'A p / p'p of modulus up to ZERO_CURVATURE ||A|| counts as zero; one
+below INDEFINITE_CURVATURE ||A|| shows that A is not semidefinite. ||A|| is
+`Descent.norm`."""
 
-RAY = 1e-14
+RAY_PRODUCT = 1e-14
 """||A v|| up to this times ||A|| ||v|| counts as zero."""
 
 MINIMUM = 0.1
@@ -91,7 +92,7 @@ def descent_from(
     """Take steps from a feasible z0, see `solve_by_products` for the outcomes."""
     _, _, lower, upper = lcp
     root = lcp.matrix.root
-    max_iter = limits.max_iter or MAX_ITER
+    max_iter = limits.max_iter or MAX_DESCENT_STEPS
 
     def unscaled(y: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return z and w."""
@@ -195,7 +196,7 @@ class Descent:
         pp = float(p @ p)
         self.norm = max(self.norm, math.sqrt(float(Ap @ Ap) / pp))
         pAp = float(p @ Ap)
-        return Ap, 0.0 if abs(pAp) <= FLAT * self.norm * pp else pAp
+        return Ap, 0.0 if abs(pAp) <= ZERO_CURVATURE * self.norm * pp else pAp
 
     def step(self) -> Status | None:
         """Take one step, or return the status with which the method ends."""
@@ -212,7 +213,7 @@ class Descent:
         if not math.isfinite(pAp):
             self.size = pAp
             return Status.NUMERICAL_ERROR
-        if pAp < NEGATIVE * self.norm * float(p @ p):
+        if pAp < INDEFINITE_CURVATURE * self.norm * float(p @ p):
             return Status.UNSOLVABLE
         feasible = self.limit(p)
         optimal = float(self.g @ p) / pAp if pAp > 0.0 else math.inf
@@ -289,7 +290,7 @@ class Descent:
         d = r
         for _ in range(RAY_PRODUCTS):
             rr = float(r @ r)
-            if rr <= (0.1 * RAY * self.norm) ** 2 * float(v @ v):
+            if rr <= (0.1 * RAY_PRODUCT * self.norm) ** 2 * float(v @ v):
                 break
             Ad = self.product(d)
             dAd = float(d @ Ad)
@@ -300,7 +301,7 @@ class Descent:
             d = r + (float(r @ r) / rr) * d
         v = np.where(np.abs(v) <= RAY_ENTRY * np.max(np.abs(v)), 0.0, v)
         fall = float(self.q @ v)
-        rest = np.linalg.norm(self.product(v))
-        if rest > RAY * self.norm * np.linalg.norm(v) or self.limit(-v) < math.inf:
+        most = RAY_PRODUCT * self.norm * np.linalg.norm(v)
+        if np.linalg.norm(self.product(v)) > most or self.limit(-v) < math.inf:
             return None
         return v / (self.root * -fall) if fall < 0.0 else None

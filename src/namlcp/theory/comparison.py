@@ -55,7 +55,7 @@ BATCHES = (2, 2, 4, 8, 16, 32)
 HELP = 0.5
 """Sweeps end after a batch that changed their step by less than a factor of 1/HELP."""
 
-UNIT = 2.0**-53
+ROUNDOFF = 2.0**-53
 """Unit roundoff: the largest relative error of one operation."""
 
 LEAST_NUMBER = 5e-324
@@ -227,7 +227,7 @@ def verdict_by(
         return None
     above, below, largest, least = signs(A.indptr, A.indices, A.data, x, exponent)
     if above:
-        theorem, answer, bound = "v > 0, <A> v > 0", True, min(largest, 1.0 - UNIT)
+        theorem, answer, bound = "v > 0, <A> v > 0", True, min(largest, 1.0 - ROUNDOFF)
         checked = f"{source}: rho(J) <= {bound:.17g}, the largest (Jv)_i / v_i"
     elif below:
         theorem, answer, bound = "u >= 0, u != 0, <A> u <= 0", False, max(least, 1.0)
@@ -282,7 +282,7 @@ def signs(indptr, indices, data, x, exponent):
         if not off < np.inf:
             return False, False, np.nan, np.nan
         count = indptr[i + 1] - indptr[i] + 3
-        margin = count * (2.0 * UNIT * (d + off) + 4.0 * LEAST_NUMBER)
+        margin = count * (2.0 * ROUNDOFF * (d + off) + 4.0 * LEAST_NUMBER)
         low = high = d - off
         if not abs(low) > margin:
             low, high = exact_row(indptr, indices, data, i, x, exponent)
@@ -332,7 +332,7 @@ def exact_row(indptr, indices, data, i, x, exponent):
             e = al * bl - (((p - ah * bh) - al * bh) - ah * bl)
         else:
             e = 0.0
-            lost += abs(p) * 4.0 * UNIT + 4.0 * LEAST_NUMBER * (1.0 + abs(a))
+            lost += abs(p) * 4.0 * ROUNDOFF + 4.0 * LEAST_NUMBER * (1.0 + abs(a))
         s = total + p
         t = s - total
         f = (total - (s - t)) + (p - t)
@@ -341,12 +341,12 @@ def exact_row(indptr, indices, data, i, x, exponent):
         error += f
         size += abs(e) + abs(f)
     count = 2.0 * (indptr[i + 1] - indptr[i]) + 4.0
-    margin = 2.0 * UNIT * count * size + lost
+    margin = 2.0 * ROUNDOFF * count * size + lost
     whole = total + error
     if margin > 0.0:
-        margin += 2.0 * UNIT * abs(whole)
+        margin += 2.0 * ROUNDOFF * abs(whole)
     elif error != 0.0:
-        margin = 2.0 * UNIT * abs(whole)
+        margin = 2.0 * ROUNDOFF * abs(whole)
     return whole - margin, whole + margin
 
 

@@ -12,7 +12,7 @@ from scipy import linalg, sparse
 from scipy.sparse.linalg import splu
 
 from namlcp.compiled import kernel
-from namlcp.theory.comparison import UNIT
+from namlcp.theory.comparison import ROUNDOFF
 from namlcp.theory.perron import row_numbers
 from namlcp.theory.splittings import Splitting
 
@@ -154,7 +154,7 @@ def lyapunov_function(parts: Splitting) -> Lyapunov | None:
     try:
         X, Y, Z = (np.linalg.solve(left, side) for side in (N, right - L, L))
         perron = perron_weight(np.abs(X) + np.abs(Y) + np.abs(Z))
-        rounding = 1e3 * n * UNIT * np.linalg.cond(left)
+        rounding = 1e3 * n * ROUNDOFF * np.linalg.cond(left)
         if not np.abs(np.linalg.eigvals(X)).max(initial=0.0) < 1.0:
             return None
         for name, weight in (("Omega", parts.omega), ("Perron", perron)):

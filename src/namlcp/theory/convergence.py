@@ -62,7 +62,7 @@ from scipy import linalg, sparse
 from namlcp.limits import interruptible
 from namlcp.linalg import asymmetry, is_positive_semidefinite, ldl_factors
 from namlcp.theory.comparison import (
-    UNIT,
+    ROUNDOFF,
     Verdict,
     exact_dominance,
     is_h_plus,
@@ -258,13 +258,13 @@ def positive_definite(A: Any) -> str:
     root = sparse.diags_array(1.0 / np.sqrt(D))
     S = sparse.csr_array(root @ A @ root)
     if n <= LARGEST_DENSE or (n <= 3000 and A.nnz > n * n // 10):
-        c = 4.0 * (n + 8) * n * UNIT
+        c = 4.0 * (n + 8) * n * ROUNDOFF
         if is_positive_semidefinite(S.toarray(), -c):
             return f"Cholesky factorisation of D^(-1/2) A D^(-1/2) - {c:.1e} I"
         return ""
     upper = sparse.csc_matrix(sparse.triu(S))
     for k in (200, n):  # a guess of the longest row of the factor, and its upper bound
-        c = 4.0 * (k + 8) * n * UNIT
+        c = 4.0 * (k + 8) * n * ROUNDOFF
         factors = ldl_factors(upper - c * sparse.eye(n))
         if factors is None:
             return ""
@@ -325,7 +325,7 @@ def by_repulsion(parts: Splitting, semidefinite: bool) -> Verdict:
     k = int(np.argmax(np.abs(values)))
     radius = float(np.abs(values[k]))
     condition = np.linalg.cond(X) / abs(np.vdot(left[:, k], right[:, k]))
-    error = 1e3 * A.shape[0] * UNIT * condition * (1.0 + np.linalg.norm(step))
+    error = 1e3 * A.shape[0] * ROUNDOFF * condition * (1.0 + np.linalg.norm(step))
     if not radius - error > 1.0:
         return undecided(f"spectral radius with no active bound: {radius:.6g}")
     return Verdict(

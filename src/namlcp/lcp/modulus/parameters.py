@@ -22,7 +22,7 @@ p > g/2 + (1 - g/2) b is Ostrowski's condition M + M' - A > 0.
 
 In a row at a bound, the error of s is multiplied by 1 - 2 c/p; it perturbs the free
 rows by G L ds. c is chosen so large that this factor is at most the square of the one
-at x = a, and larger if b > 2 (A is no M-matrix), see FRUSTRATION.
+at x = a, and larger if b > 2 (A is no M-matrix), see MIN_OMEGA_FACTOR.
 
 a and b are Ritz values on the rows that are free at the sweeps 1, 2, 4, 8, ..., see
 `spectrum`. Because of the scaling, the iterates do not depend on k > 0 in (k A, k q) or
@@ -48,12 +48,15 @@ import numpy as np
 from namlcp.lcp.modulus.methods import Method, Parameters
 from namlcp.lcp.modulus.spectrum import Spectrum
 
-FRUSTRATION = 0.6
-"""c >= FRUSTRATION G sqrt(f) / (p - c), f the geometric mean of the values of b - 2 for
-the free rows and for the whole matrix."""
+MIN_OMEGA_FACTOR = 0.6
+"""c >= MIN_OMEGA_FACTOR G sqrt(f) / (p - c), f the geometric mean of b - 2 for the free
+rows and for the whole matrix."""
 
 BALANCE = 0.3
 """a b is reduced by the fraction BALANCE (2 - g): L is not (I - A)/2 when g < 2."""
+
+MOST_G = 3.5
+"""Upper bound of g: for g = 4 the best P would be 0."""
 
 SMALL_OMEGA = 0.01
 """Lower bound of c: with a smaller one s hardly changes in a row at its bound."""
@@ -74,10 +77,10 @@ SHRINK, GROWTH = 0.93, 4.0
 """If g < 2, P is multiplied by SHRINK at every power of 2 from FROM on, until P is
 raised: that happens when a change of z exceeds GROWTH times the least one so far."""
 
-STANDING = 0.7
-"""P is also raised if the largest change of z between two powers of 2 exceeds STANDING
-times that of the interval before: the iterates wander. (Even a slow, algebraic decay
-would be faster.)"""
+STAGNATION = 0.7
+"""P is also raised if the largest change of z between two powers of 2 exceeds that of
+the interval before times this: the iterates wander. (Even a slow, algebraic decay would
+be faster.)"""
 
 
 def mean(x: np.ndarray) -> float:
@@ -121,7 +124,7 @@ class Choice:
             return False
         self.least = size
         self.take_care()
-        self.peak = math.inf  # no use of STANDING until the power of 2 after next
+        self.peak = math.inf  # STAGNATION is not applied at the next power of 2
         return True
 
     def take_care(self) -> None:
@@ -135,7 +138,7 @@ class Choice:
         self.all_free = bool(free.all())
         self.spectrum.estimate(free, change)
         if k > FROM:
-            if STANDING * self.last_peak < self.peak < math.inf:
+            if STAGNATION * self.last_peak < self.peak < math.inf:
                 self.take_care()
             self.last_peak, self.peak = self.peak, 0.0
         ratio = 1.0 if self.beta is None else self.beta
@@ -143,9 +146,9 @@ class Choice:
             self.scale *= self.shrink
 
     def weight(self, ratio: float) -> tuple[float, float]:
-        """Return g = G + H and G for beta/alpha = ratio, both cut off."""
+        """Return g = G + H in [0, MOST_G] and G >= 0 for beta/alpha = ratio."""
         G = ratio + self.method.own
-        return min(max(G + self.method.reflected, 0.0), 3.5), max(G, 0.0)
+        return min(max(G + self.method.reflected, 0.0), MOST_G), max(G, 0.0)
 
     def parameters(self) -> tuple[float, np.ndarray]:
         """Return alpha and the diagonal of Omega."""
@@ -236,4 +239,4 @@ class Choice:
             else:
                 high = c
         f = math.sqrt(max(b - 2.0, 0.0) * max(above - 2.0, 0.0))
-        return max(high, FRUSTRATION * G * math.sqrt(f) / t) * self.scale
+        return max(high, MIN_OMEGA_FACTOR * G * math.sqrt(f) / t) * self.scale

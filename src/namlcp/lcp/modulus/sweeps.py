@@ -52,7 +52,7 @@ from namlcp.lcp.modulus.triangular import Step, TriangularStep
 from namlcp.limits import Limits
 from namlcp.status import Status
 
-MAX_ITER = 100_000
+MAX_NAMED_SWEEPS = 100_000
 """Default limit on sweeps."""
 
 
@@ -126,7 +126,7 @@ def iterate(
     eps_abs, _, max_iter, deadline, report, _ = limits
     least = math.inf
     watch = Watch(float(np.linalg.norm(lcp.q)))
-    max_iter = max_iter or MAX_ITER
+    max_iter = max_iter or MAX_NAMED_SWEEPS
     for k in range(max_iter + 1):
         residual = step(old, new)
         if report is not None:

@@ -46,7 +46,7 @@ MAX_CYCLES = 40
 SWEEPS = 2
 """Pairs of a forward and a backward sweep in a cycle."""
 
-REDUCTION, NEW_FACE_STEPS = 0.1, 12
+NEW_FACE_REDUCTION, NEW_FACE_STEPS = 0.1, 12
 """On a changed face: relative residual of A_FF x = -w_F wanted, and steps at most."""
 
 SETTLED_FACE_STEPS = 60
@@ -62,9 +62,9 @@ cycles at most."""
 SMALLEST = 1e-300
 """Replaces a residual of 0 in a denominator."""
 
-WARM, WARM_CYCLES = 1e-2, 5
-"""z0 is used if Res(z0) <= WARM Res(clip(0)); after WARM_CYCLES cycles without success
-the solve begins anew with the nested start."""
+WARM_RESIDUAL, WARM_CYCLES = 1e-2, 5
+"""z0 is used if Res(z0) <= WARM_RESIDUAL Res(clip(0)); after WARM_CYCLES cycles without
+success the solve begins anew with the nested start."""
 
 SLOW_CYCLES = 2
 """The solve ends after so many cycles in a row on an unchanged face that leave more
@@ -140,7 +140,7 @@ class Iterate:
         floor = FACE_GOAL * goal * (self.here / max(self.residual, SMALLEST))
         reduction, steps = 0.0, SETTLED_FACE_STEPS
         if not self.settled:
-            reduction, steps = REDUCTION, NEW_FACE_STEPS
+            reduction, steps = NEW_FACE_REDUCTION, NEW_FACE_STEPS
         solve_on_face(self.cycle, self.k, w, reduction, floor, steps, x)
         slope, curvature = project_step(self.A, z, w, lower, upper, x, Ax)
         step = 1.0
@@ -272,7 +272,7 @@ class MultigridSolver:
                 z = self.clipped(z0 / self.hierarchy.scale, self.box)
             warm = Iterate(self.cycle, 0, self.box, z)
             self.note(warm)
-            if warm.residual <= max(WARM * cold.residual, self.goal):
+            if warm.residual <= max(WARM_RESIDUAL * cold.residual, self.goal):
                 self.warm = True
                 return warm
         if cold.residual <= self.goal:

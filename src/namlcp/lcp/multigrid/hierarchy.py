@@ -36,10 +36,10 @@ UNLIKE = 0.03
 Discretised differential equations have up to 0.02, contact problems from 0.09.
 """
 
-MOST_ENTRIES = 100
+MOST_ROW_ENTRIES = 100
 """Entries of a row, on average, at most."""
 
-GROWTH = 6.0
+MOST_COARSE_ENTRIES = 6.0
 """Entries of all coarse levels at most, as a multiple of those of A."""
 
 GOOD, USELESS = 0.3, 0.8
@@ -93,7 +93,7 @@ def suits(A: Any) -> bool:
 
     A : (n, n) csr_array, canonical.
     """
-    if A.indices.dtype != np.int32 or A.nnz > MOST_ENTRIES * A.shape[0]:
+    if A.indices.dtype != np.int32 or A.nnz > MOST_ROW_ENTRIES * A.shape[0]:
         return False
     count = unlike_rows(arrays_of(A), np.empty(A.shape[0]))
     return 0 <= count <= UNLIKE * A.shape[0]
@@ -155,7 +155,7 @@ def coarsen(
     unknowns, that a diagonal entry is not positive, or that the deadline has passed.
     """
     levels: list[Level] = []
-    entries = GROWTH * A.nnz
+    entries = MOST_COARSE_ENTRIES * A.nnz
     while entries >= 0 and not deadline.reached():
         n = A.shape[0]
         rows = np.repeat(np.arange(n, dtype=np.int32), np.diff(A.indptr))

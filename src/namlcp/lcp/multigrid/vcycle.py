@@ -14,7 +14,7 @@ from namlcp.lcp.multigrid.kernels import (
 )
 from namlcp.linalg import Compressed
 
-SINGULAR = 1e13
+SINGULAR_CONDITION = 1e13
 """Condition number from which on the coarsest matrix gets a pseudo-inverse."""
 
 
@@ -101,8 +101,8 @@ def inverse(B: np.ndarray, symmetric: bool) -> Any:
     """Return the inverse of a small dense matrix, the pseudo-inverse if singular."""
     try:
         X = np.linalg.inv(B)
-        if np.linalg.norm(B) * np.linalg.norm(X) < SINGULAR:
+        if np.linalg.norm(B) * np.linalg.norm(X) < SINGULAR_CONDITION:
             return X
     except np.linalg.LinAlgError:
         pass
-    return np.linalg.pinv(B, rcond=1.0 / SINGULAR, hermitian=symmetric)
+    return np.linalg.pinv(B, rcond=1.0 / SINGULAR_CONDITION, hermitian=symmetric)

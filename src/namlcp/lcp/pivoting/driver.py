@@ -33,7 +33,7 @@ from namlcp.status import Status
 ACCURACY = 1e-9
 """Default eps_rel."""
 
-MAX_ITER = 5000
+MAX_FACTORISATIONS = 5000
 """Factorisations at most, by default."""
 
 BITSETS = 20_000
@@ -83,7 +83,7 @@ def solve_box(
     with np.errstate(all="ignore"):  # singular systems overflow, which is detected
         outcome = Attempt(lcp, z0, limits, ask_convex).outcome()
         stalled = outcome.status is Status.STALLED and lcp.matrix.symmetric
-        left = outcome.iterations < (limits.max_iter or MAX_ITER)
+        left = outcome.iterations < (limits.max_iter or MAX_FACTORISATIONS)
         if not stalled or not left or lcp.q.size > DENSE_ORDER:
             return outcome
         # rho may dominate an ill-conditioned matrix. As "nonsymmetric" rho begins at 0.
@@ -201,7 +201,7 @@ class Attempt:
 
     def limit(self) -> int:
         """Return the largest number of factorisations allowed."""
-        now, most = self.work.now, self.limits.max_iter or MAX_ITER
+        now, most = self.work.now, self.limits.max_iter or MAX_FACTORISATIONS
         if now.not_p and now.path_followed:
             return min(most, self.before + MURTY_STEPS + self.work.n)
         return most

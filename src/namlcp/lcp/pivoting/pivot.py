@@ -42,7 +42,7 @@ FREE_SYSTEM = 3  # the caller solves the free system, rhs to z, and calls `resum
 RAY = 4  # the caller tests whether rhs proves that there is no solution
 STUCK = 5  # w is not finite, or too many proximal steps
 
-OMEGA = 1.4
+SWEEP_RELAXATION = 1.4
 """Relaxation parameter of the first sweeps."""
 
 FIRST_SWEEPS, STILL_SWEEPS = 30, 3
@@ -82,7 +82,7 @@ def first_sweeps(work):
         still += 1
         for i in range(z.size):
             if work.has_unit[i]:
-                t = min(max(z[i] - OMEGA * w[i], lower[i]), upper[i])
+                t = min(max(z[i] - SWEEP_RELAXATION * w[i], lower[i]), upper[i])
                 step = t - z[i]
                 if step != 0.0:
                     z[i] = t

@@ -45,12 +45,13 @@ from namlcp.status import Status
 # factors c_i of the elimination; clip(z) and its w; the best z and its w.
 Z, W, COUPLING, TRIAL_Z, TRIAL_W, BEST_Z, BEST_W = range(7)
 
-# Entries of `number`. SIZE: Res(clip(0)) with a unit diagonal. SLACK: largest violation
-# of a sign that counts as rounding. BEST: least Res so far; MET: it is within
+# Entries of `number`. SIZE: Res(clip(0)) with a unit diagonal. SIGN_SLACK: largest
+# violation of a sign that counts as rounding. BEST: least Res so far; MET: it is within
 # tolerance. WARM: the first face follows from the start z, not from `state`. FACES:
 # number of faces so far. FEWEST: least number of wrong signs so far, 0 before the
-# start. LEFT: faces that may still follow without fewer.
-EPS_ABS, EPS_REL, SIZE, SLACK, BEST, MET, WARM, FACES, FEWEST, LEFT = range(10)
+# start. FACES_LEFT: how many may still follow without fewer.
+EPS_ABS, EPS_REL, SIZE, SIGN_SLACK, BEST = range(5)
+MET, WARM, FACES, FEWEST, FACES_LEFT = range(5, 10)
 
 # Why `solve_faces` returns.
 SOLVED = 0
@@ -58,7 +59,7 @@ MORE = 1  # the budget of faces is used up
 STUCK = 2  # no progress, or a pivot that is not positive
 ROUNDED = 3  # every sign is right, but the residual is not within tolerance
 
-MAX_ITER = 5000
+MAX_FACES = 5000
 """Faces at most, by default."""
 
 FACES_WITHOUT_PROGRESS = 3
@@ -207,7 +208,7 @@ def squares_at_zero(lcp, zero):
 
 @part
 def begin(lcp, state, number, work):
-    """Write SIZE, SLACK and the counters to number; if WARM, write state.
+    """Write SIZE, SIGN_SLACK and the counters to number; if WARM, write state.
 
     The states are those after a Jacobi step from z. If clip(0) solves the LCP, only
     SIZE = 0, z and w are written.
@@ -226,8 +227,8 @@ def begin(lcp, state, number, work):
         multiply(rows, z, q, w)
         return
     relative = 0.01 * number[EPS_REL] * np.sqrt(residual / n)
-    number[SLACK] = max(SIGN_ROUNDING * np.sqrt(size), relative)
-    number[FEWEST], number[LEFT] = n + 1, FACES_WITHOUT_PROGRESS
+    number[SIGN_SLACK] = max(SIGN_ROUNDING * np.sqrt(size), relative)
+    number[FEWEST], number[FACES_LEFT] = n + 1, FACES_WITHOUT_PROGRESS
     number[BEST] = np.inf
     if number[WARM]:
         multiply(rows, z, q, w)
@@ -282,7 +283,7 @@ def solve_faces(rows, q, lower, upper, state, number, work, budget):
     while budget > 0:
         budget -= 1
         number[FACES] += 1.0
-        wrong, inside = eliminate_face(lcp, number[SLACK], state, work)
+        wrong, inside = eliminate_face(lcp, number[SIGN_SLACK], state, work)
         if wrong == 0:
             if not inside:
                 clip_into_box(lcp, z, z, w)
@@ -299,9 +300,9 @@ def solve_faces(rows, q, lower, upper, state, number, work, budget):
                 copy(trial_z, work[BEST_Z])
                 copy(trial_w, work[BEST_W])
             if wrong < number[FEWEST]:
-                number[FEWEST], number[LEFT] = wrong, FACES_WITHOUT_PROGRESS
-            number[LEFT] -= 1.0
-        if wrong <= 0 or number[LEFT] < 0.0:
+                number[FEWEST], number[FACES_LEFT] = wrong, FACES_WITHOUT_PROGRESS
+            number[FACES_LEFT] -= 1.0
+        if wrong <= 0 or number[FACES_LEFT] < 0.0:
             take_best(lcp, number, work)
             if number[MET]:
                 return SOLVED
@@ -390,7 +391,7 @@ def solve_tridiagonal(
     UNSOLVABLE: this method makes no progress; another one may go on from z.
     """
     n = lcp.q.size
-    max_iter, report = limits.max_iter or MAX_ITER, limits.report
+    max_iter, report = limits.max_iter or MAX_FACES, limits.report
     problem = TridiagonalLCP(form.rows, lcp.q, lcp.lower, lcp.upper)
     solver = TridiagonalSolver(problem, z0, limits.eps_abs, limits.eps_rel)
     is_cold = z0 is None
