@@ -24,14 +24,6 @@ BISECTIONS = 40
 
 
 @part
-def begin_at(centre, w, rho, x, s):
-    """Write the start of the search, the proximal point, to x and s; rho > 0."""
-    for i in range(x.size):
-        x[i] = centre[i]
-        s[i] = centre[i] - w[i] / rho
-
-
-@part
 def end_at(z, centre, w, rho, state, s_end):
     """Write to s_end the value of s at the solution z of the free system.
 

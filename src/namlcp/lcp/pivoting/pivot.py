@@ -20,7 +20,7 @@ from namlcp.lcp.pivoting.free_system import (
     refactor,
     solve_free,
 )
-from namlcp.lcp.pivoting.line_search import begin_at, end_at, states_at, step_to
+from namlcp.lcp.pivoting.line_search import end_at, states_at, step_to
 from namlcp.lcp.pivoting.work import opened
 from namlcp.linalg import (
     PSD_SLACK,
@@ -201,7 +201,9 @@ def end_outer_step(work):
         centre[i] = z[i]
     factor = 0.1 if now.line_search else 0.01
     reset_patience(now, z.size, max(factor * rho, LEAST_RHO))
-    begin_at(centre, work.w, now.rho, work.x, work.s)
+    for i in range(z.size):  # where a line search starts
+        work.x[i] = centre[i]
+        work.s[i] = centre[i] - work.w[i] / now.rho
     # Steps 3, 6, 12, ...: later directions are more accurate, but every test costs.
     turn = now.outer_steps // 3
     due = now.outer_steps == 3 * turn and turn > 0 and turn & (turn - 1) == 0
@@ -213,8 +215,7 @@ def end_outer_step(work):
 @part
 def search(work):
     """Search on the way to the solution z of the free system; set goal if step < 1."""
-    now, s_end = work.now, work.rhs
-    lower, upper = work.lower, work.upper
+    now, s_end, lower, upper = work.now, work.rhs, work.lower, work.upper
     end_at(work.z, work.centre, work.w, now.rho, work.state, s_end)
     if step_to(work.x, work.s, work.z, s_end, lower, upper) < 1.0:
         states_at(work.s, lower, upper, now.rho, now.tolerance, work.state, work.goal)
@@ -345,61 +346,51 @@ def begin_pivoting(columns, work):
     return GO_ON
 
 
+@part
+def is_definite(work):
+    """Tell whether A + `PSD_SLACK` I is positive definite; False where an a_ii <= 0."""
+    for i in range(work.state.size):
+        if not work.has_unit[i]:
+            return False
+        work.state[i] = 0
+        work.shift[i] = PSD_SLACK
+    factor = analyse(work, free_order(work, work.state))
+    return refactor(work, work.shift, factor) == REGULAR
+
+
 @kernel(error_model="numpy")
 def pivot(columns, arena, budget):
     """Begin or go on until solved, or for `budget` factorisations. Return a code.
 
-    Parameters
-    ----------
-    columns : Columns
-        The user's matrix.
-    arena : Arena
-        On the first call q, lower, upper hold the user's problem, z the start, and the
-        scalars the tolerances and the properties of A. On return `best` is the best z
-        of the scaled problem.
-
-    With ask_convex, a factorisation of A + `PSD_SLACK` I follows once the problem is
-    solved; now.convex tells whether that matrix is positive definite.
+    `columns` are those of the user's matrix. On the first call q, lower, upper hold the
+    user's problem, z the start, and the scalars the tolerances and the properties of A.
+    On return `best` is the best z of the scaled problem. With ask_convex, now.convex
+    tells once the problem is solved whether `is_definite`, at one more factorisation.
     """
     work = opened(arena)
-    now, state, shift = work.now, work.state, work.shift
+    now, shift = work.now, work.shift
+    code = GO_ON
     if not now.started:
         now.started = True
-        if begin_pivoting(columns, work) == DONE:
-            if not now.ask_convex:
-                return DONE
-            now.convexity_phase = True
-            budget += 1
-    if now.external_solve:
+        code = begin_pivoting(columns, work)
+    if now.external_solve and code != DONE:
         set_right_side(work)
         return FREE_SYSTEM
-    while budget > 0:
+    while code == GO_ON and budget > 0:
         budget -= 1
         for i in range(shift.size):
-            shift[i] = PSD_SLACK if now.convexity_phase else now.rho
-            if now.convexity_phase:
-                state[i] = 0
-                if not work.has_unit[i]:
-                    return DONE  # zero or negative diagonal: not decided here
-        factor = analyse(work, free_order(work, state))
-        quality = refactor(work, shift, factor)
-        if now.convexity_phase:
-            now.convex = quality == REGULAR
-            return DONE
+            shift[i] = now.rho
+        factor = analyse(work, free_order(work, work.state))
+        now.not_p |= refactor(work, shift, factor) == INDEFINITE
         now.factorisations += 1
-        now.not_p |= quality == INDEFINITE
         now.must_factor = False
-        while not now.must_factor:
+        while code == GO_ON and not now.must_factor:
             set_right_side(work)
             solve_free(now.symmetric, factor, work.rhs, work.z)
             code = use_solution(work)
-            if code == DONE and now.ask_convex:
-                now.convexity_phase = True
-                budget += 1
-                break
-            if code != GO_ON:
-                return code
-    return MORE
+    if code == DONE and now.ask_convex:
+        now.convex = is_definite(work)
+    return MORE if code == GO_ON else code
 
 
 @kernel(error_model="numpy")

@@ -53,11 +53,10 @@ class Scalars(ctypes.Structure):
         ("not_p", ctypes.c_bool),
         ("convex", ctypes.c_bool),
         # Progress: scaled; an interior path was followed; changes of states are
-        # searched; only A + PSD_SLACK I remains to factor; states or rho have changed.
+        # searched; states or rho have changed.
         ("started", ctypes.c_bool),
         ("path_followed", ctypes.c_bool),
         ("line_search", ctypes.c_bool),
-        ("convexity_phase", ctypes.c_bool),
         ("must_factor", ctypes.c_bool),
     )
 
