@@ -90,54 +90,43 @@ def descent_from(
     lcp: LCP, z0: np.ndarray, limits: Limits, criterion: Criterion
 ) -> Outcome:
     """Take steps from a feasible z0, see `solve_by_products` for the outcomes."""
-    _, _, lower, upper = lcp
-    root = lcp.matrix.root
-    max_iter = limits.max_iter or MAX_DESCENT_STEPS
-
-    def unscaled(y: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return z and w."""
-        z = np.where(y <= descent.lower, lower, np.clip(y / root, lower, upper))
-        return np.where(y >= descent.upper, upper, z), g * root
-
     descent = Descent(lcp, z0)
-    best = descent.y, descent.g
+    best = z0
     least = missed = math.inf
-    misses = 0
-    status = Status.MAX_ITER
-    k = 0
+    k = misses = 0
+    status = None
     while math.isfinite(descent.size):
-        if descent.size < least:
-            best, least = (descent.y, descent.g), descent.size
+        z, w = descent.point()
         if limits.report is not None:
-            here = lcp.residual(*unscaled(descent.y, descent.g))
-            limits.report(k, here, int(np.count_nonzero(~descent.free)))
-        if criterion.accepts(*unscaled(descent.y, descent.g)):
-            descent.refresh()
-            best, least = (descent.y, descent.g), descent.size
-            if criterion.accepts(*unscaled(descent.y, descent.g)):
+            free = int(np.count_nonzero(descent.free))
+            limits.report(k, lcp.residual(z, w), z.size - free)
+        accepted = criterion.accepts(z, w)
+        if descent.size < least or accepted:
+            best, least = z, descent.size
+        if accepted:
+            descent.refresh(descent.y)
+            least = descent.size
+            if criterion.accepts(*descent.point()):
                 status = Status.SOLVED
                 break
             misses = 0 if descent.size < 0.5 * missed else misses + 1
             missed = min(missed, descent.size)
         if misses == MISSES or descent.size == 0.0:
             status = Status.STALLED
-            break
-        if k == max_iter:
-            break
-        if limits.deadline.reached():
+        elif k == (limits.max_iter or MAX_DESCENT_STEPS):
+            status = Status.MAX_ITER
+        elif limits.deadline.reached():
             status = Status.TIME_LIMIT
-            break
-        trouble = descent.step()
-        if trouble is not None:
-            status = trouble
+        else:
+            status = descent.step()
+        if status is not None:
             break
         k += 1
-    z = unscaled(*best)[0]
-    w = lcp.w(z)
-    if not (math.isfinite(descent.size) and np.isfinite(w).all()):
-        nothing = np.full(z.size, np.nan)
+    w = lcp.w(best)
+    if status is None or not (math.isfinite(descent.size) and np.isfinite(w).all()):
+        nothing = np.full(w.size, np.nan)
         return Outcome(Status.NUMERICAL_ERROR, nothing, nothing, k, "mprgp")
-    return Outcome(status, z, w, k, "mprgp", descent.ray)
+    return Outcome(status, best, w, k, "mprgp", descent.ray)
 
 
 class Descent:
@@ -149,46 +138,47 @@ class Descent:
     """
 
     def __init__(self, lcp: LCP, z0: np.ndarray):
-        self.A, self.root = lcp.A, lcp.matrix.root
-        root = self.root
+        self.lcp, self.A = lcp, lcp.A
+        root = self.root = lcp.matrix.root
         self.q = lcp.q / root
         self.lower, self.upper = lcp.lower * root, lcp.upper * root
         self.ray: np.ndarray | None = None
         self.norm = 0.0  # estimate of ||A||: the largest ||A p|| / ||p|| so far
-        self.y = np.clip(z0 * root, self.lower, self.upper)
-        self.refresh()
+        self.refresh(np.clip(z0 * root, self.lower, self.upper))
+
+    def point(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return z and w of the unscaled problem."""
+        _, _, lower, upper = self.lcp
+        z = np.clip(self.y / self.root, lower, upper)
+        z = np.where(self.y <= self.lower, lower, z)
+        return np.where(self.y >= self.upper, upper, z), self.g * self.root
 
     def product(self, x: np.ndarray) -> np.ndarray:
         """Return D^(-1/2) A D^(-1/2) x."""
         return (self.A @ (x / self.root)) / self.root
 
-    def refresh(self) -> None:
-        """Recompute the gradient and restart the conjugate gradients."""
-        self.g = self.product(self.y) + self.q
+    def refresh(self, y: np.ndarray) -> None:
+        """Go to y, compute its gradient and restart the conjugate gradients."""
         self.p: np.ndarray | None = None  # next conjugate direction; None: phi
-        self.look()
+        self.go(y, self.product(y) + self.q)
 
-    def look(self) -> None:
-        """Update free, phi and size for a new y and g."""
+    def go(self, y: np.ndarray, g: np.ndarray) -> None:
+        """Go to y with the gradient g."""
+        self.y, self.g = y, g
         self.free = (self.y > self.lower) & (self.y < self.upper)
         self.phi = np.where(self.free, self.g, 0.0)
         self.size = natural_residual(self.y, self.g, self.lower, self.upper)
 
     def move(self, step: float, p: np.ndarray, Ap: np.ndarray) -> None:
         """Go to y - step p, which is feasible up to rounding."""
-        self.y = np.clip(self.y - step * p, self.lower, self.upper)
-        self.g = self.g - step * Ap
-        self.look()
+        y = np.clip(self.y - step * p, self.lower, self.upper)
+        self.go(y, self.g - step * Ap)
 
     def limit(self, p: np.ndarray) -> float:
         """Return the largest feasible step along -p."""
-        down, up = p > 0.0, p < 0.0
-        step = np.inf
-        if down.any():
-            step = np.min((self.y - self.lower)[down] / p[down])
-        if up.any():
-            step = min(step, np.min((self.y - self.upper)[up] / p[up]))
-        return float(step)
+        moves = p != 0.0
+        bound = np.where(p > 0.0, self.lower, self.upper)
+        return float(np.min((self.y - bound)[moves] / p[moves], initial=math.inf))
 
     def curvature(self, p: np.ndarray) -> tuple[np.ndarray, float]:
         """Return A p and p'A p, or 0 for the latter at rounding level; update norm."""
@@ -258,8 +248,7 @@ class Descent:
         Ad = self.product(d)
         if slope + 0.5 * float(d @ Ad) > SUFFICIENT * slope:
             return False
-        self.y, self.g = y, self.g + Ad
-        self.look()
+        self.go(y, self.g + Ad)
         return True
 
     def leap(self, p: np.ndarray) -> bool:
@@ -274,8 +263,8 @@ class Descent:
         g = self.product(y) + self.q
         if not natural_residual(y, g, self.lower, self.upper) <= MINIMUM * self.size:
             return False
-        self.y, self.g, self.p = y, g, None
-        self.look()
+        self.p = None
+        self.go(y, g)
         return True
 
     def proof(self, p: np.ndarray) -> np.ndarray | None:
