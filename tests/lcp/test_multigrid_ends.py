@@ -55,7 +55,7 @@ def test_cycles_that_do_not_converge_say_so():
     n = A.shape[0]
     assert suits(A)
     assert build(A, False) is None
-    hierarchy = Hierarchy(A, False, np.ones(n), coarsen(A, False, False))
+    hierarchy = Hierarchy(A, False, np.ones(n), coarsen(A, False, False), 1.0)
     lcp = box_lcp(A, -np.ones(n), np.zeros(n), np.full(n, INF), symmetric=False)
     lcp.matrix.levels = hierarchy
     found = solve_by_multigrid(lcp, None, Limits(), never(EPS))

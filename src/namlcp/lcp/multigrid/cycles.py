@@ -33,7 +33,7 @@ from namlcp.lcp.multigrid.kernels import (
     project_step,
     residual_vector,
 )
-from namlcp.lcp.multigrid.krylov import solve_on_face
+from namlcp.lcp.multigrid.krylov import bicgstab, conjugate_gradients
 from namlcp.lcp.multigrid.vcycle import VCycle
 from namlcp.lcp.relaxation import relax_back, relax_csr
 from namlcp.limits import Deadline, Limits
@@ -87,6 +87,10 @@ class LevelLCP(NamedTuple):
     upper: np.ndarray
     scale: np.ndarray
 
+    def clipped(self, z: np.ndarray) -> np.ndarray:
+        """Return the projection of z onto the box."""
+        return np.clip(z, self.lower, self.upper)
+
 
 class Iterate:
     """z, w = A z + q and Res(z) on one level, and the parts of a cycle.
@@ -138,10 +142,14 @@ class Iterate:
         self.settled = self.begun and not changed
         self.begun = True
         floor = FACE_GOAL * goal * (self.here / max(self.residual, SMALLEST))
-        reduction, steps = 0.0, SETTLED_FACE_STEPS
+        r = np.where(dinv != 0.0, -w, 0.0)
+        x.fill(0.0)
+        size, steps = float(np.linalg.norm(r)), SETTLED_FACE_STEPS
         if not self.settled:
-            reduction, steps = NEW_FACE_REDUCTION, NEW_FACE_STEPS
-        solve_on_face(self.cycle, self.k, w, reduction, floor, steps, x)
+            floor, steps = max(NEW_FACE_REDUCTION * size, floor), NEW_FACE_STEPS
+        if size > floor:
+            solve = conjugate_gradients if self.cycle.symmetric else bicgstab
+            solve(self.cycle, self.k, r, floor, steps, x)
         slope, curvature = project_step(self.A, z, w, lower, upper, x, Ax)
         step = 1.0
         if self.cycle.symmetric and -slope < curvature:
@@ -189,20 +197,14 @@ class MultigridSolver:
         root = np.sqrt(hierarchy.levels[0].d)
         self.box = LevelLCP(S * q, lower / S, upper / S, root)
         self.accepts, self.goal = criterion.accepts, criterion.goal
-        self.best = self.clipped(np.zeros(q.size), self.box)
+        self.best = self.box.clipped(np.zeros(q.size))
         self.least = math.inf
         self.done = 0
         self.warm = False
 
-    @staticmethod
-    def clipped(z: np.ndarray, box: LevelLCP) -> np.ndarray:
-        """Return the projection of z onto the box."""
-        return np.minimum(np.maximum(z, box.lower), box.upper)
-
     def users_point(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return z in the caller's scaling, and w = A z + q."""
-        _, _, lower, upper = self.lcp
-        z = np.minimum(np.maximum(self.hierarchy.scale * z, lower), upper)
+        z = np.clip(self.hierarchy.scale * z, self.lcp.lower, self.lcp.upper)
         return z, self.lcp.w(z)
 
     def note(self, iterate: Iterate) -> None:
@@ -250,7 +252,7 @@ class MultigridSolver:
                 return Status.SOLVED
             if self.warm and self.done == WARM_CYCLES:
                 self.cycle.release()
-                iterate = self.nested_start(deadline)
+                iterate = self.nested(0, self.box, deadline)
                 continue
             fruitless = 0 if self.least < least else fruitless + 1
             is_slow = iterate.settled and not iterate.residual <= 0.5 * before
@@ -269,7 +271,7 @@ class MultigridSolver:
         self.note(cold)
         if z0 is not None:
             with np.errstate(over="ignore"):
-                z = self.clipped(z0 / self.hierarchy.scale, self.box)
+                z = self.box.clipped(z0 / self.hierarchy.scale)
             warm = Iterate(self.cycle, 0, self.box, z)
             self.note(warm)
             if warm.residual <= max(WARM_RESIDUAL * cold.residual, self.goal):
@@ -277,30 +279,28 @@ class MultigridSolver:
                 return warm
         if cold.residual <= self.goal:
             return cold
-        return self.nested_start(deadline)
+        return self.nested(0, self.box, deadline)
 
-    def nested_start(self, deadline: Deadline) -> Iterate:
-        """Return clip(P z) from the level below; on entry no level may be truncated."""
-        return Iterate(self.cycle, 0, self.box, self.nested(0, self.box, deadline))
+    def nested(self, k: int, box: LevelLCP, deadline: Deadline) -> Iterate:
+        """Return clip(P z), z from the level below; on the last level clip(0).
 
-    def nested(self, k: int, box: LevelLCP, deadline: Deadline) -> np.ndarray:
-        """Return clip(P z), z from the level below; on the last level clip(0)."""
-        levels = self.cycle.levels
-        if k + 1 == len(levels):
-            return self.clipped(np.zeros(box.q.size), box)
-        level = levels[k]
-        q, C = np.empty(level.C.size), level.C
-        residual_vector(level.R, np.zeros(q.size), box.q, q)
-        below = LevelLCP(q, box.lower[C], box.upper[C], np.ones(q.size))
-        cold = self.clipped(np.zeros(q.size), below)
-        goal = NESTED_GOAL * Iterate(self.cycle, k + 1, below, cold).residual
-        iterate = Iterate(self.cycle, k + 1, below, self.nested(k + 1, below, deadline))
-        for _ in range(NESTED_CYCLES):
-            if iterate.residual <= goal or deadline.reached():
-                break
-            iterate.smooth()
-            if iterate.residual > goal:
-                iterate.correct(goal)
-        z = np.empty(box.q.size)
-        residual_vector(level.P, np.zeros(z.size), iterate.z, z)
-        return self.clipped(z, box)
+        On entry no level may be truncated.
+        """
+        z = box.clipped(np.zeros(box.q.size))
+        if k + 1 < len(self.cycle.levels):
+            level = self.cycle.levels[k]
+            q, C = np.empty(level.C.size), level.C
+            residual_vector(level.R, np.zeros(q.size), box.q, q)
+            below = LevelLCP(q, box.lower[C], box.upper[C], np.ones(q.size))
+            cold = below.clipped(np.zeros(q.size))
+            goal = NESTED_GOAL * Iterate(self.cycle, k + 1, below, cold).residual
+            iterate = self.nested(k + 1, below, deadline)
+            for _ in range(NESTED_CYCLES):
+                if iterate.residual <= goal or deadline.reached():
+                    break
+                iterate.smooth()
+                if iterate.residual > goal:
+                    iterate.correct(goal)
+            residual_vector(level.P, np.zeros(z.size), iterate.z, z)
+            z = box.clipped(z)
+        return Iterate(self.cycle, k, box, z)

@@ -13,7 +13,7 @@ Ruge and Stueben, in McCormick (ed.), Multigrid Methods, SIAM 1987, 73-130.
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -56,43 +56,21 @@ EQUAL_SUMS = 1e-12
 """Difference up to which two relative row sums count as equal."""
 
 
-class Hierarchy:
-    """Levels of a matrix, made by `build`; several solves may use them concurrently.
+class Hierarchy(NamedTuple):
+    """Levels of a matrix A, made by `build`; several solves may use them concurrently.
 
-    Attributes
-    ----------
-    A : (n, n) csr_array
-        The matrix itself.
-    symmetric : bool
-    scale : (n,) array
-        The diagonal of S; the first level is S A S.
-    levels : list of Level
-    rate : float
-        Result of `measured_rate`.
+    The first level is S A S, S = diag(scale). rate: result of `measured_rate`.
     """
 
-    def __init__(self, A: Any, symmetric: bool, scale: np.ndarray, levels: list[Level]):
-        self.A = A
-        self.symmetric = symmetric
-        self.scale = scale
-        self.levels = levels
-        self.rate = measured_rate(levels, symmetric)
-
-    @property
-    def nbytes(self) -> int:
-        """Bytes of all levels, those of A included."""
-        parts = (
-            (*level.A, *level.P, *level.R, level.diagonal, level.d, level.C)
-            for level in self.levels
-        )
-        return sum(array.nbytes for arrays in parts for array in arrays)
+    A: Any
+    symmetric: bool
+    scale: np.ndarray
+    levels: list[Level]
+    rate: float
 
 
 def suits(A: Any) -> bool:
-    """Tell whether A has a positive diagonal, short rows and mostly negative couplings.
-
-    A : (n, n) csr_array, canonical.
-    """
+    """Tell whether a_ii > 0, rows are short and most couplings are negative."""
     if A.indices.dtype != np.int32 or A.nnz > MOST_ROW_ENTRIES * A.shape[0]:
         return False
     count = unlike_rows(arrays_of(A), np.empty(A.shape[0]))
@@ -102,7 +80,7 @@ def suits(A: Any) -> bool:
 def build(A: Any, symmetric: bool, deadline: Deadline = NEVER) -> Hierarchy | None:
     """Return a hierarchy of A, None if A does not suit or the deadline has passed.
 
-    A : (n, n) csr_array, canonical. symmetric : A = A', which is not checked.
+    A is a canonical csr_array; symmetric : A = A', which is not checked.
     """
     if not suits(A):
         return None
@@ -111,18 +89,19 @@ def build(A: Any, symmetric: bool, deadline: Deadline = NEVER) -> Hierarchy | No
     if not np.all(scale == 1.0):
         S = sparse.diags_array(scale)
         fine = sparse.csr_array(S @ A @ S)
-    best = None
+    best, least = None, math.inf
     for second_pass in (False, True):
         levels = coarsen(fine, symmetric, second_pass, deadline)
         if deadline.reached():
             return None
-        if levels is not None:
-            hierarchy = Hierarchy(A, symmetric, scale, levels)
-            if best is None or hierarchy.rate < best.rate:
-                best = hierarchy
-            if best.rate <= GOOD:
-                break
-    return best if best is not None and best.rate <= USELESS else None
+        rate = math.inf if levels is None else measured_rate(levels, symmetric)
+        if rate < least:
+            best, least = levels, rate
+        if least <= GOOD:
+            break
+    if best is None or least > USELESS:
+        return None
+    return Hierarchy(A, symmetric, scale, best, least)
 
 
 def scaling(A: Any) -> np.ndarray:
@@ -149,10 +128,9 @@ def scaling(A: Any) -> np.ndarray:
 def coarsen(
     A: Any, symmetric: bool, second_pass: bool, deadline: Deadline = NEVER
 ) -> list[Level] | None:
-    """Return the levels of A, or None.
+    """Return the levels of A, None after the deadline or where a limit is exceeded.
 
-    None means that the levels have too many entries or a last level with too many
-    unknowns, that a diagonal entry is not positive, or that the deadline has passed.
+    Limits: entries of all levels, unknowns of the last one, diagonal entries above 0.
     """
     levels: list[Level] = []
     entries = MOST_COARSE_ENTRIES * A.nnz

@@ -101,18 +101,11 @@ def ascend(A, diagonal, P, dinv, b, coarse, x):
 class FaceOnLevel(NamedTuple):
     """The free unknowns F of one level, and what follows from them.
 
-    A : Compressed
-        The matrix of the level, truncated by the faces of the finer levels.
-    dinv : (n,) array
-        1 / a_ii on F, 0 elsewhere.
-    touched : (n,) bool array
-        Rows of A that differ from the matrix of the level.
-    dirty : (n,) bool array
-        Rows that `mark_dirty` marks.
-    b, x : (n,) arrays
-        Right-hand side and solution of a cycle, for the next finer level.
-    place : (n,) int32 array
-        Work of `truncate_coarse`; empty while A is the matrix of the level itself.
+    A: the matrix of the level, truncated by the faces of the finer levels. dinv (n,):
+    1 / a_ii on F, 0 elsewhere. touched (n,): rows of A that differ from the matrix of
+    the level. dirty (n,): rows that `mark_dirty` marks. b, x (n,): right-hand side and
+    solution of a cycle, for the next finer level. place (n,): work of
+    `truncate_coarse`, empty while A is the matrix of the level itself.
     """
 
     A: Compressed
@@ -145,17 +138,9 @@ def truncate_coarse(face, P, R, coarse, d, below):
     Entries outside the pattern of P' A P are added, in modulus, to the diagonal. A
     coarse unknown is truncated if it has no free fine unknown or its diagonal vanishes.
 
-    Parameters
-    ----------
-    face : FaceOnLevel
-        The face on the fine level, after `mark_dirty`.
-    P, R : Compressed
-        Interpolation and R = P'.
-    coarse, d : Compressed and (m,) array
-        P' A P and its diagonal.
-    below : FaceOnLevel
-        The face on the coarse level: on entry an earlier one, on return A_c in the
-        pattern of `coarse`, its dinv and touched.
+    `face` is that of the fine level after `mark_dirty`, R = P', `coarse` is P' A P, d
+    its diagonal. `below`, an earlier face on the coarse level, gets A_c in the pattern
+    of `coarse`, its dinv and touched.
     """
     A, dinv, dirty = face.A, face.dinv, face.dirty
     truncated, coarse_dinv = below.A.data, below.dinv

@@ -11,32 +11,13 @@ from namlcp.lcp.multigrid.kernels import face_product, step_along
 from namlcp.lcp.multigrid.vcycle import VCycle
 
 
-def solve_on_face(
-    cycle: VCycle,
-    k: int,
-    w: np.ndarray,
-    reduction: float,
-    floor: float,
-    steps: int,
-    x: np.ndarray,
-) -> None:
-    """Write x, zero outside F = cycle.faces[k], so that || A_FF x + w_F || is small.
-
-    Stop at the residual max(reduction || w_F ||, floor) or after `steps` steps.
-    """
-    r = np.where(cycle.faces[k].dinv != 0.0, -w, 0.0)
-    x.fill(0.0)
-    size = float(np.linalg.norm(r))
-    goal = max(reduction * size, floor)
-    if size > goal:
-        method = conjugate_gradients if cycle.symmetric else bicgstab
-        method(cycle, k, r, goal, steps, x)
-
-
 def conjugate_gradients(
     cycle: VCycle, k: int, r: np.ndarray, goal: float, steps: int, x: np.ndarray
 ) -> None:
-    """Solve A_FF x = r from x = 0 until the residual, left in r, is at most `goal`."""
+    """Solve A_FF x = r, F = cycle.faces[k], from x = 0, which stays 0 outside F.
+
+    Stop at a residual, left in r, of at most `goal`, or after `steps` steps.
+    """
     A, dinv = cycle.levels[k].A, cycle.faces[k].dinv
     y, Ap = np.empty_like(r), np.empty_like(r)
     rho = cycle.solve(k, r, y)
