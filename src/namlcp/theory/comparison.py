@@ -151,15 +151,8 @@ def is_h_plus(A: Any) -> Verdict:
 def is_m_matrix(K: Any) -> Verdict:
     """Tell whether K is a nonsingular M-matrix: k_ij <= 0 off the diagonal, K^-1 >= 0.
 
-    Parameters
-    ----------
-    K : (n, n) array or sparse array
-
-    Returns
-    -------
-    Verdict
-        True: witness v > 0 with K v > 0. False: u >= 0, u != 0, with K u <= 0; for a
-        positive entry k_ij off the diagonal there is no witness, `checked` names it.
+    Witnesses are as for `is_h_plus`, with K in place of <A>. There is none for a
+    positive entry k_ij off the diagonal, which `checked` names.
     """
     K = sparse.csr_array(finite_square_matrix("K", K, "csr"))
     rows = row_numbers(K)
@@ -173,10 +166,7 @@ def is_m_matrix(K: Any) -> Verdict:
 
 
 def settle(A: Any, claim: str) -> Verdict:
-    """Return the verdict on `claim`: diag(A) - |A - diag(A)| is an M-matrix.
-
-    A is a clean csr_array.
-    """
+    """Return the verdict on `claim`: diag(A) - |A - diag(A)| is an M-matrix."""
     D = A.diagonal()
     wrong = np.flatnonzero(~(D > 0.0))
     if wrong.size:
@@ -200,10 +190,7 @@ def settle(A: Any, claim: str) -> Verdict:
 def candidates(
     A: Any, D: np.ndarray
 ) -> Iterator[tuple[str, np.ndarray, np.ndarray, str]]:
-    """Yield (source, x, exponent, bounds of rho(J) as text), the cheapest first.
-
-    x 2^exponent, or its negative part, may be a witness.
-    """
+    """Yield (source, x, exponent, bounds of rho(J) as text), the cheapest first."""
     ones = np.ones(D.size)
     yield "v = 1", ones, NO_EXPONENT, ""
     for x in swept(A, ones):
@@ -234,16 +221,19 @@ def verdict_by(
         checked = f"{source}: rho(J) >= {bound:.17g}, the least (Ju)_i / u_i"
     else:
         return None
-    witness, power = x, None
+    power = None
     if exponent.size:
-        witness = np.ldexp(x, exponent - exponent[x > 0.0].max())
-        if not witness[x > 0.0].min() > 1e-200:  # products with it would underflow
-            witness, power = x, exponent
+        scaled = np.ldexp(x, exponent - exponent[x > 0.0].max())
+        if scaled[x > 0.0].min() > 1e-200:  # products with it do not underflow
+            x = scaled
+        else:
+            power = exponent
+    theorem = f"{claim}: {theorem} (Berman and Plemmons, ch. 6)"
     return Verdict(
         answer=answer,
-        theorem=f"{claim}: {theorem} (Berman and Plemmons, ch. 6)",
+        theorem=theorem,
         checked=checked,
-        witness=witness,
+        witness=x,
         exponent=power,
         bound=bound,
     )
@@ -260,16 +250,13 @@ def signs(indptr, indices, data, x, exponent):
     than 4 k times the least number. Where that does not settle the sign, the row is
     summed again with its rounding errors (`exact_row`).
     """
-    above = True
-    below = False
-    largest = 0.0
-    least = np.inf
+    above, below = True, False
+    largest, least = 0.0, np.inf
     for i in range(x.size):
         if not x[i] > 0.0:
             above = False
             continue
-        d = 0.0
-        off = 0.0
+        d, off = 0.0, 0.0
         for k in range(indptr[i], indptr[i + 1]):
             j = indices[k]
             if j == i:

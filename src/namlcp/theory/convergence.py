@@ -54,6 +54,7 @@ Theory Appl. 22 (1977) 465-485; Luo and Tseng, SIAM J. Control Optim. 29 (1991)
 """
 
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -168,6 +169,15 @@ def undecided(checked: str = "") -> Verdict:
     return Verdict(answer=None, theorem="no theorem applies", checked=checked)
 
 
+def proven(
+    theorem: str, checked: str, witness: Any = None, bound: float = math.nan
+) -> Verdict:
+    """Return the verdict of a theorem that proves convergence."""
+    return Verdict(
+        answer=True, theorem=theorem, checked=checked, witness=witness, bound=bound
+    )
+
+
 def by_comparison(parts: Splitting, semidefinite: bool) -> Verdict:
     """Ask whether K = C - W is an M-matrix."""
     C, W = comparison(parts)
@@ -180,14 +190,9 @@ def by_comparison(parts: Splitting, semidefinite: bool) -> Verdict:
     bound = math.nan
     if verdict.exponent is None:
         bound = float(np.max(left_solver(C)(W @ v) / v, initial=0.0))
-    return Verdict(
-        answer=True,
-        theorem=f"contraction, rho(T) < 1, because K v > 0 ({name})",
-        checked=verdict.checked.replace("rho(J)", "rho of K's Jacobi matrix"),
-        witness=v,
-        exponent=verdict.exponent,
-        bound=bound,
-    )
+    theorem = f"contraction, rho(T) < 1, because K v > 0 ({name})"
+    checked = verdict.checked.replace("rho(J)", "rho of K's Jacobi matrix")
+    return replace(verdict, theorem=theorem, checked=checked, bound=bound)
 
 
 def by_descent(parts: Splitting, semidefinite: bool) -> Verdict:
@@ -203,21 +208,17 @@ def by_descent(parts: Splitting, semidefinite: bool) -> Verdict:
             f"A is not symmetric: max |A - A'| = {gap:.1e} (pass (A + A') / 2 if that "
             "is rounding)"
         )
-    definite = positive_definite(A)
-    if definite:
-        source, found = "Cryer 1971", definite
-    elif semidefinite or exact_dominance(A.indptr, A.indices, A.data):
+    source, found = "Cryer 1971", positive_definite(A)
+    if not found:
         source = "for every q with a solution; Mangasarian 1977, Luo and Tseng 1991"
-        found = "A = A' is positive semidefinite: " + (
-            "so the caller says" if semidefinite else "weakly dominant rows"
-        )
-    else:
-        return undecided("A = A' is not seen to be positive definite")
-    return Verdict(
-        answer=True,
-        theorem=f"projected SOR, A = A', 0 < alpha < 2 ({source})",
-        checked=found,
-    )
+        if semidefinite:
+            found = "A = A' is positive semidefinite: so the caller says"
+        elif exact_dominance(A.indptr, A.indices, A.data):
+            found = "A = A' is positive semidefinite: weakly dominant rows"
+        else:
+            return undecided("A = A' is not seen to be positive definite")
+    theorem = f"projected SOR, A = A', 0 < alpha < 2 ({source})"
+    return proven(theorem, found)
 
 
 def by_cayley(parts: Splitting, semidefinite: bool) -> Verdict:
@@ -229,12 +230,11 @@ def by_cayley(parts: Splitting, semidefinite: bool) -> Verdict:
     found = positive_definite(symmetric)
     if not found:
         return undecided("A + A' is not seen to be positive definite")
-    return Verdict(
-        answer=True,
-        theorem="modulus method, A + A' positive definite, any Omega > 0 "
-        "(Peaceman-Rachford; Bai 2010 for A = A')",
-        checked=found,
+    theorem = (
+        "modulus method, A + A' positive definite, any Omega > 0 "
+        "(Peaceman-Rachford; Bai 2010 for A = A')"
     )
+    return proven(theorem, found)
 
 
 def positive_definite(A: Any) -> str:
@@ -279,29 +279,23 @@ def by_inverse(parts: Splitting, semidefinite: bool) -> Verdict:
     if parts.H or n > LARGEST_DENSE:
         return undecided("T of Theorem 2 is for n <= 600" if not parts.H else "")
     left, N, right = dense_parts(parts)
-    tried = []
     try:
         inverse = np.linalg.inv(left)
     except np.linalg.LinAlgError:
         return undecided("M + Omega is singular")
     kappa = np.linalg.norm(inverse, 1) * np.linalg.norm(left, 1)
+    smaller = "|(M + Omega)^-1 N| + |(M + Omega)^-1 (Omega - A)|"
+    tried = []
     for name, T in (
         ("T of Theorem 2", np.abs(inverse) @ (np.abs(N) + np.abs(right))),
-        (
-            "|(M + Omega)^-1 N| + |(M + Omega)^-1 (Omega - A)|",
-            np.abs(inverse @ N) + np.abs(inverse @ right),
-        ),
+        (smaller, np.abs(inverse @ N) + np.abs(inverse @ right)),
     ):
         found = radius_bounds(T)
         tried.append(f"rho({name}) >= {found.lower:.6g}")
         if found.upper < 1.0 - 1e-12 * kappa * n:
-            return Verdict(
-                answer=True,
-                theorem=f"contraction, rho < 1 for {name}",
-                checked=f"rho <= {found.upper:.17g}, the largest (T x)_i / x_i",
-                witness=found.x,
-                bound=found.upper,
-            )
+            checked = f"rho <= {found.upper:.17g}, the largest (T x)_i / x_i"
+            theorem = f"contraction, rho < 1 for {name}"
+            return proven(theorem, checked, found.x, found.upper)
     return undecided("; ".join(tried))
 
 
@@ -344,21 +338,10 @@ def by_lyapunov(parts: Splitting, semidefinite: bool) -> Verdict:
     found = lyapunov_function(parts)
     if found is None:
         return undecided("no quadratic Lyapunov function found")
-    return Verdict(
-        answer=True,
-        theorem="contraction in the norm of Q = witness (bounded real lemma)",
-        checked=f"the matrix inequality, with {found.weight}",
-        witness=found.Q,
-        bound=found.factor,
-    )
+    theorem = "contraction in the norm of Q = witness (bounded real lemma)"
+    checked = f"the matrix inequality, with {found.weight}"
+    return proven(theorem, checked, found.Q, found.factor)
 
 
-THEOREMS = (
-    by_comparison,
-    by_descent,
-    by_cayley,
-    by_inverse,
-    by_repulsion,
-    by_lyapunov,
-)
+THEOREMS = by_comparison, by_descent, by_cayley, by_inverse, by_repulsion, by_lyapunov
 """Functions of a splitting and `semidefinite`, in the order that `converges` names."""

@@ -62,9 +62,7 @@ def block_vectors(A: Any, D: np.ndarray) -> Iterator[Candidate]:
     If every block has rho(J) < 1, x is positive and <A> y > 0 is expected. If a block
     has rho(J) >= 1, x is positive on it alone, and <A> y <= 0 is expected there. The
     last x is empty, with the last bounds. low and high are the largest lower and upper
-    bound of rho(J) among the blocks.
-
-    A is a csr_array, its diagonal D is positive.
+    bound of rho(J) among the blocks. D = diag(A) is positive.
     """
     label, K = blocks(A)
     count = int(label.max()) + 1
@@ -351,8 +349,7 @@ def comparison_sweep(indptr, indices, data, c, v):
         largest = 0.0
         for t in range(n):
             i = n - 1 - t if backward else t
-            d = 1.0
-            r = 0.0
+            d, r = 1.0, 0.0
             for k in range(indptr[i], indptr[i + 1]):
                 j = indices[k]
                 if j == i:
