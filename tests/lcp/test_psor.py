@@ -13,7 +13,7 @@ from namlcp import Prepared
 from namlcp.lcp.criterion import Criterion
 from namlcp.lcp.data import LCP
 from namlcp.lcp.psor import relax, relaxation, solve_by_sweeps
-from namlcp.lcp.relaxation import dominance, relax_csr
+from namlcp.lcp.relaxation import relax_csr
 from namlcp.limits import Deadline, Limits
 from namlcp.residuals import natural_residual
 from namlcp.status import Status
@@ -22,7 +22,7 @@ from namlcp.status import Status
 def test_dominance_and_its_solver():
     A, q, lower, upper = paper_example(2, 40)
     q = q + 6.0 * np.random.default_rng(0).normal(size=q.size)
-    mu = dominance(A)
+    mu = Prepared(A).dominance
     assert mu == pytest.approx(0.5)
     alpha = relaxation(mu, symmetric=False)
     assert alpha == pytest.approx(2.0 / (1.0 + math.sqrt(0.75)))
@@ -78,4 +78,4 @@ def test_auto_notices_in_time_whether_sweeps_will_do(example, delta, most, monke
 
 def test_dominance_without_positive_diagonal():
     A = sparse.csr_array(np.array([[1.0, 0.5], [0.25, 0.0]]))
-    assert dominance(A) == math.inf
+    assert Prepared(A).dominance == math.inf

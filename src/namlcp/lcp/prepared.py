@@ -8,10 +8,10 @@ from scipy import sparse
 
 from namlcp.lcp.data import lcp_matrix
 from namlcp.lcp.multigrid import Hierarchy, build
-from namlcp.lcp.relaxation import dominance
+from namlcp.lcp.relaxation import dominance_csr
 from namlcp.lcp.tridiagonal import Tridiagonal, tridiagonal_of
 from namlcp.limits import NEVER, Deadline
-from namlcp.linalg import Columns, columns_of, is_symmetric
+from namlcp.linalg import Columns, arrays_of, columns_of, is_symmetric
 
 
 class Prepared:
@@ -94,5 +94,8 @@ class Prepared:
 
     @cached_property
     def dominance(self) -> float:
-        """Upper bound of rho(|I - D^-1 A|), see `relaxation.dominance`."""
-        return dominance(self.A)
+        """Upper bound of rho(|I - D^-1 A|), inf if a diagonal entry is not positive."""
+        D = self.A.diagonal()
+        if not np.all(D > 0.0):
+            return np.inf
+        return min(dominance_csr(*arrays_of(self.A), np.sqrt(D)))

@@ -4,13 +4,9 @@ Callers have checked that every diagonal entry is stored and positive. Indices a
 to unsigned, so that the compiled code has no test for negative ones.
 """
 
-import math
-from typing import Any
-
 import numpy as np
 
 from namlcp.compiled import kernel, part
-from namlcp.linalg import arrays_of
 
 ONE = np.uintp(1)
 
@@ -118,11 +114,3 @@ def dominance_csr(indptr, indices, data, root):
         plain = max(plain, off / (root[i] * root[i]))
         scaled = max(scaled, off_scaled / root[i])
     return plain, scaled
-
-
-def dominance(A: Any) -> float:
-    """Return the lesser of `dominance_csr`, inf if a diagonal entry is not positive."""
-    D = A.diagonal()
-    if not np.all(D > 0.0):
-        return math.inf
-    return min(dominance_csr(*arrays_of(A), np.sqrt(D)))
