@@ -13,7 +13,6 @@ from namlcp.lcp.modulus.methods import (
     Parameters,
     checked_parameters,
     positive_diagonal,
-    refuse_two_omegas,
     spread,
 )
 from namlcp.lcp.modulus.parameters import EVERY, FROM, Choice
@@ -104,7 +103,6 @@ def adaptive_step(
     names = ("alpha", "omega")
     free = {name: None for name in names if isinstance(getattr(given, name), str)}
     if chosen.factored:
-        refuse_two_omegas(method, given)
         D = positive_diagonal(lcp.A, method)
         shift = spread("shift", given.shift, D.size, D) if chosen.own else None
         fixed = given._replace(shift=shift)

@@ -1,15 +1,12 @@
 """Kernels of the triangular sweep methods: each makes one pass over the rows of A.
 
-The box LCP in modulus form, with r = 2 in the paper's equations (2) and (3), is
-
-    A z + q + Omega (s - z) = 0,    z = clip(s, l, u).
-
-With A = D - L - U, ds = s+ - s and dz = z+ - z, every triangular method is
+With A = D - L - U, ds = s+ - s and dz = z+ - z, every triangular method is, see
+`sweeps`,
 
     (P - G L) ds - H L dz = -2 (A z + q - w),    w = Omega (z - s),
 
-where P = D/alpha + Omega + E and G, H are two numbers, derived in `sweeps`. The right
-side needs A z of the *old* iterate, so the pass that computes s+ also gives Res(z).
+where P = D/alpha + Omega + E and G, H are two numbers. The right side needs A z of the
+*old* iterate, so the pass that computes s+ also gives Res(z).
 
 A kernel reads row i once. Terms that do not depend on row i - 1 are summed first; the
 one that does is added last, because the chain of these dependences limits the speed of

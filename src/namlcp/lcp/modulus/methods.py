@@ -103,6 +103,11 @@ def find_method(method: str, **given: Any) -> Method:
                 f"{name} is not a parameter of method {method!r}, "
                 f"only of {', '.join(takers)}"
             )
+    both = given.get("alpha") is not None and given.get("omega") is not None
+    if chosen.factored and both:
+        raise ValueError(
+            f"method {method!r} has Omega = alpha I: give alpha or omega, not both"
+        )
     return chosen
 
 
@@ -184,18 +189,9 @@ def checked_parameters(A: Any, method: str, given: Parameters) -> Parameters:
 
 def factored_omega(A: Any, method: str, given: Parameters) -> np.ndarray:
     """Return the diagonal of Omega for a factored method."""
-    refuse_two_omegas(method, given)
     n = A.shape[0]
     if given.alpha is not None:
         return np.full(n, number("alpha", given.alpha, "(0, inf)"))
     if given.omega is None and method == "modulus":
         return positive_diagonal(A, method)
     return spread("omega", given.omega, n, np.ones(n), positive=True)
-
-
-def refuse_two_omegas(method: str, given: Parameters) -> None:
-    """Raise if both alpha and omega are given for a factored method."""
-    if given.alpha is not None and given.omega is not None:
-        raise ValueError(
-            f"method {method!r} has Omega = alpha I: give alpha or omega, not both"
-        )

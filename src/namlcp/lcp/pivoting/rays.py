@@ -7,7 +7,6 @@ there is no solution. This holds for every A; if A is symmetric and semidefinite
 """
 
 import math
-from typing import Any
 
 import numpy as np
 from scipy import sparse
@@ -130,17 +129,15 @@ class Candidates:
             full[support] = d[support] * u
             return self.slope(full)
 
-        def operator(**products: Any) -> LinearOperator:
-            return LinearOperator(dtype=np.float64, **products)
-
         if self.lcp.matrix.symmetric:
             square = support.size, support.size
-            B = operator(shape=square, matvec=lambda u: times(u)[support])
+            B = LinearOperator(square, lambda u: times(u)[support], dtype=float)
             return cg(B, slope[support], rtol=CORRECTION, maxiter=steps)[0]
-        B = operator(
-            shape=(v.size, support.size),
-            matvec=lambda u: rows * times(u),
-            rmatvec=lambda u: (d * (A @ (d * (rows * u))))[support],
+        B = LinearOperator(
+            (v.size, support.size),
+            lambda u: rows * times(u),
+            lambda u: (d * (A @ (d * (rows * u))))[support],
+            dtype=float,
         )
         b = rows * slope
         return lsmr(B, b, atol=CORRECTION, btol=CORRECTION, maxiter=steps)[0]

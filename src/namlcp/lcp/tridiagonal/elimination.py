@@ -252,7 +252,7 @@ def take_best(lcp, number, work):
 
 @part
 def is_met(number, plain, scaled):
-    """Tell whether these residuals are within tolerance."""
+    """Do what `Criterion.accepts` does."""
     relative = scaled <= number[EPS_REL] * number[SIZE] < np.inf
     return relative or plain < number[EPS_ABS]
 
@@ -261,16 +261,9 @@ def is_met(number, plain, scaled):
 def solve_faces(rows, q, lower, upper, state, number, work, budget):
     """Begin if number[FEWEST] = 0, else go on; return a code after `budget` faces.
 
-    Parameters
-    ----------
-    rows, q, lower, upper : arrays
-        The fields of a `TridiagonalLCP`, which is slower to pass from Python.
-    state : (n,) int8 array
-        The states, overwritten.
-    number : (10,) array
-        At first EPS_ABS, EPS_REL, WARM and zeros; overwritten.
-    work : (7, n + 2) array
-        Row Z holds the start z; on return, rows Z and W the best z and its w.
+    The fields of a `TridiagonalLCP` are faster to pass from Python than itself. The
+    states (n,) are overwritten. `number` has EPS_ABS, EPS_REL, WARM and zeros at first.
+    Row Z of `work` is the start z; on return, rows Z and W are the best z and its w.
     """
     lcp = TridiagonalLCP(rows, q, lower, upper)
     if number[FEWEST] == 0.0:
@@ -322,10 +315,7 @@ def scan_for_states(rows, q, lower, upper, state, work, stack, spans):
 
 
 class TridiagonalSolver:
-    """The arrays of one solve.
-
-    z is the start; on return from `run` z and w are the best point so far and A z + q.
-    """
+    """One solve: z is the start, then with w = A z + q the best point so far."""
 
     def __init__(
         self, lcp: TridiagonalLCP, z: np.ndarray | None, eps_abs: float, eps_rel: float
@@ -418,6 +408,5 @@ def solve_tridiagonal(
         elif code == STUCK:
             solver.begin_afar(form.z_matrix)
             is_cold = True
-    return Outcome(
-        status, solver.z.copy(), solver.w.copy(), solver.faces, "tridiagonal"
-    )
+    z, w = solver.z.copy(), solver.w.copy()
+    return Outcome(status, z, w, solver.faces, "tridiagonal")

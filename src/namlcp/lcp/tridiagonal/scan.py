@@ -51,20 +51,10 @@ def scan(rows, slope, lower, upper, stack, spans, state):
     Freeing an unknown raises the segment that it joins, which may make the unknown to
     the left of this segment free, and so on. Upper bounds are infinite, or l = u.
 
-    Parameters
-    ----------
-    rows : (5, n) array
-        A as in `Tridiagonal`.
-    slope : (n,) array
-        A z + q at the initial values: the unknowns without bounds solve their rows, and
-        the others are at their lower bounds.
-    lower, upper : (n,) array
-    stack : (6, (n + 1) // 2) array
-        Work: the coefficients of each segment.
-    spans : (2, (n + 1) // 2) int64 array
-        Work: first and last unknown of each.
-    state : (n,) int8 array
-        On entry 0 for unknowns without bounds, -1 for the others; on return the states.
+    On entry `state` is 0 for unknowns without bounds, -1 for the others. slope (n,) is
+    A z + q where the former solve their rows and the latter are at their lower bounds.
+    Work arrays: stack (6, m), m = (n + 1) // 2, gets the coefficients of each segment,
+    spans (2, m) its first and last unknown.
     """
     n = state.size
     top = -1
