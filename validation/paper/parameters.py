@@ -29,7 +29,7 @@ import numpy as np
 
 from namlcp import Prepared, Status, natural_residual
 from namlcp.lcp import LCP, METHODS, Parameters
-from namlcp.lcp.modulus.adaptive import adaptive_step
+from namlcp.lcp.modulus.adaptive import AdaptiveStep
 from namlcp.lcp.modulus.sweeps import iterate, step_of
 from namlcp.lcp.modulus.triangular import Step
 from namlcp.limits import Limits
@@ -182,7 +182,7 @@ def compare(run: Run, method: str, effort: Effort) -> Row:
     if method == "modified-nam":
         auto_omega = None
     given = Parameters(auto_alpha, beta_of(method), auto_omega)
-    step = adaptive_step(run.lcp, method, given)
+    step = AdaptiveStep(run.lcp, method, given)
     auto = run.sweeps(step, cap)
     products = step.choice.spectrum.products
     row: Row = {

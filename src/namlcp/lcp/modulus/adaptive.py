@@ -1,6 +1,5 @@
 """The step of a sweep method whose alpha or Omega is chosen during the run."""
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -18,8 +17,6 @@ from namlcp.lcp.modulus.methods import (
 from namlcp.lcp.modulus.parameters import EVERY, FROM, Choice
 from namlcp.lcp.modulus.triangular import Step, TriangularStep
 
-Build = Callable[[float, np.ndarray], Step | None]
-
 RETRIES = 8
 """Limit on restarts after a divergence; each doubles P, see `parameters`."""
 
@@ -28,22 +25,41 @@ REFACTOR = 0.2
 
 
 class AdaptiveStep(Step):
-    """A step with parameters chosen by `choice`.
+    """A step that chooses alpha or Omega, those that are "auto", during the run.
 
     When Omega changes, s = z - w/Omega is recomputed for the same z and w, so that a
-    solution remains a fixed point. `build`(alpha, omega) returns a step with these
-    parameters, None if the factorisation fails; `step` is the first one, for `alpha`.
+    solution remains a fixed point. `step` is None if the first factorisation fails.
     """
 
-    def __init__(
-        self, lcp: LCP, choice: Choice, build: Build, alpha: float, step: Step
-    ):
-        self.lcp, self.choice, self.build = lcp, choice, build
-        self.alpha, self.step = alpha, step
-        self.omega = step.omega
-        self.k = 0
-        self.retries = 0
+    def __init__(self, lcp: LCP, method: str, given: Parameters, run: Any = None):
+        """Check the other parameters; `run` is that of `TriangularStep`."""
+        chosen = METHODS[method]
+        names = ("alpha", "omega")
+        free = {name: None for name in names if isinstance(getattr(given, name), str)}
+        if chosen.factored:
+            D = positive_diagonal(lcp.A, method)
+            shift = spread("shift", given.shift, D.size, D) if chosen.own else None
+            fixed = given._replace(shift=shift)
+        else:
+            checked = checked_parameters(lcp.A, method, given._replace(**free))
+            fixed = given._replace(shift=checked.shift)
+            if given.omega is not None and "omega" not in free:
+                fixed = fixed._replace(omega=checked.omega)
+        self.lcp, self.fixed, self.run = lcp, fixed, run
+        self.choice = Choice(lcp.A, chosen, fixed)
+        self.alpha, self.omega = self.choice.parameters()
+        self.step: Any = self.build(self.alpha, self.omega)
+        self.k = self.retries = 0
         self.before = np.empty(0)
+
+    def build(self, alpha: float, omega: np.ndarray) -> Step | None:
+        """Return a step with these parameters, None if the factorisation fails."""
+        chosen, fixed = self.choice.method, self.fixed
+        beta = fixed.beta_for(chosen, alpha)
+        now = fixed._replace(alpha=alpha, beta=beta, omega=omega)
+        if chosen.factored:
+            return factored_step(self.lcp, now)
+        return TriangularStep(self.lcp, chosen, now, self.run)
 
     def __call__(self, old: np.ndarray, new: np.ndarray) -> float:
         """Write the next iterate to `new` and return Res(z) of `old`.
@@ -90,39 +106,6 @@ class AdaptiveStep(Step):
         if not np.array_equal(omega, self.omega):
             np.subtract(z, (self.omega / omega) * (z - s), out=s)
         self.alpha, self.step, self.omega = alpha, step, omega
-
-
-def adaptive_step(
-    lcp: LCP, method: str, given: Parameters, run: Any = None
-) -> AdaptiveStep | None:
-    """Return a step that chooses alpha or omega, those that are "auto"; check the rest.
-
-    `run` is that of `TriangularStep`. None: the factorisation fails.
-    """
-    chosen = METHODS[method]
-    names = ("alpha", "omega")
-    free = {name: None for name in names if isinstance(getattr(given, name), str)}
-    if chosen.factored:
-        D = positive_diagonal(lcp.A, method)
-        shift = spread("shift", given.shift, D.size, D) if chosen.own else None
-        fixed = given._replace(shift=shift)
-    else:
-        checked = checked_parameters(lcp.A, method, given._replace(**free))
-        fixed = given._replace(shift=checked.shift)
-        if given.omega is not None and "omega" not in free:
-            fixed = fixed._replace(omega=checked.omega)
-
-    def build(alpha: float, omega: np.ndarray) -> Step | None:
-        beta = fixed.beta_for(chosen, alpha)
-        now = fixed._replace(alpha=alpha, beta=beta, omega=omega)
-        if chosen.factored:
-            return factored_step(lcp, now)
-        return TriangularStep(lcp, chosen, now, run)
-
-    choice = Choice(lcp.A, chosen, fixed)
-    alpha, omega = choice.parameters()
-    step = build(alpha, omega)
-    return None if step is None else AdaptiveStep(lcp, choice, build, alpha, step)
 
 
 def is_power_of_2(k: Any) -> bool:

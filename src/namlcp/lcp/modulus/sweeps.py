@@ -39,7 +39,7 @@ import numpy as np
 
 from namlcp.checks import finite_vector
 from namlcp.lcp.data import LCP, Outcome
-from namlcp.lcp.modulus.adaptive import adaptive_step
+from namlcp.lcp.modulus.adaptive import AdaptiveStep
 from namlcp.lcp.modulus.factored import factored_step
 from namlcp.lcp.modulus.kernels import S, Z
 from namlcp.lcp.modulus.methods import (
@@ -93,7 +93,8 @@ def step_of(lcp: LCP, method: str, given: Parameters) -> Step | None:
 
         run = coloured_sweep(lcp.A, chosen, given.threads)
     if is_adaptive(method, given):
-        return adaptive_step(lcp, method, given, run)
+        adaptive = AdaptiveStep(lcp, method, given, run)
+        return None if adaptive.step is None else adaptive
     checked = checked_parameters(lcp.A, method, given)
     if chosen.factored:
         return factored_step(lcp, checked)
