@@ -3,7 +3,6 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy import sparse
 
 from namlcp.lcp.multigrid.kernels import (
     FaceOnLevel,
@@ -78,9 +77,9 @@ class VCycle:
         face = self.faces[-1]
         free = np.flatnonzero(face.dinv)
         n = face.dinv.size
-        self.inverse = np.zeros((n, n))
         indptr, indices, data = face.A
-        dense = sparse.csr_array((data, indices, indptr), shape=(n, n)).toarray()
+        dense, self.inverse = np.zeros((n, n)), np.zeros((n, n))
+        dense[np.repeat(np.arange(n), np.diff(indptr)), indices] = data
         self.inverse[np.ix_(free, free)] = inverse(
             dense[np.ix_(free, free)], self.symmetric
         )
