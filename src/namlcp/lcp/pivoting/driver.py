@@ -169,6 +169,7 @@ class Attempt:
         work, now, limits = self.work, self.work.now, self.limits
         chunk = 1 if limits.report is not None else at_once(work.n)
         code = stages.STUCK if now.started else stages.MORE
+        status = Status.SOLVED
         while code != stages.DONE:
             done, limit = now.factorisations, self.limit()
             if code in (stages.STAGNATED, stages.STUCK) and self.may_be_decided():
@@ -179,9 +180,11 @@ class Attempt:
                 done, code = now.factorisations, stages.MORE
             if code == stages.STUCK or done >= limit:
                 status = Status.STALLED if code == stages.STUCK else Status.MAX_ITER
-                return self.ended(Status.UNSOLVABLE if now.not_p else status)
+                status = Status.UNSOLVABLE if now.not_p else status
+                break
             if done > self.before and limits.deadline.reached():
-                return self.ended(Status.TIME_LIMIT)
+                status = Status.TIME_LIMIT
+                break
             if code == stages.RAY:
                 ray = proof(self.lcp, work.d, work.rhs * work.d)
                 if ray is not None:
@@ -189,7 +192,8 @@ class Attempt:
             elif code == stages.STAGNATED:
                 self.change_course()
                 if limits.deadline.reached():
-                    return self.ended(Status.TIME_LIMIT)
+                    status = Status.TIME_LIMIT
+                    break
             if code == stages.FREE_SYSTEM:
                 self.solve_free_system()
                 code = resume(self.work.arena)
@@ -197,7 +201,7 @@ class Attempt:
                 code = pivot(self.columns, self.work.arena, min(chunk, limit - done))
             if now.factorisations > done:
                 self.report()
-        return Status.SOLVED, None
+        return Status.SOLVED if now.solved else status, None
 
     def limit(self) -> int:
         """Return the largest number of factorisations allowed."""
@@ -205,10 +209,6 @@ class Attempt:
         if now.not_p and now.path_followed:
             return min(most, self.before + MURTY_STEPS + self.work.n)
         return most
-
-    def ended(self, status: Status) -> tuple[Status, None]:
-        """Return SOLVED if the tolerance was met before a limit, else the status."""
-        return Status.SOLVED if self.work.now.solved else status, None
 
     def report(self) -> None:
         """Report factorisations, Res of the best z, and how many states are bounded."""
