@@ -30,20 +30,10 @@ class Operator:
         """Return diag(A), ones if it is unknown."""
         return np.ones(self.shape[0]) if self.given is None else self.given
 
-    def asymmetry(self) -> tuple[float, float]:
-        """Return |u'Av - v'Au| and |u||Av| + |v||Au| for two fixed random vectors."""
-        rng = np.random.default_rng(0)
-        u, v = rng.standard_normal((2, self.shape[0]))
-        Au, Av = self @ u, self @ v
-        norm = np.linalg.norm
-        with np.errstate(all="ignore"):
-            gap = abs(float(u @ Av) - float(v @ Au))
-            return gap, float(norm(u) * norm(Av) + norm(v) * norm(Au))
-
 
 SYMMETRIC = 1e-7
-"""Largest |u'Av - v'Au| that counts as zero, relative to |u||Av| + |v||Au|: it allows
-for products in single precision."""
+"""Largest |u'Av - v'Au| that counts as zero for two fixed random vectors, relative to
+|u||Av| + |v||Au|: it allows for products in single precision."""
 
 
 def operator_data(A: LinearOperator, diagonal: Any) -> Operator:
@@ -63,7 +53,11 @@ def operator_data(A: LinearOperator, diagonal: Any) -> Operator:
                 f"LinearOperator), got {diagonal[i]:g} at ({i})"
             )
     operator = Operator(A, diagonal)
-    gap, size = operator.asymmetry()
+    u, v = np.random.default_rng(0).standard_normal((2, n))
+    Au, Av, norm = operator @ u, operator @ v, np.linalg.norm
+    with np.errstate(all="ignore"):
+        gap = abs(float(u @ Av) - float(v @ Au))
+        size = float(norm(u) * norm(Av) + norm(v) * norm(Au))
     if gap > SYMMETRIC * size:
         raise ValueError(
             "A must be symmetric as a LinearOperator: u'Av and v'Au differ by "

@@ -124,13 +124,6 @@ def positive_diagonal(A: Any, method: str) -> np.ndarray:
     return D
 
 
-def is_auto(name: str, value: object, wanted: str) -> bool:
-    """Tell whether a parameter is "auto"; raise if it is another string."""
-    if isinstance(value, str) and value != "auto":
-        raise TypeError(f"{name} must be {wanted} or 'auto', got {value!r}")
-    return isinstance(value, str)
-
-
 def number(name: str, value: object, interval: str) -> float:
     """Return `value` as a float; raise unless it is in an interval like "(0, 2)"."""
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, numbers.Real):
@@ -161,8 +154,16 @@ def spread(
 def is_adaptive(method: str, given: Parameters) -> bool:
     """Tell whether alpha or omega is "auto"; raise if either is another string."""
     interval = "(0, inf)" if method == "modified-nam" else "(0, 2)"
-    alpha = is_auto("alpha", given.alpha, f"a number in {interval}")
-    return is_auto("omega", given.omega, "a positive number, an array") or alpha
+    wanted = {
+        "omega": "a positive number, an array",
+        "alpha": f"a number in {interval}",
+    }
+    texts = [name for name in wanted if isinstance(getattr(given, name), str)]
+    for name in texts:
+        if getattr(given, name) != "auto":
+            value = getattr(given, name)
+            raise TypeError(f"{name} must be {wanted[name]} or 'auto', got {value!r}")
+    return bool(texts)
 
 
 def checked_parameters(A: Any, method: str, given: Parameters) -> Parameters:
