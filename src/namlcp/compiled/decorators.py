@@ -88,13 +88,3 @@ def compile_time() -> float:
     from namlcp.compiled.internals import CLOCK
 
     return CLOCK.total
-
-
-def itself(array: Any) -> Any:
-    """Return the array, where no view of it without a reference count can be made."""
-    return array
-
-
-uncounted: Any = itself if config.DISABLE_JIT else numba.njit(itself)
-if is_known() and not config.DISABLE_JIT:
-    pass
