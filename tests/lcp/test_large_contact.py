@@ -13,7 +13,7 @@ from namlcp.lcp.pivoting.driver import solve_box
 from namlcp.lcp.pivoting.line_search import step_to
 from namlcp.limits import Limits
 from namlcp.linalg.columns import columns_of
-from namlcp.linalg.ordering import minimum_degree
+from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.supernodes import blocks_of, factor_blocks, solve_blocks
 from validation.problems import contact_scenes
 

@@ -10,8 +10,8 @@ from scipy.sparse import block_array, csc_array, diags_array, eye_array
 from namlcp.limits import Limits
 from namlcp.linalg import factors
 from namlcp.linalg.factors import Bordered, SparseFactors, factor
+from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.multifrontal import Multifrontal
-from namlcp.linalg.ordering import minimum_degree
 
 
 def quasi_definite(n, p, density, seed):

@@ -4,12 +4,11 @@ import sys
 
 import numpy as np
 import pytest
-from problems_elimination import fill, laplacian, natural, parts, upper
-from scipy.sparse import csc_array
+from problems_elimination import fill, laplacian, parts, upper
 
+from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.ordering import (
     elimination_tree,
-    minimum_degree,
     nested_dissection,
     supernodes,
 )
@@ -68,32 +67,6 @@ def test_an_order_is_a_postordered_permutation(K, find):
             assert order.parent[j] - descendants[order.parent[j]] < j
 
 
-def test_members_alone_are_ordered(K):
-    """Of a full symmetric matrix, as of its upper triangle."""
-    member = np.random.default_rng(5).random(K.shape[0]) < 0.6
-    member[0] = True
-    F = np.flatnonzero(member)
-    alone = minimum_degree(*parts(upper(K[np.ix_(F, F)])))
-    for U in (upper(K), csc_array(K)):
-        order = minimum_degree(*parts(U), member)
-        np.testing.assert_array_equal(order.place[F], alone.place)
-        np.testing.assert_array_equal(order.counts, alone.counts)
-        assert (order.place[~member] == -1).all()
-    none = minimum_degree(*parts(U), np.zeros(K.shape[0], dtype=bool))
-    assert none.parent.size == 0
-
-
-def test_hubs_are_eliminated_last():
-    K = laplacian(20, 20).toarray()
-    K[7] = K[:, 7] = 1.0
-    order = minimum_degree(*parts(upper(K)))
-    assert order.place[7] == 399
-    without = np.arange(400) != 7
-    rest = minimum_degree(*parts(upper(K)), without)
-    assert order.counts.sum() == rest.counts.sum() + 399
-    assert minimum_degree(*parts(upper(np.ones((150, 150))))).counts[0] == 149
-
-
 def test_supernodes_hold_the_pattern_of_their_columns(K):
     order = minimum_degree(*parts(upper(K)))
     nodes = supernodes(*parts(upper(K)), order)
@@ -110,11 +83,6 @@ def test_supernodes_hold_the_pattern_of_their_columns(K):
         assert nodes.parent[s] == above
         size = nodes.panels[s + 1] - nodes.panels[s]
         assert size == rows.size * (end - begin)
-
-
-def test_minimum_degree_saves_fill():
-    U = upper(laplacian(30, 30))
-    assert minimum_degree(*parts(U)).work < 0.4 * natural(U).work
 
 
 def test_of_nothing_there_is_no_nested_dissection():

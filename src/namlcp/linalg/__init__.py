@@ -54,7 +54,7 @@ from namlcp.linalg.ldl import (
     ldl_solve,
     ldl_symbolic,
 )
-from namlcp.linalg.ordering import minimum_degree
+from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.products import add_transposed, times
 from namlcp.linalg.supernodes import Blocks, blocks_of, factor_blocks, solve_blocks
 from namlcp.linalg.symmetry import asymmetry, dense_asymmetry

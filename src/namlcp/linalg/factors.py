@@ -22,14 +22,9 @@ from scipy.sparse import csc_array, csc_matrix
 
 from namlcp.compiled import kernel
 from namlcp.linalg.csc import MOST_DENSE
+from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.multifrontal import Multifrontal
-from namlcp.linalg.ordering import (
-    HUB,
-    Order,
-    degrees,
-    minimum_degree,
-    nested_dissection,
-)
+from namlcp.linalg.ordering import Order, degrees, nested_dissection
 
 # Entries of the upper triangle of K from which on a border is looked for.
 BORDER_ENTRIES = 20_000
@@ -43,6 +38,9 @@ DENSE_B, WIDE, FULL_D = 0.1, 600, 0.2
 # Multiplications of a factorisation from which dense fronts pay; multiplications a row
 # from which nested dissection is tried too.
 HEAVY, DEEP = 1.5e7, 1e5
+# A row with more entries than this times the square root of the order is a hub. Around
+# hubs, no order for dense fronts is sought.
+HUB = 10.0
 # Fill is counted if K has at least so many entries, and so many a column, for one pair.
 COUNT_FILL = (200_000, 0), (20_000, 3), (5_000, 4)
 

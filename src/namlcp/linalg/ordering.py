@@ -3,17 +3,16 @@
 The parent of a column of L in the elimination tree is the row of its first entry below
 the diagonal; below that row, the pattern of a column is a subset of its parent's.
 Columns of L with nearly the same pattern form a *supernode*, a dense block for BLAS.
-The order is SuperLU's minimum degree, or METIS's nested dissection; tree and counts:
-J. Liu, SIAM J. Matrix Anal. Appl. 11 (1990) 134-172; supernodes are relaxed as in
-CHOLMOD (Chen, Davis, Hager, Rajamanickam, ACM Trans. Math. Softw. 35, 2008). Of a
-symmetric matrix, in CSC, only the upper triangle is read.
+The order is that of `minimum_degree`, or METIS's nested dissection. Tree and counts: J.
+Liu, SIAM J. Matrix Anal. Appl. 11 (1990) 134-172; supernodes are relaxed as in CHOLMOD
+(Chen, Davis, Hager, Rajamanickam, ACM Trans. Math. Softw. 35, 2008). Of a symmetric
+matrix, in CSC, only the upper triangle is read.
 """
 
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import csc_matrix, identity
-from scipy.sparse.linalg import spilu
+from scipy.sparse import csc_matrix
 
 from namlcp.checks import refuse_size
 from namlcp.compiled import kernel, part
@@ -22,10 +21,6 @@ from namlcp.linalg.csc import transposed
 MERGE = np.array(((4, 0.5), (16, 0.3), (48, 0.1), (1 << 30, 0.05)))
 """(Columns, fraction): supernodes are merged into one of at most so many columns if at
 most that fraction of its entries are explicit zeros."""
-
-HUB = 10.0
-"""A row with more entries than this times the square root of the order is dense, and is
-eliminated last, to limit the fill."""
 
 
 class Order(NamedTuple):
@@ -68,29 +63,6 @@ class Supernodes(NamedTuple):
     source: np.ndarray
 
 
-def minimum_degree(
-    indptr: np.ndarray, indices: np.ndarray, member: np.ndarray | None = None
-) -> Order:
-    """Order the rows in `member` of a symmetric matrix, or all of them."""
-    size = indptr.size - 1
-    member = np.ones(size, dtype=bool) if member is None else member
-    hub = member & (degrees(indptr, indices, member) > HUB * np.sqrt(size))
-    place = numbered(member & ~hub, 0)
-    core = size_of(place)
-    if core:
-        columns, rows, _ = permuted(indptr, indices, place, core)
-        upper = csc_matrix((np.ones(rows.size), rows, columns), shape=(core, core))
-        pattern = (upper + 2.0 * identity(core, format="csc")).tocsc()
-        # SuperLU is to order only: the values off the diagonal are 0 and are dropped.
-        pattern.data = (pattern.data > 1.0).astype(float)
-        by_degree = spilu(
-            pattern, drop_tol=1.0, fill_factor=1.0, permc_spec="MMD_AT_PLUS_A",
-            diag_pivot_thresh=0.0, options={"SymmetricMode": True},
-        ).perm_c  # fmt: skip
-        place[place >= 0] = by_degree[place[place >= 0]]
-    return postordered(indptr, indices, np.maximum(place, numbered(hub, core)))
-
-
 def nested_dissection(indptr: np.ndarray, indices: np.ndarray) -> Order | None:
     """Order a symmetric matrix by METIS; None without pymetis (the extra `large`).
 
@@ -113,11 +85,6 @@ def nested_dissection(indptr: np.ndarray, indices: np.ndarray) -> Order | None:
     return postordered(indptr, indices, np.asarray(place, dtype=np.int32))
 
 
-def numbered(chosen: np.ndarray, begin: int) -> np.ndarray:
-    """Return begin, begin + 1, ... for the chosen entries, -1 for the others."""
-    return np.where(chosen, np.cumsum(chosen) - 1 + begin, -1).astype(np.int32)
-
-
 def size_of(place: np.ndarray) -> int:
     """Return how many rows have a place."""
     return int(place.max(initial=-1)) + 1
@@ -125,12 +92,11 @@ def size_of(place: np.ndarray) -> int:
 
 def postordered(indptr: np.ndarray, indices: np.ndarray, place: np.ndarray) -> Order:
     """Return the postordered equivalent of the order `place`, with the same fill."""
-    size = size_of(place)
-    parent, _ = elimination_tree(*permuted(indptr, indices, place, size)[:2])
-    chosen = place >= 0
+    parent, counts = elimination_tree(
+        *permuted(indptr, indices, place, size_of(place))[:2]
+    )
     place = place.copy()
-    place[chosen] = postorder(parent)[place[chosen]]
-    return Order(place, *elimination_tree(*permuted(indptr, indices, place, size)[:2]))
+    return Order(place, *renumber(place, parent, counts, postorder(parent)))
 
 
 def supernodes(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Supernodes:
@@ -244,6 +210,23 @@ def postorder(parent):
                 done += 1
             depth -= 1
     return place
+
+
+@kernel
+def renumber(place, parent, counts, position):
+    """Give the columns of a tree other positions; return its parents and counts.
+
+    `place` is overwritten by the new places of the rows.
+    """
+    for i in range(place.size):
+        if place[i] >= 0:
+            place[i] = position[place[i]]
+    new_parent, new_counts = np.empty_like(parent), np.empty_like(counts)
+    for j in range(parent.size):
+        above = parent[j]
+        new_parent[position[j]] = position[above] if above >= 0 else above
+        new_counts[position[j]] = counts[j]
+    return new_parent, new_counts
 
 
 @kernel
