@@ -7,13 +7,14 @@ from scipy.sparse import csc_array, csr_array, eye_array, hstack, random_array, 
 
 import namlcp
 from namlcp.linalg.csc import (
+    add_transposed,
     by_rows,
     submatrix,
+    times,
     transposed,
     with_squares,
     without_zeros,
 )
-from namlcp.linalg.products import add_transposed, times
 from namlcp.options import DEFAULT_OPTIONS
 from namlcp.qp.guess import NO_GUESS, make_guess
 from namlcp.qp.memory import Memory

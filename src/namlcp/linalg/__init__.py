@@ -16,10 +16,12 @@ from namlcp.linalg.columns import (
 )
 from namlcp.linalg.csc import (
     Compressed,
+    add_transposed,
     arrays_of,
     as_dense,
     by_rows,
     submatrix,
+    times,
     with_squares,
     without_zeros,
 )
@@ -55,7 +57,6 @@ from namlcp.linalg.ldl import (
     ldl_symbolic,
 )
 from namlcp.linalg.minimum_degree import minimum_degree
-from namlcp.linalg.products import add_transposed, times
 from namlcp.linalg.supernodes import Blocks, blocks_of, factor_blocks, solve_blocks
 from namlcp.linalg.symmetry import asymmetry, dense_asymmetry
 from namlcp.linalg.threads import blas_threads
