@@ -2,7 +2,14 @@
 
 import numpy as np
 import pytest
-from problems_elimination import fill, laplacian, natural, parts, upper
+from problems_elimination import (
+    fill,
+    laplacian,
+    natural,
+    parts,
+    quasi_definite,
+    upper,
+)
 from problems_qp import assert_solves_qp, make_qp
 from problems_qp import solve_sparse as solve
 from scipy.sparse import block_array, csc_array, diags_array, eye_array
@@ -12,17 +19,6 @@ from namlcp.linalg import factors
 from namlcp.linalg.factors import Bordered, SparseFactors, factor
 from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.multifrontal import Multifrontal
-
-
-def quasi_definite(n, p, density, seed):
-    """Return [P A'; A -D] with random sparse parts, dense, in random order."""
-    rng = np.random.default_rng(seed)
-    A = rng.standard_normal((p, n)) * (rng.random((p, n)) < density)
-    P = np.diag(1.0 + rng.random(n))
-    B = rng.standard_normal((n, n)) * (rng.random((n, n)) < density / 4)
-    K = np.block([[P + B @ B.T, A.T], [A, -np.diag(0.1 + rng.random(p))]])
-    order = rng.permutation(n + p)
-    return K[np.ix_(order, order)]
 
 
 def saddle(rows, columns):

@@ -17,11 +17,23 @@ def laplacian(rows, columns, shift=0.1):
     return csc_array(one + other + shift * eye_array(rows * columns))
 
 
+def quasi_definite(n, p, density, seed):
+    """Return [P A'; A -D] with random sparse parts, dense, in random order."""
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((p, n)) * (rng.random((p, n)) < density)
+    P = np.diag(1.0 + rng.random(n))
+    B = rng.standard_normal((n, n)) * (rng.random((n, n)) < density / 4)
+    K = np.block([[P + B @ B.T, A.T], [A, -np.diag(0.1 + rng.random(p))]])
+    order = rng.permutation(n + p)
+    return K[np.ix_(order, order)]
+
+
 def upper(K):
     """Return the upper triangle with a full diagonal in CSC with int32 indices."""
     U = csc_array(triu(csc_array(K), format="csc"))
     U.sort_indices()
-    return csc_array((U.data, U.indices.astype(np.int32), U.indptr.astype(np.int32)))
+    parts = U.data, U.indices.astype(np.int32), U.indptr.astype(np.int32)
+    return csc_array(parts, shape=U.shape)
 
 
 def natural(U):

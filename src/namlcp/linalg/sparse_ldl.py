@@ -1,0 +1,430 @@
+"""Sparse L D L' of quasi-definite matrices of one pattern, factored many times.
+
+`analyse` lays out all indices once; `ldl_factor` and `ldl_solve_into`, for compiled
+callers, then only compute. The matrix K is given by its upper triangle in CSC, with all
+diagonal entries, which are the last of their columns. Every symmetric permutation of a
+quasi-definite matrix has an L D L' without pivoting (R. Vanderbei, SIAM J. Optim. 5
+(1995) 100-113); L has ones on its diagonal.
+
+Row by row, with y the entries of K in row k of the triangle: for all i with l_ki not 0,
+in rising order,
+
+    y_j -= l_ji y_i  (i < j < k),    l_ki = y_i / d_i,    d_k = k_kk - sum_i l_ki y_i
+
+(T. Davis, "Algorithm 849", ACM Trans. Math. Softw. 31 (2005) 587-591). Columns are
+alike if each is the first below the diagonal in the one before, and both have the same
+rows below that. Four or two such columns, a *chunk*, are applied to y at a time: each
+entry of y is read and written once for all of them, and has one index.
+
+The functions for compiled callers do not count references (_nrt=False): counting them
+in every chunk takes as long as the arithmetic.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from namlcp.checks import refuse_size
+from namlcp.compiled import kernel, part, pasted
+from namlcp.linalg.ordering import Order
+
+CONSECUTIVE = 8
+"""Rows that a chunk must have for a test whether they follow each other without gaps.
+If they do, they need no indices, and the processor takes several at a time."""
+
+LEAST = float(np.finfo(np.float64).tiny)
+"""Smallest pivot that is not 0 for us: the reciprocals of smaller ones may overflow."""
+
+# Unsigned indices need no sign test. A sum of signed and unsigned would be a float.
+ONE, TWO, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
+
+
+class Pattern(NamedTuple):
+    """The indices of K and L; all but `place` are in the order of elimination.
+
+    Row i of K becomes row place[i]. The diagonal entry of row k is data[diagonal[k]],
+    with `data` those of K. Column k of the strict upper triangle has the entries
+    data[source[t]] in rows[t], for t in columns[k] : columns[k + 1].
+
+    Column i of L below the diagonal has values[p] in the rows below[p], ascending, for
+    p in starts[i] : starts[i + 1]. Row k has entries in the chunks that begin with the
+    columns chunks[t], ascending, for t in lines[k] : lines[k + 1]. width[i] is 1, 2 or
+    4, the number of columns of the chunk, for its first and its last column i.
+    done[i], scratch of a factorisation, counts the rows that are complete below the
+    chunk that begins with i.
+    """
+
+    place: np.ndarray
+    diagonal: np.ndarray
+    columns: np.ndarray
+    rows: np.ndarray
+    source: np.ndarray
+    starts: np.ndarray
+    below: np.ndarray
+    lines: np.ndarray
+    chunks: np.ndarray
+    width: np.ndarray
+    done: np.ndarray
+
+
+def analyse(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Pattern:
+    """Lay out L for a matrix K whose rows are all in the order."""
+    refuse_size("the factors", int(order.counts.sum(dtype=np.int64)))
+    place, parent, counts = order
+    K = permuted_triangle(indptr, indices, place)
+    L = lay_out(K[1], K[2], parent, counts)
+    return Pattern(place, *K, *L)
+
+
+@kernel
+def permuted_triangle(indptr, indices, place):
+    """Return diagonal, columns, rows and source of the `Pattern`."""
+    n = place.size
+    diagonal = np.empty(n, dtype=np.int32)
+    columns = np.empty(n + 1, dtype=np.int32)
+    columns[0] = 0
+    for k in range(n):
+        diagonal[k] = 0
+    for j in range(n):
+        for t in range(indptr[j], indptr[j + 1] - 1):
+            diagonal[max(place[j], place[indices[t]])] += 1
+    for k in range(n):
+        columns[k + 1] = columns[k] + diagonal[k]
+        diagonal[k] = columns[k]  # the next free entry, for now
+    rows = np.empty(columns[n], dtype=np.int32)
+    source = np.empty(columns[n], dtype=np.int32)
+    for j in range(n):
+        for t in range(indptr[j], indptr[j + 1] - 1):
+            i = place[indices[t]]
+            k = max(place[j], i)
+            rows[diagonal[k]] = min(place[j], i)
+            source[diagonal[k]] = t
+            diagonal[k] += 1
+    for j in range(n):
+        diagonal[place[j]] = indptr[j + 1] - 1
+    return diagonal, columns, rows, source
+
+
+@kernel
+def lay_out(columns, rows, parent, counts):
+    """Return starts, below, lines, chunks, width and done of the `Pattern`."""
+    n = parent.size
+    starts, lines = np.empty(n + 1, dtype=np.int64), np.empty(n + 1, dtype=np.int64)
+    width, done = np.empty(n, dtype=np.int32), np.empty(n, dtype=np.int64)
+    starts[0] = 0
+    for k in range(n):
+        starts[k + 1] = starts[k] + counts[k]
+        done[k] = starts[k]
+        width[k] = -1
+    below = np.empty(starts[n], dtype=np.int32)
+    for k in range(n):
+        # Row k of L has entries on the paths from those of K up the tree to k.
+        width[k] = k  # the last row that came by, for now
+        for t in range(columns[k], columns[k + 1]):
+            i = rows[t]
+            while width[i] != k:
+                width[i] = k
+                below[done[i]] = k
+                done[i] += 1
+                i = parent[i]
+    for k in range(n):
+        done[k] = 0
+    begin = 0
+    while begin < n:
+        width[begin] = chunk_from(begin, parent, counts)
+        width[begin + width[begin] - 1] = width[begin]
+        for t in range(starts[begin], starts[begin + 1]):
+            done[below[t]] += 1
+        begin += width[begin]
+    lines[0] = 0
+    for k in range(n):
+        lines[k + 1] = lines[k] + done[k]
+        done[k] = lines[k]
+    chunks = np.empty(lines[n], dtype=np.int32)
+    begin = 0
+    while begin < n:
+        for t in range(starts[begin], starts[begin + 1]):
+            k = below[t]
+            chunks[done[k]] = begin
+            done[k] += 1
+        begin += width[begin]
+    return starts, below, lines, chunks, width, done
+
+
+@part
+def chunk_from(begin, parent, counts):
+    """Return how many columns from `begin` on are alike: 1, 2 or 4."""
+    end = begin
+    while end < begin + 3 and parent[end] == end + 1:
+        if counts[end] != counts[end + 1] + 1:
+            break
+        end += 1
+    found = end - begin + 1
+    return found if found != 3 else 2
+
+
+@kernel(error_model="numpy")
+def factor_sparse(pattern, data, values, inverse, y):
+    """Call `ldl_factor`."""
+    return ldl_factor(pattern, data, values, inverse, y)
+
+
+@kernel(error_model="numpy")
+def solve_sparse(pattern, values, inverse, rhs, x, y):
+    """Call `ldl_solve_into`."""
+    ldl_solve_into(pattern, values, inverse, rhs, x, y)
+
+
+@part(_nrt=False)
+def ldl_factor(pattern, data, values, inverse, y):
+    """Set the values of L and the reciprocals of the pivots, inverse (n,).
+
+    `data` are the values of K; y (n,) is overwritten. Pivots may be negative. Returns
+    False if one is not finite, or smaller than `LEAST`.
+    """
+    columns, rows, source = pattern.columns, pattern.rows, pattern.source
+    n = inverse.size
+    for k in range(n):
+        pattern.done[k] = 0
+        y[k] = 0.0
+    for k in range(n):
+        pivot = data[pattern.diagonal[k]]
+        for t in range(columns[k], columns[k + 1]):
+            y[np.uint32(rows[t])] = data[np.uint32(source[t])]
+        for t in range(pattern.lines[k], pattern.lines[k + 1]):
+            i = pattern.chunks[t]
+            width = pattern.width[i]
+            if width == 1:
+                pivot -= apply_one(i, pattern, values, inverse, y)
+            elif k < i + width:
+                pivot -= apply_part(i, k, pattern, values, inverse, y)
+            elif width == 2:
+                pivot -= apply_two(i, pattern, values, inverse, y)
+            else:
+                pivot -= apply_four(i, pattern, values, inverse, y)
+        if not LEAST <= abs(pivot) < np.inf:
+            return False
+        inverse[k] = 1.0 / pivot
+    return True
+
+
+@pasted
+def apply_one(i, pattern, values, inverse, y):
+    """Apply column i to y, and append l_ki to it; return l_ki y_i."""
+    below = pattern.below
+    a = np.uint64(pattern.starts[i])
+    end = a + np.uint64(pattern.done[i])
+    pattern.done[i] += 1
+    y_i = y[i]
+    y[i] = 0.0
+    for p in range(a, end):
+        y[np.uint32(below[p])] -= values[p] * y_i
+    l_i = y_i * inverse[i]
+    values[end] = l_i
+    return l_i * y_i
+
+
+@pasted
+def apply_part(i, k, pattern, values, inverse, y):
+    """Apply the columns i : k of a chunk to y, for a row k of their own.
+
+    Appends the l_kj to them; returns the sum of l_kj y_j.
+    """
+    starts = pattern.starts
+    a = np.uint64(starts[i])
+    y_0 = y[i]
+    l_0 = y_0 * inverse[i]
+    total = l_0 * y_0
+    y[i] = 0.0
+    values[a + np.uint64(k - i - 1)] = l_0
+    if k > i + 1:
+        b = np.uint64(starts[i + 1])
+        y_1 = y[i + 1] - values[a] * y_0
+        l_1 = y_1 * inverse[i + 1]
+        total += l_1 * y_1
+        y[i + 1] = 0.0
+        values[b + np.uint64(k - i - 2)] = l_1
+        if k > i + 2:
+            y_2 = y[i + 2] - values[a + ONE] * y_0 - values[b] * y_1
+            l_2 = y_2 * inverse[i + 2]
+            total += l_2 * y_2
+            y[i + 2] = 0.0
+            values[starts[i + 2]] = l_2
+    return total
+
+
+@pasted
+def apply_two(i, pattern, values, inverse, y):
+    """Do as `apply_one` with the columns i and i + 1; return the sum of l_kj y_j."""
+    starts, below = pattern.starts, pattern.below
+    a, b = np.uint64(starts[i]), np.uint64(starts[i + 1])
+    rows = np.uint64(pattern.done[i])
+    pattern.done[i] += 1
+    y_0 = y[i]
+    y_1 = y[i + 1] - values[a] * y_0
+    y[i] = 0.0
+    y[i + 1] = 0.0
+    a += ONE
+    for s in range(rows):
+        y[np.uint32(below[b + s])] -= values[a + s] * y_0 + values[b + s] * y_1
+    l_0, l_1 = y_0 * inverse[i], y_1 * inverse[i + 1]
+    values[a + rows] = l_0
+    values[b + rows] = l_1
+    return l_0 * y_0 + l_1 * y_1
+
+
+@pasted
+def apply_four(i, pattern, values, inverse, y):
+    """Do as `apply_one` with the columns i : i + 4; return the sum of l_kj y_j."""
+    starts, below = pattern.starts, pattern.below
+    a, b = np.uint64(starts[i]), np.uint64(starts[i + 1])
+    c, d = np.uint64(starts[i + 2]), np.uint64(starts[i + 3])
+    rows = np.uint64(pattern.done[i])
+    pattern.done[i] += 1
+    y_0 = y[i]
+    y_1 = y[i + 1] - values[a] * y_0
+    y_2 = y[i + 2] - values[a + ONE] * y_0 - values[b] * y_1
+    y_3 = y[i + 3] - values[a + TWO] * y_0 - values[b + ONE] * y_1 - values[c] * y_2
+    y[i], y[i + 1], y[i + 2], y[i + 3] = 0.0, 0.0, 0.0, 0.0
+    a, b, c = a + THREE, b + TWO, c + ONE
+    if rows >= CONSECUTIVE and below[d + rows - ONE] - below[d] + 1 == rows:
+        first = np.uint64(below[d])
+        for s in range(rows):
+            y[first + s] -= (
+                values[a + s] * y_0 + values[b + s] * y_1
+                + values[c + s] * y_2 + values[d + s] * y_3
+            )  # fmt: skip
+    else:
+        for s in range(rows):
+            y[np.uint32(below[d + s])] -= (
+                values[a + s] * y_0 + values[b + s] * y_1
+                + values[c + s] * y_2 + values[d + s] * y_3
+            )  # fmt: skip
+    l_0, l_1 = y_0 * inverse[i], y_1 * inverse[i + 1]
+    l_2, l_3 = y_2 * inverse[i + 2], y_3 * inverse[i + 3]
+    values[a + rows] = l_0
+    values[b + rows] = l_1
+    values[c + rows] = l_2
+    values[d + rows] = l_3
+    return l_0 * y_0 + l_1 * y_1 + l_2 * y_2 + l_3 * y_3
+
+
+@part(_nrt=False)
+def ldl_solve_into(pattern, values, inverse, rhs, x, y):
+    """Set x = K^-1 rhs, both in the original order; y (n,) is overwritten.
+
+    x may be rhs.
+    """
+    place, width = pattern.place, pattern.width
+    n = y.size
+    for j in range(n):
+        y[np.uint32(place[j])] = rhs[j]
+    i = 0
+    while i < n:
+        if width[i] == 1:
+            forward_one(i, pattern, values, y)
+        elif width[i] == 2:
+            forward_two(i, pattern, values, y)
+        else:
+            forward_four(i, pattern, values, y)
+        i += width[i]
+    for j in range(n):
+        y[j] *= inverse[j]
+    while i > 0:
+        i -= width[i - 1]
+        if width[i] == 1:
+            backward_one(i, pattern, values, y)
+        elif width[i] == 2:
+            backward_two(i, pattern, values, y)
+        else:
+            backward_four(i, pattern, values, y)
+    for j in range(n):
+        x[j] = y[np.uint32(place[j])]
+
+
+@pasted
+def forward_one(i, pattern, values, y):
+    """Subtract from y column i times y_i."""
+    below, starts = pattern.below, pattern.starts
+    y_i = y[i]
+    for p in range(np.uint64(starts[i]), np.uint64(starts[i + 1])):
+        y[np.uint32(below[p])] -= values[p] * y_i
+
+
+@pasted
+def forward_two(i, pattern, values, y):
+    """Subtract from y the columns i, i + 1 times their entries of y."""
+    below, starts = pattern.below, pattern.starts
+    a, b = np.uint64(starts[i]), np.uint64(starts[i + 1])
+    rows = np.uint64(starts[i + 2]) - b
+    y_0 = y[i]
+    y_1 = y[i + 1] - values[a] * y_0
+    y[i + 1] = y_1
+    a += ONE
+    for s in range(rows):
+        y[np.uint32(below[b + s])] -= values[a + s] * y_0 + values[b + s] * y_1
+
+
+@pasted
+def forward_four(i, pattern, values, y):
+    """Subtract from y the columns i : i + 4 times their entries of y."""
+    below, starts = pattern.below, pattern.starts
+    a, b = np.uint64(starts[i]), np.uint64(starts[i + 1])
+    c, d = np.uint64(starts[i + 2]), np.uint64(starts[i + 3])
+    rows = np.uint64(starts[i + 4]) - d
+    y_0 = y[i]
+    y_1 = y[i + 1] - values[a] * y_0
+    y_2 = y[i + 2] - values[a + ONE] * y_0 - values[b] * y_1
+    y_3 = y[i + 3] - values[a + TWO] * y_0 - values[b + ONE] * y_1 - values[c] * y_2
+    y[i + 1], y[i + 2], y[i + 3] = y_1, y_2, y_3
+    a, b, c = a + THREE, b + TWO, c + ONE
+    for s in range(rows):
+        y[np.uint32(below[d + s])] -= (
+            values[a + s] * y_0 + values[b + s] * y_1
+            + values[c + s] * y_2 + values[d + s] * y_3
+        )  # fmt: skip
+
+
+@pasted
+def backward_one(i, pattern, values, y):
+    """Subtract from y_i the product of column i and y."""
+    below, starts = pattern.below, pattern.starts
+    y_i = y[i]
+    for p in range(np.uint64(starts[i]), np.uint64(starts[i + 1])):
+        y_i -= values[p] * y[np.uint32(below[p])]
+    y[i] = y_i
+
+
+@pasted
+def backward_two(i, pattern, values, y):
+    """Subtract from y_i, y_i+1 the products of their columns and y."""
+    below, starts = pattern.below, pattern.starts
+    a, b = np.uint64(starts[i]), np.uint64(starts[i + 1])
+    rows = np.uint64(starts[i + 2]) - b
+    y_0, y_1 = y[i], y[i + 1]
+    for s in range(rows):
+        y_s = y[np.uint32(below[b + s])]
+        y_0 -= values[a + ONE + s] * y_s
+        y_1 -= values[b + s] * y_s
+    y[i + 1] = y_1
+    y[i] = y_0 - values[a] * y_1
+
+
+@pasted
+def backward_four(i, pattern, values, y):
+    """Subtract from y_i, ..., y_i+3 the products of their columns and y."""
+    below, starts = pattern.below, pattern.starts
+    a, b = np.uint64(starts[i]), np.uint64(starts[i + 1])
+    c, d = np.uint64(starts[i + 2]), np.uint64(starts[i + 3])
+    rows = np.uint64(starts[i + 4]) - d
+    y_0, y_1, y_2, y_3 = y[i], y[i + 1], y[i + 2], y[i + 3]
+    for s in range(rows):
+        y_s = y[np.uint32(below[d + s])]
+        y_0 -= values[a + THREE + s] * y_s
+        y_1 -= values[b + TWO + s] * y_s
+        y_2 -= values[c + ONE + s] * y_s
+        y_3 -= values[d + s] * y_s
+    y_2 -= values[c] * y_3
+    y_1 -= values[b] * y_2 + values[b + ONE] * y_3
+    y_0 -= values[a] * y_1 + values[a + ONE] * y_2 + values[a + TWO] * y_3
+    y[i], y[i + 1], y[i + 2], y[i + 3] = y_0, y_1, y_2, y_3
