@@ -16,7 +16,6 @@ from scipy.sparse import block_array, csc_array, diags_array, eye_array
 
 from namlcp.limits import Limits
 from namlcp.linalg import factors
-from namlcp.linalg.factors import Bordered, SparseFactors, factor
 from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.multifrontal import Multifrontal
 
@@ -113,46 +112,8 @@ def test_a_pivot_that_vanishes_is_told(bad):
         Multifrontal(U, natural(U))
 
 
-def test_the_kind_of_factors_is_chosen_by_counts(monkeypatch):
-    few_entries_a_column = upper(laplacian(90, 90))
-    assert isinstance(factor(few_entries_a_column), SparseFactors)
-    control = upper(saddle(64, 64))
-    monkeypatch.setattr(factors, "HEAVY", 1e6)
-    assert isinstance(factor(control), Multifrontal)
-    monkeypatch.setattr(factors, "HEAVY", 1e9)
-    assert isinstance(factor(control), SparseFactors)
-
-
-def test_no_order_is_sought_around_a_hub():
-    K = laplacian(150, 150, 1.0).tolil()
-    K[-1, :] = 1e-3
-    K[:, -1] = 1e-3
-    assert factors.heavy_order(*parts(upper(K))) is None
-
-
-def test_a_border_comes_first():
-    rng = np.random.default_rng(4)
-    B = rng.standard_normal((400, 60))
-    K = np.block([[-np.eye(400), B], [B.T, np.eye(60)]])
-    assert isinstance(factor(upper(K)), Bordered)
-
-
-@pytest.mark.parametrize("worse", ["minimum_degree", "nested_dissection"])
-def test_of_two_orders_the_one_with_less_work_is_taken(monkeypatch, worse):
-    U = upper(laplacian(20, 20).toarray())
-    orders = dict.fromkeys(("minimum_degree", "nested_dissection"), minimum_degree)
-    orders[worse] = lambda *parts: natural(U)
-    for name, find in orders.items():
-        monkeypatch.setattr(factors, name, find)
-    monkeypatch.setattr(factors, "COUNT_FILL", ((0, 0),))
-    monkeypatch.setattr(factors, "DEEP", 0.0)
-    monkeypatch.setattr(factors, "HEAVY", 0.0)
-    order = factors.heavy_order(*parts(U))
-    assert order.work == minimum_degree(*parts(U)).work < natural(U).work
-
-
 def test_the_path_solves_with_dense_fronts(monkeypatch):
-    monkeypatch.setattr(factors, "COUNT_FILL", ((0, 0),))
+    monkeypatch.setattr(factors, "SOME", 0.0)
     monkeypatch.setattr(factors, "HEAVY", 0.0)
     used = []
     init = Multifrontal.__init__

@@ -1,22 +1,22 @@
-"""Factors of the KKT matrix: qdldl, dense fronts, or qdldl and a dense border.
+"""Factors of the KKT matrix: of few columns at a time, dense fronts, a dense border.
 
-qdldl works entry by entry, which is best where L is sparse. Where the symbolic analysis
-counts much fill, dense fronts are ten times faster (`multifrontal`). Where some rows
-and columns are dense (a dense data matrix in a support vector machine, a dense P), most
-of a sparse factorisation is spent on one dense block. There the matrix is split into a
-sparse part R and a dense border D,
+One fill-reducing order is made; its counts tell the work of a factorisation. Where L is
+sparse, up to four columns of it are taken at a time (`sparse_ldl`). With much fill,
+dense fronts are faster (`multifrontal`). Where some rows and columns are dense (a dense
+data matrix in a support vector machine, a dense P), most of a sparse factorisation is
+spent on one dense block. There the matrix is split into a sparse part R and a dense
+border D,
 
     K = [K_R  B  ]      X = K_R^-1 B,   S = K_D - B'X,
         [B'   K_D]      K u = r:  u_D = S^-1 (r_D - B' K_R^-1 r_R),
                                   u_R = K_R^-1 r_R - X u_D
 
-with qdldl for K_R and LAPACK for S.
+with a sparse L D L' of K_R and LAPACK for S.
 """
 
 from typing import Protocol
 
 import numpy as np
-import qdldl
 from scipy.linalg.lapack import dpotrf, dpotrs, dsytrf, dsytrf_lwork, dsytrs
 from scipy.sparse import csc_array, csc_matrix
 
@@ -25,6 +25,7 @@ from namlcp.linalg.csc import MOST_DENSE
 from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.multifrontal import Multifrontal
 from namlcp.linalg.ordering import Order, degrees, nested_dissection
+from namlcp.linalg.sparse_ldl import analyse, factor_sparse, solve_sparse
 
 # Entries of the upper triangle of K from which on a border is looked for.
 BORDER_ENTRIES = 20_000
@@ -35,14 +36,12 @@ LEAST_BORDER, MOST_BORDER = 50, 3000
 # Density of B from which a border pays. A border of WIDE rows pays with a sparser B too
 # if the upper triangle of K_D has FULL_D times its order squared entries (0.5 is all).
 DENSE_B, WIDE, FULL_D = 0.1, 600, 0.2
-# Multiplications of a factorisation from which dense fronts pay; multiplications a row
-# from which nested dissection is tried too.
-HEAVY, DEEP = 1.5e7, 1e5
-# A row with more entries than this times the square root of the order is a hub. Around
-# hubs, no order for dense fronts is sought.
-HUB = 10.0
-# Fill is counted if K has at least so many entries, and so many a column, for one pair.
-COUNT_FILL = (200_000, 0), (20_000, 3), (5_000, 4)
+# Work of a factorisation, see `Order.work`, from which on a dense border is looked for,
+# and from which on dense fronts are used: there a factorisation and six solves take as
+# long both ways.
+SOME, HEAVY = 2e6, 3e8
+# Work for each row from which on nested dissection is tried, too.
+DEEP = 1e5
 
 
 class Factors(Protocol):
@@ -56,40 +55,68 @@ class Factors(Protocol):
 
 
 def factor(matrix: csc_array) -> Factors:
-    """Return factors of a quasi-definite matrix, its upper triangle given in CSC."""
-    border = dense_border(matrix.indptr, matrix.indices)
-    if border.size:
-        return Bordered(matrix, border)
-    order = heavy_order(matrix.indptr, matrix.indices)
-    return SparseFactors(matrix) if order is None else Multifrontal(matrix, order)
+    """Return factors of a quasi-definite matrix, its upper triangle given in CSC.
+
+    All diagonal entries are stored, as the last of their columns.
+    """
+    order = minimum_degree(matrix.indptr, matrix.indices)
+    if order.work >= SOME:
+        border = dense_border(matrix.indptr, matrix.indices)
+        if border.size:
+            return Bordered(matrix, border)
+        order = better_order(matrix, order)
+        if order.work >= HEAVY:
+            return Multifrontal(matrix, order)
+    return SparseFactors(matrix, order)
+
+
+def better_order(matrix: csc_array, order: Order) -> Order:
+    """Return an order by nested dissection where it causes much less work."""
+    if order.work < DEEP * matrix.shape[0]:
+        return order
+    other = nested_dissection(matrix.indptr, matrix.indices)
+    return order if other is None or other.work >= order.work else other
 
 
 class SparseFactors:
-    """L D L' by qdldl."""
+    """L D L' by chunks of columns (`sparse_ldl`).
 
-    def __init__(self, matrix: csc_array | csc_matrix) -> None:
-        self.matrix = matrix
-        self.solver = qdldl.Solver(matrix, upper=True)
+    Attributes
+    ----------
+    order : the fill-reducing order
+    pattern, values, inverse : L and D^-1, as the functions of `sparse_ldl` take them
+    """
+
+    def __init__(self, matrix: csc_array | csc_matrix, order: Order) -> None:
+        self.order = order
+        self.pattern = analyse(matrix.indptr, matrix.indices, order)
+        self.values = np.empty(self.pattern.below.size)
+        self.inverse = np.empty(matrix.shape[0])
+        self.work = np.empty(matrix.shape[0])
+        self.refactor(matrix.data)
 
     def refactor(self, data: np.ndarray) -> None:
         """Factor again with other values."""
-        if data is not self.matrix.data:
-            self.matrix.data[:] = data
-        self.solver.update(self.matrix, upper=True)
+        if not factor_sparse(self.pattern, data, self.values, self.inverse, self.work):
+            raise ValueError("a pivot vanishes")
 
     def solve(self, rhs: np.ndarray) -> np.ndarray:
         """Return the solution for a right-hand side."""
-        return self.solver.solve(rhs)
+        x = np.empty(rhs.size)
+        solve_sparse(self.pattern, self.values, self.inverse, rhs, x, self.work)
+        return x
 
 
 class Diagonal:
     """A diagonal matrix as its own factors."""
 
     def __init__(self, matrix: csc_matrix) -> None:
-        self.entries = matrix.data
+        self.refactor(matrix.data)
 
     def refactor(self, data: np.ndarray) -> None:
         """Take other entries."""
+        if not np.all(data) or not np.all(np.isfinite(data)):
+            raise ValueError("a pivot vanishes")
         self.entries = data
 
     def solve(self, rhs: np.ndarray) -> np.ndarray:
@@ -98,7 +125,7 @@ class Diagonal:
 
 
 class Bordered:
-    """qdldl for the sparse part, LAPACK for the Schur complement on the border.
+    """Sparse factors of K_R, LAPACK for the Schur complement on the border.
 
     border: the rows of D in rising order.
     """
@@ -129,7 +156,11 @@ class Bordered:
         )
         if self.factors is None:
             is_diagonal = inner.nnz == self.rest.size
-            self.factors = Diagonal(inner) if is_diagonal else SparseFactors(inner)
+            if is_diagonal:
+                self.factors = Diagonal(inner)
+            else:
+                order = minimum_degree(inner.indptr, inner.indices)
+                self.factors = SparseFactors(inner, order)
         else:
             self.factors.refactor(inner.data)
         X = np.empty_like(B)
@@ -183,22 +214,6 @@ def dense_border(indptr: np.ndarray, indices: np.ndarray) -> np.ndarray:
     inside, crossing = count_entries(indptr, indices, outside)
     is_full = border.size >= WIDE and inside >= FULL_D * border.size**2
     return border if is_full or crossing >= DENSE_B * border.size * rest else none
-
-
-def heavy_order(indptr: np.ndarray, indices: np.ndarray) -> Order | None:
-    """Return the order for dense fronts, None if they do not pay."""
-    size = indptr.size - 1
-    if not any(indices.size >= max(least, few * size) for least, few in COUNT_FILL):
-        return None
-    degree = degrees(indptr, indices, np.ones(size, dtype=np.bool_))
-    if degree.max() > HUB * np.sqrt(size):
-        return None
-    order = minimum_degree(indptr, indices)
-    if order.work >= DEEP * size:
-        other = nested_dissection(indptr, indices)
-        if other is not None and other.work < order.work:
-            order = other
-    return order if order.work >= HEAVY else None
 
 
 @kernel
