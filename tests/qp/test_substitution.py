@@ -9,6 +9,7 @@ import namlcp
 from namlcp.linalg.csc import (
     add_transposed,
     by_rows,
+    from_arrays,
     submatrix,
     times,
     transposed,
@@ -19,6 +20,7 @@ from namlcp.options import DEFAULT_OPTIONS
 from namlcp.qp.guess import NO_GUESS, make_guess
 from namlcp.qp.memory import Memory
 from namlcp.qp.solve import solve_checked
+from namlcp.qp.transforms import substitution
 from namlcp.qp.transforms.substitution import Substitution, substitute
 from namlcp.status import Status
 
@@ -412,3 +414,88 @@ def test_memory_sees_a_side_that_becomes_finite_in_place():
     solve(qp, memory=memory)
     qp.h[:] = h
     assert_solves_qp(qp, solve(qp, memory=memory), 1e-10)
+
+
+def plain_choice(qp):
+    """Return bounds, rows left and {row of A: column} as the docstrings define them."""
+    P, G, A = (M.toarray() for M in (qp.P, qp.G, qp.A))
+    C, m = np.vstack((G, A)), qp.h.size
+    side = np.append(qp.h, qp.b)
+    lb, ub = qp.lb.copy(), qp.ub.copy()
+    single = (np.count_nonzero(C, axis=1) == 1) & np.isfinite(side)
+    for i in np.flatnonzero(single):
+        j = np.flatnonzero(C[i])[0]
+        if C[i, j] > 0.0 or i >= m:
+            ub[j] = min(ub[j], side[i] / C[i, j])
+        if C[i, j] < 0.0 or i >= m:
+            lb[j] = max(lb[j], side[i] / C[i, j])
+    clash = lb > ub
+    lb[clash], ub[clash] = qp.lb[clash], qp.ub[clash]
+    single &= ~C[:, clash].any(axis=1)
+    pairs = {}
+    for i in np.flatnonzero(~single[m:]):
+        free = [
+            j
+            for j in np.flatnonzero(A[i])
+            if np.isinf([lb[j], ub[j]]).all()
+            and np.count_nonzero(C[:, j]) == 1
+            and not np.delete(P[:, j], j).any()
+            and P[j, j] >= 0.0
+            and abs(A[i, j]) >= substitution.PIVOT * abs(A[i]).max()
+        ]
+        if free:
+            pairs[int(i)] = int(max(free, key=lambda j: abs(A[i, j])))
+    squared = [i for i, j in pairs.items() if P[j, j] > 0.0]
+    length = {i: np.count_nonzero(A[i]) - 1 for i in pairs}
+    width = np.count_nonzero(A[squared].any(axis=0)) - len(squared)
+    least = min(sum(length[i] ** 2 for i in squared), width**2)
+    allowed = substitution.FILL * sum(length[i] for i in squared) + substitution.SMALL
+    if least > allowed:
+        for i in squared:
+            if length[i] > substitution.SHORT:
+                del pairs[i]
+    return lb, ub, ~single, pairs
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_what_is_substituted_is_what_the_definition_says(seed):
+    """Rows and columns of few entries, some infinite sides, clashes, stored zeros."""
+    rng = np.random.default_rng(seed)
+    n, m, p = rng.integers(1, 12), rng.integers(0, 8), rng.integers(0, 6)
+    G, A = (
+        rng.integers(-2, 3, (k, n)) * (rng.random((k, n)) < 1.5 / n) for k in (m, p)
+    )
+    A = A + (rng.random((p, n)) < 0.1) * 1e-4
+    P = np.diag(rng.integers(0, 3, n) * 1.0)
+    P[0, 0] += 1.0
+    h = np.where(rng.random(m) < 0.2, np.inf, rng.integers(-1, 4, m) * 1.0)
+    lb = np.where(rng.random(n) < 0.7, -np.inf, -1.0)
+    ub = np.where(rng.random(n) < 0.7, np.inf, 1.0)
+    q, b = rng.standard_normal(n), rng.integers(-1, 2, p) * 1.0
+    qp = make_qp(P, q, G.astype(float), h, A.astype(float), b, lb, ub)
+    for M in (qp.G, qp.A):
+        if M.nnz > 2:
+            M.data[rng.integers(M.nnz)] = 0.0
+    lb, ub, left, pairs = plain_choice(qp)
+    found = substitute(qp)
+    if left.all() and not pairs:
+        assert found is None
+        return
+    np.testing.assert_array_equal(found.bounds.tight.lb, lb)
+    np.testing.assert_array_equal(found.bounds.tight.ub, ub)
+    rows = np.append(found.bounds.rows, m + found.bounds.equations)
+    np.testing.assert_array_equal(rows, np.flatnonzero(left))
+    assert dict(zip(found.by.tolist(), found.columns.tolist(), strict=True)) == pairs
+
+
+def test_matrices_made_without_checks_are_those_of_scipy():
+    """`from_arrays` sets an attribute of SciPy that is not public."""
+    for kind in (csc_array, csr_array):
+        M = kind(np.array([[1.0, 0.0, 2.0], [0.0, 3.0, 0.0]]))
+        M.has_canonical_format = True
+        ours = from_arrays((M.indptr, M.indices, M.data), M.shape, kind)
+        assert type(ours) is kind
+        assert ours.__dict__.keys() == M.__dict__.keys()
+        assert (ours.shape, ours.nnz, ours.dtype) == (M.shape, M.nnz, M.dtype)
+        np.testing.assert_array_equal((ours.T @ ours).toarray(), (M.T @ M).toarray())
+        assert (kind((4, 5)).shape, kind((0, 0)).nnz) == ((4, 5), 0)

@@ -19,9 +19,17 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csc_array
 
-from namlcp.compiled import kernel
+from namlcp.checks import no_rows
+from namlcp.compiled import kernel, part
 from namlcp.limits import NEVER, Deadline
-from namlcp.linalg import add_transposed, submatrix, times, with_squares, without_zeros
+from namlcp.linalg import (
+    add_transposed,
+    arrays_of,
+    submatrix,
+    times,
+    with_squares,
+    without_zeros,
+)
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import Guess
 from namlcp.qp.problem import QP, Point
@@ -33,6 +41,8 @@ PIVOT = 1e-3
 FILL, SMALL = 4, 1000
 # Most entries of a_i for which a_i a_i' has no more than the removed row and column.
 SHORT = 2
+# What `only_entry` returns where there is no entry, or more than one.
+NO_ENTRY, SEVERAL = -1, -2
 
 
 class Givers(NamedTuple):
@@ -52,19 +62,21 @@ class TightBounds(NamedTuple):
 
 
 class RowBounds(NamedTuple):
-    """Bounds with those from rows; `rows` of G and `equations` of A that are left.
-
-    infinite (2, n) tells where lb = -inf and where ub = +inf.
-    """
+    """Bounds with those from rows; `rows` of G and `equations` of A that are left."""
 
     tight: TightBounds
     rows: np.ndarray
     equations: np.ndarray
-    infinite: np.ndarray
 
     def is_like(self, other: "RowBounds") -> bool:
         """Tell whether the same rows are left and the same bounds are infinite."""
-        return all(map(np.array_equal, self[1:], other[1:]))
+        old = other.tight
+        return (
+            np.array_equal(self.rows, other.rows)
+            and np.array_equal(self.equations, other.equations)
+            and np.array_equal(np.isinf(self.tight.lb), np.isinf(old.lb))
+            and np.array_equal(np.isinf(self.tight.ub), np.isinf(old.ub))
+        )
 
 
 class Substitution(NamedTuple):
@@ -91,22 +103,23 @@ class Substitution(NamedTuple):
     @property
     def problem(self) -> QP:
         """The smaller QP."""
-        user, kept = self.user, self.kept
-        q = user.q[kept]
+        user, kept, q = self.user, self.kept, self.user.q
+        h, b = user.h[self.bounds.rows], user.b[self.others]
+        lb, ub = self.bounds.tight[:2]
         if self.columns.size:
+            q, lb, ub = q[kept], lb[kept], ub[kept]
             slope = self.cost * user.b[self.by] / self.pivot + user.q[self.columns]
             add_transposed(self.rest, -slope / self.pivot, q)
-        h, b = user.h[self.bounds.rows], user.b[self.others]
-        lb, ub = (bound[kept] for bound in self.bounds.tight[:2])
         return QP(self.P, q, self.G, h, self.A, b, lb, ub)
 
     def point(self, point: Point) -> Point:
         """Return the user's point."""
         x = self.ray(point.x)
-        x[self.columns] += self.user.b[self.by] / self.pivot
         _, y, z, z_box = self.certificate(point)
-        gradient = self.cost * x[self.columns] + self.user.q[self.columns]
-        y[self.by] = -gradient / self.pivot
+        if self.columns.size:
+            x[self.columns] += self.user.b[self.by] / self.pivot
+            gradient = self.cost * x[self.columns] + self.user.q[self.columns]
+            y[self.by] = -gradient / self.pivot
         return Point(x, y, z, z_box)
 
     def certificate(self, point: Point) -> Point:
@@ -117,14 +130,14 @@ class Substitution(NamedTuple):
         rows[m + self.others] = point.y
         z_box = np.zeros(n)
         z_box[self.kept] = point.z_box
-        for givers, sign in zip(self.bounds.tight[2:], (-1.0, 1.0), strict=True):
-            at = np.flatnonzero((givers.rows >= 0) & (sign * z_box > 0.0))
-            rows[givers.rows[at]] = z_box[at] / givers.entry[at]
-            z_box[at] = 0.0
+        _, _, lower, upper = self.bounds.tight
+        give_back(z_box, *lower, *upper, rows)
         return Point(np.full(n, np.nan), rows[m:], rows[:m], z_box)
 
     def ray(self, d: np.ndarray) -> np.ndarray:
         """Return the user's direction of x."""
+        if not self.columns.size:
+            return d
         full = np.empty(self.user.q.size)
         full[self.kept] = d
         full[self.columns] = -times(self.rest, d) / self.pivot
@@ -164,21 +177,62 @@ def substitute(
     None, too, if lb > ub or after the deadline. The matrices of `last` are reused if qp
     has the same matrices and the same rows become bounds.
     """
-    if not (qp.lb <= qp.ub).all():
-        return None
     n, m, p = qp.q.size, qp.h.size, qp.b.size
-    G, A = without_zeros(qp.G), without_zeros(qp.A)
-    bounds = bounds_from_rows(qp, G, A)
-    if last is not None and qp.has_matrices_of(last.user):
-        if bounds.is_like(last.bounds):
-            return last._replace(user=qp, bounds=bounds)
-    P = without_zeros(qp.P)
-    columns, by, pivot, cost, others = free_columns(P, G, A, bounds)
-    if bounds.rows.size == m and others.size == p:
+    lower, upper = (Givers(np.empty(n, np.int32), np.empty(n)) for _ in range(2))
+    tight = TightBounds(qp.lb.copy(), qp.ub.copy(), lower, upper)
+    left = np.empty(m + p, dtype=np.bool_)
+    count = np.zeros(m + p, dtype=np.int32)
+    P, G, A = (tuple(arrays_of(M)) for M in (qp.P, qp.G, qp.A))
+    bounds = tight.lb, tight.ub, *lower, *upper
+    taken, clashes = tighten(G, A, qp.h, qp.b, bounds, left, count)
+    if taken < 0:
         return None
-    kept = np.delete(np.arange(n), columns)
-    rest = submatrix(A, by, kept)
+    if clashes:
+        keep_clashing_rows(qp, tight, left)
+    chosen, (pivot, cost, work) = np.empty(p, dtype=np.int32), np.empty((3, p))
+    equations = left[m:], count[m:]
+    some = find_free_columns(
+        P, G, A, bounds[:2], equations, chosen, (pivot, cost, work)
+    )
+    if some == 0 and left.all():
+        return None
+    rows = RowBounds(tight, np.flatnonzero(left[:m]), np.flatnonzero(left[m:]))
+    if last is not None and qp.has_matrices_of(last.user) and rows.is_like(last.bounds):
+        return last._replace(user=qp, bounds=rows)
+    return without_columns(qp, rows, chosen, pivot, cost, deadline)
+
+
+def keep_clashing_rows(qp: QP, tight: TightBounds, left: np.ndarray) -> None:
+    """Undo what made bounds clash; rows that clash stay, for certificates."""
+    m = qp.h.size
+    clash = tight.lb > tight.ub
+    tight.lb[clash], tight.ub[clash] = qp.lb[clash], qp.ub[clash]
+    tight.lower.rows[clash] = tight.upper.rows[clash] = -1
+    left[without_zeros(qp.G)[:, clash].indices] = True
+    left[m + without_zeros(qp.A)[:, clash].indices] = True
+
+
+def without_columns(
+    qp: QP,
+    bounds: RowBounds,
+    chosen: np.ndarray,
+    pivot: np.ndarray,
+    cost: np.ndarray,
+    deadline: Deadline,
+) -> Substitution | None:
+    """Return the QP with the rows and columns left; None after the deadline.
+
+    Row i of A substitutes column chosen[i] unless that is -1.
+    """
+    n = qp.q.size
+    by = np.flatnonzero(chosen >= 0)
+    columns, pivot, cost = chosen[by], pivot[by], cost[by]
+    others, kept, rest = bounds.equations, np.arange(n), no_rows(n)
+    P, G, A = (without_zeros(M) for M in (qp.P, qp.G, qp.A))
     if columns.size:
+        others = others[chosen[others] < 0]
+        kept = np.delete(kept, columns)
+        rest = submatrix(A, by, kept)
         check_convex(qp.P)  # the squares added below would hide negative curvature
         if deadline.reached():
             return None
@@ -191,103 +245,161 @@ def substitute(
     )  # fmt: skip
 
 
-def bounds_from_rows(qp: QP, G: csc_array, A: csc_array) -> RowBounds:
-    """Turn rows into bounds; rows that clash with bounds stay, for certificates."""
-    n, m, p = qp.q.size, qp.h.size, qp.b.size
-    lower, upper = (Givers(np.full(n, -1), np.ones(n)) for _ in range(2))
-    tight = TightBounds(qp.lb.copy(), qp.ub.copy(), lower, upper)
-    rows, equations = np.ones(m, dtype=np.bool_), np.ones(p, dtype=np.bool_)
-    tighten(G.indptr, G.indices, G.data, qp.h, 0, False, tight, rows)
-    tighten(A.indptr, A.indices, A.data, qp.b, m, True, tight, equations)
-    clash = tight.lb > tight.ub
-    if clash.any():
-        tight.lb[clash], tight.ub[clash] = qp.lb[clash], qp.ub[clash]
-        lower.rows[clash] = upper.rows[clash] = -1
-        rows[G[:, clash].indices] = equations[A[:, clash].indices] = True
-    infinite = np.isinf(tight[:2])
-    return RowBounds(tight, np.flatnonzero(rows), np.flatnonzero(equations), infinite)
-
-
 @kernel
-def tighten(indptr, indices, data, side, first, is_equal, tight, left):
-    """Tighten the bounds by the rows, of a CSC matrix, with one entry.
+def tighten(G, A, h, b, bounds, left, count):
+    """Tighten the bounds by the rows of [G; A] with one entry; see `tighten_by`.
 
-    `side` has the right-hand sides; row i has number first + i in [G; A]. `tight`, a
-    TightBounds, is overwritten; left[i] becomes False for these rows. Rows with an
-    infinite side are skipped.
+    Returns the number of these rows, -1 if not lb <= ub on entry, and the number of
+    clashes lb > ub. G and A are (indptr, indices, data) in CSC. bounds = (lb, ub,
+    lower rows, lower entries, upper rows, upper entries): the first two are changed,
+    the others, those of `Givers`, and `left` (m + p,) are overwritten. `count` (m + p,)
+    is zero on entry and takes the number of entries of each row.
     """
-    lb, ub, lower, upper = tight
-    entries = np.zeros(side.size, dtype=np.int32)
-    for i in indices:
-        entries[i] += 1
+    lb, ub, lower_row, lower_entry, upper_row, upper_entry = bounds
+    for j in range(lb.size):
+        if not lb[j] <= ub[j]:
+            return -1, 0
+        lower_row[j] = upper_row[j] = -1
+        lower_entry[j] = upper_entry[j] = 1.0
+    for i in range(left.size):
+        left[i] = True
+    taken = tighten_by(G, h, 0, False, bounds, left, count)
+    taken += tighten_by(A, b, h.size, True, bounds, left, count)
+    clashes = 0
+    for j in range(lb.size):
+        if lb[j] > ub[j]:
+            clashes += 1
+    return taken, clashes
+
+
+@part
+def tighten_by(C, side, first, is_equal, bounds, left, count):
+    """Tighten the bounds by the rows of C with one entry; return their number.
+
+    `side` has the right-hand sides; row i has number first + i in [G; A]. left[first +
+    i] becomes False for these rows. Rows with an infinite side are skipped, stored
+    zeros are no entries.
+    """
+    indptr, indices, data = C
+    lb, ub, lower_row, lower_entry, upper_row, upper_entry = bounds
+    for t in range(indptr[lb.size]):
+        if data[t] != 0.0:
+            count[first + indices[t]] += 1
+    taken = 0
     for j in range(lb.size):
         for t in range(indptr[j], indptr[j + 1]):
-            i = indices[t]
-            if entries[i] != 1 or np.isinf(side[i]):
+            i = first + indices[t]
+            if count[i] != 1 or data[t] == 0.0 or np.isinf(side[i - first]):
                 continue
             left[i] = False
-            value = side[i] / data[t]
+            taken += 1
+            value = side[i - first] / data[t]
             if (is_equal or data[t] > 0.0) and value < ub[j]:
                 ub[j] = value
-                upper.rows[j], upper.entry[j] = first + i, data[t]
+                upper_row[j], upper_entry[j] = i, data[t]
             if (is_equal or data[t] < 0.0) and value > lb[j]:
                 lb[j] = value
-                lower.rows[j], lower.entry[j] = first + i, data[t]
-
-
-def free_columns(
-    P: csc_array, G: csc_array, A: csc_array, bounds: RowBounds
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Return (columns, by, pivot, cost, others) of the substitution.
-
-    A row substitutes at most one column, that with the largest entry.
-    """
-    diagonal = P.diagonal()
-    is_free = (
-        (np.diff(A.indptr) == 1)
-        & (np.diff(G.indptr) == 0)
-        & bounds.infinite.all(axis=0)
-        & (diagonal >= 0.0)
-        & (np.diff(P.indptr) == (diagonal != 0.0))
-    )
-    columns = np.flatnonzero(is_free)
-    at = A.indptr[columns]
-    row, entry = A.indices[at].astype(np.intp), A.data[at]
-    size = np.zeros(A.shape[0])
-    np.maximum.at(size, A.indices, np.abs(A.data))
-    usable = np.zeros(size.size, dtype=bool)
-    usable[bounds.equations] = True
-    order = np.flatnonzero(usable[row] & (np.abs(entry) >= PIVOT * size[row]))
-    order = order[np.argsort(-np.abs(entry[order]), kind="stable")]
-    order = order[np.unique(row[order], return_index=True)[1]]
-    order = order[worth_it(A, row[order], diagonal[columns[order]] > 0.0)]
-    columns, row, entry = columns[order], row[order], entry[order]
-    usable[row] = False
-    return columns, row, entry, diagonal[columns], np.flatnonzero(usable)
-
-
-def worth_it(A: csc_array, row: np.ndarray, squared: np.ndarray) -> np.ndarray:
-    """Tell which rows to substitute: all, or, if their squares would fill P, some.
-
-    Those are the rows that need no square (p = 0) and the short ones.
-    """
-    length = np.bincount(A.indices, minlength=A.shape[0])[row] - 1
-    lengths = length[squared]  # of the rows whose squares are added to P
-    touched = np.zeros(A.shape[0], dtype=bool)
-    touched[row[squared]] = True
-    width = count_columns(A.indptr, A.indices, touched) - lengths.size
-    if min((lengths**2).sum(), width**2) <= FILL * lengths.sum() + SMALL:
-        return np.ones(row.size, dtype=bool)
-    return ~squared | (length <= SHORT)
+                lower_row[j], lower_entry[j] = i, data[t]
+    return taken
 
 
 @kernel
-def count_columns(indptr, indices, touched):
-    """Count the columns with an entry in a touched row."""
-    count = 0
+def find_free_columns(P, G, A, bounds, equations, chosen, numbers):
+    """Choose free columns to substitute; return their number.
+
+    Free is a column without bounds (lb, ub) and without entries in G, with one entry in
+    A and none in P but a diagonal one, p >= 0. P, G and A are (indptr, indices, data)
+    in CSC. Of `equations` = (usable, count), all (p,), row i may be taken if usable[i],
+    and has count[i] entries. Row i substitutes column chosen[i], the one with the
+    largest entry, or none where that is -1. numbers = (pivot, cost, work) takes the
+    entry and p; all these are overwritten.
+    """
+    indptr, indices, data = A
+    lb, ub = bounds
+    usable, _ = equations
+    pivot, cost, largest = numbers
+    for i in range(chosen.size):
+        chosen[i] = -1
+        pivot[i] = cost[i] = largest[i] = 0.0
+    some = 0
+    for j in range(lb.size):
+        if lb[j] > -np.inf or ub[j] < np.inf:
+            continue
+        t = only_entry(A, j)
+        if t < 0 or only_entry(G, j) != NO_ENTRY:
+            continue
+        i = indices[t]
+        s = only_entry(P, j)
+        if s == SEVERAL or (s >= 0 and (P[1][s] != j or P[2][s] < 0.0)):
+            continue
+        if usable[i] and abs(data[t]) > abs(pivot[i]):
+            chosen[i], pivot[i] = j, data[t]
+            cost[i] = P[2][s] if s >= 0 else 0.0
+            some = 1
+    if some == 0:
+        return 0
+    for t in range(indptr[lb.size]):
+        i = indices[t]
+        largest[i] = max(largest[i], abs(data[t]))
+    for i in range(chosen.size):
+        if abs(pivot[i]) < PIVOT * largest[i]:
+            chosen[i] = -1
+    return drop_filling_rows(A, equations, chosen, cost)
+
+
+@part
+def only_entry(C, j):
+    """Return the position of the only nonzero entry in column j of a CSC matrix."""
+    indptr, _, data = C
+    found = NO_ENTRY
+    for t in range(indptr[j], indptr[j + 1]):
+        if data[t] != 0.0:
+            if found != NO_ENTRY:
+                return SEVERAL
+            found = t
+    return found
+
+
+@part
+def drop_filling_rows(A, equations, chosen, cost):
+    """Set chosen[i] = -1 where squares would fill P; return how many rows are left.
+
+    If the squares of all rows with p > 0 fill P, only the short ones of them are left.
+    """
+    indptr, indices, data = A
+    _, count = equations
+    lengths, squares, rows, left = 0, 0, 0, 0
+    for i in range(chosen.size):
+        if chosen[i] >= 0:
+            left += 1
+            if cost[i] > 0.0:
+                length = np.int64(count[i]) - 1
+                lengths += length
+                squares += length * length
+                rows += 1
+    width = -rows
     for j in range(indptr.size - 1):
         for t in range(indptr[j], indptr[j + 1]):
-            if touched[indices[t]]:
-                count += 1
+            i = indices[t]
+            if data[t] != 0.0 and chosen[i] >= 0 and cost[i] > 0.0:
+                width += 1
                 break
-    return count
+    if min(squares, width * width) <= FILL * lengths + SMALL:
+        return left
+    for i in range(chosen.size):
+        if chosen[i] >= 0 and cost[i] > 0.0 and count[i] - 1 > SHORT:
+            chosen[i] = -1
+            left -= 1
+    return left
+
+
+@kernel
+def give_back(z_box, lower_row, lower_entry, upper_row, upper_entry, rows):
+    """Move multipliers of bounds to the rows of [G; A] that gave them: `Givers`."""
+    for j in range(z_box.size):
+        if z_box[j] < 0.0 and lower_row[j] >= 0:
+            rows[lower_row[j]] = z_box[j] / lower_entry[j]
+            z_box[j] = 0.0
+        elif z_box[j] > 0.0 and upper_row[j] >= 0:
+            rows[upper_row[j]] = z_box[j] / upper_entry[j]
+            z_box[j] = 0.0
