@@ -6,7 +6,6 @@ indices, but `times` and `add_transposed` take any: products of other kinds are 
 `@`. The order of summation is SciPy's.
 """
 
-import copy
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -107,7 +106,8 @@ def from_arrays(
 
     `kind` is csc_array or csr_array. Its constructor would take 13 us for checks.
     """
-    M = copy.copy(EMPTY[kind])
+    M = object.__new__(kind)
+    vars(M).update(vars(EMPTY[kind]))
     M.indptr, M.indices, M.data = parts
     M._shape = shape
     return M

@@ -11,13 +11,22 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array
 
 from namlcp.compiled import kernel
-from namlcp.linalg import add_transposed, by_rows, submatrix, times, without_zeros
+from namlcp.linalg import add_transposed, submatrix, times
 from namlcp.qp.problem import QP, Point
+from namlcp.qp.transforms.proportional import (
+    EMPTY,
+    Rows,
+    leading_rows,
+    merge_equations,
+    merge_ranges,
+)
 
 # Largest ub - lb of a fixed variable, relative to max(1, |lb|).
 FIXED = 1e-12
-# Largest relative difference between entries of proportional rows, one row scaled.
-SAME = 1e-13
+
+
+# Columns and values of no fixed variables.
+NO_COLUMNS, NO_VALUES = np.empty(0, dtype=np.intp), np.empty(0)
 
 
 class Contradiction(NamedTuple):
@@ -40,30 +49,9 @@ class Owners(NamedTuple):
     rows: np.ndarray
     ratio: np.ndarray
 
-    def spread(self, side: np.ndarray, full: np.ndarray) -> None:
-        """Add multipliers of one side of the ranges to `full`, those of the rows."""
-        has = self.rows >= 0
-        full[self.rows[has]] += side[has] / np.abs(self.ratio[has])
-
     def gather(self, full: np.ndarray) -> np.ndarray:
         """Return the multipliers of one side of the ranges from those of the rows."""
         return np.where(self.rows >= 0, full[self.rows] * np.abs(self.ratio), 0.0)
-
-
-class Groups(NamedTuple):
-    """The rows of a matrix that are not dropped, and which of them are proportional.
-
-    Rows not `wanted` (infinite) and `empty` ones are dropped. Of the kept `rows`, row i
-    is ratio[i] times row leader[i], the first one of its group (both are positions in
-    `rows`; leader is None if no two are proportional); `first` has the leaders.
-    """
-
-    wanted: np.ndarray
-    empty: np.ndarray
-    rows: np.ndarray
-    leader: np.ndarray | None
-    ratio: np.ndarray
-    first: np.ndarray
 
 
 class Presolved(NamedTuple):
@@ -93,8 +81,8 @@ class Presolved(NamedTuple):
     upper_of: Owners
     lower_of: Owners
     contradictions: list[Contradiction]
-    A_groups: Groups
-    G_groups: Groups
+    A_rows: Rows
+    G_rows: Rows
 
     def has_matrices_of(self, other: "Presolved") -> bool:
         """Tell whether P, A and G are the very same objects."""
@@ -105,11 +93,13 @@ class Presolved(NamedTuple):
         return (
             qp.has_matrices_of(self.qp)
             and np.array_equal(fixed, self.fixed)
-            and np.array_equal(qp.h < np.inf, self.G_groups.wanted)
+            and np.array_equal(qp.h < np.inf, self.G_rows.wanted)
         )
 
     def with_fixed(self, x: np.ndarray) -> np.ndarray:
         """Return the x of `qp` from that of the kept columns."""
+        if not self.fixed.size:
+            return x
         full = np.empty(self.qp.q.size)
         full[self.kept] = x
         full[self.fixed] = self.x_fixed
@@ -117,6 +107,8 @@ class Presolved(NamedTuple):
 
     def ray(self, d: np.ndarray) -> np.ndarray:
         """Return the direction of the x of `qp`; fixed variables do not move."""
+        if not self.fixed.size:
+            return d
         full = np.zeros(self.qp.q.size)
         full[self.kept] = d
         return full
@@ -129,12 +121,9 @@ class Presolved(NamedTuple):
         The two extreme rows of an equation share its y, so that b'y does not change
         where b is the mean of their right-hand sides.
         """
-        y_full = np.zeros(self.qp.b.size)
-        for owners in (self.largest_of, self.smallest_of):
-            y_full[owners.rows] += 0.5 * y / owners.ratio
-        z_full = np.zeros(self.qp.h.size)
-        self.upper_of.spread(z_upper, z_full)
-        self.lower_of.spread(z_lower, z_full)
+        y_full, z_full = np.zeros(self.qp.b.size), np.zeros(self.qp.h.size)
+        spread_equations(*self.largest_of, *self.smallest_of, y, y_full)
+        spread_ranges(*self.upper_of, *self.lower_of, z_upper, z_lower, z_full)
         return y_full, z_full
 
     def guess(
@@ -156,15 +145,16 @@ class Presolved(NamedTuple):
     ) -> Point:
         """Return the point of `qp`; z_box of a fixed variable makes its residual 0."""
         qp = self.qp
-        x = self.with_fixed(x)
         y, z = self.certificate(y, z_upper, z_lower)
-        box = np.zeros(qp.q.size)
+        if not self.fixed.size:
+            return Point(x, y, z, z_box)
+        x = self.with_fixed(x)
+        gradient = times(qp.P, x) + qp.q
+        add_transposed(qp.A, y, gradient)
+        add_transposed(qp.G, z, gradient)
+        box = np.empty(qp.q.size)
         box[self.kept] = z_box
-        if self.fixed.size:
-            gradient = times(qp.P, x) + qp.q
-            add_transposed(qp.A, y, gradient)
-            add_transposed(qp.G, z, gradient)
-            box[self.fixed] = -gradient[self.fixed]
+        box[self.fixed] = -gradient[self.fixed]
         return Point(x, y, z, box)
 
 
@@ -175,39 +165,61 @@ def presolve(
 
     The tolerances decide which constraints contradict each other.
     """
-    found = contradictory_sides(qp, eps_abs, eps_rel)
-    finite = np.isfinite(qp.lb) & np.isfinite(qp.ub)
-    lb, ub = np.where(finite, qp.lb, 0.0), np.where(finite, qp.ub, 0.0)
-    is_fixed = finite & (ub - lb <= FIXED * np.maximum(1.0, np.abs(lb)))
-    kept, fixed = np.flatnonzero(~is_fixed), np.flatnonzero(is_fixed)
-    x_fixed = 0.5 * (qp.lb[fixed] + qp.ub[fixed])
-    q, b, h = qp.q, qp.b, qp.h
-    if fixed.size:
-        held = np.zeros(q.size)
+    n, m, p = qp.q.size, qp.h.size, qp.b.size
+    is_fixed, wanted = np.empty(n, dtype=np.bool_), np.empty(m, dtype=np.bool_)
+    doubtful, count = inspect_sides(qp.lb, qp.ub, qp.h, is_fixed, wanted)
+    found = contradictory_sides(qp, eps_abs, eps_rel) if doubtful else []
+    q, b, h, lb, ub = qp.q, qp.b, qp.h, qp.lb, qp.ub
+    kept, fixed, x_fixed = np.arange(n), NO_COLUMNS, NO_VALUES
+    if count:
+        kept, fixed = np.flatnonzero(~is_fixed), np.flatnonzero(is_fixed)
+        x_fixed = 0.5 * (lb[fixed] + ub[fixed])
+        held = np.zeros(n)
         held[fixed] = x_fixed
         q = (q + times(qp.P, held))[kept]
         b, h = b - times(qp.A, held), h - times(qp.G, held)
-    lb, ub = qp.lb[kept], qp.ub[kept]
+        lb, ub = lb[kept], ub[kept]
     if last is not None and last.can_be_renewed(qp, fixed):
         P, A, G = last.P, last.A, last.G
-        A_groups, G_groups = last.A_groups, last.G_groups
+        A_rows, G_rows = last.A_rows, last.G_rows
     else:
         P = submatrix(qp.P, kept, kept)
-        A, G = (
-            by_rows(submatrix(without_zeros(M), np.arange(M.shape[0]), kept))
-            for M in (qp.A, qp.G)
-        )
-        A, A_groups = grouped(A, np.ones(b.size, dtype=bool))
-        G, G_groups = grouped(G, h < np.inf)
+        A, A_rows = leading_rows(qp.A, kept, np.ones(p, dtype=np.bool_))
+        G, G_rows = leading_rows(qp.G, kept, wanted)
     tol = eps_abs if eps_abs > 0.0 else eps_rel
-    b, largest_of, smallest_of, more = equality_sides(A_groups, b, tol)
-    found += more
-    lower, upper, lower_of, upper_of, more = ranges(G_groups, h, tol, qp.b.size)
-    found += more
+    b, largest_of, smallest_of = equality_sides(A_rows, b, tol, found)
+    lower, upper, lower_of, upper_of = ranges(G_rows, h, tol, p, found)
     return Presolved(
         qp, P, q, A, b, G, lower, upper, lb, ub, kept, fixed, x_fixed,
-        largest_of, smallest_of, upper_of, lower_of, found, A_groups, G_groups,
+        largest_of, smallest_of, upper_of, lower_of, found, A_rows, G_rows,
     )  # fmt: skip
+
+
+@kernel
+def inspect_sides(lb, ub, h, is_fixed, wanted):
+    """Mark fixed variables and finite rows (h < inf); both arrays are overwritten.
+
+    Returns whether a bound or row may contradict itself, and the number of fixed
+    variables.
+    """
+    doubtful, count = False, 0
+    for j in range(lb.size):
+        low, high = lb[j], ub[j]
+        if not low <= high or low == np.inf or high == -np.inf:
+            doubtful = True
+        is_fixed[j] = (
+            low > -np.inf
+            and high < np.inf
+            and high > -np.inf
+            and high - low <= FIXED * max(1.0, abs(low))
+        )
+        if is_fixed[j]:
+            count += 1
+    for i in range(h.size):
+        wanted[i] = h[i] < np.inf
+        if h[i] == -np.inf:
+            doubtful = True
+    return doubtful, count
 
 
 def contradictory_sides(qp: QP, eps_abs: float, eps_rel: float) -> list[Contradiction]:
@@ -215,9 +227,6 @@ def contradictory_sides(qp: QP, eps_abs: float, eps_rel: float) -> list[Contradi
 
     Bounds do so if no x is within tolerance of both.
     """
-    wrong = ~(qp.lb <= qp.ub) | (qp.lb == np.inf) | (qp.ub == -np.inf)
-    if not wrong.any() and not (qp.h == -np.inf).any():
-        return []
     with np.errstate(invalid="ignore"):
         size = np.maximum(np.abs(qp.lb), np.abs(qp.ub))
         gap = qp.lb - qp.ub > 2.0 * (eps_abs + eps_rel * np.minimum(size, 1e300))
@@ -229,161 +238,78 @@ def contradictory_sides(qp: QP, eps_abs: float, eps_rel: float) -> list[Contradi
     return []
 
 
-def grouped(M: csr_array, wanted: np.ndarray) -> tuple[csr_array, Groups]:
-    """Return the leading rows of M, of those wanted and not empty, and the groups."""
-    is_empty = np.diff(M.indptr) == 0
-    rows = np.flatnonzero(wanted & ~is_empty)
-    M = M if rows.size == M.shape[0] else M[rows]
-    leader, ratio = proportional_rows(M)
-    first = np.arange(rows.size)
-    if leader is not None:
-        first = np.flatnonzero(leader == first)
-        M = M[first]
-    return M, Groups(wanted, np.flatnonzero(is_empty), rows, leader, ratio, first)
-
-
 def equality_sides(
-    groups: Groups, b: np.ndarray, tol: float
-) -> tuple[np.ndarray, Owners, Owners, list[Contradiction]]:
-    """Return the right-hand sides, the owners of the extreme ones, contradictions.
+    rows: Rows, b: np.ndarray, tol: float, found: list[Contradiction]
+) -> tuple[np.ndarray, Owners, Owners]:
+    """Return the right-hand sides of the equations and the owners of extreme ones.
 
     Proportional rows contradict each other if no value is within `tol` of all their b.
-    `low` and `most` below are minima with their sign reversed.
+    Contradictions are added to `found`.
     """
-    found, p = [], b.size
-    _, empty, rows, leader, ratio, first = groups
-    for i in empty[np.abs(b[empty]) > tol][:1]:
-        message = f"row {i} of A has no free variable, but the right-hand side {b[i]:g}"
-        found.append(Contradiction(message, unit(p, i, -np.sign(b[i]))))
-    b = b[rows]
-    if leader is None:
-        same = Owners(rows, ratio)
-        return b, same, same, found
-    value, margin = b / ratio, tol / np.abs(ratio)  # of the leader's row
-    low, low_at = extreme(-value, leader)
-    high, high_at = extreme(value, leader)
-    most, most_at = extreme(-(value + margin), leader)
-    least, least_at = extreme(value - margin, leader)
-    for k in first[least[first] + most[first] > 0.0][:1]:
-        i, j = least_at[k], most_at[k]
-        y = unit(p, rows[j], 1.0 / ratio[j]) - unit(p, rows[i], 1.0 / ratio[i])
-        message = f"rows {rows[i]} and {rows[j]} of A contradict each other"
+    p, first = b.size, rows.first
+    if rows.empty:
+        empty = np.flatnonzero(rows.leader == EMPTY)
+        for i in empty[np.abs(b[empty]) > tol][:1]:
+            side = f"but the right-hand side {b[i]:g}"
+            message = f"row {i} of A has no free variable, {side}"
+            found.append(Contradiction(message, unit(p, i, -np.sign(b[i]))))
+    if not rows.proportional:
+        same = Owners(first, np.ones(first.size))
+        return b[first], same, same
+    sides, owners = np.empty((5, first.size)), np.empty((4, first.size), dtype=np.intp)
+    k = merge_equations(rows.leader, rows.ratio, rows.number, b, tol, sides, owners)
+    ratio = rows.ratio
+    if k >= 0:
+        i, j = owners[2:, k]
+        y = unit(p, i, 1.0 / ratio[i]) - unit(p, j, 1.0 / ratio[j])
+        message = f"rows {j} and {i} of A contradict each other"
         found.append(Contradiction(message, y))
-    owners = [Owners(rows[at], ratio[at]) for at in (high_at[first], low_at[first])]
-    mean = 0.5 * (high[first] - low[first])
-    below, above = least[first], -most[first]
-    b = np.where(below <= above, np.clip(mean, below, above), mean)
-    return b, owners[0], owners[1], found
+    largest, smallest = (Owners(at, ratio[at]) for at in owners[:2])
+    return sides[4], largest, smallest
 
 
 def ranges(
-    groups: Groups, h: np.ndarray, tol: float, p: int
-) -> tuple[np.ndarray, np.ndarray, Owners, Owners, list[Contradiction]]:
-    """Return the lower and upper sides of the ranges, their owners, contradictions.
+    rows: Rows, h: np.ndarray, tol: float, p: int, found: list[Contradiction]
+) -> tuple[np.ndarray, np.ndarray, Owners, Owners]:
+    """Return the lower and upper sides of the ranges and their owners.
 
-    `p` is the size of y in the contradictions.
+    Contradictions are added to `found`; `p` is the size of their y.
     """
-    found, m = [], h.size
-    _, empty, rows, leader, ratio, first = groups
-    for i in empty[(h[empty] < -tol) & (h[empty] > -np.inf)][:1]:
-        message = f"row {i} of G has no free variable, but the right-hand side {h[i]:g}"
-        found.append(Contradiction(message, np.zeros(p), unit(m, i, 1.0)))
-    h = h[rows]
-    if leader is None:
-        none = Owners(np.full(rows.size, -1), ratio)
-        return np.full(rows.size, -np.inf), h, none, Owners(rows, ratio), found
-    value = h / ratio
-    upper, upper_at = extreme(-np.where(ratio > 0.0, value, np.inf), leader)
-    lower, lower_at = extreme(np.where(ratio < 0.0, value, -np.inf), leader)
-    upper = -upper
-    margin = tol / np.abs(ratio)
-    margin = margin[upper_at] + margin[lower_at]
-    for k in first[lower[first] > upper[first] + margin[first]][:1]:
-        i, j = upper_at[k], lower_at[k]
-        z = unit(m, rows[i], 1.0 / ratio[i]) + unit(m, rows[j], -1.0 / ratio[j])
-        message = f"rows {rows[i]} and {rows[j]} of G contradict each other"
+    m, count = h.size, rows.first.size
+    if rows.empty:
+        empty = np.flatnonzero(rows.leader == EMPTY)
+        for i in empty[(h[empty] < -tol) & (h[empty] > -np.inf)][:1]:
+            side = f"but the right-hand side {h[i]:g}"
+            message = f"row {i} of G has no free variable, {side}"
+            found.append(Contradiction(message, np.zeros(p), unit(m, i, 1.0)))
+    lower, upper, low_ratio, up_ratio = np.empty((4, count))
+    low_at, up_at = np.empty((2, count), dtype=np.intp)
+    low, up = (lower, low_at, low_ratio), (upper, up_at, up_ratio)
+    k = merge_ranges(rows.leader, rows.ratio, rows.number, h, tol, low, up)
+    if k >= 0:
+        i, j = up_at[k], low_at[k]
+        z = unit(m, i, 1.0 / up_ratio[k]) + unit(m, j, -1.0 / low_ratio[k])
+        message = f"rows {i} and {j} of G contradict each other"
         found.append(Contradiction(message, np.zeros(p), z))
-    owners = []
-    for end, at in ((lower[first], lower_at[first]), (upper[first], upper_at[first])):
-        owners.append(Owners(np.where(np.isfinite(end), rows[at], -1), ratio[at]))
-    return lower[first], upper[first], owners[0], owners[1], found
-
-
-def proportional_rows(M: csr_array) -> tuple[np.ndarray | None, np.ndarray]:
-    """Group the rows of M, none of them empty, that are multiples of each other.
-
-    Returns `leader`, the first row of each row's group, or None if all rows differ, and
-    `ratio`: row = ratio * leader's row. Rows are compared with the first of equal key.
-    """
-    m = M.shape[0]
-    one = np.ones(m)
-    if m < 2:
-        return None, one
-    key = np.empty(m)
-    row_keys(M.indptr, M.indices, M.data, key)
-    order = np.argsort(key, kind="stable")
-    same = np.zeros(m, dtype=bool)
-    same[1:] = key[order[1:]] == key[order[:-1]]
-    if not same.any():
-        return None, one
-    leader = np.arange(m)
-    compare_rows(M.indptr, M.indices, M.data, order, same, leader)
-    if np.array_equal(leader, np.arange(m)):
-        return None, one
-    lead = M.data[M.indptr[:-1]]
-    return leader, lead / lead[leader]
+    return lower, upper, Owners(low_at, low_ratio), Owners(up_at, up_ratio)
 
 
 @kernel
-def row_keys(indptr, indices, data, key):
-    """Set key_i = sum |a_ij| (2 + sin j) / |first a_ij| for the rows of a CSR matrix.
-
-    It is rounded to single precision, so that rounding errors seldom change it.
-    """
-    for i in range(key.size):
-        total = 0.0
-        for t in range(indptr[i], indptr[i + 1]):
-            total += abs(data[t]) * (2.0 + np.sin(float(indices[t])))
-        key[i] = np.float32(total / abs(data[indptr[i]]))
+def spread_equations(rows, ratio, others, other_ratio, y, full):
+    """Add half of the multipliers of equations to either of their two owners."""
+    for k in range(y.size):
+        full[rows[k]] += 0.5 * y[k] / ratio[k]
+        full[others[k]] += 0.5 * y[k] / other_ratio[k]
 
 
 @kernel
-def compare_rows(indptr, indices, data, order, same, leader):
-    """Set leader[row] to the first row with the same key if they are proportional.
-
-    The matrix is in CSR; `order` sorts its rows by key; same[k] tells whether rows
-    order[k] and order[k - 1] have the same key; on entry leader[row] = row.
-    """
-    head = order[0]
-    for k in range(order.size):
-        row = order[k]
-        if not same[k]:
-            head = row
-            continue
-        a = indptr[head]
-        c = indptr[row]
-        ratio = data[a] / data[c]
-        length = indptr[head + 1] - a
-        equal = indptr[row + 1] - c == length
-        for t in range(length if equal else 0):
-            difference = data[c + t] * ratio - data[a + t]
-            if indices[a + t] != indices[c + t] or (
-                abs(difference) > SAME * abs(data[a + t])
-            ):
-                equal = False
-                break
-        if equal:
-            leader[row] = head
-
-
-def extreme(value: np.ndarray, leader: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return, at each leader, the largest value of its group and the first such row."""
-    best = np.full(leader.size, -np.inf)
-    np.maximum.at(best, leader, value)
-    at = leader.copy()
-    hit = np.flatnonzero(value == best[leader])
-    at[leader[hit[::-1]]] = hit[::-1]
-    return best, at
+def spread_ranges(upper_row, upper_ratio, lower_row, lower_ratio, upper, lower, full):
+    """Add the multipliers of the sides of ranges to the rows that own them."""
+    for k in range(upper.size):
+        if upper_row[k] >= 0:
+            full[upper_row[k]] += upper[k] / abs(upper_ratio[k])
+        if lower_row[k] >= 0:
+            full[lower_row[k]] += lower[k] / abs(lower_ratio[k])
 
 
 def unit(size: int, index: int, value: float) -> np.ndarray:

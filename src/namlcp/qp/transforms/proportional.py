@@ -1,0 +1,235 @@
+"""Rows of a matrix that are multiples of each other: found by hashing, and merged.
+
+Rows c g'x <= d beside g'x <= h are sides of one range, equations c a'x = d beside
+a'x = b are one equation. The first row of each such group is its leader.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import csc_array, csr_array
+
+from namlcp.compiled import kernel, part
+from namlcp.linalg import arrays_of, from_arrays
+
+# Largest relative difference between entries of proportional rows, one row scaled.
+SAME = 1e-13
+# Values of `Rows.leader` for a row that is not wanted, and for an empty one.
+UNWANTED, EMPTY = -2, -1
+# The weight of column j in the key of a row is 1 plus the fractional part of j times
+# the golden ratio, which differs from that of any nearby column.
+GOLDEN = 0.6180339887498949
+
+
+class Rows(NamedTuple):
+    """Which rows of a matrix are kept, and which are proportional.
+
+    Row i is ratio[i] times row leader[i], the `first` one of its group; rows that are
+    not `wanted` and empty ones have the leader UNWANTED or EMPTY. number[i] is the
+    position of a leader in `first`. `proportional` tells whether some rows are not
+    leaders, `empty` whether some are empty.
+    """
+
+    wanted: np.ndarray
+    leader: np.ndarray
+    ratio: np.ndarray
+    number: np.ndarray
+    first: np.ndarray
+    proportional: bool
+    empty: bool
+
+
+def leading_rows(
+    M: csc_array, columns: np.ndarray, wanted: np.ndarray
+) -> tuple[csr_array, Rows]:
+    """Return the leaders of the wanted rows of M[:, columns] in CSR, and the groups.
+
+    Stored zeros are dropped. Rows are compared with the first one of equal key.
+    """
+    m = M.shape[0]
+    indptr = np.empty(m + 1, dtype=np.int32)
+    indices, data = np.empty(M.indices.size, dtype=np.int32), np.empty(M.data.size)
+    rows = indptr, indices, data
+    leader, number = np.empty((2, m), dtype=np.int32)
+    ratio, key = np.empty(m), np.empty(m, dtype=np.float32)
+    turned_part(tuple(arrays_of(M)), columns, wanted, rows)
+    table = np.empty(1 << (2 * m + 1).bit_length(), dtype=np.int32)
+    keys = key, key.view(np.int32), table
+    count, followers, empty = group_rows(rows, wanted, keys, leader, ratio, number)
+    entries = indptr[count]
+    parts = indptr[: count + 1], indices[:entries], data[:entries]
+    first = np.flatnonzero(leader == np.arange(m)) if count < m else np.arange(m)
+    groups = Rows(wanted, leader, ratio, number, first, followers > 0, empty > 0)
+    return from_arrays(parts, (count, columns.size), csr_array), groups
+
+
+@kernel
+def turned_part(C, columns, wanted, rows):
+    """Write the nonzeros of some columns and of the wanted rows of C by rows.
+
+    C = (indptr, indices, data) in CSC, rows = (indptr, indices, data) in CSR; columns
+    are numbered as they stand in `columns`, other rows become empty.
+    """
+    indptr, indices, data = C
+    start, position, value = rows
+    for i in range(start.size):
+        start[i] = 0
+    for j in columns:
+        for t in range(indptr[j], indptr[j + 1]):
+            if data[t] != 0.0 and wanted[indices[t]]:
+                start[indices[t]] += 1
+    total = 0
+    for i in range(start.size):  # start[i] is the end of row i, then its beginning
+        total += start[i]
+        start[i] = total
+    for k in range(columns.size - 1, -1, -1):
+        j = columns[k]
+        for t in range(indptr[j], indptr[j + 1]):
+            i = indices[t]
+            if data[t] != 0.0 and wanted[i]:
+                start[i] -= 1
+                position[start[i]] = k
+                value[start[i]] = data[t]
+
+
+@kernel
+def group_rows(rows, wanted, keys, leader, ratio, number):
+    """Group the rows, of a CSR matrix, that are proportional; keep their leaders.
+
+    Returns the numbers of leaders, of other rows in groups, and of empty rows that are
+    wanted. `leader`, `ratio` and `number` (m,) are overwritten as `Rows` has them, and
+    the matrix by its leaders. keys = (key, the bits of key as int32, table), all
+    overwritten, are the keys in single precision, so that rounding errors seldom change
+    them, and a hash table of rows with open addressing.
+
+    The key of a row is sum |a_ij| w_ij / |first a_ij| with the weights of GOLDEN, plus
+    1 where the signs of a_ij and of the first entry differ.
+    """
+    indptr, indices, data = rows
+    key, bits, table = keys
+    for s in range(table.size):
+        table[s] = -1
+    mask = table.size - 1
+    kept, followers, empty = 0, 0, 0
+    begin = indptr[0]
+    for i in range(wanted.size):
+        end = indptr[i + 1]
+        ratio[i], number[i] = 1.0, -1
+        if begin == end:
+            leader[i] = EMPTY if wanted[i] else UNWANTED
+            empty += 1 if wanted[i] else 0
+            continue
+        total = 0.0
+        for t in range(begin, end):
+            share = GOLDEN * indices[t]
+            weight = 1.0 + share - np.floor(share)
+            if (data[t] > 0.0) != (data[begin] > 0.0):
+                weight += 1.0
+            total += abs(data[t]) * weight
+        key[i] = total / abs(data[begin])
+        s = (np.int64(bits[i]) ^ (np.int64(bits[i]) >> 15)) & mask
+        while table[s] >= 0 and key[table[s]] != key[i]:
+            s = (s + 1) & mask
+        head = table[s]
+        if head >= 0:
+            k = number[head]
+            first, last = indptr[k], indptr[k + 1]
+            if are_proportional(indices, data, first, last, begin, end):
+                leader[i], ratio[i] = head, data[begin] / data[first]
+                followers += 1
+                begin = end
+                continue
+        else:
+            table[s] = i
+        leader[i], number[i] = i, kept
+        start = indptr[kept]
+        for t in range(end - begin):
+            indices[start + t], data[start + t] = indices[begin + t], data[begin + t]
+        kept += 1
+        indptr[kept] = start + end - begin
+        begin = end
+    return kept, followers, empty
+
+
+@part
+def are_proportional(indices, data, a, a_end, c, c_end):
+    """Tell whether entries a to a_end, of a row, are proportional to c to c_end."""
+    if c_end - c != a_end - a:
+        return False
+    ratio = data[a] / data[c]
+    for t in range(a_end - a):
+        difference = data[c + t] * ratio - data[a + t]
+        if indices[a + t] != indices[c + t] or (
+            abs(difference) > SAME * abs(data[a + t])
+        ):
+            return False
+    return True
+
+
+@kernel
+def merge_ranges(leader, ratio, number, h, tol, low, up):
+    """Merge rows c g'x <= h_i of each group to lower <= g'x <= upper.
+
+    leader, ratio, number are those of `Rows`. low = (lower, row, ratio) takes the lower
+    sides, the rows that give them, -1 for none, and the ratios of these, `up` the
+    upper ones. Returns the first range with lower > upper, each side widened by `tol`
+    in the units of its row, or -1.
+    """
+    lower, low_at, low_ratio = low
+    upper, up_at, up_ratio = up
+    for k in range(lower.size):
+        lower[k], upper[k] = -np.inf, np.inf
+        low_at[k] = up_at[k] = -1
+        low_ratio[k] = up_ratio[k] = 1.0
+    for i in range(h.size):
+        if leader[i] < 0:
+            continue
+        k, value = number[leader[i]], h[i] / ratio[i]
+        if ratio[i] > 0.0 and value < upper[k]:
+            upper[k] = value
+            up_at[k], up_ratio[k] = (i if value > -np.inf else -1), ratio[i]
+        elif ratio[i] < 0.0 and value > lower[k]:
+            lower[k] = value
+            low_at[k], low_ratio[k] = (i if value < np.inf else -1), ratio[i]
+    for k in range(lower.size):
+        if low_at[k] >= 0 and up_at[k] >= 0:
+            margin = tol / abs(low_ratio[k]) + tol / abs(up_ratio[k])
+            if lower[k] > upper[k] + margin:
+                return k
+    return -1
+
+
+@kernel
+def merge_equations(leader, ratio, number, b, tol, sides, owners):
+    """Merge proportional equations; return the first contradictory group, or -1.
+
+    leader, ratio, number are those of `Rows`. For each group and the values v = b_i /
+    ratio[i] with the margins t = tol / |ratio[i]|, `sides` (5, groups) takes max v, min
+    v, min (v + t), max (v - t) and the right-hand side, `owners` (4, groups) the rows
+    of the first four. The right-hand side is the mean of the first two, moved between
+    the other two; these contradict each other where the third is below the fourth.
+    """
+    for k in range(sides.shape[1]):
+        sides[0, k] = sides[3, k] = -np.inf
+        sides[1, k] = sides[2, k] = np.inf
+    for i in range(b.size):
+        if leader[i] < 0:
+            continue
+        k, value, margin = number[leader[i]], b[i] / ratio[i], tol / abs(ratio[i])
+        if value > sides[0, k]:
+            sides[0, k], owners[0, k] = value, i
+        if value < sides[1, k]:
+            sides[1, k], owners[1, k] = value, i
+        if value + margin < sides[2, k]:
+            sides[2, k], owners[2, k] = value + margin, i
+        if value - margin > sides[3, k]:
+            sides[3, k], owners[3, k] = value - margin, i
+    wrong = -1
+    for k in range(sides.shape[1]):
+        above, below = sides[2, k], sides[3, k]
+        sides[4, k] = 0.5 * (sides[0, k] + sides[1, k])
+        if below <= above:
+            sides[4, k] = min(max(sides[4, k], below), above)
+        elif wrong < 0:
+            wrong = k
+    return wrong
