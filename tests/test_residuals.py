@@ -8,6 +8,7 @@ import scipy.sparse as sp
 from qpsolvers import Problem, Solution
 
 from namlcp import Residuals, natural_residual, qp_residuals
+from namlcp.residuals import finite_sides
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -105,3 +106,44 @@ def test_none_stands_for_absent_bounds():
     half = qp_residuals(P, one, *none, *none, 0.0 * one, None, *point)
     assert half == qp_residuals(P, one, *none, *none, 0.0 * one, free, *point)
     assert half != whole
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_finite_sides_are_gathered_in_their_order(seed):
+    rng = np.random.default_rng(seed)
+    h, lb, ub = (
+        np.where(rng.random(k) < 0.4, np.inf, rng.random(k)) for k in (7, 5, 5)
+    )
+    lb *= -1.0
+    z, z_box = rng.random(7), rng.standard_normal(5)
+    sides, multipliers = np.empty((2, 17))
+    ends = finite_sides((h, lb, ub), (z, z_box), sides, multipliers)
+    terms = (h, z), (lb, np.minimum(z_box, 0.0)), (ub, np.maximum(z_box, 0.0))
+    start = 0
+    for (side, multiplier), end in zip(terms, ends, strict=True):
+        finite = np.isfinite(side)
+        np.testing.assert_array_equal(sides[start:end], side[finite])
+        np.testing.assert_array_equal(multipliers[start:end], multiplier[finite])
+        start = end
+
+
+def test_all_forms_of_matrices_are_judged_alike():
+    """Clean CSC has a kernel of its own; its sums are in the order of SciPy's."""
+    rng = np.random.default_rng(0)
+    n, m, p = 9, 7, 4
+    dense = [
+        rng.standard_normal((k, n)) * (rng.random((k, n)) < 0.4) for k in (n, m, p)
+    ]
+    q, h, b, x, y, z, z_box = (rng.standard_normal(k) for k in (n, m, p, n, p, m, n))
+
+    def wide(M):
+        M = sp.csc_array(M)
+        M.indices, M.indptr = M.indices.astype(np.int64), M.indptr.astype(np.int64)
+        return M
+
+    found = []
+    for convert in (sp.csc_array, sp.csr_array, sp.coo_array, np.asarray, wide):
+        P, G, A = map(convert, dense)
+        found.append(qp_residuals(P, q, G, h, A, b, None, None, x, y, z, z_box))
+    for other in found[1:]:
+        np.testing.assert_allclose(other, found[0], rtol=1e-13)

@@ -18,7 +18,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from namlcp.compiled import kernel, part
-from namlcp.linalg import add_transposed, times
+from namlcp.linalg import (
+    add_column_sums,
+    add_columns,
+    add_transposed,
+    compiled_form,
+    times,
+)
 
 LARGE_TERM = 250.0
 """If all terms of the gap are smaller than this, then its rounding error is below 1e-12
@@ -174,6 +180,24 @@ def qp_residuals_of_products(vectors, point, products):
     return primal, dual, gap, primal_size, dual_size, gap_size, objective
 
 
+@kernel
+def sparse_qp_residuals(P, G, A, vectors, point, products):
+    """Set the products, and return what `qp_residuals_of_products` returns.
+
+    P, G, A = (indptr, indices, data) in CSC, vectors, point and products as there; the
+    products are zero on entry. One call, because each takes longer than the products
+    of a small QP.
+    """
+    x, y, z, _ = point
+    Px, Gx, Ax, Gtz, Aty = products
+    add_columns(P[0], P[1], P[2], x, Px)
+    add_columns(G[0], G[1], G[2], x, Gx)
+    add_columns(A[0], A[1], A[2], x, Ax)
+    add_column_sums(G[0], G[1], G[2], z, Gtz)
+    add_column_sums(A[0], A[1], A[2], y, Aty)
+    return qp_residuals_of_products(vectors, point, products)
+
+
 def qp_residuals(
     P: Any,
     q: np.ndarray,
@@ -207,12 +231,43 @@ def qp_residuals(
             both = f"{right.shape} and {multiplier.shape}"
             raise ValueError(f"{names} must have one shape, got {both}")
     vectors, point = (q, h, b, lb, ub), (x, y, z, z_box)
-    Gtz, Aty = np.zeros(x.size), np.zeros(x.size)
+    forms = compiled_form(P), compiled_form(G), compiled_form(A)
+    wanted = (x.size, x.size), (z.size, x.size), (y.size, x.size)
+    if None not in forms and (P.shape, G.shape, A.shape) == wanted:
+        return clean_qp_residuals(forms, vectors, point)
+    Gtz, Aty = np.zeros((2, x.size))
     add_transposed(G, z, Gtz)
     add_transposed(A, y, Aty)
     Px = times(P, x)
     products = Px, times(G, x), times(A, x), Gtz, Aty
-    found = Residuals(*qp_residuals_of_products(vectors, point, products))
+    numbers = qp_residuals_of_products(vectors, point, products)
+    return with_gap_of_host(numbers, vectors, point, Px)
+
+
+def clean_qp_residuals(
+    matrices: tuple[Any, ...],
+    vectors: tuple[np.ndarray, ...],
+    point: tuple[np.ndarray, ...],
+) -> Residuals:
+    """Return what `qp_residuals` does, for P, G and A each in `compiled_form`.
+
+    vectors = (q, h, b, lb, ub), point = (x, y, z, z_box); the sizes are not checked.
+    """
+    x, y, z, _ = point
+    Px, Gtz, Aty = np.zeros((3, x.size))
+    products = Px, np.zeros(z.size), np.zeros(y.size), Gtz, Aty
+    numbers = sparse_qp_residuals(*matrices, vectors, point, products)
+    return with_gap_of_host(numbers, vectors, point, Px)
+
+
+def with_gap_of_host(
+    numbers: tuple[float, ...],
+    vectors: tuple[np.ndarray, ...],
+    point: tuple[np.ndarray, ...],
+    Px: np.ndarray,
+) -> Residuals:
+    """Return the numbers, with the gap added as qpsolvers does if that may matter."""
+    found = Residuals(*numbers)
     if found.gap_size < LARGE_TERM:
         return found
     return found._replace(gap=abs(signed_gap(vectors, point, Px)))
@@ -227,16 +282,39 @@ def signed_gap(
     """
     q, h, b, lb, ub = vectors
     x, y, z, z_box = point
+    sides, multipliers = np.empty((2, h.size + 2 * x.size))
+    m, low, up = finite_sides((h, lb, ub), (z, z_box), sides, multipliers)
     with np.errstate(all="ignore"):  # huge terms may overflow to infinity or NaN
-        gap = x.dot(Px) + q.dot(x) + finite_dot(h, z) + b.dot(y)
-        gap += finite_dot(lb, np.minimum(z_box, 0.0))
-        gap += finite_dot(ub, np.maximum(z_box, 0.0))
+        gap = x.dot(Px) + q.dot(x) + sides[:m].dot(multipliers[:m]) + b.dot(y)
+        gap += sides[m:low].dot(multipliers[m:low])
+        gap += sides[low:up].dot(multipliers[low:up])
     return float(gap)
 
 
-def finite_dot(bound: np.ndarray, multiplier: np.ndarray) -> float:
-    """Return bound'multiplier over the finite bounds."""
-    finite = np.isfinite(bound)
-    if finite.all():
-        return float(bound.dot(multiplier))
-    return float(bound[finite].dot(multiplier[finite]))
+@kernel
+def finite_sides(given, factors, sides, multipliers):
+    """Gather the finite ones of given = (h, lb, ub) with their factors z and z_box.
+
+    The factor of a lower bound is min(z_box, 0), that of an upper one max(z_box, 0).
+    `sides` and `multipliers` (m + 2 n,) take all these; returns where h, lb and ub end.
+    """
+    h, lb, ub = given
+    z, z_box = factors
+    k = 0
+    for i in range(h.size):
+        if np.isfinite(h[i]):
+            sides[k], multipliers[k] = h[i], z[i]
+            k += 1
+    m = k
+    for j in range(lb.size):
+        if np.isfinite(lb[j]):
+            sides[k] = lb[j]
+            multipliers[k] = z_box[j] if not z_box[j] > 0.0 else 0.0  # NaN is kept
+            k += 1
+    low = k
+    for j in range(ub.size):
+        if np.isfinite(ub[j]):
+            sides[k] = ub[j]
+            multipliers[k] = z_box[j] if not z_box[j] < 0.0 else 0.0
+            k += 1
+    return m, low, k

@@ -11,12 +11,13 @@ from math import inf
 import numpy as np
 
 from namlcp.limits import Limits
+from namlcp.linalg import compiled_form
 from namlcp.qp.answer import FINAL, Answer
 from namlcp.qp.certificates import accept_dual, accept_primal
-from namlcp.qp.problem import QP, Point
+from namlcp.qp.problem import QP, Point, clip_to_bounds
 from namlcp.qp.rounding import correct_rounding
 from namlcp.qp.transforms import Substitution
-from namlcp.residuals import Residuals, qp_residuals
+from namlcp.residuals import Residuals, clean_qp_residuals, qp_residuals
 from namlcp.status import Status
 
 # Largest ratio of a residual to its tolerance at which `correct_rounding` is tried: a
@@ -33,6 +34,8 @@ class Judge:
     def __init__(self, qp: QP, limits: Limits) -> None:
         """Start with the zero point, not measured."""
         self.qp, self.limits = qp, limits
+        self.vectors = qp.q, qp.h, qp.b, qp.lb, qp.ub
+        self.matrices = tuple(compiled_form(M) for M in (qp.P, qp.G, qp.A))
         self.best = inf
         self.point = qp.point()
         self.measured: Residuals | None = None
@@ -48,10 +51,11 @@ class Judge:
         Returns the least of their largest residuals over tolerances.
         """
         tolerances = self.limits.tolerances
-        inside = self.qp.clip(point.x)
+        inside = np.empty(point.x.size)
+        moved = clip_to_bounds(point.x, self.qp.lb, self.qp.ub, inside)
         found = self.measure(point)
         worst = found.worst(*tolerances)
-        if not np.array_equal(point.x, inside):
+        if moved:
             point = point._replace(x=inside)
             found = self.measure(point)
             worst = min(worst, found.worst(*tolerances))
@@ -63,7 +67,10 @@ class Judge:
 
     def measure(self, point: Point) -> Residuals:
         """Return the residuals of one point; keep it if it is the best."""
-        found = qp_residuals(*self.qp, *point)
+        if None in self.matrices:
+            found = qp_residuals(*self.qp, *point)
+        else:
+            found = clean_qp_residuals(self.matrices, self.vectors, tuple(point))
         worst = found.worst(*self.limits.tolerances)
         if worst < self.best:
             self.best, self.measured, self.point = worst, found, point

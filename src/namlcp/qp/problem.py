@@ -68,11 +68,27 @@ class QP(NamedTuple):
 
     def clip(self, x: np.ndarray) -> np.ndarray:
         """Return the nearest point within the bounds."""
-        return np.minimum(np.maximum(x, self.lb), self.ub)
+        inside = np.empty(x.size)
+        clip_to_bounds(x, self.lb, self.ub, inside)
+        return inside
 
     def has_matrices_of(self, other: "QP") -> bool:
         """Tell whether P, G and A are the very same objects."""
         return self.P is other.P and self.G is other.G and self.A is other.A
+
+
+@kernel
+def clip_to_bounds(x, lb, ub, inside):
+    """Set `inside` to x within the bounds; tell whether it differs from x."""
+    differs = False
+    for j in range(x.size):
+        inside[j] = x[j]
+        if x[j] < lb[j]:
+            inside[j] = lb[j]
+        if inside[j] > ub[j]:
+            inside[j] = ub[j]
+        differs = differs or inside[j] != x[j]
+    return differs
 
 
 @kernel

@@ -6,8 +6,6 @@ small changes of unknowns whose own residuals are below tolerance: the dual resi
 z_box where a bound allows the sign, else by x; the gap by multipliers.
 """
 
-from typing import Any
-
 import numpy as np
 
 from namlcp.compiled import kernel
@@ -95,65 +93,123 @@ def correct_gap(
     """
     x, y, z, z_box = point
     n, p, m = x.size, y.size, z.size
-    # multipliers and their right-hand sides in the order b, h, lb, ub
-    multiplier = np.concatenate((y, z, np.minimum(z_box, 0.0), np.maximum(z_box, 0.0)))
-    side = np.concatenate((qp.b, qp.h, qp.lb, qp.ub))
-    kinds = np.split(np.arange(side.size), np.cumsum((p, m, n)))
-    largest = np.concatenate((row_maxima(qp.A), row_maxima(qp.G), np.ones(2 * n)))
-    usable = np.isfinite(side) & (side != 0.0)
-    usable[p:] &= multiplier[p:] != 0.0
+    count = p + m + 2 * n
+    multiplier, side, largest, new = np.empty((4, count))
+    usable = np.empty(count, dtype=np.bool_)
+    terms = multiplier, side, largest, usable
+    matrices = tuple(arrays_of(qp.A)), tuple(arrays_of(qp.G))
+    lay_out((qp.b, qp.h, qp.lb, qp.ub), (y, z, z_box), matrices, terms)
     Px = times(qp.P, x)
+    vectors = qp.q, qp.h, qp.b, qp.lb, qp.ub
     added = np.zeros(n)  # to the dual residual, by all changes
-
-    def gap_of(point: Point) -> float:
-        return signed_gap((qp.q, qp.h, qp.b, qp.lb, qp.ub), point, Px)
-
-    def changed(k: np.ndarray, gap: float) -> Point | None:
-        """Return the point after a correction by multipliers k, None if skipped."""
-        for _ in range(2):
-            top = np.abs(side[k]).max()
-            s = side[k] / top  # else s's may overflow
-            new = multiplier[k] - gap / top / (s @ s) * s
-            free = np.abs(new - multiplier[k]) * largest[k] <= dual_left
-            free &= (k < p) | (new * multiplier[k] > 0.0)
-            if free.all():
-                break
-            k = k[free]
-            if not k.size:
-                return None
-        if not free.all():
-            return None
-        change = np.zeros(side.size)
-        change[k] = new - multiplier[k]
-        dy, dz, lower, upper = (change[kind] for kind in kinds)
+    gap = signed_gap(vectors, point, Px)
+    ends = 0, p, p + m, p + m + n, count
+    groups = [(ends[k], ends[k + 1]) for k in (3, 2, 1, 0)]
+    turns = [(k, k + 1) for k in single_turns(terms, p, size, dual_left)]
+    for first, last in groups + turns:
+        if not propose(first, last, p, gap, dual_left, terms, new):
+            continue
+        change = np.zeros(count)
+        change[first:last] = new[first:last] - multiplier[first:last]
+        dy, dz, lower, upper = np.split(change, ends[1:4])
         total = added + lower + upper
         add_transposed(qp.A, dy, total)
         add_transposed(qp.G, dz, total)
         if not np.abs(total).max(initial=0.0) <= dual_left:
-            return None
-        added[:] = total
-        multiplier[k] = new
-        y, z, lower, upper = (multiplier[kind] for kind in kinds)
-        return Point(x, y, z, lower + upper)
-
-    groups = [k[usable[k]] for k in reversed(kinds)]
-    step = np.divide(size, np.abs(side), out=np.zeros(side.size), where=usable)
-    single = usable & (step * largest <= dual_left)
-    single[p:] &= np.abs(multiplier[p:]) > step[p:]
-    turns = np.flatnonzero(single)
-    turns = turns[:: max(-(-turns.size // TRIES), 1)]
-    gap = gap_of(point)
-    for k in (*groups, *turns[:, None]):
-        new_point = changed(k, gap) if k.size else None
-        if new_point is not None:
-            gap = gap_of(new_point)
-            if abs(gap) <= tol:
-                return new_point
+            continue
+        added = total
+        multiplier[first:last] = new[first:last]
+        y, z, lower, upper = np.split(multiplier.copy(), ends[1:4])
+        new_point = Point(x, y, z, lower + upper)
+        gap = signed_gap(vectors, new_point, Px)
+        if abs(gap) <= tol:
+            return new_point
     return point
 
 
-def row_maxima(M: Any) -> np.ndarray:
-    """Return the largest modulus in each row of a CSC matrix."""
-    largest = np.zeros(M.shape[0])
-    np.maximum.at(largest, M.indices, np.abs(M.data))
-    return largest
+@kernel
+def lay_out(given, multipliers, matrices, terms):
+    """Set the terms of the gap, in the order b, h, lb, ub.
+
+    given = (b, h, lb, ub), multipliers = (y, z, z_box), matrices = A and G in CSC as
+    (indptr, indices, data). terms = (multiplier, side, largest, usable) are
+    overwritten: `largest` is the largest modulus in the row of A or G, 1 for bounds; a
+    term is `usable` if its side is finite and not 0, and its multiplier not that of
+    an inactive inequality.
+    """
+    multiplier, side, largest, usable = terms
+    b, h, lb, ub = given
+    y, z, z_box = multipliers
+    p, m, n = b.size, h.size, lb.size
+    for i in range(p):
+        multiplier[i], side[i], largest[i] = y[i], b[i], 0.0
+    for i in range(m):
+        multiplier[p + i], side[p + i], largest[p + i] = z[i], h[i], 0.0
+    for j in range(n):
+        k = p + m + j
+        multiplier[k], side[k], largest[k] = min(z_box[j], 0.0), lb[j], 1.0
+        k += n
+        multiplier[k], side[k], largest[k] = max(z_box[j], 0.0), ub[j], 1.0
+    first = 0
+    for indptr, indices, data in matrices:
+        for t in range(indptr[n]):
+            i = first + indices[t]
+            largest[i] = max(largest[i], abs(data[t]))
+        first = p
+    for k in range(side.size):
+        usable[k] = (
+            np.isfinite(side[k]) and side[k] != 0.0 and (k < p or multiplier[k] != 0.0)
+        )
+
+
+def single_turns(
+    terms: tuple[np.ndarray, ...], p: int, size: float, dual_left: float
+) -> list[int]:
+    """Return at most TRIES terms that alone can change the gap by `size`."""
+    multiplier, side, largest, usable = terms
+    k = np.flatnonzero(usable)
+    step = size / np.abs(side[k])
+    single = step * largest[k] <= dual_left
+    single &= (k < p) | (np.abs(multiplier[k]) > step)
+    turns = k[single]
+    return turns[:: max(-(-turns.size // TRIES), 1)].tolist()
+
+
+@kernel
+def propose(first, last, p, gap, dual_left, terms, new):
+    """Set new[first:last] to multipliers without the gap; tell whether they may be.
+
+    The usable ones change by -gap s/s's, those that would change sign or the dual
+    residual by more than `dual_left` are left out once. The first p have any sign.
+    """
+    multiplier, side, largest, usable = terms
+    for k in range(first, last):
+        new[k] = multiplier[k] if usable[k] else np.nan
+    for _ in range(2):
+        top, squares = 0.0, 0.0
+        for k in range(first, last):
+            if new[k] == new[k]:
+                top = max(top, abs(side[k]))
+        if top == 0.0:
+            return False
+        for k in range(first, last):
+            if new[k] == new[k]:
+                squares += (side[k] / top) * (side[k] / top)  # side^2 may overflow
+        left_out = False
+        for k in range(first, last):
+            if new[k] != new[k]:
+                continue
+            new[k] = multiplier[k] - gap / top / squares * (side[k] / top)
+            step = abs(new[k] - multiplier[k])
+            if not (
+                step * largest[k] <= dual_left
+                and (k < p or new[k] * multiplier[k] > 0.0)
+            ):
+                new[k] = np.nan
+                left_out = True
+        if not left_out:
+            for k in range(first, last):
+                if new[k] != new[k]:
+                    new[k] = multiplier[k]
+            return True
+    return False
