@@ -8,6 +8,7 @@ import scipy.sparse as sp
 from qpsolvers import Problem, Solution
 
 from namlcp import Residuals, natural_residual, qp_residuals
+from namlcp.linalg import compiled_form
 from namlcp.residuals import finite_sides
 
 
@@ -136,14 +137,14 @@ def test_all_forms_of_matrices_are_judged_alike():
     ]
     q, h, b, x, y, z, z_box = (rng.standard_normal(k) for k in (n, m, p, n, p, m, n))
 
-    def wide(M):
-        M = sp.csc_array(M)
-        M.indices, M.indptr = M.indices.astype(np.int64), M.indptr.astype(np.int64)
-        return M
-
     found = []
-    for convert in (sp.csc_array, sp.csr_array, sp.coo_array, np.asarray, wide):
+    for convert in (sp.csc_array, sp.csr_array, sp.coo_array, np.asarray):
         P, G, A = map(convert, dense)
         found.append(qp_residuals(P, q, G, h, A, b, None, None, x, y, z, z_box))
     for other in found[1:]:
         np.testing.assert_allclose(other, found[0], rtol=1e-13)
+    wide = sp.csc_array(dense[1])
+    wide.indices = wide.indices.astype(np.int64)
+    assert compiled_form(wide) is None
+    assert compiled_form(sp.csc_array(dense[1].astype(np.float32))) is None
+    assert compiled_form(sp.csc_array(dense[1])) is not None

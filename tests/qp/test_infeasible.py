@@ -16,7 +16,7 @@ from scipy.sparse import diags_array
 
 import namlcp
 from namlcp.limits import Limits
-from namlcp.qp.certificates import accept_primal
+from namlcp.qp.certificates import accept_primal, drop_disallowed, farkas_numbers
 from namlcp.qp.judge import Judge
 from namlcp.qp.path.candidates import CertificateSearch
 from namlcp.qp.path.loop import PATIENCE
@@ -187,3 +187,31 @@ def test_feasible_problems_in_odd_units_are_not_called_infeasible(seed, unit):
         d @ P @ d, D * q, G @ d, h, A @ d, b, lb / D, ub / D, eps_abs=TOL, eps_rel=TOL
     )
     assert result.status not in (Status.PRIMAL_INFEASIBLE, Status.DUAL_INFEASIBLE)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_numbers_of_a_certificate_are_those_of_their_definition(seed):
+    rng = np.random.default_rng(seed)
+    n, m, p = 7, 6, 3
+    b, h, y, s = (rng.standard_normal(k) for k in (p, m, p, n))
+    lb = np.where(rng.random(n) < 0.5, -np.inf, -rng.random(n))
+    ub = np.where(rng.random(n) < 0.5, np.inf, rng.random(n))
+    h[rng.random(m) < 0.3] = np.inf
+    s[rng.random(n) < 0.3] = 0.0
+    z, kept, z_box = rng.standard_normal(m), np.empty(m), np.empty(n)
+    drop_disallowed(z, h, kept)
+    np.testing.assert_array_equal(kept, np.where(np.isinf(h), 0.0, np.maximum(z, 0.0)))
+    found = farkas_numbers((b, h, lb, ub), y, kept, s, z_box)
+    allowed = np.where(s < 0.0, np.isfinite(ub), np.isfinite(lb))
+    np.testing.assert_array_equal(z_box, np.where(allowed & (s != 0.0), -s, 0.0))
+    at, up, low = kept > 0.0, z_box > 0.0, z_box < 0.0
+    terms = (b * y, h[at] * kept[at], ub[up] * z_box[up], lb[low] * z_box[low])
+    terms, entries = np.concatenate(terms), np.abs(np.concatenate((y, kept, z_box)))
+    moduli, worst = np.abs(terms).sum(), np.abs(s + z_box).max()
+    expected = terms.sum(), moduli, worst, entries.max(), entries.sum()
+    np.testing.assert_allclose(found, expected, rtol=1e-13)
+    s[2] = np.nan
+    assert np.isnan(farkas_numbers((b, h, lb, ub), y, kept, s, z_box)[0])
+    z[1], h[1] = np.nan, 1.0
+    drop_disallowed(z, h, kept)
+    assert np.isnan(kept[1])

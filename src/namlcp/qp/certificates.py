@@ -17,7 +17,8 @@ import numpy as np
 from scipy.sparse import csc_array
 
 from namlcp.checks import as_sparse
-from namlcp.linalg import by_rows, without_zeros
+from namlcp.compiled import kernel
+from namlcp.linalg import add_transposed, by_rows, times, without_zeros
 from namlcp.qp.kkt import KKT
 from namlcp.qp.problem import QP, Point
 from namlcp.qp.transforms import equilibrate
@@ -43,43 +44,35 @@ def accept_primal(
 
     z_box follows from y and z; x is the current point, `tol` the absolute tolerance.
     """
-    z = np.where(np.isinf(qp.h), 0.0, np.maximum(z, 0.0))
-    s = qp.G.T @ z + qp.A.T @ y
-    allowed = np.where(s < 0.0, np.isfinite(qp.ub), np.isfinite(qp.lb))
-    z_box = np.where(allowed & (s != 0.0), -s, 0.0)
-    up, low = np.flatnonzero(z_box > 0.0), np.flatnonzero(z_box < 0.0)
-    at = np.flatnonzero(z)
-    terms = np.concatenate(
-        (qp.b * y, qp.h[at] * z[at], qp.ub[up] * z_box[up], qp.lb[low] * z_box[low])
-    )
-    value = terms.sum()
-    if not value < -VALUE_ROUNDING * np.abs(terms).sum():
+    z_kept, (s, z_box) = np.empty(z.size), np.zeros((2, x.size))
+    drop_disallowed(z, qp.h, z_kept)
+    add_transposed(qp.G, z_kept, s)
+    add_transposed(qp.A, y, s)
+    sides = qp.b, qp.h, qp.lb, qp.ub
+    value, moduli, worst, most, lam = farkas_numbers(sides, y, z_kept, s, z_box)
+    if not value < -VALUE_ROUNDING * moduli:
         return None
-    y, z, z_box = y / -value, z / -value, z_box / -value
-    residual = np.abs(s / -value + z_box)
-    lam = np.abs(y).sum() + z.sum() + np.abs(z_box).sum()
-    point, margin = Point(x, y, z, z_box), tol * lam
-    unscaled = np.ones(x.size), np.ones(y.size), np.ones(z.size)
-    if is_contradiction(residual, point, margin, unscaled) and is_contradiction(
-        residual, point, margin, equilibration(qp)
-    ):
-        return Point(np.full(x.size, np.nan), y, z, z_box)
-    return None
+    radius, margin = RADIUS * max(1.0, float(np.abs(x).sum())), tol * lam / -value
+    if not is_contradiction(worst / most, radius * worst / -value, margin):
+        return None
+    y, z, z_box = y / -value, z_kept / -value, z_box / -value
+    d, a, g = equilibration(qp)
+    worst = largest((s / -value + z_box) * d)
+    most = max(largest(y / a), largest(z / g), largest(z_box * d))
+    radius = RADIUS * max(1.0, float(np.abs(x / d).sum()))
+    if not is_contradiction(worst / most, radius * worst, margin):
+        return None
+    return Point(np.full(x.size, np.nan), y, z, z_box)
 
 
-def is_contradiction(
-    residual: np.ndarray,
-    point: Point,
-    margin: float,
-    scale: tuple[np.ndarray, np.ndarray, np.ndarray],
-) -> bool:
-    """Tell whether the certificate passes after scaling x, y, z by 1 / scale."""
-    d, a, g = scale
-    x, y, z, z_box = point
-    worst = largest(residual * d)
-    relative = worst / max(largest(y / a), largest(z / g), largest(z_box * d))
-    error = RADIUS * worst * max(1.0, float(np.abs(x / d).sum())) + margin
-    return suffices(relative, error, margin, relative <= EXACT_RESIDUAL)
+def is_contradiction(relative: float, error: float, margin: float) -> bool:
+    """Tell whether a Farkas certificate passes.
+
+    relative: residual over largest entry; error: RADIUS |x|_1 times the residual;
+    margin: t lam of the module docstring for t = tol.
+    """
+    exact = relative <= EXACT_RESIDUAL
+    return suffices(relative, error + margin, margin, exact)
 
 
 def suffices(relative: float, error: float, margin: float, is_exact: bool) -> bool:
@@ -90,6 +83,47 @@ def suffices(relative: float, error: float, margin: float, is_exact: bool) -> bo
     """
     within = relative <= RESIDUAL and error <= 1.0
     return within or (is_exact and margin <= MARGIN)
+
+
+@kernel
+def drop_disallowed(z, h, kept):
+    """Set `kept` to the positive ones of z, 0 where h is infinite; NaN is kept."""
+    for i in range(z.size):
+        kept[i] = 0.0 if z[i] <= 0.0 or np.isinf(h[i]) else z[i]
+
+
+@kernel
+def farkas_numbers(sides, y, z, s, z_box):
+    """Set z_box to -s = -(G'z + A'y) where a bound allows; return five numbers.
+
+    sides = (b, h, lb, ub). The numbers are the value b'y + h'z + lb'z_box^- +
+    ub'z_box^+, the sum of the moduli of its terms, the largest |s + z_box| and the
+    largest entry and the 1-norm of (y, z, z_box).
+    """
+    b, h, lb, ub = sides
+    value, moduli, worst, most, lam = 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(b.size):
+        value += b[i] * y[i]
+        moduli += abs(b[i] * y[i])
+        most = max(most, abs(y[i]))
+        lam += abs(y[i])
+    for i in range(h.size):
+        if z[i] != 0.0:
+            value += h[i] * z[i]
+            moduli += abs(h[i] * z[i])
+            most = max(most, z[i])
+            lam += z[i]
+    for j in range(s.size):
+        bound = ub[j] if s[j] < 0.0 else lb[j]
+        z_box[j] = -s[j] if np.isfinite(bound) and s[j] != 0.0 else 0.0
+        if z_box[j] != 0.0:
+            value += bound * z_box[j]
+            moduli += abs(bound * z_box[j])
+            most = max(most, abs(z_box[j]))
+            lam += abs(z_box[j])
+        worst = max(worst, abs(s[j] + z_box[j]))
+        value += 0.0 * s[j]  # NaN where s is, which max() may ignore
+    return value, moduli, worst, most, lam
 
 
 def equilibration(qp: QP) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -120,8 +154,8 @@ def accept_dual(
     if not value < -VALUE_ROUNDING * np.abs(terms).sum():
         return None
     d = d / -value
-    Pd, Ad = qp.P @ d, qp.A @ d
-    Gd = np.where(np.isinf(qp.h), 0.0, np.maximum(qp.G @ d, 0.0))
+    Pd, Ad = times(qp.P, d), times(qp.A, d)
+    Gd = np.where(np.isinf(qp.h), 0.0, np.maximum(times(qp.G, d), 0.0))
     parts = largest(Pd), largest(Ad), largest(Gd)
     relative = max(parts) / largest(d)
     weights = [max(1.0, np.abs(v).sum()) for v in (x, y, z)]
