@@ -78,3 +78,46 @@ def test_dense_matrices_become_canonical_sparse_ones(shape):
     for name in ("data", "indices", "indptr"):
         np.testing.assert_array_equal(getattr(sparse, name), getattr(known, name))
     assert sparse.indices.dtype == sparse.indptr.dtype == np.int32
+
+
+def test_matrices_made_without_checks_are_those_of_scipy():
+    """`from_arrays` sets an attribute of SciPy that is not public."""
+    for kind in (sp.csc_array, sp.csr_array):
+        M = kind(np.array([[1.0, 0.0, 2.0], [0.0, 3.0, 0.0]]))
+        M.has_canonical_format = True
+        ours = checks.from_arrays((M.indptr, M.indices, M.data), M.shape, kind)
+        assert type(ours) is kind
+        assert ours.__dict__.keys() == M.__dict__.keys()
+        assert (ours.shape, ours.nnz, ours.dtype) == (M.shape, M.nnz, M.dtype)
+        np.testing.assert_array_equal((ours.T @ ours).toarray(), (M.T @ M).toarray())
+        assert (kind((4, 5)).shape, kind((0, 0)).nnz) == ((4, 5), 0)
+
+
+@pytest.mark.parametrize("layout", ["csr", "csc"])
+@pytest.mark.parametrize("kind", [sp.csr_array, sp.csc_array, sp.csr_matrix])
+@pytest.mark.parametrize("case", ["sorted", "unsorted", "doubled", "longer"])
+def test_any_order_of_entries_becomes_canonical(case, kind, layout):
+    rng = np.random.default_rng(0)
+    C = kind(sp.random_array((8, 5), density=0.4, rng=rng))
+    exact = C.toarray()
+    if case == "unsorted":
+        for j in range(C.indptr.size - 1):
+            part = slice(C.indptr[j], C.indptr[j + 1])
+            C.indices[part] = C.indices[part][::-1].copy()
+            C.data[part] = C.data[part][::-1].copy()
+        C.has_sorted_indices = True  # even if it says so
+    if case == "doubled":
+        C = kind((np.repeat(C.data, 2), np.repeat(C.indices, 2), 2 * C.indptr), C.shape)
+        exact *= 2.0
+    if case == "longer":
+        C.data, C.indices = np.append(C.data, 1.0), np.append(C.indices, C.indices[:1])
+    before = C.data.copy(), C.indices.copy()
+    clean = checks.sparse_matrix("A", C, layout)
+    np.testing.assert_array_equal(clean.toarray(), exact)
+    np.testing.assert_array_equal(C.data, before[0])
+    np.testing.assert_array_equal(C.indices, before[1])
+    major, minor = exact.shape if layout == "csr" else exact.shape[::-1]
+    order = checks.index_order(clean.indptr, clean.indices, major, minor)
+    assert order == checks.CANONICAL
+    assert checks.has_clean_arrays(clean)
+    assert clean.format == layout

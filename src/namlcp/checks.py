@@ -71,7 +71,7 @@ def vector(
     if sp.issparse(value):
         if math.prod(value.shape) != size:  # before it is made dense
             raise wrong_shape(name, value, size, other, shape)
-        refuse_indices(name, value)
+        checked_order(name, value)
         value = value.toarray()
     array = real_array(name, value)
     if array.ndim == 2 and 1 in array.shape:
@@ -100,52 +100,70 @@ def finite_vector(
     return array
 
 
+CORRUPT, UNSORTED, CANONICAL = 0, 1, 2  # what `index_order` returns
+
+
 @kernel
-def are_indices(indptr, indices, major, minor):
-    """Tell whether compressed sparse indices are in range; no kernel checks them later.
+def index_order(indptr, indices, major, minor):
+    """Return CORRUPT, UNSORTED or CANONICAL for compressed sparse indices.
 
     `major` is the number of rows for CSR, of columns for CSC; `minor` is the other one.
+    CORRUPT ones are out of range, which no kernel checks later. CANONICAL ones ascend
+    in every row (column), so that there are no duplicates.
     """
     if indptr.size != major + 1 or indptr[0] != 0 or indptr[major] > indices.size:
-        return False
+        return CORRUPT
     for j in range(major):
         if indptr[j + 1] < indptr[j]:
-            return False
-    for t in range(indptr[major]):
-        if indices[t] < 0 or indices[t] >= minor:
-            return False
-    return True
+            return CORRUPT
+    order = CANONICAL
+    for j in range(major):
+        before = -1
+        for t in range(indptr[j], indptr[j + 1]):
+            i = indices[t]
+            if i < 0 or i >= minor:
+                return CORRUPT
+            if i <= before:
+                order = UNSORTED
+            before = i
+    return order
 
 
-def refuse_indices(name: str, C: Any) -> None:
-    """Raise a ValueError if a sparse matrix is corrupt, which SciPy does not check."""
-    sound = True
+def checked_order(name: str, C: Any) -> int:
+    """Return the `index_order` of a sparse matrix, UNSORTED for other formats.
+
+    Raises a ValueError if it is corrupt, which SciPy does not check.
+    """
+    order = UNSORTED
     if C.format == "coo":
         sides = zip(C.coords, C.shape, strict=True)
-        sound = all(0 <= k.min() <= k.max() < n for k, n in sides if k.size)
+        if not all(0 <= k.min() <= k.max() < n for k, n in sides if k.size):
+            order = CORRUPT
     elif C.format in ("csr", "csc", "bsr") and C.ndim == 2:
         major, minor = C.shape if C.format != "csc" else C.shape[::-1]
         size = C.data.shape[0]
         if C.format == "bsr":
             major, minor = major // C.blocksize[0], minor // C.blocksize[1]
-        sound = are_indices(C.indptr, C.indices[:size], major, minor)
-    if not sound:
+        indices = C.indices if C.indices.size == size else C.indices[:size]
+        order = index_order(C.indptr, indices, major, minor)
+    if order == CORRUPT:
         raise ValueError(
             f"{name} must have indices within its shape {C.shape}, got others "
             "(a corrupt sparse matrix)"
         )
+    return order
 
 
-def is_clean_sparse(value: Any, layout: str) -> bool:
-    """Tell whether a sparse matrix can go to compiled code as it is."""
+def has_clean_arrays(value: Any) -> bool:
+    """Tell whether the arrays of a CSR or CSC matrix can go to compiled code."""
+    indptr, indices = value.indptr, value.indices
     return (
-        value.format == layout
-        and is_clean(value.data, 1)
-        and value.indices.dtype == value.indptr.dtype == INDEX
-        and value.indices.flags.carray
-        and value.indptr.flags.carray
-        and value.data.size == value.indptr[-1]
-        and value.has_canonical_format
+        is_clean(value.data, 1)
+        and indices.dtype == INDEX
+        and indptr.dtype == INDEX
+        and indices.flags.carray
+        and indptr.flags.carray
+        and value.data.size == indices.size == indptr[-1]
     )
 
 
@@ -160,14 +178,18 @@ def refuse_size(name: str, entries: int) -> None:
 
 def sparse_matrix(name: str, value: Any, layout: str) -> Any:
     """Return `value` as a canonical sparse array or matrix of float64."""
-    refuse_indices(name, value)
-    if value.ndim == 2 and is_clean_sparse(value, layout):
-        return value  # SciPy takes 30 us to make another
+    order = checked_order(name, value)
+    if value.ndim == 2 and value.format in ("csr", "csc") and has_clean_arrays(value):
+        if value.format == layout and order == CANONICAL:
+            return value  # SciPy takes 13 us to make another
+        found = rearranged(value, layout)
+        if found is not None:
+            return found
     if value.dtype.kind not in "biuf":
         raise TypeError(f"{name} must hold real numbers, got dtype {value.dtype}")
     if value.ndim == 1:
         value = value.reshape(1, -1)
-    if value.format == layout and value.has_canonical_format:
+    if value.format == layout and order == CANONICAL:
         nnz = value.indptr[-1]
         data, indices, indptr = value.data[:nnz], value.indices[:nnz], value.indptr
     else:
@@ -179,9 +201,66 @@ def sparse_matrix(name: str, value: Any, layout: str) -> Any:
     data = clean_copy(data, np.float64)
     indices, indptr = (clean_copy(v, np.int32) for v in (indices, indptr))
     wrap = sp.csr_array if layout == "csr" else sp.csc_array
-    clean = wrap((data, indices, indptr), shape=value.shape)
-    clean.has_canonical_format = True
-    return clean
+    return from_arrays((indptr, indices, data), value.shape, wrap)
+
+
+def rearranged(value: Any, layout: str) -> Any:
+    """Return a CSR or CSC matrix with clean arrays, sorted; None if it has duplicates.
+
+    Two transpositions sort a matrix, one changes its layout.
+    """
+    major, minor = value.shape if value.format == "csr" else value.shape[::-1]
+    parts = transposed(value.indptr, value.indices, value.data, minor)
+    wanted = minor, major
+    if value.format == layout:
+        parts = transposed(*parts, major)
+        wanted = major, minor
+    if index_order(parts[0], parts[1], *wanted) != CANONICAL:
+        return None
+    wrap = sp.csr_array if layout == "csr" else sp.csc_array
+    return from_arrays(parts, value.shape, wrap)
+
+
+# Matrices that `from_arrays` copies; that their format is canonical is noted in them.
+EMPTY = {kind: kind((0, 0)) for kind in (sp.csc_array, sp.csr_array)}
+for M in EMPTY.values():
+    M.has_canonical_format = True
+
+
+def from_arrays(
+    parts: tuple[np.ndarray, np.ndarray, np.ndarray],
+    shape: tuple[int, ...],
+    kind: Any = sp.csc_array,
+) -> Any:
+    """Return (indptr, indices, data), sorted and without duplicates, as a matrix.
+
+    `kind` is csc_array or csr_array. Its constructor would take 13 us for checks.
+    """
+    M = object.__new__(kind)
+    vars(M).update(vars(EMPTY[kind]))
+    M.indptr, M.indices, M.data = parts
+    M._shape = shape
+    return M
+
+
+@kernel
+def transposed(indptr, indices, data, rows):
+    """Return the CSR arrays of a CSC matrix."""
+    turned = np.zeros(rows + 1, dtype=np.int32)
+    for i in indices:
+        turned[i + 1] += 1
+    for i in range(rows):
+        turned[i + 1] += turned[i]
+    place = turned[:-1].copy()
+    columns = np.empty_like(indices)
+    values = np.empty_like(data)
+    for j in range(indptr.size - 1):
+        for t in range(indptr[j], indptr[j + 1]):
+            k = place[indices[t]]
+            columns[k] = j
+            values[k] = data[t]
+            place[indices[t]] += 1
+    return turned, columns, values
 
 
 @functools.lru_cache(maxsize=16)
@@ -284,14 +363,12 @@ def as_sparse(C: Any) -> Any:
     refuse_size("a dense matrix as a sparse one", C.size)
     if C.shape[0] == 0:
         return no_rows(C.shape[1])
-    sparse = sp.csc_array(compressed(C), shape=C.shape)
-    sparse.has_canonical_format = True
-    return sparse
+    return from_arrays(compressed(C), C.shape)
 
 
 @kernel
 def compressed(C):
-    """Return the CSC arrays (data, indices, indptr) of a dense matrix."""
+    """Return the CSC arrays (indptr, indices, data) of a dense matrix."""
     rows, columns = C.shape
     indptr = np.zeros(columns + 1, dtype=np.int32)
     for i in range(rows):
@@ -309,7 +386,7 @@ def compressed(C):
                 data[place[j]] = C[i, j]
                 indices[place[j]] = i
                 place[j] += 1
-    return data, indices, indptr
+    return indptr, indices, data
 
 
 def constant(n: int, value: float) -> np.ndarray:

@@ -6,13 +6,12 @@ from problems_qp import assert_certificate, assert_solves_qp, complementary, mak
 from scipy.sparse import csc_array, csr_array, eye_array, hstack, random_array, vstack
 
 import namlcp
+from namlcp.checks import transposed
 from namlcp.linalg.csc import (
     add_transposed,
     by_rows,
-    from_arrays,
     submatrix,
     times,
-    transposed,
     with_squares,
     without_zeros,
 )
@@ -486,16 +485,3 @@ def test_what_is_substituted_is_what_the_definition_says(seed):
     rows = np.append(found.bounds.rows, m + found.bounds.equations)
     np.testing.assert_array_equal(rows, np.flatnonzero(left))
     assert dict(zip(found.by.tolist(), found.columns.tolist(), strict=True)) == pairs
-
-
-def test_matrices_made_without_checks_are_those_of_scipy():
-    """`from_arrays` sets an attribute of SciPy that is not public."""
-    for kind in (csc_array, csr_array):
-        M = kind(np.array([[1.0, 0.0, 2.0], [0.0, 3.0, 0.0]]))
-        M.has_canonical_format = True
-        ours = from_arrays((M.indptr, M.indices, M.data), M.shape, kind)
-        assert type(ours) is kind
-        assert ours.__dict__.keys() == M.__dict__.keys()
-        assert (ours.shape, ours.nnz, ours.dtype) == (M.shape, M.nnz, M.dtype)
-        np.testing.assert_array_equal((ours.T @ ours).toarray(), (M.T @ M).toarray())
-        assert (kind((4, 5)).shape, kind((0, 0)).nnz) == ((4, 5), 0)

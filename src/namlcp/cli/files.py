@@ -18,7 +18,7 @@ import qpsolvers
 import scipy.sparse as sp
 from scipy.io import loadmat, whosmat
 
-from namlcp.checks import INFINITE, refuse_indices
+from namlcp.checks import INFINITE, checked_order
 from namlcp.qp import QP
 
 MOST_BYTES = 2**31
@@ -127,7 +127,7 @@ def read_mat(path: str) -> dict[str, Any]:
     for name in MAT_NAMES:
         refuse_kind(name, data[name].dtype)
         if sp.issparse(data[name]):
-            refuse_indices(name, data[name])
+            checked_order(name, data[name])
     for name in ("q", "l", "u"):
         vector = data[name].toarray() if sp.issparse(data[name]) else data[name]
         data[name] = np.array(vector, dtype=float).ravel()

@@ -1,7 +1,7 @@
 """The list of all kernels and the types that each is called with, `kernels.txt`.
 
 One line is one kernel for one set of argument types, in numba's notation:
-``checks.are_indices(int32[::1], int32[::1], int64, int64)``. A NamedTuple is written by
+``checks.index_order(int32[::1], int32[::1], int64, int64)``. A NamedTuple is written by
 the name of its class, and so is a record, which is a ctypes structure in Python. The
 list is kept by hand: the tests fail on a kernel that they call and that is not listed,
 and print the missing line.

@@ -20,7 +20,6 @@ from namlcp.linalg.csc import (
     arrays_of,
     as_dense,
     by_rows,
-    from_arrays,
     submatrix,
     times,
     with_squares,

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.sparse import csc_array, csr_array
 
-from namlcp.checks import as_sparse
+from namlcp.checks import as_sparse, from_arrays, transposed
 from namlcp.compiled import kernel
 from namlcp.limits import NEVER, Deadline
 
@@ -19,12 +19,6 @@ from namlcp.limits import NEVER, Deadline
 DENSE = 0.2
 # Entries at most of a dense P + B'WB, and of the dense rows multiplied at a time.
 MOST_DENSE, STRIP = 20_000_000, 4_000_000
-
-
-# Matrices that `from_arrays` copies; that their format is canonical is noted in them.
-EMPTY = {kind: kind((0, 0)) for kind in (csc_array, csr_array)}
-for M in EMPTY.values():
-    M.has_canonical_format = True
 
 
 class Compressed(NamedTuple):
@@ -97,22 +91,6 @@ def with_squares(
     return from_arrays(add_squares(arrays_of(P), arrays_of(B), by_row, weight), P.shape)
 
 
-def from_arrays(
-    parts: tuple[np.ndarray, np.ndarray, np.ndarray],
-    shape: tuple[int, int],
-    kind: Any = csc_array,
-) -> Any:
-    """Return (indptr, indices, data), sorted and without duplicates, as a matrix.
-
-    `kind` is csc_array or csr_array. Its constructor would take 13 us for checks.
-    """
-    M = object.__new__(kind)
-    vars(M).update(vars(EMPTY[kind]))
-    M.indptr, M.indices, M.data = parts
-    M._shape = shape
-    return M
-
-
 def times(M: Any, x: np.ndarray) -> np.ndarray:
     """Return M x. Raises ValueError where the sizes disagree."""
     if x.shape != (M.shape[1],):
@@ -158,26 +136,6 @@ def selected_part(indptr, indices, data, number, columns):
                 nnz += 1
         new_indptr[k + 1] = nnz
     return new_indptr, new_indices[:nnz], new_data[:nnz]
-
-
-@kernel
-def transposed(indptr, indices, data, rows):
-    """Return the CSR arrays of a CSC matrix."""
-    turned = np.zeros(rows + 1, dtype=np.int32)
-    for i in indices:
-        turned[i + 1] += 1
-    for i in range(rows):
-        turned[i + 1] += turned[i]
-    place = turned[:-1].copy()
-    columns = np.empty_like(indices)
-    values = np.empty_like(data)
-    for j in range(indptr.size - 1):
-        for t in range(indptr[j], indptr[j + 1]):
-            k = place[indices[t]]
-            columns[k] = j
-            values[k] = data[t]
-            place[indices[t]] += 1
-    return turned, columns, values
 
 
 @kernel

@@ -107,6 +107,19 @@ def dense_faults(P, q, G, h, A, b, lb, ub):
     return bad, gap, size, huge
 
 
+@kernel
+def sparse_faults(P, q, G, h, A, b, lb, ub):
+    """Return (is a number bad?, is a bound or h_i huge?), as `dense_faults` does.
+
+    P, G and A are the stored entries of sparse matrices.
+    """
+    allowed = np.bool_(True)
+    bad = is_bad(P, not allowed) or is_bad(G, not allowed) or is_bad(A, not allowed)
+    bad = bad or is_bad(q, not allowed) or is_bad(b, not allowed)
+    bad = bad or is_bad(h, allowed) or is_bad(lb, allowed) or is_bad(ub, allowed)
+    return bad, has_huge_bound(h) or has_huge_bound(lb) or has_huge_bound(ub)
+
+
 def refuse_numbers(qp: QP) -> None:
     """Raise ValueError for the first NaN, or infinity in P, q, G, A or b."""
     for name, values in zip(qp._fields, qp, strict=True):
@@ -163,9 +176,10 @@ def qp_data(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) ->
             refuse_numbers(QP(P, q, G, h, A, b, lb, ub))
     else:
         P, G, A = (as_sparse(C) for C in (P, G, A))
-        refuse_numbers(QP(P, q, G, h, A, b, lb, ub))
+        bad, huge = sparse_faults(P.data, q, G.data, h, A.data, b, lb, ub)
+        if bad:
+            refuse_numbers(QP(P, q, G, h, A, b, lb, ub))
         gap, size = asymmetry(P)
-        huge = True
     if gap > 0.0:
         P = symmetrised(P, gap, size)
     if huge:

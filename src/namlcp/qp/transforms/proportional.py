@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csc_array, csr_array
 
+from namlcp.checks import from_arrays
 from namlcp.compiled import kernel, part
-from namlcp.linalg import arrays_of, from_arrays
+from namlcp.linalg import arrays_of
 
 # Largest relative difference between entries of proportional rows, one row scaled.
 SAME = 1e-13
