@@ -1,4 +1,4 @@
-"""Rows that look alike, and numbers that are none."""
+"""Groups that look alike, and numbers that are none."""
 
 import numpy as np
 import pytest
@@ -82,7 +82,7 @@ def test_groups_and_ranges_are_those_of_the_definition(seed):
     np.testing.assert_array_equal(small.kept, np.flatnonzero(free))
     np.testing.assert_array_equal(small.x_fixed, qp.lb[~free])
     h = qp.h - qp.G @ np.where(free, 0.0, qp.lb)
-    G, rows = qp.G.toarray()[:, free], small.G_rows
+    G, rows = qp.G.toarray()[:, free], small.G_groups
     groups = plain_groups(G, G.any(axis=1) & wanted)
     np.testing.assert_array_equal(rows.first, list(groups))
     np.testing.assert_array_equal(small.G.toarray(), G[rows.first])
@@ -106,7 +106,7 @@ def test_proportional_equations_are_those_of_the_definition(seed):
     small = presolve(qp, 1e-6, 0.0)
     free = qp.lb != qp.ub
     b = qp.b - qp.A @ np.where(free, 0.0, qp.lb)
-    A, rows = qp.A.toarray()[:, free], small.A_rows
+    A, rows = qp.A.toarray()[:, free], small.A_groups
     groups = plain_groups(A, A.any(axis=1))
     np.testing.assert_array_equal(rows.first, list(groups))
     np.testing.assert_array_equal(small.A.toarray(), A[rows.first])

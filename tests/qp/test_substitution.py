@@ -485,3 +485,20 @@ def test_what_is_substituted_is_what_the_definition_says(seed):
     rows = np.append(found.bounds.rows, m + found.bounds.equations)
     np.testing.assert_array_equal(rows, np.flatnonzero(left))
     assert dict(zip(found.by.tolist(), found.columns.tolist(), strict=True)) == pairs
+
+
+def test_a_tiny_problem_is_solved_as_it_came(monkeypatch):
+    """The dense form is quicker than a look for a substitution."""
+    qp, _, _ = residual_form(12, 5, 3, lower=0.0)
+    assert substitute(qp) is not None
+    expected = solve(qp)
+    monkeypatch.setattr("namlcp.qp.solve.substitute", lambda *arguments: 1 / 0)
+    result = solve(qp)
+    assert_solves_qp(qp, result, 1e-11)
+    assert (result.form, result.obj) == ("dual", expected.obj)
+
+
+def test_a_tiny_problem_that_the_dense_form_leaves_is_substituted(monkeypatch):
+    qp, _, _ = residual_form(12, 5, 3, lower=0.0)
+    monkeypatch.setattr("namlcp.qp.solve.solve_dense", lambda *arguments: None)
+    assert_solves_qp(qp, solve(qp), 1e-11)

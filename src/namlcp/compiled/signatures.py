@@ -63,7 +63,8 @@ def read(line: str) -> tuple[Any, tuple]:
     name, _, arguments = line.partition("(")
     words = {"readonly": readonly, "bool": types.boolean, **named_tuples(), **records()}
     words["Tuple"] = functools.partial(tuple_of, None)
-    words |= {str(t): t for t in (types.int8, types.int32, types.int64, types.float64)}
+    numbers = types.int8, types.int32, types.int64, types.float32, types.float64
+    words |= {str(t): t for t in numbers}
     given = eval(f"({arguments[:-1]},)" if arguments != ")" else "()", words)
     return KERNELS[name], given
 

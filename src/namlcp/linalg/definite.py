@@ -29,27 +29,31 @@ class Curvature(NamedTuple):
     """What diagonal signs, minors of order two and diagonal dominance prove.
 
     sign: 1 where the matrix is positive semidefinite, 0 where they do not decide, -1
-    where the minor of rows i and j, for i = j a diagonal entry, is negative. triangle:
-    the upper triangle of the matrix scaled to a unit diagonal, plus `PSD_SLACK` I.
+    where the minor of rows i and j, for i = j a diagonal entry, is negative. triangle,
+    for sign = 0: the upper triangle of the matrix scaled to a unit diagonal, plus
+    `PSD_SLACK` I, without the rows and columns that have a diagonal entry alone.
     """
 
     sign: int
     i: int
     j: int
-    triangle: csc_matrix
+    triangle: csc_matrix | None
 
 
 def curvature(P: Any) -> Curvature:
     """Return the `Curvature` of P (CSC, symmetric), found without a factorisation."""
     n = P.shape[0]
-    indptr = np.zeros(n + 1, dtype=np.int32)
+    indptr, number = np.empty((2, n + 1), dtype=np.int32)
     indices = np.empty(P.data.size + n, dtype=np.int32)
     data = np.empty(indices.size)
-    sign, i, j = unit_triangle(
-        P.indptr, P.indices, P.data, np.zeros((2, n)), indptr, indices, data
+    sign, i, j, order = unit_triangle(
+        P.indptr, P.indices, P.data, np.empty((2, n)), number, indptr, indices, data
     )
-    nnz = indptr[n]
-    triangle = csc_matrix((data[:nnz], indices[:nnz], indptr), shape=P.shape)
+    triangle = None
+    if sign == 0:
+        nnz = indptr[order]
+        parts = data[:nnz], indices[:nnz], indptr[: order + 1]
+        triangle = csc_matrix(parts, shape=(order, order))
     return Curvature(sign, i, j, triangle)
 
 
@@ -84,47 +88,57 @@ def has_positive_pivots(triangle: csc_matrix) -> bool:
 
 
 @kernel
-def unit_triangle(indptr, indices, data, work, up, ui, ux):
+def unit_triangle(indptr, indices, data, work, number, up, ui, ux):
     """Write the upper triangle of R^-1 (P + t I) R^-1 + PSD_SLACK I.
 
-    Returns sign, i and j of `Curvature`; with sign = -1 the triangle is not complete.
-    t = ZERO max |P| allows for rounding, R^2 is the diagonal of P + t I; P, symmetric,
-    and the triangle up (n + 1,), ui, ux (nnz(P) + n,) are in CSC. up and the first row
-    of `work` (2, n) are zero on entry; `work` is overwritten.
+    Returns sign, i and j of `Curvature` and the order k of the triangle. Here t =
+    ZERO max |P| allows for rounding, and R^2 is the diagonal of P + t I; P, symmetric,
+    and the triangle up (n + 1,), ui, ux (nnz(P) + n,) are in CSC. The triangle has the
+    k rows and columns of P with entries beside the diagonal; j becomes number[j]. It
+    and `work` (2, n) are overwritten. With sign = -1 it is not complete.
     """
     n = indptr.size - 1
     diagonal, root = work[0], work[1]
     size = 0.0
+    order = 0
     for j in range(n):
+        diagonal[j] = 0.0
+        number[j] = -1
         for t in range(indptr[j], indptr[j + 1]):
             size = max(size, abs(data[t]))
             if indices[t] == j:
                 diagonal[j] = data[t]
+            elif data[t] != 0.0 and number[j] < 0:
+                number[j] = order
+                order += 1
     tiny = ZERO * size
     for j in range(n):
         root[j] = np.sqrt(max(diagonal[j], 0.0) + max(tiny, 1e-300))
     sign = 1
     nnz = 0
+    up[0] = 0
     for j in range(n):
         if diagonal[j] < -tiny:
-            return -1, j, j
+            return -1, j, j, order
+        if number[j] < 0:
+            continue
         rest = 0.0
         for t in range(indptr[j], indptr[j + 1]):
             i = indices[t]
-            if i == j:
+            if i == j or data[t] == 0.0:
                 continue
             rest += abs(data[t])
             bound = np.sqrt(max(diagonal[i], 0.0) * max(diagonal[j], 0.0))
             if abs(data[t]) > bound * (1.0 + 2.0 * PSD_SLACK) + tiny:
-                return -1, i, j
+                return -1, i, j, order
             if i < j:
-                ui[nnz] = i
+                ui[nnz] = number[i]
                 ux[nnz] = data[t] / (root[i] * root[j])
                 nnz += 1
         if rest > diagonal[j]:
             sign = 0
-        ui[nnz] = j
+        ui[nnz] = number[j]
         ux[nnz] = 1.0 + PSD_SLACK
         nnz += 1
-        up[j + 1] = nnz
-    return sign, 0, 0
+        up[number[j] + 1] = nnz
+    return sign, 0, 0, order

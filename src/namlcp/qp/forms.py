@@ -21,6 +21,9 @@ DENSE_BOX = 50
 DENSE_VARIABLES, DENSE_ENTRIES = 2000, 16_000_000
 # Most entries, zeros included, of a sparse QP that is quicker in dense form.
 SPARSE_ENTRIES = 10_000
+# Most entries, zeros included, of a sparse QP that the dense form solves before a
+# substitution is looked for, which would take longer.
+TINY_ENTRIES = 2000
 # Least fraction of stored entries at which a larger sparse QP takes the dense form.
 FULL = 0.3
 
@@ -34,6 +37,12 @@ def is_small(qp: QP) -> bool:
     if qp.is_dense or entries <= SPARSE_ENTRIES:
         return True
     return qp.P.nnz + qp.G.nnz + qp.A.nnz >= FULL * entries
+
+
+def is_tiny(qp: QP) -> bool:
+    """Tell whether the QP takes the dense form as it came."""
+    n = qp.q.size
+    return n * (n + qp.h.size + qp.b.size) <= TINY_ENTRIES
 
 
 def is_box(qp: QP) -> bool:

@@ -10,7 +10,8 @@ from namlcp.linalg import blas_threads
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp.answer import OBJECTIVE, UNDECIDED, Answer, better, out_of_time
-from namlcp.qp.forms import solve_smallest_form
+from namlcp.qp.dense import solve_dense
+from namlcp.qp.forms import is_tiny, solve_smallest_form
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.judge import confirmed
 from namlcp.qp.memory import Memory
@@ -178,7 +179,8 @@ def solve_substituted(
 ) -> Answer:
     """Substitute rows with one entry and free columns, solve, and map back.
 
-    If that remains undecided, the QP is solved without the substitution.
+    If that remains undecided, the QP is solved without the substitution. A tiny QP is
+    first tried in dense form as it came.
     """
     if memory is None:
         memory = Memory()
@@ -186,6 +188,9 @@ def solve_substituted(
         qp = memory.recognised(qp)
     substitution = None
     if not qp.is_dense and (qp.h.size or qp.b.size):
+        found = solve_dense(qp, guess, limits) if is_tiny(qp) else None
+        if found is not None and found.ends:
+            return found
         with limits.deadline.listening():
             substitution = substitute(qp, memory.substitution, limits.deadline)
         memory.substitution = substitution

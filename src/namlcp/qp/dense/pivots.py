@@ -362,10 +362,12 @@ def run_pivots(
             level = exact
             continue
         else:
+            copy(z_box, u)  # u is computed anew below
             for j in range(n):
                 z_box[j] = point[j] - centre[j]
             if turn > 0 and is_ray(z_box, P, q, G, h, lb, ub, norms, row, Gx):
                 return UNBOUNDED, pivots
+            copy(u, z_box)
             if 0 < turn <= LOWERED:
                 k = lower_weight(weight, active, multiplier, k, P, G, A, L, Q, R, watch)
                 if k < 0:

@@ -15,7 +15,7 @@ from namlcp.linalg import add_transposed, submatrix, times
 from namlcp.qp.problem import QP, Point
 from namlcp.qp.transforms.proportional import (
     EMPTY,
-    Rows,
+    Groups,
     leading_rows,
     merge_equations,
     merge_ranges,
@@ -81,8 +81,8 @@ class Presolved(NamedTuple):
     upper_of: Owners
     lower_of: Owners
     contradictions: list[Contradiction]
-    A_rows: Rows
-    G_rows: Rows
+    A_groups: Groups
+    G_groups: Groups
 
     def has_matrices_of(self, other: "Presolved") -> bool:
         """Tell whether P, A and G are the very same objects."""
@@ -93,7 +93,7 @@ class Presolved(NamedTuple):
         return (
             qp.has_matrices_of(self.qp)
             and np.array_equal(fixed, self.fixed)
-            and np.array_equal(qp.h < np.inf, self.G_rows.wanted)
+            and np.array_equal(qp.h < np.inf, self.G_groups.wanted)
         )
 
     def with_fixed(self, x: np.ndarray) -> np.ndarray:
@@ -181,17 +181,17 @@ def presolve(
         lb, ub = lb[kept], ub[kept]
     if last is not None and last.can_be_renewed(qp, fixed):
         P, A, G = last.P, last.A, last.G
-        A_rows, G_rows = last.A_rows, last.G_rows
+        A_groups, G_groups = last.A_groups, last.G_groups
     else:
         P = submatrix(qp.P, kept, kept)
-        A, A_rows = leading_rows(qp.A, kept, np.ones(p, dtype=np.bool_))
-        G, G_rows = leading_rows(qp.G, kept, wanted)
+        A, A_groups = leading_rows(qp.A, kept, np.ones(p, dtype=np.bool_))
+        G, G_groups = leading_rows(qp.G, kept, wanted)
     tol = eps_abs if eps_abs > 0.0 else eps_rel
-    b, largest_of, smallest_of = equality_sides(A_rows, b, tol, found)
-    lower, upper, lower_of, upper_of = ranges(G_rows, h, tol, p, found)
+    b, largest_of, smallest_of = equality_sides(A_groups, b, tol, found)
+    lower, upper, lower_of, upper_of = ranges(G_groups, h, tol, p, found)
     return Presolved(
         qp, P, q, A, b, G, lower, upper, lb, ub, kept, fixed, x_fixed,
-        largest_of, smallest_of, upper_of, lower_of, found, A_rows, G_rows,
+        largest_of, smallest_of, upper_of, lower_of, found, A_groups, G_groups,
     )  # fmt: skip
 
 
@@ -239,26 +239,28 @@ def contradictory_sides(qp: QP, eps_abs: float, eps_rel: float) -> list[Contradi
 
 
 def equality_sides(
-    rows: Rows, b: np.ndarray, tol: float, found: list[Contradiction]
+    groups: Groups, b: np.ndarray, tol: float, found: list[Contradiction]
 ) -> tuple[np.ndarray, Owners, Owners]:
     """Return the right-hand sides of the equations and the owners of extreme ones.
 
     Proportional rows contradict each other if no value is within `tol` of all their b.
     Contradictions are added to `found`.
     """
-    p, first = b.size, rows.first
-    if rows.empty:
-        empty = np.flatnonzero(rows.leader == EMPTY)
+    p, first = b.size, groups.first
+    if groups.empty:
+        empty = np.flatnonzero(groups.leader == EMPTY)
         for i in empty[np.abs(b[empty]) > tol][:1]:
             side = f"but the right-hand side {b[i]:g}"
             message = f"row {i} of A has no free variable, {side}"
             found.append(Contradiction(message, unit(p, i, -np.sign(b[i]))))
-    if not rows.proportional:
+    if not groups.proportional:
         same = Owners(first, np.ones(first.size))
         return b[first], same, same
     sides, owners = np.empty((5, first.size)), np.empty((4, first.size), dtype=np.intp)
-    k = merge_equations(rows.leader, rows.ratio, rows.number, b, tol, sides, owners)
-    ratio = rows.ratio
+    k = merge_equations(
+        groups.leader, groups.ratio, groups.number, b, tol, sides, owners
+    )
+    ratio = groups.ratio
     if k >= 0:
         i, j = owners[2:, k]
         y = unit(p, i, 1.0 / ratio[i]) - unit(p, j, 1.0 / ratio[j])
@@ -269,15 +271,15 @@ def equality_sides(
 
 
 def ranges(
-    rows: Rows, h: np.ndarray, tol: float, p: int, found: list[Contradiction]
+    groups: Groups, h: np.ndarray, tol: float, p: int, found: list[Contradiction]
 ) -> tuple[np.ndarray, np.ndarray, Owners, Owners]:
     """Return the lower and upper sides of the ranges and their owners.
 
     Contradictions are added to `found`; `p` is the size of their y.
     """
-    m, count = h.size, rows.first.size
-    if rows.empty:
-        empty = np.flatnonzero(rows.leader == EMPTY)
+    m, count = h.size, groups.first.size
+    if groups.empty:
+        empty = np.flatnonzero(groups.leader == EMPTY)
         for i in empty[(h[empty] < -tol) & (h[empty] > -np.inf)][:1]:
             side = f"but the right-hand side {h[i]:g}"
             message = f"row {i} of G has no free variable, {side}"
@@ -285,7 +287,7 @@ def ranges(
     lower, upper, low_ratio, up_ratio = np.empty((4, count))
     low_at, up_at = np.empty((2, count), dtype=np.intp)
     low, up = (lower, low_at, low_ratio), (upper, up_at, up_ratio)
-    k = merge_ranges(rows.leader, rows.ratio, rows.number, h, tol, low, up)
+    k = merge_ranges(groups.leader, groups.ratio, groups.number, h, tol, low, up)
     if k >= 0:
         i, j = up_at[k], low_at[k]
         z = unit(m, i, 1.0 / up_ratio[k]) + unit(m, j, -1.0 / low_ratio[k])

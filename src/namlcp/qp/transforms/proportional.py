@@ -15,14 +15,14 @@ from namlcp.linalg import arrays_of
 
 # Largest relative difference between entries of proportional rows, one row scaled.
 SAME = 1e-13
-# Values of `Rows.leader` for a row that is not wanted, and for an empty one.
+# Values of `Groups.leader` for a row that is not wanted, and for an empty one.
 UNWANTED, EMPTY = -2, -1
 # The weight of column j in the key of a row is 1 plus the fractional part of j times
 # the golden ratio, which differs from that of any nearby column.
 GOLDEN = 0.6180339887498949
 
 
-class Rows(NamedTuple):
+class Groups(NamedTuple):
     """Which rows of a matrix are kept, and which are proportional.
 
     Row i is ratio[i] times row leader[i], the `first` one of its group; rows that are
@@ -42,7 +42,7 @@ class Rows(NamedTuple):
 
 def leading_rows(
     M: csc_array, columns: np.ndarray, wanted: np.ndarray
-) -> tuple[csr_array, Rows]:
+) -> tuple[csr_array, Groups]:
     """Return the leaders of the wanted rows of M[:, columns] in CSR, and the groups.
 
     Stored zeros are dropped. Rows are compared with the first one of equal key.
@@ -60,7 +60,7 @@ def leading_rows(
     entries = indptr[count]
     parts = indptr[: count + 1], indices[:entries], data[:entries]
     first = np.flatnonzero(leader == np.arange(m)) if count < m else np.arange(m)
-    groups = Rows(wanted, leader, ratio, number, first, followers > 0, empty > 0)
+    groups = Groups(wanted, leader, ratio, number, first, followers > 0, empty > 0)
     return from_arrays(parts, (count, columns.size), csr_array), groups
 
 
@@ -98,8 +98,8 @@ def group_rows(rows, wanted, keys, leader, ratio, number):
     """Group the rows, of a CSR matrix, that are proportional; keep their leaders.
 
     Returns the numbers of leaders, of other rows in groups, and of empty rows that are
-    wanted. `leader`, `ratio` and `number` (m,) are overwritten as `Rows` has them, and
-    the matrix by its leaders. keys = (key, the bits of key as int32, table), all
+    wanted. `leader`, `ratio` and `number` (m,) are overwritten as in `Groups`, and the
+    matrix by its leaders. keys = (key, the bits of key as int32, table), all
     overwritten, are the keys in single precision, so that rounding errors seldom change
     them, and a hash table of rows with open addressing.
 
@@ -171,7 +171,7 @@ def are_proportional(indices, data, a, a_end, c, c_end):
 def merge_ranges(leader, ratio, number, h, tol, low, up):
     """Merge rows c g'x <= h_i of each group to lower <= g'x <= upper.
 
-    leader, ratio, number are those of `Rows`. low = (lower, row, ratio) takes the lower
+    leader, ratio, number: as in `Groups`. low = (lower, row, ratio) takes the lower
     sides, the rows that give them, -1 for none, and the ratios of these, `up` the
     upper ones. Returns the first range with lower > upper, each side widened by `tol`
     in the units of its row, or -1.
@@ -204,7 +204,7 @@ def merge_ranges(leader, ratio, number, h, tol, low, up):
 def merge_equations(leader, ratio, number, b, tol, sides, owners):
     """Merge proportional equations; return the first contradictory group, or -1.
 
-    leader, ratio, number are those of `Rows`. For each group and the values v = b_i /
+    leader, ratio, number: as in `Groups`. For each group and the values v = b_i /
     ratio[i] with the margins t = tol / |ratio[i]|, `sides` (5, groups) takes max v, min
     v, min (v + t), max (v - t) and the right-hand side, `owners` (4, groups) the rows
     of the first four. The right-hand side is the mean of the first two, moved between
