@@ -16,10 +16,13 @@ from namlcp.linalg.columns import (
 )
 from namlcp.linalg.csc import (
     Compressed,
+    add_column_sums,
+    add_columns,
     add_transposed,
     arrays_of,
     as_dense,
     by_rows,
+    compiled_form,
     submatrix,
     times,
     with_squares,

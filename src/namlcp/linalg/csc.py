@@ -19,6 +19,8 @@ from namlcp.limits import NEVER, Deadline
 DENSE = 0.2
 # Entries at most of a dense P + B'WB, and of the dense rows multiplied at a time.
 MOST_DENSE, STRIP = 20_000_000, 4_000_000
+# Types of the arrays of `compiled_form`.
+KINDS = np.dtype(np.int32), np.dtype(np.int32), np.dtype(np.float64)
 
 
 class Compressed(NamedTuple):
@@ -115,6 +117,17 @@ def add_transposed(M: Any, z: np.ndarray, out: np.ndarray) -> None:
 def is_csc(M: Any) -> bool:
     """Tell whether M is a CSC matrix of float64."""
     return getattr(M, "format", "") == "csc" and M.dtype == np.float64
+
+
+def compiled_form(M: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Return (indptr, indices, data) of a CSC matrix in float64 and int32, or None."""
+    if getattr(M, "format", "") != "csc":
+        return None
+    form = M.indptr, M.indices, M.data
+    for array, kind in zip(form, KINDS, strict=True):
+        if array.dtype != kind or not array.flags.carray:
+            return None
+    return form
 
 
 @kernel
