@@ -43,15 +43,6 @@ def block():
         sparse.csr_array(4 * I), np.array([-4.0, 4.0]), method="mgs", threads=1
     ).z.tolist()
 
-def face():
-    from namlcp.qp.path.refinement import active_set_residual
-    indptr, indices = np.array([0, 1], dtype=np.int32), np.zeros(1, dtype=np.int32)
-    one = np.ones(1)
-    rest = [np.zeros(1) for _ in range(4)]
-    return active_set_residual(
-        indptr, indices, one, one, one, one, np.zeros(1, bool), one, one, *rest
-    )
-
 def fronts():
     from namlcp.linalg.ordering import Supernodes
     from namlcp.linalg.multifrontal import solve_fronts
@@ -99,12 +90,6 @@ CHANGES = {
         "return u if x > u else x",
         "return 5.0",
         "block",
-    ),
-    "qp": (
-        "qp/kkt.py",
-        "total += base[k] * x[i]\n        Px[j] += total",
-        "total += base[k] * x[i]\n        Px[j] += 9.0 + total",
-        "face",
     ),
     "BLAS": (
         "linalg/lapack.py",

@@ -5,9 +5,7 @@ import pytest
 from scipy import sparse
 
 from namlcp.linalg import (
-    CONVEX,
-    SLACK,
-    UNDECIDED,
+    PSD_SLACK,
     curvature,
     has_positive_pivots,
     is_positive_semidefinite,
@@ -34,7 +32,7 @@ def test_symmetric_but_for_rounding():
 
 @pytest.mark.parametrize("seed", range(30))
 def test_columns_with_a_diagonal_entry_alone_are_not_factored(seed):
-    """The triangle is R^-1 P R^-1 + SLACK I on the others, R^2 the diagonal of P."""
+    """On the others the triangle is R^-1 P R^-1 + PSD_SLACK I, R^2 = diag(P)."""
     rng = np.random.default_rng(seed)
     n = 9
     alone = rng.random(n) < 0.5
@@ -43,16 +41,18 @@ def test_columns_with_a_diagonal_entry_alone_are_not_factored(seed):
     B[alone] = 0.0
     shift = rng.choice([-0.3, 0.0, 0.3])
     P = B.T @ B + shift * np.diag(rng.random(n)) + np.diag(2.0 * alone)
-    code, _, _, triangle = curvature(sparse.csc_array(P))
+    sign, _, _, triangle = curvature(sparse.csc_array(P))
     least = np.linalg.eigvalsh(P)[0]
-    if code == CONVEX:
+    if sign == 1:
         assert least > -1e-12
-    elif code == UNDECIDED:
+    elif sign == 0:
         others = np.flatnonzero(np.count_nonzero(P - np.diag(P.diagonal()), axis=0))
         root = np.sqrt(P.diagonal()[others])
         scaled = P[np.ix_(others, others)] / np.outer(root, root)
-        exact = np.triu(scaled) + SLACK * np.eye(root.size)
+        exact = np.triu(scaled) + PSD_SLACK * np.eye(root.size)
         np.testing.assert_allclose(triangle.toarray(), exact, atol=1e-12)
-        assert has_positive_pivots(triangle) == (np.linalg.eigvalsh(scaled)[0] > -SLACK)
+        assert has_positive_pivots(triangle) == (
+            np.linalg.eigvalsh(scaled)[0] > -PSD_SLACK
+        )
     else:
         assert least < 0.0

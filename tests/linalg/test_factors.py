@@ -2,25 +2,40 @@
 
 import numpy as np
 import pytest
-from problems_elimination import laplacian, natural, parts, quasi_definite, upper
+from problems_elimination import (
+    factored,
+    laplacian,
+    natural,
+    parts,
+    quasi_definite,
+    upper,
+)
 from scipy.sparse import csc_matrix
 
 from namlcp.linalg import factors
-from namlcp.linalg.factors import Bordered, Diagonal, SparseFactors, factor
+from namlcp.linalg.factors import Bordered, Diagonal, SparseFactors, plan_factors
 from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.multifrontal import Multifrontal
 
 
+def factor(U):
+    return factored(plan_factors(*parts(U)), U)
+
+
 def sparse(U):
-    return SparseFactors(U, minimum_degree(*parts(U)))
+    return factored(SparseFactors(*parts(U), minimum_degree(*parts(U))), U)
 
 
 def fronts(U):
-    return Multifrontal(U, minimum_degree(*parts(U)))
+    return factored(Multifrontal(*parts(U), minimum_degree(*parts(U))), U)
 
 
 def bordered(U):
-    return Bordered(U, np.arange(0, U.shape[0], 3))
+    return factored(Bordered(*parts(U), np.arange(0, U.shape[0], 3)), U)
+
+
+def diagonal(U):
+    return factored(Diagonal(), U)
 
 
 KINDS = {"sparse": sparse, "fronts": fronts, "bordered": bordered}
@@ -44,7 +59,7 @@ def test_factors_solve_and_take_other_values(kind):
 @pytest.mark.parametrize("kind", ["sparse", "diagonal"])
 def test_a_pivot_that_vanishes_is_told(kind, bad):
     U = upper(np.diag([1.0, 5.0, 2.0]))
-    make = Diagonal if kind == "diagonal" else sparse
+    make = diagonal if kind == "diagonal" else sparse
     f = make(U)
     data = np.array([1.0, bad, 2.0])
     with pytest.raises(ValueError, match="pivot"):
@@ -59,7 +74,8 @@ def test_a_pivot_that_vanishes_is_told(kind, bad):
 def test_a_diagonal_part_beside_a_border_may_fail():
     K = np.diag([1.0, 2.0, 3.0, 9.0, 9.0])
     K[3:, :3] = K[:3, 3:] = 1.0
-    f = Bordered(csc_matrix(upper(K)), np.array([3, 4]))
+    U = csc_matrix(upper(K))
+    f = factored(Bordered(*parts(U), np.array([3, 4])), U)
     assert isinstance(f.factors, Diagonal)
     np.testing.assert_allclose(K @ f.solve(np.ones(5)), 1.0)
     K[1, 1] = 0.0

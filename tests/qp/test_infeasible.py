@@ -18,9 +18,10 @@ import namlcp
 from namlcp.limits import Limits
 from namlcp.qp.certificates import accept_primal, drop_disallowed, farkas_numbers
 from namlcp.qp.judge import Judge
+from namlcp.qp.path.advance import ACTIVE_SET, EVALUATE
 from namlcp.qp.path.candidates import CertificateSearch
 from namlcp.qp.path.loop import PATIENCE
-from namlcp.qp.path.refinement import RefinementTiming
+from namlcp.qp.path.workspace import Workspace
 from namlcp.qp.transforms.presolve import presolve
 from namlcp.qp.transforms.scaling import ScaledQP
 from namlcp.status import Status
@@ -109,7 +110,8 @@ def test_projection_makes_a_proof_of_inexact_multipliers(seed):
     z = found.z * (1.0 + 1e-5 * rng.standard_normal(20))
     x = np.zeros(10)
     assert accept_primal(qp, x, y, z, TOL) is None
-    tests = CertificateSearch(ScaledQP(presolve(qp, TOL, 0.0)), Judge(qp, LOOSE))
+    work = Workspace(ScaledQP(presolve(qp, TOL, 0.0)), LOOSE)
+    tests = CertificateSearch(work, Judge(qp, LOOSE))
     proof = tests.project(x, y, z)
     assert proof is not None
     assert_certificate(qp, found._replace(y=proof[1], z=proof[2], z_box=proof[3]))
@@ -142,13 +144,28 @@ def test_rays_along_half_open_bounds_are_proved(seed):
 
 
 def test_a_refinement_waits_for_a_steady_set_and_for_progress():
-    set_a, set_b = np.array([True, False]), np.array([True, True])
-    timing = RefinementTiming(TOL, is_large=False)
-    assert not timing.is_due(1e5, 1.0, set_a, set_a)  # far away
-    assert not timing.is_due(1e3, 1.0, set_a, set_b)  # the set changes
-    assert timing.is_due(1e3, 1.0, set_a, set_a)
-    assert not timing.is_due(5e2, 1.0, set_a, set_a)  # not ten times better
-    assert timing.is_due(50.0, 1.0, set_a, set_b)  # near enough for any set
+    """x <= 0 and -2 x <= 0; the residual of stationarity sets the pace."""
+    qp = make_qp([[0.0]], [0.0], [[1.0], [-2.0]], [0.0, 0.0])
+    work = Workspace(ScaledQP(presolve(qp, TOL, 0.0)), LOOSE)
+    now = work.now
+    now.tol, now.drop, now.last_refined, now.best = TOL, 0.1, np.inf, np.inf
+    now.reports, now.patience, now.max_iter = True, 99, 99
+
+    def is_due(worst, active):
+        q = np.array([worst * TOL])
+        now.q = q.ctypes.data
+        work.W[:], work.Z[:] = 1.0, np.where(active, 2.0, 0.5)
+        q -= (work.problem.sign * work.Z).sum()
+        work.run(EVALUATE)
+        assert now.worst == pytest.approx(worst)
+        return bool(now.wants & ACTIVE_SET)
+
+    one, both = np.array([True, False]), np.array([True, True])
+    assert not is_due(1e5, one)  # far away
+    assert not is_due(1e3, both)  # the set changes
+    assert is_due(1e3, both)
+    assert not is_due(5e2, both)  # not ten times better
+    assert is_due(50.0, one)  # near enough for any set
 
 
 def test_the_threshold_of_convexity_is_named():

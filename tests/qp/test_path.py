@@ -31,8 +31,9 @@ from namlcp.qp import convexity
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import make_guess
 from namlcp.qp.judge import Judge
-from namlcp.qp.kkt import KKT
 from namlcp.qp.path import fallback
+from namlcp.qp.path.advance import READY, REFINE, SOLVE
+from namlcp.qp.path.workspace import Workspace
 from namlcp.qp.problem import Point
 from namlcp.qp.transforms.presolve import presolve
 from namlcp.qp.transforms.scaling import ScaledQP
@@ -324,27 +325,36 @@ def test_presolve_recovers_exactly():
     assert_solves_qp(qp, solve(qp, DEFAULT))
 
 
-def test_kkt_solves_are_refined():
-    known = complementary(4, 20, 10, 3, 12)
-    P, G, A = known.qp.P, known.qp.G.tocsr(), known.qp.A.tocsr()
-    kkt = KKT(P, A, G)
-    kkt.data[:] = kkt.base
-    kkt.data[kkt.diagonal] += np.r_[np.full(20, 1e-6), np.full(13, -1e-8)]
-    assert kkt.factor()
+def solved_by_other_factors(change, krylov):
+    """Solve a KKT system by factors of another matrix; return |residual| and `now`."""
+    qp = complementary(4, 20, 10, 3, 12).qp
+    work = Workspace(ScaledQP(presolve(qp, 1e-9, 0.0)), DEFAULT)
+    now, kkt = work.now, work.kkt
+    n, m = now.n, now.size - now.n
+    data = kkt.base.copy()
+    data[kkt.diagonal] += np.r_[np.full(n, 1e-6), np.full(m, -1e-8)]
+    kkt.data[:] = data
+    kkt.data[kkt.diagonal] += np.r_[np.full(n, change), np.zeros(m)]
+    assert work.factor()
+    kkt.data[:] = data
     full = kkt.matrix.toarray()
     full = full + np.triu(full, 1).T
-    rhs = np.random.default_rng(0).standard_normal(33)
-    u, error = kkt.solve(rhs)
-    assert error < 1e-13
-    np.testing.assert_allclose(full @ u, rhs, atol=1e-9)
-    weaker = KKT(P, A, G)
-    weaker.data[:] = kkt.data
-    weaker.data[kkt.diagonal] += np.r_[np.full(20, 1e-2), np.zeros(13)]
-    assert weaker.factor()
-    weaker.data[:] = kkt.data
-    crude = weaker.solve_once(rhs)
-    better = weaker.gmres(rhs, crude, np.inf, 1.0)[0]
-    assert np.abs(full @ better - rhs).max() < 0.1 * np.abs(full @ crude - rhs).max()
+    rhs = np.random.default_rng(0).standard_normal(now.size)
+    work.rhs[:], work.r[:], work.du[:] = rhs, rhs, 0.0
+    now.rhs_norm, now.error, now.accuracy, now.solves = 1.0, np.inf, 1e-14, 0
+    now.krylov_pays, now.after, now.then = krylov, REFINE, READY
+    work.run(SOLVE)
+    return np.abs(full @ work.du - rhs).max(), now
+
+
+def test_newton_systems_are_refined():
+    residual, now = solved_by_other_factors(0.0, False)
+    assert residual < 1e-9
+    assert now.error < 1e-13
+    crude, _ = solved_by_other_factors(3.0, False)
+    better, now = solved_by_other_factors(3.0, True)
+    assert now.krylov_pays
+    assert better < 0.1 * crude
 
 
 def dense_rows(seed, m=400, n=60):
@@ -384,7 +394,9 @@ def test_bordered_factors_solve(inner, border):
         "mixed": np.r_[0:10, 32:36],
         "all": np.arange(n + m),
     }[border]
-    factors = Bordered(csc_array(np.triu(K)), rows)
+    U = csc_array(np.triu(K))
+    factors = Bordered(U.indptr, U.indices, rows)
+    factors.refactor(U.data)
     rhs = rng.standard_normal(n + m)
     np.testing.assert_allclose(K @ factors.solve(rhs), rhs, atol=1e-11)
     K[np.diag_indices(n + m)] *= 1.5

@@ -5,7 +5,7 @@ import pytest
 from problems_qp import make_qp
 from scipy.sparse import csc_array
 
-from namlcp.qp.kkt import weighted_norm
+from namlcp.qp.path.newton import weighted_norm
 from namlcp.qp.transforms.presolve import presolve
 from namlcp.qp.transforms.proportional import (
     EMPTY,
@@ -163,6 +163,7 @@ def test_multipliers_come_back(seed):
 @pytest.mark.parametrize("place", [0, 1, 2])
 def test_the_norm_of_a_residual_with_nan_is_nan(place):
     r, weight = np.array([1.0, -6.0, 2.0]), np.array([1.0, 2.0, 4.0])
-    assert weighted_norm(r, weight) == 3.0
+    norm = getattr(weighted_norm, "py_func", weighted_norm)
+    assert norm(r, weight) == 3.0
     r[place] = np.nan
-    assert np.isnan(weighted_norm(r, weight))
+    assert np.isnan(norm(r, weight))

@@ -6,7 +6,8 @@ comes with the wheel, under a hash of all sources (the stamp): a changed package
 runs old code. `sources` computes the stamp, `store` reads and writes the files,
 `decorators` chooses compiler and cache, `internals` holds all use of numba's private
 parts, `signatures` reads the list of all kernels (`kernels.txt`), `ahead` and
-`prebuilt` compile them before their first call, `views` avoids reference counts.
+`prebuilt` compile them before their first call, `views` makes arrays without reference
+counts.
 """
 
 import functools
@@ -15,14 +16,17 @@ from typing import Any
 
 from namlcp.compiled.decorators import compile_time, compiled, is_at_hand
 from namlcp.compiled.store import kept_in
-from namlcp.compiled.views import uncounted
+from namlcp.compiled.views import floats, ints, longs, uncounted
 
 __all__ = [
     "ahead",
     "compile_time",
+    "floats",
+    "ints",
     "is_at_hand",
     "kept_in",
     "kernel",
+    "longs",
     "part",
     "pasted",
     "signatures",

@@ -1,9 +1,14 @@
-"""Views of arrays without a reference count, where numba is known, see `decorators`."""
+"""Views of memory and arrays without a reference count, for compiled functions."""
 
+import ctypes
+from collections.abc import Callable
 from typing import Any
 
 import numba
-from numba import config
+import numpy as np
+from llvmlite import ir
+from numba import config, types
+from numba.extending import intrinsic
 
 from namlcp.compiled.decorators import is_known
 
@@ -13,15 +18,44 @@ def itself(array: Any) -> Any:
     return array
 
 
-def chosen_view() -> Any:
-    """Return the function `uncounted` of `internals`, or one that does nothing."""
+def interpreted(kind: Any) -> Callable[[int, int], np.ndarray]:
+    """Return `vectors_at` for functions that are not compiled."""
+
+    def at(address: int, size: int) -> np.ndarray:
+        width = np.dtype(kind).itemsize
+        memory: Any = (ctypes.c_char * (int(size) * width)).from_address(int(address))
+        return np.frombuffer(memory, kind)
+
+    return at
+
+
+def portable(kind: Any) -> Any:
+    """Return `vectors_at` without private parts of numba."""
+
+    @intrinsic
+    def pointer(typingctx: Any, address: Any) -> Any:
+        def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.inttoptr(arguments[0], ir.IntType(8).as_pointer())
+
+        return types.voidptr(types.int64), codegen
+
+    @numba.njit
+    def at(address, size):
+        return numba.carray(pointer(address), (size,), kind)
+
+    return at
+
+
+def chosen() -> tuple[Any, Any]:
+    """Return `uncounted` and `vectors_at`."""
     if config.DISABLE_JIT:
-        return itself
+        return itself, interpreted
     if is_known():
         from namlcp.compiled import internals
 
-        return internals.uncounted
-    return numba.njit(itself)
+        return internals.uncounted, internals.vectors_at
+    return numba.njit(itself), portable
 
 
-uncounted = chosen_view()
+uncounted, vectors_at = chosen()
+floats, ints, longs = map(vectors_at, (np.float64, np.int32, np.int64))

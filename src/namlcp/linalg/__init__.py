@@ -38,7 +38,7 @@ from namlcp.linalg.definite import (
     is_symmetric,
     ldl_factors,
 )
-from namlcp.linalg.factors import Factors, factor
+from namlcp.linalg.factors import Factors, SparseFactors, plan_factors
 from namlcp.linalg.lapack import (
     add_rmatvec,
     add_scaled,
@@ -60,6 +60,7 @@ from namlcp.linalg.ldl import (
     ldl_symbolic,
 )
 from namlcp.linalg.minimum_degree import minimum_degree
+from namlcp.linalg.sparse_ldl import Pattern, ldl_factor, ldl_solve_into
 from namlcp.linalg.supernodes import Blocks, blocks_of, factor_blocks, solve_blocks
 from namlcp.linalg.symmetry import asymmetry, dense_asymmetry
 from namlcp.linalg.threads import blas_threads

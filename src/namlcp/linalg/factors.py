@@ -18,7 +18,7 @@ from typing import Protocol
 
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dpotrs, dsytrf, dsytrf_lwork, dsytrs
-from scipy.sparse import csc_array, csc_matrix
+from scipy.sparse import csc_matrix
 
 from namlcp.compiled import kernel
 from namlcp.linalg.csc import MOST_DENSE
@@ -48,33 +48,34 @@ class Factors(Protocol):
     """Factors of a quasi-definite matrix; ValueError if a pivot is 0."""
 
     def refactor(self, data: np.ndarray) -> None:
-        """Factor again with other values in the same pattern."""
+        """Factor the matrix with these values in its pattern."""
 
     def solve(self, rhs: np.ndarray) -> np.ndarray:
         """Return the solution for a right-hand side."""
 
 
-def factor(matrix: csc_array) -> Factors:
-    """Return factors of a quasi-definite matrix, its upper triangle given in CSC.
+def plan_factors(indptr: np.ndarray, indices: np.ndarray) -> Factors:
+    """Return the factors that suit a pattern; `refactor` computes them.
 
-    All diagonal entries are stored, as the last of their columns.
+    The pattern is the upper triangle of a quasi-definite matrix in CSC. All diagonal
+    entries are stored, as the last of their columns.
     """
-    order = minimum_degree(matrix.indptr, matrix.indices)
+    order = minimum_degree(indptr, indices)
     if order.work >= SOME:
-        border = dense_border(matrix.indptr, matrix.indices)
+        border = dense_border(indptr, indices)
         if border.size:
-            return Bordered(matrix, border)
-        order = better_order(matrix, order)
+            return Bordered(indptr, indices, border)
+        order = better_order(indptr, indices, order)
         if order.work >= HEAVY:
-            return Multifrontal(matrix, order)
-    return SparseFactors(matrix, order)
+            return Multifrontal(indptr, indices, order)
+    return SparseFactors(indptr, indices, order)
 
 
-def better_order(matrix: csc_array, order: Order) -> Order:
-    """Return an order by nested dissection where it causes much less work."""
-    if order.work < DEEP * matrix.shape[0]:
+def better_order(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Order:
+    """Return an order by nested dissection where it causes less work."""
+    if order.work < DEEP * order.parent.size:
         return order
-    other = nested_dissection(matrix.indptr, matrix.indices)
+    other = nested_dissection(indptr, indices)
     return order if other is None or other.work >= order.work else other
 
 
@@ -87,16 +88,14 @@ class SparseFactors:
     pattern, values, inverse : L and D^-1, as the functions of `sparse_ldl` take them
     """
 
-    def __init__(self, matrix: csc_array | csc_matrix, order: Order) -> None:
+    def __init__(self, indptr: np.ndarray, indices: np.ndarray, order: Order) -> None:
         self.order = order
-        self.pattern = analyse(matrix.indptr, matrix.indices, order)
+        self.pattern = analyse(indptr, indices, order)
         self.values = np.empty(self.pattern.below.size)
-        self.inverse = np.empty(matrix.shape[0])
-        self.work = np.empty(matrix.shape[0])
-        self.refactor(matrix.data)
+        self.inverse, self.work = np.empty((2, order.place.size))
 
     def refactor(self, data: np.ndarray) -> None:
-        """Factor again with other values."""
+        """Factor the matrix with these values."""
         if not factor_sparse(self.pattern, data, self.values, self.inverse, self.work):
             raise ValueError("a pivot vanishes")
 
@@ -110,8 +109,7 @@ class SparseFactors:
 class Diagonal:
     """A diagonal matrix as its own factors."""
 
-    def __init__(self, matrix: csc_matrix) -> None:
-        self.refactor(matrix.data)
+    entries = np.empty(0)
 
     def refactor(self, data: np.ndarray) -> None:
         """Take other entries."""
@@ -130,9 +128,11 @@ class Bordered:
     border: the rows of D in rising order.
     """
 
-    def __init__(self, matrix: csc_array, border: np.ndarray) -> None:
-        size = matrix.shape[0]
-        self.indptr, self.indices = matrix.indptr, matrix.indices
+    def __init__(
+        self, indptr: np.ndarray, indices: np.ndarray, border: np.ndarray
+    ) -> None:
+        size = indptr.size - 1
+        self.indptr, self.indices = indptr, indices
         self.border = border
         self.rest = np.delete(np.arange(size), border)
         self.place = np.empty(size, dtype=np.int32)
@@ -145,7 +145,6 @@ class Bordered:
         self.factors: SparseFactors | Diagonal | None = None
         self.B = np.zeros((self.rest.size, border.size), order="F")
         self.S = np.zeros((border.size, border.size), order="F")
-        self.refactor(matrix.data)
 
     def refactor(self, data: np.ndarray) -> None:
         """Factor again with other values."""
@@ -155,14 +154,12 @@ class Bordered:
             self.indptr, self.indices, data, self.place, inner.indices, inner.data, B, S
         )
         if self.factors is None:
-            is_diagonal = inner.nnz == self.rest.size
-            if is_diagonal:
-                self.factors = Diagonal(inner)
+            if inner.nnz == self.rest.size:
+                self.factors = Diagonal()
             else:
                 order = minimum_degree(inner.indptr, inner.indices)
-                self.factors = SparseFactors(inner, order)
-        else:
-            self.factors.refactor(inner.data)
+                self.factors = SparseFactors(inner.indptr, inner.indices, order)
+        self.factors.refactor(inner.data)
         X = np.empty_like(B)
         for j in range(B.shape[1]):
             X[:, j] = self.factors.solve(B[:, j])

@@ -10,7 +10,6 @@ J. Optim. 5 (1995) 100-113). The method: Duff and Reid, ACM Trans. Math. Softw. 
 """
 
 import numpy as np
-from scipy.sparse import csc_array
 
 from namlcp.compiled import kernel, part
 from namlcp.linalg.lapack import add_scaled, dot, product, solve_rows
@@ -26,9 +25,9 @@ SMALL_PRODUCT = 512
 class Multifrontal:
     """`factors.Factors` by dense fronts."""
 
-    def __init__(self, matrix: csc_array, order: Order) -> None:
+    def __init__(self, indptr: np.ndarray, indices: np.ndarray, order: Order) -> None:
         self.place = order.place
-        self.nodes = nodes = supernodes(matrix.indptr, matrix.indices, order)
+        self.nodes = nodes = supernodes(indptr, indices, order)
         k = np.diff(nodes.first).astype(np.int64)
         f = np.diff(nodes.starts)
         self.L = np.empty(nodes.panels[-1])
@@ -37,10 +36,9 @@ class Multifrontal:
         self.stack = np.empty(stack_size(nodes.parent, f - k))
         self.front = np.empty(((f - k) ** 2).max())
         self.work = np.empty(max((f * np.minimum(k, BLOCK)).max(), ((f - k) * k).max()))
-        self.refactor(matrix.data)
 
     def refactor(self, data: np.ndarray) -> None:
-        """Factor again with other values."""
+        """Factor the matrix with these values."""
         if not factorise(
             self.nodes, data, self.L, self.D, self.position, self.stack, self.front,
             self.work,

@@ -14,9 +14,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from namlcp.checks import refuse_size
+from namlcp.checks import refuse_size, transposed
 from namlcp.compiled import kernel, part
-from namlcp.linalg.csc import transposed
 
 MERGE = np.array(((4, 0.5), (16, 0.3), (48, 0.1), (1 << 30, 0.05)))
 """(Columns, fraction): supernodes are merged into one of at most so many columns if at

@@ -15,15 +15,8 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array
 
 from namlcp.checks import refuse_size
-from namlcp.compiled import kernel
-from namlcp.linalg import Factors, arrays_of, factor
-
-# Most refinement steps of a solve; `KKT.accuracy` unless the caller changes it.
-REFINEMENT_STEPS, DEFAULT_ACCURACY = 11, 1e-14
-# Relative residual after refinement above which GMRES runs, and its iterations.
-GMRES_ABOVE, KRYLOV = 1e-9, 8
-# Residuals are relative to the norm of the right-hand side, or to this if larger.
-SMALL_RHS = 1e-8
+from namlcp.compiled import kernel, part
+from namlcp.linalg import Factors, arrays_of, plan_factors
 
 
 class KKT:
@@ -32,11 +25,9 @@ class KKT:
     Attributes
     ----------
     indptr, indices, base : upper triangle of K in CSC, all diagonal entries stored
-    triangle : these three
     data : values of K~; the caller writes its diagonal, data[diagonal]
     diagonal : positions of the diagonal entries in `base` and `data`
     factored : the `data` that `factors` belong to
-    accuracy : relative residual at which refinement stops
     n, size : order of P; order of K
     """
 
@@ -47,128 +38,59 @@ class KKT:
 
         It shares the factors of `last` if that has the same pattern.
         """
-        self.accuracy = DEFAULT_ACCURACY
         self.n = P.shape[0]
         self.size = self.n + A.shape[0] + G.shape[0]
         entries = P.nnz + A.nnz + G.nnz + self.size
         refuse_size("the KKT matrix", entries)
-        self.indptr = np.zeros(self.size + 1, dtype=np.int32)
-        indices, base = np.empty(entries, dtype=np.int32), np.empty(entries)
-        upper_triangle(*map(arrays_of, (P, A, G)), self.indptr, indices, base)
-        self.indices = indices[: self.indptr[-1]].copy()
-        self.base = base[: self.indptr[-1]].copy()
-        self.triangle = self.indptr, self.indices, self.base
+        self.indptr = np.empty(self.size + 1, dtype=np.int32)
+        self.indices, self.base = np.empty(entries, dtype=np.int32), np.empty(entries)
+        self.set_values(P, A, G)
+        entries = self.indptr[-1]
+        self.indices, self.base = self.indices[:entries], self.base[:entries]
         self.diagonal = self.indptr[1:] - 1
-        self.matrix = csc_array(
-            (self.base.copy(), self.indices, self.indptr), shape=(self.size, self.size)
-        )
-        self.data = self.matrix.data
+        self.data = np.empty(entries)
         self.factors: Factors | None = None
-        self.factored = np.full(self.data.size, np.nan)  # unlike any data
+        self.factored = np.full(entries, np.nan)  # unlike any data
         if last is not None and (
             np.array_equal(last.indptr, self.indptr)
             and np.array_equal(last.indices, self.indices)
         ):
             self.factors, self.factored = last.factors, last.factored
-        self.weight = np.ones(self.size)
-        self.residual = np.empty(self.size)
-        self.trial = np.empty(self.size)
+
+    @property
+    def matrix(self) -> csc_array:
+        """The upper triangle of K~."""
+        triangle = self.data, self.indices, self.indptr
+        return csc_array(triangle, shape=(self.size, self.size))
+
+    def set_values(self, P: csc_array, A: csr_array, G: csr_array) -> None:
+        """Write pattern and values of K, not scaled."""
+        matrices = map(arrays_of, (P, A, G))
+        upper_triangle(*matrices, self.indptr, self.indices, self.base)
+
+    def plan(self) -> Factors:
+        """Return the factors, which are not computed yet if they are new."""
+        if self.factors is None:
+            self.factors = plan_factors(self.indptr, self.indices)
+        return self.factors
 
     def factor(self) -> bool:
-        """Factor K~ unless `data` are factored already; False if a pivot vanishes."""
-        if set_weights(self.data, self.diagonal, self.factored, self.weight):
-            return True
-        self.factored[-1] = np.nan  # should this fail, no data match
+        """Factor K~; False if a pivot vanishes."""
         try:
-            if self.factors is None:
-                self.factors = factor(self.matrix)
-            else:
-                self.factors.refactor(self.data)
+            self.plan().refactor(self.data)
         except (RuntimeError, ValueError):
             return False
-        self.factored[:] = self.data
         return True
-
-    def solve_once(self, rhs: np.ndarray) -> np.ndarray:
-        """Return the solution of K~ u = rhs without refinement."""
-        assert self.factors is not None
-        return self.factors.solve(rhs)
-
-    def remainder(self, rhs: np.ndarray, u: np.ndarray, r: np.ndarray) -> float:
-        """Set r = rhs - K~ u; return its weighted norm."""
-        K = self.indptr, self.indices, self.data
-        return set_remainder(*K, self.weight, rhs, u, r)
-
-    def solve(self, rhs: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return a refined solution u of K~ u = rhs and its relative residual."""
-        size = max(SMALL_RHS, weighted_norm(rhs, self.weight))
-        u = self.solve_once(rhs)
-        r, other = self.residual, self.trial
-        error = self.remainder(rhs, u, r) / size
-        for _ in range(REFINEMENT_STEPS):
-            if error <= self.accuracy:
-                break
-            better = self.solve_once(r)
-            better += u
-            new = self.remainder(rhs, better, other) / size
-            if not new < error:
-                break
-            gained = new <= 0.5 * error
-            u, error, r, other = better, new, other, r
-            if not gained:
-                break
-        if not error <= GMRES_ABOVE:
-            u, error = self.gmres(rhs, u, error, size)
-        return u, error
-
-    def gmres(
-        self, rhs: np.ndarray, u: np.ndarray, error: float, size: float
-    ) -> tuple[np.ndarray, float]:
-        """Return the better of u and one cycle of GMRES(8) from it, and its error."""
-        r = np.empty(self.size)
-        self.remainder(rhs, u, r)
-        r /= self.weight
-        beta = float(np.linalg.norm(r))
-        if not 0.0 < beta < np.inf:
-            return u, error
-        basis = np.zeros((KRYLOV + 1, self.size))
-        steps = np.zeros((KRYLOV, self.size))
-        H = np.zeros((KRYLOV + 1, KRYLOV))
-        basis[0] = r / beta
-        zero = np.zeros(self.size)
-        used = 0
-        for k in range(KRYLOV):
-            steps[k] = self.solve_once(basis[k] * self.weight)
-            self.remainder(zero, steps[k], r)
-            r /= -self.weight
-            for _ in range(2):  # orthogonalised twice against rounding
-                h = basis[: k + 1] @ r
-                r -= h @ basis[: k + 1]
-                H[: k + 1, k] += h
-            H[k + 1, k] = np.linalg.norm(r)
-            if not np.isfinite(H[: k + 2, k]).all():
-                break
-            used = k + 1
-            if H[k + 1, k] <= 1e-14 * beta:
-                break
-            basis[k + 1] = r / H[k + 1, k]
-        if used == 0:
-            return u, error
-        first = np.zeros(used + 1)
-        first[0] = beta
-        weights = np.linalg.lstsq(H[: used + 1, :used], first, rcond=None)[0]
-        better = u + weights @ steps[:used]
-        new = self.remainder(rhs, better, r) / size
-        return (better, new) if new < error else (u, error)
 
 
 @kernel
 def upper_triangle(P, A, G, indptr, indices, data):
     """Write the upper triangle of K from P in CSC (both triangles), A and G in CSR.
 
-    indptr, indices and data take the triangle; indptr[0] is 0 on entry.
+    indptr, indices and data take the triangle.
     """
     n = P.indptr.size - 1
+    indptr[0] = 0
     k = 0
     for j in range(n):
         diagonal = 0.0
@@ -197,48 +119,7 @@ def upper_triangle(P, A, G, indptr, indices, data):
             indptr[column] = k
 
 
-@kernel
-def set_weights(data, diagonal, factored, weight):
-    """Set weight_i = max(1, |K~_ii|); tell whether `data` equal `factored`."""
-    for i in range(weight.size):
-        weight[i] = max(1.0, abs(data[diagonal[i]]))
-    for t in range(data.size - 1, -1, -1):
-        if data[t] != factored[t]:
-            return False
-    return True
-
-
-@kernel
-def weighted_norm(r, weight):
-    """Return max |r_i| / weight_i, NaN if an entry is."""
-    worst = 0.0
-    for i in range(r.size):
-        value = abs(r[i]) / weight[i]
-        if not value <= worst:
-            worst = value
-            if value != value:
-                break
-    return worst
-
-
-@kernel
-def set_remainder(indptr, indices, data, weight, rhs, u, r):
-    """Set r = rhs - K~ u; return its norm max |r_i| / weight_i."""
-    for i in range(r.size):
-        r[i] = rhs[i]
-    for j in range(r.size):
-        last = indptr[j + 1] - 1
-        uj = u[j]
-        total = data[last] * uj
-        for t in range(indptr[j], last):
-            i = indices[t]
-            r[i] -= data[t] * uj
-            total += data[t] * u[i]
-        r[j] -= total
-    return weighted_norm(r, weight)
-
-
-@kernel
+@part
 def products(indptr, indices, base, x, v, Px, Ctv, t):
     """Set Px = P x, Ctv = C'v[n:] and t = (x, C x); x, Px, Ctv are (n,), v, t (size,).
 

@@ -6,6 +6,8 @@ there inaccurate solves raise them, and accurate solves lower the one that domin
 residual.
 """
 
+from namlcp.compiled import part
+
 # Values at the start.
 RHO, DELTA = 1e-6, 1e-4
 # rho and delta fall with mu down to FLOOR; then accurate solves, or steps without
@@ -15,41 +17,43 @@ FLOOR, LOWEST, TOP = 1e-7, 1e-16, 1e-6
 POOR, ACCURATE = 1e-5, 1e-8
 # Iterations without lowering after a bad solve.
 WAIT = 3
+# Scaled dual residual up to which rho is not held responsible for it.
+NEGLIGIBLE_RESIDUAL = 1e-12
 
 
-class Regularisation:
-    """The pair (rho, delta)."""
+@part
+def regularise(m, old_mu):
+    """Adapt rho and delta after a step, to its effect on mu and on the residuals."""
+    if m.m == 0:
+        lower(m, True, True)
+        return
+    factor = max(0.0, 1.0 - abs(old_mu - m.mu) / old_mu) if old_mu > 0.0 else 0.0
+    if m.rho > FLOOR:
+        m.rho = max(m.rho * factor, FLOOR)
+    if m.delta > FLOOR:
+        m.delta = max(m.delta * factor, FLOOR)
+    if not m.error <= POOR:
+        strengthen(m)
+    elif m.wait > 0:
+        m.wait -= 1
+    elif m.error < ACCURATE:
+        dual, primal = m.dual_norm, max(m.row_norm, m.slack_norm)
+        rho_dominates = dual > NEGLIGIBLE_RESIDUAL and m.rho * m.change_x > 0.5 * dual
+        lower(m, rho_dominates, m.delta * m.change_yz > 0.5 * primal)
 
-    def __init__(self) -> None:
-        self.rho, self.delta = RHO, DELTA
-        self.wait = 0
 
-    def follow(self, mu_old: float, mu: float) -> None:
-        """Multiply by 1 - |mu_old - mu|/mu_old, not below FLOOR."""
-        factor = max(0.0, 1.0 - abs(mu_old - mu) / mu_old) if mu_old > 0.0 else 0.0
-        if self.rho > FLOOR:
-            self.rho = max(self.rho * factor, FLOOR)
-        if self.delta > FLOOR:
-            self.delta = max(self.delta * factor, FLOOR)
+@part
+def lower(m, rho, delta):
+    """Divide rho, delta or both by ten."""
+    if rho:
+        m.rho = max(0.1 * m.rho, LOWEST)
+    if delta:
+        m.delta = max(0.1 * m.delta, LOWEST)
 
-    def lower(self, rho: bool = True, delta: bool = True) -> None:
-        """Divide rho, delta or both by ten."""
-        if rho:
-            self.rho = max(0.1 * self.rho, LOWEST)
-        if delta:
-            self.delta = max(0.1 * self.delta, LOWEST)
 
-    def strengthen(self) -> None:
-        """Raise both after a bad solve."""
-        self.rho = max(self.rho, min(10.0 * self.rho, TOP))
-        self.delta = max(self.delta, min(10.0 * self.delta, TOP))
-        self.wait = WAIT
-
-    def adapt(self, error: float, rho_dominates: bool, delta_dominates: bool) -> None:
-        """Raise or lower after a step solved with this relative residual."""
-        if not error <= POOR:
-            self.strengthen()
-        elif self.wait > 0:
-            self.wait -= 1
-        elif error < ACCURATE:
-            self.lower(rho_dominates, delta_dominates)
+@part
+def strengthen(m):
+    """Raise both after a bad solve."""
+    m.rho = max(m.rho, min(10.0 * m.rho, TOP))
+    m.delta = max(m.delta, min(10.0 * m.delta, TOP))
+    m.wait = WAIT

@@ -9,10 +9,11 @@ from namlcp.qp.guess import NO_GUESS, Guess
 from namlcp.qp.judge import Judge
 from namlcp.qp.memory import Memory
 from namlcp.qp.path import fallback
+from namlcp.qp.path.advance import advance
 from namlcp.qp.path.candidates import contradiction
 from namlcp.qp.path.loop import Interior
 from namlcp.qp.path.refinement import Refinement
-from namlcp.qp.path.steps import evaluate
+from namlcp.qp.path.workspace import Workspace
 from namlcp.qp.problem import QP
 from namlcp.qp.transforms import ScaledQP, presolve
 from namlcp.residuals import qp_residuals
@@ -30,7 +31,7 @@ def solve_path(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Answer:
     If the active set of the guess is the right one, no iteration is needed. `memory`
     holds the factors of a problem solved before, and takes those of this one.
     """
-    limits.announce(evaluate)
+    limits.announce(advance)
     own = qp
     if qp.is_dense:
         own = qp._replace(P=as_sparse(qp.P), G=as_sparse(qp.G), A=as_sparse(qp.A))
@@ -60,13 +61,14 @@ def follow_path(
         judge.offer(small.point(none, none, zero, zero, none))
         return judge.answer(Status.STALLED, 0, FORM)
     problem = memory.scaled = ScaledQP(small, memory.scaled)
-    refinement = Refinement(problem, judge, limits.deadline)
+    work = Workspace(problem, limits)
+    refinement = Refinement(work, judge, limits.deadline)
     if guess.x.size:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             refinement.run(*problem.guess(guess))
         if judge.best <= 1.0:
             return judge.answer(Status.SOLVED, 0, FORM)
-    loop = Interior(problem, judge, limits, refinement)
+    loop = Interior(work, judge, limits, refinement)
     if not is_fallback:
         loop.fallback_solver = fallback_solver(limits.deadline)
     status = loop.run(guess)

@@ -1,4 +1,4 @@
-"""Vector operations of one interior-point iteration, compiled, without allocation.
+"""The parts of one interior-point iteration, compiled; m is the record of `Workspace`.
 
 One-sided constraints are sign * t[place] + W = c with slacks W >= 0 and multipliers
 Z >= 0; t = (x, Ax, Gx) and v = (net z_box, y, net z) have the layout of K. The Newton
@@ -15,105 +15,157 @@ proximal terms rho, delta centred at the current point,
 
 import numpy as np
 
-from namlcp.compiled import kernel
+from namlcp.compiled import floats, ints, part
 from namlcp.qp.kkt import products
 
-# Indices in the `norms` of `evaluate`: the mean of W Z, norms of the scaled residuals
-# rd, rp and rw, then the first six numbers of `Residuals`.
-MU, DUAL_NORM, ROW_NORM, SLACK_NORM = range(4)
-PRIMAL, DUAL, GAP, PRIMAL_SIZE, DUAL_SIZE, GAP_SIZE = range(4, 10)
 # Least weight of a row, whose reciprocal is on the diagonal of K~.
 THIN = 1e-20
 # Gondzio's corrector aims at steps (1 + LENGTHENED) a + LENGTHENED and at products W Z
 # there between LEAST_PRODUCT and MOST_PRODUCT times the target.
 LENGTHENED, LEAST_PRODUCT, MOST_PRODUCT = 0.08, 0.1, 10.0
+# Fraction of the longest feasible step that is taken.
+SHORT = 0.99
+# Least target of W'Z, relative to the tolerance of the gap.
+CENTRED = 0.01
 # If all scaled slacks and multipliers of the first solve are at most NEGLIGIBLE, all
 # start from START_VALUE instead.
 NEGLIGIBLE, START_VALUE = 1e-4, 0.1
 
 
-@kernel
-def evaluate(
-    indptr, indices, base, unit, q, b, place, sign, c, x, y, W, Z,
-    v, Px, Ctv, t, rd, rp, rw, norms,
-):  # fmt: skip
-    """Set rd, rp, rw and norms to the residuals of the iterate; v, Px, Ctv, t are work.
+@part
+def multiply(m, x, v, Px, Ctv, t):
+    """Set Px = P x, Ctv = C'v[n:] and t = (x, C x)."""
+    size = m.size
+    indptr = ints(m.indptr, size + 1)
+    nnz = np.int64(indptr[size])
+    products(indptr, ints(m.indices, nnz), floats(m.base, nnz), x, v, Px, Ctv, t)
 
-    rd = Px + q + C'v + z_box, rp = Ax - b, rw = sign t[place] - c + W; `norms` has the
-    indices named above. The numbers of `Residuals` are unscaled and measure the
-    violation without W. A NaN in rd ends the function with NaN as dual residual.
+
+@part
+def evaluate(m):
+    """Set the residuals of the iterate, their norms and ratios; keep the best iterate.
+
+    rd = Px + q + C'v + z_box, rp = Ax - b, rw = sign t[place] - c + W. The numbers of
+    `Residuals` are unscaled and measure the violation without W.
     """
-    n, p = x.size, y.size
-    v[:] = 0.0
+    n, p, size = m.n, m.p, m.size
+    x, y, W, Z = floats(m.x, n), floats(m.y, p), floats(m.W, m.m), floats(m.Z, m.m)
+    place, sign, unit = ints(m.place, m.m), floats(m.sign, m.m), floats(m.unit, size)
+    v, t, Px, Ctv = (
+        floats(m.v, size),
+        floats(m.t, size),
+        floats(m.Px, n),
+        floats(m.Ctv, n),
+    )
+    for j in range(size):
+        v[j] = 0.0
     for i in range(p):
         v[n + i] = y[i]
     for k in range(place.size):
         v[place[k]] += sign[k] * Z[k]
-    products(indptr, indices, base, x, v, Px, Ctv, t)
-    norms[:] = 0.0
-    xPx, qx = 0.0, 0.0
+    multiply(m, x, v, Px, Ctv, t)
+    primal = primal_size = dual = dual_size = 0.0
+    dual_norm = row_norm = slack_norm = 0.0
+    xPx = qx = by = support = complement = nan_test = 0.0
+    q, rd = floats(m.q, n), floats(m.rd, n)
     for j in range(n):
         rd[j] = Px[j] + q[j] + Ctv[j] + v[j]
         xPx += x[j] * Px[j]
         qx += q[j] * x[j]
-        norms[DUAL_NORM] = max(norms[DUAL_NORM], abs(rd[j]))
-        norms[DUAL] = max(norms[DUAL], abs(rd[j]) / unit[j])
+        nan_test += rd[j]
+        dual_norm = max(dual_norm, abs(rd[j]))
+        dual = max(dual, abs(rd[j]) / unit[j])
         term = max(abs(Px[j]), abs(q[j]), abs(Ctv[j]), abs(v[j]))
-        norms[DUAL_SIZE] = max(norms[DUAL_SIZE], term / unit[j])
-        norms[PRIMAL_SIZE] = max(norms[PRIMAL_SIZE], abs(x[j]) * unit[j])
-        if rd[j] != rd[j]:
-            norms[DUAL] = np.nan
-            return
-    by = 0.0
+        dual_size = max(dual_size, term / unit[j])
+        primal_size = max(primal_size, abs(x[j]) * unit[j])
+    b, rp = floats(m.b, p), floats(m.rp, p)
     for i in range(p):
         rp[i] = t[n + i] - b[i]
         by += b[i] * y[i]
-        norms[ROW_NORM] = max(norms[ROW_NORM], abs(rp[i]))
-        norms[PRIMAL] = max(norms[PRIMAL], abs(rp[i]) * unit[n + i])
+        row_norm = max(row_norm, abs(rp[i]))
+        primal = max(primal, abs(rp[i]) * unit[n + i])
         term = max(abs(b[i]), abs(t[n + i]))
-        norms[PRIMAL_SIZE] = max(norms[PRIMAL_SIZE], term * unit[n + i])
-    support, complement = 0.0, 0.0
+        primal_size = max(primal_size, term * unit[n + i])
+    c, rw = floats(m.c, m.m), floats(m.rw, m.m)
     for k in range(place.size):
         j = place[k]
         excess = sign[k] * t[j] - c[k]
         rw[k] = excess + W[k]
         support += c[k] * Z[k]
         complement += W[k] * Z[k]
-        norms[SLACK_NORM] = max(norms[SLACK_NORM], abs(rw[k]))
-        norms[PRIMAL] = max(norms[PRIMAL], excess * unit[j])
+        slack_norm = max(slack_norm, abs(rw[k]))
+        primal = max(primal, excess * unit[j])
         if j >= n:
-            norms[PRIMAL_SIZE] = max(norms[PRIMAL_SIZE], abs(t[j]) * unit[j])
-    if place.size > 0:
-        norms[MU] = complement / place.size
-    norms[GAP] = abs(xPx + qx + by + support)
-    norms[GAP_SIZE] = max(abs(xPx), abs(qx), abs(by), abs(support))
+            primal_size = max(primal_size, abs(t[j]) * unit[j])
+    m.dual_norm, m.row_norm, m.slack_norm = dual_norm, row_norm, slack_norm
+    m.mu = complement / m.m if m.m > 0 else 0.0
+    m.primal, m.primal_size = primal, primal_size
+    m.dual, m.dual_size = dual, dual_size
+    m.gap = abs(xPx + qx + by + support)
+    m.gap_size = max(abs(xPx), abs(qx), abs(by), abs(support))
+    m.primal_ratio = primal / (m.eps_abs + m.eps_rel * primal_size)
+    m.dual_ratio = dual / (m.eps_abs + m.eps_rel * dual_size)
+    m.gap_ratio = m.gap / (m.eps_abs + m.eps_rel * m.gap_size)
+    worst = max(m.primal_ratio, m.dual_ratio, m.gap_ratio)
+    # maxima may ignore a NaN, sums do not
+    finite = abs(nan_test) + worst + m.gap < np.inf
+    m.worst = worst if finite else np.inf
+    if m.worst < m.best:
+        m.best = worst
+        copy(n, x, floats(m.best_x, n))
+        copy(p, y, floats(m.best_y, p))
+        copy(m.m, Z, floats(m.best_Z, m.m))
 
 
-@kernel
-def assemble(base, diagonal, n, p, place, W, Z, rho, delta, omega, weight, data):
-    """Set omega, weight (size,) and the diagonal of K~ in `data`."""
-    weight[:] = 0.0
+@part
+def copy(size, a, b):
+    """Copy the vector a to b."""
+    for j in range(size):
+        b[j] = a[j]
+
+
+@part
+def assemble(m):
+    """Set omega, weight and the diagonal of K~."""
+    n, rows = m.n, m.n + m.p
+    weight, indptr = floats(m.weight, m.size), ints(m.indptr, m.size + 1)
+    nnz = np.int64(indptr[m.size])
+    base, data = floats(m.base, nnz), floats(m.data, nnz)
+    W, Z, omega = floats(m.W, m.m), floats(m.Z, m.m), floats(m.omega, m.m)
+    place = ints(m.place, m.m)
+    for j in range(weight.size):
+        weight[j] = 0.0
     for k in range(place.size):
-        omega[k] = Z[k] / (W[k] + delta * Z[k])
+        omega[k] = Z[k] / (W[k] + m.delta * Z[k])
         weight[place[k]] += omega[k]
     for j in range(n):
-        data[diagonal[j]] = base[diagonal[j]] + rho + weight[j]
-    for j in range(n, n + p):
-        data[diagonal[j]] = -delta
-    for j in range(n + p, weight.size):
+        data[indptr[j + 1] - 1] = base[indptr[j + 1] - 1] + m.rho + weight[j]
+    for j in range(n, rows):
+        data[indptr[j + 1] - 1] = -m.delta
+    for j in range(rows, weight.size):
         weight[j] = max(weight[j], THIN)
-        data[diagonal[j]] = -1.0 / weight[j]
+        data[indptr[j + 1] - 1] = -1.0 / weight[j]
 
 
-@kernel
-def newton_right_side(rd, rp, rw, rc, place, sign, Z, omega, weight, tau, rhs):
+@part
+def set_right_side(m):
     """Set tau and the right-hand side of the Newton system for the target rc."""
-    n, p = rd.size, rp.size
+    n, p = m.n, m.p
+    rhs, weight = floats(m.rhs, m.size), floats(m.weight, m.size)
+    rd, rp, rw, rc = (
+        floats(m.rd, n),
+        floats(m.rp, p),
+        floats(m.rw, m.m),
+        floats(m.rc, m.m),
+    )
+    place, sign = ints(m.place, m.m), floats(m.sign, m.m)
+    Z, omega, tau = floats(m.Z, m.m), floats(m.omega, m.m), floats(m.tau, m.m)
     for j in range(n):
         rhs[j] = -rd[j]
     for i in range(p):
         rhs[n + i] = -rp[i]
-    rhs[n + p :] = 0.0
+    for j in range(n + p, rhs.size):
+        rhs[j] = 0.0
     for k in range(place.size):
         tau[k] = -rw[k] - rc[k] / Z[k]
         rhs[place[k]] += sign[k] * omega[k] * tau[k]
@@ -121,14 +173,20 @@ def newton_right_side(rd, rp, rw, rc, place, sign, Z, omega, weight, tau, rhs):
         rhs[j] /= weight[j]
 
 
-@kernel
-def slack_step(
-    indptr, indices, base, n, du, place, sign, omega, tau, rc, W, Z, dt, dW, dZ, out
-):
-    """Set dt = (dx, C dx), dW, dZ and out = (a, a', (W + a dW)'(Z + a' dZ)).
+@part
+def set_step(m):
+    """Set dW and dZ from du, the longest steps a, a' <= 1, and W'Z after them.
 
-    a and a' are the longest steps <= 1 with W + a dW >= 0 and Z + a' dZ >= 0.
+    They keep W + a dW >= 0 and Z + a' dZ >= 0; `product` = (W + a dW)'(Z + a' dZ).
     """
+    n = m.n
+    du, dt, indptr = (
+        floats(m.du, m.size),
+        floats(m.dt, m.size),
+        ints(m.indptr, m.size + 1),
+    )
+    nnz = np.int64(indptr[m.size])
+    indices, base = ints(m.indices, nnz), floats(m.base, nnz)
     for j in range(n):
         dt[j] = du[j]
     for j in range(n, dt.size):
@@ -136,8 +194,16 @@ def slack_step(
         for k in range(indptr[j], indptr[j + 1] - 1):
             total += base[k] * du[indices[k]]
         dt[j] = total
+    W, Z, dW, dZ = (
+        floats(m.W, m.m),
+        floats(m.Z, m.m),
+        floats(m.dW, m.m),
+        floats(m.dZ, m.m),
+    )
+    rc, omega, tau = floats(m.rc, m.m), floats(m.omega, m.m), floats(m.tau, m.m)
+    place, sign = ints(m.place, m.m), floats(m.sign, m.m)
     primal, dual = 1.0, 1.0
-    ww, wz, zw, zz = 0.0, 0.0, 0.0, 0.0
+    ww = wz = zw = zz = 0.0
     for k in range(place.size):
         dZ[k] = omega[k] * (sign[k] * dt[place[k]] - tau[k])
         dW[k] = (rc[k] - W[k] * dZ[k]) / Z[k]
@@ -149,47 +215,138 @@ def slack_step(
         wz += W[k] * dZ[k]
         zw += dW[k] * Z[k]
         zz += dW[k] * dZ[k]
-    out[0] = primal
-    out[1] = dual
-    out[2] = ww + dual * wz + primal * zw + primal * dual * zz
+    m.primal_step, m.dual_step = primal, dual
+    m.product = ww + dual * wz + primal * zw + primal * dual * zz
 
 
-@kernel
-def centred_target(W, Z, dW, dZ, primal, dual, smu, rc):
-    """Add Gondzio's corrector to the target rc, for the mean smu of W Z.
+@part
+def aim_at_zero(m):
+    """Set the target of the predictor: W Z + W dZ + Z dW = 0."""
+    W, Z, rc = floats(m.W, m.m), floats(m.Z, m.m), floats(m.rc, m.m)
+    for k in range(rc.size):
+        rc[k] = -W[k] * Z[k]
 
-    Products at longer steps are moved towards [LEAST_PRODUCT, MOST_PRODUCT] smu.
+
+@part
+def aim_at_centre(m):
+    """Set Mehrotra's target: W Z + W dZ + Z dW = sigma mu - the predictor's dW dZ."""
+    sigma = min(max(m.product / (m.m * m.mu), 0.0), 1.0) ** 3
+    gap = m.eps_abs + m.eps_rel * m.gap_size
+    m.target = max(sigma * m.mu, CENTRED * gap / m.m, m.lift * m.gap / m.m)
+    W, Z, rc = floats(m.W, m.m), floats(m.Z, m.m), floats(m.rc, m.m)
+    dW, dZ = floats(m.dW, m.m), floats(m.dZ, m.m)
+    for k in range(rc.size):
+        rc[k] = m.target - W[k] * Z[k] - dW[k] * dZ[k]
+
+
+@part
+def aim_at_longer_step(m):
+    """Add Gondzio's corrector to the target.
+
+    Products at longer steps are moved towards [LEAST_PRODUCT, MOST_PRODUCT] target.
     """
-    a = min(1.0, (1.0 + LENGTHENED) * primal + LENGTHENED)
-    z = min(1.0, (1.0 + LENGTHENED) * dual + LENGTHENED)
-    for k in range(W.size):
+    W, Z, rc = floats(m.W, m.m), floats(m.Z, m.m), floats(m.rc, m.m)
+    dW, dZ, target = floats(m.dW, m.m), floats(m.dZ, m.m), m.target
+    a = min(1.0, (1.0 + LENGTHENED) * m.primal_step + LENGTHENED)
+    z = min(1.0, (1.0 + LENGTHENED) * m.dual_step + LENGTHENED)
+    for k in range(rc.size):
         product = (W[k] + a * dW[k]) * (Z[k] + z * dZ[k])
-        change = min(max(product, LEAST_PRODUCT * smu), MOST_PRODUCT * smu) - product
-        rc[k] += max(change, -MOST_PRODUCT * smu)
+        nearest = min(max(product, LEAST_PRODUCT * target), MOST_PRODUCT * target)
+        rc[k] += max(nearest - product, -MOST_PRODUCT * target)
 
 
-@kernel
-def take_step(n, du, dW, dZ, primal, dual, x, y, W, Z, out):
-    """Add the step to x, y, W, Z; out = (largest change of x, that of y and Z)."""
-    out[0] = 0.0
-    out[1] = 0.0
+@part
+def exchange_steps(m):
+    """Exchange the step with the other one."""
+    m.du, m.other_du = m.other_du, m.du
+    m.dW, m.other_dW = m.other_dW, m.dW
+    m.dZ, m.other_dZ = m.other_dZ, m.dZ
+    m.primal_step, m.other_primal_step = m.other_primal_step, m.primal_step
+    m.dual_step, m.other_dual_step = m.other_dual_step, m.dual_step
+    m.error, m.other_error = m.other_error, m.error
+
+
+@part
+def move(m):
+    """Add the step, shortened, to x, y, W and Z; measure the changes."""
+    n, p = m.n, m.p
+    primal, dual = 1.0, 1.0
+    if m.m > 0:
+        primal, dual = SHORT * m.primal_step, SHORT * m.dual_step
+    x, y, du = floats(m.x, n), floats(m.y, p), floats(m.du, m.size)
+    W, Z, dW, dZ = (
+        floats(m.W, m.m),
+        floats(m.Z, m.m),
+        floats(m.dW, m.m),
+        floats(m.dZ, m.m),
+    )
+    change_x = change_yz = 0.0
     for j in range(n):
         x[j] += primal * du[j]
-        out[0] = max(out[0], primal * abs(du[j]))
-    for i in range(y.size):
+        change_x = max(change_x, primal * abs(du[j]))
+    for i in range(p):
         y[i] += dual * du[n + i]
-        out[1] = max(out[1], dual * abs(du[n + i]))
+        change_yz = max(change_yz, dual * abs(du[n + i]))
     for k in range(W.size):
         W[k] += primal * dW[k]
         Z[k] += dual * dZ[k]
-        out[1] = max(out[1], dual * abs(dZ[k]))
+        change_yz = max(change_yz, dual * abs(dZ[k]))
+    m.change_x, m.change_yz = change_x, change_yz
 
 
-def shifted_inside(W: np.ndarray, Z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return W and Z made positive by Mehrotra's shift (SIAM J. Optim. 2, sec. 7)."""
-    if max(np.abs(W).max(), np.abs(Z).max()) <= NEGLIGIBLE:
-        return np.full(W.size, START_VALUE), np.full(Z.size, START_VALUE)
-    W = W + max(0.0, -1.5 * W.min())
-    Z = Z + max(0.0, -1.5 * Z.min())
-    product, sum_w, sum_z = W @ Z, W.sum(), Z.sum()
-    return W + 0.5 * product / sum_z, Z + 0.5 * product / sum_w
+@part
+def prepare_start(m):
+    """Set W = Z = 1 and the residuals so that the Newton step leads to a first point.
+
+    It minimises the cost plus half the squares of the slacks.
+    """
+    n, p = m.n, m.p
+    W, Z, rw, rc = (
+        floats(m.W, m.m),
+        floats(m.Z, m.m),
+        floats(m.rw, m.m),
+        floats(m.rc, m.m),
+    )
+    rd, rp, q, b = floats(m.rd, n), floats(m.rp, p), floats(m.q, n), floats(m.b, p)
+    c = floats(m.c, m.m)
+    for k in range(W.size):
+        W[k], Z[k], rw[k], rc[k] = 1.0, 1.0, -c[k], 0.0
+    for j in range(n):
+        rd[j] = q[j]
+    for i in range(p):
+        rp[i] = -b[i]
+
+
+@part
+def start_inside(m):
+    """Take the step of `prepare_start` as the point, with W and Z made positive.
+
+    The shift is Mehrotra's (SIAM J. Optim. 2, 1992, section 7).
+    """
+    n, p = m.n, m.p
+    x, y, du = floats(m.x, n), floats(m.y, p), floats(m.du, m.size)
+    W, Z, dZ = floats(m.W, m.m), floats(m.Z, m.m), floats(m.dZ, m.m)
+    copy(n, du, x)
+    for i in range(p):
+        y[i] = du[n + i]
+    for j in range(du.size):
+        du[j] = 0.0
+    least, most = 0.0, 0.0
+    for k in range(W.size):
+        Z[k] = dZ[k]
+        dZ[k] = 0.0
+        least, most = min(least, Z[k]), max(most, Z[k])
+    if max(most, -least) <= NEGLIGIBLE:
+        for k in range(W.size):
+            W[k], Z[k] = START_VALUE, START_VALUE
+        return
+    product = sum_w = sum_z = 0.0
+    for k in range(W.size):  # W = -Z before
+        W[k] = -Z[k] + 1.5 * most
+        Z[k] -= 1.5 * least
+        product += W[k] * Z[k]
+        sum_w += W[k]
+        sum_z += Z[k]
+    for k in range(W.size):
+        W[k] += 0.5 * product / sum_z
+        Z[k] += 0.5 * product / sum_w

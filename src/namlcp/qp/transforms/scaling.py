@@ -13,7 +13,7 @@ are divided by `unit`.
 
 import numpy as np
 
-from namlcp.compiled import kernel
+from namlcp.compiled import kernel, part
 from namlcp.qp.guess import Guess
 from namlcp.qp.kkt import KKT
 from namlcp.qp.problem import Point
@@ -26,7 +26,7 @@ UNITS = "normal", "even", "given"
 ROUNDS, EQUAL = 10, 1e-3
 # Range of the products of the factors of all rounds, against over- and underflow.
 FACTORS = 1e-8, 1e8
-# `normalise` must reduce the variance of log |C_ij| below this fraction of it.
+# `normalise` must reduce the variance of log |c_ij| below this fraction of it.
 PAYS = 0.8
 # Most conjugate gradient steps of `even_out`, and the squared residual, relative to the
 # first one, that ends them.
@@ -51,36 +51,41 @@ class ScaledQP:
         self.small = small
         self.kkt: KKT
         self.scale: np.ndarray
-        self.unscaled: np.ndarray
         self.units: int
         self.n, self.p = n, p
         if last is not None and small.has_matrices_of(last.small):
-            self.kkt, self.unscaled, self.scale = last.kkt, last.unscaled, last.scale
-            self.units = last.units
+            self.kkt, self.scale, self.units = last.kkt, last.scale, last.units
         else:
             old = None if last is None else last.kkt
             self.kkt = KKT(small.P, small.A, small.G, old)
-            self.scale = np.ones(self.kkt.size)
-            self.unscaled = self.kkt.base.copy()
+            self.scale = np.empty(self.kkt.size)
             self.units = 0
             self.scale_matrix()
         self.bounds = small.upper, small.lower, small.ub, small.lb
-        self.finite = [np.flatnonzero(np.isfinite(side)) for side in self.bounds]
-        self.counts = [at.size for at in self.finite]
-        offset = np.repeat((n + p, n + p, 0, 0), self.counts)
-        self.ends = tuple(np.cumsum(self.counts[:3]).tolist())
-        self.place = (np.concatenate(self.finite) + offset).astype(np.int32)
-        self.sign = np.repeat((1.0, -1.0, 1.0, -1.0), self.counts)
+        most = 2 * (small.upper.size + n)
+        self.place, sides = np.empty(most, dtype=np.int32), np.empty((2, most))
+        self.ends = one_sided(self.bounds, n + p, self.place, sides[0], sides[1])
+        m = self.ends[-1]
+        self.place, self.sign, self.side = self.place[:m], sides[0, :m], sides[1, :m]
         self.scale_vectors()
 
     def scale_vectors(self) -> None:
         """Set unit, q, b, c and the values of K~ for the present scaling."""
-        n, p, small, scale = self.n, self.p, self.small, self.scale
+        small = self.small
         self.kkt.data[:] = self.kkt.base
-        self.unit = np.concatenate((scale[:n], 1.0 / scale[n:]))
-        self.q = small.q * scale[:n]
-        self.b = small.b * scale[n : n + p]
-        self.c = self.sign * self.of_finite(self.bounds) / self.unit[self.place]
+        self.unit, self.c = np.empty(self.scale.size), np.empty(self.side.size)
+        self.q, self.b = np.empty(self.n), np.empty(self.p)
+        scale_sides(
+            self.scale, self.place, (small.q, small.b, self.side),
+            (self.q, self.b, self.c), self.unit,
+        )  # fmt: skip
+
+    @property
+    def finite(self) -> list[np.ndarray]:
+        """The rows or variables of each kind of one-sided constraint."""
+        n, p = self.n, self.p
+        parts = np.split(self.place, self.ends[:3])
+        return [at - o for at, o in zip(parts, (n + p, n + p, 0, 0), strict=True)]
 
     def of_finite(self, values: tuple[np.ndarray, ...]) -> np.ndarray:
         """Return the values at the one-sided constraints from those of each kind."""
@@ -88,10 +93,9 @@ class ScaledQP:
         return np.concatenate([value[at] for value, at in parts])
 
     def scale_matrix(self) -> None:
-        """Scale K anew; set its values and `scale`."""
+        """Scale K as presolved; set its values and `scale`."""
         kkt = self.kkt
         self.scale[:] = 1.0
-        kkt.base[:] = self.unscaled
         matrix = kkt.indptr, kkt.indices, kkt.base
         units = UNITS[self.units]
         if units == "normal":
@@ -104,17 +108,19 @@ class ScaledQP:
         """Scale by the next of UNITS; return new `unit` / old `unit`."""
         old = self.unit
         self.units = (self.units + 1) % len(UNITS)
+        self.kkt.set_values(self.small.P, self.small.A, self.small.G)
         self.scale_matrix()
         self.scale_vectors()
         return self.unit / old
 
     def point(self, x: np.ndarray, y: np.ndarray, Z: np.ndarray) -> Point:
         """Return the point of the QP that was presolved."""
-        n, p = self.n, self.p
-        z_upper, z_lower, box = self.sides(Z)
-        return self.small.point(
-            x * self.unit[:n], y / self.unit[n : n + p], z_upper, z_lower, box
-        )
+        n, p, small = self.n, self.p, self.small
+        z_upper, z_lower = np.zeros((2, small.upper.size))
+        box, point = np.zeros(n), (np.empty(n), np.empty(p))
+        unscaled = (*point, z_upper, z_lower, box)
+        unscale(self.unit, self.place, self.ends, (x, y, Z), unscaled)
+        return small.point(*unscaled)
 
     def primal(self, x: np.ndarray) -> np.ndarray:
         """Return the x of the QP that was presolved."""
@@ -124,9 +130,11 @@ class ScaledQP:
         self, y: np.ndarray, Z: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the (y, z) of the QP that was presolved."""
-        z_upper, z_lower, _ = self.sides(Z)
-        y = y / self.unit[self.n : self.n + self.p]
-        return self.small.certificate(y, z_upper, z_lower)
+        z_upper, z_lower = np.zeros((2, self.small.upper.size))
+        x, unscaled_y, box = np.zeros(self.n), np.empty(self.p), np.zeros(self.n)
+        unscaled = x, unscaled_y, z_upper, z_lower, box
+        unscale(self.unit, self.place, self.ends, (x, y, Z), unscaled)
+        return self.small.certificate(unscaled_y, z_upper, z_lower)
 
     def ray(self, dx: np.ndarray) -> np.ndarray:
         """Return the direction of the x of the QP that was presolved."""
@@ -159,81 +167,164 @@ class ScaledQP:
         self.b = t[self.n : self.n + self.p].copy()
         self.c = np.where(row, np.maximum(self.c, self.sign * t[self.place]), self.c)
 
-    def sides(self, Z: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return the unscaled z_upper, z_lower and z_box from Z."""
-        z, (i, j, k) = Z / self.unit[self.place], self.ends
-        upper, lower = np.zeros((2, self.small.upper.size))
-        box = np.zeros(self.n)
-        upper[self.finite[0]] = z[:i]
-        lower[self.finite[1]] = z[i:j]
-        box[self.finite[2]] = z[j:k]
-        box[self.finite[3]] -= z[k:]
-        return upper, lower, box
 
+@kernel
+def one_sided(bounds, rows, place, sign, side):
+    """List the finite sides: upper and lower ones of rows, upper and lower bounds.
 
-def normalise(
-    indptr: np.ndarray, indices: np.ndarray, data: np.ndarray, n: int, scale: np.ndarray
-) -> None:
-    """Divide the rows, or the columns, of C by their largest entries, if PAYS holds.
-
-    Overwrites `data`, the values of K, and `scale`. Factors are clipped to FACTORS.
+    bounds = (upper, lower, ub, lb); `rows` is the place of the first row. Sets the
+    places, signs and sign * side; returns the ends of the four lists.
     """
-    column = np.repeat(np.arange(scale.size), np.diff(indptr))  # of K
-    in_C = column >= n
-    in_C[indptr[1:] - 1] = False  # the diagonal
-    i, j, value = column[in_C], indices[in_C], np.abs(data[in_C])
-    factor = np.zeros(scale.size)
-    np.maximum.at(factor, i, value)
-    np.maximum.at(factor, j, value)
-    factor[factor == 0.0] = 1.0
-    factor = np.clip(1.0 / factor, *FACTORS)
-    i, j, value = i[value > 0.0], j[value > 0.0], np.log(value[value > 0.0])
-    if not value.size:
+    upper, lower, ub, lb = bounds
+    a = list_finite(upper, rows, 1.0, 0, (place, sign, side))
+    b = list_finite(lower, rows, -1.0, a, (place, sign, side))
+    c = list_finite(ub, 0, 1.0, b, (place, sign, side))
+    d = list_finite(lb, 0, -1.0, c, (place, sign, side))
+    return a, b, c, d
+
+
+@part
+def list_finite(values, first, s, k, lists):
+    """Append the finite values to the lists, which have k entries; return how many."""
+    place, sign, side = lists
+    for i in range(values.size):
+        if abs(values[i]) < np.inf:
+            place[k] = first + i
+            sign[k] = s
+            side[k] = s * values[i]
+            k += 1
+    return k
+
+
+@kernel
+def scale_sides(scale, place, given, scaled, unit):
+    """Set `unit` and scaled = (q, b, c) from given = (q, b, side)."""
+    (q0, b0, side), (q, b, c) = given, scaled
+    n = q.size
+    for j in range(scale.size):
+        unit[j] = scale[j] if j < n else 1.0 / scale[j]
+    for j in range(n):
+        q[j] = q0[j] * scale[j]
+    for i in range(b.size):
+        b[i] = b0[i] * scale[n + i]
+    for k in range(c.size):
+        c[k] = side[k] / unit[place[k]]
+
+
+@kernel
+def unscale(unit, place, ends, scaled, unscaled):
+    """Set unscaled = (x, y, z_upper, z_lower, z_box) from scaled = (x, y, Z).
+
+    z_upper, z_lower and z_box are 0 on entry.
+    """
+    (x, y, Z), (x_out, y_out, upper, lower, box) = scaled, unscaled
+    n = x.size
+    rows = n + y.size
+    for j in range(n):
+        x_out[j] = x[j] * unit[j]
+    for i in range(y.size):
+        y_out[i] = y[i] / unit[n + i]
+    for k in range(Z.size):
+        j = place[k]
+        z = Z[k] / unit[j]
+        if k < ends[0]:
+            upper[j - rows] = z
+        elif k < ends[1]:
+            lower[j - rows] = z
+        elif k < ends[2]:
+            box[j] = z
+        else:
+            box[j] -= z
+
+
+@kernel
+def normalise(indptr, indices, data, n, scale):
+    """Set `scale` to divide the rows, or the columns, of C by their largest entries.
+
+    That is done only if it PAYS; `scale` is 1 on entry, `data` are the values of K.
+    """
+    size = scale.size
+    factor = np.empty(size)
+    for j in range(size):
+        factor[j] = 0.0
+    count = 0
+    for i in range(n, size):
+        for t in range(indptr[i], indptr[i + 1] - 1):
+            j, value = indices[t], abs(data[t])
+            factor[i] = max(factor[i], value)
+            factor[j] = max(factor[j], value)
+            count += value > 0.0
+    for j in range(size):
+        inverse = 1.0 / factor[j] if factor[j] > 0.0 else 1.0
+        factor[j] = np.log(min(max(inverse, FACTORS[0]), FACTORS[1]))
+    logs = np.empty((3, count))
+    k = 0
+    for i in range(n, size):
+        for t in range(indptr[i], indptr[i + 1] - 1):
+            if data[t] != 0.0:
+                value = np.log(abs(data[t]))
+                logs[0, k] = value
+                logs[1, k] = value + factor[i]
+                logs[2, k] = value + factor[indices[t]]
+                k += 1
+    given, by_rows, by_columns = variance(logs[0]), variance(logs[1]), variance(logs[2])
+    if min(by_rows, by_columns) >= PAYS * given:
         return
-    by_rows, by_columns = value + np.log(factor[i]), value + np.log(factor[j])
-    spread = PAYS * value.var(), by_rows.var(), by_columns.var()
-    if spread[0] == min(spread):
-        return
-    rows = np.arange(scale.size) >= n
-    factor[rows != (spread[1] == min(spread))] = 1.0
-    scale *= factor
-    data *= factor[column] * factor[indices]
+    first, last = (n, size) if by_rows <= by_columns else (0, n)
+    for j in range(first, last):
+        scale[j] = np.exp(factor[j])
+
+
+@part
+def variance(values):
+    """Return the mean of (values - mean)^2, 0 for none."""
+    mean, total = 0.0, 0.0
+    for k in range(values.size):
+        mean += values[k] / values.size
+    for k in range(values.size):
+        total += (values[k] - mean) ** 2
+    return total / max(values.size, 1)
 
 
 @kernel
 def equilibrate(indptr, indices, data, scale):
     """Equilibrate a symmetric matrix (upper triangle in CSC); overwrite data and scale.
 
-    `scale` is multiplied by the factors and clipped to FACTORS; an empty row has none.
+    `scale` has factors to begin with, which are not in `data` yet, or 1; it is clipped
+    to FACTORS; an empty row keeps its factor.
     """
     size = scale.size
     largest = np.empty(size)
     for _ in range(ROUNDS):
-        largest[:] = 0.0
         for j in range(size):
+            largest[j] = 0.0
+        for j in range(size):
+            most, factor = largest[j], scale[j]
             for t in range(indptr[j], indptr[j + 1]):
-                value = abs(data[t])
                 i = indices[t]
+                value = abs(data[t]) * factor * scale[i]
                 largest[i] = max(largest[i], value)
-                largest[j] = max(largest[j], value)
+                most = max(most, value)
+            largest[j] = most
         off = 0.0
         for j in range(size):
             factor = 1.0
             if largest[j] > 0.0:
                 off = max(off, abs(1.0 - largest[j]))
                 factor = 1.0 / np.sqrt(largest[j])
-            largest[j] = min(max(factor, FACTORS[0] / scale[j]), FACTORS[1] / scale[j])
+            largest[j] = min(max(factor * scale[j], FACTORS[0]), FACTORS[1])
         if off <= EQUAL:
-            return
+            break
         for j in range(size):
-            scale[j] *= largest[j]
-            for t in range(indptr[j], indptr[j + 1]):
-                data[t] *= largest[j] * largest[indices[t]]
+            scale[j] = largest[j]
+    for j in range(size):
+        for t in range(indptr[j], indptr[j + 1]):
+            data[t] *= scale[j] * scale[indices[t]]
 
 
 @kernel
 def even_out(indptr, indices, data, scale):
-    """Scale as `equilibrate` does, but to minimise sum log(|k_ij| s_i s_j)^2.
+    """Multiply scale by the factors s that minimise sum log(|k_ij| s_i s_j)^2.
 
     The minimum does not depend on how rows and columns were scaled before. The
     normal equations are solved by conjugate gradients, preconditioned by the numbers of
@@ -276,7 +367,4 @@ def even_out(indptr, indices, data, scale):
             s[j] += step * p[j]
             r[j] -= step * Mp[j]
     for j in range(size):
-        s[j] = np.exp(min(max(s[j], -LARGEST), LARGEST))
-        scale[j] *= s[j]
-        for t in range(indptr[j], indptr[j + 1]):
-            data[t] *= s[j] * s[indices[t]]
+        scale[j] *= np.exp(min(max(s[j], -LARGEST), LARGEST))

@@ -1,0 +1,413 @@
+"""The compiled loop: it runs until an iterate needs the caller; m is the record.
+
+`advance` goes from stage to stage. One iteration is
+
+1. EVALUATE: residuals, regularisation, and a `look` at what they ask for,
+2. STEP: assemble and factor K~,
+3. FACTORED, PREDICTED: Mehrotra's predictor, the step towards W Z = 0,
+4. CORRECTED: his corrector, towards W Z = sigma mu,
+5. CENTRED: Gondzio's corrector, where the steps are short,
+6. the move, and EVALUATE again.
+
+FACTOR and SOLVE lie between them and are the only places where K~ is factored and
+solved with: by this function, or by the caller, to whom it returns FACTOR or SOLVE
+where `is_external`. REFINE and KRYLOV improve a solution. It returns LOOK where an
+iterate has `wants`, READY when it has done what it was asked for alone, FAILED when no
+factorisation succeeds.
+"""
+
+import numpy as np
+
+from namlcp.compiled import floats, ints, kernel, longs, part
+from namlcp.linalg import Pattern, ldl_factor, ldl_solve_into
+from namlcp.qp.path.active_set import choose_next_set, correct_set, hold, is_set_solved
+from namlcp.qp.path.krylov import begin_krylov, end_krylov, is_krylov_done
+from namlcp.qp.path.newton import (
+    begin_solve,
+    is_factored,
+    is_refined,
+    keep_factored,
+)
+from namlcp.qp.path.regularisation import POOR, regularise, strengthen
+from namlcp.qp.path.steps import (
+    aim_at_centre,
+    aim_at_longer_step,
+    aim_at_zero,
+    assemble,
+    evaluate,
+    exchange_steps,
+    move,
+    multiply,
+    prepare_start,
+    set_right_side,
+    set_step,
+    start_inside,
+)
+
+# Stages.
+START, STARTED, EVALUATE, STEP, FACTORED, PREDICTED, CORRECTED, CENTRED = range(8)
+FACTOR, SOLVE, REFINE, KRYLOV, LOOK, READY, FAILED = range(10, 17)
+MEASURE, PRODUCTS = range(20, 22)
+HOLD, HELD, PROXIMAL, CORRECT = range(30, 34)
+# What an iterate may need: to be reported, measured on unscaled data, refined with its
+# active set, tested for a certificate, decided by the fallback QPs; the end of the
+# loop, or a look at the clock.
+REPORT, JUDGE, ACTIVE_SET, PROVE, DOUBT, STOP, CLOCK = (1 << k for k in range(7))
+# Gap over its tolerance up to which an iterate with small primal and dual residuals is
+# worth measuring on unscaled data, where the sums of the gap round differently.
+CLOSE = 1e3
+# Relative residual after refinement above which GMRES is tried.
+GMRES_ABOVE = 1e-6
+# Gondzio's corrector is tried if the sum of the primal and the dual step is below the
+# first, and kept if the sum grows by the second.
+LONG, GAIN = 1.8, 0.02
+# Factorisations tried for one step, each with more regularisation.
+FACTORISATIONS = 3
+# An active-set refinement needs a worst residual, or a mean of W Z, below these.
+NEAR, NEAR_MU = 1e-2, 1e-7
+# Worst residual over its tolerance from which on a refinement needs an active set that
+# did not change in the last iteration.
+STEADY = 100.0
+# A residual converges if an iteration reduces it to this part: then there is no test
+# for a certificate.
+CONVERGING = 0.1
+# Relative residual of a candidate for a certificate up to which it is promising, and up
+# to which it is tested. Between these, it is tested where it fell to the part AGAIN of
+# that at the last test.
+PROMISING, SMALL_RATIO, AGAIN = 0.1, 1e-4, 0.1
+# Iterations without halving the primal (dual) residual before the fallback QPs, if a
+# candidate for a proof that it cannot vanish was promising.
+FALLBACK_AFTER = 12
+# Operations between two looks at the clock: a fraction of a second.
+OPERATIONS = 1e8
+
+
+@kernel(error_model="numpy")
+def advance(state):
+    """Run the stage of the record state[0], and those after it; see the module."""
+    m = state[0]
+    while True:
+        stage = m.stage
+        if stage == FACTOR:
+            m.is_factored = is_factored(m)
+            if not m.is_factored:
+                m.stage = FACTOR + 100
+                if m.is_external:
+                    return FACTOR
+                m.is_factored = factor_inside(m)
+            else:
+                m.stage = m.after
+        elif stage == FACTOR + 100:
+            keep_factored(m)
+            m.stage = m.after
+        elif stage == SOLVE:
+            m.stage = m.after
+            if m.is_external:
+                return SOLVE
+            solve_inside(m)
+        elif stage == REFINE:
+            m.stage, m.after = SOLVE, REFINE
+            if is_refined(m):
+                m.stage = m.then
+                if m.krylov_pays and not m.error <= GMRES_ABOVE and begin_krylov(m):
+                    m.stage, m.after = SOLVE, KRYLOV
+        elif stage == KRYLOV:
+            m.stage, m.after = SOLVE, KRYLOV
+            if is_krylov_done(m):
+                end_krylov(m)
+                m.stage = m.then
+        elif stage == START:
+            prepare_start(m)
+            assemble(m)
+            m.stage, m.after = FACTOR, STARTED
+        elif stage == STARTED:
+            if not m.is_factored:
+                return FAILED
+            solve(m, STARTED + 100)
+        elif stage == STARTED + 100:
+            set_step(m)
+            start_inside(m)
+            m.stage = EVALUATE
+        elif stage == EVALUATE:
+            old_mu = m.mu
+            evaluate(m)
+            if m.iterations > 0:
+                regularise(m, old_mu)
+            m.stage = STEP
+            m.attempts = 0
+            if look(m) != 0:
+                return LOOK
+        elif stage == STEP:
+            assemble(m)
+            m.stage, m.after = FACTOR, FACTORED
+        elif stage == FACTORED:
+            m.attempts += 1
+            if m.is_factored:
+                aim_at_zero(m)
+                solve(m, PREDICTED)
+            else:
+                m.error = np.inf
+                strengthen(m)
+                if m.attempts == FACTORISATIONS:
+                    return FAILED
+                m.stage = STEP
+        elif stage == PREDICTED:
+            set_step(m)
+            m.predicted_error = m.error
+            if not m.error <= POOR:
+                strengthen(m)
+                if m.attempts < FACTORISATIONS:
+                    m.stage = STEP
+                    continue
+                if not m.error < np.inf:
+                    return FAILED
+            if m.m > 0:
+                aim_at_centre(m)
+                solve(m, CORRECTED)
+            else:
+                end_step(m)
+        elif stage == CORRECTED:
+            set_step(m)
+            if m.primal_step + m.dual_step < LONG:
+                aim_at_longer_step(m)
+                exchange_steps(m)
+                solve(m, CENTRED)
+            else:
+                end_step(m)
+        elif stage == CENTRED:
+            set_step(m)
+            longer = m.primal_step + m.dual_step
+            if not longer >= m.other_primal_step + m.other_dual_step + GAIN:
+                exchange_steps(m)
+            end_step(m)
+        elif stage == HOLD:
+            hold(m)
+            m.stage, m.after = FACTOR, HELD
+        elif stage == HELD:
+            m.converged = False
+            if not m.is_factored:
+                return READY
+            m.stage = PROXIMAL
+        elif stage == PROXIMAL:
+            if is_set_solved(m):
+                choose_next_set(m)
+                return READY
+            m.stage, m.after = SOLVE, CORRECT
+        elif stage == CORRECT:
+            correct_set(m)
+            m.stage = PROXIMAL
+        elif stage == MEASURE:
+            evaluate(m)
+            return READY
+        elif stage == PRODUCTS:
+            n, size = m.n, m.size
+            x, v = floats(m.set_x, n), floats(m.set_v, size)
+            multiply(m, x, v, floats(m.Pdx, n), floats(m.Ctdv, n), floats(m.dv, size))
+            return READY
+        else:  # READY
+            return stage
+
+
+@part
+def pattern_of(m):
+    """Return the pattern of the factors."""
+    size = m.size
+    columns = ints(m.l_columns, size + 1)
+    starts = longs(m.l_starts, size + 1)
+    lines = longs(m.l_lines, size + 1)
+    entries = np.int64(columns[size])
+    return Pattern(
+        ints(m.l_place, size),
+        ints(m.l_diagonal, size),
+        columns,
+        ints(m.l_rows, entries),
+        ints(m.l_source, entries),
+        starts,
+        ints(m.l_below, starts[size]),
+        lines,
+        ints(m.l_chunks, lines[size]),
+        ints(m.l_width, size),
+        longs(m.l_done, size),
+    )
+
+
+@part
+def factor_inside(m):
+    """Factor K~; tell whether that succeeded."""
+    nnz = np.int64(ints(m.indptr, m.size + 1)[m.size])
+    pattern = pattern_of(m)
+    values = floats(m.l_values, pattern.below.size)
+    inverse, y = floats(m.l_inverse, m.size), floats(m.l_work, m.size)
+    return ldl_factor(pattern, floats(m.data, nnz), values, inverse, y)
+
+
+@part
+def solve_inside(m):
+    """Solve K~ answer = r."""
+    pattern = pattern_of(m)
+    values = floats(m.l_values, pattern.below.size)
+    inverse, y = floats(m.l_inverse, m.size), floats(m.l_work, m.size)
+    ldl_solve_into(
+        pattern, values, inverse, floats(m.r, m.size), floats(m.answer, m.size), y
+    )
+
+
+@part
+def solve(m, then):
+    """Set up the Newton system of the target, to be solved before the stage `then`."""
+    set_right_side(m)
+    begin_solve(m)
+    m.stage, m.after, m.then = SOLVE, REFINE, then
+
+
+@part
+def end_step(m):
+    """Move by the step; the next stage is EVALUATE."""
+    m.error = max(m.error, m.predicted_error)
+    move(m)
+    m.iterations += 1
+    m.stage = EVALUATE
+
+
+@part
+def look(m):
+    """Set `wants` to what the iterate needs of the caller; return it."""
+    wants = REPORT if m.reports else 0
+    if m.worst <= CLOSE and max(m.primal_ratio, m.dual_ratio) <= 1.0:
+        wants |= JUDGE
+    same = mark_active(m)
+    near = m.tol * m.worst < NEAR or m.mu < NEAR_MU
+    if near and m.worst <= m.drop * m.last_refined and (m.worst < STEADY or same):
+        m.last_refined = m.worst
+        wants |= ACTIVE_SET
+    if promises(m):
+        wants |= PROVE
+    m.since += 1
+    if m.worst <= 0.5 * m.reference:
+        m.reference, m.since = m.worst, 0
+    if is_doubtful(m):
+        wants |= DOUBT
+    stagnates = m.since > m.patience or not m.worst < np.inf
+    if stagnates or m.iterations >= m.max_iter:
+        wants |= STOP
+    m.operations += 10.0 * ints(m.indptr, m.size + 1)[m.size]
+    if m.operations > OPERATIONS:
+        wants |= CLOCK
+    m.wants = wants
+    return wants
+
+
+@part
+def is_doubtful(m):
+    """Tell whether a residual stagnates that, by a promising candidate, cannot vanish.
+
+    That is told for the FALLBACK_AFTER-th iteration in a row that did not halve it.
+    """
+    m.since_primal += 1
+    if m.primal <= 0.5 * m.primal_reference:
+        m.primal_reference, m.since_primal = m.primal, 0
+    m.since_dual += 1
+    if m.dual <= 0.5 * m.dual_reference:
+        m.dual_reference, m.since_dual = m.dual, 0
+    primal = m.primal_promised and m.since_primal >= FALLBACK_AFTER
+    return primal or (m.dual_promised and m.since_dual >= FALLBACK_AFTER)
+
+
+@part
+def mark_active(m):
+    """Mark the constraints with Z > W; tell whether they are those of last time."""
+    m.active, m.was_active = m.was_active, m.active
+    active, was_active = ints(m.active, m.m), ints(m.was_active, m.m)
+    W, Z = floats(m.W, m.m), floats(m.Z, m.m)
+    same = True
+    for k in range(W.size):
+        active[k] = Z[k] > W[k]
+        if active[k] != was_active[k]:
+            same = False
+    return same
+
+
+@part
+def promises(m):
+    """Set the ratios of the candidates for certificates; tell whether one is tested.
+
+    In an infeasible (unbounded) problem the primal (dual) residual cannot vanish. While
+    it is within the tolerance or falls tenfold, no candidate is tested.
+    """
+    dual_norm, primal_norm = m.dual_norm, max(m.row_norm, m.slack_norm)
+    m.dual_stuck = dual_norm > CONVERGING * m.old_dual_norm and m.dual > m.tol
+    m.primal_stuck = primal_norm > CONVERGING * m.old_primal_norm and m.primal > m.tol
+    m.old_dual_norm, m.old_primal_norm = dual_norm, primal_norm
+    if not (m.primal_stuck or m.dual_stuck):
+        return False
+    n, p, size = m.n, m.p, m.size
+    du, dZ, dv, dt = (
+        floats(m.du, size), floats(m.dZ, m.m), floats(m.dv, size), floats(m.dt, size)
+    )  # fmt: skip
+    Pdx, Ctdv, ratios = floats(m.Pdx, n), floats(m.Ctdv, n), floats(m.ratios, 4)
+    place, sign = ints(m.place, m.m), floats(m.sign, m.m)
+    for j in range(size):
+        dv[j] = 0.0
+    for i in range(p):
+        dv[n + i] = du[n + i]
+    for k in range(place.size):
+        dv[place[k]] += sign[k] * max(dZ[k], 0.0)
+    multiply(m, du[:n], dv, Pdx, Ctdv, dt)
+    x, largest = floats(m.x, n), 1.0
+    for j in range(n):
+        largest = max(largest, abs(x[j]))
+    y, Z, v, t = floats(m.y, p), floats(m.Z, m.m), floats(m.v, size), floats(m.t, size)
+    ratios[0] = farkas_ratio(m, y, Z, v, floats(m.Ctv, n), largest)
+    ratios[1] = farkas_ratio(m, du[n : n + p], dZ, dv, Ctdv, largest)
+    ratios[2] = ray_ratio(m, x, floats(m.Px, n), t)
+    ratios[3] = ray_ratio(m, du[:n], Pdx, dt)
+    tested, found = floats(m.tested, 4), False
+    for k in range(4):
+        stuck = m.primal_stuck if k < 2 else m.dual_stuck
+        if not stuck or not ratios[k] <= PROMISING:
+            ratios[k] = np.inf
+            continue
+        if k < 2:
+            m.primal_promised = True
+        else:
+            m.dual_promised = True
+        if ratios[k] <= SMALL_RATIO or ratios[k] <= AGAIN * tested[k]:
+            found = True
+    return found
+
+
+@part
+def farkas_ratio(m, y, Z, v, Ctv, size):
+    """Return min(|r| |x| / -value, |r| / |multipliers|), inf if value >= 0."""
+    b, c = floats(m.b, m.p), floats(m.c, m.m)
+    value, most = 0.0, 0.0
+    for i in range(b.size):
+        value += b[i] * y[i]
+        most = max(most, abs(y[i]))
+    for k in range(c.size):
+        value += c[k] * max(Z[k], 0.0)
+        most = max(most, Z[k])
+    if not value < 0.0:
+        return np.inf
+    residual = 0.0
+    for j in range(Ctv.size):
+        residual = max(residual, abs(Ctv[j] + v[j]))
+    return min(residual * size / -value, residual / most)
+
+
+@part
+def ray_ratio(m, d, Pd, t):
+    """Return max(|P d|, |A d|, (C d)+) / |d|, inf if q'd >= 0."""
+    q, place, sign = floats(m.q, m.n), ints(m.place, m.m), floats(m.sign, m.m)
+    value, most, residual = 0.0, 0.0, 0.0
+    for j in range(d.size):
+        value += q[j] * d[j]
+        most = max(most, abs(d[j]))
+        residual = max(residual, abs(Pd[j]))
+    if not value < 0.0:
+        return np.inf
+    for i in range(m.n, m.n + m.p):
+        residual = max(residual, abs(t[i]))
+    for k in range(place.size):
+        residual = max(residual, sign[k] * t[place[k]])
+    return residual / most

@@ -1,0 +1,328 @@
+"""The numbers and vectors of one solve by the interior-point method, by name.
+
+Compiled functions take them as one record `m` of numbers and addresses, since every
+array that is passed from one to another costs time to compile and to run:
+``floats(m.x, m.n)`` is the vector x. In Python, `Workspace` has the same names.
+"""
+
+import ctypes
+
+import numpy as np
+
+from namlcp.compiled import kernel
+from namlcp.limits import Limits
+from namlcp.linalg import SparseFactors
+from namlcp.qp.path.advance import (
+    FACTOR,
+    PRODUCTS,
+    READY,
+    SOLVE,
+    advance,
+)
+from namlcp.qp.path.krylov import KRYLOV_STEPS
+from namlcp.qp.transforms import ScaledQP
+
+# Vectors of the problem (`ScaledQP`, `KKT`); `cost`, `goal_b` and `goal_c` are those of
+# the active-set systems.
+GIVEN = (
+    "indptr indices base data factored place sign unit q b c cost goal_b goal_c"
+).split()
+# Vectors of an entrywise factorisation, see `linalg.Pattern`.
+FACTORS = (
+    "l_place l_diagonal l_columns l_rows l_source l_starts l_below l_lines l_chunks "
+    "l_width l_done l_values l_inverse l_work"
+).split()
+# Vectors of the workspace, by size: n variables, p equations, m one-sided constraints,
+# size = order of K. One-sided constraints are sign * t[place] + W = c with slacks
+# W >= 0 and multipliers Z >= 0; t = (x, Ax, Gx) and v = (net z_box, y, net z) have the
+# layout of K.
+VECTORS = {
+    # The iterate and the best one; the residuals, and the products P x and C'v;
+    # the target rc of W dZ + Z dW, tau and omega of `steps`.
+    "x best_x rd Px Ctv": "n",
+    "y best_y rp": "p",
+    "W Z best_Z rw rc tau omega": "m",
+    "v t": "size",
+    # The step; the one before the last corrector; P dx, C'dv and C dx of it.
+    "dW dZ other_dW other_dZ": "m",
+    "du other_du dv dt": "size",
+    "Pdx Ctdv": "n",
+    # Linear solves (`newton`): sums of omega, max(1, |K~_ii|), the right-hand side, the
+    # residual and the solution of the last solve, another solution and its residual.
+    "weight row_size rhs r answer trial trial_r": "size",
+    # Relative residuals of the candidates for certificates, now and at the last test.
+    "ratios tested": "four",
+    # GMRES (`krylov`).
+    "basis": "basis_size",
+    "corrections": "corrections_size",
+    "H rotations g": "H_size",
+    # The active-set system (`refinement`).
+    "set_x kept_x": "n",
+    "set_y": "p",
+    "set_Z multiplier slack": "m",
+    "set_v kept_v goal": "size",
+}
+# Vectors of int32, as flags: constraints with Z > W now and one iteration before; those
+# in the active-set system and in the next one; rows and variables that it holds.
+FLAGS = {"active was_active set_active next_active": "m", "held": "size"}
+KINDS = "n p m size four basis_size corrections_size H_size".split()
+
+
+def expanded(table: dict[str, str]) -> tuple[list[str], np.ndarray]:
+    """Return the names in a table and the index of each one's size in KINDS."""
+    pairs = [(name, size) for names, size in table.items() for name in names.split()]
+    return [name for name, _ in pairs], np.array([KINDS.index(s) for _, s in pairs])
+
+
+NAMES, SIZES = expanded(VECTORS)
+FLAG_NAMES, FLAG_SIZES = expanded(FLAGS)
+
+
+class PathState(ctypes.Structure):
+    """Numbers and addresses: attributes in Python, fields in compiled code."""
+
+    _fields_ = (
+        *((name, ctypes.c_int64) for name in (*GIVEN, *FACTORS, *NAMES, *FLAG_NAMES)),
+        # Sizes; where the loop is (`advance`): the stage, the stages after the linear
+        # solve or factorisation under way and after its refinement.
+        *((name, ctypes.c_int64) for name in KINDS),
+        ("stage", ctypes.c_int64),
+        ("after", ctypes.c_int64),
+        ("then", ctypes.c_int64),
+        # What the caller has to do; operations since the last look at the clock.
+        ("wants", ctypes.c_int64),
+        ("operations", ctypes.c_double),
+        # Tolerances, the larger one, and the relative residual that ends a refinement.
+        ("eps_abs", ctypes.c_double),
+        ("eps_rel", ctypes.c_double),
+        ("tol", ctypes.c_double),
+        ("accuracy", ctypes.c_double),
+        # Iterations, most of them; whether each one is reported.
+        ("iterations", ctypes.c_int64),
+        ("max_iter", ctypes.c_int64),
+        ("reports", ctypes.c_bool),
+        # The mean of W Z, norms of the scaled residuals rd, rp and rw, then the first
+        # six numbers of `Residuals`, and the first three over their tolerances.
+        ("mu", ctypes.c_double),
+        ("dual_norm", ctypes.c_double),
+        ("row_norm", ctypes.c_double),
+        ("slack_norm", ctypes.c_double),
+        ("primal", ctypes.c_double),
+        ("dual", ctypes.c_double),
+        ("gap", ctypes.c_double),
+        ("primal_size", ctypes.c_double),
+        ("dual_size", ctypes.c_double),
+        ("gap_size", ctypes.c_double),
+        ("primal_ratio", ctypes.c_double),
+        ("dual_ratio", ctypes.c_double),
+        ("gap_ratio", ctypes.c_double),
+        # The largest of the three, inf for NaN; the least one in the present scaling.
+        ("worst", ctypes.c_double),
+        ("best", ctypes.c_double),
+        # Longest steps, W'Z after them; the target of W Z; LIFT or 0, see `advance`.
+        ("primal_step", ctypes.c_double),
+        ("dual_step", ctypes.c_double),
+        ("product", ctypes.c_double),
+        ("target", ctypes.c_double),
+        ("lift", ctypes.c_double),
+        # The step before the last corrector: its lengths and relative residual.
+        ("other_primal_step", ctypes.c_double),
+        ("other_dual_step", ctypes.c_double),
+        ("other_error", ctypes.c_double),
+        # Largest change of x, and of y and Z, by the last step.
+        ("change_x", ctypes.c_double),
+        ("change_yz", ctypes.c_double),
+        # Regularisation, and iterations left without lowering it.
+        ("rho", ctypes.c_double),
+        ("delta", ctypes.c_double),
+        ("wait", ctypes.c_int64),
+        # Factorisations for this step; whether the last one succeeded; whether K~ is
+        # factored by the caller.
+        ("attempts", ctypes.c_int64),
+        ("is_factored", ctypes.c_bool),
+        ("is_external", ctypes.c_bool),
+        # Norm of the right-hand side, relative residual of the solution, that of the
+        # predictor, and solves made.
+        ("rhs_norm", ctypes.c_double),
+        ("error", ctypes.c_double),
+        # Whether GMRES halved the residual when it was last tried.
+        ("krylov_pays", ctypes.c_bool),
+        # Steps of GMRES, and the norm of its first residual.
+        ("krylov_step", ctypes.c_int64),
+        ("krylov_size", ctypes.c_double),
+        ("predicted_error", ctypes.c_double),
+        ("solves", ctypes.c_int64),
+        # Worst ratio that must be halved, iterations since it was; patience.
+        ("reference", ctypes.c_double),
+        ("since", ctypes.c_int64),
+        ("patience", ctypes.c_int64),
+        # Worst ratio at the last active-set refinement, to be reduced to `drop` of it.
+        ("last_refined", ctypes.c_double),
+        ("drop", ctypes.c_double),
+        # Whether the residuals that a certificate forbids to vanish do not fall; their
+        # norms one iteration before; whether a candidate for either was promising.
+        ("primal_stuck", ctypes.c_bool),
+        ("dual_stuck", ctypes.c_bool),
+        ("old_dual_norm", ctypes.c_double),
+        ("old_primal_norm", ctypes.c_double),
+        ("primal_promised", ctypes.c_bool),
+        ("dual_promised", ctypes.c_bool),
+        # The primal and the dual residual that must be halved, iterations since then.
+        ("primal_reference", ctypes.c_double),
+        ("dual_reference", ctypes.c_double),
+        ("since_primal", ctypes.c_int64),
+        ("since_dual", ctypes.c_int64),
+        # The active-set system: its regularisation, most proximal steps, the first and
+        # the least residual, steps in a row that did not halve it; whether it fell
+        # tenfold; whether the next active set is another; the largest violation of a
+        # slack or multiplier, unscaled.
+        ("regularisation", ctypes.c_double),
+        ("most_solves", ctypes.c_int64),
+        ("first_error", ctypes.c_double),
+        ("least_error", ctypes.c_double),
+        ("failures", ctypes.c_int64),
+        ("converged", ctypes.c_bool),
+        ("set_changed", ctypes.c_bool),
+        ("set_violation", ctypes.c_double),
+    )
+
+
+RECORD = np.dtype((np.record, np.dtype(PathState)))
+FIRST = getattr(PathState, NAMES[0]).offset // 8
+FIRST_FLAG = getattr(PathState, FLAG_NAMES[0]).offset // 8
+
+
+class Workspace:
+    """The state of a solve; `now` has the numbers, and vectors are attributes.
+
+    A vector is a view of the memory that compiled code uses. `now.du` and the like are
+    addresses, which compiled code exchanges: ask for the attribute again after a call.
+    """
+
+    def __init__(self, problem: ScaledQP, limits: Limits) -> None:
+        """Allocate for a scaled problem."""
+        self.problem, self.kkt = problem, problem.kkt
+        self.now = now = PathState()
+        size, k = self.kkt.size, KRYLOV_STEPS
+        order = problem.n, problem.p, problem.c.size, size
+        lengths = *order, 4, (k + 1) * size, k * size, k * (k + 1)
+        for kind, length in zip(KINDS, lengths, strict=True):
+            setattr(now, kind, length)
+        sizes = np.array(lengths)
+        addresses = np.frombuffer(
+            memoryview(now).cast("B"), np.int64, FIRST + len(NAMES) + len(FLAG_NAMES)
+        )
+        self.length: dict[str, int] = {}
+        self.memory = np.zeros(int(sizes[SIZES].sum()))
+        self.flags = np.zeros(int(sizes[FLAG_SIZES].sum()), dtype=np.int32)
+        for memory, first, kinds in (
+            (self.memory, FIRST, SIZES), (self.flags, FIRST_FLAG, FLAG_SIZES)
+        ):  # fmt: skip
+            ends = np.cumsum(sizes[kinds])
+            starts = ends - sizes[kinds]
+            addresses[first : first + kinds.size] = (
+                address(memory) + memory.itemsize * starts
+            )
+        self.state = np.frombuffer(memoryview(now), RECORD)
+        now.eps_abs, now.eps_rel = limits.tolerances
+        self.attach()
+
+    def attach(self) -> None:
+        """Take the vectors of the problem, which a change of scaling replaces."""
+        problem, kkt = self.problem, self.kkt
+        q, b, c = problem.q, problem.b, problem.c
+        triangle = kkt.indptr, kkt.indices, kkt.base, kkt.data, kkt.factored
+        self.given = triangle, (problem.place, problem.sign, problem.unit, q, b, c)
+        attach_problem(self.state, *self.given)
+        factors = kkt.plan()
+        self.now.is_external = not isinstance(factors, SparseFactors)
+        if isinstance(factors, SparseFactors):
+            numbers = factors.values, factors.inverse, factors.work
+            attach_factors(self.state, factors.pattern, numbers)
+
+    def run(self, stage: int) -> int:
+        """Go on from this stage; return LOOK, READY or FAILED, see `advance`."""
+        self.now.stage = stage
+        return self.resume()
+
+    def resume(self) -> int:
+        """Go on from where the last call stopped."""
+        now, kkt = self.now, self.kkt
+        while True:
+            found = advance(self.state)
+            if found == FACTOR:
+                now.is_factored = kkt.factor()
+            elif found == SOLVE:
+                self.answer[:] = kkt.plan().solve(self.r)
+            else:
+                return found
+
+    def factor(self) -> bool:
+        """Factor the matrix `data`; tell whether that succeeds."""
+        self.now.after = READY
+        self.run(FACTOR)
+        return self.now.is_factored
+
+    def solve_once(self, rhs: np.ndarray) -> np.ndarray:
+        """Return the solution of K~ u = rhs, without refinement."""
+        self.r[:] = rhs
+        self.now.after = READY
+        self.run(SOLVE)
+        return self.answer
+
+    def multiply(
+        self, x: np.ndarray, v: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return P x, C'v and (x, C x) for scaled x and v."""
+        self.set_x[:] = x
+        self.set_v[:] = v
+        self.run(PRODUCTS)
+        return self.Pdx, self.Ctdv, self.dv
+
+    def __getattr__(self, name: str) -> np.ndarray:
+        """Return the vector of this name."""
+        for names, kinds, memory in (
+            (NAMES, SIZES, "memory"), (FLAG_NAMES, FLAG_SIZES, "flags")
+        ):  # fmt: skip
+            if name in names:
+                whole = self.__dict__[memory]
+                start = (getattr(self.now, name) - address(whole)) // whole.itemsize
+                kind = KINDS[kinds[names.index(name)]]
+                return whole[start : start + getattr(self.now, kind)]
+        raise AttributeError(f"the workspace has no vector {name!r}")
+
+
+@kernel
+def attach_problem(state, triangle, vectors):
+    """Set the addresses of GIVEN."""
+    m = state[0]
+    indptr, indices, base, data, factored = triangle
+    place, sign, unit, q, b, c = vectors
+    m.indptr, m.indices = indptr.ctypes.data, indices.ctypes.data
+    m.base, m.data, m.factored = (
+        base.ctypes.data,
+        data.ctypes.data,
+        factored.ctypes.data,
+    )
+    m.place, m.sign, m.unit = place.ctypes.data, sign.ctypes.data, unit.ctypes.data
+    m.q, m.b, m.c = q.ctypes.data, b.ctypes.data, c.ctypes.data
+    m.cost, m.goal_b, m.goal_c = m.q, m.b, m.c
+
+
+@kernel
+def attach_factors(state, pattern, numbers):
+    """Set the addresses of FACTORS."""
+    m = state[0]
+    values, inverse, work = numbers
+    m.l_place, m.l_diagonal = pattern.place.ctypes.data, pattern.diagonal.ctypes.data
+    m.l_columns, m.l_rows = pattern.columns.ctypes.data, pattern.rows.ctypes.data
+    m.l_source, m.l_starts = pattern.source.ctypes.data, pattern.starts.ctypes.data
+    m.l_below, m.l_lines = pattern.below.ctypes.data, pattern.lines.ctypes.data
+    m.l_chunks, m.l_width = pattern.chunks.ctypes.data, pattern.width.ctypes.data
+    m.l_done, m.l_values = pattern.done.ctypes.data, values.ctypes.data
+    m.l_inverse, m.l_work = inverse.ctypes.data, work.ctypes.data
+
+
+def address(array: np.ndarray) -> int:
+    """Return where the entries of an array begin."""
+    return array.__array_interface__["data"][0]
