@@ -23,6 +23,12 @@ def test_definite_or_not():
         assert not is_positive_semidefinite(layout(A - 1e-3 * np.eye(3)), 1e-10)
 
 
+def test_a_diagonal_that_the_tolerance_cancels_is_not_definite():
+    A = sparse.csc_array(np.array([[2.0, 1.0], [1.0, -1.0]]))
+    assert not is_positive_semidefinite(A, 1.0)
+    assert not is_positive_semidefinite(sparse.csc_array((3, 3)), 0.0)
+
+
 def test_symmetric_but_for_rounding():
     A = np.array([[1.0, 0.3], [0.3 + 1e-15, 2.0]])
     for layout in (np.asarray, sparse.csc_array, sparse.csr_array):

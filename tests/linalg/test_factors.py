@@ -13,7 +13,13 @@ from problems_elimination import (
 from scipy.sparse import csc_matrix
 
 from namlcp.linalg import factors
-from namlcp.linalg.factors import Bordered, Diagonal, SparseFactors, plan_factors
+from namlcp.linalg.factors import (
+    Bordered,
+    Diagonal,
+    SparseFactors,
+    factor_triangle,
+    plan_factors,
+)
 from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.multifrontal import Multifrontal
 
@@ -118,3 +124,13 @@ def test_of_two_orders_the_one_with_less_work_is_taken(monkeypatch, worse):
     monkeypatch.setattr(factors, "SOME", 0.0)
     found = factor(U)
     assert found.order.work == minimum_degree(*parts(U)).work < natural(U).work
+
+
+def test_a_diagonal_entry_that_is_not_stored_is_told():
+    K = quasi_definite(6, 4, 0.5, 2)
+    np.testing.assert_allclose(K @ factor_triangle(upper(K)).solve(K[0]), K[0])
+    for j in (0, 5, 9):
+        U = upper(K - np.diag(np.diag(K) * (np.arange(10) == j)))
+        U.eliminate_zeros()
+        with pytest.raises(ValueError, match="pivot"):
+            factor_triangle(U)

@@ -26,7 +26,7 @@ PART = (
 )  # fmt: skip
 
 PACKAGES = (
-    "numpy", "scipy", "numba", "pyamg", "qdldl", "qpsolvers", "cvxpy", "pymetis",
+    "numpy", "scipy", "numba", "pyamg", "qpsolvers", "cvxpy", "pymetis",
 )  # fmt: skip
 
 

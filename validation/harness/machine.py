@@ -17,7 +17,7 @@ THREADS = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "RAYON")
 
 def lines(solvers: Iterable[str]) -> list[str]:
     """Return what the figures depend on: machine, threads, versions, date."""
-    packages = ["numpy", "scipy", "numba", "qdldl", "qpsolvers"]
+    packages = ["numpy", "scipy", "numba", "qpsolvers"]
     packages += [PACKAGES.get(solver, solver) for solver in solvers]
     versions = [f"{name} {package_version(name)}" for name in packages]
     return [

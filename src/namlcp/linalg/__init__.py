@@ -36,9 +36,14 @@ from namlcp.linalg.definite import (
     has_positive_pivots,
     is_positive_semidefinite,
     is_symmetric,
-    ldl_factors,
+    positive_factors,
 )
-from namlcp.linalg.factors import Factors, SparseFactors, plan_factors
+from namlcp.linalg.factors import (
+    Factors,
+    SparseFactors,
+    factor_triangle,
+    plan_factors,
+)
 from namlcp.linalg.lapack import (
     add_rmatvec,
     add_scaled,

@@ -3,11 +3,11 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-import qdldl
 from scipy.linalg.lapack import dpotrf
 from scipy.sparse import csc_matrix, eye_array, issparse, triu
 
 from namlcp.compiled import kernel
+from namlcp.linalg.factors import SparseFactors, factor_triangle
 from namlcp.linalg.symmetry import asymmetry
 
 PSD_SLACK = 1e-6
@@ -67,24 +67,24 @@ def is_positive_semidefinite(A: Any, tolerance: float) -> bool:
     """Tell whether A + tolerance I, symmetric or not, is positive definite."""
     if issparse(A):
         S = triu(0.5 * (A + A.T)) + tolerance * eye_array(A.shape[0])
-        return ldl_factors(csc_matrix(S)) is not None
+        return has_positive_pivots(csc_matrix(S))
     S = 0.5 * (A + A.T)
     S[np.diag_indices_from(S)] += tolerance
     return bool(dpotrf(S, overwrite_a=1)[1] == 0)
 
 
-def ldl_factors(triangle: csc_matrix) -> tuple[Any, np.ndarray] | None:
-    """Return L and D of the matrix with this upper triangle, None unless D > 0."""
+def positive_factors(triangle: csc_matrix) -> SparseFactors | None:
+    """Return L D L' of the matrix with this upper triangle, None unless D > 0."""
     try:
-        L, pivots, _ = qdldl.Solver(triangle, upper=True).factors()
-    except (RuntimeError, ValueError):  # a pivot is exactly zero
+        factors = factor_triangle(triangle)
+    except ValueError:  # a pivot is 0
         return None
-    return (L, pivots) if (pivots > 0.0).all() else None
+    return factors if (factors.inverse > 0.0).all() else None
 
 
 def has_positive_pivots(triangle: csc_matrix) -> bool:
     """Tell whether L D L' of a matrix, its upper triangle given, has D > 0."""
-    return ldl_factors(triangle) is not None
+    return positive_factors(triangle) is not None
 
 
 @kernel

@@ -106,6 +106,22 @@ class SparseFactors:
         return x
 
 
+def factor_triangle(triangle: csc_matrix) -> SparseFactors:
+    """Return L D L' of a symmetric matrix, its upper triangle given.
+
+    Raises ValueError if a diagonal entry is not stored, or a pivot is 0.
+    """
+    triangle.sum_duplicates()
+    indptr, indices = triangle.indptr, triangle.indices
+    last = indptr[1:] - 1
+    every = np.arange(last.size)
+    if np.any(np.diff(indptr) == 0) or np.any(indices[last] != every):
+        raise ValueError("a pivot vanishes")
+    factors = SparseFactors(indptr, indices, minimum_degree(indptr, indices))
+    factors.refactor(triangle.data)
+    return factors
+
+
 class Diagonal:
     """A diagonal matrix as its own factors."""
 

@@ -61,7 +61,7 @@ import numpy as np
 from scipy import linalg, sparse
 
 from namlcp.limits import interruptible
-from namlcp.linalg import asymmetry, is_positive_semidefinite, ldl_factors
+from namlcp.linalg import asymmetry, is_positive_semidefinite, positive_factors
 from namlcp.theory.comparison import (
     ROUNDOFF,
     Verdict,
@@ -265,10 +265,11 @@ def positive_definite(A: Any) -> str:
     upper = sparse.csc_matrix(sparse.triu(S))
     for k in (200, n):  # a guess of the longest row of the factor, and its upper bound
         c = 4.0 * (k + 8) * n * ROUNDOFF
-        factors = ldl_factors(upper - c * sparse.eye(n))
+        factors = positive_factors(upper - c * sparse.eye(n))
         if factors is None:
             return ""
-        if int(np.bincount(factors[0].indices, minlength=n).max()) + 1 <= k:
+        rows = factors.pattern.below
+        if int(np.bincount(rows, minlength=n).max()) + 1 <= k:
             return f"LDL' factorisation of D^(-1/2) A D^(-1/2) - {c:.1e} I"
     return ""
 

@@ -14,7 +14,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import qdldl
 from scipy import sparse
 from scipy.linalg.lapack import dgetrf, dgetrs, dpotrf, dpotrs
 from scipy.sparse.linalg import splu
@@ -23,7 +22,7 @@ from namlcp.lcp.data import LCP
 from namlcp.lcp.modulus.kernels import S, Z
 from namlcp.lcp.modulus.methods import Parameters
 from namlcp.lcp.modulus.triangular import Step
-from namlcp.linalg import asymmetry
+from namlcp.linalg import asymmetry, factor_triangle
 
 Solve = Callable[[np.ndarray], np.ndarray]
 
@@ -81,8 +80,8 @@ def sparse_solver(K: Any, symmetric: bool) -> Solve | None:
     K = sparse.csc_array(K)
     if symmetric:
         try:
-            return qdldl.Solver(sparse.csc_matrix(sparse.triu(K)), upper=True).solve
-        except RuntimeError:  # a zero pivot: K is not definite
+            return factor_triangle(sparse.csc_matrix(sparse.triu(K))).solve
+        except ValueError:  # a zero pivot: K is not definite
             pass
     try:
         return splu(K).solve
