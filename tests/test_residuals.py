@@ -9,7 +9,7 @@ from qpsolvers import Problem, Solution
 
 from namlcp import Residuals, natural_residual, qp_residuals
 from namlcp.linalg import compiled_form
-from namlcp.residuals import finite_sides
+from namlcp.residuals import dot_at, finite_positions
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -109,23 +109,14 @@ def test_none_stands_for_absent_bounds():
     assert half != whole
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_finite_sides_are_gathered_in_their_order(seed):
-    rng = np.random.default_rng(seed)
-    h, lb, ub = (
-        np.where(rng.random(k) < 0.4, np.inf, rng.random(k)) for k in (7, 5, 5)
-    )
-    lb *= -1.0
-    z, z_box = rng.random(7), rng.standard_normal(5)
-    sides, multipliers = np.empty((2, 17))
-    ends = finite_sides((h, lb, ub), (z, z_box), sides, multipliers)
-    terms = (h, z), (lb, np.minimum(z_box, 0.0)), (ub, np.maximum(z_box, 0.0))
-    start = 0
-    for (side, multiplier), end in zip(terms, ends, strict=True):
-        finite = np.isfinite(side)
-        np.testing.assert_array_equal(sides[start:end], side[finite])
-        np.testing.assert_array_equal(multipliers[start:end], multiplier[finite])
-        start = end
+def test_positions_of_finite_sides():
+    one, some = np.ones(3), np.array([np.inf, 1.0, -np.inf])
+    in_h, in_lb, in_ub = finite_positions((one, one, one, some, one * np.inf))
+    assert in_h is None
+    np.testing.assert_array_equal(in_lb, [1])
+    assert in_ub.size == 0
+    assert dot_at(in_lb, some, 2.0 * one) == 2.0
+    assert dot_at(in_h, one, one) == 3.0
 
 
 def test_all_forms_of_matrices_are_judged_alike():

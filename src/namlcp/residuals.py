@@ -58,6 +58,9 @@ class Residuals(NamedTuple):
         return self.worst(eps_abs, eps_rel) <= 1.0
 
 
+Positions = tuple[np.ndarray | None, ...]
+"""Where h, lb and ub are finite, each None where all of it is."""
+
 UNDEFINED = Residuals(*[math.nan] * 7)
 
 
@@ -180,24 +183,6 @@ def qp_residuals_of_products(vectors, point, products):
     return primal, dual, gap, primal_size, dual_size, gap_size, objective
 
 
-@kernel
-def sparse_qp_residuals(P, G, A, vectors, point, products):
-    """Set the products, and return what `qp_residuals_of_products` returns.
-
-    P, G, A = (indptr, indices, data) in CSC, vectors, point and products as there; the
-    products are zero on entry. One call, because each takes longer than the products
-    of a small QP.
-    """
-    x, y, z, _ = point
-    Px, Gx, Ax, Gtz, Aty = products
-    add_columns(P[0], P[1], P[2], x, Px)
-    add_columns(G[0], G[1], G[2], x, Gx)
-    add_columns(A[0], A[1], A[2], x, Ax)
-    add_column_sums(G[0], G[1], G[2], z, Gtz)
-    add_column_sums(A[0], A[1], A[2], y, Aty)
-    return qp_residuals_of_products(vectors, point, products)
-
-
 def qp_residuals(
     P: Any,
     q: np.ndarray,
@@ -248,16 +233,26 @@ def clean_qp_residuals(
     matrices: tuple[Any, ...],
     vectors: tuple[np.ndarray, ...],
     point: tuple[np.ndarray, ...],
+    finite: Positions | None = None,
 ) -> Residuals:
     """Return what `qp_residuals` does, for P, G and A each in `compiled_form`.
 
-    vectors = (q, h, b, lb, ub), point = (x, y, z, z_box); the sizes are not checked.
+    vectors = (q, h, b, lb, ub), point = (x, y, z, z_box), `finite` as in `signed_gap`;
+    the sizes are not checked.
     """
     x, y, z, _ = point
     Px, Gtz, Aty = np.zeros((3, x.size))
-    products = Px, np.zeros(z.size), np.zeros(y.size), Gtz, Aty
-    numbers = sparse_qp_residuals(*matrices, vectors, point, products)
-    return with_gap_of_host(numbers, vectors, point, Px)
+    Gx, Ax = np.zeros(z.size), np.zeros(y.size)
+    P, G, A = matrices
+    add_columns(*P, x, Px)
+    if z.size:
+        add_columns(*G, x, Gx)
+        add_column_sums(*G, z, Gtz)
+    if y.size:
+        add_columns(*A, x, Ax)
+        add_column_sums(*A, y, Aty)
+    numbers = qp_residuals_of_products(vectors, point, (Px, Gx, Ax, Gtz, Aty))
+    return with_gap_of_host(numbers, vectors, point, Px, finite)
 
 
 def with_gap_of_host(
@@ -265,56 +260,47 @@ def with_gap_of_host(
     vectors: tuple[np.ndarray, ...],
     point: tuple[np.ndarray, ...],
     Px: np.ndarray,
+    finite: Positions | None = None,
 ) -> Residuals:
     """Return the numbers, with the gap added as qpsolvers does if that may matter."""
     found = Residuals(*numbers)
     if found.gap_size < LARGE_TERM:
         return found
-    return found._replace(gap=abs(signed_gap(vectors, point, Px)))
+    return found._replace(gap=abs(signed_gap(vectors, point, Px, finite)))
 
 
 def signed_gap(
-    vectors: tuple[np.ndarray, ...], point: tuple[np.ndarray, ...], Px: np.ndarray
+    vectors: tuple[np.ndarray, ...],
+    point: tuple[np.ndarray, ...],
+    Px: np.ndarray,
+    finite: Positions | None = None,
 ) -> float:
     """Return x'Px + q'x + b'y + h'z + lb'z_box^- + ub'z_box^+ as qpsolvers adds it.
 
-    vectors = (q, h, b, lb, ub), point = (x, y, z, z_box).
+    vectors = (q, h, b, lb, ub), point = (x, y, z, z_box); `finite` may be given as
+    `finite_positions` returns it.
     """
     q, h, b, lb, ub = vectors
     x, y, z, z_box = point
-    sides, multipliers = np.empty((2, h.size + 2 * x.size))
-    m, low, up = finite_sides((h, lb, ub), (z, z_box), sides, multipliers)
+    in_h, in_lb, in_ub = finite or finite_positions(vectors)
     with np.errstate(all="ignore"):  # huge terms may overflow to infinity or NaN
-        gap = x.dot(Px) + q.dot(x) + sides[:m].dot(multipliers[:m]) + b.dot(y)
-        gap += sides[m:low].dot(multipliers[m:low])
-        gap += sides[low:up].dot(multipliers[low:up])
+        gap = x.dot(Px) + q.dot(x) + dot_at(in_h, h, z) + b.dot(y)
+        gap += dot_at(in_lb, lb, np.minimum(z_box, 0.0))
+        gap += dot_at(in_ub, ub, np.maximum(z_box, 0.0))
     return float(gap)
 
 
-@kernel
-def finite_sides(given, factors, sides, multipliers):
-    """Gather the finite ones of given = (h, lb, ub) with their factors z and z_box.
+def finite_positions(vectors: tuple[np.ndarray, ...]) -> Positions:
+    """Return where h, lb and ub are finite, None where all of one are."""
+    _, h, _, lb, ub = vectors
+    finite = map(np.isfinite, (h, lb, ub))
+    return tuple(None if has.all() else np.flatnonzero(has) for has in finite)
 
-    The factor of a lower bound is min(z_box, 0), that of an upper one max(z_box, 0).
-    `sides` and `multipliers` (m + 2 n,) take all these; returns where h, lb and ub end.
-    """
-    h, lb, ub = given
-    z, z_box = factors
-    k = 0
-    for i in range(h.size):
-        if np.isfinite(h[i]):
-            sides[k], multipliers[k] = h[i], z[i]
-            k += 1
-    m = k
-    for j in range(lb.size):
-        if np.isfinite(lb[j]):
-            sides[k] = lb[j]
-            multipliers[k] = z_box[j] if not z_box[j] > 0.0 else 0.0  # NaN is kept
-            k += 1
-    low = k
-    for j in range(ub.size):
-        if np.isfinite(ub[j]):
-            sides[k] = ub[j]
-            multipliers[k] = z_box[j] if not z_box[j] < 0.0 else 0.0
-            k += 1
-    return m, low, k
+
+def dot_at(
+    positions: np.ndarray | None, bound: np.ndarray, multiplier: np.ndarray
+) -> float:
+    """Return bound'multiplier over some positions, all of them if that is None."""
+    if positions is None:
+        return float(bound.dot(multiplier))
+    return float(bound[positions].dot(multiplier[positions]))

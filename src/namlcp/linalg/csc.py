@@ -65,8 +65,11 @@ def submatrix(M: csc_array, rows: np.ndarray, columns: np.ndarray) -> csc_array:
         return M
     number = np.full(M.shape[0], -1, dtype=np.int32)
     number[rows] = np.arange(rows.size)
-    parts = selected_part(M.indptr, M.indices, M.data, number, columns)
-    return from_arrays(parts, (rows.size, columns.size))
+    indptr = np.empty(columns.size + 1, dtype=np.int32)
+    indices, data = np.empty(M.indices.size, dtype=np.int32), np.empty(M.data.size)
+    part = indptr, indices, data
+    nnz = select_part(M.indptr, M.indices, M.data, number, columns, *part)
+    return from_arrays((indptr, indices[:nnz], data[:nnz]), (rows.size, columns.size))
 
 
 def by_rows(M: csc_array) -> csr_array:
@@ -131,24 +134,23 @@ def compiled_form(M: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
 
 
 @kernel
-def selected_part(indptr, indices, data, number, columns):
-    """Return the CSC arrays of some columns; row i becomes number[i], -1 drops it."""
-    new_indptr = np.zeros(columns.size + 1, dtype=np.int32)
-    size = 0
-    for j in columns:
-        size += indptr[j + 1] - indptr[j]
-    new_indices = np.empty(size, dtype=np.int32)
-    new_data = np.empty(size)
+def select_part(indptr, indices, data, number, columns, part, place, value):
+    """Write some columns as CSC arrays part, place, value; return how many entries.
+
+    Row i becomes row number[i]; -1 drops it.
+    """
     nnz = 0
+    part[0] = 0
     for k in range(columns.size):
-        for t in range(indptr[columns[k]], indptr[columns[k] + 1]):
+        j = columns[k]
+        for t in range(indptr[j], indptr[j + 1]):
             i = number[indices[t]]
             if i >= 0:
-                new_indices[nnz] = i
-                new_data[nnz] = data[t]
+                place[nnz] = i
+                value[nnz] = data[t]
                 nnz += 1
-        new_indptr[k + 1] = nnz
-    return new_indptr, new_indices[:nnz], new_data[:nnz]
+        part[k + 1] = nnz
+    return nnz
 
 
 @kernel

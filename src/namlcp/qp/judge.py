@@ -8,16 +8,19 @@ dual residuals, but not where the bounds are still rows of the user.
 
 from math import inf
 
-import numpy as np
-
 from namlcp.limits import Limits
 from namlcp.linalg import compiled_form
 from namlcp.qp.answer import FINAL, Answer
 from namlcp.qp.certificates import accept_dual, accept_primal
-from namlcp.qp.problem import QP, Point, clip_to_bounds
+from namlcp.qp.problem import QP, Point
 from namlcp.qp.rounding import correct_rounding
 from namlcp.qp.transforms import Substitution
-from namlcp.residuals import Residuals, clean_qp_residuals, qp_residuals
+from namlcp.residuals import (
+    Residuals,
+    clean_qp_residuals,
+    finite_positions,
+    qp_residuals,
+)
 from namlcp.status import Status
 
 # Largest ratio of a residual to its tolerance at which `correct_rounding` is tried: a
@@ -36,6 +39,7 @@ class Judge:
         self.qp, self.limits = qp, limits
         self.vectors = qp.q, qp.h, qp.b, qp.lb, qp.ub
         self.matrices = tuple(compiled_form(M) for M in (qp.P, qp.G, qp.A))
+        self.finite = finite_positions(self.vectors)
         self.best = inf
         self.point = qp.point()
         self.measured: Residuals | None = None
@@ -51,11 +55,10 @@ class Judge:
         Returns the least of their largest residuals over tolerances.
         """
         tolerances = self.limits.tolerances
-        inside = np.empty(point.x.size)
-        moved = clip_to_bounds(point.x, self.qp.lb, self.qp.ub, inside)
+        inside = self.qp.clip(point.x)
         found = self.measure(point)
         worst = found.worst(*tolerances)
-        if moved:
+        if not (inside == point.x).all():
             point = point._replace(x=inside)
             found = self.measure(point)
             worst = min(worst, found.worst(*tolerances))
@@ -70,7 +73,9 @@ class Judge:
         if None in self.matrices:
             found = qp_residuals(*self.qp, *point)
         else:
-            found = clean_qp_residuals(self.matrices, self.vectors, tuple(point))
+            found = clean_qp_residuals(
+                self.matrices, self.vectors, tuple(point), self.finite
+            )
         worst = found.worst(*self.limits.tolerances)
         if worst < self.best:
             self.best, self.measured, self.point = worst, found, point

@@ -68,27 +68,11 @@ class QP(NamedTuple):
 
     def clip(self, x: np.ndarray) -> np.ndarray:
         """Return the nearest point within the bounds."""
-        inside = np.empty(x.size)
-        clip_to_bounds(x, self.lb, self.ub, inside)
-        return inside
+        return np.minimum(np.maximum(x, self.lb), self.ub)
 
     def has_matrices_of(self, other: "QP") -> bool:
         """Tell whether P, G and A are the very same objects."""
         return self.P is other.P and self.G is other.G and self.A is other.A
-
-
-@kernel
-def clip_to_bounds(x, lb, ub, inside):
-    """Set `inside` to x within the bounds; tell whether it differs from x."""
-    differs = False
-    for j in range(x.size):
-        inside[j] = x[j]
-        if x[j] < lb[j]:
-            inside[j] = lb[j]
-        if inside[j] > ub[j]:
-            inside[j] = ub[j]
-        differs = differs or inside[j] != x[j]
-    return differs
 
 
 @kernel
@@ -107,17 +91,12 @@ def dense_faults(P, q, G, h, A, b, lb, ub):
     return bad, gap, size, huge
 
 
-@kernel
-def sparse_faults(P, q, G, h, A, b, lb, ub):
-    """Return (is a number bad?, is a bound or h_i huge?), as `dense_faults` does.
-
-    P, G and A are the stored entries of sparse matrices.
-    """
-    allowed = np.bool_(True)
-    bad = is_bad(P, not allowed) or is_bad(G, not allowed) or is_bad(A, not allowed)
-    bad = bad or is_bad(q, not allowed) or is_bad(b, not allowed)
-    bad = bad or is_bad(h, allowed) or is_bad(lb, allowed) or is_bad(ub, allowed)
-    return bad, has_huge_bound(h) or has_huge_bound(lb) or has_huge_bound(ub)
+def sparse_faults(qp: QP) -> tuple[bool, bool]:
+    """Return (is a number bad?, is a bound or h_i huge?), as `dense_faults` does."""
+    bounds = qp.h, qp.lb, qp.ub
+    entries = qp.P.data, qp.q, qp.G.data, qp.A.data, qp.b
+    bad = any(is_bad(v, False) for v in entries) or any(is_bad(v, True) for v in bounds)
+    return bad, any(has_huge_bound(v) for v in bounds)
 
 
 def refuse_numbers(qp: QP) -> None:
@@ -176,9 +155,10 @@ def qp_data(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) ->
             refuse_numbers(QP(P, q, G, h, A, b, lb, ub))
     else:
         P, G, A = (as_sparse(C) for C in (P, G, A))
-        bad, huge = sparse_faults(P.data, q, G.data, h, A.data, b, lb, ub)
+        qp = QP(P, q, G, h, A, b, lb, ub)
+        bad, huge = sparse_faults(qp)
         if bad:
-            refuse_numbers(QP(P, q, G, h, A, b, lb, ub))
+            refuse_numbers(qp)
         gap, size = asymmetry(P)
     if gap > 0.0:
         P = symmetrised(P, gap, size)

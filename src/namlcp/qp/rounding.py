@@ -7,11 +7,12 @@ z_box where a bound allows the sign, else by x; the gap by multipliers.
 """
 
 import numpy as np
+from scipy.sparse import csc_array
 
 from namlcp.compiled import kernel
 from namlcp.linalg import add_transposed, arrays_of, times
 from namlcp.qp.problem import QP, Point
-from namlcp.residuals import Residuals, qp_residuals, signed_gap
+from namlcp.residuals import Residuals, finite_positions, qp_residuals, signed_gap
 
 # Gauss-Seidel passes over the entries of the dual residual.
 PASSES = 3
@@ -94,20 +95,30 @@ def correct_gap(
     x, y, z, z_box = point
     n, p, m = x.size, y.size, z.size
     count = p + m + 2 * n
-    multiplier, side, largest, new = np.empty((4, count))
-    usable = np.empty(count, dtype=np.bool_)
-    terms = multiplier, side, largest, usable
-    matrices = tuple(arrays_of(qp.A)), tuple(arrays_of(qp.G))
-    lay_out((qp.b, qp.h, qp.lb, qp.ub), (y, z, z_box), matrices, terms)
+    # multipliers and their right-hand sides in the order b, h, lb, ub
+    multiplier = np.concatenate((y, z, np.minimum(z_box, 0.0), np.maximum(z_box, 0.0)))
+    side = np.concatenate((qp.b, qp.h, qp.lb, qp.ub))
+    largest = np.concatenate((row_maxima(qp.A), row_maxima(qp.G), np.ones(2 * n)))
+    usable = np.isfinite(side) & (side != 0.0)
+    usable[p:] &= multiplier[p:] != 0.0
+    new = np.empty(count)
     Px = times(qp.P, x)
     vectors = qp.q, qp.h, qp.b, qp.lb, qp.ub
+    finite = finite_positions(vectors)
     added = np.zeros(n)  # to the dual residual, by all changes
-    gap = signed_gap(vectors, point, Px)
+    gap = signed_gap(vectors, point, Px, finite)
     ends = 0, p, p + m, p + m + n, count
     groups = [(ends[k], ends[k + 1]) for k in (3, 2, 1, 0)]
-    turns = [(k, k + 1) for k in single_turns(terms, p, size, dual_left)]
-    for first, last in groups + turns:
-        if not propose(first, last, p, gap, dual_left, terms, new):
+    k = np.flatnonzero(usable)
+    step = size / np.abs(side[k])
+    single = step * largest[k] <= dual_left
+    single &= (k < p) | (np.abs(multiplier[k]) > step)
+    turns = k[single]
+    turns = turns[:: max(-(-turns.size // TRIES), 1)]
+    for first, last in [*groups, *((k, k + 1) for k in turns.tolist())]:
+        part = slice(first, last)
+        terms = multiplier[part], side[part], largest[part], usable[part]
+        if not propose(*terms, first < p, gap, dual_left, new[part]):
             continue
         change = np.zeros(count)
         change[first:last] = new[first:last] - multiplier[first:last]
@@ -121,95 +132,50 @@ def correct_gap(
         multiplier[first:last] = new[first:last]
         y, z, lower, upper = np.split(multiplier.copy(), ends[1:4])
         new_point = Point(x, y, z, lower + upper)
-        gap = signed_gap(vectors, new_point, Px)
+        gap = signed_gap(vectors, new_point, Px, finite)
         if abs(gap) <= tol:
             return new_point
     return point
 
 
 @kernel
-def lay_out(given, multipliers, matrices, terms):
-    """Set the terms of the gap, in the order b, h, lb, ub.
+def propose(multiplier, side, largest, usable, any_sign, gap, dual_left, new):
+    """Set `new` to multipliers without the gap; tell whether they may be.
 
-    given = (b, h, lb, ub), multipliers = (y, z, z_box), matrices = A and G in CSC as
-    (indptr, indices, data). terms = (multiplier, side, largest, usable) are
-    overwritten: `largest` is the largest modulus in the row of A or G, 1 for bounds; a
-    term is `usable` if its side is finite and not 0, and its multiplier not that of
-    an inactive inequality.
+    The usable ones change by -gap s/s's; those that would change the dual residual by
+    more than `dual_left`, or their sign unless any_sign, are left out once.
     """
-    multiplier, side, largest, usable = terms
-    b, h, lb, ub = given
-    y, z, z_box = multipliers
-    p, m, n = b.size, h.size, lb.size
-    for i in range(p):
-        multiplier[i], side[i], largest[i] = y[i], b[i], 0.0
-    for i in range(m):
-        multiplier[p + i], side[p + i], largest[p + i] = z[i], h[i], 0.0
-    for j in range(n):
-        k = p + m + j
-        multiplier[k], side[k], largest[k] = min(z_box[j], 0.0), lb[j], 1.0
-        k += n
-        multiplier[k], side[k], largest[k] = max(z_box[j], 0.0), ub[j], 1.0
-    first = 0
-    for indptr, indices, data in matrices:
-        for t in range(indptr[n]):
-            i = first + indices[t]
-            largest[i] = max(largest[i], abs(data[t]))
-        first = p
-    for k in range(side.size):
-        usable[k] = (
-            np.isfinite(side[k]) and side[k] != 0.0 and (k < p or multiplier[k] != 0.0)
-        )
-
-
-def single_turns(
-    terms: tuple[np.ndarray, ...], p: int, size: float, dual_left: float
-) -> list[int]:
-    """Return at most TRIES terms that alone can change the gap by `size`."""
-    multiplier, side, largest, usable = terms
-    k = np.flatnonzero(usable)
-    step = size / np.abs(side[k])
-    single = step * largest[k] <= dual_left
-    single &= (k < p) | (np.abs(multiplier[k]) > step)
-    turns = k[single]
-    return turns[:: max(-(-turns.size // TRIES), 1)].tolist()
-
-
-@kernel
-def propose(first, last, p, gap, dual_left, terms, new):
-    """Set new[first:last] to multipliers without the gap; tell whether they may be.
-
-    The usable ones change by -gap s/s's, those that would change sign or the dual
-    residual by more than `dual_left` are left out once. The first p have any sign.
-    """
-    multiplier, side, largest, usable = terms
-    for k in range(first, last):
+    for k in range(new.size):
         new[k] = multiplier[k] if usable[k] else np.nan
     for _ in range(2):
         top, squares = 0.0, 0.0
-        for k in range(first, last):
+        for k in range(new.size):
             if new[k] == new[k]:
                 top = max(top, abs(side[k]))
         if top == 0.0:
             return False
-        for k in range(first, last):
+        for k in range(new.size):
             if new[k] == new[k]:
                 squares += (side[k] / top) * (side[k] / top)  # side^2 may overflow
         left_out = False
-        for k in range(first, last):
+        for k in range(new.size):
             if new[k] != new[k]:
                 continue
             new[k] = multiplier[k] - gap / top / squares * (side[k] / top)
-            step = abs(new[k] - multiplier[k])
-            if not (
-                step * largest[k] <= dual_left
-                and (k < p or new[k] * multiplier[k] > 0.0)
-            ):
+            fits = abs(new[k] - multiplier[k]) * largest[k] <= dual_left
+            if not (fits and (any_sign or new[k] * multiplier[k] > 0.0)):
                 new[k] = np.nan
                 left_out = True
         if not left_out:
-            for k in range(first, last):
+            for k in range(new.size):
                 if new[k] != new[k]:
                     new[k] = multiplier[k]
             return True
     return False
+
+
+def row_maxima(M: csc_array) -> np.ndarray:
+    """Return the largest modulus in each row of a CSC matrix."""
+    largest = np.zeros(M.shape[0])
+    np.maximum.at(largest, M.indices, np.abs(M.data))
+    return largest

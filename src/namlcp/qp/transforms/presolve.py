@@ -122,8 +122,12 @@ class Presolved(NamedTuple):
         where b is the mean of their right-hand sides.
         """
         y_full, z_full = np.zeros(self.qp.b.size), np.zeros(self.qp.h.size)
-        spread_equations(*self.largest_of, *self.smallest_of, y, y_full)
-        spread_ranges(*self.upper_of, *self.lower_of, z_upper, z_lower, z_full)
+        if y.size:
+            for owners in (self.largest_of, self.smallest_of):
+                spread(owners.rows, owners.ratio, 0.5 * y, True, y_full)
+        if z_upper.size:
+            spread(*self.upper_of, z_upper, False, z_full)
+            spread(*self.lower_of, z_lower, False, z_full)
         return y_full, z_full
 
     def guess(
@@ -297,21 +301,11 @@ def ranges(
 
 
 @kernel
-def spread_equations(rows, ratio, others, other_ratio, y, full):
-    """Add half of the multipliers of equations to either of their two owners."""
-    for k in range(y.size):
-        full[rows[k]] += 0.5 * y[k] / ratio[k]
-        full[others[k]] += 0.5 * y[k] / other_ratio[k]
-
-
-@kernel
-def spread_ranges(upper_row, upper_ratio, lower_row, lower_ratio, upper, lower, full):
-    """Add the multipliers of the sides of ranges to the rows that own them."""
-    for k in range(upper.size):
-        if upper_row[k] >= 0:
-            full[upper_row[k]] += upper[k] / abs(upper_ratio[k])
-        if lower_row[k] >= 0:
-            full[lower_row[k]] += lower[k] / abs(lower_ratio[k])
+def spread(rows, ratio, side, is_signed, full):
+    """Add side / ratio, |ratio| unless is_signed, to the rows that own the sides."""
+    for k in range(side.size):
+        if rows[k] >= 0:
+            full[rows[k]] += side[k] / (ratio[k] if is_signed else abs(ratio[k]))
 
 
 def unit(size: int, index: int, value: float) -> np.ndarray:

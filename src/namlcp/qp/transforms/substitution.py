@@ -130,8 +130,10 @@ class Substitution(NamedTuple):
         rows[m + self.others] = point.y
         z_box = np.zeros(n)
         z_box[self.kept] = point.z_box
-        _, _, lower, upper = self.bounds.tight
-        give_back(z_box, *lower, *upper, rows)
+        for givers, sign in zip(self.bounds.tight[2:], (-1.0, 1.0), strict=True):
+            at = np.flatnonzero((givers.rows >= 0) & (sign * z_box > 0.0))
+            rows[givers.rows[at]] = z_box[at] / givers.entry[at]
+            z_box[at] = 0.0
         return Point(np.full(n, np.nan), rows[m:], rows[:m], z_box)
 
     def ray(self, d: np.ndarray) -> np.ndarray:
@@ -184,17 +186,18 @@ def substitute(
     count = np.zeros(m + p, dtype=np.int32)
     P, G, A = (tuple(arrays_of(M)) for M in (qp.P, qp.G, qp.A))
     bounds = tight.lb, tight.ub, *lower, *upper
-    taken, clashes = tighten(G, A, qp.h, qp.b, bounds, left, count)
+    taken, clashes, free = tighten(G, A, qp.h, qp.b, bounds, left, count)
     if taken < 0:
         return None
     if clashes:
         keep_clashing_rows(qp, tight, left)
-    chosen, (pivot, cost, work) = np.empty(p, dtype=np.int32), np.empty((3, p))
-    equations = left[m:], count[m:]
-    some = find_free_columns(
-        P, G, A, bounds[:2], equations, chosen, (pivot, cost, work)
-    )
-    if some == 0 and left.all():
+    chosen, (pivot, cost, work) = np.full(p, -1, dtype=np.int32), np.empty((3, p))
+    some = 0
+    if free or clashes:
+        some = find_free_columns(
+            P, G, A, bounds[:2], (left[m:], count[m:]), chosen, (pivot, cost, work)
+        )
+    if some == 0 and (taken == 0 or left.all()):
         return None
     rows = RowBounds(tight, np.flatnonzero(left[:m]), np.flatnonzero(left[m:]))
     if last is not None and qp.has_matrices_of(last.user) and rows.is_like(last.bounds):
@@ -249,27 +252,31 @@ def without_columns(
 def tighten(G, A, h, b, bounds, left, count):
     """Tighten the bounds by the rows of [G; A] with one entry; see `tighten_by`.
 
-    Returns the number of these rows, -1 if not lb <= ub on entry, and the number of
-    clashes lb > ub. G and A are (indptr, indices, data) in CSC. bounds = (lb, ub,
-    lower rows, lower entries, upper rows, upper entries): the first two are changed,
-    the others, those of `Givers`, and `left` (m + p,) are overwritten. `count` (m + p,)
-    is zero on entry and takes the number of entries of each row.
+    Returns the number of these rows, -1 if not lb <= ub on entry, and the numbers of
+    clashes lb > ub and of unbounded variables in A. G and A are (indptr, indices, data)
+    in CSC. bounds = (lb, ub, lower rows, lower entries, upper rows, upper entries): the
+    first two are changed, the others, those of `Givers`, and `left` (m + p,) are
+    overwritten. `count` (m + p,) is zero on entry and takes the entries of each row.
     """
     lb, ub, lower_row, lower_entry, upper_row, upper_entry = bounds
     for j in range(lb.size):
         if not lb[j] <= ub[j]:
-            return -1, 0
+            return -1, 0, 0
         lower_row[j] = upper_row[j] = -1
         lower_entry[j] = upper_entry[j] = 1.0
     for i in range(left.size):
         left[i] = True
-    taken = tighten_by(G, h, 0, False, bounds, left, count)
-    taken += tighten_by(A, b, h.size, True, bounds, left, count)
-    clashes = 0
+    # not literals, which would compile `tighten_by` twice
+    first, equal = np.int64(0), np.bool_(True)
+    taken = tighten_by(G, h, first, not equal, bounds, left, count)
+    taken += tighten_by(A, b, h.size, equal, bounds, left, count)
+    clashes, free = 0, 0
     for j in range(lb.size):
         if lb[j] > ub[j]:
             clashes += 1
-    return taken, clashes
+        if lb[j] == -np.inf and ub[j] == np.inf and A[0][j + 1] > A[0][j]:
+            free += 1
+    return taken, clashes, free
 
 
 @part
@@ -391,15 +398,3 @@ def drop_filling_rows(A, equations, chosen, cost):
             chosen[i] = -1
             left -= 1
     return left
-
-
-@kernel
-def give_back(z_box, lower_row, lower_entry, upper_row, upper_entry, rows):
-    """Move multipliers of bounds to the rows of [G; A] that gave them: `Givers`."""
-    for j in range(z_box.size):
-        if z_box[j] < 0.0 and lower_row[j] >= 0:
-            rows[lower_row[j]] = z_box[j] / lower_entry[j]
-            z_box[j] = 0.0
-        elif z_box[j] > 0.0 and upper_row[j] >= 0:
-            rows[upper_row[j]] = z_box[j] / upper_entry[j]
-            z_box[j] = 0.0
