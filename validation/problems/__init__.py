@@ -14,6 +14,7 @@ planted                     random QPs around a planted solution; changed data
 infeasible_cases            QPs without a solution, and some that only look so
 stress_cases                QPs that strain a solver, in units of their own
 families                    the families of the work-precision chart
+osqp_classes                the seven classes of the OSQP paper, by size
 fuzzed                      the problems of the campaign (a room of its own)
 models                      what people model in CVXPY (a room of its own)
 ==========================  ============================================================

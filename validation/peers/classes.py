@@ -1,0 +1,211 @@
+"""Seven classes of sparse QPs after the OSQP paper: time over the best peer's.
+
+Usage::
+
+    python -m validation.peers.classes [--classes SVM ...] [--sizes 1 2 3 4]
+        [--eps 1e-6] [--limit 10] [--solvers nam piqp ...] [--minutes 30]
+        [--csv FILE] [--table]
+
+The problems: `osqp_classes`, four sizes of each class, from 10^3 to 10^6 entries of P,
+G and A. They are measured as in `benchmark`, one problem after the other with every
+solver in turn: `runtime` is the median of calls on a problem that the solver has seen,
+`cold` its first call there. What ran into the limit is not tried at a larger size of
+its class. A run goes on where an earlier one with the same --csv has stopped; --table
+prints the tables of that file and runs nothing.
+
+Every problem has a solution. The claim: all solved, time over that of the best peer at
+most 0.7 in the geometric mean and 1.3 at worst.
+"""
+
+import argparse
+import sys
+import time
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from qpsolvers import Problem
+
+from validation.harness import Row, cli, csv_files, machine, processes, tables, timing
+from validation.peers.runs import (
+    COLUMNS,
+    LATE,
+    failure_text,
+    measure,
+    read_rows,
+)
+from validation.problems import osqp_classes
+
+SOLVERS = ["nam", "piqp", "clarabel", "osqp", "proxqp", "highs"]
+SIZES = range(1, len(osqp_classes.ENTRIES) + 1)
+
+
+def load(_: Path, name: str, size: str) -> Problem:
+    """Return the problem of a class and size."""
+    return osqp_classes.generate(name, int(size))
+
+
+def run(args: argparse.Namespace, known: list[Row]) -> Iterator[Row]:
+    """Yield the rows that are not `known` yet, every solver in turn."""
+    solvers = machine.installed(args.solvers)
+    done = {(row["set"], row["problem"], row["solver"], row["eps"]) for row in known}
+    late = {(row["set"], row["solver"]): row for row in known if row["status"] in LATE}
+    end = time.monotonic() + 60.0 * args.minutes
+    work = partial(measure, load=load)
+    columns = [*COLUMNS, "variables", "entries"]
+    with (
+        csv_files.writer(args.csv, cli.begin(solvers), columns, append=True) as write,
+        processes.benches(work, solvers, args.limit) as children,
+    ):
+        for name in args.classes:
+            sizes = osqp_classes.CLASSES[name].sizes
+            for size in (sizes[k - 1] for k in sorted(args.sizes)):
+                problem = osqp_classes.generate(name, size)
+                sizes_of = {
+                    "variables": problem.q.size,
+                    "entries": osqp_classes.entries(problem),
+                }
+                for solver, child in children.items():
+                    for eps in sorted(args.eps, reverse=True):
+                        if (name, str(size), solver, eps) in done:
+                            continue
+                        if time.monotonic() > end:
+                            print("out of minutes; the same command goes on from here")
+                            return
+                        row = late.get((name, solver))
+                        if row is None:
+                            row = child.run(name, str(size), eps)
+                        if row["status"] in LATE:
+                            late[name, solver] = row
+                        row = row | {"problem": str(size), "eps": eps} | sizes_of
+                        write(row)
+                        yield row
+
+
+def compared(rows: list[Row]) -> list[Row]:
+    """Return, problem by problem, nam's time, the best peer's, and their ratio."""
+    found = []
+    for name, size, eps in tables.distinct(rows, "set", "problem", "eps"):
+        own = tables.chosen(rows, set=name, problem=size, eps=eps)
+        times = {row["solver"]: row["runtime"] for row in own if row["success"]}
+        line = {"set": name, "problem": size, "eps": eps, "entries": own[0]["entries"]}
+        line["nam"] = times.pop("nam", np.nan)
+        line["peer"] = min(times, key=times.__getitem__, default="")
+        line["best"] = times.get(line["peer"], np.nan)
+        line["ratio"] = line["nam"] / line["best"]
+        found.append(line)
+    return found
+
+
+def milliseconds(seconds: float) -> str:
+    """Return a time in milliseconds with three digits, "-" of none."""
+    return "-" if np.isnan(seconds) else f"{1e3 * seconds:.3g}"
+
+
+def print_problems(lines: list[Row]) -> None:
+    """Print the table of all problems: entries, nam's time, the best peer's, ratio."""
+    columns = "class", "size", "entries", "nam [ms]", "best peer", "[ms]", "nam/best"
+    cells = (
+        (
+            line["set"],
+            f"{line['problem']} {osqp_classes.CLASSES[line['set']].unit}",
+            line["entries"],
+            milliseconds(line["nam"]),
+            line["peer"] or "none",
+            milliseconds(line["best"]),
+            "-" if np.isnan(line["ratio"]) else f"{line['ratio']:.2f}",
+        )
+        for line in lines
+    )
+    print("\n" + tables.markdown(columns, cells))
+
+
+def print_solvers(rows: list[Row]) -> None:
+    """Print what each solver solves, its mean times, and nam's over them."""
+    runs = {
+        solver: {(row["set"], row["problem"]): row for row in own if row["success"]}
+        for solver in tables.distinct(rows, "solver")
+        for own in [tables.chosen(rows, solver=solver)]
+    }
+    total = len(tables.distinct(rows, "set", "problem"))
+    ours = runs.get("nam", {})
+    lines = []
+    for solver, own in runs.items():
+        mean, cold = (
+            timing.geometric_mean([float(row[column]) for row in own.values()])
+            for column in ("runtime", "cold")
+        )
+        both = [
+            ours[key]["runtime"] / own[key]["runtime"] for key in own if key in ours
+        ]
+        lines.append(
+            (
+                solver,
+                f"{len(own)}/{total}",
+                milliseconds(mean),
+                milliseconds(cold),
+                f"{timing.geometric_mean(both):.2f} ({len(both)})" if both else "",
+            )
+        )
+    columns = "solver", "solved", "warm [ms]", "cold [ms]", "nam/solver (both)"
+    print("\n" + tables.markdown(columns, lines))
+
+
+def print_claim(rows: list[Row], lines: list[Row]) -> None:
+    """Print the figures of the claim, class by class too, and what nam fails."""
+    own = tables.chosen(rows, solver="nam")
+    ratios = {
+        name: [line["ratio"] for line in lines if line["set"] == name]
+        for name in tables.distinct(lines, "set")
+    }
+    known = {name: [r for r in each if r == r] for name, each in ratios.items()}
+    means = (
+        f"{name} {timing.geometric_mean(each):.2f}"
+        for name, each in known.items()
+        if each
+    )
+    every = [ratio for each in known.values() for ratio in each]
+    if every:
+        print(
+            f"\nnam over the best peer: {timing.geometric_mean(every):.2f} in the "
+            f"geometric mean of {len(every)}, {max(every):.2f} at worst\n"
+            + ", ".join(means)
+        )
+    print(f"solved: {sum(row['success'] for row in own)} of {len(own)}")
+    failed = tables.chosen(own, success=False)
+    if failed:
+        texts = (f"{row['set']} {failure_text(row)}" for row in failed)
+        print("nam fails: " + "; ".join(texts))
+
+
+def print_tables(rows: list[Row]) -> None:
+    """Print the tables of every tolerance."""
+    for eps in tables.distinct(rows, "eps"):
+        own = tables.chosen(rows, eps=eps)
+        lines = compared(own)
+        print(f"\neps {eps:.0e}")
+        print_problems(lines)
+        print_solvers(own)
+        print_claim(own, lines)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run, or print the tables of an earlier run."""
+    parser = cli.parser(__doc__, "limit", "minutes", "csv", eps=[1e-6], solvers=SOLVERS)
+    known = list(osqp_classes.CLASSES)
+    parser.add_argument("--classes", nargs="+", choices=known, default=known)
+    parser.add_argument(
+        "--sizes", nargs="+", type=int, choices=SIZES, default=list(SIZES)
+    )
+    parser.add_argument("--table", action="store_true", help="run nothing")
+    args = parser.parse_args(arguments)
+    rows = read_rows(args.csv) if args.csv else []
+    if not args.table:
+        rows += run(args, rows)
+    print_tables(rows)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
