@@ -76,7 +76,8 @@ def nam_solve_problem(
         except (TypeError, ValueError) as error:
             raise ParamError(str(error)) from error
         try:
-            result = solve_checked(qp, options, guess, start)
+            given = problem.P, problem.G, problem.A
+            result = solve_checked(qp, options, guess, start, given=given)
         except NotConvex as error:
             raise ProblemError(str(error)) from error
         return solution(problem, result)

@@ -2,11 +2,14 @@
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
+from problems_lcp import DATA
 from problems_qp import complementary, make_qp
+from qpsolvers import Problem, Solution
 
 from namlcp.limits import Limits
 from namlcp.options import Options
-from namlcp.qp.answer import Answer
+from namlcp.qp.answer import Answer, upheld
 from namlcp.qp.guess import NO_GUESS
 from namlcp.qp.judge import Judge
 from namlcp.qp.memory import Memory
@@ -17,8 +20,10 @@ from namlcp.qp.rounding import (
     correct_gap,
     correct_rounding,
 )
-from namlcp.residuals import UNDEFINED, qp_residuals, signed_gap
+from namlcp.qpsolvers import nam_solve_problem
+from namlcp.residuals import UNDEFINED, host_residuals, qp_residuals, signed_gap
 from namlcp.status import Status
+from validation.problems import data_sets
 
 EPS = 1e-6
 
@@ -144,3 +149,111 @@ def test_dense_problems_are_judged_on_their_dense_matrices(monkeypatch):
     answer = solve_path(qp, NO_GUESS, Options().limits(), Memory())
     assert answer.status is Status.STALLED
     assert answer.residuals.dual == 1.0
+
+
+# ---- the last verdict: sums in the order of the user's own arrays
+
+
+def large_terms(seed):
+    """Return a QP with dense matrices, and a point, with terms up to 1e20."""
+    rng = np.random.default_rng(seed)
+    n, m, p = 12, 9, 7
+    P, G, A = (rng.standard_normal((k, n)) for k in (n, m, p))
+    parts = (rng.standard_normal(k) for k in (n, m, p, n))
+    q, h, b, lb = (v * 10.0 ** rng.integers(-3, 12, v.size) for v in parts)
+    sizes = (n, p, m, n)
+    x, y, z, z_box = (10.0 ** rng.uniform(-2, 12, k) for k in sizes)
+    return (P + P.T, q, G, h, A, b, lb, lb + 1.0), Point(x, y, z, -z_box)
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("layout", [np.asarray, sp.csc_array, sp.csc_matrix])
+def test_our_order_is_the_hosts_where_the_arrays_are_taken_as_they_are(seed, layout):
+    """To the last bit: then `upheld` has nothing to ask."""
+    (P, q, G, h, A, b, lb, ub), point = large_terms(seed)
+    P, G, A = map(layout, (P, G, A))
+    ours = qp_residuals(P, q, G, h, A, b, lb, ub, *point)
+    host = Solution(Problem(P, q, G, h, A, b, lb, ub), found=True)
+    host.x, host.y, host.z, host.z_box = point
+    theirs = host.primal_residual(), host.dual_residual(), host.duality_gap()
+    assert host_residuals((P, G, A), (q, h, b, lb, ub), point) == theirs
+    assert ours[:3] == theirs
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_any_layout_is_asked_as_the_host_does(seed):
+    (P, q, G, h, A, b, lb, ub), point = large_terms(seed)
+    for given in (
+        (sp.csr_array(P), sp.coo_array(G), np.asfortranarray(A)),
+        (P, None, sp.lil_array(A)),
+        (P, sp.csc_matrix(G)[:, ::-1][:, ::-1], None),
+    ):
+        parts = [P, G, A] = given
+        side = h if G is not None else None, b if A is not None else None
+        host = Solution(Problem(P, q, G, side[0], A, side[1], lb, ub), found=True)
+        host.x, host.y, host.z, host.z_box = point
+        right = q, h[: 0 if G is None else None], b[: 0 if A is None else None], lb, ub
+        y, z = (right[2] * 0.0 + point.y[: right[2].size]), point.z[: right[1].size]
+        theirs = host.primal_residual(), host.dual_residual(), host.duality_gap()
+        asked = host_residuals(tuple(parts), right, Point(point.x, y, z, point.z_box))
+        assert asked == theirs
+
+
+def cancelling():
+    """Return a QP, a user's A in another order, and a point that only seems to solve.
+
+    min 0 subject to x = 0, three times: A'y = 1e16 + 1 - 1e16 is 0 if added in this
+    order, and 1 in the order of the user's column (1, 3, 2).
+    """
+    A = sp.csc_array((np.ones(3), np.array([0, 2, 1]), np.array([0, 3])), shape=(3, 1))
+    qp = qp_data(sp.csc_array((1, 1)), [0.0], None, None, A, np.zeros(3), None, None)
+    assert qp.A.has_sorted_indices
+    y = np.array([1e16, 1.0, -1e16])
+    return qp, A, Point(np.zeros(1), y, np.empty(0), np.zeros(1))
+
+
+def test_a_point_that_passes_in_one_order_only_is_not_solved():
+    qp, A, point = cancelling()
+    found = qp_residuals(*qp, *point)
+    assert found.dual == 0.0
+    answer = Answer(Status.SOLVED, point, found, 3, "path")
+    judged = upheld(answer, qp, (qp.P, None, A), Limits(EPS))
+    assert judged.status is Status.STALLED
+    assert judged.residuals.dual == 1.0
+    assert "order of summation" in judged.message
+    assert upheld(answer, qp, (qp.P, None, A), Limits(2.0)).status is Status.SOLVED
+    assert upheld(answer, qp, (qp.P, None, qp.A), Limits(EPS)) is answer  # asked before
+    late = answer._replace(status=Status.TIME_LIMIT)
+    assert upheld(late, qp, (qp.P, None, A), Limits(EPS)) is late
+
+
+def test_nothing_is_asked_where_rounding_is_within_tolerance(monkeypatch):
+    qp, A, point = cancelling()
+    point = point._replace(y=np.array([1.0, 1e-16, -1.0]))
+    answer = Answer(Status.SOLVED, point, qp_residuals(*qp, *point), 3, "path")
+    monkeypatch.setattr("namlcp.qp.answer.host_residuals", None)
+    assert upheld(answer, qp, (qp.P, None, A), Limits(EPS)) is answer
+
+
+@pytest.mark.skipif(
+    not (DATA / "maros_meszaros").is_dir(),
+    reason="no Maros-Meszaros data: set NAMLCP_DATA to the data folder",
+)
+@pytest.mark.parametrize("eps", [1e-6, 1e-8, 1e-9, 1e-10])
+@pytest.mark.parametrize(
+    "layout", [sp.csc_matrix, sp.csr_matrix, sp.csc_matrix.toarray]
+)
+def test_qfffff80_is_not_called_solved_by_luck(eps, layout):
+    """Its multipliers reach 1e11; toarray() is a Fortran array, which we copy."""
+    problem = data_sets.maros_problem(DATA, "QFFFFF80", dense=False)
+    P, q, G, h, A, b, lb, ub = problem.unpack()
+    P, G, A = (layout(sp.csc_matrix(M)) for M in (P, G, A))
+    given = Problem(P, q, G, h, A, b, lb, ub)
+    answer = nam_solve_problem(given, eps_abs=eps, eps_rel=0.0)
+    if answer.found:
+        assert answer.primal_residual() <= eps
+        assert answer.dual_residual() <= eps
+        assert answer.duality_gap() <= eps
+    else:
+        assert answer.extras["status"] == "stalled"
+    assert answer.found or eps < 1e-6

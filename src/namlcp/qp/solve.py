@@ -9,7 +9,14 @@ from namlcp.limits import Deadline, Limits, interruptible
 from namlcp.linalg import blas_threads
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
-from namlcp.qp.answer import OBJECTIVE, UNDECIDED, Answer, better, out_of_time
+from namlcp.qp.answer import (
+    OBJECTIVE,
+    UNDECIDED,
+    Answer,
+    better,
+    out_of_time,
+    upheld,
+)
 from namlcp.qp.dense import solve_dense
 from namlcp.qp.forms import is_tiny, solve_smallest_form
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
@@ -103,7 +110,8 @@ def solve_qp(
     qp = qp_data(P, q, G, h, A, b, lb, ub)
     options = Options.from_names(settings) if settings else DEFAULT_OPTIONS
     check_flag("history", history)
-    return solve_checked(qp, options, make_guess(qp, x0, warm_start), start, history)
+    guess = make_guess(qp, x0, warm_start)
+    return solve_checked(qp, options, guess, start, history, given=(P, G, A))
 
 
 @interruptible
@@ -114,10 +122,12 @@ def solve_checked(
     start: float,
     history: bool = False,
     memory: Memory | None = None,
+    given: tuple[Any, Any, Any] = (None, None, None),
 ) -> QPResult:
     """Solve a checked QP; `start` is the time.perf_counter() of the call.
 
     `memory` may be kept for the next problem of the same pattern; it is changed.
+    `given`: P, G and A as the user holds them, whose sums `upheld` asks.
     """
     progress = None
     if options.verbose or history:
@@ -128,6 +138,7 @@ def solve_checked(
     ready = time.perf_counter()
     with blas_threads(options.threads, qp.q.size + qp.h.size + qp.b.size):
         answer = solve_or_relax(qp, guess, limits, memory)
+    answer = upheld(answer, qp, given, limits)
     if deadline.interrupted:
         answer = answer._replace(status=deadline.verdict(answer.status))
     end = time.perf_counter()

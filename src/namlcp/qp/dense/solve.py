@@ -17,9 +17,9 @@ from namlcp.residuals import UNDEFINED, Residuals, qp_residuals
 from namlcp.status import Status
 
 NO_HINT = np.empty(0, dtype=np.int64)
-# Relative rounding error of the duality gap: where this times its largest term exceeds
-# eps_abs, the gap is summed again by `qp_residuals`, in the order that qpsolvers uses.
-GAP_ROUNDING = 4e-15
+# Relative rounding error of a residual: where this times its largest term exceeds
+# eps_abs, all are summed again by `qp_residuals`, in the order that qpsolvers uses.
+ROUNDING = 4e-15
 
 
 def solve_dense(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
@@ -42,7 +42,8 @@ def solve_dense(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
     if c is not None:
         x, z_box = c * x, c * z_box if code == pivots.UNBOUNDED else z_box / c
     point, residuals = Point(x, y, z, z_box), Residuals(*numbers)
-    if c is not None or residuals.gap_size * GAP_ROUNDING > limits.eps_abs:
+    largest = max(residuals.primal_size, residuals.dual_size, residuals.gap_size)
+    if c is not None or largest * ROUNDING > limits.eps_abs:
         residuals = qp_residuals(*qp, *point)
     if code in (pivots.INFEASIBLE, pivots.UNBOUNDED):
         if code == pivots.INFEASIBLE:
