@@ -18,7 +18,9 @@ from namlcp.qp.problem import Point, qp_data
 from namlcp.qp.rounding import (
     correct_dual_residual,
     correct_gap,
+    correct_gap_by_x,
     correct_rounding,
+    is_correctable,
 )
 from namlcp.qpsolvers import nam_solve_problem
 from namlcp.residuals import UNDEFINED, host_residuals, qp_residuals, signed_gap
@@ -34,7 +36,7 @@ def test_a_dual_residual_goes_into_a_bound_or_into_a_curved_variable():
     none = np.empty(0)
     point = Point(np.array([0.0, 2.1, 0.0]), none, none, np.zeros(3))
     x, _, _, z_box = correct_dual_residual(qp, point, EPS)
-    np.testing.assert_allclose(x, [0.0, 2.0, 0.0])
+    np.testing.assert_allclose(x, [0.0, 2.0, 0.0], atol=EPS)
     np.testing.assert_array_equal(z_box, [-1.0, 0.0, 0.0])
 
 
@@ -257,3 +259,58 @@ def test_qfffff80_is_not_called_solved_by_luck(eps, layout):
     else:
         assert answer.extras["status"] == "stalled"
     assert answer.found or eps < 1e-6
+
+
+# ---- the gap by x, the dual residual by a part of a step
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_gap_with_huge_terms_is_removed_by_x(seed):
+    """min 1/2 |x - c|^2, sum x = 1e7, x >= 0: terms of 1e12, a gap of units of 1e-4."""
+    rng = np.random.default_rng(seed)
+    n, total = 100, 1e7
+    c = rng.uniform(0.5e5, 1.5e5, n)
+    c[0], lb = -1e5, np.zeros(n)  # x_0 is at its bound
+    A = sp.csc_array(np.ones((1, n)))
+    qp = qp_data(sp.csc_array(np.eye(n)), -c, None, None, A, [total], lb, None)
+    y = (c[1:].sum() - total + lb[0]) / (n - 1)
+    x, z_box = c - y, np.zeros(n)
+    x[0], z_box[0] = lb[0], c[0] - lb[0] - y
+    point = Point(x, np.array([y]), np.empty(0), z_box)
+    found = qp_residuals(*qp, *point)
+    assert found.gap_size > 1e11
+    assert max(found.primal, found.dual) < 1e-7
+    moved = correct_gap_by_x(qp, point, 1e-7)
+    assert moved is not None
+    after = qp_residuals(*qp, *moved)
+    assert after.gap <= 1e-7
+    assert max(after.primal, after.dual) < 1e-7
+    assert moved.x[0] == lb[0]
+    assert moved.y is point.y
+
+
+def test_a_gap_that_x_cannot_change_stays():
+    qp = make_qp(np.eye(1), [1.0], lb=[2.0])  # x is at its bound
+    none = np.empty(0)
+    point = Point(np.array([2.0]), none, none, np.array([-3.0 - 1e-7]))
+    assert correct_gap_by_x(qp, point, 1e-9) is None
+
+
+def test_x_takes_up_what_exceeds_the_tolerance_alone():
+    qp = make_qp(np.array([[2.0]]), [-4.0])
+    none = np.empty(0)
+    point = Point(np.array([2.0 + 1e-3]), none, none, np.zeros(1))
+    x = correct_dual_residual(qp, point, 1e-3).x
+    assert 2.0 * x[0] - 4.0 == pytest.approx(1e-3, rel=1e-9)
+
+
+def test_what_is_correctable():
+    point = UNDEFINED._replace(
+        primal=0.0, dual=0.0, gap=1e-4, primal_size=1.0, dual_size=1.0, gap_size=1e12
+    )
+    assert is_correctable(point, 1e-9, 0.0)  # a few units in the last place of 1e12
+    assert not is_correctable(point._replace(gap_size=1e9), 1e-9, 0.0)
+    assert not is_correctable(point._replace(dual=2e-6), 1e-9, 0.0)
+    assert is_correctable(point._replace(dual=5e-7), 1e-9, 0.0)
+    assert not is_correctable(point, 1e-3, 0.0)  # nothing to correct
+    assert not is_correctable(point._replace(primal=np.nan), 1e-9, 0.0)

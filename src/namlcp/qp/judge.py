@@ -13,7 +13,7 @@ from namlcp.linalg import compiled_form
 from namlcp.qp.answer import FINAL, Answer
 from namlcp.qp.certificates import accept_dual, accept_primal
 from namlcp.qp.problem import QP, Point
-from namlcp.qp.rounding import correct_rounding
+from namlcp.qp.rounding import correct_rounding, is_correctable
 from namlcp.qp.transforms import Substitution
 from namlcp.residuals import (
     Residuals,
@@ -22,10 +22,6 @@ from namlcp.residuals import (
     qp_residuals,
 )
 from namlcp.status import Status
-
-# Largest ratio of a residual to its tolerance at which `correct_rounding` is tried: a
-# larger one is not due to rounding alone.
-CORRECTABLE = 1e3
 
 
 class Judge:
@@ -62,7 +58,7 @@ class Judge:
             point = point._replace(x=inside)
             found = self.measure(point)
             worst = min(worst, found.worst(*tolerances))
-        if 1.0 < worst <= CORRECTABLE:
+        if worst > 1.0 and is_correctable(found, *tolerances):
             corrected = correct_rounding(self.qp, point, found, *tolerances)
             if corrected is not point:
                 worst = min(worst, self.measure(corrected).worst(*tolerances))
