@@ -17,7 +17,7 @@ from namlcp.qp.path.solve import solve_path
 from namlcp.qp.problem import Point, qp_data
 from namlcp.qp.rounding import (
     correct_dual_residual,
-    correct_gap,
+    correct_gap_by_multipliers,
     correct_gap_by_x,
     correct_rounding,
     is_correctable,
@@ -102,7 +102,7 @@ def test_a_gap_goes_into_the_only_multiplier_there_is():
     point = Point(np.zeros(1), np.array([1e-9]), np.zeros(2), np.zeros(1))
     gap = qp_residuals(*qp, *point).gap
     assert gap > 1e-7
-    found = correct_gap(qp, point, gap, 1e-9, 1e-8)
+    found = correct_gap_by_multipliers(qp, point, gap, 1e-9, 1e-8)
     assert qp_residuals(*qp, *found).gap <= 1e-9
     np.testing.assert_array_equal(np.concatenate((found[2], found[3])), 0.0)
 
@@ -118,7 +118,7 @@ def test_a_gap_too_large_for_one_multiplier_is_spread_over_many(sign):
     point = Point(np.ones(n), none, none, z_box)
     gap = qp_residuals(*qp, *point).gap
     assert gap > 1e-5
-    found = correct_gap(qp, point, gap, 1e-9, EPS)
+    found = correct_gap_by_multipliers(qp, point, gap, 1e-9, EPS)
     after = qp_residuals(*qp, *found)
     assert after.gap <= 1e-9
     assert after.dual <= EPS
@@ -138,7 +138,9 @@ def test_changes_that_add_up_in_the_dual_residual_have_one_room(kind):
     before = qp_residuals(*qp, *point)
     assert before.dual == 0.0
     assert before.gap > 5e-7
-    after = qp_residuals(*qp, *correct_gap(qp, point, before.gap, 1e-7, 1e-7))
+    after = qp_residuals(
+        *qp, *correct_gap_by_multipliers(qp, point, before.gap, 1e-7, 1e-7)
+    )
     assert after.dual <= 1e-7
 
 
@@ -266,24 +268,27 @@ def test_qfffff80_is_not_called_solved_by_luck(eps, layout):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_gap_with_huge_terms_is_removed_by_x(seed):
-    """min 1/2 |x - c|^2, sum x = 1e7, x >= 0: terms of 1e12, a gap of units of 1e-4."""
+    """min 1/2 |x - c|^2, sum x = s, x >= 0: terms of 1e12, a gap of units of 1e-4.
+
+    The multiplier is an integer, so that a sum without a gap is among these units.
+    """
     rng = np.random.default_rng(seed)
-    n, total = 100, 1e7
-    c = rng.uniform(0.5e5, 1.5e5, n)
-    c[0], lb = -1e5, np.zeros(n)  # x_0 is at its bound
+    n, y = 100, 3.0
+    c, lb = rng.uniform(0.5e5, 1.5e5, n), np.zeros(n)
+    c[0] = -1e5  # x_0 is at its bound
+    total = np.floor(c[2:].sum()) + 1e5
+    c[1] = total + (n - 1) * y - c[2:].sum()
     A = sp.csc_array(np.ones((1, n)))
     qp = qp_data(sp.csc_array(np.eye(n)), -c, None, None, A, [total], lb, None)
-    y = (c[1:].sum() - total + lb[0]) / (n - 1)
     x, z_box = c - y, np.zeros(n)
     x[0], z_box[0] = lb[0], c[0] - lb[0] - y
     point = Point(x, np.array([y]), np.empty(0), z_box)
     found = qp_residuals(*qp, *point)
     assert found.gap_size > 1e11
     assert max(found.primal, found.dual) < 1e-7
-    moved = correct_gap_by_x(qp, point, 1e-7)
-    assert moved is not None
+    moved, gap = correct_gap_by_x(qp, point, 1e-7)
     after = qp_residuals(*qp, *moved)
-    assert after.gap <= 1e-7
+    assert after.gap == gap <= 1e-7
     assert max(after.primal, after.dual) < 1e-7
     assert moved.x[0] == lb[0]
     assert moved.y is point.y
@@ -293,7 +298,9 @@ def test_a_gap_that_x_cannot_change_stays():
     qp = make_qp(np.eye(1), [1.0], lb=[2.0])  # x is at its bound
     none = np.empty(0)
     point = Point(np.array([2.0]), none, none, np.array([-3.0 - 1e-7]))
-    assert correct_gap_by_x(qp, point, 1e-9) is None
+    same, gap = correct_gap_by_x(qp, point, 1e-9)
+    assert same is point
+    assert gap == pytest.approx(2e-7)
 
 
 def test_x_takes_up_what_exceeds_the_tolerance_alone():

@@ -54,7 +54,7 @@ def correct_rounding(
             seen = qp_residuals(*qp, *new)
         gap_tol = eps_abs + eps_rel * seen.gap_size
         if seen.gap > gap_tol and seen.dual <= tol:
-            new = correct_gap(qp, new, seen.gap, gap_tol, tol - seen.dual)
+            new = correct_gap(qp, new, gap_tol, tol - seen.dual)
             seen = qp_residuals(*qp, *new)
         worst = seen.worst(eps_abs, eps_rel)
         if worst < least:
@@ -108,31 +108,33 @@ def gauss_seidel(indptr, indices, data, bounds, tol, r, unknowns):
                     r[indices[t]] += data[t] * step
 
 
-def correct_gap(
-    qp: QP, point: Point, size: float, tol: float, dual_left: float
-) -> Point:
-    """Return the point with its gap, of modulus `size`, removed if that is possible.
+def correct_gap(qp: QP, point: Point, tol: float, dual_left: float) -> Point:
+    """Return the point with its gap removed if that is possible.
 
-    By x, or by multipliers that add at most `dual_left` to the dual residual.
+    First by x, as far as the rounding of the large sums allows; then by multipliers,
+    of which small ones have finer digits, adding at most `dual_left` to the dual
+    residual.
     """
-    moved = correct_gap_by_x(qp, point, tol)
-    if moved is not None:
-        return moved
-    return correct_gap_by_multipliers(qp, point, size, tol, dual_left)
+    point, gap = correct_gap_by_x(qp, point, tol)
+    if gap <= tol:
+        return point
+    return correct_gap_by_multipliers(qp, point, gap, tol, dual_left)
 
 
-def correct_gap_by_x(qp: QP, point: Point, tol: float) -> Point | None:
-    """Return the point with x changed so that the gap is at most `tol`, None without.
+def correct_gap_by_x(qp: QP, point: Point, tol: float) -> tuple[Point, float]:
+    """Return the point with x changed for the least gap, and the gap's modulus.
 
     The gap g has the gradient v = 2 Px + q in x. The least change -g v/v'v of the
     variables inside their bounds removes it but for rounding; the next ones, by a
-    random half of the variables each, start from the gap that was left.
+    random half of the variables each, start from the gap that was left. The first
+    point with a gap of at most `tol` is the last one.
     """
     vectors = qp.q, qp.h, qp.b, qp.lb, qp.ub
     inside = (point.x > qp.lb) & (point.x < qp.ub)
     rng = np.random.default_rng(0)
     Px = times(qp.P, point.x)
     gap = signed_gap(vectors, point, Px)
+    best, least = point, abs(gap)
     for move in range(MOVES):
         v = np.where(inside, 2.0 * Px + qp.q, 0.0)
         if move > 0:
@@ -144,9 +146,11 @@ def correct_gap_by_x(qp: QP, point: Point, tol: float) -> Point | None:
         point = point._replace(x=qp.clip(point.x - gap / top / (v @ v) * v))
         Px = times(qp.P, point.x)
         gap = signed_gap(vectors, point, Px)
-        if abs(gap) <= tol:
-            return point
-    return None
+        if abs(gap) < least:
+            best, least = point, abs(gap)
+        if least <= tol:
+            break
+    return best, least
 
 
 def correct_gap_by_multipliers(
