@@ -16,7 +16,6 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 
 from namlcp.compiled import kernel, part
 from namlcp.linalg import (
@@ -202,7 +201,8 @@ def qp_residuals(
 
     P, G, A are dense or sparse, the vectors arrays of float64. Absent constraints have
     zero rows, absent bounds are infinite or None. Raises ValueError where the sizes
-    disagree.
+    disagree. The sums over P, G and A run in the order in which these are stored, as
+    those of NumPy and SciPy do, and thus those of qpsolvers.
 
     With terms above LARGE_TERM the gap depends on the order of its sum by more than
     1e-12; it is then added in the order of qpsolvers, dot product by dot product.
@@ -268,38 +268,6 @@ def with_gap_of_host(
     if found.gap_size < LARGE_TERM:
         return found
     return found._replace(gap=abs(signed_gap(vectors, point, Px, finite)))
-
-
-def host_residuals(
-    matrices: tuple[Any, Any, Any],
-    vectors: tuple[np.ndarray, ...],
-    point: tuple[np.ndarray, ...],
-) -> tuple[float, float, float]:
-    """Return primal residual, dual residual and gap as qpsolvers adds them.
-
-    `matrices` = (P, G, A) as the user holds them, None for absent rows: by rows or by
-    columns, sorted or not, which decides the order of every sum. vectors = (q, h, b,
-    lb, ub), point = (x, y, z, z_box). Signs of multipliers are not looked at.
-    """
-    P, G, A = (M if sp.issparse(M) or M is None else np.asarray(M) for M in matrices)
-    q, h, b, lb, ub = vectors
-    x, y, z, z_box = point
-    with np.errstate(all="ignore"):
-        Px = P.dot(x)
-        violations = [lb - x, x - ub]
-        gradient = Px + q
-        if G is not None:
-            G = np.atleast_2d(G) if isinstance(G, np.ndarray) else G
-            violations.append(G.dot(x) - h)
-            gradient = gradient + G.T.dot(z)
-        if A is not None:
-            A = np.atleast_2d(A) if isinstance(A, np.ndarray) else A
-            violations.append(np.abs(A.dot(x) - b))
-            gradient = gradient + A.T.dot(y)
-        gradient = gradient + z_box
-    primal = max((float(v.max()) for v in violations if v.size), default=0.0)
-    dual = float(np.abs(gradient).max(initial=0.0))
-    return max(primal, 0.0), dual, abs(signed_gap(vectors, point, Px))
 
 
 def signed_gap(

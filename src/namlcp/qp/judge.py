@@ -4,9 +4,18 @@ The interior-point method measures its points on the QP it was given. If that ca
 a substitution, `confirmed` measures the final point again on the user's own data.
 Measuring there alone would be weaker: x can be clipped to bounds, and z_box can take up
 dual residuals, but not where the bounds are still rows of the user.
+
+A residual is a sum, and sums of the same terms in another order differ by about the
+rounding unit times their moduli. With terms near 1e9 (QFFFFF80) that is far above a
+tolerance of 1e-9: a point may pass in the order in which the QP's matrices are stored
+and fail in that of the user's own. `upheld` asks for both.
 """
 
 from math import inf
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
 
 from namlcp.limits import Limits
 from namlcp.linalg import compiled_form
@@ -22,6 +31,13 @@ from namlcp.residuals import (
     qp_residuals,
 )
 from namlcp.status import Status
+
+# Spacing of the numbers next to 1, the rounding error of a sum over its terms.
+UNIT = float(np.finfo(float).eps)
+BY_LUCK = (
+    "The tolerances are met in one order of summation and missed in that of the "
+    "arguments: the terms of the residuals are too large for them. Loosen eps_abs."
+)
 
 
 class Judge:
@@ -108,3 +124,68 @@ def confirmed(answer: Answer, back: Substitution, limits: Limits) -> Answer:
     judge.offer(back.point(point))
     found = judge.answer(answer.status, answer.iterations, answer.form)
     return found._replace(message=answer.message)
+
+
+def upheld(
+    answer: Answer, qp: QP, given: tuple[Any, Any, Any], limits: Limits
+) -> Answer:
+    """Return a SOLVED answer corrected for the user's own sums, STALLED if that fails.
+
+    `given` = (P, G, A) as they came, None where absent. Nothing is computed where they
+    are the very matrices of the QP, whose sums have been taken, and little where the
+    rounding errors of all sums are within the tolerances.
+    """
+    own = qp.P, qp.G, qp.A
+    same = all(M is C or C is None for M, C in zip(own, given, strict=True))
+    if same or answer.status is not Status.SOLVED:
+        return answer
+    found = answer.residuals
+    primal, dual, gap = rounding_errors(own, answer.point)
+    uncertain = found._replace(
+        primal=found.primal + primal, dual=found.dual + dual, gap=found.gap + gap
+    )
+    if uncertain.solved(*limits.tolerances):
+        return answer
+    matrices = (as_stored(C, M) for C, M in zip(given, own, strict=True))
+    theirs = qp._replace(**dict(zip("PGA", matrices, strict=True)))
+    judge = Judge(theirs, limits)
+    judge.offer(answer.point)
+    judged = judge.answer(Status.STALLED, answer.iterations, answer.form)
+    message = answer.message if judged.status is Status.SOLVED else BY_LUCK
+    return judged._replace(message=message)
+
+
+def as_stored(given: Any, own: Any) -> Any:
+    """Return a matrix of the user in its own order, the QP's where it is absent.
+
+    CSC arrays get the types for which kernels are compiled.
+    """
+    if given is None:
+        return own
+    if not sp.issparse(given):
+        return np.atleast_2d(np.asarray(given, dtype=float))
+    if given.format != "csc":
+        return given
+    data = np.ascontiguousarray(given.data, dtype=float)
+    places = (np.ascontiguousarray(v, np.int32) for v in (given.indices, given.indptr))
+    return sp.csc_array((data, *places), shape=given.shape)
+
+
+def rounding_errors(
+    matrices: tuple[Any, Any, Any], point: Point
+) -> tuple[float, float, float]:
+    """Return bounds of what another order of the sums changes in the three residuals.
+
+    The moduli of the terms of a row of M x sum up to at most || M ||_F || x ||_2. The
+    gap's other sums run over vectors, in one order only.
+    """
+    P, G, A = (norm(M if isinstance(M, np.ndarray) else M.data) for M in matrices)
+    x, y, z, _ = map(norm, point)
+    return UNIT * max(G, A) * x, UNIT * (P * x + G * z + A * y), UNIT * P * x * x
+
+
+def norm(entries: np.ndarray) -> float:
+    """Return the 2-norm of all entries, infinite where it overflows."""
+    flat = entries.ravel(order="K")
+    with np.errstate(over="ignore"):
+        return float(flat.dot(flat)) ** 0.5

@@ -9,9 +9,12 @@ With terms of 1e12 the gap is a multiple of 1e-4, and passes 1e-9 only as 0. Cha
 x that would remove it without rounding make it another multiple, mostly a smaller one.
 """
 
-import numpy as np
-from scipy.sparse import csc_array
+from typing import Any
 
+import numpy as np
+import scipy.sparse as sp
+
+from namlcp.checks import as_sparse, matrix
 from namlcp.compiled import kernel
 from namlcp.linalg import add_transposed, arrays_of, times
 from namlcp.qp.problem import QP, Point
@@ -21,9 +24,10 @@ from namlcp.residuals import Residuals, finite_positions, qp_residuals, signed_g
 PASSES = 3
 # Most corrections of the gap by x, and by a single multiplier.
 MOVES, TRIES = 16, 64
-# Fractions of the tolerance to which entries of the dual residual are reduced. The
-# first leaves room for the gap, the second changes x less where x takes them up.
-SHARES = 0.5, 0.95
+# Entries of the dual residual above the first fraction of the tolerance are reduced, to
+# the second where x takes them up. The first pair leaves room for the gap, the second
+# changes x less.
+SHARES = (0.5, 0.0), (0.95, 0.95)
 # Largest ratio of a residual to its tolerance that is corrected: a larger one is not
 # due to rounding alone. A gap is also corrected up to so many units in the last place
 # of its largest term.
@@ -43,18 +47,18 @@ def correct_rounding(
 ) -> Point:
     """Return the point, which has the residuals `found`, with the large ones reduced.
 
-    The matrices are CSC.
+    The matrices are dense or sparse in any layout; sums run in their order.
     """
     tol = eps_abs + eps_rel * found.dual_size
     best, least = point, found.worst(eps_abs, eps_rel)
-    for share in SHARES:
+    for share, rest in SHARES:
         new, seen = point, found
         if found.dual > share * tol:
-            new = correct_dual_residual(qp, point, share * tol)
+            new = correct_dual_residual(qp, point, share * tol, rest * tol)
             seen = qp_residuals(*qp, *new)
         gap_tol = eps_abs + eps_rel * seen.gap_size
         if seen.gap > gap_tol and seen.dual <= tol:
-            new = correct_gap(qp, new, gap_tol, tol - seen.dual)
+            new = correct_gap(qp, new, seen.gap, gap_tol, tol - seen.dual)
             seen = qp_residuals(*qp, *new)
         worst = seen.worst(eps_abs, eps_rel)
         if worst < least:
@@ -64,27 +68,35 @@ def correct_rounding(
     return best
 
 
-def correct_dual_residual(qp: QP, point: Point, tol: float) -> Point:
-    """Return the point with dual residuals above `tol` removed by z_box or x."""
+def correct_dual_residual(qp: QP, point: Point, tol: float, rest: float = 0.0) -> Point:
+    """Return the point with dual residuals above `tol` removed by z_box or x.
+
+    Where x removes them, it leaves those of modulus `rest`.
+    """
     point = point._replace(x=point.x.copy(), z_box=point.z_box.copy())
     r = times(qp.P, point.x) + qp.q
     for M, multiplier in ((qp.G, point.z), (qp.A, point.y)):  # as `qp_residuals` adds
         part = np.zeros(r.size)
         add_transposed(M, multiplier, part)
         r += part
-    gauss_seidel(*arrays_of(qp.P), (qp.lb, qp.ub), tol, r, (point.x, point.z_box))
+    unknowns = point.x, point.z_box
+    P = qp.P
+    if not sp.issparse(P) or P.format != "csc":
+        P = as_sparse(matrix("P", P, "csc"))
+    gauss_seidel(*arrays_of(P), (qp.lb, qp.ub), (tol, rest), r, unknowns)
     return point
 
 
 @kernel
-def gauss_seidel(indptr, indices, data, bounds, tol, r, unknowns):
-    """Reduce dual residuals |r_j + z_box_j| > tol by z_box_j, to tol by x_j.
+def gauss_seidel(indptr, indices, data, bounds, limits, r, unknowns):
+    """Reduce dual residuals |r_j + z_box_j| > tol by z_box_j, to `left` by x_j.
 
     x_j takes that part of a Gauss-Seidel step on the Lagrangian. P is in CSC, r = Px +
-    q + G'z + A'y, bounds = (lb, ub), unknowns = (x, z_box); r and the unknowns are
-    overwritten.
+    q + G'z + A'y, bounds = (lb, ub), limits = (tol, left), unknowns = (x, z_box); r and
+    the unknowns are overwritten.
     """
     lb, ub = bounds
+    tol, left = limits
     x, z_box = unknowns
     for _ in range(PASSES):
         for j in range(x.size):
@@ -101,24 +113,29 @@ def gauss_seidel(indptr, indices, data, bounds, tol, r, unknowns):
                 if indices[t] == j:
                     curvature = data[t]
             if curvature > 0.0:
-                excess = rest - np.copysign(tol, rest)
+                excess = rest - np.copysign(left, rest)
                 step = min(max(x[j] - excess / curvature, lb[j]), ub[j]) - x[j]
                 x[j] += step
                 for t in range(indptr[j], indptr[j + 1]):
                     r[indices[t]] += data[t] * step
 
 
-def correct_gap(qp: QP, point: Point, tol: float, dual_left: float) -> Point:
-    """Return the point with its gap removed if that is possible.
+def correct_gap(
+    qp: QP, point: Point, size: float, tol: float, dual_left: float
+) -> Point:
+    """Return the point with its gap, of modulus `size`, removed if that is possible.
 
-    First by x, as far as the rounding of the large sums allows; then by multipliers,
-    of which small ones have finer digits, adding at most `dual_left` to the dual
-    residual.
+    By x; else by multipliers, which add at most `dual_left` to the dual residual; else
+    by these after x has removed what the rounding of the large sums allows.
     """
-    point, gap = correct_gap_by_x(qp, point, tol)
-    if gap <= tol:
-        return point
-    return correct_gap_by_multipliers(qp, point, gap, tol, dual_left)
+    moved, least = correct_gap_by_x(qp, point, tol)
+    if least <= tol:
+        return moved
+    for start, gap in ((point, size), (moved, least)):
+        new = correct_gap_by_multipliers(qp, start, gap, tol, dual_left)
+        if new is not start:
+            return new
+    return moved
 
 
 def correct_gap_by_x(qp: QP, point: Point, tol: float) -> tuple[Point, float]:
@@ -246,8 +263,11 @@ def propose(multiplier, side, largest, usable, any_sign, gap, dual_left, new):
     return False
 
 
-def row_maxima(M: csc_array) -> np.ndarray:
-    """Return the largest modulus in each row of a CSC matrix."""
+def row_maxima(M: Any) -> np.ndarray:
+    """Return the largest modulus in each row of a matrix, 0 of an empty row."""
+    if not sp.issparse(M):
+        return np.abs(M).max(axis=1, initial=0.0)
+    entries = M.tocoo()
     largest = np.zeros(M.shape[0])
-    np.maximum.at(largest, M.indices, np.abs(M.data))
+    np.maximum.at(largest, entries.row, np.abs(entries.data))
     return largest

@@ -9,18 +9,11 @@ from namlcp.limits import Deadline, Limits, interruptible
 from namlcp.linalg import blas_threads
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
-from namlcp.qp.answer import (
-    OBJECTIVE,
-    UNDECIDED,
-    Answer,
-    better,
-    out_of_time,
-    upheld,
-)
+from namlcp.qp.answer import OBJECTIVE, UNDECIDED, Answer, better, out_of_time
 from namlcp.qp.dense import solve_dense
 from namlcp.qp.forms import is_tiny, solve_smallest_form
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
-from namlcp.qp.judge import confirmed
+from namlcp.qp.judge import confirmed, upheld
 from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, qp_data
 from namlcp.qp.transforms import substitute, without_huge_bounds

@@ -16,7 +16,6 @@ from namlcp.qp.path.refinement import Refinement
 from namlcp.qp.path.workspace import Workspace
 from namlcp.qp.problem import QP
 from namlcp.qp.transforms import ScaledQP, presolve
-from namlcp.residuals import qp_residuals
 from namlcp.status import Status
 
 FORM = "path"
@@ -38,10 +37,9 @@ def solve_path(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Answer:
     memory.ensure_convex(own.P)
     answer = follow_path(own, guess, limits, memory)
     if qp.is_dense and answer.status is Status.SOLVED:  # dense sums round differently
-        residuals = qp_residuals(*qp, *answer.point)
-        solved = residuals.solved(*limits.tolerances)
-        status = Status.SOLVED if solved else Status.STALLED
-        answer = answer._replace(status=status, residuals=residuals)
+        judge = Judge(qp, limits)
+        judge.offer(answer.point)
+        answer = judge.answer(Status.STALLED, answer.iterations, FORM)
     return answer
 
 
