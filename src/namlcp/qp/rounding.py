@@ -7,8 +7,10 @@ z_box where a bound allows the sign, else by x; the gap by x, then by multiplier
 
 With terms of 1e12 the gap is a multiple of 1e-4, and passes 1e-9 only as 0. Changes of
 x that would remove it without rounding make it another multiple, mostly a smaller one.
+Equalities with terms as large: `row_sums`.
 """
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -18,6 +20,7 @@ from namlcp.checks import as_sparse, matrix
 from namlcp.compiled import kernel
 from namlcp.linalg import add_transposed, arrays_of, times
 from namlcp.qp.problem import QP, Point
+from namlcp.qp.row_sums import meet_equalities
 from namlcp.residuals import Residuals, finite_positions, qp_residuals, signed_gap
 
 # Gauss-Seidel passes over the entries of the dual residual.
@@ -29,16 +32,19 @@ MOVES, TRIES = 16, 64
 # changes x less.
 SHARES = (0.5, 0.0), (0.95, 0.95)
 # Largest ratio of a residual to its tolerance that is corrected: a larger one is not
-# due to rounding alone. A gap is also corrected up to so many units in the last place
-# of its largest term.
-CORRECTABLE, LAST_PLACES = 1e3, 64.0
+# due to rounding alone. A gap or a primal residual is also corrected up to so many
+# units in the last place of its largest term.
+CORRECTABLE, LAST_PLACES = 1e3, 256.0
+# Most equalities that are met in the order of their sums.
+MOST_EQUALITIES = 100
 UNIT = float(np.finfo(float).eps)
 
 
 def is_correctable(found: Residuals, eps_abs: float, eps_rel: float) -> bool:
     """Tell whether rounding may be all that keeps these residuals above tolerance."""
     gap = max(found.gap - LAST_PLACES * UNIT * found.gap_size, 0.0)
-    rest = found._replace(gap=gap).worst(eps_abs, eps_rel)
+    primal = max(found.primal - LAST_PLACES * UNIT * found.primal_size, 0.0)
+    rest = found._replace(primal=primal, gap=gap).worst(eps_abs, eps_rel)
     return rest <= CORRECTABLE and not found.solved(eps_abs, eps_rel)
 
 
@@ -49,21 +55,29 @@ def correct_rounding(
 
     The matrices are dense or sparse in any layout; sums run in their order.
     """
-    tol = eps_abs + eps_rel * found.dual_size
     best, least = point, found.worst(eps_abs, eps_rel)
+    primal_tol = eps_abs + eps_rel * found.primal_size
+    coarse = UNIT * found.primal_size > primal_tol / LAST_PLACES
+    if found.primal > primal_tol and coarse and 0 < qp.b.size <= MOST_EQUALITIES:
+        point = point._replace(x=meet_equalities(qp, point.x, 0.5 * primal_tol))
+        found = qp_residuals(*qp, *point)
+    tol = eps_abs + eps_rel * found.dual_size
     for share, rest in SHARES:
         new, seen = point, found
         if found.dual > share * tol:
             new = correct_dual_residual(qp, point, share * tol, rest * tol)
             seen = qp_residuals(*qp, *new)
+        trials = iter((new,))
         gap_tol = eps_abs + eps_rel * seen.gap_size
         if seen.gap > gap_tol and seen.dual <= tol:
-            new = correct_gap(qp, new, seen.gap, gap_tol, tol - seen.dual)
-            seen = qp_residuals(*qp, *new)
-        worst = seen.worst(eps_abs, eps_rel)
-        if worst < least:
-            best, least = new, worst
-        if least <= 1.0 or found.dual <= share * tol:
+            trials = gap_corrections(qp, new, seen.gap, gap_tol, tol - seen.dual)
+        for trial in trials:
+            worst = qp_residuals(*qp, *trial).worst(eps_abs, eps_rel)
+            if worst < least:
+                best, least = trial, worst
+            if least <= 1.0:
+                return best
+        if found.dual <= share * tol:
             break
     return best
 
@@ -120,22 +134,20 @@ def gauss_seidel(indptr, indices, data, bounds, limits, r, unknowns):
                     r[indices[t]] += data[t] * step
 
 
-def correct_gap(
+def gap_corrections(
     qp: QP, point: Point, size: float, tol: float, dual_left: float
-) -> Point:
-    """Return the point with its gap, of modulus `size`, removed if that is possible.
+) -> Iterator[Point]:
+    """Yield the point with its gap, of modulus `size`, reduced in three ways.
 
-    By x; else by multipliers, which add at most `dual_left` to the dual residual; else
-    by these after x has removed what the rounding of the large sums allows.
+    By x; by multipliers, which add at most `dual_left` to the dual residual; by these
+    after x has removed what the rounding of the large sums allows.
     """
     moved, least = correct_gap_by_x(qp, point, tol)
-    if least <= tol:
-        return moved
+    yield moved
     for start, gap in ((point, size), (moved, least)):
         new = correct_gap_by_multipliers(qp, start, gap, tol, dual_left)
         if new is not start:
-            return new
-    return moved
+            yield new
 
 
 def correct_gap_by_x(qp: QP, point: Point, tol: float) -> tuple[Point, float]:
