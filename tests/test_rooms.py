@@ -14,7 +14,7 @@ TREES = SOURCE, Path(__file__).parent
 HOSTS = ("qpsolvers", "cvxpy")
 # Rooms whose kernels still take more than eight parameters: their hot loops of small
 # kernels will be laid out anew, each with one arena.
-LATER = ("qp.path", "qp.dense")
+LATER = ("qp.dense",)
 
 # From the top down; what stands in one row may import each other.
 FLOORS = (

@@ -2,7 +2,13 @@
 
 import numpy as np
 import pytest
-from problems_qp import assert_certificate, assert_solves_qp, complementary, make_qp
+from problems_qp import (
+    assert_certificate,
+    assert_solves_qp,
+    complementary,
+    make_qp,
+    residual_form,
+)
 from scipy.sparse import csc_array, csr_array, eye_array, hstack, random_array, vstack
 
 import namlcp
@@ -17,7 +23,6 @@ from namlcp.linalg.csc import (
 )
 from namlcp.options import DEFAULT_OPTIONS
 from namlcp.qp.guess import NO_GUESS, make_guess
-from namlcp.qp.memory import Memory
 from namlcp.qp.solve import solve_checked
 from namlcp.qp.transforms import substitution
 from namlcp.qp.transforms.substitution import Substitution, substitute
@@ -26,27 +31,6 @@ from namlcp.status import Status
 
 def canonical(M):
     return make_qp(np.zeros((M.shape[1],) * 2), np.zeros(M.shape[1]), G=M, h=0).G
-
-
-def residual_form(seed, rows, n, lower=-np.inf, upper=np.inf, weight=0.0):
-    """min |Bx - c|^2 + weight |x|_1 as cvxpy writes it: t = Bx - c, bounds as rows."""
-    rng = np.random.default_rng(seed)
-    B, c = rng.standard_normal((rows, n)), rng.standard_normal(rows)
-    I, O = eye_array(n), csr_array((n, rows))
-    P = np.concatenate((np.full(rows, 2.0), np.zeros(n)))
-    A = hstack((-eye_array(rows), B))
-    q = np.zeros(rows + n)
-    sides = [(1.0, upper), (-1.0, -lower)]
-    G = [hstack((O, s * I)) for s, side in sides if side < np.inf]
-    h = [np.full(n, side) for s, side in sides if side < np.inf]
-    if weight:  # |x_i| <= s_i
-        P, q = np.append(P, np.zeros(n)), np.append(q, np.full(n, weight))
-        A = hstack((A, csr_array((rows, n))))
-        G = [hstack((O, I, -I)), hstack((O, -I, -I))]
-        h = [np.zeros(n)] * 2
-    G = vstack(G) if G else None
-    h = np.concatenate(h) if h else None
-    return make_qp(np.diag(P), q, G, h, A, c), B, c
 
 
 def solve(qp, guess=NO_GUESS, memory=None):
@@ -199,85 +183,6 @@ def test_ill_conditioned_residuals_are_still_exact():
     assert 2 * result.obj == pytest.approx(best, rel=1e-4)
 
 
-def changed(qp, rng, kind):
-    if kind == "vectors":
-        return qp._replace(
-            q=qp.q + 0.01 * rng.standard_normal(qp.q.size), h=qp.h + 0.01 * rng.random()
-        )
-    if kind == "values":
-        P = qp.P.copy()
-        P.data = P.data * (1.0 + 0.1 * rng.random())
-        return qp._replace(P=P)
-    if kind == "side":
-        h = qp.h.copy()
-        h[rng.integers(h.size)] = np.inf
-        return qp._replace(h=h)
-    lb = qp.lb.copy()
-    lb[-1] = rng.random() if np.isinf(lb[-1]) else -np.inf
-    return qp._replace(lb=lb)
-
-
-@pytest.mark.parametrize("weight", [0.0, 0.3])
-def test_memory_changes_nothing_but_the_effort(weight):
-    """Whatever changes between two problems, the answer is that of a fresh solve."""
-    rng = np.random.default_rng(0)
-    qp, _, _ = residual_form(5, 30, 8, lower=0.0, weight=weight)
-    memory, last = Memory(), None
-    kinds = ["vectors", "values", "vectors", "side", "vectors", "bound", "vectors"]
-    for kind in 2 * kinds:
-        qp = changed(qp, rng, kind)
-        fresh = solve(qp)
-        result = solve(qp, make_guess(qp, None, last), memory)
-        assert_solves_qp(qp, result, 1e-10)
-        assert result.obj == pytest.approx(fresh.obj, abs=1e-10)
-        last = result
-
-
-def test_memory_keeps_the_factors_of_an_unchanged_face(monkeypatch):
-    monkeypatch.setattr("namlcp.qp.forms.solve_dense", lambda *arguments: None)
-    qp, _, _ = residual_form(6, 30, 40, lower=0.0)
-    qp = qp._replace(q=qp.q + 0.1)
-    memory = Memory()
-    first = solve(qp, memory=memory)
-    assert first.form == "path"
-    solve(qp, make_guess(qp, None, first), memory)
-    kkt = memory.scaled.kkt
-    calls = []
-    refactor = kkt.factors.refactor
-
-    class Counting:
-        solve = kkt.factors.solve
-
-        def refactor(self, *args, **kwargs):
-            calls.append(1)
-            refactor(*args, **kwargs)
-
-    kkt.factors = Counting()
-    moved = qp._replace(q=qp.q * (1.0 + 1e-9))
-    result = solve(moved, make_guess(moved, None, first), memory)
-    assert result.status is Status.SOLVED
-    assert result.iterations == 0
-    assert memory.scaled.kkt is kkt
-    assert not calls
-    solve(changed(qp, np.random.default_rng(0), "values"), memory=memory)
-    assert calls
-
-
-def test_memory_sees_a_matrix_changed_in_place():
-    qp, _, _ = residual_form(8, 30, 40, lower=0.0)
-    memory = Memory()
-    for factor in (1.0, 3.0, 0.2):
-        qp.A.data *= factor
-        assert_solves_qp(qp, solve(qp, memory=memory), 1e-10)
-
-
-def test_memory_of_another_problem_is_forgotten():
-    memory = Memory()
-    for seed, n in ((0, 20), (1, 20), (2, 11)):
-        known = complementary(seed, n, 2 * n, 3, n // 2, 0.3)
-        assert_solves_qp(known.qp, solve(known.qp, memory=memory), 1e-10)
-
-
 def test_kernels_are_scipys():
     rng = np.random.default_rng(0)
     M = canonical(random_array((30, 20), density=0.2, rng=rng))
@@ -352,19 +257,6 @@ def test_bounds_alone_go_to_the_box_lcp():
     assert_solves_qp(qp, result, 1e-10)
 
 
-def test_memory_does_not_believe_a_matrix_whose_indices_moved():
-    qp, _, _ = residual_form(10, 30, 40, lower=0.0)
-    memory = Memory()
-    original = qp._replace(A=qp.A.copy())
-    solve(qp, memory=memory)
-    first = qp.A.indptr[30]  # swap the rows of two entries of x_0, in place
-    a, b = qp.A.indices[first], qp.A.indices[first + 1]
-    qp.A.data[first : first + 2] = qp.A.data[first : first + 2][::-1].copy()
-    assert a < b
-    assert_solves_qp(original, solve(original, memory=memory), 1e-10)
-    assert_solves_qp(qp, solve(qp, memory=memory), 1e-10)
-
-
 def test_what_does_not_pass_the_judge_is_solved_as_it_came(monkeypatch):
     qp, _, _ = residual_form(11, 30, 8, lower=0.0)
     point = Substitution.point
@@ -403,16 +295,6 @@ def test_row_without_end_beside_its_multiple():
     G = np.array([[1.0, 1.0], [-1.0, -1.0]])
     qp = make_qp(np.eye(2), np.ones(2), G, np.array([-np.inf, -np.inf]))
     assert solve(qp).status is Status.PRIMAL_INFEASIBLE
-
-
-def test_memory_sees_a_side_that_becomes_finite_in_place():
-    known = complementary(4, 10, 14, 2, 10)
-    qp, memory = known.qp, Memory()
-    h = qp.h.copy()
-    qp.h[3:6] = np.inf
-    solve(qp, memory=memory)
-    qp.h[:] = h
-    assert_solves_qp(qp, solve(qp, memory=memory), 1e-10)
 
 
 def plain_choice(qp):

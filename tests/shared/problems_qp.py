@@ -5,7 +5,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from scipy.sparse import block_diag, csc_array, eye_array
+from scipy.sparse import (
+    block_diag,
+    csc_array,
+    csr_array,
+    eye_array,
+    hstack,
+    vstack,
+)
 
 from namlcp.cli.files import mat_problem
 from namlcp.options import Options
@@ -235,3 +242,24 @@ def assert_certificate(qp: QP, result, tol=1e-8) -> None:
     used, rows = z_box != 0.0, z != 0.0
     value = b @ y + h[rows] @ z[rows] + side[used] @ z_box[used]
     assert abs(value + 1.0) <= 1e-9
+
+
+def residual_form(seed, rows, n, lower=-np.inf, upper=np.inf, weight=0.0):
+    """min |Bx - c|^2 + weight |x|_1 as cvxpy writes it: t = Bx - c, bounds as rows."""
+    rng = np.random.default_rng(seed)
+    B, c = rng.standard_normal((rows, n)), rng.standard_normal(rows)
+    I, O = eye_array(n), csr_array((n, rows))
+    P = np.concatenate((np.full(rows, 2.0), np.zeros(n)))
+    A = hstack((-eye_array(rows), B))
+    q = np.zeros(rows + n)
+    sides = [(1.0, upper), (-1.0, -lower)]
+    G = [hstack((O, s * I)) for s, side in sides if side < np.inf]
+    h = [np.full(n, side) for s, side in sides if side < np.inf]
+    if weight:  # |x_i| <= s_i
+        P, q = np.append(P, np.zeros(n)), np.append(q, np.full(n, weight))
+        A = hstack((A, csr_array((rows, n))))
+        G = [hstack((O, I, -I)), hstack((O, -I, -I))]
+        h = [np.zeros(n)] * 2
+    G = vstack(G) if G else None
+    h = np.concatenate(h) if h else None
+    return make_qp(np.diag(P), q, G, h, A, c), B, c
