@@ -2,10 +2,16 @@
 
 import numpy as np
 import pytest
+from numba import njit
 from problems_elimination import fill, laplacian, natural, parts, upper
 from scipy.sparse import csc_array
 
-from namlcp.linalg.minimum_degree import find_hubs, minimum_degree
+from namlcp.linalg.minimum_degree import (
+    BESIDE,
+    VARIABLE,
+    mark_hubs,
+    minimum_degree,
+)
 from namlcp.linalg.ordering import degrees
 
 
@@ -143,10 +149,16 @@ def test_hubs_are_eliminated_last():
     assert order.counts.sum() == rest.counts.sum() + 399
 
 
+@njit
+def marked(indptr, indices, degree, kind):
+    mark_hubs(indptr, indices, degree, kind)
+
+
 def hubs_of(K):
     U = upper(K)
-    every = np.ones(U.shape[0], dtype=bool)
-    return find_hubs(*parts(U), every, degrees(*parts(U), every))
+    kind = np.full(U.shape[0], VARIABLE, dtype=np.int8)
+    marked(*parts(U), degrees(*parts(U), kind == VARIABLE), kind)
+    return np.flatnonzero(kind == BESIDE)
 
 
 def test_hubs_have_many_neighbours_that_are_none():

@@ -19,7 +19,7 @@ import numpy as np
 
 from namlcp.compiled import kernel, part, uncounted
 from namlcp.linalg.ldl import NONE, relink
-from namlcp.linalg.ordering import Order, degrees, postordered
+from namlcp.linalg.ordering import Order, degrees, postorder_tree
 
 LARGE = 2000
 """Order of a matrix from which on hubs cost more time than they save fill."""
@@ -77,37 +77,13 @@ def minimum_degree(
     size = indptr.size - 1
     if member is None:
         member = np.ones(size, dtype=np.bool_)
-    degree = degrees(indptr, indices, member)
-    hub = find_hubs(indptr, indices, member, degree)
-    kind = member.astype(np.int8)
-    kind[hub] = BESIDE
-    place = np.full(size, -1, dtype=np.int32)
     long, short = np.empty((2, size), np.int64), np.empty((11, size), np.int32)
-    done = eliminate_all(indptr, indices, kind, place, long, short)
-    by_degree = hub[np.argsort(degree[hub], kind="stable")]
-    place[by_degree] = np.arange(done, done + hub.size)
-    return postordered(indptr, indices, place)
-
-
-def find_hubs(
-    indptr: np.ndarray, indices: np.ndarray, member: np.ndarray, degree: np.ndarray
-) -> np.ndarray:
-    """Return the rows that have many neighbours, and many of them no such rows.
-
-    A dense block is not made of hubs: its rows soon become one supervariable.
-    """
-    size = max(int(np.count_nonzero(member)), 1)
-    factor = MANY if size >= LARGE else FEW
-    least = max(factor * size**0.5, ABOVE_MEAN * degree.sum() / size)
-    if degree.max(initial=0) <= least:
-        return np.empty(0, dtype=np.intp)
-    inside = degrees(indptr, indices, degree > least)
-    return np.flatnonzero(degree - inside > least)
+    return Order(*order_by_degree(indptr, indices, member, long, short))
 
 
 @kernel
-def eliminate_all(indptr, indices, kind, place, long, short):
-    """Set the places of the variables, from 0 on; return how many there are.
+def order_by_degree(indptr, indices, member, long, short):
+    """Return place, parent and counts of an `Order` of the rows in `member`.
 
     long (2, n) and short (11, n) are overwritten.
     """
@@ -118,6 +94,60 @@ def eliminate_all(indptr, indices, kind, place, long, short):
         uncounted(short[7]), uncounted(short[8]), uncounted(short[9]),
         uncounted(short[10]),
     )  # fmt: skip
+    size = member.size
+    kind = np.empty(size, dtype=np.int8)
+    place = np.empty(size, dtype=np.int32)
+    for i in range(size):
+        kind[i] = VARIABLE if member[i] else OUTSIDE
+        place[i] = -1
+    degree = degrees(indptr, indices, member)
+    mark_hubs(indptr, indices, degree, kind)
+    done = eliminate_all(indptr, indices, kind, graph, place)
+    # The lists are empty now, and serve to sort the hubs by their degrees.
+    for i in range(size):
+        if kind[i] == BESIDE:
+            d = np.int32(min(degree[i], size - 1))
+            relink(np.int32(i), d, NONE, graph.head, graph.after, graph.before)
+    for d in range(size):
+        i = graph.head[d]
+        while i >= 0:
+            place[i] = done
+            done += 1
+            i = graph.after[i]
+    parent, counts = postorder_tree(indptr, indices, place)
+    return place, parent, counts
+
+
+@part
+def mark_hubs(indptr, indices, degree, kind):
+    """Set the kind of hubs: of rows beside many others, and many that are no such rows.
+
+    `degree` has the degrees of the rows that are variables. A dense block is not made
+    of hubs: its rows soon become one supervariable.
+    """
+    size = 0
+    total = 0
+    highest = 0
+    for i in range(kind.size):
+        size += kind[i] == VARIABLE
+        total += degree[i]
+        highest = max(highest, degree[i])
+    factor = MANY if size >= LARGE else FEW
+    least = max(factor * np.sqrt(size), ABOVE_MEAN * total / max(size, 1))
+    if highest <= least:
+        return
+    large = np.empty(kind.size, dtype=np.bool_)
+    for i in range(kind.size):
+        large[i] = degree[i] > least
+    inside = degrees(indptr, indices, large)
+    for i in range(kind.size):
+        if degree[i] - inside[i] > least:
+            kind[i] = BESIDE
+
+
+@part(forceinline=True)
+def eliminate_all(indptr, indices, kind, graph, place):
+    """Set the places of the variables, from 0 on; return how many there are."""
     weight, degree = graph.weight, graph.degree
     entries, left = count_neighbours(indptr, indices, kind, graph)
     adjacent = np.empty(2 * entries + left, dtype=np.int32)

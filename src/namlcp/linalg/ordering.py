@@ -84,18 +84,10 @@ def nested_dissection(indptr: np.ndarray, indices: np.ndarray) -> Order | None:
     return postordered(indptr, indices, np.asarray(place, dtype=np.int32))
 
 
-def size_of(place: np.ndarray) -> int:
-    """Return how many rows have a place."""
-    return int(place.max(initial=-1)) + 1
-
-
 def postordered(indptr: np.ndarray, indices: np.ndarray, place: np.ndarray) -> Order:
     """Return the postordered equivalent of the order `place`, with the same fill."""
-    parent, counts = elimination_tree(
-        *permuted(indptr, indices, place, size_of(place))[:2]
-    )
     place = place.copy()
-    return Order(place, *renumber(place, parent, counts, postorder(parent)))
+    return Order(place, *postorder_tree(indptr, indices, place))
 
 
 def supernodes(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Supernodes:
@@ -121,7 +113,9 @@ def supernodes(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Superno
 @kernel
 def degrees(indptr, indices, member):
     """Return how many neighbours every row has in `member`, 0 outside."""
-    degree = np.zeros(indptr.size - 1, dtype=np.int64)
+    degree = np.empty(indptr.size - 1, dtype=np.int64)
+    for j in range(degree.size):
+        degree[j] = 0
     for j in range(degree.size):
         for t in range(indptr[j], indptr[j + 1]):
             i = indices[t]
@@ -134,25 +128,27 @@ def degrees(indptr, indices, member):
 @kernel
 def permuted(indptr, indices, place, size):
     """Return the permuted upper triangle in CSC, and where its entries come from."""
-    columns = np.zeros(size + 1, dtype=np.int32)
+    columns = np.empty(size + 1, dtype=np.int32)
+    for k in range(size + 1):
+        columns[k] = 0
     for j in range(place.size):
         for t in range(indptr[j], indptr[j + 1]):
             i = indices[t]
             if i <= j and place[i] >= 0 and place[j] >= 0:
-                columns[max(place[i], place[j]) + 1] += 1
-    for j in range(size):
-        columns[j + 1] += columns[j]
-    next_entry = columns[:size].copy()
+                columns[max(place[i], place[j])] += 1
+    for k in range(1, size + 1):
+        columns[k] += columns[k - 1]
+    # columns[k] is the end of column k, then decreases to its first entry
     rows = np.empty(columns[size], dtype=np.int32)
-    source = np.empty_like(rows)
-    for j in range(place.size):
-        for t in range(indptr[j], indptr[j + 1]):
+    source = np.empty(columns[size], dtype=np.int32)
+    for j in range(place.size - 1, -1, -1):
+        for t in range(indptr[j + 1] - 1, indptr[j] - 1, -1):
             i = indices[t]
             if i <= j and place[i] >= 0 and place[j] >= 0:
                 k = max(place[i], place[j])
-                rows[next_entry[k]] = min(place[i], place[j])
-                source[next_entry[k]] = t
-                next_entry[k] += 1
+                columns[k] -= 1
+                rows[columns[k]] = min(place[i], place[j])
+                source[columns[k]] = t
     return columns, rows, source
 
 
@@ -171,10 +167,12 @@ def climb(i, k, parent, count, seen):
 def elimination_tree(columns, rows):
     """Return each column's parent, -1 at a root, and its entries below the diagonal."""
     size = columns.size - 1
-    parent = np.full(size, -1, dtype=np.int32)
-    count = np.zeros(size, dtype=np.int32)
-    seen = np.full(size, -1, dtype=np.int32)
+    parent = np.empty(size, dtype=np.int32)
+    count = np.empty(size, dtype=np.int32)
+    seen = np.empty(size, dtype=np.int32)
     for k in range(size):
+        parent[k] = -1
+        count[k] = 0
         seen[k] = k
         for t in range(columns[k], columns[k + 1]):
             climb(rows[t], k, parent, count, seen)
@@ -182,10 +180,23 @@ def elimination_tree(columns, rows):
 
 
 @kernel
+def postorder_tree(indptr, indices, place):
+    """Overwrite `place` by its postordered equivalent; return parents and counts."""
+    size = 0
+    for k in place:
+        size += k >= 0
+    columns, rows, _ = permuted(indptr, indices, place, size)
+    parent, counts = elimination_tree(columns, rows)
+    return renumber(place, parent, counts, postorder(parent))
+
+
+@part
 def postorder(parent):
     """Return the position of every node when each follows its descendants."""
     size = parent.size
-    head = np.full(size + 1, -1, dtype=np.int32)  # the last list: the roots
+    head = np.empty(size + 1, dtype=np.int32)  # the last list: the roots
+    for k in range(size + 1):
+        head[k] = -1
     following = np.empty(size, dtype=np.int32)
     for j in range(size - 1, -1, -1):
         k = parent[j] if parent[j] >= 0 else size
@@ -211,7 +222,7 @@ def postorder(parent):
     return place
 
 
-@kernel
+@part
 def renumber(place, parent, counts, position):
     """Give the columns of a tree other positions; return its parents and counts.
 
@@ -220,7 +231,8 @@ def renumber(place, parent, counts, position):
     for i in range(place.size):
         if place[i] >= 0:
             place[i] = position[place[i]]
-    new_parent, new_counts = np.empty_like(parent), np.empty_like(counts)
+    new_parent = np.empty(parent.size, dtype=np.int32)
+    new_counts = np.empty(parent.size, dtype=np.int32)
     for j in range(parent.size):
         above = parent[j]
         new_parent[position[j]] = position[above] if above >= 0 else above
