@@ -323,21 +323,23 @@ def ldl_solve_into(pattern, values, inverse, rhs, x, y):
     while i < n:
         if width[i] == 1:
             forward_one(i, pattern, values, y)
+            i += 1
         elif width[i] == 2:
             forward_two(i, pattern, values, y)
+            i += 2
         else:
             forward_four(i, pattern, values, y)
-        i += width[i]
-    for j in range(n):
-        y[j] *= inverse[j]
+            i += 4
     while i > 0:
-        i -= width[i - 1]
-        if width[i] == 1:
-            backward_one(i, pattern, values, y)
-        elif width[i] == 2:
-            backward_two(i, pattern, values, y)
+        if width[i - 1] == 1:
+            i -= 1
+            backward_one(i, pattern, values, inverse, y)
+        elif width[i - 1] == 2:
+            i -= 2
+            backward_two(i, pattern, values, inverse, y)
         else:
-            backward_four(i, pattern, values, y)
+            i -= 4
+            backward_four(i, pattern, values, inverse, y)
     for j in range(n):
         x[j] = y[np.uint32(place[j])]
 
@@ -353,7 +355,7 @@ def forward_one(i, pattern, values, y):
 
 @pasted
 def forward_two(i, pattern, values, y):
-    """Subtract from y the columns i, i + 1 times their entries of y."""
+    """Do as `forward_one` for the columns i and i + 1."""
     below, starts = pattern.below, pattern.starts
     a, b = np.uint64(starts[i]), np.uint64(starts[i + 1])
     rows = np.uint64(starts[i + 2]) - b
@@ -367,7 +369,7 @@ def forward_two(i, pattern, values, y):
 
 @pasted
 def forward_four(i, pattern, values, y):
-    """Subtract from y the columns i : i + 4 times their entries of y."""
+    """Do as `forward_one` for the columns i : i + 4."""
     below, starts = pattern.below, pattern.starts
     a, b = np.uint64(starts[i]), np.uint64(starts[i + 1])
     c, d = np.uint64(starts[i + 2]), np.uint64(starts[i + 3])
@@ -386,22 +388,22 @@ def forward_four(i, pattern, values, y):
 
 
 @pasted
-def backward_one(i, pattern, values, y):
-    """Subtract from y_i the product of column i and y."""
+def backward_one(i, pattern, values, inverse, y):
+    """Set y_i to y_i / d_i minus the product of column i and y."""
     below, starts = pattern.below, pattern.starts
-    y_i = y[i]
+    y_i = y[i] * inverse[i]
     for p in range(np.uint64(starts[i]), np.uint64(starts[i + 1])):
         y_i -= values[p] * y[np.uint32(below[p])]
     y[i] = y_i
 
 
 @pasted
-def backward_two(i, pattern, values, y):
-    """Subtract from y_i, y_i+1 the products of their columns and y."""
+def backward_two(i, pattern, values, inverse, y):
+    """Do as `backward_one` for the columns i and i + 1."""
     below, starts = pattern.below, pattern.starts
     a, b = np.uint64(starts[i]), np.uint64(starts[i + 1])
     rows = np.uint64(starts[i + 2]) - b
-    y_0, y_1 = y[i], y[i + 1]
+    y_0, y_1 = y[i] * inverse[i], y[i + 1] * inverse[i + 1]
     for s in range(rows):
         y_s = y[np.uint32(below[b + s])]
         y_0 -= values[a + ONE + s] * y_s
@@ -411,13 +413,14 @@ def backward_two(i, pattern, values, y):
 
 
 @pasted
-def backward_four(i, pattern, values, y):
-    """Subtract from y_i, ..., y_i+3 the products of their columns and y."""
+def backward_four(i, pattern, values, inverse, y):
+    """Do as `backward_one` for the columns i : i + 4."""
     below, starts = pattern.below, pattern.starts
     a, b = np.uint64(starts[i]), np.uint64(starts[i + 1])
     c, d = np.uint64(starts[i + 2]), np.uint64(starts[i + 3])
     rows = np.uint64(starts[i + 4]) - d
-    y_0, y_1, y_2, y_3 = y[i], y[i + 1], y[i + 2], y[i + 3]
+    y_0, y_1 = y[i] * inverse[i], y[i + 1] * inverse[i + 1]
+    y_2, y_3 = y[i + 2] * inverse[i + 2], y[i + 3] * inverse[i + 3]
     for s in range(rows):
         y_s = y[np.uint32(below[d + s])]
         y_0 -= values[a + THREE + s] * y_s
