@@ -294,8 +294,11 @@ def signed_gap(
 def finite_positions(vectors: tuple[np.ndarray, ...]) -> Positions:
     """Return where h, lb and ub are finite, None where all of one are."""
     _, h, _, lb, ub = vectors
-    finite = map(np.isfinite, (h, lb, ub))
-    return tuple(None if has.all() else np.flatnonzero(has) for has in finite)
+    places = [np.isfinite(v).nonzero()[0] for v in (h, lb, ub)]
+    return tuple(
+        None if at.size == v.size else at
+        for at, v in zip(places, (h, lb, ub), strict=True)
+    )
 
 
 def dot_at(

@@ -176,7 +176,7 @@ def presolve(
     q, b, h, lb, ub = qp.q, qp.b, qp.h, qp.lb, qp.ub
     kept, fixed, x_fixed = np.arange(n), NO_COLUMNS, NO_VALUES
     if count:
-        kept, fixed = np.flatnonzero(~is_fixed), np.flatnonzero(is_fixed)
+        kept, fixed = (~is_fixed).nonzero()[0], is_fixed.nonzero()[0]
         x_fixed = 0.5 * (lb[fixed] + ub[fixed])
         held = np.zeros(n)
         held[fixed] = x_fixed

@@ -59,7 +59,7 @@ def leading_rows(
     count, followers, empty = group_rows(rows, wanted, keys, leader, ratio, number)
     entries = indptr[count]
     parts = indptr[: count + 1], indices[:entries], data[:entries]
-    first = np.flatnonzero(leader == np.arange(m)) if count < m else np.arange(m)
+    first = (number >= 0).nonzero()[0]
     groups = Groups(wanted, leader, ratio, number, first, followers > 0, empty > 0)
     return from_arrays(parts, (count, columns.size), csr_array), groups
 

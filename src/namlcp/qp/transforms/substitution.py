@@ -131,7 +131,7 @@ class Substitution(NamedTuple):
         z_box = np.zeros(n)
         z_box[self.kept] = point.z_box
         for givers, sign in zip(self.bounds.tight[2:], (-1.0, 1.0), strict=True):
-            at = np.flatnonzero((givers.rows >= 0) & (sign * z_box > 0.0))
+            at = ((givers.rows >= 0) & (sign * z_box > 0.0)).nonzero()[0]
             rows[givers.rows[at]] = z_box[at] / givers.entry[at]
             z_box[at] = 0.0
         return Point(np.full(n, np.nan), rows[m:], rows[:m], z_box)
@@ -199,7 +199,7 @@ def substitute(
         )
     if some == 0 and (taken == 0 or left.all()):
         return None
-    rows = RowBounds(tight, np.flatnonzero(left[:m]), np.flatnonzero(left[m:]))
+    rows = RowBounds(tight, left[:m].nonzero()[0], left[m:].nonzero()[0])
     if last is not None and qp.has_matrices_of(last.user) and rows.is_like(last.bounds):
         return last._replace(user=qp, bounds=rows)
     return without_columns(qp, rows, chosen, pivot, cost, deadline)
@@ -228,7 +228,7 @@ def without_columns(
     Row i of A substitutes column chosen[i] unless that is -1.
     """
     n = qp.q.size
-    by = np.flatnonzero(chosen >= 0)
+    by = (chosen >= 0).nonzero()[0]
     columns, pivot, cost = chosen[by], pivot[by], cost[by]
     others, kept, rest = bounds.equations, np.arange(n), no_rows(n)
     P, G, A = (without_zeros(M) for M in (qp.P, qp.G, qp.A))
