@@ -11,6 +11,7 @@ from namlcp.linalg import (
     is_positive_semidefinite,
     is_symmetric,
 )
+from namlcp.linalg.definite import DENSE_ORDER
 
 
 def test_definite_or_not():
@@ -38,7 +39,7 @@ def test_symmetric_but_for_rounding():
 
 @pytest.mark.parametrize("seed", range(30))
 def test_columns_with_a_diagonal_entry_alone_are_not_factored(seed):
-    """On the others the triangle is R^-1 P R^-1 + PSD_SLACK I, R^2 = diag(P)."""
+    """The triangle is R^-1 P R^-1 + PSD_SLACK I on the others, R^2 = diag(P)."""
     rng = np.random.default_rng(seed)
     n = 9
     alone = rng.random(n) < 0.5
@@ -62,3 +63,17 @@ def test_columns_with_a_diagonal_entry_alone_are_not_factored(seed):
         )
     else:
         assert least < 0.0
+
+
+@pytest.mark.parametrize("shift", [-1e-3, 1e-3])
+@pytest.mark.parametrize("order", [DENSE_ORDER, DENSE_ORDER + 1])
+def test_pivots_of_small_and_large_matrices(order, shift):
+    """The second differences, shifted by their least eigenvalue: definite or not."""
+    side = np.full(order - 1, -1.0)
+    least = 2.0 - 2.0 * np.cos(np.pi / (order + 1))
+    middle = np.full(order, 2.0 - least + shift)
+    triangle = sparse.diags_array([middle, side], offsets=[0, 1], format="csc")
+    triangle = sparse.csc_matrix(triangle)
+    triangle.indices = triangle.indices.astype(np.int32)
+    triangle.indptr = triangle.indptr.astype(np.int32)
+    assert has_positive_pivots(triangle) == (shift > 0.0)
