@@ -157,6 +157,8 @@ def verdict(row: Row, eps: str) -> str:
         return "yes"
     if row[f"corrected_{eps}"] == "True":
         return "corrected"
+    if float(row["nam_worst"]) <= float(eps):
+        return "by namlcp"  # at another rounding of the solution
     return "no" if row["exact"] == "True" else "unknown"
 
 
