@@ -35,6 +35,9 @@ SHARES = (0.5, 0.0), (0.95, 0.95)
 # due to rounding alone. A gap or a primal residual is also corrected up to so many
 # units in the last place of its largest term.
 CORRECTABLE, LAST_PLACES = 1e3, 256.0
+# Rounding unit times the largest term of a residual, relative to the tolerance, below
+# which rounding has no part in a residual above it: another iteration removes it.
+COARSE = 1e-5
 # Most equalities that are met in the order of their sums.
 MOST_EQUALITIES = 100
 UNIT = float(np.finfo(float).eps)
@@ -42,6 +45,9 @@ UNIT = float(np.finfo(float).eps)
 
 def is_correctable(found: Residuals, eps_abs: float, eps_rel: float) -> bool:
     """Tell whether rounding may be all that keeps these residuals above tolerance."""
+    largest = max(found.primal_size, found.dual_size, found.gap_size)
+    if not UNIT * largest >= COARSE * (eps_abs + eps_rel * largest):
+        return False
     gap = max(found.gap - LAST_PLACES * UNIT * found.gap_size, 0.0)
     primal = max(found.primal - LAST_PLACES * UNIT * found.primal_size, 0.0)
     rest = found._replace(primal=primal, gap=gap).worst(eps_abs, eps_rel)
