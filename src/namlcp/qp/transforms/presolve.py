@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csc_array, csr_array
 
+from namlcp.checks import constant
 from namlcp.compiled import kernel
 from namlcp.linalg import add_transposed, submatrix, times
 from namlcp.qp.problem import QP, Point
@@ -288,6 +289,11 @@ def ranges(
             side = f"but the right-hand side {h[i]:g}"
             message = f"row {i} of G has no free variable, {side}"
             found.append(Contradiction(message, np.zeros(p), unit(m, i, 1.0)))
+    if not groups.proportional:
+        none = Owners(np.full(count, -1, dtype=np.intp), np.ones(count))
+        rows, upper = groups.first, h[groups.first]
+        rows = np.where(upper > -np.inf, rows, -1)
+        return constant(count, -np.inf), upper, none, Owners(rows, none.ratio)
     lower, upper, low_ratio, up_ratio = np.empty((4, count))
     low_at, up_at = np.empty((2, count), dtype=np.intp)
     low, up = (lower, low_at, low_ratio), (upper, up_at, up_ratio)
