@@ -7,7 +7,6 @@ z_box where a bound allows the sign, else by x; the gap by x, then by multiplier
 
 With terms of 1e12 the gap is a multiple of 1e-4, and passes 1e-9 only as 0. Changes of
 x that would remove it without rounding make it another multiple, mostly a smaller one.
-Equalities with terms as large: `row_sums`.
 """
 
 from collections.abc import Iterator
@@ -20,7 +19,6 @@ from namlcp.checks import as_sparse, matrix
 from namlcp.compiled import kernel
 from namlcp.linalg import add_transposed, arrays_of, times
 from namlcp.qp.problem import QP, Point
-from namlcp.qp.row_sums import meet_equalities
 from namlcp.residuals import Residuals, finite_positions, qp_residuals, signed_gap
 
 # Gauss-Seidel passes over the entries of the dual residual.
@@ -38,8 +36,6 @@ CORRECTABLE, LAST_PLACES = 1e3, 256.0
 # Rounding unit times the largest term of a residual, relative to the tolerance, below
 # which rounding has no part in a residual above it: another iteration removes it.
 COARSE = 1e-5
-# Most equalities that are met in the order of their sums.
-MOST_EQUALITIES = 100
 UNIT = float(np.finfo(float).eps)
 
 
@@ -62,11 +58,6 @@ def correct_rounding(
     The matrices are dense or sparse in any layout; sums run in their order.
     """
     best, least = point, found.worst(eps_abs, eps_rel)
-    primal_tol = eps_abs + eps_rel * found.primal_size
-    coarse = UNIT * found.primal_size > primal_tol / LAST_PLACES
-    if found.primal > primal_tol and coarse and 0 < qp.b.size <= MOST_EQUALITIES:
-        point = point._replace(x=meet_equalities(qp, point.x, 0.5 * primal_tol))
-        found = qp_residuals(*qp, *point)
     tol = eps_abs + eps_rel * found.dual_size
     for share, rest in SHARES:
         new, seen = point, found
