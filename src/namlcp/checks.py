@@ -182,6 +182,7 @@ def sparse_matrix(name: str, value: Any, layout: str) -> Any:
     if value.ndim == 2 and value.format in ("csr", "csc") and has_clean_arrays(value):
         if value.format == layout and order == CANONICAL:
             return value  # SciPy takes 13 us to make another
+        refuse_size(name, value.data.size)
         found = rearranged(value, layout)
         if found is not None:
             return found

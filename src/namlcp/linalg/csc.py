@@ -101,7 +101,7 @@ def times(M: Any, x: np.ndarray) -> np.ndarray:
     if x.shape != (M.shape[1],):
         raise ValueError(f"x must have shape ({M.shape[1]},), got {x.shape}")
     if not is_csc(M):
-        return M @ x
+        return (M @ x).reshape(M.shape[0])  # a coo_array of one row gives a scalar
     out = np.zeros(M.shape[0])
     add_columns(M.indptr, M.indices, M.data, x, out)
     return out

@@ -52,7 +52,7 @@ EXACT = 1e-8
 INSIDE, LEAST_SLACK, LEAST_MULTIPLIER = 1e-2, 1.0, 1e-3
 # Iterations without halving the worst residual before a restart, after a cold start
 # and after a warm one.
-PATIENCE, WARM_PATIENCE = 40, 10
+PATIENCE, WARM_PATIENCE = 100, 10
 # A K with more entries is large. The worst residual has to fall to this part of that at
 # the last active-set refinement before the next one, for small and for large K.
 LARGE_KKT, DROP = 5_000, (0.1, 1e-3)
@@ -129,7 +129,7 @@ class Interior:
         now.since, now.reference, now.last_refined = 0, np.inf, np.inf
         now.since_primal, now.primal_reference = 0, np.inf
         now.since_dual, now.dual_reference = 0, np.inf
-        now.krylov_pays = True
+        now.krylov_pays, now.attained = True, 0.0
         now.patience = WARM_PATIENCE if self.is_warm else PATIENCE
         if stage == START:
             now.rho, now.delta, now.wait = RHO, DELTA, 0

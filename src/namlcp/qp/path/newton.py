@@ -11,6 +11,9 @@ from namlcp.compiled import floats, ints, part
 
 # Most refinement steps of a solve.
 REFINEMENT_STEPS = 11
+# Where a step did not reduce the residual, later refinements end at ABOVE_ATTAINED
+# times that residual, which counts as the tolerance at most and is slowly forgotten.
+ABOVE_ATTAINED, FORGET = 2.0, 0.9
 # Residuals are relative to the norm of the right-hand side, or to this if larger.
 SMALL_RHS = 1e-8
 
@@ -98,10 +101,16 @@ def is_refined(m):
     error = set_remainder(m, floats(m.rhs, m.size), trial, trial_r) / m.rhs_norm
     first = m.solves == 0
     if not (first or error < m.error):
+        m.attained = min(m.error, m.tol)
         return True
     gained = first or error <= 0.5 * m.error
     m.error = error
     m.solves += 1
     m.du, m.trial = m.trial, m.du
     m.r, m.trial_r = m.trial_r, m.r
-    return error <= m.accuracy or not gained or m.solves > REFINEMENT_STEPS
+    if error <= m.accuracy or not gained or m.solves > REFINEMENT_STEPS:
+        return True
+    if error > ABOVE_ATTAINED * m.attained:
+        return False
+    m.attained *= FORGET
+    return True

@@ -49,13 +49,13 @@ class Refinement:
         halved, or where the set does not change.
         """
         work, now = self.work, self.work.now
-        work.set_x[:], work.set_y[:], work.set_Z[:] = x, y, Z
         work.set_active[:] = active
         now.most_solves = PROXIMAL_STEPS
         best = np.inf
         for _ in range(MOST_SETS):
             for regularisation in REGULARISATIONS:
                 now.regularisation = regularisation
+                work.set_x[:], work.set_y[:], work.set_Z[:] = x, y, Z
                 work.run(HOLD)
                 if now.converged:
                     break
@@ -72,3 +72,4 @@ class Refinement:
             if self.deadline.reached():
                 return
             work.set_active[:] = work.next_active
+            x, y, Z = (v.copy() for v in (work.set_x, work.set_y, work.set_Z))

@@ -97,6 +97,8 @@ class PathState(ctypes.Structure):
         ("eps_rel", ctypes.c_double),
         ("tol", ctypes.c_double),
         ("accuracy", ctypes.c_double),
+        # The residual at which refinement last came to a halt.
+        ("attained", ctypes.c_double),
         # Iterations, most of them; whether each one is reported.
         ("iterations", ctypes.c_int64),
         ("max_iter", ctypes.c_int64),

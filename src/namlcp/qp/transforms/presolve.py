@@ -213,9 +213,8 @@ def inspect_sides(lb, ub, h, is_fixed, wanted):
         if not low <= high or low == np.inf or high == -np.inf:
             doubtful = True
         is_fixed[j] = (
-            low > -np.inf
-            and high < np.inf
-            and high > -np.inf
+            abs(low) < np.inf
+            and abs(high) < np.inf
             and high - low <= FIXED * max(1.0, abs(low))
         )
         if is_fixed[j]:
