@@ -5,7 +5,7 @@ import pytest
 from problems_qp import complementary
 
 from namlcp.limits import Limits
-from namlcp.qp.path.advance import GAIN, LONG, LOOK, START
+from namlcp.qp.path.advance import CLOCK, GAIN, LONG, LOOK, OPERATIONS, START
 from namlcp.qp.path.regularisation import DELTA, RHO
 from namlcp.qp.path.steps import (
     CENTRED,
@@ -126,3 +126,17 @@ def test_the_first_point_solves_the_least_squares_problem():
     W, Z = W + product / Z.sum(), Z + product / W.sum()
     for v, found in ((x, work.x), (y, work.y), (W, work.W), (Z, work.Z)):
         np.testing.assert_allclose(found, v, rtol=1e-7, atol=1e-9)
+
+
+def test_the_clock_is_looked_at_after_enough_operations():
+    work = Workspace(
+        ScaledQP(presolve(complementary(2, 12, 15, 3, 9).qp, 1e-9, 0.0)), LIMITS
+    )
+    now = work.now
+    assert 0.0 < now.iteration_work < 1e-3 * OPERATIONS
+    now.max_iter, now.patience, now.accuracy = 99, 99, 1e-12
+    now.best = now.reference = now.last_refined = np.inf
+    now.rho, now.delta, now.iteration_work = RHO, DELTA, 0.4 * OPERATIONS
+    assert work.run(START) == LOOK
+    assert now.wants == CLOCK
+    assert now.iterations == 2

@@ -44,11 +44,14 @@ from namlcp.qp.path.steps import (
     start_inside,
 )
 
-# Stages.
-START, STARTED, EVALUATE, STEP, FACTORED, PREDICTED, CORRECTED, CENTRED = range(8)
-FACTOR, SOLVE, REFINE, KRYLOV, LOOK, READY, FAILED = range(10, 17)
-MEASURE, PRODUCTS = range(20, 22)
-HOLD, HELD, PROXIMAL, CORRECT = range(30, 34)
+# Stages of the loop, and of the linear systems in it.
+START, FIRST_FACTORED, FIRST_SOLVED, EVALUATE, STEP = range(5)
+FACTORED, PREDICTED, CORRECTED, CENTRED = range(5, 9)
+FACTOR, KEEP_FACTORED, SOLVE, REFINE, KRYLOV = range(10, 15)
+# Stages that the caller asks for alone: the residuals, products, an active-set system.
+MEASURE, PRODUCTS, HOLD, HELD, PROXIMAL, CORRECT = range(20, 26)
+# Why `advance` returns, beside FACTOR and SOLVE.
+LOOK, READY, FAILED = range(30, 33)
 # What an iterate may need: to be reported, measured on unscaled data, refined with its
 # active set, tested for a certificate, decided by the fallback QPs; the end of the
 # loop, or a look at the clock.
@@ -78,7 +81,7 @@ PROMISING, SMALL_RATIO, AGAIN = 0.1, 1e-4, 0.1
 # Iterations without halving the primal (dual) residual before the fallback QPs, if a
 # candidate for a proof that it cannot vanish was promising.
 FALLBACK_AFTER = 12
-# Operations between two looks at the clock: a fraction of a second.
+# Operations between two looks at the clock: some hundredths of a second.
 OPERATIONS = 1e8
 
 
@@ -91,13 +94,13 @@ def advance(state):
         if stage == FACTOR:
             m.is_factored = is_factored(m)
             if not m.is_factored:
-                m.stage = FACTOR + 100
+                m.stage = KEEP_FACTORED
                 if m.is_external:
                     return FACTOR
                 m.is_factored = factor_inside(m)
             else:
                 m.stage = m.after
-        elif stage == FACTOR + 100:
+        elif stage == KEEP_FACTORED:
             keep_factored(m)
             m.stage = m.after
         elif stage == SOLVE:
@@ -119,12 +122,12 @@ def advance(state):
         elif stage == START:
             prepare_start(m)
             assemble(m)
-            m.stage, m.after = FACTOR, STARTED
-        elif stage == STARTED:
+            m.stage, m.after = FACTOR, FIRST_FACTORED
+        elif stage == FIRST_FACTORED:
             if not m.is_factored:
                 return FAILED
-            solve(m, STARTED + 100)
-        elif stage == STARTED + 100:
+            solve(m, FIRST_SOLVED)
+        elif stage == FIRST_SOLVED:
             set_step(m)
             start_inside(m)
             m.stage = EVALUATE
@@ -290,8 +293,8 @@ def look(m):
     stagnates = m.since > m.patience or not m.worst < np.inf
     if stagnates or m.iterations >= m.max_iter:
         wants |= STOP
-    m.operations += 10.0 * ints(m.indptr, m.size + 1)[m.size]
-    if m.operations > OPERATIONS:
+    m.operations += m.iteration_work
+    if m.operations >= OPERATIONS:
         wants |= CLOCK
     m.wants = wants
     return wants

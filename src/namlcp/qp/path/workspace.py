@@ -14,6 +14,7 @@ from namlcp.limits import Limits
 from namlcp.linalg import SparseFactors
 from namlcp.qp.path.advance import (
     FACTOR,
+    OPERATIONS,
     PRODUCTS,
     READY,
     SOLVE,
@@ -51,7 +52,7 @@ VECTORS = {
     # residual and the solution of the last solve, another solution and its residual.
     "weight row_size rhs r answer trial trial_r": "size",
     # Relative residuals of the candidates for certificates, now and at the last test.
-    "ratios tested": "four",
+    "ratios tested": "candidates",
     # GMRES (`krylov`).
     "basis": "basis_size",
     "corrections": "corrections_size",
@@ -65,7 +66,9 @@ VECTORS = {
 # Vectors of int32, as flags: constraints with Z > W now and one iteration before; those
 # in the active-set system and in the next one; rows and variables that it holds.
 FLAGS = {"active was_active set_active next_active": "m", "held": "size"}
-KINDS = "n p m size four basis_size corrections_size H_size".split()
+# Passes over the entries of L in one iteration, about.
+PASSES = 20.0
+KINDS = "n p m size candidates basis_size corrections_size H_size".split()
 
 
 def expanded(table: dict[str, str]) -> tuple[list[str], np.ndarray]:
@@ -89,9 +92,11 @@ class PathState(ctypes.Structure):
         ("stage", ctypes.c_int64),
         ("after", ctypes.c_int64),
         ("then", ctypes.c_int64),
-        # What the caller has to do; operations since the last look at the clock.
+        # What the caller has to do; operations since the last look at the clock, and in
+        # one iteration.
         ("wants", ctypes.c_int64),
         ("operations", ctypes.c_double),
+        ("iteration_work", ctypes.c_double),
         # Tolerances, the larger one, and the relative residual that ends a refinement.
         ("eps_abs", ctypes.c_double),
         ("eps_rel", ctypes.c_double),
@@ -214,7 +219,6 @@ class Workspace:
         addresses = np.frombuffer(
             memoryview(now).cast("B"), np.int64, FIRST + len(NAMES) + len(FLAG_NAMES)
         )
-        self.length: dict[str, int] = {}
         self.memory = np.zeros(int(sizes[SIZES].sum()))
         self.flags = np.zeros(int(sizes[FLAG_SIZES].sum()), dtype=np.int32)
         for memory, first, kinds in (
@@ -238,7 +242,9 @@ class Workspace:
         attach_problem(self.state, *self.given)
         factors = kkt.plan()
         self.now.is_external = not isinstance(factors, SparseFactors)
+        self.now.iteration_work = OPERATIONS  # else the caller factors every time
         if isinstance(factors, SparseFactors):
+            self.now.iteration_work = PASSES * factors.values.size + factors.order.work
             numbers = factors.values, factors.inverse, factors.work
             attach_factors(self.state, factors.pattern, numbers)
 
