@@ -5,9 +5,11 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from problems_qp import make_qp
 from scipy.sparse import csc_array
 
 import namlcp
+from namlcp.qp import forms
 from namlcp.qp.dense import pivots as dense
 from namlcp.qp.dense import scaling
 from namlcp.residuals import Residuals, qp_residuals
@@ -404,3 +406,12 @@ def test_proportional_equalities_are_judged_in_their_own_units(off):
         result = namlcp.solve_qp(matrices[0], [0.0], A=matrices[1], b=b)
         wanted = Status.SOLVED if off < 1e-9 else Status.PRIMAL_INFEASIBLE
         assert result.status is wanted
+
+
+def test_dense_arrays_with_mostly_zeros_take_the_sparse_form():
+    """From the size on at which that pays; full ones stay in dense form."""
+    n = 110
+    few = make_qp(np.eye(n), np.ones(n), np.eye(n)[:5] - np.eye(n)[1:6], np.ones(5))
+    qp = few._replace(P=few.P.toarray(), G=few.G.toarray(), A=few.A.toarray())
+    assert not forms.is_small(qp)
+    assert forms.is_small(qp._replace(P=np.eye(n) + 1e-3))

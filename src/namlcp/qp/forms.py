@@ -5,6 +5,8 @@ dual active-set method; every other QP, and what these two leave unsolved, is so
 the interior-point method.
 """
 
+import numpy as np
+
 from namlcp.limits import Limits
 from namlcp.qp.answer import Answer, better
 from namlcp.qp.bounds import is_box_open, solve_bounds
@@ -19,12 +21,12 @@ DENSE_BOX = 50
 # Most variables, and most entries of P, G and A, zeros included, of the dense form,
 # which would take many seconds beyond.
 DENSE_VARIABLES, DENSE_ENTRIES = 2000, 16_000_000
-# Most entries, zeros included, of a sparse QP that is quicker in dense form.
+# Most entries, zeros included, of a QP with mostly zeros that is quicker in dense form.
 SPARSE_ENTRIES = 10_000
 # Most entries, zeros included, of a sparse QP that the dense form solves before a
 # substitution is looked for, which would take longer.
 TINY_ENTRIES = 2000
-# Least fraction of stored entries at which a larger sparse QP takes the dense form.
+# Least fraction of entries that are not zero at which a larger QP takes the dense form.
 FULL = 0.3
 
 
@@ -34,9 +36,13 @@ def is_small(qp: QP) -> bool:
     entries = n * (n + qp.h.size + qp.b.size)
     if n > DENSE_VARIABLES or entries > DENSE_ENTRIES:
         return False
-    if qp.is_dense or entries <= SPARSE_ENTRIES:
+    if entries <= SPARSE_ENTRIES:
         return True
-    return qp.P.nnz + qp.G.nnz + qp.A.nnz >= FULL * entries
+    if qp.is_dense:
+        filled = sum(int(np.count_nonzero(M)) for M in (qp.P, qp.G, qp.A))
+    else:
+        filled = qp.P.nnz + qp.G.nnz + qp.A.nnz
+    return filled >= FULL * entries
 
 
 def is_tiny(qp: QP) -> bool:

@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.linalg.blas import dnrm2
 
 from namlcp.limits import Limits
 from namlcp.linalg import compiled_form
@@ -135,10 +136,11 @@ def upheld(
     are the very matrices of the QP, whose sums have been taken, and little where the
     rounding errors of all sums are within the tolerances.
     """
-    own = qp.P, qp.G, qp.A
-    same = all(M is C or C is None for M, C in zip(own, given, strict=True))
+    P, G, A = given
+    same = P is qp.P and (G is None or G is qp.G) and (A is None or A is qp.A)
     if same or answer.status is not Status.SOLVED:
         return answer
+    own = qp.P, qp.G, qp.A
     found = answer.residuals
     primal, dual, gap = rounding_errors(own, answer.point)
     uncertain = found._replace(
@@ -185,7 +187,5 @@ def rounding_errors(
 
 
 def norm(entries: np.ndarray) -> float:
-    """Return the 2-norm of all entries, infinite where it overflows."""
-    flat = entries.ravel(order="K")
-    with np.errstate(over="ignore"):
-        return float(flat.dot(flat)) ** 0.5
+    """Return the 2-norm of all entries, without overflow or a warning of it."""
+    return float(dnrm2(entries.ravel(order="K"))) if entries.size else 0.0
