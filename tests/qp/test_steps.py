@@ -95,6 +95,7 @@ def test_iterations_are_those_of_the_formulas(seed):
     now.reports, now.max_iter, now.patience = True, 99, 99
     now.rho, now.delta, now.accuracy = RHO, DELTA, 1e-12
     now.best = now.reference = now.last_refined = np.inf
+    now.drop = 0.1
     found = work.run(START)
     for _ in range(7):
         assert found == LOOK
@@ -111,6 +112,7 @@ def test_the_first_point_solves_the_least_squares_problem():
     work = Workspace(ScaledQP(presolve(qp, 1e-9, 0.0)), LIMITS)
     now, whole = work.now, Transcription(work.problem)
     now.reports, now.rho, now.delta, now.accuracy = True, RHO, DELTA, 1e-12
+    now.drop = 0.1
     work.run(START)
     (m, n), p = whole.S.shape, whole.b.size
     K = np.block([
@@ -136,6 +138,7 @@ def test_the_clock_is_looked_at_after_enough_operations():
     assert 0.0 < now.iteration_work < 1e-3 * OPERATIONS
     now.max_iter, now.patience, now.accuracy = 99, 99, 1e-12
     now.best = now.reference = now.last_refined = np.inf
+    now.drop = 0.1
     now.rho, now.delta, now.iteration_work = RHO, DELTA, 0.4 * OPERATIONS
     assert work.run(START) == LOOK
     assert now.wants == CLOCK

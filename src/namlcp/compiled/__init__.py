@@ -14,9 +14,11 @@ import functools
 from collections.abc import Callable
 from typing import Any
 
+from numba import config
+
 from namlcp.compiled.decorators import compile_time, compiled, is_at_hand
 from namlcp.compiled.store import kept_in
-from namlcp.compiled.views import floats, ints, longs, uncounted
+from namlcp.compiled.views import Fields, floats, ints, longs, uncounted
 
 __all__ = [
     "ahead",
@@ -29,6 +31,7 @@ __all__ = [
     "longs",
     "part",
     "pasted",
+    "record_of",
     "signatures",
     "uncounted",
 ]  # ahead and signatures are modules that only `namlcp.warmup` needs
@@ -56,3 +59,11 @@ def part(function: Callable[..., Any] | None = None, **options: Any) -> Any:
 def pasted(function: Callable[..., Any]) -> Any:
     """Compile a function that numba inlines into its compiled callers."""
     return compiled(function, nogil=True, error_model="numpy", inline="always")
+
+
+def first(state: Any) -> Any:
+    """Return the record of an array of one record."""
+    return state[0]
+
+
+record_of = Fields if config.DISABLE_JIT else pasted(first)

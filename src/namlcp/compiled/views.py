@@ -18,6 +18,24 @@ def itself(array: Any) -> Any:
     return array
 
 
+class Fields:
+    """The record state[0] for functions that are not compiled.
+
+    The fields of NumPy's own records are hidden by attributes such as `size`.
+    """
+
+    def __init__(self, state: np.ndarray) -> None:
+        object.__setattr__(self, "state", state)
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a field."""
+        return self.state[name][0]
+
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Set a field."""
+        self.state[name][0] = value
+
+
 def interpreted(kind: Any) -> Callable[[int, int], np.ndarray]:
     """Return `vectors_at` for functions that are not compiled."""
 

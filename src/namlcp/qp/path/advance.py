@@ -18,7 +18,7 @@ factorisation succeeds.
 
 import numpy as np
 
-from namlcp.compiled import floats, ints, kernel, longs, part
+from namlcp.compiled import floats, ints, kernel, longs, part, record_of
 from namlcp.linalg import Pattern, ldl_factor, ldl_solve_into
 from namlcp.qp.path.active_set import choose_next_set, correct_set, hold, is_set_solved
 from namlcp.qp.path.krylov import begin_krylov, end_krylov, is_krylov_done
@@ -88,7 +88,7 @@ OPERATIONS = 1e8
 @kernel(error_model="numpy")
 def advance(state):
     """Run the stage of the record state[0], and those after it; see the module."""
-    m = state[0]
+    m = record_of(state)
     while True:
         stage = m.stage
         if stage == FACTOR:

@@ -9,7 +9,7 @@ import ctypes
 
 import numpy as np
 
-from namlcp.compiled import kernel
+from namlcp.compiled import kernel, record_of
 from namlcp.limits import Limits
 from namlcp.linalg import SparseFactors
 from namlcp.qp.path.advance import (
@@ -303,7 +303,7 @@ class Workspace:
 @kernel
 def attach_problem(state, triangle, vectors):
     """Set the addresses of GIVEN."""
-    m = state[0]
+    m = record_of(state)
     indptr, indices, base, data, factored = triangle
     place, sign, unit, q, b, c = vectors
     m.indptr, m.indices = indptr.ctypes.data, indices.ctypes.data
@@ -320,7 +320,7 @@ def attach_problem(state, triangle, vectors):
 @kernel
 def attach_factors(state, pattern, numbers):
     """Set the addresses of FACTORS."""
-    m = state[0]
+    m = record_of(state)
     values, inverse, work = numbers
     m.l_place, m.l_diagonal = pattern.place.ctypes.data, pattern.diagonal.ctypes.data
     m.l_columns, m.l_rows = pattern.columns.ctypes.data, pattern.rows.ctypes.data
