@@ -18,6 +18,7 @@ from problems_qp import (
     maros_meszaros,
     singular_block,
     unbounded,
+    upper_triangle_of,
 )
 from problems_qp import (
     solve_sparse as solve,
@@ -337,7 +338,7 @@ def solved_by_other_factors(change, krylov):
     kkt.data[kkt.diagonal] += np.r_[np.full(n, change), np.zeros(m)]
     assert work.factor()
     kkt.data[:] = data
-    full = kkt.matrix.toarray()
+    full = upper_triangle_of(kkt).toarray()
     full = full + np.triu(full, 1).T
     rhs = np.random.default_rng(0).standard_normal(now.size)
     work.rhs[:], work.r[:], work.du[:] = rhs, rhs, 0.0
@@ -369,7 +370,7 @@ def dense_rows(seed, m=400, n=60):
 
 def test_a_dense_border_is_found_and_factored():
     qp = dense_rows(0)
-    matrix = ScaledQP(presolve(qp, 1e-9, 0.0)).kkt.matrix
+    matrix = upper_triangle_of(ScaledQP(presolve(qp, 1e-9, 0.0)).kkt)
     border = dense_border(matrix.indptr, matrix.indices)
     np.testing.assert_array_equal(border, np.arange(60))
     assert_solves_qp(qp, solve(qp, DEFAULT), 1e-10)

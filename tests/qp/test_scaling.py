@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from problems_qp import complementary, make_qp
+from problems_qp import complementary, make_qp, upper_triangle_of
 from scipy.sparse import csc_array, csr_array, diags_array, random_array
 
 from namlcp.limits import Deadline, Limits
@@ -20,7 +20,8 @@ from namlcp.qp.transforms.scaling import PAYS, ScaledQP, normalise
 def test_scaling_equilibrates_and_is_inverted_exactly():
     known = complementary(3, 10, 12, 2, 10)
     s = ScaledQP(presolve(known.qp, 1e-9, 0.0))
-    K = abs(s.kkt.matrix + s.kkt.matrix.T).toarray()
+    K = upper_triangle_of(s.kkt)
+    K = abs(K + K.T).toarray()
     np.fill_diagonal(K, abs(s.kkt.base[s.kkt.diagonal]))
     np.testing.assert_allclose(K.max(axis=1), 1.0, atol=5e-3)
     guess = make_guess(known.qp, known.x, None)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from problems_qp import complementary
+from problems_qp import complementary, upper_triangle_of
 
 from namlcp.limits import Limits
 from namlcp.qp.path.advance import CLOCK, GAIN, LONG, LOOK, OPERATIONS, START
@@ -29,7 +29,7 @@ class Transcription:
 
     def __init__(self, problem):
         kkt, n, p = problem.kkt, problem.n, problem.p
-        K = kkt.matrix.toarray()
+        K = upper_triangle_of(kkt).toarray()
         K[np.diag_indices(kkt.size)] = kkt.base[kkt.diagonal]
         K += np.triu(K, 1).T
         self.P, self.A = K[:n, :n], K[n : n + p, :n]

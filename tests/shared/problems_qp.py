@@ -263,3 +263,8 @@ def residual_form(seed, rows, n, lower=-np.inf, upper=np.inf, weight=0.0):
     G = vstack(G) if G else None
     h = np.concatenate(h) if h else None
     return make_qp(np.diag(P), q, G, h, A, c), B, c
+
+
+def upper_triangle_of(kkt):
+    """Return the upper triangle of K~ as a matrix."""
+    return csc_array((kkt.data, kkt.indices, kkt.indptr), shape=(kkt.size, kkt.size))

@@ -23,7 +23,7 @@ from namlcp.linalg import compiled_form
 from namlcp.qp.answer import FINAL, Answer
 from namlcp.qp.certificates import accept_dual, accept_primal
 from namlcp.qp.problem import QP, Point
-from namlcp.qp.rounding import correct_rounding, is_correctable
+from namlcp.qp.rounding import UNIT, correct_rounding, is_correctable
 from namlcp.qp.transforms import Substitution
 from namlcp.residuals import (
     Residuals,
@@ -33,8 +33,6 @@ from namlcp.residuals import (
 )
 from namlcp.status import Status
 
-# Spacing of the numbers next to 1, the rounding error of a sum over its terms.
-UNIT = float(np.finfo(float).eps)
 BY_LUCK = (
     "The tolerances are met in one order of summation and missed in that of the "
     "arguments: the terms of the residuals are too large for them. Loosen eps_abs."

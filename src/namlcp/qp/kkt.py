@@ -1,21 +1,18 @@
-"""The KKT matrix K, its varying diagonal, its LDL' factors and solves with them.
+"""The KKT matrix K, its varying diagonal and its L D L' factors.
 
         [P  A'  G']          [P + dx   A'   G']
     K = [A  0   0 ],   K~ =  [A       -dy    0],   dx, dy, dv > 0 (quasi-definite).
         [G  0   0 ]          [G        0   -dv]
 
 K is kept as the upper triangle in CSC, so column n + i is row i of C = [A; G] and the
-diagonal is the last entry of every column. Iterative refinement measures residuals as
-max |r_i| / max(1, |K~_ii|): rows of inactive constraints have diagonals of 1e10 and
-more, and would outweigh all others. If refinement ends early, GMRES(8), preconditioned
-by the factors, continues.
+diagonal is the last entry of every column.
 """
 
 import numpy as np
 from scipy.sparse import csc_array, csr_array
 
 from namlcp.checks import refuse_size
-from namlcp.compiled import kernel, part
+from namlcp.compiled import kernel
 from namlcp.linalg import Factors, arrays_of, plan_factors
 
 
@@ -56,12 +53,6 @@ class KKT:
             and np.array_equal(last.indices, self.indices)
         ):
             self.factors, self.factored = last.factors, last.factored
-
-    @property
-    def matrix(self) -> csc_array:
-        """The upper triangle of K~."""
-        triangle = self.data, self.indices, self.indptr
-        return csc_array(triangle, shape=(self.size, self.size))
 
     def set_values(self, P: csc_array, A: csr_array, G: csr_array) -> None:
         """Write pattern and values of K, not scaled."""
@@ -117,33 +108,3 @@ def upper_triangle(P, A, G, indptr, indices, data):
             k += 1
             column += 1
             indptr[column] = k
-
-
-@part
-def products(indptr, indices, base, x, v, Px, Ctv, t):
-    """Set Px = P x, Ctv = C'v[n:] and t = (x, C x); x, Px, Ctv are (n,), v, t (size,).
-
-    indptr, indices, base are the upper triangle of K.
-    """
-    n = x.size
-    for j in range(n):
-        Px[j] = 0.0
-        Ctv[j] = 0.0
-        t[j] = x[j]
-    for j in range(n):
-        last = indptr[j + 1] - 1
-        xj = x[j]
-        total = base[last] * xj
-        for k in range(indptr[j], last):
-            i = indices[k]
-            Px[i] += base[k] * xj
-            total += base[k] * x[i]
-        Px[j] += total
-    for j in range(n, t.size):
-        vj = v[j]
-        total = 0.0
-        for k in range(indptr[j], indptr[j + 1] - 1):
-            i = indices[k]
-            Ctv[i] += base[k] * vj
-            total += base[k] * x[i]
-        t[j] = total

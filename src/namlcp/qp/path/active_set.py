@@ -9,7 +9,8 @@ regularised matrix solve it, dependent active rows or not.
 import numpy as np
 
 from namlcp.compiled import floats, ints, part
-from namlcp.qp.path.steps import copy, multiply
+from namlcp.linalg import copy
+from namlcp.qp.path.steps import multiply
 
 # Modulus of a diagonal entry of K~ that fixes a variable or drops a row.
 OFF = 1e20
@@ -99,13 +100,13 @@ def is_set_solved(m):
     kept_x, kept_v = floats(m.kept_x, m.n), floats(m.kept_v, m.size)
     if error < m.least_error or m.solves == 0:
         m.least_error = error
-        copy(m.n, x, kept_x)
-        copy(m.size, v, kept_v)
+        copy(x, kept_x)
+        copy(v, kept_v)
     goes_on = error > RESIDUAL_GOAL and m.failures < 2 and error < np.inf
     if goes_on and m.solves < m.most_solves:
         return False
-    copy(m.n, kept_x, x)
-    copy(m.size, kept_v, v)
+    copy(kept_x, x)
+    copy(kept_v, v)
     m.converged = m.least_error <= 0.1 * m.first_error
     return True
 
@@ -130,10 +131,10 @@ def correct_set(m):
 
 @part
 def choose_next_set(m):
-    """Set the multipliers and slacks of the solution, and the next active set.
+    """Set set_y, set_Z, the largest violation, and the next active set.
 
     That has the active constraints with multipliers >= 0 and the violated ones. The
-    multiplier of a bound follows from stationarity, that of others is 0.
+    multiplier of a bound follows from stationarity.
     """
     n = m.n
     x, v = floats(m.set_x, n), floats(m.set_v, m.size)
@@ -142,9 +143,7 @@ def choose_next_set(m):
     q, y, c = floats(m.cost, n), floats(m.set_y, m.p), floats(m.goal_c, m.m)
     place, sign = ints(m.place, m.m), floats(m.sign, m.m)
     active, chosen = ints(m.set_active, m.m), ints(m.next_active, m.m)
-    Z, multiplier, slack = (
-        floats(m.set_Z, m.m), floats(m.multiplier, m.m), floats(m.slack, m.m)
-    )  # fmt: skip
+    Z = floats(m.set_Z, m.m)
     for i in range(m.p):
         y[i] = v[n + i]
     unit = floats(m.unit, m.size)
@@ -152,17 +151,17 @@ def choose_next_set(m):
     violation = 0.0
     for k in range(place.size):
         j = place[k]
-        multiplier[k] = 0.0
-        slack[k] = c[k] - sign[k] * t[j]
         if active[k]:
             gradient = v[j] if j >= n else -(Px[j] + q[j] + Ctv[j])
-            multiplier[k] = sign[k] * gradient
-            violation = max(violation, -multiplier[k] / unit[j])
-            chosen[k] = multiplier[k] > -WRONG_SIGN
+            multiplier = sign[k] * gradient
+            violation = max(violation, -multiplier / unit[j])
+            chosen[k] = multiplier > -WRONG_SIGN
+            Z[k] = max(multiplier, 0.0)
         else:
-            violation = max(violation, -slack[k] * unit[j])
-            chosen[k] = slack[k] < -WRONG_SIGN
-        Z[k] = max(multiplier[k], 0.0)
+            slack = c[k] - sign[k] * t[j]
+            violation = max(violation, -slack * unit[j])
+            chosen[k] = slack < -WRONG_SIGN
+            Z[k] = 0.0
         if chosen[k] != active[k]:
             m.set_changed = True
     m.set_violation = violation

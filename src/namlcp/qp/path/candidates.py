@@ -1,7 +1,7 @@
 """The search for certificates of infeasibility in the interior-point method.
 
 Candidates are the iterate and the last step, as they are and projected by means of one
-factorisation of K. Those with small relative residuals (`promising_ratios`) are tested
+factorisation of K. Those with small relative residuals (`advance.promises`) are tested
 by `accept_primal` and `accept_dual` on unscaled data.
 """
 
@@ -161,7 +161,7 @@ class CertificateSearch:
         for _ in range(RAY_PROJECTIONS):
             work.set_x[:], work.set_y[:], work.set_Z[:] = d, 0.0, 0.0
             work.set_active[:] = active
-            work.run(HOLD)
+            work.perform(HOLD)
             if not now.is_factored:
                 break
             better = work.set_x.copy()

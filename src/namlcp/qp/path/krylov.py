@@ -10,6 +10,7 @@ corrections of u are the rows of `corrections`.
 import numpy as np
 
 from namlcp.compiled import floats, part
+from namlcp.linalg import add_scaled, copy, dot
 from namlcp.qp.path.newton import set_remainder
 
 # Most steps.
@@ -23,11 +24,9 @@ def begin_krylov(m):
     """Set the first direction, from the residual r of du; False if there is none."""
     r, weight = floats(m.r, m.size), floats(m.row_size, m.size)
     basis, g = floats(m.basis, m.size), floats(m.g, KRYLOV_STEPS + 1)
-    total = 0.0
     for j in range(r.size):
         basis[j] = r[j] / weight[j]
-        total += basis[j] * basis[j]
-    beta = np.sqrt(total)
+    beta = np.sqrt(dot(basis, basis))
     if not 0.0 < beta < np.inf:
         return False
     for j in range(r.size):
@@ -62,16 +61,11 @@ def is_krylov_done(m):
         H[column + i] = 0.0
     for _ in range(2):  # orthogonalised twice against rounding
         for i in range(k + 1):
-            total = 0.0
-            for j in range(size):
-                total += basis[i * size + j] * w[j]
-            H[column + i] += total
-            for j in range(size):
-                w[j] -= total * basis[i * size + j]
-    total = 0.0
-    for j in range(size):
-        total += w[j] * w[j]
-    norm = np.sqrt(total)
+            direction = basis[i * size : (i + 1) * size]
+            part_of_w = dot(direction, w)
+            H[column + i] += part_of_w
+            add_scaled(-part_of_w, direction, w)
+    norm = np.sqrt(dot(w, w))
     if not norm < np.inf:
         return True
     rotate(k, norm, H, g, floats(m.rotations, 2 * KRYLOV_STEPS))
@@ -109,14 +103,12 @@ def end_krylov(m):
     H, g = floats(m.H, KRYLOV_STEPS * width), floats(m.g, width)
     corrections = floats(m.corrections, KRYLOV_STEPS * size)
     du, trial = floats(m.du, size), floats(m.trial, size)
-    for j in range(size):
-        trial[j] = du[j]
+    copy(du, trial)
     for k in range(steps - 1, -1, -1):
         for i in range(k + 1, steps):
             g[k] -= H[i * width + k] * g[i]
         g[k] /= H[k * width + k]
-        for j in range(size):
-            trial[j] += g[k] * corrections[k * size + j]
+        add_scaled(g[k], corrections[k * size : (k + 1) * size], trial)
     error = set_remainder(m, floats(m.rhs, size), trial, floats(m.trial_r, size))
     error /= m.rhs_norm
     m.krylov_pays = error <= 0.5 * m.error

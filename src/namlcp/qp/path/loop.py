@@ -131,8 +131,7 @@ class Interior:
         now.since_dual, now.dual_reference = 0, np.inf
         now.krylov_pays, now.attained = True, 0.0
         now.patience = WARM_PATIENCE if self.is_warm else PATIENCE
-        if stage == START:
-            now.rho, now.delta, now.wait = RHO, DELTA, 0
+        now.rho, now.delta, now.wait = RHO, DELTA, 0
         return self.work.run(stage)
 
     def look(self) -> Status | None:
@@ -148,20 +147,14 @@ class Interior:
         if solved and now.tol > EXACT:
             return Status.SOLVED
         if solved or wants & ACTIVE_SET:
-            stage = now.stage
             self.refinement.run(work.x, work.y, work.Z, work.active)
-            now.stage = stage
         if self.judge.best <= 1.0:
             return Status.SOLVED
         verdict = None
         if wants & PROVE:
-            stage = now.stage
             verdict = self.certificates.find()
-            now.stage = stage
         if verdict is None and wants & DOUBT and self.fallback_solver is not None:
-            stage = now.stage
             verdict = self.solve_fallback()
-            now.stage = stage
         if verdict is None and now.iterations < now.max_iter:
             now.operations = 0.0
             if self.limits.deadline.reached():
@@ -192,7 +185,7 @@ class Interior:
         work.x[:], work.y[:], work.Z[:] = x, y, Z
         problem.scale_vectors()  # undo an earlier relaxation
         work.attach()
-        work.run(MEASURE)
+        work.perform(MEASURE)
         n, p, t = now.n, now.p, work.t.copy()
         now.best = np.inf
         ratio = problem.change_units()
@@ -229,11 +222,10 @@ class Interior:
         work = self.work
         work.x[:], work.y[:], work.Z[:], _ = self.problem.guess(guess)
         work.W[:] = 0.0
-        work.run(MEASURE)
+        work.perform(MEASURE)
         self.now.best = np.inf
         slack = -work.rw
         largest = np.abs(slack).max(initial=LEAST_SLACK)
         work.W[:] = np.maximum(slack, INSIDE * largest)
         work.Z[:] = np.maximum(work.Z, INSIDE * work.Z.max(initial=LEAST_MULTIPLIER))
-        self.now.rho, self.now.delta = RHO, DELTA
         return True

@@ -56,7 +56,7 @@ class Refinement:
             for regularisation in REGULARISATIONS:
                 now.regularisation = regularisation
                 work.set_x[:], work.set_y[:], work.set_Z[:] = x, y, Z
-                work.run(HOLD)
+                work.perform(HOLD)
                 if now.converged:
                     break
             if not now.is_factored:

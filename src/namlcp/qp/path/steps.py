@@ -16,7 +16,7 @@ proximal terms rho, delta centred at the current point,
 import numpy as np
 
 from namlcp.compiled import floats, ints, part
-from namlcp.qp.kkt import products
+from namlcp.linalg import copy
 
 # Least weight of a row, whose reciprocal is on the diagonal of K~.
 THIN = 1e-20
@@ -35,10 +35,30 @@ NEGLIGIBLE, START_VALUE = 1e-4, 0.1
 @part
 def multiply(m, x, v, Px, Ctv, t):
     """Set Px = P x, Ctv = C'v[n:] and t = (x, C x)."""
-    size = m.size
-    indptr = ints(m.indptr, size + 1)
-    nnz = np.int64(indptr[size])
-    products(indptr, ints(m.indices, nnz), floats(m.base, nnz), x, v, Px, Ctv, t)
+    n, indptr = m.n, ints(m.indptr, m.size + 1)
+    nnz = np.int64(indptr[m.size])
+    indices, base = ints(m.indices, nnz), floats(m.base, nnz)
+    for j in range(n):
+        Px[j] = 0.0
+        Ctv[j] = 0.0
+        t[j] = x[j]
+    for j in range(n):
+        last = indptr[j + 1] - 1
+        xj = x[j]
+        total = base[last] * xj
+        for k in range(indptr[j], last):
+            i = indices[k]
+            Px[i] += base[k] * xj
+            total += base[k] * x[i]
+        Px[j] += total
+    for j in range(n, t.size):
+        vj = v[j]
+        total = 0.0
+        for k in range(indptr[j], indptr[j + 1] - 1):
+            i = indices[k]
+            Ctv[i] += base[k] * vj
+            total += base[k] * x[i]
+        t[j] = total
 
 
 @part
@@ -112,16 +132,9 @@ def evaluate(m):
     m.worst = worst if finite else np.inf
     if m.worst < m.best:
         m.best = worst
-        copy(n, x, floats(m.best_x, n))
-        copy(p, y, floats(m.best_y, p))
-        copy(m.m, Z, floats(m.best_Z, m.m))
-
-
-@part
-def copy(size, a, b):
-    """Copy the vector a to b."""
-    for j in range(size):
-        b[j] = a[j]
+        copy(x, floats(m.best_x, n))
+        copy(y, floats(m.best_y, p))
+        copy(Z, floats(m.best_Z, m.m))
 
 
 @part
@@ -326,9 +339,8 @@ def start_inside(m):
     n, p = m.n, m.p
     x, y, du = floats(m.x, n), floats(m.y, p), floats(m.du, m.size)
     W, Z, dZ = floats(m.W, m.m), floats(m.Z, m.m), floats(m.dZ, m.m)
-    copy(n, du, x)
-    for i in range(p):
-        y[i] = du[n + i]
+    copy(du[:n], x)
+    copy(du[n : n + p], y)
     for j in range(du.size):
         du[j] = 0.0
     least, most = 0.0, 0.0

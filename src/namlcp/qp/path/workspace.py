@@ -60,7 +60,7 @@ VECTORS = {
     # The active-set system (`refinement`).
     "set_x kept_x": "n",
     "set_y": "p",
-    "set_Z multiplier slack": "m",
+    "set_Z": "m",
     "set_v kept_v goal": "size",
 }
 # Vectors of int32, as flags: constraints with Z > W now and one iteration before; those
@@ -253,6 +253,12 @@ class Workspace:
         self.now.stage = stage
         return self.resume()
 
+    def perform(self, task: int) -> None:
+        """Do a task apart from the loop, which goes on later from where it was."""
+        stage = self.now.stage
+        self.run(task)
+        self.now.stage = stage
+
     def resume(self) -> int:
         """Go on from where the last call stopped."""
         now, kkt = self.now, self.kkt
@@ -268,14 +274,14 @@ class Workspace:
     def factor(self) -> bool:
         """Factor the matrix `data`; tell whether that succeeds."""
         self.now.after = READY
-        self.run(FACTOR)
+        self.perform(FACTOR)
         return self.now.is_factored
 
     def solve_once(self, rhs: np.ndarray) -> np.ndarray:
         """Return the solution of K~ u = rhs, without refinement."""
         self.r[:] = rhs
         self.now.after = READY
-        self.run(SOLVE)
+        self.perform(SOLVE)
         return self.answer
 
     def multiply(
@@ -284,7 +290,7 @@ class Workspace:
         """Return P x, C'v and (x, C x) for scaled x and v."""
         self.set_x[:] = x
         self.set_v[:] = v
-        self.run(PRODUCTS)
+        self.perform(PRODUCTS)
         return self.Pdx, self.Ctdv, self.dv
 
     def __getattr__(self, name: str) -> np.ndarray:

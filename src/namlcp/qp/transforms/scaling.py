@@ -113,14 +113,18 @@ class ScaledQP:
         self.scale_vectors()
         return self.unit / old
 
+    def unscaled(
+        self, x: np.ndarray, y: np.ndarray, Z: np.ndarray
+    ) -> tuple[np.ndarray, ...]:
+        """Return the (x, y, z_upper, z_lower, z_box) of the presolved problem."""
+        z_upper, z_lower = np.zeros((2, self.small.upper.size))
+        found = np.empty(self.n), np.empty(self.p), z_upper, z_lower, np.zeros(self.n)
+        unscale(self.unit, self.place, self.ends, (x, y, Z), found)
+        return found
+
     def point(self, x: np.ndarray, y: np.ndarray, Z: np.ndarray) -> Point:
         """Return the point of the QP that was presolved."""
-        n, p, small = self.n, self.p, self.small
-        z_upper, z_lower = np.zeros((2, small.upper.size))
-        box, point = np.zeros(n), (np.empty(n), np.empty(p))
-        unscaled = (*point, z_upper, z_lower, box)
-        unscale(self.unit, self.place, self.ends, (x, y, Z), unscaled)
-        return small.point(*unscaled)
+        return self.small.point(*self.unscaled(x, y, Z))
 
     def primal(self, x: np.ndarray) -> np.ndarray:
         """Return the x of the QP that was presolved."""
@@ -130,11 +134,8 @@ class ScaledQP:
         self, y: np.ndarray, Z: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the (y, z) of the QP that was presolved."""
-        z_upper, z_lower = np.zeros((2, self.small.upper.size))
-        x, unscaled_y, box = np.zeros(self.n), np.empty(self.p), np.zeros(self.n)
-        unscaled = x, unscaled_y, z_upper, z_lower, box
-        unscale(self.unit, self.place, self.ends, (x, y, Z), unscaled)
-        return self.small.certificate(unscaled_y, z_upper, z_lower)
+        _, y, z_upper, z_lower, _ = self.unscaled(np.zeros(self.n), y, Z)
+        return self.small.certificate(y, z_upper, z_lower)
 
     def ray(self, dx: np.ndarray) -> np.ndarray:
         """Return the direction of the x of the QP that was presolved."""
