@@ -13,7 +13,7 @@ from typing import Any
 
 from namlcp.lcp import Prepared, solve_lcp
 from namlcp.options import Options
-from namlcp.qp import solve_qp
+from namlcp.qp import Solver, solve_qp
 from namlcp.qpsolvers import register
 from namlcp.residuals import Residuals, natural_residual, qp_residuals
 from namlcp.result import LCPResult, QPResult
@@ -26,6 +26,7 @@ __all__ = [
     "Prepared",
     "QPResult",
     "Residuals",
+    "Solver",
     "Status",
     "Verdict",
     "converges",

@@ -39,6 +39,15 @@ class Memory:
         """Let a copy start empty: the factors cannot be copied."""
         return Memory, ()
 
+    def adopt(self, qp: QP) -> None:
+        """Take the matrices of `qp` as they are, where nobody will change their values.
+
+        P was found positive semidefinite.
+        """
+        if not qp.is_dense:
+            self.matrices = [qp.P, qp.G, qp.A]
+            self.convex = qp.P
+
     def known(self, *matrices: Any) -> list[Any]:
         """Return P, G and A (CSC), each replaced by its kept copy if that is equal."""
         if not self.matrices:

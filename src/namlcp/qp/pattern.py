@@ -1,0 +1,59 @@
+"""Matrices with new values in the storage and the pattern of old ones."""
+
+from typing import Any
+
+import numpy as np
+
+from namlcp.checks import as_sparse, from_arrays, matrix
+from namlcp.linalg import as_dense
+
+
+def in_place_of(name: str, value: Any, kept: Any) -> Any:
+    """Return a user's matrix checked, as `kept` is stored: dense, or in its pattern.
+
+    Entries that the pattern has and the user's matrix has not are zeros. Raises a
+    ValueError where the shapes differ, or an entry lies outside the pattern.
+    """
+    new = matrix(name, value, "csc")
+    if new.shape != kept.shape:
+        raise ValueError(
+            f"{name} must have shape {kept.shape} as before, got {new.shape}: "
+            "make a new Solver for a problem of another size"
+        )
+    if type(kept) is np.ndarray:
+        return new if type(new) is np.ndarray else as_dense(new)
+    found = within_pattern(as_sparse(new), kept)
+    if found is None:
+        raise ValueError(
+            f"{name} must have no entries outside the pattern of the first {name}: "
+            "make a new Solver, or store zeros there from the start"
+        )
+    return found
+
+
+def within_pattern(new: Any, kept: Any) -> Any:
+    """Return a matrix with the pattern of `kept` and the entries of `new`, both CSC.
+
+    It is `new` itself where the patterns are equal, and None where `new` has an entry
+    outside the pattern.
+    """
+    if np.array_equal(new.indptr, kept.indptr) and np.array_equal(
+        new.indices, kept.indices
+    ):
+        return new
+    wanted, present = places(kept), places(new)
+    position = np.searchsorted(wanted, present)
+    inside = position < wanted.size
+    inside[inside] = wanted[position[inside]] == present[inside]
+    if new.data[~inside].any():
+        return None
+    data = np.zeros(kept.data.size)
+    data[position[inside]] = new.data[inside]
+    return from_arrays((kept.indptr, kept.indices, data), kept.shape)
+
+
+def places(C: Any) -> np.ndarray:
+    """Return row + rows * column for each entry of a CSC matrix, which ascends."""
+    rows, columns = C.shape
+    column = np.repeat(np.arange(columns), np.diff(C.indptr))
+    return C.indices + rows * column

@@ -1,0 +1,221 @@
+"""`Solver`: one QP solved again and again, while its vectors and values change.
+
+A solve can use of the one before what depends on matrices alone (transforms, orders,
+factors: `Memory`) and the last point that solved the problem, with its active
+constraints (`Guess`). It begins with these. An answer SOLVED has been judged on the
+data as they are now, so it stands, however it was found; any other is replaced by the
+answer of a solve without them, which is the one of `solve_qp`.
+"""
+
+import time
+from copy import deepcopy
+from typing import Any
+
+import numpy as np
+
+from namlcp.checks import as_sparse, refuse_number, vector, without_huge
+from namlcp.options import DEFAULT_OPTIONS, Options
+from namlcp.qp.convexity import check_convex
+from namlcp.qp.guess import NO_GUESS, make_guess
+from namlcp.qp.memory import Memory
+from namlcp.qp.pattern import in_place_of, within_pattern
+from namlcp.qp.problem import QP, qp_data
+from namlcp.qp.solve import solve_checked
+from namlcp.result import QPResult
+from namlcp.status import Status
+
+# Vectors of a QP: the argument that sets the size, and the sign of the infinity that
+# means "no bound", 0 where all entries are finite.
+VECTORS = {"q": ("P", 0), "h": ("G", 1), "b": ("A", 0), "lb": ("P", -1), "ub": ("P", 1)}
+# Statuses that a solve without a start would not improve on.
+SETTLED = (Status.SOLVED, Status.TIME_LIMIT, Status.INTERRUPTED)
+
+
+class Solver:
+    """A convex QP that is solved again and again, with other vectors or values.
+
+    ``minimise 1/2 x'Px + q'x  subject to  Gx <= h,  Ax = b,  lb <= x <= ub``
+
+    `update` changes any of the arguments, `solve` solves. A solve gives what `solve_qp`
+    gives for the same problem, at a fraction of the time: it begins with the active
+    constraints of the last solution, and what depends on the matrices alone is not done
+    again while they stay.
+
+    Parameters
+    ----------
+    P, q, G, h, A, b, lb, ub
+        The problem, as for `solve_qp`; all are copied. The sizes stay, and so does the
+        pattern of sparse matrices.
+    **settings
+        The fields of `Options`, for all solves.
+
+    Raises
+    ------
+    ValueError, TypeError, MemoryError
+        As `solve_qp`. A P that is not positive semidefinite is refused here.
+
+    Notes
+    -----
+    Where P is singular a problem may have many solutions; then two solves may return
+    different ones, with the same objective. A Solver can be copied and pickled. One
+    Solver is for one thread at a time; Solvers in several threads run side by side, as
+    compiled code releases Python's lock.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from namlcp import Solver
+    >>> solver = Solver(np.eye(2), np.zeros(2), lb=np.zeros(2))
+    >>> for step in range(3):
+    ...     solver.update(q=np.array([-1.0, step - 1.0]))
+    ...     print(solver.solve().x + 0.0)
+    [1. 1.]
+    [1. 0.]
+    [1. 0.]
+    """
+
+    def __init__(
+        self,
+        P: Any,
+        q: Any,
+        G: Any = None,
+        h: Any = None,
+        A: Any = None,
+        b: Any = None,
+        lb: Any = None,
+        ub: Any = None,
+        **settings: Any,
+    ) -> None:
+        self.options = Options.from_names(settings) if settings else DEFAULT_OPTIONS
+        self.given = P, G, A = deepcopy((P, G, A))  # in the user's own storage
+        self.qp = qp_data(P, q, G, h, A, b, lb, ub)
+        self.qp = self.qp._replace(
+            **{name: getattr(self.qp, name).copy() for name in VECTORS}
+        )
+        check_convex(as_sparse(self.qp.P))
+        self.last: QPResult | None = None  # that was solved
+        self.memory = memory_of(self.qp)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy shares or a pickle holds: all but the memory."""
+        return {k: v for k, v in vars(self).items() if k != "memory"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Begin with an empty memory, which belongs to one Solver."""
+        vars(self).update(state)
+        self.memory = memory_of(self.qp)
+
+    def update(
+        self,
+        *,
+        q: Any = None,
+        h: Any = None,
+        b: Any = None,
+        lb: Any = None,
+        ub: Any = None,
+        P: Any = None,
+        G: Any = None,
+        A: Any = None,
+    ) -> None:
+        """Change arguments of the problem; what is None stays as it is.
+
+        An infinite entry of h, lb or ub means no constraint, and may become finite in a
+        later update. An entry of a sparse matrix may become zero, but those outside the
+        first pattern stay zeros.
+
+        Parameters
+        ----------
+        q, h, b, lb, ub : arrays, optional
+            As for `solve_qp`. They are copied.
+        P, G, A : arrays or sparse matrices, optional
+            The same, with other values. They are copied.
+
+        Raises
+        ------
+        ValueError, TypeError
+            An argument is malformed, of another size or pattern, or P is not positive
+            semidefinite. The problem then stays as it was.
+        """
+        old = self.qp
+        P0, q0, G0, h0, A0, b0, lb0, ub0 = old
+        if q is not None:
+            q0 = own_vector("q", q, old)
+        if h is not None:
+            h0 = own_vector("h", h, old)
+        if b is not None:
+            b0 = own_vector("b", b, old)
+        if lb is not None:
+            lb0 = own_vector("lb", lb, old)
+        if ub is not None:
+            ub0 = own_vector("ub", ub, old)
+        qp = QP(P0, q0, G0, h0, A0, b0, lb0, ub0)
+        if P is None and G is None and A is None:
+            self.qp = qp
+        else:
+            self.change_matrices(qp, {"P": P, "G": G, "A": A})
+
+    def change_matrices(self, qp: QP, changes: dict[str, Any]) -> None:
+        """Let `qp`, with those matrices changed that are not None, be the problem."""
+        new = deepcopy({name: M for name, M in changes.items() if M is not None})
+        given = tuple(new.get(k, M) for k, M in zip("PGA", self.given, strict=True))
+        new = {k: in_place_of(k, M, getattr(qp, k)) for k, M in new.items()}
+        changed = qp_data(*qp._replace(**new))
+        if not qp.is_dense:  # P + P' is stored without zeros
+            changed = changed._replace(P=within_pattern(changed.P, qp.P))
+        if "P" in new:
+            check_convex(as_sparse(changed.P))
+        self.qp, self.given = changed, given
+        self.memory.adopt(changed)
+
+    def solve(self, warm_start: Any = None) -> QPResult:
+        """Solve the problem as it is now.
+
+        Parameters
+        ----------
+        warm_start : QPResult or qpsolvers.Solution, optional
+            The solution of a similar problem of the same sizes, to begin with instead
+            of the last solution.
+
+        Returns
+        -------
+        QPResult
+            What `solve_qp` returns.
+
+        Raises
+        ------
+        ValueError, TypeError
+            warm_start is no solution of a problem of these sizes.
+        KeyboardInterrupt
+            Ctrl-C came outside a loop. The Solver can be used all the same.
+        """
+        start = time.perf_counter()
+        qp, options, given = self.qp, self.options, self.given
+        guess = make_guess(qp, None, self.last if warm_start is None else warm_start)
+        try:
+            result = solve_checked(
+                qp, options, guess, start, memory=self.memory, given=given
+            )
+            if result.status not in SETTLED:
+                result = solve_checked(qp, options, NO_GUESS, start, given=given)
+        except BaseException:
+            self.memory = memory_of(qp)  # what was to be kept may not be complete
+            raise
+        if result.status is Status.SOLVED:
+            self.last = result
+        return result
+
+
+def memory_of(qp: QP) -> Memory:
+    """Return a memory that knows the matrices of `qp`, which nobody changes."""
+    memory = Memory()
+    memory.adopt(qp)
+    return memory
+
+
+def own_vector(name: str, value: Any, qp: QP) -> np.ndarray:
+    """Return a copy of a user's vector, checked, that may replace the one of `qp`."""
+    other, infinity = VECTORS[name]
+    size = getattr(qp, name).size
+    new = vector(name, value, size, other, getattr(qp, other).shape).copy()
+    refuse_number(name, new, infinity != 0)
+    return without_huge(new, infinity) if infinity else new
