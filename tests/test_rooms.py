@@ -136,10 +136,17 @@ def test_rooms_and_modules_can_be_taken_in(tree):
 
 
 def test_functions_take_at_most_eight_parameters():
-    """Public ones may have more."""
+    """Public ones may have more, and so may the methods of public classes."""
     public = {*namlcp.__all__, "nam_solve_qp", "solve_qp", "solve_via_data"}
+    methods = {
+        (path, method.lineno)
+        for path in SOURCE.rglob("*.py")
+        for node in ast.parse(path.read_text()).body
+        if isinstance(node, ast.ClassDef) and node.name in namlcp.__all__
+        for method in node.body
+    }
     for path, node in functions(SOURCE):
-        if node.name not in public:
+        if node.name not in public and (path, node.lineno) not in methods:
             later = room_of(name_of(path)) in LATER
             exempt = later and node.decorator_list  # a kernel
             assert exempt or parameters(node) <= 8, f"{name_of(path)}.{node.name}"

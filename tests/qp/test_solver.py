@@ -13,8 +13,8 @@ from scipy import sparse
 
 import namlcp
 from namlcp import Solver, Status, solve_qp
-from namlcp.qp import solver as module
 from namlcp.qp.problem import qp_data
+from namlcp.qp.sequences import solver as module
 
 NAMES = ("P", "q", "G", "h", "A", "b", "lb", "ub")
 

@@ -18,8 +18,8 @@ from namlcp.options import DEFAULT_OPTIONS, Options
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import NO_GUESS, make_guess
 from namlcp.qp.memory import Memory
-from namlcp.qp.pattern import in_place_of, within_pattern
 from namlcp.qp.problem import QP, qp_data
+from namlcp.qp.sequences.pattern import in_place_of, within_pattern
 from namlcp.qp.solve import solve_checked
 from namlcp.result import QPResult
 from namlcp.status import Status
