@@ -22,6 +22,7 @@ FLOORS = (
     {"cli"},
     {"__init__", "scenes"},
     {"qpsolvers", "cvxpy"},
+    {"derivatives"},
     {"qp"},
     {"theory"},
     {"lcp"},
@@ -30,6 +31,8 @@ FLOORS = (
     {"first_use", "limits", "progress", "checks", "options", "status"},
     {"compiled"},
 )
+# The one import that points upwards: the methods of results open this room when called.
+UPWARDS = ("result", "derivatives")
 
 
 def name_of(path: Path) -> str:
@@ -77,7 +80,7 @@ def test_every_module_has_its_floor():
 
 def test_imports_point_downwards():
     for module, other, _ in IMPORTS:
-        if other:
+        if other and (module, other) != UPWARDS:
             assert floor(other) >= floor(module), f"{module} imports {other}"
 
 

@@ -100,6 +100,20 @@ def finite_vector(
     return array
 
 
+def finite_matrix(name: str, value: Any, other: str, shape: tuple[int, ...]) -> Any:
+    """Return `value` as `matrix` does, in CSC if sparse; raise unless it is finite.
+
+    `other`, of `shape`, is the argument that sets the shape.
+    """
+    C = matrix(name, value, "csc")
+    if C.shape != shape:
+        raise ValueError(
+            f"{name} must have shape {shape} to match {other}, got {C.shape}"
+        )
+    refuse_number(name, C.data if sp.issparse(C) else C, False)
+    return C
+
+
 CORRUPT, UNSORTED, CANONICAL = 0, 1, 2  # what `index_order` returns
 
 

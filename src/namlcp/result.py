@@ -1,11 +1,16 @@
 """What a solve returns."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from namlcp.residuals import Residuals
 from namlcp.status import Status
+
+if TYPE_CHECKING:
+    from namlcp.derivatives import QPDerivative, QPGradients, QPTangent
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -86,6 +91,12 @@ class QPResult:
         Seconds.
     history : structured array or None
         The rows of the verbose table, where the form has them.
+
+    Notes
+    -----
+    `backward` and `forward` read the arrays that were given to the solve, which must
+    not have been changed since. A result that is pickled or copied to another process
+    goes without them, and has no derivatives there.
     """
 
     status: Status
@@ -101,3 +112,98 @@ class QPResult:
     setup_time: float
     solve_time: float
     history: np.ndarray | None = None
+    problem: Any = field(default=None, repr=False)
+    """The checked QP and (P, G, A) as they were given, for the derivatives."""
+
+    def backward(
+        self, dx: Any = None, dy: Any = None, dz: Any = None, dz_box: Any = None
+    ) -> "QPGradients":
+        """Return the gradients of a scalar in the data of the QP.
+
+        Parameters
+        ----------
+        dx, dy, dz, dz_box : (n,), (p,), (m,), (n,) array, optional
+            The gradients of the scalar in x, y, z and z_box, 0 where absent.
+
+        Returns
+        -------
+        QPGradients
+            In P, q, G, h, A, b, lb and ub; its `weak` and `singular` tell where the
+            solution is not differentiable.
+
+        Raises
+        ------
+        ValueError
+            The status is not SOLVED, the result came from another process, or an
+            argument has a wrong shape.
+
+        Notes
+        -----
+        The formulas stand in `namlcp.derivatives.qp`. The first call factors the KKT
+        system of the active constraints; later calls, and `forward`, use its factors.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import namlcp
+        >>> result = namlcp.solve_qp(np.diag([1.0, 2.0]), [-1.0, -4.0], ub=[2.0, 1.0])
+        >>> gradients = result.backward(dx=[1.0, 1.0])  # of x_1 + x_2, x = (1, 1)
+        >>> gradients.q, gradients.ub
+        (array([-1., -0.]), array([0., 1.]))
+        """
+        return self.derivative.backward(dx, dy, dz, dz_box)
+
+    def forward(
+        self,
+        *,
+        dP: Any = None,
+        dq: Any = None,
+        dG: Any = None,
+        dh: Any = None,
+        dA: Any = None,
+        db: Any = None,
+        dlb: Any = None,
+        dub: Any = None,
+    ) -> "QPTangent":
+        """Return the derivative of the solution along a direction of the data.
+
+        Parameters
+        ----------
+        dP, dq, dG, dh, dA, db, dlb, dub : arrays, optional
+            The direction, shaped as the data, 0 where absent; matrices dense or sparse,
+            of dP the symmetric part counts.
+
+        Returns
+        -------
+        QPTangent
+            The derivatives of x, y, z and z_box.
+
+        Raises
+        ------
+        ValueError
+            As for `backward`.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import namlcp
+        >>> result = namlcp.solve_qp(np.diag([1.0, 2.0]), [-1.0, -4.0], ub=[2.0, 1.0])
+        >>> result.forward(dq=[1.0, 0.0], dub=[0.0, 1.0]).x
+        array([-1.,  1.])
+        """
+        return self.derivative.forward(
+            P=dP, q=dq, G=dG, h=dh, A=dA, b=db, lb=dlb, ub=dub
+        )
+
+    @cached_property
+    def derivative(self) -> "QPDerivative":
+        """The active constraints and factors of `backward` and `forward`."""
+        from namlcp.derivatives import differentiate_qp
+
+        return differentiate_qp(self)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the problem and the factors behind."""
+        state = vars(self) | {"problem": None}
+        state.pop("derivative", None)
+        return state

@@ -120,7 +120,8 @@ def solve_checked(
     """Solve a checked QP; `start` is the time.perf_counter() of the call.
 
     `memory` may be kept for the next problem of the same pattern; it is changed.
-    `given`: P, G and A as the user holds them, whose sums `upheld` asks.
+    `given`: P, G and A as the user holds them, whose sums `upheld` asks, and in whose
+    form their gradients are.
     """
     progress = None
     if options.verbose or history:
@@ -151,6 +152,7 @@ def solve_checked(
         setup_time=ready - start,
         solve_time=end - ready,
         history=progress.history() if progress is not None and history else None,
+        problem=(qp, given),
     )
 
 

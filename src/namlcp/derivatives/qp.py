@@ -1,0 +1,184 @@
+"""The derivative of the solution of a QP in all of its data.
+
+min 1/2 x'Px + q'x with Gx <= h (z), Ax = b (y), lb <= x <= ub (z_box). Let I be the
+strictly active rows of G, B the variables at strictly active bounds, F the others,
+C = [A; G_I] and v = (y, z_I). The KKT conditions of the active set are equations with
+the symmetric matrix
+
+    K = [P_FF  C_F']
+        [C_F   0   ],
+
+whose factors serve both directions. Backward, from the gradients (gx, gy, gz, gz_box)
+of a scalar in the solution:
+
+    u_B = gz_box_B,   K (u_F, v) = ((gx - P u0)_F, (gy, gz_I) - C u0),   u0 = (u_B, 0),
+    v = (nu, lam_I),  mu = gx - P u - G'lam - A'nu  (0 on F)
+    g_q = -u,   g_h = lam,   g_b = nu,   g_lb, g_ub = mu at the bounds active there
+    g_P = -(u x' + x u')/2,   g_G = -(z u' + lam x'),   g_A = -(y u' + nu x')
+
+Forward, along a direction of the data, with r = dP x + dq + dG'z + dA'y:
+
+    dx_B = dlb or dub,   e = (db - dA x, (dh - dG x)_I),   dx0 = (dx_B, 0)
+    K (dx_F, dv) = (-(r + P dx0)_F, e - C dx0)
+    dz_box_B = -(P dx + C'dv + r)_B
+
+(Amos and Kolter, OptNet, ICML 2017; Magoon et al., dQP, 2024.) These are the
+derivatives where all active constraints are strictly active and K is regular.
+Elsewhere the solution has kinks, and an element of the generalised Jacobian is chosen:
+weakly active constraints are dropped, kept where K is singular without them, and a
+solution of least norm is taken where it is singular with them.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from namlcp.checks import finite_matrix, finite_vector
+from namlcp.derivatives.active import ActiveSet, active_sets
+from namlcp.derivatives.dense_system import DenseSystem
+from namlcp.derivatives.gradients import QPGradients, QPTangent, RankTwo
+from namlcp.derivatives.sparse_system import SparseSystem
+from namlcp.linalg import by_rows, submatrix
+from namlcp.qp import QP, Point
+from namlcp.result import QPResult
+from namlcp.status import Status
+
+
+class QPDerivative:
+    """The derivative of one solution: its active set, and the factors of K.
+
+    Attributes
+    ----------
+    weak : int
+        How many constraints are active with a multiplier 0.
+    singular : bool
+        Whether K is singular with the strictly active constraints alone.
+    """
+
+    def __init__(self, qp: QP, given: tuple[Any, Any, Any], point: Point) -> None:
+        """Choose the active set and factor; `given`: the user's own P, G and A."""
+        self.qp, self.point = qp, point
+        self.patterns = [
+            own if user is None else user
+            for own, user in zip((qp.P, qp.G, qp.A), given, strict=True)
+        ]
+        strict, active = active_sets(qp, point)
+        self.weak = active.size - strict.size
+        self.hold(strict)
+        self.singular = not self.system.regular
+        if self.singular and self.weak:
+            self.hold(active)
+
+    def hold(self, active: ActiveSet) -> None:
+        """Factor the KKT system of an active set."""
+        self.active = active
+        self.free = np.flatnonzero(active.side == 0)
+        self.fixed = np.flatnonzero(active.side)
+        P, G, A, free = self.qp.P, self.qp.G, self.qp.A, self.free
+        self.system: DenseSystem | SparseSystem
+        if self.qp.is_dense:
+            C = np.concatenate((A, G[active.rows]))
+            if self.fixed.size:
+                P, C = P[np.ix_(free, free)], C[:, free]
+            self.system = DenseSystem(P, C)
+        else:
+            every = np.arange(A.shape[0])
+            A, G = submatrix(A, every, free), submatrix(G, active.rows, free)
+            P = submatrix(P, free, free)
+            self.system = SparseSystem(P, by_rows(A), by_rows(G))
+
+    def solve(
+        self, r: np.ndarray, d: np.ndarray, e: np.ndarray, u: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Write u_F and return (lam, nu), for a given u_B and lam = 0 outside I.
+
+        (P u + G'lam + A'nu)_F = r_F,   G_I u = d_I,   A u = e
+        """
+        qp, rows, free = self.qp, self.active.rows, self.free
+        if self.fixed.size and u.any():
+            r, d, e = r - qp.P @ u, d - qp.G @ u, e - qp.A @ u
+        u[free], v = self.system.solve(r[free], np.concatenate((e, d[rows])))
+        lam = np.zeros(qp.h.size)
+        lam[rows] = v[e.size :]
+        return lam, v[: e.size]
+
+    def backward(self, dx: Any, dy: Any, dz: Any, dz_box: Any) -> QPGradients:
+        """Return the gradients of a scalar in the data from those in the solution."""
+        qp, fixed, side = self.qp, self.fixed, self.active.side
+        gx, gz_box = self.vector("dx", dx, "x"), self.vector("dz_box", dz_box, "z_box")
+        gy, gz = self.vector("dy", dy, "y"), self.vector("dz", dz, "z")
+        x, y, z, _ = self.point
+        u = np.zeros(x.size)
+        u[fixed] = gz_box[fixed]
+        lam, nu = self.solve(gx, gz, gy, u)
+        lb, ub = np.zeros((2, x.size))
+        if fixed.size:
+            mu = gx - qp.P @ u - lam @ qp.G - nu @ qp.A
+            lb[side < 0], ub[side > 0] = mu[side < 0], mu[side > 0]
+        products = (
+            RankTwo(-0.5 * u, x, x, -0.5 * u),
+            RankTwo(-z, u, -lam, x),
+            RankTwo(-y, u, -nu, x),
+        )
+        matrices = tuple(zip(products, self.patterns, strict=True))
+        return QPGradients((-u, lam, nu, lb, ub), matrices, self.weak, self.singular)
+
+    def forward(self, **changes: Any) -> QPTangent:
+        """Return the derivative of the solution along a direction of the data."""
+        qp, fixed, side = self.qp, self.fixed, self.active.side
+        x, y, z, _ = self.point
+        d = self.direction(changes)
+        r = d["q"]
+        if d["P"] is not None:
+            r = r + 0.5 * (d["P"] @ x + x @ d["P"])
+        dh, db = d["h"], d["b"]
+        if d["G"] is not None:
+            r, dh = r + z @ d["G"], dh - d["G"] @ x
+        if d["A"] is not None:
+            r, db = r + y @ d["A"], db - d["A"] @ x
+        dx = np.where(side < 0, d["lb"], np.where(side > 0, d["ub"], 0.0))
+        dz, dy = self.solve(-r, dh, db, dx)
+        dz_box = np.zeros(x.size)
+        if fixed.size:
+            dz_box[fixed] = -(r + qp.P @ dx + dz @ qp.G + dy @ qp.A)[fixed]
+        return QPTangent(dx, dy, dz, dz_box, self.weak, self.singular)
+
+    def vector(self, name: str, value: Any, part: str) -> np.ndarray:
+        """Return a gradient in a part of the solution, 0 if it is None."""
+        own = getattr(self.point, part)
+        if value is None:
+            return np.zeros(own.size)
+        return finite_vector(name, value, own.size, part, own.shape)
+
+    def direction(self, changes: dict[str, Any]) -> dict[str, Any]:
+        """Return the changes of the data by their names; an absent matrix is None."""
+        out: dict[str, Any] = {}
+        for name, own in zip(QP._fields, self.qp, strict=True):
+            value = changes[name]
+            if own.ndim == 1:
+                out[name] = (
+                    np.zeros(own.size)
+                    if value is None
+                    else finite_vector(f"d{name}", value, own.size, name, own.shape)
+                )
+            elif value is None:
+                out[name] = None
+            else:
+                out[name] = finite_matrix(f"d{name}", value, name, own.shape)
+        return out
+
+
+def differentiate_qp(result: QPResult) -> QPDerivative:
+    """Return the derivative of a solution; raise ValueError if there is none."""
+    if result.status is not Status.SOLVED:
+        raise ValueError(
+            f"derivatives need a result of status solved, got {result.status.value}"
+        )
+    if result.problem is None:
+        raise ValueError(
+            "derivatives need the result in the process that solved: a pickled one has "
+            "lost the problem"
+        )
+    qp, given = result.problem
+    point = Point(result.x, result.y, result.z, result.z_box)
+    return QPDerivative(qp, given, point)
