@@ -7,6 +7,7 @@ machine      what times depend on: processor and versions; which solvers are ins
 processes    a solver in a child process with a time limit
 qp_solvers   what each solver is told
 judging      is an answer right? residuals recomputed from the point
+conic        QPs in conic form, and the solver that takes no other
 qps          QPs of qpsolvers taken apart and put together
 tables       rows selected and printed
 timing       times and memory of calls

@@ -11,6 +11,8 @@ from pathlib import Path
 import qpsolvers
 
 PACKAGES = {"nam": "namlcp", "proxqp": "proxsuite", "highs": "highspy"}
+OWN_INTERFACES = ("nam", "moreau")
+"""Solvers that qpsolvers does not know, or only once their package is imported."""
 THREADS = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "RAYON")
 """Libraries whose threads an environment variable limits; numba has its own."""
 
@@ -49,8 +51,9 @@ def installed(solvers: Iterable[str]) -> list[str]:
     found = []
     for solver in solvers:
         here = solver in qpsolvers.available_solvers
-        if solver == "nam":
-            here = importlib.util.find_spec("namlcp") is not None
+        if solver in OWN_INTERFACES:
+            package = PACKAGES.get(solver, solver)
+            here = importlib.util.find_spec(package) is not None
         if here:
             found.append(solver)
         else:

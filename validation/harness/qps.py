@@ -52,6 +52,13 @@ def tiny_problems(problem: Problem) -> Iterator[Problem]:
         )
 
 
+def sparse(problem: Problem) -> Problem:
+    """Return the problem with matrices in CSC, for the solvers that want them."""
+    P, q, G, h, A, b, lb, ub = problem.unpack()
+    P, G, A = (None if C is None else sp.csc_matrix(C) for C in (P, G, A))
+    return Problem(P, q, G, h, A, b, lb, ub)
+
+
 def filled(problem: Problem) -> Problem:
     """Return the problem with dense matrices, for the solvers that want them."""
     P, q, G, h, A, b, lb, ub = problem.unpack()

@@ -37,7 +37,7 @@ from validation.peers.runs import (
 )
 from validation.problems import osqp_classes
 
-SOLVERS = ["nam", "piqp", "clarabel", "osqp", "proxqp", "highs"]
+SOLVERS = ["nam", "piqp", "clarabel", "osqp", "proxqp", "highs", "moreau", "qtqp"]
 SIZES = range(1, len(osqp_classes.ENTRIES) + 1)
 
 

@@ -21,7 +21,6 @@ import sys
 import time
 
 import numpy as np
-import qpsolvers
 from qpsolvers import Problem, Solution
 
 from validation.harness import (
@@ -40,7 +39,7 @@ from validation.harness import (
 )
 from validation.problems import infeasible_cases as cases
 
-SOLVERS = ["nam", "osqp", "piqp", "clarabel", "proxqp"]
+SOLVERS = ["nam", "osqp", "piqp", "clarabel", "proxqp", "moreau", "qtqp"]
 COLUMNS = (
     "problem group truth solver eps variables equalities inequalities outcome verdict "
     "runtime cold twin iterations form certificate status"
@@ -108,7 +107,7 @@ def solve(job: Job, problem: Problem, eps: float) -> Row:
     job.ready()
     try:
         solution, cold, runtime = timing.median_time(
-            lambda: qpsolvers.solve_problem(problem, solver=job.solver, **settings),
+            lambda: qp_solvers.solve(problem, job.solver, **settings),
             time.process_time,
         )
         said, words = judging.verdict(problem, solution, eps)

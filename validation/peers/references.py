@@ -13,6 +13,8 @@ import scipy.sparse as sp
 from qpsolvers import Problem, Solution
 from scipy.sparse.linalg import splu
 
+from validation.harness import conic
+
 WIDE = np.longdouble
 STEPS = 30
 ACCEPTED = 1e-11  # of the largest term: the wrong sign of a constraint or multiplier
@@ -38,26 +40,6 @@ def strictly_convex(P: Any) -> bool:
     return bool(factors.U.diagonal().min() > STRICT)
 
 
-def constraints(problem: Problem) -> tuple[sp.csr_array, np.ndarray, int]:
-    """Return C and d of C x <= d (G, upper, lower bounds), below A x = b: C, d, p."""
-    n = problem.q.size
-    eye = sp.eye_array(n, format="csr")
-    rows, sides, p = [sp.csr_array((0, n))], [np.zeros(0)], 0
-    if problem.A is not None:
-        rows.append(sp.csr_array(problem.A))
-        sides.append(problem.b)
-        p = problem.b.size
-    if problem.G is not None:
-        rows.append(sp.csr_array(problem.G))
-        sides.append(problem.h)
-    for sign, bound in ((1.0, problem.ub), (-1.0, problem.lb)):
-        if bound is not None:
-            finite = np.isfinite(bound)
-            rows.append(sp.csr_array(sign * eye)[finite])
-            sides.append(sign * bound[finite])
-    return sp.csr_array(sp.vstack(rows)), np.concatenate(sides), p
-
-
 def multipliers(problem: Problem, solution: Solution) -> np.ndarray:
     """Return the multipliers of `constraints`, in their order."""
     parts = [np.zeros(0)]
@@ -76,7 +58,7 @@ def reference(problem: Problem, solution: Solution) -> np.ndarray | None:
     """
     if solution.x is None or not strictly_convex(problem.P):
         return None
-    C, d, p = constraints(problem)
+    C, d, p = conic.stacked(problem)
     slack = d - C @ solution.x
     active = multipliers(problem, solution) > slack
     active[:p] = True

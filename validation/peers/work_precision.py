@@ -55,7 +55,7 @@ from validation.peers.references import distance, reference
 from validation.peers.runs import run_problem
 from validation.problems import families
 
-SOLVERS = "nam piqp proxqp daqp quadprog clarabel osqp scs highs".split()
+SOLVERS = "nam piqp proxqp daqp quadprog clarabel osqp scs highs moreau qtqp".split()
 DENSE = ("daqp", "quadprog")  # solvers that fill P
 DENSE_MOST = 3000  # variables at most for them
 OURS = ("nam", "sweep auto")
