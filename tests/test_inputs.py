@@ -230,7 +230,7 @@ LCP_REFUSALS = [
     (PAIR, {"method": "pgs", "alpha": 1.0}, (TypeError, ValueError), "alpha"),
     (
         PAIR, {"method": "pgs", "eps_rel": 1e-3}, ValueError,
-        "eps_rel is for method \"auto\" or \"multigrid\", not for method 'pgs'",
+        "eps_rel is not for sweep methods, got method 'pgs'",
     ),
     (
         PAIR, {"s0": ONE}, ValueError,

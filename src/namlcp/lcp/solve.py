@@ -2,6 +2,8 @@
 
 import math
 import time
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,7 +13,8 @@ from namlcp.checks import finite_vector
 from namlcp.lcp.auto import LARGE_LCP, solve_auto
 from namlcp.lcp.criterion import Criterion
 from namlcp.lcp.data import LCP, Outcome, is_ordinary, lcp_data
-from namlcp.lcp.modulus import SOLVERS, Parameters, find_method, sweep
+from namlcp.lcp.general import pivot_until, solve_lemke
+from namlcp.lcp.modulus import SOLVERS, Parameters, find_method, spread, sweep
 from namlcp.lcp.multigrid import ascend, solve_by_multigrid
 from namlcp.lcp.operators import Operator
 from namlcp.lcp.pivoting import ACCURACY, pivot
@@ -28,6 +31,8 @@ from namlcp.result import LCPResult
 SWEEP_EPS_ABS = 1e-8
 """Default eps_abs of the sweep methods."""
 
+Solver = Callable[[LCP, np.ndarray | None, Limits], Outcome]
+
 
 @interruptible
 def solve_lcp(
@@ -42,6 +47,7 @@ def solve_lcp(
     beta: float | None = None,
     omega: Any = None,
     shift: Any = None,
+    cover: Any = None,
     s0: Any = None,
     z0: Any = None,
     threads: int | None = None,
@@ -74,7 +80,10 @@ def solve_lcp(
         it is MPRGP, see `namlcp.lcp.mprgp`; no other method takes one.
         "multigrid" means multigrid cycles alone, for matrices like those of
         differential equations, see `namlcp.lcp.multigrid`; "auto" tries them from order
-        10^4 on. Otherwise the name of a sweep method: `namlcp.lcp.modulus.methods`.
+        10^4 on. "lemke" means Lemke's method alone, with a dense tableau, for n up to
+        5000; which matrices it suits, and what its rays prove, says
+        `namlcp.lcp.general.lemke`. Otherwise the name of a sweep method:
+        `namlcp.lcp.modulus.methods`.
     diagonal : (n,) array
         diag(A) of a LinearOperator, to scale the problem; it is not scaled without.
     alpha, beta : float
@@ -83,10 +92,13 @@ def solve_lcp(
     omega, shift : float or (n,) array
         Diagonals of the sweep methods; a number c stands for c I. omega = "auto" is a
         multiple of diag(A), chosen during the run.
+    cover : float or (n,) array
+        Covering vector d > 0 of "lemke", 1 by default: its path begins at w = A z + q +
+        z_0 d with a large z_0. Entries of unknowns without bounds have no effect.
     s0 : (n,) array
         Start of a sweep method in the modulus variable (scale r = 2), instead of z0.
     z0 : (n,) array
-        Start.
+        Start; "lemke" has none.
     threads : int
         For a sparse A and a triangular sweep method: largest number of threads. Rows
         are then swept in the coloured order of `namlcp.lcp.modulus.coloured`; its
@@ -95,13 +107,14 @@ def solve_lcp(
     eps_abs : float
         Solved when Res(z) = || z - clip(z - w, lower, upper) ||_2 < eps_abs.
     eps_rel : float
-        "auto" and "multigrid" only. Solved when Res of the problem scaled to a unit
+        Not for sweep methods. Solved when Res of the problem scaled to a unit
         diagonal is at most eps_rel times its value at z = clip(0); "auto" returns
         clip(0) if that value is rounding error. If neither tolerance is given, eps_rel
         = 1e-9; if one is given, the other is 0.
     max_iter : int
-        Limit on sweeps; for "multigrid" on cycles; for "auto" on cycles, factorisations
-        or, with a LinearOperator, iterations ("auto" limits its sweeps itself).
+        Limit on sweeps; for "multigrid" on cycles; for "lemke" on pivots; for "auto"
+        on cycles, factorisations or, with a LinearOperator, iterations ("auto" limits
+        its sweeps itself).
     time_limit : float
         Limit on the time of the solve [s]. The best point so far is then returned, as
         it is after Ctrl-C in the main thread (a second one raises KeyboardInterrupt).
@@ -125,11 +138,14 @@ def solve_lcp(
 
     Notes
     -----
-    Pivoting follows Judice and Pires [1]_, see `namlcp.lcp.pivoting`.
+    Pivoting follows Judice and Pires [1]_, see `namlcp.lcp.pivoting`; Lemke's method
+    Cottle, Pang and Stone [2]_.
 
     References
     ----------
     .. [1] J. J. Judice and F. M. Pires, Computers Ops Res 21 (1994) 587-596.
+    .. [2] R. W. Cottle, J.-S. Pang and R. E. Stone, The Linear Complementarity Problem
+       (1992), section 4.4.
 
     Examples
     --------
@@ -145,13 +161,16 @@ def solve_lcp(
     deadline = Deadline(start + check_limits(eps_abs, eps_rel, max_iter, time_limit))
     check_flag("history", history)
     check_flag("verbose", verbose)
-    find_method(method, alpha=alpha, beta=beta, omega=omega, shift=shift)
+    find_method(method, alpha=alpha, beta=beta, omega=omega, shift=shift, cover=cover)
     if method in SOLVERS:
         refuse("is for the sweep methods, not for", method, s0=s0, threads=threads)
     else:
-        refuse('is for method "auto" or "multigrid", not for', method, eps_rel=eps_rel)
+        refuse("is not for sweep methods, got", method, eps_rel=eps_rel)
+    if method == "lemke":
+        refuse("is not for", method, z0=z0)
     matrix = prepared(A, diagonal, method)
     lcp = lcp_data(matrix, q, lower, upper)
+    cover = spread("cover", cover, lcp.q.size, np.ones(lcp.q.size), positive=True)
     progress = Progress(LCP_COLUMNS, verbose)
     if verbose:
         progress.say(f"namlcp  LCP: n = {lcp.q.size}, method = {method}")
@@ -166,7 +185,7 @@ def solve_lcp(
             if eps_rel is None:
                 eps_rel = ACCURACY if eps_abs is None else 0.0
             limits = Limits(eps_abs or 0.0, eps_rel, max_iter, deadline, report)
-            outcome = solve_exactly(lcp, method, z0, limits)
+            outcome = solve_exactly(lcp, solver_of(method, cover), z0, limits)
         else:
             eps_abs = SWEEP_EPS_ABS if eps_abs is None else eps_abs
             limits = Limits(eps_abs, 0.0, max_iter, deadline, report)
@@ -200,12 +219,18 @@ def solve_lcp(
     )
 
 
-def solve_exactly(lcp: LCP, method: str, z0: Any, limits: Limits) -> Outcome:
-    """Solve by one of SOLVERS, scaled by `unit_of` so that squares stay in range."""
+def solver_of(method: str, cover: np.ndarray) -> Solver:
+    """Return the function of one of SOLVERS."""
+    if method == "lemke":
+        return partial(solve_lemke, cover=cover)
+    return solve_auto if method == "auto" else solve_multigrid
+
+
+def solve_exactly(lcp: LCP, solver: Solver, z0: Any, limits: Limits) -> Outcome:
+    """Call the solver on the LCP scaled by `unit_of`, so that squares stay in range."""
     n = lcp.q.size
     if z0 is not None:
         z0 = finite_vector("z0", z0, n, "A", (n, n))
-    solver = solve_auto if method == "auto" else solve_multigrid
     unit = unit_of(lcp)
     if unit == 1.0:
         return solver(lcp, z0, limits)
@@ -262,6 +287,8 @@ def first_kernel(matrix: Prepared, method: str) -> Any:
         return None
     if method == "multigrid":
         return ascend
+    if method == "lemke":
+        return pivot_until
     if matrix.tridiagonal is not None:
         return solve_faces
     return relax_csr if issparse(A) and A.shape[0] >= LARGE_LCP else pivot

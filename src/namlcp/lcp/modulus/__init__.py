@@ -7,5 +7,6 @@ from namlcp.lcp.modulus.methods import (
     Parameters,
     checked_parameters,
     find_method,
+    spread,
 )
 from namlcp.lcp.modulus.sweeps import sweep

@@ -50,8 +50,8 @@ METHODS = {
 }
 
 
-SOLVERS = {"auto": Method(()), "multigrid": Method(())}
-"""Methods of `solve_lcp` that are not sweep methods: they have no parameters."""
+SOLVERS = {"auto": Method(()), "multigrid": Method(()), "lemke": Method(("cover",))}
+"""Methods of `solve_lcp` that are not sweep methods."""
 
 KNOWN = SOLVERS | METHODS
 
@@ -98,7 +98,7 @@ def find_method(method: str, **given: Any) -> Method:
     chosen = KNOWN[method]
     for name, value in given.items():
         if value is not None and name not in chosen.takes:
-            takers = [key for key, other in METHODS.items() if name in other.takes]
+            takers = [key for key, other in KNOWN.items() if name in other.takes]
             raise ValueError(
                 f"{name} is not a parameter of method {method!r}, "
                 f"only of {', '.join(takers)}"

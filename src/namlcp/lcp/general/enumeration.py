@@ -1,0 +1,78 @@
+"""Tiny LCPs by all their complementary cones: a solution, or a proof of none.
+
+LCP(q, A) has a solution if and only if q lies in one of the 2^n cones pos C(F), where F
+is a set of indices and C(F) has the columns -A e_i for i in F, e_i for the others:
+then z_F and w_B with C(F) (z_F, w_B) = q solve it. If C(F) is regular, each row r of
+its inverse with r q < 0 is a plane that separates q from the cone, at the distance
+-r q / |r|. Where that leaves it open, the distance is found by least squares.
+
+References
+----------
+Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 1.3.
+"""
+
+import numpy as np
+
+from namlcp.lcp.criterion import Criterion
+from namlcp.lcp.data import LCP, Outcome
+from namlcp.lcp.general.plain import Plain
+from namlcp.limits import Limits
+from namlcp.status import Status
+
+LARGEST_ENUMERATION = 12
+"""Largest order: its 4096 cones take some hundredths of a second."""
+
+OUTSIDE = 1e-9
+"""Distance of q from a cone, relative to |q|, that rounding cannot explain."""
+
+
+def solve_by_enumeration(
+    lcp: LCP, z0: np.ndarray | None, limits: Limits
+) -> Outcome | None:
+    """Return a solution, or UNSOLVABLE if q is clearly outside every cone, else None.
+
+    None, too, if the plain form is of a larger order. The method has no use for z0. Its
+    iterations are the cones.
+    """
+    if lcp.q.size > LARGEST_ENUMERATION:
+        return None
+    try:
+        plain = Plain(lcp)
+    except np.linalg.LinAlgError:
+        return None
+    m = plain.r.size
+    if not 1 <= m <= LARGEST_ENUMERATION:
+        return None
+    from scipy.optimize import nnls  # takes long to import
+
+    criterion = Criterion(lcp, limits)
+    size = float(np.linalg.norm(plain.r)) or 1.0
+    faces = (np.arange(2**m)[:, None] >> np.arange(m)) % 2 == 1
+    cones = np.where(faces[:, None, :], -plain.M, np.eye(m))
+    best, nearest = np.zeros(m), np.inf
+    for k in np.flatnonzero(least_distances(cones, plain.r) <= OUTSIDE * size):
+        if limits.deadline.reached():
+            return None
+        x, distance = nnls(cones[k], plain.r)
+        p = np.where(faces[k], x, 0.0)
+        if distance < nearest:
+            nearest, best = distance, p
+        if distance <= OUTSIDE * size:
+            z = lcp.start(plain.point(p))
+            w = lcp.w(z)
+            if criterion.accepts(z, w):
+                return Outcome(Status.SOLVED, z, w, int(k) + 1, "enumeration")
+    if nearest <= OUTSIDE * size:
+        return None
+    z = lcp.start(plain.point(best))
+    return Outcome(Status.UNSOLVABLE, z, lcp.w(z), 2**m, "enumeration")
+
+
+def least_distances(cones: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Return lower bounds of the distance of q from each cone, 0 where singular."""
+    bound = np.zeros(len(cones))
+    regular = np.linalg.slogdet(cones)[0] != 0.0
+    inverse = np.linalg.inv(cones[regular])
+    apart = -(inverse @ q) / np.linalg.norm(inverse, axis=2)
+    bound[regular] = apart.max(axis=1)
+    return bound

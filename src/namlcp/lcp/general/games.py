@@ -1,0 +1,119 @@
+"""Bimatrix games by the method of Lemke and Howson, from every label in turn.
+
+With positive costs R (p x r) and S (r x p) of two players, the mixed strategies of an
+equilibrium are the normed parts of z = (x, y) >= 0 with
+
+    w = [0 R; S 0] z - 1 >= 0,   z'w = 0.
+
+Lemke's method with d = (1, ..., 1) ends on a ray at its first pivot here. A path of
+Lemke and Howson begins with z_k > 0 of a label k, whose pair alone need not be
+complementary. It always ends, at an equilibrium, but may take very many pivots where
+that of another label takes a few. So all labels race, with limits that grow.
+
+References
+----------
+Lemke and Howson, J. SIAM 12 (1964) 413-423.
+Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 4.4.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from scipy import sparse
+
+from namlcp.lcp.criterion import Criterion
+from namlcp.lcp.data import LCP, Outcome
+from namlcp.lcp.general.lemke import LARGEST_TABLEAU, last_largest
+from namlcp.lcp.general.plain import dense, is_plain
+from namlcp.lcp.general.tableau import DONE, Tableau, exchange, pivot_until
+from namlcp.limits import Limits
+from namlcp.status import Status
+
+FIRST_LIMIT, GROWTH = 20, 4
+"""Pivots at most from each label in the first round, and the factor to the next."""
+
+LAST_LIMIT = 1000
+"""No round allows more than LAST_LIMIT n pivots from each label."""
+
+
+class Game(NamedTuple):
+    """A game: the labels of the two players, and A with row i divided by -q_i."""
+
+    players: tuple[np.ndarray, np.ndarray]
+    cost: np.ndarray
+
+
+def game_of(lcp: LCP) -> Game | None:
+    """Return the game if A is a permutation of [0 R; S 0] and q < 0, else None."""
+    A, q = lcp.A, lcp.q
+    if not 2 <= q.size <= LARGEST_TABLEAU or not is_plain(lcp) or not (q < 0.0).all():
+        return None
+    row = dense(A[[0]])[0]
+    first, second = np.flatnonzero(row == 0.0), np.flatnonzero(row)
+    entries = 2 * first.size * second.size
+    if not entries or (sparse.issparse(A) and A.nnz != entries):
+        return None
+    A = dense(A)
+    own = A[np.ix_(first, first)].any() or A[np.ix_(second, second)].any()
+    if own or np.count_nonzero(A > 0.0) != entries:
+        return None
+    return Game((first, second), A / -q[:, None])
+
+
+def solve_game(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome | None:
+    """Return an equilibrium, None if the LCP is no game or no path came to its end.
+
+    limits.max_iter counts the pivots of all paths. The method has no use for z0.
+    """
+    game = game_of(lcp)
+    if game is None:
+        return None
+    n, criterion = lcp.q.size, Criterion(lcp, limits)
+    start = Tableau.of(game.cost, np.full(n, -1.0))
+    limit = math.inf if limits.max_iter is None else limits.max_iter
+    count, most = 0, FIRST_LIMIT
+    while most <= LAST_LIMIT * n:
+        for k in range(n):
+            if count >= limit or limits.deadline.reached():
+                return None
+            tableau = Tableau(*(part.copy() for part in start))
+            end, made = follow_label(tableau, game, k, int(min(most, limit - count)))
+            count += made
+            if end == DONE:
+                z = equilibrium(game, tableau)
+                w = lcp.w(z)
+                if criterion.accepts(z, w):
+                    return Outcome(Status.SOLVED, z, w, count, "lemke-howson")
+        most *= GROWTH
+    return None
+
+
+def follow_label(tableau: Tableau, game: Game, k: int, most: int) -> tuple[int, int]:
+    """Follow the path of label k; return how it ended and the pivots made, at least 2.
+
+    Nothing is feasible at first: z_k takes the largest value that a row of the other
+    player asks for, then the pair of that row does the same for the player of k.
+    """
+    n, rows = tableau.basic.size, tableau.rows
+    own, other = game.players if k in game.players[0] else game.players[::-1]
+    s = other[last_largest(1.0 / rows[other, 1 + k])]
+    r = own[last_largest(1.0 / rows[own, 1 + s])]
+    exchange(tableau, s, 1 + k)
+    exchange(tableau, r, 1 + s)
+    if r == k:
+        return DONE, 2
+    end, _, made = pivot_until(tableau, n + r, (k, n + k), max(most - 2, 0))
+    return end, 2 + made
+
+
+def equilibrium(game: Game, tableau: Tableau) -> np.ndarray:
+    """Return z of the final basis, computed anew: free of the pivots' rounding."""
+    n = tableau.basic.size
+    z = tableau.values()[n : 2 * n]
+    face = np.flatnonzero(tableau.place[n : 2 * n] >= 0)
+    try:
+        z[face] = np.linalg.solve(game.cost[np.ix_(face, face)], np.ones(face.size))
+    except np.linalg.LinAlgError:  # rounding: the basis is singular
+        pass
+    return np.maximum(z, 0.0)

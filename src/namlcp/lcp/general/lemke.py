@@ -1,0 +1,170 @@
+"""Lemke's method on a dense tableau: z_0 d is added to w, then pivoted away.
+
+For w = A z + q + z_0 d with a covering vector d > 0, z = 0 and a large z_0 satisfy all
+signs. Complementary pivoting follows the path from there: it ends where z_0 leaves, a
+solution, or on a ray. It is finite by the lexicographic order of `tableau`; rounding
+may defeat that, and may end the path on a ray that is none.
+
+What a ray means depends on the class of A. If A is copositive-plus (x'Ax >= 0 for x >=
+0, and (A + A')x = 0 where that is 0), as all semidefinite matrices are, there is no z
+>= 0 with A z + q >= 0. If A is copositive and q'v >= 0 for all v >= 0 with A v >= 0,
+v'A v = 0, as with friction, or if A is strictly copositive or a P-matrix, there is no
+ray. Elsewhere it means nothing. The class is not tested; a ray is believed where its
+direction v proves on the data that no solution exists (`pivoting.proof`).
+
+References
+----------
+Lemke, Management Science 11 (1965) 681-689.
+Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 4.4.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from namlcp.lcp.criterion import Criterion
+from namlcp.lcp.data import LCP, Outcome
+from namlcp.lcp.general.plain import Plain
+from namlcp.lcp.general.tableau import DONE, MORE, Tableau, exchange, pivot_until
+from namlcp.lcp.pivoting import proof
+from namlcp.limits import Limits
+from namlcp.status import Status
+
+LARGEST_TABLEAU = 5000
+"""Largest order: the tableau then takes 200 MB."""
+
+TRIES, MORE_TRIES = 10, 100
+"""`solve_by_lemke` makes at most TRIES n + MORE_TRIES pivots with a covering vector:
+friction takes up to 2 n, and a path on which rounding has led back never ends."""
+
+PIVOTS, MORE_PIVOTS = 50, 10_000
+"""Default limit of the method by name: PIVOTS n + MORE_PIVOTS."""
+
+UNSEEN = 10_000_000
+"""Multiplications at most between two checks of the deadline: some milliseconds."""
+
+SEED = 0
+"""Of the third covering vector."""
+
+DECIDED = (Status.SOLVED, Status.UNSOLVABLE, Status.TIME_LIMIT)
+"""Ends of a path after which no other covering vector is tried."""
+
+
+def solve_lemke(
+    lcp: LCP, z0: np.ndarray | None, limits: Limits, cover: np.ndarray
+) -> Outcome:
+    """Follow the path of one covering vector (n,); the method has no use for z0.
+
+    limits.max_iter counts pivots. Raises ValueError if A is too large, or singular in
+    the rows and columns of the unknowns without bounds.
+    """
+    n = lcp.q.size
+    if n > LARGEST_TABLEAU:
+        raise ValueError(
+            f"A must have an order of at most {LARGEST_TABLEAU} for method 'lemke', "
+            f"which is dense, got {n}"
+        )
+    try:
+        plain = Plain(lcp)
+    except np.linalg.LinAlgError:
+        raise ValueError(
+            "A must be regular in the rows and columns of the unknowns without bounds "
+            "for method 'lemke'"
+        ) from None
+    most = PIVOTS * n + MORE_PIVOTS if limits.max_iter is None else limits.max_iter
+    return follow(lcp, plain, plain.cover(cover), limits, (0, most))
+
+
+def solve_by_lemke(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome | None:
+    """Follow the paths of three covering vectors; None if none of them decides.
+
+    The method has no use for z0.
+    """
+    n, done = lcp.q.size, 0
+    if n > LARGEST_TABLEAU:
+        return None
+    try:
+        plain = Plain(lcp)
+    except np.linalg.LinAlgError:
+        return None
+    most = math.inf if limits.max_iter is None else limits.max_iter
+    for d in covering_vectors(plain.M):
+        budget = int(min(TRIES * n + MORE_TRIES, most - done))
+        outcome = follow(lcp, plain, d, limits, (done, done + budget))
+        done = outcome.iterations
+        if outcome.status in DECIDED or done >= most:
+            return outcome
+    return None
+
+
+def covering_vectors(M: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield covering vectors: where rounding ends one path, another may get through."""
+    largest = np.abs(M).max(axis=1, initial=0.0)
+    yield np.where(largest > 0.0, largest, 1.0)
+    yield np.ones(largest.size)
+    yield np.random.default_rng(SEED).uniform(0.2, 1.0, largest.size)
+
+
+def follow(
+    lcp: LCP, plain: Plain, d: np.ndarray, limits: Limits, counts: tuple[int, int]
+) -> Outcome:
+    """Follow the path of the covering vector d of the plain form.
+
+    counts: where the count of pivots begins, and where the path is given up. STALLED
+    means that the point at its end fails, or that it has ended on a ray.
+    """
+    m = plain.r.size
+    tableau = Tableau.of(plain.M, plain.r, d)
+    (count, most), end, names = counts, DONE, slice(m, 2 * m)
+    if plain.r.min(initial=0.0) < 0.0:
+        first = last_largest(-plain.r / d)
+        exchange(tableau, first, m + 1)
+        count, end, entering, z_0 = count + 1, MORE, m + first, 2 * m
+    chunk = 1 if limits.report is not None else max(1, UNSEEN // (m * m + 1))
+    status = Status.STALLED
+    while end == MORE:
+        if count >= most or limits.deadline.reached():
+            status = Status.MAX_ITER if count >= most else Status.TIME_LIMIT
+            break
+        budget = min(chunk, most - count)
+        end, entering, made = pivot_until(tableau, entering, (z_0, z_0), budget)
+        count += made
+        if limits.report is not None:
+            z = lcp.start(plain.point(tableau.values()[names]))
+            limits.report(count, lcp.residual(z, lcp.w(z)), lcp.active(z))
+    z = best_point(lcp, plain, tableau)
+    w, ray = lcp.w(z), None
+    if Criterion(lcp, limits).accepts(z, w):
+        status = Status.SOLVED
+    elif end not in (MORE, DONE):
+        v = plain.direction(tableau.direction(entering)[names])
+        ray = proof(lcp, 1.0 / lcp.matrix.root, v)
+        status = Status.STALLED if ray is None else Status.UNSOLVABLE
+    return Outcome(status, z, w, count, "lemke", ray)
+
+
+def last_largest(x: np.ndarray) -> int:
+    """Return the last index of a largest entry.
+
+    For x = -q / d it has the lexicographically largest row of -[q, I] / d.
+    """
+    return int(x.size - 1 - np.argmax(x[::-1]))
+
+
+def best_point(lcp: LCP, plain: Plain, tableau: Tableau) -> np.ndarray:
+    """Return z of the tableau, or of its basis computed anew where that is better.
+
+    The latter is free of the rounding errors of the pivots.
+    """
+    m = plain.r.size
+    p = tableau.values()[m : 2 * m]
+    points = [lcp.start(plain.point(p))]
+    face = np.flatnonzero((tableau.place >= 0)[m : 2 * m])
+    try:
+        p = np.zeros(m)
+        p[face] = np.linalg.solve(plain.M[np.ix_(face, face)], -plain.r[face])
+        points.append(lcp.start(plain.point(p)))
+    except np.linalg.LinAlgError:
+        pass
+    return min(points, key=lambda z: lcp.residual(z, lcp.w(z)))
