@@ -13,7 +13,7 @@ from typing import Any
 
 from namlcp.lcp import Prepared, solve_lcp
 from namlcp.options import Options
-from namlcp.qp import Solver, solve_qp
+from namlcp.qp import BatchResult, Solver, solve_batch, solve_qp
 from namlcp.qpsolvers import register
 from namlcp.residuals import Residuals, natural_residual, qp_residuals
 from namlcp.result import LCPResult, QPResult
@@ -21,6 +21,7 @@ from namlcp.status import Status
 from namlcp.theory import Verdict, converges, is_h_plus
 
 __all__ = [
+    "BatchResult",
     "LCPResult",
     "Options",
     "Prepared",
@@ -33,6 +34,7 @@ __all__ = [
     "is_h_plus",
     "natural_residual",
     "qp_residuals",
+    "solve_batch",
     "solve_lcp",
     "solve_qp",
     "warmup",

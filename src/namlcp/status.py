@@ -52,6 +52,11 @@ class Status(Enum):
         "numerical_error",
         "A factorisation broke down, or a product was not finite; NaN is returned.",
     )
+    INVALID = (
+        "invalid",
+        "Of an item of a batch: an argument is malformed, or P not positive "
+        "semidefinite; the message says which. Alone it would have raised an error.",
+    )
 
     def __new__(cls, value: str, explanation: str) -> "Status":
         """Make a member with its value and its explanation."""

@@ -1,3 +1,4 @@
-"""QPs that are solved again and again: `Solver` keeps what the next solve can use."""
+"""Many QPs: one after the other by a `Solver`, or at once by `solve_batch`."""
 
+from namlcp.qp.sequences.batch import BatchResult, solve_batch
 from namlcp.qp.sequences.solver import Solver

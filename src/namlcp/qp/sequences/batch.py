@@ -1,0 +1,308 @@
+"""`solve_batch`: many QPs of the same sizes at once, on several threads.
+
+Each item is solved alone and from nothing (or from its own warm start), so that its
+answer does not depend on the others, nor on the number of threads.
+"""
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from threading import Event
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+
+from namlcp.checks import as_sparse, real_array
+from namlcp.options import DEFAULT_OPTIONS, Options, check_count
+from namlcp.qp.convexity import check_convex
+from namlcp.qp.guess import make_guess
+from namlcp.qp.problem import QP, qp_data
+from namlcp.qp.sequences.solver import memory_of, own_vector
+from namlcp.qp.solve import solve_checked
+from namlcp.residuals import Residuals
+from namlcp.result import QPResult
+from namlcp.status import Status
+
+STATUSES = tuple(Status)
+MATRICES = ("P", "G", "A")
+# Chunks of items for each thread: enough that all threads end at about the same time.
+CHUNKS = 8
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BatchResult:
+    """Result of `solve_batch` for N items; ``batch[i]`` is the `QPResult` of item i.
+
+    Attributes
+    ----------
+    codes : (N,) int8 array
+        How each item ended: its place in ``list(Status)``; `statuses` has the members.
+    x, y, z, z_box : (N, n), (N, p), (N, m), (N, n) array
+        As in `QPResult`; NaN where an item is INVALID.
+    obj : (N,) array
+        Objectives.
+    residuals : (N,) structured array
+        Its fields are those of `Residuals`.
+    iterations : (N,) array
+    form : (N,) array of str
+        The solver that gave the point; "" where an item is INVALID.
+    messages : dict
+        Sentences that add to the status, by the number of the item.
+    solve_time : float
+        Seconds for all items together.
+    """
+
+    codes: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    z_box: np.ndarray
+    obj: np.ndarray
+    residuals: np.ndarray
+    iterations: np.ndarray
+    form: np.ndarray
+    messages: dict[int, str]
+    solve_time: float = 0.0
+
+    @property
+    def statuses(self) -> list[Status]:
+        """The status of each item."""
+        return [STATUSES[code] for code in self.codes]
+
+    @property
+    def solved(self) -> np.ndarray:
+        """(N,) bool: which items are solved."""
+        return self.codes == STATUSES.index(Status.SOLVED)
+
+    def __len__(self) -> int:
+        return self.codes.size
+
+    def __iter__(self) -> Iterator[QPResult]:
+        return map(self.__getitem__, range(len(self)))
+
+    def __getitem__(self, i: int) -> QPResult:
+        """Return the result of one item; its times are not measured."""
+        number = range(len(self))[i]
+        return QPResult(
+            status=STATUSES[self.codes[i]],
+            x=self.x[i],
+            y=self.y[i],
+            z=self.z[i],
+            z_box=self.z_box[i],
+            obj=float(self.obj[i]),
+            residuals=Residuals(*self.residuals[i].item()),
+            iterations=int(self.iterations[i]),
+            form=str(self.form[i]),
+            message=self.messages.get(number, ""),
+            setup_time=0.0,
+            solve_time=0.0,
+        )
+
+    def put(self, i: int, result: QPResult) -> None:
+        """Write the result of item i."""
+        self.codes[i] = STATUSES.index(result.status)
+        self.x[i], self.y[i] = result.x, result.y
+        self.z[i], self.z_box[i] = result.z, result.z_box
+        self.obj[i], self.iterations[i] = result.obj, result.iterations
+        self.form[i] = result.form
+        self.residuals[i] = result.residuals
+        if result.message:
+            self.messages[i] = result.message
+
+    def refuse(self, i: int, error: Exception) -> None:
+        """Write that item i could not be solved; its arrays are NaN already."""
+        self.codes[i] = STATUSES.index(Status.INVALID)
+        self.messages[i] = str(error) or repr(error)
+
+
+def empty_result(size: int, qp: QP) -> BatchResult:
+    """Return a result for `size` items with the sizes of `qp`, all NaN."""
+    n, p, m = qp.q.size, qp.b.size, qp.h.size
+    x, y, z, z_box = (np.full((size, k), np.nan) for k in (n, p, m, n))
+    return BatchResult(
+        codes=np.zeros(size, np.int8),
+        x=x,
+        y=y,
+        z=z,
+        z_box=z_box,
+        obj=np.full(size, np.nan),
+        residuals=np.full(size, np.nan, [(k, float) for k in Residuals._fields]),
+        iterations=np.zeros(size, np.int64),
+        form=np.zeros(size, "U12"),
+        messages={},
+    )
+
+
+class Items:
+    """The QPs of a batch; an argument without a batch axis belongs to all of them."""
+
+    def __init__(self, arguments: dict[str, Any]) -> None:
+        """Raise unless the shapes fit, and what is shared is sound."""
+        self.stacked: dict[str, np.ndarray] = {}
+        one = {}
+        for name, value in arguments.items():
+            one[name] = value
+            axes = 2 if name in MATRICES else 1
+            if value is None or sp.issparse(value):
+                continue
+            array = real_array(name, value)
+            if array.ndim == axes + 1:
+                self.stacked[name] = array
+                one[name] = np.zeros(array.shape[1:])  # for the checks of the shapes
+            elif array.ndim != axes:
+                raise ValueError(
+                    f"{name} must be {axes}-D, or {axes + 1}-D with the items first, "
+                    f"got shape {array.shape}"
+                )
+        self.size = self.common_size()
+        self.given = tuple(one[name] for name in MATRICES)
+        self.shared = qp_data(**one)
+        self.has_shared_matrices = self.stacked.keys().isdisjoint(MATRICES)
+        if "P" not in self.stacked:
+            check_convex(as_sparse(self.shared.P))
+
+    def common_size(self) -> int:
+        """Return the number of items; raise unless all stacked arguments have it."""
+        sizes = {name: len(array) for name, array in self.stacked.items()}
+        if not sizes:
+            raise ValueError("one argument at least must have a batch axis, got none")
+        name, size = next(iter(sizes.items()))
+        for other, its in sizes.items():
+            if its != size:
+                raise ValueError(
+                    f"{other} must have {size} items to match {name}, got {its}"
+                )
+        return size
+
+    def solve(self, i: int, options: Options, warm_start: Any) -> QPResult:
+        """Solve item i; raise if it is malformed or not convex."""
+        start = time.perf_counter()
+        parts = {name: array[i] for name, array in self.stacked.items()}
+        if isinstance(warm_start, BatchResult):
+            warm_start = warm_start[i]
+        if self.has_shared_matrices:
+            vectors = {k: own_vector(k, v, self.shared) for k, v in parts.items()}
+            qp, given = self.shared._replace(**vectors), self.given
+            memory = memory_of(qp)  # of this item alone: no other has a part in it
+        else:
+            values = {**self.shared._asdict(), **parts}
+            qp, memory = qp_data(**values), None
+            pairs = zip(MATRICES, self.given, strict=True)
+            given = tuple(parts.get(name, M) for name, M in pairs)
+        guess = make_guess(qp, None, warm_start)
+        return solve_checked(qp, options, guess, start, memory=memory, given=given)
+
+
+def solve_batch(
+    P: Any,
+    q: Any,
+    G: Any = None,
+    h: Any = None,
+    A: Any = None,
+    b: Any = None,
+    lb: Any = None,
+    ub: Any = None,
+    *,
+    threads: int | None = None,
+    warm_start: Any = None,
+    **settings: Any,
+) -> BatchResult:
+    """Solve N convex QPs of the same sizes, on several threads.
+
+    ``minimise 1/2 x'Px + q'x  subject to  Gx <= h,  Ax = b,  lb <= x <= ub``
+
+    An argument with a leading axis of length N has one value for each item; one without
+    is shared by all, and what depends on it alone is done once. The results have the
+    order of the items, and the same bits for every number of threads.
+
+    Parameters
+    ----------
+    P, G, A : (n, n), (m, n), (p, n) array, with a leading axis N or without
+        As for `solve_qp`. A sparse matrix is shared.
+    q, h, b, lb, ub : (n,), (m,), (p,), (n,), (n,) array, with a leading axis N or not
+        As for `solve_qp`.
+    threads : int, optional
+        Threads that solve items, by default one for each core. BLAS has one thread in
+        each.
+    warm_start : BatchResult, QPResult or qpsolvers.Solution, optional
+        Solutions of a similar batch, item by item, or one for all items.
+    **settings
+        The fields of `Options` but threads and verbose. time_limit is for each item.
+
+    Returns
+    -------
+    BatchResult
+        An item that is malformed (a NaN) or not convex gets the status INVALID and a
+        message, and harms no other.
+
+    Raises
+    ------
+    ValueError, TypeError
+        Shapes disagree, or an argument that is shared by all is malformed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from namlcp import solve_batch
+    >>> q = np.array([[-1.0, -2.0], [1.0, -1.0], [np.nan, 0.0]])
+    >>> batch = solve_batch(np.eye(2), q, lb=np.zeros(2))
+    >>> batch.x
+    array([[ 1.,  2.],
+           [ 0.,  1.],
+           [nan, nan]])
+    >>> batch[2].status.value, batch[2].message
+    ('invalid', 'q must be finite, got nan at (0)')
+    """
+    start = time.perf_counter()
+    options = Options.from_names(settings) if settings else DEFAULT_OPTIONS
+    if options.verbose:
+        raise ValueError("verbose is for the solve of one problem, not for a batch")
+    if threads is None:
+        threads = available_cores()
+    check_count("threads", threads)
+    names = dict(zip(QP._fields, (P, q, G, h, A, b, lb, ub), strict=True))
+    items = Items(names)
+    if isinstance(warm_start, BatchResult) and len(warm_start) != items.size:
+        raise ValueError(
+            f"warm_start must have {items.size} items, got {len(warm_start)}"
+        )
+    batch = empty_result(items.size, items.shared)
+
+    def solve_one(i: int) -> None:
+        try:
+            batch.put(i, items.solve(i, options, warm_start))
+        except Exception as error:  # of any kind: it is the result of this item
+            batch.refuse(i, error)
+
+    on_threads(solve_one, items.size, threads)
+    return replace(batch, solve_time=time.perf_counter() - start)
+
+
+def on_threads(work: Callable[[int], None], size: int, threads: int) -> None:
+    """Call work(i) for i < size on so many threads; Ctrl-C ends them soon."""
+    stop = Event()
+    length = -(-size // (CHUNKS * threads))
+
+    def work_on(first: int) -> None:
+        for i in range(first, min(first + length, size)):
+            if stop.is_set():
+                return
+            work(i)
+
+    with ThreadPoolExecutor(threads) as pool:
+        try:
+            for _ in pool.map(work_on, range(0, size, length or 1)):
+                pass
+        except BaseException:
+            stop.set()
+            raise
+
+
+def available_cores() -> int:
+    """Return the number of cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

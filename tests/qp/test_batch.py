@@ -1,0 +1,159 @@
+"""A batch gives what single solves give, item by item."""
+
+import numpy as np
+import pytest
+from problems_qp import complementary, infeasible, unbounded
+from scipy import sparse
+
+from namlcp import Status, solve_batch, solve_qp
+
+NAMES = ("P", "q", "G", "h", "A", "b", "lb", "ub")
+SIZES = {"n": 8, "m": 12, "p": 2}
+
+
+def as_arguments(qp):
+    """Return a QP as keyword arguments, its matrices dense."""
+    return {
+        name: value.toarray() if sparse.issparse(value) else value
+        for name, value in zip(NAMES, qp, strict=True)
+    }
+
+
+def stack(problems):
+    return {name: np.array([one[name] for one in problems]) for name in NAMES}
+
+
+@pytest.fixture(scope="module")
+def mixed():
+    """Solvable, infeasible and unbounded QPs of one size."""
+    problems = [
+        as_arguments(complementary(seed, **SIZES, rank=seed % 9).qp)
+        for seed in range(20)
+    ]
+    problems[3] = as_arguments(infeasible(3, **SIZES, rank=8))
+    problems[11] = as_arguments(unbounded(11, **SIZES, rank=3))
+    return problems
+
+
+def assert_equals_single(batch, problems):
+    assert len(batch) == len(problems)
+    for found, problem in zip(batch, problems, strict=True):
+        single = solve_qp(**problem)
+        assert found.status is single.status
+        assert found.obj == pytest.approx(single.obj, rel=1e-9, abs=1e-9)
+        if single.status is Status.SOLVED:
+            assert found.residuals.solved(1e-9, 1e-10)
+            if np.linalg.eigvalsh(problem["P"])[0] > 1e-3:
+                np.testing.assert_allclose(found.x, single.x, rtol=0, atol=1e-9)
+
+
+def test_items_that_differ_in_all(mixed):
+    batch = solve_batch(**stack(mixed))
+    assert_equals_single(batch, mixed)
+    assert batch.statuses[3] is Status.PRIMAL_INFEASIBLE
+    assert batch.statuses[11] is Status.DUAL_INFEASIBLE
+    assert batch.solved.sum() == 18
+    assert batch[-1].x.tolist() == batch.x[19].tolist()
+
+
+@pytest.mark.parametrize("store", [np.array, sparse.csr_array], ids=["dense", "sparse"])
+def test_matrices_shared_by_all(mixed, store):
+    rng = np.random.default_rng(0)
+    one = mixed[17]
+    shared = {k: v if v.ndim == 1 else store(v) for k, v in one.items()}
+    q = one["q"] + rng.standard_normal((15, one["q"].size))
+    batch = solve_batch(**{**shared, "q": q})
+    assert_equals_single(batch, [{**one, "q": q_i} for q_i in q])
+
+
+def test_any_argument_may_be_stacked_alone(mixed):
+    for name in NAMES:
+        stacked = np.array([mixed[17][name]] * 3)
+        batch = solve_batch(**{**mixed[17], name: stacked})
+        assert_equals_single(batch, [mixed[17]] * 3)
+
+
+def bits(batch):
+    arrays = (batch.codes, batch.x, batch.y, batch.z, batch.z_box, batch.residuals)
+    return [array.tobytes() for array in arrays], batch.messages
+
+
+def test_the_bits_do_not_depend_on_the_threads_or_on_the_neighbours(mixed):
+    stacked = stack(mixed)
+    expected = bits(solve_batch(**stacked, threads=1))
+    for threads in (2, 3, 50):
+        assert bits(solve_batch(**stacked, threads=threads)) == expected
+    order = np.random.default_rng(0).permutation(len(mixed))
+    permuted = solve_batch(**{name: array[order] for name, array in stacked.items()})
+    assert permuted.x.tobytes() == solve_batch(**stacked).x[order].tobytes()
+
+
+def test_a_bad_item_harms_no_other(mixed):
+    expected = bits(solve_batch(**stack(mixed)))
+    stacked = stack(mixed)
+    stacked["P"][2] *= -1.0
+    stacked["q"][5, 1] = np.nan
+    stacked["G"][6, 0, 0] = np.inf
+    batch = solve_batch(**stacked)
+    assert [batch.statuses[i] for i in (2, 5, 6)] == [Status.INVALID] * 3
+    assert "positive semidefinite" in batch.messages[2]
+    assert batch[5].message == "q must be finite, got nan at (1)"
+    assert batch[6].message == "G must be finite, got inf at (0, 0)"
+    assert np.isnan(batch.x[[2, 5, 6]]).all()
+    others = np.delete(np.arange(20), [2, 5, 6])
+    assert batch.x[others].tobytes() == solve_batch(**stack(mixed)).x[others].tobytes()
+    assert bits(solve_batch(**stack(mixed))) == expected
+
+
+def test_a_warm_start_saves_iterations(mixed):
+    problems = [problem for i, problem in enumerate(mixed) if i not in (3, 11)]
+    first = solve_batch(**stack(problems))
+    second = solve_batch(**stack(problems), warm_start=first)
+    assert second.iterations.sum() < first.iterations.sum()
+    np.testing.assert_allclose(second.obj, first.obj, atol=1e-9)
+    solve_batch(**stack(mixed), warm_start=solve_batch(**stack(mixed)))
+    with pytest.raises(ValueError, match="warm_start must have 20 items, got 18"):
+        solve_batch(**stack(mixed), warm_start=first)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"q": np.zeros((3, 8))}, "q must have 20 items to match P, got 3"),
+        ({"q": 1.0}, r"q must be 1-D, or 2-D with the items first, got shape \(\)"),
+        ({"h": np.zeros((20, 5))}, r"h must have shape \(12,\) to match G"),
+        ({"lb": np.full(8, np.nan)}, "lb must not hold NaN"),
+        ({"P": -np.eye(8)}, "P must be positive semidefinite"),
+        ({"verbose": True}, "verbose is for"),
+        ({"threads": 0}, "threads must be >= 1"),
+    ],
+)
+def test_what_all_share_is_checked_at_once(mixed, changes, message):
+    with pytest.raises(ValueError, match=message):
+        solve_batch(**{**stack(mixed), **changes})
+
+
+def test_a_batch_needs_a_batch_axis(mixed):
+    with pytest.raises(ValueError, match="must have a batch axis"):
+        solve_batch(**mixed[0])
+
+
+def test_an_empty_batch_has_an_empty_result():
+    batch = solve_batch(np.eye(3), np.empty((0, 3)))
+    assert len(batch) == 0
+    assert batch.x.shape == (0, 3)
+    assert list(batch) == []
+
+
+def test_ctrl_c_ends_a_batch(mixed, monkeypatch):
+    """An error that is no Exception ends all threads."""
+    calls = []
+
+    def interrupt(*arguments, **names):
+        calls.append(1)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("namlcp.qp.sequences.batch.solve_checked", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        solve_batch(**stack(mixed), threads=2)
+    assert len(calls) <= 16
