@@ -110,6 +110,17 @@ PARTS = {
     "lcp": part("LCPs beside PIQP and OSQP", 60.0, """
         peers.lcp --data {data} --results {results}
     """),
+    "repeated": part("Many QPs alike: sequences, small calls, batches", 1500.0, """
+        repeated.sequences run {quick} --csv {results}/sequences.csv
+        repeated.sequences plot --csv {results}/sequences.csv \
+        --figure {figures}/sequences.svg
+        repeated.latency run {quick} --csv {results}/latency.csv
+        repeated.latency plot --csv {results}/latency.csv \
+        --figure {figures}/latency.svg
+        repeated.batches run {quick} --csv {results}/batches.csv
+        repeated.batches plot --csv {results}/batches.csv \
+        --figure {figures}/batches.svg
+    """, "sequences.svg latency.svg batches.svg", 60.0),
     "hertz": part("Hertz contact without a matrix", 600.0, """
         applications.hertz --results {results}
     """),

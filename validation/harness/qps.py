@@ -21,6 +21,11 @@ def parts(problem: Problem) -> tuple[Any, ...]:
     )  # fmt: skip
 
 
+def by_name(problem: Problem) -> dict[str, Any]:
+    """Return P, q, G, h, A, b, lb, ub by name."""
+    return dict(zip("P q G h A b lb ub".split(), problem.unpack(), strict=True))
+
+
 def joined(P: Any, q: np.ndarray, *parts: Any) -> Problem:
     """Return the problem of the parts G, h, A, b, lb, ub.
 

@@ -47,6 +47,23 @@ def planted(
     return Problem(P, q, G, h, A, A @ x, lb, ub)
 
 
+def definite_stack(
+    rng: Rng, n: int, m: int, items: int, active: float = 0.3
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return P, q, G, h of dense QPs with definite P, stacked along the first axis.
+
+    As in `planted`, a share `active` of the rows of each holds with equality.
+    """
+    B = rng.standard_normal((items, n, n))
+    P = B.swapaxes(1, 2) @ B / n + 0.1 * np.eye(n)
+    G, x = rng.standard_normal((items, m, n)), rng.standard_normal((items, n, 1))
+    on = rng.random((items, m, 1)) < active
+    slack, z = rng.exponential(size=(2, items, m, 1))
+    h = G @ x + np.where(on, 0.0, slack)
+    q = -(P @ x + G.swapaxes(1, 2) @ np.where(on, z, 0.0))
+    return P, q[..., 0], G, h[..., 0]
+
+
 def entries(rng: Rng, rows: int, n: int, density: float) -> sp.csc_matrix:
     """Return a random sparse matrix without empty rows."""
     count = rng.poisson(density * rows * n)

@@ -1,0 +1,171 @@
+"""Model-predictive control of a quadcopter, with the stages as unknowns or without.
+
+    minimise  sum_k (x_k - r)'Q(x_k - r) / 2 + u_k'R u_k / 2
+    subject to  x_{k+1} = F x_k + B u_k,  lower <= x_k <= upper,  least <= u_k <= most
+
+from the measured state x_0, in a closed loop: the first input is applied, the state is
+disturbed, and the height that is wanted changes. Model, limits and weights are those
+of the example "Model predictive control (MPC)" in OSQP's documentation: 12 states
+(three angles, three positions, and the rates of both), 4 rotors, steps of 0.1 s.
+"""
+
+import itertools
+from collections.abc import Callable, Generator
+
+import numpy as np
+import scipy.sparse as sp
+from qpsolvers import Problem
+
+from validation.problems.sequences.sequence import LEVELS, Sequence, Steps, Vectors
+
+State = tuple[np.ndarray, np.ndarray]
+"""The measured and the wanted state."""
+
+
+STATES, INPUTS = 12, 4
+NOISE = dict(zip(LEVELS, (0.01, 0.25, 0.6), strict=True))
+"""Standard deviation of the disturbance of the rates."""
+JUMP = dict(zip(LEVELS, (0.0, 0.5, 2.0), strict=True))
+"""Difference of the two heights that are wanted in turn."""
+PERIOD = 20  # steps for which one of them is wanted
+HOVER = 10.5916  # the thrust of a rotor that carries the weight
+LEAST, MOST = 9.6 - HOVER, 13.0 - HOVER
+TILT, FALL = np.pi / 6, -1.0  # largest angle, least height
+WEIGHTS = np.array([0.0, 0.0, 10.0, 10.0, 10.0, 10.0, 0.0, 0.0, 0.0, 5.0, 5.0, 5.0])
+EFFORT = 0.1  # weight of an input
+TILTED, HEIGHT, RATES = slice(0, 2), 5, slice(6, 12)  # of the states
+
+
+def plant() -> tuple[np.ndarray, np.ndarray]:
+    """Return F and B."""
+    F = np.eye(STATES)
+    F[0:3, 6:9] = 0.1 * np.eye(3)
+    F[3:6, 9:12] = 0.0992 * np.eye(3)
+    F[9:12, 9:12] = 0.9846 * np.eye(3)
+    for sign, angle, along in ((1.0, 0, 3), (-1.0, 1, 4)):
+        F[along, angle], F[along, angle + 6] = sign * 0.0488, sign * 0.0016
+        F[along + 6, angle], F[along + 6, angle + 6] = sign * 0.9734, sign * 0.0488
+    roll, pitch = np.array([0.0, -1.0, 0.0, 1.0]), np.array([-1.0, 0.0, 1.0, 0.0])
+    yaw, lift = np.array([-1.0, 1.0, -1.0, 1.0]), np.ones(4)
+    B = np.outer([0.0726, 0, 0, 0.0006, 0, 0, 1.4512, 0, 0, 0.0236, 0, 0], roll)
+    B += np.outer([0, 0.0726, 0, 0, -0.0006, 0, 0, 1.4512, 0, 0, -0.0236, 0], pitch)
+    B += np.outer([0, 0, 0.0152, 0, 0, 0, 0, 0, 0.3049, 0, 0, 0], yaw)
+    B += np.outer([0, 0, 0, 0, 0, 0.0106, 0, 0, 0, 0, 0, 0.2107], lift)
+    return F, B
+
+
+def limits() -> tuple[np.ndarray, np.ndarray]:
+    """Return the least and the largest states."""
+    lower, upper = np.full(STATES, -np.inf), np.full(STATES, np.inf)
+    lower[TILTED], upper[TILTED], lower[HEIGHT] = -TILT, TILT, FALL
+    return lower, upper
+
+
+def wanted(step: int, level: str) -> np.ndarray:
+    """Return the state r that is wanted at a step."""
+    r = np.zeros(STATES)
+    r[HEIGHT] = JUMP[level] * (step // PERIOD % 2)
+    return r
+
+
+def closed_loop(stages: int, level: str) -> Generator[State, np.ndarray | None, None]:
+    """Yield step after step the measured and the wanted state; receive the input.
+
+    None for an input: the state could not be led back, half of it is tried.
+    """
+    F, B = plant()
+    rng = np.random.default_rng(stages)
+    state = np.zeros(STATES)
+    for step in itertools.count():
+        u = yield state, wanted(step, level)
+        while u is None:
+            state = 0.5 * state
+            u = yield state, wanted(step, level)
+        state = F @ state + B @ u
+        state[RATES] += NOISE[level] * rng.standard_normal(6)
+
+
+def stagewise(stages: int, level: str) -> Sequence:
+    """Return the sequence in x_0, ..., x_N, u_0, ..., u_{N-1}, sparse."""
+    F, B = plant()
+    every = sp.eye_array(stages + 1)
+    past = sp.eye_array(stages + 1, k=-1)
+    P = sp.block_diag(
+        (
+            sp.kron(every, sp.diags_array(WEIGHTS)),
+            EFFORT * sp.eye_array(INPUTS * stages),
+        )
+    )
+    dynamics = sp.kron(past, F) - sp.eye_array(STATES * (stages + 1))
+    inputs = sp.kron(sp.eye_array(stages + 1, stages, k=-1), B)
+    A = sp.hstack((dynamics, inputs))
+    lower, upper = limits()
+    free = np.full(STATES, np.inf)  # x_0 is measured
+    lb = np.concatenate((-free, *[lower] * stages, np.full(INPUTS * stages, LEAST)))
+    ub = np.concatenate((free, *[upper] * stages, np.full(INPUTS * stages, MOST)))
+
+    def vectors(state: np.ndarray, r: np.ndarray) -> Vectors:
+        b = np.zeros(A.shape[0])
+        b[:STATES] = -state
+        cost = np.tile(-WEIGHTS * r, stages + 1)
+        return {"q": np.append(cost, np.zeros(INPUTS * stages)), "b": b}
+
+    first = vectors(np.zeros(STATES), wanted(0, level))
+    A = sp.csc_matrix(A)
+    problem = Problem(sp.csc_matrix(P), first["q"], None, None, A, first["b"], lb, ub)
+    inputs_at = slice(STATES * (stages + 1), STATES * (stages + 1) + INPUTS)
+    return Sequence(problem, steps(closed_loop(stages, level), vectors, inputs_at))
+
+
+def condensed(stages: int, level: str) -> Sequence:
+    """Return the sequence in u_0, ..., u_{N-1} alone, dense.
+
+    x = (x_1, ..., x_N) is T x_0 + S u; its limits are the rows of G.
+    """
+    F, B = plant()
+    powers = [np.eye(STATES)]
+    for _ in range(stages):
+        powers.append(F @ powers[-1])
+    T = np.vstack(powers[1:])
+    zero = np.zeros((STATES, INPUTS))
+    S = np.block(
+        [
+            [powers[k - j] @ B if j <= k else zero for j in range(stages)]
+            for k in range(stages)
+        ]
+    )
+    Q = np.tile(WEIGHTS, stages)
+    P = S.T @ (Q[:, None] * S) + EFFORT * np.eye(INPUTS * stages)
+    P = 0.5 * (P + P.T)
+    lower, upper = (np.tile(side, stages) for side in limits())
+    above, below = (
+        np.flatnonzero(np.isfinite(upper)),
+        np.flatnonzero(np.isfinite(lower)),
+    )
+    G = np.vstack((S[above], -S[below]))
+
+    def vectors(state: np.ndarray, r: np.ndarray) -> Vectors:
+        alone = T @ state
+        q = S.T @ (Q * (alone - np.tile(r, stages)))
+        h = np.concatenate((upper[above] - alone[above], alone[below] - lower[below]))
+        return {"q": q, "h": h}
+
+    first = vectors(np.zeros(STATES), wanted(0, level))
+    n = INPUTS * stages
+    bounds = np.full(n, LEAST), np.full(n, MOST)
+    problem = Problem(P, first["q"], G, first["h"], None, None, *bounds)
+    return Sequence(
+        problem, steps(closed_loop(stages, level), vectors, slice(0, INPUTS))
+    )
+
+
+def steps(
+    loop: Generator[State, np.ndarray | None, None],
+    vectors: Callable[[np.ndarray, np.ndarray], Vectors],
+    inputs_at: slice,
+) -> Steps:
+    """Yield the vectors of the QP for the states of a loop; give it the first input."""
+    state = next(loop)
+    while True:
+        x = yield vectors(*state)
+        state = loop.send(None if x is None else x[inputs_at])

@@ -1,0 +1,151 @@
+"""Batches of small dense QPs, all different: microseconds an item, items a second.
+
+Usage::
+
+    python -m validation.repeated.batches run [--solvers nam ...] [--quick] [--csv FILE]
+    python -m validation.repeated.batches plot [--csv FILE] [--figure FILE]
+
+"nam" is `namlcp.solve_batch`, with 1 thread and with 2; "nam by calls" and "daqp" are
+loops over namlcp.solve_qp and daqp.solve. The time is that of the whole batch, the
+least of ROUNDS; with two threads it means something only where two cores are free.
+`residual` is the largest of all items: primal, dual, gap or a negative multiplier.
+"""
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import namlcp
+from validation.harness import Job, Row, cli, csv_files, machine, processes, tables
+from validation.problems import planted
+
+SHAPES = {(5, 10): 100_000, (10, 20): 100_000, (30, 60): 10_000}
+"""Variables and rows of an item; items of the largest batch."""
+BATCHES = (100, 1000, 10_000, 100_000)
+QUICK_BATCH = 50
+THREADS = (1, 2)
+ROUNDS = 3
+EPS = 1e-9
+COLUMNS = (
+    "n m items threads solver microseconds throughput solved residual status"
+).split()
+SHOWN = (
+    "n:4 m:4 items:8 threads:8 solver:13 microseconds:13 throughput:12 solved:8 "
+    "residual status:20"
+)
+Stack = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+Answers = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""x and z, stacked, and whether each was found."""
+
+
+def at_once(stack: Stack, threads: int) -> Answers:
+    """Solve by namlcp.solve_batch."""
+    r = namlcp.solve_batch(*stack, threads=threads)
+    return r.x, r.z, np.array([each is namlcp.Status.SOLVED for each in r.status])
+
+
+def one_by_one(stack: Stack, _: int) -> Answers:
+    """Solve by a loop over namlcp.solve_qp."""
+    results = [namlcp.solve_qp(*item) for item in zip(*stack, strict=True)]
+    found = np.array([r.status is namlcp.Status.SOLVED for r in results])
+    return np.array([r.x for r in results]), np.array([r.z for r in results]), found
+
+
+def by_daqp(stack: Stack, _: int) -> Answers:
+    """Solve by a loop over daqp.solve."""
+    import daqp
+
+    P, q, G, h = stack
+    lower, sense = np.full(h.shape[1], -1e30), np.zeros(h.shape[1], dtype=np.int32)
+    settings = {"primal_tol": EPS, "dual_tol": EPS}
+    answers = [
+        daqp.solve(P[i], q[i], G[i], h[i], lower, sense, **settings)
+        for i in range(len(q))
+    ]
+    found = np.array([flag > 0 for _, _, flag, _ in answers])
+    x = np.array([each[0] for each in answers])
+    return x, np.array([each[3]["lam"] for each in answers]), found
+
+
+LOOPS: dict[str, Callable[[Stack, int], Answers]] = {
+    "nam": at_once,
+    "nam by calls": one_by_one,
+    "daqp": by_daqp,
+}
+
+
+def worst_residual(stack: Stack, x: np.ndarray, z: np.ndarray) -> float:
+    """Return the largest residual of all items."""
+    P, q, G, h = stack
+    Px, Gx = (np.einsum("kij,kj->ki", M, x) for M in (P, G))
+    dual = Px + q + np.einsum("kij,ki->kj", G, z)
+    gap = np.einsum("ki,ki->k", Px + q, x) + np.einsum("ki,ki->k", h, z)
+    return float(max(np.abs(dual).max(), (Gx - h).max(), np.abs(gap).max(), -z.min()))
+
+
+def measured(job: Job, shape: tuple[int, int], items: int, threads: int) -> Row:
+    """Time a solver on a batch: the work of a child process."""
+    solve = LOOPS[job.solver]
+    rng = np.random.default_rng(shape[0])
+    solve(planted.definite_stack(rng, *shape, 2), threads)
+    stack = planted.definite_stack(rng, *shape, items)
+    job.ready()
+    seconds = np.inf
+    for _ in range(ROUNDS):
+        start = time.perf_counter()
+        x, z, found = solve(stack, threads)
+        seconds = min(seconds, time.perf_counter() - start)
+    return {
+        "microseconds": 1e6 * seconds / items,
+        "throughput": items / seconds,
+        "solved": int(found.sum()),
+        "residual": worst_residual(stack, x, z),
+        "status": "solved" if found.all() else "not found",
+    }
+
+
+def run(args: argparse.Namespace) -> None:
+    """Measure, write the rows and print them."""
+    solvers = [s for s in args.solvers if machine.installed([s.split()[0]])]
+    header = cli.begin([s for s in solvers if " " not in s])
+    with (
+        csv_files.writer(args.csv, header, COLUMNS) as write,
+        processes.benches(measured, solvers, args.limit) as children,
+    ):
+        tables.print_rows([], SHOWN)
+        for shape, most in SHAPES.items():
+            for items in [QUICK_BATCH] if args.quick else BATCHES:
+                for solver in solvers if items <= most else []:
+                    for threads in THREADS if solver == "nam" else [1]:
+                        key: dict[str, Any] = {"n": shape[0], "m": shape[1]}
+                        key |= {"items": items, "threads": threads, "solver": solver}
+                        row = key | children[solver].ask(shape, items, threads)
+                        tables.print_row(row, SHOWN)
+                        write(row)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run, or plot what was measured."""
+    here = [s for s in LOOPS if s != "nam" or hasattr(namlcp, "solve_batch")]
+    parser = cli.parser(
+        __doc__, "quick", csv=cli.RESULTS / "batches.csv", limit=120.0, solvers=here
+    )
+    parser.add_argument("what", choices=("run", "plot"))
+    parser.add_argument("--figure", type=Path, default=cli.FIGURES / "batches.svg")
+    args = parser.parse_args(arguments)
+    if args.what == "run":
+        run(args)
+    else:
+        from validation.repeated import figures
+
+        figures.draw_batches(args.csv, args.figure)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,133 @@
+"""A single dense QP, n = 2 to 1000 variables and 2n rows, through qpsolvers.
+
+Usage::
+
+    python -m validation.repeated.latency run [--solvers nam daqp ...] [--quick]
+        [--eps 1e-9] [--csv FILE]
+    python -m validation.repeated.latency plot [--csv FILE] [--figure FILE]
+
+`microseconds` is the median time of a call of qpsolvers.solve_problem, "nam by calls"
+of namlcp.solve_qp, the least of ROUNDS medians, each over PROBLEMS problems of a size.
+What ran into the limit is not tried at a larger size.
+"""
+
+import argparse
+import statistics
+import sys
+from pathlib import Path
+
+import numpy as np
+import qpsolvers
+from qpsolvers import Problem, Solution
+
+import namlcp
+from validation.harness import (
+    Job,
+    Row,
+    cli,
+    csv_files,
+    judging,
+    machine,
+    processes,
+    qp_solvers,
+    tables,
+    timing,
+)
+from validation.problems import planted
+
+SIZES = (2, 5, 10, 20, 50, 100, 200, 300, 500, 1000)
+QUICK_SIZES = (2, 10)
+SOLVERS = "nam", "nam by calls", *qp_solvers.SOLVERS[1:], "quadprog"
+ROUNDS, PROBLEMS = 3, 3
+COLUMNS = "n m solver eps microseconds solved problems residual status".split()
+SHOWN = "n:6 m:6 solver:13 microseconds:13 solved:7 residual status:30"
+
+
+def problems(n: int) -> list[Problem]:
+    """Return the problems of a size."""
+    stack = planted.definite_stack(np.random.default_rng(n), n, 2 * n, PROBLEMS)
+    return [Problem(*parts) for parts in zip(*stack, strict=True)]
+
+
+def called(problem: Problem, solver: str, eps: float, limit: float) -> Solution:
+    """Return the answer to one call."""
+    settings = qp_solvers.settings(solver.split()[0], eps, limit)
+    if solver != "nam by calls":
+        return qpsolvers.solve_problem(problem, solver=solver, **settings)
+    r = namlcp.solve_qp(
+        problem.P, problem.q, problem.G, problem.h, None, None, None, None, **settings
+    )
+    found = r.status is namlcp.Status.SOLVED
+    return Solution(problem, found=found, x=r.x, y=r.y, z=r.z, z_box=np.empty(0))
+
+
+def measured(job: Job, n: int, eps: float) -> Row:
+    """Time a solver on the problems of a size: the work of a child process."""
+    some = problems(n)
+    called(problems(2)[0], job.solver, eps, job.limit)
+    job.ready()
+    medians, judged = [], []
+    for problem in some:
+        best = np.inf
+        for _ in range(ROUNDS):
+            solution, _, median = timing.median_time(
+                lambda problem=problem: called(problem, job.solver, eps, job.limit)
+            )
+            best = min(best, median)
+            if best > timing.SLOW:
+                break
+        medians.append(best)
+        judged.append(judging.judge(problem, solution, eps))
+    residuals = (row.get(name, np.inf) for row in judged for name in judging.RESIDUALS)
+    failed = [row["status"] for row in judged if not row["success"]]
+    return {
+        "microseconds": 1e6 * statistics.median(medians),
+        "solved": len(judged) - len(failed),
+        "problems": len(judged),
+        "residual": max(residuals),
+        "status": failed[0] if failed else "solved",
+    }
+
+
+def run(args: argparse.Namespace) -> None:
+    """Measure, write the rows and print them."""
+    solvers = [s for s in args.solvers if machine.installed([s.split()[0]])]
+    header = cli.begin([s for s in solvers if " " not in s])
+    with (
+        csv_files.writer(args.csv, header, COLUMNS) as write,
+        processes.benches(measured, solvers, args.limit) as children,
+    ):
+        tables.print_rows([], SHOWN)
+        late: set[str] = set()
+        for n in QUICK_SIZES if args.quick else SIZES:
+            for solver in solvers:
+                if solver in late:
+                    continue
+                row = {"n": n, "m": 2 * n, "solver": solver, "eps": args.eps[0]}
+                row |= children[solver].ask(n, args.eps[0])
+                if row["status"] == "timeout":
+                    late.add(solver)
+                tables.print_row(row, SHOWN)
+                write(row)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run, or plot what was measured."""
+    parser = cli.parser(
+        __doc__, "quick", csv=cli.RESULTS / "latency.csv", limit=60.0, eps=[1e-6],
+        solvers=list(SOLVERS),
+    )  # fmt: skip
+    parser.add_argument("what", choices=("run", "plot"))
+    parser.add_argument("--figure", type=Path, default=cli.FIGURES / "latency.svg")
+    args = parser.parse_args(arguments)
+    if args.what == "run":
+        run(args)
+    else:
+        from validation.repeated import figures
+
+        figures.draw_latency(args.csv, args.figure)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,202 @@
+"""Sequences of QPs with the same matrices: microseconds a step, worst residuals.
+
+Usage::
+
+    python -m validation.repeated.sequences run [--scenes portfolio ...] [--quick]
+        [--solvers nam daqp ...] [--steps 200] [--eps 1e-9] [--csv FILE]
+    python -m validation.repeated.sequences plot [--csv FILE] [--figure FILE]
+
+A scene's loop is run once with fresh solves of ours, which give the next step its
+vectors. Then every solver repeats these steps by its own workspace (`workspaces`), from
+its last answer, with the vectors ready in its own form: the time is that of update and
+solve. Of REPEATS runs, each with a new workspace, the quickest counts for each step;
+`microseconds` is the median of the steps, `slow` the 90th percentile.
+
+Each answer is judged with the problem as given: the largest residual (primal, dual,
+gap, signs) and the distance of x to the fresh solve, relative to the largest entry, of
+all steps. `active` and `changes` are of the fresh solves: constraints with a
+multiplier, and how many of them a step gains or loses.
+"""
+
+import argparse
+import sys
+import time
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from qpsolvers import Problem
+
+from namlcp import Status, solve_qp
+from validation.harness import (
+    Job,
+    Row,
+    cli,
+    csv_files,
+    judging,
+    machine,
+    processes,
+    qps,
+    tables,
+)
+from validation.problems import sequences as known
+from validation.repeated.workspaces import WORKSPACES
+
+REPEATS = 3
+COLUMNS = (
+    "scene size level solver variables inequalities equalities steps solved setup "
+    "microseconds slow sum residual difference active changes moves status"
+).split()
+SHOWN = (
+    "scene:14 size:5 level:15 solver:13 solved:7 setup microseconds:12 slow residual "
+    "difference changes:8 status:20"
+)
+QUICK_STEPS = 12
+
+
+class Recorded(NamedTuple):
+    """A problem, the vectors that change in each step, and x of fresh solves.
+
+    `sets` says which constraints had a multiplier in these, a row for each step.
+    """
+
+    problem: Problem
+    vectors: list[dict[str, np.ndarray]]
+    fresh: np.ndarray
+    sets: np.ndarray
+
+
+def recorded(scene: str, size: int, level: str, most: int) -> Recorded:
+    """Run a scene's loop with fresh solves; keep at most so many steps."""
+    problem, loop = known.SCENES[scene].make(size, level)
+    data = qps.by_name(problem)
+    vectors, fresh, sets = [], [], []
+    x = None
+    while len(vectors) < most:
+        try:
+            changed = loop.send(x)
+        except StopIteration:
+            break
+        data |= changed
+        result = solve_qp(**data)
+        x = result.x if result.status is Status.SOLVED else None
+        if x is not None:
+            vectors.append(changed)
+            fresh.append(x)
+            sets.append(np.concatenate((result.z > 0.0, np.sign(result.z_box))))
+    return Recorded(problem, vectors, np.array(fresh), np.array(sets))
+
+
+def replayed(job: Job, sequence: Recorded, eps: float) -> Row:
+    """Run a solver through a sequence: the work of a child process."""
+    problem, vectors, fresh, _ = sequence
+    times = np.full((REPEATS, len(vectors)), np.inf)
+    judged: list[Row] = []
+    job.ready()
+    for repeat in range(REPEATS):
+        start = time.perf_counter()
+        workspace = WORKSPACES[job.solver](problem, eps)
+        setup = time.perf_counter() - start
+        now = qps.by_name(problem)
+        for k, changed in enumerate(vectors):
+            arguments = workspace.prepared(changed)
+            start = time.perf_counter()
+            workspace.step(arguments)
+            times[repeat, k] = time.perf_counter() - start
+            if repeat == 0:
+                now |= changed
+                judged.append(judged_step(workspace, Problem(**now), fresh[k], eps))
+    best = 1e6 * times.min(axis=0)
+    failed = [row["status"] for row in judged if not row["success"]]
+    return {
+        "setup": setup,
+        "solved": len(judged) - len(failed),
+        "microseconds": float(np.median(best)),
+        "slow": float(np.quantile(best, 0.9)),
+        "sum": float(best.sum()),
+        "residual": max(row["residual"] for row in judged),
+        "difference": max(row["difference"] for row in judged),
+        "status": failed[0] if failed else "solved",
+    }
+
+
+def judged_step(workspace: Any, problem: Problem, fresh: np.ndarray, eps: float) -> Row:
+    """Return the verdict on a step, its worst residual and distance to fresh x."""
+    solution = workspace.solution(problem)
+    row = judging.judge(problem, solution, eps)
+    row["residual"] = max(row.get(name, np.inf) for name in judging.RESIDUALS)
+    size = max(1.0, judging.largest(fresh))
+    row["difference"] = judging.largest(solution.x - fresh) / size
+    return row
+
+
+def described(sequence: Recorded) -> Row:
+    """Return what is said of a sequence, whoever solves it."""
+    _, q, _, h, _, b, _, _ = qps.parts(sequence.problem)
+    sets = sequence.sets
+    changes = np.count_nonzero(sets[1:] != sets[:-1], axis=1)
+    return {
+        "variables": q.size,
+        "inequalities": h.size,
+        "equalities": b.size,
+        "steps": len(sequence.vectors),
+        "active": np.count_nonzero(sets) / len(sets),
+        "changes": float(changes.mean()),
+        "moves": float((changes > 0).mean()),
+    }
+
+
+def run(args: argparse.Namespace) -> None:
+    """Measure, write the rows and print them."""
+    solvers = [each for each in args.solvers if installed(each)]
+    steps = QUICK_STEPS if args.quick else args.steps
+    header = cli.begin([s for s in solvers if " " not in s])
+    rows: list[Row] = []
+    with (
+        csv_files.writer(args.csv, header, COLUMNS) as write,
+        processes.benches(replayed, solvers, args.limit) as children,
+    ):
+        tables.print_rows([], SHOWN)
+        for name in args.scenes:
+            sizes = known.SCENES[name].sizes
+            for size in sizes[:1] if args.quick else sizes:
+                for level in known.LEVELS:
+                    sequence = recorded(name, size, level, steps)
+                    key = {"scene": name, "size": size, "level": level}
+                    key |= described(sequence)
+                    for solver, child in children.items():
+                        row = key | {"solver": solver}
+                        row |= child.ask(sequence, args.eps[0])
+                        tables.print_row(row, SHOWN)
+                        write(row)
+                        rows.append(row)
+
+
+def installed(solver: str) -> bool:
+    """Tell whether a solver can run here; say so if not."""
+    return bool(machine.installed([solver.split()[0]]))
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run, or plot what was measured."""
+    parser = cli.parser(
+        __doc__, "quick", csv=cli.RESULTS / "sequences.csv", limit=120.0, eps=[1e-9],
+        solvers=list(WORKSPACES),
+    )  # fmt: skip
+    parser.add_argument("what", choices=("run", "plot"))
+    scenes = list(known.SCENES)
+    parser.add_argument("--scenes", nargs="+", choices=scenes, default=scenes)
+    parser.add_argument("--steps", type=int, default=200)
+    parser.add_argument("--figure", type=Path, default=cli.FIGURES / "sequences.svg")
+    args = parser.parse_args(arguments)
+    if args.what == "run":
+        run(args)
+    else:
+        from validation.repeated import figures
+
+        figures.draw_sequences(args.csv, args.figure)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
