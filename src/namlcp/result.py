@@ -10,11 +10,31 @@ from namlcp.residuals import Residuals
 from namlcp.status import Status
 
 if TYPE_CHECKING:
-    from namlcp.derivatives import QPDerivative, QPGradients, QPTangent
+    from namlcp.derivatives import (
+        LCPDerivative,
+        LCPGradients,
+        LCPTangent,
+        QPDerivative,
+        QPGradients,
+        QPTangent,
+    )
+
+
+class Differentiable:
+    """A result that keeps its problem by reference, for its derivatives.
+
+    A pickled or copied result goes without the problem and the factors.
+    """
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the problem and the factors behind."""
+        state = vars(self) | {"problem": None}
+        state.pop("derivative", None)
+        return state
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class LCPResult:
+class LCPResult(Differentiable):
     """Result of `solve_lcp`; read `status` first.
 
     Attributes
@@ -45,6 +65,12 @@ class LCPResult:
         The rows of the verbose table, when asked for: one for each iteration, for
         "auto" one for each factorisation or run of sweeps. The residuals are those of
         the iterates; where factorisations are counted, those of the best point so far.
+
+    Notes
+    -----
+    `backward` and `forward` read the arrays that were given to the solve, which must
+    not have been changed since. A result that is pickled or copied goes without them,
+    and has no derivatives.
     """
 
     status: Status
@@ -58,10 +84,79 @@ class LCPResult:
     solve_time: float
     ray: np.ndarray | None = None
     history: np.ndarray | None = None
+    problem: Any = field(default=None, repr=False)
+    """The checked LCP and A as it was given, for the derivatives."""
+
+    def backward(self, dz: Any = None, dw: Any = None) -> "LCPGradients":
+        """Return the gradients of a scalar in the data of the LCP.
+
+        Parameters
+        ----------
+        dz, dw : (n,) array, optional
+            The gradients of the scalar in z and w, 0 where absent.
+
+        Returns
+        -------
+        LCPGradients
+            In A, q, lower and upper; its `weak` and `singular` tell where the solution
+            is not differentiable.
+
+        Raises
+        ------
+        ValueError
+            The status is not SOLVED, A is a LinearOperator, the result was pickled or
+            copied, or an argument has a wrong shape.
+
+        Notes
+        -----
+        The formulas stand in `namlcp.derivatives.lcp`. A call solves one linear system
+        with the transposed matrix of the unknowns between their bounds, by factors that
+        the first call makes, or by the multigrid hierarchy of the solve.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import namlcp
+        >>> A = np.array([[2.0, 1.0], [0.0, 1.0]])
+        >>> result = namlcp.solve_lcp(A, np.array([-4.0, 1.0]))  # z = (2, 0)
+        >>> gradients = result.backward(dz=[1.0, 0.0])
+        >>> gradients.q, gradients.A[0]
+        (array([-0.5,  0. ]), array([-1.,  0.]))
+        """
+        return self.derivative.backward(dz, dw)
+
+    def forward(
+        self, *, dA: Any = None, dq: Any = None, dlower: Any = None, dupper: Any = None
+    ) -> "LCPTangent":
+        """Return the derivative of the solution along a direction of the data.
+
+        Parameters
+        ----------
+        dA, dq, dlower, dupper : arrays, optional
+            The direction, shaped as the data, 0 where absent; dA dense or sparse.
+
+        Returns
+        -------
+        LCPTangent
+            The derivatives of z and w.
+
+        Raises
+        ------
+        ValueError
+            As for `backward`.
+        """
+        return self.derivative.forward(dA, dq, dlower, dupper)
+
+    @cached_property
+    def derivative(self) -> "LCPDerivative":
+        """The fixed unknowns and the factors of `backward` and `forward`."""
+        from namlcp.derivatives import differentiate_lcp
+
+        return differentiate_lcp(self)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class QPResult:
+class QPResult(Differentiable):
     """Result of `solve_qp`; read `status` first.
 
     Attributes
@@ -95,8 +190,8 @@ class QPResult:
     Notes
     -----
     `backward` and `forward` read the arrays that were given to the solve, which must
-    not have been changed since. A result that is pickled or copied to another process
-    goes without them, and has no derivatives there.
+    not have been changed since. A result that is pickled or copied goes without them,
+    and has no derivatives.
     """
 
     status: Status
@@ -134,8 +229,8 @@ class QPResult:
         Raises
         ------
         ValueError
-            The status is not SOLVED, the result came from another process, or an
-            argument has a wrong shape.
+            The status is not SOLVED, the result was pickled or copied, or an argument
+            has a wrong shape.
 
         Notes
         -----
@@ -201,9 +296,3 @@ class QPResult:
         from namlcp.derivatives import differentiate_qp
 
         return differentiate_qp(self)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave the problem and the factors behind."""
-        state = vars(self) | {"problem": None}
-        state.pop("derivative", None)
-        return state

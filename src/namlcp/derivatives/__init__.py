@@ -3,5 +3,11 @@
 `result.py` opens this room when a result is asked for a derivative, not before.
 """
 
-from namlcp.derivatives.gradients import QPGradients, QPTangent
+from namlcp.derivatives.gradients import (
+    LCPGradients,
+    LCPTangent,
+    QPGradients,
+    QPTangent,
+)
+from namlcp.derivatives.lcp import LCPDerivative, differentiate_lcp
 from namlcp.derivatives.qp import QPDerivative, differentiate_qp

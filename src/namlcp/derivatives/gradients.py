@@ -132,3 +132,62 @@ class QPGradients:
         """The gradient in A."""
         product, pattern = self.matrices[2]
         return product.on(pattern)
+
+
+class LCPTangent(NamedTuple):
+    """How the solution of an LCP changes: derivatives along one direction of the data.
+
+    Attributes
+    ----------
+    z, w : (n,) array
+        Derivatives of the parts of an `LCPResult`.
+    weak : int
+        How many unknowns are at a bound with w = 0: the derivative depends on the sign
+        of the direction there.
+    singular : bool
+        Whether A_FF is singular, F all unknowns with w = 0.
+    """
+
+    z: np.ndarray
+    w: np.ndarray
+    weak: int
+    singular: bool
+
+
+class LCPGradients:
+    """Gradients of a scalar in the data of a box LCP, from its gradient in z and w.
+
+    Attributes
+    ----------
+    q, lower, upper : (n,) array
+        0 where a bound is infinite. Of an unknown with lower_i = upper_i only the two
+        bounds moved together have a derivative: it stands at the bound that w_i presses
+        on.
+    A : array or sparse array
+        Formed at the first access; sparse where A was given so, on its stored entries
+        (CSR for CSR, else CSC). All entries of A count as independent.
+    weak : int
+        How many unknowns are at a bound with w = 0. The solution has a kink there; the
+        gradients are those with these unknowns free, one of the limits of gradients
+        nearby.
+    singular : bool
+        Whether A_FF is singular, F all unknowns with w = 0.
+    """
+
+    def __init__(
+        self,
+        vectors: tuple[np.ndarray, np.ndarray, np.ndarray],
+        matrix: tuple[RankTwo, Any],
+        weak: int,
+        singular: bool,
+    ) -> None:
+        """Take (q, lower, upper), then product and user's matrix for A."""
+        self.q, self.lower, self.upper = vectors
+        self.matrix = matrix
+        self.weak, self.singular = weak, singular
+
+    @cached_property
+    def A(self) -> Any:
+        """The gradient in A."""
+        product, pattern = self.matrix
+        return product.on(pattern)

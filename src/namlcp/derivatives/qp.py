@@ -37,11 +37,11 @@ from namlcp.checks import finite_matrix, finite_vector
 from namlcp.derivatives.active import ActiveSet, active_sets
 from namlcp.derivatives.dense_system import DenseSystem
 from namlcp.derivatives.gradients import QPGradients, QPTangent, RankTwo
+from namlcp.derivatives.problem import problem_of
 from namlcp.derivatives.sparse_system import SparseSystem
 from namlcp.linalg import by_rows, submatrix
 from namlcp.qp import QP, Point
 from namlcp.result import QPResult
-from namlcp.status import Status
 
 
 class QPDerivative:
@@ -170,15 +170,6 @@ class QPDerivative:
 
 def differentiate_qp(result: QPResult) -> QPDerivative:
     """Return the derivative of a solution; raise ValueError if there is none."""
-    if result.status is not Status.SOLVED:
-        raise ValueError(
-            f"derivatives need a result of status solved, got {result.status.value}"
-        )
-    if result.problem is None:
-        raise ValueError(
-            "derivatives need the result in the process that solved: a pickled one has "
-            "lost the problem"
-        )
-    qp, given = result.problem
+    qp, given = problem_of(result)
     point = Point(result.x, result.y, result.z, result.z_box)
     return QPDerivative(qp, given, point)

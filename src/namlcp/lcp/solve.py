@@ -216,6 +216,7 @@ def solve_lcp(
         solve_time=end - ready,
         ray=outcome.ray,
         history=progress.history() if history else None,
+        problem=(lcp, matrix.A if A is matrix else A),
     )
 
 

@@ -1,0 +1,157 @@
+"""A_FF of an LCP as a linear operator to be inverted, also transposed.
+
+Dense matrices are factored by LAPACK, sparse symmetric ones as the KKT system without
+rows, other sparse ones by SuperLU. From order LARGE on, matrices like those of
+differential equations are inverted by a Krylov method with truncated multigrid cycles
+instead, with the hierarchy that the solve has made.
+"""
+
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+from scipy.linalg.lapack import dgecon, dgetrf, dgetrs
+from scipy.sparse import csc_array, csr_array
+from scipy.sparse.linalg import lsmr, splu
+
+from namlcp.checks import from_arrays, no_rows
+from namlcp.derivatives.dense_system import SINGULAR, DenseSystem
+from namlcp.derivatives.sparse_system import SparseSystem
+from namlcp.lcp import LARGE_LCP, FreeSystem, Prepared
+from namlcp.linalg import arrays_of, by_rows, submatrix
+
+ACCURACY = 1e-13
+"""Residual of multigrid solves, relative to the right-hand side."""
+
+
+class FreeMatrix(Protocol):
+    """A_FF; `regular` tells whether it has an inverse."""
+
+    regular: bool
+
+    def solve(self, r: np.ndarray, transposed: bool) -> np.ndarray:
+        """Return u with A_FF u = r or A_FF' u = r, least squares if A is singular."""
+
+
+def free_matrix(matrix: Prepared, free: np.ndarray) -> FreeMatrix:
+    """Return A_FF ready for solves."""
+    A = matrix.A
+    if type(A) is np.ndarray:
+        A = A if free.size == A.shape[0] else A[np.ix_(free, free)]
+        return Symmetric(A) if matrix.symmetric else General(A)
+    if free.size >= LARGE_LCP and matrix.hierarchy() is not None:
+        return Multigrid(matrix, free)
+    return factored(matrix, free)
+
+
+def factored(matrix: Prepared, free: np.ndarray) -> FreeMatrix:
+    """Return the factors of a sparse A_FF."""
+    A = matrix.A
+    transpose = from_arrays(arrays_of(A), A.shape, csc_array)
+    A = submatrix(transpose, free, free)
+    return Symmetric(A) if matrix.symmetric else SparseGeneral(A)
+
+
+class Symmetric:
+    """A symmetric matrix: the KKT system without rows."""
+
+    def __init__(self, A: Any) -> None:
+        self.system: DenseSystem | SparseSystem
+        if type(A) is np.ndarray:
+            self.system = DenseSystem(A, np.empty((0, A.shape[0])))
+        else:
+            none = by_rows(no_rows(A.shape[0]))
+            self.system = SparseSystem(A, none, none)
+        self.regular = self.system.regular
+
+    def solve(self, r: np.ndarray, transposed: bool) -> np.ndarray:
+        """Return u."""
+        return self.system.solve(r, np.empty(0))[0]
+
+
+class General:
+    """A dense matrix: LU factors and one step of refinement, or its pseudo-inverse."""
+
+    def __init__(self, A: np.ndarray) -> None:
+        self.A, self.regular = A, True
+        if not A.size:
+            return
+        size = np.abs(A).sum(axis=0).max()
+        self.factors, self.pivots, info = dgetrf(A)
+        self.regular = info == 0 and dgecon(self.factors, size)[0] >= SINGULAR
+        if not self.regular:
+            self.inverse = np.linalg.pinv(A, rcond=SINGULAR * A.shape[0])
+
+    def solve(self, r: np.ndarray, transposed: bool) -> np.ndarray:
+        """Return u."""
+        if not r.size:
+            return r
+        if not self.regular:
+            return r @ self.inverse if transposed else self.inverse @ r
+        u = dgetrs(self.factors, self.pivots, r, trans=int(transposed))[0]
+        rest = r - (u @ self.A if transposed else self.A @ u)
+        return u + dgetrs(self.factors, self.pivots, rest, trans=int(transposed))[0]
+
+
+class SparseGeneral:
+    """A sparse matrix, given by its transpose: SuperLU and one step of refinement."""
+
+    def __init__(self, transpose: csc_array) -> None:
+        self.transpose, self.regular = transpose, True
+        try:
+            self.factors = splu(transpose)
+        except RuntimeError:  # a pivot is exactly 0
+            self.regular = False
+
+    def solve(self, r: np.ndarray, transposed: bool) -> np.ndarray:
+        """Return u."""
+        M = self.transpose if transposed else self.transpose.T
+        if not self.regular:
+            return lsmr(M, r, atol=1e-14, btol=1e-14)[0]
+        trans = "N" if transposed else "T"
+        u = self.factors.solve(r, trans)
+        return u + self.factors.solve(r - M @ u, trans)
+
+
+class Multigrid:
+    """A large sparse matrix by truncated cycles, factored where these do not converge.
+
+    A matrix that suits the cycles counts as regular until it is factored.
+    """
+
+    regular = True
+
+    def __init__(self, matrix: Prepared, free: np.ndarray) -> None:
+        self.matrix, self.free = matrix, free
+        self.mask = np.zeros(matrix.A.shape[0], dtype=bool)
+        self.mask[free] = True
+        self.factors: FreeMatrix | None = None
+
+    @cached_property
+    def straight(self) -> FreeSystem | None:
+        """The system of A_FF."""
+        hierarchy = self.matrix.hierarchy()
+        return None if hierarchy is None else FreeSystem(hierarchy, self.mask)
+
+    @cached_property
+    def turned(self) -> FreeSystem | None:
+        """The system of A_FF', None if A' does not suit the cycles."""
+        if self.matrix.symmetric:
+            return self.straight
+        transpose = Prepared.unchecked(csr_array(self.matrix.A.T), False)
+        hierarchy = transpose.hierarchy()
+        return None if hierarchy is None else FreeSystem(hierarchy, self.mask)
+
+    def solve(self, r: np.ndarray, transposed: bool) -> np.ndarray:
+        """Return u."""
+        system = self.turned if transposed else self.straight
+        if system is not None and self.factors is None:
+            b = np.zeros(self.mask.size)
+            b[self.free] = r
+            u, converged = system.solve(b, ACCURACY)
+            if converged:
+                return u[self.free]
+        if self.factors is None:
+            self.factors = factored(self.matrix, self.free)
+            self.regular = self.factors.regular
+        return self.factors.solve(r, transposed)

@@ -1,0 +1,123 @@
+"""The derivative of the solution of a box LCP in all of its data.
+
+Let B be the unknowns at a bound with w != 0 (and those that lower = upper fixes) and F
+the others, where w = 0. Backward, from the gradients (gz, gw) of a scalar in z and w:
+
+    rho_B = gw_B,   A_FF' rho_F = -(gz + A_BF' gw_B)_F,   mu = gz + A'rho  (0 on F)
+    g_q = rho,   g_A = rho z',   g_lower, g_upper = mu at the bounds active there
+
+Forward, along a direction of the data, with r = dA z + dq:
+
+    dz_B = dlower or dupper,   A_FF dz_F = -(r + A_FB dz_B)_F,   dw_B = (A dz + r)_B
+
+These hold where no unknown is at a bound with w = 0 and A_FF is regular. Elsewhere the
+solution has kinks, and an element of the generalised Jacobian is chosen as for QPs:
+unknowns at a bound with w = 0 count as free, or as fixed where A_FF is singular with
+them.
+"""
+
+from typing import Any
+
+import numpy as np
+
+from namlcp.checks import finite_matrix, finite_vector
+from namlcp.derivatives.active import ACTIVE
+from namlcp.derivatives.free_matrix import FreeMatrix, free_matrix
+from namlcp.derivatives.gradients import LCPGradients, LCPTangent, RankTwo
+from namlcp.derivatives.problem import problem_of
+from namlcp.lcp import LCP, Operator
+from namlcp.result import LCPResult
+
+
+class LCPDerivative:
+    """The derivative of one solution: its fixed unknowns, and the factors of A_FF.
+
+    Attributes
+    ----------
+    weak : int
+        How many unknowns are at a bound with w = 0.
+    singular : bool
+        Whether A_FF is singular, F all unknowns with w = 0.
+    """
+
+    def __init__(self, lcp: LCP, given: Any, result: LCPResult) -> None:
+        """Choose F and factor A_FF; `given`: A as the user holds it."""
+        self.lcp, self.given, self.z = lcp, given, result.z
+        side, weak_side = active_sides(lcp, result.z, result.w)
+        self.weak = int(np.count_nonzero(weak_side) - np.count_nonzero(side))
+        self.hold(side)
+        self.singular = not self.system.regular
+        if self.singular and self.weak:
+            self.hold(weak_side)
+
+    def hold(self, side: np.ndarray) -> None:
+        """Factor A_FF for the unknowns with side 0."""
+        self.side, self.fixed = side, np.flatnonzero(side)
+        self.free = np.flatnonzero(side == 0)
+        self.system: FreeMatrix = free_matrix(self.lcp.matrix, self.free)
+
+    def backward(self, dz: Any, dw: Any) -> LCPGradients:
+        """Return the gradients of a scalar in the data from those in the solution."""
+        A, fixed, side = self.lcp.A, self.fixed, self.side
+        gz, gw = self.vector("dz", dz), self.vector("dw", dw)
+        rho = np.zeros(gz.size)
+        rho[fixed] = gw[fixed]
+        right = gz + rho @ A if rho.any() else gz
+        rho[self.free] = self.system.solve(-right[self.free], transposed=True)
+        lower, upper = np.zeros((2, gz.size))
+        if fixed.size:
+            mu = gz + rho @ A
+            lower[side < 0], upper[side > 0] = mu[side < 0], mu[side > 0]
+        zero = np.zeros(rho.size)
+        matrix = RankTwo(rho, self.z, zero, zero), self.given
+        return LCPGradients((rho, lower, upper), matrix, self.weak, self.singular)
+
+    def forward(self, dA: Any, dq: Any, dlower: Any, dupper: Any) -> LCPTangent:
+        """Return the derivative of the solution along a direction of the data."""
+        A, fixed, side = self.lcp.A, self.fixed, self.side
+        r = self.vector("dq", dq)
+        dl, du = self.vector("dlower", dlower), self.vector("dupper", dupper)
+        if dA is not None:
+            r = r + finite_matrix("dA", dA, "A", A.shape) @ self.z
+        dz = np.where(side < 0, dl, np.where(side > 0, du, 0.0))
+        right = r + A @ dz if dz.any() else r
+        dz[self.free] = self.system.solve(-right[self.free], transposed=False)
+        dw = np.zeros(dz.size)
+        if fixed.size:
+            dw[fixed] = (A @ dz + r)[fixed]
+        return LCPTangent(dz, dw, self.weak, self.singular)
+
+    def vector(self, name: str, value: Any) -> np.ndarray:
+        """Return a vector of the caller checked, 0 if it is None."""
+        if value is None:
+            return np.zeros(self.z.size)
+        return finite_vector(name, value, self.z.size, "q", self.lcp.q.shape)
+
+
+def active_sides(
+    lcp: LCP, z: np.ndarray, w: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return where an unknown is fixed: -1 at lower, 1 at upper, 0 where it is free.
+
+    The second array counts unknowns at a bound with w = 0 as fixed too. w_i counts as 0
+    up to `ACTIVE` times the largest term of (A z + q)_i, as far as these are known.
+    """
+    matrix, q, lower, upper = lcp
+    slopes = matrix.slopes
+    zero = ACTIVE * np.maximum(np.maximum(np.abs(q), np.abs(w - q)), slopes * np.abs(z))
+    to_lower, to_upper = slopes * (z - lower), slopes * (upper - z)
+    side = 1 * ((w < -zero) & (to_upper < -w)) - 1 * ((w > zero) & (to_lower < w))
+    pinned = lower == upper
+    side[pinned] = np.where(w[pinned] < 0.0, 1, -1)
+    near = ACTIVE * (1.0 + np.abs(z))
+    at_lower, at_upper = z - lower <= near, upper - z <= near
+    weak = np.where(side != 0, side, 1 * at_upper - 1 * (at_lower & ~at_upper))
+    return side, weak
+
+
+def differentiate_lcp(result: LCPResult) -> LCPDerivative:
+    """Return the derivative of a solution; raise ValueError if there is none."""
+    lcp, given = problem_of(result)
+    if isinstance(lcp.A, Operator):
+        raise ValueError("derivatives need the entries of A, got a LinearOperator")
+    return LCPDerivative(lcp, given, result)

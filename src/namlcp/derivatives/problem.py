@@ -1,0 +1,20 @@
+"""The problem that a result solved, or an error that says why there is none."""
+
+from typing import Any
+
+from namlcp.result import LCPResult, QPResult
+from namlcp.status import Status
+
+
+def problem_of(result: QPResult | LCPResult) -> Any:
+    """Return the problem kept in a result; raise ValueError if it has no derivative."""
+    if result.status is not Status.SOLVED:
+        raise ValueError(
+            f"derivatives need a result of status solved, got {result.status.value}"
+        )
+    if result.problem is None:
+        raise ValueError(
+            "derivatives need the result of the solve itself: a pickled or copied one "
+            "has lost the problem"
+        )
+    return result.problem
