@@ -12,6 +12,9 @@ import numpy as np
 from namlcp.limits import NEVER, Deadline, Limits
 from namlcp.progress import Progress
 
+CERTIFICATE = "certificate"
+"""The value of `Options.infeasible` that asks for a proof of infeasibility alone."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Options:
@@ -36,6 +39,11 @@ class Options:
     threads : int
         Threads that BLAS may use in the solve, >= 1; `namlcp.linalg.threads` tells when
         more than one help.
+    infeasible : str or Relaxation
+        What comes back if no x is feasible. "certificate": a proof alone. "closest",
+        "elastic" or a `Relaxation`: also `QPResult.closest`, the solution of the
+        nearest feasible problem, with shifts of h and b of least 2-norm, of least
+        1-norm (few rows are shifted), or as the Relaxation says.
     """
 
     eps_abs: float = 1e-9
@@ -44,6 +52,7 @@ class Options:
     time_limit: float = math.inf
     verbose: bool = False
     threads: int = 1
+    infeasible: "str | Relaxation" = CERTIFICATE
 
     def __post_init__(self) -> None:
         """Raise a TypeError or ValueError that names the first wrong option."""
@@ -55,6 +64,12 @@ class Options:
         check_number("time_limit", self.time_limit, 0.0)
         check_flag("verbose", self.verbose)
         check_count("threads", self.threads)
+        relaxation_of(self.infeasible)
+
+    @property
+    def relaxation(self) -> "Relaxation | None":
+        """What `infeasible` asks for beyond a certificate, None if nothing."""
+        return relaxation_of(self.infeasible)
 
     @classmethod
     def from_names(cls, settings: Mapping[str, Any]) -> "Options":
@@ -71,6 +86,66 @@ class Options:
         if progress is None:
             return limits
         return limits._replace(report=progress.row, announce=progress.announce)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Relaxation:
+    """Which constraints of an infeasible QP are shifted, and how shifts are measured.
+
+    The shifts r minimise 1/2 sum w_i r_i^2 (norm 2) or sum w_i |r_i| (norm 1), in the
+    units of the constraints as they are given.
+
+    Attributes
+    ----------
+    norm : int
+        2: shifts spread, and are unique. 1: few constraints are shifted.
+    h, b, lb, ub : float or array
+        Weights w > 0 of shifts of these, one number for all or one for each entry;
+        inf: not shifted. By default the bounds stay.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import namlcp
+    >>> rows, sides = np.array([[1.0], [-1.0]]), np.array([0.0, -3.0])  # x <= 0, x >= 3
+    >>> soft = namlcp.Relaxation(h=[2.0, 1.0])
+    >>> result = namlcp.solve_qp(np.eye(1), np.zeros(1), rows, sides, infeasible=soft)
+    >>> result.status.value, result.closest.x, result.closest.shift_h
+    ('primal_infeasible', array([1.]), array([1., 2.]))
+    """
+
+    norm: int = 2
+    h: Any = 1.0
+    b: Any = 1.0
+    lb: Any = math.inf
+    ub: Any = math.inf
+
+    def __post_init__(self) -> None:
+        """Raise a TypeError or ValueError that names the first wrong field."""
+        if self.norm not in (1, 2):
+            raise ValueError(f"Relaxation.norm must be 1 or 2, got {self.norm!r}")
+        for side in ("h", "b", "lb", "ub"):
+            name, weights = f"Relaxation.{side}", getattr(self, side)
+            for weight in np.ravel(weights).tolist():
+                check_number(name, weight, 0.0)
+
+
+def relaxation_of(infeasible: object) -> Relaxation | None:
+    """Return what `Options.infeasible` asks for, None for a certificate alone.
+
+    Raises TypeError or ValueError if it is nothing known.
+    """
+    if isinstance(infeasible, Relaxation):
+        return infeasible
+    if not isinstance(infeasible, str):
+        raise TypeError(
+            f"infeasible must be a string or a Relaxation, got {infeasible!r:.60}"
+        )
+    if infeasible not in RELAXATIONS:
+        raise ValueError(
+            f"infeasible must be one of {[*RELAXATIONS]}, got {infeasible!r}"
+        )
+    return RELAXATIONS[infeasible]
 
 
 def check_names(settings: Mapping[str, Any], known: list[str]) -> None:
@@ -120,4 +195,10 @@ def check_flag(name: str, value: object) -> None:
 
 
 OPTION_NAMES = frozenset(field.name for field in fields(Options))
+RELAXATIONS = {
+    CERTIFICATE: None,
+    "closest": Relaxation(norm=2),
+    "elastic": Relaxation(norm=1),
+}
+"""The strings that `Options.infeasible` may be, and what they ask for."""
 DEFAULT_OPTIONS = Options()

@@ -15,7 +15,7 @@ from qpsolvers.exceptions import ParamError, ProblemError, SolverError
 
 from namlcp.options import DEFAULT_OPTIONS, Options
 from namlcp.qp import NotConvex, make_guess, qp_data, solve_checked
-from namlcp.result import QPResult
+from namlcp.result import ClosestPoint, QPResult
 from namlcp.status import Status
 
 KEYWORD = "nam"
@@ -38,16 +38,17 @@ def nam_solve_problem(
     verbose : bool
         Print a table of the progress.
     **settings
-        eps_abs, eps_rel, max_iter, time_limit [s], threads as in `namlcp.Options`,
-        and warm_start, a Solution of a similar problem.
+        eps_abs, eps_rel, max_iter, time_limit [s], threads, infeasible as in
+        `namlcp.Options`, and warm_start, a Solution of a similar problem.
 
     Returns
     -------
     qpsolvers.Solution
         `found` only if the tolerances are met on the problem as it came; otherwise x
         is the best point, or None for an infeasible or unbounded problem, whose proof
-        is extras["certificate"]. extras also has status, message, iterations, form
-        and residuals.
+        is extras["certificate"]; with infeasible="closest" x, y, z and z_box are those
+        of the `ClosestPoint` extras["closest"]. extras also has status, message,
+        iterations, form and residuals.
 
     Raises
     ------
@@ -106,13 +107,17 @@ def solution(problem: qpsolvers.Problem, result: QPResult) -> qpsolvers.Solution
     )
     absent = problem.lb is None and problem.ub is None
     z_box = np.empty(0) if absent else result.z_box
+    point: QPResult | ClosestPoint = result
     if result.status is Status.PRIMAL_INFEASIBLE:
         extras["certificate"] = {"y": result.y, "z": result.z, "z_box": z_box}
+        if result.closest is None:
+            return answer
+        extras["closest"] = point = result.closest
     elif result.status is Status.DUAL_INFEASIBLE:
         extras["certificate"] = {"x": result.x}
-    else:
-        answer.x, answer.y = result.x, result.y
-        answer.z, answer.z_box = result.z, z_box
+        return answer
+    answer.x, answer.y = point.x, point.y
+    answer.z, answer.z_box = point.z, np.empty(0) if absent else point.z_box
     return answer
 
 

@@ -346,3 +346,17 @@ def test_time_limit_keeps_the_best_point_of_the_bounds_form():
     assert np.linalg.norm(np.minimum(answer.x, P @ answer.x + q)) < np.linalg.norm(
         np.minimum(0.0, q)
     )
+
+
+def test_the_closest_point_of_an_infeasible_problem():
+    G, h = np.array([[1.0], [-1.0]]), np.array([0.0, -3.0])
+    problem = Problem(np.eye(1), np.zeros(1), G, h)
+    answer = solve_problem(problem, solver="nam", infeasible="closest")
+    assert not answer.found
+    assert answer.obj == np.inf
+    np.testing.assert_allclose(answer.x, [1.5])
+    np.testing.assert_allclose(answer.extras["closest"].shift_h, [1.5, 1.5])
+    assert answer.z_box.size == 0
+    certificate = answer.extras["certificate"]["z"]
+    assert certificate @ h == pytest.approx(-1.0)
+    assert solve_problem(problem, solver="nam").x is None

@@ -10,6 +10,7 @@ from namlcp.linalg import blas_threads
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp.answer import OBJECTIVE, UNDECIDED, Answer, better, out_of_time
+from namlcp.qp.closest import closest_point, weights_of
 from namlcp.qp.dense import solve_dense
 from namlcp.qp.forms import is_tiny, solve_smallest_form
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
@@ -62,7 +63,7 @@ def solve_qp(
         Keep the rows of the verbose table in the result.
     **settings
         The fields of `Options`: eps_abs, eps_rel, max_iter, time_limit [s], verbose,
-        threads.
+        threads, infeasible.
 
     Returns
     -------
@@ -130,8 +131,13 @@ def solve_checked(
     deadline = Deadline(start + options.time_limit)
     limits = options.limits(deadline, progress)
     ready = time.perf_counter()
+    closest, relaxation = None, options.relaxation
+    if relaxation:
+        weights_of(qp, relaxation)  # a wrong one is told of whether needed or not
     with blas_threads(options.threads, qp.q.size + qp.h.size + qp.b.size):
         answer = solve_or_relax(qp, guess, limits, memory)
+        if relaxation and answer.status is Status.PRIMAL_INFEASIBLE:
+            closest = closest_point(qp, relaxation, limits, solve_or_relax)
     answer = upheld(answer, qp, given, limits)
     if deadline.interrupted:
         answer = answer._replace(status=deadline.verdict(answer.status))
@@ -153,11 +159,12 @@ def solve_checked(
         solve_time=end - ready,
         history=progress.history() if progress is not None and history else None,
         problem=(qp, given),
+        closest=closest,
     )
 
 
 def solve_or_relax(
-    qp: QP, guess: Guess, limits: Limits, memory: Memory | None
+    qp: QP, guess: Guess, limits: Limits, memory: Memory | None = None
 ) -> Answer:
     """Solve the QP; if it stalls, solve it without its huge bounds.
 

@@ -1,0 +1,100 @@
+"""Stage 2: the least cost over the x of all solutions of stage 1.
+
+Let v and v_box be any multipliers of stage 1. By complementary slackness, x belongs to
+a solution if and only if it is feasible with some shifts and
+
+    floor_i < v_i < ceiling_i    C_i x  = d_i + r_i,
+    v_i = floor_i                C_i x <= d_i + r_i,
+    v_i = ceiling_i              C_i x >= d_i + r_i,
+    v_box_j < 0 (> 0)            x_j = lb_j (ub_j),
+
+with floor_i = 0 in an inequality. Norm 2: r_i = v_i / w_i, no ceiling, and no floor in
+an equality. Norm 1: here r_i = 0, the ceiling is w_i and the floor of an equality -w_i;
+the shift is what C_i x exceeds or misses d_i by.
+
+The multipliers of stage 2 plus k times those of stage 1 are stationary for the shifted
+QP for any k; k is the least one that gives all of them their sign.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from namlcp.linalg import times
+from namlcp.qp.closest.rows import Rows, chosen, times_signs
+from namlcp.qp.problem import QP, Point
+
+# A multiplier of stage 1 this close to its floor or ceiling, relative to the largest
+# one, stands at it. Those of a solution are exact to rounding.
+AT_LIMIT = 1e-9
+
+
+class Face(NamedTuple):
+    """The x of all solutions of stage 1: C x <= d + r, = or >= for sense 1, 0, -1.
+
+    v, v_box: the multipliers of stage 1. r: its shifts in norm 2, else 0. lb = ub
+    where x_j stays at a bound. `moves` marks the rows whose shift depends on x.
+    """
+
+    rows: Rows
+    v: np.ndarray
+    v_box: np.ndarray
+    sense: np.ndarray
+    r: np.ndarray
+    lb: np.ndarray
+    ub: np.ndarray
+    moves: np.ndarray
+
+    def problem(self, qp: QP) -> QP:
+        """Return the QP of stage 2."""
+        C, d = self.rows.C, self.rows.d + self.r
+        bounded, equal = np.flatnonzero(self.sense), np.flatnonzero(self.sense == 0)
+        sense = self.sense[bounded]
+        G, h = chosen(C, bounded), d[bounded]
+        if (sense < 0).any():
+            G, h = times_signs(sense, G), sense * h
+        return QP(qp.P, qp.q, G, h, chosen(C, equal), d[equal], self.lb, self.ub)
+
+    def shifts(self, x: np.ndarray) -> np.ndarray:
+        """Return the shifts of d for an x of the face."""
+        r = np.where(self.moves, times(self.rows.C, x) - self.rows.d, self.r)
+        return np.where(self.rows.is_equality, r, np.maximum(r, 0.0))
+
+    def point(self, found: Point) -> Point:
+        """Return the point of stage 2 as one of the shifted user's QP."""
+        v, v_box = np.empty(self.v.size), found.z_box
+        equal = self.sense == 0
+        v[equal], v[~equal] = found.y, self.sense[~equal] * found.z
+        signed = ~self.rows.is_equality & (self.sense != 1)  # where v >= 0 is at stake
+        fixed = self.v_box != 0.0
+        k = max(
+            (-v[signed] / self.v[signed]).max(initial=0.0),
+            (-v_box[fixed] / self.v_box[fixed]).max(initial=0.0),
+        )
+        v, v_box = v + k * self.v, v_box + k * self.v_box
+        v[signed] = np.maximum(v[signed], 0.0)  # the least one may be rounded below 0
+        return self.rows.point(found.x, v, v_box)
+
+
+def face_of(rows: Rows, v: np.ndarray, v_box: np.ndarray, norm: int) -> Face:
+    """Return the face that multipliers of stage 1 describe."""
+    equality, zero = rows.is_equality, AT_LIMIT * largest(v, v_box)
+    ceiling = rows.weights if norm == 1 else np.full(v.size, np.inf)
+    at_floor = v <= np.where(equality, -ceiling, 0.0) + zero
+    at_ceiling = v >= ceiling - zero
+    v_box = np.where(np.abs(v_box) <= zero, 0.0, v_box)
+    return Face(
+        rows=rows,
+        v=v,
+        v_box=v_box,
+        sense=at_floor.astype(int) - at_ceiling,
+        r=v / rows.weights if norm == 2 else np.zeros(v.size),
+        lb=np.where(v_box > 0.0, rows.ub, rows.lb),
+        ub=np.where(v_box < 0.0, rows.lb, rows.ub),
+        moves=at_ceiling | (at_floor & equality),
+    )
+
+
+def largest(*vectors: np.ndarray) -> float:
+    """Return the largest modulus of all entries, 0 for none."""
+    return max(float(np.abs(v).max(initial=0.0)) for v in vectors)

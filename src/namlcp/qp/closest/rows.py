@@ -1,0 +1,123 @@
+"""All constraints of a QP that may be shifted, as rows C x <= d and C x = d."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+from namlcp.checks import from_arrays, sparse_matrix, vector
+from namlcp.linalg import times
+from namlcp.options import Relaxation
+from namlcp.qp.problem import QP, Point
+
+
+class Rows(NamedTuple):
+    """Rows C x <= d, the last p of them C x = d, within lb <= x <= ub.
+
+    C holds the rows of G, then the soft bounds x_j <= ub_j (j in `upper`) and
+    -x_j <= -lb_j (j in `lower`), then the rows of A. lb and ub are infinite where a
+    bound is soft. `weights` is infinite in rows that must not be shifted.
+    """
+
+    C: Any
+    d: np.ndarray
+    weights: np.ndarray
+    p: int
+    lb: np.ndarray
+    ub: np.ndarray
+    upper: np.ndarray
+    lower: np.ndarray
+
+    @property
+    def is_equality(self) -> np.ndarray:
+        """Tell which rows are equalities."""
+        return np.arange(self.d.size) >= self.d.size - self.p
+
+    def violations(self, x: np.ndarray) -> np.ndarray:
+        """Return the least shifts with which x satisfies all rows."""
+        r = times(self.C, x) - self.d
+        return np.where(self.is_equality, r, np.maximum(r, 0.0))
+
+    def parts(self, v: np.ndarray) -> list[np.ndarray]:
+        """Return the parts of v (one entry a row): G, upper, lower, A."""
+        ends = np.cumsum([-self.p, -self.lower.size, -self.upper.size])[::-1]
+        return np.split(v, v.size + ends)
+
+    def point(self, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Point:
+        """Return x with multipliers of the rows and of lb, ub as a point of the QP."""
+        z, of_upper, of_lower, y = self.parts(v)
+        z_box = v_box.copy()
+        z_box[self.upper] += of_upper
+        z_box[self.lower] -= of_lower
+        return Point(x, y, z, z_box)
+
+    def shifts(self, r: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Return the shifts of h, b, lb and ub for those of d."""
+        h, of_upper, of_lower, b = self.parts(r)
+        lb, ub = np.zeros((2, self.lb.size))
+        lb[self.lower] = 0.0 - of_lower
+        ub[self.upper] = of_upper
+        return h, b, lb, ub
+
+
+def rows_of(qp: QP, relaxation: Relaxation) -> Rows:
+    """Return the rows of a QP and its soft bounds, with their weights."""
+    w = weights_of(qp, relaxation)
+    upper, lower = (
+        np.flatnonzero(np.isfinite(w[side]) & np.isfinite(bound))
+        for side, bound in (("ub", qp.ub), ("lb", qp.lb))
+    )
+    lb, ub = qp.lb.copy(), qp.ub.copy()
+    lb[lower], ub[upper] = -np.inf, np.inf
+    if upper.size or lower.size:
+        unit = np.eye(qp.q.size) if qp.is_dense else sp.eye_array(qp.q.size).tocsr()
+        C = stacked(qp.G, unit[upper], -unit[lower], qp.A)
+    else:
+        C = stacked(qp.G, qp.A)
+    d = np.concatenate((qp.h, qp.ub[upper], -qp.lb[lower], qp.b))
+    weights = np.concatenate((w["h"], w["ub"][upper], w["lb"][lower], w["b"]))
+    return Rows(C, d, weights, qp.b.size, lb, ub, upper, lower)
+
+
+def weights_of(qp: QP, relaxation: Relaxation) -> dict[str, np.ndarray]:
+    """Return the weight of each entry of h, b, lb and ub.
+
+    Raises ValueError where there are too many or too few; the message names them.
+    """
+    found = {}
+    for side in ("h", "b", "lb", "ub"):
+        value, own = getattr(relaxation, side), getattr(qp, side)
+        if np.ndim(value) == 0:
+            found[side] = np.full(own.size, float(value))
+        else:
+            name = f"Relaxation.{side}"
+            found[side] = vector(name, value, own.size, side, own.shape)
+    return found
+
+
+def stacked(*blocks: Any) -> Any:
+    """Return the blocks one above the other, all dense or as a clean CSC matrix."""
+    if all(isinstance(block, np.ndarray) for block in blocks):
+        return np.vstack(blocks)
+    return sparse_matrix("C", sp.vstack(blocks, format="csc"), "csc")
+
+
+def beside(*blocks: Any) -> Any:
+    """Return the blocks side by side, all dense or as a clean CSC matrix."""
+    if all(isinstance(block, np.ndarray) for block in blocks):
+        return np.hstack(blocks)
+    return sparse_matrix("C", sp.hstack(blocks, format="csc"), "csc")
+
+
+def chosen(C: Any, rows: np.ndarray) -> Any:
+    """Return some rows of C."""
+    if isinstance(C, np.ndarray):
+        return C[rows]
+    return sparse_matrix("C", C.tocsr()[rows].tocsc(), "csc")
+
+
+def times_signs(sense: np.ndarray, C: Any) -> Any:
+    """Return C with each row times its sign."""
+    if isinstance(C, np.ndarray):
+        return sense[:, None] * C
+    return from_arrays((C.indptr, C.indices, sense[C.indices] * C.data), C.shape)

@@ -1,0 +1,101 @@
+"""Both stages, and the judgement of what they find on the user's own data."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from namlcp.limits import Limits
+from namlcp.linalg import times
+from namlcp.options import Relaxation
+from namlcp.qp.answer import OBJECTIVE, Answer
+from namlcp.qp.closest.face import face_of
+from namlcp.qp.closest.rows import Rows, rows_of
+from namlcp.qp.closest.shifts import least_shifts
+from namlcp.qp.guess import NO_GUESS, Guess, make_guess
+from namlcp.qp.problem import QP, Point
+from namlcp.residuals import UNDEFINED, qp_residuals
+from namlcp.result import ClosestPoint
+from namlcp.status import Status
+
+Solve = Callable[[QP, Guess, Limits], Answer]
+
+NO_NEAREST = "No shift helps: the constraints that must stay contradict each other. "
+NOT_LEAST = "The search for the least shifts ended with status {}: these are larger. "
+NOT_MINIMISED = (
+    "The shifts are the least ones, but the search for the least cost ended with "
+    "status {}: x is some point with these shifts, its multipliers are not known. "
+)
+INEXACT = (
+    "x and the shifts are exact; the multipliers must be so large that rounding leaves "
+    "residuals above the tolerances."
+)
+
+
+def closest_point(
+    qp: QP, relaxation: Relaxation, limits: Limits, solve: Solve
+) -> ClosestPoint:
+    """Return the solution of the feasible problem nearest to an infeasible QP.
+
+    `solve` solves both stages, each under the same limits.
+    """
+    rows, n = rows_of(qp, relaxation), qp.q.size
+    first = solve(least_shifts(rows, relaxation.norm), NO_GUESS, limits)
+    status, message, x = first.status, first.message, first.point.x[:n]
+    if status is Status.PRIMAL_INFEASIBLE:
+        nothing = np.full(rows.d.size, np.nan)
+        return reported(
+            qp, rows, unknown(rows, x), nothing, status, NO_NEAREST + message
+        )
+    if status is not Status.SOLVED:
+        r = rows.violations(x)
+        message = NOT_LEAST.format(status.value) + message
+        return reported(qp, rows, unknown(rows, x), r, status, message)
+    v = np.concatenate((first.point.z, first.point.y))
+    face = face_of(rows, v, first.point.z_box[:n], relaxation.norm)
+    easier = face.problem(qp)
+    second = solve(easier, make_guess(easier, x, None), limits)
+    status, message = second.status, second.message
+    if status is Status.SOLVED:
+        point, r = face.point(second.point), face.shifts(second.point.x)
+        found = reported(qp, rows, point, r, status, message)
+        if found.residuals.solved(*limits.tolerances):
+            return found
+        if found.residuals._replace(dual=0.0, gap=0.0).solved(*limits.tolerances):
+            return replace(found, message=INEXACT)
+    r = face.shifts(x)
+    if status is Status.DUAL_INFEASIBLE:
+        return reported(qp, rows, second.point, r, status, message)
+    message = NOT_MINIMISED.format(status.value) + message
+    if status not in (Status.TIME_LIMIT, Status.MAX_ITER):
+        status = Status.STALLED
+    return reported(qp, rows, unknown(rows, x), r, status, message)
+
+
+def unknown(rows: Rows, x: np.ndarray) -> Point:
+    """Return x with multipliers that are NaN."""
+    v, v_box = np.full(rows.d.size, np.nan), np.full(x.size, np.nan)
+    return rows.point(x, v, v_box)
+
+
+def reported(
+    qp: QP, rows: Rows, point: Point, r: np.ndarray, status: Status, message: str
+) -> ClosestPoint:
+    """Return a point and shifts of the rows as the user wants them, with residuals."""
+    h, b, lb, ub = rows.shifts(r)
+    shifted = qp._replace(h=qp.h + h, b=qp.b + b, lb=qp.lb + lb, ub=qp.ub + ub)
+    solved = status is Status.SOLVED
+    return ClosestPoint(
+        status=status,
+        x=point.x,
+        y=point.y,
+        z=point.z,
+        z_box=point.z_box,
+        obj=OBJECTIVE.get(status, float(point.x @ (0.5 * times(qp.P, point.x) + qp.q))),
+        residuals=qp_residuals(*shifted, *point) if solved else UNDEFINED,
+        shift_h=h,
+        shift_b=b,
+        shift_lb=lb,
+        shift_ub=ub,
+        message=message.strip(),
+    )

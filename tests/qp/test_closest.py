@@ -1,0 +1,281 @@
+"""infeasible="closest" and "elastic": least shifts, then the least cost among them."""
+
+import numpy as np
+import pytest
+from problems_qp import infeasible, make_qp
+from scipy.optimize import linprog, lsq_linear
+
+import namlcp
+from namlcp import Relaxation, Status
+from namlcp.options import Options
+from namlcp.qp.answer import Answer
+from namlcp.qp.closest import closest_point
+from namlcp.residuals import UNDEFINED, qp_residuals
+
+INF = np.inf
+
+
+def relaxed(qp, **choice):
+    """Return the result for an infeasible QP and check all that it promises."""
+    result = namlcp.solve_qp(*qp, **choice)
+    assert result.status is Status.PRIMAL_INFEASIBLE
+    assert np.isnan(result.x).all()
+    found = result.closest
+    if found.status is Status.SOLVED:
+        shifted = qp._replace(
+            h=qp.h + found.shift_h,
+            b=qp.b + found.shift_b,
+            lb=qp.lb + found.shift_lb,
+            ub=qp.ub + found.shift_ub,
+        )
+        point = found.x, found.y, found.z, found.z_box
+        measured = qp_residuals(*shifted, *point)
+        assert measured.solved(1e-9, 1e-9), measured
+        assert found.residuals.solved(1e-9, 1e-9)
+        assert found.obj == pytest.approx(measured.objective, abs=1e-12, rel=1e-12)
+        assert (found.z >= 0.0).all()
+        assert (found.shift_h >= 0.0).all()
+        assert (found.shift_ub >= 0.0).all()
+        assert (found.shift_lb <= 0.0).all()
+    return found
+
+
+def least_squares_shifts(qp, wh, wb):
+    """Return the shifts of least weighted squares, by bounded least squares.
+
+    G x + slack - h = shift_h and A x - b = shift_b with slack >= 0.
+    """
+    m = qp.h.size
+    root = np.sqrt(np.concatenate((wh * np.ones(m), wb * np.ones(qp.b.size))))
+    C = np.vstack((qp.G.toarray(), qp.A.toarray()))
+    slack = np.vstack((np.eye(m), np.zeros((qp.b.size, m))))
+    d = np.concatenate((qp.h, qp.b))
+    sides = np.append(qp.lb, np.zeros(m)), np.append(qp.ub, np.full(m, INF))
+    matrix = root[:, None] * np.hstack((C, slack))
+    found = lsq_linear(matrix, root * d, sides, method="bvls", tol=1e-15)
+    r = np.hstack((C, slack)) @ found.x - d
+    return r[:m], r[m:]
+
+
+def bounded(seed, n=6, m=9, p=2, rank=4):
+    """Return an infeasible QP with bounds on every other variable."""
+    qp = infeasible(seed, n, m, p, rank)
+    lb = np.where(np.arange(n) % 2 == 0, -1.0, -INF)
+    return qp._replace(lb=lb, ub=1.0 - lb)
+
+
+def dense(qp):
+    return qp._replace(P=qp.P.toarray(), G=qp.G.toarray(), A=qp.A.toarray())
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_shifts_of_least_squares(seed):
+    qp = bounded(seed) if seed % 2 else infeasible(seed, 6, 9, 2, 6)
+    wh, wb = (1.0, 1.0) if seed % 3 else (0.1 + np.arange(9.0), np.array([2.0, 0.5]))
+    found = relaxed(qp, infeasible=Relaxation(h=wh, b=wb))
+    assert found.status is Status.SOLVED
+    shift_h, shift_b = least_squares_shifts(qp, wh, wb)
+    np.testing.assert_allclose(found.shift_h, shift_h, atol=1e-9)
+    np.testing.assert_allclose(found.shift_b, shift_b, atol=1e-9)
+    full = relaxed(dense(qp), infeasible=Relaxation(h=wh, b=wb))
+    np.testing.assert_allclose(full.shift_h, shift_h, atol=1e-9)
+    np.testing.assert_allclose(full.obj, found.obj, rtol=1e-8, atol=1e-8)
+
+
+def least_sum(qp, wh, wb):
+    """Return the least weighted sum of |shifts|, by HiGHS."""
+    (m, n), p = qp.G.shape, qp.b.size
+    cost = np.concatenate((np.zeros(n), np.full(m, wh), np.full(2 * p, wb)))
+    G = np.hstack((qp.G.toarray(), -np.eye(m), np.zeros((m, 2 * p))))
+    A = np.hstack((qp.A.toarray(), np.zeros((p, m)), -np.eye(p), np.eye(p)))
+    free = [*zip(qp.lb, qp.ub, strict=True)] + [(0.0, INF)] * (m + 2 * p)
+    return linprog(cost, G, qp.h, A, qp.b, free).fun
+
+
+def least_cost_within(qp, wh, wb, total):
+    """Return the least cost among x whose weighted shifts sum up to `total`."""
+    cp = pytest.importorskip("cvxpy")
+    x = cp.Variable(qp.q.size)
+    P = cp.psd_wrap(qp.P.toarray())
+    shifts = wh * cp.sum(cp.pos(qp.G @ x - qp.h)) + wb * cp.norm1(qp.A @ x - qp.b)
+    inside = np.isfinite(qp.lb)
+    rows = [shifts <= total, x[inside] >= qp.lb[inside], x[inside] <= qp.ub[inside]]
+    problem = cp.Problem(cp.Minimize(0.5 * cp.quad_form(x, P) + qp.q @ x), rows)
+    return problem.solve(solver="CLARABEL")
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_shifts_of_least_sum_and_the_least_cost_among_them(seed):
+    qp = bounded(seed, rank=6) if seed % 2 else infeasible(seed, 6, 9, 2, 6)
+    found = relaxed(qp, infeasible=Relaxation(norm=1, h=1.0, b=3.0))
+    assert found.status is Status.SOLVED
+    total = found.shift_h.sum() + 3.0 * np.abs(found.shift_b).sum()
+    assert total == pytest.approx(least_sum(qp, 1.0, 3.0), rel=1e-9)
+    assert np.count_nonzero(found.shift_h) < 9
+    best = least_cost_within(qp, 1.0, 3.0, total * (1.0 + 1e-9))
+    assert found.obj == pytest.approx(best, rel=1e-4, abs=1e-4)
+
+
+def opposed(gap=3.0):
+    """x_1 <= 0 and x_1 >= gap; x_2 free, its best value 1."""
+    return make_qp(np.eye(2), [0.0, -1.0], [[1.0, 0.0], [-1.0, 0.0]], [0.0, -gap])
+
+
+def test_opposed_rows_meet_by_their_weights():
+    found = relaxed(opposed(), infeasible="closest")
+    np.testing.assert_allclose(found.x, [1.5, 1.0], atol=1e-12)
+    np.testing.assert_allclose(found.shift_h, [1.5, 1.5], atol=1e-12)
+    found = relaxed(opposed(), infeasible=Relaxation(h=[2.0, 1.0]))
+    np.testing.assert_allclose(found.shift_h, [1.0, 2.0], atol=1e-12)
+    found = relaxed(opposed(), infeasible=Relaxation(h=[INF, 1.0]))
+    np.testing.assert_array_equal(found.shift_h, [0.0, 3.0])
+
+
+def test_the_cost_chooses_among_shifts_of_equal_sum():
+    """Any x_1 in [0, 3] has the sum 3; the cost is least at 0."""
+    found = relaxed(opposed(), infeasible="elastic")
+    np.testing.assert_allclose(found.x, [0.0, 1.0], atol=1e-12)
+    np.testing.assert_allclose(found.shift_h, [0.0, 3.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("choice", ["closest", "elastic"])
+def test_a_feasible_problem_has_nothing_closer(choice):
+    qp = opposed(gap=-1.0)
+    result = namlcp.solve_qp(*qp, infeasible=choice)
+    assert result.status is Status.SOLVED
+    assert result.closest is None
+    assert (result.closest or result).x is result.x
+
+
+def test_bounds_stay_unless_they_have_weights():
+    qp = make_qp(np.eye(2), [0.0, 0.0], [[-1.0, -1.0]], [-3.0], ub=[1.0, INF])
+    qp = qp._replace(lb=np.array([-INF, -INF]), ub=np.array([1.0, 1.0]))
+    found = relaxed(qp, infeasible="closest")
+    np.testing.assert_allclose(found.x, [1.0, 1.0], atol=1e-12)
+    np.testing.assert_allclose(found.shift_h, [1.0], atol=1e-12)
+    found = relaxed(qp, infeasible=Relaxation(h=INF, ub=[1.0, 3.0]))
+    np.testing.assert_allclose(found.shift_ub, [0.75, 0.25], atol=1e-12)
+    np.testing.assert_array_equal(found.shift_h, [0.0])
+    found = relaxed(qp, infeasible=Relaxation(norm=1, h=INF, ub=[2.0, 1.0]))
+    np.testing.assert_allclose(found.shift_ub, [0.0, 1.0], atol=1e-12)
+
+
+def test_contradicting_bounds_are_named_or_shifted():
+    qp = make_qp(np.eye(2), [0.0, 0.0], lb=[1.0, 0.0], ub=[-1.0, 1.0])
+    found = relaxed(qp, infeasible="closest")
+    assert found.status is Status.PRIMAL_INFEASIBLE
+    assert "bounds of x[0] contradict each other" in found.message
+    assert np.isnan(found.x).all()
+    found = relaxed(qp, infeasible=Relaxation(lb=1.0, ub=3.0))
+    np.testing.assert_allclose(found.shift_lb, [-1.5, 0.0], atol=1e-12)
+    np.testing.assert_allclose(found.shift_ub, [0.5, 0.0], atol=1e-12)
+    np.testing.assert_allclose(found.x, [-0.5, 0.0], atol=1e-12)
+
+
+def test_an_infinite_shift_is_none():
+    qp = make_qp(np.eye(1), [0.0], [[1.0]], [-INF])
+    found = relaxed(qp, infeasible="closest")
+    assert found.status is Status.PRIMAL_INFEASIBLE
+    assert "h = -inf" in found.message
+
+
+@pytest.mark.parametrize("choice", ["closest", "elastic"])
+def test_the_cost_may_fall_without_bound(choice):
+    qp = opposed()
+    qp = make_qp(np.diag([1.0, 0.0]), [0.0, -2.0], qp.G, qp.h)
+    found = relaxed(qp, infeasible=choice)
+    assert found.status is Status.DUAL_INFEASIBLE
+    np.testing.assert_allclose(found.x, [0.0, 0.5], atol=1e-12)
+    assert found.shift_h.sum() == pytest.approx(3.0)
+    assert found.obj == -INF
+
+
+@pytest.mark.parametrize("choice", ["closest", "elastic"])
+def test_least_squares_of_contradicting_equations(choice):
+    """x = 0, x = 1 and x = 5: their mean, and their median."""
+    qp = make_qp([[0.0]], [0.0], A=[[1.0], [1.0], [1.0]], b=[0.0, 1.0, 5.0])
+    found = relaxed(qp, infeasible=choice)
+    x = 2.0 if choice == "closest" else 1.0
+    np.testing.assert_allclose(found.x, [x], atol=1e-12)
+    np.testing.assert_allclose(found.shift_b, x - qp.b, atol=1e-12)
+
+
+def test_a_controller_yields_by_the_least_violation():
+    """x_k+1 = x_k + u_k with |u| <= 1 from x_0 = 5 cannot have x_1, x_2 <= 2.
+
+    x_1 >= 4 and x_2 >= 3: the least violations are 2 and 1, by full braking.
+    """
+    qp = make_qp(
+        np.diag([1.0, 1.0, 0.1, 0.1]),  # x_1, x_2, u_0, u_1
+        np.zeros(4),
+        [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]],
+        [2.0, 2.0],
+        [[1.0, 0.0, -1.0, 0.0], [-1.0, 1.0, 0.0, -1.0]],
+        [5.0, 0.0],
+        [-INF, -INF, -1.0, -1.0],
+        [INF, INF, 1.0, 1.0],
+    )
+    for norm in 1, 2:  # the dynamics hold exactly
+        found = relaxed(qp, infeasible=Relaxation(norm=norm, b=INF))
+        np.testing.assert_allclose(found.x, [4.0, 3.0, -1.0, -1.0], atol=1e-9)
+        np.testing.assert_allclose(found.shift_h, [2.0, 1.0], atol=1e-9)
+
+
+def answers(qp, *statuses):
+    """Return a `solve` that ends with these statuses, one call after another."""
+    left = list(statuses)
+
+    def solve(stage, guess, limits):
+        n = stage.q.size
+        good = namlcp.qp.solve.solve_or_relax(stage, guess, limits)
+        status = left.pop(0)
+        if status is Status.SOLVED:
+            return good
+        point = stage.point(np.full(n, 4.0))
+        return Answer(status, point, UNDEFINED, 1, "path", "Because.")
+
+    return solve
+
+
+@pytest.mark.parametrize("status", [Status.STALLED, Status.TIME_LIMIT, Status.MAX_ITER])
+def test_a_stage_that_does_not_end_says_so(status):
+    qp, limits = opposed(), Options().limits()
+    found = closest_point(qp, Relaxation(), limits, answers(qp, status))
+    assert found.status is status
+    assert found.message.startswith("The search for the least shifts ended with")
+    assert found.message.endswith("Because.")
+    np.testing.assert_array_equal(found.shift_h, [4.0, 0.0])
+    steps = answers(qp, Status.SOLVED, status)
+    found = closest_point(qp, Relaxation(), limits, steps)
+    assert found.status is status
+    assert "the search for the least cost ended with" in found.message
+    np.testing.assert_allclose(found.shift_h, [1.5, 1.5])
+    np.testing.assert_allclose(found.x[0], 1.5)
+    assert np.isnan(found.z).all()
+
+
+def test_a_second_stage_that_contradicts_itself_by_rounding_has_stalled():
+    qp = opposed()
+    steps = answers(qp, Status.SOLVED, Status.PRIMAL_INFEASIBLE)
+    found = closest_point(qp, Relaxation(), Options().limits(), steps)
+    assert found.status is Status.STALLED
+
+
+def test_choices_are_checked():
+    qp = opposed()
+    for choice, error, said in (
+        ("nearest", ValueError, r"infeasible must be one of \['certificate', 'clos"),
+        (2, TypeError, "infeasible must be a string or a Relaxation, got 2"),
+    ):
+        with pytest.raises(error, match=said):
+            namlcp.solve_qp(*qp, infeasible=choice)
+    for fields, error, said in (
+        ({"norm": 3}, ValueError, "Relaxation.norm must be 1 or 2, got 3"),
+        ({"h": [1.0, 0.0]}, ValueError, r"Relaxation.h must be > 0, got 0\.0"),
+        ({"ub": "soft"}, TypeError, "Relaxation.ub must be a number, got 'soft'"),
+    ):
+        with pytest.raises(error, match=said):
+            Relaxation(**fields)
+    for gap in 3.0, -1.0:  # infeasible or not
+        with pytest.raises(ValueError, match=r"Relaxation\.h must have shape"):
+            namlcp.solve_qp(*opposed(gap), infeasible=Relaxation(h=[1.0, 2.0, 3.0]))
