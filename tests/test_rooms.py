@@ -21,7 +21,7 @@ FLOORS = (
     {"__main__"},
     {"cli"},
     {"__init__", "scenes"},
-    {"qpsolvers", "cvxpy"},
+    {"qpsolvers", "cvxpy", "many"},
     {"derivatives"},
     {"qp"},
     {"theory"},

@@ -12,6 +12,7 @@ from importlib import import_module
 from typing import Any
 
 from namlcp.lcp import Prepared, solve_lcp
+from namlcp.many import solve_many
 from namlcp.options import Options, Relaxation
 from namlcp.qp import BatchResult, Solver, solve_batch, solve_qp
 from namlcp.qpsolvers import register
@@ -38,6 +39,7 @@ __all__ = [
     "qp_residuals",
     "solve_batch",
     "solve_lcp",
+    "solve_many",
     "solve_qp",
     "warmup",
 ]

@@ -1,0 +1,104 @@
+"""`solve_many`: problems of different shapes, in several processes or on a cluster.
+
+joblib distributes them; ``joblib.parallel_config(backend="dask")`` makes it a cluster.
+Needs the packages of ``pip install "namlcp[batch]"``, imported at the first call.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from importlib import import_module
+from typing import Any
+
+from namlcp.qp import solve_qp
+
+
+def solve_many(
+    problems: Iterable[Any],
+    n_jobs: int | None = -1,
+    progress: bool = True,
+    *,
+    solve: Callable[..., Any] = solve_qp,
+    **settings: Any,
+) -> list[Any]:
+    """Solve problems of any shapes, dense or sparse, in several processes.
+
+    For many small QPs of the same shape `solve_batch` is quicker: it needs no other
+    processes.
+
+    Parameters
+    ----------
+    problems : iterable
+        Each a qpsolvers.Problem, a tuple of positional arguments of `solve` or a dict
+        of keyword arguments. It may be a generator.
+    n_jobs : int or None
+        As for joblib.Parallel: -1 is one process for each core, 1 none but this one,
+        None what ``joblib.parallel_config`` says, else 1. On a Dask cluster it is the
+        cluster that decides.
+    progress : bool
+        Show a bar on standard error.
+    solve : function
+        `solve_qp`, or `solve_lcp` for LCPs.
+    **settings
+        Further keyword arguments of `solve` for all problems, such as eps_abs.
+
+    Returns
+    -------
+    list
+        The results, in the order of the problems. Where `solve` raised an exception
+        (a malformed problem), the exception stands in place of the result. Where
+        joblib's own processes die, for example for lack of memory, its exception stands
+        for all results not yet there; a Dask cluster solves the problems of a worker
+        that died on another one.
+
+    Raises
+    ------
+    ImportError
+        joblib is missing, or tqdm for the bar.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from namlcp import solve_lcp, solve_many
+    >>> qps = [(np.eye(n), -np.ones(n)) for n in (1, 2, 3)] + [(-np.eye(2), np.ones(2))]
+    >>> for result in solve_many(qps, n_jobs=1, progress=False):
+    ...     print(repr(result) if isinstance(result, Exception) else result.x)
+    [1.]
+    [1. 1.]
+    [1. 1. 1.]
+    NotConvex('P must be positive semidefinite: its diagonal entry 0 is negative')
+    >>> lcps = [{"A": np.eye(2), "q": np.array([-1.0, 1.0])}]
+    >>> solve_many(lcps, n_jobs=1, progress=False, solve=solve_lcp)[0].z
+    array([1., 0.])
+    """
+    joblib = needed("joblib")
+    bar = needed("tqdm").tqdm if progress else lambda results, **_: results
+    problems = list(problems)
+    tasks = [joblib.delayed(solved)(solve, one, settings) for one in problems]
+    found: list[Any] = []
+    try:
+        coming = joblib.Parallel(n_jobs=n_jobs, return_as="generator")(tasks)
+        found.extend(bar(coming, total=len(problems), unit="problem"))
+    except Exception as error:  # of the processes: `solved` raises none
+        found.extend([error] * (len(problems) - len(found)))
+    return found
+
+
+def solved(solve: Callable[..., Any], problem: Any, settings: Mapping[str, Any]) -> Any:
+    """Return what `solve` returns for one problem, or the exception that it raises."""
+    try:
+        if isinstance(problem, Mapping):
+            return solve(**problem, **settings)
+        if hasattr(problem, "unpack"):  # a qpsolvers.Problem
+            problem = problem.unpack()
+        return solve(*problem, **settings)
+    except Exception as error:
+        return error.with_traceback(None)
+
+
+def needed(package: str) -> Any:
+    """Import a package of the extra "batch"."""
+    try:
+        return import_module(package)
+    except ImportError as error:
+        raise ImportError(
+            f'solve_many needs {package}: pip install "namlcp[batch]"'
+        ) from error
