@@ -12,6 +12,7 @@ import namlcp
 from namlcp.qp import forms
 from namlcp.qp.dense import pivots as dense
 from namlcp.qp.dense import scaling
+from namlcp.qp.responses import solve as responses
 from namlcp.residuals import Residuals, qp_residuals
 from namlcp.status import Status
 
@@ -393,7 +394,7 @@ def test_ctrl_c_in_compiled_code_is_ctrl_c(monkeypatch):
     def pressed(*_):
         raise SystemError("result with an exception set") from KeyboardInterrupt()
 
-    monkeypatch.setattr(dense, "solve", pressed)
+    monkeypatch.setattr(responses, "run", pressed)
     with pytest.raises(KeyboardInterrupt):
         namlcp.solve_qp(np.eye(2), np.ones(2))
 

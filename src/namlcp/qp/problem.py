@@ -106,6 +106,12 @@ def refuse_numbers(qp: QP) -> None:
         refuse_number(name, entries, name in ("h", "lb", "ub"))
 
 
+def without_huge_sides(qp: QP) -> QP:
+    """Return the QP with sides beyond `INFINITE` made infinite."""
+    h, ub = without_huge(qp.h, 1.0), without_huge(qp.ub, 1.0)
+    return qp._replace(h=h, lb=without_huge(qp.lb, -1.0), ub=ub)
+
+
 def symmetrised(P: Any, gap: float, size: float) -> Any:
     """Return (P + P') / 2; raise ValueError if the asymmetry exceeds rounding."""
     if gap > ASYMMETRY * size:
@@ -162,7 +168,5 @@ def qp_data(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) ->
         gap, size = asymmetry(P)
     if gap > 0.0:
         P = symmetrised(P, gap, size)
-    if huge:
-        h, ub = without_huge(h, 1.0), without_huge(ub, 1.0)
-        lb = without_huge(lb, -1.0)
-    return QP(P, q, G, h, A, b, lb, ub)
+    found = QP(P, q, G, h, A, b, lb, ub)
+    return without_huge_sides(found) if huge else found

@@ -13,6 +13,7 @@ from namlcp.qp.dense import pivots
 from namlcp.qp.dense.scaling import scaled_qp, variable_scaling
 from namlcp.qp.guess import Guess
 from namlcp.qp.problem import QP, Point
+from namlcp.qp.responses import solve_once
 from namlcp.residuals import UNDEFINED, Residuals, qp_residuals
 from namlcp.status import Status
 
@@ -24,10 +25,13 @@ ROUNDING = 4e-15
 
 def solve_dense(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
     """Solve by `pivots.solve`, scaled if need be; None where it does not decide."""
-    limits.announce(pivots.solve)
     own = qp
     if not qp.is_dense:
         own = qp._replace(P=as_dense(qp.P), G=as_dense(qp.G), A=as_dense(qp.A))
+    answer = solve_once(own, guess, limits)
+    if answer is not None:
+        return answer
+    limits.announce(pivots.solve)
     hint = NO_HINT
     if guess.active.size:
         hint = qp.b.size + np.flatnonzero(guess.active)

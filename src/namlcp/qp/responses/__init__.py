@@ -1,0 +1,26 @@
+"""QPs with the same matrices, one after another, by a dual Schur-complement method.
+
+A solve keeps what depends on the matrices alone: the solution operator of the QP
+without inequalities, and the responses to the rows that have been active. The next
+solve starts from the active rows of the last solved QP (`active` has the method); what
+it returns depends on the data alone, not on the solves before, up to the rounding
+errors of degenerate QPs. `solve_once` is for a single QP. A class of this room,
+`DenseResponses` for arrays, has
+
+- ``of(qp)``: for the matrices of a QP, None where they are not suited. The arrays are
+  not copied, and must not change;
+- ``solve(q, h, b, lb, ub, limits) -> Answer | None``: clean vectors of the right sizes
+  (`checks.vector`); NaN raises ValueError, bounds beyond `checks.INFINITE` count as
+  none. None: another method has to solve this QP. Every verdict has been judged on the
+  data as given. Whatever it is, the active rows of the last solved QP are kept;
+- ``renew(qp)``: after a change of the matrices' values, sizes as before. The active
+  rows are kept as a hint;
+- ``suggest(active)``: start the next solve from these rows, as `Guess.active`.
+
+It can be copied and pickled (a copy starts without history), and is for one thread.
+`state` (the record), `active` (the loop), `rows`, `triangle` and `judgement` (the
+point, measured and refined) know neither how the base problem is solved nor how a
+response is made; `dense` and `run` do, for arrays.
+"""
+
+from namlcp.qp.responses.solve import solve_once

@@ -1,0 +1,392 @@
+"""The dual active-set method on responses: a dual Schur-complement method.
+
+The inequalities c x <= d and the bounds of the variables are rows: row i < m is row i
+of G, row m + j the unit row e_j with two sides, lb_j and ub_j. The base problem is the
+QP without them; with its solution operator, (x, y) = K^-1 (-q, b). A multiplier mu of
+row c changes the values s = (G x, x, y) by -mu w_c, where w_c, the *response* to the
+row, is (G u, u, v) for (u, v) = K^-1 (c, 0). Responses depend on the matrices alone,
+and are kept from solve to solve. With the active rows F, S = (w_i)_j, i, j in F, L L' =
+S, and s0 the values of the base solution:
+
+1. mu = S^-1 (s0_F - d_F); while one has the wrong sign, the row of the worst is removed
+   from F. s = s0 - sum mu_i w_i.
+2. The row violated most enters: t, its multiplier, grows, mu_F -= t r with
+   r = S^-1 w_F, and s -= t (w - sum r_i w_i), until the row holds with equality (full
+   step) or an active multiplier is zero, whose row is removed (partial step). If
+   neither ends the step, the multipliers (-r, 1) contradict the rows.
+3. Once no row is violated, F is sorted and mu and s are computed anew from s0
+   (`finish`): the answer depends on F alone, not on the way to it.
+
+This is the method of Goldfarb and Idnani (Math. Programming 27 (1983) 1-33) in the form
+of Bartlett and Biegler (QPSchur, Optim. Eng. 7 (2006) 5-32). Signs: multipliers mu
+are >= 0 for a row at h or ub (side 1) and <= 0 for one at lb (side -1).
+
+How a base problem is solved and a response made is not known here: where `pivot` or
+`admit_hints` need a response, they return RESPONSE with the row in m.asked, and are
+called again once it is there.
+"""
+
+import numpy as np
+
+from namlcp.compiled import floats, longs, part
+from namlcp.limits import is_over
+from namlcp.linalg import add_scaled, dot
+from namlcp.qp.responses.rows import (
+    goal_of,
+    has_response,
+    is_pinned,
+    response_of,
+    subtract_responses,
+)
+from namlcp.qp.responses.triangle import (
+    append_to_triangle,
+    remove_from_triangle,
+    triangle_solve,
+    triangle_solve_transposed,
+)
+
+# What the parts return. RESPONSE: see above. LATE: the time limit, Ctrl-C. STUCK: the
+# method gives up, another one has to solve the QP.
+DONE, RESPONSE, CONTRADICTION, LATE, STUCK = range(5)
+
+# A row depends on the active ones if the squared length of its part orthogonal to them,
+# in the metric of the responses, over its own is at most DEPENDENT; for rows of a hint,
+# which need not be right, DEPENDENT_HINT.
+DEPENDENT, DEPENDENT_HINT = 1e-11, 1e-6
+# Violations over the moduli of their terms up to which they count as rounding at first.
+# This `level` grows tenfold where a violation below NOISE * level contradicts the
+# active rows; above MOST_ROUNDING the method gives up.
+VIOLATION_ROUNDING, NOISE, MOST_ROUNDING = 1e-13, 1e3, 1e-9
+# Pivots at most, per row and variable; another method is safer for a QP that needs
+# more.
+MOST_PIVOTS = 10
+
+
+@part
+def remove_row(m, i):
+    """Remove the active row number i."""
+    active = longs(m.active, m.most + 1)
+    multiplier = floats(m.multiplier, m.most + 1)
+    longs(m.side, m.rows)[active[i]] = 0
+    remove_from_triangle(
+        floats(m.triangle, m.most * (m.most + 1) // 2),
+        m.k,
+        i,
+        floats(m.cosines, m.most),
+        floats(m.sines, m.most),
+    )
+    for j in range(i, m.k - 1):
+        active[j], multiplier[j] = active[j + 1], multiplier[j + 1]
+    m.k -= 1
+    m.changed = 1
+
+
+@part
+def append_row(m, row, side, multiplier, length):
+    """Make a row active; m.coefficient = L^-1 w_F, `length` the new entry of L."""
+    k = m.k
+    append_to_triangle(
+        floats(m.triangle, m.most * (m.most + 1) // 2),
+        k,
+        floats(m.coefficient, m.most + 1),
+        length,
+    )
+    longs(m.active, m.most + 1)[k] = row
+    longs(m.side, m.rows)[row] = side
+    floats(m.multiplier, m.most + 1)[k] = multiplier
+    m.k = k + 1
+    m.changed = 1
+
+
+@part
+def rest_of(m, row):
+    """Return the squared length of w_row orthogonal to the active rows.
+
+    Sets m.coefficient = L^-1 w_F; negative or 0 where rounding is all that is left.
+    """
+    k = m.k
+    w = response_of(m, row)
+    active = longs(m.active, m.most + 1)
+    coefficient = floats(m.coefficient, m.most + 1)[:k]
+    for i in range(k):
+        coefficient[i] = w[active[i]]
+    triangle_solve(floats(m.triangle, m.most * (m.most + 1) // 2), k, coefficient)
+    return w[row] - dot(coefficient, coefficient)
+
+
+@part
+def is_dependent(m, row, rest, limit):
+    """Tell whether a row with this `rest_of` depends on equations and active rows."""
+    scale = floats(m.scale, m.rows)[row]
+    whole = response_of(m, row)[row]
+    return m.k == m.most or not (
+        rest > limit * whole and rest * scale * scale > m.least_curvature
+    )
+
+
+# ---- step 1
+
+
+@part
+def recall(m):
+    """Make the rows active that were so in the last solved QP, less lost sides."""
+    active, side = longs(m.active, m.most + 1), longs(m.side, m.rows)
+    kept, kept_side = longs(m.kept_active, m.most + 1), longs(m.kept_side, m.most + 1)
+    for i in range(m.k):
+        side[active[i]] = 0
+    m.k, m.changed = m.kept_k, 0
+    for i in range(m.k):
+        active[i] = kept[i]
+        side[kept[i]] = kept_side[i]
+    size = m.most * (m.most + 1) // 2
+    triangle, kept_triangle = floats(m.triangle, size), floats(m.kept_triangle, size)
+    for i in range(m.k * (m.k + 1) // 2):
+        triangle[i] = kept_triangle[i]
+    for i in range(m.k - 1, -1, -1):
+        if np.isinf(goal_of(m, active[i], side[active[i]])):
+            remove_row(m, i)
+
+
+@part
+def keep(m):
+    """Note the active rows as those of the last solved QP."""
+    active, side = longs(m.active, m.most + 1), longs(m.side, m.rows)
+    kept, kept_side = longs(m.kept_active, m.most + 1), longs(m.kept_side, m.most + 1)
+    for i in range(m.k):
+        kept[i], kept_side[i] = active[i], side[active[i]]
+    m.kept_k = m.k
+    m.triangle, m.kept_triangle = m.kept_triangle, m.triangle
+
+
+@part
+def admit_hints(m):
+    """Append the rows of the hint that are independent: DONE or RESPONSE.
+
+    The hint is in the kept rows from m.hinted to m.hints.
+    """
+    kept, kept_side = longs(m.kept_active, m.most + 1), longs(m.kept_side, m.most + 1)
+    while m.hinted < m.hints:
+        row, side = kept[m.hinted], kept_side[m.hinted]
+        is_new = longs(m.side, m.rows)[row] == 0
+        if is_new and m.k < m.most and not np.isinf(goal_of(m, row, side)):
+            if not has_response(m, row):
+                m.asked = row
+                return RESPONSE
+            rest = rest_of(m, row)
+            if not is_dependent(m, row, rest, DEPENDENT_HINT):
+                append_row(m, row, side, 0.0, np.sqrt(rest))
+        m.hinted += 1
+    return DONE
+
+
+@part
+def set_multipliers(m):
+    """Set mu = S^-1 (s0_F - d_F)."""
+    active, side = longs(m.active, m.most + 1), longs(m.side, m.rows)
+    multiplier = floats(m.multiplier, m.most + 1)
+    s0 = floats(m.s0, m.length)
+    triangle = floats(m.triangle, m.most * (m.most + 1) // 2)
+    for i in range(m.k):
+        row = active[i]
+        multiplier[i] = s0[row] - goal_of(m, row, side[row])
+    triangle_solve(triangle, m.k, multiplier)
+    triangle_solve_transposed(triangle, m.k, multiplier)
+    for i in range(m.k):
+        if is_pinned(m, active[i]):
+            side[active[i]] = 1 if multiplier[i] >= 0.0 else -1
+
+
+@part
+def set_values(m):
+    """Set s = s0 - sum mu_i w_i."""
+    s0, s = floats(m.s0, m.length), floats(m.s, m.length)
+    for i in range(m.length):
+        s[i] = s0[i]
+    subtract_responses(m, floats(m.multiplier, m.most + 1), m.k, s)
+
+
+@part
+def drop_wrong_signs(m):
+    """Step 1: remove active rows until all multipliers have the sign of their side."""
+    active, side = longs(m.active, m.most + 1), longs(m.side, m.rows)
+    multiplier = floats(m.multiplier, m.most + 1)
+    while True:
+        set_multipliers(m)
+        leaving, least = -1, 0.0
+        for i in range(m.k):
+            signed = side[active[i]] * multiplier[i]
+            if signed < least:
+                leaving, least = i, signed
+        if leaving < 0:
+            break
+        remove_row(m, leaving)
+    set_values(m)
+
+
+# ---- step 2
+
+
+@part
+def choose_entering(m):
+    """Set m.entering and its side: the row violated most for its norm, -1 for none."""
+    s = floats(m.s, m.length)
+    scale, h = floats(m.scale, m.rows), floats(m.h, m.m)
+    lb, ub, x = floats(m.lb, m.n), floats(m.ub, m.n), s[m.m :]
+    size = 0.0
+    for j in range(m.n):
+        size = max(size, abs(x[j]))
+    level, rounding = m.level, m.level * size
+    entering, worst, at_upper = -1, 0.0, 1
+    for i in range(m.m):
+        violation = (s[i] - h[i]) * scale[i]
+        if violation > worst:
+            if violation > level * abs(h[i]) * scale[i] + rounding:
+                entering, worst = i, violation
+    for j in range(m.n):
+        violation = x[j] - ub[j]
+        if violation > worst:
+            if violation > level * abs(ub[j]) + rounding:
+                entering, worst, at_upper = m.m + j, violation, 1
+        violation = lb[j] - x[j]
+        if violation > worst:
+            if violation > level * abs(lb[j]) + rounding:
+                entering, worst, at_upper = m.m + j, violation, -1
+    m.entering, m.entering_side, m.own = entering, at_upper, 0.0
+
+
+@part
+def step(m):
+    """Let the multiplier of the entering row grow until a step ends: DONE if it can.
+
+    After a full step m.entering = -1.
+    """
+    row, sign, k = m.entering, m.entering_side, m.k
+    active, side = longs(m.active, m.most + 1), longs(m.side, m.rows)
+    multiplier = floats(m.multiplier, m.most + 1)
+    ratio = floats(m.ratio, m.most + 1)
+    coefficient = floats(m.coefficient, m.most + 1)
+    rest = rest_of(m, row)
+    dependent = is_dependent(m, row, rest, DEPENDENT)
+    for i in range(k):
+        ratio[i] = coefficient[i]
+    triangle_solve_transposed(floats(m.triangle, m.most * (m.most + 1) // 2), k, ratio)
+    leaving, t = -1, np.inf
+    for i in range(k):
+        falls = sign * side[active[i]] * ratio[i]
+        signed = side[active[i]] * multiplier[i]
+        if falls > 0.0 and signed < t * falls and not is_pinned(m, active[i]):
+            leaving, t = i, signed / falls
+    t = max(t, 0.0)
+    s = floats(m.s, m.length)
+    if leaving < 0 or not dependent:
+        direction, w = floats(m.direction, m.length), response_of(m, row)
+        for i in range(m.length):
+            direction[i] = w[i]
+        subtract_responses(m, ratio, k, direction)
+    if not dependent:
+        full = sign * (s[row] - goal_of(m, row, sign)) / rest
+        if full <= t:
+            leaving, t = -1, full
+        add_scaled(-sign * t, floats(m.direction, m.length), s)
+    elif leaving < 0:
+        return CONTRADICTION
+    for i in range(k):
+        multiplier[i] -= sign * t * ratio[i]
+    m.own += t
+    if leaving >= 0:
+        remove_row(m, leaving)
+    else:
+        append_row(m, row, sign, sign * m.own, np.sqrt(rest))
+        m.entering = -1
+    return DONE
+
+
+@part
+def is_noise(m):
+    """Tell whether the violation of the entering row may be due to rounding errors."""
+    row, s = m.entering, floats(m.s, m.length)
+    goal, scale = goal_of(m, row, m.entering_side), floats(m.scale, m.rows)[row]
+    size = 0.0
+    for j in range(m.n):
+        size = max(size, abs(s[m.m + j]))
+    terms = abs(goal) * scale + size
+    return abs(s[row] - goal) * scale <= NOISE * m.level * terms
+
+
+@part
+def pivot(m):
+    """Step 2, as often as a row is violated: DONE, or see the codes above."""
+    watch = longs(m.watch, 3)
+    most = min(m.max_iter, MOST_PIVOTS * (m.rows + 1))
+    while True:
+        if m.entering < 0:
+            choose_entering(m)
+            if m.entering < 0:
+                return DONE
+            m.pivots += 1
+            if m.pivots > most:
+                return STUCK
+            if not has_response(m, m.entering):
+                m.asked = m.entering
+                return RESPONSE
+        if is_over(watch, (m.k + 2) * (m.length + m.k)):
+            return LATE
+        if step(m) == CONTRADICTION:
+            if not is_noise(m):
+                return CONTRADICTION
+            m.level *= 10.0
+            if m.level > MOST_ROUNDING:
+                return STUCK
+            m.entering = -1
+            drop_wrong_signs(m)  # without the partial steps towards this row
+
+
+# ---- step 3
+
+
+@part
+def sort_active(m):
+    """Sort the active rows."""
+    active = longs(m.active, m.most + 1)
+    for i in range(1, m.k):
+        row = active[i]
+        j = i
+        while j > 0 and active[j - 1] > row:
+            active[j] = active[j - 1]
+            j -= 1
+        active[j] = row
+
+
+@part
+def factor_active(m):
+    """Compute L from the responses; tell whether all rows are independent."""
+    active = longs(m.active, m.most + 1)
+    coefficient = floats(m.coefficient, m.most + 1)
+    triangle = floats(m.triangle, m.most * (m.most + 1) // 2)
+    k = m.k
+    for i in range(k):
+        w = response_of(m, active[i])
+        for j in range(i):
+            coefficient[j] = w[active[j]]
+        triangle_solve(triangle, i, coefficient)
+        rest = w[active[i]] - dot(coefficient[:i], coefficient[:i])
+        if not rest > 0.0:
+            return False
+        append_to_triangle(triangle, i, coefficient, np.sqrt(rest))
+    return True
+
+
+@part
+def finish(m):
+    """Step 3: mu and s as functions of the active rows alone; False if these fail.
+
+    Where no row has entered or left, step 1 has computed just that.
+    """
+    if m.changed:
+        sort_active(m)
+        if not factor_active(m):
+            return False
+        m.changed = 0
+        set_multipliers(m)
+        set_values(m)
+    return True

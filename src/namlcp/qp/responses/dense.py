@@ -1,0 +1,238 @@
+"""Dense QPs by responses: the base problem and its solution operator.
+
+The base problem min 1/2 x'Px + q'x, A x = b has the solution (x, y) = M (-q, b) with
+M = K^-1, K = [P A'; A 0], formed once: with H = P^-1, T = A H and S = A H A',
+M = [H - T'S^-1 T, T'S^-1; S^-1 T, -S^-1]. Forming M costs n^3 operations and then every
+solve a product, which for a small QP is quicker than two triangular solves.
+"""
+
+import numpy as np
+
+from namlcp.compiled import floats, part
+from namlcp.linalg import add_scaled, dot
+from namlcp.qp.responses.judgement import (
+    GAIN,
+    PASSES,
+    correct,
+    exchange_best,
+    is_accurate,
+    measure,
+    note_best,
+    parts_of_result,
+    set_correction,
+    set_result,
+)
+from namlcp.qp.responses.rows import claim_place, forget_responses, keep_response
+
+# Ratio of the largest to the smallest pivot of P from which on a product with M is too
+# inaccurate: most QPs with condition number 1e8 are solved to 1e-9, two in three of
+# those with 1e12.
+MOST_SPREAD = 1e9
+# Curvature of a row of norm 1, over the largest entry of P^-1, up to which the
+# equations fix the row: rounding errors of M for the largest spread are smaller.
+FIXED = 1e-12
+
+
+@part
+def row_of(address, i, n):
+    """Return row i of a row-major matrix with n columns."""
+    return floats(address + 8 * n * i, n)
+
+
+@part
+def factor_in_place(address, n):
+    """Overwrite the lower triangle of a matrix by its Cholesky factor L.
+
+    Returns the largest ratio of two pivots of L L', infinite if L does not exist.
+    """
+    low, high = np.inf, 0.0
+    for i in range(n):
+        row = row_of(address, i, n)
+        for j in range(i):
+            other = row_of(address, j, n)
+            row[j] = (row[j] - dot(other[:j], row[:j])) / other[j]
+        pivot = row[i] - dot(row[:i], row[:i])
+        if not pivot > 0.0:
+            return np.inf
+        low, high = min(low, pivot), max(high, pivot)
+        row[i] = np.sqrt(pivot)
+    return high / low if n > 0 else 1.0
+
+
+@part
+def invert_triangle(address, n):
+    """Overwrite a lower triangular L by L^-1."""
+    for i in range(n):
+        row = row_of(address, i, n)
+        pivot = 1.0 / row[i]
+        for j in range(i):
+            factor, other = row[j], row_of(address, j, n)
+            row[j] = 0.0
+            add_scaled(factor, other[: j + 1], row[: j + 1])
+        for j in range(i):
+            row[j] *= -pivot
+        row[i] = pivot
+
+
+@part
+def square_triangle(address, n, target, width):
+    """Set the n x n matrix at `target`, with rows of `width`, to X'X, X lower."""
+    for i in range(n):
+        out = row_of(target, i, width)
+        for j in range(n):
+            out[j] = 0.0
+    for i in range(n):
+        row = row_of(address, i, n)
+        for j in range(i + 1):
+            out = row_of(target, j, width)
+            add_scaled(row[j], row[: j + 1], out[: j + 1])
+    for i in range(n):
+        out = row_of(target, i, width)
+        for j in range(i):
+            row_of(target, j, width)[i] = out[j]
+
+
+@part
+def set_up(m):
+    """Compute M, and the norms of the rows; False where P or A does not allow it."""
+    n, p, size = m.n, m.p, m.n + m.p
+    P, factor = floats(m.P, n * n), floats(m.factor, n * n)
+    for i in range(n * n):
+        factor[i] = P[i]
+    if p > n or not factor_in_place(m.factor, n) <= MOST_SPREAD:
+        return False
+    invert_triangle(m.factor, n)
+    square_triangle(m.factor, n, m.inverse, size)
+    largest = 0.0
+    for j in range(n):
+        largest = max(largest, row_of(m.inverse, j, size)[j])
+    m.least_curvature = FIXED * largest
+    if p > 0 and not add_equations(m):
+        return False
+    scale = floats(m.scale, m.rows)
+    for i in range(m.rows):
+        scale[i] = 1.0
+    for i in range(m.m):
+        row = row_of(m.G, i, n)
+        squares = dot(row, row)
+        if squares > 0.0:
+            scale[i] = 1.0 / np.sqrt(squares)
+    forget_responses(m)
+    return True
+
+
+@part
+def add_equations(m):
+    """Turn H = P^-1, the first n rows and columns of M, into M for equations A x = b.
+
+    False where the rows of A depend on each other.
+    """
+    n, p, size = m.n, m.p, m.n + m.p
+    T, S = m.equations, m.equations + 8 * n * p
+    B = S + 8 * p * p
+    for i in range(p):
+        row, out = row_of(m.A, i, n), row_of(T, i, n)
+        for j in range(n):
+            out[j] = dot(row_of(m.inverse, j, size)[:n], row)
+    for i in range(p):
+        out = row_of(S, i, p)
+        for j in range(i + 1):
+            out[j] = dot(row_of(T, i, n), row_of(m.A, j, n))
+    if not factor_in_place(S, p) <= MOST_SPREAD:
+        return False
+    invert_triangle(S, p)
+    square_triangle(S, p, B, p)
+    for i in range(p):
+        inverse, out = row_of(B, i, p), row_of(m.inverse, n + i, size)
+        for j in range(n):
+            out[j] = 0.0
+        for k in range(p):
+            add_scaled(inverse[k], row_of(T, k, n), out[:n])
+            out[n + k] = -inverse[k]
+    for j in range(n):
+        out = row_of(m.inverse, j, size)
+        for k in range(p):
+            add_scaled(-row_of(T, k, n)[j], row_of(m.inverse, n + k, size)[:n], out[:n])
+            out[n + k] = row_of(m.inverse, n + k, size)[j]
+    return True
+
+
+@part
+def set_values_of(m, rhs, values):
+    """Set values = (G x, x, y) for (x, y) = M rhs."""
+    size = m.n + m.p
+    for i in range(size):
+        values[m.m + i] = dot(row_of(m.inverse, i, size), rhs)
+    x = values[m.m : m.rows]
+    for i in range(m.m):
+        values[i] = dot(row_of(m.G, i, m.n), x)
+
+
+@part
+def make_response(m, row):
+    """Make the response to a row."""
+    size = m.n + m.p
+    response = claim_place(m, row)
+    if row < m.m:
+        rhs = floats(m.rhs, size)
+        c = row_of(m.G, row, m.n)
+        for j in range(m.n):
+            rhs[j] = c[j]
+        for j in range(m.n, size):
+            rhs[j] = 0.0
+        set_values_of(m, rhs, response)
+    else:
+        column = row_of(m.inverse, row - m.m, size)  # M is symmetric
+        for i in range(size):
+            response[m.m + i] = column[i]
+        x = response[m.m : m.rows]
+        for i in range(m.m):
+            response[i] = dot(row_of(m.G, i, m.n), x)
+    keep_response(m, row)
+
+
+@part
+def set_products(m):
+    """Set the products of the result with P, G and A."""
+    x, y, z, _ = parts_of_result(m)
+    Px, Gx, Ax = floats(m.Px, m.n), floats(m.Gx, m.m), floats(m.Ax, m.p)
+    Gtz, Aty = floats(m.Gtz, m.n), floats(m.Aty, m.n)
+    for j in range(m.n):
+        Px[j] = dot(row_of(m.P, j, m.n), x)
+        Gtz[j], Aty[j] = 0.0, 0.0
+    for i in range(m.m):
+        row = row_of(m.G, i, m.n)
+        Gx[i] = dot(row, x)
+        if z[i] != 0.0:
+            add_scaled(z[i], row, Gtz)
+    for i in range(m.p):
+        row = row_of(m.A, i, m.n)
+        Ax[i] = dot(row, x)
+        add_scaled(y[i], row, Aty)
+
+
+@part
+def judge(m):
+    """Set the result from s and mu; return its error, see `measure`."""
+    set_result(m)
+    set_products(m)
+    return measure(m)
+
+
+@part
+def judge_refined(m):
+    """Set the result, refined where it is not accurate."""
+    error = judge(m)
+    for _ in range(PASSES):
+        if is_accurate(m, error):
+            break
+        note_best(m)
+        set_correction(m)
+        set_values_of(m, floats(m.rhs, m.n + m.p), floats(m.change, m.length))
+        correct(m)
+        before, error = error, judge(m)
+        if not error < before:
+            exchange_best(m)
+            judge(m)
+        if not error <= GAIN * before:
+            break

@@ -1,0 +1,182 @@
+"""The point of the active rows as the user sees it, measured and refined on the data.
+
+The residuals are those of the arguments as given, by their one definition. Refinement
+is iterative, with these residuals and the operators at hand, from the point that
+`finish` computed: like that, it depends on the active rows alone.
+"""
+
+import numpy as np
+
+from namlcp.compiled import floats, longs, part
+from namlcp.qp.responses.rows import goal_of, subtract_responses
+from namlcp.qp.responses.triangle import triangle_solve, triangle_solve_transposed
+from namlcp.residuals import qp_residuals_of_products
+
+# Nothing is refined where residuals over the moduli of their terms are at most
+# ACCURATE, and the residuals themselves at most RESERVE times the absolute tolerance.
+# Passes of refinement at most; the factor by which one has to lower the error.
+ACCURATE, RESERVE, PASSES, GAIN = 1e-12, 0.05, 3, 0.5
+# Divisors that may be 0 are at least this.
+LEAST_DIVISOR = 1e-300
+# Numbers of `Residuals`, the last entries of the result.
+NUMBERS = 7
+
+
+@part
+def parts_of_result(m):
+    """Return x, y, z, z_box of the result."""
+    x = floats(m.out, m.n)
+    y = floats(m.out + 8 * m.n, m.p)
+    z = floats(m.out + 8 * (m.n + m.p), m.m)
+    z_box = floats(m.out + 8 * (m.n + m.p + m.m), m.n)
+    return x, y, z, z_box
+
+
+@part
+def set_result(m):
+    """Set x, y and z from the values and multipliers, x to active bounds exactly."""
+    x, y, z, z_box = parts_of_result(m)
+    s = floats(m.s, m.length)
+    active, side = longs(m.active, m.most + 1), longs(m.side, m.rows)
+    multiplier = floats(m.multiplier, m.most + 1)
+    for j in range(m.n):
+        x[j], z_box[j] = s[m.m + j], 0.0
+    for i in range(m.p):
+        y[i] = s[m.rows + i]
+    for i in range(m.m):
+        z[i] = 0.0
+    for i in range(m.k):
+        row = active[i]
+        if row < m.m:
+            z[row] = max(multiplier[i], 0.0)
+        else:
+            x[row - m.m] = goal_of(m, row, side[row])
+
+
+@part
+def measure(m):
+    """Set z_box to minus the gradient at active bounds; measure the point.
+
+    Needs the products Px, Gx, Ax, Gtz, Aty of the result. Returns the largest residual
+    over the moduli of its terms, with the active rows as equations.
+    """
+    x, y, z, z_box = parts_of_result(m)
+    q, h, b = floats(m.q, m.n), floats(m.h, m.m), floats(m.b, m.p)
+    lb, ub = floats(m.lb, m.n), floats(m.ub, m.n)
+    Px, Gx, Ax = floats(m.Px, m.n), floats(m.Gx, m.m), floats(m.Ax, m.p)
+    Gtz, Aty = floats(m.Gtz, m.n), floats(m.Aty, m.n)
+    active, side = longs(m.active, m.most + 1), longs(m.side, m.rows)
+    primal = 0.0
+    for i in range(m.k):
+        row = active[i]
+        if row < m.m:
+            primal = max(primal, abs(Gx[row] - h[row]))
+        else:
+            j = row - m.m
+            gradient = Px[j] + q[j] + Gtz[j] + Aty[j]
+            sign = side[row]
+            z_box[j] = sign * max(-sign * gradient, 0.0)
+    numbers = qp_residuals_of_products(
+        (q, h, b, lb, ub), (x, y, z, z_box), (Px, Gx, Ax, Gtz, Aty)
+    )
+    found = floats(m.out + 8 * (2 * m.n + m.p + m.m), NUMBERS)
+    for i in range(NUMBERS):
+        found[i] = numbers[i]
+    return max(
+        max(primal, found[0]) / max(found[3], LEAST_DIVISOR),
+        found[1] / max(found[4], LEAST_DIVISOR),
+    )
+
+
+@part
+def is_accurate(m, error):
+    """Tell whether a point with this error of `measure` needs no refinement."""
+    found = floats(m.out + 8 * (2 * m.n + m.p + m.m), NUMBERS)
+    enough = RESERVE * m.eps_abs if m.eps_abs > 0.0 else np.inf
+    return error <= ACCURATE and max(found[0], found[1], found[2]) <= enough
+
+
+@part
+def is_solved(m):
+    """Tell whether the residuals of the result are within tolerance."""
+    found = floats(m.out + 8 * (2 * m.n + m.p + m.m), NUMBERS)
+    for i in range(3):
+        if not found[i] <= m.eps_abs + m.eps_rel * found[3 + i]:
+            return False
+    return True
+
+
+@part
+def set_correction(m):
+    """Set m.rhs = -(dual residual, A x - b), and s to the values of the result."""
+    x, y, _, z_box = parts_of_result(m)
+    rhs, s = floats(m.rhs, m.n + m.p), floats(m.s, m.length)
+    q, b = floats(m.q, m.n), floats(m.b, m.p)
+    Px, Gx, Ax = floats(m.Px, m.n), floats(m.Gx, m.m), floats(m.Ax, m.p)
+    Gtz, Aty = floats(m.Gtz, m.n), floats(m.Aty, m.n)
+    for j in range(m.n):
+        rhs[j] = -(Px[j] + q[j] + Gtz[j] + Aty[j] + z_box[j])
+        s[m.m + j] = x[j]
+    for i in range(m.p):
+        rhs[m.n + i] = b[i] - Ax[i]
+        s[m.rows + i] = y[i]
+    for i in range(m.m):
+        s[i] = Gx[i]
+
+
+@part
+def correct(m):
+    """Add a correction to s and mu; m.change are the values of K^-1 m.rhs."""
+    s, change = floats(m.s, m.length), floats(m.change, m.length)
+    active, side = longs(m.active, m.most + 1), longs(m.side, m.rows)
+    multiplier, work = floats(m.multiplier, m.most + 1), floats(m.work, m.most + 1)
+    triangle = floats(m.triangle, m.most * (m.most + 1) // 2)
+    for i in range(m.k):
+        row = active[i]
+        work[i] = change[row] + s[row] - goal_of(m, row, side[row])
+    triangle_solve(triangle, m.k, work)
+    triangle_solve_transposed(triangle, m.k, work)
+    subtract_responses(m, work, m.k, change)
+    for i in range(m.length):
+        s[i] += change[i]
+    for i in range(m.k):
+        multiplier[i] += work[i]
+
+
+@part
+def exchange_best(m):
+    """Exchange s and mu with the copies of `note_best`."""
+    m.s, m.best = m.best, m.s
+    m.multiplier, m.best_multiplier = m.best_multiplier, m.multiplier
+
+
+@part
+def note_best(m):
+    """Copy s and mu."""
+    s, best = floats(m.s, m.length), floats(m.best, m.length)
+    multiplier = floats(m.multiplier, m.most + 1)
+    best_multiplier = floats(m.best_multiplier, m.most + 1)
+    for i in range(m.length):
+        best[i] = s[i]
+    for i in range(m.k):
+        best_multiplier[i] = multiplier[i]
+
+
+@part
+def set_contradiction(m):
+    """Set y and z to the multipliers that `step` found to contradict the rows."""
+    x, y, z, z_box = parts_of_result(m)
+    s, direction = floats(m.s, m.length), floats(m.direction, m.length)
+    active, ratio = longs(m.active, m.most + 1), floats(m.ratio, m.most + 1)
+    sign = m.entering_side
+    for j in range(m.n):
+        x[j], z_box[j] = s[m.m + j], 0.0
+    for i in range(m.m):
+        z[i] = 0.0
+    for i in range(m.p):
+        y[i] = -sign * direction[m.rows + i]
+    for i in range(m.k):
+        if active[i] < m.m:
+            z[active[i]] = -sign * ratio[i]
+    if m.entering < m.m:
+        z[m.entering] = 1.0

@@ -1,0 +1,99 @@
+"""The rows of `active`: their right-hand sides, and the responses that have been made.
+
+Responses are kept in places, each as long as the values s. There are as many places as
+rows if memory allows, and always more than rows can be active.
+"""
+
+from namlcp.compiled import floats, longs, part
+from namlcp.linalg import add_scaled
+
+
+@part
+def goal_of(m, row, side):
+    """Return the right-hand side of a row at one of its sides."""
+    if row < m.m:
+        return floats(m.h, m.m)[row]
+    if side < 0:
+        return floats(m.lb, m.n)[row - m.m]
+    return floats(m.ub, m.n)[row - m.m]
+
+
+@part
+def response_of(m, row):
+    """Return the response to a row, which has been made."""
+    start = m.responses + 8 * m.length * longs(m.place, m.rows)[row]
+    return floats(start, m.length)
+
+
+@part
+def has_response(m, row):
+    """Tell whether the response to a row has been made."""
+    return longs(m.place, m.rows)[row] >= 0
+
+
+@part
+def claim_place(m, row):
+    """Return the vector that the response to `row` is to be written to.
+
+    With all places taken, the response of a row that is not active is forgotten. The
+    caller calls `keep_response` when the vector is complete.
+    """
+    owner, place = longs(m.owner, m.capacity), longs(m.place, m.rows)
+    side = longs(m.side, m.rows)
+    at = m.next_place
+    while owner[at] >= 0 and (side[owner[at]] != 0 or owner[at] == m.entering):
+        at = (at + 1) % m.capacity
+    if owner[at] >= 0:
+        place[owner[at]] = -1
+        owner[at] = -1
+    m.next_place = at
+    return floats(m.responses + 8 * m.length * at, m.length)
+
+
+@part
+def keep_response(m, row):
+    """Note that the place claimed last holds the response to `row`."""
+    longs(m.owner, m.capacity)[m.next_place] = row
+    longs(m.place, m.rows)[row] = m.next_place
+    m.next_place = (m.next_place + 1) % m.capacity
+
+
+@part
+def forget_responses(m):
+    """Forget all responses; the active rows of the last solve become a hint."""
+    owner, place = longs(m.owner, m.capacity), longs(m.place, m.rows)
+    side = longs(m.side, m.rows)
+    for i in range(m.capacity):
+        owner[i] = -1
+    for i in range(m.rows):
+        place[i], side[i] = -1, 0
+    m.next_place, m.k = 0, 0
+    m.hints += m.kept_k
+    m.kept_k = 0
+
+
+@part
+def is_pinned(m, row):
+    """Tell whether the two sides of a row are one, so that its multiplier is free."""
+    j = row - m.m
+    return j >= 0 and floats(m.lb, m.n)[j] == floats(m.ub, m.n)[j]
+
+
+@part
+def subtract_responses(m, factor, k, s):
+    """Set s -= sum over i < k of factor[i] times the response to active row i.
+
+    Four rows at a time, because reading and writing s would take most of the time.
+    """
+    active = longs(m.active, m.most + 1)
+    i = 0
+    while i + 4 <= k:
+        a, b = response_of(m, active[i]), response_of(m, active[i + 1])
+        c, d = response_of(m, active[i + 2]), response_of(m, active[i + 3])
+        fa, fb, fc, fd = factor[i], factor[i + 1], factor[i + 2], factor[i + 3]
+        for j in range(s.size):
+            s[j] -= (fa * a[j] + fb * b[j]) + (fc * c[j] + fd * d[j])
+        i += 4
+    while i < k:
+        add_scaled(-factor[i], response_of(m, active[i]), s)
+        i += 1

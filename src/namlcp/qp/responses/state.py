@@ -1,0 +1,126 @@
+"""The numbers and vectors of the active-set method on responses, by name.
+
+Compiled functions take them as one record `m` of numbers and addresses, as those of
+`qp/path` do: ``floats(m.s, m.length)`` is the vector s. `lay_out` gives every vector
+its place in one piece of memory, so that a small QP needs no allocation at all.
+"""
+
+import ctypes
+
+import numpy as np
+
+from namlcp.compiled import part
+
+# Addresses of vectors: those of the problem and of the result, set by `attach`, ...
+GIVEN = "P q G h A b lb ub out".split()
+# ... and those in the memory of the record, set by `lay_out`.
+OWN = (
+    # Values of the rows, see `active`, at the base point and at the present one, and
+    # their change for a multiplier that grows; 1 over the norms of the rows.
+    "s0 s direction scale "
+    # The active rows: their index, multiplier and the triangle L with L L' = S; side of
+    # every row: 1 at h or ub, -1 at lb, 0 if not active. The same of the last solved
+    # QP, where kept_active and kept_side have one entry for each active row.
+    "active multiplier triangle side kept_active kept_side kept_triangle "
+    # L^-1 w, S^-1 w, right-hand sides of S, and the cosines and sines of `remove`.
+    "coefficient ratio work cosines sines "
+    # Responses, the place of each row's (-1 for none), and the row of each place.
+    "responses place owner "
+    # Products of the judgement; the right-hand side and the change of a refinement.
+    "Px Gx Ax Gtz Aty rhs change best best_multiplier "
+    # The solution operator of the dense base problem, and its factors.
+    "inverse factor equations "
+    # The state of `limits.is_over`.
+    "watch"
+).split()
+NUMBERS = (
+    # Sizes of the QP; rows = m + n inequalities and bounds; length = rows + p; the most
+    # active rows, the most responses.
+    "n m p rows length most capacity "
+    # Active rows now and in the last solved QP; whether they or L have changed since L
+    # was computed from S; rows of a hint, and how many of them have been tried.
+    "k kept_k changed hints hinted "
+    # The row that becomes active (-1: none), its side, and the row whose response is
+    # asked for; the place of the next response.
+    "entering entering_side asked next_place "
+    "pivots max_iter is_ready memory memory_size memory_end"
+).split()
+REALS = (
+    # The multiplier of the entering row so far.
+    "own "
+    # The violation over the moduli of its terms that counts as rounding.
+    "level "
+    # Curvature c'Hc of a row c of norm 1 up to which it counts as fixed by equations.
+    "least_curvature "
+    "eps_abs eps_rel"
+).split()
+
+
+class ResponseState(ctypes.Structure):
+    """Numbers and addresses: attributes in Python, fields in compiled code."""
+
+    _fields_ = (
+        *((name, ctypes.c_int64) for name in (*GIVEN, *OWN, *NUMBERS)),
+        *((name, ctypes.c_double) for name in REALS),
+    )
+
+
+RECORD = np.dtype((np.record, np.dtype(ResponseState)))
+# Most numbers that all responses may take: 64 MB.
+MOST_NUMBERS = 8_000_000
+
+
+def new_state() -> tuple[ResponseState, np.ndarray]:
+    """Return an empty record, as an object and as the argument of kernels."""
+    now = ResponseState()
+    return now, np.frombuffer(memoryview(now), RECORD)
+
+
+@part
+def taken(m, size):
+    """Return the address of the next `size` numbers of the memory."""
+    found = m.memory_end
+    m.memory_end += 8 * max(size, 1)
+    return found
+
+
+@part
+def lay_out(m, base_size):
+    """Give every vector of `OWN` its place from m.memory on, for the sizes n, m, p.
+
+    base_size: numbers in `inverse`. Writes nothing to memory; tells whether it is large
+    enough, up to m.memory_size bytes.
+    """
+    m.rows = m.m + m.n
+    m.length = m.rows + m.p
+    m.most = max(min(m.n - m.p, m.rows), 0)
+    m.capacity = min(m.rows, max(m.most + 1, MOST_NUMBERS // max(m.length, 1)))
+    m.memory_end = m.memory
+    triangle = m.most * (m.most + 1) // 2
+    m.s0, m.s = taken(m, m.length), taken(m, m.length)
+    m.direction, m.scale = taken(m, m.length), taken(m, m.rows)
+    m.best, m.change = taken(m, m.length), taken(m, m.length)
+    m.best_multiplier = taken(m, m.most + 1)
+    m.active, m.side = taken(m, m.most + 1), taken(m, m.rows)
+    m.multiplier, m.triangle = taken(m, m.most + 1), taken(m, triangle)
+    m.kept_active, m.kept_side = taken(m, m.most + 1), taken(m, m.most + 1)
+    m.kept_triangle = taken(m, triangle)
+    m.coefficient, m.ratio = taken(m, m.most + 1), taken(m, m.most + 1)
+    m.work = taken(m, m.most + 1)
+    m.cosines, m.sines = taken(m, m.most), taken(m, m.most)
+    m.place, m.owner = taken(m, m.rows), taken(m, m.capacity)
+    m.Px, m.Gx, m.Ax = taken(m, m.n), taken(m, m.m), taken(m, m.p)
+    m.Gtz, m.Aty = taken(m, m.n), taken(m, m.n)
+    m.rhs = taken(m, m.n + m.p)
+    m.watch = taken(m, 3)
+    m.inverse = taken(m, base_size)
+    m.factor, m.equations = taken(m, base_size), taken(m, base_size)
+    m.responses = taken(m, m.capacity * m.length)
+    return m.memory_end - m.memory <= m.memory_size
+
+
+def allocate(now: ResponseState) -> np.ndarray:
+    """Return memory of the size that `lay_out` has found to be needed."""
+    memory = np.empty((now.memory_end - now.memory) // 8)
+    now.memory, now.memory_size = memory.__array_interface__["data"][0], memory.nbytes
+    return memory

@@ -1,0 +1,202 @@
+"""QPs with the same matrices by responses: against the definition and fresh solves."""
+
+import copy
+import pickle
+
+import numpy as np
+import pytest
+from numba import njit
+
+import namlcp
+from namlcp.limits import Limits
+from namlcp.qp.problem import QP
+from namlcp.qp.responses import triangle as packed
+from namlcp.qp.responses.solve import DenseResponses
+from namlcp.residuals import qp_residuals
+from namlcp.status import Status
+
+INF = np.inf
+LIMITS = Limits(1e-9, 1e-10, 1000)
+FINAL = (Status.SOLVED, Status.PRIMAL_INFEASIBLE)
+
+
+def random_qp(rng, n, m, p):
+    """Return a feasible strictly convex QP with bounds, some of them pinned."""
+    root = rng.standard_normal((n, n))
+    P = root @ root.T / n + np.diag(rng.uniform(0.1, 2.0, n))
+    G, A = rng.standard_normal((m, n)), rng.standard_normal((p, n))
+    x = rng.standard_normal(n)
+    lb = np.where(rng.random(n) < 0.6, x - rng.random(n), -INF)
+    ub = np.where(rng.random(n) < 0.6, x + rng.random(n), INF)
+    pinned = rng.random(n) < 0.1
+    lb[pinned] = ub[pinned] = x[pinned]
+    h = G @ x + rng.random(m)
+    h[rng.random(m) < 0.1] = INF
+    return QP((P + P.T) / 2, 3.0 * rng.standard_normal(n), G, h, A, A @ x, lb, ub)
+
+
+def moved(rng, qp, size):
+    """Return the QP with other vectors; now and then a side vanishes or appears."""
+    n = qp.q.size
+    q = qp.q + size * rng.standard_normal(n)
+    h, lb, ub = qp.h.copy(), qp.lb.copy(), qp.ub.copy()
+    if rng.random() < 0.3:
+        j = rng.integers(n)
+        lb[j] = -INF if lb[j] > -INF else ub[j] - 1.0 if ub[j] < INF else -1.0
+    if h.size and rng.random() < 0.3:
+        i = rng.integers(h.size)
+        h[i] = INF if h[i] < INF else 1.0
+    if rng.random() < 0.1:
+        h = h - 10.0 * rng.random()  # may be infeasible
+    return qp._replace(q=q, h=h, lb=lb, ub=ub)
+
+
+def solve(responses, qp, limits=LIMITS):
+    return responses.solve(qp.q, qp.h, qp.b, qp.lb, qp.ub, limits)
+
+
+def assert_agrees(answer, qp):
+    """The answer is that of `solve_qp`, and right by the definition."""
+    expected = namlcp.solve_qp(*qp)
+    assert answer.status is expected.status
+    if answer.status is Status.SOLVED:
+        assert qp_residuals(*qp, *answer.point).solved(1e-9, 1e-10)
+        np.testing.assert_allclose(answer.point.x, expected.x, atol=1e-8)
+        residuals = qp_residuals(*qp, *answer.point)
+        np.testing.assert_allclose(answer.residuals, residuals, atol=1e-10)
+    else:
+        _, y, z, z_box = answer.point
+        assert abs(qp.A.T @ y + qp.G.T @ z + z_box).max() < 1e-9 * abs(z).max()
+        assert z.min(initial=0.0) >= 0.0
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_sequences_agree_with_fresh_solves(seed):
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 25))
+    m, p = int(rng.integers(0, 2 * n + 1)), int(rng.integers(0, n // 2 + 1))
+    first = random_qp(rng, n, m, p)
+    kept = DenseResponses.of(first)
+    size = 10.0 ** rng.uniform(-2, 1)
+    seen = set()
+    for _ in range(25):
+        qp = moved(rng, first, size)
+        answer = solve(kept, qp)
+        fresh = solve(DenseResponses.of(qp), qp)
+        if answer is None:
+            assert fresh is None
+            continue
+        seen.add(answer.status)
+        assert answer.status in FINAL
+        assert_agrees(answer, qp)
+        if answer.status is Status.SOLVED:  # bit by bit: the way there leaves no trace
+            for mine, other in zip(answer.point, fresh.point, strict=True):
+                np.testing.assert_array_equal(mine, other)
+    assert Status.SOLVED in seen
+
+
+def test_renewed_matrices_give_the_answer_of_a_fresh_solve():
+    rng = np.random.default_rng(5)
+    qp = random_qp(rng, 15, 20, 3)
+    kept = DenseResponses.of(qp)
+    pivots = []
+    for _ in range(6):
+        qp = qp._replace(
+            P=qp.P + 1e-3 * np.eye(15), G=qp.G + 1e-4, A=qp.A * 1.01, b=qp.b * 1.01
+        )
+        kept.renew(qp)
+        answer, fresh = solve(kept, qp), solve(DenseResponses.of(qp), qp)
+        assert answer.status is fresh.status is Status.SOLVED
+        np.testing.assert_array_equal(answer.point.x, fresh.point.x)
+        pivots.append((answer.iterations, fresh.iterations))
+    assert sum(p[0] for p in pivots[1:]) < sum(p[1] for p in pivots[1:])
+
+
+def test_an_infeasible_step_keeps_the_last_solved_rows():
+    rng = np.random.default_rng(6)
+    qp = random_qp(rng, 20, 40, 0)
+    kept = DenseResponses.of(qp)
+    assert solve(kept, qp).iterations > 2
+    lost = qp._replace(lb=np.full(20, 5.0), ub=np.full(20, 6.0))
+    assert solve(kept, lost).status is Status.PRIMAL_INFEASIBLE
+    assert solve(kept, qp).iterations == 0
+
+
+def test_a_suggestion_is_the_start():
+    rng = np.random.default_rng(7)
+    qp = random_qp(rng, 20, 40, 2)
+    answer = solve(DenseResponses.of(qp), qp)
+    x, _, z, z_box = answer.point
+    active = np.concatenate((z > 0.0, z_box < 0.0, z_box > 0.0)).astype(np.int8)
+    other = DenseResponses.of(qp)
+    other.suggest(active)
+    again = solve(other, qp)
+    assert answer.iterations > again.iterations == 0
+    np.testing.assert_array_equal(again.point.x, x)
+
+
+def test_what_it_does_not_decide_is_left_to_others():
+    eye, none = np.eye(2), np.empty((0, 2))
+    free, e = (np.full(2, -INF), np.full(2, INF)), np.empty(0)
+    singular = DenseResponses(np.diag([1.0, 0.0]), none, none)
+    assert singular.solve(np.ones(2), e, e, *free, LIMITS) is None
+    dependent = DenseResponses(eye, none, np.ones((2, 2)))
+    assert dependent.solve(np.ones(2), e, np.ones(2), *free, LIMITS) is None
+    crossed = DenseResponses(eye, none, none)
+    assert crossed.solve(np.ones(2), e, e, np.ones(2), -np.ones(2), LIMITS) is None
+
+
+def test_numbers_are_checked():
+    kept = DenseResponses(np.eye(2), np.ones((1, 2)), np.empty((0, 2)))
+    q, h, b = np.ones(2), np.ones(1), np.empty(0)
+    lb, ub = np.full(2, -1e30), np.full(2, 1e30)
+    assert solve(kept, QP(None, q, None, h, None, b, lb, ub)).point.x.tolist() == [
+        -1.0,
+        -1.0,
+    ]
+    with pytest.raises(ValueError, match="q must be finite, got nan at"):
+        kept.solve(np.array([0.0, np.nan]), h, b, lb, ub, LIMITS)
+    with pytest.raises(ValueError, match="h must not hold NaN"):
+        kept.solve(q, np.array([np.nan]), b, lb, ub, LIMITS)
+
+
+def test_a_copy_begins_anew():
+    rng = np.random.default_rng(8)
+    qp = random_qp(rng, 6, 9, 1)
+    kept = DenseResponses.of(qp)
+    answer = solve(kept, qp)
+    for other in (copy.deepcopy(kept), pickle.loads(pickle.dumps(kept))):
+        np.testing.assert_array_equal(solve(other, qp).point.x, answer.point.x)
+    np.testing.assert_array_equal(solve(kept, qp).point.x, answer.point.x)
+
+
+def test_the_triangle_is_that_of_the_remaining_rows():
+    """After appending k rows and removing one, L L' = S without it."""
+    append, remove = packed.append_to_triangle, packed.remove_from_triangle
+    solve_lower = packed.triangle_solve
+    solve_upper = packed.triangle_solve_transposed
+
+    @njit
+    def go(S, leaving, L, b):
+        k = S.shape[0]
+        row = np.empty(k)
+        for i in range(k):
+            row[:i] = S[i, :i]
+            solve_lower(L, i, row)
+            append(L, i, row, np.sqrt(S[i, i] - np.sum(row[:i] ** 2)))
+        remove(L, k, leaving, np.empty(k), np.empty(k))
+        solve_lower(L, k - 1, b)
+        solve_upper(L, k - 1, b)
+
+    rng = np.random.default_rng(9)
+    for leaving in range(6):
+        root = rng.standard_normal((6, 6))
+        S = root @ root.T + np.eye(6)
+        L, b = np.empty(21), rng.standard_normal(5)
+        left = np.delete(np.delete(S, leaving, 0), leaving, 1)
+        expected = np.linalg.solve(left, b)
+        go(S, leaving, L, b)
+        square = np.zeros((5, 5))
+        square[np.tril_indices(5)] = L[:15]
+        np.testing.assert_allclose(square @ square.T, left, atol=1e-12)
+        np.testing.assert_allclose(b, expected, atol=1e-12)
