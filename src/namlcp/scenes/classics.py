@@ -1,4 +1,4 @@
-"""The problems of the demonstration, which tests and validation use as well."""
+"""Three problems without friction: a membrane, a pile of discs, a walking robot."""
 
 import numpy as np
 import qpsolvers

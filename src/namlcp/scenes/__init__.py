@@ -1,0 +1,10 @@
+"""The problems of the demonstration, which tests and validation use as well.
+
+| module | content |
+|---|---|
+| `classics` | an obstacle, a pile of discs without friction, a walking robot |
+| `friction` | rigid bodies with Coulomb friction as an LCP, in the plane and in space |
+| `stepping` | discs that fall, roll and come to rest: an LCP a time step |
+"""
+
+from namlcp.scenes.classics import disc_pile, forced_obstacle, preview_control

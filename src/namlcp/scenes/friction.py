@@ -1,0 +1,161 @@
+"""Rigid bodies in contact with Coulomb friction: one time step as an LCP.
+
+Stewart and Trinkle's time step, with the velocities of Anitescu and Potra: contact c
+has the normal n_c, and directions d_cj in its tangent plane instead of the circle of
+friction. With v = M^-1 p the change of velocity by impulses p = N' l + D' b,
+
+    u = N (v_free + v) + gap / h >= 0         normal velocity    | l >= 0   impulse
+    s = D (v_free + v) + E g     >= 0         sliding            | b >= 0   friction
+    r = mu l - E' b              >= 0         room in the cone   | g >= 0   speed
+
+and a product of 0 in each row: an LCP with z = (l, b, g) and
+
+        [N W N'  N W D'  0]       [N v_free + gap / h]
+    A = [D W N'  D W D'  E],  q = [D v_free          ],   W = M^-1.
+        [mu      -E'     0]       [0                 ]
+
+For z >= 0, z'A z = |J' (l, b)|^2_W + mu l'g >= 0: A is copositive. It is neither a
+P-matrix nor semidefinite, and singular on most faces. Where no gap is negative and the
+bodies can stand still, q'z >= 0 wherever z >= 0, A z >= 0 and z'A z = 0, so that there
+is a solution, which Lemke's method finds (Cottle, Pang and Stone 1992, 4.4.12). A
+contact with mu = 0 has its row of l alone: if all have, A is N W N'.
+
+References
+----------
+Stewart and Trinkle, Int. J. Numer. Methods Eng. 39 (1996) 2673-2691.
+Anitescu and Potra, Nonlinear Dynamics 14 (1997) 231-247.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse as sp
+
+PLANE, SPACE = (0, 1, 5), (0, 1, 2, 3, 4, 5)
+"""Degrees of freedom of a body: of velocity (3) and angular velocity (3)."""
+
+
+class Bodies(NamedTuple):
+    """Rigid bodies: centres (k, 3), masses (k,), moments of inertia (k, 3).
+
+    The moments are those about the axes; velocity (k, 6), linear and angular, is that
+    at the end of the time step without contact forces. In the plane z = 0.
+    """
+
+    centre: np.ndarray
+    mass: np.ndarray
+    inertia: np.ndarray
+    velocity: np.ndarray
+
+
+class Contacts(NamedTuple):
+    """Contacts: two bodies each, -1 for the ground; points and unit normals (m, 3).
+
+    The normal points from the first body to the second. mu (m,): coefficients of
+    friction. gap (m,): distance over the length of the time step.
+    """
+
+    first: np.ndarray
+    second: np.ndarray
+    point: np.ndarray
+    normal: np.ndarray
+    mu: np.ndarray
+    gap: np.ndarray
+
+
+class Scene(NamedTuple):
+    """Bodies and contacts, in the plane with two directions of friction or in space."""
+
+    bodies: Bodies
+    contacts: Contacts
+    directions: int = 2
+
+    @property
+    def freedom(self) -> list[int]:
+        """The degrees of freedom of a body, as columns of `Bodies.velocity`."""
+        return list(PLANE if self.directions == 2 else SPACE)
+
+    def tangents(self) -> np.ndarray:
+        """Return the directions of friction, (directions, k, 3): evenly round.
+
+        k counts the contacts that have any.
+        """
+        n = self.contacts.normal[self.rough]
+        if self.directions == 2:
+            t = np.column_stack((n[:, 1], -n[:, 0], n[:, 2]))
+            return np.array([t, -t])
+        least = np.eye(3)[np.abs(n).argmin(axis=1)]
+        one = np.cross(n, least)
+        one /= np.linalg.norm(one, axis=1)[:, None]
+        two = np.cross(n, one)
+        angle = 2.0 * np.pi * np.arange(self.directions) / self.directions
+        turn = np.array([np.cos(angle), np.sin(angle)])
+        turn[np.abs(turn) < 1e-15] = 0.0  # at right angles
+        return np.einsum("ad,ami->dmi", turn, np.array([one, two]))
+
+    @property
+    def rough(self) -> np.ndarray:
+        """The contacts with friction."""
+        return np.flatnonzero(self.contacts.mu > 0.0)
+
+    def jacobian(self) -> sp.csr_array:
+        """Return [N; D]: from velocities to those along normals, then directions.
+
+        A contact's velocity is that of the second body minus that of the first.
+        """
+        bodies, contacts, freedom = self.bodies, self.contacts, self.freedom
+        along = np.vstack([contacts.normal, *self.tangents()])
+        contact = np.arange(contacts.mu.size)
+        contact = np.concatenate((contact, np.tile(self.rough, self.directions)))
+        shape = contact.size, len(freedom) * bodies.mass.size
+        total = sp.csr_array(shape)
+        for body, sign in ((contacts.first, -1.0), (contacts.second, 1.0)):
+            rows = np.flatnonzero(body[contact] >= 0)
+            moved = body[contact[rows]]
+            arm = contacts.point[contact[rows]] - bodies.centre[moved]
+            turn = np.cross(arm, along[rows])
+            entries = sign * np.column_stack((along[rows], turn))[:, freedom]
+            columns = len(freedom) * moved[:, None] + np.arange(len(freedom))
+            place = np.repeat(rows, len(freedom)), columns.ravel()
+            total = total + sp.csr_array((entries.ravel(), place), shape=shape)
+        return sp.csr_array(total)
+
+    def inverse_mass(self) -> np.ndarray:
+        """Return 1 / M by degree of freedom."""
+        mass, inertia = self.bodies.mass, self.bodies.inertia
+        M = np.column_stack((mass, mass, mass, inertia))
+        return 1.0 / M[:, self.freedom].ravel()
+
+    def impulses(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return normal impulses (m,) and friction (m, 3) of a solution z."""
+        m, k = self.contacts.mu.size, self.rough.size
+        b = z[m : m + self.directions * k].reshape(self.directions, k, 1)
+        friction = np.zeros((m, 3))
+        friction[self.rough] = (b * self.tangents()).sum(axis=0)
+        return z[:m], friction
+
+    def velocity(self, z: np.ndarray) -> np.ndarray:
+        """Return the velocities (k, 6) at the end of the step for a solution z."""
+        J = self.jacobian()
+        change = self.inverse_mass() * (J.T @ z[: J.shape[0]])
+        velocity = self.bodies.velocity.copy()
+        velocity[:, self.freedom] += change.reshape(len(velocity), -1)
+        return velocity
+
+
+def friction_lcp(scene: Scene) -> tuple[sp.csr_array, np.ndarray]:
+    """Return LCP(q, A) of a time step; z = (l, b, g), b direction by direction."""
+    mu, rough, count = scene.contacts.mu, scene.rough, scene.directions
+    m, k = mu.size, rough.size
+    J = scene.jacobian()
+    W = J @ sp.diags_array(scene.inverse_mass()) @ J.T
+    E = sp.vstack([sp.csr_array((m, k)), *[sp.eye_array(k)] * count])
+    cone = sp.diags_array(mu, shape=(m, m)).tocsr()[rough]
+    room = sp.hstack([cone, *[-sp.eye_array(k)] * count])
+    A = sp.csr_array(sp.block_array([[W, E], [room, None]]))
+    A.eliminate_zeros()
+    A.sort_indices()
+    q = np.zeros(A.shape[0])
+    q[: J.shape[0]] = J @ scene.bodies.velocity[:, scene.freedom].ravel()
+    q[:m] += scene.contacts.gap
+    return A, q

@@ -1,0 +1,184 @@
+"""Piles, walls and columns with Coulomb friction, in the plane and in space.
+
+Each is a `namlcp.scenes.friction.Scene`: one time step, of which `friction_lcp` makes
+the LCP. Gravity times the step is STEP, and bodies are pushed at random, so that some
+contacts stick, some slide and some open. All have a solution: no gap is negative and
+bodies at rest are feasible.
+"""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from namlcp.scenes.friction import Bodies, Contacts, Scene
+
+STEP = 0.01  # gravity times the length of the step
+PUSH = 1.0  # standard deviation of the random velocities, in units of STEP
+BELOW = np.array([0.0, -1.0, 0.0])  # gravity in the plane; in space it is along -z
+
+Touch = tuple[int, int, Sequence[float], Sequence[float]]
+"""A contact: first and second body, point, normal."""
+
+
+def scene_of(
+    bodies: Bodies, touches: Iterator[Touch], mu: float, directions: int = 2
+) -> Scene:
+    """Return the scene of bodies and the contacts between them, without gaps."""
+    first, second, point, normal = zip(*touches, strict=True)
+    contacts = Contacts(
+        np.array(first),
+        np.array(second),
+        np.array(point, dtype=float),
+        np.array(normal, dtype=float),
+        np.full(len(first), mu),
+        np.zeros(len(first)),
+    )
+    return Scene(bodies, contacts, directions)
+
+
+def moved(
+    centre: np.ndarray, shape: np.ndarray, ratio: float, seed: int, down: np.ndarray
+) -> Bodies:
+    """Return bodies of random masses from 1 to `ratio`, pushed at random.
+
+    shape (k, 3): moments of inertia of unit masses.
+    """
+    rng = np.random.default_rng(seed)
+    mass = ratio ** rng.random(len(centre))
+    velocity = PUSH * STEP * rng.standard_normal((len(centre), 6))
+    velocity[:, :3] += STEP * down
+    if down is BELOW:
+        velocity[:, 2:5] = 0.0
+    return Bodies(centre, mass, mass[:, None] * shape, velocity)
+
+
+def pile_of_discs(rows: int, mu: float, ratio: float = 2.0, seed: int = 0) -> Scene:
+    """Return unit discs in rows of decreasing length on a floor, from a lattice.
+
+    Each touches its neighbours in its row, and two discs below.
+    """
+    place = [(i, r) for r in range(rows) for i in range(rows - r)]
+    index = {at: k for k, at in enumerate(place)}
+    centre = np.array([(2.0 * i + r, np.sqrt(3.0) * r, 0.0) for i, r in place])
+
+    def touches() -> Iterator[Touch]:
+        for (i, r), k in index.items():
+            if r == 0:
+                yield -1, k, centre[k] + BELOW, -BELOW
+            for other in ((i - 1, r), (i, r - 1), (i + 1, r - 1)):
+                if other in index:
+                    line = (centre[k] - centre[index[other]]) / 2.0
+                    yield index[other], k, centre[k] - line, line
+
+    bodies = moved(centre, np.full((len(place), 3), 0.5), ratio, seed, BELOW)
+    return scene_of(bodies, touches(), mu)
+
+
+def wall_of_bricks(rows: int, mu: float, ratio: float = 2.0, seed: int = 0) -> Scene:
+    """Return bricks 2 x 1 in running bond, as many in a row as there are rows.
+
+    A brick lies on the halves of two others, two points each.
+    """
+    place = [(i, r) for r in range(rows) for i in range(rows)]
+    index = {at: k for k, at in enumerate(place)}
+    centre = np.array([(2.0 * i + r % 2, r + 0.5, 0.0) for i, r in place])
+
+    def touches() -> Iterator[Touch]:
+        for (i, r), k in index.items():
+            x, y, _ = centre[k]
+            if r == 0:
+                for end in (-1.0, 1.0):
+                    yield -1, k, (x + end, 0.0, 0.0), -BELOW
+            for half in (-1, 0):
+                below = index.get((i + half + r % 2, r - 1))
+                if below is not None:
+                    for end in (float(half), half + 1.0):
+                        yield below, k, (x + end, y - 0.5, 0.0), -BELOW
+
+    shape = np.full((len(place), 3), 5.0 / 12.0)
+    return scene_of(moved(centre, shape, ratio, seed, BELOW), touches(), mu)
+
+
+def pressed_chain(links: int, mu: float, ratio: float = 2.0, seed: int = 0) -> Scene:
+    """Return a row of unit discs on a floor, pushed together from both ends."""
+    centre = np.column_stack((2.0 * np.arange(links), np.ones(links), np.zeros(links)))
+    bodies = moved(centre, np.full((links, 3), 0.5), ratio, seed, BELOW)
+    bodies.velocity[[0, -1], 0] = np.array([30.0, -30.0]) * STEP
+
+    def touches() -> Iterator[Touch]:
+        for k in range(links):
+            yield -1, k, centre[k] + BELOW, -BELOW
+            if k:
+                yield k - 1, k, centre[k] - (1.0, 0.0, 0.0), (1.0, 0.0, 0.0)
+
+    return scene_of(bodies, touches(), mu)
+
+
+def pile_of_balls(
+    layers: int, mu: float, directions: int = 4, ratio: float = 2.0, seed: int = 0
+) -> Scene:
+    """Return unit balls in a square pyramid; each lies on four, or on the floor."""
+    place = [
+        (i, j, r)
+        for r in range(layers)
+        for i in range(layers - r)
+        for j in range(layers - r)
+    ]
+    index = {at: k for k, at in enumerate(place)}
+    up = np.array([0.0, 0.0, 1.0])
+    centre = np.array(
+        [(2.0 * i + r, 2.0 * j + r, 1.0 + np.sqrt(2.0) * r) for i, j, r in place]
+    )
+
+    def touches() -> Iterator[Touch]:
+        for (i, j, r), k in index.items():
+            if r == 0:
+                yield -1, k, centre[k] - up, up
+            steps = [(-1, 0, 0), (0, -1, 0)]
+            steps += [(a, b, -1) for a in (0, 1) for b in (0, 1)]
+            for a, b, c in steps:
+                other = index.get((i + a, j + b, r + c))
+                if other is not None:
+                    line = (centre[k] - centre[other]) / 2.0
+                    yield other, k, centre[k] - line, line
+
+    bodies = moved(centre, np.full((len(place), 3), 0.4), ratio, seed, -up)
+    return scene_of(bodies, touches(), mu, directions)
+
+
+def column_of_cubes(
+    levels: int, mu: float, directions: int = 4, ratio: float = 2.0, seed: int = 0
+) -> Scene:
+    """Return unit cubes one on another, four corners an interface."""
+    up = np.array([0.0, 0.0, 1.0])
+    centre = np.array([(0.0, 0.0, 0.5 + r) for r in range(levels)])
+
+    def touches() -> Iterator[Touch]:
+        for k in range(levels):
+            for x in (-0.5, 0.5):
+                for y in (-0.5, 0.5):
+                    yield k - 1, k, (x, y, float(k)), up
+
+    bodies = moved(centre, np.full((levels, 3), 1.0 / 6.0), ratio, seed, -up)
+    return scene_of(bodies, touches(), mu, directions)
+
+
+def block_on_slope(angle: float, mu: float) -> Scene:
+    """Return a resting brick 2 x 1 on a slope [rad]: known, see `acceleration`.
+
+    The axes are those of the slope. The contacts are two corners.
+    """
+    pull = STEP * np.array([np.sin(angle), -np.cos(angle), 0.0, 0.0, 0.0, 0.0])
+    bodies = Bodies(
+        np.array([[0.0, 0.5, 0.0]]), np.ones(1), np.full((1, 3), 5.0 / 12.0), pull[None]
+    )
+    corners = iter([(-1, 0, (x, 0.0, 0.0), -BELOW) for x in (-1.0, 1.0)])
+    return scene_of(bodies, corners, mu)
+
+
+def acceleration(angle: float, mu: float) -> float:
+    """Return that of `block_on_slope` over gravity: 0 where tan(angle) <= mu.
+
+    It does not tip, for mu and tan(angle) below 2, half its length over its height.
+    """
+    return max(0.0, float(np.sin(angle) - mu * np.cos(angle)))
