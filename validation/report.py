@@ -77,7 +77,7 @@ PARTS = {
     "work-precision": part("Speed against accuracy", 2700.0, """
         peers.work_precision run {quick} --data {data} --results {results}
         peers.work_precision plot {quick} --results {results} --figures {figures}
-    """, "work-precision{-quick}.svg", 200.0),
+    """, "work-precision{-quick}.svg front.svg", 200.0),
     "profiles": part("Performance profiles", 600.0, """
         peers.profiles run {quick} --data {data} --results {results}
         peers.profiles plot {quick} --results {results} --figures {figures}

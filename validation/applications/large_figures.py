@@ -14,7 +14,6 @@ Rows = list[dict[str, str]]
 LIMIT = 120.0
 """Seconds that the other solvers have."""
 
-LIFT = {"clarabel": 5.0}
 """Points by which a name stands off its neighbour's."""
 
 PANELS = {
@@ -48,6 +47,9 @@ def plot(results: Path, figures: Path) -> None:
         sharey=True,
         gridspec_kw={"wspace": 0.1, "hspace": 0.34},
     )
+    forced = axes["F"]
+    forced.set(xscale="log", yscale="log", xlim=(600.0, 8e6), ylim=(3e-6, 1500.0))
+    forced.tick_params(labelbottom=True)
     for name, (scene, title) in zip("Fabcdefghijkl", PANELS.items(), strict=True):
         panel = axes[name]
         kinds = PILES if scene == "piles" else (scene,)
@@ -59,9 +61,6 @@ def plot(results: Path, figures: Path) -> None:
             draw_piles(panel, own)
         else:
             draw_scene(panel, own, named=name == "F")
-    forced = axes["F"]
-    forced.set(xscale="log", yscale="log", xlim=(600.0, 8e6), ylim=(3e-6, 1500.0))
-    forced.tick_params(labelbottom=True)
     for name in "Fei":
         axes[name].set_ylabel("time [s]")
     for name in "ijkl":
@@ -87,13 +86,14 @@ def draw_scene(axes: Axes, rows: Rows, named: bool) -> None:
     if named:
         end = float(own[-1]["seconds"])
         label(axes, n[-1], end, "namlcp", charts.SOLVERS["nam"][0], (-6.0, 8.0))
+    peers = {}
     for solver in dict.fromkeys(row["solver"] for row in rows):
         if solver != "nam":
             theirs = [row for row in rows if row["solver"] == solver]
             draw_solver(axes, theirs, solver)
-            start = int(theirs[0]["n"]), float(theirs[0]["seconds"] or LIMIT)
-            shift = -7.0, LIFT.get(solver, 0.0)
-            label(axes, *start, solver, charts.SOLVERS[solver][0], shift)
+            points = [(int(r["n"]), float(r["seconds"] or LIMIT)) for r in theirs]
+            peers[solver] = points, charts.SOLVERS[solver][0]
+    charts.name_lines(axes, peers)
     ratio = float(own[-1]["ratio"] or "nan")
     if math.isfinite(ratio):
         if own[-1]["scene"] == "put":

@@ -4,13 +4,18 @@ Colours are Paul Tol's "bright" scheme, distinct for the colour-blind; a family 
 methods has one colour, its members differ by marker.
 """
 
+import math
+from itertools import combinations
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 import matplotlib as mpl
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.text import Text
+from matplotlib.transforms import Bbox
 
 from validation.harness.csv_files import header
 
@@ -23,6 +28,7 @@ YELLOW, RED = "#CCBB44", "#EE6677"
 WINE, TEAL = "#882255", "#44AA99"
 ORANGE, GREY, BLACK = "#EE7733", "#999999", "#000000"
 DARK = "#555555"
+LIGHT = "#CFCFCF"
 
 METHODS = {
     "mgs": (PURPLE, "o"),
@@ -57,6 +63,18 @@ SOLVERS = {
 }
 """Colour and marker of every solver."""
 
+# Where a name may stand beside a point: offset [points], and what is anchored there.
+SHIFTS = {
+    (7.0, 0.0): {"ha": "left", "va": "center"},
+    (-7.0, 0.0): {"ha": "right", "va": "center"},
+    (0.0, 7.0): {"ha": "center", "va": "bottom"},
+    (0.0, -7.0): {"ha": "center", "va": "top"},
+    (6.0, 6.0): {"ha": "left", "va": "bottom"},
+    (-6.0, 6.0): {"ha": "right", "va": "bottom"},
+    (6.0, -6.0): {"ha": "left", "va": "top"},
+    (-6.0, -6.0): {"ha": "right", "va": "top"},
+}
+
 mpl.rcParams.update(
     {
         "figure.dpi": 110,
@@ -78,7 +96,13 @@ mpl.rcParams.update(
 
 
 def save(figure: Figure, file: Path) -> None:
-    """Write a figure as the suffix of `file` says, without the date, and close it."""
+    """Write a figure as the suffix of `file` says, without the date, and close it.
+
+    Raises a ValueError if two of its texts overlap.
+    """
+    clashes = overlapping_texts(figure)
+    if clashes:
+        raise ValueError(f"{file.name}: overlapping texts, {clashes[:5]}")
     file.parent.mkdir(parents=True, exist_ok=True)
     metadata = {"Date": None} if file.suffix == ".svg" else None
     figure.savefig(file, metadata=metadata, bbox_inches="tight")
@@ -92,6 +116,68 @@ def label(
     """Write the name of a line beside one of its points, `shift` [points] off."""
     place = {"textcoords": "offset points", "va": "center", "color": colour}
     axes.annotate(text, point, shift, **place, **style)
+
+
+def name_lines(
+    axes: Axes, lines: dict[str, tuple[list[tuple[float, float]], str]]
+) -> None:
+    """Write the name of each line, in its colour, beside one of its points.
+
+    `lines`: by name, its points and its colour. The place is the one farthest from all
+    points, among those within the panel and off the texts that are there.
+    """
+    axes.figure.draw_without_rendering()
+    frame = axes.get_window_extent()
+    marks = [
+        axes.transData.transform(p) for points, _ in lines.values() for p in points
+    ]
+    taken = [text.get_window_extent() for text in axes.texts]
+    for name, (points, colour) in lines.items():
+        text = axes.annotate(
+            name, points[0], (0.0, 0.0), textcoords="offset points", color=colour,
+            fontsize=9.0, weight="bold" if name == "namlcp" else "normal", zorder=9,
+        )  # fmt: skip
+        best = -math.inf
+        place = points[0], (0.0, 0.0)
+        for point in points:
+            for shift, sides in SHIFTS.items():
+                text.xy, text.xyann = point, shift
+                text.set(**sides)
+                box = text.get_window_extent()
+                inside = frame.contains(*box.min) and frame.contains(*box.max)
+                if not inside or any(box.overlaps(other) for other in taken):
+                    continue
+                room = min(distance(box, mark) for mark in marks)
+                if room > best:
+                    best, place = room, (point, shift)
+        text.xy, text.xyann = place
+        text.set(**SHIFTS.get(place[1], {}))
+        taken.append(text.get_window_extent())
+
+
+def distance(box: Bbox, point: Any) -> float:
+    """Return how far a point is from a box; 0 inside."""
+    over = [max(box.x0 - point[0], 0.0, point[0] - box.x1)]
+    over.append(max(box.y0 - point[1], 0.0, point[1] - box.y1))
+    return math.hypot(*over)
+
+
+def overlapping_texts(figure: Figure) -> list[tuple[str, str]]:
+    """Return the pairs of texts of a figure whose boxes overlap, of those drawn."""
+    drawn: list[Text] = []
+    draw = Text.draw
+
+    def record(text: Text, *arguments: Any) -> None:
+        if text.get_visible() and text.get_text():
+            drawn.append(text)
+        draw(text, *arguments)
+
+    with mock.patch.object(Text, "draw", record):
+        figure.draw_without_rendering()
+    boxes = [(t.get_text(), t.get_window_extent()) for t in drawn]
+    return [
+        (a, b) for (a, one), (b, other) in combinations(boxes, 2) if one.overlaps(other)
+    ]
 
 
 def caption(axes: Axes, file: Path) -> None:

@@ -9,7 +9,6 @@ from validation.harness import charts, csv_files
 
 Rows = list[dict[str, str]]
 NAMES = {"mgs": "MGS", "namgs": "NAMGS", "msor": "MSOR", "namsor": "NAMSOR"}
-LIFTS = {"msor": 6.5, "namgs": -2.5, "namsor": -11.5, "mgs": 7.0}  # [points]
 SHADES = {"4.0": charts.CYAN, "1.0": charts.BLUE, "0.0": charts.PURPLE}
 
 
@@ -42,6 +41,7 @@ def plot(results: Path, figures: Path) -> None:
 
 def draw_counts(axes: Axes, rows: Rows) -> None:
     """Draw computed counts as lines, printed ones as black crosses on them."""
+    lines = {}
     for method, name in NAMES.items():
         own = [row for row in rows if row["method"] == method]
         n = [int(row["n"]) for row in own]
@@ -50,8 +50,7 @@ def draw_counts(axes: Axes, rows: Rows) -> None:
         axes.plot(n, ours, color=colour, marker=marker, markersize=7)
         printed = [int(row["printed_iterations"]) for row in own]
         axes.plot(n, printed, "+", color="black", markersize=5, markeredgewidth=0.9)
-        end = n[-1], ours[-1]
-        charts.label(axes, name, end, (7.0, LIFTS[method]), colour, fontsize=8.0)
+        lines[name] = list(zip(n, ours, strict=True)), colour
     axes.plot([], [], "+", color="black", label="printed in the paper")
     axes.legend(loc="lower left", handletextpad=0.0)
     axes.set_xscale("log")
@@ -59,11 +58,12 @@ def draw_counts(axes: Axes, rows: Rows) -> None:
     axes.set_ylim(0, None)
     axes.set_xlabel("n")
     axes.set_ylabel("sweeps to Res < $10^{-5}$")
+    charts.name_lines(axes, lines)
 
 
 def draw_times(axes: Axes, rows: Rows) -> None:
-    """Draw our times with quartiles, and the printed ones dotted."""
-    for method, name in NAMES.items():
+    """Draw our times with quartiles, and the printed ones dotted; names are above."""
+    for method in NAMES:
         own = [row for row in rows if row["method"] == method]
         n = [int(row["n"]) for row in own]
         median, low, high = (
@@ -75,8 +75,6 @@ def draw_times(axes: Axes, rows: Rows) -> None:
         axes.vlines(n, low, high, color=colour, linewidth=1.0)
         printed = [1e3 * float(row["printed_time"]) for row in own]
         axes.plot(n, printed, ":", color=colour, marker=marker, fillstyle="none")
-        end = n[-1], median[-1]
-        charts.label(axes, name, end, (7.0, LIFTS[method]), colour, fontsize=8.0)
     axes.text(1.1e4, 2.6e3, "printed\n(dense)", color=charts.DARK, va="center")
     axes.set_xscale("log")
     axes.set_yscale("log")
@@ -91,6 +89,7 @@ def draw_methods(axes: Axes, rows: Rows) -> None:
     rows = [row for row in rows if int(row["n"]) == n]
     names = list(dict.fromkeys(row["variant"] for row in rows))
     limit = max(int(row["cap"]) for row in rows)
+    words: dict[int, list[str]] = {}
     for shift, (delta, colour) in zip((-0.24, 0.0, 0.24), SHADES.items(), strict=True):
         own = {row["variant"]: row for row in rows if row["delta"] == delta}
         solved = [k for k, name in enumerate(names) if own[name]["status"] == "solved"]
@@ -102,9 +101,10 @@ def draw_methods(axes: Axes, rows: Rows) -> None:
             row = own[names[k]]
             axes.plot([limit * 1.6], [k + shift], "x", color=colour, markeredgewidth=2)
             word = f"> {row['cap']}" if row["status"] == "max_iter" else row["status"]
-            axes.text(
-                limit * 2.1, k + shift, word, color=colour, va="center", fontsize=6.0
-            )
+            words.setdefault(k, []).append(word)
+    for k, said in words.items():
+        text = ", ".join(dict.fromkeys(said))
+        axes.text(limit * 2.1, k, text, color=charts.DARK, va="center", fontsize=7.0)
     axes.set_xscale("log")
     axes.set_xlim(4.0, limit * 8.0)
     axes.set_yticks(range(len(names)), names)

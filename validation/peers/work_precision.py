@@ -294,10 +294,12 @@ def main(arguments: list[str] | None = None) -> int:
     args.stem = "work-precision-quick" if args.quick else "work-precision"
     if args.task == "run":
         return run(args)
-    from validation.peers import work_precision_figure
+    from validation.peers import front_figure, work_precision_figure
 
     results = args.results / f"{args.stem}.csv"
     work_precision_figure.plot(results, args.figures / f"{args.stem}.svg")
+    if not args.quick:
+        front_figure.plot(results, args.figures / "front.svg")
     return 0
 
 

@@ -32,10 +32,7 @@ MEASURES = {
 }
 FLOOR = 1e-17  # where a distance of zero is drawn
 NAMES = {"nam": "namlcp", "sweep auto": "namlcp", "sweep nam": "nam (sweep)"}
-LIFT, ROW = 0.015, 0.034  # of the panel's height: first and next row of crosses
-ROOM = 2.2  # decades left of the most accurate point, for names
-NAMED = 13  # lines at most that are named at their ends
-APART = 6.5, 34.0  # [points] between two names, upwards; or sideways
+LIFT, ROW = 0.02, 0.045  # of the panel's height: first and next row of crosses
 
 
 def name_of(solver: str) -> str:
@@ -90,8 +87,6 @@ def draw_family(axes: Axes, rows: Rows) -> None:
             crosses.append((solver, [float(row["eps"]) for row in failed]))
     for k, (solver, tolerances) in enumerate(crosses):
         draw_crosses(axes, solver, tolerances, LIFT + ROW * k)
-    if len(solvers) - len(crosses) < NAMED:
-        label_ends(axes, rows)
     first = rows[0]
     height = LIFT + ROW * len(crosses) + 0.02
     axes.text(
@@ -128,32 +123,6 @@ def draw_solver(axes: Axes, rows: Rows, solver: str) -> None:
         axes.vlines(a, float(row["q1"]), limit, color=colour, linewidth=0.8, alpha=0.4)
 
 
-def label_ends(axes: Axes, rows: Rows) -> None:
-    """Write the name of every line at its accurate end, apart from the others."""
-    drawn = [row for row in rows if not math.isinf(float(row["time"]))]
-    ends: dict[str, tuple[float, float]] = {}
-    for row in drawn:
-        point = max(float(row["error"]), FLOOR), float(row["time"])
-        ends[row["solver"]] = min(ends.get(row["solver"], point), point)
-    least = min(x for x, _ in ends.values())
-    axes.set_xlim(left=least / 10.0**ROOM)
-    scale = 72.0 / axes.figure.dpi
-    placed: list[tuple[float, float]] = []
-    spots = {s: axes.transData.transform(end) * scale for s, end in ends.items()}
-    for solver, (x, y) in sorted(spots.items(), key=lambda item: item[1][1]):
-        shift = 0.0
-        while any(
-            abs(y + shift - b) < APART[0] and abs(x - a) < APART[1] for a, b in placed
-        ):
-            shift += 0.5
-        placed.append((x, y + shift))
-        axes.annotate(
-            name_of(solver), ends[solver], (-5.0, shift), textcoords="offset points",
-            ha="right", va="center", fontsize=6.5, color=looks(solver)[0],
-            weight="bold" if name_of(solver) == "namlcp" else "normal",
-        )  # fmt: skip
-
-
 def draw_crosses(axes: Axes, solver: str, tolerances: list[float], lift: float) -> None:
     """Draw a cross above the frame for each tolerance missed, and the name."""
     colour = looks(solver)[0]
@@ -164,8 +133,8 @@ def draw_crosses(axes: Axes, solver: str, tolerances: list[float], lift: float) 
         markeredgewidth=1.2, transform=place, clip_on=False,
     )  # fmt: skip
     axes.text(
-        0.0, height, name_of(solver), color=colour, fontsize=6.0, va="center",
-        transform=axes.transAxes,
+        -0.01, height, name_of(solver), color=colour, fontsize=6.0, va="center",
+        ha="right", transform=axes.transAxes,
     )  # fmt: skip
 
 
@@ -188,7 +157,8 @@ def draw_key(figure: Figure, place: object, rows: Rows) -> None:
             bbox_to_anchor=(x, 1.02), title=title, alignment="left",
             handlelength=2.6,
         )  # fmt: skip
-        axes.add_artist(legend)
+        if title == "solvers":  # the next legend would take its place
+            axes.add_artist(legend)
     tolerances = [float(row["eps"]) for row in rows]
     asked = f"{max(tolerances):.0e} to {min(tolerances):.0e}"
     text = (
