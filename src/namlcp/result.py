@@ -147,6 +147,33 @@ class LCPResult(Differentiable):
         """
         return self.derivative.forward(dA, dq, dlower, dupper)
 
+    def directional(
+        self, *, dA: Any = None, dq: Any = None, dlower: Any = None, dupper: Any = None
+    ) -> "LCPTangent":
+        """Return the one-sided derivative of the solution along a direction.
+
+        It is exact where unknowns are at a bound with w = 0, too, and not linear in the
+        direction there; elsewhere it is that of `forward`. One more LCP is solved.
+
+        Parameters
+        ----------
+        dA, dq, dlower, dupper : arrays, optional
+            As for `forward`. Those of an unknown with lower_i = upper_i must be equal.
+
+        Returns
+        -------
+        LCPTangent
+            The derivatives of z and w for a step of positive length.
+
+        Raises
+        ------
+        ValueError
+            As for `backward`, or the LCP has no solution along the direction.
+        """
+        from namlcp.derivatives import lcp_directional
+
+        return lcp_directional(self.derivative, dA, dq, dlower, dupper)
+
     @cached_property
     def derivative(self) -> "LCPDerivative":
         """The fixed unknowns and the factors of `backward` and `forward`."""
@@ -290,9 +317,57 @@ class QPResult(Differentiable):
         >>> result.forward(dq=[1.0, 0.0], dub=[0.0, 1.0]).x
         array([-1.,  1.])
         """
-        return self.derivative.forward(
-            P=dP, q=dq, G=dG, h=dh, A=dA, b=db, lb=dlb, ub=dub
-        )
+        changes = dict(P=dP, q=dq, G=dG, h=dh, A=dA, b=db, lb=dlb, ub=dub)
+        return self.derivative.forward(changes)
+
+    def directional(
+        self,
+        *,
+        dP: Any = None,
+        dq: Any = None,
+        dG: Any = None,
+        dh: Any = None,
+        dA: Any = None,
+        db: Any = None,
+        dlb: Any = None,
+        dub: Any = None,
+    ) -> "QPTangent":
+        """Return the one-sided derivative of the solution along a direction.
+
+        It is exact where constraints are active with a multiplier 0, too, and not
+        linear in the direction there; elsewhere it is that of `forward`.
+
+        Parameters
+        ----------
+        dP, dq, dG, dh, dA, db, dlb, dub : arrays, optional
+            As for `forward`. dlb and dub of a pinned variable must be equal.
+
+        Returns
+        -------
+        QPTangent
+            The derivatives of x, y, z and z_box for a step of positive length.
+
+        Raises
+        ------
+        ValueError
+            As for `backward`, or the QP has no solution along the direction.
+
+        Notes
+        -----
+        One more QP is solved, see `namlcp.derivatives.directional`.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import namlcp
+        >>> result = namlcp.solve_qp(np.eye(1), [0.0], lb=[0.0])  # x = 0, z_box = 0
+        >>> [float(result.directional(dq=[d]).x[0]) for d in (-1.0, 1.0)]
+        [1.0, 0.0]
+        """
+        from namlcp.derivatives import qp_directional
+
+        changes = dict(P=dP, q=dq, G=dG, h=dh, A=dA, b=db, lb=dlb, ub=dub)
+        return qp_directional(self.derivative, changes)
 
     @cached_property
     def derivative(self) -> "QPDerivative":

@@ -19,16 +19,18 @@ of (1 + max |x|) times the largest entry of the row."""
 class ActiveSet(NamedTuple):
     """Constraints held with equality.
 
-    rows: the rows of G, in rising order. side (n,) int8: -1 for a variable at its lower
-    bound, 1 at the upper one, 0 for a free variable.
+    equalities, rows: rows of A and of G, in rising order. side (n,) int8: -1 for a
+    variable at its lower bound, 1 at the upper one, 0 for a free variable.
     """
+
+    equalities: np.ndarray
 
     rows: np.ndarray
     side: np.ndarray
 
     @property
     def size(self) -> int:
-        """Count rows and bounds."""
+        """Count the inequalities and bounds."""
         return self.rows.size + int(np.count_nonzero(self.side))
 
 
@@ -51,7 +53,8 @@ def active_sets(qp: QP, point: Point) -> tuple[ActiveSet, ActiveSet]:
     candidates = np.flatnonzero(z > 0.0)
     largest = weights(qp.G, candidates, size) * z[candidates]
     rows = candidates[largest > ACTIVE]
-    strict = ActiveSet(rows, side)
+    every = np.arange(qp.b.size)
+    strict = ActiveSet(every, rows, side)
 
     near = ACTIVE * (1.0 + np.abs(x).max(initial=0.0))
     at_lower, at_upper = x - qp.lb <= near, qp.ub - x <= near
@@ -59,7 +62,9 @@ def active_sets(qp: QP, point: Point) -> tuple[ActiveSet, ActiveSet]:
     slack = qp.h - qp.G @ x
     is_active = slack <= near * weights(qp.G, np.arange(z.size), np.ones(x.size))
     is_active[rows] = True
-    return strict, ActiveSet(np.flatnonzero(is_active), weak_side.astype(np.int8))
+    return strict, ActiveSet(
+        every, np.flatnonzero(is_active), weak_side.astype(np.int8)
+    )
 
 
 def weights(G: Any, rows: np.ndarray, size: np.ndarray) -> np.ndarray:

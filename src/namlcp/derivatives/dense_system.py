@@ -1,4 +1,4 @@
-"""The KKT system of an active set, [P C'; C 0] (u, v) = (r, s), factored once.
+"""The KKT system of an active set, [P C'; C 0] (u, v) = (r, s), for dense matrices.
 
 P is that of the free variables, C holds the active rows. For a definite P with
 P = L L' and W = L^-1 C' the Schur complement is S = W'W, and
@@ -27,37 +27,39 @@ LEAST_PIVOT = 1e-8
 a single step of refinement then removes the error of the Schur complement."""
 
 SINGULAR = 1e-13
-"""The system counts as singular if the reciprocal of its condition is below this."""
+"""A matrix scaled to rows of size 1 is singular if the reciprocal of its condition is
+below this, and eigenvalues below this times its order count as 0."""
 
 
 class Cholesky:
-    """Cholesky factors of P and of its Schur complement."""
+    """Cholesky factors of P and of its Schur complement.
+
+    `good` tells whether all pivots are far enough from 0.
+    """
 
     def __init__(self, P: np.ndarray, C: np.ndarray) -> None:
-        """Factor; `good` tells whether pivots are far enough from 0."""
-        self.W, self.good = np.empty((0, 0)), False
+        self.good = False
         self.L = factor(P)
         if self.L is None:
             return
-        self.M = None
-        if C.shape[0]:
+        self.W = self.S = np.empty((P.shape[0], 0))
+        if C.size:
             self.W = dtrtrs(self.L, C.T, lower=1)[0]
-            self.M = factor(self.W.T @ self.W)
-        self.good = not C.shape[0] or self.M is not None
+            self.S = factor(self.W.T @ self.W)
+        self.good = self.S is not None and (C.size > 0 or not C.shape[0])
 
     def solve(self, r: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return u and v."""
         if not r.size:
             return r, s
-        t = dtrtrs(self.L, r, lower=1)[0]
-        v = s
+        t, v = dtrtrs(self.L, r, lower=1)[0], s
         if s.size:
-            v = dpotrs(self.M, self.W.T @ t - s, lower=1)[0]
-            t = t - self.W @ v
+            v = dpotrs(self.S, self.W.T @ t - s, lower=1)[0]
+            t -= self.W @ v
         return dtrtrs(self.L, t, lower=1, trans=1)[0], v
 
 
-def factor(P: np.ndarray) -> np.ndarray | None:
+def factor(P: Any) -> Any:
     """Return the Cholesky factor of P, None if a pivot is too small."""
     if not P.size:
         return P
@@ -68,42 +70,38 @@ def factor(P: np.ndarray) -> np.ndarray | None:
 
 
 class Indefinite:
-    """L D L' of the whole matrix, by the diagonal pivoting of Bunch and Kaufman."""
+    """L D L' by the pivoting of Bunch and Kaufman; if singular, the pseudo-inverse.
+
+    null_space: an orthonormal basis of it, for the matrix scaled to rows of size 1.
+    """
 
     def __init__(self, K: np.ndarray) -> None:
-        """Factor; `good` tells whether K is regular."""
-        size = np.abs(K).max(axis=1)
+        size = np.abs(K).max(axis=1, initial=0.0)
         self.scale = 1.0 / np.sqrt(np.where(size > 0.0, size, 1.0))
         K = K * self.scale * self.scale[:, None]
-        # without a large lwork dsytrf is unblocked
-        lwork = int(dsytrf_lwork(K.shape[0], lower=1)[0])
-        self.L, self.pivots, info = dsytrf(K, lower=1, lwork=lwork)
-        self.good = info == 0
-        if self.good:
+        self.null_space = np.empty((K.shape[0], 0))
+        self.is_singular = True
+        if np.all(size > 0.0):
+            # without a large lwork dsytrf is unblocked
+            lwork = int(dsytrf_lwork(K.shape[0], lower=1)[0])
+            self.L, self.pivots, info = dsytrf(K, lower=1, lwork=lwork)
             norm = np.abs(K).sum(axis=1).max()
-            self.good = dsycon(self.L, self.pivots, norm, lower=1)[0] >= SINGULAR
+            rcond = 0.0 if info else dsycon(self.L, self.pivots, norm, lower=1)[0]
+            self.is_singular = rcond < SINGULAR
+        if self.is_singular:
+            values, vectors = np.linalg.eigh(K)
+            kept = np.abs(values) > SINGULAR * K.shape[0]
+            self.values, self.vectors = values[kept], vectors[:, kept]
+            self.null_space = vectors[:, ~kept]
 
     def solve(self, r: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return u and v."""
         rhs = np.concatenate((r, s)) * self.scale
-        out = dsytrs(self.L, self.pivots, rhs, lower=1)[0] * self.scale
-        return out[: r.size], out[r.size :]
-
-
-class LeastNorm:
-    """The pseudo-inverse of a singular matrix."""
-
-    good = True
-
-    def __init__(self, K: np.ndarray) -> None:
-        values, vectors = np.linalg.eigh(K)
-        kept = np.abs(values) > SINGULAR * K.shape[0] * np.abs(values).max(initial=0.0)
-        self.values, self.vectors = values[kept], vectors[:, kept]
-
-    def solve(self, r: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return u and v."""
-        rhs = np.concatenate((r, s))
-        out = self.vectors @ ((self.vectors.T @ rhs) / self.values)
+        if self.is_singular:
+            out = self.vectors @ ((self.vectors.T @ rhs) / self.values)
+        else:
+            out = dsytrs(self.L, self.pivots, rhs, lower=1)[0]
+        out *= self.scale
         return out[: r.size], out[r.size :]
 
 
@@ -114,18 +112,19 @@ class DenseSystem:
     ----------
     regular : bool
         Whether it has one solution; if not, `solve` gives one of least norm.
+    null_space : (order, k) array
+        A basis of the vectors (u, v) that the matrix maps to 0.
     """
 
     def __init__(self, P: np.ndarray, C: np.ndarray) -> None:
         self.P, self.C = P, C
         self.factors: Any = Cholesky(P, C)
+        self.null_space = np.empty((P.shape[0] + C.shape[0], 0))
         if not self.factors.good:
             zero = np.zeros((C.shape[0], C.shape[0]))
-            K = np.block([[P, C.T], [C, zero]])
-            self.factors = Indefinite(K)
-        self.regular = bool(self.factors.good)
-        if not self.regular:
-            self.factors = LeastNorm(K)
+            self.factors = Indefinite(np.block([[P, C.T], [C, zero]]))
+            self.null_space = self.factors.scale[:, None] * self.factors.null_space
+        self.regular = not self.null_space.size
 
     def solve(self, r: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return (u, v)."""

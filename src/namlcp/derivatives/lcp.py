@@ -43,12 +43,13 @@ class LCPDerivative:
     def __init__(self, lcp: LCP, given: Any, result: LCPResult) -> None:
         """Choose F and factor A_FF; `given`: A as the user holds it."""
         self.lcp, self.given, self.z = lcp, given, result.z
-        side, weak_side = active_sides(lcp, result.z, result.w)
-        self.weak = int(np.count_nonzero(weak_side) - np.count_nonzero(side))
+        side, self.weak_side = active_sides(lcp, result.z, result.w)
+        self.strict_side = side
+        self.weak = int(np.count_nonzero(self.weak_side) - np.count_nonzero(side))
         self.hold(side)
         self.singular = not self.system.regular
         if self.singular and self.weak:
-            self.hold(weak_side)
+            self.hold(self.weak_side)
 
     def hold(self, side: np.ndarray) -> None:
         """Factor A_FF for the unknowns with side 0."""
@@ -75,10 +76,7 @@ class LCPDerivative:
     def forward(self, dA: Any, dq: Any, dlower: Any, dupper: Any) -> LCPTangent:
         """Return the derivative of the solution along a direction of the data."""
         A, fixed, side = self.lcp.A, self.fixed, self.side
-        r = self.vector("dq", dq)
-        dl, du = self.vector("dlower", dlower), self.vector("dupper", dupper)
-        if dA is not None:
-            r = r + finite_matrix("dA", dA, "A", A.shape) @ self.z
+        r, dl, du = self.direction(dA, dq, dlower, dupper)
         dz = np.where(side < 0, dl, np.where(side > 0, du, 0.0))
         right = r + A @ dz if dz.any() else r
         dz[self.free] = self.system.solve(-right[self.free], transposed=False)
@@ -86,6 +84,15 @@ class LCPDerivative:
         if fixed.size:
             dw[fixed] = (A @ dz + r)[fixed]
         return LCPTangent(dz, dw, self.weak, self.singular)
+
+    def direction(
+        self, dA: Any, dq: Any, dlower: Any, dupper: Any
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return dA z + dq, dlower and dupper for a direction of the data."""
+        r = self.vector("dq", dq)
+        if dA is not None:
+            r = r + finite_matrix("dA", dA, "A", self.lcp.A.shape) @ self.z
+        return r, self.vector("dlower", dlower), self.vector("dupper", dupper)
 
     def vector(self, name: str, value: Any) -> np.ndarray:
         """Return a vector of the caller checked, 0 if it is None."""

@@ -25,8 +25,16 @@ Forward, along a direction of the data, with r = dP x + dq + dG'z + dA'y:
 (Amos and Kolter, OptNet, ICML 2017; Magoon et al., dQP, 2024.) These are the
 derivatives where all active constraints are strictly active and K is regular.
 Elsewhere the solution has kinks, and an element of the generalised Jacobian is chosen:
-weakly active constraints are dropped, kept where K is singular without them, and a
-solution of least norm is taken where it is singular with them.
+
+1. weakly active constraints are dropped;
+2. where strictly active ones depend on each other, independent ones that carry all
+   multipliers are held (`dependent.py`);
+3. where K is still singular, weakly active constraints are held, too;
+4. where it is singular even so, because x is not unique, a solution of least norm is
+   taken.
+
+Steps 1 and 2 are derivatives nearby: with the right-hand sides of the dropped rows
+raised, x is still the solution, with the multipliers taken, and all is regular.
 """
 
 from typing import Any
@@ -36,6 +44,7 @@ import numpy as np
 from namlcp.checks import finite_matrix, finite_vector
 from namlcp.derivatives.active import ActiveSet, active_sets
 from namlcp.derivatives.dense_system import DenseSystem
+from namlcp.derivatives.dependent import basic, dependencies
 from namlcp.derivatives.gradients import QPGradients, QPTangent, RankTwo
 from namlcp.derivatives.problem import problem_of
 from namlcp.derivatives.sparse_system import SparseSystem
@@ -57,35 +66,37 @@ class QPDerivative:
 
     def __init__(self, qp: QP, given: tuple[Any, Any, Any], point: Point) -> None:
         """Choose the active set and factor; `given`: the user's own P, G and A."""
-        self.qp, self.point = qp, point
+        self.qp, self.solution = qp, point
         self.patterns = [
             own if user is None else user
             for own, user in zip((qp.P, qp.G, qp.A), given, strict=True)
         ]
-        strict, active = active_sets(qp, point)
-        self.weak = active.size - strict.size
-        self.hold(strict)
+        self.strict, self.whole = active_sets(qp, point)
+        self.weak = self.whole.size - self.strict.size
+        self.hold(self.strict, point)
         self.singular = not self.system.regular
-        if self.singular and self.weak:
-            self.hold(active)
+        if self.singular:
+            self.hold_independent()
+        if not self.system.regular and self.weak:
+            self.hold(self.whole, point)
+            self.hold_independent()
 
-    def hold(self, active: ActiveSet) -> None:
-        """Factor the KKT system of an active set."""
-        self.active = active
+    def hold_independent(self) -> None:
+        """Leave out active constraints that depend on others, if there are any."""
+        found = dependencies(self.qp, self.active, self.system.null_space)
+        if found.number:
+            self.hold(*basic(self.qp, self.active, self.point, found))
+
+    def hold(self, active: ActiveSet, point: Point) -> None:
+        """Factor the KKT system of an active set; `point` has its multipliers."""
+        self.active, self.point = active, point
         self.free = np.flatnonzero(active.side == 0)
         self.fixed = np.flatnonzero(active.side)
-        P, G, A, free = self.qp.P, self.qp.G, self.qp.A, self.free
-        self.system: DenseSystem | SparseSystem
-        if self.qp.is_dense:
-            C = np.concatenate((A, G[active.rows]))
-            if self.fixed.size:
-                P, C = P[np.ix_(free, free)], C[:, free]
-            self.system = DenseSystem(P, C)
-        else:
-            every = np.arange(A.shape[0])
-            A, G = submatrix(A, every, free), submatrix(G, active.rows, free)
-            P = submatrix(P, free, free)
-            self.system = SparseSystem(P, by_rows(A), by_rows(G))
+        self.system = system_of(self.qp, active)
+
+    def null_space_of(self, active: ActiveSet) -> np.ndarray:
+        """Return a basis of the null space of K for another active set."""
+        return system_of(self.qp, active).null_space
 
     def solve(
         self, r: np.ndarray, d: np.ndarray, e: np.ndarray, u: np.ndarray
@@ -94,13 +105,16 @@ class QPDerivative:
 
         (P u + G'lam + A'nu)_F = r_F,   G_I u = d_I,   A u = e
         """
-        qp, rows, free = self.qp, self.active.rows, self.free
+        qp, free = self.qp, self.free
+        equalities, rows, _ = self.active
         if self.fixed.size and u.any():
             r, d, e = r - qp.P @ u, d - qp.G @ u, e - qp.A @ u
-        u[free], v = self.system.solve(r[free], np.concatenate((e, d[rows])))
-        lam = np.zeros(qp.h.size)
-        lam[rows] = v[e.size :]
-        return lam, v[: e.size]
+        u[free], v = self.system.solve(
+            r[free], np.concatenate((e[equalities], d[rows]))
+        )
+        lam, nu = np.zeros(qp.h.size), np.zeros(qp.b.size)
+        nu[equalities], lam[rows] = v[: equalities.size], v[equalities.size :]
+        return lam, nu
 
     def backward(self, dx: Any, dy: Any, dz: Any, dz_box: Any) -> QPGradients:
         """Return the gradients of a scalar in the data from those in the solution."""
@@ -123,29 +137,35 @@ class QPDerivative:
         matrices = tuple(zip(products, self.patterns, strict=True))
         return QPGradients((-u, lam, nu, lb, ub), matrices, self.weak, self.singular)
 
-    def forward(self, **changes: Any) -> QPTangent:
+    def forward(self, changes: dict[str, Any]) -> QPTangent:
         """Return the derivative of the solution along a direction of the data."""
         qp, fixed, side = self.qp, self.fixed, self.active.side
-        x, y, z, _ = self.point
         d = self.direction(changes)
-        r = d["q"]
-        if d["P"] is not None:
-            r = r + 0.5 * (d["P"] @ x + x @ d["P"])
-        dh, db = d["h"], d["b"]
-        if d["G"] is not None:
-            r, dh = r + z @ d["G"], dh - d["G"] @ x
-        if d["A"] is not None:
-            r, db = r + y @ d["A"], db - d["A"] @ x
+        r, dh, db = self.right_sides(d, self.point)
         dx = np.where(side < 0, d["lb"], np.where(side > 0, d["ub"], 0.0))
         dz, dy = self.solve(-r, dh, db, dx)
-        dz_box = np.zeros(x.size)
+        dz_box = np.zeros(dx.size)
         if fixed.size:
             dz_box[fixed] = -(r + qp.P @ dx + dz @ qp.G + dy @ qp.A)[fixed]
         return QPTangent(dx, dy, dz, dz_box, self.weak, self.singular)
 
+    def right_sides(
+        self, d: dict[str, Any], point: Point
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return dP x + dq + dG'z + dA'y, dh - dG x and db - dA x."""
+        x, y, z, _ = point
+        r, dh, db = d["q"], d["h"], d["b"]
+        if d["P"] is not None:
+            r = r + 0.5 * (d["P"] @ x + x @ d["P"])
+        if d["G"] is not None:
+            r, dh = r + z @ d["G"], dh - d["G"] @ x
+        if d["A"] is not None:
+            r, db = r + y @ d["A"], db - d["A"] @ x
+        return r, dh, db
+
     def vector(self, name: str, value: Any, part: str) -> np.ndarray:
         """Return a gradient in a part of the solution, 0 if it is None."""
-        own = getattr(self.point, part)
+        own = getattr(self.solution, part)
         if value is None:
             return np.zeros(own.size)
         return finite_vector(name, value, own.size, part, own.shape)
@@ -166,6 +186,19 @@ class QPDerivative:
             else:
                 out[name] = finite_matrix(f"d{name}", value, name, own.shape)
         return out
+
+
+def system_of(qp: QP, active: ActiveSet) -> DenseSystem | SparseSystem:
+    """Return the factored KKT system of an active set."""
+    P, G, A, free = qp.P, qp.G, qp.A, np.flatnonzero(active.side == 0)
+    if qp.is_dense:
+        C = np.concatenate((A[active.equalities], G[active.rows]))
+        if free.size < qp.q.size:
+            P, C = P[np.ix_(free, free)], C[:, free]
+        return DenseSystem(P, C)
+    A = submatrix(A, active.equalities, free)
+    G, P = submatrix(G, active.rows, free), submatrix(P, free, free)
+    return SparseSystem(P, by_rows(A), by_rows(G))
 
 
 def differentiate_qp(result: QPResult) -> QPDerivative:

@@ -11,14 +11,29 @@ from scipy.sparse import csc_array, csr_array
 from namlcp.linalg import add_column_sums, add_columns
 from namlcp.qp import KKT
 
-DELTA = 1e-9
-"""Added to the diagonal of P, and subtracted for rows, in units of K scaled."""
+DELTA = 1e-8
+"""Added to the diagonal of P, and subtracted for rows, in units of K scaled. A smaller
+shift makes smaller pivots, whose rounding errors would exceed it."""
 
 SCALINGS = 4
 """Passes of the scaling of K; each divides by the square roots of the row maxima."""
 
-INVERSE_STEPS = 3
-"""Steps of inverse iteration that estimate the least singular value of K."""
+PROJECTIONS = 4
+"""Steps that project random vectors to the null space of K."""
+
+FIRST_BLOCK, GROWTH = 1, 4
+"""Vectors projected first; if the null space has more dimensions, this multiple."""
+
+VANISHED = 1e-3
+"""A projected unit vector with a norm below this over sqrt(order) counts as 0: a random
+one has a larger part in any null space."""
+
+NULL = 1e-6
+"""Projected vectors with singular values below this, relative to the largest, are
+multiples of the others."""
+
+ZERO_IMAGE = 1e-12
+"""Largest norm of K v, for K scaled and a unit vector v of its null space."""
 
 REFINEMENTS = 20
 """Most steps of refinement; one or two are enough for a regular K."""
@@ -31,6 +46,8 @@ class SparseSystem:
     ----------
     regular : bool
         Whether K has one solution, as far as the shifted factors can tell.
+    null_space : (order, k) array
+        A basis of the vectors (u, v) that K maps to 0.
     """
 
     def __init__(self, P: csc_array, A: csr_array, G: csr_array) -> None:
@@ -51,24 +68,40 @@ class SparseSystem:
         kkt.data[:] = self.values
         kkt.data[kkt.diagonal[: kkt.n]] += DELTA
         kkt.data[kkt.diagonal[kkt.n :]] -= DELTA
-        self.regular = kkt.factor() and self.least_singular_value() > DELTA
+        kkt.plan().refactor(kkt.data)  # no pivot of a quasi-definite matrix is 0
+        self.null_space = scale[:, None] * self.find_null_space()
+        self.regular = not self.null_space.size
 
-    def least_singular_value(self) -> float:
-        """Estimate the least singular value of the shifted and scaled K."""
-        v = np.random.default_rng(0).standard_normal(self.kkt.size)
-        least = np.inf
-        for _ in range(INVERSE_STEPS):
-            v /= np.linalg.norm(v)
-            v = self.kkt.plan().solve(v)
-            least = min(least, 1.0 / float(np.linalg.norm(v)))
-        return least
+    def find_null_space(self) -> np.ndarray:
+        """Return an orthonormal basis of the null space of K scaled.
 
-    def residual(self, rhs: np.ndarray, w: np.ndarray) -> np.ndarray:
-        """Return rhs - K w, scaled."""
+        v - K~^-1 K v, K~ the factored matrix, keeps what K maps to 0 and multiplies all
+        else by about DELTA over its singular value.
+        """
+        size, width = self.kkt.size, FIRST_BLOCK
+        while size:
+            width = min(width, size)
+            V = np.random.default_rng(0).standard_normal((width, size))
+            V /= np.linalg.norm(V, axis=1)[:, None]
+            for _ in range(PROJECTIONS):
+                V = np.array([v - self.kkt.plan().solve(self.product(v)) for v in V])
+                if np.linalg.norm(V, axis=1).max() < VANISHED / np.sqrt(size):
+                    return np.empty((size, 0))
+            values, basis = np.linalg.svd(V, full_matrices=False)[1:]
+            basis = basis[values > NULL * values[0]]
+            image = [np.linalg.norm(self.product(v)) for v in basis]
+            basis = basis[np.array(image) <= ZERO_IMAGE]
+            if basis.shape[0] < width or width == size:
+                return basis.T
+            width *= GROWTH
+        return np.empty((0, 0))
+
+    def product(self, w: np.ndarray) -> np.ndarray:
+        """Return K w for the scaled K."""
         Kw, indptr, indices = np.zeros(w.size), self.kkt.indptr, self.kkt.indices
         add_columns(indptr, indices, self.values, w, Kw)
         add_column_sums(indptr, indices, self.upper, w, Kw)
-        return rhs - Kw
+        return Kw
 
     def solve(self, r: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return (u, v)."""
@@ -76,7 +109,7 @@ class SparseSystem:
         w, rest, error = np.zeros(rhs.size), rhs, np.inf
         for _ in range(REFINEMENTS):
             trial = w + self.kkt.plan().solve(rest)
-            rest = self.residual(rhs, trial)
+            rest = rhs - self.product(trial)
             before, error = error, float(np.abs(rest).max(initial=0.0))
             if not error < before:
                 break

@@ -1,0 +1,111 @@
+"""One-sided derivatives of solutions, also at kinks, by one more QP or LCP.
+
+Along a direction of the data the solution of a QP moves like the solution of
+
+    min 1/2 dx'P dx + r'dx,   r = dP x + dq + dG'z + dA'y
+    G_i dx  = (dh - dG x)_i  where z_i > 0,   <=  where row i is weakly active
+    A dx = db - dA x,   bounds alike,
+
+whose multipliers are the derivatives of y, z and z_box (Robinson, Math. Programming
+Study 19 (1982) 200-221; Bonnans and Shapiro, Perturbation Analysis of Optimization
+Problems, 2000, ch. 5). Where multipliers are not unique, those have to be taken that
+maximise the derivative of the optimal value,
+
+    (dG x - dh)'z + (dA x - db)'y - dlb'z_box^- - dub'z_box^+   (Danskin),
+
+an LP in the dependencies of the active constraints. For an LCP, dz solves the LCP with
+A and dA z + dq in which free unknowns are free, strictly active ones fixed, and weakly
+active ones have one bound.
+"""
+
+from typing import Any
+
+import numpy as np
+from scipy.sparse import vstack
+
+from namlcp.derivatives.active import active_sets
+from namlcp.derivatives.dependent import dependencies, signed_multipliers
+from namlcp.derivatives.gradients import LCPTangent, QPTangent
+from namlcp.derivatives.lcp import LCPDerivative
+from namlcp.derivatives.qp import QPDerivative
+from namlcp.lcp import solve_lcp
+from namlcp.qp import Point, solve_qp
+from namlcp.status import Status
+
+
+def qp_directional(derivative: QPDerivative, changes: dict[str, Any]) -> QPTangent:
+    """Return the one-sided derivative of a QP's solution along a direction."""
+    if not derivative.weak and not derivative.singular:
+        return derivative.forward(changes)
+    d = derivative.direction(changes)
+    point = steepest(derivative, d)
+    qp, side = derivative.qp, derivative.whole.side
+    r, dh, db = derivative.right_sides(d, point)
+    active, _ = active_sets(qp, point)
+    strict, weak = active.rows, np.setdiff1d(derivative.whole.rows, active.rows)
+    A, b = stacked(qp.A, qp.G[strict]), np.concatenate((db, dh[strict]))
+    change = np.where(side < 0, d["lb"], d["ub"])
+    fixed = active.side != 0
+    lower = np.where(fixed | (side < 0), change, -np.inf)
+    upper = np.where(fixed | (side > 0), change, np.inf)
+    found = solve_qp(qp.P, r, qp.G[weak], dh[weak], A, b, lower, upper)
+    if found.status is not Status.SOLVED:
+        raise ValueError(
+            "the solution has no derivative along this direction: the QP of the "
+            f"critical cone is {found.status.value}"
+        )
+    dz = np.zeros(qp.h.size)
+    dz[weak], dz[strict] = found.z, found.y[db.size :]
+    dy = found.y[: db.size]
+    kinks = derivative.weak, derivative.singular
+    return QPTangent(found.x, dy, dz, found.z_box, *kinks)
+
+
+def stacked(A: Any, G: Any) -> Any:
+    """Return [A; G], dense or in CSC."""
+    if type(A) is np.ndarray:
+        return np.concatenate((A, G))
+    return vstack((A, G), format="csc")
+
+
+def steepest(derivative: QPDerivative, d: dict[str, Any]) -> Point:
+    """Return the multipliers that maximise the derivative of the optimal value."""
+    qp, point, whole = derivative.qp, derivative.solution, derivative.whole
+    found = dependencies(qp, whole, derivative.null_space_of(whole))
+    if not found.number:
+        return point
+    value, N = signed_multipliers(qp, whole, point, found)
+    _, dh, db = derivative.right_sides(d, point)
+    change = np.where(whole.side < 0, d["lb"], d["ub"])
+    slope = -(dh @ found.z + db @ found.y + change @ found.z_box)
+    zero = np.zeros((found.number, found.number))
+    best = solve_qp(zero, -slope, -N, np.maximum(value, 0.0))
+    if best.status is not Status.SOLVED:
+        raise ValueError(
+            "the QP has no solution along this direction: its constraints contradict "
+            f"each other (the LP of the multipliers is {best.status.value})"
+        )
+    t = best.x
+    z_box = point.z_box + found.z_box @ t
+    return Point(point.x, point.y + found.y @ t, point.z + found.z @ t, z_box)
+
+
+def lcp_directional(
+    derivative: LCPDerivative, dA: Any, dq: Any, dlower: Any, dupper: Any
+) -> LCPTangent:
+    """Return the one-sided derivative of an LCP's solution along a direction."""
+    if not derivative.weak and not derivative.singular:
+        return derivative.forward(dA, dq, dlower, dupper)
+    lcp, weak_side = derivative.lcp, derivative.weak_side
+    r, dl, du = derivative.direction(dA, dq, dlower, dupper)
+    change = np.where(weak_side < 0, dl, du)
+    fixed = derivative.strict_side != 0
+    lower = np.where(fixed | (weak_side < 0), change, -np.inf)
+    upper = np.where(fixed | (weak_side > 0), change, np.inf)
+    found = solve_lcp(lcp.matrix, r, lower, upper)
+    if found.status is not Status.SOLVED:
+        raise ValueError(
+            "the solution has no derivative along this direction: the LCP of the "
+            f"critical cone is {found.status.value}"
+        )
+    return LCPTangent(found.z, found.w, derivative.weak, derivative.singular)

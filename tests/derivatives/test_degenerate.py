@@ -1,0 +1,242 @@
+"""Kinks: weak and dependent constraints, singular systems, one-sided derivatives."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from problems_qp import complementary
+
+import namlcp
+from namlcp.qp import QP
+
+EXACT = {"eps_abs": 1e-13, "eps_rel": 1e-13}
+SEEDS = range(8)
+
+
+def dense(qp) -> QP:
+    return QP(*(v.toarray() if sp.issparse(v) else v for v in qp))
+
+
+def sparse(qp) -> QP:
+    return QP(*(sp.csc_array(v) if v.ndim == 2 else v for v in qp))
+
+
+def around(x, P, G, z, active, rng) -> QP:
+    """Return a QP that x solves with multipliers z; h is slack on inactive rows."""
+    h = G @ x + np.where(active, 0.0, 0.5 + rng.random(z.size))
+    none = np.empty((0, x.size)), np.empty(0)
+    free = np.full(x.size, np.inf)
+    return QP(P, -P @ x - G.T @ z, G, h, *none, -free, free)
+
+
+def definite(n, rng):
+    B = rng.standard_normal((2 * n, n))
+    return B.T @ B / n + 0.1 * np.eye(n)
+
+
+def weak_rows(seed) -> QP:
+    """Two rows are active with multiplier 0."""
+    rng = np.random.default_rng(seed)
+    active = np.arange(7) < 4
+    z = np.where(np.arange(7) < 2, 0.5 + rng.random(7), 0.0)
+    G = rng.standard_normal((7, 6))
+    return around(rng.standard_normal(6), definite(6, rng), G, z, active, rng)
+
+
+def weak_bounds(seed) -> QP:
+    """Bounds are active, two of them with multiplier 0."""
+    qp = dense(complementary(seed, 8, 3, 1, rank=16).qp)
+    result = namlcp.solve_qp(*qp, **EXACT)
+    free = np.flatnonzero(result.z_box == 0.0)
+    qp.lb[free[0]], qp.ub[free[1]] = result.x[free[0]], result.x[free[1]]
+    return qp
+
+
+def repeated_row(seed) -> QP:
+    """Two rows are the same but for their units; both can carry the multiplier."""
+    rng = np.random.default_rng(seed)
+    G = rng.standard_normal((5, 6))
+    G[1] = 3.0 * G[0]
+    z = np.array([0.7, 0.3, 0.4, 0.0, 0.0])
+    return around(rng.standard_normal(6), definite(6, rng), G, z, z > 0.0, rng)
+
+
+def vertex(seed) -> QP:
+    """Five rows meet in a point of R^3, all of them with positive multipliers."""
+    rng = np.random.default_rng(seed)
+    G = rng.standard_normal((5, 3))
+    G *= np.sign(G[:, :1])  # so that x - (t, 0, 0) is feasible
+    z = 0.5 + rng.random(5)
+    return around(rng.standard_normal(3), definite(3, rng), G, z, z > 0.0, rng)
+
+
+def flat(seed) -> QP:
+    """P is singular on the strictly active rows; weakly active ones make x unique."""
+    rng = np.random.default_rng(seed)
+    B = rng.standard_normal((3, 5))
+    G = rng.standard_normal((6, 5))
+    line = np.linalg.svd(np.vstack((B, G[:1])))[2][-1]  # where P and row 0 leave x free
+    G[1:4] *= np.sign(G[1:4] @ line)[:, None] * np.array([[1.0], [-1.0], [1.0]])
+    active, z = np.arange(6) < 4, np.where(np.arange(6) < 1, 0.8, 0.0)
+    return around(rng.standard_normal(5), B.T @ B, G, z, active, rng)
+
+
+FAMILIES = (weak_rows, weak_bounds, repeated_row, vertex, flat)
+
+
+def direction(qp, seed, names):
+    """A change of the named data; pinned variables and repeated rows move together."""
+    rng = np.random.default_rng([seed, 5])
+    d = {k: np.zeros_like(v) for k, v in qp._asdict().items()}
+    for name in names:
+        d[name] = rng.standard_normal(d[name].shape)
+    d["P"] = d["P"] + d["P"].T
+    return d
+
+
+def one_sided(qp, d, form, t=1e-6):
+    def at(s):
+        new = form(QP(*(v + s * d[k] for k, v in qp._asdict().items())))
+        return namlcp.solve_qp(*new, **EXACT).x
+
+    near, far = at(t), at(2 * t)
+    x = at(0.0)
+    return (4.0 * (near - x) - (far - x)) / (2 * t)
+
+
+def named(d):
+    return {f"d{k}": v for k, v in d.items()}
+
+
+@pytest.mark.parametrize("form", [dense, sparse])
+@pytest.mark.parametrize("names", ["q", "h", "P", "qh"])
+@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("seed", SEEDS[:4])
+def test_directional_equals_the_one_sided_difference(seed, family, names, form):
+    qp = family(seed)
+    if family is flat and names != "q":
+        return  # P + dP may not be convex, and with other h x may not be unique
+    d = direction(qp, seed, names)
+    result = namlcp.solve_qp(*form(qp), **EXACT)
+    found, expected = result.directional(**named(d)), one_sided(qp, d, form)
+    assert np.allclose(found.x, expected, rtol=1e-4, atol=1e-4)
+
+
+@pytest.mark.parametrize("form", [dense, sparse])
+@pytest.mark.parametrize("names", ["q", "P"])
+@pytest.mark.parametrize("family", [repeated_row, vertex])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_dependent_rows_do_not_spoil_the_derivative_of_x(seed, family, names, form):
+    """x is differentiable in q and P there, whatever multipliers the solve gave."""
+    qp = family(seed)
+    d = direction(qp, seed, names)
+    result = namlcp.solve_qp(*form(qp), **EXACT)
+    assert np.allclose(
+        result.forward(**named(d)).x, one_sided(qp, d, form), rtol=1e-4, atol=1e-4
+    )
+
+
+@pytest.mark.parametrize("form", [dense, sparse])
+@pytest.mark.parametrize("family", [weak_rows, repeated_row, vertex])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_gradients_are_those_of_a_regular_qp_nearby(seed, family, form):
+    """With h of the rows that are not held raised, the QP has the gradients found."""
+    qp = family(seed)
+    result = namlcp.solve_qp(*form(qp), **EXACT)
+    held = result.derivative.active.rows
+    h = qp.h + 1e-6
+    h[held] = qp.h[held]
+    near = namlcp.solve_qp(*form(qp._replace(h=h)), **EXACT)
+    assert np.allclose(near.x, result.x, atol=1e-8)
+    gx = np.random.default_rng([seed, 6]).standard_normal(qp.q.size)
+    found, expected = result.backward(dx=gx), near.backward(dx=gx)
+    assert (expected.weak, expected.singular) == (0, False)
+    for name in ("P", "q", "G", "h"):
+        own, other = getattr(found, name), getattr(expected, name)
+        if sp.issparse(own):
+            own, other = own.toarray(), other.toarray()
+        assert np.allclose(own, other, rtol=1e-6, atol=1e-6), name
+
+
+@pytest.mark.parametrize("form", [dense, sparse])
+def test_results_tell_of_kinks(form):
+    def kinks(qp):
+        found = namlcp.solve_qp(*form(qp), **EXACT).backward(dx=np.ones(qp.q.size))
+        return found.weak, found.singular
+
+    assert kinks(weak_rows(0)) == (2, False)
+    assert kinks(weak_bounds(0)) == (2, False)
+    assert kinks(flat(0)) == (3, True)
+
+
+def repeated_in_a_large_qp(seed, n=400):
+    """Five rows meet in a vertex of the first three variables of a sparse QP."""
+    qp = vertex(seed)
+    rest = complementary(seed, n, n // 3, 4, rank=2 * n, density=0.01).qp
+    P = sp.block_diag((qp.P, rest.P + 0.1 * sp.eye_array(n)), format="csc")
+    G = sp.block_diag((qp.G, rest.G), format="csc")
+    A = sp.hstack((sp.csc_array((4, 3)), rest.A), format="csc")
+    bounds = (np.concatenate((np.full(3, s * np.inf), v)) for s, v in
+              ((-1, rest.lb), (1, rest.ub)))  # fmt: skip
+    q, h = np.concatenate((qp.q, rest.q)), np.concatenate((qp.h, rest.h))
+    return QP(P, q, G, h, A, rest.b, *bounds)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_dependent_rows_in_a_large_sparse_qp(seed):
+    """The interior-point method gives all five rows multipliers: three are held."""
+    qp = repeated_in_a_large_qp(seed)
+    result = namlcp.solve_qp(*qp)
+    dq = np.zeros(qp.q.size)
+    dq[:3] = np.random.default_rng(seed).standard_normal(3)
+    found = result.forward(dq=dq)
+    assert np.count_nonzero(result.derivative.active.rows < 5) == 3
+    alone = namlcp.solve_qp(*vertex(seed), **EXACT).forward(dq=dq[:3])
+    assert np.allclose(found.x[:3], alone.x, atol=1e-8)
+    gradients = result.backward(dx=dq)
+    reference = namlcp.solve_qp(*vertex(seed), **EXACT)
+    h = vertex(seed).h + 1e-6
+    held = result.derivative.active.rows[:3]
+    h[held] -= 1e-6
+    reference = namlcp.solve_qp(*vertex(seed)._replace(h=h), **EXACT)
+    expected = reference.backward(dx=dq[:3])
+    assert np.allclose(gradients.h[:5], expected.h, atol=1e-7)
+
+
+def weak_lcp(seed, n=8):
+    """Two unknowns are at 0 with w = 0; A is positive definite, not symmetric."""
+    rng = np.random.default_rng(seed)
+    B, skew = rng.standard_normal((2 * n, n)), rng.standard_normal((n, n))
+    A = B.T @ B / n + 0.1 * np.eye(n) + skew - skew.T
+    z = np.where(np.arange(n) < 4, 0.2 + rng.random(n), 0.0)
+    w = np.where(np.arange(n) >= 6, 0.2 + rng.random(n), 0.0)
+    return A, w - A @ z
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_directional_of_an_lcp_equals_the_one_sided_difference(seed):
+    A, q = weak_lcp(seed)
+    dA, dq = np.split(np.random.default_rng([seed, 7]).standard_normal((9, 8)), [8])
+    result = namlcp.solve_lcp(A, q, eps_abs=1e-13)
+    found = result.directional(dA=dA, dq=dq[0])
+    assert (found.weak, found.singular) == (2, False)
+    t = 1e-7
+    moved = namlcp.solve_lcp(A + t * dA, q + t * dq[0], eps_abs=1e-13)
+    assert np.allclose(found.z, (moved.z - result.z) / t, rtol=1e-4, atol=1e-4)
+    assert np.allclose(found.w, (moved.w - result.w) / t, rtol=1e-4, atol=1e-4)
+
+
+def test_a_singular_free_block_keeps_the_weak_unknowns():
+    """A = [1 1; 1 1], w = 0 in both, z = (1, 0): only the first one is free then."""
+    result = namlcp.solve_lcp(np.ones((2, 2)), [-1.0, -1.0])
+    found = result.backward(dz=[1.0, 1.0])
+    if result.z[1] == 0.0:
+        assert found.weak == 1
+        assert np.allclose(found.q, [-1.0, 0.0])
+    assert found.singular
+
+
+def test_a_direction_into_infeasibility_is_refused():
+    """0 <= x <= 0 by two rows; raising the lower one leaves nothing."""
+    qp = np.eye(1), [0.0], [[1.0], [-1.0]], [0.0, 0.0]
+    with pytest.raises(ValueError, match="constraints contradict each other"):
+        namlcp.solve_qp(*qp).directional(dh=[0.0, -1.0])
