@@ -18,15 +18,7 @@ from cvxpy.reductions.solvers.utilities import extract_dual_value, get_dual_valu
 
 import namlcp
 from namlcp.options import Options
-from namlcp.qp import (
-    NO_GUESS,
-    QP,
-    Memory,
-    NotConvex,
-    make_guess,
-    qp_data,
-    solve_checked,
-)
+from namlcp.qp import NO_GUESS, QP, NotConvex, OtherShape, Solver, solve_checked
 from namlcp.result import QPResult
 from namlcp.status import Status
 
@@ -84,7 +76,7 @@ class NAM(QpSolver):
         solver_opts: dict[str, Any],
         solver_cache: dict[str, Any] | None = None,
     ) -> QPResult:
-        """Solve CVXPY's QP; `solver_cache` keeps the last solution and factors.
+        """Solve CVXPY's QP; `solver_cache` keeps a `Solver`.
 
         Raises TypeError or ValueError for an option, SolverError for all else.
         """
@@ -93,21 +85,16 @@ class NAM(QpSolver):
         options = Options.from_names({**names, "verbose": bool(verbose)})
         cache = {} if solver_cache is None else solver_cache
         try:
-            known = cache.get(KEYWORD) if warm_start else None
-            last, memory = known or (None, Memory())
-            qp = program(data, memory)
-            if last is not None and not is_alike(qp, last):
-                last = None
-            guess = make_guess(qp, None, last)
-            result = solve_checked(qp, options, guess, start, memory=memory)
+            solver = solver_of(data, cache.get(KEYWORD) if warm_start else None)
+            solver.options = options
+            cache[KEYWORD] = solver
+            result = solver.solve()
             if result.status is Status.DUAL_INFEASIBLE:
-                result = infeasible_or(result, qp, options, start)
+                result = infeasible_or(result, solver.qp, options, start)
         except NotConvex as error:
             raise SolverError(str(error)) from error
         except Exception as error:
             raise SolverError(f"namlcp failed: {error!r}") from error
-        if self.STATUS_MAP[result.status] in s.SOLUTION_PRESENT:
-            cache[KEYWORD] = result, memory
         return result
 
     def invert(self, solution: QPResult, inverse_data: Any) -> Solution:
@@ -155,20 +142,25 @@ class NAM(QpSolver):
         )
 
 
-def program(data: dict[str, Any], memory: Memory) -> QP:
-    """Return CVXPY's data as a checked QP, with the copies in `memory` where equal.
+def solver_of(data: dict[str, Any], known: Solver | None) -> Solver:
+    """Return `known` with CVXPY's data, or another Solver where it does not fit.
 
     CVXPY lets an equality have an infinite side, which no x satisfies: such a row goes
     among the inequalities as a'x <= -inf, which is infeasible too.
     """
-    P, A, b, F, g = (data[key] for key in (s.P, s.A, s.B, s.F, s.G))
+    P, q, A, b, F, g = (data[key] for key in (s.P, s.Q, s.A, s.B, s.F, s.G))
     infinite = np.isinf(b)
     if infinite.any():
         F = sp.vstack((F, A[infinite]))
         g = np.append(g, np.full(infinite.sum(), -np.inf))
         A, b = A[~infinite], b[~infinite]
-    P, F, A = memory.known(P, F, A)  # checked and converted already
-    return qp_data(P, data[s.Q], F, g, A, b, None, None)
+    if known is not None:
+        try:
+            known.update(P=P, q=q, G=F, h=g, A=A, b=b)
+            return known
+        except OtherShape:
+            pass
+    return Solver(P, q, F, g, A, b)
 
 
 def infeasible_or(
@@ -182,12 +174,6 @@ def infeasible_or(
     flat = qp._replace(P=0.0 * qp.P, q=0.0 * qp.q)
     result = solve_checked(flat, options, NO_GUESS, start)
     return result if result.status is Status.PRIMAL_INFEASIBLE else unbounded
-
-
-def is_alike(qp: QP, last: QPResult) -> bool:
-    """Tell whether a result has the sizes of a problem."""
-    sizes = qp.q.size, qp.b.size, qp.h.size
-    return sizes == (last.x.size, last.y.size, last.z.size)
 
 
 def register() -> None:

@@ -3,20 +3,35 @@
 from typing import Any
 
 import numpy as np
+from scipy.sparse import issparse
 
 from namlcp.checks import as_sparse, from_arrays, matrix
 from namlcp.linalg import as_dense
+from namlcp.qp.memory import is_same
+
+
+class OtherShape(ValueError):
+    """A matrix has another shape or other places of entries than before."""
+
+
+def is_unchanged(new: Any, old: Any) -> bool:
+    """Tell whether two matrices are stored alike and equal in every entry."""
+    if type(new) is not type(old):
+        return False
+    if isinstance(new, np.ndarray):
+        return np.array_equal(new, old)
+    return issparse(new) and new.format in ("csc", "csr") and is_same(new, old)
 
 
 def in_place_of(name: str, value: Any, kept: Any) -> Any:
     """Return a user's matrix checked, as `kept` is stored: dense, or in its pattern.
 
-    Entries that the pattern has and the user's matrix has not are zeros. Raises a
-    ValueError where the shapes differ, or an entry lies outside the pattern.
+    Entries that the pattern has and the user's matrix has not are zeros. Raises
+    OtherShape where the shapes differ, or an entry lies outside the pattern.
     """
     new = matrix(name, value, "csc")
     if new.shape != kept.shape:
-        raise ValueError(
+        raise OtherShape(
             f"{name} must have shape {kept.shape} as before, got {new.shape}: "
             "make a new Solver for a problem of another size"
         )
@@ -24,7 +39,7 @@ def in_place_of(name: str, value: Any, kept: Any) -> Any:
         return new if type(new) is np.ndarray else as_dense(new)
     found = within_pattern(as_sparse(new), kept)
     if found is None:
-        raise ValueError(
+        raise OtherShape(
             f"{name} must have no entries outside the pattern of the first {name}: "
             "make a new Solver, or store zeros there from the start"
         )

@@ -19,7 +19,7 @@ from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import NO_GUESS, make_guess
 from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, qp_data
-from namlcp.qp.sequences.pattern import in_place_of, within_pattern
+from namlcp.qp.sequences.pattern import in_place_of, is_unchanged, within_pattern
 from namlcp.qp.solve import solve_checked
 from namlcp.result import QPResult
 from namlcp.status import Status
@@ -128,7 +128,8 @@ class Solver:
         q, h, b, lb, ub : arrays, optional
             As for `solve_qp`. They are copied.
         P, G, A : arrays or sparse matrices, optional
-            The same, with other values. They are copied.
+            The same, with other values. They are copied, and compared first: equal
+            ones cost little.
 
         Raises
         ------
@@ -136,36 +137,43 @@ class Solver:
             An argument is malformed, of another size or pattern, or P is not positive
             semidefinite. The problem then stays as it was.
         """
-        old = self.qp
-        P0, q0, G0, h0, A0, b0, lb0, ub0 = old
+        qp, given = self.qp, self.given
+        if not (P is None and G is None and A is None):
+            qp, given = self.with_matrices({"P": P, "G": G, "A": A})
+        P, q0, G, h0, A, b0, lb0, ub0 = qp
         if q is not None:
-            q0 = own_vector("q", q, old)
+            q0 = own_vector("q", q, qp)
         if h is not None:
-            h0 = own_vector("h", h, old)
+            h0 = own_vector("h", h, qp)
         if b is not None:
-            b0 = own_vector("b", b, old)
+            b0 = own_vector("b", b, qp)
         if lb is not None:
-            lb0 = own_vector("lb", lb, old)
+            lb0 = own_vector("lb", lb, qp)
         if ub is not None:
-            ub0 = own_vector("ub", ub, old)
-        qp = QP(P0, q0, G0, h0, A0, b0, lb0, ub0)
-        if P is None and G is None and A is None:
-            self.qp = qp
-        else:
-            self.change_matrices(qp, {"P": P, "G": G, "A": A})
+            ub0 = own_vector("ub", ub, qp)
+        if given is not self.given:
+            self.given = given
+            self.memory.adopt(qp)
+        self.qp = QP(P, q0, G, h0, A, b0, lb0, ub0)
 
-    def change_matrices(self, qp: QP, changes: dict[str, Any]) -> None:
-        """Let `qp`, with those matrices changed that are not None, be the problem."""
-        new = deepcopy({name: M for name, M in changes.items() if M is not None})
-        given = tuple(new.get(k, M) for k, M in zip("PGA", self.given, strict=True))
-        new = {k: in_place_of(k, M, getattr(qp, k)) for k, M in new.items()}
-        changed = qp_data(*qp._replace(**new))
+    def with_matrices(self, changes: dict[str, Any]) -> tuple[QP, tuple[Any, ...]]:
+        """Return the problem and `given` with those matrices that are new, checked."""
+        old, new = dict(zip("PGA", self.given, strict=True)), {}
+        for name, M in changes.items():
+            if M is not None and not is_unchanged(M, old[name]):
+                new[name] = deepcopy(M)
+        if not new:
+            return self.qp, self.given
+        qp = self.qp
+        clean = {
+            name: in_place_of(name, M, getattr(qp, name)) for name, M in new.items()
+        }
+        qp = qp_data(*qp._replace(**clean))
         if not qp.is_dense:  # P + P' is stored without zeros
-            changed = changed._replace(P=within_pattern(changed.P, qp.P))
+            qp = qp._replace(P=within_pattern(qp.P, kept["P"]))
         if "P" in new:
-            check_convex(as_sparse(changed.P))
-        self.qp, self.given = changed, given
-        self.memory.adopt(changed)
+            check_convex(as_sparse(qp.P))
+        return qp, tuple((old | new).values())
 
     def solve(self, warm_start: Any = None) -> QPResult:
         """Solve the problem as it is now.
