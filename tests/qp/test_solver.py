@@ -14,6 +14,7 @@ from scipy import sparse
 import namlcp
 from namlcp import Solver, Status, solve_qp
 from namlcp.qp.problem import qp_data
+from namlcp.qp.responses import DenseResponses
 from namlcp.qp.sequences import solver as module
 
 NAMES = ("P", "q", "G", "h", "A", "b", "lb", "ub")
@@ -216,7 +217,7 @@ def test_arguments_are_copied_and_not_changed():
     solver.update(q=q2, P=P2)
     for array in (P, q, lb, P2, q2):
         array[...] = np.nan
-    assert solver.solve().x.tolist() == [1.0, 0.0]
+    np.testing.assert_allclose(solver.solve().x, [1.0, 0.0], atol=1e-15)
 
 
 def test_a_sparse_pattern_stays():
@@ -261,15 +262,18 @@ def test_an_interrupted_solve_leaves_the_solver_usable(store, monkeypatch):
     solver = Solver(**arguments(walk.data, store))
     solver.solve()
 
-    def interrupt(*arguments, **names):
-        solve_checked(*arguments, **names)
-        raise KeyboardInterrupt
+    def interrupted(solve):
+        def wrapped(*arguments, **names):
+            solve(*arguments, **names)
+            raise KeyboardInterrupt
 
-    solve_checked = module.solve_checked
+        return wrapped
+
     for _ in range(5):
         solver.update(**arguments(walk.change_all_vectors(), store))
         with monkeypatch.context() as patch:
-            patch.setattr(module, "solve_checked", interrupt)
+            for place, name in (module, "solve_checked"), (DenseResponses, "solve"):
+                patch.setattr(place, name, interrupted(getattr(place, name)))
             with pytest.raises(KeyboardInterrupt):
                 solver.solve()
         fresh = solve_qp(**arguments(solver_data(solver), store))

@@ -141,24 +141,40 @@ def solve_checked(
     answer = upheld(answer, qp, given, limits)
     if deadline.interrupted:
         answer = answer._replace(status=deadline.verdict(answer.status))
-    end = time.perf_counter()
     if progress is not None:
-        progress.close(conclude(answer, end - start))
+        progress.close(conclude(answer, time.perf_counter() - start))
+    kept = progress.history() if progress is not None and history else None
+    return result_of(answer, (qp, given), start, ready, kept, closest)
+
+
+def result_of(
+    answer: Answer,
+    problem: tuple[QP, tuple[Any, Any, Any]],
+    start: float,
+    ready: float,
+    history: Any = None,
+    closest: Any = None,
+) -> QPResult:
+    """Return the answer to `problem`, the checked QP and (P, G, A) as they were given.
+
+    start, ready: the values of time.perf_counter() at the call and after its checks.
+    """
+    point = answer.point
     return QPResult(
         status=answer.status,
-        x=answer.point.x,
-        y=answer.point.y,
-        z=answer.point.z,
-        z_box=answer.point.z_box,
+        x=point.x,
+        y=point.y,
+        z=point.z,
+        z_box=point.z_box,
         obj=OBJECTIVE.get(answer.status, answer.residuals.objective),
         residuals=answer.residuals,
         iterations=answer.iterations,
         form=answer.form,
         message=answer.message,
         setup_time=ready - start,
-        solve_time=end - ready,
-        history=progress.history() if progress is not None and history else None,
-        problem=(qp, given),
+        solve_time=time.perf_counter() - ready,
+        history=history,
+        problem=problem,
         closest=closest,
     )
 

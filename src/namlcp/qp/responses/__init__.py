@@ -15,6 +15,7 @@ errors of degenerate QPs. `solve_once` is for a single QP. A class of this room,
   data as given. Whatever it is, the active rows of the last solved QP are kept;
 - ``renew(qp)``: after a change of the matrices' values, sizes as before. The active
   rows are kept as a hint;
+- ``are_unsuited``: the last solve found that the matrices are not suited;
 - ``suggest(active)``: start the next solve from these rows, as `Guess.active`.
 
 It can be copied and pickled (a copy starts without history), and is for one thread.
@@ -23,4 +24,4 @@ point, measured and refined) know neither how the base problem is solved nor how
 response is made; `dense` and `run` do, for arrays.
 """
 
-from namlcp.qp.responses.solve import solve_once
+from namlcp.qp.responses.solve import DenseResponses, solve_once

@@ -72,6 +72,11 @@ class DenseResponses:
         """Let a copy begin anew with the same matrices: addresses cannot be copied."""
         return DenseResponses, self.matrices
 
+    @property
+    def are_unsuited(self) -> bool:
+        """Tell whether the last solve found that the matrices are not suited."""
+        return not self.now.is_ready
+
     def attach(self, P: np.ndarray, G: np.ndarray, A: np.ndarray) -> None:
         """Take matrices, and memory for them."""
         self.matrices = P, G, A

@@ -1,10 +1,12 @@
 """`Solver`: one QP solved again and again, while its vectors and values change.
 
-A solve can use of the one before what depends on matrices alone (transforms, orders,
-factors: `Memory`) and the last point that solved the problem, with its active
-constraints (`Guess`). It begins with these. An answer SOLVED has been judged on the
-data as they are now, so it stands, however it was found; any other is replaced by the
-answer of a solve without them, which is the one of `solve_qp`.
+The active-set method of `qp/responses` is tried first: it keeps what it computes, and
+begins with the active constraints of the last solution. What it does not decide goes
+the way of `solve_qp`, which can use of the solves before what depends on matrices alone
+(transforms, orders, factors: `Memory`) and the last point that solved the problem
+(`Guess`). An answer SOLVED has been judged on the data as they are now, so it stands,
+however it was found; any other of the general solve is replaced by the answer of a
+solve without memory, which is the one of `solve_qp`.
 """
 
 import time
@@ -12,15 +14,21 @@ from copy import deepcopy
 from typing import Any
 
 import numpy as np
+from scipy.linalg.lapack import dpotrf
 
 from namlcp.checks import as_sparse, refuse_number, vector, without_huge
+from namlcp.limits import Deadline
+from namlcp.linalg import blas_threads
 from namlcp.options import DEFAULT_OPTIONS, Options
 from namlcp.qp.convexity import check_convex
-from namlcp.qp.guess import NO_GUESS, make_guess
+from namlcp.qp.forms import is_small
+from namlcp.qp.guess import NO_GUESS, Guess, make_guess
+from namlcp.qp.judge import upheld
 from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, qp_data
+from namlcp.qp.responses import DenseResponses
 from namlcp.qp.sequences.pattern import in_place_of, is_unchanged, within_pattern
-from namlcp.qp.solve import solve_checked
+from namlcp.qp.solve import result_of, solve_checked
 from namlcp.result import QPResult
 from namlcp.status import Status
 
@@ -92,18 +100,24 @@ class Solver:
         self.qp = self.qp._replace(
             **{name: getattr(self.qp, name).copy() for name in VECTORS}
         )
-        check_convex(as_sparse(self.qp.P))
+        ensure_convex(self.qp.P)
         self.last: QPResult | None = None  # that was solved
+        self.begin()
+
+    def begin(self) -> None:
+        """Keep nothing of earlier solves but the last result."""
         self.memory = memory_of(self.qp)
+        self.responses = responses_of(self.qp)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what a copy shares or a pickle holds: all but the memory."""
-        return {k: v for k, v in vars(self).items() if k != "memory"}
+        """Return what a copy shares or a pickle holds: all but what is kept."""
+        kept = ("memory", "responses")
+        return {name: value for name, value in vars(self).items() if name not in kept}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Begin with an empty memory, which belongs to one Solver."""
+        """Keep nothing of another Solver's solves."""
         vars(self).update(state)
-        self.memory = memory_of(self.qp)
+        self.begin()
 
     def update(
         self,
@@ -154,6 +168,10 @@ class Solver:
         if given is not self.given:
             self.given = given
             self.memory.adopt(qp)
+            if self.responses is None:
+                self.responses = responses_of(qp)
+            else:
+                self.responses.renew(qp)
         self.qp = QP(P, q0, G, h0, A, b0, lb0, ub0)
 
     def with_matrices(self, changes: dict[str, Any]) -> tuple[QP, tuple[Any, ...]]:
@@ -164,15 +182,13 @@ class Solver:
                 new[name] = deepcopy(M)
         if not new:
             return self.qp, self.given
-        qp = self.qp
-        clean = {
-            name: in_place_of(name, M, getattr(qp, name)) for name, M in new.items()
-        }
-        qp = qp_data(*qp._replace(**clean))
+        kept = self.qp._asdict()
+        clean = {name: in_place_of(name, M, kept[name]) for name, M in new.items()}
+        qp = qp_data(**(kept | clean))
         if not qp.is_dense:  # P + P' is stored without zeros
             qp = qp._replace(P=within_pattern(qp.P, kept["P"]))
         if "P" in new:
-            check_convex(as_sparse(qp.P))
+            ensure_convex(qp.P)
         return qp, tuple((old | new).values())
 
     def solve(self, warm_start: Any = None) -> QPResult:
@@ -197,20 +213,70 @@ class Solver:
             Ctrl-C came outside a loop. The Solver can be used all the same.
         """
         start = time.perf_counter()
-        qp, options, given = self.qp, self.options, self.given
-        guess = make_guess(qp, None, self.last if warm_start is None else warm_start)
+        guess = None if warm_start is None else make_guess(self.qp, None, warm_start)
         try:
-            result = solve_checked(
-                qp, options, guess, start, memory=self.memory, given=given
-            )
-            if result.status not in SETTLED:
-                result = solve_checked(qp, options, NO_GUESS, start, given=given)
+            result = self.solve_by_responses(guess, start)
+            if result is None:
+                result = self.solve_by_all_means(guess, start)
         except BaseException:
-            self.memory = memory_of(qp)  # what was to be kept may not be complete
+            self.begin()  # what was to be kept may not be complete
             raise
         if result.status is Status.SOLVED:
             self.last = result
         return result
+
+    def solve_by_responses(self, guess: Guess | None, start: float) -> QPResult | None:
+        """Return the result of the active-set method that keeps what it computes.
+
+        None where it does not decide, or is not made for the problem or the options.
+        """
+        responses, options = self.responses, self.options
+        if responses is None or options.verbose:
+            return None
+        if guess is not None:
+            responses.suggest(guess.active)
+        qp = self.qp
+        deadline = Deadline(start + options.time_limit)
+        limits = options.limits(deadline)
+        with blas_threads(options.threads, qp.q.size + qp.b.size):
+            answer = responses.solve(qp.q, qp.h, qp.b, qp.lb, qp.ub, limits)
+        if answer is None:
+            if responses.are_unsuited:
+                self.responses = None
+            return None
+        answer = upheld(answer, qp, self.given, limits)
+        infeasible = answer.status is Status.PRIMAL_INFEASIBLE
+        if not (answer.ends or deadline.interrupted) or (
+            infeasible and options.relaxation
+        ):
+            return None
+        if deadline.interrupted:
+            answer = answer._replace(status=deadline.verdict(answer.status))
+        return result_of(answer, (qp, self.given), start, start)
+
+    def solve_by_all_means(self, guess: Guess | None, start: float) -> QPResult:
+        """Return the result of the general solve: from a guess, then from nothing."""
+        qp, options, given = self.qp, self.options, self.given
+        if guess is None:
+            guess = make_guess(qp, None, self.last)
+        result = solve_checked(
+            qp, options, guess, start, memory=self.memory, given=given
+        )
+        if result.status not in SETTLED:
+            result = solve_checked(qp, options, NO_GUESS, start, given=given)
+        return result
+
+
+def responses_of(qp: QP) -> DenseResponses | None:
+    """Return what keeps responses for the matrices of a QP, None if nothing does."""
+    return DenseResponses.of(qp) if is_small(qp) else None
+
+
+def ensure_convex(P: Any) -> None:
+    """Raise NotConvex unless P, dense or CSC, is positive semidefinite."""
+    if type(P) is np.ndarray and dpotrf(P)[1] == 0:
+        return  # definite, as most are: this takes a tenth of the time
+    check_convex(as_sparse(P))
 
 
 def memory_of(qp: QP) -> Memory:
