@@ -3,7 +3,6 @@
 from namlcp.qp.convexity import NotConvex
 from namlcp.qp.guess import NO_GUESS, make_guess
 from namlcp.qp.kkt import KKT
-from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, Point, qp_data
 from namlcp.qp.sequences import BatchResult, OtherShape, Solver, solve_batch
 from namlcp.qp.solve import solve_checked, solve_qp
