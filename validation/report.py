@@ -4,8 +4,13 @@
 pictures, in less than ten minutes. --full: the same at their sizes, and Maros-Meszaros,
 benchmarks, large LCPs and infeasible QPs, which takes hours. Either writes report.html
 into the folder --out (report), figures and tables inlined, also when it is interrupted,
-beside its CSV files and figures. What goes on where it stopped does so here too;
-`--full --out validation` brings the repository's own files up to date.
+beside its CSV files and figures. `--full --out validation` brings the repository's own
+files up to date. Stopped and run again with the same sources, it goes on with the parts
+that are not done (`done.json`; --again starts anew). At the top stands what became of
+each claim (`claims`) since the run before; what fell is marked.
+
+--full times nothing while other processes keep more than 0.3 of a core busy: it waits,
+and names the part if the machine stays busy (--busy: it does not look).
 
 The parts are commands of their own, each run in a process, one after the other, so that
 none disturbs the times of another. One that fails, or whose data are missing, is named
@@ -14,7 +19,9 @@ the folder described in README.md.
 """
 
 import base64
+import hashlib
 import html
+import json
 import os
 import subprocess
 import sys
@@ -26,7 +33,8 @@ from typing import NamedTuple, TextIO
 if not __package__:  # run as a script
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from validation.harness import cli
+from validation.claims import Claim, claims, moved
+from validation.harness import cli, quiet
 
 BAR = 24  # characters
 STYLE = """
@@ -96,6 +104,9 @@ PARTS = {
         peers.benchmark --data {data} --csv {results}/benchmark.csv \
         --set mpc contact small strict
     """),
+    "classes": part("The OSQP paper's classes", 1800.0, """
+        peers.classes --csv {results}/classes.csv
+    """),
     "infeasible": part("Infeasible and unbounded QPs", 600.0, """
         peers.infeasible --data {data} --csv {results}/infeasible.csv
     """),
@@ -158,6 +169,42 @@ def sized(part: Part, quick: bool) -> Part:
 
 FULL = {name: sized(part, False) for name, part in PARTS.items()}
 QUICK = {name: sized(part, True) for name, part in PARTS.items() if part.quick_seconds}
+
+
+class Done:
+    """What the run under way has done, kept in a file: it may be stopped and goes on.
+
+    `before` are the claims at its start. Other sources begin a new run.
+    """
+
+    def __init__(self, file: Path, results: Path, again: bool) -> None:
+        self.file = file
+        kept = json.loads(file.read_text()) if file.exists() and not again else {}
+        if kept.get("sources") != sources():
+            now = [list(claim) for claim in claims(results)]
+            kept = {"sources": sources(), "before": now, "parts": {}}
+        self.kept = kept
+        self.before = [Claim(*claim) for claim in kept["before"]]
+
+    def outcome(self, name: str) -> Outcome | None:
+        """Return the outcome of a part that is done."""
+        found = self.kept["parts"].get(name)
+        return None if found is None else Outcome(*found)
+
+    def note(self, name: str, outcome: Outcome) -> None:
+        """Keep the outcome of a part; one with a fault will be run again."""
+        if not outcome.fault:
+            self.kept["parts"][name] = list(outcome)
+        self.file.write_text(json.dumps(self.kept))
+
+
+def sources() -> str:
+    """Return a hash of the sources of the package and of the validation."""
+    found = hashlib.sha256()
+    for folder in ("src", "validation"):
+        for path in sorted((cli.ROOT / folder).rglob("*.py")):
+            found.update(path.read_bytes())
+    return found.hexdigest()
 
 
 class Progress:
@@ -264,9 +311,11 @@ def table(title: str, lines: list[str]) -> str:
         if set(line.strip()) <= set("|-: "):
             continue
         tag = "td" if number else "th"
-        cells = [html.escape(cell.strip()) for cell in line.strip(" |").split("|")]
-        rows.append("".join(f"<{tag}>{cell}</{tag}>" for cell in cells))
-    body = "".join(f"<tr>{row}</tr>" for row in rows)
+        cells = [html.escape(cell.strip()) for cell in line.strip()[1:-1].split("|")]
+        bad = ' class="bad"' if cells[-1] == "FELL" else ""
+        text = "".join(f"<{tag}>{cell}</{tag}>" for cell in cells)
+        rows.append(f"<tr{bad}>{text}</tr>")
+    body = "".join(rows)
     return f"<table><caption>{html.escape(title)}</caption>{body}</table>"
 
 
@@ -276,6 +325,7 @@ def write_html(
     outcomes: dict[str, Outcome],
     figures: Path,
     header: Iterable[str],
+    summary: str,
 ) -> None:
     """Write the report of the parts that have an outcome; name those that have not."""
     pieces = [f"<!doctype html><meta charset=utf-8><title>namlcp</title><style>{STYLE}"]
@@ -288,6 +338,7 @@ def write_html(
         mark = f' <span class="bad">{html.escape(word)}</span>' if word else ""
         pieces.append(f'<li><a href="#{name}">{part.title}</a>{seconds}{mark}</li>')
     pieces.append("</ul>")
+    pieces.append(table("Claims, and what has moved", summary.splitlines()))
     for name, outcome in outcomes.items():
         pieces.append(f'<h2 id="{name}">{parts[name].title}</h2>')
         if outcome.fault:
@@ -298,7 +349,11 @@ def write_html(
 
 
 def report(
-    parts: dict[str, Part], folders: dict[str, Path], out: Path, stream: TextIO
+    parts: dict[str, Part],
+    folders: dict[str, Path],
+    out: Path,
+    stream: TextIO,
+    again: bool = False,
 ) -> dict[str, Outcome]:
     """Run the parts, with a bar on `stream`; write report.html, also on Ctrl-C."""
     outcomes: dict[str, Outcome] = {}
@@ -307,12 +362,17 @@ def report(
     if not folders["data"].exists():
         header.append(f"the data folder {folders['data']} is missing: see README.md")
     out.mkdir(parents=True, exist_ok=True)
+    done = Done(out / "done.json", folders["results"], again)
     try:
         for name, part in parts.items():
-            outcomes[name] = run_part(name, part, folders, bar)
-            bar.finish(name, outcomes[name].fault)
+            known = done.outcome(name)
+            outcomes[name] = known or run_part(name, part, folders, bar)
+            done.note(name, outcomes[name])
+            bar.finish(name, outcomes[name].fault or ("done before" if known else ""))
     finally:
-        write_html(out / "report.html", parts, outcomes, folders["figures"], header)
+        summary = moved(done.before, claims(folders["results"]))
+        page, figures = out / "report.html", folders["figures"]
+        write_html(page, parts, outcomes, figures, header, summary)
     return outcomes
 
 
@@ -325,6 +385,8 @@ def main(arguments: list[str] | None = None) -> int:
     size.add_argument("--full", action="store_true", help="hours")
     parser.add_argument("--out", type=Path, default=Path("report"))
     parser.add_argument("--only", nargs="+", choices=list(FULL), metavar="PART")
+    parser.add_argument("--again", action="store_true", help="begin a new run")
+    parser.add_argument("--busy", action="store_true", help="on a busy machine, too")
     args = parser.parse_args(arguments)
     parts = QUICK if args.quick else FULL
     if args.only:
@@ -337,7 +399,9 @@ def main(arguments: list[str] | None = None) -> int:
     }
     for folder in ("results", "figures"):
         folders[folder].mkdir(parents=True, exist_ok=True)
-    outcomes = report(parts, folders, args.out, sys.stderr)
+    if args.full and not args.busy:
+        os.environ[quiet.QUIET] = "1"
+    outcomes = report(parts, folders, args.out, sys.stderr, args.again)
     print(f"{args.out / 'report.html'}")
     failed = [name for name, outcome in outcomes.items() if outcome.fault]
     for name in failed:

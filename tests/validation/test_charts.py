@@ -1,6 +1,7 @@
 """The charts, profiles and the report of the validation, on tiny problems."""
 
 import io
+import os
 from importlib import import_module
 
 import numpy as np
@@ -9,7 +10,10 @@ from qpsolvers import Problem, Solution
 
 from namlcp import Status, solve_lcp, solve_qp
 from validation import report
-from validation.harness import cli, csv_files
+from validation.claims import Claim, moved, values
+from validation.claims.limits import LIMITS
+from validation.claims.measured import mean, over
+from validation.harness import cli, csv_files, quiet
 from validation.harness.machine import THREADS
 from validation.peers import references, work_precision
 from validation.problems import contact_scenes, families
@@ -190,6 +194,72 @@ def test_report_names_what_fails_and_goes_on(tmp_path, monkeypatch):
     assert "b.svg was not drawn" in page
     assert "x is missing" in page
     assert "good: done" in stream.getvalue()
+
+
+def test_report_goes_on_where_it_stopped(tmp_path, monkeypatch):
+    scripts = tmp_path / "validation"
+    scripts.mkdir()
+    (scripts / "__init__.py").write_text("")
+    (scripts / "good.py").write_text("print('ran')")
+    monkeypatch.setattr(cli, "ROOT", tmp_path)
+    parts = {"good": report.Part("good", ("good",), (), 1.0)}
+    folders = dict.fromkeys(("results", "figures", "data"), tmp_path)
+
+    def said(again=False):
+        stream = io.StringIO()
+        report.report(parts, folders, tmp_path, stream, again)
+        return stream.getvalue().splitlines()[-1]
+
+    assert said().startswith("good: done,")
+    assert said().startswith("good: done before,")
+    assert said(again=True).startswith("good: done,")
+    (scripts / "good.py").write_text("print('other sources')")
+    assert said().startswith("good: done,")
+
+
+def test_claims_that_fell_are_marked():
+    before = [Claim("time", 0.9, "<=", 1.0), Claim("solved", 7, ">=", 8)]
+    now = [before[0]._replace(value=1.1), before[1]._replace(value=float("nan"))]
+    text = moved(before, now)
+    assert "| time | <= 1 | 0.9 | 1.1 | FELL |" in text
+    assert "| solved | >= 8 | 7 | nan | falls short |" in text
+    assert report.table("title", text.splitlines()).count('class="bad"') == 1
+
+
+def test_ratio_of_times_counts_what_both_solve():
+    def row(problem, solver, time, success="True"):
+        return {
+            "problem": problem, "set": "s", "solver": solver, "runtime": time,
+            "success": success,
+        }  # fmt: skip
+
+    rows = [
+        row("a", "nam", "1.0"), row("a", "piqp", "4.0"),
+        row("b", "nam", "1.0"), row("b", "piqp", "1.0"),
+        row("c", "nam", "1.0"), row("c", "piqp", "9.0", "False"),
+        row("d", "nam", "", "True"), row("d", "piqp", "1.0"),
+    ]  # fmt: skip
+    assert mean(over(rows, "piqp")) == pytest.approx(0.5)
+    assert np.isnan(mean(over(rows, "osqp")))
+
+
+def test_claims_know_all_limits():
+    found = values()
+    assert set(LIMITS) <= set(found)
+
+
+def test_a_busy_machine_is_refused(monkeypatch):
+    monkeypatch.setattr(quiet, "busy_cores", lambda: 1.5)
+    quiet.wait_until_quiet(0.0)  # not asked to look
+    monkeypatch.setenv(quiet.QUIET, "1")
+    with pytest.raises(quiet.BusyError, match="cores busy"):
+        quiet.wait_until_quiet(-1.0)
+    monkeypatch.setattr(quiet, "busy_cores", lambda: 0.1)
+    quiet.wait_until_quiet(-1.0)
+
+
+def test_busy_cores_are_a_number_of_cores():
+    assert 0.0 <= quiet.busy_cores(0.05) <= 4.0 * os.cpu_count()
 
 
 def commands_of_the_report():

@@ -9,6 +9,7 @@ qp_solvers   what each solver is told
 judging      is an answer right? residuals recomputed from the point
 conic        QPs in conic form, and the solver that takes no other
 qps          QPs of qpsolvers taken apart and put together
+quiet        is the machine quiet enough for a timing?
 tables       rows selected and printed
 timing       times and memory of calls
 data_folder  the data folder, which is no part of this repository

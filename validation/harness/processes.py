@@ -11,6 +11,7 @@ from multiprocessing.connection import Connection
 from typing import Any, NamedTuple, Self
 
 from validation.harness.csv_files import Row
+from validation.harness.quiet import wait_until_quiet
 
 GRACE = 2.0  # [s] on top of the time limit before a child process is ended
 LOADING = 120.0  # [s] to read a problem, warm up and, once, compile
@@ -103,7 +104,11 @@ class Bench:
         return key | self.ask(problem_set, name, eps)
 
     def ask(self, *request: Any) -> Row:
-        """Return the answer to a request; a hang or a crash is a failure."""
+        """Return the answer to a request; a hang or a crash is a failure.
+
+        Raises BusyError where the machine has to be quiet and is not.
+        """
+        wait_until_quiet()
         try:
             self.pipe.send(request)
             answer = self.wait(LOADING)

@@ -1,0 +1,164 @@
+"""The figures, by name, each from the CSV file of one script.
+
+A ratio of times is the geometric mean, over the problems that both solve, of namlcp's
+time over that of the other.
+"""
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+from validation.harness import Row, cli, csv_files, tables, timing
+
+BANDS = {"below 1 ms": (0.0, 1e-3), "1 to 10 ms": (1e-3, 1e-2), "above": (1e-2, 1e9)}
+"""Times of the peer [s] by which the ratios on Maros-Meszaros are split."""
+
+
+def over(
+    rows: list[Row], other: str, time: str = "runtime", ours: str = "nam"
+) -> list[float]:
+    """Return namlcp's time over another solver's, for each problem both solve."""
+    solved = [row for row in rows if row["success"] == "True" and row[time]]
+    times = {
+        solver: {(row["problem"], row["set"]): float(row[time]) for row in own}
+        for solver in (ours, other)
+        if (own := tables.chosen(solved, solver=solver))
+    }
+    base, peer = times.get(ours, {}), times.get(other, {})
+    return [base[key] / peer[key] for key in peer if key in base]
+
+
+def mean(ratios: list[float]) -> float:
+    """Return the geometric mean, nan of nothing."""
+    return timing.geometric_mean(ratios) if ratios else math.nan
+
+
+def solved(rows: list[Row], solver: str = "nam") -> float:
+    """Return how many rows of a solver are solved."""
+    own = tables.chosen(rows, solver=solver)
+    return float(sum(row["success"] == "True" for row in own)) if own else math.nan
+
+
+def of_benchmark(folder: Path) -> dict[str, float]:
+    """Return the figures of the small sets, at 1e-6."""
+    found = {}
+    rows = tables.chosen(csv_files.read(folder / "benchmark.csv"), eps="1e-06")
+    for problem_set, peer in (("mpc", "daqp"), ("contact", "piqp"), ("small", "piqp")):
+        own = tables.chosen(rows, set=problem_set)
+        found[f"{problem_set} solved"] = solved(own)
+        found[f"{problem_set} problems"] = len(tables.distinct(own, "problem"))
+        found[f"{problem_set} over {peer}"] = mean(over(own, peer))
+    return found
+
+
+def of_maros_meszaros(folder: Path) -> dict[str, float]:
+    """Return the figures of the Maros-Meszaros collection."""
+    every = csv_files.read(folder / "maros-meszaros-path.csv")
+    found = {}
+    name = "Maros-Meszaros"
+    for eps in ("1e-06", "1e-09"):
+        rows = tables.chosen(every, eps=eps)
+        short = eps.replace("-0", "-")
+        found[f"{name} solved at {short}"] = solved(rows)
+        found[f"{name} solved by piqp at {short}"] = solved(rows, "piqp")
+    rows = tables.chosen(every, eps="1e-06")
+    ratios = over(rows, "piqp")
+    found[f"{name} over piqp"] = mean(ratios)
+    found[f"{name} over piqp, worst"] = max(ratios, default=math.nan)
+    peer = {r["problem"]: float(r["runtime"] or "nan") for r in rows}
+    peer |= {
+        row["problem"]: float(row["runtime"] or "nan")
+        for row in tables.chosen(rows, solver="piqp")
+    }
+    for band, (least, most) in BANDS.items():
+        own = [row for row in rows if least <= peer[row["problem"]] < most]
+        found[f"{name} over piqp, {band}"] = mean(over(own, "piqp"))
+    return found
+
+
+def of_classes(folder: Path) -> dict[str, float]:
+    """Return the figures of the OSQP paper's classes, beside the best peer of each."""
+    rows = csv_files.read(folder / "classes.csv")
+    ratios = []
+    for problem_set, name in tables.distinct(rows, "set", "problem"):
+        own = tables.chosen(rows, set=problem_set, problem=name, success="True")
+        times = {row["solver"]: float(row["runtime"]) for row in own}
+        ours = times.pop("nam", math.inf)
+        if times:
+            ratios.append(ours / min(times.values()))
+    ours = tables.chosen(rows, solver="nam")
+    return {
+        "classes problems": len(ours),
+        "classes missed": len(ours) - solved(ours),
+        "classes over best peer": mean(ratios),
+        "classes over best peer, worst": max(ratios, default=math.nan),
+    }
+
+
+def of_infeasible(folder: Path) -> dict[str, float]:
+    """Return the figures of QPs without a solution."""
+    rows = csv_files.read(folder / "infeasible.csv")
+    for row in rows:
+        row["success"] = str(row["outcome"] == "recognised")
+        row["set"] = row["group"]
+    without = [row for row in rows if row["truth"] not in ("feasible", "not convex")]
+    ours = tables.chosen(without, solver="nam")
+    return {
+        "without a solution": len(ours),
+        "without a solution, not recognised": len(ours) - solved(ours),
+        "without a solution over clarabel": mean(over(without, "clarabel")),
+    }
+
+
+def of_large(folder: Path) -> dict[str, float]:
+    """Return how many linear solves an LCP of 10^6 unknowns takes at most."""
+    rows = tables.chosen(csv_files.read(folder / "large.csv"), solver="nam")
+    kinds = ("multigrid",)
+    ratios = [
+        float(row["ratio"])
+        for row in rows
+        if row["ratio"] and row["method"] in kinds and int(row["n"]) >= 900_000
+    ]
+    return {
+        "large over one linear solve, worst": max(ratios, default=math.nan),
+        "large over one linear solve, least": min(ratios, default=math.nan),
+        "large scenes": len(ratios),
+    }
+
+
+def of_cvxpy(folder: Path) -> dict[str, float]:
+    """Return the ratios on models in CVXPY."""
+    rows = csv_files.read(folder / "cvxpy-models.csv")
+    return {
+        f"cvxpy {size} over clarabel": mean(over(own, "clarabel"))
+        for size in ("small", "large")
+        if (own := tables.chosen(rows, set=size))
+    }
+
+
+def of_stress(folder: Path) -> dict[str, float]:
+    """Return what was not right under stress, and what was wrong in the campaign."""
+    rows = tables.chosen(csv_files.read(folder / "stress.csv"), solver="nam")
+    campaign = tables.chosen(csv_files.read(folder / "campaign.csv"), solver="nam")
+    wrong = tables.chosen(campaign, outcome="wrong")
+    done = tables.chosen(campaign, outcome="done")
+    return {
+        "stress problems": len(rows),
+        "stress not right": sum(row["outcome"] != "right" for row in rows),
+        "campaign problems": sum(int(row["count"]) for row in done),
+        "campaign wrong": sum(int(row["count"]) for row in wrong),
+    }
+
+
+SOURCES: tuple[Callable[[Path], dict[str, float]], ...] = (
+    of_benchmark, of_maros_meszaros, of_classes, of_infeasible, of_large, of_cvxpy,
+    of_stress,
+)  # fmt: skip
+
+
+def values(folder: Path = cli.RESULTS) -> dict[str, float]:
+    """Return all figures by name."""
+    found: dict[str, float] = {}
+    for source in SOURCES:
+        found |= source(folder)
+    return found
