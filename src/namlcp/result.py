@@ -48,12 +48,15 @@ class LCPResult(Differentiable):
         The modulus variable: z = clip(s, lower, upper), w = Omega (z - s), with the
         Omega of a named method, diag(A) for "auto".
     iterations : int
-        Sweeps, multigrid cycles, MPRGP iterations or else factorisations, by `method`.
+        Sweeps, multigrid cycles, MPRGP iterations, pivots (of the methods of Lemke, and
+        Lemke and Howson), cones (enumeration) or else factorisations, by `method`.
     residual : float
         || z - clip(z - w, lower, upper) ||_2, recomputed on the caller's data.
     method : str
         The method that gave the point; for "auto" one of "tridiagonal", "psor",
-        "multigrid", "mprgp", "pivoting".
+        "multigrid", "mprgp", "pivoting", and for general matrices "lemke",
+        "lemke-howson", "enumeration", "path" (interior), "arc" (smooth homotopy), or
+        "start" for a start that one exact step has completed.
     setup_time, solve_time : float
         Seconds.
     ray : (n,) array or None
@@ -61,6 +64,8 @@ class LCPResult(Differentiable):
         u_i is finite, v_i >= 0 where l_i is finite, and q'v + z'A'v <= -1 for all z in
         the box. For the plain LCP: v >= 0, A'v <= 0, q'v = -1. A solution would have
         v'w >= 0, but v'w = q'v + z'A'v < 0.
+    message : str
+        A sentence that adds to the status, or "".
     history : structured array or None
         The rows of the verbose table, when asked for: one for each iteration, for
         "auto" one for each factorisation or run of sweeps. The residuals are those of
@@ -83,6 +88,7 @@ class LCPResult(Differentiable):
     setup_time: float
     solve_time: float
     ray: np.ndarray | None = None
+    message: str = ""
     history: np.ndarray | None = None
     problem: Any = field(default=None, repr=False)
     """The checked LCP and A as it was given, for the derivatives."""

@@ -36,7 +36,8 @@ class Status(Enum):
     STALLED = (
         "stalled",
         "Rounding errors stop further progress, or the method has come to its end; the "
-        'best point is returned. Loosen eps_abs or eps_rel; LCP: method="auto".',
+        'best point is returned. Loosen eps_abs or eps_rel; LCP: method="auto", which '
+        "may leave it open whether there is a solution.",
     )
     DIVERGED = (
         "diverged",
@@ -45,8 +46,7 @@ class Status(Enum):
     )
     UNSOLVABLE = (
         "unsolvable",
-        "The LCP has no solution, or its matrix lies outside the class that the "
-        "method can decide; a ray is returned where it was found.",
+        "The LCP has no solution: a ray proves it, or `message` says how it was found.",
     )
     NUMERICAL_ERROR = (
         "numerical_error",

@@ -6,16 +6,18 @@ from problems_lcp import box_lcp, skew
 from scipy import sparse
 
 from namlcp import Status, solve_lcp
+from namlcp.lcp.distances import Distances
 from namlcp.lcp.pivoting import driver as exact
 from namlcp.lcp.pivoting import homogeneous
 from namlcp.lcp.pivoting.driver import at_once
 from namlcp.lcp.pivoting.homogeneous import (
     Embedded,
-    Model,
     homogeneous_path,
     longest,
     step_from,
 )
+from namlcp.lcp.scaling import congruent, equilibrating_scale
+from namlcp.lcp.shifted import Shifted
 from namlcp.limits import Deadline, Limits
 from namlcp.residuals import natural_residual
 from validation.problems.fuzzed import cases as problems
@@ -204,8 +206,8 @@ def test_rounding_of_a_skew_matrix_does_not_hide_that_it_is_monotone(index):
 @pytest.mark.parametrize("layout", [np.asarray, sparse.csc_array])
 def test_equilibration(layout):
     A = layout(np.array([[0.0, 1e8, 0.0], [-1e8, 1e-6, 0.0], [0.0, 0.0, 0.0]]))
-    d = homogeneous.equilibrating_scale(A)
-    sums = np.abs(homogeneous.congruent(A, d) @ np.ones(3))
+    d = equilibrating_scale(A)
+    sums = np.abs(congruent(A, d) @ np.ones(3))
     assert (d > 0.0).all()
     np.testing.assert_allclose(sums[:2], 1.0, rtol=0.5)
 
@@ -285,13 +287,14 @@ def residuals(model, x):
 def test_a_step_takes_the_same_share_of_all_residuals(layout):
     """It is Newton's: what is linear falls by one factor. So is kappa, for a skew A."""
     A, q, lower, upper = example(is_skew=True)
-    model = Model(layout(A), q, lower, upper)
+    model = Distances(layout(A), q, lower, upper, equilibrating_scale)
+    system = Shifted(model.M)
     one = np.ones(1)
     on, up = 1.0 * model.signed, 1.0 * model.boxed
     x = Embedded(on, on, up, up, one, one)
     inside = model.signed, model.signed, model.boxed, model.boxed, one > 0, one > 0
     for _ in range(3):
-        dx, step = step_from(model, x, inside)
+        dx, step = step_from(model, system, x, inside)
         after = Embedded(*(v + step * dv for v, dv in zip(x, dx, strict=True)))
         rx, rt, rk = residuals(model, x)
         there = residuals(model, after)

@@ -119,8 +119,8 @@ def test_negative_curvature_is_told(rng):
     A = problems.spd(rng, 30, 10.0) - 0.5 * np.eye(30)
     assert np.linalg.eigvalsh(A)[0] < 0.0
     found = solve_lcp(aslinearoperator(A), rng.standard_normal(30), -INF, INF)
-    assert found.status is Status.UNSOLVABLE
-    assert found.ray is None
+    assert found.status is Status.STALLED
+    assert found.message == "A is not positive semidefinite"
 
 
 def test_impossible_accuracy_stalls():

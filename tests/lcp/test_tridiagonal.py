@@ -298,7 +298,7 @@ def test_matrix_that_is_not_p():
     if result.status is Status.SOLVED:
         assert_solves(A, -np.ones(4), np.zeros(4), np.full(4, INF), result.z, result.w)
     else:
-        assert result.status is Status.UNSOLVABLE
+        assert result.status in (Status.UNSOLVABLE, Status.STALLED)
 
 
 def test_rounding_is_told(rng):

@@ -3,7 +3,7 @@
 import numpy as np
 import problems_lcp as problems
 import pytest
-from test_solve_lcp import assert_solves_lcp
+from lcp_definition import assert_solves_lcp
 
 from namlcp import Status, solve_lcp
 from namlcp.lcp.pivoting.rays import proof

@@ -10,6 +10,7 @@ from scipy import sparse
 
 from namlcp.lcp.criterion import Criterion
 from namlcp.lcp.data import LCP, Outcome
+from namlcp.lcp.general import solve_general
 from namlcp.lcp.mprgp import solve_by_products
 from namlcp.lcp.multigrid import solve_by_multigrid
 from namlcp.lcp.operators import Operator
@@ -17,10 +18,14 @@ from namlcp.lcp.pivoting import solve_box
 from namlcp.lcp.psor import MAX_SWEEPS, solve_by_sweeps
 from namlcp.lcp.tridiagonal import solve_tridiagonal
 from namlcp.limits import Limits
+from namlcp.linalg import PSD_SLACK
 from namlcp.status import Status
 
 LARGE_LCP = 10_000
 """Least order n at which projected SOR and multigrid are tried on a sparse A."""
+
+TINY_LCP = 100
+"""Largest order n at which pivoting is tried on every A: it takes less than 1 ms."""
 
 LAST_SWEEPS = 5000
 """Largest number of sweeps after multigrid has failed on a nonsymmetric A."""
@@ -35,11 +40,13 @@ def solve_auto(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
     large = lcp.q.size >= LARGE_LCP
     if isinstance(lcp.A, Operator):
         return solve_by_products(lcp, z0, limits, Criterion(lcp, limits))
+    if lcp.q.size > TINY_LCP and matrix.is_general:
+        return solve_general(lcp, z0, limits)
     if matrix.tridiagonal is not None:
         outcome = solve_tridiagonal(lcp, matrix.tridiagonal, z0, limits)
         # A small A may be singular: pivoting may prove that there is no solution.
         is_open = outcome.status is Status.STALLED and not large
-        if outcome.status is not Status.UNSOLVABLE and not is_open:
+        if outcome.status is not Status.DIVERGED and not is_open:
             return outcome
         z0 = outcome.z
     if sparse.issparse(lcp.A) and large:
@@ -49,7 +56,10 @@ def solve_auto(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
         if limits.deadline.reached():  # before a long factorisation
             return outcome._replace(status=Status.TIME_LIMIT)
         z0 = outcome.z
-    return solve_box(lcp, z0, limits)
+    outcome = solve_box(lcp, z0, limits)
+    if outcome.status is not Status.STALLED or matrix.is_semidefinite(PSD_SLACK):
+        return outcome
+    return solve_general(lcp, outcome.z, limits, outcome.iterations)
 
 
 def solve_large(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:

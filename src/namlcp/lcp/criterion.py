@@ -14,6 +14,9 @@ from namlcp.lcp.data import LCP
 from namlcp.limits import Limits
 from namlcp.residuals import natural_residuals
 
+W_ROUNDING = 1e-15
+"""Entry of w = A z + q, relative to |A||z| + |q|, that counts as 0."""
+
 
 class Criterion:
     """The stopping criterion of one LCP, with the tolerances of `limits`."""
@@ -43,5 +46,17 @@ class Criterion:
 
     def accepts(self, z: np.ndarray, w: np.ndarray) -> bool:
         """Tell whether z with w = A z + q solves the problem."""
-        plain, scaled = self.residuals(z, w)
+        return self.met(*self.residuals(z, w))
+
+    def met(self, plain: float, scaled: float) -> bool:
+        """Tell whether a point with these `residuals` solves the problem."""
         return plain < self.eps_abs or scaled <= self.eps_rel * self.size < math.inf
+
+
+def is_solved_by_zero(lcp: LCP) -> bool:
+    """Tell whether z = clip(0) is a solution but for the rounding of w."""
+    z = lcp.start()
+    w = lcp.w(z)
+    terms = np.abs(lcp.q) + abs(lcp.A) @ np.abs(z)
+    w[np.abs(w) <= W_ROUNDING * terms] = 0.0
+    return not np.maximum(np.minimum(w, z - lcp.lower), z - lcp.upper).any()

@@ -63,7 +63,8 @@ class Outcome(NamedTuple):
     """The result of a method: a point z, w = A z + q, and the number of iterations.
 
     ray: proof that there is no solution, if any, with UNSOLVABLE. s: modulus variable,
-    from sweep methods only. convex: A was tested and is positive semidefinite.
+    from sweep methods only. convex: A was tested and is positive semidefinite. message:
+    a sentence that adds to the status.
     """
 
     status: Status
@@ -74,6 +75,7 @@ class Outcome(NamedTuple):
     ray: np.ndarray | None = None
     s: np.ndarray | None = None
     convex: bool = False
+    message: str = ""
 
 
 def spread_number(name: str, value: Any, n: int) -> np.ndarray:

@@ -73,9 +73,9 @@ def solve_by_products(
     """Solve a box LCP with a symmetric A, an `Operator` with A.diagonal() >= 0.
 
     SOLVED is returned only if the criterion accepts a recomputed gradient. z is the
-    iterate of least Res. STALLED: rounding errors prevent progress. UNSOLVABLE with a
-    ray: no solution; without: A is not positive semidefinite. NUMERICAL_ERROR: a
-    product is not finite; z and w are NaN.
+    iterate of least Res. STALLED: rounding errors prevent progress, or, as the message
+    says, A is not positive semidefinite. UNSOLVABLE: no solution, proved by a ray.
+    NUMERICAL_ERROR: a product is not finite; z and w are NaN.
     """
     with np.errstate(all="ignore"):  # the code tests for infinities and NaN
         z = lcp.start(z0)
@@ -126,7 +126,7 @@ def descent_from(
     if status is None or not (math.isfinite(descent.size) and np.isfinite(w).all()):
         nothing = np.full(w.size, np.nan)
         return Outcome(Status.NUMERICAL_ERROR, nothing, nothing, k, "mprgp")
-    return Outcome(status, best, w, k, "mprgp", descent.ray)
+    return Outcome(status, best, w, k, "mprgp", descent.ray, message=descent.message)
 
 
 class Descent:
@@ -134,7 +134,7 @@ class Descent:
 
     y, g: iterate and its gradient; each step makes new arrays. free: whether l < y < u.
     size: Res(y) of the scaled problem. ray: proof that the unscaled problem has no
-    solution, or None.
+    solution, or None. message: what adds to the status.
     """
 
     def __init__(self, lcp: LCP, z0: np.ndarray):
@@ -143,6 +143,7 @@ class Descent:
         self.q = lcp.q / root
         self.lower, self.upper = lcp.lower * root, lcp.upper * root
         self.ray: np.ndarray | None = None
+        self.message = ""
         self.norm = 0.0  # estimate of ||A||: the largest ||A p|| / ||p|| so far
         self.refresh(np.clip(z0 * root, self.lower, self.upper))
 
@@ -204,7 +205,8 @@ class Descent:
             self.size = pAp
             return Status.NUMERICAL_ERROR
         if pAp < INDEFINITE_CURVATURE * self.norm * float(p @ p):
-            return Status.UNSOLVABLE
+            self.message = "A is not positive semidefinite"
+            return Status.STALLED
         feasible = self.limit(p)
         optimal = float(self.g @ p) / pAp if pAp > 0.0 else math.inf
         if optimal == feasible == math.inf:

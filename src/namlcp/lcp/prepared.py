@@ -9,9 +9,19 @@ from scipy import sparse
 from namlcp.lcp.data import lcp_matrix
 from namlcp.lcp.multigrid import Hierarchy, build
 from namlcp.lcp.relaxation import dominance_csr
+from namlcp.lcp.scaling import congruent, equilibrating_scale
 from namlcp.lcp.tridiagonal import Tridiagonal, tridiagonal_of
 from namlcp.limits import NEVER, Deadline
-from namlcp.linalg import Columns, arrays_of, columns_of, is_symmetric
+from namlcp.linalg import (
+    Columns,
+    arrays_of,
+    columns_of,
+    is_positive_semidefinite,
+    is_symmetric,
+)
+
+DIAGONAL_ROUNDING = 1e-10
+"""Sum of (A + A')_ij r_j, relative to its terms, that counts as 0 where a_ii = 0."""
 
 
 class Prepared:
@@ -77,15 +87,42 @@ class Prepared:
         return None if isinstance(self.A, np.ndarray) else tridiagonal_of(self.A)
 
     @cached_property
+    def rising(self) -> np.ndarray:
+        """Where diag(A) is positive."""
+        return self.A.diagonal() > 0.0
+
+    @cached_property
     def slopes(self) -> np.ndarray:
         """diag(A), 1 where that is not positive: the scaling, and Omega of s."""
-        diagonal = self.A.diagonal()
-        return np.where(diagonal > 0.0, diagonal, 1.0)
+        return np.where(self.rising, self.A.diagonal(), 1.0)
+
+    @cached_property
+    def is_general(self) -> bool:
+        """Whether an a_ii <= 0 proves that A is neither P nor semidefinite.
+
+        No P-matrix has one. If also (A + A')_ij is not 0 for some j, or a_ii < 0, then
+        x'A x < 0 for x = t e_i + r with any r that has (A r + A'r)_i != 0 and a large
+        t of the right sign.
+        """
+        if self.rising.all():
+            return False
+        r = np.random.default_rng(0).uniform(1.0, 2.0, self.rising.size)
+        slope, size = self.A @ r + self.A.T @ r, abs(self.A) @ r + abs(self.A.T) @ r
+        falls = (np.abs(slope) > DIAGONAL_ROUNDING * size) | (self.A.diagonal() < 0.0)
+        return bool((falls & ~self.rising).any())
 
     @cached_property
     def root(self) -> np.ndarray:
         """sqrt(slopes): diag(1/root) A diag(1/root) is A scaled to a unit diagonal."""
         return np.sqrt(self.slopes)
+
+    def is_semidefinite(self, tolerance: float) -> bool:
+        """Tell whether A + tolerance I is positive definite, A equilibrated before.
+
+        That scales rows with a_ii = 0, too.
+        """
+        scaled = congruent(self.A, equilibrating_scale(self.A))
+        return is_positive_semidefinite(scaled, tolerance)
 
     @cached_property
     def columns(self) -> Columns:

@@ -76,7 +76,10 @@ def solve_lcp(
         "auto" chooses among elimination (tridiagonal A), projected SOR, multigrid
         cycles, block principal pivoting, interior-point methods and a proximal-point
         method. It solves every LCP with a P-matrix or a positive semidefinite matrix
-        (z'A z >= 0, symmetric or not), as far as rounding allows. With a LinearOperator
+        (z'A z >= 0, symmetric or not), as far as rounding allows. For other matrices,
+        as of contact with friction, games and circuits, it has the methods of
+        `namlcp.lcp.general`; with a copositive matrix (z'A z >= 0 for z >= 0) and the
+        usual q they find a solution, elsewhere as a rule. With a LinearOperator
         it is MPRGP, see `namlcp.lcp.mprgp`; no other method takes one.
         "multigrid" means multigrid cycles alone, for matrices like those of
         differential equations, see `namlcp.lcp.multigrid`; "auto" tries them from order
@@ -126,8 +129,9 @@ def solve_lcp(
     Returns
     -------
     LCPResult
-        Read `status` first. UNSOLVABLE: there is no solution, with `ray` as the proof,
-        or A is outside what the method can decide.
+        Read `status` first. UNSOLVABLE: there is no solution; `ray` is the proof, or
+        `message` says that all complementary cones were enumerated. STALLED: no
+        solution was found; for a general matrix there may be one.
 
     Raises
     ------
@@ -215,6 +219,7 @@ def solve_lcp(
         setup_time=ready - start,
         solve_time=end - ready,
         ray=outcome.ray,
+        message=outcome.message,
         history=progress.history() if history else None,
         problem=(lcp, matrix.A if A is matrix else A),
     )

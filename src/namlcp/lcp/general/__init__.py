@@ -1,12 +1,23 @@
 """LCPs with matrices that are neither P nor semidefinite: games, friction, circuits.
 
+`solve_general` tries methods in the order of `order`; `solve_lemke` is one by name.
+
 | module | content |
 |---|---|
+| `order` | the methods in their order |
+| `search` | the problem, limits and best point, which the methods share |
 | `tableau` | a dense tableau, and complementary pivoting in lexicographic order |
+| `plain` | the plain form of an LCP with bounds, for the tableau |
 | `lemke` | Lemke's method |
 | `games` | the method of Lemke and Howson for bimatrix games |
 | `enumeration` | tiny problems: all complementary cones |
+| `pairs` | complementary pairs of gaps and multipliers, for the paths |
+| `mehrotra` | an infeasible interior path |
+| `arc` | Lemke's homotopy as a smooth curve |
+| `finish` | the exact solution near an interior point |
+| `farkas` | proofs that there is no solution |
 """
 
 from namlcp.lcp.general.lemke import solve_lemke
+from namlcp.lcp.general.order import solve_general
 from namlcp.lcp.general.tableau import pivot_until

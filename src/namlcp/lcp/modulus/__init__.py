@@ -1,6 +1,5 @@
 """Sweep methods: modulus-based matrix splittings for box LCPs, and their parameters."""
 
-from namlcp.lcp.modulus.factored import dense_solver, sparse_solver
 from namlcp.lcp.modulus.methods import (
     METHODS,
     SOLVERS,

@@ -17,5 +17,6 @@ Compiled functions take the NamedTuple `work.Work`, whose arrays have no referen
 """
 
 from namlcp.lcp.pivoting.driver import ACCURACY, solve_box
+from namlcp.lcp.pivoting.homogeneous import homogeneous_path
 from namlcp.lcp.pivoting.pivot import pivot
 from namlcp.lcp.pivoting.rays import proof

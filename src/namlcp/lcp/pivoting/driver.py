@@ -11,14 +11,10 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from namlcp.lcp.criterion import Criterion
+from namlcp.lcp.criterion import Criterion, is_solved_by_zero
 from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.pivoting import pivot as stages
-from namlcp.lcp.pivoting.homogeneous import (
-    congruent,
-    equilibrating_scale,
-    homogeneous_path,
-)
+from namlcp.lcp.pivoting.homogeneous import homogeneous_path
 from namlcp.lcp.pivoting.interior import follow
 from namlcp.lcp.pivoting.large_system import LargeSystem
 from namlcp.lcp.pivoting.pivot import pivot, resume
@@ -26,7 +22,7 @@ from namlcp.lcp.pivoting.rays import proof
 from namlcp.lcp.pivoting.work import PivotMemory
 from namlcp.lcp.prepared import Prepared
 from namlcp.limits import Limits
-from namlcp.linalg import PSD_TOLERANCE, is_positive_semidefinite
+from namlcp.linalg import PSD_TOLERANCE
 from namlcp.residuals import natural_residuals
 from namlcp.status import Status
 
@@ -51,10 +47,6 @@ UNSEEN, MOST_AT_ONCE = 10_000_000, 50
 """Multiplications and factorisations at most between two checks of the deadline: about
 10 ms. A single factorisation may take longer."""
 
-MURTY_STEPS = 200
-"""Factorisations allowed beyond n after an interior path, if A is known not to be a
-P-matrix: Murty's rule may then cycle."""
-
 PATH_STEPS, LARGE_PATH_STEPS = 60, 150
 """Interior-point steps at most: in `interior.follow` and in `LargeSystem.follow`."""
 
@@ -63,9 +55,6 @@ PATH_CHUNK = 5
 
 PATH_TARGET = 1e-8
 """Scaled Res, relative to its value at clip(0), at which the interior path ends."""
-
-W_ROUNDING = 1e-15
-"""Entry of w = A z + q, relative to |A||z| + |q|, that counts as 0."""
 
 CLEAR, CLEARER = 1e3, 10.0
 """A certificate of infeasibility is sought once kappa / tau of the homogeneous path
@@ -81,10 +70,12 @@ def solve_box(
     whether a symmetric A is positive semidefinite; outcome.convex has the result.
     """
     with np.errstate(all="ignore"):  # singular systems overflow, which is detected
-        outcome = Attempt(lcp, z0, limits, ask_convex).outcome()
+        attempt = Attempt(lcp, z0, limits, ask_convex)
+        outcome = attempt.outcome()
         stalled = outcome.status is Status.STALLED and lcp.matrix.symmetric
-        left = outcome.iterations < (limits.max_iter or MAX_FACTORISATIONS)
-        if not stalled or not left or lcp.q.size > DENSE_ORDER:
+        left = outcome.iterations < attempt.most
+        indefinite = attempt.work.now.not_p
+        if not stalled or not left or indefinite or lcp.q.size > DENSE_ORDER:
             return outcome
         # rho may dominate an ill-conditioned matrix. As "nonsymmetric" rho begins at 0.
         again = lcp._replace(matrix=Prepared.unchecked(lcp.A, False))
@@ -107,6 +98,7 @@ class Attempt:
     ) -> None:
         """Copy the problem; `before` counts the factorisations of earlier attempts."""
         self.lcp, self.limits, self.before = lcp, limits, before
+        self.most = limits.max_iter or MAX_FACTORISATIONS
         self.columns, n = lcp.matrix.columns, lcp.q.size
         self.work = work = PivotMemory(self.columns, n)
         now = work.now
@@ -115,6 +107,7 @@ class Attempt:
             work.z[:] = z0
         now.eps_abs, now.eps_rel = limits.eps_abs, limits.eps_rel
         now.factorisations, now.symmetric = before, lcp.matrix.symmetric
+        now.not_p = lcp.matrix.is_general
         compressed = self.columns.dense.shape[0] == 0
         large = compressed and now.symmetric and in_blocks(n, self.columns.data.size)
         by_lu = compressed and not now.symmetric and n > DENSE_ORDER
@@ -171,16 +164,18 @@ class Attempt:
         code = stages.STUCK if now.started else stages.MORE
         status = Status.SOLVED
         while code != stages.DONE:
-            done, limit = now.factorisations, self.limit()
+            done, limit = now.factorisations, self.most
             if code in (stages.STAGNATED, stages.STUCK) and self.may_be_decided():
                 ray = self.decide(limit)
                 self.report()
                 if ray is not None:
                     return Status.UNSOLVABLE, ray
                 done, code = now.factorisations, stages.MORE
-            if code == stages.STUCK or done >= limit:
-                status = Status.STALLED if code == stages.STUCK else Status.MAX_ITER
-                status = Status.UNSOLVABLE if now.not_p else status
+            stuck = code == stages.STUCK or (
+                code == stages.STAGNATED and self.is_beyond()
+            )
+            if stuck or done >= limit:
+                status = Status.STALLED if stuck else Status.MAX_ITER
                 break
             if done > self.before and limits.deadline.reached():
                 status = Status.TIME_LIMIT
@@ -203,12 +198,16 @@ class Attempt:
                 self.report()
         return Status.SOLVED if now.solved else status, None
 
-    def limit(self) -> int:
-        """Return the largest number of factorisations allowed."""
-        now, most = self.work.now, self.limits.max_iter or MAX_FACTORISATIONS
-        if now.not_p and now.path_followed:
-            return min(most, self.before + MURTY_STEPS + self.work.n)
-        return most
+    def is_beyond(self) -> bool:
+        """Tell whether to leave the problem to methods for any matrix.
+
+        That is where A is no P-matrix, or its free systems are factored by sparse LU:
+        Murty's rule takes too many of these.
+        """
+        now = self.work.now
+        return now.not_p or (
+            now.external_solve and not (self.large or now.path_followed)
+        )
 
     def report(self) -> None:
         """Report factorisations, Res of the best z, and how many states are bounded."""
@@ -241,8 +240,6 @@ class Attempt:
             self.start_at_centre()
         elif self.large:
             self.large.follow(PATH_TARGET, LARGE_PATH_STEPS, deadline)
-        elif now.external_solve:
-            now.path_followed = True  # no path with sparse LU: go on with Murty's rule
         else:
             chunk = PATH_CHUNK
             if self.columns.dense.shape[0] > 0:  # sparse steps here are short
@@ -274,11 +271,10 @@ class Attempt:
         now = self.work.now
         if now.symmetric or now.path_followed:
             return False
-        A = self.scaled_matrix()
-        A = congruent(A, equilibrating_scale(A))  # scales rows with a_ii = 0, too
-        if not now.external_solve and is_positive_semidefinite(A, -PSD_TOLERANCE):
+        matrix = self.lcp.matrix
+        if not now.external_solve and matrix.is_semidefinite(-PSD_TOLERANCE):
             return False
-        return is_positive_semidefinite(A, PSD_TOLERANCE)
+        return matrix.is_semidefinite(PSD_TOLERANCE)
 
     def decide(self, limit: int) -> np.ndarray | None:
         """Follow the homogeneous path; return a certificate, or restart from `best`."""
@@ -314,15 +310,6 @@ class Attempt:
             return scaled.dense.T
         arrays = scaled.data, scaled.indices, scaled.indptr
         return sparse.csc_array(arrays, shape=(n, n))
-
-
-def is_solved_by_zero(lcp: LCP) -> bool:
-    """Tell whether z = clip(0) is a solution but for the rounding of w."""
-    z = lcp.start()
-    w = lcp.w(z)
-    terms = np.abs(lcp.q) + abs(lcp.A) @ np.abs(z)
-    w[np.abs(w) <= W_ROUNDING * terms] = 0.0
-    return not np.maximum(np.minimum(w, z - lcp.lower), z - lcp.upper).any()
 
 
 def in_blocks(n: int, entries: int) -> bool:

@@ -21,9 +21,10 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy import sparse
 
-from namlcp.lcp.modulus import dense_solver, sparse_solver
+from namlcp.lcp.distances import Distances
+from namlcp.lcp.scaling import equilibrating_scale
+from namlcp.lcp.shifted import Shifted
 
 MAX_STEPS = 50
 """Steps at most."""
@@ -36,9 +37,6 @@ STEP_PART = 0.995
 
 EQUILIBRATED_SHIFT = 1e-13
 """Added to the diagonal of the equilibrated matrix, so that it can be factored."""
-
-EQUILIBRATIONS = 3
-"""Rounds of scaling rows and columns by their absolute sums."""
 
 
 class PathPoint(NamedTuple):
@@ -65,65 +63,15 @@ class Embedded(NamedTuple):
     kappa: np.ndarray
 
 
-class Model:
-    """The equilibrated LCP of p without fixed unknowns: z = base + unit scale p / tau.
-
-    kept: the unknowns with l < u. Of these, signed have a bound, boxed two.
-    """
-
-    def __init__(self, A: Any, q: np.ndarray, lower: np.ndarray, upper: np.ndarray):
-        """Take a dense or sparse A, and scale so that max |c_i| = 1."""
-        low, high = np.isfinite(lower), np.isfinite(upper)
-        self.base = np.where(low, lower, np.where(high, upper, 0.0))
-        kept = self.kept = np.flatnonzero(lower < upper)
-        c = (A @ self.base + q)[kept]
-        self.signed, self.boxed = (low | high)[kept], (low & high)[kept]
-        A = A[:, kept][kept]
-        d = equilibrating_scale(A)
-        self.scale = np.where(low | ~high, 1.0, -1.0)[kept] * d
-        self.M = congruent(A, self.scale)
-        self.c = self.scale * c
-        self.unit = float(np.abs(self.c).max(initial=0.0)) or 1.0
-        self.c /= self.unit
-        self.r = np.zeros(kept.size)
-        self.r[self.boxed] = ((upper - lower)[kept] / (self.unit * d))[self.boxed]
-
-    def solver(self, diagonal: np.ndarray) -> Any:
-        """Factor M + diag(diagonal); return its solve, None if it is singular."""
-        if sparse.issparse(self.M):
-            return sparse_solver(self.M + sparse.diags_array(diagonal), False)
-        K = self.M.copy(order="F")
-        K[np.diag_indices_from(K)] += diagonal
-        return dense_solver(K, False)
-
-    def point(self, x: Embedded) -> PathPoint:
-        """Return x in the variables of the box LCP."""
-        ratio = float(x.kappa[0] / x.tau[0])
-        if ratio < 1.0:
-            z, over = self.base.copy(), self.unit / x.tau[0]
-            z[self.kept] += over * self.scale * x.p
-        else:
-            z, over = np.zeros(self.base.size), self.unit / x.kappa[0]
-            positive = np.where(self.signed, x.p > x.s, ~self.boxed)
-            z[self.kept] = over * self.scale * np.where(positive, x.p, 0.0)
-        return PathPoint(z, ratio)
-
-
-def equilibrating_scale(A: Any) -> np.ndarray:
-    """Return d > 0: the larger of row sum i and column sum i of |D A D| is near 1."""
-    d, size = np.ones(A.shape[0]), abs(A)
-    for _ in range(EQUILIBRATIONS):
-        total = np.maximum(size @ d, size.T @ d) * d
-        d /= np.sqrt(np.where(total > 0.0, total, 1.0))
-    return d
-
-
-def congruent(A: Any, d: np.ndarray) -> Any:
-    """Return D A D, dense or CSC."""
-    if sparse.issparse(A):
-        D = sparse.diags_array(d)
-        return sparse.csc_array(D @ A @ D)
-    return A * np.outer(d, d)
+def point_of(model: Distances, x: Embedded) -> PathPoint:
+    """Return x in the variables of the box LCP."""
+    ratio = float(x.kappa[0] / x.tau[0])
+    if ratio < 1.0:
+        return PathPoint(model.z(x.p / x.tau), ratio)
+    z, over = np.zeros(model.base.size), model.unit / x.kappa[0]
+    positive = np.where(model.signed, x.p > x.s, ~model.boxed)
+    z[model.kept] = over * model.scale * np.where(positive, x.p, 0.0)
+    return PathPoint(z, ratio)
 
 
 def homogeneous_path(
@@ -134,14 +82,15 @@ def homogeneous_path(
     It ends after `MAX_STEPS`, with a step up to `LEAST_STEP`, or where the matrix
     cannot be factored.
     """
-    model = Model(A, q, lower, upper)
+    model = Distances(A, q, lower, upper, equilibrating_scale)
+    system = Shifted(model.M)
     signed, boxed = model.signed, model.boxed
     one = np.ones(1)
     x = Embedded(*(1.0 * signed,) * 2, *(1.0 * boxed,) * 2, one, one)
     inside = signed, signed, boxed, boxed, one > 0.0, one > 0.0
     for _ in range(MAX_STEPS):
-        yield model.point(x)
-        found = step_from(model, x, inside)
+        yield point_of(model, x)
+        found = step_from(model, system, x, inside)
         if found is None:
             return
         dx, step = found
@@ -150,11 +99,11 @@ def homogeneous_path(
         if not (LEAST_STEP < step and size < np.inf):
             return
         x = Embedded(*(v / size for v in values))
-    yield model.point(x)
+    yield point_of(model, x)
 
 
 def step_from(
-    model: Model, x: Embedded, inside: tuple[np.ndarray, ...]
+    model: Distances, system: Shifted, x: Embedded, inside: tuple[np.ndarray, ...]
 ) -> tuple[Embedded, float] | None:
     """Return direction and step length, None if the matrix cannot be factored.
 
@@ -171,9 +120,10 @@ def step_from(
     rt = boxed * (r * tau - p - t)
     rk = -p @ Mp / tau - c @ p - r @ y - kappa
     weight, diagonal = y / T, s / P + EQUILIBRATED_SHIFT
-    solve = model.solver(diagonal + weight)
-    if solve is None:
+    factors = system.factors(diagonal + weight)
+    if factors is None:
         return None
+    solve = factors.solve
     u = solve(c - weight * r)
     v = p / tau + u
     slope = kappa / tau + v @ (M @ v) + weight @ (r + u) ** 2 + diagonal @ u**2

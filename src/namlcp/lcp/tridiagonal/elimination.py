@@ -378,7 +378,7 @@ def solve_tridiagonal(
     """Solve a box LCP whose matrix is `form`; iterations are faces.
 
     STALLED: every sign is right, but rounding keeps Res above the tolerance.
-    UNSOLVABLE: this method makes no progress; another one may go on from z.
+    DIVERGED: this method makes no progress; another one may go on from z.
     """
     n = lcp.q.size
     max_iter, report = limits.max_iter or MAX_FACES, limits.report
@@ -400,7 +400,7 @@ def solve_tridiagonal(
         elif code == ROUNDED:
             status = Status.STALLED
         elif code == STUCK and is_cold:
-            status = Status.UNSOLVABLE
+            status = Status.DIVERGED
         elif solver.faces >= max_iter:
             status = Status.MAX_ITER
         elif limits.deadline.reached():

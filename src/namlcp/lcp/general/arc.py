@@ -1,0 +1,186 @@
+"""Lemke's homotopy followed as a smooth curve, for matrices that are not monotone.
+
+The curve of all (p, m, t) with positive gaps g, multipliers m and
+
+    M p + c + t d = sum of sign_k m_k,    g_k m_k = t a_k                      (1)
+
+starts at a point of our choice with t = 1, which defines d and a > 0. For a copositive
+M with d > 0, and c'v >= 0 wherever v >= 0 has v'M v = 0, p stays bounded while t does,
+so that the curve leads to t = 0, a solution, as Lemke's path of pivots does (Cottle,
+Pang, Stone: The Linear Complementarity Problem, 1992, section 4.4). Its t turns where
+the determinant of M + diag(m / g) changes its sign, the orientation of the curve.
+
+A step uses relative changes of gaps and multipliers: U along the curve per unit of
+log t, V back to it, both from one factorisation. A point off the curve is given up for
+an earlier one and a shorter step, from a stack.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from namlcp.lcp.distances import Distances
+from namlcp.lcp.general.pairs import Pairs
+from namlcp.lcp.shifted import Factors, Shifted
+
+SHIFT = 1e-12
+"""Added to the unit diagonal, so that a singular matrix can be factored."""
+
+STEPS = 400
+"""Steps at most."""
+
+FIRST_STEP, LEAST_STEP, MOST_STEP = 0.9, 0.02, 0.98
+"""Largest relative change of a gap or multiplier in a step along the curve: in the
+first step; where an earlier point of the stack is taken instead; in any step."""
+
+NEAR, FAR, OFF, OFF_AGAIN = 0.1, 0.4, 1.0, 0.7
+"""Relative changes back to the curve: below NEAR steps grow, above FAR they shrink;
+above OFF the point is given up, above OFF_AGAIN if the last one was."""
+
+SHORTER, LIMITED = 0.3, 0.5
+"""After a point was given up: factor of the step from the one before, and largest
+relative change back to the curve in it."""
+
+KEPT = 30
+"""Points on the stack at most."""
+
+FAR_AWAY, LARGE_T = 1e10, 1e4
+"""Entry of p, relative to max |c_i| = 1, and t, at which the path ends."""
+
+
+@dataclass
+class Point:
+    """A point of the path: p, gaps, multipliers, t; h is the length of the next step.
+
+    h bounds the relative change of every gap and multiplier.
+    """
+
+    p: np.ndarray
+    gaps: np.ndarray
+    m: np.ndarray
+    t: float
+    h: float = FIRST_STEP
+
+
+class Directions:
+    """The directions at a point of the path.
+
+    U, V: relative changes of the gaps, then of the multipliers, per unit of log t along
+    the curve, and back to it; du, dv: the changes of p that belong to them; tv: the
+    relative change of t with V. forward: whether t falls along the curve. error: the
+    largest entry of V and tv.
+    """
+
+    def __init__(self, path: "Arc", at: Point, factors: Factors):
+        model, pairs = path.model, path.pairs
+        self.path, self.at, self.factors = path, at, factors
+        aims = at.t * path.products
+        wish = aims / at.gaps
+        excess = model.F(at.p) + at.t * path.d - pairs.total(at.m)
+        sides = np.empty((model.c.size, 2), order="F")
+        sides[:, 0] = pairs.total(wish) - at.t * path.d
+        sides[:, 1] = pairs.total(wish - at.m) - excess
+        self.du, self.dv = factors.solve(sides).T
+        ratio = aims / (at.gaps * at.m)
+        self.U = self.changes(self.du, ratio)
+        self.V = self.changes(self.dv, ratio - 1.0)
+        # V goes across the curve, not to the point of it with the same t, so that it
+        # stays bounded where t turns.
+        along = float(self.U @ self.V) / float(self.U @ self.U + 1.0)
+        self.V -= along * self.U
+        self.dv = self.dv - along * self.du
+        self.tv = -along
+        self.error = max(float(np.abs(self.V).max(initial=0.0)), abs(along))
+        self.forward = factors.positive
+
+    def changes(self, dp: np.ndarray, products: np.ndarray) -> np.ndarray:
+        """Return the relative changes for dp and those of the products g_k m_k."""
+        a = self.path.pairs.of(dp) / self.at.gaps
+        return np.concatenate((a, products - a))
+
+    def move(self, theta: float) -> Point:
+        """Return the point a step h along the curve and theta of V away."""
+        at, pairs, number = self.at, self.path.pairs, self.at.m.size
+        tau = at.h / max(float(np.abs(self.U).max(initial=0.0)), 1.0)
+        tau = -tau if self.forward else tau
+        rates, dp = tau * self.U + theta * self.V, tau * self.du + theta * self.dv
+        # products are to stay what the first order makes them
+        bend = -(tau**2) * self.U[:number] * self.U[number:]
+        dx = self.factors.solve(pairs.total(at.m * bend))
+        X = self.changes(dx, bend)
+        if np.abs(X).max(initial=0.0) <= 0.5 * at.h:
+            rates += X
+            dp += dx
+        rate = tau + theta * self.tv
+        fall = max(float(-rates.min(initial=0.0)), -rate)
+        cut = min(1.0, MOST_STEP / fall) if fall > 0.0 else 1.0
+        return Point(
+            at.p + cut * dp,
+            at.gaps * (1.0 + cut * rates[:number]),
+            at.m * (1.0 + cut * rates[number:]),
+            at.t * (1.0 + cut * rate),
+            at.h,
+        )
+
+
+class Arc:
+    """The curve from one start; `points` follows it."""
+
+    def __init__(self, model: Distances, system: Shifted, size: float, big: float):
+        """Start at gaps of `size`, with multipliers that make d >= big."""
+        self.model, self.system, self.pairs = model, system, Pairs(model)
+        pairs = self.pairs
+        p, gaps = pairs.start(model.r, size)
+        F = model.F(p)
+        m = np.maximum(pairs.of(F), 0.0) + big
+        self.d = pairs.total(m) - F
+        self.products = gaps * m
+        self.first = Point(p, gaps, m, 1.0)
+
+    def look(self, at: Point) -> Directions | None:
+        """Factor and return the directions at a point, None where that fails."""
+        shift = self.pairs.gathered(at.m / at.gaps) + SHIFT
+        factors = self.system.factors(shift)
+        if factors is None:
+            return None
+        found = Directions(self, at, factors)
+        return found if math.isfinite(found.error) else None
+
+    def points(self) -> Iterator[np.ndarray]:
+        """Yield the points p of the path, one factorisation from one to the next."""
+        at, off = self.first, False
+        stack: list[Directions] = []
+        for _ in range(STEPS):
+            yield at.p
+            if at.t > LARGE_T or np.abs(at.p).max(initial=0.0) > FAR_AWAY:
+                return
+            here = self.look(at)
+            off = here is None or here.error > (OFF_AGAIN if off else OFF)
+            if here is not None and not (off and stack):
+                at.h = next_length(at.h, here.error)
+                stack.append(here)
+                del stack[:-KEPT]
+            elif stack:
+                shorten(stack)
+            else:
+                return
+            top = stack[-1]
+            at = top.move(min(1.0, LIMITED / top.error) if off and top.error else 1.0)
+        yield at.p
+
+
+def next_length(h: float, error: float) -> float:
+    """Return the next step, from the last one and the distance from the curve."""
+    if error < NEAR:
+        return min(MOST_STEP, max(2.0 * h, 1.0 - (1.0 - h) ** 1.5))
+    return 0.7 * h if error > FAR else h
+
+
+def shorten(stack: list[Directions]) -> None:
+    """Shorten the step of the point on top, or of an earlier one if it was short."""
+    stack[-1].at.h *= SHORTER
+    while stack[-1].at.h < LEAST_STEP and len(stack) > 1:
+        stack.pop()
+        stack[-1].at.h *= SHORTER

@@ -1,0 +1,145 @@
+"""What the methods for general LCPs share: the problem, limits, the best point so far.
+
+Paths are generators of points, one factorisation from each to the next. `Search` runs
+them: it counts, looks at the clock, and judges points on the caller's data.
+"""
+
+import math
+from collections.abc import Iterator
+from functools import cached_property
+
+import numpy as np
+from scipy import sparse
+
+from namlcp.lcp.criterion import Criterion, is_solved_by_zero
+from namlcp.lcp.data import LCP, Outcome
+from namlcp.lcp.distances import Distances
+from namlcp.lcp.general.finish import finish
+from namlcp.lcp.pivoting import proof
+from namlcp.lcp.scaling import unit_diagonal_scale
+from namlcp.lcp.shifted import Shifted
+from namlcp.limits import Limits
+from namlcp.status import Status
+
+DENSE_ORDER = 250
+"""Largest order at which a sparse A is treated as dense."""
+
+TARGET = 1e-9
+"""Res of the scaled problem, relative to max |q_i|, at which a path ends."""
+
+CLOSE = 1e-4
+"""Largest such Res from which the exact solution is sought."""
+
+EXACT = 1e-12
+"""Such a Res of a point that the tolerances do not accept, but that is exact."""
+
+FACTORISATIONS = 5000
+"""Factorisations at most, by default."""
+
+
+class Search:
+    """The search for a solution of one LCP."""
+
+    def __init__(self, lcp: LCP, limits: Limits, before: int = 0):
+        """`before` counts the factorisations of earlier methods."""
+        self.lcp, self.limits = lcp, limits
+        self.criterion = Criterion(lcp, limits)
+        self.count, self.most = before, limits.max_iter or FACTORISATIONS
+        self.z = lcp.start()
+        self.w, self.method = lcp.w(self.z), "start"
+        self.solved = is_solved_by_zero(lcp)
+        self.least = self.criterion.size  # scaled Res of the best point
+        self.ended = self.solved  # no better point is to be expected
+
+    @cached_property
+    def model(self) -> Distances:
+        """The problem of the paths, scaled to a unit diagonal."""
+        _, q, lower, upper = self.lcp
+        A = self.lcp.A
+        if sparse.issparse(A) and q.size <= DENSE_ORDER:
+            A = A.toarray()
+        return Distances(A, q, lower, upper, unit_diagonal_scale)
+
+    @cached_property
+    def system(self) -> Shifted:
+        """The linear systems of the paths."""
+        return Shifted(self.model.M)
+
+    def over(self) -> bool:
+        """Tell whether to stop: nothing is left to do, or a limit is reached."""
+        return self.ended or self.count >= self.most or self.limits.deadline.reached()
+
+    def offer(self, z: np.ndarray, method: str) -> None:
+        """Keep z if its Res is the least so far."""
+        w = self.lcp.w(z)
+        plain, scaled = self.criterion.residuals(z, w)
+        if scaled < self.least:
+            self.least, self.z, self.w, self.method = scaled, z, w, method
+            self.solved = self.criterion.met(plain, scaled)
+
+    def report(self) -> None:
+        """Report factorisations, Res of the best z, and its unknowns at bounds."""
+        if self.limits.report is not None:
+            residual = self.lcp.residual(self.z, self.w)
+            self.limits.report(self.count, residual, self.lcp.active(self.z))
+
+    def follow(self, points: Iterator[np.ndarray], method: str) -> np.ndarray:
+        """Follow a path to its end; return its last point, having offered its best."""
+        model, least = self.model, math.inf
+        best = last = np.zeros(model.c.size)
+        for p in points:
+            last = p
+            found = model.residual(p, model.F(p))
+            if found < least:
+                least, best = found, p
+            if least <= TARGET or self.over():
+                break
+            self.count += 1
+            self.report()
+        self.offer(self.clipped(best), method)
+        if least <= CLOSE and self.count < self.most:
+            self.complete(best, method)
+        return last
+
+    def complete(self, p: np.ndarray, method: str) -> None:
+        """Seek the exact solution near p."""
+        model = self.model
+        for x in finish(model, p):
+            self.count += 1
+            self.offer(self.clipped(x), method)
+            self.report()
+            if model.residual(x, model.F(x)) <= EXACT:
+                self.ended = True
+            if self.over():
+                break
+        self.ended |= self.solved
+
+    def decided(self, outcome: Outcome | None) -> Outcome | None:
+        """Return the outcome of another method if it ends the search, else keep z."""
+        if outcome is None or outcome.status in (Status.SOLVED, Status.UNSOLVABLE):
+            return outcome
+        self.offer(outcome.z, outcome.method)
+        return None
+
+    def disproved(self, v: np.ndarray) -> Outcome | None:
+        """Return UNSOLVABLE if the direction v proves that, corrected for rounding."""
+        ray = proof(self.lcp, 1.0 / self.lcp.matrix.root, v)
+        if ray is None:
+            return None
+        return self.outcome()._replace(status=Status.UNSOLVABLE, ray=ray)
+
+    def clipped(self, p: np.ndarray) -> np.ndarray:
+        """Return z for p, within the bounds."""
+        z = self.model.z(p)
+        return np.clip(z, self.lcp.lower, self.lcp.upper, out=z)
+
+    def outcome(self, message: str = "") -> Outcome:
+        """Return the best point and what is known of it."""
+        if self.solved:
+            status = Status.SOLVED
+        elif self.limits.deadline.reached():
+            status = Status.TIME_LIMIT
+        else:
+            stopped = self.count >= self.most
+            status = Status.MAX_ITER if stopped else Status.STALLED
+        return Outcome(status, self.z, self.w, self.count, self.method, message=message)

@@ -1,0 +1,107 @@
+"""LCPs with matrices that are neither P nor semidefinite.
+
+A problem is (A, q) or (A, q, lower, upper); a generator takes a numpy Generator.
+"""
+
+import numpy as np
+from problems_lcp import DATA
+from scipy import sparse
+
+INF = np.inf
+
+
+def friction(rng, bodies, mu=0.5, ratio=1.0, directions=2):
+    """Return A, q of a time step with friction, three random contacts a body.
+
+    Stewart and Trinkle, Int. J. Numer. Meth. Engng 39 (1996) 2673-2691: z = (normal
+    impulses, tangential ones in pairs of opposite directions, sliding speeds). Bodies
+    have masses between 1 and `ratio`, and two or three degrees of freedom.
+    """
+    freedoms = 2 if directions == 2 else 3
+    count = 3 * bodies
+    pairs = np.stack([np.arange(count) % bodies, rng.integers(-1, bodies, count)])
+    normals, tangents = [], []
+    for a, b in pairs.T:
+        frame = np.linalg.qr(rng.standard_normal((freedoms, freedoms)))[0]
+        normal, tangent = frame[0], frame[1:]
+        if b < 0 and normal[-1] < 0.0:
+            normal = -normal  # from the ground up
+        row = np.zeros((1 + directions, bodies, freedoms))
+        angles = 2.0 * np.pi * np.arange(directions) / directions
+        circle = np.stack([np.cos(angles), np.sin(angles)], 1)[:, : freedoms - 1]
+        row[:, a] = np.vstack([normal, circle @ tangent])
+        if b >= 0 and b != a:
+            row[:, b] = -row[:, a]
+        normals.append(row[0].ravel())
+        tangents.append(row[1:].reshape(directions, -1))
+    J = np.vstack([*normals, *tangents])
+    masses = ratio ** rng.random(bodies)
+    W = J / np.repeat(masses, freedoms) @ J.T
+    velocity = rng.standard_normal((bodies, freedoms))
+    velocity[:, -1] -= 1.0
+    E = sparse.kron(sparse.eye_array(count), np.ones((directions, 1)))
+    left = sparse.hstack([mu * sparse.eye_array(count), -E.T])
+    right = sparse.vstack([sparse.csr_array((count, count)), E])
+    A = sparse.csr_array(sparse.block_array([[W, right], [left, None]]))
+    return A, np.concatenate([J @ velocity.ravel(), np.zeros(count)])
+
+
+def copositive(rng, n):
+    """Return a copositive A, B'B plus entries >= 0, and q."""
+    B, N = rng.standard_normal((n // 2, n)), rng.random((n, n))
+    return 0.1 * B.T @ B + N * (rng.random((n, n)) < 0.5), rng.standard_normal(n)
+
+
+def p0(rng, n):
+    """Return D K, a P0-matrix, D > 0 diagonal and K skew-symmetric; a solvable q."""
+    K = rng.standard_normal((n, n))
+    A = np.exp(rng.standard_normal((n, 1))) * (K - K.T)
+    z = rng.random(n) * (rng.random(n) < 0.5)
+    return A, rng.random(n) * (z == 0.0) - A @ z
+
+
+def mixed(rng, n):
+    """Return A, q, lower, upper with planted z: unknowns with all kinds of bounds.
+
+    A is not semidefinite: B'B plus entries of any sign.
+    """
+    B, N = rng.standard_normal((2, n, n))
+    A = B.T @ B / n + 0.5 * N
+    kind = np.arange(n) % 5  # free, lower, upper, two bounds, fixed
+    z = rng.standard_normal(n)
+    lower = np.where((kind == 0) | (kind == 2), -INF, z - rng.random(n))
+    upper = np.where((kind == 0) | (kind == 1), INF, z + rng.random(n))
+    lower[kind == 4] = upper[kind == 4] = z[kind == 4]
+    at_lower = (rng.random(n) < 0.4) & (lower > -INF) & (kind != 4)
+    at_upper = (rng.random(n) < 0.4) & (upper < INF) & (kind != 4) & ~at_lower
+    lower[at_lower], upper[at_upper] = z[at_lower], z[at_upper]
+    w = rng.random(n) * (1.0 * at_lower - 1.0 * at_upper)
+    return A, w - A @ z, lower, upper
+
+
+def closing_walls(mu=0.5):
+    """Return A, q of two blocks that two walls press together faster than they yield.
+
+    Unknowns: the impulses at three frictionless contacts in a row and at a wall that
+    moves; no impulse stops the walls: W v = 0 and q'v < 0 for v = (1, 1, 1).
+    """
+    J = np.array([[1.0, 0.0], [-1.0, 1.0], [0.0, -1.0]])
+    W = np.block([[J @ J.T, np.zeros((3, 1))], [np.zeros((1, 3)), np.zeros((1, 1))]])
+    W[3, :3] = mu  # not semidefinite: a row without its column
+    return W, np.array([-1.0, 0.0, -1.0, 1.0])
+
+
+def collection():
+    """Return {name: (A, q)} of the general problems in the data folder."""
+    found = {}
+    for path in sorted((DATA / "general").glob("*.npz")):
+        with np.load(path) as f:
+            if "A" in f:
+                found[path.stem] = np.ascontiguousarray(f["A"]), f["q"]
+                continue
+            # payoffs of two players; costs must be positive
+            R, C = (f[name].max() - f[name] + 1.0 for name in "RC")
+            zero = np.zeros((R.shape[0],) * 2), np.zeros((R.shape[1],) * 2)
+            A = np.block([[zero[0], R], [C.T, zero[1]]])
+            found[path.stem] = A, -np.ones(sum(R.shape))
+    return found
