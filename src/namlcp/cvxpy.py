@@ -86,7 +86,7 @@ class NAM(QpSolver):
         cache = {} if solver_cache is None else solver_cache
         try:
             solver = solver_of(data, cache.get(KEYWORD) if warm_start else None)
-            solver.options = options
+            solver.set_options(options)
             cache[KEYWORD] = solver
             result = solver.solve()
             if result.status is Status.DUAL_INFEASIBLE:

@@ -159,14 +159,16 @@ def result_of(
 
     start, ready: the values of time.perf_counter() at the call and after its checks.
     """
-    point = answer.point
+    point, objective = answer.point, answer.residuals.objective
+    if answer.status is not Status.SOLVED:
+        objective = OBJECTIVE.get(answer.status, objective)
     return QPResult(
         status=answer.status,
         x=point.x,
         y=point.y,
         z=point.z,
         z_box=point.z_box,
-        obj=OBJECTIVE.get(answer.status, answer.residuals.objective),
+        obj=objective,
         residuals=answer.residuals,
         iterations=answer.iterations,
         form=answer.form,

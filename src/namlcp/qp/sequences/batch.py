@@ -184,8 +184,12 @@ class Items:
         if isinstance(warm_start, BatchResult):
             warm_start = warm_start[i]
         if self.has_shared_matrices:
-            vectors = {k: own_vector(k, v, self.shared) for k, v in parts.items()}
-            qp, given = self.shared._replace(**vectors), self.given
+            shared, given = self.shared, self.given
+            vectors = {
+                name: own_vector(name, vector, getattr(shared, name), shared)
+                for name, vector in parts.items()
+            }
+            qp = shared._replace(**vectors)
             memory = memory_of(qp)  # of this item alone: no other has a part in it
         else:
             values = {**self.shared._asdict(), **parts}

@@ -16,9 +16,16 @@ from typing import Any
 import numpy as np
 from scipy.linalg.lapack import dpotrf
 
-from namlcp.checks import as_sparse, refuse_number, vector, without_huge
+from namlcp.checks import (
+    INFINITE,
+    as_sparse,
+    is_clean,
+    refuse_number,
+    vector,
+    without_huge,
+)
+from namlcp.compiled import kernel
 from namlcp.limits import Deadline
-from namlcp.linalg import blas_threads
 from namlcp.options import DEFAULT_OPTIONS, Options
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.forms import is_small
@@ -94,7 +101,7 @@ class Solver:
         ub: Any = None,
         **settings: Any,
     ) -> None:
-        self.options = Options.from_names(settings) if settings else DEFAULT_OPTIONS
+        self.set_options(Options.from_names(settings) if settings else DEFAULT_OPTIONS)
         self.given = P, G, A = deepcopy((P, G, A))  # in the user's own storage
         self.qp = qp_data(P, q, G, h, A, b, lb, ub)
         self.qp = self.qp._replace(
@@ -104,19 +111,24 @@ class Solver:
         self.last: QPResult | None = None  # that was solved
         self.begin()
 
+    def set_options(self, options: Options) -> None:
+        """Let all solves from now on have these options."""
+        self.options = options
+        self.limits = options.limits(Deadline())
+
     def begin(self) -> None:
         """Keep nothing of earlier solves but the last result."""
         self.memory = memory_of(self.qp)
         self.responses = responses_of(self.qp)
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what a copy shares or a pickle holds: all but what is kept."""
-        kept = ("memory", "responses")
-        return {name: value for name, value in vars(self).items() if name not in kept}
+        """Return what a copy shares and a pickle holds: arrays that never change."""
+        return {name: vars(self)[name] for name in ("qp", "given", "options", "last")}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        """Keep nothing of another Solver's solves."""
+        """Keep nothing of another Solver's solves but its last result."""
         vars(self).update(state)
+        self.set_options(self.options)
         self.begin()
 
     def update(
@@ -156,15 +168,15 @@ class Solver:
             qp, given = self.with_matrices({"P": P, "G": G, "A": A})
         P, q0, G, h0, A, b0, lb0, ub0 = qp
         if q is not None:
-            q0 = own_vector("q", q, qp)
+            q0 = own_vector("q", q, q0, qp)
         if h is not None:
-            h0 = own_vector("h", h, qp)
+            h0 = own_vector("h", h, h0, qp)
         if b is not None:
-            b0 = own_vector("b", b, qp)
+            b0 = own_vector("b", b, b0, qp)
         if lb is not None:
-            lb0 = own_vector("lb", lb, qp)
+            lb0 = own_vector("lb", lb, lb0, qp)
         if ub is not None:
-            ub0 = own_vector("ub", ub, qp)
+            ub0 = own_vector("ub", ub, ub0, qp)
         if given is not self.given:
             self.given = given
             self.memory.adopt(qp)
@@ -215,7 +227,9 @@ class Solver:
         start = time.perf_counter()
         guess = None if warm_start is None else make_guess(self.qp, None, warm_start)
         try:
-            result = self.solve_by_responses(guess, start)
+            result = None
+            if self.responses is not None and not self.options.verbose:
+                result = self.solve_by_responses(self.responses, guess, start)
             if result is None:
                 result = self.solve_by_all_means(guess, start)
         except BaseException:
@@ -225,33 +239,30 @@ class Solver:
             self.last = result
         return result
 
-    def solve_by_responses(self, guess: Guess | None, start: float) -> QPResult | None:
-        """Return the result of the active-set method that keeps what it computes.
+    def solve_by_responses(
+        self, responses: DenseResponses, guess: Guess | None, start: float
+    ) -> QPResult | None:
+        """Return the result of the method that keeps most; None if it does not decide.
 
-        None where it does not decide, or is not made for the problem or the options.
+        None, too, where the options ask for more than a certificate.
         """
-        responses, options = self.responses, self.options
-        if responses is None or options.verbose:
-            return None
+        qp, limits, deadline = self.qp, self.limits, self.limits.deadline
+        deadline.at = start + self.options.time_limit
         if guess is not None:
             responses.suggest(guess.active)
-        qp = self.qp
-        deadline = Deadline(start + options.time_limit)
-        limits = options.limits(deadline)
-        with blas_threads(options.threads, qp.q.size + qp.b.size):
-            answer = responses.solve(qp.q, qp.h, qp.b, qp.lb, qp.ub, limits)
+        answer = responses.solve(qp.q, qp.h, qp.b, qp.lb, qp.ub, limits)
         if answer is None:
             if responses.are_unsuited:
                 self.responses = None
             return None
         answer = upheld(answer, qp, self.given, limits)
-        infeasible = answer.status is Status.PRIMAL_INFEASIBLE
-        if not (answer.ends or deadline.interrupted) or (
-            infeasible and options.relaxation
+        if deadline.interrupted:
+            self.set_options(self.options)  # with a deadline that is not
+            answer = answer._replace(status=deadline.verdict(answer.status))
+        elif answer.status is not Status.SOLVED and (
+            not answer.ends or self.options.relaxation
         ):
             return None
-        if deadline.interrupted:
-            answer = answer._replace(status=deadline.verdict(answer.status))
         return result_of(answer, (qp, self.given), start, start)
 
     def solve_by_all_means(self, guess: Guess | None, start: float) -> QPResult:
@@ -265,6 +276,16 @@ class Solver:
         if result.status not in SETTLED:
             result = solve_checked(qp, options, NO_GUESS, start, given=given)
         return result
+
+
+@kernel
+def copy_ordinary(vector, out):
+    """Copy a vector; tell whether all is finite and far from what means infinite."""
+    ordinary = True
+    for i in range(vector.size):
+        out[i] = vector[i]
+        ordinary &= abs(vector[i]) < INFINITE
+    return ordinary
 
 
 def responses_of(qp: QP) -> DenseResponses | None:
@@ -286,10 +307,13 @@ def memory_of(qp: QP) -> Memory:
     return memory
 
 
-def own_vector(name: str, value: Any, qp: QP) -> np.ndarray:
-    """Return a copy of a user's vector, checked, that may replace the one of `qp`."""
+def own_vector(name: str, value: Any, old: np.ndarray, qp: QP) -> np.ndarray:
+    """Return a copy of a user's vector, checked, that may replace `old` in `qp`."""
+    if is_clean(value, 1) and value.size == old.size:
+        new = np.empty(old.size)
+        if copy_ordinary(value, new):
+            return new
     other, infinity = VECTORS[name]
-    size = getattr(qp, name).size
-    new = vector(name, value, size, other, getattr(qp, other).shape).copy()
+    new = vector(name, value, old.size, other, getattr(qp, other).shape).copy()
     refuse_number(name, new, infinity != 0)
     return without_huge(new, infinity) if infinity else new
