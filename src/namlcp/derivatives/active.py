@@ -4,16 +4,29 @@ A constraint is strictly active if its multiplier is not 0, and weakly active if
 multiplier is 0 although it holds with equality; there the solution has a kink.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from namlcp.compiled import kernel, part
+from namlcp.linalg import (
+    add_column_sums,
+    add_columns,
+    add_rmatvec,
+    arrays_of,
+    dot,
+    largest_entry,
+    matvec,
+)
 from namlcp.qp import QP, Point
 
 ACTIVE = 1e-8
 """A multiplier counts as 0 if in no column of the stationarity condition its term
 exceeds this multiple of the largest term there; a slack counts as 0 up to this multiple
-of (1 + max |x|) times the largest entry of the row."""
+of (1 + max |x|) times the norm of the row."""
+
+INACTIVE, WEAK, STRICT = range(3)
+"""States of a row of G."""
 
 
 class ActiveSet(NamedTuple):
@@ -24,56 +37,116 @@ class ActiveSet(NamedTuple):
     """
 
     equalities: np.ndarray
-
     rows: np.ndarray
     side: np.ndarray
 
-    @property
-    def size(self) -> int:
-        """Count the inequalities and bounds."""
-        return self.rows.size + int(np.count_nonzero(self.side))
 
-
-def active_sets(qp: QP, point: Point) -> tuple[ActiveSet, ActiveSet]:
-    """Return the strictly active constraints, then these with the weakly active ones.
+def active_sets(qp: QP, point: Point) -> tuple[ActiveSet, ActiveSet, int]:
+    """Return the strictly active constraints, all active ones, and how many are weak.
 
     A pinned variable (lb_j = ub_j) always counts as strictly active, at the bound that
     its multiplier presses on.
     """
-    x, y, z, z_box = point
-    size = np.maximum(np.abs(qp.P @ x), np.abs(qp.q))
-    for C, multiplier in ((qp.G, z), (qp.A, y)):
-        if multiplier.size:
-            np.maximum(size, np.abs(multiplier @ C), out=size)
-    np.maximum(size, np.abs(z_box), out=size)
-    shown = np.abs(z_box) > ACTIVE * size
-    side = np.where(shown, np.sign(z_box), 0.0).astype(np.int8)
-    pinned = qp.lb == qp.ub
-    side[pinned] = np.where(z_box[pinned] > 0.0, 1, -1)
-    candidates = np.flatnonzero(z > 0.0)
-    largest = weights(qp.G, candidates, size) * z[candidates]
-    rows = candidates[largest > ACTIVE]
+    state = np.empty(qp.h.size, dtype=np.int8)
+    sides = np.empty((2, qp.q.size), dtype=np.int8)
+    P, q, G, h, A, _, lb, ub = qp
+    if qp.is_dense:
+        weak = mark_dense((P, G, A), (q, h, lb, ub), tuple(point), state, sides)
+    else:
+        forms = tuple(tuple(arrays_of(M)) for M in (P, G, A))
+        weak = mark_sparse(forms, (q, h, lb, ub), tuple(point), state, sides)
     every = np.arange(qp.b.size)
-    strict = ActiveSet(every, rows, side)
-
-    near = ACTIVE * (1.0 + np.abs(x).max(initial=0.0))
-    at_lower, at_upper = x - qp.lb <= near, qp.ub - x <= near
-    weak_side = np.where(side != 0, side, 1 * at_upper - 1 * (at_lower & ~at_upper))
-    slack = qp.h - qp.G @ x
-    is_active = slack <= near * weights(qp.G, np.arange(z.size), np.ones(x.size))
-    is_active[rows] = True
-    return strict, ActiveSet(
-        every, np.flatnonzero(is_active), weak_side.astype(np.int8)
-    )
+    strict = ActiveSet(every, np.flatnonzero(state == STRICT), sides[0])
+    return strict, ActiveSet(every, np.flatnonzero(state), sides[1]), weak
 
 
-def weights(G: Any, rows: np.ndarray, size: np.ndarray) -> np.ndarray:
-    """Return max_j |G_ij| / size_j of some rows i, where 0 / 0 counts as 0."""
-    with np.errstate(divide="ignore"):
-        scale = np.where(size > 0.0, 1.0 / size, 0.0)
-    if type(G) is np.ndarray:
-        return (np.abs(G[rows]) * scale).max(axis=1, initial=0.0)
-    part = np.zeros(G.shape[0])
-    columns = np.repeat(np.arange(G.shape[1]), np.diff(G.indptr))
-    np.maximum.at(part, G.indices, np.abs(G.data) * scale[columns])
-    return part[rows]
+@kernel
+def mark_dense(matrices, vectors, point, state, sides):
+    """Do `mark` for dense matrices P, G and A."""
+    P, G, A = matrices
+    x, y, z, _ = point
+    n, m = x.size, z.size
+    size, terms, Gx = np.empty(n), np.zeros((2, n)), np.empty(m)
+    matvec(P, x, size)
+    matvec(G, x, Gx)
+    add_rmatvec(G, z, terms[0])
+    add_rmatvec(A, y, terms[1])
+    set_sizes(vectors[0], point[3], terms, size)
+    share, norms = np.zeros(m), np.empty(m)
+    for i in range(m):
+        row = G[i]
+        norms[i] = np.sqrt(dot(row, row))
+        if z[i] > 0.0:
+            for j in range(n):
+                share[i] = max(share[i], z[i] * abs(row[j]) * size[j])
+                if share[i] > ACTIVE:
+                    break
+    return mark(vectors, point, (Gx, share, norms, size), state, sides)
+
+
+@kernel
+def mark_sparse(forms, vectors, point, state, sides):
+    """Do `mark` for P, G and A in CSC, each as (indptr, indices, data)."""
+    P, G, A = forms
+    x, y, z, _ = point
+    n, m = x.size, z.size
+    size, terms, Gx = np.zeros(n), np.zeros((2, n)), np.zeros(m)
+    add_columns(P[0], P[1], P[2], x, size)
+    add_columns(G[0], G[1], G[2], x, Gx)
+    add_column_sums(G[0], G[1], G[2], z, terms[0])
+    add_column_sums(A[0], A[1], A[2], y, terms[1])
+    set_sizes(vectors[0], point[3], terms, size)
+    share, norms = np.zeros(m), np.zeros(m)
+    indptr, indices, data = G
+    for j in range(n):
+        for t in range(indptr[j], indptr[j + 1]):
+            i, entry = indices[t], abs(data[t])
+            norms[i] += entry * entry
+            share[i] = max(share[i], z[i] * entry * size[j])
+    for i in range(m):
+        norms[i] = np.sqrt(norms[i])
+    return mark(vectors, point, (Gx, share, norms, size), state, sides)
+
+
+@part
+def set_sizes(q, z_box, terms, size):
+    """Overwrite size, P x, by the inverse of the largest term of each column, or 0."""
+    for j in range(size.size):
+        large = max(abs(size[j]), abs(q[j]), abs(z_box[j]))
+        large = max(large, abs(terms[0, j]), abs(terms[1, j]))
+        size[j] = 1.0 / large if large > 0.0 else 0.0
+
+
+@part
+def mark(vectors, point, measures, state, sides):
+    """Set state (m,) of the rows, and the sides (2, n) of the variables.
+
+    sides[0] are those of strictly active bounds, sides[1] of all active bounds.
+    measures = (G x, a number that exceeds ACTIVE where z_i does not count as 0, the
+    norms of the rows of G, the result of `set_sizes`). Returns how many are weak.
+    """
+    _, h, lb, ub = vectors
+    x, _, z, z_box = point
+    Gx, share, norms, size = measures
+    weak = 0
+    near = ACTIVE * (1.0 + largest_entry(x))
+    for i in range(z.size):
+        state[i] = INACTIVE
+        if share[i] > ACTIVE:
+            state[i] = STRICT
+        elif h[i] - Gx[i] <= near * norms[i]:
+            state[i] = WEAK
+            weak += 1
+    for j in range(x.size):
+        side = 0
+        if abs(z_box[j]) * size[j] > ACTIVE or lb[j] == ub[j]:
+            side = 1 if z_box[j] > 0.0 else -1
+        sides[0, j] = side
+        if side == 0:
+            if ub[j] - x[j] <= near:
+                side = 1
+            elif x[j] - lb[j] <= near:
+                side = -1
+            weak += abs(side)
+        sides[1, j] = side
+    return weak

@@ -1,26 +1,33 @@
-"""The KKT system of an active set, [P C'; C 0] (u, v) = (r, s), for dense matrices.
+"""The KKT system of an active set for dense matrices.
 
-P is that of the free variables, C holds the active rows. For a definite P with
-P = L L' and W = L^-1 C' the Schur complement is S = W'W, and
+For P_FF = L L' and V = C_F L^-T the Schur complement is S = V V', and
 
-    S v = W' L^-1 r - s,   u = L^-T (L^-1 r - W v).
+    [P_FF C_F'; C_F 0] (u, v) = (r, s):   S v = V L^-1 r - s,
+                                          u = L^-T (L^-1 r - V'v).
 
-All else is factored as a symmetric indefinite matrix. Each solve ends with a step of
-refinement, as the derivative is then exact to rounding.
+Where P_FF or S is not definite, the whole matrix is factored as a symmetric indefinite
+one. Each solve ends with a step of refinement: the derivative is exact to rounding.
 """
 
 from typing import Any
 
 import numpy as np
-from scipy.linalg.lapack import (
-    dpotrf,
-    dpotrs,
-    dsycon,
-    dsytrf,
-    dsytrf_lwork,
-    dsytrs,
-    dtrtrs,
+from scipy.linalg.lapack import dsycon, dsytrf, dsytrf_lwork, dsytrs
+
+from namlcp.compiled import kernel, part
+from namlcp.derivatives.active import ActiveSet
+from namlcp.linalg import (
+    add_rmatvec,
+    add_scaled,
+    backward_solve,
+    cholesky,
+    cholesky_solve,
+    dot,
+    forward_solve,
+    product,
+    solve_rows,
 )
+from namlcp.qp import QP
 
 LEAST_PIVOT = 1e-8
 """Cholesky factors are used if no pivot is below this multiple of its diagonal entry;
@@ -31,48 +38,165 @@ SINGULAR = 1e-13
 below this, and eigenvalues below this times its order count as 0."""
 
 
-class Cholesky:
-    """Cholesky factors of P and of its Schur complement.
+class DenseSystem:
+    """The system of one active set.
 
-    `good` tells whether all pivots are far enough from 0.
+    Attributes
+    ----------
+    regular : bool
+        Whether it has one solution; if not, `solve` gives one of least norm.
+    null_space : (order, k) array
+        A basis of the vectors (u_F, nu, lam_I) that the matrix maps to 0.
     """
 
-    def __init__(self, P: np.ndarray, C: np.ndarray) -> None:
-        self.good = False
-        self.L = factor(P)
-        if self.L is None:
-            return
-        self.W = self.S = np.empty((P.shape[0], 0))
-        if C.size:
-            self.W = dtrtrs(self.L, C.T, lower=1)[0]
-            self.S = factor(self.W.T @ self.W)
-        self.good = self.S is not None and (C.size > 0 or not C.shape[0])
+    def __init__(self, qp: QP, active: ActiveSet) -> None:
+        self.matrices = qp.P, qp.G, qp.A
+        free = np.flatnonzero(active.side == 0)
+        self.places = active.equalities, active.rows, free
+        self.regular, *factors = factor_dense(self.matrices, self.places)
+        self.factors = tuple(factors)
+        self.indefinite: Indefinite | None = None
+        order = free.size + active.equalities.size + active.rows.size
+        self.null_space = np.empty((order, 0))
+        if not self.regular:
+            C = np.concatenate((qp.A[active.equalities], qp.G[active.rows]))[:, free]
+            zero = np.zeros((C.shape[0], C.shape[0]))
+            K = np.block([[qp.P[np.ix_(free, free)], C.T], [C, zero]])
+            self.indefinite = Indefinite(K)
+            self.null_space = self.indefinite.null_space
+            self.regular = not self.null_space.size
 
-    def solve(self, r: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return u and v."""
-        if not r.size:
-            return r, s
-        t, v = dtrtrs(self.L, r, lower=1)[0], s
-        if s.size:
-            v = dpotrs(self.S, self.W.T @ t - s, lower=1)[0]
-            t -= self.W @ v
-        return dtrtrs(self.L, t, lower=1, trans=1)[0], v
+    def solve(
+        self, r: np.ndarray, d: np.ndarray, e: np.ndarray, u: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Write u_F, for u_B as given and u_F = 0; return (lam, nu, rest).
+
+        G_I u = d_I and A u = e hold, and rest = r - P u - G'lam - A'nu is 0 on F.
+        """
+        lam, nu, rest = np.zeros(d.size), np.zeros(e.size), np.empty(r.size)
+        right, unknowns = (r, d, e), (u, lam, nu, rest)
+        if self.indefinite is None:
+            solve_dense(self.matrices, self.places, self.factors, right, unknowns)
+            return lam, nu, rest
+        equalities, rows, free = self.places
+        for _ in range(SOLVES):
+            s = remainder(self.matrices, self.places, right, unknowns)
+            du, dv = self.indefinite.solve(rest[free], s)
+            u[free] += du
+            nu[equalities] += dv[: equalities.size]
+            lam[rows] += dv[equalities.size :]
+        remainder(self.matrices, self.places, right, unknowns)
+        return lam, nu, rest
 
 
-def factor(P: Any) -> Any:
-    """Return the Cholesky factor of P, None if a pivot is too small."""
-    if not P.size:
-        return P
-    L, info = dpotrf(P, lower=1, clean=0)
-    if info or np.any(L.diagonal() ** 2 < LEAST_PIVOT * P.diagonal()):
-        return None
-    return L
+SOLVES = 2
+"""Solves with the factors for one right-hand side: the second one refines the first."""
+
+
+@kernel
+def factor_dense(matrices, places):
+    """Return (does it succeed?, L, V, S), the lower triangle of S its Cholesky factor.
+
+    matrices = (P, G, A), places = (equalities, rows, free).
+    """
+    P, G, A = matrices
+    equalities, rows, free = places
+    n, p, k = free.size, equalities.size, equalities.size + rows.size
+    L, V, S = np.empty((n, n)), np.empty((k, n)), np.empty((k, k))
+    for a in range(n):
+        row = P[free[a]]
+        for c in range(a + 1):
+            L[a, c] = row[free[c]]
+    for i in range(k):
+        row = A[equalities[i]] if i < p else G[rows[i - p]]
+        for c in range(n):
+            V[i, c] = row[free[c]]
+    if k > n or not is_factored(L):
+        return False, L, V, S
+    solve_rows(L, False, V)
+    product(1.0, V, V, 0.0, S)
+    return is_factored(S), L, V, S
+
+
+@part
+def is_factored(M):
+    """Overwrite the lower triangle of M by its Cholesky factor; False if M is singular.
+
+    That is where a pivot is too small a part of its diagonal entry.
+    """
+    diagonal = np.empty(M.shape[0])
+    for i in range(diagonal.size):
+        diagonal[i] = M[i, i]
+    if cholesky(M) != 0:
+        return False
+    for i in range(diagonal.size):
+        if not M[i, i] * M[i, i] >= LEAST_PIVOT * diagonal[i]:
+            return False
+    return True
+
+
+@kernel
+def remainder(matrices, places, right, unknowns):
+    """Set rest = r - P u - G'lam - A'nu; return (e - A u, d_I - G_I u).
+
+    matrices = (P, G, A), places = (equalities, rows, free), right = (r, d, e),
+    unknowns = (u, lam, nu, rest).
+    """
+    P, G, A = matrices
+    equalities, rows, _ = places
+    r, d, e = right
+    u, lam, nu, rest = unknowns
+    for j in range(r.size):
+        rest[j] = 0.0
+    add_rmatvec(P, u, rest)  # P = P'
+    add_rmatvec(G, lam, rest)
+    add_rmatvec(A, nu, rest)
+    for j in range(r.size):
+        rest[j] = r[j] - rest[j]
+    p = equalities.size
+    s = np.empty(p + rows.size)
+    for i in range(p):
+        s[i] = e[equalities[i]] - dot(A[equalities[i]], u)
+    for i in range(rows.size):
+        s[p + i] = d[rows[i]] - dot(G[rows[i]], u)
+    return s
+
+
+@kernel
+def solve_dense(matrices, places, factors, right, unknowns):
+    """Solve with the factors of `factor_dense`; the other arguments as in `remainder`.
+
+    On entry u is 0 on F, lam and nu are 0.
+    """
+    equalities, rows, free = places
+    L, V, S = factors
+    u, lam, nu, rest = unknowns
+    n, p = free.size, equalities.size
+    t = np.empty(n)
+    for _ in range(SOLVES):
+        s = remainder(matrices, places, right, unknowns)
+        for a in range(n):
+            t[a] = rest[free[a]]
+        forward_solve(L, t)
+        for i in range(s.size):
+            s[i] = dot(V[i], t) - s[i]
+        cholesky_solve(S, s)
+        for i in range(s.size):
+            add_scaled(-s[i], V[i], t)
+        backward_solve(L, t)
+        for a in range(n):
+            u[free[a]] += t[a]
+        for i in range(p):
+            nu[equalities[i]] += s[i]
+        for i in range(rows.size):
+            lam[rows[i]] += s[p + i]
+    remainder(matrices, places, right, unknowns)
 
 
 class Indefinite:
     """L D L' by the pivoting of Bunch and Kaufman; if singular, the pseudo-inverse.
 
-    null_space: an orthonormal basis of it, for the matrix scaled to rows of size 1.
+    null_space: a basis of it.
     """
 
     def __init__(self, K: np.ndarray) -> None:
@@ -92,9 +216,9 @@ class Indefinite:
             values, vectors = np.linalg.eigh(K)
             kept = np.abs(values) > SINGULAR * K.shape[0]
             self.values, self.vectors = values[kept], vectors[:, kept]
-            self.null_space = vectors[:, ~kept]
+            self.null_space = self.scale[:, None] * vectors[:, ~kept]
 
-    def solve(self, r: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def solve(self, r: np.ndarray, s: np.ndarray) -> tuple[Any, Any]:
         """Return u and v."""
         rhs = np.concatenate((r, s)) * self.scale
         if self.is_singular:
@@ -103,31 +227,3 @@ class Indefinite:
             out = dsytrs(self.L, self.pivots, rhs, lower=1)[0]
         out *= self.scale
         return out[: r.size], out[r.size :]
-
-
-class DenseSystem:
-    """The system for dense P and C.
-
-    Attributes
-    ----------
-    regular : bool
-        Whether it has one solution; if not, `solve` gives one of least norm.
-    null_space : (order, k) array
-        A basis of the vectors (u, v) that the matrix maps to 0.
-    """
-
-    def __init__(self, P: np.ndarray, C: np.ndarray) -> None:
-        self.P, self.C = P, C
-        self.factors: Any = Cholesky(P, C)
-        self.null_space = np.empty((P.shape[0] + C.shape[0], 0))
-        if not self.factors.good:
-            zero = np.zeros((C.shape[0], C.shape[0]))
-            self.factors = Indefinite(np.block([[P, C.T], [C, zero]]))
-            self.null_space = self.factors.scale[:, None] * self.factors.null_space
-        self.regular = not self.null_space.size
-
-    def solve(self, r: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return (u, v)."""
-        u, v = self.factors.solve(r, s)
-        du, dv = self.factors.solve(r - self.P @ u - v @ self.C, s - self.C @ u)
-        return u + du, v + dv

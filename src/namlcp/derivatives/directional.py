@@ -41,7 +41,7 @@ def qp_directional(derivative: QPDerivative, changes: dict[str, Any]) -> QPTange
     point = steepest(derivative, d)
     qp, side = derivative.qp, derivative.whole.side
     r, dh, db = derivative.right_sides(d, point)
-    active, _ = active_sets(qp, point)
+    active, _, _ = active_sets(qp, point)
     strict, weak = active.rows, np.setdiff1d(derivative.whole.rows, active.rows)
     A, b = stacked(qp.A, qp.G[strict]), np.concatenate((db, dh[strict]))
     change = np.where(side < 0, d["lb"], d["ub"])

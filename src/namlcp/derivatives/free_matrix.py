@@ -15,10 +15,12 @@ from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import lsmr, splu
 
 from namlcp.checks import from_arrays, no_rows
-from namlcp.derivatives.dense_system import SINGULAR, DenseSystem
-from namlcp.derivatives.sparse_system import SparseSystem
+from namlcp.derivatives.active import ActiveSet
+from namlcp.derivatives.dense_system import SINGULAR
+from namlcp.derivatives.qp import system_of
 from namlcp.lcp import LARGE_LCP, FreeSystem, Prepared
-from namlcp.linalg import arrays_of, by_rows, submatrix
+from namlcp.linalg import arrays_of, submatrix
+from namlcp.qp import QP
 
 ACCURACY = 1e-13
 """Residual of multigrid solves, relative to the right-hand side."""
@@ -35,10 +37,10 @@ class FreeMatrix(Protocol):
 
 def free_matrix(matrix: Prepared, free: np.ndarray) -> FreeMatrix:
     """Return A_FF ready for solves."""
-    A = matrix.A
-    if type(A) is np.ndarray:
-        A = A if free.size == A.shape[0] else A[np.ix_(free, free)]
-        return Symmetric(A) if matrix.symmetric else General(A)
+    if type(matrix.A) is np.ndarray:
+        if matrix.symmetric:
+            return Symmetric(matrix.A, free)
+        return General(matrix.A[np.ix_(free, free)])
     if free.size >= LARGE_LCP and matrix.hierarchy() is not None:
         return Multigrid(matrix, free)
     return factored(matrix, free)
@@ -46,27 +48,32 @@ def free_matrix(matrix: Prepared, free: np.ndarray) -> FreeMatrix:
 
 def factored(matrix: Prepared, free: np.ndarray) -> FreeMatrix:
     """Return the factors of a sparse A_FF."""
-    A = matrix.A
-    transpose = from_arrays(arrays_of(A), A.shape, csc_array)
-    A = submatrix(transpose, free, free)
-    return Symmetric(A) if matrix.symmetric else SparseGeneral(A)
+    transpose = from_arrays(arrays_of(matrix.A), matrix.A.shape, csc_array)
+    if matrix.symmetric:
+        return Symmetric(transpose, free)
+    return SparseGeneral(submatrix(transpose, free, free))
 
 
 class Symmetric:
-    """A symmetric matrix: the KKT system without rows."""
+    """A symmetric matrix, dense or in CSC: the KKT system of a QP without rows."""
 
-    def __init__(self, A: Any) -> None:
-        self.system: DenseSystem | SparseSystem
-        if type(A) is np.ndarray:
-            self.system = DenseSystem(A, np.empty((0, A.shape[0])))
-        else:
-            none = by_rows(no_rows(A.shape[0]))
-            self.system = SparseSystem(A, none, none)
+    def __init__(self, A: Any, free: np.ndarray) -> None:
+        n = A.shape[0]
+        self.free, self.size, nothing = free, n, np.empty(0)
+        none = np.empty((0, n)) if type(A) is np.ndarray else no_rows(n)
+        side = np.ones(n, dtype=np.int8)
+        side[free] = 0
+        qp = QP(A, np.zeros(n), none, nothing, none, nothing, nothing, nothing)
+        no_places = np.empty(0, dtype=np.int64)
+        self.system = system_of(qp, ActiveSet(no_places, no_places, side))
         self.regular = self.system.regular
 
     def solve(self, r: np.ndarray, transposed: bool) -> np.ndarray:
         """Return u."""
-        return self.system.solve(r, np.empty(0))[0]
+        right, u, nothing = np.zeros(self.size), np.zeros(self.size), np.empty(0)
+        right[self.free] = r
+        self.system.solve(right, nothing, nothing, u)
+        return u[self.free]
 
 
 class General:

@@ -48,7 +48,6 @@ from namlcp.derivatives.dependent import basic, dependencies
 from namlcp.derivatives.gradients import QPGradients, QPTangent, RankTwo
 from namlcp.derivatives.problem import problem_of
 from namlcp.derivatives.sparse_system import SparseSystem
-from namlcp.linalg import by_rows, submatrix
 from namlcp.qp import QP, Point
 from namlcp.result import QPResult
 
@@ -71,9 +70,8 @@ class QPDerivative:
             own if user is None else user
             for own, user in zip((qp.P, qp.G, qp.A), given, strict=True)
         ]
-        self.strict, self.whole = active_sets(qp, point)
-        self.weak = self.whole.size - self.strict.size
-        self.hold(self.strict, point)
+        strict, self.whole, self.weak = active_sets(qp, point)
+        self.hold(strict, point)
         self.singular = not self.system.regular
         if self.singular:
             self.hold_independent()
@@ -90,45 +88,23 @@ class QPDerivative:
     def hold(self, active: ActiveSet, point: Point) -> None:
         """Factor the KKT system of an active set; `point` has its multipliers."""
         self.active, self.point = active, point
-        self.free = np.flatnonzero(active.side == 0)
-        self.fixed = np.flatnonzero(active.side)
+        self.fixed = active.side != 0
         self.system = system_of(self.qp, active)
 
     def null_space_of(self, active: ActiveSet) -> np.ndarray:
         """Return a basis of the null space of K for another active set."""
         return system_of(self.qp, active).null_space
 
-    def solve(
-        self, r: np.ndarray, d: np.ndarray, e: np.ndarray, u: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Write u_F and return (lam, nu), for a given u_B and lam = 0 outside I.
-
-        (P u + G'lam + A'nu)_F = r_F,   G_I u = d_I,   A u = e
-        """
-        qp, free = self.qp, self.free
-        equalities, rows, _ = self.active
-        if self.fixed.size and u.any():
-            r, d, e = r - qp.P @ u, d - qp.G @ u, e - qp.A @ u
-        u[free], v = self.system.solve(
-            r[free], np.concatenate((e[equalities], d[rows]))
-        )
-        lam, nu = np.zeros(qp.h.size), np.zeros(qp.b.size)
-        nu[equalities], lam[rows] = v[: equalities.size], v[equalities.size :]
-        return lam, nu
-
     def backward(self, dx: Any, dy: Any, dz: Any, dz_box: Any) -> QPGradients:
         """Return the gradients of a scalar in the data from those in the solution."""
-        qp, fixed, side = self.qp, self.fixed, self.active.side
+        fixed, side = self.fixed, self.active.side
         gx, gz_box = self.vector("dx", dx, "x"), self.vector("dz_box", dz_box, "z_box")
         gy, gz = self.vector("dy", dy, "y"), self.vector("dz", dz, "z")
         x, y, z, _ = self.point
         u = np.zeros(x.size)
         u[fixed] = gz_box[fixed]
-        lam, nu = self.solve(gx, gz, gy, u)
-        lb, ub = np.zeros((2, x.size))
-        if fixed.size:
-            mu = gx - qp.P @ u - lam @ qp.G - nu @ qp.A
-            lb[side < 0], ub[side > 0] = mu[side < 0], mu[side > 0]
+        lam, nu, mu = self.system.solve(gx, gz, gy, u)
+        lb, ub = np.where(side < 0, mu, 0.0), np.where(side > 0, mu, 0.0)
         products = (
             RankTwo(-0.5 * u, x, x, -0.5 * u),
             RankTwo(-z, u, -lam, x),
@@ -139,14 +115,12 @@ class QPDerivative:
 
     def forward(self, changes: dict[str, Any]) -> QPTangent:
         """Return the derivative of the solution along a direction of the data."""
-        qp, fixed, side = self.qp, self.fixed, self.active.side
+        fixed, side = self.fixed, self.active.side
         d = self.direction(changes)
         r, dh, db = self.right_sides(d, self.point)
         dx = np.where(side < 0, d["lb"], np.where(side > 0, d["ub"], 0.0))
-        dz, dy = self.solve(-r, dh, db, dx)
-        dz_box = np.zeros(dx.size)
-        if fixed.size:
-            dz_box[fixed] = -(r + qp.P @ dx + dz @ qp.G + dy @ qp.A)[fixed]
+        dz, dy, rest = self.system.solve(-r, dh, db, dx)
+        dz_box = np.where(fixed, rest, 0.0)
         return QPTangent(dx, dy, dz, dz_box, self.weak, self.singular)
 
     def right_sides(
@@ -190,15 +164,7 @@ class QPDerivative:
 
 def system_of(qp: QP, active: ActiveSet) -> DenseSystem | SparseSystem:
     """Return the factored KKT system of an active set."""
-    P, G, A, free = qp.P, qp.G, qp.A, np.flatnonzero(active.side == 0)
-    if qp.is_dense:
-        C = np.concatenate((A[active.equalities], G[active.rows]))
-        if free.size < qp.q.size:
-            P, C = P[np.ix_(free, free)], C[:, free]
-        return DenseSystem(P, C)
-    A = submatrix(A, active.equalities, free)
-    G, P = submatrix(G, active.rows, free), submatrix(P, free, free)
-    return SparseSystem(P, by_rows(A), by_rows(G))
+    return (DenseSystem if qp.is_dense else SparseSystem)(qp, active)
 
 
 def differentiate_qp(result: QPResult) -> QPDerivative:

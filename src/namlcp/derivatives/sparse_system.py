@@ -6,10 +6,18 @@ by about DELTA over the least singular value of K.
 """
 
 import numpy as np
-from scipy.sparse import csc_array, csr_array
 
-from namlcp.linalg import add_column_sums, add_columns
-from namlcp.qp import KKT
+from namlcp.compiled import kernel
+from namlcp.derivatives.active import ActiveSet
+from namlcp.linalg import (
+    add_column_sums,
+    add_columns,
+    add_transposed,
+    by_rows,
+    submatrix,
+    times,
+)
+from namlcp.qp import KKT, QP
 
 DELTA = 1e-8
 """Added to the diagonal of P, and subtracted for rows, in units of K scaled. A smaller
@@ -35,41 +43,37 @@ multiples of the others."""
 ZERO_IMAGE = 1e-12
 """Largest norm of K v, for K scaled and a unit vector v of its null space."""
 
-REFINEMENTS = 20
-"""Most steps of refinement; one or two are enough for a regular K."""
+REFINEMENTS, ROUNDING = 20, 1e-15
+"""Most steps of refinement, and the residual that ends it, relative to the largest
+number of right-hand side and solution."""
 
 
 class SparseSystem:
-    """Factors of the KKT system of P, A and the active rows G.
+    """The system of one active set.
 
     Attributes
     ----------
     regular : bool
         Whether K has one solution, as far as the shifted factors can tell.
     null_space : (order, k) array
-        A basis of the vectors (u, v) that K maps to 0.
+        A basis of the vectors (u_F, nu, lam_I) that K maps to 0.
     """
 
-    def __init__(self, P: csc_array, A: csr_array, G: csr_array) -> None:
-        self.kkt = kkt = KKT(P, A, G)
-        columns = np.repeat(np.arange(kkt.size), np.diff(kkt.indptr))
-        scale = np.ones(kkt.size)
-        size = np.abs(kkt.base)
-        for _ in range(SCALINGS):
-            scaled = size * scale[kkt.indices] * scale[columns]
-            largest = np.zeros(kkt.size)
-            np.maximum.at(largest, columns, scaled)
-            np.maximum.at(largest, kkt.indices, scaled)
-            scale /= np.sqrt(np.where(largest > 0.0, largest, 1.0))
-        self.scale = scale
-        self.values = kkt.base * scale[kkt.indices] * scale[columns]
-        self.upper = self.values.copy()
+    def __init__(self, qp: QP, active: ActiveSet) -> None:
+        self.qp, self.active = qp, active
+        self.free = free = np.flatnonzero(active.side == 0)
+        P, A = submatrix(qp.P, free, free), submatrix(qp.A, active.equalities, free)
+        G = submatrix(qp.G, active.rows, free)
+        self.kkt = kkt = KKT(P, by_rows(A), by_rows(G))
+        self.scale = np.ones(kkt.size)
+        self.values, self.upper = kkt.base.copy(), np.empty(kkt.base.size)
+        equilibrate(kkt.indptr, kkt.indices, self.values, self.scale)
+        self.upper[:] = kkt.data[:] = self.values
         self.upper[kkt.diagonal] = 0.0
-        kkt.data[:] = self.values
         kkt.data[kkt.diagonal[: kkt.n]] += DELTA
         kkt.data[kkt.diagonal[kkt.n :]] -= DELTA
         kkt.plan().refactor(kkt.data)  # no pivot of a quasi-definite matrix is 0
-        self.null_space = scale[:, None] * self.find_null_space()
+        self.null_space = self.scale[:, None] * self.find_null_space()
         self.regular = not self.null_space.size
 
     def find_null_space(self) -> np.ndarray:
@@ -94,7 +98,7 @@ class SparseSystem:
             if basis.shape[0] < width or width == size:
                 return basis.T
             width *= GROWTH
-        return np.empty((0, 0))
+        return np.empty((size, 0))
 
     def product(self, w: np.ndarray) -> np.ndarray:
         """Return K w for the scaled K."""
@@ -103,9 +107,30 @@ class SparseSystem:
         add_column_sums(indptr, indices, self.upper, w, Kw)
         return Kw
 
-    def solve(self, r: np.ndarray, s: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return (u, v)."""
-        rhs = np.concatenate((r, s)) * self.scale
+    def solve(
+        self, r: np.ndarray, d: np.ndarray, e: np.ndarray, u: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Write u_F, for u_B as given and u_F = 0; return (lam, nu, rest).
+
+        G_I u = d_I and A u = e hold, and rest = r - P u - G'lam - A'nu is 0 on F.
+        """
+        P, _, G, _, A = self.qp[:5]
+        equalities, rows, _ = self.active
+        free, n, p = self.free, self.free.size, equalities.size
+        rest = r
+        if n < r.size and u.any():
+            rest, d, e = r - times(P, u), d - times(G, u), e - times(A, u)
+        v = self.solve_kkt(np.concatenate((rest[free], e[equalities], d[rows])))
+        lam, nu = np.zeros(d.size), np.zeros(e.size)
+        u[free], nu[equalities], lam[rows] = v[:n], v[n : n + p], v[n + p :]
+        terms = times(P, u)
+        add_transposed(G, lam, terms)
+        add_transposed(A, nu, terms)
+        return lam, nu, r - terms
+
+    def solve_kkt(self, rhs: np.ndarray) -> np.ndarray:
+        """Return the solution for one right-hand side, refined."""
+        rhs = rhs * self.scale
         w, rest, error = np.zeros(rhs.size), rhs, np.inf
         for _ in range(REFINEMENTS):
             trial = w + self.kkt.plan().solve(rest)
@@ -114,7 +139,30 @@ class SparseSystem:
             if not error < before:
                 break
             w = trial
-            if not 0.0 < error < 0.5 * before:
+            size = max(np.abs(rhs).max(), np.abs(w).max())
+            if not ROUNDING * size < error < 0.5 * before:
                 break
-        w *= self.scale
-        return w[: r.size], w[r.size :]
+        return w * self.scale
+
+
+@kernel
+def equilibrate(indptr, indices, data, scale):
+    """Overwrite scale (n,), ones, by s and data by that of diag(s) K diag(s).
+
+    The upper triangle of the symmetric K is given. Each pass divides rows and columns
+    by the square roots of their largest entries (Ruiz, RAL-TR-2001-034).
+    """
+    largest = np.empty(scale.size)
+    for _ in range(SCALINGS):
+        largest[:] = 0.0
+        for j in range(scale.size):
+            for t in range(indptr[j], indptr[j + 1]):
+                entry = abs(data[t])
+                largest[j] = max(largest[j], entry)
+                largest[indices[t]] = max(largest[indices[t]], entry)
+        for j in range(scale.size):
+            largest[j] = 1.0 / np.sqrt(largest[j]) if largest[j] > 0.0 else 1.0
+            scale[j] *= largest[j]
+        for j in range(scale.size):
+            for t in range(indptr[j], indptr[j + 1]):
+                data[t] *= largest[j] * largest[indices[t]]

@@ -56,6 +56,8 @@ from namlcp.linalg.lapack import (
     lu,
     lu_solve,
     matvec,
+    product,
+    solve_rows,
 )
 from namlcp.linalg.ldl import (
     Triangle,
