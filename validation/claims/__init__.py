@@ -5,5 +5,5 @@ validation.claims` prints the claims; `report --full` compares them with those o
 run before.
 """
 
-from validation.claims.limits import Claim, claims, moved
+from validation.claims.limits import Claim, claims, moved, stale
 from validation.claims.measured import values

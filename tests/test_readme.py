@@ -1,0 +1,50 @@
+"""The README: its examples give the answers printed there, its figures are measured."""
+
+import contextlib
+import io
+import re
+from pathlib import Path
+
+import pytest
+
+from validation.claims import stale, values
+
+README = Path(__file__).parents[1] / "README.md"
+FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+
+
+def examples():
+    """Return (code, what it prints) of the blocks, "" where no text follows."""
+    blocks = FENCE.findall(README.read_text())
+    following = [*blocks[1:], ("", "")]
+    return [
+        (code, text if kind == "text" else "")
+        for (language, code), (kind, text) in zip(blocks, following, strict=True)
+        if language == "python"
+    ]
+
+
+def test_examples_print_what_stands_below_them():
+    """They share their names, as if typed one after another."""
+    pytest.importorskip("cvxpy")
+    names = {}
+    assert len(examples()) > 5
+    for code, printed in examples():
+        said = io.StringIO()
+        with contextlib.redirect_stdout(said):
+            exec(code, names)
+        assert said.getvalue() == printed
+
+
+def test_figures_are_those_of_the_results():
+    text = README.read_text()
+    assert text.count("<!-- ") > 5
+    assert stale(text, values()) == []
+
+
+def test_stale_figures_are_found():
+    known = {"time": 0.784, "solved": 134.0}
+    text = "0.78<!-- time --> and 134<!-- solved -->"
+    assert stale(text, known) == []
+    assert stale(text, known | {"time": 0.79}) == ["time: 0.78, measured 0.79"]
+    assert stale("1<!-- speed -->", known) == ["speed: 1, not measured"]
