@@ -80,6 +80,13 @@ def test_the_order_of_the_unknowns_is_free(sparsely):
     assert_is_equilibrium(R, S, z)
 
 
+def test_stored_zeros_are_zeros():
+    lcp = game_lcp(np.ones((2, 3)), np.ones((2, 3)), sparsely=True)
+    A = sparse.csr_array(np.ones((5, 5)))
+    A.data[:] = lcp.A.toarray().ravel()
+    assert game_of(lcp_data(Prepared(A), lcp.q, None, None)) is not None
+
+
 @pytest.mark.parametrize("k", range(7))
 def test_every_label_leads_to_an_equilibrium(k, monkeypatch):
     rng = np.random.default_rng(k)

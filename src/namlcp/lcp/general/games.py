@@ -52,7 +52,7 @@ def game_of(lcp: LCP) -> Game | None:
     row = dense(A[[0]])[0]
     first, second = np.flatnonzero(row == 0.0), np.flatnonzero(row)
     entries = 2 * first.size * second.size
-    if not entries or (sparse.issparse(A) and A.nnz != entries):
+    if not entries or (sparse.issparse(A) and A.count_nonzero() != entries):
         return None
     A = dense(A)
     own = A[np.ix_(first, first)].any() or A[np.ix_(second, second)].any()
