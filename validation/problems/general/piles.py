@@ -59,7 +59,7 @@ def pile_of_discs(rows: int, mu: float, ratio: float = 2.0, seed: int = 0) -> Sc
     """
     place = [(i, r) for r in range(rows) for i in range(rows - r)]
     index = {at: k for k, at in enumerate(place)}
-    centre = np.array([(2.0 * i + r, np.sqrt(3.0) * r, 0.0) for i, r in place])
+    centre = np.array([(2.0 * i + r, 1.0 + np.sqrt(3.0) * r, 0.0) for i, r in place])
 
     def touches() -> Iterator[Touch]:
         for (i, r), k in index.items():

@@ -1,0 +1,129 @@
+"""LCPs of known classes that are neither P nor semidefinite, by name, size and seed.
+
+Every family has a solution. `copositive` matrices have x'A x >= 0 for x >= 0; here a
+nonnegative matrix plus a semidefinite one, with a positive diagonal: strictly so, and
+Lemke's method finds a solution for every q. `singular copositive` has a zero diagonal
+in places, and a planted solution. `copositive-plus`: a block of that kind and a
+semidefinite one that is not symmetric. `P0`: principal minors >= 0, some of them 0.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import scipy.linalg
+
+from namlcp.scenes.friction import Scene, friction_lcp
+from validation.problems.general import games, piles
+
+MU = (0.2, 0.5, 0.9)  # in turn, by the seed
+
+Problem = tuple[Any, np.ndarray]
+"""A and q."""
+
+
+def planted(rng: np.random.Generator, A: np.ndarray) -> Problem:
+    """Return A and q around a random complementary pair, a tenth of it 0 and 0."""
+    n = len(A)
+    kind = rng.random(n)
+    z = rng.exponential(size=n) * (kind < 0.5)
+    w = rng.exponential(size=n) * (kind > 0.6)
+    return A, w - A @ z
+
+
+def nonnegative(rng: np.random.Generator, n: int) -> np.ndarray:
+    """Return a nonnegative matrix, three entries of ten not 0."""
+    return rng.exponential(size=(n, n)) * (rng.random((n, n)) < 0.3)
+
+
+def semidefinite(rng: np.random.Generator, n: int) -> np.ndarray:
+    """Return F F' of a quarter of full rank."""
+    F = rng.standard_normal((n, max(1, n // 4)))
+    return F @ F.T / n
+
+
+def copositive(n: int, seed: int) -> Problem:
+    """Return a strictly copositive matrix and any q."""
+    rng = np.random.default_rng([n, seed])
+    A = nonnegative(rng, n) + semidefinite(rng, n) + 0.01 * np.eye(n)
+    return A, rng.standard_normal(n)
+
+
+def singular_copositive(n: int, seed: int) -> Problem:
+    """Return a copositive matrix and a q with a solution."""
+    rng = np.random.default_rng([n, seed])
+    A = nonnegative(rng, n)
+    A[np.diag_indices(n)] *= rng.random(n) < 0.5
+    return planted(rng, A)
+
+
+def copositive_plus(n: int, seed: int) -> Problem:
+    """Return a copositive-plus matrix and a q with a solution."""
+    rng = np.random.default_rng([n, seed])
+    k = n // 2
+    K = rng.standard_normal((k, k))
+    skew = semidefinite(rng, k) + (K - K.T) / np.sqrt(max(k, 1))
+    rest = nonnegative(rng, n - k) + np.eye(n - k)
+    return planted(rng, scipy.linalg.block_diag(skew, rest))
+
+
+def p0(n: int, seed: int) -> Problem:
+    """Return a P0-matrix, a permuted triangle with zeros on its diagonal."""
+    rng = np.random.default_rng([n, seed])
+    A = np.tril(rng.standard_normal((n, n)) / np.sqrt(n), -1)
+    A += np.diag(rng.exponential(size=n) * (rng.random(n) < 0.7))
+    order = rng.permutation(n)
+    return planted(rng, A[np.ix_(order, order)])
+
+
+def game(n: int, seed: int) -> Problem:
+    """Return a game of n strategies in all; every other one has whole payoffs."""
+    rows = max(1, (3 * n) // 7)
+    return games.lcp(*games.payoffs(rows, n - rows, seed, whole=bool(seed % 2)))
+
+
+def friction(
+    build: Callable[[int, float, float, int], Scene],
+) -> Callable[..., Problem]:
+    """Return a family of scenes, made by (size, mu, mass ratio, seed)."""
+
+    def family(n: int, seed: int, ratio: float = 2.0) -> Problem:
+        size, mu = 2, MU[seed % len(MU)]
+        while unknowns(scene := build(size, mu, ratio, seed)) < n:
+            size = max(size + 1, int(1.1 * size))
+        return friction_lcp(scene)
+
+    return family
+
+
+def unknowns(scene: Scene) -> int:
+    """Return the order of the LCP of a scene whose contacts all have friction."""
+    return scene.contacts.mu.size * (scene.directions + 2)
+
+
+def balls(layers: int, mu: float, ratio: float, seed: int) -> Scene:
+    """Return a pile of balls with four directions of friction."""
+    return piles.pile_of_balls(layers, mu, 4, ratio, seed)
+
+
+def cubes(levels: int, mu: float, ratio: float, seed: int) -> Scene:
+    """Return a column of cubes with eight directions of friction."""
+    return piles.column_of_cubes(levels, mu, 8, ratio, seed)
+
+
+FAMILIES: dict[str, Callable[..., Problem]] = {
+    "pile": friction(piles.pile_of_discs),
+    "wall": friction(piles.wall_of_bricks),
+    "chain": friction(piles.pressed_chain),
+    "balls": friction(balls),
+    "cubes": friction(cubes),
+    "copositive": copositive,
+    "singular copositive": singular_copositive,
+    "copositive-plus": copositive_plus,
+    "P0": p0,
+    "games": game,
+}
+"""Families by name: A and q from (n, seed); those with friction from a mass ratio too.
+They have n unknowns, or more where n is no size of a scene."""
+
+FRICTION = ("pile", "wall", "chain", "balls", "cubes")
