@@ -144,8 +144,9 @@ def qp_answer(result: Any) -> Answer:
 def lcp_answer(result: Any) -> Answer:
     """Return an LCPResult in the judge's terms."""
     said = result.status.value
-    if result.ray is not None:
-        return Answer("unsolvable", result.ray, words=said)
+    if said == "unsolvable":
+        kind = "exhausted" if result.ray is None else said
+        return Answer(kind, result.ray, words=said)
     return Answer("solved" if said == "solved" else "refused", result.z, words=said)
 
 
@@ -196,15 +197,16 @@ def examine(case: cases.Case, solver: str, eps: float, limit: float) -> Row:
 def work(job: Job, index: int | None, eps: float = 0.0) -> Row:
     """Return the row of problem `index` (None: load and compile what nam needs)."""
     if index is None:
-        for i in range(WARM_UP * len(cases.CLASSES)):
-            ask_nam(cases.make(0, i))
+        for i in range(WARM_UP * len(cases.CYCLES[job.data[1]])):
+            ask_nam(cases.make(0, i, job.data[1]))
         return {}
     job.ready()
-    return examine(cases.make(job.data, index), job.solver, eps, job.limit)
+    seed, cycle = job.data
+    return examine(cases.make(seed, index, cycle), job.solver, eps, job.limit)
 
 
 class CampaignBench(Bench):
-    """A child process that makes its problems itself: `data` is the seed."""
+    """A child process that makes its problems itself: `data` is (seed, cycle)."""
 
     def start(self) -> None:
         """Start the child process, and wait until all is loaded and compiled."""
@@ -216,31 +218,34 @@ class CampaignBench(Bench):
     def examine(self, index: int, eps: float) -> Row:
         """Return the row of problem `index`; a hang and a crash are outcomes."""
         row = self.ask(index, eps)
-        if "outcome" in row:
-            return row
-        outcome = {"timeout": "hang", "crashed": "crash"}[row["status"]]
-        return {"truth": "", "outcome": outcome, "why": outcome, "time": self.limit}
+        if "outcome" not in row:
+            outcome = {"timeout": "hang", "crashed": "crash"}[row["status"]]
+            row = {"truth": "", "outcome": outcome, "why": outcome, "time": self.limit}
+        return row | {"group": cases.group_of(index, self.data[1])}
 
 
-def is_asked(solver: str, i: int) -> bool:
+def is_asked(solver: str, i: int, cycle: str) -> bool:
     """Tell whether a solver is asked problem i."""
     if solver == "nam":
         return True
-    return cases.is_definite(i) if solver == "quadprog" else cases.is_convex(i)
+    asked = cases.is_definite if solver == "quadprog" else cases.is_convex
+    return asked(i, cycle)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run what is not done yet; return 1 if anything of nam is not as it must be."""
     solvers = machine.installed(args.solvers)
     own = [f"seed: {args.seed}", f"eps of the peers: {args.eps:g}"]
-    if args.csv.exists() and csv_files.header(args.csv)[:2] != own:
-        print(f"{args.csv} has another seed or eps")
+    own += [f"classes: {args.classes}"] * (args.classes != "every")
+    if args.csv.exists() and csv_files.header(args.csv)[: len(own)] != own:
+        print(f"{args.csv} has another seed, eps or classes")
         return cli.MISSING
     tally = Tally(args.csv, own + cli.begin(SOLVERS))  # more of them may come later
     for solver in solvers:
-        with CampaignBench(work, solver, args.limit, args.seed) as child:
+        data = args.seed, args.classes
+        with CampaignBench(work, solver, args.limit, data) as child:
             for i in range(tally.done[solver], args.problems):
-                if is_asked(solver, i):
+                if is_asked(solver, i, args.classes):
                     tally.add(solver, i, child.examine(i, args.eps))
                 if (i + 1) % BATCH == 0 or i + 1 == args.problems:
                     tally.done[solver] = i + 1
@@ -252,13 +257,13 @@ def run(args: argparse.Namespace) -> int:
 
 def show(args: argparse.Namespace) -> int:
     """Ask one problem once more, in this process, and print what comes of it."""
-    case = cases.make(args.seed, args.index)
+    case = cases.make(args.seed, args.index, args.classes)
     print(f"{case.group}, {case.truth}, {case.problem.q.size} unknowns")
     for name, value in case.arguments.items():
         kind = f"{type(value).__name__} {getattr(value, 'dtype', '')}"
         print(f"  {name}: {kind} {np.shape(value)}")
     for solver in machine.installed(args.solvers):
-        if is_asked(solver, args.index):
+        if is_asked(solver, args.index, args.classes):
             print(f"{solver}: {examine(case, solver, args.eps, args.limit)}")
     return 0
 
@@ -283,6 +288,7 @@ def main(arguments: list[str] | None = None) -> int:
         cli.add_usual(command, limit=LIMIT)
         command.add_argument("--seed", type=int, default=1)
         command.add_argument("--solvers", nargs="+", default=["nam"], choices=SOLVERS)
+        command.add_argument("--classes", default="every", choices=cases.CYCLES)
         command.add_argument("--eps", type=float, default=1e-6, help="of the peers")
         if name == "show":
             command.add_argument("--index", type=int, required=True)

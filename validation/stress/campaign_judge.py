@@ -26,9 +26,9 @@ SLOPE = 1e-12  # of an LCP's ray, relative to its terms
 class Answer(NamedTuple):
     """What a solver says, and what it returns with it.
 
-    said: solved, infeasible, unbounded, unsolvable, refused, or error; then `words` is
-    the message. For a QP (x, y, z, z_box) are the point or the certificate; for an LCP
-    x is z, or the ray.
+    said: solved, infeasible, unbounded, unsolvable, exhausted (unsolvable, without a
+    ray), refused, or error; then `words` is the message. For a QP (x, y, z, z_box) are
+    the point or the certificate; for an LCP x is z, or the ray.
     """
 
     said: str
@@ -240,9 +240,11 @@ def judge_lcp(lcp: Any, truth: str, answer: Answer, eps_rel: float) -> tuple[str
     """Return the outcome for an LCP, and why it is not right."""
     if answer.said == "error":
         return "raised", answer.words
-    if answer.said == "refused":
+    if answer.said == "refused" or (answer.said == "exhausted" and truth == "near"):
         return "refused", answer.words
-    if answer.said == "unsolvable":
+    if answer.said == "exhausted":  # no ray: all faces were looked at
+        why = "" if truth == "unsolvable" else "called unsolvable"
+    elif answer.said == "unsolvable":
         why = lcp_ray_faults(lcp, answer.x)
         if truth in ("solvable", "possible"):
             why = f"called unsolvable {why}"

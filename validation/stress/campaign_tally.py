@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from validation.harness import Row, csv_files, tables
-from validation.problems.fuzzed import cases
 
 COLUMNS = "solver class truth outcome count seconds slowest cases first".split()
 LISTED = 40  # indices of a class and outcome in the CSV
@@ -41,7 +40,7 @@ class Tally:
 
     def add(self, solver: str, index: int, found: Row) -> None:
         """Count one problem."""
-        key = (solver, cases.group_of(index), found["truth"], found["outcome"])
+        key = (solver, found["group"], found["truth"], found["outcome"])
         row = self.rows.setdefault(
             key, dict(zip(COLUMNS, (*key, 0, 0.0, 0.0, "", ""), strict=True))
         )

@@ -1,7 +1,7 @@
 """Problem number i of the campaign: its class, the arguments, and what is true of it.
 
-Problem i of a seed is made from (seed, i) alone. Its class is CLASSES[i mod their
-number], so that every class gets its share of any run.
+Problem i of a seed is made from (seed, i) alone. Its class is that in place i mod their
+number of a cycle in CYCLES, so that every class gets its share of any run.
 """
 
 from collections.abc import Callable
@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from validation.problems.fuzzed import general_lcps as general
 from validation.problems.fuzzed import lcps, qps
 from validation.problems.fuzzed.draw import Draw
 from validation.problems.fuzzed.forms import dress, spoil
@@ -47,7 +48,7 @@ LCPS: tuple[Maker, ...] = (
     lcps.positive_definite, lcps.positive_semidefinite, lcps.degenerate_pairs,
     lcps.h_plus, lcps.m_matrix, lcps.singular_z, lcps.other_z, lcps.quotient,
     lcps.triangular, lcps.skew_and_definite, lcps.optimality, lcps.zero_or_diagonal,
-    lcps.tridiagonal, lcps.copositive_plus, lcps.general, lcps.general_box,
+    lcps.tridiagonal, general.strictly_copositive, lcps.general, lcps.general_box,
     lcps.anything, lcps.scaled, lcps.extreme_scales, lcps.unsolvable,
     lcps.unsolvable_skew, lcps.empty,
 )  # fmt: skip
@@ -56,35 +57,49 @@ OFTEN = (qps.strictly_convex, qps.semidefinite_cost, qps.infeasible, qps.unbound
 CLASSES = (*CONVEX, *OFTEN, *OTHER_QPS, *LCPS, *MALFORMED)
 
 
-def group_of(i: int) -> str:
+CYCLES: dict[str, tuple[Maker | str, ...]] = {
+    "every": CLASSES,
+    "general": (general.friction, general.game, general.strictly_copositive,
+                general.copositive, general.unsolvable_general),
+}  # fmt: skip
+"""The classes of a run by name: those of every kind, and LCPs that are neither P nor
+semidefinite."""
+
+
+def kind_of(i: int, cycle: str = "every") -> Maker | str:
+    """Return the class of problem i."""
+    return CYCLES[cycle][i % len(CYCLES[cycle])]
+
+
+def group_of(i: int, cycle: str = "every") -> str:
     """Return the name of the class of problem i."""
-    kind = CLASSES[i % len(CLASSES)]
+    kind = kind_of(i, cycle)
     if isinstance(kind, str):
         return kind
-    side = "LCP" if kind in LCPS else "QP"
-    return f"{side} {kind.__name__.replace('_', ' ')}"
+    is_lcp = kind in LCPS or cycle == "general"
+    return f"{'LCP' if is_lcp else 'QP'} {kind.__name__.replace('_', ' ')}"
 
 
-def is_convex(i: int) -> bool:
+def is_convex(i: int, cycle: str = "every") -> bool:
     """Tell whether peers are asked problem i."""
-    return CLASSES[i % len(CLASSES)] in CONVEX
+    return kind_of(i, cycle) in CONVEX
 
 
-def is_definite(i: int) -> bool:
+def is_definite(i: int, cycle: str = "every") -> bool:
     """Tell whether P of problem i is definite."""
-    return CLASSES[i % len(CLASSES)] in DEFINITE
+    return kind_of(i, cycle) in DEFINITE
 
 
-def make(seed: int, i: int) -> Case:
+def make(seed: int, i: int, cycle: str = "every") -> Case:
     """Return problem i of a seed."""
     rng = np.random.default_rng([seed, i])
     draw = Draw(rng)
-    kind = CLASSES[i % len(CLASSES)]
+    kind, group = kind_of(i, cycle), group_of(i, cycle)
     if isinstance(kind, str):
         maker = qps.strictly_convex if kind == MALFORMED[0] else lcps.positive_definite
         problem, _ = maker(draw)
         arguments, truth = spoil(rng, problem._asdict())
-        return Case(group_of(i), truth, problem, arguments)
+        return Case(group, truth, problem, arguments)
     with np.errstate(invalid="ignore", over="ignore"):
         problem, truth = kind(draw)
-    return Case(group_of(i), truth, problem, dress(rng, problem._asdict()))
+    return Case(group, truth, problem, dress(rng, problem._asdict()))

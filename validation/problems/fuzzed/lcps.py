@@ -196,13 +196,6 @@ def tridiagonal(draw: Draw) -> Truth:
     return planted(draw, A), "solvable"
 
 
-def copositive_plus(draw: Draw) -> Truth:
-    """Take a nonnegative matrix plus a definite one: strictly copositive."""
-    n = order(draw)
-    A = np.abs(draw.matrix(n, n)) + 0.1 * definite(draw, n)
-    return LCP(A, draw.numbers(n), np.zeros(n), np.full(n, INF)), "possible"
-
-
 def general(draw: Draw) -> Truth:
     """Any matrix, with a planted solution."""
     n = order(draw)
