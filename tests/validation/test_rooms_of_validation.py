@@ -11,7 +11,16 @@ HOUSE = cli.ROOT / "validation"
 # From the top down; the rooms of one line do not import each other.
 FLOORS = (
     {"report"},
-    {"claims", "oracles", "stress", "peers", "repeated", "paper", "environment"},
+    {
+        "claims",
+        "oracles",
+        "stress",
+        "peers",
+        "repeated",
+        "general",
+        "paper",
+        "environment",
+    },
     {"applications"},
     {"problems"},
     {"harness"},

@@ -80,9 +80,10 @@ def exchange(tableau, row, column):
     for i in range(basic.size):
         factor = rows[i, column]
         if i != row and factor != 0.0:
-            rows[i, column] = 0.0
+            other = rows[i]
+            other[column] = 0.0
             for j in range(pivot_row.size):
-                rows[i, j] += factor * pivot_row[j]
+                other[j] += factor * pivot_row[j]
     leaves, enters = basic[row], nonbasic[column]
     basic[row], nonbasic[column] = enters, leaves
     place[leaves], place[enters] = -1 - column, row

@@ -1,0 +1,1 @@
+"""LCPs that are neither P nor semidefinite: success and time, pictures, time steps."""

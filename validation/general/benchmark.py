@@ -1,0 +1,276 @@
+"""General LCPs by families, sizes and seeds: who solves them, and how fast.
+
+Families: `problems.general.families`; all problems have a solution. Solved means that
+the solver says so and Res(z) <= 1e-9 max |q_i| on the data as given. Solvers: `nam`,
+method="auto"; `lemke`, method="lemke"; `quantecon`, Lemke's method of QuantEcon;
+`daqp`, its mode for variational inequalities, made for definite matrices. Each solves
+twice, and the second time counts: the first may compile. A solver that has run into
+the limit on every seed of a size is not asked for larger ones of the family.
+
+`run` writes the CSV and goes on where it has stopped; `table` prints it as Markdown;
+`plot` draws time against n, with crosses on the upper edge for what was not solved.
+"""
+
+import argparse
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from matplotlib import pyplot as plt
+
+from validation.harness import (
+    Job,
+    Row,
+    charts,
+    cli,
+    csv_files,
+    processes,
+    tables,
+    timing,
+)
+from validation.problems.general import families
+
+SOLVERS = ("nam", "lemke", "quantecon", "daqp")
+STYLE = {
+    "nam": (charts.BLUE, "o"),
+    "lemke": (charts.GREEN, "s"),
+    "quantecon": (charts.PURPLE, "^"),
+    "daqp": (charts.RED, "v"),
+}
+FRICTION_SIZES = (80, 200, 500, 1000, 2000, 4000, 6000)
+OTHER_SIZES = (10, 20, 50, 100, 200)
+GAME_SIZES = (4, 10, 40, 140, 400)
+QUICK = 2  # sizes of each family with --quick
+RATIO = 1e4  # mass ratio of every fourth seed of a family with friction
+WARM_UP = 10  # unknowns of a problem before the clock runs
+EPS = 1e-9  # times max |q_i|
+COLUMNS = ("family", "n", "seed", "order", "solver", "success", "said", "residual",
+           "runtime")  # fmt: skip
+
+Answer = tuple[str, np.ndarray | None]
+"""What a solver says, and z."""
+
+
+def sizes_of(family: str) -> tuple[int, ...]:
+    """Return the sizes at which a family is measured."""
+    if family in families.FRICTION:
+        return FRICTION_SIZES
+    return GAME_SIZES if family == "games" else OTHER_SIZES
+
+
+def make(family: str, n: int, seed: int) -> families.Problem:
+    """Return A and q."""
+    maker = families.FAMILIES[family]
+    if family in families.FRICTION and seed % 4 == 3:
+        return maker(n, seed, RATIO)
+    return maker(n, seed)
+
+
+def dense(A: Any) -> np.ndarray:
+    """Return A as an array."""
+    return A.toarray() if sp.issparse(A) else A
+
+
+def by_nam(A: Any, q: np.ndarray, limit: float, method: str = "auto") -> Answer:
+    """Solve by namlcp."""
+    import namlcp
+
+    result = namlcp.solve_lcp(A, q, method=method, time_limit=limit)
+    return result.status.value, result.z
+
+
+def by_lemke(A: Any, q: np.ndarray, limit: float) -> Answer:
+    """Solve by namlcp's method of Lemke."""
+    return by_nam(A, q, limit, "lemke")
+
+
+def by_quantecon(A: Any, q: np.ndarray, limit: float) -> Answer:
+    """Solve by QuantEcon's."""
+    from quantecon.optimize import lcp_lemke
+
+    result = lcp_lemke(dense(A), q)
+    return ("solved" if result.success else f"status {result.status}"), result.z
+
+
+def by_daqp(A: Any, q: np.ndarray, limit: float) -> Answer:
+    """Solve by DAQP as a variational inequality on z >= 0."""
+    import daqp
+
+    n = q.size
+    bounds = np.full(n, 1e30), np.zeros(n), np.zeros(n, dtype=np.int32)
+    none = np.zeros((0, n))
+    z, _, flag, _ = daqp.solve(dense(A), q, none, *bounds, is_avi=True)
+    return ("solved" if flag == 1 else f"flag {flag}"), z
+
+
+ASK: dict[str, Callable[[Any, np.ndarray, float], Answer]] = {
+    "nam": by_nam,
+    "lemke": by_lemke,
+    "quantecon": by_quantecon,
+    "daqp": by_daqp,
+}
+
+
+def residual(A: Any, q: np.ndarray, z: np.ndarray | None) -> float:
+    """Return || min(z, A z + q) || over max |q_i|, infinite without a point."""
+    if z is None or not np.isfinite(z).all():
+        return np.inf
+    return float(np.linalg.norm(np.minimum(z, A @ z + q)) / np.abs(q).max())
+
+
+def work(job: Job, family: str, n: int, seed: int) -> Row:
+    """Return the row of one problem."""
+    A, q = make(family, n, seed)
+    row: Row = {"family": family, "n": n, "seed": seed, "order": q.size}
+    row["solver"] = job.solver
+    ASK[job.solver](*make(family, WARM_UP, seed), job.limit)
+    job.ready()
+    start = time.perf_counter()
+    said, z = ASK[job.solver](A, q, job.limit)
+    row["runtime"] = time.perf_counter() - start
+    if row["runtime"] < job.limit / 3.0:
+        start = time.perf_counter()
+        said, z = ASK[job.solver](A, q, job.limit)
+        row["runtime"] = time.perf_counter() - start
+    found = residual(A, q, z)
+    success = said == "solved" and found <= EPS
+    return row | {"success": success, "said": said, "residual": found}
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure what is not in the CSV yet."""
+    known = csv_files.read(args.csv)
+    done = {
+        tuple(row[key] for key in ("family", "n", "seed", "solver")) for row in known
+    }
+    end = time.monotonic() + 60.0 * args.minutes
+    header = cli.begin(args.solvers)
+    with (
+        csv_files.writer(args.csv, header, COLUMNS, append=True) as write,
+        processes.benches(work, args.solvers, args.limit) as children,
+    ):
+        for family in args.families:
+            late: set[str] = set()
+            sizes = sizes_of(family)[: QUICK if args.quick else None]
+            for n in sizes:
+                for solver, child in children.items():
+                    failed = 0
+                    for seed in range(args.seeds):
+                        key = {"family": family, "n": n, "seed": seed, "solver": solver}
+                        if tuple(map(str, key.values())) in done or solver in late:
+                            continue
+                        if time.monotonic() > end:
+                            return 0
+                        row = key | child.ask(family, n, seed)
+                        row.setdefault("said", row.get("status"))
+                        failed += row.get("runtime", args.limit) >= args.limit
+                        write(row)
+                    if failed == args.seeds:
+                        late.add(solver)
+            print(family, flush=True)
+    print_table(args.csv)
+    return 0
+
+
+def print_table(file: Any) -> None:
+    """Print, for each family, size and solver, what is solved and the mean time."""
+    rows = csv_files.read(file)
+    solvers = tables.distinct(rows, "solver")
+    lines = []
+    for family, n in tables.distinct(rows, "family", "n"):
+        own = tables.chosen(rows, family=family, n=n)
+        cells = [cell(tables.chosen(own, solver=solver)) for solver in solvers]
+        lines.append((family, own[0]["order"] or n, *cells))
+    print(tables.markdown(("family", "n", *solvers), lines))
+
+
+def cell(rows: list[Row]) -> str:
+    """Return solved/asked and the geometric mean of the times in milliseconds."""
+    if not rows:
+        return "-"
+    times = [float(row["runtime"]) for row in rows if row["success"] == "True"]
+    mean = f", {1e3 * timing.geometric_mean(times):.3g} ms" if times else ""
+    return f"{len(times)}/{len(rows)}{mean}"
+
+
+def plot(args: argparse.Namespace) -> int:
+    """Draw time against n, one panel a family; failures are crosses at the top."""
+    rows = csv_files.read(args.csv)
+    names = tables.distinct(rows, "family")
+    columns = min(5, len(names))
+    lines = -(-len(names) // columns)
+    figure, panels = plt.subplots(
+        lines, columns, figsize=(charts.WIDTH, 2.4 * lines + 0.5), sharey=True,
+        layout="constrained", squeeze=False,
+    )  # fmt: skip
+    for axes, name in zip(panels.flat, names, strict=False):
+        draw_family(axes, tables.chosen(rows, family=name), args.limit)
+        axes.set_title(name)
+    for axes in panels.flat[len(names) :]:
+        axes.set_axis_off()
+    panels[0, 0].legend(fontsize=7.0, loc="upper left", bbox_to_anchor=(0.0, 0.9))
+    figure.supxlabel("n", fontsize=9.0)
+    figure.supylabel("time [ms]; crosses: not solved", fontsize=9.0)
+    charts.save(figure, args.figures / "general-lcps.svg")
+    return 0
+
+
+def draw_family(axes: Any, rows: list[Row], limit: float) -> None:
+    """Draw the mean times of all solvers, and a cross for each failure."""
+    for k, (solver, (colour, marker)) in enumerate(STYLE.items()):
+        points = []
+        for n in tables.distinct(rows, "n"):
+            own = tables.chosen(rows, solver=solver, n=n)
+            good = [float(row["runtime"]) for row in own if row["success"] == "True"]
+            order = next((int(r["order"]) for r in own if r["order"]), int(n))
+            if good:
+                points.append((order, 1e3 * timing.geometric_mean(good)))
+            missed = len(own) - len(good)
+            if missed:
+                height = 2e3 * limit * 1.6**k
+                axes.plot(order, height, "x", color=colour, markersize=4.0)
+                charts.label(
+                    axes, f"{missed}", (order, height), (3, 0), colour, fontsize=5.5
+                )
+        if points:
+            axes.plot(*zip(*points, strict=True), marker=marker, color=colour,
+                      label=solver, markersize=3.5)  # fmt: skip
+    axes.set(xscale="log", yscale="log")
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run, table or plot."""
+    parser = cli.parser(__doc__)
+    commands = parser.add_subparsers(required=True)
+    file = cli.RESULTS / "general-lcps.csv"
+    for name, call in (("run", run), ("table", table), ("plot", plot)):
+        command = commands.add_parser(name)
+        command.set_defaults(call=call)
+        cli.add_usual(command, csv=file, limit=10.0)
+        if name == "plot":
+            cli.add_usual(command, "figures")
+        if name == "run":
+            cli.add_usual(command, "quick", "minutes")
+            command.add_argument("--seeds", type=int, default=4)
+            for option, known in (
+                ("families", families.FAMILIES),
+                ("solvers", SOLVERS),
+            ):
+                command.add_argument(
+                    f"--{option}", nargs="+", default=list(known), choices=list(known)
+                )
+    args = parser.parse_args(arguments)
+    return int(args.call(args))
+
+
+def table(args: argparse.Namespace) -> int:
+    """Print the table of a CSV."""
+    print_table(args.csv)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
