@@ -18,7 +18,6 @@ from namlcp.lcp.pivoting import solve_box
 from namlcp.lcp.psor import MAX_SWEEPS, solve_by_sweeps
 from namlcp.lcp.tridiagonal import solve_tridiagonal
 from namlcp.limits import Limits
-from namlcp.linalg import PSD_SLACK
 from namlcp.status import Status
 
 LARGE_LCP = 10_000
@@ -57,9 +56,9 @@ def solve_auto(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
             return outcome._replace(status=Status.TIME_LIMIT)
         z0 = outcome.z
     outcome = solve_box(lcp, z0, limits)
-    if outcome.status is not Status.STALLED or matrix.is_semidefinite(PSD_SLACK):
-        return outcome
-    return solve_general(lcp, outcome.z, limits, outcome.iterations)
+    if outcome.status is Status.STALLED and outcome.beyond:
+        return solve_general(lcp, outcome.z, limits, outcome.iterations)
+    return outcome
 
 
 def solve_large(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:

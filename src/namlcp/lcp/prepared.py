@@ -87,14 +87,10 @@ class Prepared:
         return None if isinstance(self.A, np.ndarray) else tridiagonal_of(self.A)
 
     @cached_property
-    def rising(self) -> np.ndarray:
-        """Where diag(A) is positive."""
-        return self.A.diagonal() > 0.0
-
-    @cached_property
     def slopes(self) -> np.ndarray:
         """diag(A), 1 where that is not positive: the scaling, and Omega of s."""
-        return np.where(self.rising, self.A.diagonal(), 1.0)
+        diagonal = self.A.diagonal()
+        return np.where(diagonal > 0.0, diagonal, 1.0)
 
     @cached_property
     def is_general(self) -> bool:
@@ -104,12 +100,13 @@ class Prepared:
         x'A x < 0 for x = t e_i + r with any r that has (A r + A'r)_i != 0 and a large
         t of the right sign.
         """
-        if self.rising.all():
+        A, diagonal = self.A, self.A.diagonal()
+        if (diagonal > 0.0).all():
             return False
-        r = np.random.default_rng(0).uniform(1.0, 2.0, self.rising.size)
-        slope, size = self.A @ r + self.A.T @ r, abs(self.A) @ r + abs(self.A.T) @ r
-        falls = (np.abs(slope) > DIAGONAL_ROUNDING * size) | (self.A.diagonal() < 0.0)
-        return bool((falls & ~self.rising).any())
+        r = np.random.default_rng(0).uniform(1.0, 2.0, diagonal.size)
+        slope, size = A @ r + A.T @ r, abs(A) @ r + abs(A.T) @ r
+        falls = np.abs(slope) > DIAGONAL_ROUNDING * size
+        return bool((falls & (diagonal == 0.0) | (diagonal < 0.0)).any())
 
     @cached_property
     def root(self) -> np.ndarray:

@@ -174,7 +174,6 @@ def solve_lcp(
         refuse("is not for", method, z0=z0)
     matrix = prepared(A, diagonal, method)
     lcp = lcp_data(matrix, q, lower, upper)
-    cover = spread("cover", cover, lcp.q.size, np.ones(lcp.q.size), positive=True)
     progress = Progress(LCP_COLUMNS, verbose)
     if verbose:
         progress.say(f"namlcp  LCP: n = {lcp.q.size}, method = {method}")
@@ -189,7 +188,9 @@ def solve_lcp(
             if eps_rel is None:
                 eps_rel = ACCURACY if eps_abs is None else 0.0
             limits = Limits(eps_abs or 0.0, eps_rel, max_iter, deadline, report)
-            outcome = solve_exactly(lcp, solver_of(method, cover), z0, limits)
+            outcome = solve_exactly(
+                lcp, solver_of(method, cover, lcp.q.size), z0, limits
+            )
         else:
             eps_abs = SWEEP_EPS_ABS if eps_abs is None else eps_abs
             limits = Limits(eps_abs, 0.0, max_iter, deadline, report)
@@ -225,9 +226,10 @@ def solve_lcp(
     )
 
 
-def solver_of(method: str, cover: np.ndarray) -> Solver:
-    """Return the function of one of SOLVERS."""
+def solver_of(method: str, cover: Any, n: int) -> Solver:
+    """Return the function of one of SOLVERS; raise for a bad covering vector."""
     if method == "lemke":
+        cover = spread("cover", cover, n, np.ones(n), positive=True)
         return partial(solve_lemke, cover=cover)
     return solve_auto if method == "auto" else solve_multigrid
 

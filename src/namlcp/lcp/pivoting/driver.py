@@ -56,6 +56,9 @@ PATH_CHUNK = 5
 PATH_TARGET = 1e-8
 """Scaled Res, relative to its value at clip(0), at which the interior path ends."""
 
+HALTS = stages.STAGNATED, stages.STUCK
+"""Codes of `pivot` that tell of no progress."""
+
 CLEAR, CLEARER = 1e3, 10.0
 """A certificate of infeasibility is sought once kappa / tau of the homogeneous path
 exceeds CLEAR, and again whenever the ratio has grown by the factor CLEARER."""
@@ -70,12 +73,10 @@ def solve_box(
     whether a symmetric A is positive semidefinite; outcome.convex has the result.
     """
     with np.errstate(all="ignore"):  # singular systems overflow, which is detected
-        attempt = Attempt(lcp, z0, limits, ask_convex)
-        outcome = attempt.outcome()
+        outcome = Attempt(lcp, z0, limits, ask_convex).outcome()
         stalled = outcome.status is Status.STALLED and lcp.matrix.symmetric
-        left = outcome.iterations < attempt.most
-        indefinite = attempt.work.now.not_p
-        if not stalled or not left or indefinite or lcp.q.size > DENSE_ORDER:
+        left = outcome.iterations < (limits.max_iter or MAX_FACTORISATIONS)
+        if not stalled or not left or outcome.beyond or lcp.q.size > DENSE_ORDER:
             return outcome
         # rho may dominate an ill-conditioned matrix. As "nonsymmetric" rho begins at 0.
         again = lcp._replace(matrix=Prepared.unchecked(lcp.A, False))
@@ -98,6 +99,7 @@ class Attempt:
     ) -> None:
         """Copy the problem; `before` counts the factorisations of earlier attempts."""
         self.lcp, self.limits, self.before = lcp, limits, before
+        self.beyond = False  # whether the problem was left to methods for any matrix
         self.most = limits.max_iter or MAX_FACTORISATIONS
         self.columns, n = lcp.matrix.columns, lcp.q.size
         self.work = work = PivotMemory(self.columns, n)
@@ -107,7 +109,6 @@ class Attempt:
             work.z[:] = z0
         now.eps_abs, now.eps_rel = limits.eps_abs, limits.eps_rel
         now.factorisations, now.symmetric = before, lcp.matrix.symmetric
-        now.not_p = lcp.matrix.is_general
         compressed = self.columns.dense.shape[0] == 0
         large = compressed and now.symmetric and in_blocks(n, self.columns.data.size)
         by_lu = compressed and not now.symmetric and n > DENSE_ORDER
@@ -135,7 +136,9 @@ class Attempt:
             z = lcp.start()
             w, status = lcp.w(z), Status.SOLVED
         count = now.factorisations
-        return Outcome(status, z, w, count, "pivoting", ray, convex=now.convex)
+        return Outcome(
+            status, z, w, count, "pivoting", ray, None, now.convex, beyond=self.beyond
+        )
 
     def best(self) -> np.ndarray:
         """Return the best z so far in the caller's scaling."""
@@ -165,17 +168,18 @@ class Attempt:
         status = Status.SOLVED
         while code != stages.DONE:
             done, limit = now.factorisations, self.most
-            if code in (stages.STAGNATED, stages.STUCK) and self.may_be_decided():
+            if code in HALTS and self.may_be_decided():
                 ray = self.decide(limit)
                 self.report()
                 if ray is not None:
                     return Status.UNSOLVABLE, ray
                 done, code = now.factorisations, stages.MORE
-            stuck = code == stages.STUCK or (
-                code == stages.STAGNATED and self.is_beyond()
-            )
-            if stuck or done >= limit:
-                status = Status.STALLED if stuck else Status.MAX_ITER
+            self.beyond = code in HALTS and self.is_beyond()
+            if code == stages.STUCK or self.beyond:
+                status = Status.STALLED
+                break
+            if done >= limit:
+                status = Status.MAX_ITER
                 break
             if done > self.before and limits.deadline.reached():
                 status = Status.TIME_LIMIT
@@ -205,9 +209,8 @@ class Attempt:
         Murty's rule takes too many of these.
         """
         now = self.work.now
-        return now.not_p or (
-            now.external_solve and not (self.large or now.path_followed)
-        )
+        by_lu = now.external_solve and not self.large and not now.path_followed
+        return now.not_p or by_lu or self.lcp.matrix.is_general
 
     def report(self) -> None:
         """Report factorisations, Res of the best z, and how many states are bounded."""
