@@ -14,7 +14,7 @@ from scipy import sparse
 import namlcp
 from namlcp import Solver, Status, solve_qp
 from namlcp.qp.problem import qp_data
-from namlcp.qp.responses import DenseResponses
+from namlcp.qp.responses import Responses
 from namlcp.qp.sequences import solver as module
 
 NAMES = ("P", "q", "G", "h", "A", "b", "lb", "ub")
@@ -272,7 +272,7 @@ def test_an_interrupted_solve_leaves_the_solver_usable(store, monkeypatch):
     for _ in range(5):
         solver.update(**arguments(walk.change_all_vectors(), store))
         with monkeypatch.context() as patch:
-            for place, name in (module, "solve_checked"), (DenseResponses, "solve"):
+            for place, name in (module, "solve_checked"), (Responses, "solve"):
                 patch.setattr(place, name, interrupted(getattr(place, name)))
             with pytest.raises(KeyboardInterrupt):
                 solver.solve()

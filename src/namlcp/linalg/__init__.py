@@ -39,9 +39,12 @@ from namlcp.linalg.definite import (
     positive_factors,
 )
 from namlcp.linalg.factors import (
+    FACTORS,
     Factors,
     SparseFactors,
+    attach_factors,
     factor_triangle,
+    pattern_of,
     plan_factors,
 )
 from namlcp.linalg.lapack import (
@@ -67,7 +70,7 @@ from namlcp.linalg.ldl import (
     ldl_symbolic,
 )
 from namlcp.linalg.minimum_degree import minimum_degree
-from namlcp.linalg.sparse_ldl import Pattern, ldl_factor, ldl_solve_into
+from namlcp.linalg.sparse_ldl import ldl_factor, ldl_solve_into
 from namlcp.linalg.supernodes import Blocks, blocks_of, factor_blocks, solve_blocks
 from namlcp.linalg.symmetry import asymmetry, dense_asymmetry
 from namlcp.linalg.threads import blas_threads

@@ -20,12 +20,12 @@ import numpy as np
 from scipy.linalg.lapack import dpotrf, dpotrs, dsytrf, dsytrf_lwork, dsytrs
 from scipy.sparse import csc_matrix
 
-from namlcp.compiled import kernel
+from namlcp.compiled import ints, kernel, longs, part, record_of
 from namlcp.linalg.csc import MOST_DENSE
 from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.multifrontal import Multifrontal
 from namlcp.linalg.ordering import Order, degrees, nested_dissection
-from namlcp.linalg.sparse_ldl import analyse, factor_sparse, solve_sparse
+from namlcp.linalg.sparse_ldl import Pattern, analyse, factor_sparse, solve_sparse
 
 # Entries of the upper triangle of K from which on a border is looked for.
 BORDER_ENTRIES = 20_000
@@ -104,6 +104,50 @@ class SparseFactors:
         x = np.empty(rhs.size)
         solve_sparse(self.pattern, self.values, self.inverse, rhs, x, self.work)
         return x
+
+
+FACTORS = (
+    "l_place l_diagonal l_columns l_rows l_source l_starts l_below l_lines l_chunks "
+    "l_width l_done l_values l_inverse l_work"
+).split()
+"""Fields of a record for the addresses of `SparseFactors`."""
+
+
+@kernel
+def attach_factors(state, pattern, numbers):
+    """Set the fields FACTORS of state[0]; numbers: values, inverse and work."""
+    m = record_of(state)
+    values, inverse, work = numbers
+    m.l_place, m.l_diagonal = pattern.place.ctypes.data, pattern.diagonal.ctypes.data
+    m.l_columns, m.l_rows = pattern.columns.ctypes.data, pattern.rows.ctypes.data
+    m.l_source, m.l_starts = pattern.source.ctypes.data, pattern.starts.ctypes.data
+    m.l_below, m.l_lines = pattern.below.ctypes.data, pattern.lines.ctypes.data
+    m.l_chunks, m.l_width = pattern.chunks.ctypes.data, pattern.width.ctypes.data
+    m.l_done, m.l_values = pattern.done.ctypes.data, values.ctypes.data
+    m.l_inverse, m.l_work = inverse.ctypes.data, work.ctypes.data
+
+
+@part
+def pattern_of(m):
+    """Return the pattern whose addresses the record m holds; m.size is the order."""
+    size = m.size
+    columns = ints(m.l_columns, size + 1)
+    starts = longs(m.l_starts, size + 1)
+    lines = longs(m.l_lines, size + 1)
+    entries = np.int64(columns[size])
+    return Pattern(
+        ints(m.l_place, size),
+        ints(m.l_diagonal, size),
+        columns,
+        ints(m.l_rows, entries),
+        ints(m.l_source, entries),
+        starts,
+        ints(m.l_below, starts[size]),
+        lines,
+        ints(m.l_chunks, lines[size]),
+        ints(m.l_width, size),
+        longs(m.l_done, size),
+    )
 
 
 def factor_triangle(triangle: csc_matrix) -> SparseFactors:

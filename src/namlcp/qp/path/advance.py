@@ -18,8 +18,8 @@ factorisation succeeds.
 
 import numpy as np
 
-from namlcp.compiled import floats, ints, kernel, longs, part, record_of
-from namlcp.linalg import Pattern, ldl_factor, ldl_solve_into
+from namlcp.compiled import floats, ints, kernel, part, record_of
+from namlcp.linalg import ldl_factor, ldl_solve_into, pattern_of
 from namlcp.qp.path.active_set import choose_next_set, correct_set, hold, is_set_solved
 from namlcp.qp.path.krylov import begin_krylov, end_krylov, is_krylov_done
 from namlcp.qp.path.newton import (
@@ -209,29 +209,6 @@ def advance(state):
             return READY
         else:  # READY
             return stage
-
-
-@part
-def pattern_of(m):
-    """Return the pattern of the factors."""
-    size = m.size
-    columns = ints(m.l_columns, size + 1)
-    starts = longs(m.l_starts, size + 1)
-    lines = longs(m.l_lines, size + 1)
-    entries = np.int64(columns[size])
-    return Pattern(
-        ints(m.l_place, size),
-        ints(m.l_diagonal, size),
-        columns,
-        ints(m.l_rows, entries),
-        ints(m.l_source, entries),
-        starts,
-        ints(m.l_below, starts[size]),
-        lines,
-        ints(m.l_chunks, lines[size]),
-        ints(m.l_width, size),
-        longs(m.l_done, size),
-    )
 
 
 @part

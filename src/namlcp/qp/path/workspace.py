@@ -11,7 +11,7 @@ import numpy as np
 
 from namlcp.compiled import kernel, record_of
 from namlcp.limits import Limits
-from namlcp.linalg import SparseFactors
+from namlcp.linalg import FACTORS, SparseFactors, attach_factors
 from namlcp.qp.path.advance import (
     FACTOR,
     OPERATIONS,
@@ -27,11 +27,6 @@ from namlcp.qp.transforms import ScaledQP
 # the active-set systems.
 GIVEN = (
     "indptr indices base data factored place sign unit q b c cost goal_b goal_c"
-).split()
-# Vectors of an entrywise factorisation, see `linalg.Pattern`.
-FACTORS = (
-    "l_place l_diagonal l_columns l_rows l_source l_starts l_below l_lines l_chunks "
-    "l_width l_done l_values l_inverse l_work"
 ).split()
 # Vectors of the workspace, by size: n variables, p equations, m one-sided constraints,
 # size = order of K. One-sided constraints are sign * t[place] + W = c with slacks
@@ -321,20 +316,6 @@ def attach_problem(state, triangle, vectors):
     m.place, m.sign, m.unit = place.ctypes.data, sign.ctypes.data, unit.ctypes.data
     m.q, m.b, m.c = q.ctypes.data, b.ctypes.data, c.ctypes.data
     m.cost, m.goal_b, m.goal_c = m.q, m.b, m.c
-
-
-@kernel
-def attach_factors(state, pattern, numbers):
-    """Set the addresses of FACTORS."""
-    m = record_of(state)
-    values, inverse, work = numbers
-    m.l_place, m.l_diagonal = pattern.place.ctypes.data, pattern.diagonal.ctypes.data
-    m.l_columns, m.l_rows = pattern.columns.ctypes.data, pattern.rows.ctypes.data
-    m.l_source, m.l_starts = pattern.source.ctypes.data, pattern.starts.ctypes.data
-    m.l_below, m.l_lines = pattern.below.ctypes.data, pattern.lines.ctypes.data
-    m.l_chunks, m.l_width = pattern.chunks.ctypes.data, pattern.width.ctypes.data
-    m.l_done, m.l_values = pattern.done.ctypes.data, values.ctypes.data
-    m.l_inverse, m.l_work = inverse.ctypes.data, work.ctypes.data
 
 
 def address(array: np.ndarray) -> int:

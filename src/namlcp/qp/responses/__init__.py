@@ -5,7 +5,7 @@ without inequalities, and the responses to the rows that have been active. The n
 solve starts from the active rows of the last solved QP (`active` has the method); what
 it returns depends on the data alone, not on the solves before, up to the rounding
 errors of degenerate QPs. `solve_once` is for a single QP. A class of this room,
-`DenseResponses` for arrays, has
+`DenseResponses` for arrays and `SparseResponses` for sparse matrices, has
 
 - ``of(qp)``: for the matrices of a QP, None where they are not suited. The arrays are
   not copied, and must not change;
@@ -21,7 +21,9 @@ errors of degenerate QPs. `solve_once` is for a single QP. A class of this room,
 It can be copied and pickled (a copy starts without history), and is for one thread.
 `state` (the record), `active` (the loop), `rows`, `triangle` and `judgement` (the
 point, measured and refined) know neither how the base problem is solved nor how a
-response is made; `dense` and `run` do, for arrays.
+response is made; `dense` and `run` do, for arrays, `sparse` and `sparse_run` for sparse
+matrices. `course` is what a solve consists of, whatever the matrices are stored as.
 """
 
-from namlcp.qp.responses.solve import DenseResponses, solve_once
+from namlcp.qp.responses.solve import DenseResponses, Responses, solve_once
+from namlcp.qp.responses.sparse_solve import SparseResponses

@@ -134,7 +134,7 @@ def recall(m):
     kept, kept_side = longs(m.kept_active, m.most + 1), longs(m.kept_side, m.most + 1)
     for i in range(m.k):
         side[active[i]] = 0
-    m.k, m.changed = m.kept_k, 0
+    m.k, m.changed, m.operations = m.kept_k, 0, 0.0
     for i in range(m.k):
         active[i] = kept[i]
         side[kept[i]] = kept_side[i]
@@ -227,14 +227,23 @@ def drop_wrong_signs(m):
 
 
 @part
+def largest_value(m):
+    """Return the largest |x_j| over the norm of its row."""
+    s, scale = floats(m.s, m.length), floats(m.scale, m.rows)
+    size = 0.0
+    for i in range(m.m, m.rows):
+        size = max(size, abs(s[i]) * scale[i])
+    return size
+
+
+@part
 def choose_entering(m):
     """Set m.entering and its side: the row violated most for its norm, -1 for none."""
     s = floats(m.s, m.length)
     scale, h = floats(m.scale, m.rows), floats(m.h, m.m)
     lb, ub, x = floats(m.lb, m.n), floats(m.ub, m.n), s[m.m :]
-    size = 0.0
-    for j in range(m.n):
-        size = max(size, abs(x[j]))
+    unit = scale[m.m :]
+    size = largest_value(m)
     level, rounding = m.level, m.level * size
     entering, worst, at_upper = -1, 0.0, 1
     for i in range(m.m):
@@ -243,13 +252,13 @@ def choose_entering(m):
             if violation > level * abs(h[i]) * scale[i] + rounding:
                 entering, worst = i, violation
     for j in range(m.n):
-        violation = x[j] - ub[j]
+        violation = (x[j] - ub[j]) * unit[j]
         if violation > worst:
-            if violation > level * abs(ub[j]) + rounding:
+            if violation > level * abs(ub[j]) * unit[j] + rounding:
                 entering, worst, at_upper = m.m + j, violation, 1
-        violation = lb[j] - x[j]
+        violation = (lb[j] - x[j]) * unit[j]
         if violation > worst:
-            if violation > level * abs(lb[j]) + rounding:
+            if violation > level * abs(lb[j]) * unit[j] + rounding:
                 entering, worst, at_upper = m.m + j, violation, -1
     m.entering, m.entering_side, m.own = entering, at_upper, 0.0
 
@@ -306,10 +315,7 @@ def is_noise(m):
     """Tell whether the violation of the entering row may be due to rounding errors."""
     row, s = m.entering, floats(m.s, m.length)
     goal, scale = goal_of(m, row, m.entering_side), floats(m.scale, m.rows)[row]
-    size = 0.0
-    for j in range(m.n):
-        size = max(size, abs(s[m.m + j]))
-    terms = abs(goal) * scale + size
+    terms = abs(goal) * scale + largest_value(m)
     return abs(s[row] - goal) * scale <= NOISE * m.level * terms
 
 
@@ -329,8 +335,13 @@ def pivot(m):
             if not has_response(m, m.entering):
                 m.asked = m.entering
                 return RESPONSE
-        if is_over(watch, (m.k + 2) * (m.length + m.k)):
+        operations = (m.k + 2) * (m.length + m.k)
+        if is_over(watch, operations):
             return LATE
+        m.operations += operations
+        is_full = m.k == m.most and m.k < min(m.n - m.p, m.rows)
+        if is_full or m.operations > m.most_operations:
+            return STUCK
         if step(m) == CONTRADICTION:
             if not is_noise(m):
                 return CONTRADICTION

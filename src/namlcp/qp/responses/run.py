@@ -45,6 +45,7 @@ def attach_matrices(state, P, G, A):
     m.n, m.m, m.p = P.shape[0], G.shape[0], A.shape[0]
     m.P, m.G, m.A = P.ctypes.data, G.ctypes.data, A.ctypes.data
     m.is_ready, m.k, m.kept_k, m.hints = 0, 0, 0, 0
+    m.most_operations = np.inf
     size = m.n + m.p
     return lay_out(m, size * size)
 

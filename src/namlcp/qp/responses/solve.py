@@ -1,5 +1,8 @@
 """Dense QPs with the same matrices, one after another, by responses."""
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from namlcp.limits import Limits
@@ -8,7 +11,7 @@ from namlcp.qp.answer import Answer, proved
 from namlcp.qp.certificates import accept_primal
 from namlcp.qp.guess import Guess
 from namlcp.qp.problem import QP, Point, refuse_numbers, without_huge_sides
-from namlcp.qp.responses.active import CONTRADICTION, DONE, LATE
+from namlcp.qp.responses.active import CONTRADICTION, DONE, LATE, STUCK
 from namlcp.qp.responses.judgement import NUMBERS
 from namlcp.qp.responses.run import (
     FAULTY,
@@ -32,6 +35,8 @@ ROUNDING = 4e-15
 MOST_VARIABLES = 300
 POOL: list["DenseResponses"] = []
 MOST_POOLED = 1_000_000
+# Solves in a row that are left to other methods before responses are no longer tried.
+MOST_LEFT = 3
 
 
 def solve_once(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
@@ -52,37 +57,37 @@ def solve_once(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
     return found
 
 
-class DenseResponses:
-    """What is kept for QPs with the same dense P, G and A: see the door of this room.
+class Responses:
+    """What is kept for QPs with the same P, G and A: see the door of this room.
 
     It is for one thread, and holds the arrays of its matrices, which must not change.
+    `kernel` solves the QP whose vectors have been attached.
     """
 
-    def __init__(self, P: np.ndarray, G: np.ndarray, A: np.ndarray) -> None:
+    kernel: Callable[..., int]
+    matrices: tuple[Any, Any, Any]
+    left = 0  # to other methods, one solve after the other
+
+    def __init__(self, P: Any, G: Any, A: Any) -> None:
         """Note the matrices; the first solve computes what depends on them."""
         self.now, self.state = new_state()
         self.attach(P, G, A)
 
-    @classmethod
-    def of(cls, qp: QP) -> "DenseResponses | None":
-        """Return responses for the matrices of a QP; None if these are sparse."""
-        return cls(qp.P, qp.G, qp.A) if qp.is_dense else None
-
-    def __reduce__(self) -> tuple[type["DenseResponses"], tuple[np.ndarray, ...]]:
+    def __reduce__(self) -> tuple[type["Responses"], tuple[Any, ...]]:
         """Let a copy begin anew with the same matrices: addresses cannot be copied."""
-        return DenseResponses, self.matrices
+        return type(self), self.matrices
 
     @property
     def are_unsuited(self) -> bool:
-        """Tell whether the last solve found that the matrices are not suited."""
-        return not self.now.is_ready
+        """Tell whether the matrices do not suit, or the last solves were all left."""
+        return not self.now.is_ready or self.left >= MOST_LEFT
 
-    def attach(self, P: np.ndarray, G: np.ndarray, A: np.ndarray) -> None:
+    def attach(self, P: Any, G: Any, A: Any) -> None:
         """Take matrices, and memory for them."""
-        self.matrices = P, G, A
-        if not attach_matrices(self.state, P, G, A):
-            self.memory = allocate(self.now)
-            attach_matrices(self.state, P, G, A)
+        raise NotImplementedError
+
+    def set_size(self) -> None:
+        """Set the number of entries of a result."""
         self.size = 2 * self.now.n + self.now.m + self.now.p + NUMBERS
 
     def renew(self, qp: QP) -> None:
@@ -119,7 +124,8 @@ class DenseResponses:
         out = np.empty(self.size)
         attach_vectors(self.state, (q, h, b, lb, ub), out)
         most = 4.0 * now.max_iter * now.n * (2 * now.n + now.m + now.p)
-        code = limits.deadline.run(run, most, self.state)
+        code = limits.deadline.run(self.kernel, most, self.state)
+        self.left = self.left + 1 if code == STUCK else 0
         if code == DONE or code == LATE:
             return self.answer(code, out, (q, h, b, lb, ub), limits)
         P, G, A = self.matrices
@@ -160,3 +166,22 @@ class DenseResponses:
             if code == DONE and not residuals.solved(*limits.tolerances):
                 status = Status.STALLED
         return Answer(status, point, residuals, self.now.pivots, "dual")
+
+
+class DenseResponses(Responses):
+    """What is kept for QPs with the same dense P, G and A."""
+
+    kernel = staticmethod(run)
+
+    @classmethod
+    def of(cls, qp: QP) -> "DenseResponses | None":
+        """Return responses for the matrices of a QP; None if these are sparse."""
+        return cls(qp.P, qp.G, qp.A) if qp.is_dense else None
+
+    def attach(self, P: np.ndarray, G: np.ndarray, A: np.ndarray) -> None:
+        """Take matrices, and memory for them."""
+        self.matrices = P, G, A
+        if not attach_matrices(self.state, P, G, A):
+            self.memory = allocate(self.now)
+            attach_matrices(self.state, P, G, A)
+        self.set_size()

@@ -10,6 +10,7 @@ import ctypes
 import numpy as np
 
 from namlcp.compiled import part
+from namlcp.linalg import FACTORS
 
 # Addresses of vectors: those of the problem and of the result, set by `attach`, ...
 GIVEN = "P q G h A b lb ub out".split()
@@ -33,6 +34,9 @@ OWN = (
     # The state of `limits.is_over`.
     "watch"
 ).split()
+# Addresses of a sparse base problem, see `sparse`: its KKT matrix, the rows of G, its
+# regularisation, a vector to solve with, and the factors.
+SPARSE = "indptr indices base data shift g_starts g_columns g_values rest".split()
 NUMBERS = (
     # Sizes of the QP; rows = m + n inequalities and bounds; length = rows + p; the most
     # active rows, the most responses.
@@ -43,7 +47,12 @@ NUMBERS = (
     # The row that becomes active (-1: none), its side, and the row whose response is
     # asked for; the place of the next response.
     "entering entering_side asked next_place "
-    "pivots max_iter is_ready memory memory_size memory_end"
+    "pivots max_iter is_ready memory memory_size memory_end "
+    # Order of a sparse KKT matrix, passes of refinement of a solve with it.
+    "size passes is_shifted "
+    # Where `course` is: its stage, how the pivots ended, passes of refinement left, and
+    # where values are to be set.
+    "stage found passes_left target"
 ).split()
 REALS = (
     # The multiplier of the entering row so far.
@@ -52,6 +61,10 @@ REALS = (
     "level "
     # Curvature c'Hc of a row c of norm 1 up to which it counts as fixed by equations.
     "least_curvature "
+    # The error of the point, see `judgement`.
+    "error "
+    # Operations of the pivots so far, and those from which on the method gives up.
+    "operations most_operations "
     "eps_abs eps_rel"
 ).split()
 
@@ -60,13 +73,16 @@ class ResponseState(ctypes.Structure):
     """Numbers and addresses: attributes in Python, fields in compiled code."""
 
     _fields_ = (
-        *((name, ctypes.c_int64) for name in (*GIVEN, *OWN, *NUMBERS)),
+        *(
+            (name, ctypes.c_int64)
+            for name in (*GIVEN, *OWN, *SPARSE, *FACTORS, *NUMBERS)
+        ),
         *((name, ctypes.c_double) for name in REALS),
     )
 
 
 RECORD = np.dtype((np.record, np.dtype(ResponseState)))
-# Most numbers that all responses may take: 64 MB.
+# Most numbers that all responses may take: 64 MB. There are no more active rows.
 MOST_NUMBERS = 8_000_000
 
 
@@ -93,7 +109,7 @@ def lay_out(m, base_size):
     """
     m.rows = m.m + m.n
     m.length = m.rows + m.p
-    m.most = max(min(m.n - m.p, m.rows), 0)
+    m.most = max(min(m.n - m.p, m.rows, MOST_NUMBERS // m.length), 0)
     m.capacity = min(m.rows, max(m.most + 1, MOST_NUMBERS // max(m.length, 1)))
     m.memory_end = m.memory
     triangle = m.most * (m.most + 1) // 2

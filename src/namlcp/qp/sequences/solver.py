@@ -33,7 +33,7 @@ from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.judge import upheld
 from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, qp_data
-from namlcp.qp.responses import DenseResponses
+from namlcp.qp.responses import DenseResponses, Responses, SparseResponses
 from namlcp.qp.sequences.pattern import in_place_of, is_unchanged, within_pattern
 from namlcp.qp.solve import result_of, solve_checked
 from namlcp.result import QPResult
@@ -232,6 +232,9 @@ class Solver:
                 result = self.solve_by_responses(self.responses, guess, start)
             if result is None:
                 result = self.solve_by_all_means(guess, start)
+                if self.responses is not None and result.status is Status.SOLVED:
+                    found = make_guess(self.qp, None, result)
+                    self.responses.suggest(found.active)
         except BaseException:
             self.begin()  # what was to be kept may not be complete
             raise
@@ -240,7 +243,7 @@ class Solver:
         return result
 
     def solve_by_responses(
-        self, responses: DenseResponses, guess: Guess | None, start: float
+        self, responses: Responses, guess: Guess | None, start: float
     ) -> QPResult | None:
         """Return the result of the method that keeps most; None if it does not decide.
 
@@ -288,8 +291,10 @@ def copy_ordinary(vector, out):
     return ordinary
 
 
-def responses_of(qp: QP) -> DenseResponses | None:
+def responses_of(qp: QP) -> Responses | None:
     """Return what keeps responses for the matrices of a QP, None if nothing does."""
+    if not qp.is_dense:
+        return SparseResponses.of(qp)
     return DenseResponses.of(qp) if is_small(qp) else None
 
 
