@@ -12,7 +12,6 @@ from namlcp.linalg.minimum_degree import (
     mark_hubs,
     minimum_degree,
 )
-from namlcp.linalg.ordering import degrees
 
 
 def scattered(size, entries, seed):
@@ -150,14 +149,14 @@ def test_hubs_are_eliminated_last():
 
 
 @njit
-def marked(indptr, indices, degree, kind):
-    mark_hubs(indptr, indices, degree, kind)
+def marked(indptr, indices, kind, degree, inside, large):
+    mark_hubs(indptr, indices, kind, kind.size, degree, inside, large)
 
 
 def hubs_of(K):
     U = upper(K)
-    kind = np.full(U.shape[0], VARIABLE, dtype=np.int8)
-    marked(*parts(U), degrees(*parts(U), kind == VARIABLE), kind)
+    kind = np.full(U.shape[0], VARIABLE)
+    marked(*parts(U), kind, *np.empty((3, kind.size), dtype=np.int64))
     return np.flatnonzero(kind == BESIDE)
 
 

@@ -18,17 +18,27 @@ from numba import config
 
 from namlcp.compiled.decorators import compile_time, compiled, is_at_hand
 from namlcp.compiled.store import kept_in
-from namlcp.compiled.views import Fields, floats, ints, longs, uncounted
+from namlcp.compiled.views import (
+    Fields,
+    floats,
+    ints,
+    ints_at,
+    longs,
+    longs_at,
+    uncounted,
+)
 
 __all__ = [
     "ahead",
     "compile_time",
     "floats",
     "ints",
+    "ints_at",
     "is_at_hand",
     "kept_in",
     "kernel",
     "longs",
+    "longs_at",
     "part",
     "pasted",
     "record_of",

@@ -7,7 +7,7 @@ from typing import Any
 import numba
 import numpy as np
 from llvmlite import ir
-from numba import config, types
+from numba import config, from_dtype, types
 from numba.extending import intrinsic
 
 from namlcp.compiled.decorators import is_known
@@ -64,6 +64,27 @@ def portable(kind: Any) -> Any:
     return at
 
 
+def pointers_to(kind: Any) -> Any:
+    """Return the compiled function of (address, size) for a pointer to such entries.
+
+    A pointer p has the entries p[i] for i >= 0, and no size: it is one value, an array
+    seven. With NUMBA_BOUNDSCHECK, and in functions that are not compiled, it is a
+    vector of that size.
+    """
+    if config.DISABLE_JIT or config.BOUNDSCHECK:
+        return vectors_at(kind)
+    pointer = types.CPointer(from_dtype(np.dtype(kind)))
+
+    @intrinsic
+    def at(typingctx: Any, address: Any, size: Any) -> Any:
+        def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+            return builder.inttoptr(arguments[0], context.get_value_type(pointer))
+
+        return pointer(types.int64, types.int64), codegen
+
+    return at
+
+
 def chosen() -> tuple[Any, Any]:
     """Return `uncounted` and `vectors_at`."""
     if config.DISABLE_JIT:
@@ -77,3 +98,4 @@ def chosen() -> tuple[Any, Any]:
 
 uncounted, vectors_at = chosen()
 floats, ints, longs = map(vectors_at, (np.float64, np.int32, np.int64))
+floats_at, ints_at, longs_at = map(pointers_to, (np.float64, np.int32, np.int64))

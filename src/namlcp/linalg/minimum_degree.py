@@ -11,15 +11,17 @@ element whose variables all belong to the new one is dropped.
 Rows beside many others, hubs, would be looked at whenever one of those is eliminated.
 They are ordered last. Fill then is nearly that of an order of all rows, if a variable
 counts the hubs beside it when the least degree is sought.
+
+All indices are made int64 where they are read, so that a part is compiled once.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from namlcp.compiled import kernel, part, uncounted
-from namlcp.linalg.ldl import NONE, relink
-from namlcp.linalg.ordering import Order, degrees, postorder_tree
+from namlcp.compiled import ints_at, kernel, longs_at, part
+from namlcp.linalg.ldl import relink
+from namlcp.linalg.ordering import Order, count_inside, postordered
 
 LARGE = 2000
 """Order of a matrix from which on hubs cost more time than they save fill."""
@@ -31,6 +33,9 @@ below the order `LARGE`, and above."""
 ABOVE_MEAN = 4.0
 """Neighbours of a hub at least, relative to the mean over all rows."""
 
+NONE = -1
+"""No row, or no list."""
+
 OUTSIDE, VARIABLE, BESIDE = 0, 1, 2
 """Kinds of a row: not to be ordered, ordered by its degree, a hub."""
 
@@ -38,13 +43,14 @@ OUTSIDE, VARIABLE, BESIDE = 0, 1, 2
 class Quotient(NamedTuple):
     """The quotient graph; a node is a variable or, once eliminated, an element.
 
-    All arrays have an entry for each row. The neighbours of node i are adjacent[p] for
-    p in start[i] : start[i] + length[i]; of a variable, the first elements[i] of them
-    are elements, of an element all are variables. weight[i] tells how many rows a
-    supervariable stands for, 0 if it is part of another; it is negative while i belongs
-    to the element being formed. degree[i] bounds the rows beside i. The rows that i
-    stands for are i, following[i], following[following[i]], ..., last[i]. hubs[i]
-    counts the hubs beside i. mark[e] is 0 for an element that has been absorbed.
+    All fields but `size`, the number of rows, are pointers to an entry for each row.
+    The neighbours of node i are adjacent[p] for p in start[i] : start[i] + length[i];
+    of a variable, the first elements[i] of them are elements, of an element all are
+    variables. weight[i] tells how many rows a supervariable stands for, 0 if it is part
+    of another; it is negative while i belongs to the element being formed. degree[i]
+    bounds the rows beside i. The rows that i stands for are i, following[i],
+    following[following[i]], ..., last[i]. hubs[i] counts the hubs beside i. mark[e] is
+    0 for an element that has been absorbed.
 
     Variables of equal listed degree d, see `listed_degree`, form a list: head[d],
     after[head[d]], ...; `before` links back. While an element is formed, its variables
@@ -52,19 +58,20 @@ class Quotient(NamedTuple):
     before[i] is the key of i.
     """
 
-    start: np.ndarray
-    mark: np.ndarray
-    length: np.ndarray
-    elements: np.ndarray
-    weight: np.ndarray
-    degree: np.ndarray
-    following: np.ndarray
-    last: np.ndarray
-    hubs: np.ndarray
-    head: np.ndarray
-    after: np.ndarray
-    before: np.ndarray
-    bucket: np.ndarray
+    size: int
+    start: Any
+    mark: Any
+    length: Any
+    elements: Any
+    weight: Any
+    degree: Any
+    following: Any
+    last: Any
+    hubs: Any
+    head: Any
+    after: Any
+    before: Any
+    bucket: Any
 
 
 def minimum_degree(
@@ -75,82 +82,93 @@ def minimum_degree(
     The matrix is in CSC, its entries below the diagonal are not read.
     """
     size = indptr.size - 1
-    if member is None:
-        member = np.ones(size, dtype=np.bool_)
-    long, short = np.empty((2, size), np.int64), np.empty((11, size), np.int32)
-    return Order(*order_by_degree(indptr, indices, member, long, short))
+    kind = np.full(size, VARIABLE, dtype=np.int32)
+    if member is not None:
+        kind[~member] = OUTSIDE
+    place = np.empty(size, dtype=np.int32)
+    long, short = np.empty((4, size), np.int64), np.empty((12, size), np.int32)
+    order_by_degree(indptr, indices, kind, place, long, short)
+    return postordered(indptr, indices, place)
 
 
 @kernel
-def order_by_degree(indptr, indices, member, long, short):
-    """Return place, parent and counts of an `Order` of the rows in `member`.
+def order_by_degree(indptr, indices, kind, place, long, short):
+    """Set place[i] for all rows i of the kind VARIABLE, -1 for the others.
 
-    long (2, n) and short (11, n) are overwritten.
+    kind (n,), long (4, n) and short (12, n) are overwritten.
     """
+    size = place.size
+    starts = ints_at(indptr.ctypes.data, size + 1)
+    rows = ints_at(indices.ctypes.data, indices.size)
+    kinds, places = ints_at(kind.ctypes.data, size), ints_at(place.ctypes.data, size)
+    first, width = long.ctypes.data, 8 * size
+    degree, inside = longs_at(first, size), longs_at(first + width, size)
+    start = longs_at(first + 2 * width, size)
+    mark = longs_at(first + 3 * width, size)
+    first, width = short.ctypes.data, 4 * size
     graph = Quotient(
-        uncounted(long[0]), uncounted(long[1]), uncounted(short[0]),
-        uncounted(short[1]), uncounted(short[2]), uncounted(short[3]),
-        uncounted(short[4]), uncounted(short[5]), uncounted(short[6]),
-        uncounted(short[7]), uncounted(short[8]), uncounted(short[9]),
-        uncounted(short[10]),
+        size, start, mark,
+        ints_at(first, size), ints_at(first + width, size),
+        ints_at(first + 2 * width, size), ints_at(first + 3 * width, size),
+        ints_at(first + 4 * width, size), ints_at(first + 5 * width, size),
+        ints_at(first + 6 * width, size), ints_at(first + 7 * width, size),
+        ints_at(first + 8 * width, size), ints_at(first + 9 * width, size),
+        ints_at(first + 10 * width, size),
     )  # fmt: skip
-    size = member.size
-    kind = np.empty(size, dtype=np.int8)
-    place = np.empty(size, dtype=np.int32)
+    large = ints_at(first + 11 * width, size)
     for i in range(size):
-        kind[i] = VARIABLE if member[i] else OUTSIDE
-        place[i] = -1
-    degree = degrees(indptr, indices, member)
-    mark_hubs(indptr, indices, degree, kind)
-    done = eliminate_all(indptr, indices, kind, graph, place)
+        places[i] = -1
+    mark_hubs(starts, rows, kinds, size, degree, inside, large)
+    done = eliminate_all(starts, rows, kinds, graph, places)
     # The lists are empty now, and serve to sort the hubs by their degrees.
     for i in range(size):
-        if kind[i] == BESIDE:
-            d = np.int32(min(degree[i], size - 1))
-            relink(np.int32(i), d, NONE, graph.head, graph.after, graph.before)
+        if kinds[i] == BESIDE:
+            d = min(degree[i], size - 1)
+            relink(i, d, NONE, graph.head, graph.after, graph.before)
     for d in range(size):
         i = graph.head[d]
         while i >= 0:
-            place[i] = done
+            places[i] = done
             done += 1
             i = graph.after[i]
-    parent, counts = postorder_tree(indptr, indices, place)
-    return place, parent, counts
 
 
 @part
-def mark_hubs(indptr, indices, degree, kind):
+def mark_hubs(indptr, indices, kind, size, degree, inside, large):
     """Set the kind of hubs: of rows beside many others, and many that are no such rows.
 
-    `degree` has the degrees of the rows that are variables. A dense block is not made
-    of hubs: its rows soon become one supervariable.
+    Sets `degree` to the degrees of the rows that are variables; `inside` and `large`
+    are overwritten. A dense block is not made of hubs: its rows soon become one
+    supervariable.
     """
-    size = 0
-    total = 0
-    highest = 0
-    for i in range(kind.size):
-        size += kind[i] == VARIABLE
+    count_inside(indptr, indices, kind, size, degree)
+    number = total = highest = 0
+    for i in range(size):
+        number += kind[i]
         total += degree[i]
-        highest = max(highest, degree[i])
-    factor = MANY if size >= LARGE else FEW
-    least = max(factor * np.sqrt(size), ABOVE_MEAN * total / max(size, 1))
+        if degree[i] > highest:
+            highest = degree[i]
+    factor = MANY if number >= LARGE else FEW
+    least = factor * np.sqrt(number)
+    if number > 0:
+        least = max(least, ABOVE_MEAN * total / number)
     if highest <= least:
         return
-    large = np.empty(kind.size, dtype=np.bool_)
-    for i in range(kind.size):
+    for i in range(size):
         large[i] = degree[i] > least
-    inside = degrees(indptr, indices, large)
-    for i in range(kind.size):
+    count_inside(indptr, indices, large, size, inside)
+    for i in range(size):
         if degree[i] - inside[i] > least:
             kind[i] = BESIDE
 
 
-@part(forceinline=True)
+@part
 def eliminate_all(indptr, indices, kind, graph, place):
     """Set the places of the variables, from 0 on; return how many there are."""
     weight, degree = graph.weight, graph.degree
     entries, left = count_neighbours(indptr, indices, kind, graph)
-    adjacent = np.empty(2 * entries + left, dtype=np.int32)
+    memory = np.empty(2 * entries + left, dtype=np.int32)  # read until the loop ends
+    adjacent = ints_at(memory.ctypes.data, memory.size)
     write_neighbours(indptr, indices, kind, graph, adjacent)
     end = entries
     done = 0
@@ -160,17 +178,19 @@ def eliminate_all(indptr, indices, kind, graph, place):
     while left > 0:
         while graph.head[least] < 0:
             least += 1
-        pivot = graph.head[least]
-        relink(pivot, NONE, np.int32(least), graph.head, graph.after, graph.before)
+        pivot = np.int64(graph.head[least])
+        relink(pivot, NONE, least, graph.head, graph.after, graph.before)
         begin = end
         most = bound(pivot, graph, adjacent)
-        if begin + most > adjacent.size:
-            larger = np.empty(2 * adjacent.size + most, dtype=np.int32)
+        if begin + most > memory.size:
+            larger = np.empty(2 * memory.size + most, dtype=np.int32)
             for p in range(begin):
-                larger[p] = adjacent[p]
-            adjacent = larger
+                larger[p] = memory[p]
+            memory = larger
+            adjacent = ints_at(memory.ctypes.data, memory.size)
         end = form_element(pivot, graph, adjacent, begin)
-        widest = max(widest, degree[pivot])
+        if degree[pivot] > widest:
+            widest = np.int64(degree[pivot])
         update(pivot, graph, adjacent, end, tag)
         tag = merge_alike(begin, end, graph, adjacent, tag + widest + 1)
         left += weight[pivot]
@@ -184,13 +204,13 @@ def eliminate_all(indptr, indices, kind, graph, place):
     return done
 
 
-@part(forceinline=True)
+@part
 def count_neighbours(indptr, indices, kind, graph):
     """Set the graph but for its entries; return the numbers of entries and variables.
 
     No length is set: that of every list is 0.
     """
-    size = kind.size
+    size = graph.size
     variables = 0
     for i in range(size):
         graph.degree[i] = 0
@@ -222,15 +242,15 @@ def count_neighbours(indptr, indices, kind, graph):
         entries += graph.degree[i]
         if kind[i] == VARIABLE:
             d = listed_degree(i, graph)
-            relink(np.int32(i), d, NONE, graph.head, graph.after, graph.before)
+            relink(i, d, NONE, graph.head, graph.after, graph.before)
     return entries, variables
 
 
-@part(forceinline=True)
+@part
 def write_neighbours(indptr, indices, kind, graph, adjacent):
     """Write the neighbours of all variables, and set the lengths of their lists."""
     start, length = graph.start, graph.length
-    for j in range(kind.size):
+    for j in range(graph.size):
         for t in range(indptr[j], indptr[j + 1]):
             i = indices[t]
             if i < j and kind[i] == VARIABLE and kind[j] == VARIABLE:
@@ -243,10 +263,10 @@ def write_neighbours(indptr, indices, kind, graph, adjacent):
 @part
 def listed_degree(i, graph):
     """Return the number of the list for variable i: rows and hubs beside it."""
-    return np.int32(min(graph.degree[i] + graph.hubs[i], graph.head.size - 1))
+    return min(np.int64(graph.degree[i]) + graph.hubs[i], graph.size - 1)
 
 
-@part(forceinline=True)
+@part
 def bound(pivot, graph, adjacent):
     """Return the length of all lists that the new element is formed of."""
     begin = graph.start[pivot]
@@ -256,7 +276,7 @@ def bound(pivot, graph, adjacent):
     return total
 
 
-@part(forceinline=True)
+@part
 def form_element(pivot, graph, adjacent, end):
     """Append to `adjacent` all variables beside the pivot; return the new end.
 
@@ -277,7 +297,7 @@ def form_element(pivot, graph, adjacent, end):
         else:
             first, last = q, begin + length[pivot]
         for p in range(first, last):
-            i = adjacent[p]
+            i = np.int64(adjacent[p])
             if weight[i] > 0:
                 d = listed_degree(i, graph)
                 relink(i, NONE, d, graph.head, graph.after, graph.before)
@@ -289,7 +309,7 @@ def form_element(pivot, graph, adjacent, end):
     return end
 
 
-@part(forceinline=True)
+@part
 def update(pivot, graph, adjacent, end, tag):
     """Put the new element into the lists of its variables; bound their degrees.
 
@@ -309,7 +329,7 @@ def update(pivot, graph, adjacent, end, tag):
             elif mark[e] != 0:
                 mark[e] = tag + degree[e] + weight[i]
     for p in range(begin, end):
-        i = adjacent[p]
+        i = np.int64(adjacent[p])
         first = start[i]
         to = first
         key = 0
@@ -343,8 +363,9 @@ def update(pivot, graph, adjacent, end, tag):
         adjacent[first] = pivot
         elements[i] = middle - first + 1
         length[i] = to - first + 1
-        degree[i] = min(degree[i], rows)
-        key %= weight.size
+        if rows < degree[i]:
+            degree[i] = rows
+        key %= graph.size
         graph.before[i] = key
         graph.after[i] = graph.bucket[key]
         graph.bucket[key] = i
@@ -357,7 +378,7 @@ def append(j, i, graph):
     graph.last[i] = graph.last[j]
 
 
-@part(forceinline=True)
+@part
 def merge_alike(begin, end, graph, adjacent, tag):
     """Merge variables of the new element that have the same neighbours.
 
@@ -369,14 +390,14 @@ def merge_alike(begin, end, graph, adjacent, tag):
         if graph.weight[adjacent[p]] == 0:
             continue
         key = graph.before[adjacent[p]]
-        i = graph.bucket[key]
+        i = np.int64(graph.bucket[key])
         graph.bucket[key] = NONE
         while i >= 0 and after[i] >= 0:
             # the first neighbour of all is the new element
             for q in range(start[i] + 1, start[i] + length[i]):
                 graph.mark[adjacent[q]] = tag
             previous = i
-            j = after[i]
+            j = np.int64(after[i])
             while j >= 0:
                 alike = length[j] == length[i]
                 alike &= graph.elements[j] == graph.elements[i]
@@ -387,18 +408,19 @@ def merge_alike(begin, end, graph, adjacent, tag):
                 if alike:
                     graph.weight[i] += graph.weight[j]
                     graph.weight[j] = 0
-                    graph.hubs[i] = max(graph.hubs[i], graph.hubs[j])
+                    if graph.hubs[j] > graph.hubs[i]:
+                        graph.hubs[i] = graph.hubs[j]
                     append(j, i, graph)
                     after[previous] = after[j]
                 else:
                     previous = j
-                j = after[j]
+                j = np.int64(after[j])
             tag += 1
-            i = after[i]
+            i = np.int64(after[i])
     return tag
 
 
-@part(forceinline=True)
+@part
 def link_all(pivot, graph, adjacent, end, left):
     """Return the variables of the new element to the lists, with their new degrees.
 
@@ -407,14 +429,14 @@ def link_all(pivot, graph, adjacent, end, left):
     """
     weight, degree = graph.weight, graph.degree
     begin = graph.start[pivot]
-    lowest = np.int32(weight.size)
+    lowest = graph.size
     to = begin
     for p in range(begin, end):
-        i = adjacent[p]
+        i = np.int64(adjacent[p])
         if weight[i] == 0:
             continue
         weight[i] = -weight[i]
-        rows = degree[i] + degree[pivot] - weight[i]
+        rows = np.int64(degree[i]) + degree[pivot] - weight[i]
         degree[i] = min(rows, left - weight[i])
         d = listed_degree(i, graph)
         relink(i, d, NONE, graph.head, graph.after, graph.before)

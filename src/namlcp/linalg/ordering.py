@@ -21,6 +21,9 @@ MERGE = np.array(((4, 0.5), (16, 0.3), (48, 0.1), (1 << 30, 0.05)))
 """(Columns, fraction): supernodes are merged into one of at most so many columns if at
 most that fraction of its entries are explicit zeros."""
 
+WHOLE, STRICT = 0, 1
+"""The upper triangle with and without the diagonal: least j - i of its entries."""
+
 
 class Order(NamedTuple):
     """A fill-reducing order in which every column follows its descendants.
@@ -81,19 +84,20 @@ def nested_dissection(indptr: np.ndarray, indices: np.ndarray) -> Order | None:
     graph.eliminate_zeros()
     adjacency = pymetis.CSRAdjacency(graph.indptr, graph.indices)
     _, place = pymetis.nested_dissection(adjacency)
-    return postordered(indptr, indices, np.asarray(place, dtype=np.int32))
+    return postordered(indptr, indices, np.array(place, dtype=np.int32))
 
 
 def postordered(indptr: np.ndarray, indices: np.ndarray, place: np.ndarray) -> Order:
-    """Return the postordered equivalent of the order `place`, with the same fill."""
-    place = place.copy()
-    return Order(place, *postorder_tree(indptr, indices, place))
+    """Return the postordered equivalent of the order `place`, which is overwritten."""
+    size = int(np.count_nonzero(place >= 0))
+    columns, rows, _ = permuted(indptr, indices, place, size, STRICT)
+    return Order(place, *renumber(place, *elimination_tree(columns, rows)))
 
 
 def supernodes(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Supernodes:
     """Return the layout of L for a symmetric matrix in this order."""
     size = order.parent.size
-    columns, upper, source = permuted(indptr, indices, order.place, size)
+    columns, upper, source = permuted(indptr, indices, order.place, size, WHOLE)
     lower, below, source = transposed(columns, upper, source, size)
     first = merged(order.parent, order.counts, MERGE)
     last = first[1:] - 1
@@ -114,27 +118,36 @@ def supernodes(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Superno
 def degrees(indptr, indices, member):
     """Return how many neighbours every row has in `member`, 0 outside."""
     degree = np.empty(indptr.size - 1, dtype=np.int64)
-    for j in range(degree.size):
+    count_inside(indptr, indices, member, degree.size, degree)
+    return degree
+
+
+@part
+def count_inside(indptr, indices, member, size, degree):
+    """Set degree[i] to the neighbours in `member` of row i, of `size`; 0 outside."""
+    for j in range(size):
         degree[j] = 0
-    for j in range(degree.size):
+    for j in range(size):
         for t in range(indptr[j], indptr[j + 1]):
             i = indices[t]
             if i < j and member[i] and member[j]:
                 degree[i] += 1
                 degree[j] += 1
-    return degree
 
 
 @kernel
-def permuted(indptr, indices, place, size):
-    """Return the permuted upper triangle in CSC, and where its entries come from."""
+def permuted(indptr, indices, place, size, least):
+    """Return the permuted upper triangle in CSC, and where its entries come from.
+
+    `least` is WHOLE or STRICT. The entries of a column are in their original order.
+    """
     columns = np.empty(size + 1, dtype=np.int32)
     for k in range(size + 1):
         columns[k] = 0
     for j in range(place.size):
         for t in range(indptr[j], indptr[j + 1]):
             i = indices[t]
-            if i <= j and place[i] >= 0 and place[j] >= 0:
+            if i <= j - least and place[i] >= 0 and place[j] >= 0:
                 columns[max(place[i], place[j])] += 1
     for k in range(1, size + 1):
         columns[k] += columns[k - 1]
@@ -144,7 +157,7 @@ def permuted(indptr, indices, place, size):
     for j in range(place.size - 1, -1, -1):
         for t in range(indptr[j + 1] - 1, indptr[j] - 1, -1):
             i = indices[t]
-            if i <= j and place[i] >= 0 and place[j] >= 0:
+            if i <= j - least and place[i] >= 0 and place[j] >= 0:
                 k = max(place[i], place[j])
                 columns[k] -= 1
                 rows[columns[k]] = min(place[i], place[j])
@@ -179,17 +192,6 @@ def elimination_tree(columns, rows):
     return parent, count
 
 
-@kernel
-def postorder_tree(indptr, indices, place):
-    """Overwrite `place` by its postordered equivalent; return parents and counts."""
-    size = 0
-    for k in place:
-        size += k >= 0
-    columns, rows, _ = permuted(indptr, indices, place, size)
-    parent, counts = elimination_tree(columns, rows)
-    return renumber(place, parent, counts, postorder(parent))
-
-
 @part
 def postorder(parent):
     """Return the position of every node when each follows its descendants."""
@@ -222,12 +224,10 @@ def postorder(parent):
     return place
 
 
-@part
-def renumber(place, parent, counts, position):
-    """Give the columns of a tree other positions; return its parents and counts.
-
-    `place` is overwritten by the new places of the rows.
-    """
+@kernel
+def renumber(place, parent, counts):
+    """Postorder a tree; return its parents and counts, with `place` made to fit."""
+    position = postorder(parent)
     for i in range(place.size):
         if place[i] >= 0:
             place[i] = position[place[i]]

@@ -26,7 +26,7 @@ import numpy as np
 
 from namlcp.checks import refuse_size
 from namlcp.compiled import kernel, part, pasted
-from namlcp.linalg.ordering import Order
+from namlcp.linalg.ordering import STRICT, Order, permuted
 
 CONSECUTIVE = 8
 """Rows that a chunk must have for a test whether they follow each other without gaps.
@@ -71,38 +71,10 @@ def analyse(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Pattern:
     """Lay out L for a matrix K whose rows are all in the order."""
     refuse_size("the factors", int(order.counts.sum(dtype=np.int64)))
     place, parent, counts = order
-    K = permuted_triangle(indptr, indices, place)
-    L = lay_out(K[1], K[2], parent, counts)
-    return Pattern(place, *K, *L)
-
-
-@kernel
-def permuted_triangle(indptr, indices, place):
-    """Return diagonal, columns, rows and source of the `Pattern`."""
-    n = place.size
-    diagonal = np.empty(n, dtype=np.int32)
-    columns = np.empty(n + 1, dtype=np.int32)
-    columns[0] = 0
-    for k in range(n):
-        diagonal[k] = 0
-    for j in range(n):
-        for t in range(indptr[j], indptr[j + 1] - 1):
-            diagonal[max(place[j], place[indices[t]])] += 1
-    for k in range(n):
-        columns[k + 1] = columns[k] + diagonal[k]
-        diagonal[k] = columns[k]  # the next free entry, for now
-    rows = np.empty(columns[n], dtype=np.int32)
-    source = np.empty(columns[n], dtype=np.int32)
-    for j in range(n):
-        for t in range(indptr[j], indptr[j + 1] - 1):
-            i = place[indices[t]]
-            k = max(place[j], i)
-            rows[diagonal[k]] = min(place[j], i)
-            source[diagonal[k]] = t
-            diagonal[k] += 1
-    for j in range(n):
-        diagonal[place[j]] = indptr[j + 1] - 1
-    return diagonal, columns, rows, source
+    K = permuted(indptr, indices, place, place.size, STRICT)
+    diagonal = np.empty(place.size, dtype=np.int32)
+    diagonal[place] = indptr[1:] - 1
+    return Pattern(place, diagonal, *K, *lay_out(*K[:2], parent, counts))
 
 
 @kernel
