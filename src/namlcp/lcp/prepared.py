@@ -25,7 +25,12 @@ DIAGONAL_ROUNDING = 1e-10
 
 
 class Prepared:
-    """A checked matrix, which `solve_lcp` takes in place of A.
+    """A checked matrix, which `solve_lcp` takes in place of A, for one q after another.
+
+    It keeps what depends on A alone, and the last solution that pivoting found: the
+    next solve begins with its face, the unknowns at their bounds, which is often one
+    factorisation from the next solution. Where an LCP has several solutions, the one
+    that is found may depend on the LCPs before.
 
     Parameters
     ----------
@@ -50,6 +55,7 @@ class Prepared:
     """
 
     levels: Hierarchy | None = None  # see `hierarchy`
+    last: np.ndarray | None = None  # the last solution that pivoting found
     unsuited = False  # whether A is known not to suit multigrid cycles
 
     def __init__(self, A: Any, diagonal: Any = None):

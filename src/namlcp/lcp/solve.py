@@ -27,6 +27,7 @@ from namlcp.options import check_count, check_flag, check_number
 from namlcp.progress import LCP_COLUMNS, Progress
 from namlcp.residuals import modulus_variable
 from namlcp.result import LCPResult
+from namlcp.status import Status
 
 SWEEP_EPS_ABS = 1e-8
 """Default eps_abs of the sweep methods."""
@@ -101,7 +102,8 @@ def solve_lcp(
     s0 : (n,) array
         Start of a sweep method in the modulus variable (scale r = 2), instead of z0.
     z0 : (n,) array
-        Start; "lemke" has none.
+        Start; "lemke" has none. With a `Prepared` matrix and "auto" it is the last
+        solution that pivoting found, unless given.
     threads : int
         For a sparse A and a triangular sweep method: largest number of threads. Rows
         are then swept in the coloured order of `namlcp.lcp.modulus.coloured`; its
@@ -188,9 +190,11 @@ def solve_lcp(
             if eps_rel is None:
                 eps_rel = ACCURACY if eps_abs is None else 0.0
             limits = Limits(eps_abs or 0.0, eps_rel, max_iter, deadline, report)
-            outcome = solve_exactly(
-                lcp, solver_of(method, cover, lcp.q.size), z0, limits
-            )
+            if method == "auto" and z0 is None and A is matrix:
+                outcome = solve_next(lcp, limits)
+            else:
+                solver = solver_of(method, cover, lcp.q.size)
+                outcome = solve_exactly(lcp, solver, z0, limits)
         else:
             eps_abs = SWEEP_EPS_ABS if eps_abs is None else eps_abs
             limits = Limits(eps_abs, 0.0, max_iter, deadline, report)
@@ -232,6 +236,21 @@ def solver_of(method: str, cover: Any, n: int) -> Solver:
         cover = spread("cover", cover, n, np.ones(n), positive=True)
         return partial(solve_lemke, cover=cover)
     return solve_auto if method == "auto" else solve_multigrid
+
+
+def solve_next(lcp: LCP, limits: Limits) -> Outcome:
+    """Solve the next LCP with a `Prepared` matrix, from the face of the last one.
+
+    What is not solved from there is solved as if it were the first one.
+    """
+    matrix = lcp.matrix
+    outcome = solve_exactly(lcp, solve_auto, matrix.last, limits)
+    undecided = outcome.status not in (Status.SOLVED, Status.TIME_LIMIT)
+    if undecided and matrix.last is not None:
+        outcome = solve_exactly(lcp, solve_auto, None, limits)
+    if outcome.status is Status.SOLVED and outcome.method == "pivoting":
+        matrix.last = outcome.z
+    return outcome
 
 
 def solve_exactly(lcp: LCP, solver: Solver, z0: Any, limits: Limits) -> Outcome:
