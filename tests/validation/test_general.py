@@ -10,7 +10,7 @@ from scipy.optimize import linprog
 from namlcp import Status, solve_lcp
 from validation.general import benchmark, pictures
 from validation.harness import Job, csv_files
-from validation.problems.fuzzed import general_lcps
+from validation.problems.fuzzed import cases, general_lcps
 from validation.problems.fuzzed.draw import Draw
 from validation.problems.general import circuits, families, games
 from validation.stress import campaign
@@ -131,6 +131,13 @@ def test_solvable_classes_are_solved(kind):
         result = solve_lcp(*lcp)
         answer = campaign.lcp_answer(result)
         assert judge_lcp(lcp, truth, answer, 1e-9) == ("right", "")
+
+
+@pytest.mark.parametrize("index", [4657, 4822])
+def test_pivoting_in_circles_is_ended(index):
+    """Nonsymmetric and strictly copositive: Murty's rule took all its steps."""
+    found = campaign.examine(cases.make(1, index, "general"), "nam", 1e-6, 10.0)
+    assert found["outcome"] == "right", found
 
 
 @pytest.mark.parametrize(

@@ -56,7 +56,9 @@ def solve_auto(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
             return outcome._replace(status=Status.TIME_LIMIT)
         z0 = outcome.z
     outcome = solve_box(lcp, z0, limits)
-    if outcome.status is Status.STALLED and outcome.beyond:
+    # Murty's rule is finite for P-matrices alone, and may take too long for them.
+    circles = outcome.status is Status.MAX_ITER and limits.max_iter is None
+    if circles or (outcome.status is Status.STALLED and outcome.beyond):
         return solve_general(lcp, outcome.z, limits, outcome.iterations)
     return outcome
 
