@@ -1,0 +1,218 @@
+"""Convex QPs as a differentiable function of JAX; needs jax 0.4.34 or newer.
+
+The solution comes from a callback to the processor. Its derivative is written in JAX:
+with the active constraints of the solution held, the KKT conditions are equations, and
+the derivative (dx, dz, dy) solves linear ones with the symmetric matrix (see
+`namlcp.derivatives.qp`; here with all rows, of which a masks the active ones of G and f
+the free variables, so that shapes do not depend on the solution)
+
+        [f P f + (I - f)  f G'a     f A']
+    K = [a G f            -(I - a)  0   ]
+        [A f              0         0   ].
+
+Matrix, right side and solution are functions of the data, so that the derivative can be
+differentiated again, any number of times, in both modes, under vmap and jit.
+"""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from namlcp.stacks import AXES, Stack
+
+SHIFT = 0.6
+"""K is factored with its diagonal shifted by eps**SHIFT of its size, eps the rounding
+unit of the type, so that a singular one has factors; refinement takes it back."""
+
+REFINEMENTS = 3
+"""Steps of refinement; each divides the error by the least singular value of K, scaled
+to rows of size 1, over the shift."""
+
+
+class QPSolution(NamedTuple):
+    """Solutions of QPs, named as in `namlcp.QPResult`.
+
+    x, y, z, z_box : (n,), (p,), (m,), (n,) array
+        NaN where the QP is not solved.
+    solved : () array of bool
+    """
+
+    x: jax.Array
+    y: jax.Array
+    z: jax.Array
+    z_box: jax.Array
+    solved: jax.Array
+
+
+def solve_qp(
+    P: Any,
+    q: Any,
+    G: Any = None,
+    h: Any = None,
+    A: Any = None,
+    b: Any = None,
+    lb: Any = None,
+    ub: Any = None,
+    **settings: Any,
+) -> QPSolution:
+    """Solve a convex QP so that JAX can differentiate its solution.
+
+    ``minimise 1/2 x'Px + q'x  subject to  Gx <= h,  Ax = b,  lb <= x <= ub``
+
+    Parameters
+    ----------
+    P : (n, n) array
+        Symmetrised: the QP is that of (P + P') / 2.
+    q, G, h, A, b, lb, ub : arrays, optional from G on
+        As for `namlcp.solve_qp`.
+    **settings
+        The fields of `namlcp.Options`. Under vmap, threads are those of
+        `namlcp.solve_batch`.
+
+    Returns
+    -------
+    QPSolution
+        x, y, z and z_box can be differentiated in all arguments: jvp, vjp, any number
+        of times, under jit and vmap (which solves all items in one call). A QP that is
+        not solved (infeasible, unbounded, out of time) gives NaN, and derivatives 0:
+        weigh it by `solved` in a loss, with jnp.where.
+
+    Raises
+    ------
+    ValueError
+        Shapes disagree.
+    jax.errors.JaxRuntimeError
+        An argument is malformed (NaN), or P is not convex. Under vmap an item of which
+        this is true is not solved.
+
+    Notes
+    -----
+    The solve runs in double precision, the derivative in the type of the arguments,
+    which is single precision unless ``jax_enable_x64`` is set. At a kink of the
+    solution its derivative is chosen as by `namlcp.QPResult.backward`.
+
+    Examples
+    --------
+    >>> import jax
+    >>> import jax.numpy as jnp
+    >>> from namlcp.jax import solve_qp
+    >>> def first(q):
+    ...     return solve_qp(jnp.eye(2), q, ub=jnp.array([2.0, 1.0])).x[0]
+    >>> print(jax.grad(first)(jnp.array([-1.0, -4.0])))
+    [-1.  0.]
+    """
+    given = [P, q, G, h, A, b, lb, ub]
+    kind = jnp.result_type(float, *(v for v in given if v is not None))
+    P, q, G, h, A, b, lb, ub = (v if v is None else jnp.asarray(v, kind) for v in given)
+    n = q.size
+    data = (
+        (P + P.T) / 2,
+        q,
+        jnp.zeros((0, n), kind) if G is None else G,
+        jnp.zeros(0, kind) if h is None else h,
+        jnp.zeros((0, n), kind) if A is None else A,
+        jnp.zeros(0, kind) if b is None else b,
+        jnp.full(n, -jnp.inf, kind) if lb is None else lb,
+        jnp.full(n, jnp.inf, kind) if ub is None else ub,
+    )
+    check_shapes(data)
+    x, y, z, z_box, solved, _, _ = solution(tuple(settings.items()), data)
+    return QPSolution(x, y, z, z_box, solved == 1.0)
+
+
+def check_shapes(data: tuple[jax.Array, ...]) -> None:
+    """Raise ValueError for the first argument whose shape does not fit."""
+    n, m, p = data[1].size, data[3].size, data[5].size
+    wanted = ((n, n), (n,), (m, n), (m,), (p, n), (p,), (n,), (n,))
+    for name, value, shape in zip(AXES, data, wanted, strict=True):
+        if value.shape != shape:
+            raise ValueError(
+                f"{name} must have shape {shape} to match q, h and b, got {value.shape}"
+            )
+
+
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def solution(settings: tuple[Any, ...], data: tuple[jax.Array, ...]) -> Any:
+    """Return x, y, z, z_box, 1 if solved, the active rows and the side of each x_j."""
+    q, h, b = data[1], data[3], data[5]
+    solved = jax.ShapeDtypeStruct((), q.dtype)
+    shapes = q, b, h, q, solved, h, q
+
+    def solve(*parts: Any) -> tuple[np.ndarray, ...]:
+        stack = Stack([np.array(part, float) for part in parts], dict(settings))
+        found = *stack.solution, stack.solved, *stack.faces()
+        return tuple(v.astype(q.dtype) for v in found)
+
+    return jax.pure_callback(solve, shapes, *data, vmap_method="expand_dims")
+
+
+@solution.defjvp
+def with_derivative(settings: Any, primals: Any, tangents: Any) -> Any:
+    """Return the solution, and its derivative along a direction of the data."""
+    found = solution(settings, *primals)
+    return found, derivative(found, *primals, *tangents)
+
+
+@jax.jit
+def derivative(
+    found: tuple[jax.Array, ...],
+    data: tuple[jax.Array, ...],
+    changes: tuple[jax.Array, ...],
+) -> tuple[jax.Array, ...]:
+    """Return the changes of what `solution` has found for changes of the data."""
+    solved = found[4] == 1.0
+    # where nothing is solved, NaN must not meet the derivatives, not even times 0
+    x, y, z = (jnp.where(solved, v, 0.0) for v in found[:3])
+    P, _, G, _, A, *_ = (jnp.where(solved, v, 0.0) for v in data)
+    rows, side = found[5:]
+    dP, dq, dG, dh, dA, db, dlb, dub = changes
+    free, n, m = jnp.where(side == 0.0, 1.0, 0.0), x.size, z.size
+
+    r = dP @ x + dq + dG.T @ z + dA.T @ y
+    moved = jnp.where(side < 0.0, dlb, jnp.where(side > 0.0, dub, 0.0))
+    rhs = jnp.concatenate(
+        (
+            -free * (r + P @ moved),
+            rows * (dh - dG @ x - G @ moved),
+            db - dA @ x - A @ moved,
+        )
+    )
+    C = jnp.concatenate((rows[:, None] * G, A)) * free
+    corner = free[:, None] * P * free + jnp.diag(1.0 - free)
+    idle = jnp.concatenate((1.0 - rows, jnp.zeros_like(y)))
+    K = jnp.block([[corner, C.T], [C, -jnp.diag(idle)]])
+    w = solve_symmetric(K, rhs, n)
+
+    dx = moved + free * w[:n]
+    dz, dy = rows * w[n : n + m], w[n + m :]
+    dz_box = (free - 1.0) * (r + P @ dx + G.T @ dz + A.T @ dy)
+    tangent = (jnp.where(solved, v, 0.0) for v in (dx, dy, dz, dz_box))
+    return *tangent, *map(jnp.zeros_like, found[4:])
+
+
+def solve_symmetric(K: jax.Array, rhs: jax.Array, n: int) -> jax.Array:
+    """Solve K w = rhs; K is definite on the first n unknowns, negative on the others.
+
+    Where K is singular this is nearly the solution of least norm.
+    """
+    size = jax.lax.stop_gradient(jnp.abs(K).max(axis=1))
+    scale = 1.0 / jnp.sqrt(jnp.where(size > 0.0, size, 1.0))
+    K = scale[:, None] * K * scale
+    sign = jnp.where(jnp.arange(K.shape[0]) < n, 1.0, -1.0)
+    shift = jnp.finfo(K.dtype).eps ** SHIFT
+    factors = jax.scipy.linalg.lu_factor(K + shift * jnp.diag(sign))
+
+    def solve(product: Callable[[Any], Any], right: jax.Array) -> jax.Array:
+        w = jax.scipy.linalg.lu_solve(factors, right)
+        for _ in range(REFINEMENTS):
+            w += jax.scipy.linalg.lu_solve(factors, right - product(w))
+        return w
+
+    product = partial(jnp.matmul, K)
+    return scale * jax.lax.custom_linear_solve(
+        product, scale * rhs, solve, symmetric=True
+    )

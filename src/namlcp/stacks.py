@@ -1,0 +1,164 @@
+"""Stacks of dense QPs and their derivatives, for layers of other packages.
+
+An argument of a stack may have leading axes, over which all arguments broadcast as
+NumPy's do: P of shape (n, n) belongs to all items, q of shape (10, 1, n) and h of shape
+(5, m) make 10 x 5 items. Gradients have the shapes of the arguments.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from namlcp.derivatives import QPDerivative
+from namlcp.qp import QP, Point, qp_data, solve_batch, solve_qp
+from namlcp.status import Status
+
+AXES = dict(zip(QP._fields, (2, 1, 2, 1, 2, 1, 1, 1), strict=True))
+"""The number of axes of each argument of one QP."""
+
+Arrays = dict[str, np.ndarray]
+
+
+class Stack:
+    """A stack of QPs, solved.
+
+    Attributes
+    ----------
+    lead : tuple
+        The common leading axes.
+    solution : Point
+        x, y, z and z_box, each with these axes; NaN for an item that is not solved.
+    solved : array of bool
+        Shaped as these axes.
+    """
+
+    def __init__(self, parts: Sequence[Any], settings: dict[str, Any]) -> None:
+        """Solve; `parts` are P, q, G, h, A, b, lb, ub, arrays or None.
+
+        Raises ValueError or TypeError for a malformed argument. One that differs from
+        item to item may be malformed (NaN, P not convex) in some: these are not solved.
+        """
+        named = zip(AXES, parts, strict=True)
+        self.parts: Arrays = {name: part for name, part in named if part is not None}
+        leads = {name: lead_of(name, part) for name, part in self.parts.items()}
+        try:
+            self.lead = np.broadcast_shapes(*leads.values())
+        except ValueError:
+            raise ValueError(
+                f"leading axes must broadcast, got those of {leads}"
+            ) from None
+        self.size = int(np.prod(self.lead))
+        self.stacked = {k for k, lead in leads.items() if int(np.prod(lead)) > 1}
+        if self.lead and not self.stacked:
+            self.stacked = {"q"}  # a stack of one item
+        self.flat = self.flattened(self.parts)
+        found: Any
+        if self.lead:
+            found = solve_batch(**arguments(self.flat), **settings)
+            solved = found.solved
+        else:
+            found = solve_qp(**arguments(self.flat), **settings)
+            solved = np.array([found.status is Status.SOLVED])
+        values = found.x, found.y, found.z, found.z_box
+        self.points = Point(
+            *(np.where(solved[:, None], np.atleast_2d(v), np.nan) for v in values)
+        )
+        self.solved = solved.reshape(self.lead)
+        self.solution = self.shaped(self.points)
+        self.derivatives: dict[int, QPDerivative] = {}
+
+    def flattened(self, parts: Arrays) -> Arrays:
+        """Return arguments with one axis of items, or none where they are shared."""
+        flat = {}
+        for name, part in parts.items():
+            own = part.shape[part.ndim - AXES[name] :]
+            if name in self.stacked:
+                part = np.broadcast_to(part, self.lead + own)
+                own = self.size, *own
+            flat[name] = part.reshape(own)
+        return flat
+
+    def shaped(self, points: Point) -> Point:
+        """Return values of all items with the leading axes instead of one."""
+        return Point(*(v.reshape(*self.lead, v.shape[1]) for v in points))
+
+    def of(self, flat: Arrays, i: int) -> Arrays:
+        """Return the arguments of item i."""
+        return {k: v[i] if k in self.stacked else v for k, v in flat.items()}
+
+    def items(self) -> Iterator[tuple[int, QPDerivative]]:
+        """Yield the number and the derivative of each solved item."""
+        for i in np.flatnonzero(self.solved):
+            if i not in self.derivatives:
+                qp = qp_data(**arguments(self.of(self.flat, i)))
+                point = Point(*(v[i] for v in self.points))
+                self.derivatives[i] = QPDerivative(qp, (None, None, None), point)
+            yield i, self.derivatives[i]
+
+    def backward(self, cotangents: Sequence[Any], wanted: Sequence[bool]) -> list[Any]:
+        """Return the gradients in the wanted arguments, None for the others.
+
+        `cotangents`: the gradients of a scalar in the solution, shaped as that. Items
+        not solved have gradients 0.
+        """
+        chosen = [k for k, asked in zip(AXES, wanted, strict=True) if asked]
+        sums = {k: np.zeros(self.flat[k].shape) for k in chosen if k in self.flat}
+        flat = [np.reshape(v, (self.size, -1)) for v in cotangents]
+        for i, derivative in self.items():
+            gradients = derivative.backward(*(v[i] for v in flat))
+            for name, total in self.of(sums, i).items():
+                total += getattr(gradients, name)
+        return [self.summed(k, sums[k]) if k in sums else None for k in AXES]
+
+    def summed(self, name: str, gradient: np.ndarray) -> np.ndarray:
+        """Return a gradient summed over the axes along which its argument is shared."""
+        shape = self.parts[name].shape
+        if name in self.stacked:
+            gradient = gradient.reshape(*self.lead, *gradient.shape[1:])
+            padded = (1,) * (gradient.ndim - len(shape)) + shape
+            shared = (k for k, size in enumerate(gradient.shape) if size != padded[k])
+            gradient = gradient.sum(axis=tuple(shared))
+        return gradient.reshape(shape)
+
+    def forward(self, tangents: Sequence[Any]) -> Point:
+        """Return the derivatives of x, y, z and z_box along a direction of the data.
+
+        `tangents`: the changes of the arguments, shaped as these, None for no change.
+        Items not solved have derivatives 0.
+        """
+        named = zip(AXES, tangents, strict=True)
+        flat = self.flattened({k: v for k, v in named if v is not None})
+        out = Point(*(np.zeros(v.shape) for v in self.points))
+        for i, derivative in self.items():
+            change = arguments(self.of(flat, i))
+            tangent = derivative.forward(**change)
+            for values, name in zip(out, Point._fields, strict=True):
+                values[i] = getattr(tangent, name)
+        return self.shaped(out)
+
+    def faces(self) -> tuple[np.ndarray, np.ndarray]:
+        """Return which rows of G are held active (1 or 0), and the side of each x_j.
+
+        The side is -1 at a lower bound, 1 at an upper one, else 0.
+        """
+        point = Point(*(np.zeros(v.shape) for v in self.points))
+        for i, derivative in self.items():
+            point.z[i, derivative.active.rows] = 1.0
+            point.x[i] = derivative.active.side
+        point = self.shaped(point)
+        return point.z, point.x
+
+
+def arguments(parts: Arrays) -> dict[str, Any]:
+    """Return all arguments of a QP, None where there is none."""
+    return {name: parts.get(name) for name in AXES}
+
+
+def lead_of(name: str, part: np.ndarray) -> tuple[int, ...]:
+    """Return the leading axes of an argument."""
+    if part.ndim < AXES[name]:
+        raise ValueError(
+            f"{name} must have at least {AXES[name]} axes, got shape {part.shape}"
+        )
+    return part.shape[: part.ndim - AXES[name]]

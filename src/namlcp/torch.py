@@ -1,0 +1,132 @@
+"""Convex QPs as a differentiable function of PyTorch; needs torch 2 or newer.
+
+``namlcp.torch.solve_qp`` solves on the processor in double precision, whatever the
+tensors are, and returns tensors of their type and device.
+"""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+
+from namlcp.stacks import Stack
+
+
+class QPSolution(NamedTuple):
+    """Solutions of a stack of QPs, named as in `namlcp.QPResult`.
+
+    x, y, z, z_box : (..., n), (..., p), (..., m), (..., n) tensor
+        NaN where an item is not solved.
+    solved : (...) tensor of bool
+    """
+
+    x: torch.Tensor
+    y: torch.Tensor
+    z: torch.Tensor
+    z_box: torch.Tensor
+    solved: torch.Tensor
+
+
+def solve_qp(
+    P: torch.Tensor,
+    q: torch.Tensor,
+    G: torch.Tensor | None = None,
+    h: torch.Tensor | None = None,
+    A: torch.Tensor | None = None,
+    b: torch.Tensor | None = None,
+    lb: torch.Tensor | None = None,
+    ub: torch.Tensor | None = None,
+    **settings: Any,
+) -> QPSolution:
+    """Solve convex QPs so that autograd can differentiate their solutions.
+
+    ``minimise 1/2 x'Px + q'x  subject to  Gx <= h,  Ax = b,  lb <= x <= ub``
+
+    Parameters
+    ----------
+    P : (..., n, n) tensor
+        Symmetrised: the QP is that of (P + P') / 2.
+    q, G, h, A, b, lb, ub : tensors, optional from G on
+        As for `namlcp.solve_qp`. Leading axes of all arguments broadcast.
+    **settings
+        The fields of `namlcp.Options`; threads are those of `namlcp.solve_batch` if
+        there are leading axes.
+
+    Returns
+    -------
+    QPSolution
+        All parts can be differentiated in all arguments, in reverse and forward mode,
+        once. An item that is not solved (infeasible, unbounded, out of time) is NaN,
+        and its gradients are 0: weigh it by `solved` in a loss, with torch.where.
+
+    Raises
+    ------
+    ValueError, TypeError
+        An argument is malformed, or P not convex. With leading axes an item of which
+        this is true is not solved.
+
+    Notes
+    -----
+    At a kink of the solution a gradient is chosen as by `namlcp.QPResult.backward`.
+    float32 and other types are converted to float64 and back.
+
+    Examples
+    --------
+    >>> import torch
+    >>> from namlcp.torch import solve_qp
+    >>> q = torch.tensor([-1.0, -4.0], requires_grad=True)
+    >>> x = solve_qp(torch.eye(2), q, ub=torch.tensor([2.0, 1.0])).x
+    >>> x.sum().backward()
+    >>> x.tolist(), q.grad.tolist()
+    ([1.0, 1.0], [-1.0, 0.0])
+    """
+    parts = [(P + P.mT) / 2, q, G, h, A, b, lb, ub]
+    *solution, solved, _ = Solve.apply(settings, *parts)
+    return QPSolution(*solution, solved)
+
+
+class Solve(torch.autograd.Function):
+    """The solution of a `Stack` as a function of its arguments."""
+
+    @staticmethod
+    def forward(settings: dict[str, Any], *parts: Any) -> tuple[Any, ...]:
+        """Return x, y, z, z_box, solved and the stack."""
+        stack = Stack([array_of(part) for part in parts], settings)
+        kind = kind_of(parts[1])
+        solution = (torch.tensor(v, **kind) for v in stack.solution)
+        return *solution, torch.tensor(stack.solved, device=kind["device"]), stack
+
+    @staticmethod
+    def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
+        """Keep the stack, which factors when it is first differentiated."""
+        ctx.stack = output[-1]
+        ctx.kinds = [kind_of(part) for part in inputs[1:]]
+        ctx.mark_non_differentiable(output[-2])
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable
+    def backward(ctx: Any, *cotangents: Any) -> tuple[Any, ...]:
+        """Return the gradients in the arguments that need one."""
+        solution = [array_of(v) for v in cotangents[:4]]
+        gradients = ctx.stack.backward(solution, ctx.needs_input_grad[1:])
+        pairs = zip(gradients, ctx.kinds, strict=True)
+        found = [None if v is None else torch.tensor(v, **kind) for v, kind in pairs]
+        return None, *found
+
+    @staticmethod
+    def jvp(ctx: Any, _: Any, *tangents: Any) -> tuple[Any, ...]:
+        """Return the derivatives along a direction of the arguments."""
+        changes = ctx.stack.forward([array_of(v) for v in tangents])
+        return *(torch.tensor(v, **ctx.kinds[1]) for v in changes), None, None
+
+
+def array_of(tensor: torch.Tensor | None) -> np.ndarray | None:
+    """Return a copy of a tensor as an array of float64."""
+    if tensor is None:
+        return None
+    return tensor.detach().to("cpu", torch.float64, copy=True).numpy()
+
+
+def kind_of(tensor: torch.Tensor | None) -> dict[str, Any]:
+    """Return type and device of a tensor, as `torch.tensor` takes them."""
+    return {} if tensor is None else {"dtype": tensor.dtype, "device": tensor.device}
