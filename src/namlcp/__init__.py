@@ -3,7 +3,8 @@
 ``solve_lcp(A, q)`` finds z >= 0 with w = A z + q >= 0 and z'w = 0, or solves an LCP
 with bounds; ``solve_qp(P, q, G, h, A, b, lb, ub)`` solves a convex QP. ``converges``
 and ``is_h_plus`` tell on which matrices the sweep methods converge. Importing the
-package makes ``solver="nam"`` known to qpsolvers; ``namlcp.cvxpy`` is for CVXPY.
+package makes ``solver="nam"`` known to qpsolvers; ``namlcp.cvxpy`` is for CVXPY,
+``namlcp.jax``, ``namlcp.torch`` and ``namlcp.cvxpylayers`` are for learning.
 
 src/README.md in the repository is the map of the source code.
 """
@@ -43,15 +44,18 @@ __all__ = [
     "solve_qp",
     "warmup",
 ]
+LAYERS = "cvxpylayers", "jax", "torch"
 __version__ = "0.1.0"
 
 register()
 
 
 def __getattr__(name: str) -> Any:
-    """Import what is seldom used at its first use: CVXPY is optional, and slow."""
+    """Import what is seldom used at its first use: hosts are optional, and slow."""
     if name == "cvxpy":
         return import_module("namlcp.cvxpy")
+    if name in LAYERS:
+        return import_module(f"namlcp.layers.{name}")
     if name == "warmup":
         return import_module("namlcp.first_use").warmup
     raise AttributeError(f"module 'namlcp' has no attribute {name!r}")

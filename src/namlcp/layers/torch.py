@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 
-from namlcp.stacks import Stack
+from namlcp.layers.stack import Stack
 
 
 class QPSolution(NamedTuple):
@@ -73,16 +73,17 @@ def solve_qp(
     Examples
     --------
     >>> import torch
-    >>> from namlcp.torch import solve_qp
+    >>> import namlcp
     >>> q = torch.tensor([-1.0, -4.0], requires_grad=True)
-    >>> x = solve_qp(torch.eye(2), q, ub=torch.tensor([2.0, 1.0])).x
+    >>> ub = torch.tensor([2.0, 1.0])
+    >>> x = namlcp.torch.solve_qp(torch.eye(2), q, ub=ub).x
     >>> x.sum().backward()
     >>> x.tolist(), q.grad.tolist()
     ([1.0, 1.0], [-1.0, 0.0])
     """
     parts = [(P + P.mT) / 2, q, G, h, A, b, lb, ub]
-    *solution, solved, _ = Solve.apply(settings, *parts)
-    return QPSolution(*solution, solved)
+    x, y, z, z_box, solved, _ = Solve.apply(settings, *parts)
+    return QPSolution(x, y, z, z_box, solved)
 
 
 class Solve(torch.autograd.Function):

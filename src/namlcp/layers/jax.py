@@ -22,7 +22,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from namlcp.stacks import AXES, Stack
+from namlcp.layers.stack import AXES, Stack
 
 SHIFT = 0.6
 """K is factored with its diagonal shifted by eps**SHIFT of its size, eps the rounding
@@ -99,10 +99,10 @@ def solve_qp(
     --------
     >>> import jax
     >>> import jax.numpy as jnp
-    >>> from namlcp.jax import solve_qp
+    >>> import namlcp
     >>> def first(q):
-    ...     return solve_qp(jnp.eye(2), q, ub=jnp.array([2.0, 1.0])).x[0]
-    >>> print(jax.grad(first)(jnp.array([-1.0, -4.0])))
+    ...     return namlcp.jax.solve_qp(jnp.eye(2), q, ub=jnp.array([2.0, 1.0])).x[0]
+    >>> print(jax.grad(first)(jnp.array([-1.0, -4.0])) + 0.0)
     [-1.  0.]
     """
     given = [P, q, G, h, A, b, lb, ub]

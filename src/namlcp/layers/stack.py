@@ -1,4 +1,4 @@
-"""Stacks of dense QPs and their derivatives, for layers of other packages.
+"""Stacks of dense QPs and their derivatives.
 
 An argument of a stack may have leading axes, over which all arguments broadcast as
 NumPy's do: P of shape (n, n) belongs to all items, q of shape (10, 1, n) and h of shape
@@ -89,7 +89,7 @@ class Stack:
 
     def items(self) -> Iterator[tuple[int, QPDerivative]]:
         """Yield the number and the derivative of each solved item."""
-        for i in np.flatnonzero(self.solved):
+        for i in np.flatnonzero(self.solved).tolist():
             if i not in self.derivatives:
                 qp = qp_data(**arguments(self.of(self.flat, i)))
                 point = Point(*(v[i] for v in self.points))
@@ -132,7 +132,7 @@ class Stack:
         out = Point(*(np.zeros(v.shape) for v in self.points))
         for i, derivative in self.items():
             change = arguments(self.of(flat, i))
-            tangent = derivative.forward(**change)
+            tangent = derivative.forward(change)
             for values, name in zip(out, Point._fields, strict=True):
                 values[i] = getattr(tangent, name)
         return self.shaped(out)
