@@ -7,96 +7,33 @@ from problems_qp import complementary
 
 import namlcp
 from namlcp.qp import QP
+from validation.problems.derivative_cases import (
+    KINKS,
+    direction,
+    flat,
+    moved,
+    repeated_row,
+    vertex,
+    weak_bounds,
+    weak_lcp,
+    weak_rows,
+)
 
 EXACT = {"eps_abs": 1e-13, "eps_rel": 1e-13}
 SEEDS = range(8)
 
 
 def dense(qp) -> QP:
-    return QP(*(v.toarray() if sp.issparse(v) else v for v in qp))
+    return qp
 
 
 def sparse(qp) -> QP:
     return QP(*(sp.csc_array(v) if v.ndim == 2 else v for v in qp))
 
 
-def around(x, P, G, z, active, rng) -> QP:
-    """Return a QP that x solves with multipliers z; h is slack on inactive rows."""
-    h = G @ x + np.where(active, 0.0, 0.5 + rng.random(z.size))
-    none = np.empty((0, x.size)), np.empty(0)
-    free = np.full(x.size, np.inf)
-    return QP(P, -P @ x - G.T @ z, G, h, *none, -free, free)
-
-
-def definite(n, rng):
-    B = rng.standard_normal((2 * n, n))
-    return B.T @ B / n + 0.1 * np.eye(n)
-
-
-def weak_rows(seed) -> QP:
-    """Two rows are active with multiplier 0."""
-    rng = np.random.default_rng(seed)
-    active = np.arange(7) < 4
-    z = np.where(np.arange(7) < 2, 0.5 + rng.random(7), 0.0)
-    G = rng.standard_normal((7, 6))
-    return around(rng.standard_normal(6), definite(6, rng), G, z, active, rng)
-
-
-def weak_bounds(seed) -> QP:
-    """Bounds are active, two of them with multiplier 0."""
-    qp = dense(complementary(seed, 8, 3, 1, rank=16).qp)
-    result = namlcp.solve_qp(*qp, **EXACT)
-    free = np.flatnonzero(result.z_box == 0.0)
-    qp.lb[free[0]], qp.ub[free[1]] = result.x[free[0]], result.x[free[1]]
-    return qp
-
-
-def repeated_row(seed) -> QP:
-    """Two rows are the same but for their units; both can carry the multiplier."""
-    rng = np.random.default_rng(seed)
-    G = rng.standard_normal((5, 6))
-    G[1] = 3.0 * G[0]
-    z = np.array([0.7, 0.3, 0.4, 0.0, 0.0])
-    return around(rng.standard_normal(6), definite(6, rng), G, z, z > 0.0, rng)
-
-
-def vertex(seed) -> QP:
-    """Five rows meet in a point of R^3, all of them with positive multipliers."""
-    rng = np.random.default_rng(seed)
-    G = rng.standard_normal((5, 3))
-    G *= np.sign(G[:, :1])  # so that x - (t, 0, 0) is feasible
-    z = 0.5 + rng.random(5)
-    return around(rng.standard_normal(3), definite(3, rng), G, z, z > 0.0, rng)
-
-
-def flat(seed) -> QP:
-    """P is singular on the strictly active rows; weakly active ones make x unique."""
-    rng = np.random.default_rng(seed)
-    B = rng.standard_normal((3, 5))
-    G = rng.standard_normal((6, 5))
-    line = np.linalg.svd(np.vstack((B, G[:1])))[2][-1]  # where P and row 0 leave x free
-    G[1:4] *= np.sign(G[1:4] @ line)[:, None] * np.array([[1.0], [-1.0], [1.0]])
-    active, z = np.arange(6) < 4, np.where(np.arange(6) < 1, 0.8, 0.0)
-    return around(rng.standard_normal(5), B.T @ B, G, z, active, rng)
-
-
-FAMILIES = (weak_rows, weak_bounds, repeated_row, vertex, flat)
-
-
-def direction(qp, seed, names):
-    """A change of the named data; pinned variables and repeated rows move together."""
-    rng = np.random.default_rng([seed, 5])
-    d = {k: np.zeros_like(v) for k, v in qp._asdict().items()}
-    for name in names:
-        d[name] = rng.standard_normal(d[name].shape)
-    d["P"] = d["P"] + d["P"].T
-    return d
-
-
 def one_sided(qp, d, form, t=1e-6):
     def at(s):
-        new = form(QP(*(v + s * d[k] for k, v in qp._asdict().items())))
-        return namlcp.solve_qp(*new, **EXACT).x
+        return namlcp.solve_qp(*form(moved(qp, d, s)), **EXACT).x
 
     near, far = at(t), at(2 * t)
     x = at(0.0)
@@ -108,13 +45,12 @@ def named(d):
 
 
 @pytest.mark.parametrize("form", [dense, sparse])
-@pytest.mark.parametrize("names", ["q", "h", "P", "qh"])
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize(
+    ("family", "names"), [(f, k) for f, names in KINKS.items() for k in names]
+)
 @pytest.mark.parametrize("seed", SEEDS[:4])
 def test_directional_equals_the_one_sided_difference(seed, family, names, form):
     qp = family(seed)
-    if family is flat and names != "q":
-        return  # P + dP may not be convex, and with other h x may not be unique
     d = direction(qp, seed, names)
     result = namlcp.solve_qp(*form(qp), **EXACT)
     found, expected = result.directional(**named(d)), one_sided(qp, d, form)
@@ -200,16 +136,6 @@ def test_dependent_rows_in_a_large_sparse_qp(seed):
     reference = namlcp.solve_qp(*vertex(seed)._replace(h=h), **EXACT)
     expected = reference.backward(dx=dq[:3])
     assert np.allclose(gradients.h[:5], expected.h, atol=1e-7)
-
-
-def weak_lcp(seed, n=8):
-    """Two unknowns are at 0 with w = 0; A is positive definite, not symmetric."""
-    rng = np.random.default_rng(seed)
-    B, skew = rng.standard_normal((2 * n, n)), rng.standard_normal((n, n))
-    A = B.T @ B / n + 0.1 * np.eye(n) + skew - skew.T
-    z = np.where(np.arange(n) < 4, 0.2 + rng.random(n), 0.0)
-    w = np.where(np.arange(n) >= 6, 0.2 + rng.random(n), 0.0)
-    return A, w - A @ z
 
 
 @pytest.mark.parametrize("seed", SEEDS)

@@ -8,25 +8,9 @@ import scipy.sparse as sp
 
 import namlcp
 from namlcp.derivatives import differentiate_lcp
+from validation.problems.derivative_cases import regular_lcp
 
 EXACT = {"eps_abs": 1e-13, "eps_rel": 1e-15}
-
-
-def random_lcp(seed, n=12, symmetric=False):
-    """(A, q, lower, upper): a third of the unknowns free, two pinned, one unbounded."""
-    rng = np.random.default_rng(seed)
-    B = rng.standard_normal((2 * n, n))
-    A = B.T @ B / n + 0.1 * np.eye(n)
-    if not symmetric:
-        skew = rng.standard_normal((n, n))
-        A += skew - skew.T
-    side = rng.integers(-1, 2, n)
-    z, w = rng.standard_normal(n), -side * (0.1 + rng.random(n))
-    lower = np.where(side < 0, z, z - 0.1 - rng.random(n))
-    upper = np.where(side > 0, z, z + 0.1 + rng.random(n))
-    lower[0], upper[0], w[0] = -np.inf, np.inf, 0.0
-    lower[1:3] = upper[1:3] = z[1:3]
-    return A, w - A @ z, lower, upper
 
 
 def random_direction(A, q, lower, upper, seed):
@@ -42,7 +26,7 @@ def random_direction(A, q, lower, upper, seed):
 @pytest.mark.parametrize("symmetric", [True, False])
 @pytest.mark.parametrize("seed", range(5))
 def test_forward_equals_differences(seed, symmetric, kind):
-    A, q, lower, upper = random_lcp(seed, symmetric=symmetric)
+    A, q, lower, upper = regular_lcp(seed, symmetric=symmetric)
     d = random_direction(A, q, lower, upper, seed)
     result = namlcp.solve_lcp(kind(A), q, lower, upper, **EXACT)
     dA, dq, dl, du = d
@@ -64,7 +48,7 @@ def test_forward_equals_differences(seed, symmetric, kind):
 @pytest.mark.parametrize("kind", [np.array, sp.csr_array, sp.csc_array])
 @pytest.mark.parametrize("seed", range(20))
 def test_backward_is_adjoint_to_forward(seed, kind):
-    A, q, lower, upper = random_lcp(seed, symmetric=seed % 3 == 0)
+    A, q, lower, upper = regular_lcp(seed, symmetric=seed % 3 == 0)
     dA, dq, dl, du = random_direction(A, q, lower, upper, seed)
     result = namlcp.solve_lcp(kind(A), q, lower, upper)
     cotangents = np.random.default_rng([seed, 3]).standard_normal((2, q.size))

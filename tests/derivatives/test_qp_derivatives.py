@@ -5,51 +5,21 @@ import pickle
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from problems_qp import complementary
 
 import namlcp
 from namlcp.qp import QP
+from validation.problems.derivative_cases import direction, moved, regular_qp
 
 PARTS = ("x", "y", "z", "z_box")
 EXACT = {"eps_abs": 1e-13, "eps_rel": 1e-13}
 
 
-def as_sparse(qp):
+def dense(qp):
+    return qp
+
+
+def sparse(qp):
     return QP(*(sp.csc_array(v) if v.ndim == 2 else v for v in qp))
-
-
-def as_dense(qp):
-    return QP(*(v.toarray() if sp.issparse(v) else v for v in qp))
-
-
-def random_qp(seed, n=16, m=9, p=2, scale=1.0) -> QP:
-    """A third of rows and bounds active, two variables pinned, units up to `scale`."""
-    known = complementary(seed, n, m, p, rank=2 * n)
-    qp = as_dense(known.qp)
-    rng = np.random.default_rng([seed, 1])
-    pinned = rng.permutation(n)[:2]
-    qp.lb[pinned] = qp.ub[pinned] = known.x[pinned]
-    c, d = (scale ** rng.uniform(-0.5, 0.5, k) for k in (n, m))
-    return QP(
-        qp.P * c * c[:, None],
-        qp.q * c,
-        qp.G * c * d[:, None],
-        qp.h * d,
-        qp.A * c,
-        qp.b,
-        qp.lb / c,
-        qp.ub / c,
-    )
-
-
-def random_direction(qp, seed):
-    """A change of all data in its own units; pinned variables stay pinned."""
-    rng = np.random.default_rng([seed, 2])
-    size = [np.abs(np.where(np.isfinite(v), v, 0.0)) for v in as_dense(qp)]
-    d = QP(*(s * rng.standard_normal(s.shape) for s in size))
-    pinned = qp.lb == qp.ub
-    d.lb[pinned] = d.ub[pinned]
-    return d._replace(P=d.P + d.P.T)
 
 
 def random_cotangents(result, seed):
@@ -63,55 +33,47 @@ def point(result):
     return np.concatenate([getattr(result, part) for part in PARTS])
 
 
-def moved(qp, d, t):
-    dense = [v + t * dv for v, dv in zip(as_dense(qp), d, strict=True)]
-    new = QP(*dense)
-    return as_sparse(new) if sp.issparse(qp.P) else new
-
-
-def differences(qp, d, step=1e-4):
+def differences(qp, d, form, step=1e-3):
     """Central differences along d, extrapolated from two steps (Richardson)."""
 
     def central(t):
-        ends = [namlcp.solve_qp(*moved(qp, d, s), **EXACT) for s in (t, -t)]
+        ends = [namlcp.solve_qp(*form(moved(qp, d, s)), **EXACT) for s in (t, -t)]
         return (point(ends[0]) - point(ends[1])) / (2 * t)
 
     return (4.0 * central(step / 2) - central(step)) / 3.0
 
 
 def tangent(result, d):
-    return result.forward(**{f"d{k}": v for k, v in d._asdict().items()})
+    return result.forward(**{f"d{k}": v for k, v in d.items()})
 
 
 def pairing(gradients, d):
     total = 0.0
-    for name, change in d._asdict().items():
+    for name, change in d.items():
         g = getattr(gradients, name)
         total += np.sum((g.toarray() if sp.issparse(g) else g) * change)
     return total
 
 
-@pytest.mark.parametrize("sparse", [False, True], ids=["dense", "sparse"])
+@pytest.mark.parametrize("form", [dense, sparse])
 @pytest.mark.parametrize("scale", [1.0, 1e4])
 @pytest.mark.parametrize("seed", range(6))
-def test_forward_equals_differences(seed, scale, sparse):
-    qp = random_qp(seed, scale=scale)
-    qp = as_sparse(qp) if sparse else qp
-    result = namlcp.solve_qp(*qp, **EXACT)
-    d = random_direction(qp, seed)
-    found, expected = tangent(result, d), differences(qp, d)
+def test_forward_equals_differences(seed, scale, form):
+    qp = regular_qp(seed, scale=scale)
+    result = namlcp.solve_qp(*form(qp), **EXACT)
+    d = direction(qp, seed)
+    found, expected = tangent(result, d), differences(qp, d, form)
     size = np.abs(point(result)) + np.abs(expected)
     assert np.all(np.abs(point(found) - expected) <= 1e-6 * size + 1e-9)
     assert (found.weak, found.singular) == (0, False)
 
 
-@pytest.mark.parametrize("sparse", [False, True], ids=["dense", "sparse"])
+@pytest.mark.parametrize("form", [dense, sparse])
 @pytest.mark.parametrize("seed", range(30))
-def test_backward_is_adjoint_to_forward(seed, sparse):
-    qp = random_qp(seed, scale=10.0 ** (seed % 5))
-    qp = as_sparse(qp) if sparse else qp
-    result = namlcp.solve_qp(*qp)
-    d, gradients = random_direction(qp, seed), random_cotangents(result, seed)
+def test_backward_is_adjoint_to_forward(seed, form):
+    qp = regular_qp(seed, scale=10.0 ** (seed % 5))
+    result = namlcp.solve_qp(*form(qp))
+    d, gradients = direction(qp, seed), random_cotangents(result, seed)
     forward = tangent(result, d)
     terms = [g * getattr(forward, k) for g, k in zip(gradients, PARTS, strict=True)]
     size = sum(np.abs(t).sum() for t in terms)
@@ -121,7 +83,7 @@ def test_backward_is_adjoint_to_forward(seed, sparse):
 
 def test_gradients_are_those_of_the_transcribed_kkt_system():
     """One dense solve with all conditions (Amos and Kolter 2017, eq. 6), no blocks."""
-    qp = random_qp(0)
+    qp = regular_qp(0)
     P, q, G, h, A, b = qp[:6]
     result = namlcp.solve_qp(*qp, **EXACT)
     n, m, p = q.size, h.size, b.size
@@ -157,7 +119,7 @@ def test_gradients_are_those_of_the_transcribed_kkt_system():
 @pytest.mark.parametrize("seed", range(5))
 def test_gradients_of_the_objective_are_the_multipliers(seed):
     """The envelope theorem: d obj = x'dPx/2 + x'dq + z'dG x - z'dh + ... ."""
-    qp = random_qp(seed)
+    qp = regular_qp(seed)
     result = namlcp.solve_qp(*qp, **EXACT)
     P, q, x = qp.P, qp.q, result.x
     found = result.backward(dx=P @ x + q)
@@ -172,7 +134,7 @@ def test_gradients_of_the_objective_are_the_multipliers(seed):
 
 
 def test_sparse_gradients_stand_on_the_users_pattern():
-    qp = random_qp(3)
+    qp = regular_qp(3)
     P, G, A = (np.where(np.abs(M) > 0.4, M, 0.0) for M in (qp.P, qp.G, qp.A))
     P = P + 20.0 * np.eye(P.shape[0])
     dense = namlcp.solve_qp(P, qp.q, G, qp.h, A, qp.b, **EXACT)
