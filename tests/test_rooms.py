@@ -31,8 +31,8 @@ FLOORS = (
     {"first_use", "limits", "progress", "checks", "options", "status"},
     {"compiled"},
 )
-# The one import that points upwards: the methods of results open this room when called.
-UPWARDS = ("result", "derivatives")
+# The imports that point upwards: methods of results open this room when called.
+UPWARDS = {("result", "derivatives"), ("qp.sequences.batch", "derivatives")}
 
 
 def name_of(path: Path) -> str:
@@ -80,7 +80,7 @@ def test_every_module_has_its_floor():
 
 def test_imports_point_downwards():
     for module, other, _ in IMPORTS:
-        if other and (module, other) != UPWARDS:
+        if other and (module, other) not in UPWARDS:
             assert floor(other) >= floor(module), f"{module} imports {other}"
 
 

@@ -245,7 +245,8 @@ class QPResult(Differentiable):
     history: np.ndarray | None = None
     closest: "ClosestPoint | None" = None
     problem: Any = field(default=None, repr=False)
-    """The checked QP and (P, G, A) as they were given, for the derivatives."""
+    """The checked QP and (P, G, A) as they were given, or a function that returns both,
+    for the derivatives."""
 
     def backward(
         self, dx: Any = None, dy: Any = None, dz: Any = None, dz_box: Any = None
@@ -281,7 +282,7 @@ class QPResult(Differentiable):
         >>> result = namlcp.solve_qp(np.diag([1.0, 2.0]), [-1.0, -4.0], ub=[2.0, 1.0])
         >>> gradients = result.backward(dx=[1.0, 1.0])  # of x_1 + x_2, x = (1, 1)
         >>> gradients.q, gradients.ub
-        (array([-1., -0.]), array([0., 1.]))
+        (array([-1.,  0.]), array([0., 1.]))
         """
         return self.derivative.backward(dx, dy, dz, dz_box)
 

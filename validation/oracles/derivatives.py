@@ -110,7 +110,7 @@ def adjoint_gap(left: np.ndarray, right: list[float]) -> float:
 def regular_qp(seed: int) -> tuple[float, float]:
     """Return the error of a QP's derivative, and the gap of its adjoint."""
     rng = np.random.default_rng([seed, 2])
-    n, m, p = rng.integers(8, 20), rng.integers(0, 12), rng.integers(0, 3)
+    n, m, p = rng.integers(10, 20), rng.integers(0, 12), rng.integers(0, 3)
     qp = cases.regular_qp(seed, n, m, p, scale=(1.0, 1e4)[seed // 2 % 2])
     given = QP(*(sp.csc_array(v) if v.ndim == 2 else v for v in qp)) if seed % 2 else qp
     result = namlcp.solve_qp(*given)

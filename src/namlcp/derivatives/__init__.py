@@ -3,6 +3,7 @@
 `result.py` opens this room when a result is asked for a derivative, not before.
 """
 
+from namlcp.derivatives.batch import BatchGradients, differentiate_batch
 from namlcp.derivatives.directional import lcp_directional, qp_directional
 from namlcp.derivatives.gradients import (
     LCPGradients,

@@ -17,4 +17,4 @@ def problem_of(result: QPResult | LCPResult) -> Any:
             "derivatives need the result of the solve itself: a pickled or copied one "
             "has lost the problem"
         )
-    return result.problem
+    return result.problem() if callable(result.problem) else result.problem

@@ -111,7 +111,9 @@ class QPDerivative:
             RankTwo(-y, u, -nu, x),
         )
         matrices = tuple(zip(products, self.patterns, strict=True))
-        return QPGradients((-u, lam, nu, lb, ub), matrices, self.weak, self.singular)
+        return QPGradients(
+            (0.0 - u, lam, nu, lb, ub), matrices, self.weak, self.singular
+        )
 
     def forward(self, changes: dict[str, Any]) -> QPTangent:
         """Return the derivative of the solution along a direction of the data."""

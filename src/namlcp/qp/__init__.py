@@ -4,5 +4,12 @@ from namlcp.qp.convexity import NotConvex
 from namlcp.qp.guess import NO_GUESS, make_guess
 from namlcp.qp.kkt import KKT
 from namlcp.qp.problem import QP, Point, qp_data
-from namlcp.qp.sequences import BatchResult, OtherShape, Solver, solve_batch
+from namlcp.qp.sequences import (
+    BatchResult,
+    OtherShape,
+    Solver,
+    available_cores,
+    on_threads,
+    solve_batch,
+)
 from namlcp.qp.solve import solve_checked, solve_qp

@@ -8,9 +8,10 @@ import os
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
 from threading import Event
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -23,8 +24,11 @@ from namlcp.qp.problem import QP, qp_data
 from namlcp.qp.sequences.solver import memory_of, own_vector
 from namlcp.qp.solve import solve_checked
 from namlcp.residuals import Residuals
-from namlcp.result import QPResult
+from namlcp.result import Differentiable, QPResult
 from namlcp.status import Status
+
+if TYPE_CHECKING:
+    from namlcp.derivatives import BatchGradients
 
 STATUSES = tuple(Status)
 MATRICES = ("P", "G", "A")
@@ -33,7 +37,7 @@ CHUNKS = 8
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class BatchResult:
+class BatchResult(Differentiable):
     """Result of `solve_batch` for N items; ``batch[i]`` is the `QPResult` of item i.
 
     Attributes
@@ -66,6 +70,51 @@ class BatchResult:
     form: np.ndarray
     messages: dict[int, str]
     solve_time: float = 0.0
+    problem: Any = field(default=None, repr=False)
+    """The `Items` that were solved, for the derivatives."""
+
+    def backward(
+        self,
+        dx: Any = None,
+        dy: Any = None,
+        dz: Any = None,
+        dz_box: Any = None,
+        *,
+        threads: int | None = None,
+    ) -> "BatchGradients":
+        """Return the gradients of a scalar in the data of all items.
+
+        Parameters
+        ----------
+        dx, dy, dz, dz_box : (N, n), (N, p), (N, m), (N, n) array, optional
+            The gradients of the scalar in the solutions, 0 where absent.
+        threads : int, optional
+            Threads, by default one for each core.
+
+        Returns
+        -------
+        BatchGradients
+            Items that were not solved have gradients 0, and False in `used`. An
+            argument shared by all items has the sum of their gradients.
+
+        Raises
+        ------
+        ValueError
+            The result was pickled or copied, or an argument has a wrong shape.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from namlcp import solve_batch
+        >>> batch = solve_batch(np.eye(1), np.array([[-1.0], [1.0]]), lb=np.zeros(1))
+        >>> gradients = batch.backward(dx=np.ones((2, 1)))
+        >>> gradients.q.tolist(), gradients.lb.tolist()
+        ([[-1.0], [0.0]], [1.0])
+        """
+        from namlcp.derivatives import differentiate_batch
+
+        cotangents = {"dx": dx, "dy": dy, "dz": dz, "dz_box": dz_box}
+        return differentiate_batch(self, cotangents, threads)
 
     @property
     def statuses(self) -> list[Status]:
@@ -99,6 +148,7 @@ class BatchResult:
             message=self.messages.get(number, ""),
             setup_time=0.0,
             solve_time=0.0,
+            problem=self.problem and partial(self.problem.item, number),
         )
 
     def put(self, i: int, result: QPResult) -> None:
@@ -177,25 +227,28 @@ class Items:
                 )
         return size
 
-    def solve(self, i: int, options: Options, warm_start: Any) -> QPResult:
-        """Solve item i; raise if it is malformed or not convex."""
-        start = time.perf_counter()
+    def item(self, i: int) -> tuple[QP, tuple[Any, ...]]:
+        """Return item i, checked, and (P, G, A) as they were given."""
         parts = {name: array[i] for name, array in self.stacked.items()}
-        if isinstance(warm_start, BatchResult):
-            warm_start = warm_start[i]
         if self.has_shared_matrices:
-            shared, given = self.shared, self.given
+            shared = self.shared
             vectors = {
                 name: own_vector(name, vector, getattr(shared, name), shared)
                 for name, vector in parts.items()
             }
-            qp = shared._replace(**vectors)
-            memory = memory_of(qp)  # of this item alone: no other has a part in it
-        else:
-            values = {**self.shared._asdict(), **parts}
-            qp, memory = qp_data(**values), None
-            pairs = zip(MATRICES, self.given, strict=True)
-            given = tuple(parts.get(name, M) for name, M in pairs)
+            return shared._replace(**vectors), self.given
+        qp = qp_data(**{**self.shared._asdict(), **parts})
+        pairs = zip(MATRICES, self.given, strict=True)
+        return qp, tuple(parts.get(name, M) for name, M in pairs)
+
+    def solve(self, i: int, options: Options, warm_start: Any) -> QPResult:
+        """Solve item i; raise if it is malformed or not convex."""
+        start = time.perf_counter()
+        qp, given = self.item(i)
+        if isinstance(warm_start, BatchResult):
+            warm_start = warm_start[i]
+        # The memory is of this item alone: no other has a part in it.
+        memory = memory_of(qp) if self.has_shared_matrices else None
         guess = make_guess(qp, None, warm_start)
         return solve_checked(qp, options, guess, start, memory=memory, given=given)
 
@@ -282,7 +335,8 @@ def solve_batch(
             batch.refuse(i, error)
 
     on_threads(solve_one, items.size, threads)
-    return replace(batch, solve_time=time.perf_counter() - start)
+    seconds = time.perf_counter() - start
+    return replace(batch, solve_time=seconds, problem=items)
 
 
 def on_threads(work: Callable[[int], None], size: int, threads: int) -> None:
