@@ -34,7 +34,7 @@ EXACT = 1e-12
 """Such a Res of a point that the tolerances do not accept, but that is exact."""
 
 FACTORISATIONS = 5000
-"""Factorisations at most, by default."""
+"""Factorisations at most, by default: beyond those of earlier methods."""
 
 
 class Search:
@@ -44,7 +44,7 @@ class Search:
         """`before` counts the factorisations of earlier methods."""
         self.lcp, self.limits = lcp, limits
         self.criterion = Criterion(lcp, limits)
-        self.count, self.most = before, limits.max_iter or FACTORISATIONS
+        self.count, self.most = before, limits.max_iter or before + FACTORISATIONS
         self.z = lcp.start()
         self.w, self.method = lcp.w(self.z), "start"
         self.solved = is_solved_by_zero(lcp)
