@@ -5,6 +5,7 @@
 """
 
 import time
+from dataclasses import replace
 from typing import Any
 
 import cvxpy.settings as s
@@ -19,7 +20,7 @@ from cvxpy.reductions.solvers.utilities import extract_dual_value, get_dual_valu
 import namlcp
 from namlcp.options import Options
 from namlcp.qp import NO_GUESS, QP, NotConvex, OtherShape, Solver, solve_checked
-from namlcp.result import QPResult
+from namlcp.result import ClosestPoint, QPResult
 from namlcp.status import Status
 
 KEYWORD = "NAM"
@@ -28,8 +29,8 @@ KEYWORD = "NAM"
 class NAM(QpSolver):
     """Solver of min 1/2 x'Px + q'x, A x = b, F x <= g for ``Problem.solve(solver=)``.
 
-    Options, by keyword of ``Problem.solve``: eps_abs, eps_rel, max_iter, time_limit [s]
-    and threads as in `namlcp.Options`; an unknown one is a TypeError. A problem solved
+    Options, by keyword of ``Problem.solve``: eps_abs, eps_rel, max_iter, time_limit
+    [s], threads and infeasible as in `namlcp.Options`; an unknown one is a TypeError. A problem solved
     again with other Parameters starts from its last solution unless
     ``warm_start=False``.
 
@@ -37,7 +38,10 @@ class NAM(QpSolver):
     "infeasible" leaves a Farkas certificate in the dual values (A'y + F'z = 0, z >= 0,
     b'y + g'z < 0), "unbounded" a ray in ``solver_stats.extra_stats["ray"]``;
     "user_limit" the best point, where iterations or time ran out or rounding errors
-    stopped progress. A P that is not positive semidefinite raises SolverError.
+    stopped progress. With ``infeasible="closest"`` an infeasible problem has this
+    status, too (CVXPY warns of it), and the values of the closest point, which is
+    ``solver_stats.extra_stats["closest"]``: the shifts in it are those of the rows that
+    CVXPY has made of the constraints. A P that is not positive semidefinite raises SolverError.
     """
 
     MIP_CAPABLE = False
@@ -100,12 +104,17 @@ class NAM(QpSolver):
     def invert(self, solution: QPResult, inverse_data: Any) -> Solution:
         """Return the result in CVXPY's terms; the signs of the duals are the same."""
         status = self.STATUS_MAP[solution.status]
-        y, z = solution.y, solution.z
-        extra = {
+        point: QPResult | ClosestPoint = solution
+        closest = solution.closest
+        if closest is not None and closest.status is Status.SOLVED:
+            status, point = s.USER_LIMIT, closest
+        y, z = point.y, point.z
+        extra: dict[str, Any] = {
             "status": solution.status.value,
             "message": solution.message or solution.status.explanation,
             "form": solution.form,
             "residuals": solution.residuals,
+            "closest": closest,
         }
         # NaN where two bounds contradict each other, or the problem is unbounded.
         have_duals = np.isfinite(y).all() and np.isfinite(z).all()
@@ -123,9 +132,9 @@ class NAM(QpSolver):
         duals: dict[int, Any] = {}
         value = None
         if status != s.SOLVER_ERROR:
-            value = solution.obj + inverse_data[s.OFFSET]  # infinite without a point
+            value = point.obj + inverse_data[s.OFFSET]  # infinite without a point
         if status in s.SOLUTION_PRESENT:
-            x = {self.VAR_ID: solution.x}
+            x = {self.VAR_ID: point.x}
         if have_duals:
             for kind, values in (self.EQ_CONSTR, y), (self.NEQ_CONSTR, z):
                 constraints = inverse_data[kind]
@@ -172,7 +181,8 @@ def infeasible_or(
     is feasible. Where the search for one ends undecided, `unbounded` is returned too.
     """
     flat = qp._replace(P=0.0 * qp.P, q=0.0 * qp.q)
-    result = solve_checked(flat, options, NO_GUESS, start)
+    proof_alone = replace(options, infeasible="certificate")
+    result = solve_checked(flat, proof_alone, NO_GUESS, start)
     return result if result.status is Status.PRIMAL_INFEASIBLE else unbounded
 
 

@@ -409,3 +409,20 @@ def test_the_hosts_data_are_left_alone():
             assert (value != data[key]).nnz == 0
         elif isinstance(value, np.ndarray):
             np.testing.assert_array_equal(value, data[key])
+
+
+def test_values_of_the_closest_point_of_an_infeasible_problem():
+    x = cp.Variable(2)
+    rows = [x[0] <= 0.0, x[0] >= 3.0, x[1] == 1.0]
+    problem = cp.Problem(cp.Minimize(cp.sum_squares(x)), rows)
+    with pytest.warns(UserWarning, match="Solution may be inaccurate"):
+        problem.solve(solver=NAM(), infeasible="closest")
+    assert problem.status == "user_limit"
+    np.testing.assert_allclose(x.value, [1.5, 1.0], atol=1e-9)
+    assert problem.value == pytest.approx(3.25)
+    extra = problem.solver_stats.extra_stats
+    assert extra["status"] == "primal_infeasible"
+    np.testing.assert_allclose(np.sort(extra["closest"].shift_h), [1.5, 1.5])
+    np.testing.assert_allclose(rows[0].violation(), 1.5)
+    problem.solve(solver=NAM())
+    assert problem.status == "infeasible"

@@ -279,3 +279,13 @@ def test_choices_are_checked():
     for gap in 3.0, -1.0:  # infeasible or not
         with pytest.raises(ValueError, match=r"Relaxation\.h must have shape"):
             namlcp.solve_qp(*opposed(gap), infeasible=Relaxation(h=[1.0, 2.0, 3.0]))
+
+
+def test_a_solver_yields_in_the_steps_that_are_infeasible_alone():
+    solver = namlcp.Solver(*opposed(gap=-1.0), infeasible="closest")
+    for gap in -1.0, 3.0, 1.0, -2.0:
+        solver.update(h=np.array([0.0, -gap]))
+        result = solver.solve()
+        x = (result.closest or result).x
+        np.testing.assert_allclose(x, [max(0.5 * gap, 0.0), 1.0], atol=1e-9)
+        assert (result.closest is None) == (gap < 0.0)

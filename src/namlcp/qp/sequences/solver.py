@@ -276,7 +276,7 @@ class Solver:
         result = solve_checked(
             qp, options, guess, start, memory=self.memory, given=given
         )
-        if result.status not in SETTLED:
+        if result.status not in SETTLED and result.closest is None:
             result = solve_checked(qp, options, NO_GUESS, start, given=given)
         return result
 
