@@ -30,8 +30,8 @@ class NAM(QpSolver):
     """Solver of min 1/2 x'Px + q'x, A x = b, F x <= g for ``Problem.solve(solver=)``.
 
     Options, by keyword of ``Problem.solve``: eps_abs, eps_rel, max_iter, time_limit
-    [s], threads and infeasible as in `namlcp.Options`; an unknown one is a TypeError. A problem solved
-    again with other Parameters starts from its last solution unless
+    [s], threads and infeasible as in `namlcp.Options`; an unknown one is a TypeError. A
+    problem solved again with other Parameters starts from its last solution unless
     ``warm_start=False``.
 
     ``Problem.status`` is "optimal" only if the tolerances are met on CVXPY's own data;
@@ -41,7 +41,8 @@ class NAM(QpSolver):
     stopped progress. With ``infeasible="closest"`` an infeasible problem has this
     status, too (CVXPY warns of it), and the values of the closest point, which is
     ``solver_stats.extra_stats["closest"]``: the shifts in it are those of the rows that
-    CVXPY has made of the constraints. A P that is not positive semidefinite raises SolverError.
+    CVXPY has made of the constraints. A P that is not positive semidefinite raises
+    SolverError.
     """
 
     MIP_CAPABLE = False
