@@ -123,7 +123,8 @@ def test_time_limit_of_the_second_try_without_huge_bounds(monkeypatch):
         return out_of_time(qp)._replace(status=status)
 
     monkeypatch.setattr("namlcp.qp.solve.solve_substituted", forms)
-    result = solve_qp(np.eye(1), np.ones(1), ub=np.full(1, 1e10))
+    P = sparse.eye_array(1, format="csc")  # an array would be solved before that
+    result = solve_qp(P, np.ones(1), ub=np.full(1, 1e10))
     assert result.status is Status.TIME_LIMIT
     assert np.isfinite(result.x).all()
 

@@ -155,6 +155,17 @@ class Limits(NamedTuple):
         return self.eps_abs, self.eps_rel
 
 
+def cause_of(error: SystemError) -> BaseException:
+    """Return KeyboardInterrupt if that is the cause of a chain of errors, else error.
+
+    For `interruptible`, and for those who have no time for its wrapper.
+    """
+    cause: BaseException | None = error
+    while isinstance(cause, SystemError):
+        cause = cause.__cause__
+    return KeyboardInterrupt() if isinstance(cause, KeyboardInterrupt) else error
+
+
 def interruptible(function: F) -> F:
     """Raise KeyboardInterrupt where compiled code turned it into a SystemError.
 
@@ -167,12 +178,7 @@ def interruptible(function: F) -> F:
         try:
             return function(*arguments, **settings)
         except SystemError as error:
-            cause: BaseException | None = error
-            while isinstance(cause, SystemError):
-                cause = cause.__cause__
-            if isinstance(cause, KeyboardInterrupt):
-                raise KeyboardInterrupt from None
-            raise
+            raise cause_of(error) from None
 
     return guarded  # type: ignore[return-value]
 

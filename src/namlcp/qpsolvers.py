@@ -14,11 +14,21 @@ with warnings.catch_warnings():
 from qpsolvers.exceptions import ParamError, ProblemError, SolverError
 
 from namlcp.options import DEFAULT_OPTIONS, Options
-from namlcp.qp import NotConvex, make_guess, qp_data, solve_checked
+from namlcp.qp import (
+    Answer,
+    NotConvex,
+    checked,
+    make_guess,
+    qp_arrays,
+    result_of,
+    solve_checked,
+    solve_shortly,
+)
 from namlcp.result import ClosestPoint, QPResult
 from namlcp.status import Status
 
 KEYWORD = "nam"
+NO_ENTRIES = np.empty(0)
 
 
 def nam_solve_problem(
@@ -69,7 +79,17 @@ def nam_solve_problem(
         except (TypeError, ValueError) as error:
             raise ParamError(str(error)) from error
         try:
-            qp = qp_data(*problem.unpack())
+            qp = qp_arrays(*problem.unpack())
+            given = problem.P, problem.G, problem.A
+            if initvals is None and warm_start is None:
+                ready = time.perf_counter()
+                answer = solve_shortly(qp, options, start, given)
+                if answer is not None:
+                    if answer.status is Status.SOLVED:
+                        return short_solution(problem, answer, start, ready)
+                    result = result_of(answer, (qp, given), start, ready)
+                    return solution(problem, result)
+            qp = checked(qp)
         except (TypeError, ValueError) as error:
             raise ProblemError(str(error)) from error
         try:
@@ -77,7 +97,6 @@ def nam_solve_problem(
         except (TypeError, ValueError) as error:
             raise ParamError(str(error)) from error
         try:
-            given = problem.P, problem.G, problem.A
             result = solve_checked(qp, options, guess, start, given=given)
         except NotConvex as error:
             raise ProblemError(str(error)) from error
@@ -90,23 +109,17 @@ def nam_solve_problem(
 
 def solution(problem: qpsolvers.Problem, result: QPResult) -> qpsolvers.Solution:
     """Return `result` as a Solution."""
-    extras: dict[str, Any] = {
-        "status": result.status.value,
-        "message": result.message or result.status.explanation,
-        "iterations": result.iterations,
-        "form": result.form,
-        "residuals": result.residuals,
-    }
+    extras = extras_of(result)
     answer = qpsolvers.Solution(
         problem,
-        extras=extras,
-        found=result.status is Status.SOLVED,
-        obj=result.obj,
+        extras,
+        result.status is Status.SOLVED,
+        result.obj,
         build_time=result.setup_time,
         solve_time=result.solve_time,
     )
     absent = problem.lb is None and problem.ub is None
-    z_box = np.empty(0) if absent else result.z_box
+    z_box = NO_ENTRIES if absent else result.z_box
     point: QPResult | ClosestPoint = result
     if result.status is Status.PRIMAL_INFEASIBLE:
         extras["certificate"] = {"y": result.y, "z": result.z, "z_box": z_box}
@@ -117,8 +130,34 @@ def solution(problem: qpsolvers.Problem, result: QPResult) -> qpsolvers.Solution
         extras["certificate"] = {"x": result.x}
         return answer
     answer.x, answer.y = point.x, point.y
-    answer.z, answer.z_box = point.z, np.empty(0) if absent else point.z_box
+    answer.z, answer.z_box = point.z, NO_ENTRIES if absent else point.z_box
     return answer
+
+
+def short_solution(
+    problem: qpsolvers.Problem, answer: Answer, start: float, ready: float
+) -> qpsolvers.Solution:
+    """Return a SOLVED answer as a Solution, as `solution` does, in half of its time."""
+    x, y, z, z_box = answer.point
+    if problem.lb is None and problem.ub is None:
+        z_box = NO_ENTRIES
+    now = time.perf_counter()
+    return qpsolvers.Solution(  # names of arguments would take 0.4 us
+        problem, extras_of(answer), True, answer.residuals.objective, x, y, z, z_box,
+        ready - start, now - ready,
+    )  # fmt: skip
+
+
+def extras_of(result: QPResult | Answer) -> dict[str, Any]:
+    """Return what a Solution has no attributes for."""
+    status = result.status
+    return {
+        "status": status.value,
+        "message": result.message or status.explanation,
+        "iterations": result.iterations,
+        "form": result.form,
+        "residuals": result.residuals,
+    }
 
 
 def nam_solve_qp(

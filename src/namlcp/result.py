@@ -248,6 +248,16 @@ class QPResult(Differentiable):
     """The checked QP and (P, G, A) as they were given, or a function that returns both,
     for the derivatives."""
 
+    @classmethod
+    def of(cls, attributes: dict[str, Any]) -> "QPResult":
+        """Return a result with these attributes, all that have no default.
+
+        The constructor takes 3 us, because the class is frozen, this half of one.
+        """
+        result = object.__new__(cls)
+        object.__setattr__(result, "__dict__", attributes)
+        return result
+
     def backward(
         self, dx: Any = None, dy: Any = None, dz: Any = None, dz_box: Any = None
     ) -> "QPGradients":

@@ -25,6 +25,7 @@ from namlcp.compiled.views import (
     ints_at,
     longs,
     longs_at,
+    record_at,
     uncounted,
 )
 
@@ -41,6 +42,7 @@ __all__ = [
     "longs_at",
     "part",
     "pasted",
+    "record_at",
     "record_of",
     "signatures",
     "uncounted",

@@ -96,6 +96,22 @@ def chosen() -> tuple[Any, Any]:
     return numba.njit(itself), portable
 
 
+def record_at(kind: Any) -> Callable[[int], Any]:
+    """Return the compiled function of an address for the record of this dtype there.
+
+    An array of one record takes 0.16 us longer to pass from Python than its address.
+    """
+    at = vectors_at(kind)
+    if config.DISABLE_JIT:
+        return lambda address: Fields(at(address, 1))
+
+    @numba.njit(inline="always")
+    def record(address):
+        return at(address, 1)[0]
+
+    return record
+
+
 uncounted, vectors_at = chosen()
 floats, ints, longs = map(vectors_at, (np.float64, np.int32, np.int64))
 floats_at, ints_at, longs_at = map(pointers_to, (np.float64, np.int32, np.int64))

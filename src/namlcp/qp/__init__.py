@@ -1,8 +1,10 @@
 """Convex QPs: `solve_qp`, the forms it chooses from, and what proves an answer."""
 
+from namlcp.qp.answer import Answer
 from namlcp.qp.convexity import NotConvex
 from namlcp.qp.guess import NO_GUESS, make_guess
 from namlcp.qp.kkt import KKT
+<<<<<<< HEAD
 from namlcp.qp.problem import QP, Point, qp_data
 from namlcp.qp.sequences import (
     BatchResult,
@@ -13,3 +15,8 @@ from namlcp.qp.sequences import (
     solve_batch,
 )
 from namlcp.qp.solve import solve_checked, solve_qp
+=======
+from namlcp.qp.problem import QP, Point, checked, qp_arrays
+from namlcp.qp.sequences import BatchResult, OtherShape, Solver, solve_batch
+from namlcp.qp.solve import result_of, solve_checked, solve_qp, solve_shortly
+>>>>>>> c45161c (Solve small dense QPs by one compiled call that checks the numbers too)

@@ -1,5 +1,6 @@
 """A QP as clean arrays, and the checks of the arguments it is made from."""
 
+import functools
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -127,12 +128,10 @@ def symmetrised(P: Any, gap: float, size: float) -> Any:
 def constraint(
     name: str, C: Any, right: str, d: Any, n: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pair (G, h) or (A, b), with zero rows where it is absent."""
-    if (C is None) != (d is None):
+    """Return the pair (G, h) or (A, b); raise if one of them alone is None."""
+    if C is None or d is None:
         given, missing = (name, right) if d is None else (right, name)
         raise ValueError(f"{given} was given without {missing}: pass both or neither")
-    if C is None:
-        return np.empty((0, n)), np.empty(0)
     C = matrix(name, C, "csc")
     if C.shape[1] != n:
         raise ValueError(
@@ -141,32 +140,61 @@ def constraint(
     return C, vector(right, d, C.shape[0], name, C.shape)
 
 
-@interruptible
-def qp_data(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) -> QP:
-    """Return the user's QP as checked, clean arrays.
+@functools.lru_cache(maxsize=64)
+def absent_parts(n: int) -> tuple[np.ndarray, ...]:
+    """Return the absent G, h, lb and ub of a QP with n variables.
+
+    All QPs share them, and nobody writes to the arrays of a QP; they are not marked as
+    read-only, for which kernels would have to be compiled once more.
+    """
+    return np.empty((0, n)), np.empty(0), constant(n, -np.inf), constant(n, np.inf)
+
+
+def qp_arrays(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) -> QP:
+    """Return the user's QP as arrays of the right types and shapes, for `checked`.
 
     Raises TypeError or ValueError naming the argument, what was expected and what came.
-    Contradictions (lb > ub, h = -inf) pass: such a QP is infeasible, not malformed.
     """
     P = square_matrix("P", P, "csc")
-    n = P.shape[1]
-    q = vector("q", q, n, "P", P.shape)
-    G, h = constraint("G", G, "h", h, n)
-    A, b = constraint("A", A, "b", b, n)
-    lb = constant(n, -np.inf) if lb is None else vector("lb", lb, n, "P", P.shape)
-    ub = constant(n, np.inf) if ub is None else vector("ub", ub, n, "P", P.shape)
-    if type(P) is type(G) is type(A) is np.ndarray:
-        bad, gap, size, huge = dense_faults(P, q, G, h, A, b, lb, ub)
-        if bad:
-            refuse_numbers(QP(P, q, G, h, A, b, lb, ub))
+    shape = P.shape
+    n = shape[1]
+    q = vector("q", q, n, "P", shape)
+    no_rows, no_sides, below, above = absent_parts(n)
+    if G is None and h is None:
+        G, h = no_rows, no_sides
     else:
+        G, h = constraint("G", G, "h", h, n)
+    if A is None and b is None:
+        A, b = no_rows, no_sides
+    else:
+        A, b = constraint("A", A, "b", b, n)
+    lb = below if lb is None else vector("lb", lb, n, "P", shape)
+    ub = above if ub is None else vector("ub", ub, n, "P", shape)
+    if not type(P) is type(G) is type(A) is np.ndarray:
         P, G, A = (as_sparse(C) for C in (P, G, A))
-        qp = QP(P, q, G, h, A, b, lb, ub)
+    return QP(P, q, G, h, A, b, lb, ub)
+
+
+@interruptible
+def checked(qp: QP) -> QP:
+    """Return the QP of `qp_arrays` with clean numbers: P symmetric, no huge sides.
+
+    Raises ValueError for a NaN, an infinite entry or a P that is not symmetric.
+    Contradictions (lb > ub, h = -inf) pass: such a QP is infeasible, not malformed.
+    """
+    if qp.is_dense:
+        bad, gap, size, huge = dense_faults(*qp)
+    else:
         bad, huge = sparse_faults(qp)
-        if bad:
-            refuse_numbers(qp)
-        gap, size = asymmetry(P)
+    if bad:
+        refuse_numbers(qp)
+    if not qp.is_dense:
+        gap, size = asymmetry(qp.P)
     if gap > 0.0:
-        P = symmetrised(P, gap, size)
-    found = QP(P, q, G, h, A, b, lb, ub)
-    return without_huge_sides(found) if huge else found
+        qp = qp._replace(P=symmetrised(qp.P, gap, size))
+    return without_huge_sides(qp) if huge else qp
+
+
+def qp_data(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) -> QP:
+    """Return the user's QP as checked, clean arrays: `checked` of `qp_arrays`."""
+    return checked(qp_arrays(P, q, G, h, A, b, lb, ub))

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from namlcp.limits import Deadline, Limits, interruptible
+from namlcp.limits import Deadline, Limits, cause_of, interruptible
 from namlcp.linalg import blas_threads
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
@@ -16,7 +16,8 @@ from namlcp.qp.forms import is_tiny, solve_smallest_form
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.judge import confirmed, upheld
 from namlcp.qp.memory import Memory
-from namlcp.qp.problem import QP, qp_data
+from namlcp.qp.problem import QP, checked, qp_arrays
+from namlcp.qp.responses import MOST_ORDER, solve_once
 from namlcp.qp.transforms import substitute, without_huge_bounds
 from namlcp.residuals import qp_residuals
 from namlcp.result import QPResult
@@ -101,11 +102,37 @@ def solve_qp(
     ('solved', array([0.3, 0.7]), 1.88)
     """
     start = time.perf_counter()
-    qp = qp_data(P, q, G, h, A, b, lb, ub)
+    qp, given = qp_arrays(P, q, G, h, A, b, lb, ub), (P, G, A)
     options = Options.from_names(settings) if settings else DEFAULT_OPTIONS
     check_flag("history", history)
+    if x0 is None and warm_start is None and not history:
+        ready = time.perf_counter()
+        answer = solve_shortly(qp, options, start, given)
+        if answer is not None:
+            return result_of(answer, (qp, given), start, ready)
+    qp = checked(qp)
     guess = make_guess(qp, x0, warm_start)
-    return solve_checked(qp, options, guess, start, history, given=(P, G, A))
+    return solve_checked(qp, options, guess, start, history, given=given)
+
+
+def solve_shortly(
+    qp: QP, options: Options, start: float, given: tuple[Any, Any, Any]
+) -> Answer | None:
+    """Solve a dense QP of `qp_arrays` by one compiled call, which checks the numbers.
+
+    Returns None where that is not the way to solve it; `start` and `given` as for
+    `solve_checked`.
+    """
+    order = qp.q.size + qp.h.size + qp.b.size
+    if order > MOST_ORDER or not qp.is_dense or options.verbose or options.relaxation:
+        return None
+    limits = options.limits(Deadline(start + options.time_limit))
+    try:
+        with blas_threads(options.threads, order):
+            answer = solve_once(qp, NO_GUESS, limits)
+    except SystemError as error:
+        raise cause_of(error) from None
+    return None if answer is None else settled(answer, qp, given, limits)
 
 
 @interruptible
@@ -138,13 +165,21 @@ def solve_checked(
         answer = solve_or_relax(qp, guess, limits, memory)
         if relaxation and answer.status is Status.PRIMAL_INFEASIBLE:
             closest = closest_point(qp, relaxation, limits, solve_or_relax)
-    answer = upheld(answer, qp, given, limits)
-    if deadline.interrupted:
-        answer = answer._replace(status=deadline.verdict(answer.status))
+    answer = settled(answer, qp, given, limits)
     if progress is not None:
         progress.close(conclude(answer, time.perf_counter() - start))
     kept = progress.history() if progress is not None and history else None
     return result_of(answer, (qp, given), start, ready, kept, closest)
+
+
+def settled(
+    answer: Answer, qp: QP, given: tuple[Any, Any, Any], limits: Limits
+) -> Answer:
+    """Return the answer confirmed on the user's own matrices, or interrupted."""
+    answer = upheld(answer, qp, given, limits)
+    if limits.deadline.interrupted:
+        answer = answer._replace(status=limits.deadline.verdict(answer.status))
+    return answer
 
 
 def result_of(
@@ -159,25 +194,28 @@ def result_of(
 
     start, ready: the values of time.perf_counter() at the call and after its checks.
     """
-    point, objective = answer.point, answer.residuals.objective
-    if answer.status is not Status.SOLVED:
-        objective = OBJECTIVE.get(answer.status, objective)
-    return QPResult(
-        status=answer.status,
-        x=point.x,
-        y=point.y,
-        z=point.z,
-        z_box=point.z_box,
-        obj=objective,
-        residuals=answer.residuals,
-        iterations=answer.iterations,
-        form=answer.form,
-        message=answer.message,
-        setup_time=ready - start,
-        solve_time=time.perf_counter() - ready,
-        history=history,
-        problem=problem,
-        closest=closest,
+    status, (x, y, z, z_box), residuals, iterations, form, message = answer
+    objective = residuals.objective
+    if status is not Status.SOLVED:
+        objective = OBJECTIVE.get(status, objective)
+    return QPResult.of(
+        {
+            "status": status,
+            "x": x,
+            "y": y,
+            "z": z,
+            "z_box": z_box,
+            "obj": objective,
+            "residuals": residuals,
+            "iterations": iterations,
+            "form": form,
+            "message": message,
+            "setup_time": ready - start,
+            "solve_time": time.perf_counter() - ready,
+            "history": history,
+            "problem": problem,
+            "closest": closest,
+        }
     )
 
 

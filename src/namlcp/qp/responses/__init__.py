@@ -10,9 +10,9 @@ errors of degenerate QPs. `solve_once` is for a single QP. A class of this room,
 - ``of(qp)``: for the matrices of a QP, None where they are not suited. The arrays are
   not copied, and must not change;
 - ``solve(q, h, b, lb, ub, limits) -> Answer | None``: clean vectors of the right sizes
-  (`checks.vector`); NaN raises ValueError, bounds beyond `checks.INFINITE` count as
-  none. None: another method has to solve this QP. Every verdict has been judged on the
-  data as given. Whatever it is, the active rows of the last solved QP are kept;
+  (`checks.vector`). None: another method has to solve this QP, or it has numbers that
+  are not allowed. Every verdict has been judged on the data as given. Whatever it is,
+  the active rows of the last solved QP are kept;
 - ``renew(qp)``: after a change of the matrices' values, sizes as before. The active
   rows are kept as a hint;
 - ``are_unsuited``: the last solve found that the matrices are not suited;
@@ -25,5 +25,5 @@ response is made; `dense` and `run` do, for arrays, `sparse` and `sparse_run` fo
 matrices. `course` is what a solve consists of, whatever the matrices are stored as.
 """
 
-from namlcp.qp.responses.solve import DenseResponses, Responses, solve_once
+from namlcp.qp.responses.solve import MOST_ORDER, DenseResponses, Responses, solve_once
 from namlcp.qp.responses.sparse_solve import SparseResponses

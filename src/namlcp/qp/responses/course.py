@@ -30,6 +30,7 @@ from namlcp.qp.responses.judgement import (
     exchange_best,
     is_accurate,
     is_solved,
+    largest_term,
     measure,
     note_best,
     set_contradiction,
@@ -40,6 +41,12 @@ from namlcp.qp.responses.judgement import (
 # What the caller has to do, beside RESPONSE: set the values at m.target to (G x, x, y)
 # for (x, y) = K^-1 m.rhs; set the products of the result with P, G and A.
 VALUES, PRODUCTS = 20, 21
+# A code of the end: as DONE, but sums of such large terms depend on their order by more
+# than the tolerances.
+SUMMED = 22
+# Relative rounding error of a residual: SUMMED where this times the largest term of one
+# exceeds eps_abs.
+ROUNDING = 4e-15
 # Stages: what `advance` begins with.
 RECALL, HINTS, PIVOTS, MEASURE, CORRECT = range(5)
 
@@ -62,7 +69,7 @@ def begin(m, clock):
 def advance(m):
     """Go on until the caller has to do something, or to the end.
 
-    The result is complete after DONE; after LATE it is the best point, after
+    The result is complete after DONE and SUMMED; after LATE it is the best point, after
     CONTRADICTION it has x and the multipliers y and z of a candidate for a certificate.
     """
     if m.stage == RECALL:
@@ -108,4 +115,4 @@ def advance(m):
     if not is_solved(m):
         return STUCK
     keep(m)
-    return DONE
+    return SUMMED if largest_term(m) * ROUNDING > m.eps_abs else DONE

@@ -10,18 +10,7 @@ import numpy as np
 
 from namlcp.compiled import floats, part
 from namlcp.linalg import add_scaled, dot
-from namlcp.qp.responses.judgement import (
-    GAIN,
-    PASSES,
-    correct,
-    exchange_best,
-    is_accurate,
-    measure,
-    note_best,
-    parts_of_result,
-    set_correction,
-    set_result,
-)
+from namlcp.qp.responses.judgement import parts_of_result
 from namlcp.qp.responses.rows import claim_place, forget_responses, keep_response
 
 # Ratio of the largest to the smallest pivot of P from which on a product with M is too
@@ -94,12 +83,22 @@ def square_triangle(address, n, target, width):
 
 @part
 def set_up(m):
-    """Compute M, and the norms of the rows; False where P or A does not allow it."""
+    """Compute M, and the norms of the rows; False where the matrices do not allow it.
+
+    They do not if a number is NaN or infinite, or P is not symmetric, not definite or
+    ill-conditioned, or the rows of A depend on each other.
+    """
     n, p, size = m.n, m.p, m.n + m.p
-    P, factor = floats(m.P, n * n), floats(m.factor, n * n)
-    for i in range(n * n):
-        factor[i] = P[i]
-    if p > n or not factor_in_place(m.factor, n) <= MOST_SPREAD:
+    if p > n or not set_row_scales(m):
+        return False
+    for i in range(n):
+        row, factor = row_of(m.P, i, n), row_of(m.factor, i, n)
+        for j in range(i):
+            if row[j] != row_of(m.P, j, n)[i]:
+                return False
+        for j in range(i + 1):
+            factor[j] = row[j]
+    if not factor_in_place(m.factor, n) <= MOST_SPREAD:
         return False
     invert_triangle(m.factor, n)
     square_triangle(m.factor, n, m.inverse, size)
@@ -109,16 +108,23 @@ def set_up(m):
     m.least_curvature = FIXED * largest
     if p > 0 and not add_equations(m):
         return False
-    scale = floats(m.scale, m.rows)
-    for i in range(m.rows):
-        scale[i] = 1.0
-    for i in range(m.m):
-        row = row_of(m.G, i, n)
-        squares = dot(row, row)
-        if squares > 0.0:
-            scale[i] = 1.0 / np.sqrt(squares)
     forget_responses(m)
     return True
+
+
+@part
+def set_row_scales(m):
+    """Set 1 over the norms of the rows; tell whether all numbers of G are finite."""
+    scale = floats(m.scale, m.rows)
+    total = 0.0
+    for i in range(m.m):
+        row = row_of(m.G, i, m.n)
+        squares = dot(row, row)
+        total += 0.0 * squares
+        scale[i] = 1.0 / np.sqrt(squares) if squares > 0.0 else 1.0
+    for i in range(m.m, m.rows):
+        scale[i] = 1.0
+    return total == 0.0
 
 
 @part
@@ -209,30 +215,3 @@ def set_products(m):
         row = row_of(m.A, i, m.n)
         Ax[i] = dot(row, x)
         add_scaled(y[i], row, Aty)
-
-
-@part
-def judge(m):
-    """Set the result from s and mu; return its error, see `measure`."""
-    set_result(m)
-    set_products(m)
-    return measure(m)
-
-
-@part
-def judge_refined(m):
-    """Set the result, refined where it is not accurate."""
-    error = judge(m)
-    for _ in range(PASSES):
-        if is_accurate(m, error):
-            break
-        note_best(m)
-        set_correction(m)
-        set_values_of(m, floats(m.rhs, m.n + m.p), floats(m.change, m.length))
-        correct(m)
-        before, error = error, judge(m)
-        if not error < before:
-            exchange_best(m)
-            judge(m)
-        if not error <= GAIN * before:
-            break

@@ -107,6 +107,13 @@ def is_solved(m):
 
 
 @part
+def largest_term(m):
+    """Return the largest modulus of a term of the residuals."""
+    found = floats(m.out + 8 * (2 * m.n + m.p + m.m), NUMBERS)
+    return max(found[3], found[4], found[5])
+
+
+@part
 def set_correction(m):
     """Set m.rhs = -(dual residual, A x - b), and s to the values of the result."""
     x, y, _, z_box = parts_of_result(m)

@@ -1,5 +1,6 @@
 """Dense QPs with the same matrices, one after another, by responses."""
 
+import ctypes
 from collections.abc import Callable
 from typing import Any
 
@@ -10,12 +11,11 @@ from namlcp.options import DEFAULT_OPTIONS
 from namlcp.qp.answer import Answer, proved
 from namlcp.qp.certificates import accept_primal
 from namlcp.qp.guess import Guess
-from namlcp.qp.problem import QP, Point, refuse_numbers, without_huge_sides
+from namlcp.qp.problem import QP, Point
 from namlcp.qp.responses.active import CONTRADICTION, DONE, LATE, STUCK
+from namlcp.qp.responses.course import SUMMED
 from namlcp.qp.responses.judgement import NUMBERS
 from namlcp.qp.responses.run import (
-    FAULTY,
-    HUGE,
     attach_matrices,
     attach_vectors,
     run,
@@ -25,14 +25,13 @@ from namlcp.qp.responses.state import allocate, new_state
 from namlcp.residuals import Residuals, qp_residuals
 from namlcp.status import Status
 
-# Relative rounding error of a residual: where this times its largest term exceeds
-# eps_abs, all are summed again by `qp_residuals`, in the order that qpsolvers uses.
-ROUNDING = 4e-15
-
-
+SOLVED = Status.SOLVED
+# Codes of kernels after which there is a point or a candidate for a certificate.
+JUDGED = (DONE, SUMMED, LATE, CONTRADICTION)
+# Most variables, equations and rows of a QP that is solved by responses.
+MOST_ORDER = 900
 # Spaces of one-shot solves that have ended, for the next ones: making one takes as long
 # as a tiny QP. At most so many numbers each are kept.
-MOST_VARIABLES = 300
 POOL: list["DenseResponses"] = []
 MOST_POOLED = 1_000_000
 # Solves in a row that are left to other methods before responses are no longer tried.
@@ -41,7 +40,7 @@ MOST_LEFT = 3
 
 def solve_once(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
     """Solve one dense QP; None where another method has to."""
-    if qp.q.size + qp.b.size > MOST_VARIABLES:
+    if qp.q.size + qp.h.size + qp.b.size > MOST_ORDER:
         return None
     limits.announce(run)
     try:
@@ -71,6 +70,7 @@ class Responses:
     def __init__(self, P: Any, G: Any, A: Any) -> None:
         """Note the matrices; the first solve computes what depends on them."""
         self.now, self.state = new_state()
+        self.address = ctypes.addressof(self.now)
         self.attach(P, G, A)
 
     def __reduce__(self) -> tuple[type["Responses"], tuple[Any, ...]]:
@@ -86,10 +86,6 @@ class Responses:
         """Take matrices, and memory for them."""
         raise NotImplementedError
 
-    def set_size(self) -> None:
-        """Set the number of entries of a result."""
-        self.size = 2 * self.now.n + self.now.m + self.now.p + NUMBERS
-
     def renew(self, qp: QP) -> None:
         """Take the changed matrices of a QP of the same sizes.
 
@@ -102,7 +98,7 @@ class Responses:
 
     def suggest(self, active: np.ndarray) -> None:
         """Let the next solve begin with these rows active, see `Guess.active`."""
-        take_hint(self.state, active)
+        take_hint(self.address, active)
 
     def solve(
         self,
@@ -115,57 +111,43 @@ class Responses:
     ) -> Answer | None:
         """Solve the QP with these vectors, clean arrays of the right sizes.
 
-        Returns None where another method has to solve it. Raises ValueError for a
-        number that is not allowed.
+        Returns None where another method has to solve it, or a number is not allowed.
         """
-        now = self.now
-        now.eps_abs, now.eps_rel = limits.eps_abs, limits.eps_rel
-        now.max_iter = limits.max_iter or DEFAULT_OPTIONS.max_iter
-        out = np.empty(self.size)
-        attach_vectors(self.state, (q, h, b, lb, ub), out)
-        most = 4.0 * now.max_iter * now.n * (2 * now.n + now.m + now.p)
-        code = limits.deadline.run(self.kernel, most, self.state)
+        address, (eps_abs, eps_rel, max_iter, deadline, *_) = self.address, limits
+        most = max_iter or DEFAULT_OPTIONS.max_iter
+        n, m, p = q.size, h.size, b.size
+        size = n + p + m
+        out = np.empty(size + n + NUMBERS)
+        attach_vectors(address, q, h, b, lb, ub, out)
+        work = 4.0 * most * n * (n + size)  # of so many pivots
+        code = deadline.run(self.kernel, work, address, eps_abs, eps_rel, most)
         self.left = self.left + 1 if code == STUCK else 0
-        if code == DONE or code == LATE:
-            return self.answer(code, out, (q, h, b, lb, ub), limits)
+        if code not in JUDGED:
+            return None
+        end = size + n
+        point = Point(out[:n], out[n : n + p], out[n + p : size], out[size:end])
+        if code == DONE:
+            residuals = tuple.__new__(Residuals, out[end:].tolist())  # twice as fast
+            return Answer(SOLVED, point, residuals, self.now.pivots, "dual")
         P, G, A = self.matrices
         qp = QP(P, q, G, h, A, b, lb, ub)
+        return self.summed(code, point, qp, limits)
+
+    def summed(self, code: int, point: Point, qp: QP, limits: Limits) -> Answer | None:
+        """Return the answer that a result makes after sums in the order of the data."""
+        count = self.now.pivots
         if code == CONTRADICTION:
-            x, y, z, _ = self.parts(out)
-            proof = accept_primal(qp, x, y, z, limits.eps_abs)
+            proof = accept_primal(qp, *point[:3], limits.eps_abs)
             if proof is None:
                 return None
-            return proved(Status.PRIMAL_INFEASIBLE, proof, now.pivots, "dual")
-        if code == FAULTY:
-            refuse_numbers(qp)
-        if code == HUGE:
-            qp = without_huge_sides(qp)
-            return self.solve(qp.q, qp.h, qp.b, qp.lb, qp.ub, limits)
-        return None
-
-    def parts(self, out: np.ndarray) -> Point:
-        """Return x, y, z, z_box of a result."""
-        n, p, end = self.now.n, self.now.p, self.now.n + self.now.p + self.now.m
-        return Point(out[:n], out[n : n + p], out[n + p : end], out[end : end + n])
-
-    def answer(
-        self,
-        code: int,
-        out: np.ndarray,
-        vectors: tuple[np.ndarray, ...],
-        limits: Limits,
-    ) -> Answer:
-        """Return the answer that a result makes."""
-        point, numbers = self.parts(out), out[-NUMBERS:].tolist()
-        residuals = Residuals(*numbers)
-        status = Status.SOLVED if code == DONE else Status.TIME_LIMIT
-        if max(numbers[3:6]) * ROUNDING > limits.eps_abs:
-            q, h, b, lb, ub = vectors
-            P, G, A = self.matrices
-            residuals = qp_residuals(P, q, G, h, A, b, lb, ub, *point)
-            if code == DONE and not residuals.solved(*limits.tolerances):
-                status = Status.STALLED
-        return Answer(status, point, residuals, self.now.pivots, "dual")
+            return proved(Status.PRIMAL_INFEASIBLE, proof, count, "dual")
+        residuals = qp_residuals(*qp, *point)
+        status = Status.TIME_LIMIT
+        if code == SUMMED:
+            if not residuals.solved(*limits.tolerances):
+                return None
+            status = Status.SOLVED
+        return Answer(status, point, residuals, count, "dual")
 
 
 class DenseResponses(Responses):
@@ -181,7 +163,6 @@ class DenseResponses(Responses):
     def attach(self, P: np.ndarray, G: np.ndarray, A: np.ndarray) -> None:
         """Take matrices, and memory for them."""
         self.matrices = P, G, A
-        if not attach_matrices(self.state, P, G, A):
+        if not attach_matrices(self.address, P, G, A):
             self.memory = allocate(self.now)
-            attach_matrices(self.state, P, G, A)
-        self.set_size()
+            attach_matrices(self.address, P, G, A)

@@ -1,16 +1,16 @@
 """The kernels for sparse QPs: as those for dense ones, with `course`."""
 
 from namlcp.compiled import floats, kernel, record_of
-from namlcp.qp.responses.active import DONE, RESPONSE
+from namlcp.qp.responses.active import RESPONSE
 from namlcp.qp.responses.course import PRODUCTS, VALUES, advance, begin
-from namlcp.qp.responses.run import UNSUITED, fault_of
+from namlcp.qp.responses.run import FAULTY, UNSUITED, is_faulty
 from namlcp.qp.responses.sparse import (
     make_response,
     set_products,
     set_up,
     set_values_of,
 )
-from namlcp.qp.responses.state import lay_out
+from namlcp.qp.responses.state import lay_out, state_at
 
 
 @kernel
@@ -34,12 +34,12 @@ def attach_sparse(state, sizes, triangle, vectors, rows):
 
 
 @kernel(error_model="numpy")
-def run_sparse(state, clock):
+def run_sparse(address, eps_abs, eps_rel, max_iter, clock):
     """Do as `run`, for sparse matrices."""
-    m = record_of(state)
-    fault = fault_of(m)
-    if fault != DONE:
-        return fault
+    m = state_at(address)
+    m.eps_abs, m.eps_rel, m.max_iter = eps_abs, eps_rel, max_iter
+    if is_faulty(m):
+        return FAULTY
     if not m.is_ready and not set_up(m):
         return UNSUITED
     m.is_ready = 1

@@ -59,4 +59,3 @@ class SparseResponses(Responses):
         if not attach_sparse(self.state, *given):
             self.memory = allocate(self.now)
             attach_sparse(self.state, *given)
-        self.set_size()

@@ -9,7 +9,7 @@ import ctypes
 
 import numpy as np
 
-from namlcp.compiled import part
+from namlcp.compiled import part, record_at
 from namlcp.linalg import FACTORS
 
 # Addresses of vectors: those of the problem and of the result, set by `attach`, ...
@@ -82,6 +82,7 @@ class ResponseState(ctypes.Structure):
 
 
 RECORD = np.dtype((np.record, np.dtype(ResponseState)))
+state_at = record_at(RECORD)
 # Most numbers that all responses may take: 64 MB. There are no more active rows.
 MOST_NUMBERS = 8_000_000
 
