@@ -146,18 +146,18 @@ def test_what_it_does_not_decide_is_left_to_others():
     assert crossed.solve(np.ones(2), e, e, np.ones(2), -np.ones(2), LIMITS) is None
 
 
-def test_numbers_are_checked():
-    kept = DenseResponses(np.eye(2), np.ones((1, 2)), np.empty((0, 2)))
+def test_numbers_that_are_not_allowed_are_left_to_others():
+    eye, row, none = np.eye(2), np.ones((1, 2)), np.empty((0, 2))
     q, h, b = np.ones(2), np.ones(1), np.empty(0)
-    lb, ub = np.full(2, -1e30), np.full(2, 1e30)
-    assert solve(kept, QP(None, q, None, h, None, b, lb, ub)).point.x.tolist() == [
-        -1.0,
-        -1.0,
-    ]
-    with pytest.raises(ValueError, match="q must be finite, got nan at"):
-        kept.solve(np.array([0.0, np.nan]), h, b, lb, ub, LIMITS)
-    with pytest.raises(ValueError, match="h must not hold NaN"):
-        kept.solve(q, np.array([np.nan]), b, lb, ub, LIMITS)
+    lb, ub = np.full(2, -INF), np.full(2, INF)
+    kept = DenseResponses(eye, row, none)
+    assert kept.solve(q, h, b, lb, ub, LIMITS).point.x.tolist() == [-1.0, -1.0]
+    for bad in (np.array([0.0, np.nan]), np.array([0.0, INF])):
+        assert kept.solve(bad, h, b, lb, ub, LIMITS) is None
+    assert kept.solve(q, np.array([np.nan]), b, lb, ub, LIMITS) is None
+    assert kept.solve(q, h, b, np.full(2, -1e30), ub, LIMITS) is None
+    for P, G in ((eye, row * np.nan), (np.full((2, 2), INF), row), (eye + [[0, 1], [0, 0]], row)):
+        assert DenseResponses(P, G, none).solve(q, h, b, lb, ub, LIMITS) is None
 
 
 def test_a_copy_begins_anew():
