@@ -4,8 +4,7 @@ from namlcp.qp.answer import Answer
 from namlcp.qp.convexity import NotConvex
 from namlcp.qp.guess import NO_GUESS, make_guess
 from namlcp.qp.kkt import KKT
-<<<<<<< HEAD
-from namlcp.qp.problem import QP, Point, qp_data
+from namlcp.qp.problem import QP, Point, checked, qp_arrays
 from namlcp.qp.sequences import (
     BatchResult,
     OtherShape,
@@ -14,9 +13,4 @@ from namlcp.qp.sequences import (
     on_threads,
     solve_batch,
 )
-from namlcp.qp.solve import solve_checked, solve_qp
-=======
-from namlcp.qp.problem import QP, Point, checked, qp_arrays
-from namlcp.qp.sequences import BatchResult, OtherShape, Solver, solve_batch
 from namlcp.qp.solve import result_of, solve_checked, solve_qp, solve_shortly
->>>>>>> c45161c (Solve small dense QPs by one compiled call that checks the numbers too)

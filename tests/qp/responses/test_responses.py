@@ -156,7 +156,11 @@ def test_numbers_that_are_not_allowed_are_left_to_others():
         assert kept.solve(bad, h, b, lb, ub, LIMITS) is None
     assert kept.solve(q, np.array([np.nan]), b, lb, ub, LIMITS) is None
     assert kept.solve(q, h, b, np.full(2, -1e30), ub, LIMITS) is None
-    for P, G in ((eye, row * np.nan), (np.full((2, 2), INF), row), (eye + [[0, 1], [0, 0]], row)):
+    for P, G in (
+        (eye, row * np.nan),
+        (np.full((2, 2), INF), row),
+        (np.triu(eye + 1.0), row),
+    ):
         assert DenseResponses(P, G, none).solve(q, h, b, lb, ub, LIMITS) is None
 
 
