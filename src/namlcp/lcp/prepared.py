@@ -24,6 +24,11 @@ DIAGONAL_ROUNDING = 1e-10
 """Sum of (A + A')_ij r_j, relative to its terms, that counts as 0 where a_ii = 0."""
 
 
+DENSE_ORDER, SPARSE = 250, 0.125
+"""Order up to which matrices are factored as dense ones, and share of entries that are
+not 0 from which on larger ones are, too."""
+
+
 class Prepared:
     """A checked matrix, which `solve_lcp` takes in place of A, for one q after another.
 
@@ -119,12 +124,22 @@ class Prepared:
         """sqrt(slopes): diag(1/root) A diag(1/root) is A scaled to a unit diagonal."""
         return np.sqrt(self.slopes)
 
+    @cached_property
+    def compact(self) -> Any:
+        """A in the layout in which its factors take less time: dense or CSR."""
+        A, n = self.A, self.A.shape[0]
+        if isinstance(A, np.ndarray):
+            sparse_enough = n > DENSE_ORDER and np.count_nonzero(A) < SPARSE * n * n
+            return sparse.csr_array(A) if sparse_enough else A
+        return A.toarray() if n <= DENSE_ORDER or A.nnz >= SPARSE * n * n else A
+
     def is_semidefinite(self, tolerance: float) -> bool:
         """Tell whether A + tolerance I is positive definite, A equilibrated before.
 
         That scales rows with a_ii = 0, too.
         """
-        scaled = congruent(self.A, equilibrating_scale(self.A))
+        A = self.compact
+        scaled = congruent(A, equilibrating_scale(A))
         return is_positive_semidefinite(scaled, tolerance)
 
     @cached_property

@@ -53,6 +53,8 @@ def finish(model: Distances, p: np.ndarray) -> Iterator[np.ndarray]:
 def solve_on_face(model: Distances, free: np.ndarray, x: np.ndarray) -> None:
     """Move the free entries of x until F = 0 there, as far as that is possible."""
     rows = np.flatnonzero(free)
+    if rows.size == 0:
+        return
     part = model.M if rows.size == x.size else model.M[:, rows][rows]
     factors = Shifted(part).factors(np.full(rows.size, PROXIMAL))
     if factors is None:

@@ -9,7 +9,6 @@ from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
-from scipy import sparse
 
 from namlcp.lcp.criterion import Criterion, is_solved_by_zero
 from namlcp.lcp.data import LCP, Outcome
@@ -20,9 +19,6 @@ from namlcp.lcp.scaling import unit_diagonal_scale
 from namlcp.lcp.shifted import Shifted
 from namlcp.limits import Limits
 from namlcp.status import Status
-
-DENSE_ORDER = 250
-"""Largest order at which a sparse A is treated as dense."""
 
 TARGET = 1e-9
 """Res of the scaled problem, relative to max |q_i|, at which a path ends."""
@@ -55,9 +51,7 @@ class Search:
     def model(self) -> Distances:
         """The problem of the paths, scaled to a unit diagonal."""
         _, q, lower, upper = self.lcp
-        A = self.lcp.A
-        if sparse.issparse(A) and q.size <= DENSE_ORDER:
-            A = A.toarray()
+        A = self.lcp.matrix.compact
         return Distances(A, q, lower, upper, unit_diagonal_scale)
 
     @cached_property

@@ -47,6 +47,10 @@ UNSEEN, MOST_AT_ONCE = 10_000_000, 50
 """Multiplications and factorisations at most between two checks of the deadline: about
 10 ms. A single factorisation may take longer."""
 
+CHEAP_ORDER, LAST_STEPS = 100, 20
+"""If A is known to be no P-matrix: largest order at which the interior path is tried,
+and factorisations allowed after it."""
+
 PATH_STEPS, LARGE_PATH_STEPS = 60, 150
 """Interior-point steps at most: in `interior.follow` and in `LargeSystem.follow`."""
 
@@ -99,6 +103,7 @@ class Attempt:
     ) -> None:
         """Copy the problem; `before` counts the factorisations of earlier attempts."""
         self.lcp, self.limits, self.before = lcp, limits, before
+        self.path_end = before  # factorisations when an interior path had ended
         self.beyond = False  # whether the problem was left to methods for any matrix
         self.most = limits.max_iter or MAX_FACTORISATIONS
         self.columns, n = lcp.matrix.columns, lcp.q.size
@@ -174,7 +179,8 @@ class Attempt:
                 if ray is not None:
                     return Status.UNSOLVABLE, ray
                 done, code = now.factorisations, stages.MORE
-            self.beyond = code in HALTS and self.is_beyond()
+            halted = code in HALTS
+            self.beyond = (halted or now.path_followed) and self.is_beyond(halted)
             if code == stages.STUCK or self.beyond:
                 status = Status.STALLED
                 break
@@ -202,15 +208,21 @@ class Attempt:
                 self.report()
         return Status.SOLVED if now.solved else status, None
 
-    def is_beyond(self) -> bool:
+    def is_beyond(self, halted: bool) -> bool:
         """Tell whether to leave the problem to methods for any matrix.
 
-        That is where A is no P-matrix, or its free systems are factored by sparse LU:
+        That is where A is no P-matrix and the interior path, tried if it is cheap, has
+        not led to a solution soon; or where free systems are factored by sparse LU:
         Murty's rule takes too many of these.
         """
         now = self.work.now
-        by_lu = now.external_solve and not self.large and not now.path_followed
-        return now.not_p or by_lu or self.lcp.matrix.is_general
+        if now.path_followed:
+            late = halted or now.factorisations > self.path_end + LAST_STEPS
+            return late and (now.not_p or self.lcp.matrix.is_general)
+        if not halted or (now.external_solve and not self.large):
+            return halted
+        no_path = self.work.n > CHEAP_ORDER
+        return no_path and (now.not_p or self.lcp.matrix.is_general)
 
     def report(self) -> None:
         """Report factorisations, Res of the best z, and how many states are bounded."""
@@ -237,6 +249,7 @@ class Attempt:
     def change_course(self) -> None:
         """Follow the interior path the first time; later restart with a larger rho."""
         now, deadline = self.work.now, self.limits.deadline
+        self.path_end = now.factorisations
         if now.path_followed:
             now.rho = min(1000.0 * now.rho, stages.MOST_RHO)
             now.line_search = now.symmetric
