@@ -4,7 +4,7 @@ from namlcp.qp.answer import Answer
 from namlcp.qp.convexity import NotConvex
 from namlcp.qp.guess import NO_GUESS, make_guess
 from namlcp.qp.kkt import KKT
-from namlcp.qp.problem import QP, Point, checked, qp_arrays
+from namlcp.qp.problem import QP, Point, checked, qp_arrays, qp_data
 from namlcp.qp.sequences import (
     BatchResult,
     OtherShape,
