@@ -56,8 +56,8 @@ def active_sets(qp: QP, point: Point) -> tuple[ActiveSet, ActiveSet, int]:
         forms = tuple(tuple(arrays_of(M)) for M in (P, G, A))
         weak = mark_sparse(forms, (q, h, lb, ub), tuple(point), state, sides)
     every = np.arange(qp.b.size)
-    strict = ActiveSet(every, np.flatnonzero(state == STRICT), sides[0])
-    return strict, ActiveSet(every, np.flatnonzero(state), sides[1]), weak
+    strict = ActiveSet(every, (state == STRICT).nonzero()[0], sides[0])
+    return strict, ActiveSet(every, state.nonzero()[0], sides[1]), weak
 
 
 @kernel

@@ -8,8 +8,9 @@ import scipy.sparse as sp
 
 from namlcp.checks import real_array
 from namlcp.derivatives.gradients import QPGradients
+from namlcp.derivatives.qp import QPDerivative
 from namlcp.options import check_count
-from namlcp.qp import BatchResult, available_cores, on_threads
+from namlcp.qp import BatchResult, Point, available_cores, on_threads
 
 
 class BatchGradients:
@@ -85,23 +86,29 @@ def differentiate_batch(
         )
     threads = available_cores() if threads is None else threads
     check_count("threads", threads)
-    given = {}
-    for name, value in cotangents.items():
-        if value is not None:
-            array, own = real_array(name, value), getattr(batch, name[1:])
-            if array.shape != own.shape:
-                raise ValueError(
-                    f"{name} must have shape {own.shape} to match {name[1:]}, got "
-                    f"{array.shape}"
-                )
-            given[name] = array
+    given = [stacked(name, value, batch) for name, value in cotangents.items()]
     items: list[QPGradients | None] = [None] * len(batch)
+    solved = np.flatnonzero(batch.solved)
 
-    def work(i: int) -> None:
-        items[i] = batch[i].backward(
-            **{name: array[i] for name, array in given.items()}
+    def work(k: int) -> None:
+        i = solved[k]
+        point = Point(batch.x[i], batch.y[i], batch.z[i], batch.z_box[i])
+        qp, matrices = batch.problem.item(i)
+        items[i] = QPDerivative(qp, matrices, point).backward(
+            *(None if array is None else array[i] for array in given)
         )
 
-    solved = np.flatnonzero(batch.solved)
-    on_threads(lambda k: work(int(solved[k])), solved.size, threads)
+    on_threads(work, solved.size, threads)
     return BatchGradients(items, batch)
+
+
+def stacked(name: str, value: Any, batch: BatchResult) -> np.ndarray | None:
+    """Return gradients in x, y, z or z_box of all items checked, None if absent."""
+    if value is None:
+        return None
+    array, own = real_array(name, value), getattr(batch, name[1:])
+    if array.shape != own.shape:
+        raise ValueError(
+            f"{name} must have shape {own.shape} to match {name[1:]}, got {array.shape}"
+        )
+    return array

@@ -51,7 +51,7 @@ class DenseSystem:
 
     def __init__(self, qp: QP, active: ActiveSet) -> None:
         self.matrices = qp.P, qp.G, qp.A
-        free = np.flatnonzero(active.side == 0)
+        free = (active.side == 0).nonzero()[0]
         self.places = active.equalities, active.rows, free
         self.regular, *factors = factor_dense(self.matrices, self.places)
         self.factors = tuple(factors)

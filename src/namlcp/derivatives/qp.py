@@ -88,6 +88,7 @@ class QPDerivative:
     def hold(self, active: ActiveSet, point: Point) -> None:
         """Factor the KKT system of an active set; `point` has its multipliers."""
         self.active, self.point = active, point
+        self.at_lower, self.at_upper = active.side < 0, active.side > 0
         self.fixed = active.side != 0
         self.system = system_of(self.qp, active)
 
@@ -97,14 +98,12 @@ class QPDerivative:
 
     def backward(self, dx: Any, dy: Any, dz: Any, dz_box: Any) -> QPGradients:
         """Return the gradients of a scalar in the data from those in the solution."""
-        fixed, side = self.fixed, self.active.side
+        x, y, z, _ = self.point
         gx, gz_box = self.vector("dx", dx, "x"), self.vector("dz_box", dz_box, "z_box")
         gy, gz = self.vector("dy", dy, "y"), self.vector("dz", dz, "z")
-        x, y, z, _ = self.point
-        u = np.zeros(x.size)
-        u[fixed] = gz_box[fixed]
+        u = self.fixed * gz_box
         lam, nu, mu = self.system.solve(gx, gz, gy, u)
-        lb, ub = np.where(side < 0, mu, 0.0), np.where(side > 0, mu, 0.0)
+        lb, ub = self.at_lower * mu, self.at_upper * mu
         products = (
             RankTwo(-0.5 * u, x, x, -0.5 * u),
             RankTwo(-z, u, -lam, x),
@@ -117,13 +116,11 @@ class QPDerivative:
 
     def forward(self, changes: dict[str, Any]) -> QPTangent:
         """Return the derivative of the solution along a direction of the data."""
-        fixed, side = self.fixed, self.active.side
         d = self.direction(changes)
         r, dh, db = self.right_sides(d, self.point)
-        dx = np.where(side < 0, d["lb"], np.where(side > 0, d["ub"], 0.0))
+        dx = self.at_lower * d["lb"] + self.at_upper * d["ub"]
         dz, dy, rest = self.system.solve(-r, dh, db, dx)
-        dz_box = np.where(fixed, rest, 0.0)
-        return QPTangent(dx, dy, dz, dz_box, self.weak, self.singular)
+        return QPTangent(dx, dy, dz, self.fixed * rest, self.weak, self.singular)
 
     def right_sides(
         self, d: dict[str, Any], point: Point
