@@ -61,7 +61,7 @@ def begin(m, clock):
         rhs[j] = -q[j]
     for i in range(m.p):
         rhs[m.n + i] = b[i]
-    m.target, m.stage = m.s0, RECALL
+    m.target, m.stage, m.entering = m.s0, RECALL, -1
     return VALUES
 
 
@@ -79,7 +79,7 @@ def advance(m):
         if admit_hints(m) == RESPONSE:
             return RESPONSE
         drop_wrong_signs(m)
-        m.hints, m.entering, m.pivots = 0, -1, 0
+        m.hints, m.pivots = 0, 0
         m.level, m.stage = VIOLATION_ROUNDING, PIVOTS
     if m.stage == PIVOTS:
         m.found = pivot(m)

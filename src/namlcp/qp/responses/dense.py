@@ -8,15 +8,22 @@ solve a product, which for a small QP is quicker than two triangular solves.
 
 import numpy as np
 
-from namlcp.compiled import floats, part
+from namlcp.compiled import floats, longs, part
 from namlcp.linalg import add_scaled, dot
 from namlcp.qp.responses.judgement import parts_of_result
-from namlcp.qp.responses.rows import claim_place, forget_responses, keep_response
+from namlcp.qp.responses.rows import (
+    claim_place,
+    forget_responses,
+    has_response,
+    violation_of,
+)
 
 # Ratio of the largest to the smallest pivot of P from which on a product with M is too
 # inaccurate: most QPs with condition number 1e8 are solved to 1e-9, two in three of
 # those with 1e12.
 MOST_SPREAD = 1e9
+# Operations of one response from which on four are made at once.
+LARGE = 5000
 # Curvature of a row of norm 1, over the largest entry of P^-1, up to which the
 # equations fix the row: rounding errors of M for the largest spread are smaller.
 FIXED = 1e-12
@@ -175,26 +182,103 @@ def set_values_of(m, rhs, values):
 
 
 @part
-def make_response(m, row):
-    """Make the response to a row."""
+def make_responses(m):
+    """Make the response to row m.asked, and of a large QP those to three more rows.
+
+    To read M and G takes longer than to multiply with them.
+    """
     size = m.n + m.p
-    response = claim_place(m, row)
-    if row < m.m:
-        rhs = floats(m.rhs, size)
+    set_unit_load(m, m.asked, floats(m.rhs, size))
+    if m.n * (m.n + m.m) < LARGE:
+        set_values_of(m, floats(m.rhs, size), claim_place(m, m.asked))
+        return
+    first, second, third = companions(m)
+    set_unit_load(m, first, floats(m.rhs + 8 * size, size))
+    set_unit_load(m, second, floats(m.rhs + 16 * size, size))
+    set_unit_load(m, third, floats(m.rhs + 24 * size, size))
+    spare = floats(m.change, m.length)
+    outs = (
+        claim_place(m, m.asked),
+        claim_place(m, first) if first >= 0 else spare,
+        claim_place(m, second) if second >= 0 else spare,
+        claim_place(m, third) if third >= 0 else spare,
+    )
+    set_four_values(m, outs)
+
+
+@part
+def set_unit_load(m, row, rhs):
+    """Set rhs = (c, 0) for the coefficients c of a row, 0 for row -1."""
+    for j in range(rhs.size):
+        rhs[j] = 0.0
+    if row >= m.m:
+        rhs[row - m.m] = 1.0
+    elif row >= 0:
         c = row_of(m.G, row, m.n)
         for j in range(m.n):
             rhs[j] = c[j]
-        for j in range(m.n, size):
-            rhs[j] = 0.0
-        set_values_of(m, rhs, response)
-    else:
-        column = row_of(m.inverse, row - m.m, size)  # M is symmetric
-        for i in range(size):
-            response[m.m + i] = column[i]
-        x = response[m.m : m.rows]
-        for i in range(m.m):
-            response[i] = dot(row_of(m.G, i, m.n), x)
-    keep_response(m, row)
+
+
+@part
+def companions(m):
+    """Return three rows whose responses may be asked for next, -1 for none.
+
+    They are the rows violated most, most of which enter later, or those of a hint.
+    """
+    s, scale = floats(m.s, m.length), floats(m.scale, m.rows)
+    kept = longs(m.kept_active, m.most + 1)
+    first, second, third = -1, -1, -1
+    most, less, least = 0.0, 0.0, 0.0
+    is_hint = m.entering < 0
+    for i in range(m.hinted if is_hint else 0, m.hints if is_hint else m.rows):
+        row = kept[i] if is_hint else i
+        if row == m.asked or has_response(m, row):
+            continue
+        weight = 1.0 / (1 + i) if is_hint else violation_of(m, row, s[row]) * scale[row]
+        if weight > most:
+            first, second, third = row, first, second
+            most, less, least = weight, most, less
+        elif weight > less:
+            second, third = row, second
+            less, least = weight, less
+        elif weight > least:
+            third, least = row, weight
+    return first, second, third
+
+
+@part(fastmath={"reassoc"})
+def four_dots(row, a, b, c, d):
+    """Return the products of `row` with four vectors."""
+    first, second, third, fourth = 0.0, 0.0, 0.0, 0.0
+    for j in range(row.size):
+        first += row[j] * a[j]
+        second += row[j] * b[j]
+        third += row[j] * c[j]
+        fourth += row[j] * d[j]
+    return first, second, third, fourth
+
+
+@part
+def set_four_values(m, outs):
+    """Do what `set_values_of` does for four right-hand sides in m.rhs.
+
+    The sums for one of them do not depend on the others.
+    """
+    size = m.n + m.p
+    first, second, third, fourth = outs
+    a, b = floats(m.rhs, size), floats(m.rhs + 8 * size, size)
+    c, d = floats(m.rhs + 16 * size, size), floats(m.rhs + 24 * size, size)
+    for i in range(size):
+        k = m.m + i
+        first[k], second[k], third[k], fourth[k] = four_dots(
+            row_of(m.inverse, i, size), a, b, c, d
+        )
+    a, b = first[m.m : m.rows], second[m.m : m.rows]
+    c, d = third[m.m : m.rows], fourth[m.m : m.rows]
+    for i in range(m.m):
+        first[i], second[i], third[i], fourth[i] = four_dots(
+            row_of(m.G, i, m.n), a, b, c, d
+        )
 
 
 @part

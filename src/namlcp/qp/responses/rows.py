@@ -19,6 +19,15 @@ def goal_of(m, row, side):
 
 
 @part
+def violation_of(m, row, value):
+    """Return by how much the value of a row exceeds the nearer one of its sides."""
+    if row < m.m:
+        return value - floats(m.h, m.m)[row]
+    j = row - m.m
+    return max(value - floats(m.ub, m.n)[j], floats(m.lb, m.n)[j] - value)
+
+
+@part
 def response_of(m, row):
     """Return the response to a row, which has been made."""
     start = m.responses + 8 * m.length * longs(m.place, m.rows)[row]
@@ -33,10 +42,9 @@ def has_response(m, row):
 
 @part
 def claim_place(m, row):
-    """Return the vector that the response to `row` is to be written to.
+    """Return the vector that the response to `row` is to be written to, at once.
 
-    With all places taken, the response of a row that is not active is forgotten. The
-    caller calls `keep_response` when the vector is complete.
+    With all places taken, the response of a row that is not active is forgotten.
     """
     owner, place = longs(m.owner, m.capacity), longs(m.place, m.rows)
     side = longs(m.side, m.rows)
@@ -45,17 +53,9 @@ def claim_place(m, row):
         at = (at + 1) % m.capacity
     if owner[at] >= 0:
         place[owner[at]] = -1
-        owner[at] = -1
-    m.next_place = at
+    owner[at], place[row] = row, at
+    m.next_place = (at + 1) % m.capacity
     return floats(m.responses + 8 * m.length * at, m.length)
-
-
-@part
-def keep_response(m, row):
-    """Note that the place claimed last holds the response to `row`."""
-    longs(m.owner, m.capacity)[m.next_place] = row
-    longs(m.place, m.rows)[row] = m.next_place
-    m.next_place = (m.next_place + 1) % m.capacity
 
 
 @part

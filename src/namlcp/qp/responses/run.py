@@ -12,7 +12,7 @@ from namlcp.compiled import floats, kernel, longs, part
 from namlcp.qp.responses.active import RESPONSE
 from namlcp.qp.responses.course import PRODUCTS, VALUES, advance, begin
 from namlcp.qp.responses.dense import (
-    make_response,
+    make_responses,
     set_products,
     set_up,
     set_values_of,
@@ -100,7 +100,7 @@ def run(address, eps_abs, eps_rel, max_iter, clock):
         if found == VALUES:
             set_values_of(m, floats(m.rhs, m.n + m.p), floats(m.target, m.length))
         elif found == RESPONSE:
-            make_response(m, m.asked)
+            make_responses(m)
         elif found == PRODUCTS:
             set_products(m)
         else:

@@ -19,7 +19,7 @@ import numpy as np
 from namlcp.compiled import floats, ints, longs, part
 from namlcp.linalg import ldl_factor, ldl_solve_into, pattern_of
 from namlcp.qp.responses.judgement import parts_of_result
-from namlcp.qp.responses.rows import claim_place, forget_responses, keep_response
+from namlcp.qp.responses.rows import claim_place, forget_responses
 
 # Entries of R and D for rows equilibrated to a largest entry of 1.
 SHIFT = 1e-9
@@ -237,7 +237,6 @@ def make_response(m, row):
     response = claim_place(m, row)
     solve_base(m, rhs, response[m.m :], m.passes + 1)
     multiply_rows(m, response[m.m : m.rows], response)
-    keep_response(m, row)
 
 
 @part

@@ -110,8 +110,8 @@ def lay_out(m, base_size):
     """
     m.rows = m.m + m.n
     m.length = m.rows + m.p
-    m.most = max(min(m.n - m.p, m.rows, MOST_NUMBERS // m.length), 0)
-    m.capacity = min(m.rows, max(m.most + 1, MOST_NUMBERS // max(m.length, 1)))
+    m.most = max(min(m.n - m.p, m.rows, MOST_NUMBERS // max(m.length, 1)), 0)
+    m.capacity = min(m.rows, max(m.most + 4, MOST_NUMBERS // max(m.length, 1)))
     m.memory_end = m.memory
     triangle = m.most * (m.most + 1) // 2
     m.s0, m.s = taken(m, m.length), taken(m, m.length)
@@ -128,7 +128,7 @@ def lay_out(m, base_size):
     m.place, m.owner = taken(m, m.rows), taken(m, m.capacity)
     m.Px, m.Gx, m.Ax = taken(m, m.n), taken(m, m.m), taken(m, m.p)
     m.Gtz, m.Aty = taken(m, m.n), taken(m, m.n)
-    m.rhs = taken(m, m.n + m.p)
+    m.rhs = taken(m, 4 * (m.n + m.p))
     m.watch = taken(m, 3)
     m.inverse = taken(m, base_size)
     m.factor, m.equations = taken(m, base_size), taken(m, base_size)
