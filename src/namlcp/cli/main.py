@@ -1,5 +1,6 @@
-"""Solve the problem in FILE; without FILE show a demonstration.
+"""Solve the problem in FILE or run an EXAMPLE; without both show a demonstration.
 
+EXAMPLE is mpc, frontier, lasso or discs; ``--picture FILE`` draws it (matplotlib).
 With ``--warmup`` all kernels are compiled, for containers.
 
 FILE is a qpsolvers ``.npz`` (Problem.save) or a Maros-Meszaros ``.mat`` (P, q, A, l, u,
@@ -14,6 +15,7 @@ import qpsolvers
 
 import namlcp
 from namlcp.cli.demonstration import demonstrate
+from namlcp.cli.examples import EXAMPLES, show_example
 from namlcp.cli.files import mat_problem, npz_problem
 from namlcp.compiled import compile_time
 
@@ -53,13 +55,19 @@ def solve_file(path: str, settings: dict[str, Any]) -> int:
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m namlcp", description=__doc__)
-    parser.add_argument("file", nargs="?", help="a .npz or .mat problem")
+    parser.add_argument("file", nargs="?", help="a .npz or .mat problem, or an example")
     parser.add_argument("--eps-abs", type=float, help="absolute tolerance")
     parser.add_argument("--time-limit", type=float, help="limit [s]")
     parser.add_argument("--verbose", action="store_true", help="print the progress")
     parser.add_argument("--warmup", action="store_true", help="compile all there is")
+    parser.add_argument("--picture", help="draw an example into this file")
     given = vars(parser.parse_args(arguments))
     path, warmup = given.pop("file"), given.pop("warmup")
+    picture = given.pop("picture")
+    if path in EXAMPLES:
+        return show_example(path, picture)
+    if picture is not None:
+        parser.error(f"--picture is for an example: {', '.join(EXAMPLES)}")
     if warmup:
         if path is not None:
             parser.error(f"--warmup is for no file, got {path}")

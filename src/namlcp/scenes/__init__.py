@@ -8,3 +8,4 @@
 """
 
 from namlcp.scenes.classics import disc_pile, forced_obstacle, preview_control
+from namlcp.scenes.stepping import FallingDiscs

@@ -1,0 +1,79 @@
+"""An efficient frontier: the least risk for every appetite for return.
+
+    minimise  x'Cov x / 2 - appetite mean'x  subject to  sum x = 1,  0 <= x <= MOST
+
+for one appetite after another (Markowitz 1952): only q changes.
+"""
+
+import time
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from namlcp import Solver, Status
+
+ASSETS, FACTORS = 60, 5
+MOST = 0.2  # of the capital in one asset
+
+
+class Record(NamedTuple):
+    """Weights (points, ASSETS), risks and returns [1 / year], times [s]."""
+
+    weights: np.ndarray
+    risks: np.ndarray
+    returns: np.ndarray
+    seconds: np.ndarray
+    solved: bool
+
+
+def market() -> tuple[np.ndarray, np.ndarray]:
+    """Return mean and covariance of yearly returns: a few factors, and noise."""
+    rng = np.random.default_rng(1)
+    loadings = 0.1 * rng.standard_normal((ASSETS, FACTORS))
+    loadings[:, 0] = rng.uniform(0.1, 0.25, ASSETS)  # the market as a whole
+    noise = rng.uniform(0.1, 0.3, ASSETS)
+    covariance = loadings @ loadings.T + np.diag(noise**2)
+    mean = 0.02 + 0.3 * loadings[:, 0] + 0.03 * rng.standard_normal(ASSETS)
+    return mean, covariance
+
+
+def run(points: int = 200) -> Record:
+    """Follow the frontier, and print some of its portfolios."""
+    mean, covariance = market()
+    solver = Solver(
+        covariance, np.zeros(ASSETS), A=np.ones((1, ASSETS)), b=np.ones(1),
+        lb=np.zeros(ASSETS), ub=np.full(ASSETS, MOST),
+    )  # fmt: skip
+    weights, seconds = np.empty((points, ASSETS)), np.empty(points)
+    solved = True
+    for k, appetite in enumerate(np.append(0.0, np.logspace(-2.0, 1.0, points - 1))):
+        q = -appetite * mean
+        start = time.perf_counter()
+        solver.update(q=q)
+        result = solver.solve()
+        seconds[k] = time.perf_counter() - start
+        solved &= result.status is Status.SOLVED
+        weights[k] = result.x
+    risks = np.sqrt(np.einsum("ki,ij,kj->k", weights, covariance, weights))
+    returns = weights @ mean
+    print("  risk  return  assets held")
+    for k in range(0, points, max(points // 5, 1)):
+        held = np.count_nonzero(weights[k] > 1e-9)
+        print(f"{risks[k]:6.1%}  {returns[k]:6.1%}  {held:11d}")
+    print(f"{1e6 * np.median(seconds):.1f} microseconds a portfolio (median)")
+    return Record(weights, risks, returns, seconds, solved)
+
+
+def draw(record: Record, figure: Any) -> None:
+    """Draw the frontier, and the weights along it."""
+    frontier, shares = figure.subplots(1, 2)
+    mean, covariance = market()
+    risk = np.sqrt(np.diag(covariance))
+    frontier.plot(risk, mean, ".", color="0.6", label="single assets")
+    frontier.plot(record.risks, record.returns, label="efficient portfolios")
+    frontier.set(xlabel="risk a year", ylabel="return a year")
+    frontier.legend(loc="lower right")
+    held = record.weights[:, record.weights.max(axis=0) > 1e-9]
+    shares.stackplot(record.risks, held.T, linewidth=0.0)
+    shares.set(xlabel="risk a year", ylabel="share of each asset", ylim=(0.0, 1.0))
+    shares.margins(x=0.0)
