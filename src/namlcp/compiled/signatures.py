@@ -20,9 +20,11 @@ from numba import from_dtype, types
 
 from namlcp.compiled.decorators import KERNELS
 
-WITHOUT_KERNELS = ("namlcp.__main__", "namlcp.cvxpy", "namlcp.compiled.")
+WITHOUT_KERNELS = (
+    "namlcp.__main__", "namlcp.cvxpy", "namlcp.layers.", "namlcp.compiled.",
+)  # fmt: skip
 """Beginnings of names of modules that are not imported: the first runs the command
-line, the second needs CVXPY, some of the third need a known numba."""
+line, the next two need other packages, some of the last need a known numba."""
 
 
 def listed() -> list[str]:
