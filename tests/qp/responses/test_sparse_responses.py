@@ -158,12 +158,20 @@ def test_a_bound_on_what_the_equations_fix():
 
 
 def test_what_does_not_determine_x_is_left_to_others():
-    P = sp.diags_array([1.0, 1.0, 0.0])
+    P = sp.diags_array([1.0, 1.0, 1.0])
     A = sp.csc_array([[1.0, 1.0, 0.0]])
     qp = qp_data(P, np.ones(3), None, None, A, np.ones(1), np.zeros(3), None)
     kept = SparseResponses.of(qp)
-    for _ in range(2):
-        assert solve(kept, qp) is None
+    assert solve(kept, qp).status is Status.SOLVED
+    assert not kept.are_unsuited
+    singular = qp._replace(P=sp.csc_array((np.array([1.0, 1.0, 0.0]), qp.P.indices,
+                                           qp.P.indptr)))  # fmt: skip
+    assert SparseResponses.of(singular) is None
+    kept.renew(singular)
+    assert solve(kept, singular) is None
+    assert kept.are_unsuited
+    kept.renew(qp)
+    assert solve(kept, qp).status is Status.SOLVED
 
 
 def test_dependent_equations():

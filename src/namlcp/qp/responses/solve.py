@@ -34,8 +34,9 @@ MOST_ORDER = 900
 # as a tiny QP. At most so many numbers each are kept.
 POOL: list["DenseResponses"] = []
 MOST_POOLED = 1_000_000
-# Solves in a row that are left to other methods before responses are no longer tried.
-MOST_LEFT = 3
+# Solves that are left to other methods without trying, after 1, 2, ... were tried in a
+# row and left to these.
+PAUSES = 0, 1, 3, 7, 15
 
 
 def solve_once(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
@@ -65,7 +66,8 @@ class Responses:
 
     kernel: Callable[..., int]
     matrices: tuple[Any, Any, Any]
-    left = 0  # to other methods, one solve after the other
+    left = 0  # solves in a row that were left to other methods
+    pause = 0  # solves that will be left to them without trying
 
     def __init__(self, P: Any, G: Any, A: Any) -> None:
         """Note the matrices; the first solve computes what depends on them."""
@@ -79,8 +81,8 @@ class Responses:
 
     @property
     def are_unsuited(self) -> bool:
-        """Tell whether the matrices do not suit, or the last solves were all left."""
-        return not self.now.is_ready or self.left >= MOST_LEFT
+        """Tell whether the last solve found that the matrices are not suited."""
+        return not self.now.is_ready
 
     def attach(self, P: Any, G: Any, A: Any) -> None:
         """Take matrices, and memory for them."""
@@ -94,6 +96,7 @@ class Responses:
         now = self.now
         kept = now.kept_k
         self.attach(qp.P, qp.G, qp.A)
+        self.left = self.pause = 0
         now.hints = kept  # their numbers are still in memory
 
     def suggest(self, active: np.ndarray) -> None:
@@ -113,6 +116,9 @@ class Responses:
 
         Returns None where another method has to solve it, or a number is not allowed.
         """
+        if self.pause > 0:
+            self.pause -= 1
+            return None
         address, (eps_abs, eps_rel, max_iter, deadline, *_) = self.address, limits
         most = max_iter or DEFAULT_OPTIONS.max_iter
         n, m, p = q.size, h.size, b.size
@@ -121,7 +127,8 @@ class Responses:
         attach_vectors(address, q, h, b, lb, ub, out)
         work = 4.0 * most * n * (n + size)  # of so many pivots
         code = deadline.run(self.kernel, work, address, eps_abs, eps_rel, most)
-        self.left = self.left + 1 if code == STUCK else 0
+        self.left = min(self.left + 1, len(PAUSES)) if code == STUCK else 0
+        self.pause = PAUSES[self.left - 1] if self.left else 0
         if code not in JUDGED:
             return None
         end = size + n

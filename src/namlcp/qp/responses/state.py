@@ -34,9 +34,9 @@ OWN = (
     # The state of `limits.is_over`.
     "watch"
 ).split()
-# Addresses of a sparse base problem, see `sparse`: its KKT matrix, the rows of G, its
-# regularisation, a vector to solve with, and the factors.
-SPARSE = "indptr indices base data shift g_starts g_columns g_values rest".split()
+# Addresses of a sparse base problem, see `sparse`: its KKT matrix, a vector of its
+# order, and the rows of G. Its factors are the fields FACTORS.
+SPARSE = "indptr indices base rest g_starts g_columns g_values".split()
 NUMBERS = (
     # Sizes of the QP; rows = m + n inequalities and bounds; length = rows + p; the most
     # active rows, the most responses.
@@ -49,7 +49,7 @@ NUMBERS = (
     "entering entering_side asked next_place "
     "pivots max_iter is_ready memory memory_size memory_end "
     # Order of a sparse KKT matrix, passes of refinement of a solve with it.
-    "size passes is_shifted "
+    "size passes "
     # Where `course` is: its stage, how the pivots ended, passes of refinement left, and
     # where values are to be set.
     "stage found passes_left target"
