@@ -32,7 +32,11 @@ FLOORS = (
     {"compiled"},
 )
 # The imports that point upwards: methods of results open this room when called.
-UPWARDS = {("result", "derivatives"), ("qp.sequences.batch", "derivatives")}
+UPWARDS = {
+    ("result", "derivatives"),
+    ("qp.closest.point", "derivatives"),
+    ("qp.sequences.batch", "derivatives"),
+}
 
 
 def name_of(path: Path) -> str:

@@ -15,10 +15,10 @@ from typing import Any
 from namlcp.lcp import Prepared, solve_lcp
 from namlcp.many import solve_many
 from namlcp.options import Options, Relaxation
-from namlcp.qp import BatchResult, Solver, solve_batch, solve_qp
+from namlcp.qp import BatchResult, ClosestPoint, Solver, solve_batch, solve_qp
 from namlcp.qpsolvers import register
 from namlcp.residuals import Residuals, natural_residual, qp_residuals
-from namlcp.result import ClosestPoint, LCPResult, QPResult
+from namlcp.result import LCPResult, QPResult
 from namlcp.status import Status
 from namlcp.theory import Verdict, converges, is_h_plus
 

@@ -19,8 +19,16 @@ from cvxpy.reductions.solvers.utilities import extract_dual_value, get_dual_valu
 
 import namlcp
 from namlcp.options import Options
-from namlcp.qp import NO_GUESS, QP, NotConvex, OtherShape, Solver, solve_checked
-from namlcp.result import ClosestPoint, QPResult
+from namlcp.qp import (
+    NO_GUESS,
+    QP,
+    ClosestPoint,
+    NotConvex,
+    OtherShape,
+    Solver,
+    solve_checked,
+)
+from namlcp.result import QPResult
 from namlcp.status import Status
 
 KEYWORD = "NAM"

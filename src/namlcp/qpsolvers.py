@@ -16,6 +16,7 @@ from qpsolvers.exceptions import ParamError, ProblemError, SolverError
 from namlcp.options import DEFAULT_OPTIONS, Options
 from namlcp.qp import (
     Answer,
+    ClosestPoint,
     NotConvex,
     checked,
     make_guess,
@@ -24,7 +25,7 @@ from namlcp.qp import (
     solve_checked,
     solve_shortly,
 )
-from namlcp.result import ClosestPoint, QPResult
+from namlcp.result import QPResult
 from namlcp.status import Status
 
 KEYWORD = "nam"

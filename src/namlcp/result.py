@@ -243,7 +243,7 @@ class QPResult(Differentiable):
     setup_time: float
     solve_time: float
     history: np.ndarray | None = None
-    closest: "ClosestPoint | None" = None
+    closest: Any = None
     problem: Any = field(default=None, repr=False)
     """The checked QP and (P, G, A) as they were given, or a function that returns both,
     for the derivatives."""
@@ -392,49 +392,3 @@ class QPResult(Differentiable):
         from namlcp.derivatives import differentiate_qp
 
         return differentiate_qp(self)
-
-
-@dataclass(frozen=True, eq=False, kw_only=True)
-class ClosestPoint:
-    """The solution of the feasible problem nearest to an infeasible QP.
-
-    That problem has the sides h + shift_h, b + shift_b, lb + shift_lb and ub +
-    shift_ub, with the least shifts that leave some x feasible; `Relaxation` tells how
-    they are measured. x, y, z, z_box and obj are named as in `QPResult`, so that
-    ``(result.closest or result).x`` is the x to use in either case.
-
-    Attributes
-    ----------
-    status : Status
-        How the search ended. SOLVED: x has the least cost among all points with least
-        shifts. DUAL_INFEASIBLE: that cost falls without bound along the ray x.
-        PRIMAL_INFEASIBLE: the constraints that must not be shifted contradict each
-        other, or an infinite shift is needed (h_i = -inf); all is NaN. Otherwise x is
-        the best point found, y, z, z_box are NaN, and `message` tells whether the
-        shifts are the least ones.
-    x, y, z, z_box : (n,), (p,), (m,), (n,) array
-        Point and multipliers of the shifted problem. Of its many multipliers (shifted
-        rows leave no room) those come with the least multiple of a certificate that
-        gives all their sign.
-    obj : float
-        1/2 x'Px + q'x; -inf if unbounded.
-    residuals : Residuals
-        Of the shifted problem; NaN unless SOLVED.
-    shift_h, shift_b, shift_lb, shift_ub : (m,), (p,), (n,), (n,) array
-        The shifts, shift_h and shift_ub >= 0, shift_lb <= 0.
-    message : str
-        A sentence that adds to the status, or "".
-    """
-
-    status: Status
-    x: np.ndarray
-    y: np.ndarray
-    z: np.ndarray
-    z_box: np.ndarray
-    obj: float
-    residuals: Residuals
-    shift_h: np.ndarray
-    shift_b: np.ndarray
-    shift_lb: np.ndarray
-    shift_ub: np.ndarray
-    message: str

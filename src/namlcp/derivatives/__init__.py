@@ -4,6 +4,7 @@
 """
 
 from namlcp.derivatives.batch import BatchGradients, differentiate_batch
+from namlcp.derivatives.closest import ClosestDerivative, differentiate_closest
 from namlcp.derivatives.directional import lcp_directional, qp_directional
 from namlcp.derivatives.gradients import (
     LCPGradients,

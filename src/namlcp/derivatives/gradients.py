@@ -106,7 +106,7 @@ class QPGradients:
     def __init__(
         self,
         vectors: tuple[np.ndarray, ...],
-        matrices: tuple[tuple[RankTwo, Any], ...],
+        matrices: tuple[tuple[Any, Any], ...],
         weak: int,
         singular: bool,
     ) -> None:

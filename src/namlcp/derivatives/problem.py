@@ -2,11 +2,12 @@
 
 from typing import Any
 
+from namlcp.qp import ClosestPoint
 from namlcp.result import LCPResult, QPResult
 from namlcp.status import Status
 
 
-def problem_of(result: QPResult | LCPResult) -> Any:
+def problem_of(result: QPResult | LCPResult | ClosestPoint) -> Any:
     """Return the problem kept in a result; raise ValueError if it has no derivative."""
     if result.status is not Status.SOLVED:
         raise ValueError(

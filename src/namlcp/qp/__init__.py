@@ -1,6 +1,7 @@
 """Convex QPs: `solve_qp`, the forms it chooses from, and what proves an answer."""
 
 from namlcp.qp.answer import Answer
+from namlcp.qp.closest import ClosestPoint, Face
 from namlcp.qp.convexity import NotConvex
 from namlcp.qp.guess import NO_GUESS, make_guess
 from namlcp.qp.kkt import KKT

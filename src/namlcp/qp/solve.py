@@ -164,7 +164,7 @@ def solve_checked(
     with blas_threads(options.threads, qp.q.size + qp.h.size + qp.b.size):
         answer = solve_or_relax(qp, guess, limits, memory)
         if relaxation and answer.status is Status.PRIMAL_INFEASIBLE:
-            closest = closest_point(qp, relaxation, limits, solve_or_relax)
+            closest = closest_point(qp, relaxation, limits, solve_or_relax, given)
     answer = settled(answer, qp, given, limits)
     if progress is not None:
         progress.close(conclude(answer, time.perf_counter() - start))

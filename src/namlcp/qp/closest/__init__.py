@@ -16,5 +16,7 @@ The closest feasible problem in norm 2 is that of Chiche and Gilbert, J. Convex 
 Infeasibility in Optimization, 2008).
 """
 
+from namlcp.qp.closest.face import Face
+from namlcp.qp.closest.point import ClosestPoint
 from namlcp.qp.closest.rows import weights_of
 from namlcp.qp.closest.solve import closest_point

@@ -22,6 +22,7 @@ import numpy as np
 
 from namlcp.linalg import times
 from namlcp.qp.closest.rows import Rows, chosen, times_signs
+from namlcp.qp.closest.shifts import least_shifts
 from namlcp.qp.problem import QP, Point
 
 # A multiplier of stage 1 this close to its floor or ceiling, relative to the largest
@@ -48,12 +49,52 @@ class Face(NamedTuple):
     def problem(self, qp: QP) -> QP:
         """Return the QP of stage 2."""
         C, d = self.rows.C, self.rows.d + self.r
-        bounded, equal = np.flatnonzero(self.sense), np.flatnonzero(self.sense == 0)
+        bounded, equal = self.bounded, self.held
         sense = self.sense[bounded]
         G, h = chosen(C, bounded), d[bounded]
         if (sense < 0).any():
             G, h = times_signs(sense, G), sense * h
         return QP(qp.P, qp.q, G, h, chosen(C, equal), d[equal], self.lb, self.ub)
+
+    @property
+    def held(self) -> np.ndarray:
+        """The numbers of the rows held with equality."""
+        return np.flatnonzero(self.sense == 0)
+
+    @property
+    def bounded(self) -> np.ndarray:
+        """The numbers of the other rows."""
+        return np.flatnonzero(self.sense)
+
+    @property
+    def shifted(self) -> np.ndarray:
+        """The numbers of the held rows that have a weight."""
+        return self.held[np.isfinite(self.rows.weights[self.held])]
+
+    def spread(self, of_held: np.ndarray, of_bounded: np.ndarray) -> np.ndarray:
+        """Return values of the held rows and of the others as values of all rows."""
+        out = np.empty(self.v.size)
+        out[self.held], out[self.bounded] = of_held, of_bounded
+        return out
+
+    def least_shifts(self, x: np.ndarray) -> tuple[QP, Point]:
+        """Return stage 1 of norm 2 with held rows and bounds alone, and its solution.
+
+        Its variables are x and the shifts of those held rows that have a weight.
+        """
+        rows, held = self.rows, self.held
+        alone = rows._replace(
+            C=chosen(rows.C, held),
+            d=rows.d[held],
+            weights=rows.weights[held],
+            p=held.size,
+            lb=np.where(self.v_box != 0.0, self.lb, -np.inf),
+            ub=np.where(self.v_box != 0.0, self.ub, np.inf),
+        )
+        r = self.r[self.shifted]
+        v_box = np.append(self.v_box, np.zeros(r.size))
+        point = Point(np.append(x, r), self.v[held], np.empty(0), v_box)
+        return least_shifts(alone), point
 
     def shifts(self, x: np.ndarray) -> np.ndarray:
         """Return the shifts of d for an x of the face."""
@@ -62,9 +103,7 @@ class Face(NamedTuple):
 
     def point(self, found: Point) -> Point:
         """Return the point of stage 2 as one of the shifted user's QP."""
-        v, v_box = np.empty(self.v.size), found.z_box
-        equal = self.sense == 0
-        v[equal], v[~equal] = found.y, self.sense[~equal] * found.z
+        v, v_box = self.spread(found.y, self.sense[self.bounded] * found.z), found.z_box
         signed = ~self.rows.is_equality & (self.sense != 1)  # where v >= 0 is at stake
         fixed = self.v_box != 0.0
         k = max(
@@ -76,10 +115,10 @@ class Face(NamedTuple):
         return self.rows.point(found.x, v, v_box)
 
 
-def face_of(rows: Rows, v: np.ndarray, v_box: np.ndarray, norm: int) -> Face:
+def face_of(rows: Rows, v: np.ndarray, v_box: np.ndarray) -> Face:
     """Return the face that multipliers of stage 1 describe."""
     equality, zero = rows.is_equality, AT_LIMIT * largest(v, v_box)
-    ceiling = rows.weights if norm == 1 else np.full(v.size, np.inf)
+    ceiling = rows.weights if rows.norm == 1 else np.full(v.size, np.inf)
     at_floor = v <= np.where(equality, -ceiling, 0.0) + zero
     at_ceiling = v >= ceiling - zero
     v_box = np.where(np.abs(v_box) <= zero, 0.0, v_box)
@@ -88,7 +127,7 @@ def face_of(rows: Rows, v: np.ndarray, v_box: np.ndarray, norm: int) -> Face:
         v=v,
         v_box=v_box,
         sense=at_floor.astype(int) - at_ceiling,
-        r=v / rows.weights if norm == 2 else np.zeros(v.size),
+        r=v / rows.weights if rows.norm == 2 else np.zeros(v.size),
         lb=np.where(v_box > 0.0, rows.ub, rows.lb),
         ub=np.where(v_box < 0.0, rows.lb, rows.ub),
         moves=at_ceiling | (at_floor & equality),

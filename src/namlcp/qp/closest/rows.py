@@ -16,7 +16,8 @@ class Rows(NamedTuple):
 
     C holds the rows of G, then the soft bounds x_j <= ub_j (j in `upper`) and
     -x_j <= -lb_j (j in `lower`), then the rows of A. lb and ub are infinite where a
-    bound is soft. `weights` is infinite in rows that must not be shifted.
+    bound is soft. `weights` is infinite in rows that must not be shifted, `norm`
+    measures the shifts.
     """
 
     C: Any
@@ -27,6 +28,7 @@ class Rows(NamedTuple):
     ub: np.ndarray
     upper: np.ndarray
     lower: np.ndarray
+    norm: int
 
     @property
     def is_equality(self) -> np.ndarray:
@@ -42,6 +44,11 @@ class Rows(NamedTuple):
         """Return the parts of v (one entry a row): G, upper, lower, A."""
         ends = np.cumsum([-self.p, -self.lower.size, -self.upper.size])[::-1]
         return np.split(v, v.size + ends)
+
+    def joined(self, of_h: np.ndarray, of_b: np.ndarray) -> np.ndarray:
+        """Return values of the rows of G and A with zeros for the soft bounds."""
+        bounds = np.zeros(self.upper.size + self.lower.size)
+        return np.concatenate((of_h, bounds, of_b))
 
     def point(self, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Point:
         """Return x with multipliers of the rows and of lb, ub as a point of the QP."""
@@ -76,7 +83,7 @@ def rows_of(qp: QP, relaxation: Relaxation) -> Rows:
         C = stacked(qp.G, qp.A)
     d = np.concatenate((qp.h, qp.ub[upper], -qp.lb[lower], qp.b))
     weights = np.concatenate((w["h"], w["ub"][upper], w["lb"][lower], w["b"]))
-    return Rows(C, d, weights, qp.b.size, lb, ub, upper, lower)
+    return Rows(C, d, weights, qp.b.size, lb, ub, upper, lower, relaxation.norm)
 
 
 def weights_of(qp: QP, relaxation: Relaxation) -> dict[str, np.ndarray]:

@@ -10,13 +10,13 @@ from namlcp.qp.closest.rows import Rows, beside, chosen
 from namlcp.qp.problem import QP
 
 
-def least_shifts(rows: Rows, norm: int) -> QP:
+def least_shifts(rows: Rows) -> QP:
     """Return the QP in (x, r) or the LP in (x, r, -r_A) with the least shifts.
 
     A row that is not shifted has no r. In norm 1 r is split into two parts >= 0, the
     second one only for equalities.
     """
-    n, dense = rows.lb.size, isinstance(rows.C, np.ndarray)
+    n, norm, dense = rows.lb.size, rows.norm, isinstance(rows.C, np.ndarray)
     soft = np.flatnonzero(np.isfinite(rows.weights) & (rows.d < np.inf))
     w = rows.weights[soft]
     signs = -np.ones(soft.size)

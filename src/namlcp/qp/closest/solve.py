@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -10,12 +11,12 @@ from namlcp.linalg import times
 from namlcp.options import Relaxation
 from namlcp.qp.answer import OBJECTIVE, Answer
 from namlcp.qp.closest.face import face_of
+from namlcp.qp.closest.point import ClosestPoint
 from namlcp.qp.closest.rows import Rows, rows_of
 from namlcp.qp.closest.shifts import least_shifts
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.problem import QP, Point
 from namlcp.residuals import UNDEFINED, qp_residuals
-from namlcp.result import ClosestPoint
 from namlcp.status import Status
 
 Solve = Callable[[QP, Guess, Limits], Answer]
@@ -33,14 +34,19 @@ INEXACT = (
 
 
 def closest_point(
-    qp: QP, relaxation: Relaxation, limits: Limits, solve: Solve
+    qp: QP,
+    relaxation: Relaxation,
+    limits: Limits,
+    solve: Solve,
+    given: tuple[Any, Any, Any] = (None, None, None),
 ) -> ClosestPoint:
     """Return the solution of the feasible problem nearest to an infeasible QP.
 
-    `solve` solves both stages, each under the same limits.
+    `solve` solves both stages, each under the same limits. `given`: P, G and A as the
+    user holds them, in whose form their gradients are.
     """
     rows, n = rows_of(qp, relaxation), qp.q.size
-    first = solve(least_shifts(rows, relaxation.norm), NO_GUESS, limits)
+    first = solve(least_shifts(rows), NO_GUESS, limits)
     status, message, x = first.status, first.message, first.point.x[:n]
     if status is Status.PRIMAL_INFEASIBLE:
         nothing = np.full(rows.d.size, np.nan)
@@ -52,13 +58,14 @@ def closest_point(
         message = NOT_LEAST.format(status.value) + message
         return reported(qp, rows, unknown(rows, x), r, status, message)
     v = np.concatenate((first.point.z, first.point.y))
-    face = face_of(rows, v, first.point.z_box[:n], relaxation.norm)
+    face = face_of(rows, v, first.point.z_box[:n])
     easier = face.problem(qp)
     second = solve(easier, make_guess(easier, x, None), limits)
     status, message = second.status, second.message
     if status is Status.SOLVED:
         point, r = face.point(second.point), face.shifts(second.point.x)
         found = reported(qp, rows, point, r, status, message)
+        found = replace(found, problem=((qp, given), face, easier, second.point))
         if found.residuals.solved(*limits.tolerances):
             return found
         if found.residuals._replace(dual=0.0, gap=0.0).solved(*limits.tolerances):
@@ -97,5 +104,6 @@ def reported(
         shift_b=b,
         shift_lb=lb,
         shift_ub=ub,
+        norm=rows.norm,
         message=message.strip(),
     )
