@@ -32,7 +32,7 @@ def attach_matrices(address, P, G, A):
     m.n, m.m, m.p = P.shape[0], G.shape[0], A.shape[0]
     m.P, m.G, m.A = P.ctypes.data, G.ctypes.data, A.ctypes.data
     m.is_ready, m.k, m.kept_k, m.hints = 0, 0, 0, 0
-    m.most_operations = np.inf
+    m.most_operations, m.items_left = np.inf, 0
     size = m.n + m.p
     return lay_out(m, size * size)
 
@@ -83,13 +83,29 @@ def is_faulty(m):
 
 @kernel(error_model="numpy")
 def run(address, eps_abs, eps_rel, max_iter, clock):
-    """Solve the QP; clock: see `Deadline.run`.
+    """Solve the QP, or all items of a batch; clock: see `Deadline.run`.
 
     The result is complete after DONE and SUMMED; after LATE it is the best point, after
     CONTRADICTION it has x and the multipliers y and z of a candidate for a certificate.
+    The codes of a batch and its pivots are written to m.codes, item by item.
     """
     m = state_at(address)
     m.eps_abs, m.eps_rel, m.max_iter = eps_abs, eps_rel, max_iter
+    while True:
+        found = solve_attached(m, clock)
+        if m.items_left == 0:
+            return found
+        ended = longs(m.codes, 2)
+        ended[0], ended[1] = found, m.pivots
+        go_to_next_item(m)
+        if m.items_left == 0:
+            return found
+
+
+@part
+def solve_attached(m, clock):
+    """Solve the QP at the addresses of m."""
+    m.pivots = 0
     if is_faulty(m):
         return FAULTY
     if not m.is_ready and not set_up(m):
@@ -106,3 +122,22 @@ def run(address, eps_abs, eps_rel, max_iter, clock):
         else:
             return found
         found = advance(m)
+
+
+@part
+def go_to_next_item(m):
+    """Let the addresses be those of the next item, which starts from nothing."""
+    m.items_left -= 1
+    m.codes += 16
+    m.P += m.P_step
+    m.q += m.q_step
+    m.G += m.G_step
+    m.h += m.h_step
+    m.A += m.A_step
+    m.b += m.b_step
+    m.lb += m.lb_step
+    m.ub += m.ub_step
+    m.out += m.out_step
+    m.kept_k, m.hints = 0, 0
+    if m.P_step + m.G_step + m.A_step > 0:
+        m.is_ready = 0

@@ -14,6 +14,9 @@ from namlcp.linalg import FACTORS
 
 # Addresses of vectors: those of the problem and of the result, set by `attach`, ...
 GIVEN = "P q G h A b lb ub out".split()
+# Bytes from one item of a batch to the next, 0 for what all share; items left, and the
+# place of their codes.
+ITEMS = (*(f"{name}_step" for name in GIVEN), "items_left", "codes")
 # ... and those in the memory of the record, set by `lay_out`.
 OWN = (
     # Values of the rows, see `active`, at the base point and at the present one, and
@@ -75,7 +78,7 @@ class ResponseState(ctypes.Structure):
     _fields_ = (
         *(
             (name, ctypes.c_int64)
-            for name in (*GIVEN, *OWN, *SPARSE, *FACTORS, *NUMBERS)
+            for name in (*GIVEN, *ITEMS, *OWN, *SPARSE, *FACTORS, *NUMBERS)
         ),
         *((name, ctypes.c_double) for name in REALS),
     )

@@ -21,6 +21,7 @@ from namlcp.options import DEFAULT_OPTIONS, Options, check_count
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import make_guess
 from namlcp.qp.problem import QP, qp_data
+from namlcp.qp.responses import Stack
 from namlcp.qp.sequences.solver import memory_of, own_vector
 from namlcp.qp.solve import solve_checked
 from namlcp.residuals import Residuals
@@ -161,6 +162,16 @@ class BatchResult(Differentiable):
         self.residuals[i] = result.residuals
         if result.message:
             self.messages[i] = result.message
+
+    def put_all(self, which: np.ndarray, stack: Stack) -> None:
+        """Write the results of those items of a stack that are solved."""
+        self.codes[which] = STATUSES.index(Status.SOLVED)
+        for name in ("x", "y", "z", "z_box"):
+            getattr(self, name)[which] = getattr(stack, name)[which]
+        numbers = stack.numbers[which]
+        self.residuals[which] = numbers.view(self.residuals.dtype)[:, 0]
+        self.obj[which], self.iterations[which] = numbers[:, -1], stack.pivots[which]
+        self.form[which] = "dual"
 
     def refuse(self, i: int, error: Exception) -> None:
         """Write that item i could not be solved; its arrays are NaN already."""
@@ -334,9 +345,32 @@ def solve_batch(
         except Exception as error:  # of any kind: it is the result of this item
             batch.refuse(i, error)
 
-    on_threads(solve_one, items.size, threads)
+    left = np.arange(items.size)
+    if warm_start is None and options.time_limit == np.inf:
+        left = solve_stack(items, batch, options, threads)
+    on_threads(lambda k: solve_one(left[k]), left.size, threads)
     seconds = time.perf_counter() - start
     return replace(batch, solve_time=seconds, problem=items)
+
+
+def solve_stack(
+    items: Items, batch: BatchResult, options: Options, threads: int
+) -> np.ndarray:
+    """Solve small dense items by few compiled calls; return the items that are left."""
+    if not Stack.takes(items.shared):
+        return np.arange(items.size)
+    stack = Stack(items.shared, items.stacked, items.size)
+    length = -(-items.size // (CHUNKS * threads))
+    starts = range(0, items.size, length or 1)
+
+    def solve_chunk(k: int) -> None:
+        start = starts[k]
+        stack.solve(start, min(start + length, items.size), options)
+
+    on_threads(solve_chunk, len(starts), threads)
+    solved = stack.is_solved()
+    batch.put_all(solved, stack)
+    return np.flatnonzero(~solved)
 
 
 def on_threads(work: Callable[[int], None], size: int, threads: int) -> None:
