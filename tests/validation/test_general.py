@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from scipy.optimize import linprog
 
 from namlcp import Status, solve_lcp
-from validation.general import benchmark, pictures
+from validation.general import benchmark, pictures, stepping
 from validation.harness import Job, csv_files
 from validation.problems.fuzzed import cases, general_lcps
 from validation.problems.fuzzed.draw import Draw
@@ -159,3 +159,15 @@ def test_pictures(tmp_path):
     assert pictures.main(["--figures", str(tmp_path)]) == 0
     names = sorted(file.name for file in tmp_path.iterdir())
     assert names == ["friction-scenes.svg", "games-and-diodes.svg"]
+
+
+def test_time_stepping(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(stepping, "STEPS", 40)
+    monkeypatch.setattr(stepping, "DRAWN", 4)
+    monkeypatch.setattr(stepping, "QUICK", (4,))
+    file = str(tmp_path / "rows.csv")
+    assert stepping.main(["run", "--quick", "--csv", file]) == 0
+    assert stepping.main(["table", "--csv", file]) == 0
+    assert "| 4 | last step | " in capsys.readouterr().out
+    assert stepping.main(["plot", "--csv", file, "--figures", str(tmp_path)]) == 0
+    assert (tmp_path / "time-stepping.png").exists()

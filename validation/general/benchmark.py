@@ -4,8 +4,10 @@ Families: `problems.general.families`; all problems have a solution. Solved mean
 the solver says so and Res(z) <= 1e-9 max |q_i| on the data as given. Solvers: `nam`,
 method="auto"; `lemke`, method="lemke"; `quantecon`, Lemke's method of QuantEcon;
 `daqp`, its mode for variational inequalities, made for definite matrices. Each solves
-twice, and the second time counts: the first may compile. A solver that has run into
-the limit on every seed of a size is not asked for larger ones of the family.
+twice, and the second time counts: the first may compile. `runtime` is processor time,
+so that other processes matter less. The last three keep dense matrices and are asked
+up to DENSE unknowns; a solver that has run into the limit on every seed of a size is
+not asked for larger ones of the family.
 
 `run` writes the CSV and goes on where it has stopped; `table` prints it as Markdown;
 `plot` draws time against n, with crosses on the upper edge for what was not solved.
@@ -40,11 +42,12 @@ STYLE = {
     "quantecon": (charts.PURPLE, "^"),
     "daqp": (charts.RED, "v"),
 }
-FRICTION_SIZES = (80, 200, 500, 1000, 2000, 4000, 6000)
+FRICTION_SIZES = (80, 200, 500, 1000, 2000, 6000)
 OTHER_SIZES = (10, 20, 50, 100, 200)
 GAME_SIZES = (4, 10, 40, 140, 400)
 QUICK = 2  # sizes of each family with --quick
-RATIO = 1e4  # mass ratio of every fourth seed of a family with friction
+RATIO = 1e4  # mass ratio of every third seed of a family with friction
+DENSE = 600  # unknowns up to which dense methods are asked
 WARM_UP = 10  # unknowns of a problem before the clock runs
 EPS = 1e-9  # times max |q_i|
 COLUMNS = ("family", "n", "seed", "order", "solver", "success", "said", "residual",
@@ -64,7 +67,7 @@ def sizes_of(family: str) -> tuple[int, ...]:
 def make(family: str, n: int, seed: int) -> families.Problem:
     """Return A and q."""
     maker = families.FAMILIES[family]
-    if family in families.FRICTION and seed % 4 == 3:
+    if family in families.FRICTION and seed % 3 == 2:
         return maker(n, seed, RATIO)
     return maker(n, seed)
 
@@ -128,13 +131,12 @@ def work(job: Job, family: str, n: int, seed: int) -> Row:
     row["solver"] = job.solver
     ASK[job.solver](*make(family, WARM_UP, seed), job.limit)
     job.ready()
-    start = time.perf_counter()
-    said, z = ASK[job.solver](A, q, job.limit)
-    row["runtime"] = time.perf_counter() - start
-    if row["runtime"] < job.limit / 3.0:
-        start = time.perf_counter()
+    for _ in range(2):
+        start, clock = time.process_time(), time.perf_counter()
         said, z = ASK[job.solver](A, q, job.limit)
-        row["runtime"] = time.perf_counter() - start
+        row["runtime"] = time.process_time() - start
+        if time.perf_counter() - clock > job.limit / 3.0:
+            break
     found = residual(A, q, z)
     success = said == "solved" and found <= EPS
     return row | {"success": success, "said": said, "residual": found}
@@ -160,13 +162,15 @@ def run(args: argparse.Namespace) -> int:
                     failed = 0
                     for seed in range(args.seeds):
                         key = {"family": family, "n": n, "seed": seed, "solver": solver}
-                        if tuple(map(str, key.values())) in done or solver in late:
+                        known_row = tuple(map(str, key.values())) in done
+                        too_large = solver != "nam" and n > DENSE
+                        if known_row or too_large or solver in late:
                             continue
                         if time.monotonic() > end:
                             return 0
                         row = key | child.ask(family, n, seed)
                         row.setdefault("said", row.get("status"))
-                        failed += row.get("runtime", args.limit) >= args.limit
+                        failed += row["said"] in ("timeout", "time_limit")
                         write(row)
                     if failed == args.seeds:
                         late.add(solver)
@@ -213,7 +217,7 @@ def plot(args: argparse.Namespace) -> int:
         axes.set_axis_off()
     panels[0, 0].legend(fontsize=7.0, loc="upper left", bbox_to_anchor=(0.0, 0.9))
     figure.supxlabel("n", fontsize=9.0)
-    figure.supylabel("time [ms]; crosses: not solved", fontsize=9.0)
+    figure.supylabel("processor time [ms]; crosses: not solved", fontsize=9.0)
     charts.save(figure, args.figures / "general-lcps.svg")
     return 0
 
@@ -254,7 +258,7 @@ def main(arguments: list[str] | None = None) -> int:
             cli.add_usual(command, "figures")
         if name == "run":
             cli.add_usual(command, "quick", "minutes")
-            command.add_argument("--seeds", type=int, default=4)
+            command.add_argument("--seeds", type=int, default=3)
             for option, known in (
                 ("families", families.FAMILIES),
                 ("solvers", SOLVERS),

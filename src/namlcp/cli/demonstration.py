@@ -1,4 +1,4 @@
-"""The demonstration: three problems, solved by OSQP too where that is installed."""
+"""The demonstration: four scenes, solved by OSQP too where it can and is installed."""
 
 import importlib.util
 import time
@@ -13,7 +13,7 @@ import scipy.sparse as sp
 
 import namlcp
 from namlcp.compiled import compile_time
-from namlcp.scenes import disc_pile, forced_obstacle, preview_control
+from namlcp.scenes import FallingDiscs, disc_pile, forced_obstacle, preview_control
 
 
 def demonstrate() -> int:
@@ -35,6 +35,7 @@ def demonstrate() -> int:
         size = f"n = {q.size}, {np.count_nonzero(result.z)} with z > 0"
         other = osqp_lcp(A, q) if with_osqp else None
         show(name, size, (result.residual, seconds), other)
+    solved &= show_falling(FallingDiscs(8), 80)
     problem = preview_control(30)
     answer, seconds = best_time(partial(qpsolvers.solve_problem, problem, solver="nam"))
     solved &= answer.found
@@ -62,6 +63,16 @@ def best_time(solve: Callable[[], Any], repeats: int = 4) -> tuple[Any, float]:
         result = solve()
         best = min(best, time.perf_counter() - start)
     return result, best
+
+
+def show_falling(discs: FallingDiscs, steps: int) -> bool:
+    """Let discs fall with friction; print the worst step; tell if all are solved."""
+    records = [discs.step() for _ in range(steps)]
+    worst = max(record.residual for record in records)
+    seconds = float(np.median([record.seconds for record in records]))
+    size = f"n = {max(record.n for record in records)}, {steps} steps"
+    show("discs fall, with friction", size, (worst, seconds), None)
+    return all(record.status is namlcp.Status.SOLVED for record in records)
 
 
 def show(

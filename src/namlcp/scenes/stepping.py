@@ -23,7 +23,8 @@ PUSH_OUT = 0.1  # share of what has crept in that one step pushes out
 class Record(NamedTuple):
     """What one step tells: energy [J] after it, the deepest overlap [m] before it.
 
-    n: unknowns of the LCP, residual: its Res over max |q_i|.
+    n: unknowns of the LCP; residual: its Res over max |q_i|; seconds: processor time
+    of its solution.
     """
 
     n: int
@@ -39,14 +40,17 @@ class FallingDiscs:
     """Discs of random radii above the floor y = 0, between walls at 0 and `width`."""
 
     def __init__(
-        self, count: int, mu: float = 0.5, width: float | None = None, seed: int = 0
+        self, count: int, mu: float = 0.5, warm: bool = True, seed: int = 0
     ) -> None:
-        """Set the discs on a loose lattice, with random velocities."""
+        """Set the discs on a loose lattice, with random velocities.
+
+        warm: each LCP starts from the last one.
+        """
         rng = np.random.default_rng(seed)
-        self.mu = mu
+        self.mu, self.warm = mu, warm
         self.radius = rng.uniform(0.3, 0.5, count)
         row = max(2, int(np.sqrt(count)))
-        self.width = 1.1 * row + 0.6 if width is None else width
+        self.width = 1.1 * row + 0.6
         place = np.arange(count)
         self.centre = np.zeros((count, 3))
         self.centre[:, 0] = 0.6 + 1.1 * (place % row) + 0.5 * (place // row % 2)
@@ -97,9 +101,9 @@ class FallingDiscs:
         kinds = q.size // m if m else 1
         none = np.zeros(kinds)
         z0 = np.array([self.last.get(name, none) for name in names]).T.ravel()
-        start = time.perf_counter()
-        result = solve_lcp(A, q, z0=z0)
-        seconds = time.perf_counter() - start
+        start = time.thread_time()
+        result = solve_lcp(A, q, z0=z0 if self.warm else None)
+        seconds = time.thread_time() - start
         z = result.z.reshape(kinds, m).T
         self.last = dict(zip(names, z, strict=True))
         self.velocity = scene.velocity(result.z)
