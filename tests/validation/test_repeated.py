@@ -125,11 +125,13 @@ def test_sequences_are_measured_and_drawn(tmp_path, capsys):
     assert "<svg" in figure.read_text()
 
 
-@pytest.mark.parametrize("script", [latency, batches])
-def test_calls_are_measured_and_drawn(script, tmp_path):
+@pytest.mark.parametrize(
+    ("script", "solver"), [(latency, "nam by calls"), (batches, "nam")]
+)
+def test_calls_are_measured_and_drawn(script, solver, tmp_path):
     name = script.__name__.split(".")[-1]
     file, figure = tmp_path / f"{name}.csv", tmp_path / f"{name}.svg"
-    command = ["run", "--quick", "--solvers", "nam by calls", "--csv", str(file)]
+    command = ["run", "--quick", "--solvers", solver, "--csv", str(file)]
     assert script.main(command) == 0
     rows = csv_files.read(file)
     assert rows

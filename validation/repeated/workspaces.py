@@ -283,7 +283,7 @@ class Osqp:
 
 
 WORKSPACES: dict[str, type[Workspace]] = {
-    "nam": Kept if hasattr(namlcp, "Solver") else Calls,
+    "nam": Kept,
     "nam by calls": Calls,
     "daqp": Daqp,
     "piqp": Piqp,
