@@ -217,3 +217,15 @@ def test_what_is_not_sparse_or_too_large():
     assert SparseResponses.of(large) is None
     kept = SparseResponses.of(qp_data(sp.eye_array(2), [0, 0], *6 * [None]))
     assert solve(kept, dense._replace(q=np.array([np.nan, 0.0]))) is None
+
+
+def test_too_much_work_is_left_to_others():
+    """What takes too many operations is, and then some solves are not tried."""
+    qp = control_qp(np.random.default_rng(9), 10)
+    kept = SparseResponses.of(qp)
+    kept.now.most_operations = 1.0
+    assert solve(kept, qp) is None
+    assert solve(kept, qp) is None
+    kept.now.most_operations = INF
+    assert solve(kept, qp) is None  # not tried
+    assert solve(kept, qp).status is Status.SOLVED

@@ -76,6 +76,8 @@ def advance(m):
         recall(m)
         m.hinted, m.stage = 0, HINTS
     if m.stage == HINTS:
+        if m.operations > m.most_operations:
+            return STUCK
         if admit_hints(m) == RESPONSE:
             return RESPONSE
         drop_wrong_signs(m)

@@ -47,12 +47,18 @@ def attach_vectors(address, q, h, b, lb, ub, out):
 
 @kernel
 def take_hint(address, active):
-    """Note rows that are probably active, as `Guess.active` has them, to start from."""
+    """Note rows that are probably active, as `Guess.active` has them, to start from.
+
+    None if there are too many of them.
+    """
     m = state_at(address)
     kept, kept_side = longs(m.kept_active, m.most + 1), longs(m.kept_side, m.most + 1)
     m.kept_k, m.hints = 0, 0
     for i in range(m.m + 2 * m.n):
-        if active[i] and m.hints < m.most:
+        if active[i]:
+            if m.hints == m.most:
+                m.hints = 0
+                break
             kept[m.hints] = i if i < m.rows else i - m.n
             kept_side[m.hints] = -1 if m.m <= i < m.rows else 1
             m.hints += 1

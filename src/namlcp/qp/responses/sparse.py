@@ -98,6 +98,7 @@ def multiply_rows(m, x, Gx):
 @part
 def make_response(m, row):
     """Make the response to a row, one pass more accurate than what changes."""
+    m.operations += m.response_operations
     rhs = floats(m.rhs, m.size)
     for j in range(m.size):
         rhs[j] = 0.0

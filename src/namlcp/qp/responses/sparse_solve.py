@@ -27,8 +27,8 @@ REACHED, ACCURATE, MOST_PASSES, GAIN = 1e-9, 1e-11, 4, 0.5
 # Curvature of a row, in equilibrated units, over the largest one of a trial solve, up
 # to which the equations fix the row.
 FIXED = 1e-11
-# Operations of the pivots for each entry of K, G, L and a vector from which on another
-# method is quicker: the interior-point method takes about a microsecond for an entry.
+# Operations for each entry of K, G, L and a vector from which on another method is
+# quicker: the interior-point method takes about a microsecond for an entry.
 MOST_OPERATIONS = 2000.0
 
 
@@ -84,6 +84,7 @@ class SparseResponses(Responses):
         begin_anew(self.state, 1.0 / np.append(norms, unit[:n]))
         entries = factors.values.size + kkt.base.size + self.rows.nnz + self.now.length
         self.now.most_operations = MOST_OPERATIONS * entries
+        self.now.response_operations = 2.0 * (self.now.passes + 2) * entries
         self.now.least_curvature = FIXED * largest
         self.now.is_ready = 1
 

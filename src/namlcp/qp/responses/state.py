@@ -66,8 +66,9 @@ REALS = (
     "least_curvature "
     # The error of the point, see `judgement`.
     "error "
-    # Operations of the pivots so far, and those from which on the method gives up.
-    "operations most_operations "
+    # Operations so far, those from which on the method gives up, and those of making a
+    # response, where these count.
+    "operations most_operations response_operations "
     "eps_abs eps_rel"
 ).split()
 
