@@ -5,7 +5,7 @@ order, which saves a sixth to two fifths of their time and changes the fill by 1
 """
 
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from scipy import sparse
@@ -54,6 +54,20 @@ class SparseFactors:
 
 
 Factors = DenseFactors | SparseFactors
+
+
+class Solver(Protocol):
+    """Factors of a matrix."""
+
+    def solve(self, b: np.ndarray) -> np.ndarray:
+        """Return the solution for b (m,)."""
+
+
+class System(Protocol):
+    """A matrix, and the factors of its sums with diagonals."""
+
+    def factors(self, diagonal: np.ndarray) -> Solver | None:
+        """Factor the sum; return None if it is singular."""
 
 
 class Shifted:

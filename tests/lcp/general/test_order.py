@@ -67,7 +67,7 @@ STAGES = ("by_path", "by_arc", "by_lemke")
 
 @pytest.mark.parametrize("stage", STAGES)
 def test_every_stage_alone(stage, monkeypatch):
-    monkeypatch.setattr(order, "STAGES", (getattr(order, stage),))
+    monkeypatch.setattr(order, "STAGES", (order.Stage(getattr(order, stage)),))
     A, q = problems.friction(np.random.default_rng(0), 5)
     outcome = solve_general(lcp_of(A, q), None, LIMITS)
     assert outcome.status is Status.SOLVED

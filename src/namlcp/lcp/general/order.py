@@ -1,17 +1,20 @@
 """LCPs whose matrix is neither P nor semidefinite: the methods in their order.
 
 No method solves every LCP: the problem is NP-complete (Chung, J. Optim. Theory Appl.
-60, 1989, 393-399). Each of `STAGES` is a function of the `Search`. It returns an
-outcome if that ends the search, and None if the next one is to be tried.
+60, 1989, 393-399). `STAGES` are tried in their order, by measured times: what is
+likely to end the search soon comes first.
 """
 
+import math
 from collections.abc import Callable
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
 from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.general.arc import Arc
-from namlcp.lcp.general.enumeration import solve_by_enumeration
+from namlcp.lcp.general.enumeration import LARGEST_ENUMERATION, solve_by_enumeration
 from namlcp.lcp.general.farkas import farkas
 from namlcp.lcp.general.games import solve_game
 from namlcp.lcp.general.lemke import solve_by_lemke
@@ -24,14 +27,26 @@ LEMKE_ORDER, LAST_LEMKE_ORDER = 150, 1200
 """Largest orders for Lemke's method on a dense tableau: up to the first it is faster
 than the paths, and up to the second it is tried after them."""
 
-STARTS = ((1.0, 1.0), (3.0, 3.0))
-"""Gaps and excess of multipliers, relative to max |q_i|, at which `arc` starts."""
+PROOF_ORDER = 250
+"""Order up to which a proof is cheap beside a path."""
 
 UNDECIDED = "no solution was found, and no proof that there is none"
 """Message of an LCP left undecided."""
 
 ENUMERATED = "no complementary cone contains q: all were enumerated"
 """Message of a proof by enumeration."""
+
+
+class Stage(NamedTuple):
+    """A method, and the orders least < n <= most for which it is tried.
+
+    `run` returns an outcome if that ends the search, None if the next stage is to be
+    tried.
+    """
+
+    run: Callable[[Search], Outcome | None]
+    least: float = 0
+    most: float = math.inf
 
 
 def solve_general(
@@ -48,9 +63,10 @@ def solve_general(
         for stage in STAGES:
             if search.over():
                 return search.outcome()
-            outcome = stage(search)
-            if outcome is not None:
-                return outcome
+            if stage.least < lcp.q.size <= stage.most:
+                outcome = stage.run(search)
+                if outcome is not None:
+                    return outcome
         return search.outcome(UNDECIDED)
 
 
@@ -60,9 +76,7 @@ def by_game(search: Search) -> Outcome | None:
 
 
 def by_lemke(search: Search) -> Outcome | None:
-    """Use Lemke's method where it is the fastest."""
-    if search.lcp.q.size > LEMKE_ORDER:
-        return None
+    """Use Lemke's method."""
     return search.decided(solve_by_lemke(search.lcp, None, search.limits))
 
 
@@ -82,31 +96,31 @@ def by_proof(search: Search) -> Outcome | None:
 
 
 def by_enumeration(search: Search) -> Outcome | None:
-    """Try all faces of a tiny problem."""
+    """Try all complementary cones."""
     outcome = search.decided(solve_by_enumeration(search.lcp, None, search.limits))
     if outcome is not None and outcome.status is Status.UNSOLVABLE:
         return outcome._replace(message=ENUMERATED)
     return outcome
 
 
-def by_arc(search: Search) -> Outcome | None:
-    """Follow the smooth homotopy; where it goes to infinity, ask if that is a proof."""
-    for size, big in STARTS:
-        arc = Arc(search.model, search.system, size, big)
-        last = search.follow(arc.points(), "arc")
-        found = None if search.over() else search.disproved(search.clipped(last))
-        if found is not None or search.over():
-            return found
-    return None
+def by_arc(search: Search, size: float = 1.0) -> Outcome | None:
+    """Follow the smooth homotopy; where it goes to infinity, ask if that is a proof.
+
+    It starts with gaps and an excess of multipliers of this size, where max |q_i| = 1.
+    """
+    arc = Arc(search.model, search.system, size, size)
+    last = search.follow(arc.points(), "arc")
+    return None if search.over() else search.disproved(search.clipped(last))
 
 
-def by_lemke_at_last(search: Search) -> Outcome | None:
-    """Use Lemke's method where it is slow, but has a chance."""
-    if not LEMKE_ORDER < search.lcp.q.size <= LAST_LEMKE_ORDER:
-        return None
-    return search.decided(solve_by_lemke(search.lcp, None, search.limits))
-
-
-STAGES: tuple[Callable[[Search], Outcome | None], ...] = (
-    by_game, by_lemke, by_path, by_proof, by_enumeration, by_arc, by_lemke_at_last,
-)  # fmt: skip
+STAGES = (
+    Stage(by_game),
+    Stage(by_lemke, most=LEMKE_ORDER),
+    Stage(by_path),
+    Stage(by_proof, most=PROOF_ORDER),
+    Stage(by_enumeration, most=LARGEST_ENUMERATION),
+    Stage(by_arc),
+    Stage(by_proof, least=PROOF_ORDER),
+    Stage(partial(by_arc, size=3.0)),
+    Stage(by_lemke, least=LEMKE_ORDER, most=LAST_LEMKE_ORDER),
+)

@@ -17,14 +17,14 @@ References
 Andersen and Ye, Math. Program. 84 (1999) 375-399.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from namlcp.lcp.distances import Distances
 from namlcp.lcp.scaling import equilibrating_scale
-from namlcp.lcp.shifted import Shifted
+from namlcp.lcp.shifted import Shifted, System
 
 MAX_STEPS = 50
 """Steps at most."""
@@ -75,15 +75,19 @@ def point_of(model: Distances, x: Embedded) -> PathPoint:
 
 
 def homogeneous_path(
-    A: Any, q: np.ndarray, lower: np.ndarray, upper: np.ndarray
+    A: Any,
+    q: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    systems: Callable[[Distances], System] = lambda model: Shifted(model.M),
 ) -> Iterator[PathPoint]:
     """Yield the points of the path, one factorisation from one to the next.
 
     It ends after `MAX_STEPS`, with a step up to `LEAST_STEP`, or where the matrix
-    cannot be factored.
+    cannot be factored. `systems` makes the linear systems of the path.
     """
     model = Distances(A, q, lower, upper, equilibrating_scale)
-    system = Shifted(model.M)
+    system = systems(model)
     signed, boxed = model.signed, model.boxed
     one = np.ones(1)
     x = Embedded(*(1.0 * signed,) * 2, *(1.0 * boxed,) * 2, one, one)
@@ -103,7 +107,7 @@ def homogeneous_path(
 
 
 def step_from(
-    model: Distances, system: Shifted, x: Embedded, inside: tuple[np.ndarray, ...]
+    model: Distances, system: System, x: Embedded, inside: tuple[np.ndarray, ...]
 ) -> tuple[Embedded, float] | None:
     """Return direction and step length, None if the matrix cannot be factored.
 
