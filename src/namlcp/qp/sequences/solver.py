@@ -45,8 +45,9 @@ VECTORS = {"q": ("P", 0), "h": ("G", 1), "b": ("A", 0), "lb": ("P", -1), "ub": (
 # Statuses that a solve without a start would not improve on.
 SETTLED = (Status.SOLVED, Status.TIME_LIMIT, Status.INTERRUPTED)
 # Solves in succession that responses may leave to others before they are not asked
-# again: they do so after much work where very many constraints are active.
-MOST_MISSES = 3
+# again: they do so after much work where very many constraints are active, and most of
+# the time without trying once they have done so twice.
+MOST_MISSES = 30
 
 
 class Solver:
