@@ -1,5 +1,7 @@
 """Kinks: weak and dependent constraints, singular systems, one-sided derivatives."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import scipy.sparse as sp
@@ -166,3 +168,44 @@ def test_a_direction_into_infeasibility_is_refused():
     qp = np.eye(1), [0.0], [[1.0], [-1.0]], [0.0, 0.0]
     with pytest.raises(ValueError, match="constraints contradict each other"):
         namlcp.solve_qp(*qp).directional(dh=[0.0, -1.0])
+
+
+@pytest.mark.parametrize("form", [dense, sparse])
+def test_where_x_is_not_unique_the_derivative_of_P_x_is_right(form):
+    """P = diag(1, 0): x_2 is free, P x = -q moves with q_1 alone; least norm else."""
+    none, free = (np.empty((0, 2)), np.empty(0)), np.full(2, np.inf)
+    qp = QP(np.diag([1.0, 0.0]), np.array([-1.0, 0.0]), *none, *none, -free, free)
+    result = namlcp.solve_qp(*form(qp))
+    found = result.backward(dx=[1.0, 1.0])
+    assert (found.weak, found.singular) == (0, True)
+    assert np.allclose(found.q, [-1.0, 0.0], atol=1e-9)
+    assert np.allclose(result.forward(dq=[1.0, 0.0]).x, [-1.0, 0.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("kind", [np.array, sp.csr_array])
+def test_an_indefinite_symmetric_lcp_is_factored_with_pivoting(kind):
+    """A = [0 1; 1 0], all unknowns free: z = -(q_2, q_1)."""
+    A, free = kind(np.array([[0.0, 1.0], [1.0, 0.0]])), np.full(2, np.inf)
+    result = namlcp.solve_lcp(kind(np.eye(2)), [1.0, 2.0], -free, free)
+    lcp, _ = result.problem
+    lcp = lcp._replace(matrix=namlcp.Prepared(A))
+    moved_result = replace(result, z=np.array([-2.0, -1.0]), problem=(lcp, A))
+    assert np.allclose(moved_result.backward(dz=[1.0, 0.0]).q, [0.0, -1.0])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_redundant_equalities_are_left_out(seed):
+    """One equality is the sum of two others: x moves with b as long as they agree."""
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((3, 5))
+    A[2] = A[0] + A[1]
+    b = A @ rng.standard_normal(5)
+    P = np.diag(1.0 + rng.random(5))
+    for form in (np.array, sp.csc_array):
+        result = namlcp.solve_qp(form(P), np.ones(5), A=form(A), b=b)
+        found = result.forward(db=[1.0, 2.0, 3.0])
+        alone = namlcp.solve_qp(P, np.ones(5), A=A[:2], b=b[:2])
+        assert np.allclose(found.x, alone.forward(db=[1.0, 2.0]).x, atol=1e-9)
+        assert found.singular
+        directional = result.directional(db=[1.0, 2.0, 3.0])
+        assert np.allclose(directional.x, found.x, atol=1e-7)

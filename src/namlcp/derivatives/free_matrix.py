@@ -22,8 +22,12 @@ from namlcp.lcp import LARGE_LCP, FreeSystem, Prepared
 from namlcp.linalg import arrays_of, submatrix
 from namlcp.qp import QP
 
-ACCURACY = 1e-13
+ACCURACY = 1e-12
 """Residual of multigrid solves, relative to the right-hand side."""
+
+INACCURATE = 1e-6
+"""Residual for a right-hand side of entries near 1, above which a matrix that was
+factored without pivoting is factored anew, with it."""
 
 
 class FreeMatrix(Protocol):
@@ -50,7 +54,12 @@ def factored(matrix: Prepared, free: np.ndarray) -> FreeMatrix:
     """Return the factors of a sparse A_FF."""
     transpose = from_arrays(arrays_of(matrix.A), matrix.A.shape, csc_array)
     if matrix.symmetric:
-        return Symmetric(transpose, free)
+        try:
+            found = Symmetric(transpose, free)
+            if found.is_accurate():
+                return found
+        except ValueError:  # a pivot vanishes: A is indefinite
+            pass
     return SparseGeneral(submatrix(transpose, free, free))
 
 
@@ -59,7 +68,7 @@ class Symmetric:
 
     def __init__(self, A: Any, free: np.ndarray) -> None:
         n = A.shape[0]
-        self.free, self.size, nothing = free, n, np.empty(0)
+        self.A, self.free, nothing = A, free, np.empty(0)
         none = np.empty((0, n)) if type(A) is np.ndarray else no_rows(n)
         side = np.ones(n, dtype=np.int8)
         side[free] = 0
@@ -68,9 +77,17 @@ class Symmetric:
         self.system = system_of(qp, ActiveSet(no_places, no_places, side))
         self.regular = self.system.regular
 
+    def is_accurate(self) -> bool:
+        """Tell whether a solve has a small residual; pivoting is not for all A."""
+        r = np.random.default_rng(0).standard_normal(self.free.size)
+        u = np.zeros(self.A.shape[0])
+        u[self.free] = self.solve(r, False)
+        return bool(np.abs((self.A @ u)[self.free] - r).max(initial=0.0) <= INACCURATE)
+
     def solve(self, r: np.ndarray, transposed: bool) -> np.ndarray:
         """Return u."""
-        right, u, nothing = np.zeros(self.size), np.zeros(self.size), np.empty(0)
+        right, u = np.zeros((2, self.A.shape[0]))
+        nothing = np.empty(0)
         right[self.free] = r
         self.system.solve(right, nothing, nothing, u)
         return u[self.free]
@@ -107,6 +124,10 @@ class SparseGeneral:
         self.transpose, self.regular = transpose, True
         try:
             self.factors = splu(transpose)
+            pivots = np.abs(self.factors.U.diagonal())
+            self.regular = not pivots.min(initial=1.0) <= SINGULAR * pivots.max(
+                initial=0.0
+            )
         except RuntimeError:  # a pivot is exactly 0
             self.regular = False
 

@@ -66,10 +66,12 @@ class QPDerivative:
     def __init__(self, qp: QP, given: tuple[Any, Any, Any], point: Point) -> None:
         """Choose the active set and factor; `given`: the user's own P, G and A."""
         self.qp, self.solution = qp, point
-        self.patterns = [
-            own if user is None else user
-            for own, user in zip((qp.P, qp.G, qp.A), given, strict=True)
-        ]
+        P, G, A = given
+        self.patterns = (
+            qp.P if P is None else P,
+            qp.G if G is None else G,
+            qp.A if A is None else A,
+        )
         strict, self.whole, self.weak = active_sets(qp, point)
         self.hold(strict, point)
         self.singular = not self.system.regular
@@ -103,16 +105,14 @@ class QPDerivative:
         gy, gz = self.vector("dy", dy, "y"), self.vector("dz", dz, "z")
         u = self.fixed * gz_box
         lam, nu, mu = self.system.solve(gx, gz, gy, u)
-        lb, ub = self.at_lower * mu, self.at_upper * mu
         products = (
             RankTwo(-0.5 * u, x, x, -0.5 * u),
             RankTwo(-z, u, -lam, x),
             RankTwo(-y, u, -nu, x),
         )
         matrices = tuple(zip(products, self.patterns, strict=True))
-        return QPGradients(
-            (0.0 - u, lam, nu, lb, ub), matrices, self.weak, self.singular
-        )
+        vectors = 0.0 - u, lam, nu, self.at_lower * mu, self.at_upper * mu
+        return QPGradients(vectors, matrices, self.weak, self.singular)
 
     def forward(self, changes: dict[str, Any]) -> QPTangent:
         """Return the derivative of the solution along a direction of the data."""

@@ -29,8 +29,9 @@ SCALINGS = 4
 PROJECTIONS = 4
 """Steps that project random vectors to the null space of K."""
 
-FIRST_BLOCK, GROWTH = 1, 4
-"""Vectors projected first; if the null space has more dimensions, this multiple."""
+FIRST_BLOCK, GROWTH, MOST = 1, 4, 64
+"""Vectors projected first; if the null space has as many dimensions, GROWTH times as
+many are, up to MOST. Of a larger null space a part is found."""
 
 VANISHED = 1e-3
 """A projected unit vector with a norm below this over sqrt(order) counts as 0: a random
@@ -54,7 +55,8 @@ class SparseSystem:
     Attributes
     ----------
     regular : bool
-        Whether K has one solution, as far as the shifted factors can tell.
+        Whether K has one solution, as far as the shifted factors can tell; if not,
+        `solve` gives one of least norm, in the units of K scaled.
     null_space : (order, k) array
         A basis of the vectors (u_F, nu, lam_I) that K maps to 0.
     """
@@ -73,11 +75,12 @@ class SparseSystem:
         kkt.data[kkt.diagonal[: kkt.n]] += DELTA
         kkt.data[kkt.diagonal[kkt.n :]] -= DELTA
         kkt.plan().refactor(kkt.data)  # no pivot of a quasi-definite matrix is 0
-        self.null_space = self.scale[:, None] * self.find_null_space()
+        self.basis = self.find_null_space()
+        self.null_space = (self.basis * self.scale).T
         self.regular = not self.null_space.size
 
     def find_null_space(self) -> np.ndarray:
-        """Return an orthonormal basis of the null space of K scaled.
+        """Return an orthonormal basis of the null space of K scaled, by rows.
 
         v - K~^-1 K v, K~ the factored matrix, keeps what K maps to 0 and multiplies all
         else by about DELTA over its singular value.
@@ -90,15 +93,15 @@ class SparseSystem:
             for _ in range(PROJECTIONS):
                 V = np.array([v - self.kkt.plan().solve(self.product(v)) for v in V])
                 if np.linalg.norm(V, axis=1).max() < VANISHED / np.sqrt(size):
-                    return np.empty((size, 0))
+                    return V[:0]
             values, basis = np.linalg.svd(V, full_matrices=False)[1:]
             basis = basis[values > NULL * values[0]]
             image = [np.linalg.norm(self.product(v)) for v in basis]
             basis = basis[np.array(image) <= ZERO_IMAGE]
-            if basis.shape[0] < width or width == size:
-                return basis.T
+            if basis.shape[0] < width or width >= min(size, MOST):
+                return basis
             width *= GROWTH
-        return np.empty((size, 0))
+        return np.empty((0, 0))
 
     def product(self, w: np.ndarray) -> np.ndarray:
         """Return K w for the scaled K."""
@@ -130,7 +133,7 @@ class SparseSystem:
 
     def solve_kkt(self, rhs: np.ndarray) -> np.ndarray:
         """Return the solution for one right-hand side, refined."""
-        rhs = rhs * self.scale
+        rhs = self.across(rhs * self.scale)
         w, rest, error = np.zeros(rhs.size), rhs, np.inf
         for _ in range(REFINEMENTS):
             trial = w + self.kkt.plan().solve(rest)
@@ -142,7 +145,11 @@ class SparseSystem:
             size = max(np.abs(rhs).max(), np.abs(w).max())
             if not ROUNDING * size < error < 0.5 * before:
                 break
-        return w * self.scale
+        return self.across(w) * self.scale
+
+    def across(self, w: np.ndarray) -> np.ndarray:
+        """Return the part of w that is orthogonal to the null space of K scaled."""
+        return w if self.regular else w - self.basis.T @ (self.basis @ w)
 
 
 @kernel
