@@ -229,3 +229,6 @@ def test_too_much_work_is_left_to_others():
     kept.now.most_operations = INF
     assert solve(kept, qp) is None  # not tried
     assert solve(kept, qp).status is Status.SOLVED
+    kept.pause = 1
+    kept.renew(qp)
+    assert solve(kept, qp).status is Status.SOLVED

@@ -96,7 +96,6 @@ class Responses:
         now = self.now
         kept = now.kept_k
         self.attach(qp.P, qp.G, qp.A)
-        self.left = self.pause = 0
         now.hints = kept  # their numbers are still in memory
 
     def suggest(self, active: np.ndarray) -> None:
@@ -169,7 +168,7 @@ class DenseResponses(Responses):
 
     def attach(self, P: np.ndarray, G: np.ndarray, A: np.ndarray) -> None:
         """Take matrices, and memory for them."""
-        self.matrices = P, G, A
+        self.matrices, self.left, self.pause = (P, G, A), 0, 0
         if not attach_matrices(self.address, P, G, A):
             self.memory = allocate(self.now)
             attach_matrices(self.address, P, G, A)
