@@ -121,6 +121,14 @@ PARTS = {
     "lcp": part("LCPs beside PIQP and OSQP", 60.0, """
         peers.lcp --data {data} --results {results}
     """),
+    "general": part("LCPs that are neither P nor semidefinite", 1800.0, """
+        general.benchmark run {quick} --csv {results}/general-lcps.csv
+        general.benchmark plot --csv {results}/general-lcps.csv --figures {figures}
+        general.pictures --figures {figures}
+        general.stepping run {quick} --csv {results}/time-stepping.csv
+        general.stepping plot --csv {results}/time-stepping.csv --figures {figures}
+    """, "general-lcps.svg friction-scenes.svg games-and-diodes.svg time-stepping.png",
+    120.0),
     "repeated": part("Many QPs alike: sequences, small calls, batches", 1500.0, """
         repeated.sequences run {quick} --csv {results}/sequences.csv
         repeated.sequences plot --csv {results}/sequences.csv \

@@ -16,6 +16,7 @@ stress_cases                QPs that strain a solver, in units of their own
 families                    the families of the work-precision chart
 osqp_classes                the seven classes of the OSQP paper, by size
 derivative_cases            differentiable solutions, and kinks
+general                     friction, games, diodes, copositive matrices (its own room)
 fuzzed                      the problems of the campaign (a room of its own)
 sequences                   the same matrices again and again (a room of its own)
 models                      what people model in CVXPY (a room of its own)
