@@ -44,10 +44,6 @@ from namlcp.status import Status
 VECTORS = {"q": ("P", 0), "h": ("G", 1), "b": ("A", 0), "lb": ("P", -1), "ub": ("P", 1)}
 # Statuses that a solve without a start would not improve on.
 SETTLED = (Status.SOLVED, Status.TIME_LIMIT, Status.INTERRUPTED)
-# Solves in succession that responses may leave to others before they are not asked
-# again: they do so after much work where very many constraints are active, and most of
-# the time without trying once they have done so twice.
-MOST_MISSES = 30
 
 
 class Solver:
@@ -124,7 +120,6 @@ class Solver:
         """Keep nothing of earlier solves but the last result."""
         self.memory = memory_of(self.qp)
         self.responses = responses_of(self.qp)
-        self.misses = 0  # solves in succession that responses have left to others
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy shares and a pickle holds: arrays that never change."""
@@ -187,7 +182,7 @@ class Solver:
             self.memory.adopt(qp)
             if self.responses is not None:
                 self.responses.renew(qp)
-            elif self.misses < MOST_MISSES:
+            else:
                 self.responses = responses_of(qp)
         self.qp = QP(P, q0, G, h0, A, b0, lb0, ub0)
 
@@ -259,9 +254,8 @@ class Solver:
         if guess is not None:
             responses.suggest(guess.active)
         answer = responses.solve(qp.q, qp.h, qp.b, qp.lb, qp.ub, limits)
-        self.misses = 0 if answer else self.misses + 1
         if answer is None:
-            if responses.are_unsuited or self.misses == MOST_MISSES:
+            if responses.are_unsuited:
                 self.responses = None
             return None
         answer = upheld(answer, qp, self.given, limits)
