@@ -7,7 +7,7 @@ runs old code. `sources` computes the stamp, `store` reads and writes the files,
 `decorators` chooses compiler and cache, `internals` holds all use of numba's private
 parts, `signatures` reads the list of all kernels (`kernels.txt`), `ahead` and
 `prebuilt` compile them before their first call, `views` makes arrays without reference
-counts.
+counts, and pointers.
 """
 
 import functools
@@ -21,6 +21,7 @@ from namlcp.compiled.store import kept_in
 from namlcp.compiled.views import (
     Fields,
     floats,
+    floats_at,
     ints,
     ints_at,
     longs,
@@ -33,6 +34,7 @@ __all__ = [
     "ahead",
     "compile_time",
     "floats",
+    "floats_at",
     "ints",
     "ints_at",
     "is_at_hand",

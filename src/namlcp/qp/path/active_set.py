@@ -8,9 +8,8 @@ regularised matrix solve it, dependent active rows or not.
 
 import numpy as np
 
-from namlcp.compiled import floats, ints, part
-from namlcp.linalg import copy
-from namlcp.qp.path.steps import multiply
+from namlcp.compiled import floats_at, ints_at, part
+from namlcp.qp.path.steps import multiply, put
 
 # Modulus of a diagonal entry of K~ that fixes a variable or drops a row.
 OFF = 1e20
@@ -29,18 +28,18 @@ def hold(m):
     That is set_x, moved to its active bounds, and v = (0, set_y, set_Z where active).
     """
     n, p = m.n, m.p
-    held, active = ints(m.held, m.size), ints(m.set_active, m.m)
-    goal, v = floats(m.goal, m.size), floats(m.set_v, m.size)
-    x, y, Z = floats(m.set_x, n), floats(m.set_y, p), floats(m.set_Z, m.m)
-    b, c = floats(m.goal_b, p), floats(m.goal_c, m.m)
-    place, sign = ints(m.place, m.m), floats(m.sign, m.m)
+    held, active = ints_at(m.held, m.size), ints_at(m.set_active, m.m)
+    goal, v = floats_at(m.goal, m.size), floats_at(m.set_v, m.size)
+    x, y, Z = floats_at(m.set_x, n), floats_at(m.set_y, p), floats_at(m.set_Z, m.m)
+    b, c = floats_at(m.goal_b, p), floats_at(m.goal_c, m.m)
+    place, sign = ints_at(m.place, m.m), floats_at(m.sign, m.m)
     for j in range(m.size):
         held[j] = j >= n + p
         v[j] = 0.0
     for i in range(p):
         v[n + i] = y[i]
         goal[n + i] = b[i]
-    for k in range(place.size):
+    for k in range(m.m):
         if active[k]:
             j = place[k]
             held[j] = j < n
@@ -49,9 +48,9 @@ def hold(m):
                 x[j] = goal[j]
             else:
                 v[j] = sign[k] * Z[k]
-    indptr = ints(m.indptr, m.size + 1)
+    indptr = ints_at(m.indptr, m.size + 1)
     nnz = np.int64(indptr[m.size])
-    base, data = floats(m.base, nnz), floats(m.data, nnz)
+    base, data = floats_at(m.base, nnz), floats_at(m.data, nnz)
     for j in range(n):
         last = indptr[j + 1] - 1
         data[last] = OFF if held[j] else base[last] + m.regularisation
@@ -65,10 +64,11 @@ def hold(m):
 def set_residual(m):
     """Set r to minus the residual of the system; return its unscaled max norm."""
     n = m.n
-    x, v, held = floats(m.set_x, n), floats(m.set_v, m.size), ints(m.held, m.size)
-    Px, Ctv, t = floats(m.Pdx, n), floats(m.Ctdv, n), floats(m.dv, m.size)
-    r, q, goal = floats(m.r, m.size), floats(m.cost, n), floats(m.goal, m.size)
-    unit = floats(m.unit, m.size)
+    x, v = floats_at(m.set_x, n), floats_at(m.set_v, m.size)
+    held = ints_at(m.held, m.size)
+    Px, Ctv, t = floats_at(m.Pdx, n), floats_at(m.Ctdv, n), floats_at(m.dv, m.size)
+    r, q, goal = floats_at(m.r, m.size), floats_at(m.cost, n), floats_at(m.goal, m.size)
+    unit = floats_at(m.unit, m.size)
     multiply(m, x, v, Px, Ctv, t)
     worst = 0.0
     for j in range(m.size):
@@ -96,17 +96,17 @@ def is_set_solved(m):
     if m.solves == 0:
         m.first_error = max(error, SMALL_ENOUGH)
     m.failures = 0 if error < 0.5 * m.least_error else m.failures + 1
-    x, v = floats(m.set_x, m.n), floats(m.set_v, m.size)
-    kept_x, kept_v = floats(m.kept_x, m.n), floats(m.kept_v, m.size)
+    x, v = floats_at(m.set_x, m.n), floats_at(m.set_v, m.size)
+    kept_x, kept_v = floats_at(m.kept_x, m.n), floats_at(m.kept_v, m.size)
     if error < m.least_error or m.solves == 0:
         m.least_error = error
-        copy(x, kept_x)
-        copy(v, kept_v)
+        put(x, m.n, kept_x)
+        put(v, m.size, kept_v)
     goes_on = error > RESIDUAL_GOAL and m.failures < 2 and error < np.inf
     if goes_on and m.solves < m.most_solves:
         return False
-    copy(kept_x, x)
-    copy(kept_v, v)
+    put(kept_x, m.n, x)
+    put(kept_v, m.size, v)
     m.converged = m.least_error <= 0.1 * m.first_error
     return True
 
@@ -114,12 +114,9 @@ def is_set_solved(m):
 @part
 def correct_set(m):
     """Add `answer` to what is not held."""
-    x, v, answer = (
-        floats(m.set_x, m.n),
-        floats(m.set_v, m.size),
-        floats(m.answer, m.size),
-    )
-    held = ints(m.held, m.size)
+    x, v = floats_at(m.set_x, m.n), floats_at(m.set_v, m.size)
+    answer = floats_at(m.answer, m.size)
+    held = ints_at(m.held, m.size)
     for j in range(m.size):
         if not held[j]:
             if j < m.n:
@@ -137,19 +134,19 @@ def choose_next_set(m):
     multiplier of a bound follows from stationarity.
     """
     n = m.n
-    x, v = floats(m.set_x, n), floats(m.set_v, m.size)
-    Px, Ctv, t = floats(m.Pdx, n), floats(m.Ctdv, n), floats(m.dv, m.size)
+    x, v = floats_at(m.set_x, n), floats_at(m.set_v, m.size)
+    Px, Ctv, t = floats_at(m.Pdx, n), floats_at(m.Ctdv, n), floats_at(m.dv, m.size)
     multiply(m, x, v, Px, Ctv, t)
-    q, y, c = floats(m.cost, n), floats(m.set_y, m.p), floats(m.goal_c, m.m)
-    place, sign = ints(m.place, m.m), floats(m.sign, m.m)
-    active, chosen = ints(m.set_active, m.m), ints(m.next_active, m.m)
-    Z = floats(m.set_Z, m.m)
+    q, y, c = floats_at(m.cost, n), floats_at(m.set_y, m.p), floats_at(m.goal_c, m.m)
+    place, sign = ints_at(m.place, m.m), floats_at(m.sign, m.m)
+    active, chosen = ints_at(m.set_active, m.m), ints_at(m.next_active, m.m)
+    Z = floats_at(m.set_Z, m.m)
     for i in range(m.p):
         y[i] = v[n + i]
-    unit = floats(m.unit, m.size)
+    unit = floats_at(m.unit, m.size)
     m.set_changed = False
     violation = 0.0
-    for k in range(place.size):
+    for k in range(m.m):
         j = place[k]
         if active[k]:
             gradient = v[j] if j >= n else -(Px[j] + q[j] + Ctv[j])

@@ -18,7 +18,7 @@ factorisation succeeds.
 
 import numpy as np
 
-from namlcp.compiled import floats, ints, kernel, part, record_of
+from namlcp.compiled import floats, floats_at, ints, ints_at, kernel, part, record_of
 from namlcp.linalg import ldl_factor, ldl_solve_into, pattern_of
 from namlcp.qp.path.active_set import choose_next_set, correct_set, hold, is_set_solved
 from namlcp.qp.path.krylov import begin_krylov, end_krylov, is_krylov_done
@@ -30,6 +30,7 @@ from namlcp.qp.path.newton import (
 )
 from namlcp.qp.path.regularisation import POOR, regularise, strengthen
 from namlcp.qp.path.steps import (
+    WIDTH,
     aim_at_centre,
     aim_at_longer_step,
     aim_at_zero,
@@ -204,8 +205,9 @@ def advance(state):
             return READY
         elif stage == PRODUCTS:
             n, size = m.n, m.size
-            x, v = floats(m.set_x, n), floats(m.set_v, size)
-            multiply(m, x, v, floats(m.Pdx, n), floats(m.Ctdv, n), floats(m.dv, size))
+            x, v = floats_at(m.set_x, n), floats_at(m.set_v, size)
+            Px, Ctv = floats_at(m.Pdx, n), floats_at(m.Ctdv, n)
+            multiply(m, x, v, Px, Ctv, floats_at(m.dv, size))
             return READY
         else:  # READY
             return stage
@@ -297,10 +299,10 @@ def is_doubtful(m):
 def mark_active(m):
     """Mark the constraints with Z > W; tell whether they are those of last time."""
     m.active, m.was_active = m.was_active, m.active
-    active, was_active = ints(m.active, m.m), ints(m.was_active, m.m)
-    W, Z = floats(m.W, m.m), floats(m.Z, m.m)
+    active, was_active = ints_at(m.active, m.m), ints_at(m.was_active, m.m)
+    W, Z = floats_at(m.W, m.m), floats_at(m.Z, m.m)
     same = True
-    for k in range(W.size):
+    for k in range(m.m):
         active[k] = Z[k] > W[k]
         if active[k] != was_active[k]:
             same = False
@@ -321,27 +323,28 @@ def promises(m):
     if not (m.primal_stuck or m.dual_stuck):
         return False
     n, p, size = m.n, m.p, m.size
-    du, dZ, dv, dt = (
-        floats(m.du, size), floats(m.dZ, m.m), floats(m.dv, size), floats(m.dt, size)
-    )  # fmt: skip
-    Pdx, Ctdv, ratios = floats(m.Pdx, n), floats(m.Ctdv, n), floats(m.ratios, 4)
-    place, sign = ints(m.place, m.m), floats(m.sign, m.m)
+    du, dy = floats_at(m.du, size), floats_at(m.du + WIDTH * n, p)
+    dZ, dv, dt = floats_at(m.dZ, m.m), floats_at(m.dv, size), floats_at(m.dt, size)
+    Pdx, Ctdv = floats_at(m.Pdx, n), floats_at(m.Ctdv, n)
+    place, sign = ints_at(m.place, m.m), floats_at(m.sign, m.m)
     for j in range(size):
         dv[j] = 0.0
     for i in range(p):
-        dv[n + i] = du[n + i]
-    for k in range(place.size):
+        dv[n + i] = dy[i]
+    for k in range(m.m):
         dv[place[k]] += sign[k] * max(dZ[k], 0.0)
-    multiply(m, du[:n], dv, Pdx, Ctdv, dt)
-    x, largest = floats(m.x, n), 1.0
+    multiply(m, du, dv, Pdx, Ctdv, dt)
+    x, largest = floats_at(m.x, n), 1.0
     for j in range(n):
         largest = max(largest, abs(x[j]))
-    y, Z, v, t = floats(m.y, p), floats(m.Z, m.m), floats(m.v, size), floats(m.t, size)
-    ratios[0] = farkas_ratio(m, y, Z, v, floats(m.Ctv, n), largest)
-    ratios[1] = farkas_ratio(m, du[n : n + p], dZ, dv, Ctdv, largest)
-    ratios[2] = ray_ratio(m, x, floats(m.Px, n), t)
-    ratios[3] = ray_ratio(m, du[:n], Pdx, dt)
-    tested, found = floats(m.tested, 4), False
+    y, Z = floats_at(m.y, p), floats_at(m.Z, m.m)
+    v, t = floats_at(m.v, size), floats_at(m.t, size)
+    ratios = floats_at(m.ratios, 4)
+    ratios[0] = farkas_ratio(m, y, Z, v, floats_at(m.Ctv, n), largest)
+    ratios[1] = farkas_ratio(m, dy, dZ, dv, Ctdv, largest)
+    ratios[2] = ray_ratio(m, x, floats_at(m.Px, n), t)
+    ratios[3] = ray_ratio(m, du, Pdx, dt)
+    tested, found = floats_at(m.tested, 4), False
     for k in range(4):
         stuck = m.primal_stuck if k < 2 else m.dual_stuck
         if not stuck or not ratios[k] <= PROMISING:
@@ -359,18 +362,18 @@ def promises(m):
 @part
 def farkas_ratio(m, y, Z, v, Ctv, size):
     """Return min(|r| |x| / -value, |r| / |multipliers|), inf if value >= 0."""
-    b, c = floats(m.b, m.p), floats(m.c, m.m)
+    b, c = floats_at(m.b, m.p), floats_at(m.c, m.m)
     value, most = 0.0, 0.0
-    for i in range(b.size):
+    for i in range(m.p):
         value += b[i] * y[i]
         most = max(most, abs(y[i]))
-    for k in range(c.size):
+    for k in range(m.m):
         value += c[k] * max(Z[k], 0.0)
         most = max(most, Z[k])
     if not value < 0.0:
         return np.inf
     residual = 0.0
-    for j in range(Ctv.size):
+    for j in range(m.n):
         residual = max(residual, abs(Ctv[j] + v[j]))
     return min(residual * size / -value, residual / most)
 
@@ -378,9 +381,9 @@ def farkas_ratio(m, y, Z, v, Ctv, size):
 @part
 def ray_ratio(m, d, Pd, t):
     """Return max(|P d|, |A d|, (C d)+) / |d|, inf if q'd >= 0."""
-    q, place, sign = floats(m.q, m.n), ints(m.place, m.m), floats(m.sign, m.m)
+    q, place, sign = floats_at(m.q, m.n), ints_at(m.place, m.m), floats_at(m.sign, m.m)
     value, most, residual = 0.0, 0.0, 0.0
-    for j in range(d.size):
+    for j in range(m.n):
         value += q[j] * d[j]
         most = max(most, abs(d[j]))
         residual = max(residual, abs(Pd[j]))
@@ -388,6 +391,6 @@ def ray_ratio(m, d, Pd, t):
         return np.inf
     for i in range(m.n, m.n + m.p):
         residual = max(residual, abs(t[i]))
-    for k in range(place.size):
+    for k in range(m.m):
         residual = max(residual, sign[k] * t[place[k]])
     return residual / most

@@ -9,9 +9,9 @@ corrections of u are the rows of `corrections`.
 
 import numpy as np
 
-from namlcp.compiled import floats, part
-from namlcp.linalg import add_scaled, copy, dot
+from namlcp.compiled import floats_at, part
 from namlcp.qp.path.newton import set_remainder
+from namlcp.qp.path.steps import WIDTH, put
 
 # Most steps.
 KRYLOV_STEPS = 8
@@ -19,17 +19,27 @@ KRYLOV_STEPS = 8
 BREAKDOWN = 1e-14
 
 
+# Any order of the sum is allowed, so that it vectorises.
+@part(fastmath={"reassoc"})
+def product(a, b, size):
+    """Return a'b."""
+    total = 0.0
+    for j in range(size):
+        total += a[j] * b[j]
+    return total
+
+
 @part
 def begin_krylov(m):
     """Set the first direction, from the residual r of du; False if there is none."""
-    r, weight = floats(m.r, m.size), floats(m.row_size, m.size)
-    basis, g = floats(m.basis, m.size), floats(m.g, KRYLOV_STEPS + 1)
-    for j in range(r.size):
+    r, weight = floats_at(m.r, m.size), floats_at(m.row_size, m.size)
+    basis, g = floats_at(m.basis, m.size), floats_at(m.g, KRYLOV_STEPS + 1)
+    for j in range(m.size):
         basis[j] = r[j] / weight[j]
-    beta = np.sqrt(dot(basis, basis))
+    beta = np.sqrt(product(basis, basis, m.size))
     if not 0.0 < beta < np.inf:
         return False
-    for j in range(r.size):
+    for j in range(m.size):
         basis[j] /= beta
         r[j] = basis[j] * weight[j]
     g[0] = beta
@@ -44,12 +54,12 @@ def is_krylov_done(m):
     If not, r is the right-hand side for the next.
     """
     k, size, width = m.krylov_step, m.size, KRYLOV_STEPS + 1
-    answer, w = floats(m.answer, size), floats(m.trial_r, size)
-    zero, weight = floats(m.dt, size), floats(m.row_size, size)
+    answer, w = floats_at(m.answer, size), floats_at(m.trial_r, size)
+    zero, weight = floats_at(m.dt, size), floats_at(m.row_size, size)
     basis, corrections = (
-        floats(m.basis, width * size), floats(m.corrections, KRYLOV_STEPS * size)
+        floats_at(m.basis, width * size), floats_at(m.corrections, KRYLOV_STEPS * size)
     )  # fmt: skip
-    H, g = floats(m.H, KRYLOV_STEPS * width), floats(m.g, width)
+    H, g = floats_at(m.H, KRYLOV_STEPS * width), floats_at(m.g, width)
     for j in range(size):
         corrections[k * size + j] = answer[j]
         zero[j] = 0.0
@@ -61,18 +71,19 @@ def is_krylov_done(m):
         H[column + i] = 0.0
     for _ in range(2):  # orthogonalised twice against rounding
         for i in range(k + 1):
-            direction = basis[i * size : (i + 1) * size]
-            part_of_w = dot(direction, w)
+            direction = floats_at(m.basis + i * size * WIDTH, size)
+            part_of_w = product(direction, w, size)
             H[column + i] += part_of_w
-            add_scaled(-part_of_w, direction, w)
-    norm = np.sqrt(dot(w, w))
+            for j in range(size):
+                w[j] -= part_of_w * direction[j]
+    norm = np.sqrt(product(w, w, size))
     if not norm < np.inf:
         return True
-    rotate(k, norm, H, g, floats(m.rotations, 2 * KRYLOV_STEPS))
+    rotate(k, norm, H, g, floats_at(m.rotations, 2 * KRYLOV_STEPS))
     m.krylov_step = k + 1
     if m.krylov_step == KRYLOV_STEPS or norm <= BREAKDOWN * m.krylov_size:
         return True
-    r = floats(m.r, size)
+    r = floats_at(m.r, size)
     for j in range(size):
         basis[(k + 1) * size + j] = w[j] / norm
         r[j] = basis[(k + 1) * size + j] * weight[j]
@@ -100,16 +111,17 @@ def rotate(k, norm, H, g, rotations):
 def end_krylov(m):
     """Add the best combination of the corrections to du if that is better."""
     steps, size, width = m.krylov_step, m.size, KRYLOV_STEPS + 1
-    H, g = floats(m.H, KRYLOV_STEPS * width), floats(m.g, width)
-    corrections = floats(m.corrections, KRYLOV_STEPS * size)
-    du, trial = floats(m.du, size), floats(m.trial, size)
-    copy(du, trial)
+    H, g = floats_at(m.H, KRYLOV_STEPS * width), floats_at(m.g, width)
+    corrections = floats_at(m.corrections, KRYLOV_STEPS * size)
+    du, trial = floats_at(m.du, size), floats_at(m.trial, size)
+    put(du, size, trial)
     for k in range(steps - 1, -1, -1):
         for i in range(k + 1, steps):
             g[k] -= H[i * width + k] * g[i]
         g[k] /= H[k * width + k]
-        add_scaled(g[k], corrections[k * size : (k + 1) * size], trial)
-    error = set_remainder(m, floats(m.rhs, size), trial, floats(m.trial_r, size))
+        for j in range(size):
+            trial[j] += g[k] * corrections[k * size + j]
+    error = set_remainder(m, floats_at(m.rhs, size), trial, floats_at(m.trial_r, size))
     error /= m.rhs_norm
     m.krylov_pays = error <= 0.5 * m.error
     if error < m.error:

@@ -7,7 +7,7 @@ K~ answer = r comes from outside, so that a caller may factor K~ in its own way.
 
 import numpy as np
 
-from namlcp.compiled import floats, ints, part
+from namlcp.compiled import floats_at, ints_at, part
 
 # Most refinement steps of a solve.
 REFINEMENT_STEPS = 11
@@ -21,9 +21,9 @@ SMALL_RHS = 1e-8
 @part
 def is_factored(m):
     """Set row_size_i = max(1, |K~_ii|); tell whether K~ is the matrix last factored."""
-    indptr, row_size = ints(m.indptr, m.size + 1), floats(m.row_size, m.size)
+    indptr, row_size = ints_at(m.indptr, m.size + 1), floats_at(m.row_size, m.size)
     nnz = np.int64(indptr[m.size])
-    data, factored = floats(m.data, nnz), floats(m.factored, nnz)
+    data, factored = floats_at(m.data, nnz), floats_at(m.factored, nnz)
     for j in range(m.size):
         row_size[j] = max(1.0, abs(data[indptr[j + 1] - 1]))
     for t in range(nnz - 1, -1, -1):
@@ -35,8 +35,8 @@ def is_factored(m):
 @part
 def keep_factored(m):
     """Remember the values of K~ that are factored now."""
-    nnz = np.int64(ints(m.indptr, m.size + 1)[m.size])
-    data, factored = floats(m.data, nnz), floats(m.factored, nnz)
+    nnz = np.int64(ints_at(m.indptr, m.size + 1)[m.size])
+    data, factored = floats_at(m.data, nnz), floats_at(m.factored, nnz)
     for t in range(nnz):
         factored[t] = data[t]
     if not m.is_factored:
@@ -44,10 +44,10 @@ def keep_factored(m):
 
 
 @part
-def weighted_norm(r, weight):
+def weighted_norm(r, weight, size):
     """Return max |r_i| / weight_i, NaN if an entry is."""
     worst = 0.0
-    for i in range(r.size):
+    for i in range(size):
         value = abs(r[i]) / weight[i]
         if not value <= worst:
             worst = value
@@ -59,12 +59,12 @@ def weighted_norm(r, weight):
 @part
 def set_remainder(m, b, u, r):
     """Set r = b - K~ u; return its norm max |r_i| / row_size_i."""
-    indptr = ints(m.indptr, m.size + 1)
+    indptr = ints_at(m.indptr, m.size + 1)
     nnz = np.int64(indptr[m.size])
-    indices, data = ints(m.indices, nnz), floats(m.data, nnz)
-    for i in range(r.size):
+    indices, data = ints_at(m.indices, nnz), floats_at(m.data, nnz)
+    for i in range(m.size):
         r[i] = b[i]
-    for j in range(r.size):
+    for j in range(m.size):
         last = indptr[j + 1] - 1
         uj = u[j]
         total = data[last] * uj
@@ -73,17 +73,19 @@ def set_remainder(m, b, u, r):
             r[i] -= data[t] * uj
             total += data[t] * u[i]
         r[j] -= total
-    return weighted_norm(r, floats(m.row_size, m.size))
+    return weighted_norm(r, floats_at(m.row_size, m.size), m.size)
 
 
 @part
 def begin_solve(m):
     """Let the first system to solve be K~ answer = rhs."""
-    r, rhs, du = floats(m.r, m.size), floats(m.rhs, m.size), floats(m.du, m.size)
-    for j in range(r.size):
+    r, rhs = floats_at(m.r, m.size), floats_at(m.rhs, m.size)
+    du = floats_at(m.du, m.size)
+    for j in range(m.size):
         r[j] = rhs[j]
         du[j] = 0.0
-    m.rhs_norm = max(SMALL_RHS, weighted_norm(rhs, floats(m.row_size, m.size)))
+    norm = weighted_norm(rhs, floats_at(m.row_size, m.size), m.size)
+    m.rhs_norm = max(SMALL_RHS, norm)
     m.error, m.solves = np.inf, 0
 
 
@@ -94,11 +96,11 @@ def is_refined(m):
     Tells whether the refinement ends: at the accuracy wanted, or where a step does not
     halve the residual.
     """
-    du, answer = floats(m.du, m.size), floats(m.answer, m.size)
-    trial, trial_r = floats(m.trial, m.size), floats(m.trial_r, m.size)
-    for j in range(du.size):
+    du, answer = floats_at(m.du, m.size), floats_at(m.answer, m.size)
+    trial, trial_r = floats_at(m.trial, m.size), floats_at(m.trial_r, m.size)
+    for j in range(m.size):
         trial[j] = du[j] + answer[j]
-    error = set_remainder(m, floats(m.rhs, m.size), trial, trial_r) / m.rhs_norm
+    error = set_remainder(m, floats_at(m.rhs, m.size), trial, trial_r) / m.rhs_norm
     first = m.solves == 0
     if not (first or error < m.error):
         m.attained = min(m.error, m.tol)

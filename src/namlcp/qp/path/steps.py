@@ -15,8 +15,7 @@ proximal terms rho, delta centred at the current point,
 
 import numpy as np
 
-from namlcp.compiled import floats, ints, part
-from namlcp.linalg import copy
+from namlcp.compiled import floats_at, ints_at, part
 
 # Least weight of a row, whose reciprocal is on the diagonal of K~.
 THIN = 1e-20
@@ -32,12 +31,23 @@ CENTRED = 0.01
 NEGLIGIBLE, START_VALUE = 1e-4, 0.1
 
 
+# Bytes of a number in a vector.
+WIDTH = 8
+
+
+@part
+def put(a, size, out):
+    """Set out[:size] to a."""
+    for i in range(size):
+        out[i] = a[i]
+
+
 @part
 def multiply(m, x, v, Px, Ctv, t):
     """Set Px = P x, Ctv = C'v[n:] and t = (x, C x)."""
-    n, indptr = m.n, ints(m.indptr, m.size + 1)
+    n, indptr = m.n, ints_at(m.indptr, m.size + 1)
     nnz = np.int64(indptr[m.size])
-    indices, base = ints(m.indices, nnz), floats(m.base, nnz)
+    indices, base = ints_at(m.indices, nnz), floats_at(m.base, nnz)
     for j in range(n):
         Px[j] = 0.0
         Ctv[j] = 0.0
@@ -51,7 +61,7 @@ def multiply(m, x, v, Px, Ctv, t):
             Px[i] += base[k] * xj
             total += base[k] * x[i]
         Px[j] += total
-    for j in range(n, t.size):
+    for j in range(n, m.size):
         vj = v[j]
         total = 0.0
         for k in range(indptr[j], indptr[j + 1] - 1):
@@ -69,25 +79,23 @@ def evaluate(m):
     `Residuals` are unscaled and measure the violation without W.
     """
     n, p, size = m.n, m.p, m.size
-    x, y, W, Z = floats(m.x, n), floats(m.y, p), floats(m.W, m.m), floats(m.Z, m.m)
-    place, sign, unit = ints(m.place, m.m), floats(m.sign, m.m), floats(m.unit, size)
-    v, t, Px, Ctv = (
-        floats(m.v, size),
-        floats(m.t, size),
-        floats(m.Px, n),
-        floats(m.Ctv, n),
-    )
+    x, y = floats_at(m.x, n), floats_at(m.y, p)
+    W, Z = floats_at(m.W, m.m), floats_at(m.Z, m.m)
+    place, sign = ints_at(m.place, m.m), floats_at(m.sign, m.m)
+    unit = floats_at(m.unit, size)
+    v, t = floats_at(m.v, size), floats_at(m.t, size)
+    Px, Ctv = floats_at(m.Px, n), floats_at(m.Ctv, n)
     for j in range(size):
         v[j] = 0.0
     for i in range(p):
         v[n + i] = y[i]
-    for k in range(place.size):
+    for k in range(m.m):
         v[place[k]] += sign[k] * Z[k]
     multiply(m, x, v, Px, Ctv, t)
     primal = primal_size = dual = dual_size = 0.0
     dual_norm = row_norm = slack_norm = 0.0
     xPx = qx = by = support = complement = nan_test = 0.0
-    q, rd = floats(m.q, n), floats(m.rd, n)
+    q, rd = floats_at(m.q, n), floats_at(m.rd, n)
     for j in range(n):
         rd[j] = Px[j] + q[j] + Ctv[j] + v[j]
         xPx += x[j] * Px[j]
@@ -98,7 +106,7 @@ def evaluate(m):
         term = max(abs(Px[j]), abs(q[j]), abs(Ctv[j]), abs(v[j]))
         dual_size = max(dual_size, term / unit[j])
         primal_size = max(primal_size, abs(x[j]) * unit[j])
-    b, rp = floats(m.b, p), floats(m.rp, p)
+    b, rp = floats_at(m.b, p), floats_at(m.rp, p)
     for i in range(p):
         rp[i] = t[n + i] - b[i]
         by += b[i] * y[i]
@@ -106,8 +114,8 @@ def evaluate(m):
         primal = max(primal, abs(rp[i]) * unit[n + i])
         term = max(abs(b[i]), abs(t[n + i]))
         primal_size = max(primal_size, term * unit[n + i])
-    c, rw = floats(m.c, m.m), floats(m.rw, m.m)
-    for k in range(place.size):
+    c, rw = floats_at(m.c, m.m), floats_at(m.rw, m.m)
+    for k in range(m.m):
         j = place[k]
         excess = sign[k] * t[j] - c[k]
         rw[k] = excess + W[k]
@@ -132,30 +140,30 @@ def evaluate(m):
     m.worst = worst if finite else np.inf
     if m.worst < m.best:
         m.best = worst
-        copy(x, floats(m.best_x, n))
-        copy(y, floats(m.best_y, p))
-        copy(Z, floats(m.best_Z, m.m))
+        put(x, n, floats_at(m.best_x, n))
+        put(y, p, floats_at(m.best_y, p))
+        put(Z, m.m, floats_at(m.best_Z, m.m))
 
 
 @part
 def assemble(m):
     """Set omega, weight and the diagonal of K~."""
     n, rows = m.n, m.n + m.p
-    weight, indptr = floats(m.weight, m.size), ints(m.indptr, m.size + 1)
+    weight, indptr = floats_at(m.weight, m.size), ints_at(m.indptr, m.size + 1)
     nnz = np.int64(indptr[m.size])
-    base, data = floats(m.base, nnz), floats(m.data, nnz)
-    W, Z, omega = floats(m.W, m.m), floats(m.Z, m.m), floats(m.omega, m.m)
-    place = ints(m.place, m.m)
-    for j in range(weight.size):
+    base, data = floats_at(m.base, nnz), floats_at(m.data, nnz)
+    W, Z, omega = floats_at(m.W, m.m), floats_at(m.Z, m.m), floats_at(m.omega, m.m)
+    place = ints_at(m.place, m.m)
+    for j in range(m.size):
         weight[j] = 0.0
-    for k in range(place.size):
+    for k in range(m.m):
         omega[k] = Z[k] / (W[k] + m.delta * Z[k])
         weight[place[k]] += omega[k]
     for j in range(n):
         data[indptr[j + 1] - 1] = base[indptr[j + 1] - 1] + m.rho + weight[j]
     for j in range(n, rows):
         data[indptr[j + 1] - 1] = -m.delta
-    for j in range(rows, weight.size):
+    for j in range(rows, m.size):
         weight[j] = max(weight[j], THIN)
         data[indptr[j + 1] - 1] = -1.0 / weight[j]
 
@@ -164,25 +172,21 @@ def assemble(m):
 def set_right_side(m):
     """Set tau and the right-hand side of the Newton system for the target rc."""
     n, p = m.n, m.p
-    rhs, weight = floats(m.rhs, m.size), floats(m.weight, m.size)
-    rd, rp, rw, rc = (
-        floats(m.rd, n),
-        floats(m.rp, p),
-        floats(m.rw, m.m),
-        floats(m.rc, m.m),
-    )
-    place, sign = ints(m.place, m.m), floats(m.sign, m.m)
-    Z, omega, tau = floats(m.Z, m.m), floats(m.omega, m.m), floats(m.tau, m.m)
+    rhs, weight = floats_at(m.rhs, m.size), floats_at(m.weight, m.size)
+    rd, rp = floats_at(m.rd, n), floats_at(m.rp, p)
+    rw, rc = floats_at(m.rw, m.m), floats_at(m.rc, m.m)
+    place, sign = ints_at(m.place, m.m), floats_at(m.sign, m.m)
+    Z, omega, tau = floats_at(m.Z, m.m), floats_at(m.omega, m.m), floats_at(m.tau, m.m)
     for j in range(n):
         rhs[j] = -rd[j]
     for i in range(p):
         rhs[n + i] = -rp[i]
-    for j in range(n + p, rhs.size):
+    for j in range(n + p, m.size):
         rhs[j] = 0.0
-    for k in range(place.size):
+    for k in range(m.m):
         tau[k] = -rw[k] - rc[k] / Z[k]
         rhs[place[k]] += sign[k] * omega[k] * tau[k]
-    for j in range(n + p, rhs.size):
+    for j in range(n + p, m.size):
         rhs[j] /= weight[j]
 
 
@@ -193,31 +197,25 @@ def set_step(m):
     They keep W + a dW >= 0 and Z + a' dZ >= 0; `product` = (W + a dW)'(Z + a' dZ).
     """
     n = m.n
-    du, dt, indptr = (
-        floats(m.du, m.size),
-        floats(m.dt, m.size),
-        ints(m.indptr, m.size + 1),
-    )
+    du, dt = floats_at(m.du, m.size), floats_at(m.dt, m.size)
+    indptr = ints_at(m.indptr, m.size + 1)
     nnz = np.int64(indptr[m.size])
-    indices, base = ints(m.indices, nnz), floats(m.base, nnz)
+    indices, base = ints_at(m.indices, nnz), floats_at(m.base, nnz)
     for j in range(n):
         dt[j] = du[j]
-    for j in range(n, dt.size):
+    for j in range(n, m.size):
         total = 0.0
         for k in range(indptr[j], indptr[j + 1] - 1):
             total += base[k] * du[indices[k]]
         dt[j] = total
-    W, Z, dW, dZ = (
-        floats(m.W, m.m),
-        floats(m.Z, m.m),
-        floats(m.dW, m.m),
-        floats(m.dZ, m.m),
-    )
-    rc, omega, tau = floats(m.rc, m.m), floats(m.omega, m.m), floats(m.tau, m.m)
-    place, sign = ints(m.place, m.m), floats(m.sign, m.m)
+    W, Z = floats_at(m.W, m.m), floats_at(m.Z, m.m)
+    dW, dZ = floats_at(m.dW, m.m), floats_at(m.dZ, m.m)
+    rc, omega = floats_at(m.rc, m.m), floats_at(m.omega, m.m)
+    tau = floats_at(m.tau, m.m)
+    place, sign = ints_at(m.place, m.m), floats_at(m.sign, m.m)
     primal, dual = 1.0, 1.0
     ww = wz = zw = zz = 0.0
-    for k in range(place.size):
+    for k in range(m.m):
         dZ[k] = omega[k] * (sign[k] * dt[place[k]] - tau[k])
         dW[k] = (rc[k] - W[k] * dZ[k]) / Z[k]
         if W[k] + primal * dW[k] < 0.0:
@@ -235,8 +233,8 @@ def set_step(m):
 @part
 def aim_at_zero(m):
     """Set the target of the predictor: W Z + W dZ + Z dW = 0."""
-    W, Z, rc = floats(m.W, m.m), floats(m.Z, m.m), floats(m.rc, m.m)
-    for k in range(rc.size):
+    W, Z, rc = floats_at(m.W, m.m), floats_at(m.Z, m.m), floats_at(m.rc, m.m)
+    for k in range(m.m):
         rc[k] = -W[k] * Z[k]
 
 
@@ -246,9 +244,9 @@ def aim_at_centre(m):
     sigma = min(max(m.product / (m.m * m.mu), 0.0), 1.0) ** 3
     gap = m.eps_abs + m.eps_rel * m.gap_size
     m.target = max(sigma * m.mu, CENTRED * gap / m.m, m.lift * m.gap / m.m)
-    W, Z, rc = floats(m.W, m.m), floats(m.Z, m.m), floats(m.rc, m.m)
-    dW, dZ = floats(m.dW, m.m), floats(m.dZ, m.m)
-    for k in range(rc.size):
+    W, Z, rc = floats_at(m.W, m.m), floats_at(m.Z, m.m), floats_at(m.rc, m.m)
+    dW, dZ = floats_at(m.dW, m.m), floats_at(m.dZ, m.m)
+    for k in range(m.m):
         rc[k] = m.target - W[k] * Z[k] - dW[k] * dZ[k]
 
 
@@ -258,11 +256,11 @@ def aim_at_longer_step(m):
 
     Products at longer steps are moved towards [LEAST_PRODUCT, MOST_PRODUCT] target.
     """
-    W, Z, rc = floats(m.W, m.m), floats(m.Z, m.m), floats(m.rc, m.m)
-    dW, dZ, target = floats(m.dW, m.m), floats(m.dZ, m.m), m.target
+    W, Z, rc = floats_at(m.W, m.m), floats_at(m.Z, m.m), floats_at(m.rc, m.m)
+    dW, dZ, target = floats_at(m.dW, m.m), floats_at(m.dZ, m.m), m.target
     a = min(1.0, (1.0 + LENGTHENED) * m.primal_step + LENGTHENED)
     z = min(1.0, (1.0 + LENGTHENED) * m.dual_step + LENGTHENED)
-    for k in range(rc.size):
+    for k in range(m.m):
         product = (W[k] + a * dW[k]) * (Z[k] + z * dZ[k])
         nearest = min(max(product, LEAST_PRODUCT * target), MOST_PRODUCT * target)
         rc[k] += max(nearest - product, -MOST_PRODUCT * target)
@@ -286,13 +284,9 @@ def move(m):
     primal, dual = 1.0, 1.0
     if m.m > 0:
         primal, dual = SHORT * m.primal_step, SHORT * m.dual_step
-    x, y, du = floats(m.x, n), floats(m.y, p), floats(m.du, m.size)
-    W, Z, dW, dZ = (
-        floats(m.W, m.m),
-        floats(m.Z, m.m),
-        floats(m.dW, m.m),
-        floats(m.dZ, m.m),
-    )
+    x, y, du = floats_at(m.x, n), floats_at(m.y, p), floats_at(m.du, m.size)
+    W, Z = floats_at(m.W, m.m), floats_at(m.Z, m.m)
+    dW, dZ = floats_at(m.dW, m.m), floats_at(m.dZ, m.m)
     change_x = change_yz = 0.0
     for j in range(n):
         x[j] += primal * du[j]
@@ -300,7 +294,7 @@ def move(m):
     for i in range(p):
         y[i] += dual * du[n + i]
         change_yz = max(change_yz, dual * abs(du[n + i]))
-    for k in range(W.size):
+    for k in range(m.m):
         W[k] += primal * dW[k]
         Z[k] += dual * dZ[k]
         change_yz = max(change_yz, dual * abs(dZ[k]))
@@ -314,15 +308,12 @@ def prepare_start(m):
     It minimises the cost plus half the squares of the slacks.
     """
     n, p = m.n, m.p
-    W, Z, rw, rc = (
-        floats(m.W, m.m),
-        floats(m.Z, m.m),
-        floats(m.rw, m.m),
-        floats(m.rc, m.m),
-    )
-    rd, rp, q, b = floats(m.rd, n), floats(m.rp, p), floats(m.q, n), floats(m.b, p)
-    c = floats(m.c, m.m)
-    for k in range(W.size):
+    W, Z = floats_at(m.W, m.m), floats_at(m.Z, m.m)
+    rw, rc = floats_at(m.rw, m.m), floats_at(m.rc, m.m)
+    rd, rp = floats_at(m.rd, n), floats_at(m.rp, p)
+    q, b = floats_at(m.q, n), floats_at(m.b, p)
+    c = floats_at(m.c, m.m)
+    for k in range(m.m):
         W[k], Z[k], rw[k], rc[k] = 1.0, 1.0, -c[k], 0.0
     for j in range(n):
         rd[j] = q[j]
@@ -337,28 +328,28 @@ def start_inside(m):
     The shift is Mehrotra's (SIAM J. Optim. 2, 1992, section 7).
     """
     n, p = m.n, m.p
-    x, y, du = floats(m.x, n), floats(m.y, p), floats(m.du, m.size)
-    W, Z, dZ = floats(m.W, m.m), floats(m.Z, m.m), floats(m.dZ, m.m)
-    copy(du[:n], x)
-    copy(du[n : n + p], y)
-    for j in range(du.size):
+    x, y, du = floats_at(m.x, n), floats_at(m.y, p), floats_at(m.du, m.size)
+    W, Z, dZ = floats_at(m.W, m.m), floats_at(m.Z, m.m), floats_at(m.dZ, m.m)
+    put(du, n, x)
+    put(floats_at(m.du + WIDTH * n, p), p, y)
+    for j in range(m.size):
         du[j] = 0.0
     least, most = 0.0, 0.0
-    for k in range(W.size):
+    for k in range(m.m):
         Z[k] = dZ[k]
         dZ[k] = 0.0
         least, most = min(least, Z[k]), max(most, Z[k])
     if max(most, -least) <= NEGLIGIBLE:
-        for k in range(W.size):
+        for k in range(m.m):
             W[k], Z[k] = START_VALUE, START_VALUE
         return
     product = sum_w = sum_z = 0.0
-    for k in range(W.size):  # W = -Z before
+    for k in range(m.m):  # W = -Z before
         W[k] = -Z[k] + 1.5 * most
         Z[k] -= 1.5 * least
         product += W[k] * Z[k]
         sum_w += W[k]
         sum_z += Z[k]
-    for k in range(W.size):
+    for k in range(m.m):
         W[k] += 0.5 * product / sum_z
         Z[k] += 0.5 * product / sum_w
