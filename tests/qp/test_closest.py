@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 from problems_qp import infeasible, make_qp
 from scipy.optimize import linprog, lsq_linear
+from scipy.sparse import csc_array
 
 import namlcp
 from namlcp import Relaxation, Status
 from namlcp.options import Options
 from namlcp.qp.answer import Answer
 from namlcp.qp.closest import closest_point
+from namlcp.qp.closest.newton import line_search
 from namlcp.residuals import UNDEFINED, qp_residuals
 
 INF = np.inf
@@ -80,6 +82,40 @@ def test_shifts_of_least_squares(seed):
     full = relaxed(dense(qp), infeasible=Relaxation(h=wh, b=wb))
     np.testing.assert_allclose(full.shift_h, shift_h, atol=1e-9)
     np.testing.assert_allclose(full.obj, found.obj, rtol=1e-8, atol=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_dense_and_sparse_rows_give_the_same(seed):
+    """Newton's method and the QP in all variables, with rows that must stay."""
+    rng = np.random.default_rng(seed)
+    qp = bounded(seed, n=8, m=30, p=3, rank=8)
+    units = 10.0 ** rng.uniform(-2.0, 2.0, 30)  # of the rows
+    G, h = units[:, None] * qp.G.toarray(), units * (qp.h - rng.random(30))
+    h[rng.random(30) < 0.1] = INF
+    wh = np.where(rng.random(30) < 0.2, INF, (0.1 + rng.random(30)) / units**2)
+    choice = Relaxation(h=wh, b=np.array([INF, 1.0, 1.0]), ub=3.0)
+    qp = qp._replace(G=csc_array(G), h=h)
+    one, other = relaxed(qp, infeasible=choice), relaxed(dense(qp), infeasible=choice)
+    assert one.status is other.status
+    if one.status is Status.SOLVED:
+        for name in "x", "shift_h", "shift_b", "shift_lb", "shift_ub":
+            one_v, other_v = getattr(one, name), getattr(other, name)
+            np.testing.assert_allclose(one_v, other_v, atol=1e-7)
+
+
+def test_a_line_search_finds_the_least_value():
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        r, change, w = rng.standard_normal((3, 9))
+        w, equality = w * w, np.arange(9) > 6
+
+        def phi(t, r=r, change=change, w=w, equality=equality):
+            at = r + t * change
+            return w @ np.where(equality, at, np.maximum(at, 0.0)) ** 2
+
+        t = line_search(r, change, w, equality)
+        around = np.clip(t + np.array([-1e-4, 1e-4]), 0.0, 1.0)
+        assert phi(t) <= min(map(phi, around)) + 1e-12
 
 
 def least_sum(qp, wh, wb):
@@ -172,8 +208,9 @@ def test_contradicting_bounds_are_named_or_shifted():
     np.testing.assert_allclose(found.x, [-0.5, 0.0], atol=1e-12)
 
 
-def test_an_infinite_shift_is_none():
-    qp = make_qp(np.eye(1), [0.0], [[1.0]], [-INF])
+@pytest.mark.parametrize("form", [dense, lambda qp: qp], ids=["dense", "sparse"])
+def test_an_infinite_shift_is_none(form):
+    qp = form(make_qp(np.eye(1), [0.0], [[1.0]], [-INF]))
     found = relaxed(qp, infeasible="closest")
     assert found.status is Status.PRIMAL_INFEASIBLE
     assert "h = -inf" in found.message

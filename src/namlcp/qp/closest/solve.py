@@ -1,6 +1,5 @@
 """Both stages, and the judgement of what they find on the user's own data."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -9,17 +8,16 @@ import numpy as np
 from namlcp.limits import Limits
 from namlcp.linalg import times
 from namlcp.options import Relaxation
-from namlcp.qp.answer import OBJECTIVE, Answer
+from namlcp.qp.answer import OBJECTIVE
 from namlcp.qp.closest.face import face_of
+from namlcp.qp.closest.newton import Solve, solve_by_newton
 from namlcp.qp.closest.point import ClosestPoint
 from namlcp.qp.closest.rows import Rows, rows_of
 from namlcp.qp.closest.shifts import least_shifts
-from namlcp.qp.guess import NO_GUESS, Guess, make_guess
+from namlcp.qp.guess import NO_GUESS, make_guess
 from namlcp.qp.problem import QP, Point
 from namlcp.residuals import UNDEFINED, qp_residuals
 from namlcp.status import Status
-
-Solve = Callable[[QP, Guess, Limits], Answer]
 
 NO_NEAREST = "No shift helps: the constraints that must stay contradict each other. "
 NOT_LEAST = "The search for the least shifts ended with status {}: these are larger. "
@@ -46,7 +44,11 @@ def closest_point(
     user holds them, in whose form their gradients are.
     """
     rows, n = rows_of(qp, relaxation), qp.q.size
-    first = solve(least_shifts(rows), NO_GUESS, limits)
+    first = None
+    if rows.norm == 2 and qp.is_dense:
+        first = solve_by_newton(rows, limits, solve)
+    if first is None:
+        first = solve(least_shifts(rows), NO_GUESS, limits)
     status, message, x = first.status, first.message, first.point.x[:n]
     if status is Status.PRIMAL_INFEASIBLE:
         nothing = np.full(rows.d.size, np.nan)
