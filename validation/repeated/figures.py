@@ -28,14 +28,16 @@ def draw_sequences(results: Path, file: Path) -> None:
     """Draw a panel for each scene: sizes in groups, levels from left to right."""
     rows = csv_files.read(results)
     figure, panels = plt.subplots(
-        2, 3, figsize=(charts.WIDTH * 1.2, 6.4), layout="constrained"
+        2, 4, figsize=(charts.WIDTH * 1.5, 6.4), layout="constrained"
     )
     flat = list(panels.flat)
+    for axes in flat[len(SCENES) + 1 :]:
+        axes.set_axis_off()
     for axes, scene in zip(flat, SCENES, strict=False):
         draw_scene(axes, scene, tables.chosen(rows, scene=scene))
     for row in panels:
         row[0].set_ylabel("update and solve [µs], median")
-    key = flat[-1]
+    key = flat[len(SCENES)]
     key.set_axis_off()
     handles = [
         Line2D([], [], label=NAMES.get(solver, solver), **looks(solver))

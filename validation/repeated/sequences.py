@@ -48,7 +48,7 @@ COLUMNS = (
     "microseconds slow sum residual difference active changes moves status"
 ).split()
 SHOWN = (
-    "scene:14 size:5 level:15 solver:13 solved:7 setup microseconds:12 slow residual "
+    "scene:21 size:5 level:15 solver:13 solved:7 setup microseconds:12 slow residual "
     "difference changes:8 status:20"
 )
 QUICK_STEPS = 12

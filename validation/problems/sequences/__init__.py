@@ -5,7 +5,11 @@ LEVELS, which says how far the active set moves from a step to the next.
 """
 
 from validation.problems.sequences.contact import shaken_heap
-from validation.problems.sequences.control import condensed, stagewise
+from validation.problems.sequences.control import (
+    condensed,
+    stagewise,
+    stagewise_definite,
+)
 from validation.problems.sequences.lasso import penalty_path
 from validation.problems.sequences.portfolio import rebalancing
 from validation.problems.sequences.sequence import LEVELS, Scene, Sequence
@@ -13,6 +17,7 @@ from validation.problems.sequences.sequence import LEVELS, Scene, Sequence
 SCENES = {
     "condensed MPC": Scene(condensed, (5, 10, 25), "stages"),
     "sparse MPC": Scene(stagewise, (10, 30, 60), "stages"),
+    "sparse MPC, definite": Scene(stagewise_definite, (10, 30, 60), "stages"),
     "portfolio": Scene(rebalancing, (50, 200, 500), "assets"),
     "lasso path": Scene(penalty_path, (10, 50, 200), "features"),
     "contact": Scene(shaken_heap, (30, 120, 500), "contacts"),

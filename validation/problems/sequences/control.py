@@ -33,6 +33,7 @@ LEAST, MOST = 9.6 - HOVER, 13.0 - HOVER
 TILT, FALL = np.pi / 6, -1.0  # largest angle, least height
 WEIGHTS = np.array([0.0, 0.0, 10.0, 10.0, 10.0, 10.0, 0.0, 0.0, 0.0, 5.0, 5.0, 5.0])
 EFFORT = 0.1  # weight of an input
+EVERY = 0.1  # what `stagewise_definite` adds to all weights
 TILTED, HEIGHT, RATES = slice(0, 2), 5, slice(6, 12)  # of the states
 
 
@@ -85,14 +86,17 @@ def closed_loop(stages: int, level: str) -> Generator[State, np.ndarray | None, 
         state[RATES] += NOISE[level] * rng.standard_normal(6)
 
 
-def stagewise(stages: int, level: str) -> Sequence:
-    """Return the sequence in x_0, ..., x_N, u_0, ..., u_{N-1}, sparse."""
+def stagewise(stages: int, level: str, weights: np.ndarray = WEIGHTS) -> Sequence:
+    """Return the sequence in x_0, ..., x_N, u_0, ..., u_{N-1}, sparse.
+
+    P is singular where a weight is zero, but not on the states that inputs can reach.
+    """
     F, B = plant()
     every = sp.eye_array(stages + 1)
     past = sp.eye_array(stages + 1, k=-1)
     P = sp.block_diag(
         (
-            sp.kron(every, sp.diags_array(WEIGHTS)),
+            sp.kron(every, sp.diags_array(weights)),
             EFFORT * sp.eye_array(INPUTS * stages),
         )
     )
@@ -107,7 +111,7 @@ def stagewise(stages: int, level: str) -> Sequence:
     def vectors(state: np.ndarray, r: np.ndarray) -> Vectors:
         b = np.zeros(A.shape[0])
         b[:STATES] = -state
-        cost = np.tile(-WEIGHTS * r, stages + 1)
+        cost = np.tile(-weights * r, stages + 1)
         return {"q": np.append(cost, np.zeros(INPUTS * stages)), "b": b}
 
     first = vectors(np.zeros(STATES), wanted(0, level))
@@ -115,6 +119,11 @@ def stagewise(stages: int, level: str) -> Sequence:
     problem = Problem(sp.csc_matrix(P), first["q"], None, None, A, first["b"], lb, ub)
     inputs_at = slice(STATES * (stages + 1), STATES * (stages + 1) + INPUTS)
     return Sequence(problem, steps(closed_loop(stages, level), vectors, inputs_at))
+
+
+def stagewise_definite(stages: int, level: str) -> Sequence:
+    """Return `stagewise` with weights on all states, so that P is definite."""
+    return stagewise(stages, level, WEIGHTS + EVERY)
 
 
 def condensed(stages: int, level: str) -> Sequence:
