@@ -1,10 +1,12 @@
 """LCPs of known classes that are neither P nor semidefinite, by name, size and seed.
 
-Every family has a solution. `copositive` matrices have x'A x >= 0 for x >= 0; here a
+Every problem has a solution. `copositive` matrices have x'A x >= 0 for x >= 0; here a
 nonnegative matrix plus a semidefinite one, with a positive diagonal: strictly so, and
 Lemke's method finds a solution for every q. `singular copositive` has a zero diagonal
-in places, and a planted solution. `copositive-plus`: a block of that kind and a
-semidefinite one that is not symmetric. `P0`: principal minors >= 0, some of them 0.
+in places, and q > 0 there, which Lemke's theory covers as well (Cottle, Pang and Stone
+1992, 4.4.12). `copositive-plus`: a block of the first kind and a semidefinite one that
+is not symmetric, around a planted solution. `P0`: principal minors >= 0, those of odd
+order 0, around a planted solution.
 """
 
 from collections.abc import Callable
@@ -50,11 +52,14 @@ def copositive(n: int, seed: int) -> Problem:
 
 
 def singular_copositive(n: int, seed: int) -> Problem:
-    """Return a copositive matrix and a q with a solution."""
+    """Return a copositive matrix that is 0 in some directions, and q > 0 in these."""
     rng = np.random.default_rng([n, seed])
-    A = nonnegative(rng, n)
-    A[np.diag_indices(n)] *= rng.random(n) < 0.5
-    return planted(rng, A)
+    A, q = nonnegative(rng, n), rng.standard_normal(n)
+    zero = rng.random(n) < 0.5
+    A[zero, zero] = 0.0
+    positive = A.diagonal() == 0.0
+    q[positive] = np.abs(q[positive])
+    return A, q
 
 
 def copositive_plus(n: int, seed: int) -> Problem:
@@ -68,12 +73,10 @@ def copositive_plus(n: int, seed: int) -> Problem:
 
 
 def p0(n: int, seed: int) -> Problem:
-    """Return a P0-matrix, a permuted triangle with zeros on its diagonal."""
+    """Return D K, D > 0 diagonal and K skew-symmetric, and a q with a solution."""
     rng = np.random.default_rng([n, seed])
-    A = np.tril(rng.standard_normal((n, n)) / np.sqrt(n), -1)
-    A += np.diag(rng.exponential(size=n) * (rng.random(n) < 0.7))
-    order = rng.permutation(n)
-    return planted(rng, A[np.ix_(order, order)])
+    K = rng.standard_normal((n, n))
+    return planted(rng, rng.exponential(size=(n, 1)) * (K - K.T))
 
 
 def game(n: int, seed: int) -> Problem:
