@@ -10,12 +10,13 @@ from scipy import sparse
 INF = np.inf
 
 
-def friction(rng, bodies, mu=0.5, ratio=1.0, directions=2):
+def friction(rng, bodies, mu=0.5, ratio=1.0, directions=2, others=0):
     """Return A, q of a time step with friction, three random contacts a body.
 
     Stewart and Trinkle, Int. J. Numer. Meth. Engng 39 (1996) 2673-2691: z = (normal
-    impulses, tangential ones in pairs of opposite directions, sliding speeds). Bodies
-    have masses between 1 and `ratio`, and two or three degrees of freedom.
+    impulses, tangential ones in pairs of opposite directions, those of `others`,
+    sliding speeds). Bodies have masses between 1 and `ratio`, and two or three degrees
+    of freedom.
     """
     freedoms = 2 if directions == 2 else 3
     count = 3 * bodies
@@ -34,16 +35,29 @@ def friction(rng, bodies, mu=0.5, ratio=1.0, directions=2):
             row[:, b] = -row[:, a]
         normals.append(row[0].ravel())
         tangents.append(row[1:].reshape(directions, -1))
-    J = np.vstack([*normals, *tangents])
+    ends = rng.standard_normal((others, bodies * freedoms))
+    J = np.vstack([*normals, *tangents, ends * (rng.random(ends.shape) < 2.0 / bodies)])
     masses = ratio ** rng.random(bodies)
     W = J / np.repeat(masses, freedoms) @ J.T
     velocity = rng.standard_normal((bodies, freedoms))
     velocity[:, -1] -= 1.0
     E = sparse.kron(sparse.eye_array(count), np.ones((directions, 1)))
-    left = sparse.hstack([mu * sparse.eye_array(count), -E.T])
-    right = sparse.vstack([sparse.csr_array((count, count)), E])
+    nothing = sparse.csr_array((count, others))
+    left = sparse.hstack([mu * sparse.eye_array(count), -E.T, nothing])
+    right = sparse.vstack([sparse.csr_array((count, count)), E, nothing.T])
     A = sparse.csr_array(sparse.block_array([[W, right], [left, None]]))
     return A, np.concatenate([J @ velocity.ravel(), np.zeros(count)])
+
+
+def machine(rng, bodies, joints, motors):
+    """Return A, q, lower, upper of `friction` with joints and with motors that slip."""
+    A, q = friction(rng, bodies, others=joints + motors)
+    lower, upper = np.zeros(q.size), np.full(q.size, INF)
+    first = 9 * bodies
+    lower[first : first + joints] = -INF
+    motor = slice(first + joints, first + joints + motors)
+    lower[motor], upper[motor] = -0.3, 0.3
+    return A, q, lower, upper
 
 
 def copositive(rng, n):
