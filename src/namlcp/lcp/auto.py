@@ -3,6 +3,8 @@
 MPRGP solves LCPs with a LinearOperator, elimination those with a tridiagonal A. For any
 other large sparse A projected SOR is tried as long as it converges fast enough, then
 multigrid where A suits it. Pivoting solves the rest, and what these leave unsolved.
+Where A is found to be neither a P-matrix nor semidefinite, by its diagonal or while
+pivoting, the methods of `namlcp.lcp.general` take over.
 """
 
 import numpy as np

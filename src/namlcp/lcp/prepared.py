@@ -23,7 +23,6 @@ from namlcp.linalg import (
 DIAGONAL_ROUNDING = 1e-10
 """Sum of (A + A')_ij r_j, relative to its terms, that counts as 0 where a_ii = 0."""
 
-
 DENSE_ORDER, SPARSE = 250, 0.125
 """Order up to which matrices are factored as dense ones, and share of entries that are
 not 0 from which on larger ones are, too."""

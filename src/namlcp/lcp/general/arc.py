@@ -52,9 +52,10 @@ FAR_AWAY, LARGE_T = 1e10, 1e4
 
 @dataclass
 class Point:
-    """A point of the path: p, gaps, multipliers, t; h is the length of the next step.
+    """A point of the path: p, gaps, multipliers m and t.
 
-    h bounds the relative change of every gap and multiplier.
+    h is the length of the step from here: the largest relative change of a gap or
+    multiplier along the curve.
     """
 
     p: np.ndarray
