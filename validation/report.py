@@ -107,6 +107,10 @@ PARTS = {
     "classes": part("The OSQP paper's classes", 1800.0, """
         peers.classes --csv {results}/classes.csv
     """),
+    "derivatives": part("Derivatives against differences; other packages", 600.0, """
+        derivatives.differences {quick} --csv {results}/derivatives.csv
+        derivatives.packages {quick} --csv {results}/derivatives-peers.csv
+    """),
     "infeasible": part("Infeasible and unbounded QPs", 600.0, """
         peers.infeasible --data {data} --csv {results}/infeasible.csv
     """),

@@ -9,7 +9,7 @@ from problems_qp import complementary
 
 import namlcp
 from namlcp.qp import QP
-from validation.problems.derivative_cases import (
+from validation.derivatives.cases import (
     KINKS,
     direction,
     flat,

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 
 import namlcp
 from namlcp.derivatives import differentiate_lcp
-from validation.problems.derivative_cases import regular_lcp
+from validation.derivatives.cases import regular_lcp
 
 EXACT = {"eps_abs": 1e-13, "eps_rel": 1e-15}
 

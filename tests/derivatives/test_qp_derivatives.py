@@ -8,7 +8,7 @@ import scipy.sparse as sp
 
 import namlcp
 from namlcp.qp import QP
-from validation.problems.derivative_cases import direction, moved, regular_qp
+from validation.derivatives.cases import direction, moved, regular_qp
 
 PARTS = ("x", "y", "z", "z_box")
 EXACT = {"eps_abs": 1e-13, "eps_rel": 1e-13}

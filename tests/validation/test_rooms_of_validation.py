@@ -13,6 +13,7 @@ FLOORS = (
     {"report"},
     {
         "claims",
+        "derivatives",
         "oracles",
         "stress",
         "peers",

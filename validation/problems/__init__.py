@@ -15,7 +15,6 @@ infeasible_cases            QPs without a solution, and some that only look so
 stress_cases                QPs that strain a solver, in units of their own
 families                    the families of the work-precision chart
 osqp_classes                the seven classes of the OSQP paper, by size
-derivative_cases            differentiable solutions, and kinks
 general                     friction, games, diodes, copositive matrices (its own room)
 fuzzed                      the problems of the campaign (a room of its own)
 sequences                   the same matrices again and again (a room of its own)

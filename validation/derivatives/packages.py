@@ -2,7 +2,7 @@
 
 Usage::
 
-    python -m validation.peers.derivatives [--cases ...] [--quick] [--csv FILE]
+    python -m validation.derivatives.packages [--cases ...] [--quick] [--csv FILE]
 
 A scalar g'x of the solution of min 1/2 x'Px + q'x, Gx <= h is differentiated in P, q, G
 and h. `dense n` has n rows, `batch` is 128 dense QPs with n = 10 (one thread), `band` a
@@ -18,8 +18,8 @@ diffcp   cvxpy with requires_grad=True
 dqp      Magoon et al. 2024: a QP solver (daqp, or piqp if sparse), then one solve with
          the KKT matrix of the active constraints, made here with NumPy and SciPy
 
-For the obstacle `solve` is that of the LCP and `linear` the time of one linear solve
-with all of A to the same accuracy, by the same cycles.
+For the obstacle `solve` is that of the LCP, `error` the residual left and `linear` the
+time of one linear solve with all of A to the same accuracy, by the same cycles.
 
 The claim: solve and backward together at most half of the best peer's time, a smaller
 error in every row, and backward at most 0.3 of the solve from n = 100 on.
@@ -37,8 +37,9 @@ from scipy.sparse.linalg import splu
 
 import namlcp
 from namlcp.lcp import FreeSystem
+from validation.derivatives import cases
 from validation.harness import Row, cli, csv_files, qp_solvers, tables
-from validation.problems import derivative_cases, known_scenes
+from validation.problems import known_scenes
 
 COLUMNS = "case solver solve backward error ratio linear".split()
 BATCH = 128
@@ -65,7 +66,7 @@ Pass = tuple[Callable[[], Any], Callable[[Any], tuple[Any, ...]]]
 def dense_case(n: int, seed: int = 0) -> Data:
     """Return a QP with n variables and n rows."""
     rng = np.random.default_rng(seed)
-    P, G = derivative_cases.definite(n, rng), rng.standard_normal((n, n))
+    P, G = cases.definite(n, rng), rng.standard_normal((n, n))
     h = G @ rng.standard_normal(n) + rng.random(n)
     return Data(P, 3.0 * rng.standard_normal(n), G, h, rng.standard_normal(n))
 
@@ -332,7 +333,7 @@ def batch_qpth(*arrays: np.ndarray) -> Pass | None:
     return lambda: function(*data, none, none), backward
 
 
-def obstacle_row(case: str, n: int) -> Row:
+def obstacle_row(case: str, n: int, seconds: float = 20.0) -> Row:
     """Return the row of an obstacle with n unknowns; `error` is the residual left."""
     A, q, lower, _ = known_scenes.obstacle(round(n**0.5))
     matrix = namlcp.Prepared(A)
@@ -343,7 +344,7 @@ def obstacle_row(case: str, n: int) -> Row:
         return result.backward(dz=g).q
 
     first, second, rho = best_times(
-        (lambda: namlcp.solve_lcp(matrix, q, lower), backward), 20.0
+        (lambda: namlcp.solve_lcp(matrix, q, lower), backward), seconds
     )
     result = namlcp.solve_lcp(matrix, q, lower)
     free = result.derivative.side == 0
@@ -353,7 +354,7 @@ def obstacle_row(case: str, n: int) -> Row:
     def linear(_: Any) -> Any:
         return FreeSystem(matrix.hierarchy(), every).solve(g, 1e-12)
 
-    _, whole, _ = best_times((lambda: None, linear), 20.0)
+    _, whole, _ = best_times((lambda: None, linear), seconds)
     return row_of(case, "nam", first, second, float(error), linear=whole)
 
 

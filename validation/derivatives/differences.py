@@ -2,9 +2,9 @@
 
 Usage::
 
-    python -m validation.oracles.derivatives [--count 2000] [--quick] [--csv FILE]
+    python -m validation.derivatives.differences [--count 2000] [--quick] [--csv FILE]
 
-Regular problems (`derivative_cases.regular_qp`, `regular_lcp`): dense and sparse in
+Regular problems (`cases.regular_qp`, `regular_lcp`): dense and sparse in
 turns, with equalities, bounds and pinned variables, in units that differ by up to 10^4;
 two thirds of the LCPs are not symmetric. `error` is the largest relative difference,
 entry by entry, between `forward` along a random direction of all data and a central
@@ -29,8 +29,8 @@ import scipy.sparse as sp
 
 import namlcp
 from namlcp.qp import QP
+from validation.derivatives import cases
 from validation.harness import Row, cli, csv_files, tables
-from validation.problems import derivative_cases as cases
 
 COLUMNS = "family data problems error median adjoint right weak singular".split()
 EXACT = {"eps_abs": 1e-13, "eps_rel": 1e-13}
