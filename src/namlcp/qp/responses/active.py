@@ -61,6 +61,10 @@ VIOLATION_ROUNDING, NOISE, MOST_ROUNDING = 1e-13, 1e3, 1e-9
 # more.
 MOST_PIVOTS = 10
 
+# Most active rows for which L is always computed anew at the end, which takes k^3 / 6
+# operations, and most changes of a larger L before it is.
+MOST_SORTED, MOST_AGE = 64, 50
+
 
 @part
 def remove_row(m, i):
@@ -79,6 +83,7 @@ def remove_row(m, i):
         active[j], multiplier[j] = active[j + 1], multiplier[j + 1]
     m.k -= 1
     m.changed = 1
+    m.age += 1
 
 
 @part
@@ -96,6 +101,7 @@ def append_row(m, row, side, multiplier, length):
     floats(m.multiplier, m.most + 1)[k] = multiplier
     m.k = k + 1
     m.changed = 1
+    m.age += 1
 
 
 @part
@@ -135,6 +141,7 @@ def recall(m):
     for i in range(m.k):
         side[active[i]] = 0
     m.k, m.changed, m.operations = m.kept_k, 0, 0.0
+    m.age = m.kept_age if m.k > 0 else 0
     for i in range(m.k):
         active[i] = kept[i]
         side[kept[i]] = kept_side[i]
@@ -154,7 +161,7 @@ def keep(m):
     kept, kept_side = longs(m.kept_active, m.most + 1), longs(m.kept_side, m.most + 1)
     for i in range(m.k):
         kept[i], kept_side[i] = active[i], side[active[i]]
-    m.kept_k = m.k
+    m.kept_k, m.kept_age = m.k, m.age
     m.triangle, m.kept_triangle = m.kept_triangle, m.triangle
 
 
@@ -391,13 +398,17 @@ def factor_active(m):
 def finish(m):
     """Step 3: mu and s as functions of the active rows alone; False if these fail.
 
-    Where no row has entered or left, step 1 has computed just that.
+    Where no row has entered or left, step 1 has computed just that. A single solve goes
+    without, as there is no other that its answer could differ from; so does one with
+    many active rows, up to MOST_AGE times, with mu and s of the L at hand.
     """
-    if m.changed:
-        sort_active(m)
-        if not factor_active(m):
-            return False
-        m.changed = 0
+    if m.changed and not m.is_single:
+        if m.k <= MOST_SORTED or m.age > MOST_AGE:
+            sort_active(m)
+            if not factor_active(m):
+                return False
+            m.age = 0
         set_multipliers(m)
         set_values(m)
+    m.changed = 0
     return True

@@ -57,6 +57,7 @@ class Stack:
     def solve(self, start: int, end: int, options: Options) -> None:
         """Solve items start to end - 1, in work space of their own."""
         space = DenseResponses(*self.first)
+        space.now.is_single = True
         now, arrays = space.now, {**self.arrays, "out": self.out}
         for name, array in arrays.items():
             is_stacked = name in self.stacked or name == "out"
@@ -64,10 +65,12 @@ class Stack:
             setattr(now, f"{name}_step", step)
             setattr(now, name, address_of(array) + start * step)
         now.codes = address_of(self.ended) + start * self.ended.strides[0]
+        space.limit(options.limits())
+        vectors = [self.arrays[name].ravel() for name in ("q", "h", "b", "lb", "ub")]
         while start < end:
             now.items_left = min(end - start, self.length)
             start += now.items_left
-            run(space.address, options.eps_abs, options.eps_rel, options.max_iter, 0)
+            run(space.address, *vectors, self.out.ravel(), 0)
 
     def is_solved(self) -> np.ndarray:
         """Tell which items are solved; all others are left to other methods."""

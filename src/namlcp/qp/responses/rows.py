@@ -69,7 +69,7 @@ def forget_responses(m):
         place[i], side[i] = -1, 0
     m.next_place, m.k = 0, 0
     m.hints += m.kept_k
-    m.kept_k = 0
+    m.kept_k, m.kept_age = 0, 0
 
 
 @part

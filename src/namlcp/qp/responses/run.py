@@ -1,6 +1,6 @@
 """The kernels for dense QPs: addresses in, one solve, the active rows kept.
 
-`run` solves the QP whose vectors `attach_vectors` has noted: it checks them, computes M
+`run` solves the QP with the matrices of `attach_matrices`: it checks them, computes M
 if that is missing, and follows `course`. `address` is that of a `ResponseState`. Codes
 are those of `active`, SUMMED of `course`, and those below.
 """
@@ -37,12 +37,13 @@ def attach_matrices(address, P, G, A):
     return lay_out(m, size * size)
 
 
-@kernel
-def attach_vectors(address, q, h, b, lb, ub, out):
-    """Note the vectors, and where the result is to be written."""
-    m = state_at(address)
-    m.q, m.h, m.b = q.ctypes.data, h.ctypes.data, b.ctypes.data
-    m.lb, m.ub, m.out = lb.ctypes.data, ub.ctypes.data, out.ctypes.data
+@part
+def attach_vectors(m, vectors, out):
+    """Note the vectors, and where the result is to be written, unless a batch has."""
+    q, h, b, lb, ub = vectors
+    if m.items_left == 0:
+        m.q, m.h, m.b = q.ctypes.data, h.ctypes.data, b.ctypes.data
+        m.lb, m.ub, m.out = lb.ctypes.data, ub.ctypes.data, out.ctypes.data
 
 
 @kernel
@@ -88,7 +89,7 @@ def is_faulty(m):
 
 
 @kernel(error_model="numpy")
-def run(address, eps_abs, eps_rel, max_iter, clock):
+def run(address, q, h, b, lb, ub, out, clock):
     """Solve the QP, or all items of a batch; clock: see `Deadline.run`.
 
     The result is complete after DONE and SUMMED; after LATE it is the best point, after
@@ -96,7 +97,7 @@ def run(address, eps_abs, eps_rel, max_iter, clock):
     The codes of a batch and its pivots are written to m.codes, item by item.
     """
     m = state_at(address)
-    m.eps_abs, m.eps_rel, m.max_iter = eps_abs, eps_rel, max_iter
+    attach_vectors(m, (q, h, b, lb, ub), out)
     while True:
         found = solve_attached(m, clock)
         if m.items_left == 0:

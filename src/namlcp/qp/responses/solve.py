@@ -17,7 +17,6 @@ from namlcp.qp.responses.course import SUMMED
 from namlcp.qp.responses.judgement import NUMBERS
 from namlcp.qp.responses.run import (
     attach_matrices,
-    attach_vectors,
     run,
     take_hint,
 )
@@ -47,8 +46,10 @@ def solve_once(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
     try:
         space = POOL.pop()
         space.attach(qp.P, qp.G, qp.A)
+        space.pause = 0
     except IndexError:
         space = DenseResponses(qp.P, qp.G, qp.A)
+        space.now.is_single = True
     if guess.active.size:
         space.suggest(guess.active)
     found = space.solve(qp.q, qp.h, qp.b, qp.lb, qp.ub, limits)
@@ -61,11 +62,12 @@ class Responses:
     """What is kept for QPs with the same P, G and A: see the door of this room.
 
     It is for one thread, and holds the arrays of its matrices, which must not change.
-    `kernel` solves the QP whose vectors have been attached.
+    `kernel` solves the QP with given vectors.
     """
 
     kernel: Callable[..., int]
     matrices: tuple[Any, Any, Any]
+    limits: Limits | None = None  # of the last solve
     left = 0  # solves in a row that were left to other methods
     pause = 0  # solves that will be left to them without trying
 
@@ -98,6 +100,12 @@ class Responses:
         self.attach(qp.P, qp.G, qp.A)
         now.hints = kept  # their numbers are still in memory
 
+    def limit(self, limits: Limits) -> None:
+        """Note when solves end."""
+        now, self.limits = self.now, limits
+        now.eps_abs, now.eps_rel = limits.eps_abs, limits.eps_rel
+        now.max_iter = limits.max_iter or DEFAULT_OPTIONS.max_iter
+
     def suggest(self, active: np.ndarray) -> None:
         """Let the next solve begin with these rows active, see `Guess.active`."""
         take_hint(self.address, active)
@@ -118,14 +126,15 @@ class Responses:
         if self.pause > 0:
             self.pause -= 1
             return None
-        address, (eps_abs, eps_rel, max_iter, deadline, *_) = self.address, limits
-        most = max_iter or DEFAULT_OPTIONS.max_iter
+        if limits is not self.limits:
+            self.limit(limits)
         n, m, p = q.size, h.size, b.size
         size = n + p + m
         out = np.empty(size + n + NUMBERS)
-        attach_vectors(address, q, h, b, lb, ub, out)
-        work = 4.0 * most * n * (n + size)  # of so many pivots
-        code = deadline.run(self.kernel, work, address, eps_abs, eps_rel, most)
+        work = 4.0 * self.now.max_iter * n * (n + size)  # of so many pivots
+        code = limits.deadline.run(
+            self.kernel, work, self.address, q, h, b, lb, ub, out
+        )
         self.left = min(self.left + 1, len(PAUSES)) if code == STUCK else 0
         self.pause = PAUSES[self.left - 1] if self.left else 0
         if code not in JUDGED:

@@ -5,7 +5,7 @@ from namlcp.linalg import copy
 from namlcp.qp.responses.active import RESPONSE
 from namlcp.qp.responses.course import PRODUCTS, VALUES, advance, begin
 from namlcp.qp.responses.rows import forget_responses
-from namlcp.qp.responses.run import FAULTY, UNSUITED, is_faulty
+from namlcp.qp.responses.run import FAULTY, UNSUITED, attach_vectors, is_faulty
 from namlcp.qp.responses.sparse import (
     make_response,
     set_products,
@@ -42,10 +42,10 @@ def begin_anew(state, scale):
 
 
 @kernel(error_model="numpy")
-def run_sparse(address, eps_abs, eps_rel, max_iter, clock):
+def run_sparse(address, q, h, b, lb, ub, out, clock):
     """Do as `run`, for sparse matrices."""
     m = state_at(address)
-    m.eps_abs, m.eps_rel, m.max_iter = eps_abs, eps_rel, max_iter
+    attach_vectors(m, (q, h, b, lb, ub), out)
     if not m.is_ready:
         return UNSUITED
     if is_faulty(m):

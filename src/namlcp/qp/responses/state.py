@@ -44,9 +44,10 @@ NUMBERS = (
     # Sizes of the QP; rows = m + n inequalities and bounds; length = rows + p; the most
     # active rows, the most responses.
     "n m p rows length most capacity "
-    # Active rows now and in the last solved QP; whether they or L have changed since L
-    # was computed from S; rows of a hint, and how many of them have been tried.
-    "k kept_k changed hints hinted "
+    # Active rows now and in the last solved QP; whether they changed in this solve;
+    # changes since L was computed from S, now and then; rows of a hint, and how many of
+    # them have been tried; whether no other solve follows.
+    "k kept_k changed age kept_age hints hinted is_single "
     # The row that becomes active (-1: none), its side, and the row whose response is
     # asked for; the place of the next response.
     "entering entering_side asked next_place "
