@@ -231,4 +231,5 @@ def test_too_much_work_is_left_to_others():
     assert solve(kept, qp).status is Status.SOLVED
     kept.pause = 1
     kept.renew(qp)
+    assert solve(kept, qp) is None  # other values do not end a pause
     assert solve(kept, qp).status is Status.SOLVED

@@ -93,12 +93,13 @@ class Responses:
     def renew(self, qp: QP) -> None:
         """Take the changed matrices of a QP of the same sizes.
 
-        The active rows of the last solved QP are tried first in the next solve.
+        The active rows of the last solved QP are tried first in the next solve, and a
+        pause goes on: other values seldom make a solve much easier.
         """
-        now = self.now
-        kept = now.kept_k
+        kept, left, pause = self.now.kept_k, self.left, self.pause
         self.attach(qp.P, qp.G, qp.A)
-        now.hints = kept  # their numbers are still in memory
+        self.left, self.pause = left, pause
+        self.now.hints = kept  # the numbers of the rows are still in memory
 
     def limit(self, limits: Limits) -> None:
         """Note when solves end."""
