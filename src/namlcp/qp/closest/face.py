@@ -115,19 +115,21 @@ class Face(NamedTuple):
         return self.rows.point(found.x, v, v_box)
 
 
-def face_of(rows: Rows, v: np.ndarray, v_box: np.ndarray) -> Face:
-    """Return the face that multipliers of stage 1 describe."""
+def face_of(rows: Rows, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Face:
+    """Return the face that a solution of stage 1 describes: x, and the multipliers."""
     equality, zero = rows.is_equality, AT_LIMIT * largest(v, v_box)
     ceiling = rows.weights if rows.norm == 1 else np.full(v.size, np.inf)
     at_floor = v <= np.where(equality, -ceiling, 0.0) + zero
     at_ceiling = v >= ceiling - zero
     v_box = np.where(np.abs(v_box) <= zero, 0.0, v_box)
+    # x is more exact than v / w where a weight w is small
+    fixed = np.isfinite(rows.weights) & (rows.norm == 2)
     return Face(
         rows=rows,
         v=v,
         v_box=v_box,
         sense=at_floor.astype(int) - at_ceiling,
-        r=v / rows.weights if rows.norm == 2 else np.zeros(v.size),
+        r=np.where(fixed, rows.violations(x), 0.0),
         lb=np.where(v_box > 0.0, rows.ub, rows.lb),
         ub=np.where(v_box < 0.0, rows.lb, rows.ub),
         moves=at_ceiling | (at_floor & equality),

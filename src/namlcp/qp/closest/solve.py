@@ -60,7 +60,7 @@ def closest_point(
         message = NOT_LEAST.format(status.value) + message
         return reported(qp, rows, unknown(rows, x), r, status, message)
     v = np.concatenate((first.point.z, first.point.y))
-    face = face_of(rows, v, first.point.z_box[:n])
+    face = face_of(rows, x, v, first.point.z_box[:n])
     easier = face.problem(qp)
     second = solve(easier, make_guess(easier, x, None), limits)
     status, message = second.status, second.message
