@@ -95,3 +95,14 @@ def test_errors_name_what_is_wrong():
     operator = sp.linalg.aslinearoperator(np.eye(2))
     with pytest.raises(ValueError, match="need the entries of A, got a LinearOperator"):
         differentiate_lcp(namlcp.solve_lcp(operator, [1.0, -1.0]))
+
+
+@pytest.mark.parametrize("kind", [np.array, sp.csr_array])
+@pytest.mark.parametrize("skew", [0.0, 1.0])
+def test_without_a_free_unknown_the_bounds_alone_move(kind, skew):
+    A = kind(np.array([[2.0, skew], [-skew, 2.0]]))
+    result = namlcp.solve_lcp(A, [1.0, 2.0])
+    found = result.backward(dz=[1.0, 2.0], dw=[1.0, 0.0])
+    assert found.q.tolist() == [1.0, 0.0]
+    assert np.allclose(found.lower, [3.0, 2.0 + skew])
+    assert result.forward(dq=[1.0, 1.0]).w.tolist() == [1.0, 1.0]

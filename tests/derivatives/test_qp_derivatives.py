@@ -193,3 +193,22 @@ def test_factors_are_made_once_and_kept():
     result.forward(dq=[1.0, 0.0])
     assert result.derivative is kept
     assert pickle.loads(pickle.dumps(result)).problem is None
+
+
+@pytest.mark.parametrize("kind", [np.array, sp.csc_array])
+def test_without_a_free_variable_the_bounds_alone_move(kind):
+    result = namlcp.solve_qp(kind(np.eye(2)), [1.0, 2.0], lb=[0.0, 0.0], ub=[5.0, 5.0])
+    found = result.backward(dx=[1.0, 2.0])
+    assert not found.q.any()
+    assert found.lb.tolist() == [1.0, 2.0]
+    assert not found.ub.any()
+
+
+@pytest.mark.parametrize("kind", [np.array, sp.csc_array])
+def test_a_linear_program_moves_with_its_vertex(kind):
+    """min x_1 + x_2, 2 x_1 + x_2 >= 3, x_1 + 2 x_2 >= 3: x = (1, 1)."""
+    G = np.array([[-2.0, -1.0], [-1.0, -2.0]])
+    result = namlcp.solve_qp(kind(np.zeros((2, 2))), np.ones(2), kind(G), [-3.0, -3.0])
+    tangent = result.forward(dh=[1.0, 0.0])
+    assert np.allclose(tangent.x, np.linalg.solve(G, [1.0, 0.0]))
+    assert (tangent.weak, tangent.singular) == (0, False)

@@ -86,7 +86,7 @@ def differentiate_batch(
         )
     threads = available_cores() if threads is None else threads
     check_count("threads", threads)
-    given = [stacked(name, value, batch) for name, value in cotangents.items()]
+    given = [checked_gradient(name, value, batch) for name, value in cotangents.items()]
     items: list[QPGradients | None] = [None] * len(batch)
     solved = np.flatnonzero(batch.solved)
 
@@ -102,7 +102,7 @@ def differentiate_batch(
     return BatchGradients(items, batch)
 
 
-def stacked(name: str, value: Any, batch: BatchResult) -> np.ndarray | None:
+def checked_gradient(name: str, value: Any, batch: BatchResult) -> np.ndarray | None:
     """Return gradients in x, y, z or z_box of all items checked, None if absent."""
     if value is None:
         return None

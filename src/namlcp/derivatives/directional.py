@@ -43,7 +43,7 @@ def qp_directional(derivative: QPDerivative, changes: dict[str, Any]) -> QPTange
     r, dh, db = derivative.right_sides(d, point)
     active, _, _ = active_sets(qp, point)
     strict, weak = active.rows, np.setdiff1d(derivative.whole.rows, active.rows)
-    A, b = stacked(qp.A, qp.G[strict]), np.concatenate((db, dh[strict]))
+    A, b = with_rows(qp.A, qp.G[strict]), np.concatenate((db, dh[strict]))
     change = np.where(side < 0, d["lb"], d["ub"])
     fixed = active.side != 0
     lower = np.where(fixed | (side < 0), change, -np.inf)
@@ -61,7 +61,7 @@ def qp_directional(derivative: QPDerivative, changes: dict[str, Any]) -> QPTange
     return QPTangent(found.x, dy, dz, found.z_box, *kinks)
 
 
-def stacked(A: Any, G: Any) -> Any:
+def with_rows(A: Any, G: Any) -> Any:
     """Return [A; G], dense or in CSC."""
     if type(A) is np.ndarray:
         return np.concatenate((A, G))

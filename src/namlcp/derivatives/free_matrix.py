@@ -1,7 +1,7 @@
 """A_FF of an LCP as a linear operator to be inverted, also transposed.
 
 Dense matrices are factored by LAPACK, sparse symmetric ones as the KKT system without
-rows, other sparse ones by SuperLU. From order LARGE on, matrices like those of
+rows, other sparse ones by SuperLU. From order LARGE_LCP on, matrices like those of
 differential equations are inverted by a Krylov method with truncated multigrid cycles
 instead, with the hierarchy that the solve has made.
 """
@@ -78,7 +78,7 @@ class Symmetric:
         self.regular = self.system.regular
 
     def is_accurate(self) -> bool:
-        """Tell whether a solve has a small residual; pivoting is not for all A."""
+        """Tell whether a solve has a small residual; without pivoting it may not."""
         r = np.random.default_rng(0).standard_normal(self.free.size)
         u = np.zeros(self.A.shape[0])
         u[self.free] = self.solve(r, False)
@@ -125,9 +125,8 @@ class SparseGeneral:
         try:
             self.factors = splu(transpose)
             pivots = np.abs(self.factors.U.diagonal())
-            self.regular = not pivots.min(initial=1.0) <= SINGULAR * pivots.max(
-                initial=0.0
-            )
+            least, most = pivots.min(initial=1.0), pivots.max(initial=0.0)
+            self.regular = bool(least > SINGULAR * most)
         except RuntimeError:  # a pivot is exactly 0
             self.regular = False
 

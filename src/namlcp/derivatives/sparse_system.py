@@ -142,7 +142,7 @@ class SparseSystem:
             if not error < before:
                 break
             w = trial
-            size = max(np.abs(rhs).max(), np.abs(w).max())
+            size = max(np.abs(v).max(initial=0.0) for v in (rhs, w))
             if not ROUNDING * size < error < 0.5 * before:
                 break
         return self.across(w) * self.scale
