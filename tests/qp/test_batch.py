@@ -145,6 +145,14 @@ def test_an_empty_batch_has_an_empty_result():
     assert list(batch) == []
 
 
+def test_infeasible_items_have_their_closest_points(mixed):
+    batch = solve_batch(**stack(mixed), infeasible="closest")
+    assert set(batch.closest) == {3}
+    single = solve_qp(**mixed[3], infeasible="closest").closest
+    np.testing.assert_allclose(batch[3].closest.x, single.x, atol=1e-9)
+    assert batch[4].closest is None
+
+
 def test_ctrl_c_ends_a_batch(mixed, monkeypatch):
     """An error that is no Exception ends all threads."""
     calls = []

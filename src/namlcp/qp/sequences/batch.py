@@ -18,6 +18,7 @@ import scipy.sparse as sp
 
 from namlcp.checks import as_sparse, real_array
 from namlcp.options import DEFAULT_OPTIONS, Options, check_count
+from namlcp.qp.closest import ClosestPoint
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import make_guess
 from namlcp.qp.problem import QP, qp_data
@@ -56,6 +57,9 @@ class BatchResult(Differentiable):
         The solver that gave the point; "" where an item is INVALID.
     messages : dict
         Sentences that add to the status, by the number of the item.
+    closest : dict
+        The `ClosestPoint` of infeasible items, by the number of the item, if
+        `Options.infeasible` asks for it.
     solve_time : float
         Seconds for all items together.
     """
@@ -70,6 +74,7 @@ class BatchResult(Differentiable):
     iterations: np.ndarray
     form: np.ndarray
     messages: dict[int, str]
+    closest: dict[int, ClosestPoint]
     solve_time: float = 0.0
     problem: Any = field(default=None, repr=False)
     """The `Items` that were solved, for the derivatives."""
@@ -149,6 +154,7 @@ class BatchResult(Differentiable):
             message=self.messages.get(number, ""),
             setup_time=0.0,
             solve_time=0.0,
+            closest=self.closest.get(number),
             problem=self.problem and partial(self.problem.item, number),
         )
 
@@ -162,6 +168,8 @@ class BatchResult(Differentiable):
         self.residuals[i] = result.residuals
         if result.message:
             self.messages[i] = result.message
+        if result.closest is not None:
+            self.closest[i] = result.closest
 
     def put_all(self, which: np.ndarray, stack: Stack) -> None:
         """Write the results of those items of a stack that are solved."""
@@ -194,6 +202,7 @@ def empty_result(size: int, qp: QP) -> BatchResult:
         iterations=np.zeros(size, np.int64),
         form=np.zeros(size, "U12"),
         messages={},
+        closest={},
     )
 
 
