@@ -70,6 +70,13 @@ def test_collections():
             assert_solves_lcp(result, A, q)
 
 
+@pytest.mark.parametrize("A", [[[0, 1], [1, 0]], [[0, 2, 0], [3, 0, 1], [0, 5, 0]]])
+def test_tiny_games(A):
+    """Pivoting is stuck there at once: every free system is singular."""
+    A = np.array(A, dtype=float)
+    assert_solves_lcp(solve_lcp(A, -np.ones(len(A))), A, -np.ones(len(A)))
+
+
 STAGES = ("by_path", "by_arc", "by_lemke")
 
 

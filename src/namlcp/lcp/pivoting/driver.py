@@ -179,8 +179,7 @@ class Attempt:
                 if ray is not None:
                     return Status.UNSOLVABLE, ray
                 done, code = now.factorisations, stages.MORE
-            halted = code in HALTS
-            self.beyond = (halted or now.path_followed) and self.is_beyond(halted)
+            self.beyond = self.is_beyond(code)
             if code == stages.STUCK or self.beyond:
                 status = Status.STALLED
                 break
@@ -208,7 +207,7 @@ class Attempt:
                 self.report()
         return Status.SOLVED if now.solved else status, None
 
-    def is_beyond(self, halted: bool) -> bool:
+    def is_beyond(self, code: int) -> bool:
         """Tell whether to leave the problem to methods for any matrix.
 
         That is where A is no P-matrix and the interior path, tried if it is cheap, has
@@ -216,13 +215,17 @@ class Attempt:
         Murty's rule takes too many of these.
         """
         now = self.work.now
-        if now.path_followed:
-            late = halted or now.factorisations > self.path_end + LAST_STEPS
-            return late and (now.not_p or self.lcp.matrix.is_general)
-        if not halted or (now.external_solve and not self.large):
-            return halted
-        no_path = self.work.n > CHEAP_ORDER
-        return no_path and (now.not_p or self.lcp.matrix.is_general)
+        if code == stages.STUCK:
+            due = True
+        elif code == stages.STAGNATED:
+            due = now.path_followed or self.work.n > CHEAP_ORDER
+        else:
+            late = now.factorisations > self.path_end + LAST_STEPS
+            due = now.path_followed and late
+        by_lu = now.external_solve and not self.large and not now.path_followed
+        if by_lu and code in HALTS:
+            return True
+        return due and (now.not_p or self.lcp.matrix.is_general)
 
     def report(self) -> None:
         """Report factorisations, Res of the best z, and how many states are bounded."""
