@@ -31,7 +31,7 @@ PROXIMAL = 1e-10
 EXACT = 1e-13
 """The search ends where the gradient is this small relative to its terms: rounding."""
 
-STEPS = 40
+STEPS = 20
 """Most steps; random problems with 20 to 400 rows take 4 to 9."""
 
 HALVINGS = 50

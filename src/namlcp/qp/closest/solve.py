@@ -14,6 +14,7 @@ from namlcp.qp.closest.newton import Solve, solve_by_newton
 from namlcp.qp.closest.point import ClosestPoint
 from namlcp.qp.closest.rows import Rows, rows_of
 from namlcp.qp.closest.shifts import least_shifts
+from namlcp.qp.forms import is_small
 from namlcp.qp.guess import NO_GUESS, make_guess
 from namlcp.qp.problem import QP, Point
 from namlcp.residuals import UNDEFINED, qp_residuals
@@ -45,7 +46,7 @@ def closest_point(
     """
     rows, n = rows_of(qp, relaxation), qp.q.size
     first = None
-    if rows.norm == 2 and qp.is_dense:
+    if rows.norm == 2 and qp.is_dense and is_small(qp):
         first = solve_by_newton(rows, limits, solve)
     if first is None:
         first = solve(least_shifts(rows), NO_GUESS, limits)
