@@ -18,9 +18,13 @@ THREADS = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "RAYON")
 
 
 def lines(solvers: Iterable[str]) -> list[str]:
-    """Return what the figures depend on: machine, threads, versions, date."""
+    """Return what the figures depend on: machine, threads, versions, date.
+
+    A solver is known by its first word: others may name a way of calling it.
+    """
     packages = ["numpy", "scipy", "numba", "qpsolvers"]
-    packages += [PACKAGES.get(solver, solver) for solver in solvers]
+    names = dict.fromkeys(solver.split()[0] for solver in solvers)
+    packages += [PACKAGES.get(name, name) for name in names]
     versions = [f"{name} {package_version(name)}" for name in packages]
     return [
         f"date: {datetime.date.today()}",
@@ -47,12 +51,16 @@ def cpu_name() -> str:
 
 
 def installed(solvers: Iterable[str]) -> list[str]:
-    """Return the solvers that can run here; name the others."""
+    """Return the solvers, known by their first words, that can run here.
+
+    Names the others.
+    """
     found = []
     for solver in solvers:
-        here = solver in qpsolvers.available_solvers
-        if solver in OWN_INTERFACES:
-            package = PACKAGES.get(solver, solver)
+        name = solver.split()[0]
+        here = name in qpsolvers.available_solvers
+        if name in OWN_INTERFACES:
+            package = PACKAGES.get(name, name)
             here = importlib.util.find_spec(package) is not None
         if here:
             found.append(solver)

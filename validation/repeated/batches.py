@@ -111,8 +111,8 @@ def measured(job: Job, shape: tuple[int, int], items: int, threads: int) -> Row:
 
 def run(args: argparse.Namespace) -> None:
     """Measure, write the rows and print them."""
-    solvers = [s for s in args.solvers if machine.installed([s.split()[0]])]
-    header = cli.begin([s for s in solvers if " " not in s])
+    solvers = machine.installed(args.solvers)
+    header = cli.begin(solvers)
     with (
         csv_files.writer(args.csv, header, COLUMNS) as write,
         processes.benches(measured, solvers, args.limit) as children,

@@ -3,7 +3,7 @@
 Usage::
 
     python -m validation.repeated.latency run [--solvers nam daqp ...] [--quick]
-        [--eps 1e-9] [--csv FILE]
+        [--eps 1e-6] [--csv FILE]
     python -m validation.repeated.latency plot [--csv FILE] [--figure FILE]
 
 `microseconds` is the median time of a call of qpsolvers.solve_problem, "nam by calls"
@@ -91,8 +91,8 @@ def measured(job: Job, n: int, eps: float) -> Row:
 
 def run(args: argparse.Namespace) -> None:
     """Measure, write the rows and print them."""
-    solvers = [s for s in args.solvers if machine.installed([s.split()[0]])]
-    header = cli.begin([s for s in solvers if " " not in s])
+    solvers = machine.installed(args.solvers)
+    header = cli.begin(solvers)
     with (
         csv_files.writer(args.csv, header, COLUMNS) as write,
         processes.benches(measured, solvers, args.limit) as children,

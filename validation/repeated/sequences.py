@@ -148,9 +148,9 @@ def described(sequence: Recorded) -> Row:
 
 def run(args: argparse.Namespace) -> None:
     """Measure, write the rows and print them."""
-    solvers = [each for each in args.solvers if installed(each)]
+    solvers = machine.installed(args.solvers)
     steps = QUICK_STEPS if args.quick else args.steps
-    header = cli.begin([s for s in solvers if " " not in s])
+    header = cli.begin(solvers)
     rows: list[Row] = []
     with (
         csv_files.writer(args.csv, header, COLUMNS) as write,
@@ -170,11 +170,6 @@ def run(args: argparse.Namespace) -> None:
                         tables.print_row(row, SHOWN)
                         write(row)
                         rows.append(row)
-
-
-def installed(solver: str) -> bool:
-    """Tell whether a solver can run here; say so if not."""
-    return bool(machine.installed([solver.split()[0]]))
 
 
 def main(arguments: list[str] | None = None) -> int:
