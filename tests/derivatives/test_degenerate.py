@@ -11,6 +11,7 @@ import namlcp
 from namlcp.qp import QP
 from validation.derivatives.cases import (
     KINKS,
+    around,
     direction,
     flat,
     moved,
@@ -209,3 +210,27 @@ def test_redundant_equalities_are_left_out(seed):
         assert found.singular
         directional = result.directional(db=[1.0, 2.0, 3.0])
         assert np.allclose(directional.x, found.x, atol=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(40))
+def test_backward_is_adjoint_to_forward_at_kinks(seed):
+    """Small integers make constraints weak, dependent and P singular."""
+    rng = np.random.default_rng(seed)
+    n, m = 5, 6
+    B = rng.integers(-2, 3, (3, n)).astype(float)
+    G = rng.integers(-2, 3, (m, n)).astype(float)
+    x = rng.integers(-2, 3, n).astype(float)
+    active = rng.random(m) < 0.7
+    z = active * rng.integers(0, 3, m)
+    qp = around(x, B.T @ B, G, z, active)
+    result = namlcp.solve_qp(*(sparse(qp) if seed % 2 else qp))
+    d = direction(qp, seed)
+    tangent = result.forward(**named(d))
+    g = [rng.standard_normal(size) for size in (n, m)]
+    gradients = result.backward(dx=g[0], dz=g[1])
+    terms = [g[0] @ tangent.x, g[1] @ tangent.z]
+    paired = []
+    for name, change in d.items():
+        own = getattr(gradients, name)
+        paired.append(np.sum((own.toarray() if sp.issparse(own) else own) * change))
+    assert abs(sum(terms) - sum(paired)) <= 1e-7 * (1.0 + np.abs(paired).sum())

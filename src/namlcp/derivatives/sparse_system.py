@@ -19,9 +19,10 @@ from namlcp.linalg import (
 )
 from namlcp.qp import KKT, QP
 
-DELTA = 1e-8
-"""Added to the diagonal of P, and subtracted for rows, in units of K scaled. A smaller
-shift makes smaller pivots, whose rounding errors would exceed it."""
+SHIFTS = 1e-8, 3.7e-8, 1.3e-7
+"""DELTA: added to the diagonal of P, and subtracted for rows, in units of K scaled. A
+smaller shift makes smaller pivots, whose rounding errors would exceed it; the larger
+ones are tried where a pivot is 0 by rounding."""
 
 SCALINGS = 4
 """Passes of the scaling of K; each divides by the square roots of the row maxima."""
@@ -70,14 +71,21 @@ class SparseSystem:
         self.scale = np.ones(kkt.size)
         self.values, self.upper = kkt.base.copy(), np.empty(kkt.base.size)
         equilibrate(kkt.indptr, kkt.indices, self.values, self.scale)
-        self.upper[:] = kkt.data[:] = self.values
+        self.upper[:] = self.values
         self.upper[kkt.diagonal] = 0.0
-        kkt.data[kkt.diagonal[: kkt.n]] += DELTA
-        kkt.data[kkt.diagonal[kkt.n :]] -= DELTA
-        kkt.plan().refactor(kkt.data)  # no pivot of a quasi-definite matrix is 0
+        if not any(self.factor(shift) for shift in SHIFTS):
+            raise ValueError("the KKT matrix of the active constraints has no factors")
         self.basis = self.find_null_space()
         self.null_space = (self.basis * self.scale).T
         self.regular = not self.null_space.size
+
+    def factor(self, shift: float) -> bool:
+        """Factor K scaled + shift diag(I, -I); False if a pivot is 0 by rounding."""
+        kkt = self.kkt
+        kkt.data[:] = self.values
+        kkt.data[kkt.diagonal[: kkt.n]] += shift
+        kkt.data[kkt.diagonal[kkt.n :]] -= shift
+        return kkt.factor()
 
     def find_null_space(self) -> np.ndarray:
         """Return an orthonormal basis of the null space of K scaled, by rows.
