@@ -216,6 +216,13 @@ def test_an_infinite_shift_is_none(form):
     assert "h = -inf" in found.message
 
 
+@pytest.mark.parametrize("choice", ["closest", Relaxation(lb=1.0)])
+def test_an_infinite_bound_that_excludes_every_x_stays(choice):
+    qp = dense(make_qp(np.eye(2), [0.0, 0.0], [[1.0, 1.0]], [1.0], lb=[INF, 0.0]))
+    found = relaxed(qp, infeasible=choice)
+    assert found.status is Status.PRIMAL_INFEASIBLE
+
+
 @pytest.mark.parametrize("choice", ["closest", "elastic"])
 def test_the_cost_may_fall_without_bound(choice):
     qp = opposed()

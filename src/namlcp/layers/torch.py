@@ -57,7 +57,8 @@ def solve_qp(
     QPSolution
         All parts can be differentiated in all arguments, in reverse and forward mode,
         once. An item that is not solved (infeasible, unbounded, out of time) is NaN,
-        and its gradients are 0: weigh it by `solved` in a loss, with torch.where.
+        whatever the option `infeasible` says, and its gradients are 0: weigh it by
+        `solved` in a loss, with torch.where.
 
     Raises
     ------

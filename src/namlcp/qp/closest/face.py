@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from namlcp.linalg import times
-from namlcp.qp.closest.rows import Rows, chosen, times_signs
+from namlcp.qp.closest.rows import Rows, chosen, largest, times_signs
 from namlcp.qp.closest.shifts import least_shifts
 from namlcp.qp.problem import QP, Point
 
@@ -134,8 +134,3 @@ def face_of(rows: Rows, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Face
         ub=np.where(v_box < 0.0, rows.lb, rows.ub),
         moves=at_ceiling | (at_floor & equality),
     )
-
-
-def largest(*vectors: np.ndarray) -> float:
-    """Return the largest modulus of all entries, 0 for none."""
-    return max(float(np.abs(v).max(initial=0.0)) for v in vectors)

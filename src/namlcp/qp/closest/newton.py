@@ -17,7 +17,7 @@ import numpy as np
 
 from namlcp.limits import Limits
 from namlcp.qp.answer import Answer
-from namlcp.qp.closest.rows import Rows
+from namlcp.qp.closest.rows import Rows, largest
 from namlcp.qp.guess import NO_GUESS, Guess
 from namlcp.qp.problem import QP, Point
 from namlcp.residuals import UNDEFINED
@@ -41,18 +41,18 @@ HALVINGS = 50
 def solve_by_newton(rows: Rows, limits: Limits, solve: Solve) -> Answer | None:
     """Return x and the multipliers of all rows and bounds.
 
-    None where it does not end, or would have to shift a side from minus infinity.
+    None where it does not end, or a side or bound is infinite and excludes every x.
     """
     soft = np.isfinite(rows.weights)
     m = rows.d.size - rows.p
     parts = rows.C, rows.d, rows.weights, rows.is_equality
     C, d, w, equality = (part[soft] for part in parts)
-    if (d == -np.inf).any():
+    x = np.minimum(np.maximum(np.zeros(rows.lb.size), rows.lb), rows.ub)
+    if (d == -np.inf).any() or not np.isfinite(x).all():
         return None
     above, equal = np.flatnonzero(~soft[:m]), m + np.flatnonzero(~soft[m:])
     stay = rows.C[above], rows.d[above], rows.C[equal], rows.d[equal]
     moduli = np.abs(rows.C)
-    x = np.minimum(np.maximum(np.zeros(rows.lb.size), rows.lb), rows.ub)
     for count in range(STEPS):
         r = C @ x - d
         used = (r > 0.0) | equality
@@ -71,7 +71,7 @@ def solve_by_newton(rows: Rows, limits: Limits, solve: Solve) -> Answer | None:
         v[above], v[equal] = z, y
         v[soft] = w * np.where(equality, C @ new - d, np.maximum(C @ new - d, 0.0))
         gradient, terms = v @ rows.C + z_box, np.abs(v) @ moduli + np.abs(z_box)
-        if np.abs(gradient).max() <= EXACT * terms.max():
+        if largest(gradient) <= EXACT * largest(terms):
             point = Point(new, v[m:], v[:m], z_box)
             return Answer(Status.SOLVED, point, UNDEFINED, count + 1, "newton")
         step = line_search(r, C @ (new - x), w, equality)

@@ -128,3 +128,8 @@ def times_signs(sense: np.ndarray, C: Any) -> Any:
     if isinstance(C, np.ndarray):
         return sense[:, None] * C
     return from_arrays((C.indptr, C.indices, sense[C.indices] * C.data), C.shape)
+
+
+def largest(*vectors: np.ndarray) -> float:
+    """Return the largest modulus of all entries, 0 for none."""
+    return max(float(np.abs(v).max(initial=0.0)) for v in vectors)
