@@ -128,8 +128,7 @@ def solve_shortly(
         return None
     limits = options.limits(Deadline(start + options.time_limit))
     try:
-        with blas_threads(options.threads, order):
-            answer = solve_once(qp, NO_GUESS, limits)
+        answer = solve_once(qp, NO_GUESS, limits)  # without BLAS
     except SystemError as error:
         raise cause_of(error) from None
     return None if answer is None else settled(answer, qp, given, limits)

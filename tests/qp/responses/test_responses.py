@@ -9,9 +9,10 @@ from numba import njit
 
 import namlcp
 from namlcp.limits import Limits
+from namlcp.qp.guess import NO_GUESS
 from namlcp.qp.problem import QP
 from namlcp.qp.responses import triangle as packed
-from namlcp.qp.responses.solve import DenseResponses
+from namlcp.qp.responses.solve import DenseResponses, solve_once
 from namlcp.residuals import qp_residuals
 from namlcp.status import Status
 
@@ -204,3 +205,21 @@ def test_the_triangle_is_that_of_the_remaining_rows():
         square[np.tril_indices(5)] = L[:15]
         np.testing.assert_allclose(square @ square.T, left, atol=1e-12)
         np.testing.assert_allclose(b, expected, atol=1e-12)
+
+
+def test_a_single_solve_gives_the_answer_of_the_first_in_a_sequence():
+    """It goes without M where no row enters, and without sorted rows at the end."""
+    rng = np.random.default_rng(10)
+    for scale in (0.0, 1.0, 1.0, 1.0):
+        qp = random_qp(rng, 20, 40, 0)
+        wide = np.full(20, 1e3 if scale == 0.0 else INF)
+        far = qp.h + 1e3 if scale == 0.0 else qp.h
+        qp = qp._replace(h=far, lb=-wide, ub=wide)
+        single, first = (
+            solve_once(qp, NO_GUESS, LIMITS),
+            solve(DenseResponses.of(qp), qp),
+        )
+        assert single.status is first.status is Status.SOLVED
+        assert (single.iterations == 0) == (scale == 0.0)
+        np.testing.assert_allclose(single.point.x, first.point.x, atol=1e-12)
+        np.testing.assert_allclose(single.point.z, first.point.z, atol=1e-11)

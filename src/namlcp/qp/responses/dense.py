@@ -93,9 +93,11 @@ def set_up(m):
     """Compute M, and the norms of the rows; False where the matrices do not allow it.
 
     They do not if a number is NaN or infinite, or P is not symmetric, not definite or
-    ill-conditioned, or the rows of A depend on each other.
+    ill-conditioned, or the rows of A depend on each other. A single QP without
+    equations goes with the factor of P until a row enters, which needs M. (Not so an
+    item of a batch: its last digits would depend on the items before it.)
     """
-    n, p, size = m.n, m.p, m.n + m.p
+    n, p = m.n, m.p
     if p > n or not set_row_scales(m):
         return False
     for i in range(n):
@@ -107,16 +109,25 @@ def set_up(m):
             factor[j] = row[j]
     if not factor_in_place(m.factor, n) <= MOST_SPREAD:
         return False
+    forget_responses(m)
+    m.has_inverse = 0
+    if m.is_single and p == 0 and m.items_left == 0:
+        return True
+    return make_inverse(m)
+
+
+@part
+def make_inverse(m):
+    """Compute M from the factor of P; False where rows of A depend on each other."""
+    n, size = m.n, m.n + m.p
     invert_triangle(m.factor, n)
     square_triangle(m.factor, n, m.inverse, size)
     largest = 0.0
     for j in range(n):
         largest = max(largest, row_of(m.inverse, j, size)[j])
     m.least_curvature = FIXED * largest
-    if p > 0 and not add_equations(m):
-        return False
-    forget_responses(m)
-    return True
+    m.has_inverse = 1
+    return m.p == 0 or add_equations(m)
 
 
 @part
@@ -174,11 +185,27 @@ def add_equations(m):
 def set_values_of(m, rhs, values):
     """Set values = (G x, x, y) for (x, y) = M rhs."""
     size = m.n + m.p
-    for i in range(size):
-        values[m.m + i] = dot(row_of(m.inverse, i, size), rhs)
+    if m.has_inverse:
+        for i in range(size):
+            values[m.m + i] = dot(row_of(m.inverse, i, size), rhs)
+    else:
+        solve_with_factor(m, rhs, values[m.m : m.rows])
     x = values[m.m : m.rows]
     for i in range(m.m):
         values[i] = dot(row_of(m.G, i, m.n), x)
+
+
+@part
+def solve_with_factor(m, rhs, x):
+    """Set x to the solution of P x = rhs by the factor L of P."""
+    n = m.n
+    for i in range(n):
+        row = row_of(m.factor, i, n)
+        x[i] = (rhs[i] - dot(row[:i], x[:i])) / row[i]
+    for i in range(n - 1, -1, -1):
+        row = row_of(m.factor, i, n)
+        x[i] /= row[i]
+        add_scaled(-x[i], row[:i], x[:i])
 
 
 @part
@@ -187,6 +214,8 @@ def make_responses(m):
 
     To read M and G takes longer than to multiply with them.
     """
+    if not m.has_inverse:
+        make_inverse(m)
     size = m.n + m.p
     set_unit_load(m, m.asked, floats(m.rhs, size))
     if m.n * (m.n + m.m) < LARGE:

@@ -51,7 +51,7 @@ NUMBERS = (
     # The row that becomes active (-1: none), its side, and the row whose response is
     # asked for; the place of the next response.
     "entering entering_side asked next_place "
-    "pivots max_iter is_ready memory memory_size memory_end "
+    "pivots max_iter is_ready has_inverse memory memory_size memory_end "
     # Order of a sparse KKT matrix, passes of refinement of a solve with it.
     "size passes "
     # Where `course` is: its stage, how the pivots ended, passes of refinement left, and
