@@ -179,7 +179,8 @@ class Attempt:
                 if ray is not None:
                     return Status.UNSOLVABLE, ray
                 done, code = now.factorisations, stages.MORE
-            self.beyond = self.is_beyond(code)
+            if code in HALTS or now.path_followed:
+                self.beyond = self.is_beyond(code)
             if code == stages.STUCK or self.beyond:
                 status = Status.STALLED
                 break
