@@ -3,6 +3,7 @@
 import contextlib
 import io
 import re
+from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -10,16 +11,23 @@ import pytest
 from validation.claims import stale, values
 
 README = Path(__file__).parents[1] / "README.md"
-FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+FENCE = re.compile(
+    r"^(?:<!-- needs (\w+) -->\n)?```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL
+)
 
 
 def examples():
-    """Return (code, what it prints) of the blocks, "" where no text follows."""
+    """Return (needed package, code, what it prints) of the blocks of Python.
+
+    The package is "" where none is needed, the text where none follows.
+    """
     blocks = FENCE.findall(README.read_text())
-    following = [*blocks[1:], ("", "")]
+    following = [*blocks[1:], ("", "", "")]
     return [
-        (code, text if kind == "text" else "")
-        for (language, code), (kind, text) in zip(blocks, following, strict=True)
+        (package, code, text if kind == "text" else "")
+        for (package, language, code), (_, kind, text) in zip(
+            blocks, following, strict=True
+        )
         if language == "python"
     ]
 
@@ -29,7 +37,9 @@ def test_examples_print_what_stands_below_them():
     pytest.importorskip("cvxpy")
     names = {}
     assert len(examples()) > 5
-    for code, printed in examples():
+    for package, code, printed in examples():
+        if package and find_spec(package) is None:
+            continue
         said = io.StringIO()
         with contextlib.redirect_stdout(said):
             exec(code, names)
