@@ -13,14 +13,11 @@ from namlcp.qp.dense import pivots
 from namlcp.qp.dense.scaling import scaled_qp, variable_scaling
 from namlcp.qp.guess import Guess
 from namlcp.qp.problem import QP, Point
-from namlcp.qp.responses import solve_once
+from namlcp.qp.responses import ROUNDING, solve_once
 from namlcp.residuals import UNDEFINED, Residuals, qp_residuals
 from namlcp.status import Status
 
 NO_HINT = np.empty(0, dtype=np.int64)
-# Relative rounding error of a residual: where this times its largest term exceeds
-# eps_abs, all are summed again by `qp_residuals`, in the order that qpsolvers uses.
-ROUNDING = 4e-15
 
 
 def solve_dense(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
@@ -48,6 +45,7 @@ def solve_dense(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
     point, residuals = Point(x, y, z, z_box), Residuals(*numbers)
     largest = max(residuals.primal_size, residuals.dual_size, residuals.gap_size)
     if c is not None or largest * ROUNDING > limits.eps_abs:
+        # summed again in the order that qpsolvers uses
         residuals = qp_residuals(*qp, *point)
     if code in (pivots.INFEASIBLE, pivots.UNBOUNDED):
         if code == pivots.INFEASIBLE:

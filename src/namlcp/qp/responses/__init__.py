@@ -4,9 +4,8 @@ A solve keeps what depends on the matrices alone: the solution operator of the Q
 without inequalities, and the responses to the rows that have been active. The next
 solve starts from the active rows of the last solved QP (`active` has the method); what
 it returns depends on the data alone, not on the solves before, up to the rounding
-errors of degenerate QPs. `solve_once` is for a single QP, `Stack`
-for a batch. A class of this room,
-`DenseResponses` for arrays and `SparseResponses` for sparse matrices, has
+errors of degenerate QPs. `solve_once` is for a single QP, `Stack` for a batch. A class
+of this room, `DenseResponses` for arrays and `SparseResponses` for sparse matrices, has
 
 - ``of(qp)``: for the matrices of a QP, None where they are not suited. The arrays are
   not copied, and must not change;
@@ -27,5 +26,6 @@ matrices. `course` is what a solve consists of, whatever the matrices are stored
 """
 
 from namlcp.qp.responses.batch import Stack
+from namlcp.qp.responses.course import ROUNDING
 from namlcp.qp.responses.solve import MOST_ORDER, DenseResponses, Responses, solve_once
 from namlcp.qp.responses.sparse_solve import SparseResponses
