@@ -42,6 +42,10 @@ LIMITS = {
     "without a solution over clarabel": ("<=", 0.6),
     "large over one linear solve, worst": ("<=", 2.0),
     "cvxpy small over clarabel": ("<=", 1.0), "cvxpy large over clarabel": ("<=", 0.35),
+    "condensed MPC over daqp": ("<=", 1.0), "portfolio over daqp": ("<=", 0.5),
+    "sparse MPC, definite over daqp": ("<=", 0.6),
+    "sequences, worst residual": ("<=", 1e-9),
+    "sequences, worst difference": ("<=", 1e-9),
     "stress not right": ("<=", 0), "campaign wrong": ("<=", 0),
 }  # fmt: skip
 """What the claims have to be, those of the issues; other values have no limit."""

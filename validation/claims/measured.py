@@ -95,6 +95,27 @@ def of_classes(folder: Path) -> dict[str, float]:
     }
 
 
+def of_sequences(folder: Path) -> dict[str, float]:
+    """Return the figures of sequences: time a step over DAQP's, the worst answers."""
+    rows = csv_files.read(folder / "sequences.csv")
+    ours = {
+        (row["scene"], row["size"], row["level"]): row
+        for row in tables.chosen(rows, solver="nam")
+    }
+    found: dict[str, float] = {}
+    for scene in ("condensed MPC", "sparse MPC, definite", "portfolio"):
+        ratios = [
+            float(ours[scene, row["size"], row["level"]]["microseconds"])
+            / float(row["microseconds"])
+            for row in tables.chosen(rows, solver="daqp", scene=scene)
+        ]
+        found[f"{scene} over daqp"] = mean(ratios)
+    for column in ("residual", "difference"):
+        worst = (float(row[column]) for row in ours.values())
+        found[f"sequences, worst {column}"] = max(worst, default=math.nan)
+    return found
+
+
 def of_infeasible(folder: Path) -> dict[str, float]:
     """Return the figures of QPs without a solution."""
     rows = csv_files.read(folder / "infeasible.csv")
@@ -152,7 +173,7 @@ def of_stress(folder: Path) -> dict[str, float]:
 
 SOURCES: tuple[Callable[[Path], dict[str, float]], ...] = (
     of_benchmark, of_maros_meszaros, of_classes, of_infeasible, of_large, of_cvxpy,
-    of_stress,
+    of_stress, of_sequences,
 )  # fmt: skip
 
 

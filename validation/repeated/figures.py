@@ -50,7 +50,8 @@ def draw_sequences(results: Path, file: Path) -> None:
         )
     )  # fmt: skip
     title = "three points of a size, from left:\nthe active set " + ", ".join(LEVELS)
-    key.legend(handles=handles, loc="center left", title=title, alignment="left")
+    place = {"loc": "center left", "alignment": "left"}
+    key.legend(handles=handles, title=title, **place).set_in_layout(False)
     captioned(key, results)
     charts.save(figure, file)
 
