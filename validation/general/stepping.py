@@ -29,12 +29,14 @@ def run(args: argparse.Namespace) -> int:
     """Let the discs fall; return 1 if a step was not solved."""
     solved = True
     header = cli.begin()
+    warm_up = FallingDiscs(QUICK[0])  # compiles
+    for _ in range(STEPS):
+        warm_up.step()
     with csv_files.writer(args.csv, header, COLUMNS) as write:
         for count in QUICK if args.quick else COUNTS:
             for start in STARTS:
                 discs = FallingDiscs(count, warm=start == "last step")
-                discs.step()
-                for step in range(1, STEPS):
+                for step in range(STEPS):
                     record = discs.step()
                     row: Row = {"discs": count, "start": start, "step": step}
                     said = record.status.value
