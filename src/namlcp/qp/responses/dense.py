@@ -103,8 +103,10 @@ def set_up(m):
     for i in range(n):
         row, factor = row_of(m.P, i, n), row_of(m.factor, i, n)
         for j in range(i):
-            if row[j] != row_of(m.P, j, n)[i]:
+            if row[j] != row_of(m.P, j, n)[i] or not abs(row[j]) < np.inf:
                 return False
+        if not abs(row[i]) < np.inf:
+            return False
         for j in range(i + 1):
             factor[j] = row[j]
     if not factor_in_place(m.factor, n) <= MOST_SPREAD:
@@ -134,15 +136,15 @@ def make_inverse(m):
 def set_row_scales(m):
     """Set 1 over the norms of the rows; tell whether all numbers of G are finite."""
     scale = floats(m.scale, m.rows)
-    total = 0.0
+    fine = True
     for i in range(m.m):
         row = row_of(m.G, i, m.n)
         squares = dot(row, row)
-        total += 0.0 * squares
+        fine = fine and squares < np.inf
         scale[i] = 1.0 / np.sqrt(squares) if squares > 0.0 else 1.0
     for i in range(m.m, m.rows):
         scale[i] = 1.0
-    return total == 0.0
+    return fine
 
 
 @part

@@ -73,12 +73,11 @@ def is_faulty(m):
     """
     q, b = floats(m.q, m.n), floats(m.b, m.p)
     h, lb, ub = floats(m.h, m.m), floats(m.lb, m.n), floats(m.ub, m.n)
-    total = 0.0
+    fine = True
     for j in range(m.n):
-        total += 0.0 * q[j]
+        fine = fine and abs(q[j]) < np.inf
     for i in range(m.p):
-        total += 0.0 * b[i]
-    fine = total == 0.0
+        fine = fine and abs(b[i]) < np.inf
     for i in range(m.m):
         fine = fine and (-INFINITE < h[i] < INFINITE or h[i] == np.inf)
     for j in range(m.n):
