@@ -5,6 +5,7 @@ import threading
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 from namlcp import Options, solve_lcp, solve_qp
 from namlcp.linalg import threads
@@ -93,11 +94,13 @@ def seen_inside(monkeypatch, solve):
 
 
 def test_solves_run_on_one_thread(monkeypatch):
+    """All that may call BLAS: small dense QPs are solved by our own code alone."""
     n = LARGE
     P, q = np.eye(n), np.linspace(-1.0, 1.0, n)
+    sparse = sp.csc_array(P)
     solves = (
-        lambda: solve_qp(P, q, lb=np.zeros(n)),
-        lambda: solve_qp(P, q, G=np.ones((1, n)), h=np.ones(1), threads=2),
+        lambda: solve_qp(sparse, q, lb=np.zeros(n)),
+        lambda: solve_qp(sparse, q, G=np.ones((1, n)), h=np.ones(1), threads=2),
         lambda: solve_lcp(P, q),
         lambda: solve_lcp(P, q, method="mgs"),
     )
