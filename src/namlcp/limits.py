@@ -95,14 +95,20 @@ class Deadline:
             except BaseException as error:
                 self.error, over = error, 1
 
+    def leaves_time_for(self, work: float) -> bool:
+        """Tell whether a kernel of so many operations needs not check the deadline."""
+        time_left = UNCHECKED_TIME
+        if self.at < math.inf:
+            time_left = min(self.at - time.perf_counter(), UNCHECKED_TIME)
+        return work <= SPEED * time_left
+
     def run(self, kernel: Callable[..., Any], work: float, *arguments: Any) -> Any:
         """Return kernel(*arguments, address) of a compiled function.
 
         The kernel does at most `work` operations and gives `address` to `new_watch`;
         `address` is 0 where `work` is so little that no check is needed.
         """
-        left = self.at - time.perf_counter()
-        if work <= SPEED * (left if left < UNCHECKED_TIME else UNCHECKED_TIME):
+        if self.leaves_time_for(work):
             return kernel(*arguments, 0)
         answers = self.answers()
         next(answers)
