@@ -33,6 +33,36 @@ class Differentiable:
         return state
 
 
+class Unfolding(Differentiable):
+    """A result whose attributes may be made when the first of them is asked for.
+
+    A small QP is solved in less time than it takes to wrap all that is known of it. An
+    attribute `later` = (function, argument, ...) makes the others: function(argument,
+    ...) returns them in a dict.
+    """
+
+    def __getattr__(self, name: str) -> Any:
+        """Return an attribute that has not been made, or raise AttributeError."""
+        self.unfold()
+        if name not in vars(self):
+            kind = type(self).__name__
+            raise AttributeError(f"{kind!r} object has no attribute {name!r}")
+        return vars(self)[name]
+
+    def unfold(self) -> None:
+        """Make all attributes that are missing."""
+        function, *arguments = vars(self).get("later", (dict,))
+        for name, value in function(*arguments).items():
+            vars(self).setdefault(name, value)  # another thread may have made it
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the function behind, too, but not what it makes."""
+        self.unfold()
+        state = super().__getstate__()
+        state.pop("later", None)
+        return state
+
+
 @dataclass(frozen=True, eq=False, kw_only=True)
 class LCPResult(Differentiable):
     """Result of `solve_lcp`; read `status` first.
@@ -189,7 +219,7 @@ class LCPResult(Differentiable):
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class QPResult(Differentiable):
+class QPResult(Unfolding):
     """Result of `solve_qp`; read `status` first.
 
     Attributes
@@ -252,10 +282,11 @@ class QPResult(Differentiable):
     def of(cls, attributes: dict[str, Any]) -> "QPResult":
         """Return a result with these attributes, all that have no default.
 
-        The constructor takes 3 us, because the class is frozen, this half of one.
+        The constructor takes 3 us, because the class is frozen, this half of one. They
+        may be given as `later`, see `Unfolding`.
         """
         result = object.__new__(cls)
-        object.__setattr__(result, "__dict__", attributes)
+        result.__dict__.update(attributes)
         return result
 
     def backward(

@@ -1,6 +1,7 @@
 """update and solve give what a fresh solve gives, whatever came before."""
 
 import copy
+import dataclasses
 import pickle
 import sys
 import threading
@@ -236,6 +237,34 @@ def test_a_sparse_pattern_stays():
     np.testing.assert_allclose(solver.solve().x, expected.x, atol=1e-12)
 
 
+def test_what_a_result_makes_later_is_what_a_fresh_solve_says():
+    """Each attribute can be the first one that is asked for."""
+    walk = Walk(1, 8, 12, 2, 0.5)
+    solver, fresh = Solver(**walk.data), solve_qp(**walk.data)
+    names = [field.name for field in dataclasses.fields(fresh)]
+    for name in set(names) - {"setup_time", "solve_time", "problem"}:
+        first = getattr(solver.solve(), name)
+        expected = getattr(fresh, name)
+        if isinstance(expected, (np.ndarray, float, tuple)):
+            np.testing.assert_allclose(first, expected, rtol=1e-9, atol=1e-9)
+        elif name != "iterations":
+            assert first == expected
+    result = solver.solve()
+    assert result.y is result.y
+    assert 0.0 <= result.solve_time < 10.0
+    result = solver.solve()
+    others = copy.copy(result), pickle.loads(pickle.dumps(solver.solve()))
+    replaced = dataclasses.replace(result, message="same")
+    for other in (*others, replaced):
+        np.testing.assert_array_equal(other.z, result.z)
+        assert other.residuals.solved(1e-9, 0.0)
+    for name in ("later_on", "__deepcopy__"):
+        with pytest.raises(AttributeError, match=f"'QPResult' object has no .*{name}"):
+            getattr(solver.solve(), name)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        result.z = result.z
+
+
 def test_a_copy_and_a_pickle_go_their_own_way():
     solver = simple()
     solver.solve()
@@ -272,7 +301,7 @@ def test_an_interrupted_solve_leaves_the_solver_usable(store, monkeypatch):
     for _ in range(5):
         solver.update(**arguments(walk.change_all_vectors(), store))
         with monkeypatch.context() as patch:
-            for place, name in (module, "solve_checked"), (Responses, "solve"):
+            for place, name in (module, "solve_checked"), (Responses, "run"):
                 patch.setattr(place, name, interrupted(getattr(place, name)))
             with pytest.raises(KeyboardInterrupt):
                 solver.solve()

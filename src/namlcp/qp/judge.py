@@ -134,9 +134,7 @@ def upheld(
     are the very matrices of the QP, whose sums have been taken, and little where the
     rounding errors of all sums are within the tolerances.
     """
-    P, G, A = given
-    same = P is qp.P and (G is None or G is qp.G) and (A is None or A is qp.A)
-    if same or answer.status is not Status.SOLVED:
+    if answer.status is not Status.SOLVED or are_own(given, qp):
         return answer
     own = qp.P, qp.G, qp.A
     found = answer.residuals
@@ -153,6 +151,12 @@ def upheld(
     judged = judge.answer(Status.STALLED, answer.iterations, answer.form)
     message = answer.message if judged.status is Status.SOLVED else BY_LUCK
     return judged._replace(message=message)
+
+
+def are_own(given: tuple[Any, Any, Any], qp: QP) -> bool:
+    """Tell whether (P, G, A) as they came are the very matrices of the QP."""
+    P, G, A = given
+    return P is qp.P and (G is None or G is qp.G) and (A is None or A is qp.A)
 
 
 def as_stored(given: Any, own: Any) -> Any:

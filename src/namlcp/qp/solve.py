@@ -17,7 +17,7 @@ from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.judge import confirmed, upheld
 from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, checked, qp_arrays
-from namlcp.qp.responses import MOST_ORDER, solve_once
+from namlcp.qp.responses import MOST_ORDER, parted, solve_once
 from namlcp.qp.transforms import substitute, without_huge_bounds
 from namlcp.residuals import qp_residuals
 from namlcp.result import QPResult
@@ -193,29 +193,66 @@ def result_of(
 
     start, ready: the values of time.perf_counter() at the call and after its checks.
     """
+    seconds = ready - start, time.perf_counter() - ready
+    attributes = attributes_of(answer, *seconds)
+    attributes["problem"] = problem
+    if history is not None:
+        attributes["history"] = history
+    if closest is not None:
+        attributes["closest"] = closest
+    return QPResult.of(attributes)
+
+
+def attributes_of(
+    answer: Answer, setup_time: float, solve_time: float
+) -> dict[str, Any]:
+    """Return the attributes of a result that have no default."""
     status, (x, y, z, z_box), residuals, iterations, form, message = answer
     objective = residuals.objective
     if status is not Status.SOLVED:
         objective = OBJECTIVE.get(status, objective)
+    return {
+        "status": status,
+        "x": x,
+        "y": y,
+        "z": z,
+        "z_box": z_box,
+        "obj": objective,
+        "residuals": residuals,
+        "iterations": iterations,
+        "form": form,
+        "message": message,
+        "setup_time": setup_time,
+        "solve_time": solve_time,
+    }
+
+
+def quick_result(
+    numbers: np.ndarray,
+    pivots: int,
+    problem: tuple[QP, tuple[Any, Any, Any]],
+    start: float,
+) -> QPResult:
+    """Return the SOLVED result of `Responses.run`; its rest is made when asked for.
+
+    problem, start: as in `result_of`.
+    """
+    later = (
+        unfolded, numbers, pivots, problem[0], time.perf_counter() - start
+    )  # fmt: skip
+    x = numbers[: problem[0].q.size]
     return QPResult.of(
-        {
-            "status": status,
-            "x": x,
-            "y": y,
-            "z": z,
-            "z_box": z_box,
-            "obj": objective,
-            "residuals": residuals,
-            "iterations": iterations,
-            "form": form,
-            "message": message,
-            "setup_time": ready - start,
-            "solve_time": time.perf_counter() - ready,
-            "history": history,
-            "problem": problem,
-            "closest": closest,
-        }
+        {"status": Status.SOLVED, "x": x, "problem": problem, "later": later}
     )
+
+
+def unfolded(
+    numbers: np.ndarray, pivots: int, qp: QP, solve_time: float
+) -> dict[str, Any]:
+    """Return the attributes of a `quick_result`."""
+    parts = parted(numbers, qp.q.size, qp.h.size, qp.b.size)
+    answer = Answer(Status.SOLVED, *parts, pivots, "dual")
+    return attributes_of(answer, 0.0, solve_time)
 
 
 def solve_or_relax(

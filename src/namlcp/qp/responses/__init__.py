@@ -13,6 +13,9 @@ of this room, `DenseResponses` for arrays and `SparseResponses` for sparse matri
   (`checks.vector`). None: another method has to solve this QP, or it has numbers that
   are not allowed. Every verdict has been judged on the data as given. Whatever it is,
   the active rows of the last solved QP are kept;
+- ``run``: as `solve`, but a code and an array of numbers, from which ``answer(code,
+  numbers, qp, limits)`` makes what `solve` returns. After the code DONE the QP is
+  SOLVED, and `parted` takes the numbers apart: most of a short solve is wrapping them;
 - ``renew(qp)``: after a change of the matrices' values, sizes as before. The active
   rows are kept as a hint;
 - ``are_unsuited``: the last solve found that the matrices are not suited;
@@ -25,7 +28,14 @@ response is made; `dense` and `run` do, for arrays, `sparse` and `sparse_run` fo
 matrices. `course` is what a solve consists of, whatever the matrices are stored as.
 """
 
+from namlcp.qp.responses.active import DONE
 from namlcp.qp.responses.batch import Stack
 from namlcp.qp.responses.course import ROUNDING
-from namlcp.qp.responses.solve import MOST_ORDER, DenseResponses, Responses, solve_once
+from namlcp.qp.responses.solve import (
+    MOST_ORDER,
+    DenseResponses,
+    Responses,
+    parted,
+    solve_once,
+)
 from namlcp.qp.responses.sparse_solve import SparseResponses

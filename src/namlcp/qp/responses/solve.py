@@ -36,6 +36,7 @@ MOST_POOLED = 1_000_000
 # Solves that are left to other methods without trying, after 1, 2, ... were tried in a
 # row and left to these.
 PAUSES = 0, 1, 3, 7, 15
+NO_NUMBERS = np.empty(0)
 
 
 def solve_once(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
@@ -52,10 +53,22 @@ def solve_once(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
         space.now.is_single = True
     if guess.active.size:
         space.suggest(guess.active)
-    found = space.solve(qp.q, qp.h, qp.b, qp.lb, qp.ub, limits)
+    _, q, _, h, _, b, lb, ub = qp
+    code, numbers = space.run(q, h, b, lb, ub, limits)
+    found = space.answer(code, numbers, qp, limits)
     if space.memory.size <= MOST_POOLED:
         POOL.append(space)
     return found
+
+
+def parted(numbers: np.ndarray, n: int, m: int, p: int) -> tuple[Point, Residuals]:
+    """Return the point and the residuals in the array of a result."""
+    size = n + p + m
+    end = size + n
+    parts = numbers[:n], numbers[n : n + p], numbers[n + p : size], numbers[size:end]
+    # These take half the time of Point(...) and Residuals(...).
+    point = tuple.__new__(Point, parts)
+    return point, tuple.__new__(Residuals, numbers[end:].tolist())
 
 
 class Responses:
@@ -67,7 +80,9 @@ class Responses:
 
     kernel: Callable[..., int]
     matrices: tuple[Any, Any, Any]
-    limits: Limits | None = None  # of the last solve
+    limits: Limits | None = None  # of the last solve with these matrices
+    length = 0  # of the array of a result
+    work = 0.0  # operations of a solve at most
     left = 0  # solves in a row that were left to other methods
     pause = 0  # solves that will be left to them without trying
 
@@ -88,7 +103,8 @@ class Responses:
 
     def attach(self, P: Any, G: Any, A: Any) -> None:
         """Take matrices, and memory for them."""
-        raise NotImplementedError
+        self.matrices, self.limits = (P, G, A), None
+        self.left = self.pause = 0
 
     def renew(self, qp: QP) -> None:
         """Take the changed matrices of a QP of the same sizes.
@@ -102,10 +118,13 @@ class Responses:
         self.now.hints = kept  # the numbers of the rows are still in memory
 
     def limit(self, limits: Limits) -> None:
-        """Note when solves end."""
+        """Note when solves end, and what they take."""
         now, self.limits = self.now, limits
         now.eps_abs, now.eps_rel = limits.eps_abs, limits.eps_rel
         now.max_iter = limits.max_iter or DEFAULT_OPTIONS.max_iter
+        sizes = now.n + now.p + now.m
+        self.length = sizes + now.n + NUMBERS
+        self.work = 4.0 * now.max_iter * now.n * (now.n + sizes)  # of so many pivots
 
     def suggest(self, active: np.ndarray) -> None:
         """Let the next solve begin with these rows active, see `Guess.active`."""
@@ -124,29 +143,50 @@ class Responses:
 
         Returns None where another method has to solve it, or a number is not allowed.
         """
+        code, numbers = self.run(q, h, b, lb, ub, limits)
+        P, G, A = self.matrices
+        return self.answer(code, numbers, QP(P, q, G, h, A, b, lb, ub), limits)
+
+    def run(
+        self,
+        q: np.ndarray,
+        h: np.ndarray,
+        b: np.ndarray,
+        lb: np.ndarray,
+        ub: np.ndarray,
+        limits: Limits,
+    ) -> tuple[int, np.ndarray]:
+        """Do as `solve`; return the code of the kernel and the numbers for `parted`.
+
+        After DONE the QP is SOLVED; no other code is of use to other rooms.
+        """
         if self.pause > 0:
             self.pause -= 1
-            return None
+            return STUCK, NO_NUMBERS
         if limits is not self.limits:
             self.limit(limits)
-        n, m, p = q.size, h.size, b.size
-        size = n + p + m
-        out = np.empty(size + n + NUMBERS)
-        work = 4.0 * self.now.max_iter * n * (n + size)  # of so many pivots
-        code = limits.deadline.run(
-            self.kernel, work, self.address, q, h, b, lb, ub, out
-        )
-        self.left = min(self.left + 1, len(PAUSES)) if code == STUCK else 0
-        self.pause = PAUSES[self.left - 1] if self.left else 0
+        numbers = np.empty(self.length)
+        arguments = self.address, q, h, b, lb, ub, numbers
+        if limits.deadline.leaves_time_for(self.work):
+            code = self.kernel(*arguments, 0)
+        else:
+            code = limits.deadline.run(self.kernel, self.work, *arguments)
+        if code == STUCK:
+            self.left = min(self.left + 1, len(PAUSES))
+            self.pause = PAUSES[self.left - 1]
+        else:
+            self.left = 0
+        return code, numbers
+
+    def answer(
+        self, code: int, numbers: np.ndarray, qp: QP, limits: Limits
+    ) -> Answer | None:
+        """Return what `solve` does from what `run` has returned."""
         if code not in JUDGED:
             return None
-        end = size + n
-        point = Point(out[:n], out[n : n + p], out[n + p : size], out[size:end])
+        point, residuals = parted(numbers, qp.q.size, qp.h.size, qp.b.size)
         if code == DONE:
-            residuals = tuple.__new__(Residuals, out[end:].tolist())  # twice as fast
             return Answer(SOLVED, point, residuals, self.now.pivots, "dual")
-        P, G, A = self.matrices
-        qp = QP(P, q, G, h, A, b, lb, ub)
         return self.summed(code, point, qp, limits)
 
     def summed(self, code: int, point: Point, qp: QP, limits: Limits) -> Answer | None:
@@ -178,7 +218,7 @@ class DenseResponses(Responses):
 
     def attach(self, P: np.ndarray, G: np.ndarray, A: np.ndarray) -> None:
         """Take matrices, and memory for them."""
-        self.matrices, self.left, self.pause = (P, G, A), 0, 0
+        super().attach(P, G, A)
         if not attach_matrices(self.address, P, G, A):
             self.memory = allocate(self.now)
             attach_matrices(self.address, P, G, A)

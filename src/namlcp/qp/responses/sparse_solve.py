@@ -60,7 +60,7 @@ class SparseResponses(Responses):
 
         The same pattern as before saves time.
         """
-        self.matrices, self.left, self.pause = (P, G, A), 0, 0
+        super().attach(P, G, A)
         n, m, p = P.shape[0], G.shape[0], A.shape[0]
         self.kkt = kkt = KKT(P, by_rows(A), csr_array((0, n)), self.kkt)
         self.rows, self.rest = by_rows(G), np.empty(kkt.size)
