@@ -5,6 +5,7 @@ import math
 import numbers
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -66,10 +67,15 @@ class Options:
         check_count("threads", self.threads)
         relaxation_of(self.infeasible)
 
-    @property
+    @cached_property
     def relaxation(self) -> "Relaxation | None":
         """What `infeasible` asks for beyond a certificate, None if nothing."""
         return relaxation_of(self.infeasible)
+
+    @cached_property
+    def unwatched(self) -> Limits:
+        """The limits of solves without a deadline, made once."""
+        return self.limits()
 
     @classmethod
     def from_names(cls, settings: Mapping[str, Any]) -> "Options":

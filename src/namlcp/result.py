@@ -282,11 +282,19 @@ class QPResult(Unfolding):
     def of(cls, attributes: dict[str, Any]) -> "QPResult":
         """Return a result with these attributes, all that have no default.
 
-        The constructor takes 3 us, because the class is frozen, this half of one. They
-        may be given as `later`, see `Unfolding`.
+        The constructor takes 3 us, because the class is frozen, this half of one.
         """
         result = object.__new__(cls)
         result.__dict__.update(attributes)
+        return result
+
+    @classmethod
+    def quick(cls, x: np.ndarray, problem: Any, later: tuple[Any, ...]) -> "QPResult":
+        """Return a SOLVED result, of which `later` makes the rest, see `Unfolding`."""
+        result = object.__new__(cls)
+        state = result.__dict__
+        state["status"] = Status.SOLVED
+        state["x"], state["problem"], state["later"] = x, problem, later
         return result
 
     def backward(

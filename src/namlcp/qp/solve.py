@@ -1,6 +1,7 @@
 """solve_qp: check, substitute, solve the smallest form, map back, check residuals."""
 
 import time
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.judge import confirmed, upheld
 from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, checked, qp_arrays
-from namlcp.qp.responses import MOST_ORDER, parted, solve_once
+from namlcp.qp.responses import MOST_ORDER, is_brief, parted, solve_once
 from namlcp.qp.transforms import substitute, without_huge_bounds
 from namlcp.residuals import qp_residuals
 from namlcp.result import QPResult
@@ -126,7 +127,10 @@ def solve_shortly(
     order = qp.q.size + qp.h.size + qp.b.size
     if order > MOST_ORDER or not qp.is_dense or options.verbose or options.relaxation:
         return None
-    limits = options.limits(Deadline(start + options.time_limit))
+    if options.time_limit == inf and is_brief(qp, options.max_iter):
+        limits = options.unwatched
+    else:
+        limits = options.limits(Deadline(start + options.time_limit))
     try:
         answer = solve_once(qp, NO_GUESS, limits)  # without BLAS
     except SystemError as error:
@@ -237,13 +241,9 @@ def quick_result(
 
     problem, start: as in `result_of`.
     """
-    later = (
-        unfolded, numbers, pivots, problem[0], time.perf_counter() - start
-    )  # fmt: skip
-    x = numbers[: problem[0].q.size]
-    return QPResult.of(
-        {"status": Status.SOLVED, "x": x, "problem": problem, "later": later}
-    )
+    qp, solve_time = problem[0], time.perf_counter() - start
+    later = unfolded, numbers, pivots, qp, solve_time
+    return QPResult.quick(numbers[: qp.q.size], problem, later)
 
 
 def unfolded(

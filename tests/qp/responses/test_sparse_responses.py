@@ -174,6 +174,21 @@ def test_what_does_not_determine_x_is_left_to_others():
     assert solve(kept, qp).status is Status.SOLVED
 
 
+def test_changed_matrices_are_factored_where_a_solve_is_tried():
+    qp = control_qp(np.random.default_rng(6), 10)
+    kept = SparseResponses.of(qp)
+    first = solve(kept, qp)
+    kkt, kept.pause = kept.kkt, 1
+    for factor in (1.0, 2.0):  # x stays
+        kept.renew(qp._replace(P=qp.P * factor, q=qp.q * factor))
+    assert solve(kept, qp) is None
+    assert kept.kkt is kkt
+    answer = solve(kept, qp._replace(P=qp.P * 2.0, q=qp.q * 2.0))
+    assert kept.kkt is not kkt
+    np.testing.assert_allclose(answer.point.x, first.point.x, atol=1e-10)
+    assert answer.iterations == 0  # from the rows of the first solve
+
+
 def test_dependent_equations():
     """The same equation twice: solved if both agree, else left to others."""
     A = sp.csc_array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0]])

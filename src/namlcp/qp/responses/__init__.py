@@ -4,8 +4,9 @@ A solve keeps what depends on the matrices alone: the solution operator of the Q
 without inequalities, and the responses to the rows that have been active. The next
 solve starts from the active rows of the last solved QP (`active` has the method); what
 it returns depends on the data alone, not on the solves before, up to the rounding
-errors of degenerate QPs. `solve_once` is for a single QP, `Stack` for a batch. A class
-of this room, `DenseResponses` for arrays and `SparseResponses` for sparse matrices, has
+errors of degenerate QPs. `solve_once` is for a single QP (`is_brief`: one that ends so
+soon that nobody need look at the clock), `Stack` for a batch. A class of this room,
+`DenseResponses` for arrays and `SparseResponses` for sparse matrices, has
 
 - ``of(qp)``: for the matrices of a QP, None where they are not suited. The arrays are
   not copied, and must not change;
@@ -17,7 +18,7 @@ of this room, `DenseResponses` for arrays and `SparseResponses` for sparse matri
   numbers, qp, limits)`` makes what `solve` returns. After the code DONE the QP is
   SOLVED, and `parted` takes the numbers apart: most of a short solve is wrapping them;
 - ``renew(qp)``: after a change of the matrices' values, sizes as before. The active
-  rows are kept as a hint;
+  rows are kept as a hint; nothing is computed before a solve that is tried;
 - ``are_unsuited``: the last solve found that the matrices are not suited;
 - ``suggest(active)``: start the next solve from these rows, as `Guess.active`.
 
@@ -35,6 +36,7 @@ from namlcp.qp.responses.solve import (
     MOST_ORDER,
     DenseResponses,
     Responses,
+    is_brief,
     parted,
     solve_once,
 )

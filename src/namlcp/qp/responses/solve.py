@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from namlcp.limits import Limits
+from namlcp.limits import NEVER, Limits
 from namlcp.options import DEFAULT_OPTIONS
 from namlcp.qp.answer import Answer, proved
 from namlcp.qp.certificates import accept_primal
@@ -47,7 +47,6 @@ def solve_once(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
     try:
         space = POOL.pop()
         space.attach(qp.P, qp.G, qp.A)
-        space.pause = 0
     except IndexError:
         space = DenseResponses(qp.P, qp.G, qp.A)
         space.now.is_single = True
@@ -59,6 +58,18 @@ def solve_once(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
     if space.memory.size <= MOST_POOLED:
         POOL.append(space)
     return found
+
+
+def pivot_work(n: int, rows: int) -> float:
+    """Return the most operations of a pivot, for n variables and rows of G and A."""
+    return 4.0 * n * (2 * n + rows)
+
+
+def is_brief(qp: QP, max_iter: int) -> bool:
+    """Tell whether `solve_once` does not look at a deadline unless there is a limit."""
+    return NEVER.leaves_time_for(
+        max_iter * pivot_work(qp.q.size, qp.h.size + qp.b.size)
+    )
 
 
 def parted(numbers: np.ndarray, n: int, m: int, p: int) -> tuple[Point, Residuals]:
@@ -80,9 +91,11 @@ class Responses:
 
     kernel: Callable[..., int]
     matrices: tuple[Any, Any, Any]
-    limits: Limits | None = None  # of the last solve with these matrices
+    limits: Limits | None = None  # of the last solve
+    max_iter = 0  # of these limits
     length = 0  # of the array of a result
-    work = 0.0  # operations of a solve at most
+    pivot_work = 0.0  # operations of a pivot
+    is_stale = False  # whether the matrices are still to be attached
     left = 0  # solves in a row that were left to other methods
     pause = 0  # solves that will be left to them without trying
 
@@ -103,28 +116,32 @@ class Responses:
 
     def attach(self, P: Any, G: Any, A: Any) -> None:
         """Take matrices, and memory for them."""
-        self.matrices, self.limits = (P, G, A), None
+        self.matrices, self.is_stale = (P, G, A), False
         self.left = self.pause = 0
+        n, rows = P.shape[0], G.shape[0] + A.shape[0]
+        self.length = 2 * n + rows + NUMBERS
+        self.pivot_work = pivot_work(n, rows)
 
     def renew(self, qp: QP) -> None:
-        """Take the changed matrices of a QP of the same sizes.
+        """Note the changed matrices of a QP of the same sizes.
 
         The active rows of the last solved QP are tried first in the next solve, and a
         pause goes on: other values seldom make a solve much easier.
         """
-        kept, left, pause = self.now.kept_k, self.left, self.pause
-        self.attach(qp.P, qp.G, qp.A)
-        self.left, self.pause = left, pause
-        self.now.hints = kept  # the numbers of the rows are still in memory
+        self.matrices, self.is_stale = (qp.P, qp.G, qp.A), True
+
+    def attach_anew(self) -> None:
+        """Take the matrices that `renew` has noted."""
+        left, hints = self.left, max(self.now.kept_k, self.now.hints)
+        self.attach(*self.matrices)
+        self.left = left
+        self.now.hints = hints  # the numbers of the rows are still in memory
 
     def limit(self, limits: Limits) -> None:
-        """Note when solves end, and what they take."""
+        """Note when solves end."""
         now, self.limits = self.now, limits
         now.eps_abs, now.eps_rel = limits.eps_abs, limits.eps_rel
-        now.max_iter = limits.max_iter or DEFAULT_OPTIONS.max_iter
-        sizes = now.n + now.p + now.m
-        self.length = sizes + now.n + NUMBERS
-        self.work = 4.0 * now.max_iter * now.n * (now.n + sizes)  # of so many pivots
+        now.max_iter = self.max_iter = limits.max_iter or DEFAULT_OPTIONS.max_iter
 
     def suggest(self, active: np.ndarray) -> None:
         """Let the next solve begin with these rows active, see `Guess.active`."""
@@ -163,14 +180,17 @@ class Responses:
         if self.pause > 0:
             self.pause -= 1
             return STUCK, NO_NUMBERS
+        if self.is_stale:
+            self.attach_anew()
         if limits is not self.limits:
             self.limit(limits)
         numbers = np.empty(self.length)
         arguments = self.address, q, h, b, lb, ub, numbers
-        if limits.deadline.leaves_time_for(self.work):
+        work = self.max_iter * self.pivot_work
+        if limits.deadline.leaves_time_for(work):
             code = self.kernel(*arguments, 0)
         else:
-            code = limits.deadline.run(self.kernel, self.work, *arguments)
+            code = limits.deadline.run(self.kernel, work, *arguments)
         if code == STUCK:
             self.left = min(self.left + 1, len(PAUSES))
             self.pause = PAUSES[self.left - 1]
