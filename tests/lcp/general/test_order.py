@@ -15,7 +15,7 @@ from namlcp.lcp.general import order
 from namlcp.lcp.general.farkas import farkas
 from namlcp.lcp.general.order import solve_general
 from namlcp.lcp.pivoting.rays import proof
-from namlcp.lcp.prepared import Prepared
+from namlcp.lcp.prepared import DENSE_ORDER, Prepared
 from namlcp.limits import Deadline, Limits
 
 INF = np.inf
@@ -56,6 +56,17 @@ def test_classes(generator, n):
         assert_solves_lcp(solve_lcp(A, q), A, q)
 
 
+def test_lemke_comes_first_where_the_matrix_is_dense():
+    """A path takes several times as long; sparse matrices are left to paths."""
+    rng = np.random.default_rng(0)
+    A, q = rng.random((300, 300)), rng.standard_normal(300)  # strictly copositive
+    outcome = solve_general(lcp_of(A, q), None, LIMITS)
+    assert (outcome.status, outcome.method) == (Status.SOLVED, "lemke")
+    A, q = problems.friction(rng, 40)
+    assert q.size > DENSE_ORDER
+    assert solve_general(lcp_of(A, q), None, LIMITS).method == "path"
+
+
 def test_collections():
     """Siconos' own LCP tests and Gambit's games."""
     found = problems.collection()
@@ -90,7 +101,8 @@ def test_every_stage_alone(stage, monkeypatch):
 
 
 def test_a_start_at_the_solution_takes_one_factorisation():
-    A, q = problems.friction(np.random.default_rng(0), 20)
+    """Of a path, which ends inside a face; a vertex of Lemke's may take more."""
+    A, q = problems.friction(np.random.default_rng(0), 40)
     z = solve_lcp(A, q).z
     again = solve_lcp(A, q * (1.0 + 1e-6), z0=z)
     assert_solves_lcp(again, A, q * (1.0 + 1e-6))

@@ -11,6 +11,7 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from scipy import sparse
 
 from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.general.arc import Arc
@@ -23,9 +24,10 @@ from namlcp.lcp.general.search import Search
 from namlcp.limits import Limits
 from namlcp.status import Status
 
-LEMKE_ORDER, LAST_LEMKE_ORDER = 150, 1200
+LEMKE_ORDER, LAST_LEMKE_ORDER = 400, 1200
 """Largest orders for Lemke's method on a dense tableau: up to the first it is faster
-than the paths, and up to the second it is tried after them."""
+than the paths where A is dense, up to the second it is tried after them. (An A of up to
+`prepared.DENSE_ORDER` unknowns is dense here even if given as sparse.)"""
 
 PROOF_ORDER = 250
 """Order up to which a proof is cheap beside a path."""
@@ -80,6 +82,22 @@ def by_lemke(search: Search) -> Outcome | None:
     return search.decided(solve_by_lemke(search.lcp, None, search.limits))
 
 
+def by_lemke_first(search: Search) -> Outcome | None:
+    """Use Lemke's method where it is faster than the paths."""
+    return by_lemke(search) if lemke_is_faster(search) else None
+
+
+def by_lemke_last(search: Search) -> Outcome | None:
+    """Use Lemke's method where it has not been used before."""
+    return None if lemke_is_faster(search) else by_lemke(search)
+
+
+def lemke_is_faster(search: Search) -> bool:
+    """Tell whether Lemke's method is likely to take less time than the paths."""
+    is_dense = not sparse.issparse(search.lcp.matrix.compact)
+    return is_dense and search.lcp.q.size <= LEMKE_ORDER
+
+
 def by_path(search: Search) -> None:
     """Follow the interior path."""
     search.follow(mehrotra(search.model, search.system), "path")
@@ -115,12 +133,12 @@ def by_arc(search: Search, size: float = 1.0) -> Outcome | None:
 
 STAGES = (
     Stage(by_game),
-    Stage(by_lemke, most=LEMKE_ORDER),
+    Stage(by_lemke_first),
     Stage(by_path),
     Stage(by_proof, most=PROOF_ORDER),
     Stage(by_enumeration, most=LARGEST_ENUMERATION),
     Stage(by_arc),
     Stage(by_proof, least=PROOF_ORDER),
     Stage(partial(by_arc, size=3.0)),
-    Stage(by_lemke, least=LEMKE_ORDER, most=LAST_LEMKE_ORDER),
+    Stage(by_lemke_last, most=LAST_LEMKE_ORDER),
 )
