@@ -125,7 +125,7 @@ def test_discs_lose_energy_and_do_not_overlap():
     for _ in range(80):
         record = discs.step()
         assert record.status is Status.SOLVED
-        assert record.residual < 1e-8
+        assert record.residual < 1e-9
         assert record.energy <= energy + 1e-9
         assert record.overlap < 1e-9
         energy = record.energy

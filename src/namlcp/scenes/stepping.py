@@ -18,6 +18,7 @@ GRAVITY = 9.81
 STEP = 0.01  # [s]
 REACH = 0.1  # distance up to which a contact is in the LCP [m]
 PUSH_OUT = 0.1  # share of what has crept in that one step pushes out
+ACCURACY = 1e-11  # Res of an LCP over max |q_i| that counts as solved
 
 
 class Record(NamedTuple):
@@ -101,14 +102,14 @@ class FallingDiscs:
         kinds = q.size // m if m else 1
         none = np.zeros(kinds)
         z0 = np.array([self.last.get(name, none) for name in names]).T.ravel()
+        size = float(np.abs(q).max(initial=0.0)) or 1.0
         start = time.thread_time()
-        result = solve_lcp(A, q, z0=z0 if self.warm else None)
+        result = solve_lcp(A, q, z0=z0 if self.warm else None, eps_abs=ACCURACY * size)
         seconds = time.thread_time() - start
         z = result.z.reshape(kinds, m).T
         self.last = dict(zip(names, z, strict=True))
         self.velocity = scene.velocity(result.z)
         self.centre = self.centre + STEP * self.velocity[:, :3]
-        size = float(np.abs(q).max(initial=0.0)) or 1.0
         return Record(
             q.size, result.status, result.method, result.residual / size, seconds,
             self.energy(), float(np.maximum(-distance, 0.0).max(initial=0.0)),
