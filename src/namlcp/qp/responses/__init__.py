@@ -4,9 +4,15 @@ A solve keeps what depends on the matrices alone: the solution operator of the Q
 without inequalities, and the responses to the rows that have been active. The next
 solve starts from the active rows of the last solved QP (`active` has the method); what
 it returns depends on the data alone, not on the solves before, up to the rounding
+<<<<<<< HEAD
 errors of degenerate QPs. `solve_once` is for a single QP (`is_brief`: one that ends so
 soon that nobody need look at the clock), `Stack` for a batch. A class of this room,
 `DenseResponses` for arrays and `SparseResponses` for sparse matrices, has
+=======
+errors of degenerate QPs and of those that `free` solves. `solve_once` is for a single
+QP, `Stack` for a batch. A class of this room, `DenseResponses` for arrays and
+`SparseResponses` for sparse matrices, has
+>>>>>>> 0b49cff (Solve sequences with most variables at bounds by the free ones)
 
 - ``of(qp)``: for the matrices of a QP, None where they are not suited. The arrays are
   not copied, and must not change;
@@ -27,6 +33,8 @@ It can be copied and pickled (a copy starts without history), and is for one thr
 point, measured and refined) know neither how the base problem is solved nor how a
 response is made; `dense` and `run` do, for arrays, `sparse` and `sparse_run` for sparse
 matrices. `course` is what a solve consists of, whatever the matrices are stored as.
+After a dense QP with most variables at bounds, `free` solves the next one by a face of
+few variables instead of many responses.
 """
 
 from namlcp.qp.responses.active import DONE

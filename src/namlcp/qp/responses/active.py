@@ -327,18 +327,36 @@ def is_noise(m):
 
 
 @part
+def has_next(m):
+    """Choose the entering row, unless there is none or there were too many."""
+    choose_entering(m)
+    if m.entering < 0:
+        return False
+    m.pivots += 1
+    return m.pivots <= min(m.max_iter, MOST_PIVOTS * (m.rows + 1))
+
+
+@part
+def excuse(m):
+    """Leave a row that contradicts the active ones, if that may be due to rounding.
+
+    CONTRADICTION if it cannot, STUCK if the rounding errors would be too large.
+    """
+    if not is_noise(m):
+        return CONTRADICTION
+    m.level *= 10.0
+    m.entering = -1
+    return STUCK if m.level > MOST_ROUNDING else DONE
+
+
+@part
 def pivot(m):
     """Step 2, as often as a row is violated: DONE, or see the codes above."""
     watch = longs(m.watch, 3)
-    most = min(m.max_iter, MOST_PIVOTS * (m.rows + 1))
     while True:
         if m.entering < 0:
-            choose_entering(m)
-            if m.entering < 0:
-                return DONE
-            m.pivots += 1
-            if m.pivots > most:
-                return STUCK
+            if not has_next(m):
+                return DONE if m.entering < 0 else STUCK
             if not has_response(m, m.entering):
                 m.asked = m.entering
                 return RESPONSE
@@ -350,12 +368,9 @@ def pivot(m):
         if is_full or m.operations > m.most_operations:
             return STUCK
         if step(m) == CONTRADICTION:
-            if not is_noise(m):
-                return CONTRADICTION
-            m.level *= 10.0
-            if m.level > MOST_ROUNDING:
-                return STUCK
-            m.entering = -1
+            found = excuse(m)
+            if found != DONE:
+                return found
             drop_wrong_signs(m)  # without the partial steps towards this row
 
 

@@ -92,9 +92,19 @@ def advance(m):
             return CONTRADICTION
         if m.found == DONE and not finish(m):
             return STUCK
-        m.error, m.passes_left = np.inf, PASSES
-    if m.stage == CORRECT:
+    elif m.stage == CORRECT:
         correct(m)
+    return judge(m)
+
+
+@part
+def judge(m):
+    """Let the point be judged and refined: as `advance`, from the end of the pivots.
+
+    After VALUES the caller has to `correct` the point, too.
+    """
+    if m.stage == PIVOTS:
+        m.error, m.passes_left = np.inf, PASSES
     if m.stage != MEASURE:
         set_result(m)
         m.stage = MEASURE

@@ -315,11 +315,19 @@ def set_four_values(m, outs):
 @part
 def set_products(m):
     """Set the products of the result with P, G and A."""
-    x, y, z, _ = parts_of_result(m)
-    Px, Gx, Ax = floats(m.Px, m.n), floats(m.Gx, m.m), floats(m.Ax, m.p)
-    Gtz, Aty = floats(m.Gtz, m.n), floats(m.Aty, m.n)
+    x, Px = floats(m.out, m.n), floats(m.Px, m.n)
     for j in range(m.n):
         Px[j] = dot(row_of(m.P, j, m.n), x)
+    set_products_of_rows(m)
+
+
+@part
+def set_products_of_rows(m):
+    """Set the products of the result with G and A."""
+    x, y, z, _ = parts_of_result(m)
+    Gx, Ax = floats(m.Gx, m.m), floats(m.Ax, m.p)
+    Gtz, Aty = floats(m.Gtz, m.n), floats(m.Aty, m.n)
+    for j in range(m.n):
         Gtz[j], Aty[j] = 0.0, 0.0
     for i in range(m.m):
         row = row_of(m.G, i, m.n)

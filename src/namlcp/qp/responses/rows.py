@@ -80,6 +80,17 @@ def is_pinned(m, row):
 
 
 @part
+def are_most_at_bounds(m):
+    """Tell whether the form of `free` is the smaller one: its order, see there."""
+    count = 0
+    active = longs(m.active, m.most + 1)
+    for i in range(m.k):
+        if active[i] >= m.m:
+            count += 1
+    return m.most_free > 0 and m.n - count + m.p < count
+
+
+@part
 def subtract_responses(m, factor, k, s):
     """Set s -= sum over i < k of factor[i] times the response to active row i.
 

@@ -9,14 +9,15 @@ import numpy as np
 
 from namlcp.checks import INFINITE
 from namlcp.compiled import floats, kernel, longs, part
-from namlcp.qp.responses.active import RESPONSE
-from namlcp.qp.responses.course import PRODUCTS, VALUES, advance, begin
+from namlcp.qp.responses.active import DONE, RESPONSE
+from namlcp.qp.responses.course import PRODUCTS, SUMMED, VALUES, advance, begin
 from namlcp.qp.responses.dense import (
     make_responses,
     set_products,
     set_up,
     set_values_of,
 )
+from namlcp.qp.responses.rows import are_most_at_bounds
 from namlcp.qp.responses.state import lay_out, state_at
 
 # Further codes of `run`. UNSUITED: this form does not take these matrices, or their
@@ -32,7 +33,8 @@ def attach_matrices(address, P, G, A):
     m.n, m.m, m.p = P.shape[0], G.shape[0], A.shape[0]
     m.P, m.G, m.A = P.ctypes.data, G.ctypes.data, A.ctypes.data
     m.is_ready, m.k, m.kept_k, m.hints = 0, 0, 0, 0
-    m.most_operations, m.items_left = np.inf, 0
+    m.most_operations, m.items_left, m.is_free = np.inf, 0, 0
+    m.face_is_kept = 0
     size = m.n + m.p
     return lay_out(m, size * size)
 
@@ -54,7 +56,7 @@ def take_hint(address, active):
     """
     m = state_at(address)
     kept, kept_side = longs(m.kept_active, m.most + 1), longs(m.kept_side, m.most + 1)
-    m.kept_k, m.hints = 0, 0
+    m.kept_k, m.hints, m.is_free = 0, 0, 0
     for i in range(m.m + 2 * m.n):
         if active[i]:
             if m.hints == m.most:
@@ -126,6 +128,7 @@ def solve_attached(m, clock):
         elif found == PRODUCTS:
             set_products(m)
         else:
+            m.is_free = (found == DONE or found == SUMMED) and are_most_at_bounds(m)
             return found
         found = advance(m)
 

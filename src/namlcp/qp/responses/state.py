@@ -34,6 +34,12 @@ OWN = (
     "Px Gx Ax Gtz Aty rhs change best best_multiplier "
     # The solution operator of the dense base problem, and its factors.
     "inverse factor equations "
+    # Where most variables are at bounds, see `free`: the free variables, the factor of
+    # their part of P, the held rows divided by it and the factor of their products;
+    # the product of P with the active bounds; right-hand sides of the face; the
+    # multipliers of bounds by variable, and their change.
+    "free free_triangle held_rows held_triangle load free_part held_part "
+    "bound_multiplier bound_ratio "
     # The state of `limits.is_over`.
     "watch"
 ).split()
@@ -52,6 +58,10 @@ NUMBERS = (
     # asked for; the place of the next response.
     "entering entering_side asked next_place "
     "pivots max_iter is_ready has_inverse memory memory_size memory_end "
+    # Whether the next solve has the form of `free`; free variables there, and at most;
+    # active rows of G; changes of the factor since it was computed anew; whether it is
+    # that of the last solved QP.
+    "is_free free_count most_free held face_age face_is_kept "
     # Order of a sparse KKT matrix, passes of refinement of a solve with it.
     "size passes "
     # Where `course` is: its stage, how the pivots ended, passes of refinement left, and
@@ -90,6 +100,8 @@ RECORD = np.dtype((np.record, np.dtype(ResponseState)))
 state_at = record_at(RECORD)
 # Most numbers that all responses may take: 64 MB. There are no more active rows.
 MOST_NUMBERS = 8_000_000
+# Least variables for the form of `free`; with fewer it would gain nothing.
+LEAST_FREE = 32
 
 
 def new_state() -> tuple[ResponseState, np.ndarray]:
@@ -117,6 +129,8 @@ def lay_out(m, base_size):
     m.length = m.rows + m.p
     m.most = max(min(m.n - m.p, m.rows, MOST_NUMBERS // max(m.length, 1)), 0)
     m.capacity = min(m.rows, max(m.most + 4, MOST_NUMBERS // max(m.length, 1)))
+    takes_free = base_size > 0 and LEAST_FREE <= m.n <= m.most + m.p
+    m.most_free = 2 * m.n // 3 if takes_free else 0
     m.memory_end = m.memory
     triangle = m.most * (m.most + 1) // 2
     m.s0, m.s = taken(m, m.length), taken(m, m.length)
@@ -135,6 +149,12 @@ def lay_out(m, base_size):
     m.Gtz, m.Aty = taken(m, m.n), taken(m, m.n)
     m.rhs = taken(m, 4 * (m.n + m.p))
     m.watch = taken(m, 3)
+    face = m.most_free * (m.most_free + 1) // 2
+    m.free, m.free_triangle = taken(m, m.most_free), taken(m, face)
+    m.held_rows, m.held_triangle = taken(m, m.most_free**2), taken(m, face)
+    m.free_part, m.held_part = taken(m, m.most_free), taken(m, m.most_free)
+    m.load, m.bound_multiplier = taken(m, m.n), taken(m, m.n)
+    m.bound_ratio = taken(m, m.n)
     m.inverse = taken(m, base_size)
     m.factor, m.equations = taken(m, base_size), taken(m, base_size)
     m.responses = taken(m, m.capacity * m.length)
