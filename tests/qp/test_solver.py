@@ -15,7 +15,7 @@ from scipy import sparse
 import namlcp
 from namlcp import Solver, Status, solve_qp
 from namlcp.qp.problem import qp_data
-from namlcp.qp.responses import Responses
+from namlcp.qp.responses import DenseResponses, Responses
 from namlcp.qp.sequences import solver as module
 
 NAMES = ("P", "q", "G", "h", "A", "b", "lb", "ub")
@@ -307,6 +307,18 @@ def test_an_interrupted_solve_leaves_the_solver_usable(store, monkeypatch):
                 solver.solve()
         fresh = solve_qp(**arguments(solver_data(solver), store))
         assert_same(fresh, solver.solve(), solver_data(solver), True)
+
+
+def test_ctrl_c_in_compiled_code_is_ctrl_c(monkeypatch):
+    def pressed(*_):
+        raise SystemError("result with an exception set") from KeyboardInterrupt()
+
+    solver = Solver(np.eye(2), np.ones(2))
+    with monkeypatch.context() as patch:
+        patch.setattr(DenseResponses, "kernel", staticmethod(pressed))
+        with pytest.raises(KeyboardInterrupt):
+            solver.solve()
+    np.testing.assert_array_equal(solver.solve().x, [-1.0, -1.0])
 
 
 def solver_data(solver):

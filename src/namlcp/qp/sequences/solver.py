@@ -24,7 +24,7 @@ from namlcp.checks import (
     without_huge,
 )
 from namlcp.compiled import kernel
-from namlcp.limits import Deadline
+from namlcp.limits import Deadline, cause_of
 from namlcp.options import DEFAULT_OPTIONS, Options
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.forms import is_small
@@ -235,8 +235,10 @@ class Solver:
                 if self.responses is not None and result.status is Status.SOLVED:
                     found = make_guess(self.qp, None, result)
                     self.responses.suggest(found.active)
-        except BaseException:
+        except BaseException as error:
             self.begin()  # what was to be kept may not be complete
+            if isinstance(error, SystemError):  # Ctrl-C in compiled code
+                raise cause_of(error) from None
             raise
         if result.status is Status.SOLVED:
             self.last = result
