@@ -153,7 +153,7 @@ def extras_of(result: QPResult | Answer) -> dict[str, Any]:
     """Return what a Solution has no attributes for."""
     status = result.status
     return {
-        "status": status.value,
+        "status": status._value_,  # which is the value, without a descriptor
         "message": result.message or status.explanation,
         "iterations": result.iterations,
         "form": result.form,

@@ -172,7 +172,8 @@ def qp_arrays(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) 
     ub = above if ub is None else vector("ub", ub, n, "P", shape)
     if not type(P) is type(G) is type(A) is np.ndarray:
         P, G, A = (as_sparse(C) for C in (P, G, A))
-    return QP(P, q, G, h, A, b, lb, ub)
+    # In half the time of QP(...).
+    return tuple.__new__(QP, (P, q, G, h, A, b, lb, ub))
 
 
 @interruptible

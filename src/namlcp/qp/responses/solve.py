@@ -232,7 +232,8 @@ class Responses:
             return None
         point, residuals = parted(numbers, qp.q.size, qp.h.size, qp.b.size)
         if code == DONE:
-            return Answer(SOLVED, point, residuals, self.now.pivots, "dual")
+            parts = SOLVED, point, residuals, self.now.pivots, "dual", ""
+            return tuple.__new__(Answer, parts)  # in half the time of Answer(...)
         return self.summed(code, point, qp, limits)
 
     def summed(self, code: int, point: Point, qp: QP, limits: Limits) -> Answer | None:
