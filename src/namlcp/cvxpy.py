@@ -26,6 +26,7 @@ from namlcp.qp import (
     NotConvex,
     OtherShape,
     Solver,
+    qp_data,
     solve_checked,
 )
 from namlcp.result import QPResult
@@ -89,7 +90,10 @@ class NAM(QpSolver):
         solver_opts: dict[str, Any],
         solver_cache: dict[str, Any] | None = None,
     ) -> QPResult:
-        """Solve CVXPY's QP; `solver_cache` keeps a `Solver`.
+        """Solve CVXPY's QP; `solver_cache` keeps what the next solve begins with.
+
+        That is the result of the first solve, and a `Solver` from the second one on:
+        it takes longer to make than a small problem takes to solve.
 
         Raises TypeError or ValueError for an option, SolverError for all else.
         """
@@ -98,12 +102,20 @@ class NAM(QpSolver):
         options = Options.from_names({**names, "verbose": bool(verbose)})
         cache = {} if solver_cache is None else solver_cache
         try:
-            solver = solver_of(data, cache.get(KEYWORD) if warm_start else None)
-            solver.set_options(options)
-            cache[KEYWORD] = solver
-            result = solver.solve()
+            known = cache.get(KEYWORD) if warm_start else None
+            if known is None:
+                P, q, F, g, A, b = arguments(data)
+                qp, given = qp_data(P, q, F, g, A, b, None, None), (P, F, A)
+                result = solve_checked(qp, options, NO_GUESS, start, given=given)
+                cache[KEYWORD] = result
+            else:
+                solver, last = solver_of(data, known)
+                solver.set_options(options)
+                cache[KEYWORD] = solver
+                result = solver.solve(warm_start=last)
+                qp = solver.qp
             if result.status is Status.DUAL_INFEASIBLE:
-                result = infeasible_or(result, solver.qp, options, start)
+                result = infeasible_or(result, qp, options, start)
         except NotConvex as error:
             raise SolverError(str(error)) from error
         except Exception as error:
@@ -160,8 +172,8 @@ class NAM(QpSolver):
         )
 
 
-def solver_of(data: dict[str, Any], known: Solver | None) -> Solver:
-    """Return `known` with CVXPY's data, or another Solver where it does not fit.
+def arguments(data: dict[str, Any]) -> tuple[Any, ...]:
+    """Return P, q, G, h, A, b of CVXPY's data.
 
     CVXPY lets an equality have an infinite side, which no x satisfies: such a row goes
     among the inequalities as a'x <= -inf, which is infeasible too.
@@ -172,13 +184,26 @@ def solver_of(data: dict[str, Any], known: Solver | None) -> Solver:
         F = sp.vstack((F, A[infinite]))
         g = np.append(g, np.full(infinite.sum(), -np.inf))
         A, b = A[~infinite], b[~infinite]
-    if known is not None:
+    return P, q, F, g, A, b
+
+
+def solver_of(
+    data: dict[str, Any], known: Solver | QPResult
+) -> tuple[Solver, QPResult | None]:
+    """Return a Solver with CVXPY's data, `known` where it fits, and a start for it.
+
+    The start is None where the Solver has one of its own, or none fits.
+    """
+    P, q, G, h, A, b = arguments(data)
+    if isinstance(known, Solver):
         try:
-            known.update(P=P, q=q, G=F, h=g, A=A, b=b)
-            return known
+            known.update(P=P, q=q, G=G, h=h, A=A, b=b)
+            return known, None
         except OtherShape:
-            pass
-    return Solver(P, q, F, g, A, b)
+            return Solver(P, q, G, h, A, b), None
+    sizes = known.x.size, known.z.size, known.y.size
+    fits = known.status is Status.SOLVED and sizes == (q.size, h.size, b.size)
+    return Solver(P, q, G, h, A, b), known if fits else None
 
 
 def infeasible_or(
