@@ -97,9 +97,14 @@ class Prepared:
         return None if isinstance(self.A, np.ndarray) else tridiagonal_of(self.A)
 
     @cached_property
+    def diagonal(self) -> np.ndarray:
+        """The diagonal of A."""
+        return np.asarray(self.A.diagonal())
+
+    @cached_property
     def slopes(self) -> np.ndarray:
         """diag(A), 1 where that is not positive: the scaling, and Omega of s."""
-        diagonal = self.A.diagonal()
+        diagonal = self.diagonal
         return np.where(diagonal > 0.0, diagonal, 1.0)
 
     @cached_property
@@ -110,7 +115,7 @@ class Prepared:
         x'A x < 0 for x = t e_i + r with any r that has (A r + A'r)_i != 0 and a large
         t of the right sign.
         """
-        A, diagonal = self.A, self.A.diagonal()
+        A, diagonal = self.A, self.diagonal
         if (diagonal > 0.0).all():
             return False
         r = np.random.default_rng(0).uniform(1.0, 2.0, diagonal.size)
@@ -149,7 +154,7 @@ class Prepared:
     @cached_property
     def dominance(self) -> float:
         """Upper bound of rho(|I - D^-1 A|), inf if a diagonal entry is not positive."""
-        D = self.A.diagonal()
+        D = self.diagonal
         if not np.all(D > 0.0):
             return np.inf
         return min(dominance_csr(*arrays_of(self.A), np.sqrt(D)))
