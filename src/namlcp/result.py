@@ -1,5 +1,6 @@
 """What a solve returns."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -54,6 +55,11 @@ class Unfolding(Differentiable):
         function, *arguments = vars(self).get("later", (dict,))
         for name, value in function(*arguments).items():
             vars(self).setdefault(name, value)  # another thread may have made it
+
+    def __dir__(self) -> Iterable[str]:
+        """List the attributes that are missing, too."""
+        self.unfold()
+        return super().__dir__()
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the function behind, too, but not what it makes."""

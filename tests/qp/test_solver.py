@@ -249,6 +249,7 @@ def test_what_a_result_makes_later_is_what_a_fresh_solve_says():
             np.testing.assert_allclose(first, expected, rtol=1e-9, atol=1e-9)
         elif name != "iterations":
             assert first == expected
+    assert set(names) <= set(dir(solver.solve()))
     result = solver.solve()
     assert result.y is result.y
     assert 0.0 <= result.solve_time < 10.0
