@@ -160,8 +160,12 @@ def test_renewed_matrices_and_suggestions():
         kept.renew(qp)
         for _ in range(2):  # by responses, then in the free form
             assert_same(solve(kept, qp), solve(DenseResponses.of(qp), qp), qp)
-    kept.suggest(np.zeros(4 + 100, dtype=np.int8))
-    assert_same(solve(kept, qp), solve(DenseResponses.of(qp), qp), qp)
+    for _ in range(3):
+        qp = qp._replace(q=qp.q + rng.standard_normal(50))
+        kept.suggest(np.zeros(4 + 100, dtype=np.int8))
+        for is_kept in (0, 1):  # the face: not by responses, in the free form
+            assert_same(solve(kept, qp), solve(DenseResponses.of(qp), qp), qp)
+            assert kept.now.face_is_kept == is_kept
 
 
 def test_many_free_variables_are_factored_anew_now_and_then():

@@ -129,6 +129,7 @@ def solve_attached(m, clock):
             set_products(m)
         else:
             m.is_free = (found == DONE or found == SUMMED) and are_most_at_bounds(m)
+            m.face_is_kept = 0
             return found
         found = advance(m)
 

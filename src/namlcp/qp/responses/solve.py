@@ -14,7 +14,7 @@ from namlcp.qp.guess import Guess
 from namlcp.qp.problem import QP, Point
 from namlcp.qp.responses.active import CONTRADICTION, DONE, LATE, STUCK
 from namlcp.qp.responses.course import SUMMED
-from namlcp.qp.responses.free import WIDE, run_free
+from namlcp.qp.responses.free import MOST_WORK, WIDE, run_free
 from namlcp.qp.responses.judgement import NUMBERS
 from namlcp.qp.responses.run import (
     attach_matrices,
@@ -190,7 +190,7 @@ class Responses:
         if self.now.is_free:
             code = self.call_free(arguments, limits)
         else:
-            code = self.call(self.kernel, arguments, limits)
+            code = self.call(arguments, limits)
         if code == STUCK:
             self.left = min(self.left + 1, len(PAUSES))
             self.pause = PAUSES[self.left - 1]
@@ -198,11 +198,9 @@ class Responses:
             self.left = 0
         return code, numbers
 
-    def call(
-        self, kernel: Callable[..., int], arguments: tuple[Any, ...], limits: Limits
-    ) -> int:
-        """Call a kernel, with a watch where it may run long; return its code."""
-        work = self.max_iter * self.pivot_work
+    def call(self, arguments: tuple[Any, ...], limits: Limits) -> int:
+        """Call `kernel`, with a watch where it may run long; return its code."""
+        kernel, work = self.kernel, self.max_iter * self.pivot_work
         if limits.deadline.leaves_time_for(work):
             return kernel(*arguments, 0)
         return limits.deadline.run(kernel, work, *arguments)
@@ -213,13 +211,13 @@ class Responses:
         The active rows of the last solved QP are a hint for this one, which has no
         factor of theirs, and stay one if it does not solve the QP.
         """
-        code = self.call(run_free, arguments, limits)
+        code = limits.deadline.run(run_free, MOST_WORK, *arguments)
         if code not in (WIDE, STUCK):
             return code
         now = self.now
         kept, now.kept_k = now.kept_k, 0
         now.hints = kept
-        code = self.call(self.kernel, arguments, limits)
+        code = self.call(arguments, limits)
         if code not in (DONE, SUMMED):
             now.hints = kept
         return code

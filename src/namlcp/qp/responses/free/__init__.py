@@ -21,4 +21,5 @@ rotations. T and R are computed anew, as few rows are held where most variables 
 bounds. `face` has these factors, `steps` the method, `run` the kernel.
 """
 
-from namlcp.qp.responses.free.run import WIDE, run_free
+from namlcp.qp.responses.free.run import run_free
+from namlcp.qp.responses.free.steps import MOST_WORK, WIDE

@@ -39,6 +39,9 @@ from namlcp.qp.responses.rows import goal_of, is_pinned
 
 # A further code, see above.
 WIDE = 7
+# Operations of a solve from which on it is left to the other form. So few take less
+# time than `limits.UNCHECKED_TIME`: solves without a time limit need no watch.
+MOST_WORK = 5e7
 
 
 @part
@@ -46,7 +49,8 @@ def recall_face(m):
     """Go to the face of the last solved QP, less lost sides; tell whether it exists."""
     kept, kept_side = longs(m.kept_active, m.most + 1), longs(m.kept_side, m.most + 1)
     clear_sides(m)
-    side, m.changed, is_lost = longs(m.side, m.rows), 0, False
+    m.changed, m.operations = 0, 0.0
+    side, is_lost = longs(m.side, m.rows), False
     for i in range(m.kept_k):
         if np.isinf(goal_of(m, kept[i], kept_side[i])):
             is_lost = True
@@ -87,10 +91,16 @@ def list_active(m):
 
 
 @part
+def add_work(m):
+    """Count the operations of a step, about."""
+    m.operations += (m.free_count + m.p + m.held + 2) * (m.length + m.n)
+
+
+@part
 def leave_wrong_signs(m):
     """Step 1: let rows leave until all multipliers have the sign of their side.
 
-    False where the factors do not allow it.
+    False where the factors do not allow it, or after too much work.
     """
     side, multiplier = longs(m.side, m.rows), floats(m.multiplier, m.most + 1)
     bound = floats(m.bound_multiplier, m.n)
@@ -107,7 +117,8 @@ def leave_wrong_signs(m):
                 leaving, least = m.held + j, signed
         if leaving < 0:
             break
-        if not (leave(m, leaving) and factor_held(m)):
+        add_work(m)
+        if m.operations > MOST_WORK or not (leave(m, leaving) and factor_held(m)):
             return False
     set_row_values(m)
     return True
@@ -229,8 +240,12 @@ def pivot_on_face(m):
     while True:
         if m.entering < 0 and not has_next(m):
             return DONE if m.entering < 0 else STUCK
-        if is_over(watch, (m.free_count + m.p + m.held + 2) * (m.length + m.n)):
+        before = m.operations
+        add_work(m)
+        if is_over(watch, m.operations - before):
             return LATE
+        if m.operations > MOST_WORK:
+            return WIDE
         found = step_on_face(m)
         if found != DONE:
             return found
