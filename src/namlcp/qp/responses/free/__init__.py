@@ -13,8 +13,8 @@ by L L' = P_FF, T = C_F L'^-1 and R R' = T T'; the multipliers of the active bou
 minus the gradient. An entering row c changes x_F by -t z and r by -t v, where z and v
 solve the same system for (c_F, 0); the rest of the row orthogonal to the active ones is
 c_F'z, and the multipliers of bounds change by -t (c - P z - C'v)_B. So a step costs
-n nf operations instead of n k, and bounds cost nothing. This is the primal form of a
-dual method, as in section 4 of Goldfarb and Idnani (Math. Programming 27 (1983) 1-33).
+n nf operations instead of n k for k active rows, and bounds cost nothing: this pays
+where nf and the held rows are fewer than k (`are_most_at_bounds`), for nf up to 2/3 n.
 
 A variable that becomes free is appended to L; one that is fixed is removed by Givens
 rotations. T and R are computed anew, as few rows are held where most variables are at
