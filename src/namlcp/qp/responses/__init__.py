@@ -4,15 +4,10 @@ A solve keeps what depends on the matrices alone: the solution operator of the Q
 without inequalities, and the responses to the rows that have been active. The next
 solve starts from the active rows of the last solved QP (`active` has the method); what
 it returns depends on the data alone, not on the solves before, up to the rounding
-<<<<<<< HEAD
-errors of degenerate QPs. `solve_once` is for a single QP (`is_brief`: one that ends so
-soon that nobody need look at the clock), `Stack` for a batch. A class of this room,
-`DenseResponses` for arrays and `SparseResponses` for sparse matrices, has
-=======
 errors of degenerate QPs and of those that `free` solves. `solve_once` is for a single
-QP, `Stack` for a batch. A class of this room, `DenseResponses` for arrays and
-`SparseResponses` for sparse matrices, has
->>>>>>> 0b49cff (Solve sequences with most variables at bounds by the free ones)
+QP (`is_brief`: one that ends so soon that nobody need look at the clock), `Stack` for a
+batch. A class of this room, `DenseResponses` for arrays and `SparseResponses` for
+sparse matrices, has
 
 - ``of(qp)``: for the matrices of a QP, None where they are not suited. The arrays are
   not copied, and must not change;
