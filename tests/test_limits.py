@@ -19,7 +19,7 @@ from scipy import sparse
 from scipy.sparse.linalg import LinearOperator
 
 import namlcp
-from namlcp import checks, solve_lcp, solve_qp
+from namlcp import Options, checks, solve_lcp, solve_qp
 from namlcp.limits import OFTEN, SPEED, UNCHECKED_TIME, Callback, Deadline
 from namlcp.linalg import csc
 from namlcp.qp import qp_data
@@ -369,3 +369,13 @@ def test_many_rows_make_no_dual_matrix():
         result = solve_qp(np.eye(5), 10.0 * np.ones(5), rows, np.ones(100_000))
         assert result.status is Status.SOLVED
         assert result.form == "dual"
+
+
+def test_options_are_remembered_by_value_and_type():
+    once = Options.from_names({"max_iter": 1, "eps_abs": 1e-3})
+    assert Options.from_names({"max_iter": 1, "eps_abs": 1e-3}) is once
+    with pytest.raises(TypeError, match="max_iter must be an integer, got True"):
+        Options.from_names({"max_iter": True, "eps_abs": 1e-3})
+    for wrong in ([1], np.ones(1)):  # without a hash
+        with pytest.raises(TypeError, match="max_iter must be an integer"):
+            Options.from_names({"max_iter": wrong})

@@ -5,7 +5,7 @@ import math
 import numbers
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
@@ -79,10 +79,17 @@ class Options:
 
     @classmethod
     def from_names(cls, settings: Mapping[str, Any]) -> "Options":
-        """Return options from a mapping; raise a TypeError for an unknown name."""
+        """Return options from a mapping; raise a TypeError for an unknown name.
+
+        The last ones are remembered: checking them takes as long as a tiny QP.
+        """
         if not OPTION_NAMES.issuperset(settings):
             check_names(settings, sorted(OPTION_NAMES))
-        return cls(**settings)
+        typed = tuple((name, type(value), value) for name, value in settings.items())
+        try:
+            return remembered(typed)
+        except TypeError:  # a wrong type, which is told again, or one without a hash
+            return cls(**settings)
 
     def limits(
         self, deadline: Deadline = NEVER, progress: Progress | None = None
@@ -152,6 +159,12 @@ def relaxation_of(infeasible: object) -> Relaxation | None:
             f"infeasible must be one of {[*RELAXATIONS]}, got {infeasible!r}"
         )
     return RELAXATIONS[infeasible]
+
+
+@lru_cache(maxsize=32)
+def remembered(settings: tuple[tuple[str, type, Any], ...]) -> Options:
+    """Return the options of (name, type, value); True and 1 differ by their types."""
+    return Options(**{name: value for name, _, value in settings})
 
 
 def check_names(settings: Mapping[str, Any], known: list[str]) -> None:
