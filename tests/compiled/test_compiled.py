@@ -118,6 +118,8 @@ def start(root, *probes, code=PROBES, **environment):
         "HOME": str(root / "home"),
     }
     plain |= {"XDG_CACHE_HOME": None, "LOCALAPPDATA": str(root / "home")}
+    # Python's own cache goes by time and size, which `edit` may leave as they were.
+    plain["PYTHONDONTWRITEBYTECODE"] = "1"
     wanted = os.environ | plain | environment
     return subprocess.Popen(
         [sys.executable, "-W", "error", "-P", "-c", code, *probes],
