@@ -15,7 +15,6 @@ import argparse
 import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,6 +22,7 @@ import numpy as np
 import namlcp
 from validation.harness import Job, Row, cli, csv_files, machine, processes, tables
 from validation.problems import planted
+from validation.repeated.command import run_or_plot
 
 SHAPES = {(5, 10): 100_000, (10, 20): 100_000, (30, 60): 10_000}
 """Variables and rows of an item; items of the largest batch."""
@@ -135,16 +135,7 @@ def main(arguments: list[str] | None = None) -> int:
         __doc__, "quick", csv=cli.RESULTS / "batches.csv", limit=120.0,
         solvers=list(LOOPS),
     )  # fmt: skip
-    parser.add_argument("what", choices=("run", "plot"))
-    parser.add_argument("--figure", type=Path, default=cli.FIGURES / "batches.svg")
-    args = parser.parse_args(arguments)
-    if args.what == "run":
-        run(args)
-    else:
-        from validation.repeated import figures
-
-        figures.draw_batches(args.csv, args.figure)
-    return 0
+    return run_or_plot(parser, arguments, "batches", run)
 
 
 if __name__ == "__main__":

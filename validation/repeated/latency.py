@@ -14,7 +14,6 @@ What ran into the limit is not tried at a larger size.
 import argparse
 import statistics
 import sys
-from pathlib import Path
 
 import numpy as np
 import qpsolvers
@@ -34,6 +33,7 @@ from validation.harness import (
     timing,
 )
 from validation.problems import planted
+from validation.repeated.command import run_or_plot
 
 SIZES = (2, 5, 10, 20, 50, 100, 200, 300, 500, 1000)
 QUICK_SIZES = (2, 10)
@@ -117,16 +117,7 @@ def main(arguments: list[str] | None = None) -> int:
         __doc__, "quick", csv=cli.RESULTS / "latency.csv", limit=60.0, eps=[1e-6],
         solvers=list(SOLVERS),
     )  # fmt: skip
-    parser.add_argument("what", choices=("run", "plot"))
-    parser.add_argument("--figure", type=Path, default=cli.FIGURES / "latency.svg")
-    args = parser.parse_args(arguments)
-    if args.what == "run":
-        run(args)
-    else:
-        from validation.repeated import figures
-
-        figures.draw_latency(args.csv, args.figure)
-    return 0
+    return run_or_plot(parser, arguments, "latency", run)
 
 
 if __name__ == "__main__":

@@ -21,7 +21,6 @@ multiplier, and how many of them a step gains or loses.
 import argparse
 import sys
 import time
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,6 +39,7 @@ from validation.harness import (
     tables,
 )
 from validation.problems import sequences as known
+from validation.repeated.command import run_or_plot
 from validation.repeated.workspaces import WORKSPACES
 
 REPEATS = 3
@@ -178,19 +178,10 @@ def main(arguments: list[str] | None = None) -> int:
         __doc__, "quick", csv=cli.RESULTS / "sequences.csv", limit=120.0, eps=[1e-9],
         solvers=list(WORKSPACES),
     )  # fmt: skip
-    parser.add_argument("what", choices=("run", "plot"))
     scenes = list(known.SCENES)
     parser.add_argument("--scenes", nargs="+", choices=scenes, default=scenes)
     parser.add_argument("--steps", type=int, default=200)
-    parser.add_argument("--figure", type=Path, default=cli.FIGURES / "sequences.svg")
-    args = parser.parse_args(arguments)
-    if args.what == "run":
-        run(args)
-    else:
-        from validation.repeated import figures
-
-        figures.draw_sequences(args.csv, args.figure)
-    return 0
+    return run_or_plot(parser, arguments, "sequences", run)
 
 
 if __name__ == "__main__":
