@@ -342,6 +342,15 @@ def has_bad_row(C):
 
 
 @kernel
+def is_moderate(values):
+    """Tell in one pass whether all values are finite and below INFINITE in modulus."""
+    moderate = True
+    for i in range(values.size):
+        moderate &= abs(values[i]) < INFINITE
+    return moderate
+
+
+@kernel
 def has_huge_bound(bounds):
     """Tell whether a bound is finite, but beyond INFINITE."""
     for i in range(bounds.size):

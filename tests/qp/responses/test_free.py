@@ -1,9 +1,11 @@
 """QPs with most variables at bounds, one after another: against the other form."""
 
 from collections import Counter
+from functools import partial
 
 import numpy as np
 import pytest
+import responding
 
 from namlcp import Solver, solve_qp
 from namlcp.limits import Limits
@@ -35,8 +37,7 @@ def narrow_qp(rng, n, m, p):
     return QP((P + P.T) / 2, 3.0 * rng.standard_normal(n), G, h, A, A @ x, lb, ub)
 
 
-def solve(responses, qp):
-    return responses.solve(qp.q, qp.h, qp.b, qp.lb, qp.ub, LIMITS)
+solve = partial(responding.solve, limits=LIMITS)
 
 
 def assert_same(answer, fresh, qp):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from responding import solve
 
 from namlcp.options import Options
 from namlcp.qp.problem import QP
@@ -48,7 +49,7 @@ def test_items_get_the_answer_of_a_fresh_solve(names):
     for i in np.flatnonzero(solved):
         qp = item(shared, stacked, i)
         kept = DenseResponses.of(qp)
-        answer = kept.solve(qp.q, qp.h, qp.b, qp.lb, qp.ub, OPTIONS.limits())
+        answer = solve(kept, qp, OPTIONS.limits())
         point = stack.x[i], stack.y[i], stack.z[i], stack.z_box[i]
         for mine, fresh in zip(point, answer.point, strict=True):
             np.testing.assert_allclose(mine, fresh, atol=1e-11)

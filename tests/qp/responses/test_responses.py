@@ -6,9 +6,9 @@ import pickle
 import numpy as np
 import pytest
 from numba import njit
+from responding import LIMITS, solve, walked
 
 import namlcp
-from namlcp.limits import Limits
 from namlcp.qp.guess import NO_GUESS
 from namlcp.qp.problem import QP
 from namlcp.qp.responses import triangle as packed
@@ -17,8 +17,6 @@ from namlcp.residuals import qp_residuals
 from namlcp.status import Status
 
 INF = np.inf
-LIMITS = Limits(1e-9, 1e-10, 1000)
-FINAL = (Status.SOLVED, Status.PRIMAL_INFEASIBLE)
 
 
 def random_qp(rng, n, m, p):
@@ -36,6 +34,12 @@ def random_qp(rng, n, m, p):
     return QP((P + P.T) / 2, 3.0 * rng.standard_normal(n), G, h, A, A @ x, lb, ub)
 
 
+def problem(responses, q, h, b, lb, ub):
+    """Return the QP of matrices at hand with these vectors."""
+    P, G, A = responses.matrices
+    return QP(P, q, G, h, A, b, lb, ub)
+
+
 def moved(rng, qp, size):
     """Return the QP with other vectors; now and then a side vanishes or appears."""
     n = qp.q.size
@@ -50,10 +54,6 @@ def moved(rng, qp, size):
     if rng.random() < 0.1:
         h = h - 10.0 * rng.random()  # may be infeasible
     return qp._replace(q=q, h=h, lb=lb, ub=ub)
-
-
-def solve(responses, qp, limits=LIMITS):
-    return responses.solve(qp.q, qp.h, qp.b, qp.lb, qp.ub, limits)
 
 
 def assert_agrees(answer, qp):
@@ -79,20 +79,8 @@ def test_sequences_agree_with_fresh_solves(seed):
     first = random_qp(rng, n, m, p)
     kept = DenseResponses.of(first)
     size = 10.0 ** rng.uniform(-2, 1)
-    seen = set()
-    for _ in range(25):
-        qp = moved(rng, first, size)
-        answer = solve(kept, qp)
-        fresh = solve(DenseResponses.of(qp), qp)
-        if answer is None:
-            assert fresh is None
-            continue
-        seen.add(answer.status)
-        assert answer.status in FINAL
-        assert_agrees(answer, qp)
-        if answer.status is Status.SOLVED:  # bit by bit: the way there leaves no trace
-            for mine, other in zip(answer.point, fresh.point, strict=True):
-                np.testing.assert_array_equal(mine, other)
+    steps = (moved(rng, first, size) for _ in range(25))
+    seen = walked(kept, steps, assert_agrees)
     assert Status.SOLVED in seen
 
 
@@ -140,11 +128,14 @@ def test_what_it_does_not_decide_is_left_to_others():
     eye, none = np.eye(2), np.empty((0, 2))
     free, e = (np.full(2, -INF), np.full(2, INF)), np.empty(0)
     singular = DenseResponses(np.diag([1.0, 0.0]), none, none)
-    assert singular.solve(np.ones(2), e, e, *free, LIMITS) is None
+    assert solve(singular, problem(singular, np.ones(2), e, e, *free)) is None
     dependent = DenseResponses(eye, none, np.ones((2, 2)))
-    assert dependent.solve(np.ones(2), e, np.ones(2), *free, LIMITS) is None
+    assert (
+        solve(dependent, problem(dependent, np.ones(2), e, np.ones(2), *free)) is None
+    )
     crossed = DenseResponses(eye, none, none)
-    assert crossed.solve(np.ones(2), e, e, np.ones(2), -np.ones(2), LIMITS) is None
+    qp = problem(crossed, np.ones(2), e, e, np.ones(2), -np.ones(2))
+    assert solve(crossed, qp) is None
 
 
 def test_numbers_that_are_not_allowed_are_left_to_others():
@@ -152,17 +143,19 @@ def test_numbers_that_are_not_allowed_are_left_to_others():
     q, h, b = np.ones(2), np.ones(1), np.empty(0)
     lb, ub = np.full(2, -INF), np.full(2, INF)
     kept = DenseResponses(eye, row, none)
-    assert kept.solve(q, h, b, lb, ub, LIMITS).point.x.tolist() == [-1.0, -1.0]
+    qp = problem(kept, q, h, b, lb, ub)
+    assert solve(kept, qp).point.x.tolist() == [-1.0, -1.0]
     for bad in (np.array([0.0, np.nan]), np.array([0.0, INF])):
-        assert kept.solve(bad, h, b, lb, ub, LIMITS) is None
-    assert kept.solve(q, np.array([np.nan]), b, lb, ub, LIMITS) is None
-    assert kept.solve(q, h, b, np.full(2, -1e30), ub, LIMITS) is None
+        assert solve(kept, qp._replace(q=bad)) is None
+    assert solve(kept, qp._replace(h=np.array([np.nan]))) is None
+    assert solve(kept, qp._replace(lb=np.full(2, -1e30))) is None
     for P, G in (
         (eye, row * np.nan),
         (np.full((2, 2), INF), row),
         (np.triu(eye + 1.0), row),
     ):
-        assert DenseResponses(P, G, none).solve(q, h, b, lb, ub, LIMITS) is None
+        other = qp._replace(P=P, G=G)
+        assert solve(DenseResponses.of(other), other) is None
 
 
 def test_a_copy_begins_anew():

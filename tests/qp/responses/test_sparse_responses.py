@@ -6,17 +6,15 @@ import pickle
 import numpy as np
 import pytest
 import scipy.sparse as sp
+from responding import FINAL, solve, walked
 
 import namlcp
-from namlcp.limits import Limits
 from namlcp.qp.problem import qp_data
 from namlcp.qp.responses import DenseResponses, SparseResponses
 from namlcp.residuals import qp_residuals
 from namlcp.status import Status
 
 INF = np.inf
-LIMITS = Limits(1e-9, 1e-10, 1000)
-FINAL = (Status.SOLVED, Status.PRIMAL_INFEASIBLE)
 
 
 def control_qp(rng, stages, weight=0.1):
@@ -70,10 +68,6 @@ def moved(rng, qp, size):
     return qp._replace(q=q, h=h, b=b, lb=lb, ub=ub)
 
 
-def solve(responses, qp, limits=LIMITS):
-    return responses.solve(qp.q, qp.h, qp.b, qp.lb, qp.ub, limits)
-
-
 def assert_agrees(answer, qp):
     """The answer is that of `solve_qp`, and right by the definition."""
     expected = namlcp.solve_qp(*qp)
@@ -96,20 +90,8 @@ def test_sequences_agree_with_fresh_solves(seed):
     first = heap_qp(rng, 30) if seed % 2 else control_qp(rng, 5 + seed)
     kept = SparseResponses.of(first)
     size = 10.0 ** rng.uniform(-2, 0.5)
-    seen = []
-    for _ in range(20):
-        qp = moved(rng, first, size)
-        answer = solve(kept, qp)
-        fresh = solve(SparseResponses.of(qp), qp)
-        if answer is None:
-            assert fresh is None
-            continue
-        seen.append(answer.status)
-        assert answer.status in FINAL
-        assert_agrees(answer, qp)
-        if answer.status is Status.SOLVED:  # bit by bit: the way there leaves no trace
-            for mine, other in zip(answer.point, fresh.point, strict=True):
-                np.testing.assert_array_equal(mine, other)
+    steps = (moved(rng, first, size) for _ in range(20))
+    seen = walked(kept, steps, assert_agrees)
     assert seen.count(Status.SOLVED) >= 10
 
 

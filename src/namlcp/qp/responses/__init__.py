@@ -11,13 +11,13 @@ sparse matrices, has
 
 - ``of(qp)``: for the matrices of a QP, None where they are not suited. The arrays are
   not copied, and must not change;
-- ``solve(q, h, b, lb, ub, limits) -> Answer | None``: clean vectors of the right sizes
-  (`checks.vector`). None: another method has to solve this QP, or it has numbers that
-  are not allowed. Every verdict has been judged on the data as given. Whatever it is,
-  the active rows of the last solved QP are kept;
-- ``run``: as `solve`, but a code and an array of numbers, from which ``answer(code,
-  numbers, qp, limits)`` makes what `solve` returns. After the code DONE the QP is
-  SOLVED, and `parted` takes the numbers apart: most of a short solve is wrapping them;
+- ``run(qp, limits)``: solve the QP with the vectors of `qp`, clean ones of the right
+  sizes (`checks.vector`); returns a code and an array of numbers. After the code DONE
+  the QP is SOLVED, and `parted` takes the numbers apart: most of a short solve is
+  wrapping them. Whatever the code, the active rows of the last solved QP are kept;
+- ``answer(code, numbers, qp, limits) -> Answer | None``: the verdict of `run`, judged
+  on the data as given. None: another method has to solve this QP, or it has numbers
+  that are not allowed;
 - ``renew(qp)``: after a change of the matrices' values, sizes as before. The active
   rows are kept as a hint; nothing is computed before a solve that is tried;
 - ``are_unsuited``: the last solve found that the matrices are not suited;

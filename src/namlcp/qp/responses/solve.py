@@ -1,4 +1,4 @@
-"""Dense QPs with the same matrices, one after another, by responses."""
+"""QPs with the same matrices, one after another, by responses; dense ones."""
 
 import ctypes
 from collections.abc import Callable
@@ -16,11 +16,7 @@ from namlcp.qp.responses.active import CONTRADICTION, DONE, LATE, STUCK
 from namlcp.qp.responses.course import SUMMED
 from namlcp.qp.responses.free import MOST_WORK, WIDE, run_free
 from namlcp.qp.responses.judgement import NUMBERS
-from namlcp.qp.responses.run import (
-    attach_matrices,
-    run,
-    take_hint,
-)
+from namlcp.qp.responses.run import attach_matrices, run, take_hint
 from namlcp.qp.responses.state import allocate, new_state
 from namlcp.residuals import Residuals, qp_residuals
 from namlcp.status import Status
@@ -53,10 +49,10 @@ def solve_once(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
         space.now.is_single = True
     if guess.active.size:
         space.suggest(guess.active)
-    _, q, _, h, _, b, lb, ub = qp
-    code, numbers = space.run(q, h, b, lb, ub, limits)
+    code, numbers = space.run(qp, limits)
     found = space.answer(code, numbers, qp, limits)
     if space.memory.size <= MOST_POOLED:
+        space.matrices = None, None, None  # the caller's, which are not to be held
         POOL.append(space)
     return found
 
@@ -148,35 +144,11 @@ class Responses:
         """Let the next solve begin with these rows active, see `Guess.active`."""
         take_hint(self.address, active)
 
-    def solve(
-        self,
-        q: np.ndarray,
-        h: np.ndarray,
-        b: np.ndarray,
-        lb: np.ndarray,
-        ub: np.ndarray,
-        limits: Limits,
-    ) -> Answer | None:
-        """Solve the QP with these vectors, clean arrays of the right sizes.
+    def run(self, qp: QP, limits: Limits) -> tuple[int, np.ndarray]:
+        """Solve the QP with the vectors of `qp` and the matrices at hand.
 
-        Returns None where another method has to solve it, or a number is not allowed.
-        """
-        code, numbers = self.run(q, h, b, lb, ub, limits)
-        P, G, A = self.matrices
-        return self.answer(code, numbers, QP(P, q, G, h, A, b, lb, ub), limits)
-
-    def run(
-        self,
-        q: np.ndarray,
-        h: np.ndarray,
-        b: np.ndarray,
-        lb: np.ndarray,
-        ub: np.ndarray,
-        limits: Limits,
-    ) -> tuple[int, np.ndarray]:
-        """Do as `solve`; return the code of the kernel and the numbers for `parted`.
-
-        After DONE the QP is SOLVED; no other code is of use to other rooms.
+        Returns the code of the kernel and the numbers for `answer` or, after DONE,
+        `parted`: the QP is SOLVED then. No other code is of use to other rooms.
         """
         if self.pause > 0:
             self.pause -= 1
@@ -186,6 +158,7 @@ class Responses:
         if limits is not self.limits:
             self.limit(limits)
         numbers = np.empty(self.length)
+        _, q, _, h, _, b, lb, ub = qp
         arguments = self.address, q, h, b, lb, ub, numbers
         if self.now.is_free:
             code = self.call_free(arguments, limits)
@@ -225,7 +198,10 @@ class Responses:
     def answer(
         self, code: int, numbers: np.ndarray, qp: QP, limits: Limits
     ) -> Answer | None:
-        """Return what `solve` does from what `run` has returned."""
+        """Return the answer to `qp` from what `run` has returned for it.
+
+        None: another method has to solve it, or it has a number that is not allowed.
+        """
         if code not in JUDGED:
             return None
         point, residuals = parted(numbers, qp.q.size, qp.h.size, qp.b.size)

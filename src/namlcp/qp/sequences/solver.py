@@ -17,13 +17,12 @@ import numpy as np
 from scipy.linalg.lapack import dpotrf
 
 from namlcp.checks import (
-    INFINITE,
     as_sparse,
+    is_moderate,
     refuse_number,
     vector,
     without_huge,
 )
-from namlcp.compiled import kernel
 from namlcp.limits import Deadline, cause_of
 from namlcp.options import DEFAULT_OPTIONS, Options
 from namlcp.qp.convexity import check_convex
@@ -255,8 +254,7 @@ class Solver:
         deadline.at = start + self.options.time_limit
         if guess is not None:
             responses.suggest(guess.active)
-        _, q, _, h, _, b, lb, ub = qp
-        code, numbers = responses.run(q, h, b, lb, ub, limits)
+        code, numbers = responses.run(qp, limits)
         if code == DONE and not deadline.interrupted and are_own(self.given, qp):
             pivots = responses.now.pivots
             return quick_result(numbers, pivots, (qp, self.given), start)
@@ -288,15 +286,6 @@ class Solver:
         return result
 
 
-@kernel
-def is_ordinary(vector):
-    """Tell whether all of a vector is finite and far from what means infinite."""
-    ordinary = True
-    for i in range(vector.size):
-        ordinary &= abs(vector[i]) < INFINITE
-    return ordinary
-
-
 def responses_of(qp: QP) -> Responses | None:
     """Return what keeps responses for the matrices of a QP, None if nothing does."""
     if not qp.is_dense:
@@ -326,7 +315,7 @@ def own_vector(name: str, value: Any, old: np.ndarray, qp: QP) -> np.ndarray:
         and value.shape == old.shape
     ):
         new = value.copy()
-        if is_ordinary(new):
+        if is_moderate(new):
             return new
     other, infinity = VECTORS[name]
     new = vector(name, value, old.size, other, getattr(qp, other).shape).copy()
