@@ -84,6 +84,51 @@ def test_sequences_agree_with_fresh_solves(seed):
     assert Status.SOLVED in seen
 
 
+@pytest.mark.parametrize("seed", range(6))
+def test_a_singular_cost_that_is_definite_where_equations_hold(seed):
+    """P has rank n - p / 2 or less, and rows of A differ in length."""
+    rng = np.random.default_rng(100 + seed)
+    n, p = int(rng.integers(4, 20)), int(rng.integers(2, 4))
+    first = random_qp(rng, n, n, p)
+    root = rng.standard_normal((n, n - p // 2))
+    length = 10.0 ** rng.uniform(-1, 1, p)
+    A, b = length[:, None] * first.A, length * first.b
+    first = first._replace(P=root @ root.T, A=A, b=b)
+    kept = DenseResponses.of(first)
+    seen = walked(kept, (moved(rng, first, 0.3) for _ in range(10)), assert_agrees)
+    assert Status.SOLVED in seen
+
+
+def test_hs51_and_hs52():
+    """W. Hock and K. Schittkowski, Test Examples for Nonlinear Programming (1981)."""
+    rows = np.array(
+        [[1.0, -1, 0, 0, 0], [0, 1, 1, 0, 0], [0, 0, 0, 1, 0], [0, 0, 0, 0, 1]]
+    )
+    A = np.array([[1.0, 3, 0, 0, 0], [0, 0, 1, 1, -2], [0, 1, 0, 0, -1]])
+    e, none, free = np.empty(0), np.empty((0, 5)), (np.full(5, -INF), np.full(5, INF))
+    for first, b, expected in (
+        (1.0, [4.0, 0.0, 0.0], np.ones(5)),
+        (4.0, [0.0, 0.0, 0.0], np.array([-33.0, 11, 180, -158, 11]) / 349),
+    ):
+        C = rows.copy()
+        C[0, 0] = first
+        q = -2.0 * C.T @ [0.0, 2.0, 1.0, 1.0]
+        qp = QP(2.0 * C.T @ C, q, none, e, A, np.array(b), *free)
+        answer = solve(DenseResponses.of(qp), qp)
+        assert answer.status is Status.SOLVED
+        np.testing.assert_allclose(answer.point.x, expected, atol=1e-12)
+
+
+def test_equations_do_not_hide_that_a_cost_is_not_convex():
+    e, none, free = np.empty(0), np.empty((0, 2)), (np.full(2, -INF), np.full(2, INF))
+    A, b = np.array([[0.0, 1.0]]), np.ones(1)
+    for corner in (-0.1, -1e-3):
+        qp = QP(np.diag([1.0, corner]), np.ones(2), none, e, A, b, *free)
+        assert solve(DenseResponses.of(qp), qp) is None
+        with pytest.raises(ValueError, match="positive semidefinite"):
+            namlcp.solve_qp(*qp)
+
+
 def test_renewed_matrices_give_the_answer_of_a_fresh_solve():
     rng = np.random.default_rng(5)
     qp = random_qp(rng, 15, 20, 3)

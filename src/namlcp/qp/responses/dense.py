@@ -4,12 +4,16 @@ The base problem min 1/2 x'Px + q'x, A x = b has the solution (x, y) = M (-q, b)
 M = K^-1, K = [P A'; A 0], formed once: with H = P^-1, T = A H and S = A H A',
 M = [H - T'S^-1 T, T'S^-1; S^-1 T, -S^-1]. Forming M costs n^3 operations and then every
 solve a product, which for a small QP is quicker than two triangular solves.
+
+A singular P may be definite where A x = 0. Then P + A'WA takes its place, W diagonal:
+with the equations it has the same x, and its multipliers are y - W b instead of y, so
+that K^-1 is the M of P + A'WA with W added to its last block.
 """
 
 import numpy as np
 
 from namlcp.compiled import floats, longs, part
-from namlcp.linalg import add_scaled, dot
+from namlcp.linalg import PSD_SLACK, add_scaled, dot
 from namlcp.qp.responses.judgement import parts_of_result
 from namlcp.qp.responses.rows import (
     claim_place,
@@ -22,6 +26,9 @@ from namlcp.qp.responses.rows import (
 # inaccurate: most QPs with condition number 1e8 are solved to 1e-9, two in three of
 # those with 1e12.
 MOST_SPREAD = 1e9
+# Added to the diagonal of P, relative to its largest entry, in the test whether P is
+# semidefinite.
+ROUNDING_UNIT = 1e-15
 # Operations of one response from which on four are made at once.
 LARGE = 5000
 # Curvature of a row of norm 1, over the largest entry of P^-1, up to which the
@@ -92,30 +99,76 @@ def square_triangle(address, n, target, width):
 def set_up(m):
     """Compute M, and the norms of the rows; False where the matrices do not allow it.
 
-    They do not if a number is NaN or infinite, or P is not symmetric, not definite or
-    ill-conditioned, or the rows of A depend on each other. A single QP without
-    equations goes with the factor of P until a row enters, which needs M. (Not so an
-    item of a batch: its last digits would depend on the items before it.)
+    They do not if a number is NaN or infinite, or P is not symmetric, or P + A'WA not
+    definite or ill-conditioned, or the rows of A depend on each other. A single QP
+    without equations goes with the factor of P until a row enters, which needs M. (Not
+    so an item of a batch: its last digits would depend on the items before it.)
     """
     n, p = m.n, m.p
     if p > n or not set_row_scales(m):
         return False
     for i in range(n):
-        row, factor = row_of(m.P, i, n), row_of(m.factor, i, n)
+        row = row_of(m.P, i, n)
         for j in range(i):
             if row[j] != row_of(m.P, j, n)[i] or not abs(row[j]) < np.inf:
                 return False
         if not abs(row[i]) < np.inf:
             return False
-        for j in range(i + 1):
-            factor[j] = row[j]
-    if not factor_in_place(m.factor, n) <= MOST_SPREAD:
+    m.pull = 0.0
+    copy_cost(m, 0.0)
+    if not factor_in_place(m.factor, n) <= MOST_SPREAD and not factor_pulled(m):
         return False
     forget_responses(m)
     m.has_inverse = 0
     if m.is_single and p == 0 and m.items_left == 0:
         return True
     return make_inverse(m)
+
+
+@part
+def copy_cost(m, slack):
+    """Copy the lower triangle of P, its diagonal times 1 + slack; return max P_ii."""
+    n, largest = m.n, 0.0
+    for i in range(n):
+        row, factor = row_of(m.P, i, n), row_of(m.factor, i, n)
+        for j in range(i + 1):
+            factor[j] = row[j]
+        factor[i] *= 1.0 + slack
+        largest = max(largest, row[i])
+    return largest
+
+
+@part
+def factor_pulled(m):
+    """Factor P + A'WA, W_ii = m.pull / |a_i|^2; False where that has no good factor.
+
+    False, too, where P is not semidefinite: the equations may hide that.
+    """
+    n = m.n
+    m.pull = copy_cost(m, PSD_SLACK)
+    if m.p == 0 or m.pull == 0.0:
+        return False
+    tiny = ROUNDING_UNIT * m.pull
+    for i in range(n):
+        row_of(m.factor, i, n)[i] += tiny  # else an empty row has the pivot 0
+    if not factor_in_place(m.factor, n) < np.inf:
+        return False
+    copy_cost(m, 0.0)
+    for k in range(m.p):
+        row, weight = row_of(m.A, k, n), weight_of(m, k)
+        for i in range(n):
+            if row[i] != 0.0:
+                factor = row_of(m.factor, i, n)
+                add_scaled(weight * row[i], row[: i + 1], factor[: i + 1])
+    return factor_in_place(m.factor, n) <= MOST_SPREAD
+
+
+@part
+def weight_of(m, k):
+    """Return W_kk: the weight at which a_k a_k' is as large as P, 0 without a pull."""
+    row = row_of(m.A, k, m.n)
+    squares = dot(row, row)
+    return m.pull / squares if squares > 0.0 else 0.0
 
 
 @part
@@ -175,6 +228,7 @@ def add_equations(m):
         for k in range(p):
             add_scaled(inverse[k], row_of(T, k, n), out[:n])
             out[n + k] = -inverse[k]
+        out[n + i] += weight_of(m, i)
     for j in range(n):
         out = row_of(m.inverse, j, size)
         for k in range(p):

@@ -75,6 +75,8 @@ REALS = (
     "level "
     # Curvature c'Hc of a row c of norm 1 up to which it counts as fixed by equations.
     "least_curvature "
+    # How strongly the equations are added to a singular P, see `dense`; 0 for not.
+    "pull "
     # The error of the point, see `judgement`.
     "error "
     # Operations so far, those from which on the method gives up, and those of making a
