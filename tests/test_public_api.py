@@ -2,16 +2,56 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 import namlcp
 
+CLIENT = Path(__file__).parent / "shared" / "typed_client.py"
+
+METHODS = {
+    "BatchResult": ("backward",),
+    "ClosestPoint": ("backward",),
+    "LCPResult": ("backward", "forward", "directional"),
+    "QPResult": ("backward", "forward", "directional"),
+    "Solver": ("update", "solve"),
+}
+"""The methods for users, by class; those of named tuples stand in their class."""
+
+
+def public():
+    """Yield all that users call, by name."""
+    for name in namlcp.__all__:
+        yield name, getattr(namlcp, name)
+        for method in METHODS.get(name, ()):
+            yield f"{name}.{method}", getattr(getattr(namlcp, name), method)
+
 
 def test_public_names():
     assert namlcp.__all__ == sorted(namlcp.__all__)
-    assert all(getattr(namlcp, name).__doc__ for name in namlcp.__all__)
+
+
+@pytest.mark.parametrize(("name", "what"), list(public()))
+def test_every_public_name_has_an_example(name, what):
+    """pytest runs them all: --doctest-modules."""
+    assert ">>> " in what.__doc__
+
+
+def test_a_typed_client_passes_mypy(tmp_path):
+    """With the package's own hints, from outside, and as strictly as mypy can."""
+    pytest.importorskip("mypy")
+    options = "--strict", "--no-error-summary", "--cache-dir", str(tmp_path)
+    done = subprocess.run(
+        [sys.executable, "-m", "mypy", *options, str(CLIENT)],
+        capture_output=True, text=True, check=False, cwd=tmp_path,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout) == (0, ""), done.stderr
+
+
+def test_the_typed_client_runs():
+    assert subprocess.run([sys.executable, CLIENT], check=False).returncode == 0
 
 
 def test_import_prints_nothing_and_warns_of_nothing():

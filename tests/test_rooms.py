@@ -26,7 +26,7 @@ FLOORS = (
     {"qp"},
     {"theory"},
     {"lcp"},
-    {"residuals", "result"},
+    {"residuals", "result", "unfolding"},
     {"linalg"},
     {"first_use", "limits", "progress", "checks", "options", "status"},
     {"compiled"},

@@ -10,8 +10,9 @@ src/README.md in the repository is the map of the source code.
 """
 
 from importlib import import_module
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from namlcp import layers
 from namlcp.lcp import Prepared, solve_lcp
 from namlcp.many import solve_many
 from namlcp.options import Options, Relaxation
@@ -21,6 +22,10 @@ from namlcp.residuals import Residuals, natural_residual, qp_residuals
 from namlcp.result import LCPResult, QPResult
 from namlcp.status import Status
 from namlcp.theory import Verdict, converges, is_h_plus
+
+if TYPE_CHECKING:  # `__getattr__` below imports these when they are asked for
+    from namlcp.first_use import warmup
+    from namlcp.layers import cvxpylayers, jax, torch
 
 __all__ = [
     "BatchResult",
@@ -44,8 +49,7 @@ __all__ = [
     "solve_qp",
     "warmup",
 ]
-LAYERS = "cvxpylayers", "jax", "torch"
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 register()
 
@@ -54,7 +58,7 @@ def __getattr__(name: str) -> Any:
     """Import what is seldom used at its first use: hosts are optional, and slow."""
     if name == "cvxpy":
         return import_module("namlcp.cvxpy")
-    if name in LAYERS:
+    if name in layers.__all__:
         return import_module(f"namlcp.layers.{name}")
     if name == "warmup":
         return import_module("namlcp.first_use").warmup

@@ -52,6 +52,15 @@ class NAM(QpSolver):
     ``solver_stats.extra_stats["closest"]``: the shifts in it are those of the rows that
     CVXPY has made of the constraints. A P that is not positive semidefinite raises
     SolverError.
+
+    Examples
+    --------
+    >>> import cvxpy as cp
+    >>> import namlcp.cvxpy
+    >>> x = cp.Variable(2)
+    >>> problem = cp.Problem(cp.Minimize(cp.sum_squares(x - [1.0, -1.0])), [x >= 0.0])
+    >>> round(problem.solve(solver=namlcp.cvxpy.NAM()), 9), problem.status
+    (1.0, 'optimal')
     """
 
     MIP_CAPABLE = False

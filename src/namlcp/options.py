@@ -45,6 +45,20 @@ class Options:
         "elastic" or a `Relaxation`: also `QPResult.closest`, the solution of the
         nearest feasible problem, with shifts of h and b of least 2-norm, of least
         1-norm (few rows are shifted), or as the Relaxation says.
+
+    Examples
+    --------
+    Options are passed by their names:
+
+    >>> import numpy as np
+    >>> import namlcp
+    >>> namlcp.solve_qp(np.eye(1), np.ones(1), eps_abs=1e-6, time_limit=1.0).x
+    array([-1.])
+    >>> namlcp.solve_qp(np.eye(1), np.ones(1), eps=1e-6)
+    Traceback (most recent call last):
+    TypeError: unknown option 'eps'; did you mean 'eps_rel'?
+    >>> namlcp.Options(max_iter=50).eps_abs
+    1e-09
     """
 
     eps_abs: float = 1e-9

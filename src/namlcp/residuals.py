@@ -35,6 +35,14 @@ class Residuals(NamedTuple):
     """The three residuals of a QP point, each with the size of its largest term.
 
     `objective` is 1/2 x'Px + q'x, from the same products.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import namlcp
+    >>> found = namlcp.solve_qp(np.eye(2), -np.ones(2), ub=np.zeros(2)).residuals
+    >>> found.primal, found.dual, found.gap, found.solved(eps_abs=1e-9, eps_rel=0.0)
+    (0.0, 0.0, 0.0, True)
     """
 
     primal: float
@@ -91,6 +99,14 @@ def natural_residual(
     """Return || z - clip(z - w, lower, upper) ||_2 for w = A z + q.
 
     All four are (n,) arrays of float64. Raises ValueError where the sizes disagree.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from namlcp import natural_residual
+    >>> z, w = np.array([2.0, 0.0]), np.array([3.0, 4.0])  # w_1 = 0 should hold
+    >>> natural_residual(z, w, np.zeros(2), np.full(2, np.inf))
+    2.0
     """
     if not z.shape == w.shape == lower.shape == upper.shape:
         shapes = z.shape, w.shape, lower.shape, upper.shape
@@ -206,6 +222,16 @@ def qp_residuals(
 
     With terms above LARGE_TERM the gap depends on the order of its sum by more than
     1e-12; it is then added in the order of qpsolvers, dot product by dot product.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from namlcp import qp_residuals
+    >>> none, empty = np.zeros((0, 1)), np.zeros(0)
+    >>> qp = np.eye(1), np.ones(1), none, empty, none, empty, None, None
+    >>> found = qp_residuals(*qp, np.zeros(1), empty, empty, np.zeros(1))
+    >>> found.primal, found.dual  # x = 0 where x = -1 is the solution
+    (0.0, 1.0)
     """
     lb = np.full(x.size, -np.inf) if lb is None else lb
     ub = np.full(x.size, np.inf) if ub is None else ub

@@ -1,6 +1,5 @@
 """What a solve returns."""
 
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -9,6 +8,7 @@ import numpy as np
 
 from namlcp.residuals import Residuals
 from namlcp.status import Status
+from namlcp.unfolding import Differentiable, Unfolding
 
 if TYPE_CHECKING:
     from namlcp.derivatives import (
@@ -19,54 +19,6 @@ if TYPE_CHECKING:
         QPGradients,
         QPTangent,
     )
-
-
-class Differentiable:
-    """A result that keeps its problem by reference, for its derivatives.
-
-    A pickled or copied result goes without the problem and the factors.
-    """
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave the problem and the factors behind."""
-        state = vars(self) | {"problem": None}
-        state.pop("derivative", None)
-        return state
-
-
-class Unfolding(Differentiable):
-    """A result whose attributes may be made when the first of them is asked for.
-
-    A small QP is solved in less time than it takes to wrap all that is known of it. An
-    attribute `later` = (function, argument, ...) makes the others: function(argument,
-    ...) returns them in a dict.
-    """
-
-    def __getattr__(self, name: str) -> Any:
-        """Return an attribute that has not been made, or raise AttributeError."""
-        self.unfold()
-        if name not in vars(self):
-            kind = type(self).__name__
-            raise AttributeError(f"{kind!r} object has no attribute {name!r}")
-        return vars(self)[name]
-
-    def unfold(self) -> None:
-        """Make all attributes that are missing."""
-        function, *arguments = vars(self).get("later", (dict,))
-        for name, value in function(*arguments).items():
-            vars(self).setdefault(name, value)  # another thread may have made it
-
-    def __dir__(self) -> Iterable[str]:
-        """List the attributes that are missing, too."""
-        self.unfold()
-        return super().__dir__()
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Leave the function behind, too, but not what it makes."""
-        self.unfold()
-        state = super().__getstate__()
-        state.pop("later", None)
-        return state
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -112,6 +64,15 @@ class LCPResult(Differentiable):
     `backward` and `forward` read the arrays that were given to the solve, which must
     not have been changed since. A result that is pickled or copied goes without them,
     and has no derivatives.
+
+    Examples
+    --------
+    >>> import namlcp
+    >>> result = namlcp.solve_lcp([[2.0, 1.0], [0.0, 1.0]], [-4.0, 1.0])
+    >>> result.status.value, result.z, result.w + 0.0
+    ('solved', array([2., 0.]), array([0., 1.]))
+    >>> namlcp.solve_lcp([[0.0]], [-1.0]).ray  # w = -1 whatever z is
+    array([1.])
     """
 
     status: Status
@@ -186,6 +147,13 @@ class LCPResult(Differentiable):
         ------
         ValueError
             As for `backward`.
+
+        Examples
+        --------
+        >>> import namlcp
+        >>> result = namlcp.solve_lcp([[2.0, 1.0], [0.0, 1.0]], [-4.0, 1.0])
+        >>> result.forward(dq=[1.0, 0.0]).z
+        array([-0.5,  0. ])
         """
         return self.derivative.forward(dA, dq, dlower, dupper)
 
@@ -211,6 +179,13 @@ class LCPResult(Differentiable):
         ------
         ValueError
             As for `backward`, or the LCP has no solution along the direction.
+
+        Examples
+        --------
+        >>> import namlcp
+        >>> result = namlcp.solve_lcp([[1.0]], [0.0])  # z = w = 0
+        >>> [float(result.directional(dq=[d]).z[0]) for d in (-1.0, 1.0)]
+        [1.0, 0.0]
         """
         from namlcp.derivatives import lcp_directional
 
@@ -264,6 +239,16 @@ class QPResult(Unfolding):
     `backward` and `forward` read the arrays that were given to the solve, which must
     not have been changed since. A result that is pickled or copied goes without them,
     and has no derivatives.
+
+    Examples
+    --------
+    >>> import namlcp
+    >>> result = namlcp.solve_qp([[2.0]], [-4.0], ub=[1.0])
+    >>> result.status.value, result.x, result.z_box, result.obj
+    ('solved', array([1.]), array([2.]), -3.0)
+    >>> proof = namlcp.solve_qp([[2.0]], [0.0], A=[[2.0]], b=[1.0], lb=[1.0])
+    >>> proof.status.value, proof.y, proof.z_box  # y b - 2 lb = -1
+    ('primal_infeasible', array([1.]), array([-2.]))
     """
 
     status: Status

@@ -4,7 +4,14 @@ from enum import Enum
 
 
 class Status(Enum):
-    """Outcome of a solve; `value` is for machines, `explanation` for people."""
+    """Outcome of a solve; `value` is for machines, `explanation` for people.
+
+    Examples
+    --------
+    >>> from namlcp import Status
+    >>> Status("time_limit").explanation
+    'Time limit reached; the best point is returned. Raise time_limit.'
+    """
 
     explanation: str
 

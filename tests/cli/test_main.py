@@ -14,6 +14,7 @@ from qpsolvers import Problem
 from qpsolvers.problems import get_qpgurdu, get_qpsut01
 from scipy.io import savemat
 
+import namlcp
 from namlcp.cli import files, main
 
 
@@ -23,6 +24,12 @@ def test_demonstration_solves_its_scenes(capsys):
     assert out.endswith("all solved\n")
     assert "contact" in out
     assert "MPC" in out
+
+
+def test_version(capsys):
+    with pytest.raises(SystemExit, match="0"):
+        main(["--version"])
+    assert capsys.readouterr().out == f"namlcp {namlcp.__version__}\n"
 
 
 @pytest.mark.parametrize("get", [get_qpsut01, get_qpgurdu])

@@ -55,6 +55,8 @@ def solve_file(path: str, settings: dict[str, Any]) -> int:
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return the exit status."""
     parser = argparse.ArgumentParser(prog="python -m namlcp", description=__doc__)
+    version = f"namlcp {namlcp.__version__}"
+    parser.add_argument("--version", action="version", version=version)
     parser.add_argument("file", nargs="?", help="a .npz or .mat problem, or an example")
     parser.add_argument("--eps-abs", type=float, help="absolute tolerance")
     parser.add_argument("--time-limit", type=float, help="limit [s]")

@@ -3,3 +3,5 @@
 ``namlcp.jax``, ``namlcp.torch`` and ``namlcp.cvxpylayers`` are the modules of this
 room; the first two share `Stack`.
 """
+
+__all__ = ["cvxpylayers", "jax", "torch"]

@@ -88,6 +88,14 @@ class Verdict:
     bound : float
         Bound of the spectral radius that the theorem is about: an upper bound (below 1)
         for True, a lower bound (at least 1) for False; NaN where there is none.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import namlcp
+    >>> verdict = namlcp.is_h_plus(np.array([[2.0, -1.0], [-1.0, 2.0]]))
+    >>> bool(verdict), verdict.answer, verdict.witness.shape
+    (True, True, (2,))
     """
 
     answer: bool | None

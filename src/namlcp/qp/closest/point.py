@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from namlcp.residuals import Residuals
-from namlcp.result import Differentiable
 from namlcp.status import Status
+from namlcp.unfolding import Differentiable
 
 if TYPE_CHECKING:
     from namlcp.derivatives import ClosestDerivative, QPGradients
@@ -47,6 +47,15 @@ class ClosestPoint(Differentiable):
         2 or 1, the norm in which the shifts are least.
     message : str
         A sentence that adds to the status, or "".
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import namlcp
+    >>> G, h = np.array([[1.0], [-1.0]]), np.array([0.0, -3.0])  # x <= 0 and x >= 3
+    >>> result = namlcp.solve_qp(np.eye(1), [0.0], G, h, infeasible="closest")
+    >>> result.status.value, result.closest.x, result.closest.shift_h
+    ('primal_infeasible', array([1.5]), array([1.5, 1.5]))
     """
 
     status: Status

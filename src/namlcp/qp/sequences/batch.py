@@ -26,8 +26,9 @@ from namlcp.qp.responses import Stack
 from namlcp.qp.sequences.solver import memory_of, own_vector
 from namlcp.qp.solve import solve_checked
 from namlcp.residuals import Residuals
-from namlcp.result import Differentiable, QPResult
+from namlcp.result import QPResult
 from namlcp.status import Status
+from namlcp.unfolding import Differentiable
 
 if TYPE_CHECKING:
     from namlcp.derivatives import BatchGradients
@@ -62,6 +63,17 @@ class BatchResult(Differentiable):
         `Options.infeasible` asks for it.
     solve_time : float
         Seconds for all items together.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import namlcp
+    >>> q = np.array([[-1.0], [2.0], [np.nan]])
+    >>> batch = namlcp.solve_batch(np.eye(1), q, lb=np.zeros(1))
+    >>> [status.value for status in batch.statuses], batch.x[:2, 0] + 0.0
+    (['solved', 'solved', 'invalid'], array([1., 0.]))
+    >>> batch[0].x
+    array([1.])
     """
 
     codes: np.ndarray

@@ -160,6 +160,15 @@ class Solver:
         ValueError, TypeError
             An argument is malformed, of another size or pattern, or P is not positive
             semidefinite. The problem then stays as it was.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from namlcp import Solver
+        >>> solver = Solver(np.eye(1), np.array([-4.0]), ub=np.array([3.0]))
+        >>> solver.update(P=2.0 * np.eye(1))
+        >>> solver.solve().x
+        array([2.])
         """
         qp, given = self.qp, self.given
         if not (P is None and G is None and A is None):
@@ -222,6 +231,14 @@ class Solver:
             warm_start is no solution of a problem of these sizes.
         KeyboardInterrupt
             Ctrl-C came outside a loop. The Solver can be used all the same.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from namlcp import Solver
+        >>> solver = Solver(np.eye(1), np.array([-4.0]), ub=np.array([3.0]))
+        >>> solver.solve().z_box
+        array([1.])
         """
         start = time.perf_counter()
         guess = None if warm_start is None else make_guess(self.qp, None, warm_start)
