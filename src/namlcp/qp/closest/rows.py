@@ -3,10 +3,9 @@
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 
-from namlcp.checks import from_arrays, sparse_matrix, vector
-from namlcp.linalg import times
+from namlcp.checks import from_arrays, refuse_size, transposed, vector
+from namlcp.linalg import Compressed, arrays_of, by_rows, submatrix, times
 from namlcp.options import Relaxation
 from namlcp.qp.problem import QP, Point
 
@@ -77,8 +76,7 @@ def rows_of(qp: QP, relaxation: Relaxation) -> Rows:
     lb, ub = qp.lb.copy(), qp.ub.copy()
     lb[lower], ub[upper] = -np.inf, np.inf
     if upper.size or lower.size:
-        unit = np.eye(qp.q.size) if qp.is_dense else sp.eye_array(qp.q.size).tocsr()
-        C = stacked(qp.G, unit[upper], -unit[lower], qp.A)
+        C = stacked(qp.G, units(qp, upper, 1.0), units(qp, lower, -1.0), qp.A)
     else:
         C = stacked(qp.G, qp.A)
     d = np.concatenate((qp.h, qp.ub[upper], -qp.lb[lower], qp.b))
@@ -102,25 +100,63 @@ def weights_of(qp: QP, relaxation: Relaxation) -> dict[str, np.ndarray]:
     return found
 
 
+def units(qp: QP, at: np.ndarray, sign: float) -> Any:
+    """Return a row for each of some variables x_j, that of sign x_j."""
+    k, values = np.arange(at.size), np.full(at.size, sign)
+    return scattered(k, at, values, (at.size, qp.q.size), qp.is_dense)
+
+
+def scattered(
+    rows: np.ndarray,
+    columns: np.ndarray,
+    values: np.ndarray,
+    shape: tuple[int, int],
+    dense: bool,
+) -> Any:
+    """Return the matrix with these entries, given column by column."""
+    if dense:
+        M = np.zeros(shape)
+        M[rows, columns] = values
+        return M
+    indptr = np.searchsorted(columns, np.arange(shape[1] + 1)).astype(np.int32)
+    return from_arrays((indptr, rows.astype(np.int32), values), shape)
+
+
 def stacked(*blocks: Any) -> Any:
-    """Return the blocks one above the other, all dense or as a clean CSC matrix."""
-    if all(isinstance(block, np.ndarray) for block in blocks):
+    """Return the blocks one above the other, all dense or all clean CSC matrices."""
+    if isinstance(blocks[0], np.ndarray):
         return np.vstack(blocks)
-    return sparse_matrix("C", sp.vstack(blocks, format="csc"), "csc")
+    filled = [block for block in blocks if block.shape[0]]
+    if len(filled) <= 1:
+        return filled[0] if filled else blocks[0]
+    m, n = sum(block.shape[0] for block in filled), filled[0].shape[1]
+    parts = joined_lines([arrays_of(by_rows(block)) for block in filled])
+    return from_arrays(transposed(*parts, n), (m, n))
 
 
 def beside(*blocks: Any) -> Any:
-    """Return the blocks side by side, all dense or as a clean CSC matrix."""
-    if all(isinstance(block, np.ndarray) for block in blocks):
+    """Return the blocks side by side, all dense or all clean CSC matrices."""
+    if isinstance(blocks[0], np.ndarray):
         return np.hstack(blocks)
-    return sparse_matrix("C", sp.hstack(blocks, format="csc"), "csc")
+    n = sum(block.shape[1] for block in blocks)
+    parts = joined_lines([arrays_of(block) for block in blocks])
+    return from_arrays(parts, (blocks[0].shape[0], n))
+
+
+def joined_lines(blocks: list[Compressed]) -> Compressed:
+    """Return the lines (rows of CSR, columns of CSC) of all blocks in one matrix."""
+    counts = [np.diff(block.indptr) for block in blocks]
+    indptr = np.cumsum(np.concatenate(([0], *counts)))
+    refuse_size("C", int(indptr[-1]))
+    _, indices, data = (np.concatenate(part) for part in zip(*blocks, strict=True))
+    return Compressed(indptr.astype(np.int32), indices, data)
 
 
 def chosen(C: Any, rows: np.ndarray) -> Any:
-    """Return some rows of C."""
+    """Return some rows of C, given in rising order."""
     if isinstance(C, np.ndarray):
         return C[rows]
-    return sparse_matrix("C", C.tocsr()[rows].tocsc(), "csc")
+    return submatrix(C, rows, np.arange(C.shape[1]))
 
 
 def times_signs(sense: np.ndarray, C: Any) -> Any:

@@ -3,10 +3,8 @@
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
-from namlcp.checks import sparse_matrix
-from namlcp.qp.closest.rows import Rows, beside, chosen
+from namlcp.qp.closest.rows import Rows, beside, chosen, scattered
 from namlcp.qp.problem import QP
 
 
@@ -25,13 +23,13 @@ def least_shifts(rows: Rows) -> QP:
         soft, w = np.append(soft, both), np.append(w, rows.weights[both])
         signs = np.append(signs, np.ones(both.size))
     k = soft.size
-    E = sp.csc_array((signs, (soft, np.arange(k))), shape=(rows.d.size, k))
-    C = beside(rows.C, E.toarray() if dense else E)
-    squares = np.concatenate((np.zeros(n), w if norm == 2 else np.zeros(k)))
+    C = beside(rows.C, scattered(soft, np.arange(k), signs, (rows.d.size, k), dense))
+    at = n + np.arange(k if norm == 2 else 0)
+    P = scattered(at, at, w[: at.size], (n + k, n + k), dense)
     q = np.concatenate((np.zeros(n), w if norm == 1 else np.zeros(k)))
     least = 0.0 if norm == 1 else -np.inf
     return QP(
-        np.diag(squares) if dense else diagonal(squares),
+        P,
         q,
         *both_kinds(C, rows),
         np.append(rows.lb, np.full(k, least)),
@@ -44,10 +42,3 @@ def both_kinds(C: Any, rows: Rows) -> tuple[Any, np.ndarray, Any, np.ndarray]:
     m = rows.d.size - rows.p
     at = np.arange(rows.d.size)
     return chosen(C, at[:m]), rows.d[:m], chosen(C, at[m:]), rows.d[m:]
-
-
-def diagonal(entries: np.ndarray) -> Any:
-    """Return the diagonal matrix with these entries, zeros not stored."""
-    at = np.flatnonzero(entries)
-    shape = entries.size, entries.size
-    return sparse_matrix("P", sp.csc_array((entries[at], (at, at)), shape=shape), "csc")

@@ -63,7 +63,10 @@ def closest_point(
     v = np.concatenate((first.point.z, first.point.y))
     face = face_of(rows, x, v, first.point.z_box[:n])
     easier = face.problem(qp)
-    second = solve(easier, make_guess(easier, x, None), limits)
+    # the rows active at x are those of the solution only where they leave x no freedom
+    settled = face.held.size + np.count_nonzero(face.v_box) >= n
+    guess = make_guess(easier, x, None) if settled else NO_GUESS
+    second = solve(easier, guess, limits)
     status, message = second.status, second.message
     if status is Status.SOLVED:
         point, r = face.point(second.point), face.shifts(second.point.x)
