@@ -246,7 +246,7 @@ def test_the_triangle_is_that_of_the_remaining_rows():
 
 
 def test_a_single_solve_gives_the_answer_of_the_first_in_a_sequence():
-    """It goes without M where no row enters, and without sorted rows at the end."""
+    """It goes without V where no row enters, and without sorted rows at the end."""
     rng = np.random.default_rng(10)
     for scale in (0.0, 1.0, 1.0, 1.0):
         qp = random_qp(rng, 20, 40, 0)

@@ -34,7 +34,7 @@ few variables instead of many responses.
 
 from namlcp.qp.responses.active import DONE
 from namlcp.qp.responses.batch import Stack
-from namlcp.qp.responses.course import ROUNDING
+from namlcp.qp.responses.judgement import ROUNDING
 from namlcp.qp.responses.solve import (
     MOST_ORDER,
     DenseResponses,

@@ -26,6 +26,7 @@ from namlcp.qp.responses.active import (
 from namlcp.qp.responses.judgement import (
     GAIN,
     PASSES,
+    ROUNDING,
     correct,
     exchange_best,
     is_accurate,
@@ -42,11 +43,8 @@ from namlcp.qp.responses.judgement import (
 # for (x, y) = K^-1 m.rhs; set the products of the result with P, G and A.
 VALUES, PRODUCTS = 20, 21
 # A code of the end: as DONE, but sums of such large terms depend on their order by more
-# than the tolerances.
+# than eps_abs.
 SUMMED = 22
-# Relative rounding error of a residual: SUMMED where this times the largest term of one
-# exceeds eps_abs.
-ROUNDING = 4e-15
 # Stages: what `advance` begins with.
 RECALL, HINTS, PIVOTS, MEASURE, CORRECT = range(5)
 

@@ -1,13 +1,16 @@
 """Dense QPs by responses: the base problem and its solution operator.
 
-The base problem min 1/2 x'Px + q'x, A x = b has the solution (x, y) = M (-q, b) with
-M = K^-1, K = [P A'; A 0], formed once: with H = P^-1, T = A H and S = A H A',
-M = [H - T'S^-1 T, T'S^-1; S^-1 T, -S^-1]. Forming M costs n^3 operations and then every
-solve a product, which for a small QP is quicker than two triangular solves.
+With P = L L', V = L^-1, T = V A' and S = T'T = M M', U = M^-1, the base problem
+min 1/2 x'Px + q'x, A x = b has the solution
+
+    y = -U'U (T'V q + b),   x = -V'(V q + T y).
+
+V, T and U are formed once. Two products with a triangle take as long as one with P^-1,
+but lose about half as many digits (Higham, Accuracy and Stability of Numerical
+Algorithms, 2nd ed., chapter 14).
 
 A singular P may be definite where A x = 0. Then P + A'WA takes its place, W diagonal:
-with the equations it has the same x, and its multipliers are y - W b instead of y, so
-that K^-1 is the M of P + A'WA with W added to its last block.
+with the equations it has the same x, and its multipliers are y - W b instead of y.
 """
 
 import numpy as np
@@ -22,9 +25,8 @@ from namlcp.qp.responses.rows import (
     violation_of,
 )
 
-# Ratio of the largest to the smallest pivot of P from which on a product with M is too
-# inaccurate: most QPs with condition number 1e8 are solved to 1e-9, two in three of
-# those with 1e12.
+# Ratio of the largest to the smallest pivot of P from which on products with V are too
+# inaccurate.
 MOST_SPREAD = 1e9
 # Added to the diagonal of P, relative to its largest entry, in the test whether P is
 # semidefinite.
@@ -32,7 +34,7 @@ ROUNDING_UNIT = 1e-15
 # Operations of one response from which on four are made at once.
 LARGE = 5000
 # Curvature of a row of norm 1, over the largest entry of P^-1, up to which the
-# equations fix the row: rounding errors of M for the largest spread are smaller.
+# equations fix the row: rounding errors for the largest spread are smaller.
 FIXED = 1e-12
 
 
@@ -64,7 +66,7 @@ def factor_in_place(address, n):
 
 @part
 def invert_triangle(address, n):
-    """Overwrite a lower triangular L by L^-1."""
+    """Overwrite a lower triangular L by L^-1, with zeros above its diagonal."""
     for i in range(n):
         row = row_of(address, i, n)
         pivot = 1.0 / row[i]
@@ -75,34 +77,18 @@ def invert_triangle(address, n):
         for j in range(i):
             row[j] *= -pivot
         row[i] = pivot
-
-
-@part
-def square_triangle(address, n, target, width):
-    """Set the n x n matrix at `target`, with rows of `width`, to X'X, X lower."""
-    for i in range(n):
-        out = row_of(target, i, width)
-        for j in range(n):
-            out[j] = 0.0
-    for i in range(n):
-        row = row_of(address, i, n)
-        for j in range(i + 1):
-            out = row_of(target, j, width)
-            add_scaled(row[j], row[: j + 1], out[: j + 1])
-    for i in range(n):
-        out = row_of(target, i, width)
-        for j in range(i):
-            row_of(target, j, width)[i] = out[j]
+        for j in range(i + 1, n):
+            row[j] = 0.0
 
 
 @part
 def set_up(m):
-    """Compute M, and the norms of the rows; False where the matrices do not allow it.
+    """Compute V, T, U, and norms of rows; False where the matrices do not allow it.
 
     They do not if a number is NaN or infinite, or P is not symmetric, or P + A'WA not
     definite or ill-conditioned, or the rows of A depend on each other. A single QP
-    without equations goes with the factor of P until a row enters, which needs M. (Not
-    so an item of a batch: its last digits would depend on the items before it.)
+    without equations goes with L until a row enters, which needs V. (Not so an item of
+    a batch: its last digits would depend on the items before it.)
     """
     n, p = m.n, m.p
     if p > n or not set_row_scales(m):
@@ -119,10 +105,10 @@ def set_up(m):
     if not factor_in_place(m.factor, n) <= MOST_SPREAD and not factor_pulled(m):
         return False
     forget_responses(m)
-    m.has_inverse = 0
+    m.is_inverted = 0
     if m.is_single and p == 0 and m.items_left == 0:
         return True
-    return make_inverse(m)
+    return invert_factor(m)
 
 
 @part
@@ -172,17 +158,32 @@ def weight_of(m, k):
 
 
 @part
-def make_inverse(m):
-    """Compute M from the factor of P; False where rows of A depend on each other."""
-    n, size = m.n, m.n + m.p
+def invert_factor(m):
+    """Turn L into V, and compute T and U; False if rows of A depend on each other."""
+    n, p = m.n, m.p
     invert_triangle(m.factor, n)
-    square_triangle(m.factor, n, m.inverse, size)
+    half = floats(m.halves, n)
+    for j in range(n):
+        half[j] = 0.0
+    for i in range(n):
+        row = row_of(m.factor, i, n)
+        for j in range(i + 1):
+            half[j] += row[j] * row[j]
     largest = 0.0
     for j in range(n):
-        largest = max(largest, row_of(m.inverse, j, size)[j])
+        largest = max(largest, half[j])  # of P^-1 = V'V, on its diagonal
     m.least_curvature = FIXED * largest
-    m.has_inverse = 1
-    return m.p == 0 or add_equations(m)
+    m.is_inverted = 1
+    for i in range(p):
+        times_triangle(m.factor, n, row_of(m.A, i, n), row_of(m.equations, i, n))
+    for i in range(p):
+        out, column = row_of(m.schur, i, p), row_of(m.equations, i, n)
+        for j in range(i + 1):
+            out[j] = dot(row_of(m.equations, j, n), column)
+    if not factor_in_place(m.schur, p) <= MOST_SPREAD:
+        return False
+    invert_triangle(m.schur, p)
+    return True
 
 
 @part
@@ -200,55 +201,90 @@ def set_row_scales(m):
     return fine
 
 
-@part
-def add_equations(m):
-    """Turn H = P^-1, the first n rows and columns of M, into M for equations A x = b.
+# ---- products
 
-    False where the rows of A depend on each other.
-    """
-    n, p, size = m.n, m.p, m.n + m.p
-    T, S = m.equations, m.equations + 8 * n * p
-    B = S + 8 * p * p
-    for i in range(p):
-        row, out = row_of(m.A, i, n), row_of(T, i, n)
-        for j in range(n):
-            out[j] = dot(row_of(m.inverse, j, size)[:n], row)
-    for i in range(p):
-        out = row_of(S, i, p)
-        for j in range(i + 1):
-            out[j] = dot(row_of(T, i, n), row_of(m.A, j, n))
-    if not factor_in_place(S, p) <= MOST_SPREAD:
-        return False
-    invert_triangle(S, p)
-    square_triangle(S, p, B, p)
-    for i in range(p):
-        inverse, out = row_of(B, i, p), row_of(m.inverse, n + i, size)
-        for j in range(n):
-            out[j] = 0.0
-        for k in range(p):
-            add_scaled(inverse[k], row_of(T, k, n), out[:n])
-            out[n + k] = -inverse[k]
-        out[n + i] += weight_of(m, i)
+
+@part(fastmath={"reassoc"})
+def four_dots(row, a, b, c, d):
+    """Return the products of `row` with four vectors."""
+    first, second, third, fourth = 0.0, 0.0, 0.0, 0.0
+    for j in range(row.size):
+        first += row[j] * a[j]
+        second += row[j] * b[j]
+        third += row[j] * c[j]
+        fourth += row[j] * d[j]
+    return first, second, third, fourth
+
+
+@part
+def add_four_scaled(factor, a, b, c, d, out):
+    """Add a, b, c and d times the first four factors to out."""
+    fa, fb, fc, fd = factor[0], factor[1], factor[2], factor[3]
+    for j in range(out.size):
+        out[j] += (fa * a[j] + fb * b[j]) + (fc * c[j] + fd * d[j])
+
+
+@part
+def times_rows(address, count, n, x, out):
+    """Set out = C x for the `count` rows of a matrix C with n columns."""
+    for i in range(count):
+        out[i] = dot(x, row_of(address, i, n))
+
+
+@part
+def times_triangle(address, n, x, out):
+    """Set out = V x for a lower triangle V of order n."""
+    for i in range(n):
+        out[i] = dot(x[: i + 1], row_of(address, i, n))
+
+
+@part
+def times_triangle_transposed(address, n, v, out):
+    """Set out = V'v for a lower triangle V of order n, with zeros above."""
     for j in range(n):
-        out = row_of(m.inverse, j, size)
-        for k in range(p):
-            add_scaled(-row_of(T, k, n)[j], row_of(m.inverse, n + k, size)[:n], out[:n])
-            out[n + k] = row_of(m.inverse, n + k, size)[j]
-    return True
+        out[j] = 0.0
+    i = 0
+    while i + 4 <= n:
+        a, b = row_of(address, i, n), row_of(address, i + 1, n)
+        c, d = row_of(address, i + 2, n), row_of(address, i + 3, n)
+        add_four_scaled(v[i:], a, b, c, d, out[: i + 4])
+        i += 4
+    while i < n:
+        add_scaled(v[i], row_of(address, i, n), out[: i + 1])
+        i += 1
+
+
+# ---- the operator
 
 
 @part
 def set_values_of(m, rhs, values):
-    """Set values = (G x, x, y) for (x, y) = M rhs."""
-    size = m.n + m.p
-    if m.has_inverse:
-        for i in range(size):
-            values[m.m + i] = dot(row_of(m.inverse, i, size), rhs)
+    """Set values = (G x, x, y) for (x, y) = K^-1 rhs, see `active`."""
+    if m.is_inverted:
+        half = floats(m.halves, m.n)
+        times_triangle(m.factor, m.n, rhs[: m.n], half)
+        finish_values(m, rhs, half, values)
     else:
         solve_with_factor(m, rhs, values[m.m : m.rows])
-    x = values[m.m : m.rows]
-    for i in range(m.m):
-        values[i] = dot(row_of(m.G, i, m.n), x)
+    times_rows(m.G, m.m, m.n, values[m.m : m.rows], values)
+
+
+@part
+def finish_values(m, rhs, half, values):
+    """Set x and y in values = (G x, x, y) from half = V r; overwrites `half`."""
+    n, p = m.n, m.p
+    y, work = values[m.rows :], floats(m.schur_work, p)
+    if p > 0:
+        times_rows(m.equations, p, n, half, y)
+        for i in range(p):
+            y[i] -= rhs[n + i]
+        times_triangle(m.schur, p, y, work)
+        times_triangle_transposed(m.schur, p, work, y)
+        for i in range(p):
+            add_scaled(-y[i], row_of(m.equations, i, n), half)
+            if m.pull > 0.0:
+                y[i] += weight_of(m, i) * rhs[n + i]
+    times_triangle_transposed(m.factor, n, half, values[m.m : m.rows])
 
 
 @part
@@ -268,10 +304,10 @@ def solve_with_factor(m, rhs, x):
 def make_responses(m):
     """Make the response to row m.asked, and of a large QP those to three more rows.
 
-    To read M and G takes longer than to multiply with them.
+    To read V and G takes longer than to multiply with them.
     """
-    if not m.has_inverse:
-        make_inverse(m)
+    if not m.is_inverted:
+        invert_factor(m)
     size = m.n + m.p
     set_unit_load(m, m.asked, floats(m.rhs, size))
     if m.n * (m.n + m.m) < LARGE:
@@ -331,33 +367,25 @@ def companions(m):
     return first, second, third
 
 
-@part(fastmath={"reassoc"})
-def four_dots(row, a, b, c, d):
-    """Return the products of `row` with four vectors."""
-    first, second, third, fourth = 0.0, 0.0, 0.0, 0.0
-    for j in range(row.size):
-        first += row[j] * a[j]
-        second += row[j] * b[j]
-        third += row[j] * c[j]
-        fourth += row[j] * d[j]
-    return first, second, third, fourth
-
-
 @part
 def set_four_values(m, outs):
     """Do what `set_values_of` does for four right-hand sides in m.rhs.
 
     The sums for one of them do not depend on the others.
     """
-    size = m.n + m.p
+    n, size = m.n, m.n + m.p
     first, second, third, fourth = outs
     a, b = floats(m.rhs, size), floats(m.rhs + 8 * size, size)
     c, d = floats(m.rhs + 16 * size, size), floats(m.rhs + 24 * size, size)
-    for i in range(size):
-        k = m.m + i
-        first[k], second[k], third[k], fourth[k] = four_dots(
-            row_of(m.inverse, i, size), a, b, c, d
-        )
+    va, vb = floats(m.halves, n), floats(m.halves + 8 * n, n)
+    vc, vd = floats(m.halves + 16 * n, n), floats(m.halves + 24 * n, n)
+    for i in range(n):
+        row = row_of(m.factor, i, n)[: i + 1]
+        va[i], vb[i], vc[i], vd[i] = four_dots(row, a, b, c, d)
+    finish_values(m, a, va, first)
+    finish_values(m, b, vb, second)
+    finish_values(m, c, vc, third)
+    finish_values(m, d, vd, fourth)
     a, b = first[m.m : m.rows], second[m.m : m.rows]
     c, d = third[m.m : m.rows], fourth[m.m : m.rows]
     for i in range(m.m):
@@ -369,9 +397,7 @@ def set_four_values(m, outs):
 @part
 def set_products(m):
     """Set the products of the result with P, G and A."""
-    x, Px = floats(m.out, m.n), floats(m.Px, m.n)
-    for j in range(m.n):
-        Px[j] = dot(row_of(m.P, j, m.n), x)
+    times_rows(m.P, m.n, m.n, floats(m.out, m.n), floats(m.Px, m.n))
     set_products_of_rows(m)
 
 
@@ -379,16 +405,13 @@ def set_products(m):
 def set_products_of_rows(m):
     """Set the products of the result with G and A."""
     x, y, z, _ = parts_of_result(m)
-    Gx, Ax = floats(m.Gx, m.m), floats(m.Ax, m.p)
+    times_rows(m.G, m.m, m.n, x, floats(m.Gx, m.m))
+    times_rows(m.A, m.p, m.n, x, floats(m.Ax, m.p))
     Gtz, Aty = floats(m.Gtz, m.n), floats(m.Aty, m.n)
     for j in range(m.n):
         Gtz[j], Aty[j] = 0.0, 0.0
     for i in range(m.m):
-        row = row_of(m.G, i, m.n)
-        Gx[i] = dot(row, x)
         if z[i] != 0.0:
-            add_scaled(z[i], row, Gtz)
+            add_scaled(z[i], row_of(m.G, i, m.n), Gtz)
     for i in range(m.p):
-        row = row_of(m.A, i, m.n)
-        Ax[i] = dot(row, x)
-        add_scaled(y[i], row, Aty)
+        add_scaled(y[i], row_of(m.A, i, m.n), Aty)

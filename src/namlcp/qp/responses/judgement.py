@@ -5,17 +5,18 @@ is iterative, with these residuals and the operators at hand, from the point tha
 `finish` computed: like that, it depends on the active rows alone.
 """
 
-import numpy as np
-
 from namlcp.compiled import floats, longs, part
 from namlcp.qp.responses.rows import goal_of, subtract_responses
 from namlcp.qp.responses.triangle import triangle_solve, triangle_solve_transposed
 from namlcp.residuals import qp_residuals_of_products
 
 # Nothing is refined where residuals over the moduli of their terms are at most
-# ACCURATE, and the residuals themselves at most RESERVE times the absolute tolerance.
+# ACCURATE, and the residuals themselves at most RESERVE times the absolute tolerance;
+# or at most MOST_RESERVE times, and no more than their own rounding error, which is
+# ROUNDING over these moduli.
+ACCURATE, RESERVE, MOST_RESERVE, ROUNDING = 1e-12, 0.05, 0.5, 4e-15
 # Passes of refinement at most; the factor by which one has to lower the error.
-ACCURATE, RESERVE, PASSES, GAIN = 1e-12, 0.05, 3, 0.5
+PASSES, GAIN = 3, 0.5
 # Divisors that may be 0 are at least this.
 LEAST_DIVISOR = 1e-300
 # Numbers of `Residuals`, the last entries of the result.
@@ -92,8 +93,13 @@ def measure(m):
 def is_accurate(m, error):
     """Tell whether a point with this error of `measure` needs no refinement."""
     found = floats(m.out + 8 * (2 * m.n + m.p + m.m), NUMBERS)
-    enough = RESERVE * m.eps_abs if m.eps_abs > 0.0 else np.inf
-    return error <= ACCURATE and max(found[0], found[1], found[2]) <= enough
+    if not error <= ACCURATE:
+        return False
+    for i in range(3):
+        rounding = min(ROUNDING * found[3 + i], MOST_RESERVE * m.eps_abs)
+        if m.eps_abs > 0.0 and found[i] > max(RESERVE * m.eps_abs, rounding):
+            return False
+    return True
 
 
 @part

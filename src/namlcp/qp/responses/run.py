@@ -1,6 +1,6 @@
 """The kernels for dense QPs: addresses in, one solve, the active rows kept.
 
-`run` solves the QP with the matrices of `attach_matrices`: it checks them, computes M
+`run` solves the QP with the matrices of `attach_matrices`: it checks them, computes V
 if that is missing, and follows `course`. `address` is that of a `ResponseState`. Codes
 are those of `active`, SUMMED of `course`, and those below.
 """
@@ -35,8 +35,7 @@ def attach_matrices(address, P, G, A):
     m.is_ready, m.k, m.kept_k, m.hints = 0, 0, 0, 0
     m.most_operations, m.items_left, m.is_free = np.inf, 0, 0
     m.face_is_kept = 0
-    size = m.n + m.p
-    return lay_out(m, size * size)
+    return lay_out(m, True)
 
 
 @part

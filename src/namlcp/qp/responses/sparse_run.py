@@ -30,7 +30,7 @@ def attach_sparse(state, sizes, triangle, rows):
     m.g_starts, m.g_columns = rows.indptr.ctypes.data, rows.indices.ctypes.data
     m.g_values = rows.data.ctypes.data
     m.is_ready, m.k, m.kept_k, m.hints = 0, 0, 0, 0
-    return lay_out(m, 0)
+    return lay_out(m, False)
 
 
 @kernel

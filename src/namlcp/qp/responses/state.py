@@ -32,8 +32,9 @@ OWN = (
     "responses place owner "
     # Products of the judgement; the right-hand side and the change of a refinement.
     "Px Gx Ax Gtz Aty rhs change best best_multiplier "
-    # The solution operator of the dense base problem, and its factors.
-    "inverse factor equations "
+    # The operator of a dense base problem, see `dense`: L or V, the rows of W, and U;
+    # four vectors V r, and one of a product with U.
+    "factor equations schur halves schur_work "
     # Where most variables are at bounds, see `free`: the free variables, the factor of
     # their part of P, the held rows divided by it and the factor of their products;
     # the product of P with the active bounds; right-hand sides of the face; the
@@ -57,7 +58,7 @@ NUMBERS = (
     # The row that becomes active (-1: none), its side, and the row whose response is
     # asked for; the place of the next response.
     "entering entering_side asked next_place "
-    "pivots max_iter is_ready has_inverse memory memory_size memory_end "
+    "pivots max_iter is_ready is_inverted memory memory_size memory_end "
     # Whether the next solve has the form of `free`; free variables there, and at most;
     # active rows of G; changes of the factor since it was computed anew; whether it is
     # that of the last solved QP.
@@ -121,17 +122,17 @@ def taken(m, size):
 
 
 @part
-def lay_out(m, base_size):
+def lay_out(m, is_dense):
     """Give every vector of `OWN` its place from m.memory on, for the sizes n, m, p.
 
-    base_size: numbers in `inverse`. Writes nothing to memory; tells whether it is large
-    enough, up to m.memory_size bytes.
+    Writes nothing to memory; tells whether it is large enough, up to m.memory_size
+    bytes.
     """
     m.rows = m.m + m.n
     m.length = m.rows + m.p
     m.most = max(min(m.n - m.p, m.rows, MOST_NUMBERS // max(m.length, 1)), 0)
     m.capacity = min(m.rows, max(m.most + 4, MOST_NUMBERS // max(m.length, 1)))
-    takes_free = base_size > 0 and LEAST_FREE <= m.n <= m.most + m.p
+    takes_free = is_dense and LEAST_FREE <= m.n <= m.most + m.p
     m.most_free = 2 * m.n // 3 if takes_free else 0
     m.memory_end = m.memory
     triangle = m.most * (m.most + 1) // 2
@@ -157,8 +158,10 @@ def lay_out(m, base_size):
     m.free_part, m.held_part = taken(m, m.most_free), taken(m, m.most_free)
     m.load, m.bound_multiplier = taken(m, m.n), taken(m, m.n)
     m.bound_ratio = taken(m, m.n)
-    m.inverse = taken(m, base_size)
-    m.factor, m.equations = taken(m, base_size), taken(m, base_size)
+    if is_dense:
+        m.factor, m.equations = taken(m, m.n * m.n), taken(m, m.p * m.n)
+        m.schur, m.schur_work = taken(m, m.p * m.p), taken(m, m.p)
+        m.halves = taken(m, 4 * m.n)
     m.responses = taken(m, m.capacity * m.length)
     return m.memory_end - m.memory <= m.memory_size
 
