@@ -81,7 +81,7 @@ def test_gradients_are_those_of_a_regular_qp_nearby(seed, family, form):
     """With h of the rows that are not held raised, the QP has the gradients found."""
     qp = family(seed)
     result = namlcp.solve_qp(*form(qp), **EXACT)
-    held = result.derivative.active.rows
+    held = result.derivative.face.active.rows
     h = qp.h + 1e-6
     h[held] = qp.h[held]
     near = namlcp.solve_qp(*form(qp._replace(h=h)), **EXACT)
@@ -128,13 +128,13 @@ def test_dependent_rows_in_a_large_sparse_qp(seed):
     dq = np.zeros(qp.q.size)
     dq[:3] = np.random.default_rng(seed).standard_normal(3)
     found = result.forward(dq=dq)
-    assert np.count_nonzero(result.derivative.active.rows < 5) == 3
+    assert np.count_nonzero(result.derivative.face.active.rows < 5) == 3
     alone = namlcp.solve_qp(*vertex(seed), **EXACT).forward(dq=dq[:3])
     assert np.allclose(found.x[:3], alone.x, atol=1e-8)
     gradients = result.backward(dx=dq)
     reference = namlcp.solve_qp(*vertex(seed), **EXACT)
     h = vertex(seed).h + 1e-6
-    held = result.derivative.active.rows[:3]
+    held = result.derivative.face.active.rows[:3]
     h[held] -= 1e-6
     reference = namlcp.solve_qp(*vertex(seed)._replace(h=h), **EXACT)
     expected = reference.backward(dx=dq[:3])

@@ -3,7 +3,12 @@
 `result.py` opens this room when a result is asked for a derivative, not before.
 """
 
-from namlcp.derivatives.batch import BatchGradients, differentiate_batch
+from namlcp.derivatives.batch import (
+    BatchGradients,
+    Solved,
+    differentiate_batch,
+    differentiate_items,
+)
 from namlcp.derivatives.closest import ClosestDerivative, differentiate_closest
 from namlcp.derivatives.directional import lcp_directional, qp_directional
 from namlcp.derivatives.gradients import (
@@ -11,6 +16,7 @@ from namlcp.derivatives.gradients import (
     LCPTangent,
     QPGradients,
     QPTangent,
+    product_of,
 )
 from namlcp.derivatives.lcp import LCPDerivative, differentiate_lcp
 from namlcp.derivatives.qp import QPDerivative, differentiate_qp

@@ -1,16 +1,118 @@
-"""Gradients of all items of a batch, on several threads."""
+"""Gradients of many QPs of the same sizes, on several threads.
 
+`differentiate_items` has those of each item, `BatchGradients` those in the arguments of
+a batch, which its items may share.
+"""
+
+from collections.abc import Callable
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 
-from namlcp.checks import real_array
-from namlcp.derivatives.gradients import QPGradients
+from namlcp.checks import clean_copy, real_array
+from namlcp.derivatives.dense_items import (
+    NOTHING,
+    REGULAR,
+    SINGULAR,
+    Found,
+    differentiate,
+    parts_of,
+    refuse_faults,
+    width_of,
+)
+from namlcp.derivatives.gradients import product_of
 from namlcp.derivatives.qp import QPDerivative
+from namlcp.derivatives.systems import memory_size
 from namlcp.options import check_count
-from namlcp.qp import BatchResult, Point, available_cores, on_threads
+from namlcp.qp import QP, BatchResult, Point, available_cores, on_threads
+
+MOST_WORK = 1e8
+"""Operations of one compiled call at most, about: until its end Ctrl-C is not seen."""
+
+CHUNKS = 8
+"""Calls for each thread at least, so that all threads end at about the same time."""
+
+
+class Solved(NamedTuple):
+    """QPs of the same sizes and their solutions.
+
+    Attributes
+    ----------
+    arrays : tuple of arrays or None
+        P, q, G, h, A, b, lb and ub, each with a leading axis of the items or of one
+        item, or without, which stands for all items; None if matrices are sparse.
+    item : callable
+        Returns the QP of an item by its number.
+    points : Point
+        The solutions, each with a leading axis.
+    which : (N,) bool array
+        The items that are to be differentiated.
+    """
+
+    arrays: tuple[np.ndarray, ...] | None
+    item: Callable[[int], QP]
+    points: Point
+    which: np.ndarray
+
+
+def differentiate_items(
+    solved: Solved, cotangents: tuple[np.ndarray | None, ...], threads: int
+) -> tuple[Found, Point]:
+    """Return the gradients of each item, and the solutions with the multipliers used.
+
+    Other items have gradients and solutions 0. `cotangents` are shaped as the points.
+    """
+    which, shown = solved.which, solved.which[:, None]
+    points = Point(*(np.where(shown, v, 0.0) for v in solved.points))
+    parts = tuple(None if v is None else np.where(shown, v, 0.0) for v in cotangents)
+    refuse_faults(NOTHING if v is None else v for v in parts)
+    sizes = points.x.shape[1], points.z.shape[1], points.y.shape[1]
+    out = np.zeros((which.size, width_of(sizes)))
+    found, chosen = parts_of(out, sizes), np.flatnonzero(which)
+    if solved.arrays is not None:
+        differentiate_dense(solved.arrays, points, parts, chosen, threads, out)
+        chosen = chosen[found.code[chosen] != REGULAR]
+
+    def work(k: int) -> None:
+        i = chosen[k]
+        point = Point(*(v[i] for v in points))
+        derivative = QPDerivative(solved.item(i), (None, None, None), point)
+        gradients = derivative.backward(*(v if v is None else v[i] for v in parts))
+        for name in ("q", "h", "b", "lb", "ub", "weak"):
+            getattr(found, name)[i] = getattr(gradients, name)
+        found.code[i] = SINGULAR if gradients.singular else REGULAR
+        face = derivative.face
+        found.held[i, face.active.rows], found.side[i] = 1.0, face.active.side
+        points.y[i], points.z[i] = face.point.y, face.point.z
+
+    on_threads(work, chosen.size, threads)
+    return found, points
+
+
+def differentiate_dense(
+    arrays: tuple[np.ndarray, ...],
+    points: Point,
+    cotangents: tuple[np.ndarray | None, ...],
+    chosen: np.ndarray,
+    threads: int,
+    out: np.ndarray,
+) -> None:
+    """Do `differentiate` in parts, on threads."""
+    n, m, p = sizes = points.x.shape[1], points.z.shape[1], points.y.shape[1]
+    data = tuple(clean_copy(v, np.float64).reshape(-1) for v in arrays)
+    flat_points = tuple(v.reshape(-1) for v in points)
+    flat = tuple(NOTHING if v is None else v.reshape(-1) for v in cotangents)
+    most = max(int(MOST_WORK / ((n + m) * n * n)), 1)
+    length = min(-(-chosen.size // (CHUNKS * threads)), most)
+    starts = range(0, chosen.size, length or 1)
+
+    def work(k: int) -> None:
+        part = chosen[starts[k] : starts[k] + length]
+        memory = np.empty(memory_size(n, m + p))
+        differentiate(part, sizes, data, flat_points, flat, memory, False, out)
+
+    on_threads(work, len(starts), threads)
 
 
 class BatchGradients:
@@ -29,77 +131,63 @@ class BatchGradients:
         The same.
     """
 
-    def __init__(self, items: list[QPGradients | None], batch: BatchResult) -> None:
-        """Take the gradients of the items, None where an item was not solved."""
-        self.items, self.stacked = items, batch.problem.stacked
-        self.shared = dict(zip("PGA", batch.problem.given, strict=True))
-        found = [item for item in items if item is not None]
-        self.used = np.array([item is not None for item in items])
-        self.weak = np.zeros(self.used.size, dtype=np.int64)
-        self.singular = np.zeros(self.used.size, dtype=bool)
-        self.weak[self.used] = [item.weak for item in found]
-        self.singular[self.used] = [item.singular for item in found]
-        sizes = {"q": batch.x, "h": batch.z, "b": batch.y, "lb": batch.x, "ub": batch.x}
-        self.q, self.h, self.b, self.lb, self.ub = (
-            self.joined(name, np.zeros(part.shape[1:])) for name, part in sizes.items()
+    def __init__(self, batch: BatchResult, found: Found, points: Point) -> None:
+        """Take what `differentiate_items` has returned for a batch."""
+        self.stacked = batch.problem.stacked
+        self.given = dict(zip("PGA", batch.problem.given, strict=True))
+        self.vectors, self.points = found[:5], points
+        self.used, self.weak = batch.solved, found.weak.astype(np.int64)
+        self.singular = self.used & (found.code == SINGULAR)
+        self.q, self.h, self.b, self.lb, self.ub = map(
+            self.joined, ("q", "h", "b", "lb", "ub"), self.vectors
         )
 
-    def joined(self, name: str, zero: Any) -> Any:
+    def joined(self, name: str, parts: np.ndarray) -> np.ndarray:
         """Return the gradients of all items in one argument, stacked or added."""
-        parts = [None if g is None else getattr(g, name) for g in self.items]
-        if name in self.stacked:
-            return np.stack([zero if part is None else part for part in parts])
-        return sum((part for part in parts if part is not None), zero)
+        return parts.copy() if name in self.stacked else parts.sum(axis=0)
 
-    def matrix(self, name: str, columns: int) -> Any:
+    def matrix(self, name: str) -> Any:
         """Return the gradients in P, G or A."""
-        own = self.stacked.get(name, self.shared[name])
-        if own is None:
-            return np.zeros((0, columns))
-        zero = own * 0.0 if sp.issparse(own) else np.zeros(np.shape(own)[-2:])
-        return self.joined(name, zero)
+        product = product_of(self.vectors, self.points, name)
+        if name in self.stacked:
+            return product.stacked()
+        return product.summed(self.given[name])
 
     @cached_property
     def P(self) -> Any:
         """The gradient in P."""
-        return self.matrix("P", self.q.shape[-1])
+        return self.matrix("P")
 
     @cached_property
     def G(self) -> Any:
         """The gradient in G."""
-        return self.matrix("G", self.q.shape[-1])
+        return self.matrix("G")
 
     @cached_property
     def A(self) -> Any:
         """The gradient in A."""
-        return self.matrix("A", self.q.shape[-1])
+        return self.matrix("A")
 
 
 def differentiate_batch(
     batch: BatchResult, cotangents: dict[str, Any], threads: int | None
 ) -> BatchGradients:
     """Return the gradients of a batch from those in x, y, z and z_box of its items."""
-    if batch.problem is None:
+    items = batch.problem
+    if items is None:
         raise ValueError(
             "derivatives need the result of solve_batch itself: a pickled or copied "
             "one has lost the problems"
         )
     threads = available_cores() if threads is None else threads
     check_count("threads", threads)
-    given = [checked_gradient(name, value, batch) for name, value in cotangents.items()]
-    items: list[QPGradients | None] = [None] * len(batch)
-    solved = np.flatnonzero(batch.solved)
-
-    def work(k: int) -> None:
-        i = solved[k]
-        point = Point(batch.x[i], batch.y[i], batch.z[i], batch.z_box[i])
-        qp, matrices = batch.problem.item(i)
-        items[i] = QPDerivative(qp, matrices, point).backward(
-            *(None if array is None else array[i] for array in given)
-        )
-
-    on_threads(work, solved.size, threads)
-    return BatchGradients(items, batch)
+    given = tuple(checked_gradient(k, value, batch) for k, value in cotangents.items())
+    arrays = None
+    if items.shared.is_dense:
+        arrays = tuple((items.shared._asdict() | items.stacked).values())
+    points = Point(batch.x, batch.y, batch.z, batch.z_box)
+    solved = Solved(arrays, lambda i: items.item(i)[0], points, batch.solved)
+    return BatchGradients(batch, *differentiate_items(solved, given, threads))
 
 
 def checked_gradient(name: str, value: Any, batch: BatchResult) -> np.ndarray | None:

@@ -12,13 +12,14 @@ a change of C that raises their rank makes shifts and point jump; the gradients 
 those for changes that do not.
 """
 
+from functools import partial
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from namlcp.checks import finite_vector
-from namlcp.derivatives.gradients import QPGradients, RankTwo
+from namlcp.derivatives.gradients import QPGradients, RankTwo, product_of
 from namlcp.derivatives.problem import problem_of
 from namlcp.derivatives.qp import QPDerivative
 from namlcp.qp import QP, ClosestPoint, Face, Point
@@ -54,9 +55,10 @@ class ClosestDerivative:
         `easier` and `point` are stage 2 and its solution.
         """
         self.face, (self.qp, given) = face, problem
-        own = self.qp.P, self.qp.G, self.qp.A
-        pairs = zip(given, own, strict=True)
-        self.patterns = [mine if user is None else user for user, mine in pairs]
+        self.patterns = {
+            name: getattr(self.qp, name) if user is None else user
+            for name, user in zip("PGA", given, strict=True)
+        }
         stage, its_point = face.least_shifts(point.x)
         self.first = QPDerivative(stage, ITS_OWN, its_point)
         self.second = QPDerivative(easier, ITS_OWN, point)
@@ -82,22 +84,31 @@ class ClosestDerivative:
         lb[face.rows.lower] -= g_lower
         ub[face.rows.upper] += g_upper
 
-        x, y, z, _ = self.second.point
+        point = self.second.face.point
+        x, y, z, _ = point
         u = -second.q
-        squares = RankTwo(-0.5 * u, x, x, -0.5 * u)
         of_G, _, _, of_A = self.products(
             (face.spread(y, z), u, lam, x),
-            (face.spread(self.first.point.y, 0.0 * z), -first.q[: u.size], mu, x),
+            (face.spread(self.first.face.point.y, 0.0 * z), -first.q[: u.size], mu, x),
         )
-        matrices = tuple(zip((squares, of_G, of_A), self.patterns, strict=True))
         vectors = second.q, g_h, g_b, lb, ub
-        return QPGradients(vectors, matrices, self.second.weak, self.first.singular)
+        products: dict[str, RankTwo | Products] = {"G": of_G, "A": of_A}
+        products["P"] = product_of(vectors, point, "P")
+        matrix = partial(self.matrix, products)
+        return QPGradients(vectors, matrix, second.weak, first.singular)
+
+    def matrix(self, products: dict[str, RankTwo | Products], name: str) -> Any:
+        """Return the gradient in P, G or A in the form of the user's matrix."""
+        return products[name].on(self.patterns[name])
 
     def products(self, *terms: tuple[np.ndarray, ...]) -> list[Products]:
         """Return the gradient -sum(v u' + lam x') in C, in parts as `Rows.parts`."""
         parts = self.face.rows.parts
         stages = [
-            [RankTwo(-p, u, -l, x) for p, l in zip(parts(v), parts(lam), strict=True)]
+            [
+                RankTwo(-1.0, p, u, -1.0, l, x)
+                for p, l in zip(parts(v), parts(lam), strict=True)
+            ]
             for v, u, lam, x in terms
         ]
         return [Products(*pair) for pair in zip(*stages, strict=True)]

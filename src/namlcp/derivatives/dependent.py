@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from namlcp.derivatives.active import ActiveSet
+from namlcp.derivatives.systems import ActiveSet
 from namlcp.qp import QP, Point
 
 VANISHED = 1e-9

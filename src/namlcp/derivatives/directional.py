@@ -23,11 +23,12 @@ from typing import Any
 import numpy as np
 from scipy.sparse import vstack
 
-from namlcp.derivatives.active import active_sets
 from namlcp.derivatives.dependent import dependencies, signed_multipliers
+from namlcp.derivatives.face import system_of
 from namlcp.derivatives.gradients import LCPTangent, QPTangent
 from namlcp.derivatives.lcp import LCPDerivative
 from namlcp.derivatives.qp import QPDerivative
+from namlcp.derivatives.systems import active_sets
 from namlcp.lcp import solve_lcp
 from namlcp.qp import Point, solve_qp
 from namlcp.status import Status
@@ -35,14 +36,15 @@ from namlcp.status import Status
 
 def qp_directional(derivative: QPDerivative, changes: dict[str, Any]) -> QPTangent:
     """Return the one-sided derivative of a QP's solution along a direction."""
-    if not derivative.weak and not derivative.singular:
+    qp, face = derivative.qp, derivative.face
+    if not face.weak and not face.singular:
         return derivative.forward(changes)
     d = derivative.direction(changes)
     point = steepest(derivative, d)
-    qp, side = derivative.qp, derivative.whole.side
+    side = face.whole.side
     r, dh, db = derivative.right_sides(d, point)
     active, _, _ = active_sets(qp, point)
-    strict, weak = active.rows, np.setdiff1d(derivative.whole.rows, active.rows)
+    strict, weak = active.rows, np.setdiff1d(face.whole.rows, active.rows)
     A, b = with_rows(qp.A, qp.G[strict]), np.concatenate((db, dh[strict]))
     change = np.where(side < 0, d["lb"], d["ub"])
     fixed = active.side != 0
@@ -57,8 +59,7 @@ def qp_directional(derivative: QPDerivative, changes: dict[str, Any]) -> QPTange
     dz = np.zeros(qp.h.size)
     dz[weak], dz[strict] = found.z, found.y[db.size :]
     dy = found.y[: db.size]
-    kinks = derivative.weak, derivative.singular
-    return QPTangent(found.x, dy, dz, found.z_box, *kinks)
+    return QPTangent(found.x, dy, dz, found.z_box, face.weak, face.singular)
 
 
 def with_rows(A: Any, G: Any) -> Any:
@@ -70,8 +71,8 @@ def with_rows(A: Any, G: Any) -> Any:
 
 def steepest(derivative: QPDerivative, d: dict[str, Any]) -> Point:
     """Return the multipliers that maximise the derivative of the optimal value."""
-    qp, point, whole = derivative.qp, derivative.solution, derivative.whole
-    found = dependencies(qp, whole, derivative.null_space_of(whole))
+    qp, point, whole = derivative.qp, derivative.solution, derivative.face.whole
+    found = dependencies(qp, whole, system_of(qp, whole).null_space)
     if not found.number:
         return point
     value, N = signed_multipliers(qp, whole, point, found)

@@ -15,9 +15,8 @@ from scipy.sparse import csc_array, csr_array
 from scipy.sparse.linalg import lsmr, splu
 
 from namlcp.checks import from_arrays, no_rows
-from namlcp.derivatives.active import ActiveSet
-from namlcp.derivatives.dense_system import SINGULAR
-from namlcp.derivatives.qp import system_of
+from namlcp.derivatives.face import system_of
+from namlcp.derivatives.systems import SINGULAR, ActiveSet
 from namlcp.lcp import LARGE_LCP, FreeSystem, Prepared
 from namlcp.linalg import arrays_of, submatrix
 from namlcp.qp import QP

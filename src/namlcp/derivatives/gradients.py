@@ -4,6 +4,7 @@ The gradients in the matrices are outer products: they are formed when asked for
 form in which the user gave the matrix, a sparse one on its stored entries alone.
 """
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -12,6 +13,7 @@ import scipy.sparse as sp
 
 from namlcp.checks import from_arrays, sparse_matrix
 from namlcp.compiled import kernel
+from namlcp.qp import Point
 
 
 class QPTangent(NamedTuple):
@@ -37,10 +39,15 @@ class QPTangent(NamedTuple):
 
 
 class RankTwo(NamedTuple):
-    """a b' + c d', asked for on the entries of a matrix of the user."""
+    """s a b' + t c d', asked for on the entries of a matrix of the user.
 
+    The vectors may have a leading axis, which stands for as many such sums.
+    """
+
+    s: float
     a: np.ndarray
     b: np.ndarray
+    t: float
     c: np.ndarray
     d: np.ndarray
 
@@ -49,36 +56,59 @@ class RankTwo(NamedTuple):
 
         A CSR matrix has its gradient in CSR, any other sparse matrix in CSC.
         """
-        a, b, c, d = self
-        if not sp.issparse(pattern):
+        s, a, b, t, c, d = self
+        if type(pattern) is np.ndarray or not sp.issparse(pattern):
             out = np.empty((a.size, b.size))
-            write_rank_two(a, b, c, d, out)
+            write_rank_two(s, a, b, t, c, d, out)
             return out
         is_csr = pattern.format == "csr"
         pattern = sparse_matrix("pattern", pattern, "csr" if is_csr else "csc")
         if is_csr:
             a, b, c, d = b, a, d, c
         indptr, indices = pattern.indptr, pattern.indices
-        data = np.empty(indices.size)
-        write_rank_two_at(indptr, indices, a, b, c, d, data)
+        data = np.zeros(indices.size)
+        sums = (np.atleast_2d(v) for v in (a, b, c, d))
+        for one, two, three, four in zip(*sums, strict=True):
+            first, second = (s, one, two), (t, three, four)
+            add_rank_two_at(indptr, indices, first, second, data)
         kind = sp.csr_array if is_csr else sp.csc_array
         return from_arrays((indptr.copy(), indices.copy(), data), pattern.shape, kind)
 
+    def stacked(self) -> np.ndarray:
+        """Return the array of each item."""
+        s, a, b, t, c, d = self
+        first, second = s * a[:, :, None], t * c[:, :, None]
+        return first * b[:, None, :] + second * d[:, None, :]
+
+    def summed(self, pattern: Any) -> Any:
+        """Return the sum over all items, in the form of a pattern."""
+        if sp.issparse(pattern):
+            return self.on(pattern)
+        s, a, b, t, c, d = self
+        return s * (a.T @ b) + t * (c.T @ d)
+
 
 @kernel
-def write_rank_two(a, b, c, d, out):
-    """Set out (m, n) to a b' + c d'."""
+def write_rank_two(s, a, b, t, c, d, out):
+    """Set out (m, n) to s a b' + t c d'."""
     for i in range(a.size):
+        first, second = s * a[i], t * c[i]
         for j in range(b.size):
-            out[i, j] = a[i] * b[j] + c[i] * d[j]
+            out[i, j] = first * b[j] + second * d[j]
 
 
 @kernel
-def write_rank_two_at(indptr, indices, a, b, c, d, data):
-    """Set data to the entries of a b' + c d' at the places of a matrix in CSC."""
+def add_rank_two_at(indptr, indices, first, second, data):
+    """Add the entries of s a b' + t c d' at the places of a matrix in CSC to data.
+
+    first = (s, a, b), second = (t, c, d).
+    """
+    s, a, b = first
+    t, c, d = second
     for j in range(indptr.size - 1):
-        for t in range(indptr[j], indptr[j + 1]):
-            data[t] = a[indices[t]] * b[j] + c[indices[t]] * d[j]
+        left, right = s * b[j], t * d[j]
+        for k in range(indptr[j], indptr[j + 1]):
+            data[k] += a[indices[k]] * left + c[indices[k]] * right
 
 
 class QPGradients:
@@ -106,32 +136,42 @@ class QPGradients:
     def __init__(
         self,
         vectors: tuple[np.ndarray, ...],
-        matrices: tuple[tuple[Any, Any], ...],
+        matrix: Callable[[str], Any],
         weak: int,
         singular: bool,
     ) -> None:
-        """Take (q, h, b, lb, ub), then product and user's matrix for P, G and A."""
+        """Take (q, h, b, lb, ub), and what returns the others by name."""
         self.q, self.h, self.b, self.lb, self.ub = vectors
-        self.matrices = matrices
+        self.matrix = matrix
         self.weak, self.singular = weak, singular
 
     @cached_property
     def P(self) -> Any:
         """The gradient in P."""
-        product, pattern = self.matrices[0]
-        return product.on(pattern)
+        return self.matrix("P")
 
     @cached_property
     def G(self) -> Any:
         """The gradient in G."""
-        product, pattern = self.matrices[1]
-        return product.on(pattern)
+        return self.matrix("G")
 
     @cached_property
     def A(self) -> Any:
         """The gradient in A."""
-        product, pattern = self.matrices[2]
-        return product.on(pattern)
+        return self.matrix("A")
+
+
+def product_of(vectors: tuple[np.ndarray, ...], point: Point, name: str) -> RankTwo:
+    """Return the gradient in P, G or A from those in q, h and b, the first `vectors`.
+
+    It is (g_q x' + x g_q') / 2, z g_q' - g_h x' or y g_q' - g_b x'.
+    """
+    of_q, of_h, of_b = vectors[:3]
+    x, y, z, _ = point
+    if name == "P":
+        return RankTwo(0.5, of_q, x, 0.5, x, of_q)
+    dual, change = (z, of_h) if name == "G" else (y, of_b)
+    return RankTwo(1.0, dual, of_q, -1.0, change, x)
 
 
 class LCPTangent(NamedTuple):

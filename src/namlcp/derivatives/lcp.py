@@ -21,10 +21,10 @@ from typing import Any
 import numpy as np
 
 from namlcp.checks import finite_matrix, finite_vector
-from namlcp.derivatives.active import ACTIVE
 from namlcp.derivatives.free_matrix import FreeMatrix, free_matrix
 from namlcp.derivatives.gradients import LCPGradients, LCPTangent, RankTwo
 from namlcp.derivatives.problem import problem_of
+from namlcp.derivatives.systems import ACTIVE
 from namlcp.lcp import LCP, Operator
 from namlcp.result import LCPResult
 
@@ -69,8 +69,7 @@ class LCPDerivative:
         if fixed.size:
             mu = gz + rho @ A
             lower[side < 0], upper[side > 0] = mu[side < 0], mu[side > 0]
-        zero = np.zeros(rho.size)
-        matrix = RankTwo(rho, self.z, zero, zero), self.given
+        matrix = RankTwo(1.0, rho, self.z, 0.0, rho, self.z), self.given
         return LCPGradients((rho, lower, upper), matrix, self.weak, self.singular)
 
     def forward(self, dA: Any, dq: Any, dlower: Any, dupper: Any) -> LCPTangent:

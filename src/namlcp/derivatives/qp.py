@@ -37,90 +37,86 @@ Steps 1 and 2 are derivatives nearby: with the right-hand sides of the dropped r
 raised, x is still the solution, with the multipliers taken, and all is regular.
 """
 
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
 
-from namlcp.checks import finite_matrix, finite_vector
-from namlcp.derivatives.active import ActiveSet, active_sets
-from namlcp.derivatives.dense_system import DenseSystem
-from namlcp.derivatives.dependent import basic, dependencies
-from namlcp.derivatives.gradients import QPGradients, QPTangent, RankTwo
+from namlcp.checks import finite_matrix, finite_vector, vector
+from namlcp.derivatives.dense_items import NOTHING, REGULAR, OneItem, refuse_faults
+from namlcp.derivatives.face import Face
+from namlcp.derivatives.gradients import QPGradients, QPTangent, product_of
 from namlcp.derivatives.problem import problem_of
-from namlcp.derivatives.sparse_system import SparseSystem
 from namlcp.qp import QP, Point
 from namlcp.result import QPResult
 
 
 class QPDerivative:
-    """The derivative of one solution: its active set, and the factors of K.
+    """The derivative of one solution.
 
     Attributes
     ----------
-    weak : int
-        How many constraints are active with a multiplier 0.
-    singular : bool
-        Whether K is singular with the strictly active constraints alone.
+    qp, solution : QP, Point
+        The problem and its solution.
+    face : Face
+        The constraints held, and the factors of K; made when first asked for, as
+        `backward` of a dense QP needs it at kinks alone.
     """
 
     def __init__(self, qp: QP, given: tuple[Any, Any, Any], point: Point) -> None:
-        """Choose the active set and factor; `given`: the user's own P, G and A."""
-        self.qp, self.solution = qp, point
-        P, G, A = given
-        self.patterns = (
-            qp.P if P is None else P,
-            qp.G if G is None else G,
-            qp.A if A is None else A,
-        )
-        strict, self.whole, self.weak = active_sets(qp, point)
-        self.hold(strict, point)
-        self.singular = not self.system.regular
-        if self.singular:
-            self.hold_independent()
-        if not self.system.regular and self.weak:
-            self.hold(self.whole, point)
-            self.hold_independent()
+        """Note the problem; `given`: P, G and A of the user, None for those of qp."""
+        self.qp, self.given, self.solution = qp, given, point
+        self.item = OneItem(qp, point) if qp.is_dense else None
 
-    def hold_independent(self) -> None:
-        """Leave out active constraints that depend on others, if there are any."""
-        found = dependencies(self.qp, self.active, self.system.null_space)
-        if found.number:
-            self.hold(*basic(self.qp, self.active, self.point, found))
-
-    def hold(self, active: ActiveSet, point: Point) -> None:
-        """Factor the KKT system of an active set; `point` has its multipliers."""
-        self.active, self.point = active, point
-        self.at_lower, self.at_upper = active.side < 0, active.side > 0
-        self.fixed = active.side != 0
-        self.system = system_of(self.qp, active)
-
-    def null_space_of(self, active: ActiveSet) -> np.ndarray:
-        """Return a basis of the null space of K for another active set."""
-        return system_of(self.qp, active).null_space
+    @cached_property
+    def face(self) -> Face:
+        """The constraints held, and the factors of K."""
+        memory = self.item.factors if self.item is not None else None
+        return Face(self.qp, self.solution, memory)
 
     def backward(self, dx: Any, dy: Any, dz: Any, dz_box: Any) -> QPGradients:
         """Return the gradients of a scalar in the data from those in the solution."""
-        x, y, z, _ = self.point
-        gx, gz_box = self.vector("dx", dx, "x"), self.vector("dz_box", dz_box, "z_box")
-        gy, gz = self.vector("dy", dy, "y"), self.vector("dz", dz, "z")
-        u = self.fixed * gz_box
-        lam, nu, mu = self.system.solve(gx, gz, gy, u)
-        products = (
-            RankTwo(-0.5 * u, x, x, -0.5 * u),
-            RankTwo(-z, u, -lam, x),
-            RankTwo(-y, u, -nu, x),
+        cotangents = tuple(map(self.cotangent, Point._fields, (dx, dy, dz, dz_box)))
+        if self.item is not None:
+            found = self.item.differentiate(cotangents)
+            if found.code == REGULAR:
+                return self.gradients(found[:5], self.solution, int(found.weak), False)
+            self.item = None  # the constraints held have to be chosen
+        return self.backward_of_face(cotangents)
+
+    def backward_of_face(self, cotangents: tuple[np.ndarray, ...]) -> QPGradients:
+        """Do `backward` with the constraints of `face`."""
+        refuse_faults(cotangents)
+        pairs = zip(cotangents, self.solution, strict=True)
+        gx, gy, gz, gz_box = (v if v.size else np.zeros(own.size) for v, own in pairs)
+        face = self.face
+        u = face.fixed * gz_box
+        lam, nu, mu = face.system.solve(gx, gz, gy, u)
+        vectors = 0.0 - u, lam, nu, face.at_lower * mu, face.at_upper * mu
+        return self.gradients(vectors, face.point, face.weak, face.singular)
+
+    def gradients(
+        self, vectors: tuple[np.ndarray, ...], point: Point, weak: int, singular: bool
+    ) -> QPGradients:
+        """Return the gradients; `vectors`: those in q, h, b, lb and ub."""
+        return QPGradients(
+            vectors, partial(self.matrix, vectors, point), weak, singular
         )
-        matrices = tuple(zip(products, self.patterns, strict=True))
-        vectors = 0.0 - u, lam, nu, self.at_lower * mu, self.at_upper * mu
-        return QPGradients(vectors, matrices, self.weak, self.singular)
+
+    def matrix(self, vectors: tuple[np.ndarray, ...], point: Point, name: str) -> Any:
+        """Return the gradient in P, G or A in the form of the user's matrix."""
+        pattern = self.given["PGA".index(name)]
+        if pattern is None:
+            pattern = getattr(self.qp, name)
+        return product_of(vectors, point, name).on(pattern)
 
     def forward(self, changes: dict[str, Any]) -> QPTangent:
         """Return the derivative of the solution along a direction of the data."""
-        d = self.direction(changes)
-        r, dh, db = self.right_sides(d, self.point)
-        dx = self.at_lower * d["lb"] + self.at_upper * d["ub"]
-        dz, dy, rest = self.system.solve(-r, dh, db, dx)
-        return QPTangent(dx, dy, dz, self.fixed * rest, self.weak, self.singular)
+        d, face = self.direction(changes), self.face
+        r, dh, db = self.right_sides(d, face.point)
+        dx = face.at_lower * d["lb"] + face.at_upper * d["ub"]
+        dz, dy, rest = face.system.solve(-r, dh, db, dx)
+        return QPTangent(dx, dy, dz, face.fixed * rest, face.weak, face.singular)
 
     def right_sides(
         self, d: dict[str, Any], point: Point
@@ -136,12 +132,12 @@ class QPDerivative:
             r, db = r + y @ d["A"], db - d["A"] @ x
         return r, dh, db
 
-    def vector(self, name: str, value: Any, part: str) -> np.ndarray:
-        """Return a gradient in a part of the solution, 0 if it is None."""
-        own = getattr(self.solution, part)
+    def cotangent(self, part: str, value: Any) -> np.ndarray:
+        """Return a gradient in a part of the solution as an array, empty if None."""
         if value is None:
-            return np.zeros(own.size)
-        return finite_vector(name, value, own.size, part, own.shape)
+            return NOTHING
+        own = getattr(self.solution, part)
+        return vector(f"d{part}", value, own.size, part, own.shape)
 
     def direction(self, changes: dict[str, Any]) -> dict[str, Any]:
         """Return the changes of the data by their names; an absent matrix is None."""
@@ -159,11 +155,6 @@ class QPDerivative:
             else:
                 out[name] = finite_matrix(f"d{name}", value, name, own.shape)
         return out
-
-
-def system_of(qp: QP, active: ActiveSet) -> DenseSystem | SparseSystem:
-    """Return the factored KKT system of an active set."""
-    return (DenseSystem if qp.is_dense else SparseSystem)(qp, active)
 
 
 def differentiate_qp(result: QPResult) -> QPDerivative:

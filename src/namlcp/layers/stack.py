@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from namlcp.derivatives import QPDerivative
-from namlcp.qp import QP, Point, qp_data, solve_batch, solve_qp
+from namlcp.derivatives import QPDerivative, Solved, differentiate_items, product_of
+from namlcp.qp import QP, Point, available_cores, qp_data, solve_batch, solve_qp
 from namlcp.status import Status
 
 AXES = dict(zip(QP._fields, (2, 1, 2, 1, 2, 1, 1, 1), strict=True))
@@ -66,6 +66,7 @@ class Stack:
         )
         self.solved = solved.reshape(self.lead)
         self.solution = self.shaped(self.points)
+        self.threads = settings.get("threads") or available_cores()
         self.derivatives: dict[int, QPDerivative] = {}
 
     def flattened(self, parts: Arrays) -> Arrays:
@@ -87,14 +88,28 @@ class Stack:
         """Return the arguments of item i."""
         return {k: v[i] if k in self.stacked else v for k, v in flat.items()}
 
+    def qp(self, i: int) -> QP:
+        """Return item i."""
+        return qp_data(**arguments(self.of(self.flat, i)))
+
     def items(self) -> Iterator[tuple[int, QPDerivative]]:
         """Yield the number and the derivative of each solved item."""
         for i in np.flatnonzero(self.solved).tolist():
             if i not in self.derivatives:
-                qp = qp_data(**arguments(self.of(self.flat, i)))
                 point = Point(*(v[i] for v in self.points))
-                self.derivatives[i] = QPDerivative(qp, (None, None, None), point)
+                given = None, None, None
+                self.derivatives[i] = QPDerivative(self.qp(i), given, point)
             yield i, self.derivatives[i]
+
+    def differentiated(self, cotangents: Sequence[Any]) -> Any:
+        """Return what `differentiate_items` does for these gradients, one axis each."""
+        n = self.flat["q"].shape[-1]
+        absent: Arrays = {"lb": np.full(n, -np.inf), "ub": np.full(n, np.inf)}
+        absent |= dict.fromkeys("GA", np.empty((0, n)))
+        absent |= dict.fromkeys("hb", np.empty(0))
+        arrays = tuple((absent | self.flat)[name] for name in AXES)
+        solved = Solved(arrays, self.qp, self.points, self.solved.reshape(-1))
+        return differentiate_items(solved, tuple(cotangents), self.threads)
 
     def backward(self, cotangents: Sequence[Any], wanted: Sequence[bool]) -> list[Any]:
         """Return the gradients in the wanted arguments, None for the others.
@@ -102,14 +117,20 @@ class Stack:
         `cotangents`: the gradients of a scalar in the solution, shaped as that. Items
         not solved have gradients 0.
         """
-        chosen = [k for k, asked in zip(AXES, wanted, strict=True) if asked]
-        sums = {k: np.zeros(self.flat[k].shape) for k in chosen if k in self.flat}
         flat = [np.reshape(v, (self.size, -1)) for v in cotangents]
-        for i, derivative in self.items():
-            gradients = derivative.backward(*(v[i] for v in flat))
-            for name, total in self.of(sums, i).items():
-                total += getattr(gradients, name)
-        return [self.summed(k, sums[k]) if k in sums else None for k in AXES]
+        found, points = self.differentiated(flat)
+
+        def gradient(name: str) -> np.ndarray:
+            if name not in "PGA":
+                parts = getattr(found, name)
+                return parts if name in self.stacked else parts.sum(axis=0)
+            product = product_of(found[:3], points, name)
+            return product.stacked() if name in self.stacked else product.summed(None)
+
+        return [
+            self.summed(k, gradient(k)) if asked and k in self.flat else None
+            for k, asked in zip(AXES, wanted, strict=True)
+        ]
 
     def summed(self, name: str, gradient: np.ndarray) -> np.ndarray:
         """Return a gradient summed over the axes along which its argument is shared."""
@@ -142,12 +163,10 @@ class Stack:
 
         The side is -1 at a lower bound, 1 at an upper one, else 0.
         """
-        point = Point(*(np.zeros(v.shape) for v in self.points))
-        for i, derivative in self.items():
-            point.z[i, derivative.active.rows] = 1.0
-            point.x[i] = derivative.active.side
-        point = self.shaped(point)
-        return point.z, point.x
+        found, _ = self.differentiated((None, None, None, None))
+        return tuple(
+            v.reshape(*self.lead, v.shape[1]) for v in (found.held, found.side)
+        )
 
 
 def arguments(parts: Arrays) -> dict[str, Any]:

@@ -396,6 +396,10 @@ def solve_stack(
 
 def on_threads(work: Callable[[int], None], size: int, threads: int) -> None:
     """Call work(i) for i < size on so many threads; Ctrl-C ends them soon."""
+    if threads == 1 or size <= 1:  # a pool takes as long as 20 tiny QPs
+        for i in range(size):
+            work(i)
+        return
     stop = Event()
     length = -(-size // (CHUNKS * threads))
 

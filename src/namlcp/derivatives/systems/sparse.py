@@ -8,7 +8,7 @@ by about DELTA over the least singular value of K.
 import numpy as np
 
 from namlcp.compiled import kernel
-from namlcp.derivatives.active import ActiveSet
+from namlcp.derivatives.systems.active import ActiveSet
 from namlcp.linalg import (
     add_column_sums,
     add_columns,

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg.lapack import dsycon, dsytrf, dsytrf_lwork, dsytrs
 
 from namlcp.compiled import kernel, part
-from namlcp.derivatives.active import ActiveSet
+from namlcp.derivatives.systems.active import ActiveSet
 from namlcp.linalg import (
     add_rmatvec,
     add_scaled,
@@ -49,15 +49,21 @@ class DenseSystem:
         A basis of the vectors (u_F, nu, lam_I) that the matrix maps to 0.
     """
 
-    def __init__(self, qp: QP, active: ActiveSet) -> None:
+    def __init__(
+        self, qp: QP, active: ActiveSet, memory: np.ndarray | None = None
+    ) -> None:
+        """Factor, unless `memory` has the factors already."""
         self.matrices = qp.P, qp.G, qp.A
         free = (active.side == 0).nonzero()[0]
         self.places = active.equalities, active.rows, free
-        self.regular, *factors = factor_dense(self.matrices, self.places)
-        self.factors = tuple(factors)
+        held = active.equalities.size + active.rows.size
+        if memory is not None:
+            self.memory, self.regular = memory, True
+        else:
+            self.memory = np.empty(memory_size(free.size, held))
+            self.regular = factor_dense(self.matrices, self.places, self.memory)
         self.indefinite: Indefinite | None = None
-        order = free.size + active.equalities.size + active.rows.size
-        self.null_space = np.empty((order, 0))
+        self.null_space = np.empty((free.size + held, 0))
         if not self.regular:
             C = np.concatenate((qp.A[active.equalities], qp.G[active.rows]))[:, free]
             zero = np.zeros((C.shape[0], C.shape[0]))
@@ -76,7 +82,7 @@ class DenseSystem:
         lam, nu, rest = np.zeros(d.size), np.zeros(e.size), np.empty(r.size)
         right, unknowns = (r, d, e), (u, lam, nu, rest)
         if self.indefinite is None:
-            solve_dense(self.matrices, self.places, self.factors, right, unknowns)
+            solve_dense(self.matrices, self.places, self.memory, right, unknowns)
             return lam, nu, rest
         equalities, rows, free = self.places
         for _ in range(SOLVES):
@@ -93,16 +99,32 @@ SOLVES = 2
 """Solves with the factors for one right-hand side: the second one refines the first."""
 
 
-@kernel
-def factor_dense(matrices, places):
-    """Return (does it succeed?, L, V, S), the lower triangle of S its Cholesky factor.
+def memory_size(free: int, held: int) -> int:
+    """Return the numbers that the factors take for so many free variables and rows."""
+    return free * free + min(held, free) * (free + min(held, free))
 
-    matrices = (P, G, A), places = (equalities, rows, free).
+
+@part
+def factors_in(memory, n, k):
+    """Return L (n, n), V (k, n) and S (k, k), which lie one after another in memory."""
+    L, V = memory[: n * n], memory[n * n : (n + k) * n]
+    S = memory[(n + k) * n : (n + k) * n + k * k]
+    return L.reshape((n, n)), V.reshape((k, n)), S.reshape((k, k))
+
+
+@kernel
+def factor_dense(matrices, places, memory):
+    """Write L, V and the Cholesky factor of S to memory; tell whether they exist.
+
+    matrices = (P, G, A), places = (equalities, rows, free); L and that factor are lower
+    triangles, what is above them has no meaning.
     """
     P, G, A = matrices
     equalities, rows, free = places
     n, p, k = free.size, equalities.size, equalities.size + rows.size
-    L, V, S = np.empty((n, n)), np.empty((k, n)), np.empty((k, k))
+    if k > n:
+        return False
+    L, V, S = factors_in(memory, n, k)
     for a in range(n):
         row = P[free[a]]
         for c in range(a + 1):
@@ -111,11 +133,11 @@ def factor_dense(matrices, places):
         row = A[equalities[i]] if i < p else G[rows[i - p]]
         for c in range(n):
             V[i, c] = row[free[c]]
-    if k > n or not is_factored(L):
-        return False, L, V, S
+    if not is_factored(L):
+        return False
     solve_rows(L, False, V)
     product(1.0, V, V, 0.0, S)
-    return is_factored(S), L, V, S
+    return is_factored(S)
 
 
 @part
@@ -163,15 +185,15 @@ def remainder(matrices, places, right, unknowns):
 
 
 @kernel
-def solve_dense(matrices, places, factors, right, unknowns):
+def solve_dense(matrices, places, memory, right, unknowns):
     """Solve with the factors of `factor_dense`; the other arguments as in `remainder`.
 
     On entry u is 0 on F, lam and nu are 0.
     """
     equalities, rows, free = places
-    L, V, S = factors
     u, lam, nu, rest = unknowns
     n, p = free.size, equalities.size
+    L, V, S = factors_in(memory, n, p + rows.size)
     t = np.empty(n)
     for _ in range(SOLVES):
         s = remainder(matrices, places, right, unknowns)

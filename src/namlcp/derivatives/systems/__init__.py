@@ -1,0 +1,18 @@
+"""Active sets of solved QPs and their KKT systems, dense or sparse."""
+
+from namlcp.derivatives.systems.active import (
+    ACTIVE,
+    INACTIVE,
+    STRICT,
+    ActiveSet,
+    active_sets,
+    mark_dense,
+)
+from namlcp.derivatives.systems.dense import (
+    SINGULAR,
+    DenseSystem,
+    factor_dense,
+    memory_size,
+    solve_dense,
+)
+from namlcp.derivatives.systems.sparse import SparseSystem
