@@ -10,8 +10,7 @@ import namlcp
 from namlcp import Relaxation, Status
 from namlcp.options import Options
 from namlcp.qp.answer import Answer
-from namlcp.qp.closest import closest_point
-from namlcp.qp.closest.newton import line_search
+from namlcp.qp.closest import closest_point, newton
 from namlcp.residuals import UNDEFINED, qp_residuals
 
 INF = np.inf
@@ -103,19 +102,37 @@ def test_dense_and_sparse_rows_give_the_same(seed):
             np.testing.assert_allclose(one_v, other_v, atol=1e-7)
 
 
-def test_a_line_search_finds_the_least_value():
-    rng = np.random.default_rng(0)
-    for _ in range(20):
-        r, change, w = rng.standard_normal((3, 9))
-        w, equality = w * w, np.arange(9) > 6
+@pytest.mark.parametrize("seed", range(8))
+def test_steps_of_newton_never_rise_and_end_at_the_least_value(seed):
+    """Against bounded least squares; one step more leaves the end where it is."""
+    rng = np.random.default_rng(seed)
+    n, m, inequalities = 6, 20, 15
+    C, d, w = rng.standard_normal((m, n)), rng.standard_normal(m), 0.1 + rng.random(m)
+    lb = np.where(np.arange(n) < 2 * (seed % 3), -0.1, -INF)
+    ub = np.where(lb > -INF, 0.1, INF)
 
-        def phi(t, r=r, change=change, w=w, equality=equality):
-            at = r + t * change
-            return w @ np.where(equality, at, np.maximum(at, 0.0)) ** 2
+    def phi(x):
+        r = C @ x - d
+        return 0.5 * w @ np.where(np.arange(m) < inequalities, np.maximum(r, 0), r) ** 2
 
-        t = line_search(r, change, w, equality)
-        around = np.clip(t + np.array([-1e-4, 1e-4]), 0.0, 1.0)
-        assert phi(t) <= min(map(phi, around)) + 1e-12
+    x, values = np.zeros(n), [phi(np.zeros(n))]
+    while newton.descend(C, d, w, inequalities, lb, ub, x, 1) == newton.GOES_ON:
+        values.append(phi(x))
+    assert len(values) < newton.STEPS
+    assert (np.diff(values) <= 1e-14 * values[0]).all()
+    slack = np.vstack(
+        (np.eye(inequalities), np.zeros((m - inequalities, inequalities)))
+    )
+    matrix = np.sqrt(w)[:, None] * np.hstack((C, slack))
+    sides = (
+        np.append(lb, np.zeros(inequalities)),
+        np.append(ub, np.full(inequalities, INF)),
+    )
+    best = lsq_linear(matrix, np.sqrt(w) * d, sides, method="bvls", tol=1e-15)
+    assert values[-1] == pytest.approx(best.cost, rel=1e-12)
+    end = x.copy()
+    assert newton.descend(C, d, w, inequalities, lb, ub, x, 5) == newton.ENDED
+    np.testing.assert_array_equal(x, end)
 
 
 def least_sum(qp, wh, wb):

@@ -19,6 +19,7 @@ QP for any k; k is the least one that gives all of them their sign.
 from typing import NamedTuple
 
 import numpy as np
+from scipy.linalg.lapack import dpotrf, dpotrs
 
 from namlcp.linalg import times
 from namlcp.qp.closest.rows import Rows, chosen, largest, times_signs
@@ -28,6 +29,11 @@ from namlcp.qp.problem import QP, Point
 # A multiplier of stage 1 this close to its floor or ceiling, relative to the largest
 # one, stands at it. Those of a solution are exact to rounding.
 AT_LIMIT = 1e-9
+
+
+FULL_RANK = 1e-5
+"""Least ratio of the diagonal entries of the Cholesky factor of C'C, with which the
+columns of C count as independent: no more than ten digits of C'C are lost."""
 
 
 class Face(NamedTuple):
@@ -113,6 +119,32 @@ class Face(NamedTuple):
         v, v_box = v + k * self.v, v_box + k * self.v_box
         v[signed] = np.maximum(v[signed], 0.0)  # the least one may be rounded below 0
         return self.rows.point(found.x, v, v_box)
+
+
+def corner_of(face: Face, qp: QP, x: np.ndarray) -> Point | None:
+    """Return the solution of stage 2 where the held rows leave x no freedom; else None.
+
+    That is the case where the matrix C of these rows, without the columns of the fixed
+    variables, has the rank of its columns. Then g + C'v = 0, g the gradient of the
+    cost, has the solution v = -C (C'C)^-1 g. Dense QPs only.
+    """
+    free = np.flatnonzero((face.v_box == 0.0) & (face.lb < face.ub))
+    held = face.held
+    if not qp.is_dense or held.size < free.size:
+        return None
+    C = face.rows.C[held]
+    inner = C[:, free]
+    L, failed = dpotrf(inner.T @ inner, lower=1)
+    if failed or (
+        free.size and not L.diagonal().min() > FULL_RANK * L.diagonal().max()
+    ):
+        return None
+    v, rest = np.zeros(held.size), qp.P @ x + qp.q
+    for _ in range(2):  # the second time corrects the rounding of the first
+        v -= inner @ dpotrs(L, rest[free], lower=1)[0]
+        rest = qp.P @ x + qp.q + v @ C
+    z_box = np.where(face.v_box == 0.0, 0.0, -rest)
+    return Point(x, v, np.zeros(face.bounded.size), z_box)
 
 
 def face_of(rows: Rows, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Face:

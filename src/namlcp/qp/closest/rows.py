@@ -41,8 +41,10 @@ class Rows(NamedTuple):
 
     def parts(self, v: np.ndarray) -> list[np.ndarray]:
         """Return the parts of v (one entry a row): G, upper, lower, A."""
-        ends = np.cumsum([-self.p, -self.lower.size, -self.upper.size])[::-1]
-        return np.split(v, v.size + ends)
+        lower_end = v.size - self.p
+        upper_end = lower_end - self.lower.size
+        m = upper_end - self.upper.size
+        return [v[:m], v[m:upper_end], v[upper_end:lower_end], v[lower_end:]]
 
     def joined(self, of_h: np.ndarray, of_b: np.ndarray) -> np.ndarray:
         """Return values of the rows of G and A with zeros for the soft bounds."""

@@ -1,5 +1,6 @@
 """Both stages, and the judgement of what they find on the user's own data."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -8,17 +9,18 @@ import numpy as np
 from namlcp.limits import Limits
 from namlcp.linalg import times
 from namlcp.options import Relaxation
-from namlcp.qp.answer import OBJECTIVE
-from namlcp.qp.closest.face import face_of
-from namlcp.qp.closest.newton import Solve, solve_by_newton
+from namlcp.qp.answer import OBJECTIVE, Answer
+from namlcp.qp.closest.face import corner_of, face_of
+from namlcp.qp.closest.newton import solve_by_newton, suits_newton
 from namlcp.qp.closest.point import ClosestPoint
 from namlcp.qp.closest.rows import Rows, rows_of
 from namlcp.qp.closest.shifts import least_shifts
-from namlcp.qp.forms import is_small
-from namlcp.qp.guess import NO_GUESS, make_guess
+from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.problem import QP, Point
 from namlcp.residuals import UNDEFINED, qp_residuals
 from namlcp.status import Status
+
+Solve = Callable[[QP, Guess, Limits], Answer]
 
 NO_NEAREST = "No shift helps: the constraints that must stay contradict each other. "
 NOT_LEAST = "The search for the least shifts ended with status {}: these are larger. "
@@ -45,11 +47,7 @@ def closest_point(
     user holds them, in whose form their gradients are.
     """
     rows, n = rows_of(qp, relaxation), qp.q.size
-    first = None
-    if rows.norm == 2 and qp.is_dense and is_small(qp):
-        first = solve_by_newton(rows, limits, solve)
-    if first is None:
-        first = solve(least_shifts(rows), NO_GUESS, limits)
+    first = stage_one(rows, limits, solve)
     status, message, x = first.status, first.message, first.point.x[:n]
     if status is Status.PRIMAL_INFEASIBLE:
         nothing = np.full(rows.d.size, np.nan)
@@ -63,15 +61,25 @@ def closest_point(
     v = np.concatenate((first.point.z, first.point.y))
     face = face_of(rows, x, v, first.point.z_box[:n])
     easier = face.problem(qp)
-    # the rows active at x are those of the solution only where they leave x no freedom
+
+    def solved(point: Point, message: str = "") -> ClosestPoint:
+        """Return the solution of both stages that one of stage 2 makes."""
+        x, r = face.point(point), face.shifts(point.x)
+        found = reported(qp, rows, x, r, Status.SOLVED, message)
+        return replace(found, problem=((qp, given), face, easier, point))
+
+    corner = corner_of(face, qp, x)
+    if corner is not None:
+        found = solved(corner)
+        if found.residuals.solved(*limits.tolerances):
+            return found
+    # The rows active at x are those of the solution only if they leave x no freedom.
     settled = face.held.size + np.count_nonzero(face.v_box) >= n
     guess = make_guess(easier, x, None) if settled else NO_GUESS
     second = solve(easier, guess, limits)
     status, message = second.status, second.message
     if status is Status.SOLVED:
-        point, r = face.point(second.point), face.shifts(second.point.x)
-        found = reported(qp, rows, point, r, status, message)
-        found = replace(found, problem=((qp, given), face, easier, second.point))
+        found = solved(second.point, message)
         if found.residuals.solved(*limits.tolerances):
             return found
         if found.residuals._replace(dual=0.0, gap=0.0).solved(*limits.tolerances):
@@ -83,6 +91,21 @@ def closest_point(
     if status not in (Status.TIME_LIMIT, Status.MAX_ITER):
         status = Status.STALLED
     return reported(qp, rows, unknown(rows, x), r, status, message)
+
+
+def stage_one(rows: Rows, limits: Limits, solve: Solve) -> Answer:
+    """Return the answer to `least_shifts`; its point may lack the shifts."""
+    x = None
+    if suits_newton(rows):
+        x = solve_by_newton(rows, limits)
+    if x is None:
+        return solve(least_shifts(rows), NO_GUESS, limits)
+    v = rows.weights * rows.violations(x)
+    force = -(v @ rows.C)
+    held = np.where(force < 0.0, x <= rows.lb, x >= rows.ub)
+    m = v.size - rows.p
+    point = Point(x, v[m:], v[:m], np.where(held, force, 0.0))
+    return Answer(Status.SOLVED, point, UNDEFINED, 0, "newton")
 
 
 def unknown(rows: Rows, x: np.ndarray) -> Point:
