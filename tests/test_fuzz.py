@@ -18,6 +18,7 @@ from validation.problems.fuzzed import cases as problems
 from validation.problems.fuzzed import forms
 from validation.problems.fuzzed.lcps import LCP
 from validation.stress import campaign
+from validation.stress import campaign_answers as answers
 from validation.stress.campaign_judge import (
     Answer,
     judge_lcp,
@@ -79,13 +80,13 @@ def truth(qp):
 @FUZZ
 def test_qps_of_whole_numbers(qp):
     """Each is decided, and as HiGHS decides it."""
-    clean = campaign.clean(qp)
+    clean = answers.clean(qp)
     one_sided = (qp.h == -INF).any() or (qp.lb == INF).any() or (qp.ub == -INF).any()
     known = "infeasible" if one_sided or (qp.lb > qp.ub).any() else truth(qp)
-    answer = campaign.qp_answer(solve_qp(*qp))
+    answer = answers.qp_answer(solve_qp(*qp))
     if known == "infeasible" and answer.said == "unbounded":
         known = "both"
-    outcome = judge_qp(clean, known, answer, campaign.NAM, True)
+    outcome = judge_qp(clean, known, answer, answers.NAM, True)
     assert outcome == ("right", "")
 
 
@@ -93,8 +94,8 @@ def test_qps_of_whole_numbers(qp):
 @FUZZ
 def test_lcps_of_whole_numbers(lcp):
     """What is called solved is, what is called unsolvable has a proof."""
-    answer = campaign.lcp_answer(solve_lcp(*lcp))
-    outcome, why = judge_lcp(lcp, "near", answer, campaign.NAM_LCP)
+    answer = answers.lcp_answer(solve_lcp(*lcp))
+    outcome, why = judge_lcp(lcp, "near", answer, answers.NAM_LCP)
     assert outcome in ("right", "refused"), why
     psd = np.linalg.eigvalsh(lcp.A + lcp.A.T).min(initial=0.0) > -1e-12
     assert outcome == "right" or not psd
@@ -155,7 +156,7 @@ def test_the_judge_sees_every_fault():
     # min x^2/2 - 3x, x <= 1 (row) and 0 <= x <= 5
     qp = QP(row, -3.0 * one, row, one, no_row, none, 0.0 * one, 5.0 * one)
     x, y, z, z_box = one, none, 2.0 * one, 0.0 * one
-    tolerance = campaign.NAM
+    tolerance = answers.NAM
     assert qp_faults(qp, x, y, z, z_box, tolerance) == ""
     shift = 1e-6 * one
     assert "primal" in qp_faults(qp, x + shift, y, z - shift, z_box, tolerance)
@@ -184,7 +185,7 @@ def test_the_judge_believes_no_words(said, known, outcome):
     nan = np.full(1, np.nan)
     qp = QP(*[np.ones((1, 1)) if k in (0, 2, 4) else np.ones(1) for k in range(8)])
     answer = Answer(said, nan, nan, nan, nan, "no", RuntimeError)
-    assert judge_qp(qp, known, answer, campaign.NAM, True)[0] == outcome
+    assert judge_qp(qp, known, answer, answers.NAM, True)[0] == outcome
 
 
 @pytest.mark.parametrize("index", [8104, 5860, 10909])
@@ -193,7 +194,10 @@ def test_a_ray_that_the_loop_left_inexact_is_settled(index):
     case = problems.make(1, index)
     result = solve_lcp(*case.problem)
     outcome = judge_lcp(
-        case.problem, "unsolvable", campaign.lcp_answer(result), campaign.NAM_LCP
+        case.problem,
+        "unsolvable",
+        answers.lcp_answer(result),
+        answers.NAM_LCP,
     )
     assert outcome == ("right", "")
 

@@ -21,7 +21,7 @@ from namlcp.lcp.shifted import Shifted
 from namlcp.limits import Deadline, Limits
 from namlcp.residuals import natural_residual
 from validation.problems.fuzzed import cases as problems
-from validation.stress import campaign
+from validation.stress import campaign_answers as answers
 from validation.stress.campaign_judge import judge_lcp
 
 INF = np.inf
@@ -97,8 +97,8 @@ def chain(n, room):
 def assert_decided(lcp, truth):
     """By the definition, in few factorisations."""
     result = solve_lcp(*lcp)
-    answer = campaign.lcp_answer(result)
-    assert judge_lcp(lcp, truth, answer, campaign.NAM_LCP) == ("right", ""), result
+    answer = answers.lcp_answer(result)
+    assert judge_lcp(lcp, truth, answer, answers.NAM_LCP) == ("right", ""), result
     assert truth == "near" or (answer.said == "solved") == (truth == "solvable")
     return result
 

@@ -14,6 +14,7 @@ from validation.problems.fuzzed import cases, general_lcps
 from validation.problems.fuzzed.draw import Draw
 from validation.problems.general import circuits, families, games
 from validation.stress import campaign
+from validation.stress import campaign_answers as answers
 from validation.stress.campaign_judge import Answer, judge_lcp
 
 
@@ -129,7 +130,7 @@ def test_solvable_classes_are_solved(kind):
     for seed in range(3):
         lcp, truth = kind(Draw(np.random.default_rng(seed)))
         result = solve_lcp(*lcp)
-        answer = campaign.lcp_answer(result)
+        answer = answers.lcp_answer(result)
         assert judge_lcp(lcp, truth, answer, 1e-9) == ("right", "")
 
 

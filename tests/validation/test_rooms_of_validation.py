@@ -13,7 +13,6 @@ FLOORS = (
     {"report"},
     {
         "claims",
-        "derivatives",
         "oracles",
         "stress",
         "peers",
@@ -22,7 +21,7 @@ FLOORS = (
         "paper",
         "environment",
     },
-    {"applications"},
+    {"applications", "derivatives"},
     {"problems"},
     {"harness"},
 )

@@ -1,84 +1,56 @@
 """Is anything wrong ever called solved? A seeded campaign over every kind of problem.
 
-The problems: `problems.fuzzed`; problem i comes from (seed, i) alone. The judge:
+The problems: `problems.fuzzed`; problem i of a set of classes comes from (seed, i)
+alone. The sets: "every" kind of QP and LCP, "general" LCPs, and those of
+`campaign_relations`, which ask in two ways: sequences, batches, derivatives. The judge:
 `campaign_judge`, by the definition. Every solver has a child process; what hangs for
 --limit seconds or crashes costs that problem, and the next child goes on. The CSV
-counts outcomes for each class and lists the indices of what was not right; run again
-with the same file it goes on where it stopped. `report` prints its tables in Markdown,
-`show` asks one problem once more.
+counts outcomes for each class and seed and lists the indices of what was not right; run
+again with the same file it goes on where it stopped, also with more seeds, sets,
+solvers or problems. `report` prints its tables in Markdown, `show` asks one problem
+once more.
 
 nam gets the arguments in all their representations, at its default settings, with
-warnings as errors. Its peers get the convex QPs, clean, through qpsolvers with eps as
-absolute tolerance (`qp_solvers.detecting_settings`) and their default limits; theirs is
-a wrong "found" only beyond tenfold eps, relative to the size of the terms. quadprog
-gets the definite ones.
+warnings as errors. Its peers get the convex QPs of "every" and of the first seed,
+clean, through qpsolvers with eps as absolute tolerance
+(`qp_solvers.detecting_settings`) and their default limits; theirs is a wrong "found"
+only beyond tenfold eps, relative to the size of the terms. quadprog gets the definite
+ones.
 """
 
 import argparse
 import sys
 import time
-import warnings
-from typing import Any
 
 import numpy as np
-import qpsolvers
-import scipy.sparse as sp
 
-from validation.harness import (
-    Bench,
-    Job,
-    Row,
-    cli,
-    csv_files,
-    judging,
-    machine,
-    qp_solvers,
-    qps,
-)
+from validation.harness import Bench, Job, Row, cli, csv_files, machine
 from validation.problems import infeasible_cases
 from validation.problems.fuzzed import cases
+from validation.stress import campaign_relations as relations
+from validation.stress.campaign_answers import (
+    NAM,
+    NAM_LCP,
+    ask_nam,
+    ask_peer,
+    clean,
+    qpsolvers_problem,
+)
 from validation.stress.campaign_judge import (
-    Answer,
     Tolerance,
     judge_lcp,
     judge_malformed,
     judge_qp,
 )
-from validation.stress.campaign_tally import Tally, bars, print_report
+from validation.stress.campaign_tally import Part, Tally, bars, print_report
 
 SOLVERS = ["nam", "osqp", "piqp", "proxqp", "clarabel", "daqp", "quadprog"]
+SETS = (*cases.CYCLES, *relations.RELATIONS)
 BATCH = 500  # problems between two writings of the CSV
 LIMIT = 5.0  # [s] a problem; the children have GRACE more
 WARM_UP = 3  # problems of each class before the clock of nam runs
 COMPILING = 900.0  # [s] for that, once, with nothing on the disk
-NAM = Tolerance(1e-9, 1e-10)  # its defaults
-NAM_LCP = 1e-9
 LOOSE = 10.0  # times eps: beyond that "found" of a peer is wrong
-INFINITE = 0.999e20  # what the documentation calls no bound
-PEERS: dict[str, dict[str, Any]] = {"osqp": {"max_iter": 4000}}
-"""Their own limits on iterations, not those of a benchmark with a clock."""
-
-
-def clean(qp: Any) -> Any:
-    """Return the QP with sides from 1e20 on infinite, as the documentation says."""
-    h = np.where(qp.h >= INFINITE, np.inf, qp.h)
-    lb = np.where(qp.lb <= -INFINITE, -np.inf, qp.lb)
-    ub = np.where(qp.ub >= INFINITE, np.inf, qp.ub)
-    return qp._replace(h=h, lb=lb, ub=ub)
-
-
-def qpsolvers_problem(case: cases.Case) -> qpsolvers.Problem:
-    """Return a clean QP for qpsolvers, without rows that are switched off.
-
-    It is sparse (csc_matrix) where P is passed sparse.
-    """
-    P, q, G, h, A, b, lb, ub = clean(case.problem)
-    on = h < np.inf
-    G, h = G[on], h[on]
-    if sp.issparse(case.arguments["P"]):
-        P, G, A = (sp.csc_matrix(M) for M in (P, G, A))
-    bounds = [v if np.isfinite(v).any() else None for v in (lb, ub)]
-    return qps.joined(P, q, G, h, A, b, *bounds)
 
 
 def truth_of(case: cases.Case) -> str:
@@ -94,85 +66,6 @@ def truth_of(case: cases.Case) -> str:
         (False, True): "both",
         (False, False): "infeasible",
     }.get((feasible, descends), "near")
-
-
-def snapshot(arguments: dict[str, Any]) -> list[bytes]:
-    """Return the numbers of the arguments, to see whether they change."""
-    found = []
-    for value in arguments.values():
-        parts = [value]
-        if sp.issparse(value):
-            names = ("data", "indices", "indptr", "row", "col", "offsets")
-            parts = [getattr(value, name, None) for name in names]
-        found += [part.tobytes() for part in parts if isinstance(part, np.ndarray)]
-    return found
-
-
-SAID = {
-    "solved": "solved",
-    "primal_infeasible": "infeasible",
-    "dual_infeasible": "unbounded",
-}
-
-
-def ask_nam(case: cases.Case) -> Answer:
-    """Return what namlcp says at its default settings."""
-    import namlcp
-
-    before = snapshot(case.arguments)
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
-            if "P" in case.arguments:
-                answer = qp_answer(namlcp.solve_qp(**case.arguments))
-            else:
-                answer = lcp_answer(namlcp.solve_lcp(**case.arguments))
-    except Exception as error:
-        answer = Answer("error", words=f"{error}", kind=type(error))
-    if snapshot(case.arguments) != before:
-        return Answer("error", words="an input was changed", kind=RuntimeError)
-    return answer
-
-
-def qp_answer(result: Any) -> Answer:
-    """Return a QPResult in the judge's terms."""
-    said = result.status.value
-    arrays = result.x, result.y, result.z, result.z_box
-    return Answer(SAID.get(said, "refused"), *arrays, said)
-
-
-def lcp_answer(result: Any) -> Answer:
-    """Return an LCPResult in the judge's terms."""
-    said = result.status.value
-    if said == "unsolvable":
-        kind = "exhausted" if result.ray is None else said
-        return Answer(kind, result.ray, words=said)
-    return Answer("solved" if said == "solved" else "refused", result.z, words=said)
-
-
-def ask_peer(case: cases.Case, solver: str, eps: float, limit: float) -> Answer:
-    """Return what a peer says of a convex QP through qpsolvers."""
-    problem = qpsolvers_problem(case)
-    if solver == "quadprog":
-        problem = qpsolvers.Problem(*problem.unpack_as_dense())
-    settings = qp_solvers.detecting_settings(solver, eps, limit) | PEERS.get(solver, {})
-    try:
-        solution = qpsolvers.solve_problem(problem, solver=solver, **settings)
-        said, words = judging.verdict(problem, solution, eps)
-    except Exception as error:
-        words = f"{type(error).__name__}: {error}"
-        if "unbounded below" in words:
-            return Answer("unbounded", words=words)
-        return Answer("error", words=words, kind=type(error))
-    if not solution.found:
-        known = said in ("infeasible", "unbounded")
-        return Answer(said if known else "refused", words=words)
-    on = case.problem.h < INFINITE
-    z = np.zeros(on.size)
-    z[on] = judging.filled(solution.z, int(on.sum()))
-    y = judging.filled(solution.y, case.problem.b.size)
-    z_box = judging.filled(solution.z_box, problem.q.size)
-    return Answer("solved", np.asarray(solution.x), y, z, z_box, words)
 
 
 def examine(case: cases.Case, solver: str, eps: float, limit: float) -> Row:
@@ -194,19 +87,34 @@ def examine(case: cases.Case, solver: str, eps: float, limit: float) -> Row:
     return {"truth": truth, "outcome": outcome, "why": why, "time": seconds}
 
 
+def related(seed: int, i: int, name: str) -> Row:
+    """Return what comes of asking in two ways: the same columns."""
+    start = time.perf_counter()
+    outcome, why = relations.examine(seed, i, name)
+    seconds = time.perf_counter() - start
+    return {"truth": "related", "outcome": outcome, "why": why, "time": seconds}
+
+
+def problem_of(part: Part, i: int, eps: float, limit: float) -> Row:
+    """Return what a solver makes of problem i of a set and a seed."""
+    if part.set in relations.RELATIONS:
+        return related(part.seed, i, part.set)
+    return examine(cases.make(part.seed, i, part.set), part.solver, eps, limit)
+
+
 def work(job: Job, index: int | None, eps: float = 0.0) -> Row:
     """Return the row of problem `index` (None: load and compile what nam needs)."""
     if index is None:
-        for i in range(WARM_UP * len(cases.CYCLES[job.data[1]])):
-            ask_nam(cases.make(0, i, job.data[1]))
+        kinds = {**cases.CYCLES, **relations.RELATIONS}[job.data.set]
+        for i in range(WARM_UP * len(kinds)):
+            problem_of(job.data._replace(seed=0), i, eps, job.limit)
         return {}
     job.ready()
-    seed, cycle = job.data
-    return examine(cases.make(seed, index, cycle), job.solver, eps, job.limit)
+    return problem_of(job.data, index, eps, job.limit)
 
 
 class CampaignBench(Bench):
-    """A child process that makes its problems itself: `data` is (seed, cycle)."""
+    """A child process that makes its problems itself: `data` is a `Part`."""
 
     def start(self) -> None:
         """Start the child process, and wait until all is loaded and compiled."""
@@ -219,52 +127,81 @@ class CampaignBench(Bench):
         """Return the row of problem `index`; a hang and a crash are outcomes."""
         row = self.ask(index, eps)
         if "outcome" not in row:
-            outcome = {"timeout": "hang", "crashed": "crash"}[row["status"]]
-            row = {"truth": "", "outcome": outcome, "why": outcome, "time": self.limit}
-        return row | {"group": cases.group_of(index, self.data[1])}
+            words = row["status"]
+            outcome = {"timeout": "hang", "crashed": "crash"}.get(words, "raised")
+            row = {"truth": "", "outcome": outcome, "why": words, "time": self.limit}
+        return row | {"class": class_of(index, self.data.set)}
 
 
-def is_asked(solver: str, i: int, cycle: str) -> bool:
+def class_of(i: int, name: str) -> str:
+    """Return the class of problem i of a set."""
+    of = relations.class_of if name in relations.RELATIONS else cases.group_of
+    return of(i, name)
+
+
+def is_asked(part: Part, i: int) -> bool:
     """Tell whether a solver is asked problem i."""
-    if solver == "nam":
+    if part.solver == "nam":
         return True
-    asked = cases.is_definite if solver == "quadprog" else cases.is_convex
-    return asked(i, cycle)
+    asked = cases.is_definite if part.solver == "quadprog" else cases.is_convex
+    return asked(i, part.set)
+
+
+def parts(args: argparse.Namespace) -> list[Part]:
+    """Return what is to be run, in order: the peers have one seed of one set."""
+    solvers = machine.installed(args.solvers)
+    return [
+        Part(seed, name, solver)
+        for name in args.classes
+        for solver in solvers
+        for seed in args.seeds
+        if solver == "nam" or (name == "every" and seed == args.seeds[0])
+    ]
 
 
 def run(args: argparse.Namespace) -> int:
     """Run what is not done yet; return 1 if anything of nam is not as it must be."""
-    solvers = machine.installed(args.solvers)
-    own = [f"seed: {args.seed}", f"eps of the peers: {args.eps:g}"]
-    own += [f"classes: {args.classes}"] * (args.classes != "every")
+    own = [f"eps of the peers: {args.eps:g}"]
     if args.csv.exists() and csv_files.header(args.csv)[: len(own)] != own:
-        print(f"{args.csv} has another seed, eps or classes")
+        print(f"{args.csv} has another eps")
         return cli.MISSING
     tally = Tally(args.csv, own + cli.begin(SOLVERS))  # more of them may come later
-    for solver in solvers:
-        data = args.seed, args.classes
-        with CampaignBench(work, solver, args.limit, data) as child:
-            for i in range(tally.done[solver], args.problems):
-                if is_asked(solver, i, args.classes):
-                    tally.add(solver, i, child.examine(i, args.eps))
-                if (i + 1) % BATCH == 0 or i + 1 == args.problems:
-                    tally.done[solver] = i + 1
-                    tally.write()
-        print(f"{solver}: {tally.done[solver]} problems", flush=True)
+    for part in parts(args):
+        if tally.done[part] < args.problems:
+            run_part(part, tally, args)
+        print(f"{part}: {tally.done[part]} problems", flush=True)
     print_report(args.csv)
     return int(not all(met for *_, met in bars(tally.rows.values())))
 
 
+def run_part(part: Part, tally: Tally, args: argparse.Namespace) -> None:
+    """Ask one solver the problems of one set and seed that are not done yet."""
+    with CampaignBench(work, part.solver, args.limit, part) as child:
+        began = time.perf_counter()
+        for i in range(tally.done[part], args.problems):
+            if is_asked(part, i):
+                tally.add(part, i, child.examine(i, args.eps))
+            if (i + 1) % BATCH == 0 or i + 1 == args.problems:
+                tally.done[part] = i + 1
+                tally.seconds[part] += time.perf_counter() - began
+                began = time.perf_counter()
+                tally.write()
+
+
 def show(args: argparse.Namespace) -> int:
     """Ask one problem once more, in this process, and print what comes of it."""
-    case = cases.make(args.seed, args.index, args.classes)
-    print(f"{case.group}, {case.truth}, {case.problem.q.size} unknowns")
-    for name, value in case.arguments.items():
-        kind = f"{type(value).__name__} {getattr(value, 'dtype', '')}"
-        print(f"  {name}: {kind} {np.shape(value)}")
+    print(class_of(args.index, args.set))
+    if args.set in cases.CYCLES:
+        case = cases.make(args.seed, args.index, args.set)
+        print(f"{case.truth}, {case.problem.q.size} unknowns")
+        for name, value in case.arguments.items():
+            kind = f"{type(value).__name__} {getattr(value, 'dtype', '')}"
+            print(f"  {name}: {kind} {np.shape(value)}")
     for solver in machine.installed(args.solvers):
-        if is_asked(solver, args.index, args.classes):
-            print(f"{solver}: {examine(case, solver, args.eps, args.limit)}")
+        part = Part(args.seed, args.set, solver)
+        if is_asked(part, args.index):
+            found = problem_of(part, args.index, args.eps, args.limit)
+            print(f"{solver}: {found}")
     return 0
 
 
@@ -286,14 +223,19 @@ def main(arguments: list[str] | None = None) -> int:
         if name == "report":
             continue
         cli.add_usual(command, limit=LIMIT)
-        command.add_argument("--seed", type=int, default=1)
         command.add_argument("--solvers", nargs="+", default=["nam"], choices=SOLVERS)
-        command.add_argument("--classes", default="every", choices=cases.CYCLES)
         command.add_argument("--eps", type=float, default=1e-6, help="of the peers")
         if name == "show":
+            command.add_argument("--seed", type=int, default=1)
+            command.add_argument("--set", default="every", choices=SETS)
             command.add_argument("--index", type=int, required=True)
         else:
-            command.add_argument("--problems", type=int, default=100_000)
+            command.add_argument("--seeds", type=int, nargs="+", default=[1])
+            command.add_argument(
+                "--classes", default=["every"], choices=SETS, nargs="+"
+            )
+            help_ = "of each set and seed"
+            command.add_argument("--problems", type=int, default=100_000, help=help_)
     args = parser.parse_args(arguments)
     return int(args.call(args))
 

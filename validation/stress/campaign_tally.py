@@ -1,27 +1,43 @@
 """What a campaign has counted: kept in a CSV, and printed as Markdown.
 
-A row of the CSV is a solver, a class of problems, what is true of them and an outcome;
-its count, its time, and the indices of the first problems with an outcome that is not
-right. The rows with the outcome "done" tell how many problems a solver has behind it.
+A row of the CSV is a seed, a set of classes, a solver, a class of problems, what is
+true of them and an outcome; its count, its time, and the indices of the first problems
+with an outcome that is not right. The rows with the outcome "done" tell how many
+problems a solver has behind it, and in how many seconds with all that is around them.
 """
 
 import collections
 import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from validation.harness import Row, csv_files, tables
 
-COLUMNS = "solver class truth outcome count seconds slowest cases first".split()
+COLUMNS = (
+    "seed set solver class truth outcome count seconds slowest cases first"
+).split()
+KEY = COLUMNS[:6]
 LISTED = 40  # indices of a class and outcome in the CSV
 OUTCOMES = ("right", "refused", "wrong", "raised", "hang", "crash")
 NEVER = OUTCOMES[2:]
 SOLVED = 0.998  # share that nam must solve of what has a solution
 NAMED = 0.99  # share whose lack of a solution nam must prove
 NAMELESS = ("infeasible", "unbounded", "both")  # what has no solution
-Key = tuple[str, str, str, str]
+Key = tuple[Any, ...]
 Bar = tuple[str, int, int, bool]
+
+
+class Part(NamedTuple):
+    """What is run in one go: problems 0, 1, ... of a set and a seed, by one solver."""
+
+    seed: int
+    set: str
+    solver: str
+
+    def __str__(self) -> str:
+        """Name it in a line of progress."""
+        return f"{self.solver}, {self.set}, seed {self.seed}"
 
 
 class Tally:
@@ -31,16 +47,19 @@ class Tally:
         """Read what an earlier run has left."""
         self.path, self.header = path, header
         self.rows: dict[Key, Row] = {}
-        self.done: collections.Counter[str] = collections.Counter()
+        self.done: collections.Counter[Part] = collections.Counter()
+        self.seconds: collections.defaultdict[Part, float]
+        self.seconds = collections.defaultdict(float)
         for row in read(path):
             if row["outcome"] == "done":
-                self.done[row["solver"]] = row["count"]
+                part = Part(row["seed"], row["set"], row["solver"])
+                self.done[part], self.seconds[part] = row["count"], row["seconds"]
             else:
-                self.rows[tuple(row[name] for name in COLUMNS[:4])] = row
+                self.rows[tuple(row[name] for name in KEY)] = row
 
-    def add(self, solver: str, index: int, found: Row) -> None:
+    def add(self, part: Part, index: int, found: Row) -> None:
         """Count one problem."""
-        key = (solver, found["group"], found["truth"], found["outcome"])
+        key = (*part, found["class"], found["truth"], found["outcome"])
         row = self.rows.setdefault(
             key, dict(zip(COLUMNS, (*key, 0, 0.0, 0.0, "", ""), strict=True))
         )
@@ -55,8 +74,9 @@ class Tally:
         """Replace the CSV."""
         new = self.path.with_suffix(".part")
         with csv_files.writer(new, self.header, COLUMNS) as write:
-            for solver, count in self.done.items():
-                write({"solver": solver, "outcome": "done", "count": count})
+            for part, count in self.done.items():
+                done = {"outcome": "done", "count": count}
+                write(part._asdict() | done | {"seconds": round(self.seconds[part], 3)})
             for key in sorted(self.rows):
                 write(self.rows[key])
         os.replace(new, self.path)
@@ -66,6 +86,7 @@ def read(path: Path) -> Iterator[Row]:
     """Yield the rows of a CSV with their numbers."""
     for row in csv_files.read(path):
         yield row | {
+            "seed": int(row["seed"]),
             "count": int(row["count"]),
             "seconds": float(row["seconds"] or 0.0),
             "slowest": float(row["slowest"] or 0.0),
@@ -92,7 +113,10 @@ def fits(row: Row, key: str, value: Any) -> bool:
 
 
 def bars(rows: Iterable[Row]) -> list[Bar]:
-    """Return what is asked of nam: text, how many, of how many, whether it is met."""
+    """Return what is asked of nam: text, how many, of how many, whether it is met.
+
+    "general" LCPs need not all be decided.
+    """
     own = tables.chosen(rows, solver="nam")
     found = []
     for text, share, wanted in (
@@ -102,9 +126,11 @@ def bars(rows: Iterable[Row]) -> list[Bar]:
         ("LCPs, PSD, without one: proved", NAMED, ("LCP", "unsolvable")),
         ("not convex: refused by name, or proved", 1.0, ("QP", "not convex")),
         ("malformed input: named", 1.0, ("malformed", "malformed")),
+        ("asked in two ways: agree", SOLVED, ("", "related")),
     ):
         asked = dict(zip(("side", "truth"), wanted, strict=True))
-        good, of = total(own, **asked, outcome="right"), total(own, **asked)
+        rows = [row for row in own if row["set"] != "general"]
+        good, of = total(rows, **asked, outcome="right"), total(rows, **asked)
         found.append((text, good, of, good >= share * of))
     for outcome in NEVER:
         bad = total(own, outcome=outcome)
@@ -141,6 +167,15 @@ def peer_lines(rows: list[Row]) -> Iterator[list[Any]]:
                 yield [text, solver, sum(counts), *counts, mean]
 
 
+def speed_lines(path: Path) -> Iterator[list[Any]]:
+    """Yield a line for each set and solver: problems a second, minutes for 3*10^5."""
+    done = [row for row in read(path) if row["outcome"] == "done" and row["seconds"]]
+    for name, solver in tables.distinct(done, "set", "solver"):
+        here = tables.chosen(done, set=name, solver=solver)
+        rate = sum(row["count"] for row in here) / sum(row["seconds"] for row in here)
+        yield [name, solver, total(here), f"{rate:.0f}", f"{3e5 / rate / 60.0:.0f}"]
+
+
 def print_report(path: Path) -> None:
     """Print the tables of a CSV."""
     rows = [row for row in read(path) if row["outcome"] != "done"]
@@ -153,3 +188,5 @@ def print_report(path: Path) -> None:
     if len(tables.distinct(rows, "solver")) > 1:
         columns = "convex QPs", "solver", *head
         print("\n" + tables.markdown(columns, peer_lines(rows)))
+    columns = "set", "solver", "problems", "a second", "3*10^5 [min]"
+    print("\n" + tables.markdown(columns, speed_lines(path)))

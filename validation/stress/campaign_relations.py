@@ -1,0 +1,230 @@
+"""Classes of the campaign that ask for one answer in two ways, which must agree.
+
+- sequences: a `Solver` through some changes of a fuzzed QP; every step beside a fresh
+  solve.
+- batches: fuzzed QPs of one size by `solve_batch`, on one thread and on two, with a
+  malformed item among some; every item beside a single solve.
+- derivatives: beside differences, on problems around planted solutions
+  (`derivatives.differences`), and one-sided ones of fuzzed QPs.
+
+What the fresh or single solve has proved, by the judge's definition, is true of a QP;
+the other answer is judged by the definition, and by that.
+"""
+
+from collections.abc import Callable
+from functools import partial
+
+import numpy as np
+import scipy.sparse as sp
+
+import namlcp
+from namlcp.qp import QP
+from validation.derivatives import cases as planted
+from validation.derivatives import differences
+from validation.problems.fuzzed import cases, changes, draw, qps
+from validation.stress.campaign_answers import NAM, clean, qp_answer
+from validation.stress.campaign_judge import Answer, judge_qp
+
+STEPS = 6  # solves of a sequence
+ITEMS = 5  # QPs of a batch
+MALFORMED = 0.3  # share of the batches with such an item
+ERROR, ADJOINT = 1e-7, 1e-10  # of regular derivatives, as `derivatives` claims
+DIFFERENCE = 1e-4  # relative error of a one-sided difference
+LENGTHS = 1e-2, 1e-4, 1e-6  # by which x moves for it: x is piecewise linear, and rounds
+Verdict = tuple[str, str]
+"""The outcome, and why it is not right."""
+Check = Callable[[int, int], Verdict]
+"""check(seed, number) examines one problem."""
+RIGHT = "right", ""
+
+
+def answer_of(solve: Callable[[], namlcp.QPResult]) -> Answer:
+    """Return what a solve says; an exception is an answer."""
+    try:
+        return qp_answer(solve())
+    except Exception as error:
+        return Answer("error", words=f"{type(error).__name__}: {error}")
+
+
+def agreement(qp: QP, alone: Answer, other: Answer) -> Verdict:
+    """Return the outcome of `other`, beside the answer of a solve of this QP alone."""
+    if alone.said == "error":  # not convex by rounding
+        silent = other.said in ("error", "refused")
+        return RIGHT if silent else ("wrong", f"{other.said}, alone: {alone.words}")
+    outcome, why = judge_qp(clean(qp), "near", alone, NAM, proofs=True)
+    if outcome == "wrong":
+        return outcome, f"alone: {why}"
+    truth = "near"
+    if outcome == "right":
+        truth = "solvable" if alone.said == "solved" else "both"
+    outcome, why = judge_qp(clean(qp), truth, other, NAM, proofs=True)
+    if outcome == "refused" and truth == "near":
+        return RIGHT
+    return outcome, why
+
+
+def sequence(maker: cases.Maker, d: draw.Draw) -> Verdict:
+    """Solve a QP again and again; dense, or sparse with the pattern of the first."""
+    qp, _ = maker(d)
+    wrap = sp.csc_array if d.chance(0.4) else np.asarray
+    given = {k: wrap(v) if v.ndim == 2 else v for k, v in qp._asdict().items()}
+    try:
+        solver = namlcp.Solver(**given)
+    except ValueError as error:
+        alone = answer_of(partial(namlcp.solve_qp, **given))
+        return agreement(qp, alone, Answer("error", words=str(error)))
+    for step in range(STEPS):
+        alone = answer_of(partial(namlcp.solve_qp, **given))
+        outcome, why = agreement(qp, alone, answer_of(solver.solve))
+        if outcome != "right":
+            return outcome, f"step {step}: {why}"
+        new = changes.changed(d, qp)
+        given |= {
+            name: wrap(value) if value.ndim == 2 else value
+            for name, value in new._asdict().items()
+            if value is not getattr(qp, name)
+        }
+        try:
+            solver.update(**given)
+        except ValueError as error:
+            alone = answer_of(partial(namlcp.solve_qp, **given))
+            return agreement(new, alone, Answer("error", words=str(error)))
+        qp = new
+    return RIGHT
+
+
+def batch(maker: cases.Maker, d: draw.Draw) -> Verdict:
+    """Solve QPs of one size at once; what all share is passed once, or N times."""
+    items = [maker(d)[0]]
+    change = changes.changed if d.chance(0.5) else changes.vectors
+    items += [change(d, items[0]) for _ in range(ITEMS - 1)]
+    arguments = {}
+    for name, first in items[0]._asdict().items():
+        same = all(getattr(item, name) is first for item in items)
+        values = np.stack([getattr(item, name) for item in items])
+        arguments[name] = first if same and d.chance(0.7) else values
+    bad = int(d.rng.integers(ITEMS)) if d.chance(MALFORMED) else None
+    if bad is not None:
+        arguments["q"] = np.stack([item.q for item in items])
+        arguments["q"][bad, -1] = np.nan
+    singles = [answer_of(partial(namlcp.solve_qp, *item)) for item in items]
+    try:
+        one, two = (namlcp.solve_batch(**arguments, threads=k) for k in (1, 2))
+    except ValueError as error:
+        shared = all(alone.said == "error" for alone in singles)
+        return RIGHT if shared else ("raised", str(error))
+    for name in ("codes", "x", "y", "z", "z_box", "obj"):
+        if getattr(one, name).tobytes() != getattr(two, name).tobytes():
+            return "wrong", f"{name} of two runs, on one thread and on two, differ"
+    for k, (item, alone) in enumerate(zip(items, singles, strict=True)):
+        if k == bad:
+            outcome, why = RIGHT
+            if one[k].status is not namlcp.Status.INVALID:
+                outcome, why = "wrong", f"malformed: {one[k].status.value}"
+        else:
+            outcome, why = agreement(item, alone, qp_answer(one[k]))
+        if outcome != "right":
+            return outcome, f"item {k}: {why}"
+    return RIGHT
+
+
+def one_sided(qp: QP, direction: planted.Kept) -> Verdict:
+    """Compare the one-sided derivative of x, which is unique, with differences."""
+    result = namlcp.solve_qp(*qp, **differences.EXACT)
+    if result.status is not namlcp.Status.SOLVED:
+        return "refused", result.status.value
+    found = result.directional(**{f"d{k}": v for k, v in direction.items()}).x
+    size = 1.0 + np.abs(found).max()
+    errors = []
+    for length in LENGTHS:
+        t = length / size
+        moved = namlcp.solve_qp(*planted.moved(qp, direction, t), **differences.EXACT)
+        errors.append(np.abs((moved.x - result.x) / t - found).max() / size)
+    if min(errors) <= DIFFERENCE:
+        return RIGHT
+    return "wrong", f"off by {min(errors):.1e}"
+
+
+def derivative(maker: cases.Maker, d: draw.Draw) -> Verdict:
+    """Differentiate the solution of a QP with definite P along a change of q."""
+    qp, _ = maker(d)
+    return one_sided(qp, {"q": d.numbers(qp.q.size)})
+
+
+def at_kink(family: Callable[[int], QP], number: int) -> Verdict:
+    """Differentiate where constraints are active with multiplier 0, or depend."""
+    names = planted.KINKS[family]
+    qp = family(number)
+    return one_sided(qp, planted.direction(qp, number, names[number % len(names)]))
+
+
+def regular(function: Callable[[int], tuple[float, float]], number: int) -> Verdict:
+    """Compare a derivative with differences, and with its adjoint."""
+    error, gap = function(number)
+    if error <= ERROR and gap <= ADJOINT:
+        return RIGHT
+    return "wrong", f"off by {error:.1e}, adjoint by {gap:.1e}"
+
+
+def lcp_kink(number: int) -> Verdict:
+    """Compare a one-sided derivative of an LCP with a difference."""
+    error = differences.lcp_kink_error(number)[0]
+    return RIGHT if error <= differences.RIGHT else ("wrong", f"off by {error:.1e}")
+
+
+def drawn(check: Callable[[draw.Draw], Verdict], seed: int, number: int) -> Verdict:
+    """Examine a problem made from (seed, number) alone."""
+    with np.errstate(invalid="ignore", over="ignore"):
+        return check(draw.Draw(np.random.default_rng([seed, number, 1])))
+
+
+def numbered(check: Callable[[int], Verdict], seed: int, number: int) -> Verdict:
+    """Examine a problem made from one number."""
+    return check(10**7 * seed + number)
+
+
+def of_fuzzed(
+    check: Callable[[cases.Maker, draw.Draw], Verdict], makers: tuple[cases.Maker, ...]
+) -> dict[str, Check]:
+    """Return a class for each maker of QPs, by its name."""
+    return {
+        f"{check.__name__.replace('_', ' ')} {maker.__name__.replace('_', ' ')}": (
+            partial(drawn, partial(check, maker))
+        )
+        for maker in makers
+    }
+
+
+def of_kinks() -> dict[str, Check]:
+    """Return a class for each family of kinks, by its name."""
+    return {
+        f"derivative {family.__name__.replace('_', ' ')}": (
+            partial(numbered, partial(at_kink, family))
+        )
+        for family in planted.KINKS
+    }
+
+
+RELATIONS: dict[str, dict[str, Check]] = {
+    "sequences": of_fuzzed(sequence, cases.CONVEX),
+    "batches": of_fuzzed(batch, cases.CONVEX),
+    "derivatives": {
+        "derivative QP": partial(numbered, partial(regular, differences.regular_qp)),
+        "derivative LCP": partial(numbered, partial(regular, differences.regular_lcp)),
+        "derivative weak lcp": partial(numbered, lcp_kink),
+        **of_kinks(),
+        **of_fuzzed(derivative, (qps.strictly_convex, qps.condition_1e8)),
+    },
+}
+"""The classes by the name of their set, each a check by its name; problem i of a set is
+of its class number i modulo their number."""
+
+
+def class_of(i: int, name: str) -> str:
+    """Return the class of problem i of a set."""
+    return list(RELATIONS[name])[i % len(RELATIONS[name])]
+
+
+def examine(seed: int, i: int, name: str) -> Verdict:
+    """Return the outcome of problem i of a set, and why it is not right."""
+    return RELATIONS[name][class_of(i, name)](seed, i // len(RELATIONS[name]))
