@@ -268,6 +268,8 @@ class QPResult(Unfolding):
     problem: Any = field(default=None, repr=False)
     """The checked QP and (P, G, A) as they were given, or a function that returns both,
     for the derivatives."""
+    factors: Any = field(default=None, repr=False)
+    """Those of the solve, for the derivatives, if they were asked for."""
 
     @classmethod
     def of(cls, attributes: dict[str, Any]) -> "QPResult":

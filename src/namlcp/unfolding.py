@@ -13,7 +13,8 @@ class Differentiable:
     def __getstate__(self) -> dict[str, Any]:
         """Leave the problem and the factors behind."""
         state = vars(self) | {"problem": None}
-        state.pop("derivative", None)
+        for name in ("derivative", "factors"):
+            state.pop(name, None)
         return state
 
 

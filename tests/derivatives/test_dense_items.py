@@ -1,9 +1,13 @@
 """The compiled pass over dense items: equal to the pass in Python, item by item."""
 
+import gc
+import pickle
+
 import numpy as np
 import pytest
 
 import namlcp
+from namlcp.qp.responses.solve import POOL
 from validation.derivatives.cases import regular_qp
 
 PARTS = ("x", "y", "z", "z_box")
@@ -25,6 +29,55 @@ def test_the_compiled_pass_is_that_of_the_face(seed):
         own, other = getattr(first, name), getattr(expected, name)
         np.testing.assert_allclose(own, other, rtol=1e-10, atol=1e-12)
         assert np.array_equal(own, getattr(again, name))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_the_factors_of_the_solve_give_the_same(seed):
+    qp = regular_qp(seed)
+    result = namlcp.solve_qp(*qp, derivative=True)
+    given = weights(result, seed)
+    expected = namlcp.solve_qp(*qp).backward(*given)
+    found, again = result.backward(*given), result.backward(*given)
+    assert result.derivative.item.held is result.factors
+    assert found.weak == expected.weak == 0
+    for name in (*VECTORS, "P", "G", "A"):
+        own, other = getattr(found, name), getattr(expected, name)
+        np.testing.assert_allclose(own, other, rtol=1e-10, atol=1e-12)
+        assert np.array_equal(own, getattr(again, name))
+
+
+def test_the_factors_of_the_solve_are_left_where_they_do_not_serve():
+    """x = max(c, 0) with c = 0: the bound is held by no multiplier, or not at all."""
+    result = namlcp.solve_qp(np.eye(1), [0.0], lb=[0.0], derivative=True)
+    found = result.backward(dx=[1.0])
+    assert (found.weak, found.q.tolist()) == (1, [-1.0])
+    twice = namlcp.solve_qp(
+        [[1.0]], [-2.0], [[1.0], [1.0]], [1.0, 1.0], derivative=True
+    )
+    assert sorted(twice.backward(dx=[1.0]).h.tolist()) == [0.0, 1.0]
+
+
+def test_factors_are_not_disturbed_by_later_solves_and_end_with_the_result():
+    qp, other = regular_qp(1), regular_qp(2)
+    result = namlcp.solve_qp(*qp, derivative=True)
+    before = result.backward(dx=qp.q).q
+    for _ in range(3):
+        namlcp.solve_qp(*other, derivative=True).backward(dx=other.q)
+    assert np.array_equal(result.backward(dx=qp.q).q, before)
+    assert pickle.loads(pickle.dumps(result)).factors is None
+    space = result.factors.space
+    del result
+    gc.collect()
+    assert any(kept is space for kept in POOL)
+
+
+def test_factors_are_kept_of_short_solves_alone():
+    qp = regular_qp(0)
+    result = namlcp.solve_qp(*qp, x0=qp.q, derivative=True)
+    assert result.factors is None
+    assert namlcp.solve_qp(*qp).factors is None
+    with pytest.raises(TypeError, match="derivative"):
+        namlcp.solve_qp(*qp, derivative=1)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -93,7 +93,7 @@ def nam(data: Data) -> Pass:
         found = result.backward(dx=g)
         return found.P, found.q, found.G, found.h
 
-    return lambda: namlcp.solve_qp(P, q, G, h), backward
+    return lambda: namlcp.solve_qp(P, q, G, h, derivative=True), backward
 
 
 def proxqp(data: Data) -> Pass:

@@ -11,16 +11,27 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from namlcp.checks import refuse_number
-from namlcp.compiled import kernel, part, uncounted
+from namlcp.compiled import floats, kernel, longs, part, uncounted
 from namlcp.derivatives.systems import (
     INACTIVE,
+    LEAST_PIVOT,
+    SOLVES,
     STRICT,
     factor_dense,
     mark_dense,
     memory_size,
     solve_dense,
 )
-from namlcp.qp import QP, Point
+from namlcp.linalg import add_scaled, dot
+from namlcp.qp import (
+    QP,
+    Held,
+    Point,
+    least_pivot,
+    parts_of_result,
+    solve_held,
+    state_at,
+)
 
 SINGULAR, REGULAR, FAULTY = range(3)
 """Codes of an item: the KKT system of the strictly active constraints has no Cholesky
@@ -75,31 +86,59 @@ def width_of(sizes: tuple[int, int, int]) -> int:
 
 
 class OneItem:
-    """A single QP and its solution; the factors are kept for the next call."""
+    """A single QP and its solution.
 
-    def __init__(self, qp: QP, point: Point) -> None:
-        P, q, G, h, A, b, lb, ub = qp
-        self.data = P.reshape(-1), q, G.reshape(-1), h, A.reshape(-1), b, lb, ub
-        self.points = tuple(point)
-        self.sizes = n, m, p = q.size, h.size, b.size
-        self.memory = np.empty(memory_size(n, m + p))
-        self.is_factored = False
+    Attributes
+    ----------
+    held : Held or None
+        The factors of the solve, as long as they serve.
+    factors : array or None
+        Those of the strictly active constraints, once they are made here.
+    """
 
-    def differentiate(self, cotangents: tuple[np.ndarray, ...]) -> Found:
-        """Return the gradients; raise ValueError if a cotangent is not finite."""
+    def __init__(self, qp: QP, point: Point, held: Held | None) -> None:
+        self.qp, self.point, self.held = qp, point, held
+        self.sizes = qp.q.size, qp.h.size, qp.b.size
+        self.factors: np.ndarray | None = None
+
+    def differentiate(
+        self, cotangents: tuple[np.ndarray, ...]
+    ) -> tuple[tuple[np.ndarray, ...], int] | None:
+        """Return the gradients in q, h, b, lb, ub, and how many constraints are weak.
+
+        None: K is singular. Raises ValueError if a cotangent is not finite.
+        """
         out = np.empty((1, width_of(self.sizes)))
-        problem = self.sizes, self.data, self.points
-        differentiate(ALONE, *problem, cotangents, self.memory, self.is_factored, out)
-        found = parts_of(out[0], self.sizes)
-        if found.code == FAULTY:
+        row, code = out[0], SINGULAR
+        if self.held is not None and self.held.space is not None:
+            code = differentiate_held(self.held.space.address, *cotangents, row)
+        if code == SINGULAR:
+            self.held = None
+            self.differentiate_anew(cotangents, out)
+            code = row[-1]
+        if code == FAULTY:
             refuse_faults(cotangents)
-        self.is_factored = found.code == REGULAR
-        return found
+        if code == SINGULAR:
+            return None
+        n, m, p = self.sizes
+        end, after = n + m + p, 3 * n + m + p
+        lower, upper = row[end : end + n], row[end + n : after]
+        return (row[:n], row[n : n + m], row[n + m : end], lower, upper), int(row[-2])
 
-    @property
-    def factors(self) -> np.ndarray | None:
-        """The factors of the strictly active constraints, None if they are not made."""
-        return self.memory if self.is_factored else None
+    def differentiate_anew(
+        self, cotangents: tuple[np.ndarray, ...], out: np.ndarray
+    ) -> None:
+        """Differentiate with factors that are made here, and kept for the next call."""
+        n, m, p = self.sizes
+        P, q, G, h, A, b, lb, ub = self.qp
+        data = P.reshape(-1), q, G.reshape(-1), h, A.reshape(-1), b, lb, ub
+        memory, is_factored = self.factors, self.factors is not None
+        if memory is None:
+            memory = np.empty(memory_size(n, m + p))
+        problem = self.sizes, data, tuple(self.point)
+        differentiate(ALONE, *problem, cotangents, memory, is_factored, out)
+        if out[0, -1] == REGULAR:
+            self.factors = memory
 
 
 def refuse_faults(cotangents: Iterable[np.ndarray]) -> None:
@@ -166,21 +205,36 @@ def differentiate(chosen, sizes, data, points, cotangents, memory, is_factored, 
         row[row.size - 1] = FAULTY
         if not (is_finite(r) and is_finite(e) and is_finite(d) and is_finite(of_box)):
             continue
-        row[row.size - 1] = REGULAR
-        first, second = n + m, n + m + p
-        u, lam, nu = row[:n], row[n:first], row[first:second]
-        lower, upper = row[second : second + n], row[second + n : second + 2 * n]
+        u, lam, nu, rest = unknowns_in(row, sizes)
         for j in range(n):
             u[j] = of_box[j] if side[j] != 0 else 0.0
-        solve_dense(matrices, places, memory, (r, d, e), (u, lam, nu, lower))
-        held = row[second + 2 * n :]
-        for k in range(m):
-            held[k] = 1.0 if state[k] == STRICT else 0.0
-        for j in range(n):
-            held[m + j] = side[j]
-            u[j] = 0.0 - u[j]
-            upper[j] = lower[j] if side[j] > 0 else 0.0
-            lower[j] = lower[j] if side[j] < 0 else 0.0
+        solve_dense(matrices, places, memory, (r, d, e), (u, lam, nu, rest))
+        complete(row, sizes, state, side)
+
+
+@part
+def unknowns_in(row, sizes):
+    """Return where u, lam, nu and rest are to be written before `complete`."""
+    n, m, p = sizes
+    end = n + m + p
+    return row[:n], row[n : n + m], row[n + m : end], row[end : end + n]
+
+
+@part
+def complete(row, sizes, state, side):
+    """Write what follows from the unknowns of the KKT system, see `Found`."""
+    n, m, p = sizes
+    u, _, _, lower = unknowns_in(row, sizes)
+    start = 2 * n + m + p
+    upper, held = row[start : start + n], row[start + n :]
+    for k in range(m):
+        held[k] = 1.0 if state[k] == STRICT else 0.0
+    for j in range(n):
+        held[m + j] = side[j]
+        u[j] = 0.0 - u[j]
+        upper[j] = lower[j] if side[j] > 0 else 0.0
+        lower[j] = lower[j] if side[j] < 0 else 0.0
+    row[row.size - 1] = REGULAR
 
 
 @part
@@ -196,3 +250,82 @@ def places_with(states, state):
             places[count] = i
             count += 1
     return places
+
+
+@kernel
+def differentiate_held(address, gx, gy, gz, gz_box, row):
+    """Do `differentiate` for a QP whose solve has left its factors at an address.
+
+    Returns the code. SINGULAR: they are not those of the strictly active constraints,
+    or not good enough.
+    """
+    m = state_at(address)
+    n, p, size = m.n, m.p, m.n + m.p
+    P, G = floats(m.P, n * n).reshape((n, n)), floats(m.G, m.m * n).reshape((m.m, n))
+    A = floats(m.A, p * n).reshape((p, n))
+    vectors = floats(m.q, n), floats(m.h, m.m), floats(m.lb, n), floats(m.ub, n)
+    state, sides = np.empty(m.m, dtype=np.int8), np.empty((2, n), dtype=np.int8)
+    row[:] = 0.0
+    weak = mark_dense((P, G, A), vectors, parts_of_result(m), state, sides)
+    row[row.size - 2], side = weak, sides[0]
+    if not holds(m, state, side) or least_pivot(m) < LEAST_PIVOT:
+        return SINGULAR
+    zero = np.zeros(max(n, m.m, p))
+    r, e = item_or_zero(gx, 0, zero[:n]), item_or_zero(gy, 0, zero[:p])
+    d, of_box = item_or_zero(gz, 0, zero[: m.m]), item_or_zero(gz_box, 0, zero[:n])
+    if not (is_finite(r) and is_finite(e) and is_finite(d) and is_finite(of_box)):
+        row[row.size - 1] = FAULTY
+        return FAULTY
+    sizes = n, m.m, p
+    u, lam, nu, mu = unknowns_in(row, sizes)
+    active = longs(m.kept_active, m.most + 1)
+    goals, values, load = np.empty(m.kept_k), np.empty(m.length), floats(m.rhs, size)
+    for _ in range(SOLVES):
+        set_load((P, G, A), (r, e), (u, lam, nu, mu), load)
+        for i in range(m.kept_k):
+            k = active[i]
+            goals[i] = d[k] - dot(G[k], u) if k < m.m else of_box[k - m.m] - u[k - m.m]
+        solve_held(m, goals, values)
+        add_scaled(1.0, values[m.m : m.rows], u)
+        add_scaled(1.0, values[m.rows :], nu)
+        for i in range(m.kept_k):
+            if active[i] < m.m:
+                lam[active[i]] += goals[i]
+            else:
+                mu[active[i] - m.m] += goals[i]
+    complete(row, sizes, state, side)
+    return REGULAR
+
+
+@part
+def holds(m, state, side):
+    """Tell whether the active rows of the solve are the strictly active constraints."""
+    active = longs(m.kept_active, m.most + 1)
+    count = 0
+    for i in range(state.size):
+        count += state[i] == STRICT
+    for j in range(side.size):
+        count += side[j] != 0
+    same = count == m.kept_k
+    for i in range(m.kept_k):
+        k = active[i]
+        same = same and (state[k] == STRICT if k < m.m else side[k - m.m] != 0)
+    return same
+
+
+@part
+def set_load(matrices, right, unknowns, load):
+    """Set load = (r - P u - G'lam - A'nu - mu, e - A u)."""
+    P, G, A = matrices
+    r, e = right
+    u, lam, nu, mu = unknowns
+    n = r.size
+    first = load[:n]
+    for j in range(n):
+        first[j] = r[j] - dot(P[j], u) - mu[j]
+    for i in range(lam.size):
+        if lam[i] != 0.0:
+            add_scaled(-lam[i], G[i], first)
+    for i in range(e.size):
+        add_scaled(-nu[i], A[i], first)
+        load[n + i] = e[i] - dot(A[i], u)

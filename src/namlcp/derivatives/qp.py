@@ -43,11 +43,11 @@ from typing import Any
 import numpy as np
 
 from namlcp.checks import finite_matrix, finite_vector, vector
-from namlcp.derivatives.dense_items import NOTHING, REGULAR, OneItem, refuse_faults
+from namlcp.derivatives.dense_items import NOTHING, OneItem, refuse_faults
 from namlcp.derivatives.face import Face
 from namlcp.derivatives.gradients import QPGradients, QPTangent, product_of
 from namlcp.derivatives.problem import problem_of
-from namlcp.qp import QP, Point
+from namlcp.qp import QP, Held, Point
 from namlcp.result import QPResult
 
 
@@ -63,10 +63,19 @@ class QPDerivative:
         `backward` of a dense QP needs it at kinks alone.
     """
 
-    def __init__(self, qp: QP, given: tuple[Any, Any, Any], point: Point) -> None:
-        """Note the problem; `given`: P, G and A of the user, None for those of qp."""
+    def __init__(
+        self,
+        qp: QP,
+        given: tuple[Any, Any, Any],
+        point: Point,
+        held: Held | None = None,
+    ) -> None:
+        """Note the problem; `given`: P, G and A of the user, None for those of qp.
+
+        `held`: the factors of the solve, if they are there.
+        """
         self.qp, self.given, self.solution = qp, given, point
-        self.item = OneItem(qp, point) if qp.is_dense else None
+        self.item = OneItem(qp, point, held) if qp.is_dense else None
 
     @cached_property
     def face(self) -> Face:
@@ -79,8 +88,9 @@ class QPDerivative:
         cotangents = tuple(map(self.cotangent, Point._fields, (dx, dy, dz, dz_box)))
         if self.item is not None:
             found = self.item.differentiate(cotangents)
-            if found.code == REGULAR:
-                return self.gradients(found[:5], self.solution, int(found.weak), False)
+            if found is not None:
+                vectors, weak = found
+                return self.gradients(vectors, self.solution, weak, False)
             self.item = None  # the constraints held have to be chosen
         return self.backward_of_face(cotangents)
 
@@ -161,4 +171,4 @@ def differentiate_qp(result: QPResult) -> QPDerivative:
     """Return the derivative of a solution; raise ValueError if there is none."""
     qp, given = problem_of(result)
     point = Point(result.x, result.y, result.z, result.z_box)
-    return QPDerivative(qp, given, point)
+    return QPDerivative(qp, given, point, result.factors)

@@ -6,6 +6,13 @@ from namlcp.qp.convexity import NotConvex
 from namlcp.qp.guess import NO_GUESS, make_guess
 from namlcp.qp.kkt import KKT
 from namlcp.qp.problem import QP, Point, checked, qp_arrays, qp_data
+from namlcp.qp.responses import (
+    Held,
+    least_pivot,
+    parts_of_result,
+    solve_held,
+    state_at,
+)
 from namlcp.qp.sequences import (
     BatchResult,
     OtherShape,

@@ -18,7 +18,7 @@ from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.judge import confirmed, upheld
 from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, checked, qp_arrays
-from namlcp.qp.responses import MOST_ORDER, is_brief, parted, solve_once
+from namlcp.qp.responses import MOST_ORDER, Held, is_brief, parted, solve_once
 from namlcp.qp.transforms import substitute, without_huge_bounds
 from namlcp.residuals import qp_residuals
 from namlcp.result import QPResult
@@ -38,6 +38,7 @@ def solve_qp(
     x0: Any = None,
     warm_start: Any = None,
     history: bool = False,
+    derivative: bool = False,
     **settings: Any,
 ) -> QPResult:
     """Solve a convex quadratic program.
@@ -63,6 +64,9 @@ def solve_qp(
         multiplier there are tried first. Overrides x0.
     history : bool
         Keep the rows of the verbose table in the result.
+    derivative : bool
+        Keep the factors of a small dense QP in the result, so that `backward` need not
+        make them. Such a result is for one thread at a time.
     **settings
         The fields of `Options`: eps_abs, eps_rel, max_iter, time_limit [s], verbose,
         threads, infeasible.
@@ -106,23 +110,32 @@ def solve_qp(
     qp, given = qp_arrays(P, q, G, h, A, b, lb, ub), (P, G, A)
     options = Options.from_names(settings) if settings else DEFAULT_OPTIONS
     check_flag("history", history)
+    check_flag("derivative", derivative)
     if x0 is None and warm_start is None and not history:
         ready = time.perf_counter()
-        answer = solve_shortly(qp, options, start, given)
+        held = Held() if derivative else None
+        answer = solve_shortly(qp, options, start, given, held)
         if answer is not None:
-            return result_of(answer, (qp, given), start, ready)
+            result = result_of(answer, (qp, given), start, ready)
+            if held is not None and held.space is not None:
+                vars(result)["factors"] = held
+            return result
     qp = checked(qp)
     guess = make_guess(qp, x0, warm_start)
     return solve_checked(qp, options, guess, start, history, given=given)
 
 
 def solve_shortly(
-    qp: QP, options: Options, start: float, given: tuple[Any, Any, Any]
+    qp: QP,
+    options: Options,
+    start: float,
+    given: tuple[Any, Any, Any],
+    held: Held | None = None,
 ) -> Answer | None:
     """Solve a dense QP of `qp_arrays` by one compiled call, which checks the numbers.
 
     Returns None where that is not the way to solve it; `start` and `given` as for
-    `solve_checked`.
+    `solve_checked`, `held` as for `solve_once`.
     """
     order = qp.q.size + qp.h.size + qp.b.size
     if order > MOST_ORDER or not qp.is_dense or options.verbose or options.relaxation:
@@ -132,7 +145,7 @@ def solve_shortly(
     else:
         limits = options.limits(Deadline(start + options.time_limit))
     try:
-        answer = solve_once(qp, NO_GUESS, limits)  # without BLAS
+        answer = solve_once(qp, NO_GUESS, limits, held)  # without BLAS
     except SystemError as error:
         raise cause_of(error) from None
     return None if answer is None else settled(answer, qp, given, limits)

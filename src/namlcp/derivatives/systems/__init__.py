@@ -9,7 +9,9 @@ from namlcp.derivatives.systems.active import (
     mark_dense,
 )
 from namlcp.derivatives.systems.dense import (
+    LEAST_PIVOT,
     SINGULAR,
+    SOLVES,
     DenseSystem,
     factor_dense,
     memory_size,

@@ -5,9 +5,10 @@ without inequalities, and the responses to the rows that have been active. The n
 solve starts from the active rows of the last solved QP (`active` has the method); what
 it returns depends on the data alone, not on the solves before, up to the rounding
 errors of degenerate QPs and of those that `free` solves. `solve_once` is for a single
-QP (`is_brief`: one that ends so soon that nobody need look at the clock), `Stack` for a
-batch. A class of this room, `DenseResponses` for arrays and `SparseResponses` for
-sparse matrices, has
+QP (`is_brief`: one that ends so soon that nobody need look at the clock; `Held` keeps
+its factors for derivatives, which `solve_held` solves with), `Stack` for a batch. A
+class of this room, `DenseResponses` for arrays and `SparseResponses` for sparse
+matrices, has
 
 - ``of(qp)``: for the matrices of a QP, None where they are not suited. The arrays are
   not copied, and must not change;
@@ -34,13 +35,16 @@ few variables instead of many responses.
 
 from namlcp.qp.responses.active import DONE
 from namlcp.qp.responses.batch import Stack
-from namlcp.qp.responses.judgement import ROUNDING
+from namlcp.qp.responses.judgement import ROUNDING, parts_of_result
+from namlcp.qp.responses.run import least_pivot, solve_held
 from namlcp.qp.responses.solve import (
     MOST_ORDER,
     DenseResponses,
+    Held,
     Responses,
     is_brief,
     parted,
     solve_once,
 )
 from namlcp.qp.responses.sparse_solve import SparseResponses
+from namlcp.qp.responses.state import state_at

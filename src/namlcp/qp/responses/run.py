@@ -9,6 +9,7 @@ import numpy as np
 
 from namlcp.checks import INFINITE
 from namlcp.compiled import floats, kernel, longs, part
+from namlcp.linalg import add_scaled
 from namlcp.qp.responses.active import DONE, RESPONSE
 from namlcp.qp.responses.course import PRODUCTS, SUMMED, VALUES, advance, begin
 from namlcp.qp.responses.dense import (
@@ -17,8 +18,9 @@ from namlcp.qp.responses.dense import (
     set_up,
     set_values_of,
 )
-from namlcp.qp.responses.rows import are_most_at_bounds
+from namlcp.qp.responses.rows import are_most_at_bounds, response_of
 from namlcp.qp.responses.state import lay_out, state_at
+from namlcp.qp.responses.triangle import triangle_solve, triangle_solve_transposed
 
 # Further codes of `run`. UNSUITED: this form does not take these matrices, or their
 # numbers are not allowed. FAULTY: nor are those of a vector; or a side of h, lb or ub
@@ -131,6 +133,37 @@ def solve_attached(m, clock):
             m.face_is_kept = 0
             return found
         found = advance(m)
+
+
+@part
+def solve_held(m, goals, values):
+    """Set values = (G u, u, v), and goals = mu, for the active rows C of the last QP.
+
+    They solve P u + A'v + C'mu = r, A u = e and C u = goals; (r, e) is in m.rhs.
+    """
+    size = m.n + m.p
+    set_values_of(m, floats(m.rhs, size), values)
+    active = longs(m.kept_active, m.most + 1)
+    triangle = floats(m.kept_triangle, m.most * (m.most + 1) // 2)
+    for i in range(m.kept_k):
+        goals[i] = values[active[i]] - goals[i]
+    triangle_solve(triangle, m.kept_k, goals)
+    triangle_solve_transposed(triangle, m.kept_k, goals)
+    for i in range(m.kept_k):
+        add_scaled(-goals[i], response_of(m, active[i]), values)
+
+
+@part
+def least_pivot(m):
+    """Return the least pivot of their S over its diagonal entry; 1 if there is none."""
+    active = longs(m.kept_active, m.most + 1)
+    triangle = floats(m.kept_triangle, m.most * (m.most + 1) // 2)
+    least, last = 1.0, -1
+    for i in range(m.kept_k):
+        last += i + 1
+        pivot = triangle[last] * triangle[last]
+        least = min(least, pivot / response_of(m, active[i])[active[i]])
+    return least
 
 
 @part

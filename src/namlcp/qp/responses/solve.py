@@ -36,8 +36,30 @@ PAUSES = 0, 1, 3, 7, 15
 NO_NUMBERS = np.empty(0)
 
 
-def solve_once(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
-    """Solve one dense QP; None where another method has to."""
+class Held:
+    """The factors of a QP that `solve_once` has solved, as long as somebody holds this.
+
+    Attributes
+    ----------
+    space : DenseResponses or None
+        Where they are; None if the QP was not solved.
+    """
+
+    space: "DenseResponses | None" = None
+
+    def __del__(self) -> None:
+        """Let the next solve have the space."""
+        if self.space is not None:
+            give_back(self.space)
+
+
+def solve_once(
+    qp: QP, guess: Guess, limits: Limits, held: Held | None = None
+) -> Answer | None:
+    """Solve one dense QP; None where another method has to.
+
+    `held` gets the factors of a QP that is solved.
+    """
     if qp.q.size + qp.h.size + qp.b.size > MOST_ORDER:
         return None
     limits.announce(run)
@@ -51,10 +73,18 @@ def solve_once(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
         space.suggest(guess.active)
     code, numbers = space.run(qp, limits)
     found = space.answer(code, numbers, qp, limits)
+    if held is not None and found is not None and found.status is SOLVED:
+        held.space = space
+    else:
+        give_back(space)
+    return found
+
+
+def give_back(space: "DenseResponses") -> None:
+    """Keep the memory of a space for the next solve, unless it is large."""
     if space.memory.size <= MOST_POOLED:
         space.matrices = None, None, None  # the caller's, which are not to be held
         POOL.append(space)
-    return found
 
 
 def pivot_work(n: int, rows: int) -> float:
