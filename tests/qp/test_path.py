@@ -289,10 +289,13 @@ def test_fallback_decides_alone(kind):
     assert_certificate(qp, Found(status, *proof))
 
 
-@pytest.mark.skipif(
+needs_data = pytest.mark.skipif(
     not (DATA / "maros_meszaros").is_dir(),
     reason="no Maros-Meszaros data: set NAMLCP_DATA to the data folder",
 )
+
+
+@needs_data
 @pytest.mark.parametrize(
     "name",
     [
@@ -307,6 +310,14 @@ def test_maros_meszaros(name):
     assert result.status is Status.SOLVED
     residuals = qp_residuals(*qp, result.x, result.y, result.z, result.z_box)
     assert residuals.solved(1e-6, 0.0)
+
+
+@needs_data
+def test_a_scaling_that_gets_stuck_is_changed_soon():
+    """With QPILOTNO in normal units, full steps gain nothing from iteration 29 on."""
+    result = solve(maros_meszaros("QPILOTNO"), Limits(eps_abs=1e-6, eps_rel=0.0))
+    assert result.status is Status.SOLVED
+    assert result.iterations < 150
 
 
 def test_presolve_recovers_exactly():

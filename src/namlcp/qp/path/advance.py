@@ -82,6 +82,10 @@ PROMISING, SMALL_RATIO, AGAIN = 0.1, 1e-4, 0.1
 # Iterations without halving the primal (dual) residual before the fallback QPs, if a
 # candidate for a proof that it cannot vanish was promising.
 FALLBACK_AFTER = 12
+# An iteration counts IDLE times in the patience if a step of full length, the sum of
+# the primal and the dual one above FULL, leaves more than the part STUCK of a large
+# primal residual: the next steps will do no better.
+IDLE, STUCK, FULL = 20, 0.99, 1.9
 # Operations between two looks at the clock: some hundredths of a second.
 OPERATIONS = 1e8
 
@@ -264,7 +268,10 @@ def look(m):
         wants |= ACTIVE_SET
     if promises(m):
         wants |= PROVE
-    m.since += 1
+    is_full = m.primal_step + m.dual_step > FULL
+    is_stuck = m.primal_ratio > CLOSE and m.primal > STUCK * m.old_primal
+    m.since += IDLE if is_full and is_stuck else 1
+    m.old_primal = m.primal
     if m.worst <= 0.5 * m.reference:
         m.reference, m.since = m.worst, 0
     if is_doubtful(m):

@@ -39,12 +39,12 @@ from namlcp.qp.transforms import UNITS
 from namlcp.status import Status
 
 # Least target of W'Z, relative to the gap, once the scaling was changed.
-LIFT = 0.1
+LIFT = 0.01
 # Primal residual over its tolerance up to which a restart relaxes right-hand sides.
 TOLERABLE = 0.5
 # Relative residual at which refinement of the linear solves ends: this times the
-# tolerance, within these limits.
-ACCURACY, MOST_ACCURATE, LEAST_ACCURATE = 1e-4, 1e-14, 1e-10
+# tolerance, for one up to EXACT the second, within these limits.
+ACCURACY, MOST_ACCURATE, LEAST_ACCURATE = (1e-2, 1e-3), 1e-14, 1e-8
 # With a tolerance up to this, a solution is refined before it is returned.
 EXACT = 1e-8
 # Slacks and multipliers of a warm start are at least INSIDE times the largest one, or
@@ -70,7 +70,8 @@ class Interior:
         now.max_iter = limits.max_iter or DEFAULT_OPTIONS.max_iter
         now.reports = limits.report is not None
         now.tol = max(limits.tolerances)
-        now.accuracy = min(max(ACCURACY * now.tol, MOST_ACCURATE), LEAST_ACCURATE)
+        accuracy = ACCURACY[now.tol <= EXACT] * now.tol
+        now.accuracy = min(max(accuracy, MOST_ACCURATE), LEAST_ACCURATE)
         now.drop = DROP[work.kkt.base.size > LARGE_KKT]
         now.best = np.inf
         now.primal_step = now.dual_step = 1.0

@@ -154,9 +154,11 @@ class PathState(ctypes.Structure):
         ("krylov_size", ctypes.c_double),
         ("predicted_error", ctypes.c_double),
         ("solves", ctypes.c_int64),
-        # Worst ratio that must be halved, iterations since it was; patience.
+        # Worst ratio that must be halved, iterations since it was, some counted as
+        # `advance.IDLE` ones; the primal residual one iteration before; patience.
         ("reference", ctypes.c_double),
         ("since", ctypes.c_int64),
+        ("old_primal", ctypes.c_double),
         ("patience", ctypes.c_int64),
         # Worst ratio at the last active-set refinement, to be reduced to `drop` of it.
         ("last_refined", ctypes.c_double),
