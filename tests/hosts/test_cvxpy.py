@@ -228,7 +228,7 @@ def test_solver_stats():
     extra = stats.extra_stats
     assert extra["status"] == "solved"
     assert extra["message"] == namlcp.Status.SOLVED.explanation
-    assert extra["form"] in ("dual", "bounds", "path")
+    assert extra["form"] in ("dual", "bounds", "path", "face")
     assert extra["residuals"].solved(1e-9, 1e-10)
 
 

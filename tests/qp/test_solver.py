@@ -131,6 +131,28 @@ class Walk:
         return np.linalg.eigvalsh(self.data["P"])[0] > 1e-3
 
 
+class FlatWalk(Walk):
+    """P is singular all the time: zero for the last half of the variables."""
+
+    def __init__(self, *sizes):
+        super().__init__(*sizes)
+        n = self.point.size
+        P = self.data["P"]
+        P[n // 2 :] = P[:, n // 2 :] = 0.0
+        self.first["P"] = P.copy()
+        self.data.update(self.bounds(np.ones((2, n))))
+
+    def change_back(self):
+        """A step that is solved."""
+        return {
+            "q": self.first["q"] + self.noise(self.point.size, 0.05),
+            "h": self.data["G"] @ self.point + 0.3,
+            **self.bounds(np.ones((2, self.point.size))),
+        }
+
+    change_again = change_once_more = change_back
+
+
 def arguments(data, store):
     return {k: store(v) if k in "PGA" else v for k, v in data.items()}
 
@@ -155,10 +177,11 @@ SIZES = [(3, 5, 1, 1.0), (6, 12, 2, 0.5), (12, 8, 0, 0.4), (20, 30, 5, 0.2)]
 
 @pytest.mark.parametrize("store", [np.array, sparse.csc_array], ids=["dense", "sparse"])
 @pytest.mark.parametrize(("n", "m", "p", "density"), SIZES)
-def test_a_walk_gives_what_fresh_solves_give(store, n, m, p, density):
+@pytest.mark.parametrize("kind", [Walk, FlatWalk])
+def test_a_walk_gives_what_fresh_solves_give(store, n, m, p, density, kind):
     found = []
     for seed in range(4):
-        walk = Walk(seed, n, m, p, density)
+        walk = kind(seed, n, m, p, density)
         solver = Solver(**arguments(walk.data, store))
         for _ in range(25):
             solver.update(**arguments(walk.step(), store))

@@ -246,25 +246,25 @@ def attributes_of(
 
 def quick_result(
     numbers: np.ndarray,
-    pivots: int,
+    way: tuple[int, str],
     problem: tuple[QP, tuple[Any, Any, Any]],
     start: float,
 ) -> QPResult:
     """Return the SOLVED result of `Responses.run`; its rest is made when asked for.
 
-    problem, start: as in `result_of`.
+    way: iterations and form; problem, start: as in `result_of`.
     """
     qp, solve_time = problem[0], time.perf_counter() - start
-    later = unfolded, numbers, pivots, qp, solve_time
+    later = unfolded, numbers, way, qp, solve_time
     return QPResult.quick(numbers[: qp.q.size], problem, later)
 
 
 def unfolded(
-    numbers: np.ndarray, pivots: int, qp: QP, solve_time: float
+    numbers: np.ndarray, way: tuple[int, str], qp: QP, solve_time: float
 ) -> dict[str, Any]:
     """Return the attributes of a `quick_result`."""
     parts = parted(numbers, qp.q.size, qp.h.size, qp.b.size)
-    answer = Answer(Status.SOLVED, *parts, pivots, "dual")
+    answer = Answer(Status.SOLVED, *parts, *way)
     return attributes_of(answer, 0.0, solve_time)
 
 

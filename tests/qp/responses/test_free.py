@@ -9,6 +9,7 @@ import responding
 
 from namlcp import Solver, solve_qp
 from namlcp.limits import Limits
+from namlcp.qp.guess import NO_GUESS
 from namlcp.qp.problem import QP
 from namlcp.qp.responses.active import MOST_SORTED
 from namlcp.qp.responses.solve import DenseResponses
@@ -163,7 +164,7 @@ def test_renewed_matrices_and_suggestions():
             assert_same(solve(kept, qp), solve(DenseResponses.of(qp), qp), qp)
     for _ in range(3):
         qp = qp._replace(q=qp.q + rng.standard_normal(50))
-        kept.suggest(np.zeros(4 + 100, dtype=np.int8))
+        kept.suggest(NO_GUESS._replace(active=np.zeros(104, dtype=np.int8)))
         for is_kept in (0, 1):  # the face: not by responses, in the free form
             assert_same(solve(kept, qp), solve(DenseResponses.of(qp), qp), qp)
             assert kept.now.face_is_kept == is_kept
@@ -211,4 +212,4 @@ def test_a_portfolio_by_solver():
         solver.update(q=q)
         x, expected = solver.solve().x, solve_qp(q=q, **problem).x
         np.testing.assert_allclose(x, expected, rtol=0.0, atol=1e-12)
-    assert solver.responses.now.is_free
+    assert solver.methods[0].now.is_free

@@ -163,7 +163,7 @@ def test_a_suggestion_is_the_start():
     x, _, z, z_box = answer.point
     active = np.concatenate((z > 0.0, z_box < 0.0, z_box > 0.0)).astype(np.int8)
     other = DenseResponses.of(qp)
-    other.suggest(active)
+    other.suggest(NO_GUESS._replace(active=active))
     again = solve(other, qp)
     assert answer.iterations > again.iterations == 0
     np.testing.assert_array_equal(again.point.x, x)

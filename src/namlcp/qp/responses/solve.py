@@ -70,7 +70,7 @@ def solve_once(
         space = DenseResponses(qp.P, qp.G, qp.A)
         space.now.is_single = True
     if guess.active.size:
-        space.suggest(guess.active)
+        space.suggest(guess)
     code, numbers = space.run(qp, limits)
     found = space.answer(code, numbers, qp, limits)
     if held is not None and found is not None and found.status is SOLVED:
@@ -113,10 +113,12 @@ class Responses:
     """What is kept for QPs with the same P, G and A: see the door of this room.
 
     It is for one thread, and holds the arrays of its matrices, which must not change.
-    `kernel` solves the QP with given vectors.
+    `kernel` solves the QP with given vectors; `form` names the method in results.
     """
 
     kernel: Callable[..., int]
+    form = "dual"
+    now: Any  # the record that `kernel` takes by its address
     matrices: tuple[Any, Any, Any]
     limits: Limits | None = None  # of the last solve
     max_iter = 0  # of these limits
@@ -170,9 +172,9 @@ class Responses:
         now.eps_abs, now.eps_rel = limits.eps_abs, limits.eps_rel
         now.max_iter = self.max_iter = limits.max_iter or DEFAULT_OPTIONS.max_iter
 
-    def suggest(self, active: np.ndarray) -> None:
-        """Let the next solve begin with these rows active, see `Guess.active`."""
-        take_hint(self.address, active)
+    def suggest(self, guess: Guess) -> None:
+        """Let the next solve begin with the active rows of a guess."""
+        take_hint(self.address, guess.active)
 
     def run(self, qp: QP, limits: Limits) -> tuple[int, np.ndarray]:
         """Solve the QP with the vectors of `qp` and the matrices at hand.
@@ -189,11 +191,7 @@ class Responses:
             self.limit(limits)
         numbers = np.empty(self.length)
         _, q, _, h, _, b, lb, ub = qp
-        arguments = self.address, q, h, b, lb, ub, numbers
-        if self.now.is_free:
-            code = self.call_free(arguments, limits)
-        else:
-            code = self.call(arguments, limits)
+        code = self.call((self.address, q, h, b, lb, ub, numbers), limits)
         if code == STUCK:
             self.left = min(self.left + 1, len(PAUSES))
             self.pause = PAUSES[self.left - 1]
@@ -208,23 +206,6 @@ class Responses:
             return kernel(*arguments, 0)
         return limits.deadline.run(kernel, work, *arguments)
 
-    def call_free(self, arguments: tuple[Any, ...], limits: Limits) -> int:
-        """Call the kernel of `free`; where it does not decide, `kernel`.
-
-        The active rows of the last solved QP are a hint for this one, which has no
-        factor of theirs, and stay one if it does not solve the QP.
-        """
-        code = limits.deadline.run(run_free, MOST_WORK, *arguments)
-        if code not in (WIDE, STUCK):
-            return code
-        now = self.now
-        kept, now.kept_k = now.kept_k, 0
-        now.hints = kept
-        code = self.call(arguments, limits)
-        if code not in (DONE, SUMMED):
-            now.hints = kept
-        return code
-
     def answer(
         self, code: int, numbers: np.ndarray, qp: QP, limits: Limits
     ) -> Answer | None:
@@ -236,7 +217,7 @@ class Responses:
             return None
         point, residuals = parted(numbers, qp.q.size, qp.h.size, qp.b.size)
         if code == DONE:
-            parts = SOLVED, point, residuals, self.now.pivots, "dual", ""
+            parts = SOLVED, point, residuals, self.now.pivots, self.form, ""
             return tuple.__new__(Answer, parts)  # in half the time of Answer(...)
         return self.summed(code, point, qp, limits)
 
@@ -247,14 +228,14 @@ class Responses:
             proof = accept_primal(qp, *point[:3], limits.eps_abs)
             if proof is None:
                 return None
-            return proved(Status.PRIMAL_INFEASIBLE, proof, count, "dual")
+            return proved(Status.PRIMAL_INFEASIBLE, proof, count, self.form)
         residuals = qp_residuals(*qp, *point)
         status = Status.TIME_LIMIT
         if code == SUMMED:
             if not residuals.solved(*limits.tolerances):
                 return None
             status = Status.SOLVED
-        return Answer(status, point, residuals, count, "dual")
+        return Answer(status, point, residuals, count, self.form)
 
 
 class DenseResponses(Responses):
@@ -273,3 +254,26 @@ class DenseResponses(Responses):
         if not attach_matrices(self.address, P, G, A):
             self.memory = allocate(self.now)
             attach_matrices(self.address, P, G, A)
+
+    def call(self, arguments: tuple[Any, ...], limits: Limits) -> int:
+        """Call `kernel`, or that of `free` where it is the smaller form."""
+        if self.now.is_free:
+            return self.call_free(arguments, limits)
+        return super().call(arguments, limits)
+
+    def call_free(self, arguments: tuple[Any, ...], limits: Limits) -> int:
+        """Call the kernel of `free`; where it does not decide, `kernel`.
+
+        The active rows of the last solved QP are a hint for this one, which has no
+        factor of theirs, and stay one if it does not solve the QP.
+        """
+        code = limits.deadline.run(run_free, MOST_WORK, *arguments)
+        if code not in (WIDE, STUCK):
+            return code
+        now = self.now
+        kept, now.kept_k = now.kept_k, 0
+        now.hints = kept
+        code = super().call(arguments, limits)
+        if code not in (DONE, SUMMED):
+            now.hints = kept
+        return code

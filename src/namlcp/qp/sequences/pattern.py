@@ -3,11 +3,11 @@
 from typing import Any
 
 import numpy as np
-from scipy.sparse import issparse
+from scipy.sparse import csc_array, issparse
 
-from namlcp.checks import as_sparse, from_arrays, matrix
+from namlcp.checks import as_sparse, from_arrays, is_moderate, matrix
 from namlcp.linalg import as_dense
-from namlcp.qp.memory import is_same
+from namlcp.qp.memory import are_equal, is_same
 
 
 class OtherShape(ValueError):
@@ -19,8 +19,35 @@ def is_unchanged(new: Any, old: Any) -> bool:
     if type(new) is not type(old):
         return False
     if isinstance(new, np.ndarray):
-        return np.array_equal(new, old)
+        return are_equal(new, old)
     return issparse(new) and new.format in ("csc", "csr") and is_same(new, old)
+
+
+def has_pattern_of(new: Any, old: Any) -> bool:
+    """Tell whether two sparse matrices are stored alike, entry after entry."""
+    return (
+        type(new) is type(old)
+        and new.shape == old.shape
+        and are_equal(new.indptr, old.indptr)
+        and are_equal(new.indices, old.indices)
+    )
+
+
+def revalued(value: Any, kept: Any) -> Any:
+    """Return `kept`, a clean csc_array, with a user's values instead of its own.
+
+    None where that takes a closer look: another class or pattern, or values that are
+    not float64, finite and moderate.
+    """
+    if type(kept) is not csc_array or not has_pattern_of(value, kept):
+        return None
+    data = value.data
+    if data.dtype != np.float64 or data.shape != kept.data.shape:
+        return None
+    data = data.copy()
+    if not is_moderate(data):
+        return None
+    return from_arrays((kept.indptr, kept.indices, data), kept.shape)
 
 
 def in_place_of(name: str, value: Any, kept: Any) -> Any:
@@ -52,9 +79,7 @@ def within_pattern(new: Any, kept: Any) -> Any:
     It is `new` itself where the patterns are equal, and None where `new` has an entry
     outside the pattern.
     """
-    if np.array_equal(new.indptr, kept.indptr) and np.array_equal(
-        new.indices, kept.indices
-    ):
+    if has_pattern_of(new, kept):
         return new
     wanted, present = places(kept), places(new)
     position = np.searchsorted(wanted, present)

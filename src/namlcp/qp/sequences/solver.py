@@ -1,7 +1,7 @@
 """`Solver`: one QP solved again and again, while its vectors and values change.
 
-The active-set method of `qp/responses` is tried first: it keeps what it computes, and
-begins with the active constraints of the last solution. What it does not decide goes
+The active-set methods of `qp/responses` are tried first: they keep what they compute,
+and begin with the active constraints of the last solution. What they do not decide goes
 the way of `solve_qp`, which can use of the solves before what depends on matrices alone
 (transforms, orders, factors: `Memory`) and the last point that solved the problem
 (`Guess`). An answer SOLVED has been judged on the data as they are now, so it stands,
@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg.lapack import dpotrf
+from scipy.sparse import csc_array
 
 from namlcp.checks import (
     as_sparse,
@@ -24,6 +25,7 @@ from namlcp.checks import (
     without_huge,
 )
 from namlcp.limits import Deadline, cause_of
+from namlcp.linalg import asymmetry
 from namlcp.options import DEFAULT_OPTIONS, Options
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.forms import is_small
@@ -31,8 +33,20 @@ from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.judge import are_own, upheld
 from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, qp_data
-from namlcp.qp.responses import DONE, DenseResponses, Responses, SparseResponses
-from namlcp.qp.sequences.pattern import in_place_of, is_unchanged, within_pattern
+from namlcp.qp.responses import (
+    DONE,
+    DenseResponses,
+    Responses,
+    SparseFaces,
+    SparseResponses,
+)
+from namlcp.qp.sequences.pattern import (
+    has_pattern_of,
+    in_place_of,
+    is_unchanged,
+    revalued,
+    within_pattern,
+)
 from namlcp.qp.solve import quick_result, result_of, solve_checked
 from namlcp.result import QPResult
 from namlcp.status import Status
@@ -100,8 +114,9 @@ class Solver:
         **settings: Any,
     ) -> None:
         self.set_options(Options.from_names(settings) if settings else DEFAULT_OPTIONS)
-        self.given = P, G, A = deepcopy((P, G, A))  # in the user's own storage
+        given = P, G, A = deepcopy((P, G, A))
         self.qp = qp_data(P, q, G, h, A, b, lb, ub)
+        self.given = tuple(map(as_given, given, (self.qp.P, self.qp.G, self.qp.A)))
         self.qp = self.qp._replace(
             **{name: getattr(self.qp, name).copy() for name in VECTORS}
         )
@@ -117,7 +132,9 @@ class Solver:
     def begin(self) -> None:
         """Keep nothing of earlier solves but the last result."""
         self.memory = memory_of(self.qp)
-        self.responses = responses_of(self.qp)
+        self.kept = self.methods = methods_for(self.qp)  # all, and those that suit
+        self.found_by: Responses | None = None  # the method that found `last`
+        self.is_renewed = False  # whether matrices have changed since the last solve
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what a copy shares and a pickle holds: arrays that never change."""
@@ -187,29 +204,34 @@ class Solver:
         if given is not self.given:
             self.given = given
             self.memory.adopt(qp)
-            if self.responses is not None:
-                self.responses.renew(qp)
-            else:
-                self.responses = responses_of(qp)
+            self.is_renewed, self.methods = True, self.kept
+            for method in self.kept:
+                method.renew(qp)
         # In half the time of QP(...).
         self.qp = tuple.__new__(QP, (P, q0, G, h0, A, b0, lb0, ub0))
 
     def with_matrices(self, changes: dict[str, Any]) -> tuple[QP, tuple[Any, ...]]:
         """Return the problem and `given` with those matrices that are new, checked."""
-        old, new = dict(zip("PGA", self.given, strict=True)), {}
+        given, kept = dict(zip("PGA", self.given, strict=True)), self.qp._asdict()
+        new, is_clean = {}, True
         for name, M in changes.items():
-            if M is not None and not is_unchanged(M, old[name]):
-                new[name] = deepcopy(M)
+            if M is None or is_unchanged(M, given[name]):
+                continue
+            new[name] = given[name] = revalued(M, kept[name])
+            if new[name] is None or (name == "P" and asymmetry(new[name])[0] > 0.0):
+                given[name] = deepcopy(M)
+                new[name] = in_place_of(name, given[name], kept[name])
+                is_clean = False
         if not new:
             return self.qp, self.given
-        kept = self.qp._asdict()
-        clean = {name: in_place_of(name, M, kept[name]) for name, M in new.items()}
-        qp = qp_data(**(kept | clean))
-        if not qp.is_dense:  # P + P' is stored without zeros
-            qp = qp._replace(P=within_pattern(qp.P, kept["P"]))
+        qp = self.qp._replace(**new)
+        if not is_clean:
+            qp = qp_data(*qp)
+            if not qp.is_dense:  # P + P' is stored without zeros
+                qp = qp._replace(P=within_pattern(qp.P, kept["P"]))
         if "P" in new:
             ensure_convex(qp.P)
-        return qp, tuple((old | new).values())
+        return qp, tuple(given.values())
 
     def solve(self, warm_start: Any = None) -> QPResult:
         """Solve the problem as it is now.
@@ -244,41 +266,55 @@ class Solver:
         guess = None if warm_start is None else make_guess(self.qp, None, warm_start)
         try:
             result = None
-            if self.responses is not None and not self.options.verbose:
-                result = self.solve_by_responses(self.responses, guess, start)
+            if not self.options.verbose:
+                result = self.solve_by_what_is_kept(guess, start)
             if result is None:
+                self.found_by = None
                 result = self.solve_by_all_means(guess, start)
-                if self.responses is not None and result.status is Status.SOLVED:
-                    found = make_guess(self.qp, None, result)
-                    self.responses.suggest(found.active)
         except BaseException as error:
             self.begin()  # what was to be kept may not be complete
             if isinstance(error, SystemError):  # Ctrl-C in compiled code
                 raise cause_of(error) from None
             raise
+        self.is_renewed = False
         if result.status is Status.SOLVED:
             self.last = result
         return result
 
-    def solve_by_responses(
-        self, responses: Responses, guess: Guess | None, start: float
+    def solve_by_what_is_kept(
+        self, guess: Guess | None, start: float
     ) -> QPResult | None:
-        """Return the result of the method that keeps most; None if it does not decide.
+        """Return the result of the first method that decides; None if none does.
+
+        With new matrices the last method is the first: it has least to do again.
+        """
+        order = self.methods[::-1] if self.is_renewed else self.methods
+        for method in order:
+            if guess is not None:
+                method.suggest(guess)
+            elif self.found_by is not method and self.last is not None:
+                method.suggest(make_guess(self.qp, None, self.last))
+            result = self.solve_by(method, start)
+            if result is not None:
+                return result
+            if method.are_unsuited:
+                self.methods = [other for other in self.methods if other is not method]
+        return None
+
+    def solve_by(self, method: Responses, start: float) -> QPResult | None:
+        """Return the result of one method; None if it does not decide.
 
         None, too, where the options ask for more than a certificate.
         """
         qp, limits, deadline = self.qp, self.limits, self.limits.deadline
         deadline.at = start + self.options.time_limit
-        if guess is not None:
-            responses.suggest(guess.active)
-        code, numbers = responses.run(qp, limits)
+        code, numbers = method.run(qp, limits)
         if code == DONE and not deadline.interrupted and are_own(self.given, qp):
-            pivots = responses.now.pivots
-            return quick_result(numbers, pivots, (qp, self.given), start)
-        answer = responses.answer(code, numbers, qp, limits)
+            self.found_by = method
+            way = method.now.pivots, method.form
+            return quick_result(numbers, way, (qp, self.given), start)
+        answer = method.answer(code, numbers, qp, limits)
         if answer is None:
-            if responses.are_unsuited:
-                self.responses = None
             return None
         answer = upheld(answer, qp, self.given, limits)
         if deadline.interrupted:
@@ -288,6 +324,8 @@ class Solver:
             not answer.ends or self.options.relaxation
         ):
             return None
+        if answer.status is Status.SOLVED:
+            self.found_by = method
         return result_of(answer, (qp, self.given), start, start)
 
     def solve_by_all_means(self, guess: Guess | None, start: float) -> QPResult:
@@ -303,11 +341,19 @@ class Solver:
         return result
 
 
-def responses_of(qp: QP) -> Responses | None:
-    """Return what keeps responses for the matrices of a QP, None if nothing does."""
-    if not qp.is_dense:
-        return SparseResponses.of(qp)
-    return DenseResponses.of(qp) if is_small(qp) else None
+def as_given(given: Any, own: Any) -> Any:
+    """Return a user's matrix as it is stored, which is `own` where that is the same."""
+    return own if type(own) is csc_array and has_pattern_of(given, own) else given
+
+
+def methods_for(qp: QP) -> list[Responses]:
+    """Return what keeps something for the matrices of a QP, the first to try first."""
+    found: list[Responses | None]
+    if qp.is_dense:
+        found = [DenseResponses.of(qp) if is_small(qp) else None]
+    else:
+        found = [SparseResponses.of(qp), SparseFaces.of(qp)]
+    return [method for method in found if method is not None]
 
 
 def ensure_convex(P: Any) -> None:

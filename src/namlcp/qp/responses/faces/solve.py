@@ -1,0 +1,99 @@
+"""Sparse QPs with matrices of one pattern, by faces: the class."""
+
+import ctypes
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csc_array
+
+from namlcp.limits import Limits
+from namlcp.linalg import SparseFactors, attach_factors, by_rows
+from namlcp.qp.guess import Guess
+from namlcp.qp.kkt import KKT
+from namlcp.qp.problem import QP
+from namlcp.qp.responses.active import STUCK
+from namlcp.qp.responses.faces.run import MOST_FACES, begin_at, run_faces
+from namlcp.qp.responses.faces.state import allocate, new_face
+from namlcp.qp.responses.solve import NO_NUMBERS, Responses
+from namlcp.qp.transforms import equilibrate
+
+# Solves and products of a face, in passes over the entries of K and L.
+PASSES = 20.0
+
+
+class SparseFaces(Responses):
+    """What is kept for QPs with sparse matrices of one pattern: see the door.
+
+    It solves nothing before `suggest` has told it of a solution.
+    """
+
+    kernel = staticmethod(run_faces)
+    new_state = staticmethod(new_face)
+    form = "face"
+    kkt: KKT | None = None
+
+    @classmethod
+    def of(cls, qp: QP) -> "SparseFaces | None":
+        """Return what keeps faces for the matrices of a QP, None if these are dense."""
+        return None if qp.is_dense else cls(qp.P, qp.G, qp.A)
+
+    def __init__(self, P: Any, G: Any, A: Any) -> None:
+        """Note the matrices; the first solve computes what depends on them."""
+        self.now, self.state = new_face()
+        self.address = ctypes.addressof(self.now)
+        self.matrices, self.is_stale = (P, G, A), True
+        self.hint: Guess | None = None
+        self.is_begun = False  # whether there is a point to begin with
+
+    @property
+    def are_unsuited(self) -> bool:
+        """Tell whether the last solve found that the matrices are not suited."""
+        return not (self.is_stale or self.now.is_ready)
+
+    def attach(self, P: csc_array, G: csc_array, A: csc_array) -> None:
+        """Take matrices; lay out factors, as before for the same pattern."""
+        super().attach(P, G, A)
+        now, old = self.now, self.kkt
+        kkt = self.kkt = KKT(P, by_rows(A), by_rows(G), old)
+        factors = kkt.plan()
+        if not isinstance(factors, SparseFactors):
+            return
+        if old is None or old.factors is not factors:
+            now.n, now.m, now.p = P.shape[0], G.shape[0], A.shape[0]
+            now.rows, now.size = now.n + now.m, kkt.size
+            self.memory, self.unit = allocate(now)
+            entries = kkt.base.size + factors.values.size
+            now.face_work = factors.order.work + PASSES * entries
+            numbers = factors.values, factors.inverse, factors.work
+            attach_factors(self.state, factors.pattern, numbers)
+        kkt.data[:] = kkt.base
+        self.unit[:] = 1.0
+        equilibrate(kkt.indptr, kkt.indices, kkt.data, self.unit)
+        kkt.data[:] = kkt.base
+        for name in ("indptr", "indices", "base", "data"):
+            setattr(now, name, getattr(kkt, name).ctypes.data)
+        now.is_factored, now.is_ready = 0, 1
+
+    def attach_anew(self) -> None:
+        """Take the matrices that `renew` has noted; the last point stays the start."""
+        left = self.left
+        self.attach(*self.matrices)
+        self.left = left
+
+    def suggest(self, guess: Guess) -> None:
+        """Let the next solve begin with this point and these active rows."""
+        self.hint, self.is_begun = guess, True
+
+    def run(self, qp: QP, limits: Limits) -> tuple[int, np.ndarray]:
+        """Do as `Responses.run`, from the last point."""
+        return super().run(qp, limits) if self.is_begun else (STUCK, NO_NUMBERS)
+
+    def call(self, arguments: tuple[Any, ...], limits: Limits) -> int:
+        """Call the kernel; return its code."""
+        if self.hint is not None and self.now.is_ready:
+            x, y, z, _, active = self.hint
+            begin_at(self.address, x, y, z, active)
+            self.hint = None
+        return limits.deadline.run(
+            self.kernel, MOST_FACES * self.now.face_work, *arguments
+        )
