@@ -320,23 +320,6 @@ def test_a_scaling_that_gets_stuck_is_changed_soon():
     assert result.iterations < 150
 
 
-def test_presolve_recovers_exactly():
-    known = complementary(0, 12, 10, 3, 12)
-    P, q, G, h, A, b, lb, ub = known.qp
-    G = np.vstack((G.toarray(), -2.0 * G.toarray()[:4], np.zeros(12), G.toarray()[5]))
-    h = np.concatenate((h, -2.0 * (h[:4] - 3.0), [1.0, np.inf]))
-    A = np.vstack((A.toarray(), 3.0 * A.toarray()[1]))
-    lb, ub = lb.copy(), ub.copy()
-    lb[:2] = ub[:2] = known.x[:2]
-    qp = make_qp(P, q, G, h, A, np.append(b, 3.0 * b[1]), lb, ub)
-    small = presolve(qp, 1e-9, 0.0)
-    assert small.q.size == 10
-    assert small.lower.size == 10
-    assert np.isfinite(small.lower).sum() == 4
-    assert small.b.size == 3
-    assert_solves_qp(qp, solve(qp, DEFAULT))
-
-
 def solved_by_other_factors(change, krylov):
     """Solve a KKT system by factors of another matrix; return |residual| and `now`."""
     qp = complementary(4, 20, 10, 3, 12).qp

@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
-from problems_qp import make_qp
+from problems_qp import assert_solves_qp, complementary, make_qp, solve_sparse
 from scipy.sparse import csc_array
 
+from namlcp.options import Options
 from namlcp.qp.path.newton import weighted_norm
 from namlcp.qp.transforms.presolve import presolve
 from namlcp.qp.transforms.proportional import (
@@ -167,3 +168,20 @@ def test_the_norm_of_a_residual_with_nan_is_nan(place):
     assert norm(r, weight, 3) == 3.0
     r[place] = np.nan
     assert np.isnan(norm(r, weight, 3))
+
+
+def test_presolve_recovers_exactly():
+    known = complementary(0, 12, 10, 3, 12)
+    P, q, G, h, A, b, lb, ub = known.qp
+    G = np.vstack((G.toarray(), -2.0 * G.toarray()[:4], np.zeros(12), G.toarray()[5]))
+    h = np.concatenate((h, -2.0 * (h[:4] - 3.0), [1.0, np.inf]))
+    A = np.vstack((A.toarray(), 3.0 * A.toarray()[1]))
+    lb, ub = lb.copy(), ub.copy()
+    lb[:2] = ub[:2] = known.x[:2]
+    qp = make_qp(P, q, G, h, A, np.append(b, 3.0 * b[1]), lb, ub)
+    small = presolve(qp, 1e-9, 0.0)
+    assert small.q.size == 10
+    assert small.lower.size == 10
+    assert np.isfinite(small.lower).sum() == 4
+    assert small.b.size == 3
+    assert_solves_qp(qp, solve_sparse(qp, Options().limits()))
