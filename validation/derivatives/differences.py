@@ -116,7 +116,7 @@ def regular_qp(seed: int) -> tuple[float, float]:
     result = namlcp.solve_qp(*given)
     d = cases.direction(qp, seed)
     tangent = result.forward(**{f"d{name}": change for name, change in d.items()})
-    active = result.derivative.active
+    active = result.derivative.face.active
     value = qp_solution(qp, active.rows, active.side)
     own = np.concatenate([getattr(result, part) for part in PARTS])
     assert relative(own, value, value) <= 1e-6, seed
