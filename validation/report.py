@@ -143,7 +143,8 @@ PARTS = {
         repeated.batches run {quick} --csv {results}/batches.csv
         repeated.batches plot --csv {results}/batches.csv \
         --figure {figures}/batches.svg
-    """, "sequences.svg latency.svg batches.svg", 60.0),
+        repeated.front_figure --results {results} --figures {figures}
+    """, "sequences.svg latency.svg batches.svg front-repeated.svg", 60.0),
     "hertz": part("Hertz contact without a matrix", 600.0, """
         applications.hertz --results {results}
     """),

@@ -15,11 +15,18 @@ from validation.harness import charts
 from validation.paper import figures as paper_figures
 from validation.paper import stability_figures
 from validation.peers import front_figure, profiles, work_precision_figure
+from validation.repeated import figures as repeated
+from validation.repeated import front_figure as repeated_front
 from validation.stress import comparison_figure
 
 RESULTS = Path(validation.__file__).parent / "results"
 FIGURES = {
     "front": lambda to: front_figure.plot(RESULTS / "work-precision.csv", to / "a.png"),
+    "front, repeated": lambda to: repeated_front.draw(RESULTS, to / "a.png"),
+    "latency": lambda to: repeated.draw_latency(RESULTS / "latency.csv", to / "a.png"),
+    "sequences": lambda to: repeated.draw_sequences(
+        RESULTS / "sequences.csv", to / "a.png"
+    ),
     "work-precision": lambda to: work_precision_figure.plot(
         RESULTS / "work-precision.csv", to / "a.png"
     ),

@@ -11,6 +11,7 @@ from typing import Any
 from unittest import mock
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -29,6 +30,7 @@ WINE, TEAL = "#882255", "#44AA99"
 ORANGE, GREY, BLACK = "#EE7733", "#999999", "#000000"
 DARK = "#555555"
 LIGHT = "#CFCFCF"
+BETWEEN = 8  # points of a line's segment that its names keep away from
 
 METHODS = {
     "mgs": (PURPLE, "o"),
@@ -45,8 +47,9 @@ METHODS = {
     "modulus": (DARK, "o"),
     "nam": (DARK, "s"),
     "modified-nam": (DARK, "^"),
+    "lemke": (RED, "P"),
 }
-"""Colour and marker of every sweep method."""
+"""Colour and marker of every sweep method, and of Lemke's."""
 
 SOLVERS = {
     "nam": (BLUE, "o"),
@@ -124,12 +127,14 @@ def name_lines(
     """Write the name of each line, in its colour, beside one of its points.
 
     `lines`: by name, its points and its colour. The place is the one farthest from all
-    points, among those within the panel and off the texts that are there.
+    lines, among those within the panel and off the texts that are there.
     """
     axes.figure.draw_without_rendering()
     frame = axes.get_window_extent()
     marks = [
-        axes.transData.transform(p) for points, _ in lines.values() for p in points
+        mark
+        for points, _ in lines.values()
+        for mark in along(axes.transData.transform(points))
     ]
     taken = [text.get_window_extent() for text in axes.texts]
     for name, (points, colour) in lines.items():
@@ -153,6 +158,13 @@ def name_lines(
         text.xy, text.xyann = place
         text.set(**SHIFTS.get(place[1], {}))
         taken.append(text.get_window_extent())
+
+
+def along(corners: np.ndarray) -> np.ndarray:
+    """Return points along the line through the corners, close to each other."""
+    at = np.arange(len(corners))
+    fine = np.linspace(0.0, at[-1], BETWEEN * at[-1] + 1)
+    return np.column_stack([np.interp(fine, at, side) for side in corners.T])
 
 
 def distance(box: Bbox, point: Any) -> float:

@@ -18,6 +18,7 @@ from matplotlib.ticker import LogLocator
 from validation.harness import charts, csv_files
 
 Rows = list[dict[str, str]]
+Points = list[tuple[float, float]]
 TITLES = {
     "contact": "Contact",
     "MPC": "Model predictive control",
@@ -30,7 +31,8 @@ NAMED = 2
 RANKED_AT = 1e-8  # requested tolerance at which the others are ranked by time
 LEAST_ERROR, MOST_ERROR = 3e-17, 1.0  # ends of the horizontal axes
 OURS = ("nam", "sweep auto")
-SWEEPS = ("sweep psor", "sweep namsor", "sweep modulus")  # named among the paper's
+SWEEPS = ("sweep psor", "sweep namsor", "sweep modulus", "sweep lemke")
+"""The methods that are named on the paper's LCPs."""
 
 
 def name_of(solver: str) -> str:
@@ -88,7 +90,7 @@ def draw_family(axes: Axes, rows: Rows, coloured: list[str]) -> None:
     axes.set_yscale("log")
     axes.set_xlim(LEAST_ERROR, MOST_ERROR)
     axes.yaxis.set_major_locator(LogLocator(numticks=12))
-    lines: dict[str, list[tuple[float, float]]] = {}
+    lines: dict[str, Points] = {}
     missed: dict[str, list[float]] = {}
     for solver in dict.fromkeys(row["solver"] for row in rows):
         own = [row for row in rows if row["solver"] == solver]
@@ -100,10 +102,11 @@ def draw_family(axes: Axes, rows: Rows, coloured: list[str]) -> None:
                 x, y = zip(*points, strict=True)
                 axes.plot(x, y, "-", color=charts.LIGHT, linewidth=1.0)
             continue
-        lines[solver] = points
         missed[solver] = [float(row["eps"]) for row in own if row not in done]
-        draw_line(axes, done, points, solver)
-    draw_misses(axes, missed)
+        if points:
+            lines[solver] = points
+            draw_line(axes, done, points, solver)
+    draw_misses(axes, missed, lines)
     charts.name_lines(
         axes, {name_of(s): (points, colour_of(s)) for s, points in lines.items()}
     )
@@ -120,11 +123,20 @@ def draw_line(axes: Axes, rows: Rows, points: list, solver: str) -> None:
     axes.fill_between(x, low, high, color=colour, alpha=0.12, linewidth=0.0)
 
 
-def draw_misses(axes: Axes, missed: dict[str, list[float]]) -> None:
-    """Mark the tolerances that were missed in a strip above the panel."""
+def draw_misses(
+    axes: Axes, missed: dict[str, list[float]], lines: dict[str, Points]
+) -> None:
+    """Mark the tolerances that were missed in a strip above the panel.
+
+    A solver that has no line in the panel is named there.
+    """
     for k, (solver, tolerances) in enumerate(missed.items()):
+        height, colour = 1.02 + 0.025 * k, colour_of(solver)
         axes.plot(
-            tolerances, [1.02 + 0.025 * k] * len(tolerances), "x", clip_on=False,
-            color=colour_of(solver), markersize=3.5, markeredgewidth=1.2,
+            tolerances, [height] * len(tolerances), "x", clip_on=False, color=colour,
+            markersize=3.5, markeredgewidth=1.2,
             transform=axes.get_xaxis_transform(),
         )  # fmt: skip
+        if tolerances and solver not in lines:
+            place = {"ha": "right", "va": "center", "transform": axes.transAxes}
+            axes.text(1.0, height, name_of(solver), color=colour, fontsize=8.0, **place)

@@ -74,7 +74,7 @@ SUMMARY = (
 def sweep_call(
     task: families.Task, name: str, eps: float, limit: float
 ) -> Callable[[], Any]:
-    """Return the call of a named sweep on the LCP, its parameters chosen by itself."""
+    """Return the call of a named method on the LCP, its parameters chosen by itself."""
     from namlcp import solve_lcp
     from namlcp.lcp import METHODS
 
@@ -83,7 +83,7 @@ def sweep_call(
     free = {"omega"} if name == "modified-nam" else {"alpha", "omega"}
     takes = METHODS[name].takes if name in METHODS else ()
     given = dict.fromkeys(set(takes) & free, "auto")
-    if task.s0 is not None and name != "auto":
+    if task.s0 is not None and name in METHODS:
         given["s0"] = task.s0
     given |= {"eps_abs": eps, "time_limit": limit}
     lower, upper = task.problem.lb, task.problem.ub

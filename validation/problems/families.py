@@ -304,7 +304,7 @@ def families(data: Path | None) -> dict[str, Family]:
         for delta in (4.0, 1.0, 0.25)
     }
     small = {f"Example {k}, n = 400": partial(paper_task, k, 4.0, 20) for k in (1, 2)}
-    every = tuple(f"sweep {name}" for name in METHODS)
+    every = tuple(f"sweep {name}" for name in (*METHODS, "lemke"))
     known = {
         "dominant": Family(
             "dominant LCP", True, dominant_lcps, ("small", "small, random signs"), SWEPT
