@@ -32,6 +32,10 @@ PROXIMAL_STEPS = 25
 # Violation of a slack or multiplier over the tolerance above which a point is not worth
 # measuring.
 FAR = 1e3
+# A set that is FAR off is followed by another only where its violation fell to this part
+# of the last one's. Sets that lead to the solution gain more, others cost a
+# factorisation each.
+FALL = 0.3
 
 
 class Refinement:
@@ -46,18 +50,20 @@ class Refinement:
         """Try active sets, the given one first; offer every point found to the judge.
 
         Ends with a residual over its tolerance of GOOD_ENOUGH, where that ratio is not
-        halved, or where the set does not change.
+        halved or the violation does not FALL, or where the set does not change.
         """
         work, now = self.work, self.work.now
         work.set_active[:] = active
         now.most_solves = PROXIMAL_STEPS
-        best = np.inf
+        best = violation = np.inf
+        regularisations = REGULARISATIONS
         for _ in range(MOST_SETS):
-            for regularisation in REGULARISATIONS:
+            for k, regularisation in enumerate(regularisations):
                 now.regularisation = regularisation
                 work.set_x[:], work.set_y[:], work.set_Z[:] = x, y, Z
                 work.perform(HOLD)
                 if now.converged:
+                    regularisations = regularisations[k:]
                     break
             if not now.is_factored:
                 return
@@ -67,6 +73,9 @@ class Refinement:
                 if worst <= GOOD_ENOUGH or not worst <= 0.5 * best:
                     return
                 best = worst
+            elif not now.set_violation <= FALL * violation:
+                return
+            violation = now.set_violation
             if not now.set_changed:
                 return
             if self.deadline.reached():
