@@ -6,17 +6,18 @@ method="auto"; `lemke`, method="lemke"; `quantecon`, Lemke's method of QuantEcon
 `daqp`, its mode for variational inequalities, made for definite matrices. Each solves
 twice, and the second time counts: the first may compile. `runtime` is processor time,
 so that other processes matter less. The last three keep dense matrices and are asked
-up to DENSE unknowns; a solver that has run into the limit on every seed of a size is
-not asked for larger ones of the family.
+up to DENSE unknowns; a solver that has run into the limit LATES times at sizes up to n
+of a family is not asked for more of them. From DENSE unknowns on there are FEW seeds.
 
-`run` writes the CSV and goes on where it has stopped; `table` prints it as Markdown;
+`run` writes the CSV seed by seed, so that one cut short has all families and sizes, and
+goes on where it has stopped; `table` prints it as Markdown;
 `plot` draws time against n, with crosses on the upper edge for what was not solved.
 """
 
 import argparse
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
@@ -50,6 +51,8 @@ GAME_SIZES = (4, 10, 40, 140, 400)
 QUICK = 2  # sizes of each family with --quick
 RATIO = 1e4  # mass ratio of every third seed of a family with friction
 DENSE = 600  # unknowns up to which dense methods are asked
+FEW = 3  # seeds of larger problems
+LATES = 2  # times over the limit that end a solver's part in a family
 WARM_UP = 10  # unknowns of a problem before the clock runs
 LATE = {"timeout", "time_limit"}
 EPS = 1e-9  # times max |q_i|
@@ -145,39 +148,45 @@ def work(job: Job, family: str, n: int, seed: int) -> Row:
     return row | {"success": success, "said": said, "residual": found}
 
 
+def requests(args: argparse.Namespace) -> Iterator[Row]:
+    """Yield what is to be measured, in this order: family, n, seed and solver."""
+    for seed in range(args.seeds):
+        for family in args.families:
+            for n in sizes_of(family)[: QUICK if args.quick else None]:
+                if n <= DENSE or seed < FEW:
+                    for solver in args.solvers if n <= DENSE else ["nam"]:
+                        yield {"family": family, "n": n, "seed": seed, "solver": solver}
+
+
+def is_late(rows: list[Row], request: Row) -> bool:
+    """Tell whether the solver has been over the limit often enough at such sizes."""
+    own = tables.chosen(rows, family=request["family"], solver=request["solver"])
+    late = [r for r in own if r["said"] in LATE and int(r["n"]) <= request["n"]]
+    return len(late) >= LATES
+
+
 def run(args: argparse.Namespace) -> int:
     """Measure what is not in the CSV yet."""
-    known = csv_files.read(args.csv)
-    done = {
-        tuple(row[key] for key in ("family", "n", "seed", "solver")) for row in known
-    }
+    rows = csv_files.read(args.csv)
+    keys = ("family", "n", "seed", "solver")
+    done = {tuple(row[key] for key in keys) for row in rows}
     end = time.monotonic() + 60.0 * args.minutes
     header = cli.begin(args.solvers)
     with (
         csv_files.writer(args.csv, header, COLUMNS, append=True) as write,
         processes.benches(work, args.solvers, args.limit) as children,
     ):
-        for family in args.families:
-            late: set[str] = set()
-            sizes = sizes_of(family)[: QUICK if args.quick else None]
-            for n in sizes:
-                for solver, child in children.items():
-                    if solver in late or (solver != "nam" and n > DENSE):
-                        continue
-                    said = set()
-                    for seed in range(args.seeds):
-                        key = {"family": family, "n": n, "seed": seed, "solver": solver}
-                        if tuple(map(str, key.values())) in done:
-                            continue
-                        if time.monotonic() > end:
-                            return 0
-                        row = key | child.ask(family, n, seed)
-                        row.setdefault("said", row.get("status"))
-                        said.add(row["said"])
-                        write(row)
-                    if said and said <= LATE:
-                        late.add(solver)
-            print(family, flush=True)
+        for request in requests(args):
+            known = tuple(str(request[key]) for key in keys) in done
+            if known or is_late(rows, request):
+                continue
+            if time.monotonic() > end:
+                break
+            family, n, seed, solver = (request[key] for key in keys)
+            row = request | children[solver].ask(family, n, seed)
+            row.setdefault("said", row.get("status"))
+            write(row)
+            rows.append(row)
     print_table(args.csv)
     return 0
 
@@ -263,7 +272,7 @@ def main(arguments: list[str] | None = None) -> int:
             cli.add_usual(command, "figures")
         if name == "run":
             cli.add_usual(command, "quick", "minutes")
-            command.add_argument("--seeds", type=int, default=3)
+            command.add_argument("--seeds", type=int, default=20)
             for option, known in (
                 ("families", families.FAMILIES),
                 ("solvers", SOLVERS),
