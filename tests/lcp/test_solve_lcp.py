@@ -198,6 +198,16 @@ def test_restart_at_the_answer(rng):
     assert solve_lcp(A, q + 1e-6, z0=first.z).iterations <= 2
 
 
+def test_a_start_is_returned_only_if_it_is_far_better_than_asked_for():
+    # Otherwise errors would add up from one problem of a sequence to the next.
+    A, z = np.ones((3, 3)) + 3.0 * np.eye(3), np.array([1.0, 2.0, 3.0])
+    near, nearer = z + 1e-8, z + 1e-10
+    assert solve_lcp(A, -A @ z, z0=near, eps_abs=1e-6).residual < 1e-14
+    np.testing.assert_array_equal(
+        solve_lcp(A, -A @ z, z0=nearer, eps_abs=1e-6).z, nearer
+    )
+
+
 def test_nothing_to_do():
     result = solve_lcp(np.eye(3), np.array([0.0, 1.0, 2.0]))
     assert result.status is Status.SOLVED

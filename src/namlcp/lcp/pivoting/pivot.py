@@ -65,6 +65,10 @@ than SOME factorisations were made: see `may_end_early`."""
 EXACT_RESIDUAL = 1e-15
 """Scaled Res, relative to its value at clip(0), below which no step is tried."""
 
+START_MARGIN = 0.01
+"""Part of the tolerances that a start must meet to be returned as it is: in a sequence
+of slowly changing problems the errors of starts add up, to that part."""
+
 RAY_ROUNDING = 1e-9
 """Entry of a ray, relative to the largest, that counts as 0."""
 
@@ -115,6 +119,12 @@ def write_w(work, z, w):
 
 
 @part
+def meets(now, scaled, plain, margin):
+    """Tell whether residuals meet the tolerances times a margin."""
+    return scaled <= margin * now.eps_rel * now.size or plain < margin * now.eps_abs
+
+
+@part
 def record(work):
     """Copy z to best if its Res is the least; return whether that fell to a quarter."""
     now = work.now
@@ -123,7 +133,7 @@ def record(work):
     if scaled < now.best_residual:
         now.best_residual = scaled
         copy(work.z, work.best)
-        now.solved = scaled <= now.eps_rel * now.size or plain < now.eps_abs
+        now.solved = meets(now, scaled, plain, 1.0)
     return improved
 
 
@@ -325,7 +335,11 @@ def begin_pivoting(columns, work):
         if start == 0:
             now.size = now.best_residual
             copy(centre, z)
-        if now.size == 0.0 or now.solved:
+        if now.size == 0.0 or (now.solved and start == 0):
+            return DONE
+    if now.solved:
+        scaled, plain = natural_residuals(z, w, work.lower, work.upper, work.d)
+        if meets(now, scaled, plain, START_MARGIN):
             return DONE
     eps = 0.01 * now.eps_rel * now.size / np.sqrt(n)
     now.tolerance = max(1e-14 * largest_entry(work.q), eps)
