@@ -264,3 +264,24 @@ def test_a_solver_takes_faces_first_for_new_matrices():
         assert result.form == form
         expected = solve_qp(factor * P, q, G, np.full(n, 0.2), A, np.ones(1))
         np.testing.assert_allclose(result.x, expected.x, atol=1e-10)
+
+
+def test_a_solver_with_many_active_rows():
+    """A long portfolio: responses to nearly all bounds would take longer than faces."""
+    rng = np.random.default_rng(11)
+    n, factors = 300, 5
+    loads = sp.random_array((factors, n), density=0.3, rng=rng)
+    budget = sp.hstack((sp.csc_array(np.ones((1, n))), sp.csc_array((1, factors))))
+    A = sp.vstack((sp.hstack((loads, -sp.eye_array(factors))), budget), format="csc")
+    P = sp.diags_array(np.append(rng.uniform(0.05, 0.3, n), np.ones(factors))).tocsc()
+    q, b = -0.1 * rng.standard_normal(n + factors), np.append(np.zeros(factors), 1.0)
+    lb = np.append(np.zeros(n), np.full(factors, -INF))
+    solver, forms = Solver(P, q, A=A, b=b, lb=lb), []
+    for _ in range(6):
+        result = solver.solve()
+        forms.append(result.form)
+        expected = solve_qp(P, q, A=A, b=b, lb=lb)
+        np.testing.assert_allclose(result.x, expected.x, atol=1e-10)
+        q = q + 0.002 * rng.standard_normal(n + factors)
+        solver.update(q=q)
+    assert forms[2:] == 4 * ["face"]

@@ -143,6 +143,14 @@ class Responses:
         """Tell whether the last solve found that the matrices are not suited."""
         return not self.now.is_ready
 
+    @property
+    def step_work(self) -> float:
+        """Operations of a solve from the last active rows if these are the right ones.
+
+        They are compared where there are two methods for the same matrices.
+        """
+        return float((self.now.kept_k + self.now.hints) * self.now.length)
+
     def attach(self, P: Any, G: Any, A: Any) -> None:
         """Take matrices, and memory for them."""
         self.matrices, self.is_stale = (P, G, A), False

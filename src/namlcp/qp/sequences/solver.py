@@ -54,6 +54,8 @@ from namlcp.status import Status
 # Vectors of a QP: the argument that sets the size, and the sign of the infinity that
 # means "no bound", 0 where all entries are finite.
 VECTORS = {"q": ("P", 0), "h": ("G", 1), "b": ("A", 0), "lb": ("P", -1), "ub": ("P", 1)}
+# Operations of a step below which it is not asked whether another method needs fewer.
+LARGE_STEP = 20_000
 # Statuses that a solve without a start would not improve on.
 SETTLED = (Status.SOLVED, Status.TIME_LIMIT, Status.INTERRUPTED)
 
@@ -133,7 +135,8 @@ class Solver:
         """Keep nothing of earlier solves but the last result."""
         self.memory = memory_of(self.qp)
         self.kept = self.methods = methods_for(self.qp)  # all, and those that suit
-        self.found_by: Responses | None = None  # the method that found `last`
+        # The method that found `last`; None where all know of it.
+        self.found_by: Responses | None = None
         self.is_renewed = False  # whether matrices have changed since the last solve
 
     def __getstate__(self) -> dict[str, Any]:
@@ -269,8 +272,9 @@ class Solver:
             if not self.options.verbose:
                 result = self.solve_by_what_is_kept(guess, start)
             if result is None:
-                self.found_by = None
                 result = self.solve_by_all_means(guess, start)
+                if result.status is Status.SOLVED:
+                    self.suggest(make_guess(self.qp, None, result))
         except BaseException as error:
             self.begin()  # what was to be kept may not be complete
             if isinstance(error, SystemError):  # Ctrl-C in compiled code
@@ -284,15 +288,11 @@ class Solver:
     def solve_by_what_is_kept(
         self, guess: Guess | None, start: float
     ) -> QPResult | None:
-        """Return the result of the first method that decides; None if none does.
-
-        With new matrices the last method is the first: it has least to do again.
-        """
-        order = self.methods[::-1] if self.is_renewed else self.methods
-        for method in order:
-            if guess is not None:
-                method.suggest(guess)
-            elif self.found_by is not method and self.last is not None:
+        """Return the result of the first method that decides; None if none does."""
+        if guess is not None:
+            self.suggest(guess)
+        for method in self.in_order():
+            if self.found_by not in (None, method):
                 method.suggest(make_guess(self.qp, None, self.last))
             result = self.solve_by(method, start)
             if result is not None:
@@ -300,6 +300,25 @@ class Solver:
             if method.are_unsuited:
                 self.methods = [other for other in self.methods if other is not method]
         return None
+
+    def suggest(self, guess: Guess) -> None:
+        """Let all methods begin with a guess."""
+        self.found_by = None
+        for method in self.methods:
+            method.suggest(guess)
+
+    def in_order(self) -> list[Responses]:
+        """Return the methods, the first to try first: for sparse matrices, of two.
+
+        With new matrices the last has less to do again; with many active rows it may
+        have less to do at all.
+        """
+        if len(self.methods) > 1:
+            first, last = self.methods
+            is_large = first.step_work > LARGE_STEP
+            if self.is_renewed or (is_large and first.step_work > last.step_work):
+                return [last, first]
+        return self.methods
 
     def solve_by(self, method: Responses, start: float) -> QPResult | None:
         """Return the result of one method; None if it does not decide.

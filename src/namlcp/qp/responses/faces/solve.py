@@ -1,6 +1,7 @@
 """Sparse QPs with matrices of one pattern, by faces: the class."""
 
 import ctypes
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -49,6 +50,13 @@ class SparseFaces(Responses):
     def are_unsuited(self) -> bool:
         """Tell whether the last solve found that the matrices are not suited."""
         return not (self.is_stale or self.now.is_ready)
+
+    @property
+    def step_work(self) -> float:
+        """Operations of a solve on another face than the last; lays out its factors."""
+        if self.is_stale:
+            self.attach_anew()
+        return self.now.face_work if self.now.is_ready else inf
 
     def attach(self, P: csc_array, G: csc_array, A: csc_array) -> None:
         """Take matrices; lay out factors, as before for the same pattern."""
