@@ -1,4 +1,4 @@
-"""Sparse QPs by faces: definition, a plain transcription, and fresh solves."""
+"""QPs by faces: definition, a plain transcription, and fresh solves."""
 
 import copy
 import pickle
@@ -11,7 +11,7 @@ from responding import LIMITS, solve
 from namlcp import Solver, Status, solve_qp
 from namlcp.qp.guess import make_guess
 from namlcp.qp.problem import qp_data
-from namlcp.qp.responses import SparseFaces, SparseResponses
+from namlcp.qp.responses import Faces, SparseResponses
 from namlcp.residuals import qp_residuals
 
 INF = np.inf
@@ -56,7 +56,7 @@ def generic_qp(rng, n):
 
 def begun(qp):
     """Return faces that know the solution of `qp`."""
-    faces = SparseFaces.of(qp)
+    faces = Faces.of(qp)
     faces.suggest(make_guess(qp, None, solve_qp(*qp)))
     return faces
 
@@ -122,7 +122,7 @@ def test_the_same_faces_as_in_a_plain_transcription():
         rng = np.random.default_rng(seed)
         qp = generic_qp(rng, 20)
         guess = make_guess(qp, None, solve_qp(*qp))
-        faces = SparseFaces.of(qp)
+        faces = Faces.of(qp)
         faces.suggest(guess)
         step = qp._replace(q=qp.q + 0.2 * rng.standard_normal(20))
         answer = solve(faces, step)
@@ -170,14 +170,27 @@ def test_other_values_in_the_matrices():
     assert faces.kkt.factors is factors
 
 
+def test_dense_matrices():
+    qp = lasso_qp(np.random.default_rng(1), 6, 10, 2.0)
+    dense = qp._replace(**{name: getattr(qp, name).toarray() for name in "PGA"})
+    solver, faces = Solver(*dense), begun(qp)
+    solver.solve()
+    for factor in (1.0, 0.9, 0.7):
+        q = factor * qp.q
+        solver.update(q=q)
+        result = solver.solve()
+        assert result.form == "face"
+        expected = solve(faces, qp._replace(q=q))
+        np.testing.assert_allclose(result.x, expected.point.x, atol=1e-12)
+
+
 def test_nothing_is_begun_without_a_solution():
     qp = store_qp(np.random.default_rng(5), 6)
-    faces = SparseFaces.of(qp)
+    faces = Faces.of(qp)
     assert solve(faces, qp) is None
     assert faces.kkt is None  # nor is anything laid out
     assert not faces.are_unsuited
-    dense = qp_data(np.eye(2), np.ones(2), *6 * [None])
-    assert SparseFaces.of(dense) is None
+    assert Faces.of(qp_data(np.eye(200), np.ones(200), *6 * [None])) is None
 
 
 def test_what_faces_do_not_solve():

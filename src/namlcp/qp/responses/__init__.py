@@ -7,8 +7,8 @@ it returns depends on the data alone, not on the solves before, up to the roundi
 errors of degenerate QPs and of those that `free` solves. `solve_once` is for a single
 QP (`is_brief`: one that ends so soon that nobody need look at the clock; `Held` keeps
 its factors for derivatives, which `solve_held` solves with), `Stack` for a batch. A
-class of this room, `DenseResponses` for arrays, `SparseResponses` and `SparseFaces` for
-sparse matrices, has
+class of this room, `DenseResponses` for arrays, `SparseResponses` for sparse matrices,
+`Faces` for both, has
 
 - ``of(qp)``: for the matrices of a QP, None where they are not suited. The arrays are
   not copied, and must not change;
@@ -30,13 +30,14 @@ point, measured and refined) know neither how the base problem is solved nor how
 response is made; `dense` and `run` do, for arrays, `sparse` and `sparse_run` for sparse
 matrices. `course` is what a solve consists of, whatever the matrices are stored as.
 After a dense QP with most variables at bounds, `free` solves the next one by a face of
-few variables instead of many responses. `faces` is for sparse QPs that responses do not
-suit: it keeps the factors of one face, and solves nothing before `suggest`.
+few variables instead of many responses.
+`faces` is for QPs that responses do not suit: it keeps the factors of one face, and
+solves nothing before `suggest`.
 """
 
 from namlcp.qp.responses.active import DONE
 from namlcp.qp.responses.batch import Stack
-from namlcp.qp.responses.faces import SparseFaces
+from namlcp.qp.responses.faces import Faces
 from namlcp.qp.responses.judgement import ROUNDING, parts_of_result
 from namlcp.qp.responses.run import least_pivot, solve_held
 from namlcp.qp.responses.solve import (

@@ -36,8 +36,8 @@ from namlcp.qp.problem import QP, qp_data
 from namlcp.qp.responses import (
     DONE,
     DenseResponses,
+    Faces,
     Responses,
-    SparseFaces,
     SparseResponses,
 )
 from namlcp.qp.sequences.pattern import (
@@ -308,12 +308,12 @@ class Solver:
             method.suggest(guess)
 
     def in_order(self) -> list[Responses]:
-        """Return the methods, the first to try first: for sparse matrices, of two.
+        """Return the methods, the first to try first.
 
-        With new matrices the last has less to do again; with many active rows it may
-        have less to do at all.
+        Of the two for sparse matrices, the last has less to do again with new values,
+        and may have less to do at all with many active rows.
         """
-        if len(self.methods) > 1:
+        if len(self.methods) > 1 and not self.qp.is_dense:
             first, last = self.methods
             is_large = first.step_work > LARGE_STEP
             if self.is_renewed or (is_large and first.step_work > last.step_work):
@@ -367,11 +367,12 @@ def as_given(given: Any, own: Any) -> Any:
 
 def methods_for(qp: QP) -> list[Responses]:
     """Return what keeps something for the matrices of a QP, the first to try first."""
-    found: list[Responses | None]
+    first: Responses | None
     if qp.is_dense:
-        found = [DenseResponses.of(qp) if is_small(qp) else None]
+        first = DenseResponses.of(qp) if is_small(qp) else None
     else:
-        found = [SparseResponses.of(qp), SparseFaces.of(qp)]
+        first = SparseResponses.of(qp)
+    found: list[Responses | None] = [first, Faces.of(qp)]
     return [method for method in found if method is not None]
 
 

@@ -1,9 +1,9 @@
-"""Sparse QPs with matrices of one pattern, one after another, by their active faces.
+"""QPs with matrices of one pattern, one after another, by their active faces.
 
 A face is the set of all x that hold the active rows of the last solved QP with
 equality. Its KKT matrix is factored, and factored again, in the same order, when rows
 become active or cease to be; nothing depends on P being definite or on the matrices
-staying the same. So this solves what `SparseResponses` leaves: a P that is singular
+staying the same. So this solves what responses leave: a P that is singular
 where A x = 0, other values in the matrices with every QP, and many active rows. It
 needs a solution to begin with.
 
@@ -25,4 +25,4 @@ its end, so another method solves what is not solved after MOST_FACES.
 `run` the kernel, `solve` the class.
 """
 
-from namlcp.qp.responses.faces.solve import SparseFaces
+from namlcp.qp.responses.faces.solve import Faces

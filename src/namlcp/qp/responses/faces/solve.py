@@ -1,12 +1,12 @@
-"""Sparse QPs with matrices of one pattern, by faces: the class."""
+"""QPs with matrices of one pattern, one after another, by faces."""
 
 import ctypes
 from math import inf
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_array
 
+from namlcp.checks import as_sparse
 from namlcp.limits import Limits
 from namlcp.linalg import SparseFactors, attach_factors, by_rows
 from namlcp.qp.guess import Guess
@@ -20,12 +20,16 @@ from namlcp.qp.transforms import equilibrate
 
 # Solves and products of a face, in passes over the entries of K and L.
 PASSES = 20.0
+# Most variables, rows and equations together of a QP with dense matrices: other methods
+# make more of these.
+MOST_DENSE = 150
 
 
-class SparseFaces(Responses):
-    """What is kept for QPs with sparse matrices of one pattern: see the door.
+class Faces(Responses):
+    """What is kept for QPs with matrices of one pattern: see the door.
 
-    It solves nothing before `suggest` has told it of a solution.
+    It solves nothing before `suggest` has told it of a solution. The zeros of dense
+    matrices are left out.
     """
 
     kernel = staticmethod(run_faces)
@@ -34,9 +38,12 @@ class SparseFaces(Responses):
     kkt: KKT | None = None
 
     @classmethod
-    def of(cls, qp: QP) -> "SparseFaces | None":
-        """Return what keeps faces for the matrices of a QP, None if these are dense."""
-        return None if qp.is_dense else cls(qp.P, qp.G, qp.A)
+    def of(cls, qp: QP) -> "Faces | None":
+        """Return what keeps faces for the matrices of a QP; None if large and dense."""
+        order = qp.q.size + qp.h.size + qp.b.size
+        if qp.is_dense and order > MOST_DENSE:
+            return None
+        return cls(qp.P, qp.G, qp.A)
 
     def __init__(self, P: Any, G: Any, A: Any) -> None:
         """Note the matrices; the first solve computes what depends on them."""
@@ -58,10 +65,11 @@ class SparseFaces(Responses):
             self.attach_anew()
         return self.now.face_work if self.now.is_ready else inf
 
-    def attach(self, P: csc_array, G: csc_array, A: csc_array) -> None:
+    def attach(self, P: Any, G: Any, A: Any) -> None:
         """Take matrices; lay out factors, as before for the same pattern."""
         super().attach(P, G, A)
         now, old = self.now, self.kkt
+        P, G, A = (as_sparse(C) for C in (P, G, A))
         kkt = self.kkt = KKT(P, by_rows(A), by_rows(G), old)
         factors = kkt.plan()
         if not isinstance(factors, SparseFactors):
