@@ -6,8 +6,9 @@ benchmarks, large LCPs and infeasible QPs, which takes hours. Either writes repo
 into the folder --out (report), figures and tables inlined, also when it is interrupted,
 beside its CSV files and figures. `--full --out validation` brings the repository's own
 files up to date. Stopped and run again with the same sources, it goes on with the parts
-that are not done (`done.json`; --again starts anew). At the top stands what became of
-each claim (`claims`) since the run before; what fell is marked.
+that are not done (`done.json`; --again starts anew, without any old row). At the top
+stands what became of each claim (`claims`) since the run before; what fell is marked.
+--list runs nothing and tells how long each part takes.
 
 --full times nothing while other processes keep more than 0.3 of a core busy: it waits,
 and names the part if the machine stays busy (--busy: it does not look).
@@ -18,7 +19,6 @@ at the top, and the rest goes on. --data (or the environment variable NAMLCP_DAT
 the folder described in README.md.
 """
 
-import base64
 import hashlib
 import html
 import json
@@ -34,24 +34,18 @@ if not __package__:  # run as a script
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from validation.claims import Claim, claims, moved
-from validation.harness import cli, quiet
+from validation.harness import cli, quiet, tables
+from validation.page import STYLE, body_of, inline, table
 
 BAR = 24  # characters
-STYLE = """
-body { font: 15px/1.5 sans-serif; max-width: 72em; margin: 2em auto; padding: 0 1em }
-table { border-collapse: collapse; font-size: 13px; margin: 1em 0 }
-caption { text-align: left; font-weight: bold }
-td, th { border-bottom: 1px solid #ddd; padding: 2px 10px; text-align: left }
-svg, img { max-width: 100%; height: auto } pre { font-size: 12px; overflow-x: auto }
-.bad { color: #AA3377; font-weight: bold }
-"""
 
 
 class Part(NamedTuple):
     """A title, the commands, the figures they make, seconds that they take about.
 
     {data}, {results} and {figures} stand for folders, {quick} and {-quick} for what a
-    quick run adds; `quick_seconds` is 0 where there is no quick version.
+    quick run adds; `quick_seconds` is 0 where there is no quick version. `grown` are
+    the CSV files with which a stopped command goes on: a new run begins without them.
     """
 
     title: str
@@ -59,6 +53,7 @@ class Part(NamedTuple):
     figures: tuple[str, ...] = ()
     seconds: float = 60.0
     quick_seconds: float = 0.0
+    grown: tuple[str, ...] = ()
 
 
 class Outcome(NamedTuple):
@@ -70,26 +65,33 @@ class Outcome(NamedTuple):
 
 
 def part(
-    title: str, seconds: float, commands: str, figures: str = "", quick: float = 0.0
+    title: str,
+    seconds: float,
+    commands: str,
+    figures: str = "",
+    quick: float = 0.0,
+    grown: str = "",
 ) -> Part:
-    """Return a part whose commands stand one a line."""
+    """Return a part whose commands stand one a line, and names in one line."""
     lines = [line.strip() for line in commands.splitlines() if line.strip()]
-    return Part(title, tuple(lines), tuple(figures.split()), seconds, quick)
+    names = figures.split(), grown.split()
+    return Part(title, tuple(lines), tuple(names[0]), seconds, quick, tuple(names[1]))
 
 
 PARTS = {
     "maros-meszaros": part("The Maros-Meszaros collection", 9000.0, """
         peers.maros_meszaros run --data {data} --csv {results}/maros-meszaros.csv
         peers.maros_meszaros table --data {data} --csv {results}/maros-meszaros.csv
-    """),
+    """, grown="maros-meszaros.csv"),
     "work-precision": part("Speed against accuracy", 2700.0, """
         peers.work_precision run {quick} --data {data} --results {results}
         peers.work_precision plot {quick} --results {results} --figures {figures}
-    """, "work-precision{-quick}.svg front.svg", 200.0),
+    """, "work-precision{-quick}.svg front.svg", 200.0,
+    "work-precision-problems{-quick}.csv"),
     "profiles": part("Performance profiles", 600.0, """
         peers.profiles run {quick} --data {data} --results {results}
         peers.profiles plot {quick} --results {results} --figures {figures}
-    """, "profiles{-quick}.svg", 60.0),
+    """, "profiles{-quick}.svg", 60.0, "profiles{-quick}.csv"),
     "oracles": part("Agreement with independent oracles", 1200.0, """
         oracles.agreement run {quick} --data {data} --csv {results}/oracles.csv
     """, quick=60.0),
@@ -97,6 +99,12 @@ PARTS = {
         stress.comparison run {quick} --csv {results}/stress.csv
         stress.comparison plot --csv {results}/stress.csv --figure {figures}/stress.svg
     """, "stress.svg", 60.0),
+    "campaign": part("Fuzzed problems, and answers asked for in two ways", 9000.0, """
+        stress.campaign run --csv {results}/campaign.csv --seeds 1 2 3 \
+        --solvers nam osqp piqp clarabel daqp quadprog
+        stress.campaign run --csv {results}/campaign.csv --seeds 1 2 3 \
+        --classes general sequences batches derivatives --problems 10000
+    """, grown="campaign.csv"),
     "pictures": part("What solutions look like", 60.0, """
         applications.pictures {quick} --figures {figures}
     """, "contact-sets.png exercise-boundary.svg contact-forces.svg", 20.0),
@@ -106,7 +114,7 @@ PARTS = {
     """),
     "classes": part("The OSQP paper's classes", 1800.0, """
         peers.classes --csv {results}/classes.csv
-    """),
+    """, grown="classes.csv"),
     "derivatives": part("Derivatives against differences; other packages", 600.0, """
         derivatives.differences {quick} --csv {results}/derivatives.csv
         derivatives.packages {quick} --csv {results}/derivatives-peers.csv
@@ -176,6 +184,7 @@ def sized(part: Part, quick: bool) -> Part:
     return part._replace(
         commands=tuple(c.replace("{quick}", option) for c in part.commands),
         figures=tuple(f.replace("{-quick}", suffix) for f in part.figures),
+        grown=tuple(f.replace("{-quick}", suffix) for f in part.grown),
         seconds=part.quick_seconds if quick else part.seconds,
     )
 
@@ -198,6 +207,15 @@ class Done:
             kept = {"sources": sources(), "before": now, "parts": {}}
         self.kept = kept
         self.before = [Claim(*claim) for claim in kept["before"]]
+
+    def begin(self, name: str, grown: Iterable[Path]) -> None:
+        """Note that a part begins; the first time, remove what another run has left."""
+        begun = self.kept.setdefault("begun", [])
+        if name not in begun:
+            for file in grown:
+                file.unlink(missing_ok=True)
+            begun.append(name)
+            self.file.write_text(json.dumps(self.kept))
 
     def outcome(self, name: str) -> Outcome | None:
         """Return the outcome of a part that is done."""
@@ -285,53 +303,6 @@ def run_command(
     return process.returncode
 
 
-def inline(file: Path) -> str:
-    """Return a figure as HTML that needs no other file."""
-    if not file.exists():
-        return f'<p class="bad">{html.escape(file.name)} was not drawn.</p>'
-    if file.suffix == ".svg":
-        text = file.read_text()
-        return text[text.index("<svg") :]
-    code = base64.b64encode(file.read_bytes()).decode()
-    return f'<img alt="{html.escape(file.stem)}" src="data:image/png;base64,{code}">'
-
-
-def body_of(text: str) -> str:
-    """Return printed text as HTML: Markdown tables as tables, the rest folded away."""
-    shown: list[str] = []
-    rest: list[str] = []
-    lines: list[str] = []
-    for line in [*text.splitlines(), ""]:
-        if line.startswith("|"):
-            lines.append(line)
-            continue
-        if lines:
-            title = next((other for other in reversed(rest) if other), "")
-            shown.append(table(title, lines))
-            lines = []
-        rest.append(line)
-    folded = html.escape("\n".join(rest).strip())
-    if folded:
-        summary = "<details><summary>what it printed</summary>"
-        shown.append(f"{summary}<pre>{folded}</pre></details>")
-    return "\n".join(shown)
-
-
-def table(title: str, lines: list[str]) -> str:
-    """Return a Markdown table as an HTML table."""
-    rows = []
-    for number, line in enumerate(lines):
-        if set(line.strip()) <= set("|-: "):
-            continue
-        tag = "td" if number else "th"
-        cells = [html.escape(cell.strip()) for cell in line.strip()[1:-1].split("|")]
-        bad = ' class="bad"' if cells[-1] == "FELL" else ""
-        text = "".join(f"<{tag}>{cell}</{tag}>" for cell in cells)
-        rows.append(f"<tr{bad}>{text}</tr>")
-    body = "".join(rows)
-    return f"<table><caption>{html.escape(title)}</caption>{body}</table>"
-
-
 def write_html(
     file: Path,
     parts: dict[str, Part],
@@ -379,6 +350,8 @@ def report(
     try:
         for name, part in parts.items():
             known = done.outcome(name)
+            if known is None:
+                done.begin(name, [folders["results"] / file for file in part.grown])
             outcomes[name] = known or run_part(name, part, folders, bar)
             done.note(name, outcomes[name])
             bar.finish(name, outcomes[name].fault or ("done before" if known else ""))
@@ -387,6 +360,20 @@ def report(
         page, figures = out / "report.html", folders["figures"]
         write_html(page, parts, outcomes, figures, header, summary)
     return outcomes
+
+
+def minutes(parts: dict[str, Part], out: Path) -> str:
+    """Return a table of what the parts take, as measured by the last run or about."""
+    file = out / "done.json"
+    known = json.loads(file.read_text())["parts"] if file.exists() else {}
+    lines, total = [], 0.0
+    for name, part in parts.items():
+        seconds = known[name][-1] if name in known else part.seconds
+        word = "measured" if name in known else "about"
+        lines.append((name, part.title, f"{seconds / 60.0:.0f}", word))
+        total += seconds
+    lines.append(("all", "", f"{total / 60.0:.0f}", ""))
+    return tables.markdown(("part", "what", "minutes", ""), lines)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -399,11 +386,15 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--out", type=Path, default=Path("report"))
     parser.add_argument("--only", nargs="+", choices=list(FULL), metavar="PART")
     parser.add_argument("--again", action="store_true", help="begin a new run")
+    parser.add_argument("--list", action="store_true", help="the parts and minutes")
     parser.add_argument("--busy", action="store_true", help="on a busy machine, too")
     args = parser.parse_args(arguments)
     parts = QUICK if args.quick else FULL
     if args.only:
         parts = {name: part for name, part in parts.items() if name in args.only}
+    if args.list:
+        print(minutes(parts, args.out))
+        return 0
     own = args.out.resolve()
     folders = {
         "data": args.data.resolve(),

@@ -202,17 +202,25 @@ def test_report_goes_on_where_it_stopped(tmp_path, monkeypatch):
     (scripts / "__init__.py").write_text("")
     (scripts / "good.py").write_text("print('ran')")
     monkeypatch.setattr(cli, "ROOT", tmp_path)
-    parts = {"good": report.Part("good", ("good",), (), 1.0)}
+    parts = {"good": report.Part("good", ("good",), (), 120.0, grown=("a.csv",))}
     folders = dict.fromkeys(("results", "figures", "data"), tmp_path)
+    grown = tmp_path / "a.csv"
+    grown.write_text("rows of another run")
 
     def said(again=False):
         stream = io.StringIO()
         report.report(parts, folders, tmp_path, stream, again)
         return stream.getvalue().splitlines()[-1]
 
+    assert "| good | good | 2 | about |" in report.minutes(parts, tmp_path)
     assert said().startswith("good: done,")
+    assert not grown.exists()
+    assert "| good | good | 0 | measured |" in report.minutes(parts, tmp_path)
+    grown.write_text("rows of this run")
     assert said().startswith("good: done before,")
+    assert grown.exists()
     assert said(again=True).startswith("good: done,")
+    assert not grown.exists()
     (scripts / "good.py").write_text("print('other sources')")
     assert said().startswith("good: done,")
 

@@ -11,6 +11,7 @@ HOUSE = cli.ROOT / "validation"
 # From the top down; the rooms of one line do not import each other.
 FLOORS = (
     {"report"},
+    {"page"},
     {
         "claims",
         "oracles",
