@@ -5,6 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
+import scipy.sparse as sp
 
 import namlcp
 from namlcp.qp.responses.solve import POOL
@@ -71,11 +72,15 @@ def test_factors_are_not_disturbed_by_later_solves_and_end_with_the_result():
     assert any(kept is space for kept in POOL)
 
 
-def test_factors_are_kept_of_short_solves_alone():
+def test_factors_are_kept_of_dense_solves_that_are_asked_to():
     qp = regular_qp(0)
-    result = namlcp.solve_qp(*qp, x0=qp.q, derivative=True)
-    assert result.factors is None
     assert namlcp.solve_qp(*qp).factors is None
+    result = namlcp.solve_qp(*qp, x0=qp.q, derivative=True)
+    own, other = result.backward(dx=qp.q), namlcp.solve_qp(*qp).backward(dx=qp.q)
+    assert result.derivative.item.held is result.factors
+    np.testing.assert_allclose(own.P, other.P, rtol=1e-10, atol=1e-12)
+    sparse = [sp.csc_array(v) if v.ndim == 2 else v for v in qp]
+    assert namlcp.solve_qp(*sparse, derivative=True).factors is None
     with pytest.raises(TypeError, match="derivative"):
         namlcp.solve_qp(*qp, derivative=1)
 

@@ -56,9 +56,11 @@ from namlcp.linalg.lapack import (
     copy,
     dot,
     forward_solve,
+    invert_lower,
     lu,
     lu_solve,
     matvec,
+    multiply,
     product,
     solve_rows,
 )

@@ -35,6 +35,7 @@ def _declare(module: str, name: str, arguments: str) -> types.ExternalFunction:
 if not config.DISABLE_JIT:
     _dpotrf = _declare("lapack", "dpotrf", "iidii")
     _dpotrs = _declare("lapack", "dpotrs", "iiididii")
+    _dtrtri = _declare("lapack", "dtrtri", "iiidii")
     _dgetrf = _declare("lapack", "dgetrf", "iidiii")
     _dgetrs = _declare("lapack", "dgetrs", "iiidiidii")
     _dgemm = _declare("blas", "dgemm", "iiiiiddididdi")
@@ -117,6 +118,16 @@ def cholesky(A):
 
 
 @part
+def invert_lower(L):
+    """Overwrite the lower triangle of L by that of L^-1; return 0 if it exists."""
+    if L.shape[0] == 0:
+        return 0
+    n, info = _address(L.shape[0]), _address(0)
+    _dtrtri(_address(UPPER), _address(PLAIN), n, L.ctypes, n, info)
+    return _integer_at(info)
+
+
+@part
 def cholesky_solve(L, b):
     """Overwrite b (n,) by the solution of L L' x = b."""
     if b.size > 0:
@@ -179,6 +190,18 @@ def product(alpha, A, B, beta, C):
 
 
 @part
+def multiply(A, B, C):
+    """Overwrite C (m, n) by A B for A (m, k), B (k, n)."""
+    if C.shape[0] > 0 and C.shape[1] > 0:
+        _dgemm(
+            _address(PLAIN), _address(PLAIN), _address(C.shape[1]),
+            _address(C.shape[0]), _address(A.shape[1]), _address(1.0), B.ctypes,
+            _address(B.shape[1]), A.ctypes, _address(A.shape[1]), _address(0.0),
+            C.ctypes, _address(C.shape[1]),
+        )  # fmt: skip
+
+
+@part
 def solve_rows(L, unit, X):
     """Overwrite X (m, k) by X L'^-1, L (k, k) lower triangular; rows may be strided.
 
@@ -205,6 +228,14 @@ if config.DISABLE_JIT:
         A[:] = np.tril(L) + np.triu(A, 1)
         return info
 
+    def invert_lower(L):  # type: ignore[no-redef]
+        """Overwrite the lower triangle of L by that of L^-1; return 0 if it exists."""
+        if L.shape[0] == 0:
+            return 0
+        inverse, info = _lapack.dtrtri(L, lower=1)
+        L[:] = np.tril(inverse) + np.triu(L, 1)
+        return info
+
     def cholesky_solve(L, b):  # type: ignore[no-redef]
         """Overwrite b (n,) by the solution of L L' x = b."""
         if b.size:
@@ -228,7 +259,13 @@ if config.DISABLE_JIT:
         """Overwrite C by alpha A B' + beta C."""
         C[:] = alpha * (A @ B.T) + (beta * C if beta else 0.0)
 
+    def multiply(A, B, C):  # type: ignore[no-redef]
+        """Overwrite C by A B."""
+        C[:] = A @ B
+
     def solve_rows(L, unit, X):  # type: ignore[no-redef]
         """Overwrite X (m, k) by X L'^-1, L lower triangular."""
         if X.size:
-            X[:] = solve_triangular(L, X.T, lower=True, unit_diagonal=unit).T
+            # what is above the diagonal may be anything, NaN included
+            options = {"unit_diagonal": unit, "check_finite": False}
+            X[:] = solve_triangular(L, X.T, lower=True, **options).T

@@ -69,7 +69,7 @@ def solve_smallest_form(qp: QP, guess: Guess, limits: Limits, memory: Memory) ->
     starts = [guess, NO_GUESS] if guess.x.size else [NO_GUESS]
     while small and starts and not (answer and answer.ends):
         # a wrong guess may mislead the first solve; the second one starts without
-        found = solve_dense(qp, starts.pop(0), limits)
+        found = solve_dense(qp, starts.pop(0), limits, memory.held)
         if found is None:
             break
         answer = found if answer is None else better(answer, found, limits)

@@ -14,6 +14,7 @@ from namlcp.lcp import Prepared
 from namlcp.linalg import arrays_of
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.problem import QP
+from namlcp.qp.responses import Held
 from namlcp.qp.transforms import Presolved, ScaledQP, Substitution
 
 
@@ -23,7 +24,8 @@ class Memory:
     `matrices` are copies of the last P, G and A. `recognised` replaces equal matrices
     by them, so that identity tells whether what was made from a matrix still fits.
     `convex` is the last P found positive semidefinite; `substitution`, `presolved` and
-    `scaled` are the last transforms, `rows` the last P prepared for box LCPs.
+    `scaled` are the last transforms, `rows` the last P prepared for box LCPs. `held`:
+    what is to hold the factors of a dense QP, see `responses`, if anything is.
     """
 
     def __init__(self) -> None:
@@ -34,6 +36,7 @@ class Memory:
         self.presolved: Presolved | None = None
         self.scaled: ScaledQP | None = None
         self.rows: Prepared | None = None
+        self.held: Held | None = None
 
     def __reduce__(self) -> tuple[type["Memory"], tuple[()]]:
         """Let a copy start empty: the factors cannot be copied."""

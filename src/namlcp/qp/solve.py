@@ -65,8 +65,8 @@ def solve_qp(
     history : bool
         Keep the rows of the verbose table in the result.
     derivative : bool
-        Keep the factors of a small dense QP in the result, so that `backward` need not
-        make them. Such a result is for one thread at a time.
+        Keep the factors of a dense QP in the result, where the method has left some, so
+        that `backward` need not make them. Such a result is for one thread at a time.
     **settings
         The fields of `Options`: eps_abs, eps_rel, max_iter, time_limit [s], verbose,
         threads, infeasible.
@@ -111,18 +111,27 @@ def solve_qp(
     options = Options.from_names(settings) if settings else DEFAULT_OPTIONS
     check_flag("history", history)
     check_flag("derivative", derivative)
+    held = Held() if derivative else None
     if x0 is None and warm_start is None and not history:
         ready = time.perf_counter()
-        held = Held() if derivative else None
         answer = solve_shortly(qp, options, start, given, held)
         if answer is not None:
-            result = result_of(answer, (qp, given), start, ready)
-            if held is not None and held.space is not None:
-                vars(result)["factors"] = held
-            return result
+            return with_factors(result_of(answer, (qp, given), start, ready), held)
     qp = checked(qp)
     guess = make_guess(qp, x0, warm_start)
-    return solve_checked(qp, options, guess, start, history, given=given)
+    memory = None
+    if held is not None and qp.is_dense:
+        memory = Memory()
+        memory.held = held
+    result = solve_checked(qp, options, guess, start, history, memory, given)
+    return with_factors(result, held)
+
+
+def with_factors(result: QPResult, held: Held | None) -> QPResult:
+    """Return the result, with the factors of the solve if they are held."""
+    if held is not None and held.space is not None:
+        vars(result)["factors"] = held
+    return result
 
 
 def solve_shortly(

@@ -13,19 +13,24 @@ from namlcp.qp.dense import pivots
 from namlcp.qp.dense.scaling import scaled_qp, variable_scaling
 from namlcp.qp.guess import Guess
 from namlcp.qp.problem import QP, Point
-from namlcp.qp.responses import ROUNDING, solve_once
+from namlcp.qp.responses import ROUNDING, Held, solve_once
 from namlcp.residuals import UNDEFINED, Residuals, qp_residuals
 from namlcp.status import Status
 
 NO_HINT = np.empty(0, dtype=np.int64)
 
 
-def solve_dense(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
-    """Solve by `pivots.solve`, scaled if need be; None where it does not decide."""
+def solve_dense(
+    qp: QP, guess: Guess, limits: Limits, held: Held | None = None
+) -> Answer | None:
+    """Solve by responses, else by `pivots.solve`, scaled if need be.
+
+    None where it does not decide; `held` as for `solve_once`.
+    """
     own = qp
     if not qp.is_dense:
         own = qp._replace(P=as_dense(qp.P), G=as_dense(qp.G), A=as_dense(qp.A))
-    answer = solve_once(own, guess, limits)
+    answer = solve_once(own, guess, limits, held)
     if answer is not None:
         return answer
     limits.announce(pivots.solve)

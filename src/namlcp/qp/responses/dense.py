@@ -91,15 +91,8 @@ def set_up(m):
     a batch: its last digits would depend on the items before it.)
     """
     n, p = m.n, m.p
-    if p > n or not set_row_scales(m):
+    if p > n or not is_sound(m):
         return False
-    for i in range(n):
-        row = row_of(m.P, i, n)
-        for j in range(i):
-            if row[j] != row_of(m.P, j, n)[i] or not abs(row[j]) < np.inf:
-                return False
-        if not abs(row[i]) < np.inf:
-            return False
     m.pull = 0.0
     copy_cost(m, 0.0)
     if not factor_in_place(m.factor, n) <= MOST_SPREAD and not factor_pulled(m):
@@ -109,6 +102,19 @@ def set_up(m):
     if m.is_single and p == 0 and m.items_left == 0:
         return True
     return invert_factor(m)
+
+
+@part
+def is_sound(m):
+    """Set the norms of rows; tell whether P and G are finite, and P is symmetric."""
+    n, fine = m.n, set_row_scales(m)
+    for i in range(n):
+        row = row_of(m.P, i, n)
+        for j in range(i):
+            if row[j] != row_of(m.P, j, n)[i] or not abs(row[j]) < np.inf:
+                return False
+        fine = fine and abs(row[i]) < np.inf
+    return fine
 
 
 @part
@@ -162,17 +168,7 @@ def invert_factor(m):
     """Turn L into V, and compute T and U; False if rows of A depend on each other."""
     n, p = m.n, m.p
     invert_triangle(m.factor, n)
-    half = floats(m.halves, n)
-    for j in range(n):
-        half[j] = 0.0
-    for i in range(n):
-        row = row_of(m.factor, i, n)
-        for j in range(i + 1):
-            half[j] += row[j] * row[j]
-    largest = 0.0
-    for j in range(n):
-        largest = max(largest, half[j])  # of P^-1 = V'V, on its diagonal
-    m.least_curvature = FIXED * largest
+    set_curvature(m)
     m.is_inverted = 1
     for i in range(p):
         times_triangle(m.factor, n, row_of(m.A, i, n), row_of(m.equations, i, n))
@@ -184,6 +180,22 @@ def invert_factor(m):
         return False
     invert_triangle(m.schur, p)
     return True
+
+
+@part
+def set_curvature(m):
+    """Set m.least_curvature from the largest diagonal entry of P^-1 = V'V."""
+    n, half = m.n, floats(m.halves, m.n)
+    for j in range(n):
+        half[j] = 0.0
+    for i in range(n):
+        row = row_of(m.factor, i, n)
+        for j in range(i + 1):
+            half[j] += row[j] * row[j]
+    largest = 0.0
+    for j in range(n):
+        largest = max(largest, half[j])
+    m.least_curvature = FIXED * largest
 
 
 @part

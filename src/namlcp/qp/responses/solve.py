@@ -16,6 +16,7 @@ from namlcp.qp.responses.active import CONTRADICTION, DONE, LATE, STUCK
 from namlcp.qp.responses.course import SUMMED
 from namlcp.qp.responses.free import MOST_WORK, WIDE, run_free
 from namlcp.qp.responses.judgement import NUMBERS
+from namlcp.qp.responses.large import MOST_LARGE, prepare
 from namlcp.qp.responses.run import attach_matrices, run, take_hint
 from namlcp.qp.responses.state import allocate, new_state
 from namlcp.residuals import Residuals, qp_residuals
@@ -24,7 +25,7 @@ from namlcp.status import Status
 SOLVED = Status.SOLVED
 # Codes of kernels after which there is a point or a candidate for a certificate.
 JUDGED = (DONE, SUMMED, LATE, CONTRADICTION)
-# Most variables, equations and rows of a QP that is solved by responses.
+# Most variables, equations and rows of a QP that is solved by responses without BLAS.
 MOST_ORDER = 900
 # Spaces of one-shot solves that have ended, for the next ones: making one takes as long
 # as a tiny QP. At most so many numbers each are kept.
@@ -60,7 +61,8 @@ def solve_once(
 
     `held` gets the factors of a QP that is solved.
     """
-    if qp.q.size + qp.h.size + qp.b.size > MOST_ORDER:
+    order = qp.q.size + qp.h.size + qp.b.size
+    if order > MOST_LARGE:
         return None
     limits.announce(run)
     try:
@@ -69,6 +71,11 @@ def solve_once(
     except IndexError:
         space = DenseResponses(qp.P, qp.G, qp.A)
         space.now.is_single = True
+    if order > MOST_ORDER:
+        limits.announce(prepare)
+        if not prepare(space.address, qp.q, qp.h):
+            give_back(space)
+            return None
     if guess.active.size:
         space.suggest(guess)
     code, numbers = space.run(qp, limits)
