@@ -32,8 +32,8 @@ PROXIMAL_STEPS = 25
 # Violation of a slack or multiplier over the tolerance above which a point is not worth
 # measuring.
 FAR = 1e3
-# A set that is FAR off is followed by another only where its violation fell to this part
-# of the last one's. Sets that lead to the solution gain more, others cost a
+# A set that is FAR off is followed by another only where its violation fell to this
+# part of the last one's. Sets that lead to the solution gain more, others cost a
 # factorisation each.
 FALL = 0.3
 
@@ -56,7 +56,7 @@ class Refinement:
         work.set_active[:] = active
         now.most_solves = PROXIMAL_STEPS
         best = violation = np.inf
-        regularisations = REGULARISATIONS
+        regularisations: tuple[float, ...] = REGULARISATIONS
         for _ in range(MOST_SETS):
             for k, regularisation in enumerate(regularisations):
                 now.regularisation = regularisation

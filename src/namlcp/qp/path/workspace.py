@@ -74,6 +74,9 @@ def expanded(table: dict[str, str]) -> tuple[list[str], np.ndarray]:
 
 NAMES, SIZES = expanded(VECTORS)
 FLAG_NAMES, FLAG_SIZES = expanded(FLAGS)
+# The memory that has a vector, 0 or 1 for flags, and the kind of its size.
+PLACES = {name: (0, KINDS[k]) for name, k in zip(NAMES, SIZES, strict=True)}
+PLACES |= {name: (1, KINDS[k]) for name, k in zip(FLAG_NAMES, FLAG_SIZES, strict=True)}
 
 
 class PathState(ctypes.Structure):
@@ -216,16 +219,12 @@ class Workspace:
         addresses = np.frombuffer(
             memoryview(now).cast("B"), np.int64, FIRST + len(NAMES) + len(FLAG_NAMES)
         )
-        self.memory = np.zeros(int(sizes[SIZES].sum()))
-        self.flags = np.zeros(int(sizes[FLAG_SIZES].sum()), dtype=np.int32)
-        for memory, first, kinds in (
-            (self.memory, FIRST, SIZES), (self.flags, FIRST_FLAG, FLAG_SIZES)
-        ):  # fmt: skip
-            ends = np.cumsum(sizes[kinds])
-            starts = ends - sizes[kinds]
-            addresses[first : first + kinds.size] = (
-                address(memory) + memory.itemsize * starts
+        self.memories = tuple(
+            lay_out(addresses[first : first + kinds.size], sizes[kinds], dtype)
+            for first, kinds, dtype in (
+                (FIRST, SIZES, np.float64), (FIRST_FLAG, FLAG_SIZES, np.int32)
             )
+        )  # fmt: skip
         self.state = np.frombuffer(memoryview(now), RECORD)
         now.eps_abs, now.eps_rel = limits.tolerances
         self.attach()
@@ -292,15 +291,26 @@ class Workspace:
 
     def __getattr__(self, name: str) -> np.ndarray:
         """Return the vector of this name."""
-        for names, kinds, memory in (
-            (NAMES, SIZES, "memory"), (FLAG_NAMES, FLAG_SIZES, "flags")
-        ):  # fmt: skip
-            if name in names:
-                whole = self.__dict__[memory]
-                start = (getattr(self.now, name) - address(whole)) // whole.itemsize
-                kind = KINDS[kinds[names.index(name)]]
-                return whole[start : start + getattr(self.now, kind)]
-        raise AttributeError(f"the workspace has no vector {name!r}")
+        if name not in PLACES:
+            raise AttributeError(f"the workspace has no vector {name!r}")
+        which, kind = PLACES[name]
+        memory, begin = self.memories[which]
+        start = (getattr(self.now, name) - begin) // memory.itemsize
+        return memory[start : start + getattr(self.now, kind)]
+
+
+def lay_out(
+    addresses: np.ndarray, sizes: np.ndarray, dtype: type
+) -> tuple[np.ndarray, int]:
+    """Set the addresses of vectors of these sizes, in memory that is 0 throughout.
+
+    Returns the memory, as an array, and its address.
+    """
+    ends = sizes.cumsum()
+    memory = np.zeros(ends[-1], dtype=dtype)
+    begin = address(memory)
+    addresses[:] = begin + memory.itemsize * (ends - sizes)
+    return memory, begin
 
 
 @kernel
