@@ -4,8 +4,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dpotrf
-from scipy.sparse import csc_matrix, eye_array, issparse, triu
+from scipy.sparse import csc_array, eye_array, issparse, triu
 
+from namlcp.checks import from_arrays
 from namlcp.compiled import kernel
 from namlcp.linalg.csc import as_dense
 from namlcp.linalg.factors import SparseFactors, factor_triangle
@@ -42,7 +43,7 @@ class Curvature(NamedTuple):
     sign: int
     i: int
     j: int
-    triangle: csc_matrix | None
+    triangle: csc_array | None
 
 
 def curvature(P: Any) -> Curvature:
@@ -57,8 +58,8 @@ def curvature(P: Any) -> Curvature:
     triangle = None
     if sign == 0:
         nnz = indptr[order]
-        parts = data[:nnz], indices[:nnz], indptr[: order + 1]
-        triangle = csc_matrix(parts, shape=(order, order))
+        parts = indptr[: order + 1], indices[:nnz], data[:nnz]
+        triangle = from_arrays(parts, (order, order))
     return Curvature(sign, i, j, triangle)
 
 
@@ -72,13 +73,13 @@ def is_positive_semidefinite(A: Any, tolerance: float) -> bool:
     """Tell whether A + tolerance I, symmetric or not, is positive definite."""
     if issparse(A):
         S = triu(0.5 * (A + A.T)) + tolerance * eye_array(A.shape[0])
-        return has_positive_pivots(csc_matrix(S))
+        return has_positive_pivots(csc_array(S))
     S = 0.5 * (A + A.T)
     S[np.diag_indices_from(S)] += tolerance
     return bool(dpotrf(S, overwrite_a=1)[1] == 0)
 
 
-def positive_factors(triangle: csc_matrix) -> SparseFactors | None:
+def positive_factors(triangle: csc_array) -> SparseFactors | None:
     """Return L D L' of the matrix with this upper triangle, None unless D > 0."""
     try:
         factors = factor_triangle(triangle)
@@ -87,7 +88,7 @@ def positive_factors(triangle: csc_matrix) -> SparseFactors | None:
     return factors if (factors.inverse > 0.0).all() else None
 
 
-def has_positive_pivots(triangle: csc_matrix) -> bool:
+def has_positive_pivots(triangle: csc_array) -> bool:
     """Tell whether L D L' of a matrix, its upper triangle given, has D > 0."""
     if triangle.shape[0] <= DENSE_ORDER:
         lower = as_dense(triangle).T  # in the order of columns, as LAPACK has it
