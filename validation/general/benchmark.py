@@ -1,17 +1,18 @@
 """General LCPs by families, sizes and seeds: who solves them, and how fast.
 
 Families: `problems.general.families`; all problems have a solution. Solved means that
-the solver says so and Res(z) <= 1e-9 max |q_i| on the data as given. Solvers: `nam`,
-method="auto"; `lemke`, method="lemke"; `quantecon`, Lemke's method of QuantEcon;
-`daqp`, its mode for variational inequalities, made for definite matrices. Each solves
-twice, and the second time counts: the first may compile. `runtime` is processor time,
-so that other processes matter less. The last three keep dense matrices and are asked
-up to DENSE unknowns; a solver that has run into the limit LATES times at sizes up to n
-of a family is not asked for more of them. From DENSE unknowns on there are FEW seeds.
+the solver says so and Res(z) <= 1e-9 max |q_i| on the data as given; namlcp, which has
+an option for it, is asked for that. Solvers: `nam`, method="auto"; `lemke`,
+method="lemke"; `quantecon`, Lemke's method of QuantEcon; `daqp`, its mode for
+variational inequalities, made for definite matrices. Each solves twice, and the second
+time counts: the first may compile. `runtime` is processor time, so that other processes
+matter less. The last three keep dense matrices and are asked up to DENSE unknowns; a
+solver that has run into the limit LATES times at sizes up to n of a family is not asked
+for more of them. From DENSE unknowns on there are FEW seeds.
 
 `run` writes the CSV seed by seed, so that one cut short has all families and sizes, and
-goes on where it has stopped; `table` prints it as Markdown;
-`plot` draws time against n, with crosses on the upper edge for what was not solved.
+goes on where it has stopped; `table` prints it as Markdown; `plot` draws time against
+n, with crosses on the upper edge for what was not solved.
 """
 
 import argparse
@@ -87,7 +88,8 @@ def by_nam(A: Any, q: np.ndarray, limit: float, method: str = "auto") -> Answer:
     """Solve by namlcp."""
     import namlcp
 
-    result = namlcp.solve_lcp(A, q, method=method, time_limit=limit)
+    accuracy = EPS * float(np.abs(q).max())
+    result = namlcp.solve_lcp(A, q, method=method, time_limit=limit, eps_abs=accuracy)
     return result.status.value, result.z
 
 

@@ -17,6 +17,7 @@ from namlcp.lcp.general.order import solve_general
 from namlcp.lcp.pivoting.rays import proof
 from namlcp.lcp.prepared import DENSE_ORDER, Prepared
 from namlcp.limits import Deadline, Limits
+from validation.problems.general.families import FAMILIES
 
 INF = np.inf
 LIMITS = Limits(eps_rel=1e-9)
@@ -38,6 +39,13 @@ def test_friction(bodies, ratio):
         result = solve_lcp(A, q)
         assert_solves_lcp(result, A, q)
         assert result.residual < 1e-11 * np.abs(q).max()
+
+
+@pytest.mark.parametrize(("family", "seed"), [("wall", 5), ("chain", 5), ("pile", 17)])
+def test_a_solution_of_lemkes_method_is_finished(family, seed):
+    """Nearly singular bases leave up to 1e-8 max |q_i|."""
+    A, q = FAMILIES[family](200, seed, 1e4)
+    assert solve_lcp(A, q).residual < 1e-10 * np.abs(q).max()
 
 
 @pytest.mark.parametrize(("bodies", "joints", "motors"), [(4, 2, 2), (30, 10, 10)])

@@ -32,6 +32,10 @@ than the paths where A is dense, up to the second it is tried after them. (An A 
 PROOF_ORDER = 250
 """Order up to which a proof is cheap beside a path."""
 
+POOR = 1e-11
+"""Res of a solution of Lemke's method, relative to that of clip(0), that a path may
+better: where A is nearly singular, pivots lose digits."""
+
 UNDECIDED = "no solution was found, and no proof that there is none"
 """Message of an LCP left undecided."""
 
@@ -78,8 +82,13 @@ def by_game(search: Search) -> Outcome | None:
 
 
 def by_lemke(search: Search) -> Outcome | None:
-    """Use Lemke's method."""
-    return search.decided(solve_by_lemke(search.lcp, None, search.limits))
+    """Use Lemke's method; where its point is poor, ask the interior path as well."""
+    outcome = search.decided(solve_by_lemke(search.lcp, None, search.limits))
+    if not (search.solved and search.least > POOR * search.criterion.size):
+        return outcome
+    search.ended = False
+    by_path(search)
+    return search.outcome()
 
 
 def by_lemke_first(search: Search) -> Outcome | None:

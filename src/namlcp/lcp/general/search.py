@@ -27,7 +27,7 @@ CLOSE = 1e-4
 """Largest such Res from which the exact solution is sought."""
 
 EXACT = 1e-12
-"""Such a Res of a point that the tolerances do not accept, but that is exact."""
+"""Such a Res of a point that is exact, whatever the tolerances say."""
 
 FACTORISATIONS = 5000
 """Factorisations at most, by default: beyond those of earlier methods."""
@@ -109,11 +109,18 @@ class Search:
         self.ended |= self.solved
 
     def decided(self, outcome: Outcome | None) -> Outcome | None:
-        """Return the outcome of another method if it ends the search, else keep z."""
-        if outcome is None or outcome.status in (Status.SOLVED, Status.UNSOLVABLE):
+        """Return the outcome of another method if it ends the search, else keep z.
+
+        A solution that is not exact is the start of a search for one.
+        """
+        if outcome is None or outcome.status is Status.UNSOLVABLE:
             return outcome
         self.offer(outcome.z, outcome.method)
-        return None
+        if outcome.status is not Status.SOLVED:
+            return None
+        if self.least > EXACT * self.criterion.size:
+            self.complete(self.model.p(outcome.z), outcome.method)
+        return outcome._replace(z=self.z, w=self.w, method=self.method)
 
     def disproved(self, v: np.ndarray) -> Outcome | None:
         """Return UNSOLVABLE if the direction v proves that, corrected for rounding."""
