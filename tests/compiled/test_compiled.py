@@ -351,7 +351,7 @@ def test_an_unknown_numba_has_its_own_cache_under_the_stamp(tmp_path):
     assert ended(start(root, "clean", code=unknown))[0]["clean"] == 7.0
 
 
-def test_private_parts_of_numba_are_used_in_one_place():
+def test_private_parts_of_numba_are_used_in_two_modules():
     """A new version that moves them must not stop the import of the package."""
     public = {"numba", "numba.extending"}
     for path in PACKAGE.rglob("*.py"):
@@ -362,11 +362,11 @@ def test_private_parts_of_numba_are_used_in_one_place():
             elif isinstance(node, ast.Import):
                 taken = [alias.name for alias in node.names]
             private = {n for n in taken if n.startswith("numba")} - public
-            assert not private or path.name == "internals.py", path
+            assert not private or path.name in ("internals.py", "compiler.py"), path
 
 
 def test_this_numba_is_known():
-    """Where it is not, internals.py is to be read beside the new version."""
+    """Where it is not, these two are to be read beside the new version."""
     assert decorators.is_known(), numba.__version__
 
 

@@ -1,13 +1,9 @@
-"""All use of numba's private parts: a cache, a compiler, views without a count.
+"""numba's private parts, except its compiler: a cache, dispatchers, views of arrays.
 
 With `cache=True` numba notices changes of the one file that defines a function, but not
 of a callee in another file. A dispatcher asks its `_cache` for the machine code of each
 signature; here that is a `Store`, whose files hold what numba would write, less what
 makes loading slow.
-
-A kernel is called from Python and has machine code of its own. A part is called by
-compiled functions alone: its LLVM code is linked into each kernel that calls it and
-optimised again there, so that machine code of its own is not made.
 
 This module was written from the sources of numba 0.59 to 0.68; with another version it
 is not imported, see `decorators`.
@@ -15,7 +11,6 @@ is not imported, see `decorators`.
 
 import contextlib
 import functools
-import gc
 import hashlib
 import pickle
 import sys
@@ -33,6 +28,7 @@ from numba.core import cgutils, codegen, compiler, config, event, serialize
 from numba.core.runtime import rtsys
 from numba.extending import intrinsic
 
+from namlcp.compiled.compiler import KernelCompiler, PartCompiler
 from namlcp.compiled.sources import are_unchanged, is_unchanged, stamp
 from namlcp.compiled.store import SUFFIX, Folder, folders, prebuilt
 
@@ -93,17 +89,17 @@ def fits_baseline(baseline: str, name: str, features: str) -> bool:
 class Store:
     """The `_cache` of a dispatcher, in place of numba's `FunctionCache`.
 
-    `name` is what `decorators.name_of` returns. `keeps`: machine code is kept in files,
-    which is for kernels, unless the module has changed since the stamp was taken.
+    `name` is what `decorators.name_of` returns. Machine code is kept in files unless
+    the module has changed since the stamp was taken.
     """
 
     cache_path = None
 
-    def __init__(self, function: Callable[..., Any], name: str, keeps: bool):
+    def __init__(self, function: Callable[..., Any], name: str):
         self.name = name
         self.code = function.__code__.co_code
         file = function.__code__.co_filename
-        self.keeps = keeps and is_unchanged(function.__module__, file)
+        self.keeps = is_unchanged(function.__module__, file)
 
     def load_overload(self, signature: Any, context: Any) -> Any:
         """Return the compiled function from a file, None if there is none."""
@@ -246,104 +242,21 @@ class LoadedLibrary(codegen.JITCodeLibrary):
         return self._shared_module
 
 
-# ---- compiling
-
-
-class KernelLibrary(codegen.JITCodeLibrary):
-    """The code of a kernel.
-
-    numba optimises each function alone, and then all functions of a kernel together.
-    The wrapper that unpacks Python's arguments skips the first of these.
-    """
-
-    def _optimize_functions(self, module: Any) -> None:
-        if module.name == "wrapper":
-            module.data_layout = self._codegen._data_layout
-        else:
-            super()._optimize_functions(module)
-
-
-class PartLibrary(KernelLibrary):
-    """The code of a part, for kernels to link; it gets no machine code of its own."""
-
-    @property
-    def codegen(self) -> Any:
-        """The code generator, with a `set_env` that does nothing."""
-        return NoEnvironment(self._codegen)
-
-    def get_pointer_to_function(self, name: str) -> int:
-        """Return 0: there is no machine code."""
-        self._ensure_finalized()
-        return 0
-
-    def _optimize_final_module(self) -> None:
-        pass
-
-    def _finalize_final_module(self) -> None:
-        self._finalize_dynamic_globals()
-        self._verify_declare_only_symbols()
-        self._finalized = True
-
-
-class KernelCompiler(compiler.Compiler):
-    """numba's compiler into a `KernelLibrary`, without the garbage collector.
-
-    Compiling makes millions of small objects that live until its end; the collector
-    would take a tenth of the time to visit them again and again.
-    """
-
-    library: type[KernelLibrary] = KernelLibrary
-
-    def compile_extra(self, function: Callable[..., Any]) -> Any:
-        """Compile; numba's interface."""
-        state = self.state
-        if state.library is None:
-            target = state.targetctx.codegen()
-            state.library = self.library(target, function.__qualname__)
-            state.library.enable_object_caching()
-        with without_collector():
-            return super().compile_extra(function)
-
-
-class PartCompiler(KernelCompiler):
-    """The compiler of parts."""
-
-    library = PartLibrary
-
-
-class NoEnvironment:
-    """A code generator for parts, whose environments `Store.save_overload` sets."""
-
-    def __init__(self, target: Any):
-        self.target = target
-
-    def __getattr__(self, name: str) -> Any:
-        """Return the attribute of the code generator."""
-        return getattr(self.target, name)
-
-    def set_env(self, name: str, environment: Any) -> None:
-        """Do nothing."""
-
-
-@contextlib.contextmanager
-def without_collector() -> Iterator[None]:
-    """Switch the garbage collector off in the block."""
-    was_on = gc.isenabled()
-    gc.disable()
-    try:
-        yield
-    finally:
-        if was_on:
-            gc.enable()
+# ---- dispatchers
 
 
 def dispatcher_of(
-    function: Callable[..., Any], name: str, is_part: bool, keeps: bool, **options: Any
+    function: Callable[..., Any],
+    name: str,
+    is_part: bool,
+    is_kernel: bool,
+    **options: Any,
 ) -> Any:
-    """Return the dispatcher of a function; `keeps` as in `Store`."""
+    """Return the dispatcher of a kernel, of a part, or of what is pasted."""
     pipeline = PartCompiler if is_part else KernelCompiler
     dispatcher = numba.njit(pipeline_class=pipeline, **options)(function)
-    dispatcher._cache = Store(function, name, keeps)
+    if is_kernel:
+        dispatcher._cache = Store(function, name)
     if is_part:
         # A part has no entry point that Python could call.
         dispatcher._insert = lambda *_: None

@@ -1,0 +1,189 @@
+"""numba's compiler, less what the functions of this package do not need.
+
+A kernel is called from Python and has machine code of its own. A part is called by
+compiled functions alone: its LLVM code is linked into each kernel that calls it and
+optimised again there, so that machine code of its own is not made.
+
+Two thirds of the time is numba's own translation, from Python to LLVM. Passes are left
+out that prepare what no kernel has (closures, `with`, lists of several types), and the
+type of an operation is found once per process, not at each place and each of the three
+or more visits that numba pays to it until all types are known.
+
+Like `internals`, this module was written from the sources of numba 0.59 to 0.68.
+"""
+
+import contextlib
+import gc
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from numba import types
+from numba.core import codegen, compiler, compiler_machinery
+
+UNUSED = frozenset(
+    "WithLifting InlineClosureLikes RewriteSemanticConstants RewriteDynamicRaises "
+    "MakeFunctionToJitFunction FindLiterallyCalls LiteralUnroll "
+    "LiteralPropagationSubPipelinePass InlineOverloads NopythonRewrites "
+    "NoPythonSupportedFeatureValidation AnnotateTypes DumpParforDiagnostics".split()
+)
+"""Names of the passes left out. A function that needs one fails when it is compiled;
+whole-array expressions (NopythonRewrites) are evaluated term by term instead."""
+
+PLAIN = (
+    types.Number,
+    types.Boolean,
+    types.CPointer,
+    types.Array,
+    types.Record,
+    types.BaseTuple,
+)
+"""Types of arguments for which what an operation returns depends on nothing else."""
+
+RETURNED: dict[str, dict[tuple, Any]] = {}
+"""Signatures of operations, by the compiler's flags, and by operation and arguments."""
+
+
+class Passes(compiler_machinery.PassManager):
+    """The passes of a compilation, which tell nobody that they run.
+
+    numba's own make a text of all types of arguments for that, at each pass.
+    """
+
+    def _runPass(self, index: int, one: Any, state: Any) -> None:
+        one.analysis = self._analysis
+        one.run_initialization(state)
+        one.run_pass(state)
+        one.run_finalizer(state)
+
+
+class Remembering:
+    """numba's typing context, which remembers what operations return."""
+
+    def __init__(self, context: Any, flags: Any):
+        self.context = context
+        # what is compiled for an operation, such as a division, depends on the flags
+        self.returned = RETURNED.setdefault(flags.summary(), {})
+
+    def __getattr__(self, name: str) -> Any:
+        """Return the attribute of the typing context."""
+        return getattr(self.context, name)
+
+    def resolve_function_type(self, function: Any, args: Any, kws: Any) -> Any:
+        """Return the signature of a call; numba's interface."""
+        resolve = self.context.resolve_function_type
+        if isinstance(function, types.Dispatcher):
+            # one part for all constants: numba would make one for each integer
+            return resolve(function, tuple(map(types.unliteral, args)), kws)
+        bound = isinstance(function, types.BoundFunction)
+        if bound or kws or not all(isinstance(kind, PLAIN) for kind in args):
+            return resolve(function, args, kws)
+        call = function, tuple(args)
+        if call not in self.returned:
+            signature = resolve(function, args, kws)
+            if signature is None:
+                return None
+            self.returned[call] = signature
+        return self.returned[call]
+
+
+class KernelLibrary(codegen.JITCodeLibrary):
+    """The code of a kernel.
+
+    numba optimises each function alone, and then all functions of a kernel together.
+    The wrapper that unpacks Python's arguments skips the first of these.
+    """
+
+    def _optimize_functions(self, module: Any) -> None:
+        if module.name == "wrapper":
+            module.data_layout = self._codegen._data_layout
+        else:
+            super()._optimize_functions(module)
+
+
+class PartLibrary(KernelLibrary):
+    """The code of a part, for kernels to link; it gets no machine code of its own."""
+
+    @property
+    def codegen(self) -> Any:
+        """The code generator, with a `set_env` that does nothing."""
+        return NoEnvironment(self._codegen)
+
+    def _optimize_functions(self, module: Any) -> None:
+        module.data_layout = self._codegen._data_layout
+
+    def get_pointer_to_function(self, name: str) -> int:
+        """Return 0: there is no machine code."""
+        self._ensure_finalized()
+        return 0
+
+    def _optimize_final_module(self) -> None:
+        pass
+
+    def _finalize_final_module(self) -> None:
+        self._finalize_dynamic_globals()
+        self._verify_declare_only_symbols()
+        self._finalized = True
+
+
+class KernelCompiler(compiler.Compiler):
+    """numba's compiler into a `KernelLibrary`, without the garbage collector.
+
+    Compiling makes millions of small objects that live until its end; the collector
+    would take a tenth of the time to visit them again and again.
+    """
+
+    library: type[KernelLibrary] = KernelLibrary
+
+    def define_pipelines(self) -> list[Any]:
+        """Return numba's passes; where no loop is parallel, the needed ones, once."""
+        pipelines = super().define_pipelines()
+        if self.state.flags.auto_parallel.enabled:
+            return pipelines
+        for passes in pipelines:
+            passes.__class__ = Passes
+            kept = (pair for pair in passes.passes if pair[0].__name__ not in UNUSED)
+            passes.passes = list(dict(kept).items())  # each once
+        return pipelines
+
+    def compile_extra(self, function: Callable[..., Any]) -> Any:
+        """Compile; numba's interface."""
+        state = self.state
+        state.typingctx = Remembering(state.typingctx, state.flags)
+        if state.library is None:
+            target = state.targetctx.codegen()
+            state.library = self.library(target, function.__qualname__)
+            state.library.enable_object_caching()
+        with without_collector():
+            return super().compile_extra(function)
+
+
+class PartCompiler(KernelCompiler):
+    """The compiler of parts."""
+
+    library = PartLibrary
+
+
+class NoEnvironment:
+    """A code generator for parts, whose environments `Store.save_overload` sets."""
+
+    def __init__(self, target: Any):
+        self.target = target
+
+    def __getattr__(self, name: str) -> Any:
+        """Return the attribute of the code generator."""
+        return getattr(self.target, name)
+
+    def set_env(self, name: str, environment: Any) -> None:
+        """Do nothing."""
+
+
+@contextlib.contextmanager
+def without_collector() -> Iterator[None]:
+    """Switch the garbage collector off in the block."""
+    was_on = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_on:
+            gc.enable()
