@@ -20,6 +20,7 @@ from namlcp.compiled.decorators import compile_time, compiled, is_at_hand
 from namlcp.compiled.store import kept_in
 from namlcp.compiled.views import (
     Fields,
+    entries,
     floats,
     floats_at,
     ints,
@@ -33,6 +34,7 @@ from namlcp.compiled.views import (
 __all__ = [
     "ahead",
     "compile_time",
+    "entries",
     "floats",
     "floats_at",
     "ints",

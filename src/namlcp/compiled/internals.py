@@ -321,6 +321,16 @@ def uncounted(typingctx: Any, array: Any) -> Any:
     return array(array), codegen
 
 
+@intrinsic
+def entries(typingctx: Any, array: Any) -> Any:
+    """Return the pointer to the entries of a contiguous array of numbers."""
+
+    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        return context.make_array(array)(context, builder, arguments[0]).data
+
+    return types.CPointer(array.dtype)(array), codegen
+
+
 def vectors_at(kind: type) -> Any:
     """Return the compiled function of (address, size) for the vector in memory there.
 

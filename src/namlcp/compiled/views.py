@@ -85,15 +85,16 @@ def pointers_to(kind: Any) -> Any:
     return at
 
 
-def chosen() -> tuple[Any, Any]:
-    """Return `uncounted` and `vectors_at`."""
+def chosen() -> tuple[Any, Any, Any]:
+    """Return `uncounted`, `entries` and `vectors_at`."""
     if config.DISABLE_JIT:
-        return itself, interpreted
+        return itself, itself, interpreted
     if is_known():
         from namlcp.compiled import internals
 
-        return internals.uncounted, internals.vectors_at
-    return numba.njit(itself), portable
+        pointer = numba.njit(itself) if config.BOUNDSCHECK else internals.entries
+        return internals.uncounted, pointer, internals.vectors_at
+    return numba.njit(itself), numba.njit(itself), portable
 
 
 def record_at(kind: Any) -> Callable[[int], Any]:
@@ -112,6 +113,6 @@ def record_at(kind: Any) -> Callable[[int], Any]:
     return record
 
 
-uncounted, vectors_at = chosen()
+uncounted, entries, vectors_at = chosen()
 floats, ints, longs = map(vectors_at, (np.float64, np.int32, np.int64))
 floats_at, ints_at, longs_at = map(pointers_to, (np.float64, np.int32, np.int64))

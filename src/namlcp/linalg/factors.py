@@ -20,7 +20,7 @@ import numpy as np
 from scipy.linalg.lapack import dpotrf, dpotrs, dsytrf, dsytrf_lwork, dsytrs
 from scipy.sparse import csc_matrix
 
-from namlcp.compiled import ints, kernel, longs, part, record_of
+from namlcp.compiled import ints_at, kernel, longs_at, part, record_of
 from namlcp.linalg.csc import MOST_DENSE
 from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.multifrontal import Multifrontal
@@ -131,22 +131,21 @@ def attach_factors(state, pattern, numbers):
 def pattern_of(m):
     """Return the pattern whose addresses the record m holds; m.size is the order."""
     size = m.size
-    columns = ints(m.l_columns, size + 1)
-    starts = longs(m.l_starts, size + 1)
-    lines = longs(m.l_lines, size + 1)
-    entries = np.int64(columns[size])
+    columns, starts = ints_at(m.l_columns, size + 1), longs_at(m.l_starts, size + 1)
+    lines = longs_at(m.l_lines, size + 1)
+    nnz = np.int64(columns[size])
     return Pattern(
-        ints(m.l_place, size),
-        ints(m.l_diagonal, size),
+        ints_at(m.l_place, size),
+        ints_at(m.l_diagonal, size),
         columns,
-        ints(m.l_rows, entries),
-        ints(m.l_source, entries),
+        ints_at(m.l_rows, nnz),
+        ints_at(m.l_source, nnz),
         starts,
-        ints(m.l_below, starts[size]),
+        ints_at(m.l_below, starts[size]),
         lines,
-        ints(m.l_chunks, lines[size]),
-        ints(m.l_width, size),
-        longs(m.l_done, size),
+        ints_at(m.l_chunks, lines[size]),
+        ints_at(m.l_width, size),
+        longs_at(m.l_done, size),
     )
 
 

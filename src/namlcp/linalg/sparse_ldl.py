@@ -1,10 +1,11 @@
 """Sparse L D L' of quasi-definite matrices of one pattern, factored many times.
 
 `analyse` lays out all indices once; `ldl_factor` and `ldl_solve_into`, for compiled
-callers, then only compute. The matrix K is given by its upper triangle in CSC, with all
-diagonal entries, which are the last of their columns. Every symmetric permutation of a
-quasi-definite matrix has an L D L' without pivoting (R. Vanderbei, SIAM J. Optim. 5
-(1995) 100-113); L has ones on its diagonal.
+callers, then only compute. They take pointers, which need no sign test of an index. The
+matrix K is given by its upper triangle in CSC, with all diagonal entries, which are the
+last of their columns. Every symmetric permutation of a quasi-definite matrix has an L D
+L' without pivoting (R. Vanderbei, SIAM J. Optim. 5 (1995) 100-113); L has ones on its
+diagonal.
 
 Row by row, with y the entries of K in row k of the triangle: for all i with l_ki not 0,
 in rising order,
@@ -25,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from namlcp.checks import refuse_size
-from namlcp.compiled import kernel, part, pasted
+from namlcp.compiled import entries, kernel, part, pasted
 from namlcp.linalg.ordering import STRICT, Order, permuted
 
 CONSECUTIVE = 8
@@ -34,9 +35,6 @@ If they do, they need no indices, and the processor takes several at a time."""
 
 LEAST = float(np.finfo(np.float64).tiny)
 """Smallest pivot that is not 0 for us: the reciprocals of smaller ones may overflow."""
-
-# Unsigned indices need no sign test. A sum of signed and unsigned would be a float.
-ONE, TWO, THREE = np.uint64(1), np.uint64(2), np.uint64(3)
 
 
 class Pattern(NamedTuple):
@@ -137,32 +135,55 @@ def chunk_from(begin, parent, counts):
 
 @kernel(error_model="numpy")
 def factor_sparse(pattern, data, values, inverse, y):
-    """Call `ldl_factor`."""
-    return ldl_factor(pattern, data, values, inverse, y)
+    """Call `ldl_factor`, all arguments arrays."""
+    return ldl_factor(
+        inverse.size, entries_of(pattern), entries(data), entries(values),
+        entries(inverse), entries(y),
+    )  # fmt: skip
 
 
 @kernel(error_model="numpy")
 def solve_sparse(pattern, values, inverse, rhs, x, y):
-    """Call `ldl_solve_into`."""
-    ldl_solve_into(pattern, values, inverse, rhs, x, y)
+    """Call `ldl_solve_into`, all arguments arrays."""
+    ldl_solve_into(
+        inverse.size, entries_of(pattern), entries(values), entries(inverse),
+        entries(rhs), entries(x), entries(y),
+    )  # fmt: skip
+
+
+@part
+def entries_of(pattern):
+    """Return the pattern with pointers in place of arrays."""
+    return Pattern(
+        entries(pattern.place),
+        entries(pattern.diagonal),
+        entries(pattern.columns),
+        entries(pattern.rows),
+        entries(pattern.source),
+        entries(pattern.starts),
+        entries(pattern.below),
+        entries(pattern.lines),
+        entries(pattern.chunks),
+        entries(pattern.width),
+        entries(pattern.done),
+    )
 
 
 @part(_nrt=False)
-def ldl_factor(pattern, data, values, inverse, y):
+def ldl_factor(n, pattern, data, values, inverse, y):
     """Set the values of L and the reciprocals of the pivots, inverse (n,).
 
-    `data` are the values of K; y (n,) is overwritten. Pivots may be negative. Returns
-    False if one is not finite, or smaller than `LEAST`.
+    `data` are the values of K, of order n; y (n,) is overwritten. Pivots may be
+    negative. Returns False if one is not finite, or smaller than `LEAST`.
     """
     columns, rows, source = pattern.columns, pattern.rows, pattern.source
-    n = inverse.size
     for k in range(n):
         pattern.done[k] = 0
         y[k] = 0.0
     for k in range(n):
         pivot = data[pattern.diagonal[k]]
         for t in range(columns[k], columns[k + 1]):
-            y[np.uint32(rows[t])] = data[np.uint32(source[t])]
+            y[rows[t]] = data[source[t]]
         for t in range(pattern.lines[k], pattern.lines[k + 1]):
             i = pattern.chunks[t]
             width = pattern.width[i]
@@ -184,13 +205,13 @@ def ldl_factor(pattern, data, values, inverse, y):
 def apply_one(i, pattern, values, inverse, y):
     """Apply column i to y, and append l_ki to it; return l_ki y_i."""
     below = pattern.below
-    a = np.uint64(pattern.starts[i])
-    end = a + np.uint64(pattern.done[i])
+    a = pattern.starts[i]
+    end = a + pattern.done[i]
     pattern.done[i] += 1
     y_i = y[i]
     y[i] = 0.0
     for p in range(a, end):
-        y[np.uint32(below[p])] -= values[p] * y_i
+        y[below[p]] -= values[p] * y_i
     l_i = y_i * inverse[i]
     values[end] = l_i
     return l_i * y_i
@@ -203,21 +224,21 @@ def apply_part(i, k, pattern, values, inverse, y):
     Appends the l_kj to them; returns the sum of l_kj y_j.
     """
     starts = pattern.starts
-    a = np.uint64(starts[i])
+    a = starts[i]
     y_0 = y[i]
     l_0 = y_0 * inverse[i]
     total = l_0 * y_0
     y[i] = 0.0
-    values[a + np.uint64(k - i - 1)] = l_0
+    values[a + k - i - 1] = l_0
     if k > i + 1:
-        b = np.uint64(starts[i + 1])
+        b = starts[i + 1]
         y_1 = y[i + 1] - values[a] * y_0
         l_1 = y_1 * inverse[i + 1]
         total += l_1 * y_1
         y[i + 1] = 0.0
-        values[b + np.uint64(k - i - 2)] = l_1
+        values[b + k - i - 2] = l_1
         if k > i + 2:
-            y_2 = y[i + 2] - values[a + ONE] * y_0 - values[b] * y_1
+            y_2 = y[i + 2] - values[a + 1] * y_0 - values[b] * y_1
             l_2 = y_2 * inverse[i + 2]
             total += l_2 * y_2
             y[i + 2] = 0.0
@@ -229,16 +250,16 @@ def apply_part(i, k, pattern, values, inverse, y):
 def apply_two(i, pattern, values, inverse, y):
     """Do as `apply_one` with the columns i and i + 1; return the sum of l_kj y_j."""
     starts, below = pattern.starts, pattern.below
-    a, b = np.uint64(starts[i]), np.uint64(starts[i + 1])
-    rows = np.uint64(pattern.done[i])
+    a, b = starts[i], starts[i + 1]
+    rows = pattern.done[i]
     pattern.done[i] += 1
     y_0 = y[i]
     y_1 = y[i + 1] - values[a] * y_0
     y[i] = 0.0
     y[i + 1] = 0.0
-    a += ONE
+    a += 1
     for s in range(rows):
-        y[np.uint32(below[b + s])] -= values[a + s] * y_0 + values[b + s] * y_1
+        y[below[b + s]] -= values[a + s] * y_0 + values[b + s] * y_1
     l_0, l_1 = y_0 * inverse[i], y_1 * inverse[i + 1]
     values[a + rows] = l_0
     values[b + rows] = l_1
@@ -249,18 +270,18 @@ def apply_two(i, pattern, values, inverse, y):
 def apply_four(i, pattern, values, inverse, y):
     """Do as `apply_one` with the columns i : i + 4; return the sum of l_kj y_j."""
     starts, below = pattern.starts, pattern.below
-    a, b = np.uint64(starts[i]), np.uint64(starts[i + 1])
-    c, d = np.uint64(starts[i + 2]), np.uint64(starts[i + 3])
-    rows = np.uint64(pattern.done[i])
+    a, b = starts[i], starts[i + 1]
+    c, d = starts[i + 2], starts[i + 3]
+    rows = pattern.done[i]
     pattern.done[i] += 1
     y_0 = y[i]
     y_1 = y[i + 1] - values[a] * y_0
-    y_2 = y[i + 2] - values[a + ONE] * y_0 - values[b] * y_1
-    y_3 = y[i + 3] - values[a + TWO] * y_0 - values[b + ONE] * y_1 - values[c] * y_2
+    y_2 = y[i + 2] - values[a + 1] * y_0 - values[b] * y_1
+    y_3 = y[i + 3] - values[a + 2] * y_0 - values[b + 1] * y_1 - values[c] * y_2
     y[i], y[i + 1], y[i + 2], y[i + 3] = 0.0, 0.0, 0.0, 0.0
-    a, b, c = a + THREE, b + TWO, c + ONE
-    if rows >= CONSECUTIVE and below[d + rows - ONE] - below[d] + 1 == rows:
-        first = np.uint64(below[d])
+    a, b, c = a + 3, b + 2, c + 1
+    if rows >= CONSECUTIVE and below[d + rows - 1] - below[d] + 1 == rows:
+        first = below[d]
         for s in range(rows):
             y[first + s] -= (
                 values[a + s] * y_0 + values[b + s] * y_1
@@ -268,7 +289,7 @@ def apply_four(i, pattern, values, inverse, y):
             )  # fmt: skip
     else:
         for s in range(rows):
-            y[np.uint32(below[d + s])] -= (
+            y[below[d + s]] -= (
                 values[a + s] * y_0 + values[b + s] * y_1
                 + values[c + s] * y_2 + values[d + s] * y_3
             )  # fmt: skip
@@ -282,15 +303,14 @@ def apply_four(i, pattern, values, inverse, y):
 
 
 @part(_nrt=False)
-def ldl_solve_into(pattern, values, inverse, rhs, x, y):
+def ldl_solve_into(n, pattern, values, inverse, rhs, x, y):
     """Set x = K^-1 rhs, both in the original order; y (n,) is overwritten.
 
     x may be rhs.
     """
     place, width = pattern.place, pattern.width
-    n = y.size
     for j in range(n):
-        y[np.uint32(place[j])] = rhs[j]
+        y[place[j]] = rhs[j]
     i = 0
     while i < n:
         if width[i] == 1:
@@ -313,7 +333,7 @@ def ldl_solve_into(pattern, values, inverse, rhs, x, y):
             i -= 4
             backward_four(i, pattern, values, inverse, y)
     for j in range(n):
-        x[j] = y[np.uint32(place[j])]
+        x[j] = y[place[j]]
 
 
 @pasted
@@ -321,39 +341,39 @@ def forward_one(i, pattern, values, y):
     """Subtract from y column i times y_i."""
     below, starts = pattern.below, pattern.starts
     y_i = y[i]
-    for p in range(np.uint64(starts[i]), np.uint64(starts[i + 1])):
-        y[np.uint32(below[p])] -= values[p] * y_i
+    for p in range(starts[i], starts[i + 1]):
+        y[below[p]] -= values[p] * y_i
 
 
 @pasted
 def forward_two(i, pattern, values, y):
     """Do as `forward_one` for the columns i and i + 1."""
     below, starts = pattern.below, pattern.starts
-    a, b = np.uint64(starts[i]), np.uint64(starts[i + 1])
-    rows = np.uint64(starts[i + 2]) - b
+    a, b = starts[i], starts[i + 1]
+    rows = starts[i + 2] - b
     y_0 = y[i]
     y_1 = y[i + 1] - values[a] * y_0
     y[i + 1] = y_1
-    a += ONE
+    a += 1
     for s in range(rows):
-        y[np.uint32(below[b + s])] -= values[a + s] * y_0 + values[b + s] * y_1
+        y[below[b + s]] -= values[a + s] * y_0 + values[b + s] * y_1
 
 
 @pasted
 def forward_four(i, pattern, values, y):
     """Do as `forward_one` for the columns i : i + 4."""
     below, starts = pattern.below, pattern.starts
-    a, b = np.uint64(starts[i]), np.uint64(starts[i + 1])
-    c, d = np.uint64(starts[i + 2]), np.uint64(starts[i + 3])
-    rows = np.uint64(starts[i + 4]) - d
+    a, b = starts[i], starts[i + 1]
+    c, d = starts[i + 2], starts[i + 3]
+    rows = starts[i + 4] - d
     y_0 = y[i]
     y_1 = y[i + 1] - values[a] * y_0
-    y_2 = y[i + 2] - values[a + ONE] * y_0 - values[b] * y_1
-    y_3 = y[i + 3] - values[a + TWO] * y_0 - values[b + ONE] * y_1 - values[c] * y_2
+    y_2 = y[i + 2] - values[a + 1] * y_0 - values[b] * y_1
+    y_3 = y[i + 3] - values[a + 2] * y_0 - values[b + 1] * y_1 - values[c] * y_2
     y[i + 1], y[i + 2], y[i + 3] = y_1, y_2, y_3
-    a, b, c = a + THREE, b + TWO, c + ONE
+    a, b, c = a + 3, b + 2, c + 1
     for s in range(rows):
-        y[np.uint32(below[d + s])] -= (
+        y[below[d + s]] -= (
             values[a + s] * y_0 + values[b + s] * y_1
             + values[c + s] * y_2 + values[d + s] * y_3
         )  # fmt: skip
@@ -364,8 +384,8 @@ def backward_one(i, pattern, values, inverse, y):
     """Set y_i to y_i / d_i minus the product of column i and y."""
     below, starts = pattern.below, pattern.starts
     y_i = y[i] * inverse[i]
-    for p in range(np.uint64(starts[i]), np.uint64(starts[i + 1])):
-        y_i -= values[p] * y[np.uint32(below[p])]
+    for p in range(starts[i], starts[i + 1]):
+        y_i -= values[p] * y[below[p]]
     y[i] = y_i
 
 
@@ -373,12 +393,12 @@ def backward_one(i, pattern, values, inverse, y):
 def backward_two(i, pattern, values, inverse, y):
     """Do as `backward_one` for the columns i and i + 1."""
     below, starts = pattern.below, pattern.starts
-    a, b = np.uint64(starts[i]), np.uint64(starts[i + 1])
-    rows = np.uint64(starts[i + 2]) - b
+    a, b = starts[i], starts[i + 1]
+    rows = starts[i + 2] - b
     y_0, y_1 = y[i] * inverse[i], y[i + 1] * inverse[i + 1]
     for s in range(rows):
-        y_s = y[np.uint32(below[b + s])]
-        y_0 -= values[a + ONE + s] * y_s
+        y_s = y[below[b + s]]
+        y_0 -= values[a + 1 + s] * y_s
         y_1 -= values[b + s] * y_s
     y[i + 1] = y_1
     y[i] = y_0 - values[a] * y_1
@@ -388,18 +408,18 @@ def backward_two(i, pattern, values, inverse, y):
 def backward_four(i, pattern, values, inverse, y):
     """Do as `backward_one` for the columns i : i + 4."""
     below, starts = pattern.below, pattern.starts
-    a, b = np.uint64(starts[i]), np.uint64(starts[i + 1])
-    c, d = np.uint64(starts[i + 2]), np.uint64(starts[i + 3])
-    rows = np.uint64(starts[i + 4]) - d
+    a, b = starts[i], starts[i + 1]
+    c, d = starts[i + 2], starts[i + 3]
+    rows = starts[i + 4] - d
     y_0, y_1 = y[i] * inverse[i], y[i + 1] * inverse[i + 1]
     y_2, y_3 = y[i + 2] * inverse[i + 2], y[i + 3] * inverse[i + 3]
     for s in range(rows):
-        y_s = y[np.uint32(below[d + s])]
-        y_0 -= values[a + THREE + s] * y_s
-        y_1 -= values[b + TWO + s] * y_s
-        y_2 -= values[c + ONE + s] * y_s
+        y_s = y[below[d + s]]
+        y_0 -= values[a + 3 + s] * y_s
+        y_1 -= values[b + 2 + s] * y_s
+        y_2 -= values[c + 1 + s] * y_s
         y_3 -= values[d + s] * y_s
     y_2 -= values[c] * y_3
-    y_1 -= values[b] * y_2 + values[b + ONE] * y_3
-    y_0 -= values[a] * y_1 + values[a + ONE] * y_2 + values[a + TWO] * y_3
+    y_1 -= values[b] * y_2 + values[b + 1] * y_3
+    y_0 -= values[a] * y_1 + values[a + 1] * y_2 + values[a + 2] * y_3
     y[i], y[i + 1], y[i + 2], y[i + 3] = y_0, y_1, y_2, y_3

@@ -18,7 +18,7 @@ factorisation succeeds.
 
 import numpy as np
 
-from namlcp.compiled import floats, floats_at, ints, ints_at, kernel, part, record_of
+from namlcp.compiled import floats_at, ints_at, kernel, part, record_of
 from namlcp.linalg import ldl_factor, ldl_solve_into, pattern_of
 from namlcp.qp.path.active_set import choose_next_set, correct_set, hold, is_set_solved
 from namlcp.qp.path.krylov import begin_krylov, end_krylov, is_krylov_done
@@ -220,22 +220,21 @@ def advance(state):
 @part
 def factor_inside(m):
     """Factor K~; tell whether that succeeded."""
-    nnz = np.int64(ints(m.indptr, m.size + 1)[m.size])
-    pattern = pattern_of(m)
-    values = floats(m.l_values, pattern.below.size)
-    inverse, y = floats(m.l_inverse, m.size), floats(m.l_work, m.size)
-    return ldl_factor(pattern, floats(m.data, nnz), values, inverse, y)
+    size, pattern = m.size, pattern_of(m)
+    values = floats_at(m.l_values, pattern.starts[size])
+    inverse, y = floats_at(m.l_inverse, size), floats_at(m.l_work, size)
+    nnz = np.int64(ints_at(m.indptr, size + 1)[size])
+    return ldl_factor(size, pattern, floats_at(m.data, nnz), values, inverse, y)
 
 
 @part
 def solve_inside(m):
     """Solve K~ answer = r."""
-    pattern = pattern_of(m)
-    values = floats(m.l_values, pattern.below.size)
-    inverse, y = floats(m.l_inverse, m.size), floats(m.l_work, m.size)
-    ldl_solve_into(
-        pattern, values, inverse, floats(m.r, m.size), floats(m.answer, m.size), y
-    )
+    size, pattern = m.size, pattern_of(m)
+    values = floats_at(m.l_values, pattern.starts[size])
+    inverse, y = floats_at(m.l_inverse, size), floats_at(m.l_work, size)
+    r, answer = floats_at(m.r, size), floats_at(m.answer, size)
+    ldl_solve_into(size, pattern, values, inverse, r, answer, y)
 
 
 @part
