@@ -43,9 +43,10 @@ from namlcp.linalg.factors import (
     Factors,
     SparseFactors,
     attach_factors,
+    factor_record,
     factor_triangle,
-    pattern_of,
     plan_factors,
+    solve_record,
 )
 from namlcp.linalg.lapack import (
     add_rmatvec,
@@ -72,7 +73,6 @@ from namlcp.linalg.ldl import (
     ldl_symbolic,
 )
 from namlcp.linalg.minimum_degree import minimum_degree
-from namlcp.linalg.sparse_ldl import ldl_factor, ldl_solve_into
 from namlcp.linalg.supernodes import Blocks, blocks_of, factor_blocks, solve_blocks
 from namlcp.linalg.symmetry import asymmetry, dense_asymmetry
 from namlcp.linalg.threads import blas_threads

@@ -20,12 +20,19 @@ import numpy as np
 from scipy.linalg.lapack import dpotrf, dpotrs, dsytrf, dsytrf_lwork, dsytrs
 from scipy.sparse import csc_matrix
 
-from namlcp.compiled import ints_at, kernel, longs_at, part, record_of
+from namlcp.compiled import floats_at, ints_at, kernel, longs_at, part, record_of
 from namlcp.linalg.csc import MOST_DENSE
 from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.multifrontal import Multifrontal
 from namlcp.linalg.ordering import Order, degrees, nested_dissection
-from namlcp.linalg.sparse_ldl import Pattern, analyse, factor_sparse, solve_sparse
+from namlcp.linalg.sparse_ldl import (
+    Pattern,
+    analyse,
+    factor_sparse,
+    ldl_factor,
+    ldl_solve_into,
+    solve_sparse,
+)
 
 # Entries of the upper triangle of K from which on a border is looked for.
 BORDER_ENTRIES = 20_000
@@ -147,6 +154,28 @@ def pattern_of(m):
         ints_at(m.l_width, size),
         longs_at(m.l_done, size),
     )
+
+
+@part
+def numbers_of(m):
+    """Return the values, the inverse and the scratch that the record m points to."""
+    entries = longs_at(m.l_starts, m.size + 1)[m.size]
+    values, inverse = floats_at(m.l_values, entries), floats_at(m.l_inverse, m.size)
+    return values, inverse, floats_at(m.l_work, m.size)
+
+
+@part
+def factor_record(m, data):
+    """Factor the matrix with these values; tell whether that succeeds."""
+    values, inverse, work = numbers_of(m)
+    return ldl_factor(m.size, pattern_of(m), data, values, inverse, work)
+
+
+@part
+def solve_record(m, rhs, x):
+    """Solve K x = rhs by the factors that the record m points to; x may be rhs."""
+    values, inverse, work = numbers_of(m)
+    ldl_solve_into(m.size, pattern_of(m), values, inverse, rhs, x, work)
 
 
 def factor_triangle(triangle: csc_matrix) -> SparseFactors:

@@ -19,7 +19,7 @@ factorisation succeeds.
 import numpy as np
 
 from namlcp.compiled import floats_at, ints_at, kernel, part, record_of
-from namlcp.linalg import ldl_factor, ldl_solve_into, pattern_of
+from namlcp.linalg import factor_record, solve_record
 from namlcp.qp.path.active_set import choose_next_set, correct_set, hold, is_set_solved
 from namlcp.qp.path.krylov import begin_krylov, end_krylov, is_krylov_done
 from namlcp.qp.path.newton import (
@@ -102,7 +102,8 @@ def advance(state):
                 m.stage = KEEP_FACTORED
                 if m.is_external:
                     return FACTOR
-                m.is_factored = factor_inside(m)
+                nnz = ints_at(m.indptr, m.size + 1)[m.size]
+                m.is_factored = factor_record(m, floats_at(m.data, np.int64(nnz)))
             else:
                 m.stage = m.after
         elif stage == KEEP_FACTORED:
@@ -112,7 +113,7 @@ def advance(state):
             m.stage = m.after
             if m.is_external:
                 return SOLVE
-            solve_inside(m)
+            solve_record(m, floats_at(m.r, m.size), floats_at(m.answer, m.size))
         elif stage == REFINE:
             m.stage, m.after = SOLVE, REFINE
             if is_refined(m):
@@ -215,26 +216,6 @@ def advance(state):
             return READY
         else:  # READY
             return stage
-
-
-@part
-def factor_inside(m):
-    """Factor K~; tell whether that succeeded."""
-    size, pattern = m.size, pattern_of(m)
-    values = floats_at(m.l_values, pattern.starts[size])
-    inverse, y = floats_at(m.l_inverse, size), floats_at(m.l_work, size)
-    nnz = np.int64(ints_at(m.indptr, size + 1)[size])
-    return ldl_factor(size, pattern, floats_at(m.data, nnz), values, inverse, y)
-
-
-@part
-def solve_inside(m):
-    """Solve K~ answer = r."""
-    size, pattern = m.size, pattern_of(m)
-    values = floats_at(m.l_values, pattern.starts[size])
-    inverse, y = floats_at(m.l_inverse, size), floats_at(m.l_work, size)
-    r, answer = floats_at(m.r, size), floats_at(m.answer, size)
-    ldl_solve_into(size, pattern, values, inverse, r, answer, y)
 
 
 @part

@@ -13,8 +13,8 @@ i of A, and the diagonal is the last entry of a column. G is held by rows.
 
 import numpy as np
 
-from namlcp.compiled import entries, floats, floats_at, ints, longs, part
-from namlcp.linalg import ldl_solve_into, pattern_of
+from namlcp.compiled import entries, floats, ints, longs, part
+from namlcp.linalg import solve_record
 from namlcp.qp.responses.judgement import parts_of_result
 from namlcp.qp.responses.rows import claim_place
 
@@ -37,10 +37,7 @@ def set_rest(m, rhs, u, r):
 @part
 def solve_shifted(m, rhs, u):
     """Set u = K~^-1 rhs; u may be rhs."""
-    size, pattern = m.size, pattern_of(m)
-    values = floats_at(m.l_values, pattern.starts[size])
-    inverse, work = floats_at(m.l_inverse, size), floats_at(m.l_work, size)
-    ldl_solve_into(size, pattern, values, inverse, entries(rhs), entries(u), work)
+    solve_record(m, entries(rhs), entries(u))
 
 
 @part

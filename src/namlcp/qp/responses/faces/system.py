@@ -7,8 +7,8 @@ active bound and an inactive row are *held*: a huge diagonal entry keeps x_j or 
 
 import numpy as np
 
-from namlcp.compiled import floats, floats_at, ints_at, longs_at, part
-from namlcp.linalg import ldl_factor, ldl_solve_into, pattern_of
+from namlcp.compiled import floats_at, ints_at, longs_at, part
+from namlcp.linalg import factor_record, solve_record
 
 # What is added to the diagonal of P, and subtracted for rows, in equilibrated units;
 # the same for what is held.
@@ -44,15 +44,12 @@ def factor_face(m):
         factored[i] = side[i]
     indptr, unit = ints_at(m.indptr, m.size + 1), floats_at(m.unit, m.size)
     nnz = np.int64(indptr[m.size])
-    base, data = floats_at(m.base, nnz), floats(m.data, nnz)
+    base, data = floats_at(m.base, nnz), floats_at(m.data, nnz)
     for j in range(m.size):
         last = indptr[j + 1] - 1
         shift = (HELD if is_held(m, side, j) else SHIFT) / (unit[j] * unit[j])
         data[last] = base[last] + shift if j < m.n else -shift
-    pattern = pattern_of(m)
-    values = floats(m.l_values, pattern.below.size)
-    inverse, work = floats(m.l_inverse, m.size), floats(m.l_work, m.size)
-    m.is_factored = ldl_factor(pattern, data, values, inverse, work)
+    m.is_factored = factor_record(m, data)
     return m.is_factored != 0
 
 
@@ -147,11 +144,8 @@ def is_accurate(m, error):
 def correct(m):
     """Add K~^-1 rest to u where nothing is held; best_u = u as it was."""
     u, best = floats_at(m.u, m.size), floats_at(m.best_u, m.size)
-    rest, side = floats(m.rest, m.size), longs_at(m.side, m.rows)
-    pattern = pattern_of(m)
-    values = floats(m.l_values, pattern.below.size)
-    inverse, work = floats(m.l_inverse, m.size), floats(m.l_work, m.size)
-    ldl_solve_into(pattern, values, inverse, rest, rest, work)
+    rest, side = floats_at(m.rest, m.size), longs_at(m.side, m.rows)
+    solve_record(m, rest, rest)
     for j in range(m.size):
         best[j] = u[j]
         if not is_held(m, side, j):
