@@ -21,6 +21,11 @@ class DenseFactors(NamedTuple):
     lu: np.ndarray
     pivots: np.ndarray
 
+    @property
+    def entries(self) -> int:
+        """Number of entries that are kept."""
+        return self.lu.size
+
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return the solution for b, (m,) or (m, k)."""
         return dgetrs(self.lu, self.pivots, b)[0]
@@ -38,6 +43,11 @@ class SparseFactors:
     def __init__(self, lu: SuperLU, order: np.ndarray):
         """Column k of the factored matrix is column order[k]."""
         self.lu, self.order = lu, order
+
+    @property
+    def entries(self) -> int:
+        """Number of entries that are kept."""
+        return int(self.lu.nnz)
 
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return the solution for b, (m,) or (m, k)."""

@@ -6,6 +6,7 @@ import pytest
 from scipy import sparse
 
 from namlcp.lcp.distances import Distances
+from namlcp.lcp.general import arc
 from namlcp.lcp.general.arc import Arc
 from namlcp.lcp.general.finish import finish
 from namlcp.lcp.general.mehrotra import mehrotra
@@ -52,6 +53,12 @@ def test_friction(way, layout, directions):
         assert residual < 1e-8
         *_, x = finish(model, p)
         assert model.residual(x, model.F(x)) < 1e-13
+
+
+def test_the_arc_with_memory_for_one_point(monkeypatch):
+    monkeypatch.setattr(arc, "KEPT_ENTRIES", 1)
+    model = model_of(*problems.copositive(np.random.default_rng(0), 40))
+    assert end(model, ways(model)["arc"])[1] < 1e-8
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -43,8 +43,9 @@ SHORTER, LIMITED = 0.3, 0.5
 """After a point was given up: factor of the step from the one before, and largest
 relative change back to the curve in it."""
 
-KEPT = 30
-"""Points on the stack at most."""
+KEPT, KEPT_ENTRIES = 30, 30_000_000
+"""Points on the stack at most, and entries of their factors: these take about 24 bytes
+each, indices and SuperLU's copies included."""
 
 FAR_AWAY, LARGE_T = 1e10, 1e4
 """Entry of p, relative to max |c_i| = 1, and t, at which the path ends."""
@@ -162,7 +163,8 @@ class Arc:
             if here is not None and not (off and stack):
                 at.h = next_length(at.h, here.error)
                 stack.append(here)
-                del stack[:-KEPT]
+                room = KEPT_ENTRIES // here.factors.entries
+                del stack[: -max(1, min(KEPT, room))]
             elif stack:
                 shorten(stack)
             else:
