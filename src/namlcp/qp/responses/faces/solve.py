@@ -5,6 +5,7 @@ from math import inf
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csc_array
 
 from namlcp.checks import as_sparse
 from namlcp.limits import Limits
@@ -35,7 +36,8 @@ class Faces(Responses):
     kernel = staticmethod(run_faces)
     new_state = staticmethod(new_face)
     form = "face"
-    kkt: KKT | None = None
+    kkt: Any = None  # a `KKT`
+    attached: tuple[Any, Any, Any] = (None, None, None)  # P, G and A in it
 
     @classmethod
     def of(cls, qp: QP) -> "Faces | None":
@@ -66,29 +68,40 @@ class Faces(Responses):
         return self.now.face_work if self.now.is_ready else inf
 
     def attach(self, P: Any, G: Any, A: Any) -> None:
-        """Take matrices; lay out factors, as before for the same pattern."""
+        """Take matrices, in the order found before if their pattern is the same."""
         super().attach(P, G, A)
-        now, old = self.now, self.kkt
-        P, G, A = (as_sparse(C) for C in (P, G, A))
-        kkt = self.kkt = KKT(P, by_rows(A), by_rows(G), old)
+        before, self.attached = self.attached, (P, G, A)
+        if before[1] is G and before[2] is A and has_indices_of(P, before[0]):
+            self.kkt.set_values(P, *self.rows)
+        else:
+            self.lay_out(*map(as_sparse, (P, G, A)))
+        if self.now.is_ready:
+            kkt = self.kkt
+            kkt.data[:] = kkt.base
+            self.unit[:] = 1.0
+            equilibrate(kkt.indptr, kkt.indices, kkt.data, self.unit)
+            kkt.data[:] = kkt.base
+            self.now.is_factored = 0
+
+    def lay_out(self, P: csc_array, G: csc_array, A: csc_array) -> None:
+        """Make the KKT matrix, and a place for its factors."""
+        now = self.now
+        self.rows = by_rows(A), by_rows(G)
+        kkt = self.kkt = KKT(P, *self.rows, self.kkt)
         factors = kkt.plan()
+        now.is_ready = isinstance(factors, SparseFactors)
         if not isinstance(factors, SparseFactors):
             return
-        if old is None or old.factors is not factors:
+        if now.size == 0:
             now.n, now.m, now.p = P.shape[0], G.shape[0], A.shape[0]
             now.rows, now.size = now.n + now.m, kkt.size
             self.memory, self.unit = allocate(now)
-            entries = kkt.base.size + factors.values.size
-            now.face_work = factors.order.work + PASSES * entries
-            numbers = factors.values, factors.inverse, factors.work
-            attach_factors(self.state, factors.pattern, numbers)
-        kkt.data[:] = kkt.base
-        self.unit[:] = 1.0
-        equilibrate(kkt.indptr, kkt.indices, kkt.data, self.unit)
-        kkt.data[:] = kkt.base
+        entries = kkt.base.size + factors.values.size
+        now.face_work = factors.order.work + PASSES * entries
+        numbers = factors.values, factors.inverse, factors.work
+        attach_factors(self.state, factors.pattern, numbers)
         for name in ("indptr", "indices", "base", "data"):
             setattr(now, name, getattr(kkt, name).ctypes.data)
-        now.is_factored, now.is_ready = 0, 1
 
     def attach_anew(self) -> None:
         """Take the matrices that `renew` has noted; the last point stays the start."""
@@ -113,3 +126,12 @@ class Faces(Responses):
         return limits.deadline.run(
             self.kernel, MOST_FACES * self.now.face_work, *arguments
         )
+
+
+def has_indices_of(P: Any, other: Any) -> bool:
+    """Tell whether two matrices are CSC arrays that share their indices."""
+    return (
+        type(P) is type(other) is csc_array
+        and P.indices is other.indices
+        and P.indptr is other.indptr
+    )
