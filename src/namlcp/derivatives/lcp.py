@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from namlcp.checks import finite_matrix, finite_vector
+from namlcp.compiled import kernel
 from namlcp.derivatives.free_matrix import FreeMatrix, free_matrix
 from namlcp.derivatives.gradients import LCPGradients, LCPTangent, RankTwo
 from namlcp.derivatives.problem import problem_of
@@ -108,17 +109,39 @@ def active_sides(
     The second array counts unknowns at a bound with w = 0 as fixed too. w_i counts as 0
     up to `ACTIVE` times the largest term of (A z + q)_i, as far as these are known.
     """
+    sides, weak_sides = np.empty((2, z.size), dtype=np.int8)
     matrix, q, lower, upper = lcp
-    slopes = matrix.slopes
-    zero = ACTIVE * np.maximum(np.maximum(np.abs(q), np.abs(w - q)), slopes * np.abs(z))
-    to_lower, to_upper = slopes * (z - lower), slopes * (upper - z)
-    side = 1 * ((w < -zero) & (to_upper < -w)) - 1 * ((w > zero) & (to_lower < w))
-    pinned = lower == upper
-    side[pinned] = np.where(w[pinned] < 0.0, 1, -1)
-    near = ACTIVE * (1.0 + np.abs(z))
-    at_lower, at_upper = z - lower <= near, upper - z <= near
-    weak = np.where(side != 0, side, 1 * at_upper - 1 * (at_lower & ~at_upper))
-    return side, weak
+    mark_sides((q, lower, upper), (z, w), matrix.slopes, sides, weak_sides)
+    return sides, weak_sides
+
+
+@kernel
+def mark_sides(vectors, point, slopes, sides, weak_sides):
+    """Set both results of `active_sides`; vectors = (q, lower, upper), point = (z, w).
+
+    An unknown is at a bound with w != 0 if its distance to the bound is less than |w_i|
+    over the slope of w_i in z_i.
+    """
+    q, lower, upper = vectors
+    z, w = point
+    for i in range(z.size):
+        zero = ACTIVE * max(abs(q[i]), abs(w[i] - q[i]), slopes[i] * abs(z[i]))
+        to_lower, to_upper = z[i] - lower[i], upper[i] - z[i]
+        side = 0
+        if lower[i] == upper[i]:
+            side = 1 if w[i] < 0.0 else -1
+        elif w[i] < -zero and slopes[i] * to_upper < -w[i]:
+            side = 1
+        elif w[i] > zero and slopes[i] * to_lower < w[i]:
+            side = -1
+        sides[i] = side
+        near = ACTIVE * (1.0 + abs(z[i]))
+        if side == 0:
+            if to_upper <= near:
+                side = 1
+            elif to_lower <= near:
+                side = -1
+        weak_sides[i] = side
 
 
 def differentiate_lcp(result: LCPResult) -> LCPDerivative:

@@ -28,9 +28,9 @@ JUDGED = (DONE, SUMMED, LATE, CONTRADICTION)
 # Most variables, equations and rows of a QP that is solved by responses without BLAS.
 MOST_ORDER = 900
 # Spaces of one-shot solves that have ended, for the next ones: making one takes as long
-# as a tiny QP. At most so many numbers each are kept.
+# as a tiny QP. At most so many are kept, of at most so many numbers each.
 POOL: list["DenseResponses"] = []
-MOST_POOLED = 1_000_000
+MOST_SPACES, MOST_POOLED = 16, 1_000_000
 # Solves that are left to other methods without trying, after 1, 2, ... were tried in a
 # row and left to these.
 PAUSES = 0, 1, 3, 7, 15
@@ -89,7 +89,7 @@ def solve_once(
 
 def give_back(space: "DenseResponses") -> None:
     """Keep the memory of a space for the next solve, unless it is large."""
-    if space.memory.size <= MOST_POOLED:
+    if space.memory.size <= MOST_POOLED and len(POOL) < MOST_SPACES:
         space.matrices = None, None, None  # the caller's, which are not to be held
         POOL.append(space)
 
