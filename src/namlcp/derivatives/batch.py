@@ -103,7 +103,7 @@ def differentiate_dense(
     data = tuple(clean_copy(v, np.float64).reshape(-1) for v in arrays)
     flat_points = tuple(v.reshape(-1) for v in points)
     flat = tuple(NOTHING if v is None else v.reshape(-1) for v in cotangents)
-    most = max(int(MOST_WORK / ((n + m) * n * n)), 1)
+    most = max(int(MOST_WORK / ((n + m) * n * n + 1)), 1)
     length = min(-(-chosen.size // (CHUNKS * threads)), most)
     starts = range(0, chosen.size, length or 1)
 

@@ -2,7 +2,8 @@
 
 One call finds the active constraints of an item, factors its KKT system and solves it:
 the regular case of `namlcp.derivatives.qp`, without Python. Items that are singular are
-left to that.
+left to that. A single QP whose solve has left its factors is solved with these: they
+are those of the whole P with active bounds as rows, see `namlcp.qp.responses`.
 """
 
 from collections.abc import Iterable
