@@ -28,7 +28,12 @@ from namlcp.qp.path.newton import (
     is_refined,
     keep_factored,
 )
-from namlcp.qp.path.regularisation import POOR, regularise, strengthen
+from namlcp.qp.path.regularisation import (
+    POOR,
+    is_full_step,
+    regularise,
+    strengthen,
+)
 from namlcp.qp.path.steps import (
     WIDTH,
     aim_at_centre,
@@ -82,10 +87,9 @@ PROMISING, SMALL_RATIO, AGAIN = 0.1, 1e-4, 0.1
 # Iterations without halving the primal (dual) residual before the fallback QPs, if a
 # candidate for a proof that it cannot vanish was promising.
 FALLBACK_AFTER = 12
-# An iteration counts IDLE times in the patience if a step of full length, the sum of
-# the primal and the dual one above FULL, leaves more than the part STUCK of a large
-# primal residual: the next steps will do no better.
-IDLE, STUCK, FULL = 20, 0.99, 1.9
+# An iteration counts IDLE times in the patience if a step of full length leaves more
+# than the part STUCK of a large primal residual: the next steps will do no better.
+IDLE, STUCK = 20, 0.99
 # Operations between two looks at the clock: some hundredths of a second.
 OPERATIONS = 1e8
 
@@ -248,9 +252,8 @@ def look(m):
         wants |= ACTIVE_SET
     if promises(m):
         wants |= PROVE
-    is_full = m.primal_step + m.dual_step > FULL
     is_stuck = m.primal_ratio > CLOSE and m.primal > STUCK * m.old_primal
-    m.since += IDLE if is_full and is_stuck else 1
+    m.since += IDLE if is_stuck and is_full_step(m) else 1
     m.old_primal = m.primal
     if m.worst <= 0.5 * m.reference:
         m.reference, m.since = m.worst, 0

@@ -13,8 +13,11 @@ RHO, DELTA = 1e-6, 1e-4
 # rho and delta fall with mu down to FLOOR; then accurate solves, or steps without
 # inequalities, lower them down to LOWEST. A bad solve raises them tenfold, up to TOP.
 FLOOR, LOWEST, TOP = 1e-7, 1e-16, 1e-6
-# Relative residuals above which a solve is bad, and below which it is accurate.
-POOR, ACCURATE = 1e-5, 1e-8
+# Relative residuals above which a solve is bad, and below which it is accurate; the
+# latter after a step of full length, too, whose remainder is due to rho and delta.
+POOR, ACCURATE, ACCURATE_FULL = 1e-5, 1e-8, 1e-6
+# A step has full length if the sum of the primal and the dual one exceeds this.
+FULL = 1.9
 # Iterations without lowering after a bad solve.
 WAIT = 3
 # Scaled dual residual up to which rho is not held responsible for it.
@@ -36,10 +39,16 @@ def regularise(m, old_mu):
         strengthen(m)
     elif m.wait > 0:
         m.wait -= 1
-    elif m.error < ACCURATE:
+    elif m.error < (ACCURATE_FULL if is_full_step(m) else ACCURATE):
         dual, primal = m.dual_norm, max(m.row_norm, m.slack_norm)
         rho_dominates = dual > NEGLIGIBLE_RESIDUAL and m.rho * m.change_x > 0.5 * dual
         lower(m, rho_dominates, m.delta * m.change_yz > 0.5 * primal)
+
+
+@part
+def is_full_step(m):
+    """Tell whether the last step, primal and dual, had full length."""
+    return m.primal_step + m.dual_step > FULL
 
 
 @part
