@@ -11,9 +11,10 @@
 
 FACTOR and SOLVE lie between them and are the only places where K~ is factored and
 solved with: by this function, or by the caller, to whom it returns FACTOR or SOLVE
-where `is_external`. REFINE and KRYLOV improve a solution. It returns LOOK where an
-iterate has `wants`, READY when it has done what it was asked for alone, FAILED when no
-factorisation succeeds.
+where `is_external`. REFINE and KRYLOV improve a solution; it returns KRYLOV for each
+step of that, so that only those who need it wait for its compilation. It returns LOOK
+where an iterate has `wants`, READY when it has done what it was asked for alone, FAILED
+when no factorisation succeeds.
 """
 
 import numpy as np
@@ -21,7 +22,6 @@ import numpy as np
 from namlcp.compiled import floats_at, ints_at, kernel, part, record_of
 from namlcp.linalg import factor_record, solve_record
 from namlcp.qp.path.active_set import choose_next_set, correct_set, hold, is_set_solved
-from namlcp.qp.path.krylov import begin_krylov, end_krylov, is_krylov_done
 from namlcp.qp.path.newton import (
     begin_solve,
     is_factored,
@@ -122,13 +122,10 @@ def advance(state):
             m.stage, m.after = SOLVE, REFINE
             if is_refined(m):
                 m.stage = m.then
-                if m.krylov_pays and not m.error <= GMRES_ABOVE and begin_krylov(m):
-                    m.stage, m.after = SOLVE, KRYLOV
+                if m.krylov_pays and not m.error <= GMRES_ABOVE:
+                    m.stage, m.krylov_step = KRYLOV, -1
         elif stage == KRYLOV:
-            m.stage, m.after = SOLVE, KRYLOV
-            if is_krylov_done(m):
-                end_krylov(m)
-                m.stage = m.then
+            return KRYLOV
         elif stage == START:
             prepare_start(m)
             assemble(m)

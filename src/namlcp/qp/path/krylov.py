@@ -9,7 +9,8 @@ corrections of u are the rows of `corrections`.
 
 import numpy as np
 
-from namlcp.compiled import floats_at, part
+from namlcp.compiled import floats_at, kernel, part, record_of
+from namlcp.qp.path.advance import KRYLOV, SOLVE
 from namlcp.qp.path.newton import set_remainder
 from namlcp.qp.path.steps import WIDTH, put
 
@@ -17,6 +18,22 @@ from namlcp.qp.path.steps import WIDTH, put
 KRYLOV_STEPS = 8
 # A new direction of this size, relative to the first residual, is rounding.
 BREAKDOWN = 1e-14
+
+
+@kernel(error_model="numpy")
+def step_krylov(state):
+    """Do what `advance` asks for at the stage KRYLOV, and set the next stage.
+
+    That is to begin, where krylov_step is -1, or to take `answer` as a correction.
+    """
+    m = record_of(state)
+    if m.krylov_step < 0:
+        goes_on = begin_krylov(m)
+    else:
+        goes_on = not is_krylov_done(m)
+        if not goes_on:
+            end_krylov(m)
+    m.stage, m.after = SOLVE if goes_on else m.then, KRYLOV
 
 
 # Any order of the sum is allowed, so that it vectorises.

@@ -14,13 +14,14 @@ from namlcp.limits import Limits
 from namlcp.linalg import FACTORS, SparseFactors, attach_factors
 from namlcp.qp.path.advance import (
     FACTOR,
+    KRYLOV,
     OPERATIONS,
     PRODUCTS,
     READY,
     SOLVE,
     advance,
 )
-from namlcp.qp.path.krylov import KRYLOV_STEPS
+from namlcp.qp.path.krylov import KRYLOV_STEPS, step_krylov
 from namlcp.qp.transforms import ScaledQP
 
 # Vectors of the problem (`ScaledQP`, `KKT`); `cost`, `goal_b` and `goal_c` are those of
@@ -152,7 +153,7 @@ class PathState(ctypes.Structure):
         ("error", ctypes.c_double),
         # Whether GMRES halved the residual when it was last tried.
         ("krylov_pays", ctypes.c_bool),
-        # Steps of GMRES, and the norm of its first residual.
+        # Steps of GMRES, -1 before it begins, and the norm of its first residual.
         ("krylov_step", ctypes.c_int64),
         ("krylov_size", ctypes.c_double),
         ("predicted_error", ctypes.c_double),
@@ -264,6 +265,8 @@ class Workspace:
                 now.is_factored = kkt.factor()
             elif found == SOLVE:
                 self.answer[:] = kkt.plan().solve(self.r)
+            elif found == KRYLOV:
+                step_krylov(self.state)
             else:
                 return found
 
