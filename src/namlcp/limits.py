@@ -58,19 +58,24 @@ class Deadline:
 
     @contextmanager
     def listening(self) -> Iterator[None]:
-        """Let the first Ctrl-C in the block set `interrupted`; the next one raises.
+        """Let the first Ctrl-C in the block set `interrupted`; the next one raises."""
+        listens = self.listen()
+        try:
+            yield
+        finally:
+            if listens:
+                set_handler(SIGINT, default_int_handler)
+
+    def listen(self) -> bool:
+        """Begin to listen, see `listening`; tell whether a handler was replaced.
 
         Only Python's default handler is replaced, and only in the main thread.
         """
         ours = threading.current_thread() is threading.main_thread()
         if not ours or getsignal(SIGINT) is not default_int_handler:
-            yield
-            return
+            return False
         set_handler(SIGINT, self.interrupt)
-        try:
-            yield
-        finally:
-            set_handler(SIGINT, default_int_handler)
+        return True
 
     def interrupt(self, number: int, frame: FrameType | None) -> None:
         """Handle SIGINT (the interface of `signal.signal`)."""
@@ -113,8 +118,13 @@ class Deadline:
         answers = self.answers()
         next(answers)
         answer = Callback(answers.__next__)
-        with self.listening():
-            found = kernel(*arguments, ctypes.c_void_p.from_buffer(answer).value)
+        address = ctypes.c_void_p.from_buffer(answer).value
+        listens = self.listen()  # as `listening`, in half of its time
+        try:
+            found = kernel(*arguments, address)
+        finally:
+            if listens:
+                set_handler(SIGINT, default_int_handler)
         if self.error is not None:
             raise self.error
         return found

@@ -312,8 +312,10 @@ def signed_gap(
     in_h, in_lb, in_ub = finite or finite_positions(vectors)
     with np.errstate(all="ignore"):  # huge terms may overflow to infinity or NaN
         gap = x.dot(Px) + q.dot(x) + dot_at(in_h, h, z) + b.dot(y)
-        gap += dot_at(in_lb, lb, np.minimum(z_box, 0.0))
-        gap += dot_at(in_ub, ub, np.maximum(z_box, 0.0))
+        if in_lb is None or in_lb.size:
+            gap += dot_at(in_lb, lb, np.minimum(z_box, 0.0))
+        if in_ub is None or in_ub.size:
+            gap += dot_at(in_ub, ub, np.maximum(z_box, 0.0))
     return float(gap)
 
 

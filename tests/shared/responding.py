@@ -11,7 +11,7 @@ FINAL = (Status.SOLVED, Status.PRIMAL_INFEASIBLE)
 
 def solve(responses, qp, limits=LIMITS):
     """Return the answer to the QP with the vectors of `qp`, None if left to others."""
-    return responses.answer(*responses.run(qp, limits), qp, limits)
+    return responses.answer(*responses.run(qp.joined(), limits), qp, limits)
 
 
 def walked(responses, steps, assert_agrees):

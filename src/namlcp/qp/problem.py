@@ -71,6 +71,21 @@ class QP(NamedTuple):
         """Return the nearest point within the bounds."""
         return np.minimum(np.maximum(x, self.lb), self.ub)
 
+    def joined(self) -> np.ndarray:
+        """Return q, h, b, lb and ub, one after another."""
+        return np.concatenate((self.q, self.h, self.b, self.lb, self.ub))
+
+    @classmethod
+    def of(cls, matrices: tuple[Any, Any, Any], joined: np.ndarray) -> "QP":
+        """Return the QP of P, G, A and vectors as `joined` returns them, not copied."""
+        P, G, A = matrices
+        h = P.shape[0]
+        b = h + G.shape[0]
+        lb = b + A.shape[0]
+        ub = lb + h
+        q, sides = joined[:h], (joined[lb:ub], joined[ub:])
+        return cls(P, q, G, joined[h:b], A, joined[b:lb], *sides)
+
     def has_matrices_of(self, other: "QP") -> bool:
         """Tell whether P, G and A are the very same objects."""
         return self.P is other.P and self.G is other.G and self.A is other.A

@@ -18,7 +18,7 @@ from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.judge import confirmed, upheld
 from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, checked, qp_arrays
-from namlcp.qp.responses import MOST_ORDER, Held, is_brief, parted, solve_once
+from namlcp.qp.responses import MOST_ORDER, Held, is_brief, solve_once
 from namlcp.qp.transforms import substitute, without_huge_bounds
 from namlcp.residuals import qp_residuals
 from namlcp.result import QPResult
@@ -251,30 +251,6 @@ def attributes_of(
         "setup_time": setup_time,
         "solve_time": solve_time,
     }
-
-
-def quick_result(
-    numbers: np.ndarray,
-    way: tuple[int, str],
-    problem: tuple[QP, tuple[Any, Any, Any]],
-    start: float,
-) -> QPResult:
-    """Return the SOLVED result of `Responses.run`; its rest is made when asked for.
-
-    way: iterations and form; problem, start: as in `result_of`.
-    """
-    qp, solve_time = problem[0], time.perf_counter() - start
-    later = unfolded, numbers, way, qp, solve_time
-    return QPResult.quick(numbers[: qp.q.size], problem, later)
-
-
-def unfolded(
-    numbers: np.ndarray, way: tuple[int, str], qp: QP, solve_time: float
-) -> dict[str, Any]:
-    """Return the attributes of a `quick_result`."""
-    parts = parted(numbers, qp.q.size, qp.h.size, qp.b.size)
-    answer = Answer(Status.SOLVED, *parts, *way)
-    return attributes_of(answer, 0.0, solve_time)
 
 
 def solve_or_relax(

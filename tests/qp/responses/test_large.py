@@ -41,7 +41,7 @@ def test_a_prepared_solve_gives_the_same(seed):
         if is_prepared:
             assert prepare(space.address, qp.q, qp.h)
             assert space.now.next_place > 0
-        code, numbers = space.run(qp, LIMITS)
+        code, numbers = space.run(qp.joined(), LIMITS)
         assert code == DONE
         points.append(parted(numbers, qp.q.size, qp.h.size, 0)[0])
     for own, other in zip(*points, strict=True):

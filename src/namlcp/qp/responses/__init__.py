@@ -12,8 +12,8 @@ class of this room, `DenseResponses` for arrays, `SparseResponses` for sparse ma
 
 - ``of(qp)``: for the matrices of a QP, None where they are not suited. The arrays are
   not copied, and must not change;
-- ``run(qp, limits)``: solve the QP with the vectors of `qp`, clean ones of the right
-  sizes (`checks.vector`); returns a code and an array of numbers. After the code DONE
+- ``run(vectors, limits)``: solve the QP with these vectors, see `QP.joined`, of the
+  right sizes; returns a code and an array of numbers. After the code DONE
   the QP is SOLVED, and `parted` takes the numbers apart: most of a short solve is
   wrapping them. Whatever the code, the active rows of the last solved QP are kept;
 - ``answer(code, numbers, qp, limits) -> Answer | None``: the verdict of `run`, judged
@@ -39,7 +39,7 @@ from namlcp.qp.responses.active import DONE
 from namlcp.qp.responses.batch import Stack
 from namlcp.qp.responses.faces import Faces
 from namlcp.qp.responses.judgement import ROUNDING, parts_of_result
-from namlcp.qp.responses.run import least_pivot, solve_held
+from namlcp.qp.responses.run import accepts, least_pivot, solve_held
 from namlcp.qp.responses.solve import (
     MOST_ORDER,
     DenseResponses,

@@ -13,7 +13,7 @@ from namlcp.qp.problem import QP
 from namlcp.qp.responses.active import DONE
 from namlcp.qp.responses.judgement import NUMBERS
 from namlcp.qp.responses.run import run
-from namlcp.qp.responses.solve import MOST_ORDER, DenseResponses
+from namlcp.qp.responses.solve import MOST_ORDER, NO_NUMBERS, DenseResponses
 
 # Operations of one call at most, about: until its end Ctrl-C is not seen.
 MOST_WORK = 1e8
@@ -66,11 +66,10 @@ class Stack:
             setattr(now, name, address_of(array) + start * step)
         now.codes = address_of(self.ended) + start * self.ended.strides[0]
         space.limit(options.limits())
-        vectors = [self.arrays[name].ravel() for name in ("q", "h", "b", "lb", "ub")]
         while start < end:
             now.items_left = min(end - start, self.length)
             start += now.items_left
-            run(space.address, *vectors, self.out.ravel(), 0)
+            run(space.address, NO_NUMBERS, self.out.ravel(), 0)
 
     def is_solved(self) -> np.ndarray:
         """Tell which items are solved; all others are left to other methods."""

@@ -25,7 +25,8 @@ from namlcp.qp.responses.triangle import triangle_solve, triangle_solve_transpos
 # Further codes of `run`. UNSUITED: this form does not take these matrices, or their
 # numbers are not allowed. FAULTY: nor are those of a vector; or a side of h, lb or ub
 # is finite, but means none, or contradicts another one.
-UNSUITED, FAULTY = 5, 6
+# ROOMLESS: see `run_once`.
+UNSUITED, FAULTY, ROOMLESS = 5, 6, 8
 
 
 @kernel
@@ -42,20 +43,23 @@ def attach_matrices(address, P, G, A):
 
 @part
 def attach_vectors(m, vectors, out):
-    """Note the vectors, and where the result is to be written, unless a batch has."""
-    q, h, b, lb, ub = vectors
-    if m.items_left == 0:
-        m.q, m.h, m.b = q.ctypes.data, h.ctypes.data, b.ctypes.data
-        m.lb, m.ub, m.out = lb.ctypes.data, ub.ctypes.data, out.ctypes.data
+    """Note q, h, b, lb and ub, one after another, and where the result is to be."""
+    m.q, m.out = vectors.ctypes.data, out.ctypes.data
+    m.h = m.q + 8 * m.n
+    m.b = m.h + 8 * m.m
+    m.lb = m.b + 8 * m.p
+    m.ub = m.lb + 8 * m.n
 
 
 @kernel
 def take_hint(address, active):
-    """Note rows that are probably active, as `Guess.active` has them, to start from.
+    """Note rows that are probably active, as `Guess.active` has them, to start from."""
+    note_hint(state_at(address), active)
 
-    None if there are too many of them.
-    """
-    m = state_at(address)
+
+@part
+def note_hint(m, active):
+    """Note the rows of `take_hint`, none if there are too many of them."""
     kept, kept_side = longs(m.kept_active, m.most + 1), longs(m.kept_side, m.most + 1)
     m.kept_k, m.hints, m.is_free = 0, 0, 0
     for i in range(m.m + 2 * m.n):
@@ -69,37 +73,78 @@ def take_hint(address, active):
 
 
 @part
-def is_faulty(m):
-    """Tell whether a number in the vectors is not allowed, or means something else.
+def are_allowed(q, h, b, lb, ub):
+    """Tell whether all numbers in the vectors are allowed, and mean what they are.
 
-    Such are NaN, infinite entries of q and b, sides beyond `INFINITE`, opposed sides.
+    Not so NaN, infinite entries of q and b, and sides beyond `INFINITE`.
     """
-    q, b = floats(m.q, m.n), floats(m.b, m.p)
-    h, lb, ub = floats(m.h, m.m), floats(m.lb, m.n), floats(m.ub, m.n)
     fine = True
-    for j in range(m.n):
+    for j in range(q.size):
         fine = fine and abs(q[j]) < np.inf
-    for i in range(m.p):
+    for i in range(b.size):
         fine = fine and abs(b[i]) < np.inf
-    for i in range(m.m):
+    for i in range(h.size):
         fine = fine and (-INFINITE < h[i] < INFINITE or h[i] == np.inf)
-    for j in range(m.n):
-        fine = fine and lb[j] <= ub[j]
+    for j in range(q.size):
         fine = fine and (-INFINITE < lb[j] < INFINITE or lb[j] == -np.inf)
         fine = fine and (-INFINITE < ub[j] < INFINITE or ub[j] == np.inf)
-    return not fine
+    return fine
+
+
+@kernel
+def accepts(vectors, n, m, p):
+    """Tell whether q, h, b, lb and ub, one after another, `are_allowed`."""
+    h, b, lb, ub = n, n + m, n + m + p, 2 * n + m + p
+    return are_allowed(
+        vectors[:h], vectors[h:b], vectors[b:lb], vectors[lb:ub], vectors[ub:]
+    )
+
+
+@part
+def is_faulty(m):
+    """Tell whether a number in the vectors is not allowed, or two sides are opposed."""
+    q, b = floats(m.q, m.n), floats(m.b, m.p)
+    h, lb, ub = floats(m.h, m.m), floats(m.lb, m.n), floats(m.ub, m.n)
+    if not are_allowed(q, h, b, lb, ub):
+        return True
+    opposed = False
+    for j in range(m.n):
+        opposed = opposed or not lb[j] <= ub[j]
+    return opposed
 
 
 @kernel(error_model="numpy")
-def run(address, q, h, b, lb, ub, out, clock):
+def run_once(address, matrices, vectors, active, out, clock):
+    """Solve a single QP of matrices (P, G, A) and vectors (q, h, b, lb, ub), as `run`.
+
+    It starts from the rows `active`, see `take_hint`, if that is not empty. ROOMLESS
+    where the memory is not large enough.
+    """
+    P, G, A = matrices
+    if not attach_matrices(address, P, G, A):
+        return ROOMLESS
+    m = state_at(address)
+    if active.size > 0:
+        note_hint(m, active)
+    q, h, b, lb, ub = vectors
+    m.q, m.h, m.b = q.ctypes.data, h.ctypes.data, b.ctypes.data
+    m.lb, m.ub, m.out = lb.ctypes.data, ub.ctypes.data, out.ctypes.data
+    return solve_attached(m, clock)
+
+
+@kernel(error_model="numpy")
+def run(address, vectors, out, clock):
     """Solve the QP, or all items of a batch; clock: see `Deadline.run`.
+
+    vectors: q, h, b, lb and ub, one after another; those of items are known.
 
     The result is complete after DONE and SUMMED; after LATE it is the best point, after
     CONTRADICTION it has x and the multipliers y and z of a candidate for a certificate.
     The codes of a batch and its pivots are written to m.codes, item by item.
     """
     m = state_at(address)
-    attach_vectors(m, (q, h, b, lb, ub), out)
+    if m.items_left == 0:
+        attach_vectors(m, vectors, out)
     while True:
         found = solve_attached(m, clock)
         if m.items_left == 0:

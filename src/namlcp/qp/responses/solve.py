@@ -2,11 +2,12 @@
 
 import ctypes
 from collections.abc import Callable
+from math import inf
 from typing import Any
 
 import numpy as np
 
-from namlcp.limits import NEVER, Limits
+from namlcp.limits import NEVER, Deadline, Limits
 from namlcp.options import DEFAULT_OPTIONS
 from namlcp.qp.answer import Answer, proved
 from namlcp.qp.certificates import accept_primal
@@ -15,11 +16,18 @@ from namlcp.qp.problem import QP, Point
 from namlcp.qp.responses.active import CONTRADICTION, DONE, LATE, STUCK
 from namlcp.qp.responses.course import SUMMED
 from namlcp.qp.responses.free import MOST_WORK, WIDE, run_free
-from namlcp.qp.responses.judgement import NUMBERS
+from namlcp.qp.responses.judgement import NUMBERS, ROUNDING
 from namlcp.qp.responses.large import MOST_LARGE, prepare
-from namlcp.qp.responses.run import attach_matrices, run, take_hint
+from namlcp.qp.responses.run import (
+    ROOMLESS,
+    UNSUITED,
+    attach_matrices,
+    run,
+    run_once,
+    take_hint,
+)
 from namlcp.qp.responses.state import allocate, new_state
-from namlcp.residuals import Residuals, qp_residuals
+from namlcp.residuals import Residuals, qp_residuals, signed_gap
 from namlcp.status import Status
 
 SOLVED = Status.SOLVED
@@ -29,7 +37,7 @@ JUDGED = (DONE, SUMMED, LATE, CONTRADICTION)
 MOST_ORDER = 900
 # Spaces of one-shot solves that have ended, for the next ones: making one takes as long
 # as a tiny QP. At most so many are kept, of at most so many numbers each.
-POOL: list["DenseResponses"] = []
+POOL: list["SingleSolves"] = []
 MOST_SPACES, MOST_POOLED = 16, 1_000_000
 # Solves that are left to other methods without trying, after 1, 2, ... were tried in a
 # row and left to these.
@@ -42,11 +50,11 @@ class Held:
 
     Attributes
     ----------
-    space : DenseResponses or None
+    space : SingleSolves or None
         Where they are; None if the QP was not solved.
     """
 
-    space: "DenseResponses | None" = None
+    space: "SingleSolves | None" = None
 
     def __del__(self) -> None:
         """Let the next solve have the space."""
@@ -64,21 +72,16 @@ def solve_once(
     order = qp.q.size + qp.h.size + qp.b.size
     if order > MOST_LARGE:
         return None
-    limits.announce(run)
     try:
         space = POOL.pop()
-        space.attach(qp.P, qp.G, qp.A)
     except IndexError:
-        space = DenseResponses(qp.P, qp.G, qp.A)
-        space.now.is_single = True
-    if order > MOST_ORDER:
+        space = SingleSolves()
+    if order <= MOST_ORDER:
+        limits.announce(run_once)
+        code, numbers = space.solve(qp, guess, limits)
+    else:
         limits.announce(prepare)
-        if not prepare(space.address, qp.q, qp.h):
-            give_back(space)
-            return None
-    if guess.active.size:
-        space.suggest(guess)
-    code, numbers = space.run(qp, limits)
+        code, numbers = space.solve_large(qp, guess, limits)
     found = space.answer(code, numbers, qp, limits)
     if held is not None and found is not None and found.status is SOLVED:
         held.space = space
@@ -87,7 +90,7 @@ def solve_once(
     return found
 
 
-def give_back(space: "DenseResponses") -> None:
+def give_back(space: "SingleSolves") -> None:
     """Keep the memory of a space for the next solve, unless it is large."""
     if space.memory.size <= MOST_POOLED and len(POOL) < MOST_SPACES:
         space.matrices = None, None, None  # the caller's, which are not to be held
@@ -116,6 +119,18 @@ def parted(numbers: np.ndarray, n: int, m: int, p: int) -> tuple[Point, Residual
     return point, tuple.__new__(Residuals, numbers[end:].tolist())
 
 
+def summed(qp: QP, point: Point, found: Residuals, eps_abs: float) -> Residuals:
+    """Return the residuals of a point with sums in the order of the data.
+
+    found: those in another order. Often the terms of the gap alone are so large that
+    the order matters.
+    """
+    if max(found.primal_size, found.dual_size) * ROUNDING > eps_abs:
+        return qp_residuals(*qp, *point)
+    vectors = qp.q, qp.h, qp.b, qp.lb, qp.ub
+    return found._replace(gap=abs(signed_gap(vectors, point, qp.P @ point.x)))
+
+
 class Responses:
     """What is kept for QPs with the same P, G and A: see the door of this room.
 
@@ -129,6 +144,8 @@ class Responses:
     matrices: tuple[Any, Any, Any]
     limits: Limits | None = None  # of the last solve
     max_iter = 0  # of these limits
+    work = 0.0  # the most operations of a solve within these limits
+    is_brief = True  # whether no deadline has to be looked at for so many
     length = 0  # of the array of a result
     pivot_work = 0.0  # operations of a pivot
     is_stale = False  # whether the matrices are still to be attached
@@ -186,13 +203,15 @@ class Responses:
         now, self.limits = self.now, limits
         now.eps_abs, now.eps_rel = limits.eps_abs, limits.eps_rel
         now.max_iter = self.max_iter = limits.max_iter or DEFAULT_OPTIONS.max_iter
+        self.work = self.max_iter * self.pivot_work
+        self.is_brief = NEVER.leaves_time_for(self.work)
 
     def suggest(self, guess: Guess) -> None:
         """Let the next solve begin with the active rows of a guess."""
         take_hint(self.address, guess.active)
 
-    def run(self, qp: QP, limits: Limits) -> tuple[int, np.ndarray]:
-        """Solve the QP with the vectors of `qp` and the matrices at hand.
+    def run(self, vectors: np.ndarray, limits: Limits) -> tuple[int, np.ndarray]:
+        """Solve the QP with these vectors, see `QP.joined`, and the matrices at hand.
 
         Returns the code of the kernel and the numbers for `answer` or, after DONE,
         `parted`: the QP is SOLVED then. No other code is of use to other rooms.
@@ -205,8 +224,7 @@ class Responses:
         if limits is not self.limits:
             self.limit(limits)
         numbers = np.empty(self.length)
-        _, q, _, h, _, b, lb, ub = qp
-        code = self.call((self.address, q, h, b, lb, ub, numbers), limits)
+        code = self.call((self.address, vectors, numbers), limits.deadline)
         if code == STUCK:
             self.left = min(self.left + 1, len(PAUSES))
             self.pause = PAUSES[self.left - 1]
@@ -214,12 +232,11 @@ class Responses:
             self.left = 0
         return code, numbers
 
-    def call(self, arguments: tuple[Any, ...], limits: Limits) -> int:
+    def call(self, arguments: tuple[Any, ...], deadline: Deadline) -> int:
         """Call `kernel`, with a watch where it may run long; return its code."""
-        kernel, work = self.kernel, self.max_iter * self.pivot_work
-        if limits.deadline.leaves_time_for(work):
-            return kernel(*arguments, 0)
-        return limits.deadline.run(kernel, work, *arguments)
+        if self.is_brief and deadline.at == inf:
+            return self.kernel(*arguments, 0)
+        return deadline.run(self.kernel, self.work, *arguments)
 
     def answer(
         self, code: int, numbers: np.ndarray, qp: QP, limits: Limits
@@ -234,23 +251,19 @@ class Responses:
         if code == DONE:
             parts = SOLVED, point, residuals, self.now.pivots, self.form, ""
             return tuple.__new__(Answer, parts)  # in half the time of Answer(...)
-        return self.summed(code, point, qp, limits)
-
-    def summed(self, code: int, point: Point, qp: QP, limits: Limits) -> Answer | None:
-        """Return the answer that a result makes after sums in the order of the data."""
         count = self.now.pivots
         if code == CONTRADICTION:
             proof = accept_primal(qp, *point[:3], limits.eps_abs)
             if proof is None:
                 return None
             return proved(Status.PRIMAL_INFEASIBLE, proof, count, self.form)
-        residuals = qp_residuals(*qp, *point)
-        status = Status.TIME_LIMIT
-        if code == SUMMED:
-            if not residuals.solved(*limits.tolerances):
-                return None
-            status = Status.SOLVED
-        return Answer(status, point, residuals, count, self.form)
+        if code == LATE:
+            residuals = qp_residuals(*qp, *point)
+            return Answer(Status.TIME_LIMIT, point, residuals, count, self.form)
+        residuals = summed(qp, point, residuals, limits.eps_abs)
+        if not residuals.solved(*limits.tolerances):
+            return None
+        return Answer(SOLVED, point, residuals, count, self.form)
 
 
 class DenseResponses(Responses):
@@ -270,25 +283,73 @@ class DenseResponses(Responses):
             self.memory = allocate(self.now)
             attach_matrices(self.address, P, G, A)
 
-    def call(self, arguments: tuple[Any, ...], limits: Limits) -> int:
+    def call(self, arguments: tuple[Any, ...], deadline: Deadline) -> int:
         """Call `kernel`, or that of `free` where it is the smaller form."""
         if self.now.is_free:
-            return self.call_free(arguments, limits)
-        return super().call(arguments, limits)
+            return self.call_free(arguments, deadline)
+        return super().call(arguments, deadline)
 
-    def call_free(self, arguments: tuple[Any, ...], limits: Limits) -> int:
+    def call_free(self, arguments: tuple[Any, ...], deadline: Deadline) -> int:
         """Call the kernel of `free`; where it does not decide, `kernel`.
 
         The active rows of the last solved QP are a hint for this one, which has no
         factor of theirs, and stay one if it does not solve the QP.
         """
-        code = limits.deadline.run(run_free, MOST_WORK, *arguments)
+        code = deadline.run(run_free, MOST_WORK, *arguments)
         if code not in (WIDE, STUCK):
             return code
         now = self.now
         kept, now.kept_k = now.kept_k, 0
         now.hints = kept
-        code = super().call(arguments, limits)
+        code = super().call(arguments, deadline)
         if code not in (DONE, SUMMED):
             now.hints = kept
         return code
+
+
+class SingleSolves(DenseResponses):
+    """Space for single solves, one after another: the memory is kept, nothing else."""
+
+    memory = NO_NUMBERS
+    vectors: np.ndarray | None = None  # those of a large QP, for its derivatives
+
+    def __init__(self) -> None:
+        """Take no memory before the first solve."""
+        self.now, self.state = new_state()
+        self.address = ctypes.addressof(self.now)
+        self.now.is_single = True
+
+    def solve(self, qp: QP, guess: Guess, limits: Limits) -> tuple[int, np.ndarray]:
+        """Solve a QP; return what `run` does."""
+        if limits is not self.limits:
+            self.limit(limits)
+        P, q, G, h, A, b, lb, ub = qp
+        n, rows = q.size, h.size + b.size
+        numbers = np.empty(2 * n + rows + NUMBERS)
+        given = (P, G, A), (q, h, b, lb, ub), guess.active
+        arguments = self.address, *given, numbers
+        code = self.call_once(arguments, n, rows)
+        if code == ROOMLESS:
+            self.memory = allocate(self.now)
+            code = self.call_once(arguments, n, rows)
+        return code, numbers
+
+    def call_once(self, arguments: tuple[Any, ...], n: int, rows: int) -> int:
+        """Call `run_once`, with a watch where it may run long; return its code."""
+        assert self.limits is not None
+        deadline = self.limits.deadline
+        if deadline is NEVER:  # the caller asked `is_brief`
+            return run_once(*arguments, 0)
+        return deadline.run(run_once, self.max_iter * pivot_work(n, rows), *arguments)
+
+    def solve_large(
+        self, qp: QP, guess: Guess, limits: Limits
+    ) -> tuple[int, np.ndarray]:
+        """Solve a QP whose factors and responses BLAS makes; return what `run` does."""
+        self.attach(qp.P, qp.G, qp.A)
+        if not prepare(self.address, qp.q, qp.h):
+            return UNSUITED, NO_NUMBERS
+        if guess.active.size:
+            self.suggest(guess)
+        self.limits, self.vectors = None, qp.joined()
+        return self.run(self.vectors, limits)

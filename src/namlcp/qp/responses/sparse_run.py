@@ -42,10 +42,10 @@ def begin_anew(state, scale):
 
 
 @kernel(error_model="numpy")
-def run_sparse(address, q, h, b, lb, ub, out, clock):
+def run_sparse(address, vectors, out, clock):
     """Do as `run`, for sparse matrices."""
     m = state_at(address)
-    attach_vectors(m, (q, h, b, lb, ub), out)
+    attach_vectors(m, vectors, out)
     if not m.is_ready:
         return UNSUITED
     if is_faulty(m):

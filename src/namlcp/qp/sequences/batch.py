@@ -23,7 +23,7 @@ from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import make_guess
 from namlcp.qp.problem import QP, qp_data
 from namlcp.qp.responses import Stack
-from namlcp.qp.sequences.solver import memory_of, own_vector
+from namlcp.qp.sequences.solver import memory_of
 from namlcp.qp.solve import solve_checked
 from namlcp.residuals import Residuals
 from namlcp.result import QPResult
@@ -262,13 +262,6 @@ class Items:
     def item(self, i: int) -> tuple[QP, tuple[Any, ...]]:
         """Return item i, checked, and (P, G, A) as they were given."""
         parts = {name: array[i] for name, array in self.stacked.items()}
-        if self.has_shared_matrices:
-            shared = self.shared
-            vectors = {
-                name: own_vector(name, vector, getattr(shared, name), shared)
-                for name, vector in parts.items()
-            }
-            return shared._replace(**vectors), self.given
         qp = qp_data(**{**self.shared._asdict(), **parts})
         pairs = zip(MATRICES, self.given, strict=True)
         return qp, tuple(parts.get(name, M) for name, M in pairs)

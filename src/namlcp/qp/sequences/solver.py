@@ -17,16 +17,11 @@ import numpy as np
 from scipy.linalg.lapack import dpotrf
 from scipy.sparse import csc_array
 
-from namlcp.checks import (
-    as_sparse,
-    is_moderate,
-    refuse_number,
-    vector,
-    without_huge,
-)
+from namlcp.checks import FLOAT, as_sparse, refuse_number, vector, without_huge
 from namlcp.limits import Deadline, cause_of
 from namlcp.linalg import asymmetry
 from namlcp.options import DEFAULT_OPTIONS, Options
+from namlcp.qp.answer import Answer
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.forms import is_small
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
@@ -39,6 +34,8 @@ from namlcp.qp.responses import (
     Faces,
     Responses,
     SparseResponses,
+    accepts,
+    parted,
 )
 from namlcp.qp.sequences.pattern import (
     has_pattern_of,
@@ -47,17 +44,20 @@ from namlcp.qp.sequences.pattern import (
     revalued,
     within_pattern,
 )
-from namlcp.qp.solve import quick_result, result_of, solve_checked
+from namlcp.qp.solve import attributes_of, result_of, solve_checked
 from namlcp.result import QPResult
 from namlcp.status import Status
 
+SOLVED = Status.SOLVED
 # Vectors of a QP: the argument that sets the size, and the sign of the infinity that
 # means "no bound", 0 where all entries are finite.
 VECTORS = {"q": ("P", 0), "h": ("G", 1), "b": ("A", 0), "lb": ("P", -1), "ub": ("P", 1)}
 # Operations of a step below which it is not asked whether another method needs fewer.
 LARGE_STEP = 20_000
+# What a copy shares and a pickle holds: arrays that never change.
+STATE = "matrices", "given", "is_own", "vectors", "options", "last"
 # Statuses that a solve without a start would not improve on.
-SETTLED = (Status.SOLVED, Status.TIME_LIMIT, Status.INTERRUPTED)
+SETTLED = (SOLVED, Status.TIME_LIMIT, Status.INTERRUPTED)
 
 
 class Solver:
@@ -117,14 +117,23 @@ class Solver:
     ) -> None:
         self.set_options(Options.from_names(settings) if settings else DEFAULT_OPTIONS)
         given = P, G, A = deepcopy((P, G, A))
-        self.qp = qp_data(P, q, G, h, A, b, lb, ub)
-        self.given = tuple(map(as_given, given, (self.qp.P, self.qp.G, self.qp.A)))
-        self.qp = self.qp._replace(
-            **{name: getattr(self.qp, name).copy() for name in VECTORS}
-        )
-        ensure_convex(self.qp.P)
+        qp = qp_data(P, q, G, h, A, b, lb, ub)
+        ensure_convex(qp.P)
+        self.hold_matrices(qp, tuple(map(as_given, given, (qp.P, qp.G, qp.A))))
+        self.vectors = qp.joined()  # replaced, never changed: results keep it
         self.last: QPResult | None = None  # that was solved
         self.begin()
+
+    @property
+    def qp(self) -> QP:
+        """The problem as it is now, checked."""
+        return QP.of(self.matrices, self.vectors)
+
+    def hold_matrices(self, qp: QP, given: tuple[Any, ...]) -> None:
+        """Take the matrices of a checked QP, `given` in the user's own storage."""
+        P, G, A = given
+        self.matrices, self.given = (qp.P, qp.G, qp.A), (P, G, A)
+        self.is_own = are_own(self.given, qp)
 
     def set_options(self, options: Options) -> None:
         """Let all solves from now on have these options."""
@@ -133,15 +142,22 @@ class Solver:
 
     def begin(self) -> None:
         """Keep nothing of earlier solves but the last result."""
-        self.memory = memory_of(self.qp)
-        self.kept = self.methods = methods_for(self.qp)  # all, and those that suit
+        qp, end = self.qp, 0
+        self.sizes = qp.q.size, qp.h.size, qp.b.size
+        self.places: dict[str, tuple[slice, tuple[int]]] = {}  # in `vectors`; shapes
+        for name in VECTORS:
+            size = getattr(qp, name).size
+            self.places[name] = slice(end, end + size), (size,)
+            end += size
+        self.memory = memory_of(qp)
+        self.kept = self.methods = methods_for(qp)  # all, and those that suit
         # The method that found `last`; None where all know of it.
         self.found_by: Responses | None = None
         self.is_renewed = False  # whether matrices have changed since the last solve
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what a copy shares and a pickle holds: arrays that never change."""
-        return {name: vars(self)[name] for name in ("qp", "given", "options", "last")}
+        """Return what `STATE` names."""
+        return {name: vars(self)[name] for name in STATE}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Keep nothing of another Solver's solves but its last result."""
@@ -190,31 +206,45 @@ class Solver:
         >>> solver.solve().x
         array([2.])
         """
-        qp, given = self.qp, self.given
-        if not (P is None and G is None and A is None):
-            qp, given = self.with_matrices({"P": P, "G": G, "A": A})
-        P, q0, G, h0, A, b0, lb0, ub0 = qp
+        vectors = self.vectors.copy()
         if q is not None:
-            q0 = own_vector("q", q, q0, qp)
+            self.put("q", q, vectors)
         if h is not None:
-            h0 = own_vector("h", h, h0, qp)
+            self.put("h", h, vectors)
         if b is not None:
-            b0 = own_vector("b", b, b0, qp)
+            self.put("b", b, vectors)
         if lb is not None:
-            lb0 = own_vector("lb", lb, lb0, qp)
+            self.put("lb", lb, vectors)
         if ub is not None:
-            ub0 = own_vector("ub", ub, ub0, qp)
-        if given is not self.given:
-            self.given = given
-            self.memory.adopt(qp)
-            self.is_renewed, self.methods = True, self.kept
-            for method in self.kept:
-                method.renew(qp)
-        # In half the time of QP(...).
-        self.qp = tuple.__new__(QP, (P, q0, G, h0, A, b0, lb0, ub0))
+            self.put("ub", ub, vectors)
+        if not accepts(vectors, *self.sizes):
+            self.clean(vectors)
+        if not (P is None and G is None and A is None):
+            self.take_matrices({"P": P, "G": G, "A": A})
+        self.vectors = vectors
 
-    def with_matrices(self, changes: dict[str, Any]) -> tuple[QP, tuple[Any, ...]]:
-        """Return the problem and `given` with those matrices that are new, checked."""
+    def put(self, name: str, value: Any, vectors: np.ndarray) -> None:
+        """Put a user's vector into its place."""
+        place, shape = self.places[name]
+        if (
+            type(value) is not np.ndarray
+            or value.dtype != FLOAT
+            or value.shape != shape
+        ):
+            other = VECTORS[name][0]
+            value = vector(name, value, *shape, other, getattr(self.qp, other).shape)
+        vectors[place] = value
+
+    def clean(self, vectors: np.ndarray) -> None:
+        """Make huge sides infinite; raise where a number is not allowed."""
+        for name, (place, _) in self.places.items():
+            infinity = VECTORS[name][1]
+            refuse_number(name, vectors[place], infinity != 0)
+            if infinity:
+                vectors[place] = without_huge(vectors[place], infinity)
+
+    def take_matrices(self, changes: dict[str, Any]) -> None:
+        """Check and take those matrices that are new."""
         given, kept = dict(zip("PGA", self.given, strict=True)), self.qp._asdict()
         new, is_clean = {}, True
         for name, M in changes.items():
@@ -226,7 +256,7 @@ class Solver:
                 new[name] = in_place_of(name, given[name], kept[name])
                 is_clean = False
         if not new:
-            return self.qp, self.given
+            return
         qp = self.qp._replace(**new)
         if not is_clean:
             qp = qp_data(*qp)
@@ -234,7 +264,11 @@ class Solver:
                 qp = qp._replace(P=within_pattern(qp.P, kept["P"]))
         if "P" in new:
             ensure_convex(qp.P)
-        return qp, tuple(given.values())
+        self.hold_matrices(qp, tuple(given.values()))
+        self.memory.adopt(qp)
+        self.is_renewed, self.methods = True, self.kept
+        for method in self.kept:
+            method.renew(qp)
 
     def solve(self, warm_start: Any = None) -> QPResult:
         """Solve the problem as it is now.
@@ -281,7 +315,7 @@ class Solver:
                 raise cause_of(error) from None
             raise
         self.is_renewed = False
-        if result.status is Status.SOLVED:
+        if result.status is SOLVED:
             self.last = result
         return result
 
@@ -313,7 +347,7 @@ class Solver:
         Of the two for sparse matrices, the last has less to do again with new values,
         and may have less to do at all with many active rows.
         """
-        if len(self.methods) > 1 and not self.qp.is_dense:
+        if len(self.methods) > 1 and type(self.matrices[0]) is not np.ndarray:
             first, last = self.methods
             is_large = first.step_work > LARGE_STEP
             if self.is_renewed or (is_large and first.step_work > last.step_work):
@@ -325,13 +359,17 @@ class Solver:
 
         None, too, where the options ask for more than a certificate.
         """
-        qp, limits, deadline = self.qp, self.limits, self.limits.deadline
+        limits, vectors = self.limits, self.vectors
+        deadline = limits.deadline
         deadline.at = start + self.options.time_limit
-        code, numbers = method.run(qp, limits)
-        if code == DONE and not deadline.interrupted and are_own(self.given, qp):
+        code, numbers = method.run(vectors, limits)
+        if code == DONE and self.is_own and not deadline.interrupted:
             self.found_by = method
             way = method.now.pivots, method.form
-            return quick_result(numbers, way, (qp, self.given), start)
+            problem = self.matrices, vectors, self.given
+            later = unfolded, numbers, way, problem, time.perf_counter() - start
+            return QPResult.quick(numbers[: self.sizes[0]], later)
+        qp = self.qp
         answer = method.answer(code, numbers, qp, limits)
         if answer is None:
             return None
@@ -339,11 +377,11 @@ class Solver:
         if deadline.interrupted:
             self.set_options(self.options)  # with a deadline that is not
             answer = answer._replace(status=deadline.verdict(answer.status))
-        elif answer.status is not Status.SOLVED and (
+        elif answer.status is not SOLVED and (
             not answer.ends or self.options.relaxation
         ):
             return None
-        if answer.status is Status.SOLVED:
+        if answer.status is SOLVED:
             self.found_by = method
         return result_of(answer, (qp, self.given), start, start)
 
@@ -358,6 +396,23 @@ class Solver:
         if result.status not in SETTLED and result.closest is None:
             result = solve_checked(qp, options, NO_GUESS, start, given=given)
         return result
+
+
+def unfolded(
+    numbers: np.ndarray,
+    way: tuple[int, str],
+    problem: tuple[tuple[Any, Any, Any], np.ndarray, tuple[Any, Any, Any]],
+    solve_time: float,
+) -> dict[str, Any]:
+    """Return the attributes of the result that `Responses.run` makes after DONE.
+
+    way: iterations and form; problem: matrices, vectors and `given` of the Solver.
+    """
+    matrices, vectors, given = problem
+    qp = QP.of(matrices, vectors)
+    point, residuals = parted(numbers, qp.q.size, qp.h.size, qp.b.size)
+    answer = Answer(SOLVED, point, residuals, *way)
+    return attributes_of(answer, 0.0, solve_time) | {"problem": (qp, given)}
 
 
 def as_given(given: Any, own: Any) -> Any:
@@ -388,19 +443,3 @@ def memory_of(qp: QP) -> Memory:
     memory = Memory()
     memory.adopt(qp)
     return memory
-
-
-def own_vector(name: str, value: Any, old: np.ndarray, qp: QP) -> np.ndarray:
-    """Return a copy of a user's vector, checked, that may replace `old` in `qp`."""
-    if (
-        type(value) is np.ndarray
-        and value.dtype == old.dtype
-        and value.shape == old.shape
-    ):
-        new = value.copy()
-        if is_moderate(new):
-            return new
-    other, infinity = VECTORS[name]
-    new = vector(name, value, old.size, other, getattr(qp, other).shape).copy()
-    refuse_number(name, new, infinity != 0)
-    return without_huge(new, infinity) if infinity else new

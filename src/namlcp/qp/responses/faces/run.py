@@ -16,7 +16,7 @@ from namlcp.qp.responses.faces.sides import (
 from namlcp.qp.responses.faces.state import face_at
 from namlcp.qp.responses.faces.system import factor_face
 from namlcp.qp.responses.judgement import ROUNDING, is_solved, largest_term
-from namlcp.qp.responses.run import FAULTY, UNSUITED, is_faulty
+from namlcp.qp.responses.run import FAULTY, UNSUITED, attach_vectors, is_faulty
 
 # Most faces that are tried; another method is quicker if these do not suffice.
 MOST_FACES = 12
@@ -40,15 +40,14 @@ def begin_at(address, x, y, z, active):
 
 
 @kernel(error_model="numpy")
-def run_faces(address, q, h, b, lb, ub, out, clock):
+def run_faces(address, vectors, out, clock):
     """Solve the QP with these vectors; clock: see `Deadline.run`.
 
     Returns DONE or SUMMED, see `course`, with the result in `out`, or why there is
     none: codes of `active` and `run`. The last solved point is kept then.
     """
     m = face_at(address)
-    m.q, m.h, m.b = q.ctypes.data, h.ctypes.data, b.ctypes.data
-    m.lb, m.ub, m.out = lb.ctypes.data, ub.ctypes.data, out.ctypes.data
+    attach_vectors(m, vectors, out)
     if not m.is_ready:
         return UNSUITED
     if is_faulty(m):

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.sparse import csc_array
 
 from namlcp.checks import as_sparse
-from namlcp.limits import Limits
+from namlcp.limits import Deadline, Limits
 from namlcp.linalg import SparseFactors, attach_factors, by_rows
 from namlcp.qp.guess import Guess
 from namlcp.qp.kkt import KKT
@@ -113,19 +113,17 @@ class Faces(Responses):
         """Let the next solve begin with this point and these active rows."""
         self.hint, self.is_begun = guess, True
 
-    def run(self, qp: QP, limits: Limits) -> tuple[int, np.ndarray]:
+    def run(self, vectors: np.ndarray, limits: Limits) -> tuple[int, np.ndarray]:
         """Do as `Responses.run`, from the last point."""
-        return super().run(qp, limits) if self.is_begun else (STUCK, NO_NUMBERS)
+        return super().run(vectors, limits) if self.is_begun else (STUCK, NO_NUMBERS)
 
-    def call(self, arguments: tuple[Any, ...], limits: Limits) -> int:
+    def call(self, arguments: tuple[Any, ...], deadline: Deadline) -> int:
         """Call the kernel; return its code."""
         if self.hint is not None and self.now.is_ready:
             x, y, z, _, active = self.hint
             begin_at(self.address, x, y, z, active)
             self.hint = None
-        return limits.deadline.run(
-            self.kernel, MOST_FACES * self.now.face_work, *arguments
-        )
+        return deadline.run(self.kernel, MOST_FACES * self.now.face_work, *arguments)
 
 
 def has_indices_of(P: Any, other: Any) -> bool:

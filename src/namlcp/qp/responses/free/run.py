@@ -27,10 +27,10 @@ from namlcp.qp.responses.state import state_at
 
 
 @kernel(error_model="numpy")
-def run_free(address, q, h, b, lb, ub, out, clock):
+def run_free(address, vectors, out, clock):
     """Do as `run`, from the active rows of the last solved QP; WIDE: `run` has to."""
     m = state_at(address)
-    attach_vectors(m, (q, h, b, lb, ub), out)
+    attach_vectors(m, vectors, out)
     m.pivots = 0
     if is_faulty(m):
         return FAULTY
