@@ -6,6 +6,8 @@
   malformed item among some; every item beside a single solve.
 - derivatives: beside differences, on problems around planted solutions
   (`derivatives.differences`), and one-sided ones of fuzzed QPs.
+- closest: the closest feasible problem of infeasible QPs, by the definition
+  (`campaign_closest`).
 
 What the fresh or single solve has proved, by the judge's definition, is true of a QP;
 the other answer is judged by the definition, and by that. At the edge of the tolerances
@@ -25,6 +27,7 @@ from validation.derivatives import cases as planted
 from validation.derivatives import differences
 from validation.problems.fuzzed import cases, changes, draw, qps
 from validation.stress.campaign_answers import NAM, clean, qp_answer
+from validation.stress.campaign_closest import closest
 from validation.stress.campaign_judge import Answer, judge_qp
 
 STEPS = 6  # solves of a sequence
@@ -222,6 +225,7 @@ RELATIONS: dict[str, dict[str, Check]] = {
         **of_kinks(),
         **of_fuzzed(derivative, (qps.strictly_convex, qps.condition_1e8)),
     },
+    "closest": of_fuzzed(closest, (qps.infeasible, qps.both, qps.wild)),
 }
 """The classes by the name of their set, each a check by its name; problem i of a set is
 of its class number i modulo their number."""

@@ -7,6 +7,7 @@ LEVELS, which says how far the active set moves from a step to the next.
 from validation.problems.sequences.contact import shaken_heap
 from validation.problems.sequences.control import (
     condensed,
+    single,
     stagewise,
     stagewise_definite,
 )

@@ -16,10 +16,14 @@ import numpy as np
 import scipy.sparse as sp
 from qpsolvers import Problem
 
+from validation.harness import qps
 from validation.problems.sequences.sequence import LEVELS, Sequence, Steps, Vectors
 
 State = tuple[np.ndarray, np.ndarray]
 """The measured and the wanted state."""
+
+Loop = Generator[State, np.ndarray | None, None]
+"""Yields the states of a closed loop, and receives the inputs."""
 
 
 STATES, INPUTS = 12, 4
@@ -69,7 +73,7 @@ def wanted(step: int, level: str) -> np.ndarray:
     return r
 
 
-def closed_loop(stages: int, level: str) -> Generator[State, np.ndarray | None, None]:
+def closed_loop(stages: int, level: str) -> Loop:
     """Yield step after step the measured and the wanted state; receive the input.
 
     None for an input: the state could not be led back, half of it is tried.
@@ -86,10 +90,13 @@ def closed_loop(stages: int, level: str) -> Generator[State, np.ndarray | None, 
         state[RATES] += NOISE[level] * rng.standard_normal(6)
 
 
-def stagewise(stages: int, level: str, weights: np.ndarray = WEIGHTS) -> Sequence:
+def stagewise(
+    stages: int, level: str, weights: np.ndarray = WEIGHTS, loop: Loop | None = None
+) -> Sequence:
     """Return the sequence in x_0, ..., x_N, u_0, ..., u_{N-1}, sparse.
 
     P is singular where a weight is zero, but not on the states that inputs can reach.
+    `loop` replaces `closed_loop`.
     """
     F, B = plant()
     every = sp.eye_array(stages + 1)
@@ -118,7 +125,8 @@ def stagewise(stages: int, level: str, weights: np.ndarray = WEIGHTS) -> Sequenc
     A = sp.csc_matrix(A)
     problem = Problem(sp.csc_matrix(P), first["q"], None, None, A, first["b"], lb, ub)
     inputs_at = slice(STATES * (stages + 1), STATES * (stages + 1) + INPUTS)
-    return Sequence(problem, steps(closed_loop(stages, level), vectors, inputs_at))
+    loop = loop or closed_loop(stages, level)
+    return Sequence(problem, steps(loop, vectors, inputs_at))
 
 
 def stagewise_definite(stages: int, level: str) -> Sequence:
@@ -126,8 +134,8 @@ def stagewise_definite(stages: int, level: str) -> Sequence:
     return stagewise(stages, level, WEIGHTS + EVERY)
 
 
-def condensed(stages: int, level: str) -> Sequence:
-    """Return the sequence in u_0, ..., u_{N-1} alone, dense.
+def condensed(stages: int, level: str, loop: Loop | None = None) -> Sequence:
+    """Return the sequence in u_0, ..., u_{N-1} alone, dense; `loop` as in `stagewise`.
 
     x = (x_1, ..., x_N) is T x_0 + S u; its limits are the rows of G.
     """
@@ -163,13 +171,23 @@ def condensed(stages: int, level: str) -> Sequence:
     n = INPUTS * stages
     bounds = np.full(n, LEAST), np.full(n, MOST)
     problem = Problem(P, first["q"], G, first["h"], None, None, *bounds)
-    return Sequence(
-        problem, steps(closed_loop(stages, level), vectors, slice(0, INPUTS))
-    )
+    loop = loop or closed_loop(stages, level)
+    return Sequence(problem, steps(loop, vectors, slice(0, INPUTS)))
+
+
+def single(build: Callable[..., Sequence], stages: int, state: np.ndarray) -> Problem:
+    """Return the first step of `stagewise` or `condensed` from a measured state."""
+
+    def loop() -> Loop:
+        """Yield the state; nothing is applied."""
+        yield state, np.zeros(STATES)
+
+    problem, later = build(stages, LEVELS[0], loop=loop())
+    return Problem(*(qps.by_name(problem) | next(later)).values())
 
 
 def steps(
-    loop: Generator[State, np.ndarray | None, None],
+    loop: Loop,
     vectors: Callable[[np.ndarray, np.ndarray], Vectors],
     inputs_at: slice,
 ) -> Steps:

@@ -133,16 +133,15 @@ def corner_of(face: Face, qp: QP, x: np.ndarray) -> Point | None:
     if not qp.is_dense or held.size < free.size:
         return None
     C = face.rows.C[held]
-    inner = C[:, free]
-    L, failed = dpotrf(inner.T @ inner, lower=1)
-    if failed or (
-        free.size and not L.diagonal().min() > FULL_RANK * L.diagonal().max()
-    ):
-        return None
     v, rest = np.zeros(held.size), qp.P @ x + qp.q
-    for _ in range(2):  # the second time corrects the rounding of the first
-        v -= inner @ dpotrs(L, rest[free], lower=1)[0]
-        rest = qp.P @ x + qp.q + v @ C
+    if free.size:
+        inner = C[:, free]
+        L, failed = dpotrf(inner.T @ inner, lower=1)
+        if failed or L.diagonal().min() <= FULL_RANK * L.diagonal().max():
+            return None
+        for _ in range(2):  # the second time corrects the rounding of the first
+            v -= inner @ dpotrs(L, rest[free], lower=1)[0]
+            rest = qp.P @ x + qp.q + v @ C
     z_box = np.where(face.v_box == 0.0, 0.0, -rest)
     return Point(x, v, np.zeros(face.bounded.size), z_box)
 
