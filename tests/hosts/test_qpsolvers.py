@@ -360,3 +360,6 @@ def test_the_closest_point_of_an_infeasible_problem():
     certificate = answer.extras["certificate"]["z"]
     assert certificate @ h == pytest.approx(-1.0)
     assert solve_problem(problem, solver="nam").x is None
+    weighed = namlcp.Relaxation(h=[2.0, 1.0])
+    answer = solve_problem(problem, solver="nam", infeasible=weighed)
+    np.testing.assert_allclose(answer.extras["closest"].shift_h, [1.0, 2.0])

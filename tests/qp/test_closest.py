@@ -350,3 +350,37 @@ def test_a_solver_yields_in_the_steps_that_are_infeasible_alone():
         x = (result.closest or result).x
         np.testing.assert_allclose(x, [max(0.5 * gap, 0.0), 1.0], atol=1e-9)
         assert (result.closest is None) == (gap < 0.0)
+
+
+def test_noise_of_a_small_contradiction_holds_no_rows():
+    """x_1 >= 3 + 1e-5 against x_1 <= 3; x_2 <= 3 holds by chance, with force 0."""
+    qp = make_qp(np.eye(2), [0.0, -5.0], np.diag([-1.0, 1.0]), [-3.0 - 1e-5, 3.0])
+    qp = dense(qp._replace(lb=np.full(2, -INF), ub=np.array([3.0, INF])))
+    found = relaxed(qp, infeasible=Relaxation(ub=1.0))
+    assert found.status is Status.SOLVED
+    assert found.message == ""
+    np.testing.assert_allclose(found.x, [3.0 + 0.5e-5, 3.0], atol=1e-12)
+
+
+def test_all_variables_at_bounds_leave_nothing_to_minimise():
+    qp = dense(make_qp(np.eye(2), [1.0, 1.0], [[1.0, 1.0]], [1.0], lb=[1.0, 2.0]))
+    found = relaxed(qp._replace(ub=qp.lb), infeasible="closest")
+    np.testing.assert_array_equal(found.x, [1.0, 2.0])
+    np.testing.assert_allclose(found.shift_h, [2.0])
+
+
+@pytest.mark.parametrize("form", [dense, lambda qp: qp], ids=["dense", "sparse"])
+def test_a_loop_of_infeasible_steps_gives_what_fresh_solves_give(form):
+    weights = Relaxation(h=0.1 + np.arange(9.0), b=np.array([2.0, 0.5]))
+    qp = form(infeasible(3, 6, 9, 2, 6))
+    solver = namlcp.Solver(*qp, infeasible=weights)
+    for step in range(4):
+        h = qp.h + 0.1 * step * np.cos(np.arange(9.0))
+        solver.update(h=h)
+        here, fresh = (
+            solver.solve(),
+            namlcp.solve_qp(*qp._replace(h=h), infeasible=weights),
+        )
+        for name in "x", "shift_h", "shift_b":
+            own, other = getattr(here.closest, name), getattr(fresh.closest, name)
+            np.testing.assert_allclose(own, other, atol=1e-9)

@@ -1,5 +1,7 @@
 """The campaign: what asks in two ways, and the counts that a stopped run leaves."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,8 @@ from namlcp.qp import QP
 from validation.problems.fuzzed import changes
 from validation.problems.fuzzed.draw import Draw
 from validation.stress import campaign
-from validation.stress.campaign_answers import Answer, qp_answer
+from validation.stress.campaign_answers import NAM, Answer, qp_answer
+from validation.stress.campaign_closest import judge_closest
 from validation.stress.campaign_relations import RELATIONS, agreement, class_of, examine
 from validation.stress.campaign_tally import Part, Tally, bars, read
 
@@ -106,3 +109,20 @@ def test_counts_name_what_was_not_right(tmp_path):
     met = {text: ok for text, *_, ok in bars(again.rows.values())}
     assert not met["all: wrong"]
     assert not met["convex QPs with a solution: solved"]
+
+
+def test_closest_points_that_are_not_closest_are_found():
+    """x >= 2 (row) within 0 <= x <= 1: the row is shifted by 1, or by too much."""
+    qp = BELOW_ONE._replace(G=-ROW, h=-2.0 * ONE)
+    found = namlcp.solve_qp(*qp, infeasible="closest").closest
+    assert judge_closest(qp, 2, True, found, NAM) == ("right", "")
+    assert judge_closest(qp, 1, True, found, NAM) == ("right", "")
+    off = dataclasses.replace(found, shift_h=found.shift_h + 1e-3, x=found.x - 1e-3)
+    for norm in 1, 2:
+        assert judge_closest(qp, norm, True, off, NAM)[0] == "wrong"
+    assert (
+        "of bounds"
+        in judge_closest(qp, 2, True, dataclasses.replace(found, shift_ub=ONE), NAM)[1]
+    )
+    impossible = dataclasses.replace(found, status=namlcp.Status.PRIMAL_INFEASIBLE)
+    assert judge_closest(qp, 2, True, impossible, NAM)[0] == "wrong"

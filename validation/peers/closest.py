@@ -20,7 +20,7 @@ feasible    that of solve_qp on the feasible problem that was found: the same ma
             h and b shifted
 ratio       closest over feasible
 soft        time of "closest" where bounds are shifted as rows are
-proxqp      time of proxsuite with `primal_infeasibility_solving`, dense, n <= 100,
+proxqp      time of proxsuite with `primal_infeasibility_solving`, dense, n <= 40,
             which shifts bounds as rows too
 excess      norm of its shifts over that of `soft`, minus 1
 said        what proxqp says
@@ -59,8 +59,9 @@ COLUMNS = (
 ).split()
 ORACLES = ("clarabel", "piqp")
 EPS = 1e-12  # tolerance of the oracles
+SCALE = 1e6  # of the cost posed to them: they end by its value, not by its minimiser
 LIMIT = 20.0  # [s] for one solve
-MOST_DENSE = 100  # variables up to which proxqp is asked, in dense form
+MOST_DENSE = 40  # variables up to which proxqp is asked, in dense form
 STAGES = (10, 30)
 STATES = 3  # infeasible states for each number of stages
 GROSS = (10, 30, 100, 300)  # variables of the gross problems
@@ -108,7 +109,7 @@ def distances(problem: Problem, shift: np.ndarray) -> dict[str, float]:
     _, q, G, h, A, b, lb, ub = qps.parts(problem)
     n, m, p = q.size, h.size, b.size
     k = m + p
-    P = sp.block_diag((sp.csc_matrix((n, n)), sp.eye(k)), format="csc")
+    P = sp.block_diag((sp.csc_matrix((n, n)), SCALE * sp.eye(k)), format="csc")
     G = sp.hstack((G, -sp.eye(m), sp.csc_matrix((m, p))), format="csc")
     A = sp.hstack((A, sp.csc_matrix((p, m)), -sp.eye(p)), format="csc")
     free = np.full(k, np.inf)
@@ -176,7 +177,7 @@ def proxqp_row(problem: Problem, least: float) -> Row:
     def solve() -> Any:
         qp = proxqp.dense.QP(q.size, b.size, u.size)
         qp.settings.primal_infeasibility_solving = True
-        qp.settings.eps_abs, qp.settings.eps_rel, qp.settings.max_iter = 1e-9, 0.0, 1000
+        qp.settings.eps_abs, qp.settings.eps_rel, qp.settings.max_iter = 1e-9, 0.0, 100
         qp.init(P, q, A, b, C, low_sides, u)
         qp.solve()
         return qp

@@ -62,14 +62,9 @@ def judge_closest(
         return "refused", f"{said}, {found.message}"
     why = first_faults(qp, norm, bounds_stay, found, tolerance)
     if not why and said == "dual_infeasible":
-        d = found.x
-        if not bounds_stay:  # bounds are rows, which a ray keeps to rounding
-            outside = (np.isfinite(qp.lb) & (d < 0.0)) | (
-                np.isfinite(qp.ub) & (d > 0.0)
-            )
-            d = np.where(outside & (np.abs(d) <= PROOF * judging.largest(d)), 0.0, d)
-            d = d / -(qp.q @ d)
-        why = ray_faults(qp, d)
+        why = ray_faults(qp if bounds_stay else unbounded(qp), found.x)
+        if not why and not bounds_stay and largest_fall(qp, found.x) > PROOF:
+            why = "ray: into a bound"
     elif not why:
         shifted = qp._replace(
             h=qp.h + found.shift_h,
@@ -82,6 +77,19 @@ def judge_closest(
     if why and found.message:  # it says that the multipliers are inexact
         return "refused", f"{why}, {found.message}"
     return ("wrong", why) if why else ("right", "")
+
+
+def unbounded(qp: Any) -> Any:
+    """Return the QP without its bounds."""
+    free = np.full(qp.q.size, np.inf)
+    return qp._replace(lb=-free, ub=free)
+
+
+def largest_fall(qp: Any, d: np.ndarray) -> float:
+    """Return how far a ray runs into bounds, relative to its largest entry."""
+    into = np.where(np.isfinite(qp.lb), np.maximum(-d, 0.0), 0.0)
+    into = np.maximum(into, np.where(np.isfinite(qp.ub), d, 0.0))
+    return judging.largest(into) / judging.largest(d)
 
 
 def first_faults(

@@ -149,10 +149,14 @@ def corner_of(face: Face, qp: QP, x: np.ndarray) -> Point | None:
 def face_of(rows: Rows, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Face:
     """Return the face that a solution of stage 1 describes: x, and the multipliers."""
     equality, zero = rows.is_equality, AT_LIMIT * largest(v, v_box)
+    zero_box = zero
+    if rows.norm == 2:  # v = w r has the errors of r = C x - d
+        noise, forces = rows.rounding(x)
+        zero, zero_box = np.maximum(zero, noise), np.maximum(zero, forces)
     ceiling = rows.weights if rows.norm == 1 else np.full(v.size, np.inf)
     at_floor = v <= np.where(equality, -ceiling, 0.0) + zero
     at_ceiling = v >= ceiling - zero
-    v_box = np.where(np.abs(v_box) <= zero, 0.0, v_box)
+    v_box = np.where(np.abs(v_box) <= zero_box, 0.0, v_box)
     # x is more exact than v / w where a weight w is small
     fixed = np.isfinite(rows.weights) & (rows.norm == 2)
     return Face(

@@ -5,9 +5,20 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from namlcp.checks import from_arrays, refuse_size, transposed, vector
-from namlcp.linalg import Compressed, arrays_of, by_rows, submatrix, times
+from namlcp.linalg import (
+    Compressed,
+    add_transposed,
+    arrays_of,
+    by_rows,
+    submatrix,
+    times,
+)
 from namlcp.options import Relaxation
 from namlcp.qp.problem import QP, Point
+
+ROUNDING = 1e-12
+"""Error of C x - d at a solution of stage 1, relative to the moduli of its terms: that
+of its sum, and of an x found by factors of a badly conditioned matrix."""
 
 
 class Rows(NamedTuple):
@@ -38,6 +49,19 @@ class Rows(NamedTuple):
         """Return the least shifts with which x satisfies all rows."""
         r = times(self.C, x) - self.d
         return np.where(self.is_equality, r, np.maximum(r, 0.0))
+
+    def rounding(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return bounds of the errors of v = w (C x - d), and of C'v.
+
+        0 where w is infinite: v is not computed that way.
+        """
+        C, w, d = moduli(self.C), self.weights, self.d
+        known = np.isfinite(w) & np.isfinite(d)
+        terms = times(C, np.abs(x)) + np.abs(np.where(known, d, 0.0))
+        errors = np.where(known, ROUNDING * np.where(known, w, 0.0) * terms, 0.0)
+        sums = np.zeros(x.size)
+        add_transposed(C, errors, sums)
+        return errors, sums
 
     def parts(self, v: np.ndarray) -> list[np.ndarray]:
         """Return the parts of v (one entry a row): G, upper, lower, A."""
@@ -159,6 +183,13 @@ def chosen(C: Any, rows: np.ndarray) -> Any:
     if isinstance(C, np.ndarray):
         return C[rows]
     return submatrix(C, rows, np.arange(C.shape[1]))
+
+
+def moduli(C: Any) -> Any:
+    """Return the matrix of the moduli of all entries."""
+    if isinstance(C, np.ndarray):
+        return np.abs(C)
+    return from_arrays((C.indptr, C.indices, np.abs(C.data)), C.shape)
 
 
 def times_signs(sense: np.ndarray, C: Any) -> Any:
