@@ -118,6 +118,7 @@ PARTS = {
     "derivatives": part("Derivatives against differences; other packages", 600.0, """
         derivatives.differences {quick} --csv {results}/derivatives.csv
         derivatives.packages {quick} --csv {results}/derivatives-peers.csv
+        derivatives.closest {quick} --csv {results}/closest.csv
     """),
     "infeasible": part("Infeasible and unbounded QPs", 600.0, """
         peers.infeasible --data {data} --csv {results}/infeasible.csv

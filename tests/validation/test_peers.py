@@ -1,13 +1,17 @@
-"""The classes of the OSQP paper by their definitions, and the tables of the script."""
+"""Beside other solvers: the classes of the OSQP paper, and closest points."""
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
 
+import namlcp
 from namlcp import Status, solve_qp
+from validation.derivatives import closest
+from validation.harness import qps
 from validation.peers import classes
 from validation.problems import osqp_classes
 from validation.problems.osqp_classes import CLASSES, ENTRIES, POINTS, STAGES, generate
+from validation.problems.sequences import condensed, stagewise
 
 
 def solved(name):
@@ -154,3 +158,22 @@ def test_a_run_goes_on_and_leaves_out_what_was_late(tmp_path):
     assert classes.main([*arguments, "--csv", str(file)]) == 0
     assert file.read_text().splitlines()[-1].startswith("100,equality,nam")
     assert file.read_text().count("timeout") == 2
+
+
+@pytest.mark.parametrize("build", [condensed, stagewise])
+def test_a_step_from_a_lost_state_has_no_feasible_point(build):
+    problem = closest.lost(build, 3, 0)
+    found = namlcp.solve_qp(**qps.by_name(problem), infeasible="closest")
+    assert found.status is namlcp.Status.PRIMAL_INFEASIBLE
+    assert closest.conditions(problem, found.closest) <= 1e-9
+
+
+def test_conditions_see_a_point_that_is_not_the_closest():
+    problem = closest.gross(6, dense=True)
+    found = namlcp.solve_qp(**qps.by_name(problem), infeasible="closest").closest
+    assert closest.conditions(problem, found) <= 1e-12
+    elastic = namlcp.solve_qp(**qps.by_name(problem), infeasible="elastic").closest
+    assert closest.conditions(problem, elastic) > 1e-3
+    shift = np.append(found.shift_h, found.shift_b)
+    assert min(closest.distances(problem, shift).values()) <= 1e-8
+    assert min(closest.distances(problem, shift + 1e-3).values()) > 1e-5

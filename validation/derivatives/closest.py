@@ -2,7 +2,7 @@
 
 Usage::
 
-    python -m validation.peers.closest [--data DIR] [--quick] [--csv FILE]
+    python -m validation.derivatives.closest [--data DIR] [--quick] [--csv FILE]
 
 The problems: random infeasible QPs, dense and sparse (those of `infeasible_cases`, and
 `gross` ones, whose random rows contradict each other everywhere), steps of
@@ -57,9 +57,10 @@ COLUMNS = (
     "problem group n rows norm clarabel piqp conditions closest feasible ratio soft "
     "proxqp excess said"
 ).split()
-ORACLES = ("clarabel", "piqp")
+ORACLES = {"clarabel": 1e6, "piqp": 1.0}
+"""The oracles, with a factor of the cost posed to each: they end by its value, and the
+larger that is, the nearer the minimiser (piqp does not end with a larger one)."""
 EPS = 1e-12  # tolerance of the oracles
-SCALE = 1e6  # of the cost posed to them: they end by its value, not by its minimiser
 LIMIT = 20.0  # [s] for one solve
 MOST_DENSE = 40  # variables up to which proxqp is asked, in dense form
 STAGES = (10, 30)
@@ -97,7 +98,7 @@ def problems(data: Path | None, quick: bool) -> Iterator[tuple[str, str, Problem
             for seed in range(1 if quick else STATES):
                 name = f"MPC {build.__name__} {stages} {seed}"
                 yield name, f"MPC, {build.__name__}", lost(build, stages, seed)
-    makers = infeasible_cases.all_cases(None if quick else data, step=3)
+    makers = infeasible_cases.all_cases(None if quick else data, step=6)
     for name, make in makers.items():
         case = make()
         if case is not None and case.truth == "infeasible":
@@ -109,14 +110,14 @@ def distances(problem: Problem, shift: np.ndarray) -> dict[str, float]:
     _, q, G, h, A, b, lb, ub = qps.parts(problem)
     n, m, p = q.size, h.size, b.size
     k = m + p
-    P = sp.block_diag((sp.csc_matrix((n, n)), SCALE * sp.eye(k)), format="csc")
     G = sp.hstack((G, -sp.eye(m), sp.csc_matrix((m, p))), format="csc")
     A = sp.hstack((A, sp.csc_matrix((p, m)), -sp.eye(p)), format="csc")
     free = np.full(k, np.inf)
     sides = np.append(lb, -free), np.append(ub, free)
-    explicit = qps.joined(P, np.zeros(n + k), G, h, A, b, *sides)
     found = {}
-    for solver in ORACLES:
+    for solver, factor in ORACLES.items():
+        P = sp.block_diag((sp.csc_matrix((n, n)), factor * sp.eye(k)), format="csc")
+        explicit = qps.joined(P, np.zeros(n + k), G, h, A, b, *sides)
         settings = qp_solvers.settings(solver, EPS, LIMIT)
         x = qp_solvers.solve(explicit, solver, **settings).x
         difference = np.inf if x is None else judging.largest(x[n:] - shift)
