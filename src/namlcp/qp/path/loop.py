@@ -42,8 +42,8 @@ from namlcp.status import Status
 LIFT = 0.01
 # Primal residual over its tolerance up to which a restart relaxes right-hand sides.
 TOLERABLE = 0.5
-# Relative residual at which refinement of the linear solves ends: this times the
-# tolerance, for one up to EXACT the second, within these limits.
+# Relative residual at which refinement of the linear solves ends: the first factor
+# times the tolerance, the second one for tolerances up to EXACT, within these limits.
 ACCURACY, MOST_ACCURATE, LEAST_ACCURATE = (1e-2, 1e-3), 1e-14, 1e-8
 # With a tolerance up to this, a solution is refined before it is returned.
 EXACT = 1e-8
@@ -128,6 +128,7 @@ class Interior:
         """Begin to iterate at this stage; return what `advance` does."""
         now = self.now
         now.since, now.reference, now.last_refined = 0, np.inf, np.inf
+        now.old_primal = np.inf
         now.since_primal, now.primal_reference = 0, np.inf
         now.since_dual, now.dual_reference = 0, np.inf
         now.krylov_pays, now.attained = True, 0.0

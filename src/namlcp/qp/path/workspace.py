@@ -221,7 +221,7 @@ class Workspace:
             memoryview(now).cast("B"), np.int64, FIRST + len(NAMES) + len(FLAG_NAMES)
         )
         self.memories = tuple(
-            lay_out(addresses[first : first + kinds.size], sizes[kinds], dtype)
+            place_vectors(addresses[first : first + kinds.size], sizes[kinds], dtype)
             for first, kinds, dtype in (
                 (FIRST, SIZES, np.float64), (FIRST_FLAG, FLAG_SIZES, np.int32)
             )
@@ -302,7 +302,7 @@ class Workspace:
         return memory[start : start + getattr(self.now, kind)]
 
 
-def lay_out(
+def place_vectors(
     addresses: np.ndarray, sizes: np.ndarray, dtype: type
 ) -> tuple[np.ndarray, int]:
     """Set the addresses of vectors of these sizes, in memory that is 0 throughout.
