@@ -1,8 +1,8 @@
 """The choice of compiler and cache: those of the package, or those of numba.
 
-Those of the package use private parts of numba (`internals`), which every new version
-may change. With an unknown version, functions get numba's own compiler and cache, in a
-folder named by the stamp: they load more slowly, and are never out of date.
+Those of the package use private parts of numba (`internals`, `compiler`), which every
+new version may change. With an unknown version, functions get numba's own compiler and
+cache, in a folder named by the stamp: they load more slowly, and are never out of date.
 """
 
 import os
@@ -15,14 +15,14 @@ from numba import config
 from namlcp.compiled.store import folders
 
 KNOWN_VERSIONS = (0, 59), (0, 68)
-"""First and last version of numba that `internals` was written for."""
+"""First and last version of numba that both were written for."""
 
 KERNELS: dict[str, Any] = {}
 """Dispatchers of the kernels of all imported modules, by `name_of`."""
 
 
 def is_known() -> bool:
-    """Tell whether `internals` was written for this version of numba."""
+    """Tell whether our compiler and cache were written for this version of numba."""
     return KNOWN_VERSIONS[0] <= tuple(numba.version_info[:2]) <= KNOWN_VERSIONS[1]
 
 
