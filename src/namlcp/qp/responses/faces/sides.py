@@ -31,11 +31,11 @@ def recall(m):
         side[i] = kept_side[i]
         if side[i] != 0 and np.isinf(goal_of(m, i, side[i])):
             side[i] = 0
-    begin(m)
+    begin_face(m)
 
 
 @part
-def begin(m):
+def begin_face(m):
     """Begin to solve a face's system: at the last solved point, with what is held.
 
     The point of the face before may be far away, in directions that only the shift
@@ -131,7 +131,7 @@ def go_on(m):
     if m.violation <= NEGLIGIBLE:
         return False
     m.side, m.next_side = m.next_side, m.side
-    begin(m)
+    begin_face(m)
     return True
 
 

@@ -18,7 +18,7 @@ GIVEN = "q h b lb ub out indptr indices base data".split()
 # are numbered as in `active`, and side is 1 where one is active at h or ub, -1 at lb,
 # else 0; likewise of the next face, of the last solved QP and of the factors.
 VECTORS = {
-    "u kept_u best_u rest unit work": "size",
+    "u kept_u best_u rest unit": "size",
     "Px Gtz Aty": "n",
     "Gx": "m",
     "Ax": "p",
@@ -28,7 +28,7 @@ NUMBERS = (
     # Sizes: rows = m + n, size = n + p + m. Whether there are factors of the pattern,
     # and whether they are those of `factored_side` and the present matrices.
     "n m p rows size is_ready is_factored "
-    # Faces tried after the first one; whether the next face is another one.
+    # Faces tried after the first one.
     "pivots max_iter"
 ).split()
 REALS = (
