@@ -307,7 +307,7 @@ class Solver:
                 result = self.solve_by_what_is_kept(guess, start)
             if result is None:
                 result = self.solve_by_all_means(guess, start)
-                if result.status is Status.SOLVED:
+                if result.status is SOLVED:
                     self.suggest(make_guess(self.qp, None, result))
         except BaseException as error:
             self.begin()  # what was to be kept may not be complete
