@@ -129,7 +129,8 @@ def name_lines(
     `lines`: by name, its points and its colour. The place is the one farthest from all
     lines, among those within the panel and off the texts that are there.
     """
-    axes.figure.draw_without_rendering()
+    if axes.figure.get_layout_engine() is not None:  # it places the panels when drawn
+        axes.figure.draw_without_rendering()
     frame = axes.get_window_extent()
     marks = [
         mark

@@ -1,5 +1,6 @@
 """The figures of paper.stability."""
 
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +54,7 @@ def plot(results: Path, figures: Path) -> None:
     plot_units(csv_files.read(results / "stability-units.csv"), figures)
 
 
+@cache
 def colour(cell: str) -> tuple[float, ...]:
     """Return the colour of a cell: a count, or a failure by name."""
     if cell in FAILURES:
