@@ -118,6 +118,21 @@ def test_projection_makes_a_proof_of_inexact_multipliers(seed):
     assert tests.project(x, 0.0 * y, 0.0 * z) is None
 
 
+def test_rays_stand_still_at_bounds_on_both_sides():
+    """The finite sides outnumber the rows and columns of K."""
+    rng = np.random.default_rng(0)
+    n, box = 40, np.repeat([1.0, np.inf], [39, 1])
+    d = np.append(rng.standard_normal(n - 1), 30.0)
+    qp = make_qp(np.diag(1.0 - np.isinf(box)), -d, lb=-box, ub=box)
+    for _ in range(20):
+        used = [rng.standard_normal(rng.integers(20, 100)) for _ in range(99)]
+        del used  # what lies behind arrays in memory is not 0 now
+        work = Workspace(ScaledQP(presolve(qp, TOL, 0.0)), LOOSE)
+        for (ray,) in CertificateSearch(work, Judge(qp, LOOSE)).project_ray(d):
+            assert ray[:-1] == pytest.approx(0.0, abs=1e-30)
+            assert ray[-1] == pytest.approx(1.0)
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_rays_along_half_open_bounds_are_proved(seed):
     """P d = 0, A d = 0, half of G d = 0; bounds are open where d goes, nowhere else."""

@@ -155,7 +155,7 @@ class CertificateSearch:
         work, now = self.work, self.work.now
         d = d / largest(d)
         active, found = self.change_of_constraints(d) > NEARLY_ACTIVE, []
-        zero = np.zeros(now.size)
+        zero = np.zeros(max(now.size, now.m))  # goal_c has m entries
         now.cost = now.goal_b = now.goal_c = address(zero)
         now.regularisation, now.most_solves = PROJECTION, PROJECTION_STEPS
         for _ in range(RAY_PROJECTIONS):
