@@ -108,9 +108,6 @@ class PartLibrary(KernelLibrary):
         """The code generator, with a `set_env` that does nothing."""
         return NoEnvironment(self._codegen)
 
-    def _optimize_functions(self, module: Any) -> None:
-        module.data_layout = self._codegen._data_layout
-
     def get_pointer_to_function(self, name: str) -> int:
         """Return 0: there is no machine code."""
         self._ensure_finalized()
