@@ -125,7 +125,7 @@ class LCPResult(Differentiable):
         >>> A = np.array([[2.0, 1.0], [0.0, 1.0]])
         >>> result = namlcp.solve_lcp(A, np.array([-4.0, 1.0]))  # z = (2, 0)
         >>> gradients = result.backward(dz=[1.0, 0.0])
-        >>> gradients.q, gradients.A[0]
+        >>> gradients.q + 0.0, gradients.A[0] + 0.0
         (array([-0.5,  0. ]), array([-1.,  0.]))
         """
         return self.derivative.backward(dz, dw)

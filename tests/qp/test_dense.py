@@ -394,7 +394,7 @@ def test_ctrl_c_in_compiled_code_is_ctrl_c(monkeypatch):
     def pressed(*_):
         raise SystemError("result with an exception set") from KeyboardInterrupt()
 
-    monkeypatch.setattr(responses.DenseResponses, "kernel", staticmethod(pressed))
+    monkeypatch.setattr("namlcp.qp.responses.solve.run_once", pressed)
     with pytest.raises(KeyboardInterrupt):
         namlcp.solve_qp(np.eye(2), np.ones(2))
 
