@@ -125,7 +125,8 @@ def free_order(work, state):
     """Return the unknowns with state 0, in elimination order if A_FF may stay sparse.
 
     The first order covers these unknowns, the second also all those of the first, the
-    third all n: most solves meet one or two sets F that differ little.
+    third all n: most solves meet one or two sets F that differ little. With ask_convex,
+    which factors A in the end, the first covers all n already.
     """
     sequence, rank, now, scaled = work.sequence, work.rank, work.now, work.scaled
     n = state.size
@@ -139,8 +140,9 @@ def free_order(work, state):
     if sparse and missing:
         nodes = np.empty(n, dtype=np.int32)
         size = 0
+        of_all = now.ask_convex or now.orderings >= 2
         for i in range(n):
-            if state[i] == 0 or rank[i] >= 0 or now.orderings >= 2:
+            if of_all or state[i] == 0 or rank[i] >= 0:
                 nodes[size] = i
                 size += 1
         bitset_minimum_degree(

@@ -361,11 +361,20 @@ def begin_pivoting(columns, work):
 
 
 @part
-def is_definite(work):
-    """Tell whether A + `PSD_SLACK` I is positive definite; False where an a_ii <= 0."""
-    for i in range(work.state.size):
+def has_unit_diagonal(work):
+    """Tell whether all a_ii > 0, which are 1 after scaling."""
+    for i in range(work.has_unit.size):
         if not work.has_unit[i]:
             return False
+    return True
+
+
+@part
+def is_definite(work):
+    """Tell whether A + `PSD_SLACK` I is positive definite; False where an a_ii <= 0."""
+    if not has_unit_diagonal(work):
+        return False
+    for i in range(work.state.size):
         work.state[i] = 0
         work.shift[i] = PSD_SLACK
     factor = analyse(work, free_order(work, work.state))
@@ -379,7 +388,8 @@ def pivot(columns, arena, budget):
     `columns` are those of the user's matrix. On the first call q, lower, upper hold the
     user's problem, z the start, and the scalars the tolerances and the properties of A.
     On return `best` is the best z of the scaled problem. With ask_convex, now.convex
-    tells once the problem is solved whether `is_definite`, at one more factorisation.
+    tells once the problem is solved whether `is_definite`: at one more factorisation,
+    unless all unknowns were free in one of the others.
     """
     work = opened(arena)
     now, shift = work.now, work.shift
@@ -395,14 +405,18 @@ def pivot(columns, arena, budget):
         for i in range(shift.size):
             shift[i] = now.rho
         factor = analyse(work, free_order(work, work.state))
-        now.not_p |= refactor(work, shift, factor) == INDEFINITE
+        found = refactor(work, shift, factor)
+        now.not_p |= found == INDEFINITE
+        whole = factor.order.size == shift.size
+        if now.ask_convex and whole and now.rho <= PSD_SLACK:
+            now.convex = found == REGULAR and has_unit_diagonal(work)
         now.factorisations += 1
         now.must_factor = False
         while code == GO_ON and not now.must_factor:
             set_right_side(work)
             solve_free(now.symmetric, factor, work.rhs, work.z)
             code = use_solution(work)
-    if code == DONE and now.ask_convex:
+    if code == DONE and now.ask_convex and not now.convex:
         now.convex = is_definite(work)
     return MORE if code == GO_ON else code
 
