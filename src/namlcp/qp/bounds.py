@@ -30,6 +30,7 @@ from namlcp.qp.certificates import accept_dual
 from namlcp.qp.guess import NO_ENTRIES, Guess
 from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, Point
+from namlcp.qp.rounding import correct_rounding, is_correctable
 from namlcp.residuals import qp_residuals
 from namlcp.status import Status
 
@@ -102,6 +103,9 @@ def solve_bounds(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Answer
             return None
         return proved(Status.DUAL_INFEASIBLE, proof, iterations, "bounds")
     residuals = qp_residuals(*qp, *point)
+    if is_correctable(residuals, *limits.tolerances):
+        point = correct_rounding(qp, point, residuals, *limits.tolerances)
+        residuals = qp_residuals(*qp, *point)
     if residuals.solved(*limits.tolerances):
         if not outcome.convex:
             return None  # the interior-point method may find that P is not convex
