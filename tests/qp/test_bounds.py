@@ -25,3 +25,37 @@ def test_curvature_of_fixed_variables_counts_in_large_problems(off):
     else:
         with pytest.raises(ValueError, match="P must be positive semidefinite"):
             solve_qp(P, q, lb=lb, ub=ub)
+
+
+@pytest.mark.parametrize("off", [0.5, 1.0, 1.00001, 2.0])
+@pytest.mark.parametrize("free", [True, False])
+def test_curvature_is_judged_with_all_variables_free_or_not(off, free):
+    """Free variables factor all of P already; the last two are those of `off`."""
+    n = 200
+    coupled = np.array([[1.0, off], [off, 1.0]])
+    P = csc_array(block_diag((diags_array(np.full(n - 2, 2.0)), coupled)))
+    q, bound = np.full(n, -1.0), np.full(n, 10.0)
+    bound[0] = 10.0 if free else 0.1
+    if off <= 1.0:
+        result = solve_qp(P, q, lb=-bound, ub=bound)
+        assert result.status is Status.SOLVED
+        assert result.form == "bounds"
+        assert np.allclose(P @ result.x + q, -result.z_box)
+        assert (result.z_box[1:] == 0.0).all()
+        assert (result.z_box[0] == 0.0) is np.bool_(free)
+    else:
+        with pytest.raises(ValueError, match="P must be positive semidefinite"):
+            solve_qp(P, q, lb=-bound, ub=bound)
+
+
+def test_terms_near_1e7_leave_a_gap_that_is_corrected():
+    """The gap of the rounded x is some units of its terms, above the tolerance."""
+    rng = np.random.default_rng(5)
+    n = 120
+    band = rng.uniform(-0.4, 0.4, n - 1)
+    P = csc_array(diags_array([band, np.ones(n), band], offsets=[-1, 0, 1]))
+    q = 1e3 * rng.standard_normal(n)
+    result = solve_qp(P, q, lb=np.zeros(n), eps_abs=1e-9, eps_rel=0.0)
+    assert result.residuals.gap_size > 1e7
+    assert result.status is Status.SOLVED
+    assert result.form == "bounds"
