@@ -21,7 +21,7 @@ from namlcp.checks import (
 )
 from namlcp.compiled import kernel
 from namlcp.limits import interruptible
-from namlcp.linalg import asymmetry, dense_asymmetry
+from namlcp.linalg import as_dense, asymmetry, dense_asymmetry
 
 
 class Point(NamedTuple):
@@ -60,6 +60,13 @@ class QP(NamedTuple):
     def is_dense(self) -> bool:
         """Tell whether the matrices are ndarrays."""
         return type(self.P) is np.ndarray
+
+    def in_dense_form(self) -> "QP":
+        """Return the QP with dense matrices, itself if they are."""
+        if self.is_dense:
+            return self
+        G, A = (as_dense(C) if C.nnz else np.zeros(C.shape) for C in (self.G, self.A))
+        return self._replace(P=as_dense(self.P), G=G, A=A)
 
     def point(self, x: np.ndarray | None = None) -> Point:
         """Return x, or 0, with multipliers that are 0."""

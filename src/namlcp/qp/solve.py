@@ -141,20 +141,25 @@ def solve_shortly(
     given: tuple[Any, Any, Any],
     held: Held | None = None,
 ) -> Answer | None:
-    """Solve a dense QP of `qp_arrays` by one compiled call, which checks the numbers.
+    """Solve a QP of `qp_arrays` by one compiled call, which checks the numbers.
 
-    Returns None where that is not the way to solve it; `start` and `given` as for
-    `solve_checked`, `held` as for `solve_once`.
+    Returns None where that is not the way to solve it: with sparse matrices unless it
+    is tiny; `start` and `given` as for `solve_checked`, `held` as for `solve_once`.
     """
     order = qp.q.size + qp.h.size + qp.b.size
-    if order > MOST_ORDER or not qp.is_dense or options.verbose or options.relaxation:
+    if order > MOST_ORDER or options.verbose or options.relaxation:
         return None
+    own = qp
+    if not qp.is_dense:
+        if held is not None or not is_tiny(qp):
+            return None
+        own = qp.in_dense_form()
     if options.time_limit == inf and is_brief(qp, options.max_iter):
         limits = options.unwatched
     else:
         limits = options.limits(Deadline(start + options.time_limit))
     try:
-        answer = solve_once(qp, NO_GUESS, limits, held)  # without BLAS
+        answer = solve_once(own, NO_GUESS, limits, held)  # without BLAS
     except SystemError as error:
         raise cause_of(error) from None
     return None if answer is None else settled(answer, qp, given, limits)

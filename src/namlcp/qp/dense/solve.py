@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 
 from namlcp.limits import Limits
-from namlcp.linalg import as_dense
 from namlcp.options import DEFAULT_OPTIONS
 from namlcp.qp.answer import Answer
 from namlcp.qp.certificates import accept_dual, accept_primal
@@ -27,9 +26,7 @@ def solve_dense(
 
     None where it does not decide; `held` as for `solve_once`.
     """
-    own = qp
-    if not qp.is_dense:
-        own = qp._replace(P=as_dense(qp.P), G=as_dense(qp.G), A=as_dense(qp.A))
+    own = qp.in_dense_form()
     answer = solve_once(own, guess, limits, held)
     if answer is not None:
         return answer
