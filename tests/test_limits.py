@@ -123,8 +123,9 @@ def test_time_limit_of_the_second_try_without_huge_bounds(monkeypatch):
         return out_of_time(qp)._replace(status=status)
 
     monkeypatch.setattr("namlcp.qp.solve.solve_substituted", forms)
-    P = sparse.eye_array(1, format="csc")  # an array would be solved before that
-    result = solve_qp(P, np.ones(1), ub=np.full(1, 1e10))
+    bound = np.full(1, 1e10)
+    # without a history it would be solved before that
+    result = solve_qp(np.eye(1), np.ones(1), ub=bound, history=True)
     assert result.status is Status.TIME_LIMIT
     assert np.isfinite(result.x).all()
 

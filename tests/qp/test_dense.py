@@ -12,7 +12,6 @@ import namlcp
 from namlcp.qp import forms
 from namlcp.qp.dense import pivots as dense
 from namlcp.qp.dense import scaling
-from namlcp.qp.responses import solve as responses
 from namlcp.residuals import Residuals, qp_residuals
 from namlcp.status import Status
 
