@@ -183,10 +183,12 @@ def bitset_minimum_degree(indptr, indices, nodes, local, sequence):
     """Write to sequence (m,) a minimum-degree elimination order of nodes (m,).
 
     The elimination graph is kept as m bitsets of m bits: eliminating v joins its
-    neighbours' sets with its own. local (n,) is -1 on entry and on return. On obstacle
-    problems and contact scenes it takes 3 us for m = 17, 100 us for 200 and 2 ms for
-    2000; `minimum_degree`, which only Python can call, takes 24, 70 and
-    1000 us. The flops of the factorisation are 0 to 35 % more here.
+    neighbours' sets with its own. Neighbours that then have no others are eliminated at
+    once, which fills nothing in (mass elimination: George and Liu, SIAM Review 31,
+    1989, 1-19). local (n,) is -1 on entry and on return. Contact scenes take 5 us for
+    m = 50, 30 us for 290 and 80 to 230 us for 600; a grid of 900 nodes takes 400 us.
+    The flops of the factorisation are 0 to 35 % more than with `minimum_degree`, which
+    only Python can call.
     """
     m = nodes.size
     one = np.uint64(1)
@@ -211,6 +213,7 @@ def bitset_minimum_degree(indptr, indices, nodes, local, sequence):
             count = np.int32(count + popcount(graph[v, b]))
         degree[v] = count
         relink(np.int32(v), count, NONE, head, after, before)
+    ended = np.zeros(graph.shape[1], dtype=np.uint64)  # together with v
     least = 0
     done = 0
     while done < m:
@@ -225,19 +228,36 @@ def bitset_minimum_degree(indptr, indices, nodes, local, sequence):
         done += 1
         row = graph[v]
         size = members(row, neighbours)
+        left = np.int32(0)
         for t in range(size):
             u = neighbours[t]
             joined = graph[u]
-            count = np.int32(0)
+            relink(u, NONE, degree[u], head, after, before)
+            joined[v >> 6] &= ~(one << np.uint64(v & 63))
+            count = np.int32(-1)  # of neighbours, when u itself is taken away again
             for b in range(row.size):
                 joined[b] |= row[b]
-            joined[v >> 6] &= ~(one << np.uint64(v & 63))
-            joined[u >> 6] &= ~(one << np.uint64(u & 63))
-            for b in range(row.size):
                 count = np.int32(count + popcount(joined[b]))
-            relink(u, count, degree[u], head, after, before)
-            degree[u] = count
-            least = min(least, count)
+            joined[u >> 6] &= ~(one << np.uint64(u & 63))
+            if count == size - 1:
+                degree[u] = -1
+                sequence[done] = nodes[u]
+                done += 1
+                ended[u >> 6] |= one << np.uint64(u & 63)
+            else:
+                degree[u] = count
+                neighbours[left] = u
+                left += 1
+        for t in range(left):
+            u = neighbours[t]
+            if left < size:
+                joined = graph[u]
+                for b in range(row.size):
+                    joined[b] &= ~ended[b]
+                degree[u] -= size - left
+            relink(u, degree[u], NONE, head, after, before)
+            least = min(least, degree[u])
+        ended[:] = 0
     for v in range(m):
         if degree[v] >= 0:
             sequence[done] = nodes[v]
