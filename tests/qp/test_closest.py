@@ -2,16 +2,14 @@
 
 import numpy as np
 import pytest
-from problems_qp import infeasible, make_qp
+from problems_qp import infeasible, make_qp, opposed
 from scipy.optimize import linprog, lsq_linear
 from scipy.sparse import csc_array
 
 import namlcp
 from namlcp import Relaxation, Status
-from namlcp.options import Options
-from namlcp.qp.answer import Answer
-from namlcp.qp.closest import closest_point, newton
-from namlcp.residuals import UNDEFINED, qp_residuals
+from namlcp.qp.closest import newton
+from namlcp.residuals import qp_residuals
 
 INF = np.inf
 
@@ -169,11 +167,6 @@ def test_shifts_of_least_sum_and_the_least_cost_among_them(seed):
     assert found.obj == pytest.approx(best, rel=1e-4, abs=1e-4)
 
 
-def opposed(gap=3.0):
-    """x_1 <= 0 and x_1 >= gap; x_2 free, its best value 1."""
-    return make_qp(np.eye(2), [0.0, -1.0], [[1.0, 0.0], [-1.0, 0.0]], [0.0, -gap])
-
-
 def test_opposed_rows_meet_by_their_weights():
     found = relaxed(opposed(), infeasible="closest")
     np.testing.assert_allclose(found.x, [1.5, 1.0], atol=1e-12)
@@ -282,44 +275,23 @@ def test_a_controller_yields_by_the_least_violation():
         np.testing.assert_allclose(found.shift_h, [2.0, 1.0], atol=1e-9)
 
 
-def answers(qp, *statuses):
-    """Return a `solve` that ends with these statuses, one call after another."""
-    left = list(statuses)
+@pytest.mark.parametrize("choice", ["closest", "elastic", Relaxation(h=np.ones(2))])
+def test_a_feasible_step_takes_the_short_way(choice, monkeypatch):
+    """A dense QP goes on to the general solve only where it is infeasible."""
+    answers = []
+    kept = namlcp.qp.solve.solve_checked
 
-    def solve(stage, guess, limits):
-        n = stage.q.size
-        good = namlcp.qp.solve.solve_or_relax(stage, guess, limits)
-        status = left.pop(0)
-        if status is Status.SOLVED:
-            return good
-        point = stage.point(np.full(n, 4.0))
-        return Answer(status, point, UNDEFINED, 1, "path", "Because.")
+    def spy(*arguments):
+        answers.append(arguments[-1])
+        return kept(*arguments)
 
-    return solve
-
-
-@pytest.mark.parametrize("status", [Status.STALLED, Status.TIME_LIMIT, Status.MAX_ITER])
-def test_a_stage_that_does_not_end_says_so(status):
-    qp, limits = opposed(), Options().limits()
-    found = closest_point(qp, Relaxation(), limits, answers(qp, status))
-    assert found.status is status
-    assert found.message.startswith("The search for the least shifts ended with")
-    assert found.message.endswith("Because.")
-    np.testing.assert_array_equal(found.shift_h, [4.0, 0.0])
-    steps = answers(qp, Status.SOLVED, status)
-    found = closest_point(qp, Relaxation(), limits, steps)
-    assert found.status is status
-    assert "the search for the least cost ended with" in found.message
-    np.testing.assert_allclose(found.shift_h, [1.5, 1.5])
-    np.testing.assert_allclose(found.x[0], 1.5)
-    assert np.isnan(found.z).all()
-
-
-def test_a_second_stage_that_contradicts_itself_by_rounding_has_stalled():
-    qp = opposed()
-    steps = answers(qp, Status.SOLVED, Status.PRIMAL_INFEASIBLE)
-    found = closest_point(qp, Relaxation(), Options().limits(), steps)
-    assert found.status is Status.STALLED
+    monkeypatch.setattr("namlcp.qp.solve.solve_checked", spy)
+    result = namlcp.solve_qp(*dense(opposed(-1.0)), infeasible=choice)
+    assert result.status is Status.SOLVED
+    assert not answers
+    result = namlcp.solve_qp(*dense(opposed(3.0)), infeasible=choice)
+    assert [known.status for known in answers] == [result.status]
+    assert result.z is answers[0].point.z  # its certificate
 
 
 def test_choices_are_checked():

@@ -268,3 +268,8 @@ def residual_form(seed, rows, n, lower=-np.inf, upper=np.inf, weight=0.0):
 def upper_triangle_of(kkt):
     """Return the upper triangle of K~ as a matrix."""
     return csc_array((kkt.data, kkt.indices, kkt.indptr), shape=(kkt.size, kkt.size))
+
+
+def opposed(gap=3.0):
+    """x_1 <= 0 and x_1 >= gap; x_2 free, its best value 1."""
+    return make_qp(np.eye(2), [0.0, -1.0], [[1.0, 0.0], [-1.0, 0.0]], [0.0, -gap])

@@ -21,8 +21,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dpotrs
 
-from namlcp.linalg import times
-from namlcp.qp.closest.rows import Rows, chosen, largest, times_signs
+from namlcp.linalg import add_transposed, times
+from namlcp.qp.closest.rows import Rows, chosen, largest, moduli, times_signs
 from namlcp.qp.closest.shifts import least_shifts
 from namlcp.qp.problem import QP, Point
 
@@ -30,6 +30,8 @@ from namlcp.qp.problem import QP, Point
 # one, stands at it. Those of a solution are exact to rounding.
 AT_LIMIT = 1e-9
 
+MOST_REFINED = 1_000_000
+"""Most entries of the held rows of a face that is refined, which takes a second."""
 
 FULL_RANK = 1e-5
 """Least ratio of the diagonal entries of the Cholesky factor of C'C, with which the
@@ -51,6 +53,36 @@ class Face(NamedTuple):
     lb: np.ndarray
     ub: np.ndarray
     moves: np.ndarray
+
+    def refined(self) -> "Face | None":
+        """Return the face with C'v + v_box = 0 to rounding, None if it is too large.
+
+        An inequality with a force v_i C_i below that residual, in the 1-norm, is no
+        longer held: rounding alone may have made its multiplier positive. The other
+        held rows take the least change of v, by least squares.
+        """
+        C, one_sided = self.rows.C, ~self.rows.is_equality
+        forces = np.abs(self.v) * times(moduli(C), np.ones(self.v_box.size))
+        noisy = one_sided & (self.sense == 0)
+        noisy &= forces <= np.abs(self.residual()).sum()
+        sense = self.sense + noisy
+        v = np.where(one_sided & (sense == 1), 0.0, self.v)
+        face = self._replace(v=v, v_box=self.v_box.copy(), sense=sense)
+        held, fixed = face.held, face.v_box != 0.0
+        if held.size * face.v_box.size > MOST_REFINED:
+            return None
+        rows = chosen(C, held)
+        rows = (rows if isinstance(rows, np.ndarray) else rows.toarray())[:, ~fixed]
+        for _ in range(2):  # the second time corrects the rounding of the first
+            v[held] -= np.linalg.lstsq(rows.T, face.residual()[~fixed], rcond=None)[0]
+        face.v_box[fixed] -= face.residual()[fixed]
+        return face
+
+    def residual(self) -> np.ndarray:
+        """Return C'v + v_box, which is 0 but for the errors of stage 1."""
+        out = self.v_box.copy()
+        add_transposed(self.rows.C, self.v, out)
+        return out
 
     def problem(self, qp: QP) -> QP:
         """Return the QP of stage 2."""

@@ -10,7 +10,7 @@ from namlcp.limits import Limits
 from namlcp.linalg import times
 from namlcp.options import Relaxation
 from namlcp.qp.answer import OBJECTIVE, Answer
-from namlcp.qp.closest.face import corner_of, face_of
+from namlcp.qp.closest.face import Face, corner_of, face_of
 from namlcp.qp.closest.newton import solve_by_newton, suits_newton
 from namlcp.qp.closest.point import ClosestPoint
 from namlcp.qp.closest.rows import Rows, rows_of
@@ -28,9 +28,10 @@ NOT_MINIMISED = (
     "The shifts are the least ones, but the search for the least cost ended with "
     "status {}: x is some point with these shifts, its multipliers are not known. "
 )
-INEXACT = (
-    "x and the shifts are exact; the multipliers must be so large that rounding leaves "
-    "residuals above the tolerances."
+UNPROVED = (
+    "The shifts are the least ones; that x has the least cost with them is not proved: "
+    "the multipliers are so large that rounding leaves a primal residual of {:.1e}, a "
+    "dual one of {:.1e} and a gap of {:.1e}. "
 )
 
 
@@ -60,13 +61,34 @@ def closest_point(
         return reported(qp, rows, unknown(rows, x), r, status, message)
     v = np.concatenate((first.point.z, first.point.y))
     face = face_of(rows, x, v, first.point.z_box[:n])
+    found = least_cost((qp, given), face, x, limits, solve)
+    refined = face.refined() if found.status is Status.STALLED else None
+    if refined is not None:
+        other = least_cost((qp, given), refined, x, limits, solve)
+        if other.status in (Status.SOLVED, Status.DUAL_INFEASIBLE):
+            return other
+    return found
+
+
+def least_cost(
+    problem: tuple[QP, tuple[Any, Any, Any]],
+    face: Face,
+    x: np.ndarray,
+    limits: Limits,
+    solve: Solve,
+) -> ClosestPoint:
+    """Return the point of least cost on a face; x is some point of it.
+
+    `problem`: the user's QP, and (P, G, A) as they were given.
+    """
+    qp, rows = problem[0], face.rows
     easier = face.problem(qp)
 
     def solved(point: Point, message: str = "") -> ClosestPoint:
         """Return the solution of both stages that one of stage 2 makes."""
         x, r = face.point(point), face.shifts(point.x)
         found = reported(qp, rows, x, r, Status.SOLVED, message)
-        return replace(found, problem=((qp, given), face, easier, point))
+        return replace(found, problem=(problem, face, easier, point))
 
     corner = corner_of(face, qp, x)
     if corner is not None:
@@ -74,23 +96,25 @@ def closest_point(
         if found.residuals.solved(*limits.tolerances):
             return found
     # The rows active at x are those of the solution only if they leave x no freedom.
-    settled = face.held.size + np.count_nonzero(face.v_box) >= n
+    settled = face.held.size + np.count_nonzero(face.v_box) >= x.size
     guess = make_guess(easier, x, None) if settled else NO_GUESS
     second = solve(easier, guess, limits)
     status, message = second.status, second.message
+    if status is Status.DUAL_INFEASIBLE:
+        return reported(qp, rows, second.point, face.shifts(x), status, message)
     if status is Status.SOLVED:
         found = solved(second.point, message)
-        if found.residuals.solved(*limits.tolerances):
+        residuals = found.residuals
+        if residuals.solved(*limits.tolerances):
             return found
-        if found.residuals._replace(dual=0.0, gap=0.0).solved(*limits.tolerances):
-            return replace(found, message=INEXACT)
-    r = face.shifts(x)
-    if status is Status.DUAL_INFEASIBLE:
-        return reported(qp, rows, second.point, r, status, message)
-    message = NOT_MINIMISED.format(status.value) + message
+        if residuals._replace(dual=0.0, gap=0.0).solved(*limits.tolerances):
+            x = found.x
+        message = UNPROVED.format(*residuals[:3]) + message
+    else:
+        message = NOT_MINIMISED.format(status.value) + message
     if status not in (Status.TIME_LIMIT, Status.MAX_ITER):
         status = Status.STALLED
-    return reported(qp, rows, unknown(rows, x), r, status, message)
+    return reported(qp, rows, unknown(rows, x), face.shifts(x), status, message)
 
 
 def stage_one(rows: Rows, limits: Limits, solve: Solve) -> Answer:
