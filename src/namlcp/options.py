@@ -15,6 +15,8 @@ from namlcp.progress import Progress
 
 CERTIFICATE = "certificate"
 """The value of `Options.infeasible` that asks for a proof of infeasibility alone."""
+SIDES = "h", "b", "lb", "ub"
+"""The sides of the constraints: the names of the weights of a `Relaxation`."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -151,10 +153,15 @@ class Relaxation:
         """Raise a TypeError or ValueError that names the first wrong field."""
         if self.norm not in (1, 2):
             raise ValueError(f"Relaxation.norm must be 1 or 2, got {self.norm!r}")
-        for side in ("h", "b", "lb", "ub"):
+        for side in SIDES:
             name, weights = f"Relaxation.{side}", getattr(self, side)
             for weight in np.ravel(weights).tolist():
                 check_number(name, weight, 0.0)
+
+    @cached_property
+    def is_uniform(self) -> bool:
+        """Tell whether each weight is one number for all."""
+        return not any(np.ndim(getattr(self, side)) for side in SIDES)
 
 
 def relaxation_of(infeasible: object) -> Relaxation | None:

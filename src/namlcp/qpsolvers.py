@@ -18,6 +18,7 @@ from namlcp.qp import (
     Answer,
     ClosestPoint,
     NotConvex,
+    asks_more,
     checked,
     make_guess,
     qp_arrays,
@@ -80,15 +81,15 @@ def nam_solve_problem(
         except (TypeError, ValueError) as error:
             raise ParamError(str(error)) from error
         try:
-            qp = qp_arrays(*problem.unpack())
+            qp, known = qp_arrays(*problem.unpack()), None
             given = problem.P, problem.G, problem.A
             if initvals is None and warm_start is None:
                 ready = time.perf_counter()
-                answer = solve_shortly(qp, options, start, given)
-                if answer is not None:
-                    if answer.status is Status.SOLVED:
-                        return short_solution(problem, answer, start, ready)
-                    result = result_of(answer, (qp, given), start, ready)
+                known = solve_shortly(qp, options, start, given)
+                if known is not None and not asks_more(options, known):
+                    if known.status is Status.SOLVED:
+                        return short_solution(problem, known, start, ready)
+                    result = result_of(known, (qp, given), start, ready)
                     return solution(problem, result)
             qp = checked(qp)
         except (TypeError, ValueError) as error:
@@ -98,7 +99,7 @@ def nam_solve_problem(
         except (TypeError, ValueError) as error:
             raise ParamError(str(error)) from error
         try:
-            result = solve_checked(qp, options, guess, start, given=given)
+            result = solve_checked(qp, options, guess, start, given=given, known=known)
         except NotConvex as error:
             raise ProblemError(str(error)) from error
         return solution(problem, result)

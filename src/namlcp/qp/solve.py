@@ -11,7 +11,7 @@ from namlcp.linalg import blas_threads
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp.answer import OBJECTIVE, UNDECIDED, Answer, better, out_of_time
-from namlcp.qp.closest import closest_point, weights_of
+from namlcp.qp.closest import check_weights, closest_point
 from namlcp.qp.dense import solve_dense
 from namlcp.qp.forms import is_tiny, solve_smallest_form
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
@@ -111,19 +111,19 @@ def solve_qp(
     options = Options.from_names(settings) if settings else DEFAULT_OPTIONS
     check_flag("history", history)
     check_flag("derivative", derivative)
-    held = Held() if derivative else None
+    held, known = Held() if derivative else None, None
     if x0 is None and warm_start is None and not history:
         ready = time.perf_counter()
-        answer = solve_shortly(qp, options, start, given, held)
-        if answer is not None:
-            return with_factors(result_of(answer, (qp, given), start, ready), held)
+        known = solve_shortly(qp, options, start, given, held)
+        if known is not None and not asks_more(options, known):
+            return with_factors(result_of(known, (qp, given), start, ready), held)
     qp = checked(qp)
     guess = make_guess(qp, x0, warm_start)
     memory = None
     if held is not None and qp.is_dense:
         memory = Memory()
         memory.held = held
-    result = solve_checked(qp, options, guess, start, history, memory, given)
+    result = solve_checked(qp, options, guess, start, history, memory, given, known)
     return with_factors(result, held)
 
 
@@ -147,13 +147,15 @@ def solve_shortly(
     is tiny; `start` and `given` as for `solve_checked`, `held` as for `solve_once`.
     """
     order = qp.q.size + qp.h.size + qp.b.size
-    if order > MOST_ORDER or options.verbose or options.relaxation:
+    if order > MOST_ORDER or options.verbose:
         return None
     own = qp
     if not qp.is_dense:
         if held is not None or not is_tiny(qp):
             return None
         own = qp.in_dense_form()
+    if options.relaxation:
+        check_weights(qp, options.relaxation)
     if options.time_limit == inf and is_brief(qp, options.max_iter):
         limits = options.unwatched
     else:
@@ -165,6 +167,12 @@ def solve_shortly(
     return None if answer is None else settled(answer, qp, given, limits)
 
 
+def asks_more(options: Options, answer: Answer) -> bool:
+    """Tell whether the options ask for the closest point of a QP with this answer."""
+    infeasible = answer.status is Status.PRIMAL_INFEASIBLE
+    return infeasible and options.relaxation is not None
+
+
 @interruptible
 def solve_checked(
     qp: QP,
@@ -174,12 +182,13 @@ def solve_checked(
     history: bool = False,
     memory: Memory | None = None,
     given: tuple[Any, Any, Any] = (None, None, None),
+    known: Answer | None = None,
 ) -> QPResult:
     """Solve a checked QP; `start` is the time.perf_counter() of the call.
 
     `memory` may be kept for the next problem of the same pattern; it is changed.
     `given`: P, G and A as the user holds them, whose sums `upheld` asks, and in whose
-    form their gradients are.
+    form their gradients are. `known`: the answer, where only more than it is asked.
     """
     progress = None
     if options.verbose or history:
@@ -190,10 +199,12 @@ def solve_checked(
     ready = time.perf_counter()
     closest, relaxation = None, options.relaxation
     if relaxation:
-        weights_of(qp, relaxation)  # a wrong one is told of whether needed or not
+        check_weights(qp, relaxation)
     with blas_threads(options.threads, qp.q.size + qp.h.size + qp.b.size):
-        answer = solve_or_relax(qp, guess, limits, memory)
-        if relaxation and answer.status is Status.PRIMAL_INFEASIBLE:
+        answer = known
+        if answer is None:
+            answer = solve_or_relax(qp, guess, limits, memory)
+        if relaxation and asks_more(options, answer):
             closest = closest_point(qp, relaxation, limits, solve_or_relax, given)
     answer = settled(answer, qp, given, limits)
     if progress is not None:

@@ -18,5 +18,5 @@ Infeasibility in Optimization, 2008).
 
 from namlcp.qp.closest.face import Face
 from namlcp.qp.closest.point import ClosestPoint
-from namlcp.qp.closest.rows import weights_of
+from namlcp.qp.closest.rows import check_weights
 from namlcp.qp.closest.solve import closest_point

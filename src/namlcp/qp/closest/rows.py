@@ -13,7 +13,7 @@ from namlcp.linalg import (
     submatrix,
     times,
 )
-from namlcp.options import Relaxation
+from namlcp.options import SIDES, Relaxation
 from namlcp.qp.problem import QP, Point
 
 ROUNDING = 1e-14
@@ -110,13 +110,19 @@ def rows_of(qp: QP, relaxation: Relaxation) -> Rows:
     return Rows(C, d, weights, qp.b.size, lb, ub, upper, lower, relaxation.norm)
 
 
+def check_weights(qp: QP, relaxation: Relaxation) -> None:
+    """Raise the error of `weights_of`, be the weights needed or not."""
+    if not relaxation.is_uniform:
+        weights_of(qp, relaxation)
+
+
 def weights_of(qp: QP, relaxation: Relaxation) -> dict[str, np.ndarray]:
     """Return the weight of each entry of h, b, lb and ub.
 
     Raises ValueError where there are too many or too few; the message names them.
     """
     found = {}
-    for side in ("h", "b", "lb", "ub"):
+    for side in SIDES:
         value, own = getattr(relaxation, side), getattr(qp, side)
         if np.ndim(value) == 0:
             found[side] = np.full(own.size, float(value))

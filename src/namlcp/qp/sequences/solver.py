@@ -44,7 +44,7 @@ from namlcp.qp.sequences.pattern import (
     revalued,
     within_pattern,
 )
-from namlcp.qp.solve import attributes_of, result_of, solve_checked
+from namlcp.qp.solve import asks_more, attributes_of, result_of, solve_checked
 from namlcp.result import QPResult
 from namlcp.status import Status
 
@@ -355,10 +355,7 @@ class Solver:
         return self.methods
 
     def solve_by(self, method: Responses, start: float) -> QPResult | None:
-        """Return the result of one method; None if it does not decide.
-
-        None, too, where the options ask for more than a certificate.
-        """
+        """Return the result of one method; None if it does not decide."""
         limits, vectors = self.limits, self.vectors
         deadline = limits.deadline
         deadline.at = start + self.options.time_limit
@@ -377,10 +374,12 @@ class Solver:
         if deadline.interrupted:
             self.set_options(self.options)  # with a deadline that is not
             answer = answer._replace(status=deadline.verdict(answer.status))
-        elif answer.status is not SOLVED and (
-            not answer.ends or self.options.relaxation
-        ):
+        elif answer.status is not SOLVED and not answer.ends:
             return None
+        if asks_more(self.options, answer):
+            return solve_checked(
+                qp, self.options, NO_GUESS, start, given=self.given, known=answer
+            )
         if answer.status is SOLVED:
             self.found_by = method
         return result_of(answer, (qp, self.given), start, start)
