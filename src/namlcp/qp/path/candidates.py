@@ -22,8 +22,9 @@ from namlcp.qp.transforms import Contradiction, Presolved
 from namlcp.status import Status
 
 # In a projection, the weight of the distance to the candidate, where the residual has
-# weight 1, and the refinement steps at most.
-PROJECTION, PROJECTION_STEPS = 1e-8, 15
+# weight 1, and the refinement steps at most. These end at a largest residual PROJECTED
+# of multipliers, the largest of which is 1: a certificate needs 1e-12.
+PROJECTION, PROJECTION_STEPS, PROJECTED = 1e-8, 15, 1e-16
 # A one-sided constraint is an equation in the projection of a ray d, max |d_j| = 1, if
 # sign * C d, scaled, exceeds NEARLY_ACTIVE for d, or VIOLATED for a projection so far.
 NEARLY_ACTIVE, VIOLATED, RAY_PROJECTIONS = -1e-3, 1e-13, 3
@@ -114,7 +115,7 @@ class CertificateSearch:
         """Project on the Farkas system A'y + C'Z = 0, in a norm with w = sqrt(Z).
 
         min |A'(y + dy) + C'(Z + dZ)|^2/(2 eps) + |dy|^2/2 + sum dZ^2/(2 w), with eps =
-        PROJECTION, is solved again as long as the residual is halved.
+        PROJECTION, is solved again as long as the residual is halved and not PROJECTED.
         """
         s, kkt, work = self.problem, self.problem.kkt, self.work
         size = max(largest(y), largest(Z))
@@ -139,6 +140,8 @@ class CertificateSearch:
                 break
             best = y, Z
             last = largest(r)
+            if last <= PROJECTED:
+                break
             rhs[: s.n] = -r
             u = work.solve_once(rhs)
             t = work.multiply(u[: s.n], v)[2]
