@@ -5,7 +5,7 @@ methods has one colour, its members differ by marker.
 """
 
 import math
-from itertools import combinations
+from itertools import combinations, product
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -78,6 +78,9 @@ SHIFTS = {
     (-6.0, -6.0): {"ha": "right", "va": "top"},
 }
 
+# Distance of a name from all lines [points] with which it may stand close to its own.
+ROOM = 2.0
+
 mpl.rcParams.update(
     {
         "figure.dpi": 110,
@@ -127,7 +130,8 @@ def name_lines(
     """Write the name of each line, in its colour, beside one of its points.
 
     `lines`: by name, its points and its colour. The place is the one farthest from all
-    lines, among those within the panel and off the texts that are there.
+    lines, among those within the panel and off the texts that are there; it is close to
+    the line, unless there is no room.
     """
     if axes.figure.get_layout_engine() is not None:  # it places the panels when drawn
         axes.figure.draw_without_rendering()
@@ -144,9 +148,12 @@ def name_lines(
             fontsize=9.0, weight="bold" if name == "namlcp" else "normal", zorder=9,
         )  # fmt: skip
         best = -math.inf
-        place = points[0], (0.0, 0.0)
-        for point in points:
-            for shift, sides in SHIFTS.items():
+        place = points[0], (0.0, 0.0), {}
+        for times, point in product((1.0, 2.5), points):
+            if times > 1.0 and best >= ROOM:
+                break
+            for (across, up), sides in SHIFTS.items():
+                shift = times * across, times * up
                 text.xy, text.xyann = point, shift
                 text.set(**sides)
                 box = text.get_window_extent()
@@ -155,9 +162,9 @@ def name_lines(
                     continue
                 room = min(distance(box, mark) for mark in marks)
                 if room > best:
-                    best, place = room, (point, shift)
-        text.xy, text.xyann = place
-        text.set(**SHIFTS.get(place[1], {}))
+                    best, place = room, (point, shift, sides)
+        text.xy, text.xyann, sides = place
+        text.set(**sides)
         taken.append(text.get_window_extent())
 
 
