@@ -13,7 +13,7 @@ i of A, and the diagonal is the last entry of a column. G is held by rows.
 
 import numpy as np
 
-from namlcp.compiled import entries, floats, ints, longs, part
+from namlcp.compiled import entries, floats, floats_at, ints, ints_at, longs, part
 from namlcp.linalg import solve_record
 from namlcp.qp.responses.judgement import parts_of_result
 from namlcp.qp.responses.rows import claim_place
@@ -76,9 +76,39 @@ def rows_of(m):
 @part
 def triangle_of(m):
     """Return the arrays indptr, indices and base of the triangle of K."""
-    indptr = ints(m.indptr, m.size + 1)
+    indptr = ints_at(m.indptr, m.size + 1)
     nnz = np.int64(indptr[m.size])
-    return indptr, ints(m.indices, nnz), floats(m.base, nnz)
+    return indptr, ints_at(m.indices, nnz), floats_at(m.base, nnz)
+
+
+@part
+def multiply_cost(m, x, Px):
+    """Set Px = P x; for other records with the triangle of a K, too."""
+    indptr, indices, base = triangle_of(m)
+    for j in range(m.n):
+        last = np.uint64(indptr[j + 1] - 1)
+        total = base[last] * x[j]
+        for t in range(np.uint64(indptr[j]), last):
+            i = np.uint32(indices[t])
+            Px[i] += base[t] * x[j]
+            total += base[t] * x[i]
+        Px[j] = total
+
+
+@part
+def multiply_columns(m, first, end, u, Cx, Ctv):
+    """Set Cx = C x and add C'v to Ctv, for the rows C that are columns first : end.
+
+    u = (x, ..., v, ...) has the layout of K. For other records, as `multiply_cost` is.
+    """
+    indptr, indices, base = triangle_of(m)
+    for j in range(first, end):
+        v, total = u[j], 0.0
+        for t in range(np.uint64(indptr[j]), np.uint64(indptr[j + 1] - 1)):
+            i = np.uint32(indices[t])
+            Ctv[i] += base[t] * v
+            total += base[t] * u[i]
+        Cx[j - first] = total
 
 
 @part
@@ -113,27 +143,13 @@ def make_response(m, row):
 @part
 def set_products(m):
     """Set the products of the result's x, y and z."""
-    x, y, z, _ = parts_of_result(m)
-    Px, Gx, Ax = floats(m.Px, m.n), floats(m.Gx, m.m), floats(m.Ax, m.p)
-    Gtz, Aty = floats(m.Gtz, m.n), floats(m.Aty, m.n)
-    indptr, indices, base = triangle_of(m)
+    x, _, z, _ = parts_of_result(m)
+    Gx, Gtz, Aty = floats(m.Gx, m.m), floats(m.Gtz, m.n), floats_at(m.Aty, m.n)
+    multiply_cost(m, x, floats_at(m.Px, m.n))
     for j in range(m.n):
-        last = np.uint64(indptr[j + 1] - 1)
-        total = base[last] * x[j]
-        for t in range(np.uint64(indptr[j]), last):
-            i = np.uint32(indices[t])
-            Px[i] += base[t] * x[j]
-            total += base[t] * x[i]
-        Px[j] = total
         Gtz[j], Aty[j] = 0.0, 0.0
-    for k in range(m.p):
-        j = m.n + k
-        total = 0.0
-        for t in range(np.uint64(indptr[j]), np.uint64(indptr[j + 1] - 1)):
-            i = np.uint32(indices[t])
-            total += base[t] * x[i]
-            Aty[i] += base[t] * y[k]
-        Ax[k] = total
+    u = floats(m.out, m.size)  # x, then y
+    multiply_columns(m, m.n, m.size, u, floats_at(m.Ax, m.p), Aty)
     multiply_rows(m, x, Gx)
     active = longs(m.active, m.most + 1)
     columns, values, starts = rows_of(m)

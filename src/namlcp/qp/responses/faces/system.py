@@ -7,8 +7,9 @@ active bound and an inactive row are *held*: a huge diagonal entry keeps x_j or 
 
 import numpy as np
 
-from namlcp.compiled import floats_at, ints_at, longs_at, part
+from namlcp.compiled import floats_at, longs_at, part
 from namlcp.linalg import factor_record, solve_record
+from namlcp.qp.responses.sparse import multiply_columns, multiply_cost, triangle_of
 
 # What is added to the diagonal of P, and subtracted for rows, in equilibrated units;
 # the same for what is held.
@@ -42,9 +43,9 @@ def factor_face(m):
         return True
     for i in range(m.rows):
         factored[i] = side[i]
-    indptr, unit = ints_at(m.indptr, m.size + 1), floats_at(m.unit, m.size)
-    nnz = np.int64(indptr[m.size])
-    base, data = floats_at(m.base, nnz), floats_at(m.data, nnz)
+    indptr, _, base = triangle_of(m)
+    unit = floats_at(m.unit, m.size)
+    data = floats_at(m.data, np.int64(indptr[m.size]))
     for j in range(m.size):
         last = indptr[j + 1] - 1
         shift = (HELD if is_held(m, side, j) else SHIFT) / (unit[j] * unit[j])
@@ -56,39 +57,13 @@ def factor_face(m):
 @part
 def set_products(m):
     """Set the products of u = (x, y, z) with P, A and G."""
-    n, indptr = m.n, ints_at(m.indptr, m.size + 1)
-    nnz = np.int64(indptr[m.size])
-    indices, base = ints_at(m.indices, nnz), floats_at(m.base, nnz)
-    u, Px = floats_at(m.u, m.size), floats_at(m.Px, n)
+    n, rows, u = m.n, m.n + m.p, floats_at(m.u, m.size)
     Aty, Gtz = floats_at(m.Aty, n), floats_at(m.Gtz, n)
     for j in range(n):
-        Px[j], Aty[j], Gtz[j] = 0.0, 0.0, 0.0
-    for j in range(n):
-        last = np.uint64(indptr[j + 1] - 1)
-        total = base[last] * u[j]
-        for t in range(np.uint64(indptr[j]), last):
-            i = np.uint32(indices[t])
-            Px[i] += base[t] * u[j]
-            total += base[t] * u[i]
-        Px[j] += total
-    multiply_rows(m, n, n + m.p, floats_at(m.Ax, m.p), Aty)
-    multiply_rows(m, n + m.p, m.size, floats_at(m.Gx, m.m), Gtz)
-
-
-@part
-def multiply_rows(m, first, end, Cx, Ctv):
-    """Set Cx = C x and add C'v: the rows first : end of K, and these entries of u."""
-    indptr = ints_at(m.indptr, m.size + 1)
-    nnz = np.int64(indptr[m.size])
-    indices, base = ints_at(m.indices, nnz), floats_at(m.base, nnz)
-    u = floats_at(m.u, m.size)
-    for j in range(first, end):
-        v, total = u[j], 0.0
-        for t in range(np.uint64(indptr[j]), np.uint64(indptr[j + 1] - 1)):
-            i = np.uint32(indices[t])
-            Ctv[i] += base[t] * v
-            total += base[t] * u[i]
-        Cx[j - first] = total
+        Aty[j], Gtz[j] = 0.0, 0.0
+    multiply_cost(m, u, floats_at(m.Px, n))
+    multiply_columns(m, n, rows, u, floats_at(m.Ax, m.p), Aty)
+    multiply_columns(m, rows, m.size, u, floats_at(m.Gx, m.m), Gtz)
 
 
 @part
