@@ -16,7 +16,12 @@ from scipy.sparse import diags_array
 
 import namlcp
 from namlcp.limits import Limits
-from namlcp.qp.certificates import accept_primal, drop_disallowed, farkas_numbers
+from namlcp.qp.certificates import (
+    accept_dual,
+    accept_primal,
+    drop_disallowed,
+    farkas_numbers,
+)
 from namlcp.qp.judge import Judge
 from namlcp.qp.path.advance import ACTIVE_SET, EVALUATE
 from namlcp.qp.path.candidates import CertificateSearch
@@ -206,6 +211,23 @@ def test_a_column_of_tiny_entries_proves_nothing():
     assert accept_primal(qp, np.zeros(1), np.empty(0), one, TOL) is None
     qp = make_qp([[0.0]], [0.0], [[1e-13], [-1e-13]], [1e-3, -2e-3])
     assert accept_primal(qp, np.zeros(1), np.empty(0), np.ones(2), TOL) is not None
+
+
+def test_the_difference_of_rows_alike_is_no_proof():
+    """x = 1 and (1 + d) x = 1 + d hold together; so, along a row, no cost can fall.
+
+    d is so small that a residual of this size counts as mere rounding.
+    """
+    d = 2.0**-40
+    a, multipliers = np.array([1.0, 1.0 + d]), np.array([1.0, -1.0]) / d
+    tol, none, one = 1e-14, np.empty(0), np.ones(1)
+    point = make_qp([[0.0]], [0.0], A=a[:, None], b=a)
+    assert accept_primal(point, one, multipliers, none, tol) is None
+    row = make_qp(np.zeros((2, 2)), a, A=a[None], b=[0.0])
+    start = np.ones(2), np.zeros(1), none
+    assert accept_dual(row, *start, multipliers, tol) is None
+    apart = make_qp([[0.0]], [0.0], A=np.ones((2, 1)), b=a)
+    assert accept_primal(apart, one, multipliers, none, tol) is not None
 
 
 @pytest.mark.parametrize("unit", [1e-8, 1e8])

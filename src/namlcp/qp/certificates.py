@@ -29,10 +29,13 @@ VALUE_ROUNDING = 1e3 * np.finfo(float).eps
 # A certificate with a residual, relative to its largest entry, of at most RESIDUAL must
 # exclude all x with |x|_1 up to RADIUS times max(1, |x|_1 of the current point). With a
 # residual of at most EXACT_RESIDUAL, mere rounding, it need not, but must satisfy
-# MARGIN.
+# MARGIN and ROUNDED_VALUE.
 RESIDUAL, RADIUS, EXACT_RESIDUAL = 1e-8, 1e3, 1e-12
 # Largest tol * lam, for a ray tol * |d|_1, of such a certificate.
 MARGIN = 0.5
+# Largest error of its value, as a part of it: a multiplier is as inexact as the
+# relative residual says, and so is each term of the sum.
+ROUNDED_VALUE = 1e-2
 # Largest |M d|, relative to |M| |d| row by row, of such a ray.
 CANCELLED = 1e-10
 
@@ -53,36 +56,44 @@ def accept_primal(
     if not value < -VALUE_ROUNDING * moduli:
         return None
     radius, margin = RADIUS * max(1.0, float(np.abs(x).sum())), tol * lam / -value
-    if not is_contradiction(worst / most, radius * worst / -value, margin):
+    moduli /= -value
+    if not is_contradiction(worst / most, radius * worst / -value, margin, moduli):
         return None
     y, z, z_box = y / -value, z_kept / -value, z_box / -value
     d, a, g = equilibration(qp)
     worst = largest((s / -value + z_box) * d)
     most = max(largest(y / a), largest(z / g), largest(z_box * d))
     radius = RADIUS * max(1.0, float(np.abs(x / d).sum()))
-    if not is_contradiction(worst / most, radius * worst, margin):
+    if not is_contradiction(worst / most, radius * worst, margin, moduli):
         return None
     return Point(np.full(x.size, np.nan), y, z, z_box)
 
 
-def is_contradiction(relative: float, error: float, margin: float) -> bool:
-    """Tell whether a Farkas certificate passes.
+def is_contradiction(
+    relative: float, error: float, margin: float, moduli: float
+) -> bool:
+    """Tell whether a Farkas certificate of value -1 passes.
 
     relative: residual over largest entry; error: RADIUS |x|_1 times the residual;
-    margin: t lam of the module docstring for t = tol.
+    margin: t lam of the module docstring for t = tol; moduli: those of the terms of the
+    value, added.
     """
-    exact = relative <= EXACT_RESIDUAL
-    return suffices(relative, error + margin, margin, exact)
+    return suffices(relative, error + margin, margin, is_exact(relative, moduli))
 
 
-def suffices(relative: float, error: float, margin: float, is_exact: bool) -> bool:
+def is_exact(relative: float, moduli: float) -> bool:
+    """Tell whether a residual is mere rounding, and has not made the value of -1."""
+    return relative <= EXACT_RESIDUAL and relative * moduli <= ROUNDED_VALUE
+
+
+def suffices(relative: float, error: float, margin: float, exact: bool) -> bool:
     """Tell whether a certificate with this relative residual is accepted.
 
     `error` must be at most 1 for the points within RADIUS, for an exact one `margin`,
     its part by the tolerance, must be small.
     """
     within = relative <= RESIDUAL and error <= 1.0
-    return within or (is_exact and margin <= MARGIN)
+    return within or (exact and margin <= MARGIN)
 
 
 @kernel
@@ -150,8 +161,8 @@ def accept_dual(
     d = np.where(np.isfinite(qp.ub), np.minimum(d, 0.0), d)
     d = np.where(np.isfinite(qp.lb), np.maximum(d, 0.0), d)
     terms = qp.q * d
-    value = terms.sum()
-    if not value < -VALUE_ROUNDING * np.abs(terms).sum():
+    value, moduli = terms.sum(), np.abs(terms).sum()
+    if not value < -VALUE_ROUNDING * moduli:
         return None
     d = d / -value
     Pd, Ad = times(qp.P, d), times(qp.A, d)
@@ -161,10 +172,10 @@ def accept_dual(
     weights = [max(1.0, np.abs(v).sum()) for v in (x, y, z)]
     margin = tol * np.abs(d).sum()
     error = RADIUS * float(np.dot(parts, weights)) + margin
-    is_exact = relative <= EXACT_RESIDUAL and all(
+    exact = is_exact(relative, moduli / -value) and all(
         cancels(M, d, v) for M, v in ((qp.P, Pd), (qp.A, Ad), (qp.G, Gd))
     )
-    if suffices(relative, error, margin, is_exact):
+    if suffices(relative, error, margin, exact):
         return Point(d, *(np.full(v.size, np.nan) for v in (y, z, d)))
     return None
 
