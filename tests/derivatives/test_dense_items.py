@@ -20,9 +20,10 @@ def weights(result, seed):
     return [rng.standard_normal(getattr(result, part).shape) for part in PARTS]
 
 
-@pytest.mark.parametrize("seed", range(10))
-def test_the_compiled_pass_is_that_of_the_face(seed):
-    result = namlcp.solve_qp(*regular_qp(seed))
+@pytest.mark.parametrize(("seed", "n"), [*((k, 16) for k in range(10)), (0, 60)])
+def test_the_compiled_pass_is_that_of_the_face(seed, n):
+    """Matrices of up to 2000 entries are made with the rest, those of n = 60 later."""
+    result = namlcp.solve_qp(*regular_qp(seed, n))
     given = weights(result, seed)
     expected = result.derivative.backward_of_face(given)
     first, again = result.backward(*given), result.backward(*given)
@@ -32,9 +33,9 @@ def test_the_compiled_pass_is_that_of_the_face(seed):
         assert np.array_equal(own, getattr(again, name))
 
 
-@pytest.mark.parametrize("seed", range(10))
-def test_the_factors_of_the_solve_give_the_same(seed):
-    qp = regular_qp(seed)
+@pytest.mark.parametrize(("seed", "n"), [*((k, 16) for k in range(10)), (0, 60)])
+def test_the_factors_of_the_solve_give_the_same(seed, n):
+    qp = regular_qp(seed, n)
     result = namlcp.solve_qp(*qp, derivative=True)
     given = weights(result, seed)
     expected = namlcp.solve_qp(*qp).backward(*given)

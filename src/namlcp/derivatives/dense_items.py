@@ -7,12 +7,13 @@ are those of the whole P with active bounds as rows, see `namlcp.qp.responses`.
 """
 
 from collections.abc import Iterable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from namlcp.checks import refuse_number
 from namlcp.compiled import floats, kernel, longs, part, uncounted
+from namlcp.derivatives.gradients import write_rank_two
 from namlcp.derivatives.systems import (
     INACTIVE,
     LEAST_PIVOT,
@@ -38,6 +39,10 @@ SINGULAR, REGULAR, FAULTY = range(3)
 """Codes of an item: the KKT system of the strictly active constraints has no Cholesky
 factors; all is done; a gradient in the solution is not finite."""
 
+AT_ONCE = 2000
+"""Entries of the gradients in P, G and A together, up to which they are made with the
+others: that takes less time than the call that would make one of them later."""
+
 NOTHING = np.empty(0)
 ALONE = np.zeros(1, dtype=np.int64)
 """The number of the only item."""
@@ -46,9 +51,9 @@ ALONE = np.zeros(1, dtype=np.int64)
 class Found(NamedTuple):
     """What `differentiate` finds, its parts named as the data whose gradients they are.
 
-    With a leading axis of the items, or without: q, lb, ub (n,), h (m,), b (p,); held
-    (m,), 1 for rows of G that are held; side (n,), -1 for variables held at the lower
-    bound, 1 at the upper one; weak, code: numbers.
+    With a leading axis of the items: q, lb, ub (n,), h (m,), b (p,); held (m,), 1 for
+    rows of G that are held; side (n,), -1 for variables held at the lower bound, 1 at
+    the upper one; weak, code: numbers.
     """
 
     q: np.ndarray
@@ -58,26 +63,27 @@ class Found(NamedTuple):
     ub: np.ndarray
     held: np.ndarray
     side: np.ndarray
-    weak: Any
-    code: Any
+    weak: np.ndarray
+    code: np.ndarray
 
 
-def parts_of(row: np.ndarray, sizes: tuple[int, int, int]) -> Found:
-    """Return what `differentiate` has written for items of these sizes, or for one."""
+def parts_of(out: np.ndarray, sizes: tuple[int, int, int]) -> Found:
+    """Return what `differentiate` has written to the rows of `out`, one for an item."""
     n, m, p = sizes
-    after_b = n + m + p
-    after_ub = after_b + 2 * n
-    return Found(
-        row[..., :n],
-        row[..., n : n + m],
-        row[..., n + m : after_b],
-        row[..., after_b : after_b + n],
-        row[..., after_b + n : after_ub],
-        row[..., after_ub : after_ub + m],
-        row[..., after_ub + m : after_ub + m + n],
-        row[..., -2],
-        row[..., -1],
-    )
+    columns, end = out.T, 3 * n + m + p
+    held, side = columns[end : end + m], columns[end + m : end + m + n]
+    parts = *vectors_of(columns, sizes), held, side, columns[-2], columns[-1]
+    return Found(*(part.T for part in parts))
+
+
+def vectors_of(
+    row: np.ndarray, sizes: tuple[int, int, int]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the gradients in q, h, b, lb and ub in what is written for one item."""
+    n, m, p = sizes
+    b, lb = n + m, n + m + p
+    ub = lb + n
+    return row[:n], row[n:b], row[b:lb], row[lb:ub], row[ub : ub + n]
 
 
 def width_of(sizes: tuple[int, int, int]) -> int:
@@ -104,27 +110,33 @@ class OneItem:
 
     def differentiate(
         self, cotangents: tuple[np.ndarray, ...]
-    ) -> tuple[tuple[np.ndarray, ...], int] | None:
-        """Return the gradients in q, h, b, lb, ub, and how many constraints are weak.
+    ) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...], int] | None:
+        """Return the gradients in q, h, b, lb, ub, in P, G, A, and the count of weak.
 
+        Those in P, G and A are there if they are small (`AT_ONCE`), else none of them.
         None: K is singular. Raises ValueError if a cotangent is not finite.
         """
-        out = np.empty((1, width_of(self.sizes)))
+        n, m, p = self.sizes
+        out, rows = np.empty((1, width_of(self.sizes))), n + m + p
+        matrices = np.empty((rows if rows * n <= AT_ONCE else 0, n))
         row, code = out[0], SINGULAR
         if self.held is not None and self.held.space is not None:
-            code = differentiate_held(self.held.space.address, *cotangents, row)
+            code = differentiate_held(
+                self.held.space.address, *cotangents, row, matrices
+            )
         if code == SINGULAR:
             self.held = None
             self.differentiate_anew(cotangents, out)
+            write_matrices(row, tuple(self.point), matrices)
             code = row[-1]
         if code == FAULTY:
             refuse_faults(cotangents)
         if code == SINGULAR:
             return None
-        n, m, p = self.sizes
-        end, after = n + m + p, 3 * n + m + p
-        lower, upper = row[end : end + n], row[end + n : after]
-        return (row[:n], row[n : n + m], row[n + m : end], lower, upper), int(row[-2])
+        made: tuple[np.ndarray, ...] = ()
+        if matrices.size:
+            made = matrices[:n], matrices[n : n + m], matrices[n + m :]
+        return vectors_of(row, self.sizes), made, int(row[-2])
 
     def differentiate_anew(
         self, cotangents: tuple[np.ndarray, ...], out: np.ndarray
@@ -254,11 +266,27 @@ def places_with(states, state):
 
 
 @kernel
-def differentiate_held(address, gx, gy, gz, gz_box, row):
+def write_matrices(row, point, matrices):
+    """Write the gradients in P, G and A, one below the other, unless there are none.
+
+    row: what `differentiate` has written; matrices (n + m + p, n), or (0, n).
+    """
+    x, y, z, _ = point
+    n, m = x.size, z.size
+    if matrices.size == 0:
+        return
+    of_q, of_h, of_b = row[:n], row[n : n + m], row[n + m : n + m + y.size]
+    write_rank_two(0.5, of_q, x, 0.5, x, of_q, matrices[:n])
+    write_rank_two(1.0, z, of_q, -1.0, of_h, x, matrices[n : n + m])
+    write_rank_two(1.0, y, of_q, -1.0, of_b, x, matrices[n + m :])
+
+
+@kernel
+def differentiate_held(address, gx, gy, gz, gz_box, row, matrices):
     """Do `differentiate` for a QP whose solve has left its factors at an address.
 
-    Returns the code. SINGULAR: they are not those of the strictly active constraints,
-    or not good enough.
+    It does `write_matrices`, too. Returns the code. SINGULAR: the factors are not those
+    of the strictly active constraints, or not good enough.
     """
     m = state_at(address)
     n, p, size = m.n, m.p, m.n + m.p
@@ -267,7 +295,8 @@ def differentiate_held(address, gx, gy, gz, gz_box, row):
     vectors = floats(m.q, n), floats(m.h, m.m), floats(m.lb, n), floats(m.ub, n)
     state, sides = np.empty(m.m, dtype=np.int8), np.empty((2, n), dtype=np.int8)
     row[:] = 0.0
-    weak = mark_dense((P, G, A), vectors, parts_of_result(m), state, sides)
+    point = parts_of_result(m)
+    weak = mark_dense((P, G, A), vectors, point, state, sides)
     row[row.size - 2], side = weak, sides[0]
     if not holds(m, state, side) or least_pivot(m) < LEAST_PIVOT:
         return SINGULAR
@@ -295,6 +324,7 @@ def differentiate_held(address, gx, gy, gz, gz_box, row):
             else:
                 mu[active[i] - m.m] += goals[i]
     complete(row, sizes, state, side)
+    write_matrices(row, point, matrices)
     return REGULAR
 
 

@@ -85,12 +85,20 @@ class QPDerivative:
 
     def backward(self, dx: Any, dy: Any, dz: Any, dz_box: Any) -> QPGradients:
         """Return the gradients of a scalar in the data from those in the solution."""
-        cotangents = tuple(map(self.cotangent, Point._fields, (dx, dy, dz, dz_box)))
+        cotangents = (
+            NOTHING if dx is None else self.cotangent("x", dx),
+            NOTHING if dy is None else self.cotangent("y", dy),
+            NOTHING if dz is None else self.cotangent("z", dz),
+            NOTHING if dz_box is None else self.cotangent("z_box", dz_box),
+        )
         if self.item is not None:
             found = self.item.differentiate(cotangents)
             if found is not None:
-                vectors, weak = found
-                return self.gradients(vectors, self.solution, weak, False)
+                vectors, matrices, weak = found
+                gradients = self.gradients(vectors, self.solution, weak, False)
+                if matrices:
+                    gradients.P, gradients.G, gradients.A = matrices
+                return gradients
             self.item = None  # the constraints held have to be chosen
         return self.backward_of_face(cotangents)
 
@@ -143,9 +151,7 @@ class QPDerivative:
         return r, dh, db
 
     def cotangent(self, part: str, value: Any) -> np.ndarray:
-        """Return a gradient in a part of the solution as an array, empty if None."""
-        if value is None:
-            return NOTHING
+        """Return a gradient in a part of the solution as an array."""
         own = getattr(self.solution, part)
         return vector(f"d{part}", value, own.size, part, own.shape)
 
