@@ -125,3 +125,46 @@ def test_an_item_that_is_not_finite_is_named():
     assert batch.backward(dx=np.array([[1.0], [np.nan]])).q.tolist() == [[-1.0], [0.0]]
     with pytest.raises(ValueError, match=r"dx must be finite, got nan at \(0, 0\)"):
         batch.backward(dx=np.array([[np.nan], [1.0]]))
+
+
+def test_results_of_a_solver_use_its_factors_until_it_solves_again():
+    qp, other = regular_qp(1), regular_qp(2)
+    solver = namlcp.Solver(*qp)
+    assert solver.solve().factors is None
+    result = solver.solve(derivative=True)
+    given = weights(result, 1)
+    first = result.backward(*given)
+    assert result.derivative.item.held is result.factors
+    later = solver.solve(derivative=True)
+    solver.update(q=qp.q + 1.0)
+    solver.solve()
+    found = later.backward(*given)
+    assert later.factors.address == 0
+    assert later.derivative.item.held is None
+    expected = namlcp.solve_qp(*qp).backward(*given)
+    for name in (*VECTORS, "P", "G", "A"):
+        for own in (first, found):
+            np.testing.assert_allclose(
+                getattr(own, name), getattr(expected, name), rtol=1e-10, atol=1e-12
+            )
+    with pytest.raises(TypeError, match="derivative must be True or False, got 1"):
+        solver.solve(derivative=1)
+    kept = solver.solve(derivative=True)
+    solver.update(P=other.P)
+    assert kept.factors.address == 0
+    assert kept.backward(dx=qp.q).weak == 0
+
+
+def test_only_some_methods_of_a_solver_leave_factors():
+    """Not those for a singular P, and for most variables at bounds (n >= 32)."""
+    n = 40
+    q = np.where(np.arange(n) < 2, -1.0, 1.0)
+    solver = namlcp.Solver(np.eye(n), q, lb=np.zeros(n))
+    first, second = solver.solve(derivative=True), solver.solve(derivative=True)
+    own, other = first.backward(dx=np.ones(n)), second.backward(dx=np.ones(n))
+    assert np.array_equal(own.q, other.q)
+    assert second.factors is None
+    flat = namlcp.Solver(np.zeros((1, 1)), [1.0], lb=[0.0])
+    results = [flat.solve(derivative=True) for _ in range(2)]
+    assert [r.factors for r in results] == [None, None]
+    assert results[1].backward(dx=[1.0]).lb.tolist() == [1.0]

@@ -120,10 +120,9 @@ class OneItem:
         out, rows = np.empty((1, width_of(self.sizes))), n + m + p
         matrices = np.empty((rows if rows * n <= AT_ONCE else 0, n))
         row, code = out[0], SINGULAR
-        if self.held is not None and self.held.space is not None:
-            code = differentiate_held(
-                self.held.space.address, *cotangents, row, matrices
-            )
+        address = 0 if self.held is None else self.held.address
+        if address:
+            code = differentiate_held(address, *cotangents, row, matrices)
         if code == SINGULAR:
             self.held = None
             self.differentiate_anew(cotangents, out)

@@ -46,19 +46,32 @@ NO_NUMBERS = np.empty(0)
 
 
 class Held:
-    """The factors of a QP that `solve_once` has solved, as long as somebody holds this.
+    """The factors that a solve has left, for the derivatives of its result.
 
     Attributes
     ----------
-    space : SingleSolves or None
-        Where they are; None if the QP was not solved.
+    space : DenseResponses or None
+        Where they are; None if there are none.
+    stamp : int
+        That of the space when they were made.
     """
 
-    space: "SingleSolves | None" = None
+    space: "DenseResponses | None" = None
+    stamp = 0
+
+    def take(self, space: "DenseResponses") -> None:
+        """Note where the factors of a solve that has just ended are."""
+        self.space, self.stamp = space, space.stamp
+
+    @property
+    def address(self) -> int:
+        """Where the record of the factors is, 0 if there are none any more."""
+        space = self.space
+        return 0 if space is None or space.stamp != self.stamp else space.address
 
     def __del__(self) -> None:
-        """Let the next solve have the space."""
-        if self.space is not None:
+        """Let the next single solve have the space of this one."""
+        if isinstance(self.space, SingleSolves):
             give_back(self.space)
 
 
@@ -84,7 +97,7 @@ def solve_once(
         code, numbers = space.solve_large(qp, guess, limits)
     found = space.answer(code, numbers, qp, limits)
     if held is not None and found is not None and found.status is SOLVED:
-        held.space = space
+        held.take(space)
     else:
         give_back(space)
     return found
@@ -135,7 +148,8 @@ class Responses:
     """What is kept for QPs with the same P, G and A: see the door of this room.
 
     It is for one thread, and holds the arrays of its matrices, which must not change.
-    `kernel` solves the QP with given vectors; `form` names the method in results.
+    `kernel` solves the QP with given vectors; `form` names the method in results;
+    `stamp` changes with all that is kept.
     """
 
     kernel: Callable[..., int]
@@ -151,6 +165,7 @@ class Responses:
     is_stale = False  # whether the matrices are still to be attached
     left = 0  # solves in a row that were left to other methods
     pause = 0  # solves that will be left to them without trying
+    stamp = 0
 
     def __init__(self, P: Any, G: Any, A: Any) -> None:
         """Note the matrices; the first solve computes what depends on them."""
@@ -190,6 +205,7 @@ class Responses:
         pause goes on: other values seldom make a solve much easier.
         """
         self.matrices, self.is_stale = (qp.P, qp.G, qp.A), True
+        self.stamp += 1
 
     def attach_anew(self) -> None:
         """Take the matrices that `renew` has noted."""
@@ -208,6 +224,7 @@ class Responses:
 
     def suggest(self, guess: Guess) -> None:
         """Let the next solve begin with the active rows of a guess."""
+        self.stamp += 1
         take_hint(self.address, guess.active)
 
     def run(self, vectors: np.ndarray, limits: Limits) -> tuple[int, np.ndarray]:
@@ -223,6 +240,7 @@ class Responses:
             self.attach_anew()
         if limits is not self.limits:
             self.limit(limits)
+        self.stamp += 1
         numbers = np.empty(self.length)
         code = self.call((self.address, vectors, numbers), limits.deadline)
         if code == STUCK:
@@ -231,6 +249,10 @@ class Responses:
         else:
             self.left = 0
         return code, numbers
+
+    def lent(self) -> Held | None:
+        """Return the factors of the last solve, None where there are none."""
+        return None
 
     def call(self, arguments: tuple[Any, ...], deadline: Deadline) -> int:
         """Call `kernel`, with a watch where it may run long; return its code."""
@@ -282,6 +304,14 @@ class DenseResponses(Responses):
         if not attach_matrices(self.address, P, G, A):
             self.memory = allocate(self.now)
             attach_matrices(self.address, P, G, A)
+
+    def lent(self) -> Held | None:
+        """Return the factors of the last solve; that of `free` leaves none."""
+        if self.now.face_is_kept:
+            return None
+        held = Held()
+        held.take(self)
+        return held
 
     def call(self, arguments: tuple[Any, ...], deadline: Deadline) -> int:
         """Call `kernel`, or that of `free` where it is the smaller form."""

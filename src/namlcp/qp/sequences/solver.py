@@ -20,7 +20,7 @@ from scipy.sparse import csc_array
 from namlcp.checks import FLOAT, as_sparse, refuse_number, vector, without_huge
 from namlcp.limits import Deadline, cause_of
 from namlcp.linalg import asymmetry
-from namlcp.options import DEFAULT_OPTIONS, Options
+from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.qp.answer import Answer
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.forms import is_small
@@ -270,7 +270,7 @@ class Solver:
         for method in self.kept:
             method.renew(qp)
 
-    def solve(self, warm_start: Any = None) -> QPResult:
+    def solve(self, warm_start: Any = None, derivative: bool = False) -> QPResult:
         """Solve the problem as it is now.
 
         Parameters
@@ -278,6 +278,9 @@ class Solver:
         warm_start : QPResult or qpsolvers.Solution, optional
             The solution of a similar problem of the same sizes, to begin with instead
             of the last solution.
+        derivative : bool
+            Let `backward` of the result use the factors that the Solver has for a dense
+            QP, until it solves again; till then both are for the same thread.
 
         Returns
         -------
@@ -300,6 +303,7 @@ class Solver:
         array([1.])
         """
         start = time.perf_counter()
+        check_flag("derivative", derivative)
         guess = None if warm_start is None else make_guess(self.qp, None, warm_start)
         try:
             result = None
@@ -317,6 +321,8 @@ class Solver:
         self.is_renewed = False
         if result.status is SOLVED:
             self.last = result
+            if derivative and self.found_by is not None:
+                vars(result)["factors"] = self.found_by.lent()
         return result
 
     def solve_by_what_is_kept(
