@@ -252,48 +252,56 @@ def qp_residuals(
     add_transposed(A, y, Aty)
     Px = times(P, x)
     products = Px, times(G, x), times(A, x), Gtz, Aty
-    numbers = qp_residuals_of_products(vectors, point, products)
-    return with_gap_of_host(numbers, vectors, point, Px)
+    found = Residuals(*qp_residuals_of_products(vectors, point, products))
+    return with_gap_of_host(found, vectors, point, Px)
 
 
 def clean_qp_residuals(
     matrices: tuple[Any, ...],
     vectors: tuple[np.ndarray, ...],
     point: tuple[np.ndarray, ...],
-    finite: Positions | None = None,
 ) -> Residuals:
     """Return what `qp_residuals` does, for P, G and A each in `compiled_form`.
 
-    vectors = (q, h, b, lb, ub), point = (x, y, z, z_box), `finite` as in `signed_gap`;
-    the sizes are not checked.
+    vectors = (q, h, b, lb, ub), point = (x, y, z, z_box); the sizes are not checked.
     """
-    x, y, z, _ = point
-    Px, Gtz, Aty = np.zeros((3, x.size))
-    Gx, Ax = np.zeros(z.size), np.zeros(y.size)
+    found = Residuals(*csc_residuals(matrices, vectors, point))
+    if found.gap_size < LARGE_TERM:
+        return found
+    Px = np.zeros(point[0].size)
+    add_columns(*matrices[0], point[0], Px)
+    return with_gap_of_host(found, vectors, point, Px)
+
+
+@kernel
+def csc_residuals(matrices, vectors, point):
+    """Return the numbers of `Residuals`; P, G and A are (indptr, indices, data)."""
     P, G, A = matrices
-    add_columns(*P, x, Px)
-    if z.size:
-        add_columns(*G, x, Gx)
-        add_column_sums(*G, z, Gtz)
-    if y.size:
-        add_columns(*A, x, Ax)
-        add_column_sums(*A, y, Aty)
-    numbers = qp_residuals_of_products(vectors, point, (Px, Gx, Ax, Gtz, Aty))
-    return with_gap_of_host(numbers, vectors, point, Px, finite)
+    x, y, z, _ = point
+    n, m = x.size, z.size
+    work = np.empty(3 * n + m + y.size)
+    for j in range(work.size):
+        work[j] = 0.0
+    Px, Gtz, Aty = work[:n], work[n : 2 * n], work[2 * n : 3 * n]
+    Gx, Ax = work[3 * n : 3 * n + m], work[3 * n + m :]
+    add_columns(P[0], P[1], P[2], x, Px)
+    add_columns(G[0], G[1], G[2], x, Gx)
+    add_column_sums(G[0], G[1], G[2], z, Gtz)
+    add_columns(A[0], A[1], A[2], x, Ax)
+    add_column_sums(A[0], A[1], A[2], y, Aty)
+    return qp_residuals_of_products(vectors, point, (Px, Gx, Ax, Gtz, Aty))
 
 
 def with_gap_of_host(
-    numbers: tuple[float, ...],
+    found: Residuals,
     vectors: tuple[np.ndarray, ...],
     point: tuple[np.ndarray, ...],
     Px: np.ndarray,
-    finite: Positions | None = None,
 ) -> Residuals:
-    """Return the numbers, with the gap added as qpsolvers does if that may matter."""
-    found = Residuals(*numbers)
+    """Return the residuals with the gap added as qpsolvers does if that may matter."""
     if found.gap_size < LARGE_TERM:
         return found
-    return found._replace(gap=abs(signed_gap(vectors, point, Px, finite)))
+    return found._replace(gap=abs(signed_gap(vectors, point, Px)))
 
 
 def signed_gap(

@@ -74,5 +74,5 @@ from namlcp.linalg.ldl import (
 )
 from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.supernodes import Blocks, blocks_of, factor_blocks, solve_blocks
-from namlcp.linalg.symmetry import asymmetry, dense_asymmetry
+from namlcp.linalg.symmetry import asymmetry, dense_asymmetry, sparse_asymmetry
 from namlcp.linalg.threads import blas_threads

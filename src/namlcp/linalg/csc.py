@@ -63,7 +63,8 @@ def submatrix(M: csc_array, rows: np.ndarray, columns: np.ndarray) -> csc_array:
     """Return the rows and columns of M, given in rising order; M itself if all are."""
     if (rows.size, columns.size) == M.shape:
         return M
-    number = np.full(M.shape[0], -1, dtype=np.int32)
+    number = np.empty(M.shape[0], dtype=np.int32)
+    number.fill(-1)
     number[rows] = np.arange(rows.size)
     indptr = np.empty(columns.size + 1, dtype=np.int32)
     indices, data = np.empty(M.indices.size, dtype=np.int32), np.empty(M.data.size)

@@ -23,12 +23,10 @@ from namlcp.compiled import ints_at, kernel, longs_at, part
 from namlcp.linalg.ldl import relink
 from namlcp.linalg.ordering import Order, count_inside, postordered
 
-LARGE = 2000
-"""Order of a matrix from which on hubs cost more time than they save fill."""
-
-FEW, MANY = 10.0, 2.0
-"""Neighbours of a hub at least, relative to the square root of the order: of a matrix
-below the order `LARGE`, and above."""
+ABOVE_ROOT = 2.0
+"""Neighbours of a hub at least, relative to the square root of the order. Below an
+order of 2000 ten times the root would save 1.6 % of the work of a factorisation, and
+cost a fifth more time to order."""
 
 ABOVE_MEAN = 4.0
 """Neighbours of a hub at least, relative to the mean over all rows."""
@@ -148,8 +146,7 @@ def mark_hubs(indptr, indices, kind, size, degree, inside, large):
         total += degree[i]
         if degree[i] > highest:
             highest = degree[i]
-    factor = MANY if number >= LARGE else FEW
-    least = factor * np.sqrt(number)
+    least = ABOVE_ROOT * np.sqrt(number)
     if number > 0:
         least = max(least, ABOVE_MEAN * total / number)
     if highest <= least:

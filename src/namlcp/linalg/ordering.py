@@ -40,7 +40,8 @@ class Order(NamedTuple):
     @property
     def work(self) -> float:
         """Multiplications of a factorisation, about half of them in the updates."""
-        return float((self.counts.astype(np.float64) ** 2).sum())
+        counts = self.counts.astype(np.float64)
+        return float(counts @ counts)
 
 
 class Supernodes(NamedTuple):

@@ -18,6 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg.blas import dnrm2
 
+from namlcp.compiled import kernel
 from namlcp.limits import Limits
 from namlcp.linalg import compiled_form
 from namlcp.qp.answer import FINAL, Answer
@@ -25,12 +26,7 @@ from namlcp.qp.certificates import accept_dual, accept_primal
 from namlcp.qp.problem import QP, Point
 from namlcp.qp.rounding import UNIT, correct_rounding, is_correctable
 from namlcp.qp.transforms import Substitution
-from namlcp.residuals import (
-    Residuals,
-    clean_qp_residuals,
-    finite_positions,
-    qp_residuals,
-)
+from namlcp.residuals import Residuals, clean_qp_residuals, qp_residuals
 from namlcp.status import Status
 
 BY_LUCK = (
@@ -50,7 +46,6 @@ class Judge:
         self.qp, self.limits = qp, limits
         self.vectors = qp.q, qp.h, qp.b, qp.lb, qp.ub
         self.matrices = tuple(compiled_form(M) for M in (qp.P, qp.G, qp.A))
-        self.finite = finite_positions(self.vectors)
         self.best = inf
         self.point = qp.point()
         self.measured: Residuals | None = None
@@ -66,11 +61,10 @@ class Judge:
         Returns the least of their largest residuals over tolerances.
         """
         tolerances = self.limits.tolerances
-        inside = self.qp.clip(point.x)
         found = self.measure(point)
         worst = found.worst(*tolerances)
-        if not (inside == point.x).all():
-            point = point._replace(x=inside)
+        if leaves_bounds(point.x, self.qp.lb, self.qp.ub):
+            point = point._replace(x=self.qp.clip(point.x))
             found = self.measure(point)
             worst = min(worst, found.worst(*tolerances))
         if worst > 1.0 and is_correctable(found, *tolerances):
@@ -84,9 +78,7 @@ class Judge:
         if None in self.matrices:
             found = qp_residuals(*self.qp, *point)
         else:
-            found = clean_qp_residuals(
-                self.matrices, self.vectors, tuple(point), self.finite
-            )
+            found = clean_qp_residuals(self.matrices, self.vectors, tuple(point))
         worst = found.worst(*self.limits.tolerances)
         if worst < self.best:
             self.best, self.measured, self.point = worst, found, point
@@ -102,6 +94,15 @@ class Judge:
         elif status in FINAL:
             status = Status.STALLED
         return Answer(status, self.point, self.residuals, iterations, form)
+
+
+@kernel
+def leaves_bounds(x, lb, ub):
+    """Tell whether an entry of x is not between its bounds."""
+    for j in range(x.size):
+        if not lb[j] <= x[j] <= ub[j]:
+            return True
+    return False
 
 
 def confirmed(answer: Answer, back: Substitution, limits: Limits) -> Answer:

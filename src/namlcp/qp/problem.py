@@ -21,7 +21,7 @@ from namlcp.checks import (
 )
 from namlcp.compiled import kernel
 from namlcp.limits import interruptible
-from namlcp.linalg import as_dense, asymmetry, dense_asymmetry
+from namlcp.linalg import as_dense, dense_asymmetry, sparse_asymmetry
 
 
 class Point(NamedTuple):
@@ -114,12 +114,21 @@ def dense_faults(P, q, G, h, A, b, lb, ub):
     return bad, gap, size, huge
 
 
-def sparse_faults(qp: QP) -> tuple[bool, bool]:
-    """Return (is a number bad?, is a bound or h_i huge?), as `dense_faults` does."""
-    bounds = qp.h, qp.lb, qp.ub
-    entries = qp.P.data, qp.q, qp.G.data, qp.A.data, qp.b
-    bad = any(is_bad(v, False) for v in entries) or any(is_bad(v, True) for v in bounds)
-    return bad, any(has_huge_bound(v) for v in bounds)
+@kernel
+def sparse_faults(P, finite, bounds):
+    """Return the same for P = (indptr, indices, data) in CSC.
+
+    finite = (entries of G, of A, q, b), bounds = (h, lb, ub).
+    """
+    allowed = np.bool_(True)
+    bad, huge = is_bad(P[2], not allowed), False
+    for values in finite:
+        bad = bad or is_bad(values, not allowed)
+    for values in bounds:
+        bad = bad or is_bad(values, allowed)
+        huge = huge or has_huge_bound(values)
+    gap, size = sparse_asymmetry(P[0], P[1], P[2])
+    return bad, gap, size, huge
 
 
 def refuse_numbers(qp: QP) -> None:
@@ -208,11 +217,11 @@ def checked(qp: QP) -> QP:
     if qp.is_dense:
         bad, gap, size, huge = dense_faults(*qp)
     else:
-        bad, huge = sparse_faults(qp)
+        P, q, G, h, A, b, lb, ub = qp
+        parts = (P.indptr, P.indices, P.data), (G.data, A.data, q, b), (h, lb, ub)
+        bad, gap, size, huge = sparse_faults(*parts)
     if bad:
         refuse_numbers(qp)
-    if not qp.is_dense:
-        gap, size = asymmetry(qp.P)
     if gap > 0.0:
         qp = qp._replace(P=symmetrised(qp.P, gap, size))
     return without_huge_sides(qp) if huge else qp

@@ -49,10 +49,6 @@ VECTORS = {
     "weight row_size rhs r answer trial trial_r": "size",
     # Relative residuals of the candidates for certificates, now and at the last test.
     "ratios tested": "candidates",
-    # GMRES (`krylov`).
-    "basis": "basis_size",
-    "corrections": "corrections_size",
-    "H rotations g": "H_size",
     # The active-set system (`refinement`).
     "set_x kept_x": "n",
     "set_y": "p",
@@ -64,30 +60,31 @@ VECTORS = {
 FLAGS = {"active was_active set_active next_active": "m", "held": "size"}
 # Passes over the entries of L in one iteration, about.
 PASSES = 20.0
-KINDS = "n p m size candidates basis_size corrections_size H_size".split()
+KINDS = "n p m size candidates".split()
+# Vectors of GMRES (`krylov`), which has memory once it is needed.
+KRYLOV_NAMES = "basis corrections H rotations g".split()
 
 
-def expanded(table: dict[str, str]) -> tuple[list[str], np.ndarray]:
-    """Return the names in a table and the index of each one's size in KINDS."""
-    pairs = [(name, size) for names, size in table.items() for name in names.split()]
-    return [name for name, _ in pairs], np.array([KINDS.index(s) for _, s in pairs])
+def expanded(table: dict[str, str]) -> dict[str, str]:
+    """Return the size of each of the names in a table."""
+    return {name: size for names, size in table.items() for name in names.split()}
 
 
-NAMES, SIZES = expanded(VECTORS)
-FLAG_NAMES, FLAG_SIZES = expanded(FLAGS)
-# The memory that has a vector, 0 or 1 for flags, and the kind of its size.
-PLACES = {name: (0, KINDS[k]) for name, k in zip(NAMES, SIZES, strict=True)}
-PLACES |= {name: (1, KINDS[k]) for name, k in zip(FLAG_NAMES, FLAG_SIZES, strict=True)}
+PLACED = expanded(VECTORS) | expanded(FLAGS)
+FLAG_NAMES = frozenset(expanded(FLAGS))
+SIZES = np.array([KINDS.index(kind) for kind in PLACED.values()])
 
 
 class PathState(ctypes.Structure):
     """Numbers and addresses: attributes in Python, fields in compiled code."""
 
     _fields_ = (
-        *((name, ctypes.c_int64) for name in (*GIVEN, *FACTORS, *NAMES, *FLAG_NAMES)),
-        # Sizes; where the loop is (`advance`): the stage, the stages after the linear
-        # solve or factorisation under way and after its refinement.
+        # Sizes, then addresses, with those of PLACED one after another.
         *((name, ctypes.c_int64) for name in KINDS),
+        *((name, ctypes.c_int64) for name in (*PLACED, *KRYLOV_NAMES)),
+        *((name, ctypes.c_int64) for name in (*GIVEN, *FACTORS)),
+        # Where the loop is (`advance`): the stage, the stages after the linear solve or
+        # factorisation under way and after its refinement.
         ("stage", ctypes.c_int64),
         ("after", ctypes.c_int64),
         ("then", ctypes.c_int64),
@@ -196,8 +193,8 @@ class PathState(ctypes.Structure):
 
 
 RECORD = np.dtype((np.record, np.dtype(PathState)))
-FIRST = getattr(PathState, NAMES[0]).offset // 8
-FIRST_FLAG = getattr(PathState, FLAG_NAMES[0]).offset // 8
+ENDS = np.array((0, len(KINDS), len(PLACED), len(KRYLOV_NAMES))).cumsum()
+"""Where the sizes of a record, the addresses of PLACED and of KRYLOV_NAMES end."""
 
 
 class Workspace:
@@ -211,21 +208,11 @@ class Workspace:
         """Allocate for a scaled problem."""
         self.problem, self.kkt = problem, problem.kkt
         self.now = now = PathState()
-        size, k = self.kkt.size, KRYLOV_STEPS
-        order = problem.n, problem.p, problem.c.size, size
-        lengths = *order, 4, (k + 1) * size, k * size, k * (k + 1)
-        for kind, length in zip(KINDS, lengths, strict=True):
-            setattr(now, kind, length)
-        sizes = np.array(lengths)
-        addresses = np.frombuffer(
-            memoryview(now).cast("B"), np.int64, FIRST + len(NAMES) + len(FLAG_NAMES)
-        )
-        self.memories = tuple(
-            place_vectors(addresses[first : first + kinds.size], sizes[kinds], dtype)
-            for first, kinds, dtype in (
-                (FIRST, SIZES, np.float64), (FIRST_FLAG, FLAG_SIZES, np.int32)
-            )
-        )  # fmt: skip
+        self.fields = np.frombuffer(memoryview(now).cast("B"), np.int64, ENDS[-1])
+        sizes = np.array((problem.n, problem.p, problem.c.size, self.kkt.size, 4))
+        self.fields[: ENDS[1]] = sizes
+        self.memory = place_vectors(self.fields[ENDS[1] : ENDS[2]], sizes[SIZES])
+        self.begin = address(self.memory)
         self.state = np.frombuffer(memoryview(now), RECORD)
         now.eps_abs, now.eps_rel = limits.tolerances
         self.attach()
@@ -266,6 +253,8 @@ class Workspace:
             elif found == SOLVE:
                 self.answer[:] = kkt.plan().solve(self.r)
             elif found == KRYLOV:
+                if now.basis == 0:
+                    self.place_krylov()
                 step_krylov(self.state)
             else:
                 return found
@@ -292,28 +281,31 @@ class Workspace:
         self.perform(PRODUCTS)
         return self.Pdx, self.Ctdv, self.dv
 
+    def place_krylov(self) -> None:
+        """Give GMRES its vectors."""
+        size, k = self.now.size, KRYLOV_STEPS
+        sizes = np.array(((k + 1) * size, k * size, k * (k + 1), 2 * k, k + 1))
+        self.krylov_memory = place_vectors(self.fields[ENDS[2] :], sizes)
+
     def __getattr__(self, name: str) -> np.ndarray:
         """Return the vector of this name."""
-        if name not in PLACES:
+        if name not in PLACED:
             raise AttributeError(f"the workspace has no vector {name!r}")
-        which, kind = PLACES[name]
-        memory, begin = self.memories[which]
-        start = (getattr(self.now, name) - begin) // memory.itemsize
-        return memory[start : start + getattr(self.now, kind)]
+        start = (getattr(self.now, name) - self.begin) // self.memory.itemsize
+        count = getattr(self.now, PLACED[name])
+        part = self.memory[start : start + count]
+        return part.view(np.int32)[:count] if name in FLAG_NAMES else part
 
 
-def place_vectors(
-    addresses: np.ndarray, sizes: np.ndarray, dtype: type
-) -> tuple[np.ndarray, int]:
-    """Set the addresses of vectors of these sizes, in memory that is 0 throughout.
+def place_vectors(addresses: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """Set the addresses of vectors of these sizes, in the memory returned, which is 0.
 
-    Returns the memory, as an array, and its address.
+    There is room for a float64 for each entry, of flags too.
     """
     ends = sizes.cumsum()
-    memory = np.zeros(ends[-1], dtype=dtype)
-    begin = address(memory)
-    addresses[:] = begin + memory.itemsize * (ends - sizes)
-    return memory, begin
+    memory = np.zeros(ends[-1])
+    addresses[:] = address(memory) + memory.itemsize * (ends - sizes)
+    return memory
 
 
 @kernel

@@ -55,6 +55,9 @@ class Owners(NamedTuple):
         return np.where(self.rows >= 0, full[self.rows] * np.abs(self.ratio), 0.0)
 
 
+NO_OWNERS = Owners(NO_COLUMNS, NO_VALUES)
+
+
 class Presolved(NamedTuple):
     """The smaller problem of `qp` and the way back to it.
 
@@ -288,6 +291,8 @@ def ranges(
             side = f"but the right-hand side {h[i]:g}"
             message = f"row {i} of G has no free variable, {side}"
             found.append(Contradiction(message, np.zeros(p), unit(m, i, 1.0)))
+    if not count:
+        return NO_VALUES, NO_VALUES, NO_OWNERS, NO_OWNERS
     if not groups.proportional:
         none = Owners(np.full(count, -1, dtype=np.intp), np.ones(count))
         rows, upper = groups.first, h[groups.first]

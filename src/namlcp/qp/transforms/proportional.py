@@ -4,6 +4,7 @@ Rows c g'x <= d beside g'x <= h are sides of one range, equations c a'x = d besi
 a'x = b are one equation. The first row of each such group is its leader.
 """
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -48,6 +49,8 @@ def leading_rows(
     Stored zeros are dropped. Rows are compared with the first one of equal key.
     """
     m = M.shape[0]
+    if m == 0:
+        return no_leading_rows(columns.size)
     indptr = np.empty(m + 1, dtype=np.int32)
     indices, data = np.empty(M.indices.size, dtype=np.int32), np.empty(M.data.size)
     rows = indptr, indices, data
@@ -62,6 +65,15 @@ def leading_rows(
     first = (number >= 0).nonzero()[0]
     groups = Groups(wanted, leader, ratio, number, first, followers > 0, empty > 0)
     return from_arrays(parts, (count, columns.size), csr_array), groups
+
+
+@functools.lru_cache(maxsize=16)
+def no_leading_rows(n: int) -> tuple[csr_array, Groups]:
+    """Return what `leading_rows` does of no rows; it is shared: read only."""
+    none, flags = np.empty(0, dtype=np.int32), np.empty(0, dtype=np.bool_)
+    empty = from_arrays((np.zeros(1, np.int32), none, np.empty(0)), (0, n), csr_array)
+    first = np.empty(0, dtype=np.intp)
+    return empty, Groups(flags, none, np.empty(0), none, first, False, False)
 
 
 @kernel

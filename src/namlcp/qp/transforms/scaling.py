@@ -279,12 +279,14 @@ def normalise(indptr, indices, data, n, scale):
 @part
 def variance(values):
     """Return the mean of (values - mean)^2, 0 for none."""
-    mean, total = 0.0, 0.0
+    count = max(values.size, 1)
+    sum_of_values, squares = 0.0, 0.0
     for k in range(values.size):
-        mean += values[k] / values.size
+        sum_of_values += values[k]
+    mean = sum_of_values / count
     for k in range(values.size):
-        total += (values[k] - mean) ** 2
-    return total / max(values.size, 1)
+        squares += (values[k] - mean) ** 2
+    return squares / count
 
 
 @kernel

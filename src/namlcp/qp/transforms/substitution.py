@@ -130,10 +130,8 @@ class Substitution(NamedTuple):
         rows[m + self.others] = point.y
         z_box = np.zeros(n)
         z_box[self.kept] = point.z_box
-        for givers, sign in zip(self.bounds.tight[2:], (-1.0, 1.0), strict=True):
-            at = ((givers.rows >= 0) & (sign * z_box > 0.0)).nonzero()[0]
-            rows[givers.rows[at]] = z_box[at] / givers.entry[at]
-            z_box[at] = 0.0
+        lower, upper = self.bounds.tight[2:]
+        give_back(tuple(lower), tuple(upper), z_box, rows)
         return Point(np.full(n, np.nan), rows[m:], rows[:m], z_box)
 
     def ray(self, d: np.ndarray) -> np.ndarray:
@@ -169,6 +167,23 @@ class Substitution(NamedTuple):
             z_box[kept],
             np.concatenate((at_row[rows], at_lb[kept], at_ub[kept])),
         )
+
+
+@kernel
+def give_back(lower, upper, z_box, rows):
+    """Move the entries of z_box to the multipliers of the rows that gave the bounds.
+
+    lower and upper = (rows, entries) as in `Givers`.
+    """
+    at_lower, lower_entry = lower
+    at_upper, upper_entry = upper
+    for j in range(z_box.size):
+        if z_box[j] < 0.0 and at_lower[j] >= 0:
+            rows[at_lower[j]] = z_box[j] / lower_entry[j]
+            z_box[j] = 0.0
+        elif z_box[j] > 0.0 and at_upper[j] >= 0:
+            rows[at_upper[j]] = z_box[j] / upper_entry[j]
+            z_box[j] = 0.0
 
 
 def substitute(
@@ -234,7 +249,9 @@ def without_columns(
     P, G, A = (without_zeros(M) for M in (qp.P, qp.G, qp.A))
     if columns.size:
         others = others[chosen[others] < 0]
-        kept = np.delete(kept, columns)
+        stays = np.ones(n, dtype=np.bool_)
+        stays[columns] = False
+        kept = stays.nonzero()[0]
         rest = submatrix(A, by, kept)
         check_convex(qp.P)  # the squares added below would hide negative curvature
         if deadline.reached():
