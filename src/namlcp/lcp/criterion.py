@@ -18,14 +18,20 @@ W_ROUNDING = 1e-15
 """Entry of w = A z + q, relative to |A||z| + |q|, that counts as 0."""
 
 
+def are_met(limits: Limits, size: float, plain: float, scaled: float) -> bool:
+    """Tell whether a point with these Res, as given and scaled, solves the problem.
+
+    size: Res(clip(0)) of the problem scaled to a unit diagonal.
+    """
+    return plain < limits.eps_abs or scaled <= limits.eps_rel * size < math.inf
+
+
 class Criterion:
     """The stopping criterion of one LCP, with the tolerances of `limits`."""
 
-    def __init__(self, lcp: LCP, limits: Limits, root: np.ndarray | None = None):
-        """Take `root`, the square roots of the diagonal, from the caller if given."""
-        self.lcp = lcp
-        self.root = lcp.matrix.root if root is None else root
-        self.eps_abs, self.eps_rel = limits.eps_abs, limits.eps_rel
+    def __init__(self, lcp: LCP, limits: Limits):
+        self.lcp, self.limits = lcp, limits
+        self.root = lcp.matrix.root
 
     def residuals(self, z: np.ndarray, w: np.ndarray) -> tuple[float, float]:
         """Return Res(z) of the problem as given and scaled to a unit diagonal."""
@@ -42,7 +48,7 @@ class Criterion:
     def goal(self) -> float:
         """Estimate of the largest Res of the scaled problem that `accepts` accepts."""
         largest = float(self.root.max(initial=1e-300))
-        return max(self.eps_rel * self.size, self.eps_abs / largest)
+        return max(self.limits.eps_rel * self.size, self.limits.eps_abs / largest)
 
     def accepts(self, z: np.ndarray, w: np.ndarray) -> bool:
         """Tell whether z with w = A z + q solves the problem."""
@@ -50,7 +56,7 @@ class Criterion:
 
     def met(self, plain: float, scaled: float) -> bool:
         """Tell whether a point with these `residuals` solves the problem."""
-        return plain < self.eps_abs or scaled <= self.eps_rel * self.size < math.inf
+        return are_met(self.limits, self.size, plain, scaled)
 
 
 def is_solved_by_zero(lcp: LCP) -> bool:

@@ -31,7 +31,7 @@ from namlcp.qp.guess import NO_ENTRIES, Guess
 from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, Point
 from namlcp.qp.rounding import correct_rounding, is_correctable
-from namlcp.residuals import qp_residuals
+from namlcp.residuals import Residuals, clean_qp_residuals, qp_residuals
 from namlcp.status import Status
 
 
@@ -44,10 +44,15 @@ def box_lcp(qp: QP, matrix: Prepared | None = None) -> LCP:
     return LCP(matrix, qp.q, qp.lb, qp.ub)
 
 
-def box_point(qp: QP, outcome: Outcome) -> Point:
-    """Return the point of the QP for z and w of the LCP."""
+def box_point(qp: QP, outcome: Outcome) -> tuple[Point, Residuals]:
+    """Return the point of the QP for z and w of the LCP, and its residuals."""
     x, z_box = on_bounds(outcome.z, outcome.w, qp.lb, qp.ub)
-    return Point(x, NO_ENTRIES, NO_ENTRIES, z_box)
+    point = Point(x, NO_ENTRIES, NO_ENTRIES, z_box)
+    if qp.is_dense:
+        return point, qp_residuals(*qp, *point)
+    matrices = tuple((M.indptr, M.indices, M.data) for M in (qp.P, qp.G, qp.A))
+    vectors = qp.q, qp.h, qp.b, qp.lb, qp.ub
+    return point, clean_qp_residuals(matrices, vectors, tuple(point))
 
 
 @kernel
@@ -93,7 +98,7 @@ def solve_bounds(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Answer
         inner = Limits(0.0, ACCURACY, limits.max_iter, limits.deadline)
         outcome = solve_box(box_lcp(qp), guess.start, inner, ask_convex=True)
     status, iterations = outcome.status, outcome.iterations
-    point = box_point(qp, outcome)
+    point, residuals = box_point(qp, outcome)
     if outcome.ray is not None:
         memory.ensure_convex(as_sparse(qp.P))
         proof = accept_dual(
@@ -102,7 +107,6 @@ def solve_bounds(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Answer
         if proof is None:
             return None
         return proved(Status.DUAL_INFEASIBLE, proof, iterations, "bounds")
-    residuals = qp_residuals(*qp, *point)
     if is_correctable(residuals, *limits.tolerances):
         point = correct_rounding(qp, point, residuals, *limits.tolerances)
         residuals = qp_residuals(*qp, *point)
@@ -124,7 +128,7 @@ def solve_large_box(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Out
     for eps_rel in SHARPER:
         inner = Limits(0.0, eps_rel, limits.max_iter, limits.deadline)
         found = solve_auto(lcp, z0, inner)
-        residuals = qp_residuals(*qp, *box_point(qp, found))
+        _, residuals = box_point(qp, found)
         if found.status is not Status.SOLVED or residuals.solved(*limits.tolerances):
             break
         z0 = found.z

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from namlcp.lcp.criterion import Criterion, is_solved_by_zero
+from namlcp.lcp.criterion import are_met, is_solved_by_zero
 from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.pivoting import pivot as stages
 from namlcp.lcp.pivoting.homogeneous import homogeneous_path
@@ -155,9 +155,10 @@ class Attempt:
         z, size = self.best(), self.work.now.size
         w = self.lcp.w(z)
         if status is Status.SOLVED and size > 0.0:
-            criterion = Criterion(self.lcp, self.limits, 1.0 / self.work.d)
-            criterion.size = size
-            if not criterion.accepts(z, w):
+            _, _, lower, upper = self.lcp
+            root = 1.0 / self.work.d
+            residuals = natural_residuals(z, w, lower, upper, root)
+            if not are_met(self.limits, size, *residuals):
                 status = Status.STALLED
         return z, w, status
 
