@@ -331,29 +331,42 @@ def entries(typingctx: Any, array: Any) -> Any:
     return types.CPointer(array.dtype)(array), codegen
 
 
-def vectors_at(kind: type) -> Any:
-    """Return the compiled function of (address, size) for the vector in memory there.
+def arrays_at(kind: type) -> Any:
+    """Return the compiled function of (address, shape) for the array in memory there.
 
     A record of addresses is one argument of a compiled function, where every array
     counts as seven: this halves the time of compilation, and of a call from Python. The
     caller of the kernel must keep the memory alive.
     """
-    array = types.Array(from_dtype(np.dtype(kind)), 1, "C")
+    entry = from_dtype(np.dtype(kind))
     width = np.dtype(kind).itemsize
 
     @intrinsic
-    def at(typingctx: Any, address: Any, size: Any) -> Any:
+    def at(typingctx: Any, address: Any, shape: Any) -> Any:
+        is_vector = isinstance(shape, types.Integer)
+        order = 1 if is_vector else len(shape)
+        array = types.Array(entry, order, "C")
+        lengths = types.int64 if is_vector else types.UniTuple(types.int64, order)
+
         def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
             found = context.make_array(array)(context, builder)
-            step = context.get_constant(types.intp, width)
             found.data = builder.inttoptr(arguments[0], found.data.type)
-            found.shape = cgutils.pack_array(builder, [arguments[1]])
-            found.strides = cgutils.pack_array(builder, [step])
-            found.nitems, found.itemsize = arguments[1], step
+            sizes = [arguments[1]]
+            if not is_vector:
+                sizes = cgutils.unpack_tuple(builder, arguments[1])
+            found.itemsize = step = context.get_constant(types.intp, width)
+            found.nitems = context.get_constant(types.intp, 1)
+            strides: list[Any] = []
+            for size in reversed(sizes):
+                strides.insert(0, step)
+                step = builder.mul(step, size)
+                found.nitems = builder.mul(found.nitems, size)
+            found.shape = cgutils.pack_array(builder, sizes)
+            found.strides = cgutils.pack_array(builder, strides)
             found.meminfo = cgutils.get_null_value(found.meminfo.type)
             found.parent = cgutils.get_null_value(found.parent.type)
             return found._getvalue()
 
-        return array(types.int64, types.int64), codegen
+        return array(types.int64, lengths), codegen
 
     return at

@@ -36,19 +36,19 @@ class Fields:
         self.state[name][0] = value
 
 
-def interpreted(kind: Any) -> Callable[[int, int], np.ndarray]:
-    """Return `vectors_at` for functions that are not compiled."""
+def interpreted(kind: Any) -> Callable[[int, Any], np.ndarray]:
+    """Return `arrays_at` for functions that are not compiled."""
 
-    def at(address: int, size: int) -> np.ndarray:
-        width = np.dtype(kind).itemsize
-        memory: Any = (ctypes.c_char * (int(size) * width)).from_address(int(address))
-        return np.frombuffer(memory, kind)
+    def at(address: int, shape: Any) -> np.ndarray:
+        size = int(np.prod(shape)) * np.dtype(kind).itemsize
+        memory: Any = (ctypes.c_char * size).from_address(int(address))
+        return np.frombuffer(memory, kind).reshape(shape)
 
     return at
 
 
 def portable(kind: Any) -> Any:
-    """Return `vectors_at` without private parts of numba."""
+    """Return `arrays_at` without private parts of numba."""
 
     @intrinsic
     def pointer(typingctx: Any, address: Any) -> Any:
@@ -58,8 +58,8 @@ def portable(kind: Any) -> Any:
         return types.voidptr(types.int64), codegen
 
     @numba.njit
-    def at(address, size):
-        return numba.carray(pointer(address), (size,), kind)
+    def at(address, shape):
+        return numba.carray(pointer(address), shape, kind)
 
     return at
 
@@ -72,7 +72,7 @@ def pointers_to(kind: Any) -> Any:
     vector of that size.
     """
     if config.DISABLE_JIT or config.BOUNDSCHECK:
-        return vectors_at(kind)
+        return arrays_at(kind)
     pointer = types.CPointer(from_dtype(np.dtype(kind)))
 
     @intrinsic
@@ -86,14 +86,14 @@ def pointers_to(kind: Any) -> Any:
 
 
 def chosen() -> tuple[Any, Any, Any]:
-    """Return `uncounted`, `entries` and `vectors_at`."""
+    """Return `uncounted`, `entries` and `arrays_at`."""
     if config.DISABLE_JIT:
         return itself, itself, interpreted
     if is_known():
         from namlcp.compiled import internals
 
         pointer = numba.njit(itself) if config.BOUNDSCHECK else internals.entries
-        return internals.uncounted, pointer, internals.vectors_at
+        return internals.uncounted, pointer, internals.arrays_at
     return numba.njit(itself), numba.njit(itself), portable
 
 
@@ -102,7 +102,7 @@ def record_at(kind: Any) -> Callable[[int], Any]:
 
     An array of one record takes 0.16 us longer to pass from Python than its address.
     """
-    at = vectors_at(kind)
+    at = arrays_at(kind)
     if config.DISABLE_JIT:
         return lambda address: Fields(at(address, 1))
 
@@ -113,6 +113,6 @@ def record_at(kind: Any) -> Callable[[int], Any]:
     return record
 
 
-uncounted, entries, vectors_at = chosen()
-floats, ints, longs = map(vectors_at, (np.float64, np.int32, np.int64))
+uncounted, entries, arrays_at = chosen()
+floats, ints, longs = map(arrays_at, (np.float64, np.int32, np.int64))
 floats_at, ints_at, longs_at = map(pointers_to, (np.float64, np.int32, np.int64))
