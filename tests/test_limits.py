@@ -25,6 +25,8 @@ from namlcp.linalg import csc
 from namlcp.qp import qp_data
 from namlcp.qp.answer import out_of_time
 from namlcp.qp.dense import pivots as dense
+from namlcp.qp.dense.solve import call_kernel
+from namlcp.qp.problem import QP
 from namlcp.qp.transforms.substitution import substitute
 from namlcp.status import Status
 
@@ -50,14 +52,14 @@ def test_the_dense_form_asks_whether_to_stop():
 
     function = Callback(answer)
     address = ctypes.c_void_p.from_buffer(function).value
-    data = P, q, G, h, np.empty((0, n)), np.empty(0), q - np.inf, q + np.inf
-    start = np.empty(0), np.empty(0, dtype=np.int64), 1000
-    code, pivots, x, *_ = dense.solve(*data, *start, address)
+    qp = QP(P, q, G, h, np.empty((0, n)), np.empty(0), q - np.inf, q + np.inf)
+    guess = np.empty(0), np.empty(0, dtype=np.int64)
+    code, pivots, point, _ = call_kernel(qp, guess, 1000, address)
     assert code == dense.TIME_LIMIT
     assert len(looks) == 3
     assert 0 < pivots <= 3 * OFTEN / (4 * n * n) + 3
-    assert np.isfinite(x).all()
-    code, more, *_ = dense.solve(*data, *start, 0)
+    assert np.isfinite(point.x).all()
+    code, more, *_ = call_kernel(qp, guess, 1000, 0)
     assert code == dense.SOLVED
     assert more > pivots
 
@@ -306,12 +308,12 @@ def test_max_iter_of_the_path_is_exact():
 def test_max_iter_of_the_dense_form_is_exact():
     P, q, G, h = large_dense(30, 90)
     n = q.size
-    data = P, q, G, h, np.empty((0, n)), np.empty(0), q - np.inf, q + np.inf
-    start = np.empty(0), np.empty(0, dtype=np.int64)
-    code, whole, *_ = dense.solve(*data, *start, 1000, 0)
+    qp = QP(P, q, G, h, np.empty((0, n)), np.empty(0), q - np.inf, q + np.inf)
+    guess = np.empty(0), np.empty(0, dtype=np.int64)
+    code, whole, *_ = call_kernel(qp, guess, 1000, 0)
     assert code == dense.SOLVED
     for most in range(1, whole):
-        code, pivots, *_ = dense.solve(*data, *start, most, 0)
+        code, pivots, *_ = call_kernel(qp, guess, most, 0)
         assert (code, pivots) == (dense.STALLED, most)
 
 

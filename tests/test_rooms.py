@@ -12,10 +12,6 @@ import namlcp
 SOURCE = Path(namlcp.__file__).parent
 TREES = SOURCE, Path(__file__).parent
 HOSTS = ("qpsolvers", "cvxpy", "cvxpylayers", "jax", "torch")
-# Rooms whose kernels still take more than eight parameters: their hot loops of small
-# kernels will be laid out anew, each with one arena.
-LATER = ("qp.dense",)
-
 # From the top down; what stands in one row may import each other.
 FLOORS = (
     {"__main__"},
@@ -154,6 +150,4 @@ def test_functions_take_at_most_eight_parameters():
     }
     for path, node in functions(SOURCE):
         if node.name not in public and (path, node.lineno) not in methods:
-            later = room_of(name_of(path)) in LATER
-            exempt = later and node.decorator_list  # a kernel
-            assert exempt or parameters(node) <= 8, f"{name_of(path)}.{node.name}"
+            assert parameters(node) <= 8, f"{name_of(path)}.{node.name}"

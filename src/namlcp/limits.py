@@ -18,7 +18,6 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import Any, NamedTuple, TypeVar
 
-import numpy as np
 from llvmlite import ir
 from numba import config, types
 from numba.extending import intrinsic
@@ -110,7 +109,7 @@ class Deadline:
     def run(self, kernel: Callable[..., Any], work: float, *arguments: Any) -> Any:
         """Return kernel(*arguments, address) of a compiled function.
 
-        The kernel does at most `work` operations and gives `address` to `new_watch`;
+        The kernel does at most `work` operations and gives `address` to `begin_watch`;
         `address` is 0 where `work` is so little that no check is needed.
         """
         if self.leaves_time_for(work):
@@ -220,14 +219,12 @@ call = interpreted_call if config.DISABLE_JIT else called
 
 
 @part
-def new_watch(address):
-    """Return the state of `is_over`: [address, operations since the last check, over].
+def begin_watch(watch, address):
+    """Set the state of `is_over`: [address, operations since the last check, over].
 
     Where the address is 0, `is_over` is always False.
     """
-    watch = np.zeros(3, dtype=np.int64)
-    watch[0] = address
-    return watch
+    watch[0], watch[1], watch[2] = address, 0, 0
 
 
 @part

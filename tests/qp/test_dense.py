@@ -12,6 +12,8 @@ import namlcp
 from namlcp.qp import forms
 from namlcp.qp.dense import pivots as dense
 from namlcp.qp.dense import scaling
+from namlcp.qp.dense.solve import call_kernel
+from namlcp.qp.problem import QP
 from namlcp.residuals import Residuals, qp_residuals
 from namlcp.status import Status
 
@@ -21,9 +23,12 @@ INF = np.inf
 def solve(
     P, q, G=None, h=None, A=None, b=None, lb=None, ub=None, start=None, hint=None
 ):
-    """Call the kernel with absent parts filled in; `hint` marks inequalities."""
+    """Call the kernel with absent parts filled in; `hint` marks inequalities.
+
+    Returns (code, pivots, x, y, z, z_box, residuals).
+    """
     n = len(q)
-    return dense.solve(
+    qp = QP(
         np.asarray(P, dtype=float),
         np.asarray(q, dtype=float),
         np.empty((0, n)) if G is None else np.asarray(G, dtype=float),
@@ -32,13 +37,13 @@ def solve(
         np.empty(0) if b is None else np.asarray(b, dtype=float),
         np.full(n, -INF) if lb is None else np.asarray(lb, dtype=float),
         np.full(n, INF) if ub is None else np.asarray(ub, dtype=float),
-        np.empty(0) if start is None else start,
-        np.empty(0, dtype=int)
-        if hint is None
-        else (0 if b is None else len(b)) + np.flatnonzero(hint),
-        10_000,
-        0,
     )
+    rows = np.empty(0, dtype=int)
+    if hint is not None:
+        rows = qp.b.size + np.flatnonzero(hint)
+    guess = np.empty(0) if start is None else start, rows
+    code, pivots, point, residuals = call_kernel(qp, guess, 10_000, 0)
+    return code, pivots, *point, residuals
 
 
 def random_qp(rng, n, m, p, condition):

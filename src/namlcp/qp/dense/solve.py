@@ -1,6 +1,6 @@
 """Solution of a small or dense QP by the dual active-set method."""
 
-from typing import Any
+import ctypes
 
 import numpy as np
 
@@ -10,9 +10,10 @@ from namlcp.qp.answer import Answer
 from namlcp.qp.certificates import accept_dual, accept_primal
 from namlcp.qp.dense import pivots
 from namlcp.qp.dense.scaling import scaled_qp, variable_scaling
+from namlcp.qp.dense.state import DualState, numbers_needed
 from namlcp.qp.guess import Guess
 from namlcp.qp.problem import QP, Point
-from namlcp.qp.responses import ROUNDING, Held, solve_once
+from namlcp.qp.responses import ROUNDING, Held, parted, solve_once
 from namlcp.residuals import UNDEFINED, Residuals, qp_residuals
 from namlcp.status import Status
 
@@ -34,17 +35,19 @@ def solve_dense(
     hint = NO_HINT
     if guess.active.size:
         hint = qp.b.size + np.flatnonzero(guess.active)
-    found, c = call_dense(own, guess.x, hint, limits), None
-    if found[0] == pivots.BADLY_SCALED:
+    (code, count, point, residuals), c = call_dense(own, guess.x, hint, limits), None
+    if code == pivots.BADLY_SCALED:
         c = variable_scaling(own.P)
         start = guess.x / c if guess.x.size else guess.x
-        found = call_dense(scaled_qp(own, c), start, hint, limits)
-    code, count, x, y, z, z_box, numbers = found
+        code, count, point, residuals = call_dense(
+            scaled_qp(own, c), start, hint, limits
+        )
     if code in (pivots.NOT_CONVEX, pivots.BADLY_SCALED):
         return None
     if c is not None:
-        x, z_box = c * x, c * z_box if code == pivots.UNBOUNDED else z_box / c
-    point, residuals = Point(x, y, z, z_box), Residuals(*numbers)
+        z_box = point.z_box
+        z_box = c * z_box if code == pivots.UNBOUNDED else z_box / c
+        point = point._replace(x=c * point.x, z_box=z_box)
     largest = max(residuals.primal_size, residuals.dual_size, residuals.gap_size)
     if c is not None or largest * ROUNDING > limits.eps_abs:
         # summed again in the order that qpsolvers uses
@@ -52,10 +55,10 @@ def solve_dense(
     if code in (pivots.INFEASIBLE, pivots.UNBOUNDED):
         if code == pivots.INFEASIBLE:
             status = Status.PRIMAL_INFEASIBLE
-            proof = accept_primal(qp, x, y, z, limits.eps_abs)
+            proof = accept_primal(qp, *point[:3], limits.eps_abs)
         else:
             status = Status.DUAL_INFEASIBLE
-            proof = accept_dual(qp, x, y, z, z_box, limits.eps_abs)
+            proof = accept_dual(qp, *point, limits.eps_abs)
         if proof is None:
             return None
         point, residuals = proof, UNDEFINED
@@ -71,9 +74,21 @@ def solve_dense(
 
 def call_dense(
     qp: QP, start: np.ndarray, hint: np.ndarray, limits: Limits
-) -> tuple[Any, ...]:
-    """Return what `pivots.solve` returns, run under the deadline."""
+) -> tuple[int, int, Point, Residuals]:
+    """Return what `call_kernel` returns, run under the deadline."""
     n, rows = qp.q.size, qp.h.size + qp.b.size
     most = limits.max_iter or DEFAULT_OPTIONS.max_iter
     work = 4.0 * most * n * (n + rows)
-    return limits.deadline.run(pivots.solve, work, *qp, start, hint, most)
+    return limits.deadline.run(call_kernel, work, qp, (start, hint), most)
+
+
+def call_kernel(
+    qp: QP, guess: tuple[np.ndarray, np.ndarray], max_iter: int, clock: int
+) -> tuple[int, int, Point, Residuals]:
+    """Return the code of `pivots.solve`, the pivots, the point and its residuals."""
+    sizes = qp.q.size, qp.h.size, qp.b.size
+    now, memory = DualState(max_iter=max_iter), np.empty(numbers_needed(*sizes))
+    numbers = np.zeros(sum(sizes) + qp.q.size + len(Residuals._fields))
+    address = ctypes.addressof(now)
+    code = pivots.solve(address, tuple(qp), guess, memory, numbers, clock)
+    return code, now.pivots, *parted(numbers, *sizes)

@@ -9,6 +9,7 @@ of refinement as long as it is not accurate and they pay.
 import numpy as np
 
 from namlcp.compiled import floats, longs, part
+from namlcp.limits import begin_watch
 from namlcp.qp.responses.active import (
     CONTRADICTION,
     DONE,
@@ -52,8 +53,7 @@ RECALL, HINTS, PIVOTS, MEASURE, CORRECT = range(5)
 @part
 def begin(m, clock):
     """Begin to solve the QP with the vectors at hand; clock: see `Deadline.run`."""
-    watch = longs(m.watch, 3)
-    watch[0], watch[1], watch[2] = clock, 0, 0
+    begin_watch(longs(m.watch, 3), clock)
     rhs, q, b = floats(m.rhs, m.n + m.p), floats(m.q, m.n), floats(m.b, m.p)
     for j in range(m.n):
         rhs[j] = -q[j]

@@ -3,7 +3,7 @@
 import numpy as np
 
 from namlcp.compiled import floats_at, kernel, longs_at
-from namlcp.limits import is_over
+from namlcp.limits import begin_watch, is_over
 from namlcp.qp.responses.active import DONE, STUCK
 from namlcp.qp.responses.course import SUMMED
 from namlcp.qp.responses.faces.sides import (
@@ -52,8 +52,8 @@ def run_faces(address, vectors, out, clock):
         return UNSUITED
     if is_faulty(m):
         return FAULTY
-    watch = np.zeros(3, dtype=np.int64)
-    watch[0] = clock
+    watch = np.empty(3, dtype=np.int64)
+    begin_watch(watch, clock)
     recall(m)
     m.pivots = -1
     while m.pivots + 1 < min(MOST_FACES, m.max_iter):
