@@ -28,13 +28,11 @@ import numpy as np
 from namlcp.compiled import floats, kernel, longs, part
 from namlcp.limits import begin_watch
 from namlcp.linalg import (
-    add_rmatvec,
     add_scaled,
     copy,
     dot,
     forward_solve,
     largest_entry,
-    matvec,
 )
 from namlcp.qp.dense.active_rows import (
     add_constraint,
@@ -56,7 +54,7 @@ from namlcp.qp.dense.rows import (
 from namlcp.qp.dense.scaling import is_badly_scaled
 from namlcp.qp.dense.state import WATCH_SIZE, lay_out, state_at
 from namlcp.qp.dense.weights import LOWERED, choose_weight, has_factor, lower_weight
-from namlcp.residuals import qp_residuals_of_products
+from namlcp.qp.responses import measure_result, set_products
 
 SOLVED, INFEASIBLE, UNBOUNDED, NOT_CONVEX, STALLED, BADLY_SCALED, TIME_LIMIT = range(7)
 
@@ -99,7 +97,8 @@ def solve(address, qp, guess, memory, numbers, clock):
     begin_watch(longs(m.watch, WATCH_SIZE), clock)
     m.k, m.pivots, m.idle = 0, 0, 0
     code = run_form(m, guess[0])
-    measure(m)
+    set_products(m)
+    measure_result(m)
     return code
 
 
@@ -112,11 +111,11 @@ def attach(m, qp, guess, numbers):
     m.q, m.h, m.b = q.ctypes.data, h.ctypes.data, b.ctypes.data
     m.lb, m.ub = lb.ctypes.data, ub.ctypes.data
     m.hint, m.hints = guess[1].ctypes.data, guess[1].size
-    m.x = numbers.ctypes.data
+    m.out = numbers.ctypes.data
+    m.x = m.out
     m.y = m.x + 8 * m.n
     m.z = m.y + 8 * m.p
     m.z_box = m.z + 8 * m.m
-    m.residuals = m.z_box + 8 * m.n
 
 
 @part
@@ -280,27 +279,3 @@ def moves_along_ray(m):
         return False
     copy(ray, z_box)
     return True
-
-
-@part
-def measure(m):
-    """Set the numbers of `Residuals` of the result."""
-    x, y, z = floats(m.x, m.n), floats(m.y, m.p), floats(m.z, m.m)
-    P, G, A = floats(m.P, (m.n, m.n)), floats(m.G, (m.m, m.n)), floats(m.A, (m.p, m.n))
-    Px, Gx, Ax = floats(m.Px, m.n), floats(m.Gx, m.m), floats(m.Ax, m.p)
-    Gtz, Aty = floats(m.Gtz, m.n), floats(m.Aty, m.n)
-    for j in range(m.n):
-        Gtz[j], Aty[j] = 0.0, 0.0
-    matvec(P, x, Px)
-    matvec(G, x, Gx)
-    matvec(A, x, Ax)
-    add_rmatvec(G, z, Gtz)
-    add_rmatvec(A, y, Aty)
-    q, h, b = floats(m.q, m.n), floats(m.h, m.m), floats(m.b, m.p)
-    lb, ub, z_box = floats(m.lb, m.n), floats(m.ub, m.n), floats(m.z_box, m.n)
-    found = qp_residuals_of_products(
-        (q, h, b, lb, ub), (x, y, z, z_box), (Px, Gx, Ax, Gtz, Aty)
-    )
-    numbers = floats(m.residuals, len(found))
-    for i in range(len(found)):
-        numbers[i] = found[i]

@@ -35,7 +35,8 @@ def solve_dense(
     hint = NO_HINT
     if guess.active.size:
         hint = qp.b.size + np.flatnonzero(guess.active)
-    (code, count, point, residuals), c = call_dense(own, guess.x, hint, limits), None
+    c = None
+    code, count, point, residuals = call_dense(own, guess.x, hint, limits)
     if code == pivots.BADLY_SCALED:
         c = variable_scaling(own.P)
         start = guess.x / c if guess.x.size else guess.x

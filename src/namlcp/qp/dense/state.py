@@ -41,8 +41,9 @@ KINDS = (
 )
 OWN = " ".join(KINDS).split()
 COUNTS, PLACES = tuple(len(names.split()) for names in KINDS), len(OWN)
-# Addresses of the problem, a list of rows that are probably active, and the result.
-GIVEN = "P q G h A b lb ub hint x y z z_box residuals".split()
+# Addresses of the problem, a list of rows that are probably active, and the result: x,
+# y, z, z_box and the numbers of `Residuals`, one after another.
+GIVEN = "P q G h A b lb ub hint out x y z z_box".split()
 
 
 class DualState(ctypes.Structure):

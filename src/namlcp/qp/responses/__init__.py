@@ -37,8 +37,9 @@ solves nothing before `suggest`.
 
 from namlcp.qp.responses.active import DONE
 from namlcp.qp.responses.batch import Stack
+from namlcp.qp.responses.dense import set_products
 from namlcp.qp.responses.faces import Faces
-from namlcp.qp.responses.judgement import ROUNDING, parts_of_result
+from namlcp.qp.responses.judgement import ROUNDING, measure_result, parts_of_result
 from namlcp.qp.responses.run import accepts, least_pivot, solve_held
 from namlcp.qp.responses.solve import (
     MOST_ORDER,

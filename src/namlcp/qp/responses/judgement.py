@@ -61,11 +61,9 @@ def measure(m):
     Needs the products Px, Gx, Ax, Gtz, Aty of the result. Returns the largest residual
     over the moduli of its terms, with the active rows as equations.
     """
-    x, y, z, z_box = parts_of_result(m)
-    q, h, b = floats(m.q, m.n), floats(m.h, m.m), floats(m.b, m.p)
-    lb, ub = floats(m.lb, m.n), floats(m.ub, m.n)
-    Px, Gx, Ax = floats(m.Px, m.n), floats(m.Gx, m.m), floats(m.Ax, m.p)
-    Gtz, Aty = floats(m.Gtz, m.n), floats(m.Aty, m.n)
+    z_box = parts_of_result(m)[3]
+    q, h, Gx = floats(m.q, m.n), floats(m.h, m.m), floats(m.Gx, m.m)
+    Px, Gtz, Aty = floats(m.Px, m.n), floats(m.Gtz, m.n), floats(m.Aty, m.n)
     active, side = longs(m.active, m.most + 1), longs(m.side, m.rows)
     primal = 0.0
     for i in range(m.k):
@@ -77,16 +75,27 @@ def measure(m):
             gradient = Px[j] + q[j] + Gtz[j] + Aty[j]
             sign = side[row]
             z_box[j] = sign * max(-sign * gradient, 0.0)
-    numbers = qp_residuals_of_products(
-        (q, h, b, lb, ub), (x, y, z, z_box), (Px, Gx, Ax, Gtz, Aty)
-    )
+    measure_result(m)
     found = floats(m.out + 8 * (2 * m.n + m.p + m.m), NUMBERS)
-    for i in range(NUMBERS):
-        found[i] = numbers[i]
     return max(
         max(primal, found[0]) / max(found[3], LEAST_DIVISOR),
         found[1] / max(found[4], LEAST_DIVISOR),
     )
+
+
+@part
+def measure_result(m):
+    """Set the numbers of `Residuals` at the end of the result from its products."""
+    q, h, b = floats(m.q, m.n), floats(m.h, m.m), floats(m.b, m.p)
+    lb, ub = floats(m.lb, m.n), floats(m.ub, m.n)
+    Px, Gx, Ax = floats(m.Px, m.n), floats(m.Gx, m.m), floats(m.Ax, m.p)
+    Gtz, Aty = floats(m.Gtz, m.n), floats(m.Aty, m.n)
+    numbers = qp_residuals_of_products(
+        (q, h, b, lb, ub), parts_of_result(m), (Px, Gx, Ax, Gtz, Aty)
+    )
+    found = floats(m.out + 8 * (2 * m.n + m.p + m.m), NUMBERS)
+    for i in range(NUMBERS):
+        found[i] = numbers[i]
 
 
 @part
