@@ -145,11 +145,15 @@ class Interior:
             self.limits.report(
                 now.iterations, *residuals, step, int(work.active.sum())
             )  # fmt: skip
-        solved = wants & JUDGE and self.offer(work.x, work.y, work.Z) <= 1.0
-        if solved and now.tol > EXACT:
-            return Status.SOLVED
+        solved, measured = False, not wants & JUDGE
+        if not measured and (now.worst <= 1.0 or not wants & ACTIVE_SET):
+            solved, measured = self.offer(work.x, work.y, work.Z) <= 1.0, True
+            if solved and now.tol > EXACT:
+                return Status.SOLVED
         if solved or wants & ACTIVE_SET:
             self.refinement.run(work.x, work.y, work.Z, work.active)
+            if not measured and self.judge.best > 1.0:
+                self.offer(work.x, work.y, work.Z)
         if self.judge.best <= 1.0:
             return Status.SOLVED
         verdict = None
