@@ -90,9 +90,7 @@ def nested_dissection(indptr: np.ndarray, indices: np.ndarray) -> Order | None:
 
 def postordered(indptr: np.ndarray, indices: np.ndarray, place: np.ndarray) -> Order:
     """Return the postordered equivalent of the order `place`, which is overwritten."""
-    size = int(np.count_nonzero(place >= 0))
-    columns, rows, _ = permuted(indptr, indices, place, size, STRICT)
-    return Order(place, *renumber(place, *elimination_tree(columns, rows)))
+    return Order(place, *postordered_tree(indptr, indices, place))
 
 
 def supernodes(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Supernodes:
@@ -226,8 +224,13 @@ def postorder(parent):
 
 
 @kernel
-def renumber(place, parent, counts):
-    """Postorder a tree; return its parents and counts, with `place` made to fit."""
+def postordered_tree(indptr, indices, place):
+    """Return the parents and the counts of an `Order`; `place` becomes its place."""
+    size = 0
+    for i in range(place.size):
+        size += place[i] >= 0
+    columns, rows, _ = permuted(indptr, indices, place, size, STRICT)
+    parent, counts = elimination_tree(columns, rows)
     position = postorder(parent)
     for i in range(place.size):
         if place[i] >= 0:

@@ -68,17 +68,17 @@ class Pattern(NamedTuple):
 def analyse(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Pattern:
     """Lay out L for a matrix K whose rows are all in the order."""
     refuse_size("the factors", int(order.counts.sum(dtype=np.int64)))
-    place, parent, counts = order
-    K = permuted(indptr, indices, place, place.size, STRICT)
-    diagonal = np.empty(place.size, dtype=np.int32)
-    diagonal[place] = indptr[1:] - 1
-    return Pattern(place, diagonal, *K, *lay_out(*K[:2], parent, counts))
+    return Pattern(order.place, *lay_out(indptr, indices, *order))
 
 
 @kernel
-def lay_out(columns, rows, parent, counts):
-    """Return starts, below, lines, chunks, width and done of the `Pattern`."""
+def lay_out(indptr, indices, place, parent, counts):
+    """Return the fields of the `Pattern` of K after its place."""
     n = parent.size
+    columns, rows, source = permuted(indptr, indices, place, n, STRICT)
+    diagonal = np.empty(n, dtype=np.int32)
+    for i in range(n):
+        diagonal[place[i]] = indptr[i + 1] - 1
     starts, lines = np.empty(n + 1, dtype=np.int64), np.empty(n + 1, dtype=np.int64)
     width, done = np.empty(n, dtype=np.int32), np.empty(n, dtype=np.int64)
     starts[0] = 0
@@ -118,7 +118,9 @@ def lay_out(columns, rows, parent, counts):
             chunks[done[k]] = begin
             done[k] += 1
         begin += width[begin]
-    return starts, below, lines, chunks, width, done
+    return (
+        diagonal, columns, rows, source, starts, below, lines, chunks, width, done
+    )  # fmt: skip
 
 
 @part
