@@ -52,9 +52,9 @@ BLOCK_STEPS, SEARCH_STEPS = 3, 100
 """Changes of states without fewer wrong signs until block pivoting counts as stagnated,
 and changes of states with the line search until it is given up."""
 
-LEAST_RHO, MOST_RHO = 1e-9, 1.0
-"""Range of a positive rho, relative to the unit diagonal. With a smaller rho steps in
-directions of little curvature gain more, but their rounding errors grow as 1 / rho."""
+LEAST_RHO, MOST_RHO = 1e-8, 1.0
+"""Range of a positive rho, relative to the unit diagonal. With 1e-9 singular problems
+end with smaller residuals, but many of full degeneracy stagnate before they end."""
 
 OUTER_STEPS = 200
 """Proximal steps at most."""
