@@ -14,7 +14,7 @@ import pytest
 
 import namlcp
 from namlcp import residuals
-from namlcp.compiled import decorators, internals, sources, store
+from namlcp.compiled import decorators, internals, sources, store, views
 
 PACKAGE = Path(namlcp.__file__).parent
 
@@ -368,6 +368,25 @@ def test_private_parts_of_numba_are_used_in_two_modules():
 def test_this_numba_is_known():
     """Where it is not, these two are to be read beside the new version."""
     assert decorators.is_known(), numba.__version__
+
+
+@pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
+@pytest.mark.parametrize("make", [internals.arrays_at, views.portable])
+def test_views_have_the_shape_that_was_asked_for(make):
+    """As those of functions that are not compiled."""
+    at, M = make(np.float64), np.arange(6.0).reshape(2, 3)
+
+    @numba.njit
+    def seen(address):
+        last = at(address, (2, 3))[1]
+        last[0] = 7.0
+        cube = at(address, (1, 2, 3))
+        return at(address, 6).sum(), last.sum(), cube[0, 1, 2], cube.shape
+
+    assert seen(M.ctypes.data) == (19.0, 16.0, 5.0, (1, 2, 3))
+    view = views.interpreted(np.float64)
+    np.testing.assert_array_equal(view(M.ctypes.data, (2, 3)), M)
+    np.testing.assert_array_equal(view(M.ctypes.data, 6), M.ravel())
 
 
 @pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")

@@ -120,7 +120,10 @@ def attach(m, qp, guess, numbers):
 
 @part
 def run_form(m, start):
-    """Solve the QP with W = 0 if P is definite, else with the weight that it needs."""
+    """Solve the QP with W = 0 if P is definite, else with the W that it needs.
+
+    Returns the code.
+    """
     if is_badly_scaled(floats(m.P, (m.n, m.n))):
         return BADLY_SCALED
     m.is_definite = has_factor(m)
@@ -170,7 +173,7 @@ def run_rounds(m):
     rounds, passes = LEVEL_ROUNDS if m.is_definite else CENTRE_ROUNDS
     exact = VIOLATION_ROUNDING
     for turn in range(rounds):
-        # a hint for a singular P is first tried as it is
+        # the hint of a singular QP is first tried as it is
         if m.is_definite or turn > 0 or m.hints == 0:
             if not add_violated(m):
                 return INFEASIBLE
@@ -222,7 +225,7 @@ def add_violated(m):
         m.pivots += 1
         if m.pivots % REFIT_AFTER == 0:
             refit(m)
-        is_noise = is_close(m, entering)
+        is_noise = may_be_noise(m, entering)
         m.idle = m.idle + 1 if is_noise else 0
         if m.idle == IDLE_PIVOTS:
             m.level *= 10.0  # the violations are rounding
@@ -237,7 +240,7 @@ def add_violated(m):
 
 
 @part
-def is_close(m, index):
+def may_be_noise(m, index):
     """Tell whether a violation is at most NOISE * level times the size of its terms."""
     row, x = floats(m.row, m.n), floats(m.x, m.n)
     set_row(m, index)
