@@ -9,9 +9,11 @@ from scipy.sparse import csc_array
 import namlcp
 from namlcp import Relaxation, Status
 from namlcp.qp.closest import newton
+from namlcp.qp.problem import QP
 from namlcp.residuals import qp_residuals
 
 INF = np.inf
+SUITS = "namlcp.qp.closest.stage_one.suits_newton"
 
 
 def relaxed(qp, **choice):
@@ -68,7 +70,11 @@ def dense(qp):
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_shifts_of_least_squares(seed):
+def test_shifts_of_least_squares(seed, monkeypatch):
+    if seed % 4 < 2:
+        monkeypatch.setattr(
+            "namlcp.qp.closest.stage_one.suits_newton", lambda rows: False
+        )
     qp = bounded(seed) if seed % 2 else infeasible(seed, 6, 9, 2, 6)
     wh, wb = (1.0, 1.0) if seed % 3 else (0.1 + np.arange(9.0), np.array([2.0, 0.5]))
     found = relaxed(qp, infeasible=Relaxation(h=wh, b=wb))
@@ -82,8 +88,8 @@ def test_shifts_of_least_squares(seed):
 
 
 @pytest.mark.parametrize("seed", range(12))
-def test_dense_and_sparse_rows_give_the_same(seed):
-    """Newton's method and the QP in all variables, with rows that must stay."""
+def test_newton_and_the_qp_with_shifts_give_the_same(seed, monkeypatch):
+    """Newton's method for dense rows, a QP for sparse ones; rows that must stay."""
     rng = np.random.default_rng(seed)
     qp = bounded(seed, n=8, m=30, p=3, rank=8)
     units = 10.0 ** rng.uniform(-2.0, 2.0, 30)  # of the rows
@@ -92,7 +98,9 @@ def test_dense_and_sparse_rows_give_the_same(seed):
     wh = np.where(rng.random(30) < 0.2, INF, (0.1 + rng.random(30)) / units**2)
     choice = Relaxation(h=wh, b=np.array([INF, 1.0, 1.0]), ub=3.0)
     qp = qp._replace(G=csc_array(G), h=h)
-    one, other = relaxed(qp, infeasible=choice), relaxed(dense(qp), infeasible=choice)
+    other = relaxed(dense(qp), infeasible=choice)
+    monkeypatch.setattr(SUITS, lambda rows: False)
+    one = relaxed(qp, infeasible=choice)
     assert one.status is other.status
     if one.status is Status.SOLVED:
         for name in "x", "shift_h", "shift_b", "shift_lb", "shift_ub":
@@ -356,3 +364,45 @@ def test_a_loop_of_infeasible_steps_gives_what_fresh_solves_give(form):
         for name in "x", "shift_h", "shift_b":
             own, other = getattr(here.closest, name), getattr(fresh.closest, name)
             np.testing.assert_allclose(own, other, atol=1e-9)
+
+
+def summed(contradiction):
+    """The last row of A is the sum of three others, its b exceeds theirs.
+
+    x is around 1000 or at a bound; the least shifts are a quarter of the excess each.
+    """
+    rng = np.random.default_rng(3)
+    n, m = 120, 60
+    A = np.where(rng.random((m, n)) < 0.05, rng.uniform(0.5, 2.0, (m, n)), 0.0)
+    A[np.arange(m), np.arange(m)] = 1.0
+    x = 1e3 * np.where(rng.random(n) < 0.5, rng.random(n), 0.0)
+    A = np.vstack((A, A[:3].sum(axis=0)))
+    b = A @ x
+    b[-1] += contradiction
+    P = csc_array(np.diag(rng.random(n)))
+    rows = csc_array((0, n)), np.empty(0), csc_array(A), b
+    return QP(P, np.zeros(n), *rows, np.zeros(n), np.full(n, 1e6))
+
+
+@pytest.mark.parametrize("contradiction", [1e-4, 1.0, 1e3])
+def test_multipliers_of_the_least_shifts_prove_a_doubt(contradiction, monkeypatch):
+    """Of small ones too, whose errors are relatively large; no projection is needed."""
+
+    def no_projection(*arguments):
+        raise AssertionError
+
+    search = "namlcp.qp.path.candidates.CertificateSearch.project_multipliers"
+    monkeypatch.setattr(search, no_projection)
+    qp = summed(contradiction)
+    result = namlcp.solve_qp(*qp, infeasible="closest")
+    assert result.status is Status.PRIMAL_INFEASIBLE
+    y, z_box = result.y, result.z_box
+    np.testing.assert_allclose(qp.A.T @ y + z_box, 0.0, atol=1e-12 * np.abs(y).max())
+    value = qp.b @ y + qp.ub @ np.maximum(z_box, 0.0)
+    np.testing.assert_allclose(value, -1.0)
+    found = result.closest
+    assert found.status is Status.SOLVED
+    size = 0.25 * contradiction
+    expected = np.zeros(qp.b.size)
+    expected[:3], expected[-1] = size, -size
+    np.testing.assert_allclose(found.shift_b, expected, atol=1e-9 * (1.0 + size))

@@ -5,6 +5,8 @@ dual active-set method; every other QP, and what these two leave unsolved, is so
 the interior-point method.
 """
 
+from typing import Any
+
 import numpy as np
 
 from namlcp.limits import Limits
@@ -32,16 +34,24 @@ FULL = 0.3
 
 def is_small(qp: QP) -> bool:
     """Tell whether the QP takes the dense form."""
-    n = qp.q.size
-    entries = n * (n + qp.h.size + qp.b.size)
+    return are_full((qp.P, qp.G, qp.A), SPARSE_ENTRIES)
+
+
+def are_full(matrices: tuple[Any, ...], few: int) -> bool:
+    """Tell whether matrices of equally many columns are `few` entries, or full ones.
+
+    Those with too many for the dense form are neither.
+    """
+    n = matrices[0].shape[1]
+    entries = n * sum(M.shape[0] for M in matrices)
     if n > DENSE_VARIABLES or entries > DENSE_ENTRIES:
         return False
-    if entries <= SPARSE_ENTRIES:
+    if entries <= few:
         return True
-    if qp.is_dense:
-        filled = sum(int(np.count_nonzero(M)) for M in (qp.P, qp.G, qp.A))
+    if isinstance(matrices[0], np.ndarray):
+        filled = sum(int(np.count_nonzero(M)) for M in matrices)
     else:
-        filled = qp.P.nnz + qp.G.nnz + qp.A.nnz
+        filled = sum(M.nnz for M in matrices)
     return filled >= FULL * entries
 
 

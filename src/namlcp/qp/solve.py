@@ -12,7 +12,7 @@ from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp.answer import OBJECTIVE, UNDECIDED, Answer, better, out_of_time
 from namlcp.qp.bounds import solve_bounds
-from namlcp.qp.closest import check_weights, closest_point
+from namlcp.qp.closest import check_weights, solve_or_approach
 from namlcp.qp.dense import solve_dense
 from namlcp.qp.forms import is_box, is_tiny, solve_smallest_form
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
@@ -227,10 +227,12 @@ def solve_checked(
         check_weights(qp, relaxation)
     with blas_threads(options.threads, qp.q.size + qp.h.size + qp.b.size):
         answer = known
-        if answer is None:
+        if relaxation:
+            answer, closest = solve_or_approach(
+                (qp, given), relaxation, (guess, memory), limits, solve_or_relax, answer
+            )
+        elif answer is None:
             answer = solve_or_relax(qp, guess, limits, memory)
-        if relaxation and asks_more(options, answer):
-            closest = closest_point(qp, relaxation, limits, solve_or_relax, given)
     answer = settled(answer, qp, given, limits)
     if progress is not None:
         progress.close(conclude(answer, time.perf_counter() - start))

@@ -16,22 +16,31 @@ The multipliers of stage 2 plus k times those of stage 1 are stationary for the 
 QP for any k; k is the least one that gives all of them their sign.
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.linalg.lapack import dpotrf, dpotrs
 
-from namlcp.linalg import add_transposed, times
-from namlcp.qp.closest.rows import Rows, chosen, largest, moduli, times_signs
+from namlcp.linalg import add_transposed, submatrix, times
+from namlcp.qp.answer import Answer
+from namlcp.qp.closest.rows import (
+    ROUNDING,
+    Rows,
+    chosen,
+    largest,
+    moduli,
+    scattered,
+    times_signs,
+    turned,
+)
 from namlcp.qp.closest.shifts import least_shifts
 from namlcp.qp.problem import QP, Point
+from namlcp.status import Status
 
 # A multiplier of stage 1 this close to its floor or ceiling, relative to the largest
 # one, stands at it. Those of a solution are exact to rounding.
 AT_LIMIT = 1e-9
-
-MOST_REFINED = 1_000_000
-"""Most entries of the held rows of a face that is refined, which takes a second."""
 
 FULL_RANK = 1e-5
 """Least ratio of the diagonal entries of the Cholesky factor of C'C, with which the
@@ -54,12 +63,12 @@ class Face(NamedTuple):
     ub: np.ndarray
     moves: np.ndarray
 
-    def refined(self) -> "Face | None":
-        """Return the face with C'v + v_box = 0 to rounding, None if it is too large.
+    def refined(self, solve: Callable[[QP], Answer]) -> "Face | None":
+        """Return the face with C'v + v_box = 0 to rounding, None where that fails.
 
         An inequality with a force v_i C_i below that residual, in the 1-norm, is no
         longer held: rounding alone may have made its multiplier positive. The other
-        held rows take the least change of v, by least squares.
+        held rows take the least change of v, a QP for `solve`.
         """
         C, one_sided = self.rows.C, ~self.rows.is_equality
         forces = np.abs(self.v) * times(moduli(C), np.ones(self.v_box.size))
@@ -69,12 +78,14 @@ class Face(NamedTuple):
         v = np.where(one_sided & (sense == 1), 0.0, self.v)
         face = self._replace(v=v, v_box=self.v_box.copy(), sense=sense)
         held, fixed = face.held, face.v_box != 0.0
-        if held.size * face.v_box.size > MOST_REFINED:
+        if not held.size:
             return None
-        rows = chosen(C, held)
-        rows = (rows if isinstance(rows, np.ndarray) else rows.toarray())[:, ~fixed]
-        for _ in range(2):  # the second time corrects the rounding of the first
-            v[held] -= np.linalg.lstsq(rows.T, face.residual()[~fixed], rcond=None)[0]
+        size = largest(v)  # of multipliers 1 the errors are relative ones
+        change = least_change(chosen(C, held), ~fixed, v[held] / size)
+        found = solve(change)
+        if found.status is not Status.SOLVED:
+            return None
+        v[held] = size * found.point.x
         face.v_box[fixed] -= face.residual()[fixed]
         return face
 
@@ -153,6 +164,20 @@ class Face(NamedTuple):
         return self.rows.point(found.x, v, v_box)
 
 
+def least_change(C: Any, free: np.ndarray, v: np.ndarray) -> QP:
+    """Return the QP for the least change of v with C_j'v = 0 in all free columns j."""
+    m, columns = v.size, np.flatnonzero(free)
+    if isinstance(C, np.ndarray):
+        A = np.ascontiguousarray(C[:, columns].T)
+    else:
+        A = turned(submatrix(C, np.arange(m), columns))
+    at, unlimited = np.arange(m), np.full(m, np.inf)
+    P = scattered(at, at, np.ones(m), (m, m), isinstance(C, np.ndarray))
+    nothing = chosen(A, np.empty(0, dtype=np.int64))
+    none, zero = np.empty(0), np.zeros(columns.size)
+    return QP(P, -v, nothing, none, A, zero, -unlimited, unlimited)
+
+
 def corner_of(face: Face, qp: QP, x: np.ndarray) -> Point | None:
     """Return the solution of stage 2 where the held rows leave x no freedom; else None.
 
@@ -181,22 +206,26 @@ def corner_of(face: Face, qp: QP, x: np.ndarray) -> Point | None:
 def face_of(rows: Rows, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Face:
     """Return the face that a solution of stage 1 describes: x, and the multipliers."""
     equality, zero = rows.is_equality, AT_LIMIT * largest(v, v_box)
-    zero_box = zero
-    if rows.norm == 2:  # v = w r has the errors of r = C x - d
+    unmatched = v_box.copy()
+    add_transposed(rows.C, v, unmatched)
+    zero_box, r = max(zero, largest(unmatched)), np.zeros(v.size)
+    if rows.norm == 2:
         noise, forces = rows.rounding(x)
-        zero, zero_box = np.maximum(zero, noise), np.maximum(zero, forces)
+        zero, zero_box = np.maximum(zero, noise), np.maximum(zero_box, forces)
+        # r is as exact as C x - d, whose error times w is `noise`, or as v / w
+        by_v = noise > ROUNDING * largest(v)
+        r = np.where(np.isfinite(rows.weights), rows.violations(x), 0.0)
+        r[by_v] = v[by_v] / rows.weights[by_v]
     ceiling = rows.weights if rows.norm == 1 else np.full(v.size, np.inf)
     at_floor = v <= np.where(equality, -ceiling, 0.0) + zero
     at_ceiling = v >= ceiling - zero
-    v_box = np.where(np.abs(v_box) <= zero_box, 0.0, v_box)
-    # x is more exact than v / w where a weight w is small
-    fixed = np.isfinite(rows.weights) & (rows.norm == 2)
+    v_box = np.where(np.abs(v_box) > zero_box, v_box, 0.0)
     return Face(
         rows=rows,
         v=v,
         v_box=v_box,
         sense=at_floor.astype(int) - at_ceiling,
-        r=np.where(fixed, rows.violations(x), 0.0),
+        r=r,
         lb=np.where(v_box > 0.0, rows.ub, rows.lb),
         ub=np.where(v_box < 0.0, rows.lb, rows.ub),
         moves=at_ceiling | (at_floor & equality),

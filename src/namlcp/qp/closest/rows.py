@@ -184,6 +184,11 @@ def joined_lines(blocks: list[Compressed]) -> Compressed:
     return Compressed(indptr.astype(np.int32), indices, data)
 
 
+def turned(C: Any) -> Any:
+    """Return the transpose of a clean CSC matrix."""
+    return from_arrays(arrays_of(by_rows(C)), C.shape[::-1])
+
+
 def chosen(C: Any, rows: np.ndarray) -> Any:
     """Return some rows of C, given in rising order."""
     if isinstance(C, np.ndarray):

@@ -1,6 +1,5 @@
 """Both stages, and the judgement of what they find on the user's own data."""
 
-from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
@@ -9,18 +8,15 @@ import numpy as np
 from namlcp.limits import Limits
 from namlcp.linalg import times
 from namlcp.options import Relaxation
-from namlcp.qp.answer import OBJECTIVE, Answer
-from namlcp.qp.closest.face import Face, corner_of, face_of
-from namlcp.qp.closest.newton import solve_by_newton, suits_newton
+from namlcp.qp.answer import OBJECTIVE, Answer, LooksInfeasible
+from namlcp.qp.closest.face import Face, corner_of
 from namlcp.qp.closest.point import ClosestPoint
 from namlcp.qp.closest.rows import Rows, rows_of
-from namlcp.qp.closest.shifts import least_shifts
+from namlcp.qp.closest.stage_one import Solve, StageOne, solve_exactly, stage_one
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.problem import QP, Point
 from namlcp.residuals import UNDEFINED, qp_residuals
 from namlcp.status import Status
-
-Solve = Callable[[QP, Guess, Limits], Answer]
 
 NO_NEAREST = "No shift helps: the constraints that must stay contradict each other. "
 NOT_LEAST = "The search for the least shifts ended with status {}: these are larger. "
@@ -35,21 +31,49 @@ UNPROVED = (
 )
 
 
-def closest_point(
-    qp: QP,
+def solve_or_approach(
+    problem: tuple[QP, tuple[Any, Any, Any]],
     relaxation: Relaxation,
+    start: tuple[Guess, Any],
     limits: Limits,
     solve: Solve,
-    given: tuple[Any, Any, Any] = (None, None, None),
-) -> ClosestPoint:
-    """Return the solution of the feasible problem nearest to an infeasible QP.
+    known: Answer | None = None,
+) -> tuple[Answer, ClosestPoint | None]:
+    """Return the answer to a QP, and the closest point if no x is feasible.
 
-    `solve` solves both stages, each under the same limits. `given`: P, G and A as the
-    user holds them, in whose form their gradients are.
+    problem: the QP, and P, G and A as the user holds them, in whose form their
+    gradients are. start: the guess and the memory for `solve`, which solves the QP and
+    both stages, each under the same limits. known: the answer, where there is one.
+
+    Where the QP looks infeasible, stage 1 is solved at once: its multipliers prove it.
+    If they do not, the QP is solved again, to the end.
     """
-    rows, n = rows_of(qp, relaxation), qp.q.size
-    first = stage_one(rows, limits, solve)
-    status, message, x = first.status, first.message, first.point.x[:n]
+    qp, (guess, memory), answer, stage = problem[0], start, known, None
+    if answer is None:
+        try:
+            answer = solve(qp, guess, limits._replace(until_doubt=True), memory)
+        except LooksInfeasible:
+            stage = stage_one(rows_of(qp, relaxation), limits, solve)
+            answer = stage.proof(qp, limits)
+            if answer is None:
+                stage = stage.sharpened(limits, solve)
+                answer = stage.proof(qp, limits) or solve(qp, guess, limits, memory)
+    if answer.status is not Status.PRIMAL_INFEASIBLE:
+        return answer, None
+    if stage is None:
+        stage = stage_one(rows_of(qp, relaxation), limits, solve)
+    return answer, closest_point(problem, stage, limits, solve)
+
+
+def closest_point(
+    problem: tuple[QP, tuple[Any, Any, Any]],
+    stage: StageOne,
+    limits: Limits,
+    solve: Solve,
+) -> ClosestPoint:
+    """Return the solution of the feasible problem nearest to an infeasible QP."""
+    qp, rows, x = problem[0], stage.rows, stage.x
+    status, message = stage.answer.status, stage.answer.message
     if status is Status.PRIMAL_INFEASIBLE:
         nothing = np.full(rows.d.size, np.nan)
         return reported(
@@ -59,12 +83,12 @@ def closest_point(
         r = rows.violations(x)
         message = NOT_LEAST.format(status.value) + message
         return reported(qp, rows, unknown(rows, x), r, status, message)
-    v = np.concatenate((first.point.z, first.point.y))
-    face = face_of(rows, x, v, first.point.z_box[:n])
-    found = least_cost((qp, given), face, x, limits, solve)
-    refined = face.refined() if found.status is Status.STALLED else None
-    if refined is not None:
-        other = least_cost((qp, given), refined, x, limits, solve)
+    found = least_cost(problem, stage.face(), x, limits, solve)
+    if found.status is Status.STALLED:
+        sharper = stage.sharpened(limits, solve)
+        if sharper is stage:
+            return found
+        other = least_cost(problem, sharper.face(), x, limits, solve)
         if other.status in (Status.SOLVED, Status.DUAL_INFEASIBLE):
             return other
     return found
@@ -98,7 +122,7 @@ def least_cost(
     # The rows active at x are those of the solution only if they leave x no freedom.
     settled = face.held.size + np.count_nonzero(face.v_box) >= x.size
     guess = make_guess(easier, x, None) if settled else NO_GUESS
-    second = solve(easier, guess, limits)
+    second = solve_exactly(easier, guess, limits, solve)
     status, message = second.status, second.message
     if status is Status.DUAL_INFEASIBLE:
         return reported(qp, rows, second.point, face.shifts(x), status, message)
@@ -115,21 +139,6 @@ def least_cost(
     if status not in (Status.TIME_LIMIT, Status.MAX_ITER):
         status = Status.STALLED
     return reported(qp, rows, unknown(rows, x), face.shifts(x), status, message)
-
-
-def stage_one(rows: Rows, limits: Limits, solve: Solve) -> Answer:
-    """Return the answer to `least_shifts`; its point may lack the shifts."""
-    x = None
-    if suits_newton(rows):
-        x = solve_by_newton(rows, limits)
-    if x is None:
-        return solve(least_shifts(rows), NO_GUESS, limits)
-    v = rows.weights * rows.violations(x)
-    force = -(v @ rows.C)
-    held = np.where(force < 0.0, x <= rows.lb, x >= rows.ub)
-    m = v.size - rows.p
-    point = Point(x, v[m:], v[:m], np.where(held, force, 0.0))
-    return Answer(Status.SOLVED, point, UNDEFINED, 0, "newton")
 
 
 def unknown(rows: Rows, x: np.ndarray) -> Point:

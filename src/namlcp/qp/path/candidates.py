@@ -11,10 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from namlcp.qp.answer import LooksInfeasible
 from namlcp.qp.certificates import accept_dual, accept_primal, largest
 from namlcp.qp.guess import Guess
 from namlcp.qp.judge import Judge
-from namlcp.qp.path.advance import AGAIN, HOLD, PROMISING
+from namlcp.qp.path.advance import AGAIN, HOLD, PROMISING, SMALL_RATIO
 from namlcp.qp.path.steps import THIN
 from namlcp.qp.path.workspace import Workspace, address
 from namlcp.qp.problem import Point
@@ -54,7 +55,11 @@ class CertificateSearch:
         work.tested[:] = PROMISING
 
     def find(self) -> Status | None:
-        """Return the verdict of the first candidate that is a proof, or None."""
+        """Return the verdict of the first candidate that is a proof, or None.
+
+        Where the limits end with a doubt, multipliers are not tested: LooksInfeasible
+        is raised where they are good.
+        """
         work, now = self.work, self.work.now
         n, p = now.n, now.p
         du, ratios = work.du.copy(), work.ratios.copy()
@@ -64,7 +69,10 @@ class CertificateSearch:
             (2, work.x),
             (3, du[:n]),
         ):
-            if ratios[k] < np.inf and self.is_proof(k, ratios[k], candidate):
+            if k < 2 and self.judge.limits.until_doubt:
+                if ratios[k] <= SMALL_RATIO:
+                    raise LooksInfeasible
+            elif ratios[k] < np.inf and self.is_proof(k, ratios[k], candidate):
                 return Status.PRIMAL_INFEASIBLE if k < 2 else Status.DUAL_INFEASIBLE
         return None
 

@@ -16,6 +16,7 @@ import numpy as np
 
 from namlcp.limits import Limits
 from namlcp.options import DEFAULT_OPTIONS
+from namlcp.qp.answer import LooksInfeasible
 from namlcp.qp.guess import Guess
 from namlcp.qp.judge import Judge
 from namlcp.qp.path import fallback
@@ -24,6 +25,7 @@ from namlcp.qp.path.advance import (
     DOUBT,
     EVALUATE,
     FAILED,
+    FALLBACK_AFTER,
     JUDGE,
     MEASURE,
     PROVE,
@@ -206,13 +208,17 @@ class Interior:
     def solve_fallback(self) -> Status | None:
         """Return the verdict of the fallback QPs, which are solved once.
 
-        None if the best point of the loop solves the QP.
+        None if the best point of the loop solves the QP. Raises LooksInfeasible where
+        the primal residual asks for them and the limits end with a doubt.
         """
         solver, self.fallback_solver = self.fallback_solver, None
         assert solver is not None
         if self.offer_best() <= 1.0:
             return None
-        work = self.work
+        work, now = self.work, self.now
+        is_primal = now.primal_promised and now.since_primal >= FALLBACK_AFTER
+        if self.limits.until_doubt and is_primal:
+            raise LooksInfeasible
         point = self.problem.point(work.x, work.y, work.Z)
         qp, tol, project = self.judge.qp, self.limits.eps_abs, self.certificates.project
         verdict = fallback.find_certificate(qp, point, tol, solver, project)
