@@ -34,6 +34,12 @@ def parts_of_result(m):
 
 
 @part
+def residuals_of_result(m):
+    """Return the numbers of `Residuals` of the result."""
+    return floats(m.out + 8 * (2 * m.n + m.p + m.m), NUMBERS)
+
+
+@part
 def set_result(m):
     """Set x, y and z from the values and multipliers, x to active bounds exactly."""
     x, y, z, z_box = parts_of_result(m)
@@ -76,7 +82,7 @@ def measure(m):
             sign = side[row]
             z_box[j] = sign * max(-sign * gradient, 0.0)
     measure_result(m)
-    found = floats(m.out + 8 * (2 * m.n + m.p + m.m), NUMBERS)
+    found = residuals_of_result(m)
     return max(
         max(primal, found[0]) / max(found[3], LEAST_DIVISOR),
         found[1] / max(found[4], LEAST_DIVISOR),
@@ -85,7 +91,7 @@ def measure(m):
 
 @part
 def measure_result(m):
-    """Set the numbers of `Residuals` at the end of the result from its products."""
+    """Set the numbers of `Residuals` of the result from its products."""
     q, h, b = floats(m.q, m.n), floats(m.h, m.m), floats(m.b, m.p)
     lb, ub = floats(m.lb, m.n), floats(m.ub, m.n)
     Px, Gx, Ax = floats(m.Px, m.n), floats(m.Gx, m.m), floats(m.Ax, m.p)
@@ -93,7 +99,7 @@ def measure_result(m):
     numbers = qp_residuals_of_products(
         (q, h, b, lb, ub), parts_of_result(m), (Px, Gx, Ax, Gtz, Aty)
     )
-    found = floats(m.out + 8 * (2 * m.n + m.p + m.m), NUMBERS)
+    found = residuals_of_result(m)
     for i in range(NUMBERS):
         found[i] = numbers[i]
 
@@ -101,7 +107,7 @@ def measure_result(m):
 @part
 def is_accurate(m, error):
     """Tell whether a point with this error of `measure` needs no refinement."""
-    found = floats(m.out + 8 * (2 * m.n + m.p + m.m), NUMBERS)
+    found = residuals_of_result(m)
     if not error <= ACCURATE:
         return False
     for i in range(3):
@@ -114,7 +120,7 @@ def is_accurate(m, error):
 @part
 def is_solved(m):
     """Tell whether the residuals of the result are within tolerance."""
-    found = floats(m.out + 8 * (2 * m.n + m.p + m.m), NUMBERS)
+    found = residuals_of_result(m)
     for i in range(3):
         if not found[i] <= m.eps_abs + m.eps_rel * found[3 + i]:
             return False
@@ -124,7 +130,7 @@ def is_solved(m):
 @part
 def largest_term(m):
     """Return the largest modulus of a term of the residuals."""
-    found = floats(m.out + 8 * (2 * m.n + m.p + m.m), NUMBERS)
+    found = residuals_of_result(m)
     return max(found[3], found[4], found[5])
 
 

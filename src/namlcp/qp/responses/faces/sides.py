@@ -11,9 +11,8 @@ from namlcp.qp.responses.faces.system import (
     set_products,
     set_rest,
 )
-from namlcp.qp.responses.judgement import NUMBERS, parts_of_result
+from namlcp.qp.responses.judgement import measure_result, parts_of_result
 from namlcp.qp.responses.rows import goal_of, is_pinned
-from namlcp.residuals import qp_residuals_of_products
 
 # Violations of a side or a sign over the terms of its row that count as rounding: in
 # the choice of the next face, and where all of them together let a face be the last.
@@ -143,9 +142,8 @@ def set_result(m):
     for i in range(m.m):
         u[rows + i] = max(u[rows + i], 0.0)
     set_products(m)
-    q, h, b = floats(m.q, n), floats(m.h, m.m), floats(m.b, m.p)
-    lb, ub = floats(m.lb, n), floats(m.ub, n)
-    Px, Aty, Gtz = floats(m.Px, n), floats(m.Aty, n), floats(m.Gtz, n)
+    q, Px = floats(m.q, n), floats(m.Px, n)
+    Aty, Gtz = floats(m.Aty, n), floats(m.Gtz, n)
     x, y, z, z_box = parts_of_result(m)
     for j in range(n):
         x[j], z_box[j] = u[j], 0.0
@@ -157,14 +155,7 @@ def set_result(m):
         y[i] = u[n + i]
     for i in range(m.m):
         z[i] = u[rows + i]
-    numbers = qp_residuals_of_products(
-        (q, h, b, lb, ub),
-        (x, y, z, z_box),
-        (Px, floats(m.Gx, m.m), floats(m.Ax, m.p), Gtz, Aty),
-    )
-    found = floats(m.out + 8 * (2 * n + m.p + m.m), NUMBERS)
-    for i in range(NUMBERS):
-        found[i] = numbers[i]
+    measure_result(m)
 
 
 @part
