@@ -101,9 +101,8 @@ class Options:
         """
         if not OPTION_NAMES.issuperset(settings):
             check_names(settings, sorted(OPTION_NAMES))
-        typed = tuple((name, type(value), value) for name, value in settings.items())
         try:
-            return remembered(typed)
+            return remembered(**settings)
         except TypeError:  # a wrong type, which is told again, or one without a hash
             return cls(**settings)
 
@@ -182,10 +181,10 @@ def relaxation_of(infeasible: object) -> Relaxation | None:
     return RELAXATIONS[infeasible]
 
 
-@lru_cache(maxsize=32)
-def remembered(settings: tuple[tuple[str, type, Any], ...]) -> Options:
-    """Return the options of (name, type, value); True and 1 differ by their types."""
-    return Options(**{name: value for name, _, value in settings})
+@lru_cache(maxsize=32, typed=True)  # True and 1 differ by their types
+def remembered(**settings: Any) -> Options:
+    """Return the options with these names and values."""
+    return Options(**settings)
 
 
 def check_names(settings: Mapping[str, Any], known: list[str]) -> None:

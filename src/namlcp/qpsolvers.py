@@ -75,9 +75,9 @@ def nam_solve_problem(
     try:
         warm_start = settings.pop("warm_start", None)
         try:
-            options = DEFAULT_OPTIONS
-            if settings or verbose:
-                options = Options.from_names({"verbose": bool(verbose), **settings})
+            if verbose:
+                settings["verbose"] = True
+            options = Options.from_names(settings) if settings else DEFAULT_OPTIONS
         except (TypeError, ValueError) as error:
             raise ParamError(str(error)) from error
         try:

@@ -1,12 +1,17 @@
 """solve_qp: check, substitute, solve the smallest form, map back, check residuals."""
 
 import time
-from math import inf
 from typing import Any
 
 import numpy as np
 
-from namlcp.limits import Deadline, Limits, cause_of, interruptible
+from namlcp.limits import (
+    UNCHECKED_TIME,
+    Deadline,
+    Limits,
+    cause_of,
+    interruptible,
+)
 from namlcp.linalg import blas_threads
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
@@ -24,6 +29,9 @@ from namlcp.qp.transforms import substitute, without_huge_bounds
 from namlcp.residuals import qp_residuals
 from namlcp.result import QPResult
 from namlcp.status import Status
+
+# A time limit from which on a solve that `is_brief` need not know of it [s].
+AMPLE_TIME = 10.0 * UNCHECKED_TIME
 
 
 def solve_qp(
@@ -160,7 +168,7 @@ def solve_shortly(
         own = qp.in_dense_form()
     if options.relaxation:
         check_weights(qp, options.relaxation)
-    if options.time_limit == inf and is_brief(qp, options.max_iter):
+    if options.time_limit >= AMPLE_TIME and is_brief(qp, options.max_iter):
         limits = options.unwatched
     else:
         limits = options.limits(Deadline(start + options.time_limit))
