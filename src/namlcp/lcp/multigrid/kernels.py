@@ -7,8 +7,9 @@ Gauss-Seidel sweep, the correction with the coarse matrix
     A_c = P' T A T P,
 
 and one backward sweep (Ruge and Stueben, in McCormick, Multigrid Methods, SIAM 1987,
-for T = I; Kornhuber, Numer. Math. 69 (1994) 167-184, for truncation). Matrices are
-`Compressed` by rows; `diagonal` holds the positions of their a_ii.
+for T = I; Kornhuber, Numer. Math. 69 (1994) 167-184, for truncation). On coarse levels
+with symmetric A the rows at the edge of F are relaxed once more, before and after.
+Matrices are `Compressed` by rows; `diagonal` holds the positions of their a_ii.
 
 Indices are cast to unsigned types, which saves the test for negative indices.
 """
@@ -98,6 +99,32 @@ def ascend(A, diagonal, P, dinv, b, coarse, x):
     return product
 
 
+@kernel
+def relax_edge(A, dinv, edge, b, x):
+    """Sweep forward over the rows `edge` on T A T y = b from y = 0.
+
+    Sets x to these entries of y, and b to b - A y on F. A is symmetric.
+    """
+    for t in range(edge.size):
+        i = edge[t]
+        x[t] = b[i] * dinv[i]
+        for k in range(A.indptr[i], A.indptr[i + 1]):
+            b[A.indices[k]] -= A.data[k] * x[t]
+
+
+@kernel
+def relax_edge_back(A, dinv, edge, b, start, x):
+    """Sweep backward over these rows on T A T x = b, then add `start` to x there."""
+    for t in range(edge.size - 1, -1, -1):
+        i = edge[t]
+        r = b[i]
+        for k in range(A.indptr[i], A.indptr[i + 1]):
+            r -= A.data[k] * x[A.indices[k]]
+        x[i] += r * dinv[i]
+    for t in range(edge.size):
+        x[edge[t]] += start[t]
+
+
 class FaceOnLevel(NamedTuple):
     """The free unknowns F of one level, and what follows from them.
 
@@ -132,11 +159,14 @@ def mark_dirty(face):
 
 
 @kernel
-def truncate_coarse(face, P, R, coarse, d, below):
+def truncate_coarse(face, P, R, C, coarse, d, below):
     """Recompute the rows of A_c = P' T A T P that differ from P' A P, no others.
 
     Entries outside the pattern of P' A P are added, in modulus, to the diagonal. A
-    coarse unknown is truncated if it has no free fine unknown or its diagonal vanishes.
+    coarse unknown is truncated if C_j, the fine unknown it stands for, is not free, or
+    its diagonal vanishes. (Kornhuber keeps it as long as any fine unknown of column j
+    of P is free. Next to a long edge of the face these columns, cut off in the middle,
+    slow down the cycles.)
 
     `face` is that of the fine level after `mark_dirty`, R = P', `coarse` is P' A P, d
     its diagonal. `below`, an earlier face on the coarse level, gets A_c in the pattern
@@ -148,11 +178,8 @@ def truncate_coarse(face, P, R, coarse, d, below):
     for j in range(d.size):
         before = touched[j]
         now = False
-        alive = False
         for k in range(R.indptr[j], R.indptr[j + 1]):
-            i = R.indices[k]
-            now |= dirty[i]
-            alive |= dinv[i] != 0.0
+            now |= dirty[R.indices[k]]
         touched[j] = now
         start, end = coarse.indptr[j], coarse.indptr[j + 1]
         if not now:
@@ -162,7 +189,7 @@ def truncate_coarse(face, P, R, coarse, d, below):
                     truncated[k] = coarse.data[k]
             continue
         coarse_dinv[j] = 0.0
-        if not alive:
+        if dinv[C[j]] == 0.0:
             continue
         for k in range(start, end):
             truncated[k] = 0.0
