@@ -289,8 +289,7 @@ def differentiate_held(address, gx, gy, gz, gz_box, row, matrices):
     """
     m = state_at(address)
     n, p, size = m.n, m.p, m.n + m.p
-    P, G = floats(m.P, n * n).reshape((n, n)), floats(m.G, m.m * n).reshape((m.m, n))
-    A = floats(m.A, p * n).reshape((p, n))
+    P, G, A = floats(m.P, (n, n)), floats(m.G, (m.m, n)), floats(m.A, (p, n))
     vectors = floats(m.q, n), floats(m.h, m.m), floats(m.lb, n), floats(m.ub, n)
     state, sides = np.empty(m.m, dtype=np.int8), np.empty((2, n), dtype=np.int8)
     row[:] = 0.0

@@ -41,7 +41,7 @@ def prepare(address, q, h):
         return False
     m.pull = 0.0
     copy_cost(m, 0.0)
-    V = floats(m.factor, n * n).reshape((n, n))
+    V = floats(m.factor, (n, n))
     if not is_well_factored(V):
         return False
     rows = violated_rows(m, q, h)
@@ -97,7 +97,7 @@ def make_all(m, V, rows):
             C[i, j] = row[j]
     product(1.0, C, V, 0.0, H)
     multiply(H, V, C)
-    product(1.0, C, floats(m.G, m.m * n).reshape((m.m, n)), 0.0, W)
+    product(1.0, C, floats(m.G, (m.m, n)), 0.0, W)
     for i in range(k):
         values = claim_place(m, rows[i])
         for j in range(m.m):
