@@ -22,8 +22,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from namlcp.lcp.distances import Distances
+from namlcp.lcp.general.cones import AnyFactors, Systems
 from namlcp.lcp.general.pairs import Pairs
-from namlcp.lcp.shifted import Factors, Shifted
 
 SHIFT = 1e-12
 """Added to the unit diagonal, so that a singular matrix can be factored."""
@@ -75,7 +75,7 @@ class Directions:
     largest entry of V and tv.
     """
 
-    def __init__(self, path: "Arc", at: Point, factors: Factors):
+    def __init__(self, path: "Arc", at: Point, factors: AnyFactors):
         model, pairs = path.model, path.pairs
         self.path, self.at, self.factors = path, at, factors
         aims = at.t * path.products
@@ -130,7 +130,7 @@ class Directions:
 class Arc:
     """The curve from one start; `points` follows it."""
 
-    def __init__(self, model: Distances, system: Shifted, size: float, big: float):
+    def __init__(self, model: Distances, system: Systems, size: float, big: float):
         """Start at gaps of `size`, with multipliers that make d >= big."""
         self.model, self.system, self.pairs = model, system, Pairs(model)
         pairs = self.pairs

@@ -15,8 +15,8 @@ from typing import NamedTuple
 import numpy as np
 
 from namlcp.lcp.distances import Distances
+from namlcp.lcp.general.cones import AnyFactors, Systems
 from namlcp.lcp.general.pairs import Pairs
-from namlcp.lcp.shifted import Factors, Shifted
 
 SHIFT = 1e-11
 """Added to the unit diagonal, so that a singular matrix can be factored."""
@@ -49,7 +49,9 @@ class Point(NamedTuple):
 class Newton:
     """Newton's equations at a point for F = total(m) and products of our choice."""
 
-    def __init__(self, pairs: Pairs, at: Point, excess: np.ndarray, factors: Factors):
+    def __init__(
+        self, pairs: Pairs, at: Point, excess: np.ndarray, factors: AnyFactors
+    ):
         """`excess` is F - total(m), `factors` are those of M + diag(m / gaps)."""
         self.pairs, self.at, self.excess, self.factors = pairs, at, excess, factors
 
@@ -74,7 +76,7 @@ class Newton:
         return aim - np.clip(d.gaps * d.m, -mu, mu) - products
 
 
-def mehrotra(model: Distances, system: Shifted) -> Iterator[np.ndarray]:
+def mehrotra(model: Distances, system: Systems) -> Iterator[np.ndarray]:
     """Yield the points p of the path, one factorisation from one to the next."""
     pairs = Pairs(model)
     size = 1.0  # max |c_i| of the model

@@ -13,10 +13,10 @@ import numpy as np
 from namlcp.lcp.criterion import Criterion, is_solved_by_zero
 from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.distances import Distances
+from namlcp.lcp.general.cones import Systems, system_of
 from namlcp.lcp.general.finish import finish
 from namlcp.lcp.pivoting import proof
 from namlcp.lcp.scaling import unit_diagonal_scale
-from namlcp.lcp.shifted import Shifted
 from namlcp.limits import Limits
 from namlcp.status import Status
 
@@ -25,6 +25,9 @@ TARGET = 1e-9
 
 CLOSE = 1e-4
 """Largest such Res from which the exact solution is sought."""
+
+AGAIN = 0.01
+"""It is sought again on the way where the Res has fallen to this part of that there."""
 
 EXACT = 1e-12
 """Such a Res of a point that is exact, whatever the tolerances say."""
@@ -55,9 +58,9 @@ class Search:
         return Distances(A, q, lower, upper, unit_diagonal_scale)
 
     @cached_property
-    def system(self) -> Shifted:
+    def system(self) -> Systems:
         """The linear systems of the paths."""
-        return Shifted(self.model.M)
+        return system_of(self.model.M)
 
     def over(self) -> bool:
         """Tell whether to stop: nothing is left to do, or a limit is reached."""
@@ -78,8 +81,12 @@ class Search:
             self.limits.report(self.count, residual, self.lcp.active(self.z))
 
     def follow(self, points: Iterator[np.ndarray], method: str) -> np.ndarray:
-        """Follow a path to its end; return its last point, having offered its best."""
-        model, least = self.model, math.inf
+        """Follow a path to its end; return its last point, having offered its best.
+
+        The exact solution is sought on the way as well: the end of a path may wind, or
+        be lost in rounding, where the face has long been found.
+        """
+        model, least, aim = self.model, math.inf, CLOSE
         best = last = np.zeros(model.c.size)
         for p in points:
             last = p
@@ -88,6 +95,11 @@ class Search:
                 least, best = found, p
             if least <= TARGET or self.over():
                 break
+            if found <= aim:
+                aim = AGAIN * found
+                self.seek(p, method)
+                if self.over():
+                    break
             self.count += 1
             self.report()
         self.offer(self.clipped(best), method)
@@ -96,7 +108,12 @@ class Search:
         return last
 
     def complete(self, p: np.ndarray, method: str) -> None:
-        """Seek the exact solution near p."""
+        """Seek the exact solution near p; be content with what the limits allow."""
+        self.seek(p, method)
+        self.ended |= self.solved
+
+    def seek(self, p: np.ndarray, method: str) -> None:
+        """Seek the exact solution near p; only that ends the search."""
         model = self.model
         for x in finish(model, p):
             self.count += 1
@@ -106,7 +123,6 @@ class Search:
                 self.ended = True
             if self.over():
                 break
-        self.ended |= self.solved
 
     def decided(self, outcome: Outcome | None) -> Outcome | None:
         """Return the outcome of another method if it ends the search, else keep z.
