@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.sparse import csc_array, csr_array
 
-from namlcp.checks import as_sparse, from_arrays, transposed
+from namlcp.checks import as_sparse, from_arrays, has_clean_arrays, transposed
 from namlcp.compiled import kernel
 from namlcp.limits import NEVER, Deadline
 
@@ -19,8 +19,6 @@ from namlcp.limits import NEVER, Deadline
 DENSE = 0.2
 # Entries at most of a dense P + B'WB, and of the dense rows multiplied at a time.
 MOST_DENSE, STRIP = 20_000_000, 4_000_000
-# Types of the arrays of `compiled_form`.
-KINDS = np.dtype(np.int32), np.dtype(np.int32), np.dtype(np.float64)
 
 
 class Compressed(NamedTuple):
@@ -93,8 +91,7 @@ def with_squares(
             half = C[i : i + step].toarray() * np.sqrt(weight[i : i + step])[:, None]
             S += half.T @ half
         return as_sparse(S)
-    by_row = Compressed(*transposed(B.indptr, B.indices, B.data, rows))
-    return from_arrays(add_squares(arrays_of(P), arrays_of(B), by_row, weight), P.shape)
+    return from_arrays(add_squares(arrays_of(P), arrays_of(B), weight), P.shape)
 
 
 def times(M: Any, x: np.ndarray) -> np.ndarray:
@@ -125,13 +122,9 @@ def is_csc(M: Any) -> bool:
 
 def compiled_form(M: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
     """Return (indptr, indices, data) of a CSC matrix in float64 and int32, or None."""
-    if getattr(M, "format", "") != "csc":
-        return None
-    form = M.indptr, M.indices, M.data
-    for array, kind in zip(form, KINDS, strict=True):
-        if array.dtype != kind or not array.flags.carray:
-            return None
-    return form
+    if getattr(M, "format", "") == "csc" and has_clean_arrays(M):
+        return M.indptr, M.indices, M.data
+    return None
 
 
 @kernel
@@ -155,13 +148,15 @@ def select_part(indptr, indices, data, number, columns, part, place, value):
 
 
 @kernel
-def add_squares(P, B, by_row, weight):
-    """Return P + B' diag(weight) B in CSC; P and B in CSC, `by_row` is B in CSR.
+def add_squares(P, B, weight):
+    """Return P + B' diag(weight) B, all in CSC.
 
     Column by column with a dense accumulator (Gustavson, ACM Trans. Math. Softw. 4
     (1978) 250-269).
     """
     n = B.indptr.size - 1
+    # B by rows
+    start_of, column_of, value_of = transposed(B.indptr, B.indices, B.data, weight.size)
     sums = np.zeros(n)
     seen = np.full(n, -1)
     indptr = np.zeros(n + 1, dtype=np.int32)
@@ -187,14 +182,14 @@ def add_squares(P, B, by_row, weight):
             factor = weight[row] * B.data[t]
             if factor == 0.0:
                 continue
-            for k in range(by_row.indptr[row], by_row.indptr[row + 1]):
-                i = by_row.indices[k]
+            for k in range(start_of[row], start_of[row + 1]):
+                i = column_of[k]
                 if seen[i] != j:
                     seen[i] = j
                     sums[i] = 0.0
                     indices[nnz] = i
                     nnz += 1
-                sums[i] += factor * by_row.data[k]
+                sums[i] += factor * value_of[k]
         for t in range(start, nnz):
             data[t] = sums[indices[t]]
         indptr[j + 1] = nnz
