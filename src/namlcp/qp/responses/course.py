@@ -96,6 +96,12 @@ def advance(m):
 
 
 @part
+def is_base_solution(m):
+    """Tell whether the result is the solution of the base problem, as it was found."""
+    return m.k == 0 and m.pivots == 0 and m.passes_left == PASSES
+
+
+@part
 def judge(m):
     """Let the point be judged and refined: as `advance`, from the end of the pivots.
 

@@ -11,10 +11,18 @@ from namlcp.checks import INFINITE
 from namlcp.compiled import floats, kernel, longs, part
 from namlcp.linalg import add_scaled
 from namlcp.qp.responses.active import DONE, RESPONSE
-from namlcp.qp.responses.course import PRODUCTS, SUMMED, VALUES, advance, begin
+from namlcp.qp.responses.course import (
+    PRODUCTS,
+    SUMMED,
+    VALUES,
+    advance,
+    begin,
+    is_base_solution,
+)
 from namlcp.qp.responses.dense import (
     make_responses,
     set_products,
+    set_products_of_base,
     set_up,
     set_values_of,
 )
@@ -171,6 +179,8 @@ def solve_attached(m, clock):
             set_values_of(m, floats(m.rhs, m.n + m.p), floats(m.target, m.length))
         elif found == RESPONSE:
             make_responses(m)
+        elif found == PRODUCTS and is_base_solution(m):
+            set_products_of_base(m)
         elif found == PRODUCTS:
             set_products(m)
         else:
