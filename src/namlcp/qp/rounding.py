@@ -277,17 +277,6 @@ def row_maxima(M: Any) -> np.ndarray:
     """Return the largest modulus in each row of a matrix, 0 of an empty row."""
     if not sp.issparse(M):
         return np.abs(M).max(axis=1, initial=0.0)
-    largest = np.zeros(M.shape[0])
-    if M.format == "csc":
-        raise_to_moduli(M.indices, M.data, largest)
-    else:
-        entries = M.tocoo()
-        np.maximum.at(largest, entries.row, np.abs(entries.data))
+    largest, entries = np.zeros(M.shape[0]), M.tocoo()
+    np.maximum.at(largest, entries.row, np.abs(entries.data))
     return largest
-
-
-@kernel
-def raise_to_moduli(indices, data, largest):
-    """Raise the entries of `largest` at `indices` to the moduli of `data`."""
-    for t in range(data.size):
-        largest[indices[t]] = max(largest[indices[t]], abs(data[t]))
