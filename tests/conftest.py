@@ -5,6 +5,7 @@ import signal
 import pytest
 from numba.core import event
 
+import namlcp
 from namlcp.compiled import decorators, signatures
 
 
@@ -41,22 +42,39 @@ def pytest_configure(config):
         event.register("numba:compile", Forbidding())
 
 
+def pytest_sessionstart(session):
+    """Compile all kernels once, on all cores, before two workers (-n 2) share them."""
+    if session.config.getoption("numprocesses", None):
+        namlcp.warmup(progress=False)
+
+
+MISSING = pytest.StashKey[set[str]]()
+
+
 def pytest_sessionfinish(session):
     """Fail on a kernel that the tests have used and `kernels.txt` does not list.
 
-    A wheel with machine code and `namlcp.warmup` would lack it.
+    A wheel with machine code and `namlcp.warmup` would lack it. A worker (-n 2) tells
+    the process that started it, by `workeroutput`.
     """
-    missing = sorted(set(signatures.used()) - set(signatures.listed()))
-    if missing and session.exitstatus == 0:
+    config = session.config
+    missing = config.stash.setdefault(MISSING, set())
+    missing |= set(signatures.used()) - set(signatures.listed())
+    if hasattr(config, "workeroutput"):
+        config.workeroutput["missing"] = sorted(missing)
+    elif missing and session.exitstatus == 0:
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
-    session.config.stash[MISSING] = missing
 
 
-MISSING = pytest.StashKey()
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node):
+    """Take over what a worker, which ends now, has found missing."""
+    found = getattr(node, "workeroutput", {}).get("missing", [])
+    node.config.stash.setdefault(MISSING, set()).update(found)
 
 
 def pytest_terminal_summary(terminalreporter, config):
-    missing = config.stash.get(MISSING, [])
+    missing = sorted(config.stash.get(MISSING, ()))
     if missing:
         terminalreporter.section("kernels that compiled/kernels.txt does not list")
         for line in missing:

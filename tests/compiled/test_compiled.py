@@ -1,8 +1,10 @@
 """Machine code: never old, never of others, and nothing that stops a start."""
 
 import ast
+import compileall
 import json
 import os
+import py_compile
 import shutil
 import subprocess
 import sys
@@ -71,6 +73,8 @@ for name in sys.argv[1:]:
 print(json.dumps([answers, kernels("cache_misses"), kernels("cache_hits")]))
 """
 
+ALL_PROBES = ("clean", "asymmetric", "tridiagonal", "block", "fronts")
+
 # A callee, in which file, what it becomes, and the probe that calls it from another.
 CHANGES = {
     "checks": (
@@ -100,13 +104,46 @@ CHANGES = {
 }
 
 
-def copied(folder):
-    """Copy the package's sources; return the folder to import it from."""
-    shutil.copytree(
-        PACKAGE,
-        folder / "namlcp",
-        ignore=shutil.ignore_patterns("__pycache__", "prebuilt"),
-    )
+@pytest.fixture(scope="session")
+def sources_alone(tmp_path_factory):
+    """A copy of the package without machine code, in a folder to import it from.
+
+    Its bytecode goes by the hash of the source: an edit may leave time and size.
+    """
+    root = tmp_path_factory.mktemp("sources")
+    unwanted = shutil.ignore_patterns("__pycache__", "prebuilt")
+    shutil.copytree(PACKAGE, root / "namlcp", ignore=unwanted)
+    by_hash = py_compile.PycInvalidationMode.CHECKED_HASH
+    compileall.compile_dir(root / "namlcp", quiet=1, invalidation_mode=by_hash)
+    return root
+
+
+@pytest.fixture(scope="session")
+def warm_copy(sources_alone, tmp_path_factory):
+    """A copy with the machine code of all probes, and what the process said.
+
+    Tests that compile nothing may use it; all others copy it.
+    """
+    root = copied(sources_alone, tmp_path_factory.mktemp("warm"))
+    timed = PROBES + "assert 0.05 < namlcp.compiled.compile_time() < 60.0\n"
+    return root, ended(start(root, *ALL_PROBES, code=timed))
+
+
+@pytest.fixture
+def cold(sources_alone, tmp_path):
+    """A folder of the test's own with a copy of the package without machine code."""
+    return copied(sources_alone, tmp_path)
+
+
+@pytest.fixture
+def warm(warm_copy, tmp_path):
+    """A folder with a copy that has machine code, and what its maker said."""
+    return copied(warm_copy[0], tmp_path), warm_copy[1]
+
+
+def copied(made, folder):
+    """Copy a made package, bytecode and machine code with it; return its folder."""
+    shutil.copytree(made / "namlcp", folder / "namlcp")
     return folder
 
 
@@ -118,8 +155,7 @@ def start(root, *probes, code=PROBES, **environment):
         "HOME": str(root / "home"),
     }
     plain |= {"XDG_CACHE_HOME": None, "LOCALAPPDATA": str(root / "home")}
-    # Python's own cache goes by time and size, which `edit` may leave as they were.
-    plain["PYTHONDONTWRITEBYTECODE"] = "1"
+    plain["PYTHONDONTWRITEBYTECODE"] = "1"  # it would go by time and size
     wanted = os.environ | plain | environment
     return subprocess.Popen(
         [sys.executable, "-W", "error", "-P", "-c", code, *probes],
@@ -158,81 +194,100 @@ V3 = internals.BASELINE_FEATURES["x86-64-v3"]
 # ---- never old
 
 
-def test_unchanged_sources_compile_nothing(tmp_path):
-    root = copied(tmp_path)
-    first = run(root, "clean")
+def test_unchanged_sources_compile_nothing(warm_copy):
+    root, first = warm_copy
     assert first[0]["clean"] == 1.0
     assert first[1]
     assert not first[2]
-    again = run(root, "clean")
+    again = run(root, *ALL_PROBES)
     assert again[0] == first[0]
     assert not again[1]
-    assert again[2]
     assert set(again[2]) <= set(first[1])
 
 
-@pytest.mark.parametrize("room", CHANGES)
-def test_a_changed_callee_is_noticed_in_another_file(room, tmp_path):
+def test_a_changed_callee_is_noticed_in_another_file(warm):
     """Its callers are compiled anew; with the old text back they answer as before."""
-    name, before, after, probe = CHANGES[room]
-    root = copied(tmp_path)
-    old = run(root, probe)
-    edit(root, name, before, after)
-    new = run(root, probe)
-    assert new[0] != old[0]
+    root, old = warm
+    for name, before, after, _ in CHANGES.values():
+        edit(root, name, before, after)
+    new = run(root, *ALL_PROBES)
+    for *_, probe in CHANGES.values():
+        assert new[0][probe] != old[0][probe]
     assert set(new[1]) >= set(old[1])
     assert not new[2]
-    edit(root, name, after, before)
-    back = run(root, probe)
-    assert back[0] == old[0]
+    for name, before, after, _ in CHANGES.values():
+        edit(root, name, after, before)
+    back = run(root, "asymmetric")
+    assert back[0]["asymmetric"] == old[0]["asymmetric"]
     assert len({path.parent for path in files(root)}) == 1
 
 
-def test_another_version_compiles_anew(tmp_path):
-    root = copied(tmp_path)
-    first = run(root, "clean")
+def test_another_version_compiles_anew(warm):
+    root, first = warm
     edit(root, "__init__.py", f'"{namlcp.__version__}"', '"9.9.9"')
-    assert run(root, "clean")[1] == first[1]
+    compiled = run(root, "clean")[1]
+    assert compiled
+    assert set(compiled) <= set(first[1])
     assert len({path.parent for path in files(root)}) == 1
 
 
-def test_sources_that_change_under_a_process_leave_no_files(tmp_path):
-    root = copied(tmp_path)
-    change = f"open({str(root / 'namlcp' / 'status.py')!r}, 'a').write('# new')\n"
+def test_sources_that_change_under_a_process_leave_no_files(cold):
+    change = f"open({str(cold / 'namlcp' / 'status.py')!r}, 'a').write('# new')\n"
     late = PROBES.replace("answers = {}", change + "answers = {}")
-    assert ended(start(root, "clean", code=late))[0]["clean"] == 1.0
-    assert not files(root)
+    assert ended(start(cold, "clean", code=late))[0]["clean"] == 1.0
+    assert not files(cold)
 
 
-def test_a_module_that_changed_before_its_import_leaves_no_files(tmp_path):
+def test_a_module_that_changed_before_its_import_leaves_no_files(cold):
     """The stamp was taken when the package was imported."""
-    root = copied(tmp_path)
-    finish = root / "namlcp" / "lcp" / "modulus" / "coloured.py"
+    finish = cold / "namlcp" / "lcp" / "modulus" / "coloured.py"
     change = f"open({str(finish)!r}, 'a').write('# new')\n"
     late = PROBES.replace("I = np.eye", change + "I = np.eye")
-    assert ended(start(root, "block", code=late))[0]["block"][1] == 0.0
-    assert not files(root)
+    assert ended(start(cold, "block", code=late))[0]["block"][1] == 0.0
+    assert not files(cold)
 
 
-def test_other_settings_of_numba_have_other_code(tmp_path):
-    root = copied(tmp_path)
-    first = run(root, "clean")
-    assert run(root, "clean", NUMBA_BOUNDSCHECK="1")[1] == first[1]
+def test_other_settings_of_numba_have_other_code(warm):
+    root, _ = warm
+    checked = run(root, "clean", NUMBA_BOUNDSCHECK="1")
+    assert checked[1]
+    assert not checked[2]
     assert run(root, "clean", NUMBA_CPU_NAME="generic", NUMBA_CPU_FEATURES="")[1]
     assert not run(root, "clean")[1]
 
 
-def test_the_stamp_covers_every_file_and_not_its_line_ends(tmp_path, monkeypatch):
-    monkeypatch.setattr(sources, "PACKAGE", copied(tmp_path) / "namlcp")
-    stamps = []
-    for text in (None, b"# one\n", b"# one\r\n", b"# two\n"):
-        if text is not None:
-            (tmp_path / "namlcp" / "qp" / "new.py").write_bytes(text)
+@pytest.fixture
+def stamp_of(monkeypatch):
+    """A function that takes the stamp of the package in a folder."""
+
+    def taken(root):
+        monkeypatch.setattr(sources, "PACKAGE", root / "namlcp")
         sources.hashed_files.cache_clear()
-        stamps.append(sources.stamp())
+        return sources.stamp()
+
+    yield taken
+    monkeypatch.undo()
     sources.hashed_files.cache_clear()
+
+
+def test_the_stamp_goes_by_lines_and_not_by_their_ends(cold, stamp_of):
+    stamps = [stamp_of(cold)]
+    for text in (b"# one\n", b"# one\r\n", b"# two\n"):
+        (cold / "namlcp" / "qp" / "new.py").write_bytes(text)
+        stamps.append(stamp_of(cold))
     assert stamps[1] == stamps[2]
     assert len(set(stamps)) == 3
+
+
+def test_the_stamp_covers_every_folder(cold, stamp_of):
+    doors = list((cold / "namlcp").rglob("__init__.py"))
+    changed = [cold / "namlcp" / name for name, *_ in CHANGES.values()]
+    stamps = {stamp_of(cold)}
+    for path in (*doors, *changed):
+        with path.open("a") as file:
+            file.write("# new\n")
+        stamps.add(stamp_of(cold))
+    assert len(stamps) == 1 + len(doors) + len(changed)
 
 
 # ---- where it is kept
@@ -240,72 +295,66 @@ def test_the_stamp_covers_every_file_and_not_its_line_ends(tmp_path, monkeypatch
 
 def blocked(root):
     """Put a file where the folder of machine code would be: not even root writes it."""
-    for folder in (root / "namlcp").rglob("*"):
-        if folder.is_dir():
-            (folder / "__pycache__").write_text("")
-    (root / "namlcp" / "__pycache__").write_text("")
+    folders = [path.parent for path in (root / "namlcp").rglob("__init__.py")]
+    for folder in folders:
+        shutil.rmtree(folder / "__pycache__")
+        (folder / "__pycache__").write_text("")
     return root
 
 
-def test_a_package_that_cannot_be_written_uses_the_users_folder(tmp_path):
-    root = blocked(copied(tmp_path))
-    cache = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
-    first = run(root, "clean", **cache)
-    assert not run(root, "clean", **cache)[1]
+def test_a_package_that_cannot_be_written_uses_the_users_folder(cold):
+    blocked(cold)
+    cache = {"XDG_CACHE_HOME": str(cold / "cache")}
+    first = run(cold, "clean", **cache)
+    assert not run(cold, "clean", **cache)[1]
     if sys.platform == "linux":
-        assert len(files(tmp_path / "cache" / "namlcp")) == len(first[1])
+        assert len(files(cold / "cache" / "namlcp")) == len(first[1])
 
 
-def test_a_package_that_is_reached_by_a_link_keeps_its_code(tmp_path):
-    real, link = tmp_path / "real", tmp_path / "link"
-    real.mkdir()
-    copied(real)
-    link.symlink_to(real)
-    first = run(link, "clean")
-    assert first[1]
-    assert not run(link, "clean")[1]
-    assert not run(link / ".." / "real", "clean")[1]
+def test_a_package_that_is_reached_by_a_link_keeps_its_code(cold):
+    link = cold / "link"
+    (cold / "below").mkdir()
+    link.symlink_to(cold)
+    assert run(link, "clean")[1]
+    assert not run(link / "below" / "..", "clean")[1]
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="no such permissions")
-def test_an_open_umask_opens_no_folder(tmp_path):
-    root = copied(tmp_path)
+def test_an_open_umask_opens_no_folder(cold):
     before = os.umask(0)
     try:
-        assert run(root, "clean")[1]
-        assert not run(root, "clean")[1]
+        assert run(cold, "clean")[1]
+        assert not run(cold, "clean")[1]
     finally:
         os.umask(before)
-    for path in files(root):
+    for path in files(cold):
         assert not path.stat().st_mode & 0o022
         assert not path.parent.stat().st_mode & 0o022
 
 
-def test_nowhere_to_write(tmp_path):
-    root = blocked(copied(tmp_path))
-    (tmp_path / "home").write_text("")
-    for _ in range(2):
-        answers, compiled, _ = run(root, "clean")
-        assert answers["clean"] == 1.0
-        assert compiled
+def test_nowhere_to_write(cold):
+    blocked(cold)
+    (cold / "home").write_text("")
+    answers, compiled, _ = run(cold, "clean")
+    assert answers["clean"] == 1.0
+    assert compiled
+    assert not files(cold)
     verbose = (
         "import namlcp.progress as p, namlcp.lcp.relaxation as k\n"
         "p.Progress(('iter',), True).announce(k.relax_csr)\n"
     )
-    out, errors = start(root, code=verbose).communicate()
+    out, errors = start(cold, code=verbose).communicate()
     assert out.count("no folder for machine code can be written") == 1, errors
 
 
-def test_numbas_folder_alone_where_it_is_set(tmp_path):
-    root = copied(tmp_path)
-    run(root, "clean", NUMBA_CACHE_DIR=str(tmp_path / "given"))
-    assert files(tmp_path / "given")
-    assert files(tmp_path / "given") == files(tmp_path)
+def test_numbas_folder_alone_where_it_is_set(cold):
+    run(cold, "clean", NUMBA_CACHE_DIR=str(cold / "given"))
+    assert files(cold / "given")
+    assert files(cold / "given") == files(cold)
 
 
-def test_truncated_and_foreign_files_are_compiled_anew(tmp_path):
-    root = copied(tmp_path)
-    first = run(root, "clean", "asymmetric")
+def test_truncated_and_foreign_files_are_compiled_anew(warm):
+    root, first = warm
     for k, path in enumerate(files(root)):
         content = path.read_bytes()
         payload = b"foreign" if k % 2 else content[store.DIGEST :][:-100]
@@ -315,40 +364,37 @@ def test_truncated_and_foreign_files_are_compiled_anew(tmp_path):
             (path.parent.parent / sources.stamp() / path.name).replace(path)
         else:
             path.write_bytes(content[: len(content) // 2])
-    again = run(root, "clean", "asymmetric")
+    again = run(root, *ALL_PROBES)
     assert again == first
-    assert not run(root, "clean", "asymmetric")[1]
+    assert not run(root, *ALL_PROBES)[1]
 
 
-def test_eight_processes_on_an_empty_cache(tmp_path):
-    root = copied(tmp_path)
-    answers = [ended(p)[0] for p in [start(root, "clean") for _ in range(8)]]
-    assert answers == [{"clean": 1.0}] * 8
-    names = [path.suffix for path in files(root)[0].parent.iterdir()]
+def test_four_processes_on_an_empty_cache(cold):
+    answers = [ended(p)[0] for p in [start(cold, "clean") for _ in range(4)]]
+    assert answers == [{"clean": 1.0}] * 4
+    names = [path.suffix for path in files(cold)[0].parent.iterdir()]
     assert set(names) == {".kernel"}
-    assert not run(root, "clean")[1]
+    assert not run(cold, "clean")[1]
 
 
 # ---- another numba
 
 
-def test_an_unknown_numba_has_its_own_cache_under_the_stamp(tmp_path):
+def test_an_unknown_numba_has_its_own_cache_under_the_stamp(cold):
     """A new numba costs time at the start and nothing else."""
-    root = copied(tmp_path)
     unknown = (
         "import numba, sys; numba.version_info = (0, 999, 0)\n"
         "sys.modules['namlcp.compiled.internals'] = None\n"  # its import would fail
     ) + PROBES
-    first = ended(start(root, "clean", code=unknown))
+    first = ended(start(cold, "clean", code=unknown))
     assert first[0]["clean"] == 1.0
-    again = ended(start(root, "clean", code=unknown))
+    assert list(cold.rglob("*.nbi"))
+    listing = "from namlcp.compiled import signatures; signatures.all_modules()\n"
+    again = ended(start(cold, "clean", code=unknown + listing))
     assert again[0] == first[0]
     assert not again[1]
-    assert list(root.rglob("*.nbi"))
-    listing = "from namlcp.compiled import signatures; signatures.all_modules()\n"
-    ended(start(root, code=unknown + listing))
-    edit(root, "residuals.py", "z - upper) + 0.0 * z", "z - upper) + 2.0 * z")
-    assert ended(start(root, "clean", code=unknown))[0]["clean"] == 7.0
+    edit(cold, "residuals.py", "z - upper) + 0.0 * z", "z - upper) + 2.0 * z")
+    assert ended(start(cold, "clean", code=unknown))[0]["clean"] == 7.0
 
 
 def test_private_parts_of_numba_are_used_in_two_modules():
@@ -419,7 +465,8 @@ def test_prebuilt_code_is_for_processors_that_have_what_it_needs(
     assert fits("x86-64-v3", name, features) is expected
 
 
-def test_compile_time_counts_this_package_alone(tmp_path):
+def test_compile_time_counts_this_package_alone():
+    """That it counts the package's own is asserted where `warm_copy` is made."""
     before = namlcp.compiled.compile_time()
     numba.njit(lambda x: x + 1)(1)
     assert namlcp.compiled.compile_time() == before
@@ -428,5 +475,3 @@ def test_compile_time_counts_this_package_alone(tmp_path):
     nobodys["f"].__module__ = None
     numba.njit(nobodys["f"])(1)
     assert namlcp.compiled.compile_time() == before
-    timed = PROBES + "assert 0.05 < namlcp.compiled.compile_time() < 30.0\n"
-    assert ended(start(copied(tmp_path), "clean", code=timed))[1]
