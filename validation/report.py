@@ -5,10 +5,12 @@ pictures, in less than ten minutes. --full: the same at their sizes, and Maros-M
 benchmarks, large LCPs and infeasible QPs, which takes hours. Either writes report.html
 into the folder --out (report), figures and tables inlined, also when it is interrupted,
 beside its CSV files and figures. `--full --out validation` brings the repository's own
-files up to date. Stopped and run again with the same sources, it goes on with the parts
-that are not done (`done.json`; --again starts anew, without any old row). At the top
-stands what became of each claim (`claims`) since the run before; what fell is marked.
---list runs nothing and tells how long each part takes.
+files up to date. Stopped and run again, it goes on with the commands that are not done
+with the present sources (`done.json`; --again begins anew), the long ones within their
+CSV files. Of an older run the rows of peers are kept that ran into the time limit, on
+the same processor and with the same version (`harness.late`). At the top stands what
+became of each claim (`claims`) since the run before; what fell is marked. --list runs
+nothing and tells how long each part takes.
 
 --full times nothing while other processes keep more than 0.3 of a core busy: it waits,
 and names the part if the machine stays busy (--busy: it does not look).
@@ -19,6 +21,7 @@ at the top, and the rest goes on. --data (or the environment variable NAMLCP_DAT
 the folder described in README.md.
 """
 
+import functools
 import hashlib
 import html
 import json
@@ -34,10 +37,12 @@ if not __package__:  # run as a script
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from validation.claims import Claim, claims, moved
-from validation.harness import cli, quiet, tables
+from validation.harness import cli, late, quiet, tables
 from validation.page import STYLE, body_of, inline, table
 
 BAR = 24  # characters
+LOWER_ROOMS = ("harness", "problems", "applications", "derivatives")
+"""Rooms that the scripts of others import."""
 
 
 class Part(NamedTuple):
@@ -45,7 +50,7 @@ class Part(NamedTuple):
 
     {data}, {results} and {figures} stand for folders, {quick} and {-quick} for what a
     quick run adds; `quick_seconds` is 0 where there is no quick version. `grown` are
-    the CSV files with which a stopped command goes on: a new run begins without them.
+    the CSV files with which stopped commands go on: a new run begins without them.
     """
 
     title: str
@@ -195,46 +200,58 @@ QUICK = {name: sized(part, True) for name, part in PARTS.items() if part.quick_s
 
 
 class Done:
-    """What the run under way has done, kept in a file: it may be stopped and goes on.
+    """The commands that the run under way has done, in a file: a stopped one goes on.
 
-    `before` are the claims at its start. Other sources begin a new run.
+    A command is done while the sources that it depends on are the same. `before` are
+    the claims when the run began; other sources of the package begin a new run.
     """
 
     def __init__(self, file: Path, results: Path, again: bool) -> None:
         self.file = file
+        sources.cache_clear()  # those at the start of this run count
         kept = json.loads(file.read_text()) if file.exists() and not again else {}
-        if kept.get("sources") != sources():
+        if kept.get("package") != sources("src"):
             now = [list(claim) for claim in claims(results)]
-            kept = {"sources": sources(), "before": now, "parts": {}}
+            kept = {"package": sources("src"), "before": now, "grown": {}, "done": {}}
         self.kept = kept
         self.before = [Claim(*claim) for claim in kept["before"]]
 
-    def begin(self, name: str, grown: Iterable[Path]) -> None:
-        """Note that a part begins; the first time, remove what another run has left."""
-        begun = self.kept.setdefault("begun", [])
-        if name not in begun:
-            for file in grown:
-                file.unlink(missing_ok=True)
-            begun.append(name)
-            self.file.write_text(json.dumps(self.kept))
+    def begin(self, part: Part, results: Path) -> None:
+        """Clear the files with which the commands go on, unless this run began them."""
+        for file in part.grown:
+            mark = sources(*folders_of(part.commands[0]))
+            if self.kept["grown"].get(file) != mark:
+                late.keep_late_peers(results / file)
+                self.kept["grown"][file] = mark
+        self.file.write_text(json.dumps(self.kept))
 
-    def outcome(self, name: str) -> Outcome | None:
-        """Return the outcome of a part that is done."""
-        found = self.kept["parts"].get(name)
-        return None if found is None else Outcome(*found)
+    def said(self, command: str) -> tuple[str, float] | None:
+        """Return what a command has printed and its seconds, if it is done."""
+        mark, *found = self.kept["done"].get(command, [""])
+        return tuple(found) if mark == sources(*folders_of(command)) else None
 
-    def note(self, name: str, outcome: Outcome) -> None:
-        """Keep the outcome of a part; one with a fault will be run again."""
-        if not outcome.fault:
-            self.kept["parts"][name] = list(outcome)
+    def note(self, command: str, text: str, seconds: float) -> None:
+        """Keep what a command has printed; it is done."""
+        mark = sources(*folders_of(command))
+        self.kept["done"][command] = [mark, text, seconds]
         self.file.write_text(json.dumps(self.kept))
 
 
-def sources() -> str:
-    """Return a hash of the sources of the package and of the validation."""
+def folders_of(command: str) -> list[str]:
+    """Return what a command depends on: the package, its room and those below."""
+    room = command.split(".")[0].split()[0]
+    return ["src", *(f"validation/{name}" for name in (*LOWER_ROOMS, room))]
+
+
+@functools.cache
+def sources(*folders: str) -> str:
+    """Return a hash of the Python files of folders, or of single modules."""
     found = hashlib.sha256()
-    for folder in ("src", "validation"):
-        for path in sorted((cli.ROOT / folder).rglob("*.py")):
+    for folder in folders:
+        place = cli.ROOT / folder
+        for path in sorted(
+            [*place.rglob("*.py"), *place.parent.glob(f"{place.name}.py")]
+        ):
             found.update(path.read_bytes())
     return found.hexdigest()
 
@@ -268,25 +285,36 @@ class Progress:
         self.began = time.monotonic()
 
 
-def run_part(name: str, part: Part, folders: dict[str, Path], bar: Progress) -> Outcome:
-    """Run the commands of a part as far as they go."""
-    start = time.monotonic()
-    lines: list[str] = []
-    fault = ""
+def run_part(
+    name: str, part: Part, folders: dict[str, Path], bar: Progress, done: Done
+) -> Outcome:
+    """Run the commands of a part that are not done, as far as they go."""
+    done.begin(part, folders["results"])
+    texts, fault, total = [], "", 0.0
     for words in part.commands:
+        known = done.said(words)
+        if known is not None:
+            texts.append(known[0])
+            total += known[1]
+            continue
         script, *arguments = [word.format(**folders) for word in words.split()]
         if not (cli.ROOT / "validation" / f"{script.replace('.', '/')}.py").exists():
             fault = f"{script} is not there"
             break
+        start, lines = time.monotonic(), []
         command = cli.script(script, *arguments)
         code = run_command(command, lines, lambda line: bar.show(name, line))
-        if code == cli.MISSING:
+        texts.append("".join(lines))
+        seconds = time.monotonic() - start
+        total += seconds
+        if code == 0:
+            done.note(words, texts[-1], seconds)
+        elif code == cli.MISSING:
             fault = "something is missing, see its text"
-        elif code != 0:
+        else:
             fault = f"{script} ended with {code}, see its text"
-        if code not in (0, cli.MISSING):
             break
-    return Outcome(fault, "".join(lines), time.monotonic() - start)
+    return Outcome(fault, "".join(texts), total)
 
 
 def run_command(
@@ -350,11 +378,8 @@ def report(
     done = Done(out / "done.json", folders["results"], again)
     try:
         for name, part in parts.items():
-            known = done.outcome(name)
-            if known is None:
-                done.begin(name, [folders["results"] / file for file in part.grown])
-            outcomes[name] = known or run_part(name, part, folders, bar)
-            done.note(name, outcomes[name])
+            known = all(done.said(command) for command in part.commands)
+            outcomes[name] = run_part(name, part, folders, bar, done)
             bar.finish(name, outcomes[name].fault or ("done before" if known else ""))
     finally:
         summary = moved(done.before, claims(folders["results"]))
@@ -366,11 +391,12 @@ def report(
 def minutes(parts: dict[str, Part], out: Path) -> str:
     """Return a table of what the parts take, as measured by the last run or about."""
     file = out / "done.json"
-    known = json.loads(file.read_text())["parts"] if file.exists() else {}
+    known = json.loads(file.read_text())["done"] if file.exists() else {}
     lines, total = [], 0.0
     for name, part in parts.items():
-        seconds = known[name][-1] if name in known else part.seconds
-        word = "measured" if name in known else "about"
+        word, seconds = "about", part.seconds
+        if all(command in known for command in part.commands):
+            word, seconds = "measured", sum(known[c][-1] for c in part.commands)
         lines.append((name, part.title, f"{seconds / 60.0:.0f}", word))
         total += seconds
     lines.append(("all", "", f"{total / 60.0:.0f}", ""))

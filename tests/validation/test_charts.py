@@ -13,7 +13,7 @@ from validation import report
 from validation.claims import Claim, moved, values
 from validation.claims.limits import LIMITS
 from validation.claims.measured import mean, over
-from validation.harness import cli, csv_files, quiet
+from validation.harness import cli, csv_files, late, machine, quiet
 from validation.harness.machine import THREADS
 from validation.peers import references, work_precision
 from validation.problems import contact_scenes, families
@@ -221,8 +221,56 @@ def test_report_goes_on_where_it_stopped(tmp_path, monkeypatch):
     assert grown.exists()
     assert said(again=True).startswith("good: done,")
     assert not grown.exists()
+    (scripts / "other.py").write_text("print('ran')")
+    parts["good"] = parts["good"]._replace(commands=("good", "other"))
+    (scripts / "other.py").write_text("print('other sources')")
+    assert said().startswith("good: done,")
+    assert grown.exists()
     (scripts / "good.py").write_text("print('other sources')")
     assert said().startswith("good: done,")
+    assert not grown.exists()
+
+
+def test_rows_of_late_peers_are_kept(tmp_path, monkeypatch):
+    """On the same processor and with the same version, and of peers alone."""
+    monkeypatch.setattr(machine, "package_version", lambda name: "1")
+    monkeypatch.setattr(machine, "cpu_name", lambda: "a processor")
+    columns = ("solver", "problem", "status")
+    asked = [
+        ("nam", "a", "timeout"), ("osqp", "a", "timeout"), ("osqp", "b", "solved"),
+        ("proxqp", "a", "too slow"), ("sweep nam", "a", "timeout"),
+    ]  # fmt: skip
+    rows = [dict(zip(columns, entries, strict=True)) for entries in asked]
+    file = tmp_path / "a.csv"
+    header = machine.lines(["nam", "osqp", "proxqp", "sweep"])
+
+    def kept(header):
+        csv_files.write(file, header, rows)
+        late.keep_late_peers(file)
+        return [(row["solver"], row["problem"]) for row in csv_files.read(file)]
+
+    assert kept(header) == [("osqp", "a"), ("proxqp", "a")]
+    other = [line.replace("osqp 1", "osqp 2") for line in header]
+    assert kept(other) == [("proxqp", "a")]
+    assert kept([line.replace("a processor", "another") for line in header]) == []
+    late.keep_late_peers(tmp_path / "none.csv")
+    assert not (tmp_path / "none.csv").exists()
+
+
+def test_a_growing_file_goes_on(tmp_path):
+    file, keys = tmp_path / "a.csv", ("problem", "eps")
+    with csv_files.growing(file, ["first"], [*keys, "time"], keys) as table:
+        table.add({"problem": "a", "eps": 1e-6, "time": 1.0})
+    with csv_files.growing(file, ["second"], [*keys, "time"], keys) as table:
+        assert table.has("a", 1e-6)
+        assert not table.has("a", 1e-9)
+        table.add({"problem": "a", "eps": 1e-9, "time": 2.0})
+        assert table.has("a", 1e-9)
+    assert [row["time"] for row in csv_files.read(file)] == ["1.0", "2.0"]
+    assert csv_files.header(file) == ["first"]
+    with csv_files.growing(file, ["third"], keys, keys, goes_on=False) as table:
+        assert not table.has("a", 1e-6)
+    assert csv_files.header(file) == ["third"]
 
 
 def test_claims_that_fell_are_marked():

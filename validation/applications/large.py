@@ -278,11 +278,17 @@ def peer_row(job: Job, name: str, size: str, eps: float) -> Row:
     return row
 
 
-def peer_rows(scene: str, sizes: list[int]) -> Iterator[Row]:
-    """Yield the rows of the peers, each up to the first size that it fails at."""
+def peer_rows(scene: str, sizes: list[int], known: list[Row]) -> Iterator[Row]:
+    """Yield the rows of the peers, each up to the first size that it fails at.
+
+    Those that are `known` are left out.
+    """
     for solver in machine.installed(PEERS):
+        own = tables.chosen(known, scene=scene, solver=solver)
+        if own and own[-1]["status"] != "solved":
+            continue
         with Bench(peer_row, solver, PEER_LIMIT) as child:
-            for n in sizes:
+            for n in sizes[len(own) :]:
                 answer = child.run(scene, str(n), PEER_EPS)
                 yield {"n": n, **answer, "scene": scene, "method": solver}
                 if answer["status"] != "solved":
@@ -290,32 +296,33 @@ def peer_rows(scene: str, sizes: list[int]) -> Iterator[Row]:
 
 
 def run(args: argparse.Namespace) -> None:
-    """Solve the scenes and write large.csv."""
+    """Solve the scenes and write large.csv, as far as it does not have them."""
     header = cli.begin(["nam", "pyamg", *PEERS])
     tables.print_rows([], SHOWN)
     most = QUICK if args.quick else max(FORCED_SIZES)
-    with csv_files.writer(args.results / "large.csv", header, COLUMNS) as write:
+    path, keys = args.results / "large.csv", ("scene", "n", "solver")
+    with csv_files.growing(path, header, COLUMNS, keys, args.go_on) as file:
 
         def put(row: Row) -> None:
-            tables.print_row(row, SHOWN)
-            write(row)
+            tables.print_row(file.add(row), SHOWN)
 
         for name in args.scenes:
-            for n in SIZES_OF[name]:
-                if n > most:
-                    continue
+            sizes = [n for n in SIZES_OF[name] if n <= most]
+            known = tables.chosen(file.rows, scene=name, solver="nam")
+            for n in sizes[len(known) :]:
                 if name == "put":
                     put(processes.isolated(put_row, n))
                 else:
                     put(processes.isolated(scene_row, name, n, args.method))
             if name == "forced" and args.peers:
-                for row in peer_rows(name, [n for n in PEER_SIZES if n <= most]):
+                sizes = [n for n in PEER_SIZES if n <= most]
+                for row in peer_rows(name, sizes, list(file.rows)):
                     put(row)
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run and plot, or what is asked for."""
-    parser = cli.parser(__doc__, "quick", "results", "figures")
+    parser = cli.parser(__doc__, "quick", "results", "figures", "go-on")
     parser.add_argument("task", nargs="?", choices=["run", "plot", "table"])
     parser.add_argument("--scenes", nargs="+", choices=SIZES_OF, default=list(SIZES_OF))
     parser.add_argument("--method", default="auto", help="of solve_lcp")

@@ -57,6 +57,7 @@ LATES = 2  # times over the limit that end a solver's part in a family
 WARM_UP = 10  # unknowns of a problem before the clock runs
 LATE = {"timeout", "time_limit"}
 EPS = 1e-9  # times max |q_i|
+KEY = ("family", "n", "seed", "solver")
 COLUMNS = ("family", "n", "seed", "order", "solver", "success", "said", "residual",
            "runtime")  # fmt: skip
 
@@ -169,26 +170,18 @@ def is_late(rows: list[Row], request: Row) -> bool:
 
 def run(args: argparse.Namespace) -> int:
     """Measure what is not in the CSV yet."""
-    rows = csv_files.read(args.csv)
-    keys = ("family", "n", "seed", "solver")
-    done = {tuple(row[key] for key in keys) for row in rows}
-    end = time.monotonic() + 60.0 * args.minutes
     header = cli.begin(args.solvers)
     with (
-        csv_files.writer(args.csv, header, COLUMNS, append=True) as write,
+        csv_files.growing(args.csv, header, COLUMNS, KEY) as file,
         processes.benches(work, args.solvers, args.limit) as children,
     ):
         for request in requests(args):
-            known = tuple(str(request[key]) for key in keys) in done
-            if known or is_late(rows, request):
+            family, n, seed, solver = (request[key] for key in KEY)
+            if file.has(family, n, seed, solver) or is_late(file.rows, request):
                 continue
-            if time.monotonic() > end:
-                break
-            family, n, seed, solver = (request[key] for key in keys)
             row = request | children[solver].ask(family, n, seed)
             row.setdefault("said", row.get("status"))
-            write(row)
-            rows.append(row)
+            file.add(row)
     print_table(args.csv)
     return 0
 
@@ -273,7 +266,7 @@ def main(arguments: list[str] | None = None) -> int:
         if name == "plot":
             cli.add_usual(command, "figures")
         if name == "run":
-            cli.add_usual(command, "quick", "minutes")
+            cli.add_usual(command, "quick")
             command.add_argument("--seeds", type=int, default=20)
             for option, known in (
                 ("families", families.FAMILIES),

@@ -11,6 +11,7 @@ conic        QPs in conic form, and the solver that takes no other
 qps          QPs of qpsolvers taken apart and put together
 quiet        is the machine quiet enough for a timing?
 tables       rows selected and printed
+late         what ran into its time limit is not asked again
 timing       times and memory of calls
 data_folder  the data folder, which is no part of this repository
 charts       the style of the figures
@@ -19,4 +20,5 @@ charts       the style of the figures
 
 from validation.harness.csv_files import Row
 from validation.harness.data_folder import MissingDataError
+from validation.harness.late import LATE
 from validation.harness.processes import Bench, Job, Work

@@ -20,8 +20,8 @@ USUAL: dict[str, dict[str, Any]] = {
     "solvers": {"nargs": "+"},
     "eps": {"nargs": "+", "type": float, "help": "tolerances"},
     "limit": {"type": float, "default": 10.0, "help": "[s] a problem"},
-    "minutes": {"type": float, "default": float("inf"), "help": "then stop"},
     "csv": {"type": Path, "help": "write all rows to this file"},
+    "go-on": {"action": "store_true", "help": "keep the rows of the file"},
     "results": {"type": Path, "default": RESULTS, "help": "folder of CSV files"},
     "figures": {"type": Path, "default": FIGURES, "help": "folder of figures"},
 }

@@ -37,6 +37,54 @@ def writer(
         yield write
 
 
+class Growing:
+    """A CSV file that gets row by row what it does not have yet.
+
+    `keys` are the columns that say what a row is about; `rows` are all its rows, those
+    that were there as text.
+    """
+
+    def __init__(
+        self, rows: list[Row], keys: Sequence[str], write: Callable[[Row], None]
+    ) -> None:
+        self.rows, self.keys, self.write = rows, keys, write
+        self.known = {self.key(row) for row in rows}
+
+    def key(self, row: Row) -> tuple[str, ...]:
+        """Return what a row is about, as the file has it."""
+        return tuple(str(row[name]) for name in self.keys)
+
+    def has(self, *about: Any) -> bool:
+        """Tell whether there is a row about these values of the keys."""
+        return tuple(map(str, about)) in self.known
+
+    def add(self, row: Row) -> Row:
+        """Write a row at once, and return it."""
+        self.write(row)
+        self.rows.append(row)
+        self.known.add(self.key(row))
+        return row
+
+
+@contextlib.contextmanager
+def growing(
+    path: Path | None,
+    header: list[str],
+    columns: Sequence[str],
+    keys: Sequence[str],
+    goes_on: bool = True,
+) -> Iterator[Growing]:
+    """Yield the file with the rows that it has; goes_on=False begins it anew."""
+    rows = read(path) if path is not None and goes_on else []
+    with writer(path, header, columns, append=goes_on) as write:
+        yield Growing(rows, keys, write)
+
+
+def number(text: Any) -> float:
+    """Return an entry as a number, NaN of nothing."""
+    return float(text) if text not in ("", None) else float("nan")
+
+
 def write(file: Path, header: list[str], rows: list[Row]) -> None:
     """Write rows that are all there; the first one names the columns."""
     with writer(file, header, list(rows[0])) as write:

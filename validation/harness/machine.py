@@ -5,6 +5,7 @@ import importlib.metadata
 import importlib.util
 import os
 import platform
+import subprocess
 from collections.abc import Iterable
 from pathlib import Path
 
@@ -28,10 +29,22 @@ def lines(solvers: Iterable[str]) -> list[str]:
     versions = [f"{name} {package_version(name)}" for name in packages]
     return [
         f"date: {datetime.date.today()}",
+        f"commit: {commit()}",
         f"cpu: {cpu_name()}, {os.cpu_count()} cores, 1 thread used",
         f"python: {platform.python_version()} on {platform.system()}",
         f"versions: {', '.join(versions)}",
     ]
+
+
+def commit() -> str:
+    """Return the commit of the sources, and whether they differ from it."""
+    command = "git describe --always --dirty --abbrev=10".split()
+    here = Path(__file__).parent
+    try:
+        done = subprocess.run(command, cwd=here, capture_output=True, text=True)
+    except OSError:
+        return "unknown"
+    return done.stdout.strip() or "unknown"
 
 
 def package_version(name: str) -> str:

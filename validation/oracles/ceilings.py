@@ -143,12 +143,12 @@ def ceiling(problem: Problem, limit: float) -> Row:
 
 def run(data: Path, file: Path, names: list[str], limit: float) -> None:
     """Write the rows that the CSV file does not have yet."""
-    done = {row["problem"] for row in csv_files.read(file)}
-    with csv_files.writer(file, cli.begin(["nam"]), COLUMNS, append=True) as write:
+    header = cli.begin(["nam"])
+    with csv_files.growing(file, header, COLUMNS, ["problem"]) as table:
         for name in names:
-            if name not in done:
+            if not table.has(name):
                 row = ceiling(data_sets.maros_problem(data, name, dense=False), limit)
-                write({"problem": name} | row)
+                table.add({"problem": name} | row)
 
 
 def verdict(row: Row, eps: str) -> str:

@@ -20,7 +20,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Run the benchmark."""
     solvers = list(qp_solvers.SOLVERS)
     parser = cli.parser(
-        __doc__, "limit", "csv", data=..., eps=[1e-6, 1e-9], solvers=solvers
+        __doc__, "limit", "csv", "go-on", data=..., eps=[1e-6, 1e-9], solvers=solvers
     )
     parser.add_argument(
         "--set", nargs="+", choices=data_sets.SETS, default=["mpc", "contact", "small"]

@@ -3,7 +3,7 @@
 Usage::
 
     python -m validation.peers.classes [--classes SVM ...] [--sizes 1 2 3 4]
-        [--eps 1e-6] [--limit 10] [--solvers nam piqp ...] [--minutes 30]
+        [--eps 1e-6] [--limit 10] [--solvers nam piqp ...]
         [--csv FILE] [--table]
 
 The problems: `osqp_classes`, four sizes of each class, from 10^3 to 10^6 entries of P,
@@ -19,7 +19,6 @@ most 0.7 in the geometric mean and 1.3 at worst.
 
 import argparse
 import sys
-import time
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
@@ -27,10 +26,19 @@ from pathlib import Path
 import numpy as np
 from qpsolvers import Problem
 
-from validation.harness import Row, cli, csv_files, machine, processes, tables, timing
+from validation.harness import (
+    LATE,
+    Row,
+    cli,
+    csv_files,
+    machine,
+    processes,
+    tables,
+    timing,
+)
 from validation.peers.runs import (
     COLUMNS,
-    LATE,
+    KEY,
     failure_text,
     measure,
     read_rows,
@@ -49,13 +57,11 @@ def load(_: Path, name: str, size: str) -> Problem:
 def run(args: argparse.Namespace, known: list[Row]) -> Iterator[Row]:
     """Yield the rows that are not `known` yet, every solver in turn."""
     solvers = machine.installed(args.solvers)
-    done = {(row["set"], row["problem"], row["solver"], row["eps"]) for row in known}
     late = {(row["set"], row["solver"]): row for row in known if row["status"] in LATE}
-    end = time.monotonic() + 60.0 * args.minutes
     work = partial(measure, load=load)
     columns = [*COLUMNS, "variables", "entries"]
     with (
-        csv_files.writer(args.csv, cli.begin(solvers), columns, append=True) as write,
+        csv_files.growing(args.csv, cli.begin(solvers), columns, KEY) as file,
         processes.benches(work, solvers, args.limit) as children,
     ):
         for name in args.classes:
@@ -68,19 +74,16 @@ def run(args: argparse.Namespace, known: list[Row]) -> Iterator[Row]:
                 }
                 for solver, child in children.items():
                     for eps in sorted(args.eps, reverse=True):
-                        if (name, str(size), solver, eps) in done:
+                        if file.has(name, size, solver, eps):
                             continue
-                        if time.monotonic() > end:
-                            print("out of minutes; the same command goes on from here")
-                            return
                         row = late.get((name, solver))
                         if row is None:
                             row = child.run(name, str(size), eps)
                         if row["status"] in LATE:
                             late[name, solver] = row
-                        row = row | {"problem": str(size), "eps": eps} | sizes_of
-                        write(row)
-                        yield row
+                        yield file.add(
+                            row | {"problem": str(size), "eps": eps} | sizes_of
+                        )
 
 
 def compared(rows: list[Row]) -> list[Row]:
@@ -192,7 +195,7 @@ def print_tables(rows: list[Row]) -> None:
 
 def main(arguments: list[str] | None = None) -> int:
     """Run, or print the tables of an earlier run."""
-    parser = cli.parser(__doc__, "limit", "minutes", "csv", eps=[1e-6], solvers=SOLVERS)
+    parser = cli.parser(__doc__, "limit", "csv", eps=[1e-6], solvers=SOLVERS)
     known = list(osqp_classes.CLASSES)
     parser.add_argument("--classes", nargs="+", choices=known, default=known)
     parser.add_argument(

@@ -45,8 +45,9 @@ def excuse(row: Row, data: Path) -> Row:
 def main(arguments: list[str] | None = None) -> int:
     """Run the families and the changed problems; return 2 if the data are missing."""
     parser = cli.parser(
-        __doc__, "data", "limit", "csv", eps=[1e-6], solvers=["nam", "piqp", "clarabel"]
-    )
+        __doc__, "data", "limit", "csv", "go-on", eps=[1e-6],
+        solvers=["nam", "piqp", "clarabel"],
+    )  # fmt: skip
     kinds = {"--families": planted.FAMILIES, "--changes": planted.CHANGES}
     for option, known in kinds.items():
         parser.add_argument(option, nargs="*", choices=list(known), default=list(known))

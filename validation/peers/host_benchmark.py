@@ -22,8 +22,8 @@ from qpbenchmark.solver_settings import SolverSettings
 from qpbenchmark.test_set import TestSet
 
 import namlcp  # noqa: F401  (makes solver="nam" known to qpsolvers)
-from validation.harness import cli
-from validation.peers.runs import LATE, read_rows
+from validation.harness import LATE, cli
+from validation.peers.runs import read_rows
 from validation.problems import data_sets
 
 NAME = "nam"

@@ -44,6 +44,7 @@ COLUMNS = (
     "problem group truth solver eps variables equalities inequalities outcome verdict "
     "runtime cold twin iterations form certificate status"
 ).split()
+NUMBERS = "eps variables runtime twin iterations certificate".split()
 RIGHT = {
     "infeasible": ("infeasible",),
     "unbounded": ("unbounded",),
@@ -135,6 +136,13 @@ def case_row(child: Bench, name: str, case: cases.Case) -> Row:
     return row | {"outcome": outcome(case.truth, row["verdict"])}
 
 
+def typed(row: Row) -> Row:
+    """Return a row, of a file or just measured, with numbers or None."""
+    entries = {name: row.get(name) for name in NUMBERS}
+    absent = None, ""
+    return row | {k: None if v in absent else float(v) for k, v in entries.items()}
+
+
 def print_groups(rows: list[Row]) -> None:
     """Print outcomes and times of all solvers, group by group."""
     solvers = tables.distinct(rows, "solver")
@@ -174,7 +182,7 @@ def print_own(rows: list[Row]) -> None:
     print(
         f"\nnam, {len(asked)} infeasible or unbounded: time over the solvable twin "
         f"{timing.geometric_mean(twins):.2f} (worst {max(twins):.1f}), iterations "
-        f"{np.median(steps):.0f} (at most {max(steps)})\n"
+        f"{np.median(steps):.0f} (at most {max(steps):.0f})\n"
         f"worst residual of {len(proofs)} certificates {max(proofs):.0e}, "
         f"median {np.median(proofs):.0e}\n"
         f"slowest: {slowest['problem']} {slowest['runtime']:.3f} s"
@@ -208,7 +216,7 @@ def check(found: dict[str, cases.Case]) -> int:
 @cli.needs_data
 def main(arguments: list[str] | None = None) -> int:
     """Run all cases; return 1 if nam misjudges one or leaves a proof open."""
-    parser = cli.parser(__doc__, "data", "limit", "csv", solvers=SOLVERS)
+    parser = cli.parser(__doc__, "data", "limit", "csv", "go-on", solvers=SOLVERS)
     parser.add_argument("--step", type=int, default=3, help="1: every change of every")
     parser.add_argument("--check", action="store_true", help="ask HiGHS, then stop")
     args = parser.parse_args(arguments)
@@ -217,13 +225,14 @@ def main(arguments: list[str] | None = None) -> int:
     if args.check:
         return int(check(found) > 0)
     solvers = machine.installed(args.solvers)
-    rows: list[Row] = []
-    with csv_files.writer(args.csv, cli.begin(solvers), COLUMNS) as write:
+    header, keys = cli.begin(solvers), ("problem", "solver")
+    with csv_files.growing(args.csv, header, COLUMNS, keys, args.go_on) as file:
         for solver in solvers:
             with Bench(solve, solver, args.limit) as child:
                 for name, case in found.items():
-                    rows.append(case_row(child, name, case))
-                    write(rows[-1])
+                    if not file.has(name, solver):
+                        file.add(case_row(child, name, case))
+    rows = [typed(row) for row in file.rows]
     print_groups(rows)
     print_own(rows)
     return int(any(is_failure(row) for row in tables.chosen(rows, solver="nam")))

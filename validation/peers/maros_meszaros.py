@@ -11,7 +11,6 @@ problems, with the time limit for t where a problem is not solved.
 
 import argparse
 import sys
-import time
 from collections import Counter
 from itertools import pairwise
 from pathlib import Path
@@ -19,6 +18,7 @@ from pathlib import Path
 import numpy as np
 
 from validation.harness import (
+    LATE,
     Row,
     cli,
     csv_files,
@@ -30,7 +30,6 @@ from validation.harness import (
 )
 from validation.peers.runs import (
     COLUMNS,
-    LATE,
     failure_text,
     measure,
     read_rows,
@@ -80,7 +79,6 @@ def run(args: argparse.Namespace) -> None:
         late = row["status"] in LATE and row["limit"] >= args.limit
         if late and row["solver"] in slow:
             slow[row["solver"]][row["problem"]] = row
-    end = time.monotonic() + 60.0 * args.minutes
     names = args.only or data_sets.set_names(args.data, "all")
     with (
         csv_files.writer(
@@ -93,9 +91,6 @@ def run(args: argparse.Namespace) -> None:
                 for solver, child in children.items():
                     if (name, solver, eps) in done:
                         continue
-                    if time.monotonic() > end:
-                        print("out of minutes; the same command goes on from here")
-                        return
                     row = run_problem(child, "all", name, eps, slow[solver])
                     write(row | {"limit": args.limit})
 
@@ -222,7 +217,7 @@ def main(arguments: list[str] | None = None) -> int:
         command = commands.add_parser(name)
         cli.add_usual(command, data=..., csv=...)
         if name == "run":
-            cli.add_usual(command, "limit", "minutes", eps=TOLERANCES, solvers=PEERS)
+            cli.add_usual(command, "limit", eps=TOLERANCES, solvers=PEERS)
             command.add_argument("--only", nargs="+", help="names of problems")
     args = parser.parse_args(arguments)
     data_sets.set_names(args.data, "all")

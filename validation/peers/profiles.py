@@ -36,7 +36,7 @@ from validation.harness import (
     tables,
 )
 from validation.peers.maros_meszaros import SUBSETS, at_limit, by_solver, read_results
-from validation.peers.runs import measure, read_rows, run_set
+from validation.peers.runs import measure, read_rows, run_problem
 from validation.peers.work_precision import DENSE, QUICK_LIMIT, SOLVERS
 from validation.problems import data_sets
 
@@ -77,8 +77,11 @@ def measured(
                 continue
             work = partial(measure, load=load_dense) if solver in DENSE else measure
             with Bench(work, solver, args.limit, args.data) as child:
-                for row in run_set(child, problem_set, names, wanted):
-                    yield row | {"set": title}
+                slow: dict[str, Row] = {}
+                for eps in sorted(wanted, reverse=True):
+                    for name in names:
+                        row = run_problem(child, problem_set, name, eps, slow)
+                        yield row | {"set": title}
 
 
 def stored(args: argparse.Namespace) -> Iterator[Row]:

@@ -1,13 +1,14 @@
 """Runs of QP solvers over sets of problems: rows, one a solve, and tables of them."""
 
 import argparse
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import numpy as np
 from qpsolvers import Problem
 
 from validation.harness import (
+    LATE,
     Bench,
     Job,
     Row,
@@ -28,7 +29,7 @@ COLUMNS = [
     *judging.RESIDUALS,
     *"success status iterations form".split(),
 ]
-LATE = {"timeout", "too slow"}  # what a row says that ran into the time limit
+KEY = ("set", "problem", "solver", "eps")
 
 
 def measure(
@@ -62,19 +63,6 @@ def measure(
     return row | {"runtime": runtime, "cold": cold}
 
 
-def run_set(
-    child: Bench, problem_set: str, names: Iterable[str], tolerances: Iterable[float]
-) -> Iterator[Row]:
-    """Yield the rows of one solver on one set, loose tolerances first.
-
-    What ran into the time limit is not tried at a tighter tolerance.
-    """
-    slow: dict[str, Row] = {}
-    for eps in sorted(tolerances, reverse=True):
-        for name in names:
-            yield run_problem(child, problem_set, name, eps, slow)
-
-
 def run_problem(
     child: Bench, problem_set: str, name: str, eps: float, slow: dict[str, Row]
 ) -> Row:
@@ -97,25 +85,47 @@ def run_all(
     work: Work = measure,
     amend: Callable[[Row], Row] = lambda row: row,
 ) -> list[Row]:
-    """Run solvers over the sets of `names`; write each row to args.csv, return all."""
-    rows = []
-    with csv_files.writer(args.csv, cli.begin(solvers), COLUMNS) as write:
+    """Run solvers over the sets of `names`; write each row to args.csv, return all.
+
+    Loose tolerances first: what ran into the time limit is not tried at a tighter one.
+    """
+    header = cli.begin(solvers)
+    with csv_files.growing(args.csv, header, COLUMNS, KEY, args.go_on) as file:
         for problem_set, own in names.items():
             for solver in solvers:
+                wanted = [
+                    (eps, name)
+                    for eps in sorted(args.eps, reverse=True)
+                    for name in own
+                    if not file.has(problem_set, name, solver, eps)
+                ]
+                if not wanted:
+                    continue
+                slow = late_ones(file.rows, problem_set, solver)
                 with Bench(work, solver, args.limit, args.data) as child:
-                    for row in run_set(child, problem_set, own, args.eps):
-                        rows.append(amend(row))
-                        write(rows[-1])
+                    for eps, name in wanted:
+                        row = run_problem(child, problem_set, name, eps, slow)
+                        file.add(amend(row))
+    return typed(file.rows)
+
+
+def late_ones(rows: list[Row], problem_set: str, solver: str) -> dict[str, Row]:
+    """Return, by problem, the rows of a solver that ran into the time limit."""
+    own = tables.chosen(rows, set=problem_set, solver=solver)
+    return {row["problem"]: row for row in own if row["status"] in LATE}
+
+
+def typed(rows: list[Row]) -> list[Row]:
+    """Return rows, of a file or just measured, with numbers for what tables need."""
+    for row in rows:
+        row["eps"], row["success"] = float(row["eps"]), str(row["success"]) == "True"
+        row["runtime"] = csv_files.number(row.get("runtime"))
     return rows
 
 
 def read_rows(file: Path) -> list[Row]:
     """Return the rows that an earlier run has written."""
-    rows = csv_files.read(file)
-    for row in rows:
-        row["eps"], row["success"] = float(row["eps"]), row["success"] == "True"
-        row["runtime"] = float(row["runtime"] or "nan")
-    return rows
+    return typed(csv_files.read(file))
 
 
 def print_tables(rows: list[Row], reference: str = "nam") -> None:

@@ -24,7 +24,6 @@ out, by name.
 
 import argparse
 import sys
-import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from functools import cache, lru_cache
@@ -190,9 +189,9 @@ def complete(row: Row, point: np.ndarray | None, exact: np.ndarray | None) -> Ro
 
 
 def family_rows(
-    args: argparse.Namespace, name: str, solvers: list[str], done: set[tuple[str, ...]]
+    args: argparse.Namespace, name: str, solvers: list[str], file: csv_files.Growing
 ) -> Iterator[Row]:
-    """Yield the rows of one family that are not `done`."""
+    """Yield the rows of one family that the file does not have."""
     family = known_families(args.data)[name]
     asked = [*(solvers if family.peers else ["sweep auto"]), *family.sweeps]
     with ExitStack() as stack:
@@ -202,7 +201,7 @@ def family_rows(
                 (eps, solver)
                 for eps in sorted(args.eps, reverse=True)
                 for solver in asked
-                if (name, problem, solver, f"{eps:.0e}") not in done
+                if not file.has(name, problem, solver, eps)
             ]
             if not wanted:
                 continue
@@ -217,12 +216,6 @@ def family_rows(
                 yield complete(dict(row), point, exact)
 
 
-def key_of(row: Row) -> tuple[str, ...]:
-    """Return what a row is about, as the file has it."""
-    family, problem, solver, eps = (row[name] for name in KEY)
-    return family, problem, solver, f"{float(eps):.0e}"
-
-
 def run(args: argparse.Namespace) -> int:
     """Measure what the file does not have yet, then sum it up."""
     absent = families.missing(args.data)
@@ -235,18 +228,12 @@ def run(args: argparse.Namespace) -> int:
         *([f"without data: {'; '.join(absent)}"] if absent else []),
         f"limit: {args.limit:g} s",
     )
-    file = args.results / f"{args.stem}-problems.csv"
-    done = {key_of(row) for row in csv_files.read(file)}
-    end = time.monotonic() + 60.0 * args.minutes
-    with csv_files.writer(file, header, COLUMNS, append=True) as write:
+    path = args.results / f"{args.stem}-problems.csv"
+    with csv_files.growing(path, header, COLUMNS, KEY) as file:
         for name in args.families or known_families(args.data):
-            for row in family_rows(args, name, solvers, done):
-                write(row)
-                tables.print_row(row, SHOWN)
-                if time.monotonic() > end:
-                    print("out of minutes; the same command goes on from here")
-                    return 1
-    summarise(args, file)
+            for row in family_rows(args, name, solvers, file):
+                tables.print_row(file.add(row), SHOWN)
+    summarise(args, path)
     return cli.MISSING if absent else 0
 
 
@@ -283,7 +270,7 @@ def quartiles(values: list[float]) -> list[float]:
 def main(arguments: list[str] | None = None) -> int:
     """Run or plot."""
     parser = cli.parser(
-        __doc__, "data", "quick", "eps", "minutes", "results", "figures",
+        __doc__, "data", "quick", "eps", "results", "figures",
         solvers=SOLVERS, limit=None,
     )  # fmt: skip
     parser.add_argument("task", choices=["run", "plot"])
