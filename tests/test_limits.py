@@ -148,8 +148,13 @@ sys.path[:0] = sys.argv[1:]
 import numpy as np, namlcp
 from test_limits import large_dense, late_sweep
 
-def press(after):
-    threading.Timer(after, os.kill, (os.getpid(), signal.SIGINT)).start()
+def press(after):  # seconds of work, however busy the machine is
+    end = time.process_time() + after
+    def wait():
+        while time.process_time() < end:
+            time.sleep(0.01)
+        os.kill(os.getpid(), signal.SIGINT)
+    threading.Thread(target=wait).start()
 
 namlcp.solve_qp(*large_dense())
 late_sweep(max_iter=5)

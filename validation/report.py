@@ -8,9 +8,9 @@ beside its CSV files and figures. `--full --out validation` brings the repositor
 files up to date. Stopped and run again, it goes on with the commands that are not done
 with the present sources (`done.json`; --again begins anew), the long ones within their
 CSV files. Of an older run the rows of peers are kept that ran into the time limit, on
-the same processor and with the same version (`harness.late`). At the top stands what
-became of each claim (`claims`) since the run before; what fell is marked. --list runs
-nothing and tells how long each part takes.
+the same processor and with the same version (`harness.processes`). At the top stands
+what became of each claim (`claims`) since the run before; what fell is marked. --list
+runs nothing and tells how long each part takes.
 
 --full times nothing while other processes keep more than 0.3 of a core busy: it waits,
 and names the part if the machine stays busy (--busy: it does not look).
@@ -37,7 +37,7 @@ if not __package__:  # run as a script
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from validation.claims import Claim, claims, moved
-from validation.harness import cli, late, quiet, tables
+from validation.harness import cli, processes, quiet, tables
 from validation.page import STYLE, body_of, inline, table
 
 BAR = 24  # characters
@@ -84,70 +84,73 @@ def part(
 
 
 PARTS = {
-    "maros-meszaros": part("The Maros-Meszaros collection", 9000.0, """
+    "maros-meszaros": part("The Maros-Meszaros collection", 2100.0, """
         peers.maros_meszaros run --data {data} --csv {results}/maros-meszaros.csv
         peers.maros_meszaros table --data {data} --csv {results}/maros-meszaros.csv
     """, grown="maros-meszaros.csv"),
-    "work-precision": part("Speed against accuracy", 2700.0, """
+    "work-precision": part("Speed against accuracy", 1800.0, """
         peers.work_precision run {quick} --data {data} --results {results}
         peers.work_precision plot {quick} --results {results} --figures {figures}
     """, "work-precision{-quick}.svg front.svg", 200.0,
     "work-precision-problems{-quick}.csv"),
-    "profiles": part("Performance profiles", 600.0, """
+    "profiles": part("Performance profiles", 300.0, """
         peers.profiles run {quick} --data {data} --results {results}
         peers.profiles plot {quick} --results {results} --figures {figures}
     """, "profiles{-quick}.svg", 60.0, "profiles{-quick}.csv"),
-    "oracles": part("Agreement with independent oracles", 1200.0, """
+    "oracles": part("Agreement with independent oracles", 600.0, """
         oracles.agreement run {quick} --data {data} --csv {results}/oracles.csv
     """, quick=60.0),
-    "stress": part("Stability under stress", 1200.0, """
+    "stress": part("Stability under stress", 480.0, """
         stress.comparison run {quick} --csv {results}/stress.csv
         stress.comparison plot --csv {results}/stress.csv --figure {figures}/stress.svg
     """, "stress.svg", 60.0),
-    "campaign": part("Fuzzed problems, and answers asked for in two ways", 9000.0, """
+    "campaign": part("Fuzzed problems, and answers asked for in two ways", 2100.0, """
         stress.campaign run --csv {results}/campaign.csv --seeds 1 2 3 \
         --solvers nam osqp piqp clarabel daqp quadprog
-        stress.campaign run --csv {results}/campaign.csv --seeds 1 2 3 \
-        --classes general sequences batches derivatives --problems 10000
+        stress.campaign run --csv {results}/campaign.csv --seeds 1 \
+        --classes general sequences batches derivatives closest --problems 10000
     """, grown="campaign.csv"),
     "pictures": part("What solutions look like", 60.0, """
         applications.pictures {quick} --figures {figures}
     """, "contact-sets.png exercise-boundary.svg contact-forces.svg", 20.0),
-    "benchmark": part("MPC, contact and small QPs", 900.0, """
+    "benchmark": part("MPC, contact and small QPs", 300.0, """
         peers.benchmark --data {data} --csv {results}/benchmark.csv \
         --set mpc contact small strict
     """),
-    "classes": part("The OSQP paper's classes", 1800.0, """
+    "classes": part("The OSQP paper's classes", 480.0, """
         peers.classes --csv {results}/classes.csv
     """, grown="classes.csv"),
-    "derivatives": part("Derivatives against differences; other packages", 600.0, """
+    "derivatives": part("Derivatives against differences; other packages", 300.0, """
         derivatives.differences {quick} --csv {results}/derivatives.csv
         derivatives.packages {quick} --csv {results}/derivatives-peers.csv
         derivatives.closest {quick} --csv {results}/closest.csv
     """),
-    "infeasible": part("Infeasible and unbounded QPs", 600.0, """
-        peers.infeasible --data {data} --csv {results}/infeasible.csv
-    """),
-    "generalisation": part("Problems that nothing was tuned on", 3600.0, """
-        peers.generalisation --data {data} --csv {results}/generalisation.csv
-    """),
-    "large": part("Large LCPs", 3600.0, """
-        applications.large run --results {results}
+    "infeasible": part("Infeasible and unbounded QPs", 300.0, """
+        peers.infeasible --data {data} --csv {results}/infeasible.csv --go-on
+    """, grown="infeasible.csv"),
+    "generalisation": part("Problems that nothing was tuned on", 420.0, """
+        peers.generalisation --data {data} --csv {results}/generalisation-families.csv \
+        --go-on --changes --solvers nam piqp
+        peers.generalisation --data {data} --csv {results}/generalisation.csv \
+        --go-on --families --solvers nam
+    """, grown="generalisation-families.csv generalisation.csv"),
+    "large": part("Large LCPs", 720.0, """
+        applications.large run --results {results} --go-on
         applications.large plot --results {results} --figures {figures}
         applications.large table --results {results}
-    """, "large.svg"),
-    "lcp": part("LCPs beside PIQP and OSQP", 60.0, """
+    """, "large.svg", grown="large.csv"),
+    "lcp": part("LCPs beside PIQP and OSQP", 180.0, """
         peers.lcp --data {data} --results {results}
     """),
-    "general": part("LCPs that are neither P nor semidefinite", 1800.0, """
+    "general": part("LCPs that are neither P nor semidefinite", 600.0, """
         general.benchmark run {quick} --csv {results}/general-lcps.csv
         general.benchmark plot --csv {results}/general-lcps.csv --figures {figures}
         general.pictures --figures {figures}
         general.stepping run {quick} --csv {results}/time-stepping.csv
         general.stepping plot --csv {results}/time-stepping.csv --figures {figures}
     """, "general-lcps.svg friction-scenes.svg games-and-diodes.svg time-stepping.png",
-    120.0),
-    "repeated": part("Many QPs alike: sequences, small calls, batches", 1500.0, """
+    120.0, "general-lcps.csv"),
+    "repeated": part("Many QPs alike: sequences, small calls, batches", 720.0, """
         repeated.sequences run {quick} --csv {results}/sequences.csv
         repeated.sequences plot --csv {results}/sequences.csv \
         --figure {figures}/sequences.svg
@@ -159,26 +162,26 @@ PARTS = {
         --figure {figures}/batches.svg
         repeated.front_figure --results {results} --figures {figures}
     """, "sequences.svg latency.svg batches.svg front-repeated.svg", 60.0),
-    "hertz": part("Hertz contact without a matrix", 600.0, """
+    "hertz": part("Hertz contact without a matrix", 300.0, """
         applications.hertz --results {results}
     """),
-    "put": part("American puts", 300.0, """
+    "put": part("American puts", 180.0, """
         applications.american_put --results {results}
     """),
-    "cvxpy": part("Models in CVXPY", 900.0, """
+    "cvxpy": part("Models in CVXPY", 540.0, """
         applications.cvxpy_models --csv {results}/cvxpy-models.csv
         applications.cvxpy_resolve --csv {results}/cvxpy-resolve.csv
     """),
-    "paper": part("The paper's tables", 900.0, """
+    "paper": part("The paper's tables", 300.0, """
         paper.tables --results {results} --figures {figures}
     """, "paper-tables.svg paper-methods.svg"),
-    "stability": part("Where sweeps fail", 900.0, """
+    "stability": part("Where sweeps fail", 300.0, """
         paper.stability --results {results} --figures {figures}
     """, "stability-maps.png stability-units.png"),
-    "parameters": part("Automatic parameters", 900.0, """
+    "parameters": part("Automatic parameters", 300.0, """
         paper.parameters --data {data} --results {results}
     """),
-    "h_plus": part("Convergence theory", 900.0, """
+    "h_plus": part("Convergence theory", 180.0, """
         paper.h_plus --results {results}
     """),
 }  # fmt: skip
@@ -221,7 +224,7 @@ class Done:
         for file in part.grown:
             mark = sources(*folders_of(part.commands[0]))
             if self.kept["grown"].get(file) != mark:
-                late.keep_late_peers(results / file)
+                processes.keep_late_peers(results / file)
                 self.kept["grown"][file] = mark
         self.file.write_text(json.dumps(self.kept))
 

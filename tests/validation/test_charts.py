@@ -13,7 +13,7 @@ from validation import report
 from validation.claims import Claim, moved, values
 from validation.claims.limits import LIMITS
 from validation.claims.measured import mean, over
-from validation.harness import cli, csv_files, late, machine, quiet
+from validation.harness import cli, csv_files, machine, processes, quiet
 from validation.harness.machine import THREADS
 from validation.peers import references, work_precision
 from validation.problems import contact_scenes, families
@@ -221,7 +221,7 @@ def test_report_goes_on_where_it_stopped(tmp_path, monkeypatch):
     assert grown.exists()
     assert said(again=True).startswith("good: done,")
     assert not grown.exists()
-    (scripts / "other.py").write_text("print('ran')")
+    grown.write_text("rows of this run")
     parts["good"] = parts["good"]._replace(commands=("good", "other"))
     (scripts / "other.py").write_text("print('other sources')")
     assert said().startswith("good: done,")
@@ -246,14 +246,14 @@ def test_rows_of_late_peers_are_kept(tmp_path, monkeypatch):
 
     def kept(header):
         csv_files.write(file, header, rows)
-        late.keep_late_peers(file)
+        processes.keep_late_peers(file)
         return [(row["solver"], row["problem"]) for row in csv_files.read(file)]
 
     assert kept(header) == [("osqp", "a"), ("proxqp", "a")]
     other = [line.replace("osqp 1", "osqp 2") for line in header]
     assert kept(other) == [("proxqp", "a")]
     assert kept([line.replace("a processor", "another") for line in header]) == []
-    late.keep_late_peers(tmp_path / "none.csv")
+    processes.keep_late_peers(tmp_path / "none.csv")
     assert not (tmp_path / "none.csv").exists()
 
 

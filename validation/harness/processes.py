@@ -8,14 +8,19 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any, NamedTuple, Self
 
+from validation.harness import csv_files, machine, tables
 from validation.harness.csv_files import Row
 from validation.harness.quiet import wait_until_quiet
 
 GRACE = 2.0  # [s] on top of the time limit before a child process is ended
 LOADING = 120.0  # [s] to read a problem, warm up and, once, compile
 MEMORY = 8 << 30  # bytes of address space of a child process
+LATE = {"timeout", "too slow"}  # what a row says that ran into the time limit
+OURS = ("nam", "sweep")  # first words of what is measured anew in every run
+KEPT = "kept of an earlier run: what peers of these versions missed by the time limit"
 READY = "ready"  # the message with which the clock of a request starts
 
 
@@ -145,3 +150,34 @@ def isolated(function: Callable[..., Any], *arguments: Any) -> Any:
     context = mp.get_context("spawn")
     with ProcessPoolExecutor(1, context, silence) as pool:
         return pool.submit(function, *arguments).result()
+
+
+def keep_late_peers(file: Path) -> None:
+    """Clear a file that another run has left, but for peers that were late.
+
+    Their rows do not depend on our code, and to ask again is much of a run's time. It
+    is done where the processor or the version of the peer is another one.
+    """
+    rows = csv_files.read(file)
+    solvers = tables.distinct(rows, "solver") if rows and "solver" in rows[0] else []
+    header = machine.lines(solvers)
+    now, then = said(header), said(csv_files.header(file) if rows else [])
+    same = {
+        solver
+        for solver in solvers
+        if (word := solver.split()[0]) not in OURS
+        for package in [machine.PACKAGES.get(word, word)]
+        if all(now[name] == then.get(name) for name in ("cpu", package))
+    }
+    late = [r for r in rows if r.get("status") in LATE and r["solver"] in same]
+    file.unlink(missing_ok=True)
+    if late:
+        csv_files.write(file, [*header, KEPT], late)
+
+
+def said(header: list[str]) -> dict[str, str]:
+    """Return the processor ("cpu") and the version of each package in a header."""
+    lines = dict(line.split(": ", 1) for line in header if ": " in line)
+    packages = lines.get("versions", "").split(", ")
+    known = dict(entry.rsplit(" ", 1) for entry in packages if " " in entry)
+    return known | {"cpu": lines.get("cpu", "")}

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-SLOW = 2.0  # [s] a first call that takes longer is not repeated
-REPEATS = 5  # calls at most, unless they are quick
-REPEAT_TIME = 0.5  # [s] of calls after which no further one begins
+SLOW = 1.0  # [s] a first call that takes longer is not repeated
+REPEATS = 3  # calls at most, unless they are quick
+REPEAT_TIME = 0.3  # [s] of calls after which no further one begins
 QUICK_TIME = 0.05  # [s] of calls at least, however many they are
 
 
