@@ -6,6 +6,7 @@ from scipy import sparse
 
 from namlcp import solve_lcp
 from namlcp.lcp.distances import Distances
+from namlcp.lcp.general.arc import PROMISED_STEPS, STEPS, Arc
 from namlcp.lcp.general.cones import Condensed, cones_of, system_of
 from namlcp.lcp.scaling import unit_diagonal_scale
 from namlcp.lcp.shifted import Shifted
@@ -107,6 +108,15 @@ def test_other_matrices_are_left_alone():
         assert cones_of(M) is None, name
         assert isinstance(system_of(M), Shifted), name
     assert isinstance(system_of(A.toarray()), Shifted)
+
+
+def test_the_curve_may_be_long_where_it_leads_to_a_solution():
+    model = scaled("pile")
+    cones, plain = (
+        Arc(model, system, 1.0, 1.0)
+        for system in (system_of(model.M), Shifted(model.M))
+    )
+    assert (cones.steps, plain.steps) == (PROMISED_STEPS, STEPS)
 
 
 @pytest.mark.parametrize(("family", "seed"), [("pile", 2), ("balls", 5)])

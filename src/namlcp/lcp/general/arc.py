@@ -22,14 +22,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from namlcp.lcp.distances import Distances
-from namlcp.lcp.general.cones import AnyFactors, Systems
+from namlcp.lcp.general.cones import AnyFactors, Condensed, Systems
 from namlcp.lcp.general.pairs import Pairs
 
 SHIFT = 1e-12
 """Added to the unit diagonal, so that a singular matrix can be factored."""
 
-STEPS = 400
-"""Steps at most."""
+STEPS, PROMISED_STEPS = 400, 4000
+"""Steps at most: of any matrix; of one with friction cones, where the curve leads to a
+solution, but may wind: with 4000 unknowns it has been seen to turn 100 times."""
 
 FIRST_STEP, LEAST_STEP, MOST_STEP = 0.9, 0.02, 0.98
 """Largest relative change of a gap or multiplier in a step along the curve: in the
@@ -133,6 +134,7 @@ class Arc:
     def __init__(self, model: Distances, system: Systems, size: float, big: float):
         """Start at gaps of `size`, with multipliers that make d >= big."""
         self.model, self.system, self.pairs = model, system, Pairs(model)
+        self.steps = PROMISED_STEPS if isinstance(system, Condensed) else STEPS
         pairs = self.pairs
         p, gaps = pairs.start(model.r, size)
         F = model.F(p)
@@ -154,7 +156,7 @@ class Arc:
         """Yield the points p of the path, one factorisation from one to the next."""
         at, off = self.first, False
         stack: list[Directions] = []
-        for _ in range(STEPS):
+        for _ in range(self.steps):
             yield at.p
             if at.t > LARGE_T or np.abs(at.p).max(initial=0.0) > FAR_AWAY:
                 return
