@@ -16,12 +16,7 @@ from scipy.sparse import diags_array
 
 import namlcp
 from namlcp.limits import Limits
-from namlcp.qp.certificates import (
-    accept_dual,
-    accept_primal,
-    drop_disallowed,
-    farkas_numbers,
-)
+from namlcp.qp.certificates import accept_dual, accept_primal, farkas_numbers
 from namlcp.qp.judge import Judge
 from namlcp.qp.path.advance import ACTIVE_SET, EVALUATE
 from namlcp.qp.path.candidates import CertificateSearch
@@ -252,9 +247,8 @@ def test_numbers_of_a_certificate_are_those_of_their_definition(seed):
     ub = np.where(rng.random(n) < 0.5, np.inf, rng.random(n))
     h[rng.random(m) < 0.3] = np.inf
     s[rng.random(n) < 0.3] = 0.0
-    z, kept, z_box = rng.standard_normal(m), np.empty(m), np.empty(n)
-    drop_disallowed(z, h, kept)
-    np.testing.assert_array_equal(kept, np.where(np.isinf(h), 0.0, np.maximum(z, 0.0)))
+    kept, z_box = np.maximum(rng.standard_normal(m), 0.0), np.empty(n)
+    kept[np.isinf(h)] = 0.0
     found = farkas_numbers((b, h, lb, ub), y, kept, s, z_box)
     allowed = np.where(s < 0.0, np.isfinite(ub), np.isfinite(lb))
     np.testing.assert_array_equal(z_box, np.where(allowed & (s != 0.0), -s, 0.0))
@@ -266,6 +260,14 @@ def test_numbers_of_a_certificate_are_those_of_their_definition(seed):
     np.testing.assert_allclose(found, expected, rtol=1e-13)
     s[2] = np.nan
     assert np.isnan(farkas_numbers((b, h, lb, ub), y, kept, s, z_box)[0])
-    z[1], h[1] = np.nan, 1.0
-    drop_disallowed(z, h, kept)
-    assert np.isnan(kept[1])
+
+
+def test_multipliers_that_prove_nothing_are_left_out_and_nan_refused():
+    """1 <= x <= 0 by rows; a row without a side and a wrong sign do no harm."""
+    G, h = np.array([[-1.0], [1.0], [1.0], [1.0]]), np.array([-1.0, 0.0, np.inf, 5.0])
+    qp = make_qp(np.eye(1), np.zeros(1), G, h)
+    z = np.array([1.0, 1.0, 3.0, -2.0])
+    proof = accept_primal(qp, np.zeros(1), np.empty(0), z, TOL)
+    np.testing.assert_array_equal(proof.z, [1.0, 1.0, 0.0, 0.0])
+    z[0] = np.nan
+    assert accept_primal(qp, np.zeros(1), np.empty(0), z, TOL) is None

@@ -47,8 +47,8 @@ def accept_primal(
 
     z_box follows from y and z; x is the current point, `tol` the absolute tolerance.
     """
-    z_kept, (s, z_box) = np.empty(z.size), np.zeros((2, x.size))
-    drop_disallowed(z, qp.h, z_kept)
+    z_kept = np.where((z <= 0.0) | np.isinf(qp.h), 0.0, z)  # NaN is kept
+    s, z_box = np.zeros((2, x.size))
     add_transposed(qp.G, z_kept, s)
     add_transposed(qp.A, y, s)
     sides = qp.b, qp.h, qp.lb, qp.ub
@@ -94,13 +94,6 @@ def suffices(relative: float, error: float, margin: float, exact: bool) -> bool:
     """
     within = relative <= RESIDUAL and error <= 1.0
     return within or (exact and margin <= MARGIN)
-
-
-@kernel
-def drop_disallowed(z, h, kept):
-    """Set `kept` to the positive ones of z, 0 where h is infinite; NaN is kept."""
-    for i in range(z.size):
-        kept[i] = 0.0 if z[i] <= 0.0 or np.isinf(h[i]) else z[i]
 
 
 @kernel
