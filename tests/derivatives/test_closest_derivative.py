@@ -8,24 +8,10 @@ import scipy.sparse as sp
 
 import namlcp
 from namlcp import Relaxation
+from validation.derivatives.cases import contradictory
 
 NAMES = "P", "q", "G", "h", "A", "b", "lb", "ub"
 SOFT = Relaxation(h=2.0, lb=1.0, ub=3.0)
-
-
-def infeasible(seed, n, m, p=2, bounds=False) -> dict:
-    """Return a QP with two opposed rows; with more than 2 n many exclude all x."""
-    rng = np.random.default_rng(seed)
-    B, x = rng.standard_normal((n, n)), rng.standard_normal(n)
-    G, A = rng.standard_normal((m, n)), rng.standard_normal((p, n))
-    G[1] = -G[0]
-    h = -1.0 - rng.random(m) if m > 2 * n else G @ x + rng.random(m)
-    h[1] = -h[0] - 1.0
-    found = {"P": B.T @ B / n + np.eye(n), "q": rng.standard_normal(n), "G": G, "h": h}
-    found |= {"A": A, "b": A @ x}
-    if bounds:
-        found |= {"lb": x - rng.random(n), "ub": x + rng.random(n)}
-    return found
 
 
 def closest(data, choice):
@@ -59,24 +45,24 @@ def assert_is_gradient(data, choice, seed):
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_held_rows_determine_the_point(seed):
-    gradients = assert_is_gradient(infeasible(seed, 3, 14, 1), "closest", seed)
+    gradients = assert_is_gradient(contradictory(seed, 3, 14, 1), "closest", seed)
     assert not gradients.singular
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_the_cost_determines_the_point(seed):
-    gradients = assert_is_gradient(infeasible(seed, 9, 5), "closest", seed)
+    gradients = assert_is_gradient(contradictory(seed, 9, 5), "closest", seed)
     assert gradients.singular
 
 
 @pytest.mark.parametrize("choice", ["closest", SOFT], ids=["hard", "soft"])
 @pytest.mark.parametrize("seed", range(3))
 def test_with_bounds(seed, choice):
-    assert_is_gradient(infeasible(seed, 6, 9, bounds=True), choice, seed)
+    assert_is_gradient(contradictory(seed, 6, 9, bounds=True), choice, seed)
 
 
 def test_gradients_of_sparse_matrices_are_on_their_entries():
-    dense = infeasible(0, 5, 14)
+    dense = contradictory(0, 5, 14)
     dense["G"][dense["G"] < -1.0] = 0.0
     dense["h"][1] = -dense["h"][0] - 9.0
     sparse = dense | {k: sp.csc_array(dense[k]) for k in "PGA"}
@@ -92,7 +78,7 @@ def test_gradients_of_sparse_matrices_are_on_their_entries():
 
 
 def test_what_has_no_derivative_says_so():
-    data = infeasible(0, 5, 14)
+    data = contradictory(0, 5, 14)
     with pytest.raises(ValueError, match="need shifts of norm 2, got those of norm 1"):
         closest(data, "elastic").backward(np.ones(5))
     with pytest.raises(ValueError, match="has lost the problem"):

@@ -138,6 +138,26 @@ KINKS = {
 """The families, each with the data to be changed ("qh" means both)."""
 
 
+def contradictory(
+    seed: int, n: int, m: int, p: int = 2, bounds: bool = False
+) -> dict[str, np.ndarray]:
+    """Return the arguments of a QP without a feasible x: two rows of G are opposed.
+
+    With more than 2 n rows many others exclude all x, too.
+    """
+    rng = np.random.default_rng(seed)
+    B, x = rng.standard_normal((n, n)), rng.standard_normal(n)
+    G, A = rng.standard_normal((m, n)), rng.standard_normal((p, n))
+    G[1] = -G[0]
+    h = -1.0 - rng.random(m) if m > 2 * n else G @ x + rng.random(m)
+    h[1] = -h[0] - 1.0
+    found = {"P": B.T @ B / n + np.eye(n), "q": rng.standard_normal(n), "G": G, "h": h}
+    found |= {"A": A, "b": A @ x}
+    if bounds:
+        found |= {"lb": x - rng.random(n), "ub": x + rng.random(n)}
+    return found
+
+
 def weak_lcp(seed: int, n: int = 8) -> tuple[np.ndarray, np.ndarray]:
     """Return (A, q) with two unknowns at 0 with w = 0; A is not symmetric."""
     rng = np.random.default_rng(seed)
