@@ -124,10 +124,10 @@ def iterate(
     old, new, best = np.empty((3, 2, s.size))
     old[S] = s
     np.clip(s, lcp.lower, lcp.upper, out=old[Z])
-    eps_abs, _, max_iter, deadline, report, _ = limits
+    eps_abs, deadline, report = limits.eps_abs, limits.deadline, limits.report
     least = math.inf
     watch = Watch(float(np.linalg.norm(lcp.q)))
-    max_iter = max_iter or MAX_NAMED_SWEEPS
+    max_iter = limits.max_iter or MAX_NAMED_SWEEPS
     for k in range(max_iter + 1):
         residual = step(old, new)
         if report is not None:
