@@ -9,7 +9,7 @@ from qpsolvers import Problem, Solution
 
 from namlcp import Residuals, natural_residual, qp_residuals
 from namlcp.linalg import compiled_form
-from namlcp.residuals import dot_at, finite_positions
+from namlcp.residuals import finite_terms
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -109,14 +109,17 @@ def test_none_stands_for_absent_bounds():
     assert half != whole
 
 
-def test_positions_of_finite_sides():
-    one, some = np.ones(3), np.array([np.inf, 1.0, -np.inf])
-    in_h, in_lb, in_ub = finite_positions((one, one, one, some, one * np.inf))
-    assert in_h is None
-    np.testing.assert_array_equal(in_lb, [1])
-    assert in_ub.size == 0
-    assert dot_at(in_lb, some, 2.0 * one) == 2.0
-    assert dot_at(in_h, one, one) == 3.0
+@pytest.mark.parametrize("sign", [-1.0, 0.0, 1.0])
+def test_terms_of_finite_sides(sign):
+    sides = np.array([np.inf, 1.0, -np.inf, 2.0, 3.0])
+    multipliers = np.array([1.0, -2.0, np.nan, 3.0, np.nan])
+    at = np.isfinite(sides)
+    wanted = multipliers[at]
+    if sign != 0.0:
+        wanted = sign * np.maximum(sign * wanted, 0.0)
+    finite, beside = finite_terms(sides, multipliers, sign)
+    np.testing.assert_array_equal(finite, sides[at])
+    np.testing.assert_array_equal(beside, wanted)
 
 
 def test_all_forms_of_matrices_are_judged_alike():

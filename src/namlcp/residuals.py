@@ -66,9 +66,6 @@ class Residuals(NamedTuple):
         return self.worst(eps_abs, eps_rel) <= 1.0
 
 
-Positions = tuple[np.ndarray | None, ...]
-"""Where h, lb and ub are finite, each None where all of it is."""
-
 UNDEFINED = Residuals(*[math.nan] * 7)
 
 
@@ -305,42 +302,32 @@ def with_gap_of_host(
 
 
 def signed_gap(
-    vectors: tuple[np.ndarray, ...],
-    point: tuple[np.ndarray, ...],
-    Px: np.ndarray,
-    finite: Positions | None = None,
+    vectors: tuple[np.ndarray, ...], point: tuple[np.ndarray, ...], Px: np.ndarray
 ) -> float:
     """Return x'Px + q'x + b'y + h'z + lb'z_box^- + ub'z_box^+ as qpsolvers adds it.
 
-    vectors = (q, h, b, lb, ub), point = (x, y, z, z_box); `finite` may be given as
-    `finite_positions` returns it.
+    vectors = (q, h, b, lb, ub), point = (x, y, z, z_box). An infinite side has no term.
     """
     q, h, b, lb, ub = vectors
     x, y, z, z_box = point
-    in_h, in_lb, in_ub = finite or finite_positions(vectors)
     with np.errstate(all="ignore"):  # huge terms may overflow to infinity or NaN
-        gap = x.dot(Px) + q.dot(x) + dot_at(in_h, h, z) + b.dot(y)
-        if in_lb is None or in_lb.size:
-            gap += dot_at(in_lb, lb, np.minimum(z_box, 0.0))
-        if in_ub is None or in_ub.size:
-            gap += dot_at(in_ub, ub, np.maximum(z_box, 0.0))
+        gap = x.dot(Px) + q.dot(x) + np.dot(*finite_terms(h, z, 0.0)) + b.dot(y)
+        gap += np.dot(*finite_terms(lb, z_box, -1.0))
+        gap += np.dot(*finite_terms(ub, z_box, 1.0))
     return float(gap)
 
 
-def finite_positions(vectors: tuple[np.ndarray, ...]) -> Positions:
-    """Return where h, lb and ub are finite, None where all of one are."""
-    _, h, _, lb, ub = vectors
-    places = [np.isfinite(v).nonzero()[0] for v in (h, lb, ub)]
-    return tuple(
-        None if at.size == v.size else at
-        for at, v in zip(places, (h, lb, ub), strict=True)
-    )
+@kernel
+def finite_terms(sides, multipliers, sign):
+    """Return the finite sides and their multipliers, 0 for those of the opposite sign.
 
-
-def dot_at(
-    positions: np.ndarray | None, bound: np.ndarray, multiplier: np.ndarray
-) -> float:
-    """Return bound'multiplier over some positions, all of them if that is None."""
-    if positions is None:
-        return float(bound.dot(multiplier))
-    return float(bound[positions].dot(multiplier[positions]))
+    With sign = 0 the multipliers are as they came.
+    """
+    finite, beside = np.empty(sides.size), np.empty(sides.size)
+    count = 0
+    for i in range(sides.size):
+        if not np.isinf(sides[i]):
+            finite[count] = sides[i]
+            beside[count] = 0.0 if sign * multipliers[i] < 0.0 else multipliers[i]
+            count += 1
+    return finite[:count], beside[:count]

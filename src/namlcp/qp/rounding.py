@@ -19,7 +19,7 @@ from namlcp.checks import as_sparse, matrix
 from namlcp.compiled import kernel
 from namlcp.linalg import add_transposed, arrays_of, times
 from namlcp.qp.problem import QP, Point
-from namlcp.residuals import Residuals, finite_positions, qp_residuals, signed_gap
+from namlcp.residuals import Residuals, qp_residuals, signed_gap
 
 # Gauss-Seidel passes over the entries of the dual residual.
 PASSES = 3
@@ -203,9 +203,8 @@ def correct_gap_by_multipliers(
     new = np.empty(count)
     Px = times(qp.P, x)
     vectors = qp.q, qp.h, qp.b, qp.lb, qp.ub
-    finite = finite_positions(vectors)
     added = np.zeros(n)  # to the dual residual, by all changes
-    gap = signed_gap(vectors, point, Px, finite)
+    gap = signed_gap(vectors, point, Px)
     ends = 0, p, p + m, p + m + n, count
     groups = [(ends[k], ends[k + 1]) for k in (3, 2, 1, 0)]
     k = np.flatnonzero(usable)
@@ -231,7 +230,7 @@ def correct_gap_by_multipliers(
         multiplier[first:last] = new[first:last]
         y, z, lower, upper = np.split(multiplier.copy(), ends[1:4])
         new_point = Point(x, y, z, lower + upper)
-        gap = signed_gap(vectors, new_point, Px, finite)
+        gap = signed_gap(vectors, new_point, Px)
         if abs(gap) <= tol:
             return new_point
     return point
