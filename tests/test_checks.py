@@ -7,6 +7,7 @@ import scipy.sparse as sp
 from namlcp import checks
 from namlcp.linalg import symmetry
 from namlcp.qp import qp_data
+from namlcp.qp.problem import QP, dense_faults, sparse_faults
 
 
 def test_clean_arrays_are_not_copied():
@@ -37,6 +38,25 @@ def test_sparse_asymmetry_against_the_transpose(seed):
     assert gap == pytest.approx(abs(C - C.T).max(), abs=0.0)
     assert size == abs(C).max()
     assert symmetry.dense_asymmetry(C.toarray()) == (gap, size)
+
+
+@pytest.mark.parametrize("name", ["", *"PqGhAb", "lb", "ub"])
+@pytest.mark.parametrize("value", [np.nan, np.inf, 1e25])
+def test_faults_of_sparse_data_are_those_of_dense(name, value):
+    rng = np.random.default_rng(0)
+    dense = {key: rng.standard_normal((2, 3)) for key in "GA"}
+    dense |= {key: rng.standard_normal(3) for key in ("q", "lb", "ub")}
+    dense |= {key: rng.standard_normal(2) for key in "hb"} | {"P": np.eye(3)}
+    dense["P"][0, 1] = 0.5
+    if name:
+        dense[name].flat[0] = value
+    P, q, G, h, A, b, lb, ub = (dense[key] for key in QP._fields)
+    bad, gap, size, huge = dense_faults(P, q, G, h, A, b, lb, ub)
+    S = sp.csc_array(P)
+    finite = sp.csc_array(G).data, sp.csc_array(A).data, q, b
+    found = sparse_faults((S.indptr, S.indices, S.data), finite, (h, lb, ub))
+    assert found[0] == bad
+    assert bad or found == (bad, gap, size, huge)
 
 
 def test_huge_bounds_become_infinite():

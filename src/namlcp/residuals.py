@@ -250,7 +250,9 @@ def qp_residuals(
     Px = times(P, x)
     products = Px, times(G, x), times(A, x), Gtz, Aty
     found = Residuals(*qp_residuals_of_products(vectors, point, products))
-    return with_gap_of_host(found, vectors, point, Px)
+    if found.gap_size < LARGE_TERM:
+        return found
+    return found._replace(gap=abs(signed_gap(vectors, point, Px)))
 
 
 def clean_qp_residuals(
@@ -267,7 +269,7 @@ def clean_qp_residuals(
         return found
     Px = np.zeros(point[0].size)
     add_columns(*matrices[0], point[0], Px)
-    return with_gap_of_host(found, vectors, point, Px)
+    return found._replace(gap=abs(signed_gap(vectors, point, Px)))
 
 
 @kernel
@@ -287,18 +289,6 @@ def csc_residuals(matrices, vectors, point):
     add_columns(A[0], A[1], A[2], x, Ax)
     add_column_sums(A[0], A[1], A[2], y, Aty)
     return qp_residuals_of_products(vectors, point, (Px, Gx, Ax, Gtz, Aty))
-
-
-def with_gap_of_host(
-    found: Residuals,
-    vectors: tuple[np.ndarray, ...],
-    point: tuple[np.ndarray, ...],
-    Px: np.ndarray,
-) -> Residuals:
-    """Return the residuals with the gap added as qpsolvers does if that may matter."""
-    if found.gap_size < LARGE_TERM:
-        return found
-    return found._replace(gap=abs(signed_gap(vectors, point, Px)))
 
 
 def signed_gap(

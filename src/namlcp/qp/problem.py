@@ -116,7 +116,7 @@ def dense_faults(P, q, G, h, A, b, lb, ub):
 
 @kernel
 def sparse_faults(P, finite, bounds):
-    """Return the same for P = (indptr, indices, data) in CSC.
+    """Return what `dense_faults` does for P = (indptr, indices, data) in CSC.
 
     finite = (entries of G, of A, q, b), bounds = (h, lb, ub).
     """

@@ -147,6 +147,8 @@ class Interior:
             self.limits.report(
                 now.iterations, *residuals, step, int(work.active.sum())
             )  # fmt: skip
+        # A refinement mostly succeeds: where it is due, an iterate is measured before
+        # it only if that would end the loop.
         solved, measured = False, not wants & JUDGE
         if not measured and (now.worst <= 1.0 or not wants & ACTIVE_SET):
             solved, measured = self.offer(work.x, work.y, work.Z) <= 1.0, True

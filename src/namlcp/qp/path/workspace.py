@@ -70,6 +70,7 @@ def expanded(table: dict[str, str]) -> dict[str, str]:
     return {name: size for names, size in table.items() for name in names.split()}
 
 
+# The size of each vector, in the order of their addresses in a record.
 PLACED = expanded(VECTORS) | expanded(FLAGS)
 FLAG_NAMES = frozenset(expanded(FLAGS))
 SIZES = np.array([KINDS.index(kind) for kind in PLACED.values()])

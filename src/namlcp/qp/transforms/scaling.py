@@ -22,7 +22,8 @@ from namlcp.qp.transforms.presolve import Presolved
 # Scalings of K before `equilibrate`: `normalise`, `even_out` or none. Where the
 # interior-point method fails, it is restarted with the next one.
 UNITS = "normal", "even", "given"
-# Most rounds of `equilibrate`, and the largest |1 - largest entry| that ends it.
+# Most rounds of `equilibrate`, and the largest |1 - largest entry| that ends it: with
+# 1e-3 there are twice as many rounds, and as many iterations.
 ROUNDS, EQUAL = 10, 0.1
 # Range of the products of the factors of all rounds, against over- and underflow.
 FACTORS = 1e-8, 1e8
