@@ -1,5 +1,6 @@
 """What all tests share."""
 
+import os
 import signal
 
 import pytest
@@ -43,8 +44,12 @@ def pytest_configure(config):
 
 
 def pytest_sessionstart(session):
-    """Compile all kernels once, on all cores, before two workers (-n 2) share them."""
+    """Compile all kernels once, on all cores, before two workers (-n 2) share them.
+
+    The workers keep the cores busy: more threads of BLAS would only wait, busily.
+    """
     if session.config.getoption("numprocesses", None):
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
         namlcp.warmup(progress=False)
 
 

@@ -136,11 +136,11 @@ def name_lines(
     if axes.figure.get_layout_engine() is not None:  # it places the panels when drawn
         axes.figure.draw_without_rendering()
     frame = axes.get_window_extent()
-    marks = [
-        mark
-        for points, _ in lines.values()
-        for mark in along(axes.transData.transform(points))
-    ]
+    if not lines:
+        return
+    marks = np.concatenate(
+        [along(axes.transData.transform(points)) for points, _ in lines.values()]
+    )
     taken = [text.get_window_extent() for text in axes.texts]
     for name, (points, colour) in lines.items():
         text = axes.annotate(
@@ -160,7 +160,7 @@ def name_lines(
                 inside = frame.contains(*box.min) and frame.contains(*box.max)
                 if not inside or any(box.overlaps(other) for other in taken):
                     continue
-                room = min(distance(box, mark) for mark in marks)
+                room = distance(box, marks)
                 if room > best:
                     best, place = room, (point, shift, sides)
         text.xy, text.xyann, sides = place
@@ -175,11 +175,10 @@ def along(corners: np.ndarray) -> np.ndarray:
     return np.column_stack([np.interp(fine, at, side) for side in corners.T])
 
 
-def distance(box: Bbox, point: Any) -> float:
-    """Return how far a point is from a box; 0 inside."""
-    over = [max(box.x0 - point[0], 0.0, point[0] - box.x1)]
-    over.append(max(box.y0 - point[1], 0.0, point[1] - box.y1))
-    return math.hypot(*over)
+def distance(box: Bbox, points: np.ndarray) -> float:
+    """Return how far the nearest of some points is from a box; 0 inside."""
+    over = np.maximum(np.maximum(box.min - points, points - box.max), 0.0)
+    return float(np.hypot(*over.T).min())
 
 
 def overlapping_texts(figure: Figure) -> list[tuple[str, str]]:
