@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.sparse import block_diag, csc_array, diags_array
+from scipy.sparse import block_diag, csc_array, diags_array, random_array
 
 from namlcp import Status, solve_qp
 
@@ -59,3 +59,29 @@ def test_terms_near_1e7_leave_a_gap_that_is_corrected():
     assert result.residuals.gap_size > 1e7
     assert result.status is Status.SOLVED
     assert result.form == "bounds"
+
+
+@pytest.mark.parametrize("n", [60, 300])
+def test_short_way_gives_what_the_general_one_does(n):
+    """With history= a solve goes the general way; P is singular, some bounds absent."""
+    rng = np.random.default_rng(n)
+    B = random_array((n // 2, n), density=3.0 / n, rng=rng, format="csc")
+    P = csc_array(B.T @ B)
+    q = P @ rng.standard_normal(n)
+    lb, ub = np.full(n, -0.5), rng.uniform(0.1, 1.0, n)
+    ub[::7] = 1e30
+    short = solve_qp(P, q, lb=lb, ub=ub)
+    general = solve_qp(P, q, lb=lb, ub=ub, history=True)
+    assert short.status is general.status is Status.SOLVED
+    assert short.residuals.solved(1e-9, 1e-10)
+    assert abs(short.obj - general.obj) <= 1e-9 * (1.0 + abs(general.obj))
+
+
+def test_ctrl_c_in_the_short_way_is_not_lost(monkeypatch):
+    def pressed(qp, guess, limits, memory):
+        limits.deadline.interrupted = True
+
+    monkeypatch.setattr("namlcp.qp.solve.solve_bounds", pressed)
+    n = 60
+    with pytest.raises(KeyboardInterrupt):
+        solve_qp(csc_array(diags_array(np.ones(n))), np.ones(n), lb=np.zeros(n))

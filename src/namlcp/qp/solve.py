@@ -150,7 +150,7 @@ def solve_shortly(
     given: tuple[Any, Any, Any],
     held: Held | None = None,
 ) -> Answer | None:
-    """Solve a QP of `qp_arrays` by one compiled call, which checks the numbers.
+    """Solve a QP of `qp_arrays` by one compiled call, or few, which check the numbers.
 
     Returns None where that is not the way to solve it: with sparse matrices unless it
     is tiny, or has bounds alone; `start` and `given` as for `solve_checked`, `held` as
@@ -179,6 +179,7 @@ def solve_shortly(
     return None if answer is None else settled(answer, qp, given, limits)
 
 
+@interruptible
 def solve_box_shortly(
     qp: QP, options: Options, start: float, given: tuple[Any, Any, Any]
 ) -> Answer | None:
@@ -193,9 +194,10 @@ def solve_box_shortly(
     if not is_box(qp):
         return None
     limits = options.limits(Deadline(start + options.time_limit))
-    with limits.deadline.listening():
+    with blas_threads(options.threads, qp.q.size), limits.deadline.listening():
         answer = solve_bounds(qp, NO_GUESS, limits, Memory())
     if answer is None or not answer.ends:
+        limits.deadline.verdict(Status.STALLED)  # raises after Ctrl-C
         return None
     return settled(answer, qp, given, limits)
 
