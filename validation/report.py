@@ -123,8 +123,9 @@ PARTS = {
     "derivatives": part("Derivatives against differences; other packages", 300.0, """
         derivatives.differences {quick} --csv {results}/derivatives.csv
         derivatives.packages {quick} --csv {results}/derivatives-peers.csv
+        derivatives.packages_figure --results {results} --figures {figures}
         derivatives.closest {quick} --csv {results}/closest.csv
-    """),
+    """, "derivatives.svg"),
     "infeasible": part("Infeasible and unbounded QPs", 300.0, """
         peers.infeasible --data {data} --csv {results}/infeasible.csv --go-on
     """, grown="infeasible.csv"),

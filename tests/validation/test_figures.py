@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 import validation
 from validation.applications import large_figures
+from validation.derivatives import packages_figure
 from validation.harness import charts
 from validation.paper import figures as paper_figures
 from validation.paper import stability_figures
@@ -21,6 +22,9 @@ from validation.stress import comparison_figure
 
 RESULTS = Path(validation.__file__).parent / "results"
 FIGURES = {
+    "derivatives": lambda to: packages_figure.plot(
+        RESULTS / "derivatives-peers.csv", to / "a.png"
+    ),
     "front": lambda to: front_figure.plot(RESULTS / "work-precision.csv", to / "a.png"),
     "front, repeated": lambda to: repeated_front.draw(RESULTS, to / "a.png"),
     "latency": lambda to: repeated.draw_latency(RESULTS / "latency.csv", to / "a.png"),

@@ -3,7 +3,8 @@
 ============  ==========================================================================
 cases         differentiable solutions, and families of kinks
 differences   against differences in extended precision; at kinks, one-sided ones
-packages      time and error of backward passes beside proxsuite, qpth, diffcp and dQP
+packages      time and error of backward passes beside proxsuite, qpth, diffcp and dQP,
+              drawn by packages_figure
 closest       the closest point of infeasible QPs beside other solvers, and its cost
 ============  ==========================================================================
 """
