@@ -8,7 +8,7 @@ import namlcp
 from namlcp import Status, solve_qp
 from validation.derivatives import closest
 from validation.harness import qps
-from validation.peers import classes
+from validation.peers import classes, runs
 from validation.problems import osqp_classes
 from validation.problems.osqp_classes import CLASSES, ENTRIES, POINTS, STAGES, generate
 from validation.problems.sequences import condensed, stagewise
@@ -178,3 +178,26 @@ def test_conditions_see_a_point_that_is_not_the_closest():
     shift = np.append(found.shift_h, found.shift_b)
     assert min(closest.distances(problem, shift).values()) <= 1e-8
     assert min(closest.distances(problem, shift + 1e-3).values()) > 1e-5
+
+
+def test_what_was_late_is_not_asked_at_tighter_tolerances():
+    class Child:
+        def run(self, problem_set, name, eps):
+            return {"set": problem_set, "problem": name, "eps": eps, "status": "asked"}
+
+    def row(name, eps, status):
+        return {"set": "s", "solver": "osqp", "problem": name, "eps": eps,
+                "status": status}  # fmt: skip
+
+    rows = [
+        row("a", "1e-06", "timeout"), row("a", "1e-09", "timeout"),
+        row("b", "1e-09", "solved"),
+    ]  # fmt: skip
+    slow = runs.late_ones(rows, "s", "osqp")
+    said = {
+        (name, eps): runs.run_problem(Child(), "s", name, eps, slow)["status"]
+        for name in "ab"
+        for eps in (1e-3, 1e-6, 1e-9)
+    }
+    late = {key for key, status in said.items() if status == "timeout"}
+    assert late == {("a", 1e-6), ("a", 1e-9)}

@@ -285,10 +285,13 @@ def peer_rows(scene: str, sizes: list[int], known: list[Row]) -> Iterator[Row]:
     """
     for solver in machine.installed(PEERS):
         own = tables.chosen(known, scene=scene, solver=solver)
-        if own and own[-1]["status"] != "solved":
-            continue
+        status = {int(row["n"]): row["status"] for row in own}
         with Bench(peer_row, solver, PEER_LIMIT) as child:
-            for n in sizes[len(own) :]:
+            for n in sizes:
+                if status.get(n) == "solved":
+                    continue
+                if n in status:
+                    break
                 answer = child.run(scene, str(n), PEER_EPS)
                 yield {"n": n, **answer, "scene": scene, "method": solver}
                 if answer["status"] != "solved":

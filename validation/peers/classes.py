@@ -57,7 +57,8 @@ def load(_: Path, name: str, size: str) -> Problem:
 def run(args: argparse.Namespace, known: list[Row]) -> Iterator[Row]:
     """Yield the rows that are not `known` yet, every solver in turn."""
     solvers = machine.installed(args.solvers)
-    late = {(row["set"], row["solver"]): row for row in known if row["status"] in LATE}
+    largest_first = sorted(known, key=lambda row: -int(row["problem"]))
+    late = {(r["set"], r["solver"]): r for r in largest_first if r["status"] in LATE}
     work = partial(measure, load=load)
     columns = [*COLUMNS, "variables", "entries"]
     with (
@@ -77,7 +78,7 @@ def run(args: argparse.Namespace, known: list[Row]) -> Iterator[Row]:
                         if file.has(name, size, solver, eps):
                             continue
                         row = late.get((name, solver))
-                        if row is None:
+                        if row is None or int(row["problem"]) > size:
                             row = child.run(name, str(size), eps)
                         if row["status"] in LATE:
                             late[name, solver] = row

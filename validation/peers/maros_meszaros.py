@@ -31,6 +31,7 @@ from validation.harness import (
 from validation.peers.runs import (
     COLUMNS,
     failure_text,
+    late_ones,
     measure,
     read_rows,
     run_problem,
@@ -74,11 +75,8 @@ def run(args: argparse.Namespace) -> None:
         if row["limit"] == args.limit
         or (row["limit"] < args.limit and row["status"] not in LATE)
     }
-    slow: dict[str, dict[str, Row]] = {solver: {} for solver in solvers}
-    for row in known:
-        late = row["status"] in LATE and row["limit"] >= args.limit
-        if late and row["solver"] in slow:
-            slow[row["solver"]][row["problem"]] = row
+    enough = [row for row in known if row["limit"] >= args.limit]
+    slow = {solver: late_ones(enough, "all", solver) for solver in solvers}
     names = args.only or data_sets.set_names(args.data, "all")
     with (
         csv_files.writer(

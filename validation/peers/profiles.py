@@ -36,7 +36,7 @@ from validation.harness import (
     tables,
 )
 from validation.peers.maros_meszaros import SUBSETS, at_limit, by_solver, read_results
-from validation.peers.runs import measure, read_rows, run_problem
+from validation.peers.runs import late_ones, measure, read_rows, run_problem
 from validation.peers.work_precision import DENSE, QUICK_LIMIT, SOLVERS
 from validation.problems import data_sets
 
@@ -71,17 +71,21 @@ def measured(
         names = names_of(args.data, problem_set, args.quick)
         for solver in solvers:
             own = tables.chosen(rows, solver=solver, set=title)
-            have = [row["eps"] for row in own]
-            wanted = [eps for eps in TOLERANCES if have.count(eps) < len(names)]
+            have = {(row["eps"], row["problem"]) for row in own}
+            wanted = [
+                (eps, name)
+                for eps in sorted(TOLERANCES, reverse=True)
+                for name in names
+                if (eps, name) not in have
+            ]
             if not wanted:
                 continue
             work = partial(measure, load=load_dense) if solver in DENSE else measure
             with Bench(work, solver, args.limit, args.data) as child:
-                slow: dict[str, Row] = {}
-                for eps in sorted(wanted, reverse=True):
-                    for name in names:
-                        row = run_problem(child, problem_set, name, eps, slow)
-                        yield row | {"set": title}
+                slow = late_ones(rows, title, solver)
+                for eps, name in wanted:
+                    row = run_problem(child, problem_set, name, eps, slow)
+                    yield row | {"set": title}
 
 
 def stored(args: argparse.Namespace) -> Iterator[Row]:
