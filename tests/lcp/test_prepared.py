@@ -6,6 +6,7 @@ import pytest
 from scipy import sparse
 
 from namlcp import Prepared, Status, solve_lcp
+from namlcp.lcp.lazy import kept
 from namlcp.scenes import disc_pile
 
 
@@ -81,3 +82,32 @@ def test_bounds_may_change_between_solves():
         expected = solve_lcp(A, q, upper=upper)
         result = solve_lcp(matrix, q, upper=upper)
         np.testing.assert_allclose(result.z, expected.z, atol=1e-10)
+
+
+class Circle:
+    def __init__(self, radius):
+        self.radius, self.computed = radius, 0
+
+    @kept
+    def area(self):
+        """The area."""
+        self.computed += 1
+        return 3.0 * self.radius**2
+
+
+def test_a_value_is_computed_when_it_is_first_read_and_kept():
+    circle = Circle(2.0)
+    assert circle.computed == 0
+    assert (circle.area, circle.area, circle.computed) == (12.0, 12.0, 1)
+    assert Circle(1.0).area == 3.0
+
+
+def test_a_value_may_be_given_instead():
+    circle = Circle(2.0)
+    circle.area = 5.0
+    assert (circle.area, circle.computed) == (5.0, 0)
+
+
+def test_the_class_has_the_property_with_its_docstring():
+    assert isinstance(Circle.area, kept)
+    assert Circle.area.__doc__ == "The area."

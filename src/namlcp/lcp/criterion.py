@@ -6,11 +6,11 @@ compiled copy.)
 """
 
 import math
-from functools import cached_property
 
 import numpy as np
 
 from namlcp.lcp.data import LCP
+from namlcp.lcp.lazy import kept
 from namlcp.limits import Limits
 from namlcp.residuals import natural_residuals
 
@@ -38,13 +38,13 @@ class Criterion:
         _, _, lower, upper = self.lcp
         return natural_residuals(z, w, lower, upper, self.root)
 
-    @cached_property
+    @kept
     def size(self) -> float:
         """Res(clip(0)) of the problem scaled to a unit diagonal."""
         z = self.lcp.start()
         return self.residuals(z, self.lcp.w(z) if z.any() else self.lcp.q)[1]
 
-    @cached_property
+    @kept
     def goal(self) -> float:
         """Estimate of the largest Res of the scaled problem that `accepts` accepts."""
         largest = float(self.root.max(initial=1e-300))

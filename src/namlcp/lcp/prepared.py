@@ -1,12 +1,12 @@
 """Data that depend on the matrix of an LCP alone, computed once for any number of q."""
 
-from functools import cached_property
 from typing import Any
 
 import numpy as np
 from scipy import sparse
 
 from namlcp.lcp.data import lcp_matrix
+from namlcp.lcp.lazy import kept
 from namlcp.lcp.multigrid import Hierarchy, build
 from namlcp.lcp.relaxation import dominance_csr
 from namlcp.lcp.scaling import congruent, equilibrating_scale
@@ -72,7 +72,7 @@ class Prepared:
         matrix.A, matrix.symmetric = A, symmetric
         return matrix
 
-    @cached_property
+    @kept
     def symmetric(self) -> bool:
         """Whether A = A' up to rounding."""
         return is_symmetric(self.A)
@@ -91,23 +91,23 @@ class Prepared:
                 self.unsuited = True
         return levels
 
-    @cached_property
+    @kept
     def tridiagonal(self) -> Tridiagonal | None:
         """The rows of a sparse tridiagonal A with a positive diagonal, else None."""
         return None if isinstance(self.A, np.ndarray) else tridiagonal_of(self.A)
 
-    @cached_property
+    @kept
     def diagonal(self) -> np.ndarray:
         """The diagonal of A."""
         return np.asarray(self.A.diagonal())
 
-    @cached_property
+    @kept
     def slopes(self) -> np.ndarray:
         """diag(A), 1 where that is not positive: the scaling, and Omega of s."""
         diagonal = self.diagonal
         return np.where(diagonal > 0.0, diagonal, 1.0)
 
-    @cached_property
+    @kept
     def is_general(self) -> bool:
         """Whether an a_ii <= 0 proves that A is neither P nor semidefinite.
 
@@ -123,12 +123,12 @@ class Prepared:
         falls = np.abs(slope) > DIAGONAL_ROUNDING * size
         return bool((falls & (diagonal == 0.0) | (diagonal < 0.0)).any())
 
-    @cached_property
+    @kept
     def root(self) -> np.ndarray:
         """sqrt(slopes): diag(1/root) A diag(1/root) is A scaled to a unit diagonal."""
         return np.sqrt(self.slopes)
 
-    @cached_property
+    @kept
     def compact(self) -> Any:
         """A in the layout in which its factors take less time: dense or CSR."""
         A, n = self.A, self.A.shape[0]
@@ -146,12 +146,12 @@ class Prepared:
         scaled = congruent(A, equilibrating_scale(A))
         return is_positive_semidefinite(scaled, tolerance)
 
-    @cached_property
+    @kept
     def columns(self) -> Columns:
         """The columns of A for kernels."""
         return columns_of(self.A, self.symmetric)
 
-    @cached_property
+    @kept
     def dominance(self) -> float:
         """Upper bound of rho(|I - D^-1 A|), inf if a diagonal entry is not positive."""
         D = self.diagonal
