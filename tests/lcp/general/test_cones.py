@@ -67,6 +67,16 @@ def test_small_and_large_entries_of_the_diagonal_lose_no_digits():
     assert np.abs(K @ x - r).max() <= 100.0 * np.abs(K @ y - r).max() + 1e-9
 
 
+@pytest.mark.parametrize("value", [0.0, np.inf, np.nan, 1e-320])
+@pytest.mark.parametrize("family", ["pile", "balls"])
+def test_a_path_that_has_diverged_has_no_factors(family, value):
+    M = scaled(family).M
+    D = np.ones(M.shape[0])
+    D[-1] = value
+    D[M.shape[0] // 2] = value
+    assert system_of(M).factors(D) is None
+
+
 def test_contacts_are_found_with_their_directions():
     cones = cones_of(scaled("cubes").M)
     assert cones.b.shape[1] == 8

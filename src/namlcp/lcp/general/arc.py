@@ -44,7 +44,7 @@ SHORTER, LIMITED = 0.3, 0.5
 """After a point was given up: factor of the step from the one before, and largest
 relative change back to the curve in it."""
 
-KEPT, KEPT_ENTRIES = 30, 30_000_000
+KEPT, KEPT_ENTRIES = 30, 10_000_000
 """Points on the stack at most, and entries of their factors: these take about 24 bytes
 each, indices and SuperLU's copies included."""
 

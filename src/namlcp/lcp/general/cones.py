@@ -286,11 +286,14 @@ class Condensed:
         return lu, order
 
     def factors(self, diagonal: np.ndarray) -> ConeFactors | None:
-        """Factor M + diag(diagonal); return None if it is exactly singular."""
-        try:
-            return ConeFactors(self, diagonal)
-        except RuntimeError:  # exactly singular
-            return None
+        """Factor M + diag(diagonal); return None if it is singular or not finite."""
+        with np.errstate(all="ignore"):
+            if not np.isfinite((1.0 / diagonal).sum() + diagonal.sum()):
+                return None
+            try:
+                return ConeFactors(self, diagonal)
+            except (RuntimeError, np.linalg.LinAlgError):  # exactly singular, overflow
+                return None
 
 
 Systems = Condensed | Shifted
