@@ -93,3 +93,9 @@ def test_shapes_are_named():
         Stack(small(P=np.ones(2)), {})
     with pytest.raises(ValueError, match=r"leading axes must broadcast, got those of"):
         Stack(small(q=np.ones((2, 2)), h=np.ones((3, 1))), {})
+
+
+def test_a_change_that_is_not_finite_is_named():
+    stack = Stack([np.eye(1), np.array([[1.0], [2.0]]), *[None] * 6], {})
+    with pytest.raises(ValueError, match=r"dq must be finite, got nan at \(1, 0\)"):
+        stack.forward([None, np.array([[1.0], [np.nan]]), *[None] * 6])

@@ -5,12 +5,14 @@ NumPy's do: P of shape (n, n) belongs to all items, q of shape (10, 1, n) and h 
 (5, m) make 10 x 5 items. Gradients have the shapes of the arguments.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from namlcp.derivatives import QPDerivative, Solved, differentiate_items, product_of
+from namlcp.checks import refuse_number
+from namlcp.derivatives import Found, Solved, differentiate_items, product_of
 from namlcp.qp import QP, Point, available_cores, qp_data, solve_batch, solve_qp
 from namlcp.status import Status
 
@@ -67,7 +69,6 @@ class Stack:
         self.solved = solved.reshape(self.lead)
         self.solution = self.shaped(self.points)
         self.threads = settings.get("threads") or available_cores()
-        self.derivatives: dict[int, QPDerivative] = {}
 
     def flattened(self, parts: Arrays) -> Arrays:
         """Return arguments with one axis of items, or none where they are shared."""
@@ -91,15 +92,6 @@ class Stack:
     def qp(self, i: int) -> QP:
         """Return item i."""
         return qp_data(**arguments(self.of(self.flat, i)))
-
-    def items(self) -> Iterator[tuple[int, QPDerivative]]:
-        """Yield the number and the derivative of each solved item."""
-        for i in np.flatnonzero(self.solved).tolist():
-            if i not in self.derivatives:
-                point = Point(*(v[i] for v in self.points))
-                given = None, None, None
-                self.derivatives[i] = QPDerivative(self.qp(i), given, point)
-            yield i, self.derivatives[i]
 
     def differentiated(self, cotangents: Sequence[Any]) -> Any:
         """Return what `differentiate_items` does for these gradients, one axis each."""
@@ -146,27 +138,51 @@ class Stack:
         """Return the derivatives of x, y, z and z_box along a direction of the data.
 
         `tangents`: the changes of the arguments, shaped as these, None for no change.
-        Items not solved have derivatives 0.
+        Items not solved have derivatives 0. K of `namlcp.derivatives.qp` is symmetric,
+        so that a backward pass solves the forward one's system.
         """
         named = zip(AXES, tangents, strict=True)
-        flat = self.flattened({k: v for k, v in named if v is not None})
-        out = Point(*(np.zeros(v.shape) for v in self.points))
-        for i, derivative in self.items():
-            change = arguments(self.of(flat, i))
-            tangent = derivative.forward(change)
-            for values, name in zip(out, Point._fields, strict=True):
-                values[i] = getattr(tangent, name)
-        return self.shaped(out)
+        changes = {name: np.array(v) for name, v in named if v is not None}
+        for name, change in changes.items():
+            refuse_number(f"d{name}", change, False)
+        d = self.flattened(changes)
+        held, (x, y, z, _) = self.held
+        zero = np.zeros(x.shape)
+
+        def times(name: str, v: np.ndarray, transposed: bool = False) -> Any:
+            """Return the change of a matrix, or its transpose, times v of each item."""
+            if name not in d:
+                return 0.0
+            return np.einsum(
+                f"...{'ji' if transposed else 'ij'},...j->...i", d[name], v
+            )
+
+        r = d.get("q", zero) + 0.5 * (times("P", x) + times("P", x, True))
+        r = r + times("G", z, True) + times("A", y, True)
+        db = d.get("b", 0.0 * y) - times("A", x)
+        dh = d.get("h", 0.0 * z) - times("G", x)
+        at_lower, at_upper = held.side < 0, held.side > 0
+        dx = at_lower * d.get("lb", zero) + at_upper * d.get("ub", zero)
+        pairs = zip((-r, db, dh, dx), self.points, strict=True)
+        right = [np.broadcast_to(v, own.shape) for v, own in pairs]
+        found, _ = self.differentiated(right)
+        return self.shaped(Point(-found.q, found.b, found.h, found.lb + found.ub))
+
+    @cached_property
+    def held(self) -> tuple[Found, Point]:
+        """The constraints held of each item, and the solution with multipliers used."""
+        return self.differentiated((None, None, None, None))
 
     def faces(self) -> tuple[np.ndarray, np.ndarray]:
         """Return which rows of G are held active (1 or 0), and the side of each x_j.
 
         The side is -1 at a lower bound, 1 at an upper one, else 0.
         """
-        found, _ = self.differentiated((None, None, None, None))
-        return tuple(
+        found, _ = self.held
+        held, side = (
             v.reshape(*self.lead, v.shape[1]) for v in (found.held, found.side)
         )
+        return held, side
 
 
 def arguments(parts: Arrays) -> dict[str, Any]:
