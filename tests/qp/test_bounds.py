@@ -5,6 +5,7 @@ import pytest
 from scipy.sparse import block_diag, csc_array, diags_array, random_array
 
 from namlcp import Status, solve_qp
+from namlcp.qp.answer import out_of_time
 
 
 @pytest.mark.parametrize("off", [0.5, 2.0])
@@ -80,8 +81,9 @@ def test_short_way_gives_what_the_general_one_does(n):
 def test_ctrl_c_in_the_short_way_is_not_lost(monkeypatch):
     def pressed(qp, guess, limits, memory):
         limits.deadline.interrupted = True
+        return out_of_time(qp)._replace(status=Status.STALLED)
 
-    monkeypatch.setattr("namlcp.qp.solve.solve_bounds", pressed)
+    monkeypatch.setattr("namlcp.qp.solve.solve_smallest_form", pressed)
     n = 60
     with pytest.raises(KeyboardInterrupt):
         solve_qp(csc_array(diags_array(np.ones(n))), np.ones(n), lb=np.zeros(n))

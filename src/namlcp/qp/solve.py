@@ -16,10 +16,9 @@ from namlcp.linalg import blas_threads
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp.answer import OBJECTIVE, UNDECIDED, Answer, better, out_of_time
-from namlcp.qp.bounds import solve_bounds
 from namlcp.qp.closest import check_weights, solve_or_approach
 from namlcp.qp.dense import solve_dense
-from namlcp.qp.forms import is_box, is_tiny, solve_smallest_form
+from namlcp.qp.forms import is_tiny, solve_smallest_form
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.judge import confirmed, upheld
 from namlcp.qp.memory import Memory
@@ -191,12 +190,10 @@ def solve_box_shortly(
     if qp.h.size + qp.b.size > 0 or options.relaxation:
         return None
     qp = checked(qp)
-    if not is_box(qp):
-        return None
     limits = options.limits(Deadline(start + options.time_limit))
-    with blas_threads(options.threads, qp.q.size), limits.deadline.listening():
-        answer = solve_bounds(qp, NO_GUESS, limits, Memory())
-    if answer is None or not answer.ends:
+    with blas_threads(options.threads, qp.q.size):
+        answer = solve_smallest_form(qp, NO_GUESS, limits, Memory())
+    if not answer.ends:
         limits.deadline.verdict(Status.STALLED)  # raises after Ctrl-C
         return None
     return settled(answer, qp, given, limits)
