@@ -4,10 +4,10 @@
 call, `pasted` one that is inlined into its callers. Machine code is kept in files, or
 comes with the wheel, under a hash of all sources (the stamp): a changed package never
 runs old code. `sources` computes the stamp, `store` reads and writes the files,
-`decorators` chooses compiler and cache, `internals` and `compiler` hold all use of
-numba's private parts, `signatures` reads the list of all kernels (`kernels.txt`),
-`ahead` and `prebuilt` compile them before their first call, `views` makes arrays
-without reference counts, and pointers.
+`decorators` chooses compiler and cache, `internals`, `compiler` and `passes` hold all
+use of numba's private parts, `signatures` reads the list of all kernels
+(`kernels.txt`), `ahead` and `prebuilt` compile them before their first call, `views`
+makes arrays without reference counts, and pointers.
 """
 
 import functools

@@ -14,20 +14,14 @@ Like `internals`, this module was written from the sources of numba 0.59 to 0.68
 
 import contextlib
 import gc
+import operator
 from collections.abc import Callable, Iterator
 from typing import Any
 
 from numba import types
-from numba.core import codegen, compiler, compiler_machinery
+from numba.core import codegen, compiler
 
-UNUSED = frozenset(
-    "WithLifting InlineClosureLikes RewriteSemanticConstants RewriteDynamicRaises "
-    "MakeFunctionToJitFunction FindLiterallyCalls LiteralUnroll "
-    "LiteralPropagationSubPipelinePass InlineOverloads NopythonRewrites "
-    "NoPythonSupportedFeatureValidation AnnotateTypes DumpParforDiagnostics".split()
-)
-"""Names of the passes left out. A function that needs one fails when it is compiled;
-whole-array expressions (NopythonRewrites) are evaluated term by term instead."""
+from namlcp.compiled.passes import Passes
 
 PLAIN = (
     types.Number,
@@ -40,20 +34,7 @@ PLAIN = (
 """Types of arguments for which what an operation returns depends on nothing else."""
 
 RETURNED: dict[str, dict[tuple, Any]] = {}
-"""Signatures of operations, by the compiler's flags, and by operation and arguments."""
-
-
-class Passes(compiler_machinery.PassManager):
-    """The passes of a compilation, which tell nobody that they run.
-
-    numba's own make a text of all types of arguments for that, at each pass.
-    """
-
-    def _runPass(self, index: int, one: Any, state: Any) -> None:
-        one.analysis = self._analysis
-        one.run_initialization(state)
-        one.run_pass(state)
-        one.run_finalizer(state)
+"""Types of operations and attributes, by the compiler's flags, and by what is asked."""
 
 
 class Remembering:
@@ -77,13 +58,30 @@ class Remembering:
         bound = isinstance(function, types.BoundFunction)
         if bound or kws or not all(isinstance(kind, PLAIN) for kind in args):
             return resolve(function, args, kws)
-        call = function, tuple(args)
-        if call not in self.returned:
-            signature = resolve(function, args, kws)
-            if signature is None:
-                return None
-            self.returned[call] = signature
-        return self.returned[call]
+        call = function, *args
+        return self.remembered(call, lambda: resolve(function, args, kws))
+
+    def resolve_getattr(self, kind: Any, name: str) -> Any:
+        """Return the type of an attribute; numba's interface."""
+        resolve = self.context.resolve_getattr
+        if not isinstance(kind, types.Record):
+            return resolve(kind, name)
+        return self.remembered((kind, name), lambda: resolve(kind, name))
+
+    def resolve_setitem(self, target: Any, index: Any, value: Any) -> Any:
+        """Return the signature of an assignment to an entry; numba's interface."""
+        resolve = self.context.resolve_setitem
+        call = operator.setitem, target, index, value
+        return self.remembered(call, lambda: resolve(target, index, value))
+
+    def remembered(self, question: tuple, find: Callable[[], Any]) -> Any:
+        """Return what `find` returns the first time that it is not None."""
+        answer = self.returned.get(question)
+        if answer is None:
+            answer = find()
+            if answer is not None:
+                self.returned[question] = answer
+        return answer
 
 
 class KernelLibrary(codegen.JITCodeLibrary):
@@ -137,9 +135,7 @@ class KernelCompiler(compiler.Compiler):
         if self.state.flags.auto_parallel.enabled:
             return pipelines
         for passes in pipelines:
-            passes.__class__ = Passes
-            kept = (pair for pair in passes.passes if pair[0].__name__ not in UNUSED)
-            passes.passes = list(dict(kept).items())  # each once
+            Passes.take(passes)
         return pipelines
 
     def compile_extra(self, function: Callable[..., Any]) -> Any:
