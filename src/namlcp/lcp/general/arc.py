@@ -36,7 +36,7 @@ FIRST_STEP, LEAST_STEP, MOST_STEP = 0.9, 0.02, 0.98
 """Largest relative change of a gap or multiplier in a step along the curve: in the
 first step; where an earlier point of the stack is taken instead; in any step."""
 
-NEAR, FAR, OFF, OFF_AGAIN = 0.1, 0.4, 1.0, 0.7
+NEAR, FAR, OFF, OFF_AGAIN = 0.05, 0.2, 1.0, 0.7
 """Relative changes back to the curve: below NEAR steps grow, above FAR they shrink;
 above OFF the point is given up, above OFF_AGAIN if the last one was."""
 
