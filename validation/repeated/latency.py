@@ -52,6 +52,8 @@ def problems(n: int) -> list[Problem]:
 def called(problem: Problem, solver: str, eps: float, limit: float) -> Solution:
     """Return the answer to one call."""
     settings = qp_solvers.settings(solver.split()[0], eps, limit)
+    if solver == "moreau":  # which qpsolvers does not know
+        return qp_solvers.solve(problem, solver, **settings)
     if solver != "nam by calls":
         return qpsolvers.solve_problem(problem, solver=solver, **settings)
     r = namlcp.solve_qp(
