@@ -212,3 +212,17 @@ def test_a_linear_program_moves_with_its_vertex(kind):
     tangent = result.forward(dh=[1.0, 0.0])
     assert np.allclose(tangent.x, np.linalg.solve(G, [1.0, 0.0]))
     assert (tangent.weak, tangent.singular) == (0, False)
+
+
+def test_gradients_show_themselves_without_the_matrices():
+    qp = namlcp.solve_qp(np.eye(1), np.array([-2.0]), ub=np.ones(1))
+    assert repr(qp.backward(dx=np.ones(1))) == (
+        "QPGradients(q=array([0.]), h=array([], dtype=float64), "
+        "b=array([], dtype=float64), lb=array([0.]), ub=array([1.]), weak=0, "
+        "singular=False)"
+    )
+    lcp = namlcp.solve_lcp(np.eye(1), np.array([-2.0]))
+    assert repr(lcp.backward(dz=np.ones(1))) == (
+        "LCPGradients(q=array([-1.]), lower=array([0.]), upper=array([0.]), weak=0, "
+        "singular=False)"
+    )

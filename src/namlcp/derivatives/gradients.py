@@ -146,6 +146,10 @@ class QPGradients:
         self.matrix = matrix
         self.weak, self.singular = weak, singular
 
+    def __repr__(self) -> str:
+        """Return all but the gradients in matrices, which may be large."""
+        return shown(self, "q h b lb ub weak singular")
+
     @cached_property
     def P(self) -> Any:
         """The gradient in P."""
@@ -227,8 +231,18 @@ class LCPGradients:
         self.matrix = matrix
         self.weak, self.singular = weak, singular
 
+    def __repr__(self) -> str:
+        """Return all but the gradient in A, which may be large."""
+        return shown(self, "q lower upper weak singular")
+
     @cached_property
     def A(self) -> Any:
         """The gradient in A."""
         product, pattern = self.matrix
         return product.on(pattern)
+
+
+def shown(gradients: QPGradients | LCPGradients, names: str) -> str:
+    """Return the class and these attributes, as a dataclass prints them."""
+    parts = (f"{name}={getattr(gradients, name)!r}" for name in names.split())
+    return f"{type(gradients).__name__}({', '.join(parts)})"
