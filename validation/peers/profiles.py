@@ -36,7 +36,13 @@ from validation.harness import (
     tables,
 )
 from validation.peers.maros_meszaros import SUBSETS, at_limit, by_solver, read_results
-from validation.peers.runs import late_ones, measure, read_rows, run_problem
+from validation.peers.runs import (
+    late_ones,
+    loosest_first,
+    measure,
+    read_rows,
+    run_problem,
+)
 from validation.peers.work_precision import DENSE, QUICK_LIMIT, SOLVERS
 from validation.problems import data_sets
 
@@ -74,8 +80,7 @@ def measured(
             have = {(row["eps"], row["problem"]) for row in own}
             wanted = [
                 (eps, name)
-                for eps in sorted(TOLERANCES, reverse=True)
-                for name in names
+                for eps, name in loosest_first(TOLERANCES, names)
                 if (eps, name) not in have
             ]
             if not wanted:

@@ -1,7 +1,8 @@
 """Runs of QP solvers over sets of problems: rows, one a solve, and tables of them."""
 
 import argparse
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -78,6 +79,16 @@ def run_problem(
     return row
 
 
+def loosest_first(
+    tolerances: Iterable[float], names: Iterable[str]
+) -> Iterator[tuple[float, str]]:
+    """Return (eps, name) for all names at the loosest tolerance, then at the next.
+
+    What runs into the time limit is then known before it is asked more exactly.
+    """
+    return product(sorted(tolerances, reverse=True), names)
+
+
 def run_all(
     names: dict[str, list[str]],
     solvers: Iterable[str],
@@ -95,8 +106,7 @@ def run_all(
             for solver in solvers:
                 wanted = [
                     (eps, name)
-                    for eps in sorted(args.eps, reverse=True)
-                    for name in own
+                    for eps, name in loosest_first(args.eps, own)
                     if not file.has(problem_set, name, solver, eps)
                 ]
                 if not wanted:

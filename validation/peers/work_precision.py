@@ -51,7 +51,7 @@ from validation.harness import (
     timing,
 )
 from validation.peers.references import distance, reference
-from validation.peers.runs import run_problem
+from validation.peers.runs import loosest_first, run_problem
 from validation.problems import families
 
 SOLVERS = "nam piqp proxqp daqp quadprog clarabel osqp scs highs moreau qtqp".split()
@@ -199,8 +199,7 @@ def family_rows(
         for problem in family.quick if args.quick else family.makers:
             wanted = [
                 (eps, solver)
-                for eps in sorted(args.eps, reverse=True)
-                for solver in asked
+                for eps, solver in loosest_first(args.eps, asked)
                 if not file.has(name, problem, solver, eps)
             ]
             if not wanted:
