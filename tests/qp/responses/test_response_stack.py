@@ -37,33 +37,31 @@ def test_items_get_the_answer_of_a_fresh_solve(names):
     if names in (("q", "A"), ("lb",)):  # feasible whatever the rest
         wide = np.full(12, 50.0)
         shared = shared._replace(h=wide, lb=shared.lb - 50.0, ub=shared.ub + 50.0)
-    stack = Stack(shared, stacked, size)
-    stack.solve(0, 11, OPTIONS)
-    stack.solve(11, size, OPTIONS)
-    solved = stack.is_solved()
-    assert solved.sum() >= size // 2
-    other = Stack(shared, stacked, size)  # bit by bit, however it is split
-    for i in range(size - 1, -1, -1):
-        other.solve(i, i + 1, OPTIONS)
-    np.testing.assert_array_equal(other.out[solved], stack.out[solved])
-    for i in np.flatnonzero(solved):
+    stack = Stack(shared, stacked)
+    found = stack.solve(0, size, OPTIONS)
+    assert found.solved.sum() >= size // 2
+    for start, end in ((0, 11), (11, size), *((i, i + 1) for i in range(size))):
+        for part, whole in zip(stack.solve(start, end, OPTIONS), found, strict=True):
+            rows = found.solved[start:end]
+            np.testing.assert_array_equal(part[rows], whole[start:end][rows])
+    for i in np.flatnonzero(found.solved):
         qp = item(shared, stacked, i)
         kept = DenseResponses.of(qp)
         answer = solve(kept, qp, OPTIONS.limits())
-        point = stack.x[i], stack.y[i], stack.z[i], stack.z_box[i]
+        point = found.x[i], found.y[i], found.z[i], found.z_box[i]
         for mine, fresh in zip(point, answer.point, strict=True):
             np.testing.assert_allclose(mine, fresh, atol=1e-11)
-        assert answer.iterations == stack.pivots[i]
+        assert answer.iterations == found.pivots[i]
         residuals = qp_residuals(*qp, *point)
-        np.testing.assert_allclose(stack.numbers[i], residuals, atol=1e-9)
+        np.testing.assert_allclose(found.numbers[i], residuals, atol=1e-9)
 
 
 def test_a_bad_item_harms_no_other():
     size = 9
     arrays = items_of(np.random.default_rng(1), size, 5, 7, 1)
-    good = Stack(QP(*(a[0] for a in arrays)), arrays._asdict(), size)
-    good.solve(0, size, OPTIONS)
-    assert good.is_solved().all()
+    first = QP(*(a[0] for a in arrays))
+    good = Stack(first, arrays._asdict()).solve(0, size, OPTIONS)
+    assert good.solved.all()
     spoiled = arrays._replace(**{k: v.copy() for k, v in arrays._asdict().items()})
     spoiled.P[1] = np.nan
     spoiled.q[2, 0] = np.inf
@@ -71,9 +69,8 @@ def test_a_bad_item_harms_no_other():
     spoiled.P[4, 0, 1] += 1.0
     spoiled.lb[5] = spoiled.ub[5] + 1.0
     spoiled.G[6] = np.inf
-    bad = Stack(QP(*(a[0] for a in spoiled)), spoiled._asdict(), size)
-    bad.solve(0, size, OPTIONS)
-    np.testing.assert_array_equal(np.flatnonzero(bad.is_solved()), [0, 7, 8])
+    bad = Stack(first, spoiled._asdict()).solve(0, size, OPTIONS)
+    np.testing.assert_array_equal(np.flatnonzero(bad.solved), [0, 7, 8])
     for i in (0, 7, 8):
         np.testing.assert_array_equal(bad.x[i], good.x[i])
 

@@ -36,7 +36,7 @@ solves nothing before `suggest`.
 """
 
 from namlcp.qp.responses.active import DONE
-from namlcp.qp.responses.batch import Stack
+from namlcp.qp.responses.batch import Solutions, Stack
 from namlcp.qp.responses.dense import set_products
 from namlcp.qp.responses.faces import Faces
 from namlcp.qp.responses.judgement import ROUNDING, measure_result, parts_of_result

@@ -5,6 +5,7 @@ thread: it starts without active rows, and responses depend on the matrices alon
 """
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,15 +20,27 @@ from namlcp.qp.responses.solve import MOST_ORDER, NO_NUMBERS, DenseResponses
 MOST_WORK = 1e8
 
 
-class Stack:
-    """Items of a batch, and room for their results.
+class Solutions(NamedTuple):
+    """What `run` has found for some items of a stack: one row of each array an item.
 
-    ``x``, ``y``, ``z``, ``z_box``, ``numbers`` (those of `Residuals`) and ``pivots``
-    have one row for each item; they hold a solution where `is_solved`.
+    `numbers` are those of `Residuals`. An item that is not `solved` is left to other
+    methods, and its rows mean nothing.
     """
 
-    def __init__(self, shared: QP, stacked: Mapping[str, np.ndarray], size: int):
-        """Take `size` items: clean arrays, those in `stacked` instead of the shared.
+    solved: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    z_box: np.ndarray
+    numbers: np.ndarray
+    pivots: np.ndarray
+
+
+class Stack:
+    """Items of a batch; several threads may solve some of them each."""
+
+    def __init__(self, shared: QP, stacked: Mapping[str, np.ndarray]):
+        """Take clean arrays, those in `stacked` instead of the shared.
 
         The former have one more axis, in front. Numbers are checked by the solve.
         """
@@ -38,13 +51,9 @@ class Stack:
             for name in "PGA"
         )
         n, m, p = (M.shape[0] for M in self.first)
-        self.out = np.empty((size, 2 * n + m + p + NUMBERS))
-        self.ended = np.empty((size, 2), dtype=np.int64)
-        ends = np.cumsum((n, p, m, n))
-        self.x, self.y, self.z, self.z_box, self.numbers = np.hsplit(self.out, ends)
-        self.pivots = self.ended[:, 1]
+        self.ends = np.cumsum((n, p, m, n))  # of x, y, z and z_box in a row of `out`
         work = 4.0 * (n + m) * n * (2 * n + m + p)  # as many pivots as rows
-        self.length = max(int(MOST_WORK / work), 1)
+        self.most_items = max(int(MOST_WORK / work), 1)  # of one call
 
     @staticmethod
     def takes(shared: QP) -> bool:
@@ -54,26 +63,27 @@ class Stack:
             and sum(v.size for v in (shared.q, shared.h, shared.b)) <= MOST_ORDER
         )
 
-    def solve(self, start: int, end: int, options: Options) -> None:
+    def solve(self, start: int, end: int, options: Options) -> Solutions:
         """Solve items start to end - 1, in work space of their own."""
+        out = np.empty((end - start, self.ends[-1] + NUMBERS))
+        ended = np.empty((end - start, 2), dtype=np.int64)
         space = DenseResponses(*self.first)
-        space.now.is_single = True
-        now, arrays = space.now, {**self.arrays, "out": self.out}
-        for name, array in arrays.items():
-            is_stacked = name in self.stacked or name == "out"
-            step = array.strides[0] if is_stacked else 0
+        now = space.now
+        now.is_single = True
+        for name, array in self.arrays.items():
+            step = array.strides[0] if name in self.stacked else 0
             setattr(now, f"{name}_step", step)
             setattr(now, name, address_of(array) + start * step)
-        now.codes = address_of(self.ended) + start * self.ended.strides[0]
+        now.out, now.out_step = address_of(out), out.strides[0]
+        now.codes = address_of(ended)
         space.limit(options.limits())
-        while start < end:
-            now.items_left = min(end - start, self.length)
-            start += now.items_left
-            run(space.address, NO_NUMBERS, self.out.ravel(), 0)
-
-    def is_solved(self) -> np.ndarray:
-        """Tell which items are solved; all others are left to other methods."""
-        return self.ended[:, 0] == DONE
+        for first in range(start, end, self.most_items):
+            now.items_left = min(end - first, self.most_items)
+            run(space.address, NO_NUMBERS, NO_NUMBERS, 0)
+        x, y, z, z_box, numbers = np.hsplit(out, self.ends)
+        return Solutions(
+            ended[:, 0] == DONE, x, y, z, z_box, numbers, pivots=ended[:, 1]
+        )
 
 
 def address_of(array: np.ndarray) -> int:

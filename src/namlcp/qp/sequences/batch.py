@@ -7,10 +7,10 @@ answer does not depend on the others, nor on the number of threads.
 import os
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field, replace
 from functools import partial
-from threading import Event
+from threading import Event, Lock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -22,10 +22,10 @@ from namlcp.qp.closest import ClosestPoint
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import make_guess
 from namlcp.qp.problem import QP, qp_data
-from namlcp.qp.responses import Stack
+from namlcp.qp.responses import Solutions, Stack
 from namlcp.qp.sequences.solver import memory_of
 from namlcp.qp.solve import solve_checked
-from namlcp.residuals import Residuals
+from namlcp.residuals import UNDEFINED, Residuals
 from namlcp.result import QPResult
 from namlcp.status import Status
 from namlcp.unfolding import Differentiable
@@ -37,6 +37,9 @@ STATUSES = tuple(Status)
 MATRICES = ("P", "G", "A")
 # Chunks of items for each thread: enough that all threads end at about the same time.
 CHUNKS = 8
+# Items of a chunk at most, so that their results are written where all of them are to
+# be while they are still in the cache of the core.
+MOST_ITEMS = 1000
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -183,36 +186,40 @@ class BatchResult(Differentiable):
         if result.closest is not None:
             self.closest[i] = result.closest
 
-    def put_all(self, which: np.ndarray, stack: Stack) -> None:
-        """Write the results of those items of a stack that are solved."""
-        self.codes[which] = STATUSES.index(Status.SOLVED)
-        for name in ("x", "y", "z", "z_box"):
-            getattr(self, name)[which] = getattr(stack, name)[which]
-        numbers = stack.numbers[which]
-        self.residuals[which] = numbers.view(self.residuals.dtype)[:, 0]
-        self.obj[which], self.iterations[which] = numbers[:, -1], stack.pivots[which]
-        self.form[which] = "dual"
+    def put_all(self, start: int, found: Solutions) -> None:
+        """Write results of the items from `start` on, all as if they were solved."""
+        rows = slice(start, start + len(found.solved))
+        self.codes[rows] = STATUSES.index(Status.SOLVED)
+        self.x[rows], self.y[rows] = found.x, found.y
+        self.z[rows], self.z_box[rows] = found.z, found.z_box
+        numbers = np.ascontiguousarray(found.numbers)
+        self.residuals[rows] = numbers.view(self.residuals.dtype)[:, 0]
+        self.obj[rows], self.iterations[rows] = found.numbers[:, -1], found.pivots
+        self.form[rows] = "dual"
 
     def refuse(self, i: int, error: Exception) -> None:
-        """Write that item i could not be solved; its arrays are NaN already."""
+        """Write that item i could not be solved."""
         self.codes[i] = STATUSES.index(Status.INVALID)
+        for array in (self.x, self.y, self.z, self.z_box, self.obj):
+            array[i] = np.nan
+        self.residuals[i], self.iterations[i], self.form[i] = UNDEFINED, 0, ""
         self.messages[i] = str(error) or repr(error)
 
 
 def empty_result(size: int, qp: QP) -> BatchResult:
-    """Return a result for `size` items with the sizes of `qp`, all NaN."""
+    """Return a result for `size` items with the sizes of `qp`, still to be written."""
     n, p, m = qp.q.size, qp.b.size, qp.h.size
-    x, y, z, z_box = (np.full((size, k), np.nan) for k in (n, p, m, n))
+    x, y, z, z_box = (np.empty((size, k)) for k in (n, p, m, n))
     return BatchResult(
-        codes=np.zeros(size, np.int8),
+        codes=np.empty(size, np.int8),
         x=x,
         y=y,
         z=z,
         z_box=z_box,
-        obj=np.full(size, np.nan),
-        residuals=np.full(size, np.nan, [(k, float) for k in Residuals._fields]),
-        iterations=np.zeros(size, np.int64),
-        form=np.zeros(size, "U12"),
+        obj=np.empty(size),
+        residuals=np.empty(size, [(k, float) for k in Residuals._fields]),
+        iterations=np.empty(size, np.int64),
+        form=np.empty(size, "U12"),
         messages={},
         closest={},
     )
@@ -373,18 +380,19 @@ def solve_stack(
     """Solve small dense items by few compiled calls; return the items that are left."""
     if not Stack.takes(items.shared):
         return np.arange(items.size)
-    stack = Stack(items.shared, items.stacked, items.size)
-    length = -(-items.size // (CHUNKS * threads))
+    stack = Stack(items.shared, items.stacked)
+    is_left = np.empty(items.size, bool)
+    length = min(-(-items.size // (CHUNKS * threads)), MOST_ITEMS)
     starts = range(0, items.size, length or 1)
 
     def solve_chunk(k: int) -> None:
-        start = starts[k]
-        stack.solve(start, min(start + length, items.size), options)
+        start, end = starts[k], min(starts[k] + length, items.size)
+        found = stack.solve(start, end, options)
+        batch.put_all(start, found)
+        is_left[start:end] = ~found.solved
 
     on_threads(solve_chunk, len(starts), threads)
-    solved = stack.is_solved()
-    batch.put_all(solved, stack)
-    return np.flatnonzero(~solved)
+    return np.flatnonzero(is_left)
 
 
 def on_threads(work: Callable[[int], None], size: int, threads: int) -> None:
@@ -393,19 +401,21 @@ def on_threads(work: Callable[[int], None], size: int, threads: int) -> None:
         for i in range(size):
             work(i)
         return
-    stop = Event()
-    length = -(-size // (CHUNKS * threads))
+    left, lock, stop = iter(range(size)), Lock(), Event()
 
-    def work_on(first: int) -> None:
-        for i in range(first, min(first + length, size)):
-            if stop.is_set():
-                return
+    def taken() -> int | None:
+        with lock:
+            return next(left, None)
+
+    def work_on() -> None:
+        while not stop.is_set() and (i := taken()) is not None:
             work(i)
 
     with ThreadPoolExecutor(threads) as pool:
+        tasks = [pool.submit(work_on) for _ in range(min(threads, size))]
         try:
-            for _ in pool.map(work_on, range(0, size, length or 1)):
-                pass
+            for task in as_completed(tasks):
+                task.result()
         except BaseException:
             stop.set()
             raise
