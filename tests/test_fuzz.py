@@ -21,10 +21,12 @@ from validation.stress import campaign
 from validation.stress import campaign_answers as answers
 from validation.stress.campaign_judge import (
     Answer,
+    farkas_faults,
     judge_lcp,
     judge_qp,
     lcp_faults,
     qp_faults,
+    ray_faults,
 )
 
 INF = np.inf
@@ -169,6 +171,24 @@ def test_the_judge_sees_every_fault():
     assert lcp_faults(lcp, one, 1e-9) == ""
     assert "residual" in lcp_faults(lcp, one + 1e-8, 1e-9)
     assert lcp_faults(lcp, -one, 1e-9) == "outside of the box"
+
+
+def test_the_judge_sees_false_proofs_and_allows_rounding():
+    """Rows of 1e9 that cancel: rounding is eps times 1e9, and 1e-6 is no rounding."""
+    none, no_row = np.zeros(0), np.zeros((0, 1))
+    sizes = np.array([1e9, -1e9])
+    free = np.full(1, INF)
+    qp = QP(np.zeros((1, 1)), -np.ones(1), no_row, none,
+            sizes[:, None], np.array([-1.0, 0.0]), -free, free)  # fmt: skip
+    for error, fault in ((0.0, False), (1e-15, False), (1e-13, True)):
+        y = np.array([1.0, 1.0 + error])
+        assert ("residual" in farkas_faults(qp, y, none, np.zeros(1))) == fault
+    assert "value" in farkas_faults(qp, 2.0 * np.ones(2), none, np.zeros(1))
+    flat = np.zeros((2, 2))
+    for error, fault in ((0.0, False), (1e-15, False), (1e-13, True)):
+        ray = QP(flat, np.array([-1.0, 0.0]), np.zeros((0, 2)), none, sizes[None, :],
+                 np.zeros(1), -np.full(2, INF), np.full(2, INF))  # fmt: skip
+        assert ("residual" in ray_faults(ray, np.array([1.0, 1.0 + error]))) == fault
 
 
 @pytest.mark.parametrize(

@@ -151,7 +151,7 @@ def test_contradictions_are_proved(name):
 @pytest.mark.parametrize(
     ("sides", "place"),
     [
-        ({"lb": [0, 1], "ub": [1, 0]}, r"x\[1\].*lb = 1, ub = 0"),
+        ({"lb": [0, 1], "ub": [1, 0]}, r"x\[1\].*lb = 1.0, ub = 0.0"),
         ({"lb": [0, np.inf]}, r"x\[1\].*lb = inf"),
         ({"ub": [-np.inf, 0]}, r"x\[0\].*ub = -inf"),
         ({"G": [[1, 1]], "h": [-np.inf]}, r"row 0 of G has h = -inf"),

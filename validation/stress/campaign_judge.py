@@ -19,7 +19,7 @@ from validation.harness import judging
 
 largest = judging.largest
 ROUNDING = 1e-14  # of the terms of a residual, which the judge adds up in another order
-PROOF = 1.01e-8  # relative residual of a certificate
+PROOF = 1.01e-8  # residual of a certificate over its largest entry, without rounding
 SLOPE = 1e-12  # of an LCP's ray, relative to its terms
 
 
@@ -99,8 +99,8 @@ def qp_faults(
 def farkas_faults(qp: Any, y: np.ndarray, z: np.ndarray, z_box: np.ndarray) -> str:
     """Return what is wrong with a proof of infeasibility, "" if it holds.
 
-    b'y + h'z + lb'z_box^- + ub'z_box^+ = -1, z >= 0, A'y + G'z + z_box = 0. It may be
-    NaN where one side alone is a contradiction.
+    b'y + h'z + lb'z_box^- + ub'z_box^+ = -1, z >= 0, A'y + G'z + z_box = 0 up to PROOF
+    and the rounding of the sum. It may be NaN where one side alone is a contradiction.
     """
     _, _, G, h, A, b, lb, ub = qp
     if np.isnan(np.concatenate((y, z, z_box))).any():
@@ -114,16 +114,18 @@ def farkas_faults(qp: Any, y: np.ndarray, z: np.ndarray, z_box: np.ndarray) -> s
     value, rounding = float(summands.sum()), ROUNDING * float(np.abs(summands).sum())
     if not abs(value + 1.0) <= 1e-6 + rounding or rounding > 0.01:
         return f"proof: value {value} of terms {largest(summands):.1e}"
-    residual = largest(A.T @ y + G.T @ z + z_box)
-    if residual > PROOF * largest(y, z, z_box):
-        return f"proof: residual {residual / largest(y, z, z_box):.1e}"
+    sums, most = np.abs(A.T @ y + G.T @ z + z_box), largest(y, z, z_box)
+    terms = np.abs(A.T) @ np.abs(y) + np.abs(G.T) @ z + np.abs(z_box)
+    if (sums > PROOF * most + ROUNDING * terms).any():
+        return f"proof: residual {largest(sums) / most:.1e}"
     return ""
 
 
 def ray_faults(qp: Any, d: np.ndarray) -> str:
     """Return what is wrong with a proof of unboundedness, "" if it holds.
 
-    q'd = -1, P d = 0, A d = 0, G d <= 0, d in the recession cone of the bounds.
+    q'd = -1, P d = 0, A d = 0, G d <= 0 up to PROOF and the rounding of the sums, d in
+    the recession cone of the bounds.
     """
     P, q, G, h, A, _, lb, ub = qp
     if not np.isfinite(d).all():
@@ -132,10 +134,11 @@ def ray_faults(qp: Any, d: np.ndarray) -> str:
         return f"ray: slope {q @ d}"
     if (d[np.isfinite(lb)] < 0.0).any() or (d[np.isfinite(ub)] > 0.0).any():
         return "ray: into a bound"
-    rise = np.maximum((G @ d)[np.isfinite(h)], 0.0)
-    residual = largest(P @ d, A @ d, rise)
-    if residual > PROOF * largest(d):
-        return f"ray: residual {residual / largest(d):.1e}"
+    Gd, row = G @ d, np.isfinite(h)
+    sums = np.concatenate((np.abs(P @ d), np.abs(A @ d), np.maximum(Gd[row], 0.0)))
+    terms = np.concatenate([np.abs(M) @ np.abs(d) for M in (P, A, G[row])])
+    if (sums > PROOF * largest(d) + ROUNDING * terms).any():
+        return f"ray: residual {largest(sums) / largest(d):.1e}"
     return ""
 
 

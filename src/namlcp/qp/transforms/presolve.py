@@ -238,7 +238,7 @@ def contradictory_sides(qp: QP, eps_abs: float, eps_rel: float) -> list[Contradi
         size = np.maximum(np.abs(qp.lb), np.abs(qp.ub))
         gap = qp.lb - qp.ub > 2.0 * (eps_abs + eps_rel * np.minimum(size, 1e300))
     for j in np.flatnonzero(gap | (qp.lb == np.inf) | (qp.ub == -np.inf))[:1]:
-        sides = f"lb = {qp.lb[j]:g}, ub = {qp.ub[j]:g}"
+        sides = f"lb = {float(qp.lb[j])}, ub = {float(qp.ub[j])}"
         return [Contradiction(f"bounds of x[{j}] contradict each other: {sides}")]
     for i in np.flatnonzero(qp.h == -np.inf)[:1]:
         return [Contradiction(f"row {i} of G has h = -inf")]
