@@ -63,6 +63,12 @@ def test_an_exception_is_the_result_of_its_problem():
     assert str(found[4]) == "q must be finite, got nan at (0)"
 
 
+@pytest.mark.parametrize("problems", [3, {"P": np.eye(1), "q": np.ones(1)}])
+def test_one_problem_is_no_list_of_problems(problems):
+    with pytest.raises(TypeError, match="problems must be an iterable"):
+        solve_many(problems, n_jobs=1, progress=False)
+
+
 def test_lcps():
     A, q = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([-5.0, -6.0])
     lcps = [(A, q), {"A": A, "q": q, "upper": 1.0}]

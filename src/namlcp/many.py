@@ -51,6 +51,8 @@ def solve_many(
 
     Raises
     ------
+    TypeError
+        `problems` is no iterable, or one problem as a dict.
     ImportError
         joblib is missing, or tqdm for the bar.
 
@@ -71,6 +73,8 @@ def solve_many(
     """
     joblib = needed("joblib")
     bar = needed("tqdm").tqdm if progress else lambda results, **_: results
+    if not isinstance(problems, Iterable) or isinstance(problems, Mapping):
+        raise TypeError(f"problems must be an iterable of problems, got {problems!r}")
     problems = list(problems)
     tasks = [joblib.delayed(solved)(solve, one, settings) for one in problems]
     found: list[Any] = []

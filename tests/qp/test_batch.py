@@ -54,6 +54,9 @@ def test_items_that_differ_in_all(mixed):
     assert batch.statuses[11] is Status.DUAL_INFEASIBLE
     assert batch.solved.sum() == 18
     assert batch[-1].x.tolist() == batch.x[19].tolist()
+    for number in (20, -21):
+        with pytest.raises(IndexError, match=f"20 items, got item {number}"):
+            batch[number]
 
 
 @pytest.mark.parametrize("store", [np.array, sparse.csr_array], ids=["dense", "sparse"])

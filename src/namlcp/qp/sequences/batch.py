@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass, field, replace
 from functools import partial
+from operator import index
 from threading import Event, Lock
 from typing import TYPE_CHECKING, Any
 
@@ -155,6 +156,8 @@ class BatchResult(Differentiable):
 
     def __getitem__(self, i: int) -> QPResult:
         """Return the result of one item; its times are not measured."""
+        if not -len(self) <= index(i) < len(self):
+            raise IndexError(f"the batch has {len(self)} items, got item {i}")
         number = range(len(self))[i]
         return QPResult(
             status=STATUSES[self.codes[i]],
