@@ -12,6 +12,7 @@ import numpy as np
 from namlcp.lcp.data import LCP
 from namlcp.lcp.lazy import kept
 from namlcp.limits import Limits
+from namlcp.linalg import LEAST_DIVISOR
 from namlcp.residuals import natural_residuals
 
 W_ROUNDING = 1e-15
@@ -47,7 +48,7 @@ class Criterion:
     @kept
     def goal(self) -> float:
         """Estimate of the largest Res of the scaled problem that `accepts` accepts."""
-        largest = float(self.root.max(initial=1e-300))
+        largest = float(self.root.max(initial=LEAST_DIVISOR))
         return max(self.limits.eps_rel * self.size, self.limits.eps_abs / largest)
 
     def accepts(self, z: np.ndarray, w: np.ndarray) -> bool:

@@ -5,6 +5,7 @@ indices, data; where a dense form goes with them it stands first.
 """
 
 from namlcp.linalg.columns import (
+    LEAST_DIVISOR,
     SMALL_ORDER,
     Columns,
     add_product,

@@ -15,6 +15,9 @@ from namlcp.compiled import part
 SMALL_ORDER = 24
 """Largest order of a sparse matrix that is always stored as a dense one."""
 
+LEAST_DIVISOR = 1e-300
+"""What a divisor >= 0 is raised to if it is smaller, so that 0 over it is 0."""
+
 
 class Columns(NamedTuple):
     """Columns of A: row j of `dense` (n, n), or of the compressed arrays, is column j.

@@ -8,6 +8,7 @@ from scipy.sparse import csc_array, eye_array, issparse, triu
 
 from namlcp.checks import from_arrays
 from namlcp.compiled import kernel
+from namlcp.linalg.columns import LEAST_DIVISOR
 from namlcp.linalg.csc import as_dense
 from namlcp.linalg.factors import SparseFactors, factor_triangle
 from namlcp.linalg.symmetry import asymmetry
@@ -122,7 +123,7 @@ def unit_triangle(indptr, indices, data, work, number, up, ui, ux):
                 order += 1
     tiny = ZERO * size
     for j in range(n):
-        root[j] = np.sqrt(max(diagonal[j], 0.0) + max(tiny, 1e-300))
+        root[j] = np.sqrt(max(diagonal[j], 0.0) + max(tiny, LEAST_DIVISOR))
     sign = 1
     nnz = 0
     up[0] = 0

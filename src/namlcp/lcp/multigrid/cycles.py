@@ -37,6 +37,7 @@ from namlcp.lcp.multigrid.krylov import bicgstab, conjugate_gradients
 from namlcp.lcp.multigrid.vcycle import VCycle
 from namlcp.lcp.relaxation import relax_back, relax_csr
 from namlcp.limits import Deadline, Limits
+from namlcp.linalg import LEAST_DIVISOR
 from namlcp.residuals import natural_residuals
 from namlcp.status import Status
 
@@ -58,9 +59,6 @@ FACE_GOAL = 0.3
 NESTED_GOAL, NESTED_CYCLES = 1e-3, 3
 """For the nested start, on each coarse level: Res wanted relative to Res(clip(0)), and
 cycles at most."""
-
-SMALLEST = 1e-300
-"""Replaces a residual of 0 in a denominator."""
 
 WARM_RESIDUAL, WARM_CYCLES = 1e-2, 5
 """z0 is used if Res(z0) <= WARM_RESIDUAL Res(clip(0)); after WARM_CYCLES cycles without
@@ -141,7 +139,7 @@ class Iterate:
             self.cycle.follow_face(self.k)
         self.settled = self.begun and not changed
         self.begun = True
-        floor = FACE_GOAL * goal * (self.here / max(self.residual, SMALLEST))
+        floor = FACE_GOAL * goal * (self.here / max(self.residual, LEAST_DIVISOR))
         r = np.where(dinv != 0.0, -w, 0.0)
         x.fill(0.0)
         size, steps = float(np.linalg.norm(r)), SETTLED_FACE_STEPS

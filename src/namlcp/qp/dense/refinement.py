@@ -4,6 +4,7 @@ import numpy as np
 
 from namlcp.compiled import floats, longs, part
 from namlcp.linalg import (
+    LEAST_DIVISOR,
     add_rmatvec,
     add_scaled,
     backward_solve,
@@ -15,9 +16,6 @@ from namlcp.linalg import (
 )
 from namlcp.qp.dense.rows import right_side, set_row, spread_multipliers
 from namlcp.qp.dense.thinqr import triangular_solve, triangular_solve_transposed
-
-# Divisors that may be 0 are replaced by this.
-LEAST_DIVISOR = 1e-300
 
 
 @part

@@ -18,6 +18,7 @@ from scipy import sparse
 from scipy.sparse import csc_array
 
 from namlcp.checks import sparse_matrix
+from namlcp.linalg import LEAST_DIVISOR
 from namlcp.qp.certificates import accept_dual, accept_primal, largest
 from namlcp.qp.problem import QP, Point
 from namlcp.status import Status
@@ -26,8 +27,6 @@ from namlcp.status import Status
 NEARLY_FEASIBLE = 1e-6
 # The elastic QP is solved only if the violation is above this times the tolerance.
 SATISFIED = 1e-4
-# A divisor that is 0 is replaced by this.
-TINY = 1e-300
 
 Solver = Callable[[QP], Point]
 Projection = Callable[[np.ndarray, np.ndarray, np.ndarray], Point | None]
@@ -94,7 +93,7 @@ def recession(qp: QP, solver: Solver) -> np.ndarray:
     A, zero_b, _ = unit_rows((sparse.vstack((qp.P, qp.A)) @ D).tocsr())
     G, zero_h, _ = unit_rows(qp.G.tocsr()[rows] @ D)
     q = qp.q * scale
-    q /= max(largest(q), TINY)
+    q /= max(largest(q), LEAST_DIVISOR)
     P, G, A = canonical(sparse.eye_array(n)), canonical(G), canonical(A)
     lb = np.where(np.isfinite(qp.lb), 0.0, -np.inf)
     ub = np.where(np.isfinite(qp.ub), 0.0, np.inf)

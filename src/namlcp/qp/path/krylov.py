@@ -10,6 +10,7 @@ corrections of u are the rows of `corrections`.
 import numpy as np
 
 from namlcp.compiled import floats_at, kernel, part, record_of
+from namlcp.linalg import LEAST_DIVISOR
 from namlcp.qp.path.advance import KRYLOV, SOLVE
 from namlcp.qp.path.newton import set_remainder
 from namlcp.qp.path.steps import WIDTH, put
@@ -116,7 +117,7 @@ def rotate(k, norm, H, g, rotations):
         a, b = H[column + i], H[column + i + 1]
         H[column + i] = cosine * a + sine * b
         H[column + i + 1] = cosine * b - sine * a
-    length = max(np.hypot(H[column + k], norm), 1e-300)
+    length = max(np.hypot(H[column + k], norm), LEAST_DIVISOR)
     cosine, sine = H[column + k] / length, norm / length
     H[column + k] = length
     g[k + 1] = -sine * g[k]

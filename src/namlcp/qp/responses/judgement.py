@@ -6,6 +6,7 @@ is iterative, with these residuals and the operators at hand, from the point tha
 """
 
 from namlcp.compiled import floats, longs, part
+from namlcp.linalg import LEAST_DIVISOR
 from namlcp.qp.responses.rows import goal_of, subtract_responses
 from namlcp.qp.responses.triangle import triangle_solve, triangle_solve_transposed
 from namlcp.residuals import qp_residuals_of_products
@@ -17,8 +18,6 @@ from namlcp.residuals import qp_residuals_of_products
 ACCURATE, RESERVE, MOST_RESERVE, ROUNDING = 1e-12, 0.05, 0.5, 4e-15
 # Passes of refinement at most; the factor by which one has to lower the error.
 PASSES, GAIN = 3, 0.5
-# Divisors that may be 0 are at least this.
-LEAST_DIVISOR = 1e-300
 # Numbers of `Residuals`, the last entries of the result.
 NUMBERS = 7
 

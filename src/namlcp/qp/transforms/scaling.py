@@ -14,6 +14,7 @@ are divided by `unit`.
 import numpy as np
 
 from namlcp.compiled import kernel, part
+from namlcp.linalg import LEAST_DIVISOR
 from namlcp.qp.guess import Guess
 from namlcp.qp.kkt import KKT
 from namlcp.qp.problem import Point
@@ -35,8 +36,6 @@ PAYS = 0.8
 STEPS, REDUCTION = 20, 1e-6
 # Largest |log| of a factor of `even_out`.
 LARGEST = 20.0
-# Least denominator of a step, against a division by zero.
-TINY = 1e-300
 
 
 class ScaledQP:
@@ -367,7 +366,7 @@ def even_out(indptr, indices, data, scale):
                     Mp[j] += p[i]
                     if i != j:
                         Mp[i] += p[j]
-        step = rho / max(np.dot(p, Mp), TINY)
+        step = rho / max(np.dot(p, Mp), LEAST_DIVISOR)
         for j in range(size):
             s[j] += step * p[j]
             r[j] -= step * Mp[j]

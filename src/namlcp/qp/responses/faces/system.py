@@ -8,7 +8,7 @@ active bound and an inactive row are *held*: a huge diagonal entry keeps x_j or 
 import numpy as np
 
 from namlcp.compiled import floats_at, longs_at, part
-from namlcp.linalg import factor_record, solve_record
+from namlcp.linalg import LEAST_DIVISOR, factor_record, solve_record
 from namlcp.qp.responses.sparse import multiply_columns, multiply_cost, triangle_of
 
 # What is added to the diagonal of P, and subtracted for rows, in equilibrated units;
@@ -20,8 +20,6 @@ MOST_SOLVES, GAIN = 8, 0.5
 # Nothing is corrected where the residual over its terms is at most ACCURATE, and the
 # residual itself at most RESERVE times the absolute tolerance.
 ACCURATE, RESERVE = 1e-13, 0.05
-# Least divisor of a relative residual.
-TINY = 1e-300
 
 
 @part
@@ -80,7 +78,7 @@ def set_rest(m):
     Px, Aty, Gtz = floats_at(m.Px, n), floats_at(m.Aty, n), floats_at(m.Gtz, n)
     Ax, Gx = floats_at(m.Ax, m.p), floats_at(m.Gx, m.m)
     dual, primal, m.residual = 0.0, 0.0, 0.0
-    m.dual_size, m.primal_size = TINY, TINY
+    m.dual_size, m.primal_size = LEAST_DIVISOR, LEAST_DIVISOR
     for j in range(m.size):
         rest[j] = 0.0
         if j < n:
