@@ -33,6 +33,9 @@ SPEED, UNCHECKED_TIME = 5e8, 0.25
 """Least speed of compiled code [operations/s], and a time [s]. A kernel that ends at
 this speed within min(time left, UNCHECKED_TIME) does not check the deadline."""
 
+WATCH_SIZE = 3
+"""Numbers of the state of `is_over`."""
+
 Callback = ctypes.CFUNCTYPE(ctypes.c_int32)
 """Type of the function that compiled code calls to check the deadline."""
 
@@ -222,7 +225,7 @@ call = interpreted_call if config.DISABLE_JIT else called
 
 @part
 def begin_watch(watch, address):
-    """Set the state of `is_over`: [address, operations since the last check, over].
+    """Set the state of `is_over`: (address, operations since the last check, over).
 
     Where the address is 0, `is_over` is always False.
     """

@@ -7,7 +7,8 @@ runs old code. `sources` computes the stamp, `store` reads and writes the files,
 `decorators` chooses compiler and cache, `internals`, `compiler` and `passes` hold all
 use of numba's private parts, `signatures` reads the list of all kernels
 (`kernels.txt`), `ahead` and `prebuilt` compile them before their first call, `views`
-makes arrays without reference counts, and pointers.
+makes arrays without reference counts, and pointers, and `records` lays out the numbers
+and addresses of a solve.
 """
 
 import functools
@@ -17,9 +18,15 @@ from typing import Any
 from numba import config
 
 from namlcp.compiled.decorators import compile_time, compiled, is_at_hand
+from namlcp.compiled.records import (
+    Fields,
+    address_of,
+    fields,
+    new_record,
+    record_at,
+)
 from namlcp.compiled.store import kept_in
 from namlcp.compiled.views import (
-    Fields,
     entries,
     floats,
     floats_at,
@@ -27,14 +34,15 @@ from namlcp.compiled.views import (
     ints_at,
     longs,
     longs_at,
-    record_at,
     uncounted,
 )
 
 __all__ = [
+    "address_of",
     "ahead",
     "compile_time",
     "entries",
+    "fields",
     "floats",
     "floats_at",
     "ints",
@@ -44,6 +52,7 @@ __all__ = [
     "kernel",
     "longs",
     "longs_at",
+    "new_record",
     "part",
     "pasted",
     "record_at",

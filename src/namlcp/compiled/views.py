@@ -18,24 +18,6 @@ def itself(array: Any) -> Any:
     return array
 
 
-class Fields:
-    """The record state[0] for functions that are not compiled.
-
-    The fields of NumPy's own records are hidden by attributes such as `size`.
-    """
-
-    def __init__(self, state: np.ndarray) -> None:
-        object.__setattr__(self, "state", state)
-
-    def __getattr__(self, name: str) -> Any:
-        """Return a field."""
-        return self.state[name][0]
-
-    def __setattr__(self, name: str, value: Any) -> None:
-        """Set a field."""
-        self.state[name][0] = value
-
-
 def interpreted(kind: Any) -> Callable[[int, Any], np.ndarray]:
     """Return `arrays_at` for functions that are not compiled."""
 
@@ -95,22 +77,6 @@ def chosen() -> tuple[Any, Any, Any]:
         pointer = numba.njit(itself) if config.BOUNDSCHECK else internals.entries
         return internals.uncounted, pointer, internals.arrays_at
     return numba.njit(itself), numba.njit(itself), portable
-
-
-def record_at(kind: Any) -> Callable[[int], Any]:
-    """Return the compiled function of an address for the record of this dtype there.
-
-    An array of one record takes 0.16 us longer to pass from Python than its address.
-    """
-    at = arrays_at(kind)
-    if config.DISABLE_JIT:
-        return lambda address: Fields(at(address, 1))
-
-    @numba.njit(inline="always")
-    def record(address):
-        return at(address, 1)[0]
-
-    return record
 
 
 uncounted, entries, arrays_at = chosen()

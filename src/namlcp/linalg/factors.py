@@ -116,7 +116,7 @@ class SparseFactors:
 FACTORS = (
     "l_place l_diagonal l_columns l_rows l_source l_starts l_below l_lines l_chunks "
     "l_width l_done l_values l_inverse l_work"
-).split()
+)
 """Fields of a record for the addresses of `SparseFactors`."""
 
 

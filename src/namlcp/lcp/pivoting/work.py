@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from namlcp.compiled import part, pasted, uncounted
+from namlcp.compiled import fields, new_record, part, pasted, uncounted
 from namlcp.linalg import Columns
 
 
@@ -20,48 +20,26 @@ class Scalars(ctypes.Structure):
     "Scaled" refers to the problem with a unit diagonal.
     """
 
-    _fields_ = (
+    _fields_ = fields(
         # Tolerances; scaled Res at clip(0); least scaled Res so far.
-        ("eps_abs", ctypes.c_double),
-        ("eps_rel", ctypes.c_double),
-        ("size", ctypes.c_double),
-        ("best_residual", ctypes.c_double),
+        ("eps_abs eps_rel size best_residual", float),
         # The proximal parameter, and what counts as 0 in z and w (scaled).
-        ("rho", ctypes.c_double),
-        ("tolerance", ctypes.c_double),
+        ("rho tolerance", float),
         # On the interior path: scaled Res, mean product of slack and multiplier now,
         # at most and aimed at, longest step.
-        ("path_residual", ctypes.c_double),
-        ("mu", ctypes.c_double),
-        ("largest_mu", ctypes.c_double),
-        ("target_mu", ctypes.c_double),
-        ("step", ctypes.c_double),
+        ("path_residual mu largest_mu target_mu step", float),
         # Factorisations, proximal steps, elimination orders made, unknowns in order.
-        ("factorisations", ctypes.c_int64),
-        ("outer_steps", ctypes.c_int64),
-        ("orderings", ctypes.c_int64),
-        ("ordered", ctypes.c_int64),
+        ("factorisations outer_steps orderings ordered", int),
         # Fewest wrong signs so far; changes of states left until there must be fewer.
-        ("fewest_wrong", ctypes.c_int64),
-        ("patience", ctypes.c_int64),
+        ("fewest_wrong patience", int),
         # Given: A = A'; the caller solves the free systems; find out `convex`.
-        ("symmetric", ctypes.c_bool),
-        ("external_solve", ctypes.c_bool),
-        ("ask_convex", ctypes.c_bool),
+        ("symmetric external_solve ask_convex", bool),
         # Found: the tolerance is met; A is not a P-matrix; A is semidefinite.
-        ("solved", ctypes.c_bool),
-        ("not_p", ctypes.c_bool),
-        ("convex", ctypes.c_bool),
+        ("solved not_p convex", bool),
         # Progress: scaled; an interior path was followed; changes of states are
         # searched; states or rho have changed.
-        ("started", ctypes.c_bool),
-        ("path_followed", ctypes.c_bool),
-        ("line_search", ctypes.c_bool),
-        ("must_factor", ctypes.c_bool),
+        ("started path_followed line_search must_factor", bool),
     )
-
-
-RECORD = np.dtype((np.record, np.dtype(Scalars)))
 
 
 class Arena(NamedTuple):
@@ -141,14 +119,14 @@ class PivotMemory:
     def __init__(self, columns: Columns, n: int) -> None:
         """Allocate; `columns` are those of the user's matrix."""
         dense, indptr, indices, data = columns
-        self.n, self.now = n, Scalars()
+        self.n = n
+        self.now, scalars = new_record(Scalars)
         self.vectors = np.zeros((23, n))
         self.marks = np.zeros((6, n), dtype=np.int32)
         self.marks[4:] = -1  # rank and local
         self.scaled = Columns(
             np.empty_like(dense), indptr, indices, np.empty_like(data)
         )
-        scalars = np.frombuffer(memoryview(self.now), RECORD)
         self.arena = Arena(self.scaled, self.vectors, self.marks, scalars)
 
     q, lower, upper, d, z, w, centre, best, rhs, shift, x, s = map(row_of, range(12))

@@ -8,10 +8,9 @@ u = L'x is updated along with x; u0 is u at the unconstrained minimum.
 import numpy as np
 
 from namlcp.compiled import floats, longs, part
-from namlcp.limits import is_over
+from namlcp.limits import WATCH_SIZE, is_over
 from namlcp.linalg import add_scaled, backward_solve, copy, dot, forward_solve
 from namlcp.qp.dense.rows import right_side, set_row
-from namlcp.qp.dense.state import WATCH_SIZE
 from namlcp.qp.dense.thinqr import (
     append_row,
     orthogonalise,

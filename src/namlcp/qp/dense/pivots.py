@@ -26,7 +26,7 @@ that P + W = L L' is definite:
 import numpy as np
 
 from namlcp.compiled import floats, kernel, longs, part
-from namlcp.limits import begin_watch
+from namlcp.limits import WATCH_SIZE, begin_watch
 from namlcp.linalg import (
     add_scaled,
     copy,
@@ -52,7 +52,7 @@ from namlcp.qp.dense.rows import (
     spread_multipliers,
 )
 from namlcp.qp.dense.scaling import is_badly_scaled
-from namlcp.qp.dense.state import WATCH_SIZE, lay_out, state_at
+from namlcp.qp.dense.state import lay_out, state_at
 from namlcp.qp.dense.weights import LOWERED, choose_weight, has_factor, lower_weight
 from namlcp.qp.responses import measure_result, set_products
 

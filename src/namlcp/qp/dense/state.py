@@ -7,12 +7,9 @@ factor L.
 
 import ctypes
 
-import numpy as np
+from namlcp.compiled import fields, longs, part, record_at
+from namlcp.limits import WATCH_SIZE
 
-from namlcp.compiled import longs, part, record_at
-
-# Numbers of the state of `limits.is_over`.
-WATCH_SIZE = 3
 # The vectors in the memory of the record, by the numbers that each one has:
 KINDS = (
     # n + 1:
@@ -39,38 +36,34 @@ KINDS = (
     # WATCH_SIZE.
     "watch",
 )
-OWN = " ".join(KINDS).split()
-COUNTS, PLACES = tuple(len(names.split()) for names in KINDS), len(OWN)
+OWN = " ".join(KINDS)
+COUNTS = tuple(len(names.split()) for names in KINDS)
+PLACES = sum(COUNTS)
 # Addresses of the problem, a list of rows that are probably active, and the result: x,
 # y, z, z_box and the numbers of `Residuals`, one after another.
-GIVEN = "P q G h A b lb ub hint out x y z z_box".split()
+GIVEN = "P q G h A b lb ub hint out x y z z_box"
 
 
 class DualState(ctypes.Structure):
     """Numbers and addresses: attributes in Python, fields in compiled code."""
 
-    _fields_ = (
-        *((name, ctypes.c_int64) for name in (*OWN, *GIVEN)),
+    _fields_ = fields(
+        (OWN, int),
+        (GIVEN, int),
         # Variables, rows of G, rows of A, rows of `hint`.
-        ("n", ctypes.c_int64),
-        ("m", ctypes.c_int64),
-        ("p", ctypes.c_int64),
-        ("hints", ctypes.c_int64),
+        ("n m p hints", int),
         # Active rows; pivots so far, and at most.
-        ("k", ctypes.c_int64),
-        ("pivots", ctypes.c_int64),
-        ("max_iter", ctypes.c_int64),
+        ("k pivots max_iter", int),
         # Whether W = 0.
-        ("is_definite", ctypes.c_bool),
+        ("is_definite", bool),
         # The violation relative to its terms that counts as rounding; pivots in a row
         # that hardly exceeded it.
-        ("level", ctypes.c_double),
-        ("idle", ctypes.c_int64),
+        ("level", float),
+        ("idle", int),
     )
 
 
-RECORD = np.dtype((np.record, np.dtype(DualState)))
-state_at = record_at(RECORD)
+state_at = record_at(DualState)
 
 
 def numbers_needed(n: int, m: int, p: int) -> int:

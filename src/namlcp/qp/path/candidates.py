@@ -11,13 +11,14 @@ from typing import Any
 
 import numpy as np
 
+from namlcp.compiled import address_of
 from namlcp.qp.answer import LooksInfeasible
 from namlcp.qp.certificates import accept_dual, accept_primal, largest
 from namlcp.qp.guess import Guess
 from namlcp.qp.judge import Judge
 from namlcp.qp.path.advance import AGAIN, HOLD, PROMISING, SMALL_RATIO
 from namlcp.qp.path.steps import THIN
-from namlcp.qp.path.workspace import Workspace, address
+from namlcp.qp.path.workspace import Workspace
 from namlcp.qp.problem import Point
 from namlcp.qp.transforms import Contradiction, Presolved
 from namlcp.status import Status
@@ -167,7 +168,7 @@ class CertificateSearch:
         d = d / largest(d)
         active, found = self.change_of_constraints(d) > NEARLY_ACTIVE, []
         zero = np.zeros(max(now.size, now.m))  # goal_c has m entries
-        now.cost = now.goal_b = now.goal_c = address(zero)
+        now.cost = now.goal_b = now.goal_c = address_of(zero)
         now.regularisation, now.most_solves = PROJECTION, PROJECTION_STEPS
         for _ in range(RAY_PROJECTIONS):
             work.set_x[:], work.set_y[:], work.set_Z[:] = d, 0.0, 0.0

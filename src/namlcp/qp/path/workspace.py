@@ -9,7 +9,7 @@ import ctypes
 
 import numpy as np
 
-from namlcp.compiled import kernel, record_of
+from namlcp.compiled import address_of, fields, kernel, new_record, record_of
 from namlcp.limits import Limits
 from namlcp.linalg import FACTORS, SparseFactors, attach_factors
 from namlcp.qp.path.advance import (
@@ -26,9 +26,7 @@ from namlcp.qp.transforms import ScaledQP
 
 # Vectors of the problem (`ScaledQP`, `KKT`); `cost`, `goal_b` and `goal_c` are those of
 # the active-set systems.
-GIVEN = (
-    "indptr indices base data factored place sign unit q b c cost goal_b goal_c"
-).split()
+GIVEN = "indptr indices base data factored place sign unit q b c cost goal_b goal_c"
 # Vectors of the workspace, by size: n variables, p equations, m one-sided constraints,
 # size = order of K. One-sided constraints are sign * t[place] + W = c with slacks
 # W >= 0 and multipliers Z >= 0; t = (x, Ax, Gx) and v = (net z_box, y, net z) have the
@@ -79,121 +77,83 @@ SIZES = np.array([KINDS.index(kind) for kind in PLACED.values()])
 class PathState(ctypes.Structure):
     """Numbers and addresses: attributes in Python, fields in compiled code."""
 
-    _fields_ = (
+    _fields_ = fields(
         # Sizes, then addresses, with those of PLACED one after another.
-        *((name, ctypes.c_int64) for name in KINDS),
-        *((name, ctypes.c_int64) for name in (*PLACED, *KRYLOV_NAMES)),
-        *((name, ctypes.c_int64) for name in (*GIVEN, *FACTORS)),
+        (" ".join((*KINDS, *PLACED, *KRYLOV_NAMES)), int),
+        (GIVEN, int),
+        (FACTORS, int),
         # Where the loop is (`advance`): the stage, the stages after the linear solve or
         # factorisation under way and after its refinement.
-        ("stage", ctypes.c_int64),
-        ("after", ctypes.c_int64),
-        ("then", ctypes.c_int64),
+        ("stage after then", int),
         # What the caller has to do; operations since the last look at the clock, and in
         # one iteration.
-        ("wants", ctypes.c_int64),
-        ("operations", ctypes.c_double),
-        ("iteration_work", ctypes.c_double),
+        ("wants", int),
+        ("operations iteration_work", float),
         # Tolerances, the larger one, and the relative residual that ends a refinement.
-        ("eps_abs", ctypes.c_double),
-        ("eps_rel", ctypes.c_double),
-        ("tol", ctypes.c_double),
-        ("accuracy", ctypes.c_double),
+        ("eps_abs eps_rel tol accuracy", float),
         # The residual at which refinement last came to a halt.
-        ("attained", ctypes.c_double),
+        ("attained", float),
         # Iterations, most of them; whether each one is reported.
-        ("iterations", ctypes.c_int64),
-        ("max_iter", ctypes.c_int64),
-        ("reports", ctypes.c_bool),
+        ("iterations max_iter", int),
+        ("reports", bool),
         # The mean of W Z, norms of the scaled residuals rd, rp and rw, then the first
         # six numbers of `Residuals`, and the first three over their tolerances.
-        ("mu", ctypes.c_double),
-        ("dual_norm", ctypes.c_double),
-        ("row_norm", ctypes.c_double),
-        ("slack_norm", ctypes.c_double),
-        ("primal", ctypes.c_double),
-        ("dual", ctypes.c_double),
-        ("gap", ctypes.c_double),
-        ("primal_size", ctypes.c_double),
-        ("dual_size", ctypes.c_double),
-        ("gap_size", ctypes.c_double),
-        ("primal_ratio", ctypes.c_double),
-        ("dual_ratio", ctypes.c_double),
-        ("gap_ratio", ctypes.c_double),
+        ("mu dual_norm row_norm slack_norm", float),
+        ("primal dual gap primal_size dual_size gap_size", float),
+        ("primal_ratio dual_ratio gap_ratio", float),
         # The largest of the three, inf for NaN; the least one in the present scaling.
-        ("worst", ctypes.c_double),
-        ("best", ctypes.c_double),
+        ("worst best", float),
         # Longest steps, W'Z after them; the target of W Z; LIFT or 0, see `advance`.
-        ("primal_step", ctypes.c_double),
-        ("dual_step", ctypes.c_double),
-        ("product", ctypes.c_double),
-        ("target", ctypes.c_double),
-        ("lift", ctypes.c_double),
+        ("primal_step dual_step product target lift", float),
         # The step before the last corrector: its lengths and relative residual.
-        ("other_primal_step", ctypes.c_double),
-        ("other_dual_step", ctypes.c_double),
-        ("other_error", ctypes.c_double),
+        ("other_primal_step other_dual_step other_error", float),
         # Largest change of x, and of y and Z, by the last step.
-        ("change_x", ctypes.c_double),
-        ("change_yz", ctypes.c_double),
+        ("change_x change_yz", float),
         # Regularisation, and iterations left without lowering it.
-        ("rho", ctypes.c_double),
-        ("delta", ctypes.c_double),
-        ("wait", ctypes.c_int64),
+        ("rho delta", float),
+        ("wait", int),
         # Factorisations for this step; whether the last one succeeded; whether K~ is
         # factored by the caller.
-        ("attempts", ctypes.c_int64),
-        ("is_factored", ctypes.c_bool),
-        ("is_external", ctypes.c_bool),
+        ("attempts", int),
+        ("is_factored is_external", bool),
         # Norm of the right-hand side, relative residual of the solution, that of the
         # predictor, and solves made.
-        ("rhs_norm", ctypes.c_double),
-        ("error", ctypes.c_double),
+        ("rhs_norm error predicted_error", float),
+        ("solves", int),
         # Whether GMRES halved the residual when it was last tried.
-        ("krylov_pays", ctypes.c_bool),
+        ("krylov_pays", bool),
         # Steps of GMRES, -1 before it begins, and the norm of its first residual.
-        ("krylov_step", ctypes.c_int64),
-        ("krylov_size", ctypes.c_double),
-        ("predicted_error", ctypes.c_double),
-        ("solves", ctypes.c_int64),
+        ("krylov_step", int),
+        ("krylov_size", float),
         # Worst ratio that must be halved, iterations since it was, some counted as
         # `advance.IDLE` ones; the primal residual one iteration before; patience.
-        ("reference", ctypes.c_double),
-        ("since", ctypes.c_int64),
-        ("old_primal", ctypes.c_double),
-        ("patience", ctypes.c_int64),
+        ("reference", float),
+        ("since", int),
+        ("old_primal", float),
+        ("patience", int),
         # Worst ratio at the last active-set refinement, to be reduced to `drop` of it.
-        ("last_refined", ctypes.c_double),
-        ("drop", ctypes.c_double),
+        ("last_refined drop", float),
         # Whether the residuals that a certificate forbids to vanish do not fall; their
         # norms one iteration before; whether a candidate for either was promising.
-        ("primal_stuck", ctypes.c_bool),
-        ("dual_stuck", ctypes.c_bool),
-        ("old_dual_norm", ctypes.c_double),
-        ("old_primal_norm", ctypes.c_double),
-        ("primal_promised", ctypes.c_bool),
-        ("dual_promised", ctypes.c_bool),
+        ("primal_stuck dual_stuck", bool),
+        ("old_dual_norm old_primal_norm", float),
+        ("primal_promised dual_promised", bool),
         # The primal and the dual residual that must be halved, iterations since then.
-        ("primal_reference", ctypes.c_double),
-        ("dual_reference", ctypes.c_double),
-        ("since_primal", ctypes.c_int64),
-        ("since_dual", ctypes.c_int64),
+        ("primal_reference dual_reference", float),
+        ("since_primal since_dual", int),
         # The active-set system: its regularisation, most proximal steps, the first and
         # the least residual, steps in a row that did not halve it; whether it fell
         # tenfold; whether the next active set is another; the largest violation of a
         # slack or multiplier, unscaled.
-        ("regularisation", ctypes.c_double),
-        ("most_solves", ctypes.c_int64),
-        ("first_error", ctypes.c_double),
-        ("least_error", ctypes.c_double),
-        ("failures", ctypes.c_int64),
-        ("converged", ctypes.c_bool),
-        ("set_changed", ctypes.c_bool),
-        ("set_violation", ctypes.c_double),
+        ("regularisation", float),
+        ("most_solves", int),
+        ("first_error least_error", float),
+        ("failures", int),
+        ("converged set_changed", bool),
+        ("set_violation", float),
     )
 
 
-RECORD = np.dtype((np.record, np.dtype(PathState)))
 ENDS = np.array((0, len(KINDS), len(PLACED), len(KRYLOV_NAMES))).cumsum()
 """Where the sizes of a record, the addresses of PLACED and of KRYLOV_NAMES end."""
 
@@ -208,13 +168,13 @@ class Workspace:
     def __init__(self, problem: ScaledQP, limits: Limits) -> None:
         """Allocate for a scaled problem."""
         self.problem, self.kkt = problem, problem.kkt
-        self.now = now = PathState()
+        now, self.state = new_record(PathState)
+        self.now = now
         self.fields = np.frombuffer(memoryview(now).cast("B"), np.int64, ENDS[-1])
         sizes = np.array((problem.n, problem.p, problem.c.size, self.kkt.size, 4))
         self.fields[: ENDS[1]] = sizes
         self.memory = place_vectors(self.fields[ENDS[1] : ENDS[2]], sizes[SIZES])
-        self.begin = address(self.memory)
-        self.state = np.frombuffer(memoryview(now), RECORD)
+        self.begin = address_of(self.memory)
         now.eps_abs, now.eps_rel = limits.tolerances
         self.attach()
 
@@ -305,7 +265,7 @@ def place_vectors(addresses: np.ndarray, sizes: np.ndarray) -> np.ndarray:
     """
     ends = sizes.cumsum()
     memory = np.zeros(ends[-1])
-    addresses[:] = address(memory) + memory.itemsize * (ends - sizes)
+    addresses[:] = address_of(memory) + memory.itemsize * (ends - sizes)
     return memory
 
 
@@ -324,8 +284,3 @@ def attach_problem(state, triangle, vectors):
     m.place, m.sign, m.unit = place.ctypes.data, sign.ctypes.data, unit.ctypes.data
     m.q, m.b, m.c = q.ctypes.data, b.ctypes.data, c.ctypes.data
     m.cost, m.goal_b, m.goal_c = m.q, m.b, m.c
-
-
-def address(array: np.ndarray) -> int:
-    """Return where the entries of an array begin."""
-    return array.__array_interface__["data"][0]

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from namlcp.compiled import address_of
 from namlcp.options import Options
 from namlcp.qp.problem import QP
 from namlcp.qp.responses.active import DONE
@@ -84,8 +85,3 @@ class Stack:
         return Solutions(
             ended[:, 0] == DONE, x, y, z, z_box, numbers, pivots=ended[:, 1]
         )
-
-
-def address_of(array: np.ndarray) -> int:
-    """Return where the entries of an array begin."""
-    return array.__array_interface__["data"][0]

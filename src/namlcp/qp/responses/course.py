@@ -9,7 +9,7 @@ of refinement as long as it is not accurate and they pay.
 import numpy as np
 
 from namlcp.compiled import floats, longs, part
-from namlcp.limits import begin_watch
+from namlcp.limits import WATCH_SIZE, begin_watch
 from namlcp.qp.responses.active import (
     CONTRADICTION,
     DONE,
@@ -53,7 +53,7 @@ RECALL, HINTS, PIVOTS, MEASURE, CORRECT = range(5)
 @part
 def begin(m, clock):
     """Begin to solve the QP with the vectors at hand; clock: see `Deadline.run`."""
-    begin_watch(longs(m.watch, 3), clock)
+    begin_watch(longs(m.watch, WATCH_SIZE), clock)
     rhs, q, b = floats(m.rhs, m.n + m.p), floats(m.q, m.n), floats(m.b, m.p)
     for j in range(m.n):
         rhs[j] = -q[j]

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from namlcp.compiled import new_record
 from namlcp.limits import NEVER, Deadline, Limits
 from namlcp.options import DEFAULT_OPTIONS
 from namlcp.qp.answer import Answer, proved
@@ -26,7 +27,7 @@ from namlcp.qp.responses.run import (
     run_once,
     take_hint,
 )
-from namlcp.qp.responses.state import allocate, new_state
+from namlcp.qp.responses.state import ResponseState, allocate
 from namlcp.residuals import Residuals, qp_residuals, signed_gap
 from namlcp.status import Status
 
@@ -169,7 +170,7 @@ class Responses:
 
     def __init__(self, P: Any, G: Any, A: Any) -> None:
         """Note the matrices; the first solve computes what depends on them."""
-        self.now, self.state = new_state()
+        self.now, self.state = new_record(ResponseState)
         self.address = ctypes.addressof(self.now)
         self.attach(P, G, A)
 
@@ -345,7 +346,7 @@ class SingleSolves(DenseResponses):
 
     def __init__(self) -> None:
         """Take no memory before the first solve."""
-        self.now, self.state = new_state()
+        self.now, self.state = new_record(ResponseState)
         self.address = ctypes.addressof(self.now)
         self.now.is_single = True
 

@@ -9,14 +9,15 @@ import ctypes
 
 import numpy as np
 
-from namlcp.compiled import part, record_at
+from namlcp.compiled import address_of, fields, part, record_at
+from namlcp.limits import WATCH_SIZE
 from namlcp.linalg import FACTORS
 
 # Addresses of vectors: those of the problem and of the result, set by `attach`, ...
-GIVEN = "P q G h A b lb ub out".split()
+GIVEN = "P q G h A b lb ub out"
 # Bytes from one item of a batch to the next, 0 for what all share; items left, and the
 # place of their codes.
-ITEMS = (*(f"{name}_step" for name in GIVEN), "items_left", "codes")
+ITEMS = "".join(f"{name}_step " for name in GIVEN.split()) + "items_left codes"
 # ... and those in the memory of the record, set by `lay_out`.
 OWN = (
     # Values of the rows, see `active`, at the base point and at the present one, and
@@ -43,10 +44,10 @@ OWN = (
     "bound_multiplier bound_ratio "
     # The state of `limits.is_over`.
     "watch"
-).split()
+)
 # Addresses of a sparse base problem, see `sparse`: its KKT matrix, a vector of its
 # order, and the rows of G. Its factors are the fields FACTORS.
-SPARSE = "indptr indices base rest g_starts g_columns g_values".split()
+SPARSE = "indptr indices base rest g_starts g_columns g_values"
 NUMBERS = (
     # Sizes of the QP; rows = m + n inequalities and bounds; length = rows + p; the most
     # active rows, the most responses.
@@ -68,7 +69,7 @@ NUMBERS = (
     # Where `course` is: its stage, how the pivots ended, passes of refinement left, and
     # where values are to be set.
     "stage found passes_left target"
-).split()
+)
 REALS = (
     # The multiplier of the entering row so far.
     "own "
@@ -84,33 +85,28 @@ REALS = (
     # response, where these count.
     "operations most_operations response_operations "
     "eps_abs eps_rel"
-).split()
+)
 
 
 class ResponseState(ctypes.Structure):
     """Numbers and addresses: attributes in Python, fields in compiled code."""
 
-    _fields_ = (
-        *(
-            (name, ctypes.c_int64)
-            for name in (*GIVEN, *ITEMS, *OWN, *SPARSE, *FACTORS, *NUMBERS)
-        ),
-        *((name, ctypes.c_double) for name in REALS),
+    _fields_ = fields(
+        (GIVEN, int),
+        (ITEMS, int),
+        (OWN, int),
+        (SPARSE, int),
+        (FACTORS, int),
+        (NUMBERS, int),
+        (REALS, float),
     )
 
 
-RECORD = np.dtype((np.record, np.dtype(ResponseState)))
-state_at = record_at(RECORD)
+state_at = record_at(ResponseState)
 # Most numbers that all responses may take: 64 MB. There are no more active rows.
 MOST_NUMBERS = 8_000_000
 # Least variables for the form of `free`; with fewer it would gain nothing.
 LEAST_FREE = 32
-
-
-def new_state() -> tuple[ResponseState, np.ndarray]:
-    """Return an empty record, as an object and as the argument of kernels."""
-    now = ResponseState()
-    return now, np.frombuffer(memoryview(now), RECORD)
 
 
 @part
@@ -151,7 +147,7 @@ def lay_out(m, is_dense):
     m.Px, m.Gx, m.Ax = taken(m, m.n), taken(m, m.m), taken(m, m.p)
     m.Gtz, m.Aty = taken(m, m.n), taken(m, m.n)
     m.rhs = taken(m, 4 * (m.n + m.p))
-    m.watch = taken(m, 3)
+    m.watch = taken(m, WATCH_SIZE)
     face = m.most_free * (m.most_free + 1) // 2
     m.free, m.free_triangle = taken(m, m.most_free), taken(m, face)
     m.held_rows, m.held_triangle = taken(m, m.most_free**2), taken(m, face)
@@ -169,5 +165,5 @@ def lay_out(m, is_dense):
 def allocate(now: ResponseState) -> np.ndarray:
     """Return memory of the size that `lay_out` has found to be needed."""
     memory = np.empty((now.memory_end - now.memory) // 8)
-    now.memory, now.memory_size = memory.__array_interface__["data"][0], memory.nbytes
+    now.memory, now.memory_size = address_of(memory), memory.nbytes
     return memory

@@ -3,7 +3,7 @@
 import numpy as np
 
 from namlcp.compiled import floats_at, kernel, longs_at
-from namlcp.limits import begin_watch, is_over
+from namlcp.limits import WATCH_SIZE, begin_watch, is_over
 from namlcp.qp.responses.active import DONE, STUCK
 from namlcp.qp.responses.course import SUMMED
 from namlcp.qp.responses.faces.sides import (
@@ -52,7 +52,7 @@ def run_faces(address, vectors, out, clock):
         return UNSUITED
     if is_faulty(m):
         return FAULTY
-    watch = np.empty(3, dtype=np.int64)
+    watch = np.empty(WATCH_SIZE, dtype=np.int64)
     begin_watch(watch, clock)
     recall(m)
     m.pivots = -1

@@ -8,6 +8,7 @@ import numpy as np
 from scipy.sparse import csc_array
 
 from namlcp.checks import as_sparse
+from namlcp.compiled import new_record
 from namlcp.limits import Deadline, Limits
 from namlcp.linalg import SparseFactors, attach_factors, by_rows
 from namlcp.qp.guess import Guess
@@ -15,7 +16,7 @@ from namlcp.qp.kkt import KKT
 from namlcp.qp.problem import QP
 from namlcp.qp.responses.active import STUCK
 from namlcp.qp.responses.faces.run import MOST_FACES, begin_at, run_faces
-from namlcp.qp.responses.faces.state import allocate, new_face
+from namlcp.qp.responses.faces.state import FaceState, allocate
 from namlcp.qp.responses.solve import NO_NUMBERS, Responses
 from namlcp.qp.transforms import equilibrate
 
@@ -34,7 +35,6 @@ class Faces(Responses):
     """
 
     kernel = staticmethod(run_faces)
-    new_state = staticmethod(new_face)
     form = "face"
     kkt: Any = None  # a `KKT`
     attached: tuple[Any, Any, Any] = (None, None, None)  # P, G and A in it
@@ -49,7 +49,7 @@ class Faces(Responses):
 
     def __init__(self, P: Any, G: Any, A: Any) -> None:
         """Note the matrices; the first solve computes what depends on them."""
-        self.now, self.state = new_face()
+        self.now, self.state = new_record(FaceState)
         self.address = ctypes.addressof(self.now)
         self.matrices, self.is_stale = (P, G, A), True
         self.hint: Guess | None = None

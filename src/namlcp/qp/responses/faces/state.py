@@ -8,11 +8,11 @@ import ctypes
 
 import numpy as np
 
-from namlcp.compiled import record_at
+from namlcp.compiled import address_of, fields, record_at
 from namlcp.linalg import FACTORS
 
 # Addresses of vectors: those of the problem and the result; the KKT matrix.
-GIVEN = "q h b lb ub out indptr indices base data".split()
+GIVEN = "q h b lb ub out indptr indices base data"
 # Vectors in the memory of the record, by size. u = (x, y, z) is the point, kept_u the
 # last solved one, best_u the one before the last correction; rest = goal - K u. Rows
 # are numbered as in `active`, and side is 1 where one is active at h or ub, -1 at lb,
@@ -30,34 +30,29 @@ NUMBERS = (
     "n m p rows size is_ready is_factored "
     # Faces tried after the first one.
     "pivots max_iter"
-).split()
+)
 REALS = (
     # Largest moduli of the terms of the rows of the system, in equilibrated units; the
     # largest residual, and the largest violation of a side or a sign over these.
     "primal_size dual_size residual violation "
     # Operations of a factorisation and some solves.
     "face_work eps_abs eps_rel"
-).split()
-NAMES = [name for names in VECTORS for name in names.split()]
+)
 
 
 class FaceState(ctypes.Structure):
     """Numbers and addresses: attributes in Python, fields in compiled code."""
 
-    _fields_ = (
-        *((name, ctypes.c_int64) for name in (*GIVEN, *NAMES, *FACTORS, *NUMBERS)),
-        *((name, ctypes.c_double) for name in REALS),
+    _fields_ = fields(
+        (GIVEN, int),
+        (" ".join(VECTORS), int),
+        (FACTORS, int),
+        (NUMBERS, int),
+        (REALS, float),
     )
 
 
-RECORD = np.dtype((np.record, np.dtype(FaceState)))
-face_at = record_at(RECORD)
-
-
-def new_face() -> tuple[FaceState, np.ndarray]:
-    """Return an empty record, as an object and as the argument of kernels."""
-    now = FaceState()
-    return now, np.frombuffer(memoryview(now), RECORD)
+face_at = record_at(FaceState)
 
 
 def allocate(now: FaceState) -> tuple[np.ndarray, np.ndarray]:
@@ -68,7 +63,7 @@ def allocate(now: FaceState) -> tuple[np.ndarray, np.ndarray]:
         for name in names.split()
     }
     memory = np.zeros(sum(sizes.values()))
-    start, end = memory.__array_interface__["data"][0], 0
+    start, end = address_of(memory), 0
     for name, size in sizes.items():
         setattr(now, name, start + 8 * end)
         end += size
