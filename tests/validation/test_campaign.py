@@ -27,6 +27,12 @@ def test_both_ways_agree(name):
         assert examine(3, i, name) == ("right", ""), (class_of(i, name), i)
 
 
+def test_a_batch_has_an_argument_with_an_axis():
+    """Problem 3027 of seed 9, whose items share all of their arguments."""
+    assert class_of(3027, "batches") == "batch semidefinite cost"
+    assert examine(9, 3027, "batches") == ("right", "")
+
+
 def test_what_disagrees_is_found():
     alone = qp_answer(namlcp.solve_qp(*BELOW_ONE))
     assert agreement(BELOW_ONE, alone, alone) == ("right", "")

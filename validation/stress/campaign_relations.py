@@ -105,14 +105,17 @@ def batch(maker: cases.Maker, d: draw.Draw) -> Verdict:
     items = [maker(d)[0]]
     change = changes.changed if d.chance(0.5) else changes.vectors
     items += [change(d, items[0]) for _ in range(ITEMS - 1)]
-    arguments = {}
+    arguments, stacked = {}, False
     for name, first in items[0]._asdict().items():
         same = all(getattr(item, name) is first for item in items)
+        once = same and d.chance(0.7)
         values = np.stack([getattr(item, name) for item in items])
-        arguments[name] = first if same and d.chance(0.7) else values
+        arguments[name] = first if once else values
+        stacked = stacked or not once
     bad = int(d.rng.integers(ITEMS)) if d.chance(MALFORMED) else None
-    if bad is not None:
+    if bad is not None or not stacked:  # one argument at least has a batch axis
         arguments["q"] = np.stack([item.q for item in items])
+    if bad is not None:
         arguments["q"][bad, -1] = np.nan
     singles = [answer_of(partial(namlcp.solve_qp, *item)) for item in items]
     try:
