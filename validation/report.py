@@ -8,12 +8,13 @@ beside its CSV files and figures. `--full --out validation` brings the repositor
 files up to date. Stopped and run again, it goes on with the commands that are not done
 with the present sources (`done.json`; --again begins anew), the long ones within their
 CSV files. Of an older run the rows of peers are kept that ran into the time limit, on
-the same processor and with the same version (`harness.processes`). At the top stands
+the same processor and with the same version (`processes.keep_peers`). At the top stands
 what became of each claim (`claims`) since the run before; what fell is marked. --list
 runs nothing and tells how long each part takes.
 
---full times nothing while other processes keep more than 0.3 of a core busy: it waits,
-and names the part if the machine stays busy (--busy: it does not look).
+--full times nothing while other processes keep more than 0.3 of a core busy: it says so
+and waits, an hour at most (`harness.quiet`). With --busy one other process may keep a
+core busy; the headers of the CSV files then say that it ran beside another.
 
 The parts are commands of their own, each run in a process, one after the other, so that
 none disturbs the times of another. One that fails, or whose data are missing, is named
@@ -38,27 +39,11 @@ if not __package__:  # run as a script
 
 from validation.claims import Claim, claims, moved
 from validation.harness import cli, processes, quiet, tables
-from validation.page import STYLE, body_of, inline, table
+from validation.page import FULL, QUICK, STYLE, Part, body_of, inline, table
 
 BAR = 24  # characters
 LOWER_ROOMS = ("harness", "problems", "applications", "derivatives")
 """Rooms that the scripts of others import."""
-
-
-class Part(NamedTuple):
-    """A title, the commands, the figures they make, seconds that they take about.
-
-    {data}, {results} and {figures} stand for folders, {quick} and {-quick} for what a
-    quick run adds; `quick_seconds` is 0 where there is no quick version. `grown` are
-    the CSV files with which stopped commands go on: a new run begins without them.
-    """
-
-    title: str
-    commands: tuple[str, ...]
-    figures: tuple[str, ...] = ()
-    seconds: float = 60.0
-    quick_seconds: float = 0.0
-    grown: tuple[str, ...] = ()
 
 
 class Outcome(NamedTuple):
@@ -67,140 +52,6 @@ class Outcome(NamedTuple):
     fault: str
     text: str
     seconds: float
-
-
-def part(
-    title: str,
-    seconds: float,
-    commands: str,
-    figures: str = "",
-    quick: float = 0.0,
-    grown: str = "",
-) -> Part:
-    """Return a part whose commands stand one a line, and names in one line."""
-    lines = [line.strip() for line in commands.splitlines() if line.strip()]
-    names = figures.split(), grown.split()
-    return Part(title, tuple(lines), tuple(names[0]), seconds, quick, tuple(names[1]))
-
-
-PARTS = {
-    "maros-meszaros": part("The Maros-Meszaros collection", 2100.0, """
-        peers.maros_meszaros run --data {data} --csv {results}/maros-meszaros.csv
-        peers.maros_meszaros table --data {data} --csv {results}/maros-meszaros.csv
-    """, grown="maros-meszaros.csv"),
-    "work-precision": part("Speed against accuracy", 1800.0, """
-        peers.work_precision run {quick} --data {data} --results {results}
-        peers.work_precision plot {quick} --results {results} --figures {figures}
-    """, "work-precision{-quick}.svg front.svg", 200.0,
-    "work-precision-problems{-quick}.csv"),
-    "profiles": part("Performance profiles", 300.0, """
-        peers.profiles run {quick} --data {data} --results {results}
-        peers.profiles plot {quick} --results {results} --figures {figures}
-    """, "profiles{-quick}.svg", 60.0, "profiles{-quick}.csv"),
-    "oracles": part("Agreement with independent oracles", 600.0, """
-        oracles.agreement run {quick} --data {data} --csv {results}/oracles.csv
-    """, quick=60.0),
-    "stress": part("Stability under stress", 480.0, """
-        stress.comparison run {quick} --csv {results}/stress.csv
-        stress.comparison plot --csv {results}/stress.csv --figure {figures}/stress.svg
-    """, "stress.svg", 60.0),
-    "campaign": part("Fuzzed problems, and answers asked for in two ways", 2100.0, """
-        stress.campaign run --csv {results}/campaign.csv --seeds 1 2 3 \
-        --solvers nam osqp piqp clarabel daqp quadprog
-        stress.campaign run --csv {results}/campaign.csv --seeds 1 \
-        --classes general sequences batches derivatives closest --problems 10000
-    """, grown="campaign.csv"),
-    "pictures": part("What solutions look like", 60.0, """
-        applications.pictures {quick} --figures {figures}
-    """, "contact-sets.png exercise-boundary.svg contact-forces.svg", 20.0),
-    "benchmark": part("MPC, contact and small QPs", 300.0, """
-        peers.benchmark --data {data} --csv {results}/benchmark.csv \
-        --set mpc contact small strict
-    """),
-    "classes": part("The OSQP paper's classes", 480.0, """
-        peers.classes --csv {results}/classes.csv
-    """, grown="classes.csv"),
-    "derivatives": part("Derivatives against differences; other packages", 300.0, """
-        derivatives.differences {quick} --csv {results}/derivatives.csv
-        derivatives.packages {quick} --csv {results}/derivatives-peers.csv
-        derivatives.packages_figure --results {results} --figures {figures}
-        derivatives.closest {quick} --csv {results}/closest.csv
-    """, "derivatives.svg"),
-    "infeasible": part("Infeasible and unbounded QPs", 300.0, """
-        peers.infeasible --data {data} --csv {results}/infeasible.csv --go-on
-    """, grown="infeasible.csv"),
-    "generalisation": part("Problems that nothing was tuned on", 420.0, """
-        peers.generalisation --data {data} --csv {results}/generalisation-families.csv \
-        --go-on --changes --solvers nam piqp
-        peers.generalisation --data {data} --csv {results}/generalisation.csv \
-        --go-on --families --solvers nam
-    """, grown="generalisation-families.csv generalisation.csv"),
-    "large": part("Large LCPs", 720.0, """
-        applications.large run --results {results} --go-on
-        applications.large plot --results {results} --figures {figures}
-        applications.large table --results {results}
-    """, "large.svg", grown="large.csv"),
-    "lcp": part("LCPs beside PIQP and OSQP", 180.0, """
-        peers.lcp --data {data} --results {results}
-    """),
-    "general": part("LCPs that are neither P nor semidefinite", 600.0, """
-        general.benchmark run {quick} --csv {results}/general-lcps.csv
-        general.benchmark plot --csv {results}/general-lcps.csv --figures {figures}
-        general.pictures --figures {figures}
-        general.stepping run {quick} --csv {results}/time-stepping.csv
-        general.stepping plot --csv {results}/time-stepping.csv --figures {figures}
-    """, "general-lcps.svg friction-scenes.svg games-and-diodes.svg time-stepping.png",
-    120.0, "general-lcps.csv"),
-    "repeated": part("Many QPs alike: sequences, small calls, batches", 720.0, """
-        repeated.sequences run {quick} --csv {results}/sequences.csv
-        repeated.sequences plot --csv {results}/sequences.csv \
-        --figure {figures}/sequences.svg
-        repeated.latency run {quick} --csv {results}/latency.csv
-        repeated.latency plot --csv {results}/latency.csv \
-        --figure {figures}/latency.svg
-        repeated.batches run {quick} --csv {results}/batches.csv
-        repeated.batches plot --csv {results}/batches.csv \
-        --figure {figures}/batches.svg
-        repeated.front_figure --results {results} --figures {figures}
-    """, "sequences.svg latency.svg batches.svg front-repeated.svg", 60.0),
-    "hertz": part("Hertz contact without a matrix", 300.0, """
-        applications.hertz --results {results}
-    """),
-    "put": part("American puts", 180.0, """
-        applications.american_put --results {results}
-    """),
-    "cvxpy": part("Models in CVXPY", 540.0, """
-        applications.cvxpy_models --csv {results}/cvxpy-models.csv
-        applications.cvxpy_resolve --csv {results}/cvxpy-resolve.csv
-    """),
-    "paper": part("The paper's tables", 300.0, """
-        paper.tables --results {results} --figures {figures}
-    """, "paper-tables.svg paper-methods.svg"),
-    "stability": part("Where sweeps fail", 300.0, """
-        paper.stability --results {results} --figures {figures}
-    """, "stability-maps.png stability-units.png"),
-    "parameters": part("Automatic parameters", 300.0, """
-        paper.parameters --data {data} --results {results}
-    """),
-    "h_plus": part("Convergence theory", 180.0, """
-        paper.h_plus --results {results}
-    """),
-}  # fmt: skip
-
-
-def sized(part: Part, quick: bool) -> Part:
-    """Return a part with {quick} and {-quick} written out."""
-    option, suffix = ("--quick", "-quick") if quick else ("", "")
-    return part._replace(
-        commands=tuple(c.replace("{quick}", option) for c in part.commands),
-        figures=tuple(f.replace("{-quick}", suffix) for f in part.figures),
-        grown=tuple(f.replace("{-quick}", suffix) for f in part.grown),
-        seconds=part.quick_seconds if quick else part.seconds,
-    )
-
-
-FULL = {name: sized(part, False) for name, part in PARTS.items()}
-QUICK = {name: sized(part, True) for name, part in PARTS.items() if part.quick_seconds}
 
 
 class Done:
@@ -225,7 +76,7 @@ class Done:
         for file in part.grown:
             mark = sources(*folders_of(part.commands[0]))
             if self.kept["grown"].get(file) != mark:
-                processes.keep_late_peers(results / file)
+                processes.keep_peers(results / file, part.settled)
                 self.kept["grown"][file] = mark
         self.file.write_text(json.dumps(self.kept))
 
@@ -305,6 +156,7 @@ def run_part(
         if not (cli.ROOT / "validation" / f"{script.replace('.', '/')}.py").exists():
             fault = f"{script} is not there"
             break
+        quiet.wait_until_quiet()
         start, lines = time.monotonic(), []
         command = cli.script(script, *arguments)
         code = run_command(command, lines, lambda line: bar.show(name, line))
@@ -401,10 +253,10 @@ def minutes(parts: dict[str, Part], out: Path) -> str:
         word, seconds = "about", part.seconds
         if all(command in known for command in part.commands):
             word, seconds = "measured", sum(known[c][-1] for c in part.commands)
-        lines.append((name, part.title, f"{seconds / 60.0:.0f}", word))
         total += seconds
-    lines.append(("all", "", f"{total / 60.0:.0f}", ""))
-    return tables.markdown(("part", "what", "minutes", ""), lines)
+        each, until = f"{seconds / 60.0:.0f}", f"{total / 60.0:.0f}"
+        lines.append((name, part.title, each, until, word))
+    return tables.markdown(("part", "what", "minutes", "until then", ""), lines)
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -418,7 +270,8 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--only", nargs="+", choices=list(FULL), metavar="PART")
     parser.add_argument("--again", action="store_true", help="begin a new run")
     parser.add_argument("--list", action="store_true", help="the parts and minutes")
-    parser.add_argument("--busy", action="store_true", help="on a busy machine, too")
+    help_ = "beside one other process; CSV headers say so"
+    parser.add_argument("--busy", action="store_true", help=help_)
     args = parser.parse_args(arguments)
     parts = QUICK if args.quick else FULL
     if args.only:
@@ -434,8 +287,8 @@ def main(arguments: list[str] | None = None) -> int:
     }
     for folder in ("results", "figures"):
         folders[folder].mkdir(parents=True, exist_ok=True)
-    if args.full and not args.busy:
-        os.environ[quiet.QUIET] = "1"
+    if args.full:
+        os.environ[quiet.LOAD] = quiet.BESIDE if args.busy else quiet.QUIET
     outcomes = report(parts, folders, args.out, sys.stderr, args.again)
     print(f"{args.out / 'report.html'}")
     failed = [name for name, outcome in outcomes.items() if outcome.fault]

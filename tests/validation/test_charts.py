@@ -212,10 +212,10 @@ def test_report_goes_on_where_it_stopped(tmp_path, monkeypatch):
         report.report(parts, folders, tmp_path, stream, again)
         return stream.getvalue().splitlines()[-1]
 
-    assert "| good | good | 2 | about |" in report.minutes(parts, tmp_path)
+    assert "| good | good | 2 | 2 | about |" in report.minutes(parts, tmp_path)
     assert said().startswith("good: done,")
     assert not grown.exists()
-    assert "| good | good | 0 | measured |" in report.minutes(parts, tmp_path)
+    assert "| good | good | 0 | 0 | measured |" in report.minutes(parts, tmp_path)
     grown.write_text("rows of this run")
     assert said().startswith("good: done before,")
     assert grown.exists()
@@ -244,16 +244,17 @@ def test_rows_of_late_peers_are_kept(tmp_path, monkeypatch):
     file = tmp_path / "a.csv"
     header = machine.lines(["nam", "osqp", "proxqp", "sweep"])
 
-    def kept(header):
+    def kept(header, *whole):
         csv_files.write(file, header, rows)
-        processes.keep_late_peers(file)
+        processes.keep_peers(file, whole)
         return [(row["solver"], row["problem"]) for row in csv_files.read(file)]
 
     assert kept(header) == [("osqp", "a"), ("proxqp", "a")]
     other = [line.replace("osqp 1", "osqp 2") for line in header]
     assert kept(other) == [("proxqp", "a")]
+    assert kept(header, "osqp") == [("osqp", "a"), ("osqp", "b"), ("proxqp", "a")]
     assert kept([line.replace("a processor", "another") for line in header]) == []
-    processes.keep_late_peers(tmp_path / "none.csv")
+    processes.keep_peers(tmp_path / "none.csv")
     assert not (tmp_path / "none.csv").exists()
 
 
@@ -304,14 +305,30 @@ def test_claims_know_all_limits():
     assert set(LIMITS) <= set(found)
 
 
-def test_a_busy_machine_is_refused(monkeypatch):
-    monkeypatch.setattr(quiet, "busy_cores", lambda: 1.5)
+def test_a_busy_machine_is_waited_for_and_refused(monkeypatch, capsys):
+    loads = [1.5]
+    monkeypatch.setattr(quiet, "busy_cores", lambda: loads.pop(0))
+    monkeypatch.setattr(quiet.time, "sleep", lambda seconds: None)
+    monkeypatch.setattr(quiet, "last_look", -quiet.LOOK_EVERY)
+    monkeypatch.delenv(quiet.LOAD, raising=False)
     quiet.wait_until_quiet(0.0)  # not asked to look
-    monkeypatch.setenv(quiet.QUIET, "1")
+    assert "load: not looked at" in machine.lines([])
+    monkeypatch.setenv(quiet.LOAD, quiet.QUIET)
     with pytest.raises(quiet.BusyError, match="cores busy"):
         quiet.wait_until_quiet(-1.0)
-    monkeypatch.setattr(quiet, "busy_cores", lambda: 0.1)
+    loads += [1.2, 0.9, 0.1]
+    quiet.wait_until_quiet(60.0)
+    assert capsys.readouterr().out == "waiting: others keep 1.2 cores busy\n"
+    quiet.wait_until_quiet(-1.0)  # what was seen counts for a while
+    assert not loads
+
+
+def test_one_process_more_is_allowed_by_name(monkeypatch):
+    monkeypatch.setattr(quiet, "busy_cores", lambda: 1.1)
+    monkeypatch.setattr(quiet, "last_look", -quiet.LOOK_EVERY)
+    monkeypatch.setenv(quiet.LOAD, quiet.BESIDE)
     quiet.wait_until_quiet(-1.0)
+    assert any("beside another process" in line for line in machine.lines([]))
 
 
 def test_busy_cores_are_a_number_of_cores():

@@ -4,11 +4,12 @@ Families: `problems.general.families`; all problems have a solution. Solved mean
 the solver says so and Res(z) <= 1e-9 max |q_i| on the data as given; namlcp, which has
 an option for it, is asked for that. Solvers: `nam`, method="auto"; `lemke`,
 method="lemke"; `quantecon`, Lemke's method of QuantEcon; `daqp`, its mode for
-variational inequalities, made for definite matrices. Each solves twice, and the second
-time counts: the first may compile. `runtime` is processor time, so that other processes
-matter less. The last three keep dense matrices and are asked up to DENSE unknowns; a
-solver that has run into the limit LATES times at sizes up to n of a family is not asked
-for more of them. From DENSE unknowns on there are FEW seeds.
+variational inequalities, made for definite matrices. Each solves twice, unless the
+first takes a second, and the last time counts: the first may compile. `runtime` is
+processor time, so that other processes matter less. The last three keep dense matrices
+and are asked up to DENSE unknowns; a solver that has run into the limit LATES times at
+sizes up to n of a family is not asked for more of them. From DENSE unknowns on there
+are FEW seeds.
 
 `run` writes the CSV seed by seed, so that one cut short has all families and sizes, and
 goes on where it has stopped; `table` prints it as Markdown; `plot` draws time against
@@ -144,7 +145,7 @@ def work(job: Job, family: str, n: int, seed: int) -> Row:
         start, clock = time.process_time(), time.perf_counter()
         said, z = ASK[job.solver](A, q, job.limit)
         row["runtime"] = time.process_time() - start
-        if time.perf_counter() - clock > job.limit / 3.0:
+        if time.perf_counter() - clock > timing.SLOW:
             break
     found = residual(A, q, z)
     success = said == "solved" and found <= EPS

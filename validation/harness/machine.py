@@ -11,6 +11,8 @@ from pathlib import Path
 
 import qpsolvers
 
+from validation.harness import quiet
+
 PACKAGES = {"nam": "namlcp", "proxqp": "proxsuite", "highs": "highspy"}
 OWN_INTERFACES = ("nam", "moreau")
 """Solvers that qpsolvers does not know, or only once their package is imported."""
@@ -30,6 +32,7 @@ def lines(solvers: Iterable[str]) -> list[str]:
     return [
         f"date: {datetime.date.today()}",
         f"commit: {commit()}",
+        f"load: {quiet.said()}",
         f"cpu: {cpu_name()}, {os.cpu_count()} cores, 1 thread used",
         f"python: {platform.python_version()} on {platform.system()}",
         f"versions: {', '.join(versions)}",

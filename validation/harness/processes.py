@@ -4,14 +4,14 @@ import multiprocessing as mp
 import os
 import resource
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import ExitStack, contextmanager
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple, Self
 
-from validation.harness import csv_files, machine, tables
+from validation.harness import cli, csv_files, machine, tables
 from validation.harness.csv_files import Row
 from validation.harness.quiet import wait_until_quiet
 
@@ -28,7 +28,7 @@ class Job(NamedTuple):
     """What a child process is for. It calls `ready()` when a solve begins."""
 
     solver: str
-    limit: float  # [s] a solve
+    limit: float  # [s] of the solve that is asked for
     data: Any
     ready: Callable[[], None]
 
@@ -52,15 +52,15 @@ def silence() -> None:
     os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
 
 
-def serve(pipe: Connection, work: Work, solver: str, limit: float, data: Any) -> None:
-    """Answer requests until None comes: what the child process does."""
+def serve(pipe: Connection, work: Work, solver: str, data: Any) -> None:
+    """Answer requests, each after its time limit: what the child process does."""
     warnings.simplefilter("ignore")
     silence()
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     if solver == "nam":
         import namlcp  # noqa: F401  (makes it known to qpsolvers)
-    job = Job(solver, limit, data, lambda: pipe.send(READY))
-    for request in iter(pipe.recv, None):
+    for limit, *request in iter(pipe.recv, None):
+        job = Job(solver, limit, data, lambda: pipe.send(READY))
         try:
             answer = work(job, *request)
         except Exception as error:
@@ -72,7 +72,8 @@ class Bench:
     """A child process with one solver, replaced when it hangs or dies.
 
     work, a function of a module, is what the child does with a request; limit is the
-    time of one solve [s], data what else the child needs, such as the data folder.
+    time of one solve [s], which may be changed between requests; data is what else the
+    child needs, such as the data folder.
     """
 
     def __init__(self, work: Work, solver: str, limit: float, data: Any = None) -> None:
@@ -91,7 +92,7 @@ class Bench:
         """Start the child process."""
         context = mp.get_context("spawn")
         self.pipe, child_end = context.Pipe()
-        arguments = (child_end, self.work, self.solver, self.limit, self.data)
+        arguments = (child_end, self.work, self.solver, self.data)
         process = context.Process(target=serve, args=arguments, daemon=True)
         self.process: Any = process
         self.process.start()
@@ -115,7 +116,7 @@ class Bench:
         """
         wait_until_quiet()
         try:
-            self.pipe.send(request)
+            self.pipe.send((self.limit, *request))
             answer = self.wait(LOADING)
             if answer == READY:
                 answer = self.wait(self.limit + GRACE)
@@ -152,16 +153,19 @@ def isolated(function: Callable[..., Any], *arguments: Any) -> Any:
         return pool.submit(function, *arguments).result()
 
 
-def keep_late_peers(file: Path) -> None:
+def keep_peers(file: Path, whole: Collection[str] = ()) -> None:
     """Clear a file that another run has left, but for peers that were late.
 
-    Their rows do not depend on our code, and to ask again is much of a run's time. It
-    is done where the processor or the version of the peer is another one.
+    Of the solvers `whole` all rows are kept. The rows of peers do not depend on our
+    code, and to ask again is much of a run's time. They go where the processor or the
+    version of the peer is another one now. Where there is no such file, the
+    repository's own of that name is taken.
     """
-    rows = csv_files.read(file)
+    other = file if file.exists() else cli.RESULTS / file.name
+    rows = csv_files.read(other)
     solvers = tables.distinct(rows, "solver") if rows and "solver" in rows[0] else []
     header = machine.lines(solvers)
-    now, then = said(header), said(csv_files.header(file) if rows else [])
+    now, then = said(header), said(csv_files.header(other) if rows else [])
     same = {
         solver
         for solver in solvers
@@ -169,10 +173,16 @@ def keep_late_peers(file: Path) -> None:
         for package in [machine.PACKAGES.get(word, word)]
         if all(now[name] == then.get(name) for name in ("cpu", package))
     }
-    late = [r for r in rows if r.get("status") in LATE and r["solver"] in same]
+    kept = [
+        row
+        for row in rows
+        if row.get("solver") in same
+        and (row.get("status") in LATE or row["solver"] in whole)
+    ]
     file.unlink(missing_ok=True)
-    if late:
-        csv_files.write(file, [*header, KEPT], late)
+    if kept:
+        more = [f"all rows of {s}" for s in whole if s in same]
+        csv_files.write(file, [*header, "; ".join([KEPT, *more])], kept)
 
 
 def said(header: list[str]) -> dict[str, str]:

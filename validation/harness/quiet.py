@@ -1,22 +1,36 @@
 """Whether the machine is quiet enough for a timing.
 
-With the environment variable QUIET set, as `report --full` does, every request to a
-child process (`processes.Bench`) waits until other processes keep less than `MOST_BUSY`
-of a core busy, and raises BusyError if that does not happen.
+The environment variable LOAD says what else may run, as `report --full` sets it. Every
+request to a child process (`processes.Bench`) then waits until other processes keep no
+more of the cores busy than `ALLOWED`, and raises BusyError if that does not happen.
+Without the variable nothing is looked at. `said` tells it to the header of every CSV.
 """
 
 import os
 import time
 from pathlib import Path
 
-QUIET = "NAMLCP_QUIET"
-MOST_BUSY = 0.3  # cores that others may keep busy
+LOAD = "NAMLCP_LOAD"
+QUIET, BESIDE = "quiet", "beside"  # values of LOAD: nothing else, one process more
+MOST_BUSY = 0.3  # cores that others may keep busy on a quiet machine
+ALLOWED = {QUIET: MOST_BUSY, BESIDE: 1.0 + MOST_BUSY}
 SAMPLE = 0.2  # [s] over which the load is measured; this process sleeps meanwhile
-PATIENCE = 900.0  # [s] to wait for a quiet machine
+LOOK_EVERY = 10.0  # [s] for which what was seen counts
+PATIENCE = 3600.0  # [s] to wait for a quiet machine
+last_look = -LOOK_EVERY  # when this process has seen that it was quiet
 
 
 class BusyError(RuntimeError):
     """The machine stayed busy."""
+
+
+def said() -> str:
+    """Return what a CSV header says of other processes."""
+    words = {
+        QUIET: f"others kept less than {MOST_BUSY} of a core busy",
+        BESIDE: "beside another process on the other core (--busy)",
+    }
+    return words.get(os.environ.get(LOAD, ""), "not looked at")
 
 
 def busy_seconds() -> float:
@@ -41,11 +55,17 @@ def busy_cores(sample: float = SAMPLE) -> float:
 
 
 def wait_until_quiet(patience: float = PATIENCE) -> None:
-    """Return once the machine is quiet, at once unless QUIET is set."""
-    if QUIET not in os.environ:
+    """Return once others keep no more busy than LOAD allows; say so before a wait."""
+    global last_look
+    start = time.monotonic()
+    if LOAD not in os.environ or start - last_look < LOOK_EVERY:
         return
-    end = time.monotonic() + patience
-    while (busy := busy_cores()) > MOST_BUSY:
-        if time.monotonic() > end:
-            raise BusyError(f"others keep {busy:.1f} cores busy; limit {MOST_BUSY}")
+    most, told = ALLOWED[os.environ[LOAD]], False
+    while (busy := busy_cores()) > most:
+        if time.monotonic() - start > patience:
+            raise BusyError(f"others keep {busy:.1f} cores busy; limit {most}")
+        if not told:
+            print(f"waiting: others keep {busy:.1f} cores busy", flush=True)
+            told = True
         time.sleep(1.0)
+    last_look = time.monotonic()

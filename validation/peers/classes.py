@@ -9,8 +9,9 @@ Usage::
 The problems: `osqp_classes`, four sizes of each class, from 10^3 to 10^6 entries of P,
 G and A. They are measured as in `benchmark`, one problem after the other with every
 solver in turn: `runtime` is the median of calls on a problem that the solver has seen,
-`cold` its first call there. What ran into the limit is not tried at a larger size of
-its class. A run goes on where an earlier one with the same --csv has stopped; --table
+`cold` its first call there. A peer's time limit is ten times what namlcp took
+(`runs.limit_beside`); what ran into the limit is not tried at a larger size of its
+class. A run goes on where an earlier one with the same --csv has stopped; --table
 prints the tables of that file and runs nothing.
 
 Every problem has a solution. The claim: all solved, time over that of the best peer at
@@ -40,6 +41,7 @@ from validation.peers.runs import (
     COLUMNS,
     KEY,
     failure_text,
+    limit_beside,
     measure,
     read_rows,
 )
@@ -77,6 +79,9 @@ def run(args: argparse.Namespace, known: list[Row]) -> Iterator[Row]:
                     for eps in sorted(args.eps, reverse=True):
                         if file.has(name, size, solver, eps):
                             continue
+                        if solver != "nam":
+                            ours = own_times(file.rows, name, size, eps)
+                            child.limit = limit_beside(ours, args.limit)
                         row = late.get((name, solver))
                         if row is None or int(row["problem"]) > size:
                             row = child.run(name, str(size), eps)
@@ -85,6 +90,16 @@ def run(args: argparse.Namespace, known: list[Row]) -> Iterator[Row]:
                         yield file.add(
                             row | {"problem": str(size), "eps": eps} | sizes_of
                         )
+
+
+def own_times(rows: list[Row], name: str, size: int, eps: float) -> list[float]:
+    """Return the time [s] that namlcp has taken, nothing if it has not solved."""
+    own = tables.chosen(rows, set=name, problem=str(size), solver="nam")
+    return [
+        float(row["runtime"])
+        for row in own
+        if str(row["success"]) == "True" and float(row["eps"]) == eps
+    ]
 
 
 def compared(rows: list[Row]) -> list[Row]:

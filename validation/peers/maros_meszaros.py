@@ -78,10 +78,9 @@ def run(args: argparse.Namespace) -> None:
     enough = [row for row in known if row["limit"] >= args.limit]
     slow = {solver: late_ones(enough, "all", solver) for solver in solvers}
     names = args.only or data_sets.set_names(args.data, "all")
+    header = cli.begin(machine.installed(PEERS))  # others may come into the file later
     with (
-        csv_files.writer(
-            args.csv, cli.begin(solvers), ["limit", *COLUMNS], append=True
-        ) as write,
+        csv_files.writer(args.csv, header, ["limit", *COLUMNS], append=True) as write,
         processes.benches(measure, solvers, args.limit, args.data) as children,
     ):
         for eps in sorted(args.eps, reverse=True):
@@ -213,16 +212,17 @@ def main(arguments: list[str] | None = None) -> int:
     commands = parser.add_subparsers(dest="command", required=True)
     for name in ("run", "table"):
         command = commands.add_parser(name)
-        cli.add_usual(command, data=..., csv=...)
+        cli.add_usual(command, data=..., csv=..., solvers=PEERS)
         if name == "run":
-            cli.add_usual(command, "limit", eps=TOLERANCES, solvers=PEERS)
+            cli.add_usual(command, "limit", eps=TOLERANCES)
             command.add_argument("--only", nargs="+", help="names of problems")
     args = parser.parse_args(arguments)
     data_sets.set_names(args.data, "all")
     if args.command == "run":
         run(args)
     else:
-        print_tables(args.data, read_results(args.csv))
+        rows = read_results(args.csv)
+        print_tables(args.data, [row for row in rows if row["solver"] in args.solvers])
     return 0
 
 

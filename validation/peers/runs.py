@@ -31,6 +31,7 @@ COLUMNS = [
     *"success status iterations form".split(),
 ]
 KEY = ("set", "problem", "solver", "eps")
+PEER_TIMES, PEER_LEAST = 10.0, 1.0  # times of namlcp's, [s]: see limit_beside
 
 
 def measure(
@@ -77,6 +78,15 @@ def run_problem(
     if row["status"] in LATE:
         slow[name] = row
     return row
+
+
+def limit_beside(ours: list[float], most: float) -> float:
+    """Return the time limit [s] of a peer where namlcp has taken `ours`, if it solved.
+
+    It is given PEER_TIMES as long, at least PEER_LEAST, and at most `most`: for figures
+    that need no more than that a peer is late.
+    """
+    return min(most, max(PEER_LEAST, PEER_TIMES * min(ours, default=most)))
 
 
 def loosest_first(

@@ -9,8 +9,9 @@ run
     for a sweep Res(z): the quantity whose tolerance was asked for. A request is missed
     if the residual is more than ten times the tolerance, or the time limit is; what
     the solver says of itself counts for nothing. The solvers take turns, problem by
-    problem; what is late at a tolerance is not tried at a tighter one. A run that was
-    stopped goes on where its file ends.
+    problem, namlcp first: the others' time limit is ten times what it took
+    (`runs.limit_beside`). What is late at a tolerance is not tried at a tighter one. A
+    run that was stopped goes on where its file ends.
     work-precision.csv, from it: for each family, solver and tolerance the median and
     the quartiles over the problems of time and error, what is missed being infinite,
     and how many are missed. The quartiles are values of the sample.
@@ -51,7 +52,7 @@ from validation.harness import (
     timing,
 )
 from validation.peers.references import distance, reference
-from validation.peers.runs import loosest_first, run_problem
+from validation.peers.runs import limit_beside, loosest_first, run_problem
 from validation.problems import families
 
 SOLVERS = "nam piqp proxqp daqp quadprog clarabel osqp scs highs moreau qtqp".split()
@@ -188,6 +189,15 @@ def complete(row: Row, point: np.ndarray | None, exact: np.ndarray | None) -> Ro
     return row
 
 
+def limit_of(solver: str, rows: list[Row], most: float) -> float:
+    """Return the time limit [s] of a solver; `rows` are those of this request."""
+    if solver in OURS:
+        return most
+    own = [row for row in rows if row["solver"] in OURS]
+    solved = [row for row in own if str(row["missed"]) == "False"]
+    return limit_beside([float(row["runtime"]) for row in solved], most)
+
+
 def family_rows(
     args: argparse.Namespace, name: str, solvers: list[str], file: csv_files.Growing
 ) -> Iterator[Row]:
@@ -210,6 +220,9 @@ def family_rows(
                 if solver not in children:
                     child = Bench(measure, solver, args.limit, args.data)
                     children[solver] = stack.enter_context(child)
+                asked_too = tables.chosen(file.rows, family=name, problem=problem)
+                same = [row for row in asked_too if float(row["eps"]) == eps]
+                children[solver].limit = limit_of(solver, same, args.limit)
                 row = run_problem(children[solver], name, problem, eps, slow[solver])
                 point = row.pop("point", None)  # of a late one it counts once
                 yield complete(dict(row), point, exact)

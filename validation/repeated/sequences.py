@@ -9,7 +9,8 @@ Usage::
 A scene's loop is run once with fresh solves of ours, which give the next step its
 vectors. Then every solver repeats these steps by its own workspace (`workspaces`), from
 its last answer, with the vectors ready in its own form: the time is that of update and
-solve. Of REPEATS runs, each with a new workspace, the quickest counts for each step;
+solve. Of REPEATS runs, each with a new workspace, the quickest counts for each step
+(one run is enough where it takes more than LONG seconds);
 `microseconds` is the median of the steps, `slow` the 90th percentile.
 
 Each answer is judged with the problem as given: the largest residual (primal, dual,
@@ -43,6 +44,7 @@ from validation.repeated.command import run_or_plot
 from validation.repeated.workspaces import WORKSPACES
 
 REPEATS = 3
+LONG = 2.0  # [s] a run through the sequence, which is then not repeated
 COLUMNS = (
     "scene size level solver variables inequalities equalities steps solved setup "
     "microseconds slow sum residual difference active changes moves status"
@@ -94,6 +96,8 @@ def replayed(job: Job, sequence: Recorded, eps: float) -> Row:
     judged: list[Row] = []
     job.ready()
     for repeat in range(REPEATS):
+        if repeat and times[0].sum() > LONG:
+            break
         start = time.perf_counter()
         workspace = WORKSPACES[job.solver](problem, eps)
         setup = time.perf_counter() - start
@@ -175,7 +179,7 @@ def run(args: argparse.Namespace) -> None:
 def main(arguments: list[str] | None = None) -> int:
     """Run, or plot what was measured."""
     parser = cli.parser(
-        __doc__, "quick", csv=cli.RESULTS / "sequences.csv", limit=120.0, eps=[1e-9],
+        __doc__, "quick", csv=cli.RESULTS / "sequences.csv", limit=30.0, eps=[1e-9],
         solvers=list(WORKSPACES),
     )  # fmt: skip
     scenes = list(known.SCENES)

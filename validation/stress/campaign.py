@@ -120,7 +120,7 @@ class CampaignBench(Bench):
         """Start the child process, and wait until all is loaded and compiled."""
         super().start()
         if self.solver == "nam":
-            self.pipe.send((None,))
+            self.pipe.send((self.limit, None))
             self.wait(COMPILING)
 
     def examine(self, index: int, eps: float) -> Row:
