@@ -18,9 +18,9 @@ from namlcp.qp import (
     Answer,
     ClosestPoint,
     NotConvex,
-    asks_more,
     checked,
     make_guess,
+    needs_more,
     qp_arrays,
     result_of,
     solve_checked,
@@ -86,7 +86,7 @@ def nam_solve_problem(
             if initvals is None and warm_start is None:
                 ready = time.perf_counter()
                 known = solve_shortly(qp, options, start, given)
-                if known is not None and not asks_more(options, known):
+                if known is not None and not needs_more(options, known):
                     if known.status is Status.SOLVED:
                         return short_solution(problem, known, start, ready)
                     result = result_of(known, (qp, given), start, ready)

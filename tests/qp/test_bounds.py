@@ -87,3 +87,18 @@ def test_ctrl_c_in_the_short_way_is_not_lost(monkeypatch):
     n = 60
     with pytest.raises(KeyboardInterrupt):
         solve_qp(csc_array(diags_array(np.ones(n))), np.ones(n), lb=np.zeros(n))
+
+
+@pytest.mark.parametrize("status", [Status.STALLED, Status.MAX_ITER])
+def test_what_the_short_way_leaves_undecided_is_not_solved_again(monkeypatch, status):
+    solves = []
+
+    def undecided(qp, guess, limits, memory):
+        solves.append(qp)
+        return out_of_time(qp)._replace(status=status)
+
+    monkeypatch.setattr("namlcp.qp.solve.solve_smallest_form", undecided)
+    n = 60
+    result = solve_qp(csc_array(diags_array(np.ones(n))), np.ones(n), lb=np.zeros(n))
+    assert result.status is status
+    assert len(solves) == 1

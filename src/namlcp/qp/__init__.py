@@ -21,4 +21,10 @@ from namlcp.qp.sequences import (
     on_threads,
     solve_batch,
 )
-from namlcp.qp.solve import asks_more, result_of, solve_checked, solve_qp, solve_shortly
+from namlcp.qp.solve import (
+    needs_more,
+    result_of,
+    solve_checked,
+    solve_qp,
+    solve_shortly,
+)

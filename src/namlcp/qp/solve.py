@@ -123,7 +123,7 @@ def solve_qp(
     if x0 is None and warm_start is None and not history:
         ready = time.perf_counter()
         known = solve_shortly(qp, options, start, given, held)
-        if known is not None and not asks_more(options, known):
+        if known is not None and not needs_more(options, known):
             return with_factors(result_of(known, (qp, given), start, ready), held)
     qp = checked(qp)
     guess = make_guess(qp, x0, warm_start)
@@ -194,15 +194,17 @@ def solve_box_shortly(
     with blas_threads(options.threads, qp.q.size):
         answer = solve_smallest_form(qp, NO_GUESS, limits, Memory())
     if not answer.ends:
-        limits.deadline.verdict(Status.STALLED)  # raises after Ctrl-C
-        return None
+        limits.deadline.verdict(answer.status)  # raises after Ctrl-C
     return settled(answer, qp, given, limits)
 
 
-def asks_more(options: Options, answer: Answer) -> bool:
-    """Tell whether the options ask for the closest point of a QP with this answer."""
+def needs_more(options: Options, answer: Answer) -> bool:
+    """Tell whether `solve_checked` is to go on from an answer.
+
+    That is so if it is undecided, and if it is to lead to the closest point.
+    """
     infeasible = answer.status is Status.PRIMAL_INFEASIBLE
-    return infeasible and options.relaxation is not None
+    return answer.status in UNDECIDED or (infeasible and bool(options.relaxation))
 
 
 @interruptible
@@ -220,7 +222,7 @@ def solve_checked(
 
     `memory` may be kept for the next problem of the same pattern; it is changed.
     `given`: P, G and A as the user holds them, whose sums `upheld` asks, and in whose
-    form their gradients are. `known`: the answer, where only more than it is asked.
+    form their gradients are. `known`: the answer of `solve_shortly`, if it needs more.
     """
     progress = None
     if options.verbose or history:
@@ -233,13 +235,12 @@ def solve_checked(
     if relaxation:
         check_weights(qp, relaxation)
     with blas_threads(options.threads, qp.q.size + qp.h.size + qp.b.size):
-        answer = known
         if relaxation:
             answer, closest = solve_or_approach(
-                (qp, given), relaxation, (guess, memory), limits, solve_or_relax, answer
+                (qp, given), relaxation, (guess, memory), limits, solve_or_relax, known
             )
-        elif answer is None:
-            answer = solve_or_relax(qp, guess, limits, memory)
+        else:
+            answer = solve_or_relax(qp, guess, limits, memory, known)
     answer = settled(answer, qp, given, limits)
     if progress is not None:
         progress.close(conclude(answer, time.perf_counter() - start))
@@ -304,14 +305,19 @@ def attributes_of(
 
 
 def solve_or_relax(
-    qp: QP, guess: Guess, limits: Limits, memory: Memory | None = None
+    qp: QP,
+    guess: Guess,
+    limits: Limits,
+    memory: Memory | None = None,
+    known: Answer | None = None,
 ) -> Answer:
     """Solve the QP; if it stalls, solve it without its huge bounds.
 
     A proof that this relaxed QP is infeasible holds for the QP, too. The residuals of
-    its solution are computed with the huge bounds.
+    its solution are computed with the huge bounds. `known`: the answer to the QP, where
+    there is one.
     """
-    answer = solve_substituted(qp, guess, limits, memory)
+    answer = known or solve_substituted(qp, guess, limits, memory)
     relaxed = without_huge_bounds(qp) if answer.status in UNDECIDED else None
     if relaxed is None:
         return answer

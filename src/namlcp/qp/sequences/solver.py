@@ -44,7 +44,7 @@ from namlcp.qp.sequences.pattern import (
     revalued,
     within_pattern,
 )
-from namlcp.qp.solve import asks_more, attributes_of, result_of, solve_checked
+from namlcp.qp.solve import attributes_of, needs_more, result_of, solve_checked
 from namlcp.result import QPResult
 from namlcp.status import Status
 
@@ -382,7 +382,7 @@ class Solver:
             answer = answer._replace(status=deadline.verdict(answer.status))
         elif answer.status is not SOLVED and not answer.ends:
             return None
-        if asks_more(self.options, answer):
+        if needs_more(self.options, answer):
             return solve_checked(
                 qp, self.options, NO_GUESS, start, given=self.given, known=answer
             )
