@@ -27,6 +27,23 @@ def saddle(rows, columns):
     return csc_array(block_array([[eye_array(L.shape[0]), L], [L, -1e-6 * L]]))
 
 
+def stages(states, inputs, steps):
+    """Return the K of linear control: variables (x_1, u_0, x_2, u_1, ...), dynamics.
+
+    All inputs of a step have the same rows, which are the columns of one supernode.
+    """
+    rng = np.random.default_rng(4)
+    F, B = rng.standard_normal((states, states)), rng.standard_normal((states, inputs))
+    A = np.zeros((steps, states, steps, states + inputs))
+    for t in range(steps):
+        A[t, :, t] = np.hstack((-np.eye(states), B))
+        if t > 0:
+            A[t, :, t - 1, :states] = F
+    A = A.reshape(steps * states, -1)
+    P = np.diag(rng.uniform(1.0, 2.0, A.shape[1]))
+    return np.block([[P, A.T], [A, -np.eye(A.shape[0])]])
+
+
 def dense_factors(f):
     """Return L and D of Multifrontal factors as dense matrices, in their order."""
     L = np.eye(f.D.size)
@@ -49,6 +66,8 @@ CASES = {
     "two parts": np.kron(np.eye(2), quasi_definite(12, 6, 0.3, 3)),
     "grid": laplacian(17, 13).toarray(),
     "saddle": saddle(9, 12).toarray(),
+    "stages": stages(9, 5, 6),
+    "wide stages": stages(40, 60, 3),
 }
 
 

@@ -85,6 +85,19 @@ def test_supernodes_hold_the_pattern_of_their_columns(K):
         assert size == rows.size * (end - begin)
 
 
+def test_leaves_with_the_same_rows_share_a_supernode():
+    leaves, others, rows = 9, 90, 40
+    K = np.eye(leaves + others)
+    K[leaves:, leaves:] = 1.0
+    K[leaves : leaves + rows, :leaves] = K[:leaves, leaves : leaves + rows] = 1.0
+    K[0, leaves:] = K[leaves:, 0] = np.arange(others) < 20
+    order = minimum_degree(*parts(upper(K)))
+    nodes = supernodes(*parts(upper(K)), order)
+    alone, *twins = nodes.node[order.place[:leaves]]
+    assert len(set(twins)) == 1
+    assert alone != twins[0]
+
+
 def test_of_nothing_there_is_no_nested_dissection():
     assert nested_dissection(np.zeros(1, np.int32), np.empty(0, np.int32)) is None
 

@@ -98,7 +98,7 @@ def supernodes(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Superno
     size = order.parent.size
     columns, upper, source = permuted(indptr, indices, order.place, size, WHOLE)
     lower, below, source = transposed(columns, upper, source, size)
-    first = merged(order.parent, order.counts, MERGE)
+    first = merged(order.parent, order.counts, lower, below, MERGE)
     last = first[1:] - 1
     k = np.diff(first).astype(np.int64)
     f = k + order.counts[last]
@@ -245,11 +245,12 @@ def postordered_tree(indptr, indices, place):
 
 
 @kernel
-def merged(parent, counts, limits):
+def merged(parent, counts, lower, below, limits):
     """Return the first column of every supernode, and the number of columns.
 
     The supernode that ends with a column is merged with the one before if that is its
-    child and the `limits` on explicit zeros allow it, see `MERGE`.
+    child, or if both are leaves with the same rows, and the `limits` on explicit zeros
+    allow it, see `MERGE`.
     """
     size = parent.size
     first = np.empty(size + 1, dtype=np.int32)
@@ -260,8 +261,9 @@ def merged(parent, counts, limits):
         filled[found] = counts[j] + 1.0
         found += 1
         while found > 1:
-            above = parent[first[found - 1] - 1]
-            if above < 0 or above > j:
+            before = first[found - 1] - 1
+            is_child = before < parent[before] <= j
+            if not is_child and not are_twins(before, j, parent, lower, below):
                 break
             columns = j + 1 - first[found - 2]
             entries = columns * (0.5 * (columns + 1.0) + counts[j])
@@ -275,6 +277,23 @@ def merged(parent, counts, limits):
             found -= 1
     first[found] = size
     return first[: found + 1].copy()
+
+
+@part
+def are_twins(i, j, parent, lower, below):
+    """Tell whether the columns i and j = i + 1 are leaves with the same rows of L.
+
+    The rows of a leaf, a column without children, are those of the matrix.
+    """
+    if j != i + 1 or parent[i] == j or (i > 0 and parent[i - 1] == i):
+        return False
+    shift = lower[j] - lower[i]
+    if lower[j + 1] - lower[j] != shift:
+        return False
+    for t in range(lower[i] + 1, lower[j]):
+        if below[t] != below[t + shift]:
+            return False
+    return True
 
 
 @kernel
