@@ -12,7 +12,7 @@ from scipy import sparse
 from namlcp import Prepared, Status, solve_lcp
 from namlcp.lcp.pivoting.driver import solve_box
 from namlcp.lcp.pivoting.free_system import analyse, free_order, refactor, solve_free
-from namlcp.lcp.pivoting.work import PivotMemory, opened
+from namlcp.lcp.pivoting.state import PivotMemory, state_at
 from namlcp.limits import Limits
 from namlcp.linalg.columns import columns_of
 
@@ -277,11 +277,11 @@ def test_history(rng, capsys):
 
 
 @njit
-def free_solution(arena, state, shift, b, x):
-    work = opened(arena)
-    factor = analyse(work, free_order(work, state))
-    quality = refactor(work, shift, factor)
-    solve_free(work.now.symmetric, factor, b, x)
+def free_solution(address, state, shift, b, x):
+    m = state_at(address)
+    factor = analyse(m, free_order(m, state))
+    quality = refactor(m, shift, factor)
+    solve_free(m.symmetric, factor, b, x)
     return quality, factor.dense.shape[0]
 
 
@@ -296,15 +296,15 @@ def test_free_systems(rng, kind):
     symmetric = kind != "nonsymmetric"
     shift, b = rng.random(n), rng.standard_normal(n)
     columns = columns_of(A, symmetric)
-    memory = PivotMemory(columns, n)
+    memory = PivotMemory(columns, *np.zeros((4, n)))
     memory.now.symmetric = symmetric
-    arena = memory.arena._replace(scaled=columns)
+    memory.now.scaled = memory.now.values  # which need no scaling here
     dense = A if kind == "dense" else A.toarray()
     for share in (0.5, 0.9, 1.0):
         state = np.where(rng.random(n) < share, 0, 1).astype(np.int32)
         F = np.flatnonzero(state == 0)
         x = np.zeros(n)
-        _, size = free_solution(arena, state, shift, b, x)
+        _, size = free_solution(memory.address, state, shift, b, x)
         assert (size == 0) == (kind == "sparse")
         expected = np.linalg.solve(dense[np.ix_(F, F)] + np.diag(shift[F]), b[F])
         np.testing.assert_allclose(x[F], expected, atol=1e-12)

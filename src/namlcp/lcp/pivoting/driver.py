@@ -19,7 +19,7 @@ from namlcp.lcp.pivoting.interior import follow
 from namlcp.lcp.pivoting.large_system import LargeSystem
 from namlcp.lcp.pivoting.pivot import pivot, resume
 from namlcp.lcp.pivoting.rays import proof
-from namlcp.lcp.pivoting.work import PivotMemory
+from namlcp.lcp.pivoting.state import PivotMemory
 from namlcp.lcp.prepared import Prepared
 from namlcp.limits import Limits
 from namlcp.linalg import PSD_TOLERANCE
@@ -50,6 +50,8 @@ UNSEEN, MOST_AT_ONCE = 10_000_000, 50
 CHEAP_ORDER, LAST_STEPS = 100, 20
 """If A is known to be no P-matrix: largest order at which the interior path is tried,
 and factorisations allowed after it."""
+
+NO_START = np.empty(0)
 
 PATH_STEPS, LARGE_PATH_STEPS = 60, 150
 """Interior-point steps at most: in `interior.follow` and in `LargeSystem.follow`."""
@@ -106,20 +108,18 @@ class Attempt:
         self.path_end = before  # factorisations when an interior path had ended
         self.beyond = False  # whether the problem was left to methods for any matrix
         self.most = limits.max_iter or MAX_FACTORISATIONS
-        self.columns, n = lcp.matrix.columns, lcp.q.size
-        self.work = work = PivotMemory(self.columns, n)
-        now = work.now
-        work.q[:], work.lower[:], work.upper[:] = lcp.q, lcp.lower, lcp.upper
-        if z0 is not None:
-            work.z[:] = z0
+        n = lcp.q.size
+        start = NO_START if z0 is None else z0
+        self.work = PivotMemory(lcp.matrix.columns, lcp.q, lcp.lower, lcp.upper, start)
+        now = self.work.now
         now.eps_abs, now.eps_rel = limits.eps_abs, limits.eps_rel
         now.factorisations, now.symmetric = before, lcp.matrix.symmetric
-        compressed = self.columns.dense.shape[0] == 0
-        large = compressed and now.symmetric and in_blocks(n, self.columns.data.size)
+        compressed = not now.is_dense
+        large = compressed and now.symmetric and in_blocks(n, now.entries)
         by_lu = compressed and not now.symmetric and n > DENSE_ORDER
         now.external_solve = large or by_lu
         now.ask_convex = ask_convex and not large
-        self.large = LargeSystem(work) if large else None
+        self.large = LargeSystem(self.work) if large else None
         self.ask_convex = ask_convex
 
     def outcome(self) -> Outcome:
@@ -202,9 +202,9 @@ class Attempt:
                     break
             if code == stages.FREE_SYSTEM:
                 self.solve_free_system()
-                code = resume(self.work.arena)
+                code = resume(work.address)
             else:
-                code = pivot(self.columns, self.work.arena, min(chunk, limit - done))
+                code = pivot(work.address, min(chunk, limit - done))
             if now.factorisations > done:
                 self.report()
         return Status.SOLVED if now.solved else status, None
@@ -263,12 +263,12 @@ class Attempt:
             self.large.follow(PATH_TARGET, LARGE_PATH_STEPS, deadline)
         else:
             chunk = PATH_CHUNK
-            if self.columns.dense.shape[0] > 0:  # sparse steps here are short
+            if now.is_dense:  # sparse steps here are short
                 chunk = min(chunk, at_once(self.work.n))
             steps = 0
             while steps < PATH_STEPS:
                 budget = min(chunk, PATH_STEPS - steps)
-                taken = follow(self.work.arena, PATH_TARGET, budget)
+                taken = follow(self.work.address, PATH_TARGET, budget)
                 steps += taken
                 if taken < budget or deadline.reached():
                     return

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from namlcp.compiled import part
+from namlcp.compiled import ints, part
+from namlcp.lcp.pivoting.state import matrix_of
 from namlcp.linalg import (
     SMALL_ORDER,
     Triangle,
@@ -40,7 +41,7 @@ dense multiplications relative to sparse ones."""
 
 
 class Factor(NamedTuple):
-    """Factors of one free system: dense (m, m) and pivots, or `sparse`."""
+    """Factors of the system of the unknowns `order`: dense and pivots, or `sparse`."""
 
     order: np.ndarray
     dense: np.ndarray
@@ -49,25 +50,25 @@ class Factor(NamedTuple):
 
 
 @part
-def gather(work, shift, order, out):
-    """Write the transpose of A_FF + diag(shift)_F to out (m, m), F = order."""
-    m, local = order.size, work.local
-    dense, indptr, indices, data = work.scaled
+def gather(m, shift, order, out):
+    """Write the transpose of A_FF + diag(shift)_F to out (count, count), F = order."""
+    count, local = order.size, ints(m.local, m.n)
+    dense, indptr, indices, data = matrix_of(m, m.scaled)
     if dense.shape[0] > 0:
-        for k in range(m):
+        for k in range(count):
             column = dense[order[k]]
-            for t in range(m):
+            for t in range(count):
                 out[k, t] = column[order[t]]
     else:
         set_positions(order, local)
-        for k in range(m):
-            for t in range(m):
+        for k in range(count):
+            for t in range(count):
                 out[k, t] = 0.0
             for p in range(indptr[order[k]], indptr[order[k] + 1]):
                 if local[indices[p]] >= 0:
                     out[k, local[indices[p]]] = data[p]
         clear_positions(order, local)
-    for k in range(m):
+    for k in range(count):
         out[k, k] += shift[order[k]]
 
 
@@ -86,33 +87,33 @@ def clear_positions(order, local):
 
 
 @part
-def dense_factor(work, shift, factor):
+def dense_factor(m, shift, factor):
     """Overwrite factor.dense; return REGULAR, SINGULAR or INDEFINITE.
 
     INDEFINITE means for a nonsymmetric A_FF that its determinant is negative.
     """
-    m = factor.order.size
+    count = factor.order.size
     M = factor.dense
-    gather(work, shift, factor.order, M)
-    if work.now.symmetric:
+    gather(m, shift, factor.order, M)
+    if m.symmetric:
         if cholesky(M) == 0:
             return REGULAR
-        gather(work, shift, factor.order, M)
-        for k in range(m):
+        gather(m, shift, factor.order, M)
+        for k in range(count):
             M[k, k] += JITTER
         if cholesky(M) == 0:
             return SINGULAR
-        for k in range(m):  # not a factor of A_FF, but a solve stays possible
+        for k in range(count):  # not a factor of A_FF, but a solve stays possible
             M[k, k] = max(M[k, k], JITTER)
         return INDEFINITE
-    for k in range(m):
+    for k in range(count):
         for t in range(k):
             M[k, t], M[t, k] = M[t, k], M[k, t]
     if lu(M, factor.pivots) > 0:
         return SINGULAR
     positive = True
     least = np.inf
-    for k in range(m):
+    for k in range(count):
         least = min(least, abs(M[k, k]))
         positive ^= M[k, k] < 0.0
         positive ^= factor.pivots[k] != k + 1
@@ -121,79 +122,84 @@ def dense_factor(work, shift, factor):
 
 
 @part
-def free_order(work, state):
+def may_stay_sparse(m, count):
+    """Tell whether a free system of this order may be factored by `linalg.ldl`."""
+    return m.symmetric and not m.is_dense and count > SMALL_ORDER
+
+
+@part
+def free_order(m, state):
     """Return the unknowns with state 0, in elimination order if A_FF may stay sparse.
 
     The first order covers these unknowns, the second also all those of the first, the
     third all n: most solves meet one or two sets F that differ little. With ask_convex,
     which factors A in the end, the first covers all n already.
     """
-    sequence, rank, now, scaled = work.sequence, work.rank, work.now, work.scaled
-    n = state.size
-    m = 0
+    sequence, rank = ints(m.sequence, m.n), ints(m.rank, m.n)
+    count = 0
     missing = False
-    for i in range(n):
+    for i in range(m.n):
         if state[i] == 0:
-            m += 1
+            count += 1
             missing |= rank[i] < 0
-    sparse = now.symmetric and m > SMALL_ORDER and scaled.dense.shape[0] == 0
+    sparse = may_stay_sparse(m, count)
     if sparse and missing:
-        nodes = np.empty(n, dtype=np.int32)
+        nodes = np.empty(m.n, dtype=np.int32)
         size = 0
-        of_all = now.ask_convex or now.orderings >= 2
-        for i in range(n):
+        of_all = m.ask_convex or m.orderings >= 2
+        for i in range(m.n):
             if of_all or state[i] == 0 or rank[i] >= 0:
                 nodes[size] = i
                 size += 1
-        bitset_minimum_degree(
-            scaled.indptr, scaled.indices, nodes[:size], work.local, sequence
-        )
+        _, indptr, indices, _ = matrix_of(m, m.scaled)
+        local = ints(m.local, m.n)
+        bitset_minimum_degree(indptr, indices, nodes[:size], local, sequence)
         for k in range(size):
             rank[sequence[k]] = k
-        now.ordered = size
-        now.orderings += 1
-    order = np.empty(m, dtype=np.int32)
-    m = 0
-    for k in range(now.ordered if sparse else n):
+        m.ordered = size
+        m.orderings += 1
+    order = np.empty(count, dtype=np.int32)
+    count = 0
+    for k in range(m.ordered if sparse else m.n):
         i = sequence[k] if sparse else k
         if state[i] == 0:
-            order[m] = i
-            m += 1
+            order[count] = i
+            count += 1
     return order
 
 
 @part
-def analyse(work, order):
+def analyse(m, order):
     """Return memory for the `Factor` of the unknowns in `order`, the cheaper kind."""
-    m, scaled = order.size, work.scaled
-    parent, counts = np.empty(m, dtype=np.int32), np.empty(m, dtype=np.int32)
-    starts = np.zeros(m + 1, dtype=np.int64)
-    size = m  # of the dense factor
-    if work.now.symmetric and m > SMALL_ORDER and scaled.dense.shape[0] == 0:
-        set_positions(order, work.local)
-        flops = ldl_symbolic(
-            scaled.indptr, scaled.indices, order, work.local, parent, counts
-        )
-        clear_positions(order, work.local)
-        if DENSE_SPEED * flops <= m * (m * (m / 3.0)) + CALL:
+    count, local = order.size, ints(m.local, m.n)
+    parent, counts = np.empty(count, dtype=np.int32), np.empty(count, dtype=np.int32)
+    starts = np.zeros(count + 1, dtype=np.int64)
+    size = count  # of the dense factor
+    if may_stay_sparse(m, count):
+        _, indptr, indices, _ = matrix_of(m, m.scaled)
+        set_positions(order, local)
+        flops = ldl_symbolic(indptr, indices, order, local, parent, counts)
+        clear_positions(order, local)
+        if DENSE_SPEED * flops <= count * (count * (count / 3.0)) + CALL:
             size = 0
-            for k in range(m):
+            for k in range(count):
                 starts[k + 1] = starts[k] + counts[k]
-    rows, values = np.empty(starts[m], dtype=np.int32), np.empty(starts[m])
-    triangle = Triangle(parent, starts, rows, values, np.empty(m - size))
+    rows, values = np.empty(starts[count], dtype=np.int32), np.empty(starts[count])
+    triangle = Triangle(parent, starts, rows, values, np.empty(count - size))
     pivots = np.empty(size, dtype=np.int32)
     return Factor(order, np.empty((size, size)), pivots, triangle)
 
 
 @part
-def refactor(work, shift, factor):
+def refactor(m, shift, factor):
     """Overwrite the numbers of `factor`; return REGULAR, SINGULAR or INDEFINITE."""
-    order = factor.order
+    order, local = factor.order, ints(m.local, m.n)
     if factor.dense.shape[0] == order.size:
-        return dense_factor(work, shift, factor)
-    set_positions(order, work.local)
-    smallest = ldl_numeric(work.scaled, shift, order, work.local, factor.sparse)
-    clear_positions(order, work.local)
+        return dense_factor(m, shift, factor)
+    set_positions(order, local)
+    scaled = matrix_of(m, m.scaled)
+    smallest = ldl_numeric(scaled, shift, order, local, factor.sparse)
+    clear_positions(order, local)
     return INDEFINITE if smallest < LEAST_PIVOT else REGULAR
 
 
@@ -201,15 +207,15 @@ def refactor(work, shift, factor):
 def solve_free(symmetric, factor, b, x):
     """Write the solution for b (n,) to the free entries of x (n,), and no others."""
     order = factor.order
-    m = order.size
-    u = np.empty(m)
-    for k in range(m):
+    count = order.size
+    u = np.empty(count)
+    for k in range(count):
         u[k] = b[order[k]]
-    if factor.dense.shape[0] < m:
+    if factor.dense.shape[0] < count:
         ldl_solve(factor.sparse, u)
     elif symmetric:
         cholesky_solve(factor.dense, u)
     else:
         lu_solve(factor.dense, factor.pivots, u)
-    for k in range(m):
+    for k in range(count):
         x[order[k]] = u[k]

@@ -17,7 +17,7 @@ from namlcp.lcp.pivoting.interior import (
     open_path,
     use_direction,
 )
-from namlcp.lcp.pivoting.work import PivotMemory, opened, path_in
+from namlcp.lcp.pivoting.state import PivotMemory, state_at
 from namlcp.limits import Deadline
 from namlcp.linalg import (
     PSD_SLACK,
@@ -36,20 +36,20 @@ BEGIN, END = -1, -2
 
 
 @kernel(error_model="numpy")
-def path_step(arena, stage):
+def path_step(address, stage):
     """Do one stage of a step of the path; the caller factors and solves in between.
 
     BEGIN: `begin_step`; END: `close_path`; k >= 0: return `use_direction` of corrector
-    k, with path.dz solved for.
+    k, with dz solved for.
     """
-    work, path = opened(arena), path_in(arena)
+    m = state_at(address)
     if stage == BEGIN:
-        open_path(work, path)
-        begin_step(work, path)
+        open_path(m)
+        begin_step(m)
     elif stage == END:
-        close_path(work, path)
+        close_path(m)
     else:
-        return use_direction(work, path, stage)
+        return use_direction(m, stage)
     return AGAIN
 
 
@@ -113,11 +113,11 @@ class LargeSystem:
 
     def follow(self, target: float, steps: int, deadline: Deadline) -> None:
         """Do as `interior.follow`; end also where Res stalls or at the deadline."""
-        work, now, arena = self.work, self.work.now, self.work.arena
+        work, now, address = self.work, self.work.now, self.work.address
         free = work.lower < work.upper
         before = np.full(STALL, np.inf)
         for k in range(steps):
-            path_step(arena, BEGIN)
+            path_step(address, BEGIN)
             found = now.path_residual <= target * now.size
             stalled = now.path_residual > 0.5 * before[k % STALL]
             if found or stalled or deadline.reached():
@@ -126,12 +126,12 @@ class LargeSystem:
             self.factor(free, np.nan)
             corrector, code = 0, AGAIN
             while code == AGAIN:
-                solve_blocks(self.blocks, free, self.values, work.rhs, work.path_dz)
-                code = path_step(arena, corrector)
+                solve_blocks(self.blocks, free, self.values, work.rhs, work.dz)
+                code = path_step(address, corrector)
                 corrector += 1
             if code == TOO_SHORT:
                 break
-        path_step(arena, END)
+        path_step(address, END)
 
     def is_convex(self) -> bool:
         """Tell whether A + `PSD_SLACK` I is positive definite."""

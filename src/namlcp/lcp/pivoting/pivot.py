@@ -11,7 +11,7 @@ For symmetric A, once that stagnates, `line_search` shortens the steps.
 
 import numpy as np
 
-from namlcp.compiled import kernel, part, pasted
+from namlcp.compiled import floats, ints, kernel, part, pasted
 from namlcp.lcp.pivoting.free_system import (
     INDEFINITE,
     REGULAR,
@@ -21,7 +21,7 @@ from namlcp.lcp.pivoting.free_system import (
     solve_free,
 )
 from namlcp.lcp.pivoting.line_search import end_at, states_at, step_to
-from namlcp.lcp.pivoting.work import opened
+from namlcp.lcp.pivoting.state import bounds_of, matrix_of, state_at
 from namlcp.linalg import (
     PSD_SLACK,
     add_product,
@@ -75,25 +75,27 @@ RAY_ROUNDING = 1e-9
 
 
 @part
-def first_sweeps(work):
+def first_sweeps(m):
     """Sweep by projected SOR; update z, w = A z + q and state.
 
     An unknown that does not move costs no pass over its column.
     """
-    dense, indptr, indices, data = work.scaled
-    z, w, state, lower, upper = work.z, work.w, work.state, work.lower, work.upper
+    dense, indptr, indices, data = matrix_of(m, m.scaled)
+    z, w, state = floats(m.z, m.n), floats(m.w, m.n), ints(m.state, m.n)
+    lower, upper = bounds_of(m)
+    has_unit = ints(m.has_unit, m.n)
     still = 0
     for _ in range(FIRST_SWEEPS):
         still += 1
-        for i in range(z.size):
-            if work.has_unit[i]:
+        for i in range(m.n):
+            if has_unit[i]:
                 t = min(max(z[i] - SWEEP_RELAXATION * w[i], lower[i]), upper[i])
                 step = t - z[i]
                 if step != 0.0:
                     z[i] = t
                     # Written out: a call costs more than the work on a sparse column.
                     if dense.shape[0] > 0:
-                        for k in range(w.size):
+                        for k in range(m.n):
                             w[k] += step * dense[i, k]
                     else:
                         for p in range(np.uint32(indptr[i]), np.uint32(indptr[i + 1])):
@@ -113,51 +115,58 @@ def state_of(s, lower, upper):
 
 
 @part
-def write_w(work, z, w):
+def write_w(m, z, w):
     """Write w = A z + q of the scaled problem."""
-    copy(work.q, w)
-    add_product(work.scaled, z, w)
+    copy(floats(m.q, m.n), w)
+    add_product(matrix_of(m, m.scaled), z, w)
 
 
 @part
-def meets(now, scaled, plain, margin):
+def meets(m, scaled, plain, margin):
     """Tell whether residuals meet the tolerances times a margin."""
-    return scaled <= margin * now.eps_rel * now.size or plain < margin * now.eps_abs
+    return scaled <= margin * m.eps_rel * m.size or plain < margin * m.eps_abs
 
 
 @part
-def record(work):
+def residuals_of(m, z):
+    """Return Res(z) for w = A z + q, of the scaled problem and as given."""
+    lower, upper = bounds_of(m)
+    return natural_residuals(z, floats(m.w, m.n), lower, upper, floats(m.d, m.n))
+
+
+@part
+def record(m):
     """Copy z to best if its Res is the least; return whether that fell to a quarter."""
-    now = work.now
-    scaled, plain = natural_residuals(work.z, work.w, work.lower, work.upper, work.d)
-    improved = scaled < 0.25 * now.best_residual
-    if scaled < now.best_residual:
-        now.best_residual = scaled
-        copy(work.z, work.best)
-        now.solved = meets(now, scaled, plain, 1.0)
+    scaled, plain = residuals_of(m, floats(m.z, m.n))
+    improved = scaled < 0.25 * m.best_residual
+    if scaled < m.best_residual:
+        m.best_residual = scaled
+        copy(floats(m.z, m.n), floats(m.best, m.n))
+        m.solved = meets(m, scaled, plain, 1.0)
     return improved
 
 
 @part
-def clip_rounding(work):
+def clip_rounding(m):
     """Clip z if no free unknown is outside its bounds by more than the tolerance."""
-    z, lower, upper = work.z, work.lower, work.upper
-    tolerance = work.now.tolerance
-    for i in range(z.size):
+    z, (lower, upper) = floats(m.z, m.n), bounds_of(m)
+    tolerance = m.tolerance
+    for i in range(m.n):
         if not lower[i] - tolerance <= z[i] <= upper[i] + tolerance:
             return
-    for i in range(z.size):
+    for i in range(m.n):
         z[i] = min(max(z[i], lower[i]), upper[i])
 
 
 @pasted
-def set_goals(work):
+def set_goals(m):
     """Write to goal the states that the signs of z and w ask for; count the changes."""
-    z, lower, upper = work.z, work.lower, work.upper
-    state, goal = work.state, work.goal
-    rho, tolerance = work.now.rho, work.now.tolerance
+    z, (lower, upper) = floats(m.z, m.n), bounds_of(m)
+    w, centre = floats(m.w, m.n), floats(m.centre, m.n)
+    state, goal = ints(m.state, m.n), ints(m.goal, m.n)
+    rho, tolerance = m.rho, m.tolerance
     wrong = 0
-    for i in range(z.size):
+    for i in range(m.n):
         goal[i] = state[i]
         if state[i] == 0:
             if z[i] < lower[i] - tolerance:
@@ -165,264 +174,276 @@ def set_goals(work):
             elif z[i] > upper[i] + tolerance:
                 goal[i] = 1
         elif lower[i] < upper[i]:
-            if state[i] * (work.w[i] + rho * (z[i] - work.centre[i])) > tolerance:
+            if state[i] * (w[i] + rho * (z[i] - centre[i])) > tolerance:
                 goal[i] = 0
         wrong += goal[i] != state[i]
     return wrong
 
 
 @part
-def may_be_ray(work, v):
+def may_be_ray(m, v):
     """Tell whether q'v < 0 and v moves no unknown towards a finite bound."""
+    q, (lower, upper) = floats(m.q, m.n), bounds_of(m)
     least = RAY_ROUNDING * largest_entry(v)
     descent = 0.0
     for i in range(v.size):
-        if (v[i] > least and work.upper[i] < np.inf) or (
-            v[i] < -least and work.lower[i] > -np.inf
+        if (v[i] > least and upper[i] < np.inf) or (
+            v[i] < -least and lower[i] > -np.inf
         ):
             return False
-        descent += work.q[i] * v[i]
+        descent += q[i] * v[i]
     return descent < 0.0
 
 
 @part
-def reset_patience(now, n, rho):
+def reset_patience(m, rho):
     """Forget the fewest wrong signs, and set rho."""
-    now.fewest_wrong = n + 1
-    now.patience = SEARCH_STEPS if now.line_search else BLOCK_STEPS
-    if rho != now.rho:
-        now.rho = rho
-        now.must_factor = True
+    m.fewest_wrong = m.n + 1
+    m.patience = SEARCH_STEPS if m.line_search else BLOCK_STEPS
+    if rho != m.rho:
+        m.rho = rho
+        m.must_factor = True
 
 
 @pasted
-def end_outer_step(work):
+def end_outer_step(m):
     """Move the proximal point to z, with the difference in rhs, and lower rho."""
-    z, v, centre, now = work.z, work.rhs, work.centre, work.now
-    improved = record(work)
-    now.outer_steps += 1
-    rho = now.rho
-    exact = now.best_residual <= EXACT_RESIDUAL * now.size
-    if now.solved and (exact or rho == 0.0 or not improved):
+    z, v, centre = floats(m.z, m.n), floats(m.rhs, m.n), floats(m.centre, m.n)
+    w, x, s = floats(m.w, m.n), floats(m.x, m.n), floats(m.s, m.n)
+    improved = record(m)
+    m.outer_steps += 1
+    rho = m.rho
+    exact = m.best_residual <= EXACT_RESIDUAL * m.size
+    if m.solved and (exact or rho == 0.0 or not improved):
         return DONE
-    if now.outer_steps >= OUTER_STEPS:
+    if m.outer_steps >= OUTER_STEPS:
         return STUCK
-    for i in range(z.size):
+    for i in range(m.n):
         v[i] = z[i] - centre[i]
         centre[i] = z[i]
-    factor = 0.1 if now.line_search else 0.01
-    reset_patience(now, z.size, max(factor * rho, LEAST_RHO))
-    for i in range(z.size):  # where a line search starts
-        work.x[i] = centre[i]
-        work.s[i] = centre[i] - work.w[i] / now.rho
+    factor = 0.1 if m.line_search else 0.01
+    reset_patience(m, max(factor * rho, LEAST_RHO))
+    for i in range(m.n):  # where a line search starts
+        x[i] = centre[i]
+        s[i] = centre[i] - w[i] / m.rho
     # Steps 3, 6, 12, ...: later directions are more accurate, but every test costs.
-    turn = now.outer_steps // 3
-    due = now.outer_steps == 3 * turn and turn > 0 and turn & (turn - 1) == 0
-    if due and rho > 0.0 and may_be_ray(work, v):
+    turn = m.outer_steps // 3
+    due = m.outer_steps == 3 * turn and turn > 0 and turn & (turn - 1) == 0
+    if due and rho > 0.0 and may_be_ray(m, v):
         return RAY
     return GO_ON
 
 
 @part
-def search(work):
+def search(m):
     """Search on the way to the solution z of the free system; set goal if step < 1."""
-    now, s_end, lower, upper = work.now, work.rhs, work.lower, work.upper
-    end_at(work.z, work.centre, work.w, now.rho, work.state, s_end)
-    if step_to(work.x, work.s, work.z, s_end, lower, upper) < 1.0:
-        states_at(work.s, lower, upper, now.rho, now.tolerance, work.state, work.goal)
+    z, w, centre = floats(m.z, m.n), floats(m.w, m.n), floats(m.centre, m.n)
+    x, s, s_end = floats(m.x, m.n), floats(m.s, m.n), floats(m.rhs, m.n)
+    state, (lower, upper) = ints(m.state, m.n), bounds_of(m)
+    end_at(z, centre, w, m.rho, state, s_end)
+    if step_to(x, s, z, s_end, lower, upper) < 1.0:
+        states_at(s, lower, upper, m.rho, m.tolerance, state, ints(m.goal, m.n))
 
 
 @pasted
-def change_states(work, wrong, single):
+def change_states(m, wrong, single):
     """Change states to goal: all, or if `single` and stagnated only the last one."""
-    now, state, goal = work.now, work.state, work.goal
+    state, goal = ints(m.state, m.n), ints(m.goal, m.n)
     first = 0
-    if now.line_search and not now.not_p and now.patience > 0:
-        now.patience -= 1
-        search(work)
-    elif wrong < now.fewest_wrong:
-        now.fewest_wrong = wrong
-        now.patience = BLOCK_STEPS
-    elif now.patience > 0:
-        now.patience -= 1
+    if m.line_search and not m.not_p and m.patience > 0:
+        m.patience -= 1
+        search(m)
+    elif wrong < m.fewest_wrong:
+        m.fewest_wrong = wrong
+        m.patience = BLOCK_STEPS
+    elif m.patience > 0:
+        m.patience -= 1
     elif single:
-        first = state.size - 1
+        first = m.n - 1
         while goal[first] == state[first]:
             first -= 1
     else:
         return STAGNATED
-    for i in range(first, state.size):
+    for i in range(first, m.n):
         state[i] = goal[i]
-    now.must_factor = True
+    m.must_factor = True
     return GO_ON
 
 
 @part
-def may_end_early(now, wrong, n):
+def may_end_early(m, wrong):
     """Tell whether an outer step of a symmetric A may end with one sign in FEW wrong.
 
     Solving the proximal problem exactly far from the solution wastes factorisations;
     the next proximal step uses the same factor unless rho changes.
     """
-    early = now.symmetric and now.rho > 0.0 and now.factorisations > SOME
-    falls = wrong < now.fewest_wrong and now.outer_steps < EARLY_STEPS
-    return early and falls and not now.path_followed and FEW * wrong <= n
+    early = m.symmetric and m.rho > 0.0 and m.factorisations > SOME
+    falls = wrong < m.fewest_wrong and m.outer_steps < EARLY_STEPS
+    return early and falls and not m.path_followed and FEW * wrong <= m.n
 
 
 @pasted
-def use_solution(work):
+def use_solution(m):
     """Change wrong states at the solution z, or end the outer step. Return a code."""
-    z, now = work.z, work.now
-    clip_rounding(work)
-    write_w(work, z, work.w)
-    if not all_finite(work.w):
-        if now.rho > 0.0:
+    z, w = floats(m.z, m.n), floats(m.w, m.n)
+    clip_rounding(m)
+    write_w(m, z, w)
+    if not all_finite(w):
+        if m.rho > 0.0:
             return STUCK
         # The free system is singular: go on from the best point with rho > 0.
-        copy(work.best, work.centre)
-        reset_patience(now, z.size, LEAST_RHO)
+        copy(floats(m.best, m.n), floats(m.centre, m.n))
+        reset_patience(m, LEAST_RHO)
         return GO_ON
-    wrong = set_goals(work)
-    if wrong == 0 or may_end_early(now, wrong, z.size):
-        return end_outer_step(work)
-    if now.solved:
+    wrong = set_goals(m)
+    if wrong == 0 or may_end_early(m, wrong):
+        return end_outer_step(m)
+    if m.solved:
         return DONE
     # For a symmetric A, a larger rho is tried before single states are changed.
-    single = now.path_followed and (now.rho >= MOST_RHO or not now.symmetric)
-    return change_states(work, wrong, single)
+    single = m.path_followed and (m.rho >= MOST_RHO or not m.symmetric)
+    return change_states(m, wrong, single)
 
 
 @part
-def set_right_side(work):
+def set_right_side(m):
     """Write the bounds of bounded unknowns to z, and the right-hand side to rhs."""
-    z, rhs, state, rho = work.z, work.rhs, work.state, work.now.rho
-    for i in range(z.size):
+    z, (lower, upper) = floats(m.z, m.n), bounds_of(m)
+    rhs, centre, state = floats(m.rhs, m.n), floats(m.centre, m.n), ints(m.state, m.n)
+    for i in range(m.n):
         z[i] = 0.0
         if state[i] != 0:
-            z[i] = work.lower[i] if state[i] < 0 else work.upper[i]
-    write_w(work, z, rhs)
-    for i in range(z.size):
-        rhs[i] = rho * work.centre[i] - rhs[i]
+            z[i] = lower[i] if state[i] < 0 else upper[i]
+    write_w(m, z, rhs)
+    rho = m.rho
+    for i in range(m.n):
+        rhs[i] = rho * centre[i] - rhs[i]
 
 
 @part
-def scale_problem(columns, work):
+def scale_problem(m):
     """Scale the problem to a unit diagonal; write the scaled clip(z) to centre."""
-    q, lower, upper, d = work.q, work.lower, work.upper, work.d
-    write_diagonal(columns, d)
-    for i in range(d.size):
-        work.has_unit[i] = d[i] > 0.0
+    q, (lower, upper) = floats(m.q, m.n), bounds_of(m)
+    z, centre, d = floats(m.z, m.n), floats(m.centre, m.n), floats(m.d, m.n)
+    has_unit = ints(m.has_unit, m.n)
+    given = matrix_of(m, m.values)
+    write_diagonal(given, d)
+    for i in range(m.n):
+        has_unit[i] = d[i] > 0.0
         d[i] = 1.0 / np.sqrt(d[i]) if d[i] > 0.0 else 1.0
         q[i] *= d[i]
         lower[i] /= d[i]
         upper[i] /= d[i]
-        work.centre[i] = min(max(work.z[i] / d[i], lower[i]), upper[i])
-    scale_columns(columns, d, work.scaled)
+        centre[i] = min(max(z[i] / d[i], lower[i]), upper[i])
+    scale_columns(given, d, matrix_of(m, m.scaled))
 
 
 @pasted
-def begin_pivoting(columns, work):
+def begin_pivoting(m):
     """Scale the problem, measure clip(0), sweep from the user's z. Return a code."""
-    z, w, centre, rhs, now = work.z, work.w, work.centre, work.rhs, work.now
-    n = z.size
-    scale_problem(columns, work)
-    now.best_residual = np.inf
+    z, w, (lower, upper) = floats(m.z, m.n), floats(m.w, m.n), bounds_of(m)
+    centre, rhs, state = floats(m.centre, m.n), floats(m.rhs, m.n), ints(m.state, m.n)
+    scale_problem(m)
+    m.best_residual = np.inf
     # First z = clip(0), whose Res is the reference of eps_rel; then the start.
-    for i in range(n):
-        z[i] = min(max(0.0, work.lower[i]), work.upper[i])
+    for i in range(m.n):
+        z[i] = min(max(0.0, lower[i]), upper[i])
     for start in range(2):
-        write_w(work, z, w)
-        record(work)
+        write_w(m, z, w)
+        record(m)
         if start == 0:
-            now.size = now.best_residual
+            m.size = m.best_residual
             copy(centre, z)
-        if now.size == 0.0 or (now.solved and start == 0):
+        if m.size == 0.0 or (m.solved and start == 0):
             return DONE
-    if now.solved:
-        scaled, plain = natural_residuals(z, w, work.lower, work.upper, work.d)
-        if meets(now, scaled, plain, START_MARGIN):
+    if m.solved:
+        scaled, plain = residuals_of(m, z)
+        if meets(m, scaled, plain, START_MARGIN):
             return DONE
-    eps = 0.01 * now.eps_rel * now.size / np.sqrt(n)
-    now.tolerance = max(1e-14 * largest_entry(work.q), eps)
+    eps = 0.01 * m.eps_rel * m.size / np.sqrt(m.n)
+    m.tolerance = max(1e-14 * largest_entry(floats(m.q, m.n)), eps)
     copy(z, centre)
     copy(w, rhs)
-    before = now.best_residual
-    first_sweeps(work)
-    record(work)
+    before = m.best_residual
+    first_sweeps(m)
+    record(m)
     # On a nonsymmetric A the sweeps may diverge: discard them if Res did not fall.
-    if now.best_residual == before and not now.symmetric:
+    if m.best_residual == before and not m.symmetric:
         copy(centre, z)
         copy(rhs, w)
-    for i in range(n):
-        work.state[i] = state_of(z[i] - w[i], work.lower[i], work.upper[i])
+    for i in range(m.n):
+        state[i] = state_of(z[i] - w[i], lower[i], upper[i])
         centre[i] = z[i]
-    now.must_factor = True
-    reset_patience(now, n, LEAST_RHO if now.symmetric else 0.0)
+    m.must_factor = True
+    reset_patience(m, LEAST_RHO if m.symmetric else 0.0)
     return GO_ON
 
 
 @part
-def has_unit_diagonal(work):
+def has_unit_diagonal(m):
     """Tell whether all a_ii > 0, which are 1 after scaling."""
-    for i in range(work.has_unit.size):
-        if not work.has_unit[i]:
+    has_unit = ints(m.has_unit, m.n)
+    for i in range(m.n):
+        if not has_unit[i]:
             return False
     return True
 
 
 @part
-def is_definite(work):
+def is_definite(m):
     """Tell whether A + `PSD_SLACK` I is positive definite; False where an a_ii <= 0."""
-    if not has_unit_diagonal(work):
+    if not has_unit_diagonal(m):
         return False
-    for i in range(work.state.size):
-        work.state[i] = 0
-        work.shift[i] = PSD_SLACK
-    factor = analyse(work, free_order(work, work.state))
-    return refactor(work, work.shift, factor) == REGULAR
+    state, shift = ints(m.state, m.n), floats(m.shift, m.n)
+    for i in range(m.n):
+        state[i] = 0
+        shift[i] = PSD_SLACK
+    factor = analyse(m, free_order(m, state))
+    return refactor(m, shift, factor) == REGULAR
 
 
 @kernel(error_model="numpy")
-def pivot(columns, arena, budget):
+def pivot(address, budget):
     """Begin or go on until solved, or for `budget` factorisations. Return a code.
 
-    `columns` are those of the user's matrix. On the first call q, lower, upper hold the
-    user's problem, z the start, and the scalars the tolerances and the properties of A.
-    On return `best` is the best z of the scaled problem. With ask_convex, now.convex
-    tells once the problem is solved whether `is_definite`: at one more factorisation,
-    unless all unknowns were free in one of the others.
+    address: that of a `PivotState` with its vectors in place, the tolerances and the
+    properties of A; at first q, lower, upper are the user's, z is the start. On return
+    `best` is the best z of the scaled problem. With ask_convex, m.convex tells once the
+    problem is solved whether `is_definite`: at one more factorisation, unless all
+    unknowns were free in one of the others.
     """
-    work = opened(arena)
-    now, shift = work.now, work.shift
+    m = state_at(address)
+    state, shift = ints(m.state, m.n), floats(m.shift, m.n)
+    rhs, z = floats(m.rhs, m.n), floats(m.z, m.n)
     code = GO_ON
-    if not now.started:
-        now.started = True
-        code = begin_pivoting(columns, work)
-    if now.external_solve and code != DONE:
-        set_right_side(work)
+    if not m.started:
+        m.started = True
+        code = begin_pivoting(m)
+    if m.external_solve and code != DONE:
+        set_right_side(m)
         return FREE_SYSTEM
     while code == GO_ON and budget > 0:
         budget -= 1
-        for i in range(shift.size):
-            shift[i] = now.rho
-        factor = analyse(work, free_order(work, work.state))
-        found = refactor(work, shift, factor)
-        now.not_p |= found == INDEFINITE
-        whole = factor.order.size == shift.size
-        if now.ask_convex and whole and now.rho <= PSD_SLACK:
-            now.convex = found == REGULAR and has_unit_diagonal(work)
-        now.factorisations += 1
-        now.must_factor = False
-        while code == GO_ON and not now.must_factor:
-            set_right_side(work)
-            solve_free(now.symmetric, factor, work.rhs, work.z)
-            code = use_solution(work)
-    if code == DONE and now.ask_convex and not now.convex:
-        now.convex = is_definite(work)
+        for i in range(m.n):
+            shift[i] = m.rho
+        factor = analyse(m, free_order(m, state))
+        found = refactor(m, shift, factor)
+        m.not_p |= found == INDEFINITE
+        whole = factor.order.size == m.n
+        if m.ask_convex and whole and m.rho <= PSD_SLACK:
+            m.convex = found == REGULAR and has_unit_diagonal(m)
+        m.factorisations += 1
+        m.must_factor = False
+        while code == GO_ON and not m.must_factor:
+            set_right_side(m)
+            solve_free(m.symmetric, factor, rhs, z)
+            code = use_solution(m)
+    if code == DONE and m.ask_convex and not m.convex:
+        m.convex = is_definite(m)
     return MORE if code == GO_ON else code
 
 
 @kernel(error_model="numpy")
-def resume(arena):
+def resume(address):
     """Go on with the caller's solution of the free system in z. Return a code."""
-    return use_solution(opened(arena))
+    return use_solution(state_at(address))

@@ -1,0 +1,193 @@
+"""The numbers and vectors of one solve by pivoting, by name.
+
+Compiled functions take them as one record `m` of numbers and addresses, as those of
+`qp/dense` do: ``floats(m.z, m.n)`` is the vector z. In Python, `PivotMemory` has the
+same names. "Scaled" refers to the problem with a unit diagonal.
+"""
+
+import ctypes
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from namlcp.compiled import fields, floats, ints, kernel, longs, part, record_at
+from namlcp.linalg import Columns, copy
+
+# Vectors of n numbers.
+VECTORS = (
+    # The scaled problem D A D, q, lower, upper; d is the diagonal of D.
+    "q lower upper d "
+    # The iterate, w = A z + q, the proximal point, and the best z so far.
+    "z w centre best "
+    # Right-hand side and diagonal shift of the free system.
+    "rhs shift "
+    # x and s of `line_search`.
+    "x s "
+    # Those of `Path`.
+    "path_z wl wu dz dwl dwu low high old_dz old_dwl old_dwu"
+)
+# Vectors of n int32.
+FLAGS = (
+    # -1 at the lower bound, 1 at the upper one, 0 free; the states that the signs of z
+    # and w ask for; 1 where a_ii > 0, elsewhere d = 1.
+    "state goal has_unit "
+    # The first m.ordered entries are unknowns in elimination order; their places in it,
+    # -1 for others; -1 between its uses as work array.
+    "sequence rank local"
+)
+FLAG_NAMES = FLAGS.split()
+# All vectors, in the order of their addresses: each has room for n float64.
+PLACED = (*VECTORS.split(), *FLAG_NAMES)
+PLACES = len(PLACED)
+
+
+class PivotState(ctypes.Structure):
+    """Numbers and addresses: attributes in Python, fields in compiled code."""
+
+    _fields_ = fields(
+        (VECTORS, int),
+        (FLAGS, int),
+        # Unknowns; entries of the matrix unless it is dense; whether it is.
+        ("n entries", int),
+        ("is_dense", bool),
+        # The matrix by `Columns`: its pattern unless it is dense, its values, and these
+        # scaled.
+        ("indptr indices values scaled", int),
+        # Tolerances; scaled Res at clip(0); least scaled Res so far.
+        ("eps_abs eps_rel size best_residual", float),
+        # The proximal parameter, and what counts as 0 in z and w (scaled).
+        ("rho tolerance", float),
+        # On the interior path: scaled Res, mean product of slack and multiplier now,
+        # at most and aimed at, longest step.
+        ("path_residual mu largest_mu target_mu step", float),
+        # Factorisations, proximal steps, elimination orders made, unknowns in order.
+        ("factorisations outer_steps orderings ordered", int),
+        # Fewest wrong signs so far; changes of states left until there must be fewer.
+        ("fewest_wrong patience", int),
+        # Given: A = A'; the caller solves the free systems; find out `convex`.
+        ("symmetric external_solve ask_convex", bool),
+        # Found: the tolerance is met; A is not a P-matrix; A is semidefinite.
+        ("solved not_p convex", bool),
+        # Progress: scaled; an interior path was followed; changes of states are
+        # searched; states or rho have changed.
+        ("started path_followed line_search must_factor", bool),
+    )
+
+
+state_at = record_at(PivotState)
+
+
+class PivotMemory:
+    """The state of a solve; `now` has the numbers, and vectors are attributes.
+
+    `address` is that of the record, which compiled functions take.
+    """
+
+    def __init__(self, columns: Columns, *vectors: np.ndarray) -> None:
+        """Allocate for the user's matrix; `vectors` as for `place_vectors`."""
+        self.now = PivotState()
+        self.address = ctypes.addressof(self.now)
+        self.columns, self.n = columns, vectors[0].size
+        size = PLACES * self.n + columns.dense.size + columns.data.size
+        self.memory = np.zeros(size)
+        place_vectors(self.address, columns, vectors, self.memory)
+
+    @property
+    def scaled(self) -> Columns:
+        """The scaled matrix."""
+        dense, indptr, indices, data = self.columns
+        values = self.memory[PLACES * self.n :]
+        if self.now.is_dense:
+            return Columns(values.reshape(dense.shape), indptr, indices, data)
+        return Columns(dense, indptr, indices, values)
+
+    def __getattr__(self, name: str) -> Any:
+        """Return the vector of this name, a view of the memory of compiled code."""
+        if name not in PLACED:
+            raise AttributeError(f"pivoting has no vector {name!r}")
+        start = self.n * PLACED.index(name)
+        vector = self.memory[start : start + self.n]
+        return vector.view(np.int32)[: self.n] if name in FLAG_NAMES else vector
+
+
+@kernel
+def place_vectors(address, columns, vectors, memory):
+    """Note where the matrix is, and give every vector its place in `memory`, all 0.
+
+    vectors = (q, lower, upper, z), which are copied; z, the start, may be empty.
+    """
+    m = state_at(address)
+    dense, indptr, indices, data = columns
+    q, lower, upper, start = vectors
+    m.n, m.is_dense, m.entries = q.size, dense.shape[0] > 0, data.size
+    m.indptr, m.indices = indptr.ctypes.data, indices.ctypes.data
+    m.values = dense.ctypes.data if m.is_dense else data.ctypes.data
+    places = longs(address, PLACES)
+    for i in range(PLACES):
+        places[i] = memory.ctypes.data + 8 * m.n * i
+    m.scaled = memory.ctypes.data + 8 * m.n * PLACES
+    copy(q, floats(m.q, m.n))
+    copy(lower, floats(m.lower, m.n))
+    copy(upper, floats(m.upper, m.n))
+    copy(start, floats(m.z, m.n))
+    rank, local = ints(m.rank, m.n), ints(m.local, m.n)
+    for i in range(m.n):
+        rank[i] = -1
+        local[i] = -1
+
+
+@part
+def matrix_of(m, values):
+    """Return the `Columns` that have the pattern of the matrix and these values."""
+    rows, ends = (m.n, 0) if m.is_dense else (0, m.n + 1)
+    return Columns(
+        floats(values, (rows, m.n)),
+        ints(m.indptr, ends),
+        ints(m.indices, m.entries),
+        floats(values, m.entries),
+    )
+
+
+@part
+def bounds_of(m):
+    """Return lower and upper of the scaled problem."""
+    return floats(m.lower, m.n), floats(m.upper, m.n)
+
+
+class Path(NamedTuple):
+    """A point of the interior path and the step from it.
+
+    z, wl, wu: the point, multipliers of its lower and upper bounds, 0 where the bound
+    is infinite or l = u. dz, dwl, dwu: the direction. low, high: second-order terms of
+    the products, to be subtracted. old_...: the direction before the last corrector.
+    """
+
+    z: np.ndarray
+    wl: np.ndarray
+    wu: np.ndarray
+    dz: np.ndarray
+    dwl: np.ndarray
+    dwu: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    old_dz: np.ndarray
+    old_dwl: np.ndarray
+    old_dwu: np.ndarray
+
+
+@part
+def path_of(m):
+    """Return the `Path` of a record."""
+    return Path(
+        floats(m.path_z, m.n),
+        floats(m.wl, m.n),
+        floats(m.wu, m.n),
+        floats(m.dz, m.n),
+        floats(m.dwl, m.n),
+        floats(m.dwu, m.n),
+        floats(m.low, m.n),
+        floats(m.high, m.n),
+        floats(m.old_dz, m.n),
+        floats(m.old_dwl, m.n),
+        floats(m.old_dwu, m.n),
+    )
