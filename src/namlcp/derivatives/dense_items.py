@@ -268,7 +268,9 @@ def places_with(states, state):
 def write_matrices(row, point, matrices):
     """Write the gradients in P, G and A, one below the other, unless there are none.
 
-    row: what `differentiate` has written; matrices (n + m + p, n), or (0, n).
+    row: what `differentiate` has written; matrices (n + m + p, n), or (0, n). The
+    gradients are those of `product_of`, whose terms stand here again: a function that
+    returned them to both would lengthen the compilation by a twentieth.
     """
     x, y, z, _ = point
     n, m = x.size, z.size
