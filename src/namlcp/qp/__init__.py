@@ -28,3 +28,4 @@ from namlcp.qp.solve import (
     solve_qp,
     solve_shortly,
 )
+from namlcp.qp.transforms import equilibrate

@@ -7,7 +7,6 @@ by about DELTA over the least singular value of K.
 
 import numpy as np
 
-from namlcp.compiled import kernel
 from namlcp.derivatives.systems.active import ActiveSet
 from namlcp.linalg import (
     add_column_sums,
@@ -17,15 +16,12 @@ from namlcp.linalg import (
     submatrix,
     times,
 )
-from namlcp.qp import KKT, QP
+from namlcp.qp import KKT, QP, equilibrate
 
 SHIFTS = 1e-8, 3.7e-8, 1.3e-7
 """DELTA: added to the diagonal of P, and subtracted for rows, in units of K scaled. A
 smaller shift makes smaller pivots, whose rounding errors would exceed it; the larger
 ones are tried where a pivot is 0 by rounding."""
-
-SCALINGS = 4
-"""Passes of the scaling of K; each divides by the square roots of the row maxima."""
 
 PROJECTIONS = 4
 """Steps that project random vectors to the null space of K."""
@@ -158,26 +154,3 @@ class SparseSystem:
     def across(self, w: np.ndarray) -> np.ndarray:
         """Return the part of w that is orthogonal to the null space of K scaled."""
         return w if self.regular else w - self.basis.T @ (self.basis @ w)
-
-
-@kernel
-def equilibrate(indptr, indices, data, scale):
-    """Overwrite scale (n,), ones, by s and data by that of diag(s) K diag(s).
-
-    The upper triangle of the symmetric K is given. Each pass divides rows and columns
-    by the square roots of their largest entries (Ruiz, RAL-TR-2001-034).
-    """
-    largest = np.empty(scale.size)
-    for _ in range(SCALINGS):
-        largest[:] = 0.0
-        for j in range(scale.size):
-            for t in range(indptr[j], indptr[j + 1]):
-                entry = abs(data[t])
-                largest[j] = max(largest[j], entry)
-                largest[indices[t]] = max(largest[indices[t]], entry)
-        for j in range(scale.size):
-            largest[j] = 1.0 / np.sqrt(largest[j]) if largest[j] > 0.0 else 1.0
-            scale[j] *= largest[j]
-        for j in range(scale.size):
-            for t in range(indptr[j], indptr[j + 1]):
-                data[t] *= largest[j] * largest[indices[t]]
