@@ -309,15 +309,22 @@ def signed_gap(
 
 @kernel
 def finite_terms(sides, multipliers, sign):
-    """Return the finite sides and their multipliers, 0 for those of the opposite sign.
-
-    With sign = 0 the multipliers are as they came.
-    """
+    """Return what `put_finite_terms` writes, in new arrays."""
     finite, beside = np.empty(sides.size), np.empty(sides.size)
+    count = put_finite_terms(sides, multipliers, sign, finite, beside)
+    return finite[:count], beside[:count]
+
+
+@part
+def put_finite_terms(sides, multipliers, sign, finite, beside):
+    """Write the finite sides and their multipliers one after another; return the count.
+
+    A multiplier of the sign opposite to `sign` becomes 0; none does for sign = 0.
+    """
     count = 0
     for i in range(sides.size):
         if not np.isinf(sides[i]):
             finite[count] = sides[i]
             beside[count] = 0.0 if sign * multipliers[i] < 0.0 else multipliers[i]
             count += 1
-    return finite[:count], beside[:count]
+    return count

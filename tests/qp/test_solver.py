@@ -325,12 +325,36 @@ def test_an_interrupted_solve_leaves_the_solver_usable(store, monkeypatch):
     for _ in range(5):
         solver.update(**arguments(walk.change_all_vectors(), store))
         with monkeypatch.context() as patch:
-            for place, name in (module, "solve_checked"), (Responses, "run"):
+            for place, name in (
+                (module, "solve_checked"),
+                (Responses, "run"),
+                (Responses, "run_again"),
+            ):
                 patch.setattr(place, name, interrupted(getattr(place, name)))
             with pytest.raises(KeyboardInterrupt):
                 solver.solve()
         fresh = solve_qp(**arguments(solver_data(solver), store))
         assert_same(fresh, solver.solve(), solver_data(solver), True)
+
+
+def test_what_the_quick_way_does_not_solve_goes_the_other_way():
+    """Steps without a solution between quick ones, a Ctrl-C and other matrices."""
+    rows, sides = np.array([[1.0, 1.0], [-1.0, -1.0]]), np.ones(2)
+    solver = Solver(np.eye(2), -np.ones(2), rows, sides)
+    solver.solve()
+    assert solver.quick is not None
+    for h in (sides, np.array([-2.0, 1.0]), 2.0 * sides, np.array([-1.0, -1.0]), sides):
+        solver.update(h=h)
+        fresh, found = solve_qp(np.eye(2), -np.ones(2), rows, h), solver.solve()
+        assert found.status is fresh.status
+        np.testing.assert_allclose(found.x, fresh.x, atol=1e-12)
+        np.testing.assert_allclose(found.z, fresh.z, atol=1e-12)
+        assert (solver.quick is not None) == (found.status is Status.SOLVED)
+    solver.update(P=2.0 * np.eye(2))
+    assert solver.quick is None
+    np.testing.assert_allclose(solver.solve().x, 0.5, atol=1e-12)
+    with pytest.raises(TypeError, match="derivative must be True or False"):
+        solver.solve(derivative=1)
 
 
 def test_ctrl_c_in_compiled_code_is_ctrl_c(monkeypatch):
@@ -342,6 +366,13 @@ def test_ctrl_c_in_compiled_code_is_ctrl_c(monkeypatch):
         patch.setattr(DenseResponses, "kernel", staticmethod(pressed))
         with pytest.raises(KeyboardInterrupt):
             solver.solve()
+    np.testing.assert_array_equal(solver.solve().x, [-1.0, -1.0])
+    assert solver.quick is not None
+    with monkeypatch.context() as patch:
+        patch.setattr(DenseResponses, "kernel", staticmethod(pressed))
+        with pytest.raises(KeyboardInterrupt):
+            solver.solve()
+    assert solver.quick is None
     np.testing.assert_array_equal(solver.solve().x, [-1.0, -1.0])
 
 

@@ -19,17 +19,20 @@ UPPER = UNIT = ord("U")
 FROM_LEFT, PLAIN, TRANSPOSED = (ord(letter) for letter in "LNT")
 
 
-def _declare(module: str, name: str, arguments: str) -> types.ExternalFunction:
+def _declare(
+    module: str, name: str, arguments: str, value: types.Type = types.void
+) -> types.ExternalFunction:
     """Return SciPy's routine `name` under a symbol that compiled code can link.
 
-    `arguments` has i for every pointer to integers (or letters), d for one to doubles.
+    `arguments` has i for every pointer to integers (or letters), d for one to doubles;
+    `value` is the type of what it returns.
     """
     symbol = f"namlcp_{name}"
     address = get_cython_function_address(f"scipy.linalg.cython_{module}", name)
     binding.add_symbol(symbol, address)
     kinds = {"i": types.int32, "d": types.float64}
     pointers = (types.CPointer(kinds[letter]) for letter in arguments)
-    return types.ExternalFunction(symbol, types.void(*pointers))
+    return types.ExternalFunction(symbol, value(*pointers))
 
 
 if not config.DISABLE_JIT:
@@ -40,6 +43,8 @@ if not config.DISABLE_JIT:
     _dgetrs = _declare("lapack", "dgetrs", "iiidiidii")
     _dgemm = _declare("blas", "dgemm", "iiiiiddididdi")
     _dtrsm = _declare("blas", "dtrsm", "iiiiiiddidi")
+    _dgemv = _declare("blas", "dgemv", "iiiddididdi")
+    _ddot = _declare("blas", "ddot", "ididi", types.float64)
 
     @intrinsic
     def _address(typingctx, value):
@@ -101,6 +106,38 @@ def add_scaled(scale, a, out):
     """Add scale * a to out (n,)."""
     for j in range(out.size):
         out[j] += scale * a[j]
+
+
+@part
+def blas_times(A, x, out):
+    """Set out (m,) to A x for a row-major A (m, n), with the sums of A @ x."""
+    _times_by_blas(TRANSPOSED, A, x, out)
+
+
+@part
+def blas_times_transposed(A, z, out):
+    """Set out (n,) to A'z for a row-major A (m, n), with the sums of z @ A."""
+    _times_by_blas(PLAIN, A, z, out)
+
+
+@part
+def _times_by_blas(letter, A, x, out):
+    """Set out to the product of x with A', as BLAS sees A, or with its transpose."""
+    for i in range(out.size):
+        out[i] = 0.0
+    if A.shape[0] > 0 and A.shape[1] > 0:
+        n, one = _address(A.shape[1]), _address(1)
+        _dgemv(
+            _address(letter), n, _address(A.shape[0]), _address(1.0), A.ctypes, n,
+            x.ctypes, one, _address(0.0), out.ctypes, one,
+        )  # fmt: skip
+
+
+@part
+def blas_dot(a, b):
+    """Return a'b with the sum of a.dot(b)."""
+    one = _address(1)
+    return _ddot(_address(a.size), a.ctypes, one, b.ctypes, one)
 
 
 @part
@@ -219,6 +256,18 @@ def solve_rows(L, unit, X):
 if config.DISABLE_JIT:
     from scipy.linalg import lapack as _lapack
     from scipy.linalg import solve_triangular
+
+    def blas_times(A, x, out):  # type: ignore[no-redef]
+        """Set out to A x."""
+        out[:] = A @ x
+
+    def blas_times_transposed(A, z, out):  # type: ignore[no-redef]
+        """Set out to A'z."""
+        out[:] = z @ A
+
+    def blas_dot(a, b):  # type: ignore[no-redef]
+        """Return a'b."""
+        return a.dot(b)
 
     def cholesky(A):  # type: ignore[no-redef]
         """Overwrite the lower triangle of A by L, A = L L'; return 0 if L exists."""

@@ -8,6 +8,10 @@ matrix, and the pivots of P, scaled to a unit diagonal, plus `PSD_SLACK` times I
 
 from typing import Any
 
+import numpy as np
+from scipy.linalg.lapack import dpotrf
+
+from namlcp.checks import as_sparse
 from namlcp.linalg import PSD_SLACK, curvature, has_positive_pivots
 from namlcp.theory import is_h_plus
 
@@ -21,7 +25,11 @@ class NotConvex(ValueError):
 
 
 def check_convex(P: Any) -> None:
-    """Raise NotConvex unless P (CSC, symmetric) is positive semidefinite."""
+    """Raise NotConvex unless P, symmetric, dense or CSC, is positive semidefinite."""
+    if type(P) is np.ndarray:
+        if dpotrf(P)[1] == 0:
+            return  # definite, as most are: this takes a tenth of the time
+        P = as_sparse(P)
     sign, i, j, triangle = curvature(P)
     if sign > 0:
         return

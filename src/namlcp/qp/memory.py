@@ -38,6 +38,13 @@ class Memory:
         self.rows: Prepared | None = None
         self.held: Held | None = None
 
+    @classmethod
+    def of(cls, qp: QP) -> "Memory":
+        """Return a memory that knows the matrices of `qp`, as `adopt` takes them."""
+        memory = cls()
+        memory.adopt(qp)
+        return memory
+
     def __reduce__(self) -> tuple[type["Memory"], tuple[()]]:
         """Let a copy start empty: the factors cannot be copied."""
         return Memory, ()

@@ -172,7 +172,7 @@ def solve_shortly(
     else:
         limits = options.limits(Deadline(start + options.time_limit))
     try:
-        answer = solve_once(own, NO_GUESS, limits, held)  # without BLAS
+        answer = solve_once(own, NO_GUESS, limits, held)  # by BLAS few sums at most
     except SystemError as error:
         raise cause_of(error) from None
     return None if answer is None else settled(answer, qp, given, limits)

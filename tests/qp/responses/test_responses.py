@@ -12,7 +12,9 @@ import namlcp
 from namlcp.qp.guess import NO_GUESS
 from namlcp.qp.problem import QP
 from namlcp.qp.responses import triangle as packed
-from namlcp.qp.responses.solve import DenseResponses, solve_once
+from namlcp.qp.responses.active import DONE
+from namlcp.qp.responses.judgement import ROUNDING
+from namlcp.qp.responses.solve import DenseResponses, parted, solve_once
 from namlcp.residuals import qp_residuals
 from namlcp.status import Status
 
@@ -117,6 +119,27 @@ def test_hs51_and_hs52():
         answer = solve(DenseResponses.of(qp), qp)
         assert answer.status is Status.SOLVED
         np.testing.assert_allclose(answer.point.x, expected, atol=1e-12)
+
+
+@pytest.mark.parametrize("p", [0, 3])
+def test_large_terms_are_summed_in_the_order_of_numpy(p):
+    """Where NumPy and SciPy have the same BLAS, to the last bit."""
+    rng = np.random.default_rng(p)
+    limits = namlcp.Options(eps_abs=1e-7, eps_rel=0.0).limits()
+    seen = 0
+    for _ in range(20):
+        qp = random_qp(rng, 12, 15, p)
+        qp = qp._replace(q=1e7 * qp.q, P=1e7 * qp.P)
+        code, numbers = DenseResponses.of(qp).run(qp.joined(), limits)
+        if code == DONE:
+            point, found = parted(numbers, 12, 15, p)
+            expected = qp_residuals(*qp, *point)
+            assert found.objective == pytest.approx(expected.objective, rel=1e-12)
+            size = max(found.dual_size, found.gap_size)
+            if ROUNDING * size > limits.eps_abs:
+                np.testing.assert_allclose(found[:6], expected[:6], atol=1e-15 * size)
+                seen += 1
+    assert seen > 5
 
 
 def test_equations_do_not_hide_that_a_cost_is_not_convex():

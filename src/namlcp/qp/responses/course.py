@@ -27,12 +27,11 @@ from namlcp.qp.responses.active import (
 from namlcp.qp.responses.judgement import (
     GAIN,
     PASSES,
-    ROUNDING,
     correct,
     exchange_best,
     is_accurate,
+    is_certain,
     is_solved,
-    largest_term,
     measure,
     note_best,
     set_contradiction,
@@ -43,8 +42,8 @@ from namlcp.qp.responses.judgement import (
 # What the caller has to do, beside RESPONSE: set the values at m.target to (G x, x, y)
 # for (x, y) = K^-1 m.rhs; set the products of the result with P, G and A.
 VALUES, PRODUCTS = 20, 21
-# A code of the end: as DONE, but sums of such large terms depend on their order by more
-# than eps_abs.
+# A code of the end: as DONE, but with terms so large that the point may not be within
+# tolerance if their sums are taken in another order.
 SUMMED = 22
 # Stages: what `advance` begins with.
 RECALL, HINTS, PIVOTS, MEASURE, CORRECT = range(5)
@@ -131,4 +130,4 @@ def judge(m):
     if not is_solved(m):
         return STUCK
     keep(m)
-    return SUMMED if largest_term(m) * ROUNDING > m.eps_abs else DONE
+    return DONE if is_certain(m) else SUMMED

@@ -119,18 +119,24 @@ def is_accurate(m, error):
 @part
 def is_solved(m):
     """Tell whether the residuals of the result are within tolerance."""
-    found = residuals_of_result(m)
-    for i in range(3):
-        if not found[i] <= m.eps_abs + m.eps_rel * found[3 + i]:
-            return False
-    return True
+    return are_within_tolerance(m, 0.0)
 
 
 @part
-def largest_term(m):
-    """Return the largest modulus of a term of the residuals."""
+def is_certain(m):
+    """Tell whether they are so in whatever order their sums are taken."""
+    return are_within_tolerance(m, ROUNDING)
+
+
+@part
+def are_within_tolerance(m, rounding):
+    """Tell whether residuals are within tolerance with that much of their terms."""
     found = residuals_of_result(m)
-    return max(found[3], found[4], found[5])
+    for i in range(3):
+        size = found[3 + i]
+        if not found[i] + rounding * size <= m.eps_abs + m.eps_rel * size:
+            return False
+    return True
 
 
 @part

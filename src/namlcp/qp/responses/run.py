@@ -2,15 +2,15 @@
 
 `run` solves the QP with the matrices of `attach_matrices`: it checks them, computes V
 if that is missing, and follows `course`. `address` is that of a `ResponseState`. Codes
-are those of `active`, SUMMED of `course`, and those below.
+are those of `active`, and those below.
 """
 
 import numpy as np
 
 from namlcp.checks import INFINITE
 from namlcp.compiled import floats, kernel, longs, part
-from namlcp.linalg import add_scaled
-from namlcp.qp.responses.active import DONE, RESPONSE
+from namlcp.linalg import add_scaled, blas_dot, blas_times, blas_times_transposed
+from namlcp.qp.responses.active import DONE, RESPONSE, STUCK
 from namlcp.qp.responses.course import (
     PRODUCTS,
     SUMMED,
@@ -26,9 +26,16 @@ from namlcp.qp.responses.dense import (
     set_up,
     set_values_of,
 )
+from namlcp.qp.responses.judgement import (
+    is_solved,
+    measure_result,
+    parts_of_result,
+    residuals_of_result,
+)
 from namlcp.qp.responses.rows import are_most_at_bounds, response_of
 from namlcp.qp.responses.state import lay_out, state_at
 from namlcp.qp.responses.triangle import triangle_solve, triangle_solve_transposed
+from namlcp.residuals import put_finite_terms
 
 # Further codes of `run`. UNSUITED: this form does not take these matrices, or their
 # numbers are not allowed. FAULTY: nor are those of a vector; or a side of h, lb or ub
@@ -146,7 +153,7 @@ def run(address, vectors, out, clock):
 
     vectors: q, h, b, lb and ub, one after another; those of items are known.
 
-    The result is complete after DONE and SUMMED; after LATE it is the best point, after
+    The result is complete after DONE; after LATE it is the best point, after
     CONTRADICTION it has x and the multipliers y and z of a candidate for a certificate.
     The codes of a batch and its pivots are written to m.codes, item by item.
     """
@@ -184,10 +191,52 @@ def solve_attached(m, clock):
         elif found == PRODUCTS:
             set_products(m)
         else:
-            m.is_free = (found == DONE or found == SUMMED) and are_most_at_bounds(m)
-            m.face_is_kept = 0
-            return found
+            break
         found = advance(m)
+    if found == SUMMED:
+        found = sum_anew(m)
+    m.is_free = found == DONE and are_most_at_bounds(m)
+    m.face_is_kept = 0
+    return found
+
+
+@part
+def sum_anew(m):
+    """Measure the result with sums in the order of the data: DONE or STUCK.
+
+    They are those of `qp_residuals`, which takes them from NumPy and thus from BLAS.
+    """
+    n, P, G, A = m.n, m.P, m.G, m.A
+    x, y, z, _ = parts_of_result(m)
+    blas_times(floats(P, (n, n)), x, floats(m.Px, n))
+    blas_times(floats(G, (m.m, n)), x, floats(m.Gx, m.m))
+    blas_times(floats(A, (m.p, n)), x, floats(m.Ax, m.p))
+    blas_times_transposed(floats(G, (m.m, n)), z, floats(m.Gtz, n))
+    blas_times_transposed(floats(A, (m.p, n)), y, floats(m.Aty, n))
+    measure_result(m)
+    residuals_of_result(m)[2] = abs(signed_gap_of_result(m))
+    return DONE if is_solved(m) else STUCK
+
+
+@part
+def signed_gap_of_result(m):
+    """Return what `signed_gap` of `residuals` does for the result and P x in m.Px."""
+    q, b, h = floats(m.q, m.n), floats(m.b, m.p), floats(m.h, m.m)
+    lb, ub = floats(m.lb, m.n), floats(m.ub, m.n)
+    x, y, z, z_box = parts_of_result(m)
+    gap = blas_dot(x, floats(m.Px, m.n)) + blas_dot(q, x)
+    gap += finite_dot(m, h, z, 0.0)
+    gap += blas_dot(b, y)
+    gap += finite_dot(m, lb, z_box, -1.0)
+    return gap + finite_dot(m, ub, z_box, 1.0)
+
+
+@part
+def finite_dot(m, sides, multipliers, sign):
+    """Return the product of the `finite_terms`, by way of m.change and m.direction."""
+    finite, beside = floats(m.change, m.length), floats(m.direction, m.length)
+    count = put_finite_terms(sides, multipliers, sign, finite, beside)
+    return blas_dot(finite[:count], beside[:count])
 
 
 @part

@@ -251,6 +251,16 @@ class Responses:
             self.left = 0
         return code, numbers
 
+    def can_run_again(self, limits: Limits) -> bool:
+        """Tell whether `run_again` may follow a `run` with these limits, just DONE."""
+        return False
+
+    def run_again(self, vectors: np.ndarray) -> tuple[int, np.ndarray]:
+        """Do as `run` with other vectors after a DONE, where `can_run_again`."""
+        self.stamp += 1
+        numbers = np.empty(self.length)
+        return self.kernel(self.address, vectors, numbers, 0), numbers
+
     def lent(self) -> Held | None:
         """Return the factors of the last solve, None where there are none."""
         return None
@@ -306,6 +316,10 @@ class DenseResponses(Responses):
             self.memory = allocate(self.now)
             attach_matrices(self.address, P, G, A)
 
+    def can_run_again(self, limits: Limits) -> bool:
+        """Tell whether nobody has to look at the clock, nor the form to change."""
+        return self.is_brief and limits.deadline.at == inf and not self.now.is_free
+
     def lent(self) -> Held | None:
         """Return the factors of the last solve; that of `free` leaves none."""
         if self.now.face_is_kept:
@@ -333,7 +347,7 @@ class DenseResponses(Responses):
         kept, now.kept_k = now.kept_k, 0
         now.hints = kept
         code = super().call(arguments, deadline)
-        if code not in (DONE, SUMMED):
+        if code != DONE:
             now.hints = kept
         return code
 

@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.sparse as sp
 
-from namlcp.checks import as_sparse, real_array
+from namlcp.checks import real_array
 from namlcp.options import DEFAULT_OPTIONS, Options, check_count
 from namlcp.qp.closest import ClosestPoint
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import make_guess
+from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, qp_data
 from namlcp.qp.responses import Solutions, Stack
-from namlcp.qp.sequences.solver import memory_of
 from namlcp.qp.solve import solve_checked
 from namlcp.residuals import UNDEFINED, Residuals
 from namlcp.result import QPResult
@@ -254,7 +254,7 @@ class Items:
         self.shared = qp_data(**one)
         self.has_shared_matrices = self.stacked.keys().isdisjoint(MATRICES)
         if "P" not in self.stacked:
-            check_convex(as_sparse(self.shared.P))
+            check_convex(self.shared.P)
 
     def common_size(self) -> int:
         """Return the number of items; raise unless all stacked arguments have it."""
@@ -283,7 +283,7 @@ class Items:
         if isinstance(warm_start, BatchResult):
             warm_start = warm_start[i]
         # The memory is of this item alone: no other has a part in it.
-        memory = memory_of(qp) if self.has_shared_matrices else None
+        memory = Memory.of(qp) if self.has_shared_matrices else None
         guess = make_guess(qp, None, warm_start)
         return solve_checked(qp, options, guess, start, memory=memory, given=given)
 

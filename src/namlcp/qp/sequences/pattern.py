@@ -33,6 +33,11 @@ def has_pattern_of(new: Any, old: Any) -> bool:
     )
 
 
+def as_given(given: Any, own: Any) -> Any:
+    """Return a user's matrix as it is stored, which is `own` where that is the same."""
+    return own if type(own) is csc_array and has_pattern_of(given, own) else given
+
+
 def revalued(value: Any, kept: Any) -> Any:
     """Return `kept`, a clean csc_array, with a user's values instead of its own.
 

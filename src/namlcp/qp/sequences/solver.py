@@ -9,15 +9,13 @@ however it was found; any other of the general solve is replaced by the answer o
 solve without memory, which is the one of `solve_qp`.
 """
 
-import time
 from copy import deepcopy
+from time import perf_counter
 from typing import Any
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf
-from scipy.sparse import csc_array
 
-from namlcp.checks import FLOAT, as_sparse, refuse_number, vector, without_huge
+from namlcp.checks import FLOAT, vector
 from namlcp.limits import Deadline, cause_of
 from namlcp.linalg import asymmetry
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
@@ -38,20 +36,18 @@ from namlcp.qp.responses import (
     parted,
 )
 from namlcp.qp.sequences.pattern import (
-    has_pattern_of,
+    as_given,
     in_place_of,
     is_unchanged,
     revalued,
     within_pattern,
 )
+from namlcp.qp.sequences.vectors import SIZED_LIKE, clean, places_of
 from namlcp.qp.solve import attributes_of, needs_more, result_of, solve_checked
 from namlcp.result import QPResult
 from namlcp.status import Status
 
 SOLVED = Status.SOLVED
-# Vectors of a QP: the argument that sets the size, and the sign of the infinity that
-# means "no bound", 0 where all entries are finite.
-VECTORS = {"q": ("P", 0), "h": ("G", 1), "b": ("A", 0), "lb": ("P", -1), "ub": ("P", 1)}
 # Operations of a step below which it is not asked whether another method needs fewer.
 LARGE_STEP = 20_000
 # What a copy shares and a pickle holds: arrays that never change.
@@ -118,7 +114,7 @@ class Solver:
         self.set_options(Options.from_names(settings) if settings else DEFAULT_OPTIONS)
         given = P, G, A = deepcopy((P, G, A))
         qp = qp_data(P, q, G, h, A, b, lb, ub)
-        ensure_convex(qp.P)
+        check_convex(qp.P)
         self.hold_matrices(qp, tuple(map(as_given, given, (qp.P, qp.G, qp.A))))
         self.vectors = qp.joined()  # replaced, never changed: results keep it
         self.last: QPResult | None = None  # that was solved
@@ -142,17 +138,14 @@ class Solver:
 
     def begin(self) -> None:
         """Keep nothing of earlier solves but the last result."""
-        qp, end = self.qp, 0
+        qp = self.qp
         self.sizes = qp.q.size, qp.h.size, qp.b.size
-        self.places: dict[str, tuple[slice, tuple[int]]] = {}  # in `vectors`; shapes
-        for name in VECTORS:
-            size = getattr(qp, name).size
-            self.places[name] = slice(end, end + size), (size,)
-            end += size
-        self.memory = memory_of(qp)
+        self.places = places_of(qp)
+        self.memory = Memory.of(qp)
         self.kept = self.methods = methods_for(qp)  # all, and those that suit
         # The method that found `last`; None where all know of it.
         self.found_by: Responses | None = None
+        self.quick: Responses | None = None  # see `solve_quickly`
         self.is_renewed = False  # whether matrices have changed since the last solve
 
     def __getstate__(self) -> dict[str, Any]:
@@ -218,7 +211,7 @@ class Solver:
         if ub is not None:
             self.put("ub", ub, vectors)
         if not accepts(vectors, *self.sizes):
-            self.clean(vectors)
+            clean(vectors, self.places)
         if not (P is None and G is None and A is None):
             self.take_matrices({"P": P, "G": G, "A": A})
         self.vectors = vectors
@@ -226,22 +219,11 @@ class Solver:
     def put(self, name: str, value: Any, vectors: np.ndarray) -> None:
         """Put a user's vector into its place."""
         place, shape = self.places[name]
-        if (
-            type(value) is not np.ndarray
-            or value.dtype != FLOAT
-            or value.shape != shape
-        ):
-            other = VECTORS[name][0]
+        fits = type(value) is np.ndarray and value.dtype is FLOAT
+        if not (fits and value.shape == shape):
+            other = SIZED_LIKE[name]
             value = vector(name, value, *shape, other, getattr(self.qp, other).shape)
         vectors[place] = value
-
-    def clean(self, vectors: np.ndarray) -> None:
-        """Make huge sides infinite; raise where a number is not allowed."""
-        for name, (place, _) in self.places.items():
-            infinity = VECTORS[name][1]
-            refuse_number(name, vectors[place], infinity != 0)
-            if infinity:
-                vectors[place] = without_huge(vectors[place], infinity)
 
     def take_matrices(self, changes: dict[str, Any]) -> None:
         """Check and take those matrices that are new."""
@@ -263,10 +245,10 @@ class Solver:
             if not qp.is_dense:  # P + P' is stored without zeros
                 qp = qp._replace(P=within_pattern(qp.P, kept["P"]))
         if "P" in new:
-            ensure_convex(qp.P)
+            check_convex(qp.P)
         self.hold_matrices(qp, tuple(given.values()))
         self.memory.adopt(qp)
-        self.is_renewed, self.methods = True, self.kept
+        self.is_renewed, self.quick, self.methods = True, None, self.kept
         for method in self.kept:
             method.renew(qp)
 
@@ -302,27 +284,60 @@ class Solver:
         >>> solver.solve().z_box
         array([1.])
         """
-        start = time.perf_counter()
-        check_flag("derivative", derivative)
+        start = perf_counter()
+        if derivative is not False:
+            check_flag("derivative", derivative)
         guess = None if warm_start is None else make_guess(self.qp, None, warm_start)
         try:
-            result = None
-            if not self.options.verbose:
-                result = self.solve_by_what_is_kept(guess, start)
+            result = self.solve_quickly(start) if guess is None else None
             if result is None:
-                result = self.solve_by_all_means(guess, start)
-                if result.status is SOLVED:
-                    self.suggest(make_guess(self.qp, None, result))
+                result = self.solve_with_care(guess, start)
         except BaseException as error:
             self.begin()  # what was to be kept may not be complete
             if isinstance(error, SystemError):  # Ctrl-C in compiled code
                 raise cause_of(error) from None
             raise
+        if derivative and self.found_by is not None and result.status is SOLVED:
+            vars(result)["factors"] = self.found_by.lent()
+        return result
+
+    def solve_quickly(self, start: float) -> QPResult | None:
+        """Return what the `quick` method finds, in some microseconds; None if it fails.
+
+        It is the one of the last solve, and nothing but vectors has changed since.
+        """
+        method = self.quick
+        if method is None:
+            return None
+        code, numbers = method.run_again(self.vectors)
+        if code != DONE:
+            return None
+        if method.now.is_free:
+            self.quick = None
+        self.last = result = self.result_after(method, numbers, start)
+        return result
+
+    def result_after(
+        self, method: Responses, numbers: np.ndarray, start: float
+    ) -> QPResult:
+        """Return the SOLVED result of a method that has ended with DONE."""
+        problem = self.matrices, self.vectors, self.given
+        way = method.now.pivots, method.form
+        later = unfolded, numbers, way, problem, perf_counter() - start
+        return QPResult.quick(numbers[: self.sizes[0]], later)
+
+    def solve_with_care(self, guess: Guess | None, start: float) -> QPResult:
+        """Return the result of what is kept, of the general solve where that fails."""
+        self.quick = result = None
+        if not self.options.verbose:
+            result = self.solve_by_what_is_kept(guess, start)
+        if result is None:
+            result = self.solve_by_all_means(guess, start)
+            if result.status is SOLVED:
+                self.suggest(make_guess(self.qp, None, result))
         self.is_renewed = False
         if result.status is SOLVED:
             self.last = result
-            if derivative and self.found_by is not None:
-                vars(result)["factors"] = self.found_by.lent()
         return result
 
     def solve_by_what_is_kept(
@@ -362,16 +377,14 @@ class Solver:
 
     def solve_by(self, method: Responses, start: float) -> QPResult | None:
         """Return the result of one method; None if it does not decide."""
-        limits, vectors = self.limits, self.vectors
-        deadline = limits.deadline
+        limits, deadline = self.limits, self.limits.deadline
         deadline.at = start + self.options.time_limit
-        code, numbers = method.run(vectors, limits)
+        code, numbers = method.run(self.vectors, limits)
         if code == DONE and self.is_own and not deadline.interrupted:
             self.found_by = method
-            way = method.now.pivots, method.form
-            problem = self.matrices, vectors, self.given
-            later = unfolded, numbers, way, problem, time.perf_counter() - start
-            return QPResult.quick(numbers[: self.sizes[0]], later)
+            if method.can_run_again(limits):
+                self.quick = method
+            return self.result_after(method, numbers, start)
         qp = self.qp
         answer = method.answer(code, numbers, qp, limits)
         if answer is None:
@@ -420,11 +433,6 @@ def unfolded(
     return attributes_of(answer, 0.0, solve_time) | {"problem": (qp, given)}
 
 
-def as_given(given: Any, own: Any) -> Any:
-    """Return a user's matrix as it is stored, which is `own` where that is the same."""
-    return own if type(own) is csc_array and has_pattern_of(given, own) else given
-
-
 def methods_for(qp: QP) -> list[Responses]:
     """Return what keeps something for the matrices of a QP, the first to try first."""
     first: Responses | None
@@ -434,17 +442,3 @@ def methods_for(qp: QP) -> list[Responses]:
         first = SparseResponses.of(qp)
     found: list[Responses | None] = [first, Faces.of(qp)]
     return [method for method in found if method is not None]
-
-
-def ensure_convex(P: Any) -> None:
-    """Raise NotConvex unless P, dense or CSC, is positive semidefinite."""
-    if type(P) is np.ndarray and dpotrf(P)[1] == 0:
-        return  # definite, as most are: this takes a tenth of the time
-    check_convex(as_sparse(P))
-
-
-def memory_of(qp: QP) -> Memory:
-    """Return a memory that knows the matrices of `qp`, which nobody changes."""
-    memory = Memory()
-    memory.adopt(qp)
-    return memory

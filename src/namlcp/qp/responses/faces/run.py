@@ -15,7 +15,7 @@ from namlcp.qp.responses.faces.sides import (
 )
 from namlcp.qp.responses.faces.state import face_at
 from namlcp.qp.responses.faces.system import factor_face
-from namlcp.qp.responses.judgement import ROUNDING, is_solved, largest_term
+from namlcp.qp.responses.judgement import is_certain, is_solved
 from namlcp.qp.responses.run import FAULTY, UNSUITED, attach_vectors, is_faulty
 
 # Most faces that are tried; another method is quicker if these do not suffice.
@@ -66,7 +66,7 @@ def run_faces(address, vectors, out, clock):
             if not is_solved(m):
                 return STUCK
             keep(m)
-            return SUMMED if largest_term(m) * ROUNDING > m.eps_abs else DONE
+            return DONE if is_certain(m) else SUMMED
         if is_over(watch, m.face_work):
             return STUCK
     return STUCK

@@ -22,7 +22,7 @@ from namlcp.qp.responses.free.steps import (
     recall_face,
 )
 from namlcp.qp.responses.judgement import set_contradiction
-from namlcp.qp.responses.run import FAULTY, attach_vectors, is_faulty
+from namlcp.qp.responses.run import FAULTY, attach_vectors, is_faulty, sum_anew
 from namlcp.qp.responses.state import state_at
 
 
@@ -53,7 +53,9 @@ def run_free(address, vectors, out, clock):
         else:
             break
         found = judge(m)
-    if found == DONE or found == SUMMED:
+    if found == SUMMED:
+        found = sum_anew(m)
+    if found == DONE:
         m.face_is_kept = 1
     return found
 
