@@ -17,14 +17,16 @@ from namlcp.lcp import (
     ACCURACY,
     LARGE_LCP,
     LCP,
+    Attempt,
     Outcome,
     Prepared,
+    outcome_of,
     pivot,
     relax_csr,
     solve_auto,
-    solve_box,
 )
 from namlcp.limits import Limits
+from namlcp.linalg import add_columns
 from namlcp.qp.answer import Answer, proved
 from namlcp.qp.certificates import accept_dual
 from namlcp.qp.guess import NO_ENTRIES, Guess
@@ -44,15 +46,28 @@ def box_lcp(qp: QP, matrix: Prepared | None = None) -> LCP:
     return LCP(matrix, qp.q, qp.lb, qp.ub)
 
 
-def box_point(qp: QP, outcome: Outcome) -> tuple[Point, Residuals]:
-    """Return the point of the QP for z and w of the LCP, and its residuals."""
-    x, z_box = on_bounds(outcome.z, outcome.w, qp.lb, qp.ub)
-    point = Point(x, NO_ENTRIES, NO_ENTRIES, z_box)
+def box_point(qp: QP, z: np.ndarray) -> tuple[Point, Residuals]:
+    """Return the point of the QP for z of the LCP, and its residuals."""
+    P, q, G, h, A, b, lb, ub = qp
     if qp.is_dense:
+        x, z_box = on_bounds(z, P @ z + q, lb, ub)
+        point = Point(x, NO_ENTRIES, NO_ENTRIES, z_box)
         return point, qp_residuals(*qp, *point)
-    matrices = tuple((M.indptr, M.indices, M.data) for M in (qp.P, qp.G, qp.A))
-    vectors = qp.q, qp.h, qp.b, qp.lb, qp.ub
-    return point, clean_qp_residuals(matrices, vectors, tuple(point))
+    matrices = tuple((M.indptr, M.indices, M.data) for M in (P, G, A))
+    w = q.copy()
+    add_columns(*matrices[0], z, w)
+    x, z_box = on_bounds(z, w, lb, ub)
+    point = Point(x, NO_ENTRIES, NO_ENTRIES, z_box)
+    return point, clean_qp_residuals(matrices, (q, h, b, lb, ub), tuple(point))
+
+
+def corrected_point(qp: QP, z: np.ndarray, limits: Limits) -> tuple[Point, Residuals]:
+    """Return `box_point`, corrected where its residuals are rounding."""
+    point, residuals = box_point(qp, z)
+    if is_correctable(residuals, *limits.tolerances):
+        point = correct_rounding(qp, point, residuals, *limits.tolerances)
+        residuals = qp_residuals(*qp, *point)
+    return point, residuals
 
 
 @kernel
@@ -96,9 +111,17 @@ def solve_bounds(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Answer
         outcome = solve_large_box(qp, guess, limits, memory)
     else:
         inner = Limits(0.0, ACCURACY, limits.max_iter, limits.deadline)
-        outcome = solve_box(box_lcp(qp), guess.start, inner, ask_convex=True)
+        attempt = Attempt(box_lcp(qp), guess.start, inner, ask_convex=True)
+        attempt.run()
+        now = attempt.work.now
+        if now.solved and now.convex:  # the residuals of the LCP need no check
+            point, residuals = corrected_point(qp, attempt.best(), limits)
+            if residuals.solved(*limits.tolerances):
+                count = now.factorisations
+                return Answer(Status.SOLVED, point, residuals, count, "bounds")
+        outcome = outcome_of(attempt)
     status, iterations = outcome.status, outcome.iterations
-    point, residuals = box_point(qp, outcome)
+    point, residuals = corrected_point(qp, outcome.z, limits)
     if outcome.ray is not None:
         memory.ensure_convex(as_sparse(qp.P))
         proof = accept_dual(
@@ -107,9 +130,6 @@ def solve_bounds(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Answer
         if proof is None:
             return None
         return proved(Status.DUAL_INFEASIBLE, proof, iterations, "bounds")
-    if is_correctable(residuals, *limits.tolerances):
-        point = correct_rounding(qp, point, residuals, *limits.tolerances)
-        residuals = qp_residuals(*qp, *point)
     if residuals.solved(*limits.tolerances):
         if not outcome.convex:
             return None  # the interior-point method may find that P is not convex
@@ -128,7 +148,7 @@ def solve_large_box(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Out
     for eps_rel in SHARPER:
         inner = Limits(0.0, eps_rel, limits.max_iter, limits.deadline)
         found = solve_auto(lcp, z0, inner)
-        _, residuals = box_point(qp, found)
+        _, residuals = box_point(qp, found.z)
         if found.status is not Status.SOLVED or residuals.solved(*limits.tolerances):
             break
         z0 = found.z

@@ -72,10 +72,12 @@ def solve_smallest_form(qp: QP, guess: Guess, limits: Limits, memory: Memory) ->
     The latter does not run where the former decides, or time is over.
     """
     answer = None
-    small = is_small(qp)
-    if is_box(qp) and not (small and qp.q.size <= DENSE_BOX):
+    if is_box(qp) and (qp.q.size > DENSE_BOX or not is_small(qp)):
         with limits.deadline.listening():
             answer = solve_bounds(qp, guess, limits, memory)
+        if answer is not None and answer.ends:
+            return answer
+    small = is_small(qp)
     starts = [guess, NO_GUESS] if guess.x.size else [NO_GUESS]
     while small and starts and not (answer and answer.ends):
         # a wrong guess may mislead the first solve; the second one starts without

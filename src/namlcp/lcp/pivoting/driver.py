@@ -19,7 +19,7 @@ from namlcp.lcp.pivoting.interior import follow
 from namlcp.lcp.pivoting.large_system import LargeSystem
 from namlcp.lcp.pivoting.pivot import pivot, resume
 from namlcp.lcp.pivoting.rays import proof
-from namlcp.lcp.pivoting.state import PivotMemory
+from namlcp.lcp.pivoting.state import PivotMemory, best_point
 from namlcp.lcp.prepared import Prepared
 from namlcp.limits import Limits
 from namlcp.linalg import PSD_TOLERANCE
@@ -78,15 +78,24 @@ def solve_box(
     limits.max_iter counts factorisations. With ask_convex, one more factorisation tests
     whether a symmetric A is positive semidefinite; outcome.convex has the result.
     """
-    with np.errstate(all="ignore"):  # singular systems overflow, which is detected
-        outcome = Attempt(lcp, z0, limits, ask_convex).outcome()
-        stalled = outcome.status is Status.STALLED and lcp.matrix.symmetric
-        left = outcome.iterations < (limits.max_iter or MAX_FACTORISATIONS)
-        if not stalled or not left or outcome.beyond or lcp.q.size > DENSE_ORDER:
-            return outcome
-        # rho may dominate an ill-conditioned matrix. As "nonsymmetric" rho begins at 0.
-        again = lcp._replace(matrix=Prepared.unchecked(lcp.A, False))
-        retried = Attempt(again, outcome.z, limits, False, outcome.iterations).outcome()
+    attempt = Attempt(lcp, z0, limits, ask_convex)
+    attempt.run()
+    return outcome_of(attempt)
+
+
+def outcome_of(attempt: "Attempt") -> Outcome:
+    """Return the checked outcome of an attempt after `run`; try again if it stalled."""
+    lcp, limits = attempt.lcp, attempt.limits
+    outcome = attempt.outcome()
+    stalled = outcome.status is Status.STALLED and lcp.matrix.symmetric
+    used_up = outcome.iterations >= attempt.most
+    if not stalled or used_up or outcome.beyond or lcp.q.size > DENSE_ORDER:
+        return outcome
+    # rho may dominate an ill-conditioned matrix. As "nonsymmetric" rho begins at 0.
+    again = lcp._replace(matrix=Prepared.unchecked(lcp.A, False))
+    retry = Attempt(again, outcome.z, limits, False, outcome.iterations)
+    retry.run()
+    retried = retry.outcome()
     if retried.status is Status.SOLVED or retried.ray is not None:
         return retried._replace(convex=outcome.convex)
     return outcome._replace(iterations=retried.iterations)
@@ -122,18 +131,23 @@ class Attempt:
         self.large = LargeSystem(self.work) if large else None
         self.ask_convex = ask_convex
 
+    def run(self) -> None:
+        """Run the method; `status` and `ray` are what `drive` returns."""
+        with np.errstate(all="ignore"):  # singular systems overflow, which is detected
+            self.status, self.ray = self.drive()
+
     def outcome(self) -> Outcome:
-        """Solve, check and, where the check fails, retry; z = clip(0) comes last."""
-        lcp, now = self.lcp, self.work.now
-        status, ray = self.drive()
+        """Check and, where the check fails, run again; z = clip(0) comes last."""
+        lcp, now, status, ray = self.lcp, self.work.now, self.status, self.ray
         if self.large and self.ask_convex and status is Status.SOLVED:
             now.convex = self.large.is_convex()
         z, w, status = self.checked(status)
         if status is Status.STALLED and self.may_be_decided():
             first = z, w
             now.best_residual, now.solved = math.inf, False
-            status, ray = self.drive()
-            z, w, status = self.checked(status)
+            self.run()
+            ray = self.ray
+            z, w, status = self.checked(self.status)
             is_better = lcp.residual(z, w) <= lcp.residual(*first)
             if status is not Status.SOLVED and not is_better:
                 z, w = first
@@ -147,8 +161,7 @@ class Attempt:
 
     def best(self) -> np.ndarray:
         """Return the best z so far in the caller's scaling."""
-        z = self.work.best * self.work.d
-        return np.minimum(np.maximum(z, self.lcp.lower), self.lcp.upper)
+        return best_point(self.work.address, self.lcp.lower, self.lcp.upper)
 
     def checked(self, status: Status) -> tuple[np.ndarray, np.ndarray, Status]:
         """Return the best z, its w, and STALLED in place of SOLVED if they fail."""

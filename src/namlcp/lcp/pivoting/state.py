@@ -136,6 +136,17 @@ def place_vectors(address, columns, vectors, memory):
         local[i] = -1
 
 
+@kernel
+def best_point(address, lower, upper):
+    """Return the best z so far, in the caller's scaling and between these bounds."""
+    m = state_at(address)
+    best, d = floats(m.best, m.n), floats(m.d, m.n)
+    z = np.empty(m.n)
+    for i in range(m.n):
+        z[i] = min(max(best[i] * d[i], lower[i]), upper[i])
+    return z
+
+
 @part
 def matrix_of(m, values):
     """Return the `Columns` that have the pattern of the matrix and these values."""
