@@ -3,7 +3,7 @@
 --quick: small versions of the charts, profiles, oracles, the stress test and the
 pictures, in less than ten minutes. --full: the same at their sizes, and Maros-Meszaros,
 benchmarks, large LCPs and infeasible QPs, which takes hours. Either writes report.html
-into the folder --out (report), figures and tables inlined, also when it is interrupted,
+into the folder --out (report), figures and tables inlined, also when it is ended early,
 beside its CSV files and figures. `--full --out validation` brings the repository's own
 files up to date. Stopped and run again, it goes on with the commands that are not done
 with the present sources (`done.json`; --again begins anew), the long ones within their
@@ -27,6 +27,7 @@ import hashlib
 import html
 import json
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -182,9 +183,13 @@ def run_command(
         command, cwd=cli.ROOT, errors="replace", **streams
     ) as process:
         assert process.stdout is not None
-        for line in process.stdout:
-            lines.append(line)
-            show(line)
+        try:
+            for line in process.stdout:
+                lines.append(line)
+                show(line)
+        except KeyboardInterrupt:
+            process.terminate()  # it would go on alone
+            raise
     return process.returncode
 
 
@@ -287,6 +292,7 @@ def main(arguments: list[str] | None = None) -> int:
     }
     for folder in ("results", "figures"):
         folders[folder].mkdir(parents=True, exist_ok=True)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # write the report, too
     if args.full:
         os.environ[quiet.LOAD] = quiet.BESIDE if args.busy else quiet.QUIET
     outcomes = report(parts, folders, args.out, sys.stderr, args.again)

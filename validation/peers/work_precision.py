@@ -9,7 +9,7 @@ run
     for a sweep Res(z): the quantity whose tolerance was asked for. A request is missed
     if the residual is more than ten times the tolerance, or the time limit is; what
     the solver says of itself counts for nothing. The solvers take turns, problem by
-    problem, namlcp first: the others' time limit is ten times what it took
+    problem, namlcp first: the other solvers' time limit is ten times what it took
     (`runs.limit_beside`). What is late at a tolerance is not tried at a tighter one. A
     run that was stopped goes on where its file ends.
     work-precision.csv, from it: for each family, solver and tolerance the median and
@@ -191,7 +191,7 @@ def complete(row: Row, point: np.ndarray | None, exact: np.ndarray | None) -> Ro
 
 def limit_of(solver: str, rows: list[Row], most: float) -> float:
     """Return the time limit [s] of a solver; `rows` are those of this request."""
-    if solver in OURS:
+    if solver in OURS or solver.startswith("sweep "):
         return most
     own = [row for row in rows if row["solver"] in OURS]
     solved = [row for row in own if str(row["missed"]) == "False"]

@@ -42,6 +42,7 @@ from validation.problems.planted import planted as planted_qp
 from validation.problems.planted import sparse_parts
 from validation.problems.sweep_scenes import halfline, paper_example, with_contact
 
+PAPER_SIDES = (10, 30, 100)  # m of the paper's tables, with n = m^2 unknowns
 SWEPT = ("sweep namgs", "sweep msor", "sweep psor")
 """The sweeps that stand beside the solvers where A is an LCP's."""
 
@@ -299,11 +300,13 @@ def families(data: Path | None) -> dict[str, Family]:
         "lasso": partial(lasso, 200, 100),
     }
     examples = {
-        f"Example {number}, delta = {delta:g}": partial(paper_task, number, delta, 100)
+        f"Example {number}, delta = {delta:g}, n = {m**2}": partial(
+            paper_task, number, delta, m
+        )
+        for m in PAPER_SIDES
+        for delta in (4.0, 0.25)
         for number in (1, 2)
-        for delta in (4.0, 1.0, 0.25)
     }
-    small = {f"Example {k}, n = 400": partial(paper_task, k, 4.0, 20) for k in (1, 2)}
     every = tuple(f"sweep {name}" for name in (*METHODS, "lemke"))
     known = {
         "dominant": Family(
@@ -317,7 +320,7 @@ def families(data: Path | None) -> dict[str, Family]:
         "SVM": Family("SVM", True, machines, ("RBF", "squared hinge")),
         "general QP": Family("general QP", False, general, ("random, 1", "lasso")),
         "paper": Family(
-            "paper's examples", True, examples | small, tuple(small), every, False
+            "paper's examples", True, examples, tuple(examples)[:2], every, False
         ),
     }
     for name, (problem_set, stored_names) in STORED.items():
