@@ -1,14 +1,14 @@
 """The stopping criterion of the methods "auto" and "multigrid".
 
 A point z solves a box LCP if Res(z) < eps_abs for the problem as given, or if Res(z) <=
-eps_rel Res(clip(0)) for the problem scaled to a unit diagonal. (`lcp.tridiagonal` has a
-compiled copy.)
+eps_rel Res(clip(0)) for the problem scaled to a unit diagonal.
 """
 
 import math
 
 import numpy as np
 
+from namlcp.compiled import part
 from namlcp.lcp.data import LCP
 from namlcp.lcp.lazy import kept
 from namlcp.limits import Limits
@@ -19,12 +19,16 @@ W_ROUNDING = 1e-15
 """Entry of w = A z + q, relative to |A||z| + |q|, that counts as 0."""
 
 
-def are_met(limits: Limits, size: float, plain: float, scaled: float) -> bool:
+def are_met(eps_abs, eps_rel, size, plain, scaled):
     """Tell whether a point with these Res, as given and scaled, solves the problem.
 
     size: Res(clip(0)) of the problem scaled to a unit diagonal.
     """
-    return plain < limits.eps_abs or scaled <= limits.eps_rel * size < math.inf
+    return plain < eps_abs or scaled <= eps_rel * size < math.inf
+
+
+are_met_part = part(are_met)
+"""The same for compiled functions."""
 
 
 class Criterion:
@@ -57,7 +61,7 @@ class Criterion:
 
     def met(self, plain: float, scaled: float) -> bool:
         """Tell whether a point with these `residuals` solves the problem."""
-        return are_met(self.limits, self.size, plain, scaled)
+        return are_met(*self.limits.tolerances, self.size, plain, scaled)
 
 
 def is_solved_by_zero(lcp: LCP) -> bool:

@@ -171,7 +171,7 @@ class Attempt:
             _, _, lower, upper = self.lcp
             root = 1.0 / self.work.d
             residuals = natural_residuals(z, w, lower, upper, root)
-            if not are_met(self.limits, size, *residuals):
+            if not are_met(*self.limits.tolerances, size, *residuals):
                 status = Status.STALLED
         return z, w, status
 
@@ -322,8 +322,8 @@ class Attempt:
                 found, plain = natural_residuals(z, w, work.lower, work.upper, work.d)
                 if found < now.best_residual:
                     now.best_residual, work.best[:] = found, z
-                    met = found <= now.eps_rel * now.size or plain < now.eps_abs
-                    now.solved = bool(met)
+                    tolerances = self.limits.tolerances
+                    now.solved = are_met(*tolerances, now.size, plain, found)
             elif point.ratio > clear:
                 clear = CLEARER * point.ratio
                 ray = proof(self.lcp, work.d, point.z * work.d)

@@ -12,6 +12,7 @@ For symmetric A, once that stagnates, `line_search` shortens the steps.
 import numpy as np
 
 from namlcp.compiled import floats, ints, kernel, part, pasted
+from namlcp.lcp.criterion import are_met_part
 from namlcp.lcp.pivoting.free_system import (
     INDEFINITE,
     REGULAR,
@@ -124,7 +125,7 @@ def write_w(m, z, w):
 @part
 def meets(m, scaled, plain, margin):
     """Tell whether residuals meet the tolerances times a margin."""
-    return scaled <= margin * m.eps_rel * m.size or plain < margin * m.eps_abs
+    return are_met_part(margin * m.eps_abs, margin * m.eps_rel, m.size, plain, scaled)
 
 
 @part

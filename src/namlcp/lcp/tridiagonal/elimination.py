@@ -21,6 +21,7 @@ import math
 import numpy as np
 
 from namlcp.compiled import kernel, part
+from namlcp.lcp.criterion import are_met_part
 from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.tridiagonal.diagonals import (
     ABOVE,
@@ -252,9 +253,9 @@ def take_best(lcp, number, work):
 
 @part
 def is_met(number, plain, scaled):
-    """Do what `Criterion.accepts` does."""
-    relative = scaled <= number[EPS_REL] * number[SIZE] < np.inf
-    return relative or plain < number[EPS_ABS]
+    """Do what `Criterion.met` does."""
+    eps_abs, eps_rel, size = number[EPS_ABS], number[EPS_REL], number[SIZE]
+    return are_met_part(eps_abs, eps_rel, size, plain, scaled)
 
 
 @kernel(error_model="numpy")
