@@ -44,6 +44,7 @@ from namlcp.linalg.factors import (
     Factors,
     SparseFactors,
     attach_factors,
+    better_order,
     factor_record,
     factor_triangle,
     plan_factors,
@@ -77,6 +78,14 @@ from namlcp.linalg.ldl import (
     ldl_symbolic,
 )
 from namlcp.linalg.minimum_degree import minimum_degree
-from namlcp.linalg.supernodes import Blocks, blocks_of, factor_blocks, solve_blocks
+from namlcp.linalg.multifrontal import stack_size
+from namlcp.linalg.ordering import Supernodes, supernodes
+from namlcp.linalg.supernodes import (
+    Blocks,
+    blocks_of,
+    factor_blocks,
+    panel_of,
+    solve_blocks,
+)
 from namlcp.linalg.symmetry import asymmetry, dense_asymmetry, sparse_asymmetry
 from namlcp.linalg.threads import blas_threads

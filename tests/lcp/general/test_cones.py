@@ -7,7 +7,8 @@ from scipy import sparse
 from namlcp import solve_lcp
 from namlcp.lcp.distances import Distances
 from namlcp.lcp.general.arc import PROMISED_STEPS, STEPS, Arc
-from namlcp.lcp.general.cones import Condensed, cones_of, system_of
+from namlcp.lcp.general.cones import Condensed, system_of
+from namlcp.lcp.general.cones.contacts import cones_of
 from namlcp.lcp.scaling import unit_diagonal_scale
 from namlcp.lcp.shifted import Shifted
 from validation.problems.general.families import FAMILIES

@@ -12,7 +12,7 @@
 | `games` | the method of Lemke and Howson for bimatrix games |
 | `enumeration` | tiny problems: all complementary cones |
 | `pairs` | complementary pairs of gaps and multipliers, for the paths |
-| `cones` | factors for contact with friction, its cones eliminated first |
+| `cones/` | factors for contact with friction, its cones eliminated first |
 | `mehrotra` | an infeasible interior path |
 | `arc` | Lemke's homotopy as a smooth curve |
 | `finish` | the exact solution near an interior point |

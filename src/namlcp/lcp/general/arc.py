@@ -45,8 +45,8 @@ SHORTER, LIMITED = 0.3, 0.5
 relative change back to the curve in it."""
 
 KEPT, KEPT_ENTRIES = 30, 10_000_000
-"""Points on the stack at most, and entries of their factors: these take about 24 bytes
-each, indices and SuperLU's copies included."""
+"""Points on the stack at most, and entries of their factors: these take 8 bytes each,
+24 with indices and copies of SuperLU."""
 
 FAR_AWAY, LARGE_T = 1e10, 1e4
 """Entry of p, relative to max |c_i| = 1, and t, at which the path ends."""

@@ -21,99 +21,16 @@ rho_j = r_j / v_j, sigma = d_g / s sum e_j rho_j - r_g. So p unknowns a contact
 remain of d + 1, and the fill of the factors falls to 2/5 in the plane, to 1/20 with
 eight directions. The determinant of M + D has the sign of that which remains, as C and
 all d are > 0.
-
-Contacts are found from M: a speed is an unknown with a diagonal entry 0, whose column
-has d entries v_j > 0, and whose row has -v_j there and one entry more.
 """
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import SuperLU, splu
 
-from namlcp.lcp.shifted import Factors, Shifted, transpositions
-
-SAME = 1e-11
-"""Largest difference of entries of M, whose diagonal is 1 or 0, that are taken for
-equal: the directions of friction are combinations of the first ones to rounding."""
-
-THRESHOLD = 0.01
-"""A diagonal entry is a pivot unless it is this much smaller than its column."""
-
-
-class Cones(NamedTuple):
-    """The friction cones of k contacts with d directions in p dimensions.
-
-    g, normal (k,): indices of the speeds and of the normal impulses x_l. b (k, d):
-    those of the impulses along the directions, the first p a basis. kappa (k,) and
-    v (k, d): entries of M. c (k, d, p): tau_j / v_j. kept: indices of what is not
-    eliminated, all unknowns but g and b[:, p:].
-    """
-
-    g: np.ndarray
-    normal: np.ndarray
-    b: np.ndarray
-    kappa: np.ndarray
-    v: np.ndarray
-    c: np.ndarray
-    kept: np.ndarray
-
-
-def cones_of(M: Any) -> Cones | None:
-    """Return the friction cones in a sparse M, None if there are none that fit."""
-    M = sparse.csr_array(M)
-    by_columns = sparse.csc_array(M)
-    g = np.flatnonzero(M.diagonal() == 0.0)
-    columns, rows = by_columns[:, g], M[g]
-    sizes = np.diff(columns.indptr)
-    if g.size == 0 or sizes[0] < 2 or (sizes != sizes[0]).any():
-        return None
-    d, p = int(sizes[0]), 1 if sizes[0] == 2 else 2
-    b, v = columns.indices.reshape(-1, d), columns.data.reshape(-1, d)
-    if (v <= 0.0).any() or np.unique(b).size < b.size:
-        return None
-    rest = sparse.csr_array(rows + columns.T)
-    rest.data[np.abs(rest.data) <= SAME] = 0.0
-    rest.eliminate_zeros()
-    if (np.diff(rest.indptr) != 1).any():
-        return None
-    if np.isin(rest.indices, np.append(g, b)).any():
-        return None
-    gram = np.empty((g.size, d, p))
-    for j in range(d):
-        for i in range(p):
-            gram[:, j, i] = M[b[:, j], b[:, i]]
-    if np.abs(np.linalg.det(gram[:, :p])).min() <= SAME:
-        return None
-    # the rows of d directions are combinations tau of the first p
-    tau = gram @ np.linalg.inv(gram[:, :p])
-    eliminated = np.concatenate((g, b[:, p:].ravel()))
-    kept = np.setdiff1d(np.arange(M.shape[0]), eliminated)
-    cones = Cones(g, rest.indices, b, rest.data, v, tau / v[:, :, None], kept)
-    return cones if spans(M, cones, tau) else None
-
-
-def spans(M: Any, cones: Cones, tau: np.ndarray) -> bool:
-    """Tell whether M = U N U' but for the rows and columns of the speeds."""
-    n, (_, d, p) = M.shape[0], tau.shape
-    plain = np.setdiff1d(cones.kept, cones.b[:, :p])
-    place = np.empty(n, dtype=np.intp)
-    place[cones.kept] = np.arange(cones.kept.size)
-    row = np.repeat(cones.b.ravel(), p)
-    column = place[np.repeat(cones.b[:, None, :p], d, axis=1)].ravel()
-    U = sparse.csr_array(
-        (
-            np.append(np.ones(plain.size), tau.ravel()),
-            (np.append(plain, row), np.append(place[plain], column)),
-        ),
-        shape=(n, cones.kept.size),
-    )
-    other = np.ones(n)
-    other[cones.g] = 0.0
-    left = sparse.diags_array(other)
-    difference = left @ M @ left - U @ M[cones.kept][:, cones.kept] @ U.T
-    return float(np.abs(difference.data).max(initial=0.0)) <= SAME
+from namlcp.lcp.general.cones.contacts import Cones, cones_of
+from namlcp.lcp.general.cones.fronts import LU, Fronts
+from namlcp.lcp.shifted import Factors, Shifted
 
 
 def principal(
@@ -145,7 +62,7 @@ class ConeFactors:
     """
 
     def __init__(self, system: "Condensed", diagonal: np.ndarray):
-        """Factor; raise RuntimeError if the remainder is exactly singular."""
+        """Factor; raise LinAlgError if a pivot of the remainder is 0."""
         self.cones = cones = system.cones
         self.basis = system.basis
         self.e = cones.v**2 / diagonal[cones.b]
@@ -161,19 +78,18 @@ class ConeFactors:
         self.m, self.off = np.einsum("kp,kpq->kq", m, axes), off @ axes
         self.inverse = 1.0 / values
         slope = -(self.h * cones.kappa)[:, None] * self.inverse * self.m
-        self.lu, self.order = system.remainder(diagonal, axes, self.inverse, slope)
+        self.kept = cones.kept
+        self.lu = system.remainder(diagonal, axes, self.inverse, slope)
 
     @property
     def entries(self) -> int:
         """Number of entries that are kept."""
-        return int(self.lu.nnz)
+        return self.lu.L.size + self.lu.U.size
 
     @property
     def positive(self) -> bool:
         """Whether the determinant is positive."""
-        lu = self.lu
-        swaps = transpositions(lu.perm_r) + transpositions(lu.perm_c)
-        return bool((swaps + np.count_nonzero(lu.U.diagonal() < 0.0)) % 2 == 0)
+        return self.lu.negative % 2 == 0
 
     def solve(self, r: np.ndarray) -> np.ndarray:
         """Return the solution for r, (n,) or (n, k)."""
@@ -189,7 +105,7 @@ class ConeFactors:
         condensed = r.copy()
         condensed[basis] = self.inverse * side
         x = np.zeros_like(r)
-        x[self.order] = self.lu.solve(condensed[self.order])
+        x[self.kept] = self.lu.solve(condensed[self.kept])
         t, x_l = x[basis], x[cones.normal]
         y = self.inverse * (side - t + (self.h * cones.kappa * x_l)[:, None] * self.m)
         middle = np.einsum("kp,kp->k", self.m, y)  # the speed is lifted by this
@@ -205,30 +121,27 @@ class Condensed:
     """A sparse M with friction cones, and factors of its sums with diagonals > 0."""
 
     def __init__(self, M: Any, cones: Cones):
-        self.M, self.cones = sparse.csr_array(M), cones
+        self.cones = cones
         self.basis = cones.b[:, : cones.c.shape[2]]
         self.between = cones.c[:, :, None] - cones.c[:, None]
-        self.ordered = False
-        self.lay_out(cones.kept)
-
-    def lay_out(self, order: np.ndarray) -> None:
-        """Store what remains in this order, and find the entries that D changes."""
-        size, p = order.size, self.basis.shape[1]
-        place = np.empty(self.M.shape[0], dtype=np.int64)
-        place[order] = np.arange(size)
-        self.order, self.turned = order, place[self.basis]
-        normal = place[self.cones.normal]
+        kept = cones.kept
+        size, p = kept.size, self.basis.shape[1]
+        place = np.empty(M.shape[0], dtype=np.int64)
+        place[kept] = np.arange(size)
+        self.turned = place[self.basis]
+        normal = place[cones.normal]
         self.partner = np.arange(size)
         self.partner[self.turned] = self.turned[:, ::-1]
-        # all entries that turning and D may change are stored, zeros too
-        N = sparse.coo_array(self.M[order][:, order])
+        # all entries that turning and D may change are stored, zeros too, and those
+        # across the diagonal from them
+        N = sparse.coo_array(sparse.csr_array(M)[kept][:, kept])
         pairs = sparse.eye_array(size, format="csr")
         if p == 2:
             pairs = pairs + pairs[self.partner]
-        pattern = sparse.coo_array(pairs @ sparse.csr_array(abs(N)) @ pairs)
+        pattern = sparse.coo_array(pairs @ sparse.csr_array(abs(N) + abs(N).T) @ pairs)
         row, column = self.turned.ravel(), np.repeat(normal, p)
-        rows = np.concatenate((N.row, pattern.row, row, np.arange(size)))
-        columns = np.concatenate((N.col, pattern.col, column, np.arange(size)))
+        rows = np.concatenate((N.row, pattern.row, row, column, np.arange(size)))
+        columns = np.concatenate((N.col, pattern.col, column, row, np.arange(size)))
         data = np.append(N.data, np.zeros(rows.size - N.nnz))
         self.N = sparse.csc_array((data, (rows, columns)), shape=N.shape)
         self.N.sort_indices()
@@ -239,17 +152,18 @@ class Condensed:
         if p == 2:
             self.across = self.at(self.N.indices, self.partner[self.columns])
             self.along = self.at(self.partner[self.N.indices], self.columns)
+        self.fronts = Fronts(self.N.indptr, self.N.indices)
 
     def at(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Return where these entries of N are stored."""
-        return np.searchsorted(self.stored, columns * self.order.size + rows)
+        return np.searchsorted(self.stored, columns * self.cones.kept.size + rows)
 
     def turn(self, axes: np.ndarray) -> np.ndarray:
         """Return the stored entries of V'N V, V the axes of each contact."""
         data = self.N.data
         if axes.shape[1] == 1:
             return data.copy()
-        same, other = np.ones(self.order.size), np.zeros(self.order.size)
+        same, other = np.ones(self.partner.size), np.zeros(self.partner.size)
         same[self.turned] = axes[:, [0, 1], [0, 1]]
         other[self.turned] = axes[:, [1, 0], [0, 1]]
         rows = self.N.indices
@@ -262,28 +176,17 @@ class Condensed:
         axes: np.ndarray,
         inverse: np.ndarray,
         slope: np.ndarray,
-    ) -> tuple[SuperLU, np.ndarray]:
-        """Factor what remains, with C^-1 and the slopes of all contacts; and its order.
-
-        The first call finds an order of little fill, which later ones keep.
-        """
-        change = diagonal[self.order]
+    ) -> LU:
+        """Factor what remains, with C^-1 and the slopes of all contacts."""
+        change = diagonal[self.cones.kept]
         change[self.turned] = inverse
         data = self.turn(axes)
         data[self.diagonal] += change
         data[self.slopes] += slope.ravel()
-        K = sparse.csc_array((data, self.N.indices, self.N.indptr), shape=self.N.shape)
-        lu = splu(
-            K,
-            permc_spec="NATURAL" if self.ordered else "MMD_AT_PLUS_A",
-            diag_pivot_thresh=THRESHOLD,
-            options={"SymmetricMode": True},
-        )
-        order = self.order
-        if not self.ordered:
-            self.ordered = True
-            self.lay_out(order[np.argsort(lu.perm_c)])
-        return lu, order
+        lu = self.fronts.factors(data)
+        if lu is None:
+            raise np.linalg.LinAlgError("a pivot is 0")
+        return lu
 
     def factors(self, diagonal: np.ndarray) -> ConeFactors | None:
         """Factor M + diag(diagonal); return None if it is singular or not finite."""
@@ -292,7 +195,7 @@ class Condensed:
                 return None
             try:
                 return ConeFactors(self, diagonal)
-            except (RuntimeError, np.linalg.LinAlgError):  # exactly singular, overflow
+            except np.linalg.LinAlgError:  # a pivot is 0, or overflow
                 return None
 
 

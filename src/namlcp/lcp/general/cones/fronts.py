@@ -1,0 +1,202 @@
+"""L U of a large matrix of symmetric pattern, by dense fronts without row exchanges.
+
+The multifrontal method of `linalg.multifrontal` for matrices that are not symmetric:
+supernode s has a panel (f, k) of L and one of U', whose squares are triangular, and
+leaves an update of order f - k to its parent. Nearly all operations are products by
+BLAS. The order and the layout are made once for a pattern.
+
+Pivots are taken from the diagonal in this order, whatever they are. For what remains of
+contact with friction that is accurate: the matrix is a semidefinite one plus a diagonal
+and entries of the same size in one block per contact. The residuals of its solutions
+are those of SuperLU with row exchanges; the paths correct what is left.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from scipy import sparse
+
+from namlcp.compiled import kernel, part
+from namlcp.linalg import (
+    Supernodes,
+    add_scaled,
+    better_order,
+    dot,
+    minimum_degree,
+    panel_of,
+    product,
+    solve_rows,
+    stack_size,
+    supernodes,
+)
+
+
+class LU(NamedTuple):
+    """Panels of L and of U', by supernode, and how many pivots are negative."""
+
+    place: np.ndarray
+    nodes: Supernodes
+    L: np.ndarray
+    U: np.ndarray
+    negative: int
+
+    def solve(self, b: np.ndarray) -> np.ndarray:
+        """Return the solution for b (n,)."""
+        x = np.empty(b.size)
+        x[self.place] = b
+        solve_panels(self.nodes, self.L, self.U, x)
+        return x[self.place]
+
+
+class Fronts:
+    """The layout of L and U for one pattern, and the memory of a factorisation."""
+
+    def __init__(self, indptr: np.ndarray, indices: np.ndarray):
+        """Take the pattern of a CSC matrix, symmetric, with all diagonal entries."""
+        n = indptr.size - 1
+        numbers = np.arange(indices.size)
+        columns = np.repeat(np.arange(n), np.diff(indptr))
+        # by rows, the entries of a symmetric pattern are those across the diagonal
+        across = sparse.csc_array((numbers, indices, indptr), shape=(n, n)).tocsr().data
+        above = indices <= columns
+        rows, columns = indices[above].astype(np.int32), columns[above]
+        counts = np.bincount(columns, minlength=n)
+        starts = np.concatenate(([0], np.cumsum(counts))).astype(np.int32)
+        order = better_order(starts, rows, minimum_degree(starts, rows))
+        self.place = place = order.place
+        self.nodes = nodes = supernodes(starts, rows, order)
+        entries = np.array([numbers[above], across[above]])
+        is_below = place[rows] > place[columns]  # in the order of elimination
+        sources = np.where(is_below, entries, entries[::-1])
+        self.sources = np.ascontiguousarray(sources[:, nodes.source])
+        updates = np.diff(nodes.starts) - np.diff(nodes.first)
+        self.position = np.empty(n, dtype=np.int32)
+        self.stack = np.empty(stack_size(nodes.parent, updates))
+        self.front = np.empty(int((updates**2).max(initial=0)))
+
+    def factors(self, data: np.ndarray) -> LU | None:
+        """Factor the matrix with these entries; return None if a pivot is 0."""
+        L, U = np.empty((2, self.nodes.panels[-1]))
+        negative = factorise(
+            self.nodes, data, self.sources, L, U, self.position, self.stack, self.front
+        )
+        return None if negative < 0 else LU(self.place, self.nodes, L, U, negative)
+
+
+@kernel(error_model="numpy")
+def factorise(nodes, data, sources, L, U, position, stack, front):
+    """Set the panels of L and U'; return the number of pivots < 0, -1 if one is 0.
+
+    Entry t of the layout is data[sources[0, t]] below the diagonal, data[sources[1, t]]
+    above it. position, stack and front are overwritten. When a supernode is eliminated,
+    the updates of its children are on top of the stack.
+    """
+    first, parent, starts, rows = nodes.first, nodes.parent, nodes.starts, nodes.rows
+    number = first.size - 1
+    waiting = np.zeros(number, dtype=np.int32)
+    left = np.empty(number, dtype=np.int32)  # supernodes whose update is on the stack
+    count, top, negative = 0, 0, 0
+    for s in range(number):
+        own = rows[starts[s] : starts[s + 1]]
+        lower, upper = panel_of(nodes, L, s), panel_of(nodes, U, s)
+        f, k = lower.shape
+        u = f - k
+        update = front[: u * u].reshape(u, u)
+        for i in range(f):
+            position[own[i]] = i
+        lower[:] = 0.0
+        upper[:] = 0.0
+        update[:] = 0.0
+        for j in range(k):
+            for t in range(nodes.lower[first[s] + j], nodes.lower[first[s] + j + 1]):
+                i = position[nodes.below[t]]
+                lower[i, j] = data[sources[0, t]]
+                upper[i, j] = data[sources[1, t]]
+        for _ in range(waiting[s]):
+            count -= 1
+            child = left[count]
+            begin = starts[child] + first[child + 1] - first[child]
+            theirs = rows[begin : starts[child + 1]]
+            top -= theirs.size * theirs.size
+            add_update(stack[top:], theirs, position, lower, upper, update)
+        found = factor_square(lower[:k], upper[:k])
+        if found < 0:
+            return -1
+        negative += found
+        if u > 0:
+            solve_rows(upper[:k], False, lower[k:])
+            solve_rows(lower[:k], True, upper[k:])
+            product(-1.0, lower[k:], upper[k:], 1.0, update)
+            for i in range(u * u):
+                stack[top + i] = front[i]
+            top += u * u
+            left[count] = s
+            count += 1
+            waiting[parent[s]] += 1
+    return negative
+
+
+@part
+def add_update(child, rows, position, lower, upper, update):
+    """Add the update of a child, on `rows`, to the panels and to the update."""
+    k, u = lower.shape[1], rows.size
+    inside = 0  # rows that are columns of this supernode
+    while inside < u and position[rows[inside]] < k:
+        inside += 1
+    for i in range(u):
+        row = position[rows[i]]
+        line = child[i * u : i * u + u]
+        for j in range(min(inside, i + 1)):
+            lower[row, position[rows[j]]] += line[j]
+        if i < inside:
+            for j in range(i + 1, u):
+                upper[position[rows[j]], row] += line[j]
+        else:
+            target = update[row - k]
+            for j in range(inside, u):
+                target[position[rows[j]] - k] += line[j]
+
+
+@part
+def factor_square(L, U):
+    """Overwrite squares by L and U'; return the number of pivots < 0, -1 if one is 0.
+
+    The diagonal entries are read in L. What is above the diagonals is not touched.
+    """
+    negative = 0
+    for j in range(L.shape[0]):
+        pivot = L[j, j] - dot(L[j, :j], U[j, :j])
+        if not abs(pivot) > 0.0:
+            return -1
+        negative += pivot < 0.0
+        U[j, j] = pivot
+        for i in range(j + 1, L.shape[0]):
+            U[i, j] -= dot(L[j, :j], U[i, :j])
+            L[i, j] = (L[i, j] - dot(L[i, :j], U[j, :j])) / pivot
+    return negative
+
+
+@kernel(error_model="numpy")
+def solve_panels(nodes, L, U, x):
+    """Overwrite x, in elimination order, by the solution of L U y = x."""
+    first, starts, rows = nodes.first, nodes.starts, nodes.rows
+    number = first.size - 1
+    for s in range(number):
+        own = rows[starts[s] : starts[s + 1]]
+        panel = panel_of(nodes, L, s)
+        f, k = panel.shape
+        block = x[first[s] : first[s + 1]]
+        for i in range(1, k):
+            block[i] -= dot(panel[i, :i], block[:i])
+        for i in range(k, f):
+            x[own[i]] -= dot(panel[i], block)
+    for s in range(number - 1, -1, -1):
+        own = rows[starts[s] : starts[s + 1]]
+        panel = panel_of(nodes, U, s)
+        f, k = panel.shape
+        block = x[first[s] : first[s + 1]]
+        for i in range(k, f):
+            add_scaled(-x[own[i]], panel[i], block)
+        for i in range(k - 1, -1, -1):
+            block[i] /= panel[i, i]
+            add_scaled(-block[i], panel[i, :i], block[:i])
