@@ -136,13 +136,6 @@ def case_row(child: Bench, name: str, case: cases.Case) -> Row:
     return row | {"outcome": outcome(case.truth, row["verdict"])}
 
 
-def typed(row: Row) -> Row:
-    """Return a row, of a file or just measured, with numbers or None."""
-    entries = {name: row.get(name) for name in NUMBERS}
-    absent = None, ""
-    return row | {k: None if v in absent else float(v) for k, v in entries.items()}
-
-
 def print_groups(rows: list[Row]) -> None:
     """Print outcomes and times of all solvers, group by group."""
     solvers = tables.distinct(rows, "solver")
@@ -155,7 +148,7 @@ def print_groups(rows: list[Row]) -> None:
             own = tables.chosen(here, solver=solver)
             words = "recognised", "misjudged", "undecided"
             count = [sum(row["outcome"] == word for row in own) for word in words]
-            times = [row["runtime"] for row in own if row.get("runtime")]
+            times = [row["runtime"] for row in own if row["runtime"] > 0.0]
             middle = 1e3 * float(np.median(times)) if times else np.nan
             text += f"{'/'.join(map(str, count)):>12}{middle:>9.2f}"
         print(text)
@@ -171,11 +164,11 @@ def print_own(rows: list[Row]) -> None:
     """Print what is asked of nam: proofs, times, what it did not recognise."""
     own = tables.chosen(rows, solver="nam")
     asked = [row for row in own if row["truth"] in ("infeasible", "unbounded", "both")]
-    timed = [row for row in asked if row.get("runtime")]
+    timed = [row for row in asked if row["runtime"] > 0.0]
     if not timed:
         return
-    twins = [row["runtime"] / row["twin"] for row in timed if row.get("twin")]
-    proofs = [row["certificate"] for row in asked if row.get("certificate") is not None]
+    twins = [row["runtime"] / row["twin"] for row in timed if row["twin"] > 0.0]
+    proofs = [row["certificate"] for row in asked if row["certificate"] >= 0.0]
     small = [row for row in timed if row["variables"] < cases.MOST]
     slowest = max(small, key=lambda row: row["runtime"])
     steps = [row["iterations"] for row in timed]
@@ -232,7 +225,7 @@ def main(arguments: list[str] | None = None) -> int:
                 for name, case in found.items():
                     if not file.has(name, solver):
                         file.add(case_row(child, name, case))
-    rows = [typed(row) for row in file.rows]
+    rows = [csv_files.with_numbers(row, NUMBERS) for row in file.rows]
     print_groups(rows)
     print_own(rows)
     return int(any(is_failure(row) for row in tables.chosen(rows, solver="nam")))

@@ -138,10 +138,11 @@ def late_ones(rows: list[Row], problem_set: str, solver: str) -> dict[str, Row]:
 
 def typed(rows: list[Row]) -> list[Row]:
     """Return rows, of a file or just measured, with numbers for what tables need."""
-    for row in rows:
-        row["eps"], row["success"] = float(row["eps"]), str(row["success"]) == "True"
-        row["runtime"] = csv_files.number(row.get("runtime"))
-    return rows
+    return [
+        csv_files.with_numbers(row, ("eps", "runtime"))
+        | {"success": str(row["success"]) == "True"}
+        for row in rows
+    ]
 
 
 def read_rows(file: Path) -> list[Row]:
