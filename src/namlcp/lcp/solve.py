@@ -174,6 +174,7 @@ def solve_lcp(
         refuse("is not for sweep methods, got", method, eps_rel=eps_rel)
     if method == "lemke":
         refuse("is not for", method, z0=z0)
+    tolerances = tolerances_of(method, eps_abs, eps_rel)
     matrix = prepared(A, diagonal, method)
     lcp = lcp_data(matrix, q, lower, upper)
     progress = Progress(LCP_COLUMNS, verbose)
@@ -182,51 +183,80 @@ def solve_lcp(
         if method in SOLVERS:
             progress.announce(first_kernel(matrix, method))
     report = progress.report(history)
+    limits = Limits(*tolerances, max_iter, deadline, report)
     ready = time.perf_counter()
     # A LinearOperator is the user's code: it keeps the user's number of BLAS threads.
     order = 0 if isinstance(matrix.A, Operator) else lcp.q.size
     with deadline.listening(), blas_threads(1, order):
-        if method in SOLVERS:
-            if eps_rel is None:
-                eps_rel = ACCURACY if eps_abs is None else 0.0
-            limits = Limits(eps_abs or 0.0, eps_rel, max_iter, deadline, report)
-            if method == "auto" and z0 is None and A is matrix:
-                outcome = solve_next(lcp, limits)
-            else:
-                solver = solver_of(method, cover, lcp.q.size)
-                outcome = solve_exactly(lcp, solver, z0, limits)
-        else:
-            eps_abs = SWEEP_EPS_ABS if eps_abs is None else eps_abs
-            limits = Limits(eps_abs, 0.0, max_iter, deadline, report)
+        if method not in SOLVERS:
             given = Parameters(alpha, beta, omega, shift, threads)
             outcome = sweep(lcp, method, given, limits, s0, z0)
-    method = outcome.method
-    status = deadline.verdict(outcome.status)
+        elif method == "auto" and z0 is None and A is matrix:
+            outcome = solve_next(lcp, limits)
+        else:
+            solver = solver_of(method, cover, lcp.q.size)
+            outcome = solve_exactly(lcp, solver, z0, limits)
+    if deadline.interrupted:
+        outcome = outcome._replace(status=deadline.verdict(outcome.status))
+    rows = progress.history() if history else None
+    problem = lcp, matrix.A if A is matrix else A
+    result = result_of(outcome, problem, start, ready, rows)
+    if verbose:
+        progress.close(conclude(result))
+    return result
+
+
+def tolerances_of(
+    method: str, eps_abs: float | None, eps_rel: float | None
+) -> tuple[float, float]:
+    """Return eps_abs and eps_rel with the defaults of the method."""
+    if method not in SOLVERS:
+        return SWEEP_EPS_ABS if eps_abs is None else eps_abs, 0.0
+    if eps_rel is None:
+        eps_rel = ACCURACY if eps_abs is None else 0.0
+    return eps_abs or 0.0, eps_rel
+
+
+def result_of(
+    outcome: Outcome,
+    problem: tuple[LCP, Any],
+    start: float,
+    ready: float,
+    history: np.ndarray | None,
+) -> LCPResult:
+    """Return the outcome as a result, with its residual and its modulus variable.
+
+    problem: the checked LCP, and A as it was given. start, ready: the values of
+    time.perf_counter() at the call and after its checks.
+    """
+    lcp, s = problem[0], outcome.s
     residual = lcp.residual(outcome.z, outcome.w)
-    s = outcome.s
     if s is None:
         s = np.empty(lcp.q.size)
-        modulus_variable(outcome.z, outcome.w, matrix.slopes, s)
-    end = time.perf_counter()
-    if verbose:
-        progress.close(
-            f"{status.value}: {method}, {outcome.iterations} iterations, "
-            f"{end - start:.1e} s, residual {residual:.1e}"
-        )
+        modulus_variable(outcome.z, outcome.w, lcp.matrix.slopes, s)
     return LCPResult(
-        status=status,
+        status=outcome.status,
         z=outcome.z,
         w=outcome.w,
         s=s,
         iterations=outcome.iterations,
         residual=residual,
-        method=method,
+        method=outcome.method,
         setup_time=ready - start,
-        solve_time=end - ready,
+        solve_time=time.perf_counter() - ready,
         ray=outcome.ray,
         message=outcome.message,
-        history=progress.history() if history else None,
-        problem=(lcp, matrix.A if A is matrix else A),
+        history=history,
+        problem=problem,
+    )
+
+
+def conclude(result: LCPResult) -> str:
+    """Return the closing sentence of the verbose output."""
+    seconds = result.setup_time + result.solve_time
+    return (
+        f"{result.status.value}: {result.method}, {result.iterations} iterations, "
+        f"{seconds:.1e} s, residual {result.residual:.1e}"
     )
 
 
