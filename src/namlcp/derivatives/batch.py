@@ -5,7 +5,6 @@ a batch, which its items may share.
 """
 
 from collections.abc import Callable
-from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,7 +20,7 @@ from namlcp.derivatives.dense_items import (
     refuse_faults,
     width_of,
 )
-from namlcp.derivatives.gradients import product_of
+from namlcp.derivatives.gradients import InMatrices, product_of
 from namlcp.derivatives.qp import QPDerivative
 from namlcp.derivatives.systems import memory_size
 from namlcp.options import check_count
@@ -115,7 +114,7 @@ def differentiate_dense(
     on_threads(work, len(starts), threads)
 
 
-class BatchGradients:
+class BatchGradients(InMatrices):
     """Gradients of a scalar in the data of a batch of QPs.
 
     Attributes
@@ -152,21 +151,6 @@ class BatchGradients:
         if name in self.stacked:
             return product.stacked()
         return product.summed(self.given[name])
-
-    @cached_property
-    def P(self) -> Any:
-        """The gradient in P."""
-        return self.matrix("P")
-
-    @cached_property
-    def G(self) -> Any:
-        """The gradient in G."""
-        return self.matrix("G")
-
-    @cached_property
-    def A(self) -> Any:
-        """The gradient in A."""
-        return self.matrix("A")
 
 
 def differentiate_batch(

@@ -111,7 +111,28 @@ def add_rank_two_at(indptr, indices, first, second, data):
             data[k] += a[indices[k]] * left + c[indices[k]] * right
 
 
-class QPGradients:
+class InMatrices:
+    """Gradients in P, G and A, each formed by `matrix` when it is first asked for."""
+
+    matrix: Callable[[str], Any]
+
+    @cached_property
+    def P(self) -> Any:
+        """The gradient in P."""
+        return self.matrix("P")
+
+    @cached_property
+    def G(self) -> Any:
+        """The gradient in G."""
+        return self.matrix("G")
+
+    @cached_property
+    def A(self) -> Any:
+        """The gradient in A."""
+        return self.matrix("A")
+
+
+class QPGradients(InMatrices):
     """Gradients of a scalar in the data of a QP, from its gradient in the solution.
 
     Attributes
@@ -149,21 +170,6 @@ class QPGradients:
     def __repr__(self) -> str:
         """Return all but the gradients in matrices, which may be large."""
         return shown(self, "q h b lb ub weak singular")
-
-    @cached_property
-    def P(self) -> Any:
-        """The gradient in P."""
-        return self.matrix("P")
-
-    @cached_property
-    def G(self) -> Any:
-        """The gradient in G."""
-        return self.matrix("G")
-
-    @cached_property
-    def A(self) -> Any:
-        """The gradient in A."""
-        return self.matrix("A")
 
 
 def product_of(vectors: tuple[np.ndarray, ...], point: Point, name: str) -> RankTwo:
