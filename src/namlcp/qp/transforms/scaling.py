@@ -28,7 +28,7 @@ UNITS = "normal", "even", "given"
 # the Maros-Meszaros collection need more restarts.
 ROUNDS, EQUAL = 10, 0.03
 # Range of the products of the factors of all rounds, against over- and underflow.
-FACTORS = 1e-8, 1e8
+LEAST_FACTOR, MOST_FACTOR = 1e-8, 1e8
 # `normalise` must reduce the variance of log |c_ij| below this fraction of it.
 PAYS = 0.8
 # Most conjugate gradient steps of `even_out`, and the squared residual, relative to the
@@ -258,7 +258,7 @@ def normalise(indptr, indices, data, n, scale):
             count += value > 0.0
     for j in range(size):
         inverse = 1.0 / factor[j] if factor[j] > 0.0 else 1.0
-        factor[j] = np.log(min(max(inverse, FACTORS[0]), FACTORS[1]))
+        factor[j] = np.log(min(max(inverse, LEAST_FACTOR), MOST_FACTOR))
     logs = np.empty((3, count))
     k = 0
     for i in range(n, size):
@@ -295,7 +295,7 @@ def equilibrate(indptr, indices, data, scale):
     """Equilibrate a symmetric matrix (upper triangle in CSC); overwrite data and scale.
 
     `scale` has factors to begin with, which are not in `data` yet, or 1; it is clipped
-    to FACTORS; an empty row keeps its factor.
+    to [LEAST_FACTOR, MOST_FACTOR]; an empty row keeps its factor.
     """
     size = scale.size
     largest = np.empty(size)
@@ -316,7 +316,7 @@ def equilibrate(indptr, indices, data, scale):
             if largest[j] > 0.0:
                 off = max(off, abs(1.0 - largest[j]))
                 factor = 1.0 / np.sqrt(largest[j])
-            largest[j] = min(max(factor * scale[j], FACTORS[0]), FACTORS[1])
+            largest[j] = min(max(factor * scale[j], LEAST_FACTOR), MOST_FACTOR)
         if off <= EQUAL:
             break
         for j in range(size):
