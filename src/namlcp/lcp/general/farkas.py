@@ -19,13 +19,12 @@ from scipy import sparse
 
 from namlcp.lcp.data import LCP
 from namlcp.lcp.distances import Distances
-from namlcp.lcp.pivoting import homogeneous_path
+from namlcp.lcp.pivoting import CLEAR, CLEARER, homogeneous_path
 from namlcp.lcp.shifted import Shifted, Solver
 from namlcp.linalg import plan_factors
 
-FEASIBLE, CLEAR, CLEARER = 1e-6, 1e3, 10.0
-"""kappa / tau of the path at which the program counts as feasible, and from which on
-there may be a proof; that is sought again where the ratio has grown by CLEARER."""
+FEASIBLE = 1e-6
+"""kappa / tau of the path below which the program counts as feasible."""
 
 
 class SaddleSystem:

@@ -27,7 +27,7 @@ from namlcp.lcp.criterion import Criterion
 from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.general.plain import Plain
 from namlcp.lcp.general.tableau import DONE, MORE, Tableau, exchange, pivot_until
-from namlcp.lcp.pivoting import proof
+from namlcp.lcp.pivoting import UNSEEN, proof
 from namlcp.limits import Limits
 from namlcp.status import Status
 
@@ -40,9 +40,6 @@ friction takes up to 2 n, and a path on which rounding has led back never ends."
 
 PIVOTS, MORE_PIVOTS = 50, 10_000
 """Default limit of the method by name: PIVOTS n + MORE_PIVOTS."""
-
-UNSEEN = 10_000_000
-"""Multiplications at most between two checks of the deadline: some milliseconds."""
 
 SEED = 0
 """Of the third covering vector."""

@@ -15,7 +15,7 @@
 Compiled functions take one record of numbers and addresses, `state.PivotState`.
 """
 
-from namlcp.lcp.pivoting.driver import ACCURACY, Attempt, outcome_of, solve_box
-from namlcp.lcp.pivoting.homogeneous import homogeneous_path
+from namlcp.lcp.pivoting.driver import ACCURACY, UNSEEN, Attempt, outcome_of, solve_box
+from namlcp.lcp.pivoting.homogeneous import CLEAR, CLEARER, homogeneous_path
 from namlcp.lcp.pivoting.pivot import pivot
 from namlcp.lcp.pivoting.rays import proof

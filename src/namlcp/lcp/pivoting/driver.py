@@ -14,7 +14,7 @@ from scipy.sparse.linalg import splu
 from namlcp.lcp.criterion import are_met, is_solved_by_zero
 from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.pivoting import pivot as stages
-from namlcp.lcp.pivoting.homogeneous import homogeneous_path
+from namlcp.lcp.pivoting.homogeneous import CLEAR, CLEARER, homogeneous_path
 from namlcp.lcp.pivoting.interior import follow
 from namlcp.lcp.pivoting.large_system import LargeSystem
 from namlcp.lcp.pivoting.pivot import pivot, resume
@@ -64,10 +64,6 @@ PATH_TARGET = 1e-8
 
 HALTS = stages.STAGNATED, stages.STUCK
 """Codes of `pivot` that tell of no progress."""
-
-CLEAR, CLEARER = 1e3, 10.0
-"""A certificate of infeasibility is sought once kappa / tau of the homogeneous path
-exceeds CLEAR, and again whenever the ratio has grown by the factor CLEARER."""
 
 
 def solve_box(

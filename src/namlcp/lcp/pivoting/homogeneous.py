@@ -35,6 +35,10 @@ LEAST_STEP = 1e-8
 STEP_PART = 0.995
 """Fraction of the longest feasible step that is taken."""
 
+CLEAR, CLEARER = 1e3, 10.0
+"""Callers seek a certificate of infeasibility once kappa / tau exceeds CLEAR, and again
+whenever it has grown by the factor CLEARER."""
+
 EQUILIBRATED_SHIFT = 1e-13
 """Added to the diagonal of the equilibrated matrix, so that it can be factored."""
 
