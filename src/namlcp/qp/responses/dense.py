@@ -123,8 +123,7 @@ def copy_cost(m, slack):
     n, largest = m.n, 0.0
     for i in range(n):
         row, factor = row_of(m.P, i, n), row_of(m.factor, i, n)
-        for j in range(i + 1):
-            factor[j] = row[j]
+        copy(row[: i + 1], factor)
         factor[i] *= 1.0 + slack
         largest = max(largest, row[i])
     return largest
@@ -172,7 +171,6 @@ def invert_factor(m):
     m.is_inverted = 1
     for i in range(p):
         times_triangle(m.factor, n, row_of(m.A, i, n), row_of(m.equations, i, n))
-    for i in range(p):
         out, column = row_of(m.schur, i, p), row_of(m.equations, i, n)
         for j in range(i + 1):
             out[j] = dot(row_of(m.equations, j, n), column)
@@ -238,16 +236,24 @@ def add_four_scaled(factor, a, b, c, d, out):
 
 @part
 def times_rows(address, count, n, x, out):
-    """Set out = C x for the `count` rows of a matrix C with n columns."""
-    for i in range(count):
+    """Set out = C x for the `count` rows of a matrix C with n columns, four at once."""
+    i = 0
+    while i + 4 <= count:
+        a, b = row_of(address, i, n), row_of(address, i + 1, n)
+        c, d = row_of(address, i + 2, n), row_of(address, i + 3, n)
+        out[i], out[i + 1], out[i + 2], out[i + 3] = four_dots(x, a, b, c, d)
+        i += 4
+    while i < count:
         out[i] = dot(x, row_of(address, i, n))
+        i += 1
 
 
 @part
 def times_triangle(address, n, x, out):
-    """Set out = V x for a lower triangle V of order n."""
-    for i in range(n):
-        out[i] = dot(x[: i + 1], row_of(address, i, n))
+    """Set out = V x for a lower triangle V of order n, with zeros above."""
+    for i in range(0, n, 4):
+        end = min(i + 4, n)
+        times_rows(address + 8 * n * i, end - i, n, x[:end], out[i:])
 
 
 @part
@@ -347,9 +353,7 @@ def set_unit_load(m, row, rhs):
     if row >= m.m:
         rhs[row - m.m] = 1.0
     elif row >= 0:
-        c = row_of(m.G, row, m.n)
-        for j in range(m.n):
-            rhs[j] = c[j]
+        copy(row_of(m.G, row, m.n), rhs)
 
 
 @part

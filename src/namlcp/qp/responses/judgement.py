@@ -13,9 +13,11 @@ from namlcp.residuals import qp_residuals_of_products
 
 # Nothing is refined where residuals over the moduli of their terms are at most
 # ACCURATE, and the residuals themselves at most RESERVE times the absolute tolerance;
-# or at most MOST_RESERVE times, and no more than their own rounding error, which is
-# ROUNDING over these moduli.
-ACCURATE, RESERVE, MOST_RESERVE, ROUNDING = 1e-12, 0.05, 0.5, 4e-15
+# or no more than their own rounding error, which is ROUNDING over these moduli, and at
+# most MOST_RESERVE times: for the primal and dual residual and for the gap, which
+# refinement hardly changes.
+ACCURATE, RESERVE, ROUNDING = 1e-12, 0.05, 4e-15
+MOST_RESERVE = 0.1, 0.1, 0.5
 # Passes of refinement at most; the factor by which one has to lower the error.
 PASSES, GAIN = 3, 0.5
 # Numbers of `Residuals`, the last entries of the result.
@@ -110,7 +112,7 @@ def is_accurate(m, error):
     if not error <= ACCURATE:
         return False
     for i in range(3):
-        rounding = min(ROUNDING * found[3 + i], MOST_RESERVE * m.eps_abs)
+        rounding = min(ROUNDING * found[3 + i], MOST_RESERVE[i] * m.eps_abs)
         if m.eps_abs > 0.0 and found[i] > max(RESERVE * m.eps_abs, rounding):
             return False
     return True

@@ -18,6 +18,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from namlcp.checks import real_array
+from namlcp.linalg import blas_threads
 from namlcp.options import DEFAULT_OPTIONS, Options, check_count
 from namlcp.qp.closest import ClosestPoint
 from namlcp.qp.convexity import check_convex
@@ -394,7 +395,9 @@ def solve_stack(
         batch.put_all(start, found)
         is_left[start:end] = ~found.solved
 
-    on_threads(solve_chunk, len(starts), threads)
+    order = items.shared.q.size + items.shared.h.size + items.shared.b.size
+    with blas_threads(1, order):
+        on_threads(solve_chunk, len(starts), threads)
     return np.flatnonzero(is_left)
 
 
