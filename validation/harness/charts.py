@@ -81,6 +81,8 @@ SHIFTS = {
 # Distance of a name from all lines [points] with which it may stand close to its own.
 ROOM = 2.0
 
+MARGIN = 4.0  # [pixels] between a name and the frame of its panel
+
 mpl.rcParams.update(
     {
         "figure.dpi": 110,
@@ -133,9 +135,8 @@ def name_lines(
     lines, among those within the panel and off the texts that are there; it is close to
     the line, unless there is no room.
     """
-    if axes.figure.get_layout_engine() is not None:  # it places the panels when drawn
-        axes.figure.draw_without_rendering()
-    frame = axes.get_window_extent()
+    axes.figure.draw_without_rendering()  # panels and limits are as they will be
+    frame = axes.get_window_extent().padded(-MARGIN)
     if not lines:
         return
     marks = np.concatenate(
@@ -199,9 +200,9 @@ def overlapping_texts(figure: Figure) -> list[tuple[str, str]]:
     ]
 
 
-def caption(axes: Axes, file: Path) -> None:
-    """Write CPU and date, from the first lines of a CSV file, below an axes."""
+def caption(axes: Axes, file: Path, below: float = 46.0) -> None:
+    """Write CPU and date, from the first lines of a CSV file, points below an axes."""
     known = dict(line.split(": ", 1) for line in header(file) if ": " in line)
     text = f"{known['cpu']}; {known['date']}; {file.name}"
     style = {"xycoords": "axes fraction", "textcoords": "offset points", "color": DARK}
-    axes.annotate(text, (0.0, 0.0), (0.0, -46.0), fontsize=6.5, **style)
+    axes.annotate(text, (0.0, 0.0), (0.0, -below), fontsize=6.5, **style)

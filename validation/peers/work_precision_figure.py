@@ -32,7 +32,7 @@ MEASURES = {
 }
 FLOOR = 1e-17  # where a distance of zero is drawn
 NAMES = {"nam": "namlcp", "sweep auto": "namlcp", "sweep nam": "nam (sweep)"}
-LIFT, ROW = 0.02, 0.045  # of the panel's height: first and next row of crosses
+LIFT, ROW = 0.02, 0.05  # of the panel's height: first and next row of crosses
 
 
 def name_of(solver: str) -> str:
@@ -133,7 +133,7 @@ def draw_crosses(axes: Axes, solver: str, tolerances: list[float], lift: float) 
         markeredgewidth=1.2, transform=place, clip_on=False,
     )  # fmt: skip
     axes.text(
-        -0.01, height, name_of(solver), color=colour, fontsize=6.0, va="center",
+        -0.01, height, name_of(solver), color=colour, fontsize=7.0, va="center",
         ha="right", transform=axes.transAxes,
     )  # fmt: skip
 

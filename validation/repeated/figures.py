@@ -28,17 +28,12 @@ def draw_sequences(results: Path, file: Path) -> None:
     """Draw a panel for each scene: sizes in groups, levels from left to right."""
     rows = csv_files.read(results)
     figure, panels = plt.subplots(
-        2, 4, figsize=(charts.WIDTH * 1.5, 6.4), layout="constrained"
+        (len(SCENES) + 1) // 2, 2, figsize=(charts.WIDTH, 9.6), layout="constrained"
     )
-    flat = list(panels.flat)
-    for axes in flat[len(SCENES) + 1 :]:
-        axes.set_axis_off()
-    for axes, scene in zip(flat, SCENES, strict=False):
+    for axes, scene in zip(panels.flat, SCENES, strict=True):
         draw_scene(axes, scene, tables.chosen(rows, scene=scene))
     for row in panels:
         row[0].set_ylabel("update and solve [µs], median")
-    key = flat[len(SCENES)]
-    key.set_axis_off()
     handles = [
         Line2D([], [], label=NAMES.get(solver, solver), **looks(solver))
         for solver in tables.distinct(rows, "solver")
@@ -49,19 +44,18 @@ def draw_sequences(results: Path, file: Path) -> None:
             markerfacecolor="white", linestyle="",
         )
     )  # fmt: skip
-    title = "three points of a size, from left:\nthe active set " + ", ".join(LEVELS)
-    place = {"loc": "center left", "alignment": "left"}
-    key.legend(handles=handles, title=title, **place).set_in_layout(False)
-    captioned(key, results)
+    title = "three points of a size, from left: the active set " + ", ".join(LEVELS)
+    figure.legend(handles=handles, title=title, loc="outside upper center", ncols=4)
+    captioned(panels[-1, 0], results, 60.0)
     charts.save(figure, file)
 
 
-def captioned(axes: Axes, results: Path) -> None:
+def captioned(axes: Axes, results: Path, below: float = 46.0) -> None:
     """Write the caption below an axes whose place no longer depends on it."""
     figure = axes.get_figure()
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
-    charts.caption(axes, results)
+    charts.caption(axes, results, below)
 
 
 def draw_scene(axes: Axes, scene: str, rows: list[Row]) -> None:
