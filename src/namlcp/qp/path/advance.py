@@ -79,7 +79,7 @@ NEAR, NEAR_MU = 1e-2, 1e-7
 STEADY = 100.0
 # A residual converges if an iteration reduces it to this part: then there is no test
 # for a certificate.
-CONVERGING = 0.1
+CONVERGING = 0.25
 # Relative residual of a candidate for a certificate up to which it is promising, and up
 # to which it is tested. Between these, it is tested where it fell to the part AGAIN of
 # that at the last test.
@@ -301,7 +301,7 @@ def promises(m):
     """Set the ratios of the candidates for certificates; tell whether one is tested.
 
     In an infeasible (unbounded) problem the primal (dual) residual cannot vanish. While
-    it is within the tolerance or falls tenfold, no candidate is tested.
+    it is within the tolerance or falls to a quarter, no candidate is tested.
     """
     dual_norm, primal_norm = m.dual_norm, max(m.row_norm, m.slack_norm)
     m.dual_stuck = dual_norm > CONVERGING * m.old_dual_norm and m.dual > m.tol

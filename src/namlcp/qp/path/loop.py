@@ -130,7 +130,8 @@ class Interior:
         """Begin to iterate at this stage; return what `advance` does."""
         now = self.now
         now.since, now.reference, now.last_refined = 0, np.inf, np.inf
-        now.old_primal = np.inf
+        # no residual is stuck before there is one to compare it with
+        now.old_primal = now.old_primal_norm = now.old_dual_norm = np.inf
         now.since_primal, now.primal_reference = 0, np.inf
         now.since_dual, now.dual_reference = 0, np.inf
         now.krylov_pays, now.attained = True, 0.0
