@@ -54,7 +54,7 @@ def plot(results: Path, file: Path) -> None:
     rows = csv_files.read(results)
     figure = plt.figure(figsize=(charts.WIDTH * 1.22, 10.6))
     grid = figure.add_gridspec(
-        3, 3, hspace=0.52, wspace=0.2, left=0.07, right=0.985, top=0.95, bottom=0.07
+        3, 3, hspace=0.6, wspace=0.2, left=0.07, right=0.985, top=0.95, bottom=0.07
     )
     panels = []
     for family, place in PLACES.items():
