@@ -32,6 +32,10 @@ from namlcp.status import Status
 SWEEP_EPS_ABS = 1e-8
 """Default eps_abs of the sweep methods."""
 
+LEAST_SIZE, MOST_SIZE = 1e-100, 1e100
+"""Range of max |q_i| in which q is not scaled: sums of squares neither vanish nor
+overflow there."""
+
 Solver = Callable[[LCP, np.ndarray | None, Limits], Outcome]
 
 
@@ -316,7 +320,7 @@ def unit_of(lcp: LCP) -> float:
     if is_ordinary(q, lower, upper):
         return 1.0
     size = float(np.abs(q).max(initial=0.0))
-    if size == 0.0 or 1e-100 < size < 1e100:
+    if size == 0.0 or LEAST_SIZE < size < MOST_SIZE:
         return 1.0
     return 2.0 ** math.floor(math.log2(size))
 

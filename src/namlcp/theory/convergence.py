@@ -79,6 +79,10 @@ from namlcp.theory.contraction import (
 from namlcp.theory.perron import LARGEST_FACTORED
 from namlcp.theory.splittings import Splitting, comparison, lowered, splitting
 
+DENSE_ORDER, FILLED = 3000, 0.1
+"""Largest order, and least density, at which a sparse matrix above LARGEST_DENSE gets a
+dense Cholesky factorisation."""
+
 
 @interruptible
 def converges(
@@ -257,7 +261,7 @@ def positive_definite(A: Any) -> str:
         return ""
     root = sparse.diags_array(1.0 / np.sqrt(D))
     S = sparse.csr_array(root @ A @ root)
-    if n <= LARGEST_DENSE or (n <= 3000 and A.nnz > n * n // 10):
+    if n <= LARGEST_DENSE or (n <= DENSE_ORDER and A.nnz > FILLED * n * n):
         c = 4.0 * (n + 8) * n * ROUNDOFF
         if is_positive_semidefinite(S.toarray(), -c):
             return f"Cholesky factorisation of D^(-1/2) A D^(-1/2) - {c:.1e} I"

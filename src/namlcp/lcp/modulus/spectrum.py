@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eigh_tridiagonal
 
-from namlcp.linalg import asymmetry
+from namlcp.linalg import is_symmetric
 
 LANCZOS, SHARP = 14, 0.02
 """Limit on Lanczos steps, and the error bound of both extreme Ritz values, relative to
@@ -22,6 +22,17 @@ them, at which fewer are taken."""
 CERTAIN = 0.5
 """Largest row sum of the scaled |I - A| for which the bounds 1 -+ row sum are used
 instead of Ritz values."""
+
+FIRST_LEAST, LEAST = 1e-3, 1e-5
+"""Least values of `low`: before the first estimate, and of an estimate."""
+
+SETTLED = 0.3
+"""Error bound of the least Ritz value, relative to it, below which another estimate for
+the same free rows is not made."""
+
+INVARIANT = 1e-8
+"""Norm of the part of a unit vector's image orthogonal to the basis, up to which the
+basis spans an invariant subspace: all its eigenvalues are found."""
 
 
 class Spectrum:
@@ -36,7 +47,7 @@ class Spectrum:
         self.root = np.sqrt(D)
         rows = (abs(self.C) @ (1.0 / self.root)) / self.root - 1.0
         self.row_sum = float(np.max(rows, initial=0.0))
-        self.low = max(1.0 - self.row_sum, 1e-3)
+        self.low = max(1.0 - self.row_sum, FIRST_LEAST)
         self.high = 1.0 + self.row_sum
         self.symmetric = self.C is A
         self.above = 0.0
@@ -57,9 +68,9 @@ class Spectrum:
             everything = np.ones_like(free)
             self.above = self.ritz_values(everything, change, LANCZOS // 2)[1]
         low, high, error = self.ritz_values(free, change, LANCZOS)
-        self.low = max(low, 1.0 - self.row_sum, 1e-5)
+        self.low = max(low, 1.0 - self.row_sum, LEAST)
         self.high = min(high, 1.0 + self.row_sum)
-        self.free, self.sharp = free, error < 0.3 * low
+        self.free, self.sharp = free, error < SETTLED * low
 
     def ritz_values(
         self, free: np.ndarray, change: np.ndarray, steps: int
@@ -78,7 +89,7 @@ class Spectrum:
         diagonal: list[float] = []
         beside = [float(np.linalg.norm(v))]
         values, error = np.ones(1), np.zeros(1)
-        while len(basis) < steps and beside[-1] > 1e-8:
+        while len(basis) < steps and beside[-1] > INVARIANT:
             basis.append(v / beside[-1])
             v = np.where(free, (self.C @ (basis[-1] / self.root)) / self.root, 0.0)
             self.products += 1
@@ -95,8 +106,7 @@ class Spectrum:
 
 def symmetric_form(A: Any) -> Any:
     """Return A if it is symmetric, else +-sqrt(a_ij a_ji), 0 where signs differ."""
-    gap, size = asymmetry(A)
-    if gap <= 1e-14 * size:
+    if is_symmetric(A):
         return A
     if isinstance(A, np.ndarray):
         root = np.sign(A) * np.sqrt(np.abs(A))
