@@ -21,6 +21,7 @@ from typing import Any
 from numba import types
 from numba.core import codegen, compiler
 
+from namlcp.compiled.functions import translated
 from namlcp.compiled.passes import Passes
 
 PLAIN = (
@@ -44,6 +45,8 @@ class Remembering:
         self.context = context
         # what is compiled for an operation, such as a division, depends on the flags
         self.returned = RETURNED.setdefault(flags.summary(), {})
+        # numba's own passes run over a parallel loop, and know its functions alone
+        self.is_ours = not flags.auto_parallel.enabled
 
     def __getattr__(self, name: str) -> Any:
         """Return the attribute of the typing context."""
@@ -55,6 +58,10 @@ class Remembering:
         if isinstance(function, types.Dispatcher):
             # one part for all constants: numba would make one for each integer
             return resolve(function, tuple(map(types.unliteral, args)), kws)
+        if self.is_ours:
+            answer = translated(self.context, function, args, kws)
+            if answer is not None:
+                return answer
         bound = isinstance(function, types.BoundFunction)
         if bound or kws or not all(isinstance(kind, PLAIN) for kind in args):
             return resolve(function, args, kws)

@@ -1,9 +1,9 @@
 """The choice of compiler and cache: those of the package, or those of numba.
 
-Those of the package use private parts of numba (`internals`, `compiler`, `passes`),
-which every new version may change. With an unknown version, functions get numba's own
-compiler and cache, in a folder named by the stamp: they load more slowly, and are never
-out of date.
+Those of the package use private parts of numba (`internals`, `compiler`, `passes`,
+`lowering`, `functions`), which every new version may change. With an unknown version,
+functions get numba's own compiler and cache, in a folder named by the stamp: they load
+more slowly, and are never out of date.
 """
 
 import os

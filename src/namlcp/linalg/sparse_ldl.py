@@ -18,7 +18,7 @@ rows below that. Four or two such columns, a *chunk*, are applied to y at a time
 entry of y is read and written once for all of them, and has one index.
 
 The functions for compiled callers do not count references (_nrt=False): counting them
-in every chunk takes as long as the arithmetic.
+in every chunk takes as long as the arithmetic. Those for one chunk are inlined.
 """
 
 from typing import NamedTuple
@@ -26,7 +26,7 @@ from typing import NamedTuple
 import numpy as np
 
 from namlcp.checks import refuse_size
-from namlcp.compiled import entries, kernel, part, pasted
+from namlcp.compiled import entries, kernel, part
 from namlcp.linalg.ordering import STRICT, Order, permuted
 
 CONSECUTIVE = 8
@@ -203,7 +203,7 @@ def ldl_factor(n, pattern, data, values, inverse, y):
     return True
 
 
-@pasted
+@part(_nrt=False, forceinline=True)
 def apply_one(i, pattern, values, inverse, y):
     """Apply column i to y, and append l_ki to it; return l_ki y_i."""
     below = pattern.below
@@ -219,7 +219,7 @@ def apply_one(i, pattern, values, inverse, y):
     return l_i * y_i
 
 
-@pasted
+@part(_nrt=False, forceinline=True)
 def apply_part(i, k, pattern, values, inverse, y):
     """Apply the columns i : k of a chunk to y, for a row k of their own.
 
@@ -248,7 +248,7 @@ def apply_part(i, k, pattern, values, inverse, y):
     return total
 
 
-@pasted
+@part(_nrt=False, forceinline=True)
 def apply_two(i, pattern, values, inverse, y):
     """Do as `apply_one` with the columns i and i + 1; return the sum of l_kj y_j."""
     starts, below = pattern.starts, pattern.below
@@ -268,7 +268,7 @@ def apply_two(i, pattern, values, inverse, y):
     return l_0 * y_0 + l_1 * y_1
 
 
-@pasted
+@part(_nrt=False, forceinline=True)
 def apply_four(i, pattern, values, inverse, y):
     """Do as `apply_one` with the columns i : i + 4; return the sum of l_kj y_j."""
     starts, below = pattern.starts, pattern.below
@@ -338,7 +338,7 @@ def ldl_solve_into(n, pattern, values, inverse, rhs, x, y):
         x[j] = y[place[j]]
 
 
-@pasted
+@part(_nrt=False, forceinline=True)
 def forward_one(i, pattern, values, y):
     """Subtract from y column i times y_i."""
     below, starts = pattern.below, pattern.starts
@@ -347,7 +347,7 @@ def forward_one(i, pattern, values, y):
         y[below[p]] -= values[p] * y_i
 
 
-@pasted
+@part(_nrt=False, forceinline=True)
 def forward_two(i, pattern, values, y):
     """Do as `forward_one` for the columns i and i + 1."""
     below, starts = pattern.below, pattern.starts
@@ -361,7 +361,7 @@ def forward_two(i, pattern, values, y):
         y[below[b + s]] -= values[a + s] * y_0 + values[b + s] * y_1
 
 
-@pasted
+@part(_nrt=False, forceinline=True)
 def forward_four(i, pattern, values, y):
     """Do as `forward_one` for the columns i : i + 4."""
     below, starts = pattern.below, pattern.starts
@@ -381,7 +381,7 @@ def forward_four(i, pattern, values, y):
         )  # fmt: skip
 
 
-@pasted
+@part(_nrt=False, forceinline=True)
 def backward_one(i, pattern, values, inverse, y):
     """Set y_i to y_i / d_i minus the product of column i and y."""
     below, starts = pattern.below, pattern.starts
@@ -391,7 +391,7 @@ def backward_one(i, pattern, values, inverse, y):
     y[i] = y_i
 
 
-@pasted
+@part(_nrt=False, forceinline=True)
 def backward_two(i, pattern, values, inverse, y):
     """Do as `backward_one` for the columns i and i + 1."""
     below, starts = pattern.below, pattern.starts
@@ -406,7 +406,7 @@ def backward_two(i, pattern, values, inverse, y):
     y[i] = y_0 - values[a] * y_1
 
 
-@pasted
+@part(_nrt=False, forceinline=True)
 def backward_four(i, pattern, values, inverse, y):
     """Do as `backward_one` for the columns i : i + 4."""
     below, starts = pattern.below, pattern.starts

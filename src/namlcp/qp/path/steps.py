@@ -241,7 +241,8 @@ def aim_at_zero(m):
 @part
 def aim_at_centre(m):
     """Set Mehrotra's target: W Z + W dZ + Z dW = sigma mu - the predictor's dW dZ."""
-    sigma = min(max(m.product / (m.m * m.mu), 0.0), 1.0) ** 3
+    ratio = min(max(m.product / (m.m * m.mu), 0.0), 1.0)
+    sigma = ratio * ratio * ratio
     gap = m.eps_abs + m.eps_rel * m.gap_size
     m.target = max(sigma * m.mu, CENTRED * gap / m.m, m.lift * m.gap / m.m)
     W, Z, rc = floats_at(m.W, m.m), floats_at(m.Z, m.m), floats_at(m.rc, m.m)

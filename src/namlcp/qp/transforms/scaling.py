@@ -286,7 +286,8 @@ def variance(values):
         sum_of_values += values[k]
     mean = sum_of_values / count
     for k in range(values.size):
-        squares += (values[k] - mean) ** 2
+        deviation = values[k] - mean
+        squares += deviation * deviation
     return squares / count
 
 
