@@ -8,8 +8,8 @@ from namlcp.limits import Limits
 from namlcp.qp.path.advance import CLOCK, GAIN, LONG, LOOK, OPERATIONS, START
 from namlcp.qp.path.regularisation import DELTA, RHO
 from namlcp.qp.path.steps import (
-    CENTRED,
     LEAST_PRODUCT,
+    LEAST_TARGET,
     LENGTHENED,
     MOST_PRODUCT,
     SHORT,
@@ -69,7 +69,7 @@ def iterate(whole, point, rho, delta):
     _, _, dW, dZ = whole.direction(point, -W * Z, rho, delta)
     a, z = steps(W, Z, dW, dZ)
     sigma = ((W + a * dW) @ (Z + z * dZ) / (m * mu)) ** 3
-    aim = max(min(max(sigma, 0.0), 1.0) * mu, CENTRED * LIMITS.eps_abs / m)
+    aim = max(min(max(sigma, 0.0), 1.0) * mu, LEAST_TARGET * LIMITS.eps_abs / m)
     target = aim - W * Z - dW * dZ
     step = whole.direction(point, target, rho, delta)
     a, z = steps(W, Z, *step[2:])

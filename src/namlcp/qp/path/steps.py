@@ -25,7 +25,7 @@ LENGTHENED, LEAST_PRODUCT, MOST_PRODUCT = 0.08, 0.1, 10.0
 # Fraction of the longest feasible step that is taken.
 SHORT = 0.99
 # Least target of W'Z, relative to the tolerance of the gap.
-CENTRED = 0.01
+LEAST_TARGET = 0.01
 # If all scaled slacks and multipliers of the first solve are at most NEGLIGIBLE, all
 # start from START_VALUE instead.
 NEGLIGIBLE, START_VALUE = 1e-4, 0.1
@@ -244,7 +244,7 @@ def aim_at_centre(m):
     ratio = min(max(m.product / (m.m * m.mu), 0.0), 1.0)
     sigma = ratio * ratio * ratio
     gap = m.eps_abs + m.eps_rel * m.gap_size
-    m.target = max(sigma * m.mu, CENTRED * gap / m.m, m.lift * m.gap / m.m)
+    m.target = max(sigma * m.mu, LEAST_TARGET * gap / m.m, m.lift * m.gap / m.m)
     W, Z, rc = floats_at(m.W, m.m), floats_at(m.Z, m.m), floats_at(m.rc, m.m)
     dW, dZ = floats_at(m.dW, m.m), floats_at(m.dZ, m.m)
     for k in range(m.m):
