@@ -25,10 +25,12 @@ from namlcp.linalg import (
     minimum_degree,
     panel_of,
     product,
-    solve_rows,
     stack_size,
     supernodes,
 )
+
+BLOCK = 24
+"""Columns eliminated by loops, before those to the right are updated by BLAS."""
 
 
 class LU(NamedTuple):
@@ -119,13 +121,11 @@ def factorise(nodes, data, sources, L, U, position, stack, front):
             theirs = rows[begin : starts[child + 1]]
             top -= theirs.size * theirs.size
             add_update(stack[top:], theirs, position, lower, upper, update)
-        found = factor_square(lower[:k], upper[:k])
+        found = eliminate(lower, upper)
         if found < 0:
             return -1
         negative += found
         if u > 0:
-            solve_rows(upper[:k], False, lower[k:])
-            solve_rows(lower[:k], True, upper[k:])
             product(-1.0, lower[k:], upper[k:], 1.0, update)
             for i in range(u * u):
                 stack[top + i] = front[i]
@@ -158,21 +158,34 @@ def add_update(child, rows, position, lower, upper, update):
 
 
 @part
-def factor_square(L, U):
-    """Overwrite squares by L and U'; return the number of pivots < 0, -1 if one is 0.
+def eliminate(L, U):
+    """Overwrite panels by those of L and U'; return the pivots < 0, -1 if one is 0.
 
-    The diagonal entries are read in L. What is above the diagonals is not touched.
+    The diagonal entries are read in L. What is above the diagonals has no meaning. All
+    rows of a column are eliminated by loops: triangular solves by BLAS take longer, as
+    most panels have few columns.
     """
+    f, k = L.shape
     negative = 0
-    for j in range(L.shape[0]):
-        pivot = L[j, j] - dot(L[j, :j], U[j, :j])
-        if not abs(pivot) > 0.0:
-            return -1
-        negative += pivot < 0.0
-        U[j, j] = pivot
-        for i in range(j + 1, L.shape[0]):
-            U[i, j] -= dot(L[j, :j], U[i, :j])
-            L[i, j] = (L[i, j] - dot(L[i, :j], U[j, :j])) / pivot
+    for start in range(0, k, BLOCK):
+        stop = min(start + BLOCK, k)
+        for j in range(start, stop):
+            left, across = L[j, start:j], U[j, start:j]
+            pivot = L[j, j] - dot(left, across)
+            if not abs(pivot) > 0.0:
+                return -1
+            negative += pivot < 0.0
+            U[j, j] = pivot
+            for i in range(j + 1, f):
+                U[i, j] -= dot(left, U[i, start:j])
+                L[i, j] = (L[i, j] - dot(across, L[i, start:j])) / pivot
+        rows, columns = slice(stop, f), slice(stop, k)
+        product(
+            -1.0, L[rows, start:stop], U[columns, start:stop], 1.0, L[rows, columns]
+        )
+        product(
+            -1.0, U[rows, start:stop], L[columns, start:stop], 1.0, U[rows, columns]
+        )
     return negative
 
 
