@@ -12,7 +12,8 @@ from scipy import sparse
 from namlcp import Prepared, Status, solve_lcp
 from namlcp.lcp.pivoting.driver import solve_box
 from namlcp.lcp.pivoting.free_system import analyse, free_order, refactor, solve_free
-from namlcp.lcp.pivoting.state import PivotMemory, state_at
+from namlcp.lcp.pivoting.pivot import DONE, pivot
+from namlcp.lcp.pivoting.state import PivotMemory, best_point, state_at
 from namlcp.limits import Limits
 from namlcp.linalg.columns import columns_of
 
@@ -309,6 +310,34 @@ def test_free_systems(rng, kind):
         expected = np.linalg.solve(dense[np.ix_(F, F)] + np.diag(shift[F]), b[F])
         np.testing.assert_allclose(x[F], expected, atol=1e-12)
         assert not x[state == 1].any()
+
+
+@pytest.mark.parametrize("kind", ["dense", "sparse"])
+def test_vectors_of_the_record(rng, kind):
+    A = problems.laplacian(6, 0.5) * 4.0
+    n = A.shape[0]
+    columns = columns_of(A.toarray() if kind == "dense" else A, True)
+    q, start = rng.standard_normal((2, n))
+    lower, upper = np.zeros(n), np.full(n, 0.05)
+    memory = PivotMemory(columns, q, lower, upper, start)
+    for name, given in zip(("q", "upper", "z"), (q, upper, start), strict=True):
+        np.testing.assert_array_equal(getattr(memory, name), given)
+    assert (memory.rank == -1).all()
+    memory.now.symmetric, memory.now.eps_rel = True, 1e-9
+    assert pivot(memory.address, 20) == DONE
+    d = 1.0 / np.sqrt(A.diagonal())
+    np.testing.assert_allclose(memory.d, d, rtol=1e-15)
+    scaled = memory.scaled
+    found = scaled.dense if kind == "dense" else scaled.data
+    wanted = d[:, None] * A.toarray() * d
+    wanted = wanted if kind == "dense" else wanted[A.nonzero()]
+    np.testing.assert_allclose(found, wanted, rtol=1e-15)
+    z = best_point(memory.address, lower, upper)
+    np.testing.assert_array_equal(z, np.clip(memory.best * memory.d, lower, upper))
+    w = A @ z + q
+    np.testing.assert_allclose(np.clip(z - w, lower, upper), z, atol=1e-12)
+    with pytest.raises(AttributeError, match="no vector 'price'"):
+        memory.price  # noqa: B018
 
 
 def test_solve_box_takes_csc(rng):
