@@ -57,15 +57,15 @@ class Fields:
     """
 
     def __init__(self, state: np.ndarray) -> None:
-        object.__setattr__(self, "state", state)
+        object.__setattr__(self, "_record", state)  # no field begins with _
 
     def __getattr__(self, name: str) -> Any:
         """Return a field."""
-        return self.state[name][0]
+        return self._record[name][0]
 
     def __setattr__(self, name: str, value: Any) -> None:
         """Set a field."""
-        self.state[name][0] = value
+        self._record[name][0] = value
 
 
 def record_at(structure: type[ctypes.Structure]) -> Callable[[int], Any]:
