@@ -328,7 +328,7 @@ def test_an_interrupted_solve_leaves_the_solver_usable(store, monkeypatch):
             for place, name in (
                 (module, "solve_checked"),
                 (Responses, "run"),
-                (Responses, "run_again"),
+                (DenseResponses, "run_again"),
             ):
                 patch.setattr(place, name, interrupted(getattr(place, name)))
             with pytest.raises(KeyboardInterrupt):

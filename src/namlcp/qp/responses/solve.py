@@ -251,16 +251,6 @@ class Responses:
             self.left = 0
         return code, numbers
 
-    def can_run_again(self, limits: Limits) -> bool:
-        """Tell whether `run_again` may follow a `run` with these limits, just DONE."""
-        return False
-
-    def run_again(self, vectors: np.ndarray) -> tuple[int, np.ndarray]:
-        """Do as `run` with other vectors after a DONE, where `can_run_again`."""
-        self.stamp += 1
-        numbers = np.empty(self.length)
-        return self.kernel(self.address, vectors, numbers, 0), numbers
-
     def lent(self) -> Held | None:
         """Return the factors of the last solve, None where there are none."""
         return None
@@ -317,8 +307,18 @@ class DenseResponses(Responses):
             attach_matrices(self.address, P, G, A)
 
     def can_run_again(self, limits: Limits) -> bool:
-        """Tell whether nobody has to look at the clock, nor the form to change."""
-        return self.is_brief and limits.deadline.at == inf and not self.now.is_free
+        """Tell whether `run_again` may follow: nobody has to look at the clock."""
+        return self.is_brief and limits.deadline.at == inf
+
+    def run_again(self, vectors: np.ndarray) -> tuple[int, np.ndarray]:
+        """Do as `run` with other vectors after a DONE, by one of the two forms alone.
+
+        After another code nothing is known: `run` has to begin anew.
+        """
+        self.stamp += 1
+        numbers = np.empty(self.length)
+        kernel = run_free if self.now.is_free else self.kernel
+        return kernel(self.address, vectors, numbers, 0), numbers
 
     def lent(self) -> Held | None:
         """Return the factors of the last solve; that of `free` leaves none."""

@@ -145,7 +145,7 @@ class Solver:
         self.kept = self.methods = methods_for(qp)  # all, and those that suit
         # The method that found `last`; None where all know of it.
         self.found_by: Responses | None = None
-        self.quick: Responses | None = None  # see `solve_quickly`
+        self.quick: DenseResponses | None = None  # see `solve_quickly`
         self.is_renewed = False  # whether matrices have changed since the last solve
 
     def __getstate__(self) -> dict[str, Any]:
@@ -312,8 +312,6 @@ class Solver:
         code, numbers = method.run_again(self.vectors)
         if code != DONE:
             return None
-        if method.now.is_free:
-            self.quick = None
         self.last = result = self.result_after(method, numbers, start)
         return result
 
@@ -382,7 +380,7 @@ class Solver:
         code, numbers = method.run(self.vectors, limits)
         if code == DONE and self.is_own and not deadline.interrupted:
             self.found_by = method
-            if method.can_run_again(limits):
+            if isinstance(method, DenseResponses) and method.can_run_again(limits):
                 self.quick = method
             return self.result_after(method, numbers, start)
         qp = self.qp
