@@ -2,13 +2,12 @@
 
 The multifrontal method of `linalg.multifrontal` for matrices that are not symmetric:
 supernode s has a panel (f, k) of L and one of U', whose squares are triangular, and
-leaves an update of order f - k to its parent. Nearly all operations are products by
-BLAS. The order and the layout are made once for a pattern.
+leaves an update of order f - k to its parent, a product by BLAS. The order and the
+layout are made once for a pattern.
 
-Pivots are taken from the diagonal in this order, whatever they are. For what remains of
-contact with friction that is accurate: the matrix is a semidefinite one plus a diagonal
-and entries of the same size in one block per contact. The residuals of its solutions
-are those of SuperLU with row exchanges; the paths correct what is left.
+Pivots are taken from the diagonal in this order, whatever they are. That no row is
+exchanged is justified by measurement alone: of piles, walls, chains, balls and cubes in
+contact, the residuals of linear systems are those of SuperLU with row exchanges.
 """
 
 from typing import NamedTuple
