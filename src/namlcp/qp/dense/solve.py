@@ -6,7 +6,7 @@ import numpy as np
 
 from namlcp.limits import Limits
 from namlcp.options import DEFAULT_OPTIONS
-from namlcp.qp.answer import Answer
+from namlcp.qp.answer import Answer, proved
 from namlcp.qp.certificates import accept_dual, accept_primal
 from namlcp.qp.dense import pivots
 from namlcp.qp.dense.scaling import scaled_qp, variable_scaling
@@ -14,7 +14,7 @@ from namlcp.qp.dense.state import DualState, numbers_needed
 from namlcp.qp.guess import Guess
 from namlcp.qp.problem import QP, Point
 from namlcp.qp.responses import ROUNDING, Held, parted, solve_once
-from namlcp.residuals import UNDEFINED, Residuals, qp_residuals
+from namlcp.residuals import Residuals, qp_residuals
 from namlcp.status import Status
 
 NO_HINT = np.empty(0, dtype=np.int64)
@@ -46,30 +46,50 @@ def solve_dense(
     if code in (pivots.NOT_CONVEX, pivots.BADLY_SCALED):
         return None
     if c is not None:
-        z_box = point.z_box
-        z_box = c * z_box if code == pivots.UNBOUNDED else z_box / c
-        point = point._replace(x=c * point.x, z_box=z_box)
+        point = unscaled(point, c, code == pivots.UNBOUNDED)
     largest = max(residuals.primal_size, residuals.dual_size, residuals.gap_size)
     if c is not None or largest * ROUNDING > limits.eps_abs:
         # summed again in the order that qpsolvers uses
         residuals = qp_residuals(*qp, *point)
-    if code in (pivots.INFEASIBLE, pivots.UNBOUNDED):
-        if code == pivots.INFEASIBLE:
-            status = Status.PRIMAL_INFEASIBLE
-            proof = accept_primal(qp, *point[:3], limits.eps_abs)
-        else:
-            status = Status.DUAL_INFEASIBLE
-            proof = accept_dual(qp, *point, limits.eps_abs)
-        if proof is None:
-            return None
-        point, residuals = proof, UNDEFINED
-    elif residuals.solved(limits.eps_abs, limits.eps_rel):
+    answer = judged(qp, code, count, (point, residuals), limits)
+    if answer is not None and limits.report is not None:
+        active = int((answer.point.z > 0).sum())
+        limits.report(count, *answer.residuals[:3], 0.0, active)
+    return answer
+
+
+def unscaled(point: Point, c: np.ndarray, is_ray: bool) -> Point:
+    """Return the point of the QP in x from that in x / c.
+
+    is_ray: z_box is a ray, see `pivots.solve`, and is scaled as x.
+    """
+    z_box = c * point.z_box if is_ray else point.z_box / c
+    return point._replace(x=c * point.x, z_box=z_box)
+
+
+def judged(
+    qp: QP,
+    code: int,
+    count: int,
+    found: tuple[Point, Residuals],
+    limits: Limits,
+) -> Answer | None:
+    """Return the answer that a code of `pivots.solve` stands for.
+
+    None: its certificate does not pass.
+    """
+    point, residuals = found
+    if code == pivots.INFEASIBLE:
+        proof = accept_primal(qp, *point[:3], limits.eps_abs)
+        status = Status.PRIMAL_INFEASIBLE
+        return None if proof is None else proved(status, proof, count, "dual")
+    if code == pivots.UNBOUNDED:
+        proof = accept_dual(qp, *point, limits.eps_abs)
+        status = Status.DUAL_INFEASIBLE
+        return None if proof is None else proved(status, proof, count, "dual")
+    status = Status.TIME_LIMIT if code == pivots.TIME_LIMIT else Status.STALLED
+    if residuals.solved(*limits.tolerances):
         status = Status.SOLVED
-    else:
-        late = code == pivots.TIME_LIMIT
-        status = Status.TIME_LIMIT if late else Status.STALLED
-    if limits.report is not None:
-        limits.report(count, *residuals[:3], 0.0, int((point.z > 0).sum()))
     return Answer(status, point, residuals, count, "dual")
 
 
