@@ -47,10 +47,12 @@ def box_lcp(qp: QP, matrix: Prepared | None = None) -> LCP:
 
 
 def box_point(qp: QP, z: np.ndarray) -> tuple[Point, Residuals]:
-    """Return the point of the QP for z of the LCP, and its residuals."""
+    """Return the point of the QP for z of the LCP, and its residuals on the QP."""
     P, q, G, h, A, b, lb, ub = qp
     if qp.is_dense:
-        x, z_box = on_bounds(z, P @ z + q, lb, ub)
+        with np.errstate(all="ignore"):  # overflow is no solution
+            w = P @ z + q
+        x, z_box = on_bounds(z, w, lb, ub)
         point = Point(x, NO_ENTRIES, NO_ENTRIES, z_box)
         return point, qp_residuals(*qp, *point)
     matrices = tuple((M.indptr, M.indices, M.data) for M in (P, G, A))

@@ -51,8 +51,6 @@ CHEAP_ORDER, LAST_STEPS = 100, 20
 """If A is known to be no P-matrix: largest order at which the interior path is tried,
 and factorisations allowed after it."""
 
-NO_START = np.empty(0)
-
 PATH_STEPS, LARGE_PATH_STEPS = 60, 150
 """Interior-point steps at most: in `interior.follow` and in `LargeSystem.follow`."""
 
@@ -61,6 +59,9 @@ PATH_CHUNK = 5
 
 PATH_TARGET = 1e-8
 """Scaled Res, relative to its value at clip(0), at which the interior path ends."""
+
+NO_START = np.empty(0)
+"""z0 where there is none."""
 
 HALTS = stages.STAGNATED, stages.STUCK
 """Codes of `pivot` that tell of no progress."""
@@ -82,16 +83,17 @@ def solve_box(
 def outcome_of(attempt: "Attempt") -> Outcome:
     """Return the checked outcome of an attempt after `run`; try again if it stalled."""
     lcp, limits = attempt.lcp, attempt.limits
-    outcome = attempt.outcome()
-    stalled = outcome.status is Status.STALLED and lcp.matrix.symmetric
-    used_up = outcome.iterations >= attempt.most
-    if not stalled or used_up or outcome.beyond or lcp.q.size > DENSE_ORDER:
-        return outcome
-    # rho may dominate an ill-conditioned matrix. As "nonsymmetric" rho begins at 0.
-    again = lcp._replace(matrix=Prepared.unchecked(lcp.A, False))
-    retry = Attempt(again, outcome.z, limits, False, outcome.iterations)
-    retry.run()
-    retried = retry.outcome()
+    with np.errstate(all="ignore"):  # singular systems overflow, which is detected
+        outcome = attempt.outcome()
+        stalled = outcome.status is Status.STALLED and lcp.matrix.symmetric
+        used_up = outcome.iterations >= attempt.most
+        if not stalled or used_up or outcome.beyond or lcp.q.size > DENSE_ORDER:
+            return outcome
+        # rho may dominate an ill-conditioned matrix. As "nonsymmetric" rho begins at 0.
+        again = lcp._replace(matrix=Prepared.unchecked(lcp.A, False))
+        retry = Attempt(again, outcome.z, limits, False, outcome.iterations)
+        retry.run()
+        retried = retry.outcome()
     if retried.status is Status.SOLVED or retried.ray is not None:
         return retried._replace(convex=outcome.convex)
     return outcome._replace(iterations=retried.iterations)
@@ -129,7 +131,7 @@ class Attempt:
 
     def run(self) -> None:
         """Run the method; `status` and `ray` are what `drive` returns."""
-        with np.errstate(all="ignore"):  # singular systems overflow, which is detected
+        with np.errstate(all="ignore"):  # as in `outcome_of`
             self.status, self.ray = self.drive()
 
     def outcome(self) -> Outcome:
