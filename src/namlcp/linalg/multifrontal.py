@@ -76,9 +76,11 @@ def factorise(nodes, data, L, D, places, stack, front, work):
         panel, pivots = panel_of(nodes, L, s), D[first[s] : first[s + 1]]
         f, k = panel.shape
         u = f - k
-        is_inside = u > 0 and own[f - 1] < first[above + 1]
+        # All its rows are columns of its parent; never at a root, whose parent is -1.
+        is_inside = own[f - 1] < first[above + 1]
+        adds = waiting[s] > 0
         update = front[: u * u].reshape(u, u)
-        if waiting[s] > 0:
+        if adds:
             for i in range(f):
                 position[own[i]] = i
             for i in range(u):
@@ -103,14 +105,14 @@ def factorise(nodes, data, L, D, places, stack, front, work):
             into = panel_of(nodes, L, above)
             for i in range(u):
                 place[i] = own[k + i] - first[above]
-            if waiting[s] == 0 and u * k <= SMALL_PRODUCT:
+            if not adds and u * k <= SMALL_PRODUCT:
                 subtract_product(panel, pivots, place[:u], into)
                 continue
-        complement(panel, pivots, waiting[s] > 0, update, work)
+        complement(panel, pivots, adds, update, work)
         if is_inside:
             add_lower(update, place[:u], into)
             continue
-        if waiting[s] > 0:
+        if adds:
             copy(front[: u * u], stack[top:])
         top += u * u
         left[count] = s
@@ -191,10 +193,8 @@ def extend_add(child, place, panel, update):
             panel[row, place[j]] += line[j]
         if i < split:
             continue
-        if consecutive:
-            begin = place[split] - k
-            to = update[row - k, begin:]
-            rest = line[split:]
+        if consecutive:  # several at a time, without indices
+            to, rest = update[row - k, place[split] - k :], line[split:]
             for j in range(rest.size):
                 to[j] += rest[j]
         else:
