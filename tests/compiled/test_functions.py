@@ -53,6 +53,10 @@ def test_extremes_of_integers_and_of_mixed_numbers(function):
 def test_new_arrays_have_the_shape_and_type_of_numpys(kind):
     vector = compiled(lambda n: np.empty(n, dtype=kind))
     matrix = compiled(lambda m, n: np.zeros((m, n), kind))
+    alike = compiled(lambda a: np.zeros(a.size, a.dtype))
+    np.testing.assert_array_equal(
+        alike(np.ones(2, kind)), np.zeros(2, kind), strict=True
+    )
     for n in range(3):
         assert vector(n).shape == (n,)
         assert vector(n).dtype == kind

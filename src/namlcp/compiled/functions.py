@@ -17,6 +17,9 @@ from numba.core import cgutils
 from numba.core.typing.templates import Signature
 from numba.np.arrayobj import _empty_nd_impl, _parse_shape
 
+DTYPES = types.NumberClass, types.DType
+"""Types of what may be the dtype of a new array: np.int32 and the like, a.dtype."""
+
 
 class Translated(Signature):
     """The signature of a call, with what translates it."""
@@ -83,10 +86,10 @@ def new_array(is_zero: bool, context: Any, args: tuple, kws: dict) -> Any:
     shape, *rest = args
     entry = kws.get("dtype", rest[0] if rest else types.NumberClass(types.float64))
     sizes = shape.dtype if isinstance(shape, types.UniTuple) else shape
-    if not isinstance(sizes, types.Integer) or not isinstance(entry, types.NumberClass):
+    if not isinstance(sizes, types.Integer) or not isinstance(entry, DTYPES):
         return None
     order = len(shape) if isinstance(shape, types.UniTuple) else 1
-    array = types.Array(entry.instance_type, order, "C")
+    array = types.Array(entry.dtype, order, "C")
     code = functools.partial(allocated, is_zero)
     return Translated(code, array, types.unliteral(shape))
 
