@@ -28,9 +28,10 @@ from namlcp.lcp.general.pairs import Pairs
 SHIFT = 1e-12
 """Added to the unit diagonal, so that a singular matrix can be factored."""
 
-STEPS, PROMISED_STEPS = 400, 4000
+STEPS, PROMISED_STEPS = 400, 2000
 """Steps at most: of any matrix; of one with friction cones, where the curve leads to a
-solution, but may wind: with 4000 unknowns it has been seen to turn 100 times."""
+solution, but may wind: with 4000 unknowns it has been seen to turn 100 times. Which one
+winds is luck: two starts of 2000 steps are better than one of 4000."""
 
 FIRST_STEP, LEAST_STEP, MOST_STEP = 0.9, 0.02, 0.98
 """Largest relative change of a gap or multiplier in a step along the curve: in the
