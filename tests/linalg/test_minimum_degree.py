@@ -97,6 +97,12 @@ def test_fill_is_nearly_that_of_exact_degrees(K):
     assert total <= 1.12 * least_fill(K)
 
 
+def test_indices_of_64_bits_are_read_as_such(K):
+    indptr, indices = parts(upper(K))[:2]
+    order = minimum_degree(indptr.astype(np.int64), indices.astype(np.int64))
+    np.testing.assert_array_equal(order.place, minimum_degree(indptr, indices).place)
+
+
 @pytest.mark.parametrize("name", ["diagonal", "star", "path", "tree"])
 def test_a_forest_has_no_fill(name):
     U = upper(CASES[name])

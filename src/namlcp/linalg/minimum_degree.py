@@ -85,6 +85,8 @@ def minimum_degree(
         kind[~member] = OUTSIDE
     place = np.empty(size, dtype=np.int32)
     long, short = np.empty((4, size), np.int64), np.empty((12, size), np.int32)
+    # Sums of SciPy's matrices have indices of 64 bits; the kernel reads addresses.
+    indptr, indices = (np.ascontiguousarray(v, np.int32) for v in (indptr, indices))
     order_by_degree(indptr, indices, kind, place, long, short)
     return postordered(indptr, indices, place)
 
