@@ -40,14 +40,21 @@ def lines(solvers: Iterable[str]) -> list[str]:
 
 
 def commit() -> str:
-    """Return the commit of the sources, and whether they differ from it."""
-    command = "git describe --always --dirty --abbrev=10".split()
+    """Return the commit, with "-dirty" behind it if a source is not as committed.
+
+    A run rewrites tables and figures, which therefore do not count.
+    """
     here = Path(__file__).parent
+    named = "git rev-parse --short=10 HEAD".split()
+    changed = ["git", "diff", "--quiet", "HEAD", "--", ":/*.py", ":/*.toml"]
     try:
-        done = subprocess.run(command, cwd=here, capture_output=True, text=True)
+        done = subprocess.run(named, cwd=here, capture_output=True, text=True)
+        if done.returncode:
+            return "unknown"
+        is_changed = subprocess.run(changed, cwd=here, capture_output=True).returncode
     except OSError:
         return "unknown"
-    return done.stdout.strip() or "unknown"
+    return done.stdout.strip() + ("-dirty" if is_changed else "")
 
 
 def package_version(name: str) -> str:
