@@ -305,7 +305,8 @@ def matrix(name: str, value: Any, layout: str) -> Any:
 def square_matrix(name: str, value: Any, layout: str) -> Any:
     """Return `value` as `matrix` does; raise unless it is square."""
     C = matrix(name, value, layout)
-    if C.shape[0] != C.shape[1]:
+    rows, columns = C.shape
+    if rows != columns:
         raise ValueError(f"{name} must be square, got shape {np.shape(value)}")
     return C
 

@@ -99,11 +99,10 @@ class Options:
 
         The last ones are remembered: checking them takes as long as a tiny QP.
         """
-        if not OPTION_NAMES.issuperset(settings):
-            check_names(settings, sorted(OPTION_NAMES))
         try:
             return remembered(**settings)
-        except TypeError:  # a wrong type, which is told again, or one without a hash
+        except TypeError:  # of a name, of a value, or one without a hash
+            check_names(settings, sorted(OPTION_NAMES))
             return cls(**settings)
 
     def limits(

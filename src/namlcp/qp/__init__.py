@@ -1,14 +1,15 @@
 """Convex QPs: `solve_qp`, the forms it chooses from, and what proves an answer."""
 
-from namlcp.qp.answer import Answer
 from namlcp.qp.closest import ClosestPoint, Face
 from namlcp.qp.convexity import NotConvex
 from namlcp.qp.guess import NO_GUESS, make_guess
 from namlcp.qp.kkt import KKT
 from namlcp.qp.problem import QP, Point, checked, qp_arrays, qp_data
 from namlcp.qp.responses import (
+    Done,
     Held,
     least_pivot,
+    parted,
     parts_of_result,
     solve_held,
     state_at,

@@ -1,6 +1,6 @@
 """solve_qp: check, substitute, solve the smallest form, map back, check residuals."""
 
-import time
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -20,10 +20,17 @@ from namlcp.qp.closest import check_weights, solve_or_approach
 from namlcp.qp.dense import solve_dense
 from namlcp.qp.forms import is_tiny, solve_smallest_form
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
-from namlcp.qp.judge import confirmed, upheld
+from namlcp.qp.judge import are_own, confirmed, upheld
 from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, checked, qp_arrays
-from namlcp.qp.responses import MOST_ORDER, Held, is_brief, solve_once
+from namlcp.qp.responses import (
+    MOST_ORDER,
+    Done,
+    Held,
+    is_brief,
+    solve_unwrapped,
+    wrapped,
+)
 from namlcp.qp.transforms import substitute, without_huge_bounds
 from namlcp.residuals import qp_residuals
 from namlcp.result import QPResult
@@ -114,15 +121,19 @@ def solve_qp(
     >>> result.status.value, result.x.round(6), round(result.obj, 6)
     ('solved', array([0.3, 0.7]), 1.88)
     """
-    start = time.perf_counter()
+    start = perf_counter()
     qp, given = qp_arrays(P, q, G, h, A, b, lb, ub), (P, G, A)
     options = Options.from_names(settings) if settings else DEFAULT_OPTIONS
     check_flag("history", history)
     check_flag("derivative", derivative)
     held, known = Held() if derivative else None, None
     if x0 is None and warm_start is None and not history:
-        ready = time.perf_counter()
-        known = solve_shortly(qp, options, start, given, held)
+        ready = perf_counter()
+        done, known = solve_shortly(qp, options, start, given, held)
+        if done is not None:
+            seconds = ready - start, perf_counter() - ready
+            later = unfolded, done, (qp, given), seconds
+            return with_factors(QPResult.quick(done[0][: qp.q.size], later), held)
         if known is not None and not needs_more(options, known):
             return with_factors(result_of(known, (qp, given), start, ready), held)
     qp = checked(qp)
@@ -148,22 +159,22 @@ def solve_shortly(
     start: float,
     given: tuple[Any, Any, Any],
     held: Held | None = None,
-) -> Answer | None:
+) -> tuple[Done | None, Answer | None]:
     """Solve a QP of `qp_arrays` by one compiled call, or few, which check the numbers.
 
-    Returns None where that is not the way to solve it: with sparse matrices unless it
-    is tiny, or has bounds alone; `start` and `given` as for `solve_checked`, `held` as
-    for `solve_once`.
+    Returns what `solve_unwrapped` does, two times None where that is not the way to
+    solve the QP: with sparse matrices unless it is tiny, or has bounds alone. `start`
+    and `given` as for `solve_checked`, `held` as for `solve_once`.
     """
     order = qp.q.size + qp.h.size + qp.b.size
     if order > MOST_ORDER or options.verbose:
-        return None
+        return None, None
     own = qp
     if not qp.is_dense:
         if held is not None:
-            return None
+            return None, None
         if not is_tiny(qp):
-            return solve_box_shortly(qp, options, start, given)
+            return None, solve_box_shortly(qp, options, start, given)
         own = qp.in_dense_form()
     if options.relaxation:
         check_weights(qp, options.relaxation)
@@ -171,11 +182,15 @@ def solve_shortly(
         limits = options.unwatched
     else:
         limits = options.limits(Deadline(start + options.time_limit))
-    try:
-        answer = solve_once(own, NO_GUESS, limits, held)  # by BLAS few sums at most
+    try:  # without `blas_threads`: it leaves few sums at most to BLAS
+        done, answer = solve_unwrapped(own, NO_GUESS, limits, held)
     except SystemError as error:
         raise cause_of(error) from None
-    return None if answer is None else settled(answer, qp, given, limits)
+    if done is not None:
+        if are_own(given, qp) and not limits.deadline.interrupted:
+            return done, None
+        answer = wrapped(qp, *done)
+    return None, None if answer is None else settled(answer, qp, given, limits)
 
 
 @interruptible
@@ -218,7 +233,7 @@ def solve_checked(
     given: tuple[Any, Any, Any] = (None, None, None),
     known: Answer | None = None,
 ) -> QPResult:
-    """Solve a checked QP; `start` is the time.perf_counter() of the call.
+    """Solve a checked QP; `start` is the perf_counter() of the call.
 
     `memory` may be kept for the next problem of the same pattern; it is changed.
     `given`: P, G and A as the user holds them, whose sums `upheld` asks, and in whose
@@ -230,7 +245,7 @@ def solve_checked(
         progress.say(describe(qp, options))
     deadline = Deadline(start + options.time_limit)
     limits = options.limits(deadline, progress)
-    ready = time.perf_counter()
+    ready = perf_counter()
     closest, relaxation = None, options.relaxation
     if relaxation:
         check_weights(qp, relaxation)
@@ -243,7 +258,7 @@ def solve_checked(
             answer = solve_or_relax(qp, guess, limits, memory, known)
     answer = settled(answer, qp, given, limits)
     if progress is not None:
-        progress.close(conclude(answer, time.perf_counter() - start))
+        progress.close(conclude(answer, perf_counter() - start))
     kept = progress.history() if progress is not None and history else None
     return result_of(answer, (qp, given), start, ready, kept, closest)
 
@@ -268,9 +283,9 @@ def result_of(
 ) -> QPResult:
     """Return the answer to `problem`, the checked QP and (P, G, A) as they were given.
 
-    start, ready: the values of time.perf_counter() at the call and after its checks.
+    start, ready: the values of perf_counter() at the call and after its checks.
     """
-    seconds = ready - start, time.perf_counter() - ready
+    seconds = ready - start, perf_counter() - ready
     attributes = attributes_of(answer, *seconds)
     attributes["problem"] = problem
     if history is not None:
@@ -278,6 +293,19 @@ def result_of(
     if closest is not None:
         attributes["closest"] = closest
     return QPResult.of(attributes)
+
+
+def unfolded(
+    done: Done,
+    problem: tuple[QP, tuple[Any, Any, Any]],
+    seconds: tuple[float, float],
+) -> dict[str, Any]:
+    """Return the attributes of a result that has been made of `done` alone.
+
+    problem: as for `result_of`; seconds: setup_time and solve_time.
+    """
+    answer = wrapped(problem[0], *done)
+    return attributes_of(answer, *seconds) | {"problem": problem}
 
 
 def attributes_of(

@@ -44,11 +44,14 @@ from namlcp.qp.responses.run import accepts, least_pivot, solve_held
 from namlcp.qp.responses.solve import (
     MOST_ORDER,
     DenseResponses,
+    Done,
     Held,
     Responses,
     is_brief,
     parted,
     solve_once,
+    solve_unwrapped,
+    wrapped,
 )
 from namlcp.qp.responses.sparse_solve import SparseResponses
 from namlcp.qp.responses.state import state_at

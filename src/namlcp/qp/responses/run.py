@@ -68,13 +68,11 @@ def attach_vectors(m, vectors, out):
 
 @kernel
 def take_hint(address, active):
-    """Note rows that are probably active, as `Guess.active` has them, to start from."""
-    note_hint(state_at(address), active)
+    """Note rows that are probably active, as `Guess.active` has them, to start from.
 
-
-@part
-def note_hint(m, active):
-    """Note the rows of `take_hint`, none if there are too many of them."""
+    None are noted if there are too many of them.
+    """
+    m = state_at(address)
     kept, kept_side = longs(m.kept_active, m.most + 1), longs(m.kept_side, m.most + 1)
     m.kept_k, m.hints, m.is_free = 0, 0, 0
     for i in range(m.m + 2 * m.n):
@@ -129,18 +127,14 @@ def is_faulty(m):
 
 
 @kernel(error_model="numpy")
-def run_once(address, matrices, vectors, active, out, clock):
-    """Solve a single QP of matrices (P, G, A) and vectors (q, h, b, lb, ub), as `run`.
+def run_once(address, P, G, A, vectors, out, clock):
+    """Solve a single QP with these matrices and (q, h, b, lb, ub), as `run`.
 
-    It starts from the rows `active`, see `take_hint`, if that is not empty. ROOMLESS
-    where the memory is not large enough.
+    ROOMLESS where the memory is not large enough.
     """
-    P, G, A = matrices
     if not attach_matrices(address, P, G, A):
         return ROOMLESS
     m = state_at(address)
-    if active.size > 0:
-        note_hint(m, active)
     q, h, b, lb, ub = vectors
     m.q, m.h, m.b = q.ctypes.data, h.ctypes.data, b.ctypes.data
     m.lb, m.ub, m.out = lb.ctypes.data, ub.ctypes.data, out.ctypes.data

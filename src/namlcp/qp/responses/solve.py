@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from namlcp.compiled import new_record
-from namlcp.limits import NEVER, Deadline, Limits
+from namlcp.limits import NEVER, SPEED, UNCHECKED_TIME, Deadline, Limits
 from namlcp.options import DEFAULT_OPTIONS
 from namlcp.qp.answer import Answer, proved
 from namlcp.qp.certificates import accept_primal
@@ -32,6 +32,8 @@ from namlcp.residuals import Residuals, qp_residuals, signed_gap
 from namlcp.status import Status
 
 SOLVED = Status.SOLVED
+# Most operations of a solve that does not look at a deadline.
+BRIEF_WORK = SPEED * UNCHECKED_TIME
 # Codes of kernels after which there is a point or a candidate for a certificate.
 JUDGED = (DONE, SUMMED, LATE, CONTRADICTION)
 # Most variables, equations and rows of a QP that is solved by responses without BLAS.
@@ -40,6 +42,9 @@ MOST_ORDER = 900
 # as a tiny QP. At most so many are kept, of at most so many numbers each.
 POOL: list["SingleSolves"] = []
 MOST_SPACES, MOST_POOLED = 16, 1_000_000
+# What `wrapped` makes an answer of: the array of a result after DONE, see `parted`, the
+# iterations, and the name of the method.
+Done = tuple[np.ndarray, int, str]
 # Solves that are left to other methods without trying, after 1, 2, ... were tried in a
 # row and left to these.
 PAUSES = 0, 1, 3, 7, 15
@@ -83,25 +88,39 @@ def solve_once(
 
     `held` gets the factors of a QP that is solved.
     """
+    done, answer = solve_unwrapped(qp, guess, limits, held)
+    return answer if done is None else wrapped(qp, *done)
+
+
+def solve_unwrapped(
+    qp: QP, guess: Guess, limits: Limits, held: Held | None = None
+) -> tuple[Done | None, Answer | None]:
+    """Do as `solve_once`, but return an answer that needs no judgement as `Done`.
+
+    At least one of the two is None. To wrap it takes an eighth of a tiny solve.
+    """
     order = qp.q.size + qp.h.size + qp.b.size
     if order > MOST_LARGE:
-        return None
+        return None, None
     try:
         space = POOL.pop()
     except IndexError:
         space = SingleSolves()
-    if order <= MOST_ORDER:
-        limits.announce(run_once)
-        code, numbers = space.solve(qp, guess, limits)
+    if order > MOST_ORDER or guess.active.size:
+        code, numbers = space.solve_in_steps(qp, guess, limits)
     else:
-        limits.announce(prepare)
-        code, numbers = space.solve_large(qp, guess, limits)
-    found = space.answer(code, numbers, qp, limits)
-    if held is not None and found is not None and found.status is SOLVED:
+        code, numbers = space.solve(qp, limits)
+    done = answer = None
+    if code == DONE:
+        done = numbers, space.now.pivots, space.form
+    else:
+        answer = space.answer(code, numbers, qp, limits)
+    is_solved = done or (answer is not None and answer.status is SOLVED)
+    if held is not None and is_solved:
         held.take(space)
     else:
         give_back(space)
-    return found
+    return done, answer
 
 
 def give_back(space: "SingleSolves") -> None:
@@ -118,9 +137,8 @@ def pivot_work(n: int, rows: int) -> float:
 
 def is_brief(qp: QP, max_iter: int) -> bool:
     """Tell whether `solve_once` does not look at a deadline unless there is a limit."""
-    return NEVER.leaves_time_for(
-        max_iter * pivot_work(qp.q.size, qp.h.size + qp.b.size)
-    )
+    n = qp.q.size
+    return max_iter * pivot_work(n, qp.h.size + qp.b.size) <= BRIEF_WORK
 
 
 def parted(numbers: np.ndarray, n: int, m: int, p: int) -> tuple[Point, Residuals]:
@@ -131,6 +149,12 @@ def parted(numbers: np.ndarray, n: int, m: int, p: int) -> tuple[Point, Residual
     # These take half the time of Point(...) and Residuals(...).
     point = tuple.__new__(Point, parts)
     return point, tuple.__new__(Residuals, numbers[end:].tolist())
+
+
+def wrapped(qp: QP, numbers: np.ndarray, iterations: int, form: str) -> Answer:
+    """Return the SOLVED answer of a `Done`."""
+    point, residuals = parted(numbers, qp.q.size, qp.h.size, qp.b.size)
+    return Answer(SOLVED, point, residuals, iterations, form)
 
 
 def summed(qp: QP, point: Point, found: Residuals, eps_abs: float) -> Residuals:
@@ -270,11 +294,10 @@ class Responses:
         """
         if code not in JUDGED:
             return None
-        point, residuals = parted(numbers, qp.q.size, qp.h.size, qp.b.size)
-        if code == DONE:
-            parts = SOLVED, point, residuals, self.now.pivots, self.form, ""
-            return tuple.__new__(Answer, parts)  # in half the time of Answer(...)
         count = self.now.pivots
+        if code == DONE:
+            return wrapped(qp, numbers, count, self.form)
+        point, residuals = parted(numbers, qp.q.size, qp.h.size, qp.b.size)
         if code == CONTRADICTION:
             proof = accept_primal(qp, *point[:3], limits.eps_abs)
             if proof is None:
@@ -364,35 +387,37 @@ class SingleSolves(DenseResponses):
         self.address = ctypes.addressof(self.now)
         self.now.is_single = True
 
-    def solve(self, qp: QP, guess: Guess, limits: Limits) -> tuple[int, np.ndarray]:
-        """Solve a QP; return what `run` does."""
+    def solve(self, qp: QP, limits: Limits) -> tuple[int, np.ndarray]:
+        """Solve a QP by one compiled call; return what `run` does."""
         if limits is not self.limits:
             self.limit(limits)
         P, q, G, h, A, b, lb, ub = qp
         n, rows = q.size, h.size + b.size
         numbers = np.empty(2 * n + rows + NUMBERS)
-        given = (P, G, A), (q, h, b, lb, ub), guess.active
-        arguments = self.address, *given, numbers
-        code = self.call_once(arguments, n, rows)
-        if code == ROOMLESS:
+        arguments = self.address, P, G, A, (q, h, b, lb, ub), numbers
+        deadline = limits.deadline
+        while True:
+            if deadline is NEVER:  # the caller asked `is_brief`
+                code = run_once(*arguments, 0)
+            else:
+                limits.announce(run_once)
+                work = self.max_iter * pivot_work(n, rows)
+                code = deadline.run(run_once, work, *arguments)
+            if code != ROOMLESS:
+                return code, numbers
             self.memory = allocate(self.now)
-            code = self.call_once(arguments, n, rows)
-        return code, numbers
 
-    def call_once(self, arguments: tuple[Any, ...], n: int, rows: int) -> int:
-        """Call `run_once`, with a watch where it may run long; return its code."""
-        assert self.limits is not None
-        deadline = self.limits.deadline
-        if deadline is NEVER:  # the caller asked `is_brief`
-            return run_once(*arguments, 0)
-        return deadline.run(run_once, self.max_iter * pivot_work(n, rows), *arguments)
-
-    def solve_large(
+    def solve_in_steps(
         self, qp: QP, guess: Guess, limits: Limits
     ) -> tuple[int, np.ndarray]:
-        """Solve a QP whose factors and responses BLAS makes; return what `run` does."""
+        """Solve a QP from a guess, or a large one; return what `run` does.
+
+        The factors and responses of a large one are made by BLAS.
+        """
+        is_large = qp.q.size + qp.h.size + qp.b.size > MOST_ORDER
+        limits.announce(prepare if is_large else run)
         self.attach(qp.P, qp.G, qp.A)
-        if not prepare(self.address, qp.q, qp.h):
+        if is_large and not prepare(self.address, qp.q, qp.h):
             return UNSUITED, NO_NUMBERS
         if guess.active.size:
             self.suggest(guess)

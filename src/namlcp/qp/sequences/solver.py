@@ -19,7 +19,6 @@ from namlcp.checks import FLOAT, vector
 from namlcp.limits import Deadline, cause_of
 from namlcp.linalg import asymmetry
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
-from namlcp.qp.answer import Answer
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.forms import is_small
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
@@ -29,11 +28,11 @@ from namlcp.qp.problem import QP, qp_data
 from namlcp.qp.responses import (
     DONE,
     DenseResponses,
+    Done,
     Faces,
     Responses,
     SparseResponses,
     accepts,
-    parted,
 )
 from namlcp.qp.sequences.pattern import (
     as_given,
@@ -43,7 +42,7 @@ from namlcp.qp.sequences.pattern import (
     within_pattern,
 )
 from namlcp.qp.sequences.vectors import SIZED_LIKE, clean, places_of
-from namlcp.qp.solve import attributes_of, needs_more, result_of, solve_checked
+from namlcp.qp.solve import needs_more, result_of, solve_checked, unfolded
 from namlcp.result import QPResult
 from namlcp.status import Status
 
@@ -320,8 +319,8 @@ class Solver:
     ) -> QPResult:
         """Return the SOLVED result of a method that has ended with DONE."""
         problem = self.matrices, self.vectors, self.given
-        way = method.now.pivots, method.form
-        later = unfolded, numbers, way, problem, perf_counter() - start
+        done = numbers, method.now.pivots, method.form
+        later = unfolded_step, done, problem, perf_counter() - start
         return QPResult.quick(numbers[: self.sizes[0]], later)
 
     def solve_with_care(self, guess: Guess | None, start: float) -> QPResult:
@@ -414,21 +413,15 @@ class Solver:
         return result
 
 
-def unfolded(
-    numbers: np.ndarray,
-    way: tuple[int, str],
+def unfolded_step(
+    done: Done,
     problem: tuple[tuple[Any, Any, Any], np.ndarray, tuple[Any, Any, Any]],
     solve_time: float,
 ) -> dict[str, Any]:
-    """Return the attributes of the result that `Responses.run` makes after DONE.
-
-    way: iterations and form; problem: matrices, vectors and `given` of the Solver.
-    """
+    """Do as `unfolded` for the problem (matrices, vectors, `given`) of a Solver."""
     matrices, vectors, given = problem
     qp = QP.of(matrices, vectors)
-    point, residuals = parted(numbers, qp.q.size, qp.h.size, qp.b.size)
-    answer = Answer(SOLVED, point, residuals, *way)
-    return attributes_of(answer, 0.0, solve_time) | {"problem": (qp, given)}
+    return unfolded(done, (qp, given), (0.0, solve_time))
 
 
 def methods_for(qp: QP) -> list[Responses]:
