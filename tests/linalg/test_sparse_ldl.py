@@ -6,6 +6,17 @@ from problems_elimination import laplacian, natural, parts, quasi_definite, uppe
 
 from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.sparse_ldl import analyse, factor_sparse, solve_sparse
+from namlcp.linalg.sparse_ldl.pattern import first_dense
+
+
+def bordered(pairs, border, density):
+    """Return K with 2 by 2 blocks or larger ones, coupled by the last rows alone."""
+    rng = np.random.default_rng(5)
+    inner = np.kron(np.eye(pairs), np.array([[4.0, 1.0], [1.0, 3.0]]))
+    B = rng.standard_normal((border, 2 * pairs))
+    B *= rng.random(B.shape) < density
+    return np.block([[inner, B.T], [B, -3.0 * np.eye(border)]])
+
 
 CASES = {
     "one": np.array([[-2.0]]),
@@ -17,6 +28,9 @@ CASES = {
     "blocks of three": np.kron(np.eye(4), np.full((3, 3), 0.3)) + np.eye(12),
     "path": laplacian(1, 40).toarray(),
     "grid": laplacian(17, 13).toarray(),
+    "no zeros": np.ones((20, 20)) + 5.0 * np.eye(20),
+    "data rows": bordered(120, 24, 0.2),
+    "full data rows": bordered(6, 21, 1.0),
 }
 
 
@@ -97,6 +111,31 @@ def test_rows_rise_and_chunks_are_alike(K):
         assert columns == {j for j in range(k) if k in below[starts[j] : starts[j + 1]]}
 
 
+@pytest.mark.parametrize("case", ["data rows", "full data rows", "grid"])
+def test_the_dense_block_is_where_no_entry_of_L_vanishes(case):
+    f = LDL(CASES[case])
+    assert f.factor(CASES[case])
+    L, pattern = f.dense()[0] != 0.0, f.pattern
+    n = L.shape[0]
+    first = getattr(first_dense, "py_func", first_dense)(n, pattern.starts)
+    assert 0 < first <= n - 16
+    assert L[first:, first:].sum() == (n - first) * (n - first + 1) / 2
+    assert not L[first - 1 :, first - 1].all()
+    begin = 0
+    while begin < n:
+        last = begin + pattern.width[begin] - 1
+        end = first if begin < first else n
+        assert pattern.reach[begin] == L[last + 1 : end, last].sum()
+        begin = last + 1
+
+
+@pytest.mark.parametrize("case", ["diagonal", "no zeros", "path"])
+def test_no_dense_block_is_small_or_all_of_L(case):
+    pattern = LDL(CASES[case]).pattern
+    n = pattern.place.size
+    assert getattr(first_dense, "py_func", first_dense)(n, pattern.starts) == n
+
+
 def test_solve_and_factor_again(K):
     f = LDL(K)
     assert f.factor(K)
@@ -139,8 +178,9 @@ def test_a_pivot_without_reciprocal_is_told(bad):
     np.testing.assert_array_equal(f.solve(np.ones(3)), np.ones(3))
 
 
-def test_a_singular_matrix_is_told():
-    K = np.ones((5, 5))
+@pytest.mark.parametrize("size", [5, 25])
+def test_a_singular_matrix_is_told(size):
+    K = np.ones((size, size))
     f = LDL(K)
     assert not f.factor(K)
 

@@ -115,7 +115,7 @@ class SparseFactors:
 
 FACTORS = (
     "l_place l_diagonal l_columns l_rows l_source l_starts l_below l_lines l_chunks "
-    "l_width l_done l_values l_inverse l_work"
+    "l_width l_done l_reach l_values l_inverse l_work"
 )
 """Fields of a record for the addresses of `SparseFactors`."""
 
@@ -130,7 +130,8 @@ def attach_factors(state, pattern, numbers):
     m.l_source, m.l_starts = pattern.source.ctypes.data, pattern.starts.ctypes.data
     m.l_below, m.l_lines = pattern.below.ctypes.data, pattern.lines.ctypes.data
     m.l_chunks, m.l_width = pattern.chunks.ctypes.data, pattern.width.ctypes.data
-    m.l_done, m.l_values = pattern.done.ctypes.data, values.ctypes.data
+    m.l_done, m.l_reach = pattern.done.ctypes.data, pattern.reach.ctypes.data
+    m.l_values = values.ctypes.data
     m.l_inverse, m.l_work = inverse.ctypes.data, work.ctypes.data
 
 
@@ -153,6 +154,7 @@ def pattern_of(m):
         ints_at(m.l_chunks, lines[size]),
         ints_at(m.l_width, size),
         longs_at(m.l_done, size),
+        ints_at(m.l_reach, size),
     )
 
 
