@@ -22,6 +22,7 @@ from namlcp.linalg import (
     add_column_sums,
     add_columns,
     add_transposed,
+    blas_dot,
     compiled_form,
     times,
 )
@@ -138,14 +139,13 @@ def modulus_variable(z, w, omega, s):
         s[i] = z[i] - w[i] / omega[i]
 
 
-@kernel
+@part
 def qp_residuals_of_products(vectors, point, products):
     """Return the numbers of `Residuals` from the products with P, G and A.
 
     vectors = (q, h, b, lb, ub), point = (x, y, z, z_box), products = (Px, Gx, Ax, G'z,
-    A'y): plain tuples, because passing NamedTuples from Python takes 3 us longer. An
-    infinite bound or right-hand side has no term in the gap, and the modulus of its
-    multiplier is a dual residual.
+    A'y). An infinite bound or right-hand side has no term in the gap, and the modulus
+    of its multiplier is a dual residual.
     """
     q, h, b, lb, ub = vectors
     x, y, z, z_box = point
@@ -196,6 +196,20 @@ def qp_residuals_of_products(vectors, point, products):
     return primal, dual, gap, primal_size, dual_size, gap_size, objective
 
 
+@kernel
+def ordered_qp_residuals(vectors, point, products):
+    """Do as `qp_residuals_of_products`, but add a gap of large terms by `signed_gap`.
+
+    From Python plain tuples are passed: NamedTuples would take 3 us longer.
+    """
+    primal, dual, gap, primal_size, dual_size, gap_size, objective = (
+        qp_residuals_of_products(vectors, point, products)
+    )
+    if not gap_size < LARGE_TERM:
+        gap = abs(signed_gap(vectors, point, products[0]))
+    return primal, dual, gap, primal_size, dual_size, gap_size, objective
+
+
 def qp_residuals(
     P: Any,
     q: np.ndarray,
@@ -239,6 +253,9 @@ def qp_residuals(
         if right.shape != multiplier.shape:
             both = f"{right.shape} and {multiplier.shape}"
             raise ValueError(f"{names} must have one shape, got {both}")
+    q, h, b, lb, ub, x, y, z, z_box = map(
+        np.ascontiguousarray, (q, h, b, lb, ub, x, y, z, z_box)
+    )  # as `signed_gap` wants them
     vectors, point = (q, h, b, lb, ub), (x, y, z, z_box)
     forms = compiled_form(P), compiled_form(G), compiled_form(A)
     wanted = (x.size, x.size), (z.size, x.size), (y.size, x.size)
@@ -247,12 +264,8 @@ def qp_residuals(
     Gtz, Aty = np.zeros((2, x.size))
     add_transposed(G, z, Gtz)
     add_transposed(A, y, Aty)
-    Px = times(P, x)
-    products = Px, times(G, x), times(A, x), Gtz, Aty
-    found = Residuals(*qp_residuals_of_products(vectors, point, products))
-    if found.gap_size < LARGE_TERM:
-        return found
-    return found._replace(gap=abs(signed_gap(vectors, point, Px)))
+    products = times(P, x), times(G, x), times(A, x), Gtz, Aty
+    return Residuals(*ordered_qp_residuals(vectors, point, products))
 
 
 def clean_qp_residuals(
@@ -264,12 +277,7 @@ def clean_qp_residuals(
 
     vectors = (q, h, b, lb, ub), point = (x, y, z, z_box); the sizes are not checked.
     """
-    found = Residuals(*csc_residuals(matrices, vectors, point))
-    if found.gap_size < LARGE_TERM:
-        return found
-    Px = np.zeros(point[0].size)
-    add_columns(*matrices[0], point[0], Px)
-    return found._replace(gap=abs(signed_gap(vectors, point, Px)))
+    return Residuals(*csc_residuals(matrices, vectors, point))
 
 
 @kernel
@@ -288,43 +296,44 @@ def csc_residuals(matrices, vectors, point):
     add_column_sums(G[0], G[1], G[2], z, Gtz)
     add_columns(A[0], A[1], A[2], x, Ax)
     add_column_sums(A[0], A[1], A[2], y, Aty)
-    return qp_residuals_of_products(vectors, point, (Px, Gx, Ax, Gtz, Aty))
-
-
-def signed_gap(
-    vectors: tuple[np.ndarray, ...], point: tuple[np.ndarray, ...], Px: np.ndarray
-) -> float:
-    """Return x'Px + q'x + b'y + h'z + lb'z_box^- + ub'z_box^+ as qpsolvers adds it.
-
-    vectors = (q, h, b, lb, ub), point = (x, y, z, z_box). An infinite side has no term.
-    """
-    q, h, b, lb, ub = vectors
-    x, y, z, z_box = point
-    with np.errstate(all="ignore"):  # huge terms may overflow to infinity or NaN
-        gap = x.dot(Px) + q.dot(x) + np.dot(*finite_terms(h, z, 0.0)) + b.dot(y)
-        gap += np.dot(*finite_terms(lb, z_box, -1.0))
-        gap += np.dot(*finite_terms(ub, z_box, 1.0))
-    return float(gap)
+    return ordered_qp_residuals(vectors, point, (Px, Gx, Ax, Gtz, Aty))
 
 
 @kernel
-def finite_terms(sides, multipliers, sign):
-    """Return what `put_finite_terms` writes, in new arrays."""
-    finite, beside = np.empty(sides.size), np.empty(sides.size)
-    count = put_finite_terms(sides, multipliers, sign, finite, beside)
-    return finite[:count], beside[:count]
+def signed_gap(vectors, point, Px):
+    """Return x'Px + q'x + b'y + h'z + lb'z_box^- + ub'z_box^+ as qpsolvers adds it.
+
+    vectors = (q, h, b, lb, ub), point = (x, y, z, z_box), contiguous. An infinite side
+    has no term. NumPy, and so qpsolvers, takes dot products from BLAS.
+    """
+    q, h, b, lb, ub = vectors
+    x, y, z, z_box = point
+    gap = blas_dot(x, Px) + blas_dot(q, x)
+    gap += finite_dot(h, z, 0.0)
+    gap += blas_dot(b, y)
+    gap += finite_dot(lb, z_box, -1.0)
+    gap += finite_dot(ub, z_box, 1.0)
+    return gap
 
 
 @part
-def put_finite_terms(sides, multipliers, sign, finite, beside):
-    """Write the finite sides and their multipliers one after another; return the count.
+def finite_dot(sides, multipliers, sign):
+    """Return the product of the `finite_terms`."""
+    finite, beside = finite_terms(sides, multipliers, sign)
+    return blas_dot(finite, beside)
+
+
+@part
+def finite_terms(sides, multipliers, sign):
+    """Return the finite sides and their multipliers.
 
     A multiplier of the sign opposite to `sign` becomes 0; none does for sign = 0.
     """
+    finite, beside = np.empty(sides.size), np.empty(sides.size)
     count = 0
     for i in range(sides.size):
         if not np.isinf(sides[i]):
             finite[count] = sides[i]
             beside[count] = 0.0 if sign * multipliers[i] < 0.0 else multipliers[i]
             count += 1
-    return count
+    return finite[:count], beside[:count]

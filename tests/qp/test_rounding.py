@@ -90,7 +90,7 @@ def test_a_gap_goes_into_a_multiplier_with_a_large_side(seed):
     worst = judge.offer(point)
     assert worst < 0.1 * before.worst(EPS, 0.0)
     vectors = qp.q, qp.h, qp.b, qp.lb, qp.ub
-    gap = signed_gap(vectors, judge.point, qp.P @ judge.point[0])
+    gap = signed_gap(vectors, tuple(judge.point), qp.P @ judge.point[0])
     assert abs(gap) == judge.residuals.gap
     assert (judge.point[2] >= 0.0).all()
 

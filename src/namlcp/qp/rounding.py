@@ -160,7 +160,7 @@ def correct_gap_by_x(qp: QP, point: Point, tol: float) -> tuple[Point, float]:
     inside = (point.x > qp.lb) & (point.x < qp.ub)
     rng = np.random.default_rng(0)
     Px = times(qp.P, point.x)
-    gap = signed_gap(vectors, point, Px)
+    gap = signed_gap(vectors, tuple(point), Px)
     best, least = point, abs(gap)
     for move in range(MOVES):
         v = np.where(inside, 2.0 * Px + qp.q, 0.0)
@@ -172,7 +172,7 @@ def correct_gap_by_x(qp: QP, point: Point, tol: float) -> tuple[Point, float]:
         v /= top  # else v'v may overflow
         point = point._replace(x=qp.clip(point.x - gap / top / (v @ v) * v))
         Px = times(qp.P, point.x)
-        gap = signed_gap(vectors, point, Px)
+        gap = signed_gap(vectors, tuple(point), Px)
         if abs(gap) < least:
             best, least = point, abs(gap)
         if least <= tol:
@@ -204,7 +204,7 @@ def correct_gap_by_multipliers(
     Px = times(qp.P, x)
     vectors = qp.q, qp.h, qp.b, qp.lb, qp.ub
     added = np.zeros(n)  # to the dual residual, by all changes
-    gap = signed_gap(vectors, point, Px)
+    gap = signed_gap(vectors, tuple(point), Px)
     ends = 0, p, p + m, p + m + n, count
     groups = [(ends[k], ends[k + 1]) for k in (3, 2, 1, 0)]
     k = np.flatnonzero(usable)
@@ -230,7 +230,7 @@ def correct_gap_by_multipliers(
         multiplier[first:last] = new[first:last]
         y, z, lower, upper = np.split(multiplier.copy(), ends[1:4])
         new_point = Point(x, y, z, lower + upper)
-        gap = signed_gap(vectors, new_point, Px)
+        gap = signed_gap(vectors, tuple(new_point), Px)
         if abs(gap) <= tol:
             return new_point
     return point

@@ -25,6 +25,13 @@ NUMBERS = 7
 
 
 @part
+def vectors_of(m):
+    """Return q, h, b, lb, ub."""
+    q, h, b = floats(m.q, m.n), floats(m.h, m.m), floats(m.b, m.p)
+    return q, h, b, floats(m.lb, m.n), floats(m.ub, m.n)
+
+
+@part
 def parts_of_result(m):
     """Return x, y, z, z_box of the result."""
     x = floats(m.out, m.n)
@@ -93,12 +100,10 @@ def measure(m):
 @part
 def measure_result(m):
     """Set the numbers of `Residuals` of the result from its products."""
-    q, h, b = floats(m.q, m.n), floats(m.h, m.m), floats(m.b, m.p)
-    lb, ub = floats(m.lb, m.n), floats(m.ub, m.n)
     Px, Gx, Ax = floats(m.Px, m.n), floats(m.Gx, m.m), floats(m.Ax, m.p)
     Gtz, Aty = floats(m.Gtz, m.n), floats(m.Aty, m.n)
     numbers = qp_residuals_of_products(
-        (q, h, b, lb, ub), parts_of_result(m), (Px, Gx, Ax, Gtz, Aty)
+        vectors_of(m), parts_of_result(m), (Px, Gx, Ax, Gtz, Aty)
     )
     found = residuals_of_result(m)
     for i in range(NUMBERS):

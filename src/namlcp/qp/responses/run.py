@@ -9,7 +9,7 @@ import numpy as np
 
 from namlcp.checks import INFINITE
 from namlcp.compiled import floats, kernel, longs, part
-from namlcp.linalg import add_scaled, blas_dot, blas_times, blas_times_transposed
+from namlcp.linalg import add_scaled, blas_times, blas_times_transposed
 from namlcp.qp.responses.active import DONE, RESPONSE, STUCK
 from namlcp.qp.responses.course import (
     PRODUCTS,
@@ -31,11 +31,12 @@ from namlcp.qp.responses.judgement import (
     measure_result,
     parts_of_result,
     residuals_of_result,
+    vectors_of,
 )
 from namlcp.qp.responses.rows import are_most_at_bounds, response_of
 from namlcp.qp.responses.state import lay_out, state_at
 from namlcp.qp.responses.triangle import triangle_solve, triangle_solve_transposed
-from namlcp.residuals import put_finite_terms
+from namlcp.residuals import signed_gap
 
 # Further codes of `run`. UNSUITED: this form does not take these matrices, or their
 # numbers are not allowed. FAULTY: nor are those of a vector; or a side of h, lb or ub
@@ -208,29 +209,10 @@ def sum_anew(m):
     blas_times_transposed(floats(G, (m.m, n)), z, floats(m.Gtz, n))
     blas_times_transposed(floats(A, (m.p, n)), y, floats(m.Aty, n))
     measure_result(m)
-    residuals_of_result(m)[2] = abs(signed_gap_of_result(m))
+    Px = floats(m.Px, n)
+    gap = signed_gap(vectors_of(m), parts_of_result(m), Px)
+    residuals_of_result(m)[2] = abs(gap)
     return DONE if is_solved(m) else STUCK
-
-
-@part
-def signed_gap_of_result(m):
-    """Return what `signed_gap` of `residuals` does for the result and P x in m.Px."""
-    q, b, h = floats(m.q, m.n), floats(m.b, m.p), floats(m.h, m.m)
-    lb, ub = floats(m.lb, m.n), floats(m.ub, m.n)
-    x, y, z, z_box = parts_of_result(m)
-    gap = blas_dot(x, floats(m.Px, m.n)) + blas_dot(q, x)
-    gap += finite_dot(m, h, z, 0.0)
-    gap += blas_dot(b, y)
-    gap += finite_dot(m, lb, z_box, -1.0)
-    return gap + finite_dot(m, ub, z_box, 1.0)
-
-
-@part
-def finite_dot(m, sides, multipliers, sign):
-    """Return the product of the `finite_terms`, by way of m.change and m.direction."""
-    finite, beside = floats(m.change, m.length), floats(m.direction, m.length)
-    count = put_finite_terms(sides, multipliers, sign, finite, beside)
-    return blas_dot(finite[:count], beside[:count])
 
 
 @part

@@ -166,7 +166,8 @@ def summed(qp: QP, point: Point, found: Residuals, eps_abs: float) -> Residuals:
     if max(found.primal_size, found.dual_size) * ROUNDING > eps_abs:
         return qp_residuals(*qp, *point)
     vectors = qp.q, qp.h, qp.b, qp.lb, qp.ub
-    return found._replace(gap=abs(signed_gap(vectors, point, qp.P @ point.x)))
+    gap = signed_gap(vectors, tuple(point), qp.P @ point.x)
+    return found._replace(gap=abs(gap))
 
 
 class Responses:
