@@ -28,6 +28,25 @@ def test_curvature_of_fixed_variables_counts_in_large_problems(off):
             solve_qp(P, q, lb=lb, ub=ub)
 
 
+@pytest.mark.parametrize("off", [0.6, 0.8])
+@pytest.mark.parametrize("at", [0, 100, 197])
+def test_curvature_is_judged_in_the_whole_block_of_a_bounded_variable(off, at):
+    """Of three variables in a row the first is bounded, so that no pair shows it."""
+    chain = diags_array([1.0, off, off], offsets=[0, 1, -1], shape=(3, 3))
+    others = [2.0 * np.eye(1)] * 197
+    P = csc_array(block_diag([*others[:at], chain, *others[at:]]))
+    q, lb = np.full(200, -1.0), np.zeros(200)
+    q[at], lb[at + 1 :] = 10.0, -10.0
+    if off < 0.7:  # the least eigenvalue is 1 - sqrt(2) off
+        result = solve_qp(P, q, lb=lb)
+        assert (result.status, result.form) == (Status.SOLVED, "bounds")
+        assert result.x[at] == 0.0
+        assert np.all(result.x[at + 1 : at + 3] > 0.0)
+    else:
+        with pytest.raises(ValueError, match="P must be positive semidefinite"):
+            solve_qp(P, q, lb=lb)
+
+
 @pytest.mark.parametrize("off", [0.5, 1.0, 1.00001, 2.0])
 @pytest.mark.parametrize("free", [True, False])
 def test_curvature_is_judged_with_all_variables_free_or_not(off, free):

@@ -6,6 +6,7 @@
 |---|---|
 | `driver` | the loop around the compiled stages, the residual check, the retry |
 | `pivot`, `line_search` | block pivoting inside a proximal-point loop |
+| `convexity` | whether A is positive semidefinite |
 | `free_system`, `large_system` | the linear systems of the free unknowns |
 | `interior` | an interior-point method for when block pivoting stagnates |
 | `homogeneous` | the same for semidefinite nonsymmetric A, with certificates |

@@ -13,6 +13,7 @@ import numpy as np
 
 from namlcp.compiled import floats, ints, kernel, part, pasted
 from namlcp.lcp.criterion import are_met_part
+from namlcp.lcp.pivoting.convexity import has_unit_diagonal, is_definite
 from namlcp.lcp.pivoting.free_system import (
     INDEFINITE,
     REGULAR,
@@ -380,29 +381,6 @@ def begin_pivoting(m):
     return GO_ON
 
 
-@part
-def has_unit_diagonal(m):
-    """Tell whether all a_ii > 0, which are 1 after scaling."""
-    has_unit = ints(m.has_unit, m.n)
-    for i in range(m.n):
-        if not has_unit[i]:
-            return False
-    return True
-
-
-@part
-def is_definite(m):
-    """Tell whether A + `PSD_SLACK` I is positive definite; False where an a_ii <= 0."""
-    if not has_unit_diagonal(m):
-        return False
-    state, shift = ints(m.state, m.n), floats(m.shift, m.n)
-    for i in range(m.n):
-        state[i] = 0
-        shift[i] = PSD_SLACK
-    factor = analyse(m, free_order(m, state))
-    return refactor(m, shift, factor) == REGULAR
-
-
 @kernel(error_model="numpy")
 def pivot(address, budget):
     """Begin or go on until solved, or for `budget` factorisations. Return a code.
@@ -410,13 +388,13 @@ def pivot(address, budget):
     address: that of a `PivotState` with its vectors in place, the tolerances and the
     properties of A; at first q, lower, upper are the user's, z is the start. On return
     `best` is the best z of the scaled problem. With ask_convex, m.convex tells once the
-    problem is solved whether `is_definite`: at one more factorisation, unless all
-    unknowns were free in one of the others.
+    problem is solved whether `is_definite`: at one more factorisation, of what the
+    others have not shown to be so.
     """
     m = state_at(address)
     state, shift = ints(m.state, m.n), floats(m.shift, m.n)
     rhs, z = floats(m.rhs, m.n), floats(m.z, m.n)
-    code = GO_ON
+    code, is_known = GO_ON, False
     if not m.started:
         m.started = True
         code = begin_pivoting(m)
@@ -430,9 +408,10 @@ def pivot(address, budget):
         factor = analyse(m, free_order(m, state))
         found = refactor(m, shift, factor)
         m.not_p |= found == INDEFINITE
+        is_known = found == REGULAR and m.rho <= PSD_SLACK
         whole = factor.order.size == m.n
         if m.ask_convex and whole and m.rho <= PSD_SLACK:
-            m.convex = found == REGULAR and has_unit_diagonal(m)
+            m.convex = is_known and has_unit_diagonal(m)
         m.factorisations += 1
         m.must_factor = False
         while code == GO_ON and not m.must_factor:
@@ -440,7 +419,7 @@ def pivot(address, budget):
             solve_free(m.symmetric, factor, rhs, z)
             code = use_solution(m)
     if code == DONE and m.ask_convex and not m.convex:
-        m.convex = is_definite(m)
+        m.convex = is_definite(m, is_known)
     return MORE if code == GO_ON else code
 
 
