@@ -51,7 +51,7 @@ def scatter(indptr, indices, data, out):
 
 def without_zeros(M: csc_array) -> csc_array:
     """Return M without stored zeros, M itself if there are none."""
-    if M.nnz and not M.data.all():
+    if not M.data.all():
         M = M.copy()
         M.eliminate_zeros()
     return M
@@ -61,14 +61,8 @@ def submatrix(M: csc_array, rows: np.ndarray, columns: np.ndarray) -> csc_array:
     """Return the rows and columns of M, given in rising order; M itself if all are."""
     if (rows.size, columns.size) == M.shape:
         return M
-    number = np.empty(M.shape[0], dtype=np.int32)
-    number.fill(-1)
-    number[rows] = np.arange(rows.size)
-    indptr = np.empty(columns.size + 1, dtype=np.int32)
-    indices, data = np.empty(M.indices.size, dtype=np.int32), np.empty(M.data.size)
-    part = indptr, indices, data
-    nnz = select_part(M.indptr, M.indices, M.data, number, columns, *part)
-    return from_arrays((indptr, indices[:nnz], data[:nnz]), (rows.size, columns.size))
+    parts = select_part(M.indptr, M.indices, M.data, M.shape[0], rows, columns)
+    return from_arrays(parts, (rows.size, columns.size))
 
 
 def by_rows(M: csc_array) -> csr_array:
@@ -128,23 +122,25 @@ def compiled_form(M: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
 
 
 @kernel
-def select_part(indptr, indices, data, number, columns, part, place, value):
-    """Write some columns as CSC arrays part, place, value; return how many entries.
-
-    Row i becomes row number[i]; -1 drops it.
-    """
-    nnz = 0
-    part[0] = 0
+def select_part(indptr, indices, data, height, rows, columns):
+    """Return the CSC arrays of some rows and columns of a matrix of this height."""
+    number = np.full(height, -1, dtype=np.int32)
+    for i in range(rows.size):
+        number[rows[i]] = i
+    start = np.zeros(columns.size + 1, dtype=np.int32)
     for k in range(columns.size):
-        j = columns[k]
+        start[k + 1] = start[k]
+        for t in range(indptr[columns[k]], indptr[columns[k] + 1]):
+            start[k + 1] += number[indices[t]] >= 0
+    place, value = np.empty(start[-1], dtype=np.int32), np.empty(start[-1])
+    nnz = 0
+    for j in columns:
         for t in range(indptr[j], indptr[j + 1]):
             i = number[indices[t]]
             if i >= 0:
-                place[nnz] = i
-                value[nnz] = data[t]
+                place[nnz], value[nnz] = i, data[t]
                 nnz += 1
-        part[k + 1] = nnz
-    return nnz
+    return start, place, value
 
 
 @kernel
