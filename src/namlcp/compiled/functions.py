@@ -1,8 +1,8 @@
-"""max, min, np.empty and np.zeros in compiled functions, typed and translated here.
+"""max, min, range and new arrays in compiled functions, typed and translated here.
 
-numba has them as functions of its own, compiled anew for each set of types: a tenth of
-a second each with all that surrounds them, though three instructions would do. What is
-not foreseen here, such as the largest entry of a tuple, is left to numba.
+numba compiles most of them as functions of its own, anew for each set of types: a tenth
+of a second each with all that surrounds them, though three instructions would do. What
+is not foreseen here, such as the largest entry of a tuple, is left to numba.
 
 Like `compiler`, this module was written from the sources of numba 0.59 to 0.68.
 """
@@ -76,6 +76,54 @@ def extreme_of(
     return found
 
 
+# ---- loops over range
+
+RANGES = {
+    types.int32: types.range_state32_type,
+    types.int64: types.range_state64_type,
+}
+"""numba's types of ranges, by those of their numbers."""
+
+
+def loop(context: Any, args: tuple, kws: dict) -> Any:
+    """Return the signature of range(stop) or range(start, stop)."""
+    kinds = tuple(map(types.unliteral, args))
+    kind = context.unify_types(types.int32, *kinds)
+    if kws or len(kinds) not in (1, 2) or kind not in RANGES:
+        return None
+    return Translated(range_of, RANGES[kind], *(kind for _ in kinds))
+
+
+def range_of(context: Any, builder: Any, signature: Any, values: list) -> Any:
+    """Return a range: where it starts and stops, and the step, which is 1."""
+    *start, stop = values
+    first = start[0] if start else stop.type(0)
+    return cgutils.make_anonymous_struct(builder, [first, stop, stop.type(1)])
+
+
+def iterator_of(builder: Any, numbers: Any) -> Any:
+    """Return an iterator over a range of step 1.
+
+    The next number and how many are left are kept in memory, as numba keeps them. It
+    finds how many by a division and four branches, which LLVM has to remove again.
+    """
+    start, stop, step = cgutils.unpack_tuple(builder, numbers)
+    place = cgutils.alloca_once_value(builder, start)
+    left = cgutils.alloca_once_value(builder, builder.sub(stop, start))
+    return cgutils.make_anonymous_struct(builder, [place, stop, step, left])
+
+
+def next_of(builder: Any, iterator: Any) -> Any:
+    """Return the next number of an iterator over a range, and whether there is one."""
+    place, _, step, left = cgutils.unpack_tuple(builder, iterator)
+    value, count = builder.load(place), builder.load(left)
+    is_inside = builder.icmp_signed(">", count, count.type(0))
+    with builder.if_then(is_inside):
+        builder.store(builder.sub(count, count.type(1), flags=["nsw"]), left)
+        builder.store(builder.add(value, step), place)
+    return cgutils.make_anonymous_struct(builder, [value, is_inside])
+
+
 # ---- new arrays
 
 
@@ -106,9 +154,10 @@ def allocated(
     return array._getvalue()
 
 
-FUNCTIONS = {
+FUNCTIONS: dict[Any, Callable[..., Any]] = {
     max: functools.partial(extreme, ">"),
     min: functools.partial(extreme, "<"),
+    range: loop,
     np.empty: functools.partial(new_array, False),
     np.zeros: functools.partial(new_array, True),
 }

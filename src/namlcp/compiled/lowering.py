@@ -1,8 +1,9 @@
 """Translation of statements to LLVM's language, by numba's with shorter ways.
 
 numba finds how an operation is translated anew at each place: by the types of its
-operands, among all that it knows. Here fields of records and entries of vectors, by far
-the most frequent, are translated at once, and what else is found, once.
+operands, among all that it knows. Here the most frequent are translated at once: fields
+of records, entries of vectors, items of tuples and loops over `range`; what else is
+found, is found once.
 
 Like `compiler`, this module was written from the sources of numba 0.59 to 0.68.
 """
@@ -12,9 +13,11 @@ from typing import Any
 from numba import types
 from numba.core import cgutils, ir, lowering
 from numba.core.errors import new_error_context  # type: ignore[attr-defined]
-from numba.np.arrayobj import record_getattr
+from numba.core.ir_utils import get_definition, guard
+from numba.core.typing import signature as call_of
+from numba.np.arrayobj import record_getattr, record_setattr
 
-from namlcp.compiled.functions import Translated
+from namlcp.compiled.functions import Translated, iterator_of, next_of
 
 FOUND: dict[tuple, Any] = {}
 """numba's type of an operator, by the operator and the types of the operands, if it has
@@ -33,16 +36,84 @@ class Lower(lowering.Lower):
                 self.lower_inst(one)
         self.post_block(block)
 
+    def lower_inst(self, inst: Any) -> None:
+        """Translate a statement; numba's interface.
+
+        numba makes a text of each one, for its developers.
+        """
+        if isinstance(inst, ir.Assign):
+            self.debuginfo.mark_location(self.builder, self.loc.line)
+            name, value = inst.target.name, inst.value
+            place = value.index + 1 if isinstance(value, ir.Arg) else None
+            self.storevar(self.lower_assign(self.typeof(name), inst), name, place)
+        elif not (isinstance(inst, ir.SetAttr) and self.is_set(inst)):
+            super().lower_inst(inst)
+
+    def is_set(self, inst: Any) -> bool:
+        """Translate r.a = b for a record r; tell whether it is one."""
+        kind = self.typeof(inst.target.name)
+        if not isinstance(kind, types.Record):
+            return False
+        entry = kind.typeof(inst.attr)
+        value = self._cast_var(inst.value, entry)
+        values = self.loadvar(inst.target.name), value
+        signature = call_of(types.void, kind, entry)
+        record_setattr(self.context, self.builder, signature, values, inst.attr)
+        return True
+
     def lower_expr(self, resty: Any, expr: Any) -> Any:
-        """Translate an expression, fields of records at once; numba's interface."""
-        if expr.op == "getattr":
-            kind = self.typeof(expr.value.name)
-            if isinstance(kind, types.Record):
-                record = self.loadvar(expr.value.name)
-                return record_getattr(
-                    self.context, self.builder, kind, record, expr.attr
-                )
-        return super().lower_expr(resty, expr)
+        """Translate an expression, the most frequent at once; numba's interface."""
+        value = None
+        if expr.op in SHORTER:
+            kind, source = self.typeof(expr.value.name), self.loadvar(expr.value.name)
+            value = SHORTER[expr.op](self, expr, kind, source)
+        return super().lower_expr(resty, expr) if value is None else value
+
+    def attribute(self, expr: Any, kind: Any, value: Any) -> Any:
+        """Translate value.attr of records and named tuples, and an array's size."""
+        if isinstance(kind, types.Record):
+            return record_getattr(self.context, self.builder, kind, value, expr.attr)
+        if isinstance(kind, types.BaseNamedTuple) and expr.attr in kind.fields:
+            index = kind.fields.index(expr.attr)
+            return self.part(kind[index], value, index)
+        if type(kind) is types.Array and expr.attr in ARRAY_FIELDS:
+            field = self.context.data_model_manager[kind].get_field_position
+            return self.builder.extract_value(value, field(ARRAY_FIELDS[expr.attr]))
+        return None
+
+    def item(self, expr: Any, kind: Any, value: Any) -> Any:
+        """Translate value[k] of tuples."""
+        if not isinstance(kind, types.BaseTuple) or not isinstance(expr.index, int):
+            return None
+        index = range(len(kind))[expr.index]
+        return self.part(kind[index], value, index)
+
+    def iterator(self, expr: Any, kind: Any, value: Any) -> Any:
+        """Translate the begin of a loop over a range of step 1."""
+        if not isinstance(kind, types.RangeType):
+            return None
+        made = guard(get_definition, self.func_ir, expr.value)
+        is_ours = isinstance(self.fndesc.calltypes.get(made), Translated)
+        return iterator_of(self.builder, value) if is_ours else None
+
+    def pair(self, expr: Any, kind: Any, value: Any) -> Any:
+        """Translate the step of a loop over a range: a number and whether it is one."""
+        is_range = isinstance(kind, types.RangeIteratorType)
+        return next_of(self.builder, value) if is_range else None
+
+    def first(self, expr: Any, kind: Any, value: Any) -> Any:
+        """Translate what the step of any loop gives."""
+        return self.part(kind.first_type, value, 0)
+
+    def second(self, expr: Any, kind: Any, value: Any) -> Any:
+        """Translate whether the loop goes on."""
+        return self.part(kind.second_type, value, 1)
+
+    def part(self, kind: Any, value: Any, index: int) -> Any:
+        """Return the part of a value, of this type, with one more reference."""
+        found = self.builder.extract_value(value, index)
+        self.incref(kind, found)
+        return found
 
     def lower_call(self, resty: Any, expr: Any) -> Any:
         """Translate a call, one of `functions` at once; numba's interface."""
@@ -122,15 +193,49 @@ class Lower(lowering.Lower):
         """Return the memory of a variable; numba's interface."""
         return cgutils.alloca_once(self.builder, lltype, name=name, zfill=False)
 
+    def storevar(self, value: Any, name: str, argidx: int | None = None) -> None:
+        """Set a variable; numba's interface.
+
+        numba reads its old value, for references, and asks LLVM for the size of an
+        argument, for debuggers.
+        """
+        if self._disable_sroa_like_opt or self.is_counted(self.typeof(name)):
+            super().storevar(value, name, argidx)
+        elif name in self._singly_assigned_vars:
+            self._blk_local_varmap[name] = value
+        else:
+            self.builder.store(value, self.getvar(name))
+
     def incref(self, kind: Any, value: Any) -> None:
         """Count a reference; numba's interface."""
-        if self.context.data_model_manager[kind].contains_nrt_meminfo():
+        if self.is_counted(kind):
             super().incref(kind, value)
 
     def decref(self, kind: Any, value: Any) -> None:
         """Count one reference less; numba's interface."""
-        if self.context.data_model_manager[kind].contains_nrt_meminfo():
+        if self.is_counted(kind):
             super().decref(kind, value)
+
+    def is_counted(self, kind: Any) -> bool:
+        """Tell whether references are counted to what has this type."""
+        if not self.context.enable_nrt:
+            return False
+        return self.context.data_model_manager[kind].contains_nrt_meminfo()
+
+
+SHORTER = {
+    "getattr": Lower.attribute,
+    "static_getitem": Lower.item,
+    "getiter": Lower.iterator,
+    "iternext": Lower.pair,
+    "pair_first": Lower.first,
+    "pair_second": Lower.second,
+}
+"""What translates an expression at once, by its kind: a function of the translation,
+the expression, and type and value of what it is about. None is left to numba."""
+
+ARRAY_FIELDS = {"size": "nitems", "shape": "shape"}
+"""Attributes of arrays that are kept with them, with numba's names."""
 
 
 def is_vector(kind: Any) -> bool:
