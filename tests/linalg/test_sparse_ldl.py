@@ -29,8 +29,8 @@ CASES = {
     "path": laplacian(1, 40).toarray(),
     "grid": laplacian(17, 13).toarray(),
     "no zeros": np.ones((20, 20)) + 5.0 * np.eye(20),
-    "data rows": bordered(120, 24, 0.2),
-    "full data rows": bordered(6, 21, 1.0),
+    "data rows": bordered(260, 24, 0.2),
+    "full data rows": bordered(200, 17, 1.0),
 }
 
 
@@ -111,7 +111,7 @@ def test_rows_rise_and_chunks_are_alike(K):
         assert columns == {j for j in range(k) if k in below[starts[j] : starts[j + 1]]}
 
 
-@pytest.mark.parametrize("case", ["data rows", "full data rows", "grid"])
+@pytest.mark.parametrize("case", ["data rows", "full data rows"])
 def test_the_dense_block_is_where_no_entry_of_L_vanishes(case):
     f = LDL(CASES[case])
     assert f.factor(CASES[case])
@@ -124,13 +124,13 @@ def test_the_dense_block_is_where_no_entry_of_L_vanishes(case):
     begin = 0
     while begin < n:
         last = begin + pattern.width[begin] - 1
-        end = first if begin < first else n
+        end = first if begin < first and pattern.width[begin] < 4 else n
         assert pattern.reach[begin] == L[last + 1 : end, last].sum()
         begin = last + 1
 
 
-@pytest.mark.parametrize("case", ["diagonal", "no zeros", "path"])
-def test_no_dense_block_is_small_or_all_of_L(case):
+@pytest.mark.parametrize("case", ["diagonal", "no zeros", "grid"])
+def test_no_dense_block_is_small_or_most_of_L(case):
     pattern = LDL(CASES[case]).pattern
     n = pattern.place.size
     assert getattr(first_dense, "py_func", first_dense)(n, pattern.starts) == n

@@ -10,13 +10,15 @@ a chunk are applied to y at a time: each entry of y is read and written once for
 them, and has one index.
 
 Where L ends with a dense block, its rows have most of the work, and every one would
-read most of L. So the columns before the block are applied to the y_j before it alone.
-Then each of these columns is read once, and subtracted from all rows of the block,
+read most of L. So the chunks of one or two columns before the block are applied to the
+y_j before it alone. Then each of these columns is read once, and subtracted from all
+rows of the block,
 
     s_rc -= l_ri d_i l_ci    (i before the block, c < r in it),
 
 and the block is factored, row by row. In the meantime `values` has the s_rc in place of
-the l_rc, and `inverse` has the pivots of the block, as far as they are known.
+the l_rc, and `inverse` has the pivots of the block, as far as they are known. Chunks of
+four columns are as fast row by row.
 """
 
 import numpy as np
@@ -97,7 +99,7 @@ def ldl_factor(n, pattern, data, values, inverse, y):
 
 @part(_nrt=False)
 def subtract_products(first, pattern, values, inverse):
-    """Subtract from the dense block the products of the columns before it."""
+    """Subtract from the dense block the products that chunks before it do not reach."""
     starts, below = pattern.starts, pattern.below
     i = 0
     while i < first:

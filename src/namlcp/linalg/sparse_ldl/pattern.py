@@ -12,8 +12,9 @@ from namlcp.checks import refuse_size
 from namlcp.compiled import entries, kernel, part
 from namlcp.linalg.ordering import STRICT, Order, permuted
 
-SMALLEST_BLOCK = 16
-"""Columns that a dense block at the end of L must have to be treated as one."""
+SMALLEST_BLOCK, BEFORE_BLOCK = 16, 20
+"""Columns that a dense block at the end of L must have to be treated as one, and
+columns before it for each of its own: with fewer, rows are as fast one by one."""
 
 
 class Pattern(NamedTuple):
@@ -29,8 +30,8 @@ class Pattern(NamedTuple):
     4, the number of columns of the chunk, for its first and its last column i.
     done[i], scratch of a factorisation, counts the rows that are complete below the
     chunk that begins with i. The chunk is applied row by row to the first reach[i] of
-    the rows below it: to all, or, if it is before a dense block (`first_dense`), to
-    those before the block.
+    the rows below it: to those before the dense block (`first_dense`) if it has one or
+    two columns and is before the block, otherwise to all.
     """
 
     place: np.ndarray
@@ -105,7 +106,7 @@ def lay_out(indptr, indices, place, parent, counts):
     while begin < n:
         last = begin + width[begin] - 1
         for t in range(starts[last], starts[last + 1]):
-            reach[begin] += begin >= first or below[t] < first
+            reach[begin] += begin >= first or width[begin] == 4 or below[t] < first
         begin = last + 1
     return (
         diagonal, columns, rows, source, starts, below, lines, chunks, width, done,
@@ -129,12 +130,13 @@ def chunk_from(begin, parent, counts):
 def first_dense(n, starts):
     """Return the column with which the dense block that L ends with begins.
 
-    It is n, no column, if the block is small or all of L.
+    It is n, no column, if the block is small or has few columns before it.
     """
     first = n
     while first > 0 and starts[first] - starts[first - 1] == n - first:
         first -= 1
-    return first if first > 0 and n - first >= SMALLEST_BLOCK else n
+    block = n - first
+    return first if block >= SMALLEST_BLOCK and first >= BEFORE_BLOCK * block else n
 
 
 @part
