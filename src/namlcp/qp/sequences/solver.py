@@ -218,7 +218,7 @@ class Solver:
     def put(self, name: str, value: Any, vectors: np.ndarray) -> None:
         """Put a user's vector into its place."""
         place, shape = self.places[name]
-        fits = type(value) is np.ndarray and value.dtype is FLOAT
+        fits = type(value) is np.ndarray and value.dtype == FLOAT
         if not (fits and value.shape == shape):
             other = SIZED_LIKE[name]
             value = vector(name, value, *shape, other, getattr(self.qp, other).shape)
