@@ -244,6 +244,14 @@ def test_arguments_are_copied_and_not_changed():
     np.testing.assert_allclose(solver.solve().x, [1.0, 0.0], atol=1e-15)
 
 
+def test_a_pickled_vector_needs_no_more_checks_than_others(monkeypatch):
+    """Its dtype equals that of others, and is another object."""
+    solver = Solver(np.eye(2), np.array([-1.0, 1.0]), lb=np.zeros(2))
+    monkeypatch.setattr(module, "vector", None)
+    solver.update(q=pickle.loads(pickle.dumps(np.array([-3.0, 1.0]))))
+    assert solver.solve().x.tolist() == [3.0, 0.0]
+
+
 def test_a_sparse_pattern_stays():
     P = sparse.csc_array(np.diag([1.0, 2.0, 3.0]))
     G = sparse.csr_array(np.array([[1.0, 0.0, 1.0], [0.0, 1.0, 1.0]]))
