@@ -55,7 +55,7 @@ CASES = (dense_form, path_form, infeasible_form, pivoted, swept, eliminated)
 
 def bits(result) -> tuple:
     """Return all of a result but its times and its problem, byte for byte."""
-    fields = vars(result)
+    fields = result.__getstate__()
     return tuple(
         value.tobytes() if isinstance(value, np.ndarray) else repr(value)
         for name, value in fields.items()
