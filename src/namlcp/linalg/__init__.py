@@ -85,7 +85,9 @@ from namlcp.linalg.supernodes import (
     blocks_of,
     factor_blocks,
     panel_of,
+    rows_below,
     solve_blocks,
+    solve_unit_lower,
 )
 from namlcp.linalg.symmetry import asymmetry, dense_asymmetry, sparse_asymmetry
 from namlcp.linalg.threads import blas_threads

@@ -15,7 +15,7 @@ import numpy as np
 from namlcp.compiled import kernel, part
 from namlcp.linalg.lapack import add_scaled, copy, dot, product, solve_rows
 from namlcp.linalg.ordering import Order, supernodes
-from namlcp.linalg.supernodes import panel_of
+from namlcp.linalg.supernodes import panel_of, rows_below, solve_unit_lower
 
 # Columns eliminated at a time, and rows of a lower triangle updated by one product.
 BLOCK, ROW_STRIP = 48, 96
@@ -91,8 +91,7 @@ def factorise(nodes, data, L, D, places, stack, front, work):
         for _ in range(waiting[s]):
             count -= 1
             child = left[count]
-            begin = starts[child] + first[child + 1] - first[child]
-            theirs = rows[begin : starts[child + 1]]
+            theirs = rows_below(nodes, child)
             top -= theirs.size * theirs.size
             for i in range(theirs.size):
                 place[i] = position[theirs[i]]
@@ -273,19 +272,10 @@ def complement(panel, D, adds, update, work):
 def solve_fronts(nodes, L, D, u):
     """Overwrite u, in elimination order, by the solution of L D L' x = u."""
     first, starts, rows = nodes.first, nodes.starts, nodes.rows
-    number = first.size - 1
-    for s in range(number):
-        own = rows[starts[s] : starts[s + 1]]
-        panel = panel_of(nodes, L, s)
-        f, k = panel.shape
-        block = u[first[s] : first[s + 1]]
-        for i in range(1, k):
-            block[i] -= dot(panel[i, :i], block[:i])
-        for i in range(k, f):
-            u[own[i]] -= dot(panel[i], block)
+    solve_unit_lower(nodes, L, u)
     for j in range(u.size):
         u[j] /= D[j]
-    for s in range(number - 1, -1, -1):
+    for s in range(first.size - 2, -1, -1):
         own = rows[starts[s] : starts[s + 1]]
         panel = panel_of(nodes, L, s)
         f, k = panel.shape

@@ -80,6 +80,27 @@ def panel_of(nodes, values, s):
     return values[nodes.panels[s] : nodes.panels[s + 1]].reshape(height, width)
 
 
+@pasted
+def rows_below(nodes, s):
+    """Return the rows of supernode s that are not columns of it."""
+    begin = nodes.starts[s] + nodes.first[s + 1] - nodes.first[s]
+    return nodes.rows[begin : nodes.starts[s + 1]]
+
+
+@part
+def solve_unit_lower(nodes, L, x):
+    """Overwrite x, in elimination order, by L^-1 x; the unit diagonal is not read."""
+    for s in range(nodes.first.size - 1):
+        own = nodes.rows[nodes.starts[s] : nodes.starts[s + 1]]
+        panel = panel_of(nodes, L, s)
+        f, k = panel.shape
+        block = x[nodes.first[s] : nodes.first[s + 1]]
+        for i in range(1, k):
+            block[i] -= dot(panel[i, :i], block[:i])
+        for i in range(k, f):
+            x[own[i]] -= dot(panel[i], block)
+
+
 @part
 def assemble_block(data, shift, is_free, blocks, s, where, block):
     """Set the block of supernode s to its part of A + diag(shift)."""

@@ -24,6 +24,8 @@ from namlcp.linalg import (
     minimum_degree,
     panel_of,
     product,
+    rows_below,
+    solve_unit_lower,
     stack_size,
     supernodes,
 )
@@ -116,8 +118,7 @@ def factorise(nodes, data, sources, L, U, position, stack, front):
         for _ in range(waiting[s]):
             count -= 1
             child = left[count]
-            begin = starts[child] + first[child + 1] - first[child]
-            theirs = rows[begin : starts[child + 1]]
+            theirs = rows_below(nodes, child)
             top -= theirs.size * theirs.size
             add_update(stack[top:], theirs, position, lower, upper, update)
         found = eliminate(lower, upper)
@@ -192,17 +193,8 @@ def eliminate(L, U):
 def solve_panels(nodes, L, U, x):
     """Overwrite x, in elimination order, by the solution of L U y = x."""
     first, starts, rows = nodes.first, nodes.starts, nodes.rows
-    number = first.size - 1
-    for s in range(number):
-        own = rows[starts[s] : starts[s + 1]]
-        panel = panel_of(nodes, L, s)
-        f, k = panel.shape
-        block = x[first[s] : first[s + 1]]
-        for i in range(1, k):
-            block[i] -= dot(panel[i, :i], block[:i])
-        for i in range(k, f):
-            x[own[i]] -= dot(panel[i], block)
-    for s in range(number - 1, -1, -1):
+    solve_unit_lower(nodes, L, x)
+    for s in range(first.size - 2, -1, -1):
         own = rows[starts[s] : starts[s + 1]]
         panel = panel_of(nodes, U, s)
         f, k = panel.shape
