@@ -5,5 +5,6 @@ validation.claims` prints the claims; `report --full` compares them with those o
 run before.
 """
 
-from validation.claims.limits import Claim, claims, moved, stale
+from validation.claims.limits import Claim, claims, moved
+from validation.claims.marks import renewed, stale
 from validation.claims.measured import values

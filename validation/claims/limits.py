@@ -1,7 +1,6 @@
 """The claims: figures and what they have to be."""
 
 import math
-import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -57,26 +56,6 @@ def claims(folder: Path = cli.RESULTS) -> list[Claim]:
     return [
         Claim(name, found.get(name, math.nan), *limit) for name, limit in LIMITS.items()
     ]
-
-
-MARK = re.compile(r"([\d.]+)<!-- (.+?) -->")
-
-
-def stale(text: str, known: dict[str, float]) -> list[str]:
-    """Return the figures of a text that are not the measured ones.
-
-    A figure that claims something is followed by the claim's name as a comment,
-    ``0.78<!-- Maros-Meszaros over piqp -->``; it has to be the value, rounded.
-    """
-    faults = []
-    for figure, name in MARK.findall(text):
-        value = known.get(name, math.nan)
-        digits = len(figure.partition(".")[2])
-        if math.isnan(value):
-            faults.append(f"{name}: {figure}, not measured")
-        elif f"{value:.{digits}f}" != figure:
-            faults.append(f"{name}: {figure}, measured {value:g}")
-    return faults
 
 
 def moved(before: list[Claim], now: list[Claim]) -> str:
