@@ -12,7 +12,7 @@ from namlcp import Status, solve_lcp, solve_qp
 from validation import report
 from validation.claims import Claim, moved, values
 from validation.claims.limits import LIMITS
-from validation.claims.measured import mean, over
+from validation.claims.ratios import mean, over
 from validation.harness import cli, csv_files, machine, processes, quiet
 from validation.harness.machine import THREADS
 from validation.peers import references, work_precision
