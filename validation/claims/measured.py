@@ -8,6 +8,9 @@ import math
 from collections.abc import Callable
 from pathlib import Path
 
+from validation.claims.measured_derivatives import of_derivatives
+from validation.claims.measured_lcps import of_lcps
+from validation.claims.measured_paper import of_paper
 from validation.claims.ratios import mean, over, solved
 from validation.harness import cli, csv_files, tables
 
@@ -150,7 +153,7 @@ def of_stress(folder: Path) -> dict[str, float]:
 
 SOURCES: tuple[Callable[[Path], dict[str, float]], ...] = (
     of_benchmark, of_maros_meszaros, of_classes, of_infeasible, of_large, of_cvxpy,
-    of_stress, of_sequences,
+    of_stress, of_sequences, of_lcps, of_paper, of_derivatives,
 )  # fmt: skip
 
 

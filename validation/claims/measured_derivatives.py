@@ -1,0 +1,194 @@
+"""The figures of derivatives, closest points, first solves and BLAS threads."""
+
+from pathlib import Path
+
+from validation.claims.ratios import Figures, figures, least, mean, most, numbers
+from validation.harness import Row, tables
+
+SHIFTS, CONDITIONS = 1e-8, 1e-9
+"""To what shifts have to be those of another solver, and the conditions hold."""
+
+LONG = 1e-3  # [s] of a feasible solve, from which its ratio to "closest" says something
+THREE = 3.0  # feasible solves that "closest" may take
+NO_LESS = 1e-6  # of the least norm, by which proxqp may exceed it
+NOTHING_TO_SHIFT = "No shift helps", "no closest point"
+WANTED = 8.0  # [s] of a first solve with nothing compiled
+THREADS = 1.1  # times the time with one BLAS thread
+
+
+def of_differences(rows: list[Row]) -> Figures:
+    """Return the errors of derivatives, and how many at kinks are right."""
+    kinks = [row for row in rows if row["data"] != "all"]
+    found: Figures = {
+        "kinks": sum(numbers(kinks, "problems")),
+        "kinks, right": sum(numbers(kinks, "right")),
+        "kinks, families": len(tables.distinct(kinks, "family")),
+        "derivatives, adjoint": most(numbers(rows, "adjoint")),
+    }
+    for row in tables.chosen(rows, data="all"):
+        found[f"derivatives, {row['family']}"] = float(row["error"])
+    return found
+
+
+def of_packages(rows: list[Row]) -> Figures:
+    """Return times of solve and backward over the best peer's, and all errors."""
+    found: Figures = {}
+    for case in tables.distinct(rows, "case"):
+        own = tables.chosen(rows, case=case)
+        whole = {
+            row["solver"]: float(row["solve"]) + float(row["backward"]) for row in own
+        }
+        ours = whole.pop("nam", None)
+        if ours is None:
+            continue
+        if whole:
+            found[f"backward over best peer, {case}"] = ours / min(whole.values())
+        row = tables.chosen(own, solver="nam")[0]
+        found[f"backward over solve, {case}"] = float(row["ratio"])
+        for linear in numbers([row], "linear"):
+            found[f"backward over linear solve, {case}"] = (
+                float(row["backward"]) / linear
+            )
+    qps = [row for row in rows if row["case"] != "obstacle"]
+    groups = {
+        "nam": tables.chosen(qps, solver="nam"),
+        "dqp": tables.chosen(qps, solver="dqp"),
+        "others": [row for row in qps if row["solver"] not in ("nam", "dqp")],
+    }
+    for name, own in groups.items():
+        errors = numbers(own, "error")
+        found[f"backward, least error of {name}"] = least(errors)
+        found[f"backward, most error of {name}"] = most(errors)
+    return found
+
+
+def of_closest(rows: list[Row]) -> Figures:
+    """Return whether closest points are right, and their cost beside feasible solves.
+
+    Problems with nothing to shift are left out, and only of those solved is there a
+    norm.
+    """
+    there = [row for row in rows if not row["said"].startswith(NOTHING_TO_SHIFT)]
+    solved = [row for row in there if row["norm"]]
+    shifts = [
+        min(numbers([row], "clarabel") + numbers([row], "piqp")) for row in solved
+    ]
+    conditions = numbers(solved, "conditions")
+    right = [
+        shift <= SHIFTS and condition <= CONDITIONS
+        for shift, condition in zip(shifts, conditions, strict=True)
+    ]
+    made = [row for row in rows if row["group"].startswith("Maros-Meszaros")]
+    found: Figures = {
+        "closest problems": len(rows),
+        "closest problems of Maros-Meszaros": len(made),
+        "closest points": len(there),
+        "closest points right": sum(right),
+        "closest, worst shift": most(shifts),
+        "closest, worst conditions": most(conditions),
+    }
+    return found | of_time_of_closest(solved) | of_proxqp(solved)
+
+
+def of_time_of_closest(solved: list[Row]) -> Figures:
+    """Return the times of closest points over those of feasible solves."""
+    both = [row for row in solved if row["feasible"]]
+    slow = [row for row in both if float(row["feasible"]) >= LONG]
+    quick = [row for row in both if float(row["feasible"]) < LONG]
+    ratios = numbers(slow, "ratio")
+    stagewise = numbers(tables.chosen(both, group="MPC, stagewise"), "ratio")
+    milliseconds = [1e3 * time for time in numbers(quick, "closest")]
+    return {
+        "closest, slow problems": len(slow),
+        "closest over feasible": mean(ratios),
+        "closest over feasible, least": least(ratios),
+        "closest over feasible, most": most(ratios),
+        "closest over feasible, above three": sum(ratio > THREE for ratio in ratios),
+        "closest over feasible, stagewise": mean(stagewise),
+        "quick closest over feasible, most": most(numbers(quick, "ratio")),
+        "quick closest, least ms": least(milliseconds),
+        "quick closest, mean ms": mean(milliseconds),
+        "quick closest, most ms": most(milliseconds),
+    }
+
+
+def of_proxqp(solved: list[Row]) -> Figures:
+    """Return the time of proxqp's own option over ours, and what its norms exceed."""
+    asked = [row for row in solved if row["proxqp"]]
+    ratios = [float(row["proxqp"]) / float(row["soft"]) for row in asked]
+    excess = numbers(asked, "excess")
+    return {
+        "proxqp over closest": mean(ratios),
+        "proxqp over closest, most": most(ratios),
+        "proxqp, problems": len(asked),
+        "proxqp, norms not the least": sum(share > NO_LESS for share in excess),
+        "proxqp, most percent above the least norm": 100.0 * most(excess),
+    }
+
+
+def of_first_call(rows: list[Row]) -> Figures:
+    """Return the seconds of first solves with nothing compiled, and the import's."""
+    seconds = numbers(rows, "empty_solve")
+    found: Figures = {
+        "first solves": len(rows),
+        "first solve, least": least(seconds),
+        "first solve, most": most(seconds),
+        "first solves above 8 s": sum(time > WANTED for time in seconds),
+        "first solve from disk, least": least(numbers(rows, "warm_solve")),
+        "first solve from disk, most": most(numbers(rows, "warm_solve")),
+    }
+    for row in tables.chosen(rows, path="qp-sparse"):
+        found["first solve, sparse QP"] = float(row["empty_solve"])
+    return found
+
+
+def of_wheel(rows: list[Row]) -> Figures:
+    """Return the seconds of first solves and imports from a wheel with machine code."""
+    seconds, imports = numbers(rows, "empty_solve"), numbers(rows, "empty_import")
+    return {
+        "wheel, least": least(seconds),
+        "wheel, most": most(seconds),
+        "wheel, import, least": least(imports),
+        "wheel, import, most": most(imports),
+    }
+
+
+def of_threads(rows: list[Row], name: str) -> Figures:
+    """Return what two BLAS threads cost, in the mean of each set and at most."""
+    sets = [tables.chosen(rows, set=each) for each in tables.distinct(rows, "set")]
+    means = [mean(numbers(own, "ratio")) for own in sets]
+    ratios = numbers(rows, "ratio")
+    return {
+        f"{name} threads, problems": len(ratios),
+        f"{name} threads, above 1.1": sum(ratio > THREADS for ratio in ratios),
+        f"{name} threads, least mean": least(means),
+        f"{name} threads, most mean": most(means),
+        f"{name} threads, most": most(ratios),
+        f"{name} threads left alone, most": most(numbers(rows, "unguarded")),
+    }
+
+
+def of_idle(rows: list[Row]) -> Figures:
+    """Return them with the other core idle."""
+    return of_threads(rows, "idle")
+
+
+def of_busy(rows: list[Row]) -> Figures:
+    """Return them with another process on each core."""
+    return of_threads(rows, "busy")
+
+
+FILES = {
+    "derivatives": of_differences,
+    "derivatives-peers": of_packages,
+    "closest": of_closest,
+    "first-call": of_first_call,
+    "first-call-wheel": of_wheel,
+    "blas-threads": of_idle,
+    "blas-threads-busy": of_busy,
+}
+
+
+def of_derivatives(folder: Path) -> Figures:
+    """Return all of them."""
+    return figures(folder, FILES)
