@@ -5,12 +5,13 @@ pictures, in less than ten minutes. --full: the same at their sizes, and Maros-M
 benchmarks, large LCPs and infeasible QPs, which takes hours. Either writes report.html
 into the folder --out (report), figures and tables inlined, also when it is ended early,
 beside its CSV files and figures. `--full --out validation` brings the repository's own
-files up to date. Stopped and run again, it goes on with the commands that are not done
-with the present sources (`done.json`; --again begins anew), the long ones within their
-CSV files. Of an older run the rows of peers are kept that ran into the time limit, on
-the same processor and with the same version (`processes.keep_peers`). At the top stands
-what became of each claim (`claims`) since the run before; what fell is marked. --list
-runs nothing and tells how long each part takes.
+files up to date, and the figures and tables of its two README files
+(`page.documents`). Stopped and run again, it goes on with the commands that are not
+done with the present sources (`done.json`; --again begins anew), the long ones within
+their CSV files. Of an older run the rows of peers are kept that ran into the time
+limit, on the same processor and with the same version (`processes.keep_peers`). At
+the top stands what became of each claim (`claims`) since the run before; what fell is
+marked. --list runs nothing and tells how long each part takes.
 
 --full times nothing while other processes keep more than 0.3 of a core busy: it says so
 and waits, an hour at most (`harness.quiet`). With --busy one other process may keep a
@@ -296,6 +297,10 @@ def main(arguments: list[str] | None = None) -> int:
     if args.full:
         os.environ[quiet.LOAD] = quiet.BESIDE if args.busy else quiet.QUIET
     outcomes = report(parts, folders, args.out, sys.stderr, args.again)
+    if args.full and own == cli.ROOT / "validation":
+        from validation.page import documents  # needs what all parts need
+
+        documents.write()
     print(f"{args.out / 'report.html'}")
     failed = [name for name, outcome in outcomes.items() if outcome.fault]
     for name in failed:

@@ -25,7 +25,7 @@ from validation.applications.cvxpy_bench import (
     conclude,
     work,
 )
-from validation.harness import Row, cli, csv_files, processes, tables, timing
+from validation.harness import Row, cli, csv_files, processes, tables
 
 SHOWN = (
     "problem:24 set:6 solver success:8 status:18 runtime iterations form "
@@ -39,28 +39,23 @@ COLUMNS = (
 ).split()
 
 
-def print_summary(rows: list[Row]) -> None:
-    """Print successes and times of every solver, and what each has wrong."""
-    for size in tables.distinct(rows, "set"):
-        here = tables.chosen(rows, set=size)
-        own = {r["problem"]: r for r in tables.chosen(here, solver="nam")}
-        total = len(tables.distinct(here, "problem"))
-        print(f"\n{size}: {total} models")
-        for solver in tables.distinct(here, "solver"):
-            good = tables.chosen(here, solver=solver, success=True)
-            timed = [r for r in good if r.get("runtime")]
-            mean = 1e3 * timing.geometric_mean([r["runtime"] for r in timed])
-            both = [r for r in timed if own.get(r["problem"], {}).get("success")]
-            ratios = [own[r["problem"]]["runtime"] / r["runtime"] for r in both]
-            print(
-                f"{solver:<10}{len(good):>4}/{total}{mean:>10.3f} ms, nam/{solver} "
-                f"{timing.geometric_mean(ratios):.2f} ({len(ratios)})"
-            )
+def print_wrong(rows: list[Row]) -> None:
+    """Print what each solver has wrong."""
     print("\nwho is wrong, by the status that is known and the residuals:")
     for solver in tables.distinct(rows, "solver"):
         wrong = tables.chosen(rows, solver=solver, success=False)
         text = "; ".join(verdict(row) for row in wrong)
         print(f"{solver}: {text or 'nothing'}")
+
+
+def markdown(rows: list[Row]) -> str:
+    """Return the table of sizes and solvers: what is right, and times."""
+    lines = [
+        (size, *cells)
+        for size in tables.distinct(rows, "set")
+        for cells in tables.compared(tables.chosen(rows, set=size))
+    ]
+    return tables.markdown(("size", *tables.compared_columns()), lines)
 
 
 def print_table(rows: list[Row]) -> None:
@@ -120,7 +115,8 @@ def main(arguments: list[str] | None = None) -> int:
                     write(row)
                 rows += found
     print_table(rows)
-    print_summary(rows)
+    print("\n" + markdown(rows))
+    print_wrong(rows)
     return min(100, len(tables.chosen(rows, solver="nam", success=False)))
 
 

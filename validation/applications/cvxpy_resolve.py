@@ -166,6 +166,27 @@ def conclude(rows: list[Row]) -> None:
             row["objective_error"] = float((error / np.maximum(1.0, abs(best))).max())
 
 
+def markdown(rows: list[Row]) -> str:
+    """Return the table: a step and the solver's share of it, largest KKT residual."""
+    solvers = [name for name in VARIANTS if name in tables.distinct(rows, "solver")]
+    lines = []
+    for name, size in tables.distinct(rows, "problem", "set"):
+        own = {
+            row["solver"]: row for row in tables.chosen(rows, problem=name, set=size)
+        }
+        lines.append((name, size, *(cell(own[s]) for s in solvers if s in own)))
+    return tables.markdown(("sequence", "size", *solvers), lines)
+
+
+def cell(row: Row) -> str:
+    """Return times in milliseconds and the worst residual."""
+    total, share = (
+        1e3 * csv_files.number(row[name]) for name in ("total", "solver_time")
+    )
+    worst = max(csv_files.number(row[name]) for name in ERRORS)
+    return f"{total:.2f}, {share:.2f}, {worst:.0e}"
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Run the sequences and write the table."""
     parser = cli.parser(__doc__, "csv", limit=120.0)

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
-from validation.harness import charts, csv_files, tables
+from validation.harness import Row, charts, csv_files, tables
 
 Rows = list[dict[str, str]]
 
@@ -152,23 +152,29 @@ def note(axes: Axes, text: str, height: float = 0.03) -> None:
     axes.text(0.98, height, text, color=charts.DARK, fontsize=7.5, **place)
 
 
-def table(results: Path) -> None:
-    """Print the rows in Markdown and what the claims are about."""
-    rows = csv_files.read(results)
+def value(row: Row, key: str) -> float:
+    """Return an entry as a number, NaN of nothing."""
+    return csv_files.number(row[key])
 
-    def value(row: dict[str, str], key: str) -> float:
-        return float(row[key] or "nan")
 
-    own = tables.chosen(rows, solver="nam")
+def markdown(rows: list[Row]) -> str:
+    """Return the table of our rows."""
     heads = "scene,n,method,cycles,time [s],Res,linear solves,active".split(",")
     lines = []
-    for row in own:
+    for row in tables.chosen(rows, solver="nam"):
         ratio = f"{value(row, 'ratio'):.2f}" if row["ratio"] else ""
         share = f"{100.0 * value(row, 'active'):.2g} %" if row["active"] else ""
         first = [row[key] for key in ("scene", "n", "method", "iterations")]
         seconds, residual = value(row, "seconds"), value(row, "residual")
         lines.append([*first, f"{seconds:.3g}", f"{residual:.1e}", ratio, share])
-    print(tables.markdown(heads, lines) + "\n")
+    return tables.markdown(heads, lines)
+
+
+def table(results: Path) -> None:
+    """Print our rows, and what the claims are about."""
+    rows = csv_files.read(results)
+    own = tables.chosen(rows, solver="nam")
+    print(markdown(rows) + "\n")
     for row in (row for row in rows if row["solver"] != "nam"):
         here = [r for r in own if (r["scene"], r["n"]) == (row["scene"], row["n"])]
         times = [value(row, "seconds") / value(r, "seconds") for r in here]

@@ -5,6 +5,6 @@ validation.claims` prints the claims; `report --full` compares them with those o
 run before.
 """
 
-from validation.claims.limits import Claim, claims, moved
+from validation.claims.limits import Claim, claims, moved, summary
 from validation.claims.marks import renewed, stale
 from validation.claims.measured import values

@@ -58,6 +58,16 @@ def claims(folder: Path = cli.RESULTS) -> list[Claim]:
     ]
 
 
+def summary(folder: Path = cli.RESULTS) -> str:
+    """Return the table of what is asked and what was measured."""
+    lines = (
+        (claim.name, f"{claim.sense} {claim.limit:g}", f"{claim.value:.3g}",
+         "yes" if claim.holds else "NO")
+        for claim in claims(folder)
+    )  # fmt: skip
+    return tables.markdown(("asked", "limit", "measured", "met"), lines)
+
+
 def moved(before: list[Claim], now: list[Claim]) -> str:
     """Return a table of two runs' claims; what fell is marked."""
     lines = []

@@ -183,20 +183,19 @@ def run(args: argparse.Namespace) -> int:
             row = request | children[solver].ask(family, n, seed)
             row.setdefault("said", row.get("status"))
             file.add(row)
-    print_table(args.csv)
+    print(markdown(csv_files.read(args.csv)))
     return 0
 
 
-def print_table(file: Any) -> None:
-    """Print, for each family, size and solver, what is solved and the mean time."""
-    rows = csv_files.read(file)
+def markdown(rows: list[Row]) -> str:
+    """Return the table of families, sizes and solvers: solved, and the mean time."""
     solvers = tables.distinct(rows, "solver")
     lines = []
     for family, n in tables.distinct(rows, "family", "n"):
         own = tables.chosen(rows, family=family, n=n)
         cells = [cell(tables.chosen(own, solver=solver)) for solver in solvers]
         lines.append((family, own[0]["order"] or n, *cells))
-    print(tables.markdown(("family", "n", *solvers), lines))
+    return tables.markdown(("family", "n", *solvers), lines)
 
 
 def cell(rows: list[Row]) -> str:
@@ -204,7 +203,7 @@ def cell(rows: list[Row]) -> str:
     if not rows:
         return "-"
     times = [float(row["runtime"]) for row in rows if row["success"] == "True"]
-    mean = f", {1e3 * timing.geometric_mean(times):.3g} ms" if times else ""
+    mean = f", {tables.short(1e3 * timing.geometric_mean(times))} ms" if times else ""
     return f"{len(times)}/{len(rows)}{mean}"
 
 
@@ -282,7 +281,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 def table(args: argparse.Namespace) -> int:
     """Print the table of a CSV."""
-    print_table(args.csv)
+    print(markdown(csv_files.read(args.csv)))
     return 0
 
 

@@ -47,8 +47,13 @@ def run(args: argparse.Namespace) -> int:
 
 
 def table(args: argparse.Namespace) -> int:
-    """Print unknowns, times and worst figures of every run as Markdown."""
-    rows = csv_files.read(args.csv)
+    """Print the table of a CSV."""
+    print(markdown(csv_files.read(args.csv)))
+    return 0
+
+
+def markdown(rows: list[Row]) -> str:
+    """Return the table of every run: unknowns, times and worst figures."""
     lines = []
     for count, start in tables.distinct(rows, "discs", "start"):
         own = tables.chosen(rows, discs=count, start=start)
@@ -64,8 +69,7 @@ def table(args: argparse.Namespace) -> int:
         ))  # fmt: skip
     columns = ("discs", "start", "largest n", "ms a step", "at most", "not solved",
                "worst Res", "overlap [m]", "energy gained [J]")  # fmt: skip
-    print(tables.markdown(columns, lines))
-    return 0
+    return tables.markdown(columns, lines)
 
 
 def draw_state(axes: Axes) -> None:

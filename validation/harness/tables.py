@@ -1,9 +1,11 @@
 """Rows as tables."""
 
-from collections.abc import Iterable
+import math
+from collections.abc import Iterable, Iterator
 from typing import Any
 
-from validation.harness.csv_files import Row
+from validation.harness import timing
+from validation.harness.csv_files import Row, number
 
 
 def distinct(rows: Iterable[Row], *keys: str) -> list[Any]:
@@ -24,6 +26,43 @@ def markdown(columns: Iterable[Any], lines: Iterable[Iterable[Any]]) -> str:
     text = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     text += ["| " + " | ".join(str(cell) for cell in line) + " |" for line in lines]
     return "\n".join(text)
+
+
+def short(value: float) -> str:
+    """Return a number with three digits, without an exponent where it is large."""
+    return f"{value:.0f}" if value >= 999.5 else f"{value:.3g}"
+
+
+def power_of_ten(value: float) -> str:
+    """Return 1e-6 for 10^-6."""
+    return f"{value:.0e}".replace("e-0", "e-")
+
+
+def compared_columns(reference: str = "nam") -> tuple[str, ...]:
+    """Return the columns of what `compared` yields."""
+    return "solver", "solved", "time [ms]", f"{reference}/solver (both solve)"
+
+
+def compared(rows: Iterable[Row], reference: str = "nam") -> Iterator[tuple[str, ...]]:
+    """Yield a line for each solver: what it solves, its time, ours over it.
+
+    Rows, of a file or just measured, have "set", "problem", "solver", "success" and
+    "runtime" [s]; times are geometric means of those that were taken.
+    """
+    rows = list(rows)
+    times: dict[str, dict[Any, float]] = {s: {} for s in distinct(rows, "solver")}
+    for row in rows:
+        if str(row["success"]) == "True":
+            problem = row["set"], row["problem"]
+            times[row["solver"]][problem] = number(row["runtime"])
+    total, base = len(distinct(rows, "set", "problem")), times.get(reference, {})
+    for solver, own in times.items():
+        known = {name: time for name, time in own.items() if not math.isnan(time)}
+        mean = 1e3 * timing.geometric_mean(list(known.values()))
+        ratios = [base[name] / known[name] for name in known if name in base]
+        over = f"{timing.geometric_mean(ratios):.2f} ({len(ratios)})"
+        ratio = over if ratios and solver != reference else ""
+        yield solver, f"{len(own)}/{total}", short(mean), ratio
 
 
 def print_row(row: Row, columns: str) -> None:

@@ -119,11 +119,11 @@ def compared(rows: list[Row]) -> list[Row]:
 
 def milliseconds(seconds: float) -> str:
     """Return a time in milliseconds with three digits, "-" of none."""
-    return "-" if np.isnan(seconds) else f"{1e3 * seconds:.3g}"
+    return "-" if np.isnan(seconds) else tables.short(1e3 * seconds)
 
 
-def print_problems(lines: list[Row]) -> None:
-    """Print the table of all problems: entries, nam's time, the best peer's, ratio."""
+def of_problems(lines: list[Row]) -> str:
+    """Return the table of all problems: entries, nam's time, the best peer's, ratio."""
     columns = "class", "size", "entries", "nam [ms]", "best peer", "[ms]", "nam/best"
     cells = (
         (
@@ -137,38 +137,14 @@ def print_problems(lines: list[Row]) -> None:
         )
         for line in lines
     )
-    print("\n" + tables.markdown(columns, cells))
+    return tables.markdown(columns, cells)
 
 
-def print_solvers(rows: list[Row]) -> None:
-    """Print what each solver solves, its mean times, and nam's over them."""
-    runs = {
-        solver: {(row["set"], row["problem"]): row for row in own if row["success"]}
-        for solver in tables.distinct(rows, "solver")
-        for own in [tables.chosen(rows, solver=solver)]
-    }
-    total = len(tables.distinct(rows, "set", "problem"))
-    ours = runs.get("nam", {})
-    lines = []
-    for solver, own in runs.items():
-        mean, cold = (
-            timing.geometric_mean([float(row[column]) for row in own.values()])
-            for column in ("runtime", "cold")
-        )
-        both = [
-            ours[key]["runtime"] / own[key]["runtime"] for key in own if key in ours
-        ]
-        lines.append(
-            (
-                solver,
-                f"{len(own)}/{total}",
-                milliseconds(mean),
-                milliseconds(cold),
-                f"{timing.geometric_mean(both):.2f} ({len(both)})" if both else "",
-            )
-        )
-    columns = "solver", "solved", "warm [ms]", "cold [ms]", "nam/solver (both)"
-    print("\n" + tables.markdown(columns, lines))
+def markdown(rows: list[Row]) -> str:
+    """Return the table of all problems by class and size, at the first tolerance."""
+    lines = compared(tables.chosen(rows, eps=rows[0]["eps"]))
+    by_size = sorted(lines, key=lambda line: float(line["entries"]))
+    return of_problems(sorted(by_size, key=lambda line: str(line["set"])))
 
 
 def print_claim(rows: list[Row], lines: list[Row]) -> None:
@@ -204,8 +180,8 @@ def print_tables(rows: list[Row]) -> None:
         own = tables.chosen(rows, eps=eps)
         lines = compared(own)
         print(f"\neps {eps:.0e}")
-        print_problems(lines)
-        print_solvers(own)
+        print("\n" + of_problems(lines))
+        print("\n" + tables.markdown(tables.compared_columns(), tables.compared(own)))
         print_claim(own, lines)
 
 

@@ -149,6 +149,21 @@ def first_calls() -> list[Row]:
     return rows
 
 
+def markdown(now: list[Row], wheel: list[Row]) -> str:
+    """Return the table of first solves [s], also from a wheel with machine code."""
+    from_wheel = {row["path"]: f"{float(row['warm_solve']):.3f}" for row in wheel}
+    lines = [
+        (
+            row["path"],
+            *(f"{float(row[name]):.2g}" for name in ("empty_solve", "warm_solve")),
+            from_wheel.get(row["path"], ""),
+        )
+        for row in now
+    ]
+    columns = "path", "nothing compiled", "machine code on disk", "from a wheel"
+    return tables.markdown(columns, lines)
+
+
 def run_script(*command: str, **environment: str) -> str:
     """Return what a script prints."""
     return subprocess.run(

@@ -158,12 +158,22 @@ def summary(rows: list[Row], limit: float, total: int) -> list[list[str]]:
     return lines
 
 
-def print_classes(rows: list[Row], peer: str) -> None:
-    """Print our time over a peer's, by the peer's time."""
+def markdown(rows: list[Row], limit: float = SHIFT) -> str:
+    """Return the tables of the whole collection, and what namlcp misses."""
+    known, total = at_limit(rows, limit), len(tables.distinct(rows, "problem"))
+    lines, missed = [], []
+    for eps in sorted(tables.distinct(known, "eps"), reverse=True):
+        own, name = tables.chosen(known, eps=eps), tables.power_of_ten(eps)
+        lines += [[name, *line] for line in summary(own, limit, total)]
+        missed.append(f"Missed by namlcp at {name}: {failures(own)}.")
+    every = tables.markdown(("eps", *SUMMARY), lines)
+    return "\n\n".join([every, by_time(tables.chosen(known, eps=1e-6)), *missed])
+
+
+def by_time(rows: list[Row], peer: str = "piqp") -> str:
+    """Return the table of our time over a peer's, by the peer's time."""
     groups = by_solver(rows)
-    if peer not in groups or "nam" not in groups:
-        return
-    pairs = common(groups["nam"], groups[peer])
+    pairs = common(groups.get("nam", []), groups.get(peer, []))
     lines = []
     for low, high in pairwise(CLASSES):
         own = [ours / theirs for ours, theirs in pairs if low <= theirs < high]
@@ -171,13 +181,18 @@ def print_classes(rows: list[Row], peer: str) -> None:
             text, mean = f"{1e3 * low:g} to {1e3 * high:g}", timing.geometric_mean(own)
             lines.append([text, str(len(own)), f"{mean:.2f}", f"{max(own):.1f}"])
     columns = [f"{peer} [ms]", "problems", f"nam/{peer}", "largest"]
-    print("\n" + tables.markdown(columns, lines))
+    return tables.markdown(columns, lines)
+
+
+def failures(rows: list[Row]) -> str:
+    """Return the problems that we miss, each with its reason."""
+    failed = tables.chosen(rows, solver="nam", success=False)
+    return "; ".join(failure_text(row) for row in failed)
 
 
 def print_failures(rows: list[Row]) -> None:
     """Print what we miss, what is wrong, and the forms that solved it."""
-    failed = tables.chosen(rows, solver="nam", success=False)
-    print("\nnam fails: " + "; ".join(failure_text(row) for row in failed))
+    print(f"\nnam fails: {failures(rows)}")
     wrong = [row for row in rows if is_wrong(row)]
     if wrong:
         names = (f"{row['solver']} {row['problem']}" for row in wrong)
@@ -201,7 +216,7 @@ def print_tables(data: Path, rows: list[Row]) -> None:
                 lines = summary(own, limit, len(names))
                 print("\n" + tables.markdown(SUMMARY, lines))
             own = tables.chosen(known, eps=eps)
-            print_classes(own, "piqp")
+            print("\n" + by_time(own))
             print_failures(own)
 
 

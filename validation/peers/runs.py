@@ -151,31 +151,27 @@ def read_rows(file: Path) -> list[Row]:
 
 
 def print_tables(rows: list[Row], reference: str = "nam") -> None:
-    """Print one table for each set and tolerance, in the order of the rows."""
-    for problem_set, eps in tables.distinct(rows, "set", "eps"):
-        print_table(tables.chosen(rows, set=problem_set, eps=eps), reference)
-
-
-def print_table(rows: list[Row], reference: str) -> None:
-    """Print success, time and failures of all solvers on one set at one tolerance."""
-    times = {}
-    for solver in tables.distinct(rows, "solver"):
-        solved = tables.chosen(rows, solver=solver, success=True)
-        times[solver] = {row["problem"]: row["runtime"] for row in solved}
-    total = len(tables.distinct(rows, "problem"))
-    print(f"\nset {rows[0]['set']}, eps {rows[0]['eps']:.0e}: {total} problems")
-    print(f"{'solver':<10}{'solved':>9}{'time [ms]':>12}{reference + '/solver':>14}")
-    base = times.get(reference, {})
-    for solver, own in times.items():
-        mean = 1e3 * timing.geometric_mean(list(own.values()))
-        ratios = [base[name] / own[name] for name in own if name in base]
-        over = f"{timing.geometric_mean(ratios):.2f} ({len(ratios)})"
-        ratio = over if ratios else "-"
-        print(f"{solver:<10}{f'{len(own)}/{total}':>9}{mean:>12.3f}{ratio:>14}")
-    for solver in times:
-        failed = tables.chosen(rows, solver=solver, success=False)
+    """Print success and times of all solvers, and what each of them fails."""
+    print("\n" + markdown(rows, reference) + "\n")
+    for each in tables.distinct(rows, "set", "eps", "solver"):
+        key = dict(zip(("set", "eps", "solver"), each, strict=True))
+        failed = tables.chosen(rows, **key, success=False)
         if failed:
-            print(f"{solver} fails: " + "; ".join(failure_text(row) for row in failed))
+            texts = "; ".join(failure_text(row) for row in failed)
+            print("{set}, {eps:.0e}: {solver} fails: ".format(**key) + texts)
+
+
+def markdown(rows: list[Row], reference: str = "nam") -> str:
+    """Return the table of sets, tolerances and solvers."""
+    columns = "set", "eps", *tables.compared_columns(reference)
+    lines = []
+    known = sorted(rows, key=lambda row: row["solver"] != reference)
+    sets, tolerances = (tables.distinct(rows, key) for key in ("set", "eps"))
+    for problem_set, eps in product(sets, sorted(tolerances, reverse=True)):
+        own = tables.chosen(known, set=problem_set, eps=eps)
+        first = problem_set, tables.power_of_ten(eps)
+        lines += [(*first, *cells) for cells in tables.compared(own, reference)]
+    return tables.markdown(columns, lines)
 
 
 def failure_text(row: Row) -> str:

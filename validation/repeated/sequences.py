@@ -38,6 +38,7 @@ from validation.harness import (
     processes,
     qps,
     tables,
+    timing,
 )
 from validation.problems import sequences as known
 from validation.repeated.command import run_or_plot
@@ -174,6 +175,33 @@ def run(args: argparse.Namespace) -> None:
                         tables.print_row(row, SHOWN)
                         write(row)
                         rows.append(row)
+
+
+def markdown(rows: list[Row]) -> str:
+    """Return the table of microseconds a step, the mean over the levels of change.
+
+    In brackets what is solved, where that is not every step.
+    """
+    solvers = tables.distinct(rows, "solver")
+    lines = []
+    for scene, size in tables.distinct(rows, "scene", "size"):
+        own = tables.chosen(rows, scene=scene, size=size)
+        cells = (cell(tables.chosen(own, solver=solver)) for solver in solvers)
+        lines.append((scene, size, *cells))
+    return tables.markdown(("scene", "size", *solvers), lines)
+
+
+def cell(rows: list[Row]) -> str:
+    """Return the mean time of the runs of a solver, "-" without any."""
+    steps, done = (
+        sum(int(row[name] or 0) for row in rows) for name in ("steps", "solved")
+    )
+    times = [float(row["microseconds"]) for row in rows if row["microseconds"]]
+    if not times:
+        return "-"
+    return tables.short(timing.geometric_mean(times)) + f" ({done}/{steps})" * (
+        done < steps
+    )
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -21,6 +21,7 @@ KEY = COLUMNS[:6]
 LISTED = 40  # indices of a class and outcome in the CSV
 OUTCOMES = ("right", "refused", "wrong", "raised", "hang", "crash")
 NEVER = OUTCOMES[2:]
+HEAD = "problems", *OUTCOMES, "mean [ms]"
 SOLVED = 0.998  # share that nam must solve of what has a solution
 NAMED = 0.99  # share whose lack of a solution nam must prove
 NAMELESS = ("infeasible", "unbounded", "both")  # what has no solution
@@ -176,17 +177,30 @@ def speed_lines(path: Path) -> Iterator[list[Any]]:
         yield [name, solver, total(here), f"{rate:.0f}", f"{3e5 / rate / 60.0:.0f}"]
 
 
+def counted(path: Path) -> list[Row]:
+    """Return the rows of a CSV that count problems."""
+    return [row for row in read(path) if row["outcome"] != "done"]
+
+
+def of_bars(rows: list[Row]) -> str:
+    """Return the table of what is asked of nam."""
+    met = {True: "yes", False: "NO"}
+    asked = ([*bar[:3], met[bar[3]]] for bar in bars(rows))
+    return tables.markdown(("nam", "count", "of", "met"), asked)
+
+
+def of_solvers(rows: list[Row]) -> str:
+    """Return the table of all solvers on the classes that peers have."""
+    return tables.markdown(("convex QPs", "solver", *HEAD), peer_lines(rows))
+
+
 def print_report(path: Path) -> None:
     """Print the tables of a CSV."""
-    rows = [row for row in read(path) if row["outcome"] != "done"]
+    rows = counted(path)
     own = tables.chosen(rows, solver="nam")
-    head = ["problems", *OUTCOMES, "mean [ms]"]
-    met = {True: "yes", False: "NO"}
-    asked = ([*bar[:3], met[bar[3]]] for bar in bars(own))
-    print(tables.markdown(("nam", "count", "of", "met"), asked))
-    print("\n" + tables.markdown(("class", "truth", *head), class_lines(own)))
+    print(of_bars(rows))
+    print("\n" + tables.markdown(("class", "truth", *HEAD), class_lines(own)))
     if len(tables.distinct(rows, "solver")) > 1:
-        columns = "convex QPs", "solver", *head
-        print("\n" + tables.markdown(columns, peer_lines(rows)))
+        print("\n" + of_solvers(rows))
     columns = "set", "solver", "problems", "a second", "3*10^5 [min]"
     print("\n" + tables.markdown(columns, speed_lines(path)))
