@@ -1,9 +1,11 @@
 """The figures of derivatives, closest points, first solves and BLAS threads."""
 
+import math
 from pathlib import Path
 
 from validation.claims.ratios import Figures, figures, least, mean, most, numbers
 from validation.harness import Row, tables
+from validation.harness.csv_files import number
 
 SHIFTS, CONDITIONS = 1e-8, 1e-9
 """To what shifts have to be those of another solver, and the conditions hold."""
@@ -26,7 +28,7 @@ def of_differences(rows: list[Row]) -> Figures:
         "derivatives, adjoint": most(numbers(rows, "adjoint")),
     }
     for row in tables.chosen(rows, data="all"):
-        found[f"derivatives, {row['family']}"] = float(row["error"])
+        found[f"derivatives, {row['family']}"] = number(row["error"])
     return found
 
 
@@ -34,21 +36,20 @@ def of_packages(rows: list[Row]) -> Figures:
     """Return times of solve and backward over the best peer's, and all errors."""
     found: Figures = {}
     for case in tables.distinct(rows, "case"):
-        own = tables.chosen(rows, case=case)
-        whole = {
-            row["solver"]: float(row["solve"]) + float(row["backward"]) for row in own
-        }
-        ours = whole.pop("nam", None)
-        if ours is None:
+        times: Figures = {}
+        ours: Row = {}
+        for row in tables.chosen(rows, case=case):
+            times[row["solver"]] = number(row["solve"]) + number(row["backward"])
+            if row["solver"] == "nam":
+                ours = row
+        if not ours:
             continue
-        if whole:
-            found[f"backward over best peer, {case}"] = ours / min(whole.values())
-        row = tables.chosen(own, solver="nam")[0]
-        found[f"backward over solve, {case}"] = float(row["ratio"])
-        for linear in numbers([row], "linear"):
-            found[f"backward over linear solve, {case}"] = (
-                float(row["backward"]) / linear
-            )
+        time = times.pop("nam")
+        best = least([peer for peer in times.values() if not math.isnan(peer)])
+        linear = number(ours["backward"]) / number(ours["linear"])
+        found[f"backward over best peer, {case}"] = time / best
+        found[f"backward over solve, {case}"] = number(ours["ratio"])
+        found[f"backward over linear solve, {case}"] = linear
     qps = [row for row in rows if row["case"] != "obstacle"]
     groups = {
         "nam": tables.chosen(qps, solver="nam"),
@@ -71,12 +72,12 @@ def of_closest(rows: list[Row]) -> Figures:
     there = [row for row in rows if not row["said"].startswith(NOTHING_TO_SHIFT)]
     solved = [row for row in there if row["norm"]]
     shifts = [
-        min(numbers([row], "clarabel") + numbers([row], "piqp")) for row in solved
+        min(numbers([row], "clarabel") + numbers([row], "piqp"), default=math.inf)
+        for row in solved
     ]
-    conditions = numbers(solved, "conditions")
     right = [
-        shift <= SHIFTS and condition <= CONDITIONS
-        for shift, condition in zip(shifts, conditions, strict=True)
+        shift <= SHIFTS and number(row["conditions"]) <= CONDITIONS
+        for shift, row in zip(shifts, solved, strict=True)
     ]
     made = [row for row in rows if row["group"].startswith("Maros-Meszaros")]
     found: Figures = {
@@ -85,7 +86,7 @@ def of_closest(rows: list[Row]) -> Figures:
         "closest points": len(there),
         "closest points right": sum(right),
         "closest, worst shift": most(shifts),
-        "closest, worst conditions": most(conditions),
+        "closest, worst conditions": most(numbers(solved, "conditions")),
     }
     return found | of_time_of_closest(solved) | of_proxqp(solved)
 
@@ -138,7 +139,7 @@ def of_first_call(rows: list[Row]) -> Figures:
         "first solve from disk, most": most(numbers(rows, "warm_solve")),
     }
     for row in tables.chosen(rows, path="qp-sparse"):
-        found["first solve, sparse QP"] = float(row["empty_solve"])
+        found["first solve, sparse QP"] = number(row["empty_solve"])
     return found
 
 

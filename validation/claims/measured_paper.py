@@ -4,6 +4,7 @@ from pathlib import Path
 
 from validation.claims.ratios import Figures, figures, least, most, numbers
 from validation.harness import Row, tables
+from validation.harness.csv_files import number
 
 
 def of_tables(rows: list[Row]) -> Figures:
@@ -67,11 +68,11 @@ def of_h_plus(rows: list[Row]) -> Figures:
     """Return the times of is_h_plus, and those of a linear solve [s]."""
     found: Figures = {}
     for row in rows:
-        seconds = float(row["is_h_plus"])
+        seconds = number(row["is_h_plus"])
         found[f"h_plus, {row['case']}"] = seconds
-        found[f"h_plus, {row['case']}, sweeps"] = seconds / float(row["sweep"])
-        for solve in numbers([row], "linear_solve"):
-            found[f"h_plus, {row['case']}, linear solve"] = solve
+        found[f"h_plus, {row['case']}, sweeps"] = seconds / number(row["sweep"])
+        solve = number(row["linear_solve"])
+        found[f"h_plus, {row['case']}, linear solve"] = solve
     return found
 
 
