@@ -4,8 +4,7 @@ import math
 from pathlib import Path
 
 from validation.claims.ratios import Figures, figures, least, mean, most, numbers
-from validation.harness import Row, tables
-from validation.harness.csv_files import number
+from validation.harness import Row, csv_files, tables
 
 SHIFTS, CONDITIONS = 1e-8, 1e-9
 """To what shifts have to be those of another solver, and the conditions hold."""
@@ -28,7 +27,7 @@ def of_differences(rows: list[Row]) -> Figures:
         "derivatives, adjoint": most(numbers(rows, "adjoint")),
     }
     for row in tables.chosen(rows, data="all"):
-        found[f"derivatives, {row['family']}"] = number(row["error"])
+        found[f"derivatives, {row['family']}"] = csv_files.number(row["error"])
     return found
 
 
@@ -39,16 +38,18 @@ def of_packages(rows: list[Row]) -> Figures:
         times: Figures = {}
         ours: Row = {}
         for row in tables.chosen(rows, case=case):
-            times[row["solver"]] = number(row["solve"]) + number(row["backward"])
+            times[row["solver"]] = csv_files.number(row["solve"]) + csv_files.number(
+                row["backward"]
+            )
             if row["solver"] == "nam":
                 ours = row
         if not ours:
             continue
         time = times.pop("nam")
         best = least([peer for peer in times.values() if not math.isnan(peer)])
-        linear = number(ours["backward"]) / number(ours["linear"])
+        linear = csv_files.number(ours["backward"]) / csv_files.number(ours["linear"])
         found[f"backward over best peer, {case}"] = time / best
-        found[f"backward over solve, {case}"] = number(ours["ratio"])
+        found[f"backward over solve, {case}"] = csv_files.number(ours["ratio"])
         found[f"backward over linear solve, {case}"] = linear
     qps = [row for row in rows if row["case"] != "obstacle"]
     groups = {
@@ -76,7 +77,7 @@ def of_closest(rows: list[Row]) -> Figures:
         for row in solved
     ]
     right = [
-        shift <= SHIFTS and number(row["conditions"]) <= CONDITIONS
+        shift <= SHIFTS and csv_files.number(row["conditions"]) <= CONDITIONS
         for shift, row in zip(shifts, solved, strict=True)
     ]
     made = [row for row in rows if row["group"].startswith("Maros-Meszaros")]
@@ -139,7 +140,7 @@ def of_first_call(rows: list[Row]) -> Figures:
         "first solve from disk, most": most(numbers(rows, "warm_solve")),
     }
     for row in tables.chosen(rows, path="qp-sparse"):
-        found["first solve, sparse QP"] = number(row["empty_solve"])
+        found["first solve, sparse QP"] = csv_files.number(row["empty_solve"])
     return found
 
 

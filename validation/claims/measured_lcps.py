@@ -6,8 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from validation.claims.ratios import Figures, figures, least, mean, most, numbers
-from validation.harness import Row, tables
-from validation.harness.csv_files import number
+from validation.harness import Row, csv_files, tables
 
 FRICTION = ("pile", "wall", "chain", "balls", "cubes")
 COPOSITIVE = ("copositive", "singular copositive", "copositive-plus", "P0")
@@ -116,7 +115,9 @@ def of_large(rows: list[Row]) -> Figures:
         "forced obstacle, most cycles": most(cycles),
     }
     for row in forced:
-        found[f"forced obstacle, linear solves at {row['n']}"] = number(row["ratio"])
+        found[f"forced obstacle, linear solves at {row['n']}"] = csv_files.number(
+            row["ratio"]
+        )
     found |= of_obstacles(ours)
     cycles = numbers(tables.chosen(ours, scene="transport"), "iterations")
     found["Example 2, least cycles"] = least(cycles)
@@ -171,7 +172,7 @@ def of_piles(ours: list[Row]) -> Figures:
                 found[f"{scene}, exponent"] = power
         if own:
             last = max(own, key=lambda row: int(row["n"]))
-            found[f"{scene}, factorisations"] = number(last["iterations"])
+            found[f"{scene}, factorisations"] = csv_files.number(last["iterations"])
             found[f"{scene}, seconds"] = float(last["seconds"])
     return found
 
@@ -192,8 +193,10 @@ def of_hertz(rows: list[Row]) -> Figures:
     """Return the errors on the finest grid, and its products."""
     last = max(rows, key=lambda row: int(row["n"]))
     parts = ("radius", "force", "pressure")
-    found = {f"hertz, {part}": abs(number(last[f"{part}_error"])) for part in parts}
-    return found | {"hertz, products": number(last["products"])}
+    found = {
+        f"hertz, {part}": abs(csv_files.number(last[f"{part}_error"])) for part in parts
+    }
+    return found | {"hertz, products": csv_files.number(last["products"])}
 
 
 def of_example_one(rows: list[Row]) -> Figures:
@@ -201,12 +204,12 @@ def of_example_one(rows: list[Row]) -> Figures:
     by_name = {row["solver"]: row for row in rows}
     found: Figures = {}
     for solver, row in by_name.items():
-        found[f"example 1, seconds of {solver}"] = number(row["runtime"])
-        found[f"example 1, memory of {solver}"] = number(row["memory"])
+        found[f"example 1, seconds of {solver}"] = csv_files.number(row["runtime"])
+        found[f"example 1, memory of {solver}"] = csv_files.number(row["memory"])
     times = [found.get(f"example 1, seconds of {s}", math.nan) for s in ("osqp", "nam")]
     found["example 1, osqp over nam"] = times[0] / times[1]
     if "nam" in by_name:
-        found["example 1, residual"] = number(by_name["nam"]["residual"])
+        found["example 1, residual"] = csv_files.number(by_name["nam"]["residual"])
     return found
 
 

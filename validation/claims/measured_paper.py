@@ -3,8 +3,7 @@
 from pathlib import Path
 
 from validation.claims.ratios import Figures, figures, least, most, numbers
-from validation.harness import Row, tables
-from validation.harness.csv_files import number
+from validation.harness import Row, csv_files, tables
 
 
 def of_tables(rows: list[Row]) -> Figures:
@@ -68,10 +67,12 @@ def of_h_plus(rows: list[Row]) -> Figures:
     """Return the times of is_h_plus, and those of a linear solve [s]."""
     found: Figures = {}
     for row in rows:
-        seconds = number(row["is_h_plus"])
+        seconds = csv_files.number(row["is_h_plus"])
         found[f"h_plus, {row['case']}"] = seconds
-        found[f"h_plus, {row['case']}, sweeps"] = seconds / number(row["sweep"])
-        solve = number(row["linear_solve"])
+        found[f"h_plus, {row['case']}, sweeps"] = seconds / csv_files.number(
+            row["sweep"]
+        )
+        solve = csv_files.number(row["linear_solve"])
         found[f"h_plus, {row['case']}, linear solve"] = solve
     return found
 
