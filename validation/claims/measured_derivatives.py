@@ -38,9 +38,8 @@ def of_packages(rows: list[Row]) -> Figures:
         times: Figures = {}
         ours: Row = {}
         for row in tables.chosen(rows, case=case):
-            times[row["solver"]] = csv_files.number(row["solve"]) + csv_files.number(
-                row["backward"]
-            )
+            parts = (csv_files.number(row[part]) for part in ("solve", "backward"))
+            times[row["solver"]] = sum(parts)
             if row["solver"] == "nam":
                 ours = row
         if not ours:
@@ -116,7 +115,7 @@ def of_time_of_closest(solved: list[Row]) -> Figures:
 
 def of_proxqp(solved: list[Row]) -> Figures:
     """Return the time of proxqp's own option over ours, and what its norms exceed."""
-    asked = [row for row in solved if row["proxqp"]]
+    asked = [row for row in solved if row["proxqp"] and row["soft"]]
     ratios = [float(row["proxqp"]) / float(row["soft"]) for row in asked]
     excess = numbers(asked, "excess")
     return {

@@ -98,7 +98,7 @@ def of_stepping(rows: list[Row]) -> Figures:
             own = tables.chosen(rows, discs=discs, start=start)
             energy, seconds = numbers(own, "energy"), numbers(own, "seconds")
             gained += [b - a for a, b in itertools.pairwise(energy)]
-            means.append(1e3 * sum(seconds) / len(seconds))
+            means.append(1e3 * sum(seconds) / len(own))
         found[f"steps, {name}, least ms"] = least(means)
         found[f"steps, {name}, most ms"] = most(means)
     found["steps, most energy gained"] = max(0.0, most(gained))
@@ -107,6 +107,7 @@ def of_stepping(rows: list[Row]) -> Figures:
 
 def of_large(rows: list[Row]) -> Figures:
     """Return the figures of large obstacles, their memory, contact piles and a put."""
+    rows = [row for row in rows if row["seconds"]]
     ours = tables.chosen(rows, solver="nam", status="solved")
     forced = tables.chosen(ours, scene="forced", method="multigrid")
     cycles = numbers(forced, "iterations")
@@ -115,9 +116,8 @@ def of_large(rows: list[Row]) -> Figures:
         "forced obstacle, most cycles": most(cycles),
     }
     for row in forced:
-        found[f"forced obstacle, linear solves at {row['n']}"] = csv_files.number(
-            row["ratio"]
-        )
+        ratio = csv_files.number(row["ratio"])
+        found[f"forced obstacle, linear solves at {row['n']}"] = ratio
     found |= of_obstacles(ours)
     cycles = numbers(tables.chosen(ours, scene="transport"), "iterations")
     found["Example 2, least cycles"] = least(cycles)
@@ -192,11 +192,10 @@ def of_puts(rows: list[Row]) -> Figures:
 def of_hertz(rows: list[Row]) -> Figures:
     """Return the errors on the finest grid, and its products."""
     last = max(rows, key=lambda row: int(row["n"]))
-    parts = ("radius", "force", "pressure")
-    found = {
-        f"hertz, {part}": abs(csv_files.number(last[f"{part}_error"])) for part in parts
-    }
-    return found | {"hertz, products": csv_files.number(last["products"])}
+    found = {"hertz, products": csv_files.number(last["products"])}
+    for part in ("radius", "force", "pressure"):
+        found[f"hertz, {part}"] = abs(csv_files.number(last[f"{part}_error"]))
+    return found
 
 
 def of_example_one(rows: list[Row]) -> Figures:

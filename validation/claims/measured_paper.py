@@ -69,9 +69,8 @@ def of_h_plus(rows: list[Row]) -> Figures:
     for row in rows:
         seconds = csv_files.number(row["is_h_plus"])
         found[f"h_plus, {row['case']}"] = seconds
-        found[f"h_plus, {row['case']}, sweeps"] = seconds / csv_files.number(
-            row["sweep"]
-        )
+        sweep = csv_files.number(row["sweep"])
+        found[f"h_plus, {row['case']}, sweeps"] = seconds / sweep
         solve = csv_files.number(row["linear_solve"])
         found[f"h_plus, {row['case']}, linear solve"] = solve
     return found
