@@ -13,9 +13,10 @@ limit, on the same processor and with the same version (`processes.keep_peers`).
 the top stands what became of each claim (`claims`) since the run before; what fell is
 marked. --list runs nothing and tells how long each part takes.
 
---full times nothing while other processes keep more than 0.3 of a core busy: it says so
-and waits, an hour at most (`harness.quiet`). With --busy one other process may keep a
-core busy; the headers of the CSV files then say that it ran beside another.
+--full compiles all kernels first. It times nothing while other processes keep more than
+0.3 of a core busy: it says so and waits, an hour at most (`harness.quiet`). With --busy
+one other process may keep a core busy; the headers of the CSV files then say that it
+ran beside another.
 
 The parts are commands of their own, each run in a process, one after the other, so that
 none disturbs the times of another. One that fails, or whose data are missing, is named
@@ -39,6 +40,7 @@ from typing import NamedTuple, TextIO
 if not __package__:  # run as a script
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
+import namlcp
 from validation.claims import Claim, claims, moved
 from validation.harness import cli, processes, quiet, tables
 from validation.page import FULL, QUICK, STYLE, Part, body_of, inline, table
@@ -296,6 +298,7 @@ def main(arguments: list[str] | None = None) -> int:
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # write the report, too
     if args.full:
         os.environ[quiet.LOAD] = quiet.BESIDE if args.busy else quiet.QUIET
+        namlcp.warmup(progress=False)  # first calls are timed, too
     outcomes = report(parts, folders, args.out, sys.stderr, args.again)
     if args.full and own == cli.ROOT / "validation":
         from validation.page import documents  # needs what all parts need
