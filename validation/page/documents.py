@@ -14,7 +14,7 @@ from pathlib import Path
 from validation.applications import cvxpy_models, cvxpy_resolve, large_figures
 from validation.claims import renewed, stale, summary, values
 from validation.general import benchmark, stepping
-from validation.harness import Row, cli, csv_files
+from validation.harness import Row, cli, csv_files, tables
 from validation.oracles import ceilings
 from validation.peers import classes, lcp, maros_meszaros, runs
 from validation.repeated import sequences
@@ -29,7 +29,21 @@ def of(file: str, table: Callable[[list[Row]], str]) -> Callable[[Path], str]:
     return lambda results: table(csv_files.read(results / file))
 
 
+def taken(results: Path) -> str:
+    """Return the table of who was measured when, from the headers of the files."""
+    files: dict[tuple[str, ...], list[str]] = {}
+    for file in sorted(results.glob("*.csv")):
+        said = dict(
+            line.split(": ", 1) for line in csv_files.header(file) if ": " in line
+        )
+        key = tuple(said.get(name, "") for name in ("commit", "date", "cpu", "load"))
+        files.setdefault(key, []).append(file.stem)
+    lines = ((*key, ", ".join(names)) for key, names in sorted(files.items()))
+    return tables.markdown(("commit", "date", "machine", "load", "files"), lines)
+
+
 TABLES: dict[str, Callable[[Path], str]] = {
+    "taken": taken,
     "claims": summary,
     "sets": lambda results: runs.markdown(runs.read_rows(results / "benchmark.csv")),
     "classes": lambda results: classes.markdown(

@@ -118,6 +118,19 @@ PARTS = {
     "oracles": part("Agreement with independent oracles", 600.0, """
         oracles.agreement run {quick} --data {data} --csv {results}/oracles.csv
     """, quick=60.0),
+    "ceilings": part("What rounding allows", 200.0, """
+        oracles.ceilings run --data {data} --csv {results}/ceilings.csv
+    """),
+    "hosts": part("qpsolvers' own benchmark", 320.0, """
+        peers.host_benchmark --data {data} --csv {results}/host-benchmark.csv \
+        --solvers nam piqp --settings mid_accuracy high_accuracy \
+        --timeouts {results}/maros-meszaros.csv
+    """),
+    "threads": part("Two BLAS threads beside one", 240.0, """
+        environment.blas_threads --data {data} --csv {results}/blas-threads.csv
+        environment.blas_threads --data {data} --csv {results}/blas-threads-busy.csv \
+        --busy
+    """),
     "hertz": part("Hertz contact without a matrix", 280.0, """
         applications.hertz --results {results}
     """),
