@@ -50,6 +50,11 @@ def numbers(rows: list[Row], column: str) -> list[float]:
     return [value for value in values if not math.isnan(value)]
 
 
+def worst(rows: list[Row], *columns: str) -> float:
+    """Return the largest number of these columns, nan of nothing."""
+    return most([value for column in columns for value in numbers(rows, column)])
+
+
 def figures(folder: Path, files: dict[str, Callable[[list[Row]], Figures]]) -> Figures:
     """Return what functions find in the rows of their files; one without rows has none.
 
