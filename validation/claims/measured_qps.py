@@ -13,8 +13,7 @@ from validation.claims.ratios import (
     solved,
     worst,
 )
-from validation.harness import Row, judging, tables
-from validation.harness.csv_files import number
+from validation.harness import Row, csv_files, judging, tables
 
 SETS = {"mpc": "daqp", "contact": "piqp", "small": "piqp", "strict": "piqp"}
 """The sets of peers.benchmark, and the peer of each."""
@@ -58,15 +57,15 @@ def of_contact(rows: list[Row]) -> Figures:
         for row in own:
             if row["scene"] in SHOWN_SCENES:
                 shown = f"{name}, {row['scene']}"
-                found[f"{shown} ms"] = 1e3 * number(row["runtime"])
-                found[f"{shown} residual"] = number(row["relative_residual"])
+                found[f"{shown} ms"] = 1e3 * csv_files.number(row["runtime"])
+                found[f"{shown} residual"] = csv_files.number(row["relative_residual"])
     return found
 
 
 def is_wrong(row: Row) -> bool:
     """Tell whether an answer is called found and misses its tolerance tenfold."""
     limit = 10.0 * float(row["eps"])
-    errors = (number(row[name]) for name in judging.RESIDUALS)
+    errors = (csv_files.number(row[name]) for name in judging.RESIDUALS)
     return row["found"] == "True" and not all(error <= limit for error in errors)
 
 
@@ -87,7 +86,7 @@ def of_maros_meszaros(rows: list[Row]) -> Figures:
     found[f"{name} over piqp"] = mean(over(own, "piqp"))
     found[f"{name} over piqp, worst"] = most(over(own, "piqp"))
     times = {
-        row["problem"]: number(row["runtime"])
+        row["problem"]: csv_files.number(row["runtime"])
         for row in tables.chosen(own, solver="piqp", success="True")
     }
     for band, (low, high) in BANDS.items():
@@ -128,7 +127,7 @@ def of_host_benchmark(rows: list[Row]) -> Figures:
             own = tables.chosen(rows, settings=settings, solver=solver)
             right = sum(
                 row["found"] == "True"
-                and all(number(row[name]) <= eps for name in HOST_ERRORS)
+                and all(csv_files.number(row[name]) <= eps for name in HOST_ERRORS)
                 for row in own
             )
             share = 100.0 * right / len(own) if own else math.nan

@@ -13,8 +13,7 @@ from validation.claims.ratios import (
     over,
     worst,
 )
-from validation.harness import Row, tables
-from validation.harness.csv_files import number
+from validation.harness import Row, csv_files, tables
 
 LATENCY_SIZES = ("5", "20", "100", "300")
 
@@ -46,7 +45,7 @@ def of_latency(rows: list[Row]) -> Figures:
     found: Figures = {}
     for n in LATENCY_SIZES:
         times = {
-            row["solver"]: number(row["microseconds"])
+            row["solver"]: csv_files.number(row["microseconds"])
             for row in tables.chosen(rows, n=n)
             if row["solved"] and row["solved"] == row["problems"]
         }
