@@ -97,7 +97,8 @@ def of_maros_meszaros(rows: list[Row]) -> Figures:
 
 def of_classes(rows: list[Row]) -> Figures:
     """Return the figures of the OSQP paper's classes, beside the best peer of each."""
-    ratios, larger = [], []
+    ratios: list[float] = []
+    larger: list[float] = []
     for problem_set, name in tables.distinct(rows, "set", "problem"):
         own = tables.chosen(rows, set=problem_set, problem=name, success="True")
         times = {row["solver"]: float(row["runtime"]) for row in own}
