@@ -24,9 +24,13 @@ DOCUMENTS = (cli.ROOT / "README.md", cli.ROOT / "validation" / "README.md")
 BLOCK = re.compile(r"(<!-- table: (.+?) -->\n).*?(?=<!-- end -->)", re.DOTALL)
 
 
-def of(file: str, table: Callable[[list[Row]], str]) -> Callable[[Path], str]:
+def of(
+    file: str,
+    table: Callable[[list[Row]], str],
+    read: Callable[[Path], list[Row]] = csv_files.read,
+) -> Callable[[Path], str]:
     """Return a table of the rows of one file in a folder of results."""
-    return lambda results: table(csv_files.read(results / file))
+    return lambda results: table(read(results / file))
 
 
 def taken(results: Path) -> str:
@@ -45,19 +49,15 @@ def taken(results: Path) -> str:
 TABLES: dict[str, Callable[[Path], str]] = {
     "taken": taken,
     "claims": summary,
-    "sets": lambda results: runs.markdown(runs.read_rows(results / "benchmark.csv")),
-    "classes": lambda results: classes.markdown(
-        runs.read_rows(results / "classes.csv")
-    ),
-    "Maros-Meszaros": lambda results: maros_meszaros.markdown(
-        maros_meszaros.read_results(results / "maros-meszaros.csv")
+    "sets": of("benchmark.csv", runs.markdown, runs.read_rows),
+    "classes": of("classes.csv", classes.markdown, runs.read_rows),
+    "Maros-Meszaros": of(
+        "maros-meszaros.csv", maros_meszaros.markdown, maros_meszaros.read_results
     ),
     "sequences": of("sequences.csv", sequences.markdown),
-    "campaign": lambda results: campaign_tally.of_bars(
-        campaign_tally.counted(results / "campaign.csv")
-    ),
-    "campaign, all solvers": lambda results: campaign_tally.of_solvers(
-        campaign_tally.counted(results / "campaign.csv")
+    "campaign": of("campaign.csv", campaign_tally.of_bars, campaign_tally.counted),
+    "campaign, all solvers": of(
+        "campaign.csv", campaign_tally.of_solvers, campaign_tally.counted
     ),
     "CVXPY": of("cvxpy-models.csv", cvxpy_models.markdown),
     "CVXPY, again and again": of("cvxpy-resolve.csv", cvxpy_resolve.markdown),
@@ -102,7 +102,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser = cli.parser(__doc__)
     parser.add_argument("--check", action="store_true", help="write nothing")
     args = parser.parse_args(arguments)
-    found = [f"{each}: {fault}" for each in DOCUMENTS for fault in faults(each)]
+    found = [
+        f"{each.relative_to(cli.ROOT)}: {fault}"
+        for each in DOCUMENTS
+        for fault in faults(each)
+    ]
     print("\n".join(found))
     if not args.check:
         write()
