@@ -24,7 +24,7 @@ def test_files_that_are_missing_or_empty_have_no_figures(tmp_path):
 
 
 def test_every_figure_has_one_source():
-    alone = [source(cli.RESULTS) for source in measured.SOURCES]
+    alone = [figures(cli.RESULTS, source.FILES) for source in measured.SOURCES]
     assert sum(map(len, alone)) == len(set().union(*alone))
 
 
@@ -42,7 +42,7 @@ def test_general_lcps_are_counted_by_solver(tmp_path):
         games,4,1,4,nam,True,solved,1e-16,0.004
         games,10,0,10,nam,True,solved,1e-16,0.008
     """)  # fmt: skip
-    found = measured_lcps.of_lcps(tmp_path)
+    found = figures(tmp_path, measured_lcps.FILES)
     assert found["friction LCPs asked of nam"] == 2
     assert found["friction LCPs solved by nam"] == 1
     assert found["friction LCPs solved by lemke"] == 1
@@ -66,7 +66,7 @@ def test_energy_of_steps_is_compared_within_a_run(tmp_path):
         5,nothing,0,4,solved,pivoting,0,0.005,9.0,0.0
         5,nothing,1,4,stalled,pivoting,0,0.005,8.0,0.0
     """)  # fmt: skip
-    found = measured_lcps.of_lcps(tmp_path)
+    found = figures(tmp_path, measured_lcps.FILES)
     assert found["steps, most energy gained"] == 0.5
     assert found["steps solved"] == 3
     assert found["steps, warm, most ms"] == pytest.approx(2.0)
@@ -86,7 +86,7 @@ def test_exponents_begin_at_large_piles(tmp_path):
         forced,90000,clarabel,clarabel,inaccurate,,1.0,,
         put,4000,nam,error 2e-6,solved,5,1e-5,2.5,
     """)  # fmt: skip
-    found = measured_lcps.of_lcps(tmp_path)
+    found = figures(tmp_path, measured_lcps.FILES)
     assert found["wall, exponent"] == pytest.approx(1.5)  # 27 times for 9 times n
     assert found["wall, factorisations"] == 30
     assert found["forced obstacle, fastest peer over nam"] == 12.0
@@ -103,7 +103,7 @@ def test_closest_points_that_are_right(tmp_path):
         d,"Maros-Meszaros, row",,,,,,,,,,,The search ended
         e,small,,,,,,,,,,,No shift helps: they contradict each other
     """)  # fmt: skip
-    found = measured_derivatives.of_derivatives(tmp_path)
+    found = figures(tmp_path, measured_derivatives.FILES)
     assert found["closest problems"] == 5
     assert found["closest problems of Maros-Meszaros"] == 1
     assert found["closest points"] == 4
@@ -124,7 +124,7 @@ def test_the_best_peer_is_that_of_solve_and_backward_together(tmp_path):
         band,proxqp,,,,,
         obstacle,nam,4.0,3.0,1e-13,0.75,2.0
     """)  # fmt: skip
-    found = measured_derivatives.of_derivatives(tmp_path)
+    found = figures(tmp_path, measured_derivatives.FILES)
     assert found["backward over best peer, band"] == 0.5
     assert found["backward over linear solve, obstacle"] == 1.5
     assert found["backward, most error of nam"] == 1e-15
@@ -139,7 +139,7 @@ def test_pairs_without_a_best_point_do_not_count(tmp_path):
         b,10,20,2.0,2.0,False
         b,10,none,inf,inf,False
     """)  # fmt: skip
-    found = measured_paper.of_paper(tmp_path)
+    found = figures(tmp_path, measured_paper.FILES)
     assert found == {
         "auto held-out pairs": 3,
         "auto held-out pairs within": 1,

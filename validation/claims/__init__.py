@@ -1,6 +1,7 @@
-"""Every figure that README claims, computed from the rows of validation/results.
+"""Every figure that the README files claim, computed from the rows of results.
 
-`values(folder)` returns them by name, `claims(folder)` with their limits. `python -m
+`values(folder)` returns them by name (`measured_*`, a module for each kind of file),
+`claims(folder)` those with limits; `marks` finds and renews them in a text. `python -m
 validation.claims` prints the claims; `report --full` compares them with those of the
 run before.
 """

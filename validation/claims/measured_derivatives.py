@@ -1,9 +1,8 @@
 """The figures of derivatives, closest points, first solves and BLAS threads."""
 
 import math
-from pathlib import Path
 
-from validation.claims.ratios import Figures, figures, least, mean, most, numbers
+from validation.claims.ratios import Figures, least, mean, most, numbers
 from validation.harness import Row, csv_files, tables
 
 SHIFTS, CONDITIONS = 1e-8, 1e-9
@@ -188,8 +187,3 @@ FILES = {
     "blas-threads": of_idle,
     "blas-threads-busy": of_busy,
 }
-
-
-def of_derivatives(folder: Path) -> Figures:
-    """Return all of them."""
-    return figures(folder, FILES)

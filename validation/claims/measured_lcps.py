@@ -3,9 +3,8 @@
 import itertools
 import math
 from collections.abc import Iterable
-from pathlib import Path
 
-from validation.claims.ratios import Figures, figures, least, mean, most, numbers
+from validation.claims.ratios import Figures, least, mean, most, numbers
 from validation.harness import Row, csv_files, tables
 
 FRICTION = ("pile", "wall", "chain", "balls", "cubes")
@@ -18,6 +17,7 @@ OBSTACLES = (
 PEERS = ("osqp", "piqp", "clarabel")
 SPEED_UP = "90000"  # unknowns of the forced obstacle that the peers solve too
 MILLION = "1000000"
+NEARLY = 900_000  # unknowns of a scene of about a million
 PILES_FROM = 5000  # unknowns beyond which the growth of time with n is looked at
 
 
@@ -119,6 +119,13 @@ def of_large(rows: list[Row]) -> Figures:
         ratio = csv_files.number(row["ratio"])
         found[f"forced obstacle, linear solves at {row['n']}"] = ratio
     found |= of_obstacles(ours)
+    million = [
+        r for r in tables.chosen(ours, method="multigrid") if int(r["n"]) >= NEARLY
+    ]
+    ratios = numbers(million, "ratio")
+    found["large scenes"] = len(ratios)
+    found["large over one linear solve, least"] = least(ratios)
+    found["large over one linear solve, worst"] = most(ratios)
     cycles = numbers(tables.chosen(ours, scene="transport"), "iterations")
     found["Example 2, least cycles"] = least(cycles)
     found["Example 2, most cycles"] = most(cycles)
@@ -220,8 +227,3 @@ FILES = {
     "hertz": of_hertz,
     "example1": of_example_one,
 }
-
-
-def of_lcps(folder: Path) -> Figures:
-    """Return all of them."""
-    return figures(folder, FILES)

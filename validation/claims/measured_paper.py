@@ -1,8 +1,6 @@
 """The figures of what repeats the paper: tables, parameters, convergence theory."""
 
-from pathlib import Path
-
-from validation.claims.ratios import Figures, figures, least, most, numbers
+from validation.claims.ratios import Figures, least, most, numbers
 from validation.harness import Row, csv_files, tables
 
 
@@ -96,8 +94,3 @@ FILES = {
     "h_plus": of_h_plus,
     "convergence-proofs": of_proofs,
 }
-
-
-def of_paper(folder: Path) -> Figures:
-    """Return all of them."""
-    return figures(folder, FILES)

@@ -1,11 +1,9 @@
 """The figures of QPs solved once: sets of problems, collections, models in CVXPY."""
 
 import math
-from pathlib import Path
 
 from validation.claims.ratios import (
     Figures,
-    figures,
     mean,
     most,
     numbers,
@@ -210,8 +208,3 @@ FILES = {
     "infeasible": of_infeasible,
     "cvxpy-models": of_cvxpy,
 }
-
-
-def of_qps(folder: Path) -> Figures:
-    """Return all of them."""
-    return figures(folder, FILES)

@@ -1,11 +1,9 @@
 """The figures of many QPs alike: sequences, small calls, batches, steps in CVXPY."""
 
 import math
-from pathlib import Path
 
 from validation.claims.ratios import (
     Figures,
-    figures,
     least,
     mean,
     most,
@@ -100,8 +98,3 @@ FILES = {
     "batches": of_batches,
     "cvxpy-resolve": of_cvxpy_steps,
 }
-
-
-def of_repeated(folder: Path) -> Figures:
-    """Return all of them."""
-    return figures(folder, FILES)

@@ -1,8 +1,6 @@
 """The figures of answers to be trusted: oracles, hard problems, fuzzed problems."""
 
-from pathlib import Path
-
-from validation.claims.ratios import Figures, figures
+from validation.claims.ratios import Figures
 from validation.harness import Row, tables
 
 KNOWN = ("scenes.md", "Bueler", "index.json", "published")
@@ -87,8 +85,3 @@ def of_campaign(rows: list[Row]) -> Figures:
 
 
 FILES = {"oracles": of_oracles, "stress": of_stress, "campaign": of_campaign}
-
-
-def of_trust(folder: Path) -> Figures:
-    """Return all of them."""
-    return figures(folder, FILES)
