@@ -172,6 +172,7 @@ def of_infeasible(rows: list[Row]) -> Figures:
         "without a solution, not recognised": len(ours) - solved(ours),
         "without a solution, slowest": worst(small, "runtime"),
         "without a solution over clarabel": mean(over(without, "clarabel")),
+        "without a solution over piqp": mean(over(without, "piqp")),
         "solvable or not convex": len(every) - len(ours),
         "solvable or not convex, right": solved(every) - solved(ours),
         "proofs misjudged": len(tables.chosen(every, outcome="misjudged")),
