@@ -33,7 +33,7 @@ LIMITS = {
     "Maros-Meszaros over piqp": ("<=", 0.9),
     "Maros-Meszaros over piqp, below 1 ms": ("<=", 1.2),
     "Maros-Meszaros over piqp, 1 to 10 ms": ("<=", 1.0),
-    "Maros-Meszaros over piqp, above": ("<=", 0.7),
+    "Maros-Meszaros over piqp, above 10 ms": ("<=", 0.7),
     "Maros-Meszaros over piqp, worst": ("<=", 3.0),
     "classes missed": ("<=", 0), "classes over best peer": ("<=", 0.7),
     "classes over best peer, worst": ("<=", 1.3),
@@ -65,7 +65,7 @@ def summary(folder: Path = cli.RESULTS) -> str:
          "yes" if claim.holds else "NO")
         for claim in claims(folder)
     )  # fmt: skip
-    return tables.markdown(("asked", "limit", "measured", "met"), lines)
+    return tables.markdown(("quantity", "limit", "measured", "met"), lines)
 
 
 def moved(before: list[Claim], now: list[Claim]) -> str:

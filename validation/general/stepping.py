@@ -67,8 +67,8 @@ def markdown(rows: list[Row]) -> str:
             f"{1e3 * seconds.max():.3g}", unsolved, f"{residual.max():.1e}",
             f"{overlap.max():.1e}", f"{np.diff(energy).max():.1e}",
         ))  # fmt: skip
-    columns = ("discs", "start", "largest n", "ms a step", "at most", "not solved",
-               "worst Res", "overlap [m]", "energy gained [J]")  # fmt: skip
+    columns = ("discs", "start from", "largest n", "ms a step", "at most", "not solved",
+               "worst Res", "overlap [m]", "energy gained, at most [J]")  # fmt: skip
     return tables.markdown(columns, lines)
 
 
