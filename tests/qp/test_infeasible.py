@@ -208,6 +208,20 @@ def test_a_column_of_tiny_entries_proves_nothing():
     assert accept_primal(qp, np.zeros(1), np.empty(0), np.ones(2), TOL) is not None
 
 
+@pytest.mark.parametrize("unit", [1.0, 1e4, 1e-4])
+def test_a_variable_that_counts_in_large_units_is_no_ray(unit):
+    """The least cost is at x = (-0.01, 0.6, 2, 8545), times the unit."""
+    curvature = np.array([1.5e4, 0.0735, 0.0, 9.16e-9])
+    q = np.array([276.0, 0.0904, -0.0596, -7.827e-5])
+    lb, ub = np.array([-0.01, 0.6, -np.inf, -np.inf]), np.array([0.0, 9.0, 2.0, np.inf])
+    result = namlcp.solve_qp(
+        np.diag(curvature / unit**2), q / unit, lb=lb * unit, ub=ub * unit
+    )
+    assert result.status is Status.SOLVED
+    x = np.array([-0.01, 0.6, 2.0, 7.827e-5 / 9.16e-9])
+    np.testing.assert_allclose(result.x, x * unit, rtol=1e-9)
+
+
 def test_the_difference_of_rows_alike_is_no_proof():
     """x = 1 and (1 + d) x = 1 + d hold together; so, along a row, no cost can fall.
 

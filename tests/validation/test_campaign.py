@@ -90,6 +90,13 @@ def test_a_stopped_run_goes_on(tmp_path, capsys):
     assert "| derivatives | nam | 4 |" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(("seed", "index"), [(1, 24390), (3, 73554)])
+def test_extreme_scales_are_not_called_unbounded(seed, index):
+    found = campaign.problem_of(Part(seed, "every", "nam"), index, 1e-6, 10.0)
+    assert found["truth"] == "possible"
+    assert found["outcome"] in ("right", "refused")
+
+
 def test_peers_have_one_seed_of_one_set(tmp_path):
     asked = campaign.argparse.Namespace(
         solvers=["nam", "quadprog"], seeds=[4, 5], classes=["every", "batches"]

@@ -38,6 +38,8 @@ MARGIN = 0.5
 ROUNDED_VALUE = 1e-2
 # Largest |M d|, relative to |M| |d| row by row, of such a ray.
 CANCELLED = 1e-10
+# The user's own units of x, y and z.
+ONES = 3 * (np.ones(1),)
 
 
 def accept_primal(
@@ -60,7 +62,7 @@ def accept_primal(
     if not is_contradiction(worst / most, radius * worst / -value, margin, moduli):
         return None
     y, z, z_box = y / -value, z_kept / -value, z_box / -value
-    d, a, g = equilibration(qp)
+    d, a, g = equilibration(qp, csc_array((x.size, x.size)))
     worst = largest((s / -value + z_box) * d)
     most = max(largest(y / a), largest(z / g), largest(z_box * d))
     radius = RADIUS * max(1.0, float(np.abs(x / d).sum()))
@@ -130,14 +132,15 @@ def farkas_numbers(sides, y, z, s, z_box):
     return value, moduli, worst, most, lam
 
 
-def equilibration(qp: QP) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return factors of x, y and z that equilibrate A and G.
+def equilibration(qp: QP, P: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return factors of x, y and z that equilibrate P, A and G.
 
-    Without them a column of tiny entries would have a tiny residual for any y and z.
+    Without them a column of tiny entries would have a tiny residual for any y and z,
+    and a variable that counts in large units one for any step along it.
     """
     n, p = qp.q.size, qp.b.size
     A, G = (by_rows(without_zeros(as_sparse(M))) for M in (qp.A, qp.G))
-    kkt = KKT(csc_array((n, n)), A, G)
+    kkt = KKT(csc_array(P), A, G)
     scale = np.ones(kkt.size)
     equilibrate(kkt.indptr, kkt.indices, kkt.base, scale)
     return scale[:n], scale[n : n + p], scale[n + p :]
@@ -158,19 +161,30 @@ def accept_dual(
     if not value < -VALUE_ROUNDING * moduli:
         return None
     d = d / -value
-    Pd, Ad = times(qp.P, d), times(qp.A, d)
-    Gd = np.where(np.isinf(qp.h), 0.0, np.maximum(times(qp.G, d), 0.0))
-    parts = largest(Pd), largest(Ad), largest(Gd)
-    relative = max(parts) / largest(d)
-    weights = [max(1.0, np.abs(v).sum()) for v in (x, y, z)]
-    margin = tol * np.abs(d).sum()
-    error = RADIUS * float(np.dot(parts, weights)) + margin
-    exact = is_exact(relative, moduli / -value) and all(
-        cancels(M, d, v) for M, v in ((qp.P, Pd), (qp.A, Ad), (qp.G, Gd))
+    residuals = (
+        times(qp.P, d),
+        times(qp.A, d),
+        np.where(np.isinf(qp.h), 0.0, np.maximum(times(qp.G, d), 0.0)),
     )
-    if suffices(relative, error, margin, exact):
-        return Point(d, *(np.full(v.size, np.nan) for v in (y, z, d)))
-    return None
+    cancelled = all(
+        cancels(M, d, v) for M, v in zip((qp.P, qp.A, qp.G), residuals, strict=True)
+    )
+    margin = tol * np.abs(d).sum()
+
+    def proves(units: tuple[np.ndarray, ...], sizes: list[float]) -> bool:
+        """Tell whether d passes in units of x, y and z, for points of these sizes."""
+        parts = [largest(u * v) for u, v in zip(units, residuals, strict=True)]
+        relative = max(parts) / largest(d / units[0])
+        error = RADIUS * float(np.dot(parts, sizes)) + margin
+        exact = is_exact(relative, moduli / -value) and cancelled
+        return suffices(relative, error, margin, exact)
+
+    if not proves(ONES, [max(1.0, np.abs(v).sum()) for v in (x, y, z)]):
+        return None
+    units = equilibration(qp, qp.P)
+    if not proves(units, 3 * [max(1.0, largest(units[0] * qp.q))]):
+        return None
+    return Point(d, *(np.full(v.size, np.nan) for v in (y, z, d)))
 
 
 def cancels(M: Any, d: np.ndarray, Md: np.ndarray) -> bool:
