@@ -142,12 +142,14 @@ PARTS = {
     """, "contact-sets.png exercise-boundary.svg contact-forces.svg", 20.0),
     "paper": part("The paper's tables", 300.0, """
         paper.tables --results {results} --figures {figures}
+        paper.tables large --results {results}
     """, "paper-tables.svg paper-methods.svg"),
     "stability": part("Where sweeps fail", 300.0, """
         paper.stability --results {results} --figures {figures}
     """, "stability-maps.png stability-units.png"),
     "parameters": part("Automatic parameters", 300.0, """
         paper.parameters --data {data} --results {results}
+        paper.parameters --data {data} --results {results} --held-out
     """),
     "h_plus": part("Convergence theory", 130.0, """
         paper.h_plus --results {results}

@@ -10,7 +10,7 @@ from matplotlib.lines import Line2D
 from validation.harness import Row, charts, csv_files, tables
 from validation.problems.sequences import LEVELS, SCENES
 
-NAMES = {"nam": "namlcp", "nam by calls": "namlcp.solve_qp, warm_start ="}
+NAMES = {"nam": "namlcp", "nam by calls": "solve_qp(warm_start=last)"}
 STEP, GROUP = 1.0, 4.0  # between the levels of a size, and between sizes
 
 
