@@ -46,27 +46,27 @@ MAROS_PEERS = "clarabel osqp proxqp"
 """Half an hour for times that nothing is claimed of but that they are larger."""
 
 PARTS = {
-    "maros-meszaros": part("The Maros-Meszaros collection", 480.0, """
+    "maros-meszaros": part("The Maros-Meszaros collection", 300.0, """
         peers.maros_meszaros run --data {data} --csv {results}/maros-meszaros.csv \
         --solvers nam piqp
         peers.maros_meszaros table --data {data} --csv {results}/maros-meszaros.csv \
         --solvers nam piqp
     """, grown="maros-meszaros.csv", settled=MAROS_PEERS),
-    "classes": part("The OSQP paper's classes", 300.0, """
+    "classes": part("The OSQP paper's classes", 235.0, """
         peers.classes --csv {results}/classes.csv
     """, grown="classes.csv"),
-    "infeasible": part("Infeasible and unbounded QPs", 600.0, """
+    "infeasible": part("Infeasible and unbounded QPs", 465.0, """
         peers.infeasible --data {data} --csv {results}/infeasible.csv --go-on --limit 5
     """, grown="infeasible.csv"),
-    "cvxpy": part("Models in CVXPY", 480.0, """
+    "cvxpy": part("Models in CVXPY", 500.0, """
         applications.cvxpy_models --csv {results}/cvxpy-models.csv
         applications.cvxpy_resolve --csv {results}/cvxpy-resolve.csv
     """),
-    "benchmark": part("MPC, contact and small QPs", 500.0, """
+    "benchmark": part("MPC, contact and small QPs", 1100.0, """
         peers.benchmark --data {data} --csv {results}/benchmark.csv --go-on \
         --set mpc contact small strict
     """, grown="benchmark.csv"),
-    "repeated": part("Many QPs alike: sequences, small calls, batches", 540.0, """
+    "repeated": part("Many QPs alike: sequences, small calls, batches", 1140.0, """
         repeated.sequences run {quick} --csv {results}/sequences.csv
         repeated.sequences plot --csv {results}/sequences.csv \
         --figure {figures}/sequences.svg
@@ -78,7 +78,7 @@ PARTS = {
         --figure {figures}/batches.svg
         repeated.front_figure --results {results} --figures {figures}
     """, "sequences.svg latency.svg batches.svg front-repeated.svg", 60.0),
-    "general": part("LCPs that are neither P nor semidefinite", 420.0, """
+    "general": part("LCPs that are neither P nor semidefinite", 555.0, """
         general.benchmark run {quick} --csv {results}/general-lcps.csv
         general.benchmark plot --csv {results}/general-lcps.csv --figures {figures}
         general.pictures --figures {figures}
@@ -98,10 +98,10 @@ PARTS = {
         derivatives.packages_figure --results {results} --figures {figures}
         derivatives.closest {quick} --data {data} --csv {results}/closest.csv
     """, "derivatives.svg"),
-    "lcp": part("LCPs beside PIQP and OSQP", 240.0, """
+    "lcp": part("LCPs beside PIQP and OSQP", 175.0, """
         peers.lcp --data {data} --results {results}
     """),
-    "large": part("Large LCPs", 540.0, """
+    "large": part("Large LCPs", 700.0, """
         applications.large run --results {results} --go-on
         applications.large plot --results {results} --figures {figures}
         applications.large table --results {results}
@@ -131,27 +131,27 @@ PARTS = {
         environment.blas_threads --data {data} --csv {results}/blas-threads-busy.csv \
         --busy
     """),
-    "hertz": part("Hertz contact without a matrix", 280.0, """
+    "hertz": part("Hertz contact without a matrix", 50.0, """
         applications.hertz --results {results}
     """),
-    "put": part("American puts", 30.0, """
+    "put": part("American puts", 10.0, """
         applications.american_put --results {results}
     """),
-    "pictures": part("What solutions look like", 30.0, """
+    "pictures": part("What solutions look like", 10.0, """
         applications.pictures {quick} --figures {figures}
     """, "contact-sets.png exercise-boundary.svg contact-forces.svg", 20.0),
-    "paper": part("The paper's tables", 300.0, """
+    "paper": part("The paper's tables", 330.0, """
         paper.tables --results {results} --figures {figures}
         paper.tables large --results {results}
     """, "paper-tables.svg paper-methods.svg"),
-    "stability": part("Where sweeps fail", 300.0, """
+    "stability": part("Where sweeps fail", 250.0, """
         paper.stability --results {results} --figures {figures}
     """, "stability-maps.png stability-units.png"),
-    "parameters": part("Automatic parameters", 300.0, """
+    "parameters": part("Automatic parameters", 500.0, """
         paper.parameters --data {data} --results {results}
         paper.parameters --data {data} --results {results} --held-out
     """),
-    "h_plus": part("Convergence theory", 130.0, """
+    "h_plus": part("Convergence theory", 115.0, """
         paper.h_plus --results {results}
     """),
     "maros-peers": part("Maros-Meszaros, the other solvers", 2200.0, """
@@ -162,12 +162,12 @@ PARTS = {
         peers.profiles run {quick} --data {data} --results {results}
         peers.profiles plot {quick} --results {results} --figures {figures}
     """, "profiles{-quick}.svg", 60.0, "profiles{-quick}.csv"),
-    "campaign": part("Fuzzed problems, and answers asked for in two ways", 1100.0, """
+    "campaign": part("Fuzzed problems, and answers asked for in two ways", 1000.0, """
         stress.campaign run --csv {results}/campaign.csv --seeds 1 2 3
         stress.campaign run --csv {results}/campaign.csv --seeds 1 \
         --classes general sequences batches derivatives closest --problems 10000
     """, grown="campaign.csv"),
-    "campaign-peers": part("Fuzzed problems, the other solvers", 1300.0, """
+    "campaign-peers": part("Fuzzed problems, the other solvers", 545.0, """
         stress.campaign run --csv {results}/campaign.csv --seeds 1 \
         --solvers osqp piqp clarabel daqp quadprog
     """, grown="campaign.csv"),
