@@ -29,9 +29,6 @@ CLASS_ENTRIES = 5000
 SHOWN_SCENES = ("kaplas_570", "granular2d_2020")
 """Contact scenes whose times are told one by one."""
 
-HOST_EPS = {"mid_accuracy": 1e-6, "high_accuracy": 1e-9}
-HOST_ERRORS = ("primal_residual", "dual_residual", "duality_gap")
-
 
 def of_benchmark(rows: list[Row]) -> Figures:
     """Return the figures of the small sets; a name without a tolerance is at 1e-6."""
@@ -122,22 +119,6 @@ def of_classes(rows: list[Row]) -> Figures:
     }
 
 
-def of_host_benchmark(rows: list[Row]) -> Figures:
-    """Return the shares [%] that are solved as qpbenchmark counts, without a limit."""
-    found: Figures = {}
-    for settings, eps in HOST_EPS.items():
-        for solver in ("nam", "piqp"):
-            own = tables.chosen(rows, settings=settings, solver=solver)
-            right = sum(
-                row["found"] == "True"
-                and all(csv_files.number(row[name]) <= eps for name in HOST_ERRORS)
-                for row in own
-            )
-            share = 100.0 * right / len(own) if own else math.nan
-            found[f"host benchmark, {settings}, {solver}"] = share
-    return found
-
-
 def of_changes(rows: list[Row]) -> Figures:
     """Return how many changed problems of each kind are solved."""
     found: Figures = {}
@@ -207,7 +188,6 @@ FILES = {
     "contact": of_contact,
     "maros-meszaros": of_maros_meszaros,
     "classes": of_classes,
-    "host-benchmark": of_host_benchmark,
     "generalisation": of_changes,
     "generalisation-families": of_families,
     "infeasible": of_infeasible,

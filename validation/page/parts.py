@@ -121,11 +121,6 @@ PARTS = {
     "ceilings": part("What rounding allows", 200.0, """
         oracles.ceilings run --data {data} --csv {results}/ceilings.csv
     """, grown="ceilings.csv"),
-    "hosts": part("qpsolvers' own benchmark", 320.0, """
-        peers.host_benchmark --data {data} --csv {results}/host-benchmark.csv \
-        --solvers nam piqp --settings mid_accuracy high_accuracy \
-        --timeouts {results}/maros-meszaros.csv
-    """, grown="host-benchmark.csv"),
     "threads": part("Two BLAS threads beside one", 240.0, """
         environment.blas_threads --data {data} --csv {results}/blas-threads.csv
         environment.blas_threads --data {data} --csv {results}/blas-threads-busy.csv \

@@ -89,18 +89,6 @@ def test_small_calls_beside_the_best_that_solves_all():
     assert math.isnan(found["one QP of 5, us"])
 
 
-def test_share_of_the_host_benchmark():
-    rows = table("""
-        problem,solver,settings,found,primal_residual,dual_residual,duality_gap
-        a,nam,mid_accuracy,True,1e-7,1e-7,1e-7
-        b,nam,mid_accuracy,True,1e-7,1e-5,1e-7
-        c,nam,mid_accuracy,False,inf,inf,inf
-        d,nam,mid_accuracy,True,0,0,0
-    """)
-    found = measured_qps.of_host_benchmark(rows)
-    assert found["host benchmark, mid_accuracy, nam"] == 50.0
-
-
 def test_known_values_and_misses_of_oracles():
     rows = table("""
         scene,solver,quantity,source,agrees,why
