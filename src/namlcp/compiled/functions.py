@@ -15,7 +15,6 @@ import numpy as np
 from numba import types
 from numba.core import cgutils
 from numba.core.typing.templates import Signature
-from numba.np.arrayobj import _empty_nd_impl, _parse_shape
 
 DTYPES = types.NumberClass, types.DType
 """Types of what may be the dtype of a new array: np.int32 and the like, a.dtype."""
@@ -146,8 +145,10 @@ def allocated(
     is_zero: bool, context: Any, builder: Any, signature: Any, values: list
 ) -> Any:
     """Return a new array."""
-    sizes = _parse_shape(context, builder, signature.args[0], values[0])
-    array = _empty_nd_impl(context, builder, signature.return_type, sizes)
+    from numba.np import arrayobj  # takes long: not where nothing is compiled
+
+    sizes = arrayobj._parse_shape(context, builder, signature.args[0], values[0])
+    array = arrayobj._empty_nd_impl(context, builder, signature.return_type, sizes)
     if is_zero:
         size = builder.mul(array.itemsize, array.nitems)
         cgutils.memset(builder, array.data, size, 0)

@@ -15,7 +15,6 @@ from numba.core import cgutils, ir, lowering
 from numba.core.errors import new_error_context  # type: ignore[attr-defined]
 from numba.core.ir_utils import get_definition, guard
 from numba.core.typing import signature as call_of
-from numba.np.arrayobj import record_getattr, record_setattr
 
 from namlcp.compiled.functions import Translated, iterator_of, next_of
 
@@ -58,7 +57,7 @@ class Lower(lowering.Lower):
         value = self._cast_var(inst.value, entry)
         values = self.loadvar(inst.target.name), value
         signature = call_of(types.void, kind, entry)
-        record_setattr(self.context, self.builder, signature, values, inst.attr)
+        field_of_record("set")(self.context, self.builder, signature, values, inst.attr)
         return True
 
     def lower_expr(self, resty: Any, expr: Any) -> Any:
@@ -72,7 +71,8 @@ class Lower(lowering.Lower):
     def attribute(self, expr: Any, kind: Any, value: Any) -> Any:
         """Translate value.attr of records and named tuples, and an array's size."""
         if isinstance(kind, types.Record):
-            return record_getattr(self.context, self.builder, kind, value, expr.attr)
+            read = field_of_record("get")
+            return read(self.context, self.builder, kind, value, expr.attr)
         if isinstance(kind, types.BaseNamedTuple) and expr.attr in kind.fields:
             index = kind.fields.index(expr.attr)
             return self.part(kind[index], value, index)
@@ -221,6 +221,13 @@ class Lower(lowering.Lower):
         if not self.context.enable_nrt:
             return False
         return self.context.data_model_manager[kind].contains_nrt_meminfo()
+
+
+def field_of_record(way: str) -> Any:
+    """Return numba's function that translates r.a ("get") or r.a = b ("set")."""
+    from numba.np import arrayobj  # takes long: not where nothing is compiled
+
+    return arrayobj.record_getattr if way == "get" else arrayobj.record_setattr
 
 
 SHORTER = {
