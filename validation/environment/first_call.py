@@ -18,9 +18,9 @@ import scipy.sparse as sp
 
 BEGIN = time.perf_counter()
 import namlcp  # noqa: E402
-from namlcp.scenes import forced_obstacle  # noqa: E402
 
 IMPORT = time.perf_counter() - BEGIN
+from namlcp.scenes import forced_obstacle  # noqa: E402  (needs scipy.spatial)
 
 SPARSE = sp.diags_array([4.0, -1.0, -1.0], offsets=[0, 2, -2], shape=(200, 200))
 TRIDIAGONAL = sp.diags_array([4.0, -1.0, -1.0], offsets=[0, 1, -1], shape=(200, 200))
