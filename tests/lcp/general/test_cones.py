@@ -8,6 +8,7 @@ from namlcp import solve_lcp
 from namlcp.lcp.distances import Distances
 from namlcp.lcp.general.arc import PROMISED_STEPS, STEPS, Arc
 from namlcp.lcp.general.cones import Condensed, system_of
+from namlcp.lcp.general.cones.condensed import principal
 from namlcp.lcp.general.cones.contacts import cones_of
 from namlcp.lcp.scaling import unit_diagonal_scale
 from namlcp.lcp.shifted import Shifted
@@ -58,14 +59,31 @@ def test_the_sign_of_the_determinant_is_found_on_both_sides():
     assert signs == {-1.0, 1.0}
 
 
-def test_small_and_large_entries_of_the_diagonal_lose_no_digits():
+@pytest.mark.parametrize("family", ["balls", "cubes"])
+@pytest.mark.parametrize("seed", range(6))
+def test_small_and_large_entries_of_the_diagonal_lose_no_digits(family, seed):
     # sticking and sliding directions of one contact: d_j from 1e-10 to 1e10
-    M, rng = scaled("balls", 300).M, np.random.default_rng(1)
+    M, rng = scaled(family, 300).M, np.random.default_rng(seed)
     D = 10.0 ** rng.choice([-10.0, 10.0], M.shape[0])
     K = M + sparse.diags_array(D)
     r = np.sqrt(D) * rng.standard_normal(D.size)
-    x, y = system_of(M).factors(D).solve(r), Shifted(M).factors(D).solve(r)
-    assert np.abs(K @ x - r).max() <= 100.0 * np.abs(K @ y - r).max() + 1e-9
+    x = system_of(M).factors(D).solve(r)
+    assert np.abs(K @ x - r).max() <= 1e-14 * (abs(K) @ np.abs(x)).max()
+
+
+@pytest.mark.parametrize("p", [1, 2])
+def test_axes_are_principal_however_different_the_weights_are(p):
+    rng = np.random.default_rng(p)
+    w, a = 10.0 ** rng.uniform(-10.0, 10.0, (100, 9)), rng.standard_normal((100, 9, p))
+    values, axes, turned = principal(w, a)
+    total = np.einsum("kj,kjp,kjq->kpq", w, a, a)
+    found = axes @ (values[:, :, None] * axes.transpose(0, 2, 1))
+    size = np.abs(total).max(axis=(1, 2), keepdims=True)
+    assert np.abs((found - total) / size).max() <= 1e-14
+    assert np.abs(a @ axes - turned).max() <= 1e-14
+    root = np.sqrt(values[:, :, None] * values[:, None])
+    own = np.einsum("kj,kjp,kjq->kpq", w, turned, turned) / root
+    assert np.abs(own - np.eye(p)).max() <= 1e-14
 
 
 @pytest.mark.parametrize("value", [0.0, np.inf, np.nan, 1e-320])

@@ -35,22 +35,48 @@ from namlcp.lcp.shifted import Factors, Shifted
 
 def principal(
     weights: np.ndarray, vectors: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return eigenvalues and vectors of sums of w_i a_i a_i', w (k, d), a (k, d, p).
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Diagonalise sums of w_i a_i a_i', w (k, d) >= 0, a (k, d, p), p = 1 or 2.
 
-    Of two eigenvalues the least is the determinant over the largest one, and the
-    determinant is that of the minors, sum_{i<j} w_i w_j (a_i x a_j)^2 (Cauchy and
-    Binet): nothing cancels, however different the weights are.
+    Return the eigenvalues (k, p), the axes (k, p, p) and the a_i along these axes. The
+    first guess of an axis is the a_i of the largest w_i |a_i|^2, which has exactly
+    nothing across it; one rotation of Jacobi does the rest. So what this a_i has across
+    the axes keeps its digits, though it may be w_2 / w_1 of the whole. The determinant
+    is that of the minors, sum_{i<j} w_i w_j (a_i x a_j)^2 (Cauchy and Binet), and the
+    least eigenvalue the determinant over the largest: nothing cancels, however
+    different the weights are.
     """
-    total = np.einsum("kj,kjp,kjq->kpq", weights, vectors, vectors)
-    if vectors.shape[2] == 1:
-        return total[:, :, 0], np.ones_like(total)
-    values, axes = np.linalg.eigh(total)
-    x, y = vectors[:, :, 0], vectors[:, :, 1]
-    minors = x[:, :, None] * y[:, None] - y[:, :, None] * x[:, None]
+    k, _, p = vectors.shape
+    if p == 1:
+        return np.einsum("kj,kjp->kp", weights, vectors**2), np.ones((k, 1, 1)), vectors
+    each = np.arange(k)
+    largest = np.argmax(weights * (vectors**2).sum(axis=2), axis=1)
+    x, y = (vectors[each, largest] / length(vectors[each, largest])[:, None]).T
+    along = vectors[:, :, 0] * x[:, None] + vectors[:, :, 1] * y[:, None]
+    across = vectors[:, :, 1] * x[:, None] - vectors[:, :, 0] * y[:, None]
+    across[each, largest] = 0.0
+    first, second = (weights * along**2).sum(axis=1), (weights * across**2).sum(axis=1)
+    mixed = (weights * along * across).sum(axis=1)
+    minors = along[:, :, None] * across[:, None] - across[:, :, None] * along[:, None]
     determinant = 0.5 * np.einsum("ki,kj,kij->k", weights, weights, minors**2)
-    values[:, 0] = determinant / values[:, 1]
-    return values, axes
+    slope = np.copysign(2.0 * mixed, (first - second) * mixed)
+    half = np.abs(first - second)
+    tangent = np.divide(
+        slope, half + np.hypot(half, slope), out=np.zeros(k), where=mixed != 0.0
+    )
+    cosine = 1.0 / np.sqrt(1.0 + tangent**2)
+    sine = tangent * cosine
+    values = np.column_stack((first + tangent * mixed, second - tangent * mixed))
+    least = np.argmin(values, axis=1)
+    values[each, least] = determinant / values[each, 1 - least]
+    turn = np.array([[cosine, -sine], [sine, cosine]]).transpose(2, 0, 1)
+    axes = np.array([[x, -y], [y, x]]).transpose(2, 0, 1) @ turn
+    return values, axes, np.stack((along, across), axis=2) @ turn
+
+
+def length(vectors: np.ndarray) -> np.ndarray:
+    """Return the lengths of vectors (k, 2)."""
+    return np.hypot(vectors[:, 0], vectors[:, 1])
 
 
 class ConeFactors:
@@ -74,12 +100,16 @@ class ConeFactors:
         off = np.einsum("ki,kjip->kjp", self.e / self.s[:, None], system.between)
         vectors = np.concatenate((off, m[:, None]), axis=1)
         weights = np.column_stack((self.e, self.h * self.d_g))
-        values, axes = principal(weights, vectors)
-        self.m, self.off = np.einsum("kp,kpq->kq", m, axes), off @ axes
+        values, axes, turned = principal(weights, vectors)
+        self.off, self.m = turned[:, :-1], turned[:, -1]
         self.inverse = 1.0 / values
         slope = -(self.h * cones.kappa)[:, None] * self.inverse * self.m
-        self.kept = cones.kept
-        self.lu = system.remainder(diagonal, axes, self.inverse, slope)
+        self.kept, self.system, self.axes = cones.kept, system, axes
+        data = system.turn(axes)
+        own = data[system.diagonal[system.turned]]
+        # of the two expressions for y, C^-1 (...) and N (x, t), the one of small factors
+        self.soft = self.inverse > own
+        self.lu = system.remainder(data, diagonal, self.inverse, slope)
 
     @property
     def entries(self) -> int:
@@ -108,6 +138,9 @@ class ConeFactors:
         x[self.kept] = self.lu.solve(condensed[self.kept])
         t, x_l = x[basis], x[cones.normal]
         y = self.inverse * (side - t + (self.h * cones.kappa * x_l)[:, None] * self.m)
+        x[basis] = np.einsum("kpq,kq->kp", self.axes, t)
+        speeds = (self.system.N @ x[self.kept])[self.system.turned]
+        y = np.where(self.soft, np.einsum("kpq,kp->kq", self.axes, speeds), y)
         middle = np.einsum("kp,kp->k", self.m, y)  # the speed is lifted by this
         lifted = r[cones.g] - cones.kappa * x_l + total + self.d_g * middle
         lifted /= self.s + self.d_g
@@ -172,15 +205,14 @@ class Condensed:
 
     def remainder(
         self,
+        data: np.ndarray,
         diagonal: np.ndarray,
-        axes: np.ndarray,
         inverse: np.ndarray,
         slope: np.ndarray,
     ) -> LU:
-        """Factor what remains, with C^-1 and the slopes of all contacts."""
+        """Factor what remains, V'N V (overwritten) with all C^-1 and slopes."""
         change = diagonal[self.cones.kept]
         change[self.turned] = inverse
-        data = self.turn(axes)
         data[self.diagonal] += change
         data[self.slopes] += slope.ravel()
         lu = self.fronts.factors(data)
