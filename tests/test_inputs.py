@@ -12,7 +12,15 @@ import pytest
 from problems_qp import complementary
 from scipy import sparse
 
-from namlcp import Prepared, converges, is_h_plus, solve_lcp, solve_qp
+from namlcp import (
+    Prepared,
+    Solver,
+    converges,
+    is_h_plus,
+    solve_batch,
+    solve_lcp,
+    solve_qp,
+)
 
 
 def image(value):
@@ -157,6 +165,15 @@ QP_REFUSALS = [
         r"h must not hold NaN, got nan at \(0\)",
     ),
     (
+        (EYE, ONE, 1e300 * ROW, [1e299]), {}, ValueError,
+        r"h must be \+inf where there is no constraint, got 1\.0e\+299 at \(0\), "
+        r"where G has entries of 1\.0e\+300: divide this row and h by that",
+    ),
+    (
+        (sparse.csc_array(EYE), ONE, sparse.csc_array(-1e300 * ROW), [1e299]), {},
+        ValueError, r"h must be \+inf where there is no constraint",
+    ),
+    (
         (EYE, ["a", "b"]), {}, TypeError,
         "q must be an array of real numbers, got dtype <U1",
     ),
@@ -204,6 +221,22 @@ def test_a_qp_is_refused_in_words(arguments, options, error, text, capfd):
     with pytest.raises(error, match=text):
         solve_qp(*arguments, **options)
     assert capfd.readouterr() == ("", "")
+
+
+def test_a_side_that_switches_off_a_constraint_is_refused_in_a_sequence_too():
+    solver = Solver(EYE, -ONE, 1e12 * ROW, [1e12])
+    with pytest.raises(ValueError, match=r"h must be \+inf where"):
+        solver.update(h=[1e21])
+    solver.update(h=[np.inf])
+    assert solver.solve().x == pytest.approx(ONE)
+    h = np.array([[1e12], [1e21], [np.inf]])
+    batch = solve_batch(EYE, -ONE, 1e12 * ROW, h)
+    assert [s.value for s in batch.statuses] == ["solved", "invalid", "solved"]
+
+
+@pytest.mark.parametrize("side", [1e20, 1e30, 1e299, np.inf])
+def test_a_row_is_switched_off_by_a_huge_side(side):
+    assert solve_qp(EYE, -ONE, 1e3 * ROW, [side]).x == pytest.approx(ONE)
 
 
 PAIR = EYE, ONE

@@ -7,6 +7,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from namlcp.checks import (
+    INFINITE,
     as_sparse,
     constant,
     has_bad_row,
@@ -39,6 +40,10 @@ class Point(NamedTuple):
 
 ASYMMETRY = 1e-10
 """Largest |P - P'|, relative to max |P|, that counts as rounding; P is symmetrised."""
+
+
+STEEP = 1e10
+"""A row g'x <= h switched off by h >= INFINITE must allow |x_j| up to this."""
 
 
 class QP(NamedTuple):
@@ -138,8 +143,28 @@ def refuse_numbers(qp: QP) -> None:
         refuse_number(name, entries, name in ("h", "lb", "ub"))
 
 
+def refuse_steep_rows(G: Any, h: np.ndarray) -> None:
+    """Raise ValueError where a finite h_i switches off a row with a side that matters.
+
+    That is so where h_i / max_j |G_ij| is less than STEEP.
+    """
+    off = np.flatnonzero((h >= INFINITE) & (h < np.inf))
+    if off.size == 0:
+        return
+    rows = sp.csr_array(G)[off]
+    sizes = np.zeros(off.size) if rows.nnz == 0 else abs(rows).max(axis=1).toarray()
+    steep = np.flatnonzero(h[off] / STEEP < sizes)
+    if steep.size > 0:
+        i, size = off[steep[0]], sizes[steep[0]]
+        raise ValueError(
+            f"h must be +inf where there is no constraint, got {h[i]:.1e} at ({i}), "
+            f"where G has entries of {size:.1e}: divide this row and h by that"
+        )
+
+
 def without_huge_sides(qp: QP) -> QP:
     """Return the QP with sides beyond `INFINITE` made infinite."""
+    refuse_steep_rows(qp.G, qp.h)
     h, ub = without_huge(qp.h, 1.0), without_huge(qp.ub, 1.0)
     return qp._replace(h=h, lb=without_huge(qp.lb, -1.0), ub=ub)
 

@@ -67,7 +67,8 @@ def solve_qp(
     q : (n,) array
         Cost vector.
     G, h : (m, n) array or sparse matrix, (m,) array, optional
-        Inequalities; h_i = +inf (from 1e20 on) switches a row off.
+        Inequalities; h_i = +inf (from 1e20 on) switches a row off. A finite h_i >= 1e20
+        below 1e10 max_j |G_ij| is refused: that row is a constraint.
     A, b : (p, n) array or sparse matrix, (p,) array, optional
         Equalities.
     lb, ub : (n,) array, optional

@@ -210,7 +210,7 @@ class Solver:
         if ub is not None:
             self.put("ub", ub, vectors)
         if not accepts(vectors, *self.sizes):
-            clean(vectors, self.places)
+            clean(vectors, self.places, self.matrices[1])
         if not (P is None and G is None and A is None):
             self.take_matrices({"P": P, "G": G, "A": A})
         self.vectors = vectors

@@ -1,9 +1,11 @@
 """The vectors of a QP in one array, as `QP.joined` makes it."""
 
+from typing import Any
+
 import numpy as np
 
 from namlcp.checks import refuse_number, without_huge
-from namlcp.qp.problem import QP
+from namlcp.qp.problem import QP, refuse_steep_rows
 
 Places = dict[str, tuple[slice, tuple[int]]]
 
@@ -25,8 +27,9 @@ def places_of(qp: QP) -> Places:
     return places
 
 
-def clean(vectors: np.ndarray, places: Places) -> None:
+def clean(vectors: np.ndarray, places: Places, G: Any) -> None:
     """Make huge sides infinite; raise where a number is not allowed."""
+    refuse_steep_rows(G, vectors[places["h"][0]])
     for name, (place, _) in places.items():
         infinity = INFINITIES[name]
         refuse_number(name, vectors[place], infinity != 0)

@@ -107,7 +107,7 @@ class ConeFactors:
         self.kept, self.system, self.axes = cones.kept, system, axes
         data = system.turn(axes)
         own = data[system.diagonal[system.turned]]
-        # of the two expressions for y, C^-1 (...) and N (x, t), the one of small factors
+        # y is C^-1 (...) and N (x, t): the smaller factor rounds less
         self.soft = self.inverse > own
         self.lu = system.remainder(data, diagonal, self.inverse, slope)
 
