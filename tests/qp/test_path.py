@@ -25,6 +25,7 @@ from problems_qp import (
 )
 from scipy.sparse import csc_array, csr_array, diags_array
 
+from namlcp import solve_qp
 from namlcp.limits import Deadline, Limits
 from namlcp.linalg.factors import Bordered, dense_border
 from namlcp.options import Options
@@ -306,7 +307,7 @@ needs_data = pytest.mark.skipif(
 )  # fmt: skip
 def test_maros_meszaros(name):
     qp = maros_meszaros(name)
-    result = solve(qp, Limits(eps_abs=1e-6, eps_rel=0.0))
+    result = solve_qp(*qp, eps_abs=1e-6, eps_rel=0.0)
     assert result.status is Status.SOLVED
     residuals = qp_residuals(*qp, result.x, result.y, result.z, result.z_box)
     assert residuals.solved(1e-6, 0.0)

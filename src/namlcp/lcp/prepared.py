@@ -33,8 +33,8 @@ class Prepared:
 
     It keeps what depends on A alone, and the last solution that pivoting found: the
     next solve begins with its face, the unknowns at their bounds, which is often one
-    factorisation from the next solution. Where an LCP has several solutions, the one
-    that is found may depend on the LCPs before.
+    factorisation from the next solution. So the LCPs before may change the rounding of
+    a solution, and which one is found where there are several.
 
     Parameters
     ----------
