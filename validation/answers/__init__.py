@@ -1,0 +1,1 @@
+"""The book of answers: what namlcp says of a fixed list of problems."""

@@ -1,0 +1,166 @@
+"""The book of answers: a fixed list of problems, solved again after each change.
+
+write
+    Solve the list and store the rows, one CSV a suite, in --book.
+check
+    Solve the list and sort every difference from the stored rows:
+    wrong: another objective than the residuals allow, a solution beside a proof, or a
+    verdict of the campaign's judge; worse: solved or proved before, not now; better:
+    the reverse; failure: undecided in other words; point: another point of the same
+    objective; way: another method or number of iterations; same.
+    Returns 1 if anything is wrong or worse.
+
+The rows of a run go to --run; what is there is not solved again, so that a run goes on
+where it stopped. --quick takes every tenth problem of a suite of those that took less
+than 0.1 s, in 90 seconds; the whole list takes about 20 minutes on two cores.
+"""
+
+import collections
+import os
+from concurrent.futures import ProcessPoolExecutor
+from functools import cache
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any
+
+from validation.harness import Row, cli, csv_files, machine
+
+COLUMNS = ("name", "status", "method", "verdict", "objective", "slack", "residual",
+           "size", "mark", "iterations", "seconds")  # fmt: skip
+BOOK = cli.RESULTS / "answers"
+QUICK, SOON = 10, 0.1  # every so many problems, of those that took less [s]
+DECIDED = {"solved", "primal_infeasible", "dual_infeasible", "unsolvable", "right"}
+ROUNDING, SAME = 1e-11, 1e-5  # of objectives; of points with one objective
+KINDS = ("wrong", "worse", "better", "failure", "point", "way", "same")
+
+
+@cache
+def suites(data: Path | None) -> dict[str, Any]:
+    """Return the suites; a worker makes them once."""
+    from validation.answers.suites import all_suites
+
+    return all_suites(data)
+
+
+def solved(data: Path | None, suite: str, names: list[str]) -> list[Row]:
+    """Return the rows of some problems: the work of a child process."""
+    from validation.answers.suites import row_of
+
+    return [row_of(suites(data)[suite], name) for name in names]
+
+
+def chosen(suite: str, names: list[str], book: Path, quick: bool) -> list[str]:
+    """Return the names to be solved."""
+    if not quick:
+        return names
+    rows = csv_files.read(book / f"{suite}.csv")
+    soon = {row["name"] for row in rows if float(row["seconds"]) < SOON}
+    return [name for name in names if name in soon][::QUICK]
+
+
+def run(args: Any) -> dict[str, list[Row]]:
+    """Solve what is not there yet; return the rows of all suites."""
+    for library in machine.THREADS:
+        os.environ[f"{library}_NUM_THREADS"] = "1"
+    found: dict[str, list[Row]] = {}
+    with ProcessPoolExecutor(args.jobs, get_context("spawn")) as pool:
+        for suite, (names, _) in suites(args.data).items():
+            if args.suites and suite not in args.suites:
+                continue
+            wanted = chosen(suite, names, args.book, args.quick)
+            file = args.run / f"{suite}.csv"
+            with csv_files.growing(file, [], COLUMNS, ("name",)) as rows:
+                done = {row["name"] for row in rows.rows}
+                left = [name for name in wanted if name not in done]
+                size = max(1, min(50, len(left) // (4 * args.jobs)))
+                parts = [left[i : i + size] for i in range(0, len(left), size)]
+                work = pool.map(
+                    solved, [args.data] * len(parts), [suite] * len(parts), parts
+                )
+                for part in work:
+                    for row in part:
+                        rows.add(row)
+                own = {row["name"]: row for row in rows.rows}
+            found[suite] = [own[name] for name in wanted]
+            print(f"{suite}: {len(wanted)} problems", flush=True)
+    return found
+
+
+def number(row: Row, column: str) -> float:
+    """Return an entry as a number."""
+    return csv_files.number(row.get(column))
+
+
+def difference(old: Row, new: Row) -> str:
+    """Return one of KINDS."""
+    before, now = old["status"] in DECIDED, new["status"] in DECIDED
+    if new["verdict"] == "wrong" != old["verdict"]:
+        return "wrong"
+    if before != now:
+        return "better" if now else "worse"
+    if old["status"] != new["status"]:
+        return "wrong" if before else "failure"
+    if not before:
+        return "same"
+    far = abs(number(old, "objective") - number(new, "objective"))
+    slack = number(old, "slack") + number(new, "slack")
+    if far > slack + ROUNDING * (1.0 + abs(number(old, "objective"))):
+        return "wrong"
+    for column in ("size", "mark"):
+        far = abs(number(old, column) - number(new, column))
+        if far > SAME * (1.0 + abs(number(old, "size"))):
+            return "point"
+    ways = ("method", "iterations")
+    return "way" if any(str(old[k]) != str(new[k]) for k in ways) else "same"
+
+
+def compare(found: dict[str, list[Row]], book: Path) -> int:
+    """Print the table of differences, and what is wrong, worse or better."""
+    print(f"\n{'':<22}" + "".join(f"{kind:>9}" for kind in KINDS) + "  iterations")
+    total: collections.Counter[str] = collections.Counter()
+    listed = []
+    for suite, rows in found.items():
+        stored = {row["name"]: row for row in csv_files.read(book / f"{suite}.csv")}
+        counts: collections.Counter[str] = collections.Counter()
+        work = [0.0, 0.0]
+        for new in rows:
+            old = stored.get(new["name"])
+            if old is None:
+                continue
+            new = {column: str(new.get(column) or "") for column in COLUMNS}
+            kind = difference(old, new)
+            counts[kind] += 1
+            if kind == "same" or kind == "way":
+                steps = number(old, "iterations"), number(new, "iterations")
+                if steps[0] == steps[0] and steps[1] == steps[1]:
+                    work[0], work[1] = work[0] + steps[0], work[1] + steps[1]
+            if kind in KINDS[:4]:
+                listed.append((kind, suite, old, new))
+        total += counts
+        ratio = f"{work[1] / work[0]:>10.3f}" if work[0] > 0.0 else ""
+        print(f"{suite:<22}" + "".join(f"{counts[k]:>9}" for k in KINDS) + ratio)
+    print(f"{'all':<22}" + "".join(f"{total[k]:>9}" for k in KINDS) + "\n")
+    for kind, suite, old, new in sorted(listed, key=lambda x: KINDS.index(x[0])):
+        told = [
+            ", ".join(f"{row[k]}" for k in COLUMNS[1:7] if row[k]) for row in (old, new)
+        ]
+        print(f"{kind}: {suite} {old['name']}: {told[0]} -> {told[1]}")
+    return int(total["wrong"] + total["worse"] > 0)
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Write or check the book."""
+    parser = cli.parser(__doc__, "data", "quick")
+    parser.add_argument("part", choices=("write", "check"))
+    parser.add_argument("--book", type=Path, default=BOOK, help="the stored rows")
+    parser.add_argument("--run", type=Path, help="the rows of this run")
+    parser.add_argument("--suites", nargs="+")
+    parser.add_argument("--jobs", type=int, default=2)
+    args = parser.parse_args(arguments)
+    if args.part == "write":
+        args.run = args.book
+        run(args)
+        return 0
+    if args.run is None:
+        parser.error("check needs --run, a folder for its rows")
+    return compare(run(args), args.book)

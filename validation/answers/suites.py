@@ -1,0 +1,313 @@
+"""The fixed list of the book of answers: problems by suite, and the row of each.
+
+A suite has the names of its problems and a function from a name to its row. Rows:
+
+- status, method: as the result has them; of problems asked in two ways the outcome,
+  and why it is not right.
+- verdict: what the campaign's judge says where it knows the truth, else "".
+- objective: 1/2 x'Px + q'x, or +-inf for a proof; empty for an LCP.
+- slack: how far from the optimum the residuals allow it to be, gap + r_dual |x|_1 +
+  r_primal |(y, z)|_1.
+- residual: the worst residual over its tolerance.
+- size, mark: |x|_2 and a weighted sum of x, by which points are told apart.
+- iterations; seconds to one digit, which only say what --quick leaves out.
+"""
+
+import time
+import warnings
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.io
+import scipy.sparse as sp
+
+import namlcp
+from validation.harness import Row, qps
+from validation.paper import tables
+from validation.paper.printed import TABLES
+from validation.peers import generalisation
+from validation.problems import data_sets, infeasible_cases, osqp_classes, sweep_scenes
+from validation.problems.fuzzed import cases
+from validation.problems.general import games
+from validation.stress import campaign, campaign_relations
+from validation.stress.campaign_answers import (
+    NAM,
+    NAM_LCP,
+    clean,
+    lcp_answer,
+    qp_answer,
+)
+from validation.stress.campaign_judge import (
+    Answer,
+    judge_lcp,
+    judge_malformed,
+    judge_qp,
+)
+
+SEED = 31
+LIMIT = 60.0  # [s] a problem
+FAMILIES = {
+    "friction": (("pile", "wall", "chain", "balls", "cubes"), (80, 200, 500), 6),
+    "large friction": (("pile", "wall", "chain", "balls", "cubes"), (1000, 2000), 2),
+    "other": (
+        ("copositive", "singular copositive", "copositive-plus", "P0", "games"),
+        (10, 20, 50, 100, 200),
+        5,
+    ),
+}
+ALPHA, BETA = {"alpha": 0.9}, {"beta": 0.8}
+SWEEPS: dict[str, dict[str, float]] = {
+    "mgs": {}, "msor": ALPHA, "maor": ALPHA | BETA, "namj": {}, "namgs": {},
+    "namsor": ALPHA, "namaor": ALPHA | BETA, "amgs": {}, "amsor": ALPHA, "pgs": {},
+    "psor": ALPHA, "modulus": {}, "nam": {}, "modified-nam": ALPHA,
+}  # fmt: skip
+
+
+class Suite(NamedTuple):
+    """The names of its problems, and what makes the row of one."""
+
+    names: list[str]
+    solve: Callable[[str], Row]
+
+
+def weights(n: int) -> np.ndarray:
+    """Return the weights of a mark."""
+    return np.cos(1.0 + np.arange(n))
+
+
+def point_of(x: np.ndarray) -> Row:
+    """Return size and mark of a point."""
+    if not np.isfinite(x).all():
+        return {}
+    size, mark = float(np.linalg.norm(x)), float(weights(x.size) @ x)
+    return {"size": f"{size:.8g}", "mark": f"{mark:.8g}"}
+
+
+def row_of_qp(result: Any, eps_abs: float = 1e-9, eps_rel: float = 1e-10) -> Row:
+    """Return the row of a QPResult."""
+    row: Row = {"status": result.status.value, "method": result.form}
+    row["iterations"] = result.iterations
+    if not np.isnan(result.obj):
+        row["objective"] = f"{result.obj:.12g}"
+    if np.isfinite(result.obj):
+        r = result.residuals
+        multipliers = np.abs(result.y).sum() + np.abs(result.z).sum()
+        slack = r.gap + r.dual * np.abs(result.x).sum() + r.primal * multipliers
+        row["slack"] = f"{slack:.2g}"
+        row["residual"] = f"{r.worst(eps_abs, eps_rel):.2g}"
+    return row | point_of(result.x)
+
+
+def row_of_lcp(result: Any, accuracy: float = np.nan) -> Row:
+    """Return the row of an LCPResult; `accuracy`: the Res that was asked for."""
+    row: Row = {"status": result.status.value, "method": result.method}
+    row["iterations"] = result.iterations
+    if np.isfinite(accuracy) and accuracy > 0.0:
+        row["residual"] = f"{result.residual / accuracy:.2g}"
+    return row | point_of(result.z)
+
+
+def qp_row(arguments: dict[str, Any], eps: float) -> Row:
+    """Solve a QP to an absolute tolerance."""
+    given = {"eps_abs": eps, "eps_rel": 0.0, "time_limit": LIMIT}
+    return row_of_qp(namlcp.solve_qp(**arguments, **given), eps, 0.0)
+
+
+def lcp_row(A: Any, q: np.ndarray, **given: Any) -> Row:
+    """Solve an LCP to Res = 1e-9 max |q_i|."""
+    accuracy = 1e-9 * float(np.abs(q).max(initial=0.0)) or 1e-9
+    given |= {"eps_abs": accuracy, "time_limit": LIMIT}
+    return row_of_lcp(namlcp.solve_lcp(A, q, **given), accuracy)
+
+
+def fuzzed_row(kind: str, name: str) -> Row:
+    """Solve a problem of the campaign at the default settings, and judge it."""
+    case = cases.make(SEED, int(name), kind)
+    is_qp = "P" in case.arguments
+    row: Row = {}
+    try:
+        if is_qp:
+            result = namlcp.solve_qp(**case.arguments)
+            row, answer = row_of_qp(result), qp_answer(result)
+        else:
+            result = namlcp.solve_lcp(**case.arguments)
+            row, answer = row_of_lcp(result), lcp_answer(result)
+    except Exception as error:
+        answer = Answer("error", words=f"{error}", kind=type(error))
+        row = {"status": type(error).__name__}
+    if case.group in cases.MALFORMED:
+        verdict, _ = judge_malformed(answer, case.truth)
+    elif is_qp:
+        truth = campaign.truth_of(case)
+        verdict, _ = judge_qp(clean(case.problem), truth, answer, NAM, True)
+    else:
+        verdict, _ = judge_lcp(case.problem, case.truth, answer, NAM_LCP)
+    return row | {"verdict": verdict}
+
+
+def related_row(kind: str, name: str) -> Row:
+    """Ask a problem in two ways."""
+    outcome, why = campaign_relations.examine(SEED, int(name), kind)
+    return {"status": outcome, "method": why[:60], "verdict": outcome}
+
+
+def set_row(data: Path, problem_set: str, eps: float, name: str) -> Row:
+    """Solve a QP of a collection."""
+    return qp_row(qps.by_name(data_sets.load(data, problem_set, name)), eps)
+
+
+def changed_row(data: Path, change: str, name: str) -> Row:
+    """Solve a Maros-Meszaros problem in other units, or with noise."""
+    return qp_row(qps.by_name(generalisation.load(data, change, name)), 1e-6)
+
+
+def class_row(name: str) -> Row:
+    """Solve a problem of the seven classes."""
+    kind, size = name.rsplit(maxsplit=1)
+    return qp_row(qps.by_name(osqp_classes.generate(kind, int(size))), 1e-6)
+
+
+def infeasible_row(data: Path, name: str) -> Row:
+    """Solve a QP without a solution, or one that only looks so."""
+    case = infeasible_cases.all_cases(data, 3)[name]()
+    if case is None:
+        return {"status": "no such problem"}
+    try:
+        row = qp_row(qps.by_name(case.problem), case.eps)
+    except ValueError as error:
+        row = {"status": "refused", "method": str(error)[:60]}
+    return row | {"method": f"{row.get('method', '')} ({case.truth})"}
+
+
+def linear_program(path: Path) -> dict[str, Any]:
+    """Read min c'x, A x = b, h_l <= G x <= h_u, x_l <= x <= x_u."""
+    mat = scipy.io.loadmat(path)
+    c, b, low, high, lb, ub = (
+        mat[k].ravel().astype(float) for k in ("c", "b", "h_l", "h_u", "x_l", "x_u")
+    )
+    G = sp.csr_array(mat["G"])
+    below, above = low > -data_sets.INFINITY, high < data_sets.INFINITY
+    return {
+        "P": sp.csc_array((c.size, c.size)), "q": c,
+        "G": sp.csc_array(sp.vstack([G[above], -G[below]])),
+        "h": np.concatenate([high[above], -low[below]]),
+        "A": sp.csc_array(mat["A"]), "b": b, "lb": lb, "ub": ub,
+    }  # fmt: skip
+
+
+def netlib_row(data: Path, eps: float, name: str) -> Row:
+    """Solve a linear program of Netlib."""
+    return qp_row(linear_program(data / "netlib" / f"{name}.mat"), eps)
+
+
+def contact_row(data: Path, name: str) -> Row:
+    """Solve a contact scene as an LCP."""
+    return lcp_row(*data_sets.contact_lcp(data, name))
+
+
+def family_row(name: str) -> Row:
+    """Solve a general LCP of a family."""
+    from validation.general.benchmark import make
+
+    family, n, seed = name.rsplit(maxsplit=2)
+    return lcp_row(*make(family, int(n), int(seed)))
+
+
+def collected_row(data: Path, name: str) -> Row:
+    """Solve a general LCP of a collection, or the LCP of a game."""
+    if name.startswith("game"):
+        return lcp_row(*games.lcp(*games.gambit(data)[name.removeprefix("game_")]))
+    stored = np.load(data / "general" / f"{name}.npz")
+    return lcp_row(stored["A"], stored["q"].ravel())
+
+
+def printed_row(name: str) -> Row:
+    """Repeat a run of the paper's tables."""
+    example, method, alpha, m = name.split()
+    given: Row = {} if alpha == "None" else {"alpha": float(alpha)}
+    if method.startswith("nam"):
+        given["shift"] = 1.0
+    scene = sweep_scenes.paper_example(int(example), int(m))
+    return row_of_lcp(tables.solve(scene, method, 100, **given), tables.EPS)
+
+
+def sweep_row(name: str) -> Row:
+    """Solve an example of the paper by a named method."""
+    example, delta, method = name.split()
+    scene = sweep_scenes.paper_example(int(example), 20, float(delta))
+    given = {"method": method, "eps_abs": 1e-8, "max_iter": 2000} | SWEEPS[method]
+    return row_of_lcp(namlcp.solve_lcp(scene.A, scene.q, **given), 1e-8)
+
+
+def generated() -> Iterator[tuple[str, Suite]]:
+    """Yield the suites that need no data folder."""
+    for kind, count in (("every", 10_000), ("general", 3_000)):
+        names = [str(i) for i in range(count)]
+        yield f"campaign-{kind}", Suite(names, partial(fuzzed_row, kind))
+    counts = {"sequences": 1_000, "batches": 500, "derivatives": 500, "closest": 500}
+    for kind, count in counts.items():
+        names = [str(i) for i in range(count)]
+        yield f"campaign-{kind}", Suite(names, partial(related_row, kind))
+    classes = osqp_classes.CLASSES.items()
+    names = [f"{kind} {size}" for kind, found in classes for size in found.sizes]
+    yield "classes", Suite(names, class_row)
+    names = [
+        f"{family} {n} {seed}"
+        for families, sizes, seeds in FAMILIES.values()
+        for family in families
+        for n in sizes
+        for seed in range(seeds)
+    ]
+    yield "families", Suite(names, family_row)
+    names = [
+        f"{example} {method} {alpha} {m}"
+        for example, method, alpha in TABLES
+        for m in tables.SIZES
+    ]
+    yield "paper", Suite(names, printed_row)
+    names = [f"{e} {d} {method}" for e in (1, 2) for d in (4, 1) for method in SWEEPS]
+    yield "sweeps", Suite(names, sweep_row)
+
+
+def collected(data: Path) -> Iterator[tuple[str, Suite]]:
+    """Yield the suites of the data folder."""
+    names = data_sets.set_names(data, "all")
+    for eps in (1e-6, 1e-9):
+        yield f"maros-{eps:.0e}", Suite(names, partial(set_row, data, "all", eps))
+    for change in ("noise", "rows", "columns"):
+        yield f"maros-{change}", Suite(names, partial(changed_row, data, change))
+    names = data_sets.set_names(data, "mpc")
+    yield "mpc", Suite(names, partial(set_row, data, "mpc", 1e-6))
+    names = data_sets.set_names(data, "contact")
+    yield "contact-qp", Suite(names, partial(set_row, data, "contact", 1e-6))
+    yield "contact-lcp", Suite(names, partial(contact_row, data))
+    names = list(infeasible_cases.all_cases(data, 3))
+    yield "infeasible", Suite(names, partial(infeasible_row, data))
+    files = sorted((data / "netlib").glob("*/*.mat"))
+    names = [f"{file.parent.name}/{file.stem}" for file in files]
+    for eps in (1e-6, 1e-9):
+        yield f"netlib-{eps:.0e}", Suite(names, partial(netlib_row, data, eps))
+    files = sorted((data / "general").glob("*.npz"))
+    names = [file.stem for file in files]
+    yield "general", Suite(names, partial(collected_row, data))
+
+
+def all_suites(data: Path | None) -> dict[str, Suite]:
+    """Return all suites by name."""
+    return dict(generated()) | (dict(collected(data)) if data is not None else {})
+
+
+def row_of(suite: Suite, name: str) -> Row:
+    """Return the row of a problem: what is raised is a row, too."""
+    start = time.perf_counter()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            row = suite.solve(name)
+        except Exception as error:
+            row = {"status": "raised", "method": f"{type(error).__name__}: {error}"}
+    seconds = time.perf_counter() - start
+    return {"name": name} | row | {"seconds": f"{seconds:.0e}"}
