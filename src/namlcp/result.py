@@ -239,9 +239,9 @@ class QPResult(Unfolding):
 
     Notes
     -----
-    `backward` and `forward` read the arrays that were given to the solve, which must
-    not have been changed since. A result that is pickled or copied goes without them,
-    and has no derivatives.
+    `backward` and `forward` read the arrays that were given to the solve, and raise
+    where those have been changed since. A result that is pickled or copied goes without
+    them, and has no derivatives.
 
     Examples
     --------
@@ -311,8 +311,8 @@ class QPResult(Unfolding):
         Raises
         ------
         ValueError
-            The status is not SOLVED, the result was pickled or copied, or an argument
-            has a wrong shape.
+            The status is not SOLVED, an array of the QP was changed in place since,
+            the result was pickled or copied, or an argument has a wrong shape.
 
         Notes
         -----
@@ -420,7 +420,7 @@ class QPResult(Unfolding):
         changes = dict(P=dP, q=dq, G=dG, h=dh, A=dA, b=db, lb=dlb, ub=dub)
         return qp_directional(self.derivative, changes)
 
-    @cached_property
+    @property
     def derivative(self) -> "QPDerivative":
         """The active constraints and factors of `backward` and `forward`."""
         from namlcp.derivatives import differentiate_qp

@@ -13,7 +13,7 @@ class Differentiable:
     def __getstate__(self) -> dict[str, Any]:
         """Leave the problem and the factors behind."""
         state = vars(self) | {"problem": None}
-        for name in ("derivative", "factors"):
+        for name in ("derivative", "factors", "stamp"):
             state.pop(name, None)
         return state
 

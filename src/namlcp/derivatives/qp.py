@@ -48,6 +48,7 @@ from namlcp.derivatives.face import Face
 from namlcp.derivatives.gradients import QPGradients, QPTangent, product_of
 from namlcp.derivatives.problem import problem_of
 from namlcp.qp import QP, Held, Point
+from namlcp.qp.problem import stamp_of
 from namlcp.result import QPResult
 
 
@@ -174,7 +175,18 @@ class QPDerivative:
 
 
 def differentiate_qp(result: QPResult) -> QPDerivative:
-    """Return the derivative of a solution; raise ValueError if there is none."""
+    """Return the derivative of a solution, made once; raise ValueError if it has none.
+
+    That is so, too, if an array of the user has other numbers than at the solve.
+    """
     qp, given = problem_of(result)
-    point = Point(result.x, result.y, result.z, result.z_box)
-    return QPDerivative(qp, given, point, result.factors)
+    known = vars(result)
+    if "stamp" in known and known["stamp"] != stamp_of(qp):
+        raise ValueError(
+            "derivatives need the arrays as they were when the QP was solved: one has "
+            "been changed in place since (pass a copy to the solve)"
+        )
+    if "derivative" not in known:
+        point = Point(result.x, result.y, result.z, result.z_box)
+        known["derivative"] = QPDerivative(qp, given, point, result.factors)
+    return known["derivative"]

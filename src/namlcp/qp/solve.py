@@ -22,7 +22,7 @@ from namlcp.qp.forms import is_tiny, solve_smallest_form
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.judge import are_own, confirmed, upheld
 from namlcp.qp.memory import Memory
-from namlcp.qp.problem import QP, checked, qp_arrays
+from namlcp.qp.problem import QP, checked, qp_arrays, stamp_of
 from namlcp.qp.responses import (
     MOST_ORDER,
     Done,
@@ -134,9 +134,9 @@ def solve_qp(
         if done is not None:
             seconds = ready - start, perf_counter() - ready
             later = unfolded, done, (qp, given), seconds
-            return with_factors(QPResult.quick(done[0][: qp.q.size], later), held)
+            return complete(QPResult.quick(done[0][: qp.q.size], later), qp, held)
         if known is not None and not needs_more(options, known):
-            return with_factors(result_of(known, (qp, given), start, ready), held)
+            return complete(result_of(known, (qp, given), start, ready), qp, held)
     qp = checked(qp)
     guess = make_guess(qp, x0, warm_start)
     memory = None
@@ -144,11 +144,12 @@ def solve_qp(
         memory = Memory()
         memory.held = held
     result = solve_checked(qp, options, guess, start, history, memory, given, known)
-    return with_factors(result, held)
+    return complete(result, qp, held)
 
 
-def with_factors(result: QPResult, held: Held | None) -> QPResult:
-    """Return the result, with the factors of the solve if they are held."""
+def complete(result: QPResult, qp: QP, held: Held | None) -> QPResult:
+    """Return the result with what derivatives need: stamp, factors if they are held."""
+    vars(result)["stamp"] = stamp_of(qp)
     if held is not None and held.space is not None:
         vars(result)["factors"] = held
     return result
