@@ -127,7 +127,7 @@ def compare(found: dict[str, list[Row]], book: Path) -> int:
             old = stored.get(new["name"])
             if old is None:
                 continue
-            new = {column: str(new.get(column) or "") for column in COLUMNS}
+            new = {column: str(new.get(column, "")) for column in COLUMNS}
             kind = difference(old, new)
             counts[kind] += 1
             if kind == "same" or kind == "way":
