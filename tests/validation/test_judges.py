@@ -1,0 +1,247 @@
+"""Those who call answers right or wrong, on made-up answers; `test_fuzz` has others."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import qpsolvers
+from problems_qp import make_qp
+
+import namlcp
+from namlcp import Status, qp_residuals, solve_qp
+from validation.derivatives import closest
+from validation.harness import qps
+from validation.oracles import agreement
+from validation.oracles.parts import collection_row
+from validation.oracles.scenes import SCENES, Scene, at_bounds
+from validation.oracles.solvers import Answer as Found
+from validation.oracles.solvers import nam
+from validation.peers import references
+from validation.problems import known_scenes, planted
+from validation.problems.stress_cases import ROWS, Point, natural, posed
+from validation.repeated import batches
+from validation.stress import campaign, comparison
+from validation.stress.campaign_answers import NAM, Answer, qp_answer
+from validation.stress.campaign_closest import judge_closest
+from validation.stress.campaign_judge import judge_lcp
+from validation.stress.campaign_relations import RELATIONS, class_of, examine
+from validation.stress.campaign_relations import agreement as agreed
+from validation.stress.campaign_tally import Part
+
+ONE, NONE = np.ones(1), np.zeros(0)
+ROW = np.ones((1, 1))
+
+
+def dense_qp(*data, **bounds):
+    """Return a QP of dense matrices."""
+    qp = make_qp(*data, **bounds)
+    return qp._replace(**{name: getattr(qp, name).toarray() for name in "PGA"})
+
+
+BELOW_ONE = dense_qp(ROW, -3.0 * ONE, lb=0.0 * ONE, ub=ONE)
+"""min x^2/2 - 3x, 0 <= x <= 1: x = 1."""
+
+
+# ---- the campaign
+
+
+@pytest.mark.parametrize("name", RELATIONS)
+def test_both_ways_to_ask_agree(name):
+    for i in range(2 * len(RELATIONS[name])):
+        assert examine(3, i, name) == ("right", ""), (class_of(i, name), i)
+
+
+def test_a_batch_has_an_argument_with_an_axis():
+    """Problem 3027 of seed 9, whose items share all of their arguments."""
+    assert examine(9, 3027, "batches") == ("right", "")
+
+
+@pytest.mark.parametrize(("seed", "index"), [(1, 24390), (3, 73554)])
+def test_extreme_scales_are_not_called_unbounded(seed, index):
+    found = campaign.problem_of(Part(seed, "every", "nam"), index, 1e-6, 10.0)
+    assert found["truth"] == "possible"
+    assert found["outcome"] in ("right", "refused")
+
+
+def test_two_answers_that_disagree_are_found():
+    alone = qp_answer(solve_qp(*BELOW_ONE))
+    off = alone._replace(x=alone.x - 1e-6)
+    infeasible = Answer("infeasible", np.full(1, np.nan), NONE, NONE, ONE)
+    refused = Answer("error", words="ValueError: P must be positive semidefinite")
+    for one, other, outcome in (
+        (alone, alone, "right"),
+        (alone, infeasible, "wrong"),
+        (alone, Answer("refused"), "refused"),
+        (alone, Answer("error", words="no"), "raised"),
+        (alone, off, "wrong"),
+        (off, alone, "wrong"),
+        (refused, alone, "wrong"),
+        (refused, refused, "right"),
+    ):
+        assert agreed(BELOW_ONE, one, other)[0] == outcome
+    edge = dense_qp(1e-9 * ROW, -3.0 * ONE, lb=0.0 * ONE)
+    solved = Answer("solved", 3e9 * ONE, NONE, NONE, 0.0 * ONE)
+    assert agreed(edge, Answer("unbounded", ONE / 3.0), solved)[0] == "refused"
+
+
+@pytest.mark.parametrize(
+    ("truth", "outcome"),
+    [("solvable", "wrong"), ("possible", "wrong"), ("unsolvable", "right"),
+     ("near", "refused")],
+)  # fmt: skip
+def test_unsolvable_without_a_ray_is_taken_at_its_word(truth, outcome):
+    assert judge_lcp(None, truth, Answer("exhausted"), 1e-9)[0] == outcome
+
+
+def test_closest_points_that_are_not_closest_are_found():
+    """x >= 2 (row) within 0 <= x <= 1: the row is shifted by 1, or by too much."""
+    qp = dense_qp(ROW, -3.0 * ONE, -ROW, -2.0 * ONE, lb=0.0 * ONE, ub=ONE)
+    found = solve_qp(*qp, infeasible="closest").closest
+    off = {"shift_h": found.shift_h + 1e-3, "x": found.x - 1e-3}
+    bounds, never = {"shift_ub": ONE}, {"status": Status.PRIMAL_INFEASIBLE}
+    for norm, change, outcome in (
+        (1, {}, "right"), (2, {}, "right"), (1, off, "wrong"), (2, off, "wrong"),
+        (2, bounds, "wrong"), (2, never, "wrong"),
+    ):  # fmt: skip
+        changed = dataclasses.replace(found, **change)
+        assert judge_closest(qp, norm, True, changed, NAM)[0] == outcome
+
+
+# ---- the stress table
+
+
+def answer(case, point, found=True, status="solved"):
+    """Return what a host would, for a point of the posed problem."""
+    solution = qpsolvers.Solution(posed(case), found=found, extras={"status": status})
+    solution.x, solution.y, solution.z, solution.z_box = point
+    return solution
+
+
+def outcome(case, *rest):
+    return comparison.judge(case, answer(case, *rest))["outcome"]
+
+
+def posed_point(case):
+    """Return the planted point as a solver that sees the posed problem has it."""
+    s, c, r, e = case.units
+    x, y, z, z_box = case.point
+    return Point(x / c, s * y / e, s * z / r, s * c * z_box)
+
+
+@pytest.mark.parametrize("name", ROWS)
+@pytest.mark.parametrize("seed", [0, 9])
+def test_planted_points_are_called_right(name, seed):
+    case = ROWS[name](seed)
+    if case.point is None:  # a pile under gravity: NAM finds what the judge takes
+        result = solve_qp(*case.qp)
+        assert result.status is Status.SOLVED
+        point = Point(result.x, result.y, result.z, result.z_box)
+    else:
+        assert qp_residuals(*case.qp, *case.point).solved(1e-13, 1e-13)
+        point = posed_point(case)
+        for one, other in zip(natural(case, point), case.point, strict=True):
+            np.testing.assert_allclose(one, other, rtol=1e-14)
+    row = comparison.judge(case, answer(case, point))
+    assert row["outcome"] == "right"
+    assert row.get("objective_error", 0.0) < 1e-12
+
+
+def test_outcomes_by_residual_sign_and_missing_multipliers():
+    case = ROWS["P of condition 1e0"](0)
+    x, *rest = posed_point(case)
+    first = np.arange(x.size) == 0
+    excess = comparison.judge(case, answer(case, (x + 1.0 * first, *rest)))["excess"]
+    for size, expected in (
+        (0.9, "right"), (9.0, "inaccurate"), (11.0, "wrong"), (np.nan, "wrong"),
+    ):  # fmt: skip
+        assert outcome(case, (x + size / excess * first, *rest)) == expected
+    case = ROWS["LCP, half z = w = 0"](0)
+    x, y, z, z_box = posed_point(case)
+    assert outcome(case, (x, None, None, z_box)) == "right"
+    assert outcome(case, (x, y, z, -z_box)) == outcome(case, (x, y, z, None)) == "wrong"
+
+
+@pytest.mark.parametrize(
+    ("said", "expected"),
+    [
+        ("max_iter", "gave up"),
+        ("", "gave up"),
+        ("Status.PIQP_PRIMAL_INFEASIBLE", "wrong"),
+        ("DualInfeasible", "wrong"),
+        ("unbounded", "wrong"),
+        ("AlmostPrimalInfeasible", "gave up"),
+        ("primal infeasible inaccurate", "gave up"),
+    ],
+)
+def test_what_is_said_without_a_point(said, expected):
+    assert outcome(ROWS["n = 1"](1), (None,) * 4, False, said) == expected
+
+
+# ---- oracles, references, batches, closest points beside peers
+
+
+def test_oracles_agree_within_the_tolerance_or_say_why():
+    lcp = known_scenes.obstacle(8)
+    ours = nam(lcp, 10.0)
+    for z, w, said, quantity, why in (
+        (ours.z, ours.w, "solved", "z", None),
+        (ours.z + 1e-4, ours.w, "solved", "z", "inaccurate: natural residual"),
+        (ours.z, ours.w + 1e-3, "solved", "w", "multipliers less accurate than z"),
+        (ours.z + 1e-4, ours.w, "time limit", "z", "gave up (time limit)"),
+        (None, None, "timeout", "objective", "no point: timeout"),
+    ):
+        found = {"nam": ours, "osqp": Found(z, w, said)}
+        rows = agreement.scene_rows("s", Scene(lambda _: lcp), lcp, found)
+        row = {(r["solver"], r["quantity"]): r for r in rows}["osqp", quantity]
+        assert row["agrees"] == (why is None)
+        assert why is None or row["why"].startswith(why)
+    near = {"status": "solved", "objective": -2.0 + 1e-6, "residual": 1e-10}
+    for change, agrees in (({}, True), ({"objective": -2.1}, False)):
+        row = collection_row("A", 3, (-2.0, "piqp", 1e-8), near | change)
+        assert row["agrees"] == agrees
+    scene = SCENES["torsion 50 x 50"]
+    lcp = scene.make(None)
+    z = nam(lcp, 10.0).z
+    for entry in scene.known:
+        assert abs(entry.of(lcp, z) - entry.value) <= entry.absolute
+    inside = np.clip(z, lcp.lower + 1e-9, lcp.upper - 1e-9)  # as interior methods are
+    assert at_bounds(lcp, inside) == 752
+
+
+def test_a_reference_is_the_solution_or_none():
+    """x = (0.3, 0.7): Clarabel's first example, objective 1.88."""
+    P, q = np.array([[4.0, 1.0], [1.0, 2.0]]), np.ones(2)
+    G, h = np.vstack((np.eye(2), -np.eye(2))), np.array([0.7, 0.7, 0.0, 0.0])
+    problem = qpsolvers.Problem(P, q, G, h, np.ones((1, 2)), np.ones(1))
+    found = solve_qp(*problem.unpack())
+    solution = qpsolvers.Solution(problem, found=True, x=found.x + 1e-6)
+    solution.y, solution.z, solution.z_box = found.y, found.z, found.z_box
+    exact = references.reference(problem, solution)
+    np.testing.assert_allclose(exact, [0.3, 0.7], rtol=1e-15)
+    solution.x, solution.z = np.full(2, 0.5), np.zeros(4)
+    assert references.reference(problem, solution) is None  # no inequality proposed
+    singular = qpsolvers.Problem(np.diag([1.0, 0.0]), q, G, h)
+    assert references.reference(singular, solution) is None
+
+
+def test_residuals_of_a_batch_by_their_definition():
+    stack = planted.definite_stack(np.random.default_rng(0), 4, 8, 3)
+    results = [solve_qp(*item) for item in zip(*stack, strict=True)]
+    x, z = np.array([r.x for r in results]), np.array([r.z for r in results])
+    assert batches.worst_residual(stack, x, z) < 1e-12
+    z[1, 2] -= 1.0
+    assert batches.worst_residual(stack, x, z) >= 1.0 - 1e-9
+
+
+def test_conditions_see_a_point_that_is_not_the_closest():
+    problem = closest.gross(6, dense=True)
+    found, elastic = (
+        namlcp.solve_qp(**qps.by_name(problem), infeasible=way).closest
+        for way in ("closest", "elastic")
+    )
+    assert closest.conditions(problem, found) <= 1e-12
+    assert closest.conditions(problem, elastic) > 1e-3
+    pytest.importorskip("piqp")
+    shift = np.append(found.shift_h, found.shift_b)
+    assert min(closest.distances(problem, shift).values()) <= 1e-8
+    assert min(closest.distances(problem, shift + 1e-3).values()) > 1e-5
