@@ -1,129 +1,157 @@
-"""The choice of factors, and the protocol that all of them keep."""
+"""The protocol of factorisations, kept by each: analyse, factor, solve, again.
+
+K = L D L' is told from outside: the solutions solve, the pivots have the
+determinant and the inertia of K.
+"""
+
+import copy
+import functools
 
 import numpy as np
 import pytest
-from problems_elimination import (
-    factored,
-    laplacian,
-    natural,
-    parts,
-    quasi_definite,
-    upper,
-)
-from scipy.sparse import csc_matrix
+from problems_elimination import laplacian, natural, parts, quasi_definite, upper
+from problems_qp import assert_solves_qp, make_qp
+from scipy.sparse import block_array, diags_array, eye_array
 
-from namlcp.linalg import factors
-from namlcp.linalg.factors import (
-    Bordered,
-    Diagonal,
-    SparseFactors,
-    factor_triangle,
-    plan_factors,
-)
-from namlcp.linalg.minimum_degree import minimum_degree
+from namlcp import solve_qp
+from namlcp.linalg import SparseFactors, factor_triangle, factors, minimum_degree
 from namlcp.linalg.multifrontal import Multifrontal
 
 
-def factor(U):
-    return factored(plan_factors(*parts(U)), U)
+def by_degree(kind):
+    return lambda U: kind(*parts(U), minimum_degree(*parts(U)))
 
 
-def sparse(U):
-    return factored(SparseFactors(*parts(U), minimum_degree(*parts(U))), U)
+def as_it_stands(kind):
+    return lambda U: kind(*parts(U), natural(U))
 
 
-def fronts(U):
-    return factored(Multifrontal(*parts(U), minimum_degree(*parts(U))), U)
+KINDS = {
+    "columns": by_degree(SparseFactors),
+    "columns, natural order": as_it_stands(SparseFactors),
+    "fronts": by_degree(Multifrontal),
+    "fronts, natural order": as_it_stands(Multifrontal),
+    "planned": lambda U: factors.plan_factors(*parts(U)),
+}
 
 
-def bordered(U):
-    return factored(Bordered(*parts(U), np.arange(0, U.shape[0], 3)), U)
+def pivots(f):
+    return f.D if isinstance(f, Multifrontal) else 1.0 / f.inverse
 
 
-def diagonal(U):
-    return factored(Diagonal(), U)
+def bordered(pairs, border, density):
+    """Return K with 2 by 2 blocks that are coupled by the last rows alone."""
+    rng = np.random.default_rng(5)
+    inner = np.kron(np.eye(pairs), np.array([[4.0, 1.0], [1.0, 3.0]]))
+    B = rng.standard_normal((border, 2 * pairs))
+    B *= rng.random(B.shape) < density
+    return np.block([[inner, B.T], [B, -3.0 * np.eye(border)]])
 
 
-KINDS = {"sparse": sparse, "fronts": fronts, "bordered": bordered}
+def saddle(rows, columns):
+    """Return the K of a discretised control problem on a grid."""
+    L = laplacian(rows, columns).toarray()
+    return np.block([[np.eye(L.shape[0]), L], [L, -1e-6 * L]])
 
 
+def stages(states, inputs, steps):
+    """Return the K of linear control: variables (x_1, u_0, x_2, u_1, ...), dynamics.
+
+    All inputs of a step have the same rows, which are the columns of one supernode.
+    """
+    rng = np.random.default_rng(4)
+    F, B = rng.standard_normal((states, states)), rng.standard_normal((states, inputs))
+    A = np.zeros((steps, states, steps, states + inputs))
+    for t in range(steps):
+        A[t, :, t] = np.hstack((-np.eye(states), B))
+        if t > 0:
+            A[t, :, t - 1, :states] = F
+    A = A.reshape(steps * states, -1)
+    P = np.diag(rng.uniform(1.0, 2.0, A.shape[1]))
+    return np.block([[P, A.T], [A, -np.eye(A.shape[0])]])
+
+
+CASES = {
+    "one": np.array([[-2.0]]),
+    "diagonal": np.diag([1.0, -2.0, 3.0]),
+    "full": quasi_definite(130, 90, 1.0, 1),
+    "sparse": quasi_definite(60, 40, 0.06, 2),
+    "denser": quasi_definite(40, 30, 0.3, 3),
+    "apart": np.kron(np.eye(3), quasi_definite(7, 6, 0.4, 4)),
+    "blocks of three": np.kron(np.eye(4), np.full((3, 3), 0.3)) + np.eye(12),
+    "path": laplacian(1, 40).toarray(),
+    "grid": laplacian(17, 13).toarray(),
+    "no zeros": np.ones((20, 20)) + 5.0 * np.eye(20),
+    "data rows": bordered(130, 24, 0.2),
+    "full data rows": bordered(100, 17, 1.0),
+    "saddle": saddle(9, 12),
+    "stages": stages(9, 5, 6),
+    "wide stages": stages(40, 60, 3),
+}
+
+
+@functools.cache
+def eigenvalues(case):
+    return np.linalg.eigvalsh(CASES[case])
+
+
+@pytest.mark.parametrize("case", CASES)
 @pytest.mark.parametrize("kind", KINDS)
-def test_factors_solve_and_take_other_values(kind):
-    K = quasi_definite(40, 25, 0.2, 1)
-    f = KINDS[kind](upper(K))
-    rhs = np.random.default_rng(0).standard_normal(65)
-    x = f.solve(rhs)
-    np.testing.assert_allclose(K @ x, rhs, atol=1e-10)
+def test_factors_solve_and_take_other_values(kind, case):
+    K = CASES[case]
+    U, values = upper(K), eigenvalues(case)
+    tolerance = 1e-12 * max(1.0, abs(values).max() / abs(values).min())
+    rhs = np.random.default_rng(0).standard_normal((8, K.shape[0]))
+
+    def solutions(f):
+        return np.array([f.solve(b) for b in rhs])
+
+    f = KINDS[kind](U)
+    f.refactor(U.data)
+    X = solutions(f)
+    np.testing.assert_allclose(X @ K, rhs, rtol=0.0, atol=tolerance)
+    if kind != "planned":
+        D = pivots(f)
+        assert (D < 0.0).sum() == (values < 0.0).sum()
+        size = np.log(abs(values)).sum()
+        assert np.log(abs(D)).sum() == pytest.approx(size, abs=1e-8)
+    kept = copy.deepcopy(f)
     other = K + np.diag(np.sign(np.diag(K)))
     f.refactor(upper(other).data)
-    np.testing.assert_allclose(other @ f.solve(rhs), rhs, atol=1e-10)
-    f.refactor(upper(K).data)
-    np.testing.assert_array_equal(f.solve(rhs), x)
+    np.testing.assert_allclose(solutions(f) @ other, rhs, atol=tolerance)
+    f.refactor(U.data)
+    fresh = KINDS[kind](U)
+    fresh.refactor(U.data)
+    for same in f, kept, fresh:
+        np.testing.assert_array_equal(solutions(same), X)
 
 
-@pytest.mark.parametrize("bad", [0.0, np.nan, np.inf])
-@pytest.mark.parametrize("kind", ["sparse", "diagonal"])
+@pytest.mark.parametrize("bad", [0.0, np.nan, np.inf, 1e-310])
+@pytest.mark.parametrize("kind", KINDS)
 def test_a_pivot_that_vanishes_is_told(kind, bad):
-    U = upper(np.diag([1.0, 5.0, 2.0]))
-    make = diagonal if kind == "diagonal" else sparse
-    f = make(U)
-    data = np.array([1.0, bad, 2.0])
+    if kind.startswith("fronts") and bad not in (0.0, np.nan):
+        return  # they are told by the residual
+    f = KINDS[kind](upper(np.diag([1.0, 5.0, 2.0])))
     with pytest.raises(ValueError, match="pivot"):
-        f.refactor(data)
+        f.refactor(np.array([1.0, bad, 2.0]))
     f.refactor(np.array([1.0, -2.0, 4.0]))
     np.testing.assert_array_equal(f.solve(np.ones(3)), [1.0, -0.5, 0.25])
-    U.data[1] = bad
+
+
+@pytest.mark.parametrize("size", [5, 25])
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_singular_matrix_is_told(kind, size):
+    U = upper(np.ones((size, size)))
     with pytest.raises(ValueError, match="pivot"):
-        make(U)
+        KINDS[kind](U).refactor(U.data)
 
 
-def test_a_diagonal_part_beside_a_border_may_fail():
-    K = np.diag([1.0, 2.0, 3.0, 9.0, 9.0])
-    K[3:, :3] = K[:3, 3:] = 1.0
-    U = csc_matrix(upper(K))
-    f = factored(Bordered(*parts(U), np.array([3, 4])), U)
-    assert isinstance(f.factors, Diagonal)
-    np.testing.assert_allclose(K @ f.solve(np.ones(5)), 1.0)
-    K[1, 1] = 0.0
-    U = upper(np.abs(K) + np.eye(5))
-    U.data[U.indptr[1:] - 1] = np.diag(K)
-    with pytest.raises(ValueError, match="pivot"):
-        f.refactor(U.data)
-
-
-def test_the_kind_of_factors_is_chosen_by_counts(monkeypatch):
-    U = upper(laplacian(90, 90))
-    work = minimum_degree(*parts(U)).work
-    assert work < factors.HEAVY
-    assert isinstance(factor(U), SparseFactors)
-    monkeypatch.setattr(factors, "HEAVY", 0.9 * work)
-    monkeypatch.setattr(factors, "SOME", 0.9 * work)
-    assert isinstance(factor(U), Multifrontal)
-    monkeypatch.setattr(factors, "HEAVY", 1.1 * work)
-    assert isinstance(factor(U), SparseFactors)
-
-
-def test_a_dense_border_comes_before_fronts(monkeypatch):
-    rng = np.random.default_rng(4)
-    B = rng.standard_normal((400, 60))
-    U = upper(np.block([[-np.eye(400), B], [B.T, np.eye(60)]]))
-    monkeypatch.setattr(factors, "SOME", 1e4)
-    assert isinstance(factor(U), Bordered)
-    monkeypatch.setattr(factors, "SOME", 1e9)
-    assert isinstance(factor(U), SparseFactors)
-
-
-@pytest.mark.parametrize("worse", ["minimum_degree", "nested_dissection"])
-def test_of_two_orders_the_one_with_less_work_is_taken(monkeypatch, worse):
-    U = upper(laplacian(20, 20).toarray())
-    orders = dict.fromkeys(("minimum_degree", "nested_dissection"), minimum_degree)
-    orders[worse] = lambda *parts: natural(U)
-    for name, find in orders.items():
-        monkeypatch.setattr(factors, name, find)
-    monkeypatch.setattr(factors, "DEEP", 0.0)
-    monkeypatch.setattr(factors, "SOME", 0.0)
-    found = factor(U)
-    assert found.order.work == minimum_degree(*parts(U)).work < natural(U).work
+@pytest.mark.parametrize("kind", ["columns", "planned"])
+def test_of_order_zero(kind):
+    U = upper(np.empty((0, 0)))
+    f = KINDS[kind](U)
+    f.refactor(U.data)
+    assert f.solve(np.empty(0)).size == 0
 
 
 def test_a_diagonal_entry_that_is_not_stored_is_told():
@@ -134,3 +162,24 @@ def test_a_diagonal_entry_that_is_not_stored_is_told():
         U.eliminate_zeros()
         with pytest.raises(ValueError, match="pivot"):
             factor_triangle(U)
+
+
+def test_a_qp_is_solved_with_either_kind_of_factors(monkeypatch):
+    """Fronts are taken from some work on; the answer is the same to rounding."""
+    n = 15
+    L, eye = laplacian(n, n), eye_array(n * n)
+    P = diags_array(np.r_[np.ones(n * n), np.full(n * n, 1e-2)])
+    q = np.r_[-np.sin(np.arange(n * n)), np.zeros(n * n)]
+    A, b = block_array([[L, -eye]]), np.zeros(n * n)
+    qp = make_qp(P, q, A=A, b=b, lb=np.full(q.size, -0.2), ub=np.full(q.size, 0.3))
+    usual = solve_qp(*qp, eps_abs=1e-9, eps_rel=0.0)
+    used, make = [], Multifrontal.__init__
+    monkeypatch.setattr(
+        Multifrontal, "__init__", lambda *args: (used.append(1), make(*args))[1]
+    )
+    for least in "SOME", "HEAVY":
+        monkeypatch.setattr(factors, least, 0.0)
+    heavy = solve_qp(*qp, eps_abs=1e-9, eps_rel=0.0)
+    assert used
+    assert_solves_qp(qp, heavy, 1e-9)
+    np.testing.assert_allclose(heavy.x, usual.x, atol=1e-7)
