@@ -4,27 +4,22 @@ import numpy as np
 import pytest
 import scipy.sparse as sp
 
-from namlcp import checks
-from namlcp.linalg import symmetry
-from namlcp.qp import qp_data
-from namlcp.qp.problem import QP, dense_faults, sparse_faults
+from namlcp import checks, solve_qp
+from namlcp.linalg import dense_asymmetry, sparse_asymmetry
+from namlcp.qp import QP, qp_data
+from namlcp.qp.problem import dense_faults, sparse_faults
+
+INF = np.inf
 
 
-def test_clean_arrays_are_not_copied():
-    P, q = np.eye(3), np.ones(3)
-    qp = qp_data(P, q, None, None, None, None, None, None)
-    assert qp.P is P
-    assert qp.q is q
-    assert qp.G.shape == (0, 3)
-    assert qp.lb.tolist() == [-np.inf] * 3
-
-
-def test_clean_sparse_matrices_are_not_copied():
-    P = sp.csc_array(np.eye(3))
-    qp = qp_data(P, np.ones(3), np.ones((1, 3)), [1.0], None, None, None, None)
-    assert qp.P is P
-    assert qp.G.format == "csc"
+@pytest.mark.parametrize("kind", [np.asarray, sp.csc_array])
+def test_clean_arrays_are_not_copied(kind):
+    P, q, none = kind(np.eye(3)), np.ones(3), [None] * 4
+    qp = qp_data(P, q, np.ones((1, 3)), [1.0], *none)
+    assert (qp.P is P, qp.q is q) == (True, True)
+    assert sp.issparse(qp.G) == sp.issparse(P)
     assert qp.A.shape == (0, 3)
+    assert (qp.lb == -INF).all()
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -34,14 +29,14 @@ def test_sparse_asymmetry_against_the_transpose(seed):
     if seed % 2:
         C = sp.csr_array(C + C.T)
     C.sort_indices()
-    gap, size = symmetry.sparse_asymmetry(C.indptr, C.indices, C.data)
+    gap, size = sparse_asymmetry(C.indptr, C.indices, C.data)
     assert gap == pytest.approx(abs(C - C.T).max(), abs=0.0)
     assert size == abs(C).max()
-    assert symmetry.dense_asymmetry(C.toarray()) == (gap, size)
+    assert dense_asymmetry(C.toarray()) == (gap, size)
 
 
 @pytest.mark.parametrize("name", ["", *"PqGhAb", "lb", "ub"])
-@pytest.mark.parametrize("value", [np.nan, np.inf, 1e25])
+@pytest.mark.parametrize("value", [np.nan, INF, 1e25])
 def test_faults_of_sparse_data_are_those_of_dense(name, value):
     rng = np.random.default_rng(0)
     dense = {key: rng.standard_normal((2, 3)) for key in "GA"}
@@ -59,63 +54,47 @@ def test_faults_of_sparse_data_are_those_of_dense(name, value):
     assert bad or found == (bad, gap, size, huge)
 
 
-def test_huge_bounds_become_infinite():
-    qp = qp_data(
-        np.eye(2), np.ones(2), np.eye(2), [1e20, 3.0], None, None, [-1e30, 0], None
-    )
-    assert qp.h.tolist() == [np.inf, 3.0]
-    assert qp.lb.tolist() == [-np.inf, 0.0]
+def test_only_the_open_side_of_huge_bounds_becomes_infinite():
+    """x <= 1e20 is none, x <= -1e21 is a constraint, however far away."""
+    G, one, two = np.eye(1), np.ones(1), np.eye(2)
+    qp = qp_data(two, np.ones(2), two, [1e20, 3.0], None, None, [-1e30, 0], None)
+    assert qp.h.tolist() == [INF, 3.0]
+    assert qp.lb.tolist() == [-INF, 0.0]
+    qp = qp_data(G, one, G, -1e21 * one, None, None, -1e21 * one, -1e21 * one)
+    assert (qp.h[0], qp.lb[0], qp.ub[0]) == (-1e21, -INF, -1e21)
 
 
 @pytest.mark.parametrize("kind", [sp.csr_array, sp.csc_array, sp.coo_array])
 def test_corrupt_indices_are_refused(kind):
     C = kind(np.eye(3))
     (C.coords[0] if C.format == "coo" else C.indices)[1] = 7
-    with pytest.raises(ValueError, match="indices within its shape"):
-        checks.sparse_matrix("A", C, "csr" if C.format == "coo" else C.format)
-
-
-def test_wide_indices_are_narrowed():
-    C = sp.csr_array(np.eye(3))
-    C.indices, C.indptr = C.indices.astype(np.int64), C.indptr.astype(np.int64)
-    clean = checks.sparse_matrix("A", C, "csr")
-    assert clean.indices.dtype == clean.indptr.dtype == np.int32
-
-
-def test_only_the_open_side_becomes_infinite():
-    """x <= -1e21 is a constraint, however far away."""
-    qp = qp_data(np.eye(1), [0.0], [[1.0]], [-1e21], None, None, [-1e21], [-1e21])
-    assert (qp.h[0], qp.lb[0], qp.ub[0]) == (-1e21, -np.inf, -1e21)
+    with pytest.raises(ValueError, match="P must have indices within its shape"):
+        solve_qp(C, np.ones(3))
 
 
 @pytest.mark.parametrize("shape", [(0, 3), (1, 1), (4, 7), (9, 2)])
-def test_dense_matrices_become_canonical_sparse_ones(shape):
+def test_matrices_made_without_checks_are_those_of_scipy(shape):
+    """`from_arrays` sets an attribute of SciPy that is not public."""
     rng = np.random.default_rng(3)
     C = rng.standard_normal(shape) * (rng.random(shape) < 0.5)
-    sparse, known = checks.as_sparse(C), sp.csc_array(C)
-    assert sparse.has_canonical_format
-    assert sparse.shape == shape
-    for name in ("data", "indices", "indptr"):
-        np.testing.assert_array_equal(getattr(sparse, name), getattr(known, name))
-    assert sparse.indices.dtype == sparse.indptr.dtype == np.int32
-
-
-def test_matrices_made_without_checks_are_those_of_scipy():
-    """`from_arrays` sets an attribute of SciPy that is not public."""
-    for kind in (sp.csc_array, sp.csr_array):
-        M = kind(np.array([[1.0, 0.0, 2.0], [0.0, 3.0, 0.0]]))
-        M.has_canonical_format = True
-        ours = checks.from_arrays((M.indptr, M.indices, M.data), M.shape, kind)
-        assert type(ours) is kind
-        assert ours.__dict__.keys() == M.__dict__.keys()
-        assert (ours.shape, ours.nnz, ours.dtype) == (M.shape, M.nnz, M.dtype)
-        np.testing.assert_array_equal((ours.T @ ours).toarray(), (M.T @ M).toarray())
-        assert (kind((4, 5)).shape, kind((0, 0)).nnz) == ((4, 5), 0)
+    known = sp.csc_array(C)
+    known.has_canonical_format = True
+    parts = known.indptr, known.indices, known.data
+    made = checks.from_arrays(parts, shape, sp.csc_array)
+    assert made.__dict__.keys() == known.__dict__.keys()
+    for ours in checks.as_sparse(C), made:
+        assert type(ours) is sp.csc_array
+        assert (ours.shape, ours.dtype) == (known.shape, known.dtype)
+        for name in ("data", "indices", "indptr"):
+            np.testing.assert_array_equal(getattr(ours, name), getattr(known, name))
+        assert ours.indices.dtype == ours.indptr.dtype == np.int32
+        expected = (known.T @ known).toarray()
+        np.testing.assert_array_equal((ours.T @ ours).toarray(), expected)
 
 
 @pytest.mark.parametrize("layout", ["csr", "csc"])
 @pytest.mark.parametrize("kind", [sp.csr_array, sp.csc_array, sp.csr_matrix])
-@pytest.mark.parametrize("case", ["sorted", "unsorted", "doubled", "longer"])
+@pytest.mark.parametrize("case", ["sorted", "unsorted", "doubled", "longer", "wide"])
 def test_any_order_of_entries_becomes_canonical(case, kind, layout):
     rng = np.random.default_rng(0)
     C = kind(sp.random_array((8, 5), density=0.4, rng=rng))
@@ -131,6 +110,8 @@ def test_any_order_of_entries_becomes_canonical(case, kind, layout):
         exact *= 2.0
     if case == "longer":
         C.data, C.indices = np.append(C.data, 1.0), np.append(C.indices, C.indices[:1])
+    if case == "wide":
+        C.indices, C.indptr = C.indices.astype(np.int64), C.indptr.astype(np.int64)
     before = C.data.copy(), C.indices.copy()
     clean = checks.sparse_matrix("A", C, layout)
     np.testing.assert_array_equal(clean.toarray(), exact)
@@ -140,4 +121,5 @@ def test_any_order_of_entries_becomes_canonical(case, kind, layout):
     order = checks.index_order(clean.indptr, clean.indices, major, minor)
     assert order == checks.CANONICAL
     assert checks.has_clean_arrays(clean)
+    assert clean.indices.dtype == clean.indptr.dtype == np.int32
     assert clean.format == layout

@@ -8,7 +8,6 @@ import scipy.sparse as sp
 from qpsolvers import Problem, Solution
 
 from namlcp import Residuals, natural_residual, qp_residuals
-from namlcp.linalg import compiled_form
 from namlcp.residuals import signed_gap
 
 
@@ -65,20 +64,16 @@ def test_nan_is_never_solved():
     assert Residuals(0, 0, 0, 0, 0, 0, 0).solved(1e-9, 0.0)
 
 
-def test_natural_residual_sees_a_small_w_far_out():
-    """z - (z - w) would be 0 here, and any point of a singular LCP a solution."""
+def test_natural_residual():
+    """That of the paper; z - (z - w) far out would be 0, and any point a solution."""
+    z, w = np.random.default_rng(0).standard_normal((2, 9))
+    lower, upper = np.zeros(9), np.full(9, np.inf)
+    expected = np.linalg.norm(np.minimum(z, w))
+    assert natural_residual(z, w, lower, upper) == pytest.approx(expected)
     free = np.full(2, np.inf)
     z, w = np.full(2, 1e20), np.array([1.0, 0.0])
     assert natural_residual(z, w, -free, free) == 1.0
     assert natural_residual(z, w, 0.0 * z, free) == 1.0
-
-
-def test_natural_residual_is_the_papers():
-    rng = np.random.default_rng(0)
-    z, w = rng.standard_normal((2, 9))
-    lower, upper = np.zeros(9), np.full(9, np.inf)
-    expected = np.linalg.norm(np.minimum(z, w))
-    assert natural_residual(z, w, lower, upper) == pytest.approx(expected)
 
 
 @pytest.mark.parametrize("sparse", [False, True])
@@ -155,14 +150,18 @@ def test_all_forms_of_matrices_are_judged_alike():
     ]
     q, h, b, x, y, z, z_box = (rng.standard_normal(k) for k in (n, m, p, n, p, m, n))
 
+    def wide(M):
+        M = sp.csc_array(M)
+        M.indices = M.indices.astype(np.int64)
+        return M
+
     found = []
-    for convert in (sp.csc_array, sp.csr_array, sp.coo_array, np.asarray):
+    for convert in (sp.csc_array, wide, sp.csr_array, sp.coo_array, np.asarray):
         P, G, A = map(convert, dense)
         found.append(qp_residuals(P, q, G, h, A, b, None, None, x, y, z, z_box))
     for other in found[1:]:
         np.testing.assert_allclose(other, found[0], rtol=1e-13)
-    wide = sp.csc_array(dense[1])
-    wide.indices = wide.indices.astype(np.int64)
-    assert compiled_form(wide) is None
-    assert compiled_form(sp.csc_array(dense[1].astype(np.float32))) is None
-    assert compiled_form(sp.csc_array(dense[1])) is not None
+    P = sp.csc_array(np.eye(2, dtype=np.float32))
+    none, one = (np.empty((0, 2)), np.empty(0)), np.ones(2)
+    point = one, none[1], none[1], 0.0 * one
+    assert qp_residuals(P, one, *none, *none, None, None, *point).dual == 2.0

@@ -15,7 +15,7 @@ from numba.core.runtime import _nrt_python, rtsys
 
 import namlcp
 from namlcp.checks import transposed
-from namlcp.compiled import ahead, decorators, internals, signatures
+from namlcp.compiled import ahead, decorators, internals, signatures, store
 
 jit_only = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 
@@ -154,6 +154,23 @@ def test_every_kernel_is_listed_and_every_line_is_one():
         name = decorators.name_of(dispatcher.py_func)
         assert f"{name}({', '.join(map(signatures.spelled, arguments))})" == line
     assert {line.partition("(")[0] for line in lines} == set(decorators.KERNELS)
+
+
+@pytest.mark.skipif(store.prebuilt().path.is_dir(), reason="it came with the package")
+def test_warmup_compiles_what_is_listed(tmp_path, monkeypatch, capsys):
+    two = [line for line in signatures.listed() if line.startswith("checks.")][:2]
+    for module in (ahead, signatures):
+        monkeypatch.setattr(module, "listed", lambda: two)
+    store.folders.cache_clear()
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    namlcp.warmup(processes=2)
+    monkeypatch.undo()
+    store.folders.cache_clear()
+    out = capsys.readouterr().out
+    assert "] 2 of 2" in out
+    assert str(tmp_path) in out
+    kept = {path.name.rpartition("-")[0] for path in tmp_path.rglob("*.kernel")}
+    assert kept == {line.partition("(")[0] for line in two}
 
 
 def test_warmup_says_what_is_wrong(monkeypatch):

@@ -32,17 +32,15 @@ def two():
 
 
 def test_one_thread_inside_and_the_users_number_after():
-    with blas_threads(1, LARGE):
+    with blas_threads(1, UNTOUCHED_ORDER):  # nothing is set for small problems
+        assert set(numbers()) == {2}
+    with pytest.raises(ZeroDivisionError), blas_threads(1, LARGE):
         assert set(numbers()) == {1}
         with blas_threads(1, LARGE):
             assert set(numbers()) == {1}
         assert set(numbers()) == {1}
+        raise ZeroDivisionError
     assert set(numbers()) == {2}
-
-
-def test_nothing_is_set_for_small_problems():
-    with blas_threads(1, UNTOUCHED_ORDER):
-        assert set(numbers()) == {2}
 
 
 @pytest.mark.parametrize(
@@ -54,12 +52,6 @@ def test_more_threads_where_they_pay(order, expected):
     with blas_threads(2, order):
         assert set(numbers()) == {expected}
     assert set(numbers()) == {1}
-
-
-def test_the_number_is_restored_after_an_error():
-    with pytest.raises(ZeroDivisionError), blas_threads(1, LARGE):
-        raise ZeroDivisionError
-    assert set(numbers()) == {2}
 
 
 def test_solves_at_once_restore_what_the_first_one_found():
@@ -109,33 +101,24 @@ def test_solves_run_on_one_thread(monkeypatch):
             assert seen_inside(patch, solve) == [{1}]
 
 
-def numbers_in_a_child():
-    """Return the numbers that a child of fork has."""
-    read, write = os.pipe()
-    child = os.fork()
-    if child == 0:
-        os.write(write, bytes(numbers()))
-        os._exit(0)
-    os.waitpid(child, 0)
-    return set(os.read(read, 9))
-
-
 @pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")  # from Python 3.12 on
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
 def test_a_child_of_fork_has_the_users_number():
+    def in_a_child():
+        read, write = os.pipe()
+        child = os.fork()
+        if child == 0:
+            os.write(write, bytes(numbers()))
+            os._exit(0)
+        os.waitpid(child, 0)
+        return set(os.read(read, 9))
+
     with blas_threads(1, LARGE):
-        assert numbers_in_a_child() == {2}
+        assert in_a_child() == {2}
     assert set(numbers()) == {2}
-
-
-@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
-@pytest.mark.skipif(not hasattr(os, "fork"), reason="no fork")
-def test_a_child_of_fork_has_what_was_set_after_a_solve():
-    with blas_threads(1, LARGE):
-        pass
     for put, _ in settings():
         put(1)
-    assert numbers_in_a_child() == {1}
+    assert in_a_child() == {1}  # what was set after a solve
 
 
 def test_bad_numbers_are_named():
