@@ -128,91 +128,51 @@ def test_theory_and_preparation_leave_the_matrix_alone(capfd):
 # ---- what is refused, and in which words
 
 EYE, ONE = np.eye(2), np.ones(2)
+V, T = ValueError, TypeError
 ROW = np.ones((1, 2))
 QP_REFUSALS = [
-    ((ONE, ONE), {}, ValueError, r"P must be square, got shape \(2,\)"),
-    (
-        (EYE, np.ones(3)), {}, ValueError,
-        r"q must have shape \(2,\) to match P of shape \(2, 2\), got \(3,\)",
-    ),
-    (
-        (EYE, ONE, ROW, ONE), {}, ValueError,
-        r"h must have shape \(1,\) to match G of shape \(1, 2\), got \(2,\)",
-    ),
-    (
-        (EYE, ONE, np.ones((1, 3)), ONE[:1]), {}, ValueError,
-        r"G must have 2 columns to match q of shape \(2,\), got \(1, 3\)",
-    ),
-    ((EYE, ONE, ROW), {}, ValueError, "G was given without h: pass both or neither"),
-    (
-        (EYE, ONE, None, None, None, ONE[:1]), {}, ValueError,
-        "b was given without A: pass both or neither",
-    ),
-    (
-        (np.array([[1.0, 2.0], [0.5, 1.0]]), ONE), {}, ValueError,
-        r"P must be symmetric: max \|P - P'\| = 1\.5e\+00; pass \(P \+ P\.T\) / 2",
-    ),
-    (
-        (-EYE, ONE), {}, ValueError,
-        "P must be positive semidefinite: its diagonal entry 0 is negative",
-    ),
-    (
-        (EYE, np.array([1.0, np.inf])), {}, ValueError,
-        r"q must be finite, got inf at \(1\)",
-    ),
-    (
-        (EYE, ONE, ROW, [np.nan]), {}, ValueError,
-        r"h must not hold NaN, got nan at \(0\)",
-    ),
-    (
-        (EYE, ONE, 1e300 * ROW, [1e299]), {}, ValueError,
-        r"h must be \+inf where there is no constraint, got 1\.0e\+299 at \(0\), "
-        r"where G has entries of 1\.0e\+300: divide this row and h by that",
-    ),
-    (
-        (sparse.csc_array(EYE), ONE, sparse.csc_array(-1e300 * ROW), [1e299]), {},
-        ValueError, r"h must be \+inf where there is no constraint",
-    ),
-    (
-        (EYE, ["a", "b"]), {}, TypeError,
-        "q must be an array of real numbers, got dtype <U1",
-    ),
-    (
-        (EYE * 1j, ONE), {}, TypeError,
-        "P must be an array of real numbers, got dtype complex128",
-    ),
-    (
-        (sparse.csc_array(EYE * 1j), ONE), {}, TypeError,
-        "P must hold real numbers, got dtype complex128",
-    ),
-    (
-        (EYE, None), {}, TypeError,
-        r"q must be an array of real numbers, got None \(None or masked\)",
-    ),
-    (
-        (np.ones((1, 2, 2)), ONE), {}, ValueError,
-        r"P must have two dimensions, got shape \(1, 2, 2\)",
-    ),
-    (
-        (EYE, ONE), {"maxiter": 3}, TypeError,
-        "unknown option 'maxiter'; did you mean 'max_iter'?",
-    ),
-    ((EYE, ONE), {"max_iter": 0}, ValueError, "max_iter must be >= 1, got 0"),
-    (
-        (EYE, ONE), {"max_iter": 2.5}, TypeError, "max_iter must be an integer, got 2.5"
-    ),
-    ((EYE, ONE), {"eps_abs": -1.0}, ValueError, "eps_abs must be >= 0, got -1.0"),
-    (
-        (EYE, ONE), {"eps_abs": 0.0, "eps_rel": 0.0}, ValueError,
-        "eps_abs and eps_rel must not both be 0",
-    ),
-    ((EYE, ONE), {"eps_rel": np.inf}, ValueError, "eps_rel must be finite, got inf"),
-    (
-        (EYE, ONE), {"time_limit": 0.0}, ValueError, "time_limit must be > 0, got 0.0"
-    ),
-    ((EYE, ONE), {"time_limit": "1"}, TypeError, "time_limit must be a number, got"),
-    ((EYE, ONE), {"verbose": 1}, TypeError, "verbose must be True or False, got 1"),
-    ((EYE, ONE), {"history": None}, TypeError, "history must be True or False"),
+    ((ONE, ONE), {}, V, r"P must be square, got shape \(2,\)"),
+    ((EYE, np.ones(3)), {}, V,
+     r"q must have shape \(2,\) to match P of shape \(2, 2\), got \(3,\)"),
+    ((EYE, ONE, ROW, ONE), {}, V,
+     r"h must have shape \(1,\) to match G of shape \(1, 2\), got \(2,\)"),
+    ((EYE, ONE, np.ones((1, 3)), ONE[:1]), {}, V,
+     r"G must have 2 columns to match q of shape \(2,\), got \(1, 3\)"),
+    ((EYE, ONE, ROW), {}, V, "G was given without h: pass both or neither"),
+    ((EYE, ONE, None, None, None, ONE[:1]), {}, V,
+     "b was given without A: pass both or neither"),
+    ((np.array([[1.0, 2.0], [0.5, 1.0]]), ONE), {}, V,
+     r"P must be symmetric: max \|P - P'\| = 1\.5e\+00; pass \(P \+ P\.T\) / 2"),
+    ((-EYE, ONE), {}, V,
+     "P must be positive semidefinite: its diagonal entry 0 is negative"),
+    ((EYE, np.array([1.0, np.inf])), {}, V, r"q must be finite, got inf at \(1\)"),
+    ((EYE, ONE, ROW, [np.nan]), {}, V, r"h must not hold NaN, got nan at \(0\)"),
+    ((EYE, ONE, 1e300 * ROW, [1e299]), {}, V,
+     r"h must be \+inf where there is no constraint, got 1\.0e\+299 at \(0\), "
+     r"where G has entries of 1\.0e\+300: divide this row and h by that"),
+    ((sparse.csc_array(EYE), ONE, sparse.csc_array(-1e300 * ROW), [1e299]), {}, V,
+     r"h must be \+inf where there is no constraint"),
+    ((EYE, ["a", "b"]), {}, T, "q must be an array of real numbers, got dtype <U1"),
+    ((EYE * 1j, ONE), {}, T,
+     "P must be an array of real numbers, got dtype complex128"),
+    ((sparse.csc_array(EYE * 1j), ONE), {}, T,
+     "P must hold real numbers, got dtype complex128"),
+    ((EYE, None), {}, T,
+     r"q must be an array of real numbers, got None \(None or masked\)"),
+    ((np.ones((1, 2, 2)), ONE), {}, V,
+     r"P must have two dimensions, got shape \(1, 2, 2\)"),
+    ((EYE, ONE), {"maxiter": 3}, T,
+     "unknown option 'maxiter'; did you mean 'max_iter'?"),
+    ((EYE, ONE), {"max_iter": 0}, V, "max_iter must be >= 1, got 0"),
+    ((EYE, ONE), {"max_iter": 2.5}, T, "max_iter must be an integer, got 2.5"),
+    ((EYE, ONE), {"eps_abs": -1.0}, V, "eps_abs must be >= 0, got -1.0"),
+    ((EYE, ONE), {"eps_abs": 0.0, "eps_rel": 0.0}, V,
+     "eps_abs and eps_rel must not both be 0"),
+    ((EYE, ONE), {"eps_rel": np.inf}, V, "eps_rel must be finite, got inf"),
+    ((EYE, ONE), {"time_limit": 0.0}, V, "time_limit must be > 0, got 0.0"),
+    ((EYE, ONE), {"time_limit": "1"}, T, "time_limit must be a number, got"),
+    ((EYE, ONE), {"verbose": 1}, T, "verbose must be True or False, got 1"),
+    ((EYE, ONE), {"history": None}, T, "history must be True or False"),
 ]  # fmt: skip
 
 
@@ -241,47 +201,36 @@ def test_a_row_is_switched_off_by_a_huge_side(side):
 
 PAIR = EYE, ONE
 LCP_REFUSALS = [
-    ((np.ones((2, 3)), np.ones(3)), {}, ValueError, "A must be square"),
-    ((np.diag([1, np.nan]), ONE), {}, ValueError, r"A must be finite.*\(1, 1"),
-    ((EYE, np.ones(3)), {}, ValueError, r"q must have shape \(2,\)"),
-    ((EYE, [1, np.inf]), {}, ValueError, r"q must be finite.*\(1\)"),
-    ((EYE, ["a", "b"]), {}, TypeError, "q must be an array of real"),
-    ((EYE, [[1], [1, 2]]), {}, TypeError, "q must be an array of real"),
-    (
-        (*PAIR, [2, 0], 1.0), {}, ValueError,
-        r"lower must not exceed upper.*lower\[0\] = 2, upper\[0\] = 1",
-    ),
-    ((*PAIR, np.inf), {}, ValueError, "lower be < inf"),
-    ((*PAIR, np.nan), {}, ValueError, "lower must not hold NaN"),
-    (PAIR, {"method": "sor"}, ValueError, "method must be one of"),
-    (PAIR, {"alpha": 1.0}, ValueError, "alpha is not a parameter"),
-    (PAIR, {"maxiter": 3}, TypeError, "maxiter"),
-    (PAIR, {"eps_abs": -1.0}, ValueError, "eps_abs must be > 0"),
-    (PAIR, {"max_iter": 0}, ValueError, "max_iter must be >= 1"),
-    (PAIR, {"z0": [np.nan, 1.0]}, ValueError, "z0 must be finite"),
-    (PAIR, {"method": "psor", "alpha": 2.0}, ValueError, r"alpha must lie in \(0, 2\)"),
-    (PAIR, {"method": "pgs", "alpha": 1.0}, (TypeError, ValueError), "alpha"),
-    (
-        PAIR, {"method": "pgs", "eps_rel": 1e-3}, ValueError,
-        "eps_rel is not for sweep methods, got method 'pgs'",
-    ),
-    (
-        PAIR, {"s0": ONE}, ValueError,
-        "s0 is for the sweep methods, not for method 'auto'",
-    ),
-    (
-        PAIR, {"method": "multigrid", "s0": ONE}, ValueError,
-        "s0 is for the sweep methods, not for method 'multigrid'",
-    ),
-    (PAIR, {"z0": np.ones(3)}, ValueError, r"z0 must have shape \(2,\)"),
-    (
-        PAIR, {"method": "pgs", "z0": ONE, "s0": ONE}, ValueError,
-        "s0 and z0 must not both be given",
-    ),
-    (PAIR, {"diagonal": ONE}, ValueError, "diagonal is for a LinearOperator"),
-    (PAIR, {"max_iter": True}, TypeError, "max_iter must be an integer, got True"),
-    (PAIR, {"time_limit": -1}, ValueError, "time_limit must be > 0, got -1"),
-    (PAIR, {"verbose": "yes"}, TypeError, "verbose must be True or False, got 'yes'"),
+    ((np.ones((2, 3)), np.ones(3)), {}, V, "A must be square"),
+    ((np.diag([1, np.nan]), ONE), {}, V, r"A must be finite.*\(1, 1"),
+    ((EYE, np.ones(3)), {}, V, r"q must have shape \(2,\)"),
+    ((EYE, [1, np.inf]), {}, V, r"q must be finite.*\(1\)"),
+    ((EYE, ["a", "b"]), {}, T, "q must be an array of real"),
+    ((EYE, [[1], [1, 2]]), {}, T, "q must be an array of real"),
+    ((*PAIR, [2, 0], 1.0), {}, V,
+     r"lower must not exceed upper.*lower\[0\] = 2, upper\[0\] = 1"),
+    ((*PAIR, np.inf), {}, V, "lower be < inf"),
+    ((*PAIR, np.nan), {}, V, "lower must not hold NaN"),
+    (PAIR, {"method": "sor"}, V, "method must be one of"),
+    (PAIR, {"alpha": 1.0}, V, "alpha is not a parameter"),
+    (PAIR, {"maxiter": 3}, T, "maxiter"),
+    (PAIR, {"eps_abs": -1.0}, V, "eps_abs must be > 0"),
+    (PAIR, {"max_iter": 0}, V, "max_iter must be >= 1"),
+    (PAIR, {"z0": [np.nan, 1.0]}, V, "z0 must be finite"),
+    (PAIR, {"method": "psor", "alpha": 2.0}, V, r"alpha must lie in \(0, 2\)"),
+    (PAIR, {"method": "pgs", "alpha": 1.0}, (T, V), "alpha"),
+    (PAIR, {"method": "pgs", "eps_rel": 1e-3}, V,
+     "eps_rel is not for sweep methods, got method 'pgs'"),
+    (PAIR, {"s0": ONE}, V, "s0 is for the sweep methods, not for method 'auto'"),
+    (PAIR, {"method": "multigrid", "s0": ONE}, V,
+     "s0 is for the sweep methods, not for method 'multigrid'"),
+    (PAIR, {"z0": np.ones(3)}, V, r"z0 must have shape \(2,\)"),
+    (PAIR, {"method": "pgs", "z0": ONE, "s0": ONE}, V,
+     "s0 and z0 must not both be given"),
+    (PAIR, {"diagonal": ONE}, V, "diagonal is for a LinearOperator"),
+    (PAIR, {"max_iter": True}, T, "max_iter must be an integer, got True"),
+    (PAIR, {"time_limit": -1}, V, "time_limit must be > 0, got -1"),
+    (PAIR, {"verbose": "yes"}, T, "verbose must be True or False, got 'yes'"),
 ]  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from scipy.optimize import lsq_linear, nnls
 
 from namlcp import Status, natural_residual, solve_lcp
 from validation.harness.data_folder import MissingDataError
-from validation.problems import contact_scenes, families, hertz
+from validation.problems import contact_scenes, hertz
 from validation.problems import known_scenes as known
 from validation.problems import large_scenes as large
 from validation.problems.data_sets import heart_scale
@@ -207,17 +207,6 @@ def test_biactive_knows_its_solution():
     w = scene.A @ z + scene.q
     assert 0.45 < ((np.abs(z) <= 1e-14) & (np.abs(w) <= 1e-14)).mean() < 0.55
     np.testing.assert_allclose(solve(scene), z, atol=1e-12)
-
-
-def test_tasks_know_their_solutions_and_what_is_missing(tmp_path):
-    tasks = families.families(tmp_path)
-    for name in ("dominant", "obstacle", "MPC", "paper"):
-        task = tasks[name].makers[tasks[name].quick[0]]()
-        if task.exact is not None:
-            w = task.problem.P @ task.exact + task.problem.q
-            assert np.abs(np.minimum(task.exact, w)).max() < 1e-12
-    absent = [text.split(":")[0] for text in families.missing(tmp_path)]
-    assert absent == ["contact", "MPC", "general QP", "SVM"]
 
 
 def principal(A):

@@ -53,17 +53,11 @@ def test_a_stopped_campaign_goes_on(tmp_path, one_thread, capsys):
     assert "| derivatives | nam | 4 |" in capsys.readouterr().out
 
 
-@pytest.fixture
-def scripts(tmp_path, monkeypatch):
-    """The folder of scripts that the report runs; results beside it."""
-    folder = tmp_path / "validation"
-    folder.mkdir()
-    (folder / "__init__.py").write_text("")
+def test_the_report_names_what_fails_and_goes_on(tmp_path, monkeypatch):
+    scripts = tmp_path / "validation"
+    scripts.mkdir()
+    (scripts / "__init__.py").write_text("")
     monkeypatch.setattr(cli, "ROOT", tmp_path)
-    return folder
-
-
-def test_the_report_names_what_fails_and_goes_on(tmp_path, scripts):
     (scripts / "good.py").write_text("print('the table\\n| a | <b> |\\n|---|---|')")
     (scripts / "bad.py").write_text("raise SystemExit(3)")
     (scripts / "lacking.py").write_text("print('x is missing'); raise SystemExit(2)")
@@ -86,26 +80,6 @@ def test_the_report_names_what_fails_and_goes_on(tmp_path, scripts):
     assert "<svg>drawn</svg>" in page
     assert "b.svg was not drawn" in page
     assert "x is missing" in page
-
-
-def test_the_report_goes_on_where_it_stopped(tmp_path, scripts):
-    (scripts / "good.py").write_text("print('ran')")
-    parts = {"good": report.Part("good", ("good",), (), 120.0, grown=("a.csv",))}
-    folders = dict.fromkeys(("results", "figures", "data"), tmp_path)
-    grown = tmp_path / "a.csv"
-
-    def said(again=False):
-        """Return whether it ran, and whether the rows before are still there."""
-        grown.write_text("rows of a run before")
-        stream = io.StringIO()
-        report.report(parts, folders, tmp_path, stream, again)
-        return stream.getvalue().splitlines()[-1].partition(",")[0], grown.exists()
-
-    assert said() == ("good: done", False)
-    assert said() == ("good: done before", True)
-    assert said(again=True) == ("good: done", False)
-    (scripts / "good.py").write_text("print('other sources')")
-    assert said() == ("good: done", False)
 
 
 COMMANDS = {
