@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
 from namlcp import Status, solve_lcp, solve_qp
-from namlcp.qp.problem import QP
-from namlcp.qp.transforms.huge_bounds import without_huge_bounds
+from namlcp.qp import QP
 from validation.problems.fuzzed import cases as problems
 from validation.problems.fuzzed import forms
 from validation.problems.fuzzed.lcps import LCP
@@ -240,18 +239,6 @@ def test_sides_of_1e18_do_not_hide_the_others(index):
     case = problems.make(3, index)
     found = campaign.examine(case, "nam", 1e-6, 10.0)
     assert found["outcome"] == "right", found
-
-
-def test_huge_bounds_are_those_beyond_all_others():
-    one = np.ones(1)
-    near = QP(*[np.ones((1, 1)) if k in (0, 2, 4) else one for k in range(8)])
-    assert without_huge_bounds(near) is None
-    assert without_huge_bounds(near._replace(b=1e5 * one, ub=1e10 * one)) is None
-    assert without_huge_bounds(near._replace(h=-1e12 * one, lb=1e12 * one)) is None
-    found = without_huge_bounds(
-        near._replace(b=1e3 * one, h=-1e12 * one, ub=1e10 * one)
-    )
-    assert (found.h, found.lb, found.ub) == (-1e12, 1.0, INF)
 
 
 def test_squares_of_tiny_unknowns_are_no_residual():

@@ -54,9 +54,3 @@ def fill(K):
         below = np.flatnonzero(L[j + 1 :, j]) + j + 1
         L[np.ix_(below, below)] = True
     return np.tril(L)
-
-
-def factored(factors, U):
-    """Return the factors, computed for the matrix with the upper triangle U."""
-    factors.refactor(U.data)
-    return factors

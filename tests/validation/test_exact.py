@@ -13,28 +13,13 @@ from validation.oracles import ceilings, exact
 from validation.oracles.exact import BITS, Active, ExactMatrix, ExactQP
 
 
-def fractions(numbers, bits):
-    """Return integers times 2^-bits as fractions."""
-    return [Fraction(number, 1 << bits) for number in numbers]
-
-
-def test_doubles_are_integers_times_a_power_of_two():
-    values = np.array([0.0, 1.0, -0.1, 3e12, 2.0**-60, -5e-30, 7.25])
-    bits = exact.fraction_bits(values)
-    whole = exact.integers(values, bits)
-    assert fractions(whole, bits) == list(map(Fraction, values))
-    np.testing.assert_array_equal(exact.doubles(whole, bits), values)
-    for values, bits in (([4.0, -6.0, 0.0], 0), ([0.375], 3), ([], 0)):
-        assert exact.fraction_bits(np.array(values)) == bits
-    assert exact.integers(np.array([0.75]), 1)[0] == 1  # the floor of 3/2
-
-
 def test_products_are_exact():
     rng = np.random.default_rng(0)
     M = sp.random_array((9, 7), density=0.4, rng=rng)
     x = rng.standard_normal(7) * 10.0 ** rng.integers(-9, 9, 7)
     bits = exact.fraction_bits(M.data)
-    found = fractions(ExactMatrix(M, bits) @ exact.integers(x, BITS), bits + BITS)
+    whole = ExactMatrix(M, bits) @ exact.integers(x, BITS)
+    found = [Fraction(number, 1 << (bits + BITS)) for number in whole]
     for row, value in zip(M.toarray(), found, strict=True):
         terms = (Fraction(a) * Fraction(b) for a, b in zip(row, x, strict=True))
         assert value == sum(terms, Fraction(0))
