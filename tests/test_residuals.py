@@ -150,13 +150,8 @@ def test_all_forms_of_matrices_are_judged_alike():
     ]
     q, h, b, x, y, z, z_box = (rng.standard_normal(k) for k in (n, m, p, n, p, m, n))
 
-    def wide(M):
-        M = sp.csc_array(M)
-        M.indices = M.indices.astype(np.int64)
-        return M
-
     found = []
-    for convert in (sp.csc_array, wide, sp.csr_array, sp.coo_array, np.asarray):
+    for convert in (sp.csc_array, sp.csr_array, sp.coo_array, np.asarray):
         P, G, A = map(convert, dense)
         found.append(qp_residuals(P, q, G, h, A, b, None, None, x, y, z, z_box))
     for other in found[1:]:
