@@ -115,6 +115,7 @@ def test_any_order_of_entries_becomes_canonical(case, kind, layout):
     before = C.data.copy(), C.indices.copy()
     clean = checks.sparse_matrix("A", C, layout)
     np.testing.assert_array_equal(clean.toarray(), exact)
+    assert clean.nnz == np.count_nonzero(exact)
     np.testing.assert_array_equal(C.data, before[0])
     np.testing.assert_array_equal(C.indices, before[1])
     major, minor = exact.shape if layout == "csr" else exact.shape[::-1]

@@ -74,6 +74,8 @@ def test_natural_residual():
     z, w = np.full(2, 1e20), np.array([1.0, 0.0])
     assert natural_residual(z, w, -free, free) == 1.0
     assert natural_residual(z, w, 0.0 * z, free) == 1.0
+    z[1] = np.nan
+    assert np.isnan(natural_residual(z, w, -free, free))
 
 
 @pytest.mark.parametrize("sparse", [False, True])
