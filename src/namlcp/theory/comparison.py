@@ -10,65 +10,61 @@ Matrices in the Mathematical Sciences, chapter 6):
     u >= 0, u != 0 and <A> u <= 0     <=>  it is not.
 
 They exclude each other, because <A>^-1 >= 0 and <A> u <= 0 give u <= 0. The second
-always holds where u_i = 0, for there (<A> u)_i = -sum_j |a_ij| u_j. Hence a witness of
-one irreducible block of A, padded with zeros, is a witness for A, and so is the unit
-vector of a nonpositive diagonal entry.
+always holds where u_i = 0. So u may be a vector x > 0 on some rows alone: those where
+(J x)_i >= x_i, less those that this makes fail, and so on.
 
-Every candidate v or u is checked with rigorous error bounds (`signs`), so that no
-answer depends on the accuracy of a linear solve. Candidates come, in this order, from
+Candidates are v = u = 1, which decides strict dominance by rows, power steps, and
+solutions of
 
-1. v = u = 1, which decides strict dominance by rows, and <A> 1 = 0 (exactly singular);
-2. Gauss-Seidel sweeps on <A> v = D 1, as long as they make progress;
-3. for moderate n one solve of <A> v = D 1. Wherever <A> is nonsingular this decides:
-   v > 0, or u = max(-v, 0) is a witness, since for u_i > 0
+    (lambda I - J) y = x,   x > 0.                                                   (1)
 
-       (<A> u)_i = (<A> max(v, 0))_i - d_i = -sum_j |a_ij| max(v_j, 0) - d_i < 0.
+If lambda > rho(J), y > 0 and J y = lambda y - x < lambda y. If not, u = max(-y, 0) has
+J u >= lambda u, since J u >= -J y = x - lambda y. So (1) decides with lambda = 1 -+
+`BESIDE`, unless rho(J) lies between the two. With lambda = max (J x)_i / x_i it is
+Noda's iteration (Numer. Math. 17 (1971) 382-386), which tends to a Perron vector of J.
+For every x > 0, min (J x)_i / x_i <= rho(J) <= max (J x)_i / x_i (Collatz and
+Wielandt).
 
-4. Noda's iteration on each irreducible block, after balancing (`perron`). With its
-   shift lambda = 1 the system would be that of 3; multigrid solves it for large n, only
-   as accurately as the decision needs.
+Every candidate is checked in exact arithmetic (`signs`), so that no answer depends on
+the accuracy of a linear solve.
 """
 
+import contextlib
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 from scipy import sparse
+from scipy.sparse.linalg import splu
 
 from namlcp.checks import finite_square_matrix
-from namlcp.compiled import kernel, part
+from namlcp.compiled import kernel
 from namlcp.limits import interruptible
-from namlcp.theory.perron import (
-    LARGEST_FACTORED,
-    block_vectors,
-    comparison_sweep,
-    row_numbers,
-    solutions,
-    with_entries,
-)
 
-BATCHES = (2, 2, 4, 8, 16, 32)
-"""Symmetric Gauss-Seidel sweeps between two tests of the signs."""
-
-HELP = 0.5
-"""Sweeps end after a batch that changed their step by less than a factor of 1/HELP."""
-
-ROUNDOFF = 2.0**-53
-"""Unit roundoff: the largest relative error of one operation."""
-
-LEAST_NUMBER = 5e-324
-"""Least positive number: the largest absolute error of an operation that underflows."""
-
-SPLITTER = 2.0**27 + 1.0
-"""Dekker's factor, which splits a number into two halves of 26 bits."""
-
-NO_EXPONENT = np.empty(0, dtype=np.int64)
-"""In place of the exponents of x 2^exponent where they are all 0."""
+# The largest relative error of one operation, and the least positive number: the
+# largest absolute error of an operation that underflows.
+ROUNDOFF, LEAST_NUMBER = 2.0**-53, 5e-324
+# Most times that rows are dropped from u.
+RESTRICTIONS = 10
+# Power steps of a round; they go on while a round reduces log(max/min) of (J x)_i / x_i
+# below POWER_HELPS times. Then most steps of Noda's iteration.
+POWERS, POWER_HELPS, NODA_STEPS = 10, 0.7, 30
+# Distance from 1 of the first lambda in (1).
+BESIDE = 1e-13
+# Least entry of an x whose largest one is 1, and the factor of the right-hand side of a
+# system whose solution exceeds the range of floating point.
+LEAST_ENTRY, TINY = 1e-250, 2.0**-900
+# Largest orders at which (1) is factored, multigrid solves larger systems, and at which
+# a matrix with over a quarter of its entries is factored as a dense one.
+LARGEST_FACTORED, LARGEST_DENSE_LU = 20_000, 3000
+# Multigrid cycles between two tests of the signs, and most tests for one system.
+CYCLES, TESTS = 2, 6
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
+@dataclass(frozen=True, eq=False)
 class Verdict:
     """An answer with its reason. `bool(verdict)` is True only where it is proven.
 
@@ -80,11 +76,8 @@ class Verdict:
         The statement that decides, with its source.
     checked : str
         What was computed, and what came out.
-    witness : (n,) array or None
+    witness : array or None
         What proves the answer; `theorem` says how.
-    exponent : (n,) integer array or None
-        If not None, `witness` * 2^exponent proves the answer, but leaves the range of
-        floating point.
     bound : float
         Bound of the spectral radius that the theorem is about: an upper bound (below 1)
         for True, a lower bound (at least 1) for False; NaN where there is none.
@@ -102,7 +95,6 @@ class Verdict:
     theorem: str
     checked: str
     witness: np.ndarray | None = None
-    exponent: np.ndarray | None = None
     bound: float = math.nan
 
     def __bool__(self) -> bool:
@@ -128,29 +120,22 @@ def is_h_plus(A: Any) -> Verdict:
         True: witness v > 0 with <A> v > 0. False: witness u >= 0, u != 0, with D u <=
         |A - D| u (<A> u <= 0 where the diagonal is positive); the unit vector e_i if
         a_ii <= 0. Both inequalities hold exactly for the stored numbers. None: rho(J),
-        J = D^-1 |A - D|, is too close to 1 (|rho(J) - 1| <= 1e-10), or for n > 20 000
-        multigrid failed. `bound` is the largest (J v)_i / v_i for True, and the least
-        (J u)_i / u_i for False.
+        J = D^-1 |A - D|, is too close to 1 (|rho(J) - 1| <= 1e-10), a witness leaves
+        the range of floating point, or for n > 20 000 multigrid failed. `bound` is the
+        largest (J v)_i / v_i for True, and the least (J u)_i / u_i for False.
 
     Raises
     ------
     TypeError, ValueError
         A is not a square matrix of finite real numbers.
 
-    Notes
-    -----
-    `namlcp.theory.comparison` describes the method. If A is strictly dominant one pass
-    over A suffices, otherwise a few sweeps or one linear solve.
-
     Examples
     --------
     >>> import numpy as np
     >>> from namlcp import is_h_plus
     >>> A = np.array([[2.0, 3.0], [-1.0, 2.0]])
-    >>> bool(is_h_plus(A))
-    True
-    >>> is_h_plus(A - np.eye(2)).answer
-    False
+    >>> is_h_plus(A).answer, is_h_plus(A - np.eye(2)).answer
+    (True, False)
     """
     A = finite_square_matrix("A", A, "csr")
     return settle(sparse.csr_array(A), "A is an H+ matrix")
@@ -169,8 +154,13 @@ def is_m_matrix(K: Any) -> Verdict:
     if wrong.size:
         t = wrong[0]
         place = f"K[{rows[t]}, {K.indices[t]}] = {K.data[t]:g} > 0"
-        return Verdict(answer=False, theorem=f"{name}: no Z-matrix", checked=place)
+        return Verdict(False, f"{name}: no Z-matrix", place)
     return settle(K, name)
+
+
+def row_numbers(A: Any) -> np.ndarray:
+    """Return the row of every stored entry."""
+    return np.repeat(np.arange(A.shape[0]), np.diff(A.indptr))
 
 
 def settle(A: Any, claim: str) -> Verdict:
@@ -179,203 +169,211 @@ def settle(A: Any, claim: str) -> Verdict:
     wrong = np.flatnonzero(~(D > 0.0))
     if wrong.size:
         i = wrong[0]
-        return Verdict(
-            answer=False,
-            theorem=f"{claim}: no, an M-matrix has a positive diagonal",
-            checked=f"entry ({i}, {i}) is {D[i]:g}",
-            witness=np.where(np.arange(D.size) == i, 1.0, 0.0),
-        )
+        theorem = f"{claim}: no, an M-matrix has a positive diagonal"
+        unit = np.where(np.arange(D.size) == i, 1.0, 0.0)
+        return Verdict(False, theorem, f"entry ({i}, {i}) is {D[i]:g}", unit)
     checked = ""
     with np.errstate(all="ignore"):
-        for source, x, exponent, bounds in candidates(A, D):
-            verdict = verdict_by(A, x, exponent, claim, source)
-            if verdict is not None:
-                return verdict
-            checked = f"rho(J) of an irreducible block lies in about {bounds}"
-    return Verdict(answer=None, theorem=f"{claim}: not decided", checked=checked)
+        for source, y in candidates(A, D):
+            above, below, quotient = signs(A, y)
+            for _ in range(RESTRICTIONS):
+                rest = np.where(quotient >= 1.0, y, 0.0)
+                if above or below or not rest.any() or np.array_equal(rest, y):
+                    break
+                y = rest
+                above, below, quotient = signs(A, y)
+            least = float(quotient[y > 0.0].min(initial=math.inf))
+            largest = float(quotient[y > 0.0].max(initial=0.0))
+            if above:
+                theorem, bound = "v > 0, <A> v > 0", min(largest, 1.0 - ROUNDOFF)
+                checked = f"{source}: rho(J) <= {bound:.17g}, the largest (Jv)_i / v_i"
+            elif below:
+                theorem, bound = "u >= 0, u != 0, <A> u <= 0", max(least, 1.0)
+                checked = f"{source}: rho(J) >= {bound:.17g}, the least (Ju)_i / u_i"
+            else:
+                checked = f"(Jx)_i / x_i lies in [{least:.15g}, {largest:.15g}]"
+                continue
+            theorem = f"{claim}: {theorem} (Berman and Plemmons, ch. 6)"
+            return Verdict(above, theorem, checked, y, bound)
+    return Verdict(None, f"{claim}: not decided", checked)
 
 
-def candidates(
-    A: Any, D: np.ndarray
-) -> Iterator[tuple[str, np.ndarray, np.ndarray, str]]:
-    """Yield (source, x, exponent, bounds of rho(J) as text), the cheapest first."""
-    ones = np.ones(D.size)
-    yield "v = 1", ones, NO_EXPONENT, ""
-    for x in swept(A, ones):
-        yield "Gauss-Seidel sweeps", x, NO_EXPONENT, ""
-    if D.size <= LARGEST_FACTORED:  # beyond it Noda's first system does as well
-        for x in solutions(scaled_comparison(A, D), ones):
-            yield "one linear solve", x, NO_EXPONENT, ""
-    for x, exponent, low, high in block_vectors(A, D):
-        yield "Noda's iteration", x, exponent, f"[{low:.15g}, {high:.15g}]"
+def candidates(A: Any, D: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+    """Yield (source, nonnegative vector), the cheapest first."""
+    yield "v = 1", np.ones(D.size)
+    rows = row_numbers(A)
+    root = np.sqrt(D)  # a similar matrix, symmetric where A is
+    data = np.abs(A.data) / (root[rows] * root[A.indices])
+    data[rows == A.indices] = 0.0
+    J = sparse.csr_array((data, A.indices, A.indptr), shape=A.shape)
+    beside = [1.0 - BESIDE, 1.0 + BESIDE, 1.0]
+    first = [] if D.size <= LARGEST_FACTORED else [None]
+    for y in perron_vectors(J, [*first, *beside]):
+        x = np.maximum(-y, 0.0) if np.any(y < 0.0) else y
+        yield "Noda's iteration", x / root
 
 
-def verdict_by(
-    A: Any, x: np.ndarray, exponent: np.ndarray, claim: str, source: str
-) -> Verdict | None:
-    """Return the verdict if x 2^exponent, or its negative part, is a witness."""
-    if x.size < A.shape[0]:
-        return None
-    if np.any(x < 0.0):
-        x = np.maximum(-x, 0.0)
-    if not np.all(np.isfinite(x)):
-        return None
-    above, below, largest, least = signs(A.indptr, A.indices, A.data, x, exponent)
-    if above:
-        theorem, answer, bound = "v > 0, <A> v > 0", True, min(largest, 1.0 - ROUNDOFF)
-        checked = f"{source}: rho(J) <= {bound:.17g}, the largest (Jv)_i / v_i"
-    elif below:
-        theorem, answer, bound = "u >= 0, u != 0, <A> u <= 0", False, max(least, 1.0)
-        checked = f"{source}: rho(J) >= {bound:.17g}, the least (Ju)_i / u_i"
-    else:
-        return None
-    power = None
-    if exponent.size:
-        scaled = np.ldexp(x, exponent - exponent[x > 0.0].max())
-        if scaled[x > 0.0].min() > 1e-200:  # products with it do not underflow
-            x = scaled
-        else:
-            power = exponent
-    theorem = f"{claim}: {theorem} (Berman and Plemmons, ch. 6)"
-    return Verdict(
-        answer=answer,
-        theorem=theorem,
-        checked=checked,
-        witness=x,
-        exponent=power,
-        bound=bound,
-    )
+def signs(A: Any, x: np.ndarray) -> tuple[bool, bool, np.ndarray]:
+    """Return whether K x > 0, whether K x <= 0 where x > 0, and (J x)_i / x_i.
+
+    K = D - |A - D|, x >= 0. The signs are those of the exact numbers: where bounds of
+    rounding errors do not settle one, the row is summed in rational arithmetic.
+    """
+    own, others, margin = np.empty((3, x.size))
+    row_sums(A.indptr, A.indices, A.data, x, own, others, margin)
+    value, inside = own - others, x > 0.0
+    if not np.all(np.isfinite(value)) or (x.size and not inside.any()):
+        return False, False, np.full(x.size, math.nan)
+    positive, negative = value > margin, value <= -margin
+    doubtful = np.flatnonzero(inside & ~positive & ~negative)
+    above = bool(inside.all() and not negative.any())
+    below = bool(x.size and not positive[inside].any())
+    above = above and all(exact_row(A, i, x) > 0 for i in doubtful)
+    below = below and all(exact_row(A, i, x) <= 0 for i in doubtful)
+    return above, below, others / own
 
 
 @kernel
-def signs(indptr, indices, data, x, exponent):
-    """Return the signs of K y, K = D - |A - D|, y = x 2^exponent >= 0, and bounds of J.
+def row_sums(indptr, indices, data, x, own, others, margin):
+    """Set the rows of D x and |A - D| x, and the largest error of their difference.
 
-    Returns (K y > 0, K y <= 0 where y > 0, max (J y)_i / y_i, min (J y)_i / y_i), the
-    quotients over y_i > 0. NaN stands for both where neither sign holds. The signs are
-    those of the exact numbers: a row's plain sum of k terms t is off by at most (k + 1)
-    u sum |t| (Higham, Accuracy and Stability, section 3.1), and underflow adds less
-    than 4 k times the least number. Where that does not settle the sign, the row is
-    summed again with its rounding errors (`exact_row`).
+    A sum of k terms t is off by at most (k + 1) u sum |t| (Higham, Accuracy and
+    Stability, section 3.1), and underflow adds less than 4 k times the least number.
+    Where no operation is rounded the error is 0.
     """
-    above, below = True, False
-    largest, least = 0.0, np.inf
     for i in range(x.size):
-        if not x[i] > 0.0:
-            above = False
-            continue
-        d, off = 0.0, 0.0
+        d, off, exact = 0.0, 0.0, True
         for k in range(indptr[i], indptr[i + 1]):
             j = indices[k]
+            exact &= x[j] == 1.0
+            t = abs(data[k]) * x[j]
             if j == i:
-                d = data[k] * x[i]
-            elif x[j] > 0.0:
-                t = abs(data[k])
-                if exponent.size > 0:
-                    t = math.ldexp(t, exponent[j] - exponent[i])
-                off += t * x[j]
-        if not off < np.inf:
-            return False, False, np.nan, np.nan
+                d = t
+            else:
+                total = off + t
+                exact &= total - off == t and total - t == off
+                off = total
+        rest = d - off
+        exact &= d - rest == off and rest + off == d
         count = indptr[i + 1] - indptr[i] + 3
-        margin = count * (2.0 * ROUNDOFF * (d + off) + 4.0 * LEAST_NUMBER)
-        low = high = d - off
-        if not abs(low) > margin:
-            low, high = exact_row(indptr, indices, data, i, x, exponent)
-        else:
-            low -= margin
-            high += margin
-        if not low > 0.0:
-            above = False
-        if high <= 0.0:
-            below = True
-        else:
-            least = -1.0
-        if not above and least < 0.0:
-            return False, False, np.nan, np.nan
-        quotient = off / d
-        largest = max(largest, quotient)
-        if least >= 0.0:
-            least = min(least, quotient)
-    return above, below and least >= 0.0, largest, least
+        error = count * (2.0 * ROUNDOFF * (d + off) + 4.0 * LEAST_NUMBER)
+        own[i], others[i], margin[i] = d, off, 0.0 if exact else error
 
 
-@part
-def exact_row(indptr, indices, data, i, x, exponent):
-    """Return rigorous bounds of (K y)_i, which are equal where nothing was rounded.
+def exact_row(A: Any, i: Any, x: np.ndarray) -> Fraction:
+    """Return (K x)_i of `signs`."""
+    row = slice(A.indptr[i], A.indptr[i + 1])
+    total = Fraction(0)
+    for j, a in zip(A.indices[row].tolist(), A.data[row].tolist(), strict=True):
+        term = abs(Fraction(a)) * Fraction(x[j])
+        total += term if j == i else -term
+    return total
 
-    Products and sums are computed with their rounding errors (Dekker, Numer. Math. 18
-    (1971) 224-242). The errors are added up, and the rounding of that sum is bounded.
+
+def is_weakly_dominant(A: Any) -> bool:
+    """Tell whether |a_ii| >= sum_{j != i} |a_ij| holds exactly in every row."""
+    ones = np.ones(A.shape[0])
+    own, others, margin = np.empty((3, ones.size))
+    row_sums(A.indptr, A.indices, A.data, ones, own, others, margin)
+    doubtful = np.flatnonzero(own - others < margin)
+    return all(exact_row(A, i, ones) >= 0 for i in doubtful)
+
+
+def perron_vectors(J: Any, shifts: list[float | None]) -> Iterator[np.ndarray]:
+    """Yield x > 0 that tend to a Perron vector of J >= 0, and solutions of (1).
+
+    The first lambda are those of `shifts`; None stands for Noda's. Where lambda is
+    given, a solution may have entries of any sign.
     """
-    total, error = 0.0, 0.0
-    size, lost = 0.0, 0.0  # sum of the errors' moduli; bound of errors not computed
-    for k in range(indptr[i], indptr[i + 1]):
-        j = indices[k]
-        if not x[j] > 0.0 or data[k] == 0.0:
-            continue
-        a = data[k] if j == i else -abs(data[k])
-        b = x[j]
-        if exponent.size > 0:
-            b = math.ldexp(b, exponent[j] - exponent[i])
-        p = a * b
-        if abs(p) > 1e-260 and abs(a) < 1e150 and b < 1e150 and b > 1e-290:
-            c = SPLITTER * a
-            ah = c - (c - a)
-            c = SPLITTER * b
-            bh = c - (c - b)
-            al = a - ah
-            bl = b - bh
-            e = al * bl - (((p - ah * bh) - al * bh) - ah * bl)
-        else:
-            e = 0.0
-            lost += abs(p) * 4.0 * ROUNDOFF + 4.0 * LEAST_NUMBER * (1.0 + abs(a))
-        s = total + p
-        t = s - total
-        f = (total - (s - t)) + (p - t)
-        total = s
-        error += e
-        error += f
-        size += abs(e) + abs(f)
-    count = 2.0 * (indptr[i + 1] - indptr[i]) + 4.0
-    margin = 2.0 * ROUNDOFF * count * size + lost
-    whole = total + error
-    if margin > 0.0:
-        margin += 2.0 * ROUNDOFF * abs(whole)
-    elif error != 0.0:
-        margin = 2.0 * ROUNDOFF * abs(whole)
-    return whole - margin, whole + margin
-
-
-@kernel
-def exact_dominance(indptr, indices, data):
-    """Tell whether a_ii >= sum_{j != i} |a_ij| holds exactly in every row."""
-    n = indptr.size - 1
-    ones = np.ones(n)
-    for i in range(n):
-        low, _ = exact_row(indptr, indices, data, i, ones, NO_EXPONENT)
-        if not low >= 0.0:
-            return False
-    return True
-
-
-def swept(A: Any, ones: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield v after batches of sweeps on <A> v = D 1, while they make progress."""
-    v = ones.copy()
-    before = math.inf
-    for sweeps in BATCHES:
-        step = math.inf
-        for _ in range(sweeps):
-            step = comparison_sweep(A.indptr, A.indices, A.data, ones, v)
-        if not step < 1e100:
+    x = np.ones(J.shape[0])
+    gap = math.inf
+    while True:
+        scale = ((J @ x) / x).max()
+        for _ in range(POWERS if scale > 0.0 else 0):
+            x = (J @ x) / scale + 0.5 * x
+        x = np.maximum(x / x.max(), LEAST_ENTRY)
+        yield x
+        quotient = (J @ x) / x
+        low, high = quotient.min(), quotient.max()
+        before, gap = gap, math.log(high / low) if low > 0.0 else math.inf
+        if not gap < POWER_HELPS * before:
+            break
+    for shift in shifts + NODA_STEPS * [None]:
+        scaled = sparse.diags_array(1.0 / x) @ J @ sparse.diags_array(x)
+        noda = float((scaled @ np.ones(x.size)).max()) * (1.0 + 1e-15)
+        y = None
+        for y in solutions(scaled, noda if shift is None else shift):
+            yield x * y if shift else x * np.abs(y)
+        if y is not None:
+            x = x * np.abs(y)
+            x = np.maximum(x / x.max(), LEAST_ENTRY)
+        elif shift is None:
             return
-        yield v
-        if before < math.inf and HELP * before < step < before / HELP:
-            return
-        before = step
 
 
-def scaled_comparison(A: Any, D: np.ndarray) -> Any:
-    """Return I - J = D^-1 <A>."""
-    rows = row_numbers(A)
-    data = -np.abs(A.data) / D[rows]
-    data[rows == A.indices] = 1.0
-    return with_entries(A, data)
+def solutions(J: Any, shift: float) -> Iterator[np.ndarray]:
+    """Yield what `approximations` finds, if it is finite."""
+    for y in approximations(J, shift):
+        if np.all(np.isfinite(y)) and y.any():
+            yield y
+
+
+def approximations(J: Any, shift: float) -> Iterator[np.ndarray]:
+    """Yield approximations of (shift I - J)^-1 1, up to a positive factor."""
+    n = J.shape[0]
+    b = np.ones(n)
+    is_dense = not sparse.issparse(J)
+    if is_dense or (n <= LARGEST_DENSE_LU and J.nnz > n * n // 4):
+        J = J if is_dense else J.toarray()
+        with contextlib.suppress(np.linalg.LinAlgError):
+            yield np.linalg.solve(shift * np.eye(n) - J, b)
+        return
+    K = sparse.csr_array(sparse.diags_array(np.full(n, shift)) - J)
+    if n > LARGEST_FACTORED:
+        yield from cycles(K, b)
+        return
+    for threshold in (0.0, 1.0):  # pivots from the diagonal do not depend on scaling
+        with contextlib.suppress(RuntimeError):  # exactly singular
+            factor = splu(
+                sparse.csc_array(K),
+                permc_spec="MMD_AT_PLUS_A",
+                diag_pivot_thresh=threshold,
+                options={"SymmetricMode": threshold == 0.0},
+            )
+            y = factor.solve(b)
+            yield y if np.all(np.isfinite(y)) else factor.solve(TINY * b)
+
+
+def cycles(K: Any, b: np.ndarray) -> Iterator[np.ndarray]:
+    """Yield solutions of K x = b of rising accuracy (Ruge and Stueben's multigrid)."""
+    import pyamg  # takes 0.5 s to import
+
+    x = np.zeros(b.size)
+    # A level is singular, or a number leaves its range: K is not an M-matrix.
+    with contextlib.suppress(ValueError, RuntimeError, np.linalg.LinAlgError):
+        levels = pyamg.ruge_stuben_solver(
+            sparse.csr_matrix(K),
+            interpolation="direct",
+            coarse_solver="splu",
+            max_coarse=500,
+        )
+        for _ in range(TESTS):
+            x = levels.solve(b, x0=x, maxiter=CYCLES, tol=1e-14)
+            yield x
+            x = x + (b - K @ x) / K.diagonal()
+
+
+def radius_bounds(T: Any, rtol: float = 1e-10) -> tuple[float, float, np.ndarray]:
+    """Return lower <= rho(T) <= upper and x > 0 with T x <= upper x, for T >= 0.
+
+    The bounds are those of rounded numbers; they close to rtol if T is irreducible.
+    """
+    lower, upper, best = 0.0, math.inf, np.ones(T.shape[0])
+    for x in perron_vectors(T, []):
+        quotient = (T @ x) / x
+        if quotient.max() < upper:
+            upper, best = float(quotient.max()), x
+        lower = max(lower, float(quotient.min()))
+        if upper - lower <= rtol * upper:
+            break
+    return lower, upper, best
