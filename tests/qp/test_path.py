@@ -27,7 +27,6 @@ from scipy.sparse import csc_array, csr_array, diags_array
 
 from namlcp import solve_qp
 from namlcp.limits import Deadline, Limits
-from namlcp.linalg.factors import Bordered, dense_border
 from namlcp.options import Options
 from namlcp.qp import convexity
 from namlcp.qp.convexity import check_convex
@@ -364,41 +363,9 @@ def dense_rows(seed, m=400, n=60):
     return make_qp(P, q, G, np.concatenate((-np.ones(m), np.zeros(m))))
 
 
-def test_a_dense_border_is_found_and_factored():
+def test_dense_rows():
     qp = dense_rows(0)
-    matrix = upper_triangle_of(ScaledQP(presolve(qp, 1e-9, 0.0)).kkt)
-    border = dense_border(matrix.indptr, matrix.indices)
-    np.testing.assert_array_equal(border, np.arange(60))
     assert_solves_qp(qp, solve(qp, DEFAULT), 1e-10)
-
-
-@pytest.mark.parametrize("inner", ["diagonal", "sparse"])
-@pytest.mark.parametrize("border", ["positive", "negative", "mixed", "all"])
-def test_bordered_factors_solve(inner, border):
-    rng = np.random.default_rng(1)
-    n, m = 30, 50
-    H = np.zeros((n, n))
-    H[:10, :10] = rng.standard_normal((10, 10))
-    H = H @ H.T + np.diag(1.0 + rng.random(n))
-    C = rng.standard_normal((m, n)) * (rng.random((m, n)) < 0.3)
-    if inner == "diagonal":
-        H[10:, 10:] = np.diag(np.diag(H)[10:])
-        C[:, 10:] = 0.0
-    K = np.block([[H, C.T], [C, -np.diag(0.1 + rng.random(m))]])
-    rows = {
-        "positive": np.arange(10),
-        "negative": np.arange(40, 60),
-        "mixed": np.r_[0:10, 32:36],
-        "all": np.arange(n + m),
-    }[border]
-    U = csc_array(np.triu(K))
-    factors = Bordered(U.indptr, U.indices, rows)
-    factors.refactor(U.data)
-    rhs = rng.standard_normal(n + m)
-    np.testing.assert_allclose(K @ factors.solve(rhs), rhs, atol=1e-11)
-    K[np.diag_indices(n + m)] *= 1.5
-    factors.refactor(csc_array(np.triu(K)).data)
-    np.testing.assert_allclose(K @ factors.solve(rhs), rhs, atol=1e-11)
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -113,14 +113,6 @@ def supernodes(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Superno
     return Supernodes(first, parent, node, starts, rows, panels, lower, below, source)
 
 
-@kernel
-def degrees(indptr, indices, member):
-    """Return how many neighbours every row has in `member`, 0 outside."""
-    degree = np.empty(indptr.size - 1, dtype=np.int64)
-    count_inside(indptr, indices, member, degree.size, degree)
-    return degree
-
-
 @part
 def count_inside(indptr, indices, member, size, degree):
     """Set degree[i] to the neighbours in `member` of row i, of `size`; 0 outside."""

@@ -269,18 +269,6 @@ def test_a_copy_begins_without_a_point():
         assert_agrees(solve(other, qp), qp)
 
 
-def test_factors_with_a_dense_border_are_left_to_others():
-    """A portfolio of 300 with 80 dense factors."""
-    rng = np.random.default_rng(9)
-    A = sp.hstack((rng.standard_normal((80, 300)), -sp.eye_array(80)))
-    P = sp.diags_array(np.repeat([0.1, 1.0], [300, 80]))
-    lb = np.append(np.zeros(300), np.full(80, -INF))
-    qp = qp_data(P, -np.ones(380), None, None, A, np.zeros(80), lb, None)
-    faces = begun(qp)
-    assert solve(faces, qp) is None
-    assert faces.are_unsuited
-
-
 def test_a_solver_takes_faces_first_for_new_matrices():
     """Responses would have to be made anew; they come back where matrices stay."""
     rng = np.random.default_rng(10)
