@@ -10,9 +10,8 @@ from sweeping import iterates, step_of, sweep
 from test_sweeps import paper_example
 
 from namlcp import Status, solve_lcp
+from namlcp.lcp.modulus.adaptive import Choice, Spectrum, symmetric_form
 from namlcp.lcp.modulus.methods import METHODS, Parameters
-from namlcp.lcp.modulus.parameters import Choice
-from namlcp.lcp.modulus.spectrum import Spectrum, symmetric_form
 from namlcp.lcp.modulus.sweeps import iterate
 from namlcp.limits import Limits
 
