@@ -17,6 +17,7 @@ from scipy.sparse import diags_array
 import namlcp
 from namlcp.limits import Limits
 from namlcp.qp.certificates import accept_dual, accept_primal, farkas_numbers
+from namlcp.qp.guess import Guess
 from namlcp.qp.judge import Judge
 from namlcp.qp.path.advance import ACTIVE_SET, EVALUATE
 from namlcp.qp.path.candidates import CertificateSearch
@@ -112,10 +113,12 @@ def test_projection_makes_a_proof_of_inexact_multipliers(seed):
     assert accept_primal(qp, x, y, z, TOL) is None
     work = Workspace(ScaledQP(presolve(qp, TOL, 0.0)), LOOSE)
     tests = CertificateSearch(work, Judge(qp, LOOSE))
-    proof = tests.project(x, y, z)
+    z_box = -(qp.G.T @ z + qp.A.T @ y)
+    guess = Guess(x, y, z, z_box, np.zeros(20 + 2 * 10, dtype=np.int8))
+    _, y, Z, _ = work.problem.guess(guess)
+    proof = tests.farkas_proof(x, *tests.project_multipliers(y, Z)[0])
     assert proof is not None
     assert_certificate(qp, found._replace(y=proof[1], z=proof[2], z_box=proof[3]))
-    assert tests.project(x, 0.0 * y, 0.0 * z) is None
 
 
 def test_rays_stand_still_at_bounds_on_both_sides():

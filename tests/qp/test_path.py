@@ -8,7 +8,6 @@ from problems_lcp import laplacian
 from problems_qp import (
     DATA,
     HOCK_SCHITTKOWSKI,
-    Found,
     assert_certificate,
     assert_solves_qp,
     complementary,
@@ -31,11 +30,8 @@ from namlcp.options import Options
 from namlcp.qp import convexity
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import make_guess
-from namlcp.qp.judge import Judge
-from namlcp.qp.path import fallback
 from namlcp.qp.path.advance import READY, REFINE, SOLVE
 from namlcp.qp.path.workspace import Workspace
-from namlcp.qp.problem import Point
 from namlcp.qp.transforms.presolve import presolve
 from namlcp.qp.transforms.scaling import ScaledQP
 from namlcp.residuals import qp_residuals
@@ -272,21 +268,6 @@ def test_scaled_rows_and_columns(seed):
         0.5 * (P + P.T), q * d, E @ G @ D, h * e, F @ A @ D, b * f, lb / d, ub / d
     )
     assert_solves_qp(qp, solve(qp, DEFAULT))
-
-
-@pytest.mark.parametrize("kind", [infeasible, unbounded])
-def test_fallback_decides_alone(kind):
-    qp = kind(0, 10, 20, 3, 4)
-    loose = Limits(eps_abs=1e-10, eps_rel=1e-12)
-    point = Judge(qp, DEFAULT).point
-
-    def solver(other):
-        return Point(*solve(other, loose)[1:5])
-
-    verdict = fallback.find_certificate(qp, point, 1e-9, solver)
-    assert verdict is not None
-    status, proof = verdict
-    assert_certificate(qp, Found(status, *proof))
 
 
 needs_data = pytest.mark.skipif(

@@ -59,9 +59,8 @@ MEASURE, PRODUCTS, HOLD, HELD, PROXIMAL, CORRECT = range(20, 26)
 # Why `advance` returns, beside FACTOR and SOLVE.
 LOOK, READY, FAILED = range(30, 33)
 # What an iterate may need: to be reported, measured on unscaled data, refined with its
-# active set, tested for a certificate, decided by the fallback QPs; the end of the
-# loop, or a look at the clock.
-REPORT, JUDGE, ACTIVE_SET, PROVE, DOUBT, STOP, CLOCK = (1 << k for k in range(7))
+# active set, tested for a certificate; the end of the loop, or a look at the clock.
+REPORT, JUDGE, ACTIVE_SET, PROVE, STOP, CLOCK = (1 << k for k in range(6))
 # Gap over its tolerance up to which an iterate with small primal and dual residuals is
 # worth measuring on unscaled data, where the sums of the gap round differently.
 CLOSE = 1e3
@@ -84,9 +83,6 @@ CONVERGING = 0.25
 # to which it is tested. Between these, it is tested where it fell to the part AGAIN of
 # that at the last test.
 PROMISING, SMALL_RATIO, AGAIN = 0.1, 1e-4, 0.1
-# Iterations without halving the primal (dual) residual before the fallback QPs, if a
-# candidate for a proof that it cannot vanish was promising.
-FALLBACK_AFTER = 12
 # An iteration counts IDLE times in the patience if a step of full length leaves more
 # than the part STUCK of a large primal residual: the next steps will do no better.
 IDLE, STUCK = 20, 0.99
@@ -254,8 +250,6 @@ def look(m):
     m.old_primal = m.primal
     if m.worst <= 0.5 * m.reference:
         m.reference, m.since = m.worst, 0
-    if is_doubtful(m):
-        wants |= DOUBT
     stagnates = m.since > m.patience or not m.worst < np.inf
     if stagnates or m.iterations >= m.max_iter:
         wants |= STOP
@@ -264,22 +258,6 @@ def look(m):
         wants |= CLOCK
     m.wants = wants
     return wants
-
-
-@part
-def is_doubtful(m):
-    """Tell whether a residual stagnates that, by a promising candidate, cannot vanish.
-
-    That is told for the FALLBACK_AFTER-th iteration in a row that did not halve it.
-    """
-    m.since_primal += 1
-    if m.primal <= 0.5 * m.primal_reference:
-        m.primal_reference, m.since_primal = m.primal, 0
-    m.since_dual += 1
-    if m.dual <= 0.5 * m.dual_reference:
-        m.dual_reference, m.since_dual = m.dual, 0
-    primal = m.primal_promised and m.since_primal >= FALLBACK_AFTER
-    return primal or (m.dual_promised and m.since_dual >= FALLBACK_AFTER)
 
 
 @part
@@ -337,10 +315,6 @@ def promises(m):
         if not stuck or not ratios[k] <= PROMISING:
             ratios[k] = np.inf
             continue
-        if k < 2:
-            m.primal_promised = True
-        else:
-            m.dual_promised = True
         if ratios[k] <= SMALL_RATIO or ratios[k] <= AGAIN * tested[k]:
             found = True
     return found

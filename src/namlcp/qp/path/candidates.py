@@ -14,7 +14,6 @@ import numpy as np
 from namlcp.compiled import address_of
 from namlcp.qp.answer import LooksInfeasible
 from namlcp.qp.certificates import accept_dual, accept_primal, largest
-from namlcp.qp.guess import Guess
 from namlcp.qp.judge import Judge
 from namlcp.qp.path.advance import AGAIN, HOLD, PROMISING, SMALL_RATIO
 from namlcp.qp.path.steps import THIN
@@ -58,8 +57,8 @@ class CertificateSearch:
     def find(self) -> Status | None:
         """Return the verdict of the first candidate that is a proof, or None.
 
-        Where the limits end with a doubt, multipliers are not tested: LooksInfeasible
-        is raised where they are good.
+        Where the limits end with a doubt, good multipliers are not tested, but raise
+        LooksInfeasible.
         """
         work, now = self.work, self.work.now
         n, p = now.n, now.p
@@ -70,10 +69,9 @@ class CertificateSearch:
             (2, work.x),
             (3, du[:n]),
         ):
-            if k < 2 and self.judge.limits.until_doubt:
-                if ratios[k] <= SMALL_RATIO:
-                    raise LooksInfeasible
-            elif ratios[k] < np.inf and self.is_proof(k, ratios[k], candidate):
+            if k < 2 and self.judge.limits.until_doubt and ratios[k] <= SMALL_RATIO:
+                raise LooksInfeasible
+            if ratios[k] < np.inf and self.is_proof(k, ratios[k], candidate):
                 return Status.PRIMAL_INFEASIBLE if k < 2 else Status.DUAL_INFEASIBLE
         return None
 
@@ -106,17 +104,6 @@ class CertificateSearch:
         """Return the proof that a scaled direction makes, None if it makes none."""
         d = self.problem.ray(d)
         return accept_dual(self.judge.qp, *point[:3], d, self.tol)
-
-    def project(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> Point | None:
-        """Return the proof that unscaled multipliers make once projected, or None."""
-        qp = self.judge.qp
-        if not largest(y) + largest(z) > 0.0:
-            return None
-        z_box = -(qp.G.T @ z + qp.A.T @ y)
-        active = np.zeros(z.size + 2 * z_box.size, dtype=np.int8)
-        _, y_scaled, Z, _ = self.problem.guess(Guess(x, y, z, z_box, active))
-        projection = self.project_multipliers(y_scaled, Z)[0]
-        return self.farkas_proof(x, *projection)
 
     def project_multipliers(
         self, y: np.ndarray, Z: np.ndarray

@@ -8,24 +8,19 @@ steps of separate length. An active-set refinement is tried near the solution; `
 measures candidates on unscaled data and keeps the best.
 
 A warm start that stagnates is followed by a cold start, a cold start that stagnates by
-one with another scaling (`rescale`). Once, where a certificate seemed near, two
-fallback QPs decide whether the problem is infeasible or unbounded (`solve_fallback`).
+one with another scaling (`rescale`).
 """
 
 import numpy as np
 
 from namlcp.limits import Limits
 from namlcp.options import DEFAULT_OPTIONS
-from namlcp.qp.answer import LooksInfeasible
 from namlcp.qp.guess import Guess
 from namlcp.qp.judge import Judge
-from namlcp.qp.path import fallback
 from namlcp.qp.path.advance import (
     ACTIVE_SET,
-    DOUBT,
     EVALUATE,
     FAILED,
-    FALLBACK_AFTER,
     JUDGE,
     MEASURE,
     PROVE,
@@ -78,7 +73,6 @@ class Interior:
         now.best = np.inf
         now.primal_step = now.dual_step = 1.0
         self.certificates = CertificateSearch(work, judge)
-        self.fallback_solver: fallback.Solver | None = None
         self.is_warm = False
         self.tries = 1  # scalings tried
 
@@ -132,8 +126,6 @@ class Interior:
         now.since, now.reference, now.last_refined = 0, np.inf, np.inf
         # no residual is stuck before there is one to compare it with
         now.old_primal = now.old_primal_norm = now.old_dual_norm = np.inf
-        now.since_primal, now.primal_reference = 0, np.inf
-        now.since_dual, now.dual_reference = 0, np.inf
         now.krylov_pays, now.attained = True, 0.0
         now.patience = WARM_PATIENCE if self.is_warm else PATIENCE
         now.rho, now.delta, now.wait = RHO, DELTA, 0
@@ -164,8 +156,6 @@ class Interior:
         verdict = None
         if wants & PROVE:
             verdict = self.certificates.find()
-        if verdict is None and wants & DOUBT and self.fallback_solver is not None:
-            verdict = self.solve_fallback()
         if verdict is None and now.iterations < now.max_iter:
             now.operations = 0.0
             if self.limits.deadline.reached():
@@ -207,28 +197,6 @@ class Interior:
             problem.relax(t)
         work.attach()
         return True
-
-    def solve_fallback(self) -> Status | None:
-        """Return the verdict of the fallback QPs, which are solved once.
-
-        None if the best point of the loop solves the QP. Raises LooksInfeasible where
-        the primal residual asks for them and the limits end with a doubt.
-        """
-        solver, self.fallback_solver = self.fallback_solver, None
-        assert solver is not None
-        if self.offer_best() <= 1.0:
-            return None
-        work, now = self.work, self.now
-        is_primal = now.primal_promised and now.since_primal >= FALLBACK_AFTER
-        if self.limits.until_doubt and is_primal:
-            raise LooksInfeasible
-        point = self.problem.point(work.x, work.y, work.Z)
-        qp, tol, project = self.judge.qp, self.limits.eps_abs, self.certificates.project
-        verdict = fallback.find_certificate(qp, point, tol, solver, project)
-        if verdict is None:
-            return None
-        status, self.certificates.proof = verdict
-        return status
 
     def warm_start(self, guess: Guess) -> bool:
         """Start from a guess, moved inside; False if it has no multipliers."""

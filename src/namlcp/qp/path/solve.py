@@ -3,12 +3,11 @@
 import numpy as np
 
 from namlcp.checks import as_sparse
-from namlcp.limits import Deadline, Limits
+from namlcp.limits import Limits
 from namlcp.qp.answer import Answer, proved
-from namlcp.qp.guess import NO_GUESS, Guess
+from namlcp.qp.guess import Guess
 from namlcp.qp.judge import Judge
 from namlcp.qp.memory import Memory
-from namlcp.qp.path import fallback
 from namlcp.qp.path.advance import advance
 from namlcp.qp.path.candidates import contradiction
 from namlcp.qp.path.loop import Interior
@@ -19,9 +18,6 @@ from namlcp.qp.transforms import ScaledQP, presolve
 from namlcp.status import Status
 
 FORM = "path"
-# Limits of the fallback QPs, whose solutions are scaled to moderate norms: certificates
-# need them more accurate than a solution of the QP itself has to be.
-FALLBACK = Limits(eps_abs=1e-10, eps_rel=1e-12, max_iter=60)
 
 
 def solve_path(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Answer:
@@ -43,10 +39,8 @@ def solve_path(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Answer:
     return answer
 
 
-def follow_path(
-    qp: QP, guess: Guess, limits: Limits, memory: Memory, is_fallback: bool = False
-) -> Answer:
-    """Solve a sparse convex QP; a fallback QP has no fallback QPs of its own."""
+def follow_path(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Answer:
+    """Solve a sparse convex QP."""
     small = presolve(qp, *limits.tolerances, memory.presolved)
     memory.presolved = small
     judge = Judge(qp, limits)
@@ -67,15 +61,7 @@ def follow_path(
         if judge.best <= 1.0:
             return judge.answer(Status.SOLVED, 0, FORM)
     loop = Interior(work, judge, limits, refinement)
-    if not is_fallback:
-        loop.fallback_solver = fallback_solver(limits.deadline)
     status = loop.run(guess)
     if loop.certificates.proof is not None:
         return proved(status, loop.certificates.proof, loop.iterations, FORM)
     return judge.answer(status, loop.iterations, FORM)
-
-
-def fallback_solver(deadline: Deadline) -> fallback.Solver:
-    """Return the function that solves a fallback QP by the deadline."""
-    limits = FALLBACK._replace(deadline=deadline)
-    return lambda qp: follow_path(qp, NO_GUESS, limits, Memory(), True).point

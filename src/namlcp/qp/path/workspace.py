@@ -134,13 +134,9 @@ class PathState(ctypes.Structure):
         # Worst ratio at the last active-set refinement, to be reduced to `drop` of it.
         ("last_refined drop", float),
         # Whether the residuals that a certificate forbids to vanish do not fall; their
-        # norms one iteration before; whether a candidate for either was promising.
+        # norms one iteration before.
         ("primal_stuck dual_stuck", bool),
         ("old_dual_norm old_primal_norm", float),
-        ("primal_promised dual_promised", bool),
-        # The primal and the dual residual that must be halved, iterations since then.
-        ("primal_reference dual_reference", float),
-        ("since_primal since_dual", int),
         # The active-set system: its regularisation, most proximal steps, the first and
         # the least residual, steps in a row that did not halve it; whether it fell
         # tenfold; whether the next active set is another; the largest violation of a
