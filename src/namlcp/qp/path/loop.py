@@ -8,7 +8,7 @@ steps of separate length. An active-set refinement is tried near the solution; `
 measures candidates on unscaled data and keeps the best.
 
 A warm start that stagnates is followed by a cold start, a cold start that stagnates by
-one with another scaling (`rescale`).
+one whose mu falls more slowly (`restart`).
 """
 
 import numpy as np
@@ -32,11 +32,10 @@ from namlcp.qp.path.candidates import CertificateSearch
 from namlcp.qp.path.refinement import Refinement
 from namlcp.qp.path.regularisation import DELTA, RHO
 from namlcp.qp.path.workspace import Workspace
-from namlcp.qp.transforms import UNITS
 from namlcp.status import Status
 
-# Least target of W'Z, relative to the gap, once the scaling was changed.
-LIFT = 0.01
+# Restarts after cold starts, and the least target of W'Z, relative to the gap, then.
+MOST_RESTARTS, LIFT = 2, 0.01
 # Primal residual over its tolerance up to which a restart relaxes right-hand sides.
 TOLERABLE = 0.5
 # Relative residual at which refinement of the linear solves ends: the first factor
@@ -74,7 +73,7 @@ class Interior:
         now.primal_step = now.dual_step = 1.0
         self.certificates = CertificateSearch(work, judge)
         self.is_warm = False
-        self.tries = 1  # scalings tried
+        self.restarts = 0
 
     @property
     def iterations(self) -> int:
@@ -86,7 +85,7 @@ class Interior:
         return self.judge.offer(self.problem.point(x, y, Z))
 
     def offer_best(self) -> float:
-        """Do the same for the best iterate in the present scaling."""
+        """Do the same for the best iterate since the last restart."""
         work = self.work
         return self.offer(work.best_x, work.best_y, work.best_Z)
 
@@ -163,38 +162,28 @@ class Interior:
         return verdict
 
     def restart(self) -> bool:
-        """Change the scaling after a cold start; False after the last scaling."""
-        if not self.is_warm and not self.rescale():
-            return False
-        self.is_warm = False
-        return True
-
-    def rescale(self) -> bool:
-        """Change to the next scaling and keep mu large; False after the last scaling.
+        """Prepare a cold start with mu kept large; False after MOST_RESTARTS of them.
 
         If the best point violates the constraints within TOLERABLE, right-hand sides
         are relaxed to it: where dependent rows contradict each other by rounding
-        errors, y diverges.
+        errors, y diverges. After a warm start the first cold one is as any other.
         """
+        if self.is_warm:
+            self.is_warm = False
+            return True
         work, now, problem = self.work, self.now, self.problem
-        if self.tries == len(UNITS) or problem.c.size == 0:
+        if self.restarts == MOST_RESTARTS or problem.c.size == 0:
             return False
-        self.tries += 1
+        self.restarts += 1
         now.lift = LIFT
         self.offer_best()
-        x, y, Z = work.best_x.copy(), work.best_y.copy(), work.best_Z.copy()
-        work.x[:], work.y[:], work.Z[:] = x, y, Z
+        work.x[:], work.y[:], work.Z[:] = work.best_x, work.best_y, work.best_Z
         problem.scale_vectors()  # undo an earlier relaxation
         work.attach()
         work.perform(MEASURE)
-        n, p, t = now.n, now.p, work.t.copy()
         now.best = np.inf
-        ratio = problem.change_units()
-        t /= ratio
-        work.best_x[:], work.best_y[:] = x / ratio[:n], y * ratio[n : n + p]
-        work.best_Z[:] = Z * ratio[problem.place]
         if now.primal_ratio <= TOLERABLE:
-            problem.relax(t)
+            problem.relax(work.t)
         work.attach()
         return True
 

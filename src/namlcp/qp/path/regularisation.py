@@ -3,7 +3,8 @@
 rho and delta, on the diagonal of K~, belong to proximal terms around the current point:
 they shorten the steps but do not move the solution. They fall with mu to FLOOR. From
 there inaccurate solves raise them, and accurate solves lower the one that dominates its
-residual.
+residual, if that residual or its share of the gap has to become smaller: below 1e-7
+factorisations of K~ begin to fail.
 """
 
 from namlcp.compiled import part
@@ -22,6 +23,10 @@ FULL = 1.9
 WAIT = 3
 # Scaled dual residual up to which rho is not held responsible for it.
 NEGLIGIBLE_RESIDUAL = 1e-12
+# A residual has to become smaller above NEEDED times its tolerance, and above BEHIND
+# times what the gap is over its own; its share of the gap above NEEDED times the
+# largest of m mu and the tolerance of the gap.
+NEEDED, BEHIND = 0.1, 1e-4
 
 
 @part
@@ -42,7 +47,14 @@ def regularise(m, old_mu):
     elif m.error < (ACCURATE_FULL if is_full_step(m) else ACCURATE):
         dual, primal = m.dual_norm, max(m.row_norm, m.slack_norm)
         rho_dominates = dual > NEGLIGIBLE_RESIDUAL and m.rho * m.change_x > 0.5 * dual
-        lower(m, rho_dominates, m.delta * m.change_yz > 0.5 * primal)
+        delta_dominates = m.delta * m.change_yz > 0.5 * primal
+        gap = NEEDED * max(m.mu * m.m, m.eps_abs + m.eps_rel * m.gap_size)
+        needed = max(NEEDED, BEHIND * m.gap_ratio)
+        lower(
+            m,
+            rho_dominates and (m.dual_ratio > needed or m.dual_share > gap),
+            delta_dominates and (m.primal_ratio > needed or m.primal_share > gap),
+        )
 
 
 @part

@@ -19,6 +19,8 @@ from namlcp.compiled import floats_at, ints_at, part
 
 # Least weight of a row, whose reciprocal is on the diagonal of K~.
 THIN = 1e-20
+# Largest correction of dZ for the error of the linear solve, relative to Z.
+MOST_LEFT = 0.1
 # Gondzio's corrector aims at steps (1 + LENGTHENED) a + LENGTHENED and at products W Z
 # there between LEAST_PRODUCT and MOST_PRODUCT times the target.
 LENGTHENED, LEAST_PRODUCT, MOST_PRODUCT = 0.08, 0.1, 10.0
@@ -95,12 +97,14 @@ def evaluate(m):
     primal = primal_size = dual = dual_size = 0.0
     dual_norm = row_norm = slack_norm = 0.0
     xPx = qx = by = support = complement = nan_test = 0.0
+    dual_share = primal_share = 0.0
     q, rd = floats_at(m.q, n), floats_at(m.rd, n)
     for j in range(n):
         rd[j] = Px[j] + q[j] + Ctv[j] + v[j]
         xPx += x[j] * Px[j]
         qx += q[j] * x[j]
         nan_test += rd[j]
+        dual_share += x[j] * rd[j]
         dual_norm = max(dual_norm, abs(rd[j]))
         dual = max(dual, abs(rd[j]) / unit[j])
         term = max(abs(Px[j]), abs(q[j]), abs(Ctv[j]), abs(v[j]))
@@ -110,6 +114,7 @@ def evaluate(m):
     for i in range(p):
         rp[i] = t[n + i] - b[i]
         by += b[i] * y[i]
+        primal_share += y[i] * rp[i]
         row_norm = max(row_norm, abs(rp[i]))
         primal = max(primal, abs(rp[i]) * unit[n + i])
         term = max(abs(b[i]), abs(t[n + i]))
@@ -120,12 +125,14 @@ def evaluate(m):
         excess = sign[k] * t[j] - c[k]
         rw[k] = excess + W[k]
         support += c[k] * Z[k]
+        primal_share += Z[k] * rw[k]
         complement += W[k] * Z[k]
         slack_norm = max(slack_norm, abs(rw[k]))
         primal = max(primal, excess * unit[j])
         if j >= n:
             primal_size = max(primal_size, abs(t[j]) * unit[j])
     m.dual_norm, m.row_norm, m.slack_norm = dual_norm, row_norm, slack_norm
+    m.dual_share, m.primal_share = abs(dual_share), abs(primal_share)
     m.mu = complement / m.m if m.m > 0 else 0.0
     m.primal, m.primal_size = primal, primal_size
     m.dual, m.dual_size = dual, dual_size
@@ -195,6 +202,8 @@ def set_step(m):
     """Set dW and dZ from du, the longest steps a, a' <= 1, and W'Z after them.
 
     They keep W + a dW >= 0 and Z + a' dZ >= 0; `product` = (W + a dW)'(Z + a' dZ).
+    What the linear solve left, r, is taken out of dZ where weights are large: it would
+    come back in the dual residual, times omega, and spoils the product W Z less.
     """
     n = m.n
     du, dt = floats_at(m.du, m.size), floats_at(m.dt, m.size)
@@ -213,11 +222,17 @@ def set_step(m):
     rc, omega = floats_at(m.rc, m.m), floats_at(m.omega, m.m)
     tau = floats_at(m.tau, m.m)
     place, sign = ints_at(m.place, m.m), floats_at(m.sign, m.m)
+    weight, r = floats_at(m.weight, m.size), floats_at(m.r, m.size)
     primal, dual = 1.0, 1.0
     ww = wz = zw = zz = 0.0
     for k in range(m.m):
-        dZ[k] = omega[k] * (sign[k] * dt[place[k]] - tau[k])
+        j = place[k]
+        dZ[k] = omega[k] * (sign[k] * dt[j] - tau[k])
         dW[k] = (rc[k] - W[k] * dZ[k]) / Z[k]
+        if weight[j] > 1.0:
+            left = r[j] / weight[j] if j < n else r[j]
+            most = MOST_LEFT * Z[k]
+            dZ[k] += min(max(sign[k] * omega[k] * left, -most), most)
         if W[k] + primal * dW[k] < 0.0:
             primal = -W[k] / dW[k]
         if Z[k] + dual * dZ[k] < 0.0:

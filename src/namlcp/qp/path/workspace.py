@@ -97,11 +97,13 @@ class PathState(ctypes.Structure):
         ("iterations max_iter", int),
         ("reports", bool),
         # The mean of W Z, norms of the scaled residuals rd, rp and rw, then the first
-        # six numbers of `Residuals`, and the first three over their tolerances.
+        # six numbers of `Residuals`, and the first three over their tolerances; |x'rd|
+        # and |y'rp + Z'rw|, the shares of the residuals in the gap.
         ("mu dual_norm row_norm slack_norm", float),
+        ("dual_share primal_share", float),
         ("primal dual gap primal_size dual_size gap_size", float),
         ("primal_ratio dual_ratio gap_ratio", float),
-        # The largest of the three, inf for NaN; the least one in the present scaling.
+        # The largest of the three, inf for NaN; the least one since the last restart.
         ("worst best", float),
         # Longest steps, W'Z after them; the target of W Z; LIFT or 0, see `advance`.
         ("primal_step dual_step product target lift", float),
@@ -175,7 +177,7 @@ class Workspace:
         self.attach()
 
     def attach(self) -> None:
-        """Take the vectors of the problem, which a change of scaling replaces."""
+        """Take the vectors of the problem, which a restart replaces."""
         problem, kkt = self.problem, self.kkt
         q, b, c = problem.q, problem.b, problem.c
         triangle = kkt.indptr, kkt.indices, kkt.base, kkt.data, kkt.factored

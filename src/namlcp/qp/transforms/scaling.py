@@ -4,7 +4,8 @@ Symmetric Ruiz scaling of K = [[P, C'], [C, 0]], C = [A; G]: ROUNDS rounds divid
 and columns by the square roots of their largest entries, until those are nearly 1
 (D. Ruiz, RAL-TR-2001-034). With d the factors of the columns and e those of the rows,
 x = d x_scaled, y = e y_scaled, z_box = z_box_scaled / d; the cost is not scaled.
-The result depends on how K is scaled before: see UNITS.
+The result depends on how K was scaled before: a linear program, in whose K no entry of
+P ties the units of the columns to the cost, is first scaled by `even_out`.
 
 Every finite bound or side of a row is one one-sided constraint: sign * t[place] <= c,
 where t = (x, Ax, Gx) has the layout of K. Unscaled, t is unit * t, and the multipliers
@@ -20,17 +21,12 @@ from namlcp.qp.kkt import KKT
 from namlcp.qp.problem import Point
 from namlcp.qp.transforms.presolve import Presolved
 
-# Scalings of K before `equilibrate`: `normalise`, `even_out` or none. Where the
-# interior-point method fails, it is restarted with the next one.
-UNITS = "normal", "even", "given"
 # Most rounds of `equilibrate`, and the largest |1 - largest entry| that ends it: with
 # 1e-3 there are twice as many rounds, and as many iterations; with 0.1 two problems of
 # the Maros-Meszaros collection need more restarts.
 ROUNDS, EQUAL = 10, 0.03
 # Range of the products of the factors of all rounds, against over- and underflow.
 LEAST_FACTOR, MOST_FACTOR = 1e-8, 1e8
-# `normalise` must reduce the variance of log |c_ij| below this fraction of it.
-PAYS = 0.8
 # Most conjugate gradient steps of `even_out`, and the squared residual, relative to the
 # first one, that ends them.
 STEPS, REDUCTION = 20, 1e-6
@@ -52,16 +48,17 @@ class ScaledQP:
         self.small = small
         self.kkt: KKT
         self.scale: np.ndarray
-        self.units: int
         self.n, self.p = n, p
         if last is not None and small.has_matrices_of(last.small):
-            self.kkt, self.scale, self.units = last.kkt, last.scale, last.units
+            self.kkt, self.scale = last.kkt, last.scale
         else:
             old = None if last is None else last.kkt
             self.kkt = KKT(small.P, small.A, small.G, old)
-            self.scale = np.empty(self.kkt.size)
-            self.units = 0
-            self.scale_matrix()
+            self.scale = np.ones(self.kkt.size)
+            matrix = self.kkt.indptr, self.kkt.indices, self.kkt.base
+            if not small.P.data.any():
+                even_out(*matrix, self.scale)
+            equilibrate(*matrix, self.scale)
         self.bounds = small.upper, small.lower, small.ub, small.lb
         most = 2 * (small.upper.size + n)
         self.place, sides = np.empty(most, dtype=np.int32), np.empty((2, most))
@@ -71,7 +68,7 @@ class ScaledQP:
         self.scale_vectors()
 
     def scale_vectors(self) -> None:
-        """Set unit, q, b, c and the values of K~ for the present scaling."""
+        """Set unit, q, b, c and the values of K~."""
         small = self.small
         self.kkt.data[:] = self.kkt.base
         self.unit, self.c = np.empty(self.scale.size), np.empty(self.side.size)
@@ -92,27 +89,6 @@ class ScaledQP:
         """Return the values at the one-sided constraints from those of each kind."""
         parts = zip(values, self.finite, strict=True)
         return np.concatenate([value[at] for value, at in parts])
-
-    def scale_matrix(self) -> None:
-        """Scale K as presolved; set its values and `scale`."""
-        kkt = self.kkt
-        self.scale[:] = 1.0
-        matrix = kkt.indptr, kkt.indices, kkt.base
-        units = UNITS[self.units]
-        if units == "normal":
-            normalise(*matrix, self.n, self.scale)
-        elif units == "even":
-            even_out(*matrix, self.scale)
-        equilibrate(*matrix, self.scale)
-
-    def change_units(self) -> np.ndarray:
-        """Scale by the next of UNITS; return new `unit` / old `unit`."""
-        old = self.unit
-        self.units = (self.units + 1) % len(UNITS)
-        self.kkt.set_values(self.small.P, self.small.A, self.small.G)
-        self.scale_matrix()
-        self.scale_vectors()
-        return self.unit / old
 
     def unscaled(
         self, x: np.ndarray, y: np.ndarray, Z: np.ndarray
@@ -237,58 +213,6 @@ def unscale(unit, place, ends, scaled, unscaled):
             box[j] = z
         else:
             box[j] -= z
-
-
-@kernel
-def normalise(indptr, indices, data, n, scale):
-    """Set `scale` to divide the rows, or the columns, of C by their largest entries.
-
-    That is done only if it PAYS; `scale` is 1 on entry, `data` are the values of K.
-    """
-    size = scale.size
-    factor = np.empty(size)
-    for j in range(size):
-        factor[j] = 0.0
-    count = 0
-    for i in range(n, size):
-        for t in range(indptr[i], indptr[i + 1] - 1):
-            j, value = indices[t], abs(data[t])
-            factor[i] = max(factor[i], value)
-            factor[j] = max(factor[j], value)
-            count += value > 0.0
-    for j in range(size):
-        inverse = 1.0 / factor[j] if factor[j] > 0.0 else 1.0
-        factor[j] = np.log(min(max(inverse, LEAST_FACTOR), MOST_FACTOR))
-    logs = np.empty((3, count))
-    k = 0
-    for i in range(n, size):
-        for t in range(indptr[i], indptr[i + 1] - 1):
-            if data[t] != 0.0:
-                value = np.log(abs(data[t]))
-                logs[0, k] = value
-                logs[1, k] = value + factor[i]
-                logs[2, k] = value + factor[indices[t]]
-                k += 1
-    given, by_rows, by_columns = variance(logs[0]), variance(logs[1]), variance(logs[2])
-    if min(by_rows, by_columns) >= PAYS * given:
-        return
-    first, last = (n, size) if by_rows <= by_columns else (0, n)
-    for j in range(first, last):
-        scale[j] = np.exp(factor[j])
-
-
-@part
-def variance(values):
-    """Return the mean of (values - mean)^2, 0 for none."""
-    count = max(values.size, 1)
-    sum_of_values, squares = 0.0, 0.0
-    for k in range(values.size):
-        sum_of_values += values[k]
-    mean = sum_of_values / count
-    for k in range(values.size):
-        deviation = values[k] - mean
-        squares += deviation * deviation
-    return squares / count
 
 
 @kernel
