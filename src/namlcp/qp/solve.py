@@ -366,7 +366,7 @@ def solve_or_relax(
 def solve_substituted(
     qp: QP, guess: Guess, limits: Limits, memory: Memory | None
 ) -> Answer:
-    """Substitute rows with one entry and free columns, solve, and map back.
+    """Substitute free columns, solve, and map back.
 
     If that remains undecided, the QP is solved without the substitution. A tiny QP is
     first tried in dense form as it came.
@@ -387,8 +387,7 @@ def solve_substituted(
             return out_of_time(qp)
     if substitution is None:
         return solve_smallest_form(qp, guess, limits, memory)
-    if substitution.columns.size:
-        memory.convex = substitution.P  # the user's P was checked; it adds only squares
+    memory.convex = substitution.P  # the user's P was checked; it adds only squares
     answer = solve_smallest_form(
         substitution.problem, substitution.guess(guess), limits, memory
     )
