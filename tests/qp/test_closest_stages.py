@@ -35,12 +35,6 @@ def answers(qp, *statuses):
     return solve
 
 
-@pytest.fixture(autouse=True)
-def no_newton(monkeypatch):
-    """Let `solve` solve stage 1, however few rows there are."""
-    monkeypatch.setattr("namlcp.qp.closest.stage_one.suits_newton", lambda rows: False)
-
-
 def closest_point(qp, solve, limits=DEFAULT_LIMITS):
     """Return the closest point of a QP that is known to be infeasible."""
     known = Answer(Status.PRIMAL_INFEASIBLE, qp.point(), UNDEFINED, 0, "path")

@@ -20,7 +20,6 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dpotrf, dpotrs
 
 from namlcp.linalg import add_transposed, submatrix, times
 from namlcp.qp.answer import Answer
@@ -41,10 +40,6 @@ from namlcp.status import Status
 # A multiplier of stage 1 this close to its floor or ceiling, relative to the largest
 # one, stands at it. Those of a solution are exact to rounding.
 AT_LIMIT = 1e-9
-
-FULL_RANK = 1e-5
-"""Least ratio of the diagonal entries of the Cholesky factor of C'C, with which the
-columns of C count as independent: no more than ten digits of C'C are lost."""
 
 
 class Face(NamedTuple):
@@ -176,31 +171,6 @@ def least_change(C: Any, free: np.ndarray, v: np.ndarray) -> QP:
     nothing = chosen(A, np.empty(0, dtype=np.int64))
     none, zero = np.empty(0), np.zeros(columns.size)
     return QP(P, -v, nothing, none, A, zero, -unlimited, unlimited)
-
-
-def corner_of(face: Face, qp: QP, x: np.ndarray) -> Point | None:
-    """Return the solution of stage 2 where the held rows leave x no freedom; else None.
-
-    That is the case where the matrix C of these rows, without the columns of the fixed
-    variables, has the rank of its columns. Then g + C'v = 0, g the gradient of the
-    cost, has the solution v = -C (C'C)^-1 g. Dense QPs only.
-    """
-    free = np.flatnonzero((face.v_box == 0.0) & (face.lb < face.ub))
-    held = face.held
-    if not qp.is_dense or held.size < free.size:
-        return None
-    C = face.rows.C[held]
-    v, rest = np.zeros(held.size), qp.P @ x + qp.q
-    if free.size:
-        inner = C[:, free]
-        L, failed = dpotrf(inner.T @ inner, lower=1)
-        if failed or L.diagonal().min() <= FULL_RANK * L.diagonal().max():
-            return None
-        for _ in range(2):  # the second time corrects the rounding of the first
-            v -= inner @ dpotrs(L, rest[free], lower=1)[0]
-            rest = qp.P @ x + qp.q + v @ C
-    z_box = np.where(face.v_box == 0.0, 0.0, -rest)
-    return Point(x, v, np.zeros(face.bounded.size), z_box)
 
 
 def face_of(rows: Rows, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Face:

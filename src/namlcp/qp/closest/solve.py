@@ -9,7 +9,7 @@ from namlcp.limits import Limits
 from namlcp.linalg import times
 from namlcp.options import Relaxation
 from namlcp.qp.answer import OBJECTIVE, Answer, LooksInfeasible
-from namlcp.qp.closest.face import Face, corner_of
+from namlcp.qp.closest.face import Face
 from namlcp.qp.closest.point import ClosestPoint
 from namlcp.qp.closest.rows import Rows, rows_of
 from namlcp.qp.closest.stage_one import Solve, StageOne, solve_exactly, stage_one
@@ -114,11 +114,6 @@ def least_cost(
         found = reported(qp, rows, x, r, Status.SOLVED, message)
         return replace(found, problem=(problem, face, easier, point))
 
-    corner = corner_of(face, qp, x)
-    if corner is not None:
-        found = solved(corner)
-        if found.residuals.solved(*limits.tolerances):
-            return found
     # The rows active at x are those of the solution only if they leave x no freedom.
     settled = face.held.size + np.count_nonzero(face.v_box) >= x.size
     guess = make_guess(easier, x, None) if settled else NO_GUESS

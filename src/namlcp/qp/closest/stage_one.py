@@ -1,4 +1,4 @@
-"""Stage 1: the least shifts, by the way that suits the rows, and what they prove."""
+"""Stage 1: the least shifts, and what they prove."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -6,16 +6,13 @@ from typing import NamedTuple
 import numpy as np
 
 from namlcp.limits import Limits
-from namlcp.linalg import add_transposed
 from namlcp.qp.answer import Answer, proved
 from namlcp.qp.certificates import accept_primal
 from namlcp.qp.closest.face import Face, face_of
-from namlcp.qp.closest.newton import solve_by_newton, suits_newton
 from namlcp.qp.closest.rows import Rows
 from namlcp.qp.closest.shifts import least_shifts
 from namlcp.qp.guess import NO_GUESS, Guess
 from namlcp.qp.problem import QP, Point
-from namlcp.residuals import UNDEFINED
 from namlcp.status import Status
 
 Solve = Callable[..., Answer]
@@ -82,20 +79,7 @@ class StageOne(NamedTuple):
 
 def stage_one(rows: Rows, limits: Limits, solve: Solve) -> StageOne:
     """Return the least shifts of the rows."""
-    x = None
-    if suits_newton(rows):
-        x = solve_by_newton(rows, limits)
-    if x is None:
-        return StageOne(
-            rows, solve_exactly(least_shifts(rows), NO_GUESS, limits, solve)
-        )
-    v = rows.weights * rows.violations(x)
-    force = np.zeros(x.size)
-    add_transposed(rows.C, -v, force)
-    held = np.where(force < 0.0, x <= rows.lb, x >= rows.ub)
-    m = v.size - rows.p
-    point = Point(x, v[m:], v[:m], np.where(held, force, 0.0))
-    return StageOne(rows, Answer(Status.SOLVED, point, UNDEFINED, 0, "newton"))
+    return StageOne(rows, solve_exactly(least_shifts(rows), NO_GUESS, limits, solve))
 
 
 def solve_exactly(qp: QP, guess: Guess, limits: Limits, solve: Solve) -> Answer:
