@@ -67,12 +67,12 @@ def test_rows_contradicting_beyond_the_tolerance_are_proved(shape, off):
     assert_certificate(qp, solve(qp, LOOSE))
 
 
-@pytest.mark.parametrize("ratio", [1.0, -3.0])
-def test_proportional_equations_are_merged_within_the_tolerance(ratio):
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_repeated_equations_are_merged_within_the_tolerance(sign):
     P, q, G, h, A, b, lb, ub = complementary(0, 20, 10, 4, 7).qp
-    A = np.vstack((A.toarray(), ratio * A.toarray()[2]))
+    A = np.vstack((A.toarray(), sign * A.toarray()[2]))
     for off, count in ((0.5e-6, 0), (1e-4, 1)):
-        qp = make_qp(P, q, G, h, A, np.append(b, ratio * (b[2] + off)), lb, ub)
+        qp = make_qp(P, q, G, h, A, np.append(b, sign * (b[2] + off)), lb, ub)
         small = presolve(qp, TOL, 0.0)
         assert small.b.size == 4
         assert small.b[2] == pytest.approx(b[2] + 0.5 * off, abs=1e-12)
@@ -162,8 +162,8 @@ def test_rays_along_half_open_bounds_are_proved(seed):
 
 
 def test_a_refinement_waits_for_a_steady_set_and_for_progress():
-    """x <= 0 and -2 x <= 0; the residual of stationarity sets the pace."""
-    qp = make_qp([[0.0]], [0.0], [[1.0], [-2.0]], [0.0, 0.0])
+    """x <= 0 and -x <= 0; the residual of stationarity sets the pace."""
+    qp = make_qp([[0.0]], [0.0], [[1.0], [-1.0]], [0.0, 0.0])
     work = Workspace(ScaledQP(presolve(qp, TOL, 0.0)), LOOSE)
     now = work.now
     now.tol, now.drop, now.last_refined, now.best = TOL, 0.1, np.inf, np.inf

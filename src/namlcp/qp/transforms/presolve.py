@@ -1,7 +1,7 @@
 """Presolve: redundant rows and fixed variables are dropped, and mapped back.
 
 The presolved problem has ranges, lower <= Gx <= upper, and neither infinite, empty or
-proportional rows (c g'x <= d beside g'x <= h) nor fixed variables (lb = ub). The
+repeated rows (g'x <= d or -g'x <= d beside g'x <= h) nor fixed variables (lb = ub). The
 multipliers of dropped rows are zero, those of fixed variables follow from stationarity.
 """
 
@@ -14,7 +14,7 @@ from namlcp.checks import constant
 from namlcp.compiled import kernel
 from namlcp.linalg import add_transposed, submatrix, times
 from namlcp.qp.problem import QP, Point
-from namlcp.qp.transforms.proportional import (
+from namlcp.qp.transforms.repeated import (
     EMPTY,
     Groups,
     leading_rows,
@@ -41,30 +41,13 @@ class Contradiction(NamedTuple):
     z: np.ndarray | None = None
 
 
-class Owners(NamedTuple):
-    """The rows of the QP that give one side of each range, -1 for none.
-
-    The row of the QP is `ratio` times the row of the range.
-    """
-
-    rows: np.ndarray
-    ratio: np.ndarray
-
-    def gather(self, full: np.ndarray) -> np.ndarray:
-        """Return the multipliers of one side of the ranges from those of the rows."""
-        return np.where(self.rows >= 0, full[self.rows] * np.abs(self.ratio), 0.0)
-
-
-NO_OWNERS = Owners(NO_COLUMNS, NO_VALUES)
-
-
 class Presolved(NamedTuple):
     """The smaller problem of `qp` and the way back to it.
 
     min 1/2 x'Px + q'x, A x = b, lower <= G x <= upper, lb <= x <= ub; A and G in CSR.
     `kept` and `fixed` are columns of `qp`. `upper_of` and `lower_of` are the rows of
-    qp.G that give `upper` and `lower`, `largest_of` and `smallest_of` the rows of qp.A
-    with the extreme right-hand sides of an equation; b lies between these.
+    qp.G that give `upper` and `lower`, -1 for none, `largest_of` and `smallest_of` the
+    rows of qp.A with the extreme right-hand sides of an equation; b is their mean.
     """
 
     qp: QP
@@ -80,10 +63,10 @@ class Presolved(NamedTuple):
     kept: np.ndarray
     fixed: np.ndarray
     x_fixed: np.ndarray
-    largest_of: Owners
-    smallest_of: Owners
-    upper_of: Owners
-    lower_of: Owners
+    largest_of: np.ndarray
+    smallest_of: np.ndarray
+    upper_of: np.ndarray
+    lower_of: np.ndarray
     contradictions: list[Contradiction]
     A_groups: Groups
     G_groups: Groups
@@ -127,21 +110,21 @@ class Presolved(NamedTuple):
         """
         y_full, z_full = np.zeros(self.qp.b.size), np.zeros(self.qp.h.size)
         if y.size:
-            for owners in (self.largest_of, self.smallest_of):
-                spread(owners.rows, owners.ratio, 0.5 * y, True, y_full)
-        if z_upper.size:
-            spread(*self.upper_of, z_upper, False, z_full)
-            spread(*self.lower_of, z_lower, False, z_full)
+            for rows in (self.largest_of, self.smallest_of):
+                y_full[rows] += 0.5 * y * self.A_groups.sign[rows]
+        for rows, side in ((self.upper_of, z_upper), (self.lower_of, z_lower)):
+            has = rows >= 0
+            z_full[rows[has]] = side[has]
         return y_full, z_full
 
     def guess(
         self, y: np.ndarray, z: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return (y, z_upper, z_lower) from multipliers of `qp`."""
-        most, least = self.largest_of, self.smallest_of
-        y_kept = y[most.rows] * most.ratio
-        y_kept += np.where(least.rows != most.rows, y[least.rows] * least.ratio, 0.0)
-        return y_kept, self.upper_of.gather(z), self.lower_of.gather(z)
+        most, least, y = self.largest_of, self.smallest_of, y * self.A_groups.sign
+        y_kept = y[most] + np.where(least != most, y[least], 0.0)
+        z = np.append(z, 0.0)  # for no row, -1
+        return y_kept, z[self.upper_of], z[self.lower_of]
 
     def point(
         self,
@@ -247,10 +230,10 @@ def contradictory_sides(qp: QP, eps_abs: float, eps_rel: float) -> list[Contradi
 
 def equality_sides(
     groups: Groups, b: np.ndarray, tol: float, found: list[Contradiction]
-) -> tuple[np.ndarray, Owners, Owners]:
-    """Return the right-hand sides of the equations and the owners of extreme ones.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Return the right-hand sides of the equations and the rows of extreme ones.
 
-    Proportional rows contradict each other if no value is within `tol` of all their b.
+    Repeated rows contradict each other if no value is within `tol` of all their b.
     Contradictions are added to `found`.
     """
     p, first = b.size, groups.first
@@ -260,27 +243,23 @@ def equality_sides(
             side = f"but the right-hand side {b[i]:g}"
             message = f"row {i} of A has no free variable, {side}"
             found.append(Contradiction(message, unit(p, i, -np.sign(b[i]))))
-    if not groups.proportional:
-        same = Owners(first, np.ones(first.size))
-        return b[first], same, same
-    sides, owners = np.empty((5, first.size)), np.empty((4, first.size), dtype=np.intp)
-    k = merge_equations(
-        groups.leader, groups.ratio, groups.number, b, tol, sides, owners
-    )
-    ratio = groups.ratio
+    if not groups.repeated:
+        return b[first], first, first
+    sides = np.empty(first.size)
+    most, least = np.empty((2, first.size), dtype=np.intp)
+    k = merge_equations(groups.merged_by, b, tol, sides, most, least)
     if k >= 0:
-        i, j = owners[2:, k]
-        y = unit(p, i, 1.0 / ratio[i]) - unit(p, j, 1.0 / ratio[j])
+        i, j = least[k], most[k]
+        y = unit(p, i, groups.sign[i]) - unit(p, j, groups.sign[j])
         message = f"rows {j} and {i} of A contradict each other"
         found.append(Contradiction(message, y))
-    largest, smallest = (Owners(at, ratio[at]) for at in owners[:2])
-    return sides[4], largest, smallest
+    return sides, most, least
 
 
 def ranges(
     groups: Groups, h: np.ndarray, tol: float, p: int, found: list[Contradiction]
-) -> tuple[np.ndarray, np.ndarray, Owners, Owners]:
-    """Return the lower and upper sides of the ranges and their owners.
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Return the lower and upper sides of the ranges and the rows that give them.
 
     Contradictions are added to `found`; `p` is the size of their y.
     """
@@ -291,31 +270,18 @@ def ranges(
             side = f"but the right-hand side {h[i]:g}"
             message = f"row {i} of G has no free variable, {side}"
             found.append(Contradiction(message, np.zeros(p), unit(m, i, 1.0)))
-    if not count:
-        return NO_VALUES, NO_VALUES, NO_OWNERS, NO_OWNERS
-    if not groups.proportional:
-        none = Owners(np.full(count, -1, dtype=np.intp), np.ones(count))
-        rows, upper = groups.first, h[groups.first]
-        rows = np.where(upper > -np.inf, rows, -1)
-        return constant(count, -np.inf), upper, none, Owners(rows, none.ratio)
-    lower, upper, low_ratio, up_ratio = np.empty((4, count))
+    if not groups.repeated:
+        upper = h[groups.first]
+        rows = np.where(upper > -np.inf, groups.first, -1)
+        return constant(count, -np.inf), upper, np.full(count, -1), rows
+    lower, upper = np.empty((2, count))
     low_at, up_at = np.empty((2, count), dtype=np.intp)
-    low, up = (lower, low_at, low_ratio), (upper, up_at, up_ratio)
-    k = merge_ranges(groups.leader, groups.ratio, groups.number, h, tol, low, up)
+    k = merge_ranges(groups.merged_by, h, tol, lower, upper, low_at, up_at)
     if k >= 0:
-        i, j = up_at[k], low_at[k]
-        z = unit(m, i, 1.0 / up_ratio[k]) + unit(m, j, -1.0 / low_ratio[k])
-        message = f"rows {i} and {j} of G contradict each other"
+        z = unit(m, up_at[k], 1.0) + unit(m, low_at[k], 1.0)
+        message = f"rows {up_at[k]} and {low_at[k]} of G contradict each other"
         found.append(Contradiction(message, np.zeros(p), z))
-    return lower, upper, Owners(low_at, low_ratio), Owners(up_at, up_ratio)
-
-
-@kernel
-def spread(rows, ratio, side, is_signed, full):
-    """Add side / ratio, |ratio| unless is_signed, to the rows that own the sides."""
-    for k in range(side.size):
-        if rows[k] >= 0:
-            full[rows[k]] += side[k] / (ratio[k] if is_signed else abs(ratio[k]))
+    return lower, upper, low_at, up_at
 
 
 def unit(size: int, index: int, value: float) -> np.ndarray:

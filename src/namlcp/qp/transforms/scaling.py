@@ -129,8 +129,8 @@ class ScaledQP:
         m, size = guess.z.size, guess.x.size
         row, lb, ub = np.split(guess.active != 0, (m, m + size))
         upper, lower = (
-            np.append(row, False)[owners.rows]  # False for -1, no owner
-            for owners in (small.upper_of, small.lower_of)
+            np.append(row, False)[rows]  # False for -1, no row
+            for rows in (small.upper_of, small.lower_of)
         )
         return (
             guess.x[kept] / self.unit[:n],

@@ -1,0 +1,231 @@
+"""Rows of a matrix that are equal up to their sign: found by hashing, and merged.
+
+Rows -g'x <= d beside g'x <= h are sides of one range, equations a'x = d or -a'x = d
+beside a'x = b are one equation. The first row of each such group is its leader.
+"""
+
+import functools
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import csc_array, csr_array
+
+from namlcp.checks import from_arrays
+from namlcp.compiled import kernel, part
+from namlcp.linalg import arrays_of
+
+# Values of `Groups.leader` for a row that is not wanted, and for an empty one.
+UNWANTED, EMPTY = -2, -1
+# The weight of column j in the key of a row is 1 plus the fractional part of j times
+# the golden ratio, which differs from that of any nearby column.
+GOLDEN = 0.6180339887498949
+
+
+class Groups(NamedTuple):
+    """Which rows of a matrix are kept, and which are equal up to their sign.
+
+    Row i is sign[i] times row leader[i], the `first` one of its group; rows that are
+    not `wanted` and empty ones have the leader UNWANTED or EMPTY. number[i] is the
+    position of a leader in `first`. `repeated` tells whether some rows are not leaders,
+    `empty` whether some are empty.
+    """
+
+    wanted: np.ndarray
+    leader: np.ndarray
+    sign: np.ndarray
+    number: np.ndarray
+    first: np.ndarray
+    repeated: bool
+    empty: bool
+
+    @property
+    def merged_by(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What `merge_ranges` and `merge_equations` need."""
+        return self.leader, self.sign, self.number
+
+
+def leading_rows(
+    M: csc_array, columns: np.ndarray, wanted: np.ndarray
+) -> tuple[csr_array, Groups]:
+    """Return the leaders of the wanted rows of M[:, columns] in CSR, and the groups.
+
+    Stored zeros are dropped.
+    """
+    m = M.shape[0]
+    if m == 0:
+        return no_leading_rows(columns.size)
+    indptr = np.empty(m + 1, dtype=np.int32)
+    indices, data = np.empty(M.indices.size, dtype=np.int32), np.empty(M.data.size)
+    rows = indptr, indices, data
+    leader, number = np.empty((2, m), dtype=np.int32)
+    sign, key = np.empty((2, m))
+    turned_part(tuple(arrays_of(M)), columns, wanted, rows)
+    table = np.empty(1 << (2 * m + 1).bit_length(), dtype=np.int32)
+    keys = key, key.view(np.int64), table
+    count, followers, empty = group_rows(rows, wanted, keys, leader, sign, number)
+    entries = indptr[count]
+    parts = indptr[: count + 1], indices[:entries], data[:entries]
+    first = (number >= 0).nonzero()[0]
+    groups = Groups(wanted, leader, sign, number, first, followers > 0, empty > 0)
+    return from_arrays(parts, (count, columns.size), csr_array), groups
+
+
+@functools.lru_cache(maxsize=16)
+def no_leading_rows(n: int) -> tuple[csr_array, Groups]:
+    """Return what `leading_rows` does of no rows; it is shared: read only."""
+    none, flags = np.empty(0, dtype=np.int32), np.empty(0, dtype=np.bool_)
+    empty = from_arrays((np.zeros(1, np.int32), none, np.empty(0)), (0, n), csr_array)
+    first = np.empty(0, dtype=np.intp)
+    return empty, Groups(flags, none, np.empty(0), none, first, False, False)
+
+
+@kernel
+def turned_part(C, columns, wanted, rows):
+    """Write the nonzeros of some columns and of the wanted rows of C by rows.
+
+    C = (indptr, indices, data) in CSC, rows = (indptr, indices, data) in CSR; columns
+    are numbered as they stand in `columns`, other rows become empty.
+    """
+    indptr, indices, data = C
+    start, position, value = rows
+    for i in range(start.size):
+        start[i] = 0
+    for j in columns:
+        for t in range(indptr[j], indptr[j + 1]):
+            if data[t] != 0.0 and wanted[indices[t]]:
+                start[indices[t]] += 1
+    total = 0
+    for i in range(start.size):  # start[i] is the end of row i, then its beginning
+        total += start[i]
+        start[i] = total
+    for k in range(columns.size - 1, -1, -1):
+        j = columns[k]
+        for t in range(indptr[j], indptr[j + 1]):
+            i = indices[t]
+            if data[t] != 0.0 and wanted[i]:
+                start[i] -= 1
+                position[start[i]] = k
+                value[start[i]] = data[t]
+
+
+@kernel
+def group_rows(rows, wanted, keys, leader, sign, number):
+    """Group the rows, of a CSR matrix, that are equal up to sign; keep their leaders.
+
+    Returns the numbers of leaders, of other rows in groups, and of empty rows that are
+    wanted. `leader`, `sign` and `number` (m,) are overwritten as in `Groups`, and the
+    matrix by its leaders. keys = (key, its bits as int64, table), all overwritten, are
+    the keys and a hash table of rows with open addressing. The key of a row is
+    sum |a_ij| w_ij with the weights of GOLDEN, plus 1 where the signs of a_ij and of
+    the first entry differ.
+    """
+    indptr, indices, data = rows
+    key, bits, table = keys
+    for s in range(table.size):
+        table[s] = -1
+    mask = table.size - 1
+    kept, followers, empty = 0, 0, 0
+    begin = indptr[0]
+    for i in range(wanted.size):
+        end = indptr[i + 1]
+        sign[i], number[i] = 1.0, -1
+        if begin == end:
+            leader[i] = EMPTY if wanted[i] else UNWANTED
+            empty += 1 if wanted[i] else 0
+            continue
+        key[i] = 0.0
+        for t in range(begin, end):
+            share = GOLDEN * indices[t]
+            weight = 1.0 + share - np.floor(share)
+            if (data[t] > 0.0) != (data[begin] > 0.0):
+                weight += 1.0
+            key[i] += abs(data[t]) * weight
+        s = (bits[i] ^ (bits[i] >> 32)) & mask
+        factor = 0.0
+        while table[s] >= 0 and factor == 0.0:
+            head = table[s]
+            if key[head] == key[i]:
+                k = number[head]
+                factor = equal_up_to_sign(rows, indptr[k], indptr[k + 1], begin, end)
+            s = (s + 1) & mask
+        if factor != 0.0:
+            leader[i], sign[i] = head, factor
+            followers += 1
+            begin = end
+            continue
+        table[s] = i
+        leader[i], number[i] = i, kept
+        start = indptr[kept]
+        for t in range(end - begin):
+            indices[start + t], data[start + t] = indices[begin + t], data[begin + t]
+        kept += 1
+        indptr[kept] = start + end - begin
+        begin = end
+    return kept, followers, empty
+
+
+@part
+def equal_up_to_sign(rows, a, a_end, c, c_end):
+    """Return s = 1 or -1 if entries c to c_end are s times a to a_end, else 0."""
+    _, indices, data = rows
+    sign = 1.0 if data[a] == data[c] else -1.0
+    if c_end - c != a_end - a:
+        return 0.0
+    for t in range(a_end - a):
+        if indices[a + t] != indices[c + t] or data[c + t] != sign * data[a + t]:
+            return 0.0
+    return sign
+
+
+@kernel
+def merge_ranges(groups, h, tol, lower, upper, low_at, up_at):
+    """Merge rows +-g'x <= h_i of each group to lower <= g'x <= upper.
+
+    groups = (leader, sign, number) of `Groups`; low_at and up_at take the rows that
+    give the sides, -1 for none. Returns the first range with lower > upper + 2 tol, or
+    -1.
+    """
+    leader, sign, number = groups
+    for k in range(lower.size):
+        lower[k], upper[k] = -np.inf, np.inf
+        low_at[k] = up_at[k] = -1
+    for i in range(h.size):
+        if leader[i] < 0:
+            continue
+        k, value = number[leader[i]], sign[i] * h[i]
+        if sign[i] > 0.0 and value < upper[k]:
+            upper[k], up_at[k] = value, i if value > -np.inf else -1
+        elif sign[i] < 0.0 and value > lower[k]:
+            lower[k], low_at[k] = value, i if value < np.inf else -1
+    for k in range(lower.size):
+        if low_at[k] >= 0 and up_at[k] >= 0 and lower[k] > upper[k] + 2.0 * tol:
+            return k
+    return -1
+
+
+@kernel
+def merge_equations(groups, b, tol, sides, most, least):
+    """Merge equations +-a'x = b_i of each group; return the first contradiction or -1.
+
+    groups = (leader, sign, number) of `Groups`; `most` and `least` take the rows with
+    the extreme right-hand sides +-b_i, `sides` the mean of these two. They contradict
+    each other where they differ by more than 2 tol.
+    """
+    leader, sign, number = groups
+    for k in range(sides.size):
+        most[k] = least[k] = -1
+    for i in range(b.size):
+        if leader[i] < 0:
+            continue
+        k, value = number[leader[i]], sign[i] * b[i]
+        if most[k] < 0 or value > sign[most[k]] * b[most[k]]:
+            most[k] = i
+        if least[k] < 0 or value < sign[least[k]] * b[least[k]]:
+            least[k] = i
+    wrong = -1
+    for k in range(sides.size):
+        high, low = sign[most[k]] * b[most[k]], sign[least[k]] * b[least[k]]
+        sides[k] = 0.5 * (high + low)
+        if high - low > 2.0 * tol and wrong < 0:
+            wrong = k
+    return wrong
