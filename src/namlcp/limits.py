@@ -157,8 +157,7 @@ class Limits(NamedTuple):
     eps_abs, eps_rel: tolerances as `Options` and `solve_lcp` define them. max_iter:
     iterations at most; None is the default of the method that runs. report: called
     for every iteration as `Progress.row`, unless None. announce: called with the first
-    kernel of a method before that runs, as `Progress.announce`. until_doubt: whether a
-    method may raise `LooksInfeasible` where only a costly proof would settle that.
+    kernel of a method before that runs, as `Progress.announce`.
     """
 
     eps_abs: float = 0.0
@@ -167,7 +166,6 @@ class Limits(NamedTuple):
     deadline: Deadline = NEVER
     report: Report = None
     announce: Callable[[Any], None] = silent
-    until_doubt: bool = False
 
     @property
     def tolerances(self) -> tuple[float, float]:

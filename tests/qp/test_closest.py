@@ -325,8 +325,8 @@ def summed(contradiction):
 
 
 @pytest.mark.parametrize("contradiction", [1e-4, 1.0, 1e3])
-def test_multipliers_of_the_least_shifts_prove_a_doubt(contradiction):
-    """Of small ones too, whose errors are relatively large."""
+def test_contradictions_of_all_sizes_are_proved_and_shifted(contradiction):
+    """Small ones too, whose multipliers have relatively large errors."""
     qp = summed(contradiction)
     result = namlcp.solve_qp(*qp, infeasible="closest")
     assert result.status is Status.PRIMAL_INFEASIBLE

@@ -7,7 +7,7 @@ from problems_qp import make_qp, opposed
 from namlcp import Relaxation, Status
 from namlcp.limits import Limits
 from namlcp.options import Options
-from namlcp.qp.answer import Answer, LooksInfeasible
+from namlcp.qp.answer import Answer
 from namlcp.qp.closest import Face, solve_or_approach
 from namlcp.qp.closest.rows import Rows
 from namlcp.qp.closest.stage_one import STAGE_TOLERANCES
@@ -128,33 +128,6 @@ def test_a_refined_face_has_multipliers_without_residual():
     np.testing.assert_allclose(refined.residual(), 0.0, atol=1e-15)
     least = inverse @ (C[:5, :2].T @ v[:5])
     np.testing.assert_allclose(refined.v, np.append(v[:5] - least, 0.0), atol=1e-15)
-
-
-@pytest.mark.parametrize("gap", [-1.0, 3.0], ids=["feasible", "infeasible"])
-def test_a_doubt_that_stage_one_does_not_confirm_ends_with_a_full_solve(gap):
-    """The answer is that of a solve without doubts, stage 1 good or not."""
-    asked = []
-
-    def solve(qp, guess, limits, memory=None):
-        asked.append((qp.q.size, limits.until_doubt))
-        if limits.until_doubt:
-            raise LooksInfeasible
-        answer = solve_or_relax(qp, guess, limits, memory)
-        if qp.q.size > 2:
-            answer = answer._replace(status=Status.MAX_ITER)
-        return answer
-
-    problem = opposed(gap), (None,) * 3
-    start, limits = (NO_GUESS, None), DEFAULT_LIMITS
-    answer, found = solve_or_approach(problem, Relaxation(), start, limits, solve)
-    assert asked == [(2, True), (4, False), (2, False)]
-    if gap < 0.0:
-        assert answer.status is Status.SOLVED
-        assert found is None
-        np.testing.assert_allclose(answer.point.x, [0.0, 1.0], atol=1e-9)
-    else:
-        assert answer.status is Status.PRIMAL_INFEASIBLE
-        assert found.status is Status.MAX_ITER
 
 
 @pytest.mark.parametrize(("error", "status"), [(1e-7, "solved"), (1e-5, "stalled")])

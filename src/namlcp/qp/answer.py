@@ -16,10 +16,6 @@ FINAL = (Status.SOLVED, *OBJECTIVE)
 UNDECIDED = (Status.STALLED, Status.NUMERICAL_ERROR)
 
 
-class LooksInfeasible(Exception):
-    """A QP seems to have no feasible point; see `Limits.until_doubt`."""
-
-
 class Answer(NamedTuple):
     """The status of a QP, a point or a certificate, and how a form found it."""
 

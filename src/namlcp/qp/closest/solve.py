@@ -8,7 +8,7 @@ import numpy as np
 from namlcp.limits import Limits
 from namlcp.linalg import times
 from namlcp.options import Relaxation
-from namlcp.qp.answer import OBJECTIVE, Answer, LooksInfeasible
+from namlcp.qp.answer import OBJECTIVE, Answer
 from namlcp.qp.closest.face import Face
 from namlcp.qp.closest.point import ClosestPoint
 from namlcp.qp.closest.rows import Rows, rows_of
@@ -44,24 +44,12 @@ def solve_or_approach(
     problem: the QP, and P, G and A as the user holds them, in whose form their
     gradients are. start: the guess and the memory for `solve`, which solves the QP and
     both stages, each under the same limits. known: the answer, where there is one.
-
-    Where the QP looks infeasible, stage 1 is solved at once: its multipliers prove it.
-    If they do not, the QP is solved again, to the end.
     """
-    qp, (guess, memory), answer, stage = problem[0], start, known, None
-    if answer is None:
-        try:
-            answer = solve(qp, guess, limits._replace(until_doubt=True), memory)
-        except LooksInfeasible:
-            stage = stage_one(rows_of(qp, relaxation), limits, solve)
-            answer = stage.proof(qp, limits)
-            if answer is None:
-                stage = stage.sharpened(limits, solve)
-                answer = stage.proof(qp, limits) or solve(qp, guess, limits, memory)
+    qp, (guess, memory) = problem[0], start
+    answer = known or solve(qp, guess, limits, memory)
     if answer.status is not Status.PRIMAL_INFEASIBLE:
         return answer, None
-    if stage is None:
-        stage = stage_one(rows_of(qp, relaxation), limits, solve)
+    stage = stage_one(rows_of(qp, relaxation), limits, solve)
     return answer, closest_point(problem, stage, limits, solve)
 
 

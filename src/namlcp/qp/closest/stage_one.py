@@ -1,4 +1,4 @@
-"""Stage 1: the least shifts, and what they prove."""
+"""Stage 1: the least shifts, as exactly as they can be had."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -6,8 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from namlcp.limits import Limits
-from namlcp.qp.answer import Answer, proved
-from namlcp.qp.certificates import accept_primal
+from namlcp.qp.answer import Answer
 from namlcp.qp.closest.face import Face, face_of
 from namlcp.qp.closest.rows import Rows
 from namlcp.qp.closest.shifts import least_shifts
@@ -45,26 +44,12 @@ class StageOne(NamedTuple):
         """The multipliers of the bounds."""
         return self.answer.point.z_box[: self.rows.lb.size]
 
-    def proof(self, qp: QP, limits: Limits) -> Answer | None:
-        """Return the answer that the QP is infeasible, if the multipliers prove it."""
-        if self.answer.status is not Status.SOLVED:
-            return None
-        x, y, z, _ = self.rows.point(self.x, self.v, self.v_box)
-        proof = accept_primal(qp, x, y, z, limits.eps_abs)
-        if proof is None:
-            return None
-        way = self.answer.iterations, self.answer.form
-        return proved(Status.PRIMAL_INFEASIBLE, proof, *way)
-
     def face(self) -> Face:
         """Return all solutions."""
         return face_of(self.rows, self.x, self.v, self.v_box)
 
     def sharpened(self, limits: Limits, solve: Solve) -> "StageOne":
-        """Return stage 1 with multipliers that balance to rounding, if that is done.
-
-        Their errors are absolute ones, too large for a proof by those of 1e-5.
-        """
+        """Return stage 1 with multipliers that balance to rounding, if that is done."""
         if self.answer.status is not Status.SOLVED:
             return self
         face = self.face().refined(

@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 
 from namlcp.compiled import address_of
-from namlcp.qp.answer import LooksInfeasible
 from namlcp.qp.certificates import accept_dual, accept_primal, largest
 from namlcp.qp.judge import Judge
-from namlcp.qp.path.advance import AGAIN, HOLD, PROMISING, SMALL_RATIO
+from namlcp.qp.path.advance import AGAIN, HOLD, PROMISING
 from namlcp.qp.path.steps import THIN
 from namlcp.qp.path.workspace import Workspace
 from namlcp.qp.problem import Point
@@ -55,11 +54,7 @@ class CertificateSearch:
         work.tested[:] = PROMISING
 
     def find(self) -> Status | None:
-        """Return the verdict of the first candidate that is a proof, or None.
-
-        Where the limits end with a doubt, good multipliers are not tested, but raise
-        LooksInfeasible.
-        """
+        """Return the verdict of the first candidate that is a proof, or None."""
         work, now = self.work, self.work.now
         n, p = now.n, now.p
         du, ratios = work.du.copy(), work.ratios.copy()
@@ -69,8 +64,6 @@ class CertificateSearch:
             (2, work.x),
             (3, du[:n]),
         ):
-            if k < 2 and self.judge.limits.until_doubt and ratios[k] <= SMALL_RATIO:
-                raise LooksInfeasible
             if ratios[k] < np.inf and self.is_proof(k, ratios[k], candidate):
                 return Status.PRIMAL_INFEASIBLE if k < 2 else Status.DUAL_INFEASIBLE
         return None
