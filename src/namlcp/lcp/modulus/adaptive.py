@@ -399,7 +399,8 @@ class Choice:
         over = max(b / 2.0, 1.0)  # above 1 the ordering of A is not consistent
         sum_ = (2.0 - g) * (a + b / math.sqrt(over))
         product = g * (4.0 - g) * (1.0 - BALANCE * max(2.0 - g, 0.0)) * a * b * over
-        P = 0.5 * (sum_ + math.sqrt(sum_ * sum_ + 4.0 * product))
+        # rounding may make `a` of a singular matrix negative
+        P = 0.5 * (sum_ + math.sqrt(max(sum_ * sum_ + 4.0 * product, 0.0)))
         return 0.5 * (g + P * self.scale)
 
     def least_omega(self, t: float, g: float, G: float) -> float:

@@ -65,6 +65,8 @@ def factored_step(lcp: LCP, given: Parameters) -> FactoredStep | None:
 
 def dense_solver(K: np.ndarray, symmetric: bool) -> Solve | None:
     """Factor a dense K; return the function b -> K^-1 b, None if K is singular."""
+    if K.size == 0:  # which LAPACK refuses
+        return np.copy
     if symmetric:
         L, info = dpotrf(K, lower=1)
         if info == 0:
