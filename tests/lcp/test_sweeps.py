@@ -1,80 +1,45 @@
-"""Sweeps and factor-once methods against plain matrix forms of the papers' formulas."""
+"""The sweep methods: the paper's tables, the papers' formulas, parameters, ends."""
+
+import math
 
 import numpy as np
+import plain_sweeps
+import problems_lcp as problems
 import pytest
+from lcp_definition import assert_solves_lcp
+from plain_sweeps import TAKES, TRIANGULAR, auto
 from scipy import sparse
-from sweeping import every_bounds, one_step, step_of, sweep
 
-from namlcp.lcp.modulus.methods import METHODS
-from namlcp.lcp.relaxation import relax_csr
-from namlcp.residuals import natural_residual
-from namlcp.status import Status
+from namlcp import Status, natural_residual, solve_lcp
 
-TRIANGULAR = [name for name, method in METHODS.items() if not method.factored]
-FACTORED = [name for name, method in METHODS.items() if method.factored]
+INF = np.inf
 KINDS = {"dense": np.asarray, "csr": sparse.csr_array}
+NEVER = 1e-300
+"""An eps_abs that is not met."""
 
 
 def paper_example(number, m, delta=4.0):
-    """Examples 1 and 2 of the paper, n = m^2, as (A, q, lower, upper)."""
-    below, above = {1: (-1.0, -1.0), 2: (-1.5, -0.5)}[number]
-    T = sparse.diags_array([below, 0.0, above], offsets=[-1, 0, 1], shape=(m, m))
-    I = sparse.eye_array(m)
-    A = sparse.kron(I, T) + sparse.kron(T, I) + (4.0 + delta) * sparse.eye_array(m * m)
-    A = sparse.csr_array(A)
-    A.sort_indices()
-    z = np.tile([1.0, 2.0], m * m // 2)
-    return A, -(A @ z), np.zeros(m * m), np.full(m * m, np.inf)
+    return *problems.paper_example(number, m, delta), 0.0, INF
 
 
-def random_problem(seed, n=13):
-    """Nonsymmetric A with holes, and every kind of bounds."""
+def random_problem(seed, n=13, symmetric=False, excess=0.0):
+    """Return A with holes, q, every kind of bounds, and a start."""
     rng = np.random.default_rng(seed)
     A = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.5)
     np.fill_diagonal(A, rng.uniform(1.0, 9.0, n))
-    lower, upper = every_bounds(rng, n)
+    A = A + A.T if symmetric else A
+    np.fill_diagonal(A, A.diagonal() + excess * np.abs(A).sum(axis=1))
+    lower = np.where(rng.random(n) < 0.3, -INF, rng.normal(size=n))
+    upper = np.where(rng.random(n) < 0.3, INF, lower + rng.exponential(size=n))
+    upper[lower == -INF] = 1.0
+    lower[0], upper[0] = -INF, INF
+    lower[1] = upper[1] = 0.7
     return A, 3.0 * rng.normal(size=n), lower, upper, rng.normal(size=n)
 
 
-def parts(A):
-    return np.diag(np.diag(A)), -np.tril(A, -1), -np.triu(A, 1)
+# ---- the paper's tables
 
-
-def reflection(s, lower, upper):
-    return 2.0 * np.clip(s, lower, upper) - s
-
-
-def bai(A, M, Omega, q, lower, upper, s):
-    """(M + Omega) s+ = N s + (Omega - A) R(s) - 2 q with any splitting A = M - N."""
-    R = reflection(s, lower, upper)
-    return np.linalg.solve(M + Omega, (M - A) @ s + (Omega - A) @ R - 2.0 * q)
-
-
-def zheng_yin(A, M, Omega, q, lower, upper, s):
-    """(M + Omega) s+ = N s + (Omega - D + U) R(s) + L R(s+) - 2 q, row after row."""
-    D, L, U = parts(A)
-    known = (M - A) @ s + (Omega - D + U) @ reflection(s, lower, upper) - 2.0 * q
-    left = M + Omega
-    new = np.zeros_like(s)
-    R = np.zeros_like(s)
-    for i in range(s.size):
-        new[i] = (known[i] + L[i] @ R - left[i, :i] @ new[:i]) / left[i, i]
-        R[i] = 2.0 * min(max(new[i], lower[i]), upper[i]) - new[i]
-    return new
-
-
-def one_sweep(A, q, lower, upper, method, s, **parameters):
-    """s+, Res(z) and Omega of a method."""
-    step = step_of(A, q, lower, upper, method, **parameters)
-    return *one_step(step, s, lower, upper), step.omega
-
-
-def assert_close(actual, expected, tolerance=1e-12):
-    size = max(1.0, np.abs(expected).max())
-    np.testing.assert_allclose(actual, expected, rtol=0.0, atol=tolerance * size)
-
-
-# The paper's tables: n = 100 ... 10^4; iterations, printed residuals in units of 1e-7.
+# n = 100 ... 10^4; iterations, printed residuals in units of 1e-7
 SIZES = (10, 30, 50, 60, 80, 100)
 TABLES = {
     (1, "mgs", None): ((36, 40, 41, 41, 42, 42), (97, 80, 79, 89, 74, 84)),
@@ -94,9 +59,9 @@ MISPRINTS = {(2, "namsor", 60): 34}
 def test_tables_of_the_paper(example, method, alpha):
     counts, printed = TABLES[example, method, alpha]
     for m, count, digits in zip(SIZES, counts, printed, strict=True):
-        A, q, lower, upper = paper_example(example, m)
-        result = sweep(
-            A, q, lower, upper, method, alpha=alpha, eps_abs=1e-5, max_iter=100,
+        A, q, *_ = paper_example(example, m)
+        result = solve_lcp(
+            A, q, method=method, alpha=alpha, eps_abs=1e-5, max_iter=100,
             shift=1.0 if method.startswith("nam") else None,
             s0=np.tile([1.0, 0.0], m * m // 2),
         )  # fmt: skip
@@ -107,231 +72,80 @@ def test_tables_of_the_paper(example, method, alpha):
         np.testing.assert_allclose(result.z, np.tile([1.0, 2.0], m * m // 2), atol=1e-5)
 
 
+def test_the_paper_s_own_shift_depends_on_units():
+    A, q, *_ = paper_example(1, 10)
+    counts = {
+        (c, shift): solve_lcp(
+            c * A, c * q, method="namgs", shift=shift, eps_abs=c * 1e-5, max_iter=1000
+        ).iterations
+        for c in (1.0, 1e-3)
+        for shift in (None, 1.0)
+    }
+    assert counts[1.0, None] == counts[1e-3, None]
+    assert counts[1e-3, 1.0] > 10 * counts[1.0, 1.0]
+
+
+# ---- the papers' formulas
+
+
+def assert_is(rows, residuals, result, lower, upper, tolerance=1e-11):
+    """History and best point are those of the iterates written out."""
+    history, count = result.history, result.iterations + 1
+    assert count > 2
+    np.testing.assert_allclose(history["residual"], residuals[:count], rtol=1e-8)
+    z = np.clip(rows, lower, upper)
+    at_bound = ((z == lower) | (z == upper)).sum(axis=1)
+    np.testing.assert_array_equal(history["active"], at_bound[:count])
+    best = rows[np.argmin(residuals[:count])]
+    size = max(1.0, np.abs(rows).max())
+    np.testing.assert_allclose(result.s, best, rtol=0.0, atol=tolerance * size)
+    np.testing.assert_array_equal(result.z, np.clip(result.s, lower, upper))
+
+
 @pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("method", TRIANGULAR)
-def test_sweep_is_the_formula(method, kind):
-    for seed in range(5):
-        A, q, lower, upper, s = random_problem(seed)
-        D, L, _ = parts(A)
-        takes = METHODS[method].takes
-        alpha = 1.3 if "alpha" in takes else 1.0
-        beta = 0.4 if "beta" in takes else 0.0 if method == "namj" else alpha
-        omega = np.linspace(0.5, 4.0, q.size) if "omega" in takes else np.diag(D)
-        shift = np.linspace(0.0, 2.0, q.size) if "shift" in takes else 0.0 * q
-        values = {"alpha": alpha, "beta": beta, "omega": omega, "shift": shift}
-        given = {name: values[name] for name in takes}
-        Omega = np.diag(omega) if "omega" in takes else D / alpha
-        M = (D - beta * L) / alpha
-        if method.startswith("nam"):
-            expected = bai(A, M + np.diag(shift) - L, Omega, q, lower, upper, s)
-        elif method.startswith("m"):
-            expected = bai(A, M, Omega, q, lower, upper, s)
-        else:
-            expected = zheng_yin(A, M, Omega, q, lower, upper, s)
-        actual, residual, _ = one_sweep(
-            KINDS[kind](A), q, lower, upper, method, s, **given
-        )
-        assert_close(actual, expected)
-        z = np.clip(s, lower, upper)
-        assert residual == pytest.approx(
-            natural_residual(z, A @ z + q, lower, upper), rel=1e-13
-        )
+@pytest.mark.parametrize("method", TAKES)
+def test_sweeps_are_the_formula(method, kind):
+    """With the default parameters, and with others; from a dominant A to a wild one."""
+    n, sweeps = 13, 5
+    many = np.linspace(0.5, 4.0, n), np.linspace(0.0, 2.0, n)
+    values = {"alpha": 1.3, "beta": 0.4, "omega": many[0], "shift": many[1]}
+    others = {name: values[name] for name in TAKES[method].split()}
+    if method == "modified-nam":
+        del others["omega"]  # alpha or omega
+    for seed, excess in enumerate((0.0, 0.5, 2.0, 0.0)):
+        A, q, lower, upper, s = random_problem(seed, n, seed == 1, excess)
+        for given in ({}, others):
+            arguments = A, q, lower, upper, method, s, sweeps
+            rows, residuals = plain_sweeps.iterates(*arguments, **given)
+            result = solve_lcp(
+                KINDS[kind](A), q, lower, upper, method=method, s0=s, eps_abs=NEVER,
+                max_iter=sweeps, history=True, **given,
+            )  # fmt: skip
+            assert_is(rows, residuals, result, lower, upper)
 
 
 @pytest.mark.parametrize("alpha", [0.6, 1.0, 1.7])
 def test_the_paper_s_sixth_variant(alpha):
     """Variant (6), NAMAOR, with the coefficients of L and |s| put right."""
-    A, q, lower, upper, s = random_problem(9)
-    lower, upper = np.zeros_like(q), np.full_like(q, np.inf)
-    D, L, U = parts(A)
+    A, q, _, _, s = random_problem(9)
+    lower, upper = np.zeros_like(q), np.full_like(q, INF)
+    D, L, U = np.diag(np.diag(A)), -np.tril(A, -1), -np.triu(A, 1)
     I, beta = np.eye(q.size), 0.3
-    Omega = D / (2.0 * alpha**2)
-    expected = np.linalg.solve(
-        D - (alpha + beta) * L + alpha * Omega + alpha * I,
-        ((1 - alpha) * D - beta * L + alpha * U + alpha * I) @ s
-        + alpha * (Omega - A) @ abs(s)
-        - 2 * alpha * q,
-    )
-    actual, _, omega = one_sweep(
-        A, q, lower, upper, "namaor", s, alpha=alpha, beta=beta, shift=1.0
-    )
-    assert_close(actual, expected)
-    assert_close(omega, np.diag(Omega))
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("alpha", [0.7, 1.0, 1.6])
-def test_psor_and_its_short_kernel_are_the_formula(alpha, kind):
-    """`tests/test_identities.py`: they are the accelerated method with D/alpha."""
-    A, q, lower, upper, s = random_problem(3)
-    z = np.clip(s, lower, upper)
-    for i in range(q.size):
-        w = A[i] @ z + q[i]
-        z[i] = min(max(z[i] - alpha * w / A[i, i], lower[i]), upper[i])
-    X = KINDS[kind](A)
-    D = np.diag(A)
-    for method in ("psor", "amsor"):
-        s_next, _, omega = one_sweep(X, q, lower, upper, method, s, alpha=alpha)
-        assert_close(np.clip(s_next, lower, upper), z)
-        assert_close(omega, D / alpha)
-    old = np.clip(s, lower, upper)
-    relaxed = old.copy()
-    C = sparse.csr_array(A)
-    moved = relax_csr(C.indptr, C.indices, C.data, q, lower, upper, alpha, relaxed)
-    assert_close(relaxed, z)
-    assert moved == pytest.approx(np.linalg.norm(np.sqrt(D) * (z - old)))
-
-
-@pytest.mark.parametrize("method", [*TRIANGULAR, "modulus"])
-@pytest.mark.parametrize("scale", [1e-7, 3.0, 1e9])
-def test_units_do_not_matter(method, scale):
-    A, q, lower, upper, _ = random_problem(5)
-    A += 20.0 * np.eye(q.size)
-    for X in (A, sparse.csr_array(A)):
-        one, other = (
-            sweep(c * X, c * q, lower, upper, method, eps_abs=1e-300, max_iter=6)
-            for c in (1.0, scale)
+    Omega, rows = D / (2.0 * alpha**2), [s]
+    for _ in range(4):
+        s = np.linalg.solve(
+            D - (alpha + beta) * L + alpha * Omega + alpha * I,
+            ((1 - alpha) * D - beta * L + alpha * U + alpha * I) @ s
+            + alpha * (Omega - A) @ abs(s)
+            - 2 * alpha * q,
         )
-        assert one.iterations == other.iterations
-        assert_close(other.z, one.z)
-
-
-def test_the_paper_s_own_shift_depends_on_units():
-    A, q, lower, upper = paper_example(1, 10)
-    counts = {}
-    for c in (1.0, 1e-3):
-        for shift in (None, 1.0):
-            result = sweep(
-                c * A, c * q, lower, upper, "namgs", shift=shift, eps_abs=c * 1e-5,
-                max_iter=1000,
-            )  # fmt: skip
-            counts[c, shift] = result.iterations
-    assert counts[1.0, None] == counts[1e-3, None]
-    assert counts[1e-3, 1.0] > 10 * counts[1.0, 1.0]
-
-
-def symmetric_problem(seed, n=9):
-    A, q, lower, upper, s = random_problem(seed, n)
-    return A + A.T + n * np.eye(n), q, lower, upper, s
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("build", [random_problem, symmetric_problem])
-@pytest.mark.parametrize("method", FACTORED)
-def test_factored_methods_are_the_formula(method, build, kind):
-    A, q, lower, upper, s = build(11)
-    _, L, _ = parts(A)
-    I = np.eye(q.size)
-    Omega = {"modulus": np.diag(np.diag(A)), "nam": I, "modified-nam": 0.8 * I}[method]
-    M = A if method == "modulus" else A + I - L
-    alpha = 0.8 if method == "modified-nam" else None
-    for _ in range(3):
-        result = sweep(
-            KINDS[kind](A), q, lower, upper, method, alpha=alpha, s0=s,
-            eps_abs=1e-300, max_iter=1,
-        )  # fmt: skip
-        s = bai(A, M, Omega, q, lower, upper, s)
-        z = np.clip(s, lower, upper)
-        residual = natural_residual(z, A @ z + q, lower, upper)
-        assert result.history["residual"][1] == pytest.approx(residual, rel=1e-9)
-        step = step_of(A, q, lower, upper, method, alpha=alpha)
-        assert_close(step.omega, np.diag(Omega))
-        if result.history["residual"][1] < result.history["residual"][0]:
-            assert_close(result.s, s, 1e-11)
-
-
-@pytest.mark.parametrize("kind", KINDS)
-def test_factored_methods_accept_omega_and_shift(kind):
-    A, q, lower, upper, s = random_problem(2)
-    omega, shift = np.linspace(1, 2, q.size), np.linspace(0, 3, q.size)
-    _, L, _ = parts(A)
-    expected = bai(
-        A, A + np.diag(shift) - L, np.diag(omega), q, lower, upper, s
+        rows.append(s)
+    residuals = [plain_sweeps.residual(A, q, lower, upper, s) for s in rows]
+    result = solve_lcp(
+        A, q, method="namaor", alpha=alpha, beta=beta, shift=1.0, s0=rows[0],
+        eps_abs=NEVER, max_iter=4, history=True,
     )  # fmt: skip
-    result = sweep(
-        KINDS[kind](A), q, lower, upper, "nam", omega=omega, shift=shift, s0=s,
-        eps_abs=1e-300, max_iter=1,
-    )  # fmt: skip
-    z = np.clip(expected, lower, upper)
-    assert result.history["residual"][1] == pytest.approx(
-        natural_residual(z, A @ z + q, lower, upper), rel=1e-9
-    )
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("method", METHODS)
-def test_dominant_box_problem_is_solved(method, kind):
-    rng = np.random.default_rng(1)
-    n = 30
-    A = rng.normal(size=(n, n)) * (rng.random((n, n)) < 0.2)
-    A += np.diag(3.0 * np.abs(A).sum(axis=1) + 1.0)
-    lower, upper = np.full(n, -1.0), np.full(n, 1.0)
-    lower[::5], upper[::7] = -np.inf, np.inf
-    z = np.clip(2.0 * rng.normal(size=n), lower, upper)
-    w = np.where(z == lower, 1.0, np.where(z == upper, -1.0, 0.0))
-    q = w - A @ z
-    result = sweep(KINDS[kind](A), q, lower, upper, method, eps_abs=1e-11, max_iter=500)
-    assert result.status is Status.SOLVED
-    np.testing.assert_allclose(result.z, z, atol=1e-10)
-    np.testing.assert_array_equal(result.z, np.clip(result.s, lower, upper))
-    omega = step_of(A, q, lower, upper, method).omega
-    np.testing.assert_allclose(omega * (result.z - result.s), w, atol=1e-9)
-    again = sweep(
-        KINDS[kind](A), q, lower, upper, method, eps_abs=1e-9, max_iter=500, z0=z
-    )
-    assert again.iterations == 0
-    again = sweep(
-        KINDS[kind](A), q, lower, upper, method, eps_abs=1e-9, max_iter=5, s0=result.s
-    )
-    assert again.iterations == 0
-    np.testing.assert_array_equal(again.s, result.s)
-
-
-def test_iterations_is_the_first_below_the_tolerance():
-    A, q, lower, upper = paper_example(1, 10)
-    result = sweep(A, q, lower, upper, "pgs", eps_abs=1e-6, max_iter=100)
-    history = result.history
-    assert history.dtype.names == ("iter", "residual", "active", "time")
-    assert (history["residual"][:-1] >= 1e-6).all()
-    assert history["residual"][-1] == result.residual < 1e-6
-    assert history["iter"][-1] == result.iterations == len(history) - 1
-    assert history["iter"].tolist() == list(range(len(history)))
-    assert history["residual"][0] == pytest.approx(np.linalg.norm(q))
-    assert history["active"][0] == 100
-    again = sweep(
-        A, q, lower, upper, "pgs", eps_abs=result.residual, max_iter=100
-    )  # fmt: skip
-    assert again.iterations == result.iterations + 1
-
-
-def test_default_start_is_zero_clipped_into_the_box():
-    A, q, lower, upper, _ = random_problem(4)
-    result = sweep(A, q, lower, upper, "pgs", eps_abs=1e9, max_iter=1)
-    assert result.iterations == 0
-    np.testing.assert_array_equal(result.s, np.clip(0.0, lower, upper))
-
-
-def test_inputs_stay_as_they_are():
-    A, q, lower, upper, s = random_problem(4)
-    A = sparse.csr_array(A)
-    arrays = (A.indptr, A.indices, A.data, q, lower, upper, s)
-    copies = [array.copy() for array in arrays]
-    for name in METHODS:
-        sweep(A, q, lower, upper, name, s0=s, eps_abs=1e-3, max_iter=5)
-        sweep(A, q, lower, upper, name, z0=s, eps_abs=1e-3, max_iter=5)
-    for array, copy in zip(arrays, copies, strict=True):
-        np.testing.assert_array_equal(array, copy)
-
-
-def test_wide_indices_give_the_same_sweep():
-    A, q, lower, upper, s = random_problem(6)
-    A = sparse.csr_array(A)
-    wide = A.copy()
-    wide.indices, wide.indptr = A.indices.astype(np.int64), A.indptr.astype(np.int64)
-    narrow_s = one_sweep(A, q, lower, upper, "namgs", s)[0]
-    np.testing.assert_array_equal(
-        one_sweep(wide, q, lower, upper, "namgs", s)[0], narrow_s
-    )
+    assert_is(np.array(rows), np.array(residuals), result, lower, upper)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -339,10 +153,261 @@ def test_symmetric_indefinite_modulus_falls_back_on_lu(kind):
     A = np.array([[0.0, 3.0], [3.0, 0.0]])
     q, lower, upper = np.array([-1.0, 2.0]), -np.ones(2), np.ones(2)
     s = np.array([0.3, -0.4])
-    result = sweep(
-        KINDS[kind](A), q, lower, upper, "modulus", omega=1.0, s0=s, eps_abs=1e-300,
-        max_iter=1,
+    arguments = A, q, lower, upper, "modulus", s, 1
+    _, residuals = plain_sweeps.iterates(*arguments, omega=1.0)
+    result = solve_lcp(
+        KINDS[kind](A), q, lower, upper, method="modulus", omega=1.0, s0=s,
+        eps_abs=NEVER, max_iter=1, history=True,
     )  # fmt: skip
-    z = np.clip(bai(A, A, np.eye(2), q, lower, upper, s), lower, upper)
-    residual = natural_residual(z, A @ z + q, lower, upper)
-    assert result.history["residual"][1] == pytest.approx(residual)
+    np.testing.assert_allclose(result.history["residual"], residuals)
+
+
+@pytest.mark.parametrize("method", [*TRIANGULAR, "modulus"])
+@pytest.mark.parametrize("scale", [1e-7, 3.0, 1e9])
+def test_units_do_not_matter(method, scale):
+    A, q, lower, upper, _ = random_problem(5, excess=2.0)
+    for X in (A, sparse.csr_array(A)):
+        one, other = (
+            solve_lcp(c * X, c * q, lower, upper, method=method, eps_abs=NEVER,
+                      max_iter=6)
+            for c in (1.0, scale)
+        )  # fmt: skip
+        assert one.iterations == other.iterations
+        np.testing.assert_allclose(other.z, one.z, atol=1e-12)
+
+
+# ---- parameters that are chosen during the run
+
+TAKERS = [name for name in TAKES if TAKES[name]]
+
+
+def contact_problem(seed=0, n=40):
+    """SPD A of moderate condition, about half of the bounds active."""
+    rng = np.random.default_rng(seed)
+    B = rng.normal(size=(n, n))
+    A = B @ B.T / n + 0.3 * np.eye(n)
+    q, z = problems.with_solution(rng, A)
+    return A, q, z
+
+
+def obstacle(m=16):
+    wave = np.sin(3.0 * np.pi * np.arange(1, m + 1) / (m + 1))
+    return paper_example(1, m, 0.0)[0], -np.outer(wave, wave).ravel()
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("method", TAKERS)
+def test_chosen_parameters_solve_and_repeat(method, kind):
+    """At the end w = Omega (z - s), Omega = c D (c I for modified-nam)."""
+    A, q, z = contact_problem()
+    given = dict(method=method, eps_abs=1e-9, max_iter=5000, **auto(method))
+    first, again = (solve_lcp(KINDS[kind](A), q, **given) for _ in "ab")
+    assert first.status is Status.SOLVED
+    np.testing.assert_allclose(first.z, z, atol=1e-7)
+    assert again.iterations == first.iterations
+    np.testing.assert_allclose(again.z, first.z, atol=1e-12)
+    D = np.ones_like(q) if method == "modified-nam" else A.diagonal()
+    held = first.w > 1e-3
+    c = first.w[held] / (D[held] * (first.z - first.s)[held])
+    np.testing.assert_allclose(c, c[0], rtol=1e-4)
+
+
+@pytest.mark.parametrize("method", TAKERS)
+def test_units_do_not_matter_to_chosen_parameters(method):
+    """c A, c q; and S A S, S q with z = S^-1 z for a diagonal S > 0."""
+    A, q, _ = contact_problem(1)
+    given = dict(method=method, eps_abs=NEVER, **auto(method), history=True)
+    S = np.exp(np.random.default_rng(2).uniform(-3.0, 3.0, q.size))
+    compared = 0
+    for sweeps in (3, 10, 45):
+        one = solve_lcp(A, q, max_iter=sweeps, **given)
+        for c in (1e-6, 3.0, 1e5):
+            other = solve_lcp(c * A, c * q, max_iter=sweeps, **given)
+            np.testing.assert_allclose(other.s, one.s, rtol=1e-7, atol=1e-7)
+        other = solve_lcp(S[:, None] * A * S, S * q, max_iter=sweeps, **given)
+        # of each run the best point comes back: they are the same if both are the last
+        best = [np.argmin(run.history["residual"]) for run in (one, other)]
+        if best == [sweeps, sweeps] and method != "modified-nam":  # Omega = alpha I
+            np.testing.assert_allclose(S * other.s, one.s, rtol=1e-7, atol=1e-7)
+            compared += 1
+    assert compared or method == "modified-nam"
+
+
+@pytest.mark.parametrize("method", TAKERS)
+@pytest.mark.parametrize("name", ["dominant", "nonsymmetric", "obstacle", "contact"])
+def test_near_the_best_of_a_small_grid(name, method):
+    A, q = {
+        "contact": lambda: contact_problem(3)[:2],
+        "obstacle": obstacle,
+        "dominant": lambda: paper_example(1, 12, 4.0)[:2],
+        "nonsymmetric": lambda: paper_example(2, 12, 1.0)[:2],
+    }[name]()
+    D, takes = A.diagonal(), TAKES[method].split()
+    eps = 1e-6 * np.linalg.norm(np.minimum(q, 0.0))
+    best = math.inf
+    for c in (0.02, 0.1, 0.3, 1.0, 3.0):
+        for alpha in (0.5, 1.0, 1.5, 1.9) if "alpha" in takes else (None,):
+            given = {"alpha": alpha} if alpha else {}
+            if method == "modified-nam":
+                given = {"shift": D}
+            if "omega" in takes:
+                given["omega"] = c * D
+            if method == "nam":
+                given["shift"] = D
+            most = int(min(best, 700))
+            result = solve_lcp(A, q, method=method, eps_abs=eps, max_iter=most, **given)
+            if result.status is Status.SOLVED:
+                best = min(best, result.iterations)
+    result = solve_lcp(A, q, method=method, eps_abs=eps, max_iter=2000, **auto(method))
+    assert result.status is Status.SOLVED or best == math.inf
+    assert result.iterations <= 1.3 * best + 1
+
+
+def test_young_s_relaxation():
+    """Row sums of 1/2 decide at once: 2/(1 + sqrt(1 - mu^2))."""
+    A, q, *_ = paper_example(1, 10, 4.0)
+    young = 2.0 / (1.0 + math.sqrt(0.75))
+    one, other = (
+        solve_lcp(A, q, method="psor", alpha=alpha, eps_abs=1e-12, history=True)
+        for alpha in ("auto", young)
+    )
+    np.testing.assert_allclose(one.history["residual"], other.history["residual"])
+
+
+@pytest.mark.parametrize("omega", [0.3, "D"])
+def test_one_of_the_two_may_be_given(omega):
+    A, q, z = contact_problem(5)
+    omega = A.diagonal() if omega == "D" else omega
+    runs = [
+        (method, given)
+        for method in ("msor", "namsor", "amsor", "maor", "namaor")
+        for given in ({"alpha": "auto", "omega": omega}, {"alpha": "auto"},
+                      {"alpha": 1.2, "omega": "auto"}, {"omega": "auto"})
+    ]  # fmt: skip
+    for method, given in [*runs, ("modified-nam", {"omega": "auto"})]:
+        given = given | {"method": method, "eps_abs": 1e-9, "max_iter": 20_000}
+        result = solve_lcp(A, q, **given)
+        assert result.status is Status.SOLVED, given
+        np.testing.assert_allclose(result.z, z, atol=1e-6)
+
+
+@pytest.mark.parametrize("method", TAKERS)
+def test_solution_is_a_fixed_point_of_chosen_parameters(method):
+    """Also across changes of Omega: s is written anew."""
+    A, q = obstacle(8)
+    z = solve_lcp(A, q, eps_abs=1e-13).z
+    given = dict(method=method, z0=z, **auto(method))
+    assert solve_lcp(A, q, eps_abs=1e-9, **given).iterations == 0
+    result = solve_lcp(A, q, eps_abs=NEVER, max_iter=30, history=True, **given)
+    assert result.history["residual"].max() < 1e-10
+
+
+@pytest.mark.parametrize("method", ["msor", "namsor", "amsor"])
+def test_a_wrong_estimate_is_corrected(method):
+    """Signs differ across the diagonal: the estimate sees the identity."""
+    A = np.eye(3) + 0.95 * (np.triu(np.ones((3, 3)), 1) - np.tril(np.ones((3, 3)), -1))
+    given = {"alpha": "auto", "omega": "auto", "max_iter": 2000, "eps_abs": 1e-9}
+    assert solve_lcp(A, -np.ones(3), method=method, **given).status is Status.SOLVED
+
+
+# ---- ends
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    ("A", "lower"),
+    [
+        ([[1.0, -2.0], [2.0, 1.0]], -INF),  # spectral radius 4
+        ([[1.0, 2.0, 0.0], [0.0, 1.0, 2.0], [2.0, 0.0, 1.0]], 0.0),  # goes round
+    ],
+)
+def test_growth_and_cycles_are_called_divergence(A, lower, kind):
+    A, q = np.array(A), np.array([1.0, 1.0]) if len(A) == 2 else -np.ones(3)
+    result = solve_lcp(KINDS[kind](A), q, lower, method="pgs", eps_abs=1e-9)
+    assert result.status is Status.DIVERGED
+    assert result.iterations < 100
+    assert np.isfinite(result.z).all()
+    assert result.residual <= np.linalg.norm(q)
+    bounds = np.full(len(A), lower), np.full(len(A), INF)
+    residual = natural_residual(result.z, A @ result.z + q, *bounds)
+    assert result.residual == pytest.approx(residual)
+
+
+def test_growth_of_the_first_sweeps_is_no_divergence():
+    """Far from normal: Res grows from 10^2 to 10^14, then falls (NAM, Omega = I)."""
+    A, q, *_ = paper_example(2, 40, 0.0)
+    result = solve_lcp(
+        A, q, method="nam", s0=np.tile([1.0, 0.0], 800), eps_abs=1e-4, history=True
+    )
+    assert result.history["residual"][1] > 1e6
+    assert result.status is Status.SOLVED
+
+
+@pytest.mark.parametrize("method", ["mgs", "modulus"])
+def test_overflow_is_called_divergence(method):
+    A = np.array([[1.0, 1e200], [-1e200, 1.0]])
+    q = np.array([-1.0, 1e150])
+    with np.errstate(all="raise"):
+        result = solve_lcp(A, q, method=method, eps_abs=1e-9, omega=1e-100)
+    assert result.status is Status.DIVERGED
+    assert np.isfinite(result.z).all()
+
+
+def test_the_best_point_is_kept():
+    """The residuals of a diverging run go down, then up."""
+    A, q, lower, upper, s = random_problem(3)
+    A[0, 1:] *= 9.0
+    given = dict(method="mgs", s0=s, eps_abs=NEVER, max_iter=60, history=True)
+    result = solve_lcp(A, q, lower, upper, **given)
+    least = result.history["residual"].min()
+    assert result.residual == pytest.approx(least, rel=1e-12)
+    assert least < result.history["residual"][-1]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_factorisation_is_a_numerical_error(kind):
+    A = KINDS[kind](np.array([[-2.0, 0.0], [0.0, 3.0]]))
+    result = solve_lcp(A, np.ones(2), method="nam")
+    assert result.status is Status.NUMERICAL_ERROR
+    assert np.isnan(result.z).all()
+
+
+def test_iterations_is_the_first_below_the_tolerance():
+    A, q, *_ = paper_example(1, 10)
+    result = solve_lcp(A, q, method="pgs", eps_abs=1e-6)
+    again = solve_lcp(A, q, method="pgs", eps_abs=result.residual)
+    assert again.iterations == result.iterations + 1
+
+
+# ---- projected SOR as "auto" uses it, for 10^4 unknowns and more
+
+
+def dominant_grid(m, delta, number=2):
+    A, q = problems.paper_example(number, m, delta)
+    return A, q + 6.0 * np.random.default_rng(0).normal(size=q.size)
+
+
+@pytest.mark.parametrize("number", [1, 2])
+@pytest.mark.parametrize("delta", [0.3, 4.0])
+def test_dominant_needs_no_factorisation(number, delta):
+    A, q = dominant_grid(104, delta, number)
+    result = solve_lcp(A, q, eps_abs=1e-10)
+    assert (result.status, result.method) == (Status.SOLVED, "psor")
+    assert_solves_lcp(result, A, q)
+    assert result.residual < 1e-10
+    assert 0 < np.count_nonzero(result.z == 0.0) < q.size
+    assert result.iterations < (30 if delta == 4.0 else 100)
+    S = sparse.diags_array(10.0 ** np.random.default_rng(0).uniform(-3, 3, q.size))
+    B = sparse.csr_array(S @ A @ S)
+    B.sort_indices()
+    scaled = solve_lcp(B, S @ q, eps_rel=1e-9)
+    assert (scaled.status, scaled.method) == (Status.SOLVED, "psor")
+    assert scaled.iterations == solve_lcp(A, q, eps_rel=1e-9).iterations
+
+
+@pytest.mark.parametrize("number", [1, 2])
+def test_slow_sweeps_are_given_up(number):
+    A, q = dominant_grid(104, 0.0, number)
+    result = solve_lcp(A, q)
+    assert result.status is Status.SOLVED
+    assert result.method == "multigrid"

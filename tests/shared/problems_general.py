@@ -105,6 +105,12 @@ def closing_walls(mu=0.5):
     return W, np.array([-1.0, 0.0, -1.0, 1.0])
 
 
+def game(R, S):
+    """Return A, q of the equilibria of two players with costs x'R y and x'S y, > 0."""
+    zero = np.zeros((R.shape[0],) * 2), np.zeros((R.shape[1],) * 2)
+    return np.block([[zero[0], R], [S.T, zero[1]]]), -np.ones(sum(R.shape))
+
+
 def collection():
     """Return {name: (A, q)} of the general problems in the data folder."""
     found = {}
@@ -114,8 +120,5 @@ def collection():
                 found[path.stem] = np.ascontiguousarray(f["A"]), f["q"]
                 continue
             # payoffs of two players; costs must be positive
-            R, C = (f[name].max() - f[name] + 1.0 for name in "RC")
-            zero = np.zeros((R.shape[0],) * 2), np.zeros((R.shape[1],) * 2)
-            A = np.block([[zero[0], R], [C.T, zero[1]]])
-            found[path.stem] = A, -np.ones(sum(R.shape))
+            found[path.stem] = game(*(f[name].max() - f[name] + 1.0 for name in "RC"))
     return found

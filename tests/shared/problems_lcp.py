@@ -10,9 +10,6 @@ from pathlib import Path
 import numpy as np
 from scipy import sparse
 
-from namlcp import Prepared
-from namlcp.lcp.data import LCP
-
 DATA = Path(
     os.environ.get("NAMLCP_DATA", Path(__file__).parents[3] / "shared" / "data")
 )
@@ -59,17 +56,8 @@ UNSOLVABLE = {
     "scaled_direction": ([[1e-6, -1e-1], [-1e-1, 1e4]], [-1e-9, -1e-9]),
 }
 
-
-def box_lcp(A, q, lower, upper, symmetric=True):
-    """Return an LCP without any check."""
-    return LCP(Prepared.unchecked(A, symmetric), q, lower, upper)
-
-
-def textbook(name):
-    """Return A, q and the solution (None if there are several)."""
-    A, q, z, _ = TEXTBOOK[name]
-    z = None if z is None else np.array(z, dtype=float)
-    return np.array(A, dtype=float), np.array(q, dtype=float), z
+TRUTH = dict.fromkeys(("fathi_2", "deudeu", "ortiz_block", "cyclic_3"), "P")
+"""Classes of TEXTBOOK as `lcp_cases` names them, where they are not semidefinite."""
 
 
 def with_solution(rng, A, degenerate=0.0):
@@ -147,64 +135,109 @@ def laplacian(m, shift=0.0):
     )
 
 
-def disc_pile(rng, rows, gravity=9.81):
-    """Return W, q of frictionless contact in a pile of discs between two walls.
+def contact_scenes():
+    """Return {name: (W_NN, q_N)} of the contact scenes in the data folder."""
+    found = {}
+    for path in sorted((DATA / "contact").glob("*.npz")):
+        with np.load(path) as f:
+            parts = f["data"], f["indices"], f["indptr"]
+            W = sparse.csr_array(parts, tuple(f["shape"]))
+            dim = int(f["dim"]) if "dim" in f else 1
+            A = sparse.csr_array(W[::dim, ::dim])
+            A = sparse.csr_array((A + A.T) / 2)
+            A.sort_indices()
+            found[path.stem] = A, np.ascontiguousarray(f["q"][::dim], dtype=float)
+    return found
 
-    Discs of radius about 1/2 lie in a hexagonal packing; contacts i have normals N_i,
-    W = N M^-1 N', q = N (v + h g) + gap / h: sparse, symmetric, often singular.
+
+def checkers(A):
+    """Return q, bounds and z = (1, 0, 1, 0, ...) which solves the LCP."""
+    z = np.arange(1, A.shape[0] + 1) % 2.0
+    return 1.0 - z - A @ z, 0.0, INF, z
+
+
+def paper_example(number, m, delta=4.0):
+    """Return A = P + delta I and q of the paper's Example 1 or 2, n = m^2; z = 1, 2."""
+    below, above = {1: (-1.0, -1.0), 2: (-1.5, -0.5)}[number]
+    T = sparse.diags_array([below, 0.0, above], offsets=[-1, 0, 1], shape=(m, m))
+    I = sparse.eye_array(m)
+    A = sparse.kron(I, T) + sparse.kron(T, I) + (4.0 + delta) * sparse.eye_array(m * m)
+    A = sparse.csr_array(A)
+    A.sort_indices()
+    return A, -(A @ np.tile([1.0, 2.0], m * m // 2))
+
+
+def whole_numbers(seed):
+    """Return a small degenerate LCP with x'Ax >= 0, in a box of any kind.
+
+    It is B'B + K - K' and q in whole numbers: rows repeat, tie and contradict.
     """
-    height = np.sqrt(3) / 2
-    centres = np.array(
-        [
-            (k + 0.5 * (j % 2), 0.5 + height * j)
-            for j in range(rows)
-            for k in range(rows)
-        ]
-    )
-    radius = 0.5 * (1 - 1e-3 * rng.random(len(centres)))
-    mass = np.pi * radius**2
-    h = 0.01
-    left, right = centres[:, 0].min() - 0.5, centres[:, 0].max() + 0.5
-    entries, gaps = [], []
-    for a, (x, y) in enumerate(centres):
-        walls = (((0, 1), y), ((1, 0), x - left), ((-1, 0), right - x))
-        for normal, distance in walls:
-            if distance - radius[a] < 0.1:
-                entries.append([(a, np.array(normal, dtype=float))])
-                gaps.append(distance - radius[a])
-        for b in range(a):
-            apart = centres[a] - centres[b]
-            distance = np.linalg.norm(apart)
-            if distance - radius[a] - radius[b] < 0.1:
-                entries.append([(a, apart / distance), (b, -apart / distance)])
-                gaps.append(distance - radius[a] - radius[b])
-    N = sparse.lil_array((len(entries), 2 * len(centres)))
-    for i, contact in enumerate(entries):
-        for a, normal in contact:
-            N[i, 2 * a], N[i, 2 * a + 1] = normal
-    N = sparse.csr_array(N)
-    W = sparse.csr_array(N @ sparse.diags_array(np.repeat(1 / mass, 2)) @ N.T)
-    W = sparse.csr_array((W + W.T) / 2)
-    W.sort_indices()
-    velocity = np.tile([0.0, -h * gravity], len(centres))
-    velocity += 0.05 * rng.standard_normal(velocity.size)
-    return W, N @ velocity + np.array(gaps) / h * 0.1
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 9))
+    B = rng.integers(-2, 3, (int(rng.integers(0, n + 1)), n)) * (rng.random(n) < 0.6)
+    K = rng.integers(-2, 3, (n, n)) * (rng.random((n, n)) < rng.choice([0.2, 0.5, 1.0]))
+    lower, upper = np.zeros(n), np.full(n, INF)
+    if rng.random() < 0.5:
+        kind = rng.integers(0, 6, n)
+        lower = rng.integers(-2, 3, n).astype(float)
+        upper = lower + rng.integers(0, 3, n)
+        upper[kind <= 1], lower[kind == 2] = INF, -INF
+        lower[kind == 3], upper[kind == 3] = -INF, INF
+    A, q = (B.T @ B + K - K.T).astype(float), rng.integers(-3, 4, n).astype(float)
+    return A, q, lower, upper
 
 
-def contact_names():
-    """Return the names of the contact scenes in the data folder, [] without it."""
-    return sorted(path.stem for path in (DATA / "contact").glob("*.npz"))
+def program(seed, n, m, kind, free=1.0):
+    """Return the LCP of min 1/2 x'Px + q'x, Gx <= h, a share of x free, others >= 0.
+
+    kind: "infeasible" by a combination of rows, "unbounded" along d, or "solvable".
+    """
+    rng = np.random.default_rng([seed, n])
+    is_free = rng.random(n) < free
+    B, G = rng.standard_normal((n // 2, n)), rng.standard_normal((m, n))
+    x, d = rng.random(n), np.abs(rng.standard_normal(n))
+    d /= np.linalg.norm(d)
+    q = rng.standard_normal(n)
+    if kind == "unbounded":
+        B -= np.outer(B @ d, d)
+        rising = G @ d > 0.0
+        G[rising] -= np.outer(G[rising] @ d, d)
+        q -= (q @ d + 0.05) * d
+    h = G @ x + rng.random(m)
+    if kind == "infeasible":
+        y = rng.random(m - 1) * (rng.random(m - 1) < 0.3)
+        G[-1] = -y @ G[:-1] + rng.random(n) * ~is_free
+        h[-1] = -y @ h[:-1] - 0.1 * np.linalg.norm(h)
+    elif kind == "solvable":
+        active = rng.random(m) < 0.4 * n / m
+        h, y = G @ x + ~active * rng.random(m), active * rng.random(m)
+        x_is_0 = ~is_free & (rng.random(n) < 0.5)
+        h -= G @ (x * x_is_0)
+        x[x_is_0] = 0.0
+        q = -B.T @ (B @ x) / n - G.T @ y + x_is_0 * rng.random(n)
+    A = np.block([[B.T @ B / n, G.T], [-G, np.zeros((m, m))]])
+    lower = np.where(np.append(is_free, np.zeros(m)) > 0.0, -INF, 0.0)
+    return A, np.append(q, h), lower, np.full(n + m, INF)
 
 
-def contact(name):
-    """Return W_NN (symmetrised csr_array) and q_N of a contact scene."""
-    with np.load(DATA / "contact" / f"{name}.npz") as f:
-        W = sparse.csr_array((f["data"], f["indices"], f["indptr"]), tuple(f["shape"]))
-        dim = int(f["dim"]) if "dim" in f else 1
-        A = sparse.csr_array(W[::dim, ::dim])
-        A = sparse.csr_array((A + A.T) / 2)
-        A.sort_indices()
-        return A, np.ascontiguousarray(f["q"][::dim], dtype=float)
+def chain(n, room):
+    """Return a sparse LCP: x_i+1 >= x_i + 1 and x_n <= n - 1 + room; x, y >= 0."""
+    G = sparse.diags_array([1.0, -1.0], offsets=[0, 1], shape=(n, n)).tolil()
+    h = np.append(-np.ones(n - 1), n - 1 + room)
+    A = sparse.block_array([[None, G.T], [-G, None]], format="csr")
+    return A, np.append(np.ones(n), h)
+
+
+def neumann(m, n=1):
+    """Return the five-point matrix with free ends: it sends constants to 0."""
+    G = [sparse.diags_array([-np.ones(k - 1), np.ones(k - 1)], offsets=[0, 1],
+         shape=(k - 1, k)) if k > 1 else sparse.csr_array((1, 1))
+         for k in (m, n)]  # fmt: skip
+    lines = [differences.T @ differences for differences in G]
+    one, other = (sparse.eye_array(k) for k in (m, n))
+    A = sparse.csr_array(sparse.kron(lines[0], other) + sparse.kron(one, lines[1]))
+    A.sort_indices()
+    return A
 
 
 def textbook_file():

@@ -3,12 +3,18 @@
 from types import SimpleNamespace
 
 import numpy as np
-from problems_lcp import box_lcp
 
+from namlcp import Prepared
+from namlcp.lcp.data import LCP
 from namlcp.lcp.modulus import sweeps
 from namlcp.lcp.modulus.methods import Parameters, find_method
 from namlcp.limits import NEVER, Limits
 from namlcp.progress import LCP_COLUMNS, Progress
+
+
+def box_lcp(A, q, lower, upper):
+    """Return an LCP without any check."""
+    return LCP(Prepared.unchecked(A, True), q, lower, upper)
 
 
 def every_bounds(rng, n):

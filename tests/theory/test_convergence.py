@@ -3,16 +3,13 @@
 from fractions import Fraction
 
 import numpy as np
+import plain_sweeps
 import pytest
+from plain_sweeps import ACCELERATED, TAKES
+from problems_lcp import paper_example
 from scipy import sparse
-from sweeping import one_step, step_of, sweep
 
-from namlcp import converges, is_h_plus
-from namlcp.lcp.modulus.methods import METHODS
-from namlcp.status import Status
-from namlcp.theory.comparison import is_m_matrix, radius_bounds
-from namlcp.theory.convergence import dense_parts, lyapunov_function
-from namlcp.theory.splittings import splitting
+from namlcp import Status, converges, is_h_plus, solve_lcp
 from validation.paper.theorem_three import is_h_compatible, theorem_3
 
 KINDS = {"dense": np.asarray, "csr": sparse.csr_array, "csc": sparse.csc_array}
@@ -47,15 +44,21 @@ def random_matrix(rng, target):
     return A, target
 
 
+def five_point(m, delta=0.0, number=1):
+    """The paper's P + delta I of Example 1 or 2."""
+    return paper_example(number, m, delta)[0]
+
+
 def assert_proves(verdict, A):
     """Check the witness by rational numbers."""
-    A = np.asarray(A.toarray() if sparse.issparse(A) else A)
-    x = [Fraction(v) for v in verdict.witness]
-    a = [[Fraction(v) for v in row] for row in A.tolist()]
-    n = len(x)
+    A = A.toarray() if sparse.issparse(A) else np.asarray(A)
+    x = [Fraction(v) for v in verdict.witness.tolist()]
     rows = [
-        a[i][i] * x[i] - sum(abs(a[i][j]) * x[j] for j in range(n) if j != i)
-        for i in range(n)
+        sum(
+            (1 if i == j else -1) * Fraction(abs(v) if i != j else v) * x[j]
+            for j, v in enumerate(row)
+        )
+        for i, row in enumerate(A.tolist())
     ]
     if verdict.answer:
         assert all(v > 0 for v in x)
@@ -66,6 +69,9 @@ def assert_proves(verdict, A):
         assert all(row <= 0 for row in rows)
 
 
+# ---- is_h_plus
+
+
 @pytest.mark.parametrize("seed", range(8))
 def test_is_h_plus_agrees_with_the_definition(seed):
     rng = np.random.default_rng(seed)
@@ -74,6 +80,7 @@ def test_is_h_plus_agrees_with_the_definition(seed):
         make = KINDS[rng.choice(list(KINDS))]
         verdict = is_h_plus(make(A))
         assert verdict.answer is (rho < 1.0), (len(A), rho, verdict.checked)
+        assert bool(verdict) is verdict.answer
         assert_proves(verdict, A)
         assert (verdict.bound < 1.0) is verdict.answer
 
@@ -86,21 +93,6 @@ def test_nearer_than_1e10_the_answer_is_right_or_none(distance):
         verdict = is_h_plus(A)
         if verdict.answer is not None:
             assert_proves(verdict, A)
-
-
-def five_point(m, delta=0.0, below=-1.0, above=-1.0):
-    """The paper's P + delta I; (-1, -1) Example 1, (-1.5, -0.5) Example 2."""
-    T = sparse.diags_array([below, 0.0, above], offsets=[-1, 0, 1], shape=(m, m))
-    I = sparse.eye_array(m)
-    A = sparse.kron(I, T) + sparse.kron(T, I) + (4.0 + delta) * sparse.eye_array(m * m)
-    return sparse.csr_array(A)
-
-
-def test_exactly_singular_comparison_matrices_are_decided():
-    ring = 2.0 * np.eye(5) - np.roll(np.eye(5), 1, 1) - np.roll(np.eye(5), -1, 1)
-    verdict = is_h_plus(ring)
-    assert (verdict.answer, verdict.bound) == (False, 1.0)
-    assert_proves(verdict, ring)
 
 
 @pytest.mark.parametrize("wrong", [0.0, -1.0, -0.0])
@@ -116,29 +108,29 @@ def test_edges_of_is_h_plus():
     assert is_h_plus(np.empty((0, 0))).answer is True
     assert is_h_plus([[3]]).answer is True
     assert is_h_plus(sparse.csr_array((2, 2))).answer is False
+    for corner, answer in ((-3.0, True), (-5.0, False)):  # Z-matrices
+        assert is_h_plus([[2.0, -1.0], [corner, 2.0]]).answer is answer
+    ring = 2.0 * np.eye(5) - np.roll(np.eye(5), 1, 1) - np.roll(np.eye(5), -1, 1)
+    verdict = is_h_plus(ring)  # exactly singular
+    assert (verdict.answer, verdict.bound) == (False, 1.0)
+    assert_proves(verdict, ring)
     stored_zeros = sparse.csr_array(np.ones((3, 3)))
     stored_zeros.data[:] = np.eye(3).ravel()
     assert is_h_plus(stored_zeros).answer is True
+    read_only = sparse.csr_array(np.array([[2.0, -3.0], [-1.0, 2.0]]))
+    read_only.data.flags.writeable = False
+    assert is_h_plus(read_only).answer is True
     with pytest.raises(ValueError, match="A must be square"):
         is_h_plus(np.ones((2, 3)))
     with pytest.raises(ValueError, match="A must be finite"):
         is_h_plus([[np.nan]])
 
 
-def test_the_callers_matrix_is_left_alone():
-    A = sparse.csr_array(np.array([[2.0, -3.0], [-1.0, 2.0]]))
-    A.data.flags.writeable = False
-    assert is_h_plus(A).answer is True
-
-
-def test_witnesses_may_need_nearly_the_range_of_floating_point():
+def test_witnesses_may_need_the_range_of_floating_point():
     # Reducible: v grows by more than 10 from row to row; irreducible: Perron vectors.
-    n = 400
+    n = 200
     reducible = np.eye(n) + 10.0 * np.eye(n, k=-1)
-    verdict = is_h_plus(sparse.csr_array(reducible))
-    assert verdict.answer is True
-    assert_proves(verdict, reducible)
-    for upper, answer in ((0.02, True), (0.03, False)):
+    for upper, answer in ((0.0, True), (0.02, True), (0.03, False)):
         A = sparse.csr_array(reducible + upper * np.eye(n, k=1))
         verdict = is_h_plus(A)
         assert verdict.answer is answer
@@ -146,11 +138,11 @@ def test_witnesses_may_need_nearly_the_range_of_floating_point():
 
 
 @pytest.mark.parametrize(
-    ("delta", "slope", "answer"),
-    [(4.0, 0.0, True), (0.0, 0.0, True), (-0.1, 0.0, False), (0.0, 0.5, True)],
+    ("delta", "number", "answer"),
+    [(4.0, 1, True), (0.0, 1, True), (-0.1, 1, False), (0.0, 2, True)],
 )
-def test_large_sparse_matrices_by_multigrid(delta, slope, answer, capfd):
-    A = five_point(150, delta, -1.0 - slope, -1.0 + slope)
+def test_large_sparse_matrices_by_multigrid(delta, number, answer, capfd):
+    A = five_point(150, delta, number)
     verdict = is_h_plus(A)
     assert verdict.answer is answer
     rows = (2.0 * sparse.diags_array(A.diagonal()) - abs(A)) @ verdict.witness
@@ -158,12 +150,7 @@ def test_large_sparse_matrices_by_multigrid(delta, slope, answer, capfd):
     assert capfd.readouterr() == ("", "")
 
 
-def test_m_matrices():
-    assert is_m_matrix(np.array([[2.0, -1.0], [-3.0, 2.0]])).answer is True
-    assert is_m_matrix(np.array([[2.0, -1.0], [-5.0, 2.0]])).answer is False
-    verdict = is_m_matrix(np.array([[2.0, 1.0], [0.0, 2.0]]))
-    assert (verdict.answer, verdict.witness) == (False, None)
-    assert "K[0, 1] = 1 > 0" in verdict.checked
+# ---- converges
 
 
 def random_problem(rng, kind):
@@ -187,7 +174,7 @@ def random_problem(rng, kind):
 
 def random_parameters(rng, method, D):
     """Some of the parameters that a method has."""
-    takes, given = METHODS[method].takes, {}
+    takes, given = TAKES[method].split(), {}
     if "alpha" in takes and rng.random() < 0.8:
         given["alpha"] = rng.uniform(0.2, 1.9)
     if "beta" in takes and rng.random() < 0.8:
@@ -199,39 +186,12 @@ def random_parameters(rng, method, D):
     return given
 
 
-def one_sweep(A, q, lower, upper, method, given, s):
-    """s+ by the formula of the module, or by the kernel for the accelerated family."""
-    parts = splitting(A, method, **given)
-    if parts.H:
-        step = step_of(A, q, lower, upper, method, **given)
-        return one_step(step, s, lower, upper)[0]
-    left, N, right = dense_parts(parts)
-    R = 2.0 * np.clip(s, lower, upper) - s
-    return np.linalg.solve(left, N @ s + right @ R - 2.0 * q)
-
-
-@pytest.mark.parametrize("method", METHODS)
-def test_splittings_are_those_of_the_sweeps(method):
-    rng = np.random.default_rng(3)
-    A, q, lower, upper = random_problem(rng, "any")
-    given = random_parameters(rng, method, np.diag(A))
-    parts = splitting(sparse.csr_array(A), method, **given)
-    np.testing.assert_allclose((parts.M - parts.N).toarray(), A, atol=1e-14)
-    s = rng.normal(size=q.size)
-    if not parts.H:
-        once = {"s0": s, "eps_abs": 1e-300, "max_iter": 1}
-        swept = sweep(A, q, lower, upper, method, **once, **given)
-        other = one_sweep(A, q, lower, upper, method, given, s)
-        ends = (swept.s, s, other)  # the better of the two iterates comes back
-        assert min(np.abs(ends[0] - end).max() for end in ends[1:]) < 1e-12
-
-
 @pytest.mark.parametrize("kind", ["spd", "positive real", "Z", "any"])
 @pytest.mark.parametrize("seed", range(3))
 def test_what_provably_converges_does(kind, seed):
     rng = np.random.default_rng(seed)
     proven = 0
-    for method in METHODS:
+    for method in TAKES:
         A, q, lower, upper = random_problem(rng, kind)
         given = random_parameters(rng, method, np.diag(A))
         make = KINDS[rng.choice(list(KINDS))]
@@ -239,16 +199,18 @@ def test_what_provably_converges_does(kind, seed):
         if verdict:
             proven += 1
             eps = 1e-9 * max(1.0, np.abs(A).max())
-            s0 = 10.0 * rng.normal(size=q.size)
-            limits = {"eps_abs": eps, "max_iter": 100_000, "s0": s0}
-            result = sweep(A, q, lower, upper, method, **given, **limits)
+            limits = {"eps_abs": eps, "max_iter": 100_000}
+            result = solve_lcp(
+                A, q, lower, upper, method=method, **given, **limits,
+                s0=10.0 * rng.normal(size=q.size),
+            )  # fmt: skip
             assert result.status is Status.SOLVED, (method, given, verdict)
             assert_contracts(verdict, A, q, lower, upper, method, given, rng)
         elif verdict.answer is False:
             e = np.ones(q.size)
-            result = sweep(
-                A, verdict.witness, 0.0 * e, np.inf * e, method, **given,
-                z0=e + 1e-3 * rng.normal(size=q.size), eps_abs=1e-10, max_iter=3000,
+            result = solve_lcp(
+                A, verdict.witness, method=method, **given, eps_abs=1e-10,
+                max_iter=3000, z0=e + 1e-3 * rng.normal(size=q.size),
             )  # fmt: skip
             elsewhere = np.abs(result.z - e).max() > 1e-7
             assert elsewhere or result.status is not Status.SOLVED
@@ -261,15 +223,21 @@ def assert_contracts(verdict, A, q, lower, upper, method, given, rng):
     witness = verdict.witness
     if witness is None:
         return
-    parts = splitting(A, method, **given)
-    Z = np.zeros_like(A)
-    if witness.ndim == 2 and parts.H:
-        Z = np.linalg.solve(dense_parts(parts)[0], -np.tril(A, -1))
+    M, omega = plain_sweeps.split(A, method, **given)
+    left, Z = M + np.diag(omega), np.zeros_like(A)
+    if method not in ACCELERATED and witness.ndim == 1:  # T of Theorem 2
+        T = np.abs(np.linalg.inv(left)) @ (np.abs(M - A) + np.abs(np.diag(omega) - A))
+        smaller = np.abs(np.linalg.solve(left, M - A))
+        smaller += np.abs(np.linalg.solve(left, np.diag(omega) - A))
+        rho = radius(T if "Theorem" in verdict.theorem else smaller)
+        assert rho <= verdict.bound * (1.0 + 1e-9) < 1.0 + 1e-9
+    if witness.ndim == 2 and method in ACCELERATED:
+        Z = np.linalg.solve(left, -np.tril(A, -1))
+    step = plain_sweeps.step(A, q, lower, upper, method, **given)
     for _ in range(10):
         pair = rng.normal(size=(2, q.size)) * rng.choice([0.1, 1.0, 10.0])
-        after = [one_sweep(A, q, lower, upper, method, given, s) for s in pair]
         sizes = []
-        for s, t in (pair, after):
+        for s, t in (pair, [step(s) for s in pair]):
             difference = s - t
             reflected = 2.0 * (np.clip(s, lower, upper) - np.clip(t, lower, upper))
             e = difference - Z @ (reflected - difference)
@@ -306,8 +274,7 @@ def test_semidefinite_matrices_are_left_undecided_unless_it_is_exact():
     assert converges(ring, "pgs").answer is True  # weakly dominant, seen exactly
     z = np.array([1.0, 0.0, 2.0, 0.0, 0.0, 3.0, 0.0, 0.0])
     q = np.where(z > 0.0, 0.0, 1.0) - A @ z
-    bounds = np.zeros(8), np.full(8, np.inf)
-    result = sweep(A, q, *bounds, "psor", alpha=1.2, eps_abs=1e-9, max_iter=100_000)
+    result = solve_lcp(A, q, method="psor", alpha=1.2, eps_abs=1e-9, max_iter=100_000)
     assert result.status is Status.SOLVED
 
 
@@ -317,19 +284,6 @@ def test_rounded_symmetry_is_named():
     verdict = converges(A, "psor", alpha=1.7)
     assert verdict.answer is not True or "bounded real" in verdict.theorem
     assert "A is not symmetric" in converges(A, "psor", alpha=1.98).checked
-
-
-@pytest.mark.parametrize("method", ["mgs", "namgs", "maor", "namj", "nam", "modulus"])
-def test_bounds_of_theorem_2_hold(method):
-    rng = np.random.default_rng(7)
-    for kind in ("any", "Z"):
-        A, *_ = random_problem(rng, kind)
-        parts = splitting(A, method)
-        left, N, right = dense_parts(parts)
-        T = np.abs(np.linalg.inv(left)) @ (np.abs(N) + np.abs(right))
-        lower, upper, _ = radius_bounds(T, rtol=1e-9)
-        rho = radius(T)
-        assert lower <= rho * (1.0 + 1e-9) <= upper * (1.0 + 2e-9)
 
 
 def test_h_plus_matrices_with_omega_above_d():
@@ -342,6 +296,44 @@ def test_h_plus_matrices_with_omega_above_d():
     limit = 2.0 / (1.0 + rho)
     assert "K v > 0" in converges(A, "psor", alpha=limit - 1e-3).theorem
     assert "K v > 0" not in converges(A, "psor", alpha=limit + 1e-3).theorem
+
+
+def test_theorem_2_where_the_comparison_fails():
+    """rho(T) < 1 beyond K: the bound is rho(T) of a matrix computed here."""
+    found = 0
+    for seed in range(40):
+        A, *_ = random_problem(np.random.default_rng(seed), "any")
+        for method in ("mgs", "namgs", "namj", "nam", "modulus"):
+            verdict = converges(A, method)
+            if "T of Theorem 2" not in verdict.theorem:
+                continue
+            M, omega = plain_sweeps.split(A, method)
+            T = np.abs(np.linalg.inv(M + np.diag(omega)))
+            T = T @ (np.abs(M - A) + np.abs(np.diag(omega) - A))
+            assert radius(T) == pytest.approx(verdict.bound, rel=1e-6)
+            found += 1
+    assert found > 1
+
+
+@pytest.mark.parametrize("number", [1, 2])
+@pytest.mark.parametrize("delta", [4.0, 0.0])
+def test_the_papers_runs_converge(number, delta):
+    """Where no comparison proves it, in the norm of a quadratic function."""
+    A = five_point(6, delta, number)
+    rng = np.random.default_rng(0)
+    for method, given in (
+        ("mgs", {}),
+        ("namgs", {"shift": 1.0}),
+        ("namsor", {"alpha": 0.91, "shift": 1.0}),
+    ):
+        verdict = converges(A, method, **given)
+        assert verdict.answer is True
+        if method == "namgs" and delta == 0.0:
+            assert "bounded real lemma" in verdict.theorem
+            assert verdict.bound < 1.0
+        q, lower, upper = -np.ones(36), np.zeros(36), np.full(36, np.inf)
+        data = A.toarray(), q, lower, upper
+        assert_contracts(verdict, *data, method, given, rng)
 
 
 def test_theorem_3_piece_by_piece():
@@ -372,44 +364,29 @@ def test_theorem_3_piece_by_piece():
         theorem_3(A, "pgs")
 
 
-@pytest.mark.parametrize("example", [(-1.0, -1.0), (-1.5, -0.5)])
-@pytest.mark.parametrize("delta", [4.0, 0.0])
-def test_the_papers_runs_have_a_lyapunov_function(example, delta):
-    A = five_point(10, delta, *example)
-    for method, given in (
-        ("mgs", {}),
-        ("namgs", {"shift": 1.0}),
-        ("namsor", {"alpha": 0.91, "shift": 1.0}),
-    ):
-        assert converges(A, method, **given).answer is True
-        found = lyapunov_function(splitting(A, method, **given))
-        assert found is not None
-        assert found.factor < 1.0
-
-
 def test_h_compatible_splittings():
     A = five_point(4, 1.0)
     D = sparse.diags_array(A.diagonal())
     assert is_h_compatible(D, D - A).answer is True
     assert is_h_compatible(abs(A), abs(A) - A).answer is False
-    parts = splitting(A, "namgs")
-    assert is_h_compatible(parts.M, parts.N).answer is False
-    parts = splitting(A, "msor", alpha=0.8)
-    assert is_h_compatible(parts.M, parts.N).answer is True
+    for method, given, answer in (("namgs", {}, False), ("msor", {"alpha": 0.8}, True)):
+        M, _ = plain_sweeps.split(A.toarray(), method, **given)
+        M = sparse.csr_array(M)
+        assert is_h_compatible(M, sparse.csr_array(M - A)).answer is answer
 
 
 def test_wrong_arguments_are_named():
     A = np.eye(2)
-    with pytest.raises(ValueError, match="method must be a sweep method"):
-        converges(A, "auto")
-    with pytest.raises(ValueError, match="omega must be given in numbers"):
-        converges(A, "mgs", omega="auto")
-    with pytest.raises(ValueError, match="omega is not a parameter of method 'pgs'"):
-        converges(A, "pgs", omega=1.0)
+    for given, message in (
+        ({"method": "auto"}, "method must be a sweep method"),
+        ({"method": "mgs", "omega": "auto"}, "omega must be given in numbers"),
+        ({"method": "pgs", "omega": 1.0}, "omega is not a parameter of method 'pgs'"),
+        ({"method": "psor", "alpha": 2.0}, r"alpha must lie in \(0, 2\)"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            converges(A, **given)
     with pytest.raises(ValueError, match="A must have a positive diagonal"):
         converges(-A, "pgs")
-    with pytest.raises(ValueError, match=r"alpha must lie in \(0, 2\)"):
-        converges(A, "psor", alpha=2.0)
 
 
 def test_undecided_verdicts_say_what_was_tried():

@@ -1,0 +1,245 @@
+"""Kernels beside plain transcriptions: relaxation, blocks, fronts, cones."""
+
+import numpy as np
+import problems_lcp as problems
+import pytest
+from scipy import sparse
+
+from namlcp.lcp.general.cones import system_of
+from namlcp.lcp.general.cones.condensed import principal
+from namlcp.lcp.general.cones.fronts import Fronts
+from namlcp.lcp.relaxation import relax_back, relax_csr
+from namlcp.linalg.minimum_degree import minimum_degree
+from namlcp.linalg.supernodes import blocks_of, factor_blocks, solve_blocks
+from validation.problems import contact_scenes
+from validation.problems.general.families import FAMILIES
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(20261121)
+
+
+# ---- projected relaxation
+
+
+@pytest.mark.parametrize("alpha", [0.7, 1.0, 1.6])
+def test_relaxation_forward_and_backward(rng, alpha):
+    n = 60
+    A = sparse.random_array((n, n), density=0.2, rng=rng) + 4.0 * sparse.eye_array(n)
+    A = sparse.csr_array(A)
+    A.sort_indices()
+    q, lower = rng.standard_normal(n), -rng.random(n)
+    upper = lower + rng.random(n)
+    z = np.clip(rng.standard_normal(n), lower, upper)
+    for order, given in ((range(n), (alpha,)), (range(n - 1, -1, -1), ())):
+        found, expected, full = z.copy(), z.copy(), A.toarray()
+        for i in order:
+            step = (alpha if given else 1.0) * (full[i] @ expected + q[i]) / full[i, i]
+            expected[i] = min(max(expected[i] - step, lower[i]), upper[i])
+        kernel = relax_csr if given else relax_back
+        moved = kernel(A.indptr, A.indices, A.data, q, lower, upper, *given, found)
+        np.testing.assert_allclose(found, expected, atol=1e-13)
+        if given:
+            size = np.linalg.norm(np.sqrt(A.diagonal()) * (expected - z))
+            assert moved == pytest.approx(size)
+
+
+# ---- factors of symmetric faces in blocks
+
+
+@pytest.mark.parametrize("kind", ["grid", "heap"])
+@pytest.mark.parametrize("share", [0.6, 1.0])
+def test_factor_in_blocks(rng, kind, share):
+    """Against a dense solve: all anew, and after some unknowns changed their state."""
+    A = problems.laplacian(18) if kind == "grid" else contact_scenes.heap(300).A
+    A = sparse.csr_array((A + A.T) / 2)
+    A.sort_indices()
+    n = A.shape[0]
+    member = rng.random(n) < share
+    pattern = A.indptr.astype(np.int32), A.indices.astype(np.int32)
+    order = minimum_degree(*pattern, member)
+    blocks = blocks_of(*pattern, order)
+    assert sorted(blocks.order) == list(np.flatnonzero(member))
+    values = np.full(blocks.nodes.panels[-1], np.nan)
+    shift, b = A.diagonal() * rng.random(n), rng.standard_normal(n)
+    free, changed = member & (rng.random(n) < 0.8), member
+    for _ in range(4):
+        least, part = factor_blocks(A.data, shift, free, changed, blocks, values)
+        assert least == 1.0
+        assert part <= 1.0
+        x = np.zeros(n)
+        solve_blocks(blocks, free, values, b, x)
+        F = np.flatnonzero(free)
+        M = A.toarray()[np.ix_(F, F)] + np.diag(shift[F])
+        np.testing.assert_allclose(M @ x[F], b[F], atol=1e-9)
+        assert not x[~free].any()
+        changed = member & (rng.random(n) < 0.02)
+        free = free ^ changed
+    shift[:] = -0.9 * A.diagonal().max()  # so that it is indefinite
+    least, _ = factor_blocks(A.data, shift, member, member, blocks, values)
+    assert least < -0.1
+
+
+# ---- L U by dense fronts, without row exchanges
+
+
+def grid(rows, columns):
+    """Return the pattern of a grid whose neighbours, diagonal ones too, are joined."""
+    line, other = (
+        np.abs(np.subtract.outer(np.arange(k), np.arange(k))) <= 1
+        for k in (rows, columns)
+    )
+    return np.kron(line, other)
+
+
+def scattered(n, seed):
+    """Return a random symmetric pattern with its diagonal."""
+    some = np.random.default_rng(seed).random((n, n)) < 3.0 / n
+    return some | some.T | np.eye(n, dtype=bool)
+
+
+arrow = np.eye(40, dtype=bool)
+arrow[0] = arrow[:, 0] = True
+PATTERNS = {
+    "one": np.ones((1, 1), dtype=bool),
+    "diagonal": np.eye(4, dtype=bool),
+    "dense": np.ones((90, 90), dtype=bool),
+    "grid": grid(15, 12),
+    "two parts": np.kron(np.eye(2, dtype=bool), grid(4, 5)),
+    "arrow": arrow,
+    "scattered": scattered(80, 1),
+}
+
+
+def matrix(pattern, seed):
+    """Return K of a pattern, with a diagonal of both signs that leads."""
+    rng, n = np.random.default_rng(seed), len(pattern)
+    K = rng.uniform(-1.0, 1.0, (n, n)) * pattern
+    signs = rng.choice([-1.0, 1.0], n)
+    np.fill_diagonal(K, signs * (1.0 + np.abs(K).sum(axis=1)))
+    return K
+
+
+def values(K, pattern):
+    """Return the CSC pattern and the entries of K in it."""
+    P = sparse.csc_array(pattern)
+    columns = np.repeat(np.arange(len(K)), np.diff(P.indptr))
+    return P.indptr, P.indices, K[P.indices, columns]
+
+
+@pytest.mark.parametrize("name", PATTERNS)
+def test_fronts_solve_as_dense_algebra_does(name):
+    pattern = PATTERNS[name]
+    fronts = Fronts(*values(matrix(pattern, 0), pattern)[:2])
+    kept, b = [], np.random.default_rng(0).standard_normal(len(pattern))
+    for seed in range(3):  # the layout serves all matrices of the pattern
+        K = matrix(pattern, seed)
+        kept.append((fronts.factors(values(K, pattern)[2]), K))
+    for lu, K in kept:  # factors stay what they were when others are made
+        x = np.linalg.solve(K, b)
+        assert np.allclose(lu.solve(b), x, rtol=0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize("value", [0.0, np.nan])
+@pytest.mark.parametrize("name", ["one", "diagonal", "grid"])
+def test_a_pivot_that_vanishes_is_told(name, value):
+    pattern = PATTERNS[name]
+    K = matrix(pattern, 0)
+    K[-1] = K[:, -1] = 0.0
+    K[-1, -1] = value
+    indptr, indices, data = values(K, pattern)
+    assert Fronts(indptr, indices).factors(data) is None
+
+
+# ---- factors with friction cones eliminated
+
+
+def friction(family, n=120, seed=0):
+    """Return A of a scene, scaled to a unit diagonal where that is positive."""
+    A = sparse.csc_array(FAMILIES[family](n, seed)[0])
+    slopes = A.diagonal()
+    d = sparse.diags_array(1.0 / np.sqrt(np.where(slopes > 0.0, slopes, 1.0)))
+    return sparse.csc_array(d @ A @ d)
+
+
+@pytest.mark.parametrize("family", ["pile", "wall", "chain", "balls", "cubes"])
+@pytest.mark.parametrize("digits", [0, 3, 6])
+def test_solutions_with_cones_are_those_of_dense_algebra(family, digits):
+    M, rng = friction(family, 60), np.random.default_rng(digits)
+    n = M.shape[0]
+    system = system_of(M)
+    for _ in range(3):  # the first factors choose an order, later ones keep it
+        D = 10.0 ** rng.uniform(-digits, digits, n)
+        K = M.toarray() + np.diag(D)
+        r = rng.standard_normal((n, 2))
+        factors = system.factors(D)
+        x = np.linalg.solve(K, r)
+        close = 1e-15 * np.linalg.cond(K) * np.abs(x).max()
+        assert np.allclose(factors.solve(r), x, rtol=0.0, atol=close)
+        assert np.array_equal(factors.solve(r[:, 0]), factors.solve(r)[:, 0])
+        assert 0 < factors.entries < n * n
+
+
+@pytest.mark.parametrize("value", [0.0, np.inf, np.nan, 1e-320])
+@pytest.mark.parametrize("family", ["pile", "balls"])
+def test_a_path_that_has_diverged_has_no_factors(family, value):
+    M = friction(family)
+    D = np.ones(M.shape[0])
+    D[[-1, M.shape[0] // 2]] = value
+    assert system_of(M).factors(D) is None
+
+
+def changed(A, *entries):
+    A = sparse.lil_array(A)
+    for i, j, value in entries:
+        A[i, j] = value
+    return sparse.csc_array(A)
+
+
+def test_matrices_that_are_nearly_friction_are_solved_too():
+    """Whatever is recognised or not, K x = r."""
+    A = sparse.csc_array(FAMILIES["pile"](120, 0)[0])
+    k, rng = A.shape[0] // 4, np.random.default_rng(0)
+    inertia = sparse.diags_array(np.repeat([1.0, 0.0, 1.0], [k, 2 * k, k]))
+    for M in (
+        sparse.eye_array(5, format="csc"),  # no speeds
+        sparse.csc_array(np.array([[1.0, 1.0], [-1.0, 0.0]])),  # one direction
+        changed(A, (k, 0, A[k, 0] + 0.1)),  # a direction turned
+        changed(A, (3 * k, 1, 0.5)),  # speed and another impulse
+        changed(A, (k + 1, 3 * k, 1.0)),  # a third direction
+        changed(A, (3 * k, k, -0.5)),  # a weight lost
+        changed(A, (k, 3 * k, -1.0), (3 * k, k, 1.0)),  # directions pull
+        sparse.csc_array(inertia @ A @ inertia),  # directions without inertia
+    ):
+        D, r = rng.uniform(0.5, 2.0, M.shape[0]), rng.standard_normal(M.shape[0])
+        K = M.toarray() + np.diag(D)
+        x = system_of(M).factors(D).solve(r)
+        np.testing.assert_allclose(K @ x, r, atol=1e-9)
+
+
+@pytest.mark.parametrize("family", ["balls", "cubes"])
+@pytest.mark.parametrize("seed", range(6))
+def test_small_and_large_entries_of_the_diagonal_lose_no_digits(family, seed):
+    # sticking and sliding directions of one contact: d_j from 1e-10 to 1e10
+    M, rng = friction(family, 300), np.random.default_rng(seed)
+    D = 10.0 ** rng.choice([-10.0, 10.0], M.shape[0])
+    K = M + sparse.diags_array(D)
+    r = np.sqrt(D) * rng.standard_normal(D.size)
+    x = system_of(M).factors(D).solve(r)
+    assert np.abs(K @ x - r).max() <= 1e-14 * (abs(K) @ np.abs(x)).max()
+
+
+@pytest.mark.parametrize("p", [1, 2])
+def test_axes_are_principal_however_different_the_weights_are(p):
+    rng = np.random.default_rng(p)
+    w, a = 10.0 ** rng.uniform(-10.0, 10.0, (100, 9)), rng.standard_normal((100, 9, p))
+    values, axes, turned = principal(w, a)
+    total = np.einsum("kj,kjp,kjq->kpq", w, a, a)
+    found = axes @ (values[:, :, None] * axes.transpose(0, 2, 1))
+    size = np.abs(total).max(axis=(1, 2), keepdims=True)
+    assert np.abs((found - total) / size).max() <= 1e-14
+    assert np.abs(a @ axes - turned).max() <= 1e-14
+    root = np.sqrt(values[:, :, None] * values[:, None])
+    own = np.einsum("kj,kjp,kjq->kpq", w, turned, turned) / root
+    assert np.abs(own - np.eye(p)).max() <= 1e-14
