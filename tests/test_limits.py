@@ -270,7 +270,7 @@ def three_diagonals(n=400):
 SWEEPS = ("pgs", "psor", "namgs", "modulus", "amsor", "namj")
 RNG = np.random.default_rng(0)
 LCPS = {
-    "pivoting": (problems.triangular_p(RNG, 40, 10.0), -np.ones(40), {}),
+    "pivoting": (problems.skew(RNG, 40, 1.0), np.cos(np.arange(40.0)), {}),
     "tridiagonal": (three_diagonals(), np.cos(np.arange(400.0) ** 2), {}),
     "mprgp": (operator(problems.laplacian(20)), -np.cos(np.arange(400.0)), {}),
     "multigrid": (

@@ -21,7 +21,7 @@ from validation.harness import cli, csv_files
 PART = (
     "checks", "residuals", "inputs", "limits", "threads", "main", "public_api",
     "ordering", "dense", "path", "substitution", "multifrontal", "infeasible",
-    "scaling", "solve_lcp", "homogeneous", "sweeps", "tridiagonal", "multigrid",
+    "scaling", "solve_lcp", "monotone", "sweeps", "tridiagonal", "multigrid",
     "mprgp", "coloured", "convergence", "qpsolvers", "compiled", "blas_threads",
 )  # fmt: skip
 

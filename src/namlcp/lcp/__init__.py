@@ -5,7 +5,7 @@ from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.modulus import METHODS, Parameters, checked_parameters, find_method
 from namlcp.lcp.multigrid import FreeSystem
 from namlcp.lcp.operators import Operator
-from namlcp.lcp.pivoting import ACCURACY, Attempt, outcome_of, pivot
+from namlcp.lcp.pivoting import ACCURACY, Attempt, pivot
 from namlcp.lcp.prepared import Prepared
 from namlcp.lcp.relaxation import relax_csr
 from namlcp.lcp.solve import solve_lcp

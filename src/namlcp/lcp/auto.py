@@ -3,8 +3,8 @@
 MPRGP solves LCPs with a LinearOperator, elimination those with a tridiagonal A. For any
 other large sparse A projected SOR is tried as long as it converges fast enough, then
 multigrid where A suits it. Pivoting solves the rest, and what these leave unsolved.
-Where A is found to be neither a P-matrix nor semidefinite, by its diagonal or while
-pivoting, the methods of `namlcp.lcp.general` take over.
+Where pivoting makes no progress, or the diagonal of A shows that it is neither a
+P-matrix nor semidefinite, the methods of `namlcp.lcp.general` take over.
 """
 
 import numpy as np
@@ -58,9 +58,7 @@ def solve_auto(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
             return outcome._replace(status=Status.TIME_LIMIT)
         z0 = outcome.z
     outcome = solve_box(lcp, z0, limits)
-    # Murty's rule is finite for P-matrices alone, and may take too long for them.
-    circles = outcome.status is Status.MAX_ITER and limits.max_iter is None
-    if circles or (outcome.status is Status.STALLED and outcome.beyond):
+    if outcome.status is Status.STALLED:
         return solve_general(lcp, outcome.z, limits, outcome.iterations)
     return outcome
 

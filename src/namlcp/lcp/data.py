@@ -64,7 +64,7 @@ class Outcome(NamedTuple):
 
     ray: proof that there is no solution, if any, with UNSOLVABLE. s: modulus variable,
     from sweep methods only. convex: A was tested and is positive semidefinite. message:
-    a sentence that adds to the status. beyond: A is in no class that the method solves.
+    a sentence that adds to the status.
     """
 
     status: Status
@@ -76,7 +76,6 @@ class Outcome(NamedTuple):
     s: np.ndarray | None = None
     convex: bool = False
     message: str = ""
-    beyond: bool = False
 
 
 def spread_number(name: str, value: Any, n: int) -> np.ndarray:

@@ -9,14 +9,12 @@ from namlcp.lcp.data import lcp_matrix
 from namlcp.lcp.lazy import kept
 from namlcp.lcp.multigrid import Hierarchy, build
 from namlcp.lcp.relaxation import dominance_csr
-from namlcp.lcp.scaling import congruent, equilibrating_scale
 from namlcp.lcp.tridiagonal import Tridiagonal, tridiagonal_of
 from namlcp.limits import NEVER, Deadline
 from namlcp.linalg import (
     Columns,
     arrays_of,
     columns_of,
-    is_positive_semidefinite,
     is_symmetric,
 )
 
@@ -136,15 +134,6 @@ class Prepared:
             sparse_enough = n > DENSE_ORDER and np.count_nonzero(A) < SPARSE * n * n
             return sparse.csr_array(A) if sparse_enough else A
         return A.toarray() if n <= DENSE_ORDER or A.nnz >= SPARSE * n * n else A
-
-    def is_semidefinite(self, tolerance: float) -> bool:
-        """Tell whether A + tolerance I is positive definite, A equilibrated before.
-
-        That scales rows with a_ii = 0, too.
-        """
-        A = self.compact
-        scaled = congruent(A, equilibrating_scale(A))
-        return is_positive_semidefinite(scaled, tolerance)
 
     @kept
     def columns(self) -> Columns:

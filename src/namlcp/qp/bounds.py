@@ -20,7 +20,6 @@ from namlcp.lcp import (
     Attempt,
     Outcome,
     Prepared,
-    outcome_of,
     pivot,
     relax_csr,
     solve_auto,
@@ -138,7 +137,7 @@ def solve_bounds(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Answer
             if residuals.solved(*limits.tolerances):
                 count = now.factorisations
                 return Answer(Status.SOLVED, point, residuals, count, "bounds")
-        outcome = outcome_of(attempt)
+        outcome = attempt.outcome()
     status, iterations = outcome.status, outcome.iterations
     point, residuals = corrected_point(qp, outcome.z, limits)
     if outcome.ray is not None:

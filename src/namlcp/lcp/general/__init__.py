@@ -16,7 +16,8 @@
 | `mehrotra` | an infeasible interior path |
 | `arc` | Lemke's homotopy as a smooth curve |
 | `finish` | the exact solution near an interior point |
-| `farkas` | proofs that there is no solution |
+| `proximal` | the same where A is symmetric and the face hard to tell |
+| `farkas`, `homogeneous` | proofs that there is no solution, by an interior path |
 """
 
 from namlcp.lcp.general.lemke import solve_lemke

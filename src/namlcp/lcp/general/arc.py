@@ -30,8 +30,7 @@ SHIFT = 1e-12
 
 STEPS, PROMISED_STEPS = 400, 2000
 """Steps at most: of any matrix; of one with friction cones, where the curve leads to a
-solution, but may wind: with 4000 unknowns it has been seen to turn 100 times. Which one
-winds is luck: two starts of 2000 steps are better than one of 4000."""
+solution, but may wind: with 4000 unknowns it has been seen to turn 100 times."""
 
 FIRST_STEP, LEAST_STEP, MOST_STEP = 0.9, 0.02, 0.98
 """Largest relative change of a gap or multiplier in a step along the curve: in the
@@ -132,14 +131,14 @@ class Directions:
 class Arc:
     """The curve from one start; `points` follows it."""
 
-    def __init__(self, model: Distances, system: Systems, size: float, big: float):
-        """Start at gaps of `size`, with multipliers that make d >= big."""
+    def __init__(self, model: Distances, system: Systems):
+        """Start at gaps of 1, as max |c_i| = 1, with multipliers that make d >= 1."""
         self.model, self.system, self.pairs = model, system, Pairs(model)
         self.steps = PROMISED_STEPS if isinstance(system, Condensed) else STEPS
         pairs = self.pairs
-        p, gaps = pairs.start(model.r, size)
+        p, gaps = pairs.start(model.r)
         F = model.F(p)
-        m = np.maximum(pairs.of(F), 0.0) + big
+        m = np.maximum(pairs.of(F), 0.0) + 1.0
         self.d = pairs.total(m) - F
         self.products = gaps * m
         self.first = Point(p, gaps, m, 1.0)

@@ -19,42 +19,15 @@ from scipy import sparse
 
 from namlcp.lcp.data import LCP
 from namlcp.lcp.distances import Distances
-from namlcp.lcp.pivoting import CLEAR, CLEARER, homogeneous_path
-from namlcp.lcp.shifted import Shifted, Solver
-from namlcp.linalg import plan_factors
+from namlcp.lcp.general.homogeneous import homogeneous_path
+from namlcp.lcp.shifted import Quasidefinite
+
+CLEAR, CLEARER = 1e3, 10.0
+"""A proof is sought once kappa / tau of the path exceeds CLEAR, and again whenever it
+has grown by the factor CLEARER."""
 
 FEASIBLE = 1e-6
 """kappa / tau of the path below which the program counts as feasible."""
-
-
-class SaddleSystem:
-    """The matrix [0 -B'; B 0] of a linear program, and its sums with diagonals > 0.
-
-    With the signs of the lower rows changed these are symmetric and quasi-definite.
-    They are factored as such: SuperLU takes up to a hundred times as long.
-    """
-
-    def __init__(self, M: sparse.csc_array, signs: np.ndarray):
-        """`signs` (m,) is 1 in the upper rows, -1 in the lower ones."""
-        self.M, self.signs = M, signs
-        pattern = M + sparse.diags_array(np.ones(signs.size))
-        upper = sparse.csc_array(sparse.triu(sparse.diags_array(signs) @ pattern))
-        upper.sort_indices()
-        self.data, self.last = upper.data, upper.indptr[1:] - 1
-        self.plan = plan_factors(upper.indptr, upper.indices)
-
-    def factors(self, diagonal: np.ndarray) -> Solver | None:
-        """Factor the sum; return None if it is singular."""
-        self.data[self.last] = self.signs * diagonal
-        try:
-            self.plan.refactor(self.data)
-        except ValueError:  # a pivot is 0, by rounding: exchange rows
-            return Shifted(self.M).factors(diagonal)
-        return self
-
-    def solve(self, b: np.ndarray) -> np.ndarray:
-        """Return the solution for b (m,), with the factors of the last sum."""
-        return self.plan.solve(self.signs * b)
 
 
 def farkas(lcp: LCP) -> Iterator[np.ndarray]:
@@ -72,14 +45,14 @@ def farkas(lcp: LCP) -> Iterator[np.ndarray]:
     upper = np.append(lcp.upper, np.where(high, 0.0, np.inf)[rows])
     q = np.concatenate((np.zeros(n), lcp.q[rows]))
 
-    def system(model: Distances) -> SaddleSystem:
-        return SaddleSystem(model.M, np.where(model.kept < n, 1.0, -1.0))
+    def system(model: Distances) -> Quasidefinite:
+        return Quasidefinite(model.M, np.where(model.kept < n, 1.0, -1.0))
 
     clear = CLEAR
-    for point in homogeneous_path(matrix, q, lower, upper, system):
-        if point.ratio < FEASIBLE:
+    for ratio, ray in homogeneous_path(matrix, q, lower, upper, system):
+        if ratio < FEASIBLE:
             return
         v = np.zeros(n)
-        if point.ratio > clear:
-            v[rows], clear = point.z[n:], CLEARER * point.ratio
+        if ratio > clear:
+            v[rows], clear = ray[n:], CLEARER * ratio
         yield v

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from namlcp.lcp.distances import Distances
-from namlcp.lcp.shifted import Shifted
+from namlcp.lcp.shifted import HELD, Quasidefinite, Shifted, System
 
 PROXIMAL = 1e-8
 """Weight of the proximal term, relative to the unit diagonal."""
@@ -26,14 +26,14 @@ ROUNDING = 1e-13
 """Wrong p or F, relative to the largest p and to max |c_i| = 1, that counts as 0."""
 
 
-def finish(model: Distances, p: np.ndarray) -> Iterator[np.ndarray]:
+def finish(model: Distances, system: System, p: np.ndarray) -> Iterator[np.ndarray]:
     """Yield points on one face after another, one factorisation each, from p inside."""
     s = p - model.F(p)
     low, high = s <= model.lower, s >= model.upper
     fewest, patience = s.size + 1, PATIENCE
     for _ in range(FACES):
         x = np.where(low, model.lower, np.where(high, model.upper, p))
-        solve_on_face(model, ~(low | high), x)
+        solve_on_face(model, system, ~(low | high), x)
         F = model.F(x)
         zero = ROUNDING * max(1.0, float(np.abs(x).max(initial=0.0)))
         yield np.clip(x, model.lower, model.upper)
@@ -50,20 +50,26 @@ def finish(model: Distances, p: np.ndarray) -> Iterator[np.ndarray]:
         high = (high & ~falls) | over
 
 
-def solve_on_face(model: Distances, free: np.ndarray, x: np.ndarray) -> None:
+def solve_on_face(
+    model: Distances, system: System, free: np.ndarray, x: np.ndarray
+) -> None:
     """Move the free entries of x until F = 0 there, as far as that is possible."""
     rows = np.flatnonzero(free)
     if rows.size == 0:
         return
-    part = model.M if rows.size == x.size else model.M[:, rows][rows]
-    factors = Shifted(part).factors(np.full(rows.size, PROXIMAL))
+    if isinstance(system, Quasidefinite):  # no order of elimination is made anew
+        rows, weight = np.arange(x.size), np.where(free, PROXIMAL, HELD)
+    else:
+        weight = np.full(rows.size, PROXIMAL)
+        system = Shifted(model.M if rows.size == x.size else model.M[:, rows][rows])
+    factors = system.factors(weight)
     if factors is None:
         return
     least = np.inf
     for _ in range(REFINEMENTS):
-        F = model.F(x)[rows]
+        F = np.where(free, model.F(x), 0.0)
         error = float(np.abs(F).max(initial=0.0))
         if not error < 0.5 * least:
             return
         least = error
-        x[rows] -= factors.solve(F)
+        x[rows] -= factors.solve(F[rows])

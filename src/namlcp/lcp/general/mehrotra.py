@@ -15,13 +15,13 @@ from typing import NamedTuple
 import numpy as np
 
 from namlcp.lcp.distances import Distances
-from namlcp.lcp.general.cones import AnyFactors, Systems
 from namlcp.lcp.general.pairs import Pairs
+from namlcp.lcp.shifted import Solver, System
 
 SHIFT = 1e-11
 """Added to the unit diagonal, so that a singular matrix can be factored."""
 
-STEPS = 40
+STEPS = 100
 """Steps at most."""
 
 STEP_PART = 0.99
@@ -49,9 +49,7 @@ class Point(NamedTuple):
 class Newton:
     """Newton's equations at a point for F = total(m) and products of our choice."""
 
-    def __init__(
-        self, pairs: Pairs, at: Point, excess: np.ndarray, factors: AnyFactors
-    ):
+    def __init__(self, pairs: Pairs, at: Point, excess: np.ndarray, factors: Solver):
         """`excess` is F - total(m), `factors` are those of M + diag(m / gaps)."""
         self.pairs, self.at, self.excess, self.factors = pairs, at, excess, factors
 
@@ -76,12 +74,11 @@ class Newton:
         return aim - np.clip(d.gaps * d.m, -mu, mu) - products
 
 
-def mehrotra(model: Distances, system: Systems) -> Iterator[np.ndarray]:
+def mehrotra(model: Distances, system: System) -> Iterator[np.ndarray]:
     """Yield the points p of the path, one factorisation from one to the next."""
     pairs = Pairs(model)
-    size = 1.0  # max |c_i| of the model
-    p, gaps = pairs.start(model.r, size)
-    at = Point(p, gaps, np.full(gaps.size, size))
+    p, gaps = pairs.start(model.r)
+    at = Point(p, gaps, np.ones(gaps.size))  # max |c_i| of the model is 1
     least, jams = [math.inf], 0
     for _ in range(STEPS):
         yield at.p

@@ -7,7 +7,6 @@ likely to end the search soon comes first.
 
 import math
 from collections.abc import Callable
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -15,6 +14,7 @@ from scipy import sparse
 
 from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.general.arc import Arc
+from namlcp.lcp.general.cones import system_of
 from namlcp.lcp.general.enumeration import LARGEST_ENUMERATION, solve_by_enumeration
 from namlcp.lcp.general.farkas import farkas
 from namlcp.lcp.general.games import solve_game
@@ -130,12 +130,9 @@ def by_enumeration(search: Search) -> Outcome | None:
     return outcome
 
 
-def by_arc(search: Search, size: float = 1.0) -> Outcome | None:
-    """Follow the smooth homotopy; where it goes to infinity, ask if that is a proof.
-
-    It starts with gaps and an excess of multipliers of this size, where max |q_i| = 1.
-    """
-    arc = Arc(search.model, search.system, size, size)
+def by_arc(search: Search) -> Outcome | None:
+    """Follow the smooth homotopy; where it goes to infinity, ask if that is a proof."""
+    arc = Arc(search.model, system_of(search.model.M))
     last = search.follow(arc.points(), "arc")
     return None if search.over() else search.disproved(search.clipped(last))
 
@@ -148,6 +145,5 @@ STAGES = (
     Stage(by_enumeration, most=LARGEST_ENUMERATION),
     Stage(by_arc),
     Stage(by_proof, least=PROOF_ORDER),
-    Stage(partial(by_arc, size=3.0)),
     Stage(by_lemke_last, most=LAST_LEMKE_ORDER),
 )

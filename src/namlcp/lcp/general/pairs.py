@@ -40,14 +40,14 @@ class Pairs:
         x[self.boxed] += sign * m[self.signed.size :]
         return x
 
-    def start(self, r: np.ndarray, size: float) -> tuple[np.ndarray, np.ndarray]:
-        """Return p and its gaps: `size`, or the middle of the box where that is nearer.
+    def start(self, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return p and its gaps: 1, or the middle of the box where that is nearer.
 
         Unknowns without bounds start at 0.
         """
         p = np.zeros(self.size)
-        p[self.signed] = size
-        p[self.boxed] = np.minimum(size, 0.5 * r[self.boxed])
+        p[self.signed] = 1.0
+        p[self.boxed] = np.minimum(1.0, 0.5 * r[self.boxed])
         gaps = self.of(p).copy()
         gaps[self.signed.size :] += r[self.boxed]
         return p, gaps

@@ -9,14 +9,17 @@ from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
+from scipy import sparse
 
 from namlcp.lcp.criterion import Criterion, is_solved_by_zero
 from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.distances import Distances
-from namlcp.lcp.general.cones import Systems, system_of
+from namlcp.lcp.general.cones import system_of
 from namlcp.lcp.general.finish import finish
+from namlcp.lcp.general.proximal import proximal_steps
 from namlcp.lcp.pivoting import proof
 from namlcp.lcp.scaling import unit_diagonal_scale
+from namlcp.lcp.shifted import Quasidefinite, System
 from namlcp.limits import Limits
 from namlcp.status import Status
 
@@ -58,9 +61,12 @@ class Search:
         return Distances(A, q, lower, upper, unit_diagonal_scale)
 
     @cached_property
-    def system(self) -> Systems:
-        """The linear systems of the paths."""
-        return system_of(self.model.M)
+    def system(self) -> System:
+        """The linear systems of the path."""
+        M = self.model.M
+        if self.lcp.matrix.symmetric and sparse.issparse(M):
+            return Quasidefinite(M, np.ones(M.shape[0]))
+        return system_of(M)
 
     def over(self) -> bool:
         """Tell whether to stop: nothing is left to do, or a limit is reached."""
@@ -97,7 +103,7 @@ class Search:
                 break
             if found <= aim:
                 aim = AGAIN * found
-                self.seek(p, method)
+                self.seek(finish(model, self.system, p), method)
                 if self.over():
                     break
             self.count += 1
@@ -105,22 +111,28 @@ class Search:
         self.offer(self.clipped(best), method)
         if least <= CLOSE and self.count < self.most:
             self.complete(best, method)
+        if self.lcp.matrix.symmetric and not self.over():
+            self.seek(proximal_steps(model, self.system, best), method, True)
         return last
 
     def complete(self, p: np.ndarray, method: str) -> None:
         """Seek the exact solution near p; be content with what the limits allow."""
-        self.seek(p, method)
+        self.seek(finish(self.model, self.system, p), method)
         self.ended |= self.solved
 
-    def seek(self, p: np.ndarray, method: str) -> None:
-        """Seek the exact solution near p; only that ends the search."""
-        model = self.model
-        for x in finish(model, p):
+    def seek(
+        self, points: Iterator[np.ndarray], method: str, any_solution: bool = False
+    ) -> None:
+        """Seek an exact solution among points, or any one; only that ends the search.
+
+        The points come at one factorisation each.
+        """
+        for x in points:
             self.count += 1
             self.offer(self.clipped(x), method)
             self.report()
-            if model.residual(x, model.F(x)) <= EXACT:
-                self.ended = True
+            exact = self.model.residual(x, self.model.F(x)) <= EXACT
+            self.ended = exact or (any_solution and self.solved)
             if self.over():
                 break
 

@@ -6,7 +6,7 @@ left to be factored.
 """
 
 from namlcp.compiled import floats, ints, part
-from namlcp.lcp.pivoting.free_system import REGULAR, analyse, free_order, refactor
+from namlcp.lcp.pivoting.free_system import analyse, free_order, refactor
 from namlcp.lcp.pivoting.state import matrix_of
 from namlcp.linalg import PSD_SLACK
 
@@ -38,7 +38,7 @@ def is_definite(m, is_known):
     for i in range(m.n):
         shift[i] = PSD_SLACK
     factor = analyse(m, free_order(m, state))
-    return refactor(m, shift, factor) == REGULAR
+    return refactor(m, shift, factor)
 
 
 @part

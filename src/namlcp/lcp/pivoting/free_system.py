@@ -23,14 +23,8 @@ from namlcp.linalg import (
     lu_solve,
 )
 
-# What `refactor` returns.
-REGULAR, SINGULAR, INDEFINITE = range(3)
-
 JITTER = 1e-11
 """Added to the unit diagonal where Cholesky fails, so that a singular A_FF succeeds."""
-
-LEAST_MINOR = 1e-10
-"""If a pivot of LU is smaller, rounding may decide the sign of the determinant."""
 
 LEAST_PIVOT = -1e-7
 """Pivot of L D L', for a unit diagonal, below which A_FF counts as indefinite."""
@@ -88,37 +82,24 @@ def clear_positions(order, local):
 
 @part
 def dense_factor(m, shift, factor):
-    """Overwrite factor.dense; return REGULAR, SINGULAR or INDEFINITE.
-
-    INDEFINITE means for a nonsymmetric A_FF that its determinant is negative.
-    """
+    """Overwrite factor.dense; return whether A_FF is regular, definite if symmetric."""
     count = factor.order.size
     M = factor.dense
     gather(m, shift, factor.order, M)
     if m.symmetric:
         if cholesky(M) == 0:
-            return REGULAR
+            return True
         gather(m, shift, factor.order, M)
         for k in range(count):
             M[k, k] += JITTER
-        if cholesky(M) == 0:
-            return SINGULAR
-        for k in range(count):  # not a factor of A_FF, but a solve stays possible
-            M[k, k] = max(M[k, k], JITTER)
-        return INDEFINITE
+        if cholesky(M) != 0:
+            for k in range(count):  # not a factor of A_FF, but a solve stays possible
+                M[k, k] = max(M[k, k], JITTER)
+        return False
     for k in range(count):
         for t in range(k):
             M[k, t], M[t, k] = M[t, k], M[k, t]
-    if lu(M, factor.pivots) > 0:
-        return SINGULAR
-    positive = True
-    least = np.inf
-    for k in range(count):
-        least = min(least, abs(M[k, k]))
-        positive ^= M[k, k] < 0.0
-        positive ^= factor.pivots[k] != k + 1
-    # A P-matrix has no negative minor.
-    return INDEFINITE if least > LEAST_MINOR and not positive else REGULAR
+    return lu(M, factor.pivots) == 0
 
 
 @part
@@ -192,7 +173,7 @@ def analyse(m, order):
 
 @part
 def refactor(m, shift, factor):
-    """Overwrite the numbers of `factor`; return REGULAR, SINGULAR or INDEFINITE."""
+    """Overwrite the numbers of `factor`; return what `dense_factor` does."""
     order, local = factor.order, ints(m.local, m.n)
     if factor.dense.shape[0] == order.size:
         return dense_factor(m, shift, factor)
@@ -200,7 +181,7 @@ def refactor(m, shift, factor):
     scaled = matrix_of(m, m.scaled)
     smallest = ldl_numeric(scaled, shift, order, local, factor.sparse)
     clear_positions(order, local)
-    return INDEFINITE if smallest < LEAST_PIVOT else REGULAR
+    return smallest >= LEAST_PIVOT
 
 
 @part

@@ -1,24 +1,13 @@
-"""Free systems and the interior path of large sparse symmetric problems.
+"""Free systems of large sparse symmetric problems.
 
 `pivot` returns for every free system, and `LargeSystem` solves it. It keeps the factor
 in blocks: while rho is the same, only blocks of unknowns whose state changed, and their
-ancestors, are recomputed. The interior path is that of `interior`, driven from Python.
+ancestors, are recomputed.
 """
 
 import numpy as np
 
-from namlcp.compiled import kernel
-from namlcp.lcp.pivoting.free_system import LEAST_PIVOT
-from namlcp.lcp.pivoting.interior import (
-    AGAIN,
-    TOO_SHORT,
-    begin_step,
-    close_path,
-    open_path,
-    use_direction,
-)
-from namlcp.lcp.pivoting.state import PivotMemory, state_at
-from namlcp.limits import Deadline
+from namlcp.lcp.pivoting.state import PivotMemory
 from namlcp.linalg import (
     PSD_SLACK,
     Blocks,
@@ -27,30 +16,6 @@ from namlcp.linalg import (
     minimum_degree,
     solve_blocks,
 )
-
-STALL = 8
-"""Steps of the path in which Res must halve; otherwise the path ends."""
-
-# Stages of `path_step`; others are numbers of correctors.
-BEGIN, END = -1, -2
-
-
-@kernel(error_model="numpy")
-def path_step(address, stage):
-    """Do one stage of a step of the path; the caller factors and solves in between.
-
-    BEGIN: `begin_step`; END: `close_path`; k >= 0: return `use_direction` of corrector
-    k, with dz solved for.
-    """
-    m = state_at(address)
-    if stage == BEGIN:
-        open_path(m)
-        begin_step(m)
-    elif stage == END:
-        close_path(m)
-    else:
-        return use_direction(m, stage)
-    return AGAIN
 
 
 class LargeSystem:
@@ -107,31 +72,9 @@ class LargeSystem:
         if rho != self.rho or np.any(free != self.free):
             work.shift[:] = rho
             now.factorisations += 1
-            now.not_p |= bool(self.factor(free, rho) < LEAST_PIVOT)
+            self.factor(free, rho)
         if self.blocks is not None:
             solve_blocks(self.blocks, free, self.values, work.rhs, work.z)
-
-    def follow(self, target: float, steps: int, deadline: Deadline) -> None:
-        """Do as `interior.follow`; end also where Res stalls or at the deadline."""
-        work, now, address = self.work, self.work.now, self.work.address
-        free = work.lower < work.upper
-        before = np.full(STALL, np.inf)
-        for k in range(steps):
-            path_step(address, BEGIN)
-            found = now.path_residual <= target * now.size
-            stalled = now.path_residual > 0.5 * before[k % STALL]
-            if found or stalled or deadline.reached():
-                break
-            before[k % STALL] = now.path_residual
-            self.factor(free, np.nan)
-            corrector, code = 0, AGAIN
-            while code == AGAIN:
-                solve_blocks(self.blocks, free, self.values, work.rhs, work.dz)
-                code = path_step(address, corrector)
-                corrector += 1
-            if code == TOO_SHORT:
-                break
-        path_step(address, END)
 
     def is_convex(self) -> bool:
         """Tell whether A + `PSD_SLACK` I is positive definite."""

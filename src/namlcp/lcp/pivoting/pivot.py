@@ -2,11 +2,10 @@
 
 Every unknown is at its lower bound (state -1), at its upper bound (1) or free (0). With
 the others fixed, the free unknowns F solve the free system (A_FF + rho I) z_F = rhs.
-Then the unknowns with a wrong sign change their states: all of them (Judice and Pires,
-Computers Ops Res 21 (1994) 587-596), or only the last one (Murty 1974) when nothing
-else makes progress; Murty's rule is finite for every P-matrix. The proximal-point loop
-around it regularises singular systems by rho I and refines the solution of the others.
-For symmetric A, once that stagnates, `line_search` shortens the steps.
+Then the unknowns with a wrong sign change their states, all of them (Judice and Pires,
+Computers Ops Res 21 (1994) 587-596); that may go round, and is then given up. The
+proximal-point loop around it regularises singular systems by rho I and refines the
+solution of the others.
 """
 
 import numpy as np
@@ -14,15 +13,7 @@ import numpy as np
 from namlcp.compiled import floats, ints, kernel, part, pasted
 from namlcp.lcp.criterion import are_met_part
 from namlcp.lcp.pivoting.convexity import has_unit_diagonal, is_definite
-from namlcp.lcp.pivoting.free_system import (
-    INDEFINITE,
-    REGULAR,
-    analyse,
-    free_order,
-    refactor,
-    solve_free,
-)
-from namlcp.lcp.pivoting.line_search import end_at, states_at, step_to
+from namlcp.lcp.pivoting.free_system import analyse, free_order, refactor, solve_free
 from namlcp.lcp.pivoting.state import bounds_of, matrix_of, state_at
 from namlcp.linalg import (
     PSD_SLACK,
@@ -39,10 +30,9 @@ from namlcp.residuals import natural_residuals
 GO_ON = -1  # never returned
 DONE = 0  # solved
 MORE = 1  # the budget of factorisations is used up
-STAGNATED = 2  # no progress: the caller changes rho or the proximal point
+HALTED = 2  # no progress, w is not finite, or too many proximal steps
 FREE_SYSTEM = 3  # the caller solves the free system, rhs to z, and calls `resume`
 RAY = 4  # the caller tests whether rhs proves that there is no solution
-STUCK = 5  # w is not finite, or too many proximal steps
 
 SWEEP_RELAXATION = 1.4
 """Relaxation parameter of the first sweeps."""
@@ -50,12 +40,12 @@ SWEEP_RELAXATION = 1.4
 FIRST_SWEEPS, STILL_SWEEPS = 30, 3
 """First sweeps at most; sweeps in a row without a change of state that end them."""
 
-BLOCK_STEPS, SEARCH_STEPS = 3, 100
-"""Changes of states without fewer wrong signs until block pivoting counts as stagnated,
-and changes of states with the line search until it is given up."""
+BLOCK_STEPS = 3
+"""Changes of states without fewer wrong signs until block pivoting is given up."""
 
-LEAST_RHO, MOST_RHO = 1e-8, 1.0
-"""Range of a positive rho, relative to the unit diagonal. With 1e-9 singular problems
+
+RHO = 1e-8
+"""The proximal parameter, relative to the unit diagonal. With 1e-9 singular problems
 end with smaller residuals, but many of full degeneracy stagnate before they end."""
 
 OUTER_STEPS = 200
@@ -201,7 +191,7 @@ def may_be_ray(m, v):
 def reset_patience(m, rho):
     """Forget the fewest wrong signs, and set rho."""
     m.fewest_wrong = m.n + 1
-    m.patience = SEARCH_STEPS if m.line_search else BLOCK_STEPS
+    m.patience = BLOCK_STEPS
     if rho != m.rho:
         m.rho = rho
         m.must_factor = True
@@ -209,9 +199,8 @@ def reset_patience(m, rho):
 
 @pasted
 def end_outer_step(m):
-    """Move the proximal point to z, with the difference in rhs, and lower rho."""
+    """Move the proximal point to z, with the difference in rhs."""
     z, v, centre = floats(m.z, m.n), floats(m.rhs, m.n), floats(m.centre, m.n)
-    w, x, s = floats(m.w, m.n), floats(m.x, m.n), floats(m.s, m.n)
     improved = record(m)
     m.outer_steps += 1
     rho = m.rho
@@ -219,15 +208,11 @@ def end_outer_step(m):
     if m.solved and (exact or rho == 0.0 or not improved):
         return DONE
     if m.outer_steps >= OUTER_STEPS:
-        return STUCK
+        return HALTED
     for i in range(m.n):
         v[i] = z[i] - centre[i]
         centre[i] = z[i]
-    factor = 0.1 if m.line_search else 0.01
-    reset_patience(m, max(factor * rho, LEAST_RHO))
-    for i in range(m.n):  # where a line search starts
-        x[i] = centre[i]
-        s[i] = centre[i] - w[i] / m.rho
+    reset_patience(m, RHO)
     # Steps 3, 6, 12, ...: later directions are more accurate, but every test costs.
     turn = m.outer_steps // 3
     due = m.outer_steps == 3 * turn and turn > 0 and turn & (turn - 1) == 0
@@ -237,37 +222,17 @@ def end_outer_step(m):
 
 
 @part
-def search(m):
-    """Search on the way to the solution z of the free system; set goal if step < 1."""
-    z, w, centre = floats(m.z, m.n), floats(m.w, m.n), floats(m.centre, m.n)
-    x, s, s_end = floats(m.x, m.n), floats(m.s, m.n), floats(m.rhs, m.n)
-    state, (lower, upper) = ints(m.state, m.n), bounds_of(m)
-    end_at(z, centre, w, m.rho, state, s_end)
-    if step_to(x, s, z, s_end, lower, upper) < 1.0:
-        states_at(s, lower, upper, m.rho, m.tolerance, state, ints(m.goal, m.n))
-
-
-@pasted
-def change_states(m, wrong, single):
-    """Change states to goal: all, or if `single` and stagnated only the last one."""
+def change_states(m, wrong):
+    """Change all states to goal, or halt if the wrong signs do not get fewer."""
     state, goal = ints(m.state, m.n), ints(m.goal, m.n)
-    first = 0
-    if m.line_search and not m.not_p and m.patience > 0:
-        m.patience -= 1
-        search(m)
-    elif wrong < m.fewest_wrong:
+    if wrong < m.fewest_wrong:
         m.fewest_wrong = wrong
         m.patience = BLOCK_STEPS
     elif m.patience > 0:
         m.patience -= 1
-    elif single:
-        first = m.n - 1
-        while goal[first] == state[first]:
-            first -= 1
     else:
-        return STAGNATED
-    for i in range(first, m.n):
-        state[i] = goal[i]
+        return HALTED
+    copy(goal, state)
     m.must_factor = True
     return GO_ON
 
@@ -281,7 +246,7 @@ def may_end_early(m, wrong):
     """
     early = m.symmetric and m.rho > 0.0 and m.factorisations > SOME
     falls = wrong < m.fewest_wrong and m.outer_steps < EARLY_STEPS
-    return early and falls and not m.path_followed and FEW * wrong <= m.n
+    return early and falls and FEW * wrong <= m.n
 
 
 @pasted
@@ -292,19 +257,17 @@ def use_solution(m):
     write_w(m, z, w)
     if not all_finite(w):
         if m.rho > 0.0:
-            return STUCK
+            return HALTED
         # The free system is singular: go on from the best point with rho > 0.
         copy(floats(m.best, m.n), floats(m.centre, m.n))
-        reset_patience(m, LEAST_RHO)
+        reset_patience(m, RHO)
         return GO_ON
     wrong = set_goals(m)
     if wrong == 0 or may_end_early(m, wrong):
         return end_outer_step(m)
     if m.solved:
         return DONE
-    # For a symmetric A, a larger rho is tried before single states are changed.
-    single = m.path_followed and (m.rho >= MOST_RHO or not m.symmetric)
-    return change_states(m, wrong, single)
+    return change_states(m, wrong)
 
 
 @part
@@ -377,7 +340,7 @@ def begin_pivoting(m):
         state[i] = state_of(z[i] - w[i], lower[i], upper[i])
         centre[i] = z[i]
     m.must_factor = True
-    reset_patience(m, LEAST_RHO if m.symmetric else 0.0)
+    reset_patience(m, RHO if m.symmetric else 0.0)
     return GO_ON
 
 
@@ -406,9 +369,7 @@ def pivot(address, budget):
         for i in range(m.n):
             shift[i] = m.rho
         factor = analyse(m, free_order(m, state))
-        found = refactor(m, shift, factor)
-        m.not_p |= found == INDEFINITE
-        is_known = found == REGULAR and m.rho <= PSD_SLACK
+        is_known = refactor(m, shift, factor) and m.rho <= PSD_SLACK
         whole = factor.order.size == m.n
         if m.ask_convex and whole and m.rho <= PSD_SLACK:
             m.convex = is_known and has_unit_diagonal(m)

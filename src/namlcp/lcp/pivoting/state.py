@@ -6,7 +6,7 @@ same names. "Scaled" refers to the problem with a unit diagonal.
 """
 
 import ctypes
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -20,11 +20,7 @@ VECTORS = (
     # The iterate, w = A z + q, the proximal point, and the best z so far.
     "z w centre best "
     # Right-hand side and diagonal shift of the free system.
-    "rhs shift "
-    # x and s of `line_search`.
-    "x s "
-    # Those of `Path`.
-    "path_z wl wu dz dwl dwu low high old_dz old_dwl old_dwu"
+    "rhs shift"
 )
 # Vectors of n int32.
 FLAGS = (
@@ -57,20 +53,16 @@ class PivotState(ctypes.Structure):
         ("eps_abs eps_rel size best_residual", float),
         # The proximal parameter, and what counts as 0 in z and w (scaled).
         ("rho tolerance", float),
-        # On the interior path: scaled Res, mean product of slack and multiplier now,
-        # at most and aimed at, longest step.
-        ("path_residual mu largest_mu target_mu step", float),
         # Factorisations, proximal steps, elimination orders made, unknowns in order.
         ("factorisations outer_steps orderings ordered", int),
         # Fewest wrong signs so far; changes of states left until there must be fewer.
         ("fewest_wrong patience", int),
         # Given: A = A'; the caller solves the free systems; find out `convex`.
         ("symmetric external_solve ask_convex", bool),
-        # Found: the tolerance is met; A is not a P-matrix; A is semidefinite.
-        ("solved not_p convex", bool),
-        # Progress: scaled; an interior path was followed; changes of states are
-        # searched; states or rho have changed.
-        ("started path_followed line_search must_factor", bool),
+        # Found: the tolerance is met; A is semidefinite.
+        ("solved convex", bool),
+        # Progress: scaled; states or rho have changed.
+        ("started must_factor", bool),
     )
 
 
@@ -163,42 +155,3 @@ def matrix_of(m, values):
 def bounds_of(m):
     """Return lower and upper of the scaled problem."""
     return floats(m.lower, m.n), floats(m.upper, m.n)
-
-
-class Path(NamedTuple):
-    """A point of the interior path and the step from it.
-
-    z, wl, wu: the point, multipliers of its lower and upper bounds, 0 where the bound
-    is infinite or l = u. dz, dwl, dwu: the direction. low, high: second-order terms of
-    the products, to be subtracted. old_...: the direction before the last corrector.
-    """
-
-    z: np.ndarray
-    wl: np.ndarray
-    wu: np.ndarray
-    dz: np.ndarray
-    dwl: np.ndarray
-    dwu: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
-    old_dz: np.ndarray
-    old_dwl: np.ndarray
-    old_dwu: np.ndarray
-
-
-@part
-def path_of(m):
-    """Return the `Path` of a record."""
-    return Path(
-        floats(m.path_z, m.n),
-        floats(m.wl, m.n),
-        floats(m.wu, m.n),
-        floats(m.dz, m.n),
-        floats(m.dwl, m.n),
-        floats(m.dwu, m.n),
-        floats(m.low, m.n),
-        floats(m.high, m.n),
-        floats(m.old_dz, m.n),
-        floats(m.old_dwl, m.n),
-        floats(m.old_dwu, m.n),
-    )

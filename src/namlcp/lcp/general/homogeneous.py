@@ -1,4 +1,4 @@
-"""A homogeneous interior-point method: a monotone LCP's solution or a certificate.
+"""A homogeneous interior-point method: whether a monotone LCP is solvable, and a ray.
 
 It requires x'Ax >= 0 for all x; A may be nonsymmetric. p >= 0 is the distance of an
 unknown from a finite bound, t >= 0 the slack to its other bound at the distance r;
@@ -24,7 +24,7 @@ import numpy as np
 
 from namlcp.lcp.distances import Distances
 from namlcp.lcp.scaling import equilibrating_scale
-from namlcp.lcp.shifted import Shifted, System
+from namlcp.lcp.shifted import System
 
 MAX_STEPS = 50
 """Steps at most."""
@@ -35,22 +35,8 @@ LEAST_STEP = 1e-8
 STEP_PART = 0.995
 """Fraction of the longest feasible step that is taken."""
 
-CLEAR, CLEARER = 1e3, 10.0
-"""Callers seek a certificate of infeasibility once kappa / tau exceeds CLEAR, and again
-whenever it has grown by the factor CLEARER."""
-
 EQUILIBRATED_SHIFT = 1e-13
 """Added to the diagonal of the equilibrated matrix, so that it can be factored."""
-
-
-class PathPoint(NamedTuple):
-    """A point of the path in the variables of the box LCP; ratio = kappa / tau.
-
-    z is the iterate if ratio < 1, else a ray with 0 where complementarity demands it.
-    """
-
-    z: np.ndarray
-    ratio: float
 
 
 class Embedded(NamedTuple):
@@ -67,15 +53,12 @@ class Embedded(NamedTuple):
     kappa: np.ndarray
 
 
-def point_of(model: Distances, x: Embedded) -> PathPoint:
-    """Return x in the variables of the box LCP."""
-    ratio = float(x.kappa[0] / x.tau[0])
-    if ratio < 1.0:
-        return PathPoint(model.z(x.p / x.tau), ratio)
+def ray_of(model: Distances, x: Embedded) -> np.ndarray:
+    """Return p / kappa, 0 where complementarity demands it, for the box LCP."""
     z, over = np.zeros(model.base.size), model.unit / x.kappa[0]
     positive = np.where(model.signed, x.p > x.s, ~model.boxed)
     z[model.kept] = over * model.scale * np.where(positive, x.p, 0.0)
-    return PathPoint(z, ratio)
+    return z
 
 
 def homogeneous_path(
@@ -83,9 +66,9 @@ def homogeneous_path(
     q: np.ndarray,
     lower: np.ndarray,
     upper: np.ndarray,
-    systems: Callable[[Distances], System] = lambda model: Shifted(model.M),
-) -> Iterator[PathPoint]:
-    """Yield the points of the path, one factorisation from one to the next.
+    systems: Callable[[Distances], System],
+) -> Iterator[tuple[float, np.ndarray]]:
+    """Yield kappa / tau and the ray of each point of the path, a factorisation each.
 
     It ends after `MAX_STEPS`, with a step up to `LEAST_STEP`, or where the matrix
     cannot be factored. `systems` makes the linear systems of the path.
@@ -97,7 +80,7 @@ def homogeneous_path(
     x = Embedded(*(1.0 * signed,) * 2, *(1.0 * boxed,) * 2, one, one)
     inside = signed, signed, boxed, boxed, one > 0.0, one > 0.0
     for _ in range(MAX_STEPS):
-        yield point_of(model, x)
+        yield float(x.kappa[0] / x.tau[0]), ray_of(model, x)
         found = step_from(model, system, x, inside)
         if found is None:
             return
@@ -107,7 +90,7 @@ def homogeneous_path(
         if not (LEAST_STEP < step and size < np.inf):
             return
         x = Embedded(*(v / size for v in values))
-    yield point_of(model, x)
+    yield float(x.kappa[0] / x.tau[0]), ray_of(model, x)
 
 
 def step_from(
