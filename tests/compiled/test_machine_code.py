@@ -32,7 +32,7 @@ def asymmetric():
 
 def block():
     A, q = sparse.csr_array(4 * np.eye(2)), np.array([-4.0, 4.0])
-    return namlcp.solve_lcp(A, q, method="mgs", threads=1).z.tolist()
+    return namlcp.solve_lcp(A, q, method="mgs").z.tolist()
 
 def kernels(kind):
     from namlcp.compiled.decorators import KERNELS

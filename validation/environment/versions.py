@@ -22,7 +22,7 @@ PART = (
     "checks", "residuals", "inputs", "limits", "threads", "main", "public_api",
     "ordering", "dense", "path", "substitution", "multifrontal", "infeasible",
     "scaling", "solve_lcp", "monotone", "sweeps", "tridiagonal", "multigrid",
-    "mprgp", "coloured", "convergence", "qpsolvers", "compiled", "blas_threads",
+    "mprgp", "convergence", "qpsolvers", "compiled", "blas_threads",
 )  # fmt: skip
 
 PACKAGES = (

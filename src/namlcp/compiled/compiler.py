@@ -45,8 +45,6 @@ class Remembering:
         self.context = context
         # what is compiled for an operation, such as a division, depends on the flags
         self.returned = RETURNED.setdefault(flags.summary(), {})
-        # numba's own passes run over a parallel loop, and know its functions alone
-        self.is_ours = not flags.auto_parallel.enabled
 
     def __getattr__(self, name: str) -> Any:
         """Return the attribute of the typing context."""
@@ -58,10 +56,9 @@ class Remembering:
         if isinstance(function, types.Dispatcher):
             # one part for all constants: numba would make one for each integer
             return resolve(function, tuple(map(types.unliteral, args)), kws)
-        if self.is_ours:
-            answer = translated(self.context, function, args, kws)
-            if answer is not None:
-                return answer
+        answer = translated(self.context, function, args, kws)
+        if answer is not None:
+            return answer
         bound = isinstance(function, types.BoundFunction)
         if bound or kws or not all(isinstance(kind, PLAIN) for kind in args):
             return resolve(function, args, kws)
@@ -137,10 +134,8 @@ class KernelCompiler(compiler.Compiler):
     library: type[KernelLibrary] = KernelLibrary
 
     def define_pipelines(self) -> list[Any]:
-        """Return numba's passes; where no loop is parallel, the needed ones, once."""
+        """Return the needed ones of numba's passes, once."""
         pipelines = super().define_pipelines()
-        if self.state.flags.auto_parallel.enabled:
-            return pipelines
         for passes in pipelines:
             Passes.take(passes)
         return pipelines

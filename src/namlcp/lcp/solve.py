@@ -55,7 +55,6 @@ def solve_lcp(
     cover: Any = None,
     s0: Any = None,
     z0: Any = None,
-    threads: int | None = None,
     eps_abs: float | None = None,
     eps_rel: float | None = None,
     max_iter: int | None = None,
@@ -108,11 +107,6 @@ def solve_lcp(
     z0 : (n,) array
         Start; "lemke" has none. With a `Prepared` matrix and "auto" it is the last
         solution that pivoting found, unless given.
-    threads : int
-        For a sparse A and a triangular sweep method: largest number of threads. Rows
-        are then swept in the coloured order of `namlcp.lcp.modulus.coloured`; its
-        iterates differ from those of the natural order (None), but not with the number
-        of threads.
     eps_abs : float
         Solved when Res(z) = || z - clip(z - w, lower, upper) ||_2 < eps_abs.
     eps_rel : float
@@ -173,7 +167,7 @@ def solve_lcp(
     check_flag("verbose", verbose)
     find_method(method, alpha=alpha, beta=beta, omega=omega, shift=shift, cover=cover)
     if method in SOLVERS:
-        refuse("is for the sweep methods, not for", method, s0=s0, threads=threads)
+        refuse("is for the sweep methods, not for", method, s0=s0)
     else:
         refuse("is not for sweep methods, got", method, eps_rel=eps_rel)
     if method == "lemke":
@@ -193,7 +187,7 @@ def solve_lcp(
     order = 0 if isinstance(matrix.A, Operator) else lcp.q.size
     with deadline.listening(), blas_threads(1, order):
         if method not in SOLVERS:
-            given = Parameters(alpha, beta, omega, shift, threads)
+            given = Parameters(alpha, beta, omega, shift)
             outcome = sweep(lcp, method, given, limits, s0, z0)
         elif method == "auto" and z0 is None and A is matrix:
             outcome = solve_next(lcp, limits)

@@ -59,7 +59,7 @@ def splitting(
     A = finite_square_matrix("A", A, "csr")
     n = A.shape[0]
     given = checked_parameters(A, method, Parameters(alpha, beta, omega, shift))
-    alpha, beta, omega, shift, _ = given
+    alpha, beta, omega, shift = given
     E = np.zeros(n) if shift is None else shift
     A = sparse.csr_array(A)
     if chosen.factored:

@@ -105,8 +105,8 @@ class AdaptiveStep(Step):
     solution remains a fixed point. `step` is None if the first factorisation fails.
     """
 
-    def __init__(self, lcp: LCP, method: str, given: Parameters, run: Any = None):
-        """Check the other parameters; `run` is that of `TriangularStep`."""
+    def __init__(self, lcp: LCP, method: str, given: Parameters):
+        """Check the other parameters."""
         chosen = METHODS[method]
         names = ("alpha", "omega")
         free = {name: None for name in names if isinstance(getattr(given, name), str)}
@@ -119,7 +119,7 @@ class AdaptiveStep(Step):
             fixed = given._replace(shift=checked.shift)
             if given.omega is not None and "omega" not in free:
                 fixed = fixed._replace(omega=checked.omega)
-        self.lcp, self.fixed, self.run = lcp, fixed, run
+        self.lcp, self.fixed = lcp, fixed
         self.choice = Choice(lcp.A, chosen, fixed)
         self.alpha, self.omega = self.choice.parameters()
         self.step: Any = self.build(self.alpha, self.omega)
@@ -133,7 +133,7 @@ class AdaptiveStep(Step):
         now = fixed._replace(alpha=alpha, beta=beta, omega=omega)
         if chosen.factored:
             return factored_step(self.lcp, now)
-        return TriangularStep(self.lcp, chosen, now, self.run)
+        return TriangularStep(self.lcp, chosen, now)
 
     def __call__(self, old: np.ndarray, new: np.ndarray) -> float:
         """Write the next iterate to `new` and return Res(z) of `old`.
@@ -275,7 +275,7 @@ class Choice:
     """
 
     def __init__(self, A: Any, method: Method, given: Parameters):
-        alpha, beta, omega, shift, _ = given
+        alpha, beta, omega, shift = given
         self.D = np.array(A.diagonal())
         self.method = method
         self.given = alpha, omega

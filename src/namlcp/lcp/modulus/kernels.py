@@ -22,7 +22,7 @@ vectors are therefore rows of two-dimensional arrays, numbered here.
 
 import numpy as np
 
-from namlcp.compiled import kernel, part
+from namlcp.compiled import kernel
 from namlcp.lcp.relaxation import FUSED, ONE, clip
 
 OMEGA, INVERSE, Q, CHANGE, LOWER, UPPER = range(6)
@@ -33,35 +33,29 @@ S, Z = range(2)
 """Rows of an iterate: s and z = clip(s, lower, upper)."""
 
 
-@part(fastmath=FUSED)
-def sweep_rows(A, vectors, G, H, old, new, colours, b):
-    """Sweep the rows of block b, or all rows if `colours` is None; return sum r_i^2.
+@kernel(fastmath=FUSED)
+def sweep_csr(indptr, indices, data, vectors, G, H, old, new):
+    """Write the next iterate to `new` and return Res(z) of `old`, (2, n) arrays.
 
-    r = z - clip(z - w), w = A z + q, z the old iterate; `new` and the row CHANGE of
-    `vectors` are overwritten. L has the columns of blocks of earlier colours and of
-    earlier rows in the block. The type of None makes numba drop the code for blocks.
+    A is sorted CSR without duplicates. `vectors` has the rows OMEGA to UPPER, or to
+    CHANGE if the bounds are 0 and inf; row CHANGE is overwritten. `old` and `new` must
+    not overlap.
     """
-    indptr, indices, data = A
     s, z = old[S], old[Z]
     s_next, z_next = new[S], new[Z]
     omega, inverse = vectors[OMEGA], vectors[INVERSE]
     q, change = vectors[Q], vectors[CHANGE]
     boxed = vectors.shape[0] > LOWER
     lower, upper = (vectors[LOWER], vectors[UPPER]) if boxed else (q, q)
-    start, stop = 0, s.size
-    if colours is not None:
-        colour, shift = colours.colour, colours.shift
-        own = colour[b]
-        start, stop = b << shift, min((b + 1) << shift, s.size)
     total = 0.0
     l = 0.0
     u = np.inf
     last = 0.0  # G ds + H dz of the row above
-    k = np.uintp(indptr[start])
-    for row in range(start, stop):
+    k = np.uintp(indptr[0])
+    for row in range(s.size):
         i = np.uintp(row)
         end = np.uintp(indptr[i + ONE])
-        above = max(row - 1, start - 1)
+        above = row - 1
         if boxed:
             l = lower[i]
             u = upper[i]
@@ -69,16 +63,8 @@ def sweep_rows(A, vectors, G, H, old, new, colours, b):
         si = s[i]
         r = q[i]  # becomes (A z + q)_i
         known = 0.0  # sum a_ij change_j over L without the row above
-        neighbour = 0.0  # a_{i, i-1}, 0 in the first row of a block
+        neighbour = 0.0  # a_{i, i-1}
         j = np.int64(indices[k])
-        if colours is not None:
-            while j < start:  # columns of blocks before this one
-                a = data[k]
-                r += a * z[np.uintp(j)]
-                if colour[j >> shift] < own:
-                    known += a * change[np.uintp(j)]
-                k += ONE
-                j = np.int64(indices[k])
         while j < above:
             a = data[k]
             r += a * z[np.uintp(j)]
@@ -90,14 +76,6 @@ def sweep_rows(A, vectors, G, H, old, new, colours, b):
         while k < end:
             r += data[k] * z[np.uintp(indices[k])]
             k += ONE
-        if colours is not None:
-            back = end - ONE
-            j = np.int64(indices[back])
-            while j >= stop:  # columns of blocks after this one
-                if colour[j >> shift] < own:
-                    known += data[back] * change[np.uintp(j)]
-                back -= ONE
-                j = np.int64(indices[back])
         x = clip(zi - r, l, u)
         total += (zi - x) * (zi - x)
         inv = inverse[i]
@@ -108,19 +86,7 @@ def sweep_rows(A, vectors, G, H, old, new, colours, b):
         z_next[i] = y
         last = G * (x - si) + H * (y - zi)
         change[i] = last
-    return total
-
-
-@kernel(fastmath=FUSED)
-def sweep_csr(indptr, indices, data, vectors, G, H, old, new):
-    """Write the next iterate to `new` and return Res(z) of `old`, (2, n) arrays.
-
-    A is sorted CSR without duplicates. `vectors` has the rows OMEGA to UPPER, or to
-    CHANGE if the bounds are 0 and inf; row CHANGE is overwritten. `old` and `new` must
-    not overlap.
-    """
-    A = indptr, indices, data
-    return np.sqrt(sweep_rows(A, vectors, G, H, old, new, None, 0))
+    return np.sqrt(total)
 
 
 @kernel

@@ -71,16 +71,13 @@ class Parameters(NamedTuple):
     paper has I), so that they do not depend on the scaling; I for "nam" and
     "modified-nam", or D if alpha or omega is "auto".
 
-    alpha, omega = "auto": chosen during the run, see `parameters`; omega is then c D.
-    threads: limit on threads for a sparse A in the order of `coloured`, which also
-    defines L and U then; None is the natural order.
+    alpha, omega = "auto": chosen during the run, see `adaptive`; omega is then c D.
     """
 
     alpha: Any = None
     beta: Any = None
     omega: Any = None
     shift: Any = None
-    threads: int | None = None
 
     def beta_for(self, chosen: Method, alpha: float) -> float:
         """Return beta: the user's, else the method's, else alpha."""

@@ -87,18 +87,14 @@ def sweep(
 
 def step_of(lcp: LCP, method: str, given: Parameters) -> Step | None:
     """Check the parameters; return the step, None if its factorisation fails."""
-    chosen, run = METHODS[method], None
-    if given.threads is not None:  # only then is the parallel kernel needed
-        from namlcp.lcp.modulus.coloured import coloured_sweep
-
-        run = coloured_sweep(lcp.A, chosen, given.threads)
+    chosen = METHODS[method]
     if is_adaptive(method, given):
-        adaptive = AdaptiveStep(lcp, method, given, run)
+        adaptive = AdaptiveStep(lcp, method, given)
         return None if adaptive.step is None else adaptive
     checked = checked_parameters(lcp.A, method, given)
     if chosen.factored:
         return factored_step(lcp, checked)
-    return TriangularStep(lcp, chosen, checked, run)
+    return TriangularStep(lcp, chosen, checked)
 
 
 def first_iterate(lcp: LCP, omega: np.ndarray, s0: Any, z0: Any) -> np.ndarray:

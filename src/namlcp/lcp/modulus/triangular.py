@@ -1,7 +1,5 @@
 """One step of a sweep method: the interface, and the step with a triangular M."""
 
-from typing import Any
-
 import numpy as np
 
 from namlcp.lcp.data import LCP
@@ -36,16 +34,11 @@ class Step:
 
 
 class TriangularStep(Step):
-    """One sweep of a triangular method with checked parameters.
+    """One sweep of a triangular method with checked parameters."""
 
-    `run`, if given, replaces the sequential kernel and takes its arguments after A.
-    """
-
-    def __init__(
-        self, lcp: LCP, chosen: Method, given: Parameters, run: Any = None
-    ) -> None:
+    def __init__(self, lcp: LCP, chosen: Method, given: Parameters) -> None:
         A, (_, q, lower, upper) = lcp.A, lcp
-        alpha, beta, self.omega, shift, _ = given
+        alpha, beta, self.omega, shift = given
         is_dense = isinstance(A, np.ndarray)
         boxed = is_dense or bool(lower.any()) or not np.all(upper == np.inf)
         vectors = np.empty((6 if boxed else 4, q.size))
@@ -58,13 +51,8 @@ class TriangularStep(Step):
             P += shift
         np.divide(1.0, P, out=vectors[INVERSE])
         weights = beta / alpha + chosen.own, chosen.reflected
-        matrix: tuple = ()
-        if run is not None:
-            self.kernel = run
-        elif is_dense:
-            self.kernel, matrix = sweep_dense, (A,)
-        else:
-            self.kernel, matrix = sweep_csr, arrays_of(A)
+        self.kernel = sweep_dense if is_dense else sweep_csr
+        matrix = (A,) if is_dense else arrays_of(A)
         self.fixed = *matrix, vectors, *weights
 
     def __call__(self, old: np.ndarray, new: np.ndarray) -> float:
