@@ -9,7 +9,7 @@ from namlcp.lcp.data import lcp_matrix
 from namlcp.lcp.lazy import kept
 from namlcp.lcp.multigrid import Hierarchy, build
 from namlcp.lcp.relaxation import dominance_csr
-from namlcp.lcp.tridiagonal import Tridiagonal, tridiagonal_of
+from namlcp.lcp.tridiagonal import tridiagonal_of
 from namlcp.limits import NEVER, Deadline
 from namlcp.linalg import (
     Columns,
@@ -90,7 +90,7 @@ class Prepared:
         return levels
 
     @kept
-    def tridiagonal(self) -> Tridiagonal | None:
+    def tridiagonal(self) -> np.ndarray | None:
         """The rows of a sparse tridiagonal A with a positive diagonal, else None."""
         return None if isinstance(self.A, np.ndarray) else tridiagonal_of(self.A)
 
