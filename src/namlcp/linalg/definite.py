@@ -17,10 +17,6 @@ PSD_SLACK = 1e-6
 """Negative curvature of a matrix with unit diagonal that may be due to the rounding of
 its data to single precision."""
 
-PSD_TOLERANCE = 1e-10
-"""Shift by which a semidefinite matrix with unit diagonal, computed in double
-precision, becomes definite."""
-
 SYMMETRY_ROUNDING = 1e-14
 """Largest |A - A'|, relative to max |A|, that rounding in double precision explains."""
 
