@@ -5,10 +5,13 @@ import problems_lcp as problems
 import pytest
 from scipy import sparse
 
+from namlcp.lcp.distances import Distances
 from namlcp.lcp.general.cones import system_of
 from namlcp.lcp.general.cones.condensed import principal
 from namlcp.lcp.general.cones.fronts import Fronts
+from namlcp.lcp.general.proximal import least_phi
 from namlcp.lcp.relaxation import relax_back, relax_csr
+from namlcp.lcp.scaling import unit_diagonal_scale
 from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.supernodes import blocks_of, factor_blocks, solve_blocks
 from validation.problems import contact_scenes
@@ -43,6 +46,34 @@ def test_relaxation_forward_and_backward(rng, alpha):
         if given:
             size = np.linalg.norm(np.sqrt(A.diagonal()) * (expected - z))
             assert moved == pytest.approx(size)
+
+
+# ---- the line search of proximal steps
+
+
+def test_proximal_steps_search_for_the_least_phi(rng):
+    """Against a grid of steps, with bounds of every kind."""
+    n, rho = 30, 1e-2
+    B = rng.standard_normal((n, n // 2))
+    lower, upper = np.zeros(n), np.full(n, np.inf)
+    upper[:10], lower[20:] = 0.5, -np.inf
+    q, centre = rng.standard_normal(n), rng.random(n)
+    model = Distances(B @ B.T, q, lower, upper, unit_diagonal_scale)
+
+    def shifted(x):
+        return centre - model.F(x) / rho
+
+    def phi(x):
+        s = shifted(x)
+        outside = s - np.clip(s, model.lower, model.upper)
+        return 0.5 * x @ model.M @ x + 0.5 * rho * (s @ s - outside @ outside)
+
+    x, end = rng.random(n), rng.standard_normal(n)
+    step = least_phi(model, x, end - x, shifted(x), shifted(end) - shifted(x))
+    assert 0.0 < step < 1.0
+    steps = np.linspace(0.0, 1.0, 2001)
+    values = [phi(x + t * (end - x)) for t in steps]
+    assert abs(step - steps[np.argmin(values)]) <= 1e-3
 
 
 # ---- factors of symmetric faces in blocks
