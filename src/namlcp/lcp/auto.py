@@ -1,8 +1,9 @@
 """method="auto": choose the methods that solve a box LCP.
 
-MPRGP solves LCPs with a LinearOperator, elimination those with a tridiagonal A. For any
-other large sparse A projected SOR is tried as long as it converges fast enough, then
-multigrid where A suits it. Pivoting solves the rest, and what these leave unsolved.
+MPRGP solves LCPs with a LinearOperator, elimination those with a tridiagonal A and a
+start nearby. For any other large sparse A, and a tridiagonal A whose start was far,
+projected SOR is tried as long as it converges fast enough, then multigrid where A suits
+it. Pivoting solves the rest, and what these leave unsolved.
 Where pivoting makes no progress, or the diagonal of A shows that it is neither a
 P-matrix nor semidefinite, the methods of `namlcp.lcp.general` take over.
 """
@@ -49,7 +50,7 @@ def solve_auto(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
         is_open = outcome.status is Status.STALLED and not large
         if outcome.status is not Status.DIVERGED and not is_open:
             return outcome
-        z0 = outcome.z
+        z0, large = outcome.z, large or (lcp.q.size > TINY_LCP and not is_open)
     if sparse.issparse(lcp.A) and large:
         outcome = solve_large(lcp, z0, limits)
         if outcome.status in ENDS:
