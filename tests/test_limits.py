@@ -3,7 +3,6 @@
 What is counted is tested here, what is timed is only bounded generously.
 """
 
-import ctypes
 import signal
 import subprocess
 import sys
@@ -20,13 +19,13 @@ from scipy.sparse.linalg import LinearOperator
 
 import namlcp
 from namlcp import Options, checks, solve_lcp, solve_qp
-from namlcp.limits import OFTEN, SPEED, UNCHECKED_TIME, Callback, Deadline
+from namlcp.limits import SPEED, UNCHECKED_TIME, Deadline
 from namlcp.linalg import csc
 from namlcp.qp import qp_data
 from namlcp.qp.answer import out_of_time
-from namlcp.qp.dense import pivots as dense
-from namlcp.qp.dense.solve import call_kernel
+from namlcp.qp.guess import NO_GUESS
 from namlcp.qp.problem import QP
+from namlcp.qp.responses import solve_once
 from namlcp.qp.transforms.substitution import substitute
 from namlcp.status import Status
 
@@ -42,26 +41,25 @@ def large_dense(n=300, m=900):
 
 
 def test_the_dense_form_asks_whether_to_stop():
-    """At the third look, OFTEN operations after the second one, it ends."""
+    """At the third look it ends, with the best point."""
+
+    class Looks(Deadline):
+        count = 0
+
+        def reached(self):
+            self.count += 1
+            return self.count >= 3
+
     P, q, G, h = large_dense()
-    n, looks = q.size, []
-
-    def answer():
-        looks.append(1)
-        return int(len(looks) == 3)
-
-    function = Callback(answer)
-    address = ctypes.c_void_p.from_buffer(function).value
-    qp = QP(P, q, G, h, np.empty((0, n)), np.empty(0), q - np.inf, q + np.inf)
-    guess = np.empty(0), np.empty(0, dtype=np.int64)
-    code, pivots, point, _ = call_kernel(qp, guess, 1000, address)
-    assert code == dense.TIME_LIMIT
-    assert len(looks) == 3
-    assert 0 < pivots <= 3 * OFTEN / (4 * n * n) + 3
-    assert np.isfinite(point.x).all()
-    code, more, *_ = call_kernel(qp, guess, 1000, 0)
-    assert code == dense.SOLVED
-    assert more > pivots
+    qp = QP(P, q, G, h, np.empty((0, q.size)), np.empty(0), q - np.inf, q + np.inf)
+    limits, looks = Options().limits(), Looks(time.perf_counter() + 10.0)
+    answer = solve_once(qp, NO_GUESS, limits._replace(deadline=looks))
+    assert answer.status is Status.TIME_LIMIT
+    assert looks.count == 3
+    assert np.isfinite(answer.point.x).all()
+    whole = solve_once(qp, NO_GUESS, limits)
+    assert whole.status is Status.SOLVED
+    assert 0 < answer.iterations < whole.iterations
 
 
 def test_only_long_calls_are_watched():
@@ -312,14 +310,15 @@ def test_max_iter_of_the_path_is_exact():
 
 def test_max_iter_of_the_dense_form_is_exact():
     P, q, G, h = large_dense(30, 90)
-    n = q.size
-    qp = QP(P, q, G, h, np.empty((0, n)), np.empty(0), q - np.inf, q + np.inf)
-    guess = np.empty(0), np.empty(0, dtype=np.int64)
-    code, whole, *_ = call_kernel(qp, guess, 1000, 0)
-    assert code == dense.SOLVED
-    for most in range(1, whole):
-        code, pivots, *_ = call_kernel(qp, guess, most, 0)
-        assert (code, pivots) == (dense.STALLED, most)
+    for cost in (P, P[:5].T @ P[:5]):
+        qp = QP(cost, q, G, h, np.empty((0, 30)), np.empty(0), q - np.inf, q + np.inf)
+        whole = solve_qp(*qp)
+        assert whole.form == "dual"
+        for most in range(1, whole.iterations):
+            result = solve_qp(*qp, max_iter=most)
+            assert result.form == "path"
+            assert result.iterations <= most
+        assert solve_qp(*qp, max_iter=whole.iterations).form == "dual"
 
 
 # ---- memory

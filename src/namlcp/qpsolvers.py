@@ -18,6 +18,7 @@ from namlcp.qp import (
     QP,
     ClosestPoint,
     Done,
+    Memory,
     NotConvex,
     checked,
     make_guess,
@@ -84,11 +85,11 @@ def nam_solve_problem(
         except (TypeError, ValueError) as error:
             raise ParamError(str(error)) from error
         try:
-            qp, known = qp_arrays(*problem.unpack()), None
+            qp, known, in_vain = qp_arrays(*problem.unpack()), None, False
             given = problem.P, problem.G, problem.A
             if initvals is None and warm_start is None:
                 ready = time.perf_counter()
-                done, known = solve_shortly(qp, options, start, given)
+                done, known, in_vain = solve_shortly(qp, options, start, given)
                 if done is not None:
                     return short_solution(problem, qp, done, (start, ready))
                 if known is not None and not needs_more(options, known):
@@ -102,7 +103,9 @@ def nam_solve_problem(
         except (TypeError, ValueError) as error:
             raise ParamError(str(error)) from error
         try:
-            result = solve_checked(qp, options, guess, start, given=given, known=known)
+            result = solve_checked(
+                qp, options, guess, start, False, Memory(in_vain), given, known
+            )
         except NotConvex as error:
             raise ProblemError(str(error)) from error
         return solution(problem, result)

@@ -8,7 +8,7 @@ import pytest
 import scipy.sparse as sp
 
 import namlcp
-from namlcp.qp.responses.solve import POOL
+from namlcp.qp.responses.fresh import POOL
 from validation.derivatives.cases import regular_qp
 
 PARTS = ("x", "y", "z", "z_box")

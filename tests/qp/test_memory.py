@@ -50,7 +50,7 @@ def test_memory_changes_nothing_but_the_effort(weight):
 
 
 def test_memory_keeps_the_factors_of_an_unchanged_face(monkeypatch):
-    monkeypatch.setattr("namlcp.qp.forms.solve_dense", lambda *arguments: None)
+    monkeypatch.setattr("namlcp.qp.forms.solve_once", lambda *arguments: None)
     qp, _, _ = residual_form(6, 30, 40, lower=0.0)
     qp = qp._replace(q=qp.q + 0.1)
     memory = Memory()

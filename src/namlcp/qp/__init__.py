@@ -4,6 +4,7 @@ from namlcp.qp.closest import ClosestPoint, Face
 from namlcp.qp.convexity import NotConvex
 from namlcp.qp.guess import NO_GUESS, make_guess
 from namlcp.qp.kkt import KKT
+from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, Point, checked, qp_arrays, qp_data
 from namlcp.qp.responses import (
     Done,

@@ -12,11 +12,11 @@ import numpy as np
 from namlcp.limits import Limits
 from namlcp.qp.answer import Answer, better
 from namlcp.qp.bounds import is_box_open, solve_bounds
-from namlcp.qp.dense import solve_dense
-from namlcp.qp.guess import NO_GUESS, Guess
+from namlcp.qp.guess import Guess
 from namlcp.qp.memory import Memory
 from namlcp.qp.path import solve_path
 from namlcp.qp.problem import QP
+from namlcp.qp.responses import solve_once
 
 # Most variables of a QP with bounds alone that is quicker in dense form.
 DENSE_BOX = 50
@@ -77,14 +77,8 @@ def solve_smallest_form(qp: QP, guess: Guess, limits: Limits, memory: Memory) ->
             answer = solve_bounds(qp, guess, limits, memory)
         if answer is not None and answer.ends:
             return answer
-    small = is_small(qp)
-    starts = [guess, NO_GUESS] if guess.x.size else [NO_GUESS]
-    while small and starts and not (answer and answer.ends):
-        # a wrong guess may mislead the first solve; the second one starts without
-        found = solve_dense(qp, starts.pop(0), limits, memory.held)
-        if found is None:
-            break
-        answer = found if answer is None else better(answer, found, limits)
+    if is_small(qp) and not memory.in_vain:
+        answer = solve_once(qp.in_dense_form(), guess, limits, memory.held) or answer
     if answer is not None and answer.ends:
         return answer
     with limits.deadline.listening():

@@ -26,9 +26,10 @@ class Memory:
     `convex` is the last P found positive semidefinite; `substitution`, `presolved` and
     `scaled` are the last transforms, `rows` the last P prepared for box LCPs. `held`:
     what is to hold the factors of a dense QP, see `responses`, if anything is.
+    `in_vain`: whether the dense form of the QP, as it came, has been tried in vain.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, in_vain: bool = False) -> None:
         """Start empty."""
         self.matrices: list[Any] = []
         self.convex: Any = None
@@ -37,6 +38,7 @@ class Memory:
         self.scaled: ScaledQP | None = None
         self.rows: Prepared | None = None
         self.held: Held | None = None
+        self.in_vain = in_vain
 
     @classmethod
     def of(cls, qp: QP) -> "Memory":

@@ -17,8 +17,7 @@ from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp.answer import OBJECTIVE, UNDECIDED, Answer, better, out_of_time
 from namlcp.qp.closest import check_weights, solve_or_approach
-from namlcp.qp.dense import solve_dense
-from namlcp.qp.forms import is_tiny, solve_smallest_form
+from namlcp.qp.forms import DENSE_BOX, is_small, is_tiny, solve_smallest_form
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.judge import are_own, confirmed, upheld
 from namlcp.qp.memory import Memory
@@ -27,7 +26,9 @@ from namlcp.qp.responses import (
     MOST_ORDER,
     Done,
     Held,
+    Verdict,
     is_brief,
+    solve_once,
     solve_unwrapped,
     wrapped,
 )
@@ -127,10 +128,10 @@ def solve_qp(
     options = Options.from_names(settings) if settings else DEFAULT_OPTIONS
     check_flag("history", history)
     check_flag("derivative", derivative)
-    held, known = Held() if derivative else None, None
+    held, known, in_vain = Held() if derivative else None, None, False
     if x0 is None and warm_start is None and not history:
         ready = perf_counter()
-        done, known = solve_shortly(qp, options, start, given, held)
+        done, known, in_vain = solve_shortly(qp, options, start, given, held)
         if done is not None:
             seconds = ready - start, perf_counter() - ready
             later = unfolded, done, (qp, given), seconds
@@ -140,9 +141,9 @@ def solve_qp(
     qp = checked(qp)
     guess = make_guess(qp, x0, warm_start)
     memory = None
-    if held is not None and qp.is_dense:
-        memory = Memory()
-        memory.held = held
+    if in_vain or (held is not None and qp.is_dense):
+        memory = Memory(in_vain)
+        memory.held = held if qp.is_dense else None
     result = solve_checked(qp, options, guess, start, history, memory, given, known)
     return complete(result, qp, held)
 
@@ -161,23 +162,22 @@ def solve_shortly(
     start: float,
     given: tuple[Any, Any, Any],
     held: Held | None = None,
-) -> tuple[Done | None, Answer | None]:
+) -> Verdict:
     """Solve a QP of `qp_arrays` by one compiled call, or few, which check the numbers.
 
-    Returns what `solve_unwrapped` does, two times None where that is not the way to
-    solve the QP: with sparse matrices unless it is tiny, or has bounds alone. `start`
-    and `given` as for `solve_checked`, `held` as for `solve_once`.
+    Returns what `solve_unwrapped` does; nothing where that is not the way to solve the
+    QP: with sparse matrices unless it is tiny, or has bounds alone. `start` and `given`
+    as for `solve_checked`, `held` as for `solve_once`.
     """
     order = qp.q.size + qp.h.size + qp.b.size
     if order > MOST_ORDER or options.verbose:
-        return None, None
-    own = qp
-    if not qp.is_dense:
-        if held is not None:
-            return None, None
-        if not is_tiny(qp):
-            return None, solve_box_shortly(qp, options, start, given)
-        own = qp.in_dense_form()
+        return Verdict()
+    if held is not None and not qp.is_dense:
+        return Verdict()
+    is_box = held is None and order == qp.q.size > DENSE_BOX
+    if is_box or not (qp.is_dense or is_tiny(qp)):
+        return Verdict(None, solve_box_shortly(qp, options, start, given))
+    own = qp.in_dense_form()
     if options.relaxation:
         check_weights(qp, options.relaxation)
     if options.time_limit >= AMPLE_TIME and is_brief(qp, options.max_iter):
@@ -185,21 +185,24 @@ def solve_shortly(
     else:
         limits = options.limits(Deadline(start + options.time_limit))
     try:  # without `blas_threads`: it leaves few sums at most to BLAS
-        done, answer = solve_unwrapped(own, NO_GUESS, limits, held)
+        found = solve_unwrapped(own, NO_GUESS, limits, held, is_small(qp))
     except SystemError as error:
         raise cause_of(error) from None
+    done, answer, in_vain = found
     if done is not None:
         if are_own(given, qp) and not limits.deadline.interrupted:
-            return done, None
+            return found
         answer = wrapped(qp, *done)
-    return None, None if answer is None else settled(answer, qp, given, limits)
+    if answer is not None:
+        answer = settled(answer, qp, given, limits)
+    return Verdict(None, answer, in_vain)
 
 
 @interruptible
 def solve_box_shortly(
     qp: QP, options: Options, start: float, given: tuple[Any, Any, Any]
 ) -> Answer | None:
-    """Solve a sparse QP of `qp_arrays` with bounds alone; else return None.
+    """Solve a QP of `qp_arrays` with bounds alone; else return None.
 
     Most of such a solve, as an LCP, takes less time than the way there through all
     other forms.
@@ -377,9 +380,10 @@ def solve_substituted(
         qp = memory.recognised(qp)
     substitution = None
     if not qp.is_dense and (qp.h.size or qp.b.size):
-        found = solve_dense(qp, guess, limits) if is_tiny(qp) else None
-        if found is not None and found.ends:
-            return found
+        if is_tiny(qp) and not memory.in_vain:
+            found = solve_once(qp.in_dense_form(), guess, limits)
+            if found is not None and found.ends:
+                return found
         with limits.deadline.listening():
             substitution = substitute(qp, memory.substitution, limits.deadline)
         memory.substitution = substitution
@@ -388,6 +392,7 @@ def solve_substituted(
     if substitution is None:
         return solve_smallest_form(qp, guess, limits, memory)
     memory.convex = substitution.P  # the user's P was checked; it adds only squares
+    memory.in_vain = False
     answer = solve_smallest_form(
         substitution.problem, substitution.guess(guess), limits, memory
     )

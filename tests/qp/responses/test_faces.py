@@ -170,38 +170,6 @@ def test_other_values_in_the_matrices():
     assert faces.kkt.factors is factors
 
 
-def test_other_values_of_P_and_another_pattern():
-    """P alone is written in its place; new zeros of dense matrices change the order."""
-    rng = np.random.default_rng(12)
-    P, G = np.diag([0.0, 0.0, 1.0, 1.0]), np.vstack((np.eye(4), -np.eye(4)))
-    q, h = np.array([-1.0, 1.0, -3.0, 0.2]), np.ones(8)
-    for store in (np.array, sp.csc_array):
-        solver = Solver(store(P), q, store(G), h)
-        solver.solve()
-        for k in range(6):
-            new = P * rng.uniform(0.9, 1.1)
-            rows = G if k % 2 else G + np.eye(8, 4, k=1) * 0.1 * (store is np.array)
-            solver.update(P=store(new), G=store(rows))
-            result = solver.solve()
-            assert result.form == "face"
-            expected = solve_qp(new, q, rows, h)
-            np.testing.assert_allclose(result.x, expected.x, atol=1e-9)
-
-
-def test_dense_matrices():
-    qp = lasso_qp(np.random.default_rng(1), 6, 10, 2.0)
-    dense = qp._replace(**{name: getattr(qp, name).toarray() for name in "PGA"})
-    solver, faces = Solver(*dense), begun(qp)
-    solver.solve()
-    for factor in (1.0, 0.9, 0.7):
-        q = factor * qp.q
-        solver.update(q=q)
-        result = solver.solve()
-        assert result.form == "face"
-        expected = solve(faces, qp._replace(q=q))
-        np.testing.assert_allclose(result.x, expected.point.x, atol=1e-12)
-
-
 def test_nothing_is_begun_without_a_solution():
     qp = store_qp(np.random.default_rng(5), 6)
     faces = Faces.of(qp)

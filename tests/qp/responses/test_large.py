@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+import namlcp
 from namlcp.options import DEFAULT_OPTIONS
 from namlcp.qp.problem import qp_data
 from namlcp.qp.responses.active import DONE
@@ -39,7 +40,7 @@ def test_a_prepared_solve_gives_the_same(seed):
     for is_prepared in (False, True):
         space = space_of(qp)
         if is_prepared:
-            assert prepare(space.address, qp.q, qp.h)
+            assert prepare(space.address, qp.joined())
             assert space.now.next_place > 0
         code, numbers = space.run(qp.joined(), LIMITS)
         assert code == DONE
@@ -51,7 +52,7 @@ def test_a_prepared_solve_gives_the_same(seed):
 def test_responses_are_plain_products():
     qp = spread_qp(0)
     space = space_of(qp)
-    assert prepare(space.address, qp.q, qp.h)
+    assert prepare(space.address, qp.joined())
     now, n, m = space.now, qp.q.size, qp.h.size
     inverse = np.linalg.inv(qp.P)
     violated = np.flatnonzero(qp.G @ -(inverse @ qp.q) > qp.h)
@@ -67,7 +68,7 @@ def test_responses_are_plain_products():
     assert now.is_inverted
 
 
-@pytest.mark.parametrize("fault", ["nan", "asymmetric", "singular", "indefinite"])
+@pytest.mark.parametrize("fault", ["nan", "asymmetric", "indefinite"])
 def test_matrices_that_are_not_suited(fault):
     qp = spread_qp(1)
     P, n = qp.P.copy(), qp.q.size
@@ -76,12 +77,22 @@ def test_matrices_that_are_not_suited(fault):
     elif fault == "asymmetric":
         P[0, 1] += 1e-3
     else:
-        P = np.diag(np.r_[np.ones(n - 1), 0.0 if fault == "singular" else -1.0])
-    assert not prepare(space_of(qp._replace(P=P)).address, qp.q, qp.h)
+        P = np.diag(np.r_[np.ones(n - 1), -1.0])
+    qp = qp._replace(P=P)
+    assert not prepare(space_of(qp).address, qp.joined())
 
 
-def test_equations_and_many_rows_are_left_to_other_methods():
-    qp = spread_qp(1)
-    assert not prepare(space_of(qp._replace(A=qp.G[:1])).address, qp.q, qp.h)
-    high = spread_qp(1, n=4, m=9)
-    assert not prepare(space_of(high).address, high.q, high.h)
+@pytest.mark.parametrize("kind", ["equations", "many rows", "singular"])
+def test_some_are_prepared_without_responses(kind):
+    qp = spread_qp(1, *((4, 9) if kind == "many rows" else (8, 12)))
+    if kind == "equations":
+        qp = qp._replace(A=qp.G[:2], b=np.zeros(2))
+    elif kind == "singular":
+        qp = qp._replace(P=np.diag([0.0, *np.ones(7)]))
+    space = space_of(qp)
+    assert prepare(space.address, qp.joined())
+    assert space.now.next_place == 0
+    code, numbers = space.run(qp.joined(), LIMITS)
+    assert code == DONE
+    point = parted(numbers, qp.q.size, qp.h.size, qp.b.size)[0]
+    np.testing.assert_allclose(point.x, namlcp.solve_qp(*qp).x, atol=1e-10)

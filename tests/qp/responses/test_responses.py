@@ -11,10 +11,11 @@ from responding import LIMITS, solve, walked
 import namlcp
 from namlcp.qp.guess import NO_GUESS
 from namlcp.qp.problem import QP
-from namlcp.qp.responses import triangle as packed
+from namlcp.qp.responses import matrices as packed
 from namlcp.qp.responses.active import DONE
+from namlcp.qp.responses.fresh import solve_once
 from namlcp.qp.responses.judgement import ROUNDING
-from namlcp.qp.responses.solve import DenseResponses, parted, solve_once
+from namlcp.qp.responses.solve import DenseResponses, parted
 from namlcp.residuals import qp_residuals
 from namlcp.status import Status
 
@@ -192,15 +193,17 @@ def test_a_suggestion_is_the_start():
     np.testing.assert_array_equal(again.point.x, x)
 
 
-def test_what_it_does_not_decide_is_left_to_others():
+def test_singular_costs_dependent_equations_and_crossed_bounds():
     eye, none = np.eye(2), np.empty((0, 2))
     free, e = (np.full(2, -INF), np.full(2, INF)), np.empty(0)
     singular = DenseResponses(np.diag([1.0, 0.0]), none, none)
-    assert solve(singular, problem(singular, np.ones(2), e, e, *free)) is None
+    qp = problem(singular, np.ones(2), e, e, *free)
+    assert solve(singular, qp).status is Status.DUAL_INFEASIBLE
     dependent = DenseResponses(eye, none, np.ones((2, 2)))
-    assert (
-        solve(dependent, problem(dependent, np.ones(2), e, np.ones(2), *free)) is None
-    )
+    qp = problem(dependent, np.ones(2), e, np.ones(2), *free)
+    np.testing.assert_allclose(solve(dependent, qp).point.x, [0.5, 0.5], atol=1e-14)
+    qp = qp._replace(b=np.array([1.0, 2.0]))
+    assert solve(dependent, qp).status is Status.PRIMAL_INFEASIBLE
     crossed = DenseResponses(eye, none, none)
     qp = problem(crossed, np.ones(2), e, e, np.ones(2), -np.ones(2))
     assert solve(crossed, qp) is None

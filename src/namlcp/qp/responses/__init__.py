@@ -36,21 +36,24 @@ solves nothing before `suggest`.
 """
 
 from namlcp.qp.responses.active import DONE
-from namlcp.qp.responses.batch import Solutions, Stack
-from namlcp.qp.responses.dense import set_products
 from namlcp.qp.responses.faces import Faces
-from namlcp.qp.responses.judgement import ROUNDING, measure_result, parts_of_result
+from namlcp.qp.responses.fresh import (
+    MOST_ORDER,
+    Solutions,
+    Stack,
+    Verdict,
+    is_brief,
+    solve_once,
+    solve_unwrapped,
+)
+from namlcp.qp.responses.judgement import parts_of_result
 from namlcp.qp.responses.run import accepts, least_pivot, solve_held
 from namlcp.qp.responses.solve import (
-    MOST_ORDER,
     DenseResponses,
     Done,
     Held,
     Responses,
-    is_brief,
     parted,
-    solve_once,
-    solve_unwrapped,
     wrapped,
 )
 from namlcp.qp.responses.sparse_solve import SparseResponses

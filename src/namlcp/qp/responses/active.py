@@ -31,18 +31,20 @@ import numpy as np
 from namlcp.compiled import floats, longs, part
 from namlcp.limits import is_over
 from namlcp.linalg import add_scaled, dot
+from namlcp.options import DEFAULT_OPTIONS
+from namlcp.qp.responses.matrices import (
+    append_to_triangle,
+    remove_from_triangle,
+    triangle_solve,
+    triangle_solve_transposed,
+)
 from namlcp.qp.responses.rows import (
     goal_of,
     has_response,
     is_pinned,
     response_of,
+    solve_active,
     subtract_responses,
-)
-from namlcp.qp.responses.triangle import (
-    append_to_triangle,
-    remove_from_triangle,
-    triangle_solve,
-    triangle_solve_transposed,
 )
 
 # What the parts return. RESPONSE: see above. LATE: the time limit, Ctrl-C. STUCK: the
@@ -55,11 +57,14 @@ DONE, RESPONSE, CONTRADICTION, LATE, STUCK = range(5)
 DEPENDENT, DEPENDENT_HINT = 1e-11, 1e-6
 # Violations over the moduli of their terms up to which they count as rounding at first.
 # This `level` grows tenfold where a violation below NOISE * level contradicts the
-# active rows; above MOST_ROUNDING the method gives up.
+# active rows; above MOST_ROUNDING the method gives up. The larger numbers are those of
+# the rounds of `proximal`, whose base point is far away.
 VIOLATION_ROUNDING, NOISE, MOST_ROUNDING = 1e-13, 1e3, 1e-9
+ROUND_ROUNDING, MOST_ROUND_ROUNDING = 1e-12, 1e-7
 # Pivots at most, per row and variable; another method is safer for a QP that needs
-# more.
-MOST_PIVOTS = 10
+# more. A limit of USUAL is not the user's choice, and is exceeded up to GROWN per row
+# and variable; see also m.most_operations.
+MOST_PIVOTS, USUAL, GROWN = 10, DEFAULT_OPTIONS.max_iter, 3
 
 # Most active rows for which L is always computed anew at the end, which takes k^3 / 6
 # operations, and most changes of a larger L before it is.
@@ -125,9 +130,15 @@ def is_dependent(m, row, rest, limit):
     """Tell whether a row with this `rest_of` depends on equations and active rows."""
     scale = floats(m.scale, m.rows)[row]
     whole = response_of(m, row)[row]
-    return m.k == m.most or not (
-        rest > limit * whole and rest * scale * scale > m.least_curvature
-    )
+    if m.k == m.most or m.k >= most_independent(m):
+        return True
+    return not (rest > limit * whole and rest * scale * scale > m.least_curvature)
+
+
+@part
+def most_independent(m):
+    """Return how many rows may be active, for the rank of the equations."""
+    return m.n - m.p + m.skipped
 
 
 # ---- step 1
@@ -192,12 +203,10 @@ def set_multipliers(m):
     active, side = longs(m.active, m.most + 1), longs(m.side, m.rows)
     multiplier = floats(m.multiplier, m.most + 1)
     s0 = floats(m.s0, m.length)
-    triangle = floats(m.triangle, m.most * (m.most + 1) // 2)
     for i in range(m.k):
         row = active[i]
         multiplier[i] = s0[row] - goal_of(m, row, side[row])
-    triangle_solve(triangle, m.k, multiplier)
-    triangle_solve_transposed(triangle, m.k, multiplier)
+    solve_active(m, multiplier)
     for i in range(m.k):
         if is_pinned(m, active[i]):
             side[active[i]] = 1 if multiplier[i] >= 0.0 else -1
@@ -234,12 +243,11 @@ def drop_wrong_signs(m):
 
 
 @part
-def largest_value(m):
-    """Return the largest |x_j| over the norm of its row."""
-    s, scale = floats(m.s, m.length), floats(m.scale, m.rows)
-    size = 0.0
+def size_of(m, values):
+    """Return the largest |x_j| over the norm of its row, for values (G x, x, ...)."""
+    scale, size = floats(m.scale, m.rows), 0.0
     for i in range(m.m, m.rows):
-        size = max(size, abs(s[i]) * scale[i])
+        size = max(size, abs(values[i]) * scale[i])
     return size
 
 
@@ -250,7 +258,7 @@ def choose_entering(m):
     scale, h = floats(m.scale, m.rows), floats(m.h, m.m)
     lb, ub, x = floats(m.lb, m.n), floats(m.ub, m.n), s[m.m :]
     unit = scale[m.m :]
-    size = largest_value(m)
+    size = size_of(m, s)
     level, rounding = m.level, m.level * size
     entering, worst, at_upper = -1, 0.0, 1
     for i in range(m.m):
@@ -322,7 +330,7 @@ def is_noise(m):
     """Tell whether the violation of the entering row may be due to rounding errors."""
     row, s = m.entering, floats(m.s, m.length)
     goal, scale = goal_of(m, row, m.entering_side), floats(m.scale, m.rows)[row]
-    terms = abs(goal) * scale + largest_value(m)
+    terms = abs(goal) * scale + size_of(m, s)
     return abs(s[row] - goal) * scale <= NOISE * m.level * terms
 
 
@@ -333,7 +341,8 @@ def has_next(m):
     if m.entering < 0:
         return False
     m.pivots += 1
-    return m.pivots <= min(m.max_iter, MOST_PIVOTS * (m.rows + 1))
+    most = max(USUAL, GROWN * m.rows) if m.max_iter == USUAL else m.max_iter
+    return m.pivots <= min(most, MOST_PIVOTS * (m.rows + 1))
 
 
 @part
@@ -346,7 +355,8 @@ def excuse(m):
         return CONTRADICTION
     m.level *= 10.0
     m.entering = -1
-    return STUCK if m.level > MOST_ROUNDING else DONE
+    most = MOST_ROUND_ROUNDING if m.rho > 0.0 else MOST_ROUNDING
+    return STUCK if m.level > most else DONE
 
 
 @part
@@ -364,7 +374,7 @@ def pivot(m):
         if is_over(watch, operations):
             return LATE
         m.operations += operations
-        is_full = m.k == m.most and m.k < min(m.n - m.p, m.rows)
+        is_full = m.k == m.most and m.k < min(most_independent(m), m.rows)
         if is_full or m.operations > m.most_operations:
             return STUCK
         if step(m) == CONTRADICTION:

@@ -7,30 +7,45 @@ min 1/2 x'Px + q'x, A x = b has the solution
 
 V, T and U are formed once. Two products with a triangle take as long as one with P^-1,
 but lose about half as many digits (Higham, Accuracy and Stability of Numerical
-Algorithms, 2nd ed., chapter 14).
+Algorithms, 2nd ed., chapter 14). An equation that depends on those before it has the
+multiplier 0.
 
 A singular P may be definite where A x = 0. Then P + A'WA takes its place, W diagonal:
-with the equations it has the same x, and its multipliers are y - W b instead of y.
+with the equations it has the same x, and its multipliers are y - W b instead of y. Else
+P + W does, with the W of `weight`, and the QP is solved by `proximal`.
 """
 
 import numpy as np
 
 from namlcp.compiled import floats, longs, part
-from namlcp.linalg import PSD_SLACK, add_scaled, copy, dot
+from namlcp.linalg import PSD_SLACK, add_scaled, cholesky, copy, dot, invert_lower
 from namlcp.qp.responses.judgement import parts_of_result
+from namlcp.qp.responses.matrices import (
+    factor_in_place,
+    four_dots,
+    invert_triangle,
+    row_of,
+    times_rows,
+    times_triangle,
+    times_triangle_transposed,
+)
 from namlcp.qp.responses.rows import (
     claim_place,
     forget_responses,
     has_response,
     violation_of,
 )
+from namlcp.qp.responses.weight import NO_WEIGHT, set_shape, wanted_rho
 
 # Ratio of the largest to the smallest pivot of P from which on products with V are too
-# inaccurate.
+# inaccurate; for P + W, the ratio of a diagonal entry to its pivot.
 MOST_SPREAD = 1e9
 # Added to the diagonal of P, relative to its largest entry, in the test whether P is
 # semidefinite.
 ROUNDING_UNIT = 1e-15
+# Pivot of S over its diagonal entry up to which an equation depends on others; most
+# equations for a variable, and for two more.
+DEPENDENT_EQUATION, MOST_EQUATIONS = 1e-11, 2
 # Operations of one response from which on four are made at once.
 LARGE = 5000
 # Curvature of a row of norm 1, over the largest entry of P^-1, up to which the
@@ -39,69 +54,25 @@ FIXED = 1e-12
 
 
 @part
-def row_of(address, i, n):
-    """Return row i of a row-major matrix with n columns."""
-    return floats(address + 8 * n * i, n)
-
-
-@part
-def factor_in_place(address, n):
-    """Overwrite the lower triangle of a matrix by its Cholesky factor L.
-
-    Returns the largest ratio of two pivots of L L', infinite if L does not exist.
-    """
-    low, high = np.inf, 0.0
-    for i in range(n):
-        row = row_of(address, i, n)
-        for j in range(i):
-            other = row_of(address, j, n)
-            row[j] = (row[j] - dot(other[:j], row[:j])) / other[j]
-        pivot = row[i] - dot(row[:i], row[:i])
-        if not pivot > 0.0:
-            return np.inf
-        low, high = min(low, pivot), max(high, pivot)
-        row[i] = np.sqrt(pivot)
-    return high / low if n > 0 else 1.0
-
-
-@part
-def invert_triangle(address, n):
-    """Overwrite a lower triangular L by L^-1, with zeros above its diagonal."""
-    for i in range(n):
-        row = row_of(address, i, n)
-        pivot = 1.0 / row[i]
-        for j in range(i):
-            factor, other = row[j], row_of(address, j, n)
-            row[j] = 0.0
-            add_scaled(factor, other[: j + 1], row[: j + 1])
-        for j in range(i):
-            row[j] *= -pivot
-        row[i] = pivot
-        for j in range(i + 1, n):
-            row[j] = 0.0
-
-
-@part
 def set_up(m):
-    """Compute V, T, U, and norms of rows; False where the matrices do not allow it.
+    """Factor P, or what takes its place; False where the matrices do not allow it.
 
-    They do not if a number is NaN or infinite, or P is not symmetric, or P + A'WA not
-    definite or ill-conditioned, or the rows of A depend on each other. A single QP
-    without equations goes with L until a row enters, which needs V. (Not so an item of
-    a batch: its last digits would depend on the items before it.)
+    They do not if a number is NaN or infinite, or P is not symmetric or not
+    semidefinite. m.wanted > 0 asks for P + W. A single QP without equations goes with L
+    until a row enters, which needs V. (Not so an item of a batch: its last digits would
+    depend on the items before it.)
     """
-    n, p = m.n, m.p
-    if p > n or not is_sound(m):
+    if m.p > MOST_EQUATIONS * (m.n + 2) or not is_sound(m):
         return False
-    m.pull = 0.0
-    copy_cost(m, 0.0)
-    if not factor_in_place(m.factor, n) <= MOST_SPREAD and not factor_pulled(m):
+    m.pull, m.rho, m.skipped = 0.0, 0.0, 0
+    is_plain = m.wanted <= 0.0 and (factor_plain(m) or factor_pulled(m))
+    if not is_plain and (m.wanted == NO_WEIGHT or not factor_weighted(m)):
         return False
     forget_responses(m)
     m.is_inverted = 0
-    if m.is_single and p == 0 and m.items_left == 0:
-        return True
-    return invert_factor(m)
+    if not (m.is_single and m.p == 0 and m.items_left == 0):
+        invert_factor(m)
+    return True
 
 
 @part
@@ -130,20 +101,55 @@ def copy_cost(m, slack):
 
 
 @part
+def has_factor(m):
+    """Overwrite the lower triangle in m.factor by its Cholesky factor, if that exists.
+
+    By LAPACK if m.is_large.
+    """
+    if m.is_large:
+        return cholesky(floats(m.factor, (m.n, m.n))) == 0
+    return factor_in_place(m.factor, m.n, 0.0) == 0
+
+
+@part
+def has_good_factor(m):
+    """Do as `has_factor`; False, too, where the pivots differ too much."""
+    if not has_factor(m):
+        return False
+    low, high = np.inf, 0.0
+    for i in range(m.n):
+        root = row_of(m.factor, i, m.n)[i]
+        low, high = min(low, root), max(high, root)
+    return high * high <= MOST_SPREAD * low * low
+
+
+@part
+def factor_plain(m):
+    """Factor P; False where that has no good factor."""
+    copy_cost(m, 0.0)
+    return has_good_factor(m)
+
+
+@part
+def is_semidefinite(m):
+    """Tell whether P is positive semidefinite; overwrites m.factor."""
+    m.largest = copy_cost(m, PSD_SLACK)
+    tiny = ROUNDING_UNIT * m.largest if m.largest > 0.0 else 1.0
+    for i in range(m.n):
+        row_of(m.factor, i, m.n)[i] += tiny  # else an empty row has the pivot 0
+    return has_factor(m)
+
+
+@part
 def factor_pulled(m):
     """Factor P + A'WA, W_ii = m.pull / |a_i|^2; False where that has no good factor.
 
     False, too, where P is not semidefinite: the equations may hide that.
     """
     n = m.n
-    m.pull = copy_cost(m, PSD_SLACK)
-    if m.p == 0 or m.pull == 0.0:
+    if m.p == 0 or not is_semidefinite(m) or m.largest == 0.0:
         return False
-    tiny = ROUNDING_UNIT * m.pull
-    for i in range(n):
-        row_of(m.factor, i, n)[i] += tiny  # else an empty row has the pivot 0
-    if not factor_in_place(m.factor, n) < np.inf:
-        return False
+    m.pull = m.largest
     copy_cost(m, 0.0)
     for k in range(m.p):
         row, weight = row_of(m.A, k, n), weight_of(m, k)
@@ -151,7 +157,29 @@ def factor_pulled(m):
             if row[i] != 0.0:
                 factor = row_of(m.factor, i, n)
                 add_scaled(weight * row[i], row[: i + 1], factor[: i + 1])
-    return factor_in_place(m.factor, n) <= MOST_SPREAD
+    return has_good_factor(m)
+
+
+@part
+def factor_weighted(m):
+    """Factor P + W; False where P is not semidefinite, or W is too small."""
+    n = m.n
+    if not is_semidefinite(m):
+        return False
+    set_shape(m)
+    m.pull, m.rho = 0.0, wanted_rho(m)
+    copy_cost(m, 0.0)
+    weight, shape = floats(m.weight, n), floats(m.shape, n)
+    for i in range(n):
+        weight[i] = m.rho * shape[i]
+        row_of(m.factor, i, n)[i] += weight[i]
+    if not has_factor(m):
+        return False
+    for i in range(n):
+        root = row_of(m.factor, i, n)[i]
+        if not row_of(m.P, i, n)[i] + weight[i] <= MOST_SPREAD * root * root:
+            return False
+    return True
 
 
 @part
@@ -164,9 +192,16 @@ def weight_of(m, k):
 
 @part
 def invert_factor(m):
-    """Turn L into V, and compute T and U; False if rows of A depend on each other."""
+    """Turn L into V, and compute T and U."""
     n, p = m.n, m.p
-    invert_triangle(m.factor, n)
+    if m.is_large:
+        V = floats(m.factor, (n, n))
+        invert_lower(V)
+        for i in range(n):
+            for j in range(i + 1, n):
+                V[i, j] = 0.0
+    else:
+        invert_triangle(m.factor, n)
     set_curvature(m)
     m.is_inverted = 1
     for i in range(p):
@@ -174,16 +209,14 @@ def invert_factor(m):
         out, column = row_of(m.schur, i, p), row_of(m.equations, i, n)
         for j in range(i + 1):
             out[j] = dot(row_of(m.equations, j, n), column)
-    if not factor_in_place(m.schur, p) <= MOST_SPREAD:
-        return False
+    m.skipped = factor_in_place(m.schur, p, DEPENDENT_EQUATION)
     invert_triangle(m.schur, p)
-    return True
 
 
 @part
 def set_curvature(m):
-    """Set m.least_curvature from the largest diagonal entry of P^-1 = V'V."""
-    n, half = m.n, floats(m.halves, m.n)
+    """Set m.least_curvature from the largest diagonal entry of P^-1 = V'V, scaled."""
+    n, half, unit = m.n, floats(m.halves, m.n), floats(m.scale, m.rows)[m.m :]
     for j in range(n):
         half[j] = 0.0
     for i in range(n):
@@ -192,7 +225,7 @@ def set_curvature(m):
             half[j] += row[j] * row[j]
     largest = 0.0
     for j in range(n):
-        largest = max(largest, half[j])
+        largest = max(largest, half[j] * unit[j] * unit[j])
     m.least_curvature = FIXED * largest
 
 
@@ -209,67 +242,6 @@ def set_row_scales(m):
     for i in range(m.m, m.rows):
         scale[i] = 1.0
     return fine
-
-
-# ---- products
-
-
-@part(fastmath={"reassoc"})
-def four_dots(row, a, b, c, d):
-    """Return the products of `row` with four vectors."""
-    first, second, third, fourth = 0.0, 0.0, 0.0, 0.0
-    for j in range(row.size):
-        first += row[j] * a[j]
-        second += row[j] * b[j]
-        third += row[j] * c[j]
-        fourth += row[j] * d[j]
-    return first, second, third, fourth
-
-
-@part
-def add_four_scaled(factor, a, b, c, d, out):
-    """Add a, b, c and d times the first four factors to out."""
-    fa, fb, fc, fd = factor[0], factor[1], factor[2], factor[3]
-    for j in range(out.size):
-        out[j] += (fa * a[j] + fb * b[j]) + (fc * c[j] + fd * d[j])
-
-
-@part
-def times_rows(address, count, n, x, out):
-    """Set out = C x for the `count` rows of a matrix C with n columns, four at once."""
-    i = 0
-    while i + 4 <= count:
-        a, b = row_of(address, i, n), row_of(address, i + 1, n)
-        c, d = row_of(address, i + 2, n), row_of(address, i + 3, n)
-        out[i], out[i + 1], out[i + 2], out[i + 3] = four_dots(x, a, b, c, d)
-        i += 4
-    while i < count:
-        out[i] = dot(x, row_of(address, i, n))
-        i += 1
-
-
-@part
-def times_triangle(address, n, x, out):
-    """Set out = V x for a lower triangle V of order n, with zeros above."""
-    for i in range(0, n, 4):
-        end = min(i + 4, n)
-        times_rows(address + 8 * n * i, end - i, n, x[:end], out[i:])
-
-
-@part
-def times_triangle_transposed(address, n, v, out):
-    """Set out = V'v for a lower triangle V of order n, with zeros above."""
-    for j in range(n):
-        out[j] = 0.0
-    i = 0
-    while i + 4 <= n:
-        a, b = row_of(address, i, n), row_of(address, i + 1, n)
-        c, d = row_of(address, i + 2, n), row_of(address, i + 3, n)
-        add_four_scaled(v[i:], a, b, c, d, out[: i + 4])
-        i += 4
-    while i < n:
-        add_scaled(v[i], row_of(address, i, n), out[: i + 1])
-        i += 1
 
 
 # ---- the operator

@@ -7,8 +7,7 @@ is iterative, with these residuals and the operators at hand, from the point tha
 
 from namlcp.compiled import floats, longs, part
 from namlcp.linalg import LEAST_DIVISOR
-from namlcp.qp.responses.rows import goal_of, subtract_responses
-from namlcp.qp.responses.triangle import triangle_solve, triangle_solve_transposed
+from namlcp.qp.responses.rows import goal_of, subtract_active
 from namlcp.residuals import qp_residuals_of_products
 
 # Nothing is refined where residuals over the moduli of their terms are at most
@@ -165,22 +164,36 @@ def set_correction(m):
 
 
 @part
-def correct(m):
-    """Add a correction to s and mu; m.change are the values of K^-1 m.rhs."""
+def set_step(m):
+    """Let m.change lead to the active sides: less sum dmu_i w_i, with dmu in m.work.
+
+    It holds the values of K^-1 m.rhs before.
+    """
     s, change = floats(m.s, m.length), floats(m.change, m.length)
     active, side = longs(m.active, m.most + 1), longs(m.side, m.rows)
-    multiplier, work = floats(m.multiplier, m.most + 1), floats(m.work, m.most + 1)
-    triangle = floats(m.triangle, m.most * (m.most + 1) // 2)
+    work = floats(m.work, m.most + 1)
     for i in range(m.k):
         row = active[i]
         work[i] = change[row] + s[row] - goal_of(m, row, side[row])
-    triangle_solve(triangle, m.k, work)
-    triangle_solve_transposed(triangle, m.k, work)
-    subtract_responses(m, work, m.k, change)
+    subtract_active(m, change)
+
+
+@part
+def take_step(m):
+    """Add m.change to s and m.work to mu."""
+    s, change = floats(m.s, m.length), floats(m.change, m.length)
+    multiplier, work = floats(m.multiplier, m.most + 1), floats(m.work, m.most + 1)
     for i in range(m.length):
         s[i] += change[i]
     for i in range(m.k):
         multiplier[i] += work[i]
+
+
+@part
+def correct(m):
+    """Add a correction to s and mu; m.change are the values of K^-1 m.rhs."""
+    set_step(m)
+    take_step(m)
 
 
 @part

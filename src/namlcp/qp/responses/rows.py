@@ -6,6 +6,7 @@ rows if memory allows, and always more than rows can be active.
 
 from namlcp.compiled import floats, longs, part
 from namlcp.linalg import add_scaled
+from namlcp.qp.responses.matrices import triangle_solve, triangle_solve_transposed
 
 
 @part
@@ -108,3 +109,28 @@ def subtract_responses(m, factor, k, s):
     while i < k:
         add_scaled(-factor[i], response_of(m, active[i]), s)
         i += 1
+
+
+@part
+def solve_active(m, v):
+    """Overwrite v by S^-1 v, S = L L' as in `active`."""
+    triangle = floats(m.triangle, m.most * (m.most + 1) // 2)
+    triangle_solve(triangle, m.k, v)
+    triangle_solve_transposed(triangle, m.k, v)
+
+
+@part
+def subtract_active(m, values):
+    """Set m.work = S^-1 m.work, and values -= sum of m.work_i w_i over active rows."""
+    work = floats(m.work, m.most + 1)
+    solve_active(m, work)
+    subtract_responses(m, work, m.k, values)
+
+
+@part
+def hold_active(m, values):
+    """Set m.work = S^-1 values_F and subtract these responses: then values_F = 0."""
+    active, work = longs(m.active, m.most + 1), floats(m.work, m.most + 1)
+    for i in range(m.k):
+        work[i] = values[active[i]]
+    subtract_active(m, values)

@@ -8,23 +8,20 @@ from typing import Any
 import numpy as np
 
 from namlcp.compiled import new_record
-from namlcp.limits import NEVER, SPEED, UNCHECKED_TIME, Deadline, Limits
+from namlcp.limits import NEVER, Deadline, Limits
 from namlcp.options import DEFAULT_OPTIONS
 from namlcp.qp.answer import Answer, proved
-from namlcp.qp.certificates import accept_primal
+from namlcp.qp.certificates import accept_dual, accept_primal
 from namlcp.qp.guess import Guess
 from namlcp.qp.problem import QP, Point
-from namlcp.qp.responses.active import CONTRADICTION, DONE, LATE, STUCK
+from namlcp.qp.responses.active import CONTRADICTION, DONE, GROWN, LATE, STUCK
 from namlcp.qp.responses.course import SUMMED
 from namlcp.qp.responses.free import MOST_WORK, WIDE, run_free
 from namlcp.qp.responses.judgement import NUMBERS, ROUNDING
-from namlcp.qp.responses.large import MOST_LARGE, prepare
+from namlcp.qp.responses.proximal import UNBOUNDED
 from namlcp.qp.responses.run import (
-    ROOMLESS,
-    UNSUITED,
     attach_matrices,
     run,
-    run_once,
     take_hint,
 )
 from namlcp.qp.responses.state import ResponseState, allocate
@@ -32,16 +29,8 @@ from namlcp.residuals import Residuals, qp_residuals, signed_gap
 from namlcp.status import Status
 
 SOLVED = Status.SOLVED
-# Most operations of a solve that does not look at a deadline.
-BRIEF_WORK = SPEED * UNCHECKED_TIME
 # Codes of kernels after which there is a point or a candidate for a certificate.
-JUDGED = (DONE, SUMMED, LATE, CONTRADICTION)
-# Most variables, equations and rows of a QP that is solved by responses without BLAS.
-MOST_ORDER = 900
-# Spaces of one-shot solves that have ended, for the next ones: making one takes as long
-# as a tiny QP. At most so many are kept, of at most so many numbers each.
-POOL: list["SingleSolves"] = []
-MOST_SPACES, MOST_POOLED = 16, 1_000_000
+JUDGED = (DONE, SUMMED, LATE, CONTRADICTION, UNBOUNDED)
 # What `wrapped` makes an answer of: the array of a result after DONE, see `parted`, the
 # iterations, and the name of the method.
 Done = tuple[np.ndarray, int, str]
@@ -76,58 +65,9 @@ class Held:
         return 0 if space is None or space.stamp != self.stamp else space.address
 
     def __del__(self) -> None:
-        """Let the next single solve have the space of this one."""
-        if isinstance(self.space, SingleSolves):
-            give_back(self.space)
-
-
-def solve_once(
-    qp: QP, guess: Guess, limits: Limits, held: Held | None = None
-) -> Answer | None:
-    """Solve one dense QP; None where another method has to.
-
-    `held` gets the factors of a QP that is solved.
-    """
-    done, answer = solve_unwrapped(qp, guess, limits, held)
-    return answer if done is None else wrapped(qp, *done)
-
-
-def solve_unwrapped(
-    qp: QP, guess: Guess, limits: Limits, held: Held | None = None
-) -> tuple[Done | None, Answer | None]:
-    """Do as `solve_once`, but return an answer that needs no judgement as `Done`.
-
-    At least one of the two is None. To wrap it takes an eighth of a tiny solve.
-    """
-    order = qp.q.size + qp.h.size + qp.b.size
-    if order > MOST_LARGE:
-        return None, None
-    try:
-        space = POOL.pop()
-    except IndexError:
-        space = SingleSolves()
-    if order > MOST_ORDER or guess.active.size:
-        code, numbers = space.solve_in_steps(qp, guess, limits)
-    else:
-        code, numbers = space.solve(qp, limits)
-    done = answer = None
-    if code == DONE:
-        done = numbers, space.now.pivots, space.form
-    else:
-        answer = space.answer(code, numbers, qp, limits)
-    is_solved = done or (answer is not None and answer.status is SOLVED)
-    if held is not None and is_solved:
-        held.take(space)
-    else:
-        give_back(space)
-    return done, answer
-
-
-def give_back(space: "SingleSolves") -> None:
-    """Keep the memory of a space for the next solve, unless it is large."""
-    if space.memory.size <= MOST_POOLED and len(POOL) < MOST_SPACES:
-        space.matrices = None, None, None  # the caller's, which are not to be held
-        POOL.append(space)
+        """Let others have the space."""
+        if self.space is not None:
+            self.space.release()
 
 
 def pivot_work(n: int, rows: int) -> float:
@@ -135,10 +75,9 @@ def pivot_work(n: int, rows: int) -> float:
     return 4.0 * n * (2 * n + rows)
 
 
-def is_brief(qp: QP, max_iter: int) -> bool:
-    """Tell whether `solve_once` does not look at a deadline unless there is a limit."""
-    n = qp.q.size
-    return max_iter * pivot_work(n, qp.h.size + qp.b.size) <= BRIEF_WORK
+def most_pivots(max_iter: int, order: int) -> int:
+    """Return the most pivots within a limit, see `active`, for n + m + p = order."""
+    return max(max_iter, GROWN * order)
 
 
 def parted(numbers: np.ndarray, n: int, m: int, p: int) -> tuple[Point, Residuals]:
@@ -245,7 +184,7 @@ class Responses:
         now, self.limits = self.now, limits
         now.eps_abs, now.eps_rel = limits.eps_abs, limits.eps_rel
         now.max_iter = self.max_iter = limits.max_iter or DEFAULT_OPTIONS.max_iter
-        self.work = self.max_iter * self.pivot_work
+        self.work = most_pivots(self.max_iter, self.length) * self.pivot_work
         self.is_brief = NEVER.leaves_time_for(self.work)
 
     def suggest(self, guess: Guess) -> None:
@@ -280,6 +219,9 @@ class Responses:
         """Return the factors of the last solve, None where there are none."""
         return None
 
+    def release(self) -> None:
+        """Note that nobody holds the factors any more."""
+
     def call(self, arguments: tuple[Any, ...], deadline: Deadline) -> int:
         """Call `kernel`, with a watch where it may run long; return its code."""
         if self.is_brief and deadline.at == inf:
@@ -304,6 +246,11 @@ class Responses:
             if proof is None:
                 return None
             return proved(Status.PRIMAL_INFEASIBLE, proof, count, self.form)
+        if code == UNBOUNDED:
+            proof = accept_dual(qp, *point, limits.eps_abs)
+            if proof is None:
+                return None
+            return proved(Status.DUAL_INFEASIBLE, proof, count, self.form)
         if code == LATE:
             residuals = qp_residuals(*qp, *point)
             return Answer(Status.TIME_LIMIT, point, residuals, count, self.form)
@@ -344,9 +291,17 @@ class DenseResponses(Responses):
         kernel = run_free if self.now.is_free else self.kernel
         return kernel(self.address, vectors, numbers, 0), numbers
 
+    @property
+    def has_factor(self) -> bool:
+        """Whether the factor at hand is that of P, and of the last active rows.
+
+        That of `free` has not these, and that of `proximal` is of P + W.
+        """
+        return not self.now.face_is_kept and self.now.rho == 0.0
+
     def lent(self) -> Held | None:
-        """Return the factors of the last solve; that of `free` leaves none."""
-        if self.now.face_is_kept:
+        """Return the factors of the last solve, None where there are none."""
+        if not self.has_factor:
             return None
         held = Held()
         held.take(self)
@@ -374,53 +329,3 @@ class DenseResponses(Responses):
         if code != DONE:
             now.hints = kept
         return code
-
-
-class SingleSolves(DenseResponses):
-    """Space for single solves, one after another: the memory is kept, nothing else."""
-
-    memory = NO_NUMBERS
-    vectors: np.ndarray | None = None  # those of a large QP, for its derivatives
-
-    def __init__(self) -> None:
-        """Take no memory before the first solve."""
-        self.now, self.state = new_record(ResponseState)
-        self.address = ctypes.addressof(self.now)
-        self.now.is_single = True
-
-    def solve(self, qp: QP, limits: Limits) -> tuple[int, np.ndarray]:
-        """Solve a QP by one compiled call; return what `run` does."""
-        if limits is not self.limits:
-            self.limit(limits)
-        P, q, G, h, A, b, lb, ub = qp
-        n, rows = q.size, h.size + b.size
-        numbers = np.empty(2 * n + rows + NUMBERS)
-        arguments = self.address, P, G, A, (q, h, b, lb, ub), numbers
-        deadline = limits.deadline
-        while True:
-            if deadline is NEVER:  # the caller asked `is_brief`
-                code = run_once(*arguments, 0)
-            else:
-                limits.announce(run_once)
-                work = self.max_iter * pivot_work(n, rows)
-                code = deadline.run(run_once, work, *arguments)
-            if code != ROOMLESS:
-                return code, numbers
-            self.memory = allocate(self.now)
-
-    def solve_in_steps(
-        self, qp: QP, guess: Guess, limits: Limits
-    ) -> tuple[int, np.ndarray]:
-        """Solve a QP from a guess, or a large one; return what `run` does.
-
-        The factors and responses of a large one are made by BLAS.
-        """
-        is_large = qp.q.size + qp.h.size + qp.b.size > MOST_ORDER
-        limits.announce(prepare if is_large else run)
-        self.attach(qp.P, qp.G, qp.A)
-        if is_large and not prepare(self.address, qp.q, qp.h):
-            return UNSUITED, NO_NUMBERS
-        if guess.active.size:
-            self.suggest(guess)
-        self.limits, self.vectors = None, qp.joined()
-        return self.run(self.vectors, limits)

@@ -9,7 +9,7 @@ from namlcp.linalg import SparseFactors, arrays_of, attach_factors, by_rows
 from namlcp.qp.kkt import KKT
 from namlcp.qp.problem import QP
 from namlcp.qp.responses.solve import Responses
-from namlcp.qp.responses.sparse_run import attach_sparse, begin_anew, run_sparse
+from namlcp.qp.responses.sparse import attach_sparse, begin_anew, run_sparse
 from namlcp.qp.responses.state import allocate
 from namlcp.qp.transforms import equilibrate
 

@@ -21,7 +21,8 @@ ITEMS = "".join(f"{name}_step " for name in GIVEN.split()) + "items_left codes"
 # ... and those in the memory of the record, set by `lay_out`.
 OWN = (
     # Values of the rows, see `active`, at the base point and at the present one, and
-    # their change for a multiplier that grows; 1 over the norms of the rows.
+    # their change for a multiplier that grows; 1 over the norms of the rows, see also
+    # `weight`.
     "s0 s direction scale "
     # The active rows: their index, multiplier and the triangle L with L L' = S; side of
     # every row: 1 at h or ub, -1 at lb, 0 if not active. The same of the last solved
@@ -42,6 +43,9 @@ OWN = (
     # multipliers of bounds by variable, and their change.
     "free free_triangle held_rows held_triangle load free_part held_part "
     "bound_multiplier bound_ratio "
+    # Of `proximal`: W, and what it is made of, see `weight`; the centre of a round; the
+    # direction of conjugate gradients, with the values of rows, and P times it.
+    "weight shape reach centre along Palong "
     # The state of `limits.is_over`.
     "watch"
 )
@@ -50,8 +54,8 @@ OWN = (
 SPARSE = "indptr indices base rest g_starts g_columns g_values"
 NUMBERS = (
     # Sizes of the QP; rows = m + n inequalities and bounds; length = rows + p; the most
-    # active rows, the most responses.
-    "n m p rows length most capacity "
+    # active rows, the most responses; equations that depend on others.
+    "n m p rows length most capacity skipped "
     # Active rows now and in the last solved QP; whether they changed in this solve;
     # changes since L was computed from S, now and then; rows of a hint, and how many of
     # them have been tried; whether no other solve follows.
@@ -60,6 +64,8 @@ NUMBERS = (
     # asked for; the place of the next response.
     "entering entering_side asked next_place "
     "pivots max_iter is_ready is_inverted memory memory_size memory_end "
+    # Whether factors are made by LAPACK; rounds of `proximal`.
+    "is_large rounds "
     # Whether the next solve has the form of `free`; free variables there, and at most;
     # active rows of G; changes of the factor since it was computed anew; whether it is
     # that of the last solved QP.
@@ -79,6 +85,10 @@ REALS = (
     "least_curvature "
     # How strongly the equations are added to a singular P, see `dense`; 0 for not.
     "pull "
+    # Of `proximal`: rho in W, 0 without W; what it is to be over that of the data, 0
+    # for W only where P has no good factor, NO_WEIGHT for never; the largest diagonal
+    # entry of P.
+    "rho wanted largest "
     # The error of the point, see `judgement`.
     "error "
     # Operations so far, those from which on the method gives up, and those of making a
@@ -126,7 +136,8 @@ def lay_out(m, is_dense):
     """
     m.rows = m.m + m.n
     m.length = m.rows + m.p
-    m.most = max(min(m.n - m.p, m.rows, MOST_NUMBERS // max(m.length, 1)), 0)
+    most = m.n if is_dense else m.n - m.p  # there, equations may depend on others
+    m.most = max(min(most, m.rows, MOST_NUMBERS // max(m.length, 1)), 0)
     m.capacity = min(m.rows, max(m.most + 4, MOST_NUMBERS // max(m.length, 1)))
     takes_free = is_dense and LEAST_FREE <= m.n <= m.most + m.p
     m.most_free = 2 * m.n // 3 if takes_free else 0
@@ -158,6 +169,9 @@ def lay_out(m, is_dense):
         m.factor, m.equations = taken(m, m.n * m.n), taken(m, m.p * m.n)
         m.schur, m.schur_work = taken(m, m.p * m.p), taken(m, m.p)
         m.halves = taken(m, 4 * m.n)
+        m.weight, m.shape, m.reach = taken(m, m.n), taken(m, m.n), taken(m, m.p)
+        m.centre, m.Palong = taken(m, m.n), taken(m, m.n)
+        m.along = taken(m, m.length)
     m.responses = taken(m, m.capacity * m.length)
     return m.memory_end - m.memory <= m.memory_size
 

@@ -9,13 +9,13 @@ import numpy as np
 from namlcp.compiled import floats, longs, part
 from namlcp.linalg import add_scaled, dot
 from namlcp.qp.responses.dense import row_of
-from namlcp.qp.responses.rows import goal_of
-from namlcp.qp.responses.triangle import (
+from namlcp.qp.responses.matrices import (
     append_to_triangle,
     remove_from_triangle,
     triangle_solve,
     triangle_solve_transposed,
 )
+from namlcp.qp.responses.rows import goal_of
 
 
 @part

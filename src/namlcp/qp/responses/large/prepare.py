@@ -1,4 +1,4 @@
-"""The inverse factor of P, and responses to the rows that are violated at first.
+"""The factor of a large QP, and responses to the rows that are violated at first.
 
 For a large QP these products take most of the time, and BLAS multiplies matrices ten
 times as fast as `dense` does a row at a time: with V = L^-1 and the rows C,
@@ -9,69 +9,40 @@ minimum violates become active; the responses to others are made when asked for.
 import numpy as np
 
 from namlcp.compiled import floats, kernel, part
-from namlcp.linalg import cholesky, invert_lower, multiply, product
-from namlcp.qp.responses.dense import (
-    MOST_SPREAD,
-    copy_cost,
-    forget_responses,
-    is_sound,
-    row_of,
-    set_curvature,
-    solve_with_factor,
-    times_rows,
-)
+from namlcp.linalg import multiply, product
+from namlcp.qp.responses.dense import invert_factor, set_up, solve_with_factor
+from namlcp.qp.responses.matrices import row_of, times_rows
 from namlcp.qp.responses.rows import claim_place
+from namlcp.qp.responses.run import attach_vectors
 from namlcp.qp.responses.state import state_at
 
-# Most variables and rows of a QP that is prepared like that; most rows for a variable:
-# with more, about as many rows become active as there are variables, and the pivots
-# take so long that nothing is gained over `qp/dense`.
-MOST_LARGE, MOST_ROWS = 4000, 2
+# Most rows for a variable for which responses are made before they are asked for.
+MOST_ROWS = 2
 
 
 @kernel
-def prepare(address, q, h):
-    """Prepare a QP without equations, its matrices attached; False if it is not suited.
+def prepare(address, vectors):
+    """Prepare a single QP, its matrices attached; False if it is not suited.
 
-    q and h: its vectors, whose numbers need not be allowed.
+    vectors: as for `run`; their numbers need not be allowed.
     """
     m = state_at(address)
-    n = m.n
-    if m.p > 0 or m.m > MOST_ROWS * n or not is_sound(m):
+    attach_vectors(m, vectors, vectors)  # nothing is written yet
+    m.is_large = 1
+    if not set_up(m):
         return False
-    m.pull = 0.0
-    copy_cost(m, 0.0)
-    V = floats(m.factor, (n, n))
-    if not is_well_factored(V):
-        return False
-    rows = violated_rows(m, q, h)
-    if invert_lower(V) != 0:
-        return False
-    for i in range(n):
-        for j in range(i + 1, n):
-            V[i, j] = 0.0
-    forget_responses(m)
-    set_curvature(m)
-    m.is_inverted, m.is_ready = 1, 1
-    make_all(m, V, rows[: m.capacity])
+    m.is_ready = 1
+    if m.p == 0 and m.rho == 0.0 and m.m <= MOST_ROWS * m.n:
+        rows = violated_rows(m)
+        invert_factor(m)
+        make_all(m, rows[: m.capacity])
     return True
 
 
 @part
-def is_well_factored(L):
-    """Overwrite the lower triangle of P by L; tell whether its pivots are similar."""
-    if cholesky(L) != 0:
-        return False
-    low, high = np.inf, 0.0
-    for i in range(L.shape[0]):
-        pivot = L[i, i] * L[i, i]
-        low, high = min(low, pivot), max(high, pivot)
-    return high <= MOST_SPREAD * low
-
-
-@part
-def violated_rows(m, q, h):
+def violated_rows(m):
     """Return the rows of G that exceed h at the minimum without any constraint."""
+    q, h = floats(m.q, m.n), floats(m.h, m.m)
     x, Gx, load = np.empty(m.n), np.empty(m.m), np.empty(m.n)
     for j in range(m.n):
         load[j] = -q[j]
@@ -87,9 +58,10 @@ def violated_rows(m, q, h):
 
 
 @part
-def make_all(m, V, rows):
+def make_all(m, rows):
     """Make the responses to some rows of G."""
     n, k = m.n, rows.size
+    V = floats(m.factor, (n, n))
     C, H, W = np.empty((k, n)), np.empty((k, n)), np.empty((k, m.m))
     for i in range(k):
         row = row_of(m.G, rows[i], n)
