@@ -212,4 +212,4 @@ def test_a_portfolio_by_solver():
         solver.update(q=q)
         x, expected = solver.solve().x, solve_qp(q=q, **problem).x
         np.testing.assert_allclose(x, expected, rtol=0.0, atol=1e-12)
-    assert solver.methods[0].now.is_free
+    assert solver.method.now.is_free

@@ -8,7 +8,7 @@ errors of degenerate QPs and of those that `free` solves. `solve_once` is for a 
 QP (`is_brief`: one that ends so soon that nobody need look at the clock; `Held` keeps
 its factors for derivatives, which `solve_held` solves with), `Stack` for a batch. A
 class of this room, `DenseResponses` for arrays, `SparseResponses` for sparse matrices,
-`Faces` for both, has
+`DenseForm` for small ones that these do not suit, has
 
 - ``of(qp)``: for the matrices of a QP, None where they are not suited. The arrays are
   not copied, and must not change;
@@ -31,12 +31,10 @@ response is made; `dense` and `run` do, for arrays, `sparse` and `sparse_run` fo
 matrices. `course` is what a solve consists of, whatever the matrices are stored as.
 After a dense QP with most variables at bounds, `free` solves the next one by a face of
 few variables instead of many responses.
-`faces` is for QPs that responses do not suit: it keeps the factors of one face, and
-solves nothing before `suggest`.
+`proximal` is for dense QPs whose P has no good factor.
 """
 
 from namlcp.qp.responses.active import DONE
-from namlcp.qp.responses.faces import Faces
 from namlcp.qp.responses.fresh import (
     MOST_ORDER,
     Solutions,
@@ -49,6 +47,7 @@ from namlcp.qp.responses.fresh import (
 from namlcp.qp.responses.judgement import parts_of_result
 from namlcp.qp.responses.run import accepts, least_pivot, solve_held
 from namlcp.qp.responses.solve import (
+    DenseForm,
     DenseResponses,
     Done,
     Held,

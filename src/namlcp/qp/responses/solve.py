@@ -147,14 +147,6 @@ class Responses:
         """Tell whether the last solve found that the matrices are not suited."""
         return not self.now.is_ready
 
-    @property
-    def step_work(self) -> float:
-        """Operations of a solve from the last active rows if these are the right ones.
-
-        They are compared where there are two methods for the same matrices.
-        """
-        return float((self.now.kept_k + self.now.hints) * self.now.length)
-
     def attach(self, P: Any, G: Any, A: Any) -> None:
         """Take matrices, and memory for them."""
         self.matrices, self.is_stale = (P, G, A), False
@@ -329,3 +321,21 @@ class DenseResponses(Responses):
         if code != DONE:
             now.hints = kept
         return code
+
+
+class DenseForm(DenseResponses):
+    """As DenseResponses, for sparse matrices in dense form."""
+
+    @classmethod
+    def of(cls, qp: QP) -> "DenseForm":
+        """Return responses for the matrices of a small QP."""
+        own = qp.in_dense_form()
+        return cls(own.P, own.G, own.A)
+
+    def renew(self, qp: QP) -> None:
+        """Note the changed matrices of a QP of the same sizes."""
+        super().renew(qp.in_dense_form())
+
+    def lent(self) -> Held | None:
+        """Return None: the factors are not those of sparse matrices."""
+        return None

@@ -1,7 +1,7 @@
 """`Solver`: one QP solved again and again, while its vectors and values change.
 
-The active-set methods of `qp/responses` are tried first: they keep what they compute,
-and begin with the active constraints of the last solution. What they do not decide goes
+The active-set method of `qp/responses` is tried first: it keeps what it computes, and
+begins with the active constraints of the last solution. What it does not decide goes
 the way of `solve_qp`, which can use of the solves before what depends on matrices alone
 (transforms, orders, factors: `Memory`) and the last point that solved the problem
 (`Guess`). An answer SOLVED has been judged on the data as they are now, so it stands,
@@ -27,9 +27,9 @@ from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, qp_data
 from namlcp.qp.responses import (
     DONE,
+    DenseForm,
     DenseResponses,
     Done,
-    Faces,
     Responses,
     SparseResponses,
     accepts,
@@ -47,8 +47,6 @@ from namlcp.result import QPResult
 from namlcp.status import Status
 
 SOLVED = Status.SOLVED
-# Operations of a step below which it is not asked whether another method needs fewer.
-LARGE_STEP = 20_000
 # What a copy shares and a pickle holds: arrays that never change.
 STATE = "matrices", "given", "is_own", "vectors", "options", "last"
 # Statuses that a solve without a start would not improve on.
@@ -141,11 +139,10 @@ class Solver:
         self.sizes = qp.q.size, qp.h.size, qp.b.size
         self.places = places_of(qp)
         self.memory = Memory.of(qp)
-        self.kept = self.methods = methods_for(qp)  # all, and those that suit
-        # The method that found `last`; None where all know of it.
-        self.found_by: Responses | None = None
+        self.method = method_for(qp)
+        self.is_suited = self.method is not None  # as far as is known of the matrices
+        self.is_by_method = False  # whether it is the method that found `last`
         self.quick: DenseResponses | None = None  # see `solve_quickly`
-        self.is_renewed = False  # whether matrices have changed since the last solve
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what `STATE` names."""
@@ -247,9 +244,10 @@ class Solver:
             check_convex(qp.P)
         self.hold_matrices(qp, tuple(given.values()))
         self.memory.adopt(qp)
-        self.is_renewed, self.quick, self.methods = True, None, self.kept
-        for method in self.kept:
-            method.renew(qp)
+        self.quick = None
+        if self.method is not None:
+            self.is_suited = True
+            self.method.renew(qp)
 
     def solve(self, warm_start: Any = None, derivative: bool = False) -> QPResult:
         """Solve the problem as it is now.
@@ -296,8 +294,9 @@ class Solver:
             if isinstance(error, SystemError):  # Ctrl-C in compiled code
                 raise cause_of(error) from None
             raise
-        if derivative and self.found_by is not None and result.status is SOLVED:
-            vars(result)["factors"] = self.found_by.lent()
+        if derivative and self.is_by_method and result.status is SOLVED:
+            assert self.method is not None
+            vars(result)["factors"] = self.method.lent()
         return result
 
     def solve_quickly(self, start: float) -> QPResult | None:
@@ -326,65 +325,40 @@ class Solver:
     def solve_with_care(self, guess: Guess | None, start: float) -> QPResult:
         """Return the result of what is kept, of the general solve where that fails."""
         self.quick = result = None
-        if not self.options.verbose:
-            result = self.solve_by_what_is_kept(guess, start)
+        if guess is not None:
+            self.suggest(guess)
+        if self.is_suited and not self.options.verbose:
+            result = self.solve_by_method(start)
         if result is None:
             result = self.solve_by_all_means(guess, start)
             if result.status is SOLVED:
                 self.suggest(make_guess(self.qp, None, result))
-        self.is_renewed = False
         if result.status is SOLVED:
             self.last = result
         return result
 
-    def solve_by_what_is_kept(
-        self, guess: Guess | None, start: float
-    ) -> QPResult | None:
-        """Return the result of the first method that decides; None if none does."""
-        if guess is not None:
-            self.suggest(guess)
-        for method in self.in_order():
-            if self.found_by not in (None, method):
-                method.suggest(make_guess(self.qp, None, self.last))
-            result = self.solve_by(method, start)
-            if result is not None:
-                return result
-            if method.are_unsuited:
-                self.methods = [other for other in self.methods if other is not method]
-        return None
-
     def suggest(self, guess: Guess) -> None:
-        """Let all methods begin with a guess."""
-        self.found_by = None
-        for method in self.methods:
-            method.suggest(guess)
+        """Let the method begin with a guess."""
+        self.is_by_method = False
+        if self.method is not None:
+            self.method.suggest(guess)
 
-    def in_order(self) -> list[Responses]:
-        """Return the methods, the first to try first.
-
-        Of the two for sparse matrices, the last has less to do again with new values,
-        and may have less to do at all with many active rows.
-        """
-        if len(self.methods) > 1 and type(self.matrices[0]) is not np.ndarray:
-            first, last = self.methods
-            is_large = first.step_work > LARGE_STEP
-            if self.is_renewed or (is_large and first.step_work > last.step_work):
-                return [last, first]
-        return self.methods
-
-    def solve_by(self, method: Responses, start: float) -> QPResult | None:
-        """Return the result of one method; None if it does not decide."""
+    def solve_by_method(self, start: float) -> QPResult | None:
+        """Return the result of the method; None if it does not decide."""
+        method = self.method
+        assert method is not None
         limits, deadline = self.limits, self.limits.deadline
         deadline.at = start + self.options.time_limit
         code, numbers = method.run(self.vectors, limits)
         if code == DONE and self.is_own and not deadline.interrupted:
-            self.found_by = method
+            self.is_by_method = True
             if isinstance(method, DenseResponses) and method.can_run_again(limits):
                 self.quick = method
             return self.result_after(method, numbers, start)
         qp = self.qp
         answer = method.answer(code, numbers, qp, limits)
         if answer is None:
+            self.is_suited = not method.are_unsuited
             return None
         answer = upheld(answer, qp, self.given, limits)
         if deadline.interrupted:
@@ -397,7 +371,7 @@ class Solver:
                 qp, self.options, NO_GUESS, start, given=self.given, known=answer
             )
         if answer.status is SOLVED:
-            self.found_by = method
+            self.is_by_method = True
         return result_of(answer, (qp, self.given), start, start)
 
     def solve_by_all_means(self, guess: Guess | None, start: float) -> QPResult:
@@ -424,12 +398,8 @@ def unfolded_step(
     return unfolded(done, (qp, given), (0.0, solve_time))
 
 
-def methods_for(qp: QP) -> list[Responses]:
-    """Return what keeps something for the matrices of a QP, the first to try first."""
-    first: Responses | None
+def method_for(qp: QP) -> Responses | None:
+    """Return what keeps something for the matrices of a QP; None if nothing does."""
     if qp.is_dense:
-        first = DenseResponses.of(qp) if is_small(qp) else None
-    else:
-        first = SparseResponses.of(qp)
-    found: list[Responses | None] = [first, Faces.of(qp)]
-    return [method for method in found if method is not None]
+        return DenseResponses.of(qp) if is_small(qp) else None
+    return SparseResponses.of(qp) or (DenseForm.of(qp) if is_small(qp) else None)
