@@ -139,19 +139,19 @@ def test_a_bound_on_what_the_equations_fix():
         assert_agrees(answer, qp._replace(b=b, ub=ub))
 
 
-def test_what_does_not_determine_x_is_left_to_others():
+def test_a_cost_that_is_not_convex_is_left_to_others():
     P = sp.diags_array([1.0, 1.0, 1.0])
     A = sp.csc_array([[1.0, 1.0, 0.0]])
     qp = qp_data(P, np.ones(3), None, None, A, np.ones(1), np.zeros(3), None)
     kept = SparseResponses.of(qp)
     assert solve(kept, qp).status is Status.SOLVED
     assert not kept.are_unsuited
-    singular = qp._replace(P=sp.csc_array((np.array([1.0, 1.0, 0.0]), qp.P.indices,
-                                           qp.P.indptr)))  # fmt: skip
-    assert SparseResponses.of(singular) is None
-    kept.renew(singular)
-    assert solve(kept, singular) is None
-    assert kept.are_unsuited
+    for last in (0.0, -1.0):
+        values = np.array([1.0, 1.0, last])
+        other = qp._replace(P=sp.csc_array((values, qp.P.indices, qp.P.indptr)))
+        kept.renew(other)
+        answer = solve(kept, other)
+        assert kept.are_unsuited == (answer is None) == (last < 0.0)
     kept.renew(qp)
     assert solve(kept, qp).status is Status.SOLVED
 

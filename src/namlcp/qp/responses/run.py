@@ -1,4 +1,4 @@
-"""The kernels for dense QPs: addresses in, one solve, the active rows kept.
+"""The kernels: addresses in, one solve, the active rows kept.
 
 `run` solves the QP with the matrices of `attach_matrices`: it checks them, computes V
 if that is missing, and follows `course`, or `proximal` where P has no good factor.
@@ -8,8 +8,8 @@ if that is missing, and follows `course`, or `proximal` where P has no good fact
 import numpy as np
 
 from namlcp.checks import INFINITE
-from namlcp.compiled import floats, kernel, longs, part
-from namlcp.linalg import add_scaled, blas_times, blas_times_transposed
+from namlcp.compiled import floats, kernel, longs, part, record_of
+from namlcp.linalg import add_scaled, blas_times, blas_times_transposed, copy
 from namlcp.qp.responses.active import CONTRADICTION, DONE, RESPONSE, STUCK
 from namlcp.qp.responses.course import (
     PRODUCTS,
@@ -39,7 +39,14 @@ from namlcp.qp.responses.proximal import (
     refine_contradiction,
     solve_by_rounds,
 )
-from namlcp.qp.responses.rows import are_most_at_bounds, response_of
+from namlcp.qp.responses.rows import (
+    are_most_at_bounds,
+    forget_responses,
+    response_of,
+)
+from namlcp.qp.responses.sparse import make_response, set_rest, solve_shifted
+from namlcp.qp.responses.sparse import set_products as set_sparse_products
+from namlcp.qp.responses.sparse import set_values_of as set_sparse_values
 from namlcp.qp.responses.state import lay_out, state_at
 from namlcp.qp.responses.weight import wanted_rho
 from namlcp.residuals import signed_gap
@@ -47,12 +54,16 @@ from namlcp.residuals import signed_gap
 # Further codes of `run`. UNSUITED: this form does not take these matrices, or their
 # numbers are not allowed. FAULTY: nor are those of a vector; or a side of h, lb or ub
 # is finite, but means none, or contradicts another one.
-# ROOMLESS: see `run_once`.
-UNSUITED, FAULTY, ROOMLESS = 5, 6, 8
+# ROOMLESS: see `run_once`; OTHER_WEIGHT: `run_sparse`.
+UNSUITED, FAULTY, ROOMLESS, OTHER_WEIGHT = 5, 6, 8, 9
 # Operations of pivots from which on the interior-point method is quicker, for each one
 # of n^2 (n + m + p); and a number, some tens of milliseconds, that is never too large.
 # (Linear programs take 10 to 30 of these units, other QPs 1 to 4.)
 MOST_OPERATIONS, FEW_OPERATIONS = 4.0, 2e8
+# Residual of a solve with a sparse K, over the right-hand side, at which it is not
+# refined further. Passes of refinement at most, and the gain of one below which it was
+# not worth it.
+ACCURATE, MOST_PASSES, GAIN = 1e-11, 4, 0.5
 
 
 @kernel
@@ -290,3 +301,96 @@ def go_to_next_item(m):
     m.kept_k, m.hints = 0, 0
     if m.P_step + m.G_step + m.A_step > 0:
         m.is_ready = 0
+
+
+# ---- sparse matrices
+
+
+@kernel
+def attach_sparse(state, sizes, triangle, rows):
+    """Note the matrices of a new QP; tell whether the memory is large enough for it.
+
+    sizes = (n, m, p); triangle: indptr, indices and values of K, and a vector of its
+    order; rows: G.
+    """
+    m = record_of(state)
+    m.n, m.m, m.p = sizes
+    m.size = m.n + m.p
+    indptr, indices, base, rest = triangle
+    m.indptr, m.indices = indptr.ctypes.data, indices.ctypes.data
+    m.base, m.rest = base.ctypes.data, rest.ctypes.data
+    m.g_starts, m.g_columns = rows.indptr.ctypes.data, rows.indices.ctypes.data
+    m.g_values = rows.data.ctypes.data
+    m.is_ready, m.k, m.kept_k, m.hints = 0, 0, 0, 0
+    m.is_sparse, m.rho = 1, 0.0
+    return lay_out(m, False)
+
+
+@kernel
+def begin_anew(state, scale, reach, weight):
+    """Note 1 over the norms of rows, and W; forget all responses to rows of G."""
+    m = record_of(state)
+    copy(scale, floats(m.scale, m.rows))
+    copy(reach, floats(m.reach, m.p))
+    copy(weight, floats(m.weight, m.n))
+    forget_responses(m)
+
+
+@kernel
+def try_factors(state, rhs, size):
+    """Choose the passes of refinement by a solve of K u = rhs.
+
+    size: those of the entries of rhs and 1 / u. Returns the largest entry of the
+    residual, and that of u in x.
+    """
+    m = record_of(state)
+    u, other, rest = np.zeros(m.size), np.zeros(m.size), rhs.copy()
+    error, passes = 1.0, -1
+    while error > ACCURATE and passes < MOST_PASSES:
+        solve_shifted(m, rest, other)
+        for j in range(m.size):
+            other[j] += u[j]
+        set_rest(m, rhs, other, rest)
+        new = 0.0
+        for j in range(m.size):
+            new = max(new, abs(rest[j] / size[j]))
+        if not new < GAIN * error:
+            break
+        copy(other, u)
+        error, passes = new, passes + 1
+    m.passes = max(passes, 0)
+    largest = 0.0
+    for j in range(m.n):
+        largest = max(largest, abs(u[j] * size[j]))
+    return error, largest
+
+
+@kernel(error_model="numpy")
+def run_sparse(address, vectors, out, clock):
+    """Do as `run`, for sparse matrices. OTHER_WEIGHT: with W for m.rho, call again."""
+    m = state_at(address)
+    attach_vectors(m, vectors, out)
+    if not m.is_ready:
+        return UNSUITED
+    if is_faulty(m):
+        return FAULTY
+    if m.rho > 0.0:
+        rho = wanted_rho(m)
+        if m.rho != rho:
+            m.rho = rho
+            return OTHER_WEIGHT
+        found = solve_by_rounds(m, clock)
+        if found == CONTRADICTION:
+            refine_contradiction(m)
+        return found
+    found = begin(m, clock)
+    while True:
+        if found == VALUES:
+            set_sparse_values(m, floats(m.rhs, m.size), floats(m.target, m.length))
+        elif found == RESPONSE:
+            make_response(m, m.asked)
+        elif found == PRODUCTS:
+            set_sparse_products(m)
+        else:
+            return found
+        found = advance(m)

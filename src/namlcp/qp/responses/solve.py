@@ -131,6 +131,7 @@ class Responses:
     left = 0  # solves in a row that were left to other methods
     pause = 0  # solves that will be left to them without trying
     stamp = 0
+    is_slow_anew = False  # whether other methods are quicker with other matrices
 
     def __init__(self, P: Any, G: Any, A: Any) -> None:
         """Note the matrices; the first solve computes what depends on them."""

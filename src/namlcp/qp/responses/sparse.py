@@ -13,24 +13,10 @@ i of A, and the diagonal is the last entry of a column. G is held by rows.
 
 import numpy as np
 
-from namlcp.compiled import (
-    entries,
-    floats,
-    floats_at,
-    ints,
-    ints_at,
-    kernel,
-    longs,
-    part,
-    record_of,
-)
-from namlcp.linalg import copy, solve_record
-from namlcp.qp.responses.active import RESPONSE
-from namlcp.qp.responses.course import PRODUCTS, VALUES, advance, begin
+from namlcp.compiled import entries, floats, floats_at, ints, ints_at, part
+from namlcp.linalg import solve_record
 from namlcp.qp.responses.judgement import parts_of_result
-from namlcp.qp.responses.rows import claim_place, forget_responses
-from namlcp.qp.responses.run import FAULTY, UNSUITED, attach_vectors, is_faulty
-from namlcp.qp.responses.state import lay_out, state_at
+from namlcp.qp.responses.rows import claim_place
 
 
 @part
@@ -97,7 +83,7 @@ def triangle_of(m):
 
 @part
 def multiply_cost(m, x, Px):
-    """Set Px = P x; for other records with the triangle of a K, too."""
+    """Set Px = P x."""
     indptr, indices, base = triangle_of(m)
     for j in range(m.n):
         last = np.uint64(indptr[j + 1] - 1)
@@ -107,13 +93,17 @@ def multiply_cost(m, x, Px):
             Px[i] += base[t] * x[j]
             total += base[t] * x[i]
         Px[j] = total
+    if m.rho > 0.0:  # the triangle is that of P + W
+        weight = floats(m.weight, m.n)
+        for j in range(m.n):
+            Px[j] -= weight[j] * x[j]
 
 
 @part
 def multiply_columns(m, first, end, u, Cx, Ctv):
     """Set Cx = C x and add C'v to Ctv, for the rows C that are columns first : end.
 
-    u = (x, ..., v, ...) has the layout of K. For other records, as `multiply_cost` is.
+    u = (x, ..., v, ...) has the layout of K.
     """
     indptr, indices, base = triangle_of(m)
     for j in range(first, end):
@@ -165,62 +155,8 @@ def set_products(m):
     u = floats(m.out, m.size)  # x, then y
     multiply_columns(m, m.n, m.size, u, floats_at(m.Ax, m.p), Aty)
     multiply_rows(m, x, Gx)
-    active = longs(m.active, m.most + 1)
     columns, values, starts = rows_of(m)
-    for a in range(m.k):
-        i = active[a]
-        if i < m.m:
+    for i in range(m.m):
+        if z[i] != 0.0:
             for t in range(np.uint64(starts[i]), np.uint64(starts[i + 1])):
                 Gtz[np.uint32(columns[t])] += values[t] * z[i]
-
-
-# ---- kernels
-
-
-@kernel
-def attach_sparse(state, sizes, triangle, rows):
-    """Note the matrices of a new QP; tell whether the memory is large enough for it.
-
-    sizes = (n, m, p); triangle: indptr, indices and values of K, and a vector of its
-    order; rows: G.
-    """
-    m = record_of(state)
-    m.n, m.m, m.p = sizes
-    m.size = m.n + m.p
-    indptr, indices, base, rest = triangle
-    m.indptr, m.indices = indptr.ctypes.data, indices.ctypes.data
-    m.base, m.rest = base.ctypes.data, rest.ctypes.data
-    m.g_starts, m.g_columns = rows.indptr.ctypes.data, rows.indices.ctypes.data
-    m.g_values = rows.data.ctypes.data
-    m.is_ready, m.k, m.kept_k, m.hints = 0, 0, 0, 0
-    return lay_out(m, False)
-
-
-@kernel
-def begin_anew(state, scale):
-    """Note 1 over the norms of the rows; forget all responses to these."""
-    m = record_of(state)
-    copy(scale, floats(m.scale, m.rows))
-    forget_responses(m)
-
-
-@kernel(error_model="numpy")
-def run_sparse(address, vectors, out, clock):
-    """Do as `run`, for sparse matrices."""
-    m = state_at(address)
-    attach_vectors(m, vectors, out)
-    if not m.is_ready:
-        return UNSUITED
-    if is_faulty(m):
-        return FAULTY
-    found = begin(m, clock)
-    while True:
-        if found == VALUES:
-            set_values_of(m, floats(m.rhs, m.size), floats(m.target, m.length))
-        elif found == RESPONSE:
-            make_response(m, m.asked)
-        elif found == PRODUCTS:
-            set_products(m)
-        else:
-            return found
-        found = advance(m)

@@ -70,8 +70,9 @@ NUMBERS = (
     # active rows of G; changes of the factor since it was computed anew; whether it is
     # that of the last solved QP.
     "is_free free_count most_free held face_age face_is_kept "
-    # Order of a sparse KKT matrix, passes of refinement of a solve with it.
-    "size passes "
+    # Order of a sparse KKT matrix, passes of refinement of a solve with it; whether
+    # there is one.
+    "size passes is_sparse "
     # Where `course` is: its stage, how the pivots ended, passes of refinement left, and
     # where values are to be set.
     "stage found passes_left target"
@@ -165,13 +166,13 @@ def lay_out(m, is_dense):
     m.free_part, m.held_part = taken(m, m.most_free), taken(m, m.most_free)
     m.load, m.bound_multiplier = taken(m, m.n), taken(m, m.n)
     m.bound_ratio = taken(m, m.n)
+    m.weight, m.reach, m.centre = taken(m, m.n), taken(m, m.p), taken(m, m.n)
+    m.along, m.Palong = taken(m, m.length), taken(m, m.n)
     if is_dense:
         m.factor, m.equations = taken(m, m.n * m.n), taken(m, m.p * m.n)
         m.schur, m.schur_work = taken(m, m.p * m.p), taken(m, m.p)
         m.halves = taken(m, 4 * m.n)
-        m.weight, m.shape, m.reach = taken(m, m.n), taken(m, m.n), taken(m, m.p)
-        m.centre, m.Palong = taken(m, m.n), taken(m, m.n)
-        m.along = taken(m, m.length)
+        m.shape = taken(m, m.n)
     m.responses = taken(m, m.capacity * m.length)
     return m.memory_end - m.memory <= m.memory_size
 

@@ -143,6 +143,7 @@ class Solver:
         self.is_suited = self.method is not None  # as far as is known of the matrices
         self.is_by_method = False  # whether it is the method that found `last`
         self.quick: DenseResponses | None = None  # see `solve_quickly`
+        self.is_renewed = False  # whether other methods are quicker for the next solve
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what `STATE` names."""
@@ -247,6 +248,7 @@ class Solver:
         self.quick = None
         if self.method is not None:
             self.is_suited = True
+            self.is_renewed = self.method.is_slow_anew
             self.method.renew(qp)
 
     def solve(self, warm_start: Any = None, derivative: bool = False) -> QPResult:
@@ -327,8 +329,9 @@ class Solver:
         self.quick = result = None
         if guess is not None:
             self.suggest(guess)
-        if self.is_suited and not self.options.verbose:
+        if self.is_suited and not (self.options.verbose or self.is_renewed):
             result = self.solve_by_method(start)
+        self.is_renewed = False
         if result is None:
             result = self.solve_by_all_means(guess, start)
             if result.status is SOLVED:

@@ -1,4 +1,4 @@
-"""Dense QPs whose P has no good factor: proximal rounds, and faces within them.
+"""QPs whose P has no good factor: proximal rounds, and faces within them.
 
 With P + W in place of P, W = rho D as in `weight`, the base problem has a factor. A
 round with the centre c, at first 0,

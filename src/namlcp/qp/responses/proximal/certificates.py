@@ -5,9 +5,13 @@ import numpy as np
 from namlcp.compiled import floats, longs, part
 from namlcp.linalg import LEAST_DIVISOR, copy, dot
 from namlcp.qp.responses.active import size_of
-from namlcp.qp.responses.dense import set_other_products, set_values_of
 from namlcp.qp.responses.judgement import parts_of_result
-from namlcp.qp.responses.matrices import row_of, times_rows
+from namlcp.qp.responses.matrices import row_of
+from namlcp.qp.responses.proximal.operator import (
+    set_other_products,
+    set_values_of,
+    times_cost,
+)
 from namlcp.qp.responses.rows import hold_active
 
 # Passes of refinement of multipliers.
@@ -56,7 +60,7 @@ def refine_contradiction(m):
 def contradicts_equations(m):
     """Tell whether a dependent equation contradicts the others: y is the candidate.
 
-    It contradicts them where the solution of these violates it.
+    The matrices are dense. It contradicts them where the solution of these violates it.
     """
     x, y, z, z_box = parts_of_result(m)
     s, rhs, b = floats(m.s, m.length), floats(m.rhs, m.n + m.p), floats(m.b, m.p)
@@ -135,7 +139,7 @@ def is_ray(m):
         for i in range(m.k):
             if active[i] >= m.m:
                 ray[active[i] - m.m] = 0.0
-        times_rows(m.P, n, n, ray, Pd)
+        times_cost(m, ray, Pd)
         curved = 0.0
         for j in range(n):
             curved = max(curved, abs(Pd[j]) / unit[j])

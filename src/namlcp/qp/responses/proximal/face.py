@@ -8,7 +8,6 @@ import numpy as np
 from namlcp.compiled import floats, longs, part
 from namlcp.linalg import LEAST_DIVISOR, add_scaled, dot, largest_entry
 from namlcp.qp.responses.active import size_of
-from namlcp.qp.responses.dense import set_products, set_values_of
 from namlcp.qp.responses.judgement import (
     parts_of_result,
     set_correction,
@@ -16,8 +15,12 @@ from namlcp.qp.responses.judgement import (
     set_step,
     take_step,
 )
-from namlcp.qp.responses.matrices import times_rows
 from namlcp.qp.responses.proximal.certificates import is_ray, longest_step
+from namlcp.qp.responses.proximal.operator import (
+    set_products,
+    set_values_of,
+    times_cost,
+)
 
 # Results of `descend`: the minimum; a point where a row is met that is not active; a
 # ray in z_box; a direction without curvature that is none.
@@ -118,7 +121,7 @@ def set_direction(m, before):
     along, change = floats(m.along, m.length), floats(m.change, m.length)
     weight, Palong = floats(m.weight, m.n), floats(m.Palong, m.n)
     dx = change[m.m : m.rows]
-    times_rows(m.P, m.n, m.n, dx, Palong)
+    times_cost(m, dx, Palong)
     energy = dot(dx, Palong)
     for j in range(m.n):
         energy += weight[j] * dx[j] * dx[j]
@@ -126,7 +129,7 @@ def set_direction(m, before):
         ratio = energy / before
         for i in range(m.rows):
             along[i] = change[i] + ratio * along[i]
-        times_rows(m.P, m.n, m.n, along[m.m : m.rows], Palong)
+        times_cost(m, along[m.m : m.rows], Palong)
     else:
         for i in range(m.rows):
             along[i] = change[i]

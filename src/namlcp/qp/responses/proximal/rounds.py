@@ -19,12 +19,6 @@ from namlcp.qp.responses.active import (
     set_values,
 )
 from namlcp.qp.responses.course import SUMMED
-from namlcp.qp.responses.dense import (
-    make_responses,
-    set_other_products,
-    set_products,
-    set_values_of,
-)
 from namlcp.qp.responses.judgement import (
     is_certain,
     is_solved,
@@ -34,6 +28,12 @@ from namlcp.qp.responses.judgement import (
     set_result,
 )
 from namlcp.qp.responses.proximal.face import FACE_SOLVED, LOST, RAY, descend
+from namlcp.qp.responses.proximal.operator import (
+    make_responses,
+    set_other_products,
+    set_products,
+    set_values_of,
+)
 
 # A code of the end: z_box is a candidate for a ray.
 UNBOUNDED = 23
