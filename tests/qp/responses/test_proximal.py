@@ -7,7 +7,7 @@ from responding import solve
 
 from namlcp import Solver, Status, solve_qp
 from namlcp.qp.problem import qp_data
-from namlcp.qp.responses import DenseForm, DenseResponses, SparseResponses
+from namlcp.qp.responses import DenseResponses, SparseResponses
 from namlcp.residuals import qp_residuals
 
 INF = np.inf
@@ -111,17 +111,6 @@ def test_steps_without_a_solution():
         assert solve(kept, free).status is Status.DUAL_INFEASIBLE
         assert solve(kept, qp._replace(lb=qp.ub, ub=qp.lb)) is None
         assert solve(kept, qp).iterations == 0
-
-
-def test_a_small_sparse_qp_in_dense_form():
-    rng = np.random.default_rng(7)
-    qp = store_qp(rng, 8)
-    kept = DenseForm.of(qp)
-    for factor in (1.0, 2.0, 1e3):
-        step = qp._replace(P=qp.P * factor, q=qp.q * factor)
-        kept.renew(step)
-        assert_agrees(solve(kept, step), step)
-    assert kept.lent() is None
 
 
 @pytest.mark.parametrize("store", [np.asarray, sp.csc_array])

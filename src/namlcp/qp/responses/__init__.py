@@ -8,7 +8,7 @@ errors of degenerate QPs and of those that `free` solves. `solve_once` is for a 
 QP (`is_brief`: one that ends so soon that nobody need look at the clock; `Held` keeps
 its factors for derivatives, which `solve_held` solves with), `Stack` for a batch. A
 class of this room, `DenseResponses` for arrays, `SparseResponses` for sparse matrices,
-`DenseForm` for small ones that these do not suit, has
+has
 
 - ``of(qp)``: for the matrices of a QP, None where they are not suited. The arrays are
   not copied, and must not change;
@@ -25,13 +25,12 @@ class of this room, `DenseResponses` for arrays, `SparseResponses` for sparse ma
 - ``suggest(guess)``: start the next solve from the active rows of a `Guess`.
 
 It can be copied and pickled (a copy starts without history), and is for one thread.
-`state` (the record), `active` (the loop), `rows`, `triangle` and `judgement` (the
+`state` (the record), `active` (the loop), `rows`, `matrices` and `judgement` (the
 point, measured and refined) know neither how the base problem is solved nor how a
-response is made; `dense` and `run` do, for arrays, `sparse` and `sparse_run` for sparse
-matrices. `course` is what a solve consists of, whatever the matrices are stored as.
-After a dense QP with most variables at bounds, `free` solves the next one by a face of
-few variables instead of many responses.
-`proximal` is for dense QPs whose P has no good factor.
+response is made; `dense` does for arrays, `sparse` for sparse matrices, and `run` has
+the kernels. `course` is what a solve consists of, whatever the matrices are stored as;
+`proximal` where P has no good factor. After a dense QP with most variables at bounds,
+`free` solves the next one by a face of few variables instead of many responses.
 """
 
 from namlcp.qp.responses.active import DONE
@@ -47,7 +46,6 @@ from namlcp.qp.responses.fresh import (
 from namlcp.qp.responses.judgement import parts_of_result
 from namlcp.qp.responses.run import accepts, least_pivot, solve_held
 from namlcp.qp.responses.solve import (
-    DenseForm,
     DenseResponses,
     Done,
     Held,

@@ -322,21 +322,3 @@ class DenseResponses(Responses):
         if code != DONE:
             now.hints = kept
         return code
-
-
-class DenseForm(DenseResponses):
-    """As DenseResponses, for sparse matrices in dense form."""
-
-    @classmethod
-    def of(cls, qp: QP) -> "DenseForm":
-        """Return responses for the matrices of a small QP."""
-        own = qp.in_dense_form()
-        return cls(own.P, own.G, own.A)
-
-    def renew(self, qp: QP) -> None:
-        """Note the changed matrices of a QP of the same sizes."""
-        super().renew(qp.in_dense_form())
-
-    def lent(self) -> Held | None:
-        """Return None: the factors are not those of sparse matrices."""
-        return None

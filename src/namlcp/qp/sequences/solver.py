@@ -27,7 +27,6 @@ from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, qp_data
 from namlcp.qp.responses import (
     DONE,
-    DenseForm,
     DenseResponses,
     Done,
     Responses,
@@ -405,4 +404,4 @@ def method_for(qp: QP) -> Responses | None:
     """Return what keeps something for the matrices of a QP; None if nothing does."""
     if qp.is_dense:
         return DenseResponses.of(qp) if is_small(qp) else None
-    return SparseResponses.of(qp) or (DenseForm.of(qp) if is_small(qp) else None)
+    return SparseResponses.of(qp)
