@@ -1,13 +1,15 @@
 """The base problem and products with the matrices, dense or sparse."""
 
 from namlcp.compiled import part
-from namlcp.qp.responses import dense, sparse
+from namlcp.qp.responses.dense import make_responses as make_dense
+from namlcp.qp.responses.dense import set_other_products as set_others
+from namlcp.qp.responses.dense import set_products as set_dense_products
+from namlcp.qp.responses.dense import set_values_of as set_dense_values
 from namlcp.qp.responses.matrices import times_rows
-
-set_dense_values, set_sparse_values = dense.set_values_of, sparse.set_values_of
-make_dense, make_sparse = dense.make_responses, sparse.make_response
-set_dense_products, set_sparse_products = dense.set_products, sparse.set_products
-set_others, multiply_cost = dense.set_other_products, sparse.multiply_cost
+from namlcp.qp.responses.sparse import make_response as make_sparse
+from namlcp.qp.responses.sparse import multiply_cost
+from namlcp.qp.responses.sparse import set_products as set_sparse_products
+from namlcp.qp.responses.sparse import set_values_of as set_sparse_values
 
 
 @part
