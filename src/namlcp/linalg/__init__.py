@@ -31,7 +31,6 @@ from namlcp.linalg.csc import (
 )
 from namlcp.linalg.definite import (
     PSD_SLACK,
-    ZERO,
     curvature,
     has_positive_pivots,
     is_positive_semidefinite,
