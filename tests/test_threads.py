@@ -8,49 +8,10 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import problems_lcp as problems
 import pytest
-from problems_qp import complementary
-from scipy import sparse
+from solves import SOLVES
 
 import namlcp
 from namlcp.compiled.decorators import KERNELS
-
-
-def dense_form():
-    """A QP that is pivoted on."""
-    return namlcp.solve_qp(*complementary(1, 12, 20, 2, 12).qp)
-
-
-def path_form(**options):
-    """A QP that follows the path."""
-    return namlcp.solve_qp(*complementary(3, 120, 90, 10, 40, 0.02).qp, **options)
-
-
-def infeasible_form():
-    """A QP with a proof that it has no solution."""
-    P, G, h = np.eye(3), np.ones((2, 3)), np.array([-1.0, -2.0])
-    G[1] = -1.0
-    return namlcp.solve_qp(P, np.ones(3), G, h)
-
-
-def pivoted(**options):
-    """An LCP with a dense matrix."""
-    A = problems.triangular_p(np.random.default_rng(0), 30, 10.0)
-    return namlcp.solve_lcp(A, -np.ones(30), **options)
-
-
-def swept(**options):
-    """An LCP with a sparse matrix, by a named method."""
-    return namlcp.solve_lcp(problems.laplacian(12), -np.ones(144), 0.0, 1.0,
-                            method="namgs", **options)  # fmt: skip
-
-
-def eliminated(**options):
-    """A tridiagonal LCP."""
-    A = sparse.diags_array([-1.0, 2.5, -1.0], offsets=[-1, 0, 1], shape=(50, 50))
-    return namlcp.solve_lcp(sparse.csr_array(A), np.cos(np.arange(50.0)), **options)
-
-
-CASES = (dense_form, path_form, infeasible_form, pivoted, swept, eliminated)
 
 
 def bits(result) -> tuple:
@@ -64,21 +25,21 @@ def bits(result) -> tuple:
 
 
 def all_bits(_=None) -> list[tuple]:
-    """Solve all cases."""
-    return [bits(case()) for case in CASES]
+    """Solve all problems."""
+    return [bits(solve()) for solve in SOLVES.values()]
 
 
 def test_runs_repeat_bit_for_bit():
     assert all_bits() == all_bits()
 
 
-@pytest.mark.parametrize("case", [path_form, pivoted, swept, eliminated])
-def test_looking_on_changes_nothing(case, capfd):
+@pytest.mark.parametrize("name", [k for k in SOLVES if k not in ("dual", "infeasible")])
+def test_looking_on_changes_nothing(name, capfd):
     """Neither verbose, nor history, nor a time limit that is not reached."""
-    expected = bits(case())
+    expected = bits(SOLVES[name]())
     assert capfd.readouterr().out == ""
     for options in ({"verbose": True}, {"history": True}, {"time_limit": 1e3}):
-        assert bits(case(**options)) == expected, options
+        assert bits(SOLVES[name](**options)) == expected, options
     assert capfd.readouterr().out != ""
 
 

@@ -13,6 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from namlcp.compiled import kernel, part
+from namlcp.limits import interruptible
 
 INFINITE = 0.999e20
 """Bounds of at least this modulus mean "no bound". The QP collections write 1e20, and
@@ -190,6 +191,7 @@ def refuse_size(name: str, entries: int) -> None:
         )
 
 
+@interruptible
 def sparse_matrix(name: str, value: Any, layout: str) -> Any:
     """Return `value` as a canonical sparse array or matrix of float64."""
     order = checked_order(name, value)

@@ -2,21 +2,19 @@
 
 import numpy as np
 import pytest
-from problems_qp import complementary, infeasible, unbounded
+from problems_qp import QP, complementary, dense, infeasible, unbounded
 from scipy import sparse
 
-from namlcp import Status, solve_batch, solve_qp
+from namlcp import Status, qp_residuals, solve_batch, solve_qp
 
-NAMES = ("P", "q", "G", "h", "A", "b", "lb", "ub")
+NAMES = QP._fields
+PARTS = "x", "y", "z", "z_box"
 SIZES = {"n": 8, "m": 12, "p": 2}
 
 
 def as_arguments(qp):
     """Return a QP as keyword arguments, its matrices dense."""
-    return {
-        name: value.toarray() if sparse.issparse(value) else value
-        for name, value in zip(NAMES, qp, strict=True)
-    }
+    return dense(qp)._asdict()
 
 
 def stack(problems):
@@ -43,8 +41,12 @@ def assert_equals_single(batch, problems):
         assert found.obj == pytest.approx(single.obj, rel=1e-9, abs=1e-9)
         if single.status is Status.SOLVED:
             assert found.residuals.solved(1e-9, 1e-10)
+            point = found.x, found.y, found.z, found.z_box
+            exact = qp_residuals(**problem, **dict(zip(PARTS, point, strict=True)))
+            np.testing.assert_allclose(found.residuals, exact, 1e-9, 1e-9)
             if np.linalg.eigvalsh(problem["P"])[0] > 1e-3:
                 np.testing.assert_allclose(found.x, single.x, rtol=0, atol=1e-9)
+                assert found.iterations == single.iterations
 
 
 def test_items_that_differ_in_all(mixed):
@@ -97,13 +99,18 @@ def test_a_bad_item_harms_no_other(mixed):
     stacked["P"][2] *= -1.0
     stacked["q"][5, 1] = np.nan
     stacked["G"][6, 0, 0] = np.inf
+    stacked["P"][7, 0, 1] += 1.0
+    stacked["lb"][8, 0] = stacked["ub"][8, 0] = 1.0
+    stacked["lb"][8, 0] = 2.0
     batch = solve_batch(**stacked)
-    assert [batch.statuses[i] for i in (2, 5, 6)] == [Status.INVALID] * 3
+    bad = [2, 5, 6, 7, 8]
+    invalid = [Status.INVALID] * 4
+    assert [batch.statuses[i] for i in bad] == [*invalid, Status.PRIMAL_INFEASIBLE]
     assert "positive semidefinite" in batch.messages[2]
     assert batch[5].message == "q must be finite, got nan at (1)"
     assert batch[6].message == "G must be finite, got inf at (0, 0)"
-    assert np.isnan(batch.x[[2, 5, 6]]).all()
-    others = np.delete(np.arange(20), [2, 5, 6])
+    assert np.isnan(batch.x[bad]).all()
+    others = np.delete(np.arange(20), bad)
     assert batch.x[others].tobytes() == solve_batch(**stack(mixed)).x[others].tobytes()
     assert bits(solve_batch(**stack(mixed))) == expected
 
@@ -139,6 +146,16 @@ def test_what_all_share_is_checked_at_once(mixed, changes, message):
 def test_a_batch_needs_a_batch_axis(mixed):
     with pytest.raises(ValueError, match="must have a batch axis"):
         solve_batch(**mixed[0])
+
+
+def test_items_too_large_to_be_solved_together():
+    G = np.random.default_rng(0).standard_normal((2000, 2))
+    problem = {"P": np.eye(2), "q": np.ones(2), "G": G, "h": np.ones(2000)}
+    q = np.array([[1.0, 1.0], [-2.0, 1.0], [3.0, -4.0]])
+    batch = solve_batch(**{**problem, "q": q})
+    for found, q_i in zip(batch, q, strict=True):
+        single = solve_qp(**{**problem, "q": q_i})
+        np.testing.assert_allclose(found.x, single.x, atol=1e-12)
 
 
 def test_an_empty_batch_has_an_empty_result():

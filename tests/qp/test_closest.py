@@ -2,21 +2,18 @@
 
 import numpy as np
 import pytest
-from problems_qp import infeasible, make_qp, opposed
+from problems_qp import dense, infeasible, make_qp, opposed, sparse
 from scipy.optimize import linprog, lsq_linear
-from scipy.sparse import csc_array
 
-import namlcp
-from namlcp import Relaxation, Status
-from namlcp.qp.problem import QP
-from namlcp.residuals import qp_residuals
+from namlcp import Relaxation, Solver, Status, qp_residuals, solve_qp
 
 INF = np.inf
+FORMS = {"dense": dense, "sparse": sparse}
 
 
 def relaxed(qp, **choice):
     """Return the result for an infeasible QP and check all that it promises."""
-    result = namlcp.solve_qp(*qp, **choice)
+    result = solve_qp(*qp, **choice)
     assert result.status is Status.PRIMAL_INFEASIBLE
     assert np.isnan(result.x).all()
     found = result.closest
@@ -32,11 +29,31 @@ def relaxed(qp, **choice):
         assert measured.solved(1e-9, 1e-9), measured
         assert found.residuals.solved(1e-9, 1e-9)
         assert found.obj == pytest.approx(measured.objective, abs=1e-12, rel=1e-12)
-        assert (found.z >= 0.0).all()
-        assert (found.shift_h >= 0.0).all()
-        assert (found.shift_ub >= 0.0).all()
-        assert (found.shift_lb <= 0.0).all()
+        for v in (found.z, found.shift_h, found.shift_ub, -found.shift_lb):
+            assert (v >= 0.0).all()
     return found
+
+
+# ---- against other solvers of the two stages
+
+
+def bounded(seed, n=6, m=9, p=2, rank=4):
+    """Return an infeasible QP with bounds on every other variable."""
+    qp = infeasible(seed, n, m, p, rank)
+    lb = np.where(np.arange(n) % 2 == 0, -1.0, -INF)
+    return qp._replace(lb=lb, ub=1.0 - lb)
+
+
+def in_units(seed):
+    """Rows in units from 0.01 to 100, some without a side, some that must stay."""
+    rng = np.random.default_rng(seed)
+    qp = bounded(seed, n=8, m=30, p=3, rank=8)
+    units = 10.0 ** rng.uniform(-2.0, 2.0, 30)
+    h = units * (qp.h - rng.random(30))
+    h[rng.random(30) < 0.1] = INF
+    wh = np.where(rng.random(30) < 0.2, INF, (0.1 + rng.random(30)) / units**2)
+    qp = make_qp(qp.P, qp.q, units[:, None] * qp.G.toarray(), h, *qp[4:])
+    return qp, Relaxation(h=wh, b=np.array([INF, 1.0, 1.0]), ub=3.0)
 
 
 def least_squares_shifts(qp, wh, wb):
@@ -56,29 +73,30 @@ def least_squares_shifts(qp, wh, wb):
     return r[:m], r[m:]
 
 
-def bounded(seed, n=6, m=9, p=2, rank=4):
-    """Return an infeasible QP with bounds on every other variable."""
-    qp = infeasible(seed, n, m, p, rank)
-    lb = np.where(np.arange(n) % 2 == 0, -1.0, -INF)
-    return qp._replace(lb=lb, ub=1.0 - lb)
-
-
-def dense(qp):
-    return qp._replace(P=qp.P.toarray(), G=qp.G.toarray(), A=qp.A.toarray())
-
-
 @pytest.mark.parametrize("seed", range(20))
 def test_shifts_of_least_squares(seed):
     qp = bounded(seed) if seed % 2 else infeasible(seed, 6, 9, 2, 6)
     wh, wb = (1.0, 1.0) if seed % 3 else (0.1 + np.arange(9.0), np.array([2.0, 0.5]))
-    found = relaxed(qp, infeasible=Relaxation(h=wh, b=wb))
-    assert found.status is Status.SOLVED
     shift_h, shift_b = least_squares_shifts(qp, wh, wb)
-    np.testing.assert_allclose(found.shift_h, shift_h, atol=1e-9)
-    np.testing.assert_allclose(found.shift_b, shift_b, atol=1e-9)
-    full = relaxed(dense(qp), infeasible=Relaxation(h=wh, b=wb))
-    np.testing.assert_allclose(full.shift_h, shift_h, atol=1e-9)
-    np.testing.assert_allclose(full.obj, found.obj, rtol=1e-8, atol=1e-8)
+    costs = []
+    for form in FORMS.values():
+        found = relaxed(form(qp), infeasible=Relaxation(h=wh, b=wb))
+        assert found.status is Status.SOLVED
+        np.testing.assert_allclose(found.shift_h, shift_h, atol=1e-9)
+        np.testing.assert_allclose(found.shift_b, shift_b, atol=1e-9)
+        costs.append(found.obj)
+    assert costs[0] == pytest.approx(costs[1], rel=1e-8, abs=1e-8)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_both_forms_give_the_same_in_other_units(seed):
+    qp, choice = in_units(seed)
+    one, other = (relaxed(form(qp), infeasible=choice) for form in FORMS.values())
+    assert one.status is other.status
+    if one.status is Status.SOLVED:
+        for name in "x", "shift_h", "shift_b", "shift_lb", "shift_ub":
+            v, w = getattr(one, name), getattr(other, name)
+            np.testing.assert_allclose(v, w, atol=1e-7)
 
 
 def least_sum(qp, wh, wb):
@@ -115,197 +133,6 @@ def test_shifts_of_least_sum_and_the_least_cost_among_them(seed):
     assert found.obj == pytest.approx(best, rel=1e-4, abs=1e-4)
 
 
-def test_opposed_rows_meet_by_their_weights():
-    found = relaxed(opposed(), infeasible="closest")
-    np.testing.assert_allclose(found.x, [1.5, 1.0], atol=1e-12)
-    np.testing.assert_allclose(found.shift_h, [1.5, 1.5], atol=1e-12)
-    found = relaxed(opposed(), infeasible=Relaxation(h=[2.0, 1.0]))
-    np.testing.assert_allclose(found.shift_h, [1.0, 2.0], atol=1e-12)
-    found = relaxed(opposed(), infeasible=Relaxation(h=[INF, 1.0]))
-    np.testing.assert_array_equal(found.shift_h, [0.0, 3.0])
-
-
-def test_the_cost_chooses_among_shifts_of_equal_sum():
-    """Any x_1 in [0, 3] has the sum 3; the cost is least at 0."""
-    found = relaxed(opposed(), infeasible="elastic")
-    np.testing.assert_allclose(found.x, [0.0, 1.0], atol=1e-12)
-    np.testing.assert_allclose(found.shift_h, [0.0, 3.0], atol=1e-12)
-
-
-@pytest.mark.parametrize("choice", ["closest", "elastic"])
-def test_a_feasible_problem_has_nothing_closer(choice):
-    qp = opposed(gap=-1.0)
-    result = namlcp.solve_qp(*qp, infeasible=choice)
-    assert result.status is Status.SOLVED
-    assert result.closest is None
-    assert (result.closest or result).x is result.x
-
-
-def test_bounds_stay_unless_they_have_weights():
-    qp = make_qp(np.eye(2), [0.0, 0.0], [[-1.0, -1.0]], [-3.0], ub=[1.0, INF])
-    qp = qp._replace(lb=np.array([-INF, -INF]), ub=np.array([1.0, 1.0]))
-    found = relaxed(qp, infeasible="closest")
-    np.testing.assert_allclose(found.x, [1.0, 1.0], atol=1e-12)
-    np.testing.assert_allclose(found.shift_h, [1.0], atol=1e-12)
-    found = relaxed(qp, infeasible=Relaxation(h=INF, ub=[1.0, 3.0]))
-    np.testing.assert_allclose(found.shift_ub, [0.75, 0.25], atol=1e-12)
-    np.testing.assert_array_equal(found.shift_h, [0.0])
-    found = relaxed(qp, infeasible=Relaxation(norm=1, h=INF, ub=[2.0, 1.0]))
-    np.testing.assert_allclose(found.shift_ub, [0.0, 1.0], atol=1e-12)
-
-
-def test_contradicting_bounds_are_named_or_shifted():
-    qp = make_qp(np.eye(2), [0.0, 0.0], lb=[1.0, 0.0], ub=[-1.0, 1.0])
-    found = relaxed(qp, infeasible="closest")
-    assert found.status is Status.PRIMAL_INFEASIBLE
-    assert "bounds of x[0] contradict each other" in found.message
-    assert np.isnan(found.x).all()
-    found = relaxed(qp, infeasible=Relaxation(lb=1.0, ub=3.0))
-    np.testing.assert_allclose(found.shift_lb, [-1.5, 0.0], atol=1e-12)
-    np.testing.assert_allclose(found.shift_ub, [0.5, 0.0], atol=1e-12)
-    np.testing.assert_allclose(found.x, [-0.5, 0.0], atol=1e-12)
-
-
-@pytest.mark.parametrize("form", [dense, lambda qp: qp], ids=["dense", "sparse"])
-def test_an_infinite_shift_is_none(form):
-    qp = form(make_qp(np.eye(1), [0.0], [[1.0]], [-INF]))
-    found = relaxed(qp, infeasible="closest")
-    assert found.status is Status.PRIMAL_INFEASIBLE
-    assert "h = -inf" in found.message
-
-
-@pytest.mark.parametrize("choice", ["closest", Relaxation(lb=1.0)])
-def test_an_infinite_bound_that_excludes_every_x_stays(choice):
-    qp = dense(make_qp(np.eye(2), [0.0, 0.0], [[1.0, 1.0]], [1.0], lb=[INF, 0.0]))
-    found = relaxed(qp, infeasible=choice)
-    assert found.status is Status.PRIMAL_INFEASIBLE
-
-
-@pytest.mark.parametrize("choice", ["closest", "elastic"])
-def test_the_cost_may_fall_without_bound(choice):
-    qp = opposed()
-    qp = make_qp(np.diag([1.0, 0.0]), [0.0, -2.0], qp.G, qp.h)
-    found = relaxed(qp, infeasible=choice)
-    assert found.status is Status.DUAL_INFEASIBLE
-    np.testing.assert_allclose(found.x, [0.0, 0.5], atol=1e-12)
-    assert found.shift_h.sum() == pytest.approx(3.0)
-    assert found.obj == -INF
-
-
-@pytest.mark.parametrize("choice", ["closest", "elastic"])
-def test_least_squares_of_contradicting_equations(choice):
-    """x = 0, x = 1 and x = 5: their mean, and their median."""
-    qp = make_qp([[0.0]], [0.0], A=[[1.0], [1.0], [1.0]], b=[0.0, 1.0, 5.0])
-    found = relaxed(qp, infeasible=choice)
-    x = 2.0 if choice == "closest" else 1.0
-    np.testing.assert_allclose(found.x, [x], atol=1e-12)
-    np.testing.assert_allclose(found.shift_b, x - qp.b, atol=1e-12)
-
-
-def test_a_controller_yields_by_the_least_violation():
-    """x_k+1 = x_k + u_k with |u| <= 1 from x_0 = 5 cannot have x_1, x_2 <= 2.
-
-    x_1 >= 4 and x_2 >= 3: the least violations are 2 and 1, by full braking.
-    """
-    qp = make_qp(
-        np.diag([1.0, 1.0, 0.1, 0.1]),  # x_1, x_2, u_0, u_1
-        np.zeros(4),
-        [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0]],
-        [2.0, 2.0],
-        [[1.0, 0.0, -1.0, 0.0], [-1.0, 1.0, 0.0, -1.0]],
-        [5.0, 0.0],
-        [-INF, -INF, -1.0, -1.0],
-        [INF, INF, 1.0, 1.0],
-    )
-    for norm in 1, 2:  # the dynamics hold exactly
-        found = relaxed(qp, infeasible=Relaxation(norm=norm, b=INF))
-        np.testing.assert_allclose(found.x, [4.0, 3.0, -1.0, -1.0], atol=1e-9)
-        np.testing.assert_allclose(found.shift_h, [2.0, 1.0], atol=1e-9)
-
-
-@pytest.mark.parametrize("choice", ["closest", "elastic", Relaxation(h=np.ones(2))])
-def test_a_feasible_step_takes_the_short_way(choice, monkeypatch):
-    """A dense QP goes on to the general solve only where it is infeasible."""
-    answers = []
-    kept = namlcp.qp.solve.solve_checked
-
-    def spy(*arguments):
-        answers.append(arguments[-1])
-        return kept(*arguments)
-
-    monkeypatch.setattr("namlcp.qp.solve.solve_checked", spy)
-    result = namlcp.solve_qp(*dense(opposed(-1.0)), infeasible=choice)
-    assert result.status is Status.SOLVED
-    assert not answers
-    result = namlcp.solve_qp(*dense(opposed(3.0)), infeasible=choice)
-    assert [known.status for known in answers] == [result.status]
-    assert result.z is answers[0].point.z  # its certificate
-
-
-def test_choices_are_checked():
-    qp = opposed()
-    for choice, error, said in (
-        ("nearest", ValueError, r"infeasible must be one of \['certificate', 'clos"),
-        (2, TypeError, "infeasible must be a string or a Relaxation, got 2"),
-    ):
-        with pytest.raises(error, match=said):
-            namlcp.solve_qp(*qp, infeasible=choice)
-    for fields, error, said in (
-        ({"norm": 3}, ValueError, "Relaxation.norm must be 1 or 2, got 3"),
-        ({"h": [1.0, 0.0]}, ValueError, r"Relaxation.h must be > 0, got 0\.0"),
-        ({"ub": "soft"}, TypeError, "Relaxation.ub must be a number, got 'soft'"),
-    ):
-        with pytest.raises(error, match=said):
-            Relaxation(**fields)
-    for gap in 3.0, -1.0:  # infeasible or not
-        with pytest.raises(ValueError, match=r"Relaxation\.h must have shape"):
-            namlcp.solve_qp(*opposed(gap), infeasible=Relaxation(h=[1.0, 2.0, 3.0]))
-
-
-def test_a_solver_yields_in_the_steps_that_are_infeasible_alone():
-    solver = namlcp.Solver(*opposed(gap=-1.0), infeasible="closest")
-    for gap in -1.0, 3.0, 1.0, -2.0:
-        solver.update(h=np.array([0.0, -gap]))
-        result = solver.solve()
-        x = (result.closest or result).x
-        np.testing.assert_allclose(x, [max(0.5 * gap, 0.0), 1.0], atol=1e-9)
-        assert (result.closest is None) == (gap < 0.0)
-
-
-def test_noise_of_a_small_contradiction_holds_no_rows():
-    """x_1 >= 3 + 1e-5 against x_1 <= 3; x_2 <= 3 holds by chance, with force 0."""
-    qp = make_qp(np.eye(2), [0.0, -5.0], np.diag([-1.0, 1.0]), [-3.0 - 1e-5, 3.0])
-    qp = dense(qp._replace(lb=np.full(2, -INF), ub=np.array([3.0, INF])))
-    found = relaxed(qp, infeasible=Relaxation(ub=1.0))
-    assert found.status is Status.SOLVED
-    assert found.message == ""
-    np.testing.assert_allclose(found.x, [3.0 + 0.5e-5, 3.0], atol=1e-12)
-
-
-def test_all_variables_at_bounds_leave_nothing_to_minimise():
-    qp = dense(make_qp(np.eye(2), [1.0, 1.0], [[1.0, 1.0]], [1.0], lb=[1.0, 2.0]))
-    found = relaxed(qp._replace(ub=qp.lb), infeasible="closest")
-    np.testing.assert_allclose(found.x, [1.0, 2.0], rtol=1e-14)
-    np.testing.assert_allclose(found.shift_h, [2.0])
-
-
-@pytest.mark.parametrize("form", [dense, lambda qp: qp], ids=["dense", "sparse"])
-def test_a_loop_of_infeasible_steps_gives_what_fresh_solves_give(form):
-    weights = Relaxation(h=0.1 + np.arange(9.0), b=np.array([2.0, 0.5]))
-    qp = form(infeasible(3, 6, 9, 2, 6))
-    solver = namlcp.Solver(*qp, infeasible=weights)
-    for step in range(4):
-        h = qp.h + 0.1 * step * np.cos(np.arange(9.0))
-        solver.update(h=h)
-        here, fresh = (
-            solver.solve(),
-            namlcp.solve_qp(*qp._replace(h=h), infeasible=weights),
-        )
-        for name in "x", "shift_h", "shift_b":
-            own, other = getattr(here.closest, name), getattr(fresh.closest, name)
-            np.testing.assert_allclose(own, other, atol=1e-9)
-
-
 def summed(contradiction):
     """The last row of A is the sum of three others, its b exceeds theirs.
 
@@ -319,24 +146,135 @@ def summed(contradiction):
     A = np.vstack((A, A[:3].sum(axis=0)))
     b = A @ x
     b[-1] += contradiction
-    P = csc_array(np.diag(rng.random(n)))
-    rows = csc_array((0, n)), np.empty(0), csc_array(A), b
-    return QP(P, np.zeros(n), *rows, np.zeros(n), np.full(n, 1e6))
+    P, box = np.diag(rng.random(n)), (np.zeros(n), np.full(n, 1e6))
+    return make_qp(P, np.zeros(n), None, None, A, b, *box)
 
 
 @pytest.mark.parametrize("contradiction", [1e-4, 1.0, 1e3])
-def test_contradictions_of_all_sizes_are_proved_and_shifted(contradiction):
-    """Small ones too, whose multipliers have relatively large errors."""
+def test_multipliers_of_the_least_shifts_prove_a_doubt(contradiction):
+    """Of small ones too, whose errors are relatively large."""
     qp = summed(contradiction)
-    result = namlcp.solve_qp(*qp, infeasible="closest")
+    result = solve_qp(*qp, infeasible="closest")
     assert result.status is Status.PRIMAL_INFEASIBLE
     y, z_box = result.y, result.z_box
     np.testing.assert_allclose(qp.A.T @ y + z_box, 0.0, atol=1e-12 * np.abs(y).max())
-    value = qp.b @ y + qp.ub @ np.maximum(z_box, 0.0)
-    np.testing.assert_allclose(value, -1.0)
-    found = result.closest
+    np.testing.assert_allclose(qp.b @ y + qp.ub @ np.maximum(z_box, 0.0), -1.0)
+    found, size = result.closest, 0.25 * contradiction
     assert found.status is Status.SOLVED
-    size = 0.25 * contradiction
     expected = np.zeros(qp.b.size)
     expected[:3], expected[-1] = size, -size
     np.testing.assert_allclose(found.shift_b, expected, atol=1e-9 * (1.0 + size))
+
+
+# ---- known answers: (QP, choice, what is known of the closest point)
+
+MEANS = make_qp([[0.0]], [0.0], A=[[1.0], [1.0], [1.0]], b=[0.0, 1.0, 5.0])
+CORNER = make_qp(np.eye(2), [0, 0], [[-1, -1]], [-3], ub=[1, 1])
+CROSSED = make_qp(np.eye(2), [0, 0], lb=[1, 0], ub=[-1, 1])
+FALLING = make_qp(np.diag([1.0, 0.0]), [0, -2], opposed().G, opposed().h)
+NOISE = make_qp(np.eye(2), [0, -5], np.diag([-1, 1]), [-3.0 - 1e-5, 3], ub=[3, INF])
+FIXED = make_qp(np.eye(2), [1, 1], [[1, 1]], [1], lb=[1, 2], ub=[1, 2])
+NOWHERE = make_qp(np.eye(2), [0, 0], [[1, 1]], [1], lb=[INF, 0])
+ENDLESS = make_qp(np.eye(1), [0], [[1]], [-INF])
+# x_k+1 = x_k + u_k with |u| <= 1 from x_0 = 5 cannot have x_1, x_2 <= 2: full braking
+BRAKING = make_qp(
+    np.diag([1.0, 1.0, 0.1, 0.1]), np.zeros(4), np.eye(2, 4), [2, 2],
+    [[1, 0, -1, 0], [-1, 1, 0, -1]], [5, 0], [-INF, -INF, -1, -1], [INF, INF, 1, 1],
+)  # fmt: skip
+BRAKED = {"x": [4, 3, -1, -1], "shift_h": [2, 1]}
+NONE = {"status": Status.PRIMAL_INFEASIBLE}
+FALLS = {"status": Status.DUAL_INFEASIBLE, "x": [0.0, 0.5], "obj": -INF}
+KNOWN = {
+    "rows meet halfway": (opposed(), "closest", {"x": [1.5, 1], "shift_h": [1.5, 1.5]}),
+    "by their weights": (opposed(), Relaxation(h=[2.0, 1.0]), {"shift_h": [1, 2]}),
+    "one stays": (opposed(), Relaxation(h=[INF, 1.0]), {"shift_h": [0, 3]}),
+    # any x_1 in [0, 3] has the sum 3; the cost is least at 0
+    "by the cost": (opposed(), "elastic", {"x": [0, 1], "shift_h": [0, 3]}),
+    "mean": (MEANS, "closest", {"x": [2], "shift_b": [2, 1, -3]}),
+    "median": (MEANS, "elastic", {"x": [1], "shift_b": [1, 0, -4]}),
+    "bounds stay": (CORNER, "closest", {"x": [1, 1], "shift_h": [1]}),
+    "bounds give way": (
+        CORNER, Relaxation(h=INF, ub=[1.0, 3.0]),
+        {"shift_ub": [0.75, 0.25], "shift_h": [0]},
+    ),
+    "the cheapest bound": (
+        CORNER, Relaxation(norm=1, h=INF, ub=[2.0, 1.0]), {"shift_ub": [0, 1]},
+    ),
+    "bounds that cross": (
+        CROSSED, "closest", NONE | {"message": "bounds of x[0] contradict each other"},
+    ),
+    "bounds that meet": (
+        CROSSED, Relaxation(lb=1.0, ub=3.0),
+        {"shift_lb": [-1.5, 0], "shift_ub": [0.5, 0], "x": [-0.5, 0]},
+    ),
+    "h = -inf": (ENDLESS, "closest", NONE | {"message": "h = -inf"}),
+    "lb = inf": (NOWHERE, "closest", NONE),
+    "lb = inf, relaxed": (NOWHERE, Relaxation(lb=1.0), NONE),
+    "unbounded": (FALLING, "closest", FALLS),
+    "unbounded, elastic": (FALLING, "elastic", FALLS),
+    "a controller": (BRAKING, Relaxation(b=INF), BRAKED),
+    "a controller, elastic": (BRAKING, Relaxation(norm=1, b=INF), BRAKED),
+    # x_2 <= 3 holds by chance, with force 0
+    "noise holds no rows": (NOISE, Relaxation(ub=1.0), {"x": [3.0 + 0.5e-5, 3]}),
+    "nothing to minimise": (FIXED, "closest", {"x": [1, 2], "shift_h": [2]}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("name", KNOWN)
+def test_known_answers(name, form):
+    qp, choice, known = KNOWN[name]
+    found = relaxed(FORMS[form](qp), infeasible=choice)
+    assert found.status is known.get("status", Status.SOLVED)
+    assert known.get("message", "") in found.message
+    if found.status is Status.SOLVED:
+        assert found.message == ""
+    for part in ("x", "shift_h", "shift_b", "shift_lb", "shift_ub", "obj"):
+        if part in known:
+            np.testing.assert_allclose(getattr(found, part), known[part], 0.0, 1e-9)
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("choice", ["closest", "elastic", Relaxation(h=np.ones(2))])
+def test_a_feasible_problem_has_nothing_closer(choice, form):
+    result = solve_qp(*FORMS[form](opposed(gap=-1.0)), infeasible=choice)
+    assert result.status is Status.SOLVED
+    assert result.closest is None
+    assert (result.closest or result).x is result.x
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_a_loop_of_steps_gives_what_fresh_solves_give(form):
+    """Some are infeasible; weights for each row."""
+    weights = Relaxation(h=0.1 + np.arange(9.0), b=np.array([2.0, 0.5]))
+    qp = FORMS[form](infeasible(3, 6, 9, 2, 6))
+    solver = Solver(*qp, infeasible=weights)
+    for step in (0.0, 0.1, 1e3, 0.2, 0.3):
+        h = qp.h + step * (np.cos(np.arange(9.0)) if step < 1.0 else 1.0)
+        solver.update(h=h)
+        own, fresh = solver.solve(), solve_qp(*qp._replace(h=h), infeasible=weights)
+        assert (own.closest is None) == (fresh.closest is None) == (step > 1.0)
+        own, fresh = own.closest or own, fresh.closest or fresh
+        for name in ("x", "shift_h", "shift_b")[: 1 if step > 1.0 else 3]:
+            mine, other = getattr(own, name), getattr(fresh, name)
+            np.testing.assert_allclose(mine, other, atol=1e-9)
+
+
+def test_choices_are_checked():
+    qp = opposed()
+    for choice, error, said in (
+        ("nearest", ValueError, r"infeasible must be one of \['certificate', 'clos"),
+        (2, TypeError, "infeasible must be a string or a Relaxation, got 2"),
+    ):
+        with pytest.raises(error, match=said):
+            solve_qp(*qp, infeasible=choice)
+    for fields, error, said in (
+        ({"norm": 3}, ValueError, "Relaxation.norm must be 1 or 2, got 3"),
+        ({"h": [1.0, 0.0]}, ValueError, r"Relaxation.h must be > 0, got 0\.0"),
+        ({"ub": "soft"}, TypeError, "Relaxation.ub must be a number, got 'soft'"),
+    ):
+        with pytest.raises(error, match=said):
+            Relaxation(**fields)
+    for gap in 3.0, -1.0:  # infeasible or not
+        with pytest.raises(ValueError, match=r"Relaxation\.h must have shape"):
+            solve_qp(*opposed(gap), infeasible=Relaxation(h=[1.0, 2.0, 3.0]))

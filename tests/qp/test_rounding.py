@@ -2,19 +2,16 @@
 
 import numpy as np
 import pytest
+import qpsolvers
 import scipy.sparse as sp
-from problems_lcp import DATA
-from problems_qp import complementary, make_qp
+from problems_qp import DATA, complementary, make_qp, maros_meszaros, solve_sparse
 from qpsolvers import Problem, Solution
 
+from namlcp import Status, qp_residuals
 from namlcp.limits import Limits
-from namlcp.options import Options
+from namlcp.qp import Point, qp_data
 from namlcp.qp.answer import Answer
-from namlcp.qp.guess import NO_GUESS
 from namlcp.qp.judge import Judge, upheld
-from namlcp.qp.memory import Memory
-from namlcp.qp.path.solve import solve_path
-from namlcp.qp.problem import Point, qp_data
 from namlcp.qp.rounding import (
     correct_dual_residual,
     correct_gap_by_multipliers,
@@ -22,19 +19,16 @@ from namlcp.qp.rounding import (
     correct_rounding,
     is_correctable,
 )
-from namlcp.qpsolvers import nam_solve_problem
-from namlcp.residuals import UNDEFINED, qp_residuals, signed_gap
-from namlcp.status import Status
-from validation.problems import data_sets
+from namlcp.residuals import UNDEFINED
 
 EPS = 1e-6
+NONE = np.empty(0)
 
 
 def test_a_dual_residual_goes_into_a_bound_or_into_a_curved_variable():
     # x = (at its lower bound, free and curved, free and straight)
     qp = make_qp(np.diag([0.0, 2.0, 0.0]), [1.0, -4.0, 0.0], lb=[0.0, -np.inf, -np.inf])
-    none = np.empty(0)
-    point = Point(np.array([0.0, 2.1, 0.0]), none, none, np.zeros(3))
+    point = Point(np.array([0.0, 2.1, 0.0]), NONE, NONE, np.zeros(3))
     x, _, _, z_box = correct_dual_residual(qp, point, EPS)
     np.testing.assert_allclose(x, [0.0, 2.0, 0.0])
     np.testing.assert_array_equal(z_box, [-1.0, 0.0, 0.0])
@@ -46,8 +40,7 @@ def test_no_multiplier_gets_a_sign_its_bounds_do_not_allow():
     lb = np.where(rng.random(n) < 0.5, 0.0, -np.inf)
     ub = np.where(rng.random(n) < 0.5, 1.0, np.inf)
     qp = make_qp(np.zeros((n, n)), rng.standard_normal(n), lb=lb, ub=ub)
-    none = np.empty(0)
-    point = Point(np.full(n, 0.5), none, none, np.zeros(n))
+    point = Point(np.full(n, 0.5), NONE, NONE, np.zeros(n))
     x, _, _, z_box = correct_dual_residual(qp, point, EPS)
     assert (z_box[np.isinf(lb)] >= 0.0).all()
     assert (z_box[np.isinf(ub)] <= 0.0).all()
@@ -89,9 +82,7 @@ def test_a_gap_goes_into_a_multiplier_with_a_large_side(seed):
     judge = Judge(qp, Limits(EPS, 0.0))
     worst = judge.offer(point)
     assert worst < 0.1 * before.worst(EPS, 0.0)
-    vectors = qp.q, qp.h, qp.b, qp.lb, qp.ub
-    gap = signed_gap(vectors, tuple(judge.point), qp.P @ judge.point[0])
-    assert abs(gap) == judge.residuals.gap
+    assert judge.residuals == qp_residuals(*qp, *judge.point)
     assert (judge.point[2] >= 0.0).all()
 
 
@@ -111,11 +102,10 @@ def test_a_gap_goes_into_the_only_multiplier_there_is():
 def test_a_gap_too_large_for_one_multiplier_is_spread_over_many(sign):
     """All sides are 1; one multiplier has no room, and keeps its sign."""
     n = 40
-    none = np.empty(0)
     q = np.r_[0.0, np.full(n - 1, -1.0)]
     qp = make_qp(np.zeros((n, n)), q, ub=np.ones(n))
     z_box = np.r_[1e-12, np.full(n - 1, 1.0 + sign * 5e-7)]
-    point = Point(np.ones(n), none, none, z_box)
+    point = Point(np.ones(n), NONE, NONE, z_box)
     gap = qp_residuals(*qp, *point).gap
     assert gap > 1e-5
     found = correct_gap_by_multipliers(qp, point, gap, 1e-9, EPS)
@@ -128,12 +118,12 @@ def test_a_gap_too_large_for_one_multiplier_is_spread_over_many(sign):
 @pytest.mark.parametrize("kind", ["inequalities", "equalities"])
 def test_changes_that_add_up_in_the_dual_residual_have_one_room(kind):
     """10^4 equal rows: each has room for its part of the gap, all together have not."""
-    m, none = 10_000, np.empty(0)
+    m = 10_000
     C, side, one = np.ones((m, 1)), np.ones(m), np.ones(m)
     x = np.array([1.0 - 1e-10])
     rows = {"G": C, "h": side} if kind == "inequalities" else {"A": C, "b": side}
     qp = make_qp(np.zeros((1, 1)), [-1.0 * m], **rows)
-    y, z = (none, one) if kind == "inequalities" else (one, none)
+    y, z = (NONE, one) if kind == "inequalities" else (one, NONE)
     point = Point(x, y, z, np.zeros(1))
     before = qp_residuals(*qp, *point)
     assert before.dual == 0.0
@@ -146,13 +136,10 @@ def test_changes_that_add_up_in_the_dual_residual_have_one_room(kind):
 
 def test_dense_problems_are_judged_on_their_dense_matrices(monkeypatch):
     """Sparse products round in another order, for which a point may be corrected."""
-    qp = qp_data(np.eye(2), np.ones(2), None, None, None, None, None, None)
-    point = qp.point()
-    found = Answer(Status.SOLVED, point, UNDEFINED, 1, "path")
+    qp = qp_data(np.eye(2), np.ones(2), *6 * [None])
+    found = Answer(Status.SOLVED, qp.point(), UNDEFINED, 1, "path")
     monkeypatch.setattr("namlcp.qp.path.solve.follow_path", lambda *arguments: found)
-    answer = solve_path(qp, NO_GUESS, Options().limits(), Memory())
-    assert answer.status is Status.STALLED
-    assert answer.residuals.dual == 1.0
+    assert solve_sparse(qp).status is Status.STALLED
 
 
 # ---- the last verdict: sums in the order of the user's own arrays
@@ -170,19 +157,6 @@ def large_terms(seed):
     return (P + P.T, q, G, h, A, b, lb, lb + 1.0), Point(x, y, z, -z_box)
 
 
-@pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize("layout", [np.asarray, sp.csc_array, sp.csc_matrix])
-def test_our_order_is_the_hosts_where_the_arrays_are_taken_as_they_are(seed, layout):
-    """To the last bit: then `upheld` has nothing to ask."""
-    (P, q, G, h, A, b, lb, ub), point = large_terms(seed)
-    P, G, A = map(layout, (P, G, A))
-    ours = qp_residuals(P, q, G, h, A, b, lb, ub, *point)
-    host = Solution(Problem(P, q, G, h, A, b, lb, ub), found=True)
-    host.x, host.y, host.z, host.z_box = point
-    theirs = host.primal_residual(), host.dual_residual(), host.duality_gap()
-    assert ours[:3] == theirs
-
-
 def unsorted(M):
     """Return M by columns, the rows of each from the last to the first."""
     found = sp.csc_array(M)
@@ -192,18 +166,25 @@ def unsorted(M):
     return sp.csc_array(arrays, shape=M.shape)
 
 
+LAYOUTS = {
+    "dense": (np.asarray,) * 3,
+    "sparse": (sp.csc_array,) * 3,
+    "matrices": (sp.csc_matrix,) * 3,
+    "by rows": (sp.csr_array, sp.csr_matrix, np.asfortranarray),
+    "unsorted": (np.asfortranarray, unsorted, sp.csr_array),
+}
+
+
 @pytest.mark.parametrize("seed", range(5))
-def test_any_layout_is_summed_as_the_host_does(seed):
+@pytest.mark.parametrize("layout", LAYOUTS)
+def test_any_layout_is_summed_as_the_host_does(seed, layout):
+    """To the last bit; where arrays are taken as they are `upheld` need not ask."""
     (P, q, G, h, A, b, lb, ub), point = large_terms(seed)
-    for matrices in (
-        (sp.csr_array(P), sp.csr_matrix(G), np.asfortranarray(A)),
-        (np.asfortranarray(P), unsorted(G), sp.csr_array(A)),
-    ):
-        data = matrices[0], q, matrices[1], h, matrices[2], b, lb, ub
-        host = Solution(Problem(*data), found=True)
-        host.x, host.y, host.z, host.z_box = point
-        theirs = host.primal_residual(), host.dual_residual(), host.duality_gap()
-        assert qp_residuals(*data, *point)[:3] == theirs
+    P, G, A = (make(M) for make, M in zip(LAYOUTS[layout], (P, G, A), strict=True))
+    host = Solution(Problem(P, q, G, h, A, b, lb, ub), found=True)
+    host.x, host.y, host.z, host.z_box = point
+    theirs = host.primal_residual(), host.dual_residual(), host.duality_gap()
+    assert qp_residuals(P, q, G, h, A, b, lb, ub, *point)[:3] == theirs
 
 
 def cancelling():
@@ -254,11 +235,10 @@ def test_nothing_is_asked_where_rounding_is_within_tolerance(monkeypatch):
 )
 def test_qfffff80_is_not_called_solved_by_luck(eps, layout):
     """Its multipliers reach 1e11; toarray() is a Fortran array, which we copy."""
-    problem = data_sets.maros_problem(DATA, "QFFFFF80", dense=False)
-    P, q, G, h, A, b, lb, ub = problem.unpack()
+    P, q, G, h, A, b, lb, ub = maros_meszaros("QFFFFF80")
     P, G, A = (layout(sp.csc_matrix(M)) for M in (P, G, A))
     given = Problem(P, q, G, h, A, b, lb, ub)
-    answer = nam_solve_problem(given, eps_abs=eps, eps_rel=0.0)
+    answer = qpsolvers.solve_problem(given, solver="nam", eps_abs=eps, eps_rel=0.0)
     if answer.found:
         assert answer.primal_residual() <= eps
         assert answer.dual_residual() <= eps
@@ -301,8 +281,7 @@ def test_a_gap_with_huge_terms_is_removed_by_x(seed):
 
 def test_a_gap_that_x_cannot_change_stays():
     qp = make_qp(np.eye(1), [1.0], lb=[2.0])  # x is at its bound
-    none = np.empty(0)
-    point = Point(np.array([2.0]), none, none, np.array([-3.0 - 1e-7]))
+    point = Point(np.array([2.0]), NONE, NONE, np.array([-3.0 - 1e-7]))
     same, gap = correct_gap_by_x(qp, point, 1e-9)
     assert same is point
     assert gap == pytest.approx(2e-7)
@@ -310,8 +289,7 @@ def test_a_gap_that_x_cannot_change_stays():
 
 def test_x_takes_up_what_exceeds_the_tolerance_alone():
     qp = make_qp(np.array([[2.0]]), [-4.0])
-    none = np.empty(0)
-    point = Point(np.array([2.0 + 1e-3]), none, none, np.zeros(1))
+    point = Point(np.array([2.0 + 1e-3]), NONE, NONE, np.zeros(1))
     x = correct_dual_residual(qp, point, 1e-3, 1e-3).x
     assert 2.0 * x[0] - 4.0 == pytest.approx(1e-3, rel=1e-9)
 

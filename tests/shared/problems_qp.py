@@ -11,17 +11,16 @@ from scipy.sparse import (
     csr_array,
     eye_array,
     hstack,
+    issparse,
     vstack,
 )
 
+from namlcp import Status, qp_residuals
 from namlcp.cli.files import mat_problem
 from namlcp.options import Options
-from namlcp.qp.guess import NO_GUESS
+from namlcp.qp import NO_GUESS, QP
 from namlcp.qp.memory import Memory
 from namlcp.qp.path import solve_path
-from namlcp.qp.problem import QP
-from namlcp.residuals import qp_residuals
-from namlcp.status import Status
 
 
 class Known(NamedTuple):
@@ -71,6 +70,18 @@ def make_qp(P, q, G=None, h=None, A=None, b=None, lb=None, ub=None) -> QP:
     return QP(matrix(P, n), q, *rows, *bounds)
 
 
+def dense(qp: QP) -> QP:
+    """Return the QP with arrays."""
+    return qp._replace(
+        **{k: M.toarray() for k in "PGA" if issparse(M := getattr(qp, k))}
+    )
+
+
+def sparse(qp: QP) -> QP:
+    """Return the QP with CSC matrices."""
+    return make_qp(*qp)
+
+
 def complementary(seed, n, m, p, rank, density=1.0, weak=0) -> Known:
     """Pick (x, y, z, z_box) complementary, then q and h to match.
 
@@ -107,8 +118,11 @@ def infeasible(seed, n, m, p, rank) -> QP:
     return make_qp(B.T @ B, rng.standard_normal(n), G, h, A, b)
 
 
-def unbounded(seed, n, m, p, rank) -> QP:
-    """Return a feasible QP with a direction d: P d = 0, A d = 0, G d <= 0, q'd = -1."""
+def unbounded(seed, n, m, p, rank, has_bounds=False) -> QP:
+    """Return a feasible QP with a direction d: P d = 0, A d = 0, G d <= 0, q'd = -1.
+
+    Bounds are open where d goes, nowhere else.
+    """
     rng = np.random.default_rng(seed)
     d = rng.standard_normal(n)
     d /= np.linalg.norm(d)
@@ -121,7 +135,9 @@ def unbounded(seed, n, m, p, rank) -> QP:
     G = np.where((G @ d > 0.0)[:, None], across(G), G)
     x, q = rng.standard_normal(n), rng.standard_normal(n)
     q -= (q @ d + 1.0) * d
-    return make_qp(B.T @ B, q, G, G @ x + rng.random(m), A, A @ x)
+    lb = np.where(has_bounds & (d > 0.0), x - rng.random(n), -np.inf)
+    ub = np.where(has_bounds & (d < 0.0), x + rng.random(n), np.inf)
+    return make_qp(B.T @ B, q, G, G @ x + rng.random(m), A, A @ x, lb, ub)
 
 
 def least_squares(n) -> QP:
@@ -268,6 +284,16 @@ def residual_form(seed, rows, n, lower=-np.inf, upper=np.inf, weight=0.0):
 def upper_triangle_of(kkt):
     """Return the upper triangle of K~ as a matrix."""
     return csc_array((kkt.data, kkt.indices, kkt.indptr), shape=(kkt.size, kkt.size))
+
+
+def dense_scaled(s):
+    """P, A and S of the scaled QP: S x <= c are all its one-sided constraints."""
+    n, p = s.n, s.p
+    K = upper_triangle_of(s.kkt).toarray()
+    K[np.diag_indices(s.kkt.size)] = s.kkt.base[s.kkt.diagonal]
+    K += np.triu(K, 1).T
+    T = np.vstack((np.eye(n), K[n:, :n]))
+    return K[:n, :n], K[n : n + p, :n], s.sign[:, None] * T[s.place]
 
 
 def opposed(gap=3.0):

@@ -231,7 +231,7 @@ def set_curvature(m):
 
 @part
 def set_row_scales(m):
-    """Set 1 over the norms of the rows; tell whether all numbers of G are finite."""
+    """Set 1 over the norms of the rows; tell whether those of G and A are finite."""
     scale = floats(m.scale, m.rows)
     fine = True
     for i in range(m.m):
@@ -241,6 +241,9 @@ def set_row_scales(m):
         scale[i] = 1.0 / np.sqrt(squares) if squares > 0.0 else 1.0
     for i in range(m.m, m.rows):
         scale[i] = 1.0
+    for i in range(m.p):
+        row = row_of(m.A, i, m.n)
+        fine = fine and dot(row, row) < np.inf
     return fine
 
 

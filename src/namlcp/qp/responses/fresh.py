@@ -235,7 +235,7 @@ class Stack:
         n, m, p = (M.shape[0] for M in self.first)
         self.ends = np.cumsum((n, p, m, n))  # of x, y, z and z_box in a row of `out`
         work = 4.0 * (n + m) * n * (2 * n + m + p)  # as many pivots as rows
-        self.most_items = max(int(MOST_WORK / work), 1)  # of one call
+        self.most_items = max(int(MOST_WORK / max(work, 1.0)), 1)  # of one call
 
     @staticmethod
     def takes(shared: QP) -> bool:

@@ -1,0 +1,306 @@
+"""Kernels of the QP engines, each beside a plain transcription of what it computes."""
+
+import numpy as np
+import pytest
+from problems_qp import complementary, dense_scaled, make_qp, upper_triangle_of
+from scipy.sparse import csc_array, random_array
+
+from namlcp.checks import transposed
+from namlcp.limits import Limits
+from namlcp.linalg import csc
+from namlcp.qp.certificates import accept_dual, accept_primal, farkas_numbers
+from namlcp.qp.path import newton, steps
+from namlcp.qp.path.advance import GAIN, LONG, LOOK, READY, REFINE, SOLVE, START
+from namlcp.qp.path.regularisation import DELTA, RHO
+from namlcp.qp.path.workspace import Workspace
+from namlcp.qp.responses import active
+from namlcp.qp.transforms import ScaledQP, presolve
+
+LIMITS = Limits(1e-9, 0.0)
+TOL = 1e-6
+
+
+# ---- the interior-point method
+
+
+class Transcription:
+    """The Newton system of `steps` before its elimination, dense.
+
+    Unknowns dx, dy, dZ, dW; the constraints are S x + W = c.
+    """
+
+    def __init__(self, problem):
+        self.P, self.A, self.S = dense_scaled(problem)
+        self.q, self.b, self.c = problem.q, problem.b, problem.c
+
+    def direction(self, point, target, rho, delta):
+        """Return the step from (x, y, W, Z) for the target of W dZ + Z dW."""
+        P, A, S = self.P, self.A, self.S
+        (x, y, W, Z), (m, n), p = point, S.shape, self.b.size
+        rd = P @ x + self.q + A.T @ y + S.T @ Z
+        M = np.block([
+            [P + rho * np.eye(n), A.T, S.T, np.zeros((n, m))],
+            [A, -delta * np.eye(p), np.zeros((p, 2 * m))],
+            [S, np.zeros((m, p)), -delta * np.eye(m), np.eye(m)],
+            [np.zeros((m, n + p)), np.diag(W), np.diag(Z)],
+        ])  # fmt: skip
+        rhs = np.concatenate((-rd, self.b - A @ x, self.c - S @ x - W, target))
+        dx, dy, dZ, dW = np.split(np.linalg.solve(M, rhs), np.cumsum((n, p, m)))
+        return dx, dy, dW, dZ
+
+    def first_point(self):
+        """W = Z = 1 as weights of least squares, then Mehrotra's shift."""
+        (m, n), p = self.S.shape, self.b.size
+        K = np.block([
+            [self.P + RHO * np.eye(n), self.A.T, self.S.T],
+            [self.A, -DELTA * np.eye(p), np.zeros((p, m))],
+            [self.S, np.zeros((m, p)), -(1.0 + DELTA) * np.eye(m)],
+        ])  # fmt: skip
+        rhs = np.concatenate((-self.q, self.b, self.c))
+        x, y, Z = np.split(np.linalg.solve(K, rhs), (n, n + p))
+        W, Z = -Z + max(0.0, 1.5 * Z.max()), Z + max(0.0, -1.5 * Z.min())
+        product = 0.5 * W @ Z
+        return x, y, W + product / Z.sum(), Z + product / W.sum()
+
+
+def longest(W, Z, dW, dZ):
+    """Return the longest primal and dual steps up to 1."""
+    with np.errstate(divide="ignore"):
+        return [
+            min(1.0, np.min(-v[dv < 0.0] / dv[dv < 0.0], initial=1.0))
+            for v, dv in ((W, dW), (Z, dZ))
+        ]
+
+
+def iterate(whole, point, rho, delta):
+    """Return the next point: predictor, corrector, centring corrector, move."""
+    _, _, W, Z = point
+    m, mu = W.size, W @ Z / W.size
+    _, _, dW, dZ = whole.direction(point, -W * Z, rho, delta)
+    a, z = longest(W, Z, dW, dZ)
+    sigma = ((W + a * dW) @ (Z + z * dZ) / (m * mu)) ** 3
+    least = steps.LEAST_TARGET * LIMITS.eps_abs / m
+    aim = max(min(max(sigma, 0.0), 1.0) * mu, least)
+    target = aim - W * Z - dW * dZ
+    step = whole.direction(point, target, rho, delta)
+    a, z = longest(W, Z, *step[2:])
+    if a + z < LONG:
+        by = steps.LENGTHENED
+        longer = [min(1.0, (1.0 + by) * s + by) for s in (a, z)]
+        product = (W + longer[0] * step[2]) * (Z + longer[1] * step[3])
+        most = steps.MOST_PRODUCT * aim
+        change = np.clip(product, steps.LEAST_PRODUCT * aim, most) - product
+        other = whole.direction(point, target + np.maximum(change, -most), rho, delta)
+        b, w = longest(W, Z, *other[2:])
+        if b + w >= a + z + GAIN:
+            step, a, z = other, b, w
+    a, z = steps.SHORT * a, steps.SHORT * z
+    lengths = a, z, a, z
+    return [v + k * dv for v, k, dv in zip(point, lengths, step, strict=True)]
+
+
+def begun(qp):
+    """Return the work space of a QP with the settings of a first iteration."""
+    work = Workspace(ScaledQP(presolve(qp, 1e-9, 0.0)), LIMITS)
+    now = work.now
+    now.reports, now.max_iter, now.patience = True, 99, 99
+    now.rho, now.delta, now.accuracy, now.drop = RHO, DELTA, 1e-12, 0.1
+    now.best = now.reference = now.last_refined = np.inf
+    return work, Transcription(work.problem)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_iterations_are_those_of_the_formulas(seed):
+    work, whole = begun(complementary(seed, 12, 15, 3, 9, 0.6).qp)
+    found = work.run(START)
+    now, expected = work.now, whole.first_point()
+    for _ in range(8):
+        assert found == LOOK
+        point = [v.copy() for v in (work.x, work.y, work.W, work.Z)]
+        for v, mine in zip(expected, point, strict=True):
+            np.testing.assert_allclose(mine, v, rtol=1e-5, atol=1e-7)
+        expected = iterate(whole, point, now.rho, now.delta)
+        found = work.resume()
+
+
+def solved_by_other_factors(change, krylov):
+    """Solve a KKT system by factors of another matrix; return |residual| and `now`."""
+    work, _ = begun(complementary(4, 20, 10, 3, 12).qp)
+    now, kkt = work.now, work.kkt
+    n, m = now.n, now.size - now.n
+    data = kkt.base.copy()
+    data[kkt.diagonal] += np.r_[np.full(n, 1e-6), np.full(m, -1e-8)]
+    kkt.data[:] = data
+    kkt.data[kkt.diagonal] += np.r_[np.full(n, change), np.zeros(m)]
+    assert work.factor()
+    kkt.data[:] = data
+    full = upper_triangle_of(kkt).toarray()
+    full = full + np.triu(full, 1).T
+    rhs = np.random.default_rng(0).standard_normal(now.size)
+    work.rhs[:], work.r[:], work.du[:] = rhs, rhs, 0.0
+    now.rhs_norm, now.error, now.accuracy, now.solves = 1.0, np.inf, 1e-14, 0
+    now.krylov_pays, now.after, now.then = krylov, REFINE, READY
+    work.run(SOLVE)
+    return np.abs(full @ work.du - rhs).max(), now
+
+
+def test_newton_systems_are_refined():
+    residual, now = solved_by_other_factors(0.0, False)
+    assert residual < 1e-9
+    assert now.error < 1e-13
+    crude, _ = solved_by_other_factors(3.0, False)
+    better, now = solved_by_other_factors(3.0, True)
+    assert now.krylov_pays
+    assert better < 0.1 * crude
+
+
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_the_norm_of_a_residual_with_nan_is_nan(place):
+    r, weight = np.array([1.0, -6.0, 2.0]), np.array([1.0, 2.0, 4.0])
+    norm = getattr(newton.weighted_norm, "py_func", newton.weighted_norm)
+    assert norm(r, weight, 3) == 3.0
+    r[place] = np.nan
+    assert np.isnan(norm(r, weight, 3))
+
+
+# ---- the active-set method
+
+
+def test_the_triangle_is_that_of_the_remaining_rows(monkeypatch):
+    """After appending k rows and removing one, L L' = S without it."""
+    names = "triangle_solve", "triangle_solve_transposed", "append_to_triangle"
+    lower, upper, append, remove = (
+        getattr(getattr(active, name), "py_func", getattr(active, name))
+        for name in (*names, "remove_from_triangle")
+    )
+    for name in ("dot", "add_scaled"):  # plain Python calls plain Python alone
+        inner = lower.__globals__[name]
+        monkeypatch.setitem(lower.__globals__, name, getattr(inner, "py_func", inner))
+    rng = np.random.default_rng(9)
+    for leaving in range(6):
+        root = rng.standard_normal((6, 6))
+        S = root @ root.T + np.eye(6)
+        L, b, row = np.empty(21), rng.standard_normal(5), np.empty(6)
+        for i in range(6):
+            row[:i] = S[i, :i]
+            lower(L, i, row)
+            append(L, i, row, np.sqrt(S[i, i] - np.sum(row[:i] ** 2)))
+        remove(L, 6, leaving, np.empty(6), np.empty(6))
+        left = np.delete(np.delete(S, leaving, 0), leaving, 1)
+        expected = np.linalg.solve(left, b)
+        lower(L, 5, b)
+        upper(L, 5, b)
+        square = np.zeros((5, 5))
+        square[np.tril_indices(5)] = L[:15]
+        np.testing.assert_allclose(square @ square.T, left, atol=1e-12)
+        np.testing.assert_allclose(b, expected, atol=1e-12)
+
+
+# ---- certificates
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_numbers_of_a_certificate_are_those_of_their_definition(seed):
+    rng = np.random.default_rng(seed)
+    n, m, p = 7, 6, 3
+    b, h, y, s = (rng.standard_normal(k) for k in (p, m, p, n))
+    lb = np.where(rng.random(n) < 0.5, -np.inf, -rng.random(n))
+    ub = np.where(rng.random(n) < 0.5, np.inf, rng.random(n))
+    h[rng.random(m) < 0.3] = np.inf
+    s[rng.random(n) < 0.3] = 0.0
+    kept, z_box = np.maximum(rng.standard_normal(m), 0.0), np.empty(n)
+    kept[np.isinf(h)] = 0.0
+    found = farkas_numbers((b, h, lb, ub), y, kept, s, z_box)
+    allowed = np.where(s < 0.0, np.isfinite(ub), np.isfinite(lb))
+    np.testing.assert_array_equal(z_box, np.where(allowed & (s != 0.0), -s, 0.0))
+    at, up, low = kept > 0.0, z_box > 0.0, z_box < 0.0
+    terms = (b * y, h[at] * kept[at], ub[up] * z_box[up], lb[low] * z_box[low])
+    terms, entries = np.concatenate(terms), np.abs(np.concatenate((y, kept, z_box)))
+    moduli, worst = np.abs(terms).sum(), np.abs(s + z_box).max()
+    expected = terms.sum(), moduli, worst, entries.max(), entries.sum()
+    np.testing.assert_allclose(found, expected, rtol=1e-13)
+    s[2] = np.nan
+    assert np.isnan(farkas_numbers((b, h, lb, ub), y, kept, s, z_box)[0])
+
+
+def test_multipliers_that_prove_nothing_are_left_out_and_nan_refused():
+    """1 <= x <= 0 by rows; a row without a side and a wrong sign do no harm."""
+    G, h = np.array([[-1.0], [1.0], [1.0], [1.0]]), np.array([-1.0, 0.0, np.inf, 5.0])
+    qp = make_qp(np.eye(1), np.zeros(1), G, h)
+    z = np.array([1.0, 1.0, 3.0, -2.0])
+    proof = accept_primal(qp, np.zeros(1), np.empty(0), z, TOL)
+    np.testing.assert_array_equal(proof.z, [1.0, 1.0, 0.0, 0.0])
+    z[0] = np.nan
+    assert accept_primal(qp, np.zeros(1), np.empty(0), z, TOL) is None
+
+
+def test_a_column_of_tiny_entries_proves_nothing():
+    """1e-13 x <= -1 holds far out; x <= 1 with -x <= -2 holds nowhere."""
+    one = np.ones(1)
+    qp = make_qp([[0.0]], [0.0], [[-1e-13]], [-1.0])
+    assert accept_primal(qp, np.zeros(1), np.empty(0), one, TOL) is None
+    qp = make_qp([[0.0]], [0.0], [[1e-13], [-1e-13]], [1e-3, -2e-3])
+    assert accept_primal(qp, np.zeros(1), np.empty(0), np.ones(2), TOL) is not None
+
+
+def test_the_difference_of_rows_alike_is_no_proof():
+    """x = 1 and (1 + d) x = 1 + d hold together; so, along a row, no cost can fall.
+
+    d is so small that a residual of this size counts as mere rounding.
+    """
+    d = 2.0**-40
+    a, multipliers = np.array([1.0, 1.0 + d]), np.array([1.0, -1.0]) / d
+    tol, none, one = 1e-14, np.empty(0), np.ones(1)
+    point = make_qp([[0.0]], [0.0], A=a[:, None], b=a)
+    assert accept_primal(point, one, multipliers, none, tol) is None
+    row = make_qp(np.zeros((2, 2)), a, A=a[None], b=[0.0])
+    start = np.ones(2), np.zeros(1), none
+    assert accept_dual(row, *start, multipliers, tol) is None
+    apart = make_qp([[0.0]], [0.0], A=np.ones((2, 1)), b=a)
+    assert accept_primal(apart, one, multipliers, none, tol) is not None
+
+
+# ---- sparse matrices
+
+
+def canonical(M):
+    return make_qp(np.zeros((M.shape[1],) * 2), np.zeros(M.shape[1]), G=M, h=0).G
+
+
+def test_kernels_of_sparse_matrices_are_scipys(monkeypatch):
+    rng = np.random.default_rng(0)
+    M = canonical(random_array((30, 20), density=0.2, rng=rng))
+    B = canonical(random_array((30, 20), density=0.1, rng=rng))
+    rows, columns = np.array([1, 4, 29]), np.array([0, 7, 8, 19])
+    part = csc.submatrix(M, rows, columns)
+    np.testing.assert_array_equal(part.toarray(), M.toarray()[np.ix_(rows, columns)])
+    assert csc.submatrix(M, np.arange(30), np.arange(20)) is M
+    np.testing.assert_array_equal(csc.by_rows(M).toarray(), M.toarray())
+    indptr, indices, data = transposed(M.indptr, M.indices, M.data, 30)
+    turned = csc_array((data, indices, indptr), shape=(20, 30))
+    np.testing.assert_array_equal(turned.toarray(), M.toarray().T)
+    P, weight = canonical(M.T @ M), rng.random(30)
+    for most in (csc.MOST_DENSE, 40):  # full rows: at once, and in blocks
+        monkeypatch.setattr(csc, "MOST_DENSE", most)
+        for rest in (B, canonical(csc_array(rng.random((30, 20))))):
+            S = csc.with_squares(P, rest, weight)
+            exact = P.toarray() + rest.toarray().T @ np.diag(weight) @ rest.toarray()
+            np.testing.assert_allclose(S.toarray(), exact, atol=1e-12)
+            assert S.has_sorted_indices
+    M.data[3] = 0.0
+    assert csc.without_zeros(M).nnz == M.nnz - 1
+    assert csc.without_zeros(B) is B
+
+
+def test_products_sum_in_scipys_order():
+    rng = np.random.default_rng(1)
+    M = canonical(random_array((40, 30), density=0.3, rng=rng))
+    x, z = rng.standard_normal(30), rng.standard_normal(40)
+    np.testing.assert_array_equal(csc.times(M, x), M @ x)
+    out = np.zeros(30)
+    csc.add_transposed(M, z, out)
+    np.testing.assert_array_equal(out, M.T @ z)
+    dense = M.toarray()
+    np.testing.assert_allclose(csc.times(dense, x), M @ x, atol=1e-14)
+    csc.add_transposed(dense, z, out)
+    np.testing.assert_allclose(out, 2 * (M.T @ z), atol=1e-13)

@@ -1,0 +1,280 @@
+"""Substitution, presolve and scaling: the same QP before and after, by one property."""
+
+from types import SimpleNamespace
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from problems_qp import (
+    QP,
+    assert_certificate,
+    assert_solves_qp,
+    complementary,
+    dense_scaled,
+    make_qp,
+    residual_form,
+    solve_sparse,
+    upper_triangle_of,
+)
+
+from namlcp import Status, solve_qp
+from namlcp.qp import make_guess
+from namlcp.qp.transforms import ScaledQP, Substitution, presolve, substitute
+
+INF = np.inf
+
+
+def with_structure(seed):
+    """Proportional, empty, single and infinite rows, fixed and free variables."""
+    rng = np.random.default_rng(seed)
+    n, m, p, k = rng.integers(1, 8), rng.integers(0, 14), rng.integers(0, 8), 2
+    base = rng.integers(-2, 3, (4, n)) * (rng.random((4, n)) < 0.6)
+    factors = rng.choice([-3.0, -1.0, 0.5, 1.0, 2.0], m + p)
+    C = base[rng.integers(0, 4, m + p)] * factors[:, None]
+    side = C @ rng.integers(-1, 2, n) + rng.integers(0, 3, m + p) * 1.0
+    side[m:] -= rng.choice([0.0, 0.0, 1e-7], p)
+    side[:m][rng.random(m) < 0.2] = INF
+    lb, ub = np.full(n + k, -5.0), np.full(n + k, 5.0)
+    lb[rng.random(n + k) < 0.3] = -INF
+    fixed = rng.random(n + k) < 0.25
+    lb[fixed] = ub[fixed] = 1.0
+    lb[n:], ub[n:] = -INF, INF
+    E = np.hstack((rng.integers(-1, 2, (k, n)), np.diag(rng.uniform(0.5, 2.0, k))))
+    wide = np.zeros((m + p, k))
+    C, P = np.hstack((C, wide)), np.diag(np.ones(n + k))
+    P[-1, -1] = 0.0
+    A, b = np.vstack((C[m:], E)), np.append(side[m:], rng.standard_normal(k))
+    qp = make_qp(P, rng.standard_normal(n + k), C[:m], side[:m], A, b, lb, ub)
+    for M in (qp.G, qp.A):
+        if M.nnz > 3:
+            M.data[rng.integers(M.nnz)] = 0.0
+    return qp
+
+
+class Transform(NamedTuple):
+    """The inner QP, the maps of a point and of a direction out, that of a guess in.
+
+    `gone` are the variables without a counterpart.
+    """
+
+    inner: QP
+    point: Any
+    ray: Any
+    guess: Any
+    gone: Any
+
+
+def by_substitution(qp):
+    found = substitute(qp)
+    if found is None:
+        return None
+
+    def guess(point):
+        near = found.guess(make_guess(qp, None, point))
+        return near.x, near.y, near.z, near.z_box
+
+    return Transform(found.problem, found.point, found.ray, guess, found.columns)
+
+
+def by_presolve(qp):
+    """Ranges as two rows each."""
+    small = presolve(qp, 1e-6, 0.0)
+    if small.contradictions:
+        return None
+    G = small.G.toarray()
+    upper, lower = np.isfinite(small.upper), np.isfinite(small.lower)
+    rows = np.vstack((G[upper], -G[lower]))
+    h = np.append(small.upper[upper], -small.lower[lower])
+    A = small.A.toarray()
+    box = small.lb, small.ub
+    inner = QP(small.P.toarray(), small.q, rows, h, A, small.b, *box)
+
+    def point(p):
+        z_upper, z_lower = np.zeros((2, upper.size))
+        z_upper[upper], z_lower[lower] = np.split(p.z, [upper.sum()])
+        return small.point(p.x, p.y, z_upper, z_lower, p.z_box)
+
+    def guess(p):
+        y, z_upper, z_lower = small.guess(p.y, p.z)
+        z = np.append(z_upper[upper], z_lower[lower])
+        return p.x[small.kept], y, z, p.z_box[small.kept]
+
+    return Transform(inner, point, small.ray, guess, small.fixed)
+
+
+def by_scaling(qp):
+    small = presolve(qp, 1e-6, 0.0)
+    if small.contradictions or not small.q.size:
+        return None
+    s = ScaledQP(small)
+    P, A, S = dense_scaled(s)
+    free = np.full(s.n, INF)
+    inner = QP(P, s.q, S, s.c, A, s.b, -free, free)
+
+    def guess(p):
+        x, y, Z, _ = s.guess(make_guess(qp, None, p))
+        return x, y, Z, 0.0 * x
+
+    return Transform(inner, lambda p: s.point(p.x, p.y, p.z), s.ray, guess, small.fixed)
+
+
+TRANSFORMS = {
+    "substitution": by_substitution, "presolve": by_presolve, "scaling": by_scaling
+}  # fmt: skip
+
+
+def gradient(qp, p):
+    """Of the Lagrangian in x."""
+    return qp.P @ p.x + qp.q + qp.A.T @ p.y + qp.G.T @ p.z + p.z_box
+
+
+def violation(qp, x):
+    finite = np.where(np.isfinite(qp.h), qp.G @ x - qp.h, -1.0)
+    parts = finite, abs(qp.A @ x - qp.b), qp.lb - x, x - qp.ub
+    return max(np.max(part, initial=0.0) for part in parts)
+
+
+@pytest.mark.parametrize("name", TRANSFORMS)
+def test_the_qp_before_and_after_is_one(name):
+    """Cost, feasibility, stationarity and multipliers, there and back."""
+    seen = 0
+    for seed in range(200):
+        qp = with_structure(seed)
+        found = TRANSFORMS[name](qp)
+        if found is None:
+            continue
+        seen += 1
+        rng = np.random.default_rng(seed)
+        inner, point, ray, guess, gone = found
+        n, m, p = inner.q.size, inner.h.size, inner.b.size
+        costs, out = [], []
+        for x in (rng.integers(-2, 3, n) * 1.0, rng.standard_normal(n)):
+            z, z_box = rng.random(m), rng.standard_normal(n) * (name != "scaling")
+            z_box[np.isinf(inner.ub)] = -abs(z_box[np.isinf(inner.ub)])
+            z_box[np.isinf(inner.lb)] = abs(z_box[np.isinf(inner.lb)])
+            z_box[np.isinf(inner.lb) & np.isinf(inner.ub)] = 0.0
+            z[np.isinf(inner.h)] = 0.0
+            own = SimpleNamespace(x=x, y=rng.standard_normal(p), z=z, z_box=z_box)
+            far = point(own)
+            out.append(far.x)
+            assert (far.z >= 0.0).all()
+            d = rng.standard_normal(n)
+            outer, mine = gradient(qp, far), gradient(inner, own)
+            np.testing.assert_allclose(outer @ ray(d), mine @ d, 1e-9, 1e-9)
+            np.testing.assert_allclose(outer[gone], 0.0, atol=1e-9)
+            assert (violation(qp, far.x) <= 1e-6) == (violation(inner, x) <= 1e-6)
+            back = guess(far)
+            np.testing.assert_allclose(back[0], x, atol=1e-9)
+            np.testing.assert_allclose(back[1], own.y, atol=1e-9)
+            if name == "presolve":
+                np.testing.assert_allclose(back[2], z, atol=1e-9)
+            costs.append([
+                0.5 * x @ (inner.P @ x) + inner.q @ x,
+                0.5 * far.x @ (qp.P @ far.x) + qp.q @ far.x,
+            ])  # fmt: skip
+        ours, theirs = np.subtract(*costs)
+        np.testing.assert_allclose(ours, theirs, 1e-9, 1e-9)
+    assert seen > 50
+
+
+def test_contradictions_of_presolve_are_proofs():
+    """b'y + h'z < 0 with A'y + G'z = 0 in the free columns, z >= 0."""
+    seen = 0
+    for seed in range(120):
+        qp = with_structure(seed)
+        held, free = np.where(qp.lb == qp.ub, qp.lb, 0.0), qp.lb != qp.ub
+        for reason in presolve(qp, 1e-6, 0.0).contradictions:
+            y = reason.y
+            z = np.zeros(qp.h.size) if reason.z is None else reason.z
+            finite = np.where(z > 0.0, qp.h, 0.0)
+            assert (qp.b - qp.A @ held) @ y + (finite - qp.G @ held) @ z < 0.0
+            np.testing.assert_allclose((qp.A.T @ y + qp.G.T @ z)[free], 0, atol=1e-12)
+            assert (z >= 0.0).all()
+            seen += 1
+    assert seen > 10
+
+
+def test_presolve_drops_what_is_redundant():
+    """Rows equal up to sign, an empty and an infinite one, two fixed variables."""
+    known = complementary(0, 12, 10, 3, 12)
+    P, q, G, h, A, b, lb, ub = known.qp
+    G = np.vstack((G.toarray(), -G.toarray()[:4], np.zeros(12), np.ones(12)))
+    h = np.concatenate((h, -(h[:4] - 3.0), [1.0, INF]))
+    A = np.vstack((A.toarray(), -A.toarray()[1]))
+    lb, ub = lb.copy(), ub.copy()
+    lb[:2] = ub[:2] = known.x[:2]
+    qp = make_qp(P, q, G, h, A, np.append(b, -b[1]), lb, ub)
+    small = presolve(qp, 1e-9, 0.0)
+    sizes = small.q.size, small.b.size, np.isfinite(small.lower).sum()
+    assert (*sizes, small.lower.size) == (10, 3, 4, 10)
+    assert_solves_qp(qp, solve_sparse(qp))
+
+
+def test_an_entry_of_1e_9_is_an_entry():
+    """Rows that agree in single precision are not proportional for that."""
+    rows = np.array([[1.0, 2.0, 0.0], [1.0, 2.0, 1e-9]])
+    for order in ([0, 1], [1, 0]):
+        for entry, left in ((1e-9, 2), (0.0, 1)):
+            rows[1, 2] = entry
+            qp = make_qp(np.eye(3), np.ones(3), rows[order], [-1.0, -2.0])
+            assert presolve(qp, 1e-9, 0.0).upper.size == left
+            assert_solves_qp(qp, solve_sparse(qp))
+
+
+def test_scaling_equilibrates():
+    """The largest entry of each row of |K| is nearly 1."""
+    for seed in range(3):
+        s = ScaledQP(presolve(complementary(seed, 10, 12, 2, 10).qp, 1e-9, 0.0))
+        K = upper_triangle_of(s.kkt)
+        K = abs(K + K.T).toarray()
+        np.fill_diagonal(K, abs(s.kkt.base[s.kkt.diagonal]))
+        np.testing.assert_allclose(K.max(axis=1), 1.0, atol=0.03)
+
+
+@pytest.mark.parametrize(("rows", "n"), [(30, 8), (300, 8), (8, 30)])
+def test_residuals_of_least_squares_are_substituted(rows, n):
+    qp, B, _ = residual_form(0, rows, n)
+    inner = substitute(qp).problem
+    assert (inner.q.size, inner.b.size) == (n, 0)
+    np.testing.assert_allclose(inner.P.toarray(), 2 * B.T @ B, atol=1e-12)
+
+
+def with_residuals(kind):
+    """Least squares whose residuals are variables, made impossible or unbounded."""
+    qp, _, _ = residual_form(11, 60, 20, lower=0.0)
+    if kind == "certificate":
+        row = np.append(np.zeros(60), np.ones(20))
+        G = np.vstack((qp.G.toarray(), row))
+        return qp._replace(G=make_qp(qp.P, qp.q, G).G, h=np.append(qp.h, -1.0))
+    if kind == "ray":  # the last variable is in no residual and costs -1
+        P, G, A = (np.pad(M.toarray(), ((0, k), (0, 1))) for M, k in
+                   ((qp.P, 1), (qp.G, 0), (qp.A, 0)))  # fmt: skip
+        return make_qp(P, np.append(qp.q, -1.0), G, qp.h, A, qp.b)
+    return qp
+
+
+SPOILT = {
+    "point": (Status.SOLVED, lambda point: point._replace(x=point.x + 1e-3)),
+    "certificate": (Status.PRIMAL_INFEASIBLE, lambda v: v._replace(z=0.0 * v.z)),
+    "ray": (Status.DUAL_INFEASIBLE, np.ones_like),
+}
+
+
+@pytest.mark.parametrize("what", SPOILT)
+def test_what_comes_back_wrong_does_not_come_out(monkeypatch, what):
+    """The QP is solved as it came where its own data do not confirm the answer."""
+    qp, (status, wrong) = with_residuals(what), SPOILT[what]
+    right, calls = getattr(Substitution, what), []
+
+    def spoilt(*arguments):
+        calls.append(what)
+        return wrong(right(*arguments))
+
+    monkeypatch.setattr(Substitution, what, spoilt)
+    result = solve_qp(*qp)
+    assert calls
+    assert result.status is status
+    if status is Status.SOLVED:
+        assert_solves_qp(qp, result, 1e-9)
+    else:
+        assert_certificate(qp, result)
