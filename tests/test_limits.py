@@ -97,7 +97,7 @@ def lasso(rows=400, columns=60):
 @pytest.mark.parametrize("limit", [0.02, 0.2])
 @pytest.mark.parametrize("form", ["dual", "path"])
 def test_time_limits_of_long_solves(form, limit):
-    P, q, G, h = large_dense(600, 6000) if form == "dual" else large_dense(400, 400)
+    P, q, G, h = large_dense(600, 6000) if form == "dual" else large_dense(800, 800)
     if form == "path":
         P, G = sparse.csc_array(P), sparse.csc_array(np.vstack((G, -G)))
         h = np.concatenate((h, h))

@@ -38,7 +38,7 @@ def operator(A):
 
 LAPLACIAN, WAVE = problems.laplacian(10), -np.cos(np.arange(100.0))
 BANDS = sparse.diags_array([1.0, 2.5, 1.0], offsets=[-1, 0, 1], shape=(400, 400))
-TRIANGULAR = problems.triangular_p(np.random.default_rng(0), 40, 10.0)
+SKEW = problems.skew(np.random.default_rng(0), 40, 1.0)
 QPS = {
     "dual": qp(*large_dense(30, 90)),
     "path": qp(*sparse_qp()),
@@ -46,7 +46,7 @@ QPS = {
     "infeasible": qp(np.eye(3), np.ones(3), [[1] * 3, [-1] * 3], [-1.0, -2.0]),
 }
 LCPS = {
-    "pivoting": lcp(TRIANGULAR, -np.ones(40)),
+    "pivoting": lcp(SKEW, np.cos(np.arange(40.0))),
     "tridiagonal": lcp(sparse.csr_array(BANDS), np.cos(np.arange(400.0) ** 2)),
     "mprgp": lcp(operator(problems.laplacian(20)), -np.cos(np.arange(400.0))),
     "multigrid": lcp(

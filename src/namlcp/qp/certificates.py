@@ -34,7 +34,8 @@ RESIDUAL, RADIUS, EXACT_RESIDUAL = 1e-8, 1e3, 1e-12
 # Largest tol * lam, for a ray tol * |d|_1, of such a certificate.
 MARGIN = 0.5
 # Largest error of its value, as a part of it: a multiplier is as inexact as the
-# relative residual says, and so is each term of the sum.
+# relative residual says, and so is each term of the sum. (Of a ray also: as inexact as
+# |M d| relative to |M| |d|.)
 ROUNDED_VALUE = 1e-2
 # Largest |M d|, relative to |M| |d| row by row, of such a ray.
 CANCELLED = 1e-10
@@ -166,9 +167,9 @@ def accept_dual(
         times(qp.A, d),
         np.where(np.isinf(qp.h), 0.0, np.maximum(times(qp.G, d), 0.0)),
     )
-    cancelled = all(
-        cancels(M, d, v) for M, v in zip((qp.P, qp.A, qp.G), residuals, strict=True)
-    )
+    matrices = qp.P, qp.A, qp.G
+    left = max(map(uncancelled, matrices, 3 * (d,), residuals))
+    cancelled = left <= CANCELLED and left * moduli / -value <= ROUNDED_VALUE
     margin = tol * np.abs(d).sum()
 
     def proves(units: tuple[np.ndarray, ...], sizes: list[float]) -> bool:
@@ -187,9 +188,10 @@ def accept_dual(
     return Point(d, *(np.full(v.size, np.nan) for v in (y, z, d)))
 
 
-def cancels(M: Any, d: np.ndarray, Md: np.ndarray) -> bool:
-    """Tell whether |M d| <= CANCELLED |M| |d| row by row, in any scaling of rows."""
-    return bool((np.abs(Md) <= CANCELLED * (abs(M) @ np.abs(d))).all())
+def uncancelled(M: Any, d: np.ndarray, Md: np.ndarray) -> float:
+    """Return the largest |M d| over |M| |d| row by row: the same in any units."""
+    terms = abs(M) @ np.abs(d)
+    return largest(np.divide(Md, terms, out=np.zeros_like(Md), where=terms > 0.0))
 
 
 def largest(v: np.ndarray) -> float:

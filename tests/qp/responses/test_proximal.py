@@ -3,14 +3,20 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from responding import solve
 
 from namlcp import Solver, Status, solve_qp
+from namlcp.limits import Limits
 from namlcp.qp.problem import qp_data
 from namlcp.qp.responses import DenseResponses, SparseResponses
 from namlcp.residuals import qp_residuals
 
 INF = np.inf
+LIMITS = Limits(1e-9, 1e-10, 1000)
+
+
+def solve(responses, qp, limits=LIMITS):
+    """Return the answer to the QP with the vectors of `qp`, None if left to others."""
+    return responses.answer(*responses.run(qp.joined(), limits), qp, limits)
 
 
 def lasso_qp(rng, m, n, penalty):
