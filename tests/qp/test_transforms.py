@@ -38,6 +38,11 @@ def with_structure(seed):
     lb[rng.random(n + k) < 0.3] = -INF
     fixed = rng.random(n + k) < 0.25
     lb[fixed] = ub[fixed] = 1.0
+    for i in np.flatnonzero(np.count_nonzero(C[:m], axis=1) == 1):  # beside a bound
+        j = C[i].nonzero()[0][0]
+        value, bound = side[i] / C[i, j], lb if C[i, j] > 0.0 else ub
+        if lb[j] < value < ub[j]:
+            bound[j] = value
     lb[n:], ub[n:] = -INF, INF
     E = np.hstack((rng.integers(-1, 2, (k, n)), np.diag(rng.uniform(0.5, 2.0, k))))
     wide = np.zeros((m + p, k))
@@ -158,6 +163,7 @@ def test_the_qp_before_and_after_is_one(name):
             far = point(own)
             out.append(far.x)
             assert (far.z >= 0.0).all()
+            assert not far.z_box[np.isinf(qp.lb) & np.isinf(qp.ub)].any()
             d = rng.standard_normal(n)
             outer, mine = gradient(qp, far), gradient(inner, own)
             np.testing.assert_allclose(outer @ ray(d), mine @ d, 1e-9, 1e-9)
@@ -182,8 +188,9 @@ def test_contradictions_of_presolve_are_proofs():
     seen = 0
     for seed in range(120):
         qp = with_structure(seed)
-        held, free = np.where(qp.lb == qp.ub, qp.lb, 0.0), qp.lb != qp.ub
-        for reason in presolve(qp, 1e-6, 0.0).contradictions:
+        small, held = presolve(qp, 1e-6, 0.0), np.zeros(qp.q.size)
+        held[small.fixed], free = small.x_fixed, small.kept
+        for reason in small.contradictions:
             y = reason.y
             z = np.zeros(qp.h.size) if reason.z is None else reason.z
             finite = np.where(z > 0.0, qp.h, 0.0)
@@ -208,6 +215,57 @@ def test_presolve_drops_what_is_redundant():
     sizes = small.q.size, small.b.size, np.isfinite(small.lower).sum()
     assert (*sizes, small.lower.size) == (10, 3, 4, 10)
     assert_solves_qp(qp, solve_sparse(qp))
+
+
+@pytest.mark.parametrize("cost", [1.0, -3.0])
+@pytest.mark.parametrize("g", [2.0, -2.0])
+def test_a_row_beside_the_opposite_bound_fixes_its_variable(g, cost):
+    """x_0 = 3 by a bound and row 1 of G: the one that holds it has the multiplier."""
+    lb, ub = ([3.0, 0.0], None) if g > 0.0 else (None, [3.0, 9.0])
+    G = np.array([[1.0, 1.0], [g, 0.0]])
+    qp = make_qp(np.eye(2), [cost * 5.0, -9.0], G, [5.0, 3.0 * g], lb=lb, ub=ub)
+    small = presolve(qp, 1e-9, 0.0)
+    np.testing.assert_array_equal(small.kept, [1])
+    result = solve_sparse(qp)
+    assert_solves_qp(qp, result)
+    np.testing.assert_allclose(result.x, [3.0, 2.0], atol=1e-6)
+    slope = 3.0 + 5.0 * cost + 7.0  # the gradient in x_0, with the multiplier of row 0
+    by_row = slope / g < 0.0
+    np.testing.assert_allclose(result.z[1], -slope / g * by_row, atol=1e-6)
+    np.testing.assert_allclose(result.z_box[0], -slope * (not by_row), atol=1e-6)
+
+
+@pytest.mark.parametrize("a", [2.0, -2.0])
+def test_an_equation_with_one_entry_fixes_its_variable(a):
+    A = np.array([[a, 0.0], [1.0, 1.0]])
+    qp = make_qp(np.eye(2), [1.0, 1.0], None, None, A, [3.0 * a, 4.0])
+    assert presolve(qp, 1e-9, 0.0).kept.tolist() == [1]
+    result = solve_sparse(qp)
+    assert_solves_qp(qp, result)
+    np.testing.assert_allclose(result.y, [-2.0 / a, -2.0], atol=1e-6)
+    outside = qp._replace(ub=np.array([2.0, INF]))
+    assert presolve(outside, 1e-9, 0.0).fixed.size == 0
+    assert_certificate(outside, solve_sparse(outside))
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_fixing_rows_are_in_certificates(sign):
+    """x_0 = 3 by rows, and x_0 + x_1 = 2 with x_1 >= 0: a proof by rows and bounds."""
+    A, b = sign * np.array([[1.0, 1.0]]), [sign * 2.0]
+    G, h = np.array([[-2.0, 0.0]]), [-6.0]
+    by_G = make_qp(np.eye(2), [1.0, 1.0], G, h, A, b, [-9.0, 0.0], [3.0, 9.0])
+    by_A = make_qp(
+        np.eye(2), [1.0, 1.0], None, None, np.vstack((A, [[-2.0, 0.0]])), [*b, -6.0],
+        [-INF, 0.0],
+    )  # fmt: skip
+    for qp in (by_G, by_A):
+        assert presolve(qp, 1e-9, 0.0).fixed.tolist() == [0]
+        assert_certificate(qp, solve_sparse(qp))
+    twice = make_qp(np.eye(2), [1.0, 1.0], None, None, [[1, 0], [2.0, 0]], [1.0, 4.0])
+    assert len(presolve(twice, 1e-9, 0.0).contradictions) == 1
+    result = solve_sparse(twice)
+    assert result.iterations == 0
+    assert_certificate(twice, result)
 
 
 def test_an_entry_of_1e_9_is_an_entry():

@@ -41,6 +41,7 @@ def contradiction(
         return Point(x, y, z, x)
     z = np.zeros(m) if reason.z is None else reason.z
     x = small.with_fixed(np.zeros(small.q.size))
+    small.hold_fixed(np.zeros(n), reason.y, z)
     return accept_primal(qp, x, reason.y, z, judge.limits.eps_abs)
 
 

@@ -3,6 +3,10 @@
 The presolved problem has ranges, lower <= Gx <= upper, and neither infinite, empty or
 repeated rows (g'x <= d or -g'x <= d beside g'x <= h) nor fixed variables (lb = ub). The
 multipliers of dropped rows are zero, those of fixed variables follow from stationarity.
+
+A row with one entry fixes its variable, too: a x_j = b within the bounds, g x_j <= h
+where h/g is the opposite bound, beside which there is no interior. Of the z_box_j that
+makes x_j stationary it takes y_i = z_box_j / a, or z_i = z_box_j / g if that is > 0.
 """
 
 from typing import NamedTuple
@@ -12,7 +16,7 @@ from scipy.sparse import csc_array, csr_array
 
 from namlcp.checks import constant
 from namlcp.compiled import kernel
-from namlcp.linalg import add_transposed, submatrix, times
+from namlcp.linalg import add_transposed, arrays_of, submatrix, times
 from namlcp.qp.problem import QP, Point
 from namlcp.qp.transforms.repeated import (
     EMPTY,
@@ -45,7 +49,8 @@ class Presolved(NamedTuple):
     """The smaller problem of `qp` and the way back to it.
 
     min 1/2 x'Px + q'x, A x = b, lower <= G x <= upper, lb <= x <= ub; A and G in CSR.
-    `kept` and `fixed` are columns of `qp`. `upper_of` and `lower_of` are the rows of
+    `kept` and `fixed` are columns of `qp`; fixed_by = (rows of [A; G], their entries,
+    columns) has those that rows fix. `upper_of` and `lower_of` are the rows of
     qp.G that give `upper` and `lower`, -1 for none, `largest_of` and `smallest_of` the
     rows of qp.A with the extreme right-hand sides of an equation; b is their mean.
     """
@@ -70,6 +75,7 @@ class Presolved(NamedTuple):
     contradictions: list[Contradiction]
     A_groups: Groups
     G_groups: Groups
+    fixed_by: tuple[np.ndarray, np.ndarray, np.ndarray]
 
     def has_matrices_of(self, other: "Presolved") -> bool:
         """Tell whether P, A and G are the very same objects."""
@@ -103,7 +109,16 @@ class Presolved(NamedTuple):
     def certificate(
         self, y: np.ndarray, z_upper: np.ndarray, z_lower: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the (y, z) of `qp`.
+        """Return the (y, z) of `qp` that prove what those of the smaller problem do."""
+        y, z = self.multipliers(y, z_upper, z_lower)
+        if self.fixed_by[0].size:
+            self.hold_fixed(np.zeros(self.qp.q.size), y, z)
+        return y, z
+
+    def multipliers(
+        self, y: np.ndarray, z_upper: np.ndarray, z_lower: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the (y, z) of `qp`, zero at dropped rows.
 
         The two extreme rows of an equation share its y, so that b'y does not change
         where b is the mean of their right-hand sides.
@@ -116,6 +131,24 @@ class Presolved(NamedTuple):
             has = rows >= 0
             z_full[rows[has]] = side[has]
         return y_full, z_full
+
+    def hold_fixed(
+        self, gradient: np.ndarray, y: np.ndarray, z: np.ndarray
+    ) -> np.ndarray:
+        """Return the z_box that makes fixed variables stationary; add it to y and z.
+
+        A'y + G'z is added to the gradient. The z_box of kept columns is zero.
+        """
+        add_transposed(self.qp.A, y, gradient)
+        add_transposed(self.qp.G, z, gradient)
+        z_box, p = np.zeros(gradient.size), y.size
+        z_box[self.fixed] = -gradient[self.fixed]
+        row, entry, column = self.fixed_by
+        value = z_box[column] / entry
+        for at, v, first in (row < p, y, 0), ((row >= p) & (value > 0.0), z, p):
+            v[row[at] - first] += value[at]
+            z_box[column[at]] = 0.0
+        return z_box
 
     def guess(
         self, y: np.ndarray, z: np.ndarray
@@ -136,16 +169,12 @@ class Presolved(NamedTuple):
     ) -> Point:
         """Return the point of `qp`; z_box of a fixed variable makes its residual 0."""
         qp = self.qp
-        y, z = self.certificate(y, z_upper, z_lower)
+        y, z = self.multipliers(y, z_upper, z_lower)
         if not self.fixed.size:
             return Point(x, y, z, z_box)
         x = self.with_fixed(x)
-        gradient = times(qp.P, x) + qp.q
-        add_transposed(qp.A, y, gradient)
-        add_transposed(qp.G, z, gradient)
-        box = np.empty(qp.q.size)
+        box = self.hold_fixed(times(qp.P, x) + qp.q, y, z)
         box[self.kept] = z_box
-        box[self.fixed] = -gradient[self.fixed]
         return Point(x, y, z, box)
 
 
@@ -158,9 +187,14 @@ def presolve(
     """
     n, m, p = qp.q.size, qp.h.size, qp.b.size
     is_fixed, wanted = np.empty(n, dtype=np.bool_), np.empty(m, dtype=np.bool_)
-    doubtful, count = inspect_sides(qp.lb, qp.ub, qp.h, is_fixed, wanted)
+    q, b, h, lb, ub = qp.q, qp.b, qp.h, qp.lb.copy(), qp.ub.copy()
+    entries, by = np.zeros(p + m, dtype=np.int32), np.full(n, -1, dtype=np.int32)
+    entry = np.empty(n)
+    fix_by_rows(arrays_of(qp.A), b, 0, True, (lb, ub), entries, by, entry)
+    fix_by_rows(arrays_of(qp.G), h, p, False, (lb, ub), entries, by, entry)
+    column = (by >= 0).nonzero()[0]
+    doubtful, count = inspect_sides(lb, ub, h, is_fixed, wanted)
     found = contradictory_sides(qp, eps_abs, eps_rel) if doubtful else []
-    q, b, h, lb, ub = qp.q, qp.b, qp.h, qp.lb, qp.ub
     kept, fixed, x_fixed = np.arange(n), NO_COLUMNS, NO_VALUES
     if count:
         kept, fixed = (~is_fixed).nonzero()[0], is_fixed.nonzero()[0]
@@ -183,7 +217,34 @@ def presolve(
     return Presolved(
         qp, P, q, A, b, G, lower, upper, lb, ub, kept, fixed, x_fixed,
         largest_of, smallest_of, upper_of, lower_of, found, A_groups, G_groups,
+        (by[column], entry[column], column),
     )  # fmt: skip
+
+
+@kernel
+def fix_by_rows(M, side, first, are_equations, bounds, entries, by, entry):
+    """Set lb_j = ub_j where a row with one nonzero entry of a CSC matrix fixes x_j.
+
+    `entries` is zero on entry and takes the numbers of nonzeros of all rows, the first
+    of which is number `first`; by[j] and entry[j] take the row and its entry.
+    """
+    indptr, indices, data = M
+    lb, ub = bounds
+    for t in range(indptr[lb.size]):
+        if data[t] != 0.0:
+            entries[first + indices[t]] += 1
+    for j in range(lb.size):
+        for t in range(indptr[j], indptr[j + 1]):
+            i = indices[t]
+            if entries[first + i] != 1 or data[t] == 0.0 or not lb[j] < ub[j]:
+                continue
+            low, high, value = lb[j], ub[j], side[i] / data[t]
+            if not are_equations:
+                low = high = lb[j] if data[t] > 0.0 else ub[j]
+            near = FIXED * max(1.0, abs(value))
+            if abs(value) < np.inf and low - near <= value <= high + near:
+                lb[j] = ub[j] = min(max(value, low), high)
+                by[j], entry[j] = first + i, data[t]
 
 
 @kernel
