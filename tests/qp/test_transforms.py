@@ -18,6 +18,7 @@ from problems_qp import (
 )
 
 from namlcp import Status, solve_qp
+from namlcp.options import Options
 from namlcp.qp import make_guess
 from namlcp.qp.transforms import ScaledQP, Substitution, presolve, substitute
 
@@ -143,7 +144,7 @@ def violation(qp, x):
 def test_the_qp_before_and_after_is_one(name):
     """Cost, feasibility, stationarity and multipliers, there and back."""
     seen = 0
-    for seed in range(200):
+    for seed in range(250):
         qp = with_structure(seed)
         found = TRANSFORMS[name](qp)
         if found is None:
@@ -202,15 +203,15 @@ def test_contradictions_of_presolve_are_proofs():
 
 
 def test_presolve_drops_what_is_redundant():
-    """Rows equal up to sign, an empty and an infinite one, two fixed variables."""
+    """Multiples of rows, an empty and an infinite one, two fixed variables."""
     known = complementary(0, 12, 10, 3, 12)
     P, q, G, h, A, b, lb, ub = known.qp
-    G = np.vstack((G.toarray(), -G.toarray()[:4], np.zeros(12), np.ones(12)))
-    h = np.concatenate((h, -(h[:4] - 3.0), [1.0, INF]))
-    A = np.vstack((A.toarray(), -A.toarray()[1]))
+    G = np.vstack((G.toarray(), -2.0 * G.toarray()[:4], np.zeros(12), np.ones(12)))
+    h = np.concatenate((h, -2.0 * (h[:4] - 3.0), [1.0, INF]))
+    A = np.vstack((A.toarray(), 3.0 * A.toarray()[1]))
     lb, ub = lb.copy(), ub.copy()
     lb[:2] = ub[:2] = known.x[:2]
-    qp = make_qp(P, q, G, h, A, np.append(b, -b[1]), lb, ub)
+    qp = make_qp(P, q, G, h, A, np.append(b, 3.0 * b[1]), lb, ub)
     small = presolve(qp, 1e-9, 0.0)
     sizes = small.q.size, small.b.size, np.isfinite(small.lower).sum()
     assert (*sizes, small.lower.size) == (10, 3, 4, 10)
@@ -268,13 +269,32 @@ def test_fixing_rows_are_in_certificates(sign):
     assert_certificate(twice, result)
 
 
+@pytest.mark.parametrize("ratio", [1.0, -3.0])
+def test_proportional_equations_are_merged_within_the_tolerance(ratio):
+    """Both rows are off by as much; beyond the tolerance they are a proof."""
+    tol = 1e-6
+    P, q, G, h, A, b, lb, ub = complementary(0, 20, 10, 4, 7).qp
+    A = np.vstack((A.toarray(), ratio * A.toarray()[2]))
+    for off, count in ((0.9, 0), (1.1, 1)):
+        off *= tol * (1.0 + 1.0 / abs(ratio))
+        qp = make_qp(P, q, G, h, A, np.append(b, ratio * (b[2] + off)), lb, ub)
+        small = presolve(qp, tol, 0.0)
+        share = abs(ratio) / (1.0 + abs(ratio))
+        expected = b + share * off * np.eye(4)[2]
+        np.testing.assert_allclose(small.b, expected, atol=1e-12)
+        assert len(small.contradictions) == count
+        if count == 0:
+            limits = Options(eps_abs=tol, eps_rel=0.0).limits()
+            assert_solves_qp(qp, solve_sparse(qp, limits), tol)
+
+
 def test_an_entry_of_1e_9_is_an_entry():
     """Rows that agree in single precision are not proportional for that."""
-    rows = np.array([[1.0, 2.0, 0.0], [1.0, 2.0, 1e-9]])
+    rows = np.array([[1.0, 2.0, 0.0], [-2.0, -4.0, 1e-9]])
     for order in ([0, 1], [1, 0]):
         for entry, left in ((1e-9, 2), (0.0, 1)):
             rows[1, 2] = entry
-            qp = make_qp(np.eye(3), np.ones(3), rows[order], [-1.0, -2.0])
+            qp = make_qp(np.eye(3), np.ones(3), rows[order], [-1.0, 5.0])
             assert presolve(qp, 1e-9, 0.0).upper.size == left
             assert_solves_qp(qp, solve_sparse(qp))
 

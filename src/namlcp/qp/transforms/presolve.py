@@ -1,7 +1,7 @@
 """Presolve: redundant rows and fixed variables are dropped, and mapped back.
 
 The presolved problem has ranges, lower <= Gx <= upper, and neither infinite, empty or
-repeated rows (g'x <= d or -g'x <= d beside g'x <= h) nor fixed variables (lb = ub). The
+proportional rows (c g'x <= d beside g'x <= h) nor fixed variables (lb = ub). The
 multipliers of dropped rows are zero, those of fixed variables follow from stationarity.
 
 A row with one entry fixes its variable, too: a x_j = b within the bounds, g x_j <= h
@@ -52,7 +52,7 @@ class Presolved(NamedTuple):
     `kept` and `fixed` are columns of `qp`; fixed_by = (rows of [A; G], their entries,
     columns) has those that rows fix. `upper_of` and `lower_of` are the rows of
     qp.G that give `upper` and `lower`, -1 for none, `largest_of` and `smallest_of` the
-    rows of qp.A with the extreme right-hand sides of an equation; b is their mean.
+    rows of qp.A with the extreme right-hand sides of an equation; b lies between.
     """
 
     qp: QP
@@ -120,16 +120,17 @@ class Presolved(NamedTuple):
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return the (y, z) of `qp`, zero at dropped rows.
 
-        The two extreme rows of an equation share its y, so that b'y does not change
-        where b is the mean of their right-hand sides.
+        The two extreme rows of an equation share its y so that b'y does not change.
         """
         y_full, z_full = np.zeros(self.qp.b.size), np.zeros(self.qp.h.size)
         if y.size:
-            for rows in (self.largest_of, self.smallest_of):
-                y_full[rows] += 0.5 * y * self.A_groups.sign[rows]
+            pair, ratio = (self.largest_of, self.smallest_of), self.A_groups.ratio
+            shared = y / (np.abs(ratio[pair[0]]) + np.abs(ratio[pair[1]]))
+            for rows in pair:
+                y_full[rows] += np.sign(ratio[rows]) * shared
         for rows, side in ((self.upper_of, z_upper), (self.lower_of, z_lower)):
             has = rows >= 0
-            z_full[rows[has]] = side[has]
+            z_full[rows[has]] = side[has] / np.abs(self.G_groups.ratio[rows[has]])
         return y_full, z_full
 
     def hold_fixed(
@@ -154,9 +155,9 @@ class Presolved(NamedTuple):
         self, y: np.ndarray, z: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return (y, z_upper, z_lower) from multipliers of `qp`."""
-        most, least, y = self.largest_of, self.smallest_of, y * self.A_groups.sign
+        most, least, y = self.largest_of, self.smallest_of, y * self.A_groups.ratio
         y_kept = y[most] + np.where(least != most, y[least], 0.0)
-        z = np.append(z, 0.0)  # for no row, -1
+        z = np.append(z * np.abs(self.G_groups.ratio), 0.0)  # 0 for -1, no row
         return y_kept, z[self.upper_of], z[self.lower_of]
 
     def point(
@@ -294,7 +295,7 @@ def equality_sides(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the right-hand sides of the equations and the rows of extreme ones.
 
-    Repeated rows contradict each other if no value is within `tol` of all their b.
+    Proportional rows contradict each other if no value is within `tol` of all their b.
     Contradictions are added to `found`.
     """
     p, first = b.size, groups.first
@@ -311,7 +312,7 @@ def equality_sides(
     k = merge_equations(groups.merged_by, b, tol, sides, most, least)
     if k >= 0:
         i, j = least[k], most[k]
-        y = unit(p, i, groups.sign[i]) - unit(p, j, groups.sign[j])
+        y = unit(p, i, 1.0 / groups.ratio[i]) - unit(p, j, 1.0 / groups.ratio[j])
         message = f"rows {j} and {i} of A contradict each other"
         found.append(Contradiction(message, y))
     return sides, most, least
@@ -339,8 +340,9 @@ def ranges(
     low_at, up_at = np.empty((2, count), dtype=np.intp)
     k = merge_ranges(groups.merged_by, h, tol, lower, upper, low_at, up_at)
     if k >= 0:
-        z = unit(m, up_at[k], 1.0) + unit(m, low_at[k], 1.0)
-        message = f"rows {up_at[k]} and {low_at[k]} of G contradict each other"
+        i, j = up_at[k], low_at[k]
+        z = unit(m, i, 1.0 / groups.ratio[i]) - unit(m, j, 1.0 / groups.ratio[j])
+        message = f"rows {i} and {j} of G contradict each other"
         found.append(Contradiction(message, np.zeros(p), z))
     return lower, upper, low_at, up_at
 

@@ -1,7 +1,7 @@
-"""Rows of a matrix that are equal up to their sign: found by hashing, and merged.
+"""Rows of a matrix that are multiples of each other: found by hashing, and merged.
 
-Rows -g'x <= d beside g'x <= h are sides of one range, equations a'x = d or -a'x = d
-beside a'x = b are one equation. The first row of each such group is its leader.
+Rows c g'x <= d beside g'x <= h are sides of one range, equations c a'x = d beside
+a'x = b are one equation. The first row of each such group is its leader.
 """
 
 import functools
@@ -14,6 +14,8 @@ from namlcp.checks import from_arrays
 from namlcp.compiled import kernel, part
 from namlcp.linalg import arrays_of
 
+# Largest relative difference between entries of two rows, one row scaled.
+SAME = 1e-13
 # Values of `Groups.leader` for a row that is not wanted, and for an empty one.
 UNWANTED, EMPTY = -2, -1
 # The weight of column j in the key of a row is 1 plus the fractional part of j times
@@ -22,9 +24,9 @@ GOLDEN = 0.6180339887498949
 
 
 class Groups(NamedTuple):
-    """Which rows of a matrix are kept, and which are equal up to their sign.
+    """Which rows of a matrix are kept, and which are multiples of others.
 
-    Row i is sign[i] times row leader[i], the `first` one of its group; rows that are
+    Row i is ratio[i] times row leader[i], the `first` one of its group; rows that are
     not `wanted` and empty ones have the leader UNWANTED or EMPTY. number[i] is the
     position of a leader in `first`. `repeated` tells whether some rows are not leaders,
     `empty` whether some are empty.
@@ -32,7 +34,7 @@ class Groups(NamedTuple):
 
     wanted: np.ndarray
     leader: np.ndarray
-    sign: np.ndarray
+    ratio: np.ndarray
     number: np.ndarray
     first: np.ndarray
     repeated: bool
@@ -41,7 +43,7 @@ class Groups(NamedTuple):
     @property
     def merged_by(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What `merge_ranges` and `merge_equations` need."""
-        return self.leader, self.sign, self.number
+        return self.leader, self.ratio, self.number
 
 
 def leading_rows(
@@ -58,15 +60,15 @@ def leading_rows(
     indices, data = np.empty(M.indices.size, dtype=np.int32), np.empty(M.data.size)
     rows = indptr, indices, data
     leader, number = np.empty((2, m), dtype=np.int32)
-    sign, key = np.empty((2, m))
+    ratio, key = np.empty(m), np.empty(m, dtype=np.float32)
     turned_part(tuple(arrays_of(M)), columns, wanted, rows)
     table = np.empty(1 << (2 * m + 1).bit_length(), dtype=np.int32)
-    keys = key, key.view(np.int64), table
-    count, followers, empty = group_rows(rows, wanted, keys, leader, sign, number)
+    keys = key, key.view(np.int32), table
+    count, followers, empty = group_rows(rows, wanted, keys, leader, ratio, number)
     entries = indptr[count]
     parts = indptr[: count + 1], indices[:entries], data[:entries]
     first = (number >= 0).nonzero()[0]
-    groups = Groups(wanted, leader, sign, number, first, followers > 0, empty > 0)
+    groups = Groups(wanted, leader, ratio, number, first, followers > 0, empty > 0)
     return from_arrays(parts, (count, columns.size), csr_array), groups
 
 
@@ -109,15 +111,16 @@ def turned_part(C, columns, wanted, rows):
 
 
 @kernel
-def group_rows(rows, wanted, keys, leader, sign, number):
-    """Group the rows, of a CSR matrix, that are equal up to sign; keep their leaders.
+def group_rows(rows, wanted, keys, leader, ratio, number):
+    """Group the rows of a CSR matrix that are proportional; keep their leaders.
 
     Returns the numbers of leaders, of other rows in groups, and of empty rows that are
-    wanted. `leader`, `sign` and `number` (m,) are overwritten as in `Groups`, and the
-    matrix by its leaders. keys = (key, its bits as int64, table), all overwritten, are
-    the keys and a hash table of rows with open addressing. The key of a row is
-    sum |a_ij| w_ij with the weights of GOLDEN, plus 1 where the signs of a_ij and of
-    the first entry differ.
+    wanted. `leader`, `ratio` and `number` (m,) are overwritten as in `Groups`, and the
+    matrix by its leaders. keys = (key, its bits as int32, table), all overwritten, are
+    the keys, in single precision so that rounding errors seldom change them, and a hash
+    table of rows with open addressing. The key of a row is
+    sum |a_ij| w_ij / |first a_ij| with the weights of GOLDEN, plus 1 where the signs of
+    a_ij and of the first entry differ.
     """
     indptr, indices, data = rows
     key, bits, table = keys
@@ -128,28 +131,29 @@ def group_rows(rows, wanted, keys, leader, sign, number):
     begin = indptr[0]
     for i in range(wanted.size):
         end = indptr[i + 1]
-        sign[i], number[i] = 1.0, -1
+        ratio[i], number[i] = 1.0, -1
         if begin == end:
             leader[i] = EMPTY if wanted[i] else UNWANTED
             empty += 1 if wanted[i] else 0
             continue
-        key[i] = 0.0
+        total = 0.0
         for t in range(begin, end):
             share = GOLDEN * indices[t]
             weight = 1.0 + share - np.floor(share)
             if (data[t] > 0.0) != (data[begin] > 0.0):
                 weight += 1.0
-            key[i] += abs(data[t]) * weight
-        s = (bits[i] ^ (bits[i] >> 32)) & mask
+            total += abs(data[t]) * weight
+        key[i] = total / abs(data[begin])
+        s = (np.int64(bits[i]) ^ (np.int64(bits[i]) >> 15)) & mask
         factor = 0.0
         while table[s] >= 0 and factor == 0.0:
             head = table[s]
             if key[head] == key[i]:
                 k = number[head]
-                factor = equal_up_to_sign(rows, indptr[k], indptr[k + 1], begin, end)
+                factor = multiple(rows, indptr[k], indptr[k + 1], begin, end)
             s = (s + 1) & mask
         if factor != 0.0:
-            leader[i], sign[i] = head, factor
+            leader[i], ratio[i] = head, factor
             followers += 1
             begin = end
             continue
@@ -165,67 +169,71 @@ def group_rows(rows, wanted, keys, leader, sign, number):
 
 
 @part
-def equal_up_to_sign(rows, a, a_end, c, c_end):
-    """Return s = 1 or -1 if entries c to c_end are s times a to a_end, else 0."""
+def multiple(rows, a, a_end, c, c_end):
+    """Return r != 0 if entries c to c_end are r times a to a_end, else 0."""
     _, indices, data = rows
-    sign = 1.0 if data[a] == data[c] else -1.0
     if c_end - c != a_end - a:
         return 0.0
+    ratio = data[c] / data[a]
     for t in range(a_end - a):
-        if indices[a + t] != indices[c + t] or data[c + t] != sign * data[a + t]:
+        far = abs(data[c + t] - ratio * data[a + t])
+        if indices[a + t] != indices[c + t] or not far <= SAME * abs(data[c + t]):
             return 0.0
-    return sign
+    return ratio
 
 
 @kernel
 def merge_ranges(groups, h, tol, lower, upper, low_at, up_at):
-    """Merge rows +-g'x <= h_i of each group to lower <= g'x <= upper.
+    """Merge rows c g'x <= h_i of each group to lower <= g'x <= upper.
 
-    groups = (leader, sign, number) of `Groups`; low_at and up_at take the rows that
-    give the sides, -1 for none. Returns the first range with lower > upper + 2 tol, or
-    -1.
+    groups = (leader, ratio, number) of `Groups`; low_at and up_at take the rows that
+    give the sides, -1 for none. Returns the first range with lower > upper, each side
+    widened by `tol` in the units of its row, or -1.
     """
-    leader, sign, number = groups
+    leader, ratio, number = groups
     for k in range(lower.size):
         lower[k], upper[k] = -np.inf, np.inf
         low_at[k] = up_at[k] = -1
     for i in range(h.size):
         if leader[i] < 0:
             continue
-        k, value = number[leader[i]], sign[i] * h[i]
-        if sign[i] > 0.0 and value < upper[k]:
+        k, value = number[leader[i]], h[i] / ratio[i]
+        if ratio[i] > 0.0 and value < upper[k]:
             upper[k], up_at[k] = value, i if value > -np.inf else -1
-        elif sign[i] < 0.0 and value > lower[k]:
+        elif ratio[i] < 0.0 and value > lower[k]:
             lower[k], low_at[k] = value, i if value < np.inf else -1
     for k in range(lower.size):
-        if low_at[k] >= 0 and up_at[k] >= 0 and lower[k] > upper[k] + 2.0 * tol:
+        i, j = low_at[k], up_at[k]
+        if i >= 0 and j >= 0 and lower[k] > upper[k] + tol / ratio[j] - tol / ratio[i]:
             return k
     return -1
 
 
 @kernel
 def merge_equations(groups, b, tol, sides, most, least):
-    """Merge equations +-a'x = b_i of each group; return the first contradiction or -1.
+    """Merge equations c a'x = b_i of each group; return the first contradiction or -1.
 
-    groups = (leader, sign, number) of `Groups`; `most` and `least` take the rows with
-    the extreme right-hand sides +-b_i, `sides` the mean of these two. They contradict
-    each other where they differ by more than 2 tol.
+    groups = (leader, ratio, number) of `Groups`; `most` and `least` take the rows with
+    the extreme right-hand sides b_i / c, `sides` their mean with the weights |c|, from
+    which both rows differ by as much. They contradict each other where that is above
+    `tol`.
     """
-    leader, sign, number = groups
+    leader, ratio, number = groups
     for k in range(sides.size):
         most[k] = least[k] = -1
     for i in range(b.size):
         if leader[i] < 0:
             continue
-        k, value = number[leader[i]], sign[i] * b[i]
-        if most[k] < 0 or value > sign[most[k]] * b[most[k]]:
+        k, value = number[leader[i]], b[i] / ratio[i]
+        if most[k] < 0 or value > b[most[k]] / ratio[most[k]]:
             most[k] = i
-        if least[k] < 0 or value < sign[least[k]] * b[least[k]]:
+        if least[k] < 0 or value < b[least[k]] / ratio[least[k]]:
             least[k] = i
     wrong = -1
     for k in range(sides.size):
-        high, low = sign[most[k]] * b[most[k]], sign[least[k]] * b[least[k]]
-        sides[k] = 0.5 * (high + low)
-        if high - low > 2.0 * tol and wrong < 0:
+        high, low = b[most[k]] / ratio[most[k]], b[least[k]] / ratio[least[k]]
+        above, below = abs(ratio[most[k]]), abs(ratio[least[k]])
+        sides[k] = low + above / (above + below) * (high - low)
+        if above * below / (above + below) * (high - low) > tol and wrong < 0:
             wrong = k
     return wrong
