@@ -4,9 +4,9 @@ The presolved problem has ranges, lower <= Gx <= upper, and neither infinite, em
 proportional rows (c g'x <= d beside g'x <= h) nor fixed variables (lb = ub). The
 multipliers of dropped rows are zero, those of fixed variables follow from stationarity.
 
-A row with one entry fixes its variable, too: a x_j = b within the bounds, g x_j <= h
-where h/g is the opposite bound, beside which there is no interior. Of the z_box_j that
-makes x_j stationary it takes y_i = z_box_j / a, or z_i = z_box_j / g if that is > 0.
+A row g x_j <= h where h/g is the opposite bound fixes x_j, too: there is no interior
+beside it. The z_box_j that makes x_j stationary becomes z_i = z_box_j / g if that is
+positive. (A row a x_j = b leaves the interior as it is, and stays.)
 """
 
 from typing import NamedTuple
@@ -49,7 +49,7 @@ class Presolved(NamedTuple):
     """The smaller problem of `qp` and the way back to it.
 
     min 1/2 x'Px + q'x, A x = b, lower <= G x <= upper, lb <= x <= ub; A and G in CSR.
-    `kept` and `fixed` are columns of `qp`; fixed_by = (rows of [A; G], their entries,
+    `kept` and `fixed` are columns of `qp`; fixed_by = (rows of qp.G, their entries,
     columns) has those that rows fix. `upper_of` and `lower_of` are the rows of
     qp.G that give `upper` and `lower`, -1 for none, `largest_of` and `smallest_of` the
     rows of qp.A with the extreme right-hand sides of an equation; b lies between.
@@ -136,19 +136,18 @@ class Presolved(NamedTuple):
     def hold_fixed(
         self, gradient: np.ndarray, y: np.ndarray, z: np.ndarray
     ) -> np.ndarray:
-        """Return the z_box that makes fixed variables stationary; add it to y and z.
+        """Return the z_box that makes fixed variables stationary; move it to z.
 
         A'y + G'z is added to the gradient. The z_box of kept columns is zero.
         """
         add_transposed(self.qp.A, y, gradient)
         add_transposed(self.qp.G, z, gradient)
-        z_box, p = np.zeros(gradient.size), y.size
+        z_box = np.zeros(gradient.size)
         z_box[self.fixed] = -gradient[self.fixed]
         row, entry, column = self.fixed_by
         value = z_box[column] / entry
-        for at, v, first in (row < p, y, 0), ((row >= p) & (value > 0.0), z, p):
-            v[row[at] - first] += value[at]
-            z_box[column[at]] = 0.0
+        z[row] += np.maximum(value, 0.0)
+        z_box[column[value > 0.0]] = 0.0
         return z_box
 
     def guess(
@@ -189,10 +188,8 @@ def presolve(
     n, m, p = qp.q.size, qp.h.size, qp.b.size
     is_fixed, wanted = np.empty(n, dtype=np.bool_), np.empty(m, dtype=np.bool_)
     q, b, h, lb, ub = qp.q, qp.b, qp.h, qp.lb.copy(), qp.ub.copy()
-    entries, by = np.zeros(p + m, dtype=np.int32), np.full(n, -1, dtype=np.int32)
-    entry = np.empty(n)
-    fix_by_rows(arrays_of(qp.A), b, 0, True, (lb, ub), entries, by, entry)
-    fix_by_rows(arrays_of(qp.G), h, p, False, (lb, ub), entries, by, entry)
+    by, entry = np.full(n, -1, dtype=np.int32), np.empty(n)
+    fix_by_rows(arrays_of(qp.G), h, lb, ub, by, entry)
     column = (by >= 0).nonzero()[0]
     doubtful, count = inspect_sides(lb, ub, h, is_fixed, wanted)
     found = contradictory_sides(qp, eps_abs, eps_rel) if doubtful else []
@@ -223,29 +220,25 @@ def presolve(
 
 
 @kernel
-def fix_by_rows(M, side, first, are_equations, bounds, entries, by, entry):
-    """Set lb_j = ub_j where a row with one nonzero entry of a CSC matrix fixes x_j.
+def fix_by_rows(G, h, lb, ub, by, entry):
+    """Set lb_j = ub_j where a row of G, in CSC, with one nonzero entry fixes x_j.
 
-    `entries` is zero on entry and takes the numbers of nonzeros of all rows, the first
-    of which is number `first`; by[j] and entry[j] take the row and its entry.
+    by[j] and entry[j] take the row and its entry.
     """
-    indptr, indices, data = M
-    lb, ub = bounds
+    indptr, indices, data = G
+    count = np.zeros(h.size, dtype=np.int32)
     for t in range(indptr[lb.size]):
         if data[t] != 0.0:
-            entries[first + indices[t]] += 1
+            count[indices[t]] += 1
     for j in range(lb.size):
         for t in range(indptr[j], indptr[j + 1]):
             i = indices[t]
-            if entries[first + i] != 1 or data[t] == 0.0 or not lb[j] < ub[j]:
+            if count[i] != 1 or data[t] == 0.0 or not lb[j] < ub[j]:
                 continue
-            low, high, value = lb[j], ub[j], side[i] / data[t]
-            if not are_equations:
-                low = high = lb[j] if data[t] > 0.0 else ub[j]
-            near = FIXED * max(1.0, abs(value))
-            if abs(value) < np.inf and low - near <= value <= high + near:
-                lb[j] = ub[j] = min(max(value, low), high)
-                by[j], entry[j] = first + i, data[t]
+            value, opposite = h[i] / data[t], lb[j] if data[t] > 0.0 else ub[j]
+            if abs(value - opposite) <= FIXED * max(1.0, abs(opposite)) < np.inf:
+                lb[j] = ub[j] = opposite
+                by[j], entry[j] = i, data[t]
 
 
 @kernel
