@@ -134,9 +134,17 @@ def factor_plain(m):
 def is_semidefinite(m):
     """Tell whether P is positive semidefinite; overwrites m.factor."""
     m.largest = copy_cost(m, PSD_SLACK)
-    tiny = ROUNDING_UNIT * m.largest if m.largest > 0.0 else 1.0
+    any_entry = False
     for i in range(m.n):
-        row_of(m.factor, i, m.n)[i] += tiny  # else an empty row has the pivot 0
+        row = row_of(m.P, i, m.n)
+        if row[i] < 0.0:
+            return False
+        for j in range(i):
+            any_entry = any_entry or row[j] != 0.0
+    if m.largest == 0.0:
+        return not any_entry
+    for i in range(m.n):  # else an empty row has the pivot 0
+        row_of(m.factor, i, m.n)[i] += ROUNDING_UNIT * m.largest
     return has_factor(m)
 
 
