@@ -158,8 +158,8 @@ class SingleSolves(DenseResponses):
         is_long = now.pivots > now.max_iter or now.operations > now.most_operations
         if is_long or now.wanted in (LESS_RHO, MORE_RHO, NO_WEIGHT):
             return False
-        if now.rho == 0.0:
-            now.wanted = RHO
+        if now.rho == 0.0:  # P is definite: a small W leaves little to the passes
+            now.wanted = LESS_RHO
         else:
             now.wanted = LESS_RHO if code == STUCK and now.rounds > 1 else MORE_RHO
         return True

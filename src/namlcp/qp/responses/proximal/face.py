@@ -27,7 +27,7 @@ from namlcp.qp.responses.proximal.operator import (
 FACE_SOLVED, BLOCKED, RAY, LOST, MOVED = range(5)
 # Passes at most. Relative residual at which they end, and the one at which they do if
 # they gain less than a factor of 2 for IDLE passes.
-PASSES, EXACT, GOOD, IDLE = 20, 1e-13, 1e-10, 3
+PASSES, EXACT, GOOD, IDLE = 60, 1e-15, 1e-10, 3
 # Curvature over that of D, see `weight`, up to which there is none, and the residual at
 # which a direction without curvature is one of rounding errors.
 FLAT, NEARLY_EXACT = 1e-13, 1e-12
