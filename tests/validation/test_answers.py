@@ -10,6 +10,7 @@ SOLVED = {
     "iterations": "3", "seconds": "1e-3",
 }  # fmt: skip
 STALLED = SOLVED | {"status": "stalled", "verdict": "refused", "objective": ""}
+UNJUDGED = SOLVED | {"verdict": ""}
 PROVED = SOLVED | {"status": "primal_infeasible", "objective": "inf", "size": ""}
 
 
@@ -18,9 +19,11 @@ PROVED = SOLVED | {"status": "primal_infeasible", "objective": "inf", "size": ""
     [
         (SOLVED, SOLVED, "same"),
         (SOLVED, SOLVED | {"objective": "-1.500000001"}, "same"),
-        (SOLVED, SOLVED | {"objective": "-1.50001"}, "wrong"),
+        (SOLVED, UNJUDGED | {"objective": "-1.50001"}, "wrong"),
+        (SOLVED, SOLVED | {"objective": "-1.50001"}, "other"),
         (SOLVED, SOLVED | {"verdict": "wrong"}, "wrong"),
-        (SOLVED, PROVED, "wrong"),
+        (SOLVED, UNJUDGED | {"status": "primal_infeasible"}, "wrong"),
+        (PROVED, PROVED | {"status": "dual_infeasible"}, "other"),
         (PROVED, PROVED, "same"),
         (SOLVED, STALLED, "worse"),
         (STALLED, PROVED, "better"),

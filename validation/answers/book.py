@@ -5,9 +5,11 @@ write
 check
     Solve the list and sort every difference from the stored rows:
     wrong: another objective than the residuals allow, a solution beside a proof, or a
-    verdict of the campaign's judge; worse: solved or proved before, not now; better:
-    the reverse; failure: undecided in other words; point: another point of the same
-    objective; way: another method or number of iterations; same.
+    verdict of the campaign's judge; other: the same where the judge calls both right
+    (P indefinite by rounding; neither feasible nor bounded); worse: solved or proved
+    before, not now; better: the reverse; failure: undecided in other words; point:
+    another point of the same objective; way: another method or number of iterations;
+    same.
     Returns 1 if anything is wrong or worse.
 
 The rows of a run go to --run; what is there is not solved again, so that a run goes on
@@ -31,7 +33,7 @@ BOOK = cli.RESULTS / "answers"
 QUICK, SOON = 10, 0.1  # every so many problems, of those that took less [s]
 DECIDED = {"solved", "primal_infeasible", "dual_infeasible", "unsolvable", "right"}
 ROUNDING, SAME = 1e-11, 1e-5  # of objectives; of points with one objective
-KINDS = ("wrong", "worse", "better", "failure", "point", "way", "same")
+KINDS = ("wrong", "other", "worse", "better", "failure", "point", "way", "same")
 
 
 @cache
@@ -93,6 +95,13 @@ def number(row: Row, column: str) -> float:
 
 def difference(old: Row, new: Row) -> str:
     """Return one of KINDS."""
+    kind = plain_difference(old, new)
+    judged = new["verdict"] == "right" or "(both)" in new["method"]
+    return "other" if kind == "wrong" and judged else kind
+
+
+def plain_difference(old: Row, new: Row) -> str:
+    """Return one of KINDS without a look at the judge of what differs."""
     before, now = old["status"] in DECIDED, new["status"] in DECIDED
     if new["verdict"] == "wrong" != old["verdict"]:
         return "wrong"
@@ -134,7 +143,7 @@ def compare(found: dict[str, list[Row]], book: Path) -> int:
                 steps = number(old, "iterations"), number(new, "iterations")
                 if steps[0] == steps[0] and steps[1] == steps[1]:
                     work[0], work[1] = work[0] + steps[0], work[1] + steps[1]
-            if kind in KINDS[:4]:
+            if kind in KINDS[:5]:
                 listed.append((kind, suite, old, new))
         total += counts
         ratio = f"{work[1] / work[0]:>10.3f}" if work[0] > 0.0 else ""

@@ -36,6 +36,7 @@ from namlcp.qp.responses.judgement import (
 from namlcp.qp.responses.matrices import triangle_solve, triangle_solve_transposed
 from namlcp.qp.responses.proximal import (
     contradicts_equations,
+    leaves_equations,
     refine_contradiction,
     solve_by_rounds,
 )
@@ -210,6 +211,8 @@ def solve_attached(m, clock):
         refine_contradiction(m)
     elif found == SUMMED:
         found = sum_anew(m)
+    if found == DONE and m.skipped > 0 and leaves_equations(m):
+        return UNSUITED
     m.is_free = m.rho == 0.0 and found == DONE and are_most_at_bounds(m)
     m.face_is_kept = 0
     return found

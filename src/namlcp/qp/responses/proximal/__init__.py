@@ -28,6 +28,7 @@ met and the cost falls is a ray: the QP is unbounded (`certificates`).
 
 from namlcp.qp.responses.proximal.certificates import (
     contradicts_equations,
+    leaves_equations,
     refine_contradiction,
 )
 from namlcp.qp.responses.proximal.rounds import UNBOUNDED, solve_by_rounds

@@ -18,6 +18,8 @@ from namlcp.qp.responses.rows import hold_active
 REFINEMENTS = 2
 # Residual of a dependent equation over its terms from which on it contradicts others.
 CONTRADICTED = 1e-9
+# The same up to which one that was left out is called dependent.
+LEFT = 1e-11
 # Passes for a ray at most, and the gain of one below which it was the last; the largest
 # P d over d, in the variables of `weight`, and that at which no pass follows.
 RAY_PASSES, RAY_GAIN, MOST_CURVED, FLAT = 40, 0.9, 1e-9, 1e-14
@@ -92,6 +94,24 @@ def contradicts_equations(m):
         for i in range(m.p):
             y[i] = -y[i]
     return True
+
+
+@part
+def leaves_equations(m):
+    """Tell whether the result violates an equation by more than rounding.
+
+    Then one that was left out depends on the others but for a small part.
+    """
+    x, b = parts_of_result(m)[0], floats(m.b, m.p)
+    for i in range(m.p):
+        row = row_of(m.A, i, m.n)
+        rest, size = -b[i], abs(b[i])
+        for j in range(m.n):
+            rest += row[j] * x[j]
+            size += abs(row[j] * x[j])
+        if abs(rest) > LEFT * size:
+            return True
+    return False
 
 
 @part
