@@ -66,7 +66,8 @@ def sweep(
     (The paper's runs start at (1, 0, 1, 0, ...).)
 
     MAX_ITER, TIME_LIMIT, DIVERGED (growth, overflow or a cycle, see `Watch`) and
-    STALLED (rounding errors repeat the iterates) return the iterate of least Res.
+    STALLED (rounding errors repeat the iterates, or hide Res) return the iterate of
+    least Res.
     NUMERICAL_ERROR: the factorisation fails; z, w and s are NaN.
 
     Raises
@@ -82,7 +83,11 @@ def sweep(
         s = first_iterate(lcp, step.omega, s0, z0)
         status, s, k = iterate(lcp, step, s, limits)
         z = np.clip(s, lcp.lower, lcp.upper)
-        return Outcome(status, z, lcp.w(z), k, method, s=s)
+        w = lcp.w(z)
+        # the Res of a step, |z - clip(z - w)|, loses a w far smaller than z
+        if status is Status.SOLVED and not lcp.residual(z, w) < limits.eps_abs:
+            status = Status.STALLED
+        return Outcome(status, z, w, k, method, s=s)
 
 
 def step_of(lcp: LCP, method: str, given: Parameters) -> Step | None:
