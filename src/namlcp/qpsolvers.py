@@ -89,7 +89,7 @@ def nam_solve_problem(
             given = problem.P, problem.G, problem.A
             if initvals is None and warm_start is None:
                 ready = time.perf_counter()
-                done, known, in_vain = solve_shortly(qp, options, start, given)
+                done, known, in_vain, _ = solve_shortly(qp, options, start, given)
                 if done is not None:
                     return short_solution(problem, qp, done, (start, ready))
                 if known is not None and not needs_more(options, known):

@@ -151,15 +151,21 @@ def add_stamp(values, total):
     return total
 
 
-@kernel
-def dense_stamp(P, q, G, h, A, b, lb, ub):
+@part
+def stamp_of_parts(P, G, A, vectors):
     """Return a hash of all numbers of a dense QP."""
     total = np.uint64(0)
     for M in (P, G, A):
         total = add_stamp(M.ravel(), total)
-    for v in (q, h, b, lb, ub):
+    for v in vectors:
         total = add_stamp(v, total)
-    return total
+    return np.int64(total)
+
+
+@kernel
+def dense_stamp(P, q, G, h, A, b, lb, ub):
+    """Return the hash of `stamp_of_parts`."""
+    return stamp_of_parts(P, G, A, (q, h, b, lb, ub))
 
 
 def stamp_of(qp: QP) -> int:

@@ -17,7 +17,13 @@ from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp.answer import OBJECTIVE, UNDECIDED, Answer, better, out_of_time
 from namlcp.qp.closest import check_weights, solve_or_approach
-from namlcp.qp.forms import DENSE_BOX, is_small, is_tiny, solve_smallest_form
+from namlcp.qp.forms import (
+    DENSE_BOX,
+    SPARSE_ENTRIES,
+    is_small,
+    is_tiny,
+    solve_smallest_form,
+)
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.judge import are_own, confirmed, upheld
 from namlcp.qp.memory import Memory
@@ -131,11 +137,12 @@ def solve_qp(
     held, known, in_vain = Held() if derivative else None, None, False
     if x0 is None and warm_start is None and not history:
         ready = perf_counter()
-        done, known, in_vain = solve_shortly(qp, options, start, given, held)
+        done, known, in_vain, stamp = solve_shortly(qp, options, start, given, held)
         if done is not None:
             seconds = ready - start, perf_counter() - ready
             later = unfolded, done, (qp, given), seconds
-            return complete(QPResult.quick(done[0][: qp.q.size], later), qp, held)
+            result = QPResult.quick(done[0][: qp.q.size], later)
+            return complete(result, qp, held, stamp)
         if known is not None and not needs_more(options, known):
             return complete(result_of(known, (qp, given), start, ready), qp, held)
     qp = checked(qp)
@@ -148,9 +155,11 @@ def solve_qp(
     return complete(result, qp, held)
 
 
-def complete(result: QPResult, qp: QP, held: Held | None) -> QPResult:
+def complete(
+    result: QPResult, qp: QP, held: Held | None, stamp: int | None = None
+) -> QPResult:
     """Return the result with what derivatives need: stamp, factors if they are held."""
-    vars(result)["stamp"] = stamp_of(qp)
+    vars(result)["stamp"] = stamp_of(qp) if stamp is None else stamp
     if held is not None and held.space is not None:
         vars(result)["factors"] = held
     return result
@@ -178,6 +187,7 @@ def solve_shortly(
     if is_box or not (qp.is_dense or is_tiny(qp)):
         return Verdict(None, solve_box_shortly(qp, options, start, given))
     own = qp.in_dense_form()
+    with_weight = qp.q.size * order <= SPARSE_ENTRIES or is_small(qp)
     if options.relaxation:
         check_weights(qp, options.relaxation)
     if options.time_limit >= AMPLE_TIME and is_brief(qp, options.max_iter):
@@ -185,13 +195,13 @@ def solve_shortly(
     else:
         limits = options.limits(Deadline(start + options.time_limit))
     try:  # without `blas_threads`: it leaves few sums at most to BLAS
-        found = solve_unwrapped(own, NO_GUESS, limits, held, is_small(qp))
+        found = solve_unwrapped(own, NO_GUESS, limits, held, with_weight)
     except SystemError as error:
         raise cause_of(error) from None
-    done, answer, in_vain = found
+    done, answer, in_vain, _ = found
     if done is not None:
         if are_own(given, qp) and not limits.deadline.interrupted:
-            return found
+            return found if own is qp else found._replace(stamp=None)
         answer = wrapped(qp, *done)
     if answer is not None:
         answer = settled(answer, qp, given, limits)

@@ -61,11 +61,14 @@ class Verdict(NamedTuple):
         Any other one.
     in_vain
         Whether the QP was tried from nothing, and another method has to solve it.
+    stamp
+        The `stamp_of` the QP, where one call has solved it.
     """
 
     done: Done | None = None
     answer: Answer | None = None
     in_vain: bool = False
+    stamp: int | None = None
 
 
 def solve_once(
@@ -75,7 +78,7 @@ def solve_once(
 
     `held` gets the factors of a QP that is solved.
     """
-    done, answer, _ = solve_unwrapped(qp, guess, limits, held)
+    done, answer, *_ = solve_unwrapped(qp, guess, limits, held)
     return answer if done is None else wrapped(qp, *done)
 
 
@@ -135,12 +138,14 @@ class SingleSolves(DenseResponses):
         order, now = qp.q.size + qp.h.size + qp.b.size, self.now
         now.wanted = 0.0 if with_weight else NO_WEIGHT
         while True:
+            stamp = None
             if order > MOST_ORDER or guess.active.size:
                 code, numbers = self.solve_in_steps(qp, guess, limits)
             else:
                 code, numbers = self.solve(qp, limits)
+                stamp = now.stamp
             if code == DONE:
-                return Verdict((numbers, now.pivots, self.form))
+                return Verdict((numbers, now.pivots, self.form), None, False, stamp)
             answer = self.answer(code, numbers, qp, limits)
             if answer is not None or code not in (STUCK, CONTRADICTION, UNBOUNDED):
                 return Verdict(None, answer)

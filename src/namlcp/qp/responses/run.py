@@ -10,6 +10,7 @@ import numpy as np
 from namlcp.checks import INFINITE
 from namlcp.compiled import floats, kernel, longs, part, record_of
 from namlcp.linalg import add_scaled, blas_times, blas_times_transposed, copy
+from namlcp.qp.problem import stamp_of_parts
 from namlcp.qp.responses.active import CONTRADICTION, DONE, RESPONSE, STUCK
 from namlcp.qp.responses.course import (
     PRODUCTS,
@@ -155,6 +156,7 @@ def is_faulty(m):
 def run_once(address, P, G, A, vectors, out, clock):
     """Solve a single QP with these matrices and (q, h, b, lb, ub), as `run`.
 
+    Sets m.stamp, see `stamp_of_parts`.
     ROOMLESS where the memory is not large enough.
     """
     if not attach_matrices(address, P, G, A):
@@ -163,6 +165,7 @@ def run_once(address, P, G, A, vectors, out, clock):
     q, h, b, lb, ub = vectors
     m.q, m.h, m.b = q.ctypes.data, h.ctypes.data, b.ctypes.data
     m.lb, m.ub, m.out = lb.ctypes.data, ub.ctypes.data, out.ctypes.data
+    m.stamp = stamp_of_parts(P, G, A, vectors)
     return solve_attached(m, clock)
 
 

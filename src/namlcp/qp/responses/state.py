@@ -64,6 +64,8 @@ NUMBERS = (
     # asked for; the place of the next response.
     "entering entering_side asked next_place "
     "pivots max_iter is_ready is_inverted memory memory_size memory_end "
+    # The stamp of the numbers of a single QP.
+    "stamp "
     # Whether factors are made by LAPACK; rounds of `proximal`.
     "is_large rounds "
     # Whether the next solve has the form of `free`; free variables there, and at most;
