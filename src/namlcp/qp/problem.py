@@ -176,8 +176,7 @@ def stamp_of(qp: QP) -> int:
     if qp.is_dense:
         return dense_stamp(*qp)
     P, q, G, h, A, b, lb, ub = qp
-    entries = (C.data.reshape(1, -1) for C in (P, G, A))
-    P, G, A = entries
+    P, G, A = (C.data.reshape(1, -1) for C in (P, G, A))
     return dense_stamp(P, q, G, h, A, b, lb, ub)
 
 

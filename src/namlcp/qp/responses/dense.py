@@ -18,7 +18,15 @@ P + W does, with the W of `weight`, and the QP is solved by `proximal`.
 import numpy as np
 
 from namlcp.compiled import floats, longs, part
-from namlcp.linalg import PSD_SLACK, add_scaled, cholesky, copy, dot, invert_lower
+from namlcp.linalg import (
+    PSD_SLACK,
+    add_scaled,
+    cholesky,
+    copy,
+    dot,
+    invert_lower,
+    largest_entry,
+)
 from namlcp.qp.responses.judgement import parts_of_result
 from namlcp.qp.responses.matrices import (
     factor_in_place,
@@ -134,15 +142,11 @@ def factor_plain(m):
 def is_semidefinite(m):
     """Tell whether P is positive semidefinite; overwrites m.factor."""
     m.largest = copy_cost(m, PSD_SLACK)
-    any_entry = False
     for i in range(m.n):
-        row = row_of(m.P, i, m.n)
-        if row[i] < 0.0:
+        if row_of(m.P, i, m.n)[i] < 0.0:
             return False
-        for j in range(i):
-            any_entry = any_entry or row[j] != 0.0
-    if m.largest == 0.0:
-        return not any_entry
+    if m.largest == 0.0:  # then P must be 0
+        return largest_entry(floats(m.P, m.n * m.n)) == 0.0
     for i in range(m.n):  # else an empty row has the pivot 0
         row_of(m.factor, i, m.n)[i] += ROUNDING_UNIT * m.largest
     return has_factor(m)

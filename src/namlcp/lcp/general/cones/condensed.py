@@ -51,7 +51,9 @@ def principal(
         return np.einsum("kj,kjp->kp", weights, vectors**2), np.ones((k, 1, 1)), vectors
     each = np.arange(k)
     largest = np.argmax(weights * (vectors**2).sum(axis=2), axis=1)
-    x, y = (vectors[each, largest] / length(vectors[each, largest])[:, None]).T
+    x, y = vectors[each, largest].T
+    size = np.hypot(x, y)
+    x, y = x / size, y / size
     along = vectors[:, :, 0] * x[:, None] + vectors[:, :, 1] * y[:, None]
     across = vectors[:, :, 1] * x[:, None] - vectors[:, :, 0] * y[:, None]
     across[each, largest] = 0.0
@@ -72,11 +74,6 @@ def principal(
     turn = np.array([[cosine, -sine], [sine, cosine]]).transpose(2, 0, 1)
     axes = np.array([[x, -y], [y, x]]).transpose(2, 0, 1) @ turn
     return values, axes, np.stack((along, across), axis=2) @ turn
-
-
-def length(vectors: np.ndarray) -> np.ndarray:
-    """Return the lengths of vectors (k, 2)."""
-    return np.hypot(vectors[:, 0], vectors[:, 1])
 
 
 class ConeFactors:
