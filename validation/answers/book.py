@@ -1,7 +1,7 @@
 """The book of answers: a fixed list of problems, solved again after each change.
 
 write
-    Solve the list and store the rows, one CSV a suite, in --book.
+    Solve the list and store the rows, one CSV a suite, in --book, in place of its own.
 check
     Solve the list and sort every difference from the stored rows:
     wrong: another objective than the residuals allow, a solution beside a proof, or a
@@ -18,13 +18,16 @@ than 0.1 s, in 90 seconds; the whole list takes about 20 minutes on two cores.
 """
 
 import collections
+import math
 import os
+import shutil
 from concurrent.futures import ProcessPoolExecutor
 from functools import cache
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
+from validation.answers.suites import all_suites, row_of
 from validation.harness import Row, cli, csv_files, machine
 
 COLUMNS = ("name", "status", "method", "verdict", "objective", "slack", "residual",
@@ -39,15 +42,11 @@ KINDS = ("wrong", "other", "worse", "better", "failure", "point", "way", "same")
 @cache
 def suites(data: Path | None) -> dict[str, Any]:
     """Return the suites; a worker makes them once."""
-    from validation.answers.suites import all_suites
-
     return all_suites(data)
 
 
 def solved(data: Path | None, suite: str, names: list[str]) -> list[Row]:
     """Return the rows of some problems: the work of a child process."""
-    from validation.answers.suites import row_of
-
     return [row_of(suites(data)[suite], name) for name in names]
 
 
@@ -141,7 +140,7 @@ def compare(found: dict[str, list[Row]], book: Path) -> int:
             counts[kind] += 1
             if kind == "same" or kind == "way":
                 steps = number(old, "iterations"), number(new, "iterations")
-                if steps[0] == steps[0] and steps[1] == steps[1]:
+                if not any(map(math.isnan, steps)):
                     work[0], work[1] = work[0] + steps[0], work[1] + steps[1]
             if kind in KINDS[:5]:
                 listed.append((kind, suite, old, new))
@@ -162,14 +161,17 @@ def main(arguments: list[str] | None = None) -> int:
     parser = cli.parser(__doc__, "data", "quick")
     parser.add_argument("part", choices=("write", "check"))
     parser.add_argument("--book", type=Path, default=BOOK, help="the stored rows")
-    parser.add_argument("--run", type=Path, help="the rows of this run")
+    run_help = "a folder for the rows of this run"
+    parser.add_argument("--run", type=Path, required=True, help=run_help)
     parser.add_argument("--suites", nargs="+")
     parser.add_argument("--jobs", type=int, default=2)
     args = parser.parse_args(arguments)
-    if args.part == "write":
-        args.run = args.book
-        run(args)
-        return 0
-    if args.run is None:
-        parser.error("check needs --run, a folder for its rows")
-    return compare(run(args), args.book)
+    if args.part == "write" and args.quick:
+        parser.error("--quick is for check: the book has the whole list")
+    found = run(args)
+    if args.part == "check":
+        return compare(found, args.book)
+    args.book.mkdir(parents=True, exist_ok=True)
+    for suite in found:
+        shutil.copy(args.run / f"{suite}.csv", args.book)
+    return 0

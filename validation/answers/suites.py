@@ -25,6 +25,7 @@ import scipy.io
 import scipy.sparse as sp
 
 import namlcp
+from validation.general.benchmark import make
 from validation.harness import Row, qps
 from validation.paper import tables
 from validation.paper.printed import TABLES
@@ -210,8 +211,6 @@ def contact_row(data: Path, name: str) -> Row:
 
 def family_row(name: str) -> Row:
     """Solve a general LCP of a family."""
-    from validation.general.benchmark import make
-
     family, n, seed = name.rsplit(maxsplit=2)
     return lcp_row(*make(family, int(n), int(seed)))
 
