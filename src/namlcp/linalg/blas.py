@@ -1,0 +1,102 @@
+"""BLAS and LAPACK, as SciPy offers them, on row-major matrices at pointers.
+
+A row-major matrix is the transpose of a column-major one, which BLAS sees.
+"""
+
+import cython
+from cython import p_double
+from cython.cimports.namlcp.linalg.vectors import fill
+from cython.cimports.scipy.linalg.cython_blas import ddot, dgemm, dgemv
+from cython.cimports.scipy.linalg.cython_lapack import dpotrf, dtrtri
+
+
+def _times(letter, C, count, n, x, out, size):
+    rows: cython.int = count
+    columns: cython.int = n
+    step: cython.int = 1
+    one: cython.double = 1.0
+    zero: cython.double = 0.0
+    fill(out, 0.0, size)
+    if count > 0 and n > 0:
+        dgemv(
+            cython.address(letter), cython.address(columns), cython.address(rows),
+            cython.address(one), cython.cast(p_double, C), cython.address(columns),
+            cython.cast(p_double, x), cython.address(step), cython.address(zero), out,
+            cython.address(step),
+        )  # fmt: skip
+
+
+def blas_times(C, count, n, x, out):
+    """Set out = C x for `count` rows of n numbers."""
+    _times(b"T", C, count, n, x, out, count)
+
+
+def blas_times_transposed(C, count, n, x, out):
+    """Set out = C'x."""
+    _times(b"N", C, count, n, x, out, n)
+
+
+def blas_dot(a, b, n):
+    """Return a'b with the sum of BLAS."""
+    size: cython.int = n
+    step: cython.int = 1
+    return ddot(
+        cython.address(size), cython.cast(p_double, a), cython.address(step),
+        cython.cast(p_double, b), cython.address(step),
+    )  # fmt: skip
+
+
+def cholesky(A, n):
+    """Overwrite the lower triangle of A by its Cholesky factor; False if it has none.
+
+    The upper triangle is neither read nor written.
+    """
+    order: cython.int = n
+    info: cython.int = 0
+    upper: cython.char = b"U"
+    if n > 0:
+        dpotrf(
+            cython.address(upper), cython.address(order), A, cython.address(order),
+            cython.address(info),
+        )  # fmt: skip
+    return info == 0
+
+
+def invert_lower(L, n):
+    """Overwrite a lower triangle by its inverse."""
+    order: cython.int = n
+    info: cython.int = 0
+    upper: cython.char = b"U"
+    plain: cython.char = b"N"
+    if n > 0:
+        dtrtri(
+            cython.address(upper), cython.address(plain), cython.address(order), L,
+            cython.address(order), cython.address(info),
+        )  # fmt: skip
+
+
+def _multiply(letter, A, B, C, rows, columns, inner):
+    m: cython.int = columns
+    n: cython.int = rows
+    k: cython.int = inner
+    width: cython.int = inner if letter == b"T" else columns
+    plain: cython.char = b"N"
+    one: cython.double = 1.0
+    zero: cython.double = 0.0
+    if rows > 0 and columns > 0 and inner > 0:
+        dgemm(
+            cython.address(letter), cython.address(plain), cython.address(m),
+            cython.address(n), cython.address(k), cython.address(one),
+            cython.cast(p_double, B), cython.address(width), cython.cast(p_double, A),
+            cython.address(k), cython.address(zero), C, cython.address(m),
+        )  # fmt: skip
+
+
+def times_transposed(A, B, C, rows, columns, inner):
+    """Set C = A B' for A (rows, inner) and B (columns, inner)."""
+    _multiply(b"T", A, B, C, rows, columns, inner)
+
+
+def times(A, B, C, rows, columns, inner):
+    """Set C = A B for A (rows, inner) and B (inner, columns)."""
+    _multiply(b"N", A, B, C, rows, columns, inner)

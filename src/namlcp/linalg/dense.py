@@ -1,0 +1,138 @@
+"""Dense matrices of small order: products, and triangles L of factors S = L L'.
+
+Matrices are row-major. The factor of a set that gains and loses rows is packed without
+its zeros: row i begins at i (i + 1) / 2. Removing a row and column of S leaves L with
+one entry too many in each later row, which Givens rotations of its columns take away
+(Gill, Golub, Murray and Saunders, Math. Comp. 28 (1974) 505-535, method C1 in the form
+for L).
+"""
+
+from cython.cimports.libc.math import sqrt
+from cython.cimports.namlcp.linalg.vectors import (
+    add_four,
+    add_scaled,
+    copy,
+    dot,
+    fill,
+    four_dots,
+)
+
+# The diagonal entry of L for a row that depends on those before it.
+HUGE = 1e100
+
+
+def factor_in_place(L, n, least):
+    """Overwrite the lower triangle of a matrix S by its Cholesky factor L.
+
+    A row whose pivot is at most `least` times its diagonal entry depends on those
+    before it, and becomes (0, ..., 0, HUGE). Returns how many rows do.
+    """
+    dependent: Py_ssize_t = 0
+    for i in range(n):
+        row = L + i * n
+        for j in range(i):
+            other = L + j * n
+            row[j] = (row[j] - dot(other, row, j)) / other[j]
+        pivot = row[i] - dot(row, row, i)
+        if pivot > least * row[i]:
+            row[i] = sqrt(pivot)
+        else:
+            dependent += 1
+            fill(row, 0.0, i)
+            row[i] = HUGE
+    return dependent
+
+
+def invert_triangle(L, n):
+    """Overwrite a lower triangular L by L^-1, with zeros above its diagonal."""
+    for i in range(n):
+        row = L + i * n
+        pivot = 1.0 / row[i]
+        for j in range(i):
+            factor = row[j]
+            row[j] = 0.0
+            add_scaled(factor, L + j * n, row, j + 1)
+        for j in range(i):
+            row[j] *= -pivot
+        row[i] = pivot
+        fill(row + i + 1, 0.0, n - i - 1)
+
+
+# ---- products
+
+
+def times_rows(C, count, n, width, x, out):
+    """Set out = C x for `count` rows of n numbers, `width` of which count."""
+    i: Py_ssize_t = 0
+    while i + 4 <= count:
+        row = C + i * n
+        four_dots(x, row, row + n, row + 2 * n, row + 3 * n, width, out + i)
+        i += 4
+    while i < count:
+        out[i] = dot(x, C + i * n, width)
+        i += 1
+
+
+def times_triangle(V, n, x, out):
+    """Set out = V x for a lower triangle V of order n, with zeros above."""
+    for i in range(0, n, 4):
+        end = min(i + 4, n)
+        times_rows(V + i * n, end - i, n, end, x, out + i)
+
+
+def times_triangle_transposed(V, n, v, out):
+    """Set out = V'v for a lower triangle V of order n, with zeros above."""
+    fill(out, 0.0, n)
+    i: Py_ssize_t = 0
+    while i + 4 <= n:
+        row = V + i * n
+        add_four(
+            v[i], row, v[i + 1], row + n, v[i + 2], row + 2 * n, v[i + 3], row + 3 * n,
+            out, i + 4,
+        )  # fmt: skip
+        i += 4
+    while i < n:
+        add_scaled(v[i], V + i * n, out, i + 1)
+        i += 1
+
+
+# ---- packed triangles
+
+
+def triangle_solve(L, k, b):
+    """Overwrite b (k,) by L^-1 b."""
+    start: Py_ssize_t = 0
+    for i in range(k):
+        b[i] = (b[i] - dot(L + start, b, i)) / L[start + i]
+        start += i + 1
+
+
+def triangle_solve_transposed(L, k, b):
+    """Overwrite b (k,) by L'^-1 b."""
+    for i in range(k - 1, -1, -1):
+        row = L + i * (i + 1) // 2
+        b[i] /= row[i]
+        add_scaled(-b[i], row, b, i)
+
+
+def append_to_triangle(L, k, b, diagonal):
+    """Add row and column k to S; b = L^-1 s for the new entries s of S."""
+    row = L + k * (k + 1) // 2
+    copy(b, row, k)
+    row[k] = diagonal
+
+
+def remove_from_triangle(L, k, leaving, cosines, sines):
+    """Remove row and column `leaving` of k from S; the last two are work space."""
+    for i in range(leaving, k - 1):
+        row, below = L + i * (i + 1) // 2, L + (i + 1) * (i + 2) // 2
+        copy(below, row, leaving)
+        carried = below[leaving]
+        for j in range(leaving, i):
+            following = below[j + 1]
+            row[j] = cosines[j] * carried + sines[j] * following
+            carried = cosines[j] * following - sines[j] * carried
+        following = below[i + 1]
+        radius = sqrt(carried * carried + following * following)
+        cosines[i], sines[i] = carried / radius, following / radius
+        row[i] = radius

@@ -1,0 +1,37 @@
+"""Loops over vectors; those that take the time of a dense solve are in C."""
+
+cdef extern from "vectors.h" nogil:
+    double dot(const double* a, const double* b, Py_ssize_t n) noexcept
+    void four_dots(
+        const double* row, const double* a, const double* b, const double* c,
+        const double* d, Py_ssize_t n, double* out
+    ) noexcept
+    void add_scaled(double scale, const double* a, double* out, Py_ssize_t n) noexcept
+    void add_four(
+        double fa, const double* a, double fb, const double* b,
+        double fc, const double* c, double fd, const double* d,
+        double* out, Py_ssize_t n
+    ) noexcept
+
+
+cdef inline void copy(const double* a, double* out, Py_ssize_t n) noexcept nogil:
+    """Set out to a."""
+    cdef Py_ssize_t i
+    for i in range(n):
+        out[i] = a[i]
+
+
+cdef inline void fill(double* out, double value, Py_ssize_t n) noexcept nogil:
+    """Set all entries of out to one value."""
+    cdef Py_ssize_t i
+    for i in range(n):
+        out[i] = value
+
+
+cdef inline double largest_entry(const double* v, Py_ssize_t n) noexcept nogil:
+    """Return max |v_i|, 0 for no entries."""
+    cdef Py_ssize_t i
+    cdef double largest = 0.0
+    for i in range(n):
+        largest = max(largest, v[i] if v[i] >= 0.0 else -v[i])
+    return largest

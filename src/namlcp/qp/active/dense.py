@@ -1,0 +1,407 @@
+"""Dense QPs: the base problem of `steps` and its solution operator.
+
+With P = L L', V = L^-1, T = V A' and S = T'T = M M', U = M^-1, the base problem
+min 1/2 x'Px + q'x, A x = b has the solution
+
+    y = -U'U (T'V q + b),   x = -V'(V q + T y).
+
+V, T and U are formed once. Two products with a triangle take as long as one with P^-1,
+but lose about half as many digits (Higham, Accuracy and Stability of Numerical
+Algorithms, 2nd ed., chapter 14). An equation that depends on those before it has the
+multiplier 0.
+
+A singular P may be definite where A x = 0. Then P + A'WA takes its place, W diagonal:
+with the equations it has the same x, and its multipliers are y - W b instead of y. Else
+P + W does, with the W of `weight`, and the QP is solved by `proximal`.
+"""
+
+import cython
+from cython import Py_ssize_t, double, p_double
+from cython.cimports.libc.math import INFINITY, fabs, sqrt
+from cython.cimports.namlcp.linalg.blas import cholesky, invert_lower
+from cython.cimports.namlcp.linalg.dense import (
+    factor_in_place,
+    invert_triangle,
+    times_rows,
+    times_triangle,
+    times_triangle_transposed,
+)
+from cython.cimports.namlcp.linalg.vectors import (
+    add_scaled,
+    copy,
+    dot,
+    fill,
+    four_dots,
+    largest_entry,
+)
+from cython.cimports.namlcp.qp.active.rows import (
+    claim_place,
+    forget_responses,
+    violation_of,
+)
+from cython.cimports.namlcp.qp.active.state import indices, lay_out_rows, reals
+from cython.cimports.namlcp.qp.active.weight import NO_WEIGHT, set_shape, wanted_rho
+
+# Ratio of the largest to the smallest pivot of P from which on products with V are too
+# inaccurate; for P + W, the ratio of a diagonal entry to its pivot.
+MOST_SPREAD = 1e9
+# Added to the diagonal of P, relative to its largest entry, in the test whether P is
+# semidefinite, and the slack of each entry there.
+ROUNDING_UNIT = 1e-15
+PSD_SLACK = cython.declare(double, 1e-6)
+# Pivot of S over its diagonal entry up to which an equation depends on others.
+DEPENDENT_EQUATION = 1e-11
+# Curvature of a row of norm 1, over the largest entry of P^-1, up to which the
+# equations fix the row: rounding errors for the largest spread are smaller.
+FIXED = 1e-12
+# MOST_EQUATIONS: most equations for a variable, and for two more. LARGE: operations of
+# one response from which on four are made at once.
+
+
+class DenseActiveSet(ActiveSet):
+    """A QP with row-major matrices."""
+
+    def lay_out(self):
+        n, p = self.n, self.p
+        self.most = n  # not n - p: equations may depend on others
+        lay_out_rows(self)
+        self.factor, self.equations = reals(self, n * n), reals(self, p * n)
+        self.schur, self.schur_work = reals(self, p * p), reals(self, p)
+        self.halves = reals(self, 4 * n)
+
+    def set_values(self, rhs, values):
+        if self.is_inverted:
+            times_triangle(self.factor, self.n, rhs, self.halves)
+            finish_values(self, rhs, self.halves, values)
+        else:
+            solve_with_factor(self, rhs, values + self.m)
+        times_rows(self.G, self.m, self.n, self.n, values + self.m, values)
+
+    def make_responses(self, row):
+        """Make the response to a row, and of a large QP those to three more rows.
+
+        To read V and G takes longer than to multiply with them.
+        """
+        rows = cython.declare(Py_ssize_t[4])
+        outs = cython.declare(p_double[4])
+        if not self.is_inverted:
+            invert_factor(self)
+        size = self.n + self.p
+        set_unit_load(self, row, self.rhs)
+        if self.n * (self.n + self.m) < LARGE:
+            self.set_values(self.rhs, claim_place(self, row))
+            return
+        choose_companions(self, row, rows)
+        for i in range(4):
+            set_unit_load(self, rows[i], self.rhs + i * size)
+        for i in range(4):
+            outs[i] = claim_place(self, rows[i]) if rows[i] >= 0 else self.change
+        set_four_values(self, outs)
+
+    def set_products(self, is_base):
+        n = self.n
+        times_rows(self.P, n, n, n, self.x, self.Px)
+        if is_base:  # another product with G would take a quarter of such a solve
+            copy(self.s0, self.Gx, self.m)
+        else:
+            times_rows(self.G, self.m, n, n, self.x, self.Gx)
+        times_rows(self.A, self.p, n, n, self.x, self.Ax)
+        self.set_row_products()
+
+    def set_row_products(self):
+        n = self.n
+        fill(self.Gtz, 0.0, n)
+        fill(self.Aty, 0.0, n)
+        for i in range(self.m):
+            if self.z[i] != 0.0:
+                add_scaled(self.z[i], self.G + i * n, self.Gtz, n)
+        for i in range(self.p):
+            add_scaled(self.y[i], self.A + i * n, self.Aty, n)
+
+    def times_cost(self, x, Px):
+        times_rows(self.P, self.n, self.n, self.n, x, Px)
+
+
+# ---- the factors
+
+
+def set_up(m):
+    """Factor P, or what takes its place; False where the matrices do not allow it.
+
+    They do not if a number is NaN or infinite, or P is not symmetric or not
+    semidefinite. m.wanted > 0 asks for P + W. A single QP without equations goes with L
+    until a row enters, which needs V. (Not so an item of a batch: its last digits would
+    depend on the items before it.)
+    """
+    if m.p > MOST_EQUATIONS * (m.n + 2) or not is_sound(m):
+        return False
+    m.pull, m.rho, m.skipped = 0.0, 0.0, 0
+    is_plain: cython.bint = m.wanted <= 0.0 and (factor_plain(m) or factor_pulled(m))
+    if not is_plain and (m.wanted == NO_WEIGHT or not factor_weighted(m)):
+        return False
+    forget_responses(m)
+    m.is_inverted = False
+    if not (m.is_single and m.p == 0 and not m.is_item):
+        invert_factor(m)
+    return True
+
+
+def is_sound(m):
+    """Set the norms of rows; tell whether P and G are finite, and P is symmetric."""
+    n, P = m.n, m.P
+    fine: cython.bint = set_row_scales(m)
+    for i in range(n):
+        for j in range(i):
+            if P[i * n + j] != P[j * n + i] or not fabs(P[i * n + j]) < INFINITY:
+                return False
+        fine = fine and fabs(P[i * n + i]) < INFINITY
+    return fine
+
+
+def copy_cost(m, slack):
+    """Copy the lower triangle of P, its diagonal times 1 + slack; return max P_ii."""
+    n, largest = m.n, 0.0
+    for i in range(n):
+        row = m.factor + i * n
+        copy(m.P + i * n, row, i + 1)
+        largest = max(largest, row[i])
+        row[i] *= 1.0 + slack
+    return largest
+
+
+def has_factor(m):
+    """Overwrite the lower triangle in m.factor by its Cholesky factor, if that exists.
+
+    By LAPACK if m.is_large.
+    """
+    if m.is_large:
+        return cholesky(m.factor, m.n)
+    return factor_in_place(m.factor, m.n, 0.0) == 0
+
+
+def has_good_factor(m):
+    """Do as `has_factor`; False, too, where the pivots differ too much."""
+    if not has_factor(m):
+        return False
+    low, high = INFINITY, 0.0
+    for i in range(m.n):
+        root = m.factor[i * m.n + i]
+        low, high = min(low, root), max(high, root)
+    return high * high <= MOST_SPREAD * low * low
+
+
+def factor_plain(m):
+    """Factor P; False where that has no good factor."""
+    copy_cost(m, 0.0)
+    return has_good_factor(m)
+
+
+def is_semidefinite(m):
+    """Tell whether P is positive semidefinite; overwrites m.factor."""
+    n = m.n
+    m.largest = copy_cost(m, PSD_SLACK)
+    for i in range(n):
+        if m.P[i * n + i] < 0.0:
+            return False
+    if m.largest == 0.0:  # then P must be 0
+        return largest_entry(m.P, n * n) == 0.0
+    for i in range(n):  # else an empty row has the pivot 0
+        m.factor[i * n + i] += ROUNDING_UNIT * m.largest
+    return has_factor(m)
+
+
+def factor_pulled(m):
+    """Factor P + A'WA, W_ii = m.pull / |a_i|^2; False where that has no good factor.
+
+    False, too, where P is not semidefinite: the equations may hide that.
+    """
+    n = m.n
+    if m.p == 0 or not is_semidefinite(m) or m.largest == 0.0:
+        return False
+    m.pull = m.largest
+    copy_cost(m, 0.0)
+    for k in range(m.p):
+        row, weight = m.A + k * n, weight_of(m, k)
+        for i in range(n):
+            if row[i] != 0.0:
+                add_scaled(weight * row[i], row, m.factor + i * n, i + 1)
+    return has_good_factor(m)
+
+
+def factor_weighted(m):
+    """Factor P + W; False where P is not semidefinite, or W is too small."""
+    n = m.n
+    if not is_semidefinite(m):
+        return False
+    for i in range(n):
+        m.shape[i] = m.P[i * n + i]
+    set_shape(m)
+    for i in range(m.m):
+        m.scale[i] = reach_of(m.G + i * n, m.shape, n)
+    for i in range(m.p):
+        m.reach[i] = reach_of(m.A + i * n, m.shape, n)
+    m.pull, m.rho = 0.0, wanted_rho(m)
+    copy_cost(m, 0.0)
+    for i in range(n):
+        m.weight[i] = m.rho * m.shape[i]
+        m.factor[i * n + i] += m.weight[i]
+    if not has_factor(m):
+        return False
+    for i in range(n):
+        root = m.factor[i * n + i]
+        if not m.P[i * n + i] + m.weight[i] <= MOST_SPREAD * root * root:
+            return False
+    return True
+
+
+def reach_of(row, shape, n):
+    """Return 1 / |D^-1/2 c| for a row c, 1 for an empty one."""
+    squares = 0.0
+    for j in range(n):
+        squares += row[j] * row[j] / shape[j]
+    return 1.0 / sqrt(squares) if squares > 0.0 else 1.0
+
+
+def weight_of(m, k):
+    """Return W_kk: the weight at which a_k a_k' is as large as P, 0 without a pull."""
+    row = m.A + k * m.n
+    squares = dot(row, row, m.n)
+    return m.pull / squares if squares > 0.0 else 0.0
+
+
+def invert_factor(m):
+    """Turn L into V, and compute T and U."""
+    n, p = m.n, m.p
+    if m.is_large:
+        invert_lower(m.factor, n)
+        for i in range(n):
+            fill(m.factor + i * n + i + 1, 0.0, n - i - 1)
+    else:
+        invert_triangle(m.factor, n)
+    set_curvature(m)
+    m.is_inverted = True
+    for i in range(p):
+        column = m.equations + i * n
+        times_triangle(m.factor, n, m.A + i * n, column)
+        for j in range(i + 1):
+            m.schur[i * p + j] = dot(m.equations + j * n, column, n)
+    m.skipped = factor_in_place(m.schur, p, DEPENDENT_EQUATION)
+    invert_triangle(m.schur, p)
+
+
+def set_curvature(m):
+    """Set m.least_curvature from the largest diagonal entry of P^-1 = V'V, scaled."""
+    n, half, unit = m.n, m.halves, m.scale + m.m
+    fill(half, 0.0, n)
+    for i in range(n):
+        row = m.factor + i * n
+        for j in range(i + 1):
+            half[j] += row[j] * row[j]
+    largest = 0.0
+    for j in range(n):
+        largest = max(largest, half[j] * unit[j] * unit[j])
+    m.least_curvature = FIXED * largest
+
+
+def set_row_scales(m):
+    """Set 1 over the norms of the rows; tell whether those of G and A are finite."""
+    fine: cython.bint = True
+    for i in range(m.m):
+        row = m.G + i * m.n
+        squares = dot(row, row, m.n)
+        fine = fine and squares < INFINITY
+        m.scale[i] = 1.0 / sqrt(squares) if squares > 0.0 else 1.0
+    for i in range(m.m, m.rows):
+        m.scale[i] = 1.0
+    for i in range(m.p):
+        row = m.A + i * m.n
+        fine = fine and dot(row, row, m.n) < INFINITY
+    return fine
+
+
+# ---- the operator
+
+
+def finish_values(m, rhs, half, values):
+    """Set x and y in values = (G x, x, y) from half = V r; overwrites `half`."""
+    n, p = m.n, m.p
+    y = values + m.rows
+    if p > 0:
+        times_rows(m.equations, p, n, n, half, y)
+        for i in range(p):
+            y[i] -= rhs[n + i]
+        times_triangle(m.schur, p, y, m.schur_work)
+        times_triangle_transposed(m.schur, p, m.schur_work, y)
+        for i in range(p):
+            add_scaled(-y[i], m.equations + i * n, half, n)
+            if m.pull > 0.0:
+                y[i] += weight_of(m, i) * rhs[n + i]
+    times_triangle_transposed(m.factor, n, half, values + m.m)
+
+
+def solve_with_factor(m, rhs, x):
+    """Set x to the solution of P x = rhs by the factor L of P."""
+    n = m.n
+    for i in range(n):
+        row = m.factor + i * n
+        x[i] = (rhs[i] - dot(row, x, i)) / row[i]
+    for i in range(n - 1, -1, -1):
+        row = m.factor + i * n
+        x[i] /= row[i]
+        add_scaled(-x[i], row, x, i)
+
+
+def set_unit_load(m, row, rhs):
+    """Set rhs = (c, 0) for the coefficients c of a row, 0 for row -1."""
+    fill(rhs, 0.0, m.n + m.p)
+    if row >= m.m:
+        rhs[row - m.m] = 1.0
+    elif row >= 0:
+        copy(m.G + row * m.n, rhs, m.n)
+
+
+def choose_companions(m, asked, found):
+    """Set `found` to a row and three whose responses may be asked for next, or -1.
+
+    They are the rows violated most, most of which enter later, or those of a hint.
+    """
+    most, less, least = 0.0, 0.0, 0.0
+    is_hint: cython.bint = m.entering < 0
+    found[0], found[1], found[2], found[3] = asked, -1, -1, -1
+    for i in range(m.hinted if is_hint else 0, m.hints if is_hint else m.rows):
+        row = m.kept_active[i] if is_hint else i
+        if row == asked or m.place[row] >= 0:
+            continue
+        if is_hint:
+            weight = 1.0 / (1 + i)
+        else:
+            weight = violation_of(m, row, m.s[row]) * m.scale[row]
+        if weight > most:
+            found[1], found[2], found[3] = row, found[1], found[2]
+            most, less, least = weight, most, less
+        elif weight > less:
+            found[2], found[3] = row, found[2]
+            less, least = weight, less
+        elif weight > least:
+            found[3], least = row, weight
+
+
+def set_four_values(m, outs):
+    """Do what `set_values` does for four right-hand sides in m.rhs.
+
+    The sums for one of them do not depend on the others.
+    """
+    four = cython.declare(double[4])
+    n, size, at = m.n, m.n + m.p, m.m
+    a, b, c, d = m.rhs, m.rhs + size, m.rhs + 2 * size, m.rhs + 3 * size
+    for i in range(n):
+        four_dots(m.factor + i * n, a, b, c, d, i + 1, four)
+        for j in range(4):
+            m.halves[j * n + i] = four[j]
+    for j in range(4):
+        finish_values(m, m.rhs + j * size, m.halves + j * n, outs[j])
+    a, b, c, d = outs[0] + at, outs[1] + at, outs[2] + at, outs[3] + at
+    for i in range(m.m):
+        four_dots(m.G + i * n, a, b, c, d, n, four)
+        for j in range(4):
+            outs[j][i] = four[j]

@@ -1,0 +1,21 @@
+from namlcp.qp.active.state cimport ActiveSet, Code
+
+cdef double ACCURATE, RESERVE, ROUNDING, GAIN
+cdef enum:
+    PASSES = 3
+
+cdef void set_point(ActiveSet m) noexcept nogil
+cdef double measure(ActiveSet m) noexcept nogil
+cdef void measure_point(ActiveSet m) noexcept nogil
+cdef bint is_low(ActiveSet m, double residual, double size, double most_reserve) noexcept nogil
+cdef bint is_accurate(ActiveSet m, double error) noexcept nogil
+cdef bint is_within(ActiveSet m, double residual, double size, double rounding) noexcept nogil
+cdef bint are_within(ActiveSet m, double rounding) noexcept nogil
+cdef Code verdict(ActiveSet m) noexcept nogil
+cdef void set_correction(ActiveSet m) noexcept nogil
+cdef void set_change(ActiveSet m) noexcept nogil
+cdef void take_change(ActiveSet m) noexcept nogil
+cdef void note_best(ActiveSet m) noexcept nogil
+cdef void exchange_best(ActiveSet m) noexcept nogil
+cdef Code judge(ActiveSet m, Code found) noexcept nogil
+cdef void set_contradiction(ActiveSet m) noexcept nogil

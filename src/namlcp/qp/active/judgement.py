@@ -1,0 +1,245 @@
+"""The point of the active rows as the user sees it, measured and refined on the data.
+
+The residuals are those of the arguments as given, by their one definition (see
+`namlcp.residuals`). Refinement is iterative, with these residuals and the operators at
+hand, from the point that `finish` computed: like that, it depends on the active rows
+alone.
+"""
+
+import cython
+from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf
+from cython.cimports.namlcp.linalg.vectors import copy, fill
+from cython.cimports.namlcp.qp.active.rows import goal_of, subtract_active
+from cython.cimports.namlcp.qp.active.state import DONE, LATE, STUCK, SUMMED
+from cython.cimports.namlcp.qp.active.steps import keep
+
+# Nothing is refined where residuals over the moduli of their terms are at most
+# ACCURATE, and the residuals themselves at most RESERVE times the absolute tolerance;
+# or no more than their own rounding error, which is ROUNDING over these moduli, and at
+# most a tenth of the tolerance, a half for the gap, which refinement hardly changes.
+ACCURATE, RESERVE, ROUNDING = 1e-12, 0.05, 4e-15
+# The factor by which each of the PASSES of refinement has to lower the error.
+GAIN = 0.5
+LEAST_DIVISOR = cython.declare(cython.double, 1e-300)
+
+
+def set_point(m):
+    """Set x, y and z from the values and multipliers, x to active bounds exactly."""
+    copy(m.s + m.m, m.x, m.n)
+    copy(m.s + m.rows, m.y, m.p)
+    fill(m.z_box, 0.0, m.n)
+    fill(m.z, 0.0, m.m)
+    for i in range(m.k):
+        row = m.active[i]
+        if row < m.m:
+            m.z[row] = max(m.multiplier[i], 0.0)
+        else:
+            m.x[row - m.m] = goal_of(m, row, m.side[row])
+
+
+def measure(m):
+    """Set z_box to minus the gradient at active bounds; measure the point.
+
+    Needs the products of the point. Returns the largest residual over the moduli of its
+    terms, with the active rows as equations.
+    """
+    primal = 0.0
+    for i in range(m.k):
+        row = m.active[i]
+        if row < m.m:
+            primal = max(primal, fabs(m.Gx[row] - m.h[row]))
+        else:
+            j = row - m.m
+            gradient = m.Px[j] + m.q[j] + m.Gtz[j] + m.Aty[j]
+            sign = m.side[row]
+            m.z_box[j] = sign * max(-sign * gradient, 0.0)
+    measure_point(m)
+    found = cython.address(m.found)
+    return max(
+        max(primal, found.primal) / max(found.primal_size, LEAST_DIVISOR),
+        found.dual / max(found.dual_size, LEAST_DIVISOR),
+    )
+
+
+def measure_point(m):
+    """Set m.found, the numbers of `Residuals`, from the products of the point."""
+    q, h, b, lb, ub = m.q, m.h, m.b, m.lb, m.ub
+    x, y, z, z_box = m.x, m.y, m.z, m.z_box
+    Px, Gx, Ax, Gtz, Aty = m.Px, m.Gx, m.Ax, m.Gtz, m.Aty
+    primal, primal_size, dual, dual_size = 0.0, 0.0, 0.0, 0.0
+    xPx, qx, by, hz, bounds = 0.0, 0.0, 0.0, 0.0, 0.0
+    for j in range(m.n):
+        primal = max(primal, max(lb[j] - x[j], x[j] - ub[j]))
+        if lb[j] > -INFINITY or ub[j] < INFINITY:  # else no constraint limits x_j alone
+            primal_size = max(primal_size, fabs(x[j]))
+        rd = Px[j] + q[j] + Gtz[j] + Aty[j] + z_box[j]
+        dual = max(dual, fabs(rd))
+        dual_size = max(dual_size, max(fabs(Px[j]), fabs(q[j])))
+        dual_size = max(dual_size, max(fabs(Gtz[j] + Aty[j]), fabs(z_box[j])))
+        if rd != rd or x[j] != x[j]:
+            dual = NAN
+            break
+        xPx += x[j] * Px[j]
+        qx += q[j] * x[j]
+        if z_box[j] != 0.0:
+            bound = lb[j] if z_box[j] < 0.0 else ub[j]
+            if isinf(bound):
+                dual = max(dual, fabs(z_box[j]))
+            else:
+                bounds += bound * z_box[j]
+    for i in range(m.m):
+        if Gx[i] != Gx[i] or z[i] != z[i]:
+            dual = NAN
+        primal = max(primal, Gx[i] - h[i])
+        if not isinf(h[i]):
+            # not |h_i|, which may be huge where the row is not active
+            primal_size = max(primal_size, fabs(Gx[i]))
+            hz += h[i] * z[i]
+        else:
+            dual = max(dual, fabs(z[i]))
+        dual = max(dual, -z[i])
+    for i in range(m.p):
+        if Ax[i] != Ax[i] or y[i] != y[i]:
+            dual = NAN
+        primal = max(primal, fabs(Ax[i] - b[i]))
+        primal_size = max(primal_size, max(fabs(Ax[i]), fabs(b[i])))
+        by += b[i] * y[i]
+    found = cython.address(m.found)
+    found.primal, found.primal_size = primal, primal_size
+    found.dual, found.dual_size = dual, dual_size
+    found.gap = fabs(xPx + qx + by + hz + bounds)
+    found.gap_size = max(
+        max(fabs(xPx), fabs(qx)), max(fabs(by), max(fabs(hz), fabs(bounds)))
+    )
+    found.objective = 0.5 * xPx + qx
+
+
+def is_low(m, residual, size, most_reserve):
+    """Tell whether a residual is far below its tolerance, or due to rounding."""
+    rounding = min(ROUNDING * size, most_reserve * m.eps_abs)
+    return m.eps_abs <= 0.0 or residual <= max(RESERVE * m.eps_abs, rounding)
+
+
+def is_accurate(m, error):
+    """Tell whether a point with this error of `measure` needs no refinement."""
+    found = cython.address(m.found)
+    return (
+        error <= ACCURATE
+        and is_low(m, found.primal, found.primal_size, 0.1)
+        and is_low(m, found.dual, found.dual_size, 0.1)
+        and is_low(m, found.gap, found.gap_size, 0.5)
+    )
+
+
+def is_within(m, residual, size, rounding):
+    """Tell whether a residual is within tolerance with that much of its terms."""
+    return residual + rounding * size <= m.eps_abs + m.eps_rel * size
+
+
+def are_within(m, rounding):
+    """Tell whether all three residuals are within tolerance."""
+    found = cython.address(m.found)
+    return (
+        is_within(m, found.primal, found.primal_size, rounding)
+        and is_within(m, found.dual, found.dual_size, rounding)
+        and is_within(m, found.gap, found.gap_size, rounding)
+    )
+
+
+def verdict(m):
+    """Return STUCK where the point is not within tolerance, else DONE or SUMMED.
+
+    Then its active rows are those of the last solved QP.
+    """
+    if not are_within(m, 0.0):
+        return STUCK
+    keep(m)
+    return DONE if are_within(m, ROUNDING) else SUMMED
+
+
+# ---- refinement
+
+
+def set_correction(m):
+    """Set m.rhs = -(dual residual, A x - b), and s to the values of the point."""
+    for j in range(m.n):
+        m.rhs[j] = -(m.Px[j] + m.q[j] + m.Gtz[j] + m.Aty[j] + m.z_box[j])
+        m.s[m.m + j] = m.x[j]
+    for i in range(m.p):
+        m.rhs[m.n + i] = m.b[i] - m.Ax[i]
+        m.s[m.rows + i] = m.y[i]
+    copy(m.Gx, m.s, m.m)
+
+
+def set_change(m):
+    """Let m.change lead to the active sides: less sum dmu_i w_i, with dmu in m.work.
+
+    It holds the values of K^-1 m.rhs before.
+    """
+    for i in range(m.k):
+        row = m.active[i]
+        m.work[i] = m.change[row] + m.s[row] - goal_of(m, row, m.side[row])
+    subtract_active(m, m.change)
+
+
+def take_change(m):
+    """Add m.change to s and m.work to mu."""
+    for i in range(m.length):
+        m.s[i] += m.change[i]
+    for i in range(m.k):
+        m.multiplier[i] += m.work[i]
+
+
+def note_best(m):
+    """Copy s and mu."""
+    copy(m.s, m.best, m.length)
+    copy(m.multiplier, m.best_multiplier, m.k)
+
+
+def exchange_best(m):
+    """Exchange s and mu with the copies of `note_best`."""
+    m.s, m.best = m.best, m.s
+    m.multiplier, m.best_multiplier = m.best_multiplier, m.multiplier
+
+
+def judge(m, found):
+    """Measure the point, and refine it as long as it is not accurate and that pays.
+
+    found: how the pivots ended. After LATE the point is measured alone.
+    """
+    error, passes = INFINITY, PASSES
+    set_point(m)
+    m.set_products(m.k == 0 and m.pivots == 0)
+    while True:
+        before, error = error, measure(m)
+        if found == LATE:
+            return LATE
+        if not error < before:
+            exchange_best(m)
+            error, passes = INFINITY, 0
+        elif passes > 0 and error <= GAIN * before and not is_accurate(m, error):
+            note_best(m)
+            set_correction(m)
+            m.set_values(m.rhs, m.change)
+            set_change(m)
+            take_change(m)
+            passes -= 1
+        else:
+            return verdict(m)
+        set_point(m)
+        m.set_products(False)
+
+
+def set_contradiction(m):
+    """Set y and z to the multipliers that `step` found to contradict the rows."""
+    sign = m.entering_side
+    copy(m.s + m.m, m.x, m.n)
+    fill(m.z_box, 0.0, m.n)
+    fill(m.z, 0.0, m.m)
+    for i in range(m.p):
+        m.y[i] = -sign * m.direction[m.rows + i]
+    for i in range(m.k):
+        if m.active[i] < m.m:
+            m.z[m.active[i]] = -sign * m.ratio[i]
+    if m.entering < m.m:
+        m.z[m.entering] = 1.0

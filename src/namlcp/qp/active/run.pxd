@@ -1,0 +1,11 @@
+from namlcp.qp.active.dense cimport DenseActiveSet
+from namlcp.qp.active.state cimport ActiveSet, Code
+
+cdef double INFINITE
+
+cdef bint are_allowed(ActiveSet m) noexcept nogil
+cdef bint is_faulty(ActiveSet m) noexcept nogil
+cdef Code solve_dense(DenseActiveSet m) noexcept nogil
+cdef Code follow(ActiveSet m) noexcept nogil
+cdef Code sum_anew(DenseActiveSet m) noexcept nogil
+cdef double finite_dot(ActiveSet m, const double* sides, const double* multipliers, double sign, Py_ssize_t n) noexcept nogil

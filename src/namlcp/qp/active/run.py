@@ -1,0 +1,154 @@
+"""A solve: checks of the numbers, factors where they are missing, the method, the end."""
+
+import cython
+from cython import Py_ssize_t
+from cython.cimports.libc.math import INFINITY, fabs, isinf
+from cython.cimports.namlcp.linalg.blas import (
+    blas_dot,
+    blas_times,
+    blas_times_transposed,
+)
+from cython.cimports.namlcp.linalg.vectors import copy
+from cython.cimports.namlcp.qp.active.dense import set_up
+from cython.cimports.namlcp.qp.active.judgement import (
+    are_within,
+    judge,
+    measure_point,
+    set_contradiction,
+)
+from cython.cimports.namlcp.qp.active.proximal import (
+    contradicts_equations,
+    leaves_equations,
+    refine_contradiction,
+    solve_by_rounds,
+)
+from cython.cimports.namlcp.qp.active.state import (
+    CONTRADICTION,
+    DONE,
+    FAULTY,
+    LATE,
+    STUCK,
+    SUMMED,
+    UNSUITED,
+)
+from cython.cimports.namlcp.qp.active.steps import (
+    VIOLATION_ROUNDING,
+    admit_hints,
+    drop_wrong_signs,
+    finish,
+    pivot,
+    recall,
+)
+from cython.cimports.namlcp.qp.active.weight import wanted_rho
+
+from namlcp.checks import INFINITE as HUGE_SIDE
+
+INFINITE = HUGE_SIDE
+
+
+def are_allowed(m):
+    """Tell whether all numbers in the vectors are allowed, and mean what they are.
+
+    Not so NaN, infinite entries of q and b, and sides beyond `INFINITE`.
+    """
+    fine: cython.bint = True
+    most = INFINITE
+    for j in range(m.n):
+        fine = fine and fabs(m.q[j]) < INFINITY
+        fine = fine and (-most < m.lb[j] < most or m.lb[j] == -INFINITY)
+        fine = fine and (-most < m.ub[j] < most or m.ub[j] == INFINITY)
+    for i in range(m.p):
+        fine = fine and fabs(m.b[i]) < INFINITY
+    for i in range(m.m):
+        fine = fine and (-most < m.h[i] < most or m.h[i] == INFINITY)
+    return fine
+
+
+def is_faulty(m):
+    """Tell whether a number in the vectors is not allowed, or two sides are opposed."""
+    if not are_allowed(m):
+        return True
+    opposed: cython.bint = False
+    for j in range(m.n):
+        opposed = opposed or not m.lb[j] <= m.ub[j]
+    return opposed
+
+
+def solve_dense(m):
+    """Solve the QP at the pointers of m."""
+    m.pivots = 0
+    if is_faulty(m):
+        return FAULTY
+    if not m.is_ready and not set_up(m):
+        return UNSUITED
+    m.is_ready = True
+    if m.skipped > 0 and contradicts_equations(m):
+        return CONTRADICTION
+    if m.rho == 0.0:
+        found = follow(m)
+    elif m.rho == wanted_rho(m) or set_up(m):
+        found = solve_by_rounds(m)
+    else:
+        return UNSUITED
+    if found == CONTRADICTION:
+        refine_contradiction(m)
+    elif found == SUMMED:
+        found = sum_anew(m)
+    if found == DONE and m.skipped > 0 and leaves_equations(m):
+        return UNSUITED
+    return found
+
+
+def follow(m):
+    """Solve the QP by the steps of `steps`, from the active rows at hand, and judge."""
+    for j in range(m.n):
+        m.rhs[j] = -m.q[j]
+    copy(m.b, m.rhs + m.n, m.p)
+    m.set_values(m.rhs, m.s0)
+    m.entering = -1
+    recall(m)
+    admit_hints(m)
+    drop_wrong_signs(m)
+    m.hints, m.level = 0, VIOLATION_ROUNDING
+    found = pivot(m)
+    if found == STUCK:
+        return STUCK
+    if found == CONTRADICTION:
+        set_contradiction(m)
+        return CONTRADICTION
+    if found == DONE and not finish(m):
+        return STUCK
+    return judge(m, found)
+
+
+def sum_anew(m):
+    """Measure the point with sums in the order of the data: DONE or STUCK.
+
+    They are those of `qp_residuals`, which takes them from NumPy and thus from BLAS.
+    """
+    n = m.n
+    blas_times(m.P, n, n, m.x, m.Px)
+    blas_times(m.G, m.m, n, m.x, m.Gx)
+    blas_times(m.A, m.p, n, m.x, m.Ax)
+    blas_times_transposed(m.G, m.m, n, m.z, m.Gtz)
+    blas_times_transposed(m.A, m.p, n, m.y, m.Aty)
+    measure_point(m)
+    gap = blas_dot(m.x, m.Px, n) + blas_dot(m.q, m.x, n)
+    gap += finite_dot(m, m.h, m.z, 0.0, m.m)
+    gap += blas_dot(m.b, m.y, m.p)
+    gap += finite_dot(m, m.lb, m.z_box, -1.0, n)
+    gap += finite_dot(m, m.ub, m.z_box, 1.0, n)
+    m.found.gap = fabs(gap)
+    return DONE if are_within(m, 0.0) else STUCK
+
+
+def finite_dot(m, sides, multipliers, sign, n):
+    """Return the product of the finite sides with multipliers not opposed to `sign`."""
+    finite, beside = m.change, m.direction
+    count: Py_ssize_t = 0
+    for i in range(n):
+        if not isinf(sides[i]):
+            finite[count] = sides[i]
+            beside[count] = 0.0 if sign * multipliers[i] < 0.0 else multipliers[i]
+            count += 1
+    return blas_dot(finite, beside, count)

@@ -1,0 +1,135 @@
+cdef double OFTEN
+cdef Py_ssize_t MOST_NUMBERS
+
+
+cdef enum Code:
+    # How a part of a solve ended. STUCK: another method has to solve the QP; UNSUITED:
+    # as its matrices are not suited; FAULTY: as a number is not allowed, or two sides
+    # are opposed. SUMMED: as DONE, but the terms are so large that the order of their
+    # sums matters. UNBOUNDED: z_box is a candidate for a ray.
+    DONE
+    CONTRADICTION
+    LATE
+    STUCK
+    UNSUITED
+    FAULTY
+    SUMMED
+    UNBOUNDED
+    WIDE
+
+
+cdef struct Numbers:
+    double primal
+    double dual
+    double gap
+    double primal_size
+    double dual_size
+    double gap_size
+    double objective
+
+
+cdef class ActiveSet:
+    cdef:
+        # The vectors of the problem, and where the point is to be; not owned.
+        const double *q
+        const double *h
+        const double *b
+        const double *lb
+        const double *ub
+        double *x
+        double *y
+        double *z
+        double *z_box
+        # Sizes; rows = m + n inequalities and bounds, length = rows + p; the most active
+        # rows, the most responses; equations that depend on others.
+        Py_ssize_t n, m, p, rows, length, most, capacity, skipped
+        # Values of the rows, see `steps`, at the base point and now, their change for a
+        # multiplier that grows; 1 over the norms of the rows.
+        double *s0
+        double *s
+        double *direction
+        double *scale
+        # Active rows: index, multiplier, the triangle L with L L' = S; side of every row:
+        # 1 at h or ub, -1 at lb, 0 if not active. The same of the last solved QP.
+        Py_ssize_t *active
+        Py_ssize_t *side
+        Py_ssize_t *kept_active
+        Py_ssize_t *kept_side
+        double *multiplier
+        double *triangle
+        double *kept_triangle
+        # Active rows now and in the last solved QP; changes since L was computed from S,
+        # now and then; rows of a hint, and the one tried now; whether rows have
+        # changed in this solve; whether no other solve follows, or only that of an
+        # item of a batch, which must not depend on this one.
+        Py_ssize_t k, kept_k, age, kept_age, hints, hinted
+        bint changed, is_single, is_item
+        # L^-1 w_F, S^-1 w_F, right-hand sides of S, Givens rotations.
+        double *coefficient
+        double *ratio
+        double *work
+        double *cosines
+        double *sines
+        # Responses, the place of each row's (-1: none), the row of each place.
+        double *responses
+        Py_ssize_t *place
+        Py_ssize_t *owner
+        Py_ssize_t next_place
+        # Products of the point; right-hand sides; the change of a refinement; the best
+        # values and multipliers before it.
+        double *Px
+        double *Gx
+        double *Ax
+        double *Gtz
+        double *Aty
+        double *rhs
+        double *change
+        double *best
+        double *best_multiplier
+        # Of `proximal`: W, what it is made of, see `weight`; the centre of a round; the
+        # direction of conjugate gradients with the values of rows, and P times it.
+        double *weight
+        double *shape
+        double *reach
+        double *centre
+        double *along
+        double *Palong
+        # rho in W, 0 without W; what it is to be over that of the data, 0 for W only
+        # where P has no good factor, NO_WEIGHT for never; the largest diagonal entry of P.
+        double rho, wanted, largest
+        Py_ssize_t rounds
+        # The row that enters (-1: none) and its side, its multiplier so far.
+        Py_ssize_t entering, entering_side, pivots, max_iter
+        double own
+        # The violation over the moduli of its terms that counts as rounding; curvature
+        # of a row of norm 1 up to which the equations fix it.
+        double level, least_curvature
+        # Operations so far, those from which on the method gives up.
+        double operations, most_operations
+        double eps_abs, eps_rel
+        Numbers found
+        # The watch, see `is_over`: operations since the last look at the clock, the end
+        # of the time limit, whether to stop, whether Ctrl-C came.
+        double since, until
+        bint over, interrupted
+        # Whether what depends on the matrices is there.
+        bint is_ready
+        char *memory
+        size_t memory_size, memory_end
+        object error
+        readonly object matrices
+
+    cdef void lay_out(self) noexcept nogil
+    cdef void set_values(self, const double* rhs, double* values) noexcept nogil
+    cdef void make_responses(self, Py_ssize_t row) noexcept nogil
+    cdef void set_products(self, bint is_base) noexcept nogil
+    cdef void set_row_products(self) noexcept nogil
+    cdef void times_cost(self, const double* x, double* Px) noexcept nogil
+
+
+cdef double* reals(ActiveSet m, Py_ssize_t count) noexcept nogil
+cdef Py_ssize_t* indices(ActiveSet m, Py_ssize_t count) noexcept nogil
+cdef void lay_out_rows(ActiveSet m) noexcept nogil
+cdef int make_room(ActiveSet m) except -1
+cdef void begin_watch(ActiveSet m, double until) noexcept nogil
+cdef bint is_over(ActiveSet m, double operations) noexcept nogil
