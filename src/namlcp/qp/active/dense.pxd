@@ -13,6 +13,8 @@ cdef class DenseActiveSet(ActiveSet):
         double *schur
         double *halves
         double *schur_work
+        # Bounds that are none.
+        double *no_bound
         # How strongly equations are added to a singular P, 0 for not; whether `factor`
         # is V already; whether factors are made by LAPACK.
         double pull

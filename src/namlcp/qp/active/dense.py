@@ -67,7 +67,7 @@ class DenseActiveSet(ActiveSet):
         lay_out_rows(self)
         self.factor, self.equations = reals(self, n * n), reals(self, p * n)
         self.schur, self.schur_work = reals(self, p * p), reals(self, p)
-        self.halves = reals(self, 4 * n)
+        self.halves, self.no_bound = reals(self, 4 * n), reals(self, 2 * n)
 
     def set_values(self, rhs, values):
         if self.is_inverted:

@@ -4,6 +4,7 @@ Responses are kept in places, each as long as the values s. There are as many pl
 rows if memory allows, and always more than rows can be active.
 """
 
+from cython import Py_ssize_t
 from cython.cimports.namlcp.linalg.dense import (
     triangle_solve,
     triangle_solve_transposed,

@@ -1,3 +1,5 @@
+from namlcp.outcome cimport Numbers
+
 cdef double OFTEN
 cdef Py_ssize_t MOST_NUMBERS
 
@@ -16,16 +18,6 @@ cdef enum Code:
     SUMMED
     UNBOUNDED
     WIDE
-
-
-cdef struct Numbers:
-    double primal
-    double dual
-    double gap
-    double primal_size
-    double dual_size
-    double gap_size
-    double objective
 
 
 cdef class ActiveSet:
@@ -96,16 +88,19 @@ cdef class ActiveSet:
         double *Palong
         # rho in W, 0 without W; what it is to be over that of the data, 0 for W only
         # where P has no good factor, NO_WEIGHT for never; the largest diagonal entry of P.
-        double rho, wanted, largest
-        Py_ssize_t rounds
+        readonly double rho
+        public double wanted
+        double largest
+        readonly Py_ssize_t rounds
         # The row that enters (-1: none) and its side, its multiplier so far.
-        Py_ssize_t entering, entering_side, pivots, max_iter
+        Py_ssize_t entering, entering_side
+        readonly Py_ssize_t pivots, max_iter
         double own
         # The violation over the moduli of its terms that counts as rounding; curvature
         # of a row of norm 1 up to which the equations fix it.
         double level, least_curvature
         # Operations so far, those from which on the method gives up.
-        double operations, most_operations
+        readonly double operations, most_operations
         double eps_abs, eps_rel
         Numbers found
         # The watch, see `is_over`: operations since the last look at the clock, the end
@@ -113,11 +108,13 @@ cdef class ActiveSet:
         double since, until
         bint over, interrupted
         # Whether what depends on the matrices is there.
-        bint is_ready
+        readonly bint is_ready
         char *memory
         size_t memory_size, memory_end
         object error
-        readonly object matrices
+        # What keeps the arrays behind the pointers alive; the point that was made last.
+        readonly object matrices, vectors, point
+        readonly int code
 
     cdef void lay_out(self) noexcept nogil
     cdef void set_values(self, const double* rhs, double* values) noexcept nogil

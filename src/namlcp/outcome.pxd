@@ -1,0 +1,27 @@
+cdef struct Numbers:
+    double primal
+    double dual
+    double gap
+    double primal_size
+    double dual_size
+    double gap_size
+    double objective
+
+
+cdef class Settings:
+    cdef readonly double eps_abs, eps_rel, time_limit
+    cdef readonly Py_ssize_t max_iter
+
+
+cdef class Outcome:
+    cdef:
+        readonly object status, x, y, z, z_box, form, message
+        readonly object history, closest, problem, factors
+        readonly Py_ssize_t iterations
+        readonly double obj, setup_time, solve_time
+        readonly object stamp
+        public object kept
+        Numbers numbers
+
+
+cdef object new_outcome(object kind)

@@ -1,0 +1,83 @@
+"""What a solve of a QP returns, before the methods of `QPResult`; its settings."""
+
+from cython.cimports.libc.math import NAN
+
+from namlcp.residuals import Residuals
+
+NUMBERS = Residuals._fields
+FIELDS = (
+    "status", "x", "y", "z", "z_box", "obj", "residuals", "iterations", "form",
+    "message", "setup_time", "solve_time", "history", "closest",
+)  # fmt: skip
+"""What a result has, and what a copy or a pickle of it keeps."""
+
+
+class Settings:
+    """The tolerances and limits of a solve, as compiled code reads them.
+
+    max_iter is 0 where the user has not chosen it, time_limit is in seconds.
+    """
+
+    def __init__(self, eps_abs, eps_rel, max_iter, time_limit):
+        self.eps_abs, self.eps_rel = eps_abs, eps_rel
+        self.max_iter, self.time_limit = max_iter, time_limit
+
+
+class Outcome:
+    """How a solve ended, and the point; the attributes are those of `QPResult`."""
+
+    def __init__(
+        self, *, status, x, y, z, z_box, obj, residuals, iterations, form, message="",
+        setup_time=0.0, solve_time=0.0, history=None, closest=None, problem=None,
+        factors=None, stamp=None,
+    ):  # fmt: skip
+        self.status, self.x, self.y, self.z, self.z_box = status, x, y, z, z_box
+        self.obj, self.iterations, self.form = obj, iterations, form
+        self.message, self.history, self.closest = message, history, closest
+        self.setup_time, self.solve_time = setup_time, solve_time
+        self.problem, self.factors, self.stamp = problem, factors, stamp
+        numbers = self.numbers
+        numbers.primal, numbers.dual, numbers.gap = residuals[:3]
+        numbers.primal_size, numbers.dual_size, numbers.gap_size = residuals[3:6]
+        numbers.objective = residuals[6]
+        self.numbers = numbers
+
+    @property
+    def residuals(self):
+        """The `Residuals`, on the user's unscaled data."""
+        return Residuals(
+            self.numbers.primal,
+            self.numbers.dual,
+            self.numbers.gap,
+            self.numbers.primal_size,
+            self.numbers.dual_size,
+            self.numbers.gap_size,
+            self.numbers.objective,
+        )
+
+    def replaced(self, **changes):
+        """Return a copy in which some attributes are others."""
+        names = (*FIELDS, "problem", "factors", "stamp")
+        return type(self)(**{name: getattr(self, name) for name in names} | changes)
+
+    def __reduce__(self):
+        """Leave the problem and the factors behind."""
+        state = {name: getattr(self, name) for name in FIELDS}
+        return remade, (type(self), state)
+
+    def __repr__(self):
+        parts = [f"{name}={getattr(self, name)!r}" for name in FIELDS]
+        return f"{type(self).__name__}({', '.join(parts)})"
+
+
+def remade(kind, state):
+    """Return a result that was pickled."""
+    return kind(**state)
+
+
+def new_outcome(kind):
+    """Return an Outcome of a class, without any attribute."""
+    result: Outcome = kind.__new__(kind)
+    result.message = result.form = ""
+    result.obj = NAN
+    return result
