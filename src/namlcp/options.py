@@ -12,6 +12,7 @@ import numpy as np
 
 from namlcp.limits import NEVER, Deadline, Limits
 from namlcp.progress import Progress
+from namlcp.settings import Settings
 
 CERTIFICATE = "certificate"
 """The value of `Options.infeasible` that asks for a proof of infeasibility alone."""
@@ -89,9 +90,14 @@ class Options:
         return relaxation_of(self.infeasible)
 
     @cached_property
-    def unwatched(self) -> Limits:
-        """The limits of solves without a deadline, made once."""
-        return self.limits()
+    def settings(self) -> Settings:
+        """The tolerances and limits, for compiled code."""
+        return Settings(self.eps_abs, self.eps_rel, self.max_iter, self.time_limit)
+
+    @cached_property
+    def is_plain(self) -> bool:
+        """Tell whether nothing is to be printed, or found beyond a certificate."""
+        return not (self.verbose or self.relaxation)
 
     @classmethod
     def from_names(cls, settings: Mapping[str, Any]) -> "Options":

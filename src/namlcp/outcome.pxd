@@ -8,18 +8,13 @@ cdef struct Numbers:
     double objective
 
 
-cdef class Settings:
-    cdef readonly double eps_abs, eps_rel, time_limit
-    cdef readonly Py_ssize_t max_iter
-
-
 cdef class Outcome:
     cdef:
         readonly object status, x, y, z, z_box, form, message
-        readonly object history, closest, problem, factors
+        readonly object history, closest, problem
+        public object factors, stamp
         readonly Py_ssize_t iterations
         readonly double obj, setup_time, solve_time
-        readonly object stamp
         public object kept
         Numbers numbers
 

@@ -1,4 +1,4 @@
-"""What a solve of a QP returns, before the methods of `QPResult`; its settings."""
+"""What a solve of a QP returns: a `QPResult` without its methods."""
 
 from cython.cimports.libc.math import NAN
 
@@ -10,17 +10,6 @@ FIELDS = (
     "message", "setup_time", "solve_time", "history", "closest",
 )  # fmt: skip
 """What a result has, and what a copy or a pickle of it keeps."""
-
-
-class Settings:
-    """The tolerances and limits of a solve, as compiled code reads them.
-
-    max_iter is 0 where the user has not chosen it, time_limit is in seconds.
-    """
-
-    def __init__(self, eps_abs, eps_rel, max_iter, time_limit):
-        self.eps_abs, self.eps_rel = eps_abs, eps_rel
-        self.max_iter, self.time_limit = max_iter, time_limit
 
 
 class Outcome:

@@ -14,23 +14,8 @@ with warnings.catch_warnings():
 from qpsolvers.exceptions import ParamError, ProblemError, SolverError
 
 from namlcp.options import DEFAULT_OPTIONS, Options
-from namlcp.qp import (
-    QP,
-    ClosestPoint,
-    Done,
-    Memory,
-    NotConvex,
-    checked,
-    make_guess,
-    needs_more,
-    parted,
-    qp_arrays,
-    result_of,
-    solve_checked,
-    solve_shortly,
-)
-from namlcp.residuals import Residuals
-from namlcp.result import SOLVED, QPResult
+from namlcp.qp import ClosestPoint, solve_arguments, solve_small
+from namlcp.result import QPResult
 from namlcp.status import Status
 
 KEYWORD = "nam"
@@ -78,108 +63,55 @@ def nam_solve_problem(
     start = time.perf_counter()
     try:
         warm_start = settings.pop("warm_start", None)
-        try:
-            if verbose:
-                settings["verbose"] = True
-            options = Options.from_names(settings) if settings else DEFAULT_OPTIONS
-        except (TypeError, ValueError) as error:
-            raise ParamError(str(error)) from error
-        try:
-            qp, known, in_vain = qp_arrays(*problem.unpack()), None, False
-            given = problem.P, problem.G, problem.A
-            if initvals is None and warm_start is None:
-                ready = time.perf_counter()
-                done, known, in_vain, _ = solve_shortly(qp, options, start, given)
-                if done is not None:
-                    return short_solution(problem, qp, done, (start, ready))
-                if known is not None and not needs_more(options, known):
-                    result = result_of(known, (qp, given), start, ready)
-                    return solution(problem, result)
-            qp = checked(qp)
-        except (TypeError, ValueError) as error:
-            raise ProblemError(str(error)) from error
-        try:
-            guess = make_guess(qp, initvals, warm_start, "initvals")
-        except (TypeError, ValueError) as error:
-            raise ParamError(str(error)) from error
-        try:
-            result = solve_checked(
-                qp, options, guess, start, False, Memory(in_vain), given, known
-            )
-        except NotConvex as error:
-            raise ProblemError(str(error)) from error
+        if verbose:
+            settings["verbose"] = True
+        options = Options.from_names(settings) if settings else DEFAULT_OPTIONS
+    except (TypeError, ValueError) as error:
+        raise ParamError(str(error)) from error
+    arguments = problem.unpack()
+    try:
+        tried = None
+        if initvals is None and warm_start is None and options.is_plain:
+            tried = solve_small(QPResult, *arguments, options.settings, start, False)
+            if type(tried) is QPResult:
+                return solution(problem, tried)
+        result = solve_arguments(
+            arguments, options, start, tried, initvals, warm_start, name="initvals"
+        )
         return solution(problem, result)
-    except qpsolvers.exceptions.QPError:
-        raise
+    except (TypeError, ValueError) as error:
+        of_guess = str(error).startswith(("initvals", "warm_start"))
+        raise (ParamError if of_guess else ProblemError)(str(error)) from error
     except Exception as error:  # a KeyError would mean "solver not installed"
         raise SolverError(f"namlcp failed: {error!r}") from error
 
 
 def solution(problem: qpsolvers.Problem, result: QPResult) -> qpsolvers.Solution:
     """Return `result` as a Solution."""
-    extras = extras_of(
-        result.status,
-        result.message,
-        result.iterations,
-        result.form,
-        result.residuals,
-    )
-    answer = qpsolvers.Solution(
-        problem,
-        extras,
-        result.status is Status.SOLVED,
-        result.obj,
-        build_time=result.setup_time,
-        solve_time=result.solve_time,
-    )
+    status = result.status
+    extras = {
+        "status": status._value_,  # which is the value, without a descriptor
+        "message": result.message or status.explanation,
+        "iterations": result.iterations,
+        "form": result.form,
+        "residuals": result.residuals,
+    }
     absent = problem.lb is None and problem.ub is None
     z_box = NO_ENTRIES if absent else result.z_box
-    point: QPResult | ClosestPoint = result
-    if result.status is Status.PRIMAL_INFEASIBLE:
+    point: QPResult | ClosestPoint | None = result
+    if status is Status.PRIMAL_INFEASIBLE:
         extras["certificate"] = {"y": result.y, "z": result.z, "z_box": z_box}
-        if result.closest is None:
-            return answer
-        extras["closest"] = point = result.closest
-    elif result.status is Status.DUAL_INFEASIBLE:
-        extras["certificate"] = {"x": result.x}
-        return answer
-    answer.x, answer.y = point.x, point.y
-    answer.z, answer.z_box = point.z, NO_ENTRIES if absent else point.z_box
-    return answer
-
-
-def short_solution(
-    problem: qpsolvers.Problem, qp: QP, done: Done, times: tuple[float, float]
-) -> qpsolvers.Solution:
-    """Return the answer `done` as a Solution, as `solution` does, in half of its time.
-
-    times: the values of time.perf_counter() at the call and after its checks.
-    """
-    numbers, iterations, form = done
-    point, residuals = parted(numbers, qp.q.size, qp.h.size, qp.b.size)
-    x, y, z, z_box = point
-    if problem.lb is None and problem.ub is None:
-        z_box = NO_ENTRIES
-    extras = extras_of(SOLVED, "", iterations, form, residuals)
-    start, ready = times
-    now = time.perf_counter()
+        point = result.closest
+        if point is not None:
+            extras["closest"] = point
+            z_box = NO_ENTRIES if absent else point.z_box
+    elif status is Status.DUAL_INFEASIBLE:
+        extras["certificate"], point = {"x": result.x}, None
+    parts = (None,) * 4 if point is None else (point.x, point.y, point.z, z_box)
     return qpsolvers.Solution(  # names of arguments would take 0.4 us
-        problem, extras, True, residuals.objective, x, y, z, z_box,
-        ready - start, now - ready,
+        problem, extras, status is Status.SOLVED, result.obj, *parts,
+        result.setup_time, result.solve_time,
     )  # fmt: skip
-
-
-def extras_of(
-    status: Status, message: str, iterations: int, form: str, residuals: Residuals
-) -> dict[str, Any]:
-    """Return what a Solution has no attributes for."""
-    return {
-        "status": status._value_,  # which is the value, without a descriptor
-        "message": message or status.explanation,
-        "iterations": iterations,
-        "form": form,
-        "residuals": residuals,
-    }
 
 
 def nam_solve_qp(

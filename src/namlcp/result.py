@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from namlcp.outcome import Outcome
 from namlcp.residuals import Residuals
 from namlcp.status import Status
-from namlcp.unfolding import Differentiable, Unfolding
+from namlcp.unfolding import Differentiable
 
 if TYPE_CHECKING:
     from namlcp.derivatives import (
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
         QPGradients,
         QPTangent,
     )
-
-SOLVED = Status.SOLVED  # which an Enum takes 0.1 us to find
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -201,8 +200,7 @@ class LCPResult(Differentiable):
         return differentiate_lcp(self)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class QPResult(Unfolding):
+class QPResult(Outcome):
     """Result of `solve_qp`; read `status` first.
 
     Attributes
@@ -265,31 +263,10 @@ class QPResult(Unfolding):
     message: str
     setup_time: float
     solve_time: float
-    history: np.ndarray | None = None
-    closest: Any = None
-    problem: Any = field(repr=False)
-    """The checked QP and (P, G, A) as they were given, or a function that returns both,
-    for the derivatives."""
-    factors: Any = field(default=None, repr=False)
-    """Those of the solve, for the derivatives, if they were asked for."""
+    history: np.ndarray | None
+    closest: Any
 
-    @classmethod
-    def of(cls, attributes: dict[str, Any]) -> "QPResult":
-        """Return a result with these attributes, all that have no default.
-
-        The constructor takes 3 us, because the class is frozen, this half of one.
-        """
-        result = object.__new__(cls)
-        result.__dict__.update(attributes)
-        return result
-
-    @classmethod
-    def quick(cls, x: np.ndarray, later: tuple[Any, ...]) -> "QPResult":
-        """Return a SOLVED result, of which `later` makes the rest, see `Unfolding`."""
-        result = object.__new__(cls)
-        state = result.__dict__
-        state["status"], state["x"], state["later"] = SOLVED, x, later
-        return result
+    __slots__ = ()
 
     def backward(
         self, dx: Any = None, dy: Any = None, dz: Any = None, dz_box: Any = None
@@ -424,4 +401,6 @@ class QPResult(Unfolding):
         """The active constraints and factors of `backward` and `forward`."""
         from namlcp.derivatives import differentiate_qp
 
-        return differentiate_qp(self)
+        if self.kept is None:
+            self.kept = differentiate_qp(self)
+        return self.kept

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from namlcp.qp import ClosestPoint
+from namlcp.qp import QP, ClosestPoint, qp_arrays
 from namlcp.result import LCPResult, QPResult
 from namlcp.status import Status
 
@@ -18,4 +18,13 @@ def problem_of(result: QPResult | LCPResult | ClosestPoint) -> Any:
             "derivatives need the result of the solve itself: a pickled or copied one "
             "has lost the problem"
         )
-    return result.problem() if callable(result.problem) else result.problem
+    problem = result.problem
+    if callable(problem):
+        return problem()
+    if len(problem) == len(QP._fields):  # the arguments of `solve_qp`
+        P, _, G, _, A, *_ = problem
+        return qp_arrays(*problem), (P, G, A)
+    if len(problem) == 3:  # the matrices, the vectors, and P, G, A of a `Solver`
+        matrices, vectors, given = problem
+        return QP.of(matrices, vectors), given
+    return problem

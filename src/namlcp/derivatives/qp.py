@@ -175,18 +175,15 @@ class QPDerivative:
 
 
 def differentiate_qp(result: QPResult) -> QPDerivative:
-    """Return the derivative of a solution, made once; raise ValueError if it has none.
+    """Return the derivative of a solution; raise ValueError if it has none.
 
     That is so, too, if an array of the user has other numbers than at the solve.
     """
     qp, given = problem_of(result)
-    known = vars(result)
-    if "stamp" in known and known["stamp"] != stamp_of(qp):
+    if result.stamp is not None and result.stamp != stamp_of(qp):
         raise ValueError(
             "derivatives need the arrays as they were when the QP was solved: one has "
             "been changed in place since (pass a copy to the solve)"
         )
-    if "derivative" not in known:
-        point = Point(result.x, result.y, result.z, result.z_box)
-        known["derivative"] = QPDerivative(qp, given, point, result.factors)
-    return known["derivative"]
+    point = Point(result.x, result.y, result.z, result.z_box)
+    return QPDerivative(qp, given, point, result.factors)

@@ -1,20 +1,12 @@
 """Convex QPs: `solve_qp`, the forms it chooses from, and what proves an answer."""
 
+from namlcp.qp.active import solve_small
 from namlcp.qp.closest import ClosestPoint, Face
 from namlcp.qp.convexity import NotConvex
 from namlcp.qp.guess import NO_GUESS, make_guess
 from namlcp.qp.kkt import KKT
 from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, Point, checked, qp_arrays, qp_data
-from namlcp.qp.responses import (
-    Done,
-    Held,
-    least_pivot,
-    parted,
-    parts_of_result,
-    solve_held,
-    state_at,
-)
 from namlcp.qp.sequences import (
     BatchResult,
     OtherShape,
@@ -23,11 +15,5 @@ from namlcp.qp.sequences import (
     on_threads,
     solve_batch,
 )
-from namlcp.qp.solve import (
-    needs_more,
-    result_of,
-    solve_checked,
-    solve_qp,
-    solve_shortly,
-)
+from namlcp.qp.solve import needs_more, result_of, solve_arguments, solve_checked, solve_qp
 from namlcp.qp.transforms import equilibrate

@@ -16,7 +16,7 @@ from namlcp.qp.guess import Guess
 from namlcp.qp.memory import Memory
 from namlcp.qp.path import solve_path
 from namlcp.qp.problem import QP
-from namlcp.qp.responses import solve_once
+from namlcp.qp.active import solve_once
 
 # Most variables of a QP with bounds alone that is quicker in dense form.
 DENSE_BOX = 50
@@ -78,7 +78,7 @@ def solve_smallest_form(qp: QP, guess: Guess, limits: Limits, memory: Memory) ->
         if answer is not None and answer.ends:
             return answer
     if is_small(qp) and not memory.in_vain:
-        answer = solve_once(qp.in_dense_form(), guess, limits, memory.held) or answer
+        answer = solve_once(qp.in_dense_form(), guess, limits) or answer
     if answer is not None and answer.ends:
         return answer
     with limits.deadline.listening():

@@ -14,7 +14,6 @@ from namlcp.lcp import Prepared
 from namlcp.linalg import arrays_of
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.problem import QP
-from namlcp.qp.responses import Held
 from namlcp.qp.transforms import Presolved, ScaledQP, Substitution
 
 
@@ -24,8 +23,7 @@ class Memory:
     `matrices` are copies of the last P, G and A. `recognised` replaces equal matrices
     by them, so that identity tells whether what was made from a matrix still fits.
     `convex` is the last P found positive semidefinite; `substitution`, `presolved` and
-    `scaled` are the last transforms, `rows` the last P prepared for box LCPs. `held`:
-    what is to hold the factors of a dense QP, see `responses`, if anything is.
+    `scaled` are the last transforms, `rows` the last P prepared for box LCPs.
     `in_vain`: whether the dense form of the QP, as it came, has been tried in vain.
     """
 
@@ -37,7 +35,6 @@ class Memory:
         self.presolved: Presolved | None = None
         self.scaled: ScaledQP | None = None
         self.rows: Prepared | None = None
-        self.held: Held | None = None
         self.in_vain = in_vain
 
     @classmethod

@@ -20,9 +20,10 @@ from namlcp.checks import (
     vector,
     without_huge,
 )
-from namlcp.compiled import kernel, part
+from namlcp.compiled import kernel
 from namlcp.limits import interruptible
 from namlcp.linalg import as_dense, dense_asymmetry, sparse_asymmetry
+from namlcp.linalg.stamp import stamp_of_arrays
 
 
 class Point(NamedTuple):
@@ -136,48 +137,14 @@ def sparse_faults(P, finite, bounds):
     return bad, gap, size, huge
 
 
-@part
-def add_stamp(values, total):
-    """Add a hash of the bits and places of float64 values to a sum (mod 2^64).
-
-    Each term is two rounds of the mixing of SplitMix64 (Steele, Lea and Flood, 2014).
-    """
-    bits, step = values.view(np.uint64), np.uint64(0x9E3779B97F4A7C15)
-    factor = np.uint64(0xBF58476D1CE4E5B9)
-    for i in range(bits.size):
-        v = bits[i] + np.uint64(i) * step
-        v = (v ^ (v >> np.uint64(32))) * factor
-        total += v ^ (v >> np.uint64(29))
-    return total
-
-
-@part
-def stamp_of_parts(P, G, A, vectors):
-    """Return a hash of all numbers of a dense QP."""
-    total = np.uint64(0)
-    for M in (P, G, A):
-        total = add_stamp(M.ravel(), total)
-    for v in vectors:
-        total = add_stamp(v, total)
-    return np.int64(total)
-
-
-@kernel
-def dense_stamp(P, q, G, h, A, b, lb, ub):
-    """Return the hash of `stamp_of_parts`."""
-    return stamp_of_parts(P, G, A, (q, h, b, lb, ub))
-
-
 def stamp_of(qp: QP) -> int:
     """Return a hash of the numbers of a QP, of sparse matrices without their places.
 
     Two QPs of one stamp are the same but for a chance of 2^-64.
     """
-    if qp.is_dense:
-        return dense_stamp(*qp)
     P, q, G, h, A, b, lb, ub = qp
-    P, G, A = (C.data.reshape(1, -1) for C in (P, G, A))
-    return dense_stamp(P, q, G, h, A, b, lb, ub)
+    matrices = (P, G, A) if qp.is_dense else (P.data, G.data, A.data)
+    return stamp_of_arrays((*matrices, q, h, b, lb, ub))
 
 
 def refuse_numbers(qp: QP) -> None:

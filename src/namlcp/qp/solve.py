@@ -5,46 +5,23 @@ from typing import Any
 
 import numpy as np
 
-from namlcp.limits import (
-    UNCHECKED_TIME,
-    Deadline,
-    Limits,
-    cause_of,
-    interruptible,
-)
+from namlcp.limits import Deadline, Limits, interruptible
 from namlcp.linalg import blas_threads
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
+from namlcp.qp.active import MOST_ORDER, decide, new_attempt, solve_once, solve_small
+from namlcp.qp.active.dense import DenseActiveSet
 from namlcp.qp.answer import OBJECTIVE, UNDECIDED, Answer, better, out_of_time
 from namlcp.qp.closest import check_weights, solve_or_approach
-from namlcp.qp.forms import (
-    DENSE_BOX,
-    SPARSE_ENTRIES,
-    is_small,
-    is_tiny,
-    solve_smallest_form,
-)
+from namlcp.qp.forms import DENSE_BOX, is_tiny, solve_smallest_form
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
-from namlcp.qp.judge import are_own, confirmed, upheld
+from namlcp.qp.judge import confirmed, upheld
 from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, checked, qp_arrays, stamp_of
-from namlcp.qp.responses import (
-    MOST_ORDER,
-    Done,
-    Held,
-    Verdict,
-    is_brief,
-    solve_once,
-    solve_unwrapped,
-    wrapped,
-)
 from namlcp.qp.transforms import substitute, without_huge_bounds
 from namlcp.residuals import qp_residuals
 from namlcp.result import QPResult
 from namlcp.status import Status
-
-# A time limit from which on a solve that `is_brief` need not know of it [s].
-AMPLE_TIME = 10.0 * UNCHECKED_TIME
 
 
 def solve_qp(
@@ -130,38 +107,51 @@ def solve_qp(
     ('solved', array([0.3, 0.7]), 1.88)
     """
     start = perf_counter()
-    qp, given = qp_arrays(P, q, G, h, A, b, lb, ub), (P, G, A)
     options = Options.from_names(settings) if settings else DEFAULT_OPTIONS
     check_flag("history", history)
     check_flag("derivative", derivative)
-    held, known, in_vain = Held() if derivative else None, None, False
+    arguments, tried = (P, q, G, h, A, b, lb, ub), None
+    if x0 is None and warm_start is None and not history and options.is_plain:
+        tried = solve_small(QPResult, *arguments, options.settings, start, derivative)
+        if type(tried) is QPResult:
+            return tried
+    return solve_arguments(
+        arguments, options, start, tried, x0, warm_start, history, derivative
+    )
+
+
+def solve_arguments(
+    arguments: tuple[Any, ...],
+    options: Options,
+    start: float,
+    tried: DenseActiveSet | None,
+    x0: Any = None,
+    warm_start: Any = None,
+    history: bool = False,
+    derivative: bool = False,
+    name: str = "x0",
+) -> QPResult:
+    """Solve the QP of arguments of any kind; `name` stands for x0 in messages.
+
+    `tried`: what has tried to solve it already, if anything has.
+    """
+    P, _, G, _, A, *_ = arguments
+    qp, given = qp_arrays(*arguments), (P, G, A)
+    known, in_vain = None, False
     if x0 is None and warm_start is None and not history:
         ready = perf_counter()
-        done, known, in_vain, stamp = solve_shortly(qp, options, start, given, held)
-        if done is not None:
-            seconds = ready - start, perf_counter() - ready
-            later = unfolded, done, (qp, given), seconds
-            result = QPResult.quick(done[0][: qp.q.size], later)
-            return complete(result, qp, held, stamp)
+        known, tried, in_vain = solve_shortly(qp, options, start, given, tried)
         if known is not None and not needs_more(options, known):
-            return complete(result_of(known, (qp, given), start, ready), qp, held)
+            result = result_of(known, (qp, given), start, ready)
+            result.stamp = stamp_of(qp)
+            if derivative and qp.is_dense and tried is not None:
+                result.factors = tried.factors()
+            return result
     qp = checked(qp)
-    guess = make_guess(qp, x0, warm_start)
-    memory = None
-    if in_vain or (held is not None and qp.is_dense):
-        memory = Memory(in_vain)
-        memory.held = held if qp.is_dense else None
+    guess = make_guess(qp, x0, warm_start, name)
+    memory = Memory(in_vain) if in_vain else None
     result = solve_checked(qp, options, guess, start, history, memory, given, known)
-    return complete(result, qp, held)
-
-
-def complete(
-    result: QPResult, qp: QP, held: Held | None, stamp: int | None = None
-) -> QPResult:
-    """Return the result with what derivatives need: stamp, factors if they are held."""
-    vars(result)["stamp"] = stamp_of(qp) if stamp is None else stamp
-    if held is not None and held.space is not None:
-        vars(result)["factors"] = held
+    result.stamp = stamp_of(qp)
     return result
 
 
@@ -170,42 +160,30 @@ def solve_shortly(
     options: Options,
     start: float,
     given: tuple[Any, Any, Any],
-    held: Held | None = None,
-) -> Verdict:
-    """Solve a QP of `qp_arrays` by one compiled call, or few, which check the numbers.
+    tried: DenseActiveSet | None,
+) -> tuple[Answer | None, DenseActiveSet | None, bool]:
+    """Solve a QP of `qp_arrays` by a method that checks its numbers.
 
-    Returns what `solve_unwrapped` does; nothing where that is not the way to solve the
-    QP: with sparse matrices unless it is tiny, or has bounds alone. `start` and `given`
-    as for `solve_checked`, `held` as for `solve_once`.
+    Returns the answer, what has found it, and whether the dense form of the QP was
+    tried in vain. None where that is not the way to solve it: with sparse matrices
+    unless it is tiny, or has bounds alone. `tried`: what has tried it already, if
+    anything; `start` and `given` as for `solve_checked`.
     """
     order = qp.q.size + qp.h.size + qp.b.size
     if order > MOST_ORDER or options.verbose:
-        return Verdict()
-    if held is not None and not qp.is_dense:
-        return Verdict()
-    is_box = held is None and order == qp.q.size > DENSE_BOX
-    if is_box or not (qp.is_dense or is_tiny(qp)):
-        return Verdict(None, solve_box_shortly(qp, options, start, given))
-    own = qp.in_dense_form()
-    with_weight = qp.q.size * order <= SPARSE_ENTRIES or is_small(qp)
+        return None, None, False
+    if order == qp.q.size > DENSE_BOX or not (qp.is_dense or is_tiny(qp)):
+        return solve_box_shortly(qp, options, start, given), None, False
     if options.relaxation:
         check_weights(qp, options.relaxation)
-    if options.time_limit >= AMPLE_TIME and is_brief(qp, options.max_iter):
-        limits = options.unwatched
-    else:
-        limits = options.limits(Deadline(start + options.time_limit))
-    try:  # without `blas_threads`: it leaves few sums at most to BLAS
-        found = solve_unwrapped(own, NO_GUESS, limits, held, with_weight)
-    except SystemError as error:
-        raise cause_of(error) from None
-    done, answer, in_vain, _ = found
-    if done is not None:
-        if are_own(given, qp) and not limits.deadline.interrupted:
-            return found if own is qp else found._replace(stamp=None)
-        answer = wrapped(qp, *done)
+    limits, own = options.limits(Deadline(start + options.time_limit)), qp
+    if tried is None:
+        own = qp.in_dense_form()
+        tried = new_attempt(own, options.settings, start + options.time_limit)
+    answer = decide(tried, own, limits)
     if answer is not None:
         answer = settled(answer, qp, given, limits)
-    return Verdict(None, answer, in_vain)
+    return answer, tried, answer is None
 
 
 @interruptible
@@ -300,51 +278,27 @@ def result_of(
 
     start, ready: the values of perf_counter() at the call and after its checks.
     """
-    seconds = ready - start, perf_counter() - ready
-    attributes = attributes_of(answer, *seconds)
-    attributes["problem"] = problem
-    if history is not None:
-        attributes["history"] = history
-    if closest is not None:
-        attributes["closest"] = closest
-    return QPResult.of(attributes)
-
-
-def unfolded(
-    done: Done,
-    problem: tuple[QP, tuple[Any, Any, Any]],
-    seconds: tuple[float, float],
-) -> dict[str, Any]:
-    """Return the attributes of a result that has been made of `done` alone.
-
-    problem: as for `result_of`; seconds: setup_time and solve_time.
-    """
-    answer = wrapped(problem[0], *done)
-    return attributes_of(answer, *seconds) | {"problem": problem}
-
-
-def attributes_of(
-    answer: Answer, setup_time: float, solve_time: float
-) -> dict[str, Any]:
-    """Return the attributes of a result that have no default."""
     status, (x, y, z, z_box), residuals, iterations, form, message = answer
     objective = residuals.objective
     if status is not Status.SOLVED:
         objective = OBJECTIVE.get(status, objective)
-    return {
-        "status": status,
-        "x": x,
-        "y": y,
-        "z": z,
-        "z_box": z_box,
-        "obj": objective,
-        "residuals": residuals,
-        "iterations": iterations,
-        "form": form,
-        "message": message,
-        "setup_time": setup_time,
-        "solve_time": solve_time,
-    }
+    return QPResult(
+        status=status,
+        x=x,
+        y=y,
+        z=z,
+        z_box=z_box,
+        obj=objective,
+        residuals=residuals,
+        iterations=iterations,
+        form=form,
+        message=message,
+        setup_time=ready - start,
+        solve_time=perf_counter() - ready,
+        history=history,
+        closest=closest,
+        problem=problem,
+    )
 
 
 def solve_or_relax(

@@ -1,9 +1,9 @@
-from namlcp.outcome cimport Settings
+from namlcp.settings cimport Settings
 from namlcp.qp.active.dense cimport DenseActiveSet
 from namlcp.qp.active.state cimport ActiveSet
 from numpy cimport ndarray, npy_intp
 
-cdef enum:
+cpdef enum:
     MOST_ORDER = 900
     MOST_BOX = 50
     FEW_ENTRIES = 10_000
@@ -15,12 +15,13 @@ cdef double* numbers(object array)
 cdef ndarray new_vector(npy_intp size)
 cdef Py_ssize_t filled(const double* values, Py_ssize_t count) noexcept nogil
 cdef bint are_full(DenseActiveSet m) noexcept nogil
-cdef void take_settings(ActiveSet m, Settings settings, double start)
+cdef void take_settings(ActiveSet m, Settings settings, double until)
 cdef int run(ActiveSet m) except -1
 cdef object result_of(ActiveSet m, object kind, object problem, double start, double ready)
 cdef Py_ssize_t rows_of(object C, object d, Py_ssize_t n)
 cdef bint is_bound(object side, Py_ssize_t n)
 cdef void set_bounds(DenseActiveSet m, object lb, object ub)
 cdef void set_limits(DenseActiveSet m) noexcept nogil
-cdef unsigned long long add_stamp(const double* values, Py_ssize_t count, unsigned long long total) noexcept nogil
 cdef unsigned long long stamp_of(DenseActiveSet m) noexcept nogil
+cdef void place_of_vectors(ActiveSet m, object vectors)
+cdef bint put(object value, double* place, Py_ssize_t size, double infinity)

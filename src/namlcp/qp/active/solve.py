@@ -12,13 +12,20 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
-from cython.cimports.libc.math import INFINITY
-from cython.cimports.namlcp.linalg.vectors import fill
-from cython.cimports.namlcp.outcome import Outcome, Settings, new_outcome
+from cython.cimports.libc.math import INFINITY, fabs
+from cython.cimports.namlcp.linalg.stamp import add_stamp
+from cython.cimports.namlcp.linalg.vectors import copy, fill
+from cython.cimports.namlcp.outcome import Numbers, Outcome, new_outcome
 from cython.cimports.namlcp.qp.active.dense import DenseActiveSet
-from cython.cimports.namlcp.qp.active.run import solve_dense
+from cython.cimports.namlcp.qp.active.rows import (
+    claim_place,
+    forget_responses,
+    response_of,
+)
+from cython.cimports.namlcp.qp.active.run import INFINITE, solve_dense
 from cython.cimports.namlcp.qp.active.state import DONE, begin_watch, make_room
 from cython.cimports.namlcp.qp.active.weight import NO_WEIGHT
+from cython.cimports.namlcp.settings import Settings
 
 from namlcp.status import Status
 
@@ -80,11 +87,11 @@ def are_full(m):
     return found >= FULL * entries
 
 
-def take_settings(m, settings, start):
-    """Note tolerances and limits; start: the perf_counter() at the call."""
+def take_settings(m, settings, until):
+    """Note tolerances and limits; until: the perf_counter() at which time is over."""
     m.eps_abs, m.eps_rel = settings.eps_abs, settings.eps_rel
     m.max_iter = settings.max_iter
-    begin_watch(m, start + settings.time_limit)
+    begin_watch(m, until)
 
 
 def run(m):
@@ -159,15 +166,15 @@ def solve_small(kind, P, q, G, h, A, b, lb, ub, settings: Settings, start, keeps
     make_room(m)
     set_bounds(m, lb, ub)
     set_limits(m)
-    take_settings(m, settings, start)
+    take_settings(m, settings, start + settings.time_limit)
     ready = perf_counter()
     run(m)
     if m.code != DONE:
         return m
     result: Outcome = result_of(m, kind, problem, start, ready)
     result.stamp = stamp_of(m)
-    if keeps and m.rho == 0.0:
-        result.factors = m
+    if keeps:
+        result.factors = factors_of(m)
     return result
 
 
@@ -195,13 +202,21 @@ def set_limits(m):
 # ---- those who keep the object
 
 
-def attach(m: DenseActiveSet, P, G, A):
+def attach(m: DenseActiveSet, P, G, A, is_single: cython.bint):
     """Let an object be for QPs with these matrices, which are clean and not copied."""
+    m.is_single = is_single
     m.matrices = P, G, A
     m.n, m.m, m.p = P.shape[0], G.shape[0], A.shape[0]
     m.P, m.G, m.A = numbers(P), numbers(G), numbers(A)
     make_room(m)
     set_limits(m)
+
+
+def attached(P, G, A):
+    """Return a DenseActiveSet for QPs with these matrices, one after another."""
+    m: DenseActiveSet = DenseActiveSet.__new__(DenseActiveSet)
+    attach(m, P, G, A, False)
+    return m
 
 
 def suggest(m: ActiveSet, active):
@@ -219,47 +234,166 @@ def suggest(m: ActiveSet, active):
         m.hints += 1
 
 
-def solve(m: ActiveSet, vectors, settings: Settings, start):
-    """Solve the QP with q, h, b, lb and ub, one after another; return the code."""
-    at = numbers(vectors)
+def place_of_vectors(m, vectors):
+    """Note q, h, b, lb and ub, which lie one after another."""
     m.vectors = vectors
-    m.q, m.h, m.b = at, at + m.n, at + m.n + m.m
-    m.lb = at + m.n + m.m + m.p
+    m.q = numbers(vectors)
+    m.h = m.q + m.n
+    m.b = m.h + m.m
+    m.lb = m.b + m.p
     m.ub = m.lb + m.n
-    take_settings(m, settings, start)
+
+
+def solve(m: ActiveSet, vectors, settings: Settings, until):
+    """Solve the QP with these vectors, see `QP.joined`; return the code."""
+    place_of_vectors(m, vectors)
+    take_settings(m, settings, until)
+    run(m)
+    return m.code
+
+
+def again(m: ActiveSet, wanted):
+    """Solve the same QP from nothing, with another weight W; return the code."""
+    m.wanted, m.is_ready = wanted, False
+    m.k, m.kept_k, m.hints = 0, 0, 0
+    begin_watch(m, m.until)
     run(m)
     return m.code
 
 
 def step(m: ActiveSet, kind, vectors, problem, settings: Settings, start):
     """Do `solve`; return the result of a class, None where it is not DONE."""
-    if solve(m, vectors, settings, start) != DONE:
+    until = start + settings.time_limit
+    if solve(m, vectors, settings, until) != DONE:
         return None
     return result_of(m, kind, problem, start, start)
 
 
-def found_numbers(m: ActiveSet):
-    """Return the numbers of `Residuals` of the point."""
-    return m.found
+def renew(m: DenseActiveSet, P, G, A):
+    """Take other matrices of the same sizes; the active rows become a hint."""
+    m.matrices = P, G, A
+    m.P, m.G, m.A = numbers(P), numbers(G), numbers(A)
+    m.is_ready = False
+    set_limits(m)
 
 
-# ---- the stamp
+def updated(vectors, sizes, q, h, b, lb, ub):
+    """Return a copy of vectors, see `QP.joined`, in which some are others.
 
-
-def add_stamp(values, count, total):
-    """Add a hash of the bits and places of numbers to a sum (mod 2^64).
-
-    Each term is two rounds of the mixing of SplitMix64 (Steele, Lea and Flood, 2014).
+    None where one of these is no clean array, or has a number that takes a closer look.
     """
-    bits = cython.cast(cython.pointer(cython.ulonglong), values)
-    v: cython.ulonglong
-    step: cython.ulonglong = 0x9E3779B97F4A7C15
-    factor: cython.ulonglong = 0xBF58476D1CE4E5B9
-    for i in range(count):
-        v = bits[i] + cython.cast(cython.ulonglong, i) * step
-        v = (v ^ (v >> 32)) * factor
-        total += v ^ (v >> 29)
-    return total
+    n: Py_ssize_t
+    m: Py_ssize_t
+    p: Py_ssize_t
+    n, m, p = sizes
+    made = new_vector(3 * n + m + p)
+    at = numbers(made)
+    copy(numbers(vectors), at, 3 * n + m + p)
+    if not (
+        put(q, at, n, 0.0)
+        and put(h, at + n, m, 1.0)
+        and put(b, at + n + m, p, 0.0)
+        and put(lb, at + n + m + p, n, -1.0)
+        and put(ub, at + 2 * n + m + p, n, 1.0)
+    ):
+        return None
+    return made
+
+
+def put(value, place, size, infinity):
+    """Copy a clean vector; False if it is none, or has a bad or a huge number.
+
+    infinity: the sign of that which means no bound, 0 where all numbers are finite.
+    """
+    if value is None:
+        return True
+    if not (fits(value, 1) and cnp.PyArray_DIM(value, 0) == size):
+        return False
+    source = numbers(value)
+    most = INFINITY if infinity == 0.0 else INFINITE
+    fine: cython.bint = True
+    for i in range(size):
+        place[i] = source[i]
+        fine = fine and (fabs(source[i]) < most or source[i] == infinity * INFINITY)
+    return fine
+
+
+# ---- batches
+
+
+def solve_items(
+    m: DenseActiveSet, arrays, stacked, first: Py_ssize_t, end: Py_ssize_t,
+    settings: Settings, outs, codes, iterations,
+):  # fmt: skip
+    """Solve the items first to end - 1 of a batch, each from nothing.
+
+    arrays: P, q, G, h, A, b, lb and ub, of all items where `stacked` says so; outs: the
+    rows x, y, z, z_box and numbers of `Residuals` of all items.
+    """
+    n, rows, p = m.n, m.m, m.p
+    data = cython.declare(cython.p_double[8])
+    width = cython.declare(Py_ssize_t[8])
+    out = cython.declare(cython.p_double[5])
+    for k in range(8):
+        data[k] = numbers(arrays[k])
+    width[0], width[1], width[2], width[3] = n * n, n, rows * n, rows
+    width[4], width[5], width[6], width[7] = p * n, p, n, n
+    has_new_matrices: cython.bint = stacked[0] or stacked[2] or stacked[4]
+    for k in range(8):
+        if not stacked[k]:
+            width[k] = 0
+    for k in range(5):
+        out[k] = numbers(outs[k])
+    code = cython.cast(cython.p_longlong, cnp.PyArray_DATA(codes))
+    count = cython.cast(cython.p_longlong, cnp.PyArray_DATA(iterations))
+    m.is_single = m.is_item = True
+    take_settings(m, settings, INFINITY)
+    with cython.nogil:
+        for i in range(first, end):
+            m.P, m.q = data[0] + i * width[0], data[1] + i * width[1]
+            m.G, m.h = data[2] + i * width[2], data[3] + i * width[3]
+            m.A, m.b = data[4] + i * width[4], data[5] + i * width[5]
+            m.lb, m.ub = data[6] + i * width[6], data[7] + i * width[7]
+            m.x, m.y, m.z = out[0] + i * n, out[1] + i * p, out[2] + i * rows
+            m.z_box = out[3] + i * n
+            m.k, m.kept_k, m.hints = 0, 0, 0
+            m.is_ready = m.is_ready and not has_new_matrices
+            code[i] = solve_dense(m)
+            count[i] = m.pivots
+            cython.cast(cython.pointer(Numbers), out[4])[i] = m.found
+            if m.interrupted:
+                break
+    if m.interrupted:
+        raise m.error
+
+
+def factors_of(m: DenseActiveSet):
+    """Return what derivatives can use of the last solve, None if there is nothing.
+
+    That is a copy, unless nobody will solve with m any more.
+    """
+    if m.rho != 0.0:
+        return None
+    if m.is_single:
+        return m
+    other: DenseActiveSet = DenseActiveSet.__new__(DenseActiveSet)
+    attach(other, *m.matrices, False)
+    place_of_vectors(other, m.vectors)
+    other.point = m.point
+    other.x, other.y, other.z, other.z_box = m.x, m.y, m.z, m.z_box
+    other.pull, other.is_inverted, other.skipped = m.pull, m.is_inverted, m.skipped
+    other.is_ready, other.kept_k = True, m.kept_k
+    copy(m.factor, other.factor, m.n * m.n)
+    copy(m.equations, other.equations, m.p * m.n)
+    copy(m.schur, other.schur, m.p * m.p)
+    copy(m.kept_triangle, other.kept_triangle, m.kept_k * (m.kept_k + 1) // 2)
+    forget_responses(other)
+    other.hints, other.kept_k = 0, m.kept_k
+    for i in range(m.kept_k):
+        row = m.kept_active[i]
+        other.kept_active[i], other.kept_side[i] = row, m.kept_side[i]
+        copy(response_of(m, row), claim_place(other, row), m.length)
+    return other
 
 
 def stamp_of(m):
@@ -275,9 +409,10 @@ def stamp_of(m):
     return add_stamp(m.ub, n, total)
 
 
-def stamp_of_arrays(arrays):
-    """Return the hash of `stamp_of` for P, G, A, q, h, b, lb and ub."""
-    total = cython.cast(cython.ulonglong, 0)
-    for array in arrays:
-        total = add_stamp(numbers(array), array.size, total)
-    return total
+def residuals_of(m: ActiveSet):
+    """Return the numbers of `Residuals` of the point."""
+    found = m.found
+    return (
+        found.primal, found.dual, found.gap, found.primal_size, found.dual_size,
+        found.gap_size, found.objective,
+    )  # fmt: skip

@@ -4,7 +4,7 @@ cdef double OFTEN
 cdef Py_ssize_t MOST_NUMBERS
 
 
-cdef enum Code:
+cpdef enum Code:
     # How a part of a solve ended. STUCK: another method has to solve the QP; UNSUITED:
     # as its matrices are not suited; FAULTY: as a number is not allowed, or two sides
     # are opposed. SUMMED: as DONE, but the terms are so large that the order of their

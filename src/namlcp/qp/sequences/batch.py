@@ -20,12 +20,12 @@ import scipy.sparse as sp
 from namlcp.checks import real_array
 from namlcp.linalg import blas_threads
 from namlcp.options import DEFAULT_OPTIONS, Options, check_count
+from namlcp.qp.active import DONE, MOST_ORDER, attached, solve_items
 from namlcp.qp.closest import ClosestPoint
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import make_guess
 from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, qp_data
-from namlcp.qp.responses import Solutions, Stack
 from namlcp.qp.solve import solve_checked
 from namlcp.residuals import UNDEFINED, Residuals
 from namlcp.result import QPResult
@@ -39,9 +39,8 @@ STATUSES = tuple(Status)
 MATRICES = ("P", "G", "A")
 # Chunks of items for each thread: enough that all threads end at about the same time.
 CHUNKS = 8
-# Items of a chunk at most, so that their results are written where all of them are to
-# be while they are still in the cache of the core.
-MOST_ITEMS = 1000
+# Operations of one compiled call at most, about: until its end Ctrl-C is not seen.
+MOST_WORK = 1e8
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -189,17 +188,6 @@ class BatchResult(Differentiable):
             self.messages[i] = result.message
         if result.closest is not None:
             self.closest[i] = result.closest
-
-    def put_all(self, start: int, found: Solutions) -> None:
-        """Write results of the items from `start` on, all as if they were solved."""
-        rows = slice(start, start + len(found.solved))
-        self.codes[rows] = STATUSES.index(Status.SOLVED)
-        self.x[rows], self.y[rows] = found.x, found.y
-        self.z[rows], self.z_box[rows] = found.z, found.z_box
-        numbers = np.ascontiguousarray(found.numbers)
-        self.residuals[rows] = numbers.view(self.residuals.dtype)[:, 0]
-        self.obj[rows], self.iterations[rows] = found.numbers[:, -1], found.pivots
-        self.form[rows] = "dual"
 
     def refuse(self, i: int, error: Exception) -> None:
         """Write that item i could not be solved."""
@@ -381,24 +369,40 @@ def solve_batch(
 def solve_stack(
     items: Items, batch: BatchResult, options: Options, threads: int
 ) -> np.ndarray:
-    """Solve small dense items by few compiled calls; return the items that are left."""
-    if not Stack.takes(items.shared):
-        return np.arange(items.size)
-    stack = Stack(items.shared, items.stacked)
-    is_left = np.empty(items.size, bool)
-    length = min(-(-items.size // (CHUNKS * threads)), MOST_ITEMS)
-    starts = range(0, items.size, length or 1)
+    """Solve small dense items in compiled loops; return the items that are left."""
+    qp, size = items.shared, items.size
+    order = qp.q.size + qp.h.size + qp.b.size
+    if not qp.is_dense or order > MOST_ORDER:
+        return np.arange(size)
+    arrays = tuple(items.stacked.get(name, own) for name, own in qp._asdict().items())
+    stacked = tuple(name in items.stacked for name in QP._fields)
+    codes = np.empty(size, np.int64)
+    numbers = batch.residuals.view(float)
+    outs = batch.x, batch.y, batch.z, batch.z_box, numbers
+    firsts = [M[0] if M.ndim > 2 else M for M in arrays if M.ndim >= 2]
+    work = 4.0 * qp.q.size * (qp.q.size + qp.h.size) * (qp.q.size + order)
+    length = min(-(-size // (CHUNKS * threads)), max(int(MOST_WORK / max(work, 1.0)), 1))
+    starts = range(0, size, length or 1)
+    spaces: list[Any] = []
 
     def solve_chunk(k: int) -> None:
-        start, end = starts[k], min(starts[k] + length, items.size)
-        found = stack.solve(start, end, options)
-        batch.put_all(start, found)
-        is_left[start:end] = ~found.solved
+        try:
+            space = spaces.pop()
+        except IndexError:
+            space = attached(*firsts)
+        end = min(starts[k] + length, size)
+        solve_items(
+            space, arrays, stacked, starts[k], end, options.settings, outs, codes,
+            batch.iterations,
+        )  # fmt: skip
+        spaces.append(space)
 
-    order = items.shared.q.size + items.shared.h.size + items.shared.b.size
     with blas_threads(1, order):
         on_threads(solve_chunk, len(starts), threads)
-    return np.flatnonzero(is_left)
+    batch.codes[:] = STATUSES.index(Status.SOLVED)
+    batch.obj[:] = numbers[:, -1] if numbers.ndim == 2 else batch.residuals["objective"]
+    batch.form[:] = "dual"
+    return np.flatnonzero(codes != DONE)
 
 
 def on_threads(work: Callable[[int], None], size: int, threads: int) -> None:

@@ -1,6 +1,6 @@
 """`Solver`: one QP solved again and again, while its vectors and values change.
 
-The active-set method of `qp/responses` is tried first: it keeps what it computes, and
+The active-set method of `qp/active` is tried first: it keeps what it computes, and
 begins with the active constraints of the last solution. What it does not decide goes
 the way of `solve_qp`, which can use of the solves before what depends on matrices alone
 (transforms, orders, factors: `Memory`) and the last point that solved the problem
@@ -19,20 +19,13 @@ from namlcp.checks import FLOAT, vector
 from namlcp.limits import Deadline, cause_of
 from namlcp.linalg import asymmetry
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
+from namlcp.qp.active import Kept, factors_of, step, updated
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.forms import is_small
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.judge import are_own, upheld
 from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, qp_data
-from namlcp.qp.responses import (
-    DONE,
-    DenseResponses,
-    Done,
-    Responses,
-    SparseResponses,
-    accepts,
-)
 from namlcp.qp.sequences.pattern import (
     as_given,
     in_place_of,
@@ -41,7 +34,7 @@ from namlcp.qp.sequences.pattern import (
     within_pattern,
 )
 from namlcp.qp.sequences.vectors import SIZED_LIKE, clean, places_of
-from namlcp.qp.solve import needs_more, result_of, solve_checked, unfolded
+from namlcp.qp.solve import needs_more, result_of, solve_checked
 from namlcp.result import QPResult
 from namlcp.status import Status
 
@@ -129,8 +122,7 @@ class Solver:
 
     def set_options(self, options: Options) -> None:
         """Let all solves from now on have these options."""
-        self.options = options
-        self.limits = options.limits(Deadline())
+        self.options, self.settings = options, options.settings
 
     def begin(self) -> None:
         """Keep nothing of earlier solves but the last result."""
@@ -141,7 +133,7 @@ class Solver:
         self.method = method_for(qp)
         self.is_suited = self.method is not None  # as far as is known of the matrices
         self.is_by_method = False  # whether it is the method that found `last`
-        self.quick: DenseResponses | None = None  # see `solve_quickly`
+        self.quick: Any = None  # the method, where it may go on without care
         self.is_renewed = False  # whether other methods are quicker for the next solve
 
     def __getstate__(self) -> dict[str, Any]:
@@ -195,18 +187,12 @@ class Solver:
         >>> solver.solve().x
         array([2.])
         """
-        vectors = self.vectors.copy()
-        if q is not None:
-            self.put("q", q, vectors)
-        if h is not None:
-            self.put("h", h, vectors)
-        if b is not None:
-            self.put("b", b, vectors)
-        if lb is not None:
-            self.put("lb", lb, vectors)
-        if ub is not None:
-            self.put("ub", ub, vectors)
-        if not accepts(vectors, *self.sizes):
+        vectors = updated(self.vectors, self.sizes, q, h, b, lb, ub)
+        if vectors is None:
+            vectors = self.vectors.copy()
+            for name, value in (("q", q), ("h", h), ("b", b), ("lb", lb), ("ub", ub)):
+                if value is not None:
+                    self.put(name, value, vectors)
             clean(vectors, self.places, self.matrices[1])
         if not (P is None and G is None and A is None):
             self.take_matrices({"P": P, "G": G, "A": A})
@@ -285,58 +271,48 @@ class Solver:
         start = perf_counter()
         if derivative is not False:
             check_flag("derivative", derivative)
-        guess = None if warm_start is None else make_guess(self.qp, None, warm_start)
         try:
-            result = self.solve_quickly(start) if guess is None else None
+            result, is_tried = None, False
+            if warm_start is None and self.quick is not None:
+                is_tried = True
+                problem = self.matrices, self.vectors, self.given
+                result = step(
+                    self.quick, QPResult, self.vectors, problem, self.settings, start
+                )
             if result is None:
-                result = self.solve_with_care(guess, start)
+                guess = None
+                if warm_start is not None:
+                    guess = make_guess(self.qp, None, warm_start)
+                result = self.solve_with_care(guess, start, is_tried)
+            elif not derivative:
+                self.last = result
+                return result
         except BaseException as error:
             self.begin()  # what was to be kept may not be complete
             if isinstance(error, SystemError):  # Ctrl-C in compiled code
                 raise cause_of(error) from None
             raise
-        if derivative and self.is_by_method and result.status is SOLVED:
-            assert self.method is not None
-            vars(result)["factors"] = self.method.lent()
+        if result.status is SOLVED:
+            self.last = result
+            if derivative and self.is_by_method and self.qp.is_dense:
+                assert self.method is not None
+                result.factors = factors_of(self.method.active_set)
         return result
 
-    def solve_quickly(self, start: float) -> QPResult | None:
-        """Return what the `quick` method finds, in some microseconds; None if it fails.
-
-        It is the one of the last solve, and nothing but vectors has changed since.
-        """
-        method = self.quick
-        if method is None:
-            return None
-        code, numbers = method.run_again(self.vectors)
-        if code != DONE:
-            return None
-        self.last = result = self.result_after(method, numbers, start)
-        return result
-
-    def result_after(
-        self, method: Responses, numbers: np.ndarray, start: float
+    def solve_with_care(
+        self, guess: Guess | None, start: float, is_tried: bool
     ) -> QPResult:
-        """Return the SOLVED result of a method that has ended with DONE."""
-        problem = self.matrices, self.vectors, self.given
-        done = numbers, method.now.pivots, method.form
-        later = unfolded_step, done, problem, perf_counter() - start
-        return QPResult.quick(numbers[: self.sizes[0]], later)
-
-    def solve_with_care(self, guess: Guess | None, start: float) -> QPResult:
         """Return the result of what is kept, of the general solve where that fails."""
         self.quick = result = None
         if guess is not None:
             self.suggest(guess)
         if self.is_suited and not (self.options.verbose or self.is_renewed):
-            result = self.solve_by_method(start)
+            result = self.solve_by_method(start, is_tried)
         self.is_renewed = False
         if result is None:
             result = self.solve_by_all_means(guess, start)
             if result.status is SOLVED:
                 self.suggest(make_guess(self.qp, None, result))
-        if result.status is SOLVED:
-            self.last = result
         return result
 
     def suggest(self, guess: Guess) -> None:
@@ -345,28 +321,20 @@ class Solver:
         if self.method is not None:
             self.method.suggest(guess)
 
-    def solve_by_method(self, start: float) -> QPResult | None:
-        """Return the result of the method; None if it does not decide."""
-        method = self.method
+    def solve_by_method(self, start: float, is_tried: bool) -> QPResult | None:
+        """Return the result of the method, which may have tried; None if it fails."""
+        method, settings = self.method, self.settings
         assert method is not None
-        limits, deadline = self.limits, self.limits.deadline
-        deadline.at = start + self.options.time_limit
-        code, numbers = method.run(self.vectors, limits)
-        if code == DONE and self.is_own and not deadline.interrupted:
-            self.is_by_method = True
-            if isinstance(method, DenseResponses) and method.can_run_again(limits):
-                self.quick = method
-            return self.result_after(method, numbers, start)
-        qp = self.qp
-        answer = method.answer(code, numbers, qp, limits)
+        deadline = Deadline(start + settings.time_limit)
+        if not (is_tried or method.solve(self.vectors, settings, deadline.at)):
+            return None
+        qp, limits = self.qp, self.options.limits(deadline)
+        answer = method.answer(qp, limits)
         if answer is None:
             self.is_suited = not method.are_unsuited
             return None
         answer = upheld(answer, qp, self.given, limits)
-        if deadline.interrupted:
-            self.set_options(self.options)  # with a deadline that is not
-            answer = answer._replace(status=deadline.verdict(answer.status))
-        elif answer.status is not SOLVED and not answer.ends:
+        if answer.status is not SOLVED and not answer.ends:
             return None
         if needs_more(self.options, answer):
             return solve_checked(
@@ -374,6 +342,8 @@ class Solver:
             )
         if answer.status is SOLVED:
             self.is_by_method = True
+            if self.is_own and answer.form == "dual":
+                self.quick = method.active_set
         return result_of(answer, (qp, self.given), start, start)
 
     def solve_by_all_means(self, guess: Guess | None, start: float) -> QPResult:
@@ -389,19 +359,6 @@ class Solver:
         return result
 
 
-def unfolded_step(
-    done: Done,
-    problem: tuple[tuple[Any, Any, Any], np.ndarray, tuple[Any, Any, Any]],
-    solve_time: float,
-) -> dict[str, Any]:
-    """Do as `unfolded` for the problem (matrices, vectors, `given`) of a Solver."""
-    matrices, vectors, given = problem
-    qp = QP.of(matrices, vectors)
-    return unfolded(done, (qp, given), (0.0, solve_time))
-
-
-def method_for(qp: QP) -> Responses | None:
+def method_for(qp: QP) -> Kept | None:
     """Return what keeps something for the matrices of a QP; None if nothing does."""
-    if qp.is_dense:
-        return DenseResponses.of(qp) if is_small(qp) else None
-    return SparseResponses.of(qp)
+    return Kept(qp) if qp.is_dense and is_small(qp) else None

@@ -1,0 +1,73 @@
+"""QPs with the same matrices, one after another, by the active-set method."""
+
+from typing import Any
+
+import numpy as np
+
+from namlcp.limits import Limits
+from namlcp.qp.active import solve
+from namlcp.qp.active.dense import DenseActiveSet
+from namlcp.qp.active.once import answer_of
+from namlcp.qp.active.state import Code
+from namlcp.qp.answer import Answer
+from namlcp.qp.guess import Guess
+from namlcp.qp.problem import QP
+from namlcp.settings import Settings
+
+# Solves that are left to other methods without trying, after 1, 2, ... were tried in a
+# row and left to these.
+PAUSES = 0, 1, 3, 7, 15
+
+
+class Kept:
+    """What is kept from one QP to the next, and when it is not worth trying.
+
+    It holds the arrays of its matrices, which must not change, and is for one thread.
+
+    Attributes
+    ----------
+    active_set : DenseActiveSet or SparseActiveSet
+        What solves, see `steps`.
+    """
+
+    is_slow_anew = False  # whether other methods are quicker with other matrices
+
+    def __init__(self, qp: QP) -> None:
+        self.active_set: Any = DenseActiveSet()
+        solve.attach(self.active_set, qp.P, qp.G, qp.A, False)
+        self.left = self.pause = 0
+
+    @property
+    def are_unsuited(self) -> bool:
+        """Whether the last solve found that the matrices are not suited."""
+        return not self.active_set.is_ready
+
+    def renew(self, qp: QP) -> None:
+        """Take other values of the matrices.
+
+        The active rows of the last solved QP are tried first in the next solve, and a
+        pause goes on: other values seldom make a solve much easier.
+        """
+        solve.renew(self.active_set, qp.P, qp.G, qp.A)
+
+    def suggest(self, guess: Guess) -> None:
+        """Let the next solve begin with the active rows of a guess."""
+        solve.suggest(self.active_set, guess.active)
+
+    def solve(self, vectors: np.ndarray, settings: Settings, until: float) -> bool:
+        """Solve the QP with these vectors, see `QP.joined`; tell whether it was tried."""
+        if self.pause > 0:
+            self.pause -= 1
+            return False
+        solve.solve(self.active_set, vectors, settings, until)
+        return True
+
+    def count(self) -> None:
+        """Note whether the last solve was left to others, for the pauses."""
+        self.left = self.left + 1 if self.active_set.code == Code.STUCK else 0
+        self.pause = PAUSES[min(self.left, len(PAUSES)) - 1] if self.left else 0
+
+    def answer(self, qp: QP, limits: Limits) -> Answer | None:
+        """Return the answer after a `solve`; None if another method has to find it."""
+        self.count()
+        return answer_of(self.active_set, qp, limits)
