@@ -1,6 +1,6 @@
 from namlcp.qp.active.state cimport ActiveSet, Code
 
-cdef double ACCURATE, RESERVE, ROUNDING, GAIN
+cdef double ACCURATE, RESERVE, ROUNDING, GAIN, LEAST_DIVISOR
 cdef enum:
     PASSES = 3
 

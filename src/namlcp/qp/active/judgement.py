@@ -20,7 +20,8 @@ from cython.cimports.namlcp.qp.active.steps import keep
 ACCURATE, RESERVE, ROUNDING = 1e-12, 0.05, 4e-15
 # The factor by which each of the PASSES of refinement has to lower the error.
 GAIN = 0.5
-LEAST_DIVISOR = cython.declare(cython.double, 1e-300)
+# In place of 0 where a size is divided by.
+LEAST_DIVISOR = 1e-300
 
 
 def set_point(m):

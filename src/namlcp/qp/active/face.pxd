@@ -1,0 +1,30 @@
+from namlcp.qp.active.state cimport ActiveSet
+
+cdef double EXACT, GOOD, FLAT, NEARLY_EXACT, CANCELLED, TINY, ON_FACE, OPEN
+cdef double RAY_GAIN, MOST_CURVED, CLEAN, LEAST_GROWTH
+cdef enum:
+    PASSES = 60
+    IDLE = 3
+    STEADY = 2
+    RAY_PASSES = 40
+
+
+cdef enum End:
+    # The minimum; a point where a row is met that is not active; a ray in z_box; a
+    # direction without curvature that is none. MOVED: none of these so far.
+    FACE_SOLVED
+    BLOCKED
+    RAY
+    LOST
+    MOVED
+
+
+cdef End descend(ActiveSet m) noexcept nogil
+cdef double take_face(ActiveSet m) noexcept nogil
+cdef double slope_error(ActiveSet m) noexcept nogil
+cdef bint is_rounding(ActiveSet m) noexcept nogil
+cdef double add_weighted(ActiveSet m, const double* v, double sum) noexcept nogil
+cdef double set_direction(ActiveSet m, double before) noexcept nogil
+cdef End move(ActiveSet m, double energy, double error) noexcept nogil
+cdef double longest_step(ActiveSet m, const double* along) noexcept nogil
+cdef bint is_ray(ActiveSet m) noexcept nogil
