@@ -100,7 +100,7 @@ class DenseActiveSet(ActiveSet):
 
     def set_products(self, is_base):
         n = self.n
-        times_rows(self.P, n, n, n, self.x, self.Px)
+        self.times_cost(self.x, self.Px)
         if is_base:  # another product with G would take a quarter of such a solve
             copy(self.s0, self.Gx, self.m)
         else:

@@ -222,7 +222,8 @@ def judge(m, found):
             note_best(m)
             set_correction(m)
             m.set_values(m.rhs, m.change)
-            set_change(m)
+            if not m.on_face:
+                set_change(m)
             take_change(m)
             passes -= 1
         else:

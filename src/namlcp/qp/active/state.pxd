@@ -92,6 +92,8 @@ cdef class ActiveSet:
         public double wanted
         double largest
         readonly Py_ssize_t rounds
+        # Whether the point is on the face of `null`, whose operators hold active rows.
+        bint on_face
         # The row that enters (-1: none) and its side, its multiplier so far.
         Py_ssize_t entering, entering_side
         readonly Py_ssize_t pivots, max_iter
