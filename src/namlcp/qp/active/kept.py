@@ -6,7 +6,7 @@ import numpy as np
 
 from namlcp.limits import Limits
 from namlcp.qp.active import solve
-from namlcp.qp.active.dense import DenseActiveSet
+from namlcp.qp.active.null import NullSpace
 from namlcp.qp.active.once import answer_of
 from namlcp.qp.active.state import Code
 from namlcp.qp.answer import Answer
@@ -26,14 +26,14 @@ class Kept:
 
     Attributes
     ----------
-    active_set : DenseActiveSet or SparseActiveSet
+    active_set : NullSpace or SparseActiveSet
         What solves, see `steps`.
     """
 
     is_slow_anew = False  # whether other methods are quicker with other matrices
 
     def __init__(self, qp: QP) -> None:
-        self.active_set: Any = DenseActiveSet()
+        self.active_set: Any = NullSpace()
         solve.attach(self.active_set, qp.P, qp.G, qp.A, False)
         self.left = self.pause = 0
 

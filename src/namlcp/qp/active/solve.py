@@ -17,6 +17,7 @@ from cython.cimports.namlcp.linalg.stamp import add_stamp
 from cython.cimports.namlcp.linalg.vectors import copy, fill
 from cython.cimports.namlcp.outcome import Numbers, Outcome, new_outcome
 from cython.cimports.namlcp.qp.active.dense import DenseActiveSet
+from cython.cimports.namlcp.qp.active.null import NullSpace, solve_next
 from cython.cimports.namlcp.qp.active.rows import (
     claim_place,
     forget_responses,
@@ -103,8 +104,12 @@ def run(m):
     z_box = new_vector(m.n)
     m.point = x, y, z, z_box
     m.x, m.y, m.z, m.z_box = numbers(x), numbers(y), numbers(z), numbers(z_box)
+    is_next: cython.bint = isinstance(m, NullSpace)
     with cython.nogil:
-        m.code = solve_dense(cython.cast(DenseActiveSet, m))
+        if is_next:
+            m.code = solve_next(cython.cast(NullSpace, m))
+        else:
+            m.code = solve_dense(cython.cast(DenseActiveSet, m))
     if m.interrupted:
         raise m.error
     return 0
@@ -372,7 +377,10 @@ def factors_of(m: DenseActiveSet):
 
     That is a copy, unless nobody will solve with m any more.
     """
-    if m.rho != 0.0:
+    is_on_face: cython.bint = (
+        isinstance(m, NullSpace) and cython.cast(NullSpace, m).face_is_kept
+    )
+    if m.rho != 0.0 or is_on_face:
         return None
     if m.is_single:
         return m
