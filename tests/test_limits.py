@@ -7,21 +7,26 @@ import io
 import signal
 import threading
 import time
+from functools import partial
 
+import cvxpy
 import numpy as np
 import problems_lcp as problems
 import pytest
+from qpsolvers import Problem
 from scipy import sparse
 from scipy.sparse.linalg import LinearOperator
 from solves import LCPS, QPS, SOLVES, large_dense, sparse_qp
 
 import namlcp
+import namlcp.cvxpy
 from namlcp import (
     Options,
+    Prepared,
     Solver,
     Status,
-    natural_residual,
     qp_residuals,
+    solve_batch,
     solve_lcp,
     solve_qp,
 )
@@ -29,8 +34,7 @@ from namlcp.limits import Deadline, interruptible
 from namlcp.progress import Progress, is_shown
 from namlcp.qp import qp_data
 from namlcp.qp.transforms import substitute
-
-LATE = Status.TIME_LIMIT, Status.INTERRUPTED, Status.MAX_ITER
+from namlcp.qpsolvers import nam_solve_problem
 
 
 def is_consistent(result):
@@ -149,97 +153,7 @@ def test_time_limit_of_the_second_try_without_huge_bounds(monkeypatch):
     assert np.isfinite(result.x).all()
 
 
-# ---- Ctrl-C between two iterations, and in a product
-
-
-class Presses:
-    """Press Ctrl-C at the given calls."""
-
-    def __init__(self, *calls):
-        self.calls, self.count = calls, 0
-
-    def __call__(self, *_):
-        self.count += 1
-        for _ in range(self.calls.count(self.count)):
-            signal.raise_signal(signal.SIGINT)
-
-
-@pytest.fixture
-def press_at(monkeypatch):
-    """Press Ctrl-C at the k-th row of the history, at any moment between iterations."""
-
-    def patch(k):
-        press, row = Presses(k), Progress.row
-        monkeypatch.setattr(Progress, "row", lambda *args: (row(*args), press())[0])
-
-    return patch
-
-
-LONG = problems.triangular_p(np.random.default_rng(0), 60, 10.0), -np.ones(60)
-SLOW = problems.laplacian(30), -np.ones(900)
-
-
-@pytest.mark.parametrize("name", ["auto", "namgs", "psor", "modulus", "path"])
-def test_ctrl_c_returns_the_best_point(name, press_at):
-    press_at(4)
-    if name == "path":
-        result = solve_qp(*sparse_qp(), history=True)
-    else:
-        A, q = LONG if name == "auto" else SLOW
-        options = {} if name == "auto" else {"eps_abs": 1e-12}
-        result = solve_lcp(A, q, method=name, history=True, **options)
-        residual = natural_residual(result.z, A @ result.z + q, 0.0 * q, q + np.inf)
-        assert result.residual == pytest.approx(residual)
-        if name != "auto":  # whose rows are in units of the diagonal
-            assert residual <= result.history["residual"].min() * (1 + 1e-9)
-    assert result.status is Status.INTERRUPTED
-    assert len(result.history) == 4
-    assert is_consistent(result)
-
-
-def pressing(press, A):
-    return LinearOperator(A.shape, matvec=lambda x: (press(), A @ x)[1], dtype=float)
-
-
-@pytest.mark.parametrize("presses", [(20,), (20, 20)])
-def test_ctrl_c_within_a_product(presses):
-    """Once ends the solve, twice raises; Python's own handler is back then."""
-    A, q = SLOW
-    matrix = pressing(Presses(*presses), A)
-    if len(presses) == 1:
-        result = solve_lcp(matrix, q)
-        assert result.status is Status.INTERRUPTED
-        assert 10 < result.iterations < 20
-        assert np.isfinite(result.residual)
-    else:
-        with pytest.raises(KeyboardInterrupt):
-            solve_lcp(matrix, q)
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-
-
-def test_a_solve_that_ends_by_itself_does_not_swallow_it(press_at):
-    """A loop over small problems can be left."""
-    press_at(1)
-    with pytest.raises(KeyboardInterrupt):
-        solve_lcp(np.eye(2), np.ones(2), method="pgs", history=True)
-
-
-def test_other_handlers_and_threads_are_left_alone():
-    seen, results = [], []
-    A, q = SLOW
-
-    def solve(matrix):
-        results.append(solve_lcp(matrix, q).status)
-
-    before = signal.signal(signal.SIGINT, lambda *_: seen.append(1))
-    try:
-        solve(pressing(Presses(20), A))
-    finally:
-        signal.signal(signal.SIGINT, before)
-    thread = threading.Thread(target=solve, args=(A,))
-    thread.start()
-    thread.join()
-    assert (seen, results) == ([1], [Status.SOLVED] * 2)
+# ---- Ctrl-C
 
 
 def test_what_compiled_code_makes_of_ctrl_c_is_undone():
@@ -251,15 +165,29 @@ def test_what_compiled_code_makes_of_ctrl_c_is_undone():
         solve()
 
 
-# ---- Ctrl-C as it comes, at any moment
+def test_ctrl_c_within_a_product():
+    A, products = problems.laplacian(30), []
+
+    def multiply(x):
+        products.append(x)
+        if len(products) == 20:
+            signal.raise_signal(signal.SIGINT)
+        return A @ x
+
+    operator = LinearOperator(A.shape, matvec=multiply, dtype=float)
+    with pytest.raises(KeyboardInterrupt):
+        solve_lcp(operator, -np.ones(900))
+    assert len(products) == 20
+    assert solve_lcp(operator, -np.ones(900)).status is Status.SOLVED
 
 
 def press_after(seconds, go):
-    """Press Ctrl-C in a thread so long after `go`."""
+    """Press Ctrl-C in a thread so long after `go`; its `pressed` is when."""
 
     def wait():
         go.wait()
         time.sleep(seconds)
+        thread.pressed = time.perf_counter()
         signal.raise_signal(signal.SIGINT)
 
     thread = threading.Thread(target=wait)
@@ -267,22 +195,61 @@ def press_after(seconds, go):
     return thread
 
 
-@pytest.mark.parametrize("way", ["dense", "sweep"])
-def test_ctrl_c_in_a_long_solve(way):
-    """It returns soon, and the handler is Python's own again."""
-    data, go = large_dense(900, 9000), threading.Event()
-    A, q = problems.laplacian(100), -np.ones(10_000)
-    solve_lcp(A, q, method="namgs", max_iter=5)
-    thread, start = press_after(0.3, go), time.perf_counter()
-    go.set()
-    if way == "dense":
-        result = solve_qp(*data)
-    else:
-        result = solve_lcp(A, q, method="namgs", eps_abs=1e-12)
-    assert result.status is Status.INTERRUPTED
-    assert time.perf_counter() - start < 9.0  # on a busy machine
-    thread.join()
-    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+P, Q, G, H = large_dense(300, 1500)
+LAPLACIAN, GRID, SMALL_GRID = (problems.laplacian(n) for n in (300, 100, 50))
+GRID_ROWS = sparse.csc_array(sparse.eye_array(10_000))
+SKEW = problems.skew(np.random.default_rng(0), 400, 1e-2)
+SOLVERS = Solver(P, Q, G, H), Solver(GRID, np.ones(10_000), GRID_ROWS, np.ones(10_000))
+PREPARED = Prepared(SKEW)
+
+
+def step(solver, q):
+    solver.update(q=q)
+    return solver.solve().x
+
+
+def cvxpy_step(q):
+    x = cvxpy.Variable(q.size)
+    cost = 0.5 * cvxpy.quad_form(x, cvxpy.psd_wrap(P)) + q @ x
+    cvxpy.Problem(cvxpy.Minimize(cost), [G @ x <= H]).solve(solver=namlcp.cvxpy.NAM())
+    return x.value
+
+
+# Solutions for a linear term, and one for which this takes some time.
+DOORS = {
+    "solve_qp": (lambda q: solve_qp(P, q, G, H).x, Q),
+    "path": (lambda q: solve_qp(GRID, q, GRID_ROWS, 1.0 + 0.0 * q).x, 10_000),
+    "Solver": (partial(step, SOLVERS[0]), Q),
+    "sparse Solver": (partial(step, SOLVERS[1]), 10_000),
+    "solve_batch": (lambda q: solve_batch(P, [q] * 4, G, H, threads=2).x, Q),
+    "one thread": (lambda q: solve_batch(P, [q] * 4, G, H, threads=1).x, Q),
+    "qpsolvers": (lambda q: nam_solve_problem(Problem(P, q, G, H)).x, Q),
+    "cvxpy": (cvxpy_step, Q),
+    "namgs": (lambda q: solve_lcp(SMALL_GRID, q, method="namgs").z, 2500),
+    "multigrid": (lambda q: solve_lcp(LAPLACIAN, q, method="multigrid").z, 90_000),
+    "lemke": (lambda q: solve_lcp(SKEW, q, method="lemke").z, 400),
+    "Prepared": (lambda q: solve_lcp(PREPARED, q).z, 400),
+}
+
+
+@pytest.mark.parametrize("name", DOORS)
+def test_ctrl_c_ends_a_long_solve(name):
+    """Or a loop of some; soon, and the next solve is as good as before."""
+    solve, q = DOORS[name]
+    if isinstance(q, int):
+        q = -1.0 - np.cos(np.arange(float(q)) ** 2)
+    go = threading.Event()
+    solve(q)  # while code is loaded, LLVM swallows signals
+    for wait in (0.1, 0.5):
+        go.clear()
+        thread = press_after(wait, go)
+        with pytest.raises(KeyboardInterrupt):  # noqa: PT012
+            go.set()
+            while True:
+                solve(q)
+        assert time.perf_counter() - thread.pressed < 1.0
+        thread.join()
+        assert np.abs(solve(np.zeros(q.size))).max() < 1e-9
 
 
 EYE, ONE, SMALL = np.eye(2), np.ones(2), problems.laplacian(4)
@@ -305,16 +272,13 @@ def test_a_loop_can_be_left(name):
     call, left = LOOPS[name], 0
     call()  # while code is loaded, LLVM swallows signals
     for k in range(20):
-        go, late = threading.Event(), False
+        go = threading.Event()
         thread = press_after(1e-4 * k, go)
         try:
             go.set()
             end = time.perf_counter() + 5.0
-            while time.perf_counter() < end and not late:
-                results = call()
-                results = results if isinstance(results, tuple) else (results,)
-                late = any(getattr(r, "status", 0) in LATE for r in results)
-            left += late
+            while time.perf_counter() < end:
+                call()
         except KeyboardInterrupt:
             left += 1
         thread.join()

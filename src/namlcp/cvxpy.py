@@ -71,7 +71,6 @@ class NAM(QpSolver):
         Status.DUAL_INFEASIBLE: s.UNBOUNDED,
         Status.MAX_ITER: s.USER_LIMIT,
         Status.TIME_LIMIT: s.USER_LIMIT,
-        Status.INTERRUPTED: s.USER_LIMIT,
         Status.STALLED: s.USER_LIMIT,
         Status.NUMERICAL_ERROR: s.SOLVER_ERROR,
     }

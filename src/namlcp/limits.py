@@ -1,21 +1,15 @@
 """When a solve ends: tolerances, a count, a time limit or Ctrl-C.
 
 Loops in Python check the deadline between two iterations. A compiled function that may
-run long is called by `Deadline.run`, and checks it by a callback: `is_over`.
+run long is called by `Deadline.run`, and checks it by a callback: `is_over`. The
+callback runs in Python, where Ctrl-C raises KeyboardInterrupt.
 """
 
 import ctypes
 import functools
 import math
-import threading
 import time
-
-# The module `signal` converts all values to enumerations, 20 us a solve.
-from _signal import SIGINT, default_int_handler, getsignal
-from _signal import signal as set_handler
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from types import FrameType
 from typing import Any, NamedTuple, TypeVar
 
 from llvmlite import ir
@@ -24,12 +18,11 @@ from numba.extending import intrinsic
 
 from namlcp.compiled import part
 from namlcp.progress import Report
-from namlcp.status import Status
 
 OFTEN = 4_000_000
 """Operations of compiled code between two checks of the deadline: some milliseconds."""
 
-SPEED, UNCHECKED_TIME = 5e8, 0.25
+SPEED, UNCHECKED_TIME = 5e8, 0.2
 """Least speed of compiled code [operations/s], and a time [s]. A kernel that ends at
 this speed within min(time left, UNCHECKED_TIME) does not check the deadline."""
 
@@ -43,64 +36,35 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 
 class Deadline:
-    """The end of a solve: a value of time.perf_counter(), or the first Ctrl-C.
+    """The end of a solve: a value of time.perf_counter().
 
-    Loops call `reached` between two iterations. After Ctrl-C they stop as after the
-    time limit, with complete arrays and the best point.
+    Loops call `reached` between two iterations, and return the best point after it.
     """
 
     def __init__(self, at: float = math.inf) -> None:
         self.at = at
-        self.interrupted = False
-        self.error: BaseException | None = None  # raised by a signal's handler
 
     def reached(self) -> bool:
         """Tell whether to stop."""
-        return self.interrupted or time.perf_counter() >= self.at
+        return time.perf_counter() >= self.at
 
-    @contextmanager
-    def listening(self) -> Iterator[None]:
-        """Let the first Ctrl-C in the block set `interrupted`; the next one raises."""
-        listens = self.listen()
+    def answers(self, errors: list[BaseException]) -> Iterator[bool]:
+        """Yield whether the compiled loop has to stop, at each check after the first.
+
+        An exception in a callback of compiled code, such as KeyboardInterrupt, is lost,
+        so it is kept in `errors`. The callback is the __next__ of this generator, which
+        resumes inside its `try`: a function could be interrupted by a signal's handler
+        before it entered one.
+        """
         try:
-            yield
-        finally:
-            if listens:
-                set_handler(SIGINT, default_int_handler)
-
-    def listen(self) -> bool:
-        """Begin to listen, see `listening`; tell whether a handler was replaced.
-
-        Only Python's default handler is replaced, and only in the main thread.
-        """
-        ours = threading.current_thread() is threading.main_thread()
-        if not ours or getsignal(SIGINT) is not default_int_handler:
-            return False
-        set_handler(SIGINT, self.interrupt)
-        return True
-
-    def interrupt(self, number: int, frame: FrameType | None) -> None:
-        """Handle SIGINT (the interface of `signal.signal`)."""
-        if self.interrupted:
-            raise KeyboardInterrupt
-        self.interrupted = True
-
-    def answers(self) -> Iterator[int]:
-        """Yield 0, then at each check 1 if the compiled loop has to stop, else 0.
-
-        An exception in a callback of compiled code is lost, so it is kept in `error`.
-        The callback is the __next__ of this generator, which resumes inside its `try`:
-        a function could be interrupted by a signal's handler before it entered one.
-        """
-        over = 0
-        while True:
-            try:
-                yield over
-                over = int(self.reached())
-            except GeneratorExit:
-                return
-            except BaseException as error:
-                self.error, over = error, 1
+            yield False
+            while True:
+                yield self.reached()
+        except GeneratorExit:
+            return
+        except BaseException as error:
+            errors.append(error)
+        yield True
 
     def leaves_time_for(self, work: float) -> bool:
         """Tell whether a kernel of so many operations needs not check the deadline."""
@@ -117,31 +81,15 @@ class Deadline:
         """
         if self.leaves_time_for(work):
             return kernel(*arguments, 0)
-        answers = self.answers()
+        errors: list[BaseException] = []
+        answers = self.answers(errors)
         next(answers)
         answer = Callback(answers.__next__)
         address = ctypes.c_void_p.from_buffer(answer).value
-        listens = self.listen()  # as `listening`, in half of its time
-        try:
-            found = kernel(*arguments, address)
-        finally:
-            if listens:
-                set_handler(SIGINT, default_int_handler)
-        if self.error is not None:
-            raise self.error
+        found = kernel(*arguments, address)
+        if errors:
+            raise errors.pop()  # kept, it would keep the arguments: it has this frame
         return found
-
-    def verdict(self, status: Status) -> Status:
-        """Return the status, with INTERRUPTED for a TIME_LIMIT caused by Ctrl-C.
-
-        If the solve ended for another reason after Ctrl-C, KeyboardInterrupt is raised,
-        so that Ctrl-C ends a loop over small problems.
-        """
-        if not self.interrupted:
-            return status
-        if status is Status.TIME_LIMIT:
-            return Status.INTERRUPTED
-        raise KeyboardInterrupt
 
 
 NEVER = Deadline()

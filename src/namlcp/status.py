@@ -35,11 +35,6 @@ class Status(Enum):
         "time_limit",
         "Time limit reached; the best point is returned. Raise time_limit.",
     )
-    INTERRUPTED = (
-        "interrupted",
-        "Ctrl-C was pressed; the best point is returned. A second Ctrl-C would have "
-        "raised KeyboardInterrupt.",
-    )
     STALLED = (
         "stalled",
         "Rounding errors stop further progress, or the method has come to its end; the "

@@ -119,8 +119,7 @@ def solve_lcp(
         on cycles, factorisations or, with a LinearOperator, iterations ("auto" limits
         its sweeps itself).
     time_limit : float
-        Limit on the time of the solve [s]. The best point so far is then returned, as
-        it is after Ctrl-C in the main thread (a second one raises KeyboardInterrupt).
+        Limit on the time of the solve [s]. The best point so far is then returned.
     history : bool
         Keep a row for every iteration.
     verbose : bool
@@ -185,7 +184,7 @@ def solve_lcp(
     ready = time.perf_counter()
     # A LinearOperator is the user's code: it keeps the user's number of BLAS threads.
     order = 0 if isinstance(matrix.A, Operator) else lcp.q.size
-    with deadline.listening(), blas_threads(1, order):
+    with blas_threads(1, order):
         if method not in SOLVERS:
             given = Parameters(alpha, beta, omega, shift)
             outcome = sweep(lcp, method, given, limits, s0, z0)
@@ -194,8 +193,6 @@ def solve_lcp(
         else:
             solver = solver_of(method, cover, lcp.q.size)
             outcome = solve_exactly(lcp, solver, z0, limits)
-    if deadline.interrupted:
-        outcome = outcome._replace(status=deadline.verdict(outcome.status))
     rows = progress.history() if history else None
     problem = lcp, matrix.A if A is matrix else A
     result = result_of(outcome, problem, start, ready, rows)

@@ -73,14 +73,12 @@ def solve_smallest_form(qp: QP, guess: Guess, limits: Limits, memory: Memory) ->
     """
     answer = None
     if is_box(qp) and (qp.q.size > DENSE_BOX or not is_small(qp)):
-        with limits.deadline.listening():
-            answer = solve_bounds(qp, guess, limits, memory)
+        answer = solve_bounds(qp, guess, limits, memory)
         if answer is not None and answer.ends:
             return answer
     if is_small(qp) and not memory.in_vain:
         answer = solve_once(qp.in_dense_form(), guess, limits) or answer
     if answer is not None and answer.ends:
         return answer
-    with limits.deadline.listening():
-        other = solve_path(qp, guess, limits, memory)
+    other = solve_path(qp, guess, limits, memory)
     return other if answer is None else better(answer, other, limits)

@@ -182,7 +182,7 @@ def solve_shortly(
         tried = new_attempt(own, options.settings, start + options.time_limit)
     answer = decide(tried, own, limits)
     if answer is not None:
-        answer = settled(answer, qp, given, limits)
+        answer = upheld(answer, qp, given, limits)
     return answer, tried, answer is None
 
 
@@ -201,9 +201,7 @@ def solve_box_shortly(
     limits = options.limits(Deadline(start + options.time_limit))
     with blas_threads(options.threads, qp.q.size):
         answer = solve_smallest_form(qp, NO_GUESS, limits, Memory())
-    if not answer.ends:
-        limits.deadline.verdict(answer.status)  # raises after Ctrl-C
-    return settled(answer, qp, given, limits)
+    return upheld(answer, qp, given, limits)
 
 
 def needs_more(options: Options, answer: Answer) -> bool:
@@ -249,21 +247,11 @@ def solve_checked(
             )
         else:
             answer = solve_or_relax(qp, guess, limits, memory, known)
-    answer = settled(answer, qp, given, limits)
+    answer = upheld(answer, qp, given, limits)
     if progress is not None:
         progress.close(conclude(answer, perf_counter() - start))
     kept = progress.history() if progress is not None and history else None
     return result_of(answer, (qp, given), start, ready, kept, closest)
-
-
-def settled(
-    answer: Answer, qp: QP, given: tuple[Any, Any, Any], limits: Limits
-) -> Answer:
-    """Return the answer confirmed on the user's own matrices, or interrupted."""
-    answer = upheld(answer, qp, given, limits)
-    if limits.deadline.interrupted:
-        answer = answer._replace(status=limits.deadline.verdict(answer.status))
-    return answer
 
 
 def result_of(
@@ -348,8 +336,7 @@ def solve_substituted(
             found = solve_once(qp.in_dense_form(), guess, limits)
             if found is not None and found.ends:
                 return found
-        with limits.deadline.listening():
-            substitution = substitute(qp, memory.substitution, limits.deadline)
+        substitution = substitute(qp, memory.substitution, limits.deadline)
         memory.substitution = substitution
         if limits.deadline.reached():
             return out_of_time(qp)

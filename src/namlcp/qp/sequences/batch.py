@@ -4,20 +4,22 @@ Each item is solved alone and from nothing (or from its own warm start), so that
 answer does not depend on the others, nor on the number of threads.
 """
 
+import ctypes
 import os
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor, wait
 from dataclasses import dataclass, field, replace
 from functools import partial
 from operator import index
-from threading import Event, Lock
+from threading import Event, Lock, get_ident
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from namlcp.checks import real_array
+from namlcp.limits import interruptible
 from namlcp.linalg import blas_threads
 from namlcp.options import DEFAULT_OPTIONS, Options, check_count
 from namlcp.qp.active import DONE, MOST_ORDER, attached, solve_items
@@ -41,6 +43,8 @@ MATRICES = ("P", "G", "A")
 CHUNKS = 8
 # Operations of one compiled call at most, about: until its end Ctrl-C is not seen.
 MOST_WORK = 1e8
+# Time between two looks at Ctrl-C, which on Windows ends no wait [s].
+LOOK = 0.1
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -277,6 +281,7 @@ class Items:
         return solve_checked(qp, options, guess, start, memory=memory, given=given)
 
 
+@interruptible
 def solve_batch(
     P: Any,
     q: Any,
@@ -412,23 +417,39 @@ def on_threads(work: Callable[[int], None], size: int, threads: int) -> None:
             work(i)
         return
     left, lock, stop = iter(range(size)), Lock(), Event()
+    running: set[int] = set()
 
     def taken() -> int | None:
         with lock:
             return next(left, None)
 
     def work_on() -> None:
-        while not stop.is_set() and (i := taken()) is not None:
-            work(i)
+        running.add(get_ident())
+        try:
+            while not stop.is_set() and (i := taken()) is not None:
+                work(i)
+        finally:
+            stop.set()  # after an error; else nothing is left
+            running.discard(get_ident())
 
     with ThreadPoolExecutor(threads) as pool:
         tasks = [pool.submit(work_on) for _ in range(min(threads, size))]
         try:
-            for task in as_completed(tasks):
-                task.result()
+            while wait(tasks, LOOK).not_done:
+                pass
         except BaseException:
             stop.set()
+            for thread in running.copy():
+                interrupt(thread)
             raise
+    for task in tasks:
+        task.result()
+
+
+def interrupt(thread: int) -> None:
+    """Raise KeyboardInterrupt in a thread, as Ctrl-C does in the main one."""
+    error = ctypes.py_object(KeyboardInterrupt)
+    ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), error)
 
 
 def available_cores() -> int:

@@ -42,7 +42,7 @@ SOLVED = Status.SOLVED
 # What a copy shares and a pickle holds: arrays that never change.
 STATE = "matrices", "given", "is_own", "vectors", "options", "last"
 # Statuses that a solve without a start would not improve on.
-SETTLED = (SOLVED, Status.TIME_LIMIT, Status.INTERRUPTED)
+SETTLED = (SOLVED, Status.TIME_LIMIT)
 
 
 class Solver:
@@ -135,6 +135,7 @@ class Solver:
         self.is_by_method = False  # whether it is the method that found `last`
         self.quick: Any = None  # the method, where it may go on without care
         self.is_renewed = False  # whether other methods are quicker for the next solve
+        self.is_whole = True  # not after an error in a solve
 
     def __getstate__(self) -> dict[str, Any]:
         """Return what `STATE` names."""
@@ -258,7 +259,7 @@ class Solver:
         ValueError, TypeError
             warm_start is no solution of a problem of these sizes.
         KeyboardInterrupt
-            Ctrl-C came outside a loop. The Solver can be used all the same.
+            Ctrl-C was pressed. The Solver can be used all the same.
 
         Examples
         --------
@@ -272,6 +273,8 @@ class Solver:
         if derivative is not False:
             check_flag("derivative", derivative)
         try:
+            if not self.is_whole:
+                self.begin()
             result, is_tried = None, False
             if warm_start is None and self.quick is not None:
                 is_tried = True
@@ -288,7 +291,7 @@ class Solver:
                 self.last = result
                 return result
         except BaseException as error:
-            self.begin()  # what was to be kept may not be complete
+            self.is_whole = False  # so the next solve begins anew
             if isinstance(error, SystemError):  # Ctrl-C in compiled code
                 raise cause_of(error) from None
             raise
