@@ -182,3 +182,20 @@ def test_a_qp_is_solved_with_either_kind_of_factors(monkeypatch):
     assert used
     assert_solves_qp(qp, heavy, 1e-9)
     np.testing.assert_allclose(heavy.x, usual.x, atol=1e-7)
+
+
+def test_what_is_raised_in_a_long_factorisation_ends_it(monkeypatch):
+    K = saddle(24, 24)
+    U = upper(K)
+    fronts = by_degree(Multifrontal)(U)
+
+    def press():
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr("time.perf_counter", press)
+        with pytest.raises(KeyboardInterrupt):
+            fronts.refactor(U.data)
+    fronts.refactor(U.data)
+    rhs = np.ones(len(K))
+    np.testing.assert_allclose(K @ fronts.solve(rhs), rhs, atol=1e-8)

@@ -13,6 +13,7 @@ J. Optim. 5 (1995) 100-113). The method: Duff and Reid, ACM Trans. Math. Softw. 
 import numpy as np
 
 from namlcp.compiled import kernel, part
+from namlcp.limits import NEVER, WATCH_SIZE, begin_watch, is_over
 from namlcp.linalg.lapack import add_scaled, copy, dot, product, solve_rows
 from namlcp.linalg.ordering import Order, supernodes
 from namlcp.linalg.supernodes import panel_of, rows_below, solve_unit_lower
@@ -42,9 +43,9 @@ class Multifrontal:
 
     def refactor(self, data: np.ndarray) -> None:
         """Factor the matrix with these values."""
-        if not factorise(
-            self.nodes, data, self.L, self.D, self.places, self.stack, self.front,
-            self.work,
+        if not NEVER.run(  # to see Ctrl-C
+            factorise, np.inf, self.nodes, data, self.L, self.D, self.places,
+            self.stack, self.front, self.work,
         ):  # fmt: skip
             raise ValueError("a pivot vanishes")
 
@@ -57,14 +58,16 @@ class Multifrontal:
 
 
 @kernel(error_model="numpy")
-def factorise(nodes, data, L, D, places, stack, front, work):
-    """Set L and D; return False if a pivot is zero.
+def factorise(nodes, data, L, D, places, stack, front, work, clock):
+    """Set L and D; return False if a pivot is zero, or after Ctrl-C.
 
     places (2, size), stack, front and work are overwritten. When a supernode is
     eliminated, the updates of its children are in its panel, or on top of the stack.
     """
     first, parent, starts, rows = nodes.first, nodes.parent, nodes.starts, nodes.rows
     number = first.size - 1
+    watch = np.empty(WATCH_SIZE, dtype=np.int64)
+    begin_watch(watch, clock)
     waiting = np.zeros(number, dtype=np.int32)
     left = np.empty(number, dtype=np.int32)  # supernodes whose update is on the stack
     count = 0
@@ -96,7 +99,7 @@ def factorise(nodes, data, L, D, places, stack, front, work):
             for i in range(theirs.size):
                 place[i] = position[theirs[i]]
             extend_add(stack[top:], place[: theirs.size], panel, update)
-        if not eliminate_panel(panel, pivots, work):
+        if not eliminate_panel(panel, pivots, work, watch):
             return False
         if u == 0:
             continue
@@ -107,7 +110,7 @@ def factorise(nodes, data, L, D, places, stack, front, work):
             if not adds and u * k <= SMALL_PRODUCT:
                 subtract_product(panel, pivots, place[:u], into)
                 continue
-        complement(panel, pivots, adds, update, work)
+        complement(panel, pivots, adds, update, work, watch)
         if is_inside:
             add_lower(update, place[:u], into)
             continue
@@ -203,10 +206,12 @@ def extend_add(child, place, panel, update):
 
 
 @part
-def eliminate_panel(panel, D, work):
+def eliminate_panel(panel, D, work, watch):
     """Overwrite the panel (f, k) by its columns of L, set D; False if a pivot is 0."""
     f, k = panel.shape
     for start in range(0, k, BLOCK):
+        if is_over(watch, f * BLOCK * BLOCK):
+            return False
         stop = min(start + BLOCK, k)
         width = stop - start
         for j in range(start, stop):
@@ -231,7 +236,7 @@ def eliminate_panel(panel, D, work):
                 block[i, j] = x
                 panel[stop + i, start + j] = x / D[start + j]
         for row in range(stop, f, ROW_STRIP):
-            if stop < k:
+            if stop < k and not is_over(watch, ROW_STRIP * width * (k - stop)):
                 end = min(row + ROW_STRIP, f)
                 last = min(end, k)
                 product(
@@ -242,7 +247,7 @@ def eliminate_panel(panel, D, work):
 
 
 @part
-def complement(panel, D, adds, update, work):
+def complement(panel, D, adds, update, work, watch):
     """Set the update's lower triangle to - L D L', L the panel below row k.
 
     With `adds` it is subtracted from the update.
@@ -265,6 +270,8 @@ def complement(panel, D, adds, update, work):
             scaled[i, p] = panel[k + i, p] * D[p]
     for row in range(0, u, ROW_STRIP):
         end = min(row + ROW_STRIP, u)
+        if is_over(watch, ROW_STRIP * k * end):
+            return
         product(-1.0, scaled[row:end], panel[k : k + end], beta, update[row:end, :end])
 
 
