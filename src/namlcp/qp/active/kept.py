@@ -8,6 +8,7 @@ from namlcp.limits import Limits
 from namlcp.qp.active import solve
 from namlcp.qp.active.null import NullSpace
 from namlcp.qp.active.once import answer_of
+from namlcp.qp.active.sparse import active_set_of
 from namlcp.qp.active.state import Code
 from namlcp.qp.answer import Answer
 from namlcp.qp.guess import Guess
@@ -30,25 +31,43 @@ class Kept:
         What solves, see `steps`.
     """
 
-    is_slow_anew = False  # whether other methods are quicker with other matrices
-
     def __init__(self, qp: QP) -> None:
-        self.active_set: Any = NullSpace()
-        solve.attach(self.active_set, qp.P, qp.G, qp.A, False)
+        """Take the matrices."""
         self.left = self.pause = 0
+        self.renewed: QP | None = None  # with matrices that are still to be taken
+        if qp.is_dense:
+            self.active_set: Any = NullSpace()
+            solve.attach(self.active_set, qp.P, qp.G, qp.A, False)
+        else:
+            self.active_set = active_set_of(qp)
 
     @property
     def are_unsuited(self) -> bool:
         """Whether the last solve found that the matrices are not suited."""
         return not self.active_set.is_ready
 
-    def renew(self, qp: QP) -> None:
-        """Take other values of the matrices.
+    @property
+    def is_slow_anew(self) -> bool:
+        """Whether other methods are quicker with other matrices."""
+        return getattr(self.active_set, "is_slow_anew", False)
 
-        The active rows of the last solved QP are tried first in the next solve, and a
-        pause goes on: other values seldom make a solve much easier.
+    def renew(self, qp: QP) -> None:
+        """Let the next solve that is tried take other values of the matrices.
+
+        The active rows of the last solved QP are tried first there, and a pause goes
+        on: other values seldom make a solve much easier.
         """
-        solve.renew(self.active_set, qp.P, qp.G, qp.A)
+        self.renewed = qp
+
+    def take_renewed(self, qp: QP) -> None:
+        """Take other matrices of the same sizes; the active rows become a hint."""
+        m, self.renewed, self.pause = self.active_set, None, 0
+        hints = max(m.kept_k, m.hints)
+        if qp.is_dense:
+            solve.attach(m, qp.P, qp.G, qp.A, False)
+        else:
+            m.attach(qp.P, qp.G, qp.A)
+        m.hints = hints  # the numbers of the rows are still in memory
 
     def suggest(self, guess: Guess) -> None:
         """Let the next solve begin with the active rows of a guess."""
@@ -59,6 +78,8 @@ class Kept:
         if self.pause > 0:
             self.pause -= 1
             return False
+        if self.renewed is not None:
+            self.take_renewed(self.renewed)
         solve.solve(self.active_set, vectors, settings, until)
         return True
 

@@ -24,7 +24,13 @@ from cython.cimports.namlcp.qp.active.rows import (
     response_of,
 )
 from cython.cimports.namlcp.qp.active.run import INFINITE, solve_dense
-from cython.cimports.namlcp.qp.active.state import DONE, begin_watch, make_room
+from cython.cimports.namlcp.qp.active.sparse import SparseActiveSet, solve_sparse
+from cython.cimports.namlcp.qp.active.state import (
+    DONE,
+    OTHER_WEIGHT,
+    begin_watch,
+    make_room,
+)
 from cython.cimports.namlcp.qp.active.weight import NO_WEIGHT
 from cython.cimports.namlcp.settings import Settings
 
@@ -104,11 +110,18 @@ def run(m):
     z_box = new_vector(m.n)
     m.point = x, y, z, z_box
     m.x, m.y, m.z, m.z_box = numbers(x), numbers(y), numbers(z), numbers(z_box)
-    is_next: cython.bint = isinstance(m, NullSpace)
-    with cython.nogil:
-        if is_next:
+    if isinstance(m, SparseActiveSet):
+        with cython.nogil:
+            m.code = solve_sparse(cython.cast(SparseActiveSet, m))
+        if m.code == OTHER_WEIGHT:
+            cython.cast(SparseActiveSet, m).weigh()
+            with cython.nogil:
+                m.code = solve_sparse(cython.cast(SparseActiveSet, m))
+    elif isinstance(m, NullSpace):
+        with cython.nogil:
             m.code = solve_next(cython.cast(NullSpace, m))
-        else:
+    else:
+        with cython.nogil:
             m.code = solve_dense(cython.cast(DenseActiveSet, m))
     if m.interrupted:
         raise m.error
@@ -274,14 +287,6 @@ def step(m: ActiveSet, kind, vectors, problem, settings: Settings, start):
     return result_of(m, kind, problem, start, start)
 
 
-def renew(m: DenseActiveSet, P, G, A):
-    """Take other matrices of the same sizes; the active rows become a hint."""
-    m.matrices = P, G, A
-    m.P, m.G, m.A = numbers(P), numbers(G), numbers(A)
-    m.is_ready = False
-    set_limits(m)
-
-
 def updated(vectors, sizes, q, h, b, lb, ub):
     """Return a copy of vectors, see `QP.joined`, in which some are others.
 
@@ -361,7 +366,7 @@ def solve_items(
             m.lb, m.ub = data[6] + i * width[6], data[7] + i * width[7]
             m.x, m.y, m.z = out[0] + i * n, out[1] + i * p, out[2] + i * rows
             m.z_box = out[3] + i * n
-            m.k, m.kept_k, m.hints = 0, 0, 0
+            m.kept_k, m.hints = 0, 0
             m.is_ready = m.is_ready and not has_new_matrices
             code[i] = solve_dense(m)
             count[i] = m.pivots

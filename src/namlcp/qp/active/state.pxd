@@ -8,7 +8,8 @@ cpdef enum Code:
     # How a part of a solve ended. STUCK: another method has to solve the QP; UNSUITED:
     # as its matrices are not suited; FAULTY: as a number is not allowed, or two sides
     # are opposed. SUMMED: as DONE, but the terms are so large that the order of their
-    # sums matters. UNBOUNDED: z_box is a candidate for a ray.
+    # sums matters. UNBOUNDED: z_box is a candidate for a ray. OTHER_WEIGHT: W has to be
+    # made anew, see `sparse`.
     DONE
     CONTRADICTION
     LATE
@@ -18,6 +19,7 @@ cpdef enum Code:
     SUMMED
     UNBOUNDED
     WIDE
+    OTHER_WEIGHT
 
 
 cdef class ActiveSet:
@@ -54,7 +56,8 @@ cdef class ActiveSet:
         # now and then; rows of a hint, and the one tried now; whether rows have
         # changed in this solve; whether no other solve follows, or only that of an
         # item of a batch, which must not depend on this one.
-        Py_ssize_t k, kept_k, age, kept_age, hints, hinted
+        Py_ssize_t k, age, kept_age, hinted
+        public Py_ssize_t kept_k, hints
         bint changed, is_single, is_item
         # L^-1 w_F, S^-1 w_F, right-hand sides of S, Givens rotations.
         double *coefficient

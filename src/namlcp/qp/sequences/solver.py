@@ -364,4 +364,7 @@ class Solver:
 
 def method_for(qp: QP) -> Kept | None:
     """Return what keeps something for the matrices of a QP; None if nothing does."""
-    return Kept(qp) if qp.is_dense and is_small(qp) else None
+    if qp.is_dense and not is_small(qp):
+        return None
+    kept = Kept(qp)
+    return None if kept.active_set is None else kept

@@ -1,0 +1,47 @@
+from namlcp.linalg.ldl_solve cimport Factored
+from namlcp.qp.active.state cimport ActiveSet, Code
+
+
+cdef class SparseActiveSet(ActiveSet):
+    cdef:
+        # The upper triangle of K, of order `size`, and the values of K~; the rows of G.
+        # The arrays are those of `kkt` and `by_row`.
+        const int *indptr
+        const int *indices
+        double *base
+        double *data
+        const int *row_starts
+        const int *row_columns
+        const double *row_values
+        object kkt, by_row
+        Py_ssize_t size
+        Factored factors
+        # Passes of refinement of a solve with K; operations of making a response.
+        Py_ssize_t passes
+        double response_operations
+        # Units of (x, y) in which K is equilibrated; the diagonal of P; a residual.
+        double *unit
+        double *cost
+        double *rest
+        # Whether other methods are quicker with other matrices.
+        readonly bint is_slow_anew
+
+    cdef bint factor_and_try(self) except -1
+
+
+cdef double SHIFT, LEAST_PIVOT, REACHED, FIXED, MOST_OPERATIONS, ACCURATE, GAIN
+cdef enum:
+    MOST_LENGTH = 20_000
+    MOST_PASSES = 4
+
+cdef Code solve_sparse(SparseActiveSet m) noexcept nogil
+cdef void solve_base(SparseActiveSet m, const double* rhs, double* u, Py_ssize_t passes) noexcept nogil
+cdef void set_rest(SparseActiveSet m, const double* rhs, const double* u, double* r) noexcept nogil
+cdef void times_rows(SparseActiveSet m, const double* x, double* Gx) noexcept nogil
+cdef void set_shifted(SparseActiveSet m, bint is_all) noexcept nogil
+cdef double least_pivot(SparseActiveSet m) noexcept nogil
+cdef double try_factors(SparseActiveSet m) noexcept nogil
+cdef void take_weight(SparseActiveSet m) noexcept nogil
+cdef void take_shape(SparseActiveSet m) noexcept nogil
+cdef void set_norms(SparseActiveSet m) noexcept nogil
+cdef double reach_of(SparseActiveSet m, const int* columns, const double* values, Py_ssize_t start, Py_ssize_t end) noexcept nogil

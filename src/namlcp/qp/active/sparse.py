@@ -1,0 +1,348 @@
+"""Sparse QPs: the base problem of `steps` by the factors of its KKT matrix.
+
+The base problem min 1/2 x'Px + q'x, A x = b is the system K u = (-q, b) with
+
+    K = [P  A'],    K~ = K + [R   0],    u = (x, y).
+        [A  0 ]              [0  -D]
+
+K~ = L D L' is factored once, with small diagonal matrices R and D, so that it needs no
+pivoting. A solve with K is a solve with K~ and `passes` of iterative refinement. K is
+held by its upper triangle in CSC, as in `qp.kkt`: column n + i is row i of A, and the
+diagonal is the last entry of a column. G is held by rows.
+
+Where P and A together do not determine x, P + W takes the place of P, see `weight`.
+"""
+
+import cython
+import numpy as np
+from cython import Py_ssize_t
+from cython.cimports.libc.math import INFINITY, cos, fabs, sqrt
+from cython.cimports.namlcp.linalg.ldl_solve import Factored, solve_factored
+from cython.cimports.namlcp.linalg.pointers import const_floats_of, floats_of, ints_of
+from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, fill
+from cython.cimports.namlcp.qp.active.proximal import (
+    refine_contradiction,
+    solve_by_rounds,
+)
+from cython.cimports.namlcp.qp.active.rows import claim_place, forget_responses
+from cython.cimports.namlcp.qp.active.run import follow, is_faulty
+from cython.cimports.namlcp.qp.active.state import (
+    CONTRADICTION,
+    FAULTY,
+    OTHER_WEIGHT,
+    UNSUITED,
+    lay_out_rows,
+    make_room,
+    reals,
+)
+from cython.cimports.namlcp.qp.active.weight import set_shape, wanted_rho
+from scipy.sparse import csr_array
+
+from namlcp.linalg import SparseFactors, by_rows
+from namlcp.qp.kkt import KKT
+from namlcp.qp.transforms import equilibrate
+
+# Entries of R and D for rows equilibrated to a largest entry of 1.
+SHIFT = 1e-9
+# Pivot of a variable, over its diagonal entry, below which P alone is too small: R = 0
+# else.
+LEAST_PIVOT = 1e-7
+# Residual of a solve with K, over the right-hand side, at which it is not refined
+# further; the gain of a pass below which it was not worth it; the residual that has to
+# be reached.
+ACCURATE, GAIN, REACHED = 1e-11, 0.5, 1e-9
+# Curvature of a row, in equilibrated units, over the largest one of a trial solve, up
+# to which the equations fix the row.
+FIXED = 1e-11
+# Operations for each entry of K, G, L and a vector from which on another method is
+# quicker: the interior-point method takes about a microsecond for an entry.
+MOST_OPERATIONS = 2000.0
+# MOST_LENGTH: most variables, rows and equations together, as a response to a row has
+# so many entries. MOST_PASSES: most passes of refinement.
+
+
+def active_set_of(qp):
+    """Return a `SparseActiveSet` with the matrices of a QP, P positive semidefinite.
+
+    None if these are dense, or so large or full that other methods are quicker.
+    """
+    n, m, p = qp.q.size, qp.h.size, qp.b.size
+    if qp.is_dense or p > n or n + m + p > MOST_LENGTH:
+        return None
+    found = SparseActiveSet()
+    found.attach(qp.P, qp.G, qp.A)
+    return found if found.is_ready else None
+
+
+class SparseActiveSet:
+    """A QP with sparse matrices; see `active_set_of`."""
+
+    def lay_out(self):
+        self.size = self.n + self.p
+        self.most = self.n - self.p
+        lay_out_rows(self)
+        self.unit, self.rest = reals(self, self.size), reals(self, self.size)
+        self.cost = reals(self, self.n)
+
+    def set_values(self, rhs, values):
+        solve_base(self, rhs, values + self.m, self.passes)
+        times_rows(self, values + self.m, values)
+
+    def make_responses(self, row):
+        """Make the response to a row, one pass more accurate than what changes."""
+        self.operations += self.response_operations
+        fill(self.rhs, 0.0, self.size)
+        if row < self.m:
+            for t in range(self.row_starts[row], self.row_starts[row + 1]):
+                self.rhs[self.row_columns[t]] = self.row_values[t]
+        else:
+            self.rhs[row - self.m] = 1.0
+        response = claim_place(self, row)
+        solve_base(self, self.rhs, response + self.m, self.passes + 1)
+        times_rows(self, response + self.m, response)
+
+    def set_products(self, is_base):
+        indices, base, x = self.indices, self.base, self.x
+        self.times_cost(x, self.Px)
+        times_rows(self, x, self.Gx)
+        fill(self.Gtz, 0.0, self.n)
+        fill(self.Aty, 0.0, self.n)
+        for i in range(self.p):
+            y_i, total = self.y[i], 0.0
+            start, end = self.indptr[self.n + i], self.indptr[self.n + i + 1] - 1
+            for t in range(start, end):
+                self.Aty[indices[t]] += base[t] * y_i
+                total += base[t] * x[indices[t]]
+            self.Ax[i] = total
+        for i in range(self.m):
+            z_i = self.z[i]
+            if z_i != 0.0:
+                for t in range(self.row_starts[i], self.row_starts[i + 1]):
+                    self.Gtz[self.row_columns[t]] += self.row_values[t] * z_i
+
+    def set_row_products(self):
+        self.set_products(False)
+
+    def times_cost(self, x, Px):
+        indptr, indices, base = self.indptr, self.indices, self.base
+        for j in range(self.n):
+            last = indptr[j + 1] - 1
+            x_j = x[j]
+            total = base[last] * x_j
+            for t in range(indptr[j], last):
+                i = indices[t]
+                Px[i] += base[t] * x_j
+                total += base[t] * x[i]
+            Px[j] = total
+        if self.rho > 0.0:  # the triangle is that of P + W
+            for j in range(self.n):
+                Px[j] -= self.weight[j] * x[j]
+
+    def attach(self, P, G, A):
+        """Take matrices, and what depends on them: factors, units, memory.
+
+        The same pattern as before saves time.
+        """
+        self.n, self.m, self.p = P.shape[0], G.shape[0], A.shape[0]
+        self.matrices, self.by_row = (P, G, A), by_rows(G)
+        self.kkt = kkt = KKT(P, by_rows(A), csr_array((0, self.n)), self.kkt)
+        make_room(self)
+        self.indptr, self.indices = ints_of(kkt.indptr), ints_of(kkt.indices)
+        self.base, self.data = floats_of(kkt.base), floats_of(kkt.data)
+        self.row_starts = ints_of(self.by_row.indptr)
+        self.row_columns = ints_of(self.by_row.indices)
+        self.row_values = const_floats_of(self.by_row.data)
+        factors = kkt.plan()
+        if not isinstance(factors, SparseFactors):
+            return
+        self.factors = Factored(factors)
+        unit = np.ones(self.size)
+        equilibrate(kkt.indptr, kkt.indices, kkt.base.copy(), unit)
+        copy(floats_of(unit), self.unit, self.size)
+        entries = factors.values.size + kkt.base.size + G.nnz + self.length
+        self.most_operations = MOST_OPERATIONS * entries
+        self.is_ready = True
+        self.is_slow_anew = not self.factor_and_try()
+        if self.is_slow_anew:
+            take_shape(self)
+        else:
+            for j in range(self.n):
+                self.scale[self.m + j] = 1.0 / self.unit[j]
+        set_norms(self)
+        forget_responses(self)
+
+    def weigh(self):
+        """Factor P + W with the W for rho."""
+        take_weight(self)
+        self.is_ready = self.factor_and_try()
+        forget_responses(self)
+
+    def factor_and_try(self):
+        """Factor K~ and choose the passes of refinement by a trial solve.
+
+        False where P and A do not allow accurate solves.
+        """
+        set_shifted(self, False)
+        if not (self.kkt.factor() and least_pivot(self) >= LEAST_PIVOT):
+            set_shifted(self, True)
+            if not (self.kkt.factor() and least_pivot(self) > 0.0):
+                return False
+        error = try_factors(self)
+        entries = self.most_operations / MOST_OPERATIONS
+        self.response_operations = 2.0 * (self.passes + 2) * entries
+        return error <= REACHED
+
+
+def solve_sparse(m):
+    """Solve the QP at the pointers of m. OTHER_WEIGHT: `weigh`, then call again."""
+    m.pivots = 0
+    if not m.is_ready:
+        return UNSUITED
+    if is_faulty(m):
+        return FAULTY
+    if m.rho == 0.0:
+        return follow(m)
+    rho = wanted_rho(m)
+    if m.rho != rho:
+        m.rho = rho
+        return OTHER_WEIGHT
+    found = solve_by_rounds(m)
+    if found == CONTRADICTION:
+        refine_contradiction(m)
+    return found
+
+
+# ---- the operator
+
+
+def solve_base(m, rhs, u, passes):
+    """Set u = K^-1 rhs, with so many passes of refinement."""
+    solve_factored(m.factors, rhs, u)
+    for _ in range(passes):
+        set_rest(m, rhs, u, m.rest)
+        solve_factored(m.factors, m.rest, m.rest)
+        for j in range(m.size):
+            u[j] += m.rest[j]
+
+
+def set_rest(m, rhs, u, r):
+    """Set r = rhs - K u."""
+    indptr, indices, base = m.indptr, m.indices, m.base
+    for j in range(m.size):
+        last = indptr[j + 1] - 1
+        u_j = u[j]
+        total = rhs[j] - base[last] * u_j
+        for t in range(indptr[j], last):
+            i = indices[t]
+            r[i] -= base[t] * u_j
+            total -= base[t] * u[i]
+        r[j] = total
+
+
+def times_rows(m, x, Gx):
+    """Set Gx = G x."""
+    starts, columns, values = m.row_starts, m.row_columns, m.row_values
+    for i in range(m.m):
+        total = 0.0
+        for t in range(starts[i], starts[i + 1]):
+            total += values[t] * x[columns[t]]
+        Gx[i] = total
+
+
+# ---- the factors
+
+
+def set_shifted(m, is_all):
+    """Set the values of K~, with R = 0 or not."""
+    copy(m.base, m.data, m.indptr[m.size])
+    for j in range(0 if is_all else m.n, m.size):
+        shift = SHIFT / (m.unit[j] * m.unit[j])
+        m.data[m.indptr[j + 1] - 1] += shift if j < m.n else -shift
+
+
+def least_pivot(m):
+    """Return the least pivot of a variable over its diagonal entry of K~, at most 1.
+
+    -1 where a pivot has not the sign that it has in a quasi-definite matrix.
+    """
+    place, inverse, largest = m.factors.place, m.factors.inverse, 1.0
+    for j in range(m.n):
+        if inverse[place[j]] <= 0.0:
+            return -1.0
+        largest = max(largest, inverse[place[j]] * m.data[m.indptr[j + 1] - 1])
+    for j in range(m.n, m.size):
+        if inverse[place[j]] >= 0.0:
+            return -1.0
+    return 1.0 / largest
+
+
+def try_factors(m):
+    """Choose the passes of refinement by a trial solve; return its residual.
+
+    The entries of the right-hand side have size 1 in equilibrated units, and signs that
+    have no pattern. Sets m.least_curvature from the largest entry of x.
+    """
+    rhs, rest, u, other = m.rhs, m.rest, m.s, m.direction
+    for j in range(m.size):
+        rhs[j] = (1.0 if cos(j) > 0.0 else -1.0) / m.unit[j]
+    copy(rhs, rest, m.size)
+    fill(u, 0.0, m.size)
+    error: cython.double = 1.0
+    passes: Py_ssize_t = -1
+    while error > ACCURATE and passes < MOST_PASSES:
+        solve_factored(m.factors, rest, other)
+        add_scaled(1.0, u, other, m.size)
+        set_rest(m, rhs, other, rest)
+        new = 0.0
+        for j in range(m.size):
+            size = fabs(rest[j] * m.unit[j])
+            new = max(new, size) if size < INFINITY else INFINITY
+        if not new < GAIN * error:
+            break
+        copy(other, u, m.size)
+        error, passes = new, passes + 1
+    m.passes = max(passes, 0)
+    largest = 0.0
+    for j in range(m.n):
+        largest = max(largest, fabs(u[j] / m.unit[j]))
+    m.least_curvature = FIXED * largest
+    return error
+
+
+# ---- the weights and norms
+
+
+def take_shape(m):
+    """Prepare W, of which the first solve chooses rho."""
+    m.largest = 0.0
+    for j in range(m.n):
+        m.cost[j] = m.shape[j] = m.base[m.indptr[j + 1] - 1]
+        m.largest = max(m.largest, m.cost[j])
+    set_shape(m)
+    m.rho = INFINITY
+
+
+def take_weight(m):
+    """Set W for rho, and P + W in the place of P."""
+    for j in range(m.n):
+        m.weight[j] = m.rho * m.shape[j]
+        m.base[m.indptr[j + 1] - 1] = m.cost[j] + m.weight[j]
+
+
+def set_norms(m):
+    """Set 1 over the norms of the rows of G and A, for those of x at hand."""
+    for i in range(m.m):
+        start, end = m.row_starts[i], m.row_starts[i + 1]
+        m.scale[i] = reach_of(m, m.row_columns, m.row_values, start, end)
+    for i in range(m.p):
+        start, end = m.indptr[m.n + i], m.indptr[m.n + i + 1] - 1
+        m.reach[i] = reach_of(m, m.indices, m.base, start, end)
+
+
+def reach_of(m, columns, values, start, end):
+    """Return 1 over the norm of a row, entries start : end; 1 for an empty one."""
+    squares = 0.0
+    for t in range(start, end):
+        entry = values[t] / m.scale[m.m + columns[t]]
+        squares += entry * entry
+    return 1.0 / sqrt(squares) if squares > 0.0 else 1.0
