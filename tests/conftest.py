@@ -4,10 +4,9 @@ import os
 import signal
 
 import pytest
-from numba.core import event
 
 import namlcp
-from namlcp.compiled import decorators, signatures
+from namlcp.compiled import signatures
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -17,30 +16,6 @@ def own_handler():
     Child processes inherit what their parent ignores.
     """
     signal.signal(signal.SIGINT, signal.default_int_handler)
-
-
-def pytest_addoption(parser):
-    parser.addoption(
-        "--forbid-compiling",
-        action="store_true",
-        help="fail where a kernel has to be compiled: for a wheel with machine code",
-    )
-
-
-class Forbidding(event.Listener):
-    """Raises where numba begins to compile a kernel; some tests have parts compiled."""
-
-    def on_start(self, event):
-        if event.data["dispatcher"] in decorators.KERNELS.values():
-            raise AssertionError(f"compiled: {event.data['dispatcher']}")
-
-    def on_end(self, event):
-        pass
-
-
-def pytest_configure(config):
-    if config.getoption("--forbid-compiling"):
-        event.register("numba:compile", Forbidding())
 
 
 def pytest_sessionstart(session):
@@ -59,8 +34,8 @@ MISSING = pytest.StashKey[set[str]]()
 def pytest_sessionfinish(session):
     """Fail on a kernel that the tests have used and `kernels.txt` does not list.
 
-    A wheel with machine code and `namlcp.warmup` would lack it. A worker (-n 2) tells
-    the process that started it, by `workeroutput`.
+    `namlcp.warmup` would lack it. A worker (-n 2) tells the process that started it, by
+    `workeroutput`.
     """
     config = session.config
     missing = config.stash.setdefault(MISSING, set())

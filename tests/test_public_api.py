@@ -35,7 +35,7 @@ def test_public_names():
 
 @pytest.mark.parametrize(("name", "what"), list(public()))
 def test_every_public_name_has_an_example(name, what):
-    """pytest runs them all: --doctest-modules."""
+    """`test_doctests` runs them all."""
     assert ">>> " in what.__doc__
 
 

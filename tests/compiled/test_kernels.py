@@ -142,7 +142,7 @@ def test_no_reference_stays_behind():
     assert [sys.getrefcount(one) for one in (indptr, indices, data)] == given
 
 
-# ---- the list that warmup and wheels compile
+# ---- the list that warmup compiles
 
 
 def test_every_kernel_is_listed_and_every_line_is_one():
@@ -156,7 +156,6 @@ def test_every_kernel_is_listed_and_every_line_is_one():
     assert {line.partition("(")[0] for line in lines} == set(decorators.KERNELS)
 
 
-@pytest.mark.skipif(store.prebuilt().path.is_dir(), reason="it came with the package")
 def test_warmup_compiles_what_is_listed(tmp_path, monkeypatch, capsys):
     two = [line for line in signatures.listed() if line.startswith("checks.")][:2]
     for module in (ahead, signatures):

@@ -9,14 +9,12 @@ import subprocess
 import sys
 from pathlib import Path
 
-import numba
 import pytest
 
 import namlcp
-from namlcp.compiled import internals, store
+from namlcp.compiled import store
 
 PACKAGE = Path(namlcp.__file__).parent
-V3 = internals.BASELINE_FEATURES["x86-64-v3"]
 
 # Each probe calls a kernel whose answer depends on a callee in another file.
 PROBES = """
@@ -63,7 +61,7 @@ def sources_alone(tmp_path_factory):
     Its bytecode goes by the hash of the source: an edit may leave time and size.
     """
     root = tmp_path_factory.mktemp("sources")
-    unwanted = shutil.ignore_patterns("__pycache__", "prebuilt")
+    unwanted = shutil.ignore_patterns("__pycache__")
     shutil.copytree(PACKAGE, root / "namlcp", ignore=unwanted)
     by_hash = py_compile.PycInvalidationMode.CHECKED_HASH
     compileall.compile_dir(root / "namlcp", quiet=1, invalidation_mode=by_hash)
@@ -160,24 +158,6 @@ def test_sources_that_change_under_a_process_leave_no_files(cold, before):
     code = PROBES.replace(before, change + before)
     assert run(cold, "clean", code=code)[0]["clean"] == 1.0
     assert not files(cold)
-
-
-@pytest.mark.parametrize(
-    ("given", "name", "features", "expected"),
-    [
-        (None, "znver3", "+avx,+avx2,+x", False),
-        (None, "znver3", "".join(f"+{f}," for f in V3) + "-avx512f", True),
-        ("generic", "generic", "", False),
-        ("x86-64-v3", "x86-64-v3", "", True),
-        ("x86-64-v3", "x86-64-v3", "-avx2", False),
-    ],
-)
-def test_prebuilt_code_is_for_processors_that_have_what_it_needs(
-    given, name, features, expected, monkeypatch
-):
-    monkeypatch.setattr(numba.config, "CPU_NAME", given)
-    fits = internals.fits_baseline.__wrapped__
-    assert fits("x86-64-v3", name, features) is expected
 
 
 def test_an_unknown_numba_has_its_own_cache(cold):

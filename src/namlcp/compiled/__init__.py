@@ -1,14 +1,14 @@
 """Decorators of compiled functions, and the files that keep their machine code.
 
 `kernel` compiles a function that Python calls, `part` one that only compiled functions
-call, `pasted` one that is inlined into its callers. Machine code is kept in files, or
-comes with the wheel, under a hash of all sources (the stamp): a changed package never
-runs old code. `sources` computes the stamp, `store` reads and writes the files,
-`decorators` chooses compiler and cache, `internals`, `compiler`, `passes`, `lowering`
-and `functions` hold all use of numba's private parts, `signatures` reads the list of
-all kernels (`kernels.txt`), `ahead` and `prebuilt` compile them before their first
-call, `views` makes arrays without reference counts, and pointers, and `records` lays
-out the numbers and addresses of a solve.
+call, `pasted` one that is inlined into its callers. Machine code is kept in files,
+under a hash of all sources (the stamp): a changed package never runs old code.
+`sources` computes the stamp, `store` reads and writes the files, `decorators` chooses
+compiler and cache, `internals`, `compiler`, `passes`, `lowering` and `functions` hold
+all use of numba's private parts, `signatures` reads the list of all kernels
+(`kernels.txt`), `ahead` compiles them before their first call, `views` makes arrays
+without reference counts, and pointers, and `records` lays out the numbers and addresses
+of a solve.
 """
 
 import functools

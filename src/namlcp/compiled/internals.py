@@ -15,7 +15,7 @@ import hashlib
 import pickle
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from importlib.machinery import EXTENSION_SUFFIXES
 from typing import Any
 
@@ -30,7 +30,7 @@ from numba.extending import intrinsic
 
 from namlcp.compiled.compiler import KernelCompiler, PartCompiler
 from namlcp.compiled.sources import are_unchanged, is_unchanged, stamp
-from namlcp.compiled.store import SUFFIX, Folder, folders, prebuilt
+from namlcp.compiled.store import SUFFIX, folders
 
 SETTINGS = (
     "OPT BOUNDSCHECK DEBUGINFO_DEFAULT DISABLE_INTEL_SVML ENABLE_PROFILING "
@@ -38,18 +38,6 @@ SETTINGS = (
     "USE_LLVMLITE_MEMORY_MANAGER USING_SVML"
 ).split()
 """Settings of numba that the machine code depends on."""
-
-BASELINES = {"x86_64": "x86-64-v3", "AMD64": "x86-64-v3"}
-"""Processor that prebuilt code is compiled for, by `platform.machine()`; for other
-machines "generic"."""
-
-BASELINE_FEATURES = {
-    "x86-64-v3": frozenset(
-        "avx avx2 bmi bmi2 cx16 f16c fma lzcnt movbe popcnt sahf sse3 sse4.1 sse4.2 "
-        "ssse3 xsave".split()
-    )
-}
-"""Features that a processor needs to run code for a baseline, in LLVM's names."""
 
 
 # ---- files
@@ -66,24 +54,6 @@ def environment() -> tuple:
         np.__version__.split(".")[:2],
         [str(getattr(config, name, None)) for name in SETTINGS],
     )
-
-
-def baseline(machine: str) -> str:
-    """Return the processor that prebuilt code for this kind of machine is for."""
-    return BASELINES.get(machine, "generic")
-
-
-@functools.cache
-def fits_baseline(baseline: str, name: str, features: str) -> bool:
-    """Tell whether a processor runs code for a baseline.
-
-    `name` and `features` ("+avx,-avx512f,...") are LLVM's. A processor that the user
-    named (NUMBA_CPU_NAME) must be the baseline itself, without features.
-    """
-    if config.CPU_NAME is not None:
-        return (name, features) == (baseline, "")
-    has = {word[1:] for word in features.split(",") if word.startswith("+")}
-    return BASELINE_FEATURES.get(baseline, frozenset()) <= has
 
 
 class Store:
@@ -108,8 +78,8 @@ class Store:
         rtsys.initialize(context)
         if not (self.keeps and were_unchanged()):
             return None
-        for folder, processor in places(context):
-            key = self.key(signature, processor)
+        key = self.key(signature, context.codegen().magic_tuple())
+        for folder in folders():
             payload = folder.read(self.file(key))
             result = None if payload is None else rebuilt(payload, key, context)
             if result is not None:
@@ -139,7 +109,7 @@ class Store:
 
     def is_at_hand(self) -> bool:
         """Tell whether there is a file for this kernel, of any signature."""
-        where = [*folders(), prebuilt()] if self.keeps else []
+        where = folders() if self.keeps else []
         return any(folder.has(f"{self.name}-") for folder in where)
 
     def enable(self) -> None:
@@ -152,19 +122,6 @@ class Store:
 def were_unchanged() -> bool:
     """Tell whether the stamp was still true when the first kernel was looked for."""
     return are_unchanged()
-
-
-def places(context: Any) -> Iterator[tuple[Folder, tuple]]:
-    """Yield each folder to search and the processor, in LLVM's terms, of its code.
-
-    Prebuilt code comes first, where this processor can run it.
-    """
-    triple, name, features = context.codegen().magic_tuple()
-    processor = baseline(triple.split("-")[0])
-    if fits_baseline(processor, name, features):
-        yield prebuilt(), (triple, processor, "")
-    for folder in folders():
-        yield folder, (triple, name, features)
 
 
 def reduced(result: Any) -> tuple:

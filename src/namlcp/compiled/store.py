@@ -7,7 +7,7 @@ name only when it is complete.
 
 A loaded file is executed. It is therefore read only if the file, its folder and the
 folder above belong to this user, to root or to the owner of the package, and nobody
-else may write to them. The files in the package are trusted like its sources.
+else may write to them.
 """
 
 import contextlib
@@ -41,12 +41,11 @@ USED = 86400.0
 class Folder:
     """The folder for the machine code of the present stamp, one of those in `parent`.
 
-    The folders of other stamps stay there for `patience` [s] after their last use. One
-    that is `prebuilt` came with the package: it is never written, and always trusted.
+    The folders of other stamps stay there for `patience` [s] after their last use.
     """
 
-    def __init__(self, parent: Path, patience: float = KEPT, prebuilt: bool = False):
-        self.parent, self.patience, self.prebuilt = parent, patience, prebuilt
+    def __init__(self, parent: Path, patience: float = KEPT):
+        self.parent, self.patience = parent, patience
         self.path = parent / stamp()
         self.is_used = False
 
@@ -55,13 +54,13 @@ class Folder:
         try:
             with open(os.open(self.path / name, READING), "rb") as file:
                 trusted = is_trusted(os.fstat(file.fileno())) and self.is_safe()
-                content = file.read() if self.prebuilt or trusted else b""
+                content = file.read() if trusted else b""
         except OSError:
             return None
         payload = content[DIGEST:]
         if not payload or hashlib.sha256(payload).digest() != content[:DIGEST]:
             return None
-        if not (self.is_used or self.prebuilt):
+        if not self.is_used:
             self.note_use()
         return payload
 
@@ -84,8 +83,6 @@ class Folder:
 
     def prepare(self) -> bool:
         """Make the folder unless it is there; tell whether it may be written to."""
-        if self.prebuilt:
-            return False
         try:
             if not os.path.isdir(self.path):
                 self.parent.parent.mkdir(parents=True, exist_ok=True)
@@ -159,12 +156,6 @@ def user_folder() -> Path | None:
         return home / "Library" / "Caches"
     given = os.environ.get("XDG_CACHE_HOME", "")
     return Path(given) if os.path.isabs(given) else home / ".cache"
-
-
-@functools.cache
-def prebuilt() -> Folder:
-    """Return the folder of the machine code that came with the package."""
-    return Folder(PACKAGE / "prebuilt", prebuilt=True)
 
 
 @functools.cache

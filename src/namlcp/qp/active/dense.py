@@ -39,7 +39,7 @@ from cython.cimports.namlcp.qp.active.rows import (
     forget_responses,
     violation_of,
 )
-from cython.cimports.namlcp.qp.active.state import indices, lay_out_rows, reals
+from cython.cimports.namlcp.qp.active.state import lay_out_rows, reals
 from cython.cimports.namlcp.qp.active.weight import NO_WEIGHT, set_shape, wanted_rho
 
 # Ratio of the largest to the smallest pivot of P from which on products with V are too

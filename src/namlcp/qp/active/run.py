@@ -1,4 +1,4 @@
-"""A solve: checks of the numbers, factors where they are missing, the method, the end."""
+"""A solve: checks of the numbers, missing factors, the method, and the end."""
 
 import cython
 from cython import Py_ssize_t
@@ -26,7 +26,6 @@ from cython.cimports.namlcp.qp.active.state import (
     CONTRADICTION,
     DONE,
     FAULTY,
-    LATE,
     STUCK,
     SUMMED,
     UNSUITED,

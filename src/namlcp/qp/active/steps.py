@@ -137,7 +137,7 @@ def keep(m):
 
 
 def admit_hints(m):
-    """Append the rows of the hint, the first m.hints kept ones, that are independent."""
+    """Append those rows of the hint, the first m.hints kept, that are independent."""
     for i in range(m.hints):
         row, side = m.kept_active[i], m.kept_side[i]
         is_new: cython.bint = m.side[row] == 0 and m.k < m.most
