@@ -42,6 +42,8 @@ def test_every_public_name_has_an_example(name, what):
 def test_a_typed_client_passes_mypy(tmp_path):
     """With the package's own hints, from outside, and as strictly as mypy can."""
     pytest.importorskip("mypy")
+    if "editable" in type(namlcp.__loader__).__module__:
+        pytest.skip("mypy does not find a package that is installed in place")
     options = "--strict", "--no-error-summary", "--cache-dir", str(tmp_path)
     done = subprocess.run(
         [sys.executable, "-m", "mypy", *options, str(CLIENT)],
