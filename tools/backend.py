@@ -24,4 +24,5 @@ def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
     if not has_compiler():
         os.environ["CC"] = f'"{sys.executable}" -m ziglang cc'
         os.environ["AR"] = f'"{sys.executable}" -m ziglang ar'
+        os.environ["LDFLAGS"] = "-s"  # else with its debug sections
     return mesonpy.build_wheel(wheel_directory, config_settings, metadata_directory)

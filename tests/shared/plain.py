@@ -176,7 +176,7 @@ class Declarations(ast.NodeTransformer):
 def declared(text):
     """Return the constants and structs of a .pxd, and what it imports."""
     found = {}
-    for body in re.findall(r"^cdef enum.*:\n((?:    .*\n|\n)+)", text, re.M):
+    for body in re.findall(r"^cp?def enum.*:\n((?:    .*\n|\n)+)", text, re.M):
         value = -1
         for name, given in re.findall(r"^    (\w+)(?: = (\w+))?", body, re.M):
             found[name] = value = int(given) if given else value + 1
