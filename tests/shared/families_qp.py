@@ -198,7 +198,7 @@ def planted(seed):
     p = np.where(np.arange(k) % 2, 0.5 + rng.random(k), 0.0)
     t, y = rng.standard_normal(k), rng.standard_normal(k)
     entry = rng.uniform(0.5, 2.0, k) * rng.choice((-1, 1), k)
-    P = sp.block_diag((base.P, np.diag(p)))
+    P = sp.block_diag((base.P, sp.diags_array(p)))
     q = np.concatenate((base.q - E.T @ y, -p * t - entry * y))
     A = np.block([[base.A.toarray(), np.zeros((3, k))], [E, np.diag(entry)]])
     b = np.concatenate((base.b, E @ made.x + entry * t))
@@ -246,7 +246,7 @@ def with_kink(*offs, at=0, n=200, **bounds):
     """Variables of their own, and at one place a few coupled by `offs`."""
     k = len(offs) + 1
     chain = np.eye(k) + np.diag(offs, 1) + np.diag(offs, -1)
-    P = sp.block_diag([2.0 * np.eye(at), chain, 2.0 * np.eye(n - at - k)])
+    P = sp.block_diag([2.0 * np.eye(at), sp.csc_array(chain), 2.0 * np.eye(n - at - k)])
     q = np.where(np.arange(n) == at, bounds.pop("push", -1.0), -1.0)
     return make_qp(P, q, **bounds)
 
@@ -257,7 +257,7 @@ def blocks(off, n=3300):
     offsets = [0, 1, 2, 3, -1, -2, -3]
     full = [np.full(n - 2, 8.0), *bands, *bands]
     large = sp.diags_array(full, offsets=offsets, shape=(n - 2, n - 2))
-    P = sp.block_diag((large, np.array([[1.0, off], [off, 1.0]])))
+    P = sp.block_diag((large, sp.csc_array([[1.0, off], [off, 1.0]])))
     ub = np.where(np.arange(n) < n - 2, 1.0, 0.0)
     return make_qp(P, -np.ones(n), lb=np.zeros(n), ub=ub)
 

@@ -259,7 +259,7 @@ def test_definite_matrices():
     assert "modulus" in converges(A, "modulus", omega=1e-3).theorem
     skew = np.triu(X[:, :30], 1)
     assert "modulus" in converges(A + skew - skew.T, "modulus").theorem
-    big = sparse.block_diag([A] * 40, format="csr")
+    big = sparse.block_diag([sparse.csr_array(A)] * 40, format="csr")
     assert "LDL'" in converges(big, "pgs").checked
 
 
