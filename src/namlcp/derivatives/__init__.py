@@ -5,12 +5,12 @@
 
 from namlcp.derivatives.batch import (
     BatchGradients,
+    Found,
     Solved,
     differentiate_batch,
     differentiate_items,
 )
 from namlcp.derivatives.closest import ClosestDerivative, differentiate_closest
-from namlcp.derivatives.dense_items import Found
 from namlcp.derivatives.directional import lcp_directional, qp_directional
 from namlcp.derivatives.gradients import (
     LCPGradients,

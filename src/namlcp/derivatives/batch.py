@@ -10,19 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from namlcp.checks import clean_copy, real_array
-from namlcp.derivatives.dense_items import (
-    NOTHING,
-    REGULAR,
-    SINGULAR,
-    Found,
-    differentiate,
-    parts_of,
-    refuse_faults,
-    width_of,
-)
 from namlcp.derivatives.gradients import InMatrices, product_of
+from namlcp.derivatives.items import differentiate_items as differentiate_part
+from namlcp.derivatives.items import refuse_faults
 from namlcp.derivatives.qp import QPDerivative
-from namlcp.derivatives.systems import memory_size
 from namlcp.options import check_count
 from namlcp.qp import QP, BatchResult, Point, available_cores, on_threads
 
@@ -55,6 +46,41 @@ class Solved(NamedTuple):
     which: np.ndarray
 
 
+class Found(NamedTuple):
+    """Gradients in the data of items, one after another, and what they hold.
+
+    sides (N, m + n): 1 for rows of G that are held; -1 for variables held at the lower
+    bound, 1 at the upper one; else 0. weak (N,): constraints with a multiplier 0;
+    regular (N,): whether the KKT system of the strictly active constraints is regular.
+    """
+
+    q: np.ndarray
+    h: np.ndarray
+    b: np.ndarray
+    lb: np.ndarray
+    ub: np.ndarray
+    sides: np.ndarray
+    weak: np.ndarray
+    regular: np.ndarray
+
+    @classmethod
+    def zeros(cls, count: int, n: int, m: int, p: int) -> "Found":
+        """Return that of `count` items that have not been differentiated."""
+        vectors = (np.zeros((count, size)) for size in (n, m, p, n, n))
+        sides, weak = np.zeros((count, m + n), np.int8), np.zeros(count, np.intp)
+        return cls(*vectors, sides, weak, np.zeros(count, bool))
+
+    @property
+    def held(self) -> np.ndarray:
+        """The sides of the rows of G."""
+        return self.sides[:, : self.h.shape[1]]
+
+    @property
+    def side(self) -> np.ndarray:
+        """Those of the variables."""
+        return self.sides[:, self.h.shape[1] :]
+
+
 def differentiate_items(
     solved: Solved, cotangents: tuple[np.ndarray | None, ...], threads: int
 ) -> tuple[Found, Point]:
@@ -65,13 +91,13 @@ def differentiate_items(
     which, shown = solved.which, solved.which[:, None]
     points = Point(*(np.where(shown, v, 0.0) for v in solved.points))
     parts = tuple(None if v is None else np.where(shown, v, 0.0) for v in cotangents)
-    refuse_faults(NOTHING if v is None else v for v in parts)
+    refuse_faults(parts)
     sizes = points.x.shape[1], points.z.shape[1], points.y.shape[1]
-    out = np.zeros((which.size, width_of(sizes)))
-    found, chosen = parts_of(out, sizes), np.flatnonzero(which)
+    found, chosen = Found.zeros(which.size, *sizes), np.flatnonzero(which)
     if solved.arrays is not None:
-        differentiate_dense(solved.arrays, points, parts, chosen, threads, out)
-        chosen = chosen[found.code[chosen] != REGULAR]
+        arrays = *(clean_copy(v, np.float64) for v in solved.arrays), *points, *parts
+        differentiate_dense(arrays, chosen, threads, found)
+        chosen = chosen[~found.regular[chosen]]
 
     def work(k: int) -> None:
         i = chosen[k]
@@ -80,7 +106,7 @@ def differentiate_items(
         gradients = derivative.backward(*(v if v is None else v[i] for v in parts))
         for name in ("q", "h", "b", "lb", "ub", "weak"):
             getattr(found, name)[i] = getattr(gradients, name)
-        found.code[i] = SINGULAR if gradients.singular else REGULAR
+        found.regular[i] = not gradients.singular
         face = derivative.face
         found.held[i, face.active.rows], found.side[i] = 1.0, face.active.side
         points.y[i], points.z[i] = face.point.y, face.point.z
@@ -90,26 +116,19 @@ def differentiate_items(
 
 
 def differentiate_dense(
-    arrays: tuple[np.ndarray, ...],
-    points: Point,
-    cotangents: tuple[np.ndarray | None, ...],
+    arrays: tuple[np.ndarray | None, ...],
     chosen: np.ndarray,
     threads: int,
-    out: np.ndarray,
+    found: Found,
 ) -> None:
-    """Do `differentiate` in parts, on threads."""
-    n, m, p = sizes = points.x.shape[1], points.z.shape[1], points.y.shape[1]
-    data = tuple(clean_copy(v, np.float64).reshape(-1) for v in arrays)
-    flat_points = tuple(v.reshape(-1) for v in points)
-    flat = tuple(NOTHING if v is None else v.reshape(-1) for v in cotangents)
-    most = max(int(MOST_WORK / ((n + m) * n * n + 1)), 1)
+    """Differentiate dense items in parts, on threads; arrays as `items` has them."""
+    n, rows = found.q.shape[1], found.h.shape[1] + found.b.shape[1]
+    most = max(int(MOST_WORK / ((n + rows) * n * n + 1)), 1)
     length = min(-(-chosen.size // (CHUNKS * threads)), most)
     starts = range(0, chosen.size, length or 1)
 
     def work(k: int) -> None:
-        part = chosen[starts[k] : starts[k] + length]
-        memory = np.empty(memory_size(n, m + p))
-        differentiate(part, sizes, data, flat_points, flat, memory, False, out)
+        differentiate_part(chosen[starts[k] : starts[k] + length], arrays, found)
 
     on_threads(work, len(starts), threads)
 
@@ -135,8 +154,8 @@ class BatchGradients(InMatrices):
         self.stacked = batch.problem.stacked
         self.given = dict(zip("PGA", batch.problem.given, strict=True))
         self.vectors, self.points = found[:5], points
-        self.used, self.weak = batch.solved, found.weak.astype(np.int64)
-        self.singular = self.used & (found.code == SINGULAR)
+        self.used, self.weak = batch.solved, found.weak
+        self.singular = self.used & ~found.regular
         self.q, self.h, self.b, self.lb, self.ub = map(
             self.joined, ("q", "h", "b", "lb", "ub"), self.vectors
         )

@@ -4,10 +4,14 @@ They are the strictly active ones, if their KKT matrix is regular; else independ
 among them, if need be with the weakly active ones.
 """
 
-import numpy as np
-
 from namlcp.derivatives.dependent import basic, dependencies
-from namlcp.derivatives.systems import ActiveSet, DenseSystem, SparseSystem, active_sets
+from namlcp.derivatives.systems import (
+    ActiveSet,
+    CholeskySystem,
+    DenseSystem,
+    SparseSystem,
+    active_sets,
+)
 from namlcp.qp import QP, Point
 
 
@@ -31,7 +35,7 @@ class Face:
     """
 
     def __init__(
-        self, qp: QP, solution: Point, factors: np.ndarray | None = None
+        self, qp: QP, solution: Point, factors: CholeskySystem | None = None
     ) -> None:
         """Choose the constraints, and factor unless `factors` of dense ones are there.
 
@@ -54,7 +58,7 @@ class Face:
             self.hold(*basic(self.qp, self.active, self.point, found))
 
     def hold(
-        self, active: ActiveSet, point: Point, factors: np.ndarray | None = None
+        self, active: ActiveSet, point: Point, factors: CholeskySystem | None = None
     ) -> None:
         """Hold active constraints; `point` has their multipliers."""
         self.active, self.point = active, point
@@ -64,7 +68,7 @@ class Face:
 
 
 def system_of(
-    qp: QP, active: ActiveSet, factors: np.ndarray | None = None
+    qp: QP, active: ActiveSet, factors: CholeskySystem | None = None
 ) -> DenseSystem | SparseSystem:
     """Return the KKT system of an active set, factored unless `factors` are there."""
     if qp.is_dense:

@@ -12,7 +12,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from namlcp.checks import from_arrays, sparse_matrix
-from namlcp.compiled import kernel
+from namlcp.derivatives.rank_two import add_rank_two_at, rank_two
 from namlcp.qp import Point
 
 
@@ -58,19 +58,15 @@ class RankTwo(NamedTuple):
         """
         s, a, b, t, c, d = self
         if type(pattern) is np.ndarray or not sp.issparse(pattern):
-            out = np.empty((a.size, b.size))
-            write_rank_two(s, a, b, t, c, d, out)
-            return out
+            return rank_two(*self)
         is_csr = pattern.format == "csr"
         pattern = sparse_matrix("pattern", pattern, "csr" if is_csr else "csc")
         if is_csr:
             a, b, c, d = b, a, d, c
-        indptr, indices = pattern.indptr, pattern.indices
-        data = np.zeros(indices.size)
+        indptr, indices, data = pattern.indptr, pattern.indices, np.zeros(pattern.nnz)
         sums = (np.atleast_2d(v) for v in (a, b, c, d))
         for one, two, three, four in zip(*sums, strict=True):
-            first, second = (s, one, two), (t, three, four)
-            add_rank_two_at(indptr, indices, first, second, data)
+            add_rank_two_at(pattern, s, one, two, t, three, four, data)
         kind = sp.csr_array if is_csr else sp.csc_array
         return from_arrays((indptr.copy(), indices.copy(), data), pattern.shape, kind)
 
@@ -86,29 +82,6 @@ class RankTwo(NamedTuple):
             return self.on(pattern)
         s, a, b, t, c, d = self
         return s * (a.T @ b) + t * (c.T @ d)
-
-
-@kernel
-def write_rank_two(s, a, b, t, c, d, out):
-    """Set out (m, n) to s a b' + t c d'."""
-    for i in range(a.size):
-        first, second = s * a[i], t * c[i]
-        for j in range(b.size):
-            out[i, j] = first * b[j] + second * d[j]
-
-
-@kernel
-def add_rank_two_at(indptr, indices, first, second, data):
-    """Add the entries of s a b' + t c d' at the places of a matrix in CSC to data.
-
-    first = (s, a, b), second = (t, c, d).
-    """
-    s, a, b = first
-    t, c, d = second
-    for j in range(indptr.size - 1):
-        left, right = s * b[j], t * d[j]
-        for k in range(indptr[j], indptr[j + 1]):
-            data[k] += a[indices[k]] * left + c[indices[k]] * right
 
 
 class InMatrices:

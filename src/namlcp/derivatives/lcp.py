@@ -21,11 +21,10 @@ from typing import Any
 import numpy as np
 
 from namlcp.checks import finite_matrix, finite_vector
-from namlcp.compiled import kernel
 from namlcp.derivatives.free_matrix import FreeMatrix, free_matrix
 from namlcp.derivatives.gradients import LCPGradients, LCPTangent, RankTwo
 from namlcp.derivatives.problem import problem_of
-from namlcp.derivatives.systems import ACTIVE
+from namlcp.derivatives.systems.marks import sides_of_lcp
 from namlcp.lcp import LCP, Operator
 from namlcp.result import LCPResult
 
@@ -44,7 +43,7 @@ class LCPDerivative:
     def __init__(self, lcp: LCP, given: Any, result: LCPResult) -> None:
         """Choose F and factor A_FF; `given`: A as the user holds it."""
         self.lcp, self.given, self.z = lcp, given, result.z
-        side, self.weak_side = active_sides(lcp, result.z, result.w)
+        side, self.weak_side = sides_of_lcp(lcp, result.z, result.w)
         self.strict_side = side
         self.weak = int(np.count_nonzero(self.weak_side) - np.count_nonzero(side))
         self.hold(side)
@@ -99,49 +98,6 @@ class LCPDerivative:
         if value is None:
             return np.zeros(self.z.size)
         return finite_vector(name, value, self.z.size, "q", self.lcp.q.shape)
-
-
-def active_sides(
-    lcp: LCP, z: np.ndarray, w: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Return where an unknown is fixed: -1 at lower, 1 at upper, 0 where it is free.
-
-    The second array counts unknowns at a bound with w = 0 as fixed too. w_i counts as 0
-    up to `ACTIVE` times the largest term of (A z + q)_i, as far as these are known.
-    """
-    sides, weak_sides = np.empty((2, z.size), dtype=np.int8)
-    matrix, q, lower, upper = lcp
-    mark_sides((q, lower, upper), (z, w), matrix.slopes, sides, weak_sides)
-    return sides, weak_sides
-
-
-@kernel
-def mark_sides(vectors, point, slopes, sides, weak_sides):
-    """Set both results of `active_sides`; vectors = (q, lower, upper), point = (z, w).
-
-    An unknown is at a bound with w != 0 if its distance to the bound is less than |w_i|
-    over the slope of w_i in z_i.
-    """
-    q, lower, upper = vectors
-    z, w = point
-    for i in range(z.size):
-        zero = ACTIVE * max(abs(q[i]), abs(w[i] - q[i]), slopes[i] * abs(z[i]))
-        to_lower, to_upper = z[i] - lower[i], upper[i] - z[i]
-        side = 0
-        if lower[i] == upper[i]:
-            side = 1 if w[i] < 0.0 else -1
-        elif w[i] < -zero and slopes[i] * to_upper < -w[i]:
-            side = 1
-        elif w[i] > zero and slopes[i] * to_lower < w[i]:
-            side = -1
-        sides[i] = side
-        near = ACTIVE * (1.0 + abs(z[i]))
-        if side == 0:
-            if to_upper <= near:
-                side = 1
-            elif to_lower <= near:
-                side = -1
-        weak_sides[i] = side
 
 
 def differentiate_lcp(result: LCPResult) -> LCPDerivative:

@@ -43,11 +43,11 @@ from typing import Any
 import numpy as np
 
 from namlcp.checks import finite_matrix, finite_vector, vector
-from namlcp.derivatives.dense_items import NOTHING, OneItem, refuse_faults
 from namlcp.derivatives.face import Face
 from namlcp.derivatives.gradients import QPGradients, QPTangent, product_of
+from namlcp.derivatives.items import DenseItem, refuse_faults
 from namlcp.derivatives.problem import problem_of
-from namlcp.qp import QP, Held, Point
+from namlcp.qp import QP, Point
 from namlcp.qp.problem import stamp_of
 from namlcp.result import QPResult
 
@@ -69,31 +69,34 @@ class QPDerivative:
         qp: QP,
         given: tuple[Any, Any, Any],
         point: Point,
-        held: Held | None = None,
+        factors: Any = None,
     ) -> None:
         """Note the problem; `given`: P, G and A of the user, None for those of qp.
 
-        `held`: the factors of the solve, if they are there.
+        `factors`: those of the solve, if they are there.
         """
         self.qp, self.given, self.solution = qp, given, point
-        self.item = OneItem(qp, point, held) if qp.is_dense else None
+        self.item: Any = None
+        if qp.is_dense:
+            self.item = DenseItem(qp.q.size, qp.h.size, qp.b.size)
+            self.item.take(qp, point, factors)
 
     @cached_property
     def face(self) -> Face:
         """The constraints held, and the factors of K."""
-        memory = self.item.factors if self.item is not None else None
-        return Face(self.qp, self.solution, memory)
+        factors = self.item.factors if self.item is not None else None
+        return Face(self.qp, self.solution, factors)
 
     def backward(self, dx: Any, dy: Any, dz: Any, dz_box: Any) -> QPGradients:
         """Return the gradients of a scalar in the data from those in the solution."""
         cotangents = (
-            NOTHING if dx is None else self.cotangent("x", dx),
-            NOTHING if dy is None else self.cotangent("y", dy),
-            NOTHING if dz is None else self.cotangent("z", dz),
-            NOTHING if dz_box is None else self.cotangent("z_box", dz_box),
+            dx if dx is None else self.cotangent("x", dx),
+            dy if dy is None else self.cotangent("y", dy),
+            dz if dz is None else self.cotangent("z", dz),
+            dz_box if dz_box is None else self.cotangent("z_box", dz_box),
         )
         if self.item is not None:
-            found = self.item.differentiate(cotangents)
+            found = self.item.backward(cotangents)
             if found is not None:
                 vectors, matrices, weak = found
                 gradients = self.gradients(vectors, self.solution, weak, False)
@@ -103,11 +106,15 @@ class QPDerivative:
             self.item = None  # the constraints held have to be chosen
         return self.backward_of_face(cotangents)
 
-    def backward_of_face(self, cotangents: tuple[np.ndarray, ...]) -> QPGradients:
+    def backward_of_face(
+        self, cotangents: tuple[np.ndarray | None, ...]
+    ) -> QPGradients:
         """Do `backward` with the constraints of `face`."""
         refuse_faults(cotangents)
         pairs = zip(cotangents, self.solution, strict=True)
-        gx, gy, gz, gz_box = (v if v.size else np.zeros(own.size) for v, own in pairs)
+        gx, gy, gz, gz_box = (
+            np.zeros(own.size) if v is None else v for v, own in pairs
+        )
         face = self.face
         u = face.fixed * gz_box
         lam, nu, mu = face.system.solve(gx, gz, gy, u)

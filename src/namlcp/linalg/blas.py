@@ -6,8 +6,8 @@ A row-major matrix is the transpose of a column-major one, which BLAS sees.
 import cython
 from cython import p_double
 from cython.cimports.namlcp.linalg.vectors import fill
-from cython.cimports.scipy.linalg.cython_blas import ddot, dgemm, dgemv
-from cython.cimports.scipy.linalg.cython_lapack import dpotrf, dtrtri
+from cython.cimports.scipy.linalg.cython_blas import ddot, dgemm, dgemv, dtrsm
+from cython.cimports.scipy.linalg.cython_lapack import dpotrf, dpotrs, dtrtri
 
 
 def _times(letter, C, count, n, x, out, size):
@@ -60,6 +60,38 @@ def cholesky(A, n):
             cython.address(info),
         )  # fmt: skip
     return info == 0
+
+
+def cholesky_solve(L, n, b):
+    """Overwrite b (n,) by the solution of L L'x = b."""
+    order: cython.int = n
+    one: cython.int = 1
+    info: cython.int = 0
+    upper: cython.char = b"U"
+    if n > 0:
+        dpotrs(
+            cython.address(upper), cython.address(order), cython.address(one),
+            cython.cast(p_double, L), cython.address(order), b, cython.address(order),
+            cython.address(info),
+        )  # fmt: skip
+
+
+def solve_rows(L, n, X, count):
+    """Overwrite `count` rows X of n numbers by X L'^-1 for a lower triangle L."""
+    order: cython.int = n
+    rows: cython.int = count
+    one: cython.double = 1.0
+    left: cython.char = b"L"
+    upper: cython.char = b"U"
+    transposed: cython.char = b"T"
+    plain: cython.char = b"N"
+    if n > 0 and count > 0:
+        dtrsm(
+            cython.address(left), cython.address(upper), cython.address(transposed),
+            cython.address(plain), cython.address(order), cython.address(rows),
+            cython.address(one), cython.cast(p_double, L), cython.address(order), X,
+            cython.address(order),
+        )  # fmt: skip
 
 
 def invert_lower(L, n):

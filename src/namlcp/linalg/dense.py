@@ -58,6 +58,21 @@ def invert_triangle(L, n):
         fill(row + i + 1, 0.0, n - i - 1)
 
 
+def forward_solve(L, n, b):
+    """Overwrite b (n,) by the solution of L x = b for a lower triangle L."""
+    for i in range(n):
+        row = L + i * n
+        b[i] = (b[i] - dot(row, b, i)) / row[i]
+
+
+def backward_solve(L, n, b):
+    """Overwrite b (n,) by the solution of L'x = b for a lower triangle L."""
+    for i in range(n - 1, -1, -1):
+        row = L + i * n
+        b[i] /= row[i]
+        add_scaled(-b[i], row, b, i)
+
+
 # ---- products
 
 
@@ -71,6 +86,13 @@ def times_rows(C, count, n, width, x, out):
     while i < count:
         out[i] = dot(x, C + i * n, width)
         i += 1
+
+
+def add_times_transposed(C, count, n, y, out):
+    """Add C'y for `count` rows of n numbers, skipping the zeros of y."""
+    for i in range(count):
+        if y[i] != 0.0:
+            add_scaled(y[i], C + i * n, out, n)
 
 
 def times_triangle(V, n, x, out):

@@ -1,0 +1,45 @@
+"""Where the entries of NumPy's arrays are.
+
+An array of another type, size or order is refused: what is read at its address would
+have no meaning.
+"""
+
+import cython
+from cython.cimports import numpy as cnp
+
+cnp.import_array()
+
+
+def numbers(array, size):
+    """Return where the `size` doubles of an array are."""
+    return cython.cast(cython.p_double, _entries(array, cnp.NPY_DOUBLE, size))
+
+
+def places(array, size):
+    """Return where the `size` indices of a sparse matrix are."""
+    return cython.cast(cython.p_int, _entries(array, cnp.NPY_INT32, size))
+
+
+def indices(array, size):
+    """Return where the `size` indices of an array of NumPy's own type for them are."""
+    return cython.cast(cython.p_Py_ssize_t, _entries(array, cnp.NPY_INTP, size))
+
+
+def signs(array, size):
+    """Return where the `size` bytes of an array are."""
+    return cython.cast(cython.p_schar, _entries(array, cnp.NPY_INT8, size))
+
+
+def _entries(array, kind, size):
+    own: cnp.ndarray = array
+    is_right: cython.bint = (
+        cnp.PyArray_EquivTypenums(cnp.PyArray_TYPE(own), kind)
+        and cnp.PyArray_ISCARRAY_RO(own)
+        and cnp.PyArray_SIZE(own) == size
+    )
+    if not is_right:
+        raise ValueError(
+            f"{size} contiguous numbers are needed, got {array.dtype} of shape "
+            f"{array.shape} with strides {array.strides}"
+        )
+    return cnp.PyArray_DATA(own)
