@@ -84,16 +84,16 @@ class DenseItem:
             self.factors = factors_of(self)
             if self.factors is None:
                 return None
-        locate(cotangents, (n, p, m, n), 1, start, step)
-        set_cotangents(self, start, step, 0)
-        if not are_finite(self):
-            refuse_faults(cotangents)
         q, h, b = np.empty(n), np.empty(m), np.empty(p)
         lb, ub = np.empty(n), np.empty(n)
+        locate(cotangents, (n, p, m, n), 1, start, step)
+        set_cotangents(self, start, step, 0)
         set_gradients(
             self, numbers(q, n), numbers(h, m), numbers(b, p), numbers(lb, n),
             numbers(ub, n),
         )  # fmt: skip
+        if not are_finite(self):
+            refuse_faults(cotangents)
         solve_item(self)
         matrices = ()
         if (n + m + p) * n <= AT_ONCE:
