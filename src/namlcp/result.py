@@ -401,6 +401,4 @@ class QPResult(Outcome):
         """The active constraints and factors of `backward` and `forward`."""
         from namlcp.derivatives import differentiate_qp
 
-        if self.kept is None:
-            self.kept = differentiate_qp(self)
-        return self.kept
+        return differentiate_qp(self)

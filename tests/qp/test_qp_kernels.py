@@ -13,7 +13,6 @@ from namlcp.qp.path import newton, steps
 from namlcp.qp.path.advance import GAIN, LONG, LOOK, READY, REFINE, SOLVE, START
 from namlcp.qp.path.regularisation import DELTA, RHO
 from namlcp.qp.path.workspace import Workspace
-from namlcp.qp.responses import active
 from namlcp.qp.transforms import ScaledQP, presolve
 
 LIMITS = Limits(1e-9, 0.0)
@@ -161,39 +160,6 @@ def test_the_norm_of_a_residual_with_nan_is_nan(place):
     assert norm(r, weight, 3) == 3.0
     r[place] = np.nan
     assert np.isnan(norm(r, weight, 3))
-
-
-# ---- the active-set method
-
-
-def test_the_triangle_is_that_of_the_remaining_rows(monkeypatch):
-    """After appending k rows and removing one, L L' = S without it."""
-    names = "triangle_solve", "triangle_solve_transposed", "append_to_triangle"
-    lower, upper, append, remove = (
-        getattr(getattr(active, name), "py_func", getattr(active, name))
-        for name in (*names, "remove_from_triangle")
-    )
-    for name in ("dot", "add_scaled"):  # plain Python calls plain Python alone
-        inner = lower.__globals__[name]
-        monkeypatch.setitem(lower.__globals__, name, getattr(inner, "py_func", inner))
-    rng = np.random.default_rng(9)
-    for leaving in range(6):
-        root = rng.standard_normal((6, 6))
-        S = root @ root.T + np.eye(6)
-        L, b, row = np.empty(21), rng.standard_normal(5), np.empty(6)
-        for i in range(6):
-            row[:i] = S[i, :i]
-            lower(L, i, row)
-            append(L, i, row, np.sqrt(S[i, i] - np.sum(row[:i] ** 2)))
-        remove(L, 6, leaving, np.empty(6), np.empty(6))
-        left = np.delete(np.delete(S, leaving, 0), leaving, 1)
-        expected = np.linalg.solve(left, b)
-        lower(L, 5, b)
-        upper(L, 5, b)
-        square = np.zeros((5, 5))
-        square[np.tril_indices(5)] = L[:15]
-        np.testing.assert_allclose(square @ square.T, left, atol=1e-12)
-        np.testing.assert_allclose(b, expected, atol=1e-12)
 
 
 # ---- certificates

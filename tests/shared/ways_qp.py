@@ -2,10 +2,11 @@
 
 ``way(qp, **options)`` takes the fields of `Options` and returns what has the attributes
 of a `QPResult`. Where one method fails, `solve_qp` takes the next, and is right all the
-same. Hence the ways of the `path` and of responses, which go to the doors of these two
+same. Hence the ways of the `path` and of the active set, which go to the doors of these two
 engines; the latter leaves some QPs to others and returns None.
 """
 
+from time import perf_counter
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,7 +15,7 @@ from problems_qp import NO_GUESS, Options, dense, solve_sparse, sparse
 
 from namlcp import Solver, Status, solve_batch, solve_qp
 from namlcp.qp import make_guess, qp_data
-from namlcp.qp.responses import DenseResponses, SparseResponses
+from namlcp.qp.active import Kept
 
 INF = np.inf
 
@@ -85,12 +86,14 @@ def by_path(qp, start=None, **settings):
     return solve_sparse(sparse(qp), Options(**settings).limits(), guess)
 
 
-def by_responses(kind, qp, **settings):
+def by_active_set(qp, **settings):
     """After a step with another cost; None where it is left to other methods."""
-    qp, limits, found = qp_data(*qp), Options(**settings).limits(), None
-    kept = kind.of(qp)
-    for step in () if kept is None else (qp._replace(q=qp.q + 1.0), qp):
-        found = kept.answer(*kept.run(step.joined(), limits), step, limits)
+    qp, options, found = qp_data(*qp), Options(**settings), None
+    kept = Kept(qp)
+    for step in () if kept.active_set is None else (qp._replace(q=qp.q + 1.0), qp):
+        until = perf_counter() + options.time_limit
+        tried = kept.solve(step.joined(), options.settings, until)
+        found = kept.answer(step, options.limits()) if tried else None
     if found is not None:
         fields = found._asdict() | found.point._asdict()
         found = SimpleNamespace(**fields)
@@ -109,11 +112,11 @@ WAYS = {
     "Solver, sparse": lambda qp, **s: by_solver(sparse(qp), **s),
     "Solver, renewed": lambda qp, **s: by_renewed_solver(dense(qp), **s),
     "Solver, renewed, sparse": lambda qp, **s: by_renewed_solver(sparse(qp), **s),
-    "responses": lambda qp, **s: by_responses(DenseResponses, dense(qp), **s),
-    "sparse responses": lambda qp, **s: by_responses(SparseResponses, sparse(qp), **s),
+    "active set": lambda qp, **s: by_active_set(dense(qp), **s),
+    "sparse active set": lambda qp, **s: by_active_set(sparse(qp), **s),
     "batch": by_batch,
     "qpsolvers": lambda qp, **s: by_qpsolvers(dense(qp), **s),
 }
 PATHS = {"path", "wrong start of the path"}
 DENSE = {"dense", "wrong start", "Solver", "Solver, renewed", "batch", "qpsolvers"}
-PARTIAL = {"responses", "sparse responses"}  # None: left to other methods
+PARTIAL = {"active set", "sparse active set"}  # None: left to other methods

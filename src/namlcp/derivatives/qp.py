@@ -182,7 +182,7 @@ class QPDerivative:
 
 
 def differentiate_qp(result: QPResult) -> QPDerivative:
-    """Return the derivative of a solution; raise ValueError if it has none.
+    """Return the derivative of a solution, made once; raise ValueError if it has none.
 
     That is so, too, if an array of the user has other numbers than at the solve.
     """
@@ -192,5 +192,7 @@ def differentiate_qp(result: QPResult) -> QPDerivative:
             "derivatives need the arrays as they were when the QP was solved: one has "
             "been changed in place since (pass a copy to the solve)"
         )
-    point = Point(result.x, result.y, result.z, result.z_box)
-    return QPDerivative(qp, given, point, result.factors)
+    if result.kept is None:
+        point = Point(result.x, result.y, result.z, result.z_box)
+        result.kept = QPDerivative(qp, given, point, result.factors)
+    return result.kept

@@ -9,8 +9,16 @@ from namlcp.limits import Deadline, Limits, interruptible
 from namlcp.linalg import blas_threads
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
-from namlcp.qp.active import MOST_ORDER, decide, new_attempt, solve_once, solve_small
+from namlcp.qp.active import (
+    MOST_ORDER,
+    decide,
+    factors_of,
+    new_attempt,
+    solve_once,
+    solve_small,
+)
 from namlcp.qp.active.dense import DenseActiveSet
+from namlcp.qp.active.state import Code
 from namlcp.qp.answer import OBJECTIVE, UNDECIDED, Answer, better, out_of_time
 from namlcp.qp.closest import check_weights, solve_or_approach
 from namlcp.qp.forms import DENSE_BOX, is_tiny, solve_smallest_form
@@ -145,7 +153,7 @@ def solve_arguments(
             result = result_of(known, (qp, given), start, ready)
             result.stamp = stamp_of(qp)
             if derivative and qp.is_dense and tried is not None:
-                result.factors = tried.factors()
+                result.factors = factors_of(tried)
             return result
     qp = checked(qp)
     guess = make_guess(qp, x0, warm_start, name)
@@ -183,7 +191,8 @@ def solve_shortly(
     answer = decide(tried, own, limits)
     if answer is not None:
         answer = upheld(answer, qp, given, limits)
-    return answer, tried, answer is None
+    is_left = tried.code in (Code.UNSUITED, Code.FAULTY)  # for `checked` to tell why
+    return answer, tried, answer is None and not is_left
 
 
 @interruptible

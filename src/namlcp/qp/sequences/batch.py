@@ -384,7 +384,7 @@ def solve_stack(
     codes = np.empty(size, np.int64)
     numbers = batch.residuals.view(float)
     outs = batch.x, batch.y, batch.z, batch.z_box, numbers
-    firsts = [M[0] if M.ndim > 2 else M for M in arrays if M.ndim >= 2]
+    firsts = [M[0] if M.ndim > 2 else M for M in arrays[:6:2]]
     work = 4.0 * qp.q.size * (qp.q.size + qp.h.size) * (qp.q.size + order)
     length = min(-(-size // (CHUNKS * threads)), max(int(MOST_WORK / max(work, 1.0)), 1))
     starts = range(0, size, length or 1)

@@ -5,18 +5,19 @@ import pytest
 import scipy.sparse as sp
 
 from namlcp import Solver, Status, solve_qp
-from namlcp.limits import Limits
+from namlcp.options import DEFAULT_OPTIONS
+from namlcp.qp.active import Kept
 from namlcp.qp.problem import qp_data
-from namlcp.qp.responses import DenseResponses, SparseResponses
 from namlcp.residuals import qp_residuals
 
 INF = np.inf
-LIMITS = Limits(1e-9, 1e-10, 1000)
+LIMITS = DEFAULT_OPTIONS.limits()
 
 
-def solve(responses, qp, limits=LIMITS):
+def solve(kept, qp):
     """Return the answer to the QP with the vectors of `qp`, None if left to others."""
-    return responses.answer(*responses.run(qp.joined(), limits), qp, limits)
+    tried = kept.solve(qp.joined(), DEFAULT_OPTIONS.settings, INF)
+    return kept.answer(qp, LIMITS) if tried else None
 
 
 def lasso_qp(rng, m, n, penalty):
@@ -49,7 +50,7 @@ def store_qp(rng, n):
 def forms(qp):
     """Return the QP with what solves its sequences, in both storages."""
     dense = qp.in_dense_form()
-    return (dense, DenseResponses.of(dense)), (qp, SparseResponses.of(qp))
+    return (dense, Kept(dense)), (qp, Kept(qp))
 
 
 def assert_agrees(answer, qp):
@@ -101,7 +102,7 @@ def test_another_size_of_the_vectors_chooses_another_weight():
         for size in (1.0, 1e5, 1.0):
             step = qp._replace(q=size * qp.q)
             assert_agrees(solve(kept, step), step)
-            weights.add(kept.now.rho)
+            weights.add(kept.active_set.rho)
         assert len(weights) == 2
 
 
