@@ -84,11 +84,10 @@ def npy(array) -> bytes:
     return stream.getvalue()
 
 
-def claiming(shape, descr="'<f8'", content=b"", version=1) -> bytes:
+def claiming(shape, content=b"") -> bytes:
     """Return a .npy file that claims a shape."""
-    header = f"{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}, }}\n"
-    size = struct.pack("<H" if version == 1 else "<I", len(header))
-    return b"\x93NUMPY" + bytes((version, 0)) + size + header.encode() + content
+    header = f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}, }}\n"
+    return b"\x93NUMPY\1\0" + struct.pack("<H", len(header)) + header.encode() + content
 
 
 def hostile_npz(folder):
@@ -101,7 +100,7 @@ def hostile_npz(folder):
     yield "array.npz", "not a zip file"
     objects = np.array([{"a": 1}, None], dtype=object)
     np.savez(folder / "pickle.npz", P=objects, q=np.ones(2))
-    yield "pickle.npz", "P is an array of Python objects"
+    yield "pickle.npz", "P cannot be read"
     np.savez(folder / "shape.npz", P=np.eye(3), q=np.ones(2))
     yield "shape.npz", "q must have shape (3,)"
     np.savez(folder / "nan.npz", P=np.diag((1.0, np.nan)), q=np.ones(2))
@@ -113,19 +112,17 @@ def hostile_npz(folder):
     (folder / "cut.npz").write_bytes(whole[: len(whole) // 2])
     yield "cut.npz", "not a zip file"
     npz(folder / "huge.npz", P=claiming((10**6, 10**6)), q=npy(np.ones(2)))
-    yield "huge.npz", "P claims shape (1000000, 1000000)"
+    yield "huge.npz", "cannot read"
     npz(folder / "negative.npz", P=claiming((-1, 4)), q=npy(np.ones(2)))
-    yield "negative.npz", "P claims shape (-1, 4)"
+    yield "negative.npz", "P cannot be read"
     npz(folder / "magic.npz", P=b"MUMPY", q=npy(np.ones(2)))
     yield "magic.npz", "magic"
     npz(folder / "header.npz", P=claiming("__import__('os')"), q=npy(np.ones(2)))
     yield "header.npz", "header"
-    npz(folder / "version.npz", P=claiming((2, 2), version=3), q=npy(np.ones(2)))
-    yield "version.npz", "format (3, 0)"
     npz(folder / "short.npz", P=npy(np.eye(2))[:-8], q=npy(np.ones(2)))
-    yield "short.npz", "P is cut off: 24 of 32 bytes"
+    yield "short.npz", "P cannot be read"
     npz(folder / "inner.npz", P=npy(np.eye(2)), q=npy(np.array(None))[:-9] + b"x")
-    yield "inner.npz", "not a pickle"
+    yield "inner.npz", "q cannot be read"
     outside = {"../P": npy(np.eye(2)), "/q": npy(np.ones(2))}
     npz(folder / "paths.npz", **outside)
     yield "paths.npz", "holds no P"
@@ -210,7 +207,7 @@ def test_a_sparse_matrix_in_a_file_is_not_taken_for_none(tmp_path, capfd):
     G = sp.csc_matrix(np.array([[1.0, 1.0]]))
     Problem(np.eye(2), np.ones(2), G, -np.ones(1) * 9).save(str(path))
     assert main([str(path)]) == 2
-    assert "G is an array of Python objects" in capfd.readouterr().err
+    assert "G cannot be read (a sparse matrix?" in capfd.readouterr().err
 
 
 @pytest.mark.parametrize("suffix", ["npz", "mat"])

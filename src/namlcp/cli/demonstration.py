@@ -33,18 +33,16 @@ def demonstrate() -> int:
         result, seconds = best_time(partial(namlcp.solve_lcp, A, q))
         solved &= result.status is namlcp.Status.SOLVED
         size = f"n = {q.size}, {np.count_nonzero(result.z)} with z > 0"
-        other = osqp_lcp(A, q) if with_osqp else None
-        show(name, size, (result.residual, seconds), other)
+        show(name, size, result.residual, seconds, *osqp_lcp(A, q) if with_osqp else ())
     solved &= show_falling(FallingDiscs(8), 80)
     problem = preview_control(30)
     answer, seconds = best_time(partial(qpsolvers.solve_problem, problem, solver="nam"))
     solved &= answer.found
-    other = None
+    figures = [worst_residual(answer), seconds]
     if with_osqp:
-        peer, peer_seconds = best_time(partial(osqp, problem))
-        other = worst_residual(peer), peer_seconds
-    size = f"n = {problem.q.size}, m = {problem.h.size}"
-    show("walking robot (MPC)", size, (worst_residual(answer), seconds), other)
+        peer, seconds = best_time(partial(osqp, problem))
+        figures += worst_residual(peer), seconds
+    show("walking robot (MPC)", f"n = {problem.q.size}, m = {problem.h.size}", *figures)
     print(
         f'\nMPC, solver="nam": x[:4] = {answer.x[:4].round(6)}, '
         f"objective {answer.obj:.9g}"
@@ -71,18 +69,17 @@ def show_falling(discs: FallingDiscs, steps: int) -> bool:
     worst = max(record.residual for record in records)
     seconds = float(np.median([record.seconds for record in records]))
     size = f"n = {max(record.n for record in records)}, {steps} steps"
-    show("discs fall, with friction", size, (worst, seconds), None)
+    show("discs fall, with friction", size, worst, seconds)
     return all(record.status is namlcp.Status.SOLVED for record in records)
 
 
-def show(
-    name: str, size: str, ours: tuple[float, float], other: tuple[float, float] | None
-) -> None:
+def show(name: str, size: str, *figures: float) -> None:
     """Print one line: residual and time [s] of namlcp, and those of OSQP, if any."""
-    line = f"{name:<26}{size:<28}{ours[0]:9.1e} {ours[1] * 1e3:9.2f} ms"
-    if other is not None:
-        line += f"   {other[0]:8.1e} {other[1] * 1e3:9.2f} ms"
-    print(line)
+    cells = (
+        f"{residual:9.1e} {1e3 * seconds:9.2f} ms"
+        for residual, seconds in zip(figures[::2], figures[1::2], strict=True)
+    )
+    print(f"{name:<26}{size:<28}" + "  ".join(cells))
 
 
 def osqp_lcp(A: Any, q: np.ndarray) -> tuple[float, float]:
@@ -96,17 +93,10 @@ def osqp_lcp(A: Any, q: np.ndarray) -> tuple[float, float]:
 
 def osqp(problem: qpsolvers.Problem) -> qpsolvers.Solution:
     """Solve with OSQP at tight tolerances, polished."""
-    P, q, G, h, A, b, lb, ub = problem.unpack()
-    P, G, A = (None if C is None else sp.csc_matrix(C) for C in (P, G, A))
     settings = {"eps_abs": 1e-8, "eps_rel": 0.0, "max_iter": 100_000}
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # OSQP's, about its own interface
-        return qpsolvers.solve_problem(
-            qpsolvers.Problem(P, q, G, h, A, b, lb, ub),
-            solver="osqp",
-            polishing=True,
-            **settings,
-        )
+        warnings.simplefilter("ignore")  # OSQP's interface; dense matrices
+        return qpsolvers.solve_problem(problem, "osqp", polishing=True, **settings)
 
 
 def worst_residual(answer: qpsolvers.Solution) -> float:

@@ -1,17 +1,16 @@
 """Readers of problem files, which are not trusted.
 
 Nothing is unpickled, evaluated or extracted, and the size that a file claims is checked
-before anything is allocated. np.load does not do that, and cannot tell a saved None
-from other objects. Every fault is a ValueError that names it.
+before it is unpacked. Every fault is an exception whose text names it.
 """
 
 import math
 import os
-import pickletools
+import re
 import struct
 import zipfile
 import zlib
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 import qpsolvers
@@ -26,67 +25,32 @@ MOST_BYTES = 2**31
 
 MAT_NAMES = ("P", "q", "A", "l", "u")
 
-# All texts in NumPy's pickle of an object array that holds None.
-HARMLESS = {
-    "numpy.core.multiarray", "numpy._core.multiarray", "_reconstruct", "numpy",
-    "ndarray", "dtype", "O8", "|", "numpy ndarray", "numpy dtype",
-    "numpy.core.multiarray _reconstruct", "numpy._core.multiarray _reconstruct",
-}  # fmt: skip
-NONE_BYTES = 1000
-"""A pickle of at least this size [bytes] holds something else."""
+SAVED_NONE = re.compile(rb"\](\x94|q.)Nat(\x94|q.)b\.$", re.DOTALL)
+"""The end of a pickled array that holds None alone: NumPy's for an absent part."""
 
 
 def npz_problem(path: str) -> qpsolvers.Problem:
     """Read what qpsolvers.Problem.save wrote."""
-    with zipfile.ZipFile(path) as archive:
-        members = {entry.filename: entry for entry in archive.infolist()}
-        wanted = {name: members.get(f"{name}.npy") for name in QP._fields}
-        require([name for name in ("P", "q") if wanted[name] is None], "qpsolvers")
-        bound(sum(entry.file_size for entry in wanted.values() if entry))
-        data = {}
-        for name, entry in wanted.items():
-            if entry is not None:
-                with archive.open(entry) as stream:
-                    data[name] = read_array(stream, name, entry.file_size)
+    with zipfile.ZipFile(path) as archive, np.load(path, allow_pickle=False) as arrays:
+        require([name for name in ("P", "q") if name not in arrays], "qpsolvers")
+        names = [name for name in QP._fields if name in arrays]
+        bound(sum(archive.getinfo(f"{name}.npy").file_size for name in names))
+        data = {name: read_array(archive, arrays, name) for name in names}
     return qpsolvers.Problem(**data)
 
 
-def read_array(stream: IO[bytes], name: str, size: int) -> np.ndarray | None:
-    """Return one .npy array of `size` bytes, None where it is a saved None."""
-    version = np.lib.format.read_magic(stream)
-    if version == (1, 0):
-        shape, fortran, dtype = np.lib.format.read_array_header_1_0(stream)
-    elif version == (2, 0):
-        shape, fortran, dtype = np.lib.format.read_array_header_2_0(stream)
-    else:
-        raise ValueError(f"{name} has .npy format {version}, known are 1.0 and 2.0")
-    if dtype.hasobject:
-        if shape == () and is_none(stream.read(NONE_BYTES)):
+def read_array(archive: zipfile.ZipFile, arrays: Any, name: str) -> np.ndarray | None:
+    """Return an array, None where it is a saved None."""
+    try:
+        array = arrays[name]
+    except ValueError as error:
+        if SAVED_NONE.search(archive.read(f"{name}.npy")):
             return None
         raise ValueError(
-            f"{name} is an array of Python objects, which is not read (a sparse "
-            "matrix? save it as a dense one)"
-        )
-    refuse_kind(name, dtype)
-    claimed = math.prod(shape) * dtype.itemsize
-    if min(shape, default=0) < 0 or claimed > size:
-        raise ValueError(f"{name} claims shape {shape}, but has {size} bytes")
-    content = stream.read(claimed)
-    if len(content) < claimed:
-        raise ValueError(f"{name} is cut off: {len(content)} of {claimed} bytes")
-    array = np.frombuffer(content, dtype)
-    return array.reshape(shape, order="F" if fortran else "C")
-
-
-def is_none(pickled: bytes) -> bool:
-    """Tell whether a pickle can hold nothing but None, without executing it."""
-    if len(pickled) >= NONE_BYTES:
-        return False
-    try:
-        texts = [text for _, text, _ in pickletools.genops(pickled)]
-    except Exception as error:  # of any kind, where the bytes are no pickle
-        raise ValueError(f"not a pickle ({error})") from None
-    return all(text in HARMLESS for text in texts if isinstance(text, str))
+            f"{name} cannot be read (a sparse matrix? save it as a dense one): {error}"
+        ) from None
+    refuse_kind(name, array.dtype)
+    return array
 
 
 def mat_problem(path: str) -> qpsolvers.Problem:
