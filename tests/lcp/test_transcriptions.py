@@ -1,7 +1,6 @@
-"""Kernels beside plain transcriptions: relaxation, blocks, fronts, cones."""
+"""Kernels beside plain transcriptions: relaxation, fronts, cones."""
 
 import numpy as np
-import problems_lcp as problems
 import pytest
 from scipy import sparse
 
@@ -12,9 +11,6 @@ from namlcp.lcp.general.cones.fronts import Fronts
 from namlcp.lcp.general.proximal import least_phi
 from namlcp.lcp.relaxation import relax_back, relax_csr
 from namlcp.lcp.scaling import unit_diagonal_scale
-from namlcp.linalg.minimum_degree import minimum_degree
-from namlcp.linalg.supernodes import blocks_of, factor_blocks, solve_blocks
-from validation.problems import contact_scenes
 from validation.problems.general.families import FAMILIES
 
 
@@ -74,42 +70,6 @@ def test_proximal_steps_search_for_the_least_phi(rng):
     steps = np.linspace(0.0, 1.0, 2001)
     values = [phi(x + t * (end - x)) for t in steps]
     assert abs(step - steps[np.argmin(values)]) <= 1e-3
-
-
-# ---- factors of symmetric faces in blocks
-
-
-@pytest.mark.parametrize("kind", ["grid", "heap"])
-@pytest.mark.parametrize("share", [0.6, 1.0])
-def test_factor_in_blocks(rng, kind, share):
-    """Against a dense solve: all anew, and after some unknowns changed their state."""
-    A = problems.laplacian(18) if kind == "grid" else contact_scenes.heap(300).A
-    A = sparse.csr_array((A + A.T) / 2)
-    A.sort_indices()
-    n = A.shape[0]
-    member = rng.random(n) < share
-    pattern = A.indptr.astype(np.int32), A.indices.astype(np.int32)
-    order = minimum_degree(*pattern, member)
-    blocks = blocks_of(*pattern, order)
-    assert sorted(blocks.order) == list(np.flatnonzero(member))
-    values = np.full(blocks.nodes.panels[-1], np.nan)
-    shift, b = A.diagonal() * rng.random(n), rng.standard_normal(n)
-    free, changed = member & (rng.random(n) < 0.8), member
-    for _ in range(4):
-        least, part = factor_blocks(A.data, shift, free, changed, blocks, values)
-        assert least == 1.0
-        assert part <= 1.0
-        x = np.zeros(n)
-        solve_blocks(blocks, free, values, b, x)
-        F = np.flatnonzero(free)
-        M = A.toarray()[np.ix_(F, F)] + np.diag(shift[F])
-        np.testing.assert_allclose(M @ x[F], b[F], atol=1e-9)
-        assert not x[~free].any()
-        changed = member & (rng.random(n) < 0.02)
-        free = free ^ changed
-    shift[:] = -0.9 * A.diagonal().max()  # so that it is indefinite
-    least, _ = factor_blocks(A.data, shift, member, member, blocks, values)
-    assert least < -0.1
 
 
 # ---- L U by dense fronts, without row exchanges

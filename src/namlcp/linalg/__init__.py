@@ -76,16 +76,12 @@ from namlcp.linalg.ldl import (
     ldl_symbolic,
 )
 from namlcp.linalg.minimum_degree import minimum_degree
-from namlcp.linalg.multifrontal import stack_size
-from namlcp.linalg.ordering import Supernodes, supernodes
-from namlcp.linalg.supernodes import (
-    Blocks,
-    blocks_of,
-    factor_blocks,
+from namlcp.linalg.multifrontal import (
     panel_of,
     rows_below,
-    solve_blocks,
     solve_unit_lower,
+    stack_size,
 )
+from namlcp.linalg.ordering import Supernodes, supernodes
 from namlcp.linalg.symmetry import asymmetry, dense_asymmetry, sparse_asymmetry
 from namlcp.linalg.threads import blas_threads

@@ -3,11 +3,12 @@
 numba's np.linalg allocates and checks on every call, which is slow for small systems.
 SciPy exports the addresses of its BLAS and LAPACK for Cython; here they get names that
 compiled, cached code can link to. Matrices are **row-major**: LAPACK sees their
-transpose, so that its "upper" triangle is the lower one here, and no copy is made. With
-NUMBA_DISABLE_JIT=1 the same names fall back on scipy.linalg.
+transpose, so that its "upper" triangle is the lower one here, and no copy is made.
 """
 
-import numpy as np
+import ctypes
+from typing import Any
+
 from llvmlite import binding
 from numba import config, types
 from numba.extending import get_cython_function_address, intrinsic
@@ -19,32 +20,46 @@ UPPER = UNIT = ord("U")
 FROM_LEFT, PLAIN, TRANSPOSED = (ord(letter) for letter in "LNT")
 
 
-def _declare(
-    module: str, name: str, arguments: str, value: types.Type = types.void
-) -> types.ExternalFunction:
+def _declare(module: str, name: str, arguments: str, value: Any = None) -> Any:
     """Return SciPy's routine `name` under a symbol that compiled code can link.
 
     `arguments` has i for every pointer to integers (or letters), d for one to doubles;
-    `value` is the type of what it returns.
+    `value` is the letter of what it returns. Without numba it is called by ctypes.
     """
-    symbol = f"namlcp_{name}"
     address = get_cython_function_address(f"scipy.linalg.cython_{module}", name)
+    if config.DISABLE_JIT:
+        returned = ctypes.c_double if value == "d" else None
+        return ctypes.CFUNCTYPE(returned)(address)
+    symbol = f"namlcp_{name}"
     binding.add_symbol(symbol, address)
     kinds = {"i": types.int32, "d": types.float64}
     pointers = (types.CPointer(kinds[letter]) for letter in arguments)
-    return types.ExternalFunction(symbol, value(*pointers))
+    return types.ExternalFunction(symbol, kinds.get(value, types.void)(*pointers))
 
 
-if not config.DISABLE_JIT:
-    _dpotrf = _declare("lapack", "dpotrf", "iidii")
-    _dpotrs = _declare("lapack", "dpotrs", "iiididii")
-    _dtrtri = _declare("lapack", "dtrtri", "iiidii")
-    _dgetrf = _declare("lapack", "dgetrf", "iidiii")
-    _dgetrs = _declare("lapack", "dgetrs", "iiidiidii")
-    _dgemm = _declare("blas", "dgemm", "iiiiiddididdi")
-    _dtrsm = _declare("blas", "dtrsm", "iiiiiiddidi")
-    _dgemv = _declare("blas", "dgemv", "iiiddididdi")
-    _ddot = _declare("blas", "ddot", "ididi", types.float64)
+_dpotrf = _declare("lapack", "dpotrf", "iidii")
+_dpotrs = _declare("lapack", "dpotrs", "iiididii")
+_dtrtri = _declare("lapack", "dtrtri", "iiidii")
+_dgetrf = _declare("lapack", "dgetrf", "iidiii")
+_dgetrs = _declare("lapack", "dgetrs", "iiidiidii")
+_dgemm = _declare("blas", "dgemm", "iiiiiddididdi")
+_dtrsm = _declare("blas", "dtrsm", "iiiiiiddidi")
+_dgemv = _declare("blas", "dgemv", "iiiddididdi")
+_ddot = _declare("blas", "ddot", "ididi", "d")
+
+
+if config.DISABLE_JIT:
+
+    def _address(value):
+        """Return a pointer to a double or an int32, as Fortran wants."""
+        kind = ctypes.c_double if isinstance(value, float) else ctypes.c_int32
+        return ctypes.byref(kind(value))
+
+    def _integer_at(pointer):
+        """Return the int32 at an address."""
+        return pointer._obj.value
+
+else:
 
     @intrinsic
     def _address(typingctx, value):
@@ -251,70 +266,3 @@ def solve_rows(L, unit, X):
             _address(X.shape[0]), _address(1.0), L.ctypes,
             _address(L.strides[0] // 8), X.ctypes, _address(X.strides[0] // 8),
         )  # fmt: skip
-
-
-if config.DISABLE_JIT:
-    from scipy.linalg import lapack as _lapack
-    from scipy.linalg import solve_triangular
-
-    def blas_times(A, x, out):  # type: ignore[no-redef]
-        """Set out to A x."""
-        out[:] = A @ x
-
-    def blas_times_transposed(A, z, out):  # type: ignore[no-redef]
-        """Set out to A'z."""
-        out[:] = z @ A
-
-    def blas_dot(a, b):  # type: ignore[no-redef]
-        """Return a'b."""
-        return a.dot(b)
-
-    def cholesky(A):  # type: ignore[no-redef]
-        """Overwrite the lower triangle of A by L, A = L L'; return 0 if L exists."""
-        if A.shape[0] == 0:
-            return 0
-        L, info = _lapack.dpotrf(A, lower=1, clean=0)
-        A[:] = np.tril(L) + np.triu(A, 1)
-        return info
-
-    def invert_lower(L):  # type: ignore[no-redef]
-        """Overwrite the lower triangle of L by that of L^-1; return 0 if it exists."""
-        if L.shape[0] == 0:
-            return 0
-        inverse, info = _lapack.dtrtri(L, lower=1)
-        L[:] = np.tril(inverse) + np.triu(L, 1)
-        return info
-
-    def cholesky_solve(L, b):  # type: ignore[no-redef]
-        """Overwrite b (n,) by the solution of L L' x = b."""
-        if b.size:
-            b[:] = _lapack.dpotrs(L, b, lower=1)[0]
-
-    def lu(A, pivots):  # type: ignore[no-redef]
-        """Overwrite A by the LU factors of A', pivots (n,) int32."""
-        if A.shape[0] == 0:
-            return 0
-        factors, piv, info = _lapack.dgetrf(A.T)
-        A[:] = factors.T
-        pivots[:] = piv
-        return info
-
-    def lu_solve(factors, pivots, b):  # type: ignore[no-redef]
-        """Overwrite b (n,) by the solution of A x = b, with factors from `lu`."""
-        if b.size:
-            b[:] = _lapack.dgetrs(factors.T, pivots, b, trans=1)[0]
-
-    def product(alpha, A, B, beta, C):  # type: ignore[no-redef]
-        """Overwrite C by alpha A B' + beta C."""
-        C[:] = alpha * (A @ B.T) + (beta * C if beta else 0.0)
-
-    def multiply(A, B, C):  # type: ignore[no-redef]
-        """Overwrite C by A B."""
-        C[:] = A @ B
-
-    def solve_rows(L, unit, X):  # type: ignore[no-redef]
-        """Overwrite X (m, k) by X L'^-1, L lower triangular."""
-        if X.size:
-            # what is above the diagonal may be anything, NaN included
-            options = {"unit_diagonal": unit, "check_finite": False}
-            X[:] = solve_triangular(L, X.T, lower=True, **options).T

@@ -12,11 +12,10 @@ J. Optim. 5 (1995) 100-113). The method: Duff and Reid, ACM Trans. Math. Softw. 
 
 import numpy as np
 
-from namlcp.compiled import kernel, part
+from namlcp.compiled import kernel, part, pasted
 from namlcp.limits import NEVER, WATCH_SIZE, begin_watch, is_over
 from namlcp.linalg.lapack import add_scaled, copy, dot, product, solve_rows
 from namlcp.linalg.ordering import Order, supernodes
-from namlcp.linalg.supernodes import panel_of, rows_below, solve_unit_lower
 
 # Columns eliminated at a time, and rows of a lower triangle updated by one product.
 BLOCK, ROW_STRIP = 48, 96
@@ -55,6 +54,35 @@ class Multifrontal:
         u[self.place] = rhs
         solve_fronts(self.nodes, self.L, self.D, u)
         return u[self.place]
+
+
+@pasted
+def panel_of(nodes, values, s):
+    """Return the block of supernode s, (rows, columns)."""
+    height = nodes.starts[s + 1] - nodes.starts[s]
+    width = np.int64(nodes.first[s + 1] - nodes.first[s])
+    return values[nodes.panels[s] : nodes.panels[s + 1]].reshape(height, width)
+
+
+@pasted
+def rows_below(nodes, s):
+    """Return the rows of supernode s that are not columns of it."""
+    begin = nodes.starts[s] + nodes.first[s + 1] - nodes.first[s]
+    return nodes.rows[begin : nodes.starts[s + 1]]
+
+
+@part
+def solve_unit_lower(nodes, L, x):
+    """Overwrite x, in elimination order, by L^-1 x; the unit diagonal is not read."""
+    for s in range(nodes.first.size - 1):
+        own = nodes.rows[nodes.starts[s] : nodes.starts[s + 1]]
+        panel = panel_of(nodes, L, s)
+        f, k = panel.shape
+        block = x[nodes.first[s] : nodes.first[s + 1]]
+        for i in range(1, k):
+            block[i] -= dot(panel[i, :i], block[:i])
+        for i in range(k, f):
+            x[own[i]] -= dot(panel[i], block)
 
 
 @kernel(error_model="numpy")

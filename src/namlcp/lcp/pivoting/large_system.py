@@ -1,86 +1,73 @@
-"""Free systems of large sparse symmetric problems.
+"""Free systems of large sparse symmetric problems, which `pivot` leaves to Python.
 
-`pivot` returns for every free system, and `LargeSystem` solves it. It keeps the factor
-in blocks: while rho is the same, only blocks of unknowns whose state changed, and their
-ancestors, are recomputed.
+Unknowns at their bounds are held by huge diagonal entries, so that the elimination
+order of one pattern serves many free systems.
 """
 
+from typing import Any
+
 import numpy as np
+from scipy import sparse
 
 from namlcp.lcp.pivoting.state import PivotMemory
-from namlcp.linalg import (
-    PSD_SLACK,
-    Blocks,
-    blocks_of,
-    factor_blocks,
-    minimum_degree,
-    solve_blocks,
-)
+from namlcp.lcp.shifted import HELD, Quasidefinite, Solver
+from namlcp.linalg import PSD_SLACK, has_positive_pivots, submatrix
 
 
 class LargeSystem:
-    """The factor of the current free system of a sparse symmetric problem."""
+    """The factors of the current free system of a sparse symmetric problem."""
 
     def __init__(self, work: PivotMemory) -> None:
         """Keep the memory of `pivot`; nothing is factored yet."""
         self.work = work
-        self.free = np.zeros(work.n, dtype=bool)  # unknowns in the factor
-        self.rho = np.nan  # of the factor
-        self.member = np.zeros(work.n, dtype=bool)  # unknowns in the blocks
+        self.free = np.zeros(work.n, dtype=bool)  # unknowns in the factors
+        self.rho = np.nan  # of the factors
+        self.member = np.zeros(work.n, dtype=bool)  # unknowns in the pattern
         self.orders = 0  # elimination orders computed so far
-        self.blocks: Blocks | None = None
-        self.values = np.empty(0)
+        self.system: Any = None  # a Quasidefinite
+        self.factors: Solver | None = None
 
-    def factor(self, free: np.ndarray, rho: float) -> float:
-        """Factor A + diag(shift) on the free unknowns; return the least pivot.
-
-        If rho is that of the last call, so must the shift be, and the factor is
-        updated. With rho = NaN it is always computed anew.
-        """
-        again = rho == self.rho
-        if self.blocks is None or np.any(free > self.member):
-            self.cover(free)
-            again = False
-        changed = free != self.free if again else self.member
-        data, shift = self.work.scaled.data, self.work.shift
-        smallest, _ = factor_blocks(
-            data, shift, free, changed, self.blocks, self.values
-        )
-        self.free, self.rho = free, rho
-        return smallest
+    def scaled(self) -> sparse.csc_array:
+        """Return the matrix scaled to a unit diagonal."""
+        columns, n = self.work.scaled, self.work.n
+        arrays = columns.data, columns.indices, columns.indptr
+        return sparse.csc_array(arrays, shape=(n, n))
 
     def cover(self, free: np.ndarray) -> None:
-        """Order and lay out blocks for the free unknowns and the earlier members.
+        """Order the free unknowns and the earlier members.
 
-        From the third time on, or if these are more than half of all unknowns, the
-        blocks cover all unknowns with l < u, too.
+        From the third time on, or if these are more than half of all unknowns, all
+        unknowns with l < u are ordered, too.
         """
         self.orders += 1
         member = free | self.member
         if self.orders > 2 or 2 * np.count_nonzero(member) > member.size:
             member = free | (self.work.lower < self.work.upper)
         self.member = member
-        scaled = self.work.scaled
-        order = minimum_degree(scaled.indptr, scaled.indices, member)
-        self.blocks = blocks_of(scaled.indptr, scaled.indices, order)
-        self.values = np.empty(self.blocks.nodes.panels[-1])
+        rows = np.flatnonzero(member)
+        part = submatrix(self.scaled(), rows, rows)
+        self.system = Quasidefinite(part, np.ones(rows.size))
 
     def solve(self) -> None:
-        """Write to z the solution of the free system of `pivot`."""
+        """Write to z the solution of the free system of `pivot`, NaN if singular."""
         work, now = self.work, self.work.now
         free, rho = work.state == 0, now.rho
         if rho != self.rho or np.any(free != self.free):
-            work.shift[:] = rho
             now.factorisations += 1
-            self.factor(free, rho)
-        if self.blocks is not None:
-            solve_blocks(self.blocks, free, self.values, work.rhs, work.z)
+            if self.system is None or np.any(free > self.member):
+                self.cover(free)
+            shift = np.where(free, rho, HELD)[self.member]
+            self.factors = self.system.factors(shift)
+            self.free, self.rho = free, rho
+        if self.factors is None:
+            work.z[free] = np.nan
+        else:
+            rhs = np.where(free, work.rhs, 0.0)[self.member]
+            work.z[free] = self.factors.solve(rhs)[free[self.member]]
 
     def is_convex(self) -> bool:
         """Tell whether A + `PSD_SLACK` I is positive definite."""
         if not np.all(self.work.has_unit):
             return False
-        self.work.shift[:] = PSD_SLACK
-        self.member[:] = True
-        self.blocks = None
-        return self.factor(np.ones(self.free.size, dtype=bool), np.nan) == 1.0
+        slack = PSD_SLACK * sparse.eye_array(self.work.n)
+        return has_positive_pivots(sparse.csc_array(sparse.triu(self.scaled()) + slack))
