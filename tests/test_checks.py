@@ -72,26 +72,6 @@ def test_corrupt_indices_are_refused(kind):
         solve_qp(C, np.ones(3))
 
 
-@pytest.mark.parametrize("shape", [(0, 3), (1, 1), (4, 7), (9, 2)])
-def test_matrices_made_without_checks_are_those_of_scipy(shape):
-    """`from_arrays` sets an attribute of SciPy that is not public."""
-    rng = np.random.default_rng(3)
-    C = rng.standard_normal(shape) * (rng.random(shape) < 0.5)
-    known = sp.csc_array(C)
-    known.has_canonical_format = True
-    parts = known.indptr, known.indices, known.data
-    made = checks.from_arrays(parts, shape, sp.csc_array)
-    assert made.__dict__.keys() == known.__dict__.keys()
-    for ours in checks.as_sparse(C), made:
-        assert type(ours) is sp.csc_array
-        assert (ours.shape, ours.dtype) == (known.shape, known.dtype)
-        for name in ("data", "indices", "indptr"):
-            np.testing.assert_array_equal(getattr(ours, name), getattr(known, name))
-        assert ours.indices.dtype == ours.indptr.dtype == np.int32
-        expected = (known.T @ known).toarray()
-        np.testing.assert_array_equal((ours.T @ ours).toarray(), expected)
-
-
 @pytest.mark.parametrize("layout", ["csr", "csc"])
 @pytest.mark.parametrize("kind", [sp.csr_array, sp.csc_array, sp.csr_matrix])
 @pytest.mark.parametrize("case", ["sorted", "unsorted", "doubled", "longer", "wide"])

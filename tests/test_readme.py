@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from validation.claims import renewed, stale, values
+from validation.claims import stale, values
 
 README = Path(__file__).parents[1] / "README.md"
 FENCE = re.compile(
@@ -59,17 +59,3 @@ def test_tables_are_those_of_the_results():
 
     for document in documents.DOCUMENTS:
         assert documents.faults(document) == []
-
-
-def test_stale_figures_are_found_and_renewed():
-    known = {"time": 0.784, "solved": 134.0, "error": 3.06e-10}
-    text = "0.78<!-- time -->, 134<!-- solved --> and 3.1e-10<!-- error -->"
-    assert stale(text, known) == []
-    assert renewed(text, known) == text
-    later = known | {"time": 0.79, "error": 2e-9}
-    faults = ["time: 0.78, measured 0.79", "error: 3.1e-10, measured 2e-09"]
-    assert stale(text, later) == faults
-    new = "0.79<!-- time -->, 134<!-- solved --> and 2.0e-9<!-- error -->"
-    assert renewed(text, later) == new
-    assert stale("1<!-- speed -->", known) == ["speed: 1, not measured"]
-    assert renewed("1<!-- speed -->", known) == "1<!-- speed -->"

@@ -1,7 +1,6 @@
 """Many threads, processes of every kind, and always the same bits."""
 
 import multiprocessing
-import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
 
@@ -78,21 +77,3 @@ def test_processes_of_every_kind(kind):
     context = multiprocessing.get_context(kind)
     with context.Pool(1) as pool:
         assert pool.map(all_bits, [None]) == [expected]
-
-
-def test_nothing_is_left_behind():
-    """Module-level names are constants: what a solve changes is its own."""
-
-    def state():
-        names = [name for name in sys.modules if name.startswith("namlcp")]
-        return {
-            (name, key): repr(value)
-            for name in names
-            for key, value in vars(sys.modules[name]).items()
-            if isinstance(value, (list, dict, set, np.ndarray)) and key[:2] != "__"
-        }
-
-    all_bits()
-    before = state()
-    all_bits()
-    assert state() == before

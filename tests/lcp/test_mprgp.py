@@ -126,13 +126,6 @@ def test_products_that_are_not_finite():
     assert np.isnan(found.z).all()
 
 
-def test_history():
-    A = aslinearoperator(problems.laplacian(30))
-    found = solve_lcp(A, -np.ones(900), max_iter=5, history=True)
-    assert (found.status, found.iterations) == (Status.MAX_ITER, 5)
-    np.testing.assert_array_equal(found.history["iter"], np.arange(6))
-
-
 def test_a_matrix_that_is_never_formed(rng):
     """A sum of a sparse matrix and a low-rank one."""
     L, V = problems.laplacian(10), rng.standard_normal((100, 3))

@@ -1,15 +1,11 @@
 """Truncated multigrid: kernels against plain matrices, solutions against pivoting."""
 
-import tracemalloc
-
 import numpy as np
 import pytest
 from lcp_definition import assert_solves_lcp
 from scipy import sparse
-from scipy.linalg import solve_triangular
 
 from namlcp import Prepared, Status, solve_lcp
-from namlcp.lcp.multigrid.hierarchy import build
 from namlcp.lcp.multigrid.vcycle import VCycle
 from namlcp.scenes import forced_obstacle
 from validation.problems import large_scenes
@@ -34,128 +30,6 @@ def convection(m, c=0.3):
 
 
 MATRICES = {"five-point": forced_obstacle(24)[0], "convection": convection(24)}
-
-
-# ---- kernels
-
-
-def dense(rows, shape):
-    """Return what a kernel sees as a dense array."""
-    return sparse.csr_array((rows.data, rows.indices, rows.indptr), shape).toarray()
-
-
-def truncated_matrices(levels, free):
-    """Return dense A_k = P' T A T P, T of every level, and P, by plain products."""
-    n = levels[0].d.size
-    A = dense(levels[0].A, (n, n))
-    T = free.astype(float)
-    matrices, faces, interpolations = [], [], []
-    for level in levels:
-        matrices.append(A)
-        faces.append(T)
-        if level.C.size:
-            P = dense(level.P, (level.d.size, level.C.size))
-            interpolations.append(P)
-            A = P.T @ (T[:, None] * A * T) @ P
-            T = T[level.C]
-    return matrices, faces, interpolations
-
-
-def plain_cycle(matrices, faces, interpolations, edges, b):
-    """Return B b: a sweep down, coarse correction, a sweep up, with dense solves."""
-    F = np.flatnonzero(faces[0])
-    A = matrices[0][np.ix_(F, F)]
-    x = np.zeros(b.size)
-    if not interpolations:
-        x[F] = np.linalg.pinv(A, rcond=1e-13) @ b[F]
-        return x
-    x[F] = solve_triangular(A, b[F], lower=True)
-    r = np.zeros(b.size)
-    r[F] = b[F] - A @ x[F]
-    P = interpolations[0]
-    rest = matrices[1:], faces[1:], interpolations[1:], edges[1:]
-    x += faces[0] * (P @ relaxed_cycle(*rest, P.T @ r))
-    x[F] += solve_triangular(A, b[F] - A @ x[F])
-    return x
-
-
-def relaxed_cycle(matrices, faces, interpolations, edges, b):
-    """Return a cycle between two sweeps over the rows of the edge, down and up."""
-    A, edge = matrices[0] * np.outer(faces[0], faces[0]), edges[0]
-    x, y = np.zeros((2, b.size))
-    own = A[np.ix_(edge, edge)]
-    x[edge] = solve_triangular(own, b[edge], lower=True)
-    x += plain_cycle(matrices, faces, interpolations, edges, b - A @ x)
-    y[edge] = solve_triangular(own, (b - A @ x)[edge])
-    return x + y
-
-
-def faces_in_turn(rng, n):
-    """Yield faces: everything, a few isolated unknowns off, patches, almost nothing."""
-    i = np.arange(n)
-    yield np.ones(n, dtype=bool)
-    yield rng.random(n) > 0.02
-    yield (i // 24 < 15) | (i % 24 < 7)
-    yield rng.random(n) > 0.5
-    yield rng.random(n) > 0.97
-    yield (i // 24 > 3) & (i % 24 < 20)
-
-
-@pytest.mark.parametrize("name", MATRICES)
-def test_cycle_and_local_galerkin_product_are_their_formulas(rng, name):
-    """One VCycle takes face after face: rows are recomputed and restored."""
-    A = MATRICES[name]
-    hierarchy = build(A, name != "convection")
-    cycle = VCycle(hierarchy.levels, hierarchy.symmetric)
-    assert len(hierarchy.levels) >= 3
-    n = A.shape[0]
-    for free in faces_in_turn(rng, n):
-        cycle.faces[0].dinv[:] = np.where(free, 1.0 / A.diagonal(), 0.0)
-        cycle.follow_face(0)
-        matrices, faces, P = truncated_matrices(hierarchy.levels, free)
-        for state, matrix, T in zip(cycle.faces, matrices, faces, strict=True):
-            np.testing.assert_array_equal(state.dinv > 0.0, T > 0.0)
-            found = dense(state.A, matrix.shape) * np.outer(T, T)
-            expected = matrix * np.outer(T, T)
-            np.testing.assert_allclose(found, expected, rtol=0, atol=1e-13)
-            np.testing.assert_allclose(
-                state.dinv[T > 0.0], 1.0 / matrix.diagonal()[T > 0.0], rtol=1e-12
-            )
-        b = np.where(free, rng.standard_normal(n), 0.0)
-        x = np.empty(n)
-        product = cycle.solve(0, b, x)
-        expected = plain_cycle(matrices, faces, P, cycle.edges, b)
-        np.testing.assert_allclose(x, expected, atol=1e-11 * np.abs(expected).max())
-        assert product == pytest.approx(b @ x)
-
-
-@pytest.mark.parametrize("name", MATRICES)
-def test_levels_are_those_of_pyamg(name):
-    """Ruge and Stueben's, by the first pass alone where its rate is good."""
-    import pyamg
-
-    A = MATRICES[name]
-    theirs = [
-        pyamg.ruge_stuben_solver(
-            sparse.csr_matrix(A),  # pyamg 5.2 takes no csr_array
-            strength=("classical", {"theta": 0.25, "norm": "min"}),
-            CF=("RS", {"second_pass": second_pass}),
-            max_coarse=50,
-        ).levels
-        for second_pass in (False, True)
-    ]
-    ours = build(A, True).levels
-    like = [other for other in theirs if len(other) == len(ours)]
-    like = [o for o in like if o[1].A.shape[0] == ours[1].d.size]
-    for level, other in zip(ours, like[0], strict=True):
-        n = level.d.size
-        np.testing.assert_allclose(
-            dense(level.A, (n, n)), other.A.toarray(), atol=1e-13
-        )
-        if level.C.size:
-            P = dense(level.P, other.P.shape)
-            np.testing.assert_allclose(P, other.P.toarray(), atol=1e-13)
-            np.testing.assert_array_equal(P[level.C], np.eye(level.C.size))
 
 
 # ---- what suits
@@ -324,19 +198,3 @@ def test_limits_return_the_best_point():
     assert found.status is Status.STALLED
     assert found.iterations < 10
     assert found.residual < 1e-14
-
-
-def test_memory_stays_below_three_times_that_of_the_hierarchy():
-    A, q = forced_obstacle(120)
-    solve_lcp(A, q, method="multigrid", eps_abs=EPS)  # compiles
-    tracemalloc.start()
-    matrix = Prepared(A)
-    solve_lcp(matrix, q, method="multigrid", eps_abs=EPS)
-    peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    levels = matrix.hierarchy().levels
-    parts = ((*k.A, *k.P, *k.R, k.diagonal, k.d, k.C) for k in levels)
-    kept = sum(array.nbytes for arrays in parts for array in arrays)
-    size = A.data.nbytes + A.indices.nbytes + A.indptr.nbytes
-    assert size < kept < 6 * size
-    assert size + peak < 2.5 * kept

@@ -156,14 +156,6 @@ def test_powers_of_two_are_exact(layout):
     np.testing.assert_array_equal(huge.z, plain.z * 2.0**600)
 
 
-def test_the_modulus_variable():
-    A, q, *_ = CASES["spd 5 1e+02"].data
-    result = solve_lcp(A, q)
-    np.testing.assert_allclose(np.maximum(result.s, 0), result.z, atol=1e-12)
-    w = A.diagonal() * (result.z - result.s)
-    np.testing.assert_allclose(w, result.w, atol=1e-12)
-
-
 # ---- limits, history, accuracy
 
 WHOLE = {  # problems of every engine that take several iterations

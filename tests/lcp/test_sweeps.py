@@ -148,20 +148,6 @@ def test_the_paper_s_sixth_variant(alpha):
     assert_is(np.array(rows), np.array(residuals), result, lower, upper)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_symmetric_indefinite_modulus_falls_back_on_lu(kind):
-    A = np.array([[0.0, 3.0], [3.0, 0.0]])
-    q, lower, upper = np.array([-1.0, 2.0]), -np.ones(2), np.ones(2)
-    s = np.array([0.3, -0.4])
-    arguments = A, q, lower, upper, "modulus", s, 1
-    _, residuals = plain_sweeps.iterates(*arguments, omega=1.0)
-    result = solve_lcp(
-        KINDS[kind](A), q, lower, upper, method="modulus", omega=1.0, s0=s,
-        eps_abs=NEVER, max_iter=1, history=True,
-    )  # fmt: skip
-    np.testing.assert_allclose(result.history["residual"], residuals)
-
-
 @pytest.mark.parametrize("method", [*TRIANGULAR, "modulus"])
 @pytest.mark.parametrize("scale", [1e-7, 3.0, 1e9])
 def test_units_do_not_matter(method, scale):

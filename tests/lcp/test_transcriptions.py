@@ -4,72 +4,14 @@ import numpy as np
 import pytest
 from scipy import sparse
 
-from namlcp.lcp.distances import Distances
 from namlcp.lcp.general.cones import system_of
-from namlcp.lcp.general.cones.condensed import principal
 from namlcp.lcp.general.cones.fronts import Fronts
-from namlcp.lcp.general.proximal import least_phi
-from namlcp.lcp.relaxation import relax_back, relax_csr
-from namlcp.lcp.scaling import unit_diagonal_scale
 from validation.problems.general.families import FAMILIES
 
 
 @pytest.fixture
 def rng():
     return np.random.default_rng(20261121)
-
-
-# ---- projected relaxation
-
-
-@pytest.mark.parametrize("alpha", [0.7, 1.0, 1.6])
-def test_relaxation_forward_and_backward(rng, alpha):
-    n = 60
-    A = sparse.random_array((n, n), density=0.2, rng=rng) + 4.0 * sparse.eye_array(n)
-    A = sparse.csr_array(A)
-    A.sort_indices()
-    q, lower = rng.standard_normal(n), -rng.random(n)
-    upper = lower + rng.random(n)
-    z = np.clip(rng.standard_normal(n), lower, upper)
-    for order, given in ((range(n), (alpha,)), (range(n - 1, -1, -1), ())):
-        found, expected, full = z.copy(), z.copy(), A.toarray()
-        for i in order:
-            step = (alpha if given else 1.0) * (full[i] @ expected + q[i]) / full[i, i]
-            expected[i] = min(max(expected[i] - step, lower[i]), upper[i])
-        kernel = relax_csr if given else relax_back
-        moved = kernel(A.indptr, A.indices, A.data, q, lower, upper, *given, found)
-        np.testing.assert_allclose(found, expected, atol=1e-13)
-        if given:
-            size = np.linalg.norm(np.sqrt(A.diagonal()) * (expected - z))
-            assert moved == pytest.approx(size)
-
-
-# ---- the line search of proximal steps
-
-
-def test_proximal_steps_search_for_the_least_phi(rng):
-    """Against a grid of steps, with bounds of every kind."""
-    n, rho = 30, 1e-2
-    B = rng.standard_normal((n, n // 2))
-    lower, upper = np.zeros(n), np.full(n, np.inf)
-    upper[:10], lower[20:] = 0.5, -np.inf
-    q, centre = rng.standard_normal(n), rng.random(n)
-    model = Distances(B @ B.T, q, lower, upper, unit_diagonal_scale)
-
-    def shifted(x):
-        return centre - model.F(x) / rho
-
-    def phi(x):
-        s = shifted(x)
-        outside = s - np.clip(s, model.lower, model.upper)
-        return 0.5 * x @ model.M @ x + 0.5 * rho * (s @ s - outside @ outside)
-
-    x, end = rng.random(n), rng.standard_normal(n)
-    step = least_phi(model, x, end - x, shifted(x), shifted(end) - shifted(x))
-    assert 0.0 < step < 1.0
-    steps = np.linspace(0.0, 1.0, 2001)
-    values = [phi(x + t * (end - x)) for t in steps]
-    assert abs(step - steps[np.argmin(values)]) <= 1e-3
 
 
 # ---- L U by dense fronts, without row exchanges
@@ -219,18 +161,3 @@ def test_small_and_large_entries_of_the_diagonal_lose_no_digits(family, seed):
     r = np.sqrt(D) * rng.standard_normal(D.size)
     x = system_of(M).factors(D).solve(r)
     assert np.abs(K @ x - r).max() <= 1e-14 * (abs(K) @ np.abs(x)).max()
-
-
-@pytest.mark.parametrize("p", [1, 2])
-def test_axes_are_principal_however_different_the_weights_are(p):
-    rng = np.random.default_rng(p)
-    w, a = 10.0 ** rng.uniform(-10.0, 10.0, (100, 9)), rng.standard_normal((100, 9, p))
-    values, axes, turned = principal(w, a)
-    total = np.einsum("kj,kjp,kjq->kpq", w, a, a)
-    found = axes @ (values[:, :, None] * axes.transpose(0, 2, 1))
-    size = np.abs(total).max(axis=(1, 2), keepdims=True)
-    assert np.abs((found - total) / size).max() <= 1e-14
-    assert np.abs(a @ axes - turned).max() <= 1e-14
-    root = np.sqrt(values[:, :, None] * values[:, None])
-    own = np.einsum("kj,kjp,kjq->kpq", w, turned, turned) / root
-    assert np.abs(own - np.eye(p)).max() <= 1e-14

@@ -5,8 +5,6 @@ import pytest
 from scipy import sparse
 
 from namlcp.linalg import (
-    PSD_SLACK,
-    curvature,
     has_positive_pivots,
     is_positive_semidefinite,
     is_symmetric,
@@ -35,34 +33,6 @@ def test_symmetric_but_for_rounding():
     for layout in (np.asarray, sparse.csc_array, sparse.csr_array):
         assert is_symmetric(layout(A))
         assert not is_symmetric(layout(A + np.triu(A, 1) * 1e-12))
-
-
-@pytest.mark.parametrize("seed", range(30))
-def test_columns_with_a_diagonal_entry_alone_are_not_factored(seed):
-    """The triangle is R^-1 P R^-1 + PSD_SLACK I on the others, R^2 = diag(P)."""
-    rng = np.random.default_rng(seed)
-    n = 9
-    alone = rng.random(n) < 0.5
-    B = rng.standard_normal((n, n)) * (rng.random((n, n)) < 0.4)
-    B[:, alone] = 0.0
-    B[alone] = 0.0
-    shift = rng.choice([-0.3, 0.0, 0.3])
-    P = B.T @ B + shift * np.diag(rng.random(n)) + np.diag(2.0 * alone)
-    sign, _, _, triangle = curvature(sparse.csc_array(P))
-    least = np.linalg.eigvalsh(P)[0]
-    if sign == 1:
-        assert least > -1e-12
-    elif sign == 0:
-        others = np.flatnonzero(np.count_nonzero(P - np.diag(P.diagonal()), axis=0))
-        root = np.sqrt(P.diagonal()[others])
-        scaled = P[np.ix_(others, others)] / np.outer(root, root)
-        exact = np.triu(scaled) + PSD_SLACK * np.eye(root.size)
-        np.testing.assert_allclose(triangle.toarray(), exact, atol=1e-12)
-        assert has_positive_pivots(triangle) == (
-            np.linalg.eigvalsh(scaled)[0] > -PSD_SLACK
-        )
-    else:
-        assert least < 0.0
 
 
 @pytest.mark.parametrize("shift", [-1e-3, 1e-3])

@@ -2,12 +2,10 @@
 
 import numpy as np
 import pytest
-from numba import njit
 from problems_elimination import fill, laplacian, natural, parts, upper
 from scipy.sparse import csc_array
 
 from namlcp.linalg import minimum_degree, supernodes
-from namlcp.linalg.minimum_degree import BESIDE, VARIABLE, mark_hubs
 
 
 def scattered(size, entries, seed):
@@ -159,29 +157,6 @@ def test_hubs_are_eliminated_last_and_cost_no_fill():
     assert order.counts.sum() <= inner.counts.sum() + 2500 * 20
 
 
-@njit
-def marked(indptr, indices, kind, degree, inside, large):
-    mark_hubs(indptr, indices, kind, kind.size, degree, inside, large)
-
-
-def test_hubs_have_many_neighbours_that_are_none():
-    """More than 2 sqrt(n), and 4 times the mean, beside those that have as many."""
-    few = np.eye(400)
-    few[0, :40] = few[:40, 0] = 1.0
-    block = laplacian(60, 60).tolil()
-    block[:400, :400] = 1.0
-    above = block.copy()
-    above[1000, :] = above[:, 1000] = 1.0
-    for K, hubs in (
-        (with_rows(np.eye(400), 0), [0]), (few, []), (np.ones((300, 300)), []),
-        (block, []), (above, [1000]),
-    ):  # fmt: skip
-        U = upper(K)
-        kind = np.full(U.shape[0], VARIABLE)
-        marked(*parts(U), kind, *np.empty((3, kind.size), dtype=np.int64))
-        assert np.flatnonzero(kind == BESIDE).tolist() == hubs
-
-
 def test_supernodes_hold_the_pattern_of_their_columns(K):
     if not K.size:
         return
@@ -201,16 +176,3 @@ def test_supernodes_hold_the_pattern_of_their_columns(K):
         size = nodes.panels[s + 1] - nodes.panels[s]
         assert size == rows.size * (end - begin)
     assert L.sum() <= nodes.panels[-1] <= max(4 * L.sum(), 100)
-
-
-def test_leaves_with_the_same_rows_share_a_supernode():
-    leaves, others, rows = 9, 90, 40
-    K = np.eye(leaves + others)
-    K[leaves:, leaves:] = 1.0
-    K[leaves : leaves + rows, :leaves] = K[:leaves, leaves : leaves + rows] = 1.0
-    K[0, leaves:] = K[leaves:, 0] = np.arange(others) < 20
-    order = minimum_degree(*parts(upper(K)))
-    nodes = supernodes(*parts(upper(K)), order)
-    alone, *twins = nodes.node[order.place[:leaves]]
-    assert len(set(twins)) == 1
-    assert alone != twins[0]

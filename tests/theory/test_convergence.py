@@ -10,7 +10,6 @@ from problems_lcp import paper_example
 from scipy import sparse
 
 from namlcp import Status, converges, is_h_plus, solve_lcp
-from validation.paper.theorem_three import is_h_compatible, theorem_3
 
 KINDS = {"dense": np.asarray, "csr": sparse.csr_array, "csc": sparse.csc_array}
 BORDER = (0.3, 0.99, 1 - 1e-6, 1 - 1e-9, 1 + 1e-9, 1 + 1e-6, 1.01, 3.0)
@@ -334,45 +333,6 @@ def test_the_papers_runs_converge(number, delta):
         q, lower, upper = -np.ones(36), np.zeros(36), np.full(36, np.inf)
         data = A.toarray(), q, lower, upper
         assert_contracts(verdict, *data, method, given, rng)
-
-
-def test_theorem_3_piece_by_piece():
-    A = five_point(8, 4.0)
-    D = A.diagonal()
-    own = theorem_3(A, "namgs", shift=1.0)  # the paper's Omega is D/2
-    assert own.h_plus.answer is True
-    assert own.h_compatible.answer is own.repaired.answer is False
-    assert own.case_1.answer is own.case_2_stated.answer is False
-    assert not own.applies
-    assert not own.applies_as_proved
-    above = theorem_3(A, "namgs", shift=1.0, omega=D)
-    assert above.case_1.answer is above.repaired.answer is True
-    assert not above.applies
-    jacobi = theorem_3(A, "namj", shift=1.0, omega=D)  # the one it does cover
-    assert jacobi.h_compatible.answer is True
-    assert jacobi.applies
-    below = theorem_3(A, "namj", shift=1.0, omega=0.8 * D)
-    assert below.case_2_stated.answer is True
-    assert below.applies
-    between = theorem_3(A, "namj", shift=1.0, omega=0.6 * D)
-    assert between.case_2_stated.answer is False
-    assert between.case_2_proved.answer is True
-    assert between.applies_as_proved
-    assert not between.applies
-    assert theorem_3(five_point(8), "namgs", omega=D).repaired.answer is False
-    with pytest.raises(ValueError, match="theorem_3 is about nam"):
-        theorem_3(A, "pgs")
-
-
-def test_h_compatible_splittings():
-    A = five_point(4, 1.0)
-    D = sparse.diags_array(A.diagonal())
-    assert is_h_compatible(D, D - A).answer is True
-    assert is_h_compatible(abs(A), abs(A) - A).answer is False
-    for method, given, answer in (("namgs", {}, False), ("msor", {"alpha": 0.8}, True)):
-        M, _ = plain_sweeps.split(A.toarray(), method, **given)
-        M = sparse.csr_array(M)
-        assert is_h_compatible(M, sparse.csr_array(M - A)).answer is answer
 
 
 def test_wrong_arguments_are_named():

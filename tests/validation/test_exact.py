@@ -5,12 +5,12 @@ from fractions import Fraction
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from problems_qp import complementary, make_qp
+from problems_qp import complementary
 from qpsolvers import Problem
 
 from validation.derivatives import cases, differences, packages
 from validation.oracles import ceilings, exact
-from validation.oracles.exact import BITS, Active, ExactMatrix, ExactQP
+from validation.oracles.exact import BITS, ExactMatrix
 
 
 def test_products_are_exact():
@@ -33,31 +33,6 @@ def test_the_face_of_a_solution_is_solved_to_the_last_bit(seed):
     assert row["face_residual"] <= exact.GOAL
     assert row["rounded_1e-09"]
     assert max(row["primal"], row["dual"], row["gap"]) < 1e-11
-
-
-def test_a_wrong_active_set_is_corrected():
-    """min 1/2 |x|^2 + x_1 - x_2, x >= 0, x_2 <= 1/2: x = (0, 1/2)."""
-    qp = make_qp(np.eye(2), [1.0, -1.0], [[0.0, 1.0]], [0.5], lb=np.zeros(2))
-    start = ceilings.Point(
-        np.array([1.0, 0.0]), np.empty(0), np.zeros(1), np.array([0.0, -2.0])
-    )
-    assert not ceilings.guess(qp, start).lower[0]
-    point, face, wrong, rounds = ceilings.exact_solution(qp, start)
-    np.testing.assert_array_equal(point.x, [0.0, 0.5])
-    np.testing.assert_array_equal(point.z, [0.5])
-    np.testing.assert_array_equal(point.z_box, [-1.0, 0.0])
-    assert (wrong, face.residual <= exact.GOAL) == (0, True)
-    assert rounds > 1
-
-
-def test_a_singular_face_has_one_of_its_solutions():
-    """x_1 + x_2 = 1 twice, no cost."""
-    qp = make_qp(np.zeros((2, 2)), np.zeros(2), A=np.ones((2, 2)), b=np.ones(2))
-    none = np.zeros(2, dtype=bool)
-    start = ceilings.Point(np.ones(2), np.zeros(2), np.empty(0), np.zeros(2))
-    face = ExactQP(qp).face(start, Active(np.zeros(0, dtype=bool), none, none))
-    assert face.x.sum() == pytest.approx(1.0, abs=1e-15)
-    assert face.residual < 1e-20
 
 
 def test_right_sides_beyond_the_spacing_of_doubles_are_at_the_ceiling():

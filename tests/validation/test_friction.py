@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from namlcp import Status, solve_lcp
-from namlcp.scenes import stepping
 from namlcp.scenes.friction import friction_lcp
 from namlcp.scenes.stepping import FallingDiscs
 from validation.problems.general import piles
@@ -75,24 +74,6 @@ def test_block_on_a_slope(angle, mu):
     assert z[:2].sum() == pytest.approx(piles.STEP * np.cos(angle))
 
 
-@pytest.mark.parametrize("directions", [4, 8])
-def test_directions_go_evenly_round(directions):
-    scene = piles.pile_of_balls(2, 0.5, directions)
-    d = scene.tangents()
-    assert np.abs(np.einsum("dmi,mi->dm", d, scene.contacts.normal)).max() < 1e-15
-    np.testing.assert_allclose((d * d).sum(axis=2), 1.0)
-    np.testing.assert_allclose(d.sum(axis=0), 0.0, atol=1e-14)
-    turn = (d * np.roll(d, 1, axis=0)).sum(axis=2)
-    np.testing.assert_allclose(turn, np.cos(2.0 * np.pi / directions), atol=1e-15)
-
-
-def test_smooth_contacts_are_a_symmetric_box_lcp():
-    scene = piles.pile_of_discs(3, 0.0)
-    A, q = friction_lcp(scene)
-    assert q.size == scene.contacts.mu.size
-    assert abs(A - A.T).max() < 1e-15
-
-
 def test_discs_lose_energy_and_do_not_overlap():
     discs = FallingDiscs(6)
     energy = discs.energy()
@@ -113,12 +94,3 @@ def test_a_warm_start_changes_no_velocity():
         warm.step()
         cold.step()
     np.testing.assert_allclose(warm.centre, cold.centre, atol=1e-6)
-
-
-def test_a_lone_disc_falls_freely():
-    discs = FallingDiscs(1)
-    discs.centre[0, :2] = discs.width / 2.0, 100.0
-    discs.velocity[:] = 0.0
-    for _ in range(10):
-        assert discs.step().n == 0
-    assert discs.velocity[0, 1] == pytest.approx(-10 * stepping.GRAVITY * stepping.STEP)

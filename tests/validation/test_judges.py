@@ -17,9 +17,8 @@ from validation.oracles.scenes import SCENES, Scene, at_bounds
 from validation.oracles.solvers import Answer as Found
 from validation.oracles.solvers import nam
 from validation.peers import references
-from validation.problems import known_scenes, planted
+from validation.problems import known_scenes
 from validation.problems.stress_cases import ROWS, Point, natural, posed
-from validation.repeated import batches
 from validation.stress import campaign, comparison
 from validation.stress.campaign_answers import NAM, Answer, qp_answer
 from validation.stress.campaign_closest import judge_closest
@@ -222,15 +221,6 @@ def test_a_reference_is_the_solution_or_none():
     assert references.reference(problem, solution) is None  # no inequality proposed
     singular = qpsolvers.Problem(np.diag([1.0, 0.0]), q, G, h)
     assert references.reference(singular, solution) is None
-
-
-def test_residuals_of_a_batch_by_their_definition():
-    stack = planted.definite_stack(np.random.default_rng(0), 4, 8, 3)
-    results = [solve_qp(*item) for item in zip(*stack, strict=True)]
-    x, z = np.array([r.x for r in results]), np.array([r.z for r in results])
-    assert batches.worst_residual(stack, x, z) < 1e-12
-    z[1, 2] -= 1.0
-    assert batches.worst_residual(stack, x, z) >= 1.0 - 1e-9
 
 
 def test_conditions_see_a_point_that_is_not_the_closest():

@@ -3,8 +3,6 @@
 Solved by method="auto"; a value that only an independent solver gives comes from one.
 """
 
-import itertools
-
 import numpy as np
 import problems_lcp
 import pytest
@@ -17,7 +15,6 @@ from validation.problems import known_scenes as known
 from validation.problems import large_scenes as large
 from validation.problems.data_sets import heart_scale
 from validation.problems.general import circuits, games
-from validation.problems.general import families as general
 
 
 def solve(scene):
@@ -163,25 +160,6 @@ def test_svm_without_data(tmp_path):
     assert objective(scene, solve(scene)) == pytest.approx(expected, rel=1e-9)
 
 
-def test_nonnegative_least_squares():
-    scene, B, b = known.nonnegative_least_squares(120, 40)
-    z = solve(scene)
-    np.testing.assert_allclose(z, nnls(B, b)[0], atol=1e-12)
-    assert 0 < np.sum(z == 0.0) < 40
-
-
-def test_portfolio_has_the_largest_sharpe_ratio():
-    scene = known.portfolio(40)
-    x = solve(scene)
-
-    def sharpe(x):
-        return -scene.q @ x / np.sqrt(x @ scene.A @ x)
-
-    for other in np.random.default_rng(0).dirichlet(np.full(40, 0.1), 200):
-        mixed = x / x.sum() + 0.05 * (other - x / x.sum())
-        assert max(sharpe(other), sharpe(mixed)) < sharpe(x)
-
-
 # ---- families
 
 
@@ -207,31 +185,3 @@ def test_biactive_knows_its_solution():
     w = scene.A @ z + scene.q
     assert 0.45 < ((np.abs(z) <= 1e-14) & (np.abs(w) <= 1e-14)).mean() < 0.55
     np.testing.assert_allclose(solve(scene), z, atol=1e-12)
-
-
-def principal(A):
-    """Yield all principal blocks."""
-    for size in range(1, len(A) + 1):
-        for F in itertools.combinations(range(len(A)), size):
-            yield A[np.ix_(F, F)]
-
-
-def is_strictly_copositive(A):
-    """Every principal block has no eigenvector v > 0 of an eigenvalue <= 0 (Kaplan)."""
-    for block in principal(A + A.T):
-        values, vectors = np.linalg.eigh(block)
-        for v in vectors.T[values <= 0.0]:
-            if (v > 0.0).all() or (v < 0.0).all():
-                return False
-    return True
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_general_families_by_their_definitions(seed):
-    assert not is_strictly_copositive(np.array([[1.0, -2.0], [-2.0, 1.0]]))
-    assert is_strictly_copositive(general.copositive(6, seed)[0])
-    p0 = general.p0(6, seed)[0]
-    assert min(np.linalg.det(block) for block in principal(p0)) >= -1e-10
-    A, q = general.FAMILIES["pile"](30, seed)
-    assert abs(A - general.FAMILIES["pile"](30, seed)[0]).max() == 0.0
-    assert solve_lcp(A, q).status is Status.SOLVED
