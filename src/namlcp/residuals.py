@@ -18,14 +18,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from namlcp.compiled import kernel, part
-from namlcp.linalg import (
+from namlcp.linalg.csc import (
     add_column_sums,
     add_columns,
     add_transposed,
-    blas_dot,
     compiled_form,
     times,
 )
+from namlcp.linalg.lapack import blas_dot
 
 LARGE_TERM = 250.0
 """If all terms of the gap are smaller than this, then its rounding error is below 1e-12

@@ -13,11 +13,11 @@ from scipy import sparse
 
 from namlcp.lcp.criterion import Criterion
 from namlcp.lcp.data import LCP, Outcome
-from namlcp.lcp.general import solve_general
+from namlcp.lcp.general.order import solve_general
 from namlcp.lcp.mprgp import solve_by_products
-from namlcp.lcp.multigrid import solve_by_multigrid
+from namlcp.lcp.multigrid.cycles import solve_by_multigrid
 from namlcp.lcp.operators import Operator
-from namlcp.lcp.pivoting import solve_box
+from namlcp.lcp.pivoting.driver import solve_box
 from namlcp.lcp.psor import MAX_SWEEPS, solve_by_sweeps
 from namlcp.lcp.tridiagonal import solve_tridiagonal
 from namlcp.limits import Limits

@@ -12,7 +12,7 @@ from namlcp.compiled import part
 from namlcp.lcp.data import LCP
 from namlcp.lcp.lazy import kept
 from namlcp.limits import Limits
-from namlcp.linalg import LEAST_DIVISOR
+from namlcp.linalg.columns import LEAST_DIVISOR
 from namlcp.residuals import natural_residuals
 
 W_ROUNDING = 1e-15

@@ -7,16 +7,13 @@ from scipy import sparse
 
 from namlcp.lcp.data import lcp_matrix
 from namlcp.lcp.lazy import kept
-from namlcp.lcp.multigrid import Hierarchy, build
+from namlcp.lcp.multigrid.hierarchy import Hierarchy, build
 from namlcp.lcp.relaxation import dominance_csr
 from namlcp.lcp.tridiagonal import tridiagonal_of
 from namlcp.limits import NEVER, Deadline
-from namlcp.linalg import (
-    Columns,
-    arrays_of,
-    columns_of,
-    is_symmetric,
-)
+from namlcp.linalg.columns import Columns, columns_of
+from namlcp.linalg.csc import arrays_of
+from namlcp.linalg.definite import is_symmetric
 
 DIAGONAL_ROUNDING = 1e-10
 """Sum of (A + A')_ij r_j, relative to its terms, that counts as 0 where a_ii = 0."""

@@ -20,7 +20,7 @@ from namlcp.lcp.criterion import Criterion
 from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.relaxation import relax_csr
 from namlcp.limits import Limits
-from namlcp.linalg import arrays_of
+from namlcp.linalg.csc import arrays_of
 from namlcp.status import Status
 
 MAX_SWEEPS = 200

@@ -14,7 +14,7 @@ from scipy.linalg.lapack import dgetrf, dgetrs
 from scipy.sparse.linalg import SuperLU, splu
 
 from namlcp.compiled import kernel
-from namlcp.linalg import plan_factors
+from namlcp.linalg.factors import plan_factors
 
 HELD = 1e20
 """Entry of x that holds an unknown: it is 0 in the solution for a side that is."""

@@ -13,16 +13,20 @@ from namlcp.checks import finite_vector
 from namlcp.lcp.auto import LARGE_LCP, solve_auto
 from namlcp.lcp.criterion import Criterion
 from namlcp.lcp.data import LCP, Outcome, is_ordinary, lcp_data
-from namlcp.lcp.general import pivot_until, solve_lemke
-from namlcp.lcp.modulus import SOLVERS, Parameters, find_method, spread, sweep
-from namlcp.lcp.multigrid import ascend, solve_by_multigrid
+from namlcp.lcp.general.lemke import solve_lemke
+from namlcp.lcp.general.tableau import pivot_until
+from namlcp.lcp.modulus.methods import SOLVERS, Parameters, find_method, spread
+from namlcp.lcp.modulus.sweeps import sweep
+from namlcp.lcp.multigrid.cycles import solve_by_multigrid
+from namlcp.lcp.multigrid.kernels import ascend
 from namlcp.lcp.operators import Operator
-from namlcp.lcp.pivoting import ACCURACY, pivot
+from namlcp.lcp.pivoting.driver import ACCURACY
+from namlcp.lcp.pivoting.pivot import pivot
 from namlcp.lcp.prepared import Prepared
 from namlcp.lcp.relaxation import relax_csr
 from namlcp.lcp.tridiagonal import solve_faces
 from namlcp.limits import Deadline, Limits, interruptible
-from namlcp.linalg import blas_threads
+from namlcp.linalg.threads import blas_threads
 from namlcp.options import check_count, check_flag, check_number
 from namlcp.progress import LCP_COLUMNS, Progress
 from namlcp.residuals import modulus_variable

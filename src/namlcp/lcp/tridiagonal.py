@@ -19,7 +19,8 @@ from namlcp.compiled import kernel, part
 from namlcp.lcp.criterion import are_met_part
 from namlcp.lcp.data import LCP, Outcome
 from namlcp.limits import Limits
-from namlcp.linalg import arrays_of, copy
+from namlcp.linalg.csc import arrays_of
+from namlcp.linalg.lapack import copy
 from namlcp.residuals import deviation
 from namlcp.status import Status
 

@@ -14,14 +14,9 @@ from namlcp.compiled import floats_at, ints_at, kernel, longs_at, part, record_o
 from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.multifrontal import Multifrontal
 from namlcp.linalg.ordering import Order, nested_dissection
-from namlcp.linalg.sparse_ldl import (
-    Pattern,
-    analyse,
-    factor_sparse,
-    ldl_factor,
-    ldl_solve_into,
-    solve_sparse,
-)
+from namlcp.linalg.sparse_ldl.factor import factor_sparse, ldl_factor
+from namlcp.linalg.sparse_ldl.pattern import Pattern, analyse
+from namlcp.linalg.sparse_ldl.solve import ldl_solve_into, solve_sparse
 
 # Work of a factorisation, see `Order.work`, from which on dense fronts are used: a
 # factorisation and six solves take as long both ways there.

@@ -77,7 +77,8 @@ import numpy as np
 from scipy import linalg, sparse
 
 from namlcp.limits import interruptible
-from namlcp.linalg import asymmetry, is_positive_semidefinite, positive_factors
+from namlcp.linalg.definite import is_positive_semidefinite, positive_factors
+from namlcp.linalg.symmetry import asymmetry
 from namlcp.theory.comparison import (
     LARGEST_FACTORED,
     ROUNDOFF,

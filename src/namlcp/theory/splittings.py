@@ -13,7 +13,12 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.checks import finite_square_matrix
-from namlcp.lcp import METHODS, Parameters, checked_parameters, find_method
+from namlcp.lcp.modulus.methods import (
+    METHODS,
+    Parameters,
+    checked_parameters,
+    find_method,
+)
 
 SAFE = 1e-13
 """Bound for the rounding errors of the entries of K, relative to their terms."""

@@ -19,7 +19,3 @@
 | `proximal` | the same where A is symmetric and the face hard to tell |
 | `farkas`, `homogeneous` | proofs that there is no solution, by an interior path |
 """
-
-from namlcp.lcp.general.lemke import solve_lemke
-from namlcp.lcp.general.order import solve_general
-from namlcp.lcp.general.tableau import pivot_until

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from namlcp.lcp.distances import Distances
-from namlcp.lcp.general.cones import AnyFactors, Condensed, Systems
+from namlcp.lcp.general.cones.condensed import AnyFactors, Condensed, Systems
 from namlcp.lcp.general.pairs import Pairs
 
 SHIFT = 1e-12

@@ -27,7 +27,8 @@ from namlcp.lcp.criterion import Criterion
 from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.general.plain import Plain
 from namlcp.lcp.general.tableau import DONE, MORE, Tableau, exchange, pivot_until
-from namlcp.lcp.pivoting import UNSEEN, proof
+from namlcp.lcp.pivoting.driver import UNSEEN
+from namlcp.lcp.pivoting.rays import proof
 from namlcp.limits import Limits
 from namlcp.status import Status
 

@@ -14,7 +14,7 @@ from scipy import sparse
 
 from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.general.arc import Arc
-from namlcp.lcp.general.cones import system_of
+from namlcp.lcp.general.cones.condensed import system_of
 from namlcp.lcp.general.enumeration import LARGEST_ENUMERATION, solve_by_enumeration
 from namlcp.lcp.general.farkas import farkas
 from namlcp.lcp.general.games import solve_game

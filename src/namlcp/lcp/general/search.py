@@ -14,10 +14,10 @@ from scipy import sparse
 from namlcp.lcp.criterion import Criterion, is_solved_by_zero
 from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.distances import Distances
-from namlcp.lcp.general.cones import system_of
+from namlcp.lcp.general.cones.condensed import system_of
 from namlcp.lcp.general.finish import finish
 from namlcp.lcp.general.proximal import proximal_steps
-from namlcp.lcp.pivoting import proof
+from namlcp.lcp.pivoting.rays import proof
 from namlcp.lcp.scaling import unit_diagonal_scale
 from namlcp.lcp.shifted import Quasidefinite, System
 from namlcp.limits import Limits

@@ -61,7 +61,7 @@ from namlcp.lcp.modulus.methods import (
     spread,
 )
 from namlcp.lcp.modulus.triangular import Step, TriangularStep
-from namlcp.linalg import is_symmetric
+from namlcp.linalg.definite import is_symmetric
 
 # c >= LEAST_C G sqrt(f) / (p - c), f the geometric mean of b - 2 for the free rows and
 # for the whole matrix. c is at least SMALL_C: with less, s hardly changes at a bound.

@@ -20,7 +20,7 @@ from namlcp.lcp.modulus.kernels import S, Z
 from namlcp.lcp.modulus.methods import Parameters
 from namlcp.lcp.modulus.triangular import Step
 from namlcp.lcp.shifted import Quasidefinite, Shifted, System
-from namlcp.linalg import asymmetry
+from namlcp.linalg.symmetry import asymmetry
 
 Solve = Callable[[np.ndarray], np.ndarray]
 

@@ -13,7 +13,7 @@ from namlcp.lcp.modulus.kernels import (
     sweep_dense,
 )
 from namlcp.lcp.modulus.methods import Method, Parameters
-from namlcp.linalg import arrays_of
+from namlcp.linalg.csc import arrays_of
 
 
 class Step:

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.compiled import kernel
-from namlcp.linalg import arrays_of
+from namlcp.linalg.csc import arrays_of
 
 THETA = 0.25
 """A coupling a_ij < 0 is strong if -a_ij >= THETA max_k -a_ik."""

@@ -37,7 +37,7 @@ from namlcp.lcp.multigrid.krylov import bicgstab, conjugate_gradients
 from namlcp.lcp.multigrid.vcycle import VCycle
 from namlcp.lcp.relaxation import relax_back, relax_csr
 from namlcp.limits import Deadline, Limits
-from namlcp.linalg import LEAST_DIVISOR
+from namlcp.linalg.columns import LEAST_DIVISOR
 from namlcp.residuals import natural_residuals
 from namlcp.status import Status
 

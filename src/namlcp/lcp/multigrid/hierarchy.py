@@ -22,7 +22,7 @@ from namlcp.lcp.multigrid.coarsening import interpolation, unlike_rows
 from namlcp.lcp.multigrid.kernels import residual_vector
 from namlcp.lcp.multigrid.vcycle import Level, VCycle
 from namlcp.limits import NEVER, Deadline
-from namlcp.linalg import Compressed, arrays_of
+from namlcp.linalg.csc import Compressed, arrays_of
 
 MAX_COARSE, MAX_DENSE = 50, 500
 """Coarsening ends at MAX_COARSE unknowns; a matrix with more than MAX_DENSE left on the

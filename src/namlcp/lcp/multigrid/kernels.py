@@ -20,7 +20,7 @@ import numpy as np
 
 from namlcp.compiled import kernel
 from namlcp.lcp.relaxation import ONE
-from namlcp.linalg import Compressed
+from namlcp.linalg.csc import Compressed
 
 VANISHED = 1e-13
 """Coarse diagonal entry, relative to its value without truncation, that counts as 0."""

@@ -13,7 +13,7 @@ from namlcp.lcp.multigrid.kernels import (
     relax_edge_back,
     truncate_coarse,
 )
-from namlcp.linalg import Compressed
+from namlcp.linalg.csc import Compressed
 
 SINGULAR_CONDITION = 1e13
 """Condition number from which on the coarsest matrix gets a pseudo-inverse."""

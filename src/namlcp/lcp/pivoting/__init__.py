@@ -13,7 +13,3 @@
 
 Compiled functions take one record of numbers and addresses, `state.PivotState`.
 """
-
-from namlcp.lcp.pivoting.driver import ACCURACY, UNSEEN, Attempt, solve_box
-from namlcp.lcp.pivoting.pivot import pivot
-from namlcp.lcp.pivoting.rays import proof

@@ -8,7 +8,7 @@ left to be factored.
 from namlcp.compiled import floats, ints, part
 from namlcp.lcp.pivoting.free_system import analyse, free_order, refactor
 from namlcp.lcp.pivoting.state import matrix_of
-from namlcp.linalg import PSD_SLACK
+from namlcp.linalg.definite import PSD_SLACK
 
 
 @part

@@ -10,17 +10,14 @@ import numpy as np
 
 from namlcp.compiled import ints, part
 from namlcp.lcp.pivoting.state import matrix_of
-from namlcp.linalg import (
-    SMALL_ORDER,
+from namlcp.linalg.columns import SMALL_ORDER
+from namlcp.linalg.lapack import cholesky, cholesky_solve, lu, lu_solve
+from namlcp.linalg.ldl import (
     Triangle,
     bitset_minimum_degree,
-    cholesky,
-    cholesky_solve,
     ldl_numeric,
     ldl_solve,
     ldl_symbolic,
-    lu,
-    lu_solve,
 )
 
 JITTER = 1e-11

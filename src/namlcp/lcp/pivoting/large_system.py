@@ -11,7 +11,8 @@ from scipy import sparse
 
 from namlcp.lcp.pivoting.state import PivotMemory
 from namlcp.lcp.shifted import HELD, Quasidefinite, Solver
-from namlcp.linalg import PSD_SLACK, has_positive_pivots, submatrix
+from namlcp.linalg.csc import submatrix
+from namlcp.linalg.definite import PSD_SLACK, has_positive_pivots
 
 
 class LargeSystem:

@@ -15,15 +15,15 @@ from namlcp.lcp.criterion import are_met_part
 from namlcp.lcp.pivoting.convexity import has_unit_diagonal, is_definite
 from namlcp.lcp.pivoting.free_system import analyse, free_order, refactor, solve_free
 from namlcp.lcp.pivoting.state import bounds_of, matrix_of, state_at
-from namlcp.linalg import (
-    PSD_SLACK,
+from namlcp.linalg.columns import (
     add_product,
     all_finite,
-    copy,
     largest_entry,
     scale_columns,
     write_diagonal,
 )
+from namlcp.linalg.definite import PSD_SLACK
+from namlcp.linalg.lapack import copy
 from namlcp.residuals import natural_residuals
 
 # Why `pivot` returns.

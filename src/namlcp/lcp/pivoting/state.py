@@ -11,7 +11,8 @@ from typing import Any
 import numpy as np
 
 from namlcp.compiled import fields, floats, ints, kernel, longs, part, record_at
-from namlcp.linalg import Columns, copy
+from namlcp.linalg.columns import Columns
+from namlcp.linalg.lapack import copy
 
 # Vectors of n numbers.
 VECTORS = (

@@ -10,7 +10,3 @@ the last of their columns. Every symmetric permutation of a quasi-definite matri
 L D L' without pivoting (R. Vanderbei, SIAM J. Optim. 5 (1995) 100-113); L has ones on
 its diagonal.
 """
-
-from namlcp.linalg.sparse_ldl.factor import factor_sparse, ldl_factor
-from namlcp.linalg.sparse_ldl.pattern import Pattern, analyse
-from namlcp.linalg.sparse_ldl.solve import ldl_solve_into, solve_sparse

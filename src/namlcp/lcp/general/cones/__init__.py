@@ -7,9 +7,4 @@
 | `fronts` | factors of what remains |
 """
 
-from namlcp.lcp.general.cones.condensed import (
-    AnyFactors,
-    Condensed,
-    Systems,
-    system_of,
-)
+from namlcp.lcp.general.cones.condensed import system_of

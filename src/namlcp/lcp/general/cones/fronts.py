@@ -16,19 +16,16 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.compiled import kernel, part
-from namlcp.linalg import (
-    Supernodes,
-    add_scaled,
-    better_order,
-    dot,
-    minimum_degree,
+from namlcp.linalg.factors import better_order
+from namlcp.linalg.lapack import add_scaled, dot, product
+from namlcp.linalg.minimum_degree import minimum_degree
+from namlcp.linalg.multifrontal import (
     panel_of,
-    product,
     rows_below,
     solve_unit_lower,
     stack_size,
-    supernodes,
 )
+from namlcp.linalg.ordering import Supernodes, supernodes
 
 BLOCK = 24
 """Columns eliminated by loops, before those to the right are updated by BLAS."""
