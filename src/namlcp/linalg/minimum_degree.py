@@ -20,7 +20,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from namlcp.compiled import ints_at, kernel, longs_at, part
-from namlcp.linalg.ldl import relink
 from namlcp.linalg.ordering import Order, count_inside, postordered
 
 ABOVE_ROOT = 2.0
@@ -131,6 +130,24 @@ def order_by_degree(indptr, indices, kind, place, long, short):
             places[i] = done
             done += 1
             i = graph.after[i]
+
+
+@part
+def relink(v, degree, old, head, after, before):
+    """Move v from the list of degree `old` to that of `degree`; < 0 means no list."""
+    if old >= 0:
+        if before[v] >= 0:
+            after[before[v]] = after[v]
+        else:
+            head[old] = after[v]
+        if after[v] >= 0:
+            before[after[v]] = before[v]
+    if degree >= 0:
+        before[v] = -1
+        after[v] = head[degree]
+        if head[degree] >= 0:
+            before[head[degree]] = v
+        head[degree] = v
 
 
 @part

@@ -27,12 +27,9 @@ ACCURACY = 1e-9
 MAX_FACTORISATIONS = 5000
 """Factorisations at most, by default."""
 
-BITSETS = 20_000
-"""Largest order that `linalg.ldl` orders for elimination: its bitsets take 50 MB."""
-
-BLOCK_ORDER, BLOCK_ENTRIES = 2000, 20_000
-"""Sparse symmetric problems with more unknowns and more entries than this are factored
-in blocks; smaller ones are solved faster in one compiled call."""
+LARGE_ORDER, LARGE_ENTRIES = 2000, 20_000
+"""Sparse symmetric problems with more unknowns and more entries than this are left to
+`LargeSystem`; smaller ones are solved faster in one compiled call."""
 
 DENSE_ORDER = 600
 """Largest order at which sparse nonsymmetric systems are solved by dense LU."""
@@ -74,7 +71,8 @@ class Attempt:
         now.eps_abs, now.eps_rel = limits.eps_abs, limits.eps_rel
         now.symmetric = lcp.matrix.symmetric
         compressed = not now.is_dense
-        large = compressed and now.symmetric and in_blocks(n, now.entries)
+        many = n > LARGE_ORDER and now.entries > LARGE_ENTRIES
+        large = compressed and now.symmetric and many
         by_lu = compressed and not now.symmetric and n > DENSE_ORDER
         now.external_solve = large or by_lu
         now.ask_convex = ask_convex and not large
@@ -154,7 +152,7 @@ class Attempt:
             self.limits.report(self.work.now.factorisations, residual, active)
 
     def solve_free_system(self) -> None:
-        """Solve the free system in blocks, or by sparse LU if A is not symmetric."""
+        """Solve a large free system, or by sparse LU if A is not symmetric."""
         if self.large:
             self.large.solve()
             return
@@ -175,11 +173,6 @@ class Attempt:
             return scaled.dense.T
         arrays = scaled.data, scaled.indices, scaled.indptr
         return sparse.csc_array(arrays, shape=(n, n))
-
-
-def in_blocks(n: int, entries: int) -> bool:
-    """Tell whether the systems of a sparse symmetric matrix are factored in blocks."""
-    return n > BITSETS or (n > BLOCK_ORDER and entries > BLOCK_ENTRIES)
 
 
 def at_once(n: int) -> int:

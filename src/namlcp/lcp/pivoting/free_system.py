@@ -14,11 +14,11 @@ from namlcp.linalg.columns import SMALL_ORDER
 from namlcp.linalg.lapack import cholesky, cholesky_solve, lu, lu_solve
 from namlcp.linalg.ldl import (
     Triangle,
-    bitset_minimum_degree,
     ldl_numeric,
     ldl_solve,
     ldl_symbolic,
 )
+from namlcp.linalg.minimum_degree import OUTSIDE, VARIABLE, order_by_degree
 
 JITTER = 1e-11
 """Added to the unit diagonal where Cholesky fails, so that a singular A_FF succeeds."""
@@ -122,19 +122,19 @@ def free_order(m, state):
             missing |= rank[i] < 0
     sparse = may_stay_sparse(m, count)
     if sparse and missing:
-        nodes = np.empty(m.n, dtype=np.int32)
-        size = 0
+        kind = np.empty(m.n, dtype=np.int32)
         of_all = m.ask_convex or m.orderings >= 2
         for i in range(m.n):
-            if of_all or state[i] == 0 or rank[i] >= 0:
-                nodes[size] = i
-                size += 1
+            chosen = of_all or state[i] == 0 or rank[i] >= 0
+            kind[i] = VARIABLE if chosen else OUTSIDE
         _, indptr, indices, _ = matrix_of(m, m.scaled)
-        local = ints(m.local, m.n)
-        bitset_minimum_degree(indptr, indices, nodes[:size], local, sequence)
-        for k in range(size):
-            rank[sequence[k]] = k
-        m.ordered = size
+        long, short = np.empty((4, m.n), np.int64), np.empty((12, m.n), np.int32)
+        order_by_degree(indptr, indices, kind, rank, long, short)
+        m.ordered = 0
+        for i in range(m.n):
+            if rank[i] >= 0:
+                sequence[rank[i]] = i
+                m.ordered += 1
         m.orderings += 1
     order = np.empty(count, dtype=np.int32)
     count = 0
