@@ -5,7 +5,6 @@
 for one appetite after another (Markowitz 1952): only q changes.
 """
 
-import time
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,12 +16,11 @@ MOST = 0.2  # of the capital in one asset
 
 
 class Record(NamedTuple):
-    """Weights (points, ASSETS), risks and returns [1 / year], times [s]."""
+    """Weights (points, ASSETS), risks and returns [1 / year]."""
 
     weights: np.ndarray
     risks: np.ndarray
     returns: np.ndarray
-    seconds: np.ndarray
     solved: bool
 
 
@@ -44,24 +42,21 @@ def run(points: int = 200) -> Record:
         covariance, np.zeros(ASSETS), A=np.ones((1, ASSETS)), b=np.ones(1),
         lb=np.zeros(ASSETS), ub=np.full(ASSETS, MOST),
     )  # fmt: skip
-    weights, seconds = np.empty((points, ASSETS)), np.empty(points)
-    solved = True
-    for k, appetite in enumerate(np.append(0.0, np.logspace(-2.0, 1.0, points - 1))):
-        q = -appetite * mean
-        start = time.perf_counter()
-        solver.update(q=q)
-        result = solver.solve()
-        seconds[k] = time.perf_counter() - start
-        solved &= result.status is Status.SOLVED
-        weights[k] = result.x
+    results = []
+    for appetite in np.append(0.0, np.logspace(-2.0, 1.0, points - 1)):
+        solver.update(q=-appetite * mean)
+        results.append(solver.solve())
+    weights = np.array([result.x for result in results])
     risks = np.sqrt(np.einsum("ki,ij,kj->k", weights, covariance, weights))
     returns = weights @ mean
     print("  risk  return  assets held")
     for k in range(0, points, max(points // 5, 1)):
         held = np.count_nonzero(weights[k] > 1e-9)
         print(f"{risks[k]:6.1%}  {returns[k]:6.1%}  {held:11d}")
-    print(f"{1e6 * np.median(seconds):.1f} microseconds a portfolio (median)")
-    return Record(weights, risks, returns, seconds, solved)
+    seconds = np.median([result.solve_time for result in results])
+    print(f"{1e6 * seconds:.1f} microseconds a solve (median)")
+    solved = all(result.status is Status.SOLVED for result in results)
+    return Record(weights, risks, returns, solved)
 
 
 def draw(record: Record, figure: Any) -> None:

@@ -7,7 +7,6 @@
 multipliers of the two rows of each feature. Along the path only h changes.
 """
 
-import time
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,11 +17,10 @@ SAMPLES, FEATURES, TRUE = 80, 30, 6
 
 
 class Record(NamedTuple):
-    """Penalties over the largest, coefficients (points, FEATURES), times [s]."""
+    """Penalties over the largest, coefficients (points, FEATURES)."""
 
     penalties: np.ndarray
     coefficients: np.ndarray
-    seconds: np.ndarray
     solved: bool
 
 
@@ -44,23 +42,20 @@ def run(points: int = 200) -> Record:
         np.eye(SAMPLES), -y, np.vstack((X.T, -X.T)), np.full(2 * FEATURES, most)
     )
     penalties = np.logspace(0.0, -3.0, points)
-    coefficients, seconds = np.empty((points, FEATURES)), np.empty(points)
-    solved = True
-    for k, penalty in enumerate(penalties):
-        h = np.full(2 * FEATURES, penalty * most)
-        start = time.perf_counter()
-        solver.update(h=h)
-        result = solver.solve()
-        seconds[k] = time.perf_counter() - start
-        solved &= result.status is Status.SOLVED
-        coefficients[k] = result.z[:FEATURES] - result.z[FEATURES:]
+    results = []
+    for penalty in penalties:
+        solver.update(h=np.full(2 * FEATURES, penalty * most))
+        results.append(solver.solve())
+    coefficients = np.array([r.z[:FEATURES] - r.z[FEATURES:] for r in results])
     print("penalty  features  |X w - y|")
     for k in range(0, points, max(points // 6, 1)):
         count = np.count_nonzero(coefficients[k])
         misfit = np.linalg.norm(X @ coefficients[k] - y)
         print(f"{penalties[k]:7.3f}  {count:8d}  {misfit:9.4f}")
-    print(f"{1e6 * np.median(seconds):.1f} microseconds a penalty (median)")
-    return Record(penalties, coefficients, seconds, solved)
+    seconds = np.median([result.solve_time for result in results])
+    print(f"{1e6 * seconds:.1f} microseconds a solve (median)")
+    solved = all(result.status is Status.SOLVED for result in results)
+    return Record(penalties, coefficients, solved)
 
 
 def draw(record: Record, figure: Any) -> None:
