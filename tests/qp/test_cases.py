@@ -75,7 +75,7 @@ def test_each_way_gives_what_is_known(name, way):
 @pytest.mark.parametrize("name", REFUSED)
 def test_a_cost_that_is_not_convex_is_refused_by_each_way(name, way):
     qp = REFUSED[name]
-    if way == "responses" and qp.q.size < 1000:
+    if way == "active set" and qp.q.size < 1000:
         assert WAYS[way](qp) is None
     elif way in PARTIAL:  # for sparse matrices the Solver asks before
         return

@@ -2,8 +2,8 @@
 
 ``way(qp, **options)`` takes the fields of `Options` and returns what has the attributes
 of a `QPResult`. Where one method fails, `solve_qp` takes the next, and is right all the
-same. Hence the ways of the `path` and of the active set, which go to the doors of these two
-engines; the latter leaves some QPs to others and returns None.
+same. Hence the ways of the `path` and of the active set, which go to the doors of these
+two engines; the latter leaves some QPs to others and returns None.
 """
 
 from time import perf_counter

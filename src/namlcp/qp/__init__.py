@@ -15,5 +15,11 @@ from namlcp.qp.sequences import (
     on_threads,
     solve_batch,
 )
-from namlcp.qp.solve import needs_more, result_of, solve_arguments, solve_checked, solve_qp
+from namlcp.qp.solve import (
+    needs_more,
+    result_of,
+    solve_arguments,
+    solve_checked,
+    solve_qp,
+)
 from namlcp.qp.transforms import equilibrate

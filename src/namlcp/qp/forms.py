@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from namlcp.limits import Limits
+from namlcp.qp.active import solve_once
 from namlcp.qp.answer import Answer, better
 from namlcp.qp.bounds import is_box_open, solve_bounds
 from namlcp.qp.guess import Guess
 from namlcp.qp.memory import Memory
 from namlcp.qp.path import solve_path
 from namlcp.qp.problem import QP
-from namlcp.qp.active import solve_once
 
 # Most variables of a QP with bounds alone that is quicker in dense form.
 DENSE_BOX = 50

@@ -74,7 +74,7 @@ class Kept:
         solve.suggest(self.active_set, guess.active)
 
     def solve(self, vectors: np.ndarray, settings: Settings, until: float) -> bool:
-        """Solve the QP with these vectors, see `QP.joined`; tell whether it was tried."""
+        """Try to solve the QP with these vectors, see `QP.joined`; False in a pause."""
         if self.pause > 0:
             self.pause -= 1
             return False

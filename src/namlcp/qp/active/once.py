@@ -73,8 +73,9 @@ def takes_another_weight(m: DenseActiveSet) -> bool:
 
 def answer_of(m: ActiveSet, qp: QP, limits: Limits) -> Answer | None:
     """Return the answer after a solve, judged on the data; None for other methods."""
+    x, y, z, z_box = m.point
     if m.code in (Code.DONE, Code.SUMMED, Code.LATE):
-        point = Point(*m.point)
+        point = Point(x, y, z, z_box)
         residuals = Residuals(*solve.residuals_of(m))
         if m.code != Code.DONE:
             residuals = qp_residuals(*qp, *point)
@@ -83,10 +84,10 @@ def answer_of(m: ActiveSet, qp: QP, limits: Limits) -> Answer | None:
             return None
         return Answer(status, point, residuals, m.pivots, "dual")
     if m.code == Code.CONTRADICTION:
-        proof = accept_primal(qp, *m.point[:3], limits.eps_abs)
+        proof = accept_primal(qp, x, y, z, limits.eps_abs)
         status = Status.PRIMAL_INFEASIBLE
     elif m.code == Code.UNBOUNDED:
-        proof = accept_dual(qp, *m.point, limits.eps_abs)
+        proof = accept_dual(qp, x, y, z, z_box, limits.eps_abs)
         status = Status.DUAL_INFEASIBLE
     else:
         return None

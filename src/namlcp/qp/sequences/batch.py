@@ -379,14 +379,18 @@ def solve_stack(
     order = qp.q.size + qp.h.size + qp.b.size
     if not qp.is_dense or order > MOST_ORDER:
         return np.arange(size)
-    arrays = tuple(items.stacked.get(name, own) for name, own in qp._asdict().items())
+    arrays: Any = tuple(
+        items.stacked.get(name, own) for name, own in qp._asdict().items()
+    )
     stacked = tuple(name in items.stacked for name in QP._fields)
     codes = np.empty(size, np.int64)
     numbers = batch.residuals.view(float)
     outs = batch.x, batch.y, batch.z, batch.z_box, numbers
     firsts = [M[0] if M.ndim > 2 else M for M in arrays[:6:2]]
     work = 4.0 * qp.q.size * (qp.q.size + qp.h.size) * (qp.q.size + order)
-    length = min(-(-size // (CHUNKS * threads)), max(int(MOST_WORK / max(work, 1.0)), 1))
+    length = min(
+        -(-size // (CHUNKS * threads)), max(int(MOST_WORK / max(work, 1.0)), 1)
+    )
     starts = range(0, size, length or 1)
     spaces: list[Any] = []
 
