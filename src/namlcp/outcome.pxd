@@ -1,3 +1,8 @@
+cdef extern from "Python.h":
+    ctypedef object (*newfunc)(object kind, object arguments, void* names)
+    void* PyType_GetSlot(object kind, int slot)
+    int Py_tp_new
+
 cdef struct Numbers:
     double primal
     double dual
@@ -18,5 +23,7 @@ cdef class Outcome:
         public object kept
         Numbers numbers
 
+
+cdef object NOTHING, EMPTY
 
 cdef object new_outcome(object kind)

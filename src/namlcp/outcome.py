@@ -1,6 +1,6 @@
 """What a solve of a QP returns: a `QPResult` without its methods."""
 
-from cython.cimports.libc.math import NAN
+import cython
 
 from namlcp.residuals import Residuals
 
@@ -10,6 +10,9 @@ FIELDS = (
     "message", "setup_time", "solve_time", "history", "closest",
 )  # fmt: skip
 """What a result has, and what a copy or a pickle of it keeps."""
+
+
+NOTHING, EMPTY = (), ""
 
 
 class Outcome:
@@ -65,8 +68,8 @@ def remade(kind, state):
 
 
 def new_outcome(kind):
-    """Return an Outcome of a class, without any attribute."""
-    result: Outcome = kind.__new__(kind)
-    result.message = result.form = ""
-    result.obj = NAN
+    """Return an Outcome of a class, without any attribute; `kind()` would take 0.2 us."""
+    make = cython.cast(newfunc, PyType_GetSlot(kind, Py_tp_new))
+    result: Outcome = make(kind, NOTHING, cython.NULL)
+    result.message = result.form = EMPTY
     return result

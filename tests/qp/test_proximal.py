@@ -109,7 +109,8 @@ def test_another_size_of_the_vectors_chooses_another_weight():
 def test_steps_without_a_solution():
     """The last solved rows stay the start."""
     for qp, kept in forms(store_qp(np.random.default_rng(6), 8)):
-        assert_agrees(solve(kept, qp), qp)
+        first = solve(kept, qp)
+        assert_agrees(first, qp)
         lost = solve(kept, qp._replace(h=qp.h - 5.0))
         assert lost.status is Status.PRIMAL_INFEASIBLE
         down = np.full(24, -1.0)
@@ -117,7 +118,7 @@ def test_steps_without_a_solution():
         free = qp._replace(q=down, ub=wide[0], h=wide[1])
         assert solve(kept, free).status is Status.DUAL_INFEASIBLE
         assert solve(kept, qp._replace(lb=qp.ub, ub=qp.lb)) is None
-        assert solve(kept, qp).iterations == 0
+        assert solve(kept, qp).iterations < first.iterations / 4
 
 
 @pytest.mark.parametrize("store", [np.asarray, sp.csc_array])

@@ -150,6 +150,7 @@ GIVEN = {
     ),
     "namlcp.linalg.blas": SimpleNamespace(
         blas_dot=dot, blas_times=blas_times, cholesky=None, invert_lower=None,
+        times=None, times_transposed=None,
         blas_times_transposed=blas_times_transposed,
     ),
 }  # fmt: skip

@@ -16,6 +16,7 @@ from cython.cimports.namlcp.qp.active.judgement import (
     measure_point,
     set_contradiction,
 )
+from cython.cimports.namlcp.qp.active.large import prepare
 from cython.cimports.namlcp.qp.active.proximal import (
     contradicts_equations,
     leaves_equations,
@@ -78,9 +79,12 @@ def solve_dense(m):
     m.pivots = 0
     if is_faulty(m):
         return FAULTY
-    if not m.is_ready and not set_up(m):
-        return UNSUITED
-    m.is_ready = True
+    if not m.is_ready:
+        if not set_up(m):
+            return UNSUITED
+        m.is_ready = True
+        if m.is_large and m.is_single and m.rho == 0.0:
+            prepare(m)
     if m.skipped > 0 and contradicts_equations(m):
         return CONTRADICTION
     if m.rho == 0.0:

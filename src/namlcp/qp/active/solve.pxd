@@ -8,8 +8,10 @@ cpdef enum:
     MOST_BOX = 50
     FEW_ENTRIES = 10_000
 
+cdef object SOLVED, NO_ENTRIES, DUAL, clock
 cdef double FULL, MOST_OPERATIONS, FEW_OPERATIONS
 
+cdef double now()
 cdef bint fits(object value, int ndim)
 cdef double* numbers(object array)
 cdef ndarray new_vector(npy_intp size)

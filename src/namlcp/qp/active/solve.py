@@ -38,8 +38,8 @@ from namlcp.status import Status
 
 cnp.import_array()
 
-SOLVED = Status.SOLVED
-NO_ENTRIES = np.empty(0)
+# Objects that a small solve has no time to look up.
+SOLVED, NO_ENTRIES, DUAL, clock = Status.SOLVED, np.empty(0), "dual", perf_counter
 # MOST_ORDER: most variables, equations and rows of a QP that is solved without BLAS.
 # MOST_BOX: most variables of one with bounds alone, which is quicker as a box LCP else.
 # FEW_ENTRIES: most entries, zeros included, of a QP that takes P + W whatever it is; a
@@ -49,6 +49,11 @@ FULL = 0.3
 # of n^2 (n + m + p); and a number, some tens of milliseconds, that is never too large.
 # (Linear programs take 10 to 30 of these units, other QPs 1 to 4.)
 MOST_OPERATIONS, FEW_OPERATIONS = 4.0, 2e8
+
+
+def now():
+    """Return the time of time.perf_counter()."""
+    return clock()
 
 
 def fits(value, ndim):
@@ -131,11 +136,11 @@ def run(m):
 def result_of(m, kind, problem, start, ready):
     """Return the solved result of a class."""
     result: Outcome = new_outcome(kind)
-    result.status, result.form = SOLVED, "dual"
+    result.status, result.form = SOLVED, DUAL
     result.x, result.y, result.z, result.z_box = m.point
     result.numbers, result.obj = m.found, m.found.objective
     result.iterations, result.problem = m.pivots, problem
-    result.setup_time, result.solve_time = ready - start, perf_counter() - ready
+    result.setup_time, result.solve_time = ready - start, now() - ready
     return result
 
 
@@ -185,7 +190,7 @@ def solve_small(kind, P, q, G, h, A, b, lb, ub, settings: Settings, start, keeps
     set_bounds(m, lb, ub)
     set_limits(m)
     take_settings(m, settings, start + settings.time_limit)
-    ready = perf_counter()
+    ready = now()
     run(m)
     if m.code != DONE:
         return m
