@@ -10,12 +10,15 @@ import pytest
 from solves import SOLVES
 
 import namlcp
+from namlcp import QPResult
 from namlcp.compiled.decorators import KERNELS
+from namlcp.outcome import FIELDS
 
 
 def bits(result) -> tuple:
     """Return all of a result but its times and its problem, byte for byte."""
-    fields = result.__getstate__()
+    names = FIELDS if isinstance(result, QPResult) else vars(result)
+    fields = {name: getattr(result, name) for name in names}
     return tuple(
         value.tobytes() if isinstance(value, np.ndarray) else repr(value)
         for name, value in fields.items()
