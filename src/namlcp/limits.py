@@ -35,6 +35,15 @@ Callback = ctypes.CFUNCTYPE(ctypes.c_int32)
 F = TypeVar("F", bound=Callable[..., Any])
 
 
+def now() -> float:
+    """Return time.perf_counter() [s].
+
+    As it is a function in Python, handlers of signals run when it is called, and a
+    thread takes an exception that another one has raised in it.
+    """
+    return time.perf_counter()
+
+
 class Deadline:
     """The end of a solve: a value of time.perf_counter().
 

@@ -129,7 +129,8 @@ def run(m):
         with cython.nogil:
             m.code = solve_dense(cython.cast(DenseActiveSet, m))
     if m.interrupted:
-        raise m.error
+        error, m.error = m.error, None
+        raise error
     return 0
 
 
@@ -379,7 +380,8 @@ def solve_items(
             if m.interrupted:
                 break
     if m.interrupted:
-        raise m.error
+        error, m.error = m.error, None
+        raise error
 
 
 def factors_of(m: DenseActiveSet):

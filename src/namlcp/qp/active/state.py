@@ -5,12 +5,11 @@ subclass, `dense.DenseActiveSet` or `sparse.SparseActiveSet`, has the operators,
 five methods below, and vectors of its own.
 """
 
-from time import perf_counter
-
 import cython
-from cython.cimports.cpython.exc import PyErr_CheckSignals
 from cython.cimports.libc.math import INFINITY
 from cython.cimports.libc.stdlib import free, malloc
+
+from namlcp.limits import now
 
 # Most numbers that all responses may take: 64 MB. There are no more active rows.
 MOST_NUMBERS = 8_000_000
@@ -119,14 +118,16 @@ def begin_watch(m, until):
 
 
 def is_over(m, operations):
-    """Count operations; tell whether to stop: time is over, or Ctrl-C came."""
+    """Count operations; tell whether to stop: time is over, or Ctrl-C came.
+
+    The call of `now` raises what the handler of a signal does, or another thread.
+    """
     m.since += operations
     if m.since >= OFTEN and not m.over:
         m.since = 0.0
         with cython.gil:
             try:
-                PyErr_CheckSignals()
-                m.over = perf_counter() >= m.until
+                m.over = now() >= m.until
             except BaseException as error:
                 m.over = m.interrupted = True
                 m.error = error
