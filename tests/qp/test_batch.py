@@ -2,7 +2,14 @@
 
 import numpy as np
 import pytest
-from problems_qp import QP, complementary, dense, infeasible, unbounded
+from problems_qp import (
+    QP,
+    assert_certificate,
+    complementary,
+    dense,
+    infeasible,
+    unbounded,
+)
 from scipy import sparse
 
 from namlcp import Status, qp_residuals, solve_batch, solve_qp
@@ -59,6 +66,28 @@ def test_items_that_differ_in_all(mixed):
     for number in (20, -21):
         with pytest.raises(IndexError, match=f"20 items, got item {number}"):
             batch[number]
+
+
+@pytest.mark.parametrize("rank", [0, 3, 7])
+def test_items_without_a_solution_have_certificates(rank):
+    """So has one with x_1 >= 1 by its bounds, x_1 <= 0 by a row, or lb_1 > ub_1."""
+    sizes = {**SIZES, "rank": rank}
+    one, row, bound = (as_arguments(complementary(1, **sizes).qp) for _ in range(3))
+    row["G"][0], row["h"][0] = np.eye(8)[0], 0.0
+    row["lb"][0], row["ub"][0] = 1.0, 2.0
+    bound["lb"][0], bound["ub"][0] = 2.0, 1.0
+    others = [as_arguments(make(2, **sizes)) for make in (infeasible, unbounded)]
+    problems = [one, others[0], row, bound, others[1], one]
+    batch = solve_batch(**stack(problems))
+    assert_equals_single(batch, problems)
+    assert batch.solved.tolist() == [True, False, False, False, False, True]
+    for i in (1, 2, 3, 4):
+        found, single = batch[i], solve_qp(**problems[i])
+        if i != 3:
+            assert_certificate(QP(**problems[i]), found)
+        assert np.isnan(found.residuals).all()
+        for name in ("obj", "form", "message"):
+            assert getattr(found, name) == getattr(single, name)
 
 
 @pytest.mark.parametrize("store", [np.array, sparse.csr_array], ids=["dense", "sparse"])
@@ -183,5 +212,5 @@ def test_ctrl_c_ends_a_batch(mixed, monkeypatch):
 
     monkeypatch.setattr("namlcp.qp.sequences.batch.solve_checked", interrupt)
     with pytest.raises(KeyboardInterrupt):
-        solve_batch(**stack(mixed), threads=2)
+        solve_batch(**stack(mixed), threads=2, time_limit=1e3)
     assert len(calls) <= 16

@@ -8,7 +8,8 @@ from scipy.sparse import csc_array, random_array
 from namlcp.checks import transposed
 from namlcp.limits import Limits
 from namlcp.linalg import csc
-from namlcp.qp.certificates import accept_dual, accept_primal, farkas_numbers
+from namlcp.qp.acceptance import farkas_numbers
+from namlcp.qp.certificates import accept_dual, accept_primal
 from namlcp.qp.path import newton, steps
 from namlcp.qp.path.advance import GAIN, LONG, LOOK, READY, REFINE, SOLVE, START
 from namlcp.qp.path.regularisation import DELTA, RHO
@@ -174,9 +175,9 @@ def test_numbers_of_a_certificate_are_those_of_their_definition(seed):
     ub = np.where(rng.random(n) < 0.5, np.inf, rng.random(n))
     h[rng.random(m) < 0.3] = np.inf
     s[rng.random(n) < 0.3] = 0.0
-    kept, z_box = np.maximum(rng.standard_normal(m), 0.0), np.empty(n)
+    kept = np.maximum(rng.standard_normal(m), 0.0)
     kept[np.isinf(h)] = 0.0
-    found = farkas_numbers((b, h, lb, ub), y, kept, s, z_box)
+    z_box, found = farkas_numbers((b, h, lb, ub), y, kept, s)
     allowed = np.where(s < 0.0, np.isfinite(ub), np.isfinite(lb))
     np.testing.assert_array_equal(z_box, np.where(allowed & (s != 0.0), -s, 0.0))
     at, up, low = kept > 0.0, z_box > 0.0, z_box < 0.0
@@ -186,7 +187,7 @@ def test_numbers_of_a_certificate_are_those_of_their_definition(seed):
     expected = terms.sum(), moduli, worst, entries.max(), entries.sum()
     np.testing.assert_allclose(found, expected, rtol=1e-13)
     s[2] = np.nan
-    assert np.isnan(farkas_numbers((b, h, lb, ub), y, kept, s, z_box)[0])
+    assert np.isnan(farkas_numbers((b, h, lb, ub), y, kept, s)[1][0])
 
 
 def test_multipliers_that_prove_nothing_are_left_out_and_nan_refused():

@@ -17,28 +17,12 @@ import numpy as np
 from scipy.sparse import csc_array
 
 from namlcp.checks import as_sparse
-from namlcp.compiled import kernel
 from namlcp.linalg import add_transposed, by_rows, times, without_zeros
+from namlcp.qp.acceptance import farkas_numbers, is_clear, is_contradiction, is_ray
 from namlcp.qp.kkt import KKT
 from namlcp.qp.problem import QP, Point
 from namlcp.qp.transforms import equilibrate
 
-# The value of a certificate (the sum scaled to -1 above) must be below minus this times
-# the sum of the moduli of its terms, far beyond the rounding errors of the sum.
-VALUE_ROUNDING = 1e3 * np.finfo(float).eps
-# A certificate with a residual, relative to its largest entry, of at most RESIDUAL must
-# exclude all x with |x|_1 up to RADIUS times max(1, |x|_1 of the current point). With a
-# residual of at most EXACT_RESIDUAL, mere rounding, it need not, but must satisfy
-# MARGIN and ROUNDED_VALUE.
-RESIDUAL, RADIUS, EXACT_RESIDUAL = 1e-8, 1e3, 1e-12
-# Largest tol * lam, for a ray tol * |d|_1, of such a certificate.
-MARGIN = 0.5
-# Largest error of its value, as a part of it: a multiplier is as inexact as the
-# relative residual says, and so is each term of the sum. (Of a ray also: as inexact as
-# |M d| relative to |M| |d|.)
-ROUNDED_VALUE = 1e-2
-# Largest |M d|, relative to |M| |d| row by row, of such a ray.
-CANCELLED = 1e-10
 # The user's own units of x, y and z.
 ONES = 3 * (np.ones(1),)
 
@@ -51,86 +35,24 @@ def accept_primal(
     z_box follows from y and z; x is the current point, `tol` the absolute tolerance.
     """
     z_kept = np.where((z <= 0.0) | np.isinf(qp.h), 0.0, z)  # NaN is kept
-    s, z_box = np.zeros((2, x.size))
+    s = np.zeros(x.size)
     add_transposed(qp.G, z_kept, s)
     add_transposed(qp.A, y, s)
-    sides = qp.b, qp.h, qp.lb, qp.ub
-    value, moduli, worst, most, lam = farkas_numbers(sides, y, z_kept, s, z_box)
-    if not value < -VALUE_ROUNDING * moduli:
+    z_box, numbers = farkas_numbers((qp.b, qp.h, qp.lb, qp.ub), y, z_kept, s)
+    value, moduli, worst, most, lam = numbers
+    if not is_clear(value, moduli):
         return None
-    radius, margin = RADIUS * max(1.0, float(np.abs(x).sum())), tol * lam / -value
-    moduli /= -value
-    if not is_contradiction(worst / most, radius * worst / -value, margin, moduli):
+    y, z, z_box, s = y / -value, z_kept / -value, z_box / -value, s / -value
+    margin, moduli = tol * lam / -value, moduli / -value
+    size = float(np.abs(x).sum())
+    if not is_contradiction(worst / -value, most / -value, size, margin, moduli):
         return None
-    y, z, z_box = y / -value, z_kept / -value, z_box / -value
     d, a, g = equilibration(qp, csc_array((x.size, x.size)))
-    worst = largest((s / -value + z_box) * d)
+    worst = largest((s + z_box) * d)
     most = max(largest(y / a), largest(z / g), largest(z_box * d))
-    radius = RADIUS * max(1.0, float(np.abs(x / d).sum()))
-    if not is_contradiction(worst / most, radius * worst, margin, moduli):
+    if not is_contradiction(worst, most, float(np.abs(x / d).sum()), margin, moduli):
         return None
     return Point(np.full(x.size, np.nan), y, z, z_box)
-
-
-def is_contradiction(
-    relative: float, error: float, margin: float, moduli: float
-) -> bool:
-    """Tell whether a Farkas certificate of value -1 passes.
-
-    relative: residual over largest entry; error: RADIUS |x|_1 times the residual;
-    margin: t lam of the module docstring for t = tol; moduli: those of the terms of the
-    value, added.
-    """
-    return suffices(relative, error + margin, margin, is_exact(relative, moduli))
-
-
-def is_exact(relative: float, moduli: float) -> bool:
-    """Tell whether a residual is mere rounding, and has not made the value of -1."""
-    return relative <= EXACT_RESIDUAL and relative * moduli <= ROUNDED_VALUE
-
-
-def suffices(relative: float, error: float, margin: float, exact: bool) -> bool:
-    """Tell whether a certificate with this relative residual is accepted.
-
-    `error` must be at most 1 for the points within RADIUS, for an exact one `margin`,
-    its part by the tolerance, must be small.
-    """
-    within = relative <= RESIDUAL and error <= 1.0
-    return within or (exact and margin <= MARGIN)
-
-
-@kernel
-def farkas_numbers(sides, y, z, s, z_box):
-    """Set z_box to -s = -(G'z + A'y) where a bound allows; return five numbers.
-
-    sides = (b, h, lb, ub). The numbers are the value b'y + h'z + lb'z_box^- +
-    ub'z_box^+, the sum of the moduli of its terms, the largest |s + z_box| and the
-    largest entry and the 1-norm of (y, z, z_box).
-    """
-    b, h, lb, ub = sides
-    value, moduli, worst, most, lam = 0.0, 0.0, 0.0, 0.0, 0.0
-    for i in range(b.size):
-        value += b[i] * y[i]
-        moduli += abs(b[i] * y[i])
-        most = max(most, abs(y[i]))
-        lam += abs(y[i])
-    for i in range(h.size):
-        if z[i] != 0.0:
-            value += h[i] * z[i]
-            moduli += abs(h[i] * z[i])
-            most = max(most, z[i])
-            lam += z[i]
-    for j in range(s.size):
-        bound = ub[j] if s[j] < 0.0 else lb[j]
-        z_box[j] = -s[j] if np.isfinite(bound) and s[j] != 0.0 else 0.0
-        if z_box[j] != 0.0:
-            value += bound * z_box[j]
-            moduli += abs(bound * z_box[j])
-            most = max(most, abs(z_box[j]))
-            lam += abs(z_box[j])
-        worst = max(worst, abs(s[j] + z_box[j]))
-        value += 0.0 * s[j]  # NaN where s is, which max() may ignore
-    return value, moduli, worst, most, lam
 
 
 def equilibration(qp: QP, P: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -159,9 +81,9 @@ def accept_dual(
     d = np.where(np.isfinite(qp.lb), np.maximum(d, 0.0), d)
     terms = qp.q * d
     value, moduli = terms.sum(), np.abs(terms).sum()
-    if not value < -VALUE_ROUNDING * moduli:
+    if not is_clear(value, moduli):
         return None
-    d = d / -value
+    d, moduli = d / -value, moduli / -value
     residuals = (
         times(qp.P, d),
         times(qp.A, d),
@@ -169,16 +91,13 @@ def accept_dual(
     )
     matrices = qp.P, qp.A, qp.G
     left = max(map(uncancelled, matrices, 3 * (d,), residuals))
-    cancelled = left <= CANCELLED and left * moduli / -value <= ROUNDED_VALUE
     margin = tol * np.abs(d).sum()
 
     def proves(units: tuple[np.ndarray, ...], sizes: list[float]) -> bool:
         """Tell whether d passes in units of x, y and z, for points of these sizes."""
         parts = [largest(u * v) for u, v in zip(units, residuals, strict=True)]
-        relative = max(parts) / largest(d / units[0])
-        error = RADIUS * float(np.dot(parts, sizes)) + margin
-        exact = is_exact(relative, moduli / -value) and cancelled
-        return suffices(relative, error, margin, exact)
+        error = float(np.dot(parts, sizes))
+        return is_ray(max(parts), largest(d / units[0]), error, margin, moduli, left)
 
     if not proves(ONES, [max(1.0, np.abs(v).sum()) for v in (x, y, z)]):
         return None

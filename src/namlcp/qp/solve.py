@@ -11,7 +11,7 @@ from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp.active import (
     MOST_ORDER,
-    decide,
+    answer_of,
     factors_of,
     new_attempt,
     solve_once,
@@ -188,7 +188,7 @@ def solve_shortly(
     if tried is None:
         own = qp.in_dense_form()
         tried = new_attempt(own, options.settings, start + options.time_limit)
-    answer = decide(tried, own, limits)
+    answer = answer_of(tried, own, limits)
     if answer is not None:
         answer = upheld(answer, qp, given, limits)
     is_left = tried.code in (Code.UNSUITED, Code.FAULTY)  # for `checked` to tell why

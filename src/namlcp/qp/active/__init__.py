@@ -1,15 +1,17 @@
 """QPs by a dual active-set method, compiled: a dual Schur-complement method.
 
 `steps` has the method, `state` its memory, `dense` and `sparse` the operators; `rows`,
-`judgement`, `proximal` (where P has no good factor; `face`, `weight`) and `null` (most
-variables at bounds) are parts of it, and `run` is a whole solve. `solve` is the door
-from the user's arrays, `once` for a single QP, `kept` for one after another.
+`judgement`, `certificates`, `proximal` (where P has no good factor; `face`, `weight`)
+and `null` (most variables at bounds) are parts of it, and `run` is a whole solve.
+`solve` is the door from the user's arrays, `once` for a single QP, `kept` for one after
+another.
 """
 
 from namlcp.qp.active.kept import Kept
-from namlcp.qp.active.once import decide, new_attempt, solve_once
+from namlcp.qp.active.once import answer_of, new_attempt, solve_once
 from namlcp.qp.active.solve import (
     MOST_ORDER,
+    OUTCOMES,
     attached,
     factors_of,
     solve_items,
@@ -17,6 +19,3 @@ from namlcp.qp.active.solve import (
     step,
     updated,
 )
-from namlcp.qp.active.state import Code
-
-DONE = int(Code.DONE)

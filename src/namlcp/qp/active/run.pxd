@@ -1,10 +1,15 @@
 from namlcp.qp.active.dense cimport DenseActiveSet
 from namlcp.qp.active.state cimport ActiveSet, Code
 
-cdef double INFINITE
+cdef double INFINITE, LESS_RHO, MORE_RHO
+cdef enum:
+    NUMBERS = 7
 
 cdef bint are_allowed(ActiveSet m) noexcept nogil
 cdef bint is_faulty(ActiveSet m) noexcept nogil
+cdef Code decide(DenseActiveSet m) noexcept nogil
+cdef Code solve_anew(DenseActiveSet m, double wanted) noexcept nogil
+cdef Code proved(DenseActiveSet m, Code found) noexcept nogil
 cdef Code solve_dense(DenseActiveSet m) noexcept nogil
 cdef Code follow(ActiveSet m) noexcept nogil
 cdef Code sum_anew(DenseActiveSet m) noexcept nogil

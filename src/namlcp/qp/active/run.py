@@ -2,13 +2,17 @@
 
 import cython
 from cython import Py_ssize_t
-from cython.cimports.libc.math import INFINITY, fabs, isinf
+from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf
 from cython.cimports.namlcp.linalg.blas import (
     blas_dot,
     blas_times,
     blas_times_transposed,
 )
-from cython.cimports.namlcp.linalg.vectors import copy
+from cython.cimports.namlcp.linalg.vectors import copy, fill
+from cython.cimports.namlcp.qp.active.certificates import (
+    prove_infeasible,
+    prove_unbounded,
+)
 from cython.cimports.namlcp.qp.active.dense import set_up
 from cython.cimports.namlcp.qp.active.judgement import (
     are_within,
@@ -29,6 +33,8 @@ from cython.cimports.namlcp.qp.active.state import (
     FAULTY,
     STUCK,
     SUMMED,
+    UNBOUNDED,
+    UNPROVED,
     UNSUITED,
 )
 from cython.cimports.namlcp.qp.active.steps import (
@@ -39,11 +45,14 @@ from cython.cimports.namlcp.qp.active.steps import (
     pivot,
     recall,
 )
-from cython.cimports.namlcp.qp.active.weight import wanted_rho
+from cython.cimports.namlcp.qp.active.weight import RHO, wanted_rho
 
 from namlcp.checks import INFINITE as HUGE_SIDE
 
 INFINITE = HUGE_SIDE
+# Other values of m.wanted: where too many rounds were needed, and where rounding errors
+# were too large.
+LESS_RHO, MORE_RHO = 1e-2 * RHO, 1e2 * RHO
 
 
 def are_allowed(m):
@@ -74,8 +83,42 @@ def is_faulty(m):
     return opposed
 
 
+def decide(m):
+    """Solve the QP at the pointers of m, if need be with another W, see `weight`.
+
+    Without W, rounding errors are to blame; with W, these or too many rounds.
+    """
+    are_hinted: cython.bint = m.hints > 0
+    found = proved(m, solve_dense(m))
+    if are_hinted and (found == STUCK or found == UNPROVED):
+        found = solve_anew(m, m.wanted)  # as a wrong guess may mislead
+    if (found != STUCK and found != UNPROVED) or m.wanted != 0.0:
+        return found
+    if m.pivots > m.max_iter or m.operations > m.most_operations:
+        return found
+    # Where P is definite, a small W leaves little to the passes.
+    is_long: cython.bint = m.rho == 0.0 or (found == STUCK and m.rounds > 1)
+    return solve_anew(m, LESS_RHO if is_long else MORE_RHO)
+
+
+def solve_anew(m, wanted):
+    """Solve the same QP from nothing, with the W wanted."""
+    m.wanted, m.is_ready = wanted, False
+    m.k, m.kept_k, m.hints = 0, 0, 0
+    return proved(m, solve_dense(m))
+
+
+def proved(m, found):
+    """Turn a candidate for a certificate into one; UNPROVED where it is none."""
+    if found != CONTRADICTION and found != UNBOUNDED:
+        return found
+    fill(cython.cast(cython.p_double, cython.address(m.found)), NAN, NUMBERS)
+    done = prove_infeasible(m) if found == CONTRADICTION else prove_unbounded(m)
+    return found if done else UNPROVED
+
+
 def solve_dense(m):
-    """Solve the QP at the pointers of m."""
+    """Solve the QP at the pointers of m; certificates are candidates."""
     m.pivots = 0
     if is_faulty(m):
         return FAULTY

@@ -23,11 +23,13 @@ from cython.cimports.namlcp.qp.active.rows import (
     forget_responses,
     response_of,
 )
-from cython.cimports.namlcp.qp.active.run import INFINITE, solve_dense
+from cython.cimports.namlcp.qp.active.run import INFINITE, decide, proved
 from cython.cimports.namlcp.qp.active.sparse import SparseActiveSet, solve_sparse
 from cython.cimports.namlcp.qp.active.state import (
+    CONTRADICTION,
     DONE,
     OTHER_WEIGHT,
+    UNBOUNDED,
     begin_watch,
     make_room,
 )
@@ -40,6 +42,12 @@ cnp.import_array()
 
 # Objects that a small solve has no time to look up.
 SOLVED, NO_ENTRIES, DUAL, clock = Status.SOLVED, np.empty(0), "dual", perf_counter
+# What a dense QP is found to be, by the codes that decide it.
+OUTCOMES = {
+    DONE: SOLVED,
+    CONTRADICTION: Status.PRIMAL_INFEASIBLE,
+    UNBOUNDED: Status.DUAL_INFEASIBLE,
+}
 # MOST_ORDER: most variables, equations and rows of a QP that is solved without BLAS.
 # MOST_BOX: most variables of one with bounds alone, which is quicker as a box LCP else.
 # FEW_ENTRIES: most entries, zeros included, of a QP that takes P + W whatever it is; a
@@ -124,10 +132,11 @@ def run(m):
                 m.code = solve_sparse(cython.cast(SparseActiveSet, m))
     elif isinstance(m, NullSpace):
         with cython.nogil:
-            m.code = solve_next(cython.cast(NullSpace, m))
+            found = solve_next(cython.cast(NullSpace, m))
+            m.code = proved(cython.cast(NullSpace, m), found)
     else:
         with cython.nogil:
-            m.code = solve_dense(cython.cast(DenseActiveSet, m))
+            m.code = decide(cython.cast(DenseActiveSet, m))
     if m.interrupted:
         error, m.error = m.error, None
         raise error
@@ -135,11 +144,14 @@ def run(m):
 
 
 def result_of(m, kind, problem, start, ready):
-    """Return the solved result of a class."""
+    """Return the result of a class: solved, or with a certificate."""
     result: Outcome = new_outcome(kind)
     result.status, result.form = SOLVED, DUAL
     result.x, result.y, result.z, result.z_box = m.point
     result.numbers, result.obj = m.found, m.found.objective
+    if m.code != DONE:
+        result.status = OUTCOMES[m.code]
+        result.obj = INFINITY if m.code == CONTRADICTION else -INFINITY
     result.iterations, result.problem = m.pivots, problem
     result.setup_time, result.solve_time = ready - start, now() - ready
     return result
@@ -193,11 +205,11 @@ def solve_small(kind, P, q, G, h, A, b, lb, ub, settings: Settings, start, keeps
     take_settings(m, settings, start + settings.time_limit)
     ready = now()
     run(m)
-    if m.code != DONE:
+    if m.code != DONE and m.code not in OUTCOMES:
         return m
     result: Outcome = result_of(m, kind, problem, start, ready)
     result.stamp = stamp_of(m)
-    if keeps:
+    if keeps and m.code == DONE:
         result.factors = factors_of(m)
     return result
 
@@ -272,15 +284,6 @@ def solve(m: ActiveSet, vectors, settings: Settings, until):
     """Solve the QP with these vectors, see `QP.joined`; return the code."""
     place_of_vectors(m, vectors)
     take_settings(m, settings, until)
-    run(m)
-    return m.code
-
-
-def again(m: ActiveSet, wanted):
-    """Solve the same QP from nothing, with another weight W; return the code."""
-    m.wanted, m.is_ready = wanted, False
-    m.k, m.kept_k, m.hints = 0, 0, 0
-    begin_watch(m, m.until)
     run(m)
     return m.code
 
@@ -363,6 +366,7 @@ def solve_items(
     code = cython.cast(cython.p_longlong, cnp.PyArray_DATA(codes))
     count = cython.cast(cython.p_longlong, cnp.PyArray_DATA(iterations))
     m.is_single = m.is_item = True
+    wanted = m.wanted
     take_settings(m, settings, INFINITY)
     with cython.nogil:
         for i in range(first, end):
@@ -373,8 +377,9 @@ def solve_items(
             m.x, m.y, m.z = out[0] + i * n, out[1] + i * p, out[2] + i * rows
             m.z_box = out[3] + i * n
             m.kept_k, m.hints = 0, 0
-            m.is_ready = m.is_ready and not has_new_matrices
-            code[i] = solve_dense(m)
+            m.is_ready = m.is_ready and m.wanted == wanted and not has_new_matrices
+            m.wanted = wanted
+            code[i] = decide(m)
             count[i] = m.pivots
             cython.cast(cython.pointer(Numbers), out[4])[i] = m.found
             if m.interrupted:

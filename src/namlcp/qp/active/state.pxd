@@ -8,7 +8,8 @@ cpdef enum Code:
     # How a part of a solve ended. STUCK: another method has to solve the QP; UNSUITED:
     # as its matrices are not suited; FAULTY: as a number is not allowed, or two sides
     # are opposed. SUMMED: as DONE, but the terms are so large that the order of their
-    # sums matters. UNBOUNDED: z_box is a candidate for a ray. OTHER_WEIGHT: W has to be
+    # sums matters. CONTRADICTION, UNBOUNDED: there is a candidate for a certificate; of a
+    # dense QP at last the certificate itself, else UNPROVED. OTHER_WEIGHT: W has to be
     # made anew, see `sparse`.
     DONE
     CONTRADICTION
@@ -18,6 +19,7 @@ cpdef enum Code:
     FAULTY
     SUMMED
     UNBOUNDED
+    UNPROVED
     WIDE
     OTHER_WEIGHT
 

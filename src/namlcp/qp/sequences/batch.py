@@ -22,7 +22,9 @@ from namlcp.checks import real_array
 from namlcp.limits import interruptible
 from namlcp.linalg import blas_threads
 from namlcp.options import DEFAULT_OPTIONS, Options, check_count
-from namlcp.qp.active import DONE, MOST_ORDER, attached, solve_items
+from namlcp.qp.active import MOST_ORDER, OUTCOMES, attached, solve_items
+from namlcp.qp.active.state import Code
+from namlcp.qp.answer import OBJECTIVE
 from namlcp.qp.closest import ClosestPoint
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import make_guess
@@ -408,10 +410,17 @@ def solve_stack(
 
     with blas_threads(1, order):
         on_threads(solve_chunk, len(starts), threads)
-    batch.codes[:] = STATUSES.index(Status.SOLVED)
     batch.obj[:] = numbers[:, -1] if numbers.ndim == 2 else batch.residuals["objective"]
-    batch.form[:] = "dual"
-    return np.flatnonzero(codes != DONE)
+    batch.form[:], left = "dual", np.full(size, True)
+    for code, status in OUTCOMES.items():
+        found = codes == code
+        batch.codes[found] = STATUSES.index(status)
+        if status in OBJECTIVE:
+            batch.obj[found] = OBJECTIVE[status]
+        left &= ~found
+    if options.relaxation:
+        left |= codes == Code.CONTRADICTION
+    return np.flatnonzero(left)
 
 
 def on_threads(work: Callable[[int], None], size: int, threads: int) -> None:
