@@ -182,9 +182,8 @@ def test_numbers_of_a_certificate_are_those_of_their_definition(seed):
     np.testing.assert_array_equal(z_box, np.where(allowed & (s != 0.0), -s, 0.0))
     at, up, low = kept > 0.0, z_box > 0.0, z_box < 0.0
     terms = (b * y, h[at] * kept[at], ub[up] * z_box[up], lb[low] * z_box[low])
-    terms, entries = np.concatenate(terms), np.abs(np.concatenate((y, kept, z_box)))
-    moduli, worst = np.abs(terms).sum(), np.abs(s + z_box).max()
-    expected = terms.sum(), moduli, worst, entries.max(), entries.sum()
+    terms, entries = np.concatenate(terms), np.concatenate((y, kept, z_box))
+    expected = terms.sum(), np.abs(terms).sum(), np.abs(entries).sum()
     np.testing.assert_allclose(found, expected, rtol=1e-13)
     s[2] = np.nan
     assert np.isnan(farkas_numbers((b, h, lb, ub), y, kept, s)[1][0])

@@ -1,12 +1,10 @@
 cdef double VALUE_ROUNDING, RESIDUAL, RADIUS, EXACT_RESIDUAL, MARGIN, ROUNDED_VALUE, CANCELLED
 
-# Of a Farkas certificate: its value, the sum of the moduli of the terms of that, the
-# largest residual of the equation, the largest multiplier and the sum of the moduli.
+# Of a Farkas certificate: its value, the sum of the moduli of the terms of that, and the
+# 1-norm of the multipliers.
 cdef struct Farkas:
     double value
     double moduli
-    double worst
-    double most
     double lam
 
 cpdef bint is_clear(double value, double moduli) noexcept nogil

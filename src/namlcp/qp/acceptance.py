@@ -76,7 +76,7 @@ def weigh(found, b, y, p, h, z, m, lb, ub, s, z_box, n):
 
     The value is b'y + h'z + lb'z_box^- + ub'z_box^+, NaN where a multiplier is.
     """
-    found.value = found.moduli = found.worst = found.most = found.lam = 0.0
+    found.value = found.moduli = found.lam = 0.0
     for i in range(p):
         add_term(found, b[i], y[i])
     for i in range(m):
@@ -87,15 +87,13 @@ def weigh(found, b, y, p, h, z, m, lb, ub, s, z_box, n):
         z_box[j] = 0.0 if isinf(bound) else 0.0 - s[j]
         if z_box[j] != 0.0:
             add_term(found, bound, z_box[j])
-        found.worst = max(found.worst, fabs(s[j] + z_box[j]))
-        found.value += 0.0 * s[j]  # NaN where s is, which max() may ignore
+        found.value += 0.0 * s[j]  # NaN where s is, for what max() may ignore
 
 
 def add_term(found, side, multiplier):
     """Add side times multiplier to the value."""
     found.value += side * multiplier
     found.moduli += fabs(side * multiplier)
-    found.most = max(found.most, fabs(multiplier))
     found.lam += fabs(multiplier)
 
 
@@ -108,7 +106,7 @@ def farkas_numbers(sides, y, z, s):
         cython.address(found), numbers(b), numbers(y), y.size, numbers(h), numbers(z),
         z.size, numbers(lb), numbers(ub), numbers(s), numbers(z_box), s.size,
     )  # fmt: skip
-    return z_box, (found.value, found.moduli, found.worst, found.most, found.lam)
+    return z_box, (found.value, found.moduli, found.lam)
 
 
 def numbers(array):

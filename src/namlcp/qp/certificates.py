@@ -39,18 +39,20 @@ def accept_primal(
     add_transposed(qp.G, z_kept, s)
     add_transposed(qp.A, y, s)
     z_box, numbers = farkas_numbers((qp.b, qp.h, qp.lb, qp.ub), y, z_kept, s)
-    value, moduli, worst, most, lam = numbers
+    value, moduli, lam = numbers
     if not is_clear(value, moduli):
         return None
-    y, z, z_box, s = y / -value, z_kept / -value, z_box / -value, s / -value
+    y, z, z_box, s = (v / -value for v in (y, z_kept, z_box, s))
     margin, moduli = tol * lam / -value, moduli / -value
-    size = float(np.abs(x).sum())
-    if not is_contradiction(worst / -value, most / -value, size, margin, moduli):
-        return None
-    d, a, g = equilibration(qp, csc_array((x.size, x.size)))
-    worst = largest((s + z_box) * d)
-    most = max(largest(y / a), largest(z / g), largest(z_box * d))
-    if not is_contradiction(worst, most, float(np.abs(x / d).sum()), margin, moduli):
+
+    def proves(units: tuple[np.ndarray, ...]) -> bool:
+        """Tell whether the multipliers pass in units of x, y and z."""
+        d, a, g = units
+        worst = largest((s + z_box) * d)
+        most = max(largest(y / a), largest(z / g), largest(z_box * d))
+        return is_contradiction(worst, most, np.abs(x / d).sum(), margin, moduli)
+
+    if not (proves(ONES) and proves(equilibration(qp, csc_array((x.size, x.size))))):
         return None
     return Point(np.full(x.size, np.nan), y, z, z_box)
 

@@ -40,24 +40,26 @@ def prove_infeasible(m):
     scale_by(factor, m.y, p)
     scale_by(factor, m.z, m.m)
     scale_by(factor, m.z_box, n)
-    scale_by(factor, s, n)
+    for j in range(n):
+        s[j] = factor * s[j] + m.z_box[j]
     margin, moduli = factor * m.eps_abs * found.lam, factor * found.moduli
-    worst, most = factor * found.worst, factor * found.most
-    if not is_contradiction(worst, most, size_of(m.x, n), margin, moduli):
+    fill(m.best, 1.0, m.length)
+    if not contradicts(m, m.best, margin, moduli):
         return False
-    units = equilibrate(m, False)
-    for j in range(n):
-        s[j] += m.z_box[j]
-    worst = largest_in_units(s, units, n)
-    most = largest_in_units(m.z_box, units, n)
-    most = max(most, largest_per_unit(m.y, units + n, p))
-    most = max(most, largest_per_unit(m.z, units + n + p, m.m))
-    for j in range(n):
-        m.x[j] /= units[j]
-    if not is_contradiction(worst, most, size_of(m.x, n), margin, moduli):
+    if not contradicts(m, equilibrate(m, False), margin, moduli):
         return False
     fill(m.x, NAN, n)
     return True
+
+
+def contradicts(m, units, margin, moduli):
+    """Tell whether multipliers with the residual in Gtz are a contradiction."""
+    n, p = m.n, m.p
+    worst = largest_in_units(m.Gtz, units, n)
+    most = largest_in_units(m.z_box, units, n)
+    most = max(most, largest_per_unit(m.y, units + n, p))
+    most = max(most, largest_per_unit(m.z, units + n + p, m.m))
+    return is_contradiction(worst, most, size_of(m.x, units, n), margin, moduli)
 
 
 def prove_unbounded(m):
@@ -83,11 +85,13 @@ def prove_unbounded(m):
     left = max(left, uncancelled(m.G, d, m.Gx, m.m, n))
     if not left < INFINITY:
         return False
-    margin = m.eps_abs * size_of(d, n)
-    sizes[0], sizes[1] = max(1.0, size_of(m.x, n)), max(1.0, size_of(m.y, p))
-    sizes[2] = max(1.0, size_of(m.z, m.m))
-    fill(m.best, 1.0, m.length)
-    if not is_recession(m, m.best, sizes, margin, moduli, left):
+    units = m.best
+    fill(units, 1.0, m.length)
+    margin = m.eps_abs * size_of(d, units, n)
+    sizes[0] = max(1.0, size_of(m.x, units, n))
+    sizes[1] = max(1.0, size_of(m.y, units, p))
+    sizes[2] = max(1.0, size_of(m.z, units, m.m))
+    if not is_recession(m, units, sizes, margin, moduli, left):
         return False
     units = equilibrate(m, True)
     sizes[0] = sizes[1] = sizes[2] = max(1.0, largest_in_units(m.q, units, n))
@@ -135,11 +139,11 @@ def scale_by(factor, v, n):
         v[i] *= factor
 
 
-def size_of(v, n):
-    """Return |v|_1."""
+def size_of(v, units, n):
+    """Return the sum of |v_i / units_i|."""
     total = 0.0
     for i in range(n):
-        total += fabs(v[i])
+        total += fabs(v[i] / units[i])
     return total
 
 
