@@ -107,18 +107,14 @@ def solve_next(m):
     """Solve the next QP with the same matrices, on the face where that is smaller.
 
     Where that fails, the active rows of the last solved QP are a hint for the other
-    form, which has no factor of theirs, and stay one if it fails, too.
+    form, which has no factor of theirs.
     """
-    hints: Py_ssize_t = 0
     if m.is_free and m.is_ready and m.kept_k > 0 and m.hints == 0:
         found = solve_on_face(m)
         if found != WIDE and found != STUCK:
             return found
-        m.hints = hints = m.kept_k
-        m.kept_k = 0
+        m.hints, m.kept_k = m.kept_k, 0
     found = solve_dense(m)
-    if found != DONE and hints > 0:
-        m.hints = hints
     m.is_free = found == DONE and m.rho == 0.0 and are_most_at_bounds(m)
     m.face_is_kept = False
     return found

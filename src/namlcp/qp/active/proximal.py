@@ -90,7 +90,7 @@ def try_old_face(m):
     m.entering = -1
     recall(m)
     admit_hints(m)
-    m.hints, m.level = 0, ROUND_ROUNDING
+    m.level = ROUND_ROUNDING
     if m.k == 0:
         return STUCK
     set_multipliers(m)

@@ -155,7 +155,7 @@ def follow(m):
     recall(m)
     admit_hints(m)
     drop_wrong_signs(m)
-    m.hints, m.level = 0, VIOLATION_ROUNDING
+    m.level = VIOLATION_ROUNDING
     found = pivot(m)
     if found == STUCK:
         return STUCK

@@ -132,7 +132,7 @@ def keep(m):
     """Note the active rows as those of the last solved QP."""
     for i in range(m.k):
         m.kept_active[i], m.kept_side[i] = m.active[i], m.side[m.active[i]]
-    m.kept_k, m.kept_age = m.k, m.age
+    m.kept_k, m.kept_age, m.hints = m.k, m.age, 0
     m.triangle, m.kept_triangle = m.kept_triangle, m.triangle
 
 
