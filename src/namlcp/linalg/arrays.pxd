@@ -1,3 +1,8 @@
+from numpy cimport ndarray, npy_intp
+
+cdef bint fits(object value, int ndim)
+cdef ndarray new_vector(npy_intp size)
+cdef double* data_of(ndarray array) noexcept
 cdef double* numbers(object array, Py_ssize_t size) except NULL
 cdef int* places(object array, Py_ssize_t size) except NULL
 cdef Py_ssize_t* indices(object array, Py_ssize_t size) except NULL

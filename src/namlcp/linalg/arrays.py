@@ -5,9 +5,36 @@ have no meaning.
 """
 
 import cython
+import numpy as np
 from cython.cimports import numpy as cnp
 
 cnp.import_array()
+
+NO_ENTRIES = np.empty(0)
+
+
+def fits(value, ndim):
+    """Tell whether a value can go to compiled code as it is."""
+    if not cnp.PyArray_CheckExact(value):
+        return False
+    array: cnp.ndarray = value
+    return (
+        cnp.PyArray_TYPE(array) == cnp.NPY_DOUBLE
+        and cnp.PyArray_NDIM(array) == ndim
+        and cnp.PyArray_ISCARRAY_RO(array)
+    )
+
+
+def new_vector(size):
+    """Return a vector that is not set."""
+    if size == 0:
+        return NO_ENTRIES
+    return cnp.PyArray_EMPTY(1, cython.address(size), cnp.NPY_DOUBLE, 0)
+
+
+def data_of(array):
+    """Return where the entries are of an array that `fits`, which is not checked."""
+    return cython.cast(cython.p_double, cnp.PyArray_DATA(array))
 
 
 def numbers(array, size):

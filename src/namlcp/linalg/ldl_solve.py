@@ -4,24 +4,20 @@ The factors and their chunks are those of `sparse_ldl`.
 """
 
 from cython import Py_ssize_t
-from cython.cimports.namlcp.linalg.pointers import (
-    const_floats_of,
-    floats_of,
-    ints_of,
-    longs_of,
-)
+from cython.cimports.namlcp.linalg.arrays import indices, numbers, places
 
 
 class Factored:
     """`SparseFactors` as compiled code reads them; it shares and keeps their arrays."""
 
     def __init__(self, factors):
-        pattern = factors.pattern
-        self.n, self.factors = factors.inverse.size, factors
-        self.place, self.width = ints_of(pattern.place), ints_of(pattern.width)
-        self.starts, self.below = longs_of(pattern.starts), ints_of(pattern.below)
-        self.values = const_floats_of(factors.values)
-        self.inverse, self.y = const_floats_of(factors.inverse), floats_of(factors.work)
+        n: Py_ssize_t = factors.inverse.size
+        pattern, self.n, self.factors = factors.pattern, n, factors
+        self.place, self.width = places(pattern.place, n), places(pattern.width, n)
+        self.starts = indices(pattern.starts, n + 1)
+        self.below = places(pattern.below, self.starts[n])
+        self.values = numbers(factors.values, self.starts[n])
+        self.inverse, self.y = numbers(factors.inverse, n), numbers(factors.work, n)
 
 
 def solve_factored(f, rhs, x):

@@ -1,20 +1,16 @@
 from namlcp.settings cimport Settings
 from namlcp.qp.active.dense cimport DenseActiveSet
 from namlcp.qp.active.state cimport ActiveSet
-from numpy cimport ndarray, npy_intp
 
 cpdef enum:
     MOST_ORDER = 900
     MOST_BOX = 50
     FEW_ENTRIES = 10_000
 
-cdef object SOLVED, NO_ENTRIES, DUAL, clock
+cdef object SOLVED, DUAL, OUTCOMES, clock
 cdef double FULL, MOST_OPERATIONS, FEW_OPERATIONS
 
 cdef double now()
-cdef bint fits(object value, int ndim)
-cdef double* numbers(object array)
-cdef ndarray new_vector(npy_intp size)
 cdef Py_ssize_t filled(const double* values, Py_ssize_t count) noexcept nogil
 cdef bint are_full(DenseActiveSet m) noexcept nogil
 cdef void take_settings(ActiveSet m, Settings settings, double until)

@@ -13,6 +13,7 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import INFINITY, fabs
+from cython.cimports.namlcp.linalg.arrays import data_of, fits, new_vector
 from cython.cimports.namlcp.linalg.stamp import add_stamp
 from cython.cimports.namlcp.linalg.vectors import copy, fill
 from cython.cimports.namlcp.outcome import Numbers, Outcome, new_outcome
@@ -41,7 +42,7 @@ from namlcp.status import Status
 cnp.import_array()
 
 # Objects that a small solve has no time to look up.
-SOLVED, NO_ENTRIES, DUAL, clock = Status.SOLVED, np.empty(0), "dual", perf_counter
+SOLVED, DUAL, clock = Status.SOLVED, "dual", perf_counter
 # What a dense QP is found to be, by the codes that decide it.
 OUTCOMES = {
     DONE: SOLVED,
@@ -62,31 +63,6 @@ MOST_OPERATIONS, FEW_OPERATIONS = 4.0, 2e8
 def now():
     """Return the time of time.perf_counter()."""
     return clock()
-
-
-def fits(value, ndim):
-    """Tell whether a value can go to compiled code as it is."""
-    if not cnp.PyArray_CheckExact(value):
-        return False
-    array: cnp.ndarray = value
-    return (
-        cnp.PyArray_TYPE(array) == cnp.NPY_DOUBLE
-        and cnp.PyArray_NDIM(array) == ndim
-        and cnp.PyArray_ISCARRAY_RO(array)
-    )
-
-
-def numbers(array):
-    """Return where the entries of an array are."""
-    own: cnp.ndarray = array
-    return cython.cast(cython.p_double, cnp.PyArray_DATA(own))
-
-
-def new_vector(size):
-    """Return a vector that is not set."""
-    if size == 0:
-        return NO_ENTRIES
-    return cnp.PyArray_EMPTY(1, cython.address(size), cnp.NPY_DOUBLE, 0)
 
 
 def filled(values, count):
@@ -122,7 +98,7 @@ def run(m):
     x, y, z = new_vector(m.n), new_vector(m.p), new_vector(m.m)
     z_box = new_vector(m.n)
     m.point = x, y, z, z_box
-    m.x, m.y, m.z, m.z_box = numbers(x), numbers(y), numbers(z), numbers(z_box)
+    m.x, m.y, m.z, m.z_box = data_of(x), data_of(y), data_of(z), data_of(z_box)
     if isinstance(m, SparseActiveSet):
         with cython.nogil:
             m.code = solve_sparse(cython.cast(SparseActiveSet, m))
@@ -194,11 +170,11 @@ def solve_small(kind, P, q, G, h, A, b, lb, ub, settings: Settings, start, keeps
     m: DenseActiveSet = DenseActiveSet.__new__(DenseActiveSet)
     m.n, m.m, m.p, m.is_single = n, rows, p, True
     m.matrices = m.vectors = problem = P, q, G, h, A, b, lb, ub
-    m.P, m.q = numbers(P), numbers(q)
+    m.P, m.q = data_of(P), data_of(q)
     if rows > 0:
-        m.G, m.h = numbers(G), numbers(h)
+        m.G, m.h = data_of(G), data_of(h)
     if p > 0:
-        m.A, m.b = numbers(A), numbers(b)
+        m.A, m.b = data_of(A), data_of(b)
     make_room(m)
     set_bounds(m, lb, ub)
     set_limits(m)
@@ -220,11 +196,11 @@ def set_bounds(m, lb, ub):
     if lb is None:
         fill(m.no_bound, -INFINITY, m.n)
     else:
-        m.lb = numbers(lb)
+        m.lb = data_of(lb)
     if ub is None:
         fill(m.no_bound + m.n, INFINITY, m.n)
     else:
-        m.ub = numbers(ub)
+        m.ub = data_of(ub)
 
 
 def set_limits(m):
@@ -243,7 +219,7 @@ def attach(m: DenseActiveSet, P, G, A, is_single: cython.bint):
     m.is_single = is_single
     m.matrices = P, G, A
     m.n, m.m, m.p = P.shape[0], G.shape[0], A.shape[0]
-    m.P, m.G, m.A = numbers(P), numbers(G), numbers(A)
+    m.P, m.G, m.A = data_of(P), data_of(G), data_of(A)
     make_room(m)
     set_limits(m)
 
@@ -273,7 +249,7 @@ def suggest(m: ActiveSet, active):
 def place_of_vectors(m, vectors):
     """Note q, h, b, lb and ub, which lie one after another."""
     m.vectors = vectors
-    m.q = numbers(vectors)
+    m.q = data_of(vectors)
     m.h = m.q + m.n
     m.b = m.h + m.m
     m.lb = m.b + m.p
@@ -306,8 +282,8 @@ def updated(vectors, sizes, q, h, b, lb, ub):
     p: Py_ssize_t
     n, m, p = sizes
     made = new_vector(3 * n + m + p)
-    at = numbers(made)
-    copy(numbers(vectors), at, 3 * n + m + p)
+    at = data_of(made)
+    copy(data_of(vectors), at, 3 * n + m + p)
     if not (
         put(q, at, n, 0.0)
         and put(h, at + n, m, 1.0)
@@ -328,7 +304,7 @@ def put(value, place, size, infinity):
         return True
     if not (fits(value, 1) and cnp.PyArray_DIM(value, 0) == size):
         return False
-    source = numbers(value)
+    source = data_of(value)
     most = INFINITY if infinity == 0.0 else INFINITE
     fine: cython.bint = True
     for i in range(size):
@@ -354,7 +330,7 @@ def solve_items(
     width = cython.declare(Py_ssize_t[8])
     out = cython.declare(cython.p_double[5])
     for k in range(8):
-        data[k] = numbers(arrays[k])
+        data[k] = data_of(arrays[k])
     width[0], width[1], width[2], width[3] = n * n, n, rows * n, rows
     width[4], width[5], width[6], width[7] = p * n, p, n, n
     has_new_matrices: cython.bint = stacked[0] or stacked[2] or stacked[4]
@@ -362,7 +338,7 @@ def solve_items(
         if not stacked[k]:
             width[k] = 0
     for k in range(5):
-        out[k] = numbers(outs[k])
+        out[k] = data_of(outs[k])
     code = cython.cast(cython.p_longlong, cnp.PyArray_DATA(codes))
     count = cython.cast(cython.p_longlong, cnp.PyArray_DATA(iterations))
     m.is_single = m.is_item = True

@@ -17,8 +17,8 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, cos, fabs, sqrt
+from cython.cimports.namlcp.linalg.arrays import data_of, numbers, places
 from cython.cimports.namlcp.linalg.ldl_solve import Factored, solve_factored
-from cython.cimports.namlcp.linalg.pointers import const_floats_of, floats_of, ints_of
 from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, fill
 from cython.cimports.namlcp.qp.active.proximal import (
     refine_contradiction,
@@ -147,18 +147,21 @@ class SparseActiveSet:
         self.matrices, self.by_row = (P, G, A), by_rows(G)
         self.kkt = kkt = KKT(P, by_rows(A), csr_array((0, self.n)), self.kkt)
         make_room(self)
-        self.indptr, self.indices = ints_of(kkt.indptr), ints_of(kkt.indices)
-        self.base, self.data = floats_of(kkt.base), floats_of(kkt.data)
-        self.row_starts = ints_of(self.by_row.indptr)
-        self.row_columns = ints_of(self.by_row.indices)
-        self.row_values = const_floats_of(self.by_row.data)
+        self.indptr = places(kkt.indptr, self.size + 1)
+        count: Py_ssize_t = self.indptr[self.size]
+        self.indices = places(kkt.indices, count)
+        self.base, self.data = numbers(kkt.base, count), numbers(kkt.data, count)
+        self.row_starts = places(self.by_row.indptr, self.m + 1)
+        count = self.row_starts[self.m]
+        self.row_columns = places(self.by_row.indices, count)
+        self.row_values = numbers(self.by_row.data, count)
         factors = kkt.plan()
         if not isinstance(factors, SparseFactors):
             return
         self.factors = Factored(factors)
         unit = np.ones(self.size)
         equilibrate(kkt.indptr, kkt.indices, kkt.base.copy(), unit)
-        copy(floats_of(unit), self.unit, self.size)
+        copy(data_of(unit), self.unit, self.size)
         entries = factors.values.size + kkt.base.size + G.nnz + self.length
         self.most_operations = MOST_OPERATIONS * entries
         self.is_ready = True
