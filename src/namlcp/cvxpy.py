@@ -118,7 +118,7 @@ class NAM(QpSolver):
                 cache[KEYWORD] = result
             else:
                 solver, last = solver_of(data, known)
-                solver.set_options(options)
+                solver.options = options
                 cache[KEYWORD] = solver
                 result = solver.solve(warm_start=last)
                 qp = solver.qp

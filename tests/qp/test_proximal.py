@@ -6,7 +6,8 @@ import scipy.sparse as sp
 
 from namlcp import Solver, Status, solve_qp
 from namlcp.options import DEFAULT_OPTIONS
-from namlcp.qp.active import Kept
+from namlcp.qp.active.once import answer_of, kept_for
+from namlcp.qp.active.solve import solve as solve_kept
 from namlcp.qp.problem import qp_data
 from namlcp.residuals import qp_residuals
 
@@ -16,8 +17,8 @@ LIMITS = DEFAULT_OPTIONS.limits()
 
 def solve(kept, qp):
     """Return the answer to the QP with the vectors of `qp`, None if left to others."""
-    tried = kept.solve(qp.joined(), DEFAULT_OPTIONS.settings, INF)
-    return kept.answer(qp, LIMITS) if tried else None
+    solve_kept(kept, qp.joined(), DEFAULT_OPTIONS.settings, INF)
+    return answer_of(kept, qp, LIMITS)
 
 
 def lasso_qp(rng, m, n, penalty):
@@ -50,7 +51,7 @@ def store_qp(rng, n):
 def forms(qp):
     """Return the QP with what solves its sequences, in both storages."""
     dense = qp.in_dense_form()
-    return (dense, Kept(dense)), (qp, Kept(qp))
+    return (dense, kept_for(dense)), (qp, kept_for(qp))
 
 
 def assert_agrees(answer, qp):
@@ -102,7 +103,7 @@ def test_another_size_of_the_vectors_chooses_another_weight():
         for size in (1.0, 1e5, 1.0):
             step = qp._replace(q=size * qp.q)
             assert_agrees(solve(kept, step), step)
-            weights.add(kept.active_set.rho)
+            weights.add(kept.rho)
         assert len(weights) == 2
 
 

@@ -322,7 +322,7 @@ def test_a_late_solve_leaves_the_solver_usable():
     known = complementary(3, 120, 90, 10, 40, 0.02)
     late = Solver(*known.qp, time_limit=1e-9)
     assert late.solve().status is Status.TIME_LIMIT
-    late.set_options(Options())
+    late.options = Options()
     assert late.solve().obj == pytest.approx(solve_qp(*known.qp).obj, abs=1e-9)
 
 

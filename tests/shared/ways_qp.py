@@ -15,7 +15,8 @@ from problems_qp import NO_GUESS, Options, dense, solve_sparse, sparse
 
 from namlcp import Solver, Status, solve_batch, solve_qp
 from namlcp.qp import make_guess, qp_data
-from namlcp.qp.active import Kept
+from namlcp.qp.active.once import answer_of, kept_for
+from namlcp.qp.active.solve import solve
 
 INF = np.inf
 
@@ -89,11 +90,11 @@ def by_path(qp, start=None, **settings):
 def by_active_set(qp, **settings):
     """After a step with another cost; None where it is left to other methods."""
     qp, options, found = qp_data(*qp), Options(**settings), None
-    kept = Kept(qp)
-    for step in () if kept.active_set is None else (qp._replace(q=qp.q + 1.0), qp):
+    kept = kept_for(qp)
+    for step in () if kept is None else (qp._replace(q=qp.q + 1.0), qp):
         until = perf_counter() + options.time_limit
-        tried = kept.solve(step.joined(), options.settings, until)
-        found = kept.answer(step, options.limits()) if tried else None
+        solve(kept, step.joined(), options.settings, until)
+        found = answer_of(kept, step, options.limits())
     if found is not None:
         fields = found._asdict() | found.point._asdict()
         found = SimpleNamespace(**fields)

@@ -1,5 +1,7 @@
 from numpy cimport ndarray, npy_intp
 
+cdef object NO_ENTRIES
+
 cdef bint fits(object value, int ndim)
 cdef ndarray new_vector(npy_intp size)
 cdef double* data_of(ndarray array) noexcept

@@ -3,11 +3,9 @@
 `steps` has the method, `state` its memory, `dense` and `sparse` the operators; `rows`,
 `judgement`, `certificates`, `proximal` (where P has no good factor; `face`, `weight`)
 and `null` (most variables at bounds) are parts of it, and `run` is a whole solve.
-`solve` is the door from the user's arrays, `once` for a single QP, `kept` for one after
-another.
+`solve` is the door from the user's arrays, `once` has the answer.
 """
 
-from namlcp.qp.active.kept import Kept
 from namlcp.qp.active.once import answer_of, new_attempt, solve_once
 from namlcp.qp.active.solve import (
     MOST_ORDER,

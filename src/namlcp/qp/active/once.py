@@ -1,10 +1,16 @@
-"""A single QP by the active-set method: its answer, or None for other methods."""
+"""The answer of the active-set method to a QP, or None for other methods.
+
+`solve_once` is for a single dense QP, `kept_for` for one after another.
+"""
+
+from typing import Any
 
 from namlcp.limits import Limits
 from namlcp.options import DEFAULT_OPTIONS
 from namlcp.qp.active import solve
 from namlcp.qp.active.dense import DenseActiveSet
-from namlcp.qp.active.sparse import SparseActiveSet
+from namlcp.qp.active.null import NullSpace
+from namlcp.qp.active.sparse import SparseActiveSet, active_set_of
 from namlcp.qp.active.state import ActiveSet, Code
 from namlcp.qp.answer import Answer, proved
 from namlcp.qp.certificates import accept_dual, accept_primal
@@ -62,3 +68,28 @@ def answer_of(m: ActiveSet, qp: QP, limits: Limits) -> Answer | None:
         )
     status = solve.OUTCOMES[m.code]
     return None if proof is None else proved(status, proof, m.pivots, "dual")
+
+
+# ---- QPs with the same matrices, one after another
+
+
+def kept_for(qp: QP) -> Any:
+    """Return a `NullSpace` or `SparseActiveSet` for these matrices, None for neither.
+
+    It holds their arrays, which must not change, and is for one thread.
+    """
+    if not qp.is_dense:
+        return active_set_of(qp)
+    m = NullSpace()
+    solve.attach(m, qp.P, qp.G, qp.A, False)
+    return m
+
+
+def renew(m: Any, qp: QP) -> None:
+    """Take other matrices of the same sizes; the active rows become a hint."""
+    hints = max(m.kept_k, m.hints)
+    if qp.is_dense:
+        solve.attach(m, qp.P, qp.G, qp.A, False)
+    else:
+        m.attach(qp.P, qp.G, qp.A)
+    m.hints = hints  # the numbers of the rows are still in memory

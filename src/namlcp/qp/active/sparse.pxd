@@ -23,8 +23,6 @@ cdef class SparseActiveSet(ActiveSet):
         double *unit
         double *cost
         double *rest
-        # Whether other methods are quicker with other matrices.
-        readonly bint is_slow_anew
 
     cdef bint factor_and_try(self) except -1
 

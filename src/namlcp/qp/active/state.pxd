@@ -114,8 +114,9 @@ cdef class ActiveSet:
         # of the time limit, whether to stop, whether Ctrl-C came.
         double since, until
         bint over, interrupted
-        # Whether what depends on the matrices is there.
-        readonly bint is_ready
+        # Whether what depends on the matrices is there; whether other methods are quicker
+        # with other matrices.
+        readonly bint is_ready, is_slow_anew
         char *memory
         size_t memory_size, memory_end
         object error

@@ -10,16 +10,16 @@ solve without memory, which is the one of `solve_qp`.
 """
 
 from copy import deepcopy
+from math import inf
 from time import perf_counter
 from typing import Any
 
-import numpy as np
-
-from namlcp.checks import FLOAT, vector
 from namlcp.limits import Deadline, cause_of
 from namlcp.linalg import asymmetry
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
-from namlcp.qp.active import Kept, factors_of, step, updated
+from namlcp.qp.active.once import answer_of, kept_for, renew
+from namlcp.qp.active.solve import factors_of, solve, step, suggest, updated
+from namlcp.qp.active.state import Code
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.forms import is_small
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
@@ -33,7 +33,6 @@ from namlcp.qp.sequences.pattern import (
     revalued,
     within_pattern,
 )
-from namlcp.qp.sequences.vectors import SIZED_LIKE, clean, places_of
 from namlcp.qp.solve import needs_more, result_of, solve_checked
 from namlcp.result import QPResult
 from namlcp.status import Status
@@ -41,6 +40,9 @@ from namlcp.status import Status
 SOLVED = Status.SOLVED
 # What a copy shares and a pickle holds: arrays that never change.
 STATE = "matrices", "given", "is_own", "vectors", "options", "last"
+# Solves that are left to other methods without trying, after 0, 1, 2, ... were tried in
+# a row and left to these.
+PAUSES = 0, 0, 1, 3, 7, 15
 # Statuses that a solve without a start would not improve on.
 SETTLED = (SOLVED, Status.TIME_LIMIT)
 
@@ -100,7 +102,7 @@ class Solver:
         ub: Any = None,
         **settings: Any,
     ) -> None:
-        self.set_options(Options.from_names(settings) if settings else DEFAULT_OPTIONS)
+        self.options = Options.from_names(settings) if settings else DEFAULT_OPTIONS
         given = P, G, A = deepcopy((P, G, A))
         qp = qp_data(P, q, G, h, A, b, lb, ub)
         check_convex(qp.P)
@@ -120,21 +122,18 @@ class Solver:
         self.matrices, self.given = (qp.P, qp.G, qp.A), (P, G, A)
         self.is_own = are_own(self.given, qp)
 
-    def set_options(self, options: Options) -> None:
-        """Let all solves from now on have these options."""
-        self.options, self.settings = options, options.settings
-
     def begin(self) -> None:
         """Keep nothing of earlier solves but the last result."""
         qp = self.qp
         self.sizes = qp.q.size, qp.h.size, qp.b.size
-        self.places = places_of(qp)
         self.memory = Memory.of(qp)
-        self.method = method_for(qp)
-        self.is_suited = self.method is not None  # as far as is known of the matrices
-        self.is_by_method = False  # whether it is the method that found `last`
-        self.quick: Any = None  # the method, where it may go on without care
-        self.is_renewed = False  # whether other methods are quicker for the next solve
+        # What solves, see `qp.active`, None if that is nothing for these matrices;
+        # whether it has still to take new ones; whether it found `last`.
+        self.active_set: Any = kept_for(qp) if not qp.is_dense or is_small(qp) else None
+        self.is_renewed = self.is_current = False
+        # Solves that it has tried in a row and left to others; those that are left to
+        # these from now on without trying.
+        self.left, self.pause = 0, 0.0
         self.is_whole = True  # not after an error in a solve
 
     def __getstate__(self) -> dict[str, Any]:
@@ -144,7 +143,6 @@ class Solver:
     def __setstate__(self, state: dict[str, Any]) -> None:
         """Keep nothing of another Solver's solves but its last result."""
         vars(self).update(state)
-        self.set_options(self.options)
         self.begin()
 
     def update(
@@ -190,23 +188,12 @@ class Solver:
         """
         vectors = updated(self.vectors, self.sizes, q, h, b, lb, ub)
         if vectors is None:
-            vectors = self.vectors.copy()
-            for name, value in (("q", q), ("h", h), ("b", b), ("lb", lb), ("ub", ub)):
-                if value is not None:
-                    self.put(name, value, vectors)
-            clean(vectors, self.places, self.matrices[1])
+            changes = {"q": q, "h": h, "b": b, "lb": lb, "ub": ub}
+            new = {name: v for name, v in changes.items() if v is not None}
+            vectors = qp_data(**{**self.qp._asdict(), **new}).joined()
         if not (P is None and G is None and A is None):
             self.take_matrices({"P": P, "G": G, "A": A})
         self.vectors = vectors
-
-    def put(self, name: str, value: Any, vectors: np.ndarray) -> None:
-        """Put a user's vector into its place."""
-        place, shape = self.places[name]
-        fits = type(value) is np.ndarray and value.dtype == FLOAT
-        if not (fits and value.shape == shape):
-            other = SIZED_LIKE[name]
-            value = vector(name, value, *shape, other, getattr(self.qp, other).shape)
-        vectors[place] = value
 
     def take_matrices(self, changes: dict[str, Any]) -> None:
         """Check and take those matrices that are new."""
@@ -231,11 +218,11 @@ class Solver:
             check_convex(qp.P)
         self.hold_matrices(qp, tuple(given.values()))
         self.memory.adopt(qp)
-        self.quick = None
-        if self.method is not None:
-            self.is_suited = True
-            self.is_renewed = self.method.is_slow_anew
-            self.method.renew(qp)
+        self.is_renewed, self.is_current = True, False
+        if self.pause == inf:  # the old ones were not suited
+            self.pause = 0.0
+        if self.active_set is not None and self.active_set.is_slow_anew:
+            self.pause = max(self.pause, 1.0)  # others are quicker with new ones
 
     def solve(self, warm_start: Any = None, derivative: bool = False) -> QPResult:
         """Solve the problem as it is now.
@@ -276,12 +263,13 @@ class Solver:
             if not self.is_whole:
                 self.begin()
             result, is_tried = None, False
-            if warm_start is None and self.quick is not None:
+            if self.is_current and self.is_own and warm_start is None:
                 is_tried = True
                 problem = self.matrices, self.vectors, self.given
                 result = step(
-                    self.quick, QPResult, self.vectors, problem, self.settings, start
-                )
+                    self.active_set, QPResult, self.vectors, problem,
+                    self.options.settings, start,
+                )  # fmt: skip
             if result is None:
                 guess = None
                 if warm_start is not None:
@@ -297,21 +285,19 @@ class Solver:
             raise
         if result.status is SOLVED:
             self.last = result
-            if derivative and self.is_by_method and self.qp.is_dense:
-                assert self.method is not None
-                result.factors = factors_of(self.method.active_set)
+            if derivative and self.is_current and self.qp.is_dense:
+                result.factors = factors_of(self.active_set)
         return result
 
     def solve_with_care(
         self, guess: Guess | None, start: float, is_tried: bool
     ) -> QPResult:
         """Return the result of what is kept, of the general solve where that fails."""
-        self.quick = result = None
+        self.is_current, result = False, None
         if guess is not None:
             self.suggest(guess)
-        if self.is_suited and not (self.options.verbose or self.is_renewed):
-            result = self.solve_by_method(start, is_tried)
-        self.is_renewed = False
+        if self.active_set is not None and not self.options.verbose:
+            result = self.solve_by_active_set(start, is_tried)
         if result is None:
             result = self.solve_by_all_means(guess, start)
             if result.status is SOLVED:
@@ -319,34 +305,36 @@ class Solver:
         return result
 
     def suggest(self, guess: Guess) -> None:
-        """Let the method begin with a guess."""
-        self.is_by_method = False
-        if self.method is not None:
-            self.method.suggest(guess)
+        """Let the next solve begin with the active rows of a guess."""
+        if self.active_set is not None:
+            suggest(self.active_set, guess.active)
 
-    def solve_by_method(self, start: float, is_tried: bool) -> QPResult | None:
-        """Return the result of the method, which may have tried; None if it fails."""
-        method, settings = self.method, self.settings
-        assert method is not None
-        deadline = Deadline(start + settings.time_limit)
-        if not (is_tried or method.solve(self.vectors, settings, deadline.at)):
-            return None
-        qp, limits = self.qp, self.options.limits(deadline)
-        answer = method.answer(qp, limits)
+    def solve_by_active_set(self, start: float, is_tried: bool) -> QPResult | None:
+        """Return the result of what is kept, which may have tried; None if it fails."""
+        m, qp, options = self.active_set, self.qp, self.options
+        deadline = Deadline(start + options.time_limit)
+        if not is_tried:
+            if self.pause > 0:
+                self.pause -= 1
+                return None
+            if self.is_renewed:  # not before: a pause goes on with other values
+                self.is_renewed = False
+                renew(m, qp)
+            solve(m, self.vectors, options.settings, deadline.at)
+        self.left = self.left + 1 if m.code == Code.STUCK else 0
+        self.pause = PAUSES[min(self.left, len(PAUSES) - 1)] if m.is_ready else inf
+        limits = options.limits(deadline)
+        answer = answer_of(m, qp, limits)
         if answer is None:
-            self.is_suited = not method.are_unsuited
             return None
         answer = upheld(answer, qp, self.given, limits)
         if answer.status is not SOLVED and not answer.ends:
             return None
-        if needs_more(self.options, answer):
+        if needs_more(options, answer):
             return solve_checked(
-                qp, self.options, NO_GUESS, start, given=self.given, known=answer
+                qp, options, NO_GUESS, start, given=self.given, known=answer
             )
-        if answer.status is SOLVED:
-            self.is_by_method = True
-            if self.is_own and answer.form == "dual":
-                self.quick = method.active_set
+        self.is_current = answer.status is SOLVED
         return result_of(answer, (qp, self.given), start, start)
 
     def solve_by_all_means(self, guess: Guess | None, start: float) -> QPResult:
@@ -360,11 +348,3 @@ class Solver:
         if result.status not in SETTLED and result.closest is None:
             result = solve_checked(qp, options, NO_GUESS, start, given=given)
         return result
-
-
-def method_for(qp: QP) -> Kept | None:
-    """Return what keeps something for the matrices of a QP; None if nothing does."""
-    if qp.is_dense and not is_small(qp):
-        return None
-    kept = Kept(qp)
-    return None if kept.active_set is None else kept
