@@ -90,7 +90,7 @@ def nam(data: Data) -> Pass:
     P, q, G, h, g = data
 
     def backward(result: namlcp.QPResult) -> tuple[Any, ...]:
-        vars(result).pop("derivative", None)  # nothing is kept from an earlier call
+        result.kept = None  # nothing is kept from an earlier call
         found = result.backward(dx=g)
         return found.P, found.q, found.G, found.h
 
