@@ -9,7 +9,6 @@ import numpy as np
 from namlcp.outcome import Outcome
 from namlcp.residuals import Residuals
 from namlcp.status import Status
-from namlcp.unfolding import Differentiable
 
 if TYPE_CHECKING:
     from namlcp.derivatives import (
@@ -20,6 +19,16 @@ if TYPE_CHECKING:
         QPGradients,
         QPTangent,
     )
+
+
+class Differentiable:
+    """A result that keeps its problem by reference, for its derivatives."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the problem and the factors behind, in a pickle and in a copy."""
+        state = vars(self) | {"problem": None}
+        state.pop("derivative", None)
+        return state
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

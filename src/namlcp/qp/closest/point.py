@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from namlcp.residuals import Residuals
+from namlcp.result import Differentiable
 from namlcp.status import Status
-from namlcp.unfolding import Differentiable
 
 if TYPE_CHECKING:
     from namlcp.derivatives import ClosestDerivative, QPGradients

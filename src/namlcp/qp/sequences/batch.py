@@ -32,9 +32,8 @@ from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, qp_data
 from namlcp.qp.solve import solve_checked
 from namlcp.residuals import UNDEFINED, Residuals
-from namlcp.result import QPResult
+from namlcp.result import Differentiable, QPResult
 from namlcp.status import Status
-from namlcp.unfolding import Differentiable
 
 if TYPE_CHECKING:
     from namlcp.derivatives import BatchGradients
@@ -410,7 +409,7 @@ def solve_stack(
 
     with blas_threads(1, order):
         on_threads(solve_chunk, len(starts), threads)
-    batch.obj[:] = numbers[:, -1] if numbers.ndim == 2 else batch.residuals["objective"]
+    batch.obj[:] = batch.residuals["objective"]
     batch.form[:], left = "dual", np.full(size, True)
     for code, status in OUTCOMES.items():
         found = codes == code
