@@ -66,9 +66,9 @@ class Found(NamedTuple):
     @classmethod
     def zeros(cls, count: int, n: int, m: int, p: int) -> "Found":
         """Return that of `count` items that have not been differentiated."""
-        vectors = (np.zeros((count, size)) for size in (n, m, p, n, n))
+        q, h, b, lb, ub = (np.zeros((count, size)) for size in (n, m, p, n, n))
         sides, weak = np.zeros((count, m + n), np.int8), np.zeros(count, np.intp)
-        return cls(*vectors, sides, weak, np.zeros(count, bool))
+        return cls(q, h, b, lb, ub, sides, weak, np.zeros(count, bool))
 
     @property
     def held(self) -> np.ndarray:
