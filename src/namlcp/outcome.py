@@ -4,7 +4,6 @@ import cython
 
 from namlcp.residuals import Residuals
 
-NUMBERS = Residuals._fields
 FIELDS = (
     "status", "x", "y", "z", "z_box", "obj", "residuals", "iterations", "form",
     "message", "setup_time", "solve_time", "history", "closest",

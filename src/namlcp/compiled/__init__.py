@@ -34,7 +34,6 @@ from namlcp.compiled.views import (
     ints_at,
     longs,
     longs_at,
-    uncounted,
 )
 
 __all__ = [
@@ -58,7 +57,6 @@ __all__ = [
     "record_at",
     "record_of",
     "signatures",
-    "uncounted",
 ]  # ahead and signatures are modules that only `namlcp.warmup` needs
 
 

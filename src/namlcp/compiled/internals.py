@@ -261,24 +261,6 @@ event.register("numba:compile", CLOCK)
 
 
 @intrinsic
-def uncounted(typingctx: Any, array: Any) -> Any:
-    """Return a view of an array that does not keep it alive.
-
-    Whenever one compiled function passes a tuple to another, numba counts references of
-    every array in it, which takes longer than the work of a small kernel. These views
-    are not counted; the caller of the kernel must keep the array alive.
-    """
-
-    def codegen(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
-        found = context.make_array(array)(context, builder, arguments[0])
-        found.meminfo = cgutils.get_null_value(found.meminfo.type)
-        found.parent = cgutils.get_null_value(found.parent.type)
-        return found._getvalue()
-
-    return array(array), codegen
-
-
-@intrinsic
 def entries(typingctx: Any, array: Any) -> Any:
     """Return the pointer to the entries of a contiguous array of numbers."""
 

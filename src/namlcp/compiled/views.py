@@ -1,4 +1,4 @@
-"""Views of memory and arrays without a reference count, for compiled functions."""
+"""Views of memory without a reference count, and pointers, for compiled functions."""
 
 import ctypes
 from collections.abc import Callable
@@ -67,18 +67,18 @@ def pointers_to(kind: Any) -> Any:
     return at
 
 
-def chosen() -> tuple[Any, Any, Any]:
-    """Return `uncounted`, `entries` and `arrays_at`."""
+def chosen() -> tuple[Any, Any]:
+    """Return `entries` and `arrays_at`."""
     if config.DISABLE_JIT:
-        return itself, itself, interpreted
+        return itself, interpreted
     if is_known():
         from namlcp.compiled import internals
 
         pointer = numba.njit(itself) if config.BOUNDSCHECK else internals.entries
-        return internals.uncounted, pointer, internals.arrays_at
-    return numba.njit(itself), numba.njit(itself), portable
+        return pointer, internals.arrays_at
+    return numba.njit(itself), portable
 
 
-uncounted, entries, arrays_at = chosen()
+entries, arrays_at = chosen()
 floats, ints, longs = map(arrays_at, (np.float64, np.int32, np.int64))
 floats_at, ints_at, longs_at = map(pointers_to, (np.float64, np.int32, np.int64))

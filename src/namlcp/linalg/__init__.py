@@ -4,7 +4,7 @@ Functions that take the arrays of a compressed matrix take them in the order ind
 indices, data; where a dense form goes with them it stands first.
 """
 
-from namlcp.linalg.columns import LEAST_DIVISOR, largest_entry
+from namlcp.linalg.columns import LEAST_DIVISOR
 from namlcp.linalg.csc import (
     Compressed,
     add_column_sums,
@@ -35,23 +35,6 @@ from namlcp.linalg.factors import (
     factor_triangle,
     plan_factors,
     solve_record,
-)
-from namlcp.linalg.lapack import (
-    add_rmatvec,
-    add_scaled,
-    backward_solve,
-    blas_times,
-    blas_times_transposed,
-    cholesky,
-    cholesky_solve,
-    copy,
-    dot,
-    forward_solve,
-    invert_lower,
-    matvec,
-    multiply,
-    product,
-    solve_rows,
 )
 from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.ordering import supernodes

@@ -39,12 +39,10 @@ def _declare(module: str, name: str, arguments: str, value: Any = None) -> Any:
 
 _dpotrf = _declare("lapack", "dpotrf", "iidii")
 _dpotrs = _declare("lapack", "dpotrs", "iiididii")
-_dtrtri = _declare("lapack", "dtrtri", "iiidii")
 _dgetrf = _declare("lapack", "dgetrf", "iidiii")
 _dgetrs = _declare("lapack", "dgetrs", "iiidiidii")
 _dgemm = _declare("blas", "dgemm", "iiiiiddididdi")
 _dtrsm = _declare("blas", "dtrsm", "iiiiiiddidi")
-_dgemv = _declare("blas", "dgemv", "iiiddididdi")
 _ddot = _declare("blas", "ddot", "ididi", "d")
 
 
@@ -102,50 +100,10 @@ def copy(a, out):
 
 
 @part
-def matvec(A, x, out):
-    """Set out (m,) to A x for a row-major A (m, n)."""
-    for i in range(A.shape[0]):
-        out[i] = dot(A[i], x)
-
-
-@part
-def add_rmatvec(A, y, out):
-    """Add A'y to out (n,), skipping the zeros of y (m,)."""
-    for i in range(A.shape[0]):
-        if y[i] != 0.0:
-            add_scaled(y[i], A[i], out)
-
-
-@part
 def add_scaled(scale, a, out):
     """Add scale * a to out (n,)."""
     for j in range(out.size):
         out[j] += scale * a[j]
-
-
-@part
-def blas_times(A, x, out):
-    """Set out (m,) to A x for a row-major A (m, n), with the sums of A @ x."""
-    _times_by_blas(TRANSPOSED, A, x, out)
-
-
-@part
-def blas_times_transposed(A, z, out):
-    """Set out (n,) to A'z for a row-major A (m, n), with the sums of z @ A."""
-    _times_by_blas(PLAIN, A, z, out)
-
-
-@part
-def _times_by_blas(letter, A, x, out):
-    """Set out to the product of x with A', as BLAS sees A, or with its transpose."""
-    for i in range(out.size):
-        out[i] = 0.0
-    if A.shape[0] > 0 and A.shape[1] > 0:
-        n, one = _address(A.shape[1]), _address(1)
-        _dgemv(
-            _address(letter), n, _address(A.shape[0]), _address(1.0), A.ctypes, n,
-            x.ctypes, one, _address(0.0), out.ctypes, one,
-        )  # fmt: skip
 
 
 @part
@@ -170,36 +128,11 @@ def cholesky(A):
 
 
 @part
-def invert_lower(L):
-    """Overwrite the lower triangle of L by that of L^-1; return 0 if it exists."""
-    if L.shape[0] == 0:
-        return 0
-    n, info = _address(L.shape[0]), _address(0)
-    _dtrtri(_address(UPPER), _address(PLAIN), n, L.ctypes, n, info)
-    return _integer_at(info)
-
-
-@part
 def cholesky_solve(L, b):
     """Overwrite b (n,) by the solution of L L' x = b."""
     if b.size > 0:
         n, one, info = _address(L.shape[0]), _address(1), _address(0)
         _dpotrs(_address(UPPER), n, one, L.ctypes, n, b.ctypes, n, info)
-
-
-@part
-def forward_solve(L, b):
-    """Overwrite b (n,) by the solution of L x = b, L lower triangular."""
-    for i in range(b.size):
-        b[i] = (b[i] - dot(L[i, :i], b[:i])) / L[i, i]
-
-
-@part
-def backward_solve(L, b):
-    """Overwrite b (n,) by the solution of L' x = b, L lower triangular."""
-    for i in range(b.size - 1, -1, -1):
-        b[i] /= L[i, i]
-        add_scaled(-b[i], L[i, :i], b[:i])
 
 
 @part
@@ -238,18 +171,6 @@ def product(alpha, A, B, beta, C):
             _address(C.shape[0]), _address(A.shape[1]), _address(alpha), B.ctypes,
             _address(B.strides[0] // 8), A.ctypes, _address(A.strides[0] // 8),
             _address(beta), C.ctypes, _address(C.strides[0] // 8),
-        )  # fmt: skip
-
-
-@part
-def multiply(A, B, C):
-    """Overwrite C (m, n) by A B for A (m, k), B (k, n)."""
-    if C.shape[0] > 0 and C.shape[1] > 0:
-        _dgemm(
-            _address(PLAIN), _address(PLAIN), _address(C.shape[1]),
-            _address(C.shape[0]), _address(A.shape[1]), _address(1.0), B.ctypes,
-            _address(B.shape[1]), A.ctypes, _address(A.shape[1]), _address(0.0),
-            C.ctypes, _address(C.shape[1]),
         )  # fmt: skip
 
 

@@ -5,8 +5,7 @@ from namlcp.qp.closest import ClosestPoint, Face
 from namlcp.qp.convexity import NotConvex
 from namlcp.qp.guess import NO_GUESS, make_guess
 from namlcp.qp.kkt import KKT
-from namlcp.qp.memory import Memory
-from namlcp.qp.problem import QP, Point, checked, qp_arrays, qp_data
+from namlcp.qp.problem import QP, Point, qp_arrays, qp_data
 from namlcp.qp.sequences import (
     BatchResult,
     OtherShape,
@@ -16,8 +15,6 @@ from namlcp.qp.sequences import (
     solve_batch,
 )
 from namlcp.qp.solve import (
-    needs_more,
-    result_of,
     solve_arguments,
     solve_checked,
     solve_qp,
