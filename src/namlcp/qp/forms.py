@@ -11,6 +11,7 @@ import numpy as np
 
 from namlcp.limits import Limits
 from namlcp.qp.active import solve_once
+from namlcp.qp.active.solve import FEW_ENTRIES, FULL, MOST_BOX
 from namlcp.qp.answer import Answer, better
 from namlcp.qp.bounds import is_box_open, solve_bounds
 from namlcp.qp.guess import Guess
@@ -18,23 +19,17 @@ from namlcp.qp.memory import Memory
 from namlcp.qp.path import solve_path
 from namlcp.qp.problem import QP
 
-# Most variables of a QP with bounds alone that is quicker in dense form.
-DENSE_BOX = 50
 # Most variables, and most entries of P, G and A, zeros included, of the dense form,
 # which would take many seconds beyond.
 DENSE_VARIABLES, DENSE_ENTRIES = 2000, 16_000_000
-# Most entries, zeros included, of a QP with mostly zeros that is quicker in dense form.
-SPARSE_ENTRIES = 10_000
 # Most entries, zeros included, of a sparse QP that the dense form solves before a
 # substitution is looked for, which would take longer.
 TINY_ENTRIES = 2000
-# Least fraction of entries that are not zero at which a larger QP takes the dense form.
-FULL = 0.3
 
 
 def is_small(qp: QP) -> bool:
     """Tell whether the QP takes the dense form."""
-    return are_full((qp.P, qp.G, qp.A), SPARSE_ENTRIES)
+    return are_full((qp.P, qp.G, qp.A), FEW_ENTRIES)
 
 
 def are_full(matrices: tuple[Any, ...], few: int) -> bool:
@@ -52,7 +47,7 @@ def are_full(matrices: tuple[Any, ...], few: int) -> bool:
         filled = sum(int(np.count_nonzero(M)) for M in matrices)
     else:
         filled = sum(M.nnz for M in matrices)
-    return filled >= FULL * entries
+    return 100 * filled >= FULL * entries
 
 
 def is_tiny(qp: QP) -> bool:
@@ -72,7 +67,7 @@ def solve_smallest_form(qp: QP, guess: Guess, limits: Limits, memory: Memory) ->
     The latter does not run where the former decides, or time is over.
     """
     answer = None
-    if is_box(qp) and (qp.q.size > DENSE_BOX or not is_small(qp)):
+    if is_box(qp) and (qp.q.size > MOST_BOX or not is_small(qp)):
         answer = solve_bounds(qp, guess, limits, memory)
         if answer is not None and answer.ends:
             return answer

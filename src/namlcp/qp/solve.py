@@ -18,10 +18,11 @@ from namlcp.qp.active import (
     solve_small,
 )
 from namlcp.qp.active.dense import DenseActiveSet
+from namlcp.qp.active.solve import MOST_BOX
 from namlcp.qp.active.state import Code
 from namlcp.qp.answer import OBJECTIVE, UNDECIDED, Answer, better, out_of_time
 from namlcp.qp.closest import check_weights, solve_or_approach
-from namlcp.qp.forms import DENSE_BOX, is_tiny, solve_smallest_form
+from namlcp.qp.forms import is_tiny, solve_smallest_form
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.judge import confirmed, upheld
 from namlcp.qp.memory import Memory
@@ -180,7 +181,7 @@ def solve_shortly(
     order = qp.q.size + qp.h.size + qp.b.size
     if order > MOST_ORDER or options.verbose:
         return None, None, False
-    if order == qp.q.size > DENSE_BOX or not (qp.is_dense or is_tiny(qp)):
+    if order == qp.q.size > MOST_BOX or not (qp.is_dense or is_tiny(qp)):
         return solve_box_shortly(qp, options, start, given), None, False
     if options.relaxation:
         check_weights(qp, options.relaxation)

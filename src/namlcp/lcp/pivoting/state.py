@@ -1,7 +1,7 @@
 """The numbers and vectors of one solve by pivoting, by name.
 
 Compiled functions take them as one record `m` of numbers and addresses, as those of
-`qp/responses` do: ``floats(m.z, m.n)`` is the vector z. In Python, `PivotMemory` has
+`qp/path` do: ``floats(m.z, m.n)`` is the vector z. In Python, `PivotMemory` has
 the same names. "Scaled" refers to the problem with a unit diagonal.
 """
 

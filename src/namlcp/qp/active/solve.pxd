@@ -6,9 +6,10 @@ cpdef enum:
     MOST_ORDER = 900
     MOST_BOX = 50
     FEW_ENTRIES = 10_000
+    FULL = 30
 
 cdef object SOLVED, DUAL, OUTCOMES, clock
-cdef double FULL, MOST_OPERATIONS, FEW_OPERATIONS
+cdef double MOST_OPERATIONS, FEW_OPERATIONS
 
 cdef double now()
 cdef Py_ssize_t filled(const double* values, Py_ssize_t count) noexcept nogil

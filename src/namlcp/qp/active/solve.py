@@ -1,8 +1,8 @@
 """The door to the active-set method: from the user's arrays to a result, and back.
 
-`solve_small` is for one dense QP as it comes from the user. `DenseActiveSet.attach` and
-`solve` serve those who keep the object, which holds what a solve leaves for the next
-one: V, T, U, responses, and the active rows to begin with. What it returns depends on
+`solve_small` is for one dense QP as it comes from the user. `attach` and `solve` serve
+those who keep the object, which holds what a solve leaves for the next one: factors,
+responses, and the active rows to begin with. What it returns depends on
 the data alone, not on the solves before, up to the rounding errors of degenerate QPs.
 """
 
@@ -49,11 +49,11 @@ OUTCOMES = {
     CONTRADICTION: Status.PRIMAL_INFEASIBLE,
     UNBOUNDED: Status.DUAL_INFEASIBLE,
 }
-# MOST_ORDER: most variables, equations and rows of a QP that is solved without BLAS.
-# MOST_BOX: most variables of one with bounds alone, which is quicker as a box LCP else.
-# FEW_ENTRIES: most entries, zeros included, of a QP that takes P + W whatever it is; a
-# larger one is left to the interior point where less than FULL of them are not zero.
-FULL = 0.3
+# MOST_ORDER: most variables, equations and rows of a QP whose factors LAPACK does not
+# make. MOST_BOX: most variables of one with bounds alone, which is quicker as a box LCP
+# else. FEW_ENTRIES: most entries, zeros included, of a QP that takes P + W whatever it
+# is; a larger one is left to the interior-point method where less than FULL percent of
+# them are not zero.
 # Operations of pivots from which on the interior-point method is quicker, for each one
 # of n^2 (n + m + p); and a number, some tens of milliseconds, that is never too large.
 # (Linear programs take 10 to 30 of these units, other QPs 1 to 4.)
@@ -80,7 +80,7 @@ def are_full(m):
     if entries <= FEW_ENTRIES:
         return True
     found = filled(m.P, n * n) + filled(m.G, m.m * n) + filled(m.A, m.p * n)
-    return found >= FULL * entries
+    return 100 * found >= FULL * entries
 
 
 def take_settings(m, settings, until):

@@ -9,8 +9,9 @@ cpdef enum Code:
     # as its matrices are not suited; FAULTY: as a number is not allowed, or two sides
     # are opposed. SUMMED: as DONE, but the terms are so large that the order of their
     # sums matters. CONTRADICTION, UNBOUNDED: there is a candidate for a certificate; of a
-    # dense QP at last the certificate itself, else UNPROVED. OTHER_WEIGHT: W has to be
-    # made anew, see `sparse`.
+    # dense QP at last the certificate itself, else UNPROVED. WIDE: the form with
+    # responses has to solve it, see `null`. OTHER_WEIGHT: W has to be made anew, see
+    # `sparse`.
     DONE
     CONTRADICTION
     LATE

@@ -233,8 +233,8 @@ class Solver:
             The solution of a similar problem of the same sizes, to begin with instead
             of the last solution.
         derivative : bool
-            Let `backward` of the result use the factors that the Solver has for a dense
-            QP, until it solves again; till then both are for the same thread.
+            Let the result of a dense QP have a copy of the Solver's factors, so that
+            `backward` need not make them. It is for one thread at a time.
 
         Returns
         -------
@@ -328,7 +328,7 @@ class Solver:
         if answer is None:
             return None
         answer = upheld(answer, qp, self.given, limits)
-        if answer.status is not SOLVED and not answer.ends:
+        if not answer.ends:
             return None
         if needs_more(options, answer):
             return solve_checked(
