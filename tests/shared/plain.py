@@ -143,11 +143,11 @@ GIVEN = {
         **(vars(math) | {"sqrt": c_root, "INFINITY": math.inf, "NAN": math.nan})
     ),
     "libc.stdlib": SimpleNamespace(malloc=lambda size: object(), free=lambda place: 0),
-    "cpython.exc": SimpleNamespace(PyErr_CheckSignals=lambda: 0),
     "namlcp.linalg.vectors": SimpleNamespace(
         dot=dot, four_dots=four_dots, add_scaled=add_scaled, add_four=add_four,
         copy=copy, fill=fill, largest_entry=largest_entry,
     ),
+    "namlcp.linalg.arrays": SimpleNamespace(data_of=None),
     "namlcp.linalg.blas": SimpleNamespace(
         blas_dot=dot, blas_times=blas_times, cholesky=None, invert_lower=None,
         times=None, times_transposed=None,

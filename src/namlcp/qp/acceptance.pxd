@@ -17,4 +17,3 @@ cdef void weigh(
     Py_ssize_t m, const double* lb, const double* ub, const double* s, double* z_box, Py_ssize_t n,
 ) noexcept nogil
 cdef void add_term(Farkas* found, double side, double multiplier) noexcept nogil
-cdef double* numbers(object array)

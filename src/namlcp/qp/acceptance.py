@@ -7,10 +7,8 @@ the value, `margin` the absolute tolerance times the 1-norm of the multipliers (
 
 import cython
 import numpy as np
-from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import fabs, isinf
-
-cnp.import_array()
+from cython.cimports.namlcp.linalg.arrays import data_of
 
 # The value of a certificate, before it is scaled to -1, must be below minus this times
 # the sum of the moduli of its terms, far beyond the rounding errors of the sum.
@@ -103,13 +101,7 @@ def farkas_numbers(sides, y, z, s):
     z_box = np.empty(s.size)
     b, h, lb, ub, y, z, s = (np.ascontiguousarray(v, float) for v in (*sides, y, z, s))
     weigh(
-        cython.address(found), numbers(b), numbers(y), y.size, numbers(h), numbers(z),
-        z.size, numbers(lb), numbers(ub), numbers(s), numbers(z_box), s.size,
+        cython.address(found), data_of(b), data_of(y), y.size, data_of(h), data_of(z),
+        z.size, data_of(lb), data_of(ub), data_of(s), data_of(z_box), s.size,
     )  # fmt: skip
     return z_box, (found.value, found.moduli, found.lam)
-
-
-def numbers(array):
-    """Return where the entries of an array are."""
-    own: cnp.ndarray = array
-    return cython.cast(cython.p_double, cnp.PyArray_DATA(own))

@@ -2,8 +2,6 @@ from namlcp.qp.active.dense cimport DenseActiveSet
 from namlcp.qp.active.state cimport ActiveSet, Code
 
 cdef double INFINITE, LESS_RHO, MORE_RHO
-cdef enum:
-    NUMBERS = 7
 
 cdef bint are_allowed(ActiveSet m) noexcept nogil
 cdef bint is_faulty(ActiveSet m) noexcept nogil

@@ -8,7 +8,7 @@ from cython.cimports.namlcp.linalg.blas import (
     blas_times,
     blas_times_transposed,
 )
-from cython.cimports.namlcp.linalg.vectors import copy, fill
+from cython.cimports.namlcp.linalg.vectors import copy
 from cython.cimports.namlcp.qp.active.certificates import (
     prove_infeasible,
     prove_unbounded,
@@ -112,7 +112,10 @@ def proved(m, found):
     """Turn a candidate for a certificate into one; UNPROVED where it is none."""
     if found != CONTRADICTION and found != UNBOUNDED:
         return found
-    fill(cython.cast(cython.p_double, cython.address(m.found)), NAN, NUMBERS)
+    numbers = cython.address(m.found)
+    numbers.primal, numbers.dual, numbers.gap = NAN, NAN, NAN
+    numbers.primal_size, numbers.dual_size, numbers.gap_size = NAN, NAN, NAN
+    numbers.objective = NAN
     done = prove_infeasible(m) if found == CONTRADICTION else prove_unbounded(m)
     return found if done else UNPROVED
 

@@ -8,7 +8,7 @@ cpdef enum:
     FEW_ENTRIES = 10_000
     FULL = 30
 
-cdef object SOLVED, DUAL, OUTCOMES, clock
+cdef object SOLVED, DUAL, clock
 cdef double MOST_OPERATIONS, FEW_OPERATIONS
 
 cdef double now()
