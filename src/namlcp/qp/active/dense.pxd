@@ -30,10 +30,9 @@ cdef bint set_up(DenseActiveSet m) noexcept nogil
 cdef bint is_sound(DenseActiveSet m) noexcept nogil
 cdef double copy_cost(DenseActiveSet m, double slack) noexcept nogil
 cdef bint has_factor(DenseActiveSet m) noexcept nogil
-cdef bint has_good_factor(DenseActiveSet m) noexcept nogil
-cdef bint factor_plain(DenseActiveSet m) noexcept nogil
 cdef bint is_semidefinite(DenseActiveSet m) noexcept nogil
-cdef bint factor_pulled(DenseActiveSet m) noexcept nogil
+cdef bint factor_pulled(DenseActiveSet m, double pull) noexcept nogil
+cdef bint can_pull(DenseActiveSet m) noexcept nogil
 cdef bint factor_weighted(DenseActiveSet m) noexcept nogil
 cdef double reach_of(const double* row, const double* shape, Py_ssize_t n) noexcept nogil
 cdef double weight_of(DenseActiveSet m, Py_ssize_t k) noexcept nogil

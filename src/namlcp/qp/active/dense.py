@@ -20,7 +20,10 @@ from cython import Py_ssize_t, double, p_double
 from cython.cimports.libc.math import INFINITY, fabs, sqrt
 from cython.cimports.namlcp.linalg.blas import cholesky, invert_lower
 from cython.cimports.namlcp.linalg.dense import (
+    add_times_transposed,
+    backward_solve,
     factor_in_place,
+    forward_solve,
     invert_triangle,
     times_rows,
     times_triangle,
@@ -109,14 +112,10 @@ class DenseActiveSet(ActiveSet):
         self.set_row_products()
 
     def set_row_products(self):
-        n = self.n
-        fill(self.Gtz, 0.0, n)
-        fill(self.Aty, 0.0, n)
-        for i in range(self.m):
-            if self.z[i] != 0.0:
-                add_scaled(self.z[i], self.G + i * n, self.Gtz, n)
-        for i in range(self.p):
-            add_scaled(self.y[i], self.A + i * n, self.Aty, n)
+        fill(self.Gtz, 0.0, self.n)
+        fill(self.Aty, 0.0, self.n)
+        add_times_transposed(self.G, self.m, self.n, self.z, self.Gtz)
+        add_times_transposed(self.A, self.p, self.n, self.y, self.Aty)
 
     def times_cost(self, x, Px):
         times_rows(self.P, self.n, self.n, self.n, x, Px)
@@ -135,8 +134,8 @@ def set_up(m):
     """
     if m.p > MOST_EQUATIONS * (m.n + 2) or not is_sound(m):
         return False
-    m.pull, m.rho, m.skipped = 0.0, 0.0, 0
-    is_plain: cython.bint = m.wanted <= 0.0 and (factor_plain(m) or factor_pulled(m))
+    m.rho, m.skipped = 0.0, 0
+    is_plain: cython.bint = m.wanted <= 0.0 and (factor_pulled(m, 0.0) or can_pull(m))
     if not is_plain and (m.wanted == NO_WEIGHT or not factor_weighted(m)):
         return False
     forget_responses(m)
@@ -179,23 +178,6 @@ def has_factor(m):
     return factor_in_place(m.factor, m.n, 0.0) == 0
 
 
-def has_good_factor(m):
-    """Do as `has_factor`; False, too, where the pivots differ too much."""
-    if not has_factor(m):
-        return False
-    low, high = INFINITY, 0.0
-    for i in range(m.n):
-        root = m.factor[i * m.n + i]
-        low, high = min(low, root), max(high, root)
-    return high * high <= MOST_SPREAD * low * low
-
-
-def factor_plain(m):
-    """Factor P; False where that has no good factor."""
-    copy_cost(m, 0.0)
-    return has_good_factor(m)
-
-
 def is_semidefinite(m):
     """Tell whether P is positive semidefinite; overwrites m.factor."""
     n = m.n
@@ -210,22 +192,32 @@ def is_semidefinite(m):
     return has_factor(m)
 
 
-def factor_pulled(m):
-    """Factor P + A'WA, W_ii = m.pull / |a_i|^2; False where that has no good factor.
+def factor_pulled(m, pull):
+    """Factor P + A'WA, W_ii = pull / |a_i|^2; False where that has no good factor.
 
-    False, too, where P is not semidefinite: the equations may hide that.
+    It has none if the pivots differ too much.
     """
-    n = m.n
-    if m.p == 0 or not is_semidefinite(m) or m.largest == 0.0:
-        return False
-    m.pull = m.largest
+    n, m.pull = m.n, pull
     copy_cost(m, 0.0)
-    for k in range(m.p):
+    for k in range(m.p if pull > 0.0 else 0):
         row, weight = m.A + k * n, weight_of(m, k)
         for i in range(n):
             if row[i] != 0.0:
                 add_scaled(weight * row[i], row, m.factor + i * n, i + 1)
-    return has_good_factor(m)
+    if not has_factor(m):
+        return False
+    low, high = INFINITY, 0.0
+    for i in range(n):
+        root = m.factor[i * n + i]
+        low, high = min(low, root), max(high, root)
+    return high * high <= MOST_SPREAD * low * low
+
+
+def can_pull(m):
+    """Factor P + A'WA; False, too, where P is not semidefinite, which W may hide."""
+    if m.p == 0 or not is_semidefinite(m) or m.largest == 0.0:
+        return False
+    return factor_pulled(m, m.largest)
 
 
 def factor_weighted(m):
@@ -328,8 +320,7 @@ def finish_values(m, rhs, half, values):
     y = values + m.rows
     if p > 0:
         times_rows(m.equations, p, n, n, half, y)
-        for i in range(p):
-            y[i] -= rhs[n + i]
+        add_scaled(-1.0, rhs + n, y, p)
         times_triangle(m.schur, p, y, m.schur_work)
         times_triangle_transposed(m.schur, p, m.schur_work, y)
         for i in range(p):
@@ -341,14 +332,9 @@ def finish_values(m, rhs, half, values):
 
 def solve_with_factor(m, rhs, x):
     """Set x to the solution of P x = rhs by the factor L of P."""
-    n = m.n
-    for i in range(n):
-        row = m.factor + i * n
-        x[i] = (rhs[i] - dot(row, x, i)) / row[i]
-    for i in range(n - 1, -1, -1):
-        row = m.factor + i * n
-        x[i] /= row[i]
-        add_scaled(-x[i], row, x, i)
+    copy(rhs, x, m.n)
+    forward_solve(m.factor, m.n, x)
+    backward_solve(m.factor, m.n, x)
 
 
 def set_unit_load(m, row, rhs):

@@ -15,7 +15,5 @@ cdef Code verdict(ActiveSet m) noexcept nogil
 cdef void set_correction(ActiveSet m) noexcept nogil
 cdef void set_change(ActiveSet m) noexcept nogil
 cdef void take_change(ActiveSet m) noexcept nogil
-cdef void note_best(ActiveSet m) noexcept nogil
-cdef void exchange_best(ActiveSet m) noexcept nogil
 cdef Code judge(ActiveSet m, Code found) noexcept nogil
 cdef void set_contradiction(ActiveSet m) noexcept nogil

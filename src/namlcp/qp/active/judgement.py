@@ -8,7 +8,7 @@ alone.
 
 import cython
 from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf
-from cython.cimports.namlcp.linalg.vectors import copy, fill
+from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, fill
 from cython.cimports.namlcp.qp.active.rows import goal_of, subtract_active
 from cython.cimports.namlcp.qp.active.state import DONE, LATE, STUCK, SUMMED
 from cython.cimports.namlcp.qp.active.steps import keep
@@ -185,22 +185,8 @@ def set_change(m):
 
 def take_change(m):
     """Add m.change to s and m.work to mu."""
-    for i in range(m.length):
-        m.s[i] += m.change[i]
-    for i in range(m.k):
-        m.multiplier[i] += m.work[i]
-
-
-def note_best(m):
-    """Copy s and mu."""
-    copy(m.s, m.best, m.length)
-    copy(m.multiplier, m.best_multiplier, m.k)
-
-
-def exchange_best(m):
-    """Exchange s and mu with the copies of `note_best`."""
-    m.s, m.best = m.best, m.s
-    m.multiplier, m.best_multiplier = m.best_multiplier, m.multiplier
+    add_scaled(1.0, m.change, m.s, m.length)
+    add_scaled(1.0, m.work, m.multiplier, m.k)
 
 
 def judge(m, found):
@@ -216,10 +202,12 @@ def judge(m, found):
         if found == LATE:
             return LATE
         if not error < before:
-            exchange_best(m)
+            m.s, m.best = m.best, m.s
+            m.multiplier, m.best_multiplier = m.best_multiplier, m.multiplier
             error, passes = INFINITY, 0
         elif passes > 0 and error <= GAIN * before and not is_accurate(m, error):
-            note_best(m)
+            copy(m.s, m.best, m.length)
+            copy(m.multiplier, m.best_multiplier, m.k)
             set_correction(m)
             m.set_values(m.rhs, m.change)
             if not m.on_face:

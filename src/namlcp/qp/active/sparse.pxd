@@ -34,12 +34,11 @@ cdef enum:
 
 cdef Code solve_sparse(SparseActiveSet m) noexcept nogil
 cdef void solve_base(SparseActiveSet m, const double* rhs, double* u, Py_ssize_t passes) noexcept nogil
-cdef void set_rest(SparseActiveSet m, const double* rhs, const double* u, double* r) noexcept nogil
+cdef void subtract_product(SparseActiveSet m, Py_ssize_t order, const double* u, double* r) noexcept nogil
 cdef void times_rows(SparseActiveSet m, const double* x, double* Gx) noexcept nogil
 cdef void set_shifted(SparseActiveSet m, bint is_all) noexcept nogil
 cdef double least_pivot(SparseActiveSet m) noexcept nogil
 cdef double try_factors(SparseActiveSet m) noexcept nogil
-cdef void take_weight(SparseActiveSet m) noexcept nogil
 cdef void take_shape(SparseActiveSet m) noexcept nogil
 cdef void set_norms(SparseActiveSet m) noexcept nogil
 cdef double reach_of(SparseActiveSet m, const int* columns, const double* values, Py_ssize_t start, Py_ssize_t end) noexcept nogil

@@ -124,18 +124,11 @@ class SparseActiveSet:
         self.set_products(False)
 
     def times_cost(self, x, Px):
-        indptr, indices, base = self.indptr, self.indices, self.base
+        fill(Px, 0.0, self.n)
+        subtract_product(self, self.n, x, Px)
         for j in range(self.n):
-            last = indptr[j + 1] - 1
-            x_j = x[j]
-            total = base[last] * x_j
-            for t in range(indptr[j], last):
-                i = indices[t]
-                Px[i] += base[t] * x_j
-                total += base[t] * x[i]
-            Px[j] = total
-        if self.rho > 0.0:  # the triangle is that of P + W
-            for j in range(self.n):
+            Px[j] = -Px[j]
+            if self.rho > 0.0:  # the triangle is that of P + W
                 Px[j] -= self.weight[j] * x[j]
 
     def attach(self, P, G, A):
@@ -175,8 +168,10 @@ class SparseActiveSet:
         forget_responses(self)
 
     def weigh(self):
-        """Factor P + W with the W for rho."""
-        take_weight(self)
+        """Factor P + W, in the place of P, with the W for rho."""
+        for j in range(self.n):
+            self.weight[j] = self.rho * self.shape[j]
+            self.base[self.indptr[j + 1] - 1] = self.cost[j] + self.weight[j]
         self.is_ready = self.factor_and_try()
         forget_responses(self)
 
@@ -222,19 +217,19 @@ def solve_base(m, rhs, u, passes):
     """Set u = K^-1 rhs, with so many passes of refinement."""
     solve_factored(m.factors, rhs, u)
     for _ in range(passes):
-        set_rest(m, rhs, u, m.rest)
+        copy(rhs, m.rest, m.size)
+        subtract_product(m, m.size, u, m.rest)
         solve_factored(m.factors, m.rest, m.rest)
-        for j in range(m.size):
-            u[j] += m.rest[j]
+        add_scaled(1.0, m.rest, u, m.size)
 
 
-def set_rest(m, rhs, u, r):
-    """Set r = rhs - K u."""
+def subtract_product(m, order, u, r):
+    """Set r -= K u for the leading block of K of an order: n is P, or `size`."""
     indptr, indices, base = m.indptr, m.indices, m.base
-    for j in range(m.size):
+    for j in range(order):
         last = indptr[j + 1] - 1
         u_j = u[j]
-        total = rhs[j] - base[last] * u_j
+        total = r[j] - base[last] * u_j
         for t in range(indptr[j], last):
             i = indices[t]
             r[i] -= base[t] * u_j
@@ -295,7 +290,8 @@ def try_factors(m):
     while error > ACCURATE and passes < MOST_PASSES:
         solve_factored(m.factors, rest, other)
         add_scaled(1.0, u, other, m.size)
-        set_rest(m, rhs, other, rest)
+        copy(rhs, rest, m.size)
+        subtract_product(m, m.size, other, rest)
         new = 0.0
         for j in range(m.size):
             size = fabs(rest[j] * m.unit[j])
@@ -323,13 +319,6 @@ def take_shape(m):
         m.largest = max(m.largest, m.cost[j])
     set_shape(m)
     m.rho = INFINITY
-
-
-def take_weight(m):
-    """Set W for rho, and P + W in the place of P."""
-    for j in range(m.n):
-        m.weight[j] = m.rho * m.shape[j]
-        m.base[m.indptr[j + 1] - 1] = m.cost[j] + m.weight[j]
 
 
 def set_norms(m):

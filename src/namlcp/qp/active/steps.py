@@ -329,17 +329,15 @@ def sort_active(m):
 
 def factor_active(m):
     """Compute L from the responses; tell whether all rows are independent."""
-    coefficient = m.coefficient
-    for i in range(m.k):
-        w = response_of(m, m.active[i])
-        for j in range(i):
-            coefficient[j] = w[m.active[j]]
-        triangle_solve(m.triangle, i, coefficient)
-        rest = w[m.active[i]] - dot(coefficient, coefficient, i)
-        if not rest > 0.0:
-            return False
-        append_to_triangle(m.triangle, i, coefficient, sqrt(rest))
-    return True
+    count, m.k = m.k, 0
+    fine: cython.bint = True
+    while fine and m.k < count:
+        rest = rest_of(m, m.active[m.k])
+        append_to_triangle(m.triangle, m.k, m.coefficient, sqrt(rest))
+        fine = rest > 0.0
+        m.k += 1
+    m.k = count
+    return fine
 
 
 def finish(m):
