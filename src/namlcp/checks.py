@@ -12,7 +12,8 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from namlcp.compiled import kernel, part
+from namlcp.compiled import kernel
+from namlcp.entries import has_huge, is_bad
 from namlcp.limits import interruptible
 
 INFINITE = 0.999e20
@@ -320,48 +321,6 @@ def finite_square_matrix(name: str, value: Any, layout: str) -> Any:
     return C
 
 
-# The order of the sums is free ("reassoc"), so that they vectorise; NaN is kept.
-@kernel(fastmath={"reassoc"})
-def is_bad(values, infinite_allowed):
-    """Tell whether a NaN (or an infinite value unless allowed) is among the values."""
-    total = 0.0
-    if infinite_allowed:
-        for i in range(values.size):
-            total += 1.0 if values[i] != values[i] else 0.0
-    else:
-        for i in range(values.size):
-            total += 0.0 * values[i]
-    return not total == 0.0
-
-
-@part
-def has_bad_row(C):
-    """Tell whether a NaN or an infinite value is in a dense matrix."""
-    infinite_allowed = np.bool_(False)
-    for i in range(C.shape[0]):
-        if is_bad(C[i], infinite_allowed):
-            return True
-    return False
-
-
-@kernel
-def is_moderate(values):
-    """Tell in one pass whether all values are finite and below INFINITE in modulus."""
-    moderate = True
-    for i in range(values.size):
-        moderate &= abs(values[i]) < INFINITE
-    return moderate
-
-
-@kernel
-def has_huge_bound(bounds):
-    """Tell whether a bound is finite, but beyond INFINITE."""
-    for i in range(bounds.size):
-        if abs(bounds[i]) >= INFINITE and not np.isinf(bounds[i]):
-            return True
-    return False
-
-
 def refuse_number(name: str, values: np.ndarray, infinite_allowed: bool) -> None:
     """Raise a ValueError that says where the first NaN or forbidden infinity is."""
     flat = values.ravel()
@@ -378,7 +337,7 @@ def without_huge(bounds: np.ndarray, sign: float) -> np.ndarray:
     sign is +1 for upper bounds and -1 for lower ones. Huge bounds of the opposite sign
     stay: x <= -1e21 is a constraint.
     """
-    if has_huge_bound(bounds):
+    if has_huge(bounds, INFINITE):
         return np.where(sign * bounds >= INFINITE, sign * np.inf, bounds)
     return bounds
 

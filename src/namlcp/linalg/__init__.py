@@ -38,5 +38,5 @@ from namlcp.linalg.factors import (
 )
 from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.ordering import supernodes
-from namlcp.linalg.symmetry import asymmetry, dense_asymmetry, sparse_asymmetry
+from namlcp.linalg.symmetry import asymmetry
 from namlcp.linalg.threads import blas_threads

@@ -10,9 +10,6 @@ from namlcp.checks import (
     INFINITE,
     as_sparse,
     constant,
-    has_bad_row,
-    has_huge_bound,
-    is_bad,
     matrix,
     refuse_number,
     sparse_matrix,
@@ -20,9 +17,9 @@ from namlcp.checks import (
     vector,
     without_huge,
 )
-from namlcp.compiled import kernel
+from namlcp.entries import has_huge, is_bad
 from namlcp.limits import interruptible
-from namlcp.linalg import as_dense, dense_asymmetry, sparse_asymmetry
+from namlcp.linalg import as_dense, asymmetry
 from namlcp.linalg.stamp import stamp_of_arrays
 
 
@@ -102,39 +99,6 @@ class QP(NamedTuple):
     def has_matrices_of(self, other: "QP") -> bool:
         """Tell whether P, G and A are the very same objects."""
         return self.P is other.P and self.G is other.G and self.A is other.A
-
-
-@kernel
-def dense_faults(P, q, G, h, A, b, lb, ub):
-    """Return (is a number bad?, max |P - P'|, max |P|, is a bound or h_i huge?).
-
-    Bad is NaN, or infinite in P, q, G, A or b; huge is finite but beyond INFINITE. This
-    is one compiled call, because a dozen NumPy calls cost more than a small QP.
-    """
-    allowed = np.bool_(True)  # not a literal, which would compile is_bad once more
-    bad = has_bad_row(P) or has_bad_row(G) or has_bad_row(A)
-    bad = bad or is_bad(q, not allowed) or is_bad(b, not allowed)
-    bad = bad or is_bad(h, allowed) or is_bad(lb, allowed) or is_bad(ub, allowed)
-    gap, size = dense_asymmetry(P)
-    huge = has_huge_bound(h) or has_huge_bound(lb) or has_huge_bound(ub)
-    return bad, gap, size, huge
-
-
-@kernel
-def sparse_faults(P, finite, bounds):
-    """Return what `dense_faults` does for P = (indptr, indices, data) in CSC.
-
-    finite = (entries of G, of A, q, b), bounds = (h, lb, ub).
-    """
-    allowed = np.bool_(True)
-    bad, huge = is_bad(P[2], not allowed), False
-    for values in finite:
-        bad = bad or is_bad(values, not allowed)
-    for values in bounds:
-        bad = bad or is_bad(values, allowed)
-        huge = huge or has_huge_bound(values)
-    gap, size = sparse_asymmetry(P[0], P[1], P[2])
-    return bad, gap, size, huge
 
 
 def stamp_of(qp: QP) -> int:
@@ -250,12 +214,12 @@ def checked(qp: QP) -> QP:
     Raises ValueError for a NaN, an infinite entry or a P that is not symmetric.
     Contradictions (lb > ub, h = -inf) pass: such a QP is infeasible, not malformed.
     """
-    if qp.is_dense:
-        bad, gap, size, huge = dense_faults(*qp)
-    else:
-        P, q, G, h, A, b, lb, ub = qp
-        parts = (P.indptr, P.indices, P.data), (G.data, A.data, q, b), (h, lb, ub)
-        bad, gap, size, huge = sparse_faults(*parts)
+    P, q, G, h, A, b, lb, ub = qp
+    matrices = (M.reshape(-1) if qp.is_dense else M.data for M in (P, G, A))
+    bad = any(is_bad(v, False) for v in (*matrices, q, b))
+    bad = bad or any(is_bad(v, True) for v in (h, lb, ub))
+    huge = any(has_huge(v, INFINITE) for v in (h, lb, ub))
+    gap, size = asymmetry(P)
     if bad:
         refuse_numbers(qp)
     if gap > 0.0:

@@ -360,6 +360,8 @@ def solve_items(
             cython.cast(cython.pointer(Numbers), out[4])[i] = m.found
             if m.interrupted:
                 break
+    m.is_ready = m.is_ready and m.wanted == wanted  # for the items of the next call
+    m.wanted = wanted
     if m.interrupted:
         error, m.error = m.error, None
         raise error

@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_array, issparse
 
-from namlcp.checks import as_sparse, from_arrays, is_moderate, matrix
+from namlcp.checks import INFINITE, as_sparse, from_arrays, matrix
+from namlcp.entries import is_moderate
 from namlcp.linalg import as_dense
 from namlcp.qp.memory import are_equal, is_same
 
@@ -50,7 +51,7 @@ def revalued(value: Any, kept: Any) -> Any:
     if data.dtype != np.float64 or data.shape != kept.data.shape:
         return None
     data = data.copy()
-    if not is_moderate(data):
+    if not is_moderate(data, INFINITE):
         return None
     return from_arrays((kept.indptr, kept.indices, data), kept.shape)
 
