@@ -36,9 +36,10 @@ def test_sparse_asymmetry_against_the_transpose(seed):
 
 def complaint(data):
     """Return what is wrong with the data of a QP, without the place of an entry."""
-    with pytest.raises(ValueError) as error:  # noqa: PT011
-        qp_data(**data)
-    return str(error.value).split(" at ")[0]
+    try:
+        return [float(v.sum()) for v in qp_data(**data)]
+    except ValueError as error:
+        return str(error).split(" at ")[0]
 
 
 @pytest.mark.parametrize("name", ["", *"PqGhAb", "lb", "ub"])

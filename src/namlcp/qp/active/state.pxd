@@ -139,3 +139,4 @@ cdef void lay_out_rows(ActiveSet m) noexcept nogil
 cdef int make_room(ActiveSet m) except -1
 cdef void begin_watch(ActiveSet m, double until) noexcept nogil
 cdef bint is_over(ActiveSet m, double operations) noexcept nogil
+cdef void look_at_clock(ActiveSet m) noexcept nogil

@@ -118,17 +118,23 @@ def begin_watch(m, until):
 
 
 def is_over(m, operations):
-    """Count operations; tell whether to stop: time is over, or Ctrl-C came.
-
-    The call of `now` raises what the handler of a signal does, or another thread.
-    """
+    """Count operations; tell whether to stop: time is over, or Ctrl-C came."""
     m.since += operations
     if m.since >= OFTEN and not m.over:
-        m.since = 0.0
-        with cython.gil:
-            try:
-                m.over = now() >= m.until
-            except BaseException as error:
-                m.over = m.interrupted = True
-                m.error = error
+        look_at_clock(m)
     return m.over
+
+
+def look_at_clock(m):
+    """Set whether to stop.
+
+    The call of `now` raises what the handler of a signal does, or another thread. Apart
+    from `is_over`, as a function with a block like this takes the GIL whenever it ends.
+    """
+    m.since = 0.0
+    with cython.gil:
+        try:
+            m.over = now() >= m.until
+        except BaseException as error:
+            m.over = m.interrupted = True
+            m.error = error
