@@ -22,10 +22,6 @@ from namlcp.progress import Report
 OFTEN = 4_000_000
 """Operations of compiled code between two checks of the deadline: some milliseconds."""
 
-SPEED, UNCHECKED_TIME = 5e8, 0.2
-"""Least speed of compiled code [operations/s], and a time [s]. A kernel that ends at
-this speed within min(time left, UNCHECKED_TIME) does not check the deadline."""
-
 WATCH_SIZE = 3
 """Numbers of the state of `is_over`."""
 
@@ -75,21 +71,11 @@ class Deadline:
             errors.append(error)
         yield True
 
-    def leaves_time_for(self, work: float) -> bool:
-        """Tell whether a kernel of so many operations needs not check the deadline."""
-        time_left = UNCHECKED_TIME
-        if self.at < math.inf:
-            time_left = min(self.at - time.perf_counter(), UNCHECKED_TIME)
-        return work <= SPEED * time_left
-
-    def run(self, kernel: Callable[..., Any], work: float, *arguments: Any) -> Any:
+    def run(self, kernel: Callable[..., Any], *arguments: Any) -> Any:
         """Return kernel(*arguments, address) of a compiled function.
 
-        The kernel does at most `work` operations and gives `address` to `begin_watch`;
-        `address` is 0 where `work` is so little that no check is needed.
+        The kernel gives `address` to `begin_watch`.
         """
-        if self.leaves_time_for(work):
-            return kernel(*arguments, 0)
         errors: list[BaseException] = []
         answers = self.answers(errors)
         next(answers)

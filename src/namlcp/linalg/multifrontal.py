@@ -43,8 +43,8 @@ class Multifrontal:
     def refactor(self, data: np.ndarray) -> None:
         """Factor the matrix with these values."""
         if not NEVER.run(  # to see Ctrl-C
-            factorise, np.inf, self.nodes, data, self.L, self.D, self.places,
-            self.stack, self.front, self.work,
+            factorise, self.nodes, data, self.L, self.D, self.places, self.stack,
+            self.front, self.work,
         ):  # fmt: skip
             raise ValueError("a pivot vanishes")
 
