@@ -26,4 +26,5 @@ cdef class Outcome:
 
 cdef object NOTHING, EMPTY
 
+cdef object residuals_of(Numbers numbers)
 cdef object new_outcome(object kind)

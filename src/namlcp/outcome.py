@@ -27,24 +27,12 @@ class Outcome:
         self.message, self.history, self.closest = message, history, closest
         self.setup_time, self.solve_time = setup_time, solve_time
         self.problem, self.factors, self.stamp = problem, factors, stamp
-        numbers = self.numbers
-        numbers.primal, numbers.dual, numbers.gap = residuals[:3]
-        numbers.primal_size, numbers.dual_size, numbers.gap_size = residuals[3:6]
-        numbers.objective = residuals[6]
-        self.numbers = numbers
+        self.numbers = residuals._asdict()
 
     @property
     def residuals(self):
         """The `Residuals`, on the user's unscaled data."""
-        return Residuals(
-            self.numbers.primal,
-            self.numbers.dual,
-            self.numbers.gap,
-            self.numbers.primal_size,
-            self.numbers.dual_size,
-            self.numbers.gap_size,
-            self.numbers.objective,
-        )
+        return residuals_of(self.numbers)
 
     def replaced(self, **changes):
         """Return a copy in which some attributes are others."""
@@ -64,6 +52,14 @@ class Outcome:
 def remade(kind, state):
     """Return a result that was pickled."""
     return kind(**state)
+
+
+def residuals_of(numbers):
+    """Return the `Residuals` of these numbers."""
+    return Residuals(
+        numbers.primal, numbers.dual, numbers.gap, numbers.primal_size,
+        numbers.dual_size, numbers.gap_size, numbers.objective,
+    )  # fmt: skip
 
 
 def new_outcome(kind):

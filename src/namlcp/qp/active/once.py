@@ -16,7 +16,7 @@ from namlcp.qp.answer import Answer, proved
 from namlcp.qp.certificates import accept_dual, accept_primal
 from namlcp.qp.guess import NO_GUESS, Guess
 from namlcp.qp.problem import QP, Point
-from namlcp.residuals import Residuals, qp_residuals
+from namlcp.residuals import qp_residuals
 from namlcp.settings import Settings
 from namlcp.status import Status
 
@@ -50,7 +50,7 @@ def answer_of(m: ActiveSet, qp: QP, limits: Limits) -> Answer | None:
     x, y, z, z_box = m.point
     if m.code in (Code.DONE, Code.SUMMED, Code.LATE):
         point = Point(x, y, z, z_box)
-        residuals = Residuals(*solve.residuals_of(m))
+        residuals = solve.residuals_found(m)
         if m.code != Code.DONE:
             residuals = qp_residuals(*qp, *point)
         status = Status.TIME_LIMIT if m.code == Code.LATE else Status.SOLVED

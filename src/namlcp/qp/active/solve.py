@@ -16,7 +16,7 @@ from cython.cimports.libc.math import INFINITY, fabs
 from cython.cimports.namlcp.linalg.arrays import data_of, fits, new_vector
 from cython.cimports.namlcp.linalg.stamp import add_stamp
 from cython.cimports.namlcp.linalg.vectors import copy, fill
-from cython.cimports.namlcp.outcome import Numbers, Outcome, new_outcome
+from cython.cimports.namlcp.outcome import Numbers, Outcome, new_outcome, residuals_of
 from cython.cimports.namlcp.qp.active.dense import DenseActiveSet
 from cython.cimports.namlcp.qp.active.null import NullSpace, solve_next
 from cython.cimports.namlcp.qp.active.rows import (
@@ -412,10 +412,6 @@ def stamp_of(m):
     return add_stamp(m.ub, n, total)
 
 
-def residuals_of(m: ActiveSet):
-    """Return the numbers of `Residuals` of the point."""
-    found = m.found
-    return (
-        found.primal, found.dual, found.gap, found.primal_size, found.dual_size,
-        found.gap_size, found.objective,
-    )  # fmt: skip
+def residuals_found(m: ActiveSet):
+    """Return the `Residuals` of the point."""
+    return residuals_of(m.found)
