@@ -21,7 +21,7 @@ cdef class DenseActiveSet(ActiveSet):
         bint is_inverted, is_large
 
 
-cdef double MOST_SPREAD, ROUNDING_UNIT, DEPENDENT_EQUATION, FIXED
+cdef double PSD_SLACK, MOST_SPREAD, ROUNDING_UNIT, DEPENDENT_EQUATION, FIXED
 cdef enum:
     MOST_EQUATIONS = 2
     LARGE = 5000

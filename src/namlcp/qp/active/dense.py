@@ -45,13 +45,15 @@ from cython.cimports.namlcp.qp.active.rows import (
 from cython.cimports.namlcp.qp.active.state import lay_out_rows, reals
 from cython.cimports.namlcp.qp.active.weight import NO_WEIGHT, set_shape, wanted_rho
 
+from namlcp.linalg import definite
+
 # Ratio of the largest to the smallest pivot of P from which on products with V are too
 # inaccurate; for P + W, the ratio of a diagonal entry to its pivot.
 MOST_SPREAD = 1e9
 # Added to the diagonal of P, relative to its largest entry, in the test whether P is
 # semidefinite, and the slack of each entry there.
 ROUNDING_UNIT = 1e-15
-PSD_SLACK = cython.declare(double, 1e-6)
+PSD_SLACK = definite.PSD_SLACK
 # Pivot of S over its diagonal entry up to which an equation depends on others.
 DEPENDENT_EQUATION = 1e-11
 # Curvature of a row of norm 1, over the largest entry of P^-1, up to which the

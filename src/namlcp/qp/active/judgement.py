@@ -13,6 +13,8 @@ from cython.cimports.namlcp.qp.active.rows import goal_of, subtract_active
 from cython.cimports.namlcp.qp.active.state import DONE, LATE, STUCK, SUMMED
 from cython.cimports.namlcp.qp.active.steps import keep
 
+from namlcp.linalg import columns
+
 # Nothing is refined where residuals over the moduli of their terms are at most
 # ACCURATE, and the residuals themselves at most RESERVE times the absolute tolerance;
 # or no more than their own rounding error, which is ROUNDING over these moduli, and at
@@ -21,7 +23,7 @@ ACCURATE, RESERVE, ROUNDING = 1e-12, 0.05, 4e-15
 # The factor by which each of the PASSES of refinement has to lower the error.
 GAIN = 0.5
 # In place of 0 where a size is divided by.
-LEAST_DIVISOR = 1e-300
+LEAST_DIVISOR = columns.LEAST_DIVISOR
 
 
 def set_point(m):

@@ -9,12 +9,12 @@ import cython
 from cython.cimports.libc.math import INFINITY
 from cython.cimports.libc.stdlib import free, malloc
 
+from namlcp import limits
 from namlcp.limits import now
 
 # Most numbers that all responses may take: 64 MB. There are no more active rows.
 MOST_NUMBERS = 8_000_000
-# Operations between two looks at the clock: some milliseconds.
-OFTEN = 4e6
+OFTEN = limits.OFTEN
 
 
 class ActiveSet:

@@ -1,11 +1,11 @@
 from namlcp.qp.active.state cimport ActiveSet, Code
 
 cdef double DEPENDENT, DEPENDENT_HINT, VIOLATION_ROUNDING, NOISE, MOST_ROUNDING
+cdef Py_ssize_t USUAL
 cdef double ROUND_ROUNDING, MOST_ROUND_ROUNDING
 
 cdef enum:
     MOST_PIVOTS = 10
-    USUAL = 1000
     GROWN = 3
     MOST_SORTED = 64
     MOST_AGE = 50

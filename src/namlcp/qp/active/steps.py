@@ -47,6 +47,9 @@ from cython.cimports.namlcp.qp.active.state import (
     is_over,
 )
 
+from namlcp.options import DEFAULT_OPTIONS
+
+USUAL = DEFAULT_OPTIONS.max_iter
 # A row depends on the active ones if the squared length of its part orthogonal to them,
 # in the metric of the responses, over its own is at most DEPENDENT; for rows of a hint,
 # which need not be right, DEPENDENT_HINT.
