@@ -101,6 +101,13 @@ def add_four(fa, a, fb, b, fc, c, fd, d, out, n):
         add_scaled(factor, one, out, n)
 
 
+def subtract_four(lower, u, stride, count):
+    for k in range(count):
+        for j in range(4):
+            row = u + j * stride
+            add_scaled(-row[k], row, lower + k * stride, k + 1)
+
+
 def copy(a, out, n):
     out.part(n)[:] = a.part(n).copy()
 
@@ -145,7 +152,8 @@ GIVEN = {
     "libc.stdlib": SimpleNamespace(malloc=lambda size: object(), free=lambda place: 0),
     "namlcp.linalg.vectors": SimpleNamespace(
         dot=dot, four_dots=four_dots, add_scaled=add_scaled, add_four=add_four,
-        copy=copy, fill=fill, largest_entry=largest_entry,
+        subtract_four=subtract_four, copy=copy, fill=fill, hash_of=None,
+        largest_entry=largest_entry,
     ),
     "namlcp.linalg.arrays": SimpleNamespace(data_of=None),
     "namlcp.linalg.blas": SimpleNamespace(

@@ -15,6 +15,7 @@ from cython.cimports.namlcp.linalg.vectors import (
     dot,
     fill,
     four_dots,
+    subtract_four,
 )
 
 # The diagonal entry of L for a row that depends on those before it.
@@ -24,22 +25,32 @@ HUGE = 1e100
 def factor_in_place(L, n, least):
     """Overwrite the lower triangle of a matrix S by its Cholesky factor L.
 
-    A row whose pivot is at most `least` times its diagonal entry depends on those
-    before it, and becomes (0, ..., 0, HUGE). Returns how many rows do.
+    The upper triangle is overwritten, too. A row whose pivot is at most `least` times
+    its diagonal entry depends on those before it, and becomes (0, ..., 0, HUGE).
+    Returns how many rows do.
     """
     dependent: Py_ssize_t = 0
-    for i in range(n):
-        row = L + i * n
-        for j in range(i):
-            other = L + j * n
-            row[j] = (row[j] - dot(other, row, j)) / other[j]
-        pivot = row[i] - dot(row, row, i)
-        if pivot > least * row[i]:
-            row[i] = sqrt(pivot)
-        else:
-            dependent += 1
-            fill(row, 0.0, i)
-            row[i] = HUGE
+    for first in range(0, n, 4):
+        end = min(first + 4, n)
+        for i in range(first, end):  # row i of L' comes above the diagonal of row i
+            row = L + i * n
+            for k in range(i + 1, n):
+                row[k] = L[k * n + i]
+            for j in range(first, i):
+                add_scaled(-L[j * n + i], L + j * n + i, row + i, n - i)
+            pivot = row[i]
+            if pivot > least * (pivot + dot(row, row, i)):
+                row[i] = sqrt(pivot)
+                for k in range(i + 1, n):
+                    row[k] /= row[i]
+            else:
+                dependent += 1
+                fill(row, 0.0, n)
+                row[i] = HUGE
+            for k in range(i + 1, n):
+                L[k * n + i] = row[k]
+        if end < n:
+            subtract_four(L + end * n + end, L + first * n + end, n, n - end)
     return dependent
 
 
@@ -48,14 +59,23 @@ def invert_triangle(L, n):
     for i in range(n):
         row = L + i * n
         pivot = 1.0 / row[i]
-        for j in range(i):
-            factor = row[j]
-            row[j] = 0.0
-            add_scaled(factor, L + j * n, row, j + 1)
+        fill(row + i + 1, 0.0, n - i - 1)
+        j: Py_ssize_t = 0
+        while j + 4 <= i:
+            a, b, c, d = row[j], row[j + 1], row[j + 2], row[j + 3]
+            above = L + j * n
+            fill(row + j, 0.0, 4)
+            add_four(
+                a, above, b, above + n, c, above + 2 * n, d, above + 3 * n, row, j + 4
+            )
+            j += 4
+        while j < i:
+            a, row[j] = row[j], 0.0
+            add_scaled(a, L + j * n, row, j + 1)
+            j += 1
         for j in range(i):
             row[j] *= -pivot
         row[i] = pivot
-        fill(row + i + 1, 0.0, n - i - 1)
 
 
 def forward_solve(L, n, b):

@@ -92,3 +92,30 @@ HOT void add_four(double fa, const double *RESTRICT a, double fb, const double *
     for (ptrdiff_t i = 0; i < n; i++)
         out[i] += (fa * a[i] + fb * b[i]) + (fc * c[i] + fd * d[i]);
 }
+
+/* Subtract from the rows k > 0 of a lower triangle, up to their diagonals, the sum of
+   four products u_k u, for four rows u of a factor; `stride` lies between two rows. */
+HOT void subtract_four(double *RESTRICT lower, const double *RESTRICT u, ptrdiff_t stride,
+                       ptrdiff_t count) {
+    const double *a = u, *b = u + stride, *c = b + stride, *d = c + stride;
+    for (ptrdiff_t k = 0; k < count; k++) {
+        double *RESTRICT row = lower + k * stride;
+        double fa = a[k], fb = b[k], fc = c[k], fd = d[k];
+        for (ptrdiff_t i = 0; i <= k; i++)
+            row[i] -= (fa * a[i] + fb * b[i]) + (fc * c[i] + fd * d[i]);
+    }
+}
+
+/* A hash of the bits and places of numbers, added to `total` (mod 2^64): the products of
+   the halves of each, mixed, as in XXH3 (Collet, 2019). Vectors of numbers have these. */
+HOT unsigned long long hash_of(const double *values, ptrdiff_t n, unsigned long long total) {
+    const unsigned long long *bits = (const unsigned long long *)values;
+    unsigned long long key = 0x9E3779B97F4A7C15ull;
+    for (ptrdiff_t i = 0; i < n; i++) {
+        unsigned long long v = bits[i] ^ key;
+        v ^= v >> 29;
+        total += bits[i] + (v & 0xFFFFFFFFull) * (v >> 32);
+        key += 0x9E3779B97F4A7C15ull;
+    }
+    return total;
+}

@@ -12,6 +12,12 @@ cdef extern from "vectors.h" nogil:
         double fc, const double* c, double fd, const double* d,
         double* out, Py_ssize_t n
     ) noexcept
+    void subtract_four(
+        double* lower, const double* u, Py_ssize_t stride, Py_ssize_t count
+    ) noexcept
+    unsigned long long hash_of(
+        const double* values, Py_ssize_t n, unsigned long long total
+    ) noexcept
 
 
 cdef inline void copy(const double* a, double* out, Py_ssize_t n) noexcept nogil:

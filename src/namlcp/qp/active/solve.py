@@ -14,8 +14,7 @@ from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import INFINITY, fabs
 from cython.cimports.namlcp.linalg.arrays import data_of, fits, new_vector
-from cython.cimports.namlcp.linalg.stamp import add_stamp
-from cython.cimports.namlcp.linalg.vectors import copy, fill
+from cython.cimports.namlcp.linalg.vectors import copy, fill, hash_of
 from cython.cimports.namlcp.outcome import Numbers, Outcome, new_outcome, residuals_of
 from cython.cimports.namlcp.qp.active.dense import DenseActiveSet
 from cython.cimports.namlcp.qp.active.null import NullSpace, solve_next
@@ -402,14 +401,14 @@ def factors_of(m: DenseActiveSet):
 def stamp_of(m):
     """Return a hash of all numbers of the QP at hand."""
     n, total = m.n, cython.cast(cython.ulonglong, 0)
-    total = add_stamp(m.P, n * n, total)
-    total = add_stamp(m.G, m.m * n, total)
-    total = add_stamp(m.A, m.p * n, total)
-    total = add_stamp(m.q, n, total)
-    total = add_stamp(m.h, m.m, total)
-    total = add_stamp(m.b, m.p, total)
-    total = add_stamp(m.lb, n, total)
-    return add_stamp(m.ub, n, total)
+    total = hash_of(m.P, n * n, total)
+    total = hash_of(m.G, m.m * n, total)
+    total = hash_of(m.A, m.p * n, total)
+    total = hash_of(m.q, n, total)
+    total = hash_of(m.h, m.m, total)
+    total = hash_of(m.b, m.p, total)
+    total = hash_of(m.lb, n, total)
+    return hash_of(m.ub, n, total)
 
 
 def residuals_found(m: ActiveSet):

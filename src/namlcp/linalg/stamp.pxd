@@ -1,1 +1,0 @@
-cdef unsigned long long add_stamp(const double* values, Py_ssize_t count, unsigned long long total) noexcept nogil
