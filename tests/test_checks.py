@@ -102,7 +102,7 @@ def test_any_order_of_entries_becomes_canonical(case, kind, layout):
     np.testing.assert_array_equal(C.indices, before[1])
     major, minor = exact.shape if layout == "csr" else exact.shape[::-1]
     order = checks.index_order(clean.indptr, clean.indices, major, minor)
-    assert order == checks.CANONICAL
+    assert order == checks.Order.CANONICAL
     assert checks.has_clean_arrays(clean)
     assert clean.indices.dtype == clean.indptr.dtype == np.int32
     assert clean.format == layout

@@ -8,7 +8,7 @@ import scipy.sparse as sp
 from qpsolvers import Problem, Solution
 
 from namlcp import Residuals, natural_residual, qp_residuals
-from namlcp.residuals import signed_gap
+from namlcp.measure import signed_gap
 
 
 @pytest.mark.parametrize("seed", range(10))

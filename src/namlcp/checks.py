@@ -12,8 +12,14 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from namlcp.compiled import kernel
-from namlcp.entries import has_huge, is_bad
+from namlcp.entries import (
+    Order,
+    compressed,
+    has_huge,
+    index_order,
+    is_bad,
+    transposed,
+)
 from namlcp.limits import interruptible
 
 INFINITE = 0.999e20
@@ -116,58 +122,41 @@ def finite_matrix(name: str, value: Any, other: str, shape: tuple[int, ...]) -> 
     return C
 
 
-CORRUPT, UNSORTED, CANONICAL = 0, 1, 2  # what `index_order` returns
-
-
-@kernel
-def index_order(indptr, indices, major, minor):
-    """Return CORRUPT, UNSORTED or CANONICAL for compressed sparse indices.
-
-    `major` is the number of rows for CSR, of columns for CSC; `minor` is the other one.
-    CORRUPT ones are out of range, which no kernel checks later. CANONICAL ones ascend
-    in every row (column), so that there are no duplicates.
-    """
-    if indptr.size != major + 1 or indptr[0] != 0 or indptr[major] > indices.size:
-        return CORRUPT
-    for j in range(major):
-        if indptr[j + 1] < indptr[j]:
-            return CORRUPT
-    order = CANONICAL
-    for j in range(major):
-        before = -1
-        for t in range(indptr[j], indptr[j + 1]):
-            i = indices[t]
-            if i < 0 or i >= minor:
-                return CORRUPT
-            if i <= before:
-                order = UNSORTED
-            before = i
-    return order
-
-
 def checked_order(name: str, C: Any) -> int:
-    """Return the `index_order` of a sparse matrix, UNSORTED for other formats.
+    """Return the `index_order` of a sparse matrix, `Order.UNSORTED` for other formats.
 
     Raises a ValueError if it is corrupt, which SciPy does not check.
     """
-    order = UNSORTED
+    order = Order.UNSORTED
     if C.format == "coo":
         sides = zip(C.coords, C.shape, strict=True)
         if not all(0 <= k.min() <= k.max() < n for k, n in sides if k.size):
-            order = CORRUPT
+            order = Order.CORRUPT
     elif C.format in ("csr", "csc", "bsr") and C.ndim == 2:
         major, minor = C.shape if C.format != "csc" else C.shape[::-1]
         size = C.data.shape[0]
         if C.format == "bsr":
             major, minor = major // C.blocksize[0], minor // C.blocksize[1]
         indices = C.indices if C.indices.size == size else C.indices[:size]
-        order = index_order(C.indptr, indices, major, minor)
-    if order == CORRUPT:
+        indptr, indices = narrow(C.indptr), narrow(indices)
+        order = Order.CORRUPT
+        if indptr is not None and indices is not None:
+            order = index_order(indptr, indices, major, minor)
+    if order == Order.CORRUPT:
         raise ValueError(
             f"{name} must have indices within its shape {C.shape}, got others "
             "(a corrupt sparse matrix)"
         )
     return order
+
+
+def narrow(indices: np.ndarray) -> np.ndarray | None:
+    """Return indices as contiguous int32, None if one does not fit."""
+    if indices.dtype == INDEX:
+        return np.ascontiguousarray(indices)
+    with np.errstate(invalid="ignore"):
+        found = indices.astype(INDEX)
+    return found if (found == indices).all() else None
 
 
 def has_clean_arrays(value: Any) -> bool:
@@ -197,7 +186,7 @@ def sparse_matrix(name: str, value: Any, layout: str) -> Any:
     """Return `value` as a canonical sparse array or matrix of float64."""
     order = checked_order(name, value)
     if value.ndim == 2 and value.format in ("csr", "csc") and has_clean_arrays(value):
-        if value.format == layout and order == CANONICAL:
+        if value.format == layout and order == Order.CANONICAL:
             return value  # SciPy takes 13 us to make another
         refuse_size(name, value.data.size)
         found = rearranged(value, layout)
@@ -207,7 +196,7 @@ def sparse_matrix(name: str, value: Any, layout: str) -> Any:
         raise TypeError(f"{name} must hold real numbers, got dtype {value.dtype}")
     if value.ndim == 1:
         value = value.reshape(1, -1)
-    if value.format == layout and order == CANONICAL:
+    if value.format == layout and order == Order.CANONICAL:
         nnz = value.indptr[-1]
         data, indices, indptr = value.data[:nnz], value.indices[:nnz], value.indptr
     else:
@@ -233,7 +222,7 @@ def rearranged(value: Any, layout: str) -> Any:
     if value.format == layout:
         parts = transposed(*parts, major)
         wanted = major, minor
-    if index_order(parts[0], parts[1], *wanted) != CANONICAL:
+    if index_order(parts[0], parts[1], *wanted) != Order.CANONICAL:
         return None
     wrap = sp.csr_array if layout == "csr" else sp.csc_array
     return from_arrays(parts, value.shape, wrap)
@@ -259,26 +248,6 @@ def from_arrays(
     M.indptr, M.indices, M.data = parts
     M._shape = shape
     return M
-
-
-@kernel
-def transposed(indptr, indices, data, rows):
-    """Return the CSR arrays of a CSC matrix."""
-    turned = np.zeros(rows + 1, dtype=np.int32)
-    for i in indices:
-        turned[i + 1] += 1
-    for i in range(rows):
-        turned[i + 1] += turned[i]
-    place = turned[:-1].copy()
-    columns = np.empty_like(indices)
-    values = np.empty_like(data)
-    for j in range(indptr.size - 1):
-        for t in range(indptr[j], indptr[j + 1]):
-            k = place[indices[t]]
-            columns[k] = j
-            values[k] = data[t]
-            place[indices[t]] += 1
-    return turned, columns, values
 
 
 @functools.lru_cache(maxsize=16)
@@ -350,29 +319,6 @@ def as_sparse(C: Any) -> Any:
     if C.shape[0] == 0:
         return no_rows(C.shape[1])
     return from_arrays(compressed(C), C.shape)
-
-
-@kernel
-def compressed(C):
-    """Return the CSC arrays (indptr, indices, data) of a dense matrix."""
-    rows, columns = C.shape
-    indptr = np.zeros(columns + 1, dtype=np.int32)
-    for i in range(rows):
-        for j in range(columns):
-            if C[i, j] != 0.0:
-                indptr[j + 1] += 1
-    for j in range(columns):
-        indptr[j + 1] += indptr[j]
-    place = indptr[:columns].copy()
-    data = np.empty(indptr[columns])
-    indices = np.empty(indptr[columns], dtype=np.int32)
-    for i in range(rows):
-        for j in range(columns):
-            if C[i, j] != 0.0:
-                data[place[j]] = C[i, j]
-                indices[place[j]] = i
-                place[j] += 1
-    return indptr, indices, data
 
 
 def constant(n: int, value: float) -> np.ndarray:

@@ -71,3 +71,82 @@ def sparse_asymmetry(indptr, indices, data):
             if indices[s] < j:
                 gap = max(gap, fabs(data[s]))
     return gap, size
+
+
+# ---- compressed sparse matrices: CSC, or CSR with rows for columns
+
+
+def index_order(indptr, indices, major, minor):
+    """Return the `Order` of `major` columns of indices below `minor`.
+
+    CORRUPT ones are out of range, which no loop checks later. CANONICAL ones ascend in
+    every column, so that there are no duplicates.
+    """
+    order = CANONICAL
+    if indptr.shape[0] != major + 1 or indptr[0] != 0:
+        return CORRUPT
+    for j in range(major):
+        if indptr[j + 1] < indptr[j]:
+            return CORRUPT
+    if indptr[major] > indices.shape[0]:
+        return CORRUPT
+    for j in range(major):
+        before = -1
+        for t in range(indptr[j], indptr[j + 1]):
+            i = indices[t]
+            if i < 0 or i >= minor:
+                return CORRUPT
+            if i <= before:
+                order = UNSORTED
+            before = i
+    return order
+
+
+def transposed(indptr, indices, data, rows):
+    """Return (indptr, indices, data) of M' for M in CSC with that many rows."""
+    end = indptr[indptr.shape[0] - 1]
+    starts = np.zeros(rows + 1, np.int32)
+    places, entries = np.empty(end, np.int32), np.empty(end)
+    turned: cython.int[::1] = starts
+    columns: cython.int[::1] = places
+    values: cython.double[::1] = entries
+    for t in range(end):
+        turned[indices[t] + 1] += 1
+    for i in range(rows):
+        turned[i + 1] += turned[i]
+    for j in range(indptr.shape[0] - 1):  # turned[i] moves to the end of column i
+        for t in range(indptr[j], indptr[j + 1]):
+            k = turned[indices[t]]
+            columns[k] = j
+            values[k] = data[t]
+            turned[indices[t]] = k + 1
+    for i in range(rows, 0, -1):
+        turned[i] = turned[i - 1]
+    turned[0] = 0
+    return starts, places, entries
+
+
+def compressed(C):
+    """Return the CSC arrays (indptr, indices, data) of a dense matrix."""
+    rows, columns = C.shape[0], C.shape[1]
+    starts = np.zeros(columns + 1, np.int32)
+    indptr: cython.int[::1] = starts
+    for i in range(rows):
+        for j in range(columns):
+            indptr[j + 1] += C[i, j] != 0.0
+    for j in range(columns):
+        indptr[j + 1] += indptr[j]
+    places, entries = np.empty(indptr[columns], np.int32), np.empty(indptr[columns])
+    indices: cython.int[::1] = places
+    data: cython.double[::1] = entries
+    for i in range(rows):  # indptr[j] moves to the end of column j
+        for j in range(columns):
+            if C[i, j] != 0.0:
+                k = indptr[j]
+                indices[k] = i
+                data[k] = C[i, j]
+                indptr[j] = k + 1
+    for j in range(columns, 0, -1):
+        indptr[j] = indptr[j - 1]
+    indptr[0] = 0
+    return starts, places, entries

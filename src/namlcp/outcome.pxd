@@ -1,17 +1,9 @@
+from namlcp.measure cimport Numbers
+
 cdef extern from "Python.h":
     ctypedef object (*newfunc)(object kind, object arguments, void* names)
     void* PyType_GetSlot(object kind, int slot)
     int Py_tp_new
-
-cdef struct Numbers:
-    double primal
-    double dual
-    double gap
-    double primal_size
-    double dual_size
-    double gap_size
-    double objective
-
 
 cdef class Outcome:
     cdef:

@@ -14,8 +14,8 @@ import pytest
 from numba.core.runtime import _nrt_python, rtsys
 
 import namlcp
-from namlcp.checks import transposed
 from namlcp.compiled import ahead, decorators, internals, signatures, store
+from namlcp.qp.bounds import on_bounds
 
 jit_only = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 
@@ -129,17 +129,16 @@ def test_new_arrays_are_those_of_numpy(kind):
 @jit_only
 def test_no_reference_stays_behind():
     """Neither of what a kernel is given, nor of the arrays that it makes."""
-    indptr, indices = np.array([0, 1, 3], np.int32), np.array([1, 0, 1], np.int32)
-    data = np.array([1.0, 2.0, 3.0])
-    given = [sys.getrefcount(one) for one in (indptr, indices, data)]
+    arrays = [np.array([1.0, -2.0]) for _ in range(4)]
+    given = [sys.getrefcount(one) for one in arrays]
     _nrt_python.memsys_enable_stats()
     before = rtsys.get_allocation_stats()
-    made = transposed(indptr, indices, data, 2)
-    assert made[2].tolist() == [2.0, 1.0, 3.0]
+    made = on_bounds(*arrays)
+    assert made[0].tolist() == [1.0, -2.0]
     del made
     after = rtsys.get_allocation_stats()
     assert after.alloc - before.alloc == after.free - before.free > 0
-    assert [sys.getrefcount(one) for one in (indptr, indices, data)] == given
+    assert [sys.getrefcount(one) for one in arrays] == given
 
 
 # ---- the list that warmup compiles
@@ -157,7 +156,7 @@ def test_every_kernel_is_listed_and_every_line_is_one():
 
 
 def test_warmup_compiles_what_is_listed(tmp_path, monkeypatch, capsys):
-    two = [line for line in signatures.listed() if line.startswith("checks.")][:2]
+    two = [line for line in signatures.listed() if line.startswith("lcp.rel")][:2]
     for module in (ahead, signatures):
         monkeypatch.setattr(module, "listed", lambda: two)
     store.folders.cache_clear()
@@ -178,5 +177,5 @@ def test_warmup_says_what_is_wrong(monkeypatch):
     with pytest.raises(ValueError, match="processes must be >= 1, got 0"):
         namlcp.warmup(processes=0)
     monkeypatch.setattr(ahead, "START", "input()")
-    with pytest.raises(RuntimeError, match="ended at checks"):
+    with pytest.raises(RuntimeError, match="ended at lcp"):
         namlcp.warmup(progress=False, processes=2)

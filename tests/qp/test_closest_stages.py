@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from problems_qp import NO_GUESS, Options, make_qp, opposed
+from problems_qp import Options, make_qp, opposed
 
 from namlcp import Relaxation, Status
+from namlcp.qp import closest
 from namlcp.qp.answer import Answer
-from namlcp.qp.closest import solve_or_approach
-from namlcp.qp.solve import solve_or_relax
+from namlcp.qp.route import route
 from namlcp.residuals import UNDEFINED
 
 DEFAULT_LIMITS = Options().limits()
@@ -18,10 +18,10 @@ def bent(change):
     """Return a `solve` whose answers, numbered from 1, `change` replaces."""
     count = 0
 
-    def solve(stage, guess, limits, memory=None):
+    def solve(stage, guess, limits):
         nonlocal count
         count += 1
-        return change(count, solve_or_relax(stage, guess, limits))
+        return change(count, route(stage, guess, limits))
 
     return solve
 
@@ -41,9 +41,7 @@ def ending(*statuses):
 
 def closest_point(qp, solve, limits=DEFAULT_LIMITS):
     """Return the closest point of a QP that is known to be infeasible."""
-    known = Answer(Status.PRIMAL_INFEASIBLE, qp.point(), UNDEFINED, 0, "path")
-    problem, start = (qp, WITHOUT), (NO_GUESS, None)
-    return solve_or_approach(problem, Relaxation(), start, limits, solve, known)[1]
+    return closest.closest_point((qp, WITHOUT), Relaxation(), limits, solve)
 
 
 @pytest.mark.parametrize("status", [Status.STALLED, Status.TIME_LIMIT, Status.MAX_ITER])

@@ -8,6 +8,7 @@ from namlcp import Solver, Status, solve_qp
 from namlcp.options import DEFAULT_OPTIONS
 from namlcp.qp.active.once import answer_of, kept_for
 from namlcp.qp.active.solve import solve as solve_kept
+from namlcp.qp.judge import Judge
 from namlcp.qp.problem import qp_data
 from namlcp.residuals import qp_residuals
 
@@ -18,7 +19,7 @@ LIMITS = DEFAULT_OPTIONS.limits()
 def solve(kept, qp):
     """Return the answer to the QP with the vectors of `qp`, None if left to others."""
     solve_kept(kept, qp.joined(), DEFAULT_OPTIONS.settings, INF)
-    return answer_of(kept, qp, LIMITS)
+    return answer_of(kept, Judge(qp, LIMITS))
 
 
 def lasso_qp(rng, m, n, penalty):

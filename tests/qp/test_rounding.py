@@ -4,14 +4,13 @@ import numpy as np
 import pytest
 import qpsolvers
 import scipy.sparse as sp
-from problems_qp import DATA, complementary, make_qp, maros_meszaros, solve_sparse
+from problems_qp import DATA, complementary, make_qp, maros_meszaros
 from qpsolvers import Problem, Solution
 
 from namlcp import Status, qp_residuals
 from namlcp.limits import Limits
 from namlcp.qp import Point, qp_data
-from namlcp.qp.answer import Answer
-from namlcp.qp.judge import Judge, upheld
+from namlcp.qp.judge import Judge
 from namlcp.qp.rounding import (
     correct_dual_residual,
     correct_gap_by_multipliers,
@@ -134,14 +133,6 @@ def test_changes_that_add_up_in_the_dual_residual_have_one_room(kind):
     assert after.dual <= 1e-7
 
 
-def test_dense_problems_are_judged_on_their_dense_matrices(monkeypatch):
-    """Sparse products round in another order, for which a point may be corrected."""
-    qp = qp_data(np.eye(2), np.ones(2), *6 * [None])
-    found = Answer(Status.SOLVED, qp.point(), UNDEFINED, 1, "path")
-    monkeypatch.setattr("namlcp.qp.path.solve.follow_path", lambda *arguments: found)
-    assert solve_sparse(qp).status is Status.STALLED
-
-
 # ---- the last verdict: sums in the order of the user's own arrays
 
 
@@ -178,7 +169,7 @@ LAYOUTS = {
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("layout", LAYOUTS)
 def test_any_layout_is_summed_as_the_host_does(seed, layout):
-    """To the last bit; where arrays are taken as they are `upheld` need not ask."""
+    """To the last bit; where arrays are taken as they are nothing else is asked."""
     (P, q, G, h, A, b, lb, ub), point = large_terms(seed)
     P, G, A = (make(M) for make, M in zip(LAYOUTS[layout], (P, G, A), strict=True))
     host = Solution(Problem(P, q, G, h, A, b, lb, ub), found=True)
@@ -200,29 +191,30 @@ def cancelling():
     return qp, A, Point(np.zeros(1), y, np.empty(0), np.zeros(1))
 
 
+def judged(qp, given, point, eps=EPS):
+    judge = Judge(qp, Limits(eps), given)
+    judge.offer(point)
+    return judge.answer(Status.SOLVED, 3, "path")
+
+
 def test_a_point_that_passes_in_one_order_only_is_not_solved():
     qp, A, point = cancelling()
-    found = qp_residuals(*qp, *point)
-    assert found.dual == 0.0
-    answer = Answer(Status.SOLVED, point, found, 3, "path")
-    judged = upheld(answer, qp, (qp.P, None, A), Limits(EPS))
-    assert judged.status is Status.STALLED
-    assert judged.residuals.dual == 1.0
-    assert "order of summation" in judged.message
+    assert qp_residuals(*qp, *point).dual == 0.0
+    found = judged(qp, (qp.P, None, A), point)
+    assert found.status is Status.STALLED
+    assert found.residuals.dual == 1.0
+    assert "order of summation" in found.message
     wide = sp.csc_array((A.data, *(v.astype(np.int64) for v in (A.indices, A.indptr))))
-    assert upheld(answer, qp, (qp.P, None, wide), Limits(EPS)).residuals.dual == 1.0
-    assert upheld(answer, qp, (qp.P, None, A), Limits(2.0)).status is Status.SOLVED
-    assert upheld(answer, qp, (qp.P, None, qp.A), Limits(EPS)) is answer  # asked before
-    late = answer._replace(status=Status.TIME_LIMIT)
-    assert upheld(late, qp, (qp.P, None, A), Limits(EPS)) is late
+    assert judged(qp, (qp.P, None, wide), point).residuals.dual == 1.0
+    assert judged(qp, (qp.P, None, A), point, 2.0).status is Status.SOLVED
+    assert judged(qp, (qp.P, None, qp.A), point).status is Status.SOLVED
 
 
 def test_nothing_is_asked_where_rounding_is_within_tolerance(monkeypatch):
     qp, A, point = cancelling()
     point = point._replace(y=np.array([1.0, 1e-16, -1.0]))
-    answer = Answer(Status.SOLVED, point, qp_residuals(*qp, *point), 3, "path")
-    monkeypatch.setattr("namlcp.qp.judge.Judge", None)
-    assert upheld(answer, qp, (qp.P, None, A), Limits(EPS)) is answer
+    monkeypatch.delattr(Judge, "take_order_of_user")
+    assert judged(qp, (qp.P, None, A), point).status is Status.SOLVED
 
 
 @pytest.mark.skipif(

@@ -79,7 +79,10 @@ def by_substitution(qp):
         near = found.guess(make_guess(qp, None, point))
         return near.x, near.y, near.z, near.z_box
 
-    return Transform(found.problem, found.point, found.ray, guess, found.columns)
+    def point(p):
+        return found.point(p.x, p.y, p.z, p.z_box)
+
+    return Transform(found.problem, point, found.ray, guess, found.columns)
 
 
 def by_presolve(qp):
@@ -313,7 +316,7 @@ def with_residuals(kind):
 
 SPOILT = {
     "point": (Status.SOLVED, lambda point: point._replace(x=point.x + 1e-3)),
-    "certificate": (Status.PRIMAL_INFEASIBLE, lambda v: v._replace(z=0.0 * v.z)),
+    "certificate": (Status.PRIMAL_INFEASIBLE, lambda v: (v[0], 0.0 * v[1])),
     "ray": (Status.DUAL_INFEASIBLE, np.ones_like),
 }
 

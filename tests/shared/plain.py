@@ -155,7 +155,9 @@ GIVEN = {
         subtract_four=subtract_four, copy=copy, fill=fill, hash_of=None,
         largest_entry=largest_entry,
     ),
-    "namlcp.linalg.arrays": SimpleNamespace(data_of=None),
+    "namlcp.linalg.arrays": SimpleNamespace(
+        data_of=None, new_vector=None, numbers=None, places=None
+    ),
     "namlcp.linalg.blas": SimpleNamespace(
         blas_dot=dot, blas_times=blas_times, cholesky=None, invert_lower=None,
         times=None, times_transposed=None,

@@ -13,7 +13,7 @@ from namlcp.linalg.csc import (
     arrays_of,
     as_dense,
     by_rows,
-    compiled_form,
+    is_clean_csc,
     submatrix,
     times,
     with_squares,

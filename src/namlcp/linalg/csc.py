@@ -6,14 +6,15 @@ indices, but `times` and `add_transposed` take any: products of other kinds are 
 `@`. The order of summation is SciPy's.
 """
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
+import cython
 import numpy as np
-from scipy.sparse import csc_array, csr_array
+from scipy.sparse import csr_array
 
-from namlcp.checks import as_sparse, from_arrays, has_clean_arrays, transposed
-from namlcp.compiled import kernel
-from namlcp.limits import NEVER, Deadline
+from namlcp.checks import as_sparse, from_arrays, has_clean_arrays
+from namlcp.entries import transposed
+from namlcp.limits import NEVER
 
 # Density of B above which P + B'WB is computed with dense matrices.
 DENSE = 0.2
@@ -24,32 +25,24 @@ MOST_DENSE, STRIP = 20_000_000, 4_000_000
 class Compressed(NamedTuple):
     """The arrays of a matrix in CSC or CSR."""
 
-    indptr: np.ndarray
-    indices: np.ndarray
-    data: np.ndarray
+    indptr: object
+    indices: object
+    data: object
 
 
-def arrays_of(M: Any) -> Compressed:
+def arrays_of(M):
     """Return the arrays of a matrix in CSC or CSR."""
     return Compressed(M.indptr, M.indices, M.data)
 
 
-def as_dense(C: Any) -> np.ndarray:
+def as_dense(C):
     """Return a CSC matrix as a dense one."""
     out = np.zeros(C.shape)
     scatter(C.indptr, C.indices, C.data, out)
     return out
 
 
-@kernel
-def scatter(indptr, indices, data, out):
-    """Write the entries of a CSC matrix into `out`, which is zero."""
-    for j in range(indptr.size - 1):
-        for t in range(indptr[j], indptr[j + 1]):
-            out[indices[t], j] = data[t]
-
-
-def without_zeros(M: csc_array) -> csc_array:
+def without_zeros(M):
     """Return M without stored zeros, M itself if there are none."""
     if not M.data.all():
         M = M.copy()
@@ -57,23 +50,22 @@ def without_zeros(M: csc_array) -> csc_array:
     return M
 
 
-def submatrix(M: csc_array, rows: np.ndarray, columns: np.ndarray) -> csc_array:
+def submatrix(M, rows, columns):
     """Return the rows and columns of M, given in rising order; M itself if all are."""
     if (rows.size, columns.size) == M.shape:
         return M
+    rows, columns = (np.ascontiguousarray(v, np.intp) for v in (rows, columns))
     parts = select_part(M.indptr, M.indices, M.data, M.shape[0], rows, columns)
     return from_arrays(parts, (rows.size, columns.size))
 
 
-def by_rows(M: csc_array) -> csr_array:
+def by_rows(M):
     """Return M in CSR."""
     parts = transposed(M.indptr, M.indices, M.data, M.shape[0])
     return from_arrays(parts, M.shape, csr_array)
 
 
-def with_squares(
-    P: csc_array, B: csc_array, weight: np.ndarray, deadline: Deadline = NEVER
-) -> csc_array | None:
+def with_squares(P, B, weight, deadline=NEVER):
     """Return P + B' diag(weight) B, None if the deadline is reached before."""
     rows, columns = B.shape
     if DENSE * rows * columns < B.nnz and columns**2 <= MOST_DENSE:
@@ -88,94 +80,119 @@ def with_squares(
     return from_arrays(add_squares(arrays_of(P), arrays_of(B), weight), P.shape)
 
 
-def times(M: Any, x: np.ndarray) -> np.ndarray:
+def times(M, x):
     """Return M x. Raises ValueError where the sizes disagree."""
     if x.shape != (M.shape[1],):
         raise ValueError(f"x must have shape ({M.shape[1]},), got {x.shape}")
     if not is_csc(M):
         return (M @ x).reshape(M.shape[0])  # a coo_array of one row gives a scalar
     out = np.zeros(M.shape[0])
-    add_columns(M.indptr, M.indices, M.data, x, out)
+    add_columns(M.indptr, M.indices, M.data, np.ascontiguousarray(x, float), out)
     return out
 
 
-def add_transposed(M: Any, z: np.ndarray, out: np.ndarray) -> None:
+def add_transposed(M, z, out):
     """Add M'z to `out`. Raises ValueError where the sizes disagree."""
     if z.shape != (M.shape[0],) or out.shape != (M.shape[1],):
         raise ValueError(f"z must have shape ({M.shape[0]},), got {z.shape}")
     if not is_csc(M):
         out += z @ M
     elif z.size:
+        z = np.ascontiguousarray(z, float)
         add_column_sums(M.indptr, M.indices, M.data, z, out)
 
 
-def is_csc(M: Any) -> bool:
-    """Tell whether M is a CSC matrix of float64."""
-    return getattr(M, "format", "") == "csc" and M.dtype == np.float64
+def is_csc(M):
+    """Tell whether M is a CSC matrix of float64 and int32."""
+    return (
+        getattr(M, "format", "") == "csc"
+        and M.dtype == np.float64
+        and M.indices.dtype == M.indptr.dtype == np.int32
+    )
 
 
-def compiled_form(M: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """Return (indptr, indices, data) of a CSC matrix in float64 and int32, or None."""
-    if getattr(M, "format", "") == "csc" and has_clean_arrays(M):
-        return M.indptr, M.indices, M.data
-    return None
+def is_clean_csc(M):
+    """Tell whether M is a CSC matrix whose arrays can go to compiled code."""
+    return getattr(M, "format", "") == "csc" and has_clean_arrays(M)
 
 
-@kernel
 def select_part(indptr, indices, data, height, rows, columns):
     """Return the CSC arrays of some rows and columns of a matrix of this height."""
-    number = np.full(height, -1, dtype=np.int32)
-    for i in range(rows.size):
-        number[rows[i]] = i
-    start = np.zeros(columns.size + 1, dtype=np.int32)
-    for k in range(columns.size):
-        start[k + 1] = start[k]
-        for t in range(indptr[columns[k]], indptr[columns[k] + 1]):
-            start[k + 1] += number[indices[t]] >= 0
-    place, value = np.empty(start[-1], dtype=np.int32), np.empty(start[-1])
+    count = columns.shape[0]
+    nnz: cython.Py_ssize_t = 0
+    number: cython.int[::1] = np.full(height, -1, np.int32)
+    for k in range(rows.shape[0]):
+        number[rows[k]] = k
+    starts = np.zeros(count + 1, np.int32)
+    start: cython.int[::1] = starts
+    for k in range(count):
+        j = columns[k]
+        for t in range(indptr[j], indptr[j + 1]):
+            nnz += number[indices[t]] >= 0
+        start[k + 1] = nnz
+    places, entries = np.empty(nnz, np.int32), np.empty(nnz)
+    place: cython.int[::1] = places
+    value: cython.double[::1] = entries
     nnz = 0
-    for j in columns:
+    for k in range(count):
+        j = columns[k]
         for t in range(indptr[j], indptr[j + 1]):
             i = number[indices[t]]
             if i >= 0:
                 place[nnz], value[nnz] = i, data[t]
                 nnz += 1
-    return start, place, value
+    return starts, places, entries
 
 
-@kernel
 def add_squares(P, B, weight):
-    """Return P + B' diag(weight) B, all in CSC.
+    """Return the arrays of P + B' diag(weight) B, all in CSC.
 
     Column by column with a dense accumulator (Gustavson, ACM Trans. Math. Softw. 4
-    (1978) 250-269).
+    (1978) 250-269), for which B is taken by rows as well.
     """
     n = B.indptr.size - 1
-    # B by rows
     start_of, column_of, value_of = transposed(B.indptr, B.indices, B.data, weight.size)
-    sums = np.zeros(n)
-    seen = np.full(n, -1)
-    indptr = np.zeros(n + 1, dtype=np.int32)
     capacity = P.data.size + 4 * B.data.size + n
-    indices = np.empty(capacity, dtype=np.int32)
-    data = np.empty(capacity)
-    nnz = 0
+    while True:
+        starts, places = np.zeros(n + 1, np.int32), np.empty(capacity, np.int32)
+        entries = np.empty(capacity)
+        nnz = write_squares(
+            P.indptr, P.indices, P.data, B.indptr, B.indices, B.data,
+            start_of, column_of, value_of, weight, starts, places, entries,
+        )  # fmt: skip
+        if nnz >= 0:
+            break
+        capacity *= 2
+    # The matrix is symmetric (to rounding): its transpose is itself, but sorted.
+    return transposed(starts, places[:nnz], entries[:nnz], n)
+
+
+def write_squares(
+    p_start, p_row, p_value, b_start, b_row, b_value, start_of, column_of, value_of,
+    weight, indptr, indices, data,
+):  # fmt: skip
+    """Write P + B' diag(weight) B with columns that are not sorted.
+
+    P and B come by columns, B by rows as well. Returns the number of entries, -1 if
+    there is no room for them.
+    """
+    n, capacity = indptr.shape[0] - 1, data.shape[0]
+    sums: cython.double[::1] = np.zeros(n)
+    seen: cython.int[::1] = np.full(n, -1, np.int32)
+    nnz: cython.Py_ssize_t = 0
     for j in range(n):
         if nnz + n > capacity:
-            capacity = 2 * capacity + n
-            indices = np.append(indices, np.empty(capacity, dtype=np.int32))
-            data = np.append(data, np.empty(capacity))
-            capacity = data.size
+            return -1
         start = nnz
-        for t in range(P.indptr[j], P.indptr[j + 1]):
-            i = P.indices[t]
+        for t in range(p_start[j], p_start[j + 1]):
+            i = p_row[t]
             seen[i] = j
-            sums[i] = P.data[t]
+            sums[i] = p_value[t]
             indices[nnz] = i
             nnz += 1
-        for t in range(B.indptr[j], B.indptr[j + 1]):
-            row = B.indices[t]
-            factor = weight[row] * B.data[t]
+        for t in range(b_start[j], b_start[j + 1]):
+            row = b_row[t]
+            factor = weight[row] * b_value[t]
             if factor == 0.0:
                 continue
             for k in range(start_of[row], start_of[row + 1]):
@@ -189,23 +206,27 @@ def add_squares(P, B, weight):
         for t in range(start, nnz):
             data[t] = sums[indices[t]]
         indptr[j + 1] = nnz
-    # The matrix is symmetric (to rounding): its transpose is itself, but sorted.
-    return transposed(indptr, indices[:nnz], data[:nnz], n)
+    return nnz
 
 
-@kernel
+def scatter(indptr, indices, data, out):
+    """Write the entries of a CSC matrix into `out`, which is zero."""
+    for j in range(indptr.shape[0] - 1):
+        for t in range(indptr[j], indptr[j + 1]):
+            out[indices[t], j] = data[t]
+
+
 def add_columns(indptr, indices, data, x, out):
     """Add M x to `out`."""
-    for j in range(x.size):
+    for j in range(x.shape[0]):
         xj = x[j]
         for t in range(indptr[j], indptr[j + 1]):
             out[indices[t]] += data[t] * xj
 
 
-@kernel
 def add_column_sums(indptr, indices, data, z, out):
     """Add M'z to `out`."""
-    for j in range(out.size):
+    for j in range(out.shape[0]):
         total = 0.0
         for t in range(indptr[j], indptr[j + 1]):
             total += data[t] * z[indices[t]]

@@ -97,7 +97,8 @@ def supernodes(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Superno
     """Return the layout of L for a symmetric matrix in this order."""
     size = order.parent.size
     columns, upper, source = permuted(indptr, indices, order.place, size, WHOLE)
-    lower, below, source = transposed(columns, upper, source, size)
+    lower, below, source = transposed(columns, upper, source.astype(float), size)
+    source = source.astype(np.int32)
     first = merged(order.parent, order.counts, lower, below, MERGE)
     last = first[1:] - 1
     k = np.diff(first).astype(np.int64)

@@ -1,12 +1,11 @@
-"""The answer of one form of a QP, and the better one of two answers."""
+"""What a solve of a QP ends with."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from namlcp.limits import Limits
-from namlcp.qp.problem import QP, Point
-from namlcp.residuals import UNDEFINED, Residuals, qp_residuals
+from namlcp.qp.problem import Point
+from namlcp.residuals import UNDEFINED, Residuals
 from namlcp.status import Status
 
 # Objective of a QP with a certificate.
@@ -37,21 +36,3 @@ def proved(
 ) -> Answer:
     """Return the answer that a certificate gives."""
     return Answer(status, proof, UNDEFINED, iterations, form, message)
-
-
-def out_of_time(qp: QP) -> Answer:
-    """Return the answer where time ran out before any form began: x = clip(0)."""
-    point = qp.point(qp.clip(np.zeros(qp.q.size)))
-    residuals = qp_residuals(*qp, *point)
-    return Answer(Status.TIME_LIMIT, point, residuals, 0, "substitution")
-
-
-def better(answer: Answer, other: Answer, limits: Limits) -> Answer:
-    """Return the answer with the better point; `other`, the later one, if it is final.
-
-    The status and the message are those of `other` in any case.
-    """
-    worst, new = (a.residuals.worst(*limits.tolerances) for a in (answer, other))
-    if other.status not in FINAL and worst < new:
-        return answer._replace(status=other.status, message=other.message)
-    return other

@@ -25,14 +25,13 @@ from namlcp.lcp import (
     solve_auto,
 )
 from namlcp.limits import Limits
-from namlcp.linalg import add_columns
-from namlcp.qp.answer import Answer, proved
-from namlcp.qp.certificates import accept_dual
+from namlcp.linalg import times
+from namlcp.qp.answer import Answer
+from namlcp.qp.chain import Chain
 from namlcp.qp.guess import NO_ENTRIES, Guess
+from namlcp.qp.judge import Judge
 from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, Point
-from namlcp.qp.rounding import correct_rounding, is_correctable
-from namlcp.residuals import Residuals, ordered_qp_residuals, qp_residuals
 from namlcp.status import Status
 
 
@@ -43,49 +42,6 @@ def box_lcp(qp: QP, matrix: Prepared | None = None) -> LCP:
     """
     matrix = matrix or Prepared.unchecked(qp.P, symmetric=True)
     return LCP(matrix, qp.q, qp.lb, qp.ub)
-
-
-def box_point(qp: QP, z: np.ndarray) -> tuple[Point, Residuals]:
-    """Return the point of the QP for z of the LCP, and its residuals on the QP."""
-    P, q, lb, ub = qp.P, qp.q, qp.lb, qp.ub
-    if qp.is_dense:
-        with np.errstate(all="ignore"):  # overflow is no solution
-            w = P @ z + q
-        x, z_box = on_bounds(z, w, lb, ub)
-        point = Point(x, NO_ENTRIES, NO_ENTRIES, z_box)
-        return point, qp_residuals(*qp, *point)
-    columns = P.indptr, P.indices, P.data
-    x, z_box, residuals = measured_box(columns, (q, lb, ub), z)
-    return Point(x, NO_ENTRIES, NO_ENTRIES, z_box), Residuals(*residuals)
-
-
-@kernel
-def measured_box(P, vectors, z):
-    """Return x, z_box and the numbers of `Residuals` of the QP for z of the LCP.
-
-    P = (indptr, indices, data), vectors = (q, lb, ub). One call takes 5 us less than
-    one for each step.
-    """
-    q, lb, ub = vectors
-    none, zeros = q[:0], np.zeros(q.size)
-    w, Px = q.copy(), np.zeros(q.size)
-    add_columns(P[0], P[1], P[2], z, w)
-    x, z_box = on_bounds(z, w, lb, ub)
-    add_columns(P[0], P[1], P[2], x, Px)
-    products = Px, none, none, zeros, zeros
-    measured = ordered_qp_residuals(
-        (q, none, none, lb, ub), (x, none, none, z_box), products
-    )
-    return x, z_box, measured
-
-
-def corrected_point(qp: QP, z: np.ndarray, limits: Limits) -> tuple[Point, Residuals]:
-    """Return `box_point`, corrected where its residuals are rounding."""
-    point, residuals = box_point(qp, z)
-    if is_correctable(residuals, *limits.tolerances):
-        point = correct_rounding(qp, point, residuals, *limits.tolerances)
-        residuals = qp_residuals(*qp, *point)
-    return point, residuals
 
 
 @kernel
@@ -118,56 +74,66 @@ def is_box_open(lower, upper):
 
 # Relative tolerances of the LCP that `solve_large_box` tries one after another.
 SHARPER = (ACCURACY, 1e-11, 1e-13)
+FORM = "bounds"
 
 
-def solve_bounds(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Answer | None:
+def solve_bounds(
+    qp: QP, chain: Chain, guess: Guess, judge: Judge, memory: Memory
+) -> Answer | None:
     """Solve a QP with bounds alone as a box LCP; None if that decides nothing."""
+    limits = judge.limits
     large = not qp.is_dense and qp.q.size >= LARGE_LCP
     limits.announce(relax_csr if large else pivot)
     if large:
         memory.ensure_convex(qp.P)
-        outcome = solve_large_box(qp, guess, limits, memory)
+        outcome = solve_large_box(qp, chain, guess, judge, memory)
     else:
         inner = Limits(0.0, ACCURACY, limits.max_iter, limits.deadline)
         attempt = Attempt(box_lcp(qp), guess.start, inner, ask_convex=True)
         attempt.run()
         now = attempt.work.now
         if now.solved and now.convex:  # the residuals of the LCP need no check
-            point, residuals = corrected_point(qp, attempt.best(), limits)
-            if residuals.solved(*limits.tolerances):
-                count = now.factorisations
-                return Answer(Status.SOLVED, point, residuals, count, "bounds")
+            if offer(qp, chain, judge, attempt.best()) <= 1.0:
+                return judge.answer(Status.SOLVED, now.factorisations, FORM)
         outcome = attempt.outcome()
-    status, iterations = outcome.status, outcome.iterations
-    point, residuals = corrected_point(qp, outcome.z, limits)
+        if outcome.ray is None:
+            offer(qp, chain, judge, outcome.z)
     if outcome.ray is not None:
         memory.ensure_convex(as_sparse(qp.P))
-        proof = accept_dual(
-            qp, point.x, NO_ENTRIES, NO_ENTRIES, outcome.ray, limits.eps_abs
-        )
-        if proof is None:
+        point = chain.point(*box_point(qp, outcome.z))
+        if not judge.accept_ray(chain.ray(outcome.ray), point):
             return None
-        return proved(Status.DUAL_INFEASIBLE, proof, iterations, "bounds")
-    if residuals.solved(*limits.tolerances):
-        if not outcome.convex:
-            return None  # the interior-point method may find that P is not convex
-        status = Status.SOLVED
-    elif status is Status.SOLVED:
-        status = Status.STALLED
-    return Answer(status, point, residuals, iterations, "bounds")
+    elif judge.is_solved and not outcome.convex:
+        return None  # the interior-point method may find that P is not convex
+    return judge.answer(outcome.status, outcome.iterations, FORM)
 
 
-def solve_large_box(qp: QP, guess: Guess, limits: Limits, memory: Memory) -> Outcome:
+def box_point(qp: QP, z: np.ndarray) -> Point:
+    """Return the point of the QP for z of the LCP."""
+    with np.errstate(all="ignore"):  # overflow is no solution
+        w = times(qp.P, z) + qp.q
+    x, z_box = on_bounds(z, w, qp.lb, qp.ub)
+    return Point(x, NO_ENTRIES, NO_ENTRIES, z_box)
+
+
+def offer(qp: QP, chain: Chain, judge: Judge, z: np.ndarray) -> float:
+    """Return the judge's ratio of residual to tolerance for z of the LCP."""
+    return judge.offer(chain.point(*box_point(qp, z)))
+
+
+def solve_large_box(
+    qp: QP, chain: Chain, guess: Guess, judge: Judge, memory: Memory
+) -> Outcome:
     """Solve the box LCP with sharper tolerances until the residuals of the QP pass.
 
     The duality gap of the QP adds up the errors of all unknowns.
     """
     lcp, z0 = box_lcp(qp, memory.prepared(qp.P)), guess.start
     for eps_rel in SHARPER:
-        inner = Limits(0.0, eps_rel, limits.max_iter, limits.deadline)
+        inner = Limits(0.0, eps_rel, judge.limits.max_iter, judge.limits.deadline)
         found = solve_auto(lcp, z0, inner)
-        _, residuals = box_point(qp, found.z)
-        if found.status is not Status.SOLVED or residuals.solved(*limits.tolerances):
+        worst = offer(qp, chain, judge, found.z)
+        if found.status is not Status.SOLVED or worst <= 1.0:
             break
         z0 = found.z
     return found._replace(convex=True)

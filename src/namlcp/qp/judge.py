@@ -1,14 +1,13 @@
-"""Residual checks on unscaled data: `Judge` measures points and keeps the best one.
+"""The one judge of a solve: what engines offer, measured on the user's own arrays.
 
-The interior-point method measures its points on the QP it was given. If that came from
-a substitution, `confirmed` measures the final point again on the user's own data.
-Measuring there alone would be weaker: x can be clipped to bounds, and z_box can take up
-dual residuals, but not where the bounds are still rows of the user.
+A point solves the QP where its residuals (`namlcp.residuals`), recomputed here, are
+within the tolerances; the best point so far is kept. A certificate is accepted by
+`certificates` alone.
 
 A residual is a sum, and sums of the same terms in another order differ by about the
 rounding unit times their moduli. With terms near 1e9 (QFFFFF80) that is far above a
 tolerance of 1e-9: a point may pass in the order in which the QP's matrices are stored
-and fail in that of the user's own. `upheld` asks for both.
+and fail in that of the user's own. Where that matters the order is the user's.
 """
 
 from math import inf
@@ -18,42 +17,45 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg.blas import dnrm2
 
-from namlcp.compiled import kernel
 from namlcp.limits import Limits
-from namlcp.linalg import compiled_form
-from namlcp.qp.answer import FINAL, Answer
+from namlcp.linalg import is_clean_csc
+from namlcp.measure import leaves_bounds, residuals_of_columns
+from namlcp.qp.answer import FINAL, Answer, proved
 from namlcp.qp.certificates import accept_dual, accept_primal
 from namlcp.qp.problem import QP, Point
 from namlcp.qp.rounding import UNIT, correct_rounding, is_correctable
-from namlcp.qp.transforms import Substitution
-from namlcp.residuals import Residuals, clean_qp_residuals, qp_residuals
+from namlcp.residuals import Residuals, qp_residuals
 from namlcp.status import Status
 
 BY_LUCK = (
     "The tolerances are met in one order of summation and missed in that of the "
     "arguments: the terms of the residuals are too large for them. Loosen eps_abs."
 )
+Matrices = tuple[Any, Any, Any]
+NOT_GIVEN: Matrices = (None, None, None)
 
 
 class Judge:
     """The best point so far; `best` is the largest of its residuals over tolerances.
 
-    The point solves the QP if best <= 1.
+    The QP is solved if best <= 1. `given`: P, G and A as the user holds them, None
+    where absent. `proof`: a certificate that was accepted, as a verdict and a point.
     """
 
-    def __init__(self, qp: QP, limits: Limits) -> None:
-        """Start with the zero point, not measured."""
+    def __init__(self, qp: QP, limits: Limits, given: Matrices = NOT_GIVEN) -> None:
         self.qp, self.limits = qp, limits
-        self.vectors = qp.q, qp.h, qp.b, qp.lb, qp.ub
-        self.matrices = tuple(compiled_form(M) for M in (qp.P, qp.G, qp.A))
+        self.given = None if given is NOT_GIVEN or are_own(given, qp) else given
+        self.is_columns = not qp.is_dense
         self.best = inf
-        self.point = qp.point()
-        self.measured: Residuals | None = None
+        self.point: Point | None = None
+        self.residuals: Residuals | None = None
+        self.proof: tuple[Status, Point] | None = None
+        self.message = ""
 
     @property
-    def residuals(self) -> Residuals:
-        """The residuals of the best point."""
-        return self.measured or qp_residuals(*self.qp, *self.point)
+    def is_solved(self) -> bool:
+        """Tell whether the best point solves the QP."""
+        return self.best <= 1.0
 
     def offer(self, point: Point) -> float:
         """Measure the point, then with x clipped, then with rounding corrected.
@@ -73,88 +75,88 @@ class Judge:
                 worst = min(worst, self.measure(corrected).worst(*tolerances))
         return worst
 
-    def measure(self, point: Point) -> Residuals:
-        """Return the residuals of one point; keep it if it is the best."""
-        if None in self.matrices:
-            found = qp_residuals(*self.qp, *point)
-        else:
-            found = clean_qp_residuals(self.matrices, self.vectors, tuple(point))
+    def measure(self, point: Point, known: Residuals | None = None) -> Residuals:
+        """Return the residuals of one point; keep it if it is the best.
+
+        `known`: they, where they have been computed on the arrays of the QP.
+        """
+        found = known or self.residuals_of(point)
         worst = found.worst(*self.limits.tolerances)
+        if self.given is not None and worst <= 1.0 and self.is_luck(found, point):
+            self.take_order_of_user(self.given)
+            found = self.residuals_of(point)
+            worst = found.worst(*self.limits.tolerances)
         if worst < self.best:
-            self.best, self.measured, self.point = worst, found, point
+            self.best, self.residuals, self.point = worst, found, point
         return found
 
-    def answer(self, status: Status, iterations: int, form: str) -> Answer:
-        """Return the best point, SOLVED if it passes.
+    def residuals_of(self, point: Point) -> Residuals:
+        """Return the residuals of a point, by the definition."""
+        P, q, G, h, A, b, lb, ub = self.qp
+        if self.is_columns:
+            vectors = q, h, b, lb, ub
+            return Residuals(*residuals_of_columns(P, G, A, vectors, tuple(point)))
+        return qp_residuals(*self.qp, *point)
+
+    def is_luck(self, found: Residuals, point: Point) -> bool:
+        """Tell whether another order of the sums may leave residuals too large."""
+        primal, dual, gap = rounding_errors((self.qp.P, self.qp.G, self.qp.A), point)
+        uncertain = found._replace(
+            primal=found.primal + primal, dual=found.dual + dual, gap=found.gap + gap
+        )
+        return not uncertain.solved(*self.limits.tolerances)
+
+    def take_order_of_user(self, given: Matrices) -> None:
+        """Measure from now on in the order in which the user's matrices are stored."""
+        own = self.qp.P, self.qp.G, self.qp.A
+        P, G, A = (as_stored(C, M) for C, M in zip(given, own, strict=True))
+        self.qp, self.given = self.qp._replace(P=P, G=G, A=A), None
+        self.is_columns = all(map(is_clean_csc, (P, G, A)))
+        self.message = BY_LUCK  # unless a point passes
+        if self.point is not None:
+            self.best = inf
+            self.measure(self.point)
+
+    def accept_multipliers(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> bool:
+        """Tell whether multipliers prove that no x is feasible; x: the point at hand.
+
+        The certificate is kept.
+        """
+        proof = accept_primal(self.qp, x, y, z, self.limits.eps_abs)
+        return self.keep(Status.PRIMAL_INFEASIBLE, proof)
+
+    def accept_ray(self, d: np.ndarray, point: Point | None = None) -> bool:
+        """Tell whether the QP is unbounded along d; the certificate is kept."""
+        x, y, z, _ = point or self.qp.point()
+        proof = accept_dual(self.qp, x, y, z, d, self.limits.eps_abs)
+        return self.keep(Status.DUAL_INFEASIBLE, proof)
+
+    def keep(self, status: Status, proof: Point | None) -> bool:
+        """Keep a certificate, if it is one."""
+        if proof is not None:
+            self.proof = status, proof
+        return proof is not None
+
+    def answer(
+        self, status: Status, iterations: int, form: str, message: str = ""
+    ) -> Answer:
+        """Return the certificate, or the best point, SOLVED if it passes.
 
         If it does not, a final `status` becomes STALLED.
         """
-        if self.best <= 1.0:
+        if self.proof is not None:
+            return proved(*self.proof, iterations, form, message)
+        if self.point is None or self.residuals is None:
+            self.point = self.qp.point(self.qp.clip(np.zeros(self.qp.q.size)))
+            self.residuals = self.residuals_of(self.point)
+        if self.is_solved:
             status = Status.SOLVED
         elif status in FINAL:
-            status = Status.STALLED
-        return Answer(status, self.point, self.residuals, iterations, form)
+            status, message = Status.STALLED, message or self.message
+        return Answer(status, self.point, self.residuals, iterations, form, message)
 
 
-@kernel
-def leaves_bounds(x, lb, ub):
-    """Tell whether an entry of x is not between its bounds."""
-    for j in range(x.size):
-        if not lb[j] <= x[j] <= ub[j]:
-            return True
-    return False
-
-
-def confirmed(answer: Answer, back: Substitution, limits: Limits) -> Answer:
-    """Map the answer of a substituted QP back and check it on the user's own data.
-
-    It becomes STALLED if its point or certificate does not pass there.
-    """
-    qp, point, tol = back.user, answer.point, limits.eps_abs
-    proof = None
-    if answer.status is Status.PRIMAL_INFEASIBLE:
-        _, y, z, _ = back.certificate(point)
-        proof = accept_primal(qp, qp.point().x, y, z, tol)
-    elif answer.status is Status.DUAL_INFEASIBLE:
-        x, y, z, _ = qp.point()
-        proof = accept_dual(qp, x, y, z, back.ray(point.x), tol)
-    if proof is not None:
-        return answer._replace(point=proof)
-    judge = Judge(qp, limits)
-    judge.offer(back.point(point))
-    found = judge.answer(answer.status, answer.iterations, answer.form)
-    return found._replace(message=answer.message)
-
-
-def upheld(
-    answer: Answer, qp: QP, given: tuple[Any, Any, Any], limits: Limits
-) -> Answer:
-    """Return a SOLVED answer corrected for the user's own sums, STALLED if that fails.
-
-    `given` = (P, G, A) as they came, None where absent. Nothing is computed where they
-    are the very matrices of the QP, whose sums have been taken, and little where the
-    rounding errors of all sums are within the tolerances.
-    """
-    if answer.status is not Status.SOLVED or are_own(given, qp):
-        return answer
-    own = qp.P, qp.G, qp.A
-    found = answer.residuals
-    primal, dual, gap = rounding_errors(own, answer.point)
-    uncertain = found._replace(
-        primal=found.primal + primal, dual=found.dual + dual, gap=found.gap + gap
-    )
-    if uncertain.solved(*limits.tolerances):
-        return answer
-    matrices = (as_stored(C, M) for C, M in zip(given, own, strict=True))
-    theirs = qp._replace(**dict(zip("PGA", matrices, strict=True)))
-    judge = Judge(theirs, limits)
-    judge.offer(answer.point)
-    judged = judge.answer(Status.STALLED, answer.iterations, answer.form)
-    message = answer.message if judged.status is Status.SOLVED else BY_LUCK
-    return judged._replace(message=message)
-
-
-def are_own(given: tuple[Any, Any, Any], qp: QP) -> bool:
+def are_own(given: Matrices, qp: QP) -> bool:
     """Tell whether (P, G, A) as they came are the very matrices of the QP."""
     P, G, A = given
     return P is qp.P and (G is None or G is qp.G) and (A is None or A is qp.A)
@@ -176,9 +178,7 @@ def as_stored(given: Any, own: Any) -> Any:
     return sp.csc_array((data, *places), shape=given.shape)
 
 
-def rounding_errors(
-    matrices: tuple[Any, Any, Any], point: Point
-) -> tuple[float, float, float]:
+def rounding_errors(matrices: Matrices, point: Point) -> tuple[float, float, float]:
     """Return bounds of what another order of the sums changes in the three residuals.
 
     The moduli of the terms of a row of M x sum up to at most || M ||_F || x ||_2. The

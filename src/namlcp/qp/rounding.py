@@ -18,8 +18,9 @@ import scipy.sparse as sp
 from namlcp.checks import as_sparse, matrix
 from namlcp.compiled import kernel
 from namlcp.linalg import add_transposed, arrays_of, times
+from namlcp.measure import signed_gap
 from namlcp.qp.problem import QP, Point
-from namlcp.residuals import Residuals, qp_residuals, signed_gap
+from namlcp.residuals import Residuals, qp_residuals
 
 # Gauss-Seidel passes over the entries of the dual residual.
 PASSES = 3

@@ -1,11 +1,11 @@
-"""solve_qp: check, substitute, solve the smallest form, map back, check residuals."""
+"""solve_qp: check, solve by the `route`, and make the result."""
 
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 
-from namlcp.limits import Deadline, Limits, interruptible
+from namlcp.limits import Deadline, interruptible
 from namlcp.linalg import blas_threads
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
@@ -14,21 +14,19 @@ from namlcp.qp.active import (
     answer_of,
     factors_of,
     new_attempt,
-    solve_once,
     solve_small,
 )
 from namlcp.qp.active.dense import DenseActiveSet
 from namlcp.qp.active.solve import MOST_BOX
 from namlcp.qp.active.state import Code
-from namlcp.qp.answer import OBJECTIVE, UNDECIDED, Answer, better, out_of_time
-from namlcp.qp.closest import check_weights, solve_or_approach
-from namlcp.qp.forms import is_tiny, solve_smallest_form
-from namlcp.qp.guess import NO_GUESS, Guess, make_guess
-from namlcp.qp.judge import confirmed, upheld
+from namlcp.qp.answer import OBJECTIVE, Answer
+from namlcp.qp.chain import OWN
+from namlcp.qp.closest import check_weights, closest_point
+from namlcp.qp.guess import Guess, make_guess
+from namlcp.qp.judge import NOT_GIVEN, Judge, Matrices
 from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, checked, qp_arrays, stamp_of
-from namlcp.qp.transforms import substitute, without_huge_bounds
-from namlcp.residuals import qp_residuals
+from namlcp.qp.route import is_tiny, route
 from namlcp.result import QPResult
 from namlcp.status import Status
 
@@ -99,7 +97,7 @@ def solve_qp(
     -----
     SOLVED means that primal residual, dual residual and duality gap, recomputed on the
     arguments as they came, are within eps_abs + eps_rel * (size of their terms);
-    `namlcp.residuals` has the formulas, `namlcp.qp.forms` the methods.
+    `namlcp.residuals` has the formulas, `namlcp.qp.route` the methods.
 
     P is refused as not convex if, scaled to a unit diagonal, it has an eigenvalue below
     -1e-6; those between that and 0 count as rounding to single precision. (VALUES of
@@ -146,81 +144,48 @@ def solve_arguments(
     """
     P, _, G, _, A, *_ = arguments
     qp, given = qp_arrays(*arguments), (P, G, A)
-    known, in_vain = None, False
-    if x0 is None and warm_start is None and not history:
+    memory = None
+    if x0 is None and warm_start is None and not history and options.is_plain:
         ready = perf_counter()
-        known, tried, in_vain = solve_shortly(qp, options, start, given, tried)
-        if known is not None and not needs_more(options, known):
-            result = result_of(known, (qp, given), start, ready)
+        answer, tried = solve_unchecked(qp, options, start, given, tried)
+        if answer is not None:
+            result = result_of(answer, (qp, given), start, ready)
             result.stamp = stamp_of(qp)
-            if derivative and qp.is_dense and tried is not None:
+            if derivative and qp.is_dense:
                 result.factors = factors_of(tried)
             return result
+        # else `checked` tells of a fault, if that is why
+        if tried is not None and tried.code not in (Code.UNSUITED, Code.FAULTY):
+            memory = Memory(in_vain=True)
     qp = checked(qp)
     guess = make_guess(qp, x0, warm_start, name)
-    memory = Memory(in_vain) if in_vain else None
-    result = solve_checked(qp, options, guess, start, history, memory, given, known)
+    result = solve_checked(qp, options, guess, start, history, memory, given)
     result.stamp = stamp_of(qp)
     return result
 
 
-def solve_shortly(
+def solve_unchecked(
     qp: QP,
     options: Options,
     start: float,
-    given: tuple[Any, Any, Any],
+    given: Matrices,
     tried: DenseActiveSet | None,
-) -> tuple[Answer | None, DenseActiveSet | None, bool]:
-    """Solve a QP of `qp_arrays` by a method that checks its numbers.
+) -> tuple[Answer | None, DenseActiveSet | None]:
+    """Solve a small or tiny QP of `qp_arrays` in dense form, which checks its numbers.
 
-    Returns the answer, what has found it, and whether the dense form of the QP was
-    tried in vain. None where that is not the way to solve it: with sparse matrices
-    unless it is tiny, or has bounds alone. `tried`: what has tried it already, if
-    anything; `start` and `given` as for `solve_checked`.
+    Returns the answer, None if that is not the way to solve it, and what has tried.
     """
     order = qp.q.size + qp.h.size + qp.b.size
-    if order > MOST_ORDER or options.verbose:
-        return None, None, False
-    if order == qp.q.size > MOST_BOX or not (qp.is_dense or is_tiny(qp)):
-        return solve_box_shortly(qp, options, start, given), None, False
-    if options.relaxation:
-        check_weights(qp, options.relaxation)
+    if order > MOST_ORDER or order == qp.q.size > MOST_BOX:
+        return None, None
+    if not (qp.is_dense or is_tiny(qp)):
+        return None, None
     limits, own = options.limits(Deadline(start + options.time_limit)), qp
     if tried is None:
         own = qp.in_dense_form()
         tried = new_attempt(own, options.settings, start + options.time_limit)
-    answer = answer_of(tried, own, limits)
-    if answer is not None:
-        answer = upheld(answer, qp, given, limits)
-    is_left = tried.code in (Code.UNSUITED, Code.FAULTY)  # for `checked` to tell why
-    return answer, tried, answer is None and not is_left
-
-
-@interruptible
-def solve_box_shortly(
-    qp: QP, options: Options, start: float, given: tuple[Any, Any, Any]
-) -> Answer | None:
-    """Solve a QP of `qp_arrays` with bounds alone; else return None.
-
-    Most of such a solve, as an LCP, takes less time than the way there through all
-    other forms.
-    """
-    if qp.h.size + qp.b.size > 0 or options.relaxation:
-        return None
-    qp = checked(qp)
-    limits = options.limits(Deadline(start + options.time_limit))
-    with blas_threads(options.threads, qp.q.size):
-        answer = solve_smallest_form(qp, NO_GUESS, limits, Memory())
-    return upheld(answer, qp, given, limits)
-
-
-def needs_more(options: Options, answer: Answer) -> bool:
-    """Tell whether `solve_checked` is to go on from an answer.
-
-    That is so if it is undecided, and if it is to lead to the closest point.
-    """
-    infeasible = answer.status is Status.PRIMAL_INFEASIBLE
-    return answer.status in UNDECIDED or (infeasible and bool(options.relaxation))
+    judge = Judge(qp, limits, given)
+    return answer_of(tried, judge, None if own is qp else OWN), tried
 
 
 @interruptible
@@ -231,14 +196,14 @@ def solve_checked(
     start: float,
     history: bool = False,
     memory: Memory | None = None,
-    given: tuple[Any, Any, Any] = (None, None, None),
+    given: Matrices = NOT_GIVEN,
     known: Answer | None = None,
 ) -> QPResult:
     """Solve a checked QP; `start` is the perf_counter() of the call.
 
     `memory` may be kept for the next problem of the same pattern; it is changed.
-    `given`: P, G and A as the user holds them, whose sums `upheld` asks, and in whose
-    form their gradients are. `known`: the answer of `solve_shortly`, if it needs more.
+    `given`: P, G and A as the user holds them, in whose order sums are judged, and in
+    whose form gradients are. `known`: the answer, if the closest point is left to find.
     """
     progress = None
     if options.verbose or history:
@@ -251,13 +216,9 @@ def solve_checked(
     if relaxation:
         check_weights(qp, relaxation)
     with blas_threads(options.threads, qp.q.size + qp.h.size + qp.b.size):
-        if relaxation:
-            answer, closest = solve_or_approach(
-                (qp, given), relaxation, (guess, memory), limits, solve_or_relax, known
-            )
-        else:
-            answer = solve_or_relax(qp, guess, limits, memory, known)
-    answer = upheld(answer, qp, given, limits)
+        answer = known or route(qp, guess, limits, memory, given)
+        if relaxation and answer.status is Status.PRIMAL_INFEASIBLE:
+            closest = closest_point((qp, given), relaxation, limits, route)
     if progress is not None:
         progress.close(conclude(answer, perf_counter() - start))
     kept = progress.history() if progress is not None and history else None
@@ -266,7 +227,7 @@ def solve_checked(
 
 def result_of(
     answer: Answer,
-    problem: tuple[QP, tuple[Any, Any, Any]],
+    problem: tuple[QP, Matrices],
     start: float,
     ready: float,
     history: Any = None,
@@ -297,71 +258,6 @@ def result_of(
         closest=closest,
         problem=problem,
     )
-
-
-def solve_or_relax(
-    qp: QP,
-    guess: Guess,
-    limits: Limits,
-    memory: Memory | None = None,
-    known: Answer | None = None,
-) -> Answer:
-    """Solve the QP; if it stalls, solve it without its huge bounds.
-
-    A proof that this relaxed QP is infeasible holds for the QP, too. The residuals of
-    its solution are computed with the huge bounds. `known`: the answer to the QP, where
-    there is one.
-    """
-    answer = known or solve_substituted(qp, guess, limits, memory)
-    relaxed = without_huge_bounds(qp) if answer.status in UNDECIDED else None
-    if relaxed is None:
-        return answer
-    other = solve_substituted(relaxed, NO_GUESS, limits, None)
-    if other.status is Status.PRIMAL_INFEASIBLE:
-        return other
-    if other.status is Status.SOLVED:
-        residuals = qp_residuals(*qp, *other.point)
-        if residuals.solved(*limits.tolerances):
-            return other._replace(residuals=residuals)
-    if other.status is Status.TIME_LIMIT:  # a longer limit may let it succeed
-        return answer._replace(status=other.status)
-    return answer
-
-
-def solve_substituted(
-    qp: QP, guess: Guess, limits: Limits, memory: Memory | None
-) -> Answer:
-    """Substitute free columns, solve, and map back.
-
-    If that remains undecided, the QP is solved without the substitution. A tiny QP is
-    first tried in dense form as it came.
-    """
-    if memory is None:
-        memory = Memory()
-    else:
-        qp = memory.recognised(qp)
-    substitution = None
-    if not qp.is_dense and (qp.h.size or qp.b.size):
-        if is_tiny(qp) and not memory.in_vain:
-            found = solve_once(qp.in_dense_form(), guess, limits)
-            if found is not None and found.ends:
-                return found
-        substitution = substitute(qp, memory.substitution, limits.deadline)
-        memory.substitution = substitution
-        if limits.deadline.reached():
-            return out_of_time(qp)
-    if substitution is None:
-        return solve_smallest_form(qp, guess, limits, memory)
-    memory.convex = substitution.P  # the user's P was checked; it adds only squares
-    memory.in_vain = False
-    answer = solve_smallest_form(
-        substitution.problem, substitution.guess(guess), limits, memory
-    )
-    answer = confirmed(answer, substitution, limits)
-    if answer.status not in UNDECIDED:
-        return answer
-    guess = make_guess(qp, None, answer.point)
-    return better(answer, solve_smallest_form(qp, guess, limits, Memory()), limits)
 
 
 def describe(qp: QP, options: Options) -> str:

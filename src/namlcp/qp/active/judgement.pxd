@@ -1,3 +1,4 @@
+from namlcp.measure cimport Terms
 from namlcp.qp.active.state cimport ActiveSet, Code
 
 cdef double ACCURATE, RESERVE, ROUNDING, GAIN, LEAST_DIVISOR
@@ -7,6 +8,7 @@ cdef enum:
 cdef void set_point(ActiveSet m) noexcept nogil
 cdef double measure(ActiveSet m) noexcept nogil
 cdef void measure_point(ActiveSet m) noexcept nogil
+cdef void set_terms(ActiveSet m, Terms* t) noexcept nogil
 cdef bint is_low(ActiveSet m, double residual, double size, double most_reserve) noexcept nogil
 cdef bint is_accurate(ActiveSet m, double error) noexcept nogil
 cdef bint is_within(ActiveSet m, double residual, double size, double rounding) noexcept nogil

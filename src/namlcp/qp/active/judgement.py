@@ -7,8 +7,10 @@ alone.
 """
 
 import cython
-from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf
+from cython.cimports.libc.math import INFINITY, fabs
 from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, fill
+from cython.cimports.namlcp.measure import Terms
+from cython.cimports.namlcp.measure import measure as measure_terms
 from cython.cimports.namlcp.qp.active.rows import goal_of, subtract_active
 from cython.cimports.namlcp.qp.active.state import DONE, LATE, STUCK, SUMMED
 from cython.cimports.namlcp.qp.active.steps import keep
@@ -66,55 +68,17 @@ def measure(m):
 
 def measure_point(m):
     """Set m.found, the numbers of `Residuals`, from the products of the point."""
-    q, h, b, lb, ub = m.q, m.h, m.b, m.lb, m.ub
-    x, y, z, z_box = m.x, m.y, m.z, m.z_box
-    Px, Gx, Ax, Gtz, Aty = m.Px, m.Gx, m.Ax, m.Gtz, m.Aty
-    primal, primal_size, dual, dual_size = 0.0, 0.0, 0.0, 0.0
-    xPx, qx, by, hz, bounds = 0.0, 0.0, 0.0, 0.0, 0.0
-    for j in range(m.n):
-        primal = max(primal, max(lb[j] - x[j], x[j] - ub[j]))
-        if lb[j] > -INFINITY or ub[j] < INFINITY:  # else no constraint limits x_j alone
-            primal_size = max(primal_size, fabs(x[j]))
-        rd = Px[j] + q[j] + Gtz[j] + Aty[j] + z_box[j]
-        dual = max(dual, fabs(rd))
-        dual_size = max(dual_size, max(fabs(Px[j]), fabs(q[j])))
-        dual_size = max(dual_size, max(fabs(Gtz[j] + Aty[j]), fabs(z_box[j])))
-        if rd != rd or x[j] != x[j]:
-            dual = NAN
-            break
-        xPx += x[j] * Px[j]
-        qx += q[j] * x[j]
-        if z_box[j] != 0.0:
-            bound = lb[j] if z_box[j] < 0.0 else ub[j]
-            if isinf(bound):
-                dual = max(dual, fabs(z_box[j]))
-            else:
-                bounds += bound * z_box[j]
-    for i in range(m.m):
-        if Gx[i] != Gx[i] or z[i] != z[i]:
-            dual = NAN
-        primal = max(primal, Gx[i] - h[i])
-        if not isinf(h[i]):
-            # not |h_i|, which may be huge where the row is not active
-            primal_size = max(primal_size, fabs(Gx[i]))
-            hz += h[i] * z[i]
-        else:
-            dual = max(dual, fabs(z[i]))
-        dual = max(dual, -z[i])
-    for i in range(m.p):
-        if Ax[i] != Ax[i] or y[i] != y[i]:
-            dual = NAN
-        primal = max(primal, fabs(Ax[i] - b[i]))
-        primal_size = max(primal_size, max(fabs(Ax[i]), fabs(b[i])))
-        by += b[i] * y[i]
-    found = cython.address(m.found)
-    found.primal, found.primal_size = primal, primal_size
-    found.dual, found.dual_size = dual, dual_size
-    found.gap = fabs(xPx + qx + by + hz + bounds)
-    found.gap_size = max(
-        max(fabs(xPx), fabs(qx)), max(fabs(by), max(fabs(hz), fabs(bounds)))
-    )
-    found.objective = 0.5 * xPx + qx
+    t: Terms
+    set_terms(m, cython.address(t))
+    measure_terms(cython.address(t), cython.address(m.found))
+
+
+def set_terms(m, t):
+    """Note where the terms of the residuals are."""
+    t.n, t.m, t.p = m.n, m.m, m.p
+    t.q, t.h, t.b, t.lb, t.ub = m.q, m.h, m.b, m.lb, m.ub
+    t.x, t.y, t.z, t.z_box = m.x, m.y, m.z, m.z_box
+    t.Px, t.Gx, t.Ax, t.Gtz, t.Aty = m.Px, m.Gx, m.Ax, m.Gtz, m.Aty
 
 
 def is_low(m, residual, size, most_reserve):

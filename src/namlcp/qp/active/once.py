@@ -1,9 +1,11 @@
 """The answer of the active-set method to a QP, or None for other methods.
 
-`solve_once` is for a single dense QP, `kept_for` for one after another.
+`solve_dense` is for a single QP in dense form, `kept_for` for one after another.
 """
 
 from typing import Any
+
+import numpy as np
 
 from namlcp.limits import Limits
 from namlcp.options import DEFAULT_OPTIONS
@@ -12,13 +14,15 @@ from namlcp.qp.active.dense import DenseActiveSet
 from namlcp.qp.active.null import NullSpace
 from namlcp.qp.active.sparse import SparseActiveSet, active_set_of
 from namlcp.qp.active.state import ActiveSet, Code
-from namlcp.qp.answer import Answer, proved
-from namlcp.qp.certificates import accept_dual, accept_primal
+from namlcp.qp.answer import Answer
+from namlcp.qp.chain import Chain
 from namlcp.qp.guess import NO_GUESS, Guess
+from namlcp.qp.judge import Judge
 from namlcp.qp.problem import QP, Point
-from namlcp.residuals import qp_residuals
 from namlcp.settings import Settings
 from namlcp.status import Status
+
+FORM = "dual"
 
 
 def settings_of(limits: Limits) -> Settings:
@@ -27,10 +31,17 @@ def settings_of(limits: Limits) -> Settings:
     return Settings(limits.eps_abs, limits.eps_rel, most, 0.0)
 
 
-def solve_once(qp: QP, guess: Guess, limits: Limits) -> Answer | None:
-    """Solve one dense QP; None where another method has to, or a number is bad."""
-    m = new_attempt(qp, settings_of(limits), limits.deadline.at, guess)
-    return answer_of(m, qp, limits)
+def solve_dense(
+    qp: QP, chain: Chain, guess: Guess, judge: Judge, memory: Any = None
+) -> Answer | None:
+    """Solve a QP in dense form; None where another method has to, or a number is bad.
+
+    `chain`: the way from the user's QP to this one.
+    """
+    limits = judge.limits
+    own = qp.in_dense_form()
+    m = new_attempt(own, settings_of(limits), limits.deadline.at, guess)
+    return answer_of(m, judge, None if own is judge.qp else chain)
 
 
 def new_attempt(
@@ -45,29 +56,39 @@ def new_attempt(
     return m
 
 
-def answer_of(m: ActiveSet, qp: QP, limits: Limits) -> Answer | None:
-    """Return the answer after a solve, judged on the data; None for other methods."""
-    x, y, z, z_box = m.point
+def answer_of(m: ActiveSet, judge: Judge, chain: Chain | None = None) -> Answer | None:
+    """Return the answer after a solve, None for other methods.
+
+    `chain`: the way from the judge's QP to that of `m`, None where it is the same.
+    """
     if m.code in (Code.DONE, Code.SUMMED, Code.LATE):
-        point = Point(x, y, z, z_box)
-        residuals = solve.residuals_found(m)
-        if m.code != Code.DONE:
-            residuals = qp_residuals(*qp, *point)
-        status = Status.TIME_LIMIT if m.code == Code.LATE else Status.SOLVED
-        if m.code == Code.SUMMED and not residuals.solved(*limits.tolerances):
-            return None
-        return Answer(status, point, residuals, m.pivots, "dual")
+        if chain is not None:
+            judge.offer(chain.point(*m.point))
+        elif m.code == Code.DONE:
+            judge.measure(Point(*m.point), solve.residuals_found(m))
+        else:
+            judge.measure(Point(*m.point))
+        if m.code == Code.LATE:
+            return judge.answer(Status.TIME_LIMIT, m.pivots, FORM)
+        solved = judge.is_solved
+        return judge.answer(Status.SOLVED, m.pivots, FORM) if solved else None
     if m.code not in (Code.CONTRADICTION, Code.UNBOUNDED):
         return None
-    proof: Point | None = Point(x, y, z, z_box)
-    if isinstance(m, SparseActiveSet):
-        proof = (
-            accept_primal(qp, x, y, z, limits.eps_abs)
-            if m.code == Code.CONTRADICTION
-            else accept_dual(qp, x, y, z, z_box, limits.eps_abs)
-        )
     status = solve.OUTCOMES[m.code]
-    return None if proof is None else proved(status, proof, m.pivots, "dual")
+    point = x, y, z, z_box = Point(*m.point)
+    if isinstance(m, SparseActiveSet):  # leaves candidates: y and z, or a ray in z_box
+        if m.code == Code.CONTRADICTION:
+            accepted = judge.accept_multipliers(x, y, z)
+        else:
+            accepted = judge.accept_ray(z_box, point)
+    elif chain is None:
+        accepted = judge.keep(status, point)  # it passed on the same arrays
+    elif m.code == Code.CONTRADICTION:
+        near = chain.primal(np.zeros(x.size))
+        accepted = judge.accept_multipliers(near, *chain.certificate(y, z))
+    else:
+        accepted = judge.accept_ray(chain.ray(x))
+    return judge.answer(status, m.pivots, FORM) if accepted else None
 
 
 # ---- QPs with the same matrices, one after another

@@ -11,4 +11,3 @@ cdef Code proved(DenseActiveSet m, Code found) noexcept nogil
 cdef Code solve_dense(DenseActiveSet m) noexcept nogil
 cdef Code follow(ActiveSet m) noexcept nogil
 cdef Code sum_anew(DenseActiveSet m) noexcept nogil
-cdef double finite_dot(ActiveSet m, const double* sides, const double* multipliers, double sign, Py_ssize_t n) noexcept nogil

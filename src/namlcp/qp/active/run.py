@@ -1,14 +1,10 @@
 """A solve: checks of the numbers, missing factors, the method, and the end."""
 
 import cython
-from cython import Py_ssize_t
-from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf
-from cython.cimports.namlcp.linalg.blas import (
-    blas_dot,
-    blas_times,
-    blas_times_transposed,
-)
+from cython.cimports.libc.math import INFINITY, NAN, fabs
+from cython.cimports.namlcp.linalg.blas import blas_times, blas_times_transposed
 from cython.cimports.namlcp.linalg.vectors import copy
+from cython.cimports.namlcp.measure import Terms, gap_by_products
 from cython.cimports.namlcp.qp.active.certificates import (
     prove_infeasible,
     prove_unbounded,
@@ -19,6 +15,7 @@ from cython.cimports.namlcp.qp.active.judgement import (
     judge,
     measure_point,
     set_contradiction,
+    set_terms,
 )
 from cython.cimports.namlcp.qp.active.large import prepare
 from cython.cimports.namlcp.qp.active.proximal import (
@@ -176,28 +173,13 @@ def sum_anew(m):
     They are those of `qp_residuals`, which takes them from NumPy and thus from BLAS.
     """
     n = m.n
+    t: Terms
     blas_times(m.P, n, n, m.x, m.Px)
     blas_times(m.G, m.m, n, m.x, m.Gx)
     blas_times(m.A, m.p, n, m.x, m.Ax)
     blas_times_transposed(m.G, m.m, n, m.z, m.Gtz)
     blas_times_transposed(m.A, m.p, n, m.y, m.Aty)
     measure_point(m)
-    gap = blas_dot(m.x, m.Px, n) + blas_dot(m.q, m.x, n)
-    gap += finite_dot(m, m.h, m.z, 0.0, m.m)
-    gap += blas_dot(m.b, m.y, m.p)
-    gap += finite_dot(m, m.lb, m.z_box, -1.0, n)
-    gap += finite_dot(m, m.ub, m.z_box, 1.0, n)
-    m.found.gap = fabs(gap)
+    set_terms(m, cython.address(t))
+    m.found.gap = fabs(gap_by_products(cython.address(t), m.change, m.direction))
     return DONE if are_within(m, 0.0) else STUCK
-
-
-def finite_dot(m, sides, multipliers, sign, n):
-    """Return the product of the finite sides with multipliers not opposed to `sign`."""
-    finite, beside = m.change, m.direction
-    count: Py_ssize_t = 0
-    for i in range(n):
-        if not isinf(sides[i]):
-            finite[count] = sides[i]
-            beside[count] = 0.0 if sign * multipliers[i] < 0.0 else multipliers[i]
-            count += 1
-    return blas_dot(finite, beside, count)

@@ -19,4 +19,4 @@ Infeasibility in Optimization, 2008).
 from namlcp.qp.closest.face import Face
 from namlcp.qp.closest.point import ClosestPoint
 from namlcp.qp.closest.rows import check_weights
-from namlcp.qp.closest.solve import solve_or_approach
+from namlcp.qp.closest.solve import closest_point

@@ -8,12 +8,12 @@ import numpy as np
 from namlcp.limits import Limits
 from namlcp.linalg import times
 from namlcp.options import Relaxation
-from namlcp.qp.answer import OBJECTIVE, Answer
+from namlcp.qp.answer import OBJECTIVE
 from namlcp.qp.closest.face import Face
 from namlcp.qp.closest.point import ClosestPoint
 from namlcp.qp.closest.rows import Rows, rows_of
-from namlcp.qp.closest.stage_one import Solve, StageOne, solve_exactly, stage_one
-from namlcp.qp.guess import NO_GUESS, Guess, make_guess
+from namlcp.qp.closest.stage_one import Solve, solve_exactly, stage_one
+from namlcp.qp.guess import NO_GUESS, make_guess
 from namlcp.qp.problem import QP, Point
 from namlcp.residuals import UNDEFINED, qp_residuals
 from namlcp.status import Status
@@ -31,36 +31,20 @@ UNPROVED = (
 )
 
 
-def solve_or_approach(
-    problem: tuple[QP, tuple[Any, Any, Any]],
-    relaxation: Relaxation,
-    start: tuple[Guess, Any],
-    limits: Limits,
-    solve: Solve,
-    known: Answer | None = None,
-) -> tuple[Answer, ClosestPoint | None]:
-    """Return the answer to a QP, and the closest point if no x is feasible.
-
-    problem: the QP, and P, G and A as the user holds them, in whose form their
-    gradients are. start: the guess and the memory for `solve`, which solves the QP and
-    both stages, each under the same limits. known: the answer, where there is one.
-    """
-    qp, (guess, memory) = problem[0], start
-    answer = known or solve(qp, guess, limits, memory)
-    if answer.status is not Status.PRIMAL_INFEASIBLE:
-        return answer, None
-    stage = stage_one(rows_of(qp, relaxation), limits, solve)
-    return answer, closest_point(problem, stage, limits, solve)
-
-
 def closest_point(
     problem: tuple[QP, tuple[Any, Any, Any]],
-    stage: StageOne,
+    relaxation: Relaxation,
     limits: Limits,
     solve: Solve,
 ) -> ClosestPoint:
-    """Return the solution of the feasible problem nearest to an infeasible QP."""
-    qp, rows, x = problem[0], stage.rows, stage.x
+    """Return the solution of the feasible problem nearest to an infeasible QP.
+
+    problem: the QP, and P, G and A as the user holds them, in whose form their
+    gradients are. `solve` solves both stages, each under the same limits.
+    """
+    qp = problem[0]
+    stage = stage_one(rows_of(qp, relaxation), limits, solve)
+    rows, x = stage.rows, stage.x
     status, message = stage.answer.status, stage.answer.message
     if status is Status.PRIMAL_INFEASIBLE:
         nothing = np.full(rows.d.size, np.nan)

@@ -15,7 +15,7 @@ from namlcp.qp.problem import QP, Point
 from namlcp.status import Status
 
 Solve = Callable[..., Answer]
-"""Solves a QP: (qp, guess, limits, memory=None), see `solve_or_relax`."""
+"""Solves a QP: (qp, guess, limits), see `namlcp.qp.route`."""
 
 STAGE_TOLERANCES = 1e-9, 1e-13
 """eps_abs and eps_rel of both stages, at most: what is active is read from the last

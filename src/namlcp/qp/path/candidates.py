@@ -12,13 +12,12 @@ from typing import Any
 import numpy as np
 
 from namlcp.compiled import address_of
-from namlcp.qp.certificates import accept_dual, accept_primal, largest
+from namlcp.qp.certificates import largest
 from namlcp.qp.judge import Judge
 from namlcp.qp.path.advance import AGAIN, HOLD, PROMISING
 from namlcp.qp.path.steps import THIN
 from namlcp.qp.path.workspace import Workspace
 from namlcp.qp.problem import Point
-from namlcp.qp.transforms import Contradiction, Presolved
 from namlcp.status import Status
 
 # In a projection, the weight of the distance to the candidate, where the residual has
@@ -30,28 +29,11 @@ PROJECTION, PROJECTION_STEPS, PROJECTED = 1e-8, 15, 1e-16
 NEARLY_ACTIVE, VIOLATED, RAY_PROJECTIONS = -1e-3, 1e-13, 3
 
 
-def contradiction(
-    judge: Judge, small: Presolved, reason: Contradiction
-) -> Point | None:
-    """Return the certificate of what presolve found: NaN without multipliers."""
-    qp = judge.qp
-    n, m, p = qp.q.size, qp.h.size, qp.b.size
-    if reason.y is None:
-        x, y, z = (np.full(k, np.nan) for k in (n, p, m))
-        return Point(x, y, z, x)
-    z = np.zeros(m) if reason.z is None else reason.z
-    x = small.with_fixed(np.zeros(small.q.size))
-    small.hold_fixed(np.zeros(n), reason.y, z)
-    return accept_primal(qp, x, reason.y, z, judge.limits.eps_abs)
-
-
 class CertificateSearch:
-    """The tests of every iteration; `proof` is the certificate found."""
+    """The tests of every iteration; the judge keeps what it accepts."""
 
     def __init__(self, work: Workspace, judge: Judge) -> None:
         self.work, self.problem, self.judge = work, work.problem, judge
-        self.tol = judge.limits.eps_abs
-        self.proof: Point | None = None
         work.tested[:] = PROMISING
 
     def find(self) -> Status | None:
@@ -71,33 +53,29 @@ class CertificateSearch:
 
     def is_proof(self, k: int, ratio: float, candidate: list[np.ndarray]) -> bool:
         """Test candidate k, then its projections where it improved since the last."""
-        proof: Callable[..., Point | None]
+        proves: Callable[..., bool]
         projections: Callable[..., list[Any]]
         iterate: Any
         if k < 2:
-            proof, projections = self.farkas_proof, self.project_multipliers
+            proves, projections = self.are_proof, self.project_multipliers
             iterate = self.problem.primal(self.work.x)
         else:
-            proof, projections = self.ray_proof, self.project_ray
+            proves, projections = self.is_ray, self.project_ray
             iterate = self.problem.point(self.work.x, self.work.y, self.work.Z)
-        self.proof = proof(iterate, *candidate)
-        if self.proof is None and ratio <= AGAIN * self.work.tested[k]:
-            self.work.tested[k] = ratio
-            for better in projections(*candidate):
-                self.proof = proof(iterate, *better)
-                if self.proof is not None:
-                    break
-        return self.proof is not None
+        if proves(iterate, *candidate):
+            return True
+        if not ratio <= AGAIN * self.work.tested[k]:
+            return False
+        self.work.tested[k] = ratio
+        return any(proves(iterate, *better) for better in projections(*candidate))
 
-    def farkas_proof(self, x: np.ndarray, y: np.ndarray, Z: np.ndarray) -> Point | None:
-        """Return the proof that scaled multipliers make, None if they make none."""
-        y, z = self.problem.certificate(y, Z)
-        return accept_primal(self.judge.qp, x, y, z, self.tol)
+    def are_proof(self, x: np.ndarray, y: np.ndarray, Z: np.ndarray) -> bool:
+        """Tell whether scaled multipliers prove that no x is feasible."""
+        return self.judge.accept_multipliers(x, *self.problem.certificate(y, Z))
 
-    def ray_proof(self, point: Point, d: np.ndarray) -> Point | None:
-        """Return the proof that a scaled direction makes, None if it makes none."""
-        d = self.problem.ray(d)
-        return accept_dual(self.judge.qp, *point[:3], d, self.tol)
+    def is_ray(self, point: Point, d: np.ndarray) -> bool:
+        """Tell whether the QP is unbounded along a scaled direction."""
+        return self.judge.accept_ray(self.problem.ray(d), point)
 
     def project_multipliers(
         self, y: np.ndarray, Z: np.ndarray

@@ -21,11 +21,11 @@ from namlcp.qp.active.once import answer_of, kept_for, renew
 from namlcp.qp.active.solve import factors_of, solve, step, suggest, updated
 from namlcp.qp.active.state import Code
 from namlcp.qp.convexity import check_convex
-from namlcp.qp.forms import is_small
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
-from namlcp.qp.judge import are_own, upheld
+from namlcp.qp.judge import Judge, are_own
 from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, qp_data
+from namlcp.qp.route import is_small
 from namlcp.qp.sequences.pattern import (
     as_given,
     in_place_of,
@@ -33,7 +33,7 @@ from namlcp.qp.sequences.pattern import (
     revalued,
     within_pattern,
 )
-from namlcp.qp.solve import needs_more, result_of, solve_checked
+from namlcp.qp.solve import result_of, solve_checked
 from namlcp.result import QPResult
 from namlcp.status import Status
 
@@ -324,13 +324,10 @@ class Solver:
         self.left = self.left + 1 if m.code == Code.STUCK else 0
         self.pause = PAUSES[min(self.left, len(PAUSES) - 1)] if m.is_ready else inf
         limits = options.limits(deadline)
-        answer = answer_of(m, qp, limits)
-        if answer is None:
+        answer = answer_of(m, Judge(qp, limits, self.given))
+        if answer is None or not answer.ends:
             return None
-        answer = upheld(answer, qp, self.given, limits)
-        if not answer.ends:
-            return None
-        if needs_more(options, answer):
+        if options.relaxation and answer.status is Status.PRIMAL_INFEASIBLE:
             return solve_checked(
                 qp, options, NO_GUESS, start, given=self.given, known=answer
             )

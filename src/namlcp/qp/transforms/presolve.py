@@ -89,7 +89,7 @@ class Presolved(NamedTuple):
             and np.array_equal(qp.h < np.inf, self.G_groups.wanted)
         )
 
-    def with_fixed(self, x: np.ndarray) -> np.ndarray:
+    def primal(self, x: np.ndarray) -> np.ndarray:
         """Return the x of `qp` from that of the kept columns."""
         if not self.fixed.size:
             return x
@@ -172,7 +172,7 @@ class Presolved(NamedTuple):
         y, z = self.multipliers(y, z_upper, z_lower)
         if not self.fixed.size:
             return Point(x, y, z, z_box)
-        x = self.with_fixed(x)
+        x = self.primal(x)
         box = self.hold_fixed(times(qp.P, x) + qp.q, y, z)
         box[self.kept] = z_box
         return Point(x, y, z, box)

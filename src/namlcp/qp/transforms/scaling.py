@@ -16,6 +16,7 @@ import numpy as np
 
 from namlcp.compiled import kernel, part
 from namlcp.linalg import LEAST_DIVISOR
+from namlcp.qp.chain import OWN, Chain
 from namlcp.qp.guess import Guess
 from namlcp.qp.kkt import KKT
 from namlcp.qp.problem import Point
@@ -42,10 +43,15 @@ class ScaledQP:
     presolved problem; the scaled P, A and G are kept in `kkt` alone.
     """
 
-    def __init__(self, small: Presolved, last: "ScaledQP | None" = None) -> None:
-        """Scale the presolved problem; the matrices of `last` are not scaled again."""
+    def __init__(
+        self, small: Presolved, last: "ScaledQP | None" = None, before: Chain = OWN
+    ) -> None:
+        """Scale the presolved problem; the matrices of `last` are not scaled again.
+
+        `before`: the way from the user's QP to the one that was presolved.
+        """
         n, p = small.q.size, small.b.size
-        self.small = small
+        self.small, self.chain = small, before.then(small)
         self.kkt: KKT
         self.scale: np.ndarray
         self.n, self.p = n, p
@@ -100,23 +106,23 @@ class ScaledQP:
         return found
 
     def point(self, x: np.ndarray, y: np.ndarray, Z: np.ndarray) -> Point:
-        """Return the point of the QP that was presolved."""
-        return self.small.point(*self.unscaled(x, y, Z))
+        """Return the user's point."""
+        return self.chain.point(*self.unscaled(x, y, Z))
 
     def primal(self, x: np.ndarray) -> np.ndarray:
-        """Return the x of the QP that was presolved."""
-        return self.small.with_fixed(x * self.unit[: self.n])
+        """Return the user's x."""
+        return self.chain.primal(x * self.unit[: self.n])
 
     def certificate(
         self, y: np.ndarray, Z: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return the (y, z) of the QP that was presolved."""
+        """Return the user's (y, z)."""
         _, y, z_upper, z_lower, _ = self.unscaled(np.zeros(self.n), y, Z)
-        return self.small.certificate(y, z_upper, z_lower)
+        return self.chain.certificate(y, z_upper, z_lower)
 
     def ray(self, dx: np.ndarray) -> np.ndarray:
-        """Return the direction of the x of the QP that was presolved."""
-        return self.small.ray(dx * self.unit[: self.n])
+        """Return the direction of the user's x."""
+        return self.chain.ray(dx * self.unit[: self.n])
 
     def guess(
         self, guess: Guess

@@ -80,20 +80,31 @@ class Substitution(NamedTuple):
             and np.array_equal(np.isinf(qp.ub), np.isinf(user.ub))
         )
 
-    def point(self, point: Point) -> Point:
+    def point(
+        self, x: np.ndarray, y: np.ndarray, z: np.ndarray, z_box: np.ndarray
+    ) -> Point:
         """Return the user's point."""
-        x = self.ray(point.x)
-        _, y, z, z_box = self.certificate(point)
-        x[self.columns] += self.user.b[self.by] / self.pivot
-        gradient = self.cost * x[self.columns] + self.user.q[self.columns]
+        user, x = self.user, self.primal(x)
+        y, z = self.certificate(y, z)
+        gradient = self.cost * x[self.columns] + user.q[self.columns]
         y[self.by] = -gradient / self.pivot
-        return Point(x, y, z, z_box)
+        full = np.zeros(user.q.size)
+        full[self.kept] = z_box
+        return Point(x, y, z, full)
 
-    def certificate(self, point: Point) -> Point:
-        """Return the user's (NaN, y, z, z_box) with y = 0 at the rows substituted."""
-        y, z_box = np.zeros(self.user.b.size), np.zeros(self.user.q.size)
-        y[self.others], z_box[self.kept] = point.y, point.z_box
-        return Point(np.full(z_box.size, np.nan), y, point.z, z_box)
+    def primal(self, x: np.ndarray) -> np.ndarray:
+        """Return the user's x."""
+        full = self.ray(x)
+        full[self.columns] += self.user.b[self.by] / self.pivot
+        return full
+
+    def certificate(
+        self, y: np.ndarray, z: np.ndarray, *_: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return the user's (y, z) with y = 0 at the rows substituted."""
+        full = np.zeros(self.user.b.size)
+        full[self.others] = y
+        return full, z
 
     def ray(self, d: np.ndarray) -> np.ndarray:
         """Return the user's direction of x."""

@@ -1,0 +1,41 @@
+from numpy cimport ndarray
+
+cdef double LARGE_TERM
+
+cdef struct Numbers:
+    double primal
+    double dual
+    double gap
+    double primal_size
+    double dual_size
+    double gap_size
+    double objective
+
+cdef struct Terms:
+    # A QP, a point with multipliers, and the products of both.
+    Py_ssize_t n, m, p
+    const double *q
+    const double *h
+    const double *b
+    const double *lb
+    const double *ub
+    const double *x
+    const double *y
+    const double *z
+    const double *z_box
+    double *Px
+    double *Gx
+    double *Ax
+    double *Gtz
+    double *Aty
+
+cdef void measure(const Terms* t, Numbers* found) noexcept nogil
+cdef double gap_by_products(const Terms* t, double* finite, double* beside) noexcept nogil
+cdef double finite_dot(const double* sides, const double* multipliers, double sign, Py_ssize_t n, double* finite, double* beside) noexcept nogil
+cdef int set_terms(Terms* t, object vectors, object point) except -1
+cpdef tuple residuals_of_products(tuple vectors, tuple point, tuple products)
+cpdef tuple residuals_of_columns(object P, object G, object A, tuple vectors, tuple point)
+cdef int multiply(object M, Py_ssize_t n, const double* x, double* Mx, const double* z, double* Mtz) except -1
+cdef tuple in_order(const Terms* t, double* work)
+cpdef double signed_gap(tuple vectors, tuple point, object Px) except? -1
+cpdef bint leaves_bounds(const double[::1] x, const double[::1] lb, const double[::1] ub)

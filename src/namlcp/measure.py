@@ -1,0 +1,193 @@
+"""The sums of the residuals of a QP: `namlcp.residuals` has their definition.
+
+All that measures a point comes here: the judge of a solve with the user's matrices, and
+the active-set method with the products it has at hand.
+"""
+
+import cython
+from cython import Py_ssize_t
+from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf
+from cython.cimports.namlcp.linalg.arrays import data_of, new_vector, numbers, places
+from cython.cimports.namlcp.linalg.blas import blas_dot
+from cython.cimports.namlcp.linalg.vectors import fill
+
+# If all terms of the gap are smaller than this, then its rounding error is below 1e-12
+# in whatever order they are added.
+LARGE_TERM = 250.0
+
+
+def measure(t, found):
+    """Set the numbers of `Residuals` from the terms, in one order of all sums.
+
+    An infinite bound or right-hand side has no term in the gap, and the modulus of its
+    multiplier is a dual residual.
+    """
+    primal, primal_size, dual, dual_size = 0.0, 0.0, 0.0, 0.0
+    xPx, qx, by, hz, bounds = 0.0, 0.0, 0.0, 0.0, 0.0
+    q, lb, ub, x, z_box = t.q, t.lb, t.ub, t.x, t.z_box
+    Px, Gtz, Aty = t.Px, t.Gtz, t.Aty
+    for j in range(t.n):
+        primal = max(primal, max(lb[j] - x[j], x[j] - ub[j]))
+        if lb[j] > -INFINITY or ub[j] < INFINITY:  # else no constraint limits x_j alone
+            primal_size = max(primal_size, fabs(x[j]))
+        rd = Px[j] + q[j] + Gtz[j] + Aty[j] + z_box[j]  # as qpsolvers adds it
+        dual = max(dual, fabs(rd))
+        dual_size = max(dual_size, max(fabs(Px[j]), fabs(q[j])))
+        dual_size = max(dual_size, max(fabs(Gtz[j] + Aty[j]), fabs(z_box[j])))
+        if rd != rd or x[j] != x[j]:
+            dual = NAN
+            break
+        xPx += x[j] * Px[j]
+        qx += q[j] * x[j]
+        if z_box[j] != 0.0:
+            bound = lb[j] if z_box[j] < 0.0 else ub[j]
+            if isinf(bound):
+                dual = max(dual, fabs(z_box[j]))
+            else:
+                bounds += bound * z_box[j]
+    h, z, Gx = t.h, t.z, t.Gx
+    for i in range(t.m):
+        if Gx[i] != Gx[i] or z[i] != z[i]:
+            dual = NAN
+        primal = max(primal, Gx[i] - h[i])
+        if not isinf(h[i]):
+            # not |h_i|, which may be huge where the row is not active
+            primal_size = max(primal_size, fabs(Gx[i]))
+            hz += h[i] * z[i]
+        else:
+            dual = max(dual, fabs(z[i]))
+        dual = max(dual, -z[i])
+    b, y, Ax = t.b, t.y, t.Ax
+    for i in range(t.p):
+        if Ax[i] != Ax[i] or y[i] != y[i]:
+            dual = NAN
+        primal = max(primal, fabs(Ax[i] - b[i]))
+        primal_size = max(primal_size, max(fabs(Ax[i]), fabs(b[i])))
+        by += b[i] * y[i]
+    found.primal, found.primal_size = primal, primal_size
+    found.dual, found.dual_size = dual, dual_size
+    found.gap = fabs(xPx + qx + by + hz + bounds)
+    found.gap_size = max(
+        max(fabs(xPx), fabs(qx)), max(fabs(by), max(fabs(hz), fabs(bounds)))
+    )
+    found.objective = 0.5 * xPx + qx
+
+
+def gap_by_products(t, finite, beside):
+    """Return x'Px + q'x + b'y + h'z + lb'z_box^- + ub'z_box^+ as qpsolvers adds it.
+
+    An infinite side has no term. NumPy, and so qpsolvers, takes dot products from BLAS.
+    finite and beside (max(n, m),) are overwritten.
+    """
+    gap = blas_dot(t.x, t.Px, t.n) + blas_dot(t.q, t.x, t.n)
+    gap += finite_dot(t.h, t.z, 0.0, t.m, finite, beside)
+    gap += blas_dot(t.b, t.y, t.p)
+    gap += finite_dot(t.lb, t.z_box, -1.0, t.n, finite, beside)
+    gap += finite_dot(t.ub, t.z_box, 1.0, t.n, finite, beside)
+    return gap
+
+
+def finite_dot(sides, multipliers, sign, n, finite, beside):
+    """Return the product of the finite sides with multipliers not opposed to `sign`."""
+    count: Py_ssize_t = 0
+    for i in range(n):
+        if not isinf(sides[i]):
+            finite[count] = sides[i]
+            beside[count] = 0.0 if sign * multipliers[i] < 0.0 else multipliers[i]
+            count += 1
+    return blas_dot(finite, beside, count)
+
+
+# ---- arrays of NumPy
+
+
+def set_terms(t, vectors, point):
+    """Note vectors = (q, h, b, lb, ub) and point = (x, y, z, z_box).
+
+    Raises ValueError where these are not contiguous, or of other sizes.
+    """
+    q, h, b, lb, ub = vectors
+    x, y, z, z_box = point
+    n, m, p = q.size, h.size, b.size
+    t.n, t.m, t.p = n, m, p
+    t.q, t.h, t.b = numbers(q, n), numbers(h, m), numbers(b, p)
+    t.lb, t.ub = numbers(lb, n), numbers(ub, n)
+    t.x, t.y, t.z = numbers(x, n), numbers(y, p), numbers(z, m)
+    t.z_box = numbers(z_box, n)
+    return 0
+
+
+def residuals_of_products(vectors, point, products):
+    """Return the numbers of `Residuals`; products = (Px, Gx, Ax, G'z, A'y)."""
+    t: Terms
+    set_terms(cython.address(t), vectors, point)
+    Px, Gx, Ax, Gtz, Aty = products
+    t.Px, t.Gx, t.Ax = numbers(Px, t.n), numbers(Gx, t.m), numbers(Ax, t.p)
+    t.Gtz, t.Aty = numbers(Gtz, t.n), numbers(Aty, t.n)
+    work = new_vector(2 * max(t.n, t.m))
+    return in_order(cython.address(t), data_of(work))
+
+
+def residuals_of_columns(P, G, A, vectors, point):
+    """Return the numbers of `Residuals` for P, G and A as csc_array or csc_matrix."""
+    t: Terms
+    set_terms(cython.address(t), vectors, point)
+    n, m, p = t.n, t.m, t.p
+    work = new_vector(3 * n + m + p + 2 * max(n, m))
+    t.Px = data_of(work)
+    t.Gtz, t.Aty = t.Px + n, t.Px + 2 * n
+    t.Gx = t.Px + 3 * n
+    t.Ax = t.Gx + m
+    fill(t.Px, 0.0, 3 * n + m + p)
+    multiply(P, n, t.x, t.Px, cython.NULL, cython.NULL)
+    if m > 0:
+        multiply(G, n, t.x, t.Gx, t.z, t.Gtz)
+    if p > 0:
+        multiply(A, n, t.x, t.Ax, t.y, t.Aty)
+    return in_order(cython.address(t), t.Ax + p)
+
+
+def multiply(M, n, x, Mx, z, Mtz):
+    """Add M x to Mx and, unless z is NULL, M'z to Mtz, in the order of SciPy."""
+    indptr = places(M.indptr, n + 1)
+    count: Py_ssize_t = indptr[n]
+    indices, data = places(M.indices, count), numbers(M.data, count)
+    for j in range(n):
+        x_j, total = x[j], 0.0
+        for t in range(indptr[j], indptr[j + 1]):
+            Mx[indices[t]] += data[t] * x_j
+            if z != cython.NULL:
+                total += data[t] * z[indices[t]]
+        if z != cython.NULL:
+            Mtz[j] += total
+    return 0
+
+
+def in_order(t, work):
+    """Return the numbers, with a gap of large terms as qpsolvers adds it."""
+    found: Numbers
+    measure(t, cython.address(found))
+    if not found.gap_size < LARGE_TERM:
+        found.gap = fabs(gap_by_products(t, work, work + max(t.n, t.m)))
+    return (
+        found.primal, found.dual, found.gap, found.primal_size, found.dual_size,
+        found.gap_size, found.objective,
+    )  # fmt: skip
+
+
+def signed_gap(vectors, point, Px):
+    """Return `gap_by_products` of arrays."""
+    t: Terms
+    set_terms(cython.address(t), vectors, point)
+    t.Px = numbers(Px, t.n)
+    size = max(t.n, t.m)
+    work = new_vector(2 * size)
+    return gap_by_products(cython.address(t), data_of(work), data_of(work) + size)
+
+
+def leaves_bounds(x, lb, ub):
+    """Tell whether an entry of x is not between its bounds."""
+    for j in range(x.shape[0]):
+        if not lb[j] <= x[j] <= ub[j]:
+            return True
+    return False
