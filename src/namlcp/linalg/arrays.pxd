@@ -3,6 +3,8 @@ from numpy cimport ndarray, npy_intp
 cdef object NO_ENTRIES
 
 cdef bint fits(object value, int ndim)
+cdef bint are_places(object value)
+cdef ndarray new_zeros(npy_intp rows, npy_intp columns)
 cdef ndarray new_vector(npy_intp size)
 cdef double* data_of(ndarray array) noexcept
 cdef double* numbers(object array, Py_ssize_t size) except NULL

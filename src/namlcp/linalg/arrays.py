@@ -25,6 +25,25 @@ def fits(value, ndim):
     )
 
 
+def are_places(value):
+    """Tell whether a value has indices that can go to compiled code as they are."""
+    if not cnp.PyArray_CheckExact(value):
+        return False
+    array: cnp.ndarray = value
+    return (
+        cnp.PyArray_EquivTypenums(cnp.PyArray_TYPE(array), cnp.NPY_INT32)
+        and cnp.PyArray_NDIM(array) == 1
+        and cnp.PyArray_ISCARRAY_RO(array)
+    )
+
+
+def new_zeros(rows, columns):
+    """Return a matrix of zeros."""
+    shape = cython.declare(cnp.npy_intp[2])
+    shape[0], shape[1] = rows, columns
+    return cnp.PyArray_ZEROS(2, shape, cnp.NPY_DOUBLE, 0)
+
+
 def new_vector(size):
     """Return a vector that is not set."""
     if size == 0:

@@ -11,6 +11,7 @@ from namlcp.checks import (
     as_sparse,
     constant,
     matrix,
+    no_rows,
     refuse_number,
     sparse_matrix,
     square_matrix,
@@ -21,6 +22,7 @@ from namlcp.entries import has_huge, is_bad
 from namlcp.limits import interruptible
 from namlcp.linalg import as_dense, asymmetry
 from namlcp.linalg.stamp import stamp_of_arrays
+from namlcp.qp.intake import is_clean
 
 
 class Point(NamedTuple):
@@ -104,7 +106,7 @@ class QP(NamedTuple):
 def stamp_of(qp: QP) -> int:
     """Return a hash of the numbers of a QP, of sparse matrices without their places.
 
-    Two QPs of one stamp are the same but for a chance of 2^-64.
+    Two QPs of one stamp are the same but for a rare chance.
     """
     P, q, G, h, A, b, lb, ub = qp
     matrices = (P, G, A) if qp.is_dense else (P.data, G.data, A.data)
@@ -228,5 +230,15 @@ def checked(qp: QP) -> QP:
 
 
 def qp_data(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) -> QP:
-    """Return the user's QP as checked, clean arrays: `checked` of `qp_arrays`."""
-    return checked(qp_arrays(P, q, G, h, A, b, lb, ub))
+    """Return the user's QP as checked, clean arrays."""
+    if not is_clean(P, q, G, h, A, b, lb, ub):
+        return checked(qp_arrays(P, q, G, h, A, b, lb, ub))
+    rows, sides, below, above = absent_parts(q.size)
+    if type(P) is not np.ndarray:
+        rows = no_rows(q.size)
+    return QP(
+        P, q,
+        rows if G is None else G, sides if h is None else h,
+        rows if A is None else A, sides if b is None else b,
+        below if lb is None else lb, above if ub is None else ub,
+    )  # fmt: skip

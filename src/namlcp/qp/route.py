@@ -12,7 +12,7 @@ import numpy as np
 
 from namlcp.limits import Limits
 from namlcp.qp.active import solve_dense
-from namlcp.qp.active.solve import FEW_ENTRIES, FULL, MOST_BOX
+from namlcp.qp.active.solve import FEW_ENTRIES, FULL, MOST_BOX, TINY_ENTRIES
 from namlcp.qp.answer import UNDECIDED, Answer
 from namlcp.qp.bounds import is_box_open, solve_bounds
 from namlcp.qp.chain import OWN, Chain
@@ -27,9 +27,6 @@ from namlcp.status import Status
 # Most variables, and most entries of P, G and A, zeros included, of the dense form,
 # which would take many seconds beyond.
 DENSE_VARIABLES, DENSE_ENTRIES = 2000, 16_000_000
-# Most entries, zeros included, of a sparse QP that the dense form solves before a
-# substitution is looked for, which would take longer.
-TINY_ENTRIES = 2000
 
 
 def is_tiny(qp: QP) -> bool:

@@ -10,23 +10,17 @@ from namlcp.linalg import blas_threads
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp.active import (
-    MOST_ORDER,
-    answer_of,
-    factors_of,
-    new_attempt,
     solve_small,
 )
 from namlcp.qp.active.dense import DenseActiveSet
-from namlcp.qp.active.solve import MOST_BOX
 from namlcp.qp.active.state import Code
 from namlcp.qp.answer import OBJECTIVE, Answer
-from namlcp.qp.chain import OWN
 from namlcp.qp.closest import check_weights, closest_point
 from namlcp.qp.guess import Guess, make_guess
-from namlcp.qp.judge import NOT_GIVEN, Judge, Matrices
+from namlcp.qp.judge import NOT_GIVEN, Matrices
 from namlcp.qp.memory import Memory
-from namlcp.qp.problem import QP, checked, qp_arrays, stamp_of
-from namlcp.qp.route import is_tiny, route
+from namlcp.qp.problem import QP, qp_data, stamp_of
+from namlcp.qp.route import route
 from namlcp.result import QPResult
 from namlcp.status import Status
 
@@ -143,49 +137,13 @@ def solve_arguments(
     `tried`: what has tried to solve it already, if anything has.
     """
     P, _, G, _, A, *_ = arguments
-    qp, given = qp_arrays(*arguments), (P, G, A)
-    memory = None
-    if x0 is None and warm_start is None and not history and options.is_plain:
-        ready = perf_counter()
-        answer, tried = solve_unchecked(qp, options, start, given, tried)
-        if answer is not None:
-            result = result_of(answer, (qp, given), start, ready)
-            result.stamp = stamp_of(qp)
-            if derivative and qp.is_dense:
-                result.factors = factors_of(tried)
-            return result
-        # else `checked` tells of a fault, if that is why
-        if tried is not None and tried.code not in (Code.UNSUITED, Code.FAULTY):
-            memory = Memory(in_vain=True)
-    qp = checked(qp)
-    guess = make_guess(qp, x0, warm_start, name)
-    result = solve_checked(qp, options, guess, start, history, memory, given)
+    qp = qp_data(*arguments)
+    guess, memory = make_guess(qp, x0, warm_start, name), None
+    if tried is not None:
+        memory = Memory(in_vain=tried.code not in (Code.UNSUITED, Code.FAULTY))
+    result = solve_checked(qp, options, guess, start, history, memory, (P, G, A))
     result.stamp = stamp_of(qp)
     return result
-
-
-def solve_unchecked(
-    qp: QP,
-    options: Options,
-    start: float,
-    given: Matrices,
-    tried: DenseActiveSet | None,
-) -> tuple[Answer | None, DenseActiveSet | None]:
-    """Solve a small or tiny QP of `qp_arrays` in dense form, which checks its numbers.
-
-    Returns the answer, None if that is not the way to solve it, and what has tried.
-    """
-    order = qp.q.size + qp.h.size + qp.b.size
-    if order > MOST_ORDER or order == qp.q.size > MOST_BOX:
-        return None, None
-    if not (qp.is_dense or is_tiny(qp)):
-        return None, None
-    limits, own = options.limits(Deadline(start + options.time_limit)), qp
-    if tried is None:
-        own = qp.in_dense_form()
-        tried = new_attempt(own, options.settings, start + options.time_limit)
-    judge = Judge(qp, limits, given)
-    return answer_of(tried, judge, None if own is qp else OWN), tried
 
 
 @interruptible

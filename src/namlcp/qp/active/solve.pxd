@@ -7,9 +7,10 @@ cpdef enum:
     MOST_BOX = 50
     FEW_ENTRIES = 10_000
     FULL = 30
+    TINY_ENTRIES = 2000
 
 cdef object SOLVED, DUAL, clock
-cdef double MOST_OPERATIONS, FEW_OPERATIONS
+cdef double MOST_OPERATIONS, FEW_OPERATIONS, UNIT
 
 cdef double now()
 cdef Py_ssize_t filled(const double* values, Py_ssize_t count) noexcept nogil
@@ -21,6 +22,9 @@ cdef Py_ssize_t rows_of(object C, object d, Py_ssize_t n)
 cdef bint is_bound(object side, Py_ssize_t n)
 cdef void set_bounds(DenseActiveSet m, object lb, object ub)
 cdef void set_limits(DenseActiveSet m) noexcept nogil
-cdef unsigned long long stamp_of(DenseActiveSet m) noexcept nogil
+cdef object tiny_form(object C, Py_ssize_t n)
+cdef bint is_certain(DenseActiveSet m) noexcept nogil
+cdef double norm(const double* v, Py_ssize_t n) noexcept nogil
+cdef unsigned long long stamp_of(DenseActiveSet m, tuple matrices)
 cdef void place_of_vectors(ActiveSet m, object vectors)
 cdef bint put(object value, double* place, Py_ssize_t size, double infinity)

@@ -12,9 +12,16 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
-from cython.cimports.libc.math import INFINITY, fabs
-from cython.cimports.namlcp.linalg.arrays import data_of, fits, new_vector
-from cython.cimports.namlcp.linalg.vectors import copy, fill, hash_of
+from cython.cimports.libc.math import INFINITY, fabs, sqrt
+from cython.cimports.namlcp.linalg.arrays import (
+    are_places,
+    data_of,
+    fits,
+    new_vector,
+    new_zeros,
+    places,
+)
+from cython.cimports.namlcp.linalg.vectors import copy, dot, fill, hash_of
 from cython.cimports.namlcp.outcome import Numbers, Outcome, new_outcome, residuals_of
 from cython.cimports.namlcp.qp.active.dense import DenseActiveSet
 from cython.cimports.namlcp.qp.active.null import NullSpace, solve_next
@@ -35,6 +42,7 @@ from cython.cimports.namlcp.qp.active.state import (
 )
 from cython.cimports.namlcp.qp.active.weight import NO_WEIGHT
 from cython.cimports.namlcp.settings import Settings
+from scipy.sparse import csc_array, csc_matrix
 
 from namlcp.status import Status
 
@@ -50,13 +58,16 @@ OUTCOMES = {
 }
 # MOST_ORDER: most variables, equations and rows of a QP whose factors LAPACK does not
 # make. MOST_BOX: most variables of one with bounds alone, which is quicker as a box LCP
-# else. FEW_ENTRIES: most entries, zeros included, of a QP that takes P + W whatever it
-# is; a larger one is left to the interior-point method where less than FULL percent of
-# them are not zero.
+# else. TINY_ENTRIES: most entries, zeros included, of a sparse QP that is solved in
+# dense form as it came: to look for a substitution would take longer. FEW_ENTRIES: most
+# entries of a QP that takes P + W whatever it is; a larger one is left to the
+# interior-point method where less than FULL percent of them are not zero.
 # Operations of pivots from which on the interior-point method is quicker, for each one
 # of n^2 (n + m + p); and a number, some tens of milliseconds, that is never too large.
 # (Linear programs take 10 to 30 of these units, other QPs 1 to 4.)
 MOST_OPERATIONS, FEW_OPERATIONS = 4.0, 2e8
+# The spacing of the numbers next to 1.
+UNIT = 2.0**-52
 
 
 def now():
@@ -148,8 +159,9 @@ def is_bound(side, n):
 
 
 def solve_small(kind, P, q, G, h, A, b, lb, ub, settings: Settings, start, keeps):
-    """Solve a small dense QP whose arguments are clean; None where they are not.
+    """Solve a small QP whose arguments are clean; None where they are not.
 
+    Dense ones; or P, G and A in CSC that are tiny, zeros included.
     Returns its result, of a class derived from `Outcome`, or the `DenseActiveSet` that
     has tried in vain. keeps: let the result have the factors.
     """
@@ -158,6 +170,9 @@ def solve_small(kind, P, q, G, h, A, b, lb, ub, settings: Settings, start, keeps
     n = cnp.PyArray_DIM(q, 0)
     rows: Py_ssize_t = 0
     p: Py_ssize_t = 0
+    given, is_sparse = (P, q, G, h, A, b, lb, ub), not cnp.PyArray_CheckExact(P)
+    if is_sparse:
+        P, G, A = tiny_form(P, n), tiny_form(G, n), tiny_form(A, n)
     if G is not None or h is not None:
         rows = rows_of(G, h, n)
     if A is not None or b is not None:
@@ -168,7 +183,7 @@ def solve_small(kind, P, q, G, h, A, b, lb, ub, settings: Settings, start, keeps
         return None
     m: DenseActiveSet = DenseActiveSet.__new__(DenseActiveSet)
     m.n, m.m, m.p, m.is_single = n, rows, p, True
-    m.matrices = m.vectors = problem = P, q, G, h, A, b, lb, ub
+    m.matrices, m.vectors = (P, G, A), given
     m.P, m.q = data_of(P), data_of(q)
     if rows > 0:
         m.G, m.h = data_of(G), data_of(h)
@@ -182,11 +197,70 @@ def solve_small(kind, P, q, G, h, A, b, lb, ub, settings: Settings, start, keeps
     run(m)
     if m.code != DONE and m.code not in OUTCOMES:
         return m
-    result: Outcome = result_of(m, kind, problem, start, ready)
-    result.stamp = stamp_of(m)
-    if keeps and m.code == DONE:
+    if is_sparse and m.code == DONE and not is_certain(m):
+        return m
+    result: Outcome = result_of(m, kind, given, start, ready)
+    result.stamp = stamp_of(m, (given[0], given[2], given[4]))
+    if keeps and m.code == DONE and not is_sparse:
         result.factors = factors_of(m)
     return result
+
+
+def tiny_form(C, n):
+    """Return a clean matrix in CSC with n columns as an array, None if it is not tiny.
+
+    The same where there is no such matrix.
+    """
+    if type(C) is not csc_array and type(C) is not csc_matrix:
+        return None
+    data, indices, indptr = C.data, C.indices, C.indptr
+    if not (fits(data, 1) and are_places(indices) and are_places(indptr)):
+        return None
+    rows: Py_ssize_t = C.shape[0]
+    nnz: Py_ssize_t = cnp.PyArray_DIM(data, 0)
+    if cnp.PyArray_DIM(indptr, 0) != n + 1 or n * (n + rows) > TINY_ENTRIES:
+        return None
+    start, at, value = places(indptr, n + 1), places(indices, nnz), data_of(data)
+    if start[0] != 0 or start[n] != nnz:
+        return None
+    found = new_zeros(rows, n)
+    out = data_of(found)
+    for j in range(n):
+        before = -1
+        if start[j + 1] < start[j] or start[j + 1] > nnz:
+            return None
+        for t in range(start[j], start[j + 1]):
+            if at[t] <= before or at[t] >= rows:
+                return None  # not canonical, or corrupt
+            before = at[t]
+            out[before * n + j] = value[t]
+    return found
+
+
+def is_certain(m):
+    """Tell whether the residuals are within tolerance in any order of their sums.
+
+    The moduli of the terms of a row of M x sum up to at most || M ||_F || x ||_2. The
+    gap's other sums run over vectors, in one order only.
+    """
+    n, found = m.n, cython.address(m.found)
+    P, G, A = norm(m.P, n * n), norm(m.G, m.m * n), norm(m.A, m.p * n)
+    x, y, z = norm(m.x, n), norm(m.y, m.p), norm(m.z, m.m)
+    primal = found.primal + UNIT * max(G, A) * x
+    dual, gap = (
+        found.dual + UNIT * (P * x + G * z + A * y),
+        found.gap + UNIT * P * x * x,
+    )
+    return (
+        primal <= m.eps_abs + m.eps_rel * found.primal_size
+        and dual <= m.eps_abs + m.eps_rel * found.dual_size
+        and gap <= m.eps_abs + m.eps_rel * found.gap_size
+    )
+
+
+def norm(v, n):
+    """Return the 2-norm, which may overflow."""
+    return sqrt(dot(v, v, n))
 
 
 def set_bounds(m, lb, ub):
@@ -398,12 +472,13 @@ def factors_of(m: DenseActiveSet):
     return other
 
 
-def stamp_of(m):
-    """Return a hash of all numbers of the QP at hand."""
+def stamp_of(m, matrices):
+    """Return a hash of all numbers of the QP at hand; `matrices`: P, G and A."""
     n, total = m.n, cython.cast(cython.ulonglong, 0)
-    total = hash_of(m.P, n * n, total)
-    total = hash_of(m.G, m.m * n, total)
-    total = hash_of(m.A, m.p * n, total)
+    for C in matrices:
+        if C is not None:
+            entries: cnp.ndarray = C if cnp.PyArray_CheckExact(C) else C.data
+            total = hash_of(data_of(entries), cnp.PyArray_SIZE(entries), total)
     total = hash_of(m.q, n, total)
     total = hash_of(m.h, m.m, total)
     total = hash_of(m.b, m.p, total)

@@ -1,0 +1,103 @@
+"""The arguments of a QP that are clean already, checked in one pass.
+
+Everything else, and every fault, is left to `problem.checked`, which names it.
+"""
+
+import cython
+from cython import Py_ssize_t
+from cython.cimports import numpy as cnp
+from cython.cimports.libc.math import INFINITY, fabs
+from cython.cimports.namlcp.entries import CANONICAL, index_order, sparse_asymmetry
+from cython.cimports.namlcp.linalg.arrays import are_places, data_of, fits
+from scipy.sparse import csc_array, csc_matrix
+
+from namlcp import checks
+
+cnp.import_array()
+
+# What counts as no bound, see `checks`.
+INFINITE = checks.INFINITE
+
+
+def is_clean(P, q, G, h, A, b, lb, ub):
+    """Tell whether arguments are the arrays of a QP: clean, finite and of its sizes.
+
+    P is symmetric, the matrices are all dense or all in CSC, no side is huge. G and h,
+    A and b, lb, ub may be None.
+    """
+    if not fits(q, 1):
+        return False
+    n: Py_ssize_t = cnp.PyArray_DIM(q, 0)
+    is_dense: cython.bint = fits(P, 2)
+    if (G is None) != (h is None) or (A is None) != (b is None):
+        return False
+    return (
+        rows_of(P, n, is_dense) == n
+        and (h is None or (fits(h, 1) and rows_of(G, n, is_dense) == h.size))
+        and (b is None or (fits(b, 1) and rows_of(A, n, is_dense) == b.size))
+        and is_finite(q)
+        and (b is None or is_finite(b))
+        and (h is None or is_side(h, 1.0, h.size))
+        and (lb is None or is_side(lb, -1.0, n))
+        and (ub is None or is_side(ub, 1.0, n))
+        and is_symmetric(P, n, is_dense)
+    )
+
+
+def rows_of(M, n, is_dense):
+    """Return the number of rows of a clean matrix with n columns, -1 if it is none."""
+    if is_dense:
+        if not (fits(M, 2) and cnp.PyArray_DIM(M, 1) == n and is_finite(M)):
+            return -1
+        return cnp.PyArray_DIM(M, 0)
+    if type(M) is not csc_array and type(M) is not csc_matrix:
+        return -1
+    data, indices, indptr = M.data, M.indices, M.indptr
+    if not (fits(data, 1) and are_places(indices) and are_places(indptr)):
+        return -1
+    rows: Py_ssize_t = M.shape[0]
+    size: Py_ssize_t = cnp.PyArray_DIM(indices, 0)
+    is_whole: cython.bint = (
+        M.shape[1] == n
+        and cnp.PyArray_DIM(data, 0) == size
+        and cnp.PyArray_DIM(indptr, 0) == n + 1
+        and indptr[n] == size
+        and index_order(indptr, indices, n, rows) == CANONICAL
+        and is_finite(data)
+    )
+    return rows if is_whole else -1
+
+
+def is_finite(array):
+    """Tell whether there is neither NaN nor infinity in a clean array."""
+    values, bad = data_of(array), cython.cast(Py_ssize_t, 0)
+    for i in range(cnp.PyArray_SIZE(array)):
+        bad += not fabs(values[i]) < INFINITY
+    return bad == 0
+
+
+def is_side(array, sign, size):
+    """Tell whether an array is a clean vector of sides, none of them NaN or huge.
+
+    An infinite one has this sign.
+    """
+    if not (fits(array, 1) and cnp.PyArray_DIM(array, 0) == size):
+        return False
+    values = data_of(array)
+    for i in range(size):
+        if not (fabs(values[i]) < INFINITE or values[i] == sign * INFINITY):
+            return False
+    return True
+
+
+def is_symmetric(P, n, is_dense):
+    """Tell whether P = P'."""
+    if not is_dense:
+        gap, _ = sparse_asymmetry(P.indptr, P.indices, P.data)
+        return gap == 0.0
+    values = data_of(P)
+    for i in range(n):
+        for j in range(i):
+            if values[i * n + j] != values[j * n + i]:
+                return False
+    return True
