@@ -9,8 +9,8 @@ import numpy as np
 import plain
 import pytest
 
-from namlcp.outcome import Outcome
 from namlcp.qp.active.solve import OUTCOMES, solve_small
+from namlcp.result_base import ResultBase
 from namlcp.settings import Settings
 
 INF = np.inf
@@ -67,8 +67,8 @@ def test_the_text_gives_the_answers_of_the_machine_code(seed):
     plain.module("namlcp.qp.active.state").make_room(m)
     code = plain.module("namlcp.qp.active.run").decide(m)
     settings = Settings(1e-9, 1e-10, 1000, INF)
-    found = solve_small(Outcome, *qp, settings, perf_counter(), False)
-    is_decided = isinstance(found, Outcome)
+    found = solve_small(ResultBase, *qp, settings, perf_counter(), False)
+    is_decided = isinstance(found, ResultBase)
     assert is_decided == (code in OUTCOMES)
     if not is_decided:
         assert code == found.code

@@ -12,7 +12,7 @@ from solves import SOLVES
 import namlcp
 from namlcp import QPResult
 from namlcp.compiled.decorators import KERNELS
-from namlcp.outcome import FIELDS
+from namlcp.result_base import FIELDS
 
 
 def bits(result) -> tuple:

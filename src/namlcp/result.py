@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from namlcp.outcome import Outcome
 from namlcp.residuals import Residuals
+from namlcp.result_base import ResultBase
 from namlcp.status import Status
 
 if TYPE_CHECKING:
@@ -209,7 +209,7 @@ class LCPResult(Differentiable):
         return differentiate_lcp(self)
 
 
-class QPResult(Outcome):
+class QPResult(ResultBase):
     """Result of `solve_qp`; read `status` first.
 
     Attributes

@@ -20,8 +20,8 @@ from problems_qp import (
 from walks_qp import FAMILIES, Walk, portfolio, sparse_portfolio
 
 from namlcp import Options, Solver, Status, qp_residuals, solve_qp
-from namlcp.outcome import FIELDS
 from namlcp.qp import qp_data
+from namlcp.result_base import FIELDS
 
 INF = np.inf
 

@@ -22,7 +22,6 @@ from cython.cimports.namlcp.linalg.arrays import (
     places,
 )
 from cython.cimports.namlcp.linalg.vectors import copy, dot, fill, hash_of
-from cython.cimports.namlcp.outcome import Numbers, Outcome, new_outcome, residuals_of
 from cython.cimports.namlcp.qp.active.dense import DenseActiveSet
 from cython.cimports.namlcp.qp.active.null import NullSpace, solve_next
 from cython.cimports.namlcp.qp.active.rows import (
@@ -41,6 +40,12 @@ from cython.cimports.namlcp.qp.active.state import (
     make_room,
 )
 from cython.cimports.namlcp.qp.active.weight import NO_WEIGHT
+from cython.cimports.namlcp.result_base import (
+    Numbers,
+    ResultBase,
+    new_result,
+    residuals_of,
+)
 from cython.cimports.namlcp.settings import Settings
 from scipy.sparse import csc_array, csc_matrix
 
@@ -131,7 +136,7 @@ def run(m):
 
 def result_of(m, kind, problem, start, ready):
     """Return the result of a class: solved, or with a certificate."""
-    result: Outcome = new_outcome(kind)
+    result: ResultBase = new_result(kind)
     result.status, result.form = SOLVED, DUAL
     result.x, result.y, result.z, result.z_box = m.point
     result.numbers, result.obj = m.found, m.found.objective
@@ -161,9 +166,9 @@ def is_bound(side, n):
 def solve_small(kind, P, q, G, h, A, b, lb, ub, settings: Settings, start, keeps):
     """Solve a small QP whose arguments are clean; None where they are not.
 
-    Dense ones; or P, G and A in CSC that are tiny, zeros included.
-    Returns its result, of a class derived from `Outcome`, or the `DenseActiveSet` that
-    has tried in vain. keeps: let the result have the factors.
+    Dense ones; or P, G and A in CSC that are tiny, zeros included. Returns its result,
+    of a class derived from `ResultBase`, or the `DenseActiveSet` that has tried in
+    vain. keeps: let the result have the factors.
     """
     if not fits(q, 1):
         return None
@@ -199,7 +204,7 @@ def solve_small(kind, P, q, G, h, A, b, lb, ub, settings: Settings, start, keeps
         return m
     if is_sparse and m.code == DONE and not is_certain(m):
         return m
-    result: Outcome = result_of(m, kind, given, start, ready)
+    result: ResultBase = result_of(m, kind, given, start, ready)
     result.stamp = stamp_of(m, (given[0], given[2], given[4]))
     if keeps and m.code == DONE and not is_sparse:
         result.factors = factors_of(m)

@@ -1,4 +1,4 @@
-from namlcp.outcome cimport Numbers
+from namlcp.result_base cimport Numbers
 
 cdef double OFTEN
 cdef Py_ssize_t MOST_NUMBERS

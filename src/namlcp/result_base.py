@@ -14,7 +14,7 @@ FIELDS = (
 NOTHING, EMPTY = (), ""
 
 
-class Outcome:
+class ResultBase:
     """How a solve ended, and the point; the attributes are those of `QPResult`."""
 
     def __init__(
@@ -62,9 +62,9 @@ def residuals_of(numbers):
     )  # fmt: skip
 
 
-def new_outcome(kind):
-    """Return an Outcome of a class, without attributes; `kind()` takes 0.2 us more."""
+def new_result(kind):
+    """Return a result of a class, without attributes; `kind()` takes 0.2 us more."""
     make = cython.cast(newfunc, PyType_GetSlot(kind, Py_tp_new))
-    result: Outcome = make(kind, NOTHING, cython.NULL)
+    result: ResultBase = make(kind, NOTHING, cython.NULL)
     result.message = result.form = EMPTY
     return result

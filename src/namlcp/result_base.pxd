@@ -5,7 +5,7 @@ cdef extern from "Python.h":
     void* PyType_GetSlot(object kind, int slot)
     int Py_tp_new
 
-cdef class Outcome:
+cdef class ResultBase:
     cdef:
         readonly object status, x, y, z, z_box, form, message
         readonly object history, closest, problem
@@ -19,4 +19,4 @@ cdef class Outcome:
 cdef object NOTHING, EMPTY
 
 cdef object residuals_of(Numbers numbers)
-cdef object new_outcome(object kind)
+cdef object new_result(object kind)
