@@ -13,13 +13,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from namlcp import layers
-from namlcp.lcp import Prepared, solve_lcp
+from namlcp.lcp import Prepared
 from namlcp.many import solve_many
 from namlcp.options import Options, Relaxation
-from namlcp.qp import BatchResult, ClosestPoint, Solver, solve_batch, solve_qp
 from namlcp.qpsolvers import register
 from namlcp.residuals import Residuals, natural_residual, qp_residuals
-from namlcp.result import LCPResult, QPResult
+from namlcp.results import BatchResult, ClosestPoint, LCPResult, QPResult
+from namlcp.solve import Solver, solve_batch, solve_lcp, solve_qp
 from namlcp.status import Status
 from namlcp.theory import Verdict, converges, is_h_plus
 

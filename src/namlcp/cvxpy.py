@@ -19,17 +19,9 @@ from cvxpy.reductions.solvers.utilities import extract_dual_value, get_dual_valu
 
 import namlcp
 from namlcp.options import Options
-from namlcp.qp import (
-    NO_GUESS,
-    QP,
-    ClosestPoint,
-    NotConvex,
-    OtherShape,
-    Solver,
-    qp_data,
-    solve_checked,
-)
-from namlcp.result import QPResult
+from namlcp.qp import NO_GUESS, QP, NotConvex, OtherShape, qp_data, solve_checked
+from namlcp.results import ClosestPoint, QPResult, qp_result
+from namlcp.solve import Solver, solve_problem
 from namlcp.status import Status
 
 KEYWORD = "NAM"
@@ -114,7 +106,7 @@ class NAM(QpSolver):
             if known is None:
                 P, q, F, g, A, b = arguments(data)
                 qp, given = qp_data(P, q, F, g, A, b, None, None), (P, F, A)
-                result = solve_checked(qp, options, NO_GUESS, start, given=given)
+                result = solve_problem((qp, given), options, NO_GUESS, start)
                 cache[KEYWORD] = result
             else:
                 solver, last = solver_of(data, known)
@@ -224,8 +216,10 @@ def infeasible_or(
     """
     flat = qp._replace(P=0.0 * qp.P, q=0.0 * qp.q)
     proof_alone = replace(options, infeasible="certificate")
-    result = solve_checked(flat, proof_alone, NO_GUESS, start)
-    return result if result.status is Status.PRIMAL_INFEASIBLE else unbounded
+    answer = solve_checked(flat, proof_alone, NO_GUESS, start)
+    if answer.status is not Status.PRIMAL_INFEASIBLE:
+        return unbounded
+    return qp_result(answer, (flat, (None, None, None)), start, start)
 
 
 def register() -> None:

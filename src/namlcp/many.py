@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from importlib import import_module
 from typing import Any
 
-from namlcp.qp import solve_qp
+from namlcp.solve import solve_qp
 
 
 def solve_many(

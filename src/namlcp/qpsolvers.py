@@ -14,8 +14,9 @@ with warnings.catch_warnings():
 from qpsolvers.exceptions import ParamError, ProblemError, SolverError
 
 from namlcp.options import DEFAULT_OPTIONS, Options
-from namlcp.qp import ClosestPoint, solve_arguments, solve_small
-from namlcp.result import QPResult
+from namlcp.qp import solve_small
+from namlcp.results import ClosestPoint, QPResult
+from namlcp.solve import solve_arguments
 from namlcp.status import Status
 
 KEYWORD = "nam"

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from problems_qp import Options, make_qp, opposed
 
-from namlcp import Relaxation, Status
-from namlcp.qp import closest
+from namlcp import Relaxation, Status, results
 from namlcp.qp.answer import Answer
+from namlcp.qp.closest import nearest
 from namlcp.qp.route import route
 from namlcp.residuals import UNDEFINED
 
@@ -41,7 +41,8 @@ def ending(*statuses):
 
 def closest_point(qp, solve, limits=DEFAULT_LIMITS):
     """Return the closest point of a QP that is known to be infeasible."""
-    return closest.closest_point((qp, WITHOUT), Relaxation(), limits, solve)
+    found = nearest(qp, Relaxation(), limits, solve)
+    return results.closest_point(found, (qp, WITHOUT))
 
 
 @pytest.mark.parametrize("status", [Status.STALLED, Status.TIME_LIMIT, Status.MAX_ITER])

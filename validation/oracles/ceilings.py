@@ -32,10 +32,10 @@ from pathlib import Path
 import numpy as np
 from qpsolvers import Problem, Solution
 
+from namlcp import solve_qp
 from namlcp.limits import Limits
 from namlcp.qp.judge import Judge
 from namlcp.qp.problem import QP, Point, qp_data
-from namlcp.qp.solve import solve_qp
 from namlcp.residuals import qp_residuals
 from validation.harness import Row, cli, csv_files, tables
 from validation.oracles.exact import Active, ExactQP, Face

@@ -1,6 +1,6 @@
 """Derivatives of the solutions of QPs and LCPs in all of their data.
 
-`result.py` opens this room when a result is asked for a derivative, not before.
+They take problems, points and factors; the methods of results call them.
 """
 
 from namlcp.derivatives.batch import (
@@ -10,7 +10,7 @@ from namlcp.derivatives.batch import (
     differentiate_batch,
     differentiate_items,
 )
-from namlcp.derivatives.closest import ClosestDerivative, differentiate_closest
+from namlcp.derivatives.closest import ClosestDerivative
 from namlcp.derivatives.directional import lcp_directional, qp_directional
 from namlcp.derivatives.gradients import (
     LCPGradients,
@@ -19,5 +19,5 @@ from namlcp.derivatives.gradients import (
     QPTangent,
     product_of,
 )
-from namlcp.derivatives.lcp import LCPDerivative, differentiate_lcp
-from namlcp.derivatives.qp import QPDerivative, differentiate_qp
+from namlcp.derivatives.lcp import LCPDerivative
+from namlcp.derivatives.qp import QPDerivative

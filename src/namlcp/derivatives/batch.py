@@ -15,7 +15,7 @@ from namlcp.derivatives.items import differentiate_items as differentiate_part
 from namlcp.derivatives.items import refuse_faults
 from namlcp.derivatives.qp import QPDerivative
 from namlcp.options import check_count
-from namlcp.qp import QP, BatchResult, Point, available_cores, on_threads
+from namlcp.qp import QP, Items, Point, available_cores, on_threads
 
 MOST_WORK = 1e8
 """Operations of one compiled call at most, about: until its end Ctrl-C is not seen."""
@@ -149,12 +149,14 @@ class BatchGradients(InMatrices):
         The same.
     """
 
-    def __init__(self, batch: BatchResult, found: Found, points: Point) -> None:
-        """Take what `differentiate_items` has returned for a batch."""
-        self.stacked = batch.problem.stacked
-        self.given = dict(zip("PGA", batch.problem.given, strict=True))
+    def __init__(
+        self, items: Items, used: np.ndarray, found: Found, points: Point
+    ) -> None:
+        """Take what `differentiate_items` has returned for the used items."""
+        self.stacked = items.stacked
+        self.given = dict(zip("PGA", items.given, strict=True))
         self.vectors, self.points = found[:5], points
-        self.used, self.weak = batch.solved, found.weak
+        self.used, self.weak = used, found.weak
         self.singular = self.used & ~found.regular
         self.q, self.h, self.b, self.lb, self.ub = map(
             self.joined, ("q", "h", "b", "lb", "ub"), self.vectors
@@ -173,33 +175,31 @@ class BatchGradients(InMatrices):
 
 
 def differentiate_batch(
-    batch: BatchResult, cotangents: dict[str, Any], threads: int | None
+    items: Items,
+    points: Point,
+    used: np.ndarray,
+    cotangents: tuple[Any, ...],
+    threads: int | None,
 ) -> BatchGradients:
-    """Return the gradients of a batch from those in x, y, z and z_box of its items."""
-    items = batch.problem
-    if items is None:
-        raise ValueError(
-            "derivatives need the result of solve_batch itself: a pickled or copied "
-            "one has lost the problems"
-        )
+    """Return the gradients of the used items from those in their points."""
     threads = available_cores() if threads is None else threads
     check_count("threads", threads)
-    given = tuple(checked_gradient(k, value, batch) for k, value in cotangents.items())
+    pairs = zip(Point._fields, cotangents, points, strict=True)
+    given = tuple(checked_gradient(*pair) for pair in pairs)
     arrays = None
     if items.shared.is_dense:
         arrays = tuple((items.shared._asdict() | items.stacked).values())
-    points = Point(batch.x, batch.y, batch.z, batch.z_box)
-    solved = Solved(arrays, lambda i: items.item(i)[0], points, batch.solved)
-    return BatchGradients(batch, *differentiate_items(solved, given, threads))
+    solved = Solved(arrays, lambda i: items.item(i)[0], points, used)
+    return BatchGradients(items, used, *differentiate_items(solved, given, threads))
 
 
-def checked_gradient(name: str, value: Any, batch: BatchResult) -> np.ndarray | None:
-    """Return gradients in x, y, z or z_box of all items checked, None if absent."""
+def checked_gradient(name: str, value: Any, own: np.ndarray) -> np.ndarray | None:
+    """Return gradients in a part of all points checked, None if absent."""
     if value is None:
         return None
-    array, own = real_array(name, value), getattr(batch, name[1:])
+    array = real_array(f"d{name}", value)
     if array.shape != own.shape:
         raise ValueError(
-            f"{name} must have shape {own.shape} to match {name[1:]}, got {array.shape}"
+            f"d{name} must have shape {own.shape} to match {name}, got {array.shape}"
         )
     return array

@@ -20,10 +20,8 @@ import scipy.sparse as sp
 
 from namlcp.checks import finite_vector
 from namlcp.derivatives.gradients import QPGradients, RankTwo, product_of
-from namlcp.derivatives.problem import problem_of
 from namlcp.derivatives.qp import QPDerivative
-from namlcp.qp import QP, ClosestPoint, Face, Point
-from namlcp.status import Status
+from namlcp.qp import QP, Face, Point
 
 ITS_OWN = (None, None, None)
 """The matrices of a stage, which no user has given."""
@@ -119,12 +117,3 @@ def vector(name: str, value: Any, other: str, own: np.ndarray) -> np.ndarray:
     if value is None:
         return np.zeros(own.size)
     return finite_vector(name, value, own.size, other, own.shape)
-
-
-def differentiate_closest(found: ClosestPoint) -> ClosestDerivative:
-    """Return the derivative of a closest point; raise ValueError if there is none."""
-    if found.status is Status.SOLVED and found.norm != 2:
-        raise ValueError(
-            f"derivatives need shifts of norm 2, got those of norm {found.norm}"
-        )
-    return ClosestDerivative(*problem_of(found))

@@ -18,6 +18,7 @@ A and dA z + dq in which free unknowns are free, strictly active ones fixed, and
 active ones have one bound.
 """
 
+from time import perf_counter
 from typing import Any
 
 import numpy as np
@@ -29,8 +30,10 @@ from namlcp.derivatives.gradients import LCPTangent, QPTangent
 from namlcp.derivatives.lcp import LCPDerivative
 from namlcp.derivatives.qp import QPDerivative
 from namlcp.derivatives.systems import active_sets
-from namlcp.lcp import solve_lcp
-from namlcp.qp import Point, solve_qp
+from namlcp.lcp import ACCURACY, lcp_data, solve_by_method
+from namlcp.limits import Limits, interruptible
+from namlcp.options import DEFAULT_OPTIONS
+from namlcp.qp import NO_GUESS, Answer, Point, qp_data, solve_checked
 from namlcp.status import Status
 
 
@@ -50,16 +53,21 @@ def qp_directional(derivative: QPDerivative, changes: dict[str, Any]) -> QPTange
     fixed = active.side != 0
     lower = np.where(fixed | (side < 0), change, -np.inf)
     upper = np.where(fixed | (side > 0), change, np.inf)
-    found = solve_qp(qp.P, r, qp.G[weak], dh[weak], A, b, lower, upper)
+    found = solved(qp.P, r, qp.G[weak], dh[weak], A, b, lower, upper)
     if found.status is not Status.SOLVED:
         raise ValueError(
             "the solution has no derivative along this direction: the QP of the "
             f"critical cone is {found.status.value}"
         )
+    dx, y, z, dz_box = found.point
     dz = np.zeros(qp.h.size)
-    dz[weak], dz[strict] = found.z, found.y[db.size :]
-    dy = found.y[: db.size]
-    return QPTangent(found.x, dy, dz, found.z_box, face.weak, face.singular)
+    dz[weak], dz[strict] = z, y[db.size :]
+    return QPTangent(dx, y[: db.size], dz, dz_box, face.weak, face.singular)
+
+
+def solved(*arguments: Any) -> Answer:
+    """Return the answer to a QP of these arguments."""
+    return solve_checked(qp_data(*arguments), DEFAULT_OPTIONS, NO_GUESS, perf_counter())
 
 
 def with_rows(A: Any, G: Any) -> Any:
@@ -80,17 +88,19 @@ def steepest(derivative: QPDerivative, d: dict[str, Any]) -> Point:
     change = np.where(whole.side < 0, d["lb"], d["ub"])
     slope = -(dh @ found.z + db @ found.y + change @ found.z_box)
     zero = np.zeros((found.number, found.number))
-    best = solve_qp(zero, -slope, -N, np.maximum(value, 0.0))
+    none = (None,) * 4
+    best = solved(zero, -slope, -N, np.maximum(value, 0.0), *none)
     if best.status is not Status.SOLVED:
         raise ValueError(
             "the QP has no solution along this direction: its constraints contradict "
             f"each other (the LP of the multipliers is {best.status.value})"
         )
-    t = best.x
+    t = best.point.x
     z_box = point.z_box + found.z_box @ t
     return Point(point.x, point.y + found.y @ t, point.z + found.z @ t, z_box)
 
 
+@interruptible
 def lcp_directional(
     derivative: LCPDerivative, dA: Any, dq: Any, dlower: Any, dupper: Any
 ) -> LCPTangent:
@@ -103,7 +113,8 @@ def lcp_directional(
     fixed = derivative.strict_side != 0
     lower = np.where(fixed | (weak_side < 0), change, -np.inf)
     upper = np.where(fixed | (weak_side > 0), change, np.inf)
-    found = solve_lcp(lcp.matrix, r, lower, upper)
+    direction = lcp_data(lcp.matrix, r, lower, upper)
+    found = solve_by_method(direction, Limits(eps_rel=ACCURACY), is_kept=True)
     if found.status is not Status.SOLVED:
         raise ValueError(
             "the solution has no derivative along this direction: the LCP of the "

@@ -23,10 +23,8 @@ import numpy as np
 from namlcp.checks import finite_matrix, finite_vector
 from namlcp.derivatives.free_matrix import FreeMatrix, free_matrix
 from namlcp.derivatives.gradients import LCPGradients, LCPTangent, RankTwo
-from namlcp.derivatives.problem import problem_of
 from namlcp.derivatives.systems.marks import sides_of_lcp
 from namlcp.lcp import LCP, Operator
-from namlcp.result import LCPResult
 
 
 class LCPDerivative:
@@ -40,10 +38,12 @@ class LCPDerivative:
         Whether A_FF is singular, F all unknowns with w = 0.
     """
 
-    def __init__(self, lcp: LCP, given: Any, result: LCPResult) -> None:
+    def __init__(self, lcp: LCP, given: Any, z: np.ndarray, w: np.ndarray) -> None:
         """Choose F and factor A_FF; `given`: A as the user holds it."""
-        self.lcp, self.given, self.z = lcp, given, result.z
-        side, self.weak_side = sides_of_lcp(lcp, result.z, result.w)
+        if isinstance(lcp.A, Operator):
+            raise ValueError("derivatives need the entries of A, got a LinearOperator")
+        self.lcp, self.given, self.z = lcp, given, z
+        side, self.weak_side = sides_of_lcp(lcp, z, w)
         self.strict_side = side
         self.weak = int(np.count_nonzero(self.weak_side) - np.count_nonzero(side))
         self.hold(side)
@@ -98,11 +98,3 @@ class LCPDerivative:
         if value is None:
             return np.zeros(self.z.size)
         return finite_vector(name, value, self.z.size, "q", self.lcp.q.shape)
-
-
-def differentiate_lcp(result: LCPResult) -> LCPDerivative:
-    """Return the derivative of a solution; raise ValueError if there is none."""
-    lcp, given = problem_of(result)
-    if isinstance(lcp.A, Operator):
-        raise ValueError("derivatives need the entries of A, got a LinearOperator")
-    return LCPDerivative(lcp, given, result)

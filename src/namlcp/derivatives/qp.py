@@ -46,10 +46,7 @@ from namlcp.checks import finite_matrix, finite_vector, vector
 from namlcp.derivatives.face import Face
 from namlcp.derivatives.gradients import QPGradients, QPTangent, product_of
 from namlcp.derivatives.items import DenseItem, refuse_faults
-from namlcp.derivatives.problem import problem_of
 from namlcp.qp import QP, Point
-from namlcp.qp.problem import stamp_of
-from namlcp.result import QPResult
 
 
 class QPDerivative:
@@ -179,20 +176,3 @@ class QPDerivative:
             else:
                 out[name] = finite_matrix(f"d{name}", value, name, own.shape)
         return out
-
-
-def differentiate_qp(result: QPResult) -> QPDerivative:
-    """Return the derivative of a solution, made once; raise ValueError if it has none.
-
-    That is so, too, if an array of the user has other numbers than at the solve.
-    """
-    qp, given = problem_of(result)
-    if result.stamp is not None and result.stamp != stamp_of(qp):
-        raise ValueError(
-            "derivatives need the arrays as they were when the QP was solved: one has "
-            "been changed in place since (pass a copy to the solve)"
-        )
-    if result.kept is None:
-        point = Point(result.x, result.y, result.z, result.z_box)
-        result.kept = QPDerivative(qp, given, point, result.factors)
-    return result.kept

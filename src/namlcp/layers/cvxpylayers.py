@@ -17,8 +17,8 @@ import numpy as np
 import scipy.sparse as sp
 from cvxpylayers.interfaces.base import SolverInterface
 
-from namlcp.qp import solve_qp
-from namlcp.result import QPResult
+from namlcp.results import QPResult
+from namlcp.solve import solve_qp
 from namlcp.status import Status
 
 OTHER_CONES = "exp", "soc", "psd", "p3d", "pnd"

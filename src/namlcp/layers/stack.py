@@ -13,7 +13,8 @@ import numpy as np
 
 from namlcp.checks import refuse_number
 from namlcp.derivatives import Found, Solved, differentiate_items, product_of
-from namlcp.qp import QP, Point, available_cores, qp_data, solve_batch, solve_qp
+from namlcp.qp import QP, Point, available_cores, qp_data
+from namlcp.solve import solve_batch, solve_qp
 from namlcp.status import Status
 
 AXES = dict(zip(QP._fields, (2, 1, 2, 1, 2, 1, 1, 1), strict=True))

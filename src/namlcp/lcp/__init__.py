@@ -1,12 +1,12 @@
-"""Box LCPs: `solve_lcp` and the methods that it chooses from."""
+"""Box LCPs: the route of a solve, and the methods that it chooses from."""
 
 from namlcp.lcp.auto import LARGE_LCP, solve_auto
-from namlcp.lcp.data import LCP, Outcome
-from namlcp.lcp.modulus.methods import METHODS, Parameters
+from namlcp.lcp.data import LCP, Outcome, lcp_data
+from namlcp.lcp.modulus.methods import METHODS, SOLVERS, Parameters, find_method
 from namlcp.lcp.multigrid.linear import FreeSystem
 from namlcp.lcp.operators import Operator
 from namlcp.lcp.pivoting.driver import ACCURACY, Attempt
 from namlcp.lcp.pivoting.pivot import pivot
 from namlcp.lcp.prepared import Prepared
 from namlcp.lcp.relaxation import relax_csr
-from namlcp.lcp.solve import solve_lcp
+from namlcp.lcp.solve import first_kernel, solve_by_method

@@ -1,22 +1,24 @@
-"""Convex QPs: `solve_qp`, the forms it chooses from, and what proves an answer."""
+"""Convex QPs: the forms a solve chooses from, and what proves an answer."""
 
-from namlcp.qp.active import solve_small
-from namlcp.qp.closest import ClosestPoint, Face
+from namlcp.qp.active import factors_of, solve_small, step
+from namlcp.qp.active.dense import DenseActiveSet
+from namlcp.qp.active.state import Code
+from namlcp.qp.answer import OBJECTIVE, Answer, objective_of
+from namlcp.qp.closest import Face, Nearest
 from namlcp.qp.convexity import NotConvex
-from namlcp.qp.guess import NO_GUESS, make_guess
+from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.kkt import KKT
-from namlcp.qp.problem import QP, Point, qp_arrays, qp_data
+from namlcp.qp.memory import Memory
+from namlcp.qp.problem import QP, Point, checked, qp_arrays, qp_data, stamp_of
 from namlcp.qp.sequences import (
-    BatchResult,
+    STATUSES,
+    Items,
     OtherShape,
-    Solver,
+    Outcomes,
+    QPSequence,
     available_cores,
     on_threads,
-    solve_batch,
+    solve_items,
 )
-from namlcp.qp.solve import (
-    solve_arguments,
-    solve_checked,
-    solve_qp,
-)
+from namlcp.qp.solve import solve_checked, solve_unchecked
 from namlcp.qp.transforms import equilibrate

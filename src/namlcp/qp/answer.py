@@ -1,6 +1,6 @@
 """What a solve of a QP ends with."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,10 @@ UNDECIDED = (Status.STALLED, Status.NUMERICAL_ERROR)
 
 
 class Answer(NamedTuple):
-    """The status of a QP, a point or a certificate, and how a form found it."""
+    """The status of a QP, a point or a certificate, and how a form found it.
+
+    closest: the `Nearest` of an infeasible QP, if that was asked for.
+    """
 
     status: Status
     point: Point
@@ -24,11 +27,20 @@ class Answer(NamedTuple):
     iterations: int
     form: str
     message: str = ""
+    closest: Any = None
 
     @property
     def ends(self) -> bool:
         """Tell whether no other form is to be tried."""
         return self.status in FINAL or self.status is Status.TIME_LIMIT
+
+
+def objective_of(answer: Answer) -> float:
+    """Return 1/2 x'Px + q'x, infinite where a certificate takes the place of x."""
+    objective = answer.residuals.objective
+    if answer.status is Status.SOLVED:
+        return objective
+    return OBJECTIVE.get(answer.status, objective)
 
 
 def proved(

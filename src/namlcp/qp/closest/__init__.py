@@ -17,6 +17,5 @@ Infeasibility in Optimization, 2008).
 """
 
 from namlcp.qp.closest.face import Face
-from namlcp.qp.closest.point import ClosestPoint
 from namlcp.qp.closest.rows import check_weights
-from namlcp.qp.closest.solve import closest_point
+from namlcp.qp.closest.solve import Nearest, nearest

@@ -1,21 +1,17 @@
 """Both stages, and the judgement of what they find on the user's own data."""
 
-from dataclasses import replace
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
 from namlcp.limits import Limits
-from namlcp.linalg import times
 from namlcp.options import Relaxation
-from namlcp.qp.answer import OBJECTIVE
 from namlcp.qp.closest.face import Face
-from namlcp.qp.closest.point import ClosestPoint
 from namlcp.qp.closest.rows import Rows, rows_of
 from namlcp.qp.closest.stage_one import Solve, solve_exactly, stage_one
 from namlcp.qp.guess import NO_GUESS, make_guess
 from namlcp.qp.problem import QP, Point
-from namlcp.residuals import UNDEFINED, qp_residuals
+from namlcp.residuals import UNDEFINED, Residuals, qp_residuals
 from namlcp.status import Status
 
 NO_NEAREST = "No shift helps: the constraints that must stay contradict each other. "
@@ -31,18 +27,33 @@ UNPROVED = (
 )
 
 
-def closest_point(
-    problem: tuple[QP, tuple[Any, Any, Any]],
-    relaxation: Relaxation,
-    limits: Limits,
-    solve: Solve,
-) -> ClosestPoint:
+class Nearest(NamedTuple):
+    """What the search for the nearest feasible problem found, named as `ClosestPoint`.
+
+    stages, with SOLVED: the face of all x with these shifts, the QP of stage 2 and its
+    solution.
+    """
+
+    status: Status
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    z_box: np.ndarray
+    residuals: Residuals
+    shift_h: np.ndarray
+    shift_b: np.ndarray
+    shift_lb: np.ndarray
+    shift_ub: np.ndarray
+    norm: int
+    message: str
+    stages: tuple[Face, QP, Point] | None = None
+
+
+def nearest(qp: QP, relaxation: Relaxation, limits: Limits, solve: Solve) -> Nearest:
     """Return the solution of the feasible problem nearest to an infeasible QP.
 
-    problem: the QP, and P, G and A as the user holds them, in whose form their
-    gradients are. `solve` solves both stages, each under the same limits.
+    `solve` solves both stages, each under the same limits.
     """
-    qp = problem[0]
     stage = stage_one(rows_of(qp, relaxation), limits, solve)
     rows, x = stage.rows, stage.x
     status, message = stage.answer.status, stage.answer.message
@@ -55,37 +66,22 @@ def closest_point(
         r = rows.violations(x)
         message = NOT_LEAST.format(status.value) + message
         return reported(qp, rows, unknown(rows, x), r, status, message)
-    found = least_cost(problem, stage.face(), x, limits, solve)
+    found = least_cost(qp, stage.face(), x, limits, solve)
     if found.status is Status.STALLED:
         sharper = stage.sharpened(limits, solve)
         if sharper is stage:
             return found
-        other = least_cost(problem, sharper.face(), x, limits, solve)
+        other = least_cost(qp, sharper.face(), x, limits, solve)
         if other.status in (Status.SOLVED, Status.DUAL_INFEASIBLE):
             return other
     return found
 
 
 def least_cost(
-    problem: tuple[QP, tuple[Any, Any, Any]],
-    face: Face,
-    x: np.ndarray,
-    limits: Limits,
-    solve: Solve,
-) -> ClosestPoint:
-    """Return the point of least cost on a face; x is some point of it.
-
-    `problem`: the user's QP, and (P, G, A) as they were given.
-    """
-    qp, rows = problem[0], face.rows
-    easier = face.problem(qp)
-
-    def solved(point: Point, message: str = "") -> ClosestPoint:
-        """Return the solution of both stages that one of stage 2 makes."""
-        x, r = face.point(point), face.shifts(point.x)
-        found = reported(qp, rows, x, r, Status.SOLVED, message)
-        return replace(found, problem=(problem, face, easier, point))
-
+    qp: QP, face: Face, x: np.ndarray, limits: Limits, solve: Solve
+) -> Nearest:
+    """Return the point of least cost on a face; x is some point of it."""
+    rows, easier = face.rows, face.problem(qp)
     # The rows active at x are those of the solution only if they leave x no freedom.
     settled = face.held.size + np.count_nonzero(face.v_box) >= x.size
     guess = make_guess(easier, x, None) if settled else NO_GUESS
@@ -94,10 +90,11 @@ def least_cost(
     if status is Status.DUAL_INFEASIBLE:
         return reported(qp, rows, second.point, face.shifts(x), status, message)
     if status is Status.SOLVED:
-        found = solved(second.point, message)
+        point, r = face.point(second.point), face.shifts(second.point.x)
+        found = reported(qp, rows, point, r, status, message)
         residuals = found.residuals
         if residuals.solved(*limits.tolerances):
-            return found
+            return found._replace(stages=(face, easier, second.point))
         if residuals._replace(dual=0.0, gap=0.0).solved(*limits.tolerances):
             x = found.x
         message = UNPROVED.format(*residuals[:3]) + message
@@ -116,23 +113,11 @@ def unknown(rows: Rows, x: np.ndarray) -> Point:
 
 def reported(
     qp: QP, rows: Rows, point: Point, r: np.ndarray, status: Status, message: str
-) -> ClosestPoint:
+) -> Nearest:
     """Return a point and shifts of the rows as the user wants them, with residuals."""
     h, b, lb, ub = rows.shifts(r)
     shifted = qp._replace(h=qp.h + h, b=qp.b + b, lb=qp.lb + lb, ub=qp.ub + ub)
     solved = status is Status.SOLVED
-    return ClosestPoint(
-        status=status,
-        x=point.x,
-        y=point.y,
-        z=point.z,
-        z_box=point.z_box,
-        obj=OBJECTIVE.get(status, float(point.x @ (0.5 * times(qp.P, point.x) + qp.q))),
-        residuals=qp_residuals(*shifted, *point) if solved else UNDEFINED,
-        shift_h=h,
-        shift_b=b,
-        shift_lb=lb,
-        shift_ub=ub,
-        norm=rows.norm,
-        message=message.strip(),
-    )
+    residuals = qp_residuals(*shifted, *point) if solved else UNDEFINED
+    shifts, message = (h, b, lb, ub), message.strip()
+    return Nearest(status, *point, residuals, *shifts, rows.norm, message)

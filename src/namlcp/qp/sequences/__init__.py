@@ -1,10 +1,12 @@
-"""Many QPs: one after the other by a `Solver`, or at once by `solve_batch`."""
+"""Many QPs: one after the other by a `QPSequence`, or at once by `solve_items`."""
 
 from namlcp.qp.sequences.batch import (
-    BatchResult,
+    STATUSES,
+    Items,
+    Outcomes,
     available_cores,
     on_threads,
-    solve_batch,
+    solve_items,
 )
 from namlcp.qp.sequences.pattern import OtherShape
-from namlcp.qp.sequences.solver import Solver
+from namlcp.qp.sequences.sequence import QPSequence

@@ -1,4 +1,4 @@
-"""`Solver`: one QP solved again and again, while its vectors and values change.
+"""One QP solved again and again, while its vectors and values change.
 
 The active-set method of `qp/active` is tried first: it keeps what it computes, and
 begins with the active constraints of the last solution. What it does not decide goes
@@ -11,15 +11,15 @@ solve without memory, which is the one of `solve_qp`.
 
 from copy import deepcopy
 from math import inf
-from time import perf_counter
 from typing import Any
 
-from namlcp.limits import Deadline, cause_of
+from namlcp.limits import Deadline
 from namlcp.linalg import asymmetry
-from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
+from namlcp.options import DEFAULT_OPTIONS, Options
 from namlcp.qp.active.once import answer_of, kept_for, renew
-from namlcp.qp.active.solve import factors_of, solve, step, suggest, updated
+from namlcp.qp.active.solve import solve, suggest, updated
 from namlcp.qp.active.state import Code
+from namlcp.qp.answer import Answer
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.judge import Judge, are_own
@@ -33,8 +33,7 @@ from namlcp.qp.sequences.pattern import (
     revalued,
     within_pattern,
 )
-from namlcp.qp.solve import result_of, solve_checked
-from namlcp.result import QPResult
+from namlcp.qp.solve import solve_checked
 from namlcp.status import Status
 
 SOLVED = Status.SOLVED
@@ -47,48 +46,8 @@ PAUSES = 0, 0, 1, 3, 7, 15
 SETTLED = (SOLVED, Status.TIME_LIMIT)
 
 
-class Solver:
-    """A convex QP that is solved again and again, with other vectors or values.
-
-    ``minimise 1/2 x'Px + q'x  subject to  Gx <= h,  Ax = b,  lb <= x <= ub``
-
-    `update` changes any of the arguments, `solve` solves. A solve gives what `solve_qp`
-    gives for the same problem, at a fraction of the time: it begins with the active
-    constraints of the last solution, and what depends on the matrices alone is not done
-    again while they stay.
-
-    Parameters
-    ----------
-    P, q, G, h, A, b, lb, ub
-        The problem, as for `solve_qp`; all are copied. The sizes stay, and so does the
-        pattern of sparse matrices.
-    **settings
-        The fields of `Options`, for all solves.
-
-    Raises
-    ------
-    ValueError, TypeError, MemoryError
-        As `solve_qp`. A P that is not positive semidefinite is refused here.
-
-    Notes
-    -----
-    Where P is singular a problem may have many solutions; then two solves may return
-    different ones, with the same objective. A Solver can be copied and pickled. One
-    Solver is for one thread at a time; Solvers in several threads run side by side, as
-    compiled code releases Python's lock.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from namlcp import Solver
-    >>> solver = Solver(np.eye(2), np.zeros(2), lb=np.zeros(2))
-    >>> for step in range(3):
-    ...     solver.update(q=np.array([-1.0, step - 1.0]))
-    ...     print(solver.solve().x + 0.0)
-    [1. 1.]
-    [1. 0.]
-    [1. 0.]
-    """
+class QPSequence:
+    """The QP of a `Solver` as it is now, and what is kept from solve to solve."""
 
     def __init__(
         self,
@@ -108,7 +67,7 @@ class Solver:
         check_convex(qp.P)
         self.hold_matrices(qp, tuple(map(as_given, given, (qp.P, qp.G, qp.A))))
         self.vectors = qp.joined()  # replaced, never changed: results keep it
-        self.last: QPResult | None = None  # that was solved
+        self.last: Any = None  # the last result that is a solution
         self.begin()
 
     @property
@@ -224,93 +183,28 @@ class Solver:
         if self.active_set is not None and self.active_set.is_slow_anew:
             self.pause = max(self.pause, 1.0)  # others are quicker with new ones
 
-    def solve(self, warm_start: Any = None, derivative: bool = False) -> QPResult:
-        """Solve the problem as it is now.
-
-        Parameters
-        ----------
-        warm_start : QPResult or qpsolvers.Solution, optional
-            The solution of a similar problem of the same sizes, to begin with instead
-            of the last solution.
-        derivative : bool
-            Let the result of a dense QP have a copy of the Solver's factors, so that
-            `backward` need not make them. It is for one thread at a time.
-
-        Returns
-        -------
-        QPResult
-            What `solve_qp` returns.
-
-        Raises
-        ------
-        ValueError, TypeError
-            warm_start is no solution of a problem of these sizes.
-        KeyboardInterrupt
-            Ctrl-C was pressed. The Solver can be used all the same.
-
-        Examples
-        --------
-        >>> import numpy as np
-        >>> from namlcp import Solver
-        >>> solver = Solver(np.eye(1), np.array([-4.0]), ub=np.array([3.0]))
-        >>> solver.solve().z_box
-        array([1.])
-        """
-        start = perf_counter()
-        if derivative is not False:
-            check_flag("derivative", derivative)
-        try:
-            if not self.is_whole:
-                self.begin()
-            result, is_tried = None, False
-            if self.is_current and self.is_own and warm_start is None:
-                is_tried = True
-                problem = self.matrices, self.vectors, self.given
-                result = step(
-                    self.active_set, QPResult, self.vectors, problem,
-                    self.options.settings, start,
-                )  # fmt: skip
-            if result is None:
-                guess = None
-                if warm_start is not None:
-                    guess = make_guess(self.qp, None, warm_start)
-                result = self.solve_with_care(guess, start, is_tried)
-            elif not derivative:
-                self.last = result
-                return result
-        except BaseException as error:
-            self.is_whole = False  # so the next solve begins anew
-            if isinstance(error, SystemError):  # Ctrl-C in compiled code
-                raise cause_of(error) from None
-            raise
-        if result.status is SOLVED:
-            self.last = result
-            if derivative and self.is_current and self.qp.is_dense:
-                result.factors = factors_of(self.active_set)
-        return result
-
     def solve_with_care(
         self, guess: Guess | None, start: float, is_tried: bool
-    ) -> QPResult:
-        """Return the result of what is kept, of the general solve where that fails."""
-        self.is_current, result = False, None
+    ) -> Answer:
+        """Return the answer of what is kept, of the general solve where that fails."""
+        self.is_current, answer = False, None
         if guess is not None:
             self.suggest(guess)
         if self.active_set is not None and not self.options.verbose:
-            result = self.solve_by_active_set(start, is_tried)
-        if result is None:
-            result = self.solve_by_all_means(guess, start)
-            if result.status is SOLVED:
-                self.suggest(make_guess(self.qp, None, result))
-        return result
+            answer = self.solve_by_active_set(start, is_tried)
+        if answer is None:
+            answer = self.solve_by_all_means(guess, start)
+            if answer.status is SOLVED:
+                self.suggest(make_guess(self.qp, None, answer.point))
+        return answer
 
     def suggest(self, guess: Guess) -> None:
         """Let the next solve begin with the active rows of a guess."""
         if self.active_set is not None:
             suggest(self.active_set, guess.active)
 
-    def solve_by_active_set(self, start: float, is_tried: bool) -> QPResult | None:
-        """Return the result of what is kept, which may have tried; None if it fails."""
+    def solve_by_active_set(self, start: float, is_tried: bool) -> Answer | None:
+        """Return the answer of what is kept, which may have tried; None if it fails."""
         m, qp, options = self.active_set, self.qp, self.options
         deadline = Deadline(start + options.time_limit)
         if not is_tried:
@@ -332,16 +226,16 @@ class Solver:
                 qp, options, NO_GUESS, start, given=self.given, known=answer
             )
         self.is_current = answer.status is SOLVED
-        return result_of(answer, (qp, self.given), start, start)
+        return answer
 
-    def solve_by_all_means(self, guess: Guess | None, start: float) -> QPResult:
-        """Return the result of the general solve: from a guess, then from nothing."""
+    def solve_by_all_means(self, guess: Guess | None, start: float) -> Answer:
+        """Return the answer of the general solve: from a guess, then from nothing."""
         qp, options, given = self.qp, self.options, self.given
         if guess is None:
             guess = make_guess(qp, None, self.last)
-        result = solve_checked(
+        answer = solve_checked(
             qp, options, guess, start, memory=self.memory, given=given
         )
-        if result.status not in SETTLED and result.closest is None:
-            result = solve_checked(qp, options, NO_GUESS, start, given=given)
-        return result
+        if answer.status not in SETTLED and answer.closest is None:
+            answer = solve_checked(qp, options, NO_GUESS, start, given=given)
+        return answer

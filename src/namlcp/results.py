@@ -1,0 +1,788 @@
+"""What the public functions return: made from the outcomes of engines, once each.
+
+A result keeps the problem by reference, and is differentiated when it is asked.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property, partial
+from operator import index
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from namlcp.derivatives import (
+    BatchGradients,
+    ClosestDerivative,
+    LCPDerivative,
+    LCPGradients,
+    LCPTangent,
+    QPDerivative,
+    QPGradients,
+    QPTangent,
+    differentiate_batch,
+    lcp_directional,
+    qp_directional,
+)
+from namlcp.lcp import LCP, Outcome
+from namlcp.linalg import times
+from namlcp.qp import (
+    OBJECTIVE,
+    QP,
+    STATUSES,
+    Answer,
+    Items,
+    Nearest,
+    Outcomes,
+    Point,
+    objective_of,
+    qp_arrays,
+    stamp_of,
+)
+from namlcp.residuals import Residuals, modulus_variable
+from namlcp.result_base import ResultBase
+from namlcp.status import Status
+
+LOST = (
+    "derivatives need the result of the solve itself: a pickled or copied one has lost "
+    "the problem"
+)
+
+
+class Differentiable:
+    """A result that keeps its problem by reference, for its derivatives."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Leave the problem and the factors behind, in a pickle and in a copy."""
+        state = vars(self) | {"problem": None}
+        state.pop("derivative", None)
+        return state
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class LCPResult(Differentiable):
+    """Result of `solve_lcp`; read `status` first.
+
+    Attributes
+    ----------
+    status : Status
+        How the solve ended.
+    z, w : (n,) array
+        The solution, else the best point found, and w = A z + q; NaN for
+        NUMERICAL_ERROR.
+    s : (n,) array
+        The modulus variable: z = clip(s, lower, upper), w = Omega (z - s), with the
+        Omega of a named method, diag(A) for "auto".
+    iterations : int
+        Sweeps, multigrid cycles, MPRGP iterations, pivots (of the methods of Lemke, and
+        Lemke and Howson), cones (enumeration) or else factorisations, by `method`.
+    residual : float
+        || z - clip(z - w, lower, upper) ||_2, recomputed on the caller's data.
+    method : str
+        The method that gave the point; for "auto" one of "tridiagonal", "psor",
+        "multigrid", "mprgp", "pivoting", and for general matrices "lemke",
+        "lemke-howson", "enumeration", "path" (interior), "arc" (smooth homotopy), or
+        "start" for a start that one exact step has completed.
+    setup_time, solve_time : float
+        Seconds.
+    ray : (n,) array or None
+        With UNSOLVABLE, a vector v that proves it, where one was found: v_i <= 0 where
+        u_i is finite, v_i >= 0 where l_i is finite, and q'v + z'A'v <= -1 for all z in
+        the box. For the plain LCP: v >= 0, A'v <= 0, q'v = -1. A solution would have
+        v'w >= 0, but v'w = q'v + z'A'v < 0.
+    message : str
+        A sentence that adds to the status, or "".
+    history : structured array or None
+        The rows of the verbose table, when asked for: one for each iteration, for
+        "auto" one for each factorisation or run of sweeps. The residuals are those of
+        the iterates; where factorisations are counted, those of the best point so far.
+
+    Notes
+    -----
+    `backward` and `forward` read the arrays that were given to the solve, which must
+    not have been changed since. A result that is pickled or copied goes without them,
+    and has no derivatives.
+
+    Examples
+    --------
+    >>> import namlcp
+    >>> result = namlcp.solve_lcp([[2.0, 1.0], [0.0, 1.0]], [-4.0, 1.0])
+    >>> result.status.value, result.z, result.w + 0.0
+    ('solved', array([2., 0.]), array([0., 1.]))
+    >>> namlcp.solve_lcp([[0.0]], [-1.0]).ray  # w = -1 whatever z is
+    array([1.])
+    """
+
+    status: Status
+    z: np.ndarray
+    w: np.ndarray
+    s: np.ndarray
+    iterations: int
+    residual: float
+    method: str
+    setup_time: float
+    solve_time: float
+    ray: np.ndarray | None = None
+    message: str = ""
+    history: np.ndarray | None = None
+    problem: Any = field(default=None, repr=False)
+    """The checked LCP and A as it was given, for the derivatives."""
+
+    def backward(self, dz: Any = None, dw: Any = None) -> LCPGradients:
+        """Return the gradients of a scalar in the data of the LCP.
+
+        Parameters
+        ----------
+        dz, dw : (n,) array, optional
+            The gradients of the scalar in z and w, 0 where absent.
+
+        Returns
+        -------
+        LCPGradients
+            In A, q, lower and upper; its `weak` and `singular` tell where the solution
+            is not differentiable.
+
+        Raises
+        ------
+        ValueError
+            The status is not SOLVED, A is a LinearOperator, the result was pickled or
+            copied, or an argument has a wrong shape.
+
+        Notes
+        -----
+        The formulas stand in `namlcp.derivatives.lcp`. A call solves one linear system
+        with the transposed matrix of the unknowns between their bounds, by factors that
+        the first call makes, or by the multigrid hierarchy of the solve.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import namlcp
+        >>> A = np.array([[2.0, 1.0], [0.0, 1.0]])
+        >>> result = namlcp.solve_lcp(A, np.array([-4.0, 1.0]))  # z = (2, 0)
+        >>> gradients = result.backward(dz=[1.0, 0.0])
+        >>> gradients.q + 0.0, gradients.A[0] + 0.0
+        (array([-0.5,  0. ]), array([-1.,  0.]))
+        """
+        return self.derivative.backward(dz, dw)
+
+    def forward(
+        self, *, dA: Any = None, dq: Any = None, dlower: Any = None, dupper: Any = None
+    ) -> LCPTangent:
+        """Return the derivative of the solution along a direction of the data.
+
+        Parameters
+        ----------
+        dA, dq, dlower, dupper : arrays, optional
+            The direction, shaped as the data, 0 where absent; dA dense or sparse.
+
+        Returns
+        -------
+        LCPTangent
+            The derivatives of z and w.
+
+        Raises
+        ------
+        ValueError
+            As for `backward`.
+
+        Examples
+        --------
+        >>> import namlcp
+        >>> result = namlcp.solve_lcp([[2.0, 1.0], [0.0, 1.0]], [-4.0, 1.0])
+        >>> result.forward(dq=[1.0, 0.0]).z
+        array([-0.5,  0. ])
+        """
+        return self.derivative.forward(dA, dq, dlower, dupper)
+
+    def directional(
+        self, *, dA: Any = None, dq: Any = None, dlower: Any = None, dupper: Any = None
+    ) -> LCPTangent:
+        """Return the one-sided derivative of the solution along a direction.
+
+        It is exact where unknowns are at a bound with w = 0, too, and not linear in the
+        direction there; elsewhere it is that of `forward`. One more LCP is solved.
+
+        Parameters
+        ----------
+        dA, dq, dlower, dupper : arrays, optional
+            As for `forward`. Those of an unknown with lower_i = upper_i must be equal.
+
+        Returns
+        -------
+        LCPTangent
+            The derivatives of z and w for a step of positive length.
+
+        Raises
+        ------
+        ValueError
+            As for `backward`, or the LCP has no solution along the direction.
+
+        Examples
+        --------
+        >>> import namlcp
+        >>> result = namlcp.solve_lcp([[1.0]], [0.0])  # z = w = 0
+        >>> [float(result.directional(dq=[d]).z[0]) for d in (-1.0, 1.0)]
+        [1.0, 0.0]
+        """
+        return lcp_directional(self.derivative, dA, dq, dlower, dupper)
+
+    @cached_property
+    def derivative(self) -> LCPDerivative:
+        """The fixed unknowns and the factors of `backward` and `forward`."""
+        lcp, given = problem_of(self)
+        return LCPDerivative(lcp, given, self.z, self.w)
+
+
+class QPResult(ResultBase):
+    """Result of `solve_qp`; read `status` first.
+
+    Attributes
+    ----------
+    status : Status
+        How the solve ended, and thus what the arrays hold.
+    x, y, z, z_box : (n,), (p,), (m,), (n,) array
+        Primal point and multipliers of Ax = b, Gx <= h and the bounds, in qpsolvers'
+        signs: P x + q + G'z + A'y + z_box = 0, z >= 0, z_box <= 0 at a lower bound.
+        PRIMAL_INFEASIBLE: x is NaN, (y, z, z_box) a Farkas certificate with
+        b'y + h'z + lb'z_box^- + ub'z_box^+ = -1. DUAL_INFEASIBLE: x is a ray with
+        q'x = -1 (it is not decided whether any x is feasible), the rest NaN. Where two
+        bounds contradict each other (lb > ub, h = -inf) all are NaN and `message` names
+        the bounds. Otherwise the best point found.
+    obj : float
+        1/2 x'Px + q'x; +inf when infeasible, -inf when unbounded.
+    residuals : Residuals
+        Recomputed on the user's unscaled data.
+    iterations : int
+        Pivots, sweeps or interior-point steps of the solver named by `form`.
+    form : str
+        The solver that gave the point: "bounds" (box LCP), "dual" (pivots) or "path"
+        (interior point); "substitution" if time was over before any began.
+    message : str
+        A sentence that adds to the status, or "".
+    setup_time, solve_time : float
+        Seconds.
+    history : structured array or None
+        The rows of the verbose table, where the form has them.
+    closest : ClosestPoint or None
+        With PRIMAL_INFEASIBLE, the solution of the nearest feasible problem, if
+        `Options.infeasible` asks for it.
+
+    Notes
+    -----
+    `backward` and `forward` read the arrays that were given to the solve, and raise
+    where those have been changed since. A result that is pickled or copied goes without
+    them, and has no derivatives.
+
+    Examples
+    --------
+    >>> import namlcp
+    >>> result = namlcp.solve_qp([[2.0]], [-4.0], ub=[1.0])
+    >>> result.status.value, result.x, result.z_box, result.obj
+    ('solved', array([1.]), array([2.]), -3.0)
+    >>> proof = namlcp.solve_qp([[2.0]], [0.0], A=[[2.0]], b=[1.0], lb=[1.0])
+    >>> proof.status.value, proof.y, proof.z_box  # y b - 2 lb = -1
+    ('primal_infeasible', array([1.]), array([-2.]))
+    """
+
+    status: Status
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    z_box: np.ndarray
+    obj: float
+    residuals: Residuals
+    iterations: int
+    form: str
+    message: str
+    setup_time: float
+    solve_time: float
+    history: np.ndarray | None
+    closest: Any
+
+    __slots__ = ()
+
+    def backward(
+        self, dx: Any = None, dy: Any = None, dz: Any = None, dz_box: Any = None
+    ) -> QPGradients:
+        """Return the gradients of a scalar in the data of the QP.
+
+        Parameters
+        ----------
+        dx, dy, dz, dz_box : (n,), (p,), (m,), (n,) array, optional
+            The gradients of the scalar in x, y, z and z_box, 0 where absent.
+
+        Returns
+        -------
+        QPGradients
+            In P, q, G, h, A, b, lb and ub; its `weak` and `singular` tell where the
+            solution is not differentiable.
+
+        Raises
+        ------
+        ValueError
+            The status is not SOLVED, an array of the QP was changed in place since,
+            the result was pickled or copied, or an argument has a wrong shape.
+
+        Notes
+        -----
+        The formulas stand in `namlcp.derivatives.qp`. The first call factors the KKT
+        system of the active constraints; later calls, and `forward`, use its factors.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import namlcp
+        >>> result = namlcp.solve_qp(np.diag([1.0, 2.0]), [-1.0, -4.0], ub=[2.0, 1.0])
+        >>> gradients = result.backward(dx=[1.0, 1.0])  # of x_1 + x_2, x = (1, 1)
+        >>> gradients.q, gradients.ub
+        (array([-1.,  0.]), array([0., 1.]))
+        """
+        return self.derivative.backward(dx, dy, dz, dz_box)
+
+    def forward(
+        self,
+        *,
+        dP: Any = None,
+        dq: Any = None,
+        dG: Any = None,
+        dh: Any = None,
+        dA: Any = None,
+        db: Any = None,
+        dlb: Any = None,
+        dub: Any = None,
+    ) -> QPTangent:
+        """Return the derivative of the solution along a direction of the data.
+
+        Parameters
+        ----------
+        dP, dq, dG, dh, dA, db, dlb, dub : arrays, optional
+            The direction, shaped as the data, 0 where absent; matrices dense or sparse,
+            of dP the symmetric part counts.
+
+        Returns
+        -------
+        QPTangent
+            The derivatives of x, y, z and z_box.
+
+        Raises
+        ------
+        ValueError
+            As for `backward`.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import namlcp
+        >>> result = namlcp.solve_qp(np.diag([1.0, 2.0]), [-1.0, -4.0], ub=[2.0, 1.0])
+        >>> result.forward(dq=[1.0, 0.0], dub=[0.0, 1.0]).x
+        array([-1.,  1.])
+        """
+        changes = dict(P=dP, q=dq, G=dG, h=dh, A=dA, b=db, lb=dlb, ub=dub)
+        return self.derivative.forward(changes)
+
+    def directional(
+        self,
+        *,
+        dP: Any = None,
+        dq: Any = None,
+        dG: Any = None,
+        dh: Any = None,
+        dA: Any = None,
+        db: Any = None,
+        dlb: Any = None,
+        dub: Any = None,
+    ) -> QPTangent:
+        """Return the one-sided derivative of the solution along a direction.
+
+        It is exact where constraints are active with a multiplier 0, too, and not
+        linear in the direction there; elsewhere it is that of `forward`.
+
+        Parameters
+        ----------
+        dP, dq, dG, dh, dA, db, dlb, dub : arrays, optional
+            As for `forward`. dlb and dub of a pinned variable must be equal.
+
+        Returns
+        -------
+        QPTangent
+            The derivatives of x, y, z and z_box for a step of positive length.
+
+        Raises
+        ------
+        ValueError
+            As for `backward`, or the QP has no solution along the direction.
+
+        Notes
+        -----
+        One more QP is solved, see `namlcp.derivatives.directional`.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import namlcp
+        >>> result = namlcp.solve_qp(np.eye(1), [0.0], lb=[0.0])  # x = 0, z_box = 0
+        >>> [float(result.directional(dq=[d]).x[0]) for d in (-1.0, 1.0)]
+        [1.0, 0.0]
+        """
+        changes = dict(P=dP, q=dq, G=dG, h=dh, A=dA, b=db, lb=dlb, ub=dub)
+        return qp_directional(self.derivative, changes)
+
+    @property
+    def derivative(self) -> QPDerivative:
+        """The active constraints and factors of `backward` and `forward`."""
+        return qp_derivative(self)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class ClosestPoint(Differentiable):
+    """The solution of the feasible problem nearest to an infeasible QP.
+
+    That problem has the sides h + shift_h, b + shift_b, lb + shift_lb and ub +
+    shift_ub, with the least shifts that leave some x feasible; `Relaxation` tells how
+    they are measured. x, y, z, z_box and obj are named as in `QPResult`, so that
+    ``(result.closest or result).x`` is the x to use in either case.
+
+    Attributes
+    ----------
+    status : Status
+        How the search ended. SOLVED: x has the least cost among all points with least
+        shifts. DUAL_INFEASIBLE: that cost falls without bound along the ray x.
+        PRIMAL_INFEASIBLE: the constraints that must not be shifted contradict each
+        other, or an infinite shift is needed (h_i = -inf); all is NaN, obj inf.
+        Otherwise x is
+        the best point found, y, z, z_box are NaN, and `message` tells whether the
+        shifts are the least ones.
+    x, y, z, z_box : (n,), (p,), (m,), (n,) array
+        Point and multipliers of the shifted problem. Of its many multipliers (shifted
+        rows leave no room) those come with the least multiple of a certificate that
+        gives all their sign.
+    obj : float
+        1/2 x'Px + q'x; -inf if unbounded.
+    residuals : Residuals
+        Of the shifted problem; NaN unless SOLVED.
+    shift_h, shift_b, shift_lb, shift_ub : (m,), (p,), (n,), (n,) array
+        The shifts, shift_h and shift_ub >= 0, shift_lb <= 0.
+    norm : int
+        2 or 1, the norm in which the shifts are least.
+    message : str
+        A sentence that adds to the status, or "".
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import namlcp
+    >>> G, h = np.array([[1.0], [-1.0]]), np.array([0.0, -3.0])  # x <= 0 and x >= 3
+    >>> result = namlcp.solve_qp(np.eye(1), [0.0], G, h, infeasible="closest")
+    >>> result.status.value, result.closest.x, result.closest.shift_h
+    ('primal_infeasible', array([1.5]), array([1.5, 1.5]))
+    """
+
+    status: Status
+    x: np.ndarray
+    y: np.ndarray
+    z: np.ndarray
+    z_box: np.ndarray
+    obj: float
+    residuals: Residuals
+    shift_h: np.ndarray
+    shift_b: np.ndarray
+    shift_lb: np.ndarray
+    shift_ub: np.ndarray
+    norm: int
+    message: str
+    problem: Any = field(default=None, repr=False)
+    """The QP with (P, G, A) as they were given, and the stages, for `backward`."""
+
+    def backward(
+        self, dx: Any = None, dshift_h: Any = None, dshift_b: Any = None
+    ) -> QPGradients:
+        """Return the gradients of a scalar in the data of the infeasible QP.
+
+        Parameters
+        ----------
+        dx, dshift_h, dshift_b : (n,), (m,), (p,) array, optional
+            The gradients of the scalar in x and the shifts, 0 where absent.
+
+        Returns
+        -------
+        QPGradients
+            In P, q, G, h, A, b, lb and ub. If it is `singular`, the shifts leave some
+            freedom to x; the gradients in G and A then hold for changes that keep the
+            rank of the shifted rows, others make shifts and x jump.
+
+        Raises
+        ------
+        ValueError
+            The status is not SOLVED, the shifts are not those of norm 2, the result
+            was pickled or copied, or an argument has a wrong shape.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import namlcp
+        >>> G, h = np.array([[1.0], [-1.0]]), np.array([0.0, -3.0])  # x <= 0, x >= 3
+        >>> result = namlcp.solve_qp(np.eye(1), np.zeros(1), G, h, infeasible="closest")
+        >>> result.closest.x, result.closest.backward(dx=[1.0]).h.round(9)
+        (array([1.5]), array([ 0.5, -0.5]))
+        """
+        return self.derivative.backward(dx, dshift_h, dshift_b)
+
+    @cached_property
+    def derivative(self) -> ClosestDerivative:
+        """The factors of `backward`."""
+        if self.status is Status.SOLVED and self.norm != 2:
+            raise ValueError(
+                f"derivatives need shifts of norm 2, got those of norm {self.norm}"
+            )
+        return ClosestDerivative(*problem_of(self))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class BatchResult(Differentiable, Outcomes):
+    """Result of `solve_batch` for N items; ``batch[i]`` is the `QPResult` of item i.
+
+    Attributes
+    ----------
+    codes : (N,) int8 array
+        How each item ended: its place in ``list(Status)``; `statuses` has the members.
+    x, y, z, z_box : (N, n), (N, p), (N, m), (N, n) array
+        As in `QPResult`; NaN where an item is INVALID.
+    obj : (N,) array
+        Objectives.
+    residuals : (N,) structured array
+        Its fields are those of `Residuals`.
+    iterations : (N,) array
+    form : (N,) array of str
+        The solver that gave the point; "" where an item is INVALID.
+    messages : dict
+        Sentences that add to the status, by the number of the item.
+    closest : dict
+        The `ClosestPoint` of infeasible items, by the number of the item, if
+        `Options.infeasible` asks for it.
+    solve_time : float
+        Seconds for all items together.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import namlcp
+    >>> q = np.array([[-1.0], [2.0], [np.nan]])
+    >>> batch = namlcp.solve_batch(np.eye(1), q, lb=np.zeros(1))
+    >>> [status.value for status in batch.statuses], batch.x[:2, 0] + 0.0
+    (['solved', 'solved', 'invalid'], array([1., 0.]))
+    >>> batch[0].x
+    array([1.])
+    """
+
+    closest: dict[int, ClosestPoint]
+    solve_time: float = 0.0
+    problem: Any = field(default=None, repr=False)
+    """The `Items` that were solved, for the derivatives."""
+
+    def backward(
+        self,
+        dx: Any = None,
+        dy: Any = None,
+        dz: Any = None,
+        dz_box: Any = None,
+        *,
+        threads: int | None = None,
+    ) -> BatchGradients:
+        """Return the gradients of a scalar in the data of all items.
+
+        Parameters
+        ----------
+        dx, dy, dz, dz_box : (N, n), (N, p), (N, m), (N, n) array, optional
+            The gradients of the scalar in the solutions, 0 where absent.
+        threads : int, optional
+            Threads, by default one for each core.
+
+        Returns
+        -------
+        BatchGradients
+            Items that were not solved have gradients 0, and False in `used`. An
+            argument shared by all items has the sum of their gradients.
+
+        Raises
+        ------
+        ValueError
+            The result was pickled or copied, or an argument has a wrong shape.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> from namlcp import solve_batch
+        >>> batch = solve_batch(np.eye(1), np.array([[-1.0], [1.0]]), lb=np.zeros(1))
+        >>> gradients = batch.backward(dx=np.ones((2, 1)))
+        >>> gradients.q.tolist(), gradients.lb.tolist()
+        ([[-1.0], [0.0]], [1.0])
+        """
+        if self.problem is None:
+            raise ValueError(LOST)
+        points = Point(self.x, self.y, self.z, self.z_box)
+        return differentiate_batch(
+            self.problem, points, self.solved, (dx, dy, dz, dz_box), threads
+        )
+
+    @property
+    def statuses(self) -> list[Status]:
+        """The status of each item."""
+        return [STATUSES[code] for code in self.codes]
+
+    @property
+    def solved(self) -> np.ndarray:
+        """(N,) bool: which items are solved."""
+        return self.codes == STATUSES.index(Status.SOLVED)
+
+    def __len__(self) -> int:
+        return self.codes.size
+
+    def __iter__(self) -> Iterator[QPResult]:
+        return map(self.__getitem__, range(len(self)))
+
+    def __getitem__(self, i: int) -> QPResult:
+        """Return the result of one item; its times are not measured."""
+        if not -len(self) <= index(i) < len(self):
+            raise IndexError(f"the batch has {len(self)} items, got item {i}")
+        number = range(len(self))[i]
+        return QPResult(
+            status=STATUSES[self.codes[i]],
+            x=self.x[i],
+            y=self.y[i],
+            z=self.z[i],
+            z_box=self.z_box[i],
+            obj=float(self.obj[i]),
+            residuals=Residuals(*self.residuals[i].item()),
+            iterations=int(self.iterations[i]),
+            form=str(self.form[i]),
+            message=self.messages.get(number, ""),
+            setup_time=0.0,
+            solve_time=0.0,
+            closest=self.closest.get(number),
+            problem=self.problem and partial(self.problem.item, number),
+        )
+
+
+def qp_result(
+    answer: Answer,
+    problem: tuple[QP, tuple[Any, Any, Any]],
+    start: float,
+    ready: float,
+    history: np.ndarray | None = None,
+) -> QPResult:
+    """Return the answer to `problem`, the checked QP and (P, G, A) as they were given.
+
+    start, ready: the values of perf_counter() at the call and after its checks.
+    """
+    status, (x, y, z, z_box), residuals, iterations, form, message, closest = answer
+    return QPResult(
+        status=status,
+        x=x,
+        y=y,
+        z=z,
+        z_box=z_box,
+        obj=objective_of(answer),
+        residuals=residuals,
+        iterations=iterations,
+        form=form,
+        message=message,
+        setup_time=ready - start,
+        solve_time=perf_counter() - ready,
+        history=history,
+        closest=closest and closest_point(closest, problem),
+        problem=problem,
+    )
+
+
+def closest_point(
+    found: Nearest, problem: tuple[QP, tuple[Any, Any, Any]]
+) -> ClosestPoint:
+    """Return what was found for an infeasible problem, given as in `qp_result`."""
+    qp, x, parts = problem[0], found.x, found._asdict()
+    stages = parts.pop("stages")
+    objective = float(x @ (0.5 * times(qp.P, x) + qp.q))
+    return ClosestPoint(
+        **parts,
+        obj=OBJECTIVE.get(found.status, objective),
+        problem=stages and (problem, *stages),
+    )
+
+
+def batch_result(outcomes: Outcomes, items: Items, seconds: float) -> BatchResult:
+    """Return the outcomes of the items of a batch."""
+    closest = {
+        i: closest_point(found, items.item(i)) for i, found in outcomes.closest.items()
+    }
+    parts = vars(outcomes) | {"closest": closest}
+    return BatchResult(**parts, solve_time=seconds, problem=items)
+
+
+def lcp_result(
+    outcome: Outcome,
+    problem: tuple[LCP, Any],
+    start: float,
+    ready: float,
+    history: np.ndarray | None,
+) -> LCPResult:
+    """Return the outcome for `problem`, the checked LCP and A as it was given.
+
+    start, ready: the values of perf_counter() at the call and after its checks.
+    """
+    lcp, s = problem[0], outcome.s
+    if s is None:
+        s = np.empty(lcp.q.size)
+        modulus_variable(outcome.z, outcome.w, lcp.matrix.slopes, s)
+    return LCPResult(
+        status=outcome.status,
+        z=outcome.z,
+        w=outcome.w,
+        s=s,
+        iterations=outcome.iterations,
+        residual=lcp.residual(outcome.z, outcome.w),
+        method=outcome.method,
+        setup_time=ready - start,
+        solve_time=perf_counter() - ready,
+        ray=outcome.ray,
+        message=outcome.message,
+        history=history,
+        problem=problem,
+    )
+
+
+def qp_derivative(result: QPResult) -> QPDerivative:
+    """Return the derivative of a solution, made once; raise ValueError if it has none.
+
+    That is so, too, if an array of the user has other numbers than at the solve.
+    """
+    qp, given = problem_of(result)
+    if result.stamp is not None and result.stamp != stamp_of(qp):
+        raise ValueError(
+            "derivatives need the arrays as they were when the QP was solved: one has "
+            "been changed in place since (pass a copy to the solve)"
+        )
+    if result.kept is None:
+        point = Point(result.x, result.y, result.z, result.z_box)
+        result.kept = QPDerivative(qp, given, point, result.factors)
+    return result.kept
+
+
+def problem_of(result: QPResult | LCPResult | ClosestPoint) -> Any:
+    """Return the problem kept in a result; raise ValueError if it has no derivative."""
+    if result.status is not Status.SOLVED:
+        raise ValueError(
+            f"derivatives need a result of status solved, got {result.status.value}"
+        )
+    problem = result.problem
+    if problem is None:
+        raise ValueError(LOST)
+    if callable(problem):
+        return problem()
+    if len(problem) == len(QP._fields):  # the arguments of `solve_qp`
+        P, _, G, _, A, *_ = problem
+        return qp_arrays(*problem), (P, G, A)
+    if len(problem) == 3:  # the matrices, the vectors, and P, G, A of a `Solver`
+        matrices, vectors, given = problem
+        return QP.of(matrices, vectors), given
+    return problem

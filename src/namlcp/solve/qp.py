@@ -1,0 +1,157 @@
+"""The public function `solve_qp`, and its results for those with data of their own."""
+
+from time import perf_counter
+from typing import Any
+
+from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
+from namlcp.progress import QP_COLUMNS, Progress
+from namlcp.qp import (
+    QP,
+    Code,
+    DenseActiveSet,
+    Guess,
+    Memory,
+    make_guess,
+    qp_data,
+    solve_checked,
+    solve_small,
+    stamp_of,
+)
+from namlcp.results import QPResult, qp_result
+
+
+def solve_qp(
+    P: Any,
+    q: Any,
+    G: Any = None,
+    h: Any = None,
+    A: Any = None,
+    b: Any = None,
+    lb: Any = None,
+    ub: Any = None,
+    *,
+    x0: Any = None,
+    warm_start: Any = None,
+    history: bool = False,
+    derivative: bool = False,
+    **settings: Any,
+) -> QPResult:
+    """Solve a convex quadratic program.
+
+    ``minimise 1/2 x'Px + q'x  subject to  Gx <= h,  Ax = b,  lb <= x <= ub``
+
+    Parameters
+    ----------
+    P : (n, n) array or sparse matrix
+        Cost matrix, symmetric positive semidefinite.
+    q : (n,) array
+        Cost vector.
+    G, h : (m, n) array or sparse matrix, (m,) array, optional
+        Inequalities; h_i = +inf (from 1e20 on) switches a row off. A finite h_i >= 1e20
+        below 1e10 max_j |G_ij| is refused: that row is a constraint.
+    A, b : (p, n) array or sparse matrix, (p,) array, optional
+        Equalities.
+    lb, ub : (n,) array, optional
+        Bounds; lb_i <= -1e20 and ub_i >= 1e20 mean none.
+    x0 : (n,) array, optional
+        A guess of x; the constraints active there are tried first.
+    warm_start : QPResult or qpsolvers.Solution, optional
+        The solution of a similar problem of the same sizes; the constraints with a
+        multiplier there are tried first. Overrides x0.
+    history : bool
+        Keep the rows of the verbose table in the result.
+    derivative : bool
+        Keep the factors of a dense QP in the result, where the method has left some, so
+        that `backward` need not make them. Such a result is for one thread at a time.
+    **settings
+        The fields of `Options`: eps_abs, eps_rel, max_iter, time_limit [s], verbose,
+        threads, infeasible.
+
+    Returns
+    -------
+    QPResult
+        Read `status` first. Signs of y, z, z_box as in qpsolvers.
+
+    Raises
+    ------
+    ValueError
+        Shapes disagree, an entry is NaN, P is not symmetric or not positive
+        semidefinite, an option has no meaning. The message names the argument.
+    TypeError
+        An argument is no array of real numbers, or an option is unknown.
+    MemoryError
+        A matrix that the solve needs would have more entries than int32 can count.
+
+    Notes
+    -----
+    SOLVED means that primal residual, dual residual and duality gap, recomputed on the
+    arguments as they came, are within eps_abs + eps_rel * (size of their terms);
+    `namlcp.residuals` has the formulas, `namlcp.qp.route` the methods.
+
+    P is refused as not convex if, scaled to a unit diagonal, it has an eigenvalue below
+    -1e-6; those between that and 0 count as rounding to single precision. (VALUES of
+    the Maros-Meszaros collection is refused: its smallest eigenvalue is -1.3e-5.)
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import namlcp
+    >>> P = np.array([[4.0, 1.0], [1.0, 2.0]])
+    >>> result = namlcp.solve_qp(P, np.ones(2), A=np.ones((1, 2)), b=np.ones(1),
+    ...                          lb=np.zeros(2), ub=np.full(2, 0.7))
+    >>> result.status.value, result.x.round(6), round(result.obj, 6)
+    ('solved', array([0.3, 0.7]), 1.88)
+    """
+    start = perf_counter()
+    options = Options.from_names(settings) if settings else DEFAULT_OPTIONS
+    check_flag("history", history)
+    check_flag("derivative", derivative)
+    arguments, tried = (P, q, G, h, A, b, lb, ub), None
+    if x0 is None and warm_start is None and not history and options.is_plain:
+        tried = solve_small(QPResult, *arguments, options.settings, start, derivative)
+        if type(tried) is QPResult:
+            return tried
+    return solve_arguments(
+        arguments, options, start, tried, x0, warm_start, history
+    )
+
+
+def solve_arguments(
+    arguments: tuple[Any, ...],
+    options: Options,
+    start: float,
+    tried: DenseActiveSet | None,
+    x0: Any = None,
+    warm_start: Any = None,
+    history: bool = False,
+    name: str = "x0",
+) -> QPResult:
+    """Solve the QP of arguments of any kind; `name` stands for x0 in messages.
+
+    `tried`: what has tried to solve it already, if anything has.
+    """
+    P, _, G, _, A, *_ = arguments
+    problem = qp_data(*arguments), (P, G, A)
+    guess, memory = make_guess(problem[0], x0, warm_start, name), None
+    if tried is not None:
+        memory = Memory(in_vain=tried.code not in (Code.UNSUITED, Code.FAULTY))
+    result = solve_problem(problem, options, guess, start, history, memory)
+    result.stamp = stamp_of(problem[0])
+    return result
+
+
+def solve_problem(
+    problem: tuple[QP, tuple[Any, Any, Any]],
+    options: Options,
+    guess: Guess,
+    start: float,
+    history: bool = False,
+    memory: Memory | None = None,
+) -> QPResult:
+    """Return the result of `solve_checked`; `problem`: as for `qp_result`."""
+    qp, given = problem
+    progress = Progress(QP_COLUMNS, options.verbose) if history else None
+    ready = perf_counter()
+    answer = solve_checked(qp, options, guess, start, progress, memory, given)
+    rows = progress.history() if progress is not None else None
+    return qp_result(answer, problem, start, ready, rows)
