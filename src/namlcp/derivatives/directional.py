@@ -33,7 +33,14 @@ from namlcp.derivatives.systems import active_sets
 from namlcp.lcp import ACCURACY, lcp_data, solve_by_method
 from namlcp.limits import Limits, interruptible
 from namlcp.options import DEFAULT_OPTIONS
-from namlcp.qp import NO_GUESS, Answer, Point, qp_data, solve_checked
+from namlcp.qp import (
+    NO_GUESS,
+    Answer,
+    Point,
+    qp_data,
+    solve_checked,
+    solve_unchecked,
+)
 from namlcp.status import Status
 
 
@@ -67,7 +74,12 @@ def qp_directional(derivative: QPDerivative, changes: dict[str, Any]) -> QPTange
 
 def solved(*arguments: Any) -> Answer:
     """Return the answer to a QP of these arguments."""
-    return solve_checked(qp_data(*arguments), DEFAULT_OPTIONS, NO_GUESS, perf_counter())
+    qp, start = qp_data(*arguments), perf_counter()
+    own = qp.P, qp.G, qp.A
+    found, _ = solve_unchecked(qp, DEFAULT_OPTIONS, start, own, None)
+    if found is not None and found.ends:
+        return found
+    return solve_checked(qp, DEFAULT_OPTIONS, NO_GUESS, start, given=own)
 
 
 def with_rows(A: Any, G: Any) -> Any:
@@ -88,8 +100,8 @@ def steepest(derivative: QPDerivative, d: dict[str, Any]) -> Point:
     change = np.where(whole.side < 0, d["lb"], d["ub"])
     slope = -(dh @ found.z + db @ found.y + change @ found.z_box)
     zero = np.zeros((found.number, found.number))
-    none = (None,) * 4
-    best = solved(zero, -slope, -N, np.maximum(value, 0.0), *none)
+    right = np.maximum(value, 0.0)
+    best = solved(zero, -slope, -N, right, None, None, None, None)
     if best.status is not Status.SOLVED:
         raise ValueError(
             "the QP has no solution along this direction: its constraints contradict "
