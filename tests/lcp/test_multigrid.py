@@ -160,7 +160,7 @@ def test_transport_takes_few_cycles(monkeypatch):
     monkeypatch.setattr(VCycle, "solve", counted)
     A, *vectors = large_scenes.transport(100)
     matrix = Prepared(A)
-    matrix.hierarchy()
+    solve_lcp(matrix, *vectors, method="multigrid", eps_abs=EPS)
     begun.clear()
     result = solve_lcp(matrix, *vectors, method="multigrid", eps_abs=EPS)
     assert result.status is Status.SOLVED
@@ -178,7 +178,7 @@ def test_a_hierarchy_is_kept_and_reused(monkeypatch):
     assert (late.status, late.iterations) == (Status.TIME_LIMIT, 0)
     np.testing.assert_array_equal(late.w, A @ late.z + q)
     first = solve(q)
-    monkeypatch.setattr("namlcp.lcp.prepared.build", None)
+    monkeypatch.setattr("namlcp.lcp.multigrid.hierarchy.build", None)
     for load, upper in ((q, INF), (2.0 * q, 0.2), (-q, INF)):
         result = solve(load, upper=upper)
         assert result.status is Status.SOLVED

@@ -17,7 +17,7 @@ from scipy.sparse.linalg import lsmr, splu
 from namlcp.checks import from_arrays, no_rows
 from namlcp.derivatives.face import system_of
 from namlcp.derivatives.systems import SINGULAR, ActiveSet
-from namlcp.lcp import LARGE_LCP, FreeSystem, Prepared
+from namlcp.lcp import LARGE_LCP, FreeSystem, Prepared, hierarchy_of
 from namlcp.linalg import arrays_of, submatrix
 from namlcp.qp import QP
 
@@ -44,7 +44,7 @@ def free_matrix(matrix: Prepared, free: np.ndarray) -> FreeMatrix:
         if matrix.symmetric:
             return Symmetric(matrix.A, free)
         return General(matrix.A[np.ix_(free, free)])
-    if free.size >= LARGE_LCP and matrix.hierarchy() is not None:
+    if free.size >= LARGE_LCP and hierarchy_of(matrix) is not None:
         return Multigrid(matrix, free)
     return factored(matrix, free)
 
@@ -156,7 +156,7 @@ class Multigrid:
     @cached_property
     def straight(self) -> FreeSystem | None:
         """The system of A_FF."""
-        hierarchy = self.matrix.hierarchy()
+        hierarchy = hierarchy_of(self.matrix)
         return None if hierarchy is None else FreeSystem(hierarchy, self.mask)
 
     @cached_property
@@ -165,7 +165,7 @@ class Multigrid:
         if self.matrix.symmetric:
             return self.straight
         transpose = Prepared.unchecked(csr_array(self.matrix.A.T), False)
-        hierarchy = transpose.hierarchy()
+        hierarchy = hierarchy_of(transpose)
         return None if hierarchy is None else FreeSystem(hierarchy, self.mask)
 
     def solve(self, r: np.ndarray, transposed: bool) -> np.ndarray:

@@ -3,6 +3,7 @@
 from namlcp.lcp.auto import LARGE_LCP, solve_auto
 from namlcp.lcp.data import LCP, Outcome, lcp_data
 from namlcp.lcp.modulus.methods import METHODS, SOLVERS, Parameters, find_method
+from namlcp.lcp.multigrid.hierarchy import hierarchy_of
 from namlcp.lcp.multigrid.linear import FreeSystem
 from namlcp.lcp.operators import Operator
 from namlcp.lcp.pivoting.driver import ACCURACY, Attempt

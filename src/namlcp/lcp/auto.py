@@ -16,6 +16,7 @@ from namlcp.lcp.data import LCP, Outcome
 from namlcp.lcp.general.order import solve_general
 from namlcp.lcp.mprgp import solve_by_products
 from namlcp.lcp.multigrid.cycles import solve_by_multigrid
+from namlcp.lcp.multigrid.hierarchy import hierarchy_of
 from namlcp.lcp.operators import Operator
 from namlcp.lcp.pivoting.driver import solve_box
 from namlcp.lcp.psor import MAX_SWEEPS, solve_by_sweeps
@@ -69,7 +70,7 @@ def solve_large(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
     criterion = Criterion(lcp, limits)
     few, many = (limits._replace(max_iter=k) for k in (MAX_SWEEPS, LAST_SWEEPS))
     outcome = solve_by_sweeps(lcp, z0, few, criterion)
-    if outcome.status in ENDS or lcp.matrix.hierarchy(limits.deadline) is None:
+    if outcome.status in ENDS or hierarchy_of(lcp.matrix, limits.deadline) is None:
         return outcome
     outcome = solve_by_multigrid(lcp, outcome.z, limits, criterion)
     if outcome.status in ENDS or lcp.matrix.symmetric:

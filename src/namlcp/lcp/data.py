@@ -1,15 +1,13 @@
 """The data of a box LCP: the user's arguments are checked and made clean arrays."""
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-from scipy.sparse.linalg import LinearOperator
 
 from namlcp.checks import (
     INFINITE,
     constant,
-    finite_square_matrix,
     is_clean,
     real_array,
     refuse_number,
@@ -17,12 +15,9 @@ from namlcp.checks import (
     without_huge,
 )
 from namlcp.compiled import kernel
-from namlcp.lcp.operators import operator_data
+from namlcp.lcp.prepared import Prepared
 from namlcp.residuals import natural_residual
 from namlcp.status import Status
-
-if TYPE_CHECKING:
-    from namlcp.lcp.prepared import Prepared
 
 
 class LCP(NamedTuple):
@@ -31,7 +26,7 @@ class LCP(NamedTuple):
     The three vectors are (n,) arrays of float64.
     """
 
-    matrix: "Prepared"
+    matrix: Prepared
     q: np.ndarray
     lower: np.ndarray
     upper: np.ndarray
@@ -89,19 +84,7 @@ def spread_number(name: str, value: Any, n: int) -> np.ndarray:
     return vector(name, value, n, "A", (n, n))
 
 
-def lcp_matrix(A: Any, diagonal: Any = None) -> Any:
-    """Return the user's matrix checked: an array, csr_array or `Operator`.
-
-    Only a LinearOperator may have `diagonal`.
-    """
-    if isinstance(A, LinearOperator):
-        return operator_data(A, diagonal)
-    if diagonal is not None:
-        raise ValueError("diagonal is for a LinearOperator; other matrices have theirs")
-    return finite_square_matrix("A", A, "csr")
-
-
-def lcp_data(matrix: "Prepared", q: Any, lower: Any, upper: Any) -> LCP:
+def lcp_data(matrix: Prepared, q: Any, lower: Any, upper: Any) -> LCP:
     """Check the user's vectors; raise TypeError or ValueError, or return the LCP."""
     shape = matrix.A.shape
     n = shape[1]

@@ -4,13 +4,13 @@ from typing import Any
 
 import numpy as np
 from scipy import sparse
+from scipy.sparse.linalg import LinearOperator
 
-from namlcp.lcp.data import lcp_matrix
+from namlcp.checks import finite_square_matrix
+from namlcp.compiled import kernel
 from namlcp.lcp.lazy import kept
-from namlcp.lcp.multigrid.hierarchy import Hierarchy, build
+from namlcp.lcp.operators import operator_data
 from namlcp.lcp.relaxation import dominance_csr
-from namlcp.lcp.tridiagonal import tridiagonal_of
-from namlcp.limits import NEVER, Deadline
 from namlcp.linalg.columns import Columns, columns_of
 from namlcp.linalg.csc import arrays_of
 from namlcp.linalg.definite import is_symmetric
@@ -21,6 +21,9 @@ DIAGONAL_ROUNDING = 1e-10
 DENSE_ORDER, SPARSE = 250, 0.125
 """Order up to which matrices are factored as dense ones, and share of entries that are
 not 0 from which on larger ones are, too."""
+
+# Rows of a tridiagonal matrix: its diagonals, 1 / pivot, 1 / sqrt(a_ii).
+BELOW, DIAGONAL, ABOVE, INVERSE, ROOT = range(5)
 
 
 class Prepared:
@@ -53,12 +56,19 @@ class Prepared:
     [[1.333333, 2.333333], [2.5, 0.0]]
     """
 
-    levels: Hierarchy | None = None  # see `hierarchy`
+    levels: Any = None  # its `Hierarchy`, see `hierarchy_of`
     last: np.ndarray | None = None  # the last solution that pivoting found
     unsuited = False  # whether A is known not to suit multigrid cycles
 
     def __init__(self, A: Any, diagonal: Any = None):
-        self.A = lcp_matrix(A, diagonal)
+        if isinstance(A, LinearOperator):
+            self.A: Any = operator_data(A, diagonal)
+        elif diagonal is None:
+            self.A = finite_square_matrix("A", A, "csr")
+        else:
+            raise ValueError(
+                "diagonal is for a LinearOperator; other matrices have theirs"
+            )
 
     @classmethod
     def unchecked(cls, A: Any, symmetric: bool) -> "Prepared":
@@ -71,20 +81,6 @@ class Prepared:
     def symmetric(self) -> bool:
         """Whether A = A' up to rounding."""
         return is_symmetric(self.A)
-
-    def hierarchy(self, deadline: Deadline = NEVER) -> Hierarchy | None:
-        """Return the levels of multigrid cycles, and keep them.
-
-        None: A does not suit, or the deadline came first; then nothing is kept.
-        """
-        levels = self.levels  # read once, as another thread may set it
-        if levels is None and not self.unsuited:
-            levels = build(sparse.csr_array(self.A), self.symmetric, deadline)
-            if levels is not None:
-                self.levels = levels
-            elif not deadline.reached():
-                self.unsuited = True
-        return levels
 
     @kept
     def tridiagonal(self) -> np.ndarray | None:
@@ -144,3 +140,35 @@ class Prepared:
         if not np.all(D > 0.0):
             return np.inf
         return min(dominance_csr(*arrays_of(self.A), np.sqrt(D)))
+
+
+@kernel(error_model="numpy")
+def read_rows(indptr, indices, data, rows):
+    """Write the rows of a canonical CSR matrix; tell if it is tridiagonal, a_ii > 0.
+
+    The entries of INVERSE are NaN from the first pivot that is not positive.
+    """
+    coupling = 0.0
+    for i in range(indptr.size - 1):
+        rows[BELOW, i] = rows[DIAGONAL, i] = rows[ABOVE, i] = 0.0
+        for k in range(indptr[i], indptr[i + 1]):
+            j = indices[k] - i
+            if j < -1 or j > 1:
+                return False
+            rows[j + 1, i] = data[k]
+        if not rows[DIAGONAL, i] > 0.0:
+            return False
+        pivot = rows[DIAGONAL, i] - rows[BELOW, i] * coupling
+        rows[INVERSE, i] = 1.0 / pivot if pivot > 0.0 else np.nan
+        coupling = rows[ABOVE, i] * rows[INVERSE, i]
+        rows[ROOT, i] = 1.0 / np.sqrt(rows[DIAGONAL, i])
+    return True
+
+
+def tridiagonal_of(A: Any) -> np.ndarray | None:
+    """Return the rows of a tridiagonal csr_array, None if A is none or an a_ii <= 0."""
+    n = A.shape[0]
+    if n == 0 or A.nnz > 3 * n:
+        return None
+    rows = np.empty((5, n))
+    return rows if read_rows(*arrays_of(A), rows) else None

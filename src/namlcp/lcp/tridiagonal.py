@@ -11,21 +11,16 @@ pivots equal those of A to rounding after a few rows. The pivots of A are stored
 that no divisions are needed from there on.
 """
 
-from typing import Any
-
 import numpy as np
 
 from namlcp.compiled import kernel, part
 from namlcp.lcp.criterion import are_met_part
 from namlcp.lcp.data import LCP, Outcome
+from namlcp.lcp.prepared import ABOVE, BELOW, DIAGONAL, INVERSE, ROOT
 from namlcp.limits import Limits
-from namlcp.linalg.csc import arrays_of
 from namlcp.linalg.lapack import copy
 from namlcp.residuals import deviation
 from namlcp.status import Status
-
-# Rows of a tridiagonal matrix: its diagonals, 1 / pivot, 1 / sqrt(a_ii).
-BELOW, DIAGONAL, ABOVE, INVERSE, ROOT = range(5)
 
 # Rows of `points`: z and w = A z + q of the face, the factors c_i of the elimination,
 # the best z so far and its w.
@@ -51,38 +46,6 @@ UNKNOWNS = 1_000_000
 
 # The sums may be taken in any order, so that they vectorise; NaN keeps its meaning.
 fast = part(fastmath={"reassoc"})
-
-
-@kernel(error_model="numpy")
-def read_rows(indptr, indices, data, rows):
-    """Write the rows of a canonical CSR matrix; tell if it is tridiagonal, a_ii > 0.
-
-    The entries of INVERSE are NaN from the first pivot that is not positive.
-    """
-    coupling = 0.0
-    for i in range(indptr.size - 1):
-        rows[BELOW, i] = rows[DIAGONAL, i] = rows[ABOVE, i] = 0.0
-        for k in range(indptr[i], indptr[i + 1]):
-            j = indices[k] - i
-            if j < -1 or j > 1:
-                return False
-            rows[j + 1, i] = data[k]
-        if not rows[DIAGONAL, i] > 0.0:
-            return False
-        pivot = rows[DIAGONAL, i] - rows[BELOW, i] * coupling
-        rows[INVERSE, i] = 1.0 / pivot if pivot > 0.0 else np.nan
-        coupling = rows[ABOVE, i] * rows[INVERSE, i]
-        rows[ROOT, i] = 1.0 / np.sqrt(rows[DIAGONAL, i])
-    return True
-
-
-def tridiagonal_of(A: Any) -> np.ndarray | None:
-    """Return the rows of a tridiagonal csr_array, None if A is none or an a_ii <= 0."""
-    n = A.shape[0]
-    if n == 0 or A.nnz > 3 * n:
-        return None
-    rows = np.empty((5, n))
-    return rows if read_rows(*arrays_of(A), rows) else None
 
 
 @part

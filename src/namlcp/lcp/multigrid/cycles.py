@@ -26,7 +26,7 @@ import numpy as np
 
 from namlcp.lcp.criterion import Criterion
 from namlcp.lcp.data import LCP, Outcome
-from namlcp.lcp.multigrid.hierarchy import Hierarchy
+from namlcp.lcp.multigrid.hierarchy import Hierarchy, hierarchy_of
 from namlcp.lcp.multigrid.kernels import (
     mark_free,
     move,
@@ -166,7 +166,7 @@ def solve_by_multigrid(
     z0 is used if it is close to the solution. With MAX_ITER, TIME_LIMIT and STALLED
     (rounding, or no progress for nonsymmetric A) z is the best point.
     """
-    hierarchy = lcp.matrix.hierarchy(limits.deadline)
+    hierarchy = hierarchy_of(lcp.matrix, limits.deadline)
     if hierarchy is None:
         if not limits.deadline.reached():
             raise ValueError(

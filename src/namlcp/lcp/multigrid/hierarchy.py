@@ -21,6 +21,7 @@ from scipy import sparse
 from namlcp.lcp.multigrid.coarsening import interpolation, unlike_rows
 from namlcp.lcp.multigrid.kernels import residual_vector
 from namlcp.lcp.multigrid.vcycle import Level, VCycle
+from namlcp.lcp.prepared import Prepared
 from namlcp.limits import NEVER, Deadline
 from namlcp.linalg.csc import Compressed, arrays_of
 
@@ -75,6 +76,21 @@ def suits(A: Any) -> bool:
         return False
     count = unlike_rows(arrays_of(A), np.empty(A.shape[0]))
     return 0 <= count <= UNLIKE * A.shape[0]
+
+
+def hierarchy_of(matrix: Prepared, deadline: Deadline = NEVER) -> Hierarchy | None:
+    """Return the levels of a matrix, which it keeps.
+
+    None: A does not suit, or the deadline came first; then nothing is kept.
+    """
+    levels = matrix.levels  # read once, as another thread may set it
+    if levels is None and not matrix.unsuited:
+        levels = build(sparse.csr_array(matrix.A), matrix.symmetric, deadline)
+        if levels is not None:
+            matrix.levels = levels
+        elif not deadline.reached():
+            matrix.unsuited = True
+    return levels
 
 
 def build(A: Any, symmetric: bool, deadline: Deadline = NEVER) -> Hierarchy | None:
