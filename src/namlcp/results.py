@@ -25,13 +25,13 @@ from namlcp.derivatives import (
     lcp_directional,
     qp_directional,
 )
-from namlcp.lcp import LCP, Outcome
+from namlcp.lcp import LCP
 from namlcp.linalg import times
+from namlcp.outcome import Outcome
 from namlcp.qp import (
     OBJECTIVE,
     QP,
     STATUSES,
-    Answer,
     Items,
     Nearest,
     Outcomes,
@@ -666,28 +666,29 @@ class BatchResult(Differentiable, Outcomes):
 
 
 def qp_result(
-    answer: Answer,
+    outcome: Outcome,
     problem: tuple[QP, tuple[Any, Any, Any]],
     start: float,
     ready: float,
     history: np.ndarray | None = None,
 ) -> QPResult:
-    """Return the answer to `problem`, the checked QP and (P, G, A) as they were given.
+    """Return the outcome for `problem`, the checked QP and (P, G, A) as given.
 
     start, ready: the values of perf_counter() at the call and after its checks.
     """
-    status, (x, y, z, z_box), residuals, iterations, form, message, closest = answer
+    x, y, z, z_box = outcome.point
+    closest = outcome.closest
     return QPResult(
-        status=status,
+        status=outcome.status,
         x=x,
         y=y,
         z=z,
         z_box=z_box,
-        obj=objective_of(answer),
-        residuals=residuals,
-        iterations=iterations,
-        form=form,
-        message=message,
+        obj=objective_of(outcome),
+        residuals=outcome.residuals,
+        iterations=outcome.iterations,
+        form=outcome.method,
+        message=outcome.message,
         setup_time=ready - start,
         solve_time=perf_counter() - ready,
         history=history,
@@ -730,17 +731,17 @@ def lcp_result(
 
     start, ready: the values of perf_counter() at the call and after its checks.
     """
-    lcp, s = problem[0], outcome.s
+    z, w, s = outcome.point
     if s is None:
-        s = np.empty(lcp.q.size)
-        modulus_variable(outcome.z, outcome.w, lcp.matrix.slopes, s)
+        s = np.empty(z.size)
+        modulus_variable(z, w, problem[0].matrix.slopes, s)
     return LCPResult(
         status=outcome.status,
-        z=outcome.z,
-        w=outcome.w,
+        z=z,
+        w=w,
         s=s,
         iterations=outcome.iterations,
-        residual=lcp.residual(outcome.z, outcome.w),
+        residual=outcome.residuals,
         method=outcome.method,
         setup_time=ready - start,
         solve_time=perf_counter() - ready,

@@ -5,7 +5,7 @@ import pytest
 from problems_qp import Options, make_qp, opposed
 
 from namlcp import Relaxation, Status, results
-from namlcp.qp.answer import Answer
+from namlcp.outcome import Outcome
 from namlcp.qp.closest import nearest
 from namlcp.qp.route import route
 from namlcp.residuals import UNDEFINED
@@ -34,7 +34,7 @@ def ending(*statuses):
         if status is Status.SOLVED:
             return answer
         point = answer.point._replace(x=np.full(answer.point.x.size, 4.0))
-        return Answer(status, point, UNDEFINED, 1, "path", "Because.")
+        return Outcome(status, point, UNDEFINED, 1, "path", "Because.")
 
     return bent(change)
 

@@ -39,7 +39,8 @@ def sweep(
     found = sweeps.sweep(lcp, method, Parameters(**given), limits, s0, z0)
     history = rows.history()
     residual = np.nanmin(history["residual"], initial=np.inf)
-    return SimpleNamespace(**found._asdict(), history=history, residual=residual)
+    parts = found._asdict() | found.point._asdict()
+    return SimpleNamespace(**parts, history=history, residual=residual)
 
 
 def step_of(A, q, lower, upper, method, **given):

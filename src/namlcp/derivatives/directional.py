@@ -33,9 +33,9 @@ from namlcp.derivatives.systems import active_sets
 from namlcp.lcp import ACCURACY, lcp_data, solve_by_method
 from namlcp.limits import Limits, interruptible
 from namlcp.options import DEFAULT_OPTIONS
+from namlcp.outcome import Outcome
 from namlcp.qp import (
     NO_GUESS,
-    Answer,
     Point,
     qp_data,
     solve_checked,
@@ -72,7 +72,7 @@ def qp_directional(derivative: QPDerivative, changes: dict[str, Any]) -> QPTange
     return QPTangent(dx, y[: db.size], dz, dz_box, face.weak, face.singular)
 
 
-def solved(*arguments: Any) -> Answer:
+def solved(*arguments: Any) -> Outcome:
     """Return the answer to a QP of these arguments."""
     qp, start = qp_data(*arguments), perf_counter()
     own = qp.P, qp.G, qp.A
@@ -132,4 +132,5 @@ def lcp_directional(
             "the solution has no derivative along this direction: the LCP of the "
             f"critical cone is {found.status.value}"
         )
-    return LCPTangent(found.z, found.w, derivative.weak, derivative.singular)
+    dz, dw, _ = found.point
+    return LCPTangent(dz, dw, derivative.weak, derivative.singular)

@@ -1,7 +1,7 @@
 """Box LCPs: the route of a solve, and the methods that it chooses from."""
 
 from namlcp.lcp.auto import LARGE_LCP, solve_auto
-from namlcp.lcp.data import LCP, Outcome, lcp_data
+from namlcp.lcp.data import LCP, lcp_data
 from namlcp.lcp.modulus.methods import METHODS, SOLVERS, Parameters, find_method
 from namlcp.lcp.multigrid.hierarchy import hierarchy_of
 from namlcp.lcp.multigrid.linear import FreeSystem

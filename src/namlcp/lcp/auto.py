@@ -12,7 +12,7 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.lcp.criterion import Criterion
-from namlcp.lcp.data import LCP, Outcome
+from namlcp.lcp.data import LCP
 from namlcp.lcp.general.order import solve_general
 from namlcp.lcp.mprgp import solve_by_products
 from namlcp.lcp.multigrid.cycles import solve_by_multigrid
@@ -22,6 +22,7 @@ from namlcp.lcp.pivoting.driver import solve_box
 from namlcp.lcp.psor import MAX_SWEEPS, solve_by_sweeps
 from namlcp.lcp.tridiagonal import solve_tridiagonal
 from namlcp.limits import Limits
+from namlcp.outcome import Outcome
 from namlcp.status import Status
 
 LARGE_LCP = 10_000
@@ -51,17 +52,17 @@ def solve_auto(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
         is_open = outcome.status is Status.STALLED and not large
         if outcome.status is not Status.DIVERGED and not is_open:
             return outcome
-        z0, large = outcome.z, large or (lcp.q.size > TINY_LCP and not is_open)
+        z0, large = outcome.point.z, large or (lcp.q.size > TINY_LCP and not is_open)
     if sparse.issparse(lcp.A) and large:
         outcome = solve_large(lcp, z0, limits)
         if outcome.status in ENDS:
             return outcome
         if limits.deadline.reached():  # before a long factorisation
             return outcome._replace(status=Status.TIME_LIMIT)
-        z0 = outcome.z
+        z0 = outcome.point.z
     outcome = solve_box(lcp, z0, limits)
     if outcome.status is Status.STALLED:
-        return solve_general(lcp, outcome.z, limits, outcome.iterations)
+        return solve_general(lcp, outcome.point.z, limits, outcome.iterations)
     return outcome
 
 
@@ -72,7 +73,7 @@ def solve_large(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
     outcome = solve_by_sweeps(lcp, z0, few, criterion)
     if outcome.status in ENDS or hierarchy_of(lcp.matrix, limits.deadline) is None:
         return outcome
-    outcome = solve_by_multigrid(lcp, outcome.z, limits, criterion)
+    outcome = solve_by_multigrid(lcp, outcome.point.z, limits, criterion)
     if outcome.status in ENDS or lcp.matrix.symmetric:
         return outcome
-    return solve_by_sweeps(lcp, outcome.z, many, criterion)
+    return solve_by_sweeps(lcp, outcome.point.z, many, criterion)

@@ -16,8 +16,17 @@ from namlcp.checks import (
 )
 from namlcp.compiled import kernel
 from namlcp.lcp.prepared import Prepared
+from namlcp.outcome import Outcome
 from namlcp.residuals import natural_residual
 from namlcp.status import Status
+
+
+class LCPPoint(NamedTuple):
+    """A point z of an LCP, w = A z + q and, of sweep methods, the modulus variable."""
+
+    z: np.ndarray
+    w: np.ndarray
+    s: np.ndarray | None = None
 
 
 class LCP(NamedTuple):
@@ -53,24 +62,20 @@ class LCP(NamedTuple):
         """Return how many unknowns are at a bound."""
         return int(np.count_nonzero((z == self.lower) | (z == self.upper)))
 
-
-class Outcome(NamedTuple):
-    """The result of a method: a point z, w = A z + q, and the number of iterations.
-
-    ray: proof that there is no solution, if any, with UNSOLVABLE. s: modulus variable,
-    from sweep methods only. convex: A was tested and is positive semidefinite. message:
-    a sentence that adds to the status.
-    """
-
-    status: Status
-    z: np.ndarray
-    w: np.ndarray
-    iterations: int
-    method: str
-    ray: np.ndarray | None = None
-    s: np.ndarray | None = None
-    convex: bool = False
-    message: str = ""
+    def outcome(
+        self,
+        status: Status,
+        z: np.ndarray,
+        w: np.ndarray,
+        iterations: int,
+        method: str,
+        message: str = "",
+        ray: np.ndarray | None = None,
+        s: np.ndarray | None = None,
+    ) -> Outcome:
+        """Return how a method has ended, with the residual of its point."""
+        point, residual = LCPPoint(z, w, s), self.residual(z, w)
+        return Outcome(status, point, residual, iterations, method, message, ray)
 
 
 def spread_number(name: str, value: Any, n: int) -> np.ndarray:

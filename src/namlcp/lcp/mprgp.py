@@ -30,8 +30,9 @@ import math
 import numpy as np
 
 from namlcp.lcp.criterion import Criterion
-from namlcp.lcp.data import LCP, Outcome
+from namlcp.lcp.data import LCP
 from namlcp.limits import Limits
+from namlcp.outcome import Outcome
 from namlcp.residuals import natural_residual
 from namlcp.status import Status
 
@@ -125,8 +126,8 @@ def descent_from(
     w = lcp.w(best)
     if status is None or not (math.isfinite(descent.size) and np.isfinite(w).all()):
         nothing = np.full(w.size, np.nan)
-        return Outcome(Status.NUMERICAL_ERROR, nothing, nothing, k, "mprgp")
-    return Outcome(status, best, w, k, "mprgp", descent.ray, message=descent.message)
+        return lcp.outcome(Status.NUMERICAL_ERROR, nothing, nothing, k, "mprgp")
+    return lcp.outcome(status, best, w, k, "mprgp", descent.message, descent.ray)
 
 
 class Descent:

@@ -17,10 +17,11 @@ import math
 import numpy as np
 
 from namlcp.lcp.criterion import Criterion
-from namlcp.lcp.data import LCP, Outcome
+from namlcp.lcp.data import LCP
 from namlcp.lcp.relaxation import relax_csr
 from namlcp.limits import Limits
 from namlcp.linalg.csc import arrays_of
+from namlcp.outcome import Outcome
 from namlcp.status import Status
 
 MAX_SWEEPS = 200
@@ -55,10 +56,10 @@ def solve_by_sweeps(
     z = lcp.start(z0)
     mu = lcp.matrix.dominance
     if not mu < math.inf:
-        return Outcome(Status.STALLED, z, lcp.w(z), 0, "psor")
+        return lcp.outcome(Status.STALLED, z, lcp.w(z), 0, "psor")
     w = lcp.w(z) if z.any() else lcp.q.copy()
     if criterion.accepts(z, w):
-        return Outcome(Status.SOLVED, z, w, 0, "psor")
+        return lcp.outcome(Status.SOLVED, z, w, 0, "psor")
     alpha = relaxation(mu, False)
     if alpha == 1.0 and mu < 1.0:  # symmetry is tested only if Young's alpha may do
         young = relaxation(mu, True)
@@ -69,8 +70,8 @@ def solve_by_sweeps(
     outcome = relax(lcp, z, alpha, limits, criterion)
     is_last = outcome.status in (Status.SOLVED, Status.TIME_LIMIT)  # as in `solve_auto`
     if limits.report is not None and is_last:
-        residual = lcp.residual(outcome.z, outcome.w)
-        limits.report(outcome.iterations, residual, lcp.active(outcome.z))
+        active = lcp.active(outcome.point.z)
+        limits.report(outcome.iterations, outcome.residuals, active)
     return outcome
 
 
@@ -88,7 +89,7 @@ def relax(
     max_iter = limits.max_iter or MAX_SWEEPS
 
     def outcome(status: Status) -> Outcome:
-        return Outcome(status, z, lcp.w(z), k, "psor")
+        return lcp.outcome(status, z, lcp.w(z), k, "psor")
 
     before = math.inf
     checked, checked_at, slow = 0.0, 1, 0
@@ -97,7 +98,7 @@ def relax(
         guess = moved * min(1.0, moved / before) if k > 1 else moved
         if guess < goal or moved == 0.0:
             found = outcome(Status.SOLVED)
-            if criterion.accepts(z, found.w):
+            if criterion.accepts(z, found.point.w):
                 return found
             if moved == 0.0:
                 return found._replace(status=Status.STALLED)

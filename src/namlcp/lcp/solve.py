@@ -11,7 +11,7 @@ from scipy.sparse import issparse
 from namlcp.checks import finite_vector
 from namlcp.lcp.auto import LARGE_LCP, solve_auto
 from namlcp.lcp.criterion import Criterion
-from namlcp.lcp.data import LCP, Outcome, is_ordinary
+from namlcp.lcp.data import LCP, LCPPoint, is_ordinary
 from namlcp.lcp.general.lemke import solve_lemke
 from namlcp.lcp.general.tableau import pivot_until
 from namlcp.lcp.modulus.methods import Parameters, spread
@@ -25,6 +25,7 @@ from namlcp.lcp.relaxation import relax_csr
 from namlcp.lcp.tridiagonal import solve_faces
 from namlcp.limits import Limits
 from namlcp.linalg.threads import blas_threads
+from namlcp.outcome import Outcome
 from namlcp.status import Status
 
 LEAST_SIZE, MOST_SIZE = 1e-100, 1e100
@@ -78,7 +79,7 @@ def solve_next(lcp: LCP, limits: Limits) -> Outcome:
     if undecided and matrix.last is not None:
         outcome = solve_exactly(lcp, solve_auto, None, limits)
     if outcome.status is Status.SOLVED and outcome.method == "pivoting":
-        matrix.last = outcome.z
+        matrix.last = outcome.point.z
     return outcome
 
 
@@ -101,7 +102,9 @@ def solve_exactly(lcp: LCP, solver: Solver, z0: Any, limits: Limits) -> Outcome:
         ray = None if outcome.ray is None else outcome.ray / unit
         if ray is not None and not np.isfinite(ray).all():
             ray = None
-        return outcome._replace(z=outcome.z * unit, w=outcome.w * unit, ray=ray)
+        point = LCPPoint(outcome.point.z * unit, outcome.point.w * unit)
+        residual = lcp.residual(point.z, point.w)
+        return outcome._replace(point=point, residuals=residual, ray=ray)
 
 
 def solve_multigrid(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:

@@ -15,10 +15,11 @@ import numpy as np
 
 from namlcp.compiled import kernel, part
 from namlcp.lcp.criterion import are_met_part
-from namlcp.lcp.data import LCP, Outcome
+from namlcp.lcp.data import LCP
 from namlcp.lcp.prepared import ABOVE, BELOW, DIAGONAL, INVERSE, ROOT
 from namlcp.limits import Limits
 from namlcp.linalg.lapack import copy
+from namlcp.outcome import Outcome
 from namlcp.residuals import deviation
 from namlcp.status import Status
 
@@ -211,4 +212,4 @@ def solve_tridiagonal(
         status = Status.MAX_ITER
     elif code == MORE and deadline.reached():
         status = Status.TIME_LIMIT
-    return Outcome(status, z.copy(), w.copy(), faces, "tridiagonal")
+    return lcp.outcome(status, z.copy(), w.copy(), faces, "tridiagonal")

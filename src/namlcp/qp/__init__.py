@@ -3,13 +3,13 @@
 from namlcp.qp.active import factors_of, solve_small, step
 from namlcp.qp.active.dense import DenseActiveSet
 from namlcp.qp.active.state import Code
-from namlcp.qp.answer import OBJECTIVE, Answer, objective_of
 from namlcp.qp.closest import Face, Nearest
 from namlcp.qp.convexity import NotConvex
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.kkt import KKT
 from namlcp.qp.memory import Memory
-from namlcp.qp.problem import QP, Point, checked, qp_arrays, qp_data, stamp_of
+from namlcp.qp.outcomes import OBJECTIVE, objective_of
+from namlcp.qp.problem import QP, Point, qp_arrays, qp_data, stamp_of
 from namlcp.qp.sequences import (
     STATUSES,
     Items,
@@ -20,5 +20,5 @@ from namlcp.qp.sequences import (
     on_threads,
     solve_items,
 )
-from namlcp.qp.solve import solve_checked, solve_unchecked
+from namlcp.qp.solve import solve_checked
 from namlcp.qp.transforms import equilibrate

@@ -18,7 +18,6 @@ from namlcp.lcp import (
     LARGE_LCP,
     LCP,
     Attempt,
-    Outcome,
     Prepared,
     pivot,
     relax_csr,
@@ -26,7 +25,7 @@ from namlcp.lcp import (
 )
 from namlcp.limits import Limits
 from namlcp.linalg import times
-from namlcp.qp.answer import Answer
+from namlcp.outcome import Outcome
 from namlcp.qp.chain import Chain
 from namlcp.qp.guess import NO_ENTRIES, Guess
 from namlcp.qp.judge import Judge
@@ -79,7 +78,7 @@ FORM = "bounds"
 
 def solve_bounds(
     qp: QP, chain: Chain, guess: Guess, judge: Judge, memory: Memory
-) -> Answer | None:
+) -> Outcome | None:
     """Solve a QP with bounds alone as a box LCP; None if that decides nothing."""
     limits = judge.limits
     large = not qp.is_dense and qp.q.size >= LARGE_LCP
@@ -87,6 +86,7 @@ def solve_bounds(
     if large:
         memory.ensure_convex(qp.P)
         outcome = solve_large_box(qp, chain, guess, judge, memory)
+        convex = True
     else:
         inner = Limits(0.0, ACCURACY, limits.max_iter, limits.deadline)
         attempt = Attempt(box_lcp(qp), guess.start, inner, ask_convex=True)
@@ -95,15 +95,15 @@ def solve_bounds(
         if now.solved and now.convex:  # the residuals of the LCP need no check
             if offer(qp, chain, judge, attempt.best()) <= 1.0:
                 return judge.answer(Status.SOLVED, now.factorisations, FORM)
-        outcome = attempt.outcome()
+        outcome, convex = attempt.outcome(), now.convex
         if outcome.ray is None:
-            offer(qp, chain, judge, outcome.z)
+            offer(qp, chain, judge, outcome.point.z)
     if outcome.ray is not None:
         memory.ensure_convex(as_sparse(qp.P))
-        point = chain.point(*box_point(qp, outcome.z))
+        point = chain.point(*box_point(qp, outcome.point.z))
         if not judge.accept_ray(chain.ray(outcome.ray), point):
             return None
-    elif judge.is_solved and not outcome.convex:
+    elif judge.is_solved and not convex:
         return None  # the interior-point method may find that P is not convex
     return judge.answer(outcome.status, outcome.iterations, FORM)
 
@@ -132,8 +132,8 @@ def solve_large_box(
     for eps_rel in SHARPER:
         inner = Limits(0.0, eps_rel, judge.limits.max_iter, judge.limits.deadline)
         found = solve_auto(lcp, z0, inner)
-        worst = offer(qp, chain, judge, found.z)
+        worst = offer(qp, chain, judge, found.point.z)
         if found.status is not Status.SOLVED or worst <= 1.0:
             break
-        z0 = found.z
-    return found._replace(convex=True)
+        z0 = found.point.z
+    return found

@@ -20,8 +20,9 @@ from scipy.linalg.blas import dnrm2
 from namlcp.limits import Limits
 from namlcp.linalg import is_clean_csc
 from namlcp.measure import leaves_bounds, residuals_of_columns
-from namlcp.qp.answer import FINAL, Answer, proved
+from namlcp.outcome import FINAL, Outcome
 from namlcp.qp.certificates import accept_dual, accept_primal
+from namlcp.qp.outcomes import proved
 from namlcp.qp.problem import QP, Point
 from namlcp.qp.rounding import UNIT, correct_rounding, is_correctable
 from namlcp.residuals import Residuals, qp_residuals
@@ -138,14 +139,14 @@ class Judge:
         return proof is not None
 
     def answer(
-        self, status: Status, iterations: int, form: str, message: str = ""
-    ) -> Answer:
+        self, status: Status, iterations: int, method: str, message: str = ""
+    ) -> Outcome:
         """Return the certificate, or the best point, SOLVED if it passes.
 
         If it does not, a final `status` becomes STALLED.
         """
         if self.proof is not None:
-            return proved(*self.proof, iterations, form, message)
+            return proved(*self.proof, iterations, method, message)
         if self.point is None or self.residuals is None:
             self.point = self.qp.point(self.qp.clip(np.zeros(self.qp.q.size)))
             self.residuals = self.residuals_of(self.point)
@@ -153,7 +154,7 @@ class Judge:
             status = Status.SOLVED
         elif status in FINAL:
             status, message = Status.STALLED, message or self.message
-        return Answer(status, self.point, self.residuals, iterations, form, message)
+        return Outcome(status, self.point, self.residuals, iterations, method, message)
 
 
 def are_own(given: Matrices, qp: QP) -> bool:

@@ -11,14 +11,15 @@ from typing import NamedTuple
 import numpy as np
 
 from namlcp.limits import Limits
+from namlcp.outcome import Outcome
 from namlcp.qp.active import solve_dense
 from namlcp.qp.active.solve import FEW_ENTRIES, FULL, MOST_BOX, TINY_ENTRIES
-from namlcp.qp.answer import UNDECIDED, Answer
 from namlcp.qp.bounds import is_box_open, solve_bounds
 from namlcp.qp.chain import OWN, Chain
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.judge import NOT_GIVEN, Judge, Matrices
 from namlcp.qp.memory import Memory
+from namlcp.qp.outcomes import UNDECIDED
 from namlcp.qp.path import solve_path
 from namlcp.qp.problem import QP
 from namlcp.qp.transforms import substitute, without_huge_bounds
@@ -69,7 +70,7 @@ class Engine(NamedTuple):
     """
 
     suits: Callable[[QP, Memory], bool]
-    solve: Callable[[QP, Chain, Guess, Judge, Memory], Answer | None]
+    solve: Callable[[QP, Chain, Guess, Judge, Memory], Outcome | None]
 
 
 ENGINES = (
@@ -85,7 +86,7 @@ def route(
     limits: Limits,
     memory: Memory | None = None,
     given: Matrices = NOT_GIVEN,
-) -> Answer:
+) -> Outcome:
     """Solve a checked QP; if it stalls, go on without its huge bounds.
 
     `memory` may be kept for the next problem of the same pattern; it is changed.
@@ -102,7 +103,9 @@ def route(
     return other
 
 
-def solve_in_forms(qp: QP, guess: Guess, judge: Judge, memory: Memory | None) -> Answer:
+def solve_in_forms(
+    qp: QP, guess: Guess, judge: Judge, memory: Memory | None
+) -> Outcome:
     """Solve with free columns substituted; if that is undecided, without.
 
     A tiny sparse QP is first tried in dense form as it came.
@@ -133,7 +136,7 @@ def solve_in_forms(qp: QP, guess: Guess, judge: Judge, memory: Memory | None) ->
 
 def solve_by_engines(
     qp: QP, chain: Chain, guess: Guess, judge: Judge, memory: Memory
-) -> Answer:
+) -> Outcome:
     """Return the answer of the first engine that decides, else that of the last one."""
     start, answer = chain.guess(guess), None
     for engine in ENGINES:

@@ -7,8 +7,8 @@ import numpy as np
 from namlcp.limits import Deadline, interruptible
 from namlcp.linalg import blas_threads
 from namlcp.options import Options
+from namlcp.outcome import Outcome
 from namlcp.progress import QP_COLUMNS, Progress
-from namlcp.qp.answer import Answer
 from namlcp.qp.closest import check_weights, nearest
 from namlcp.qp.guess import Guess
 from namlcp.qp.judge import NOT_GIVEN, Matrices
@@ -27,8 +27,8 @@ def solve_checked(
     progress: Progress | None = None,
     memory: Memory | None = None,
     given: Matrices = NOT_GIVEN,
-    known: Answer | None = None,
-) -> Answer:
+    known: Outcome | None = None,
+) -> Outcome:
     """Solve a checked QP; `start` is the perf_counter() of the call.
 
     `progress` takes the rows; where they are printed, it is made here if it is None.
@@ -67,10 +67,10 @@ def describe(qp: QP, options: Options) -> str:
     )
 
 
-def conclude(answer: Answer, seconds: float) -> str:
+def conclude(answer: Outcome, seconds: float) -> str:
     """Return the closing sentence of the verbose output."""
-    r = answer.residuals
+    status, r = answer.status.value, answer.residuals
     return (
-        f"{answer.status.value}: {answer.form}, {answer.iterations} it, {seconds:.1e} s"
+        f"{status}: {answer.method}, {answer.iterations} it, {seconds:.1e} s"
         f", primal {r.primal:.0e}, dual {r.dual:.0e}, gap {r.gap:.0e}"
     )

@@ -14,9 +14,10 @@ Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 1.3.
 import numpy as np
 
 from namlcp.lcp.criterion import Criterion
-from namlcp.lcp.data import LCP, Outcome
+from namlcp.lcp.data import LCP
 from namlcp.lcp.general.plain import Plain
 from namlcp.limits import Limits
+from namlcp.outcome import Outcome
 from namlcp.status import Status
 
 LARGEST_ENUMERATION = 12
@@ -61,11 +62,11 @@ def solve_by_enumeration(
             z = lcp.start(plain.point(p))
             w = lcp.w(z)
             if criterion.accepts(z, w):
-                return Outcome(Status.SOLVED, z, w, int(k) + 1, "enumeration")
+                return lcp.outcome(Status.SOLVED, z, w, int(k) + 1, "enumeration")
     if nearest <= OUTSIDE * size:
         return None
     z = lcp.start(plain.point(best))
-    return Outcome(Status.UNSOLVABLE, z, lcp.w(z), 2**m, "enumeration")
+    return lcp.outcome(Status.UNSOLVABLE, z, lcp.w(z), 2**m, "enumeration")
 
 
 def least_distances(cones: np.ndarray, q: np.ndarray) -> np.ndarray:

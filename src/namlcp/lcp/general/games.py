@@ -23,11 +23,12 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.lcp.criterion import Criterion
-from namlcp.lcp.data import LCP, Outcome
+from namlcp.lcp.data import LCP
 from namlcp.lcp.general.lemke import LARGEST_TABLEAU, last_largest
 from namlcp.lcp.general.plain import dense, is_plain
 from namlcp.lcp.general.tableau import DONE, Tableau, exchange, pivot_until
 from namlcp.limits import Limits
+from namlcp.outcome import Outcome
 from namlcp.status import Status
 
 FIRST_LIMIT, GROWTH = 20, 4
@@ -84,7 +85,7 @@ def solve_game(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome | Non
                 z = equilibrium(game, tableau)
                 w = lcp.w(z)
                 if criterion.accepts(z, w):
-                    return Outcome(Status.SOLVED, z, w, count, "lemke-howson")
+                    return lcp.outcome(Status.SOLVED, z, w, count, "lemke-howson")
         most *= GROWTH
     return None
 

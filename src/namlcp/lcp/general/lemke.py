@@ -24,12 +24,13 @@ from collections.abc import Iterator
 import numpy as np
 
 from namlcp.lcp.criterion import Criterion
-from namlcp.lcp.data import LCP, Outcome
+from namlcp.lcp.data import LCP
 from namlcp.lcp.general.plain import Plain
 from namlcp.lcp.general.tableau import DONE, MORE, Tableau, exchange, pivot_until
 from namlcp.lcp.pivoting.driver import UNSEEN
 from namlcp.lcp.pivoting.rays import proof
 from namlcp.limits import Limits
+from namlcp.outcome import Outcome
 from namlcp.status import Status
 
 LARGEST_TABLEAU = 5000
@@ -139,7 +140,7 @@ def follow(
         v = plain.direction(tableau.direction(entering)[names])
         ray = proof(lcp, 1.0 / lcp.matrix.root, v)
         status = Status.STALLED if ray is None else Status.UNSOLVABLE
-    return Outcome(status, z, w, count, "lemke", ray)
+    return lcp.outcome(status, z, w, count, "lemke", ray=ray)
 
 
 def last_largest(x: np.ndarray) -> int:

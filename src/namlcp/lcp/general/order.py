@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 
-from namlcp.lcp.data import LCP, Outcome
+from namlcp.lcp.data import LCP
 from namlcp.lcp.general.arc import Arc
 from namlcp.lcp.general.cones.condensed import system_of
 from namlcp.lcp.general.enumeration import LARGEST_ENUMERATION, solve_by_enumeration
@@ -22,6 +22,7 @@ from namlcp.lcp.general.lemke import solve_by_lemke
 from namlcp.lcp.general.mehrotra import mehrotra
 from namlcp.lcp.general.search import Search
 from namlcp.limits import Limits
+from namlcp.outcome import Outcome
 from namlcp.status import Status
 
 LEMKE_ORDER, LAST_LEMKE_ORDER = 400, 1200

@@ -12,7 +12,7 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.lcp.criterion import Criterion, is_solved_by_zero
-from namlcp.lcp.data import LCP, Outcome
+from namlcp.lcp.data import LCP
 from namlcp.lcp.distances import Distances
 from namlcp.lcp.general.cones.condensed import system_of
 from namlcp.lcp.general.finish import finish
@@ -21,6 +21,7 @@ from namlcp.lcp.pivoting.rays import proof
 from namlcp.lcp.scaling import unit_diagonal_scale
 from namlcp.lcp.shifted import Quasidefinite, System
 from namlcp.limits import Limits
+from namlcp.outcome import Outcome
 from namlcp.status import Status
 
 TARGET = 1e-9
@@ -143,12 +144,14 @@ class Search:
         """
         if outcome is None or outcome.status is Status.UNSOLVABLE:
             return outcome
-        self.offer(outcome.z, outcome.method)
+        self.offer(outcome.point.z, outcome.method)
         if outcome.status is not Status.SOLVED:
             return None
         if self.least > EXACT * self.criterion.size:
-            self.complete(self.model.p(outcome.z), outcome.method)
-        return outcome._replace(z=self.z, w=self.w, method=self.method)
+            self.complete(self.model.p(outcome.point.z), outcome.method)
+        return self.lcp.outcome(
+            outcome.status, self.z, self.w, outcome.iterations, self.method
+        )
 
     def disproved(self, v: np.ndarray) -> Outcome | None:
         """Return UNSOLVABLE if the direction v proves that, corrected for rounding."""
@@ -171,4 +174,6 @@ class Search:
         else:
             stopped = self.count >= self.most
             status = Status.MAX_ITER if stopped else Status.STALLED
-        return Outcome(status, self.z, self.w, self.count, self.method, message=message)
+        return self.lcp.outcome(
+            status, self.z, self.w, self.count, self.method, message
+        )

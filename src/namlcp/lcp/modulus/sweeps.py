@@ -38,7 +38,7 @@ from typing import Any
 import numpy as np
 
 from namlcp.checks import finite_vector
-from namlcp.lcp.data import LCP, Outcome
+from namlcp.lcp.data import LCP
 from namlcp.lcp.modulus.adaptive import AdaptiveStep
 from namlcp.lcp.modulus.factored import factored_step
 from namlcp.lcp.modulus.kernels import S, Z
@@ -50,6 +50,7 @@ from namlcp.lcp.modulus.methods import (
 )
 from namlcp.lcp.modulus.triangular import Step, TriangularStep
 from namlcp.limits import Limits
+from namlcp.outcome import Outcome
 from namlcp.status import Status
 
 MAX_NAMED_SWEEPS = 100_000
@@ -79,7 +80,7 @@ def sweep(
     with np.errstate(all="ignore"):
         if step is None:
             nan = np.full(lcp.q.size, np.nan)
-            return Outcome(Status.NUMERICAL_ERROR, nan, nan, 0, method, s=nan)
+            return lcp.outcome(Status.NUMERICAL_ERROR, nan, nan, 0, method, s=nan)
         s = first_iterate(lcp, step.omega, s0, z0)
         status, s, k = iterate(lcp, step, s, limits)
         z = np.clip(s, lcp.lower, lcp.upper)
@@ -87,7 +88,7 @@ def sweep(
         # the Res of a step, |z - clip(z - w)|, loses a w far smaller than z
         if status is Status.SOLVED and not lcp.residual(z, w) < limits.eps_abs:
             status = Status.STALLED
-        return Outcome(status, z, w, k, method, s=s)
+        return lcp.outcome(status, z, w, k, method, s=s)
 
 
 def step_of(lcp: LCP, method: str, given: Parameters) -> Step | None:

@@ -25,7 +25,7 @@ from typing import NamedTuple
 import numpy as np
 
 from namlcp.lcp.criterion import Criterion
-from namlcp.lcp.data import LCP, Outcome
+from namlcp.lcp.data import LCP
 from namlcp.lcp.multigrid.hierarchy import Hierarchy, hierarchy_of
 from namlcp.lcp.multigrid.kernels import (
     mark_free,
@@ -38,6 +38,7 @@ from namlcp.lcp.multigrid.vcycle import VCycle
 from namlcp.lcp.relaxation import relax_back, relax_csr
 from namlcp.limits import Deadline, Limits
 from namlcp.linalg.columns import LEAST_DIVISOR
+from namlcp.outcome import Outcome
 from namlcp.residuals import natural_residuals
 from namlcp.status import Status
 
@@ -175,10 +176,12 @@ def solve_by_multigrid(
                 'use method="auto"'
             )
         z = lcp.start(z0)
-        return Outcome(Status.TIME_LIMIT, z, lcp.w(z), 0, "multigrid")
+        return lcp.outcome(Status.TIME_LIMIT, z, lcp.w(z), 0, "multigrid")
     solver = MultigridSolver(lcp, hierarchy, criterion)
     status = solver.run(z0, limits)
-    return Outcome(status, *solver.users_point(solver.best), solver.done, "multigrid")
+    return lcp.outcome(
+        status, *solver.users_point(solver.best), solver.done, "multigrid"
+    )
 
 
 class MultigridSolver:

@@ -11,13 +11,14 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from namlcp.lcp.criterion import are_met, is_solved_by_zero
-from namlcp.lcp.data import LCP, Outcome
+from namlcp.lcp.data import LCP
 from namlcp.lcp.pivoting import pivot as stages
 from namlcp.lcp.pivoting.large_system import LargeSystem
 from namlcp.lcp.pivoting.pivot import pivot, resume
 from namlcp.lcp.pivoting.rays import proof
 from namlcp.lcp.pivoting.state import PivotMemory, best_point
 from namlcp.limits import Limits
+from namlcp.outcome import Outcome
 from namlcp.residuals import natural_residuals
 from namlcp.status import Status
 
@@ -42,15 +43,12 @@ NO_START = np.empty(0)
 """z0 where there is none."""
 
 
-def solve_box(
-    lcp: LCP, z0: np.ndarray | None, limits: Limits, ask_convex: bool = False
-) -> Outcome:
+def solve_box(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
     """Solve a box LCP by pivoting; STALLED where that makes no progress.
 
-    limits.max_iter counts factorisations. With ask_convex, one more factorisation tests
-    whether a symmetric A is positive semidefinite; outcome.convex has the result.
+    limits.max_iter counts factorisations.
     """
-    attempt = Attempt(lcp, z0, limits, ask_convex)
+    attempt = Attempt(lcp, z0, limits, ask_convex=False)
     attempt.run()
     return attempt.outcome()
 
@@ -61,7 +59,11 @@ class Attempt:
     def __init__(
         self, lcp: LCP, z0: np.ndarray | None, limits: Limits, ask_convex: bool
     ) -> None:
-        """Copy the problem."""
+        """Copy the problem.
+
+        ask_convex: test by one more factorisation whether a symmetric A is positive
+        semidefinite; `outcome` sets work.now.convex to the result.
+        """
         self.lcp, self.limits = lcp, limits
         self.most = limits.max_iter or MAX_FACTORISATIONS
         n = lcp.q.size
@@ -95,7 +97,7 @@ class Attempt:
             z = lcp.start()
             w, status = lcp.w(z), Status.SOLVED
         count = now.factorisations
-        return Outcome(status, z, w, count, "pivoting", self.ray, None, now.convex)
+        return lcp.outcome(status, z, w, count, "pivoting", ray=self.ray)
 
     def best(self) -> np.ndarray:
         """Return the best z so far in the caller's scaling."""

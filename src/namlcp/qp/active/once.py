@@ -9,12 +9,12 @@ import numpy as np
 
 from namlcp.limits import Limits
 from namlcp.options import DEFAULT_OPTIONS
+from namlcp.outcome import Outcome
 from namlcp.qp.active import solve
 from namlcp.qp.active.dense import DenseActiveSet
 from namlcp.qp.active.null import NullSpace
 from namlcp.qp.active.sparse import SparseActiveSet, active_set_of
 from namlcp.qp.active.state import ActiveSet, Code
-from namlcp.qp.answer import Answer
 from namlcp.qp.chain import Chain
 from namlcp.qp.guess import NO_GUESS, Guess
 from namlcp.qp.judge import Judge
@@ -33,7 +33,7 @@ def settings_of(limits: Limits) -> Settings:
 
 def solve_dense(
     qp: QP, chain: Chain, guess: Guess, judge: Judge, memory: Any = None
-) -> Answer | None:
+) -> Outcome | None:
     """Solve a QP in dense form; None where another method has to, or a number is bad.
 
     `chain`: the way from the user's QP to this one.
@@ -56,7 +56,7 @@ def new_attempt(
     return m
 
 
-def answer_of(m: ActiveSet, judge: Judge, chain: Chain | None = None) -> Answer | None:
+def answer_of(m: ActiveSet, judge: Judge, chain: Chain | None = None) -> Outcome | None:
     """Return the answer after a solve, None for other methods.
 
     `chain`: the way from the judge's QP to that of `m`, None where it is the same.

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from namlcp.linalg import add_transposed, submatrix, times
-from namlcp.qp.answer import Answer
+from namlcp.outcome import Outcome
 from namlcp.qp.closest.rows import (
     ROUNDING,
     Rows,
@@ -58,7 +58,7 @@ class Face(NamedTuple):
     ub: np.ndarray
     moves: np.ndarray
 
-    def refined(self, solve: Callable[[QP], Answer]) -> "Face | None":
+    def refined(self, solve: Callable[[QP], Outcome]) -> "Face | None":
         """Return the face with C'v + v_box = 0 to rounding, None where that fails.
 
         An inequality with a force v_i C_i below that residual, in the 1-norm, is no

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from namlcp.limits import Limits
-from namlcp.qp.answer import Answer
+from namlcp.outcome import Outcome
 from namlcp.qp.closest.face import Face, face_of
 from namlcp.qp.closest.rows import Rows
 from namlcp.qp.closest.shifts import least_shifts
@@ -14,7 +14,7 @@ from namlcp.qp.guess import NO_GUESS, Guess
 from namlcp.qp.problem import QP, Point
 from namlcp.status import Status
 
-Solve = Callable[..., Answer]
+Solve = Callable[..., Outcome]
 """Solves a QP: (qp, guess, limits), see `namlcp.qp.route`."""
 
 STAGE_TOLERANCES = 1e-9, 1e-13
@@ -27,7 +27,7 @@ class StageOne(NamedTuple):
     """The rows, and the answer of stage 1, whose point may lack the shifts."""
 
     rows: Rows
-    answer: Answer
+    answer: Outcome
 
     @property
     def x(self) -> np.ndarray:
@@ -67,7 +67,7 @@ def stage_one(rows: Rows, limits: Limits, solve: Solve) -> StageOne:
     return StageOne(rows, solve_exactly(least_shifts(rows), NO_GUESS, limits, solve))
 
 
-def solve_exactly(qp: QP, guess: Guess, limits: Limits, solve: Solve) -> Answer:
+def solve_exactly(qp: QP, guess: Guess, limits: Limits, solve: Solve) -> Outcome:
     """Return the answer of `solve` to STAGE_TOLERANCES, or to those of the limits."""
     eps_abs, eps_rel = np.minimum(limits.tolerances, STAGE_TOLERANCES).tolist()
     answer = solve(qp, guess, limits._replace(eps_abs=eps_abs, eps_rel=eps_rel))

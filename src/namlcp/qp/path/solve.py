@@ -3,7 +3,7 @@
 import numpy as np
 
 from namlcp.checks import as_sparse
-from namlcp.qp.answer import Answer
+from namlcp.outcome import Outcome
 from namlcp.qp.chain import Chain
 from namlcp.qp.guess import Guess
 from namlcp.qp.judge import Judge
@@ -21,7 +21,7 @@ FORM = "path"
 
 def solve_path(
     qp: QP, chain: Chain, guess: Guess, judge: Judge, memory: Memory
-) -> Answer:
+) -> Outcome:
     """Solve a QP; ValueError if P is not positive semidefinite.
 
     If the active set of the guess is the right one, no iteration is needed. `memory`

@@ -19,13 +19,14 @@ import scipy.sparse as sp
 from namlcp.checks import real_array
 from namlcp.linalg import blas_threads
 from namlcp.options import Options
+from namlcp.outcome import Outcome
 from namlcp.qp.active import MOST_ORDER, OUTCOMES, attached
 from namlcp.qp.active import solve_items as solve_dense_items
 from namlcp.qp.active.state import Code
-from namlcp.qp.answer import OBJECTIVE, Answer, objective_of
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import make_guess
 from namlcp.qp.memory import Memory
+from namlcp.qp.outcomes import OBJECTIVE, objective_of
 from namlcp.qp.problem import QP, qp_data
 from namlcp.qp.solve import solve_checked
 from namlcp.residuals import UNDEFINED, Residuals
@@ -79,13 +80,13 @@ class Outcomes:
             closest={},
         )
 
-    def put(self, i: int, answer: Answer) -> None:
+    def put(self, i: int, answer: Outcome) -> None:
         """Write the answer to item i."""
         self.codes[i] = STATUSES.index(answer.status)
         self.x[i], self.y[i], self.z[i], self.z_box[i] = answer.point
         self.obj[i] = objective_of(answer)
         self.residuals[i] = answer.residuals
-        self.iterations[i], self.form[i] = answer.iterations, answer.form
+        self.iterations[i], self.form[i] = answer.iterations, answer.method
         if answer.message:
             self.messages[i] = answer.message
         if answer.closest is not None:
@@ -148,7 +149,7 @@ class Items:
         pairs = zip(MATRICES, self.given, strict=True)
         return qp, tuple(parts.get(name, M) for name, M in pairs)
 
-    def solve(self, i: int, options: Options, warm_start: Any) -> Answer:
+    def solve(self, i: int, options: Options, warm_start: Any) -> Outcome:
         """Solve item i; raise if it is malformed or not convex."""
         start = time.perf_counter()
         qp, given = self.item(i)

@@ -16,10 +16,10 @@ from typing import Any
 from namlcp.limits import Deadline
 from namlcp.linalg import asymmetry
 from namlcp.options import DEFAULT_OPTIONS, Options
+from namlcp.outcome import Outcome
 from namlcp.qp.active.once import answer_of, kept_for, renew
 from namlcp.qp.active.solve import solve, suggest, updated
 from namlcp.qp.active.state import Code
-from namlcp.qp.answer import Answer
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.judge import Judge, are_own
@@ -185,7 +185,7 @@ class QPSequence:
 
     def solve_with_care(
         self, guess: Guess | None, start: float, is_tried: bool
-    ) -> Answer:
+    ) -> Outcome:
         """Return the answer of what is kept, of the general solve where that fails."""
         self.is_current, answer = False, None
         if guess is not None:
@@ -203,7 +203,7 @@ class QPSequence:
         if self.active_set is not None:
             suggest(self.active_set, guess.active)
 
-    def solve_by_active_set(self, start: float, is_tried: bool) -> Answer | None:
+    def solve_by_active_set(self, start: float, is_tried: bool) -> Outcome | None:
         """Return the answer of what is kept, which may have tried; None if it fails."""
         m, qp, options = self.active_set, self.qp, self.options
         deadline = Deadline(start + options.time_limit)
@@ -228,7 +228,7 @@ class QPSequence:
         self.is_current = answer.status is SOLVED
         return answer
 
-    def solve_by_all_means(self, guess: Guess | None, start: float) -> Answer:
+    def solve_by_all_means(self, guess: Guess | None, start: float) -> Outcome:
         """Return the answer of the general solve: from a guess, then from nothing."""
         qp, options, given = self.qp, self.options, self.given
         if guess is None:

@@ -1,0 +1,39 @@
+"""What every engine returns."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from namlcp.status import Status
+
+FINAL = (
+    Status.SOLVED,
+    Status.PRIMAL_INFEASIBLE,
+    Status.DUAL_INFEASIBLE,
+    Status.UNSOLVABLE,
+)
+"""Statuses that decide a problem."""
+
+
+class Outcome(NamedTuple):
+    """How the solve of a QP or an LCP ended, and which method found that.
+
+    point: the `Point` of a QP, a certificate if the status is proved by one; the
+    `LCPPoint` of an LCP. residuals: those on the data of the problem, `Residuals` of a
+    QP, Res(z) of an LCP. ray: with UNSOLVABLE the proof of an LCP, beside its best
+    point. closest: the `Nearest` of an infeasible QP, if that was asked for.
+    """
+
+    status: Status
+    point: Any
+    residuals: Any
+    iterations: int
+    method: str
+    message: str = ""
+    ray: np.ndarray | None = None
+    closest: Any = None
+
+    @property
+    def ends(self) -> bool:
+        """Tell whether no other method is to be tried."""
+        return self.status in FINAL or self.status is Status.TIME_LIMIT
