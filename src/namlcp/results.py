@@ -676,14 +676,10 @@ def qp_result(
 
     start, ready: the values of perf_counter() at the call and after its checks.
     """
-    x, y, z, z_box = outcome.point
     closest = outcome.closest
     return QPResult(
+        **outcome.point._asdict(),
         status=outcome.status,
-        x=x,
-        y=y,
-        z=z,
-        z_box=z_box,
         obj=objective_of(outcome),
         residuals=outcome.residuals,
         iterations=outcome.iterations,

@@ -34,9 +34,6 @@ TINY_LCP = 100
 LAST_SWEEPS = 5000
 """Largest number of sweeps after multigrid has failed on a nonsymmetric A."""
 
-ENDS = (Status.SOLVED, Status.TIME_LIMIT)
-"""Statuses after which no other method is tried."""
-
 
 def solve_auto(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
     """Solve a checked box LCP; max_iter = None is the default of each method."""
@@ -55,7 +52,7 @@ def solve_auto(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
         z0, large = outcome.point.z, large or (lcp.q.size > TINY_LCP and not is_open)
     if sparse.issparse(lcp.A) and large:
         outcome = solve_large(lcp, z0, limits)
-        if outcome.status in ENDS:
+        if outcome.ends:
             return outcome
         if limits.deadline.reached():  # before a long factorisation
             return outcome._replace(status=Status.TIME_LIMIT)
@@ -71,9 +68,9 @@ def solve_large(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
     criterion = Criterion(lcp, limits)
     few, many = (limits._replace(max_iter=k) for k in (MAX_SWEEPS, LAST_SWEEPS))
     outcome = solve_by_sweeps(lcp, z0, few, criterion)
-    if outcome.status in ENDS or hierarchy_of(lcp.matrix, limits.deadline) is None:
+    if outcome.ends or hierarchy_of(lcp.matrix, limits.deadline) is None:
         return outcome
     outcome = solve_by_multigrid(lcp, outcome.point.z, limits, criterion)
-    if outcome.status in ENDS or lcp.matrix.symmetric:
+    if outcome.ends or lcp.matrix.symmetric:
         return outcome
     return solve_by_sweeps(lcp, outcome.point.z, many, criterion)

@@ -68,8 +68,7 @@ def solve_by_sweeps(
         if promised <= criterion.goal and lcp.matrix.symmetric:
             alpha = young
     outcome = relax(lcp, z, alpha, limits, criterion)
-    is_last = outcome.status in (Status.SOLVED, Status.TIME_LIMIT)  # as in `solve_auto`
-    if limits.report is not None and is_last:
+    if limits.report is not None and outcome.ends:
         active = lcp.active(outcome.point.z)
         limits.report(outcome.iterations, outcome.residuals, active)
     return outcome

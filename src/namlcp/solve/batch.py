@@ -1,8 +1,4 @@
-"""The public function `solve_batch`: many QPs of the same sizes at once.
-
-Each item is solved alone and from nothing (or from its own warm start), so that its
-answer does not depend on the others, nor on the number of threads.
-"""
+"""The public function `solve_batch`: many QPs of the same sizes at once."""
 
 from time import perf_counter
 from typing import Any

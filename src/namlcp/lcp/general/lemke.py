@@ -46,9 +46,6 @@ PIVOTS, MORE_PIVOTS = 50, 10_000
 SEED = 0
 """Of the third covering vector."""
 
-DECIDED = (Status.SOLVED, Status.UNSOLVABLE, Status.TIME_LIMIT)
-"""Ends of a path after which no other covering vector is tried."""
-
 
 def solve_lemke(
     lcp: LCP, z0: np.ndarray | None, limits: Limits, cover: np.ndarray
@@ -92,7 +89,7 @@ def solve_by_lemke(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome |
         budget = int(min(TRIES * n + MORE_TRIES, most - done))
         outcome = follow(lcp, plain, d, limits, (done, done + budget))
         done = outcome.iterations
-        if outcome.status in DECIDED or done >= most:
+        if outcome.ends or done >= most:
             return outcome
     return None
 

@@ -66,19 +66,9 @@ class Outcomes:
         """Return those of `size` items with the sizes of `qp`, still to be written."""
         n, p, m = qp.q.size, qp.b.size, qp.h.size
         x, y, z, z_box = (np.empty((size, k)) for k in (n, p, m, n))
-        return cls(
-            codes=np.empty(size, np.int8),
-            x=x,
-            y=y,
-            z=z,
-            z_box=z_box,
-            obj=np.empty(size),
-            residuals=np.empty(size, [(k, float) for k in Residuals._fields]),
-            iterations=np.empty(size, np.int64),
-            form=np.empty(size, "U12"),
-            messages={},
-            closest={},
-        )
+        kinds = np.int8, float, [(k, float) for k in Residuals._fields], np.int64, "U12"
+        codes, obj, residuals, counts, form = (np.empty(size, kind) for kind in kinds)
+        return cls(codes, x, y, z, z_box, obj, residuals, counts, form, {}, {})
 
     def put(self, i: int, answer: Outcome) -> None:
         """Write the answer to item i."""
