@@ -34,13 +34,7 @@ from namlcp.lcp import ACCURACY, lcp_data, solve_by_method
 from namlcp.limits import Limits, interruptible
 from namlcp.options import DEFAULT_OPTIONS
 from namlcp.outcome import Outcome
-from namlcp.qp import (
-    NO_GUESS,
-    Point,
-    qp_data,
-    solve_checked,
-    solve_unchecked,
-)
+from namlcp.qp import NO_GUESS, Point, qp_data, solve_checked
 from namlcp.status import Status
 
 
@@ -74,12 +68,7 @@ def qp_directional(derivative: QPDerivative, changes: dict[str, Any]) -> QPTange
 
 def solved(*arguments: Any) -> Outcome:
     """Return the answer to a QP of these arguments."""
-    qp, start = qp_data(*arguments), perf_counter()
-    own = qp.P, qp.G, qp.A
-    found, _ = solve_unchecked(qp, DEFAULT_OPTIONS, start, own, None)
-    if found is not None and found.ends:
-        return found
-    return solve_checked(qp, DEFAULT_OPTIONS, NO_GUESS, start, given=own)
+    return solve_checked(qp_data(*arguments), DEFAULT_OPTIONS, NO_GUESS, perf_counter())
 
 
 def with_rows(A: Any, G: Any) -> Any:

@@ -111,9 +111,7 @@ def solve_qp(
         tried = solve_small(QPResult, *arguments, options.settings, start, derivative)
         if type(tried) is QPResult:
             return tried
-    return solve_arguments(
-        arguments, options, start, tried, x0, warm_start, history
-    )
+    return solve_arguments(arguments, options, start, tried, x0, warm_start, history)
 
 
 def solve_arguments(
