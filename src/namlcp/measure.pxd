@@ -35,7 +35,6 @@ cdef double finite_dot(const double* sides, const double* multipliers, double si
 cdef int set_terms(Terms* t, object vectors, object point) except -1
 cpdef tuple residuals_of_products(tuple vectors, tuple point, tuple products)
 cpdef tuple residuals_of_columns(object P, object G, object A, tuple vectors, tuple point)
-cdef int multiply(object M, Py_ssize_t n, const double* x, double* Mx, const double* z, double* Mtz) except -1
 cdef tuple in_order(const Terms* t, double* work)
 cpdef double signed_gap(tuple vectors, tuple point, object Px) except? -1
 cpdef bint leaves_bounds(const double[::1] x, const double[::1] lb, const double[::1] ub)

@@ -7,8 +7,14 @@ the active-set method with the products it has at hand.
 import cython
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf
-from cython.cimports.namlcp.linalg.arrays import data_of, new_vector, numbers, places
+from cython.cimports.namlcp.linalg.arrays import data_of, new_vector, numbers
 from cython.cimports.namlcp.linalg.blas import blas_dot
+from cython.cimports.namlcp.linalg.csc import (
+    Columns,
+    columns_times,
+    columns_times_transposed,
+    take_columns,
+)
 from cython.cimports.namlcp.linalg.vectors import fill
 
 # If all terms of the gap are smaller than this, then its rounding error is below 1e-12
@@ -131,6 +137,7 @@ def residuals_of_products(vectors, point, products):
 def residuals_of_columns(P, G, A, vectors, point):
     """Return the numbers of `Residuals` for P, G and A as csc_array or csc_matrix."""
     t: Terms
+    M: Columns
     set_terms(cython.address(t), vectors, point)
     n, m, p = t.n, t.m, t.p
     work = new_vector(3 * n + m + p + 2 * max(n, m))
@@ -139,28 +146,17 @@ def residuals_of_columns(P, G, A, vectors, point):
     t.Gx = t.Px + 3 * n
     t.Ax = t.Gx + m
     fill(t.Px, 0.0, 3 * n + m + p)
-    multiply(P, n, t.x, t.Px, cython.NULL, cython.NULL)
+    take_columns(P, n, cython.address(M))
+    columns_times(cython.address(M), n, t.x, t.Px)
     if m > 0:
-        multiply(G, n, t.x, t.Gx, t.z, t.Gtz)
+        take_columns(G, n, cython.address(M))
+        columns_times(cython.address(M), n, t.x, t.Gx)
+        columns_times_transposed(cython.address(M), n, t.z, t.Gtz)
     if p > 0:
-        multiply(A, n, t.x, t.Ax, t.y, t.Aty)
+        take_columns(A, n, cython.address(M))
+        columns_times(cython.address(M), n, t.x, t.Ax)
+        columns_times_transposed(cython.address(M), n, t.y, t.Aty)
     return in_order(cython.address(t), t.Ax + p)
-
-
-def multiply(M, n, x, Mx, z, Mtz):
-    """Add M x to Mx and, unless z is NULL, M'z to Mtz, in the order of SciPy."""
-    indptr = places(M.indptr, n + 1)
-    count: Py_ssize_t = indptr[n]
-    indices, data = places(M.indices, count), numbers(M.data, count)
-    for j in range(n):
-        x_j, total = x[j], 0.0
-        for t in range(indptr[j], indptr[j + 1]):
-            Mx[indices[t]] += data[t] * x_j
-            if z != cython.NULL:
-                total += data[t] * z[indices[t]]
-        if z != cython.NULL:
-            Mtz[j] += total
-    return 0
 
 
 def in_order(t, work):

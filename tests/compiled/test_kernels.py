@@ -5,17 +5,14 @@ Some functions are translated in place (`compiled.functions`): Python defines th
 
 import itertools
 import math
-import sys
 from typing import NamedTuple
 
 import numba
 import numpy as np
 import pytest
-from numba.core.runtime import _nrt_python, rtsys
 
 import namlcp
 from namlcp.compiled import ahead, decorators, internals, signatures, store
-from namlcp.qp.bounds import on_bounds
 
 jit_only = pytest.mark.skipif(numba.config.DISABLE_JIT, reason="nothing is compiled")
 
@@ -127,20 +124,6 @@ def test_new_arrays_are_those_of_numpy(kind):
 
 
 @jit_only
-def test_no_reference_stays_behind():
-    """Neither of what a kernel is given, nor of the arrays that it makes."""
-    arrays = [np.array([1.0, -2.0]) for _ in range(4)]
-    given = [sys.getrefcount(one) for one in arrays]
-    _nrt_python.memsys_enable_stats()
-    before = rtsys.get_allocation_stats()
-    made = on_bounds(*arrays)
-    assert made[0].tolist() == [1.0, -2.0]
-    del made
-    after = rtsys.get_allocation_stats()
-    assert after.alloc - before.alloc == after.free - before.free > 0
-    assert [sys.getrefcount(one) for one in arrays] == given
-
-
 # ---- the list that warmup compiles
 
 

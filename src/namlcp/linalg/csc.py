@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import cython
 import numpy as np
+from cython.cimports.namlcp.linalg.arrays import numbers, places
 from scipy.sparse import csr_array
 
 from namlcp.checks import as_sparse, from_arrays, has_clean_arrays
@@ -230,4 +231,33 @@ def add_column_sums(indptr, indices, data, z, out):
         total = 0.0
         for t in range(indptr[j], indptr[j + 1]):
             total += data[t] * z[indices[t]]
+        out[j] += total
+
+
+# ---- the same for compiled code
+
+
+def take_columns(M, n, out):
+    """Note where the arrays of a matrix of n columns are."""
+    indptr, indices, data = M.indptr, M.indices, M.data
+    out.indptr = places(indptr, n + 1)
+    out.indices = places(indices, indices.size)
+    out.data = numbers(data, indices.size)
+    return 0
+
+
+def columns_times(M, n, x, out):
+    """Add M x to `out`."""
+    for j in range(n):
+        x_j = x[j]
+        for t in range(M.indptr[j], M.indptr[j + 1]):
+            out[M.indices[t]] += M.data[t] * x_j
+
+
+def columns_times_transposed(M, n, z, out):
+    """Add M'z to `out`."""
+    for j in range(n):
+        total = 0.0
+        for t in range(M.indptr[j], M.indptr[j + 1]):
+            total += M.data[t] * z[M.indices[t]]
         out[j] += total

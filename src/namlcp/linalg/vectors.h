@@ -4,6 +4,7 @@
    -ffp-contract=off the code for AVX2 and that for any x86-64, between which the loader
    chooses (HOT), give the same bits. */
 #include <stddef.h>
+#include <string.h>
 
 #if defined(__x86_64__) && defined(__linux__) && defined(__GLIBC__) && \
     !defined(__SANITIZE_ADDRESS__) && !defined(NAMLCP_NATIVE) && \
@@ -118,4 +119,12 @@ HOT unsigned long long hash_of(const double *values, ptrdiff_t n, unsigned long 
         key += 0x9E3779B97F4A7C15ull;
     }
     return total;
+}
+
+/* The bits of a number in single precision. */
+static inline int float_bits(double value) {
+    float single = (float)value;
+    int bits;
+    memcpy(&bits, &single, sizeof bits);
+    return bits;
 }

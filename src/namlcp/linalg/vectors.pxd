@@ -15,6 +15,7 @@ cdef extern from "vectors.h" nogil:
     void subtract_four(
         double* lower, const double* u, Py_ssize_t stride, Py_ssize_t count
     ) noexcept
+    int float_bits(double value) noexcept
     unsigned long long hash_of(
         const double* values, Py_ssize_t n, unsigned long long total
     ) noexcept

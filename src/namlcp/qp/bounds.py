@@ -9,10 +9,11 @@ z_box <= 0 at lb, >= 0 at ub          w >= 0 at lower, <= 0 at upper
 ray x, q'x = -1                       ray v, q'v = -1 (no solution)
 """
 
+import cython
 import numpy as np
+from cython.cimports.libc.math import INFINITY
 
 from namlcp.checks import as_sparse
-from namlcp.compiled import kernel
 from namlcp.lcp import (
     ACCURACY,
     LARGE_LCP,
@@ -25,16 +26,12 @@ from namlcp.lcp import (
 )
 from namlcp.limits import Limits
 from namlcp.linalg import times
-from namlcp.outcome import Outcome
-from namlcp.qp.chain import Chain
-from namlcp.qp.guess import NO_ENTRIES, Guess
-from namlcp.qp.judge import Judge
-from namlcp.qp.memory import Memory
-from namlcp.qp.problem import QP, Point
+from namlcp.qp.guess import NO_ENTRIES
+from namlcp.qp.problem import Point
 from namlcp.status import Status
 
 
-def box_lcp(qp: QP, matrix: Prepared | None = None) -> LCP:
+def box_lcp(qp, matrix=None):
     """Return a QP with bounds alone as a box LCP; `matrix` is P if it was prepared.
 
     P is symmetric: its compressed columns are its compressed rows.
@@ -43,7 +40,6 @@ def box_lcp(qp: QP, matrix: Prepared | None = None) -> LCP:
     return LCP(matrix, qp.q, qp.lb, qp.ub)
 
 
-@kernel
 def on_bounds(z, w, lower, upper):
     """Return (x, z_box) of the QP for z, w and the bounds of the LCP, all (n,).
 
@@ -51,22 +47,24 @@ def on_bounds(z, w, lower, upper):
     the bound and z_box_j = -w_j; a w_j too small to move z_j - w_j may have the wrong
     sign: then z_box_j = 0, and w_j remains as a dual residual.
     """
-    x, z_box = np.empty(z.size), np.empty(z.size)
-    for j in range(z.size):
+    size = z.shape[0]
+    point, multipliers = np.empty(size), np.empty(size)
+    x: cython.double[::1] = point
+    z_box: cython.double[::1] = multipliers
+    for j in range(size):
         s = z[j] - w[j]
         x[j], z_box[j] = z[j], 0.0
         if s <= lower[j]:
             x[j], z_box[j] = lower[j], min(-w[j], 0.0)
         elif s >= upper[j]:
             x[j], z_box[j] = upper[j], max(-w[j], 0.0)
-    return x, z_box
+    return point, multipliers
 
 
-@kernel
 def is_box_open(lower, upper):
     """Tell whether the box has a finite point."""
-    for j in range(lower.size):
-        if lower[j] > upper[j] or lower[j] == np.inf or upper[j] == -np.inf:
+    for j in range(lower.shape[0]):
+        if lower[j] > upper[j] or lower[j] == INFINITY or upper[j] == -INFINITY:
             return False
     return True
 
@@ -76,9 +74,7 @@ SHARPER = (ACCURACY, 1e-11, 1e-13)
 FORM = "bounds"
 
 
-def solve_bounds(
-    qp: QP, chain: Chain, guess: Guess, judge: Judge, memory: Memory
-) -> Outcome | None:
+def solve_bounds(qp, chain, guess, judge, memory):
     """Solve a QP with bounds alone as a box LCP; None if that decides nothing."""
     limits = judge.limits
     large = not qp.is_dense and qp.q.size >= LARGE_LCP
@@ -108,7 +104,7 @@ def solve_bounds(
     return judge.answer(outcome.status, outcome.iterations, FORM)
 
 
-def box_point(qp: QP, z: np.ndarray) -> Point:
+def box_point(qp, z):
     """Return the point of the QP for z of the LCP."""
     with np.errstate(all="ignore"):  # overflow is no solution
         w = times(qp.P, z) + qp.q
@@ -116,14 +112,12 @@ def box_point(qp: QP, z: np.ndarray) -> Point:
     return Point(x, NO_ENTRIES, NO_ENTRIES, z_box)
 
 
-def offer(qp: QP, chain: Chain, judge: Judge, z: np.ndarray) -> float:
+def offer(qp, chain, judge, z):
     """Return the judge's ratio of residual to tolerance for z of the LCP."""
     return judge.offer(chain.point(*box_point(qp, z)))
 
 
-def solve_large_box(
-    qp: QP, chain: Chain, guess: Guess, judge: Judge, memory: Memory
-) -> Outcome:
+def solve_large_box(qp, chain, guess, judge, memory):
     """Solve the box LCP with sharper tolerances until the residuals of the QP pass.
 
     The duality gap of the QP adds up the errors of all unknowns.

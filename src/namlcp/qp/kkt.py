@@ -8,12 +8,13 @@ K is kept as the upper triangle in CSC, so column n + i is row i of C = [A; G] a
 diagonal is the last entry of every column.
 """
 
+import cython
 import numpy as np
-from scipy.sparse import csc_array, csr_array
+from cython import Py_ssize_t
+from cython.cimports.namlcp.linalg.csc import Columns, take_columns
 
 from namlcp.checks import refuse_size
-from namlcp.compiled import kernel
-from namlcp.linalg import Factors, arrays_of, plan_factors
+from namlcp.linalg import plan_factors
 
 
 class KKT:
@@ -28,9 +29,7 @@ class KKT:
     n, size : order of P; order of K
     """
 
-    def __init__(
-        self, P: csc_array, A: csr_array, G: csr_array, last: "KKT | None" = None
-    ) -> None:
+    def __init__(self, P, A, G, last=None):
         """Lay out K for P (both triangles stored), A and G.
 
         It shares the factors of `last` if that has the same pattern.
@@ -41,12 +40,12 @@ class KKT:
         refuse_size("the KKT matrix", entries)
         self.indptr = np.empty(self.size + 1, dtype=np.int32)
         self.indices, self.base = np.empty(entries, dtype=np.int32), np.empty(entries)
-        self.set_values(P, A, G)
-        entries = self.indptr[-1]
+        upper_triangle(P, A, G, self.indptr, self.indices, self.base)
+        entries = self.indptr[self.size]
         self.indices, self.base = self.indices[:entries], self.base[:entries]
         self.diagonal = self.indptr[1:] - 1
         self.data = np.empty(entries)
-        self.factors: Factors | None = None
+        self.factors = None
         self.factored = np.full(entries, np.nan)  # unlike any data
         if last is not None and (
             np.array_equal(last.indptr, self.indptr)
@@ -54,18 +53,13 @@ class KKT:
         ):
             self.factors, self.factored = last.factors, last.factored
 
-    def set_values(self, P: csc_array, A: csr_array, G: csr_array) -> None:
-        """Write pattern and values of K, not scaled."""
-        matrices = map(arrays_of, (P, A, G))
-        upper_triangle(*matrices, self.indptr, self.indices, self.base)
-
-    def plan(self) -> Factors:
+    def plan(self):
         """Return the factors, which are not computed yet if they are new."""
         if self.factors is None:
             self.factors = plan_factors(self.indptr, self.indices)
         return self.factors
 
-    def factor(self) -> bool:
+    def factor(self):
         """Factor K~; False if a pivot vanishes."""
         try:
             self.plan().refactor(self.data)
@@ -74,37 +68,36 @@ class KKT:
         return True
 
 
-@kernel
 def upper_triangle(P, A, G, indptr, indices, data):
     """Write the upper triangle of K from P in CSC (both triangles), A and G in CSR.
 
     indptr, indices and data take the triangle.
     """
-    n = P.indptr.size - 1
+    M: Columns
+    n: Py_ssize_t = P.shape[0]
+    column, k = n, cython.cast(Py_ssize_t, 0)
+    take_columns(P, n, cython.address(M))
     indptr[0] = 0
-    k = 0
     for j in range(n):
         diagonal = 0.0
-        for t in range(P.indptr[j], P.indptr[j + 1]):
-            if P.indices[t] < j:
-                indices[k] = P.indices[t]
-                data[k] = P.data[t]
+        for t in range(M.indptr[j], M.indptr[j + 1]):
+            if M.indices[t] < j:
+                indices[k], data[k] = M.indices[t], M.data[t]
                 k += 1
-            elif P.indices[t] == j:
-                diagonal = P.data[t]
-        indices[k] = j
-        data[k] = diagonal
+            elif M.indices[t] == j:
+                diagonal = M.data[t]
+        indices[k], data[k] = j, diagonal
         k += 1
         indptr[j + 1] = k
-    column = n
     for C in (A, G):
-        for i in range(C.indptr.size - 1):
-            for t in range(C.indptr[i], C.indptr[i + 1]):
-                indices[k] = C.indices[t]
-                data[k] = C.data[t]
+        rows: Py_ssize_t = C.shape[0]
+        take_columns(C, rows, cython.address(M))  # the columns of C'
+        for i in range(rows):
+            for t in range(M.indptr[i], M.indptr[i + 1]):
+                indices[k], data[k] = M.indices[t], M.data[t]
                 k += 1
-            indices[k] = column
-            data[k] = 0.0
+            indices[k], data[k] = column, 0.0
             k += 1
             column += 1
             indptr[column] = k
+    return 0

@@ -9,21 +9,18 @@ With terms of 1e12 the gap is a multiple of 1e-4, and passes 1e-9 only as 0. Cha
 x that would remove it without rounding make it another multiple, mostly a smaller one.
 """
 
-from collections.abc import Iterator
-from typing import Any
-
+import cython
 import numpy as np
 import scipy.sparse as sp
+from cython.cimports.libc.math import INFINITY, NAN, copysign, fabs
 
 from namlcp.checks import as_sparse, matrix
-from namlcp.compiled import kernel
 from namlcp.linalg import add_transposed, arrays_of, times
 from namlcp.measure import signed_gap
-from namlcp.qp.problem import QP, Point
-from namlcp.residuals import Residuals, qp_residuals
+from namlcp.qp.problem import Point
+from namlcp.residuals import qp_residuals
 
-# Gauss-Seidel passes over the entries of the dual residual.
-PASSES = 3
+# PASSES: Gauss-Seidel passes over the entries of the dual residual.
 # Most corrections of the gap by x, and by a single multiplier.
 MOVES, TRIES = 16, 64
 # Entries of the dual residual above the first fraction of the tolerance are reduced, to
@@ -41,7 +38,7 @@ COARSE = 1e-5
 UNIT = float(np.finfo(float).eps)
 
 
-def is_correctable(found: Residuals, eps_abs: float, eps_rel: float) -> bool:
+def is_correctable(found, eps_abs, eps_rel):
     """Tell whether rounding may be all that keeps these residuals above tolerance."""
     largest = max(found.primal_size, found.dual_size, found.gap_size)
     if not UNIT * largest >= COARSE * (eps_abs + eps_rel * largest):
@@ -52,9 +49,7 @@ def is_correctable(found: Residuals, eps_abs: float, eps_rel: float) -> bool:
     return rest <= CORRECTABLE and not found.solved(eps_abs, eps_rel)
 
 
-def correct_rounding(
-    qp: QP, point: Point, found: Residuals, eps_abs: float, eps_rel: float
-) -> Point:
+def correct_rounding(qp, point, found, eps_abs, eps_rel):
     """Return the point, which has the residuals `found`, with the large ones reduced.
 
     The matrices are dense or sparse in any layout; sums run in their order.
@@ -81,7 +76,7 @@ def correct_rounding(
     return best
 
 
-def correct_dual_residual(qp: QP, point: Point, tol: float, rest: float = 0.0) -> Point:
+def correct_dual_residual(qp, point, tol, rest=0.0):
     """Return the point with dual residuals above `tol` removed by z_box or x.
 
     Where x removes them, it leaves those of modulus `rest`.
@@ -92,50 +87,42 @@ def correct_dual_residual(qp: QP, point: Point, tol: float, rest: float = 0.0) -
         part = np.zeros(r.size)
         add_transposed(M, multiplier, part)
         r += part
-    unknowns = point.x, point.z_box
     P = qp.P
     if not sp.issparse(P) or P.format != "csc":
         P = as_sparse(matrix("P", P, "csc"))
-    gauss_seidel(*arrays_of(P), (qp.lb, qp.ub), (tol, rest), r, unknowns)
+    gauss_seidel(*arrays_of(P), qp.lb, qp.ub, tol, rest, r, point.x, point.z_box)
     return point
 
 
-@kernel
-def gauss_seidel(indptr, indices, data, bounds, limits, r, unknowns):
+def gauss_seidel(indptr, indices, data, lb, ub, tol, left, r, x, z_box):
     """Reduce dual residuals |r_j + z_box_j| > tol by z_box_j, to `left` by x_j.
 
     x_j takes that part of a Gauss-Seidel step on the Lagrangian. P is in CSC, r = Px +
-    q + G'z + A'y, bounds = (lb, ub), limits = (tol, left), unknowns = (x, z_box); r and
-    the unknowns are overwritten.
+    q + G'z + A'y; r, x and z_box are overwritten.
     """
-    lb, ub = bounds
-    tol, left = limits
-    x, z_box = unknowns
     for _ in range(PASSES):
-        for j in range(x.size):
-            if abs(r[j] + z_box[j]) <= tol:
+        for j in range(x.shape[0]):
+            if fabs(r[j] + z_box[j]) <= tol:
                 continue
-            least = -np.inf if lb[j] > -np.inf else 0.0
-            most = np.inf if ub[j] < np.inf else 0.0
+            least = -INFINITY if lb[j] > -INFINITY else 0.0
+            most = INFINITY if ub[j] < INFINITY else 0.0
             z_box[j] = min(max(-r[j], least), most)
             rest = r[j] + z_box[j]
-            if abs(rest) <= tol:
+            if fabs(rest) <= tol:
                 continue
             curvature = 0.0
             for t in range(indptr[j], indptr[j + 1]):
                 if indices[t] == j:
                     curvature = data[t]
             if curvature > 0.0:
-                excess = rest - np.copysign(left, rest)
+                excess = rest - copysign(left, rest)
                 step = min(max(x[j] - excess / curvature, lb[j]), ub[j]) - x[j]
                 x[j] += step
                 for t in range(indptr[j], indptr[j + 1]):
                     r[indices[t]] += data[t] * step
 
 
-def gap_corrections(
-    qp: QP, point: Point, size: float, tol: float, dual_left: float
-) -> Iterator[Point]:
+def gap_corrections(qp, point, size, tol, dual_left):
     """Yield the point with its gap, of modulus `size`, reduced in three ways.
 
     By x; by multipliers, which add at most `dual_left` to the dual residual; by these
@@ -149,7 +136,7 @@ def gap_corrections(
             yield new
 
 
-def correct_gap_by_x(qp: QP, point: Point, tol: float) -> tuple[Point, float]:
+def correct_gap_by_x(qp, point, tol):
     """Return the point with x changed for the least gap, and the gap's modulus.
 
     The gap g has the gradient v = 2 Px + q in x. The least change -g v/v'v of the
@@ -181,9 +168,7 @@ def correct_gap_by_x(qp: QP, point: Point, tol: float) -> tuple[Point, float]:
     return best, least
 
 
-def correct_gap_by_multipliers(
-    qp: QP, point: Point, size: float, tol: float, dual_left: float
-) -> Point:
+def correct_gap_by_multipliers(qp, point, size, tol, dual_left):
     """Return the point with its gap, of modulus `size`, removed by multipliers.
 
     First all multipliers of one sum s'z, such as ub'z_box^+, change together, by -g
@@ -216,7 +201,7 @@ def correct_gap_by_multipliers(
     turns = turns[:: max(-(-turns.size // TRIES), 1)]
     for first, last in [*groups, *((k, k + 1) for k in turns.tolist())]:
         part = slice(first, last)
-        terms = multiplier[part], side[part], largest[part], usable[part]
+        terms = multiplier[part], side[part], largest[part], usable[part].view(np.uint8)
         if not propose(*terms, first < p, gap, dual_left, new[part]):
             continue
         change = np.zeros(count)
@@ -237,43 +222,43 @@ def correct_gap_by_multipliers(
     return point
 
 
-@kernel
 def propose(multiplier, side, largest, usable, any_sign, gap, dual_left, new):
     """Set `new` to multipliers without the gap; tell whether they may be.
 
     The usable ones change by -gap s/s's; those that would change the dual residual by
     more than `dual_left`, or their sign unless any_sign, are left out once.
     """
-    for k in range(new.size):
-        new[k] = multiplier[k] if usable[k] else np.nan
+    count = new.shape[0]
+    for k in range(count):
+        new[k] = multiplier[k] if usable[k] else NAN
     for _ in range(2):
         top, squares = 0.0, 0.0
-        for k in range(new.size):
+        for k in range(count):
             if new[k] == new[k]:
-                top = max(top, abs(side[k]))
+                top = max(top, fabs(side[k]))
         if top == 0.0:
             return False
-        for k in range(new.size):
+        for k in range(count):
             if new[k] == new[k]:
                 squares += (side[k] / top) * (side[k] / top)  # side^2 may overflow
-        left_out = False
-        for k in range(new.size):
+        left_out: cython.bint = False
+        for k in range(count):
             if new[k] != new[k]:
                 continue
             new[k] = multiplier[k] - gap / top / squares * (side[k] / top)
-            fits = abs(new[k] - multiplier[k]) * largest[k] <= dual_left
+            fits: cython.bint = fabs(new[k] - multiplier[k]) * largest[k] <= dual_left
             if not (fits and (any_sign or new[k] * multiplier[k] > 0.0)):
-                new[k] = np.nan
+                new[k] = NAN
                 left_out = True
         if not left_out:
-            for k in range(new.size):
+            for k in range(count):
                 if new[k] != new[k]:
                     new[k] = multiplier[k]
             return True
     return False
 
 
-def row_maxima(M: Any) -> np.ndarray:
+def row_maxima(M):
     """Return the largest modulus in each row of a matrix, 0 of an empty row."""
     if not sp.issparse(M):
         return np.abs(M).max(axis=1, initial=0.0)

@@ -10,7 +10,13 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import fabs, sqrt
-from cython.cimports.namlcp.linalg.arrays import numbers, places, signs
+from cython.cimports.namlcp.linalg.arrays import numbers, signs
+from cython.cimports.namlcp.linalg.csc import (
+    Columns,
+    columns_times,
+    columns_times_transposed,
+    take_columns,
+)
 from cython.cimports.namlcp.linalg.dense import add_times_transposed, times_rows
 from cython.cimports.namlcp.linalg.vectors import dot, fill, largest_entry
 
@@ -111,10 +117,10 @@ def mark_sparse(qp, P, G, A, work, strict, whole):
     size, Gtz, Aty, Gx = work, work + n, work + 2 * n, work + 3 * n
     share, norms = Gx + m, Gx + 2 * m
     fill(work, 0.0, 3 * (n + m))
-    add_columns(P, n, qp.x, size)
-    add_columns(G, n, qp.x, Gx)
-    add_column_sums(G, n, qp.z, Gtz)
-    add_column_sums(A, n, qp.y, Aty)
+    columns_times(P, n, qp.x, size)
+    columns_times(G, n, qp.x, Gx)
+    columns_times_transposed(G, n, qp.z, Gtz)
+    columns_times_transposed(A, n, qp.y, Aty)
     set_sizes(qp, Gtz, Aty, size)
     for j in range(n):
         for t in range(G.indptr[j], G.indptr[j + 1]):
@@ -197,31 +203,3 @@ def sides_of_lcp(lcp, z, w):
                 side = -1
         strict[n + i] = side
     return sides
-
-
-# ---- matrices in CSC
-
-
-def take_columns(M, n, out):
-    """Note where the arrays of a matrix of n columns are."""
-    indptr, indices, data = M.indptr, M.indices, M.data
-    out.indptr = places(indptr, n + 1)
-    out.indices = places(indices, indices.size)
-    out.data = numbers(data, indices.size)
-    return 0
-
-
-def add_columns(M, n, x, out):
-    """Add M x to `out`."""
-    for j in range(n):
-        for t in range(M.indptr[j], M.indptr[j + 1]):
-            out[M.indices[t]] += M.data[t] * x[j]
-
-
-def add_column_sums(M, n, z, out):
-    """Add M'z to `out`."""
-    for j in range(n):
-        total = 0.0
-        for t in range(M.indptr[j], M.indptr[j + 1]):
-            total += M.data[t] * z[M.indices[t]]
-        out[j] += total

@@ -1,8 +1,5 @@
 from namlcp.qp.active.dense cimport DenseActiveSet
 
-cdef double EQUAL, LEAST_FACTOR, MOST_FACTOR
-cdef Py_ssize_t ROUNDS
-
 cdef bint prove_infeasible(DenseActiveSet m) noexcept nogil
 cdef bint contradicts(DenseActiveSet m, const double* units, double margin, double moduli) noexcept nogil
 cdef bint prove_unbounded(DenseActiveSet m) noexcept nogil

@@ -15,11 +15,12 @@ from cython.cimports.namlcp.qp.acceptance import (
     is_ray,
     weigh,
 )
-
-from namlcp.qp.transforms import scaling
-
-ROUNDS, EQUAL = scaling.ROUNDS, scaling.EQUAL
-LEAST_FACTOR, MOST_FACTOR = scaling.LEAST_FACTOR, scaling.MOST_FACTOR
+from cython.cimports.namlcp.qp.transforms.scaling import (
+    EQUAL,
+    LEAST_FACTOR,
+    MOST_FACTOR,
+    ROUNDS,
+)
 
 
 def prove_infeasible(m):

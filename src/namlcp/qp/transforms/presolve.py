@@ -11,12 +11,14 @@ positive. (A row a x_j = b leaves the interior as it is, and stays.)
 
 from typing import NamedTuple
 
+import cython
 import numpy as np
+from cython import Py_ssize_t
+from cython.cimports.libc.math import INFINITY, fabs
 from scipy.sparse import csc_array, csr_array
 
 from namlcp.checks import constant
-from namlcp.compiled import kernel
-from namlcp.linalg import add_transposed, arrays_of, submatrix, times
+from namlcp.linalg import add_transposed, submatrix, times
 from namlcp.qp.problem import QP, Point
 from namlcp.qp.transforms.repeated import (
     EMPTY,
@@ -77,11 +79,11 @@ class Presolved(NamedTuple):
     G_groups: Groups
     fixed_by: tuple[np.ndarray, np.ndarray, np.ndarray]
 
-    def has_matrices_of(self, other: "Presolved") -> bool:
+    def has_matrices_of(self, other):
         """Tell whether P, A and G are the very same objects."""
         return self.P is other.P and self.A is other.A and self.G is other.G
 
-    def can_be_renewed(self, qp: QP, fixed: np.ndarray) -> bool:
+    def can_be_renewed(self, qp, fixed):
         """Tell whether only vectors differ, but not what is fixed or infinite."""
         return (
             qp.has_matrices_of(self.qp)
@@ -89,7 +91,7 @@ class Presolved(NamedTuple):
             and np.array_equal(qp.h < np.inf, self.G_groups.wanted)
         )
 
-    def primal(self, x: np.ndarray) -> np.ndarray:
+    def primal(self, x):
         """Return the x of `qp` from that of the kept columns."""
         if not self.fixed.size:
             return x
@@ -98,7 +100,7 @@ class Presolved(NamedTuple):
         full[self.fixed] = self.x_fixed
         return full
 
-    def ray(self, d: np.ndarray) -> np.ndarray:
+    def ray(self, d):
         """Return the direction of the x of `qp`; fixed variables do not move."""
         if not self.fixed.size:
             return d
@@ -106,18 +108,14 @@ class Presolved(NamedTuple):
         full[self.kept] = d
         return full
 
-    def certificate(
-        self, y: np.ndarray, z_upper: np.ndarray, z_lower: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def certificate(self, y, z_upper, z_lower):
         """Return the (y, z) of `qp` that prove what those of the smaller problem do."""
         y, z = self.multipliers(y, z_upper, z_lower)
         if self.fixed_by[0].size:
             self.hold_fixed(np.zeros(self.qp.q.size), y, z)
         return y, z
 
-    def multipliers(
-        self, y: np.ndarray, z_upper: np.ndarray, z_lower: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def multipliers(self, y, z_upper, z_lower):
         """Return the (y, z) of `qp`, zero at dropped rows.
 
         The two extreme rows of an equation share its y so that b'y does not change.
@@ -133,9 +131,7 @@ class Presolved(NamedTuple):
             z_full[rows[has]] = side[has] / np.abs(self.G_groups.ratio[rows[has]])
         return y_full, z_full
 
-    def hold_fixed(
-        self, gradient: np.ndarray, y: np.ndarray, z: np.ndarray
-    ) -> np.ndarray:
+    def hold_fixed(self, gradient, y, z):
         """Return the z_box that makes fixed variables stationary; move it to z.
 
         A'y + G'z is added to the gradient. The z_box of kept columns is zero.
@@ -150,9 +146,7 @@ class Presolved(NamedTuple):
         z_box[column[value > 0.0]] = 0.0
         return z_box
 
-    def guess(
-        self, y: np.ndarray, z: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def guess(self, y, z):
         """Return (y, z_upper, z_lower) from multipliers of `qp`."""
         most, least, y = self.largest_of, self.smallest_of, y * self.A_groups.ratio
         y_kept = y[most] + np.where(least != most, y[least], 0.0)
@@ -161,12 +155,12 @@ class Presolved(NamedTuple):
 
     def point(
         self,
-        x: np.ndarray,
-        y: np.ndarray,
-        z_upper: np.ndarray,
-        z_lower: np.ndarray,
-        z_box: np.ndarray,
-    ) -> Point:
+        x,
+        y,
+        z_upper,
+        z_lower,
+        z_box,
+    ):
         """Return the point of `qp`; z_box of a fixed variable makes its residual 0."""
         qp = self.qp
         y, z = self.multipliers(y, z_upper, z_lower)
@@ -178,9 +172,7 @@ class Presolved(NamedTuple):
         return Point(x, y, z, box)
 
 
-def presolve(
-    qp: QP, eps_abs: float, eps_rel: float, last: Presolved | None = None
-) -> Presolved:
+def presolve(qp, eps_abs, eps_rel, last=None):
     """Return the smaller problem of a QP in CSC; reuse the matrices of `last` if equal.
 
     The tolerances decide which constraints contradict each other.
@@ -189,9 +181,11 @@ def presolve(
     is_fixed, wanted = np.empty(n, dtype=np.bool_), np.empty(m, dtype=np.bool_)
     q, b, h, lb, ub = qp.q, qp.b, qp.h, qp.lb.copy(), qp.ub.copy()
     by, entry = np.full(n, -1, dtype=np.int32), np.empty(n)
-    fix_by_rows(arrays_of(qp.G), h, lb, ub, by, entry)
+    fix_by_rows(qp.G.indptr, qp.G.indices, qp.G.data, h, lb, ub, by, entry)
     column = (by >= 0).nonzero()[0]
-    doubtful, count = inspect_sides(lb, ub, h, is_fixed, wanted)
+    doubtful, count = inspect_sides(
+        lb, ub, h, is_fixed.view(np.uint8), wanted.view(np.uint8)
+    )
     found = contradictory_sides(qp, eps_abs, eps_rel) if doubtful else []
     kept, fixed, x_fixed = np.arange(n), NO_COLUMNS, NO_VALUES
     if count:
@@ -219,55 +213,54 @@ def presolve(
     )  # fmt: skip
 
 
-@kernel
-def fix_by_rows(G, h, lb, ub, by, entry):
+def fix_by_rows(indptr, indices, data, h, lb, ub, by, entry):
     """Set lb_j = ub_j where a row of G, in CSC, with one nonzero entry fixes x_j.
 
     by[j] and entry[j] take the row and its entry.
     """
-    indptr, indices, data = G
-    count = np.zeros(h.size, dtype=np.int32)
-    for t in range(indptr[lb.size]):
+    n = lb.shape[0]
+    count: cython.int[::1] = np.zeros(h.shape[0], np.int32)
+    for t in range(indptr[n]):
         if data[t] != 0.0:
             count[indices[t]] += 1
-    for j in range(lb.size):
+    for j in range(n):
         for t in range(indptr[j], indptr[j + 1]):
             i = indices[t]
             if count[i] != 1 or data[t] == 0.0 or not lb[j] < ub[j]:
                 continue
             value, opposite = h[i] / data[t], lb[j] if data[t] > 0.0 else ub[j]
-            if abs(value - opposite) <= FIXED * max(1.0, abs(opposite)) < np.inf:
-                lb[j] = ub[j] = opposite
+            if fabs(value - opposite) <= FIXED * max(1.0, fabs(opposite)) < INFINITY:
+                lb[j], ub[j] = opposite, opposite
                 by[j], entry[j] = i, data[t]
 
 
-@kernel
 def inspect_sides(lb, ub, h, is_fixed, wanted):
     """Mark fixed variables and finite rows (h < inf); both arrays are overwritten.
 
     Returns whether a bound or row may contradict itself, and the number of fixed
     variables.
     """
-    doubtful, count = False, 0
-    for j in range(lb.size):
+    doubtful: cython.bint = False
+    count: Py_ssize_t = 0
+    for j in range(lb.shape[0]):
         low, high = lb[j], ub[j]
-        if not low <= high or low == np.inf or high == -np.inf:
+        if not low <= high or low == INFINITY or high == -INFINITY:
             doubtful = True
         is_fixed[j] = (
-            abs(low) < np.inf
-            and abs(high) < np.inf
-            and high - low <= FIXED * max(1.0, abs(low))
+            fabs(low) < INFINITY
+            and fabs(high) < INFINITY
+            and high - low <= FIXED * max(1.0, fabs(low))
         )
         if is_fixed[j]:
             count += 1
-    for i in range(h.size):
-        wanted[i] = h[i] < np.inf
-        if h[i] == -np.inf:
+    for i in range(h.shape[0]):
+        wanted[i] = h[i] < INFINITY
+        if h[i] == -INFINITY:
             doubtful = True
     return doubtful, count
 
 
-def contradictory_sides(qp: QP, eps_abs: float, eps_rel: float) -> list[Contradiction]:
+def contradictory_sides(qp, eps_abs, eps_rel):
     """Return the first bound or row that contradicts itself, if any.
 
     Bounds do so if no x is within tolerance of both.
@@ -283,9 +276,7 @@ def contradictory_sides(qp: QP, eps_abs: float, eps_rel: float) -> list[Contradi
     return []
 
 
-def equality_sides(
-    groups: Groups, b: np.ndarray, tol: float, found: list[Contradiction]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def equality_sides(groups, b, tol, found):
     """Return the right-hand sides of the equations and the rows of extreme ones.
 
     Proportional rows contradict each other if no value is within `tol` of all their b.
@@ -302,7 +293,7 @@ def equality_sides(
         return b[first], first, first
     sides = np.empty(first.size)
     most, least = np.empty((2, first.size), dtype=np.intp)
-    k = merge_equations(groups.merged_by, b, tol, sides, most, least)
+    k = merge_equations(*groups.merged_by, b, tol, sides, most, least)
     if k >= 0:
         i, j = least[k], most[k]
         y = unit(p, i, 1.0 / groups.ratio[i]) - unit(p, j, 1.0 / groups.ratio[j])
@@ -311,9 +302,7 @@ def equality_sides(
     return sides, most, least
 
 
-def ranges(
-    groups: Groups, h: np.ndarray, tol: float, p: int, found: list[Contradiction]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def ranges(groups, h, tol, p, found):
     """Return the lower and upper sides of the ranges and the rows that give them.
 
     Contradictions are added to `found`; `p` is the size of their y.
@@ -331,7 +320,7 @@ def ranges(
         return constant(count, -np.inf), upper, np.full(count, -1), rows
     lower, upper = np.empty((2, count))
     low_at, up_at = np.empty((2, count), dtype=np.intp)
-    k = merge_ranges(groups.merged_by, h, tol, lower, upper, low_at, up_at)
+    k = merge_ranges(*groups.merged_by, h, tol, lower, upper, low_at, up_at)
     if k >= 0:
         i, j = up_at[k], low_at[k]
         z = unit(m, i, 1.0 / groups.ratio[i]) - unit(m, j, 1.0 / groups.ratio[j])
@@ -340,7 +329,7 @@ def ranges(
     return lower, upper, low_at, up_at
 
 
-def unit(size: int, index: int, value: float) -> np.ndarray:
+def unit(size, index, value):
     """Return value * e_index."""
     e = np.zeros(size)
     e[index] = value

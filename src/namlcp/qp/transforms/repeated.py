@@ -7,17 +7,17 @@ a'x = b are one equation. The first row of each such group is its leader.
 import functools
 from typing import NamedTuple
 
+import cython
 import numpy as np
-from scipy.sparse import csc_array, csr_array
+from cython import Py_ssize_t
+from cython.cimports.libc.math import INFINITY, fabs, floor
+from cython.cimports.namlcp.linalg.vectors import float_bits
+from scipy.sparse import csr_array
 
 from namlcp.checks import from_arrays
-from namlcp.compiled import kernel, part
-from namlcp.linalg import arrays_of
 
 # Largest relative difference between entries of two rows, one row scaled.
 SAME = 1e-13
-# Values of `Groups.leader` for a row that is not wanted, and for an empty one.
-UNWANTED, EMPTY = -2, -1
 # The weight of column j in the key of a row is 1 plus the fractional part of j times
 # the golden ratio, which differs from that of any nearby column.
 GOLDEN = 0.6180339887498949
@@ -41,14 +41,12 @@ class Groups(NamedTuple):
     empty: bool
 
     @property
-    def merged_by(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def merged_by(self):
         """What `merge_ranges` and `merge_equations` need."""
         return self.leader, self.ratio, self.number
 
 
-def leading_rows(
-    M: csc_array, columns: np.ndarray, wanted: np.ndarray
-) -> tuple[csr_array, Groups]:
+def leading_rows(M, columns, wanted):
     """Return the leaders of the wanted rows of M[:, columns] in CSR, and the groups.
 
     Stored zeros are dropped.
@@ -60,11 +58,13 @@ def leading_rows(
     indices, data = np.empty(M.indices.size, dtype=np.int32), np.empty(M.data.size)
     rows = indptr, indices, data
     leader, number = np.empty((2, m), dtype=np.int32)
-    ratio, key = np.empty(m), np.empty(m, dtype=np.float32)
-    turned_part(tuple(arrays_of(M)), columns, wanted, rows)
+    ratio, key = np.empty(m), np.empty(m, dtype=np.int32)
+    wanted_bytes = wanted.view(np.uint8)
+    turned_part(M.indptr, M.indices, M.data, columns, wanted_bytes, *rows)
     table = np.empty(1 << (2 * m + 1).bit_length(), dtype=np.int32)
-    keys = key, key.view(np.int32), table
-    count, followers, empty = group_rows(rows, wanted, keys, leader, ratio, number)
+    count, followers, empty = group_rows(
+        *rows, wanted_bytes, key, table, leader, ratio, number
+    )
     entries = indptr[count]
     parts = indptr[: count + 1], indices[:entries], data[:entries]
     first = (number >= 0).nonzero()[0]
@@ -73,7 +73,7 @@ def leading_rows(
 
 
 @functools.lru_cache(maxsize=16)
-def no_leading_rows(n: int) -> tuple[csr_array, Groups]:
+def no_leading_rows(n):
     """Return what `leading_rows` does of no rows; it is shared: read only."""
     none, flags = np.empty(0, dtype=np.int32), np.empty(0, dtype=np.bool_)
     empty = from_arrays((np.zeros(1, np.int32), none, np.empty(0)), (0, n), csr_array)
@@ -81,26 +81,25 @@ def no_leading_rows(n: int) -> tuple[csr_array, Groups]:
     return empty, Groups(flags, none, np.empty(0), none, first, False, False)
 
 
-@kernel
-def turned_part(C, columns, wanted, rows):
-    """Write the nonzeros of some columns and of the wanted rows of C by rows.
+def turned_part(indptr, indices, data, columns, wanted, start, position, value):
+    """Write the nonzeros of some columns and of the wanted rows of a matrix by rows.
 
-    C = (indptr, indices, data) in CSC, rows = (indptr, indices, data) in CSR; columns
-    are numbered as they stand in `columns`, other rows become empty.
+    It comes in CSC, and becomes (start, position, value); columns are numbered as they
+    stand in `columns`, other rows become empty.
     """
-    indptr, indices, data = C
-    start, position, value = rows
-    for i in range(start.size):
+    count = start.shape[0]
+    for i in range(count):
         start[i] = 0
-    for j in columns:
+    for k in range(columns.shape[0]):
+        j = columns[k]
         for t in range(indptr[j], indptr[j + 1]):
             if data[t] != 0.0 and wanted[indices[t]]:
                 start[indices[t]] += 1
-    total = 0
-    for i in range(start.size):  # start[i] is the end of row i, then its beginning
+    total: cython.int = 0
+    for i in range(count):  # start[i] is the end of row i, then its beginning
         total += start[i]
         start[i] = total
-    for k in range(columns.size - 1, -1, -1):
+    for k in range(columns.shape[0] - 1, -1, -1):
         j = columns[k]
         for t in range(indptr[j], indptr[j + 1]):
             i = indices[t]
@@ -110,26 +109,25 @@ def turned_part(C, columns, wanted, rows):
                 value[start[i]] = data[t]
 
 
-@kernel
-def group_rows(rows, wanted, keys, leader, ratio, number):
+def group_rows(indptr, indices, data, wanted, key, table, leader, ratio, number):
     """Group the rows of a CSR matrix that are proportional; keep their leaders.
 
     Returns the numbers of leaders, of other rows in groups, and of empty rows that are
     wanted. `leader`, `ratio` and `number` (m,) are overwritten as in `Groups`, and the
-    matrix by its leaders. keys = (key, its bits as int32, table), all overwritten, are
-    the keys, in single precision so that rounding errors seldom change them, and a hash
-    table of rows with open addressing. The key of a row is
-    sum |a_ij| w_ij / |first a_ij| with the weights of GOLDEN, plus 1 where the signs of
-    a_ij and of the first entry differ.
+    matrix by its leaders. key and table are overwritten: the bits of keys in single
+    precision, so that rounding errors seldom change them, and a hash table of rows with
+    open addressing. The key of a row is sum |a_ij| w_ij / |first a_ij| with the weights
+    of GOLDEN, plus 1 where the signs of a_ij and of the first entry differ.
     """
-    indptr, indices, data = rows
-    key, bits, table = keys
-    for s in range(table.size):
-        table[s] = -1
-    mask = table.size - 1
-    kept, followers, empty = 0, 0, 0
+    mask: cython.longlong = table.shape[0] - 1
+    for k in range(table.shape[0]):
+        table[k] = -1
+    kept: cython.int = 0
+    followers: Py_ssize_t = 0
+    empty: Py_ssize_t = 0
+    head: cython.int = 0
     begin = indptr[0]
-    for i in range(wanted.size):
+    for i in range(wanted.shape[0]):
         end = indptr[i + 1]
         ratio[i], number[i] = 1.0, -1
         if begin == end:
@@ -139,18 +137,18 @@ def group_rows(rows, wanted, keys, leader, ratio, number):
         total = 0.0
         for t in range(begin, end):
             share = GOLDEN * indices[t]
-            weight = 1.0 + share - np.floor(share)
+            weight = 1.0 + share - floor(share)
             if (data[t] > 0.0) != (data[begin] > 0.0):
                 weight += 1.0
-            total += abs(data[t]) * weight
-        key[i] = total / abs(data[begin])
-        s = (np.int64(bits[i]) ^ (np.int64(bits[i]) >> 15)) & mask
+            total += fabs(data[t]) * weight
+        key[i] = float_bits(total / fabs(data[begin]))
+        s = (key[i] ^ (key[i] >> 15)) & mask
         factor = 0.0
         while table[s] >= 0 and factor == 0.0:
             head = table[s]
             if key[head] == key[i]:
                 k = number[head]
-                factor = multiple(rows, indptr[k], indptr[k + 1], begin, end)
+                factor = multiple(indices, data, indptr[k], indptr[k + 1], begin, end)
             s = (s + 1) & mask
         if factor != 0.0:
             leader[i], ratio[i] = head, factor
@@ -168,60 +166,53 @@ def group_rows(rows, wanted, keys, leader, ratio, number):
     return kept, followers, empty
 
 
-@part
-def multiple(rows, a, a_end, c, c_end):
+def multiple(indices, data, a, a_end, c, c_end):
     """Return r != 0 if entries c to c_end are r times a to a_end, else 0."""
-    _, indices, data = rows
     if c_end - c != a_end - a:
         return 0.0
     ratio = data[c] / data[a]
     for t in range(a_end - a):
-        far = abs(data[c + t] - ratio * data[a + t])
-        if indices[a + t] != indices[c + t] or not far <= SAME * abs(data[c + t]):
+        far = fabs(data[c + t] - ratio * data[a + t])
+        if indices[a + t] != indices[c + t] or not far <= SAME * fabs(data[c + t]):
             return 0.0
     return ratio
 
 
-@kernel
-def merge_ranges(groups, h, tol, lower, upper, low_at, up_at):
+def merge_ranges(leader, ratio, number, h, tol, lower, upper, low_at, up_at):
     """Merge rows c g'x <= h_i of each group to lower <= g'x <= upper.
 
-    groups = (leader, ratio, number) of `Groups`; low_at and up_at take the rows that
+    leader, ratio and number are those of `Groups`; low_at and up_at take the rows that
     give the sides, -1 for none. Returns the first range with lower > upper, each side
     widened by `tol` in the units of its row, or -1.
     """
-    leader, ratio, number = groups
-    for k in range(lower.size):
-        lower[k], upper[k] = -np.inf, np.inf
-        low_at[k] = up_at[k] = -1
-    for i in range(h.size):
+    for k in range(lower.shape[0]):
+        lower[k], upper[k], low_at[k], up_at[k] = -INFINITY, INFINITY, -1, -1
+    for i in range(h.shape[0]):
         if leader[i] < 0:
             continue
         k, value = number[leader[i]], h[i] / ratio[i]
         if ratio[i] > 0.0 and value < upper[k]:
-            upper[k], up_at[k] = value, i if value > -np.inf else -1
+            upper[k], up_at[k] = value, i if value > -INFINITY else -1
         elif ratio[i] < 0.0 and value > lower[k]:
-            lower[k], low_at[k] = value, i if value < np.inf else -1
-    for k in range(lower.size):
+            lower[k], low_at[k] = value, i if value < INFINITY else -1
+    for k in range(lower.shape[0]):
         i, j = low_at[k], up_at[k]
         if i >= 0 and j >= 0 and lower[k] > upper[k] + tol / ratio[j] - tol / ratio[i]:
             return k
     return -1
 
 
-@kernel
-def merge_equations(groups, b, tol, sides, most, least):
+def merge_equations(leader, ratio, number, b, tol, sides, most, least):
     """Merge equations c a'x = b_i of each group; return the first contradiction or -1.
 
-    groups = (leader, ratio, number) of `Groups`; `most` and `least` take the rows with
+    leader, ratio, number are those of `Groups`; `most` and `least` take the rows with
     the extreme right-hand sides b_i / c, `sides` their mean with the weights |c|, from
     which both rows differ by as much. They contradict each other where that is above
     `tol`.
     """
-    leader, ratio, number = groups
-    for k in range(sides.size):
-        most[k] = least[k] = -1
-    for i in range(b.size):
+    for k in range(sides.shape[0]):
+        most[k], least[k] = -1, -1
+    for i in range(b.shape[0]):
         if leader[i] < 0:
             continue
         k, value = number[leader[i]], b[i] / ratio[i]
@@ -229,10 +220,10 @@ def merge_equations(groups, b, tol, sides, most, least):
             most[k] = i
         if least[k] < 0 or value < b[least[k]] / ratio[least[k]]:
             least[k] = i
-    wrong = -1
-    for k in range(sides.size):
+    wrong: Py_ssize_t = -1
+    for k in range(sides.shape[0]):
         high, low = b[most[k]] / ratio[most[k]], b[least[k]] / ratio[least[k]]
-        above, below = abs(ratio[most[k]]), abs(ratio[least[k]])
+        above, below = fabs(ratio[most[k]]), fabs(ratio[least[k]])
         sides[k] = low + above / (above + below) * (high - low)
         if above * below / (above + below) * (high - low) > tol and wrong < 0:
             wrong = k

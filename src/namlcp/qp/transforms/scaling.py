@@ -12,27 +12,29 @@ where t = (x, Ax, Gx) has the layout of K. Unscaled, t is unit * t, and the mult
 are divided by `unit`.
 """
 
+import cython
 import numpy as np
+from cython import Py_ssize_t
+from cython.cimports.libc.math import INFINITY, exp, fabs, log, sqrt
+from cython.cimports.namlcp.linalg.vectors import dot
 
-from namlcp.compiled import kernel, part
-from namlcp.linalg import LEAST_DIVISOR
-from namlcp.qp.chain import OWN, Chain
-from namlcp.qp.guess import Guess
+from namlcp.linalg import columns
+from namlcp.qp.chain import OWN
 from namlcp.qp.kkt import KKT
-from namlcp.qp.problem import Point
-from namlcp.qp.transforms.presolve import Presolved
 
 # Most rounds of `equilibrate`, and the largest |1 - largest entry| that ends it: with
 # 1e-3 there are twice as many rounds, and as many iterations; with 0.1 two problems of
 # the Maros-Meszaros collection need more restarts.
-ROUNDS, EQUAL = 10, 0.03
+EQUAL = 0.03
 # Range of the products of the factors of all rounds, against over- and underflow.
 LEAST_FACTOR, MOST_FACTOR = 1e-8, 1e8
 # Most conjugate gradient steps of `even_out`, and the squared residual, relative to the
 # first one, that ends them.
-STEPS, REDUCTION = 20, 1e-6
+REDUCTION = 1e-6
 # Largest |log| of a factor of `even_out`.
 LARGEST = 20.0
+# In place of 0 where a size is divided by.
+LEAST_DIVISOR = columns.LEAST_DIVISOR
 
 
 class ScaledQP:
@@ -43,9 +45,7 @@ class ScaledQP:
     presolved problem; the scaled P, A and G are kept in `kkt` alone.
     """
 
-    def __init__(
-        self, small: Presolved, last: "ScaledQP | None" = None, before: Chain = OWN
-    ) -> None:
+    def __init__(self, small, last=None, before=OWN):
         """Scale the presolved problem; the matrices of `last` are not scaled again.
 
         `before`: the way from the user's QP to the one that was presolved.
@@ -68,65 +68,59 @@ class ScaledQP:
         self.bounds = small.upper, small.lower, small.ub, small.lb
         most = 2 * (small.upper.size + n)
         self.place, sides = np.empty(most, dtype=np.int32), np.empty((2, most))
-        self.ends = one_sided(self.bounds, n + p, self.place, sides[0], sides[1])
-        m = self.ends[-1]
+        self.ends = one_sided(*self.bounds, n + p, self.place, sides[0], sides[1])
+        *_, m = self.ends
         self.place, self.sign, self.side = self.place[:m], sides[0, :m], sides[1, :m]
         self.scale_vectors()
 
-    def scale_vectors(self) -> None:
+    def scale_vectors(self):
         """Set unit, q, b, c and the values of K~."""
         small = self.small
         self.kkt.data[:] = self.kkt.base
         self.unit, self.c = np.empty(self.scale.size), np.empty(self.side.size)
         self.q, self.b = np.empty(self.n), np.empty(self.p)
         scale_sides(
-            self.scale, self.place, (small.q, small.b, self.side),
-            (self.q, self.b, self.c), self.unit,
+            self.scale, self.place, small.q, small.b, self.side,
+            self.q, self.b, self.c, self.unit,
         )  # fmt: skip
 
     @property
-    def finite(self) -> list[np.ndarray]:
+    def finite(self):
         """The rows or variables of each kind of one-sided constraint."""
         n, p = self.n, self.p
         parts = np.split(self.place, self.ends[:3])
         return [at - o for at, o in zip(parts, (n + p, n + p, 0, 0), strict=True)]
 
-    def of_finite(self, values: tuple[np.ndarray, ...]) -> np.ndarray:
+    def of_finite(self, values):
         """Return the values at the one-sided constraints from those of each kind."""
         parts = zip(values, self.finite, strict=True)
         return np.concatenate([value[at] for value, at in parts])
 
-    def unscaled(
-        self, x: np.ndarray, y: np.ndarray, Z: np.ndarray
-    ) -> tuple[np.ndarray, ...]:
+    def unscaled(self, x, y, Z):
         """Return the (x, y, z_upper, z_lower, z_box) of the presolved problem."""
         z_upper, z_lower = np.zeros((2, self.small.upper.size))
         found = np.empty(self.n), np.empty(self.p), z_upper, z_lower, np.zeros(self.n)
-        unscale(self.unit, self.place, self.ends, (x, y, Z), found)
+        unscale(self.unit, self.place, self.ends, x, y, Z, *found)
         return found
 
-    def point(self, x: np.ndarray, y: np.ndarray, Z: np.ndarray) -> Point:
+    def point(self, x, y, Z):
         """Return the user's point."""
         return self.chain.point(*self.unscaled(x, y, Z))
 
-    def primal(self, x: np.ndarray) -> np.ndarray:
+    def primal(self, x):
         """Return the user's x."""
         return self.chain.primal(x * self.unit[: self.n])
 
-    def certificate(
-        self, y: np.ndarray, Z: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def certificate(self, y, Z):
         """Return the user's (y, z)."""
         _, y, z_upper, z_lower, _ = self.unscaled(np.zeros(self.n), y, Z)
         return self.chain.certificate(y, z_upper, z_lower)
 
-    def ray(self, dx: np.ndarray) -> np.ndarray:
+    def ray(self, dx):
         """Return the direction of the user's x."""
         return self.chain.ray(dx * self.unit[: self.n])
 
-    def guess(
-        self, guess: Guess
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    def guess(self, guess):
         """Return the scaled (x, y, Z) of a guess and which constraints are active."""
         n, small, kept = self.n, self.small, self.small.kept
         y, z_upper, z_lower = small.guess(guess.y, guess.z)
@@ -145,34 +139,30 @@ class ScaledQP:
             self.of_finite((upper, lower, ub[kept], lb[kept])),
         )
 
-    def relax(self, t: np.ndarray) -> None:
+    def relax(self, t):
         """Relax b, and c of rows of G, to what the scaled t = (x, Ax, Gx) satisfies."""
         row = self.place >= self.n + self.p
         self.b = t[self.n : self.n + self.p].copy()
         self.c = np.where(row, np.maximum(self.c, self.sign * t[self.place]), self.c)
 
 
-@kernel
-def one_sided(bounds, rows, place, sign, side):
+def one_sided(upper, lower, ub, lb, rows, place, sign, side):
     """List the finite sides: upper and lower ones of rows, upper and lower bounds.
 
-    bounds = (upper, lower, ub, lb); `rows` is the place of the first row. Sets the
-    places, signs and sign * side; returns the ends of the four lists.
+    `rows` is the place of the first row. Sets the places, the signs and sign * side;
+    returns the ends of the four lists.
     """
-    upper, lower, ub, lb = bounds
-    a = list_finite(upper, rows, 1.0, 0, (place, sign, side))
-    b = list_finite(lower, rows, -1.0, a, (place, sign, side))
-    c = list_finite(ub, 0, 1.0, b, (place, sign, side))
-    d = list_finite(lb, 0, -1.0, c, (place, sign, side))
+    a = list_finite(upper, rows, 1.0, 0, place, sign, side)
+    b = list_finite(lower, rows, -1.0, a, place, sign, side)
+    c = list_finite(ub, 0, 1.0, b, place, sign, side)
+    d = list_finite(lb, 0, -1.0, c, place, sign, side)
     return a, b, c, d
 
 
-@part
-def list_finite(values, first, s, k, lists):
+def list_finite(values, first, s, k, place, sign, side):
     """Append the finite values to the lists, which have k entries; return how many."""
-    place, sign, side = lists
-    for i in range(values.size):
-        if abs(values[i]) < np.inf:
+    for i in range(values.shape[0]):
+        if fabs(values[i]) < INFINITY:
             place[k] = first + i
             sign[k] = s
             side[k] = s * values[i]
@@ -180,56 +170,55 @@ def list_finite(values, first, s, k, lists):
     return k
 
 
-@kernel
-def scale_sides(scale, place, given, scaled, unit):
-    """Set `unit` and scaled = (q, b, c) from given = (q, b, side)."""
-    (q0, b0, side), (q, b, c) = given, scaled
-    n = q.size
-    for j in range(scale.size):
+def scale_sides(scale, place, q0, b0, side, q, b, c, unit):
+    """Set `unit`, q, b and c from the q0, b0 and sides that are not scaled."""
+    n = q.shape[0]
+    for j in range(scale.shape[0]):
         unit[j] = scale[j] if j < n else 1.0 / scale[j]
     for j in range(n):
         q[j] = q0[j] * scale[j]
-    for i in range(b.size):
+    for i in range(b.shape[0]):
         b[i] = b0[i] * scale[n + i]
-    for k in range(c.size):
+    for k in range(c.shape[0]):
         c[k] = side[k] / unit[place[k]]
 
 
-@kernel
-def unscale(unit, place, ends, scaled, unscaled):
-    """Set unscaled = (x, y, z_upper, z_lower, z_box) from scaled = (x, y, Z).
+def unscale(unit, place, ends, x, y, Z, x_out, y_out, upper, lower, box):
+    """Set (x, y, z_upper, z_lower, z_box) from scaled x, y and Z.
 
     z_upper, z_lower and z_box are 0 on entry.
     """
-    (x, y, Z), (x_out, y_out, upper, lower, box) = scaled, unscaled
-    n = x.size
-    rows = n + y.size
+    a: Py_ssize_t
+    b: Py_ssize_t
+    c: Py_ssize_t
+    a, b, c, _ = ends
+    n = x.shape[0]
+    rows = n + y.shape[0]
     for j in range(n):
         x_out[j] = x[j] * unit[j]
-    for i in range(y.size):
+    for i in range(y.shape[0]):
         y_out[i] = y[i] / unit[n + i]
-    for k in range(Z.size):
+    for k in range(Z.shape[0]):
         j = place[k]
         z = Z[k] / unit[j]
-        if k < ends[0]:
+        if k < a:
             upper[j - rows] = z
-        elif k < ends[1]:
+        elif k < b:
             lower[j - rows] = z
-        elif k < ends[2]:
+        elif k < c:
             box[j] = z
         else:
             box[j] -= z
 
 
-@kernel
 def equilibrate(indptr, indices, data, scale):
     """Equilibrate a symmetric matrix (upper triangle in CSC); overwrite data and scale.
 
     `scale` has factors to begin with, which are not in `data` yet, or 1; it is clipped
     to [LEAST_FACTOR, MOST_FACTOR]; an empty row keeps its factor.
     """
-    size = scale.size
-    largest = np.empty(size)
+    size = scale.shape[0]
+    largest: cython.double[::1] = np.empty(size)
     for _ in range(ROUNDS):
         for j in range(size):
             largest[j] = 0.0
@@ -237,7 +226,7 @@ def equilibrate(indptr, indices, data, scale):
             most, factor = largest[j], scale[j]
             for t in range(indptr[j], indptr[j + 1]):
                 i = indices[t]
-                value = abs(data[t]) * factor * scale[i]
+                value = fabs(data[t]) * factor * scale[i]
                 largest[i] = max(largest[i], value)
                 most = max(most, value)
             largest[j] = most
@@ -245,8 +234,8 @@ def equilibrate(indptr, indices, data, scale):
         for j in range(size):
             factor = 1.0
             if largest[j] > 0.0:
-                off = max(off, abs(1.0 - largest[j]))
-                factor = 1.0 / np.sqrt(largest[j])
+                off = max(off, fabs(1.0 - largest[j]))
+                factor = 1.0 / sqrt(largest[j])
             largest[j] = min(max(factor * scale[j], LEAST_FACTOR), MOST_FACTOR)
         if off <= EQUAL:
             break
@@ -257,7 +246,6 @@ def equilibrate(indptr, indices, data, scale):
             data[t] *= scale[j] * scale[indices[t]]
 
 
-@kernel
 def even_out(indptr, indices, data, scale):
     """Multiply scale by the factors s that minimise sum log(|k_ij| s_i s_j)^2.
 
@@ -265,19 +253,22 @@ def even_out(indptr, indices, data, scale):
     normal equations are solved by conjugate gradients, preconditioned by the numbers of
     entries (A.R. Curtis and J.K. Reid, J. Inst. Maths Applics 10, 1972).
     """
-    size = scale.size
-    count, r, p, Mp = np.zeros(size), np.zeros(size), np.zeros(size), np.empty(size)
+    size = scale.shape[0]
+    count: cython.double[::1] = np.zeros(size)
+    r: cython.double[::1] = np.zeros(size)
+    p: cython.double[::1] = np.zeros(size)
+    Mp: cython.double[::1] = np.zeros(size)
+    s: cython.double[::1] = np.zeros(size)
     for j in range(size):
         for t in range(indptr[j], indptr[j + 1]):
             if data[t] != 0.0:
-                i, value = indices[t], np.log(abs(data[t]))
+                i, value = indices[t], log(fabs(data[t]))
                 count[j] += 1.0
                 r[j] -= value
                 if i != j:
                     count[i] += 1.0
                     r[i] -= value
-    s = np.zeros(size)
-    first = last = 0.0
+    first, last = 0.0, 0.0
     for k in range(STEPS):
         rho = 0.0
         for j in range(size):
@@ -297,9 +288,11 @@ def even_out(indptr, indices, data, scale):
                     Mp[j] += p[i]
                     if i != j:
                         Mp[i] += p[j]
-        step = rho / max(np.dot(p, Mp), LEAST_DIVISOR)
+        step = rho / max(
+            dot(cython.address(p[0]), cython.address(Mp[0]), size), LEAST_DIVISOR
+        )
         for j in range(size):
             s[j] += step * p[j]
             r[j] -= step * Mp[j]
     for j in range(size):
-        scale[j] *= np.exp(min(max(s[j], -LARGEST), LARGEST))
+        scale[j] *= exp(min(max(s[j], -LARGEST), LARGEST))

@@ -13,14 +13,17 @@ a_i a_i' do not fill P.
 
 from typing import NamedTuple
 
+import cython
 import numpy as np
+from cython import Py_ssize_t
+from cython.cimports.libc.math import INFINITY, fabs
+from cython.cimports.namlcp.linalg.arrays import numbers
+from cython.cimports.namlcp.linalg.csc import Columns, take_columns
 from scipy.sparse import csc_array
 
-from namlcp.compiled import kernel, part
-from namlcp.limits import NEVER, Deadline
+from namlcp.limits import NEVER
 from namlcp.linalg import (
     add_transposed,
-    arrays_of,
     submatrix,
     times,
     with_squares,
@@ -32,13 +35,10 @@ from namlcp.qp.problem import QP, Point
 
 # Least |a_it|, relative to the largest entry of its row, against rounding errors.
 PIVOT = 1e-3
-# Most entries that the products a_i a_i' may add to P: for each entry of the rows that
-# they replace, and in addition.
-FILL, SMALL = 4, 1000
-# Most entries of a_i for which a_i a_i' has no more than the removed row and column.
-SHORT = 2
-# What `only_entry` returns where there is no entry, or more than one.
-NO_ENTRY, SEVERAL = -1, -2
+# FILL, SMALL: most entries that the products a_i a_i' may add to P, for each entry of
+# the rows that they replace, and in addition. SHORT: most entries of a_i for which
+# a_i a_i' has no more than the removed row and column. NO_ENTRY, SEVERAL: what
+# `only_entry` returns where there is no entry, or more than one.
 
 
 class Substitution(NamedTuple):
@@ -62,7 +62,7 @@ class Substitution(NamedTuple):
     A: csc_array
 
     @property
-    def problem(self) -> QP:
+    def problem(self):
         """The smaller QP."""
         user, kept = self.user, self.kept
         q = user.q[kept]
@@ -71,7 +71,7 @@ class Substitution(NamedTuple):
         b, lb, ub = user.b[self.others], user.lb[kept], user.ub[kept]
         return QP(self.P, q, self.G, user.h, self.A, b, lb, ub)
 
-    def fits(self, qp: QP) -> bool:
+    def fits(self, qp):
         """Tell whether the QP has the same matrices and the same infinite bounds."""
         user = self.user
         return (
@@ -80,9 +80,7 @@ class Substitution(NamedTuple):
             and np.array_equal(np.isinf(qp.ub), np.isinf(user.ub))
         )
 
-    def point(
-        self, x: np.ndarray, y: np.ndarray, z: np.ndarray, z_box: np.ndarray
-    ) -> Point:
+    def point(self, x, y, z, z_box):
         """Return the user's point."""
         user, x = self.user, self.primal(x)
         y, z = self.certificate(y, z)
@@ -92,28 +90,26 @@ class Substitution(NamedTuple):
         full[self.kept] = z_box
         return Point(x, y, z, full)
 
-    def primal(self, x: np.ndarray) -> np.ndarray:
+    def primal(self, x):
         """Return the user's x."""
         full = self.ray(x)
         full[self.columns] += self.user.b[self.by] / self.pivot
         return full
 
-    def certificate(
-        self, y: np.ndarray, z: np.ndarray, *_: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def certificate(self, y, z, *_):
         """Return the user's (y, z) with y = 0 at the rows substituted."""
         full = np.zeros(self.user.b.size)
         full[self.others] = y
         return full, z
 
-    def ray(self, d: np.ndarray) -> np.ndarray:
+    def ray(self, d):
         """Return the user's direction of x."""
         full = np.empty(self.user.q.size)
         full[self.kept] = d
         full[self.columns] = -times(self.rest, d) / self.pivot
         return full
 
-    def guess(self, guess: Guess) -> Guess:
+    def guess(self, guess):
         """Return a guess for the smaller QP."""
         if not guess.x.size:
             return guess
@@ -125,9 +121,7 @@ class Substitution(NamedTuple):
         )
 
 
-def substitute(
-    qp: QP, last: Substitution | None = None, deadline: Deadline = NEVER
-) -> Substitution | None:
+def substitute(qp, last=None, deadline=NEVER):
     """Return the smaller QP of a sparse one, None if nothing can be substituted.
 
     None, too, if lb > ub or after the deadline. The matrices of `last` are reused if qp
@@ -137,9 +131,7 @@ def substitute(
         return last._replace(user=qp)
     n, m, p = qp.q.size, qp.h.size, qp.b.size
     chosen, (pivot, cost, work) = np.empty(p, dtype=np.int32), np.empty((3, p))
-    matrices = (tuple(arrays_of(M)) for M in (qp.P, qp.G, qp.A))
-    bounds, numbers = (qp.lb, qp.ub), (pivot, cost, work)
-    if find_free_columns(*matrices, bounds, chosen, numbers) == 0:
+    if find_free_columns(qp, chosen, pivot, cost, work) == 0:
         return None
     if not (qp.lb <= qp.ub).all():
         return None
@@ -162,90 +154,92 @@ def substitute(
     )  # fmt: skip
 
 
-@kernel
-def find_free_columns(P, G, A, bounds, chosen, numbers):
+def find_free_columns(qp, chosen, pivot, cost, largest):
     """Choose free columns to substitute; return their number.
 
     Free is a column without bounds (lb, ub) and without entries in G, with one entry in
-    A and none in P but a diagonal one, p >= 0. P, G and A are (indptr, indices, data)
-    in CSC. Row i of A substitutes column chosen[i], the one with the largest entry, or
-    none where that is -1. numbers = (pivot, cost, work) takes the entry and p; all
-    these (p,) are overwritten.
+    A and none in P but a diagonal one, p >= 0. Row i of A substitutes column chosen[i],
+    the one with the largest entry, or none where that is -1; pivot and cost take the
+    entry and p. All these (p,) are overwritten.
     """
-    indptr, indices, data = A
-    lb, ub = bounds
-    pivot, cost, largest = numbers
-    for i in range(chosen.size):
+    P: Columns
+    G: Columns
+    A: Columns
+    n: Py_ssize_t = qp.q.size
+    some: cython.bint = False
+    take_columns(qp.P, n, cython.address(P))
+    take_columns(qp.G, n, cython.address(G))
+    take_columns(qp.A, n, cython.address(A))
+    lb, ub = numbers(qp.lb, n), numbers(qp.ub, n)
+    for i in range(chosen.shape[0]):
         chosen[i] = -1
-        pivot[i] = cost[i] = largest[i] = 0.0
-    some = 0
-    for j in range(lb.size):
-        if lb[j] > -np.inf or ub[j] < np.inf:
+        pivot[i], cost[i], largest[i] = 0.0, 0.0, 0.0
+    for j in range(n):
+        if lb[j] > -INFINITY or ub[j] < INFINITY:
             continue
-        t = only_entry(A, j)
-        if t < 0 or only_entry(G, j) != NO_ENTRY:
+        t = only_entry(cython.address(A), j)
+        if t < 0 or only_entry(cython.address(G), j) != NO_ENTRY:
             continue
-        i = indices[t]
-        s = only_entry(P, j)
-        if s == SEVERAL or (s >= 0 and (P[1][s] != j or P[2][s] < 0.0)):
+        i = A.indices[t]
+        s = only_entry(cython.address(P), j)
+        if s == SEVERAL or (s >= 0 and (P.indices[s] != j or P.data[s] < 0.0)):
             continue
-        if abs(data[t]) > abs(pivot[i]):
-            chosen[i], pivot[i] = j, data[t]
-            cost[i] = P[2][s] if s >= 0 else 0.0
-            some = 1
-    if some == 0:
+        if fabs(A.data[t]) > fabs(pivot[i]):
+            chosen[i], pivot[i] = j, A.data[t]
+            cost[i] = P.data[s] if s >= 0 else 0.0
+            some = True
+    if not some:
         return 0
-    for t in range(indptr[lb.size]):
-        i = indices[t]
-        largest[i] = max(largest[i], abs(data[t]))
-    for i in range(chosen.size):
-        if abs(pivot[i]) < PIVOT * largest[i]:
+    for t in range(A.indptr[n]):
+        i = A.indices[t]
+        largest[i] = max(largest[i], fabs(A.data[t]))
+    for i in range(chosen.shape[0]):
+        if fabs(pivot[i]) < PIVOT * largest[i]:
             chosen[i] = -1
-    return drop_filling_rows(A, chosen, cost)
+    return drop_filling_rows(cython.address(A), n, chosen, cost)
 
 
-@part
 def only_entry(C, j):
-    """Return the position of the only nonzero entry in column j of a CSC matrix."""
-    indptr, _, data = C
-    found = NO_ENTRY
-    for t in range(indptr[j], indptr[j + 1]):
-        if data[t] != 0.0:
+    """Return the position of the only nonzero entry in column j."""
+    found: Py_ssize_t = NO_ENTRY
+    for t in range(C.indptr[j], C.indptr[j + 1]):
+        if C.data[t] != 0.0:
             if found != NO_ENTRY:
                 return SEVERAL
             found = t
     return found
 
 
-@part
-def drop_filling_rows(A, chosen, cost):
+def drop_filling_rows(A, n, chosen, cost):
     """Set chosen[i] = -1 where squares would fill P; return how many rows are left.
 
     If the squares of all rows with p > 0 fill P, only the short ones of them are left.
     """
-    indptr, indices, data = A
-    count = np.zeros(chosen.size, dtype=np.int64)
-    for t in range(indptr[-1]):
-        count[indices[t]] += data[t] != 0.0
-    lengths, squares, rows, left = 0, 0, 0, 0
-    for i in range(chosen.size):
+    rows = chosen.shape[0]
+    count: cython.longlong[::1] = np.zeros(rows, np.longlong)
+    for t in range(A.indptr[n]):
+        count[A.indices[t]] += A.data[t] != 0.0
+    lengths: cython.longlong = 0
+    squares: cython.longlong = 0
+    width: cython.longlong = 0
+    left: Py_ssize_t = 0
+    for i in range(rows):
         if chosen[i] >= 0:
             left += 1
             if cost[i] > 0.0:
                 length = count[i] - 1
                 lengths += length
                 squares += length * length
-                rows += 1
-    width = -rows
-    for j in range(indptr.size - 1):
-        for t in range(indptr[j], indptr[j + 1]):
-            i = indices[t]
-            if data[t] != 0.0 and chosen[i] >= 0 and cost[i] > 0.0:
+                width -= 1
+    for j in range(n):
+        for t in range(A.indptr[j], A.indptr[j + 1]):
+            i = A.indices[t]
+            if A.data[t] != 0.0 and chosen[i] >= 0 and cost[i] > 0.0:
                 width += 1
                 break
     if min(squares, width * width) <= FILL * lengths + SMALL:
         return left
-    for i in range(chosen.size):
+    for i in range(rows):
         if chosen[i] >= 0 and cost[i] > 0.0 and count[i] - 1 > SHORT:
             chosen[i] = -1
             left -= 1
