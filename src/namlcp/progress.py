@@ -82,10 +82,6 @@ class Progress:
             self.show(self.rows[-1])
         self.say(text)
 
-    def report(self, wanted: bool) -> Report:
-        """Return `row` if rows are `wanted` or printed, else None."""
-        return self.row if wanted or self.verbose else None
-
     def history(self) -> np.ndarray:
         """Return the rows as a structured array with the printed columns."""
         kinds = [(name, "i8" if name in COUNTS else "f8") for name in self.columns]

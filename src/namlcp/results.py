@@ -676,10 +676,13 @@ def qp_result(
 
     start, ready: the values of perf_counter() at the call and after its checks.
     """
-    closest = outcome.closest
+    status, (x, y, z, z_box), *_, closest = outcome
     return QPResult(
-        **outcome.point._asdict(),
-        status=outcome.status,
+        status=status,
+        x=x,
+        y=y,
+        z=z,
+        z_box=z_box,
         obj=objective_of(outcome),
         residuals=outcome.residuals,
         iterations=outcome.iterations,

@@ -67,8 +67,10 @@ def qp_directional(derivative: QPDerivative, changes: dict[str, Any]) -> QPTange
 
 
 def solved(*arguments: Any) -> Outcome:
-    """Return the answer to a QP of these arguments."""
-    return solve_checked(qp_data(*arguments), DEFAULT_OPTIONS, NO_GUESS, perf_counter())
+    """Return the outcome of a QP of these arguments."""
+    qp = qp_data(*arguments)
+    given = qp.P, qp.G, qp.A
+    return solve_checked(qp, DEFAULT_OPTIONS, NO_GUESS, perf_counter(), given=given)
 
 
 def with_rows(A: Any, G: Any) -> Any:

@@ -1,4 +1,4 @@
-"""A checked QP by the `route`, with what is printed."""
+"""A checked QP by the `route`, then the closest point; what is printed of it."""
 
 from time import perf_counter
 

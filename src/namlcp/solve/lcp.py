@@ -159,20 +159,20 @@ def solve_lcp(
     tolerances = tolerances_of(method, eps_abs, eps_rel)
     matrix = prepared(A, diagonal, method)
     lcp = lcp_data(matrix, q, lower, upper)
-    progress = Progress(LCP_COLUMNS, verbose)
-    if verbose:
+    progress = Progress(LCP_COLUMNS, verbose) if verbose or history else None
+    if progress is not None:
         progress.say(f"namlcp  LCP: n = {lcp.q.size}, method = {method}")
         if method in SOLVERS:
             progress.announce(first_kernel(matrix, method))
-    report = progress.report(history)
+    report = None if progress is None else progress.row
     limits = Limits(*tolerances, max_iter, deadline, report)
     ready = perf_counter()
     given = None if method in SOLVERS else Parameters(alpha, beta, omega, shift)
     outcome = solve_by_method(lcp, limits, method, given, cover, s0, z0, A is matrix)
-    rows = progress.history() if history else None
+    rows = progress.history() if progress is not None and history else None
     problem = lcp, matrix.A if A is matrix else A
     result = lcp_result(outcome, problem, start, ready, rows)
-    if verbose:
+    if progress is not None:
         progress.close(conclude(result))
     return result
 
