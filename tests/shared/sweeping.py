@@ -5,16 +5,16 @@ from types import SimpleNamespace
 import numpy as np
 
 from namlcp import Prepared
-from namlcp.lcp.data import LCP
+from namlcp.lcp import LCP, Parameters, find_method
 from namlcp.lcp.modulus import sweeps
-from namlcp.lcp.modulus.methods import Parameters, find_method
 from namlcp.limits import NEVER, Limits
+from namlcp.linalg.definite import is_symmetric
 from namlcp.progress import LCP_COLUMNS, Progress
 
 
 def box_lcp(A, q, lower, upper):
     """Return an LCP without any check."""
-    return LCP(Prepared.unchecked(A, True), q, lower, upper)
+    return LCP(Prepared.unchecked(A, is_symmetric(A)), q, lower, upper)
 
 
 def every_bounds(rng, n):
@@ -34,9 +34,8 @@ def sweep(
     """Return the outcome of `sweeps.sweep` with its history and its least residual."""
     rows = Progress(LCP_COLUMNS, verbose=False)
     limits = Limits(eps_abs, 0.0, max_iter, deadline, rows.row)
-    find_method(method, **given)
-    lcp = box_lcp(A, q, lower, upper)
-    found = sweeps.sweep(lcp, method, Parameters(**given), limits, s0, z0)
+    solve = find_method(method, given).solve
+    found = solve(box_lcp(A, q, lower, upper), z0, limits, s0=s0, **given)
     history = rows.history()
     residual = np.nanmin(history["residual"], initial=np.inf)
     parts = found._asdict() | found.point._asdict()

@@ -22,7 +22,7 @@ import pyamg
 import scipy.sparse as sp
 
 from namlcp import Prepared, Status, Verdict, converges, is_h_plus, solve_lcp
-from namlcp.lcp import LCP, METHODS, Parameters
+from namlcp.lcp import LCP, SWEEPS, Parameters
 from namlcp.lcp.modulus.sweeps import step_of
 from namlcp.theory.comparison import radius_bounds
 from namlcp.theory.convergence import dense_parts, lyapunov_function
@@ -172,7 +172,7 @@ def random_problem(rng: np.random.Generator, kind: str) -> tuple[Any, ...]:
 
 def random_parameters(rng: np.random.Generator, method: str, D: np.ndarray) -> Row:
     """Return some of the parameters that a method has."""
-    takes, given = METHODS[method].takes, {}
+    takes, given = SWEEPS[method].takes, {}
     if "alpha" in takes and rng.random() < 0.8:
         given["alpha"] = rng.uniform(0.1, 1.95)
     if "beta" in takes and rng.random() < 0.8:
@@ -192,7 +192,7 @@ def proof_rows(count: int) -> list[Row]:
         seen: Counter[str] = Counter()
         for _ in range(count):
             A, q, lower, upper = random_problem(rng, kind)
-            method = str(rng.choice(list(METHODS)))
+            method = str(rng.choice(list(SWEEPS)))
             given = random_parameters(rng, method, np.diag(A))
             verdict = converges(A, method, **given)
             seen[str(verdict.answer)] += 1

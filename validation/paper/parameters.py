@@ -28,10 +28,10 @@ from typing import NamedTuple
 import numpy as np
 
 from namlcp import Prepared, Status, natural_residual
-from namlcp.lcp import LCP, METHODS, Parameters
+from namlcp.lcp import LCP, SWEEPS, Parameters
 from namlcp.lcp.modulus.adaptive import AdaptiveStep
+from namlcp.lcp.modulus.steps import Step
 from namlcp.lcp.modulus.sweeps import iterate, step_of
-from namlcp.lcp.modulus.triangular import Step
 from namlcp.limits import Limits
 from validation.harness import Row, cli, csv_files, tables
 from validation.problems import sweep_scenes
@@ -139,7 +139,7 @@ class Run:
 
     def step(self, method: str, alpha: float | None, c: float) -> Step | None:
         """Return a step at a point of the grid."""
-        chosen = METHODS[method]
+        chosen = SWEEPS[method]
         if chosen.factored:
             size = self.D if alpha is None else math.exp(np.mean(np.log(self.D)))
             omega = np.full_like(self.D, c * size)
@@ -151,12 +151,12 @@ class Run:
 
 def beta_of(method: str) -> float | None:
     """Return beta for the methods that have one."""
-    return BETA if "beta" in METHODS[method].takes else None
+    return BETA if "beta" in SWEEPS[method].takes else None
 
 
 def points(method: str, effort: Effort) -> Iterator[tuple[float | None, float]]:
     """Yield (alpha, c), from the middle of the grid outwards."""
-    takes = METHODS[method].takes
+    takes = SWEEPS[method].takes
     alphas: tuple[float | None, ...] = effort.alphas if "alpha" in takes else (None,)
     cs = effort.cs if "omega" in takes else (math.nan,)
     if method == "modified-nam":
@@ -168,7 +168,7 @@ def points(method: str, effort: Effort) -> Iterator[tuple[float | None, float]]:
 
 def compare(run: Run, method: str, effort: Effort) -> Row:
     """Return the best point of the grid and the choice of the package."""
-    scene, chosen = run.scene, METHODS[method]
+    scene, chosen = run.scene, SWEEPS[method]
     cap = effort.factored_cap if chosen.factored else effort.cap
     best: int | None = None
     where: tuple[float | None, float] = (None, math.nan)
@@ -223,8 +223,8 @@ def main(arguments: list[str] | None = None) -> int:
     rows = []
     for scene in found:
         run = Run(scene)
-        for method in METHODS:
-            if not METHODS[method].takes:
+        for method in SWEEPS:
+            if not SWEEPS[method].takes:
                 continue
             rows.append(compare(run, method, effort))
             tables.print_row(rows[-1], SHOWN)

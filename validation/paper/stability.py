@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from namlcp import Status, solve_lcp
-from namlcp.lcp import METHODS
+from namlcp.lcp import SWEEPS
 from validation.harness import Row, cli, csv_files
 from validation.paper import stability_figures
 from validation.problems import sweep_scenes
@@ -198,7 +198,7 @@ def unit_rows(quick: bool) -> list[Row]:
                 scene = base._replace(A=unit * base.A, q=unit * base.q)
                 given: Row = {"shift": matrix_shift(scene, chart.shift)}
                 given["beta"] = chart.beta
-                if "alpha" in METHODS[chart.method].takes:
+                if "alpha" in SWEEPS[chart.method].takes:
                     given["alpha"] = ALPHAS.get(chart.method, ALPHA)
                 cell = outcome(scene, chart.method, CAP[quick], **given)
                 row[f"{exponent:d}"] = cell

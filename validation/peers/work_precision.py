@@ -76,14 +76,14 @@ def sweep_call(
 ) -> Callable[[], Any]:
     """Return the call of a named method on the LCP, its parameters chosen by itself."""
     from namlcp import solve_lcp
-    from namlcp.lcp import METHODS
+    from namlcp.lcp import SWEEPS
 
     P, q = task.problem.P, task.problem.q
     A = sp.csr_array(P) if sp.issparse(P) else P
     free = {"omega"} if name == "modified-nam" else {"alpha", "omega"}
-    takes = METHODS[name].takes if name in METHODS else ()
+    takes = SWEEPS[name].takes if name in SWEEPS else ()
     given = dict.fromkeys(set(takes) & free, "auto")
-    if task.s0 is not None and name in METHODS:
+    if task.s0 is not None and name in SWEEPS:
         given["s0"] = task.s0
     given |= {"eps_abs": eps, "time_limit": limit}
     lower, upper = task.problem.lb, task.problem.ub

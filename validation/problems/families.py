@@ -242,7 +242,7 @@ def families(data: Path | None) -> dict[str, Family]:
     condensed and sparse; SVM: up to 10^4 points; general QP: everything a QP may have;
     paper: for the sweeps and method="auto" alone.
     """
-    from namlcp.lcp import METHODS
+    from namlcp.lcp import SWEEPS
 
     X, y = svm_data(data)
     dominant_lcps = {
@@ -307,7 +307,7 @@ def families(data: Path | None) -> dict[str, Family]:
         for delta in (4.0, 0.25)
         for number in (1, 2)
     }
-    every = tuple(f"sweep {name}" for name in (*METHODS, "lemke"))
+    every = tuple(f"sweep {name}" for name in (*SWEEPS, "lemke"))
     known = {
         "dominant": Family(
             "dominant LCP", True, dominant_lcps, ("small", "small, random signs"), SWEPT

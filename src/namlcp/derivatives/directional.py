@@ -117,7 +117,7 @@ def lcp_directional(
     lower = np.where(fixed | (weak_side < 0), change, -np.inf)
     upper = np.where(fixed | (weak_side > 0), change, np.inf)
     direction = lcp_data(lcp.matrix, r, lower, upper)
-    found = solve_by_method(direction, Limits(eps_rel=ACCURACY), is_kept=True)
+    found = solve_by_method(*direction, Limits(eps_rel=ACCURACY), is_next=True)
     if found.status is not Status.SOLVED:
         raise ValueError(
             "the solution has no derivative along this direction: the LCP of the "

@@ -1,13 +1,13 @@
 """Box LCPs: the route of a solve, and the methods that it chooses from."""
 
-from namlcp.lcp.auto import LARGE_LCP, solve_auto
 from namlcp.lcp.data import LCP, lcp_data
-from namlcp.lcp.modulus.methods import METHODS, SOLVERS, Parameters, find_method
+from namlcp.lcp.methods import LARGE_LCP, find_method, first_kernel, solve_auto
+from namlcp.lcp.modulus.methods import SWEEPS, Parameters
 from namlcp.lcp.multigrid.hierarchy import hierarchy_of
-from namlcp.lcp.multigrid.linear import FreeSystem
+from namlcp.lcp.multigrid.krylov import FreeSystem
 from namlcp.lcp.operators import Operator
 from namlcp.lcp.pivoting.driver import ACCURACY, Attempt
 from namlcp.lcp.pivoting.pivot import pivot
 from namlcp.lcp.prepared import Prepared
 from namlcp.lcp.relaxation import relax_csr
-from namlcp.lcp.solve import first_kernel, solve_by_method
+from namlcp.lcp.solve import solve_by_method

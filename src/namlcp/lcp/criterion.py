@@ -5,12 +5,12 @@ eps_rel Res(clip(0)) for the problem scaled to a unit diagonal.
 """
 
 import math
+from functools import cached_property
 
 import numpy as np
 
 from namlcp.compiled import part
 from namlcp.lcp.data import LCP
-from namlcp.lcp.lazy import kept
 from namlcp.limits import Limits
 from namlcp.linalg.columns import LEAST_DIVISOR
 from namlcp.residuals import natural_residuals
@@ -43,13 +43,13 @@ class Criterion:
         _, _, lower, upper = self.lcp
         return natural_residuals(z, w, lower, upper, self.root)
 
-    @kept
+    @cached_property
     def size(self) -> float:
         """Res(clip(0)) of the problem scaled to a unit diagonal."""
         z = self.lcp.start()
         return self.residuals(z, self.lcp.w(z) if z.any() else self.lcp.q)[1]
 
-    @kept
+    @cached_property
     def goal(self) -> float:
         """Estimate of the largest Res of the scaled problem that `accepts` accepts."""
         largest = float(self.root.max(initial=LEAST_DIVISOR))

@@ -1,5 +1,6 @@
 """The data of a box LCP: the user's arguments are checked and made clean arrays."""
 
+import math
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,6 +30,11 @@ class LCPPoint(NamedTuple):
     s: np.ndarray | None = None
 
 
+LEAST_SIZE, MOST_SIZE = 1e-100, 1e100
+"""Range of max |q_i| in which q is not scaled: sums of squares neither vanish nor
+overflow there."""
+
+
 class LCP(NamedTuple):
     """A checked box LCP: find z in [lower, upper] with w = A z + q as `solve_lcp` says.
 
@@ -46,7 +52,6 @@ class LCP(NamedTuple):
         return self.matrix.A
 
     def w(self, z: np.ndarray) -> np.ndarray:
-        """Return w = A z + q."""
         return self.matrix.A @ z + self.q
 
     def start(self, z0: np.ndarray | None = None) -> np.ndarray:
@@ -55,11 +60,9 @@ class LCP(NamedTuple):
         return np.clip(z, self.lower, self.upper, out=z)
 
     def residual(self, z: np.ndarray, w: np.ndarray) -> float:
-        """Return Res(z) for w = A z + q."""
         return natural_residual(z, w, self.lower, self.upper)
 
     def active(self, z: np.ndarray) -> int:
-        """Return how many unknowns are at a bound."""
         return int(np.count_nonzero((z == self.lower) | (z == self.upper)))
 
     def outcome(
@@ -78,7 +81,7 @@ class LCP(NamedTuple):
         return Outcome(status, point, residual, iterations, method, message, ray)
 
 
-def spread_number(name: str, value: Any, n: int) -> np.ndarray:
+def number_or_vector(name: str, value: Any, n: int) -> np.ndarray:
     """Return a number or an (n,) array as a clean (n,) array."""
     if is_clean(value, 1) and value.size == n:
         return value
@@ -89,15 +92,36 @@ def spread_number(name: str, value: Any, n: int) -> np.ndarray:
     return vector(name, value, n, "A", (n, n))
 
 
-def lcp_data(matrix: Prepared, q: Any, lower: Any, upper: Any) -> LCP:
-    """Check the user's vectors; raise TypeError or ValueError, or return the LCP."""
+def diagonal_of(
+    name: str, value: Any, n: int, default: np.ndarray, positive: bool = False
+) -> np.ndarray:
+    """Return a checked (n,) diagonal from an array, a number or None (the default)."""
+    if value is None:
+        return default
+    diagonal = number_or_vector(name, value, n)
+    refuse_number(name, diagonal, False)
+    wrong = np.flatnonzero(diagonal <= 0.0 if positive else diagonal < 0.0)
+    if wrong.size:
+        i = wrong[0]
+        wanted = "be positive" if positive else "not be negative"
+        raise ValueError(f"{name} must {wanted}, got {diagonal[i]:g} at ({i})")
+    return diagonal
+
+
+def lcp_data(matrix: Prepared, q: Any, lower: Any, upper: Any) -> tuple[LCP, float]:
+    """Check the user's vectors; raise TypeError or ValueError, or return the LCP.
+
+    The number is 1, or a power of 2 near max |q_i| where squares may leave the range.
+    """
     shape = matrix.A.shape
     n = shape[1]
     q = vector("q", q, n, "A", shape)
-    lower = constant(n, 0.0) if lower is None else spread_number("lower", lower, n)
-    upper = constant(n, np.inf) if upper is None else spread_number("upper", upper, n)
+    lower = constant(n, 0.0) if lower is None else number_or_vector("lower", lower, n)
+    upper = (
+        constant(n, np.inf) if upper is None else number_or_vector("upper", upper, n)
+    )
     if is_ordinary(q, lower, upper):
-        return LCP(matrix, q, lower, upper)
+        return LCP(matrix, q, lower, upper), 1.0
     refuse_number("q", q, False)
     refuse_number("lower", lower, True)
     refuse_number("upper", upper, True)
@@ -110,7 +134,10 @@ def lcp_data(matrix: Prepared, q: Any, lower: Any, upper: Any) -> LCP:
             f"got lower[{i}] = {lower[i]:g}, upper[{i}] = {upper[i]:g} "
             "(from 1e20 on, no bound)"
         )
-    return LCP(matrix, q, lower, upper)
+    size = float(np.abs(q).max(initial=0.0))
+    is_usual = size == 0.0 or LEAST_SIZE < size < MOST_SIZE
+    unit = 1.0 if is_usual else 2.0 ** math.floor(math.log2(size))
+    return LCP(matrix, q, lower, upper), unit
 
 
 @kernel(fastmath={"reassoc"})  # the sums may be reordered and vectorise; NaN stays NaN

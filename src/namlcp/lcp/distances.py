@@ -11,9 +11,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from scipy import sparse
 
-from namlcp.lcp.scaling import congruent
 from namlcp.residuals import natural_residual
+
+EQUILIBRATIONS = 3
+"""Rounds of scaling rows and columns by their absolute sums."""
 
 
 class Distances:
@@ -23,7 +26,8 @@ class Distances:
     r (m,): largest p, 0 where it is infinite.
     signed, boxed (m,): whether p has the bound 0, and whether it has r, too.
     lower, upper (m,): the bounds of p, infinite ones included.
-    kept (m,): the indices of its unknowns in z. base (n,), scale (m,), unit: see above.
+    unfixed (m,): the indices of its unknowns in z. base (n,), scale (m,), unit: see
+    above.
     """
 
     def __init__(
@@ -38,36 +42,35 @@ class Distances:
         low, high = np.isfinite(lower), np.isfinite(upper)
         self.base = np.where(low, lower, np.where(high, upper, 0.0))
         self.top = upper
-        kept = self.kept = np.flatnonzero(lower < upper)
-        c = (A @ self.base + q)[kept]
-        self.signed, self.boxed = (low | high)[kept], (low & high)[kept]
-        if kept.size < q.size:
-            A = A[:, kept][kept]
+        unfixed = self.unfixed = np.flatnonzero(lower < upper)
+        c = (A @ self.base + q)[unfixed]
+        self.signed, self.boxed = (low | high)[unfixed], (low & high)[unfixed]
+        if unfixed.size < q.size:
+            A = A[:, unfixed][unfixed]
         d = scaling(A)
-        self.scale = np.where(low | ~high, 1.0, -1.0)[kept] * d
+        self.scale = np.where(low | ~high, 1.0, -1.0)[unfixed] * d
         self.M = congruent(A, self.scale)
         self.c = self.scale * c
         self.unit = float(np.abs(self.c).max(initial=0.0)) or 1.0
         self.c /= self.unit
-        self.r = np.zeros(kept.size)
-        self.r[self.boxed] = ((upper - lower)[kept] / (self.unit * d))[self.boxed]
+        self.r = np.zeros(unfixed.size)
+        self.r[self.boxed] = ((upper - lower)[unfixed] / (self.unit * d))[self.boxed]
         self.lower = np.where(self.signed, 0.0, -np.inf)
         self.upper = np.where(self.boxed, self.r, np.inf)
 
     def z(self, p: np.ndarray) -> np.ndarray:
         """Return the unknowns of the box LCP; p_i = r_i becomes the upper bound."""
         z = self.base.copy()
-        z[self.kept] += self.unit * self.scale * p
-        full = self.kept[p >= self.upper]
+        z[self.unfixed] += self.unit * self.scale * p
+        full = self.unfixed[p >= self.upper]
         z[full] = self.top[full]
         return z
 
     def p(self, z: np.ndarray) -> np.ndarray:
         """Return the distances that belong to z."""
-        return (z - self.base)[self.kept] / (self.unit * self.scale)
+        return (z - self.base)[self.unfixed] / (self.unit * self.scale)
 
     def F(self, p: np.ndarray) -> np.ndarray:
-        """Return M p + c."""
         F = self.M @ p
         F += self.c
         return F
@@ -75,3 +78,74 @@ class Distances:
     def residual(self, p: np.ndarray, F: np.ndarray) -> float:
         """Return Res(p) of this LCP; p need not be within its bounds."""
         return natural_residual(p, F, self.lower, self.upper)
+
+
+class Pairs:
+    """The complementary pairs, for interior-point paths: p_i >= 0, then rooms.
+
+    An unknown p_i >= 0 is paired with a multiplier; so is its room r_i - p_i where p_i
+    has an upper bound r_i. Pair k has the gap g_k > 0, which changes with sign_k
+    p_{at_k}, and the multiplier m_k > 0. In a solution
+
+        F = M p + c = sum of sign_k m_k over the pairs of an unknown,  g_k m_k = 0.
+    """
+
+    def __init__(self, model: Distances):
+        self.size = model.c.size
+        self.signed, self.boxed = map(np.flatnonzero, (model.signed, model.boxed))
+        self.number = self.signed.size + self.boxed.size
+        self.plain = self.signed.size == self.size and self.boxed.size == 0
+
+    def of(self, x: np.ndarray) -> np.ndarray:
+        """Return sign_k x_{at_k} for all pairs; it may share memory with x."""
+        if self.plain:
+            return x
+        return np.concatenate((x[self.signed], -x[self.boxed]))
+
+    def total(self, m: np.ndarray) -> np.ndarray:
+        """Return the sums of sign_k m_k by unknown; it may share memory with m."""
+        return self.gathered(m, -1.0)
+
+    def gathered(self, m: np.ndarray, sign: float = 1.0) -> np.ndarray:
+        """Return the sums of m_k, with this sign for rooms, by unknown."""
+        if self.plain:
+            return m
+        x = np.zeros(self.size)
+        x[self.signed] = m[: self.signed.size]
+        x[self.boxed] += sign * m[self.signed.size :]
+        return x
+
+    def start(self, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return p and its gaps: 1, or the middle of the box where that is nearer.
+
+        Unknowns without bounds start at 0.
+        """
+        p = np.zeros(self.size)
+        p[self.signed] = 1.0
+        p[self.boxed] = np.minimum(1.0, 0.5 * r[self.boxed])
+        gaps = self.of(p).copy()
+        gaps[self.signed.size :] += r[self.boxed]
+        return p, gaps
+
+
+def congruent(A: Any, d: np.ndarray) -> Any:
+    """Return D A D, dense or CSC."""
+    if sparse.issparse(A):
+        D = sparse.diags_array(d)
+        return sparse.csc_array(D @ A @ D)
+    return A * np.outer(d, d)
+
+
+def equilibrating_scale(A: Any) -> np.ndarray:
+    """Return d > 0: the larger of row sum i and column sum i of |D A D| is near 1."""
+    d, size = np.ones(A.shape[0]), abs(A)
+    for _ in range(EQUILIBRATIONS):
+        total = np.maximum(size @ d, size.T @ d) * d
+        d /= np.sqrt(np.where(total > 0.0, total, 1.0))
+    return d
+
+
+def unit_diagonal_scale(A: Any) -> np.ndarray:
+    """Return d > 0 such that D A D has a unit diagonal; d_i = 1 where a_ii <= 0."""
+    diagonal = A.diagonal()
+    return 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))

@@ -68,9 +68,7 @@ TOO_FAR = 1e6
 this factor: products with so large a z lose too many digits."""
 
 
-def solve_by_products(
-    lcp: LCP, z0: np.ndarray | None, limits: Limits, criterion: Criterion
-) -> Outcome:
+def solve_by_products(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
     """Solve a box LCP with a symmetric A, an `Operator` with A.diagonal() >= 0.
 
     SOLVED is returned only if the criterion accepts a recomputed gradient. z is the
@@ -79,7 +77,7 @@ def solve_by_products(
     NUMERICAL_ERROR: a product is not finite; z and w are NaN.
     """
     with np.errstate(all="ignore"):  # the code tests for infinities and NaN
-        z = lcp.start(z0)
+        z, criterion = lcp.start(z0), Criterion(lcp, limits)
         if z0 is not None:
             there = criterion.residuals(z, lcp.w(z))[1]
             if not there <= TOO_FAR * criterion.size:

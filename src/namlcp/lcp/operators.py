@@ -17,7 +17,7 @@ class Operator:
     def __init__(self, A: LinearOperator, diagonal: np.ndarray | None):
         self.A = A
         self.shape = A.shape
-        self.given = diagonal
+        self.stored = diagonal
 
     def __matmul__(self, x: np.ndarray) -> np.ndarray:
         """Return A x, a new array."""
@@ -28,7 +28,7 @@ class Operator:
 
     def diagonal(self) -> np.ndarray:
         """Return diag(A), ones if it is unknown."""
-        return np.ones(self.shape[0]) if self.given is None else self.given
+        return np.ones(self.shape[0]) if self.stored is None else self.stored
 
 
 SYMMETRIC = 1e-7

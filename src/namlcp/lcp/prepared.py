@@ -1,5 +1,6 @@
-"""Data that depend on the matrix of an LCP alone, computed once for any number of q."""
+"""The facts of the matrix of an LCP, each computed once, for any number of q."""
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -8,8 +9,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from namlcp.checks import finite_square_matrix
 from namlcp.compiled import kernel
-from namlcp.lcp.lazy import kept
-from namlcp.lcp.operators import operator_data
+from namlcp.lcp.operators import Operator, operator_data
 from namlcp.lcp.relaxation import dominance_csr
 from namlcp.linalg.columns import Columns, columns_of
 from namlcp.linalg.csc import arrays_of
@@ -62,43 +62,52 @@ class Prepared:
 
     def __init__(self, A: Any, diagonal: Any = None):
         if isinstance(A, LinearOperator):
-            self.A: Any = operator_data(A, diagonal)
+            self.hold(operator_data(A, diagonal))
         elif diagonal is None:
-            self.A = finite_square_matrix("A", A, "csr")
+            self.hold(finite_square_matrix("A", A, "csr"))
         else:
             raise ValueError(
                 "diagonal is for a LinearOperator; other matrices have theirs"
             )
 
+    def hold(self, A: Any) -> None:
+        """Take a checked matrix."""
+        self.A, self.n = A, A.shape[0]
+        self.is_sparse = not isinstance(A, np.ndarray | Operator)
+
     @classmethod
     def unchecked(cls, A: Any, symmetric: bool) -> "Prepared":
         """Return a Prepared of a matrix known to be clean; symmetric A may be CSC."""
         matrix = cls.__new__(cls)
-        matrix.A, matrix.symmetric = A, symmetric
+        matrix.hold(A)
+        matrix.symmetric = symmetric
         return matrix
 
-    @kept
+    @cached_property
     def symmetric(self) -> bool:
         """Whether A = A' up to rounding."""
         return is_symmetric(self.A)
 
-    @kept
+    @cached_property
     def tridiagonal(self) -> np.ndarray | None:
         """The rows of a sparse tridiagonal A with a positive diagonal, else None."""
-        return None if isinstance(self.A, np.ndarray) else tridiagonal_of(self.A)
+        A, n = self.A, self.n
+        if not self.is_sparse or n == 0 or A.nnz > 3 * n:
+            return None
+        rows = np.empty((5, n))
+        return rows if read_rows(*arrays_of(A), rows) else None
 
-    @kept
+    @cached_property
     def diagonal(self) -> np.ndarray:
-        """The diagonal of A."""
-        return np.asarray(self.A.diagonal())
+        return np.array(self.A.diagonal())
 
-    @kept
+    @cached_property
     def slopes(self) -> np.ndarray:
         """diag(A), 1 where that is not positive: the scaling, and Omega of s."""
-        diagonal = self.diagonal
+        diagonal = self.A.diagonal()
         return np.where(diagonal > 0.0, diagonal, 1.0)
 
-    @kept
+    @cached_property
     def is_general(self) -> bool:
         """Whether an a_ii <= 0 proves that A is neither P nor semidefinite.
 
@@ -114,32 +123,31 @@ class Prepared:
         falls = np.abs(slope) > DIAGONAL_ROUNDING * size
         return bool((falls & (diagonal == 0.0) | (diagonal < 0.0)).any())
 
-    @kept
+    @cached_property
     def root(self) -> np.ndarray:
         """sqrt(slopes): diag(1/root) A diag(1/root) is A scaled to a unit diagonal."""
         return np.sqrt(self.slopes)
 
-    @kept
+    @cached_property
     def compact(self) -> Any:
         """A in the layout in which its factors take less time: dense or CSR."""
-        A, n = self.A, self.A.shape[0]
+        A, n = self.A, self.n
         if isinstance(A, np.ndarray):
             sparse_enough = n > DENSE_ORDER and np.count_nonzero(A) < SPARSE * n * n
             return sparse.csr_array(A) if sparse_enough else A
         return A.toarray() if n <= DENSE_ORDER or A.nnz >= SPARSE * n * n else A
 
-    @kept
+    @cached_property
     def columns(self) -> Columns:
         """The columns of A for kernels."""
         return columns_of(self.A, self.symmetric)
 
-    @kept
+    @cached_property
     def dominance(self) -> float:
         """Upper bound of rho(|I - D^-1 A|), inf if a diagonal entry is not positive."""
-        D = self.diagonal
-        if not np.all(D > 0.0):
+        if not np.all(self.diagonal > 0.0):
             return np.inf
-        return min(dominance_csr(*arrays_of(self.A), np.sqrt(D)))
+        return min(dominance_csr(*arrays_of(self.A), self.root))
 
 
 @kernel(error_model="numpy")
@@ -163,12 +171,3 @@ def read_rows(indptr, indices, data, rows):
         coupling = rows[ABOVE, i] * rows[INVERSE, i]
         rows[ROOT, i] = 1.0 / np.sqrt(rows[DIAGONAL, i])
     return True
-
-
-def tridiagonal_of(A: Any) -> np.ndarray | None:
-    """Return the rows of a tridiagonal csr_array, None if A is none or an a_ii <= 0."""
-    n = A.shape[0]
-    if n == 0 or A.nnz > 3 * n:
-        return None
-    rows = np.empty((5, n))
-    return rows if read_rows(*arrays_of(A), rows) else None

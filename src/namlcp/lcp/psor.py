@@ -24,10 +24,6 @@ from namlcp.linalg.csc import arrays_of
 from namlcp.outcome import Outcome
 from namlcp.status import Status
 
-MAX_SWEEPS = 200
-"""Default limit on sweeps: they take about as long as one sparse factorisation of the
-same order."""
-
 YOUNG_IS_SAFE = 1.0 / math.sqrt(2.0)
 """Largest mu for which Young's alpha is at most 2/(1 + mu)."""
 
@@ -39,35 +35,28 @@ SLOW = 3
 over-relaxed sweeps begin slowly; otherwise one is enough."""
 
 
-def relaxation(mu: float, symmetric: bool) -> float:
-    """Return Young's alpha if projected SOR is sure to converge with it, else 1."""
-    if mu < 1.0 and (symmetric or mu <= YOUNG_IS_SAFE):
-        return 2.0 / (1.0 + math.sqrt(1.0 - mu * mu))
-    return 1.0
-
-
 def solve_by_sweeps(
-    lcp: LCP, z0: np.ndarray | None, limits: Limits, criterion: Criterion
+    lcp: LCP, z0: np.ndarray | None, limits: Limits, most: int
 ) -> Outcome:
     """Solve an LCP with a csr_array by projected SOR from clip(z0).
 
-    STALLED: max_iter sweeps will not suffice, or a diagonal entry is not positive.
+    STALLED: `most` sweeps will not suffice, or a diagonal entry is not positive.
     """
-    z = lcp.start(z0)
+    z, criterion = lcp.start(z0), Criterion(lcp, limits)
     mu = lcp.matrix.dominance
     if not mu < math.inf:
         return lcp.outcome(Status.STALLED, z, lcp.w(z), 0, "psor")
     w = lcp.w(z) if z.any() else lcp.q.copy()
     if criterion.accepts(z, w):
         return lcp.outcome(Status.SOLVED, z, w, 0, "psor")
-    alpha = relaxation(mu, False)
-    if alpha == 1.0 and mu < 1.0:  # symmetry is tested only if Young's alpha may do
-        young = relaxation(mu, True)
-        sweeps = (limits.max_iter or MAX_SWEEPS) // 2
-        promised = (young - 1.0) ** sweeps * criterion.size
-        if promised <= criterion.goal and lcp.matrix.symmetric:
+    alpha = 1.0
+    if mu < 1.0:
+        young = 2.0 / (1.0 + math.sqrt(1.0 - mu * mu))
+        promised = (young - 1.0) ** (most // 2) * criterion.size
+        # Symmetry is tested only if Young's alpha may do.
+        if mu <= YOUNG_IS_SAFE or (promised <= criterion.goal and lcp.matrix.symmetric):
             alpha = young
-    outcome = relax(lcp, z, alpha, limits, criterion)
+    outcome = relax(lcp, z, alpha, most, criterion)
     if limits.report is not None and outcome.ends:
         active = lcp.active(outcome.point.z)
         limits.report(outcome.iterations, outcome.residuals, active)
@@ -75,24 +64,23 @@ def solve_by_sweeps(
 
 
 def relax(
-    lcp: LCP, z: np.ndarray, alpha: float, limits: Limits, criterion: Criterion
+    lcp: LCP, z: np.ndarray, alpha: float, most: int, criterion: Criterion
 ) -> Outcome:
     """Sweep from z, which is overwritten, until the criterion accepts it.
 
     The criterion costs a product with A. It is therefore evaluated only if an estimate
     of the scaled Res from the last two sweeps is below its goal; a rejection divides
-    that goal by 10. STALLED: at the measured rate max_iter sweeps do not suffice.
+    that goal by 10. STALLED: at the measured rate `most` sweeps do not suffice.
     """
     _, q, lower, upper = lcp
     arrays, goal = arrays_of(lcp.A), criterion.goal
-    max_iter = limits.max_iter or MAX_SWEEPS
 
     def outcome(status: Status) -> Outcome:
         return lcp.outcome(status, z, lcp.w(z), k, "psor")
 
     before = math.inf
     checked, checked_at, slow = 0.0, 1, 0
-    for k in range(1, max_iter + 1):
+    for k in range(1, most + 1):
         moved = relax_csr(*arrays, q, lower, upper, alpha, z)
         guess = moved * min(1.0, moved / before) if k > 1 else moved
         if guess < goal or moved == 0.0:
@@ -105,19 +93,16 @@ def relax(
         if k == 1:
             checked = moved
         elif k % RATE_SWEEPS == 0:
-            rate = (moved / checked) ** (1.0 / (k - checked_at))
-            slow = slow + 1 if k + sweeps_left(moved, rate, goal) > max_iter else 0
+            rate, left = (moved / checked) ** (1.0 / (k - checked_at)), 0.0
+            if not rate < 1.0:
+                left = math.inf
+            elif goal > 0.0 < rate:
+                left = math.log(goal / moved) / math.log(rate)
+            slow = slow + 1 if k + left > most else 0
             if slow == (SLOW if alpha > 1.0 else 1):
                 return outcome(Status.STALLED)
             checked, checked_at = moved, k
-        if limits.deadline.reached():
+        if criterion.limits.deadline.reached():
             return outcome(Status.TIME_LIMIT)
         before = moved
     return outcome(Status.MAX_ITER)
-
-
-def sweeps_left(moved: float, rate: float, goal: float) -> float:
-    """Return how many sweeps reduce `moved` to the goal at a rate per sweep."""
-    if not rate < 1.0:
-        return math.inf
-    return math.log(goal / moved) / math.log(rate) if goal > 0.0 < rate else 0.0

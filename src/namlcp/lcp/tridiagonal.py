@@ -61,13 +61,13 @@ def eliminate(lcp, slack, state, points):
     z, w, coupling = points[Z], points[W], points[COUPLING]
     n = q.size
     t, c = 0.0, 0.0
-    kept, positive = True, True  # kept: c is that of the elimination of A itself
+    same, positive = True, True  # same: c is that of the elimination of A itself
     for i in range(n):
         if state[i] != 0:
             t = lower[i] if state[i] < 0 else upper[i]
             c = 0.0
-            kept = False
-        elif kept:
+            same = False
+        elif same:
             inverse = rows[INVERSE, i]
             t = -q[i] * inverse - (rows[BELOW, i] * inverse) * t
             c = rows[ABOVE, i] * inverse
@@ -77,7 +77,7 @@ def eliminate(lcp, slack, state, points):
             inverse = 1.0 / pivot
             t = (-q[i] - rows[BELOW, i] * t) * inverse
             c = rows[ABOVE, i] * inverse
-            kept = abs(pivot * rows[INVERSE, i] - 1.0) <= SAME_PIVOT
+            same = abs(pivot * rows[INVERSE, i] - 1.0) <= SAME_PIVOT
         z[i] = t
         coupling[i] = c
     wrong, inside = 0, True
@@ -102,7 +102,7 @@ def eliminate(lcp, slack, state, points):
             if here < lower[j] - tolerance or here > upper[j] + tolerance:
                 state[j] = -1 if here < lower[j] else 1
                 wrong += 1
-            positive &= here == here  # kept pivots that are not positive are NaN
+            positive &= here == here  # stored pivots that are not positive are NaN
     return wrong if positive else -1, inside
 
 
@@ -187,10 +187,8 @@ def solve_faces(rows, q, lower, upper, tolerances, state, numbers, points, budge
     return MORE
 
 
-def solve_tridiagonal(
-    lcp: LCP, rows: np.ndarray, z0: np.ndarray | None, limits: Limits
-) -> Outcome:
-    """Solve a box LCP whose matrix has these rows; iterations are faces.
+def solve_tridiagonal(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
+    """Solve a box LCP with a tridiagonal matrix; iterations are faces.
 
     STALLED: every sign is right, but rounding keeps Res above the tolerance.
     DIVERGED: this method makes no progress; another one may go on from z.
@@ -198,7 +196,8 @@ def solve_tridiagonal(
     n, report, deadline = lcp.q.size, limits.report, limits.deadline
     state, numbers, points = np.empty(n, dtype=np.int8), np.zeros(4), np.empty((5, n))
     points[Z] = 0.0 if z0 is None else z0
-    data = rows, lcp.q, lcp.lower, lcp.upper, limits.tolerances, state, numbers, points
+    rows, vectors = lcp.matrix.tridiagonal, (lcp.q, lcp.lower, lcp.upper)
+    data = rows, *vectors, limits.tolerances, state, numbers, points
     most, code, faces = min(limits.max_iter or MOST_FACES, MOST_FACES), MORE, 0
     while code == MORE and faces < most and not (faces and deadline.reached()):
         budget = 1 if report is not None else min(max(1, UNKNOWNS // n), most - faces)

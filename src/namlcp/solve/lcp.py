@@ -6,9 +6,7 @@ from typing import Any
 
 from namlcp.lcp import (
     ACCURACY,
-    SOLVERS,
     Operator,
-    Parameters,
     Prepared,
     find_method,
     first_kernel,
@@ -149,75 +147,58 @@ def solve_lcp(
     deadline = Deadline(start + check_limits(eps_abs, eps_rel, max_iter, time_limit))
     check_flag("history", history)
     check_flag("verbose", verbose)
-    find_method(method, alpha=alpha, beta=beta, omega=omega, shift=shift, cover=cover)
-    if method in SOLVERS:
-        refuse("is for the sweep methods, not for", method, s0=s0)
-    else:
-        refuse("is not for sweep methods, got", method, eps_rel=eps_rel)
-    if method == "lemke":
-        refuse("is not for", method, z0=z0)
-    tolerances = tolerances_of(method, eps_abs, eps_rel)
+    options = {
+        "alpha": alpha,
+        "beta": beta,
+        "omega": omega,
+        "shift": shift,
+        "cover": cover,
+        "s0": s0,
+        "eps_rel": eps_rel,
+        "z0": z0,
+    }
+    options = {name: value for name, value in options.items() if value is not None}
+    found = find_method(method, options)
+    options.pop("eps_rel", None)
+    if "eps_rel" not in found.takes:
+        eps_abs, eps_rel = SWEEP_EPS_ABS if eps_abs is None else eps_abs, 0.0
+    elif eps_rel is None:
+        eps_rel = ACCURACY if eps_abs is None else 0.0
     matrix = prepared(A, diagonal, method)
-    lcp = lcp_data(matrix, q, lower, upper)
+    lcp, unit = lcp_data(matrix, q, lower, upper)
     progress = Progress(LCP_COLUMNS, verbose) if verbose or history else None
     if progress is not None:
         progress.say(f"namlcp  LCP: n = {lcp.q.size}, method = {method}")
-        if method in SOLVERS:
-            progress.announce(first_kernel(matrix, method))
+        if verbose:
+            progress.announce(first_kernel(matrix, method, deadline))
     report = None if progress is None else progress.row
-    limits = Limits(*tolerances, max_iter, deadline, report)
+    limits = Limits(eps_abs or 0.0, eps_rel, max_iter, deadline, report)
     ready = perf_counter()
-    given = None if method in SOLVERS else Parameters(alpha, beta, omega, shift)
-    outcome = solve_by_method(lcp, limits, method, given, cover, s0, z0, A is matrix)
+    outcome = solve_by_method(lcp, unit, limits, method, is_next=A is matrix, **options)
     rows = progress.history() if progress is not None and history else None
     problem = lcp, matrix.A if A is matrix else A
     result = lcp_result(outcome, problem, start, ready, rows)
     if progress is not None:
-        progress.close(conclude(result))
+        seconds = result.setup_time + result.solve_time
+        progress.close(
+            f"{result.status.value}: {result.method}, {result.iterations} iterations, "
+            f"{seconds:.1e} s, residual {result.residual:.1e}"
+        )
     return result
-
-
-def tolerances_of(
-    method: str, eps_abs: float | None, eps_rel: float | None
-) -> tuple[float, float]:
-    """Return eps_abs and eps_rel with the defaults of the method."""
-    if method not in SOLVERS:
-        return SWEEP_EPS_ABS if eps_abs is None else eps_abs, 0.0
-    if eps_rel is None:
-        eps_rel = ACCURACY if eps_abs is None else 0.0
-    return eps_abs or 0.0, eps_rel
-
-
-def conclude(result: LCPResult) -> str:
-    """Return the closing sentence of the verbose output."""
-    seconds = result.setup_time + result.solve_time
-    return (
-        f"{result.status.value}: {result.method}, {result.iterations} iterations, "
-        f"{seconds:.1e} s, residual {result.residual:.1e}"
-    )
 
 
 def prepared(A: Any, diagonal: Any, method: str) -> Prepared:
     """Return A as a `Prepared`; raise if the method cannot use it."""
-    if isinstance(A, Prepared):
-        if diagonal is not None:
-            raise ValueError("diagonal must be given to Prepared, with A")
-        matrix = A
-    else:
-        matrix = Prepared(A, diagonal)
-    if method != "auto" and isinstance(matrix.A, Operator):
+    if not isinstance(A, Prepared):
+        A = Prepared(A, diagonal)
+    elif diagonal is not None:
+        raise ValueError("diagonal must be given to Prepared, with A")
+    if method != "auto" and isinstance(A.A, Operator):
         raise ValueError(
             f"method {method!r} needs the entries of A; a LinearOperator is solved by "
             'method "auto"'
         )
-    return matrix
-
-
-def refuse(why: str, method: str, **given: Any) -> None:
-    """Raise if an argument is given that the method does not have."""
-    for name, value in given.items():
-        if value is not None:
-            raise ValueError(f"{name} {why} method {method!r}")
+    return A
 
 
 def check_limits(eps_abs: Any, eps_rel: Any, max_iter: Any, time_limit: Any) -> float:

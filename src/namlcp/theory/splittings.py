@@ -13,12 +13,8 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.checks import finite_square_matrix
-from namlcp.lcp.modulus.methods import (
-    METHODS,
-    Parameters,
-    checked_parameters,
-    find_method,
-)
+from namlcp.lcp import SWEEPS, Parameters, find_method
+from namlcp.lcp.modulus.methods import checked_parameters
 
 SAFE = 1e-13
 """Bound for the rounding errors of the entries of K, relative to their terms."""
@@ -52,15 +48,17 @@ def splitting(
     shift: Any = None,
 ) -> Splitting:
     """Return the splitting of a method, checked; arguments as in `converges`."""
-    chosen = find_method(method, alpha=alpha, beta=beta, omega=omega, shift=shift)
+    values = {"alpha": alpha, "beta": beta, "omega": omega, "shift": shift}
+    find_method(method, [name for name in values if values[name] is not None])
     for name, value in (("alpha", alpha), ("omega", omega)):
         if isinstance(value, str):
             raise ValueError(
                 f"{name} must be given in numbers, got {value!r}: no theorem is about "
                 "parameters that change from sweep to sweep"
             )
-    if method not in METHODS:
+    if method not in SWEEPS:
         raise ValueError(f"method must be a sweep method, got {method!r}")
+    chosen = SWEEPS[method]
     A = finite_square_matrix("A", A, "csr")
     n = A.shape[0]
     given = checked_parameters(A, method, Parameters(alpha, beta, omega, shift))

@@ -1,21 +1,19 @@
 """LCPs with matrices that are neither P nor semidefinite: games, friction, circuits.
 
-`solve_general` tries methods in the order of `order`; `solve_lemke` is one by name.
+`namlcp.lcp.methods` tries them in its order; `solve_lemke` is one by name.
 
 | module | content |
 |---|---|
-| `order` | the methods in their order |
 | `search` | the problem, limits and best point, which the methods share |
 | `tableau` | a dense tableau, and complementary pivoting in lexicographic order |
 | `plain` | the plain form of an LCP with bounds, for the tableau |
 | `lemke` | Lemke's method |
 | `games` | the method of Lemke and Howson for bimatrix games |
 | `enumeration` | tiny problems: all complementary cones |
-| `pairs` | complementary pairs of gaps and multipliers, for the paths |
 | `cones/` | factors for contact with friction, its cones eliminated first |
 | `mehrotra` | an infeasible interior path |
 | `arc` | Lemke's homotopy as a smooth curve |
 | `finish` | the exact solution near an interior point |
 | `proximal` | the same where A is symmetric and the face hard to tell |
-| `farkas`, `homogeneous` | proofs that there is no solution, by an interior path |
+| `homogeneous` | proofs that there is no solution, by an interior path |
 """

@@ -21,9 +21,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from namlcp.lcp.distances import Distances
+from namlcp.lcp.distances import Distances, Pairs
 from namlcp.lcp.general.cones.condensed import AnyFactors, Condensed, Systems
-from namlcp.lcp.general.pairs import Pairs
 
 SHIFT = 1e-12
 """Added to the unit diagonal, so that a singular matrix can be factored."""

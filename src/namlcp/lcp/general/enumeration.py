@@ -23,20 +23,18 @@ from namlcp.status import Status
 LARGEST_ENUMERATION = 12
 """Largest order: its 4096 cones take some hundredths of a second."""
 
+ENUMERATED = "no complementary cone contains q: all were enumerated"
+"""Message of a proof."""
+
 OUTSIDE = 1e-9
 """Distance of q from a cone, relative to |q|, that rounding cannot explain."""
 
 
-def solve_by_enumeration(
-    lcp: LCP, z0: np.ndarray | None, limits: Limits
-) -> Outcome | None:
+def solve_by_enumeration(lcp: LCP, limits: Limits) -> Outcome | None:
     """Return a solution, or UNSOLVABLE if q is clearly outside every cone, else None.
 
-    None, too, if the plain form is of a larger order. The method has no use for z0. Its
-    iterations are the cones.
+    None, too, if the plain form is of a larger order. Iterations are the cones.
     """
-    if lcp.q.size > LARGEST_ENUMERATION:
-        return None
     try:
         plain = Plain(lcp)
     except np.linalg.LinAlgError:
@@ -66,7 +64,8 @@ def solve_by_enumeration(
     if nearest <= OUTSIDE * size:
         return None
     z = lcp.start(plain.point(best))
-    return lcp.outcome(Status.UNSOLVABLE, z, lcp.w(z), 2**m, "enumeration")
+    w = lcp.w(z)
+    return lcp.outcome(Status.UNSOLVABLE, z, w, 2**m, "enumeration", ENUMERATED)
 
 
 def least_distances(cones: np.ndarray, q: np.ndarray) -> np.ndarray:

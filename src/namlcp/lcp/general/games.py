@@ -62,10 +62,10 @@ def game_of(lcp: LCP) -> Game | None:
     return Game((first, second), A / -q[:, None])
 
 
-def solve_game(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome | None:
+def solve_game(lcp: LCP, limits: Limits) -> Outcome | None:
     """Return an equilibrium, None if the LCP is no game or no path came to its end.
 
-    limits.max_iter counts the pivots of all paths. The method has no use for z0.
+    limits.max_iter counts the pivots of all paths.
     """
     game = game_of(lcp)
     if game is None:
@@ -112,7 +112,7 @@ def equilibrium(game: Game, tableau: Tableau) -> np.ndarray:
     """Return z of the final basis, computed anew: free of the pivots' rounding."""
     n = tableau.basic.size
     z = tableau.values()[n : 2 * n]
-    face = np.flatnonzero(tableau.place[n : 2 * n] >= 0)
+    face = np.flatnonzero(tableau.position[n : 2 * n] >= 0)
     try:
         z[face] = np.linalg.solve(game.cost[np.ix_(face, face)], np.ones(face.size))
     except np.linalg.LinAlgError:  # rounding: the basis is singular

@@ -21,10 +21,11 @@ from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy import sparse
 
-from namlcp.lcp.distances import Distances
-from namlcp.lcp.scaling import equilibrating_scale
-from namlcp.lcp.shifted import System
+from namlcp.lcp.data import LCP
+from namlcp.lcp.distances import Distances, equilibrating_scale
+from namlcp.lcp.shifted import Quasidefinite, System
 
 MAX_STEPS = 50
 """Steps at most."""
@@ -37,6 +38,13 @@ STEP_PART = 0.995
 
 EQUILIBRATED_SHIFT = 1e-13
 """Added to the diagonal of the equilibrated matrix, so that it can be factored."""
+
+CLEAR, CLEARER = 1e3, 10.0
+"""A proof is sought once kappa / tau of the path exceeds CLEAR, and again whenever it
+has grown by the factor CLEARER."""
+
+FEASIBLE = 1e-6
+"""kappa / tau of the path below which the program counts as feasible."""
 
 
 class Embedded(NamedTuple):
@@ -57,7 +65,7 @@ def ray_of(model: Distances, x: Embedded) -> np.ndarray:
     """Return p / kappa, 0 where complementarity demands it, for the box LCP."""
     z, over = np.zeros(model.base.size), model.unit / x.kappa[0]
     positive = np.where(model.signed, x.p > x.s, ~model.boxed)
-    z[model.kept] = over * model.scale * np.where(positive, x.p, 0.0)
+    z[model.unfixed] = over * model.scale * np.where(positive, x.p, 0.0)
     return z
 
 
@@ -150,3 +158,43 @@ def longest(x: Embedded, dx: Embedded, inside: tuple[np.ndarray, ...]) -> float:
         falls = signed & (dv < 0.0)
         step = min(step, float((-v[falls] / dv[falls]).min(initial=np.inf)))
     return step
+
+
+def farkas(lcp: LCP) -> Iterator[np.ndarray]:
+    """Yield directions v (n,) that may prove that no w has the signs it must have.
+
+    These are w >= 0 where z has only a lower bound, w <= 0 where it has only an upper
+    one, w = 0 where it has none. That a z in the box has such a w = A z + q is a linear
+    program without an objective. Its optimality conditions are a box LCP with a
+    skew-symmetric matrix,
+
+        [ 0  -A_R' ] [ z ]   [  0  ]
+        [ A_R  0   ] [ v ] + [ q_R ],
+
+    with v signed as w is, R the rows in question; it is monotone for every A, and the
+    path finds a solution, or a ray with its v in the sense of `rays.proof` (Farkas'
+    lemma). v is 0 while there is none.
+
+    There is one factorisation from each to the next. The last one comes where the
+    linear program is feasible.
+    """
+    low, high = np.isfinite(lcp.lower), np.isfinite(lcp.upper)
+    rows = np.flatnonzero(~(low & high))
+    n = lcp.q.size
+    B = sparse.csr_array(lcp.A)[rows]
+    matrix = sparse.block_array([[None, -B.T], [B, None]], format="csc")
+    lower = np.append(lcp.lower, np.where(low, 0.0, -np.inf)[rows])
+    upper = np.append(lcp.upper, np.where(high, 0.0, np.inf)[rows])
+    q = np.concatenate((np.zeros(n), lcp.q[rows]))
+
+    def system(model: Distances) -> Quasidefinite:
+        return Quasidefinite(model.M, np.where(model.unfixed < n, 1.0, -1.0))
+
+    clear = CLEAR
+    for ratio, ray in homogeneous_path(matrix, q, lower, upper, system):
+        if ratio < FEASIBLE:
+            return
+        v = np.zeros(n)
+        if ratio > clear:
+            v[rows], clear = ray[n:], CLEARER * ratio
+        yield v

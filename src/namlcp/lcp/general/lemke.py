@@ -20,11 +20,12 @@ Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 4.4.
 
 import math
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
 from namlcp.lcp.criterion import Criterion
-from namlcp.lcp.data import LCP
+from namlcp.lcp.data import LCP, diagonal_of
 from namlcp.lcp.general.plain import Plain
 from namlcp.lcp.general.tableau import DONE, MORE, Tableau, exchange, pivot_until
 from namlcp.lcp.pivoting.driver import UNSEEN
@@ -47,10 +48,8 @@ SEED = 0
 """Of the third covering vector."""
 
 
-def solve_lemke(
-    lcp: LCP, z0: np.ndarray | None, limits: Limits, cover: np.ndarray
-) -> Outcome:
-    """Follow the path of one covering vector (n,); the method has no use for z0.
+def solve_lemke(lcp: LCP, z0: None, limits: Limits, cover: Any = None) -> Outcome:
+    """Follow the path of one covering vector, the user's.
 
     limits.max_iter counts pivots. Raises ValueError if A is too large, or singular in
     the rows and columns of the unknowns without bounds.
@@ -61,6 +60,7 @@ def solve_lemke(
             f"A must have an order of at most {LARGEST_TABLEAU} for method 'lemke', "
             f"which is dense, got {n}"
         )
+    cover = diagonal_of("cover", cover, n, np.ones(n), positive=True)
     try:
         plain = Plain(lcp)
     except np.linalg.LinAlgError:
@@ -72,14 +72,9 @@ def solve_lemke(
     return follow(lcp, plain, plain.cover(cover), limits, (0, most))
 
 
-def solve_by_lemke(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome | None:
-    """Follow the paths of three covering vectors; None if none of them decides.
-
-    The method has no use for z0.
-    """
+def solve_by_lemke(lcp: LCP, limits: Limits) -> Outcome | None:
+    """Follow the paths of three covering vectors; None if none of them decides."""
     n, done = lcp.q.size, 0
-    if n > LARGEST_TABLEAU:
-        return None
     try:
         plain = Plain(lcp)
     except np.linalg.LinAlgError:
@@ -156,7 +151,7 @@ def best_point(lcp: LCP, plain: Plain, tableau: Tableau) -> np.ndarray:
     m = plain.r.size
     p = tableau.values()[m : 2 * m]
     points = [lcp.start(plain.point(p))]
-    face = np.flatnonzero((tableau.place >= 0)[m : 2 * m])
+    face = np.flatnonzero((tableau.position >= 0)[m : 2 * m])
     try:
         p = np.zeros(m)
         p[face] = np.linalg.solve(plain.M[np.ix_(face, face)], -plain.r[face])

@@ -14,9 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from namlcp.lcp.distances import Distances
-from namlcp.lcp.general.pairs import Pairs
-from namlcp.lcp.shifted import Solver, System
+from namlcp.lcp.distances import Distances, Pairs
+from namlcp.lcp.shifted import System
 
 SHIFT = 1e-11
 """Added to the unit diagonal, so that a singular matrix can be factored."""
@@ -46,34 +45,6 @@ class Point(NamedTuple):
     m: np.ndarray
 
 
-class Newton:
-    """Newton's equations at a point for F = total(m) and products of our choice."""
-
-    def __init__(self, pairs: Pairs, at: Point, excess: np.ndarray, factors: Solver):
-        """`excess` is F - total(m), `factors` are those of M + diag(m / gaps)."""
-        self.pairs, self.at, self.excess, self.factors = pairs, at, excess, factors
-
-    def direction(self, change: np.ndarray) -> Point:
-        """Return the direction that changes the products g_k m_k by `change`."""
-        _, gaps, m = self.at
-        wish = change / gaps
-        dp = self.factors.solve(self.pairs.total(wish) - self.excess)
-        dgaps = self.pairs.of(dp)
-        return Point(dp, dgaps, wish - m / gaps * dgaps)
-
-    def predicted(self) -> np.ndarray:
-        """Return the changes of the products to aim at, by Mehrotra's predictor."""
-        _, gaps, m = self.at
-        products = gaps * m
-        mu = float(products.mean()) if products.size else 0.0
-        d = self.direction(-products)
-        step = longest(self.at, d)
-        left = float((gaps + step * d.gaps) @ (m + step * d.m)) / max(m.size, 1)
-        sigma = (left / mu) ** 3 if mu > 0.0 else 0.0
-        aim = min(max(sigma, LEAST_CENTRING), MOST_CENTRING) * mu
-        return aim - np.clip(d.gaps * d.m, -mu, mu) - products
-
-
 def mehrotra(model: Distances, system: System) -> Iterator[np.ndarray]:
     """Yield the points p of the path, one factorisation from one to the next."""
     pairs = Pairs(model)
@@ -91,8 +62,14 @@ def mehrotra(model: Distances, system: System) -> Iterator[np.ndarray]:
         factors = system.factors(pairs.gathered(at.m / at.gaps) + SHIFT)
         if factors is None:
             return
-        newton = Newton(pairs, at, excess, factors)
-        d = newton.direction(newton.predicted())
+        change = -at.gaps * at.m  # of the products: first to 0, then as predicted
+        for is_predictor in (True, False):
+            wish = change / at.gaps
+            dp = factors.solve(pairs.total(wish) - excess)
+            dgaps = pairs.of(dp)
+            d = Point(dp, dgaps, wish - at.m / at.gaps * dgaps)
+            if is_predictor:
+                change = corrected(at, d)
         step = STEP_PART * longest(at, d)
         jams = jams + 1 if step < JAM else 0
         if jams == JAMS or not math.isfinite(step):
@@ -101,10 +78,18 @@ def mehrotra(model: Distances, system: System) -> Iterator[np.ndarray]:
     yield at.p
 
 
+def corrected(at: Point, d: Point) -> np.ndarray:
+    """Return the changes of the products to aim at, d being Mehrotra's predictor."""
+    products = at.gaps * at.m
+    mu = float(products.mean()) if products.size else 0.0
+    step = longest(at, d)
+    left = float((at.gaps + step * d.gaps) @ (at.m + step * d.m)) / max(at.m.size, 1)
+    sigma = (left / mu) ** 3 if mu > 0.0 else 0.0
+    aim = min(max(sigma, LEAST_CENTRING), MOST_CENTRING) * mu
+    return aim - np.clip(d.gaps * d.m, -mu, mu) - products
+
+
 def longest(at: Point, d: Point) -> float:
     """Return the largest step up to 1 that keeps gaps and multipliers >= 0."""
-    fall = max(
-        float((-d.gaps / at.gaps).max(initial=0.0)),
-        float((-d.m / at.m).max(initial=0.0)),
-    )
-    return 1.0 if fall <= 1.0 else 1.0 / fall
+    fall = max((-dx / x).max(initial=0.0) for x, dx in zip(at[1:], d[1:], strict=True))
+    return 1.0 if fall <= 1.0 else 1.0 / float(fall)

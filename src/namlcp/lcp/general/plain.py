@@ -17,12 +17,10 @@ from namlcp.lcp.data import LCP
 
 
 def dense(A: Any) -> np.ndarray:
-    """Return A, as an array if it is sparse."""
     return A.toarray() if sparse.issparse(A) else A
 
 
 def is_plain(lcp: LCP) -> bool:
-    """Tell whether all bounds are 0 and infinity."""
     return not lcp.lower.any() and bool(np.all(lcp.upper == np.inf))
 
 

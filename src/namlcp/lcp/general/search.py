@@ -5,7 +5,7 @@ them: it counts, looks at the clock, and judges points on the caller's data.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import cached_property
 
 import numpy as np
@@ -13,12 +13,11 @@ from scipy import sparse
 
 from namlcp.lcp.criterion import Criterion, is_solved_by_zero
 from namlcp.lcp.data import LCP
-from namlcp.lcp.distances import Distances
+from namlcp.lcp.distances import Distances, unit_diagonal_scale
 from namlcp.lcp.general.cones.condensed import system_of
 from namlcp.lcp.general.finish import finish
 from namlcp.lcp.general.proximal import proximal_steps
 from namlcp.lcp.pivoting.rays import proof
-from namlcp.lcp.scaling import unit_diagonal_scale
 from namlcp.lcp.shifted import Quasidefinite, System
 from namlcp.limits import Limits
 from namlcp.outcome import Outcome
@@ -82,7 +81,6 @@ class Search:
             self.solved = self.criterion.met(plain, scaled)
 
     def report(self) -> None:
-        """Report factorisations, Res of the best z, and its unknowns at bounds."""
         if self.limits.report is not None:
             residual = self.lcp.residual(self.z, self.w)
             self.limits.report(self.count, residual, self.lcp.active(self.z))
@@ -137,11 +135,12 @@ class Search:
             if self.over():
                 break
 
-    def decided(self, outcome: Outcome | None) -> Outcome | None:
+    def decided(self, solve: Callable[[LCP, Limits], Outcome | None]) -> Outcome | None:
         """Return the outcome of another method if it ends the search, else keep z.
 
         A solution that is not exact is the start of a search for one.
         """
+        outcome = solve(self.lcp, self.limits)
         if outcome is None or outcome.status is Status.UNSOLVABLE:
             return outcome
         self.offer(outcome.point.z, outcome.method)
@@ -161,7 +160,6 @@ class Search:
         return self.outcome()._replace(status=Status.UNSOLVABLE, ray=ray)
 
     def clipped(self, p: np.ndarray) -> np.ndarray:
-        """Return z for p, within the bounds."""
         z = self.model.z(p)
         return np.clip(z, self.lcp.lower, self.lcp.upper, out=z)
 

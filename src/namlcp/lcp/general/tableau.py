@@ -34,36 +34,36 @@ class Tableau(NamedTuple):
     """The tableau x_B = b + T x_N.
 
     rows: [b, T], (n, 1 + m). basic (n,), nonbasic (1 + m,): names of the variables that
-    the rows and columns stand for; nonbasic[0] has no meaning. place (2n + 1,): of each
-    variable its row, or -1 minus its column.
+    the rows and columns stand for; nonbasic[0] has no meaning. position (2n + 1,): of
+    each variable its row, or -1 minus its column.
     """
 
     rows: np.ndarray
     basic: np.ndarray
     nonbasic: np.ndarray
-    place: np.ndarray
+    position: np.ndarray
 
     @classmethod
     def of(cls, A: np.ndarray, q: np.ndarray, *d: np.ndarray) -> "Tableau":
         """Return the tableau of w = A z + q + z_0 d, or without z_0 if d is absent."""
         n = q.size
         rows = np.column_stack((q, A, *d))
-        place = np.empty(2 * n + 1, dtype=np.int64)
-        place[:n] = np.arange(n)
-        place[n:] = -2 - np.arange(n + 1)
+        position = np.empty(2 * n + 1, dtype=np.int64)
+        position[:n] = np.arange(n)
+        position[n:] = -2 - np.arange(n + 1)
         nonbasic = np.arange(n - 1, n + rows.shape[1] - 1)
-        return cls(rows, np.arange(n), nonbasic, place)
+        return cls(rows, np.arange(n), nonbasic, position)
 
     def values(self) -> np.ndarray:
         """Return the (2n + 1,) values of all variables, where the nonbasic are 0."""
-        x = np.zeros(self.place.size)
+        x = np.zeros(self.position.size)
         x[self.basic] = self.rows[:, 0]
         return x
 
     def direction(self, name: int) -> np.ndarray:
         """Return how all variables change where the nonbasic `name` grows."""
-        x = np.zeros(self.place.size)
-        x[self.basic] = self.rows[:, -1 - self.place[name]]
+        x = np.zeros(self.position.size)
+        x[self.basic] = self.rows[:, -1 - self.position[name]]
         x[name] = 1.0
         return x
 
@@ -71,7 +71,7 @@ class Tableau(NamedTuple):
 @kernel(error_model="numpy")
 def exchange(tableau, row, column):
     """Make the variable of a column basic in place of that of a row."""
-    rows, basic, nonbasic, place = tableau
+    rows, basic, nonbasic, position = tableau
     pivot_row = rows[row]
     inverse = 1.0 / pivot_row[column]
     for j in range(pivot_row.size):
@@ -86,16 +86,16 @@ def exchange(tableau, row, column):
                 other[j] += factor * pivot_row[j]
     leaves, enters = basic[row], nonbasic[column]
     basic[row], nonbasic[column] = enters, leaves
-    place[leaves], place[enters] = -1 - column, row
+    position[leaves], position[enters] = -1 - column, row
 
 
 @part
 def inverse_entry(tableau, row, j):
     """Return the entry of B^-1 in a row and the column of w_j."""
-    place = tableau.place[j]
-    if place < 0:
-        return -tableau.rows[row, -1 - place]
-    return 1.0 if place == row else 0.0
+    position = tableau.position[j]
+    if position < 0:
+        return -tableau.rows[row, -1 - position]
+    return 1.0 if position == row else 0.0
 
 
 @part
@@ -136,7 +136,7 @@ def leaving_row(tableau, column, last):
             if first < 0 or comes_before(tableau, i, first, column):
                 first = i
     for name in last:
-        i = tableau.place[name]
+        i = tableau.position[name]
         if i >= 0 and rows[i, column] < -LEAST_PIVOT * largest:
             ratio = rows[first, 0] / rows[first, column]
             if order(rows[i, 0] / rows[i, column], ratio) == 0:
@@ -153,7 +153,7 @@ def pivot_until(tableau, entering, last, most):
     """
     n = tableau.basic.size
     for count in range(most):
-        column = -1 - tableau.place[entering]
+        column = -1 - tableau.position[entering]
         row = leaving_row(tableau, column, last)
         if row < 0:
             return RAY, entering, count

@@ -49,19 +49,17 @@ import numpy as np
 import scipy.sparse as sp
 from scipy.linalg import eigh_tridiagonal
 
-from namlcp.lcp.data import LCP
-from namlcp.lcp.modulus.factored import factored_step
+from namlcp.lcp.data import LCP, diagonal_of
 from namlcp.lcp.modulus.kernels import Z
 from namlcp.lcp.modulus.methods import (
-    METHODS,
-    Method,
+    SWEEPS,
     Parameters,
+    Sweep,
     checked_parameters,
     positive_diagonal,
-    spread,
 )
-from namlcp.lcp.modulus.triangular import Step, TriangularStep
-from namlcp.linalg.definite import is_symmetric
+from namlcp.lcp.modulus.steps import Step, TriangularStep, factored_step
+from namlcp.lcp.prepared import Prepared
 
 # c >= LEAST_C G sqrt(f) / (p - c), f the geometric mean of b - 2 for the free rows and
 # for the whole matrix. c is at least SMALL_C: with less, s hardly changes at a bound.
@@ -105,22 +103,28 @@ class AdaptiveStep(Step):
     solution remains a fixed point. `step` is None if the first factorisation fails.
     """
 
-    def __init__(self, lcp: LCP, method: str, given: Parameters):
+    def __init__(self, lcp: LCP, method: str, parameters: Parameters):
         """Check the other parameters."""
-        chosen = METHODS[method]
+        chosen = SWEEPS[method]
         names = ("alpha", "omega")
-        free = {name: None for name in names if isinstance(getattr(given, name), str)}
+        free = {
+            name: None for name in names if isinstance(getattr(parameters, name), str)
+        }
         if chosen.factored:
             D = positive_diagonal(lcp.A, method)
-            shift = spread("shift", given.shift, D.size, D) if chosen.own else None
-            fixed = given._replace(shift=shift)
+            shift = (
+                diagonal_of("shift", parameters.shift, D.size, D)
+                if chosen.own
+                else None
+            )
+            fixed = parameters._replace(shift=shift)
         else:
-            checked = checked_parameters(lcp.A, method, given._replace(**free))
-            fixed = given._replace(shift=checked.shift)
-            if given.omega is not None and "omega" not in free:
+            checked = checked_parameters(lcp.A, method, parameters._replace(**free))
+            fixed = parameters._replace(shift=checked.shift)
+            if parameters.omega is not None and "omega" not in free:
                 fixed = fixed._replace(omega=checked.omega)
         self.lcp, self.fixed = lcp, fixed
-        self.choice = Choice(lcp.A, chosen, fixed)
+        self.choice = Choice(lcp.matrix, chosen, fixed)
         self.alpha, self.omega = self.choice.parameters()
         self.step: Any = self.build(self.alpha, self.omega)
         self.k = self.retries = 0
@@ -187,14 +191,14 @@ class Spectrum:
     whole matrix, 0 before the first estimate. products: products with A so far.
     """
 
-    def __init__(self, A: Any, D: np.ndarray):
-        self.C = symmetric_form(A)
-        self.root = np.sqrt(D)
+    def __init__(self, matrix: Prepared):
+        self.symmetric = matrix.symmetric
+        self.C = matrix.A if self.symmetric else symmetric_form(matrix.A)
+        self.root = matrix.root
         rows = (abs(self.C) @ (1.0 / self.root)) / self.root - 1.0
         self.row_sum = float(np.max(rows, initial=0.0))
         self.low = max(1.0 - self.row_sum, FIRST_LEAST)
         self.high = 1.0 + self.row_sum
-        self.symmetric = self.C is A
         self.above = 0.0
         self.products = 0
         self.free = np.empty(0, dtype=bool)
@@ -250,9 +254,7 @@ class Spectrum:
 
 
 def symmetric_form(A: Any) -> Any:
-    """Return A if it is symmetric, else +-sqrt(a_ij a_ji), 0 where signs differ."""
-    if is_symmetric(A):
-        return A
+    """Return +-sqrt(a_ij a_ji), 0 where signs differ."""
     if isinstance(A, np.ndarray):
         root = np.sign(A) * np.sqrt(np.abs(A))
         return np.sign(A) * np.maximum(root * root.T, 0.0)
@@ -264,24 +266,23 @@ def symmetric_form(A: Any) -> Any:
 
 
 def mean(x: np.ndarray) -> float:
-    """Return the mean, 0 of nothing."""
     return float(np.sum(x)) / max(x.size, 1)
 
 
 class Choice:
     """The choice of alpha and Omega of a sweep method during its run.
 
-    A has a positive diagonal; `given` has checked arrays, and alpha or omega is "auto".
+    A has a positive diagonal; `parameters` are checked arrays, alpha or omega "auto".
     """
 
-    def __init__(self, A: Any, method: Method, given: Parameters):
-        alpha, beta, omega, shift = given
-        self.D = np.array(A.diagonal())
+    def __init__(self, matrix: Prepared, method: Sweep, parameters: Parameters):
+        alpha, beta, omega, shift = parameters
+        self.D = matrix.diagonal
         self.method = method
-        self.given = alpha, omega
+        self.asked = alpha, omega
         self.beta: Any = method.beta if beta is None else beta
         self.e = 0.0 if shift is None else mean(shift / self.D)
-        self.spectrum = Spectrum(A, self.D)
+        self.spectrum = Spectrum(matrix)
         self.all_free = False
         self.scale = 1.0  # factor of P and of the least c
         self.shrink = SHRINK
@@ -330,7 +331,7 @@ class Choice:
 
     def parameters(self) -> tuple[float, np.ndarray]:
         """Return alpha and the diagonal of Omega."""
-        alpha, omega = self.given
+        alpha, omega = self.asked
         if self.method.factored:
             c = self.factored_omega()
             if alpha == "auto":  # Omega = alpha I

@@ -62,13 +62,13 @@ def sweep_csr(indptr, indices, data, vectors, G, H, old, new):
         zi = z[i]
         si = s[i]
         r = q[i]  # becomes (A z + q)_i
-        known = 0.0  # sum a_ij change_j over L without the row above
+        earlier = 0.0  # sum a_ij change_j over L without the row above
         neighbour = 0.0  # a_{i, i-1}
         j = np.int64(indices[k])
         while j < above:
             a = data[k]
             r += a * z[np.uintp(j)]
-            known += a * change[np.uintp(j)]
+            earlier += a * change[np.uintp(j)]
             k += ONE
             j = np.int64(indices[k])
         if j == above:
@@ -79,7 +79,7 @@ def sweep_csr(indptr, indices, data, vectors, G, H, old, new):
         x = clip(zi - r, l, u)
         total += (zi - x) * (zi - x)
         inv = inverse[i]
-        ds = (2.0 * (omega[i] * (zi - si) - r) - known) * inv
+        ds = (2.0 * (omega[i] * (zi - si) - r) - earlier) * inv
         x = (si + ds) - (neighbour * inv) * last
         s_next[i] = x
         y = clip(x, l, u)
@@ -105,8 +105,8 @@ def sweep_dense(A, vectors, G, H, old, new):
         r = q[i] + np.dot(A[i], z)
         x = clip(zi - r, l, u)
         total += (zi - x) * (zi - x)
-        known = np.dot(A[i, :i], change[:i])
-        ds = (2.0 * (omega[i] * (zi - s[i]) - r) - known) * inverse[i]
+        earlier = np.dot(A[i, :i], change[:i])
+        ds = (2.0 * (omega[i] * (zi - s[i]) - r) - earlier) * inverse[i]
         x = s[i] + ds
         s_next[i] = x
         z_next[i] = clip(x, l, u)

@@ -9,11 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from namlcp.checks import refuse_number
-from namlcp.lcp.data import spread_number
+from namlcp.lcp.data import diagonal_of
 
 
-class Method(NamedTuple):
+class Sweep(NamedTuple):
     """A sweep method.
 
     `takes`: its parameters among alpha, beta, omega, shift. `beta`: its beta if that is
@@ -21,6 +20,7 @@ class Method(NamedTuple):
     Factored methods have M = A, the others a triangular M.
     """
 
+    doc: str
     takes: tuple[str, ...]
     own: float = 0.0
     reflected: float = 0.0
@@ -28,32 +28,28 @@ class Method(NamedTuple):
     factored: bool = False
 
 
-METHODS = {
+SWEEPS = {
     # Bai's splittings, the paper's equation (2), and the accelerated form of the paper,
     # Method 3.1 or equation (4): its variants 3, 4, 5 and 6.
-    "mgs": Method(("omega",)),
-    "msor": Method(("alpha", "omega")),
-    "maor": Method(("alpha", "beta", "omega")),
-    "namj": Method(("omega", "shift"), own=1.0, beta=0.0),
-    "namgs": Method(("omega", "shift"), own=1.0),
-    "namsor": Method(("alpha", "omega", "shift"), own=1.0),
-    "namaor": Method(("alpha", "beta", "omega", "shift"), own=1.0),
+    "mgs": Sweep("modulus Gauss-Seidel", ("omega",)),
+    "msor": Sweep("modulus SOR", ("alpha", "omega")),
+    "maor": Sweep("modulus AOR", ("alpha", "beta", "omega")),
+    "namj": Sweep("the paper's Jacobi", ("omega", "shift"), 1.0, beta=0.0),
+    "namgs": Sweep("the paper's Gauss-Seidel", ("omega", "shift"), 1.0),
+    "namsor": Sweep("the paper's SOR", ("alpha", "omega", "shift"), 1.0),
+    "namaor": Sweep("the paper's AOR", ("alpha", "beta", "omega", "shift"), 1.0),
     # Zheng and Yin's, and those with Omega = D/alpha, which are projected SOR.
-    "amgs": Method(("omega",), own=-1.0, reflected=2.0),
-    "amsor": Method(("alpha", "omega"), own=-1.0, reflected=2.0),
-    "pgs": Method((), own=-1.0, reflected=2.0),
-    "psor": Method(("alpha",), own=-1.0, reflected=2.0),
+    "amgs": Sweep("accelerated modulus Gauss-Seidel", ("omega",), -1.0, 2.0),
+    "amsor": Sweep("accelerated modulus SOR", ("alpha", "omega"), -1.0, 2.0),
+    "pgs": Sweep("projected Gauss-Seidel", (), -1.0, 2.0),
+    "psor": Sweep("projected SOR", ("alpha",), -1.0, 2.0),
     # Bai's with M = A, and the variants 1 and 2 of Method 3.1.
-    "modulus": Method(("omega",), factored=True),
-    "nam": Method(("omega", "shift"), own=1.0, factored=True),
-    "modified-nam": Method(("alpha", "omega", "shift"), own=1.0, factored=True),
+    "modulus": Sweep("modulus with M = A", ("omega",), factored=True),
+    "nam": Sweep("the paper's variant 1", ("omega", "shift"), 1.0, factored=True),
+    "modified-nam": Sweep(
+        "the paper's variant 2", ("alpha", "omega", "shift"), 1.0, factored=True
+    ),
 }
-
-
-SOLVERS = {"auto": Method(()), "multigrid": Method(()), "lemke": Method(("cover",))}
-"""Methods of `solve_lcp` that are not sweep methods."""
-
-KNOWN = SOLVERS | METHODS
 
 
 class Parameters(NamedTuple):
@@ -79,33 +75,11 @@ class Parameters(NamedTuple):
     omega: Any = None
     shift: Any = None
 
-    def beta_for(self, chosen: Method, alpha: float) -> float:
+    def beta_for(self, chosen: Sweep, alpha: float) -> float:
         """Return beta: the user's, else the method's, else alpha."""
         if self.beta is not None:
             return self.beta
         return alpha if chosen.beta is None else chosen.beta
-
-
-def find_method(method: str, **given: Any) -> Method:
-    """Return a method; raise if it is unknown or lacks a parameter that is given."""
-    if not isinstance(method, str):
-        raise TypeError(f"method must be a string, got {method!r}")
-    if method not in KNOWN:
-        raise ValueError(f"method must be one of {list(KNOWN)}, got {method!r}")
-    chosen = KNOWN[method]
-    for name, value in given.items():
-        if value is not None and name not in chosen.takes:
-            takers = [key for key, other in KNOWN.items() if name in other.takes]
-            raise ValueError(
-                f"{name} is not a parameter of method {method!r}, "
-                f"only of {', '.join(takers)}"
-            )
-    both = given.get("alpha") is not None and given.get("omega") is not None
-    if chosen.factored and both:
-        raise ValueError(
-            f"method {method!r} has Omega = alpha I: give alpha or omega, not both"
-        )
-    return chosen
 
 
 def positive_diagonal(A: Any, method: str) -> np.ndarray:
@@ -132,64 +106,53 @@ def number(name: str, value: object, interval: str) -> float:
     return x
 
 
-def spread(
-    name: str, value: Any, n: int, default: np.ndarray, positive: bool = False
-) -> np.ndarray:
-    """Return a checked (n,) diagonal from an array, a number or None (the default)."""
-    if value is None:
-        return default
-    diagonal = spread_number(name, value, n)
-    refuse_number(name, diagonal, False)
-    wrong = np.flatnonzero(diagonal <= 0.0 if positive else diagonal < 0.0)
-    if wrong.size:
-        i = wrong[0]
-        wanted = "be positive" if positive else "not be negative"
-        raise ValueError(f"{name} must {wanted}, got {diagonal[i]:g} at ({i})")
-    return diagonal
-
-
-def is_adaptive(method: str, given: Parameters) -> bool:
+def is_adaptive(method: str, parameters: Parameters) -> bool:
     """Tell whether alpha or omega is "auto"; raise if either is another string."""
     interval = "(0, inf)" if method == "modified-nam" else "(0, 2)"
     wanted = {
         "omega": "a positive number, an array",
         "alpha": f"a number in {interval}",
     }
-    texts = [name for name in wanted if isinstance(getattr(given, name), str)]
+    texts = [name for name in wanted if isinstance(getattr(parameters, name), str)]
     for name in texts:
-        if getattr(given, name) != "auto":
-            value = getattr(given, name)
+        if getattr(parameters, name) != "auto":
+            value = getattr(parameters, name)
             raise TypeError(f"{name} must be {wanted[name]} or 'auto', got {value!r}")
     return bool(texts)
 
 
-def checked_parameters(A: Any, method: str, given: Parameters) -> Parameters:
+def checked_parameters(A: Any, method: str, parameters: Parameters) -> Parameters:
     """Return the parameters checked, with defaults; the diagonals are arrays.
 
     shift = None: the method has no E.
     """
-    chosen = METHODS[method]
+    chosen = SWEEPS[method]
     n = A.shape[0]
     if chosen.factored:
-        omega = factored_omega(A, method, given)
-        shift = spread("shift", given.shift, n, np.ones(n)) if chosen.own else None
+        if parameters.alpha is not None:
+            omega = np.full(n, number("alpha", parameters.alpha, "(0, inf)"))
+        elif parameters.omega is None and method == "modulus":
+            omega = positive_diagonal(A, method)
+        else:
+            omega = diagonal_of("omega", parameters.omega, n, np.ones(n), positive=True)
+        shift = (
+            diagonal_of("shift", parameters.shift, n, np.ones(n))
+            if chosen.own
+            else None
+        )
         return Parameters(1.0, math.nan, omega, shift)
-    alpha = 1.0 if given.alpha is None else number("alpha", given.alpha, "(0, 2)")
-    if given.beta is not None:
-        given = given._replace(beta=number("beta", given.beta, "[0, 2)"))
-    beta = given.beta_for(chosen, alpha)
+    alpha = (
+        1.0 if parameters.alpha is None else number("alpha", parameters.alpha, "(0, 2)")
+    )
+    if parameters.beta is not None:
+        parameters = parameters._replace(beta=number("beta", parameters.beta, "[0, 2)"))
+    beta = parameters.beta_for(chosen, alpha)
     D = positive_diagonal(A, method)
     default = D / alpha if chosen.reflected else D / (2.0 * alpha * alpha)
-    omega = spread("omega", given.omega, n, default, positive=True)
-    shift = spread("shift", given.shift, n, D) if "shift" in chosen.takes else None
+    omega = diagonal_of("omega", parameters.omega, n, default, positive=True)
+    shift = (
+        diagonal_of("shift", parameters.shift, n, D)
+        if "shift" in chosen.takes
+        else None
+    )
     return Parameters(alpha, beta, omega, shift)
-
-
-def factored_omega(A: Any, method: str, given: Parameters) -> np.ndarray:
-    """Return the diagonal of Omega for a factored method."""
-    n = A.shape[0]
-    if given.alpha is not None:
-        return np.full(n, number("alpha", given.alpha, "(0, inf)"))
-    if given.omega is None and method == "modulus":
-        return positive_diagonal(A, method)
-    return spread("omega", given.omega, n, np.ones(n), positive=True)

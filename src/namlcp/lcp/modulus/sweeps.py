@@ -40,15 +40,14 @@ import numpy as np
 from namlcp.checks import finite_vector
 from namlcp.lcp.data import LCP
 from namlcp.lcp.modulus.adaptive import AdaptiveStep
-from namlcp.lcp.modulus.factored import factored_step
 from namlcp.lcp.modulus.kernels import S, Z
 from namlcp.lcp.modulus.methods import (
-    METHODS,
+    SWEEPS,
     Parameters,
     checked_parameters,
     is_adaptive,
 )
-from namlcp.lcp.modulus.triangular import Step, TriangularStep
+from namlcp.lcp.modulus.steps import Step, TriangularStep, factored_step
 from namlcp.limits import Limits
 from namlcp.outcome import Outcome
 from namlcp.status import Status
@@ -58,9 +57,16 @@ MAX_NAMED_SWEEPS = 100_000
 
 
 def sweep(
-    lcp: LCP, method: str, given: Parameters, limits: Limits, s0: Any, z0: Any
+    lcp: LCP,
+    z0: np.ndarray | None,
+    limits: Limits,
+    method: str,
+    s0: Any = None,
+    **parameters: Any,
 ) -> Outcome:
-    """Solve a box LCP by the named method of `METHODS` until Res(z) < eps_abs.
+    """Solve a box LCP by a method of `SWEEPS` until Res(z) < eps_abs.
+
+    parameters: its `Parameters`.
 
     limits.report is called for every iterate. The start is s0, or s = z0 - (A z0 +
     q)/Omega, which is a fixed point if z0 is a solution, or s = clip(0, lower, upper).
@@ -76,7 +82,7 @@ def sweep(
     TypeError, ValueError
         A parameter is not what it must be, or the diagonal of A is not positive.
     """
-    step = step_of(lcp, method, given)
+    step = step_of(lcp, method, Parameters(**parameters))
     with np.errstate(all="ignore"):
         if step is None:
             nan = np.full(lcp.q.size, np.nan)
@@ -91,29 +97,27 @@ def sweep(
         return lcp.outcome(status, z, w, k, method, s=s)
 
 
-def step_of(lcp: LCP, method: str, given: Parameters) -> Step | None:
+def step_of(lcp: LCP, method: str, parameters: Parameters) -> Step | None:
     """Check the parameters; return the step, None if its factorisation fails."""
-    chosen = METHODS[method]
-    if is_adaptive(method, given):
-        adaptive = AdaptiveStep(lcp, method, given)
+    chosen = SWEEPS[method]
+    if is_adaptive(method, parameters):
+        adaptive = AdaptiveStep(lcp, method, parameters)
         return None if adaptive.step is None else adaptive
-    checked = checked_parameters(lcp.A, method, given)
+    checked = checked_parameters(lcp.A, method, parameters)
     if chosen.factored:
         return factored_step(lcp, checked)
     return TriangularStep(lcp, chosen, checked)
 
 
-def first_iterate(lcp: LCP, omega: np.ndarray, s0: Any, z0: Any) -> np.ndarray:
+def first_iterate(
+    lcp: LCP, omega: np.ndarray, s0: Any, z0: np.ndarray | None
+) -> np.ndarray:
     """Return the first s, a new array."""
-    n = lcp.q.size
     if s0 is not None and z0 is not None:
         raise ValueError("s0 and z0 must not both be given: either fixes the start")
     if s0 is not None:
-        return finite_vector("s0", s0, n, "A", lcp.A.shape).copy()
-    if z0 is not None:
-        z = finite_vector("z0", z0, n, "A", lcp.A.shape)
-        return z - lcp.w(z) / omega
-    return lcp.start()
+        return finite_vector("s0", s0, lcp.q.size, "A", lcp.A.shape).copy()
+    return lcp.start() if z0 is None else z0 - lcp.w(z0) / omega
 
 
 def iterate(
@@ -206,5 +210,4 @@ class Watch:
 
 
 def max_norm(x: np.ndarray) -> float:
-    """Return max |x_i|."""
     return float(np.max(np.abs(x), initial=0.0))

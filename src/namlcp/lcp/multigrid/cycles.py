@@ -86,9 +86,9 @@ class LevelLCP(NamedTuple):
     upper: np.ndarray
     scale: np.ndarray
 
-    def clipped(self, z: np.ndarray) -> np.ndarray:
-        """Return the projection of z onto the box."""
-        return np.clip(z, self.lower, self.upper)
+    def start(self) -> np.ndarray:
+        """Return clip(0)."""
+        return np.clip(np.zeros(self.q.size), self.lower, self.upper)
 
 
 class Iterate:
@@ -112,17 +112,9 @@ class Iterate:
         self.update_residuals()
 
     def update_residuals(self) -> None:
-        """Compute the residuals."""
         self.here, self.residual = natural_residuals(self.z, self.w, *self.box[1:])
 
-    @property
-    def active(self) -> int:
-        """Unknowns at a bound."""
-        z, box = self.z, self.box
-        return int(np.count_nonzero((z == box.lower) | (z == box.upper)))
-
     def smooth(self) -> None:
-        """Sweep forward and backward."""
         q, lower, upper, _ = self.box
         for _ in range(SWEEPS):
             relax_csr(*self.A, q, lower, upper, 1.0, self.z)
@@ -159,9 +151,7 @@ class Iterate:
         self.update_residuals()
 
 
-def solve_by_multigrid(
-    lcp: LCP, z0: np.ndarray | None, limits: Limits, criterion: Criterion
-) -> Outcome:
+def solve_by_multigrid(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
     """Solve the box LCP; iterations are cycles on A itself. Raise if A does not suit.
 
     z0 is used if it is close to the solution. With MAX_ITER, TIME_LIMIT and STALLED
@@ -177,7 +167,7 @@ def solve_by_multigrid(
             )
         z = lcp.start(z0)
         return lcp.outcome(Status.TIME_LIMIT, z, lcp.w(z), 0, "multigrid")
-    solver = MultigridSolver(lcp, hierarchy, criterion)
+    solver = MultigridSolver(lcp, hierarchy, Criterion(lcp, limits))
     status = solver.run(z0, limits)
     return lcp.outcome(
         status, *solver.users_point(solver.best), solver.done, "multigrid"
@@ -193,12 +183,10 @@ class MultigridSolver:
     def __init__(self, lcp: LCP, hierarchy: Hierarchy, criterion: Criterion):
         self.lcp, self.hierarchy = lcp, hierarchy
         self.cycle = VCycle(hierarchy.levels, hierarchy.symmetric)
-        _, q, lower, upper = lcp
-        S = hierarchy.scale
-        root = np.sqrt(hierarchy.levels[0].d)
-        self.box = LevelLCP(S * q, lower / S, upper / S, root)
+        S, root = hierarchy.scale, np.sqrt(hierarchy.levels[0].d)
+        self.box = LevelLCP(S * lcp.q, lcp.lower / S, lcp.upper / S, root)
         self.accepts, self.goal = criterion.accepts, criterion.goal
-        self.best = self.box.clipped(np.zeros(q.size))
+        self.best = self.box.start()
         self.least = math.inf
         self.done = 0
         self.warm = False
@@ -247,12 +235,15 @@ class MultigridSolver:
                 iterate.correct(self.goal)
                 solved = self.is_solved(iterate)
             if limits.report is not None:
-                residual = self.lcp.residual(*self.users_point(iterate.z))
-                limits.report(self.done, residual, iterate.active)
+                z, box = iterate.z, self.box
+                active = np.count_nonzero((z == box.lower) | (z == box.upper))
+                residual = self.lcp.residual(*self.users_point(z))
+                limits.report(self.done, residual, active)
             if solved:
                 return Status.SOLVED
             if self.warm and self.done == WARM_CYCLES:
-                self.cycle.release()
+                self.cycle.faces[0].dinv[:] = 1.0 / self.cycle.levels[0].d
+                self.cycle.follow_face(0)
                 iterate = self.nested(0, self.box, deadline)
                 continue
             fruitless = 0 if self.least < least else fruitless + 1
@@ -272,7 +263,7 @@ class MultigridSolver:
         self.note(cold)
         if z0 is not None:
             with np.errstate(over="ignore"):
-                z = self.box.clipped(z0 / self.hierarchy.scale)
+                z = np.clip(z0 / self.hierarchy.scale, *self.box[1:3])
             warm = Iterate(self.cycle, 0, self.box, z)
             self.note(warm)
             if warm.residual <= max(WARM_RESIDUAL * cold.residual, self.goal):
@@ -287,14 +278,14 @@ class MultigridSolver:
 
         On entry no level may be truncated.
         """
-        z = box.clipped(np.zeros(box.q.size))
+        z = box.start()
         if k + 1 < len(self.cycle.levels):
             level = self.cycle.levels[k]
             q, C = np.empty(level.C.size), level.C
             residual_vector(level.R, np.zeros(q.size), box.q, q)
             below = LevelLCP(q, box.lower[C], box.upper[C], np.ones(q.size))
-            cold = below.clipped(np.zeros(q.size))
-            goal = NESTED_GOAL * Iterate(self.cycle, k + 1, below, cold).residual
+            cold = Iterate(self.cycle, k + 1, below, below.start())
+            goal = NESTED_GOAL * cold.residual
             iterate = self.nested(k + 1, below, deadline)
             for _ in range(NESTED_CYCLES):
                 if iterate.residual <= goal or deadline.reached():
@@ -303,5 +294,5 @@ class MultigridSolver:
                 if iterate.residual > goal:
                     iterate.correct(goal)
             residual_vector(level.P, np.zeros(z.size), iterate.z, z)
-            z = box.clipped(z)
+            np.clip(z, box.lower, box.upper, out=z)
         return Iterate(self.cycle, k, box, z)

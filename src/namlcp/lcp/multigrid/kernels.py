@@ -131,7 +131,7 @@ class FaceOnLevel(NamedTuple):
     A: the matrix of the level, truncated by the faces of the finer levels. dinv (n,):
     1 / a_ii on F, 0 elsewhere. touched (n,): rows of A that differ from the matrix of
     the level. dirty (n,): rows that `mark_dirty` marks. b, x (n,): right-hand side and
-    solution of a cycle, for the next finer level. place (n,): work of
+    solution of a cycle, for the next finer level. position (n,): work of
     `truncate_coarse`, empty while A is the matrix of the level itself.
     """
 
@@ -141,7 +141,7 @@ class FaceOnLevel(NamedTuple):
     dirty: np.ndarray
     b: np.ndarray
     x: np.ndarray
-    place: np.ndarray
+    position: np.ndarray
 
 
 @kernel
@@ -174,7 +174,7 @@ def truncate_coarse(face, P, R, C, coarse, d, below):
     """
     A, dinv, dirty = face.A, face.dinv, face.dirty
     truncated, coarse_dinv = below.A.data, below.dinv
-    touched, place = below.touched, below.place
+    touched, position = below.touched, below.position
     for j in range(d.size):
         before = touched[j]
         now = False
@@ -193,7 +193,7 @@ def truncate_coarse(face, P, R, C, coarse, d, below):
             continue
         for k in range(start, end):
             truncated[k] = 0.0
-            place[coarse.indices[k]] = k
+            position[coarse.indices[k]] = k
         outside = 0.0
         for k in range(np.uintp(R.indptr[j]), np.uintp(R.indptr[j + 1])):
             i = np.uintp(R.indices[k])
@@ -206,12 +206,12 @@ def truncate_coarse(face, P, R, C, coarse, d, below):
                 ra = R.data[k] * A.data[t]
                 for s in range(np.uintp(P.indptr[l]), np.uintp(P.indptr[l + 1])):
                     c = P.indices[s]
-                    p = place[c]
+                    p = position[c]
                     if start <= p < end and coarse.indices[p] == c:
                         truncated[p] += ra * P.data[s]
                     else:
                         outside += abs(ra * P.data[s])
-        p = place[j]
+        p = position[j]
         truncated[p] += outside
         if truncated[p] > VANISHED * d[j]:
             coarse_dinv[j] = 1.0 / truncated[p]

@@ -41,9 +41,9 @@ def all_free(level: Level) -> FaceOnLevel:
     """Return the face with all unknowns of a level."""
     n = level.d.size
     touched, dirty = np.zeros(n, dtype=np.bool_), np.empty(n, dtype=np.bool_)
-    place = np.empty(0, dtype=np.int32)
+    position = np.empty(0, dtype=np.int32)
     b, x = np.empty(n), np.empty(n)
-    return FaceOnLevel(level.A, 1.0 / level.d, touched, dirty, b, x, place)
+    return FaceOnLevel(level.A, 1.0 / level.d, touched, dirty, b, x, position)
 
 
 class VCycle:
@@ -70,10 +70,10 @@ class VCycle:
         for fine in range(k, len(self.levels) - 1):
             level, coarse = self.levels[fine], self.levels[fine + 1]
             face, below = self.faces[fine], self.faces[fine + 1]
-            if not below.place.size:  # its matrix is still that of the level
+            if not below.position.size:  # its matrix is still that of the level
                 copy = below.A._replace(data=below.A.data.copy())
-                place = np.zeros(below.dinv.size, dtype=np.int32)
-                below = self.faces[fine + 1] = below._replace(A=copy, place=place)
+                position = np.zeros(below.dinv.size, dtype=np.int32)
+                below = self.faces[fine + 1] = below._replace(A=copy, position=position)
             mark_dirty(face)
             if fine > k and self.symmetric:
                 edge = np.flatnonzero(face.dirty & (face.dinv != 0.0))
@@ -82,11 +82,6 @@ class VCycle:
             transfer = level.P, level.R, level.C
             truncate_coarse(face, *transfer, coarse.A, coarse.d, below)
         self.invert_coarsest()
-
-    def release(self) -> None:
-        """Make all unknowns free on all levels."""
-        self.faces[0].dinv[:] = 1.0 / self.levels[0].d
-        self.follow_face(0)
 
     def invert_coarsest(self) -> None:
         """Invert the free block of the last level."""

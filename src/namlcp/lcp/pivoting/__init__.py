@@ -6,8 +6,7 @@
 |---|---|
 | `driver` | the loop around the compiled stages, the residual check |
 | `pivot` | block pivoting inside a proximal-point loop |
-| `convexity` | whether A is positive semidefinite |
-| `free_system`, `large_system` | the linear systems of the free unknowns |
+| `free_system`, `large_system` | systems of the free unknowns; is A semidefinite? |
 | `rays` | certificates that there is no solution |
 | `state` | the numbers and vectors that all stages share |
 

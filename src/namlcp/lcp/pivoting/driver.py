@@ -4,8 +4,6 @@ An `Attempt` solves a copy of the problem that is scaled to a unit diagonal. Its
 solution is checked on the caller's data.
 """
 
-from typing import Any
-
 import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
@@ -83,8 +81,7 @@ class Attempt:
 
     def run(self) -> None:
         """Run the method; `status` and `ray` are what `drive` returns."""
-        with np.errstate(all="ignore"):  # singular systems overflow, which is detected
-            self.status, self.ray = self.drive()
+        self.status, self.ray = self.drive()
 
     def outcome(self) -> Outcome:
         """Check the point that was found; where that fails, try z = clip(0)."""
@@ -100,7 +97,6 @@ class Attempt:
         return lcp.outcome(status, z, w, count, "pivoting", ray=self.ray)
 
     def best(self) -> np.ndarray:
-        """Return the best z so far in the caller's scaling."""
         return best_point(self.work.address, self.lcp.lower, self.lcp.upper)
 
     def checked(self, status: Status) -> tuple[np.ndarray, np.ndarray, Status]:
@@ -121,7 +117,9 @@ class Attempt:
         Return the status and, with UNSOLVABLE, a certificate.
         """
         work, now, limits = self.work, self.work.now, self.limits
-        chunk = 1 if limits.report is not None else at_once(work.n)
+        chunk = 1
+        if limits.report is None:
+            chunk = min(max(3 * UNSEEN // max(work.n, 1) ** 3, 1), MOST_AT_ONCE)
         code, status = stages.MORE, Status.SOLVED
         while code != stages.DONE:
             done = now.factorisations
@@ -134,7 +132,8 @@ class Attempt:
             if status is not Status.SOLVED:
                 break
             if code == stages.RAY:
-                ray = proof(self.lcp, work.d, work.rhs * work.d)
+                with np.errstate(all="ignore"):  # the direction may overflow
+                    ray = proof(self.lcp, work.d, work.rhs * work.d)
                 if ray is not None:
                     return Status.UNSOLVABLE, ray
             if code == stages.FREE_SYSTEM:
@@ -147,7 +146,6 @@ class Attempt:
         return Status.SOLVED if now.solved else status, None
 
     def report(self) -> None:
-        """Report factorisations, Res of the best z, and how many states are bounded."""
         if self.limits.report is not None:
             active, z = np.count_nonzero(self.work.state), self.best()
             residual = self.lcp.residual(z, self.lcp.w(z))
@@ -162,21 +160,8 @@ class Attempt:
         now.factorisations += 1
         free = np.flatnonzero(work.state == 0)
         shift = now.rho * sparse.eye_array(free.size)
-        A = self.scaled_matrix()[:, free].tocsr()[free]
+        A = work.scaled[:, free].tocsr()[free]
         try:
             work.z[free] = splu(sparse.csc_array(A + shift)).solve(work.rhs[free])
         except RuntimeError:  # exactly singular
             work.z[free] = np.nan
-
-    def scaled_matrix(self) -> Any:
-        """Return the matrix with a unit diagonal, dense or CSC."""
-        scaled, n = self.work.scaled, self.work.n
-        if scaled.dense.shape[0] == n:
-            return scaled.dense.T
-        arrays = scaled.data, scaled.indices, scaled.indptr
-        return sparse.csc_array(arrays, shape=(n, n))
-
-
-def at_once(n: int) -> int:
-    """Return how many factorisations of order n may pass between deadline checks."""
-    return int(min(max(3 * UNSEEN // max(n, 1) ** 3, 1), MOST_AT_ONCE))

@@ -10,7 +10,7 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.lcp.pivoting.state import PivotMemory
-from namlcp.lcp.shifted import HELD, Quasidefinite, Solver
+from namlcp.lcp.shifted import HELD, Quasidefinite
 from namlcp.linalg.csc import submatrix
 from namlcp.linalg.definite import PSD_SLACK, has_positive_pivots
 
@@ -19,20 +19,13 @@ class LargeSystem:
     """The factors of the current free system of a sparse symmetric problem."""
 
     def __init__(self, work: PivotMemory) -> None:
-        """Keep the memory of `pivot`; nothing is factored yet."""
         self.work = work
         self.free = np.zeros(work.n, dtype=bool)  # unknowns in the factors
         self.rho = np.nan  # of the factors
         self.member = np.zeros(work.n, dtype=bool)  # unknowns in the pattern
         self.orders = 0  # elimination orders computed so far
         self.system: Any = None  # a Quasidefinite
-        self.factors: Solver | None = None
-
-    def scaled(self) -> sparse.csc_array:
-        """Return the matrix scaled to a unit diagonal."""
-        columns, n = self.work.scaled, self.work.n
-        arrays = columns.data, columns.indices, columns.indptr
-        return sparse.csc_array(arrays, shape=(n, n))
+        self.factors: Any = None
 
     def cover(self, free: np.ndarray) -> None:
         """Order the free unknowns and the earlier members.
@@ -46,7 +39,7 @@ class LargeSystem:
             member = free | (self.work.lower < self.work.upper)
         self.member = member
         rows = np.flatnonzero(member)
-        part = submatrix(self.scaled(), rows, rows)
+        part = submatrix(self.work.scaled, rows, rows)
         self.system = Quasidefinite(part, np.ones(rows.size))
 
     def solve(self) -> None:
@@ -71,4 +64,5 @@ class LargeSystem:
         if not np.all(self.work.has_unit):
             return False
         slack = PSD_SLACK * sparse.eye_array(self.work.n)
-        return has_positive_pivots(sparse.csc_array(sparse.triu(self.scaled()) + slack))
+        upper = sparse.triu(self.work.scaled)
+        return has_positive_pivots(sparse.csc_array(upper + slack))

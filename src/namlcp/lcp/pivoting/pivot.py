@@ -12,8 +12,14 @@ import numpy as np
 
 from namlcp.compiled import floats, ints, kernel, part, pasted
 from namlcp.lcp.criterion import are_met_part
-from namlcp.lcp.pivoting.convexity import has_unit_diagonal, is_definite
-from namlcp.lcp.pivoting.free_system import analyse, free_order, refactor, solve_free
+from namlcp.lcp.pivoting.free_system import (
+    analyse,
+    free_order,
+    has_unit_diagonal,
+    is_definite,
+    refactor,
+    solve_free,
+)
 from namlcp.lcp.pivoting.state import bounds_of, matrix_of, state_at
 from namlcp.linalg.columns import (
     add_product,
@@ -108,7 +114,6 @@ def state_of(s, lower, upper):
 
 @part
 def write_w(m, z, w):
-    """Write w = A z + q of the scaled problem."""
     copy(floats(m.q, m.n), w)
     add_product(matrix_of(m, m.scaled), z, w)
 
@@ -291,8 +296,8 @@ def scale_problem(m):
     q, (lower, upper) = floats(m.q, m.n), bounds_of(m)
     z, centre, d = floats(m.z, m.n), floats(m.centre, m.n), floats(m.d, m.n)
     has_unit = ints(m.has_unit, m.n)
-    given = matrix_of(m, m.values)
-    write_diagonal(given, d)
+    unscaled = matrix_of(m, m.values)
+    write_diagonal(unscaled, d)
     for i in range(m.n):
         has_unit[i] = d[i] > 0.0
         d[i] = 1.0 / np.sqrt(d[i]) if d[i] > 0.0 else 1.0
@@ -300,7 +305,7 @@ def scale_problem(m):
         lower[i] /= d[i]
         upper[i] /= d[i]
         centre[i] = min(max(z[i] / d[i], lower[i]), upper[i])
-    scale_columns(given, d, matrix_of(m, m.scaled))
+    scale_columns(unscaled, d, matrix_of(m, m.scaled))
 
 
 @pasted
@@ -357,7 +362,7 @@ def pivot(address, budget):
     m = state_at(address)
     state, shift = ints(m.state, m.n), floats(m.shift, m.n)
     rhs, z = floats(m.rhs, m.n), floats(m.z, m.n)
-    code, is_known = GO_ON, False
+    code, is_free_definite = GO_ON, False
     if not m.started:
         m.started = True
         code = begin_pivoting(m)
@@ -369,10 +374,10 @@ def pivot(address, budget):
         for i in range(m.n):
             shift[i] = m.rho
         factor = analyse(m, free_order(m, state))
-        is_known = refactor(m, shift, factor) and m.rho <= PSD_SLACK
+        is_free_definite = refactor(m, shift, factor) and m.rho <= PSD_SLACK
         whole = factor.order.size == m.n
         if m.ask_convex and whole and m.rho <= PSD_SLACK:
-            m.convex = is_known and has_unit_diagonal(m)
+            m.convex = is_free_definite and has_unit_diagonal(m)
         m.factorisations += 1
         m.must_factor = False
         while code == GO_ON and not m.must_factor:
@@ -380,7 +385,7 @@ def pivot(address, budget):
             solve_free(m.symmetric, factor, rhs, z)
             code = use_solution(m)
     if code == DONE and m.ask_convex and not m.convex:
-        m.convex = is_definite(m, is_known)
+        m.convex = is_definite(m, is_free_definite)
     return MORE if code == GO_ON else code
 
 

@@ -76,11 +76,9 @@ class Candidates:
         self.size = abs(lcp.A)
 
     def slope(self, v: np.ndarray) -> np.ndarray:
-        """Return D A'v."""
         return self.d * (self.A.T @ v)
 
     def terms(self, v: np.ndarray) -> np.ndarray:
-        """Return D |A|'|v|."""
         return self.d * (self.size.T @ np.abs(v))
 
     def proof(self, v: np.ndarray) -> np.ndarray | None:

@@ -9,6 +9,7 @@ import ctypes
 from typing import Any
 
 import numpy as np
+from scipy import sparse
 
 from namlcp.compiled import fields, floats, ints, kernel, longs, part, record_at
 from namlcp.linalg.columns import Columns
@@ -28,14 +29,14 @@ FLAGS = (
     # -1 at the lower bound, 1 at the upper one, 0 free; the states that the signs of z
     # and w ask for; 1 where a_ii > 0, elsewhere d = 1.
     "state goal has_unit "
-    # The first m.ordered entries are unknowns in elimination order; their places in it,
-    # -1 for others; -1 between its uses as work array.
+    # The first m.ordered entries are unknowns in elimination order; their positions in
+    # it, -1 for others; -1 between its uses as work array.
     "sequence rank local"
 )
 FLAG_NAMES = FLAGS.split()
 # All vectors, in the order of their addresses: each has room for n float64.
-PLACED = (*VECTORS.split(), *FLAG_NAMES)
-PLACES = len(PLACED)
+NAMES = (*VECTORS.split(), *FLAG_NAMES)
+COUNT = len(NAMES)
 
 
 class PivotState(ctypes.Structure):
@@ -77,34 +78,32 @@ class PivotMemory:
     """
 
     def __init__(self, columns: Columns, *vectors: np.ndarray) -> None:
-        """Allocate for the user's matrix; `vectors` as for `place_vectors`."""
+        """Allocate for the user's matrix; `vectors` as for `lay_out_vectors`."""
         self.now = PivotState()
         self.address = ctypes.addressof(self.now)
         self.columns, self.n = columns, vectors[0].size
-        size = PLACES * self.n + columns.dense.size + columns.data.size
+        size = COUNT * self.n + columns.dense.size + columns.data.size
         self.memory = np.zeros(size)
-        place_vectors(self.address, columns, vectors, self.memory)
+        lay_out_vectors(self.address, columns, vectors, self.memory)
 
     @property
-    def scaled(self) -> Columns:
-        """The scaled matrix."""
-        dense, indptr, indices, data = self.columns
-        values = self.memory[PLACES * self.n :]
-        if self.now.is_dense:
-            return Columns(values.reshape(dense.shape), indptr, indices, data)
-        return Columns(dense, indptr, indices, values)
+    def scaled(self) -> sparse.csc_array:
+        """The scaled matrix, where it is compressed."""
+        data, columns = self.memory[COUNT * self.n :], self.columns
+        arrays = data, columns.indices, columns.indptr
+        return sparse.csc_array(arrays, shape=(self.n, self.n))
 
     def __getattr__(self, name: str) -> Any:
         """Return the vector of this name, a view of the memory of compiled code."""
-        if name not in PLACED:
+        if name not in NAMES:
             raise AttributeError(f"pivoting has no vector {name!r}")
-        start = self.n * PLACED.index(name)
+        start = self.n * NAMES.index(name)
         vector = self.memory[start : start + self.n]
         return vector.view(np.int32)[: self.n] if name in FLAG_NAMES else vector
 
 
 @kernel
-def place_vectors(address, columns, vectors, memory):
+def lay_out_vectors(address, columns, vectors, memory):
     """Note where the matrix is, and give every vector its place in `memory`, all 0.
 
     vectors = (q, lower, upper, z), which are copied; z, the start, may be empty.
@@ -115,10 +114,10 @@ def place_vectors(address, columns, vectors, memory):
     m.n, m.is_dense, m.entries = q.size, dense.shape[0] > 0, data.size
     m.indptr, m.indices = indptr.ctypes.data, indices.ctypes.data
     m.values = dense.ctypes.data if m.is_dense else data.ctypes.data
-    places = longs(address, PLACES)
-    for i in range(PLACES):
-        places[i] = memory.ctypes.data + 8 * m.n * i
-    m.scaled = memory.ctypes.data + 8 * m.n * PLACES
+    addresses = longs(address, COUNT)
+    for i in range(COUNT):
+        addresses[i] = memory.ctypes.data + 8 * m.n * i
+    m.scaled = memory.ctypes.data + 8 * m.n * COUNT
     copy(q, floats(m.q, m.n))
     copy(lower, floats(m.lower, m.n))
     copy(upper, floats(m.upper, m.n))
@@ -154,5 +153,4 @@ def matrix_of(m, values):
 
 @part
 def bounds_of(m):
-    """Return lower and upper of the scaled problem."""
     return floats(m.lower, m.n), floats(m.upper, m.n)

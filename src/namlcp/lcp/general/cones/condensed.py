@@ -101,7 +101,7 @@ class ConeFactors:
         self.off, self.m = turned[:, :-1], turned[:, -1]
         self.inverse = 1.0 / values
         slope = -(self.h * cones.kappa)[:, None] * self.inverse * self.m
-        self.kept, self.system, self.axes = cones.kept, system, axes
+        self.remaining, self.system, self.axes = cones.remaining, system, axes
         data = system.turn(axes)
         own = data[system.diagonal[system.turned]]
         # y is C^-1 (...) and N (x, t): the smaller factor rounds less
@@ -110,12 +110,10 @@ class ConeFactors:
 
     @property
     def entries(self) -> int:
-        """Number of entries that are kept."""
         return self.lu.L.size + self.lu.U.size
 
     @property
     def positive(self) -> bool:
-        """Whether the determinant is positive."""
         return self.lu.negative % 2 == 0
 
     def solve(self, r: np.ndarray) -> np.ndarray:
@@ -132,11 +130,11 @@ class ConeFactors:
         condensed = r.copy()
         condensed[basis] = self.inverse * side
         x = np.zeros_like(r)
-        x[self.kept] = self.lu.solve(condensed[self.kept])
+        x[self.remaining] = self.lu.solve(condensed[self.remaining])
         t, x_l = x[basis], x[cones.normal]
         y = self.inverse * (side - t + (self.h * cones.kappa * x_l)[:, None] * self.m)
         x[basis] = np.einsum("kpq,kq->kp", self.axes, t)
-        speeds = (self.system.N @ x[self.kept])[self.system.turned]
+        speeds = (self.system.N @ x[self.remaining])[self.system.turned]
         y = np.where(self.soft, np.einsum("kpq,kp->kq", self.axes, speeds), y)
         middle = np.einsum("kp,kp->k", self.m, y)  # the speed is lifted by this
         lifted = r[cones.g] - cones.kappa * x_l + total + self.d_g * middle
@@ -154,17 +152,17 @@ class Condensed:
         self.cones = cones
         self.basis = cones.b[:, : cones.c.shape[2]]
         self.between = cones.c[:, :, None] - cones.c[:, None]
-        kept = cones.kept
-        size, p = kept.size, self.basis.shape[1]
-        place = np.empty(M.shape[0], dtype=np.int64)
-        place[kept] = np.arange(size)
-        self.turned = place[self.basis]
-        normal = place[cones.normal]
+        remaining = cones.remaining
+        size, p = remaining.size, self.basis.shape[1]
+        position = np.empty(M.shape[0], dtype=np.int64)
+        position[remaining] = np.arange(size)
+        self.turned = position[self.basis]
+        normal = position[cones.normal]
         self.partner = np.arange(size)
         self.partner[self.turned] = self.turned[:, ::-1]
         # all entries that turning and D may change are stored, zeros too, and those
         # across the diagonal from them
-        N = sparse.coo_array(sparse.csr_array(M)[kept][:, kept])
+        N = sparse.coo_array(sparse.csr_array(M)[remaining][:, remaining])
         pairs = sparse.eye_array(size, format="csr")
         if p == 2:
             pairs = pairs + pairs[self.partner]
@@ -186,7 +184,7 @@ class Condensed:
 
     def at(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Return where these entries of N are stored."""
-        return np.searchsorted(self.stored, columns * self.cones.kept.size + rows)
+        return np.searchsorted(self.stored, columns * self.cones.remaining.size + rows)
 
     def turn(self, axes: np.ndarray) -> np.ndarray:
         """Return the stored entries of V'N V, V the axes of each contact."""
@@ -208,7 +206,7 @@ class Condensed:
         slope: np.ndarray,
     ) -> LU:
         """Factor what remains, V'N V (overwritten) with all C^-1 and slopes."""
-        change = diagonal[self.cones.kept]
+        change = diagonal[self.cones.remaining]
         change[self.turned] = inverse
         data[self.diagonal] += change
         data[self.slopes] += slope.ravel()

@@ -19,7 +19,7 @@ class Cones(NamedTuple):
 
     g, normal (k,): indices of the speeds and of the normal impulses x_l. b (k, d):
     those of the impulses along the directions, the first p a basis. kappa (k,) and
-    v (k, d): entries of M. c (k, d, p): tau_j / v_j. kept: indices of what is not
+    v (k, d): entries of M. c (k, d, p): tau_j / v_j. remaining: indices of what is not
     eliminated, all unknowns but g and b[:, p:].
     """
 
@@ -29,7 +29,7 @@ class Cones(NamedTuple):
     kappa: np.ndarray
     v: np.ndarray
     c: np.ndarray
-    kept: np.ndarray
+    remaining: np.ndarray
 
 
 def cones_of(M: Any) -> Cones | None:
@@ -61,28 +61,28 @@ def cones_of(M: Any) -> Cones | None:
     # the rows of d directions are combinations tau of the first p
     tau = gram @ np.linalg.inv(gram[:, :p])
     eliminated = np.concatenate((g, b[:, p:].ravel()))
-    kept = np.setdiff1d(np.arange(M.shape[0]), eliminated)
-    cones = Cones(g, rest.indices, b, rest.data, v, tau / v[:, :, None], kept)
+    remaining = np.setdiff1d(np.arange(M.shape[0]), eliminated)
+    cones = Cones(g, rest.indices, b, rest.data, v, tau / v[:, :, None], remaining)
     return cones if spans(M, cones, tau) else None
 
 
 def spans(M: Any, cones: Cones, tau: np.ndarray) -> bool:
     """Tell whether M = U N U' but for the rows and columns of the speeds."""
     n, (_, d, p) = M.shape[0], tau.shape
-    plain = np.setdiff1d(cones.kept, cones.b[:, :p])
-    place = np.empty(n, dtype=np.intp)
-    place[cones.kept] = np.arange(cones.kept.size)
+    plain = np.setdiff1d(cones.remaining, cones.b[:, :p])
+    position = np.empty(n, dtype=np.intp)
+    position[cones.remaining] = np.arange(cones.remaining.size)
     row = np.repeat(cones.b.ravel(), p)
-    column = place[np.repeat(cones.b[:, None, :p], d, axis=1)].ravel()
+    column = position[np.repeat(cones.b[:, None, :p], d, axis=1)].ravel()
     U = sparse.csr_array(
         (
             np.append(np.ones(plain.size), tau.ravel()),
-            (np.append(plain, row), np.append(place[plain], column)),
+            (np.append(plain, row), np.append(position[plain], column)),
         ),
-        shape=(n, cones.kept.size),
+        shape=(n, cones.remaining.size),
     )
     other = np.ones(n)
     other[cones.g] = 0.0
     left = sparse.diags_array(other)
-    difference = left @ M @ left - U @ M[cones.kept][:, cones.kept] @ U.T
+    difference = left @ M @ left - U @ M[cones.remaining][:, cones.remaining] @ U.T
     return float(np.abs(difference.data).max(initial=0.0)) <= SAME

@@ -34,7 +34,7 @@ BLOCK = 24
 class LU(NamedTuple):
     """Panels of L and of U', by supernode, and how many pivots are negative."""
 
-    place: np.ndarray
+    rank: np.ndarray
     nodes: Supernodes
     L: np.ndarray
     U: np.ndarray
@@ -43,9 +43,9 @@ class LU(NamedTuple):
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return the solution for b (n,)."""
         x = np.empty(b.size)
-        x[self.place] = b
+        x[self.rank] = b
         solve_panels(self.nodes, self.L, self.U, x)
-        return x[self.place]
+        return x[self.rank]
 
 
 class Fronts:
@@ -63,10 +63,10 @@ class Fronts:
         counts = np.bincount(columns, minlength=n)
         starts = np.concatenate(([0], np.cumsum(counts))).astype(np.int32)
         order = better_order(starts, rows, minimum_degree(starts, rows))
-        self.place = place = order.place
+        self.rank = rank = order.place
         self.nodes = nodes = supernodes(starts, rows, order)
         entries = np.array([numbers[above], across[above]])
-        is_below = place[rows] > place[columns]  # in the order of elimination
+        is_below = rank[rows] > rank[columns]  # in the order of elimination
         sources = np.where(is_below, entries, entries[::-1])
         self.sources = np.ascontiguousarray(sources[:, nodes.source])
         updates = np.diff(nodes.starts) - np.diff(nodes.first)
@@ -80,7 +80,7 @@ class Fronts:
         negative = factorise(
             self.nodes, data, self.sources, L, U, self.position, self.stack, self.front
         )
-        return None if negative < 0 else LU(self.place, self.nodes, L, U, negative)
+        return None if negative < 0 else LU(self.rank, self.nodes, L, U, negative)
 
 
 @kernel(error_model="numpy")

@@ -1,0 +1,271 @@
+"""The table of all methods for LCPs, and those that try several of its rows in order.
+
+"auto" solves every LCP with a P-matrix or a semidefinite matrix, as far as rounding
+allows: large sparse ones by sweeps and cycles as long as these converge fast enough,
+what is left by pivoting. Where the diagonal of A shows that it is neither, or pivoting
+makes no progress, `solve_general` goes on. No method solves every LCP: the problem is
+NP-complete (Chung, J. Optim. Theory Appl. 60, 1989, 393-399).
+"""
+
+from collections.abc import Callable, Collection
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from namlcp.lcp.data import LCP
+from namlcp.lcp.general.arc import Arc
+from namlcp.lcp.general.cones.condensed import system_of
+from namlcp.lcp.general.enumeration import LARGEST_ENUMERATION, solve_by_enumeration
+from namlcp.lcp.general.games import solve_game
+from namlcp.lcp.general.homogeneous import farkas
+from namlcp.lcp.general.lemke import solve_by_lemke, solve_lemke
+from namlcp.lcp.general.mehrotra import mehrotra
+from namlcp.lcp.general.search import Search
+from namlcp.lcp.general.tableau import pivot_until
+from namlcp.lcp.modulus.methods import SWEEPS
+from namlcp.lcp.modulus.sweeps import sweep
+from namlcp.lcp.mprgp import solve_by_products
+from namlcp.lcp.multigrid.cycles import solve_by_multigrid
+from namlcp.lcp.multigrid.hierarchy import hierarchy_of
+from namlcp.lcp.multigrid.kernels import ascend
+from namlcp.lcp.operators import Operator
+from namlcp.lcp.pivoting.driver import solve_box
+from namlcp.lcp.pivoting.pivot import pivot
+from namlcp.lcp.prepared import Prepared
+from namlcp.lcp.psor import solve_by_sweeps
+from namlcp.lcp.relaxation import relax_csr
+from namlcp.lcp.tridiagonal import solve_faces, solve_tridiagonal
+from namlcp.limits import Deadline, Limits
+from namlcp.outcome import Outcome
+from namlcp.status import Status
+
+LARGE_LCP = 10_000
+"""Least order n at which projected SOR and multigrid are tried on a sparse A."""
+
+TINY_LCP = 100
+"""Largest order n at which pivoting is tried on every A: it takes less than 1 ms."""
+
+LEMKE_ORDER, LAST_LEMKE = 400, 1200
+"""Largest orders for Lemke's method on a dense tableau: up to the first it is faster
+than the paths where A is dense, up to the second it is tried after them. (An A of up to
+`prepared.DENSE_ORDER` unknowns is dense here even if given as sparse.)"""
+
+PROOF_ORDER = 250
+"""Order up to which a proof is cheap beside a path."""
+
+POOR = 1e-11
+"""Res of a solution of Lemke's method, relative to that of clip(0), that a path may
+better: where A is nearly singular, pivots lose digits."""
+
+UNDECIDED = "no solution was found, and no proof that there is none"
+"""Message of an LCP left undecided."""
+
+
+class Method(NamedTuple):
+    """A row of the table.
+
+    solve(lcp, z0, limits, **options) returns an `Outcome`; of a stage of "general",
+    solve(search) returns one if that ends the search. takes: the options of `solve_lcp`
+    that it has beside the limits; none: it has no name for users. stage: "auto" or
+    "general" where it is tried in the order of the table, if suits(matrix, deadline).
+    unsettled: statuses after which "auto" goes on to the next one. kernel: what it
+    calls first, where compilation takes long.
+    """
+
+    name: str
+    doc: str
+    solve: Callable[..., Any]
+    takes: tuple[str, ...] = ()
+    stage: str = ""
+    suits: Callable[[Prepared, Deadline], bool] = lambda A, deadline: True
+    unsettled: tuple[Status, ...] = ()
+    kernel: Any = None
+
+
+def solve_auto(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
+    """Solve a checked box LCP; max_iter = None is the default of each method."""
+    outcome, deadline = None, limits.deadline
+    for method in AUTO:
+        if method.suits(lcp.matrix, deadline):
+            if outcome is not None and deadline.reached():
+                return outcome._replace(status=Status.TIME_LIMIT)
+            outcome = method.solve(lcp, z0, limits)
+            if outcome.status not in method.unsettled:
+                return outcome
+            z0 = outcome.point.z
+    raise AssertionError("pivoting suits every matrix")
+
+
+def solve_general(
+    lcp: LCP, z0: np.ndarray | None, limits: Limits, before: int = 0
+) -> Outcome:
+    """Solve a box LCP with any matrix, prove that it has no solution, or give up.
+
+    limits.max_iter counts factorisations, `before` those of earlier methods.
+    """
+    with np.errstate(all="ignore"):  # paths overflow where they diverge
+        search = Search(lcp, limits, before)
+        if z0 is not None and not search.over():
+            search.complete(search.model.p(lcp.start(z0)), "start")
+        for method in GENERAL:
+            if search.over():
+                return search.outcome()
+            if method.suits(lcp.matrix, limits.deadline):
+                outcome = method.solve(search)
+                if outcome is not None:
+                    return outcome
+        return search.outcome(UNDECIDED)
+
+
+def solve_by_pivoting(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
+    """Solve by pivoting, and as a general LCP where that makes no progress."""
+    outcome = solve_box(lcp, z0, limits)
+    if outcome.status is Status.STALLED:
+        return solve_general(lcp, outcome.point.z, limits, outcome.iterations)
+    return outcome
+
+
+def solve_by_elimination(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
+    """Solve a tridiagonal LCP; a small A may be singular, which pivoting may prove."""
+    outcome = solve_tridiagonal(lcp, z0, limits)
+    if outcome.status is Status.STALLED and lcp.q.size < LARGE_LCP:
+        return solve_by_pivoting(lcp, outcome.point.z, limits)
+    return outcome
+
+
+def is_large(matrix: Prepared, deadline: Deadline) -> bool:
+    """Tell whether iterations may beat the factorisations of a sparse matrix.
+
+    They may for smaller tridiagonal ones, too, whose elimination met too many faces.
+    """
+    if not matrix.is_sparse or matrix.n <= TINY_LCP:
+        return False
+    return matrix.n >= LARGE_LCP or matrix.tridiagonal is not None
+
+
+def has_cycles(matrix: Prepared, deadline: Deadline) -> bool:
+    """Tell whether a large sparse matrix suits multigrid cycles."""
+    return is_large(matrix, deadline) and hierarchy_of(matrix, deadline) is not None
+
+
+def lemke_is_faster(matrix: Prepared, deadline: Deadline) -> bool:
+    """Tell whether Lemke's method is likely to take less time than the paths."""
+    return matrix.n <= LEMKE_ORDER and isinstance(matrix.compact, np.ndarray)
+
+
+def by_lemke(search: Search) -> Outcome | None:
+    """Use Lemke's method; where its point is poor, ask the interior path as well."""
+    outcome = search.decided(solve_by_lemke)
+    if not (search.solved and search.least > POOR * search.criterion.size):
+        return outcome
+    search.ended = False
+    by_path(search)
+    return search.outcome()
+
+
+def by_path(search: Search) -> None:
+    search.follow(mehrotra(search.model, search.system), "path")
+
+
+def by_proof(search: Search) -> Outcome | None:
+    """Ask for a proof that there is no solution."""
+    for v in farkas(search.lcp):
+        found = search.disproved(v) if v.any() else None
+        search.count += 1
+        if found is not None or search.over():
+            return found
+    return None
+
+
+def by_arc(search: Search) -> Outcome | None:
+    """Follow the smooth homotopy; where it goes to infinity, ask if that is a proof."""
+    arc = Arc(search.model, system_of(search.model.M))
+    last = search.follow(arc.points(), "arc")
+    return None if search.over() else search.disproved(search.clipped(last))
+
+
+OPTIONS = "z0", "eps_rel"
+SLOW = Status.STALLED, Status.MAX_ITER
+
+# fmt: off
+METHODS = (
+    Method("auto", "the rows of auto that suit A", solve_auto, OPTIONS),
+    Method("mprgp", "A known by its products", solve_by_products, stage="auto",
+           suits=lambda A, _: isinstance(A.A, Operator)),
+    Method("general", "the rows of general that suit A", solve_general, stage="auto",
+           suits=lambda A, _: A.n > TINY_LCP and A.is_general),
+    Method("tridiagonal", "elimination from a start nearby", solve_by_elimination,
+           stage="auto", suits=lambda A, _: A.is_sparse and A.tridiagonal is not None,
+           unsettled=(Status.DIVERGED,), kernel=solve_faces),
+    Method("sor", "a few sweeps of projected SOR", partial(solve_by_sweeps, most=200),
+           stage="auto", suits=is_large, unsettled=SLOW, kernel=relax_csr),
+    Method("multigrid", "cycles for differential equations", solve_by_multigrid,
+           OPTIONS, stage="auto", suits=has_cycles, unsettled=SLOW, kernel=ascend),
+    Method("more sor", "where cycles fail", partial(solve_by_sweeps, most=5000),
+           stage="auto", suits=lambda A, end: has_cycles(A, end) and not A.symmetric,
+           unsettled=SLOW),
+    Method("pivoting", "then general, if stalled", solve_by_pivoting, stage="auto",
+           kernel=pivot),
+    Method("lemke", "Lemke's path of one covering vector", solve_lemke,
+           ("cover", "eps_rel"), kernel=pivot_until),
+    # What is likely to end the search soon comes first, by measured times.
+    Method("lemke-howson", "bimatrix games", lambda s: s.decided(solve_game),
+           stage="general"),
+    Method("lemke first", "Lemke's paths", by_lemke, stage="general",
+           suits=lemke_is_faster),
+    Method("path", "an infeasible interior path", by_path, stage="general"),
+    Method("farkas", "a proof", by_proof, stage="general",
+           suits=lambda A, _: A.n <= PROOF_ORDER),
+    Method("enumeration", "all cones", lambda s: s.decided(solve_by_enumeration),
+           stage="general", suits=lambda A, _: A.n <= LARGEST_ENUMERATION),
+    Method("arc", "Lemke's homotopy as a smooth curve", by_arc, stage="general"),
+    Method("farkas last", "a proof that takes long", by_proof, stage="general",
+           suits=lambda A, _: A.n > PROOF_ORDER),
+    Method("lemke last", "Lemke's paths", by_lemke, stage="general",
+           suits=lambda A, end: LAST_LEMKE >= A.n and not lemke_is_faster(A, end)),
+    *(Method(name, row.doc, partial(sweep, method=name), (*row.takes, "s0", "z0"))
+      for name, row in SWEEPS.items()),
+)
+# fmt: on
+
+AUTO = [method for method in METHODS if method.stage == "auto"]
+GENERAL = [method for method in METHODS if method.stage == "general"]
+NAMED = {method.name: method for method in METHODS if method.takes}
+
+REFUSALS = {
+    "s0": "is for the sweep methods, not for method {!r}",
+    "z0": "is not for method {!r}",
+    "eps_rel": "is not for sweep methods, got method {!r}",
+}
+
+
+def find_method(method: str, options: Collection[str] = ()) -> Method:
+    """Return a method; raise if it is unknown or lacks an option that is given."""
+    if not isinstance(method, str):
+        raise TypeError(f"method must be a string, got {method!r}")
+    if method not in NAMED:
+        raise ValueError(f"method must be one of {list(NAMED)}, got {method!r}")
+    found = NAMED[method]
+    for name in options:
+        if name in found.takes:
+            continue
+        if name in REFUSALS:
+            raise ValueError(f"{name} {REFUSALS[name].format(method)}")
+        takers = [other.name for other in NAMED.values() if name in other.takes]
+        raise ValueError(
+            f"{name} is not a parameter of method {method!r}, "
+            f"only of {', '.join(takers)}"
+        )
+    if "alpha" in options and "omega" in options and SWEEPS[method].factored:
+        raise ValueError(
+            f"method {method!r} has Omega = alpha I: give alpha or omega, not both"
+        )
+    return found
+
+
+def first_kernel(matrix: Prepared, method: str, deadline: Deadline) -> Any:
+    """Return what the solve calls first, None where its compilation is short."""
+    if method != "auto":
+        return NAMED[method].kernel
+    return next(row.kernel for row in AUTO if row.suits(matrix, deadline))
