@@ -30,7 +30,7 @@ from namlcp.lcp.multigrid.cycles import solve_by_multigrid
 from namlcp.lcp.multigrid.hierarchy import hierarchy_of
 from namlcp.lcp.multigrid.kernels import ascend
 from namlcp.lcp.operators import Operator
-from namlcp.lcp.pivoting.driver import solve_box
+from namlcp.lcp.pivoting.driver import Attempt
 from namlcp.lcp.pivoting.pivot import pivot
 from namlcp.lcp.prepared import Prepared
 from namlcp.lcp.psor import solve_by_sweeps
@@ -120,7 +120,9 @@ def solve_general(
 
 def solve_by_pivoting(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
     """Solve by pivoting, and as a general LCP where that makes no progress."""
-    outcome = solve_box(lcp, z0, limits)
+    attempt = Attempt(lcp, z0, limits, ask_convex=False)
+    attempt.run()
+    outcome = attempt.outcome()
     if outcome.status is Status.STALLED:
         return solve_general(lcp, outcome.point.z, limits, outcome.iterations)
     return outcome

@@ -9,7 +9,7 @@ from scipy.sparse.linalg import LinearOperator
 
 from namlcp.checks import finite_square_matrix
 from namlcp.compiled import kernel
-from namlcp.lcp.operators import Operator, operator_data
+from namlcp.lcp.operators import operator_data
 from namlcp.lcp.relaxation import dominance_csr
 from namlcp.linalg.columns import Columns, columns_of
 from namlcp.linalg.csc import arrays_of
@@ -59,12 +59,17 @@ class Prepared:
     levels: Any = None  # its `Hierarchy`, see `hierarchy_of`
     last: np.ndarray | None = None  # the last solution that pivoting found
     unsuited = False  # whether A is known not to suit multigrid cycles
+    # Every solve reads these; the lock of cached_property would take longer than they.
+    _slopes: np.ndarray | None = None
+    _columns: Columns | None = None
 
     def __init__(self, A: Any, diagonal: Any = None):
         if isinstance(A, LinearOperator):
             self.hold(operator_data(A, diagonal))
         elif diagonal is None:
             self.hold(finite_square_matrix("A", A, "csr"))
+            if not self.is_sparse:  # cheap, and nearly every method asks for it
+                self.symmetric = is_symmetric(self.A)
         else:
             raise ValueError(
                 "diagonal is for a LinearOperator; other matrices have theirs"
@@ -73,7 +78,7 @@ class Prepared:
     def hold(self, A: Any) -> None:
         """Take a checked matrix."""
         self.A, self.n = A, A.shape[0]
-        self.is_sparse = not isinstance(A, np.ndarray | Operator)
+        self.is_sparse = sparse.issparse(A)
 
     @classmethod
     def unchecked(cls, A: Any, symmetric: bool) -> "Prepared":
@@ -101,11 +106,13 @@ class Prepared:
     def diagonal(self) -> np.ndarray:
         return np.array(self.A.diagonal())
 
-    @cached_property
+    @property
     def slopes(self) -> np.ndarray:
         """diag(A), 1 where that is not positive: the scaling, and Omega of s."""
-        diagonal = self.A.diagonal()
-        return np.where(diagonal > 0.0, diagonal, 1.0)
+        if self._slopes is None:
+            diagonal = self.A.diagonal()
+            self._slopes = np.where(diagonal > 0.0, diagonal, 1.0)
+        return self._slopes
 
     @cached_property
     def is_general(self) -> bool:
@@ -137,10 +144,12 @@ class Prepared:
             return sparse.csr_array(A) if sparse_enough else A
         return A.toarray() if n <= DENSE_ORDER or A.nnz >= SPARSE * n * n else A
 
-    @cached_property
+    @property
     def columns(self) -> Columns:
         """The columns of A for kernels."""
-        return columns_of(self.A, self.symmetric)
+        if self._columns is None:
+            self._columns = columns_of(self.A, self.symmetric)
+        return self._columns
 
     @cached_property
     def dominance(self) -> float:

@@ -1,6 +1,6 @@
 """Block principal pivoting for box LCPs.
 
-`solve_box` is the entry point. It calls compiled stages, mostly `pivot`.
+`driver.Attempt` is the entry point. It calls compiled stages, mostly `pivot`.
 
 | module | content |
 |---|---|

@@ -41,18 +41,11 @@ NO_START = np.empty(0)
 """z0 where there is none."""
 
 
-def solve_box(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
-    """Solve a box LCP by pivoting; STALLED where that makes no progress.
+class Attempt:
+    """One attempt to solve a box LCP: its memory, and the stages written in Python.
 
     limits.max_iter counts factorisations.
     """
-    attempt = Attempt(lcp, z0, limits, ask_convex=False)
-    attempt.run()
-    return attempt.outcome()
-
-
-class Attempt:
-    """One attempt to solve a box LCP: its memory, and the stages written in Python."""
 
     def __init__(
         self, lcp: LCP, z0: np.ndarray | None, limits: Limits, ask_convex: bool
