@@ -4,7 +4,6 @@ K = L D L' is told from outside: the solutions solve, the pivots have the
 determinant and the inertia of K.
 """
 
-import copy
 import functools
 
 import numpy as np
@@ -36,7 +35,7 @@ KINDS = {
 
 
 def pivots(f):
-    return f.D if isinstance(f, Multifrontal) else 1.0 / f.inverse
+    return f.D if isinstance(f, Multifrontal) else f.pivots
 
 
 def bordered(pairs, border, density):
@@ -115,14 +114,13 @@ def test_factors_solve_and_take_other_values(kind, case):
         assert (D < 0.0).sum() == (values < 0.0).sum()
         size = np.log(abs(values)).sum()
         assert np.log(abs(D)).sum() == pytest.approx(size, abs=1e-8)
-    kept = copy.deepcopy(f)
     other = K + np.diag(np.sign(np.diag(K)))
     f.refactor(upper(other).data)
     np.testing.assert_allclose(solutions(f) @ other, rhs, atol=tolerance)
     f.refactor(U.data)
     fresh = KINDS[kind](U)
     fresh.refactor(U.data)
-    for same in f, kept, fresh:
+    for same in f, fresh:
         np.testing.assert_array_equal(solutions(same), X)
 
 

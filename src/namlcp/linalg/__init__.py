@@ -26,17 +26,9 @@ from namlcp.linalg.definite import (
     is_positive_semidefinite,
     is_symmetric,
 )
-from namlcp.linalg.factors import (
-    FACTORS,
-    Factors,
-    SparseFactors,
-    attach_factors,
-    factor_record,
-    factor_triangle,
-    plan_factors,
-    solve_record,
-)
+from namlcp.linalg.factors import factor_triangle, plan_factors
 from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.ordering import supernodes
+from namlcp.linalg.sparse_ldl import Factors, SparseFactors
 from namlcp.linalg.symmetry import asymmetry
 from namlcp.linalg.threads import blas_threads

@@ -10,7 +10,8 @@ from namlcp.checks import from_arrays
 from namlcp.compiled import kernel
 from namlcp.linalg.columns import LEAST_DIVISOR
 from namlcp.linalg.csc import as_dense
-from namlcp.linalg.factors import SparseFactors, factor_triangle
+from namlcp.linalg.factors import factor_triangle
+from namlcp.linalg.sparse_ldl import SparseFactors
 from namlcp.linalg.symmetry import asymmetry
 
 PSD_SLACK = 1e-6
@@ -82,7 +83,7 @@ def positive_factors(triangle: csc_array) -> SparseFactors | None:
         factors = factor_triangle(triangle)
     except ValueError:  # a pivot is 0
         return None
-    return factors if (factors.inverse > 0.0).all() else None
+    return factors if (factors.pivots > 0.0).all() else None
 
 
 def has_positive_pivots(triangle: csc_array) -> bool:

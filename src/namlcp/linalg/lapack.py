@@ -20,30 +20,35 @@ UPPER = UNIT = ord("U")
 FROM_LEFT, PLAIN, TRANSPOSED = (ord(letter) for letter in "LNT")
 
 
-def _declare(module: str, name: str, arguments: str, value: Any = None) -> Any:
-    """Return SciPy's routine `name` under a symbol that compiled code can link.
+def declare(module: str, name: str, arguments: str, value: Any = None) -> Any:
+    """Return a function of a Cython module under a symbol that compiled code can link.
 
-    `arguments` has i for every pointer to integers (or letters), d for one to doubles;
-    `value` is the letter of what it returns. Without numba it is called by ctypes.
+    `arguments` has i for every pointer to integers (or letters), d for one to doubles,
+    n for a size; `value` is the letter of what it returns, i for an int. Without numba
+    it is called by ctypes.
     """
-    address = get_cython_function_address(f"scipy.linalg.cython_{module}", name)
+    address = get_cython_function_address(module, name)
     if config.DISABLE_JIT:
         returned = ctypes.c_double if value == "d" else None
         return ctypes.CFUNCTYPE(returned)(address)
     symbol = f"namlcp_{name}"
     binding.add_symbol(symbol, address)
     kinds = {"i": types.int32, "d": types.float64}
-    pointers = (types.CPointer(kinds[letter]) for letter in arguments)
-    return types.ExternalFunction(symbol, kinds.get(value, types.void)(*pointers))
+    given = [
+        types.intp if letter == "n" else types.CPointer(kinds[letter])
+        for letter in arguments
+    ]
+    return types.ExternalFunction(symbol, kinds.get(value, types.void)(*given))
 
 
-_dpotrf = _declare("lapack", "dpotrf", "iidii")
-_dpotrs = _declare("lapack", "dpotrs", "iiididii")
-_dgetrf = _declare("lapack", "dgetrf", "iidiii")
-_dgetrs = _declare("lapack", "dgetrs", "iiidiidii")
-_dgemm = _declare("blas", "dgemm", "iiiiiddididdi")
-_dtrsm = _declare("blas", "dtrsm", "iiiiiiddidi")
-_ddot = _declare("blas", "ddot", "ididi", "d")
+LAPACK, BLAS = "scipy.linalg.cython_lapack", "scipy.linalg.cython_blas"
+_dpotrf = declare(LAPACK, "dpotrf", "iidii")
+_dpotrs = declare(LAPACK, "dpotrs", "iiididii")
+_dgetrf = declare(LAPACK, "dgetrf", "iidiii")
+_dgetrs = declare(LAPACK, "dgetrs", "iiidiidii")
+_dgemm = declare(BLAS, "dgemm", "iiiiiddididdi")
+_dtrsm = declare(BLAS, "dtrsm", "iiiiiiddidi")
+_ddot = declare(BLAS, "ddot", "ididi", "d")
 
 
 if config.DISABLE_JIT:

@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 
 from namlcp.compiled import part
-from namlcp.linalg.ordering import climb
 
 PIVOT_FLOOR = 1e-14
 """Smallest pivot, for matrices with unit diagonal: smaller ones count as rounding."""
@@ -48,7 +47,12 @@ def ldl_symbolic(indptr, indices, order, position, parent, counts):
         for p in range(indptr[j], indptr[j + 1]):
             i = position[indices[p]]
             if 0 <= i < k:
-                climb(i, k, parent, counts, flag)
+                while flag[i] != k:
+                    flag[i] = k
+                    counts[i] += 1
+                    if parent[i] < 0:
+                        parent[i] = k
+                    i = parent[i]
     flops = 0.0
     for k in range(m):
         flops += counts[k] * (counts[k] + 3.0)

@@ -16,6 +16,7 @@ from namlcp.compiled import kernel, part, pasted
 from namlcp.limits import NEVER, WATCH_SIZE, begin_watch, is_over
 from namlcp.linalg.lapack import add_scaled, copy, dot, product, solve_rows
 from namlcp.linalg.ordering import Order, supernodes
+from namlcp.linalg.sparse_ldl import Factors
 
 # Columns eliminated at a time, and rows of a lower triangle updated by one product.
 BLOCK, ROW_STRIP = 48, 96
@@ -23,10 +24,11 @@ BLOCK, ROW_STRIP = 48, 96
 SMALL_PRODUCT = 512
 
 
-class Multifrontal:
-    """`factors.Factors` by dense fronts."""
+class Multifrontal(Factors):
+    """`Factors` by dense fronts."""
 
     def __init__(self, indptr: np.ndarray, indices: np.ndarray, order: Order) -> None:
+        super().__init__(indptr)
         self.place = order.place
         self.nodes = nodes = supernodes(indptr, indices, order)
         k = np.diff(nodes.first).astype(np.int64)

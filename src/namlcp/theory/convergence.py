@@ -266,7 +266,7 @@ def positive_definite(A: Any) -> str:
         factors = positive_factors(upper - c * sparse.eye(n))
         if factors is None:
             break
-        if np.bincount(factors.pattern.below, minlength=n).max() < k:
+        if factors.row_lengths.max() < k:
             return f"LDL' factorisation of D^(-1/2) A D^(-1/2) - {c:.1e} I"
     return ""
 

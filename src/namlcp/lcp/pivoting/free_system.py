@@ -12,14 +12,18 @@ from namlcp.compiled import floats, ints, part
 from namlcp.lcp.pivoting.state import matrix_of
 from namlcp.linalg.columns import SMALL_ORDER
 from namlcp.linalg.definite import PSD_SLACK
-from namlcp.linalg.lapack import cholesky, cholesky_solve, lu, lu_solve
+from namlcp.linalg.lapack import cholesky, cholesky_solve, declare, lu, lu_solve
 from namlcp.linalg.ldl import (
     Triangle,
     ldl_numeric,
     ldl_solve,
     ldl_symbolic,
 )
-from namlcp.linalg.minimum_degree import OUTSIDE, VARIABLE, order_by_degree
+from namlcp.linalg.minimum_degree import OUTSIDE, VARIABLE
+
+order_by_degree = declare(
+    "namlcp.linalg.minimum_degree", "order_by_degree", "iinii", "i"
+)
 
 JITTER = 1e-11
 """Added to the unit diagonal where Cholesky fails, so that a singular A_FF succeeds."""
@@ -129,8 +133,10 @@ def free_order(m, state):
             chosen = of_all or state[i] == 0 or rank[i] >= 0
             kind[i] = VARIABLE if chosen else OUTSIDE
         _, indptr, indices, _ = matrix_of(m, m.scaled)
-        long, short = np.empty((4, m.n), np.int64), np.empty((12, m.n), np.int32)
-        order_by_degree(indptr, indices, kind, rank, long, short)
+        if not order_by_degree(
+            indptr.ctypes, indices.ctypes, m.n, kind.ctypes, rank.ctypes
+        ):
+            raise MemoryError("no memory for an elimination order")
         m.ordered = 0
         for i in range(m.n):
             if rank[i] >= 0:

@@ -44,7 +44,6 @@ from cython.cimports.namlcp.qp.active.state import (
     SUMMED,
     WIDE,
     indices,
-    is_over,
     reals,
 )
 from cython.cimports.namlcp.qp.active.steps import (
@@ -55,6 +54,7 @@ from cython.cimports.namlcp.qp.active.steps import (
     excuse,
     has_next,
 )
+from cython.cimports.namlcp.watch import is_over
 
 # Operations of a solve from which on it is left to the other form. LEAST_FREE: least
 # variables for this form; with fewer it would gain nothing.

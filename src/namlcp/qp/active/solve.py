@@ -36,7 +36,6 @@ from cython.cimports.namlcp.qp.active.state import (
     DONE,
     OTHER_WEIGHT,
     UNBOUNDED,
-    begin_watch,
     make_room,
 )
 from cython.cimports.namlcp.qp.active.weight import NO_WEIGHT
@@ -47,6 +46,7 @@ from cython.cimports.namlcp.result_base import (
     residuals_of,
 )
 from cython.cimports.namlcp.settings import Settings
+from cython.cimports.namlcp.watch import begin_watch
 from scipy.sparse import csc_array, csc_matrix
 
 from namlcp.status import Status

@@ -1,4 +1,4 @@
-from namlcp.linalg.ldl_solve cimport Factored
+from namlcp.linalg.sparse_ldl cimport SparseFactors
 from namlcp.qp.active.state cimport ActiveSet, Code
 
 
@@ -15,7 +15,7 @@ cdef class SparseActiveSet(ActiveSet):
         const double *row_values
         object kkt, by_row
         Py_ssize_t size
-        Factored factors
+        SparseFactors factors
         # Passes of refinement of a solve with K; operations of making a response.
         Py_ssize_t passes
         double response_operations

@@ -18,7 +18,7 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, cos, fabs, sqrt
 from cython.cimports.namlcp.linalg.arrays import data_of, numbers, places
-from cython.cimports.namlcp.linalg.ldl_solve import Factored, solve_factored
+from cython.cimports.namlcp.linalg.sparse_ldl import SparseFactors
 from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, fill
 from cython.cimports.namlcp.qp.active.proximal import (
     refine_contradiction,
@@ -38,7 +38,7 @@ from cython.cimports.namlcp.qp.active.state import (
 from cython.cimports.namlcp.qp.active.weight import set_shape, wanted_rho
 from scipy.sparse import csr_array
 
-from namlcp.linalg import SparseFactors, by_rows
+from namlcp.linalg import by_rows
 from namlcp.qp.kkt import KKT
 from namlcp.qp.transforms import equilibrate
 
@@ -151,11 +151,11 @@ class SparseActiveSet:
         factors = kkt.plan()
         if not isinstance(factors, SparseFactors):
             return
-        self.factors = Factored(factors)
+        self.factors = factors
         unit = np.ones(self.size)
         equilibrate(kkt.indptr, kkt.indices, kkt.base.copy(), unit)
         copy(data_of(unit), self.unit, self.size)
-        entries = factors.values.size + kkt.base.size + G.nnz + self.length
+        entries = self.factors.entries + kkt.base.size + G.nnz + self.length
         self.most_operations = MOST_OPERATIONS * entries
         self.is_ready = True
         self.is_slow_anew = not self.factor_and_try()
@@ -215,11 +215,11 @@ def solve_sparse(m):
 
 def solve_base(m, rhs, u, passes):
     """Set u = K^-1 rhs, with so many passes of refinement."""
-    solve_factored(m.factors, rhs, u)
+    m.factors.solve_into(rhs, u)
     for _ in range(passes):
         copy(rhs, m.rest, m.size)
         subtract_product(m, m.size, u, m.rest)
-        solve_factored(m.factors, m.rest, m.rest)
+        m.factors.solve_into(m.rest, m.rest)
         add_scaled(1.0, m.rest, u, m.size)
 
 
@@ -288,7 +288,7 @@ def try_factors(m):
     error: cython.double = 1.0
     passes: Py_ssize_t = -1
     while error > ACCURATE and passes < MOST_PASSES:
-        solve_factored(m.factors, rest, other)
+        m.factors.solve_into(rest, other)
         add_scaled(1.0, u, other, m.size)
         copy(rhs, rest, m.size)
         subtract_product(m, m.size, other, rest)

@@ -1,6 +1,6 @@
 from namlcp.result_base cimport Numbers
+from namlcp.watch cimport Watched
 
-cdef double OFTEN
 cdef Py_ssize_t MOST_NUMBERS
 
 
@@ -25,7 +25,7 @@ cpdef enum Code:
     OTHER_WEIGHT
 
 
-cdef class ActiveSet:
+cdef class ActiveSet(Watched):
     cdef:
         # The vectors of the problem, and where the point is to be; not owned.
         const double *q
@@ -111,16 +111,11 @@ cdef class ActiveSet:
         readonly double operations, most_operations
         double eps_abs, eps_rel
         Numbers found
-        # The watch, see `is_over`: operations since the last look at the clock, the end
-        # of the time limit, whether to stop, whether Ctrl-C came.
-        double since, until
-        bint over, interrupted
         # Whether what depends on the matrices is there; whether other methods are quicker
         # with other matrices.
         readonly bint is_ready, is_slow_anew
         char *memory
         size_t memory_size, memory_end
-        object error
         # What keeps the arrays behind the pointers alive; the point that was made last.
         readonly object matrices, vectors, point
         readonly int code
@@ -137,6 +132,3 @@ cdef double* reals(ActiveSet m, Py_ssize_t count) noexcept nogil
 cdef Py_ssize_t* indices(ActiveSet m, Py_ssize_t count) noexcept nogil
 cdef void lay_out_rows(ActiveSet m) noexcept nogil
 cdef int make_room(ActiveSet m) except -1
-cdef void begin_watch(ActiveSet m, double until) noexcept nogil
-cdef bint is_over(ActiveSet m, double operations) noexcept nogil
-cdef void look_at_clock(ActiveSet m) noexcept nogil

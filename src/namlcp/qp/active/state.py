@@ -8,20 +8,17 @@ five methods below, and vectors of its own.
 import cython
 from cython.cimports.libc.math import INFINITY
 from cython.cimports.libc.stdlib import free, malloc
-
-from namlcp import limits
-from namlcp.limits import now
+from cython.cimports.namlcp.watch import Watched
 
 # Most numbers that all responses may take: 64 MB. There are no more active rows.
 MOST_NUMBERS = 8_000_000
-OFTEN = limits.OFTEN
 
 
-class ActiveSet:
+class ActiveSet(Watched):
     """A QP, its active rows, and what is kept from solve to solve."""
 
     def __cinit__(self):
-        self.until = self.most_operations = INFINITY
+        self.most_operations = INFINITY
 
     def __dealloc__(self):
         free(self.memory)
@@ -107,34 +104,3 @@ def make_room(m):
     m.is_ready, m.skipped, m.rho = False, 0, 0.0
     m.k, m.kept_k, m.hints, m.kept_age = 0, 0, 0, 0
     return 0
-
-
-# ---- the clock
-
-
-def begin_watch(m, until):
-    """Begin to look at the clock; until: a value of time.perf_counter()."""
-    m.since, m.until, m.over, m.interrupted = 0.0, until, False, False
-
-
-def is_over(m, operations):
-    """Count operations; tell whether to stop: time is over, or Ctrl-C came."""
-    m.since += operations
-    if m.since >= OFTEN and not m.over:
-        look_at_clock(m)
-    return m.over
-
-
-def look_at_clock(m):
-    """Set whether to stop.
-
-    The call of `now` raises what the handler of a signal does, or another thread. Apart
-    from `is_over`, as a function with a block like this takes the GIL whenever it ends.
-    """
-    m.since = 0.0
-    with cython.gil:
-        try:
-            m.over = now() >= m.until
-        except BaseException as error:
-            m.over = m.interrupted = True
-            m.error = error

@@ -44,8 +44,8 @@ from cython.cimports.namlcp.qp.active.state import (
     DONE,
     LATE,
     STUCK,
-    is_over,
 )
+from cython.cimports.namlcp.watch import is_over
 
 from namlcp.options import DEFAULT_OPTIONS
 

@@ -20,7 +20,6 @@ when no factorisation succeeds.
 import numpy as np
 
 from namlcp.compiled import floats_at, ints_at, kernel, part, record_of
-from namlcp.linalg import factor_record, solve_record
 from namlcp.qp.path.active_set import choose_next_set, correct_set, hold, is_set_solved
 from namlcp.qp.path.newton import (
     begin_solve,
@@ -100,20 +99,14 @@ def advance(state):
             m.is_factored = is_factored(m)
             if not m.is_factored:
                 m.stage = KEEP_FACTORED
-                if m.is_external:
-                    return FACTOR
-                nnz = ints_at(m.indptr, m.size + 1)[m.size]
-                m.is_factored = factor_record(m, floats_at(m.data, np.int64(nnz)))
-            else:
-                m.stage = m.after
+                return FACTOR
+            m.stage = m.after
         elif stage == KEEP_FACTORED:
             keep_factored(m)
             m.stage = m.after
         elif stage == SOLVE:
             m.stage = m.after
-            if m.is_external:
-                return SOLVE
-            solve_record(m, floats_at(m.r, m.size), floats_at(m.answer, m.size))
+            return SOLVE
         elif stage == REFINE:
             m.stage, m.after = SOLVE, REFINE
             if is_refined(m):

@@ -11,7 +11,6 @@ import numpy as np
 
 from namlcp.compiled import address_of, fields, kernel, new_record, record_of
 from namlcp.limits import Limits
-from namlcp.linalg import FACTORS, SparseFactors, attach_factors
 from namlcp.qp.path.advance import (
     FACTOR,
     KRYLOV,
@@ -56,8 +55,6 @@ VECTORS = {
 # Vectors of int32, as flags: constraints with Z > W now and one iteration before; those
 # in the active-set system and in the next one; rows and variables that it holds.
 FLAGS = {"active was_active set_active next_active": "m", "held": "size"}
-# Passes over the entries of L in one iteration, about.
-PASSES = 20.0
 KINDS = "n p m size candidates".split()
 # Vectors of GMRES (`krylov`), which has memory once it is needed.
 KRYLOV_NAMES = "basis corrections H rotations g".split()
@@ -81,7 +78,6 @@ class PathState(ctypes.Structure):
         # Sizes, then addresses, with those of PLACED one after another.
         (" ".join((*KINDS, *PLACED, *KRYLOV_NAMES)), int),
         (GIVEN, int),
-        (FACTORS, int),
         # Where the loop is (`advance`): the stage, the stages after the linear solve or
         # factorisation under way and after its refinement.
         ("stage after then", int),
@@ -117,7 +113,7 @@ class PathState(ctypes.Structure):
         # Factorisations for this step; whether the last one succeeded; whether K~ is
         # factored by the caller.
         ("attempts", int),
-        ("is_factored is_external", bool),
+        ("is_factored", bool),
         # Norm of the right-hand side, relative residual of the solution, that of the
         # predictor, and solves made.
         ("rhs_norm error predicted_error", float),
@@ -183,13 +179,7 @@ class Workspace:
         triangle = kkt.indptr, kkt.indices, kkt.base, kkt.data, kkt.factored
         self.given = triangle, (problem.place, problem.sign, problem.unit, q, b, c)
         attach_problem(self.state, *self.given)
-        factors = kkt.plan()
-        self.now.is_external = not isinstance(factors, SparseFactors)
-        self.now.iteration_work = OPERATIONS  # else the caller factors every time
-        if isinstance(factors, SparseFactors):
-            self.now.iteration_work = PASSES * factors.values.size + factors.order.work
-            numbers = factors.values, factors.inverse, factors.work
-            attach_factors(self.state, factors.pattern, numbers)
+        self.now.iteration_work = OPERATIONS
 
     def run(self, stage: int) -> int:
         """Go on from this stage; return LOOK, READY or FAILED, see `advance`."""

@@ -1,0 +1,61 @@
+cdef double ABOVE_ROOT, ABOVE_MEAN
+cdef enum:
+    NONE = -1
+cpdef enum:
+    OUTSIDE
+    VARIABLE
+    BESIDE
+
+cdef struct Quotient:
+    # The quotient graph; a node is a variable or, once eliminated, an element. All
+    # pointers but `adjacent` are to an entry for each row. The neighbours of node i are
+    # adjacent[p] for p in start[i] : start[i] + length[i], where `adjacent` has `end`
+    # entries and room for `room`; of a variable, the first elements[i] of them are
+    # elements, of an element all are variables. weight[i] tells how many rows a
+    # supervariable stands for, 0 if it is part of another; it is negative while i belongs
+    # to the element being formed. degree[i] bounds the rows beside i. The rows that i
+    # stands for are i, following[i], following[following[i]], ..., last[i]. hubs[i] counts
+    # the hubs beside i, beside[i] the rows beside a hub. mark[e] is 0 for an element that
+    # has been absorbed, all marks are below `tag`.
+    #
+    # Variables of equal listed degree d, see `listed_degree`, form a list: head[d],
+    # after[head[d]], ...; `before` links back. While an element is formed, its variables
+    # are in no such list: they are in lists of equal keys, from bucket[key] on, and
+    # before[i] is the key of i.
+    #
+    # kind: OUTSIDE, VARIABLE, or BESIDE for a hub; the first `done` places are taken.
+    Py_ssize_t size, room, end, tag, done
+    Py_ssize_t *start
+    Py_ssize_t *mark
+    Py_ssize_t *degree
+    Py_ssize_t *beside
+    int *kind
+    int *place
+    int *length
+    int *elements
+    int *weight
+    int *following
+    int *last
+    int *hubs
+    int *head
+    int *after
+    int *before
+    int *bucket
+    int *adjacent
+
+cdef bint order_by_degree(const int* indptr, const int* indices, Py_ssize_t size, int* kind, int* place) noexcept nogil
+cdef void place_hubs(Quotient* g) noexcept nogil
+cdef void mark_hubs(Quotient* g, const int* indptr, const int* indices) noexcept nogil
+cdef void count_inside(Quotient* g, const int* indptr, const int* indices, const int* member, Py_ssize_t* degree) noexcept nogil
+cdef bint eliminate_all(Quotient* g, const int* indptr, const int* indices) noexcept nogil
+cdef Py_ssize_t count_neighbours(Quotient* g, const int* indptr, const int* indices) noexcept nogil
+cdef void write_neighbours(Quotient* g, const int* indptr, const int* indices) noexcept nogil
+cdef Py_ssize_t listed_degree(Quotient* g, Py_ssize_t i) noexcept nogil
+cdef void insert(Quotient* g, Py_ssize_t i, Py_ssize_t d) noexcept nogil
+cdef void remove(Quotient* g, Py_ssize_t i, Py_ssize_t d) noexcept nogil
+cdef bint reserve(Quotient* g, Py_ssize_t pivot) noexcept nogil
+cdef void form_element(Quotient* g, Py_ssize_t pivot) noexcept nogil
+cdef void update(Quotient* g, Py_ssize_t pivot) noexcept nogil
+cdef void append(Quotient* g, Py_ssize_t j, Py_ssize_t i) noexcept nogil
+cdef void merge_alike(Quotient* g, Py_ssize_t begin) noexcept nogil
+cdef Py_ssize_t link_all(Quotient* g, Py_ssize_t pivot, Py_ssize_t left) noexcept nogil

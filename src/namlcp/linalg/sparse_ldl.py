@@ -1,0 +1,484 @@
+"""Sparse L D L' of quasi-definite matrices of one pattern, factored many times.
+
+The matrix K is given by its upper triangle in CSC, with all diagonal entries, which are
+the last of their columns. Every symmetric permutation of a quasi-definite matrix has an
+L D L' without pivoting (R. Vanderbei, SIAM J. Optim. 5 (1995) 100-113); L has ones on
+its diagonal. All indices are laid out once.
+
+It is factored row by row. With y the entries of K in row k of the triangle: for all i
+with l_ki not 0, in rising order,
+
+    y_j -= l_ji y_i  (i < j < k),    l_ki = y_i / d_i,    d_k = k_kk - sum_i l_ki y_i
+
+(T. Davis, "Algorithm 849", ACM Trans. Math. Softw. 31 (2005) 587-591). Columns of L are
+alike if each is the first below the diagonal in the one before, and both have the same
+rows below that. Four or two such columns are a *chunk*, applied to y at a time: each
+entry of y is read and written once for all of them, and has one index.
+
+Where L ends with a dense block, its rows have most of the work, and every one would
+read most of L. So the chunks of one or two columns before the block are applied to the
+y_j before it alone. Then each of these columns is read once, and subtracted from all
+rows of the block,
+
+    s_rc -= l_ri d_i l_ci    (i before the block, c < r in it),
+
+and the block is factored, row by row. In the meantime `values` has the s_rc in place of
+the l_rc, and `inverse` has the pivots of the block, as far as they are known. Chunks of
+four columns are as fast row by row.
+"""
+
+import cython
+import numpy as np
+from cython import Py_ssize_t
+from cython.cimports import numpy as cnp
+from cython.cimports.libc.math import isfinite
+from cython.cimports.namlcp.linalg.arrays import (
+    data_of,
+    new_vector,
+    numbers,
+    places,
+)
+from cython.cimports.namlcp.linalg.arrays import indices as longs_at
+from cython.cimports.namlcp.watch import Watched, is_over
+
+from namlcp.checks import refuse_size
+from namlcp.linalg.elimination import permuted
+
+cnp.import_array()
+
+# Smallest pivot that is not 0 for us: the reciprocals of smaller ones may overflow.
+LEAST = float(np.finfo(np.float64).tiny)
+# CONSECUTIVE: rows that a chunk must have for a test whether they follow each other
+# without gaps. If they do, they need no indices, and the processor takes several at a
+# time. SMALLEST_BLOCK, BEFORE_BLOCK: columns that a dense block at the end of L must
+# have to be treated as one, and columns before it for each of its own: with fewer, rows
+# are as fast one by one.
+
+
+class Factors:
+    """Factors of quasi-definite matrices with one pattern of the upper triangle.
+
+    A subclass has `factor_values` and `solve_into`, which run without the GIL, or, in
+    Python, `refactor` and `solve`.
+    """
+
+    def __init__(self, indptr):
+        self.n, self.nnz = indptr.size - 1, indptr[indptr.size - 1]
+
+    def refactor(self, data):
+        """Factor the matrix with these values; ValueError if a pivot is 0."""
+        watch, values = Watched(), numbers(data, self.nnz)
+        with cython.nogil:
+            is_done = self.factor_values(values, watch)
+        if watch.interrupted:
+            raise watch.error
+        if not is_done:
+            raise ValueError("a pivot vanishes")
+
+    def solve(self, rhs):
+        """Return the solution for a right-hand side."""
+        x = new_vector(self.n)
+        self.solve_into(numbers(rhs, self.n), data_of(x))
+        return x
+
+    def factor_values(self, data, watch):
+        """Do as `refactor` does; False if a pivot is 0, or the watch says to stop."""
+        is_done: cython.bint = False
+        with cython.gil:
+            try:
+                self.refactor(as_array(data, self.nnz))
+                is_done = True
+            except ValueError:
+                pass
+            except BaseException as error:
+                watch.over = watch.interrupted = True
+                watch.error = error
+        return is_done
+
+    def solve_into(self, rhs, x):
+        """Set x = K^-1 rhs; x may be rhs."""
+        with cython.gil:
+            as_array(x, self.n)[:] = self.solve(as_array(rhs, self.n))
+
+
+def as_array(values, size):
+    """Return an array that shares its entries."""
+    length: cnp.npy_intp = size
+    return cnp.PyArray_SimpleNewFromData(
+        1, cython.address(length), cnp.NPY_DOUBLE, values
+    )
+
+
+class SparseFactors(Factors):
+    """L D L' by chunks of columns."""
+
+    def __init__(self, indptr, indices, order):
+        """Lay out L for a matrix K in an `Order`, which has all its rows."""
+        Factors.__init__(self, indptr)
+        self.order, self.entries = order, order.counts.sum(dtype=np.int64)
+        self.work = order.work
+        refuse_size("the factors", self.entries)
+        n, entries = self.n, self.entries
+        triangle = permuted(indptr, indices, order.place, n, True)
+        columns, rows, source = triangle
+        ints, longs = np.empty((3, n), np.int32), np.empty((3, n + 1), np.intp)
+        below, chunks = np.empty((2, entries), np.int32)
+        values, reals = np.empty(entries), np.empty((2, n))
+        self.arrays = order.place, triangle, ints, longs, chunks, values
+        self.reciprocals, self.row_numbers = reals[0], below
+        self.place, self.columns = places(order.place, n), places(columns, n + 1)
+        self.rows, self.source = places(rows, rows.size), places(source, source.size)
+        self.diagonal, self.width = places(ints[0], n), places(ints[1], n)
+        self.reach, self.done = places(ints[2], n), longs_at(longs[0], n + 1)
+        self.starts, self.lines = longs_at(longs[1], n + 1), longs_at(longs[2], n + 1)
+        self.below, self.chunks = places(below, entries), places(chunks, entries)
+        self.values = numbers(values, entries)
+        self.inverse, self.y = numbers(reals[0], n), numbers(reals[1], n)
+        ends, parent = places(indptr, n + 1), places(order.parent, n)
+        counts = places(order.counts, n)
+        with cython.nogil:
+            lay_out(self, ends, parent, counts)
+            lay_out_lines(self)
+
+    @property
+    def pivots(self):
+        """The diagonal of D, in the order of elimination."""
+        return 1.0 / self.reciprocals
+
+    @property
+    def row_lengths(self):
+        """The number of entries of each row of L beside the diagonal."""
+        return np.bincount(self.row_numbers, minlength=self.n)
+
+    def factor_values(self, data, watch):
+        starts, width, y = self.starts, self.width, self.y
+        values, inverse, n = self.values, self.inverse, self.n
+        operations = self.work / max(n, 1)
+        for k in range(n):
+            self.done[k] = 0
+            y[k] = 0.0
+        # The columns begin : end are applied: those before the block, then its own.
+        begin: Py_ssize_t = 0
+        end = self.first
+        while begin < n:
+            for k in range(begin, n):
+                if begin == 0:
+                    pivot = data[self.diagonal[k]]
+                    for t in range(self.columns[k], self.columns[k + 1]):
+                        y[self.rows[t]] = data[self.source[t]]
+                else:
+                    pivot = inverse[k]
+                    for j in range(begin, k):
+                        y[j] = values[starts[j] + k - j - 1]
+                for p in range(self.lines[k], self.lines[k + 1]):
+                    i: Py_ssize_t = self.chunks[p]
+                    if i < begin:
+                        continue
+                    if i >= end:
+                        break
+                    if width[i] == 1:
+                        pivot -= apply_one(self, i)
+                    elif k < i + width[i]:
+                        pivot -= apply_part(self, i, k)
+                    elif width[i] == 2:
+                        pivot -= apply_two(self, i)
+                    else:
+                        pivot -= apply_four(self, i)
+                if k >= end:
+                    inverse[k] = pivot
+                    for j in range(end, k):
+                        values[starts[j] + k - j - 1] = y[j]
+                        y[j] = 0.0
+                elif LEAST <= abs(pivot) and isfinite(pivot):
+                    inverse[k] = 1.0 / pivot
+                else:
+                    return False
+                if is_over(watch, operations):
+                    return False
+            if end < n:
+                subtract_products(self)
+            begin, end = end, n
+        return True
+
+    def solve_into(self, rhs, x):
+        for j in range(self.n):
+            self.y[self.place[j]] = rhs[j]
+        solve_forward(self)
+        solve_backward(self)
+        for j in range(self.n):
+            x[j] = self.y[self.place[j]]
+
+
+# ---- the layout
+
+
+def lay_out(f, indptr, parent, counts):
+    """Set the columns of L, and where the diagonal of K is."""
+    n, starts, done, width = f.n, f.starts, f.done, f.width
+    for j in range(n):
+        f.diagonal[f.place[j]] = indptr[j + 1] - 1
+    starts[0] = 0
+    for k in range(n):
+        starts[k + 1] = starts[k] + counts[k]
+        done[k] = starts[k]
+        width[k] = -1
+    for k in range(n):
+        # Row k of L has entries on the paths from those of K up the tree to k.
+        width[k] = k  # the last row that came by, for now
+        for t in range(f.columns[k], f.columns[k + 1]):
+            i: Py_ssize_t = f.rows[t]
+            while width[i] != k:
+                width[i] = k
+                f.below[done[i]] = k
+                done[i] += 1
+                i = parent[i]
+    begin: Py_ssize_t = 0
+    while begin < n:
+        width[begin] = chunk_from(begin, parent, counts)
+        width[begin + width[begin] - 1] = width[begin]
+        begin += width[begin]
+    f.first = first_dense(f)
+
+
+def lay_out_lines(f):
+    """Set the chunks of every row, and how far each is applied row by row."""
+    n, starts, below, lines, done = f.n, f.starts, f.below, f.lines, f.done
+    for k in range(n):
+        done[k] = 0
+    begin: Py_ssize_t = 0
+    while begin < n:
+        last = begin + f.width[begin] - 1
+        is_wide: cython.bint = f.width[begin] == 4
+        f.reach[begin] = 0
+        for t in range(starts[begin], starts[begin + 1]):
+            done[below[t]] += 1
+        for t in range(starts[last], starts[last + 1]):
+            f.reach[begin] += begin >= f.first or is_wide or below[t] < f.first
+        begin = last + 1
+    lines[0] = 0
+    for k in range(n):
+        lines[k + 1] = lines[k] + done[k]
+        done[k] = lines[k]
+    begin = 0
+    while begin < n:
+        for t in range(starts[begin], starts[begin + 1]):
+            k = below[t]
+            f.chunks[done[k]] = begin
+            done[k] += 1
+        begin += f.width[begin]
+
+
+def chunk_from(begin, parent, counts):
+    """Return how many columns from `begin` on are alike: 1, 2 or 4."""
+    end = begin
+    while end < begin + 3 and parent[end] == end + 1:
+        if counts[end] != counts[end + 1] + 1:
+            break
+        end += 1
+    found = end - begin + 1
+    return found if found != 3 else 2
+
+
+def first_dense(f):
+    """Return the column with which the dense block that L ends with begins.
+
+    It is n, no column, if the block is small or has few columns before it.
+    """
+    first = f.n
+    while first > 0 and f.starts[first] - f.starts[first - 1] == f.n - first:
+        first -= 1
+    block = f.n - first
+    is_large: cython.bint = block >= SMALLEST_BLOCK and first >= BEFORE_BLOCK * block
+    return first if is_large else f.n
+
+
+# ---- the chunks of a factorisation
+
+
+def subtract_products(f):
+    """Subtract from the dense block the products that earlier chunks leave out."""
+    starts, below, values = f.starts, f.below, f.values
+    i: Py_ssize_t = 0
+    while i < f.first:
+        end = i + f.width[i]
+        rows = starts[end] - starts[end - 1] - f.reach[i]
+        for j in range(i, end):
+            for s in range(starts[j + 1] - rows, starts[j + 1]):
+                c = below[s]
+                y_c = values[s] / f.inverse[j]
+                to = starts[c] - c - 1
+                for t in range(s + 1, starts[j + 1]):
+                    values[to + below[t]] -= values[t] * y_c
+        i = end
+
+
+def apply_one(f, i):
+    """Apply column i to y, and append l_ki to it; return l_ki y_i."""
+    y, values, below = f.y, f.values, f.below
+    a, rows = f.starts[i], f.done[i]
+    count = min(rows, f.reach[i])
+    f.done[i] += 1
+    y_i = y[i]
+    y[i] = 0.0
+    for p in range(a, a + count):
+        y[below[p]] -= values[p] * y_i
+    l_i = y_i * f.inverse[i]
+    values[a + rows] = l_i
+    return l_i * y_i
+
+
+def apply_part(f, i, k):
+    """Apply the columns i : k of a chunk to y, for a row k of their own.
+
+    Appends the l_kj to them; returns the sum of l_kj y_j.
+    """
+    y, values, inverse = f.y, f.values, f.inverse
+    a = f.starts[i]
+    y_0 = y[i]
+    l_0 = y_0 * inverse[i]
+    total = l_0 * y_0
+    y[i] = 0.0
+    values[a + k - i - 1] = l_0
+    if k > i + 1:
+        b = f.starts[i + 1]
+        y_1 = y[i + 1] - values[a] * y_0
+        l_1 = y_1 * inverse[i + 1]
+        total += l_1 * y_1
+        y[i + 1] = 0.0
+        values[b + k - i - 2] = l_1
+        if k > i + 2:
+            y_2 = y[i + 2] - values[a + 1] * y_0 - values[b] * y_1
+            l_2 = y_2 * inverse[i + 2]
+            total += l_2 * y_2
+            y[i + 2] = 0.0
+            values[f.starts[i + 2]] = l_2
+    return total
+
+
+def apply_two(f, i):
+    """Do as `apply_one` with the columns i and i + 1; return the sum of l_kj y_j."""
+    y, values, inverse, below = f.y, f.values, f.inverse, f.below
+    a, b = f.starts[i], f.starts[i + 1]
+    rows = f.done[i]
+    count = min(rows, f.reach[i])
+    f.done[i] += 1
+    y_0 = y[i]
+    y_1 = y[i + 1] - values[a] * y_0
+    y[i] = 0.0
+    y[i + 1] = 0.0
+    a += 1
+    for s in range(count):
+        y[below[b + s]] -= values[a + s] * y_0 + values[b + s] * y_1
+    l_0, l_1 = y_0 * inverse[i], y_1 * inverse[i + 1]
+    values[a + rows] = l_0
+    values[b + rows] = l_1
+    return l_0 * y_0 + l_1 * y_1
+
+
+def apply_four(f, i):
+    """Do as `apply_one` with the columns i : i + 4; return the sum of l_kj y_j."""
+    y, values, inverse, below = f.y, f.values, f.inverse, f.below
+    a, b = f.starts[i], f.starts[i + 1]
+    c, d = f.starts[i + 2], f.starts[i + 3]
+    rows = f.done[i]
+    count = min(rows, f.reach[i])
+    f.done[i] += 1
+    y_0 = y[i]
+    y_1 = y[i + 1] - values[a] * y_0
+    y_2 = y[i + 2] - values[a + 1] * y_0 - values[b] * y_1
+    y_3 = y[i + 3] - values[a + 2] * y_0 - values[b + 1] * y_1 - values[c] * y_2
+    y[i], y[i + 1], y[i + 2], y[i + 3] = 0.0, 0.0, 0.0, 0.0
+    a, b, c = a + 3, b + 2, c + 1
+    if count >= CONSECUTIVE and below[d + count - 1] - below[d] + 1 == count:
+        to = y + below[d]
+        for s in range(count):
+            to[s] -= (
+                values[a + s] * y_0 + values[b + s] * y_1
+                + values[c + s] * y_2 + values[d + s] * y_3
+            )  # fmt: skip
+    else:
+        for s in range(count):
+            y[below[d + s]] -= (
+                values[a + s] * y_0 + values[b + s] * y_1
+                + values[c + s] * y_2 + values[d + s] * y_3
+            )  # fmt: skip
+    l_0, l_1 = y_0 * inverse[i], y_1 * inverse[i + 1]
+    l_2, l_3 = y_2 * inverse[i + 2], y_3 * inverse[i + 3]
+    values[a + rows] = l_0
+    values[b + rows] = l_1
+    values[c + rows] = l_2
+    values[d + rows] = l_3
+    return l_0 * y_0 + l_1 * y_1 + l_2 * y_2 + l_3 * y_3
+
+
+# ---- solution
+
+
+def solve_forward(f):
+    """Set y to L^-1 y: subtract y_i times column i, from the first to the last."""
+    y, values, below, starts = f.y, f.values, f.below, f.starts
+    i: Py_ssize_t = 0
+    while i < f.n:
+        width, y_0 = f.width[i], y[i]
+        if width == 1:
+            for t in range(starts[i], starts[i + 1]):
+                y[below[t]] -= values[t] * y_0
+            i += 1
+        elif width == 2:
+            a, b = starts[i], starts[i + 1]
+            y_1 = y[i + 1] - values[a] * y_0
+            y[i + 1] = y_1
+            i += 2
+            for t in range(starts[i] - b):
+                y[below[b + t]] -= values[a + 1 + t] * y_0 + values[b + t] * y_1
+        else:
+            a, b, c, d = starts[i], starts[i + 1], starts[i + 2], starts[i + 3]
+            y_1 = y[i + 1] - values[a] * y_0
+            y_2 = y[i + 2] - values[a + 1] * y_0 - values[b] * y_1
+            y_3 = y[i + 3] - values[a + 2] * y_0 - values[b + 1] * y_1 - values[c] * y_2
+            y[i + 1], y[i + 2], y[i + 3] = y_1, y_2, y_3
+            i += 4
+            for t in range(starts[i] - d):
+                y[below[d + t]] -= (
+                    values[a + 3 + t] * y_0 + values[b + 2 + t] * y_1
+                    + values[c + 1 + t] * y_2 + values[d + t] * y_3
+                )  # fmt: skip
+
+
+def solve_backward(f):
+    """Set y to (D L')^-1 y, y_i from the entries below it."""
+    y, values, below, starts, inverse = f.y, f.values, f.below, f.starts, f.inverse
+    i = f.n
+    while i > 0:
+        width = f.width[i - 1]
+        if width == 1:
+            i -= 1
+            y_0 = y[i] * inverse[i]
+            for t in range(starts[i], starts[i + 1]):
+                y_0 -= values[t] * y[below[t]]
+            y[i] = y_0
+        elif width == 2:
+            i -= 2
+            a, b = starts[i], starts[i + 1]
+            y_0, y_1 = y[i] * inverse[i], y[i + 1] * inverse[i + 1]
+            for t in range(starts[i + 2] - b):
+                y_t = y[below[b + t]]
+                y_0 -= values[a + 1 + t] * y_t
+                y_1 -= values[b + t] * y_t
+            y[i + 1] = y_1
+            y[i] = y_0 - values[a] * y_1
+        else:
+            i -= 4
+            a, b, c, d = starts[i], starts[i + 1], starts[i + 2], starts[i + 3]
+            y_0, y_1 = y[i] * inverse[i], y[i + 1] * inverse[i + 1]
+            y_2, y_3 = y[i + 2] * inverse[i + 2], y[i + 3] * inverse[i + 3]
+            for t in range(starts[i + 4] - d):
+                y_t = y[below[d + t]]
+                y_0 -= values[a + 3 + t] * y_t
+                y_1 -= values[b + 2 + t] * y_t
+                y_2 -= values[c + 1 + t] * y_t
+                y_3 -= values[d + t] * y_t
+            y_2 -= values[c] * y_3
+            y_1 -= values[b] * y_2 + values[b + 1] * y_3
+            y_0 -= values[a] * y_1 + values[a + 1] * y_2 + values[a + 2] * y_3
+            y[i], y[i + 1], y[i + 2], y[i + 3] = y_0, y_1, y_2, y_3
