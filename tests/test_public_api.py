@@ -58,7 +58,7 @@ def test_the_typed_client_runs():
 
 def test_import_prints_nothing_and_warns_of_nothing():
     done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", "import namlcp.qp.path.loop"],
+        [sys.executable, "-W", "error", "-c", "import namlcp.qp.interior.loop"],
         capture_output=True,
         text=True,
         check=False,

@@ -11,3 +11,4 @@ cdef class Watched:
 cdef void begin_watch(Watched m, double until) noexcept nogil
 cdef bint is_over(Watched m, double operations) noexcept nogil
 cdef void look_at_clock(Watched m) noexcept nogil
+cdef int raise_kept(Watched m) except -1

@@ -42,3 +42,11 @@ def look_at_clock(m):
         except BaseException as error:
             m.over = m.interrupted = True
             m.error = error
+
+
+def raise_kept(m):
+    """Raise what the handler of a signal raised while `m` ran."""
+    if m.interrupted:
+        error, m.error, m.interrupted = m.error, None, False
+        raise error
+    return 0

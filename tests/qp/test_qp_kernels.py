@@ -1,6 +1,9 @@
 """Kernels of the QP engines, each beside a plain transcription of what it computes."""
 
+from types import SimpleNamespace
+
 import numpy as np
+import plain
 import pytest
 from problems_qp import complementary, dense_scaled, make_qp, upper_triangle_of
 from scipy.sparse import csc_array, random_array
@@ -10,14 +13,17 @@ from namlcp.limits import Limits
 from namlcp.linalg import csc
 from namlcp.qp.acceptance import farkas_numbers
 from namlcp.qp.certificates import accept_dual, accept_primal
-from namlcp.qp.path import newton, steps
-from namlcp.qp.path.advance import GAIN, LONG, LOOK, READY, REFINE, SOLVE, START
-from namlcp.qp.path.regularisation import DELTA, RHO
-from namlcp.qp.path.workspace import Workspace
+from namlcp.qp.guess import NO_GUESS
+from namlcp.qp.interior.loop import run
+from namlcp.qp.interior.state import Interior
 from namlcp.qp.transforms import ScaledQP, presolve
 
 LIMITS = Limits(1e-9, 0.0)
 TOL = 1e-6
+steps, loop, newton, regularisation = (
+    plain.module(f"namlcp.qp.interior.{name}")
+    for name in ("steps", "loop", "newton", "regularisation")
+)
 
 
 # ---- the interior-point method
@@ -50,11 +56,11 @@ class Transcription:
 
     def first_point(self):
         """W = Z = 1 as weights of least squares, then Mehrotra's shift."""
-        (m, n), p = self.S.shape, self.b.size
+        (m, n), p, delta = self.S.shape, self.b.size, regularisation.DELTA
         K = np.block([
-            [self.P + RHO * np.eye(n), self.A.T, self.S.T],
-            [self.A, -DELTA * np.eye(p), np.zeros((p, m))],
-            [self.S, np.zeros((m, p)), -(1.0 + DELTA) * np.eye(m)],
+            [self.P + regularisation.RHO * np.eye(n), self.A.T, self.S.T],
+            [self.A, -delta * np.eye(p), np.zeros((p, m))],
+            [self.S, np.zeros((m, p)), -(1.0 + delta) * np.eye(m)],
         ])  # fmt: skip
         rhs = np.concatenate((-self.q, self.b, self.c))
         x, y, Z = np.split(np.linalg.solve(K, rhs), (n, n + p))
@@ -84,7 +90,7 @@ def iterate(whole, point, rho, delta):
     target = aim - W * Z - dW * dZ
     step = whole.direction(point, target, rho, delta)
     a, z = longest(W, Z, *step[2:])
-    if a + z < LONG:
+    if a + z < loop.LONG:
         by = steps.LENGTHENED
         longer = [min(1.0, (1.0 + by) * s + by) for s in (a, z)]
         product = (W + longer[0] * step[2]) * (Z + longer[1] * step[3])
@@ -92,75 +98,89 @@ def iterate(whole, point, rho, delta):
         change = np.clip(product, steps.LEAST_PRODUCT * aim, most) - product
         other = whole.direction(point, target + np.maximum(change, -most), rho, delta)
         b, w = longest(W, Z, *other[2:])
-        if b + w >= a + z + GAIN:
+        if b + w >= a + z + loop.GAIN:
             step, a, z = other, b, w
     a, z = steps.SHORT * a, steps.SHORT * z
     lengths = a, z, a, z
     return [v + k * dv for v, k, dv in zip(point, lengths, step, strict=True)]
 
 
-def begun(qp):
-    """Return the work space of a QP with the settings of a first iteration."""
-    work = Workspace(ScaledQP(presolve(qp, 1e-9, 0.0)), LIMITS)
-    now = work.now
-    now.reports, now.max_iter, now.patience = True, 99, 99
-    now.rho, now.delta, now.accuracy, now.drop = RHO, DELTA, 1e-12, 0.1
-    now.best = now.reference = now.last_refined = np.inf
-    return work, Transcription(work.problem)
+class Blind:
+    """A judge who finds no point good."""
+
+    is_solved = False
+
+    def offer(self, point):
+        return np.inf
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_iterations_are_those_of_the_formulas(seed):
-    work, whole = begun(complementary(seed, 12, 15, 3, 9, 0.6).qp)
-    found = work.run(START)
-    now, expected = work.now, whole.first_point()
-    for _ in range(8):
-        assert found == LOOK
-        point = [v.copy() for v in (work.x, work.y, work.W, work.Z)]
+    qp = complementary(seed, 12, 15, 3, 9, 0.6).qp
+    problem, found = ScaledQP(presolve(qp, 1e-9, 0.0)), []
+
+    def report(*numbers):
+        found.append(([v.copy() for v in m.point], m.rho, m.delta))
+
+    m = Interior(problem, Blind(), LIMITS._replace(max_iter=8, report=report))
+    run(m, NO_GUESS)
+    assert len(found) == 9
+    whole = Transcription(problem)
+    expected = whole.first_point()
+    for point, rho, delta in found:
         for v, mine in zip(expected, point, strict=True):
             np.testing.assert_allclose(mine, v, rtol=1e-5, atol=1e-7)
-        expected = iterate(whole, point, now.rho, now.delta)
-        found = work.resume()
+        expected = iterate(whole, point, rho, delta)
 
 
 def solved_by_other_factors(change, krylov):
-    """Solve a KKT system by factors of another matrix; return |residual| and `now`."""
-    work, _ = begun(complementary(4, 20, 10, 3, 12).qp)
-    now, kkt = work.now, work.kkt
-    n, m = now.n, now.size - now.n
+    """Solve a KKT system by factors of another matrix; return |residual| and the rest.
+
+    The text of `newton` runs as plain Python.
+    """
+    kkt = ScaledQP(presolve(complementary(4, 20, 10, 3, 12).qp, 1e-9, 0.0)).kkt
+    n, size, m = kkt.n, kkt.size, plain.Struct()
     data = kkt.base.copy()
-    data[kkt.diagonal] += np.r_[np.full(n, 1e-6), np.full(m, -1e-8)]
-    kkt.data[:] = data
-    kkt.data[kkt.diagonal] += np.r_[np.full(n, change), np.zeros(m)]
-    assert work.factor()
+    data[kkt.diagonal] += np.r_[np.full(n, 1e-6), np.full(size - n, -1e-8)]
     kkt.data[:] = data
     full = upper_triangle_of(kkt).toarray()
     full = full + np.triu(full, 1).T
-    rhs = np.random.default_rng(0).standard_normal(now.size)
-    work.rhs[:], work.r[:], work.du[:] = rhs, rhs, 0.0
-    now.rhs_norm, now.error, now.accuracy, now.solves = 1.0, np.inf, 1e-14, 0
-    now.krylov_pays, now.after, now.then = krylov, REFINE, READY
-    work.run(SOLVE)
-    return np.abs(full @ work.du - rhs).max(), now
+    other = full + np.diag(np.r_[np.full(n, change), np.zeros(size - n)])
+
+    def solve_into(rhs, x):
+        x.part(size)[:] = np.linalg.solve(other, rhs.part(size))
+
+    m.size, m.factors, m.step = size, SimpleNamespace(solve_into=solve_into), m
+    m.indptr, m.indices, m.data = map(plain.Pointer, (kkt.indptr, kkt.indices, data))
+    for name in ("du", "r", "answer", "trial", "trial_r", "row_size", "dt"):
+        setattr(m, name, plain.reals(m, size))
+    m.krylov = plain.reals(m, 17 * size + 81)
+    m.row_size.array[:] = np.maximum(1.0, np.abs(data[kkt.diagonal]))
+    rhs = np.random.default_rng(0).standard_normal(size)
+    m.rhs, m.accuracy, m.krylov_pays = plain.Pointer(rhs), 1e-14, krylov
+    newton.solve(m)
+    rest = rhs - full @ m.du.part(size)
+    np.testing.assert_allclose(m.r.part(size), rest, atol=1e-9)
+    return np.abs(rest).max(), m
 
 
 def test_newton_systems_are_refined():
-    residual, now = solved_by_other_factors(0.0, False)
+    residual, m = solved_by_other_factors(0.0, False)
     assert residual < 1e-9
-    assert now.error < 1e-13
+    assert m.error < 1e-13
     crude, _ = solved_by_other_factors(3.0, False)
-    better, now = solved_by_other_factors(3.0, True)
-    assert now.krylov_pays
+    better, m = solved_by_other_factors(3.0, True)
+    assert m.krylov_pays
     assert better < 0.1 * crude
 
 
 @pytest.mark.parametrize("place", [0, 1, 2])
 def test_the_norm_of_a_residual_with_nan_is_nan(place):
     r, weight = np.array([1.0, -6.0, 2.0]), np.array([1.0, 2.0, 4.0])
-    norm = getattr(newton.weighted_norm, "py_func", newton.weighted_norm)
-    assert norm(r, weight, 3) == 3.0
+    norm = newton.weighted_norm
+    assert norm(plain.Pointer(r), plain.Pointer(weight), 3) == 3.0
     r[place] = np.nan
-    assert np.isnan(norm(r, weight, 3))
+    assert np.isnan(norm(plain.Pointer(r), plain.Pointer(weight), 3))
 
 
 # ---- certificates

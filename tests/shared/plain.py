@@ -149,7 +149,9 @@ GIVEN = {
     "libc.math": SimpleNamespace(
         **(vars(math) | {"sqrt": c_root, "INFINITY": math.inf, "NAN": math.nan})
     ),
-    "libc.stdlib": SimpleNamespace(malloc=lambda size: object(), free=lambda place: 0),
+    "libc.stdlib": SimpleNamespace(
+        malloc=lambda size: object(), calloc=None, free=lambda place: 0
+    ),
     "namlcp.linalg.vectors": SimpleNamespace(
         dot=dot, four_dots=four_dots, add_scaled=add_scaled, add_four=add_four,
         subtract_four=subtract_four, copy=copy, fill=fill, hash_of=None,
@@ -158,6 +160,7 @@ GIVEN = {
     "namlcp.linalg.arrays": SimpleNamespace(
         data_of=None, new_vector=None, numbers=None, places=None
     ),
+    "namlcp.linalg.sparse_ldl": SimpleNamespace(Factors=None, as_array=None),
     "namlcp.linalg.blas": SimpleNamespace(
         blas_dot=dot, blas_times=blas_times, cholesky=None, invert_lower=None,
         times=None, times_transposed=None,

@@ -20,9 +20,9 @@ from namlcp.cli.files import mat_problem
 from namlcp.options import Options
 from namlcp.qp import NO_GUESS, QP
 from namlcp.qp.chain import OWN
+from namlcp.qp.interior import solve_interior
 from namlcp.qp.judge import Judge
 from namlcp.qp.memory import Memory
-from namlcp.qp.path import solve_path
 
 
 class Known(NamedTuple):
@@ -49,7 +49,7 @@ class Found(NamedTuple):
 
 def solve_sparse(qp, limits=Options().limits(), guess=NO_GUESS) -> Found:  # noqa: B008
     """Solve by the interior-point method, whatever the form."""
-    answer = solve_path(qp, OWN, guess, Judge(qp, limits), Memory())
+    answer = solve_interior(qp, OWN, guess, Judge(qp, limits), Memory())
     return Found(answer.status, *answer.point, answer.iterations, answer.message)
 
 

@@ -35,7 +35,7 @@ class Multifrontal(Factors):
         f = np.diff(nodes.starts)
         last = nodes.rows[nodes.starts[1:] - 1]
         is_inside = last < nodes.first[nodes.parent + 1]  # false at a root
-        self.L = np.empty(nodes.panels[-1])
+        self.L, self.entries = np.empty(nodes.panels[-1]), nodes.panels[-1]
         self.D = np.empty(order.place.size)
         self.places = np.empty((2, order.place.size), dtype=np.int32)
         self.stack = np.empty(stack_size(nodes.parent, np.where(is_inside, 0, f - k)))

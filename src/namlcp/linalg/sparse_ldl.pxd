@@ -8,8 +8,9 @@ cdef enum:
 
 
 cdef class Factors:
-    # Order of K, entries of its triangle.
+    # Order of K, entries of its triangle; entries of L.
     cdef readonly Py_ssize_t n, nnz
+    cdef public Py_ssize_t entries
 
     cdef bint factor_values(self, double* data, Watched watch) noexcept nogil
     cdef void solve_into(self, double* rhs, double* x) noexcept nogil
@@ -48,7 +49,6 @@ cdef class SparseFactors(Factors):
         # begins with i; y is a row of K or a right-hand side.
         Py_ssize_t *done
         double *y
-        readonly Py_ssize_t entries
         # Multiplications of a factorisation.
         double work
         readonly object order

@@ -39,7 +39,7 @@ from cython.cimports.namlcp.linalg.arrays import (
     places,
 )
 from cython.cimports.namlcp.linalg.arrays import indices as longs_at
-from cython.cimports.namlcp.watch import Watched, is_over
+from cython.cimports.namlcp.watch import Watched, is_over, raise_kept
 
 from namlcp.checks import refuse_size
 from namlcp.linalg.elimination import permuted
@@ -70,8 +70,7 @@ class Factors:
         watch, values = Watched(), numbers(data, self.nnz)
         with cython.nogil:
             is_done = self.factor_values(values, watch)
-        if watch.interrupted:
-            raise watch.error
+        raise_kept(watch)
         if not is_done:
             raise ValueError("a pivot vanishes")
 

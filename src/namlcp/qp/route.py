@@ -20,7 +20,7 @@ from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.judge import NOT_GIVEN, Judge, Matrices
 from namlcp.qp.memory import Memory
 from namlcp.qp.outcomes import UNDECIDED
-from namlcp.qp.path import solve_path
+from namlcp.qp.interior import solve_interior
 from namlcp.qp.problem import QP
 from namlcp.qp.transforms import substitute, without_huge_bounds
 from namlcp.status import Status
@@ -76,7 +76,7 @@ class Engine(NamedTuple):
 ENGINES = (
     Engine(takes_bounds, solve_bounds),
     Engine(takes_dense, solve_dense),
-    Engine(lambda qp, memory: True, solve_path),
+    Engine(lambda qp, memory: True, solve_interior),
 )
 
 

@@ -1,8 +1,8 @@
 """The numbers and vectors of one solve by pivoting, by name.
 
-Compiled functions take them as one record `m` of numbers and addresses, as those of
-`qp/path` do: ``floats(m.z, m.n)`` is the vector z. In Python, `PivotMemory` has
-the same names. "Scaled" refers to the problem with a unit diagonal.
+Compiled functions take them as one record `m` of numbers and addresses:
+``floats(m.z, m.n)`` is the vector z. In Python, `PivotMemory` has the same names.
+"Scaled" refers to the problem with a unit diagonal.
 """
 
 import ctypes

@@ -46,7 +46,7 @@ from cython.cimports.namlcp.result_base import (
     residuals_of,
 )
 from cython.cimports.namlcp.settings import Settings
-from cython.cimports.namlcp.watch import begin_watch
+from cython.cimports.namlcp.watch import begin_watch, raise_kept
 from scipy.sparse import csc_array, csc_matrix
 
 from namlcp.status import Status
@@ -128,9 +128,7 @@ def run(m):
     else:
         with cython.nogil:
             m.code = decide(cython.cast(DenseActiveSet, m))
-    if m.interrupted:
-        error, m.error = m.error, None
-        raise error
+    raise_kept(m)
     return 0
 
 
@@ -440,9 +438,7 @@ def solve_items(
                 break
     m.is_ready = m.is_ready and m.wanted == wanted  # for the items of the next call
     m.wanted = wanted
-    if m.interrupted:
-        error, m.error = m.error, None
-        raise error
+    raise_kept(m)
 
 
 def factors_of(m: DenseActiveSet):

@@ -7,7 +7,7 @@ residual, if that residual or its share of the gap has to become smaller: below 
 factorisations of K~ begin to fail.
 """
 
-from namlcp.compiled import part
+import cython
 
 # Values at the start.
 RHO, DELTA = 1e-6, 1e-4
@@ -19,8 +19,7 @@ FLOOR, LOWEST, TOP = 1e-7, 1e-16, 1e-6
 POOR, ACCURATE, ACCURATE_FULL = 1e-5, 1e-8, 1e-6
 # A step has full length if the sum of the primal and the dual one exceeds this.
 FULL = 1.9
-# Iterations without lowering after a bad solve.
-WAIT = 3
+# WAIT: iterations without lowering after a bad solve.
 # Scaled dual residual up to which rho is not held responsible for it.
 NEGLIGIBLE_RESIDUAL = 1e-12
 # A residual has to become smaller above NEEDED times its tolerance, and above BEHIND
@@ -29,7 +28,6 @@ NEGLIGIBLE_RESIDUAL = 1e-12
 NEEDED, BEHIND = 0.1, 1e-4
 
 
-@part
 def regularise(m, old_mu):
     """Adapt rho and delta after a step, to its effect on mu and on the residuals."""
     if m.m == 0:
@@ -40,14 +38,16 @@ def regularise(m, old_mu):
         m.rho = max(m.rho * factor, FLOOR)
     if m.delta > FLOOR:
         m.delta = max(m.delta * factor, FLOOR)
-    if not m.error <= POOR:
+    if not m.step.error <= POOR:
         strengthen(m)
     elif m.wait > 0:
         m.wait -= 1
-    elif m.error < (ACCURATE_FULL if is_full_step(m) else ACCURATE):
+    elif m.step.error < (ACCURATE_FULL if is_full_step(m) else ACCURATE):
         dual, primal = m.dual_norm, max(m.row_norm, m.slack_norm)
-        rho_dominates = dual > NEGLIGIBLE_RESIDUAL and m.rho * m.change_x > 0.5 * dual
-        delta_dominates = m.delta * m.change_yz > 0.5 * primal
+        rho_dominates: cython.bint = (
+            dual > NEGLIGIBLE_RESIDUAL and m.rho * m.change_x > 0.5 * dual
+        )
+        delta_dominates: cython.bint = m.delta * m.change_yz > 0.5 * primal
         gap = NEEDED * max(m.mu * m.m, m.eps_abs + m.eps_rel * m.gap_size)
         needed = max(NEEDED, BEHIND * m.gap_ratio)
         lower(
@@ -57,13 +57,11 @@ def regularise(m, old_mu):
         )
 
 
-@part
 def is_full_step(m):
     """Tell whether the last step, primal and dual, had full length."""
-    return m.primal_step + m.dual_step > FULL
+    return m.step.primal + m.step.dual > FULL
 
 
-@part
 def lower(m, rho, delta):
     """Divide rho, delta or both by ten."""
     if rho:
@@ -72,7 +70,6 @@ def lower(m, rho, delta):
         m.delta = max(0.1 * m.delta, LOWEST)
 
 
-@part
 def strengthen(m):
     """Raise both after a bad solve."""
     m.rho = max(m.rho, min(10.0 * m.rho, TOP))

@@ -6,12 +6,10 @@ from namlcp.checks import as_sparse
 from namlcp.outcome import Outcome
 from namlcp.qp.chain import Chain
 from namlcp.qp.guess import Guess
+from namlcp.qp.interior.loop import run, try_guess
+from namlcp.qp.interior.state import Interior
 from namlcp.qp.judge import Judge
 from namlcp.qp.memory import Memory
-from namlcp.qp.path.advance import advance
-from namlcp.qp.path.loop import Interior
-from namlcp.qp.path.refinement import Refinement
-from namlcp.qp.path.workspace import Workspace
 from namlcp.qp.problem import QP, Point
 from namlcp.qp.transforms import Presolved, ScaledQP, presolve
 from namlcp.status import Status
@@ -19,7 +17,7 @@ from namlcp.status import Status
 FORM = "path"
 
 
-def solve_path(
+def solve_interior(
     qp: QP, chain: Chain, guess: Guess, judge: Judge, memory: Memory
 ) -> Outcome:
     """Solve a QP; ValueError if P is not positive semidefinite.
@@ -28,7 +26,6 @@ def solve_path(
     holds the factors of a problem solved before, and takes those of this one.
     """
     limits = judge.limits
-    limits.announce(advance)
     if qp.is_dense:
         qp = qp._replace(P=as_sparse(qp.P), G=as_sparse(qp.G), A=as_sparse(qp.A))
     memory.ensure_convex(qp.P)
@@ -44,16 +41,10 @@ def solve_path(
         judge.offer(chain.then(small).point(none, none, zero, zero, none))
         return judge.answer(Status.STALLED, 0, FORM)
     problem = memory.scaled = ScaledQP(small, memory.scaled, chain)
-    work = Workspace(problem, limits)
-    refinement = Refinement(work, judge, limits.deadline)
-    if guess.x.size:
-        with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            refinement.run(*problem.guess(guess))
-        if judge.is_solved:
-            return judge.answer(Status.SOLVED, 0, FORM)
-    loop = Interior(work, judge, limits, refinement)
-    status = loop.run(guess)
-    return judge.answer(status, loop.iterations, FORM)
+    m = Interior(problem, judge, limits)
+    if guess.x.size and try_guess(m, guess):
+        return judge.answer(Status.SOLVED, 0, FORM)
+    return judge.answer(run(m, guess), m.iterations, FORM)
 
 
 def refuted(small: Presolved, chain: Chain, judge: Judge) -> str | None:

@@ -1,0 +1,150 @@
+"""The search for certificates of infeasibility in the interior-point method.
+
+Candidates are the iterate and the last step, as they are and projected by means of one
+factorisation of K. Those with small relative residuals (`look.promises`) are tested by
+the judge, on unscaled data.
+"""
+
+import cython
+import numpy as np
+from cython.cimports.libc.math import INFINITY
+from cython.cimports.namlcp.linalg.arrays import numbers
+from cython.cimports.namlcp.linalg.sparse_ldl import as_array
+from cython.cimports.namlcp.qp.interior.active_set import solve_set
+from cython.cimports.namlcp.qp.interior.look import AGAIN
+from cython.cimports.namlcp.qp.interior.newton import factor
+from cython.cimports.namlcp.qp.interior.steps import THIN, multiply
+
+from namlcp.qp.certificates import largest
+from namlcp.status import Status
+
+# In a projection, the weight of the distance to the candidate, where the residual has
+# weight 1, and the refinement steps at most. These end at a largest residual PROJECTED
+# of multipliers, the largest of which is 1: a certificate needs 1e-12.
+PROJECTION, PROJECTED = 1e-8, 1e-16
+# A one-sided constraint is an equation in the projection of a ray d, max |d_j| = 1, if
+# sign * C d, scaled, exceeds NEARLY_ACTIVE for d, or VIOLATED for a projection so far.
+NEARLY_ACTIVE, VIOLATED = -1e-3, 1e-13
+
+
+def find_proof(m):
+    """Return the verdict of the first candidate that is a proof, which the judge keeps."""
+    n, p = m.n, m.p
+    du, dZ = as_array(m.step.du, m.size).copy(), as_array(m.step.dZ, m.m)
+    x, y, _, Z = m.point
+    last = du[n : n + p], np.maximum(dZ, 0.0)
+    for k, candidate in enumerate(((y, Z), last, (x,), (du[:n],))):
+        if m.ratios[k] < INFINITY and is_proof(m, k, candidate):
+            return Status.PRIMAL_INFEASIBLE if k < 2 else Status.DUAL_INFEASIBLE
+    return None
+
+
+def is_proof(m, k, candidate):
+    """Test candidate k, then its projections where it improved since the last."""
+    if proves(m, k, candidate):
+        return True
+    if m.ratios[k] <= AGAIN * m.tested[k]:
+        m.tested[k] = m.ratios[k]
+        project = project_multipliers if k < 2 else project_ray
+        for better in project(m, candidate):
+            if proves(m, k, better):
+                return True
+    return False
+
+
+def proves(m, k, candidate):
+    """Tell whether scaled (y, Z), or a direction (d,), is a proof; the judge keeps it."""
+    problem, judge = m.problem, m.judge
+    x, y, _, Z = m.point
+    if k < 2:
+        y, z = problem.certificate(*candidate)
+        return judge.accept_multipliers(problem.primal(x), y, z)
+    (d,) = candidate
+    return judge.accept_ray(problem.ray(d), problem.point(x, y, Z))
+
+
+def products(m, x, v):
+    """Return P x, C'v and (x, C x) for scaled x and v, until the next call."""
+    multiply(m, numbers(x, m.n), numbers(v, m.size), m.Pdx, m.Ctdv, m.dv)
+    return as_array(m.Pdx, m.n), as_array(m.Ctdv, m.n), as_array(m.dv, m.size)
+
+
+def project_multipliers(m, candidate):
+    """Project on the Farkas system A'y + C'Z = 0, in a norm with w = sqrt(Z).
+
+    min |A'(y + dy) + C'(Z + dZ)|^2/(2 eps) + |dy|^2/2 + sum dZ^2/(2 w), with eps =
+    PROJECTION, is solved again as long as the residual is halved and not PROJECTED.
+    """
+    problem, kkt, n, rows = m.problem, m.kkt, m.n, m.n + m.p
+    y, Z = candidate
+    size = max(largest(y), largest(Z))
+    y, Z = y / size, Z / size
+    w = np.sqrt(Z)
+    weight = sums(m, w)
+    kkt.data[:] = kkt.base
+    kkt.data[: kkt.indptr[n]] = 0.0
+    diagonal = np.full(kkt.size, -1.0)
+    diagonal[:n] = PROJECTION + weight[:n]
+    diagonal[rows:] = -1.0 / np.maximum(weight[rows:], THIN)
+    kkt.data[kkt.diagonal] = diagonal
+    is_factored: cython.bint = factor(m)
+    kkt.data[:] = kkt.base
+    best, last, rhs, u = (y, Z), INFINITY, np.zeros(kkt.size), np.empty(kkt.size)
+    for _ in range(PROJECTION_STEPS if is_factored else 0):
+        v = sums(m, problem.sign * Z)
+        v[n:rows] = y
+        r = products(m, np.zeros(n), v)[1] + v[:n]
+        if not largest(r) <= 0.5 * last:
+            break
+        best, last = (y, Z), largest(r)
+        if last <= PROJECTED:
+            break
+        rhs[:n] = -r
+        m.factors.solve_into(numbers(rhs, m.size), numbers(u, m.size))
+        t = products(m, u[:n], v)[2]
+        y = y + u[n:rows]
+        Z = np.maximum(Z + w * problem.sign * t[problem.place], 0.0)
+    return [best]
+
+
+def project_ray(m, candidate):
+    """Project d on P d = 0, A d = 0 and, for nearly active constraints, C d = 0.
+
+    Constraints that the result violates are added for another projection. Returns
+    all results, the last one first.
+    """
+    d = candidate[0] / largest(candidate[0])
+    active, found = change_of_constraints(m, d) > NEARLY_ACTIVE, []
+    zero = np.zeros(max(m.size, m.m))  # goal_c has m entries
+    m.cost = m.goal_b = m.goal_c = numbers(zero, zero.size)
+    m.regularisation, m.most_solves = PROJECTION, PROJECTION_STEPS
+    set_x = as_array(m.set_x, m.n)
+    for _ in range(RAY_PROJECTIONS):
+        set_x[:] = d
+        as_array(m.set_y, m.p)[:] = 0.0
+        as_array(m.set_Z, m.m)[:] = 0.0
+        for k in range(m.m):
+            m.set_active[k] = active[k]
+        solve_set(m)
+        if not m.is_factored:
+            break
+        better = set_x.copy()
+        found.append((better,))
+        more = active | (change_of_constraints(m, better) > VIOLATED)
+        if np.array_equal(more, active):
+            break
+        active = more
+    m.cost, m.goal_b, m.goal_c = m.q, m.b, m.c
+    return found[::-1]
+
+
+def change_of_constraints(m, d):
+    """Return sign * C d, positive where d violates a one-sided constraint."""
+    t = products(m, d, np.zeros(m.size))[2]
+    return m.problem.sign * t[m.problem.place]
+
+
+def sums(m, values):
+    """Add up the values of the one-sided constraints that share a row of K."""
+    place = m.problem.place
+    return np.bincount(place, values, minlength=m.size).astype(float, copy=False)

@@ -1,0 +1,303 @@
+"""The loop of a regularised primal-dual interior-point method.
+
+The iterates follow the central path W Z = mu, W the slacks and Z the multipliers of the
+one-sided constraints, for a positive semidefinite P and any rows. Each iteration
+factors one quasi-definite KKT matrix and makes Mehrotra's predictor and corrector
+(SIAM J. Optim. 2, 1992), one corrector of Gondzio (Comput. Optim. Appl. 6, 1996), and
+steps of separate length. An active-set refinement is tried near the solution; the judge
+measures candidates on unscaled data and keeps the best.
+
+A warm start that stagnates is followed by a cold start, a cold start that stagnates by
+one whose mu falls more slowly (`restart`).
+"""
+
+import cython
+import numpy as np
+from cython.cimports.libc.math import INFINITY
+from cython.cimports.namlcp.linalg.sparse_ldl import as_array
+from cython.cimports.namlcp.linalg.vectors import copy, fill
+from cython.cimports.namlcp.qp.interior.active_set import refine
+from cython.cimports.namlcp.qp.interior.certificates import find_proof
+from cython.cimports.namlcp.qp.interior.look import (
+    ACTIVE_SET,
+    JUDGE,
+    PROMISING,
+    PROVE,
+    REPORT,
+    STOP,
+    look,
+)
+from cython.cimports.namlcp.qp.interior.newton import factor, solve
+from cython.cimports.namlcp.qp.interior.regularisation import (
+    DELTA,
+    POOR,
+    RHO,
+    regularise,
+    strengthen,
+)
+from cython.cimports.namlcp.qp.interior.state import EXACT, attach, offer
+from cython.cimports.namlcp.qp.interior.steps import (
+    aim_at_centre,
+    aim_at_longer_step,
+    aim_at_zero,
+    assemble,
+    evaluate,
+    exchange_steps,
+    move,
+    prepare_start,
+    set_right_side,
+    set_step,
+    start_inside,
+)
+from cython.cimports.namlcp.watch import look_at_clock, raise_kept
+
+from namlcp.status import Status
+
+# MOST_RESTARTS: most of them after cold starts. LIFT: the least target of W'Z, relative
+# to the gap, then. TOLERABLE: primal residual over its tolerance up to which a restart
+# relaxes right-hand sides.
+LIFT, TOLERABLE = 0.01, 0.5
+# Slacks and multipliers of a warm start are at least INSIDE times the largest one, or
+# times LEAST_SLACK and LEAST_MULTIPLIER if these are larger.
+INSIDE, LEAST_SLACK, LEAST_MULTIPLIER = 1e-2, 1.0, 1e-3
+# Gondzio's corrector is tried if the sum of the primal and the dual step is below the
+# first, and kept if the sum grows by the second.
+LONG, GAIN = 1.8, 0.02
+# PATIENCE, WARM_PATIENCE: iterations without halving the worst residual before a
+# restart, after a cold start and after a warm one. FACTORISATIONS: those tried for one
+# step, each with more regularisation.
+
+
+def run(m: Interior, guess):
+    """Iterate until solved, proved impossible, or out of iterations or time.
+
+    Returns the status; the judge has the point or the certificate.
+    """
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        status = iterate(m, guess)
+        if status is not Status.SOLVED and m.best < INFINITY:
+            offer(m, m.best_x, m.best_y, m.best_Z)
+    return status
+
+
+def try_guess(m: Interior, guess):
+    """Try the active set of a guess; tell whether it solves the QP."""
+    x, y, Z, active = m.problem.guess(guess)
+    as_array(m.start_x, m.n)[:] = x
+    as_array(m.start_y, m.p)[:] = y
+    as_array(m.start_Z, m.m)[:] = Z
+    for k in range(m.m):
+        m.set_active[k] = active[k]
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        refine(m)
+    raise_kept(m)
+    return m.judge.is_solved
+
+
+def iterate(m, guess):
+    """Run the loop; return the status."""
+    if is_late(m):  # before the first factorisation
+        return Status.TIME_LIMIT
+    for k in range(4):
+        m.tested[k] = PROMISING
+    m.reports = m.limits.report is not None
+    m.is_warm = guess.x.size > 0 and start_warm(m, guess)
+    while True:
+        with cython.nogil:
+            begin(m)
+            goes_on: cython.bint = m.is_warm or start(m)
+        while goes_on:
+            with cython.nogil:
+                wants = measure(m)
+            if wants:
+                verdict = answer(m, wants)
+                raise_kept(m)
+                if verdict is not None:
+                    return verdict
+            if wants & STOP:
+                break
+            with cython.nogil:
+                goes_on = step(m)
+        raise_kept(m)
+        if m.iterations == m.max_iter:
+            return Status.MAX_ITER
+        if m.over:
+            return Status.TIME_LIMIT
+        if not goes_on and m.iterations == 0:
+            return Status.NUMERICAL_ERROR
+        if not restart(m):
+            return Status.STALLED
+        m.iterations += 1
+
+
+def answer(m, wants):
+    """Do what the iterate needs; return the status if that ends the loop."""
+    if wants & REPORT:
+        count: cython.Py_ssize_t = 0
+        for k in range(m.m):
+            count += m.active[k]
+        length = min(m.step.primal, m.step.dual)
+        m.limits.report(m.iterations, m.primal, m.dual, m.gap, length, count)
+    # A refinement mostly succeeds: where it is due, an iterate is measured before it
+    # only if that would end the loop.
+    solved: cython.bint = False
+    measured: cython.bint = not wants & JUDGE
+    if not measured and (m.worst <= 1.0 or not wants & ACTIVE_SET):
+        solved, measured = offer(m, m.x, m.y, m.Z) <= 1.0, True
+        if solved and m.tol > EXACT:
+            return Status.SOLVED
+    if solved or wants & ACTIVE_SET:
+        refine_iterate(m)
+        if not measured and not m.judge.is_solved:
+            offer(m, m.x, m.y, m.Z)
+    if m.judge.is_solved:
+        return Status.SOLVED
+    verdict = find_proof(m) if wants & PROVE else None
+    if verdict is None and m.iterations < m.max_iter and is_late(m):
+        return Status.TIME_LIMIT
+    return verdict
+
+
+# ---- an iteration
+
+
+def begin(m):
+    """Forget how earlier iterates converged, and start with much regularisation."""
+    m.since_halved, m.reference, m.last_refined = 0, INFINITY, INFINITY
+    # no residual is stuck before there is one to compare it with
+    m.old_primal = m.old_primal_norm = m.old_dual_norm = INFINITY
+    m.krylov_pays, m.attained = True, 0.0
+    m.patience = WARM_PATIENCE if m.is_warm else PATIENCE
+    m.rho, m.delta, m.wait = RHO, DELTA, 0
+
+
+def start(m):
+    """Set the first point; False if K~ has no factors."""
+    prepare_start(m)
+    assemble(m)
+    if not factor(m):
+        return False
+    set_right_side(m)
+    solve(m)
+    set_step(m)
+    start_inside(m)
+    return True
+
+
+def measure(m):
+    """Measure the iterate and adapt the regularisation; return what it needs."""
+    old_mu = m.mu
+    evaluate(m)
+    if m.iterations > 0:
+        regularise(m, old_mu)
+    return look(m)
+
+
+def step(m):
+    """Make a step; False if K~ has no good factors."""
+    if not predict(m):
+        return False
+    error = m.step.error
+    if m.m > 0:
+        correct(m)
+    m.step.error = max(m.step.error, error)
+    move(m)
+    m.iterations += 1
+    return True
+
+
+def predict(m):
+    """Make Mehrotra's predictor, the step towards W Z = 0."""
+    for _ in range(FACTORISATIONS):
+        assemble(m)
+        m.step.error = INFINITY
+        if factor(m):
+            aim_at_zero(m)
+            set_right_side(m)
+            solve(m)
+            set_step(m)
+            if m.step.error <= POOR:
+                return True
+        strengthen(m)
+    return m.step.error < INFINITY
+
+
+def correct(m):
+    """Make his corrector, then Gondzio's where the steps are short."""
+    aim_at_centre(m)
+    set_right_side(m)
+    solve(m)
+    set_step(m)
+    if m.step.primal + m.step.dual < LONG:
+        aim_at_longer_step(m)
+        exchange_steps(m)
+        set_right_side(m)
+        solve(m)
+        set_step(m)
+        longer = m.step.primal + m.step.dual
+        if not longer >= m.other.primal + m.other.dual + GAIN:
+            exchange_steps(m)
+
+
+# ---- in Python: the judge, the clock, other starts
+
+
+def refine_iterate(m):
+    """Start a refinement from the iterate."""
+    copy(m.x, m.start_x, m.n)
+    copy(m.y, m.start_y, m.p)
+    copy(m.Z, m.start_Z, m.m)
+    for k in range(m.m):
+        m.set_active[k] = m.active[k]
+    refine(m)
+
+
+def is_late(m):
+    """Tell whether the time is over; raise what a signal's handler raised."""
+    look_at_clock(m)
+    raise_kept(m)
+    return m.over
+
+
+def restart(m):
+    """Prepare a cold start with mu kept large; False after MOST_RESTARTS of them.
+
+    If the best point violates the constraints within TOLERABLE, right-hand sides are
+    relaxed to it: where dependent rows contradict each other by rounding errors, y
+    diverges. After a warm start the first cold one is as any other.
+    """
+    if m.is_warm:
+        m.is_warm = False
+        return True
+    if m.restarts == MOST_RESTARTS or m.m == 0:
+        return False
+    m.restarts += 1
+    m.lift = LIFT
+    offer(m, m.best_x, m.best_y, m.best_Z)
+    copy(m.best_x, m.x, m.n)
+    copy(m.best_y, m.y, m.p)
+    copy(m.best_Z, m.Z, m.m)
+    m.problem.scale_vectors()  # undo an earlier relaxation
+    attach(m)
+    evaluate(m)
+    m.best = INFINITY
+    if m.primal_ratio <= TOLERABLE:
+        m.problem.relax(as_array(m.t, m.size))
+    attach(m)
+    return True
+
+
+def start_warm(m, guess):
+    """Start from a guess, moved inside; False if it has no multipliers."""
+    if not (guess.z.any() or guess.z_box.any()):
+        return False
+    x, y, W, Z = m.point
+    x[:], y[:], Z[:], _ = m.problem.guess(guess)
+    fill(m.W, 0.0, m.m)
+    evaluate(m)
+    m.best = INFINITY
+    slack = -as_array(m.rw, m.m)
+    most = np.abs(slack).max(initial=LEAST_SLACK)
+    W[:] = np.maximum(slack, INSIDE * most)
+    Z[:] = np.maximum(Z, INSIDE * Z.max(initial=LEAST_MULTIPLIER))
+    return True

@@ -1,0 +1,154 @@
+from namlcp.linalg.sparse_ldl cimport Factors
+from namlcp.watch cimport Watched
+
+
+cdef struct Step:
+    double *du
+    double *dW
+    double *dZ
+    # The longest steps a, a' <= 1, and the relative residual of du.
+    double primal, dual, error
+
+
+cdef class Interior(Watched):
+    cdef:
+        # n variables, p equations, m one-sided constraints, the order of K and its
+        # entries.
+        readonly Py_ssize_t n, p, m, size, nnz
+        readonly object problem, judge, limits
+        object kkt, given
+        Factors factors
+        # The problem: K and K~ without and with its varying diagonal, the values that are
+        # factored; one-sided constraints are sign * t[place] + W = c with slacks W >= 0
+        # and multipliers Z >= 0, where t = (x, Ax, Gx) and v = (net z_box, y, net z) have
+        # the layout of K. cost, goal_b and goal_c are q, b and c of active-set systems.
+        const int *indptr
+        const int *indices
+        const double *base
+        double *data
+        double *factored
+        const int *place
+        const double *sign
+        const double *unit
+        const double *q
+        const double *b
+        const double *c
+        const double *cost
+        const double *goal_b
+        const double *goal_c
+        # The iterate and the best one; the residuals, and the products P x and C'v; the
+        # target rc of W dZ + Z dW, tau and omega of `steps`.
+        double *x
+        double *y
+        double *W
+        double *Z
+        double *best_x
+        double *best_y
+        double *best_Z
+        double *rd
+        double *rp
+        double *rw
+        double *Px
+        double *Ctv
+        double *v
+        double *t
+        double *rc
+        double *tau
+        double *omega
+        # The step; the one before the last corrector; P dx, C'dv and C dx of it.
+        Step step, other
+        double *dv
+        double *dt
+        double *Pdx
+        double *Ctdv
+        # Linear solves (`newton`): sums of omega, max(1, |K~_ii|), the right-hand side,
+        # the residual and the solution of the last solve, another solution and its
+        # residual; the vectors of GMRES, once it is needed.
+        double *weight
+        double *row_size
+        double *rhs
+        double *r
+        double *answer
+        double *trial
+        double *trial_r
+        double *krylov
+        # Relative residuals of the candidates for certificates, now and at the last test.
+        double ratios[4]
+        double tested[4]
+        # The active-set system (`active_set`): where it starts, its point, the best one.
+        double *start_x
+        double *start_y
+        double *start_Z
+        double *set_x
+        double *set_y
+        double *set_Z
+        double *set_v
+        double *kept_x
+        double *kept_v
+        double *goal
+        # Constraints with Z > W now and one iteration before; those in the active-set
+        # system and in the next one; rows and variables that it holds.
+        int *active
+        int *was_active
+        int *set_active
+        int *next_active
+        int *held
+        # Tolerances, the larger one, and the relative residual that ends a refinement;
+        # that at which refinement last came to a halt.
+        double eps_abs, eps_rel, tol, accuracy, attained
+        readonly Py_ssize_t iterations, max_iter
+        bint reports
+        # The mean of W Z, norms of the scaled residuals rd, rp and rw, then the first six
+        # numbers of `Residuals`, and the first three over their tolerances; |x'rd| and
+        # |y'rp + Z'rw|, the shares of the residuals in the gap.
+        double mu, dual_norm, row_norm, slack_norm, dual_share, primal_share
+        double primal, dual, gap, primal_size, dual_size, gap_size
+        double primal_ratio, dual_ratio, gap_ratio
+        # The largest of the three, inf for NaN; the least one since the last restart.
+        double worst, best
+        # W'Z after the longest steps; the target of W Z; its least value over the gap.
+        double product, target, lift
+        # Largest change of x, and of y and Z, by the last step.
+        double change_x, change_yz
+        # Regularisation, and iterations left without lowering it.
+        readonly double rho, delta
+        Py_ssize_t wait
+        # Of a linear solve: norm of the right-hand side, solves made; whether GMRES halved
+        # the residual when it was last tried.
+        double rhs_norm
+        Py_ssize_t solves
+        bint krylov_pays
+        # Worst ratio that must be halved, iterations since it was, some counted as
+        # `look.IDLE` ones, and most of them; the primal residual one iteration before.
+        double reference, old_primal
+        Py_ssize_t since_halved, patience
+        # Worst ratio at the last active-set refinement, to be reduced to `drop` of it.
+        double last_refined, drop
+        # Whether the residuals that a certificate forbids to vanish do not fall; their
+        # norms one iteration before.
+        bint primal_stuck, dual_stuck
+        double old_dual_norm, old_primal_norm
+        # The active-set system: its regularisation, most proximal steps, the first and the
+        # least residual, steps in a row that did not halve it; whether it was factored,
+        # whether the residual fell tenfold, whether the next active set is another; the
+        # largest violation of a slack or multiplier, unscaled.
+        double regularisation, first_error, least_error, set_violation
+        Py_ssize_t most_solves, failures
+        bint is_factored, converged, set_changed
+        # Whether the start was warm; cold starts after the first.
+        bint is_warm
+        Py_ssize_t restarts
+        char *memory
+        size_t memory_end
+
+
+cdef double ACCURACY, ACCURACY_EXACT, MOST_ACCURATE, LEAST_ACCURATE, EXACT
+cdef double DROP, DROP_LARGE
+cdef enum:
+    LARGE_KKT = 5_000
+
+cdef double* reals(Interior m, Py_ssize_t count) noexcept nogil
+cdef int* flags(Interior m, Py_ssize_t count) noexcept nogil
+cdef void lay_out(Interior m) noexcept nogil
+cdef int attach(Interior m) except -1
+cdef double offer(Interior m, double* x, double* y, double* Z) except? -1.0

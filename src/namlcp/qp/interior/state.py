@@ -1,0 +1,118 @@
+"""The memory of one solve by the interior-point method: one object, one allocation."""
+
+import cython
+from cython.cimports.libc.math import INFINITY
+from cython.cimports.libc.stdlib import calloc, free
+from cython.cimports.namlcp.linalg.arrays import numbers, places
+from cython.cimports.namlcp.linalg.sparse_ldl import as_array
+from cython.cimports.namlcp.watch import Watched
+
+from namlcp.options import DEFAULT_OPTIONS
+
+# Relative residual at which refinement of the linear solves ends: the first factor
+# times the tolerance, the second one for tolerances up to EXACT, within these limits.
+ACCURACY, ACCURACY_EXACT = 1e-2, 1e-3
+MOST_ACCURATE, LEAST_ACCURATE = 1e-14, 1e-8
+# With a tolerance up to this, a solution is refined before it is returned.
+EXACT = 1e-8
+# The worst residual has to fall to this part of that at the last active-set refinement
+# before the next one, for small and for large K, with more than LARGE_KKT entries.
+DROP, DROP_LARGE = 0.1, 1e-3
+
+
+class Interior(Watched):
+    """A scaled problem, the iterate (x, y, W, Z), and what an iteration computes."""
+
+    def __init__(self, problem, judge, limits):
+        """Take a `ScaledQP`, who measures its points, and when to stop."""
+        self.problem, self.judge, self.limits = problem, judge, limits
+        self.kkt = problem.kkt
+        self.n, self.p, self.m = problem.n, problem.p, problem.c.size
+        self.size, self.nnz = self.kkt.size, self.kkt.base.size
+        lay_out(self)
+        self.memory = cython.cast(cython.p_char, calloc(self.memory_end, 1))
+        if self.memory == cython.NULL:
+            raise MemoryError("a QP of this size needs more memory than there is")
+        self.memory_end = 0
+        lay_out(self)
+        attach(self)
+        self.until = limits.deadline.at
+        self.eps_abs, self.eps_rel = limits.eps_abs, limits.eps_rel
+        self.tol = max(self.eps_abs, self.eps_rel)
+        accuracy = ACCURACY_EXACT if self.tol <= EXACT else ACCURACY
+        self.accuracy = min(max(accuracy * self.tol, MOST_ACCURATE), LEAST_ACCURATE)
+        self.max_iter = limits.max_iter or DEFAULT_OPTIONS.max_iter
+        self.drop = DROP_LARGE if self.nnz > LARGE_KKT else DROP
+        self.best, self.step.primal, self.step.dual = INFINITY, 1.0, 1.0
+
+    def __dealloc__(self):
+        free(self.memory)
+        free(self.krylov)
+
+    @property
+    def point(self):
+        """The iterate (x, y, W, Z), as it changes."""
+        return (
+            as_array(self.x, self.n), as_array(self.y, self.p),
+            as_array(self.W, self.m), as_array(self.Z, self.m),
+        )  # fmt: skip
+
+
+def reals(m, count):
+    """Return the place of the next numbers; without memory that only counts them."""
+    found = cython.cast(cython.p_double, m.memory + m.memory_end)
+    m.memory_end += 8 * (count + 1)
+    return found
+
+
+def flags(m, count):
+    """Return the place of the next flags."""
+    return cython.cast(cython.p_int, reals(m, (count + 1) // 2))
+
+
+def lay_out(m):
+    """Give every vector its place."""
+    n, p, size = m.n, m.p, m.size
+    m.x, m.best_x, m.rd, m.Px, m.Ctv = (
+        reals(m, n), reals(m, n), reals(m, n), reals(m, n), reals(m, n),
+    )  # fmt: skip
+    m.y, m.best_y, m.rp = reals(m, p), reals(m, p), reals(m, p)
+    m.W, m.Z, m.best_Z = reals(m, m.m), reals(m, m.m), reals(m, m.m)
+    m.rw, m.rc, m.tau, m.omega = (
+        reals(m, m.m), reals(m, m.m), reals(m, m.m), reals(m, m.m),
+    )  # fmt: skip
+    m.v, m.t = reals(m, size), reals(m, size)
+    m.step.dW, m.step.dZ, m.other.dW = reals(m, m.m), reals(m, m.m), reals(m, m.m)
+    m.other.dZ, m.step.du, m.other.du = reals(m, m.m), reals(m, size), reals(m, size)
+    m.dv, m.dt, m.Pdx, m.Ctdv = reals(m, size), reals(m, size), reals(m, n), reals(m, n)
+    m.weight, m.row_size, m.rhs = reals(m, size), reals(m, size), reals(m, size)
+    m.r, m.answer = reals(m, size), reals(m, size)
+    m.trial, m.trial_r = reals(m, size), reals(m, size)
+    m.start_x, m.start_y, m.start_Z = reals(m, n), reals(m, p), reals(m, m.m)
+    m.set_x, m.set_y, m.set_Z = reals(m, n), reals(m, p), reals(m, m.m)
+    m.set_v, m.kept_x, m.kept_v = reals(m, size), reals(m, n), reals(m, size)
+    m.goal, m.held = reals(m, size), flags(m, size)
+    m.active, m.was_active = flags(m, m.m), flags(m, m.m)
+    m.set_active, m.next_active = flags(m, m.m), flags(m, m.m)
+
+
+def attach(m):
+    """Take the vectors of the problem, which a restart replaces."""
+    kkt, problem = m.kkt, m.problem
+    m.given = problem.q, problem.b, problem.c
+    m.indptr, m.indices = places(kkt.indptr, m.size + 1), places(kkt.indices, m.nnz)
+    m.base, m.data = numbers(kkt.base, m.nnz), numbers(kkt.data, m.nnz)
+    m.factored, m.factors = numbers(kkt.factored, m.nnz), kkt.plan()
+    m.place, m.sign = places(problem.place, m.m), numbers(problem.sign, m.m)
+    m.unit = numbers(problem.unit, m.size)
+    m.q, m.b, m.c = (
+        numbers(problem.q, m.n), numbers(problem.b, m.p), numbers(problem.c, m.m),
+    )  # fmt: skip
+    m.cost, m.goal_b, m.goal_c = m.q, m.b, m.c
+    return 0
+
+
+def offer(m, x, y, Z):
+    """Let the judge measure a point; return its largest residual over tolerances."""
+    arrays = as_array(x, m.n), as_array(y, m.p), as_array(Z, m.m)
+    return m.judge.offer(m.problem.point(*arrays))
