@@ -1,6 +1,6 @@
 from namlcp.watch cimport Watched
 
-cdef double LEAST
+cdef double LEAST, LOOK_AFTER
 cdef enum:
     CONSECUTIVE = 8
     SMALLEST_BLOCK = 16

@@ -39,6 +39,7 @@ from cython.cimports.namlcp.linalg.arrays import (
     places,
 )
 from cython.cimports.namlcp.linalg.arrays import indices as longs_at
+from cython.cimports.namlcp.linalg.vectors import subtract_sum
 from cython.cimports.namlcp.watch import Watched, is_over, raise_kept
 
 from namlcp.checks import refuse_size
@@ -48,6 +49,8 @@ cnp.import_array()
 
 # Smallest pivot that is not 0 for us: the reciprocals of smaller ones may overflow.
 LEAST = float(np.finfo(np.float64).tiny)
+# Operations after which the watch is told of them.
+LOOK_AFTER = 1e5
 # CONSECUTIVE: rows that a chunk must have for a test whether they follow each other
 # without gaps. If they do, they need no indices, and the processor takes several at a
 # time. SMALLEST_BLOCK, BEFORE_BLOCK: columns that a dense block at the end of L must
@@ -152,7 +155,7 @@ class SparseFactors(Factors):
     def factor_values(self, data, watch):
         starts, width, y = self.starts, self.width, self.y
         values, inverse, n = self.values, self.inverse, self.n
-        operations = self.work / max(n, 1)
+        operations, since = self.work / max(n, 1), 0.0
         for k in range(n):
             self.done[k] = 0
             y[k] = 0.0
@@ -192,8 +195,11 @@ class SparseFactors(Factors):
                     inverse[k] = 1.0 / pivot
                 else:
                     return False
-                if is_over(watch, operations):
-                    return False
+                since += operations
+                if since > LOOK_AFTER:
+                    if is_over(watch, since):
+                        return False
+                    since = 0.0
             if end < n:
                 subtract_products(self)
             begin, end = end, n
@@ -389,12 +395,10 @@ def apply_four(f, i):
     y[i], y[i + 1], y[i + 2], y[i + 3] = 0.0, 0.0, 0.0, 0.0
     a, b, c = a + 3, b + 2, c + 1
     if count >= CONSECUTIVE and below[d + count - 1] - below[d] + 1 == count:
-        to = y + below[d]
-        for s in range(count):
-            to[s] -= (
-                values[a + s] * y_0 + values[b + s] * y_1
-                + values[c + s] * y_2 + values[d + s] * y_3
-            )  # fmt: skip
+        subtract_sum(
+            y_0, values + a, y_1, values + b, y_2, values + c, y_3, values + d,
+            y + below[d], count,
+        )  # fmt: skip
     else:
         for s in range(count):
             y[below[d + s]] -= (

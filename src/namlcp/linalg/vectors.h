@@ -94,6 +94,15 @@ HOT void add_four(double fa, const double *RESTRICT a, double fb, const double *
         out[i] += (fa * a[i] + fb * b[i]) + (fc * c[i] + fd * d[i]);
 }
 
+/* out -= fa a + fb b + fc c + fd d, summed from left to right */
+HOT void subtract_sum(double fa, const double *RESTRICT a, double fb,
+                      const double *RESTRICT b, double fc, const double *RESTRICT c,
+                      double fd, const double *RESTRICT d, double *RESTRICT out,
+                      ptrdiff_t n) {
+    for (ptrdiff_t i = 0; i < n; i++)
+        out[i] -= fa * a[i] + fb * b[i] + fc * c[i] + fd * d[i];
+}
+
 /* Subtract from the rows k > 0 of a lower triangle, up to their diagonals, the sum of
    four products u_k u, for four rows u of a factor; `stride` lies between two rows. */
 HOT void subtract_four(double *RESTRICT lower, const double *RESTRICT u, ptrdiff_t stride,

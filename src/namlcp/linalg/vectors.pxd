@@ -12,6 +12,11 @@ cdef extern from "vectors.h" nogil:
         double fc, const double* c, double fd, const double* d,
         double* out, Py_ssize_t n
     ) noexcept
+    void subtract_sum(
+        double fa, const double* a, double fb, const double* b,
+        double fc, const double* c, double fd, const double* d,
+        double* out, Py_ssize_t n
+    ) noexcept
     void subtract_four(
         double* lower, const double* u, Py_ssize_t stride, Py_ssize_t count
     ) noexcept
