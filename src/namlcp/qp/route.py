@@ -17,10 +17,10 @@ from namlcp.qp.active.solve import FEW_ENTRIES, FULL, MOST_BOX, TINY_ENTRIES
 from namlcp.qp.bounds import is_box_open, solve_bounds
 from namlcp.qp.chain import OWN, Chain
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
+from namlcp.qp.interior import solve_interior
 from namlcp.qp.judge import NOT_GIVEN, Judge, Matrices
 from namlcp.qp.memory import Memory
 from namlcp.qp.outcomes import UNDECIDED
-from namlcp.qp.interior import solve_interior
 from namlcp.qp.problem import QP
 from namlcp.qp.transforms import substitute, without_huge_bounds
 from namlcp.status import Status

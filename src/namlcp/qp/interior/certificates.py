@@ -28,7 +28,7 @@ NEARLY_ACTIVE, VIOLATED = -1e-3, 1e-13
 
 
 def find_proof(m):
-    """Return the verdict of the first candidate that is a proof, which the judge keeps."""
+    """Return the verdict of the first candidate that is a proof, which is kept."""
     n, p = m.n, m.p
     du, dZ = as_array(m.step.du, m.size).copy(), as_array(m.step.dZ, m.m)
     x, y, _, Z = m.point
@@ -53,7 +53,7 @@ def is_proof(m, k, candidate):
 
 
 def proves(m, k, candidate):
-    """Tell whether scaled (y, Z), or a direction (d,), is a proof; the judge keeps it."""
+    """Tell whether scaled (y, Z), or a direction (d,), is a proof, which is kept."""
     problem, judge = m.problem, m.judge
     x, y, _, Z = m.point
     if k < 2:
