@@ -60,6 +60,7 @@ class Prepared:
     last: np.ndarray | None = None  # the last solution that pivoting found
     unsuited = False  # whether A is known not to suit multigrid cycles
     # Every solve reads these; the lock of cached_property would take longer than they.
+    _diagonal: np.ndarray | None = None
     _slopes: np.ndarray | None = None
     _columns: Columns | None = None
 
@@ -102,16 +103,17 @@ class Prepared:
         rows = np.empty((5, n))
         return rows if read_rows(*arrays_of(A), rows) else None
 
-    @cached_property
+    @property
     def diagonal(self) -> np.ndarray:
-        return np.array(self.A.diagonal())
+        if self._diagonal is None:
+            self._diagonal = self.A.diagonal()
+        return self._diagonal
 
     @property
     def slopes(self) -> np.ndarray:
         """diag(A), 1 where that is not positive: the scaling, and Omega of s."""
         if self._slopes is None:
-            diagonal = self.A.diagonal()
-            self._slopes = np.where(diagonal > 0.0, diagonal, 1.0)
+            self._slopes = np.where(self.diagonal > 0.0, self.diagonal, 1.0)
         return self._slopes
 
     @cached_property

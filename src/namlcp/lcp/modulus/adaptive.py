@@ -277,7 +277,7 @@ class Choice:
 
     def __init__(self, matrix: Prepared, method: Sweep, parameters: Parameters):
         alpha, beta, omega, shift = parameters
-        self.D = matrix.diagonal
+        self.D = np.array(matrix.diagonal)
         self.method = method
         self.asked = alpha, omega
         self.beta: Any = method.beta if beta is None else beta
