@@ -19,6 +19,10 @@ from namlcp.qp import (
 )
 from namlcp.results import QPResult, qp_result
 
+# How an attempt ended after which the dense form may be tried again: a fault is named,
+# or a point was found whose sums have to be judged in the order of the arguments.
+LEFT = (Code.UNSUITED, Code.FAULTY, Code.DONE)
+
 
 def solve_qp(
     P: Any,
@@ -131,8 +135,8 @@ def solve_arguments(
     P, _, G, _, A, *_ = arguments
     problem = qp_data(*arguments), (P, G, A)
     guess, memory = make_guess(problem[0], x0, warm_start, name), None
-    if tried is not None:
-        memory = Memory(in_vain=tried.code not in (Code.UNSUITED, Code.FAULTY))
+    if tried is not None and tried.code not in LEFT:
+        memory = Memory(in_vain=True)
     result = solve_problem(problem, options, guess, start, history, memory)
     result.stamp = stamp_of(problem[0])
     return result

@@ -1,0 +1,81 @@
+"""Tiny sparse QPs, which go where small dense ones go."""
+
+import numpy as np
+import pytest
+import scipy.sparse as sp
+from problems_qp import assert_solves_qp, complementary, dense
+from qpsolvers import Problem, Solution
+
+from namlcp import Status, solve_qp
+from namlcp.qp import qp_data
+
+
+def uncanonical(M):
+    """Return M with each entry in two halves, the later rows first."""
+    found = sp.coo_array(M)
+    rows, columns = (np.tile(k[::-1], 2) for k in found.coords)
+    order = np.argsort(columns, kind="stable")
+    data = np.tile(0.5 * found.data[::-1], 2)
+    indptr = np.searchsorted(columns[order], np.arange(M.shape[1] + 1))
+    return sp.csc_matrix((data[order], rows[order], indptr), shape=M.shape)
+
+
+KINDS = {
+    "csc_array": sp.csc_array,
+    "csc_matrix": sp.csc_matrix,
+    "csr_array": sp.csr_array,
+    "wide": lambda M: sp.csc_array((M.data, M.indices.astype(np.int64), M.indptr)),
+    "uncanonical": uncanonical,
+}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("seed", range(4))
+def test_any_storage_gives_the_solution_of_the_dense_form(kind, seed):
+    P, q, G, h, A, b, lb, ub = complementary(seed, 12, 9, 3, 8).qp
+    given = (KINDS[kind](P), q, KINDS[kind](G), h, KINDS[kind](A), b, lb, ub)
+    result = solve_qp(*given)
+    assert_solves_qp(qp_data(*given), result)
+    known = solve_qp(*dense(qp_data(*given)))
+    np.testing.assert_allclose(result.x, known.x, atol=1e-9)
+    gradients = result.backward(dx=np.ones(12))
+    assert gradients.P.format == given[0].format
+    expected = known.backward(dx=np.ones(12))
+    np.testing.assert_allclose(gradients.q, expected.q, rtol=1e-6, atol=1e-8)
+
+
+@pytest.mark.parametrize("size", [1.0, 1e4, 1e7, 1e9])
+def test_large_terms_are_judged_in_the_order_of_the_arguments(size):
+    """What qpsolvers computes itself, whatever is said of the status."""
+    P, q, G, h, A, b, lb, ub = complementary(7, 10, 8, 3, 6).qp
+    P, G, A = map(sp.csc_matrix, (P, G, A))
+    far = size * np.ones(10)
+    given = (P, q - P @ far, G, h + G @ far, A, b + A @ far, lb + far, ub + far)
+    result = solve_qp(*given, eps_abs=1e-9, eps_rel=0.0)
+    host = Solution(Problem(*given), found=True)
+    host.x, host.y, host.z, host.z_box = result.x, result.y, result.z, result.z_box
+    theirs = host.primal_residual(), host.dual_residual(), host.duality_gap()
+    if result.status is Status.SOLVED:
+        assert max(theirs) <= 1e-9
+    else:
+        assert size >= 1e7
+
+
+@pytest.mark.parametrize("fault", ["row", "column", "end"])
+def test_a_corrupt_matrix_is_named(fault):
+    G = sp.csc_array(np.ones((3, 2)))
+    if fault == "row":
+        G.indices[0] = 7
+    elif fault == "column":
+        G.indptr[1] = -1
+    else:
+        G.indptr[2] = 99
+    with pytest.raises(ValueError, match="G must have indices within its shape"):
+        solve_qp(sp.eye_array(2, format="csc"), np.ones(2), G, np.ones(3))
+
+
+def test_a_contradiction_is_proved():
+    G = sp.csc_array(np.array([[1.0], [-1.0]]))
+    result = solve_qp(sp.csc_array(np.eye(1)), np.ones(1), G, np.array([0.0, -1.0]))
+    assert result.status is Status.PRIMAL_INFEASIBLE
+    np.testing.assert_allclose(result.z, [1.0, 1.0])
