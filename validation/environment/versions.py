@@ -20,7 +20,7 @@ from validation.harness import cli, csv_files
 
 PART = (
     "checks", "residuals", "inputs", "limits", "threads", "main", "public_api",
-    "ordering", "dense", "path", "substitution", "multifrontal", "infeasible",
+    "ordering", "dense", "path", "substitution", "fronts", "infeasible",
     "scaling", "solve_lcp", "monotone", "sweeps", "tridiagonal", "multigrid",
     "mprgp", "convergence", "qpsolvers", "compiled", "blas_threads",
 )  # fmt: skip

@@ -2,20 +2,20 @@
 
 One fill-reducing order is made; its counts tell the work of a factorisation. Where L is
 sparse, up to four columns of it are taken at a time (`sparse_ldl`). With much fill,
-dense fronts are faster (`multifrontal`).
+dense fronts are faster (`fronts`).
 """
 
 import numpy as np
 from scipy.sparse import csc_matrix
 
+from namlcp.linalg.fronts import Fronts
 from namlcp.linalg.minimum_degree import minimum_degree
-from namlcp.linalg.multifrontal import Multifrontal
 from namlcp.linalg.ordering import Order, nested_dissection
 from namlcp.linalg.sparse_ldl import Factors, SparseFactors
 
-# Work of a factorisation, see `Order.work`, from which on dense fronts are used: a
-# factorisation and six solves take as long both ways there.
-HEAVY = 3e8
+# Work of a factorisation, see `Order.work`, in all and for each row, from which on
+# dense fronts are used: a factorisation and six solves take as long both ways there.
+HEAVY, HEAVY_ROW = 1.2e6, 1200.0
 # Work for each row from which on nested dissection is tried, too.
 DEEP = 1e5
 
@@ -27,8 +27,8 @@ def plan_factors(indptr: np.ndarray, indices: np.ndarray) -> Factors:
     entries are stored, as the last of their columns.
     """
     order = better_order(indptr, indices, minimum_degree(indptr, indices))
-    if order.work >= HEAVY:
-        return Multifrontal(indptr, indices, order)
+    if order.work >= max(HEAVY, HEAVY_ROW * order.parent.size):
+        return Fronts(indptr, indices, order)
     return SparseFactors(indptr, indices, order)
 
 

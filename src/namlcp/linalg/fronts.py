@@ -1,0 +1,534 @@
+"""L D L' or L D U of a large sparse matrix by the multifrontal method.
+
+A supernode, k columns of L on f rows, is kept as one dense column-major block, the
+panel. Eliminating it leaves an update of order u = f - k, which its parent in the
+elimination tree adds to its own front. Where all its rows are columns of the parent, it
+goes to the parent's panel at once. Nearly all operations are products by BLAS. The
+method: Duff and Reid, ACM Trans. Math. Softw. 9 (1983) 302-325.
+
+K is symmetric, or its pattern is. Then a second panel has U', and with the lower
+triangles of two updates, of K and of K', both sides are computed alike:
+
+    K_below -= L D U_below'    and, the sides exchanged,    K'_below -= U' D L_below'.
+
+Pivots are taken from the diagonal in the order given. Every symmetric permutation of a
+quasi-definite matrix has an L D L' (R. Vanderbei, SIAM J. Optim. 5 (1995) 100-113); for
+other matrices this is justified by measurement alone (`lcp.general.cones`).
+
+Updates are kept on two stacks that grow towards each other, one for supernodes of even
+depth, one for odd depth: so those of the children are at the end of the one while that
+of their parent is set at the end of the other.
+"""
+
+import cython
+import numpy as np
+from cython import Py_ssize_t
+from cython.cimports.libc.math import isfinite
+from cython.cimports.libc.string import memset
+from cython.cimports.namlcp.linalg.arrays import indices as longs
+from cython.cimports.namlcp.linalg.arrays import numbers, places
+from cython.cimports.namlcp.linalg.sparse_ldl import Factors
+from cython.cimports.namlcp.linalg.vectors import (
+    add_scaled,
+    dot,
+    four_dots,
+    subtract_sum,
+)
+from cython.cimports.namlcp.watch import is_over
+from cython.cimports.scipy.linalg.cython_blas import dgemm, dtrsm
+
+from namlcp.linalg.ordering import supernodes
+
+# Smallest pivot that is not 0 for us: the reciprocals of smaller ones may overflow.
+LEAST = float(np.finfo(np.float64).tiny)
+
+
+class Fronts(Factors):
+    """`Factors` by dense fronts."""
+
+    def __init__(self, indptr, indices, order, pairs=None):
+        """Lay out L for a matrix K, the upper triangle of its pattern given.
+
+        If K is not symmetric, entry t of this triangle stands for data[pairs[0, t]]
+        below the diagonal, in the order of elimination, and data[pairs[1, t]] above it.
+        """
+        Factors.__init__(self, indptr)
+        nodes = supernodes(indptr, indices, order)
+        sources = nodes.source[None] if pairs is None else pairs[:, nodes.source]
+        sources = np.ascontiguousarray(sources, np.int32)
+        self.sides, size = sources.shape
+        if pairs is not None:
+            self.nnz = 2 * self.nnz - self.n
+        k, n, number = np.diff(nodes.first), self.n, nodes.parent.size
+        f = np.diff(nodes.starts)
+        u = f - k
+        length = nodes.rows.size
+        ints, above = np.empty((3, number), np.int32), np.empty(length, np.int32)
+        at, target = np.empty(number, np.intp), np.empty(size, np.intp)
+        scaled = np.empty(max((u * np.minimum(k, DEPTH)).max(), BLOCK * f.max()))
+        strip = np.empty(max(u.max(), 1) * STRIP)
+        vectors = np.empty(f.max() + 3 + n)
+        t = cython.address(self.t)
+        t.number = number
+        t.place, t.first = places(order.place, n), places(nodes.first, number + 1)
+        t.parent, t.rows = places(nodes.parent, number), places(nodes.rows, length)
+        t.lower, t.below = places(nodes.lower, n + 1), places(nodes.below, size)
+        t.starts = longs(nodes.starts, number + 1)
+        t.panels = longs(nodes.panels, number + 1)
+        t.child, t.sibling = places(ints[0], number), places(ints[1], number)
+        t.flags, t.above = places(ints[2], number), places(above, length)
+        t.at, t.target = longs(at, number), longs(target, size)
+        t.scaled = numbers(scaled, scaled.size)
+        t.strip = numbers(strip, strip.size)
+        t.x = numbers(vectors, vectors.size)
+        t.w = t.x + n
+        for side in range(self.sides):
+            self.sources[side] = places(sources[side], size)
+        position, held = np.empty(n, np.int32), np.zeros(number, np.intp)
+        most = lay_out(t, self.sides, places(position, n), longs(held, number))
+        stack = np.empty(most)
+        t.stack = numbers(stack, most)
+        self.arrays = nodes, order, sources, ints, above, at, target, stack, scaled
+        self.arrays += strip, vectors
+        self.allocate()
+
+    def allocate(self):
+        size: Py_ssize_t = self.t.panels[self.t.number]
+        self.values, self.pivots = np.empty((self.sides, size)), np.empty(self.n)
+        for side in range(self.sides):
+            self.panels[side] = numbers(self.values[side], size)
+        self.D, self.entries = numbers(self.pivots, self.n), self.sides * size
+
+    def another(self):
+        """Return factors with the same layout, for other values."""
+        other: Fronts = Fronts.__new__(Fronts)
+        other.n, other.nnz, other.t = self.n, self.nnz, self.t
+        other.sides, other.arrays = self.sides, self.arrays
+        other.sources[0], other.sources[1] = self.sources[0], self.sources[1]
+        other.allocate()
+        return other
+
+    def factor_values(self, data, watch):
+        t = cython.address(self.t)
+        for s in range(t.number):
+            v = front_at(t, s)
+            if is_over(watch, v.k * v.f * v.f):
+                return False
+            if not t.flags[s] & OPENED:
+                open_panels(self, s, data)
+            if t.flags[s] & OPENS:
+                open_panels(self, t.parent[s], data)
+            for side in range(self.sides):
+                assemble(self, s, side)
+            if not eliminate(self, v, watch):
+                return False
+            for side in range(self.sides):
+                if v.u * v.u * v.k <= SMALL or v.k < 4:
+                    small_complement(self, s, side)
+                else:
+                    complement(self, s, side, watch)
+        return not watch.over
+
+    def solve_into(self, rhs, x):
+        place, y = self.t.place, self.t.x
+        for j in range(self.n):
+            y[place[j]] = rhs[j]
+        forward(self, self.panels[0], y)
+        for j in range(self.n):
+            y[j] /= self.D[j]
+        backward(self, self.panels[self.sides - 1], y)
+        for j in range(self.n):
+            x[j] = y[place[j]]
+
+
+# ---- the layout
+
+
+def lay_out(t, sides, position, held):
+    """Set places, lists of children, flags and stacks; return the size of the stacks.
+
+    held, zeros, is overwritten by what the children of a supernode have on their stack.
+    """
+    for s in range(t.number):
+        t.child[s] = -1
+    for s in range(t.number - 1, -1, -1):
+        v, g = front_at(t, s), t.parent[s]
+        t.flags[s] = 0
+        t.at[s] = 0 if g < 0 else 1 - t.at[g]  # the stack, for now
+        if v.u > 0 and v.rows[v.u - 1] < t.first[g + 1]:
+            t.flags[s] = INSIDE
+        elif v.u > 0:
+            t.sibling[s] = t.child[g]
+            t.child[g] = s
+    height = cython.declare(Py_ssize_t[2])
+    height[0] = height[1] = 0
+    most: Py_ssize_t = 0
+    for s in range(t.number):
+        v, g = front_at(t, s), t.parent[s]
+        rows = t.rows + t.starts[s]
+        for i in range(v.f):
+            position[rows[i]] = i
+        for j in range(v.k):
+            for e in range(t.lower[v.first + j], t.lower[v.first + j + 1]):
+                t.target[e] = position[t.below[e]] + j * v.f
+        i: Py_ssize_t = 0
+        for p in range(t.starts[s] + v.k, t.starts[s + 1]):
+            while t.rows[t.starts[g] + i] != t.rows[p]:
+                i += 1
+            t.above[p] = i
+        if t.flags[s] & INSIDE and not t.flags[g] & OPENED:
+            t.flags[s] |= OPENS
+            t.flags[g] |= OPENED
+        size: Py_ssize_t = 0 if t.flags[s] & INSIDE else sides * v.u * v.u
+        stack = t.at[s]
+        t.at[s] = height[stack] if stack == 0 else -height[stack] - size
+        height[stack] += size
+        most = max(most, height[0] + height[1])
+        height[1 - stack] -= held[s]
+        if g >= 0:
+            held[g] += size
+    for s in range(t.number):
+        if t.at[s] < 0:
+            t.at[s] += most
+    return most
+
+
+def front_at(t, s):
+    """Return the sizes and rows of supernode s."""
+    v = cython.declare(Front)
+    v.first, v.panel = t.first[s], t.panels[s]
+    v.k, v.f = t.first[s + 1] - v.first, t.starts[s + 1] - t.starts[s]
+    v.u = v.f - v.k
+    v.rows, v.above = t.rows + t.starts[s] + v.k, t.above + t.starts[s] + v.k
+    return v
+
+
+# ---- one front
+
+
+def open_panels(f, s, data):
+    """Set the panels of a supernode to the entries of K."""
+    t = cython.address(f.t)
+    begin, end = t.lower[t.first[s]], t.lower[t.first[s + 1]]
+    size = t.panels[s + 1] - t.panels[s]
+    for side in range(f.sides):
+        L, source = f.panels[side] + t.panels[s], f.sources[side]
+        memset(L, 0, size * cython.sizeof(cython.double))
+        for e in range(begin, end):
+            L[t.target[e]] = data[source[e]]
+
+
+def update_of(f, s, side, ld):
+    """Return where the update of a supernode begins, and set its leading dimension.
+
+    If it is inside the parent, this is the parent's panel.
+    """
+    t = cython.address(f.t)
+    v = front_at(t, s)
+    if t.flags[s] & INSIDE:
+        above = front_at(t, t.parent[s])
+        ld[0] = above.f
+        return f.panels[side] + above.panel
+    ld[0] = v.u
+    return t.stack + t.at[s] + side * v.u * v.u
+
+
+def assemble(f, s, side):
+    """Add the updates of the children to the front."""
+    t = cython.address(f.t)
+    v = front_at(t, s)
+    ld: Py_ssize_t = 0
+    c: Py_ssize_t = t.child[s]
+    if c >= 0 and not t.flags[s] & INSIDE:
+        U = update_of(f, s, side, cython.address(ld))
+        for j in range(v.u):
+            memset(U + j * (ld + 1), 0, (v.u - j) * cython.sizeof(cython.double))
+    while c >= 0:
+        extend_add(f, c, side)
+        c = t.sibling[c]
+
+
+def extend_add(f, c, side):
+    """Add the update of c, a lower triangle, to the front of its parent."""
+    t = cython.address(f.t)
+    s = t.parent[c]
+    child, v = front_at(t, c), front_at(t, s)
+    m, place = child.u, child.above
+    own: Py_ssize_t = 0
+    ld: Py_ssize_t = 0
+    C = update_of(f, c, side, cython.address(own))
+    U = update_of(f, s, side, cython.address(ld))
+    is_inside: cython.bint = t.flags[s] & INSIDE
+    for j in range(m):
+        column, r = C + j * m, place[j]
+        if r < v.k:
+            to = f.panels[side] + v.panel + r * v.f
+        elif is_inside:
+            to = U + v.above[r - v.k] * ld
+            for i in range(j, m):
+                to[v.above[place[i] - v.k]] += column[i]
+            continue
+        else:
+            to = U + (r - v.k) * ld - v.k
+        if place[m - 1] - r == m - 1 - j:  # several at a time, without indices
+            to = to + r - j
+            for i in range(j, m):
+                to[i] += column[i]
+        else:
+            for i in range(j, m):
+                to[place[i]] += column[i]
+
+
+def eliminate(f, v, watch):
+    """Overwrite the panels by those of L and U', set D; False if a pivot is 0."""
+    D, w = f.D + v.first, f.t.w
+    start: Py_ssize_t = 0
+    while start < v.k:
+        stop = min(start + BLOCK, v.k)
+        width = stop - start
+        is_small: cython.bint = (v.f - stop) * width * width <= SMALL or width <= 4
+        end = v.f if is_small else stop
+        if is_over(watch, (v.f - start) * width * (v.k - start)):
+            return False
+        for j in range(start, stop):
+            for side in range(f.sides):
+                L = f.panels[side] + v.panel
+                U = f.panels[f.sides - 1 - side] + v.panel
+                for p in range(start, j):
+                    w[p - start] = D[p] * U[j + p * v.f]
+                subtract(
+                    L + j * (v.f + 1), L + j + start * v.f, v.f, w, j - start, end - j
+                )
+            pivot = f.panels[0][v.panel + j * (v.f + 1)]
+            if not (LEAST <= abs(pivot) and isfinite(pivot)):
+                return False
+            D[j] = pivot
+            inverse = 1.0 / pivot
+            for side in range(f.sides):
+                column = f.panels[side] + v.panel + j * v.f
+                for i in range(j + 1, end):
+                    column[i] *= inverse
+        for side in range(f.sides):
+            if not is_small:
+                L = f.panels[side] + v.panel
+                U = f.panels[f.sides - 1 - side] + v.panel
+                solve_below(v, L, U, D, start, stop)
+        for side in range(f.sides):
+            if stop < v.k:
+                L = f.panels[side] + v.panel
+                U = f.panels[f.sides - 1 - side] + v.panel
+                update_columns(v, L, U, D, start, stop, f.t.scaled)
+        start = stop
+    return True
+
+
+def solve_below(v, L, U, D, start, stop):
+    """Solve with D U of the block start : stop for the rows of L below it."""
+    m: cython.int = v.f - stop
+    n: cython.int = stop - start
+    ld: cython.int = v.f
+    one: cython.double = 1.0
+    dtrsm(
+        b"R", b"L", b"T", b"U", cython.address(m), cython.address(n),
+        cython.address(one), cython.cast(cython.p_double, U) + start * (v.f + 1),
+        cython.address(ld), L + stop + start * v.f, cython.address(ld),
+    )  # fmt: skip
+    for p in range(start, stop):
+        column = L + p * v.f
+        inverse = 1.0 / D[p]
+        for i in range(stop, v.f):
+            column[i] *= inverse
+
+
+def update_columns(v, L, U, D, start, stop, scaled):
+    """Subtract the product of the columns start : stop from those to the right."""
+    m = v.f - stop
+    scale(L + stop + start * v.f, v.f, D + start, m, stop - start, scaled)
+    a = stop
+    while a < v.k:
+        subtract_product(
+            v.f - a, min(STRIP, v.k - a), stop - start, scaled + a - stop, m,
+            U + a + start * v.f, v.f, 1.0, L + a * (v.f + 1), v.f,
+        )  # fmt: skip
+        a += STRIP
+
+
+def complement(f, s, side, watch):
+    """Subtract L D U of the rows below from the update, a lower triangle."""
+    t = cython.address(f.t)
+    v = front_at(t, s)
+    u, place, scaled, strip = v.u, v.above, t.scaled, t.strip
+    L = f.panels[side] + v.panel + v.k
+    U = f.panels[f.sides - 1 - side] + v.panel + v.k
+    ld: Py_ssize_t = 0
+    C = update_of(f, s, side, cython.address(ld))
+    is_inside: cython.bint = t.flags[s] & INSIDE
+    is_dense: cython.bint = not is_inside or place[u - 1] - place[0] == u - 1
+    if is_inside and is_dense:
+        C = C + place[0] * (ld + 1)
+    adds: cython.bint = is_inside or t.child[s] >= 0
+    start: Py_ssize_t = 0
+    while start < v.k:
+        depth = min(DEPTH, v.k - start)
+        scale(L, v.f, f.D + v.first + start, u, depth, scaled)
+        a: Py_ssize_t = 0
+        while a < u:
+            if is_over(watch, STRIP * depth * (u - a)):
+                return
+            m, columns = u - a, min(STRIP, u - a)
+            to = C + a * (ld + 1) if is_dense else strip
+            subtract_product(
+                m, columns, depth, scaled + a, u, U + a, v.f,
+                1.0 if adds and is_dense else 0.0, to, ld if is_dense else m,
+            )  # fmt: skip
+            if not is_dense:
+                for j in range(a, a + columns):
+                    column, to = strip + (j - a) * m - a, C + place[j] * ld
+                    for i in range(j, u):
+                        to[place[i]] += column[i]
+            a += STRIP
+        start, L, U, adds = start + DEPTH, L + DEPTH * v.f, U + DEPTH * v.f, True
+
+
+def small_complement(f, s, side):
+    """Do as `complement` by loops."""
+    t = cython.address(f.t)
+    v = front_at(t, s)
+    u, k, place, w, strip = v.u, v.k, v.above, t.w, t.strip
+    L = f.panels[side] + v.panel + k
+    U = f.panels[f.sides - 1 - side] + v.panel + k
+    D = f.D + v.first
+    ld: Py_ssize_t = 0
+    C = update_of(f, s, side, cython.address(ld))
+    is_inside: cython.bint = t.flags[s] & INSIDE
+    adds: cython.bint = t.child[s] >= 0
+    for j in range(u):
+        for p in range(k):
+            w[p] = D[p] * U[j + p * v.f]
+        if not is_inside:
+            to = C + j * (u + 1)
+            if not adds:
+                memset(to, 0, (u - j) * cython.sizeof(cython.double))
+            subtract(to, L + j, v.f, w, k, u - j)
+            continue
+        to = C + place[j] * ld
+        if place[u - 1] - place[j] == u - 1 - j:
+            subtract(to + place[j], L + j, v.f, w, k, u - j)
+        elif k == 1:
+            w_0 = w[0]
+            for i in range(j, u):
+                to[place[i]] -= L[i] * w_0
+        else:
+            memset(strip, 0, (u - j) * cython.sizeof(cython.double))
+            subtract(strip, L + j, v.f, w, k, u - j)
+            for i in range(j, u):
+                to[place[i]] += strip[i - j]
+
+
+# ---- solution
+
+
+def forward(f, L, x):
+    """Overwrite x, in the order of elimination, by L^-1 x."""
+    t = cython.address(f.t)
+    y = t.w
+    for s in range(t.number):
+        v = front_at(t, s)
+        own, P = x + v.first, L + v.panel
+        for j in range(v.k - 1):
+            x_j = own[j]
+            for i in range(j + 1, v.k):
+                own[i] -= P[i + j * v.f] * x_j
+        P = P + v.k
+        if v.k == 1:
+            x_j = own[0]
+            for i in range(v.u):
+                x[v.rows[i]] -= P[i] * x_j
+        else:
+            memset(y, 0, v.u * cython.sizeof(cython.double))
+            subtract(y, P, v.f, own, v.k, v.u)
+            for i in range(v.u):
+                x[v.rows[i]] += y[i]
+
+
+def backward(f, U, x):
+    """Overwrite x by U^-1 x."""
+    t = cython.address(f.t)
+    y = t.w
+    sums = cython.declare(cython.double[4])
+    for s in range(t.number - 1, -1, -1):
+        v = front_at(t, s)
+        own, P = x + v.first, U + v.panel
+        k, u, ld = v.k, v.u, v.f
+        if k == 1:
+            x_j = own[0]
+            for i in range(u):
+                x_j -= P[i + 1] * x[v.rows[i]]
+            own[0] = x_j
+            continue
+        for i in range(u):
+            y[i] = x[v.rows[i]]
+        P = P + k
+        p: Py_ssize_t = 0
+        while p + 4 <= k:
+            a = P + p * ld
+            four_dots(y, a, a + ld, a + 2 * ld, a + 3 * ld, u, sums)
+            for j in range(4):
+                own[p + j] -= sums[j]
+            p += 4
+        for j in range(p, k):
+            own[j] -= dot(P + j * ld, y, u)
+        P = P - k
+        for j in range(k - 2, -1, -1):
+            x_j = own[j]
+            for i in range(j + 1, k):
+                x_j -= P[i + j * ld] * own[i]
+            own[j] = x_j
+
+
+# ---- products
+
+
+def scale(L, ld, D, m, n, out):
+    """Set out (m, n) to L D."""
+    for p in range(n):
+        column, to, d = L + p * ld, out + p * m, D[p]
+        for i in range(m):
+            to[i] = column[i] * d
+
+
+def subtract(out, L, ld, w, k, m):
+    """Subtract from out (m,) the product of L (m, k) and w."""
+    p: Py_ssize_t = 0
+    while p + 4 <= k:
+        a = L + p * ld
+        subtract_sum(
+            w[p], a, w[p + 1], a + ld, w[p + 2], a + 2 * ld, w[p + 3], a + 3 * ld,
+            out, m,
+        )  # fmt: skip
+        p += 4
+    if p + 2 <= k:
+        a = L + p * ld
+        b, w_a, w_b = a + ld, w[p], w[p + 1]
+        for i in range(m):
+            out[i] -= a[i] * w_a + b[i] * w_b
+        p += 2
+    if p < k:
+        add_scaled(-w[p], L + p * ld, out, m)
+
+
+def subtract_product(m, n, k, A, lda, B, ldb, beta, C, ldc):
+    """Set C (m, n) to beta C - A B'."""
+    rows: cython.int = m
+    columns: cython.int = n
+    inner: cython.int = k
+    step_A: cython.int = lda
+    step_B: cython.int = ldb
+    step_C: cython.int = ldc
+    minus: cython.double = -1.0
+    dgemm(
+        b"N", b"T", cython.address(rows), cython.address(columns),
+        cython.address(inner), cython.address(minus), cython.cast(cython.p_double, A),
+        cython.address(step_A), cython.cast(cython.p_double, B), cython.address(step_B),
+        cython.address(beta), C, cython.address(step_C),
+    )  # fmt: skip
