@@ -5,7 +5,7 @@ import pytest
 from scipy import sparse
 
 from namlcp.lcp.general.cones import system_of
-from namlcp.lcp.general.cones.fronts import Fronts
+from namlcp.linalg import plan_lu
 from validation.problems.general.families import FAMILIES
 
 
@@ -64,11 +64,14 @@ def values(K, pattern):
 @pytest.mark.parametrize("name", PATTERNS)
 def test_fronts_solve_as_dense_algebra_does(name):
     pattern = PATTERNS[name]
-    fronts = Fronts(*values(matrix(pattern, 0), pattern)[:2])
+    plan = plan_lu(*values(matrix(pattern, 0), pattern)[:2])
     kept, b = [], np.random.default_rng(0).standard_normal(len(pattern))
     for seed in range(3):  # the layout serves all matrices of the pattern
         K = matrix(pattern, seed)
-        kept.append((fronts.factors(values(K, pattern)[2]), K))
+        lu = plan.another()
+        lu.refactor(values(K, pattern)[2])
+        assert np.prod(np.sign(lu.pivots)) == np.linalg.slogdet(K)[0]
+        kept.append((lu, K))
     for lu, K in kept:  # factors stay what they were when others are made
         x = np.linalg.solve(K, b)
         assert np.allclose(lu.solve(b), x, rtol=0.0, atol=1e-13)
@@ -82,7 +85,8 @@ def test_a_pivot_that_vanishes_is_told(name, value):
     K[-1] = K[:, -1] = 0.0
     K[-1, -1] = value
     indptr, indices, data = values(K, pattern)
-    assert Fronts(indptr, indices).factors(data) is None
+    with pytest.raises(ValueError, match="pivot"):
+        plan_lu(indptr, indices).refactor(data)
 
 
 # ---- factors with friction cones eliminated

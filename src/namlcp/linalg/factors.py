@@ -6,7 +6,7 @@ dense fronts are faster (`fronts`).
 """
 
 import numpy as np
-from scipy.sparse import csc_matrix
+from scipy.sparse import csc_array, csc_matrix
 
 from namlcp.linalg.fronts import Fronts
 from namlcp.linalg.minimum_degree import minimum_degree
@@ -30,6 +30,26 @@ def plan_factors(indptr: np.ndarray, indices: np.ndarray) -> Factors:
     if order.work >= max(HEAVY, HEAVY_ROW * order.parent.size):
         return Fronts(indptr, indices, order)
     return SparseFactors(indptr, indices, order)
+
+
+def plan_lu(indptr: np.ndarray, indices: np.ndarray) -> Fronts:
+    """Return factors L D U for a symmetric pattern in CSC, its diagonal entries stored.
+
+    No row is exchanged. `another` gives factors of further matrices of the pattern.
+    """
+    n = indptr.size - 1
+    numbers = np.arange(indices.size)
+    columns = np.repeat(np.arange(n), np.diff(indptr))
+    # by rows, the entries of a symmetric pattern are those across the diagonal
+    across = csc_array((numbers, indices, indptr), shape=(n, n)).tocsr().data
+    upper = indices <= columns
+    rows, columns = indices[upper].astype(np.int32), columns[upper]
+    counts = np.bincount(columns, minlength=n)
+    starts = np.concatenate(([0], np.cumsum(counts))).astype(np.int32)
+    order = better_order(starts, rows, minimum_degree(starts, rows))
+    pairs = np.array([numbers[upper], across[upper]])
+    is_below = order.place[rows] > order.place[columns]  # in the order of elimination
+    return Fronts(starts, rows, order, np.where(is_below, pairs, pairs[::-1]))
 
 
 def better_order(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Order:

@@ -30,7 +30,9 @@ from cython.cimports.namlcp.linalg.arrays import numbers, places
 from cython.cimports.namlcp.linalg.sparse_ldl import Factors
 from cython.cimports.namlcp.linalg.vectors import (
     add_scaled,
+    copy,
     dot,
+    fill,
     four_dots,
     subtract_sum,
 )
@@ -435,20 +437,23 @@ def forward(f, L, x):
     for s in range(t.number):
         v = front_at(t, s)
         own, P = x + v.first, L + v.panel
-        for j in range(v.k - 1):
-            x_j = own[j]
-            for i in range(j + 1, v.k):
-                own[i] -= P[i + j * v.f] * x_j
-        P = P + v.k
         if v.k == 1:
-            x_j = own[0]
             for i in range(v.u):
-                x[v.rows[i]] -= P[i] * x_j
-        else:
-            memset(y, 0, v.u * cython.sizeof(cython.double))
-            subtract(y, P, v.f, own, v.k, v.u)
-            for i in range(v.u):
-                x[v.rows[i]] += y[i]
+                x[v.rows[i]] -= P[i + 1] * own[0]
+            continue
+        copy(own, y, v.k)
+        fill(y + v.k, 0.0, v.u)
+        j: Py_ssize_t = 0
+        while j < v.k:
+            end = min(j + 4, v.k)
+            for p in range(j, end):
+                for i in range(p + 1, end):
+                    y[i] -= P[i + p * v.f] * y[p]
+            subtract(y + end, P + end + j * v.f, v.f, y + j, end - j, v.f - end)
+            j = end
+        copy(y, own, v.k)
+        for i in range(v.u):
+            x[v.rows[i]] += y[v.k + i]
 
 
 def backward(f, U, x):
@@ -459,31 +464,28 @@ def backward(f, U, x):
     for s in range(t.number - 1, -1, -1):
         v = front_at(t, s)
         own, P = x + v.first, U + v.panel
-        k, u, ld = v.k, v.u, v.f
-        if k == 1:
-            x_j = own[0]
-            for i in range(u):
-                x_j -= P[i + 1] * x[v.rows[i]]
-            own[0] = x_j
+        if v.k == 1:
+            for i in range(v.u):
+                own[0] -= P[i + 1] * x[v.rows[i]]
             continue
-        for i in range(u):
-            y[i] = x[v.rows[i]]
-        P = P + k
-        p: Py_ssize_t = 0
-        while p + 4 <= k:
-            a = P + p * ld
-            four_dots(y, a, a + ld, a + 2 * ld, a + 3 * ld, u, sums)
-            for j in range(4):
-                own[p + j] -= sums[j]
-            p += 4
-        for j in range(p, k):
-            own[j] -= dot(P + j * ld, y, u)
-        P = P - k
-        for j in range(k - 2, -1, -1):
-            x_j = own[j]
-            for i in range(j + 1, k):
-                x_j -= P[i + j * ld] * own[i]
-            own[j] = x_j
+        copy(own, y, v.k)
+        for i in range(v.u):
+            y[v.k + i] = x[v.rows[i]]
+        end = v.k
+        while end > 0:
+            j = max(end - 4, 0)
+            a, m, ld = P + end + j * v.f, v.f - end, v.f
+            if j + 4 == end:
+                four_dots(y + end, a, a + ld, a + 2 * ld, a + 3 * ld, m, sums)
+            else:
+                for p in range(end - j):
+                    sums[p] = dot(a + p * ld, y + end, m)
+            for p in range(end - 1, j - 1, -1):
+                y[p] -= sums[p - j]
+                for i in range(p + 1, end):
+                    y[p] -= P[i + p * ld] * y[i]
+            end = j
+        copy(y, own, v.k)
 
 
 # ---- products

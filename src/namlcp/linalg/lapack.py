@@ -15,9 +15,8 @@ from numba.extending import get_cython_function_address, intrinsic
 
 from namlcp.compiled import part
 
-# The letters that BLAS and LAPACK take as options.
-UPPER = UNIT = ord("U")
-FROM_LEFT, PLAIN, TRANSPOSED = (ord(letter) for letter in "LNT")
+# The letters that LAPACK takes as options.
+UPPER, TRANSPOSED = ord("U"), ord("T")
 
 
 def declare(module: str, name: str, arguments: str, value: Any = None) -> Any:
@@ -41,14 +40,11 @@ def declare(module: str, name: str, arguments: str, value: Any = None) -> Any:
     return types.ExternalFunction(symbol, kinds.get(value, types.void)(*given))
 
 
-LAPACK, BLAS = "scipy.linalg.cython_lapack", "scipy.linalg.cython_blas"
+LAPACK = "scipy.linalg.cython_lapack"
 _dpotrf = declare(LAPACK, "dpotrf", "iidii")
 _dpotrs = declare(LAPACK, "dpotrs", "iiididii")
 _dgetrf = declare(LAPACK, "dgetrf", "iidiii")
 _dgetrs = declare(LAPACK, "dgetrs", "iiidiidii")
-_dgemm = declare(BLAS, "dgemm", "iiiiiddididdi")
-_dtrsm = declare(BLAS, "dtrsm", "iiiiiiddidi")
-_ddot = declare(BLAS, "ddot", "ididi", "d")
 
 
 if config.DISABLE_JIT:
@@ -87,35 +83,11 @@ else:
         return types.int32(types.CPointer(types.int32)), codegen
 
 
-# Any order of the sum is allowed, so that it vectorises; NaN keeps its meaning.
-@part(fastmath={"reassoc"})
-def dot(a, b):
-    """Return a'b."""
-    total = 0.0
-    for i in range(a.size):
-        total += a[i] * b[i]
-    return total
-
-
 @part
 def copy(a, out):
     """Set out[:a.size] to a; a plain loop compiles faster than a slice assignment."""
     for i in range(a.size):
         out[i] = a[i]
-
-
-@part
-def add_scaled(scale, a, out):
-    """Add scale * a to out (n,)."""
-    for j in range(out.size):
-        out[j] += scale * a[j]
-
-
-@part
-def blas_dot(a, b):
-    """Return a'b with the sum of a.dot(b)."""
-    one = _address(1)
-    return _ddot(_address(a.size), a.ctypes, one, b.ctypes, one)
 
 
 @part
@@ -161,34 +133,4 @@ def lu_solve(factors, pivots, b):
         _dgetrs(
             _address(TRANSPOSED), n, one, factors.ctypes, n, pivots.ctypes, b.ctypes, n,
             info,
-        )  # fmt: skip
-
-
-@part
-def product(alpha, A, B, beta, C):
-    """Overwrite C (m, n) by alpha A B' + beta C for A (m, k), B (n, k).
-
-    Rows may be strided. With beta = 0, C need not be finite on entry.
-    """
-    if C.shape[0] > 0 and C.shape[1] > 0:
-        _dgemm(
-            _address(TRANSPOSED), _address(PLAIN), _address(C.shape[1]),
-            _address(C.shape[0]), _address(A.shape[1]), _address(alpha), B.ctypes,
-            _address(B.strides[0] // 8), A.ctypes, _address(A.strides[0] // 8),
-            _address(beta), C.ctypes, _address(C.strides[0] // 8),
-        )  # fmt: skip
-
-
-@part
-def solve_rows(L, unit, X):
-    """Overwrite X (m, k) by X L'^-1, L (k, k) lower triangular; rows may be strided.
-
-    With `unit` the diagonal of L is taken as 1 and not read.
-    """
-    if X.shape[0] > 0 and X.shape[1] > 0:
-        _dtrsm(
-            _address(FROM_LEFT), _address(UPPER), _address(TRANSPOSED),
-            _address(UNIT if unit else PLAIN), _address(X.shape[1]),
-            _address(X.shape[0]), _address(1.0), L.ctypes,
-            _address(L.strides[0] // 8), X.ctypes, _address(X.strides[0] // 8),
         )  # fmt: skip

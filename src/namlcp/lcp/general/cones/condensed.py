@@ -29,8 +29,8 @@ import numpy as np
 from scipy import sparse
 
 from namlcp.lcp.general.cones.contacts import Cones, cones_of
-from namlcp.lcp.general.cones.fronts import LU, Fronts
 from namlcp.lcp.shifted import Factors, Shifted
+from namlcp.linalg import plan_lu
 
 
 def principal(
@@ -85,7 +85,7 @@ class ConeFactors:
     """
 
     def __init__(self, system: "Condensed", diagonal: np.ndarray):
-        """Factor; raise LinAlgError if a pivot of the remainder is 0."""
+        """Factor; raise ValueError if a pivot of the remainder is 0."""
         self.cones = cones = system.cones
         self.basis = system.basis
         self.e = cones.v**2 / diagonal[cones.b]
@@ -110,11 +110,11 @@ class ConeFactors:
 
     @property
     def entries(self) -> int:
-        return self.lu.L.size + self.lu.U.size
+        return self.lu.entries
 
     @property
     def positive(self) -> bool:
-        return self.lu.negative % 2 == 0
+        return np.count_nonzero(self.lu.pivots < 0.0) % 2 == 0
 
     def solve(self, r: np.ndarray) -> np.ndarray:
         """Return the solution for r, (n,) or (n, k)."""
@@ -180,7 +180,7 @@ class Condensed:
         if p == 2:
             self.across = self.at(self.N.indices, self.partner[self.columns])
             self.along = self.at(self.partner[self.N.indices], self.columns)
-        self.fronts = Fronts(self.N.indptr, self.N.indices)
+        self.fronts = plan_lu(self.N.indptr, self.N.indices)
 
     def at(self, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Return where these entries of N are stored."""
@@ -204,15 +204,14 @@ class Condensed:
         diagonal: np.ndarray,
         inverse: np.ndarray,
         slope: np.ndarray,
-    ) -> LU:
+    ) -> Any:
         """Factor what remains, V'N V (overwritten) with all C^-1 and slopes."""
         change = diagonal[self.cones.remaining]
         change[self.turned] = inverse
         data[self.diagonal] += change
         data[self.slopes] += slope.ravel()
-        lu = self.fronts.factors(data)
-        if lu is None:
-            raise np.linalg.LinAlgError("a pivot is 0")
+        lu = self.fronts.another()
+        lu.refactor(data)
         return lu
 
     def factors(self, diagonal: np.ndarray) -> ConeFactors | None:
@@ -222,7 +221,7 @@ class Condensed:
                 return None
             try:
                 return ConeFactors(self, diagonal)
-            except np.linalg.LinAlgError:  # a pivot is 0, or overflow
+            except ValueError:  # a pivot is 0, or overflow
                 return None
 
 
