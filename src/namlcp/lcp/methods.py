@@ -31,7 +31,6 @@ from namlcp.lcp.multigrid.hierarchy import hierarchy_of
 from namlcp.lcp.multigrid.kernels import ascend
 from namlcp.lcp.operators import Operator
 from namlcp.lcp.pivoting.driver import Attempt
-from namlcp.lcp.pivoting.pivot import pivot
 from namlcp.lcp.prepared import Prepared
 from namlcp.lcp.psor import solve_by_sweeps
 from namlcp.lcp.relaxation import relax_csr
@@ -207,8 +206,7 @@ METHODS = (
     Method("more sor", "where cycles fail", partial(solve_by_sweeps, most=5000),
            stage="auto", suits=lambda A, end: has_cycles(A, end) and not A.symmetric,
            unsettled=SLOW),
-    Method("pivoting", "then general, if stalled", solve_by_pivoting, stage="auto",
-           kernel=pivot),
+    Method("pivoting", "then general, if stalled", solve_by_pivoting, stage="auto"),
     Method("lemke", "Lemke's path of one covering vector", solve_lemke,
            ("cover", "eps_rel"), kernel=pivot_until),
     # What is likely to end the search soon comes first, by measured times.

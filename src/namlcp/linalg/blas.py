@@ -7,7 +7,13 @@ import cython
 from cython import p_double
 from cython.cimports.namlcp.linalg.vectors import fill
 from cython.cimports.scipy.linalg.cython_blas import ddot, dgemm, dgemv, dtrsm
-from cython.cimports.scipy.linalg.cython_lapack import dpotrf, dpotrs, dtrtri
+from cython.cimports.scipy.linalg.cython_lapack import (
+    dgetrf,
+    dgetrs,
+    dpotrf,
+    dpotrs,
+    dtrtri,
+)
 
 
 def _times(letter, C, count, n, x, out, size):
@@ -72,6 +78,33 @@ def cholesky_solve(L, n, b):
         dpotrs(
             cython.address(upper), cython.address(order), cython.address(one),
             cython.cast(p_double, L), cython.address(order), b, cython.address(order),
+            cython.address(info),
+        )  # fmt: skip
+
+
+def lu(A, n, pivots):
+    """Overwrite A, column by column, by its LU factors; False if a pivot is 0."""
+    order: cython.int = n
+    info: cython.int = 0
+    if n > 0:
+        dgetrf(
+            cython.address(order), cython.address(order), A, cython.address(order),
+            pivots, cython.address(info),
+        )  # fmt: skip
+    return info == 0
+
+
+def lu_solve(factors, n, pivots, b):
+    """Overwrite b (n,) by the solution of A x = b, with factors from `lu`."""
+    order: cython.int = n
+    one: cython.int = 1
+    info: cython.int = 0
+    plain: cython.char = b"N"
+    if n > 0:
+        dgetrs(
+            cython.address(plain), cython.address(order), cython.address(one),
+            cython.cast(p_double, factors), cython.address(order),
+            cython.cast(cython.p_int, pivots), b, cython.address(order),
             cython.address(info),
         )  # fmt: skip
 

@@ -20,7 +20,6 @@ from namlcp.lcp import (
     LCP,
     Attempt,
     Prepared,
-    pivot,
     relax_csr,
     solve_auto,
 )
@@ -78,8 +77,8 @@ def solve_bounds(qp, chain, guess, judge, memory):
     """Solve a QP with bounds alone as a box LCP; None if that decides nothing."""
     limits = judge.limits
     large = not qp.is_dense and qp.q.size >= LARGE_LCP
-    limits.announce(relax_csr if large else pivot)
     if large:
+        limits.announce(relax_csr)
         memory.ensure_convex(qp.P)
         outcome = solve_large_box(qp, chain, guess, judge, memory)
         convex = True
@@ -87,11 +86,10 @@ def solve_bounds(qp, chain, guess, judge, memory):
         inner = Limits(0.0, ACCURACY, limits.max_iter, limits.deadline)
         attempt = Attempt(box_lcp(qp), guess.start, inner, ask_convex=True)
         attempt.run()
-        now = attempt.work.now
-        if now.solved and now.convex:  # the residuals of the LCP need no check
+        if attempt.solved and attempt.convex:  # the residuals of the LCP need no check
             if offer(qp, chain, judge, attempt.best()) <= 1.0:
-                return judge.answer(Status.SOLVED, now.factorisations, FORM)
-        outcome, convex = attempt.outcome(), now.convex
+                return judge.answer(Status.SOLVED, attempt.factorisations, FORM)
+        outcome, convex = attempt.outcome(), attempt.convex
         if outcome.ray is None:
             offer(qp, chain, judge, outcome.point.z)
     if outcome.ray is not None:

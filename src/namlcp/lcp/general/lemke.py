@@ -28,7 +28,6 @@ from namlcp.lcp.criterion import Criterion
 from namlcp.lcp.data import LCP, diagonal_of
 from namlcp.lcp.general.plain import Plain
 from namlcp.lcp.general.tableau import DONE, MORE, Tableau, exchange, pivot_until
-from namlcp.lcp.pivoting.driver import UNSEEN
 from namlcp.lcp.pivoting.rays import proof
 from namlcp.limits import Limits
 from namlcp.outcome import Outcome
@@ -43,6 +42,9 @@ friction takes up to 2 n, and a path on which rounding has led back never ends."
 
 PIVOTS, MORE_PIVOTS = 50, 10_000
 """Default limit of the method by name: PIVOTS n + MORE_PIVOTS."""
+
+UNSEEN = 10_000_000
+"""Multiplications between two checks of the deadline: about 10 ms."""
 
 SEED = 0
 """Of the third covering vector."""

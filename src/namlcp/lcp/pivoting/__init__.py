@@ -1,14 +1,13 @@
 """Block principal pivoting for box LCPs.
 
-`driver.Attempt` is the entry point. It calls compiled stages, mostly `pivot`.
+`driver.Attempt` is the entry point.
 
 | module | content |
 |---|---|
-| `driver` | the loop around the compiled stages, the residual check |
+| `driver` | what the loop calls in Python, the residual check |
 | `pivot` | block pivoting inside a proximal-point loop |
-| `free_system`, `large_system` | systems of the free unknowns; is A semidefinite? |
+| `free_system` | systems of the free unknowns; is A semidefinite? |
+| `large_system` | the same of large problems, in Python |
 | `rays` | certificates that there is no solution |
-| `state` | the numbers and vectors that all stages share |
-
-Compiled functions take one record of numbers and addresses, `state.PivotState`.
+| `state` | the memory of a solve, `Pivoting` |
 """

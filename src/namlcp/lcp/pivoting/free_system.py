@@ -1,261 +1,341 @@
 """Free systems (A_FF + diag(shift)_F) x = b: Cholesky, LU or sparse L D L'.
 
-F is the set of free unknowns, state 0. Sparse symmetric systems are factored by
-`linalg.ldl` where that takes less time, all others by dense Cholesky or LU.
+F is the set of free unknowns, state 0. Sparse symmetric systems are factored by L D L'
+where that takes less time, all others by dense Cholesky or LU.
+
+L D L' is that of Davis, "Algorithm 849: LDL", ACM TOMS 31 (2005) 587-591, read from the
+columns of the whole matrix: row k of L is a sparse triangular solve along the
+elimination tree. An elimination order of the whole matrix, restricted to a submatrix,
+causes no more fill there than in the matrix: one order serves all.
 """
 
-from typing import NamedTuple
-
-import numpy as np
-
-from namlcp.compiled import floats, ints, part
-from namlcp.lcp.pivoting.state import matrix_of
-from namlcp.linalg.columns import SMALL_ORDER
-from namlcp.linalg.definite import PSD_SLACK
-from namlcp.linalg.lapack import cholesky, cholesky_solve, declare, lu, lu_solve
-from namlcp.linalg.ldl import (
-    Triangle,
-    ldl_numeric,
-    ldl_solve,
-    ldl_symbolic,
+import cython
+from cython import Py_ssize_t
+from cython.cimports.libc.math import INFINITY
+from cython.cimports.libc.stdlib import free, malloc
+from cython.cimports.namlcp.linalg.blas import cholesky, cholesky_solve, lu, lu_solve
+from cython.cimports.namlcp.linalg.minimum_degree import (
+    OUTSIDE,
+    VARIABLE,
+    order_by_degree,
 )
-from namlcp.linalg.minimum_degree import OUTSIDE, VARIABLE
+from cython.cimports.namlcp.linalg.vectors import fill
 
-order_by_degree = declare(
-    "namlcp.linalg.minimum_degree", "order_by_degree", "iinii", "i"
-)
+from namlcp.linalg import columns, definite
 
+SMALL_ORDER, PSD_SLACK = columns.SMALL_ORDER, definite.PSD_SLACK
+
+# Added to the unit diagonal where Cholesky fails, so that a singular A_FF succeeds.
 JITTER = 1e-11
-"""Added to the unit diagonal where Cholesky fails, so that a singular A_FF succeeds."""
-
-LEAST_PIVOT = -1e-7
-"""Pivot of L D L', for a unit diagonal, below which A_FF counts as indefinite."""
-
+# Pivot of L D L', for a unit diagonal, below which A_FF counts as indefinite; and to
+# which smaller ones are raised, as they count as rounding.
+LEAST_PIVOT, PIVOT_FLOOR = -1e-7, 1e-14
+# Cost of a dense factorisation beside its multiplications, counted in these; speed of
+# dense multiplications relative to sparse ones.
 CALL, DENSE_SPEED = 5000.0, 10.0
-"""Cost of a dense factorisation beside its multiplications, counted in these; speed of
-dense multiplications relative to sparse ones."""
 
 
-class Factor(NamedTuple):
-    """Factors of the system of the unknowns `order`: dense and pivots, or `sparse`."""
-
-    order: np.ndarray
-    dense: np.ndarray
-    pivots: np.ndarray
-    sparse: Triangle
-
-
-@part
-def gather(m, shift, order, out):
-    """Write the transpose of A_FF + diag(shift)_F to out (count, count), F = order."""
-    count, local = order.size, ints(m.local, m.n)
-    dense, indptr, indices, data = matrix_of(m, m.scaled)
-    if dense.shape[0] > 0:
-        for k in range(count):
-            column = dense[order[k]]
-            for t in range(count):
-                out[k, t] = column[order[t]]
-    else:
-        set_positions(order, local)
-        for k in range(count):
-            for t in range(count):
-                out[k, t] = 0.0
-            for p in range(indptr[order[k]], indptr[order[k] + 1]):
-                if local[indices[p]] >= 0:
-                    out[k, local[indices[p]]] = data[p]
-        clear_positions(order, local)
-    for k in range(count):
-        out[k, k] += shift[order[k]]
-
-
-@part
-def set_positions(order, local):
-    """Write the position of every unknown of `order` to local (n,)."""
-    for k in range(order.size):
-        local[order[k]] = k
-
-
-@part
-def clear_positions(order, local):
-    """Undo `set_positions`."""
-    for k in range(order.size):
-        local[order[k]] = -1
-
-
-@part
-def dense_factor(m, shift, factor):
-    """Overwrite factor.dense; return whether A_FF is regular, definite if symmetric."""
-    count = factor.order.size
-    M = factor.dense
-    gather(m, shift, factor.order, M)
-    if m.symmetric:
-        if cholesky(M) == 0:
-            return True
-        gather(m, shift, factor.order, M)
-        for k in range(count):
-            M[k, k] += JITTER
-        if cholesky(M) != 0:
-            for k in range(count):  # not a factor of A_FF, but a solve stays possible
-                M[k, k] = max(M[k, k], JITTER)
+def factor_free(m):
+    """Factor the matrix; tell whether it is regular, definite if it is symmetric."""
+    set_order(m)
+    plan(m)
+    if m.is_short:
         return False
-    for k in range(count):
-        for t in range(k):
-            M[k, t], M[t, k] = M[t, k], M[k, t]
-    return lu(M, factor.pivots) == 0
+    if not m.is_sparse:
+        return factor_dense(m)
+    set_positions(m)
+    smallest = factor_sparse(m)
+    clear_positions(m)
+    return smallest >= LEAST_PIVOT
 
 
-@part
+def solve_free(m):
+    """Write the solution for the right-hand side to the free entries of z alone."""
+    x = m.y
+    for k in range(m.count):
+        x[k] = m.own_rhs[m.order[k]]
+    if m.is_sparse:
+        solve_sparse(m, x)
+    elif m.symmetric:
+        cholesky_solve(m.dense, m.count, x)
+    else:
+        lu_solve(m.dense, m.count, m.pivots, x)
+    for k in range(m.count):
+        m.own_z[m.order[k]] = x[k]
+
+
+# ---- the unknowns of the system
+
+
 def may_stay_sparse(m, count):
-    """Tell whether a free system of this order may be factored by `linalg.ldl`."""
+    """Tell whether a free system of this order may be factored by L D L'."""
     return m.symmetric and not m.is_dense and count > SMALL_ORDER
 
 
-@part
-def free_order(m, state):
-    """Return the unknowns with state 0, in elimination order if A_FF may stay sparse.
+def set_order(m):
+    """Set `order` to the free unknowns, in elimination order if L D L' is possible.
 
     The first order covers these unknowns, the second also all those of the first, the
     third all n: most solves meet one or two sets F that differ little. With ask_convex,
     which factors A in the end, the first covers all n already.
     """
-    sequence, rank = ints(m.sequence, m.n), ints(m.rank, m.n)
-    count = 0
-    missing = False
+    side, rank = m.side, m.rank
+    count: Py_ssize_t = 0
+    missing: cython.bint = False
     for i in range(m.n):
-        if state[i] == 0:
+        if side[i] == 0:
             count += 1
-            missing |= rank[i] < 0
-    sparse = may_stay_sparse(m, count)
-    if sparse and missing:
-        kind = np.empty(m.n, dtype=np.int32)
-        of_all = m.ask_convex or m.orderings >= 2
+            missing = missing or rank[i] < 0
+    may_be_sparse = may_stay_sparse(m, count)
+    if may_be_sparse and missing:
+        kind = m.flag
+        of_all: cython.bint = m.ask_convex or m.orderings >= 2
         for i in range(m.n):
-            chosen = of_all or state[i] == 0 or rank[i] >= 0
+            chosen: cython.bint = of_all or side[i] == 0 or rank[i] >= 0
             kind[i] = VARIABLE if chosen else OUTSIDE
-        _, indptr, indices, _ = matrix_of(m, m.scaled)
-        if not order_by_degree(
-            indptr.ctypes, indices.ctypes, m.n, kind.ctypes, rank.ctypes
-        ):
-            raise MemoryError("no memory for an elimination order")
+        if not order_by_degree(m.indptr, m.indices, m.n, kind, rank):
+            m.is_short = True
         m.ordered = 0
         for i in range(m.n):
             if rank[i] >= 0:
-                sequence[rank[i]] = i
+                m.sequence[rank[i]] = i
                 m.ordered += 1
         m.orderings += 1
-    order = np.empty(count, dtype=np.int32)
-    count = 0
-    for k in range(m.ordered if sparse else m.n):
-        i = sequence[k] if sparse else k
-        if state[i] == 0:
-            order[count] = i
-            count += 1
-    return order
+    m.count = 0
+    for k in range(m.ordered if may_be_sparse else m.n):
+        i: Py_ssize_t = m.sequence[k] if may_be_sparse else k
+        if side[i] == 0:
+            m.order[m.count] = i
+            m.count += 1
 
 
-@part
-def analyse(m, order):
-    """Return memory for the `Factor` of the unknowns in `order`, the cheaper kind."""
-    count, local = order.size, ints(m.local, m.n)
-    parent, counts = np.empty(count, dtype=np.int32), np.empty(count, dtype=np.int32)
-    starts = np.zeros(count + 1, dtype=np.int64)
-    size = count  # of the dense factor
+def set_positions(m):
+    for k in range(m.count):
+        m.local[m.order[k]] = k
+
+
+def clear_positions(m):
+    for k in range(m.count):
+        m.local[m.order[k]] = -1
+
+
+def plan(m):
+    """Choose the cheaper kind of factors, and take memory for them."""
+    count = m.count
+    entries: Py_ssize_t = 0
+    size = 8.0 * count * count
+    m.is_sparse = False
     if may_stay_sparse(m, count):
-        _, indptr, indices, _ = matrix_of(m, m.scaled)
-        set_positions(order, local)
-        flops = ldl_symbolic(indptr, indices, order, local, parent, counts)
-        clear_positions(order, local)
+        set_positions(m)
+        flops = analyse(m)
+        clear_positions(m)
         if DENSE_SPEED * flops <= count * (count * (count / 3.0)) + CALL:
-            size = 0
+            m.is_sparse = True
             for k in range(count):
-                starts[k + 1] = starts[k] + counts[k]
-    rows, values = np.empty(starts[count], dtype=np.int32), np.empty(starts[count])
-    triangle = Triangle(parent, starts, rows, values, np.empty(count - size))
-    pivots = np.empty(size, dtype=np.int32)
-    return Factor(order, np.empty((size, size)), pivots, triangle)
+                entries += m.counts[k]
+            size = 24.0 * (count + 1) + 12.0 * entries
+    take_memory(m, cython.cast(cython.size_t, size))
+    if m.is_short:
+        return
+    m.dense = m.D = cython.cast(cython.p_double, m.factor)
+    if m.is_sparse:
+        m.starts = cython.cast(cython.p_Py_ssize_t, m.D + count)
+        m.ends = m.starts + count + 1
+        m.L = cython.cast(cython.p_double, m.ends + count)
+        m.rows = cython.cast(cython.p_int, m.L + entries)
+        m.starts[0] = 0
+        for k in range(count):
+            m.starts[k + 1] = m.starts[k] + m.counts[k]
 
 
-@part
-def refactor(m, shift, factor):
-    """Overwrite the numbers of `factor`; return what `dense_factor` does."""
-    order, local = factor.order, ints(m.local, m.n)
-    if factor.dense.shape[0] == order.size:
-        return dense_factor(m, shift, factor)
-    set_positions(order, local)
-    scaled = matrix_of(m, m.scaled)
-    smallest = ldl_numeric(scaled, shift, order, local, factor.sparse)
-    clear_positions(order, local)
-    return smallest >= LEAST_PIVOT
+def take_memory(m, size):
+    """Give the factor at least so many bytes."""
+    if size > m.factor_size:
+        free(m.factor)
+        m.factor = cython.cast(cython.p_char, malloc(size))
+        m.factor_size = size
+        if m.factor == cython.NULL:
+            m.factor_size, m.is_short = 0, True
 
 
-@part
-def solve_free(symmetric, factor, b, x):
-    """Write the solution for b (n,) to the free entries of x (n,), and no others."""
-    order = factor.order
-    count = order.size
-    u = np.empty(count)
-    for k in range(count):
-        u[k] = b[order[k]]
-    if factor.dense.shape[0] < count:
-        ldl_solve(factor.sparse, u)
-    elif symmetric:
-        cholesky_solve(factor.dense, u)
+# ---- dense factors
+
+
+def gather(m, out):
+    """Write A_FF + diag(shift)_F to out, by columns, half of it if symmetric."""
+    count, order, local = m.count, m.order, m.local
+    if m.is_dense:
+        for k in range(count):
+            column, to = m.scaled + order[k] * m.n, out + k * count
+            for t in range(k + 1 if m.symmetric else count):
+                to[t] = column[order[t]]
     else:
-        lu_solve(factor.dense, factor.pivots, u)
+        set_positions(m)
+        fill(out, 0.0, count * count)
+        for k in range(count):
+            for p in range(m.indptr[order[k]], m.indptr[order[k] + 1]):
+                i: Py_ssize_t = local[m.indices[p]]
+                if i >= 0:
+                    out[k * count + i] = m.scaled[p]
+        clear_positions(m)
     for k in range(count):
-        x[order[k]] = u[k]
+        out[k * (count + 1)] += m.shift[order[k]]
 
 
-@part
+def factor_dense(m):
+    """Tell what `factor_free` does."""
+    M, count = m.dense, m.count
+    gather(m, M)
+    if not m.symmetric:
+        return lu(M, count, m.pivots)
+    if cholesky(M, count):
+        return True
+    gather(m, M)
+    for k in range(count):
+        M[k * (count + 1)] += JITTER
+    if not cholesky(M, count):
+        for k in range(count):  # not a factor of A_FF, but a solve stays possible
+            M[k * (count + 1)] = max(M[k * (count + 1)], JITTER)
+    return False
+
+
+# ---- sparse factors
+
+
+def analyse(m):
+    """Set the elimination tree and the entries of the columns of L.
+
+    Returns the number of flops of the factorisation.
+    """
+    order, local, parent, counts, flag = m.order, m.local, m.parent, m.counts, m.flag
+    for k in range(m.count):
+        parent[k] = -1
+        counts[k] = 0
+        flag[k] = k
+        for p in range(m.indptr[order[k]], m.indptr[order[k] + 1]):
+            i: Py_ssize_t = local[m.indices[p]]
+            if i >= k:
+                continue
+            while i >= 0 and flag[i] != k:
+                flag[i] = k
+                counts[i] += 1
+                if parent[i] < 0:
+                    parent[i] = k
+                i = parent[i]
+    flops = 0.0
+    for k in range(m.count):
+        flops += counts[k] * (counts[k] + 3.0)
+    return flops
+
+
+def factor_sparse(m):
+    """Factor, with pivots below `PIVOT_FLOOR` raised to it.
+
+    Returns the smallest pivot before that; clearly negative means indefinite.
+    """
+    y, ends, rows, values, D = m.y, m.ends, m.rows, m.L, m.D
+    local, parent, pattern, flag = m.local, m.parent, m.pattern, m.flag
+    count = m.count
+    for k in range(count):
+        y[k] = 0.0
+        ends[k] = m.starts[k]
+    smallest: cython.double = INFINITY
+    for k in range(count):
+        flag[k] = k
+        top = count
+        j: Py_ssize_t = m.order[k]
+        pivot = m.shift[j]
+        for p in range(m.indptr[j], m.indptr[j + 1]):
+            i: Py_ssize_t = local[m.indices[p]]
+            if i < 0 or i > k:
+                continue
+            if i == k:
+                pivot += m.scaled[p]
+                continue
+            y[i] = m.scaled[p]
+            length: Py_ssize_t = 0
+            while flag[i] != k:
+                pattern[length] = i
+                length += 1
+                flag[i] = k
+                i = parent[i]
+            while length > 0:
+                length -= 1
+                top -= 1
+                pattern[top] = pattern[length]
+        for t in range(top, count):
+            i = pattern[t]
+            y_i = y[i]
+            y[i] = 0.0
+            for p in range(m.starts[i], ends[i]):
+                y[rows[p]] -= values[p] * y_i
+            l_ki = y_i / D[i]
+            pivot -= l_ki * y_i
+            rows[ends[i]] = k
+            values[ends[i]] = l_ki
+            ends[i] += 1
+        smallest = min(smallest, pivot)
+        D[k] = max(pivot, PIVOT_FLOOR)
+    return smallest
+
+
+def solve_sparse(m, x):
+    """Overwrite x, in elimination order, by the solution of L D L' x = b."""
+    starts, rows, values = m.starts, m.rows, m.L
+    for j in range(m.count):
+        x_j = x[j]
+        for p in range(starts[j], starts[j + 1]):
+            x[rows[p]] -= values[p] * x_j
+    for j in range(m.count - 1, -1, -1):
+        x_j = x[j] / m.D[j]
+        for p in range(starts[j], starts[j + 1]):
+            x_j -= values[p] * x[rows[p]]
+        x[j] = x_j
+
+
+# ---- is A semidefinite?
+
+
 def has_unit_diagonal(m):
     """Tell whether all a_ii > 0, which are 1 after scaling."""
-    has_unit = ints(m.has_unit, m.n)
     for i in range(m.n):
-        if not has_unit[i]:
+        if not m.unit[i]:
             return False
     return True
 
 
-@part
-def is_definite(m, is_free_definite):
-    """Tell whether A + `PSD_SLACK` I is positive definite; False where an a_ii <= 0.
-
-    is_free_definite: whether that is known of A_FF, F the free unknowns.
-    """
+def is_definite(m):
+    """Tell whether A + `PSD_SLACK` I is positive definite; False where an a_ii <= 0."""
     if not has_unit_diagonal(m):
         return False
-    state, shift = ints(m.state, m.n), floats(m.shift, m.n)
-    if is_free_definite and not m.is_dense:
+    if m.is_free_definite and not m.is_dense:
         free_blocks_of_bounded(m)
     else:
         for i in range(m.n):
-            state[i] = 0
-    for i in range(m.n):
-        shift[i] = PSD_SLACK
-    factor = analyse(m, free_order(m, state))
-    return refactor(m, shift, factor)
+            m.side[i] = 0
+    fill(m.shift, PSD_SLACK, m.n)
+    return factor_free(m)
 
 
-@part
 def free_blocks_of_bounded(m):
     """Free each diagonal block of A that has a bounded unknown; bound all the others.
 
     Contacts of separate bodies make many blocks, few of which have one.
     """
-    state, queue = ints(m.state, m.n), ints(m.goal, m.n)
-    _, indptr, indices, _ = matrix_of(m, m.scaled)
-    count, done = 0, 0
+    side, queue = m.side, m.goal
+    count: Py_ssize_t = 0
+    done: Py_ssize_t = 0
     for i in range(m.n):
-        if state[i] != 0:
+        if side[i] != 0:
             queue[count] = i
             count += 1
-        state[i] = 1 if state[i] == 0 else 0
+        side[i] = 1 if side[i] == 0 else 0
     while done < count:
-        i = queue[done]
+        k: Py_ssize_t = queue[done]
         done += 1
-        for p in range(indptr[i], indptr[i + 1]):
-            j = indices[p]
-            if state[j] != 0:
-                state[j] = 0
+        for p in range(m.indptr[k], m.indptr[k + 1]):
+            j: Py_ssize_t = m.indices[p]
+            if side[j] != 0:
+                side[j] = 0
                 queue[count] = j
                 count += 1

@@ -1,156 +1,151 @@
-"""The numbers and vectors of one solve by pivoting, by name.
+"""The memory of one solve by pivoting: one object, one allocation.
 
-Compiled functions take them as one record `m` of numbers and addresses:
-``floats(m.z, m.n)`` is the vector z. In Python, `PivotMemory` has the same names.
 "Scaled" refers to the problem with a unit diagonal.
 """
 
-import ctypes
-from typing import Any
-
+import cython
 import numpy as np
+from cython.cimports.libc.stdlib import free
+from cython.cimports.namlcp.linalg.arrays import numbers, places
+from cython.cimports.namlcp.linalg.vectors import copy
+from cython.cimports.namlcp.watch import Watched, begin_watch
 from scipy import sparse
 
-from namlcp.compiled import fields, floats, ints, kernel, longs, part, record_at
-from namlcp.linalg.columns import Columns
-from namlcp.linalg.lapack import copy
 
-# Vectors of n numbers.
-VECTORS = (
-    # The scaled problem D A D, q, lower, upper; d is the diagonal of D.
-    "q lower upper d "
-    # The iterate, w = A z + q, the proximal point, and the best z so far.
-    "z w centre best "
-    # Right-hand side and diagonal shift of the free system.
-    "rhs shift"
-)
-# Vectors of n int32.
-FLAGS = (
-    # -1 at the lower bound, 1 at the upper one, 0 free; the states that the signs of z
-    # and w ask for; 1 where a_ii > 0, elsewhere d = 1.
-    "state goal has_unit "
-    # The first m.ordered entries are unknowns in elimination order; their positions in
-    # it, -1 for others; -1 between its uses as work array.
-    "sequence rank local"
-)
-FLAG_NAMES = FLAGS.split()
-# All vectors, in the order of their addresses: each has room for n float64.
-NAMES = (*VECTORS.split(), *FLAG_NAMES)
-COUNT = len(NAMES)
+class Pivoting(Watched):
+    """A box LCP and the state of `pivot`; `driver.Attempt` has what is in Python."""
 
+    def __init__(self, columns, vectors, symmetric, until):
+        """Take the user's matrix, by its columns, and copy (q, lower, upper, z).
 
-class PivotState(ctypes.Structure):
-    """Numbers and addresses: attributes in Python, fields in compiled code."""
+        z, the start, may be empty; until: a value of time.perf_counter().
+        """
+        self.n, self.symmetric = vectors[0].size, symmetric
+        self.is_dense = columns.dense.shape[0] == self.n
+        begin_watch(self, until)
+        take_problem(self, columns, vectors)
 
-    _fields_ = fields(
-        (VECTORS, int),
-        (FLAGS, int),
-        # Unknowns; entries of the matrix unless it is dense; whether it is.
-        ("n entries", int),
-        ("is_dense", bool),
-        # The matrix by `Columns`: its pattern unless it is dense, its values, and these
-        # scaled.
-        ("indptr indices values scaled", int),
-        # Tolerances; scaled Res at clip(0); least scaled Res so far.
-        ("eps_abs eps_rel size best_residual", float),
-        # The proximal parameter, and what counts as 0 in z and w (scaled).
-        ("rho tolerance", float),
-        # Factorisations, proximal steps, elimination orders made, unknowns in order.
-        ("factorisations outer_steps orderings ordered", int),
-        # Fewest wrong signs so far; changes of states left until there must be fewer.
-        ("fewest_wrong patience", int),
-        # Given: A = A'; the caller solves the free systems; find out `convex`.
-        ("symmetric external_solve ask_convex", bool),
-        # Found: the tolerance is met; A is semidefinite.
-        ("solved convex", bool),
-        # Progress: scaled; states or rho have changed.
-        ("started must_factor", bool),
-    )
+    def __dealloc__(self):
+        free(self.factor)
 
+    def solve_free_system(self):
+        """Write to z the solution for rhs, NaN if there is none; with is_external."""
+        raise NotImplementedError
 
-state_at = record_at(PivotState)
+    def is_unsolvable(self):
+        """Tell whether rhs leads to a proof that there is no solution."""
+        return False
 
-
-class PivotMemory:
-    """The state of a solve; `now` has the numbers, and vectors are attributes.
-
-    `address` is that of the record, which compiled functions take.
-    """
-
-    def __init__(self, columns: Columns, *vectors: np.ndarray) -> None:
-        """Allocate for the user's matrix; `vectors` as for `lay_out_vectors`."""
-        self.now = PivotState()
-        self.address = ctypes.addressof(self.now)
-        self.columns, self.n = columns, vectors[0].size
-        size = COUNT * self.n + columns.dense.size + columns.data.size
-        self.memory = np.zeros(size)
-        lay_out_vectors(self.address, columns, vectors, self.memory)
+    def report(self):
+        """Report a factorisation."""
 
     @property
-    def scaled(self) -> sparse.csc_array:
+    def z(self):
+        return self.memory[offset(self, self.own_z) :][: self.n]
+
+    @property
+    def rhs(self):
+        return self.memory[offset(self, self.own_rhs) :][: self.n]
+
+    @property
+    def d(self):
+        """The diagonal of D, where D A D is the scaled matrix."""
+        return self.memory[offset(self, self.root) :][: self.n]
+
+    @property
+    def state(self):
+        return integers(self, self.side)
+
+    @property
+    def has_unit(self):
+        """1 where a_ii > 0."""
+        return integers(self, self.unit)
+
+    @property
+    def is_open(self):
+        """Whether the bounds of each unknown differ."""
+        lower = self.memory[offset(self, self.lower) :][: self.n]
+        upper = self.memory[offset(self, self.upper) :][: self.n]
+        return lower < upper
+
+    @property
+    def scaled_matrix(self):
         """The scaled matrix, where it is compressed."""
-        data, columns = self.memory[COUNT * self.n :], self.columns
-        arrays = data, columns.indices, columns.indptr
-        return sparse.csc_array(arrays, shape=(self.n, self.n))
+        data = self.memory[offset(self, self.scaled) :][: self.entries]
+        _, indptr, indices, _ = self.given
+        return sparse.csc_array((data, indices, indptr), shape=(self.n, self.n))
 
-    def __getattr__(self, name: str) -> Any:
-        """Return the vector of this name, a view of the memory of compiled code."""
-        if name not in NAMES:
-            raise AttributeError(f"pivoting has no vector {name!r}")
-        start = self.n * NAMES.index(name)
-        vector = self.memory[start : start + self.n]
-        return vector.view(np.int32)[: self.n] if name in FLAG_NAMES else vector
+    def best_point(self, lower, upper):
+        """Return the best z so far, in the caller's scaling, between these bounds."""
+        n: cython.Py_ssize_t = self.n
+        least, most = numbers(lower, n), numbers(upper, n)
+        point = np.empty(n)
+        z = numbers(point, n)
+        for i in range(n):
+            z[i] = min(max(self.best[i] * self.root[i], least[i]), most[i])
+        return point
 
 
-@kernel
-def lay_out_vectors(address, columns, vectors, memory):
-    """Note where the matrix is, and give every vector its place in `memory`, all 0.
+def reals(m, count):
+    """Return the place of the next numbers; without memory that only counts them."""
+    found = m.begin + m.end
+    m.end += count
+    return found
 
-    vectors = (q, lower, upper, z), which are copied; z, the start, may be empty.
-    """
-    m = state_at(address)
+
+def flags(m, count):
+    """Return the place of the next integers."""
+    return cython.cast(cython.p_int, reals(m, (count + 1) // 2))
+
+
+def lay_out(m):
+    """Give every vector its place."""
+    n = m.n
+    m.q, m.lower, m.upper, m.root = reals(m, n), reals(m, n), reals(m, n), reals(m, n)
+    m.own_z, m.w, m.centre, m.best = (
+        reals(m, n), reals(m, n), reals(m, n), reals(m, n),
+    )  # fmt: skip
+    m.own_rhs, m.shift, m.y = reals(m, n), reals(m, n), reals(m, n)
+    m.scaled = reals(m, m.entries)
+    m.side, m.goal, m.unit = flags(m, n), flags(m, n), flags(m, n)
+    m.sequence, m.rank, m.local = flags(m, n), flags(m, n), flags(m, n)
+    m.order, m.parent, m.counts = flags(m, n), flags(m, n), flags(m, n)
+    m.pattern, m.flag, m.pivots = flags(m, n), flags(m, n), flags(m, n)
+
+
+def take_problem(m, columns, vectors):
+    """Allocate, and note or copy what is given."""
+    n = m.n
+    m.given = columns
     dense, indptr, indices, data = columns
+    m.entries = n * n if m.is_dense else indices.size
+    if m.is_dense:
+        m.values = numbers(dense, m.entries)
+    else:
+        m.values = numbers(data, m.entries)
+        m.indptr, m.indices = places(indptr, n + 1), places(indices, m.entries)
+    lay_out(m)
+    m.memory = np.zeros(m.end)
+    m.begin, m.end = numbers(m.memory, m.end), 0
+    lay_out(m)
     q, lower, upper, start = vectors
-    m.n, m.is_dense, m.entries = q.size, dense.shape[0] > 0, data.size
-    m.indptr, m.indices = indptr.ctypes.data, indices.ctypes.data
-    m.values = dense.ctypes.data if m.is_dense else data.ctypes.data
-    addresses = longs(address, COUNT)
-    for i in range(COUNT):
-        addresses[i] = memory.ctypes.data + 8 * m.n * i
-    m.scaled = memory.ctypes.data + 8 * m.n * COUNT
-    copy(q, floats(m.q, m.n))
-    copy(lower, floats(m.lower, m.n))
-    copy(upper, floats(m.upper, m.n))
-    copy(start, floats(m.z, m.n))
-    rank, local = ints(m.rank, m.n), ints(m.local, m.n)
-    for i in range(m.n):
-        rank[i] = -1
-        local[i] = -1
+    copy(numbers(q, n), m.q, n)
+    copy(numbers(lower, n), m.lower, n)
+    copy(numbers(upper, n), m.upper, n)
+    if start.size:
+        copy(numbers(start, n), m.own_z, n)
+    for i in range(n):
+        m.rank[i] = -1
+        m.local[i] = -1
+    return 0
 
 
-@kernel
-def best_point(address, lower, upper):
-    """Return the best z so far, in the caller's scaling and between these bounds."""
-    m = state_at(address)
-    best, d = floats(m.best, m.n), floats(m.d, m.n)
-    z = np.empty(m.n)
-    for i in range(m.n):
-        z[i] = min(max(best[i] * d[i], lower[i]), upper[i])
-    return z
+def offset(m, vector):
+    """Return the number of the first entry in the memory."""
+    return vector - m.begin
 
 
-@part
-def matrix_of(m, values):
-    """Return the `Columns` that have the pattern of the matrix and these values."""
-    rows, ends = (m.n, 0) if m.is_dense else (0, m.n + 1)
-    return Columns(
-        floats(values, (rows, m.n)),
-        ints(m.indptr, ends),
-        ints(m.indices, m.entries),
-        floats(values, m.entries),
-    )
-
-
-@part
-def bounds_of(m):
-    return floats(m.lower, m.n), floats(m.upper, m.n)
+def integers(m, vector):
+    """Return a vector of integers as an array, a view."""
+    first = offset(m, cython.cast(cython.p_double, vector))
+    return m.memory[first:].view(np.int32)[: m.n]

@@ -1,0 +1,45 @@
+from namlcp.lcp.pivoting.state cimport Pivoting
+
+# GO_ON is never returned by `pivot`. HALTED: no progress, w is not finite, or too many
+# proximal steps. MOST: as many factorisations as allowed. RAY: there is a proof that
+# there is no solution; from within, that there may be one.
+cpdef enum Code:
+    GO_ON
+    DONE
+    HALTED
+    MOST
+    LATE
+    RAY
+
+cdef enum:
+    FIRST_SWEEPS = 30
+    STILL_SWEEPS = 3
+    BLOCK_STEPS = 3
+    OUTER_STEPS = 200
+    EARLY_STEPS = 20
+    FEW = 64
+    SOME = 4
+
+cdef double SWEEP_RELAXATION, RHO, EXACT_RESIDUAL, START_MARGIN, RAY_ROUNDING
+
+cpdef int pivot(Pivoting m) except -1
+cdef int advance(Pivoting m) noexcept nogil
+cdef int begin_pivoting(Pivoting m) noexcept nogil
+cdef void scale_problem(Pivoting m) noexcept nogil
+cdef void first_sweeps(Pivoting m) noexcept nogil
+cdef void add_column(Pivoting m, Py_ssize_t j, double factor, double* out) noexcept nogil
+cdef void write_w(Pivoting m, double* w) noexcept nogil
+cdef int state_of(double s, double lower, double upper) noexcept nogil
+cdef double deviation(double z, double w, double lower, double upper) noexcept nogil
+cdef void measure(Pivoting m) noexcept nogil
+cdef bint meets(Pivoting m, double margin) noexcept nogil
+cdef bint record(Pivoting m) noexcept nogil
+cdef void set_right_side(Pivoting m) noexcept nogil
+cdef int use_solution(Pivoting m) noexcept nogil
+cdef void clip_rounding(Pivoting m) noexcept nogil
+cdef Py_ssize_t set_goals(Pivoting m) noexcept nogil
+cdef int change_states(Pivoting m, Py_ssize_t wrong) noexcept nogil
+cdef void reset_patience(Pivoting m, double rho) noexcept nogil
+cdef bint may_end_early(Pivoting m, Py_ssize_t wrong) noexcept nogil
+cdef int end_outer_step(Pivoting m) noexcept nogil
+cdef bint may_be_ray(Pivoting m) noexcept nogil

@@ -1,0 +1,88 @@
+from namlcp.watch cimport Watched
+
+
+cdef class Pivoting(Watched):
+    cdef:
+        # The columns of A, which is dense or has `entries` entries: n vectors of n
+        # values, or indptr, indices and values. The scaled values.
+        readonly Py_ssize_t n, entries
+        readonly bint is_dense, symmetric
+        const int *indptr
+        const int *indices
+        const double *values
+        double *scaled
+        # The scaled problem; `root` is the diagonal of D, the matrix is D A D.
+        double *q
+        double *lower
+        double *upper
+        double *root
+        # The iterate z, w = A z + q, the proximal point, and the best z so far.
+        double *own_z
+        double *w
+        double *centre
+        double *best
+        # Right-hand side and diagonal shift of the free system.
+        double *own_rhs
+        double *shift
+        # -1 at the lower bound, 1 at the upper one, 0 free; the same as the signs of z
+        # and w ask for it; 1 where a_ii > 0, elsewhere d = 1.
+        int *side
+        int *goal
+        int *unit
+        # The first `ordered` entries are unknowns in elimination order; their positions in
+        # it, -1 for others.
+        int *sequence
+        int *rank
+        Py_ssize_t orderings, ordered
+        # The free system: its `count` unknowns, their positions, -1 for others, between
+        # two uses for all. It is factored by L D L' if is_sparse: the elimination tree,
+        # the entries in each column of L; in `factor`, D, the columns' first entries and
+        # ends, values and rows. Otherwise `factor` is dense, with pivots of LU.
+        int *order
+        int *local
+        Py_ssize_t count
+        bint is_sparse, is_free_definite
+        int *parent
+        int *counts
+        int *pivots
+        char *factor
+        size_t factor_size
+        double *dense
+        double *D
+        double *L
+        Py_ssize_t *starts
+        Py_ssize_t *ends
+        int *rows
+        # Work space.
+        double *y
+        int *pattern
+        int *flag
+        # Tolerances; the proximal parameter; what counts as 0 in z and w (scaled).
+        public double eps_abs, eps_rel
+        readonly double rho
+        double tolerance
+        # Scaled Res at clip(0), the least so far, that of z, also as the problem was given.
+        readonly double size
+        double best_residual, residual, plain_residual
+        # Factorisations, so far and at most; proximal steps.
+        public Py_ssize_t factorisations, most
+        Py_ssize_t outer_steps
+        # Fewest wrong signs so far; changes of states left until there must be fewer.
+        Py_ssize_t fewest_wrong, patience
+        # Given: `solve_free_system` is to be called; find out `convex`. Found: the
+        # tolerance is met; A is semidefinite.
+        public bint is_external, ask_convex, convex
+        readonly bint solved
+        # States or rho have changed; there is no memory for a factor.
+        bint must_factor, is_short
+        readonly object memory
+        object given
+        double *begin
+        Py_ssize_t end
+
+cdef double* reals(Pivoting m, Py_ssize_t count) noexcept nogil
+cdef int* flags(Pivoting m, Py_ssize_t count) noexcept nogil
+cdef void lay_out(Pivoting m) noexcept nogil
+cdef int take_problem(Pivoting m, object columns, tuple vectors) except -1
+cdef Py_ssize_t offset(Pivoting m, const double* vector) noexcept nogil
+cdef object integers(Pivoting m, const int* vector)
