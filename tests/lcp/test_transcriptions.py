@@ -1,92 +1,16 @@
-"""Kernels beside plain transcriptions: relaxation, fronts, cones."""
+"""Kernels beside plain transcriptions: relaxation, cones."""
 
 import numpy as np
 import pytest
 from scipy import sparse
 
 from namlcp.lcp.general.cones import system_of
-from namlcp.linalg import plan_lu
 from validation.problems.general.families import FAMILIES
 
 
 @pytest.fixture
 def rng():
     return np.random.default_rng(20261121)
-
-
-# ---- L U by dense fronts, without row exchanges
-
-
-def grid(rows, columns):
-    """Return the pattern of a grid whose neighbours, diagonal ones too, are joined."""
-    line, other = (
-        np.abs(np.subtract.outer(np.arange(k), np.arange(k))) <= 1
-        for k in (rows, columns)
-    )
-    return np.kron(line, other)
-
-
-def scattered(n, seed):
-    """Return a random symmetric pattern with its diagonal."""
-    some = np.random.default_rng(seed).random((n, n)) < 3.0 / n
-    return some | some.T | np.eye(n, dtype=bool)
-
-
-arrow = np.eye(40, dtype=bool)
-arrow[0] = arrow[:, 0] = True
-PATTERNS = {
-    "one": np.ones((1, 1), dtype=bool),
-    "diagonal": np.eye(4, dtype=bool),
-    "dense": np.ones((90, 90), dtype=bool),
-    "grid": grid(15, 12),
-    "two parts": np.kron(np.eye(2, dtype=bool), grid(4, 5)),
-    "arrow": arrow,
-    "scattered": scattered(80, 1),
-}
-
-
-def matrix(pattern, seed):
-    """Return K of a pattern, with a diagonal of both signs that leads."""
-    rng, n = np.random.default_rng(seed), len(pattern)
-    K = rng.uniform(-1.0, 1.0, (n, n)) * pattern
-    signs = rng.choice([-1.0, 1.0], n)
-    np.fill_diagonal(K, signs * (1.0 + np.abs(K).sum(axis=1)))
-    return K
-
-
-def values(K, pattern):
-    """Return the CSC pattern and the entries of K in it."""
-    P = sparse.csc_array(pattern)
-    columns = np.repeat(np.arange(len(K)), np.diff(P.indptr))
-    return P.indptr, P.indices, K[P.indices, columns]
-
-
-@pytest.mark.parametrize("name", PATTERNS)
-def test_fronts_solve_as_dense_algebra_does(name):
-    pattern = PATTERNS[name]
-    plan = plan_lu(*values(matrix(pattern, 0), pattern)[:2])
-    kept, b = [], np.random.default_rng(0).standard_normal(len(pattern))
-    for seed in range(3):  # the layout serves all matrices of the pattern
-        K = matrix(pattern, seed)
-        lu = plan.another()
-        lu.refactor(values(K, pattern)[2])
-        assert np.prod(np.sign(lu.pivots)) == np.linalg.slogdet(K)[0]
-        kept.append((lu, K))
-    for lu, K in kept:  # factors stay what they were when others are made
-        x = np.linalg.solve(K, b)
-        assert np.allclose(lu.solve(b), x, rtol=0.0, atol=1e-13)
-
-
-@pytest.mark.parametrize("value", [0.0, np.nan])
-@pytest.mark.parametrize("name", ["one", "diagonal", "grid"])
-def test_a_pivot_that_vanishes_is_told(name, value):
-    pattern = PATTERNS[name]
-    K = matrix(pattern, 0)
-    K[-1] = K[:, -1] = 0.0
-    K[-1, -1] = value
-    indptr, indices, data = values(K, pattern)
-    with pytest.raises(ValueError, match="pivot"):
-        plan_lu(indptr, indices).refactor(data)
 
 
 # ---- factors with friction cones eliminated

@@ -10,10 +10,16 @@ import numpy as np
 import pytest
 from problems_elimination import laplacian, natural, parts, quasi_definite, upper
 from problems_qp import assert_solves_qp, make_qp
-from scipy.sparse import block_array, diags_array, eye_array
+from scipy.sparse import block_array, csc_array, diags_array, eye_array
 
 from namlcp import solve_qp
-from namlcp.linalg import SparseFactors, factor_triangle, factors, minimum_degree
+from namlcp.linalg import (
+    SparseFactors,
+    factor_triangle,
+    factors,
+    minimum_degree,
+    plan_lu,
+)
 from namlcp.linalg.fronts import Fronts
 
 
@@ -192,3 +198,50 @@ def test_what_is_raised_in_a_long_factorisation_ends_it(monkeypatch):
     fronts.refactor(U.data)
     rhs = np.ones(len(K))
     np.testing.assert_allclose(K @ fronts.solve(rhs), rhs, atol=1e-8)
+
+
+# ---- symmetric patterns of other values
+
+
+def dominant(pattern, seed):
+    """Return K of a pattern, with a diagonal of both signs that leads."""
+    rng, n = np.random.default_rng(seed), len(pattern)
+    K = rng.uniform(-1.0, 1.0, (n, n)) * pattern
+    signs = rng.choice([-1.0, 1.0], n)
+    np.fill_diagonal(K, signs * (1.0 + np.abs(K).sum(axis=1)))
+    return K
+
+
+def stored(K, pattern):
+    """Return the CSC pattern and the entries of K in it."""
+    P = csc_array(pattern)
+    columns = np.repeat(np.arange(len(K)), np.diff(P.indptr))
+    return P.indptr, P.indices, K[P.indices, columns]
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_fronts_of_two_sides_solve_as_dense_algebra_does(case):
+    pattern = CASES[case] != 0.0
+    plan = plan_lu(*stored(pattern, pattern)[:2])
+    kept, b = [], np.random.default_rng(0).standard_normal(len(pattern))
+    for seed in range(3):  # the layout serves all matrices of the pattern
+        K = dominant(pattern, seed)
+        lu = plan.another()
+        lu.refactor(stored(K, pattern)[2])
+        assert np.prod(np.sign(lu.pivots)) == np.linalg.slogdet(K)[0]
+        kept.append((lu, K))
+    for lu, K in kept:  # factors stay what they were when others are made
+        x = np.linalg.solve(K, b)
+        np.testing.assert_allclose(lu.solve(b), x, rtol=0.0, atol=1e-13)
+
+
+@pytest.mark.parametrize("value", [0.0, np.nan, np.inf])
+@pytest.mark.parametrize("case", ["one", "diagonal", "grid"])
+def test_a_pivot_of_two_sides_that_vanishes_is_told(case, value):
+    pattern = CASES[case] != 0.0
+    K = dominant(pattern, 0)
+    K[-1] = K[:, -1] = 0.0
+    K[-1, -1] = value
+    indptr, indices, data = stored(K, pattern)
+    with pytest.raises(ValueError, match="pivot"):
+        plan_lu(indptr, indices).refactor(data)

@@ -102,7 +102,7 @@ class Fronts(Factors):
         self.D, self.entries = numbers(self.pivots, self.n), self.sides * size
 
     def another(self):
-        """Return factors with the same layout, for other values."""
+        """Return factors of the same layout and work space, for other values."""
         other: Fronts = Fronts.__new__(Fronts)
         other.n, other.nnz, other.t = self.n, self.nnz, self.t
         other.sides, other.arrays = self.sides, self.arrays
