@@ -38,3 +38,6 @@ cpdef tuple residuals_of_columns(object P, object G, object A, tuple vectors, tu
 cdef tuple in_order(const Terms* t, double* work)
 cpdef double signed_gap(tuple vectors, tuple point, object Px) except? -1
 cpdef bint leaves_bounds(const double[::1] x, const double[::1] lb, const double[::1] ub)
+cpdef double natural_squares(object z, object w, object lower, object upper, double unit) except? -1
+cpdef tuple natural_residuals(const double[::1] z, const double[::1] w, const double[::1] lower, const double[::1] upper, const double[::1] d)
+cpdef void modulus_variable(const double[::1] z, const double[::1] w, const double[::1] omega, double[::1] s) noexcept

@@ -6,7 +6,8 @@ the active-set method with the products it has at hand.
 
 import cython
 from cython import Py_ssize_t
-from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf
+from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf, sqrt
+from cython.cimports.namlcp.box import deviation
 from cython.cimports.namlcp.linalg.arrays import data_of, new_vector, numbers
 from cython.cimports.namlcp.linalg.blas import blas_dot
 from cython.cimports.namlcp.linalg.csc import (
@@ -15,7 +16,7 @@ from cython.cimports.namlcp.linalg.csc import (
     columns_times_transposed,
     take_columns,
 )
-from cython.cimports.namlcp.linalg.vectors import fill
+from cython.cimports.namlcp.linalg.vectors import box_squares, fill
 
 # If all terms of the gap are smaller than this, then its rounding error is below 1e-12
 # in whatever order they are added.
@@ -187,3 +188,35 @@ def leaves_bounds(x, lb, ub):
         if not lb[j] <= x[j] <= ub[j]:
             return True
     return False
+
+
+# ---- box LCPs
+
+
+def natural_squares(z, w, lower, upper, unit):
+    """Return the sum of squares of (z - clip(z - w, lower, upper)) / unit."""
+    n: cython.Py_ssize_t = z.size
+    a, b = numbers(z, n), numbers(w, n)
+    l, u = numbers(lower, n), numbers(upper, n)
+    with cython.nogil:
+        total = box_squares(a, b, l, u, unit, n)
+    return total
+
+
+def natural_residuals(z, w, lower, upper, d):
+    """Return Res of this LCP, and of the one with z and bounds times d, w over d."""
+    here, there = 0.0, 0.0
+    with cython.nogil:
+        for i in range(z.shape[0]):
+            r = deviation(z[i], w[i], lower[i], upper[i])
+            here += r * r
+            t = d[i] * z[i]
+            r = deviation(t, w[i] / d[i], lower[i] * d[i], upper[i] * d[i])
+            there += r * r
+    return sqrt(here), sqrt(there)
+
+
+def modulus_variable(z, w, omega, s):
+    """Overwrite s by z - w / omega: at a solution z = clip(s) and w = omega (z - s)."""
+    for i in range(z.shape[0]):
+        s[i] = z[i] - w[i] / omega[i]

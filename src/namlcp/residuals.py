@@ -19,7 +19,11 @@ import numpy as np
 
 from namlcp.compiled import kernel, part
 from namlcp.linalg.csc import add_transposed, is_clean_csc, times
-from namlcp.measure import residuals_of_columns, residuals_of_products
+from namlcp.measure import (
+    natural_squares,
+    residuals_of_columns,
+    residuals_of_products,
+)
 
 
 class Residuals(NamedTuple):
@@ -70,17 +74,6 @@ def deviation(z, w, lower, upper):
     return max(min(w, z - lower), z - upper) + 0.0 * z
 
 
-# The order of the sum is free ("reassoc"), so that it vectorises; NaN is kept.
-@kernel(error_model="numpy", fastmath={"reassoc"})
-def natural_squares(z, w, lower, upper, unit):
-    """Return the sum of squares of (z - clip(z - w, lower, upper)) / unit."""
-    total = 0.0
-    for i in range(z.size):
-        r = deviation(z[i], w[i], lower[i], upper[i]) / unit
-        total += r * r
-    return total
-
-
 def natural_residual(
     z: np.ndarray, w: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> float:
@@ -99,6 +92,7 @@ def natural_residual(
     if not z.shape == w.shape == lower.shape == upper.shape:
         shapes = z.shape, w.shape, lower.shape, upper.shape
         raise ValueError(f"z, w, lower and upper must have one shape, got {shapes}")
+    z, w, lower, upper = (np.ascontiguousarray(v, float) for v in (z, w, lower, upper))
     total = natural_squares(z, w, lower, upper, 1.0)
     if 1e-200 < total < 1e200:
         return math.sqrt(total)
@@ -120,13 +114,6 @@ def natural_residuals(z, w, lower, upper, d):
         r = deviation(t, w[i] / d[i], lower[i] * d[i], upper[i] * d[i])
         there += r * r
     return np.sqrt(here), np.sqrt(there)
-
-
-@kernel(error_model="numpy")
-def modulus_variable(z, w, omega, s):
-    """Overwrite s by z - w / omega: at a solution z = clip(s) and w = omega (z - s)."""
-    for i in range(z.size):
-        s[i] = z[i] - w[i] / omega[i]
 
 
 def qp_residuals(

@@ -27,6 +27,7 @@ from namlcp.derivatives import (
 )
 from namlcp.lcp import LCP
 from namlcp.linalg import times
+from namlcp.measure import modulus_variable
 from namlcp.outcome import Outcome
 from namlcp.qp import (
     OBJECTIVE,
@@ -40,7 +41,7 @@ from namlcp.qp import (
     qp_arrays,
     stamp_of,
 )
-from namlcp.residuals import Residuals, modulus_variable
+from namlcp.residuals import Residuals
 from namlcp.result_base import ResultBase
 from namlcp.status import Status
 

@@ -21,14 +21,16 @@ PACKAGE = Path(namlcp.__file__).parent
 PROBES = """
 import json, sys
 import numpy as np, namlcp
-from scipy import sparse
+from namlcp.lcp.pivoting.state import PivotMemory
+from namlcp.linalg.columns import columns_of
+from namlcp.residuals import natural_residuals
 
 def clean():
-    return namlcp.natural_residual(*np.array([[3.0], [1.0], [0.0], [9.0]]))
+    return natural_residuals(*np.array([[3.0], [1.0], [0.0], [9.0], [1.0]]))[0]
 
 def block():
-    A, q = sparse.csr_array(4 * np.eye(2)), np.array([-4.0, 4.0])
-    return namlcp.solve_lcp(A, q, method="mgs").z.tolist()
+    columns, vectors = columns_of(np.eye(2), True), np.ones((4, 2))
+    return PivotMemory(columns, *vectors).q.tolist()
 
 def kernels(kind):
     from namlcp.compiled.decorators import KERNELS
@@ -46,7 +48,7 @@ ALL = "clean", "block"
 
 # A callee, in which file, what it becomes, and the probe that calls it from another.
 CHANGES = (
-    ("lcp/relaxation.py", "return u if x > u else x", "return 5.0", "block"),
+    ("linalg/lapack.py", "out[i] = a[i]", "out[i] = 5.0", "block"),
 )  # fmt: skip
 
 
@@ -170,8 +172,8 @@ def test_a_package_that_cannot_be_written(cold):
     (cold / "home").write_text("")
     assert run(cold, "clean")[0]["clean"] == 1.0
     verbose = (
-        "import namlcp.progress as p, namlcp.lcp.relaxation as k\n"
-        "p.Progress(('iter',), True).announce(k.relax_csr)\n"
+        "import namlcp.progress as p, namlcp.lcp.pivoting.state as k\n"
+        "p.Progress(('iter',), True).announce(k.best_point)\n"
     )
     out, errors = start(cold, code=verbose).communicate()
     assert out.count("no folder for machine code can be written") == 1, errors

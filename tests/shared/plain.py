@@ -155,8 +155,9 @@ GIVEN = {
     "namlcp.linalg.vectors": SimpleNamespace(
         dot=dot, four_dots=four_dots, add_scaled=add_scaled, add_four=add_four,
         subtract_four=subtract_four, copy=copy, fill=fill, hash_of=None,
-        largest_entry=largest_entry,
+        largest_entry=largest_entry, box_squares=None,
     ),
+    "namlcp.box": SimpleNamespace(clip=None, deviation=None),
     "namlcp.linalg.arrays": SimpleNamespace(
         data_of=None, new_vector=None, numbers=None, places=None
     ),

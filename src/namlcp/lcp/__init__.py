@@ -8,5 +8,4 @@ from namlcp.lcp.multigrid.krylov import FreeSystem
 from namlcp.lcp.operators import Operator
 from namlcp.lcp.pivoting.driver import ACCURACY, Attempt
 from namlcp.lcp.prepared import Prepared
-from namlcp.lcp.relaxation import relax_csr
 from namlcp.lcp.solve import solve_by_method

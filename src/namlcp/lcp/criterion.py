@@ -13,7 +13,7 @@ from namlcp.compiled import part
 from namlcp.lcp.data import LCP
 from namlcp.limits import Limits
 from namlcp.linalg.columns import LEAST_DIVISOR
-from namlcp.residuals import natural_residuals
+from namlcp.measure import natural_residuals
 
 W_ROUNDING = 1e-15
 """Entry of w = A z + q, relative to |A||z| + |q|, that counts as 0."""

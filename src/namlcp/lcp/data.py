@@ -7,7 +7,6 @@ import numpy as np
 import scipy.sparse as sp
 
 from namlcp.checks import (
-    INFINITE,
     constant,
     is_clean,
     real_array,
@@ -15,7 +14,7 @@ from namlcp.checks import (
     vector,
     without_huge,
 )
-from namlcp.compiled import kernel
+from namlcp.lcp.loops import is_ordinary
 from namlcp.lcp.prepared import Prepared
 from namlcp.outcome import Outcome
 from namlcp.residuals import natural_residual
@@ -138,20 +137,3 @@ def lcp_data(matrix: Prepared, q: Any, lower: Any, upper: Any) -> tuple[LCP, flo
     is_usual = size == 0.0 or LEAST_SIZE < size < MOST_SIZE
     unit = 1.0 if is_usual else 2.0 ** math.floor(math.log2(size))
     return LCP(matrix, q, lower, upper), unit
-
-
-@kernel(fastmath={"reassoc"})  # the sums may be reordered and vectorise; NaN stays NaN
-def is_ordinary(q, lower, upper):
-    """Tell whether the vectors surely need no further check, in one pass.
-
-    Then no entry is NaN, sum |q_i| is 0 or in (1e-90, 1e90), lower <= upper, and no
-    finite bound has a modulus of INFINITE or more.
-    """
-    size, faults = 0.0, 0.0
-    for i in range(q.size):
-        size += abs(q[i])
-        l, u = lower[i], upper[i]
-        below = (l < INFINITE) & ((l > -INFINITE) | (l == -np.inf))
-        above = (u > -INFINITE) & ((u < INFINITE) | (u == np.inf))
-        faults += 0.0 if below & above & (l <= u) else 1.0
-    return (size == 0.0 or 1e-90 < size < 1e90) and faults == 0.0

@@ -22,19 +22,16 @@ from namlcp.lcp.general.homogeneous import farkas
 from namlcp.lcp.general.lemke import solve_by_lemke, solve_lemke
 from namlcp.lcp.general.mehrotra import mehrotra
 from namlcp.lcp.general.search import Search
-from namlcp.lcp.general.tableau import pivot_until
 from namlcp.lcp.modulus.methods import SWEEPS
 from namlcp.lcp.modulus.sweeps import sweep
 from namlcp.lcp.mprgp import solve_by_products
 from namlcp.lcp.multigrid.cycles import solve_by_multigrid
 from namlcp.lcp.multigrid.hierarchy import hierarchy_of
-from namlcp.lcp.multigrid.kernels import ascend
 from namlcp.lcp.operators import Operator
 from namlcp.lcp.pivoting.driver import Attempt
 from namlcp.lcp.prepared import Prepared
 from namlcp.lcp.psor import solve_by_sweeps
-from namlcp.lcp.relaxation import relax_csr
-from namlcp.lcp.tridiagonal import solve_faces, solve_tridiagonal
+from namlcp.lcp.tridiagonal import solve_tridiagonal
 from namlcp.limits import Deadline, Limits
 from namlcp.outcome import Outcome
 from namlcp.status import Status
@@ -198,17 +195,17 @@ METHODS = (
            suits=lambda A, _: A.n > TINY_LCP and A.is_general),
     Method("tridiagonal", "elimination from a start nearby", solve_by_elimination,
            stage="auto", suits=lambda A, _: A.is_sparse and A.tridiagonal is not None,
-           unsettled=(Status.DIVERGED,), kernel=solve_faces),
+           unsettled=(Status.DIVERGED,)),
     Method("sor", "a few sweeps of projected SOR", partial(solve_by_sweeps, most=200),
-           stage="auto", suits=is_large, unsettled=SLOW, kernel=relax_csr),
+           stage="auto", suits=is_large, unsettled=SLOW),
     Method("multigrid", "cycles for differential equations", solve_by_multigrid,
-           OPTIONS, stage="auto", suits=has_cycles, unsettled=SLOW, kernel=ascend),
+           OPTIONS, stage="auto", suits=has_cycles, unsettled=SLOW),
     Method("more sor", "where cycles fail", partial(solve_by_sweeps, most=5000),
            stage="auto", suits=lambda A, end: has_cycles(A, end) and not A.symmetric,
            unsettled=SLOW),
     Method("pivoting", "then general, if stalled", solve_by_pivoting, stage="auto"),
     Method("lemke", "Lemke's path of one covering vector", solve_lemke,
-           ("cover", "eps_rel"), kernel=pivot_until),
+           ("cover", "eps_rel")),
     # What is likely to end the search soon comes first, by measured times.
     Method("lemke-howson", "bimatrix games", lambda s: s.decided(solve_game),
            stage="general"),

@@ -8,9 +8,8 @@ from scipy import sparse
 from scipy.sparse.linalg import LinearOperator
 
 from namlcp.checks import finite_square_matrix
-from namlcp.compiled import kernel
+from namlcp.lcp.loops import dominance_csr, read_rows
 from namlcp.lcp.operators import operator_data
-from namlcp.lcp.relaxation import dominance_csr
 from namlcp.linalg.columns import Columns, columns_of
 from namlcp.linalg.csc import arrays_of
 from namlcp.linalg.definite import is_symmetric
@@ -21,9 +20,6 @@ DIAGONAL_ROUNDING = 1e-10
 DENSE_ORDER, SPARSE = 250, 0.125
 """Order up to which matrices are factored as dense ones, and share of entries that are
 not 0 from which on larger ones are, too."""
-
-# Rows of a tridiagonal matrix: its diagonals, 1 / pivot, 1 / sqrt(a_ii).
-BELOW, DIAGONAL, ABOVE, INVERSE, ROOT = range(5)
 
 
 class Prepared:
@@ -159,26 +155,3 @@ class Prepared:
         if not np.all(self.diagonal > 0.0):
             return np.inf
         return min(dominance_csr(*arrays_of(self.A), self.root))
-
-
-@kernel(error_model="numpy")
-def read_rows(indptr, indices, data, rows):
-    """Write the rows of a canonical CSR matrix; tell if it is tridiagonal, a_ii > 0.
-
-    The entries of INVERSE are NaN from the first pivot that is not positive.
-    """
-    coupling = 0.0
-    for i in range(indptr.size - 1):
-        rows[BELOW, i] = rows[DIAGONAL, i] = rows[ABOVE, i] = 0.0
-        for k in range(indptr[i], indptr[i + 1]):
-            j = indices[k] - i
-            if j < -1 or j > 1:
-                return False
-            rows[j + 1, i] = data[k]
-        if not rows[DIAGONAL, i] > 0.0:
-            return False
-        pivot = rows[DIAGONAL, i] - rows[BELOW, i] * coupling
-        rows[INVERSE, i] = 1.0 / pivot if pivot > 0.0 else np.nan
-        coupling = rows[ABOVE, i] * rows[INVERSE, i]
-        rows[ROOT, i] = 1.0 / np.sqrt(rows[DIAGONAL, i])
-    return True

@@ -12,7 +12,7 @@ from scipy import sparse
 from scipy.linalg.lapack import dgetrf, dgetrs
 from scipy.sparse.linalg import SuperLU, splu
 
-from namlcp.compiled import kernel
+from namlcp.lcp.loops import transpositions
 from namlcp.linalg.factors import plan_factors
 
 HELD = 1e20
@@ -144,17 +144,3 @@ class Quasidefinite:
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return the solution for b (m,), with the factors of the last sum."""
         return self.plan.solve(self.signs * b)
-
-
-@kernel
-def transpositions(order):
-    """Return how many transpositions make up a permutation."""
-    count = 0
-    seen = np.zeros(order.size, dtype=np.bool_)
-    for i in range(order.size):
-        k = order[i]
-        while not seen[i] and k != i:
-            seen[k] = True
-            count += 1
-            k = order[k]
-    return count

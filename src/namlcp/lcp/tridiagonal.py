@@ -11,76 +11,85 @@ pivots equal those of A to rounding after a few rows. The pivots of A are stored
 that no divisions are needed from there on.
 """
 
+import cython
 import numpy as np
+from cython.cimports.libc.math import INFINITY, fabs, sqrt
+from cython.cimports.namlcp.box import clip, deviation
+from cython.cimports.namlcp.lcp.loops import ABOVE, BELOW, DIAGONAL, INVERSE, ROOT
+from cython.cimports.namlcp.linalg.arrays import numbers, signs
+from cython.cimports.namlcp.linalg.vectors import copy, fill
 
-from namlcp.compiled import kernel, part
-from namlcp.lcp.criterion import are_met_part
-from namlcp.lcp.data import LCP
-from namlcp.lcp.prepared import ABOVE, BELOW, DIAGONAL, INVERSE, ROOT
-from namlcp.limits import Limits
-from namlcp.linalg.lapack import copy
-from namlcp.outcome import Outcome
-from namlcp.residuals import deviation
 from namlcp.status import Status
 
-# Rows of `points`: z and w = A z + q of the face, the factors c_i of the elimination,
-# the best z so far and its w.
-Z, W, COUPLING, BEST_Z, BEST_W = range(5)
-
-# `numbers`: scaled Res(clip(0)), wrong sign that is rounding, least Res, faces so far.
-SIZE, SLACK, LEAST, FACES = range(4)
-
-# Why `solve_faces` returns. ROUNDED: every sign is right, but the residual is not.
-SOLVED, MORE, STUCK, ROUNDED = range(4)
-
-MOST_FACES = 50
-"""Faces at most."""
-
+# Violation of a sign, relative to Res(clip(0)), that counts as 0.
 SIGN_ROUNDING = 1e-15
-"""Violation of a sign, relative to Res(clip(0)), that counts as 0."""
-
+# Relative difference up to which two pivots count as equal.
 SAME_PIVOT = 4.0 * np.finfo(float).eps
-"""Relative difference up to which two pivots count as equal."""
-
-UNKNOWNS = 1_000_000
-"""Unknowns times faces between two checks of the deadline: about 20 ms."""
-
-# The sums may be taken in any order, so that they vectorise; NaN keeps its meaning.
-fast = part(fastmath={"reassoc"})
 
 
-@part
-def eliminate(lcp, slack, state, points):
-    """Write z and w of a face; change the states with a wrong sign.
+class Faces:
+    """A tridiagonal LCP, the face, and the point that it gives."""
 
-    Return the number of changes, -1 if a pivot is not positive, and whether z is in the
-    box. The elimination gives z_i = t_i - c_i z_{i+1}; bounded unknowns have t_i =
-    bound, c_i = 0. This recurrence limits the speed, so all else is done in its loops.
+
+def take_problem(m, lcp, state, points):
+    """Note where the arrays of an LCP are, and those of its faces.
+
+    state (n,), signed bytes. points (5, n): z and w of the face, the factors c_i of the
+    elimination, the best z so far and its w.
     """
-    rows, q, lower, upper = lcp
-    z, w, coupling = points[Z], points[W], points[COUPLING]
-    n = q.size
-    t, c = 0.0, 0.0
-    same, positive = True, True  # same: c is that of the elimination of A itself
+    n: cython.Py_ssize_t = lcp.q.size
+    m.n = n
+    rows = numbers(lcp.matrix.tridiagonal, 5 * n)
+    m.below, m.diagonal, m.above = (
+        rows + BELOW * n,
+        rows + DIAGONAL * n,
+        rows + ABOVE * n,
+    )
+    m.inverse, m.root = rows + INVERSE * n, rows + ROOT * n
+    m.q, m.lower, m.upper = (
+        numbers(lcp.q, n),
+        numbers(lcp.lower, n),
+        numbers(lcp.upper, n),
+    )
+    m.state, m.z = signs(state, n), numbers(points, 5 * n)
+    m.w, m.coupling = m.z + n, m.z + 2 * n
+    m.best_z, m.best_w = m.z + 3 * n, m.z + 4 * n
+    return 0
+
+
+def eliminate(m):
+    """Write z and w of a face, change the states with a wrong sign; return how many.
+
+    Returns -1 if a pivot is not positive; sets m.inside, whether z is in the box. The
+    elimination gives z_i = t_i - c_i z_{i+1}; bounded unknowns have t_i = bound, c_i =
+    0. This recurrence limits the speed, so all else is done in its loops.
+    """
+    below, diagonal, above, inverses = m.below, m.diagonal, m.above, m.inverse
+    root, q, lower, upper = m.root, m.q, m.lower, m.upper
+    state, z, w, coupling = m.state, m.z, m.w, m.coupling
+    n, slack, t, c = m.n, m.slack, 0.0, 0.0
+    same: cython.bint = True  # c is that of the elimination of A itself
+    positive: cython.bint = True
+    inside: cython.bint = True
     for i in range(n):
         if state[i] != 0:
             t = lower[i] if state[i] < 0 else upper[i]
             c = 0.0
             same = False
         elif same:
-            inverse = rows[INVERSE, i]
-            t = -q[i] * inverse - (rows[BELOW, i] * inverse) * t
-            c = rows[ABOVE, i] * inverse
+            inverse = inverses[i]
+            t = -q[i] * inverse - (below[i] * inverse) * t
+            c = above[i] * inverse
         else:
-            pivot = rows[DIAGONAL, i] - rows[BELOW, i] * c
+            pivot = diagonal[i] - below[i] * c
             positive &= pivot > 0.0
             inverse = 1.0 / pivot
-            t = (-q[i] - rows[BELOW, i] * t) * inverse
-            c = rows[ABOVE, i] * inverse
-            same = abs(pivot * rows[INVERSE, i] - 1.0) <= SAME_PIVOT
+            t = (-q[i] - below[i] * t) * inverse
+            c = above[i] * inverse
+            same = fabs(pivot * inverses[i] - 1.0) <= SAME_PIVOT
         z[i] = t
         coupling[i] = c
-    wrong, inside = 0, True
+    wrong: cython.Py_ssize_t = 0
     left, here, right = z[n - 1], 0.0, 0.0
     for j in range(n - 1, -1, -1):
         right, here = here, left
@@ -90,30 +99,30 @@ def eliminate(lcp, slack, state, points):
             if state[j - 1] == 0:
                 left -= coupling[j - 1] * here
                 z[j - 1] = left
-        r = rows[BELOW, j] * left + rows[DIAGONAL, j] * here
-        w[j] = r = r + rows[ABOVE, j] * right + q[j]
+        r = below[j] * left + diagonal[j] * here
+        r = r + above[j] * right + q[j]
+        w[j] = r
         if state[j] != 0:
-            if state[j] * r * rows[ROOT, j] > slack and lower[j] < upper[j]:
+            if state[j] * r * root[j] > slack and lower[j] < upper[j]:
                 state[j] = 0
                 wrong += 1
         elif not lower[j] <= here <= upper[j]:
             inside = False
-            tolerance = slack * rows[ROOT, j]
+            tolerance = slack * root[j]
             if here < lower[j] - tolerance or here > upper[j] + tolerance:
                 state[j] = -1 if here < lower[j] else 1
                 wrong += 1
             positive &= here == here  # stored pivots that are not positive are NaN
-    return wrong if positive else -1, inside
+    m.inside = inside
+    return wrong if positive else -1
 
 
-@part
-def clip_into_box(lcp, z, w):
+def clip_into_box(m, z, w):
     """Clip z to the bounds and write w = A z + q, summed as SciPy sums it."""
-    rows, q, lower, upper = lcp
-    below, diagonal, above = rows[BELOW], rows[DIAGONAL], rows[ABOVE]
-    for i in range(z.size):
-        z[i] = min(max(z[i], lower[i]), upper[i])
-    left, here, last = 0.0, z[0], z.size - 1
+    below, diagonal, above, q = m.below, m.diagonal, m.above, m.q
+    for i in range(m.n):
+        z[i] = clip(z[i], m.lower[i], m.upper[i])
+    left, here, last = 0.0, z[0], m.n - 1
     for i in range(last):
         right = z[i + 1]
         w[i] = below[i] * left + diagonal[i] * here + above[i] * right + q[i]
@@ -121,94 +130,97 @@ def clip_into_box(lcp, z, w):
     w[last] = below[last] * left + diagonal[last] * here + q[last]
 
 
-@fast
-def both_residuals(lcp, z, w):
-    """Return Res(z), of this problem and of the one with a unit diagonal."""
-    (rows, _, lower, upper), plain, scaled = lcp, 0.0, 0.0
-    diagonal, root = rows[DIAGONAL], rows[ROOT]
-    for i in range(z.size):
+def set_residuals(m, z, w):
+    """Set Res(z), of this problem and of the one with a unit diagonal."""
+    lower, upper, diagonal, root = m.lower, m.upper, m.diagonal, m.root
+    plain, scaled = 0.0, 0.0
+    for i in range(m.n):
         r = deviation(z[i], w[i], lower[i], upper[i])
         plain += r * r
         s = diagonal[i] * root[i]  # before squaring, or z - lower may underflow
         r = max(min(w[i] * root[i], (z[i] - lower[i]) * s), (z[i] - upper[i]) * s)
         r += 0.0 * z[i]
         scaled += r * r
-    return np.sqrt(plain), np.sqrt(scaled)
+    m.plain, m.scaled = sqrt(plain), sqrt(scaled)
 
 
-@part
-def begin(lcp, eps_rel, state, numbers, points):
-    """Write `numbers`, clip(0) as best point, and the states after a step of Jacobi."""
-    rows, q, lower, upper = lcp
-    z, w, best_z, best_w = points[Z], points[W], points[BEST_Z], points[BEST_W]
-    best_z.fill(0.0)
-    clip_into_box(lcp, best_z, best_w)
-    size = both_residuals(lcp, best_z, best_w)[1]
-    numbers[SLACK] = max(SIGN_ROUNDING, 0.01 * eps_rel / np.sqrt(q.size)) * size
-    numbers[SIZE] = numbers[LEAST] = size
-    clip_into_box(lcp, z, w)
-    for i in range(q.size):
-        s = z[i] - w[i] * (rows[ROOT, i] * rows[ROOT, i])
-        state[i] = np.int8(s >= upper[i]) - np.int8(s <= lower[i])
+def begin(m):
+    """Take clip(0) as best point, and the states after a step of Jacobi from z."""
+    fill(m.best_z, 0.0, m.n)
+    clip_into_box(m, m.best_z, m.best_w)
+    set_residuals(m, m.best_z, m.best_w)
+    m.size = m.least = m.scaled
+    m.slack = max(SIGN_ROUNDING, 0.01 * m.eps_rel / sqrt(m.n)) * m.size
+    clip_into_box(m, m.z, m.w)
+    for i in range(m.n):
+        s = m.z[i] - m.w[i] * (m.root[i] * m.root[i])
+        m.state[i] = 0
+        if s >= m.upper[i]:
+            m.state[i] += 1
+        if s <= m.lower[i]:
+            m.state[i] -= 1
 
 
-@kernel(error_model="numpy")
-def solve_faces(rows, q, lower, upper, tolerances, state, numbers, points, budget):
-    """Begin if no face has been solved, else go on; return a code after `budget` faces.
+def solve_faces(m, budget):
+    """Begin if no face has been solved, else go on; return how it ended.
 
-    tolerances: eps_abs and eps_rel. The states (n,) are overwritten. Row Z of points
-    (5, n) is the start; on return Z and W are the solution, or BEST_Z and BEST_W the
-    best point so far.
+    That is MORE after `budget` faces. Then z and w are the solution, or best_z and
+    best_w the best point so far.
     """
-    lcp = rows, q, lower, upper
-    z, w = points[Z], points[W]
-    if numbers[FACES] == 0.0:
-        begin(lcp, tolerances[1], state, numbers, points)
-        if numbers[SIZE] == 0.0:
-            copy(points[BEST_Z], z)
-            copy(points[BEST_W], w)
+    if m.faces == 0:
+        begin(m)
+        if m.size == 0.0:
+            copy(m.best_z, m.z, m.n)
+            copy(m.best_w, m.w, m.n)
             return SOLVED
     for _ in range(budget):
-        numbers[FACES] += 1.0
-        wrong, inside = eliminate(lcp, numbers[SLACK], state, points)
+        m.faces += 1
+        wrong = eliminate(m)
         if wrong < 0:
             return STUCK
-        if not inside:
-            clip_into_box(lcp, z, w)
-        plain, scaled = both_residuals(lcp, z, w)
+        if not m.inside:
+            clip_into_box(m, m.z, m.w)
+        set_residuals(m, m.z, m.w)
         if wrong == 0:
-            size, (eps_abs, eps_rel) = numbers[SIZE], tolerances
-            met = are_met_part(eps_abs, eps_rel, size, plain, scaled)
-            return SOLVED if met else ROUNDED
-        if scaled < numbers[LEAST]:
-            numbers[LEAST] = scaled
-            copy(z, points[BEST_Z])
-            copy(w, points[BEST_W])
+            goal = m.eps_rel * m.size
+            if m.plain < m.eps_abs or (m.scaled <= goal and goal < INFINITY):
+                return SOLVED
+            return ROUNDED
+        if m.scaled < m.least:
+            m.least = m.scaled
+            copy(m.z, m.best_z, m.n)
+            copy(m.w, m.best_w, m.n)
     return MORE
 
 
-def solve_tridiagonal(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
+def solve_tridiagonal(lcp, z0, limits):
     """Solve a box LCP with a tridiagonal matrix; iterations are faces.
 
     STALLED: every sign is right, but rounding keeps Res above the tolerance.
     DIVERGED: this method makes no progress; another one may go on from z.
     """
-    n, report, deadline = lcp.q.size, limits.report, limits.deadline
-    state, numbers, points = np.empty(n, dtype=np.int8), np.zeros(4), np.empty((5, n))
-    points[Z] = 0.0 if z0 is None else z0
-    rows, vectors = lcp.matrix.tridiagonal, (lcp.q, lcp.lower, lcp.upper)
-    data = rows, *vectors, limits.tolerances, state, numbers, points
-    most, code, faces = min(limits.max_iter or MOST_FACES, MOST_FACES), MORE, 0
-    while code == MORE and faces < most and not (faces and deadline.reached()):
-        budget = 1 if report is not None else min(max(1, UNKNOWNS // n), most - faces)
-        code, before = solve_faces(*data, budget), faces
-        faces = int(numbers[FACES])
+    n: cython.Py_ssize_t = lcp.q.size
+    report, deadline = limits.report, limits.deadline
+    state, points = np.empty(n, np.int8), np.empty((5, n))
+    points[0] = 0.0 if z0 is None else z0
+    m: Faces = Faces()
+    take_problem(m, lcp, state, points)
+    m.eps_abs, m.eps_rel = limits.tolerances
+    most: cython.Py_ssize_t = MOST_FACES
+    if limits.max_iter and limits.max_iter < most:
+        most = limits.max_iter
+    code: cython.int = MORE
+    while code == MORE and m.faces < most and not (m.faces and deadline.reached()):
+        budget = min(most - m.faces, max(1, UNKNOWNS // n) if report is None else 1)
+        before = m.faces
+        with cython.nogil:
+            code = solve_faces(m, budget)
         z, w = points[:2] if code in (SOLVED, ROUNDED) else points[3:]
-        if report is not None and faces > before:
-            report(faces, lcp.residual(z, w), np.count_nonzero(state))
+        if report is not None and m.faces > before:
+            report(m.faces, lcp.residual(z, w), np.count_nonzero(state))
     status = (Status.SOLVED, Status.DIVERGED, Status.DIVERGED, Status.STALLED)[code]
-    if code == MORE and faces == limits.max_iter:
+    if code == MORE and m.faces == limits.max_iter:
         status = Status.MAX_ITER
     elif code == MORE and deadline.reached():
         status = Status.TIME_LIMIT
-    return lcp.outcome(status, z.copy(), w.copy(), faces, "tridiagonal")
+    return lcp.outcome(status, z.copy(), w.copy(), m.faces, "tridiagonal")

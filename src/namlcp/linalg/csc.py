@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import cython
 import numpy as np
+from cython.cimports.libc.math import fabs, sqrt
 from cython.cimports.namlcp.linalg.arrays import numbers, places
 from scipy.sparse import csr_array
 
@@ -232,6 +233,64 @@ def add_column_sums(indptr, indices, data, z, out):
         for t in range(indptr[j], indptr[j + 1]):
             total += data[t] * z[indices[t]]
         out[j] += total
+
+
+def unit_triangle(indptr, indices, data, zero, least, slack):
+    """Return sign, i and j of `Curvature`, and an upper triangle where it is wanted.
+
+    That is the one of R^-1 (P + t I) R^-1 + slack I. Here t = zero max |P|, at least
+    `least`, allows for rounding, and R^2 is the diagonal of P + t I. Of the symmetric
+    P it has the rows and columns with entries beside the diagonal.
+    """
+    n, size = indptr.shape[0] - 1, 0.0
+    diagonal: cython.double[::1] = np.zeros(n)
+    root: cython.double[::1] = np.empty(n)
+    number: cython.int[::1] = np.full(n, -1, np.int32)
+    order: cython.int = 0
+    for j in range(n):
+        for t in range(indptr[j], indptr[j + 1]):
+            size = max(size, fabs(data[t]))
+            if indices[t] == j:
+                diagonal[j] = data[t]
+            elif data[t] != 0.0 and number[j] < 0:
+                number[j] = order
+                order += 1
+    tiny = zero * size
+    for j in range(n):
+        root[j] = sqrt(max(diagonal[j], 0.0) + max(tiny, least))
+    starts, places = (
+        np.zeros(order + 1, np.int32),
+        np.empty(data.shape[0] + n, np.int32),
+    )
+    entries = np.empty(data.shape[0] + n)
+    start: cython.int[::1] = starts
+    place: cython.int[::1] = places
+    value: cython.double[::1] = entries
+    sign: cython.int = 1
+    nnz: cython.Py_ssize_t = 0
+    for j in range(n):
+        if diagonal[j] < -tiny:
+            return -1, j, j, None
+        if number[j] < 0:
+            continue
+        rest = 0.0
+        for t in range(indptr[j], indptr[j + 1]):
+            i = indices[t]
+            if i == j or data[t] == 0.0:
+                continue
+            rest += fabs(data[t])
+            bound = sqrt(max(diagonal[i], 0.0) * max(diagonal[j], 0.0))
+            if fabs(data[t]) > bound * (1.0 + 2.0 * slack) + tiny:
+                return -1, i, j, None
+            if i < j:
+                place[nnz], value[nnz] = number[i], data[t] / (root[i] * root[j])
+                nnz += 1
+        if rest > diagonal[j]:
+            sign = 0
+        place[nnz], value[nnz] = number[j], 1.0 + slack
+        nnz += 1
+        start[number[j] + 1] = nnz
+    return sign, 0, 0, (starts, places[:nnz], entries[:nnz])
 
 
 # ---- the same for compiled code

@@ -7,9 +7,8 @@ from scipy.linalg.lapack import dpotrf
 from scipy.sparse import csc_array, eye_array, issparse, triu
 
 from namlcp.checks import from_arrays
-from namlcp.compiled import kernel
 from namlcp.linalg.columns import LEAST_DIVISOR
-from namlcp.linalg.csc import as_dense
+from namlcp.linalg.csc import arrays_of, as_dense, unit_triangle
 from namlcp.linalg.factors import factor_triangle
 from namlcp.linalg.sparse_ldl import SparseFactors
 from namlcp.linalg.symmetry import asymmetry
@@ -46,17 +45,10 @@ class Curvature(NamedTuple):
 
 def curvature(P: Any) -> Curvature:
     """Return the `Curvature` of P (CSC, symmetric), found without a factorisation."""
-    n = P.shape[0]
-    indptr, number = np.empty((2, n + 1), dtype=np.int32)
-    indices = np.empty(P.data.size + n, dtype=np.int32)
-    data = np.empty(indices.size)
-    sign, i, j, order = unit_triangle(
-        P.indptr, P.indices, P.data, np.empty((2, n)), number, indptr, indices, data
-    )
+    sign, i, j, parts = unit_triangle(*arrays_of(P), ZERO, LEAST_DIVISOR, PSD_SLACK)
     triangle = None
     if sign == 0:
-        nnz = indptr[order]
-        parts = indptr[: order + 1], indices[:nnz], data[:nnz]
+        order = parts[0].size - 1
         triangle = from_arrays(parts, (order, order))
     return Curvature(sign, i, j, triangle)
 
@@ -92,60 +84,3 @@ def has_positive_pivots(triangle: csc_array) -> bool:
         lower = as_dense(triangle).T  # in the order of columns, as LAPACK has it
         return bool(dpotrf(lower, lower=1, clean=0, overwrite_a=1)[1] == 0)
     return positive_factors(triangle) is not None
-
-
-@kernel
-def unit_triangle(indptr, indices, data, work, number, up, ui, ux):
-    """Write the upper triangle of R^-1 (P + t I) R^-1 + PSD_SLACK I.
-
-    Returns sign, i and j of `Curvature` and the order k of the triangle. Here t =
-    ZERO max |P| allows for rounding, and R^2 is the diagonal of P + t I; P, symmetric,
-    and the triangle up (n + 1,), ui, ux (nnz(P) + n,) are in CSC. The triangle has the
-    k rows and columns of P with entries beside the diagonal; j becomes number[j]. It
-    and `work` (2, n) are overwritten. With sign = -1 it is not complete.
-    """
-    n = indptr.size - 1
-    diagonal, root = work[0], work[1]
-    size = 0.0
-    order = 0
-    for j in range(n):
-        diagonal[j] = 0.0
-        number[j] = -1
-        for t in range(indptr[j], indptr[j + 1]):
-            size = max(size, abs(data[t]))
-            if indices[t] == j:
-                diagonal[j] = data[t]
-            elif data[t] != 0.0 and number[j] < 0:
-                number[j] = order
-                order += 1
-    tiny = ZERO * size
-    for j in range(n):
-        root[j] = np.sqrt(max(diagonal[j], 0.0) + max(tiny, LEAST_DIVISOR))
-    sign = 1
-    nnz = 0
-    up[0] = 0
-    for j in range(n):
-        if diagonal[j] < -tiny:
-            return -1, j, j, order
-        if number[j] < 0:
-            continue
-        rest = 0.0
-        for t in range(indptr[j], indptr[j + 1]):
-            i = indices[t]
-            if i == j or data[t] == 0.0:
-                continue
-            rest += abs(data[t])
-            bound = np.sqrt(max(diagonal[i], 0.0) * max(diagonal[j], 0.0))
-            if abs(data[t]) > bound * (1.0 + 2.0 * PSD_SLACK) + tiny:
-                return -1, i, j, order
-            if i < j:
-                ui[nnz] = number[i]
-                ux[nnz] = data[t] / (root[i] * root[j])
-                nnz += 1
-        if rest > diagonal[j]:
-            sign = 0
-        ui[nnz] = number[j]
-        ux[nnz] = 1.0 + PSD_SLACK
-        nnz += 1
-        up[number[j] + 1] = nnz
-    return sign, 0, 0, order

@@ -116,6 +116,25 @@ HOT void subtract_four(double *RESTRICT lower, const double *RESTRICT u, ptrdiff
     }
 }
 
+static inline double box_square(double z, double w, double lower, double upper, double unit) {
+    double below = z - lower, above = z - upper, r = below < w ? below : w;
+    r = ((above > r ? above : r) + 0.0 * z) / unit;
+    return r * r;
+}
+
+/* The sum of squares of (z - clip(z - w, lower, upper)) / unit, see `deviation`. */
+HOT double box_squares(const double *z, const double *w, const double *lower,
+                       const double *upper, double unit, ptrdiff_t n) {
+    double s[4] = {0.0, 0.0, 0.0, 0.0};
+    ptrdiff_t i = 0;
+    for (; i + 4 <= n; i += 4)
+        for (int l = 0; l < 4; l++)
+            s[l] += box_square(z[i + l], w[i + l], lower[i + l], upper[i + l], unit);
+    double total = (s[0] + s[1]) + (s[2] + s[3]);
+    for (; i < n; i++) total += box_square(z[i], w[i], lower[i], upper[i], unit);
+    return total;
+}
+
 /* A hash of the bits and places of numbers, added to `total` (mod 2^64): the products of
    the halves of each, mixed, as in XXH3 (Collet, 2019). Vectors of numbers have these. */
 HOT unsigned long long hash_of(const double *values, ptrdiff_t n, unsigned long long total) {

@@ -20,6 +20,10 @@ cdef extern from "vectors.h" nogil:
     void subtract_four(
         double* lower, const double* u, Py_ssize_t stride, Py_ssize_t count
     ) noexcept
+    double box_squares(
+        const double* z, const double* w, const double* lower, const double* upper,
+        double unit, Py_ssize_t n
+    ) noexcept
     int float_bits(double value) noexcept
     unsigned long long hash_of(
         const double* values, Py_ssize_t n, unsigned long long total

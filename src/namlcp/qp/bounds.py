@@ -20,7 +20,6 @@ from namlcp.lcp import (
     LCP,
     Attempt,
     Prepared,
-    relax_csr,
     solve_auto,
 )
 from namlcp.limits import Limits
@@ -78,7 +77,6 @@ def solve_bounds(qp, chain, guess, judge, memory):
     limits = judge.limits
     large = not qp.is_dense and qp.q.size >= LARGE_LCP
     if large:
-        limits.announce(relax_csr)
         memory.ensure_convex(qp.P)
         outcome = solve_large_box(qp, chain, guess, judge, memory)
         convex = True

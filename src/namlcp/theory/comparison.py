@@ -41,8 +41,9 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from namlcp.checks import finite_square_matrix
-from namlcp.compiled import kernel
+from namlcp.lcp.loops import row_sums
 from namlcp.limits import interruptible
+from namlcp.linalg.csc import arrays_of
 
 # The largest relative error of one operation, and the least positive number: the
 # largest absolute error of an operation that underflows.
@@ -220,7 +221,7 @@ def signs(A: Any, x: np.ndarray) -> tuple[bool, bool, np.ndarray]:
     rounding errors do not settle one, the row is summed in rational arithmetic.
     """
     own, others, margin = np.empty((3, x.size))
-    row_sums(A.indptr, A.indices, A.data, x, own, others, margin)
+    row_sums(*arrays_of(A), x, ROUNDOFF, LEAST_NUMBER, own, others, margin)
     value, inside = own - others, x > 0.0
     if not np.all(np.isfinite(value)) or (x.size and not inside.any()):
         return False, False, np.full(x.size, math.nan)
@@ -231,33 +232,6 @@ def signs(A: Any, x: np.ndarray) -> tuple[bool, bool, np.ndarray]:
     above = above and all(exact_row(A, i, x) > 0 for i in doubtful)
     below = below and all(exact_row(A, i, x) <= 0 for i in doubtful)
     return above, below, others / own
-
-
-@kernel
-def row_sums(indptr, indices, data, x, own, others, margin):
-    """Set the rows of D x and |A - D| x, and the largest error of their difference.
-
-    A sum of k terms t is off by at most (k + 1) u sum |t| (Higham, Accuracy and
-    Stability, section 3.1), and underflow adds less than 4 k times the least number.
-    Where no operation is rounded the error is 0.
-    """
-    for i in range(x.size):
-        d, off, exact = 0.0, 0.0, True
-        for k in range(indptr[i], indptr[i + 1]):
-            j = indices[k]
-            exact &= x[j] == 1.0
-            t = abs(data[k]) * x[j]
-            if j == i:
-                d = t
-            else:
-                total = off + t
-                exact &= total - off == t and total - t == off
-                off = total
-        rest = d - off
-        exact &= d - rest == off and rest + off == d
-        count = indptr[i + 1] - indptr[i] + 3
-        error = count * (2.0 * ROUNDOFF * (d + off) + 4.0 * LEAST_NUMBER)
-        own[i], others[i], margin[i] = d, off, 0.0 if exact else error
 
 
 def exact_row(A: Any, i: Any, x: np.ndarray) -> Fraction:
@@ -274,7 +248,7 @@ def is_weakly_dominant(A: Any) -> bool:
     """Tell whether |a_ii| >= sum_{j != i} |a_ij| holds exactly in every row."""
     ones = np.ones(A.shape[0])
     own, others, margin = np.empty((3, ones.size))
-    row_sums(A.indptr, A.indices, A.data, ones, own, others, margin)
+    row_sums(*arrays_of(A), ones, ROUNDOFF, LEAST_NUMBER, own, others, margin)
     doubtful = np.flatnonzero(own - others < margin)
     return all(exact_row(A, i, ones) >= 0 for i in doubtful)
 

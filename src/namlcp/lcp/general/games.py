@@ -26,7 +26,7 @@ from namlcp.lcp.criterion import Criterion
 from namlcp.lcp.data import LCP
 from namlcp.lcp.general.lemke import LARGEST_TABLEAU, last_largest
 from namlcp.lcp.general.plain import dense, is_plain
-from namlcp.lcp.general.tableau import DONE, Tableau, exchange, pivot_until
+from namlcp.lcp.general.tableau import DONE, Tableau, exchange, pivot_until, tableau_of
 from namlcp.limits import Limits
 from namlcp.outcome import Outcome
 from namlcp.status import Status
@@ -71,14 +71,14 @@ def solve_game(lcp: LCP, limits: Limits) -> Outcome | None:
     if game is None:
         return None
     n, criterion = lcp.q.size, Criterion(lcp, limits)
-    start = Tableau.of(game.cost, np.full(n, -1.0))
+    start = tableau_of(game.cost, np.full(n, -1.0))
     limit = math.inf if limits.max_iter is None else limits.max_iter
     count, most = 0, FIRST_LIMIT
     while most <= LAST_LIMIT * n:
         for k in range(n):
             if count >= limit or limits.deadline.reached():
                 return None
-            tableau = Tableau(*(part.copy() for part in start))
+            tableau = start.copy()
             end, made = follow_label(tableau, game, k, int(min(most, limit - count)))
             count += made
             if end == DONE:

@@ -27,7 +27,14 @@ import numpy as np
 from namlcp.lcp.criterion import Criterion
 from namlcp.lcp.data import LCP, diagonal_of
 from namlcp.lcp.general.plain import Plain
-from namlcp.lcp.general.tableau import DONE, MORE, Tableau, exchange, pivot_until
+from namlcp.lcp.general.tableau import (
+    DONE,
+    MORE,
+    Tableau,
+    exchange,
+    pivot_until,
+    tableau_of,
+)
 from namlcp.lcp.pivoting.rays import proof
 from namlcp.limits import Limits
 from namlcp.outcome import Outcome
@@ -108,7 +115,7 @@ def follow(
     means that the point at its end fails, or that it has ended on a ray.
     """
     m = plain.r.size
-    tableau = Tableau.of(plain.M, plain.r, d)
+    tableau = tableau_of(plain.M, plain.r, d)
     (count, most), end, names = counts, DONE, slice(m, 2 * m)
     if plain.r.min(initial=0.0) < 0.0:
         first = last_largest(-plain.r / d)

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from namlcp.compiled import kernel
 from namlcp.linalg.csc import arrays_of
 
 THETA = 0.25
@@ -75,29 +74,3 @@ def strong(A: Any) -> Any:
     S.data[S.data > 0.0] = 0.0  # the diagonal and positive couplings
     S.eliminate_zeros()
     return S
-
-
-@kernel
-def unlike_rows(A, root):
-    """Return in how many rows the positive couplings exceed half the negative ones.
-
-    Their sums are those of the matrix scaled to a unit diagonal; root (n,) is work. The
-    return value is -1 if a diagonal entry is not positive.
-    """
-    for i in range(root.size):
-        d = 0.0
-        for k in range(A.indptr[i], A.indptr[i + 1]):
-            if A.indices[k] == i:
-                d = A.data[k]
-        if not d > 0.0:
-            return -1
-        root[i] = np.sqrt(d)
-    count = 0
-    for i in range(root.size):
-        sum_ = 0.0  # of the negative ones and twice the positive ones
-        for k in range(A.indptr[i], A.indptr[i + 1]):
-            a = A.data[k]
-            if A.indices[k] != i:
-                sum_ += (a if a < 0.0 else 2.0 * a) / root[A.indices[k]]
-        count += sum_ > 0.0
-    return count

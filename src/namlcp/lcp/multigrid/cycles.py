@@ -38,8 +38,8 @@ from namlcp.lcp.multigrid.vcycle import VCycle
 from namlcp.lcp.relaxation import relax_back, relax_csr
 from namlcp.limits import Deadline, Limits
 from namlcp.linalg.columns import LEAST_DIVISOR
+from namlcp.measure import natural_residuals
 from namlcp.outcome import Outcome
-from namlcp.residuals import natural_residuals
 from namlcp.status import Status
 
 MAX_CYCLES = 40

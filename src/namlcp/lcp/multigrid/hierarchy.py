@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import sparse
 
-from namlcp.lcp.multigrid.coarsening import interpolation, unlike_rows
-from namlcp.lcp.multigrid.kernels import residual_vector
+from namlcp.lcp.multigrid.coarsening import interpolation
+from namlcp.lcp.multigrid.kernels import residual_vector, unlike_rows
 from namlcp.lcp.multigrid.vcycle import Level, VCycle
 from namlcp.lcp.prepared import Prepared
 from namlcp.limits import NEVER, Deadline

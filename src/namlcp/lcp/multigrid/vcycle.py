@@ -5,7 +5,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from namlcp.lcp.multigrid.kernels import (
-    FaceOnLevel,
     ascend,
     descend,
     mark_dirty,
@@ -37,10 +36,29 @@ class Level(NamedTuple):
     C: np.ndarray
 
 
+class FaceOnLevel(NamedTuple):
+    """The free unknowns F of one level, and what follows from them.
+
+    A: the matrix of the level, truncated by the faces of the finer levels. dinv (n,):
+    1 / a_ii on F, 0 elsewhere. touched (n,): rows of A that differ from the matrix of
+    the level. dirty (n,): rows that `mark_dirty` marks. b, x (n,): right-hand side and
+    solution of a cycle, for the next finer level. position (n,): work of
+    `truncate_coarse`, empty while A is the matrix of the level itself.
+    """
+
+    A: Compressed
+    dinv: np.ndarray
+    touched: np.ndarray
+    dirty: np.ndarray
+    b: np.ndarray
+    x: np.ndarray
+    position: np.ndarray
+
+
 def all_free(level: Level) -> FaceOnLevel:
     """Return the face with all unknowns of a level."""
     n = level.d.size
-    touched, dirty = np.zeros(n, dtype=np.bool_), np.empty(n, dtype=np.bool_)
+    touched, dirty = np.zeros(n, dtype=np.uint8), np.empty(n, dtype=np.uint8)
     position = np.empty(0, dtype=np.int32)
     b, x = np.empty(n), np.empty(n)
     return FaceOnLevel(level.A, 1.0 / level.d, touched, dirty, b, x, position)
@@ -62,7 +80,7 @@ class VCycle:
         self.levels = levels
         self.symmetric = symmetric
         self.faces = [all_free(level) for level in levels]
-        self.edges = [np.empty(0, dtype=np.int64)] * len(levels)
+        self.edges = [np.empty(0, dtype=np.intp)] * len(levels)
         self.invert_coarsest()
 
     def follow_face(self, k: int) -> None:
@@ -74,7 +92,7 @@ class VCycle:
                 copy = below.A._replace(data=below.A.data.copy())
                 position = np.zeros(below.dinv.size, dtype=np.int32)
                 below = self.faces[fine + 1] = below._replace(A=copy, position=position)
-            mark_dirty(face)
+            mark_dirty(face.A, face.dinv, face.touched, face.dirty)
             if fine > k and self.symmetric:
                 edge = np.flatnonzero(face.dirty & (face.dinv != 0.0))
                 is_short = edge.size <= MOST_EDGE * face.dinv.size

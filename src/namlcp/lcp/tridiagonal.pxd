@@ -1,0 +1,42 @@
+cdef double SIGN_ROUNDING, SAME_PIVOT
+
+# Faces at most; unknowns times faces between two checks of the deadline, about 20 ms.
+cpdef enum:
+    MOST_FACES = 50
+    UNKNOWNS = 1_000_000
+
+# How `solve_faces` ends. ROUNDED: every sign is right, but the residual is not.
+cdef enum:
+    SOLVED
+    MORE
+    STUCK
+    ROUNDED
+
+cdef class Faces:
+    cdef:
+        Py_ssize_t n, faces
+        const double *below
+        const double *diagonal
+        const double *above
+        const double *inverse
+        const double *root
+        const double *q
+        const double *lower
+        const double *upper
+        signed char *state
+        double *z
+        double *w
+        double *coupling
+        double *best_z
+        double *best_w
+        # Tolerances; scaled Res(clip(0)), wrong sign that is rounding, least scaled Res;
+        # Res of the face, as given and scaled.
+        double eps_abs, eps_rel, size, slack, least, plain, scaled
+        bint inside
+
+cdef int take_problem(Faces m, object lcp, object state, object points) except -1
+cdef Py_ssize_t eliminate(Faces m) noexcept nogil
+cdef void clip_into_box(Faces m, double* z, double* w) noexcept nogil
+cdef void set_residuals(Faces m, const double* z, const double* w) noexcept nogil
+cdef void begin(Faces m) noexcept nogil
+cdef int solve_faces(Faces m, Py_ssize_t budget) noexcept nogil
