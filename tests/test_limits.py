@@ -30,7 +30,7 @@ from namlcp import (
     solve_lcp,
     solve_qp,
 )
-from namlcp.limits import Deadline, interruptible
+from namlcp.limits import Deadline
 from namlcp.progress import Progress, is_shown
 from namlcp.qp import qp_data
 from namlcp.qp.transforms import substitute
@@ -154,15 +154,6 @@ def test_time_limit_of_the_second_try_without_huge_bounds(monkeypatch):
 
 
 # ---- Ctrl-C
-
-
-def test_what_compiled_code_makes_of_ctrl_c_is_undone():
-    @interruptible
-    def solve():
-        raise SystemError("a chain") from KeyboardInterrupt()
-
-    with pytest.raises(KeyboardInterrupt):
-        solve()
 
 
 def test_ctrl_c_within_a_product():

@@ -11,7 +11,6 @@ from solves import SOLVES
 
 import namlcp
 from namlcp import QPResult
-from namlcp.compiled.decorators import KERNELS
 from namlcp.result_base import FIELDS
 
 
@@ -64,10 +63,6 @@ def test_threads_share_a_prepared_matrix():
     with ThreadPoolExecutor(4) as pool:
         found = pool.map(lambda _: bits(namlcp.solve_lcp(matrix, q)), range(12))
         assert all(one == expected for one in found)
-
-
-def test_all_kernels_release_the_lock():
-    assert all(kernel.targetoptions["nogil"] for kernel in KERNELS.values())
 
 
 @pytest.mark.parametrize("kind", ["fork", "spawn", "forkserver"])

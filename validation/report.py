@@ -40,7 +40,6 @@ from typing import NamedTuple, TextIO
 if not __package__:  # run as a script
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-import namlcp
 from validation.claims import Claim, claims, moved
 from validation.harness import cli, processes, quiet, tables
 from validation.page import FULL, QUICK, STYLE, Part, body_of, inline, table
@@ -298,7 +297,6 @@ def main(arguments: list[str] | None = None) -> int:
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # write the report, too
     if args.full:
         os.environ[quiet.LOAD] = quiet.BESIDE if args.busy else quiet.QUIET
-        namlcp.warmup(progress=False)  # first calls are timed, too
     outcomes = report(parts, folders, args.out, sys.stderr, args.again)
     if args.full and own == cli.ROOT / "validation":
         from validation.page import documents  # needs what all parts need

@@ -20,7 +20,6 @@ from namlcp.entries import (
     is_bad,
     transposed,
 )
-from namlcp.limits import interruptible
 
 INFINITE = 0.999e20
 """Bounds of at least this modulus mean "no bound". The QP collections write 1e20, and
@@ -181,7 +180,6 @@ def refuse_size(name: str, entries: int) -> None:
         )
 
 
-@interruptible
 def sparse_matrix(name: str, value: Any, layout: str) -> Any:
     """Return `value` as a canonical sparse array or matrix of float64."""
     order = checked_order(name, value)

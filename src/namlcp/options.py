@@ -115,10 +115,8 @@ class Options:
         self, deadline: Deadline = NEVER, progress: Progress | None = None
     ) -> Limits:
         """Return the limits of one solve; its iterations are reported to `progress`."""
-        limits = Limits(self.eps_abs, self.eps_rel, self.max_iter, deadline)
-        if progress is None:
-            return limits
-        return limits._replace(report=progress.row, announce=progress.announce)
+        report = None if progress is None else progress.row
+        return Limits(self.eps_abs, self.eps_rel, self.max_iter, deadline, report)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)

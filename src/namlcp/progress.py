@@ -3,20 +3,15 @@
 import sys
 import time
 from collections.abc import Callable
-from typing import Any, TextIO
+from typing import TextIO
 
 import numpy as np
-
-from namlcp.compiled import is_at_hand, kept_in
 
 Report = Callable[..., None] | None
 """What a loop calls for every iteration, as `Progress.row`; None for no report."""
 
 SILENCE = 2.0
 """Time [s] since the last printed row after which the next row is always printed."""
-
-BAR = 30
-"""Width of a full bar [characters]."""
 
 QP_COLUMNS = ("iter", "primal", "dual", "gap", "step", "active")
 LCP_COLUMNS = ("iter", "residual", "active")
@@ -46,14 +41,6 @@ class Progress:
         """Print one line if verbose."""
         if self.verbose:
             print(text, file=self.stream or sys.stdout, flush=True)
-
-    def announce(self, kernel: Any) -> None:
-        """Say, if `kernel` has no machine code yet, that its first call compiles."""
-        if not self.verbose or is_at_hand(kernel):
-            return
-        self.say("  first solve of its kind: compiling for up to 10 s, once")
-        if kept_in() is None:
-            self.say("  in every process: no folder for machine code can be written")
 
     def row(self, iteration: int, *values: float) -> None:
         """Keep a row, the iteration and the values of the other columns; print some."""
@@ -95,13 +82,3 @@ def is_shown(iteration: int) -> bool:
             return False
         iteration //= 10
     return True
-
-
-def show_share(done: int, total: int, stream: TextIO | None = None) -> None:
-    """Draw a bar of what is done in one line; to a file only when all is done."""
-    stream = stream or sys.stdout
-    filled = BAR * done // total
-    end = "\n" if done == total else "\r" if stream.isatty() else ""
-    if end:
-        bar = "#" * filled + "." * (BAR - filled)
-        print(f"[{bar}] {done} of {total}", end=end, file=stream, flush=True)

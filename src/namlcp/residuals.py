@@ -17,7 +17,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from namlcp.compiled import kernel, part
 from namlcp.linalg.csc import add_transposed, is_clean_csc, times
 from namlcp.measure import (
     natural_squares,
@@ -64,16 +63,6 @@ class Residuals(NamedTuple):
 UNDEFINED = Residuals(*[math.nan] * 7)
 
 
-@part
-def deviation(z, w, lower, upper):
-    """Return z - clip(z - w, lower, upper), NaN if z or w is.
-
-    z - w is not computed: a w far smaller than z would be lost by rounding, so that
-    every large z would seem a solution where A is singular.
-    """
-    return max(min(w, z - lower), z - upper) + 0.0 * z
-
-
 def natural_residual(
     z: np.ndarray, w: np.ndarray, lower: np.ndarray, upper: np.ndarray
 ) -> float:
@@ -101,19 +90,6 @@ def natural_residual(
     if not 0.0 < size < math.inf:
         return size
     return size * math.sqrt(natural_squares(z, w, lower, upper, size))
-
-
-@kernel(error_model="numpy")
-def natural_residuals(z, w, lower, upper, d):
-    """Return Res of this LCP, and of the one with z and bounds times d, w over d."""
-    here, there = 0.0, 0.0
-    for i in range(z.size):
-        r = deviation(z[i], w[i], lower[i], upper[i])
-        here += r * r
-        t = d[i] * z[i]
-        r = deviation(t, w[i] / d[i], lower[i] * d[i], upper[i] * d[i])
-        there += r * r
-    return np.sqrt(here), np.sqrt(there)
 
 
 def qp_residuals(

@@ -12,7 +12,6 @@ LONG = 1e-3  # [s] of a feasible solve, from which its ratio to "closest" says s
 THREE = 3.0  # feasible solves that "closest" may take
 NO_LESS = 1e-6  # of the least norm, by which proxqp may exceed it
 NOTHING_TO_SHIFT = "No shift helps", "no closest point"
-WANTED = 8.0  # [s] of a first solve with nothing compiled
 THREADS = 1.1  # times the time with one BLAS thread
 
 
@@ -127,29 +126,14 @@ def of_proxqp(solved: list[Row]) -> Figures:
 
 
 def of_first_call(rows: list[Row]) -> Figures:
-    """Return the seconds of first solves with nothing compiled, and the import's."""
-    seconds = numbers(rows, "empty_solve")
-    found: Figures = {
+    """Return the seconds of first solves in a process, and those of the import."""
+    seconds, imports = numbers(rows, "solve"), numbers(rows, "import")
+    return {
         "first solves": len(rows),
         "first solve, least": least(seconds),
         "first solve, most": most(seconds),
-        "first solves above 8 s": sum(time > WANTED for time in seconds),
-        "first solve from disk, least": least(numbers(rows, "warm_solve")),
-        "first solve from disk, most": most(numbers(rows, "warm_solve")),
-    }
-    for row in tables.chosen(rows, path="qp-sparse"):
-        found["first solve, sparse QP"] = csv_files.number(row["empty_solve"])
-    return found
-
-
-def of_wheel(rows: list[Row]) -> Figures:
-    """Return the seconds of first solves and imports from a wheel with machine code."""
-    seconds, imports = numbers(rows, "empty_solve"), numbers(rows, "empty_import")
-    return {
-        "wheel, least": least(seconds),
-        "wheel, most": most(seconds),
-        "wheel, import, least": least(imports),
-        "wheel, import, most": most(imports),
+        "import, least": least(imports),
+        "import, most": most(imports),
     }
 
 
@@ -183,7 +167,6 @@ FILES = {
     "derivatives-peers": of_packages,
     "closest": of_closest,
     "first-call": of_first_call,
-    "first-call-wheel": of_wheel,
     "blas-threads": of_idle,
     "blas-threads-busy": of_busy,
 }

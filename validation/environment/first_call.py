@@ -1,9 +1,8 @@
 """Solve one small problem in a fresh process and print how long the first call took.
 
 Without PATH the names of all paths are printed: there is one for each way through the
-solver that is compiled separately; `validation.peers.lcp` runs them all. Printed are
-the seconds of the import beyond that of numba and qpsolvers, those of the
-call, and those of them that were spent compiling.
+solver; `validation.peers.lcp` runs them all. Printed are the seconds of the import
+beyond that of qpsolvers, and those of the call.
 """
 
 import argparse
@@ -11,7 +10,6 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-import numba  # noqa: F401, imported before the clock starts
 import numpy as np
 import qpsolvers
 import scipy.sparse as sp
@@ -61,7 +59,7 @@ PATHS: dict[str, Callable[[], Any]] = {
 
 
 def main() -> None:
-    """Print the seconds of import, first call and compiling."""
+    """Print the seconds of import and first call."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("path", nargs="?", choices=PATHS)
     path = parser.parse_args().path
@@ -72,7 +70,7 @@ def main() -> None:
     start = time.perf_counter()
     call()
     seconds = time.perf_counter() - start
-    print(IMPORT, seconds, namlcp.compiled.compile_time())
+    print(IMPORT, seconds)
 
 
 if __name__ == "__main__":

@@ -22,11 +22,11 @@ PART = (
     "checks", "residuals", "inputs", "limits", "threads", "main", "public_api",
     "ordering", "dense", "path", "substitution", "fronts", "infeasible",
     "scaling", "solve_lcp", "monotone", "sweeps", "tridiagonal", "multigrid",
-    "mprgp", "convergence", "qpsolvers", "compiled", "blas_threads",
+    "mprgp", "convergence", "qpsolvers", "blas_threads",
 )  # fmt: skip
 
 PACKAGES = (
-    "numpy", "scipy", "numba", "pyamg", "qpsolvers", "cvxpy", "pymetis",
+    "numpy", "scipy", "pyamg", "qpsolvers", "cvxpy", "pymetis",
 )  # fmt: skip
 
 
@@ -40,14 +40,10 @@ def lower_bounds(extra: str | None = None) -> dict[str, str]:
     return {match[1]: match[2] for match in found if match}
 
 
-# cvxpy 1.8 asks for numpy 2, and that for numba 0.60.
-WITH_CVXPY = lower_bounds() | lower_bounds("cvxpy") | {"numpy": "2.0", "numba": "0.60"}
+WITH_CVXPY = lower_bounds() | lower_bounds("cvxpy") | {"numpy": "2.0"}  # it asks for 2
 ENVIRONMENTS: dict[str, tuple[dict[str, str], tuple[str, ...]]] = {
     "oldest": (lower_bounds() | lower_bounds("large"), PART),
     "oldest-cvxpy": (WITH_CVXPY, ("cvxpy", "qpsolvers", "public_api")),
-    # Machine code is kept by what is known of numba's inner parts.
-    "numba-0.62": ({"numba": "0.62.1"}, ("compiled",)),
-    "numba-0.67": ({"numba": "0.67.0"}, ("compiled",)),
     "newest": (dict.fromkeys(PACKAGES, ""), (*PART, "cvxpy")),
 }
 

@@ -17,7 +17,7 @@ PACKAGES = {"nam": "namlcp", "proxqp": "proxsuite", "highs": "highspy"}
 OWN_INTERFACES = ("nam", "moreau")
 """Solvers that qpsolvers does not know, or only once their package is imported."""
 THREADS = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "RAYON")
-"""Libraries whose threads an environment variable limits; numba has its own."""
+"""Libraries whose threads an environment variable limits."""
 
 
 def lines(solvers: Iterable[str]) -> list[str]:
@@ -25,7 +25,7 @@ def lines(solvers: Iterable[str]) -> list[str]:
 
     A solver is known by its first word: others may name a way of calling it.
     """
-    packages = ["numpy", "scipy", "numba", "qpsolvers"]
+    packages = ["numpy", "scipy", "qpsolvers"]
     names = dict.fromkeys(solver.split()[0] for solver in solvers)
     packages += [PACKAGES.get(name, name) for name in names]
     versions = [f"{name} {package_version(name)}" for name in packages]

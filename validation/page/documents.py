@@ -65,10 +65,7 @@ TABLES: dict[str, Callable[[Path], str]] = {
     "falling discs": of("time-stepping.csv", stepping.markdown),
     "ceilings": of("ceilings.csv", ceilings.markdown),
     "large": of("large.csv", large_figures.markdown),
-    "first solves": lambda results: lcp.markdown(
-        csv_files.read(results / "first-call.csv"),
-        csv_files.read(results / "first-call-wheel.csv"),
-    ),
+    "first solves": of("first-call.csv", lcp.markdown),
 }
 """What the blocks of a document hold, by name."""
 

@@ -9,14 +9,11 @@ example1
     Res < 1e-10 and by OSQP to 1e-8 with polishing: time, || min(z, Az + q) ||_2, error
     and peak memory above what was there before, in units of the memory of A.
 first-call
-    A fresh process that imports the package and solves one small problem, with an
-    empty compilation cache and with a warm one.
+    A fresh process that imports the package and solves one small problem.
 """
 
-import os
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Callable
 from functools import partial
@@ -39,7 +36,7 @@ from validation.harness import (
 from validation.problems import data_sets, sweep_scenes
 
 PARTS = ("contact", "example1", "first-call")
-WARM_RUNS = 3
+RUNS = 3
 FIRST_CALL = "environment.first_call"
 
 
@@ -135,54 +132,41 @@ def example1_row(solver: str, repeats: int) -> Row:
 
 
 def first_calls() -> list[Row]:
-    """Return the times of a fresh process for each path, compiling and not.
-
-    From a wheel with machine code neither compiles.
-    """
+    """Return the times [s] of a fresh process for each path, the best of RUNS."""
     rows = []
     for path in run_script(FIRST_CALL).split():
-        with tempfile.TemporaryDirectory() as cache:
-            row = {"path": path} | fresh_process(path, cache, "empty")
-            warm = [fresh_process(path, cache, "warm") for _ in range(WARM_RUNS)]
-        best = min(warm, key=lambda times: times["warm_process"])
-        rows.append(row | best)
+        runs = [fresh_process(path) for _ in range(RUNS)]
+        rows.append({"path": path} | min(runs, key=lambda times: times["solve"]))
     return rows
 
 
-def markdown(now: list[Row], wheel: list[Row]) -> str:
-    """Return the table of first solves [s], also from a wheel with machine code."""
-    from_wheel = {row["path"]: f"{float(row['warm_solve']):.3f}" for row in wheel}
+def markdown(rows: list[Row]) -> str:
+    """Return the table of first solves [s]."""
+    columns = "path", "import", "solve"
     lines = [
-        (
-            row["path"],
-            *(f"{float(row[name]):.2g}" for name in ("empty_solve", "warm_solve")),
-            from_wheel.get(row["path"], ""),
-        )
-        for row in now
+        (row["path"], *(f"{float(row[name]):.2g}" for name in columns[1:]))
+        for row in rows
     ]
-    columns = "path", "nothing compiled", "machine code on disk", "from a wheel"
-    return tables.markdown(columns, lines)
+    return tables.markdown(("path", "import", "first solve"), lines)
 
 
-def run_script(*command: str, **environment: str) -> str:
+def run_script(*command: str) -> str:
     """Return what a script prints."""
     return subprocess.run(
         cli.script(*command),
         cwd=cli.ROOT,
-        env=os.environ | environment,
         capture_output=True,
         text=True,
         check=True,
     ).stdout
 
 
-def fresh_process(path: str, cache: str, kind: str) -> Row:
+def fresh_process(path: str) -> Row:
     """Return the wall-clock times of a process, of import and solve in it."""
     start = time.perf_counter()
-    printed = run_script(FIRST_CALL, path, NUMBA_CACHE_DIR=cache)
+    printed = run_script(FIRST_CALL, path)
     seconds = [time.perf_counter() - start, *map(float, printed.split())]
-    names = ("process", "import", "solve", "compiling")
-    return {f"{kind}_{name}": s for name, s in zip(names, seconds, strict=True)}
+    return dict(zip(("process", "import", "solve"), seconds, strict=True))
 
 
 @cli.needs_data

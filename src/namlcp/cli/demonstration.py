@@ -12,7 +12,6 @@ import qpsolvers
 import scipy.sparse as sp
 
 import namlcp
-from namlcp.compiled import compile_time
 from namlcp.scenes import FallingDiscs, disc_pile, forced_obstacle, preview_control
 
 
@@ -22,7 +21,7 @@ def demonstrate() -> int:
     print(
         f"namlcp {namlcp.__version__}: residuals recomputed on the problem's own data"
     )
-    print("(times are those of the solver, without what is compiled once)\n")
+    print("(times are those of the solver)\n")
     head = f"{'scene':<26}{'size':<28}{'residual':>9} {'time':>12}"
     print(head + (f"   {'OSQP':>8} {'time':>12}" if with_osqp else ""))
     solved = True
@@ -47,8 +46,6 @@ def demonstrate() -> int:
         f'\nMPC, solver="nam": x[:4] = {answer.x[:4].round(6)}, '
         f"objective {answer.obj:.9g}"
     )
-    if compile_time():
-        print(f"compiled for {compile_time():.1f} s, once on this machine")
     print("all solved" if solved else "NOT all solved")
     return 0 if solved else 1
 

@@ -1,7 +1,6 @@
 """Solve the problem in FILE or run an EXAMPLE; without both show a demonstration.
 
 EXAMPLE is mpc, frontier, lasso or discs; ``--picture FILE`` draws it (matplotlib).
-With ``--warmup`` all kernels are compiled, for containers.
 
 FILE is a qpsolvers ``.npz`` (Problem.save) or a Maros-Meszaros ``.mat`` (P, q, A, l, u,
 the last n rows of A being the bounds; 1e20 means none).
@@ -17,7 +16,6 @@ import namlcp
 from namlcp.cli.demonstration import demonstrate
 from namlcp.cli.examples import EXAMPLES, show_example
 from namlcp.cli.files import mat_problem, npz_problem
-from namlcp.compiled import compile_time
 
 
 def solve_file(path: str, settings: dict[str, Any]) -> int:
@@ -31,13 +29,11 @@ def solve_file(path: str, settings: dict[str, Any]) -> int:
         reason = str(error) or type(error).__name__
         print(f"cannot read {path}: {reason}", file=sys.stderr)
         return 2
-    before = compile_time()
     try:
         answer = qpsolvers.solve_problem(problem, solver="nam", **settings)
     except qpsolvers.exceptions.QPError as error:
         print(f"{path}: {error}", file=sys.stderr)
         return 2
-    compiling = compile_time() - before
     extras, residuals = answer.extras, answer.extras["residuals"]
     print(f"status     {extras['status']}: {extras['message']}")
     print(f"form       {extras['form']}, {extras['iterations']} iterations")
@@ -46,9 +42,7 @@ def solve_file(path: str, settings: dict[str, Any]) -> int:
         f"primal residual {residuals.primal:.1e}  dual residual {residuals.dual:.1e}  "
         f"duality gap {residuals.gap:.1e}"
     )
-    print(f"time       {answer.build_time + answer.solve_time - compiling:.3g} s")
-    if compiling:
-        print(f"compiling  {compiling:.3g} s, once on this machine")
+    print(f"time       {answer.build_time + answer.solve_time:.3g} s")
     return 0 if answer.found else 1
 
 
@@ -61,7 +55,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--eps-abs", type=float, help="absolute tolerance")
     parser.add_argument("--time-limit", type=float, help="limit [s]")
     parser.add_argument("--verbose", action="store_true", help="print the progress")
-    parser.add_argument("--warmup", action="store_true", help="compile all there is")
+    parser.add_argument("--warmup", action="store_true", help="does nothing")
     parser.add_argument("--picture", help="draw an example into this file")
     given = vars(parser.parse_args(arguments))
     path, warmup = given.pop("file"), given.pop("warmup")
@@ -73,7 +67,7 @@ def main(arguments: list[str] | None = None) -> int:
     if warmup:
         if path is not None:
             parser.error(f"--warmup is for no file, got {path}")
-        namlcp.warmup()
+        print("nothing to do: namlcp is compiled when it is installed")
         return 0
     if path is None:
         return demonstrate()

@@ -31,7 +31,7 @@ from namlcp.derivatives.lcp import LCPDerivative
 from namlcp.derivatives.qp import QPDerivative
 from namlcp.derivatives.systems import active_sets
 from namlcp.lcp import ACCURACY, lcp_data, solve_by_method
-from namlcp.limits import Limits, interruptible
+from namlcp.limits import Limits
 from namlcp.options import DEFAULT_OPTIONS
 from namlcp.outcome import Outcome
 from namlcp.qp import NO_GUESS, Point, qp_data, solve_checked
@@ -103,7 +103,6 @@ def steepest(derivative: QPDerivative, d: dict[str, Any]) -> Point:
     return Point(point.x, point.y + found.y @ t, point.z + found.z @ t, z_box)
 
 
-@interruptible
 def lcp_directional(
     derivative: LCPDerivative, dA: Any, dq: Any, dlower: Any, dupper: Any
 ) -> LCPTangent:

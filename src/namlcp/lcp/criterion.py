@@ -9,7 +9,6 @@ from functools import cached_property
 
 import numpy as np
 
-from namlcp.compiled import part
 from namlcp.lcp.data import LCP
 from namlcp.limits import Limits
 from namlcp.linalg.columns import LEAST_DIVISOR
@@ -25,10 +24,6 @@ def are_met(eps_abs, eps_rel, size, plain, scaled):
     size: Res(clip(0)) of the problem scaled to a unit diagonal.
     """
     return plain < eps_abs or scaled <= eps_rel * size < math.inf
-
-
-are_met_part = part(are_met)
-"""The same for compiled functions."""
 
 
 class Criterion:

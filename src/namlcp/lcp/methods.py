@@ -65,8 +65,7 @@ class Method(NamedTuple):
     solve(search) returns one if that ends the search. takes: the options of `solve_lcp`
     that it has beside the limits; none: it has no name for users. stage: "auto" or
     "general" where it is tried in the order of the table, if suits(matrix, deadline).
-    unsettled: statuses after which "auto" goes on to the next one. kernel: what it
-    calls first, where compilation takes long.
+    unsettled: statuses after which "auto" goes on to the next one.
     """
 
     name: str
@@ -76,7 +75,6 @@ class Method(NamedTuple):
     stage: str = ""
     suits: Callable[[Prepared, Deadline], bool] = lambda A, deadline: True
     unsettled: tuple[Status, ...] = ()
-    kernel: Any = None
 
 
 def solve_auto(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
@@ -259,10 +257,3 @@ def find_method(method: str, options: Collection[str] = ()) -> Method:
             f"method {method!r} has Omega = alpha I: give alpha or omega, not both"
         )
     return found
-
-
-def first_kernel(matrix: Prepared, method: str, deadline: Deadline) -> Any:
-    """Return what the solve calls first, None where its compilation is short."""
-    if method != "auto":
-        return NAMED[method].kernel
-    return next(row.kernel for row in AUTO if row.suits(matrix, deadline))

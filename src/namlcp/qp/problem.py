@@ -19,7 +19,6 @@ from namlcp.checks import (
     without_huge,
 )
 from namlcp.entries import has_huge, is_bad
-from namlcp.limits import interruptible
 from namlcp.linalg import as_dense, asymmetry
 from namlcp.linalg.stamp import stamp_of_arrays
 from namlcp.qp.intake import is_clean
@@ -209,7 +208,6 @@ def qp_arrays(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) 
     return tuple.__new__(QP, (P, q, G, h, A, b, lb, ub))
 
 
-@interruptible
 def checked(qp: QP) -> QP:
     """Return the QP of `qp_arrays` with clean numbers: P symmetric, no huge sides.
 

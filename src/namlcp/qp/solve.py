@@ -4,7 +4,7 @@ from time import perf_counter
 
 import numpy as np
 
-from namlcp.limits import Deadline, interruptible
+from namlcp.limits import Deadline
 from namlcp.linalg import blas_threads
 from namlcp.options import Options
 from namlcp.outcome import Outcome
@@ -18,7 +18,6 @@ from namlcp.qp.route import route
 from namlcp.status import Status
 
 
-@interruptible
 def solve_checked(
     qp: QP,
     options: Options,

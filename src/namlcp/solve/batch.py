@@ -3,13 +3,11 @@
 from time import perf_counter
 from typing import Any
 
-from namlcp.limits import interruptible
 from namlcp.options import DEFAULT_OPTIONS, Options, check_count
 from namlcp.qp import QP, Items, available_cores, solve_items
 from namlcp.results import BatchResult, batch_result
 
 
-@interruptible
 def solve_batch(
     P: Any,
     q: Any,

@@ -9,11 +9,10 @@ from namlcp.lcp import (
     Operator,
     Prepared,
     find_method,
-    first_kernel,
     lcp_data,
     solve_by_method,
 )
-from namlcp.limits import Deadline, Limits, interruptible
+from namlcp.limits import Deadline, Limits
 from namlcp.options import check_count, check_flag, check_number
 from namlcp.progress import LCP_COLUMNS, Progress
 from namlcp.results import LCPResult, lcp_result
@@ -22,7 +21,6 @@ SWEEP_EPS_ABS = 1e-8
 """Default eps_abs of the sweep methods."""
 
 
-@interruptible
 def solve_lcp(
     A: Any,
     q: Any,
@@ -169,8 +167,6 @@ def solve_lcp(
     progress = Progress(LCP_COLUMNS, verbose) if verbose or history else None
     if progress is not None:
         progress.say(f"namlcp  LCP: n = {lcp.q.size}, method = {method}")
-        if verbose:
-            progress.announce(first_kernel(matrix, method, deadline))
     report = None if progress is None else progress.row
     limits = Limits(eps_abs or 0.0, eps_rel, max_iter, deadline, report)
     ready = perf_counter()

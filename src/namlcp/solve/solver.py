@@ -3,7 +3,6 @@
 from time import perf_counter
 from typing import Any
 
-from namlcp.limits import cause_of
 from namlcp.options import check_flag
 from namlcp.qp import QPSequence, factors_of, make_guess, step
 from namlcp.results import QPResult, qp_result
@@ -110,10 +109,8 @@ class Solver(QPSequence):
             elif not derivative:
                 self.last = result
                 return result
-        except BaseException as error:
+        except BaseException:
             self.is_whole = False  # so the next solve begins anew
-            if isinstance(error, SystemError):  # Ctrl-C in compiled code
-                raise cause_of(error) from None
             raise
         if result.status is SOLVED:
             self.last = result

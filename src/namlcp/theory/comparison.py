@@ -42,7 +42,6 @@ from scipy.sparse.linalg import splu
 
 from namlcp.checks import finite_square_matrix
 from namlcp.lcp.loops import row_sums
-from namlcp.limits import interruptible
 from namlcp.linalg.csc import arrays_of
 
 # The largest relative error of one operation, and the least positive number: the
@@ -102,7 +101,6 @@ class Verdict:
         return self.answer is True
 
 
-@interruptible
 def is_h_plus(A: Any) -> Verdict:
     """Tell whether A is an H+ matrix, with a vector that proves it.
 

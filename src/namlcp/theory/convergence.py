@@ -76,7 +76,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import linalg, sparse
 
-from namlcp.limits import interruptible
 from namlcp.linalg.definite import is_positive_semidefinite, positive_factors
 from namlcp.linalg.symmetry import asymmetry
 from namlcp.theory.comparison import (
@@ -99,7 +98,6 @@ MARGINS = (1e-2, 1e-5)
 DOUBLINGS = 20
 
 
-@interruptible
 def converges(
     A: Any,
     method: str,

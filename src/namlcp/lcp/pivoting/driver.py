@@ -15,8 +15,8 @@ from namlcp.lcp.pivoting.pivot import Code, pivot
 from namlcp.lcp.pivoting.rays import proof
 from namlcp.lcp.pivoting.state import Pivoting
 from namlcp.limits import Limits
+from namlcp.measure import natural_residuals
 from namlcp.outcome import Outcome
-from namlcp.residuals import natural_residuals
 from namlcp.status import Status
 
 ACCURACY = 1e-9
