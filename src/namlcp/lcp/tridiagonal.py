@@ -14,10 +14,15 @@ that no divisions are needed from there on.
 import cython
 import numpy as np
 from cython.cimports.libc.math import INFINITY, fabs, sqrt
-from cython.cimports.namlcp.box import clip, deviation
+from cython.cimports.namlcp.box import clip
 from cython.cimports.namlcp.lcp.loops import ABOVE, BELOW, DIAGONAL, INVERSE, ROOT
 from cython.cimports.namlcp.linalg.arrays import numbers, signs
-from cython.cimports.namlcp.linalg.vectors import copy, fill
+from cython.cimports.namlcp.linalg.vectors import (
+    box_squares,
+    copy,
+    fill,
+    scaled_squares,
+)
 
 from namlcp.status import Status
 
@@ -132,16 +137,8 @@ def clip_into_box(m, z, w):
 
 def set_residuals(m, z, w):
     """Set Res(z), of this problem and of the one with a unit diagonal."""
-    lower, upper, diagonal, root = m.lower, m.upper, m.diagonal, m.root
-    plain, scaled = 0.0, 0.0
-    for i in range(m.n):
-        r = deviation(z[i], w[i], lower[i], upper[i])
-        plain += r * r
-        s = diagonal[i] * root[i]  # before squaring, or z - lower may underflow
-        r = max(min(w[i] * root[i], (z[i] - lower[i]) * s), (z[i] - upper[i]) * s)
-        r += 0.0 * z[i]
-        scaled += r * r
-    m.plain, m.scaled = sqrt(plain), sqrt(scaled)
+    m.plain = sqrt(box_squares(z, w, m.lower, m.upper, 1.0, m.n))
+    m.scaled = sqrt(scaled_squares(z, w, m.lower, m.upper, m.diagonal, m.root, m.n))
 
 
 def begin(m):

@@ -116,23 +116,50 @@ HOT void subtract_four(double *RESTRICT lower, const double *RESTRICT u, ptrdiff
     }
 }
 
-static inline double box_square(double z, double w, double lower, double upper, double unit) {
-    double below = z - lower, above = z - upper, r = below < w ? below : w;
-    r = ((above > r ? above : r) + 0.0 * z) / unit;
-    return r * r;
+/* max(min(w, below), above), NaN if z is: `deviation`. */
+static inline double between(double w, double below, double above, double z) {
+    double r = below < w ? below : w;
+    return (above > r ? above : r) + 0.0 * z;
 }
 
-/* The sum of squares of (z - clip(z - w, lower, upper)) / unit, see `deviation`. */
+/* The sum of squares of (z - clip(z - w, lower, upper)) / unit. */
 HOT double box_squares(const double *z, const double *w, const double *lower,
                        const double *upper, double unit, ptrdiff_t n) {
     double s[4] = {0.0, 0.0, 0.0, 0.0};
     ptrdiff_t i = 0;
     for (; i + 4 <= n; i += 4)
-        for (int l = 0; l < 4; l++)
-            s[l] += box_square(z[i + l], w[i + l], lower[i + l], upper[i + l], unit);
-    double total = (s[0] + s[1]) + (s[2] + s[3]);
-    for (; i < n; i++) total += box_square(z[i], w[i], lower[i], upper[i], unit);
-    return total;
+        for (int l = 0; l < 4; l++) {
+            double x = z[i + l];
+            double r = between(w[i + l], x - lower[i + l], x - upper[i + l], x) / unit;
+            s[l] += r * r;
+        }
+    for (int l = 0; i < n; i++, l++) {
+        double r = between(w[i], z[i] - lower[i], z[i] - upper[i], z[i]) / unit;
+        s[l] += r * r;
+    }
+    return (s[0] + s[1]) + (s[2] + s[3]);
+}
+
+/* The same for w times root, and z and the bounds times root d: before squaring, or
+   z - lower may underflow. */
+HOT double scaled_squares(const double *z, const double *w, const double *lower,
+                          const double *upper, const double *d, const double *root,
+                          ptrdiff_t n) {
+    double s[4] = {0.0, 0.0, 0.0, 0.0};
+    ptrdiff_t i = 0;
+    for (; i + 4 <= n; i += 4)
+        for (int l = 0; l < 4; l++) {
+            double x = z[i + l], a = d[i + l] * root[i + l];
+            double below = (x - lower[i + l]) * a, above = (x - upper[i + l]) * a;
+            double r = between(w[i + l] * root[i + l], below, above, x);
+            s[l] += r * r;
+        }
+    for (int l = 0; i < n; i++, l++) {
+        double x = z[i], a = d[i] * root[i];
+        double r = between(w[i] * root[i], (x - lower[i]) * a, (x - upper[i]) * a, x);
+        s[l] += r * r;
+    }
+    return (s[0] + s[1]) + (s[2] + s[3]);
 }
 
 /* A hash of the bits and places of numbers, added to `total` (mod 2^64): the products of

@@ -24,6 +24,10 @@ cdef extern from "vectors.h" nogil:
         const double* z, const double* w, const double* lower, const double* upper,
         double unit, Py_ssize_t n
     ) noexcept
+    double scaled_squares(
+        const double* z, const double* w, const double* lower, const double* upper,
+        const double* d, const double* root, Py_ssize_t n
+    ) noexcept
     int float_bits(double value) noexcept
     unsigned long long hash_of(
         const double* values, Py_ssize_t n, unsigned long long total
