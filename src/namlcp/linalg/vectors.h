@@ -86,6 +86,12 @@ static inline void add_scaled(double scale, const double *a, double *out, ptrdif
     for (ptrdiff_t i = 0; i < n; i++) out[i] += scale * a[i];
 }
 
+/* out_i = a_i factor b_i */
+HOT void scale_by(double factor, const double *RESTRICT a, const double *RESTRICT b,
+                  double *RESTRICT out, ptrdiff_t n) {
+    for (ptrdiff_t i = 0; i < n; i++) out[i] = a[i] * factor * b[i];
+}
+
 /* out += fa a + fb b + fc c + fd d */
 HOT void add_four(double fa, const double *RESTRICT a, double fb, const double *RESTRICT b,
                   double fc, const double *RESTRICT c, double fd, const double *RESTRICT d,

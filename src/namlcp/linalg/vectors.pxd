@@ -7,6 +7,9 @@ cdef extern from "vectors.h" nogil:
         const double* d, Py_ssize_t n, double* out
     ) noexcept
     void add_scaled(double scale, const double* a, double* out, Py_ssize_t n) noexcept
+    void scale_by(
+        double factor, const double* a, const double* b, double* out, Py_ssize_t n
+    ) noexcept
     void add_four(
         double fa, const double* a, double fb, const double* b,
         double fc, const double* c, double fd, const double* d,

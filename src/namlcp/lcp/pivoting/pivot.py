@@ -23,6 +23,7 @@ from cython.cimports.namlcp.linalg.vectors import (
     copy,
     fill,
     largest_entry,
+    scale_by,
 )
 from cython.cimports.namlcp.watch import look_at_clock, raise_kept
 
@@ -163,9 +164,7 @@ def scale_problem(m):
     for j in range(n):
         d_j = d[j]
         if m.is_dense:
-            column, scaled = m.values + j * n, m.scaled + j * n
-            for i in range(n):
-                scaled[i] = column[i] * d_j * d[i]
+            scale_by(d_j, m.values + j * n, d, m.scaled + j * n, n)
         else:
             for p in range(m.indptr[j], m.indptr[j + 1]):
                 m.scaled[p] = m.values[p] * d_j * d[m.indices[p]]
