@@ -30,7 +30,6 @@ cdef void first_sweeps(Pivoting m) noexcept nogil
 cdef void add_column(Pivoting m, Py_ssize_t j, double factor, double* out) noexcept nogil
 cdef void write_w(Pivoting m, double* w) noexcept nogil
 cdef int state_of(double s, double lower, double upper) noexcept nogil
-cdef double deviation(double z, double w, double lower, double upper) noexcept nogil
 cdef void measure(Pivoting m) noexcept nogil
 cdef bint meets(Pivoting m, double margin) noexcept nogil
 cdef bint record(Pivoting m) noexcept nogil

@@ -11,6 +11,7 @@ solution of the others.
 import cython
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, isfinite, sqrt
+from cython.cimports.namlcp.box import deviation
 from cython.cimports.namlcp.lcp.pivoting.free_system import (
     PSD_SLACK,
     factor_free,
@@ -216,14 +217,6 @@ def write_w(m, w):
 def state_of(s, lower, upper):
     """Return the state of an unknown with s = z - w."""
     return -1 if s <= lower else (1 if s >= upper else 0)
-
-
-def deviation(z, w, lower, upper):
-    """Return z - clip(z - w, lower, upper), NaN if z or w is.
-
-    z - w is not computed: a w far smaller than z would be lost by rounding.
-    """
-    return max(min(w, z - lower), z - upper) + 0.0 * z
 
 
 def measure(m):
