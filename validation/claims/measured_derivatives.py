@@ -126,12 +126,14 @@ def of_proxqp(solved: list[Row]) -> Figures:
 
 
 def of_first_call(rows: list[Row]) -> Figures:
-    """Return the seconds of first solves in a process, and those of the import."""
-    seconds, imports = numbers(rows, "solve"), numbers(rows, "import")
+    """Return the times [ms] of first solves in a process, and of the import."""
+    solves, imports = (
+        [1e3 * s for s in numbers(rows, part)] for part in ("solve", "import")
+    )
     return {
         "first solves": len(rows),
-        "first solve, least": least(seconds),
-        "first solve, most": most(seconds),
+        "first solve, least": least(solves),
+        "first solve, most": most(solves),
         "import, least": least(imports),
         "import, most": most(imports),
     }
