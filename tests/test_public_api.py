@@ -82,3 +82,8 @@ def test_results_can_be_compared_without_an_error():
 def test_every_status_explains_itself(status):
     assert status.value == status.name.lower()
     assert status.explanation.endswith(".")
+
+
+def test_warmup_says_that_it_does_nothing():
+    with pytest.warns(DeprecationWarning, match="compiled when it is installed"):
+        namlcp.warmup()
