@@ -1,8 +1,10 @@
 from namlcp.measure cimport Numbers
 
 cdef extern from "Python.h":
-    ctypedef object (*newfunc)(object kind, object arguments, void* names)
-    void* PyType_GetSlot(object kind, int slot)
+    ctypedef struct PyTypeObject:
+        pass
+    ctypedef object (*newfunc)(PyTypeObject* kind, object arguments, void* names)
+    void* PyType_GetSlot(PyTypeObject* kind, int slot)
     int Py_tp_new
 
 cdef class ResultBase:

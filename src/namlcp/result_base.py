@@ -64,7 +64,8 @@ def residuals_of(numbers):
 
 def new_result(kind):
     """Return a result of a class, without attributes; `kind()` takes 0.2 us more."""
-    make = cython.cast(newfunc, PyType_GetSlot(kind, Py_tp_new))
-    result: ResultBase = make(kind, NOTHING, cython.NULL)
+    of = cython.cast(cython.pointer(PyTypeObject), kind)
+    make = cython.cast(newfunc, PyType_GetSlot(of, Py_tp_new))
+    result: ResultBase = make(of, NOTHING, cython.NULL)
     result.message = result.form = EMPTY
     return result
