@@ -89,7 +89,7 @@ def times(M, x):
     if not is_csc(M):
         return (M @ x).reshape(M.shape[0])  # a coo_array of one row gives a scalar
     out = np.zeros(M.shape[0])
-    add_columns(M.indptr, M.indices, M.data, np.ascontiguousarray(x, float), out)
+    add_columns(arrays_of(M), np.ascontiguousarray(x, float), out)
     return out
 
 
@@ -101,7 +101,7 @@ def add_transposed(M, z, out):
         out += z @ M
     elif z.size:
         z = np.ascontiguousarray(z, float)
-        add_column_sums(M.indptr, M.indices, M.data, z, out)
+        add_column_sums(arrays_of(M), z, out)
 
 
 def is_csc(M):
@@ -154,14 +154,16 @@ def add_squares(P, B, weight):
     """
     n = B.indptr.size - 1
     start_of, column_of, value_of = transposed(B.indptr, B.indices, B.data, weight.size)
+    parts: Columns[3]
+    rows = Compressed(start_of, column_of, value_of)
+    take_columns(P, n, cython.address(parts[0]))
+    take_columns(B, n, cython.address(parts[1]))
+    take_columns(rows, weight.size, cython.address(parts[2]))
     capacity = P.data.size + 4 * B.data.size + n
     while True:
         starts, places = np.zeros(n + 1, np.int32), np.empty(capacity, np.int32)
         entries = np.empty(capacity)
-        nnz = write_squares(
-            P.indptr, P.indices, P.data, B.indptr, B.indices, B.data,
-            start_of, column_of, value_of, weight, starts, places, entries,
-        )  # fmt: skip
+        nnz = write_squares(parts, weight, starts, places, entries)
         if nnz >= 0:
             break
         capacity *= 2
@@ -169,15 +171,13 @@ def add_squares(P, B, weight):
     return transposed(starts, places[:nnz], entries[:nnz], n)
 
 
-def write_squares(
-    p_start, p_row, p_value, b_start, b_row, b_value, start_of, column_of, value_of,
-    weight, indptr, indices, data,
-):  # fmt: skip
+def write_squares(parts, weight, indptr, indices, data):
     """Write P + B' diag(weight) B with columns that are not sorted.
 
-    P and B come by columns, B by rows as well. Returns the number of entries, -1 if
-    there is no room for them.
+    parts: P and B by columns, B by rows. Returns the number of entries, -1 if there is
+    no room for them.
     """
+    P, B, rows = parts[0], parts[1], parts[2]
     n, capacity = indptr.shape[0] - 1, data.shape[0]
     sums: cython.double[::1] = np.zeros(n)
     seen: cython.int[::1] = np.full(n, -1, np.int32)
@@ -186,25 +186,25 @@ def write_squares(
         if nnz + n > capacity:
             return -1
         start = nnz
-        for t in range(p_start[j], p_start[j + 1]):
-            i = p_row[t]
+        for t in range(P.indptr[j], P.indptr[j + 1]):
+            i = P.indices[t]
             seen[i] = j
-            sums[i] = p_value[t]
+            sums[i] = P.data[t]
             indices[nnz] = i
             nnz += 1
-        for t in range(b_start[j], b_start[j + 1]):
-            row = b_row[t]
-            factor = weight[row] * b_value[t]
+        for t in range(B.indptr[j], B.indptr[j + 1]):
+            row = B.indices[t]
+            factor = weight[row] * B.data[t]
             if factor == 0.0:
                 continue
-            for k in range(start_of[row], start_of[row + 1]):
-                i = column_of[k]
+            for k in range(rows.indptr[row], rows.indptr[row + 1]):
+                i = rows.indices[k]
                 if seen[i] != j:
                     seen[i] = j
                     sums[i] = 0.0
                     indices[nnz] = i
                     nnz += 1
-                sums[i] += factor * value_of[k]
+                sums[i] += factor * rows.data[k]
         for t in range(start, nnz):
             data[t] = sums[indices[t]]
         indptr[j + 1] = nnz
@@ -218,21 +218,21 @@ def scatter(indptr, indices, data, out):
             out[indices[t], j] = data[t]
 
 
-def add_columns(indptr, indices, data, x, out):
-    """Add M x to `out`."""
-    for j in range(x.shape[0]):
-        xj = x[j]
-        for t in range(indptr[j], indptr[j + 1]):
-            out[indices[t]] += data[t] * xj
+def add_columns(arrays, x, out):
+    """Add M x to `out`; `arrays` are those of M, a `Compressed`."""
+    M: Columns
+    n: cython.Py_ssize_t = x.size
+    take_columns(arrays, n, cython.address(M))
+    columns_times(cython.address(M), n, numbers(x, n), numbers(out, out.size))
 
 
-def add_column_sums(indptr, indices, data, z, out):
-    """Add M'z to `out`."""
-    for j in range(out.shape[0]):
-        total = 0.0
-        for t in range(indptr[j], indptr[j + 1]):
-            total += data[t] * z[indices[t]]
-        out[j] += total
+def add_column_sums(arrays, z, out):
+    """Add M'z to `out`; `arrays` are those of M, a `Compressed`."""
+    M: Columns
+    n: cython.Py_ssize_t = out.size
+    take_columns(arrays, n, cython.address(M))
+    z_at, out_at = numbers(z, z.size), numbers(out, n)
+    columns_times_transposed(cython.address(M), n, z_at, out_at)
 
 
 def unit_triangle(indptr, indices, data, zero, least, slack):

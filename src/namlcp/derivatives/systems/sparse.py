@@ -9,6 +9,7 @@ import numpy as np
 
 from namlcp.derivatives.systems.active import ActiveSet
 from namlcp.linalg import (
+    Compressed,
     add_column_sums,
     add_columns,
     add_transposed,
@@ -109,9 +110,9 @@ class SparseSystem:
 
     def product(self, w: np.ndarray) -> np.ndarray:
         """Return K w for the scaled K."""
-        Kw, indptr, indices = np.zeros(w.size), self.kkt.indptr, self.kkt.indices
-        add_columns(indptr, indices, self.values, w, Kw)
-        add_column_sums(indptr, indices, self.upper, w, Kw)
+        Kw, kkt = np.zeros(w.size), self.kkt
+        add_columns(Compressed(kkt.indptr, kkt.indices, self.values), w, Kw)
+        add_column_sums(Compressed(kkt.indptr, kkt.indices, self.upper), w, Kw)
         return Kw
 
     def solve(
