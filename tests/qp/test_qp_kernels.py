@@ -13,6 +13,7 @@ from namlcp.limits import Limits
 from namlcp.linalg import csc
 from namlcp.qp.acceptance import farkas_numbers
 from namlcp.qp.certificates import accept_dual, accept_primal
+from namlcp.qp.chain import Chain
 from namlcp.qp.guess import NO_GUESS
 from namlcp.qp.interior.loop import run
 from namlcp.qp.interior.state import Interior
@@ -122,7 +123,8 @@ def test_iterations_are_those_of_the_formulas(seed):
     def report(*numbers):
         found.append(([v.copy() for v in m.point], m.rho, m.delta))
 
-    m = Interior(problem, Blind(), LIMITS._replace(max_iter=8, report=report))
+    limits = LIMITS._replace(max_iter=8, report=report)
+    m = Interior(problem, Chain((problem.small, problem)), Blind(), limits)
     run(m, NO_GUESS)
     assert len(found) == 9
     whole = Transcription(problem)

@@ -20,6 +20,7 @@ from problems_qp import (
 from namlcp import Status, solve_qp
 from namlcp.options import Options
 from namlcp.qp import make_guess
+from namlcp.qp.chain import Chain
 from namlcp.qp.transforms import ScaledQP, Substitution, presolve, substitute
 
 INF = np.inf
@@ -104,9 +105,8 @@ def by_presolve(qp):
         return small.point(p.x, p.y, z_upper, z_lower, p.z_box)
 
     def guess(p):
-        y, z_upper, z_lower = small.guess(p.y, p.z)
-        z = np.append(z_upper[upper], z_lower[lower])
-        return p.x[small.kept], y, z, p.z_box[small.kept]
+        x, y, z_upper, z_lower, z_box, _ = small.guess(make_guess(qp, None, p))
+        return x, y, np.append(z_upper[upper], z_lower[lower]), z_box
 
     return Transform(inner, point, small.ray, guess, small.fixed)
 
@@ -121,10 +121,15 @@ def by_scaling(qp):
     inner = QP(P, s.q, S, s.c, A, s.b, -free, free)
 
     def guess(p):
-        x, y, Z, _ = s.guess(make_guess(qp, None, p))
+        x, y, Z, _ = s.guess(small.guess(make_guess(qp, None, p)))
         return x, y, Z, 0.0 * x
 
-    return Transform(inner, lambda p: s.point(p.x, p.y, p.z), s.ray, guess, small.fixed)
+    chain = Chain((small, s))
+
+    def point(p):
+        return chain.point(p.x, p.y, p.z)
+
+    return Transform(inner, point, chain.ray, guess, small.fixed)
 
 
 TRANSFORMS = {

@@ -54,13 +54,13 @@ def is_proof(m, k, candidate):
 
 def proves(m, k, candidate):
     """Tell whether scaled (y, Z), or a direction (d,), is a proof, which is kept."""
-    problem, judge = m.problem, m.judge
+    chain, judge = m.chain, m.judge
     x, y, _, Z = m.point
     if k < 2:
-        y, z = problem.certificate(*candidate)
-        return judge.accept_multipliers(problem.primal(x), y, z)
+        y, z = chain.certificate(*candidate)
+        return judge.accept_multipliers(chain.primal(x), y, z)
     (d,) = candidate
-    return judge.accept_ray(problem.ray(d), problem.point(x, y, Z))
+    return judge.accept_ray(chain.ray(d), chain.point(x, y, Z))
 
 
 def products(m, x, v):

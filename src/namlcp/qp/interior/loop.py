@@ -80,9 +80,14 @@ def run(m: Interior, guess):
     return status
 
 
+def scaled_guess(m, guess):
+    """Return the scaled (x, y, Z) of a guess and which constraints are active."""
+    return m.problem.guess(m.problem.small.guess(guess))
+
+
 def try_guess(m: Interior, guess):
     """Try the active set of a guess; tell whether it solves the QP."""
-    x, y, Z, active = m.problem.guess(guess)
+    x, y, Z, active = scaled_guess(m, guess)
     as_array(m.start_x, m.n)[:] = x
     as_array(m.start_y, m.p)[:] = y
     as_array(m.start_Z, m.m)[:] = Z
@@ -292,7 +297,7 @@ def start_warm(m, guess):
     if not (guess.z.any() or guess.z_box.any()):
         return False
     x, y, W, Z = m.point
-    x[:], y[:], Z[:], _ = m.problem.guess(guess)
+    x[:], y[:], Z[:], _ = scaled_guess(m, guess)
     fill(m.W, 0.0, m.m)
     evaluate(m)
     m.best = INFINITY

@@ -40,8 +40,8 @@ def solve_interior(
         none, zero = np.empty(0), np.zeros(small.lower.size)
         judge.offer(chain.then(small).point(none, none, zero, zero, none))
         return judge.answer(Status.STALLED, 0, FORM)
-    problem = memory.scaled = ScaledQP(small, memory.scaled, chain)
-    m = Interior(problem, judge, limits)
+    problem = memory.scaled = ScaledQP(small, memory.scaled)
+    m = Interior(problem, chain.then(small, problem), judge, limits)
     if guess.x.size and try_guess(m, guess):
         return judge.answer(Status.SOLVED, 0, FORM)
     return judge.answer(run(m, guess), m.iterations, FORM)

@@ -15,7 +15,7 @@ cdef class Interior(Watched):
         # n variables, p equations, m one-sided constraints, the order of K and its
         # entries.
         readonly Py_ssize_t n, p, m, size, nnz
-        readonly object problem, judge, limits
+        readonly object problem, chain, judge, limits
         object kkt, given
         Factors factors
         # The problem: K and K~ without and with its varying diagonal, the values that are

@@ -23,9 +23,10 @@ DROP, DROP_LARGE = 0.1, 1e-3
 class Interior(Watched):
     """A scaled problem, the iterate (x, y, W, Z), and what an iteration computes."""
 
-    def __init__(self, problem, judge, limits):
-        """Take a `ScaledQP`, who measures its points, and when to stop."""
-        self.problem, self.judge, self.limits = problem, judge, limits
+    def __init__(self, problem, chain, judge, limits):
+        """Take a `ScaledQP`, the way to the user's QP, the judge, and when to stop."""
+        self.problem, self.chain = problem, chain
+        self.judge, self.limits = judge, limits
         self.kkt = problem.kkt
         self.n, self.p, self.m = problem.n, problem.p, problem.c.size
         self.size, self.nnz = self.kkt.size, self.kkt.base.size
@@ -115,4 +116,4 @@ def attach(m):
 def offer(m, x, y, Z):
     """Let the judge measure a point; return its largest residual over tolerances."""
     arrays = as_array(x, m.n), as_array(y, m.p), as_array(Z, m.m)
-    return m.judge.offer(m.problem.point(*arrays))
+    return m.judge.offer(m.chain.point(*arrays))

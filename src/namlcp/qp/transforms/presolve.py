@@ -146,12 +146,22 @@ class Presolved(NamedTuple):
         z_box[column[value > 0.0]] = 0.0
         return z_box
 
-    def guess(self, y, z):
-        """Return (y, z_upper, z_lower) from multipliers of `qp`."""
-        most, least, y = self.largest_of, self.smallest_of, y * self.A_groups.ratio
-        y_kept = y[most] + np.where(least != most, y[least], 0.0)
-        z = np.append(z * np.abs(self.G_groups.ratio), 0.0)  # 0 for -1, no row
-        return y_kept, z[self.upper_of], z[self.lower_of]
+    def guess(self, guess):
+        """Return (x, y, z_upper, z_lower, z_box, active) of a guess for `qp`.
+
+        active: whether upper and lower sides of rows, upper and lower bounds are.
+        """
+        kept, upper, lower = self.kept, self.upper_of, self.lower_of
+        most, least = self.largest_of, self.smallest_of
+        y = guess.y * self.A_groups.ratio
+        y = y[most] + np.where(least != most, y[least], 0.0)
+        # with an entry for -1, no row
+        z = np.append(guess.z * np.abs(self.G_groups.ratio), 0.0)
+        m, n = guess.z.size, guess.x.size
+        row, lb, ub = np.split(guess.active != 0, (m, m + n))
+        row = np.append(row, False)
+        active = row[upper], row[lower], ub[kept], lb[kept]
+        return guess.x[kept], y, z[upper], z[lower], guess.z_box[kept], active
 
     def point(
         self,

@@ -19,7 +19,6 @@ from cython.cimports.libc.math import INFINITY, exp, fabs, log, sqrt
 from cython.cimports.namlcp.linalg.vectors import dot
 
 from namlcp.linalg import columns
-from namlcp.qp.chain import OWN
 from namlcp.qp.kkt import KKT
 
 # Most rounds of `equilibrate`, and the largest |1 - largest entry| that ends it: with
@@ -45,13 +44,10 @@ class ScaledQP:
     presolved problem; the scaled P, A and G are kept in `kkt` alone.
     """
 
-    def __init__(self, small, last=None, before=OWN):
-        """Scale the presolved problem; the matrices of `last` are not scaled again.
-
-        `before`: the way from the user's QP to the one that was presolved.
-        """
+    def __init__(self, small, last=None):
+        """Scale the presolved problem; the matrices of `last` are not scaled again."""
         n, p = small.q.size, small.b.size
-        self.small, self.chain = small, before.then(small)
+        self.small = small
         self.kkt: KKT
         self.scale: np.ndarray
         self.n, self.p = n, p
@@ -96,47 +92,35 @@ class ScaledQP:
         parts = zip(values, self.finite, strict=True)
         return np.concatenate([value[at] for value, at in parts])
 
-    def unscaled(self, x, y, Z):
+    def point(self, x, y, Z):
         """Return the (x, y, z_upper, z_lower, z_box) of the presolved problem."""
         z_upper, z_lower = np.zeros((2, self.small.upper.size))
         found = np.empty(self.n), np.empty(self.p), z_upper, z_lower, np.zeros(self.n)
         unscale(self.unit, self.place, self.ends, x, y, Z, *found)
         return found
 
-    def point(self, x, y, Z):
-        """Return the user's point."""
-        return self.chain.point(*self.unscaled(x, y, Z))
-
     def primal(self, x):
-        """Return the user's x."""
-        return self.chain.primal(x * self.unit[: self.n])
+        """Return the x of the presolved problem."""
+        return x * self.unit[: self.n]
+
+    def ray(self, d):
+        """Return the direction of the x of the presolved problem."""
+        return d * self.unit[: self.n]
 
     def certificate(self, y, Z):
-        """Return the user's (y, z)."""
-        _, y, z_upper, z_lower, _ = self.unscaled(np.zeros(self.n), y, Z)
-        return self.chain.certificate(y, z_upper, z_lower)
-
-    def ray(self, dx):
-        """Return the direction of the user's x."""
-        return self.chain.ray(dx * self.unit[: self.n])
+        """Return the (y, z_upper, z_lower) of the presolved problem."""
+        return self.point(np.zeros(self.n), y, Z)[1:4]
 
     def guess(self, guess):
         """Return the scaled (x, y, Z) of a guess and which constraints are active."""
-        n, small, kept = self.n, self.small, self.small.kept
-        y, z_upper, z_lower = small.guess(guess.y, guess.z)
-        box = guess.z_box[kept]
-        Z = self.of_finite((z_upper, z_lower, np.maximum(box, 0), np.maximum(-box, 0)))
-        m, size = guess.z.size, guess.x.size
-        row, lb, ub = np.split(guess.active != 0, (m, m + size))
-        upper, lower = (
-            np.append(row, False)[rows]  # False for -1, no row
-            for rows in (small.upper_of, small.lower_of)
-        )
+        x, y, z_upper, z_lower, z_box, active = guess
+        bounds = np.maximum(z_box, 0), np.maximum(-z_box, 0)
+        Z = self.of_finite((z_upper, z_lower, *bounds))
         return (
-            guess.x[kept] / self.unit[:n],
-            y * self.unit[n : n + self.p],
+            x / self.unit[: self.n],
+            y * self.unit[self.n : self.n + self.p],
             Z * self.unit[self.place],
-            self.of_finite((upper, lower, ub[kept], lb[kept])),
+            self.of_finite(active),
         )
 
     def relax(self, t):
