@@ -144,7 +144,7 @@ def test_vectors_need_not_be_contiguous():
 
 
 def test_all_forms_of_matrices_are_judged_alike():
-    """Clean CSC has a kernel of its own; its sums are in the order of SciPy's."""
+    """Clean CSC goes to compiled code; its sums are in the order of SciPy's."""
     rng = np.random.default_rng(0)
     n, m, p = 9, 7, 4
     dense = [

@@ -1,6 +1,6 @@
 from numpy cimport ndarray
 
-cdef double LARGE_TERM
+cdef double LARGE_TERM, UNIT
 
 cdef struct Numbers:
     double primal
@@ -37,7 +37,10 @@ cpdef tuple residuals_of_products(tuple vectors, tuple point, tuple products)
 cpdef tuple residuals_of_columns(object P, object G, object A, tuple vectors, tuple point)
 cdef tuple in_order(const Terms* t, double* work)
 cpdef double signed_gap(tuple vectors, tuple point, object Px) except? -1
+cpdef (double, double, double) rounding_errors(double P, double G, double A, double x, double y, double z) noexcept nogil
 cpdef bint leaves_bounds(const double[::1] x, const double[::1] lb, const double[::1] ub)
 cpdef double natural_squares(object z, object w, object lower, object upper, double unit) except? -1
-cpdef tuple natural_residuals(const double[::1] z, const double[::1] w, const double[::1] lower, const double[::1] upper, const double[::1] d)
+cpdef tuple natural_residuals(object z, object w, object lower, object upper, object d)
+cdef (double, double) both_residuals(const double* z, const double* w, const double* lower, const double* upper, const double* d, Py_ssize_t n) noexcept nogil
+cpdef bint are_met(double eps_abs, double eps_rel, double size, double plain, double scaled) noexcept nogil
 cpdef void modulus_variable(const double[::1] z, const double[::1] w, const double[::1] omega, double[::1] s) noexcept

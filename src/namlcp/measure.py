@@ -21,6 +21,8 @@ from cython.cimports.namlcp.linalg.vectors import box_squares, fill
 # If all terms of the gap are smaller than this, then its rounding error is below 1e-12
 # in whatever order they are added.
 LARGE_TERM = 250.0
+# The spacing of the numbers next to 1.
+UNIT = 2.0**-52
 
 
 def measure(t, found):
@@ -182,6 +184,15 @@ def signed_gap(vectors, point, Px):
     return gap_by_products(cython.address(t), data_of(work), data_of(work) + size)
 
 
+def rounding_errors(P, G, A, x, y, z):
+    """Return bounds of what another order of the sums changes in the three residuals.
+
+    Of all these the 2-norms: the moduli of the terms of a row of M x sum up to at most
+    || M ||_F || x ||_2. The gap's other sums run over vectors, in one order only.
+    """
+    return UNIT * max(G, A) * x, UNIT * (P * x + G * z + A * y), UNIT * P * x * x
+
+
 def leaves_bounds(x, lb, ub):
     """Tell whether an entry of x is not between its bounds."""
     for j in range(x.shape[0]):
@@ -205,15 +216,31 @@ def natural_squares(z, w, lower, upper, unit):
 
 def natural_residuals(z, w, lower, upper, d):
     """Return Res of this LCP, and of the one with z and bounds times d, w over d."""
-    here, there = 0.0, 0.0
+    n: cython.Py_ssize_t = z.size
+    a, b, unit = numbers(z, n), numbers(w, n), numbers(d, n)
+    l, u = numbers(lower, n), numbers(upper, n)
     with cython.nogil:
-        for i in range(z.shape[0]):
-            r = deviation(z[i], w[i], lower[i], upper[i])
-            here += r * r
-            t = d[i] * z[i]
-            r = deviation(t, w[i] / d[i], lower[i] * d[i], upper[i] * d[i])
-            there += r * r
+        found = both_residuals(a, b, l, u, unit, n)
+    return found
+
+
+def both_residuals(z, w, lower, upper, d, n):
+    """Return Res of this LCP, and of the one with z and bounds times d, w over d."""
+    here, there = 0.0, 0.0
+    for i in range(n):
+        r = deviation(z[i], w[i], lower[i], upper[i])
+        here += r * r
+        r = deviation(d[i] * z[i], w[i] / d[i], lower[i] * d[i], upper[i] * d[i])
+        there += r * r
     return sqrt(here), sqrt(there)
+
+
+def are_met(eps_abs, eps_rel, size, plain, scaled):
+    """Tell whether a point with these Res, as given and scaled, solves the problem.
+
+    size: Res(clip(0)) of the problem scaled to a unit diagonal.
+    """
+    return plain < eps_abs or scaled <= eps_rel * size < INFINITY
 
 
 def modulus_variable(z, w, omega, s):

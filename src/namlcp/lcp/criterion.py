@@ -4,7 +4,6 @@ A point z solves a box LCP if Res(z) < eps_abs for the problem as given, or if R
 eps_rel Res(clip(0)) for the problem scaled to a unit diagonal.
 """
 
-import math
 from functools import cached_property
 
 import numpy as np
@@ -12,18 +11,10 @@ import numpy as np
 from namlcp.lcp.data import LCP
 from namlcp.limits import Limits
 from namlcp.linalg.columns import LEAST_DIVISOR
-from namlcp.measure import natural_residuals
+from namlcp.measure import are_met, natural_residuals
 
 W_ROUNDING = 1e-15
 """Entry of w = A z + q, relative to |A||z| + |q|, that counts as 0."""
-
-
-def are_met(eps_abs, eps_rel, size, plain, scaled):
-    """Tell whether a point with these Res, as given and scaled, solves the problem.
-
-    size: Res(clip(0)) of the problem scaled to a unit diagonal.
-    """
-    return plain < eps_abs or scaled <= eps_rel * size < math.inf
 
 
 class Criterion:

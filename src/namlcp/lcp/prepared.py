@@ -144,7 +144,7 @@ class Prepared:
 
     @property
     def columns(self) -> Columns:
-        """The columns of A for kernels."""
+        """The columns of A, dense or compressed."""
         if self._columns is None:
             self._columns = columns_of(self.A, self.symmetric)
         return self._columns

@@ -19,12 +19,12 @@ from scipy.linalg.blas import dnrm2
 
 from namlcp.limits import Limits
 from namlcp.linalg import is_clean_csc
-from namlcp.measure import leaves_bounds, residuals_of_columns
+from namlcp.measure import leaves_bounds, residuals_of_columns, rounding_errors
 from namlcp.outcome import FINAL, Outcome
 from namlcp.qp.certificates import accept_dual, accept_primal
 from namlcp.qp.outcomes import proved
 from namlcp.qp.problem import QP, Point
-from namlcp.qp.rounding import UNIT, correct_rounding, is_correctable
+from namlcp.qp.rounding import correct_rounding, is_correctable
 from namlcp.residuals import Residuals, qp_residuals
 from namlcp.status import Status
 
@@ -101,7 +101,9 @@ class Judge:
 
     def is_luck(self, found: Residuals, point: Point) -> bool:
         """Tell whether another order of the sums may leave residuals too large."""
-        primal, dual, gap = rounding_errors((self.qp.P, self.qp.G, self.qp.A), point)
+        matrices = (self.qp.P, self.qp.G, self.qp.A)
+        own = (norm(M if self.qp.is_dense else M.data) for M in matrices)
+        primal, dual, gap = rounding_errors(*own, *map(norm, point[:3]))
         uncertain = found._replace(
             primal=found.primal + primal, dual=found.dual + dual, gap=found.gap + gap
         )
@@ -166,7 +168,7 @@ def are_own(given: Matrices, qp: QP) -> bool:
 def as_stored(given: Any, own: Any) -> Any:
     """Return a matrix of the user in its own order, the QP's where it is absent.
 
-    CSC arrays get the types for which kernels are compiled.
+    CSC arrays get the types that compiled code takes.
     """
     if given is None:
         return own
@@ -177,17 +179,6 @@ def as_stored(given: Any, own: Any) -> Any:
     data = np.ascontiguousarray(given.data, dtype=float)
     places = (np.ascontiguousarray(v, np.int32) for v in (given.indices, given.indptr))
     return sp.csc_array((data, *places), shape=given.shape)
-
-
-def rounding_errors(matrices: Matrices, point: Point) -> tuple[float, float, float]:
-    """Return bounds of what another order of the sums changes in the three residuals.
-
-    The moduli of the terms of a row of M x sum up to at most || M ||_F || x ||_2. The
-    gap's other sums run over vectors, in one order only.
-    """
-    P, G, A = (norm(M if isinstance(M, np.ndarray) else M.data) for M in matrices)
-    x, y, z, _ = map(norm, point)
-    return UNIT * max(G, A) * x, UNIT * (P * x + G * z + A * y), UNIT * P * x * x
 
 
 def norm(entries: np.ndarray) -> float:

@@ -34,8 +34,8 @@ CORRECTABLE, LAST_PLACES = 1e3, 256.0
 # Rounding unit times the largest term of a residual, relative to the tolerance, below
 # which rounding has no part in a residual above it: another iteration removes it.
 COARSE = 1e-5
-# Spacing of the numbers next to 1, the rounding error of a sum over its terms.
-UNIT = float(np.finfo(float).eps)
+# The rounding error of a sum over its terms: the spacing of the numbers next to 1.
+UNIT = 2.0**-52
 
 
 def is_correctable(found, eps_abs, eps_rel):

@@ -8,14 +8,14 @@ import numpy as np
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from namlcp.lcp.criterion import are_met, is_solved_by_zero
+from namlcp.lcp.criterion import is_solved_by_zero
 from namlcp.lcp.data import LCP
 from namlcp.lcp.pivoting.large_system import LargeSystem
 from namlcp.lcp.pivoting.pivot import Code, pivot
 from namlcp.lcp.pivoting.rays import proof
 from namlcp.lcp.pivoting.state import Pivoting
 from namlcp.limits import Limits
-from namlcp.measure import natural_residuals
+from namlcp.measure import are_met, natural_residuals
 from namlcp.outcome import Outcome
 from namlcp.status import Status
 

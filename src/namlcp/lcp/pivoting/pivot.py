@@ -11,7 +11,6 @@ solution of the others.
 import cython
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, isfinite, sqrt
-from cython.cimports.namlcp.box import deviation
 from cython.cimports.namlcp.lcp.pivoting.free_system import (
     PSD_SLACK,
     factor_free,
@@ -26,6 +25,7 @@ from cython.cimports.namlcp.linalg.vectors import (
     largest_entry,
     scale_by,
 )
+from cython.cimports.namlcp.measure import are_met, both_residuals
 from cython.cimports.namlcp.watch import look_at_clock, raise_kept
 
 # FIRST_SWEEPS: first sweeps at most; STILL_SWEEPS: sweeps in a row without a change of
@@ -221,21 +221,15 @@ def state_of(s, lower, upper):
 
 def measure(m):
     """Set Res(z), of the scaled problem and as given."""
-    z, w, d, lower, upper = m.own_z, m.w, m.root, m.lower, m.upper
-    here, there = 0.0, 0.0
-    for i in range(m.n):
-        r = deviation(z[i], w[i], lower[i], upper[i])
-        here += r * r
-        r = deviation(d[i] * z[i], w[i] / d[i], lower[i] * d[i], upper[i] * d[i])
-        there += r * r
-    m.residual, m.plain_residual = sqrt(here), sqrt(there)
+    m.residual, m.plain_residual = both_residuals(
+        m.own_z, m.w, m.lower, m.upper, m.root, m.n
+    )
 
 
 def meets(m, margin):
     """Tell whether the residuals meet the tolerances times a margin."""
-    if m.plain_residual < margin * m.eps_abs:
-        return True
-    return m.residual <= margin * m.eps_rel * m.size < INFINITY
+    eps_abs, eps_rel = margin * m.eps_abs, margin * m.eps_rel
+    return are_met(eps_abs, eps_rel, m.size, m.plain_residual, m.residual)
 
 
 def record(m):

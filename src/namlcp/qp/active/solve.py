@@ -22,7 +22,9 @@ from cython.cimports.namlcp.linalg.arrays import (
     places,
 )
 from cython.cimports.namlcp.linalg.vectors import copy, dot, fill, hash_of
+from cython.cimports.namlcp.measure import rounding_errors
 from cython.cimports.namlcp.qp.active.dense import DenseActiveSet
+from cython.cimports.namlcp.qp.active.judgement import is_within
 from cython.cimports.namlcp.qp.active.null import NullSpace, solve_next
 from cython.cimports.namlcp.qp.active.rows import (
     claim_place,
@@ -71,8 +73,6 @@ OUTCOMES = {
 # of n^2 (n + m + p); and a number, some tens of milliseconds, that is never too large.
 # (Linear programs take 10 to 30 of these units, other QPs 1 to 4.)
 MOST_OPERATIONS, FEW_OPERATIONS = 4.0, 2e8
-# The spacing of the numbers next to 1.
-UNIT = 2.0**-52
 
 
 def now():
@@ -241,23 +241,16 @@ def tiny_form(C, n):
 
 
 def is_certain(m):
-    """Tell whether the residuals are within tolerance in any order of their sums.
-
-    The moduli of the terms of a row of M x sum up to at most || M ||_F || x ||_2. The
-    gap's other sums run over vectors, in one order only.
-    """
+    """Tell whether the residuals are within tolerance in any order of their sums."""
     n, found = m.n, cython.address(m.found)
-    P, G, A = norm(m.P, n * n), norm(m.G, m.m * n), norm(m.A, m.p * n)
-    x, y, z = norm(m.x, n), norm(m.y, m.p), norm(m.z, m.m)
-    primal = found.primal + UNIT * max(G, A) * x
-    dual, gap = (
-        found.dual + UNIT * (P * x + G * z + A * y),
-        found.gap + UNIT * P * x * x,
-    )
+    primal, dual, gap = rounding_errors(
+        norm(m.P, n * n), norm(m.G, m.m * n), norm(m.A, m.p * n),
+        norm(m.x, n), norm(m.y, m.p), norm(m.z, m.m),
+    )  # fmt: skip
     return (
-        primal <= m.eps_abs + m.eps_rel * found.primal_size
-        and dual <= m.eps_abs + m.eps_rel * found.dual_size
-        and gap <= m.eps_abs + m.eps_rel * found.gap_size
+        is_within(m, found.primal + primal, found.primal_size, 0.0)
+        and is_within(m, found.dual + dual, found.dual_size, 0.0)
+        and is_within(m, found.gap + gap, found.gap_size, 0.0)
     )
 
 
