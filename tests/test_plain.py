@@ -20,7 +20,8 @@ HEADERS = {
     if path.with_suffix(".py").exists()
 }
 FUNCTION = re.compile(
-    r"^( *)(cp?def) (?!extern|class|struct|enum)(?:\([^)]*\))?[^()=\n]*?(\w+)\(([^)]*)\)",
+    r"^( *)(cp?def) (?!extern|class|struct|enum)(?:\([^)]*\))?"
+    r"[^()=\n]*?(\w+)\(([^)]*)\)",
     re.M,
 )
 
