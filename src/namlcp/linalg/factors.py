@@ -16,8 +16,9 @@ from namlcp.linalg.sparse_ldl import Factors, SparseFactors
 # Work of a factorisation, see `Order.work`, in all and for each row, from which on
 # dense fronts are used: a factorisation and six solves take as long both ways there.
 HEAVY, HEAVY_ROW = 1.2e6, 1200.0
-# Work for each row from which on nested dissection is tried, too.
-DEEP = 1e5
+# Work for each row, and entries of L for each one of the matrix, from which on nested
+# dissection is tried, too: it saves nothing where there is hardly any fill.
+DEEP, FILL = 1e5, 4.0
 
 
 def plan_factors(indptr: np.ndarray, indices: np.ndarray) -> Factors:
@@ -54,7 +55,8 @@ def plan_lu(indptr: np.ndarray, indices: np.ndarray) -> Fronts:
 
 def better_order(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Order:
     """Return an order by nested dissection where it causes less work."""
-    if order.work < DEEP * order.parent.size:
+    fill = order.counts.sum(dtype=np.int64)
+    if order.work < DEEP * order.parent.size or fill < FILL * indices.size:
         return order
     other = nested_dissection(indptr, indices)
     return order if other is None or other.work >= order.work else other
