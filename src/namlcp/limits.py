@@ -23,10 +23,15 @@ def now() -> float:
     return time.perf_counter()
 
 
+class OutOfTime(Exception):
+    """The deadline was reached before any method began."""
+
+
 class Deadline:
     """The end of a solve: a value of time.perf_counter().
 
-    Loops call `reached` between two iterations, and return the best point after it.
+    Loops call `reached` between two iterations, and return the best point after it;
+    what prepares a solve calls `check` between two steps.
     """
 
     def __init__(self, at: float = math.inf) -> None:
@@ -35,6 +40,11 @@ class Deadline:
     def reached(self) -> bool:
         """Tell whether to stop."""
         return time.perf_counter() >= self.at
+
+    def check(self) -> None:
+        """Raise OutOfTime if the deadline is reached."""
+        if self.reached():
+            raise OutOfTime
 
 
 NEVER = Deadline()

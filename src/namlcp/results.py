@@ -259,7 +259,7 @@ class QPResult(ResultBase):
         Pivots, sweeps or interior-point steps of the solver named by `form`.
     form : str
         The solver that gave the point: "bounds" (box LCP), "dual" (pivots) or "path"
-        (interior point); "substitution" if time was over before any began.
+        (interior point); "none" if time was over before any began.
     message : str
         A sentence that adds to the status, or "".
     setup_time, solve_time : float

@@ -10,6 +10,7 @@ from problems_qp import (
     DATA,
     assert_certificate,
     assert_solves_qp,
+    complementary,
     dense,
     make_qp,
     maros_meszaros,
@@ -184,3 +185,12 @@ def test_maros_meszaros(name):
     point = found.x, found.y, found.z, found.z_box
     assert qp_residuals(*qp, *point).solved(1e-6, 0.0)
     assert found.iterations <= MOST.get(name, 1000)
+
+
+def test_a_dense_linear_program_of_many_variables():
+    """Interior points take a tenth of the iterations of pivots."""
+    for n, form in ((120, "dual"), (140, "path")):
+        known = complementary(2, n, 2 * n, 5, 0)
+        found = solve_qp(*dense(known.qp))
+        assert (found.status, found.form) == (SOLVED, form)
+        assert_solves_qp(known.qp, found, 1e-8)

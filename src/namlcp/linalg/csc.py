@@ -68,14 +68,13 @@ def by_rows(M):
 
 
 def with_squares(P, B, weight, deadline=NEVER):
-    """Return P + B' diag(weight) B, None if the deadline is reached before."""
+    """Return P + B' diag(weight) B; OutOfTime if the deadline is reached before."""
     rows, columns = B.shape
     if DENSE * rows * columns < B.nnz and columns**2 <= MOST_DENSE:
         S, C = as_dense(P), by_rows(B)
         step = max(1, STRIP // columns)
         for i in range(0, rows, step):
-            if deadline.reached():
-                return None
+            deadline.check()
             half = C[i : i + step].toarray() * np.sqrt(weight[i : i + step])[:, None]
             S += half.T @ half
         return as_sparse(S)

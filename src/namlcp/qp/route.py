@@ -10,10 +10,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from namlcp.limits import Limits
+from namlcp.limits import Limits, OutOfTime
 from namlcp.outcome import Outcome
 from namlcp.qp.active import solve_dense
-from namlcp.qp.active.solve import FEW_ENTRIES, FULL, MOST_BOX, TINY_ENTRIES
+from namlcp.qp.active.solve import (
+    FEW_ENTRIES,
+    FULL,
+    MOST_BOX,
+    MOST_LINEAR,
+    TINY_ENTRIES,
+)
 from namlcp.qp.bounds import is_box_open, solve_bounds
 from namlcp.qp.chain import OWN, Chain
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
@@ -58,8 +64,10 @@ def takes_bounds(qp: QP, memory: Memory) -> bool:
 
 
 def takes_dense(qp: QP, memory: Memory) -> bool:
-    """Tell whether the dense form is small, and has not been tried."""
-    return not memory.in_vain and is_small(qp)
+    """Tell whether the dense form is small, and promises more than interior points."""
+    if memory.in_vain or not is_small(qp):
+        return False
+    return not qp.is_dense or qp.q.size <= MOST_LINEAR or bool(qp.P.any())
 
 
 class Engine(NamedTuple):
@@ -93,14 +101,22 @@ def route(
     `given`: P, G and A as the user holds them.
     """
     judge = Judge(qp, limits, given)
-    answer = solve_in_forms(qp, guess, judge, memory)
+    answer = solve_in_time(qp, guess, judge, memory)
     relaxed = without_huge_bounds(qp) if answer.status in UNDECIDED else None
     if relaxed is None:
         return answer
-    other = solve_in_forms(relaxed, NO_GUESS, judge, None)
+    other = solve_in_time(relaxed, NO_GUESS, judge, None)
     if other.status in UNDECIDED:
         return other._replace(status=answer.status, message=answer.message)
     return other
+
+
+def solve_in_time(qp: QP, guess: Guess, judge: Judge, memory: Memory | None) -> Outcome:
+    """Do `solve_in_forms`, unless time is over before a method begins."""
+    try:
+        return solve_in_forms(qp, guess, judge, memory)
+    except OutOfTime:
+        return judge.answer(Status.TIME_LIMIT, 0, "none")
 
 
 def solve_in_forms(
@@ -121,8 +137,6 @@ def solve_in_forms(
                 return found
         substitution = substitute(qp, memory.substitution, judge.limits.deadline)
         memory.substitution = substitution
-        if judge.limits.deadline.reached():
-            return judge.answer(Status.TIME_LIMIT, 0, "substitution")
         if substitution is not None:
             memory.convex = substitution.P  # P was checked; this adds only squares
             memory.in_vain = False

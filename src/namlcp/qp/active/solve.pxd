@@ -5,6 +5,7 @@ from namlcp.qp.active.state cimport ActiveSet
 cpdef enum:
     MOST_ORDER = 900
     MOST_BOX = 50
+    MOST_LINEAR = 128
     FEW_ENTRIES = 10_000
     FULL = 30
     TINY_ENTRIES = 2000

@@ -65,10 +65,11 @@ OUTCOMES = {
 }
 # MOST_ORDER: most variables, equations and rows of a QP whose factors LAPACK does not
 # make. MOST_BOX: most variables of one with bounds alone, which is quicker as a box LCP
-# else. TINY_ENTRIES: most entries, zeros included, of a sparse QP that is solved in
-# dense form as it came: to look for a substitution would take longer. FEW_ENTRIES: most
-# entries of a QP that takes P + W whatever it is; a larger one is left to the
-# interior-point method where less than FULL percent of them are not zero.
+# else. MOST_LINEAR: most variables of a linear program, which interior points solve
+# quicker else. TINY_ENTRIES: most entries, zeros included, of a sparse QP that is
+# solved in dense form as it came: to look for a substitution would take longer.
+# FEW_ENTRIES: most entries of a QP that takes P + W whatever it is; a larger one is
+# left to the interior-point method where less than FULL percent of them are not zero.
 # Operations of pivots from which on the interior-point method is quicker, for each one
 # of n^2 (n + m + p); and a number, some tens of milliseconds, that is never too large.
 # (Linear programs take 10 to 30 of these units, other QPs 1 to 4.)
@@ -183,6 +184,8 @@ def solve_small(kind, P, q, G, h, A, b, lb, ub, settings: Settings, start, keeps
     if rows_of(P, q, n) < 0 or rows < 0 or p < 0 or n + rows + p > MOST_ORDER:
         return None
     if not (is_bound(lb, n) and is_bound(ub, n)) or (n > MOST_BOX and rows + p == 0):
+        return None
+    if n > MOST_LINEAR and filled(data_of(P), n * n) == 0:
         return None
     m: DenseActiveSet = DenseActiveSet.__new__(DenseActiveSet)
     m.n, m.m, m.p, m.is_single = n, rows, p, True

@@ -26,11 +26,15 @@ def solve_interior(
     holds the factors of a problem solved before, and takes those of this one.
     """
     limits = judge.limits
+    check = limits.deadline.check
     if qp.is_dense:
+        check()
         qp = qp._replace(P=as_sparse(qp.P), G=as_sparse(qp.G), A=as_sparse(qp.A))
+    check()
     memory.ensure_convex(qp.P)
     if judge.is_solved:  # by an engine that could not tell whether P is convex
         return judge.answer(Status.SOLVED, 0, FORM)
+    check()
     small = presolve(qp, *limits.tolerances, memory.presolved)
     memory.presolved = small
     reason = refuted(small, chain, judge)
@@ -40,7 +44,9 @@ def solve_interior(
         none, zero = np.empty(0), np.zeros(small.lower.size)
         judge.offer(chain.then(small).point(none, none, zero, zero, none))
         return judge.answer(Status.STALLED, 0, FORM)
+    check()
     problem = memory.scaled = ScaledQP(small, memory.scaled)
+    check()
     m = Interior(problem, chain.then(small, problem), judge, limits)
     if guess.x.size and try_guess(m, guess):
         return judge.answer(Status.SOLVED, 0, FORM)

@@ -124,8 +124,8 @@ class Substitution(NamedTuple):
 def substitute(qp, last=None, deadline=NEVER):
     """Return the smaller QP of a sparse one, None if nothing can be substituted.
 
-    None, too, if lb > ub or after the deadline. The matrices of `last` are reused if qp
-    has the same matrices and the same infinite bounds.
+    None, too, if lb > ub. The matrices of `last` are reused if qp has the same matrices
+    and the same infinite bounds. Raises OutOfTime.
     """
     if last is not None and last.fits(qp):
         return last._replace(user=qp)
@@ -143,11 +143,8 @@ def substitute(qp, last=None, deadline=NEVER):
     P, G, A = (without_zeros(M) for M in (qp.P, qp.G, qp.A))
     rest = submatrix(A, by, kept)
     check_convex(qp.P)  # the squares added below would hide negative curvature
-    if deadline.reached():
-        return None
+    deadline.check()
     P = with_squares(submatrix(P, kept, kept), rest, cost / pivot**2, deadline)
-    if P is None:
-        return None
     return Substitution(
         qp, kept, columns, by, pivot, cost, others, rest,
         P, submatrix(G, np.arange(m), kept), submatrix(A, others, kept),
