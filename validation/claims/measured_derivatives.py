@@ -1,4 +1,4 @@
-"""The figures of derivatives, closest points, first solves and BLAS threads."""
+"""The figures of derivatives, closest points and first solves."""
 
 import math
 
@@ -12,7 +12,6 @@ LONG = 1e-3  # [s] of a feasible solve, from which its ratio to "closest" says s
 THREE = 3.0  # feasible solves that "closest" may take
 NO_LESS = 1e-6  # of the least norm, by which proxqp may exceed it
 NOTHING_TO_SHIFT = "No shift helps", "no closest point"
-THREADS = 1.1  # times the time with one BLAS thread
 
 
 def of_differences(rows: list[Row]) -> Figures:
@@ -139,36 +138,9 @@ def of_first_call(rows: list[Row]) -> Figures:
     }
 
 
-def of_threads(rows: list[Row], name: str) -> Figures:
-    """Return what two BLAS threads cost, in the mean of each set and at most."""
-    sets = [tables.chosen(rows, set=each) for each in tables.distinct(rows, "set")]
-    means = [mean(numbers(own, "ratio")) for own in sets]
-    ratios = numbers(rows, "ratio")
-    return {
-        f"{name} threads, problems": len(ratios),
-        f"{name} threads, above 1.1": sum(ratio > THREADS for ratio in ratios),
-        f"{name} threads, least mean": least(means),
-        f"{name} threads, most mean": most(means),
-        f"{name} threads, most": most(ratios),
-        f"{name} threads left alone, most": most(numbers(rows, "unguarded")),
-    }
-
-
-def of_idle(rows: list[Row]) -> Figures:
-    """Return them with the other core idle."""
-    return of_threads(rows, "idle")
-
-
-def of_busy(rows: list[Row]) -> Figures:
-    """Return them with another process on each core."""
-    return of_threads(rows, "busy")
-
-
 FILES = {
     "derivatives": of_differences,
     "derivatives-peers": of_packages,
     "closest": of_closest,
     "first-call": of_first_call,
-    "blas-threads": of_idle,
-    "blas-threads-busy": of_busy,
 }

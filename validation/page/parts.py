@@ -121,11 +121,6 @@ PARTS = {
     "ceilings": part("What rounding allows", 200.0, """
         oracles.ceilings run --data {data} --csv {results}/ceilings.csv
     """, grown="ceilings.csv"),
-    "threads": part("Two BLAS threads beside one", 240.0, """
-        environment.blas_threads --data {data} --csv {results}/blas-threads.csv
-        environment.blas_threads --data {data} --csv {results}/blas-threads-busy.csv \
-        --busy
-    """),
     "hertz": part("Hertz contact without a matrix", 50.0, """
         applications.hertz --results {results}
     """),
