@@ -148,10 +148,6 @@ PARTS = {
         peers.maros_meszaros run --data {data} --csv {results}/maros-meszaros.csv
         peers.maros_meszaros table --data {data} --csv {results}/maros-meszaros.csv
     """, grown="maros-meszaros.csv", settled=MAROS_PEERS),
-    "profiles": part("Performance profiles", 150.0, """
-        peers.profiles run {quick} --data {data} --results {results}
-        peers.profiles plot {quick} --results {results} --figures {figures}
-    """, "profiles{-quick}.svg", 60.0, "profiles{-quick}.csv"),
     "campaign": part("Fuzzed problems, and answers asked for in two ways", 1000.0, """
         stress.campaign run --csv {results}/campaign.csv --seeds 1 2 3
         stress.campaign run --csv {results}/campaign.csv --seeds 1 \

@@ -3,7 +3,7 @@
 `run` measures as benchmark does, one problem after the other with every solver in
 turn, and writes a row at once; it goes on where an earlier run of the same file has
 stopped. With a larger --limit only what was late under the smaller one is run again.
-`table` prints the tables of every limit in Markdown; profiles draws them.
+`table` prints the tables of every limit in Markdown.
 
 The shifted geometric mean is qpbenchmark's: exp(mean(log(t + 10 s))) - 10 s over all
 problems, with the time limit for t where a problem is not solved.
