@@ -81,11 +81,9 @@ PARTS = {
     "general": part("LCPs that are neither P nor semidefinite", 555.0, """
         general.benchmark run {quick} --csv {results}/general-lcps.csv
         general.benchmark plot --csv {results}/general-lcps.csv --figures {figures}
-        general.pictures --figures {figures}
         general.stepping run {quick} --csv {results}/time-stepping.csv
         general.stepping plot --csv {results}/time-stepping.csv --figures {figures}
-    """, "general-lcps.svg friction-scenes.svg games-and-diodes.svg time-stepping.png",
-    120.0, "general-lcps.csv"),
+    """, "general-lcps.svg time-stepping.png", 120.0, "general-lcps.csv"),
     "generalisation": part("Problems that nothing was tuned on", 360.0, """
         peers.generalisation --data {data} --csv {results}/generalisation-families.csv \
         --go-on --changes --solvers nam piqp
@@ -127,9 +125,6 @@ PARTS = {
     "put": part("American puts", 10.0, """
         applications.american_put --results {results}
     """),
-    "pictures": part("What solutions look like", 10.0, """
-        applications.pictures {quick} --figures {figures}
-    """, "contact-sets.png exercise-boundary.svg contact-forces.svg", 20.0),
     "paper": part("The paper's tables", 330.0, """
         paper.tables --results {results} --figures {figures}
         paper.tables large --results {results}
