@@ -1,49 +1,9 @@
-"""Exact arithmetic against fractions, exact solutions of small QPs, derivatives."""
-
-from fractions import Fraction
+"""Derivatives and the references that they are compared with."""
 
 import numpy as np
 import pytest
-import scipy.sparse as sp
-from problems_qp import complementary
-from qpsolvers import Problem
 
 from validation.derivatives import cases, differences, packages
-from validation.oracles import ceilings, exact
-from validation.oracles.exact import BITS, ExactMatrix
-
-
-def test_products_are_exact():
-    rng = np.random.default_rng(0)
-    M = sp.random_array((9, 7), density=0.4, rng=rng)
-    x = rng.standard_normal(7) * 10.0 ** rng.integers(-9, 9, 7)
-    bits = exact.fraction_bits(M.data)
-    whole = ExactMatrix(M, bits) @ exact.integers(x, BITS)
-    found = [Fraction(number, 1 << (bits + BITS)) for number in whole]
-    for row, value in zip(M.toarray(), found, strict=True):
-        terms = (Fraction(a) * Fraction(b) for a, b in zip(row, x, strict=True))
-        assert value == sum(terms, Fraction(0))
-
-
-@pytest.mark.parametrize("seed", range(3))
-def test_the_face_of_a_solution_is_solved_to_the_last_bit(seed):
-    known = complementary(seed, 40, 12, 3, 40)
-    row = ceilings.ceiling(Problem(*known.qp), 10.0)
-    assert row["exact"]
-    assert row["face_residual"] <= exact.GOAL
-    assert row["rounded_1e-09"]
-    assert max(row["primal"], row["dual"], row["gap"]) < 1e-11
-
-
-def test_right_sides_beyond_the_spacing_of_doubles_are_at_the_ceiling():
-    """The sum of a thousand thirds of 1e12 is no double within 1e-6."""
-    A = sp.csc_array(np.random.default_rng(1).uniform(0.5, 1.5, (1, 1000)))
-    eye = sp.csc_matrix(sp.eye_array(1000))
-    problem = Problem(eye, np.zeros(1000), A=sp.csc_matrix(A), b=np.array([1e15 / 3.0]))
-    row = ceilings.ceiling(problem, 10.0)
-    assert row["exact"]
-    assert not row["rounded_1e-09"]
-    assert row["primal"] > 1e-3
 
 
 def test_derivatives_are_those_of_differences_in_more_digits():

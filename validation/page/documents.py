@@ -15,7 +15,6 @@ from validation.applications import cvxpy_models, cvxpy_resolve, large_figures
 from validation.claims import renewed, stale, summary, values
 from validation.general import benchmark, stepping
 from validation.harness import Row, cli, csv_files, tables
-from validation.oracles import ceilings
 from validation.peers import classes, lcp, maros_meszaros, runs
 from validation.repeated import sequences
 from validation.stress import campaign_tally
@@ -63,7 +62,6 @@ TABLES: dict[str, Callable[[Path], str]] = {
     "CVXPY, again and again": of("cvxpy-resolve.csv", cvxpy_resolve.markdown),
     "other LCPs": of("general-lcps.csv", benchmark.markdown),
     "falling discs": of("time-stepping.csv", stepping.markdown),
-    "ceilings": of("ceilings.csv", ceilings.markdown),
     "large": of("large.csv", large_figures.markdown),
     "first solves": of("first-call.csv", lcp.markdown),
 }

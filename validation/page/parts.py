@@ -116,9 +116,6 @@ PARTS = {
     "oracles": part("Agreement with independent oracles", 600.0, """
         oracles.agreement run {quick} --data {data} --csv {results}/oracles.csv
     """, quick=60.0),
-    "ceilings": part("What rounding allows", 200.0, """
-        oracles.ceilings run --data {data} --csv {results}/ceilings.csv
-    """, grown="ceilings.csv"),
     "hertz": part("Hertz contact without a matrix", 50.0, """
         applications.hertz --results {results}
     """),
