@@ -93,9 +93,8 @@ PARTS = {
     "derivatives": part("Derivatives against differences; other packages", 480.0, """
         derivatives.differences {quick} --csv {results}/derivatives.csv
         derivatives.packages {quick} --csv {results}/derivatives-peers.csv
-        derivatives.packages_figure --results {results} --figures {figures}
         derivatives.closest {quick} --data {data} --csv {results}/closest.csv
-    """, "derivatives.svg"),
+    """),
     "lcp": part("LCPs beside PIQP and OSQP", 175.0, """
         peers.lcp --data {data} --results {results}
     """),
