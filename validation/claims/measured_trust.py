@@ -1,4 +1,4 @@
-"""The figures of answers to be trusted: oracles, hard problems, fuzzed problems."""
+"""The figures of answers to be trusted: oracles, fuzzed problems."""
 
 from validation.claims.ratios import Figures
 from validation.harness import Row, tables
@@ -37,30 +37,6 @@ def of_oracles(rows: list[Row]) -> Figures:
     }
 
 
-def of_stress(rows: list[Row]) -> Figures:
-    """Return what was right and wrong under stress, by solver."""
-    found: Figures = {}
-    solvers = tables.distinct(rows, "solver")
-    for solver in solvers:
-        own = tables.chosen(rows, solver=solver)
-        for outcome in ("right", "wrong"):
-            count = len(tables.chosen(own, outcome=outcome))
-            found[f"stress {outcome} by {solver}"] = count
-    kinds = tables.distinct(rows, "row")
-    behind = 0
-    for kind in kinds:
-        here = tables.chosen(rows, row=kind, outcome="right")
-        right = {s: len(tables.chosen(here, solver=s)) for s in solvers}
-        behind += right.get("nam", 0) < max(right.values())
-    problems = len(tables.chosen(rows, solver="nam"))
-    return found | {
-        "stress problems": problems,
-        "stress not right": problems - found.get("stress right by nam", 0),
-        "stress kinds": len(kinds),
-        "stress kinds behind a peer": behind,
-    }
-
-
 def total(rows: list[Row], **wanted: str) -> int:
     """Return how many problems the rows with these values count."""
     return sum(int(row["count"]) for row in tables.chosen(rows, **wanted))
@@ -84,4 +60,4 @@ def of_campaign(rows: list[Row]) -> Figures:
     return found
 
 
-FILES = {"oracles": of_oracles, "stress": of_stress, "campaign": of_campaign}
+FILES = {"oracles": of_oracles, "campaign": of_campaign}

@@ -108,10 +108,6 @@ PARTS = {
         peers.work_precision plot {quick} --results {results} --figures {figures}
     """, "work-precision{-quick}.svg front.svg", 200.0,
     "work-precision-problems{-quick}.csv"),
-    "stress": part("Stability under stress", 450.0, """
-        stress.comparison run {quick} --csv {results}/stress.csv
-        stress.comparison plot --csv {results}/stress.csv --figure {figures}/stress.svg
-    """, "stress.svg", 60.0),
     "oracles": part("Agreement with independent oracles", 600.0, """
         oracles.agreement run {quick} --data {data} --csv {results}/oracles.csv
     """, quick=60.0),

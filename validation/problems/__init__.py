@@ -12,7 +12,6 @@ hertz                       a sphere on a half-space, without a matrix
 american_puts               American puts, and the method of Brennan and Schwartz
 planted                     random QPs around a planted solution; changed data
 infeasible_cases            QPs without a solution, and some that only look so
-stress_cases                QPs that strain a solver, in units of their own
 families                    the families of the work-precision chart
 osqp_classes                the seven classes of the OSQP paper, by size
 general                     friction, games, diodes, copositive matrices (its own room)
