@@ -45,11 +45,6 @@ def of_parameters(rows: list[Row]) -> Figures:
     return found
 
 
-def of_held_out(rows: list[Row]) -> Figures:
-    """Return the figures of the other scenes."""
-    return of_choices(rows, "auto held-out")
-
-
 def of_definition(rows: list[Row]) -> Figures:
     """Return how many matrices are proven, and how near rho(J) is to 1."""
     distances = [float(row["case"].split()[-1]) for row in rows]
@@ -89,7 +84,6 @@ FILES = {
     "paper-tables": of_tables,
     "paper-large": of_transcription,
     "parameters": of_parameters,
-    "parameters-held-out": of_held_out,
     "h_plus-definition": of_definition,
     "h_plus": of_h_plus,
     "convergence-proofs": of_proofs,

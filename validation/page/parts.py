@@ -126,7 +126,6 @@ PARTS = {
     """, "stability-maps.png stability-units.png"),
     "parameters": part("Automatic parameters", 500.0, """
         paper.parameters --data {data} --results {results}
-        paper.parameters --data {data} --results {results} --held-out
     """),
     "h_plus": part("Convergence theory", 115.0, """
         paper.h_plus --results {results}

@@ -8,11 +8,7 @@ auto_sweeps / grid_sweeps leaves out and `ratio_with_products` counts. The wante
 is 1.3 at most; "none" in grid_sweeps: no point of the grid converges.
 
 parameters.csv has the scenes of the issue, fixed on 2026-11-21 at 10:50, before any
-choice was tuned. With --held-out, parameters-held-out.csv has scenes that tuned no
-constant. They were not left without effect: the first set showed that c was far too
-large for a dominant diagonal with many active bounds (two formulas changed), the second
-("later") that iterates may wander without growth (the rule STANDING was added).
---quick takes smaller scenes and a coarse grid.
+choice was tuned. --quick takes smaller scenes and a coarse grid.
 
 maor and namaor have beta = 1 (without a beta they are msor and namsor), "nam" and
 "modified-nam" E = D, and "modified-nam" alpha = c times the geometric mean of D.
@@ -79,41 +75,6 @@ def scenes(data: Path, m: int) -> list[sweep_scenes.Scene]:
     names = ("fcp2d_367", "capsules_286", "granular2d_2020", "kaplas_570")
     found += [sweep_scenes.contact(data, name) for name in names]
     return [*found, sweep_scenes.random_spd(200), sweep_scenes.svm_heart(data)]
-
-
-def held_out(data: Path, m: int) -> list[sweep_scenes.Scene]:
-    """Return scenes that tuned no constant."""
-    found = []
-    for number in (1, 2):
-        for delta in DELTAS:
-            scene = sweep_scenes.with_contact(
-                sweep_scenes.paper_example(number, m, delta), 7
-            )
-            found.append(scene._replace(name=f"{scene.name}, contact"))
-    names = ("confeti_54", "granular2d_g230", "boxstacks_g82", "mj_stack10")
-    found += [sweep_scenes.contact(data, name) for name in (*names, "mj_pile40")]
-    found += sweep_scenes.problem_classes()
-    last = sweep_scenes.random_spd(150, 1e3, 5)._replace(
-        name="random SPD, condition 1000"
-    )
-    return [*found, last, sweep_scenes.svm_generated(300)]
-
-
-def held_out_later(data: Path, m: int) -> list[sweep_scenes.Scene]:
-    """Return scenes that were run after what the first set showed was corrected."""
-    few = sweep_scenes.with_contact(sweep_scenes.paper_example(1, m, 0.25), 11)
-    found = [
-        few._replace(name="Example 1, delta = 0.25, contact"),
-        sweep_scenes.random_spd(120, 30.0, 9),
-        sweep_scenes.spd_not_h(200, 3, 4),
-        sweep_scenes.nonsymmetric_h_plus(300, 0.7, 3),
-        sweep_scenes.svm_generated(200, 5),
-        sweep_scenes.hertz(12),
-    ]
-    found += [
-        sweep_scenes.contact(data, name) for name in ("nespheres_44", "oneobject_25")
-    ]
-    return [scene._replace(name=f"later: {scene.name}") for scene in found]
 
 
 class Run:
@@ -210,18 +171,13 @@ def compare(run: Run, method: str, effort: Effort) -> Row:
 def main(arguments: list[str] | None = None) -> int:
     """Print the table and write it."""
     parser = cli.parser(__doc__, "quick", data=..., results=None)
-    parser.add_argument("--held-out", action="store_true")
     args = parser.parse_args(arguments)
     effort = QUICK if args.quick else FULL
-    if args.held_out:
-        found = held_out(args.data, effort.m) + held_out_later(args.data, effort.m)
-    else:
-        found = scenes(args.data, effort.m)
     header = cli.begin()
     tables.print_rows([], SHOWN)
     start = time.perf_counter()
     rows = []
-    for scene in found:
+    for scene in scenes(args.data, effort.m):
         run = Run(scene)
         for method in SWEEPS:
             if not SWEEPS[method].takes:
@@ -236,8 +192,7 @@ def main(arguments: list[str] | None = None) -> int:
     )
     folder = args.results or (None if args.quick else cli.RESULTS)
     if folder is not None:
-        name = "parameters-held-out.csv" if args.held_out else "parameters.csv"
-        csv_files.write(folder / name, header, rows)
+        csv_files.write(folder / "parameters.csv", header, rows)
     return 0
 
 
