@@ -1,7 +1,8 @@
 """All of the evidence in one self-contained HTML file.
 
---quick: small versions of the charts and oracles, in less than ten minutes. --full: the same at their sizes, and Maros-Meszaros,
-benchmarks, large LCPs and infeasible QPs, which takes hours. Either writes report.html
+--quick: small versions of the charts and oracles, in less than ten minutes. --full: the
+same at their sizes, and Maros-Meszaros, benchmarks, large LCPs and infeasible QPs,
+which takes hours. Either writes report.html
 into the folder --out (report), figures and tables inlined, also when it is ended early,
 beside its CSV files and figures. `--full --out validation` brings the repository's own
 files up to date, and the figures and tables of its two README files

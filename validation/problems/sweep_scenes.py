@@ -12,7 +12,7 @@ import scipy.sparse as sp
 
 from namlcp.scenes import disc_pile, forced_obstacle
 from validation.problems import data_sets
-from validation.problems.known_scenes import svm_rbf, two_clouds
+from validation.problems.known_scenes import svm_rbf
 
 
 class Scene(NamedTuple):
@@ -139,11 +139,6 @@ def spd_not_h(n: int, per_row: int = 4, seed: int = 0) -> Scene:
 def svm_heart(data: Path) -> Scene:
     """Return the SVM dual of heart_scale: RBF kernel, gamma = 1/13, C = 1, no bias."""
     return Scene("SVM heart", *svm_rbf(*data_sets.heart_scale(data), 1.0 / 13.0))
-
-
-def svm_generated(n: int, seed: int = 0) -> Scene:
-    """Return the SVM dual of two overlapping normal clouds in 5 dimensions."""
-    return Scene("SVM generated", *svm_rbf(*two_clouds(n, seed=seed), 0.2))
 
 
 def badly_scaled(m: int, decades: float = 3.0, seed: int = 0) -> Scene:
