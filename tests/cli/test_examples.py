@@ -4,30 +4,41 @@ import numpy as np
 import pytest
 
 from namlcp.cli import main
-from namlcp.cli.examples import EXAMPLES, discs, frontier, lasso, pendulum
+from namlcp.cli.examples import EXAMPLES, discs, frontier, lasso, pendulum, tuning
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_examples_are_solved_and_drawn(name, tmp_path, capsys):
     pytest.importorskip("matplotlib")
     picture = tmp_path / "picture.png"
-    assert main([name, "--picture", str(picture)]) == 0
+    assert main(["example", name, "--picture", str(picture)]) == 0
     assert picture.stat().st_size > 10_000
     assert EXAMPLES[name].title in capsys.readouterr().out
 
 
 def test_an_example_needs_no_matplotlib(capsys, monkeypatch):
     monkeypatch.setattr("namlcp.cli.examples.catalogue.find_spec", lambda name: None)
-    assert main(["lasso"]) == 0
+    assert main(["example", "lasso"]) == 0
     assert "--picture" in capsys.readouterr().out
-    assert main(["lasso", "--picture", "x.png"]) == 2
+    assert main(["example", "lasso", "--picture", "x.png"]) == 2
     assert "needs matplotlib" in capsys.readouterr().out
 
 
-def test_a_picture_is_for_an_example(capsys):
+def test_an_example_shows_its_source(capsys):
+    assert main(["example", "mpc", "--source"]) == 0
+    assert "def condensed(F" in capsys.readouterr().out
     with pytest.raises(SystemExit):
-        main(["--picture", "x.png"])
-    assert "mpc, frontier, lasso, discs" in capsys.readouterr().err
+        main(["example", "bridge"])
+    assert "mpc" in capsys.readouterr().err
+
+
+def test_the_descent_ends_near_the_best_penalty():
+    record = tuning.run(20)
+    assert record.descent[-1, 1] <= record.scan[:, 1].min() + 0.05
+    penalty, error, slope = record.scan.T
+    steps = np.diff(error) / np.diff(np.log(penalty))
+    between = (slope[1:] + slope[:-1]) / 2
+    assert np.corrcoef(steps, between)[0, 1] > 0.98
 
 
 def test_the_cart_arrives_and_keeps_its_limits():

@@ -1,6 +1,8 @@
 """The command line: the demonstration, good files and hostile ones."""
 
+import gzip
 import io
+import json
 import struct
 import subprocess
 import sys
@@ -37,7 +39,7 @@ def test_npz_of_the_host(tmp_path, capsys, get):
     problem, _ = get()
     path = tmp_path / "problem.npz"
     problem.save(str(path))
-    assert main([str(path)]) == 0
+    assert main(["solve", str(path)]) == 0
     assert capsys.readouterr().out.startswith("status     solved")
 
 
@@ -59,15 +61,100 @@ def test_maros_meszaros_file(tmp_path, capsys):
     """HS21: x = (2, 0), objective 0.04."""
     path = tmp_path / "HS21.mat"
     savemat(path, maros_meszaros())
-    assert main([str(path), "--verbose", "--eps-abs", "1e-9"]) == 0
+    assert main(["solve", str(path), "--verbose", "--eps-abs", "1e-9"]) == 0
     assert "objective  0.04\n" in capsys.readouterr().out
 
 
 def test_infeasible_file_says_so(tmp_path, capsys):
     path = tmp_path / "infeasible.mat"
     savemat(path, {**maros_meszaros(), "l": np.array([[10.0], [60.0], [-50.0]])})
-    assert main([str(path)]) == 1
+    assert main(["solve", str(path)]) == 1
     assert "primal_infeasible" in capsys.readouterr().out
+
+
+QPS = """NAME HS21 with a range
+* minimise 0.01 x^2 + y^2
+ROWS
+ N cost
+ G row
+ L never
+COLUMNS
+    x cost 0.0 row 10.0
+    y row -1.0 never 1.0
+RHS
+    rhs row 10.0 never 5.0
+RANGES
+    range row 500.0
+BOUNDS
+ LO set x 2.0
+ UP set x 50.0
+ MI set y
+ UP set y 50.0
+QUADOBJ
+    x x 0.02
+    y y 2.0
+ENDATA
+"""
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_qps_file(tmp_path, capsys, packed):
+    """The same problem; its row and range are two inequalities."""
+    path = tmp_path / ("HS21.qps.gz" if packed else "HS21.qps")
+    path.write_bytes(gzip.compress(QPS.encode()) if packed else QPS.encode())
+    output = tmp_path / "x.npz"
+    assert main(["solve", str(path), "--json", "--output", str(output)]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert record["status"] == "solved"
+    assert record["objective"] == pytest.approx(0.04, abs=1e-12)
+    assert np.load(output)["x"].tolist() == record["x"]
+    assert record["x"] == pytest.approx([2.0, 0.0])
+    assert files.read_problem(str(path)).G.toarray().tolist() == [
+        [10.0, -1.0], [0.0, 1.0], [-10.0, 1.0],
+    ]  # fmt: skip
+    assert main(["solve", str(path), "--compare", "nam"]) == 0
+    table = capsys.readouterr().out.splitlines()
+    assert [line.split()[:2] for line in table[-2:]] == [["nam", "yes"]] * 2
+    assert main(["solve", str(path), "--compare", "nobody"]) == 2
+    assert main(["solve", str(path), "--method", "pgs"]) == 2
+    assert "nobody is not installed" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("line", "instead", "word"),
+    [
+        ("    x cost 0.0 row 10.0", "    x cost 0.0 row", "line 8: a line has a name"),
+        ("    x cost 0.0 row 10.0", "    x other 1.0", "line 8: there is no row other"),
+        (" LO set x 2.0", " BV set x", "line 15: bounds of the kind BV"),
+        (" G row", " H row", "line 5: row row is of the unknown kind H"),
+        ("    x x 0.02", "    x x much", "line 20: could not convert"),
+        ("RANGES", "SOS", "line 13: the section SOS is unknown"),
+        ("    y row -1.0", "    M 'MARKER' 'INTORG'", "integer variables"),
+    ],
+)
+def test_bad_qps_lines_are_named(tmp_path, capsys, line, instead, word):
+    path = tmp_path / "bad.mps"
+    path.write_text(QPS.replace(line, instead))
+    assert main(["solve", str(path)]) == 2
+    assert word in capsys.readouterr().err
+
+
+def test_lcp_file(tmp_path, capsys):
+    path, A = tmp_path / "lcp.npz", np.array([[2.0, 1.0], [1.0, 2.0]])
+    np.savez(path, A=A, q=np.array([-5.0, -6.0]), upper=np.array([1.0, np.inf]))
+    assert main(["solve", str(path), "--json", "--method", "pgs"]) == 0
+    record = json.loads(capsys.readouterr().out)
+    assert record["method"] == "pgs"
+    assert record["z"] == pytest.approx([1.0, 2.5])
+    assert main(["solve", str(path)]) == 0
+    assert "residual" in capsys.readouterr().out
+    for option in (["--threads", "2"], ["--compare", "osqp"], ["--method", "magic"]):
+        assert main(["solve", str(path), *option]) == 2
+
+
+def test_info_names_versions(capsys):
+    assert main(["info"]) == 0
+    assert f"numpy {np.__version__}" in capsys.readouterr().out
 
 
 def npz(path, **parts):
@@ -175,7 +262,7 @@ def hostile_mat(folder):
 @pytest.mark.parametrize("hostile", [hostile_npz, hostile_mat])
 def test_hostile_files_are_refused(tmp_path, capfd, hostile):
     for name, word in hostile(tmp_path):
-        assert main([str(tmp_path / name)]) == 2, name
+        assert main(["solve", str(tmp_path / name)]) == 2, name
         out, err = capfd.readouterr()
         assert word in err, name
         assert err.count("\n") == 1, name
@@ -197,7 +284,7 @@ def test_bombs_are_refused_before_they_are_unpacked(tmp_path, capfd, monkeypatch
     (tmp_path / "bomb.mat").write_bytes(head + packed)
     for name in ("bomb.npz", "bomb.mat"):
         assert (tmp_path / name).stat().st_size < 10_000
-        assert main([str(tmp_path / name)]) == 2
+        assert main(["solve", str(tmp_path / name)]) == 2
         assert "bytes, allowed are 2097152" in capfd.readouterr().err
 
 
@@ -206,7 +293,7 @@ def test_a_sparse_matrix_in_a_file_is_not_taken_for_none(tmp_path, capfd):
     path = tmp_path / "sparse.npz"
     G = sp.csc_matrix(np.array([[1.0, 1.0]]))
     Problem(np.eye(2), np.ones(2), G, -np.ones(1) * 9).save(str(path))
-    assert main([str(path)]) == 2
+    assert main(["solve", str(path)]) == 2
     assert "G cannot be read (a sparse matrix?" in capfd.readouterr().err
 
 
@@ -215,7 +302,7 @@ def test_no_traceback_in_a_process_of_its_own(tmp_path, suffix):
     path = tmp_path / f"noise.{suffix}"
     path.write_bytes(np.random.default_rng(0).bytes(1000))
     done = subprocess.run(
-        [sys.executable, "-m", "namlcp", str(path)],
+        [sys.executable, "-m", "namlcp", "solve", str(path)],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert done.returncode == 2
@@ -226,4 +313,4 @@ def test_no_traceback_in_a_process_of_its_own(tmp_path, suffix):
 def test_absent_parts_are_no_pickles(tmp_path):
     path = tmp_path / "bounds.npz"
     Problem(np.eye(2), np.ones(2), lb=np.zeros(2)).save(str(path))
-    assert main([str(path)]) == 0
+    assert main(["solve", str(path)]) == 0

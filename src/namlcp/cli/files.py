@@ -4,6 +4,7 @@ Nothing is unpickled, evaluated or extracted, and the size that a file claims is
 before it is unpacked. Every fault is an exception whose text names it.
 """
 
+import gzip
 import math
 import os
 import re
@@ -18,6 +19,7 @@ import scipy.sparse as sp
 from scipy.io import loadmat, whosmat
 
 from namlcp.checks import INFINITE, checked_order
+from namlcp.cli.mps import mps_problem
 from namlcp.qp import QP
 
 MOST_BYTES = 2**31
@@ -29,9 +31,28 @@ SAVED_NONE = re.compile(rb"\](\x94|q.)Nat(\x94|q.)b\.$", re.DOTALL)
 """The end of a pickled array that holds None alone: NumPy's for an absent part."""
 
 
-def npz_problem(path: str) -> qpsolvers.Problem:
-    """Read what qpsolvers.Problem.save wrote."""
+def read_problem(path: str) -> Any:
+    """Read a qpsolvers.Problem, or A, q and the bounds of an LCP."""
+    name = path.lower().removesuffix(".gz")
+    if name.endswith(".mat"):
+        return mat_problem(path)
+    if name.endswith((".mps", ".qps")):
+        opened: Any = gzip.open if path.lower().endswith(".gz") else open
+        with opened(path, "rb") as stream:
+            text = stream.read(MOST_BYTES + 1)
+        bound(len(text))
+        return mps_problem(text.decode("latin-1").splitlines())
+    return npz_problem(path)
+
+
+def npz_problem(path: str) -> Any:
+    """Read what qpsolvers.Problem.save wrote, or an LCP: A, q, and lower and upper."""
     with zipfile.ZipFile(path) as archive, np.load(path, allow_pickle=False) as arrays:
+        if "P" not in arrays and {"A", "q"} <= {*arrays}:
+            found = [name for name in ("A", "q", "lower", "upper") if name in arrays]
+            bound(sum(archive.getinfo(f"{name}.npy").file_size for name in found))
+            lcp = {name: read_array(archive, arrays, name) for name in found}
+            return lcp["A"], lcp["q"], lcp.get("lower"), lcp.get("upper")
         require([name for name in ("P", "q") if name not in arrays], "qpsolvers")
         names = [name for name in QP._fields if name in arrays]
         bound(sum(archive.getinfo(f"{name}.npy").file_size for name in names))

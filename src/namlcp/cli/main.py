@@ -1,74 +1,191 @@
-"""Solve the problem in FILE or run an EXAMPLE; without both show a demonstration.
+"""Solve a problem file, run an example, or tell what is installed.
 
-EXAMPLE is mpc, frontier, lasso or discs; ``--picture FILE`` draws it (matplotlib).
-
-FILE is a qpsolvers ``.npz`` (Problem.save) or a Maros-Meszaros ``.mat`` (P, q, A, l, u,
-the last n rows of A being the bounds; 1e20 means none).
+Without a command: four scenes, beside OSQP if it is installed.
 """
 
 import argparse
+import json
+import os
+import platform
 import sys
+from dataclasses import fields
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import qpsolvers
 
 import namlcp
+from namlcp.cli.comparison import compare
 from namlcp.cli.demonstration import demonstrate
-from namlcp.cli.examples import EXAMPLES, show_example
-from namlcp.cli.files import mat_problem, npz_problem
+from namlcp.cli.examples import EXAMPLES, show_example, source
+from namlcp.cli.files import read_problem
+from namlcp.options import RELAXATIONS, Options
+
+FILES = """FILE: a QP as qpsolvers' Problem.save writes it (.npz), in MPS or QPS (.mps,
+.qps, .gz), or of the Maros-Meszaros collection (.mat); an LCP as .npz of A, q and, if
+there are bounds, lower and upper. Exit status: 0 solved, 1 not solved, 2 wrong file or
+option."""
+OF_LCPS = "eps_abs", "eps_rel", "max_iter", "time_limit", "verbose", "method"
+PACKAGES = """numpy scipy pyamg qpsolvers cvxpy torch jax cvxpylayers joblib dask
+pymetis matplotlib osqp piqp daqp clarabel highspy""".split()
 
 
-def solve_file(path: str, settings: dict[str, Any]) -> int:
-    """Solve the problem in a file and print the outcome; return the exit status.
-
-    That is 0 if solved, 1 if not, 2 if the file or an option is wrong.
-    """
+def solve_file(path: str, args: dict[str, Any]) -> int:
+    """Solve the problem in a file and print the outcome; return the exit status."""
+    rivals, as_json, output = (args.pop(k) for k in ("compare", "json", "output"))
+    settings = {name: value for name, value in args.items() if value is not None}
     try:
-        problem = mat_problem(path) if path.endswith(".mat") else npz_problem(path)
+        problem = read_problem(path)
     except Exception as error:  # a hostile file may provoke any
         reason = str(error) or type(error).__name__
         print(f"cannot read {path}: {reason}", file=sys.stderr)
         return 2
+    is_qp = isinstance(problem, qpsolvers.Problem)
     try:
-        answer = qpsolvers.solve_problem(problem, solver="nam", **settings)
-    except qpsolvers.exceptions.QPError as error:
+        wrong = ["method"] if is_qp else settings.keys() - set(OF_LCPS)
+        for name in settings.keys() & set(wrong):
+            raise ValueError(f"{name} is no option of {'a QP' if is_qp else 'an LCP'}")
+        if rivals and not is_qp:
+            raise ValueError("--compare is for QPs")
+        if is_qp:
+            result: Any = namlcp.solve_qp(*problem.unpack(), **settings)
+        else:
+            result = namlcp.solve_lcp(*problem, **settings)
+        if as_json:
+            print(json.dumps(record_of(result)))
+        else:
+            describe(result)
+        if output is not None:
+            arrays: Any = arrays_of(result)
+            np.savez(output, **arrays, status=result.status.value)
+        if rivals:
+            compare(problem, rivals.split(","), settings)
+    except (TypeError, ValueError, OSError, qpsolvers.exceptions.QPError) as error:
         print(f"{path}: {error}", file=sys.stderr)
         return 2
-    extras, residuals = answer.extras, answer.extras["residuals"]
-    print(f"status     {extras['status']}: {extras['message']}")
-    print(f"form       {extras['form']}, {extras['iterations']} iterations")
-    print(f"objective  {answer.obj:.12g}")
+    return 0 if result.status is namlcp.Status.SOLVED else 1
+
+
+def arrays_of(result: Any) -> dict[str, np.ndarray]:
+    """Return the arrays of a result by name."""
+    names = ("x", "y", "z", "z_box") if hasattr(result, "x") else ("z", "w", "ray")
+    found = {name: getattr(result, name) for name in names}
+    closest = getattr(result, "closest", None)
+    if closest is not None:
+        found["closest"] = closest.x
+    return {name: array for name, array in found.items() if array is not None}
+
+
+def record_of(result: Any) -> dict[str, Any]:
+    """Return a result as an object of JSON; null stands for what is not finite."""
+    is_qp = hasattr(result, "x")
+    numbers = {
+        "iterations": result.iterations,
+        "setup_time": result.setup_time,
+        "solve_time": result.solve_time,
+    }
+    if is_qp:
+        numbers |= {"objective": result.obj, **result.residuals._asdict()}
+    else:
+        numbers["residual"] = result.residual
+    arrays = arrays_of(result)
+    return {
+        "status": result.status.value,
+        "message": result.message or result.status.explanation,
+        "method": result.form if is_qp else result.method,
+        **{name: finite(value) for name, value in numbers.items()},
+        **{name: [finite(v) for v in array.tolist()] for name, array in arrays.items()},
+    }
+
+
+def finite(value: float) -> float | None:
+    """Return a number, None where JSON has none."""
+    return value if np.isfinite(value) else None
+
+
+def describe(result: Any) -> None:
+    """Print the outcome for people."""
     print(
-        f"primal residual {residuals.primal:.1e}  dual residual {residuals.dual:.1e}  "
-        f"duality gap {residuals.gap:.1e}"
+        f"status     {result.status.value}: "
+        f"{result.message or result.status.explanation}"
     )
-    print(f"time       {answer.build_time + answer.solve_time:.3g} s")
-    return 0 if answer.found else 1
+    if hasattr(result, "x"):
+        r = result.residuals
+        print(f"method     {result.form}, {result.iterations} iterations")
+        print(f"objective  {result.obj:.12g}")
+        print(
+            f"residuals  primal {r.primal:.1e}, dual {r.dual:.1e}, "
+            f"duality gap {r.gap:.1e}"
+        )
+    else:
+        print(f"method     {result.method}, {result.iterations} iterations")
+        print(f"residual   {result.residual:.1e}")
+    print(f"time       {1e3 * (result.setup_time + result.solve_time):.3g} ms")
+    if getattr(result, "closest", None) is not None:
+        print(f"closest    objective {result.closest.obj:.12g}")
+
+
+def show_info() -> int:
+    """Print versions, machine and packages."""
+    blas = np.show_config(mode="dicts")["Build Dependencies"]["blas"]  # type: ignore
+    print(f"namlcp {namlcp.__version__}, {Path(namlcp.__file__).parent}")
+    print(f"Python {platform.python_version()} on {platform.platform()}")
+    print(f"{os.cpu_count()} cores, BLAS: {blas['name']} {blas.get('version', '')}")
+    for package in PACKAGES:
+        try:
+            print(f"  {package} {version(package)}")
+        except PackageNotFoundError:
+            print(f"  {package} is not installed")
+    return 0
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the fields of `Options`."""
+    for field in fields(Options):
+        name = f"--{field.name.replace('_', '-')}"
+        if isinstance(field.default, bool):
+            parser.add_argument(name, action="store_true", default=None)
+        elif isinstance(field.default, str):
+            parser.add_argument(name, choices=[*RELAXATIONS])
+        else:
+            kind = type(field.default)
+            parser.add_argument(name, type=kind, metavar=kind.__name__.upper())
+
+
+def parser_of_arguments() -> argparse.ArgumentParser:
+    """Return the parser of the command line."""
+    parser = argparse.ArgumentParser(prog="namlcp", description=__doc__)
+    title = f"namlcp {namlcp.__version__}"
+    parser.add_argument("--version", action="version", version=title)
+    commands = parser.add_subparsers(dest="command", metavar="solve | example | info")
+    solve = commands.add_parser("solve", help="solve a problem file", epilog=FILES)
+    solve.add_argument("file", metavar="FILE")
+    add_options(solve)
+    solve.add_argument("--method", help="of an LCP, as for solve_lcp")
+    solve.add_argument("--json", action="store_true", help="print one JSON object")
+    solve.add_argument("--output", metavar="FILE.npz", help="save the arrays")
+    solve.add_argument("--compare", metavar="NAMES", help="e.g. osqp,piqp")
+    example = commands.add_parser("example", help=f"one of {', '.join(EXAMPLES)}")
+    example.add_argument("name", choices=EXAMPLES, metavar="NAME")
+    example.add_argument("--picture", metavar="FILE", help="draw it into this file")
+    example.add_argument("--source", action="store_true", help="print its code")
+    commands.add_parser("info", help="versions and machine")
+    return parser
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; return the exit status."""
-    parser = argparse.ArgumentParser(prog="python -m namlcp", description=__doc__)
-    version = f"namlcp {namlcp.__version__}"
-    parser.add_argument("--version", action="version", version=version)
-    parser.add_argument("file", nargs="?", help="a .npz or .mat problem, or an example")
-    parser.add_argument("--eps-abs", type=float, help="absolute tolerance")
-    parser.add_argument("--time-limit", type=float, help="limit [s]")
-    parser.add_argument("--verbose", action="store_true", help="print the progress")
-    parser.add_argument("--warmup", action="store_true", help="does nothing")
-    parser.add_argument("--picture", help="draw an example into this file")
-    given = vars(parser.parse_args(arguments))
-    path, warmup = given.pop("file"), given.pop("warmup")
-    picture = given.pop("picture")
-    if path in EXAMPLES:
-        return show_example(path, picture)
-    if picture is not None:
-        parser.error(f"--picture is for an example: {', '.join(EXAMPLES)}")
-    if warmup:
-        if path is not None:
-            parser.error(f"--warmup is for no file, got {path}")
-        print("nothing to do: namlcp is compiled when it is installed")
-        return 0
-    if path is None:
+    args = vars(parser_of_arguments().parse_args(arguments))
+    command = args.pop("command")
+    if command is None:
         return demonstrate()
-    return solve_file(path, {k: v for k, v in given.items() if v is not None})
+    if command == "info":
+        return show_info()
+    if command == "solve":
+        return solve_file(args.pop("file"), args)
+    if args["source"]:
+        print(source(args["name"]), end="")
+        return 0
+    return show_example(args["name"], args["picture"])

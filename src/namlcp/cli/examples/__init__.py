@@ -4,4 +4,4 @@ A module has `run`, which solves, prints what came out and returns a record, and
 which draws the record into a figure of matplotlib. `catalogue` lists them by name.
 """
 
-from namlcp.cli.examples.catalogue import EXAMPLES, show_example
+from namlcp.cli.examples.catalogue import EXAMPLES, show_example, source

@@ -1,10 +1,12 @@
 """The examples by name, and what running one means."""
 
+import inspect
+import sys
 from collections.abc import Callable
 from importlib.util import find_spec
 from typing import Any, NamedTuple
 
-from namlcp.cli.examples import discs, frontier, lasso, pendulum
+from namlcp.cli.examples import discs, frontier, lasso, membrane, pendulum, tuning
 
 
 class Example(NamedTuple):
@@ -20,7 +22,14 @@ EXAMPLES = {
     "frontier": Example("an efficient frontier", frontier.run, frontier.draw),
     "lasso": Example("the path of the lasso", lasso.run, lasso.draw),
     "discs": Example("discs that fall, with friction", discs.run, discs.draw),
+    "membrane": Example("a membrane over a ball", membrane.run, membrane.draw),
+    "tuning": Example("a penalty by its gradient", tuning.run, tuning.draw),
 }
+
+
+def source(name: str) -> str:
+    """Return the code of an example."""
+    return inspect.getsource(sys.modules[EXAMPLES[name].run.__module__])
 
 
 def show_example(name: str, picture: str | None) -> int:

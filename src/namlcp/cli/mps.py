@@ -1,0 +1,165 @@
+"""QPs in MPS and QPS files, free or fixed, without blanks in names.
+
+The sections ROWS, COLUMNS, RHS, RANGES, BOUNDS as usual; OBJSENSE; the quadratic part
+1/2 x'Px in QUADOBJ or QSECTION (one triangle of P) or QMATRIX (all of P). The objective
+is minimised: with OBJSENSE MAX its sign is changed. A constant in it is left out.
+"""
+
+from collections.abc import Iterable
+
+import numpy as np
+import qpsolvers
+import scipy.sparse as sp
+
+TRIANGLE, WHOLE = ("QUADOBJ", "QSECTION"), ("QMATRIX",)
+ONE_SIDED = "UP", "LO", "FX"
+WITHOUT_VALUE = {"FR": (-np.inf, np.inf), "MI": (-np.inf, None), "PL": (None, np.inf)}
+
+
+class Model:
+    """What the lines of a file say."""
+
+    def __init__(self) -> None:
+        self.kinds: dict[str, str] = {}  # by row: L, G, E, or N (an objective)
+        self.columns: dict[str, int] = {}
+        self.entries: list[tuple[str, int, float]] = []
+        self.squares: list[tuple[int, int, float]] = []
+        self.sides: dict[str, float] = {}
+        self.ranges: dict[str, float] = {}
+        self.bounds: dict[int, list[float]] = {}
+        self.sign = 1.0
+
+    def read(self, section: str, words: list[str]) -> None:
+        """Take one line of a section."""
+        if section == "ROWS":
+            kind, row = words
+            if kind not in ("N", "L", "G", "E"):
+                raise ValueError(f"row {row} is of the unknown kind {kind}")
+            self.kinds[row] = kind
+        elif section == "COLUMNS":
+            if "'MARKER'" in words:
+                raise ValueError("it has integer variables")
+            column = self.columns.setdefault(words[0], len(self.columns))
+            for row, value in pairs(words[1:]):
+                self.known(row)
+                self.entries.append((row, column, value))
+        elif section in ("RHS", "RANGES"):
+            sides = self.sides if section == "RHS" else self.ranges
+            for row, value in pairs(words[len(words) % 2 :]):
+                sides[self.known(row)] = value
+        elif section == "BOUNDS":
+            self.bound(words)
+        elif section in TRIANGLE + WHOLE:
+            i, j = self.columns[words[0]], self.columns[words[1]]
+            self.squares.append((i, j, float(words[2])))
+            if section in TRIANGLE and i != j:
+                self.squares.append((j, i, float(words[2])))
+        elif section == "OBJSENSE":
+            self.sign = -1.0 if words[0].upper().startswith("MAX") else 1.0
+        else:
+            raise ValueError(f"the section {section} is unknown")
+
+    def known(self, row: str) -> str:
+        """Return the name of a row; raise for an unknown one."""
+        if row not in self.kinds:
+            raise ValueError(f"there is no row {row}")
+        return row
+
+    def bound(self, words: list[str]) -> None:
+        """Take one line of BOUNDS."""
+        kind = words[0]
+        if kind not in ONE_SIDED and kind not in WITHOUT_VALUE:
+            raise ValueError(f"bounds of the kind {kind} are not of a QP")
+        count = 2 if kind in WITHOUT_VALUE else 3
+        name = words[1 if len(words) < count + 1 else 2]  # the set may have no name
+        ends = self.bounds.setdefault(self.columns[name], [0.0, np.inf])
+        if kind in WITHOUT_VALUE:
+            for k, end in enumerate(WITHOUT_VALUE[kind]):
+                ends[k] = ends[k] if end is None else end
+            return
+        value = float(words[-1])
+        if kind != "UP":
+            ends[0] = value
+        elif value < 0.0 == ends[0]:
+            ends[0] = -np.inf  # as other readers take it
+        if kind != "LO":
+            ends[1] = value
+
+    def problem(self) -> qpsolvers.Problem:
+        """Return the QP."""
+        n = len(self.columns)
+        if n == 0:
+            raise ValueError("it has no columns")
+        q = np.zeros(n)
+        objective = next((r for r, kind in self.kinds.items() if kind == "N"), None)
+        rows = [row for row, kind in self.kinds.items() if kind != "N"]
+        place = {row: i for i, row in enumerate(rows)}
+        inside = [(place[row], j, v) for row, j, v in self.entries if row in place]
+        for row, j, v in self.entries:
+            if row == objective:
+                q[j] += v
+        C = matrix(inside, (len(rows), n)).tocsr()
+        low, high = np.array([self.interval(row) for row in rows]).reshape(-1, 2).T
+        equal = low == high
+        above, below = ~equal & np.isfinite(high), ~equal & np.isfinite(low)
+        G, h = (
+            sp.vstack([C[above], -C[below]], "csc"),
+            np.append(high[above], -low[below]),
+        )
+        A, b = C[equal].tocsc(), high[equal]
+        ends = np.array([self.bounds.get(j, [0.0, np.inf]) for j in range(n)])
+        return qpsolvers.Problem(
+            self.sign * matrix(self.squares, (n, n)),
+            self.sign * q,
+            *((G, h) if h.size else (None, None)),
+            *((A, b) if b.size else (None, None)),
+            *ends.T,
+        )
+
+    def interval(self, row: str) -> tuple[float, float]:
+        """Return the two sides of a row."""
+        side, kind = self.sides.get(row, 0.0), self.kinds[row]
+        width = self.ranges.get(row)
+        low = side if kind in "GE" else -np.inf
+        high = side if kind in "LE" else np.inf
+        if width is None:
+            return low, high
+        if kind == "G" or (kind == "E" and width >= 0.0):
+            return low, side + abs(width)
+        return side - abs(width), high
+
+
+def matrix(
+    entries: list[tuple[int, int, float]], shape: tuple[int, int]
+) -> sp.csc_matrix:
+    """Return a matrix by its entries, row, column and value; repeated ones add up."""
+    rows, columns, values = zip(*entries, strict=True) if entries else ((), (), ())
+    return sp.csc_matrix((np.array(values, float), (rows, columns)), shape=shape)
+
+
+def pairs(words: list[str]) -> list[tuple[str, float]]:
+    """Return names and numbers that alternate."""
+    if len(words) % 2:
+        raise ValueError(f"a line has a name without a number: {' '.join(words)}")
+    return [(words[k], float(words[k + 1])) for k in range(0, len(words), 2)]
+
+
+def mps_problem(lines: Iterable[str]) -> qpsolvers.Problem:
+    """Return the QP of the lines of a file."""
+    model, section = Model(), ""
+    for number, line in enumerate(lines, 1):
+        words = line.split()
+        if not words or line.startswith("*"):
+            continue
+        if not line[0].isspace():
+            section = words[0].upper()
+            if section == "ENDATA":
+                break
+            if section == "OBJSENSE" and len(words) > 1:
+                model.read(section, words[1:])
+            continue
+        try:
+            model.read(section, words)
+        except (ValueError, KeyError, IndexError) as error:
+            raise ValueError(f"line {number}: {error}") from None
+    return model.problem()
