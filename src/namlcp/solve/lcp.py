@@ -122,14 +122,9 @@ def solve_lcp(
 
     Notes
     -----
-    Pivoting follows Judice and Pires [1]_, see `namlcp.lcp.pivoting`; Lemke's method
-    Cottle, Pang and Stone [2]_.
-
-    References
-    ----------
-    .. [1] J. J. Judice and F. M. Pires, Computers Ops Res 21 (1994) 587-596.
-    .. [2] R. W. Cottle, J.-S. Pang and R. E. Stone, The Linear Complementarity Problem
-       (1992), section 4.4.
+    Pivoting follows Judice and Pires (Computers Ops Res 21, 1994, 587-596), see
+    `namlcp.lcp.pivoting`; Lemke's method Cottle, Pang and Stone (The Linear
+    Complementarity Problem, 1992, section 4.4).
 
     Examples
     --------
