@@ -16,6 +16,7 @@ from namlcp import layers
 from namlcp.lcp import Prepared
 from namlcp.many import solve_many
 from namlcp.options import Options, Relaxation
+from namlcp.qp import NotConvex, OtherShape
 from namlcp.qpsolvers import register
 from namlcp.residuals import Residuals, natural_residual, qp_residuals
 from namlcp.results import BatchResult, ClosestPoint, LCPResult, QPResult
@@ -31,7 +32,9 @@ __all__ = [
     "BatchResult",
     "ClosestPoint",
     "LCPResult",
+    "NotConvex",
     "Options",
+    "OtherShape",
     "Prepared",
     "QPResult",
     "Relaxation",

@@ -21,7 +21,18 @@ MULTIGRID_ORDER = 50_000
 
 
 class NotConvex(ValueError):
-    """P is not positive semidefinite."""
+    """P is not positive semidefinite: the QP is not convex.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import namlcp
+    >>> try:
+    ...     namlcp.solve_qp(-np.eye(1), np.zeros(1))
+    ... except namlcp.NotConvex as error:
+    ...     print(error)
+    P must be positive semidefinite: its diagonal entry 0 is negative
+    """
 
 
 def check_convex(P: Any) -> None:

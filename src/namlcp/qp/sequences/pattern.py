@@ -12,7 +12,19 @@ from namlcp.qp.memory import are_equal, is_same
 
 
 class OtherShape(ValueError):
-    """A matrix has another shape or other places of entries than before."""
+    """A matrix has another shape or other places of entries than before.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import namlcp
+    >>> solver = namlcp.Solver(np.eye(2), np.zeros(2))
+    >>> try:
+    ...     solver.update(P=np.eye(3))
+    ... except namlcp.OtherShape:
+    ...     print("make another Solver")
+    make another Solver
+    """
 
 
 def is_unchanged(new: Any, old: Any) -> bool:
