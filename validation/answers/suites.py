@@ -185,7 +185,7 @@ def infeasible_row(data: Path, name: str) -> Row:
 
 def linear_program(path: Path) -> dict[str, Any]:
     """Read min c'x, A x = b, h_l <= G x <= h_u, x_l <= x <= x_u."""
-    mat = scipy.io.loadmat(path)
+    mat = scipy.io.loadmat(path, spmatrix=True)
     c, b, low, high, lb, ub = (
         mat[k].ravel().astype(float) for k in ("c", "b", "h_l", "h_u", "x_l", "x_u")
     )

@@ -98,7 +98,8 @@ def maros_problem(data: Path, name: str, dense: bool) -> Problem:
     Rows of C with equal sides become A x = b, every other finite side a row of
     G x <= h, upper sides first; bounds that are all infinite become None.
     """
-    mat = scipy.io.loadmat(data_folder.require(data / "maros_meszaros" / f"{name}.mat"))
+    path = data_folder.require(data / "maros_meszaros" / f"{name}.mat")
+    mat = scipy.io.loadmat(path, spmatrix=True)
     q = mat["q"].ravel().astype(float)
     n = q.size
     lower, upper = mat["l"].ravel().astype(float), mat["u"].ravel().astype(float)

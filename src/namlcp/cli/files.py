@@ -108,7 +108,7 @@ def read_mat(path: str) -> dict[str, Any]:
     for name in MAT_NAMES:
         if found[name][1] in ("cell", "struct", "object", "char", "function", "opaque"):
             raise ValueError(f"{name} must hold real numbers, got a {found[name][1]}")
-    data = loadmat(path, variable_names=MAT_NAMES)
+    data = loadmat(path, variable_names=MAT_NAMES, spmatrix=False)
     for name in MAT_NAMES:
         refuse_kind(name, data[name].dtype)
         if sp.issparse(data[name]):
