@@ -1,4 +1,4 @@
-"""Linear complementarity problems and convex quadratic programs, solved exactly.
+"""Linear complementarity problems and convex quadratic programs, to rounding error.
 
 ``solve_lcp(A, q)`` finds z >= 0 with w = A z + q >= 0 and z'w = 0, or solves an LCP
 with bounds; ``solve_qp(P, q, G, h, A, b, lb, ub)`` solves a convex QP. ``converges``
@@ -6,7 +6,8 @@ and ``is_h_plus`` tell on which matrices the sweep methods converge. Importing t
 package makes ``solver="nam"`` known to qpsolvers; ``namlcp.cvxpy`` is for CVXPY,
 ``namlcp.jax``, ``namlcp.torch`` and ``namlcp.cvxpylayers`` are for learning.
 
-src/README.md in the repository is the map of the source code.
+The documentation is in docs/ of the repository, a map of the source code in
+src/README.md.
 """
 
 from importlib import import_module

@@ -36,13 +36,12 @@ class Options:
         Limit on the iterations of any one loop, >= 1.
     time_limit : float
         Limit on the whole solve [s], > 0; the best point so far is returned. It is
-        checked between iterations, so that one factorisation more may pass; compiling
-        at the first call is not interrupted.
+        checked between iterations, so that one factorisation more may pass.
     verbose : bool
         Print a table of the progress on standard output.
     threads : int
-        Threads that BLAS may use in the solve, >= 1; `namlcp.linalg.threads` tells when
-        more than one help.
+        Threads that BLAS may use in the solve, >= 1. More than one help dense QPs of
+        600 variables and rows or more, on an idle machine.
     infeasible : str or Relaxation
         What comes back if no x is feasible. "certificate": a proof alone. "closest",
         "elastic" or a `Relaxation`: also `QPResult.closest`, the solution of the
@@ -103,7 +102,13 @@ class Options:
     def from_names(cls, settings: Mapping[str, Any]) -> "Options":
         """Return options from a mapping; raise a TypeError for an unknown name.
 
-        The last ones are remembered: checking them takes as long as a tiny QP.
+        The last ones are remembered, so that asking again costs nothing.
+
+        Examples
+        --------
+        >>> import namlcp
+        >>> namlcp.Options.from_names({"max_iter": 50}).max_iter
+        50
         """
         try:
             return remembered(**settings)

@@ -26,9 +26,9 @@ class Prepared:
     """A checked matrix, which `solve_lcp` takes in place of A, for one q after another.
 
     It keeps what depends on A alone, and the last solution that pivoting found: the
-    next solve begins with its face, the unknowns at their bounds, which is often one
-    factorisation from the next solution. So the LCPs before may change the rounding of
-    a solution, and which one is found where there are several.
+    next solve begins with its free unknowns, which is often one factorisation from the
+    next solution. So earlier LCPs may change the rounding of a solution, and which one
+    is found if there are several.
 
     Parameters
     ----------

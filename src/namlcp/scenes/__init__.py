@@ -1,4 +1,4 @@
-"""The problems of the demonstration, which tests and validation use as well.
+"""Contact with friction as LCPs, and the problems of the demonstration.
 
 | module | content |
 |---|---|

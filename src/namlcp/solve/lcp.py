@@ -63,15 +63,17 @@ def solve_lcp(
         method. It solves every LCP with a P-matrix or a positive semidefinite matrix
         (z'A z >= 0, symmetric or not), as far as rounding allows. For other matrices,
         as of contact with friction, games and circuits, it has the methods of
-        `namlcp.lcp.general`; with a copositive matrix (z'A z >= 0 for z >= 0) and the
-        usual q they find a solution, elsewhere as a rule. With a LinearOperator
-        it is MPRGP, see `namlcp.lcp.mprgp`; no other method takes one.
+        `namlcp.lcp.general`: they find a solution if A is copositive (z'A z >= 0 for
+        z >= 0) and q'v >= 0 wherever v >= 0, A v >= 0 and v'A v = 0, as of contact
+        with friction; elsewhere in most cases. With a LinearOperator it is MPRGP, see
+        `namlcp.lcp.mprgp`; no other method takes one.
         "multigrid" means multigrid cycles alone, for matrices like those of
         differential equations, see `namlcp.lcp.multigrid`; "auto" tries them from order
         10^4 on. "lemke" means Lemke's method alone, with a dense tableau, for n up to
         5000; which matrices it suits, and what its rays prove, says
         `namlcp.lcp.general.lemke`. Otherwise the name of a sweep method:
-        `namlcp.lcp.modulus.methods`.
+        `namlcp.lcp.modulus.methods`. Of these, "pgs" takes less time than "auto" on
+        strongly dominant matrices.
     diagonal : (n,) array
         diag(A) of a LinearOperator, to scale the problem; it is not scaled without.
     alpha, beta : float
