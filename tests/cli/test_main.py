@@ -72,24 +72,21 @@ def test_infeasible_file_says_so(tmp_path, capsys):
     assert "primal_infeasible" in capsys.readouterr().out
 
 
-QPS = """NAME HS21 with a range
-* minimise 0.01 x^2 + y^2
+QPS = """NAME HS21, minimise 0.01 x^2 + y^2, its row with a range
 ROWS
  N cost
  G row
- L never
 COLUMNS
     x cost 0.0 row 10.0
-    y row -1.0 never 1.0
+    y row -1.0
 RHS
-    rhs row 10.0 never 5.0
+    rhs row 10.0
 RANGES
     range row 500.0
 BOUNDS
  LO set x 2.0
  UP set x 50.0
  MI set y
- UP set y 50.0
 QUADOBJ
     x x 0.02
     y y 2.0
@@ -97,39 +94,32 @@ ENDATA
 """
 
 
-@pytest.mark.parametrize("packed", [False, True])
-def test_qps_file(tmp_path, capsys, packed):
-    """The same problem; its row and range are two inequalities."""
-    path = tmp_path / ("HS21.qps.gz" if packed else "HS21.qps")
-    path.write_bytes(gzip.compress(QPS.encode()) if packed else QPS.encode())
-    output = tmp_path / "x.npz"
+def test_qps_file(tmp_path, capsys):
+    path, output = tmp_path / "HS21.qps.gz", tmp_path / "x.npz"
+    path.write_bytes(gzip.compress(QPS.encode()))
+    rows = files.read_problem(str(path)).G.toarray().tolist()
+    assert rows == [[10.0, -1.0], [-10.0, 1.0]]
     assert main(["solve", str(path), "--json", "--output", str(output)]) == 0
     record = json.loads(capsys.readouterr().out)
     assert record["status"] == "solved"
     assert record["objective"] == pytest.approx(0.04, abs=1e-12)
     assert np.load(output)["x"].tolist() == record["x"]
-    assert record["x"] == pytest.approx([2.0, 0.0])
-    assert files.read_problem(str(path)).G.toarray().tolist() == [
-        [10.0, -1.0], [0.0, 1.0], [-10.0, 1.0],
-    ]  # fmt: skip
     assert main(["solve", str(path), "--compare", "nam"]) == 0
     table = capsys.readouterr().out.splitlines()
     assert [line.split()[:2] for line in table[-2:]] == [["nam", "yes"]] * 2
-    assert main(["solve", str(path), "--compare", "nobody"]) == 2
-    assert main(["solve", str(path), "--method", "pgs"]) == 2
-    assert "nobody is not installed" in capsys.readouterr().err
+    for option in (["--compare", "nobody"], ["--method", "pgs"]):
+        assert main(["solve", str(path), *option]) == 2
 
 
 @pytest.mark.parametrize(
     ("line", "instead", "word"),
     [
-        ("    x cost 0.0 row 10.0", "    x cost 0.0 row", "line 8: a line has a name"),
-        ("    x cost 0.0 row 10.0", "    x other 1.0", "line 8: there is no row other"),
-        (" LO set x 2.0", " BV set x", "line 15: bounds of the kind BV"),
-        (" G row", " H row", "line 5: row row is of the unknown kind H"),
-        ("    x x 0.02", "    x x much", "line 20: could not convert"),
-        ("RANGES", "SOS", "line 13: the section SOS is unknown"),
-        ("    y row -1.0", "    M 'MARKER' 'INTORG'", "integer variables"),
+        (" x cost 0.0 row 10.0", " x cost 0.0 row", "line 6: a line has a name"),
+        (" x cost 0.0 row 10.0", " x other 1.0", "line 6: there is no row other"),
+        (" LO set x 2.0", " BV set x", "line 13: bounds of the kind BV"),
+        (" G row", " H row", "line 4: row row is of the unknown kind H"),
+        (" x x 0.02", " x x much", "line 17: could not convert"),
+        (" y row -1.0", " M 'MARKER' 'INTORG'", "integer variables"),
     ],
 )
 def test_bad_qps_lines_are_named(tmp_path, capsys, line, instead, word):
@@ -146,15 +136,8 @@ def test_lcp_file(tmp_path, capsys):
     record = json.loads(capsys.readouterr().out)
     assert record["method"] == "pgs"
     assert record["z"] == pytest.approx([1.0, 2.5])
-    assert main(["solve", str(path)]) == 0
-    assert "residual" in capsys.readouterr().out
     for option in (["--threads", "2"], ["--compare", "osqp"], ["--method", "magic"]):
         assert main(["solve", str(path), *option]) == 2
-
-
-def test_info_names_versions(capsys):
-    assert main(["info"]) == 0
-    assert f"numpy {np.__version__}" in capsys.readouterr().out
 
 
 def npz(path, **parts):
