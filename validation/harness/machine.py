@@ -14,8 +14,8 @@ import qpsolvers
 from validation.harness import quiet
 
 PACKAGES = {"nam": "namlcp", "proxqp": "proxsuite", "highs": "highspy"}
-OWN_INTERFACES = ("nam", "moreau")
-"""Solvers that qpsolvers does not know, or only once their package is imported."""
+OWN_INTERFACES = {"nam": "namlcp", "moreau": "moreau"}
+"""Packages of solvers that qpsolvers does not know, or only once it is imported."""
 THREADS = ("OMP", "OPENBLAS", "MKL", "NUMEXPR", "RAYON")
 """Libraries whose threads an environment variable limits."""
 
@@ -73,18 +73,20 @@ def cpu_name() -> str:
     return names[0] if names else platform.processor()
 
 
-def installed(solvers: Iterable[str]) -> list[str]:
+def installed(
+    solvers: Iterable[str], packages: dict[str, str] | None = None
+) -> list[str]:
     """Return the solvers, known by their first words, that can run here.
 
-    Names the others.
+    Names the others. `packages` are those of solvers that qpsolvers does not know.
     """
+    packages = OWN_INTERFACES | (packages or {})
     found = []
     for solver in solvers:
         name = solver.split()[0]
         here = name in qpsolvers.available_solvers
-        if name in OWN_INTERFACES:
-            package = PACKAGES.get(name, name)
-            here = importlib.util.find_spec(package) is not None
+        if name in packages:
+            here = importlib.util.find_spec(packages[name]) is not None
         if here:
             found.append(solver)
         else:

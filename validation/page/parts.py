@@ -47,24 +47,21 @@ MAROS_PEERS = "clarabel osqp proxqp"
 
 PARTS = {
     "maros-meszaros": part("The Maros-Meszaros collection", 300.0, """
-        peers.maros_meszaros run --data {data} --csv {results}/maros-meszaros.csv \
-        --solvers nam piqp
-        peers.maros_meszaros table --data {data} --csv {results}/maros-meszaros.csv \
+        peers.maros_meszaros --data {data} --csv {results}/maros-meszaros.csv --go-on \
         --solvers nam piqp
     """, grown="maros-meszaros.csv", settled=MAROS_PEERS),
     "classes": part("The OSQP paper's classes", 235.0, """
-        peers.classes --csv {results}/classes.csv
+        peers.classes --csv {results}/classes.csv --go-on
     """, grown="classes.csv"),
     "infeasible": part("Infeasible and unbounded QPs", 465.0, """
-        peers.infeasible --data {data} --csv {results}/infeasible.csv --go-on --limit 5
+        peers.infeasible --data {data} --csv {results}/infeasible.csv --go-on
     """, grown="infeasible.csv"),
     "cvxpy": part("Models in CVXPY", 500.0, """
         applications.cvxpy_models --csv {results}/cvxpy-models.csv
         applications.cvxpy_resolve --csv {results}/cvxpy-resolve.csv
     """),
     "benchmark": part("MPC, contact and small QPs", 1100.0, """
-        peers.benchmark --data {data} --csv {results}/benchmark.csv --go-on \
-        --set mpc contact small strict
+        peers.benchmark --data {data} --csv {results}/benchmark.csv --go-on
     """, grown="benchmark.csv"),
     "repeated": part("Many QPs alike: sequences, small calls, batches", 1140.0, """
         repeated.sequences run {quick} --csv {results}/sequences.csv
@@ -85,10 +82,10 @@ PARTS = {
         general.stepping plot --csv {results}/time-stepping.csv --figures {figures}
     """, "general-lcps.svg time-stepping.png", 120.0, "general-lcps.csv"),
     "generalisation": part("Problems that nothing was tuned on", 360.0, """
-        peers.generalisation --data {data} --csv {results}/generalisation-families.csv \
-        --go-on --changes --solvers nam piqp
-        peers.generalisation --data {data} --csv {results}/generalisation.csv \
-        --go-on --families --solvers nam
+        peers.generalisation families --csv {results}/generalisation-families.csv \
+        --go-on --solvers nam piqp
+        peers.generalisation changes --data {data} --csv {results}/generalisation.csv \
+        --go-on --solvers nam
     """, grown="generalisation-families.csv generalisation.csv"),
     "derivatives": part("Derivatives against differences; other packages", 480.0, """
         derivatives.differences {quick} --csv {results}/derivatives.csv
@@ -104,10 +101,11 @@ PARTS = {
         applications.large table --results {results}
     """, "large.svg", grown="large.csv"),
     "work-precision": part("Speed against accuracy", 1000.0, """
-        peers.work_precision run {quick} --data {data} --results {results}
-        peers.work_precision plot {quick} --results {results} --figures {figures}
-    """, "work-precision{-quick}.svg front.svg", 200.0,
-    "work-precision-problems{-quick}.csv"),
+        peers.work_precision run {quick} --data {data} --go-on \
+        --csv {results}/work-precision-problems.csv
+        peers.work_precision plot --csv {results}/work-precision-problems.csv \
+        --figures {figures}
+    """, "work-precision.svg front.svg", 200.0, "work-precision-problems.csv"),
     "oracles": part("Agreement with independent oracles", 600.0, """
         oracles.agreement run {quick} --data {data} --csv {results}/oracles.csv
     """, quick=60.0),
@@ -131,8 +129,7 @@ PARTS = {
         paper.h_plus --results {results}
     """),
     "maros-peers": part("Maros-Meszaros, the other solvers", 2200.0, """
-        peers.maros_meszaros run --data {data} --csv {results}/maros-meszaros.csv
-        peers.maros_meszaros table --data {data} --csv {results}/maros-meszaros.csv
+        peers.maros_meszaros --data {data} --csv {results}/maros-meszaros.csv --go-on
     """, grown="maros-meszaros.csv", settled=MAROS_PEERS),
     "campaign": part("Fuzzed problems, and answers asked for in two ways", 1000.0, """
         stress.campaign run --csv {results}/campaign.csv --seeds 1 2 3

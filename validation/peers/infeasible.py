@@ -13,38 +13,34 @@ with those of its settings that recognise most. What it says is
 The time is the median of repeated calls: processor time, on one thread. For nam also:
 the time on the solvable twin, the iterations, and the residual of the certificate,
 scaled so that it proves -1: the largest |A'y + G'z + z_box|, or |Pd|, |Ad| and (Gd)+,
-or entry of a wrong sign. With --check HiGHS confirms what is true of all cases but
-those too close to call.
+or entry of a wrong sign. Exits with 1 if nam misjudges a case or leaves a proof open.
 """
 
 import sys
 import time
+from collections.abc import Iterator
 
 import numpy as np
 from qpsolvers import Problem, Solution
 
 from validation.harness import (
-    Bench,
     Job,
     Row,
-    cli,
-    csv_files,
     judging,
-    machine,
     processes,
     qp_solvers,
     qps,
     tables,
     timing,
 )
+from validation.harness.suite import Args, Suite
 from validation.problems import infeasible_cases as cases
 
-SOLVERS = ["nam", "osqp", "piqp", "clarabel", "proxqp", "moreau", "qtqp"]
+STEP, QUICK_STEP = 3, 40  # one change of so many of each Maros-Meszaros problem
 COLUMNS = (
     "problem group truth solver eps variables equalities inequalities outcome verdict "
     "runtime cold twin iterations form certificate status"
-).split()
-NUMBERS = "eps variables runtime twin iterations certificate".split()
+)
 RIGHT = {
     "infeasible": ("infeasible",),
     "unbounded": ("unbounded",),
@@ -53,7 +49,6 @@ RIGHT = {
     "not convex": ("undecided", "infeasible", "unbounded"),
 }
 WRONG = ("solved", "inaccurate", "infeasible", "unbounded")
-NEAR = ("nearly feasible", "nearly bounded")  # closer than HiGHS's own tolerance
 
 
 def farkas_residual(problem: Problem, proof: dict[str, np.ndarray]) -> float:
@@ -102,56 +97,71 @@ def outcome(truth: str, said: str) -> str:
     return "misjudged" if said in WRONG else "undecided"
 
 
-def solve(job: Job, problem: Problem, eps: float) -> Row:
+def solve(job: Job, problem: Problem, eps: float, twin: Problem | None) -> Row:
     """Time a solver on a problem and say what it makes of it: the work of a child."""
     settings = qp_solvers.detecting_settings(job.solver, eps, job.limit)
-    job.ready()
-    try:
-        solution, cold, runtime = timing.median_time(
+
+    def timed(problem: Problem) -> tuple[Solution, float, float]:
+        return timing.median_time(
             lambda: qp_solvers.solve(problem, job.solver, **settings),
             time.process_time,
         )
-        said, words = judging.verdict(problem, solution, eps)
+
+    row: Row = {"verdict": "undecided"}
+    if twin is not None:
+        row["twin"] = timed(twin)[2]
+    job.ready()
+    try:
+        solution, row["cold"], row["runtime"] = timed(problem)
+        row["verdict"], row["status"] = judging.verdict(problem, solution, eps)
     except Exception as error:
         unbounded = "unbounded below" in str(error)
-        return processes.raised(error) | {
-            "verdict": "unbounded" if unbounded else "undecided"
-        }
-    row = {"verdict": said, "status": words, "runtime": runtime, "cold": cold}
+        row["verdict"] = "unbounded" if unbounded else "undecided"
+        return row | processes.raised(error)
     if job.solver == "nam":
         row["certificate"] = certificate_residual(problem, solution)
         row |= {key: solution.extras[key] for key in ("iterations", "form")}
     return row
 
 
-def case_row(child: Bench, name: str, case: cases.Case) -> Row:
-    """Return the row of one solver on one case."""
-    _, q, _, h, _, b, _, _ = qps.parts(case.problem)
-    row: Row = {"problem": name, "solver": child.solver, "verdict": "undecided"}
-    row |= {"group": case.group, "truth": case.truth, "eps": case.eps}
-    row |= {"variables": q.size, "equalities": b.size, "inequalities": h.size}
-    row |= child.ask(case.problem, case.eps)
-    if child.solver == "nam" and case.twin is not None:
-        row["twin"] = child.ask(case.twin, case.eps).get("runtime")
-    return row | {"outcome": outcome(case.truth, row["verdict"])}
+def requests(args: Args) -> Iterator[Row]:
+    """Yield all cases for one solver, then for the next."""
+    makers = cases.all_cases(args.data, QUICK_STEP if args.quick else STEP)
+    found = {name: case for name, make in makers.items() if (case := make())}
+    for solver in args.solvers:
+        for name, case in found.items():
+            _, q, _, h, _, b, _, _ = qps.parts(case.problem)
+            twin = case.twin if solver == "nam" else None
+            key = {"problem": name, "solver": solver, "eps": case.eps}
+            key |= {"group": case.group, "truth": case.truth, "variables": q.size}
+            yield key | {
+                "equalities": b.size,
+                "inequalities": h.size,
+                "ask": lambda case=case, twin=twin: (case.problem, case.eps, twin),
+            }
 
 
-def print_groups(rows: list[Row]) -> None:
-    """Print outcomes and times of all solvers, group by group."""
+def complete(row: Row) -> Row:
+    """Return a row with what the verdict comes to."""
+    return row | {"outcome": outcome(row["truth"], row.get("verdict", "undecided"))}
+
+
+def markdown(rows: list[Row]) -> str:
+    """Return outcomes and median times [ms] of all solvers, group by group."""
     solvers = tables.distinct(rows, "solver")
-    print("\nrecognised / misjudged / undecided, median time [ms]")
-    print(f"{'group':<28}{'cases':>6}" + "".join(f"{s:>21}" for s in solvers))
+    lines = []
     for group in [*tables.distinct(rows, "group"), None]:
-        here = [row for row in rows if group in (row["group"], None)]
-        text = f"{group or 'all':<28}{len(here) // len(solvers):>6}"
+        line = [group or "all"]
         for solver in solvers:
-            own = tables.chosen(here, solver=solver)
+            own = [r for r in tables.chosen(rows, solver=solver)
+                   if group in (r["group"], None)]  # fmt: skip
             words = "recognised", "misjudged", "undecided"
-            count = [sum(row["outcome"] == word for row in own) for word in words]
-            times = [row["runtime"] for row in own if row["runtime"] > 0.0]
-            middle = 1e3 * float(np.median(times)) if times else np.nan
-            text += f"{'/'.join(map(str, count)):>12}{middle:>9.2f}"
-        print(text)
+            count = [len(tables.chosen(own, outcome=word)) for word in words]
+            times = [float(row["runtime"]) for row in own if row["runtime"]]
+            middle = f", {1e3 * np.median(times):.2f}" if times else ""
+            line.append("/".join(map(str, count)) + middle)
+        lines.append(line)
+    return tables.markdown(("recognised/misjudged/undecided", *solvers), lines)
 
 
 def is_failure(row: Row) -> bool:
@@ -185,51 +195,21 @@ def print_own(rows: list[Row]) -> None:
             print(f"{row['outcome']}: {row['problem']} ({row['status']})")
 
 
-def check(found: dict[str, cases.Case]) -> int:
-    """Compare what is said to be true with HiGHS; return the number of differences."""
-    wrong = 0
-    for name, case in found.items():
-        if case.group in (*NEAR, "treacherous", "not convex"):
-            continue
-        feasible = cases.is_feasible(case.problem)
-        descends = cases.is_unbounded(case.problem)
-        agrees = {
-            "infeasible": feasible is False and not descends,
-            "unbounded": feasible is True and descends is True,
-            "both": feasible is False and descends is True,
-            "feasible": feasible is True and not descends,
-        }[case.truth]
-        if not agrees:
-            wrong += 1
-            print(f"{name}: {case.truth}, HiGHS: {feasible}, {descends}")
-    print(f"{wrong} cases where HiGHS says otherwise, or nothing")
-    return wrong
-
-
-@cli.needs_data
-def main(arguments: list[str] | None = None) -> int:
-    """Run all cases; return 1 if nam misjudges one or leaves a proof open."""
-    parser = cli.parser(__doc__, "data", "limit", "csv", "go-on", solvers=SOLVERS)
-    parser.add_argument("--step", type=int, default=3, help="1: every change of every")
-    parser.add_argument("--check", action="store_true", help="ask HiGHS, then stop")
-    args = parser.parse_args(arguments)
-    makers = cases.all_cases(args.data, args.step)
-    found = {name: case for name, make in makers.items() if (case := make())}
-    if args.check:
-        return int(check(found) > 0)
-    solvers = machine.installed(args.solvers)
-    header, keys = cli.begin(solvers), ("problem", "solver")
-    with csv_files.growing(args.csv, header, COLUMNS, keys, args.go_on) as file:
-        for solver in solvers:
-            with Bench(solve, solver, args.limit) as child:
-                for name, case in found.items():
-                    if not file.has(name, solver):
-                        file.add(case_row(child, name, case))
-    rows = [csv_files.with_numbers(row, NUMBERS) for row in file.rows]
-    print_groups(rows)
-    print_own(rows)
-    return int(any(is_failure(row) for row in tables.chosen(rows, solver="nam")))
-
+SUITE = Suite(
+    name="infeasible",
+    doc=__doc__,
+    requests=requests,
+    work=solve,
+    complete=complete,
+    columns=COLUMNS,
+    keys="problem solver",
+    solvers=("nam", "osqp", "piqp", "clarabel", "proxqp", "moreau", "qtqp"),
+    limit=5.0,
+    shown="problem:30 solver outcome runtime status:30",
+    table=markdown,
+    failed=lambda rows: any(map(is_failure, tables.chosen(rows, solver="nam"))),
+)
+main = SUITE.main
 
 if __name__ == "__main__":
     sys.exit(main())

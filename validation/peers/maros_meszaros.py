@@ -1,104 +1,49 @@
 """The whole Maros-Meszaros set: success, time and accuracy beside the peers.
 
-`run` measures as benchmark does, one problem after the other with every solver in
-turn, and writes a row at once; it goes on where an earlier run of the same file has
-stopped. With a larger --limit only what was late under the smaller one is run again.
-`table` prints the tables of every limit in Markdown.
+Measured as in `benchmark`, one problem after the other with every solver in turn.
 
 The shifted geometric mean is qpbenchmark's: exp(mean(log(t + 10 s))) - 10 s over all
 problems, with the time limit for t where a problem is not solved.
 """
 
-import argparse
 import sys
-from collections import Counter
+from collections.abc import Iterator
 from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from validation.harness import (
-    LATE,
-    Row,
-    cli,
-    csv_files,
-    judging,
-    machine,
-    processes,
-    tables,
-    timing,
-)
-from validation.peers.runs import (
-    COLUMNS,
-    failure_text,
-    late_ones,
-    measure,
-    read_rows,
-    run_problem,
-)
+from validation.harness import Row, csv_files, judging, tables, timing
+from validation.harness.suite import Args, Late, Suite
+from validation.peers import runs
+from validation.peers.runs import failure_text
 from validation.problems import data_sets
 
-PEERS = ["nam", "piqp", "clarabel", "proxqp", "osqp"]
-TOLERANCES = [1e-3, 1e-6, 1e-9]
+LIMIT = 10.0  # [s]
 SUMMARY = (
     "solver,solved,shifted mean [s],over the best,nam/solver (both),median error,wrong"
 ).split(",")
 SHIFT = 10.0  # [s]
 WRONG = 10.0  # a "found" with a residual above so many tolerances is a lie
 CLASSES = (0.0, 1e-3, 1e-2, 1e-1, np.inf)  # [s] of the peer's time
-SUBSETS = {
-    "all": lambda row: True,
-    "strictly convex": lambda row: row["def"] == "pd",
-    "dense": lambda row: row["subset"] == "dense_subset",
-    "sparse": lambda row: row["subset"] == "sparse_subset",
-}
-"""Which rows of index.csv belong to a subset."""
+
+
+def requests(args: Args) -> Iterator[Row]:
+    """Yield all problems at the loosest tolerance, then at the next."""
+    names = data_sets.set_names(args.data, "all")[:: 10 if args.quick else 1]
+    for eps in sorted(args.eps, reverse=True):
+        for name in names:
+            key = {"limit": args.limit, "set": "all", "problem": name, "eps": eps}
+            yield from (key | {"solver": solver} for solver in args.solvers)
 
 
 def read_results(file: Path) -> list[Row]:
-    """Return the rows written so far, with numbers for limits and residuals."""
-    rows = read_rows(file)
+    """Return the rows under LIMIT, with numbers for limits and residuals."""
+    columns = ("limit", *judging.RESIDUALS)
+    rows = [csv_files.with_numbers(row, columns) for row in runs.read_rows(file)]
     for row in rows:
-        row["limit"], row["found"] = float(row["limit"]), row["found"] == "True"
-        for name in judging.RESIDUALS:
-            row[name] = float(row[name] or "nan")
-    return rows
-
-
-def run(args: argparse.Namespace) -> None:
-    """Measure what the CSV file does not have yet."""
-    solvers = machine.installed(args.solvers)
-    known = read_results(args.csv)
-    done = {
-        (row["problem"], row["solver"], row["eps"])
-        for row in known
-        if row["limit"] == args.limit
-        or (row["limit"] < args.limit and row["status"] not in LATE)
-    }
-    enough = [row for row in known if row["limit"] >= args.limit]
-    slow = {solver: late_ones(enough, "all", solver) for solver in solvers}
-    names = args.only or data_sets.set_names(args.data, "all")
-    header = cli.begin(machine.installed(PEERS))  # others may come into the file later
-    with (
-        csv_files.writer(args.csv, header, ["limit", *COLUMNS], append=True) as write,
-        processes.benches(measure, solvers, args.limit, args.data) as children,
-    ):
-        for eps in sorted(args.eps, reverse=True):
-            for name in names:
-                for solver, child in children.items():
-                    if (name, solver, eps) in done:
-                        continue
-                    row = run_problem(child, "all", name, eps, slow[solver])
-                    write(row | {"limit": args.limit})
-
-
-def at_limit(rows: list[Row], limit: float) -> list[Row]:
-    """Return, of each run, the row under the largest limit up to this one."""
-    last: dict[tuple[str, str, float], Row] = {}
-    for row in sorted(rows, key=lambda row: row["limit"]):
-        if row["limit"] <= limit:
-            last[row["problem"], row["solver"], row["eps"]] = row
-    return list(last.values())
+        row["found"] = row["found"] == "True"
+    return [row for row in rows if row["limit"] == LIMIT]
 
 
 def shifted_mean(rows: list[Row], limit: float) -> float:
@@ -158,16 +103,16 @@ def summary(rows: list[Row], limit: float, total: int) -> list[list[str]]:
     return lines
 
 
-def markdown(rows: list[Row], limit: float = SHIFT) -> str:
+def markdown(rows: list[Row]) -> str:
     """Return the tables of the whole collection, and what namlcp misses."""
-    known, total = at_limit(rows, limit), len(tables.distinct(rows, "problem"))
     lines, missed = [], []
-    for eps in sorted(tables.distinct(known, "eps"), reverse=True):
-        own, name = tables.chosen(known, eps=eps), tables.power_of_ten(eps)
-        lines += [[name, *line] for line in summary(own, limit, total)]
+    for eps in sorted(tables.distinct(rows, "eps"), reverse=True):
+        own, name = tables.chosen(rows, eps=eps), tables.power_of_ten(eps)
+        total = len(tables.distinct(own, "problem"))
+        lines += [[name, *line] for line in summary(own, LIMIT, total)]
         missed.append(f"Missed by namlcp at {name}: {failures(own)}.")
     every = tables.markdown(("eps", *SUMMARY), lines)
-    return "\n\n".join([every, by_time(tables.chosen(known, eps=1e-6)), *missed])
+    return "\n\n".join([every, by_time(tables.chosen(rows, eps=1e-6)), *missed])
 
 
 def by_time(rows: list[Row], peer: str = "piqp") -> str:
@@ -190,56 +135,21 @@ def failures(rows: list[Row]) -> str:
     return "; ".join(failure_text(row) for row in failed)
 
 
-def print_failures(rows: list[Row]) -> None:
-    """Print what we miss, what is wrong, and the forms that solved it."""
-    print(f"\nnam fails: {failures(rows)}")
-    wrong = [row for row in rows if is_wrong(row)]
-    if wrong:
-        names = (f"{row['solver']} {row['problem']}" for row in wrong)
-        print("\nfound, but tenfold off: " + "; ".join(names))
-    solved = tables.chosen(rows, solver="nam", success=True)
-    forms = Counter(row["form"] for row in solved)
-    parts = (f"{form} {count}" for form, count in forms.most_common())
-    print("\nforms that solved it: " + ", ".join(parts))
-
-
-def print_tables(data: Path, rows: list[Row]) -> None:
-    """Print all tables, limit by limit and tolerance by tolerance."""
-    index = data_sets.maros_index(data, "all")
-    for limit in sorted({row["limit"] for row in rows}):
-        known = at_limit(rows, limit)
-        for eps in sorted({row["eps"] for row in known}, reverse=True):
-            for subset, belongs in SUBSETS.items():
-                names = {name for name, row in index.items() if belongs(row)}
-                own = [r for r in known if r["eps"] == eps and r["problem"] in names]
-                print(f"\n{subset}, eps {eps:.0e}, {limit:g} s")
-                lines = summary(own, limit, len(names))
-                print("\n" + tables.markdown(SUMMARY, lines))
-            own = tables.chosen(known, eps=eps)
-            print("\n" + by_time(own))
-            print_failures(own)
-
-
-@cli.needs_data
-def main(arguments: list[str] | None = None) -> int:
-    """Run or tabulate."""
-    parser = cli.parser(__doc__)
-    commands = parser.add_subparsers(dest="command", required=True)
-    for name in ("run", "table"):
-        command = commands.add_parser(name)
-        cli.add_usual(command, data=..., csv=..., solvers=PEERS)
-        if name == "run":
-            cli.add_usual(command, "limit", eps=TOLERANCES)
-            command.add_argument("--only", nargs="+", help="names of problems")
-    args = parser.parse_args(arguments)
-    data_sets.set_names(args.data, "all")
-    if args.command == "run":
-        run(args)
-    else:
-        rows = read_results(args.csv)
-        print_tables(args.data, [row for row in rows if row["solver"] in args.solvers])
-    return 0
-
+SUITE = Suite(
+    name="maros-meszaros",
+    doc=__doc__,
+    requests=requests,
+    work=runs.measure,
+    columns=f"limit {runs.COLUMNS}",
+    solvers=("nam", "piqp", "clarabel", "proxqp", "osqp"),
+    tolerances=(1e-3, 1e-6, 1e-9),
+    limit=LIMIT,
+    late=Late(),
+    needs_data=True,
+    read=read_results,
+    table=markdown,
+)
+main = SUITE.main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,7 +1,6 @@
-"""Runs of QP solvers over sets of problems: rows, one a solve, and tables of them."""
+"""QP solvers on sets of problems: what a child does, and tables of the rows."""
 
-import argparse
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from itertools import product
 from pathlib import Path
 
@@ -9,12 +8,8 @@ import numpy as np
 from qpsolvers import Problem
 
 from validation.harness import (
-    LATE,
-    Bench,
     Job,
     Row,
-    Work,
-    cli,
     csv_files,
     judging,
     processes,
@@ -25,13 +20,11 @@ from validation.harness import (
 )
 from validation.problems import data_sets
 
-COLUMNS = [
-    *"problem set solver eps runtime cold found".split(),
-    *judging.RESIDUALS,
-    *"success status iterations form".split(),
-]
-KEY = ("set", "problem", "solver", "eps")
-PEER_TIMES, PEER_LEAST = 10.0, 1.0  # times of namlcp's, [s]: see limit_beside
+COLUMNS = (
+    "problem set solver eps runtime cold found "
+    + " ".join(judging.RESIDUALS)
+    + " success status iterations form"
+)
 
 
 def measure(
@@ -65,100 +58,13 @@ def measure(
     return row | {"runtime": runtime, "cold": cold}
 
 
-def run_problem(
-    child: Bench, problem_set: str, name: str, eps: float, slow: dict[str, Row]
-) -> Row:
-    """Return the row of one problem; `slow` holds those that ran into the limit.
-
-    They are not tried at tighter tolerances; what runs into it now is added.
-    """
-    if name in slow and float(slow[name]["eps"]) >= eps:
-        return slow[name] | {"eps": eps}
-    row = child.run(problem_set, name, eps)
-    if row["status"] in LATE:
-        slow[name] = row
-    return row
-
-
-def limit_beside(ours: list[float], most: float) -> float:
-    """Return the time limit [s] of a peer where namlcp has taken `ours`, if it solved.
-
-    It is given PEER_TIMES as long, at least PEER_LEAST, and at most `most`: for figures
-    that need no more than that a peer is late.
-    """
-    return min(most, max(PEER_LEAST, PEER_TIMES * min(ours, default=most)))
-
-
-def loosest_first(
-    tolerances: Iterable[float], names: Iterable[str]
-) -> Iterator[tuple[float, str]]:
-    """Return (eps, name) for all names at the loosest tolerance, then at the next.
-
-    What runs into the time limit is then known before it is asked more exactly.
-    """
-    return product(sorted(tolerances, reverse=True), names)
-
-
-def run_all(
-    names: dict[str, list[str]],
-    solvers: Iterable[str],
-    args: argparse.Namespace,
-    work: Work = measure,
-    amend: Callable[[Row], Row] = lambda row: row,
-) -> list[Row]:
-    """Run solvers over the sets of `names`; write each row to args.csv, return all.
-
-    Loose tolerances first: what ran into the time limit is not tried at a tighter one.
-    """
-    header = cli.begin(solvers)
-    with csv_files.growing(args.csv, header, COLUMNS, KEY, args.go_on) as file:
-        for problem_set, own in names.items():
-            for solver in solvers:
-                wanted = [
-                    (eps, name)
-                    for eps, name in loosest_first(args.eps, own)
-                    if not file.has(problem_set, name, solver, eps)
-                ]
-                if not wanted:
-                    continue
-                slow = late_ones(file.rows, problem_set, solver)
-                with Bench(work, solver, args.limit, args.data) as child:
-                    for eps, name in wanted:
-                        row = run_problem(child, problem_set, name, eps, slow)
-                        file.add(amend(row))
-    return typed(file.rows)
-
-
-def late_ones(rows: list[Row], problem_set: str, solver: str) -> dict[str, Row]:
-    """Return, by problem, the loosest row of a solver that ran into the time limit."""
-    own = tables.chosen(rows, set=problem_set, solver=solver)
-    late = [row for row in own if row["status"] in LATE]
-    return {r["problem"]: r for r in sorted(late, key=lambda row: float(row["eps"]))}
-
-
-def typed(rows: list[Row]) -> list[Row]:
-    """Return rows, of a file or just measured, with numbers for what tables need."""
+def read_rows(file: Path) -> list[Row]:
+    """Return the rows of a file, with numbers for what tables need."""
     return [
         csv_files.with_numbers(row, ("eps", "runtime"))
-        | {"success": str(row["success"]) == "True"}
-        for row in rows
+        | {"success": row["success"] == "True"}
+        for row in csv_files.read(file)
     ]
-
-
-def read_rows(file: Path) -> list[Row]:
-    """Return the rows that an earlier run has written."""
-    return typed(csv_files.read(file))
-
-
-def print_tables(rows: list[Row], reference: str = "nam") -> None:
-    """Print success and times of all solvers, and what each of them fails."""
-    print("\n" + markdown(rows, reference) + "\n")
-    for each in tables.distinct(rows, "set", "eps", "solver"):
-        key = dict(zip(("set", "eps", "solver"), each, strict=True))
-        failed = tables.chosen(rows, **key, success=False)
-        if failed:
-            texts = "; ".join(failure_text(row) for row in failed)
-            print("{set}, {eps:.0e}: {solver} fails: ".format(**key) + texts)
 
 
 def markdown(rows: list[Row], reference: str = "nam") -> str:

@@ -1,0 +1,263 @@
+"""A suite: problems, solvers and tolerances as data, and the one way to run them.
+
+A request is a row with the keys of the suite, the solver among them; requests that
+follow each other and differ in the solver alone are one problem. Each solver answers
+in a child process (`processes.Bench`), which a hang or a crash does not survive; what
+ran into the time limit is not asked for more (`Late`). A row is in the CSV file as soon
+as it is known, and with --go-on a run leaves out what the file has.
+"""
+
+import argparse
+import sys
+from collections import defaultdict
+from collections.abc import Callable, Iterable
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from itertools import groupby
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from validation.harness import cli, csv_files, machine, tables
+from validation.harness.csv_files import Growing, Row
+from validation.harness.data_folder import MissingDataError
+from validation.harness.processes import LATE, OURS, Bench, Work
+
+PEER_TIMES, PEER_LEAST = 10.0, 1.0  # times of namlcp's, [s]: see `limit_beside`
+Args = argparse.Namespace
+
+
+class Late(NamedTuple):
+    """What is late is not asked for more.
+
+    A solver that ran into the time limit `times` times is not asked again where the
+    columns `same` are the same and `by` is as hard: a tolerance as small, a size as
+    large. If `copied`, a row says so all the same.
+    """
+
+    by: str = "eps"
+    same: tuple[str, ...] = ("set", "problem")
+    copied: bool = True
+    times: int = 1
+
+    def hardness(self, row: Row) -> float:
+        """Return a number that is larger where more is asked for."""
+        value = float(row[self.by])
+        return -value if self.by == "eps" else value
+
+
+def solved(row: Row) -> bool:
+    """Tell whether a row, of a file or just measured, is a success."""
+    return str(row.get("success")) == "True"
+
+
+def is_ours(solver: str) -> bool:
+    """Tell whether a solver is namlcp, whichever way it is called."""
+    return solver.split()[0] in OURS
+
+
+def limit_beside(ours: list[float], most: float) -> float:
+    """Return the time limit [s] of a peer where namlcp has taken `ours`, if it solved.
+
+    It is given PEER_TIMES as long, at least PEER_LEAST, and at most `most`: for figures
+    that need no more than that a peer is late.
+    """
+    return min(most, max(PEER_LEAST, PEER_TIMES * min(ours, default=most)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Suite:
+    """Problems, solvers and tolerances, what a child does, and what is made of it.
+
+    `requests(args)` yields what is asked, in this order, and may raise a
+    MissingDataError at its end. `about(request)` is said of a problem whoever solves
+    it. The child does `work(job, *values)` with those of the keys but the solver, or
+    with what the entry "ask" of a request returns. `complete` makes of a request and
+    its answer a row of the file, `conclude` of those of all solvers the rows of the
+    problem. `quick` replaces usual options in a quick run. With `beside` a peer has the
+    limit `limit_beside`, with `alone` every request has a process of its own.
+    """
+
+    name: str  # of the CSV file
+    doc: str | None
+    requests: Callable[[Args], Iterable[Row]]
+    work: Work
+    columns: str
+    keys: str = "set problem solver eps"
+    solvers: tuple[str, ...] = ("nam",)
+    packages: dict[str, str] = field(default_factory=dict)  # of other solvers
+    tolerances: tuple[float, ...] = ()
+    limit: float = 10.0  # [s] a request
+    quick: dict[str, Any] = field(default_factory=dict)
+    about: Callable[[Row], Row] | None = None
+    complete: Callable[[Row], Row] | None = None
+    conclude: Callable[[list[Row]], list[Row]] | None = None
+    late: Late | None = None
+    needs_data: bool = False
+    beside: bool = False
+    alone: bool = False
+    success: Callable[[Row], bool] = solved
+    shown: str = ""
+    read: Callable[[Path], list[Row]] = csv_files.read
+    table: Callable[[list[Row]], str] | None = None
+    plot: Callable[[Path, Path], None] | None = None  # from a CSV file into a folder
+    failed: Callable[[list[Row]], bool] | None = None
+
+    def main(self, arguments: list[str] | None = None) -> int:
+        """Run and print the table, or only the table, or draw the figure."""
+        args = self.parsed(arguments)
+        code = self.run(args) if args.task == "run" else 0
+        if args.task == "plot" and self.plot is not None:
+            self.plot(args.csv, args.figures)
+            return 0
+        rows = self.read(args.csv)
+        if self.table is not None and rows:
+            print("\n" + self.table(rows))
+        return code or int(self.failed is not None and self.failed(rows))
+
+    def parsed(self, arguments: list[str] | None) -> Args:
+        """Return what the command line says."""
+        parser = cli.parser(self.doc, "quick", "go-on", "csv", "figures")
+        tasks = ["run", *["table"] * bool(self.table), *["plot"] * bool(self.plot)]
+        parser.add_argument("task", nargs="?", choices=tasks, default="run")
+        parser.add_argument("--data", type=Path, help="the data folder")
+        parser.add_argument("--solvers", nargs="+", choices=self.solvers)
+        parser.add_argument("--eps", nargs="+", type=float, help="tolerances")
+        parser.add_argument("--limit", type=float, help="[s] a request")
+        parser.add_argument("--only", nargs="+", help="names of sets or problems")
+        args = parser.parse_args(arguments)
+        if self.needs_data and args.task == "run" and args.data is None:
+            parser.error("--data is required")
+        usual = {"solvers": self.solvers, "eps": self.tolerances, "limit": self.limit}
+        for name, value in (usual | (self.quick if args.quick else {})).items():
+            if getattr(args, name, None) is None:
+                setattr(args, name, value)
+        stem = self.name + "-quick" * args.quick
+        args.csv = args.csv or cli.RESULTS / f"{stem}.csv"
+        return args
+
+    def run(self, args: Args) -> int:
+        """Measure what the file does not have yet; return MISSING if data are."""
+        wanted = args.solvers
+        args.solvers = machine.installed(wanted, self.packages)
+        header = cli.begin(
+            [self.packages.get(solver, solver) for solver in args.solvers],
+            *machine.not_installed(wanted, args.solvers),
+            f"limit: {args.limit:g} s",
+        )
+        keys, columns = self.keys.split(), self.columns.split()
+        with (
+            csv_files.growing(args.csv, header, columns, keys, args.go_on) as file,
+            ExitStack() as stack,
+        ):
+            try:
+                Run(self, args, file, stack).all()
+            except MissingDataError as error:
+                print(f"{error}; --data must be the folder of validation/README.md")
+                return cli.MISSING
+        return 0
+
+
+class Run:
+    """A suite under way: its child processes, what was late, how fast namlcp was."""
+
+    def __init__(
+        self, suite: Suite, args: Args, file: Growing, stack: ExitStack
+    ) -> None:
+        self.suite, self.args, self.file, self.stack = suite, args, file, stack
+        self.shown = suite.shown or f"{suite.keys} runtime status:30"
+        self.children: dict[str, Bench] = {}
+        self.late: dict[Any, list[Row]] = defaultdict(list)
+        self.ours: dict[Any, list[float]] = defaultdict(list)
+        for row in file.rows:
+            self.note(row)
+
+    def all(self) -> None:
+        """Ask for everything, and write it down."""
+        suite, only = self.suite, self.args.only
+        tables.print_rows([], self.shown)
+        for _, group in groupby(suite.requests(self.args), self.problem):
+            requests = [
+                request
+                for request in group
+                if not only or any(str(value) in only for value in request.values())
+            ]
+            new = [r for r in requests if self.file.key(r) not in self.file.known]
+            if not new or (suite.conclude and len(new) < len(requests)):
+                continue
+            about = suite.about(new[0]) if suite.about else {}
+            found = []
+            for request in new:
+                row = self.answer(request)
+                if row is None:
+                    continue
+                row = about | row
+                if suite.complete:
+                    row = suite.complete(row)
+                self.note(row)
+                found.append(row)
+                if not suite.conclude:
+                    self.keep(row)
+            if suite.conclude and found:
+                for row in suite.conclude(found):
+                    self.keep(row)
+
+    def keep(self, row: Row) -> None:
+        """Write and print a row."""
+        tables.print_row(self.file.add(row), self.shown)
+
+    def problem(self, row: Row) -> tuple[str, ...]:
+        """Return what a row is about, whoever solves it."""
+        return tuple(str(row[key]) for key in self.file.keys if key != "solver")
+
+    def alike(self, row: Row) -> tuple[str, ...]:
+        """Return the solver of a row and what problems alike have the same."""
+        assert self.suite.late is not None
+        return row["solver"], *(str(row[name]) for name in self.suite.late.same)
+
+    def note(self, row: Row) -> None:
+        """Remember that a solver was late, or how long namlcp took."""
+        if self.suite.late and row.get("status") in LATE:
+            self.late[self.alike(row)].append(row)
+        if self.suite.beside and is_ours(row["solver"]) and self.suite.success(row):
+            self.ours[self.problem(row)].append(float(row["runtime"]))
+
+    def answer(self, request: Row) -> Row | None:
+        """Return the row of a request, None where there is none."""
+        suite, solver = self.suite, request["solver"]
+        if suite.late:
+            asked = suite.late.hardness(request)
+            late = [
+                row
+                for row in self.late[self.alike(request)]
+                if suite.late.hardness(row) <= asked
+            ]
+            if len(late) >= suite.late.times:
+                return late[-1] | request if suite.late.copied else None
+        child = self.child(solver)
+        child.limit = self.args.limit
+        if suite.beside and not is_ours(solver):
+            child.limit = limit_beside(self.ours[self.problem(request)], child.limit)
+        if "ask" in request:
+            return request | child.ask(*request["ask"]())
+        names = [key for key in self.file.keys if key != "solver"]
+        return request | child.ask(*(request[name] for name in names))
+
+    def child(self, solver: str) -> Bench:
+        """Return the child process of a solver."""
+        if self.suite.alone and solver in self.children:
+            self.children.pop(solver).stop()
+        if solver not in self.children:
+            args = self.suite.work, solver, self.args.limit, self.args.data
+            self.children[solver] = Bench(*args)
+            self.stack.callback(lambda child=self.children[solver]: child.stop())
+        return self.children[solver]
+
+
+def chosen_by_name(suites: dict[str, Suite]) -> Callable[..., int]:
+    """Return a main function whose first argument names one of several suites."""
+
+    def main(arguments: list[str] | None = None) -> int:
+        name, *rest = sys.argv[1:] if arguments is None else arguments
+        return suites[name].main(rest)
+
+    return main
