@@ -11,36 +11,27 @@ and are asked up to DENSE unknowns; a solver that has run into the limit LATES t
 sizes up to n of a family is not asked for more of them. From DENSE unknowns on there
 are FEW seeds.
 
-`run` writes the CSV seed by seed, so that one cut short has all families and sizes, and
-goes on where it has stopped; `table` prints it as Markdown; `plot` draws time against
-n, with crosses on the upper edge for what was not solved.
+The CSV grows seed by seed, so that one cut short has all families and sizes. The figure
+is time against n, with crosses on the upper edge for what was not solved.
 """
 
-import argparse
 import sys
 import time
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 from matplotlib.ticker import NullFormatter
 
-from validation.harness import (
-    Job,
-    Row,
-    charts,
-    cli,
-    csv_files,
-    processes,
-    tables,
-    timing,
-)
+from validation.harness import Job, Row, charts, csv_files, tables, timing
+from validation.harness.suite import Args, Late, Suite
 from validation.problems.general import families
 
-SOLVERS = ("nam", "lemke", "quantecon", "daqp")
 STYLE = {
     "nam": (charts.BLUE, "o"),
     "lemke": (charts.GREEN, "s"),
@@ -50,18 +41,14 @@ STYLE = {
 FRICTION_SIZES = (80, 200, 500, 1000, 2000, 6000)
 OTHER_SIZES = (10, 20, 50, 100, 200)
 GAME_SIZES = (4, 10, 40, 140, 400)
-QUICK = 2  # sizes of each family with --quick
+QUICK = 2  # sizes of each family, and seeds, with --quick
 RATIO = 1e4  # mass ratio of every third seed of a family with friction
 DENSE = 600  # unknowns up to which dense methods are asked
-FEW = 3  # seeds of larger problems
+SEEDS, FEW = 20, 3  # seeds, and those of larger problems
 LATES = 2  # times over the limit that end a solver's part in a family
 WARM_UP = 10  # unknowns of a problem before the clock runs
-LATE = {"timeout", "time_limit"}
+LIMIT = 10.0  # [s]
 EPS = 1e-9  # times max |q_i|
-KEY = ("family", "n", "seed", "solver")
-COLUMNS = ("family", "n", "seed", "order", "solver", "success", "said", "residual",
-           "runtime")  # fmt: skip
-
 Answer = tuple[str, np.ndarray | None]
 """What a solver says, and z."""
 
@@ -137,8 +124,7 @@ def residual(A: Any, q: np.ndarray, z: np.ndarray | None) -> float:
 def work(job: Job, family: str, n: int, seed: int) -> Row:
     """Return the row of one problem."""
     A, q = make(family, n, seed)
-    row: Row = {"family": family, "n": n, "seed": seed, "order": q.size}
-    row["solver"] = job.solver
+    row: Row = {"order": q.size}
     ASK[job.solver](*make(family, WARM_UP, seed), job.limit)
     job.ready()
     for _ in range(2):
@@ -148,43 +134,23 @@ def work(job: Job, family: str, n: int, seed: int) -> Row:
         if time.perf_counter() - clock > timing.SLOW:
             break
     found = residual(A, q, z)
-    success = said == "solved" and found <= EPS
-    return row | {"success": success, "said": said, "residual": found}
+    row |= {"success": said == "solved" and found <= EPS, "residual": found}
+    return row | {"said": said, "status": "too slow" if said == "time_limit" else said}
 
 
-def requests(args: argparse.Namespace) -> Iterator[Row]:
-    """Yield what is to be measured, in this order: family, n, seed and solver."""
-    for seed in range(args.seeds):
-        for family in args.families:
+def requests(args: Args) -> Iterator[Row]:
+    """Yield all families and sizes of a seed, then of the next."""
+    for seed in range(QUICK if args.quick else SEEDS):
+        for family in families.FAMILIES:
             for n in sizes_of(family)[: QUICK if args.quick else None]:
                 if n <= DENSE or seed < FEW:
                     for solver in args.solvers if n <= DENSE else ["nam"]:
                         yield {"family": family, "n": n, "seed": seed, "solver": solver}
 
 
-def is_late(rows: list[Row], request: Row) -> bool:
-    """Tell whether the solver has been over the limit often enough at such sizes."""
-    own = tables.chosen(rows, family=request["family"], solver=request["solver"])
-    late = [r for r in own if r["said"] in LATE and int(r["n"]) <= request["n"]]
-    return len(late) >= LATES
-
-
-def run(args: argparse.Namespace) -> int:
-    """Measure what is not in the CSV yet."""
-    header = cli.begin(args.solvers)
-    with (
-        csv_files.growing(args.csv, header, COLUMNS, KEY) as file,
-        processes.benches(work, args.solvers, args.limit) as children,
-    ):
-        for request in requests(args):
-            family, n, seed, solver = (request[key] for key in KEY)
-            if file.has(family, n, seed, solver) or is_late(file.rows, request):
-                continue
-            row = request | children[solver].ask(family, n, seed)
-            row.setdefault("said", row.get("status"))
-            file.add(row)
-    print(markdown(csv_files.read(args.csv)))
-    return 0
+def complete(row: Row) -> Row:
+    """Return a row that says what became of it."""
+    return {"said": row["status"]} | row
 
 
 def markdown(rows: list[Row]) -> str:
@@ -207,9 +173,9 @@ def cell(rows: list[Row]) -> str:
     return f"{len(times)}/{len(rows)}{mean}"
 
 
-def plot(args: argparse.Namespace) -> int:
+def plot(results: Path, figures: Path) -> None:
     """Draw time against n, one panel a family; failures are crosses at the top."""
-    rows = csv_files.read(args.csv)
+    rows = csv_files.read(results)
     names = tables.distinct(rows, "family")
     columns = min(5, len(names))
     lines = -(-len(names) // columns)
@@ -218,72 +184,56 @@ def plot(args: argparse.Namespace) -> int:
         layout="constrained", squeeze=False,
     )  # fmt: skip
     for axes, name in zip(panels.flat, names, strict=False):
-        draw_family(axes, tables.chosen(rows, family=name), args.limit)
+        draw_family(axes, tables.chosen(rows, family=name))
         axes.set_title(name)
     for axes in panels.flat[len(names) :]:
         axes.set_axis_off()
-    lines_of = [
+    handles = [
         Line2D([], [], color=colour, marker=marker, label=solver, markersize=3.5)
         for solver, (colour, marker) in STYLE.items()
     ]
-    figure.legend(handles=lines_of, loc="outside upper center", ncols=len(STYLE))
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(STYLE))
     figure.supxlabel("n", fontsize=9.0)
     figure.supylabel("processor time [ms]; crosses: not solved", fontsize=9.0)
-    charts.save(figure, args.figures / "general-lcps.svg")
-    return 0
+    charts.save(figure, figures / "general-lcps.svg")
 
 
-def draw_family(axes: Any, rows: list[Row], limit: float) -> None:
+def draw_family(axes: Axes, rows: list[Row]) -> None:
     """Draw the mean times of all solvers, and a cross for each failure."""
-    for k, (solver, (colour, marker)) in enumerate(STYLE.items()):
-        points = []
+    means = []
+    for k, (solver, (colour, _)) in enumerate(STYLE.items()):
         for n in tables.distinct(rows, "n"):
             own = tables.chosen(rows, solver=solver, n=n)
-            good = [float(row["runtime"]) for row in own if row["success"] == "True"]
-            order = next((int(r["order"]) for r in own if r["order"]), int(n))
+            good = [float(r["runtime"]) for r in tables.chosen(own, success="True")]
+            order = next((r["order"] for r in own if r["order"]), n)
+            if len(good) < len(own):
+                height = 2e3 * LIMIT * 1.6**k
+                axes.plot(int(order), height, "x", color=colour, markersize=4.0)
             if good:
-                points.append((order, 1e3 * timing.geometric_mean(good)))
-            missed = len(own) - len(good)
-            if missed:
-                height = 2e3 * limit * 1.6**k
-                axes.plot(order, height, "x", color=colour, markersize=4.0)
-        if points:
-            axes.plot(*zip(*points, strict=True), marker=marker, color=colour,
-                      markersize=3.5)  # fmt: skip
-    axes.set(xscale="log", yscale="log")
+                mean = timing.geometric_mean(good)
+                means.append({"solver": solver, "order": order, "mean": mean})
+    looks = {s: {"color": c, "marker": m} for s, (c, m) in STYLE.items()}
+    charts.lines(axes, means, "solver", "order", "mean", looks.__getitem__, 1e3)
     axes.xaxis.set_minor_formatter(NullFormatter())
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run, table or plot."""
-    parser = cli.parser(__doc__)
-    commands = parser.add_subparsers(required=True)
-    file = cli.RESULTS / "general-lcps.csv"
-    for name, call in (("run", run), ("table", table), ("plot", plot)):
-        command = commands.add_parser(name)
-        command.set_defaults(call=call)
-        cli.add_usual(command, csv=file, limit=10.0)
-        if name == "plot":
-            cli.add_usual(command, "figures")
-        if name == "run":
-            cli.add_usual(command, "quick")
-            command.add_argument("--seeds", type=int, default=20)
-            for option, known in (
-                ("families", families.FAMILIES),
-                ("solvers", SOLVERS),
-            ):
-                command.add_argument(
-                    f"--{option}", nargs="+", default=list(known), choices=list(known)
-                )
-    args = parser.parse_args(arguments)
-    return int(args.call(args))
-
-
-def table(args: argparse.Namespace) -> int:
-    """Print the table of a CSV."""
-    print(markdown(csv_files.read(args.csv)))
-    return 0
-
+SUITE = Suite(
+    name="general-lcps",
+    doc=__doc__,
+    requests=requests,
+    work=work,
+    complete=complete,
+    columns="family n seed order solver success said residual runtime",
+    keys="family n seed solver",
+    solvers=tuple(ASK),
+    packages={"lemke": "namlcp", "quantecon": "quantecon"},
+    limit=LIMIT,
+    late=Late(by="n", same=("family",), copied=False, times=LATES),
+    shown="family:22 n:6 seed:5 solver:10 runtime said:30",
+    table=markdown,
+    plot=plot,
+)
+main = SUITE.main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,12 +1,13 @@
 """Discs that fall with friction for 300 steps: an LCP each, from the last one or not.
 
-`run` writes a row for every step: unknowns, method, Res over max |q_i|, processor time,
-energy and deepest overlap. `plot` draws them with the last state of one run. The
-scene: `namlcp.scenes.stepping`.
+A row for every step: unknowns, method, Res over max |q_i|, processor time, energy and
+deepest overlap; the figure draws them with the last state of one run. The scene:
+`namlcp.scenes.stepping`. Exits with 1 if a step was not solved.
 """
 
-import argparse
 import sys
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 from matplotlib import pyplot as plt
@@ -14,42 +15,38 @@ from matplotlib.axes import Axes
 from matplotlib.collections import EllipseCollection, LineCollection
 
 from namlcp.scenes.stepping import STEP, FallingDiscs
-from validation.harness import Row, charts, cli, csv_files, tables
+from validation.harness import Job, Row, charts, csv_files, tables
+from validation.harness.suite import Args, Suite
 
 COUNTS = (5, 10, 30, 60)
 QUICK = (5, 10)
 STEPS = 300
 DRAWN = 30  # discs of the run that is drawn
 STARTS = {"last step": (charts.BLUE, "o"), "nothing": (charts.GREY, "x")}
-COLUMNS = ("discs", "start", "step", "n", "status", "method", "residual", "seconds",
-           "energy", "overlap")  # fmt: skip
 
 
-def run(args: argparse.Namespace) -> int:
-    """Let the discs fall; return 1 if a step was not solved."""
-    solved = True
-    header = cli.begin()
-    warm_up = FallingDiscs(QUICK[0])  # compiles
+def work(job: Job, count: int, start: str) -> Row:
+    """Let discs fall; return the rows of all steps."""
+    warm_up = FallingDiscs(QUICK[0])
     for _ in range(STEPS):
         warm_up.step()
-    with csv_files.writer(args.csv, header, COLUMNS) as write:
-        for count in QUICK if args.quick else COUNTS:
-            for start in STARTS:
-                discs = FallingDiscs(count, warm=start == "last step")
-                for step in range(STEPS):
-                    record = discs.step()
-                    row: Row = {"discs": count, "start": start, "step": step}
-                    said = record.status.value
-                    write(row | record._asdict() | {"status": said})
-                    solved &= said == "solved"
-            print(f"{count} discs", flush=True)
-    return int(not solved)
+    job.ready()
+    discs = FallingDiscs(count, warm=start == "last step")
+    records = [discs.step()._asdict() for _ in range(STEPS)]
+    return {"rows": [r | {"status": r["status"].value} for r in records]}
 
 
-def table(args: argparse.Namespace) -> int:
-    """Print the table of a CSV."""
-    print(markdown(csv_files.read(args.csv)))
-    return 0
+def requests(args: Args) -> Iterator[Row]:
+    """Yield the counts of discs, each from the last step and from nothing."""
+    for count in QUICK if args.quick else COUNTS:
+        for start in STARTS:
+            yield {"discs": count, "start": start, "solver": "nam"}
+
+
+def conclude(rows: list[Row]) -> list[Row]:
+    """Return a row for each step."""
+    steps = rows[0].get("rows", [{"status": rows[0].get("status")}])
+    return [rows[0] | {"step": k} | step for k, step in enumerate(steps)]
 
 
 def markdown(rows: list[Row]) -> str:
@@ -105,9 +102,9 @@ def draw_state(axes: Axes) -> None:
         axes.spines[side].set_visible(False)
 
 
-def plot(args: argparse.Namespace) -> int:
+def plot(results: Path, figures: Path) -> None:
     """Draw the last state, energy, overlap and complementarity, time against n."""
-    rows = csv_files.read(args.csv)
+    rows = csv_files.read(results)
     counts = tables.distinct(rows, "discs")
     shown = str(DRAWN) if str(DRAWN) in counts else counts[-1]
     own = tables.chosen(rows, discs=shown, start="last step")
@@ -140,26 +137,24 @@ def plot(args: argparse.Namespace) -> int:
         )  # fmt: skip
     panels[1, 1].set(title="one step", xlabel="n", ylabel="processor time [ms]")
     panels[1, 1].legend(loc="upper left")
-    charts.save(figure, args.figures / "time-stepping.png")
-    return 0
+    charts.save(figure, figures / "time-stepping.png")
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run, table or plot."""
-    parser = cli.parser(__doc__)
-    commands = parser.add_subparsers(required=True)
-    file = cli.RESULTS / "time-stepping.csv"
-    for name, call in (("run", run), ("table", table), ("plot", plot)):
-        command = commands.add_parser(name)
-        command.set_defaults(call=call)
-        cli.add_usual(command, csv=file)
-        if name == "run":
-            cli.add_usual(command, "quick")
-        if name == "plot":
-            cli.add_usual(command, "figures")
-    args = parser.parse_args(arguments)
-    return int(args.call(args))
-
+SUITE = Suite(
+    name="time-stepping",
+    doc=__doc__,
+    requests=requests,
+    work=work,
+    conclude=conclude,
+    columns="discs start step n status method residual seconds energy overlap",
+    keys="discs start",
+    limit=600.0,
+    shown="discs start step status residual seconds",
+    table=markdown,
+    plot=plot,
+    failed=lambda rows: any(row["status"] != "solved" for row in rows),
+)
+main = SUITE.main
 
 if __name__ == "__main__":
     sys.exit(main())

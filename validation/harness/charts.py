@@ -5,6 +5,7 @@ methods has one colour, its members differ by marker.
 """
 
 import math
+from collections.abc import Callable
 from itertools import combinations, product
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,8 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from matplotlib.transforms import Bbox
 
-from validation.harness.csv_files import header
+from validation.harness import tables
+from validation.harness.csv_files import Row, header
 
 mpl.use("Agg")
 
@@ -116,6 +118,50 @@ def save(figure: Figure, file: Path) -> None:
     figure.savefig(file, metadata=metadata, bbox_inches="tight")
     plt.close(figure)
     print(f"{file.name}: {file.stat().st_size / 1024:.0f} KiB")
+
+
+def lines(
+    axes: Axes,
+    rows: list[Row],
+    by: str,
+    across: str,
+    up: str,
+    looks: Callable[[str], dict[str, Any]],
+    unit: float = 1.0,
+) -> dict[str, tuple[list[tuple[float, float]], str]]:
+    """Draw a column over another, a line for each value of the column `by`.
+
+    Both axes are logarithmic; rows without an entry have no point; `unit` is a factor
+    of what is drawn. Returns points and colour of each line, as `name_lines` takes it.
+    """
+    axes.set(xscale="log", yscale="log")
+    drawn = {}
+    for name in tables.distinct(rows, by):
+        own = [row for row in tables.chosen(rows, **{by: name}) if row[up]]
+        points = [(float(row[across]), unit * float(row[up])) for row in own]
+        if points:
+            style = {"markersize": 3.5} | looks(name)
+            axes.plot(*zip(*points, strict=True), **style)
+            drawn[style.get("label", name)] = points, style["color"]
+    return drawn
+
+
+def solver_looks(solver: str) -> dict[str, Any]:
+    """Return how the line of a solver is drawn; other ways to call us are dashed."""
+    colour, marker = SOLVERS[solver.split()[0]]
+    first = solver == "nam"
+    return {
+        "color": colour, "marker": marker, "linestyle": "--" if " " in solver else "-",
+        "linewidth": 2.6 if first else 1.3, "zorder": 5 if first else 3,
+        "label": "namlcp" if first else solver,
+    }  # fmt: skip
+
+
+def name_ticks(axes: Axes, rows: list[Row], across: str) -> None:
+    """Mark the values of a column, and no others, on the horizontal axis."""
+    sizes = tables.distinct(rows, across)
+    axes.set_xticks([float(size) for size in sizes], sizes)
+    axes.minorticks_off()
 
 
 def label(

@@ -187,23 +187,19 @@ class Run:
             about = suite.about(new[0]) if suite.about else {}
             found = []
             for request in new:
-                row = self.answer(request)
+                row = self.answer(request | about)
                 if row is None:
                     continue
-                row = about | row
                 if suite.complete:
                     row = suite.complete(row)
                 self.note(row)
                 found.append(row)
                 if not suite.conclude:
-                    self.keep(row)
+                    tables.print_row(self.file.add(row), self.shown)
             if suite.conclude and found:
                 for row in suite.conclude(found):
-                    self.keep(row)
-
-    def keep(self, row: Row) -> None:
-        """Write and print a row."""
-        tables.print_row(self.file.add(row), self.shown)
+                    self.file.add(row)
+                tables.print_row(self.file.rows[-1], self.shown)
 
     def problem(self, row: Row) -> tuple[str, ...]:
         """Return what a row is about, whoever solves it."""

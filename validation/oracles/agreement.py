@@ -13,54 +13,45 @@ Where there is none:
 Then the parts that are no single box LCP: textbook LCPs and a bimatrix game beside
 Lemke's answers, American puts beside Brennan and Schwartz, Hertz contact without a
 matrix beside Hertz's formulas, NNLS beside SciPy, QPs of the collections beside their
-reference objectives, models in CVXPY beside Clarabel. A row that does not agree says
-why in its last column.
+reference objectives. A row that does not agree says why in its last column. Exits with
+1 if namlcp does not agree with a known value.
 """
 
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from functools import cache
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from namlcp import natural_residual
-from validation.harness import (
-    Bench,
-    Job,
-    Row,
-    cli,
-    csv_files,
-    machine,
-    processes,
-    tables,
-)
-from validation.oracles.parts import PARTS
+from validation.harness import Job, Row, tables
+from validation.harness.suite import Args, Suite
+from validation.oracles import parts
 from validation.oracles.rows import compared, row_of
 from validation.oracles.scenes import Scene, objective, scenes
-from validation.oracles.solvers import ORACLES, Answer, installed, is_symmetric
+from validation.oracles.solvers import ORACLES, Answer, is_symmetric
 from validation.problems import known_scenes
 
 AGREED = 1e-8  # relative, of objectives and residuals
 NEAR = 1e-6  # of z and w, relative to 1 + their largest entry
 DEFINITION = 0.0, AGREED, "definition"
 QUICK_SIZE = 2500  # unknowns at most
-LIMIT, QUICK_LIMIT = 60.0, 3.0  # [s] a solve
-COLUMNS = (
-    "scene n solver quantity value reference source error tolerance agrees residual why"
-).split()
-FOLDERS = ("contact", "svm", "lcp", "maros_meszaros")  # of the data
-CSV = cli.RESULTS / "oracles.csv"
+
+
+def work(job: Job, function: Callable[..., Row], *arguments: Any) -> Row:
+    """Return what a function of a request does: the work of a child."""
+    return function(job, *arguments)
 
 
 @cache
 def compile_lemke() -> None:
     """Call Lemke's method once, so that it is compiled."""
-    ORACLES["lemke"][1](known_scenes.dam(), LIMIT)
+    ORACLES["lemke"][1](known_scenes.dam(), 60.0)
 
 
-def work(job: Job, scene: known_scenes.BoxLCP) -> Row:
-    """Return {"answer": what a solver says of a scene}: the work of a child."""
+def answered(job: Job, scene: known_scenes.BoxLCP) -> Row:
+    """Return {"answer": what a solver says of a scene}."""
     call = ORACLES[job.solver][1]
     if job.solver == "lemke":
         compile_lemke()
@@ -70,15 +61,47 @@ def work(job: Job, scene: known_scenes.BoxLCP) -> Row:
     return {"answer": call(scene, job.limit)}
 
 
-def answers(children: Iterable[Bench], scene: known_scenes.BoxLCP) -> dict[str, Answer]:
-    """Return what every solver says that the scene suits."""
-    found = {}
-    for child in children:
-        row = child.ask(scene)
-        answer = row.get("answer", Answer(None, None, row.get("status", "")))
-        if answer is not None:
-            found[child.solver] = answer
-    return found
+def part_of(job: Job, number: int, quick: bool) -> Row:
+    """Return {"rows": those of a part}."""
+    return {"rows": list(parts.PARTS[number](job.data, quick))}
+
+
+def requests(args: Args) -> Iterator[Row]:
+    """Yield the scenes that there are data for, the parts, and the collections."""
+    for name, scene in scenes(args.data).items():
+        if args.quick and not scene.quick:
+            continue
+        lcp = scene.make(args.data)
+        if lcp is None or (args.quick and lcp.q.size > QUICK_SIZE):
+            continue
+        for solver in args.solvers:
+            yield {
+                "scene": name, "solver": solver, "of": scene, "lcp": lcp,
+                "ask": lambda lcp=lcp: (answered, lcp),
+            }  # fmt: skip
+    for k, part in enumerate(parts.PARTS):
+        key = {"scene": part.__name__, "solver": "nam"}
+        yield key | {"ask": lambda k=k: (part_of, k, args.quick)}
+    for name, n, known in parts.collections(args.data, args.quick):
+        key = {"scene": f"QP {name}", "solver": "nam", "qp": (name, n, known)}
+        yield key | {"ask": lambda name=name: (parts.objective_of, name)}
+
+
+def conclude(rows: list[Row]) -> list[Row]:
+    """Return the rows of the file, from the answers to one scene."""
+    first = rows[0]
+    if "rows" in first:
+        return first["rows"]
+    if "qp" in first:
+        return [parts.collection_row(*first["qp"], first)]
+    if "lcp" not in first:
+        return [row_of(first["scene"], 0, "nam", "rows", why=first["status"])]
+    answers = {
+        row["solver"]: row.get("answer", Answer(None, None, row.get("status", "")))
+        for row in rows
+    }
+    found = {solver: a for solver, a in answers.items() if a is not None}
+    return scene_rows(first["scene"], first["of"], first["lcp"], found)
 
 
 def residual_of(scene: known_scenes.BoxLCP, z: np.ndarray | None) -> float:
@@ -153,59 +176,6 @@ def reason(row: Row, said: str, residuals: dict[str, float]) -> str:
     return f"error {row['error']:.0e} at a natural residual of {own:.0e}"
 
 
-def run(
-    data: Path | None, quick: bool, limit: float, write: Callable[[Row], None]
-) -> list[Row]:
-    """Return all rows and write each at once."""
-    rows: list[Row] = []
-
-    def keep(more: Iterable[Row]) -> None:
-        for row in more:
-            rows.append(row)
-            write(row)
-
-    here, _ = installed()
-    with processes.benches(work, here, limit) as children:
-        for name, lcp, scene in suitable(data, quick):
-            found = answers(children.values(), lcp)
-            keep(scene_rows(name, scene, lcp, found))
-            print(f"{name}: {verdict(rows, name)}", flush=True)
-    for part in PARTS:
-        keep(part(data, quick))
-    return rows
-
-
-def suitable(
-    data: Path | None, quick: bool
-) -> Iterator[tuple[str, known_scenes.BoxLCP, Scene]]:
-    """Yield the scenes that there are data for."""
-    for name, scene in scenes(data).items():
-        if quick and not scene.quick:
-            continue
-        lcp = scene.make(data)
-        if lcp is not None and not (quick and lcp.q.size > QUICK_SIZE):
-            yield name, lcp, scene
-
-
-def verdict(rows: list[Row], name: str) -> str:
-    """Return in words how many solvers agree on a scene."""
-    own = tables.chosen(rows, scene=name)
-    bad = [f"{r['solver']} {r['quantity']}" for r in own if not r["agrees"]]
-    return "all agree" if not bad else "not: " + ", ".join(bad)
-
-
-def run_to(csv: Path, data: Path | None, quick: bool) -> list[Row]:
-    """Run all, write a CSV file with the machine above the rows, return them."""
-    here, missing = installed()
-    more = machine.not_installed(missing, [])
-    absent = [f for f in FOLDERS if data is None or not (data / f).exists()]
-    if absent:
-        more.append(f"data missing, left out: {', '.join(absent)}")
-    header = cli.begin([*(ORACLES[solver][0] for solver in here), "clarabel"], *more)
-    with csv_files.writer(csv, header, COLUMNS) as write:
-        return run(data, quick, QUICK_LIMIT if quick else LIMIT, write)
-
-
 def markdown(rows: list[Row]) -> str:
     """Return one line for each quantity of each scene, errors of all solvers, reasons.
 
@@ -257,19 +227,28 @@ def explanations(rows: list[Row]) -> list[str]:
     ]
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run or tabulate; a run returns 1 if NAM disagrees with a known value."""
-    parser = cli.parser(__doc__, "data", "quick", "csv")
-    parser.add_argument("command", choices=["run", "table"])
-    args = parser.parse_args(arguments)
-    if args.command == "table":
-        print(markdown(csv_files.read(args.csv or CSV)))
-        return 0
-    csv = args.csv or (Path("oracles-quick.csv") if args.quick else CSV)
-    rows = run_to(csv, args.data, args.quick)
-    print(markdown(rows))
-    return int(bool(tables.chosen(rows, solver="nam", agrees=False)))
-
+SUITE = Suite(
+    name="oracles",
+    doc=__doc__,
+    requests=requests,
+    work=work,
+    conclude=conclude,
+    columns=(
+        "scene n solver quantity value reference source error tolerance agrees residual"
+        " why"
+    ),
+    keys="scene solver",
+    solvers=tuple(ORACLES),
+    packages={solver: package for solver, (package, _) in ORACLES.items()},
+    limit=60.0,
+    quick={"limit": 3.0},
+    shown="scene:36 n:8 solver quantity value agrees",
+    table=markdown,
+    failed=lambda rows: any(
+        row["agrees"] == "False" for row in tables.chosen(rows, solver="nam")
+    ),
+)
+main = SUITE.main
 
 if __name__ == "__main__":
     sys.exit(main())

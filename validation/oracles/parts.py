@@ -12,8 +12,7 @@ import qpsolvers
 from scipy.optimize import nnls
 
 from namlcp import natural_residual, solve_lcp
-from validation.applications import cvxpy_bench
-from validation.harness import Bench, Job, MissingDataError, Row, processes, qp_solvers
+from validation.harness import Job, MissingDataError, Row, qp_solvers
 from validation.oracles.rows import compared, row_of
 from validation.oracles.scenes import bimatrix, reference_objectives, textbook
 from validation.oracles.solvers import lemke
@@ -110,8 +109,10 @@ def least_squares(data: Path | None, quick: bool) -> Iterator[Row]:
     yield row_of("NNLS 400 x 100", 100, "nam", "x", apart, (0.0, 1e-10, "SciPy"))
 
 
-def collections(data: Path | None, quick: bool) -> Iterator[Row]:
-    """QPs of Maros and Meszaros beside their reference objectives.
+def collections(
+    data: Path | None, quick: bool
+) -> Iterator[tuple[str, int, tuple[float, str, float]]]:
+    """Yield QPs of Maros and Meszaros: name, n, objective with whose and its residuals.
 
     The tolerance is 1e-6 of the objective plus the reference's own residuals.
     Those of more than LARGEST variables or rows are left out: `maros_meszaros`.
@@ -127,10 +128,8 @@ def collections(data: Path | None, quick: bool) -> Iterator[Row]:
     largest = 500 if quick else LARGEST
     sizes = {n: max(int(index[n][k]) for k in ("n", "mG", "mA")) for n in references}
     names = [name for name in sorted(references) if sizes[name] <= largest]
-    with Bench(objective_of, "nam", LIMIT, data) as child:
-        for name in names[:: EVERY if quick else 1]:
-            n, known = int(index[name]["n"]), references[name]
-            yield collection_row(name, n, known, child.ask(name))
+    for name in names[:: EVERY if quick else 1]:
+        yield name, int(index[name]["n"]), references[name]
 
 
 def collection_row(
@@ -167,42 +166,6 @@ def objective_of(job: Job, name: str) -> Row:
     return row
 
 
-def cvxpy_models(data: Path | None, quick: bool) -> Iterator[Row]:
-    """Small CVXPY models, NAM and OSQP beside Clarabel's tightest tolerances."""
-    if not importlib.util.find_spec("cvxpy"):
-        print("cvxpy: not installed, its models are left out")
-        return
-    from validation.problems.models import MODELS
-
-    solvers = ("nam", "osqp-1e-8", "clarabel", cvxpy_bench.REFERENCE)
-    with processes.benches(cvxpy_bench.work, solvers, LIMIT) as children:
-        for name in list(MODELS)[:: EVERY if quick else 1]:
-            found = [child.run("small", name, 0.0) for child in children.values()]
-            cvxpy_bench.conclude(found, MODELS[name].expected)
-            for answer in found[:-1]:
-                yield model_row(name, MODELS[name].expected, answer)
-
-
-def model_row(name: str, expected: str, answer: Row) -> Row:
-    """Return the row of one CVXPY model: objective, or status where there is none."""
-    scene, n = f"cvxpy {name}", answer.get("variables", 0)
-    solver = answer["solver"].split("-")[0]
-    said = answer.get("status", "")
-    error = answer.get("objective_error")
-    if expected != "optimal" or error is None:
-        why = "" if said == expected else f"says {said}, is {expected}"
-        row = row_of(scene, n, solver, "status", why=why)
-        return row | {"agrees": said == expected}
-    reference = 0.0, 1e-7, answer["against"]
-    row = row_of(scene, n, solver, "objective", error, reference)
-    residuals = [answer.get(key) or 0.0 for key in ("primal_residual", "dual_residual")]
-    row["residual"] = max(residuals)
-    if not row["agrees"]:
-        row["why"] = f"{said}, residual {max(residuals):.0e}"
-    return row
-
-
 PARTS: tuple[Part, ...] = (
-    textbook_lcps, bimatrix_game, puts, hertz_contact, least_squares, collections,
-    cvxpy_models,
+    textbook_lcps, bimatrix_game, puts, hertz_contact, least_squares,
 )  # fmt: skip

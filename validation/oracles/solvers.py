@@ -6,7 +6,6 @@ min z'(Az + q), Az + q >= 0, z >= 0, whose minimum is 0, by CVXPY with Clarabel 
 PIQP. Any A with z >= lower, small: Lemke's method of quantecon.
 """
 
-import importlib.util
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -164,9 +163,3 @@ ORACLES: dict[
     "lemke": ("quantecon", lemke),
 }
 """Package and call of every solver; a call returns None where it does not apply."""
-
-
-def installed() -> tuple[list[str], list[str]]:
-    """Return who can run here and who cannot."""
-    here = [s for s, (p, _) in ORACLES.items() if importlib.util.find_spec(p)]
-    return here, [s for s in ORACLES if s not in here]

@@ -65,15 +65,11 @@ PARTS = {
     """, grown="benchmark.csv"),
     "repeated": part("Many QPs alike: sequences, small calls, batches", 1140.0, """
         repeated.sequences run {quick} --csv {results}/sequences.csv
-        repeated.sequences plot --csv {results}/sequences.csv \
-        --figure {figures}/sequences.svg
+        repeated.sequences plot --csv {results}/sequences.csv --figures {figures}
         repeated.latency run {quick} --csv {results}/latency.csv
-        repeated.latency plot --csv {results}/latency.csv \
-        --figure {figures}/latency.svg
+        repeated.latency plot --csv {results}/latency.csv --figures {figures}
         repeated.batches run {quick} --csv {results}/batches.csv
-        repeated.batches plot --csv {results}/batches.csv \
-        --figure {figures}/batches.svg
-        repeated.front_figure --results {results} --figures {figures}
+        repeated.batches plot --csv {results}/batches.csv --figures {figures}
     """, "sequences.svg latency.svg batches.svg front-repeated.svg", 60.0),
     "general": part("LCPs that are neither P nor semidefinite", 555.0, """
         general.benchmark run {quick} --csv {results}/general-lcps.csv
@@ -107,7 +103,7 @@ PARTS = {
         --figures {figures}
     """, "work-precision.svg front.svg", 200.0, "work-precision-problems.csv"),
     "oracles": part("Agreement with independent oracles", 600.0, """
-        oracles.agreement run {quick} --data {data} --csv {results}/oracles.csv
+        oracles.agreement {quick} --data {data} --csv {results}/oracles.csv
     """, quick=60.0),
     "hertz": part("Hertz contact without a matrix", 50.0, """
         applications.hertz --results {results}

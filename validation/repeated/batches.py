@@ -1,28 +1,22 @@
 """Batches of small dense QPs, all different: microseconds an item, items a second.
 
-Usage::
-
-    python -m validation.repeated.batches run [--solvers nam ...] [--quick] [--csv FILE]
-    python -m validation.repeated.batches plot [--csv FILE] [--figure FILE]
-
 "nam" is `namlcp.solve_batch`, with 1 thread and with 2; "nam by calls" and "daqp" are
 loops over namlcp.solve_qp and daqp.solve. The time is that of the whole batch, the
 least of ROUNDS; with two threads it means something only where two cores are free.
 `residual` is the largest of all items: primal, dual, gap or a negative multiplier.
 """
 
-import argparse
 import sys
 import time
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
 import namlcp
-from validation.harness import Job, Row, cli, csv_files, machine, processes, tables
+from validation.harness import Job, Row
+from validation.harness.suite import Args, Suite
 from validation.problems import planted
-from validation.repeated.command import run_or_plot
+from validation.repeated import figures
 
 SHAPES = {(5, 10): 100_000, (10, 20): 100_000, (30, 60): 10_000}
 """Variables and rows of an item; items of the largest batch."""
@@ -31,13 +25,6 @@ QUICK_BATCH = 50
 THREADS = (1, 2)
 ROUNDS = 3
 EPS = 1e-9
-COLUMNS = (
-    "n m items threads solver microseconds throughput solved residual status"
-).split()
-SHOWN = (
-    "n:4 m:4 items:8 threads:8 solver:13 microseconds:13 throughput:12 solved:8 "
-    "residual status:20"
-)
 Stack = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 Answers = tuple[np.ndarray, np.ndarray, np.ndarray]
 """x and z, stacked, and whether each was found."""
@@ -88,12 +75,12 @@ def worst_residual(stack: Stack, x: np.ndarray, z: np.ndarray) -> float:
     return float(max(np.abs(dual).max(), (Gx - h).max(), np.abs(gap).max(), -z.min()))
 
 
-def measured(job: Job, shape: tuple[int, int], items: int, threads: int) -> Row:
+def measured(job: Job, n: int, m: int, items: int, threads: int) -> Row:
     """Time a solver on a batch: the work of a child process."""
     solve = LOOPS[job.solver]
-    rng = np.random.default_rng(shape[0])
-    solve(planted.definite_stack(rng, *shape, 2), threads)
-    stack = planted.definite_stack(rng, *shape, items)
+    rng = np.random.default_rng(n)
+    solve(planted.definite_stack(rng, n, m, 2), threads)
+    stack = planted.definite_stack(rng, n, m, items)
     job.ready()
     seconds = np.inf
     for _ in range(ROUNDS):
@@ -109,34 +96,29 @@ def measured(job: Job, shape: tuple[int, int], items: int, threads: int) -> Row:
     }
 
 
-def run(args: argparse.Namespace) -> None:
-    """Measure, write the rows and print them."""
-    solvers = machine.installed(args.solvers)
-    header = cli.begin(solvers)
-    with (
-        csv_files.writer(args.csv, header, COLUMNS) as write,
-        processes.benches(measured, solvers, args.limit) as children,
-    ):
-        tables.print_rows([], SHOWN)
-        for shape, most in SHAPES.items():
-            for items in [QUICK_BATCH] if args.quick else BATCHES:
-                for solver in solvers if items <= most else []:
-                    for threads in THREADS if solver == "nam" else [1]:
-                        key: dict[str, Any] = {"n": shape[0], "m": shape[1]}
-                        key |= {"items": items, "threads": threads, "solver": solver}
-                        row = key | children[solver].ask(shape, items, threads)
-                        tables.print_row(row, SHOWN)
-                        write(row)
+def requests(args: Args) -> Iterator[Row]:
+    """Yield the shapes, from the smallest batch; threads are namlcp's."""
+    for (n, m), most in SHAPES.items():
+        for items in [QUICK_BATCH] if args.quick else BATCHES:
+            for solver in args.solvers if items <= most else []:
+                for threads in THREADS if solver == "nam" else [1]:
+                    key = {"n": n, "m": m, "items": items, "threads": threads}
+                    yield key | {"solver": solver}
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run, or plot what was measured."""
-    parser = cli.parser(
-        __doc__, "quick", csv=cli.RESULTS / "batches.csv", limit=120.0,
-        solvers=list(LOOPS),
-    )  # fmt: skip
-    return run_or_plot(parser, arguments, "batches", run)
-
+SUITE = Suite(
+    name="batches",
+    doc=__doc__,
+    requests=requests,
+    work=measured,
+    columns=("n m items threads solver microseconds throughput solved residual status"),
+    keys="n m items threads solver",
+    solvers=tuple(LOOPS),
+    limit=120.0,
+    shown="n:4 m:4 items:8 threads:8 solver:13 microseconds:13 residual status:20",
+    plot=figures.draw_batches,
+)
+main = SUITE.main
 
 if __name__ == "__main__":
     sys.exit(main())

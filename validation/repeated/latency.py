@@ -1,20 +1,14 @@
 """A single dense QP, n = 2 to 1000 variables and 2n rows, through qpsolvers.
 
-Usage::
-
-    python -m validation.repeated.latency run [--solvers nam daqp ...] [--quick]
-        [--eps 1e-6] [--csv FILE]
-    python -m validation.repeated.latency plot [--csv FILE] [--figure FILE]
-
 `microseconds` is the median time of a call of qpsolvers.solve_problem, "nam by calls"
 of namlcp.solve_qp, the least of ROUNDS medians (the first if it is above LONG seconds),
 each over PROBLEMS problems of a size (one where a call takes a second).
 What ran into the limit is not tried at a larger size.
 """
 
-import argparse
 import statistics
 import sys
+from collections.abc import Iterator
 
 import numpy as np
 import qpsolvers
@@ -24,25 +18,18 @@ import namlcp
 from validation.harness import (
     Job,
     Row,
-    cli,
-    csv_files,
     judging,
-    machine,
-    processes,
     qp_solvers,
-    tables,
     timing,
 )
+from validation.harness.suite import Args, Late, Suite
 from validation.problems import planted
-from validation.repeated.command import run_or_plot
+from validation.repeated import figures
 
 SIZES = (2, 5, 10, 20, 50, 100, 200, 300, 500, 1000)
 QUICK_SIZES = (2, 10)
-SOLVERS = "nam", "nam by calls", *qp_solvers.SOLVERS[1:], "quadprog"
 ROUNDS, PROBLEMS = 3, 3
 LONG = 0.1  # [s] a call, which then has one round
-COLUMNS = "n m solver eps microseconds solved problems residual status".split()
-SHOWN = "n:6 m:6 solver:13 microseconds:13 solved:7 residual status:30"
 
 
 def problems(n: int) -> list[Problem]:
@@ -95,36 +82,28 @@ def measured(job: Job, n: int, eps: float) -> Row:
     }
 
 
-def run(args: argparse.Namespace) -> None:
-    """Measure, write the rows and print them."""
-    solvers = machine.installed(args.solvers)
-    header = cli.begin(solvers)
-    with (
-        csv_files.writer(args.csv, header, COLUMNS) as write,
-        processes.benches(measured, solvers, args.limit) as children,
-    ):
-        tables.print_rows([], SHOWN)
-        late: set[str] = set()
-        for n in QUICK_SIZES if args.quick else SIZES:
-            for solver in solvers:
-                if solver in late:
-                    continue
-                row = {"n": n, "m": 2 * n, "solver": solver, "eps": args.eps[0]}
-                row |= children[solver].ask(n, args.eps[0])
-                if row["status"] == "timeout":
-                    late.add(solver)
-                tables.print_row(row, SHOWN)
-                write(row)
+def requests(args: Args) -> Iterator[Row]:
+    """Yield the sizes, all solvers in turn."""
+    for n in QUICK_SIZES if args.quick else SIZES:
+        for solver in args.solvers:
+            yield {"n": n, "m": 2 * n, "solver": solver, "eps": args.eps[0]}
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run, or plot what was measured."""
-    parser = cli.parser(
-        __doc__, "quick", csv=cli.RESULTS / "latency.csv", limit=20.0, eps=[1e-6],
-        solvers=list(SOLVERS),
-    )  # fmt: skip
-    return run_or_plot(parser, arguments, "latency", run)
-
+SUITE = Suite(
+    name="latency",
+    doc=__doc__,
+    requests=requests,
+    work=measured,
+    columns="n m solver eps microseconds solved problems residual status",
+    keys="n solver eps",
+    solvers=("nam", "nam by calls", *qp_solvers.SOLVERS[1:], "quadprog"),
+    tolerances=(1e-6,),
+    limit=20.0,
+    late=Late(by="n", same=(), copied=False),
+    shown="n:6 m:6 solver:13 microseconds:13 solved:7 residual status:30",
+    plot=figures.draw_latency,
+)
+main = SUITE.main
 
 if __name__ == "__main__":
     sys.exit(main())

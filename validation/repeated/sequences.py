@@ -1,11 +1,5 @@
 """Sequences of QPs with the same matrices: microseconds a step, worst residuals.
 
-Usage::
-
-    python -m validation.repeated.sequences run [--scenes portfolio ...] [--quick]
-        [--solvers nam daqp ...] [--steps 200] [--eps 1e-9] [--csv FILE]
-    python -m validation.repeated.sequences plot [--csv FILE] [--figure FILE]
-
 A scene's loop is run once with fresh solves of ours, which give the next step its
 vectors. Then every solver repeats these steps by its own workspace (`workspaces`), from
 its last answer, with the vectors ready in its own form: the time is that of update and
@@ -19,9 +13,10 @@ all steps. `active` and `changes` are of the fresh solves: constraints with a
 multiplier, and how many of them a step gains or loses.
 """
 
-import argparse
 import sys
 import time
+from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,17 +26,14 @@ from namlcp import Status, solve_qp
 from validation.harness import (
     Job,
     Row,
-    cli,
-    csv_files,
     judging,
-    machine,
-    processes,
     qps,
     tables,
     timing,
 )
+from validation.harness.suite import Args, Suite
 from validation.problems import sequences as known
-from validation.repeated.command import run_or_plot
+from validation.repeated import figures
 from validation.repeated.workspaces import WORKSPACES
 
 REPEATS = 3
@@ -49,12 +41,8 @@ LONG = 2.0  # [s] a run through the sequence, which is then not repeated
 COLUMNS = (
     "scene size level solver variables inequalities equalities steps solved setup "
     "microseconds slow sum residual difference active changes moves status"
-).split()
-SHOWN = (
-    "scene:21 size:5 level:15 solver:13 solved:7 setup microseconds:12 slow residual "
-    "difference changes:8 status:20"
 )
-QUICK_STEPS = 12
+STEPS, QUICK_STEPS = 200, 12
 
 
 class Recorded(NamedTuple):
@@ -69,6 +57,7 @@ class Recorded(NamedTuple):
     sets: np.ndarray
 
 
+@lru_cache(maxsize=1)
 def recorded(scene: str, size: int, level: str, most: int) -> Recorded:
     """Run a scene's loop with fresh solves; keep at most so many steps."""
     problem, loop = known.SCENES[scene].make(size, level)
@@ -135,8 +124,9 @@ def judged_step(workspace: Any, problem: Problem, fresh: np.ndarray, eps: float)
     return row
 
 
-def described(sequence: Recorded) -> Row:
+def described(request: Row) -> Row:
     """Return what is said of a sequence, whoever solves it."""
+    sequence = recorded(*(request[k] for k in ("scene", "size", "level", "steps")))
     _, q, _, h, _, b, _, _ = qps.parts(sequence.problem)
     sets = sequence.sets
     changes = np.count_nonzero(sets[1:] != sets[:-1], axis=1)
@@ -151,30 +141,19 @@ def described(sequence: Recorded) -> Row:
     }
 
 
-def run(args: argparse.Namespace) -> None:
-    """Measure, write the rows and print them."""
-    solvers = machine.installed(args.solvers)
-    steps = QUICK_STEPS if args.quick else args.steps
-    header = cli.begin(solvers)
-    rows: list[Row] = []
-    with (
-        csv_files.writer(args.csv, header, COLUMNS) as write,
-        processes.benches(replayed, solvers, args.limit) as children,
-    ):
-        tables.print_rows([], SHOWN)
-        for name in args.scenes:
-            sizes = known.SCENES[name].sizes
-            for size in sizes[:1] if args.quick else sizes:
-                for level in known.LEVELS:
-                    sequence = recorded(name, size, level, steps)
-                    key = {"scene": name, "size": size, "level": level}
-                    key |= described(sequence)
-                    for solver, child in children.items():
-                        row = key | {"solver": solver}
-                        row |= child.ask(sequence, args.eps[0])
-                        tables.print_row(row, SHOWN)
-                        write(row)
-                        rows.append(row)
+def requests(args: Args) -> Iterator[Row]:
+    """Yield the scenes, sizes and levels, all solvers in turn."""
+    steps = QUICK_STEPS if args.quick else STEPS
+    for name, scene in known.SCENES.items():
+        for size in scene.sizes[:1] if args.quick else scene.sizes:
+            for level in known.LEVELS:
+                about = name, size, level, steps
+                for solver in args.solvers:
+                    yield {
+                        "scene": name, "size": size, "level": level, "solver": solver,
+                        "steps": steps,
+                        "ask": lambda about=about: (recorded(*about), args.eps[0]),
+                    }  # fmt: skip
 
 
 def markdown(rows: list[Row]) -> str:
@@ -204,17 +183,22 @@ def cell(rows: list[Row]) -> str:
     )
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run, or plot what was measured."""
-    parser = cli.parser(
-        __doc__, "quick", csv=cli.RESULTS / "sequences.csv", limit=30.0, eps=[1e-9],
-        solvers=list(WORKSPACES),
-    )  # fmt: skip
-    scenes = list(known.SCENES)
-    parser.add_argument("--scenes", nargs="+", choices=scenes, default=scenes)
-    parser.add_argument("--steps", type=int, default=200)
-    return run_or_plot(parser, arguments, "sequences", run)
-
+SUITE = Suite(
+    name="sequences",
+    doc=__doc__,
+    requests=requests,
+    work=replayed,
+    about=described,
+    columns=COLUMNS,
+    keys="scene size level solver",
+    solvers=tuple(WORKSPACES),
+    tolerances=(1e-9,),
+    limit=30.0,
+    shown="scene:21 size:5 level:15 solver:13 solved:7 microseconds:12 residual status",
+    table=markdown,
+    plot=figures.draw_sequences,
+)
+main = SUITE.main
 
 if __name__ == "__main__":
     sys.exit(main())
