@@ -123,7 +123,7 @@ def known_models() -> dict[str, Any]:
     return MODELS
 
 
-def work(job: Job, size: str, name: str, _: float) -> Row:
+def work(job: Job, size: str, name: str) -> Row:
     """Compile a model, time a solver on it, judge its first answer: a child's work."""
     from cvxpy.error import SolverError
 
@@ -160,8 +160,8 @@ def worst(row: Row) -> float:
     return max(np.inf if error is None else error for error in errors)
 
 
-def conclude(rows: list[Row], expected: str) -> None:
-    """Add objective errors and successes to the rows of one model.
+def conclude(rows: list[Row]) -> list[Row]:
+    """Return the rows of one model with objective errors and successes.
 
     The objective is compared with the better of Clarabel's points, or, should neither
     be accurate, with the point of least residuals: `against` says whose it is.
@@ -171,7 +171,7 @@ def conclude(rows: list[Row], expected: str) -> None:
     if best is None or worst(best) > ACCURATE:
         best = min(rows, key=worst)
     for row in rows:
-        row["expected"] = expected
+        expected = row["expected"]
         if worst(best) < np.inf and worst(row) < np.inf:
             error = abs(row["objective"] - best["objective"])
             row["objective_error"] = error / max(1.0, abs(best["objective"]))
@@ -179,3 +179,4 @@ def conclude(rows: list[Row], expected: str) -> None:
         said = row.get("status") == expected
         errors = [row[name] for name in RESIDUALS if row.get(name) is not None]
         row["success"] = said and all(error <= ACCURATE for error in errors)
+    return rows

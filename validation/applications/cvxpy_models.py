@@ -13,39 +13,33 @@ from the point and the multipliers that the solver's interface hands back:
   of an unbounded one: largest |Px|, |Ax| or (Fx)_i > 0 over -q'x, for the ray x.
 
 The time is the median of repeated calls of CVXPY's solve_via_data, without its
-compilation and without a warm start: processor time, on one thread.
+compilation and without a warm start: processor time, on one thread. Exits with 1 if a
+model is not right by NAM.
 """
 
 import sys
+from collections.abc import Iterator
 
 from validation.applications.cvxpy_bench import (
     REFERENCE,
     RESIDUALS,
-    SOLVERS,
     conclude,
+    known_models,
     work,
 )
-from validation.harness import Row, cli, csv_files, processes, tables
+from validation.harness import Row, tables
+from validation.harness.suite import Args, Suite, solved
 
-SHOWN = (
-    "problem:24 set:6 solver success:8 status:18 runtime iterations form "
-    + " ".join([*RESIDUALS, "proof"])
-)
-DEFAULT = ["nam", "osqp", "clarabel", REFERENCE]
-COLUMNS = (
-    "problem set solver variables equalities inequalities compile runtime cold status "
-    "expected success objective objective_error against primal_residual dual_residual "
-    "complementarity proof iterations form message"
-).split()
+QUICK = 10  # every so many models, small
 
 
-def print_wrong(rows: list[Row]) -> None:
-    """Print what each solver has wrong."""
-    print("\nwho is wrong, by the status that is known and the residuals:")
-    for solver in tables.distinct(rows, "solver"):
-        wrong = tables.chosen(rows, solver=solver, success=False)
-        text = "; ".join(verdict(row) for row in wrong)
-        print(f"{solver}: {text or 'nothing'}")
+def requests(args: Args) -> Iterator[Row]:
+    """Yield the models, small then large, all solvers in turn."""
+    for size in ("small",) if args.quick else ("small", "large"):
+        for name in list(known_models())[:: QUICK if args.quick else 1]:
+            key = {"set": size, "problem": name}
+            key["expected"] = known_models()[name].expected
+            yield from (key | {"solver": solver} for solver in args.solvers)
 
 
 def markdown(rows: list[Row]) -> str:
@@ -58,67 +52,26 @@ def markdown(rows: list[Row]) -> str:
     return tables.markdown(("size", *tables.compared_columns()), lines)
 
 
-def print_table(rows: list[Row]) -> None:
-    """Print time and worst error of the solvers side by side, in Markdown."""
-    heads = ["model", "size", "n"]
-    heads += [f"{solver} [ms], error" for solver in tables.distinct(rows, "solver")]
-    lines = []
-    for size, name in tables.distinct(rows, "set", "problem"):
-        found = tables.chosen(rows, set=size, problem=name)
-        n = next((r["variables"] for r in found if "variables" in r), "")
-        lines.append([name, size, n, *map(cell, found)])
-    print("\n" + tables.markdown(heads, lines))
-
-
-def cell(row: Row) -> str:
-    """Return time and worst error of a solve, or what it said instead."""
-    if row["status"] != row["expected"]:
-        return row["status"]
-    errors = [row.get(name) for name in [*RESIDUALS, "proof"]]
-    known = [error for error in errors if error is not None]
-    error = f", {max(known):.0e}" if known else ""
-    runtime = f"{1e3 * row['runtime']:.3g}" if "runtime" in row else ""
-    return runtime + error or "right"
-
-
-def verdict(row: Row) -> str:
-    """Return in words what is wrong with an answer."""
-    place = f"{row['problem']} {row['set']}"
-    if row["status"] != row["expected"]:
-        return f"{place} ({row['status']}, is {row['expected']})"
-    errors = {name: row.get(name) or 0.0 for name in RESIDUALS}
-    most = max(errors, key=lambda name: errors[name])
-    return f"{place} ({most.replace('_', ' ')} {errors[most]:.0e})"
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Run the models; return the number of NAM's failures, at most 100."""
-    parser = cli.parser(__doc__, "csv", limit=60.0)
-    parser.add_argument("--models", nargs="+", help="names; all without")
-    parser.add_argument("--size", nargs="+", choices=["small", "large"])
-    parser.add_argument("--solvers", nargs="+", choices=SOLVERS, default=DEFAULT)
-    args = parser.parse_args(arguments)
-    from validation.problems.models import MODELS
-
-    header = cli.begin(["nam", "cvxpy", "osqp", "clarabel"])
-    rows: list[Row] = []
-    with (
-        processes.benches(work, args.solvers, args.limit) as children,
-        csv_files.writer(args.csv, header, COLUMNS) as write,
-    ):
-        for size in args.size or ["small", "large"]:
-            for name in args.models or MODELS:
-                found = [c.run(size, name, 0.0) for c in children.values()]
-                conclude(found, MODELS[name].expected)
-                for row in found:
-                    tables.print_row(row, SHOWN)
-                    write(row)
-                rows += found
-    print_table(rows)
-    print("\n" + markdown(rows))
-    print_wrong(rows)
-    return min(100, len(tables.chosen(rows, solver="nam", success=False)))
-
+SUITE = Suite(
+    name="cvxpy-models",
+    doc=__doc__,
+    requests=requests,
+    work=work,
+    conclude=conclude,
+    columns=(
+        "problem set solver variables equalities inequalities compile runtime cold "
+        "status expected success objective objective_error against primal_residual "
+        "dual_residual complementarity proof iterations form message"
+    ),
+    keys="set problem solver",
+    solvers=("nam", "osqp", "clarabel", REFERENCE),
+    packages={REFERENCE: "cvxpy"},
+    limit=60.0,
+    shown="problem:24 set:6 solver success:8 status:18 runtime " + " ".join(RESIDUALS),
+    table=markdown,
+    failed=lambda rows: not all(map(solved, tables.chosen(rows, solver="nam"))),
+)
+main = SUITE.main
 
 if __name__ == "__main__":
     sys.exit(main())

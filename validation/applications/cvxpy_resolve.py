@@ -20,21 +20,13 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from validation.applications.cvxpy_bench import REFERENCE, SOLVERS, judge
-from validation.harness import Job, Row, cli, csv_files, processes, tables
+from validation.harness import Job, Row, csv_files, tables
+from validation.harness.suite import Args, Suite
 from validation.problems.models import decisions, statistics
 
 STEPS = 101  # the first compiles and is not counted
 VARIANTS = {**SOLVERS, "nam-cold": ("NAM", {"warm_start": False})}
 ERRORS = ["primal_residual", "dual_residual", "complementarity"]
-SHOWN = (
-    "problem set:8 solver optimal:8 sum total solver_time:12 objective_error:16 "
-    "iterations form status:20"
-)
-COLUMNS = (
-    "problem set solver variables equalities inequalities steps optimal first total "
-    "solver_time sum primal_residual dual_residual complementarity objective_error "
-    "iterations form status"
-).split()
 Sequence = tuple[cp.Problem, Iterator[None]]
 
 
@@ -136,7 +128,7 @@ def resolve(name: str, size: str, variant: str) -> Row:
         found.append(judge(problem, chain, recorder.raw, data, inverse))
         values.append(problem.value)
     total, solver_time = np.array(times).T
-    row = {key: found[-1].get(key) for key in COLUMNS if key in found[-1]} | {
+    row = found[-1] | {
         "steps": len(found),
         "optimal": sum(step["status"] == "optimal" for step in found),
         "first": first,
@@ -149,21 +141,30 @@ def resolve(name: str, size: str, variant: str) -> Row:
     return row | {key: max(step.get(key, np.inf) for step in found) for key in ERRORS}
 
 
-def work(job: Job, size: str, name: str, _: float) -> Row:
+def work(job: Job, size: str, name: str) -> Row:
     """Run one sequence with one solver: the work of a child."""
     resolve(name, "small", job.solver)  # load what is compiled on first use
     job.ready()
     return resolve(name, size, job.solver)
 
 
-def conclude(rows: list[Row]) -> None:
-    """Add the worst objective error to the rows of one sequence."""
+def requests(args: Args) -> Iterator[Row]:
+    """Yield the sequences, small then medium, all solvers in turn."""
+    for size in ("small",) if args.quick else ("small", "medium"):
+        for name in MODELS:
+            key = {"set": size, "problem": name}
+            yield from (key | {"solver": solver} for solver in args.solvers)
+
+
+def conclude(rows: list[Row]) -> list[Row]:
+    """Return the rows of one sequence with the worst objective errors."""
     reference = next((r.get("values") for r in rows if r["solver"] == REFERENCE), None)
     for row in rows:
         if reference is not None and "values" in row:
             best = np.array(reference, dtype=float)
             error = np.abs(np.array(row["values"], dtype=float) - best)
             row["objective_error"] = float((error / np.maximum(1.0, abs(best))).max())
+    return rows
 
 
 def markdown(rows: list[Row]) -> str:
@@ -187,29 +188,25 @@ def cell(row: Row) -> str:
     return f"{total:.2f}, {share:.2f}, {worst:.0e}"
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run the sequences and write the table."""
-    parser = cli.parser(__doc__, "csv", limit=120.0)
-    parser.add_argument("--models", nargs="+", choices=MODELS, default=list(MODELS))
-    parser.add_argument("--size", nargs="+", default=["small", "medium"])
-    parser.add_argument(
-        "--solvers", nargs="+", choices=VARIANTS, default=list(VARIANTS)
-    )
-    args = parser.parse_args(arguments)
-    header = cli.begin(["nam", "cvxpy", "osqp", "clarabel"])
-    with (
-        processes.benches(work, args.solvers, args.limit) as children,
-        csv_files.writer(args.csv, header, COLUMNS) as write,
-    ):
-        for size in args.size:
-            for name in args.models:
-                rows = [c.run(size, name, 0.0) for c in children.values()]
-                conclude(rows)
-                for row in rows:
-                    tables.print_row(row, SHOWN)
-                    write(row)
-    return 0
-
+SUITE = Suite(
+    name="cvxpy-resolve",
+    doc=__doc__,
+    requests=requests,
+    work=work,
+    conclude=conclude,
+    columns=(
+        "problem set solver variables equalities inequalities steps optimal first total"
+        " solver_time sum primal_residual dual_residual complementarity objective_error"
+        " iterations form status"
+    ),
+    keys="set problem solver",
+    solvers=tuple(VARIANTS),
+    packages={"nam-cold": "cvxpy", "osqp-1e-8": "osqp", REFERENCE: "clarabel"},
+    limit=120.0,
+    shown="problem set:8 solver optimal:8 total solver_time:12 objective_error:16",
+    table=markdown,
+)
+main = SUITE.main
 
 if __name__ == "__main__":
     sys.exit(main())

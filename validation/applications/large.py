@@ -1,26 +1,20 @@
 """Large sparse LCPs: time against n, beside one linear solve with the same matrix.
 
-run
-    large.csv: one row for each scene, size and solver. `seconds` is the best of two
-    whole calls of `solve_lcp` (of one beyond 20 s), checks and set-up included,
-    compiled kernels loaded; `residual` || z - clip(z - (A z + q), lower, upper) ||_2,
-    computed here. `baseline`, in the same process, in turns with ours and the best of
-    as many, is one linear solve: A x = -q to 1e-8 by pyamg's default Ruge-Stueben
-    hierarchy, its set-up included, and CG (BiCGStab if A is not symmetric). `product`
-    is the median time of A @ x, which reads A once. `memory` is what the call needs at
-    its peak and `hierarchy` what the levels of the baseline take, A one of them, both
-    in units of the bytes of A. OSQP, PIQP and Clarabel solve the forced obstacle to
-    1e-8 up to the size that they do not finish in 60 s. The row of the American put
-    has one time step, and one of Brennan and Schwartz as its baseline.
-plot
-    large.svg from large.csv.
-table
-    large.csv as Markdown, the claims below it.
+One row for each scene, size and solver, each in a process of its own. `seconds` is the
+best of two whole calls of `solve_lcp` (of one beyond 20 s), checks and set-up included,
+compiled kernels loaded; `residual` || z - clip(z - (A z + q), lower, upper) ||_2,
+computed here. `baseline`, in the same process, in turns with ours and the best of as
+many, is one linear solve: A x = -q to 1e-8 by pyamg's default Ruge-Stueben hierarchy,
+its set-up included, and CG (BiCGStab if A is not symmetric). `product` is the median
+time of A @ x, which reads A once. `memory` is what the call needs at its peak and
+`hierarchy` what the levels of the baseline take, A one of them, both in units of the
+bytes of A. OSQP, PIQP and Clarabel solve the forced obstacle to 1e-8 up to the size
+that they do not finish in 60 s. The row of the American put has one time step, and one
+of Brennan and Schwartz as its baseline.
 
---quick: n up to 10^5. Without a subcommand: run and plot.
+--quick: n up to 10^5.
 """
 
-import argparse
 import ctypes
 import gc
 import sys
@@ -38,19 +32,8 @@ from scipy.sparse.linalg import LinearOperator
 
 from namlcp import LCPResult, natural_residual, solve_lcp
 from validation.applications import american_put, large_figures
-from validation.harness import (
-    Bench,
-    Job,
-    Row,
-    cli,
-    csv_files,
-    judging,
-    machine,
-    processes,
-    qp_solvers,
-    tables,
-    timing,
-)
+from validation.harness import Job, Row, judging, processes, qp_solvers, timing
+from validation.harness.suite import Args, Late, Suite
 from validation.problems import (
     contact_scenes,
     hertz,
@@ -59,14 +42,6 @@ from validation.problems import (
     sweep_scenes,
 )
 
-COLUMNS = (
-    "scene n nnz solver method status iterations setup solve seconds residual active "
-    "baseline baseline_iterations ratio product memory hierarchy"
-).split()
-SHOWN = (
-    "scene:12 n:8 method:15 status:11 iterations seconds residual baseline ratio:6 "
-    "product memory:6 hierarchy"
-)
 SIZES = (10_000, 100_000, 1_000_000)
 FORCED_SIZES = (10_000, 40_000, 90_000, 100_000, 1_000_000, 4_000_000)
 PILE_SIZES = (1_000, 10_000, 100_000)
@@ -81,8 +56,8 @@ PEER_EPS = 1e-8  # absolute, that is asked of the others
 LIMIT = 600.0  # [s] for us
 PEER_LIMIT = 60.0  # [s] for the others
 ONCE = 20.0  # [s] from which a call is not repeated
+FAILED = frozenset({"timeout", "too slow", "crashed", "not found", "inaccurate"})
 CYCLES = 200  # of the baseline at most
-PEERS = ("osqp", "piqp", "clarabel")
 
 
 def strongly_dominant(n: int) -> known_scenes.BoxLCP:
@@ -133,14 +108,22 @@ SCENES = {
 SIZES_OF = {name: entry.sizes for name, entry in SCENES.items()} | {"put": PUT_SIZES}
 
 
-def scene_row(name: str, n: int, method: str) -> Row:
+def work(job: Job, name: str, n: int) -> Row:
+    """Return the row of a scene and a solver: the work of a child."""
+    if job.solver != "nam":
+        return peer_row(job, name, n)
+    job.ready()
+    return put_row(n) if name == "put" else scene_row(name, n)
+
+
+def scene_row(name: str, n: int) -> Row:
     """Solve one scene and the linear system in turns; return the row."""
     warnings.simplefilter("ignore")
     make, _, accel, relative = SCENES[name]
-    call(make(min(n, WARM_UP)), method, 60.0, relative)
+    call(make(min(n, WARM_UP)), 60.0, relative)
     scene = make(n)
     A = scene.A
-    row: Row = {"scene": name, "n": scene.q.size, "solver": "nam"}
+    row: Row = {"n": scene.q.size}
     if sp.issparse(A):
         row["nnz"], own = A.nnz, memory_of(A)
     release_memory()
@@ -148,7 +131,7 @@ def scene_row(name: str, n: int, method: str) -> Row:
     times, baselines = [], []
     for turn in range(2):
         start = time.perf_counter()
-        result = call(scene, method, LIMIT, relative)
+        result = call(scene, LIMIT, relative)
         times.append(time.perf_counter() - start)
         if turn == 0 and sp.issparse(A):
             row["memory"] = (timing.resident_memory() - before) / own
@@ -173,12 +156,9 @@ def scene_row(name: str, n: int, method: str) -> Row:
     return row
 
 
-def call(
-    scene: known_scenes.BoxLCP, method: str, limit: float, relative: bool
-) -> LCPResult:
+def call(scene: known_scenes.BoxLCP, limit: float, relative: bool) -> LCPResult:
     """Make the call that is timed."""
-    kind = "eps_rel" if relative else "eps_abs"
-    given: Row = {"method": method, kind: EPS, "time_limit": limit}
+    given: Row = {"eps_rel" if relative else "eps_abs": EPS, "time_limit": limit}
     if isinstance(scene.A, LinearOperator):
         corner = np.zeros(scene.q.size)
         corner[0] = 1.0
@@ -193,10 +173,7 @@ def put_row(n: int) -> Row:
     """
     found = american_put.timing("S = K = 100", n, PUT_STEPS)
     return {
-        "scene": "put",
-        "n": n,
         "nnz": 3 * n - 2,
-        "solver": "nam",
         "method": f"error {found['error']:.1e}",
         "status": "solved",
         "iterations": found["most_faces"],
@@ -250,21 +227,21 @@ def linear_solve(A: Any, q: np.ndarray, accel: str) -> tuple[float, int, float]:
     return seconds, len(steps) - 1, sum(memory_of(M) for M in matrices)
 
 
-def peer_row(job: Job, name: str, size: str, eps: float) -> Row:
+def peer_row(job: Job, name: str, n: int) -> Row:
     """Solve a scene as the QP min 1/2 z'Az + q'z by a peer: the work of a child.
 
-    It counts as solved if the solver says so and Res <= eps sqrt(n), that is eps in
+    It counts as solved if the solver says so and Res <= PEER_EPS sqrt(n), PEER_EPS in
     the mean over the entries.
     """
-    settings = qp_solvers.settings(job.solver, eps, job.limit)
+    settings = qp_solvers.settings(job.solver, PEER_EPS, job.limit)
 
     def solve(scene: known_scenes.BoxLCP) -> qpsolvers.Solution:
         A, q, lower, upper = scene
         problem = qpsolvers.Problem(sp.csc_matrix(A), q, lb=lower, ub=upper)
         return qpsolvers.solve_problem(problem, solver=job.solver, **settings)
 
-    scene = SCENES[name].make(int(size))
-    row: Row = {"n": scene.q.size, "nnz": scene.A.nnz}
+    scene = SCENES[name].make(n)
+    row: Row = {"n": scene.q.size, "nnz": scene.A.nnz, "method": job.solver}
     solve(SCENES[name].make(100))
     job.ready()
     answer, cold, runtime = timing.median_time(lambda: solve(scene))
@@ -273,72 +250,44 @@ def peer_row(job: Job, name: str, size: str, eps: float) -> Row:
     row |= judged(scene, answer.x) | {"seconds": runtime, "status": "solved"}
     if cold > job.limit:
         row["status"] = "too slow"
-    elif not row["residual"] <= eps * np.sqrt(row["n"]):
+    elif not row["residual"] <= PEER_EPS * np.sqrt(row["n"]):
         row["status"] = "inaccurate"
     return row
 
 
-def peer_rows(scene: str, sizes: list[int], known: list[Row]) -> Iterator[Row]:
-    """Yield the rows of the peers, each up to the first size that it fails at.
-
-    Those that are `known` are left out.
-    """
-    for solver in machine.installed(PEERS):
-        own = tables.chosen(known, scene=scene, solver=solver)
-        status = {int(row["n"]): row["status"] for row in own}
-        with Bench(peer_row, solver, PEER_LIMIT) as child:
-            for n in sizes:
-                if status.get(n) == "solved":
-                    continue
-                if n in status:
-                    break
-                answer = child.run(scene, str(n), PEER_EPS)
-                yield {"n": n, **answer, "scene": scene, "method": solver}
-                if answer["status"] != "solved":
-                    break
-
-
-def run(args: argparse.Namespace) -> None:
-    """Solve the scenes and write large.csv, as far as it does not have them."""
-    header = cli.begin(["nam", "pyamg", *PEERS])
-    tables.print_rows([], SHOWN)
+def requests(args: Args) -> Iterator[Row]:
+    """Yield the scenes from their least size; peers have the forced obstacle alone."""
     most = QUICK if args.quick else max(FORCED_SIZES)
-    path, keys = args.results / "large.csv", ("scene", "n", "solver")
-    with csv_files.growing(path, header, COLUMNS, keys, args.go_on) as file:
-
-        def put(row: Row) -> None:
-            tables.print_row(file.add(row), SHOWN)
-
-        for name in args.scenes:
-            sizes = [n for n in SIZES_OF[name] if n <= most]
-            known = tables.chosen(file.rows, scene=name, solver="nam")
-            for n in sizes[len(known) :]:
-                if name == "put":
-                    put(processes.isolated(put_row, n))
-                else:
-                    put(processes.isolated(scene_row, name, n, args.method))
-            if name == "forced" and args.peers:
-                sizes = [n for n in PEER_SIZES if n <= most]
-                for row in peer_rows(name, sizes, list(file.rows)):
-                    put(row)
+    for name, sizes in SIZES_OF.items():
+        for n in (n for n in sizes if n <= most):
+            peers = name == "forced" and n in PEER_SIZES
+            for solver in args.solvers if peers else ["nam"]:
+                yield {"scene": name, "size": n, "n": n, "solver": solver}
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run and plot, or what is asked for."""
-    parser = cli.parser(__doc__, "quick", "results", "figures", "go-on")
-    parser.add_argument("task", nargs="?", choices=["run", "plot", "table"])
-    parser.add_argument("--scenes", nargs="+", choices=SIZES_OF, default=list(SIZES_OF))
-    parser.add_argument("--method", default="auto", help="of solve_lcp")
-    parser.add_argument("--no-peers", dest="peers", action="store_false")
-    args = parser.parse_args(arguments)
-    if args.task in (None, "run"):
-        run(args)
-    if args.task in (None, "plot"):
-        large_figures.plot(args.results / "large.csv", args.figures)
-    if args.task == "table":
-        large_figures.table(args.results / "large.csv")
-    return 0
-
+SUITE = Suite(
+    name="large",
+    doc=__doc__,
+    requests=requests,
+    work=work,
+    columns=(
+        "scene size n nnz solver method status iterations setup solve seconds residual "
+        "active baseline baseline_iterations ratio product memory hierarchy"
+    ),
+    keys="scene size solver",
+    solvers=("nam", "osqp", "piqp", "clarabel"),
+    limit=LIMIT,
+    peer_limit=PEER_LIMIT,
+    late=Late(by="size", same=("scene",), copied=False, words=FAILED),
+    alone=True,
+    shown=(
+        "scene:12 n:8 solver method:15 status:11 iterations seconds residual baseline "
+        "ratio:6"
+    ),
+    table=large_figures.markdown,
+    plot=large_figures.plot,
+)
+main = SUITE.main
 
 if __name__ == "__main__":
     sys.exit(main())

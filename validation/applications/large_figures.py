@@ -14,8 +14,6 @@ Rows = list[dict[str, str]]
 LIMIT = 120.0
 """Seconds that the other solvers have."""
 
-"""Points by which a name stands off its neighbour's."""
-
 PANELS = {
     "forced": "forced obstacle",
     "ball": "ball obstacle",
@@ -168,22 +166,3 @@ def markdown(rows: list[Row]) -> str:
         seconds, residual = value(row, "seconds"), value(row, "residual")
         lines.append([*first, f"{seconds:.3g}", f"{residual:.1e}", ratio, share])
     return tables.markdown(heads, lines)
-
-
-def table(results: Path) -> None:
-    """Print our rows, and what the claims are about."""
-    rows = csv_files.read(results)
-    own = tables.chosen(rows, solver="nam")
-    print(markdown(rows) + "\n")
-    for row in (row for row in rows if row["solver"] != "nam"):
-        here = [r for r in own if (r["scene"], r["n"]) == (row["scene"], row["n"])]
-        times = [value(row, "seconds") / value(r, "seconds") for r in here]
-        more = f"{times[0]:.1f} times ours" if times else ""
-        print(f"{row['scene']} {row['n']} {row['solver']}: {row['status']}, {more}")
-    for scene in dict.fromkeys(row["scene"] for row in own):
-        found = [row for row in own if row["scene"] == scene]
-        n, seconds = ([value(r, key) for r in found] for key in ("n", "seconds"))
-        if len(n) > 1:
-            power = np.diff(np.log(seconds)) / np.diff(np.log(n))
-            powers = ", ".join(f"n^{p:.2f}" for p in power)
-            print(f"{scene}: time grows like {powers}")

@@ -8,6 +8,7 @@ as it is known, and with --go-on a run leaves out what the file has.
 """
 
 import argparse
+import math
 import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterable
@@ -31,13 +32,14 @@ class Late(NamedTuple):
 
     A solver that ran into the time limit `times` times is not asked again where the
     columns `same` are the same and `by` is as hard: a tolerance as small, a size as
-    large. If `copied`, a row says so all the same.
+    large. If `copied`, a row says so all the same. `words` are what it says then.
     """
 
     by: str = "eps"
     same: tuple[str, ...] = ("set", "problem")
     copied: bool = True
     times: int = 1
+    words: frozenset[str] = frozenset(LATE)
 
     def hardness(self, row: Row) -> float:
         """Return a number that is larger where more is asked for."""
@@ -87,6 +89,7 @@ class Suite:
     packages: dict[str, str] = field(default_factory=dict)  # of other solvers
     tolerances: tuple[float, ...] = ()
     limit: float = 10.0  # [s] a request
+    peer_limit: float = math.inf  # [s] of other solvers
     quick: dict[str, Any] = field(default_factory=dict)
     about: Callable[[Row], Row] | None = None
     complete: Callable[[Row], Row] | None = None
@@ -212,7 +215,7 @@ class Run:
 
     def note(self, row: Row) -> None:
         """Remember that a solver was late, or how long namlcp took."""
-        if self.suite.late and row.get("status") in LATE:
+        if self.suite.late and row.get("status") in self.suite.late.words:
             self.late[self.alike(row)].append(row)
         if self.suite.beside and is_ours(row["solver"]) and self.suite.success(row):
             self.ours[self.problem(row)].append(float(row["runtime"]))
@@ -231,8 +234,11 @@ class Run:
                 return late[-1] | request if suite.late.copied else None
         child = self.child(solver)
         child.limit = self.args.limit
-        if suite.beside and not is_ours(solver):
-            child.limit = limit_beside(self.ours[self.problem(request)], child.limit)
+        if not is_ours(solver):
+            child.limit = min(child.limit, suite.peer_limit)
+            if suite.beside:
+                ours = self.ours[self.problem(request)]
+                child.limit = limit_beside(ours, child.limit)
         if "ask" in request:
             return request | child.ask(*request["ask"]())
         names = [key for key in self.file.keys if key != "solver"]

@@ -92,9 +92,8 @@ PARTS = {
         peers.lcp --data {data} --results {results}
     """),
     "large": part("Large LCPs", 700.0, """
-        applications.large run --results {results} --go-on
-        applications.large plot --results {results} --figures {figures}
-        applications.large table --results {results}
+        applications.large --csv {results}/large.csv --go-on
+        applications.large plot --csv {results}/large.csv --figures {figures}
     """, "large.svg", grown="large.csv"),
     "work-precision": part("Speed against accuracy", 1000.0, """
         peers.work_precision run {quick} --data {data} --go-on \
