@@ -21,14 +21,16 @@ convergence
 """
 
 import sys
+from collections.abc import Iterator
+from itertools import product
 
 import numpy as np
 
-from validation.harness import Row, cli, csv_files, tables
+from validation.harness import Job, Row
+from validation.harness.suite import Args, Suite, chosen_by_name
 from validation.problems import american_puts
 
 BLOCK = 10  # steps that one method takes before it is the other's turn
-SLOWER = 3.0  # times Brennan and Schwartz: what is wanted at most
 
 
 def timing(name: str, nodes: int, steps: int) -> Row:
@@ -67,52 +69,59 @@ def timing(name: str, nodes: int, steps: int) -> Row:
     }
 
 
-def convergence(name: str, sizes: tuple[int, ...]) -> list[Row]:
-    """Return the prices of one put against nodes = steps, strike and start."""
-    put = american_puts.PUTS[name]
-    rows = []
-    for size in sizes:
-        for shift in (0.5, 0.0):
-            for euler_steps in (american_puts.EULER_STEPS, 0):
-                march = american_puts.Kept(
-                    american_puts.grid_of(put, size, size, shift), euler_steps
-                )
-                march.run(size + euler_steps // 2)
-                price = march.price(put.spot)
-                rows.append(
-                    {
-                        "put": name,
-                        "nodes": size,
-                        "steps": size,
-                        "strike": "midway" if shift else "on a node",
-                        "euler_steps": euler_steps,
-                        "price": price,
-                        "error": price - put.price,
-                    }
-                )
-    return rows
+def timed(_: Job, name: str, size: int) -> Row:
+    """Return the row of a put: the work of a child."""
+    return timing(name, size, size)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Print the tables and write them."""
-    parser = cli.parser(__doc__, "quick", results=None)
-    args = parser.parse_args(arguments)
-    header = cli.begin()
-    size = 400 if args.quick else 4000
-    rows = [timing(name, size, size) for name in american_puts.PUTS]
-    tables.print_rows(
-        rows, "put:16 price error us_a_step us_kept us_anew ratio faces_a_step:12"
-    )
-    print(f"wanted: error {american_puts.BOUND:.0e}, ratio {SLOWER:g} at most")
+def price(_: Job, name: str, size: int, strike: str, euler_steps: int) -> Row:
+    """Return the price of one put on a grid: the work of a child."""
+    put, shift = american_puts.PUTS[name], 0.5 if strike == "midway" else 0.0
+    grid = american_puts.grid_of(put, size, size, shift)
+    march = american_puts.Kept(grid, euler_steps)
+    march.run(size + euler_steps // 2)
+    found = march.price(put.spot)
+    return {"steps": size, "price": found, "error": found - put.price}
+
+
+def puts(args: Args) -> Iterator[Row]:
+    """Yield the puts on their grid."""
+    for name in american_puts.PUTS:
+        yield {"put": name, "nodes": 400 if args.quick else 4000}
+
+
+def grids(args: Args) -> Iterator[Row]:
+    """Yield nodes = steps, places of the strike and starts."""
     sizes = (100, 200, 400) if args.quick else (500, 1000, 2000, 4000, 8000)
-    prices = [row for name in american_puts.PUTS for row in convergence(name, sizes)]
-    tables.print_rows(prices, "put:16 nodes strike euler_steps:12 error")
-    folder = args.results or (None if args.quick else cli.RESULTS)
-    if folder is not None:
-        csv_files.write(folder / "american-put.csv", header, rows)
-        csv_files.write(folder / "american-put-convergence.csv", header, prices)
-    return 0
+    starts = american_puts.EULER_STEPS, 0
+    for name, size in product(american_puts.PUTS, sizes):
+        for strike, start in product(("midway", "on a node"), starts):
+            key = {"put": name, "nodes": size, "strike": strike}
+            yield key | {"euler_steps": start}
 
+
+TIMING = Suite(
+    name="american-put",
+    doc=__doc__,
+    requests=puts,
+    work=timed,
+    columns=(
+        "put nodes steps price error from_brennan_schwartz worst_residual faces_a_step "
+        "most_faces us_a_step us_kept us_anew ratio total"
+    ),
+    keys="put nodes",
+    shown="put:16 price error us_a_step us_kept us_anew ratio faces_a_step:12",
+)
+CONVERGENCE = Suite(
+    name="american-put-convergence",
+    doc=__doc__,
+    requests=grids,
+    work=price,
+    columns="put nodes steps strike euler_steps price error",
+    keys="put nodes strike euler_steps",
+    shown="put:16 nodes strike euler_steps:12 error",
+)
+main = chosen_by_name({"timing": TIMING, "convergence": CONVERGENCE})
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,53 +1,63 @@
-"""Hertz contact without a matrix on growing grids, beside Hertz's formulas.
-
---quick: 64^2 and 128^2 cells, nothing written.
-"""
+"""Hertz contact without a matrix on growing grids, beside Hertz's formulas."""
 
 import sys
 import time
+from collections.abc import Iterator
 
 import numpy as np
 from scipy.sparse.linalg import LinearOperator
 
 from namlcp import solve_lcp
-from validation.harness import cli, csv_files
+from validation.harness import Job, Row
+from validation.harness.suite import Args, Suite
 from validation.problems import hertz
 
 SIZES = (64, 128, 256, 512, 1024)  # cells along a side
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Solve on growing grids at the default tolerance, print and write the table."""
-    args = cli.parser(__doc__, "quick", "results").parse_args(arguments)
-    header, rows = cli.begin(["nam"]), []
-    for cells in SIZES[:2] if args.quick else SIZES:
-        problem = hertz.hertz(cells)
-        count = [0]
+def work(_: Job, cells: int) -> Row:
+    """Solve on a grid at the default tolerance: the work of a child."""
+    problem, products = hertz.hertz(cells), 0
 
-        def product(p: np.ndarray, problem=problem, count=count) -> np.ndarray:
-            count[0] += 1
-            return problem.A.matvec(p)
+    def product(p: np.ndarray) -> np.ndarray:
+        nonlocal products
+        products += 1
+        return problem.A.matvec(p)
 
-        A = LinearOperator(problem.A.shape, matvec=product, dtype=np.float64)
-        start = time.perf_counter()
-        result = solve_lcp(A, problem.q, diagonal=problem.diagonal)
-        seconds = time.perf_counter() - start
-        row = {
-            "cells": cells,
-            "n": cells * cells,
-            "status": result.status.value,
-            "iterations": result.iterations,
-            "products": count[0],
-            "seconds": f"{seconds:.3g}",
-            "residual": f"{result.residual:.1e}",
-        }
-        row |= {k: f"{v:.1e}" for k, v in hertz.measured(problem, result.z).items()}
-        rows.append(row)
-        print(row, flush=True)
-    if not args.quick:
-        csv_files.write(args.results / "hertz.csv", header, rows)
-    return 0
+    A = LinearOperator(problem.A.shape, matvec=product, dtype=np.float64)
+    start = time.perf_counter()
+    result = solve_lcp(A, problem.q, diagonal=problem.diagonal)
+    seconds = time.perf_counter() - start
+    row = {
+        "n": cells * cells,
+        "status": result.status.value,
+        "iterations": result.iterations,
+        "products": products,
+        "seconds": f"{seconds:.3g}",
+        "residual": f"{result.residual:.1e}",
+    }
+    errors = hertz.measured(problem, result.z)
+    return row | {name: f"{error:.1e}" for name, error in errors.items()}
 
+
+def requests(args: Args) -> Iterator[Row]:
+    """Yield the grids; with --quick the first two."""
+    yield from ({"cells": cells} for cells in SIZES[: 2 if args.quick else None])
+
+
+SUITE = Suite(
+    name="hertz",
+    doc=__doc__,
+    requests=requests,
+    work=work,
+    columns=(
+        "cells n status iterations products seconds residual radius_error force_error "
+        "pressure_error"
+    ),
+    keys="cells",
+    shown="cells status iterations products seconds residual",
+)
+main = SUITE.main
 
 if __name__ == "__main__":
     sys.exit(main())

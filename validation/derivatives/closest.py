@@ -1,9 +1,5 @@
 """The closest feasible problem of infeasible QPs: whether it is right, and its cost.
 
-Usage::
-
-    python -m validation.derivatives.closest [--data DIR] [--quick] [--csv FILE]
-
 The problems: random infeasible QPs, dense and sparse (those of `infeasible_cases`, and
 `gross` ones, whose random rows contradict each other everywhere), steps of
 model-predictive control from states that cannot be led back (`control`, condensed and
@@ -41,8 +37,8 @@ from qpsolvers import Problem
 
 import namlcp
 from validation.harness import (
+    Job,
     Row,
-    cli,
     csv_files,
     judging,
     qp_solvers,
@@ -50,13 +46,14 @@ from validation.harness import (
     tables,
     timing,
 )
+from validation.harness.suite import Args, Suite
 from validation.problems import infeasible_cases
 from validation.problems.sequences import Sequence, condensed, single, stagewise
 
 COLUMNS = (
     "problem group n rows norm clarabel piqp conditions closest feasible ratio soft "
     "proxqp excess said"
-).split()
+)
 ORACLES = {"clarabel": 1e6, "piqp": 1.0}
 """The oracles, with a factor of the cost posed to each: they end by its value, and the
 larger that is, the nearer the minimiser (piqp does not end with a larger one)."""
@@ -221,33 +218,51 @@ def row_of(name: str, group: str, problem: Problem) -> Row:
 
 def is_right(row: Row) -> bool:
     """Tell whether a row keeps the claim but for time."""
-    if "conditions" not in row:
-        return False
-    return min(row["clarabel"], row["piqp"]) <= 1e-8 and row["conditions"] <= 1e-9
+    shift, worst = (
+        min(csv_files.number(row[name]) for name in names)
+        for names in (("clarabel", "piqp"), ("conditions",))
+    )
+    return shift <= 1e-8 and worst <= 1e-9
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run all; return 1 if a closest point is not right."""
-    parser = cli.parser(__doc__, "data", "quick", "csv")
-    args = parser.parse_args(arguments)
-    shown = "problem:26 " + " ".join(COLUMNS[2:])
-    header = cli.begin(("nam", "clarabel", "piqp", "proxqp"))
-    tables.print_rows([], shown)
-    done: list[Row] = []
-    with csv_files.writer(args.csv, header, COLUMNS) as write:
-        for problem in problems(args.data, args.quick):
-            done.append(row_of(*problem))
-            tables.print_row(done[-1], shown)
-            write(done[-1])
-    for group in tables.distinct(done, "group"):
+def work(job: Job, name: str, group: str, problem: Problem) -> Row:
+    """Return the row of a problem: the work of a child."""
+    job.ready()
+    return row_of(name, group, problem)
+
+
+def requests(args: Args) -> Iterator[Row]:
+    """Yield the problems."""
+    for name, group, problem in problems(args.data, args.quick):
+        ask = lambda each=(name, group, problem): each  # noqa: E731
+        yield {"problem": name, "group": group, "ask": ask}
+
+
+def markdown(rows: list[Row]) -> str:
+    """Return the time over that of the feasible problem: mean and worst of a group."""
+    lines = []
+    for group in tables.distinct(rows, "group"):
         own = [
-            row["ratio"] for row in tables.chosen(done, group=group) if "ratio" in row
+            float(r["ratio"]) for r in tables.chosen(rows, group=group) if r["ratio"]
         ]
-        print(
-            f"{group:<28} {timing.geometric_mean(own):.2f} ({max(own, default=0):.1f})"
-        )
-    return int(not all(map(is_right, done)))
+        mean = timing.geometric_mean(own)
+        lines.append((group, f"{mean:.2f}", f"{max(own, default=0.0):.1f}"))
+    return tables.markdown(("group", "closest over feasible", "at most"), lines)
 
+
+SUITE = Suite(
+    name="closest",
+    doc=__doc__,
+    requests=requests,
+    work=work,
+    columns=COLUMNS,
+    keys="problem",
+    limit=600.0,
+    shown="problem:26 norm clarabel piqp conditions closest feasible ratio soft said",
+    table=markdown,
+    failed=lambda rows: not all(map(is_right, rows)),
+)
+main = SUITE.main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,9 +1,5 @@
 """Derivatives of QPs and LCPs against differences, and at kinks.
 
-Usage::
-
-    python -m validation.derivatives.differences [--count 2000] [--quick] [--csv FILE]
-
 Regular problems (`cases.regular_qp`, `regular_lcp`): dense and sparse in
 turns, with equalities, bounds and pinned variables, in units that differ by up to 10^4;
 two thirds of the LCPs are not symmetric. `error` is the largest relative difference,
@@ -35,9 +31,10 @@ import scipy.sparse as sp
 import namlcp
 from namlcp.qp import QP
 from validation.derivatives import cases
-from validation.harness import Row, cli, csv_files, tables
+from validation.harness import Job, Row
+from validation.harness.suite import Args, Suite
 
-COLUMNS = "family data problems error median adjoint right weak singular".split()
+COUNTS, QUICK_COUNTS = (2000, 40), (100, 5)  # regular problems, and kinks
 EXACT = {"eps_abs": 1e-13, "eps_rel": 1e-13}
 STEP = 1e-4  # of the central difference; half of it is the second one
 ONE_SIDED = 1e-4  # step at kinks, doubled once to extrapolate
@@ -48,7 +45,6 @@ CLOSEST_KINDS = (  # variables, rows, equations, whether there are bounds
     (9, 5, 2, False),  # the cost does
     (6, 9, 2, True),
 )
-KINK_PROBLEMS = 40
 PARTS = ("x", "y", "z", "z_box")
 
 
@@ -260,32 +256,59 @@ def kinks(
 
 def rows(count: int, problems: int) -> Iterator[Row]:
     """Yield all rows."""
-    yield regular("QP", regular_qp, count)
-    yield regular("LCP", regular_lcp, count)
-    for family, directions in cases.KINKS.items():
-        for names in directions:
-            found = [kink_error(family(s), names, s) for s in range(problems)]
-            yield kinks(family.__name__, names, found)
-    found = [lcp_kink_error(seed) for seed in range(problems)]
-    yield kinks("weak_lcp", "A, q", found)
-    found = [closest_error(seed) for seed in range(3 * problems)]
-    yield kinks("closest", "all", found, CLOSEST_RIGHT)
+    for family, data in FAMILIES:
+        yield row_of(family, data, count, problems)
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Run all."""
-    parser = cli.parser(__doc__, "quick", "csv")
-    parser.add_argument("--count", type=int, default=2000, help="regular problems")
-    args = parser.parse_args(arguments)
-    count, problems = (100, 5) if args.quick else (args.count, KINK_PROBLEMS)
-    shown = "family:14 data:8 " + " ".join(COLUMNS[2:])
-    tables.print_rows([], shown)
-    with csv_files.writer(args.csv, cli.begin(), COLUMNS) as write:
-        for row in rows(count, problems):
-            tables.print_row(row, shown)
-            write(row)
-    return 0
+def row_of(family: str, data: str, count: int, problems: int) -> Row:
+    """Return the row of a family."""
+    if family in REGULAR:
+        return regular(family, REGULAR[family], count)
+    if family == "weak_lcp":
+        return kinks(family, data, [lcp_kink_error(seed) for seed in range(problems)])
+    if family == "closest":
+        found = [closest_error(seed) for seed in range(3 * problems)]
+        return kinks(family, data, found, CLOSEST_RIGHT)
+    make = next(make for make in cases.KINKS if make.__name__ == family)
+    found = [kink_error(make(s), data, s) for s in range(problems)]
+    return kinks(family, data, found)
 
+
+REGULAR = {"QP": regular_qp, "LCP": regular_lcp}
+FAMILIES = (
+    *((family, "all") for family in REGULAR),
+    *((make.__name__, names) for make, every in cases.KINKS.items() for names in every),
+    ("weak_lcp", "A, q"),
+    ("closest", "all"),
+)
+"""Every family, with the data that are changed."""
+
+
+def work(job: Job, family: str, data: str, count: int, problems: int) -> Row:
+    """Return the row of a family: the work of a child."""
+    job.ready()
+    return row_of(family, data, count, problems)
+
+
+def requests(args: Args) -> Iterator[Row]:
+    """Yield the families, with few problems of each if it is quick."""
+    sizes = QUICK_COUNTS if args.quick else COUNTS
+    for family, data in FAMILIES:
+        key = {"family": family, "data": data}
+        yield key | {"ask": lambda key=key: (*key.values(), *sizes)}
+
+
+SUITE = Suite(
+    name="derivatives",
+    doc=__doc__,
+    requests=requests,
+    work=work,
+    columns="family data problems error median adjoint right weak singular",
+    keys="family data",
+    limit=600.0,
+    shown="family:14 data:8 problems error median adjoint right weak singular",
+)
+main = SUITE.main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -39,15 +39,12 @@ from scipy.sparse.linalg import splu
 import namlcp
 from namlcp.lcp import FreeSystem, hierarchy_of
 from validation.derivatives import cases
-from validation.harness import Row, cli, csv_files, qp_solvers, tables
+from validation.harness import Job, Row, qp_solvers
+from validation.harness.suite import Args, Suite
 from validation.problems import known_scenes
 
-COLUMNS = "case solver solve backward error ratio linear".split()
 BATCH = 128
 EPS = 1e-10  # absolute tolerance of the peers
-PEERS = ("proxqp", "qpth", "diffcp", "dqp")
-SLOW = {"dense 500": ("diffcp",), "band": ("proxqp", "qpth")}
-"""Peers that a case is left out for: they need minutes, or take no sparse matrices."""
 
 
 class Data(NamedTuple):
@@ -255,60 +252,42 @@ def best_times(both: Pass, seconds: float = 1.0) -> tuple[float, float, Any]:
     return first, second, found
 
 
-def qp_rows(case: str, data: Data) -> Iterator[Row]:
-    """Yield the rows of one QP, ours first."""
+MAKERS = {"nam": nam, "proxqp": proxqp, "qpth": qpth, "diffcp": diffcp, "dqp": dqp}
+"""The packages by name; dQP's construction is written here."""
+
+
+def qp_row(solver: str, data: Data) -> Row:
+    """Return the row of one QP."""
     exact = reference(data)
-    makers = {"nam": nam, "proxqp": proxqp, "qpth": qpth, "diffcp": diffcp, "dqp": dqp}
-    for solver, make in makers.items():
-        if solver in SLOW.get(case, ()):
-            continue
-        try:
-            both = make(data)
-            first, second, found = best_times(both)
-        except (ImportError, NotImplementedError) as error:
-            print(f"{case}, {solver}: left out ({error!r})")
-            continue
-        yield row_of(case, solver, first, second, error_of(found, exact))
+    first, second, found = best_times(MAKERS[solver](data))
+    return row_of(first, second, error_of(found, exact))
 
 
-def row_of(
-    case: str, solver: str, first: float, second: float, error: float, **more: float
-) -> Row:
+def row_of(first: float, second: float, error: float, **more: float) -> Row:
     """Return a row; `ratio` is backward over solve."""
-    row: Row = {"case": case, "solver": solver, "solve": first, "backward": second}
-    return row | {"error": error, "ratio": second / first} | more
+    row: Row = {"solve": first, "backward": second, "error": error}
+    return row | {"ratio": second / first} | more
 
 
-def batch_rows(case: str) -> Iterator[Row]:
-    """Yield the rows of a batch: solve_batch beside proxsuite's own loop and qpth."""
+def batch_row(solver: str) -> Row:
+    """Return the row of a batch: at once by ours and qpth, else a loop."""
     every = [dense_case(10, seed) for seed in range(BATCH)]
-    P, q, G, h, g = (np.stack(part) for part in zip(*every, strict=True))
+    arrays = [np.stack(part) for part in zip(*every, strict=True)]
     exact = [np.stack(v) for v in zip(*map(reference, every), strict=True)]
-
-    def backward(batch: namlcp.BatchResult) -> tuple[Any, ...]:
-        found = batch.backward(dx=g, threads=1)
-        return found.P, found.q, found.G, found.h
-
-    ours = (lambda: namlcp.solve_batch(P, q, G, h, threads=1)), backward
-    yield row_of(case, "nam", *timed(ours, exact))
-    for solver, make in (("proxqp", proxqp), ("dqp", dqp)):
-        passes = [make(data) for data in every]
-        loop = (
-            lambda passes=passes: [solve() for solve, _ in passes],
-            lambda states, passes=passes: stacked(
+    if solver == "nam":
+        both = batch_nam(*arrays)
+    elif solver == "qpth":
+        both = batch_qpth(*arrays)
+    else:
+        passes = [MAKERS[solver](data) for data in every]
+        both = (
+            lambda: [solve() for solve, _ in passes],
+            lambda states: stacked(
                 back(state) for (_, back), state in zip(passes, states, strict=True)
             ),
         )
-        yield row_of(case, solver, *timed(loop, exact))
-    torch = batch_qpth(P, q, G, h, g)
-    if torch is not None:
-        yield row_of(case, "qpth", *timed(torch, exact))
-
-
-def timed(both: Pass, exact: Any) -> tuple[float, float, float]:
-    """Return the best times and the error."""
     first, second, found = best_times(both)
-    return first, second, error_of(found, exact)
+    return row_of(first, second, error_of(found, exact))
 
 
 def stacked(found: Iterator[tuple[Any, ...]]) -> tuple[Any, ...]:
@@ -316,13 +295,23 @@ def stacked(found: Iterator[tuple[Any, ...]]) -> tuple[Any, ...]:
     return tuple(np.stack(v) for v in zip(*found, strict=True))
 
 
-def batch_qpth(*arrays: np.ndarray) -> Pass | None:
-    """Return qpth's passes over a whole batch, None if it is not installed."""
-    try:
-        import torch
-        from qpth.qp import QPFunction
-    except ImportError:
-        return None
+def batch_nam(
+    P: np.ndarray, q: np.ndarray, G: np.ndarray, h: np.ndarray, g: np.ndarray
+) -> Pass:
+    """Return our passes over a whole batch."""
+
+    def backward(batch: namlcp.BatchResult) -> tuple[Any, ...]:
+        found = batch.backward(dx=g, threads=1)
+        return found.P, found.q, found.G, found.h
+
+    return lambda: namlcp.solve_batch(P, q, G, h, threads=1), backward
+
+
+def batch_qpth(*arrays: np.ndarray) -> Pass:
+    """Return qpth's passes over a whole batch."""
+    import torch
+    from qpth.qp import QPFunction
+
     *data, g = (torch.from_numpy(v) for v in arrays)
     data = [v.requires_grad_() for v in data]
     function, none = QPFunction(verbose=-1, eps=1e-12), torch.Tensor()
@@ -334,7 +323,7 @@ def batch_qpth(*arrays: np.ndarray) -> Pass | None:
     return lambda: function(*data, none, none), backward
 
 
-def obstacle_row(case: str, n: int, seconds: float = 20.0) -> Row:
+def obstacle_row(n: int, seconds: float = 20.0) -> Row:
     """Return the row of an obstacle with n unknowns; `error` is the residual left."""
     A, q, lower, _ = known_scenes.obstacle(round(n**0.5))
     matrix = namlcp.Prepared(A)
@@ -356,40 +345,54 @@ def obstacle_row(case: str, n: int, seconds: float = 20.0) -> Row:
         return FreeSystem(hierarchy_of(matrix), every).solve(g, 1e-12)
 
     _, whole, _ = best_times((lambda: None, linear), seconds)
-    return row_of(case, "nam", first, second, float(error), linear=whole)
+    return row_of(first, second, float(error), linear=whole)
 
 
-CASES = ("dense 10", "dense 100", "dense 500", "batch", "band", "obstacle")
+CASES = {
+    "dense 10": ("nam", "proxqp", "qpth", "diffcp", "dqp"),
+    "dense 100": ("nam", "proxqp", "qpth", "diffcp", "dqp"),
+    "dense 500": ("nam", "proxqp", "qpth", "dqp"),  # diffcp needs minutes
+    "batch": ("nam", "proxqp", "dqp", "qpth"),
+    "band": ("nam", "dqp"),  # the others take no sparse matrices, or need minutes
+    "obstacle": ("nam",),
+}
+"""The cases, and the packages that have them."""
 
 
-def rows(chosen: list[str], quick: bool) -> Iterator[Row]:
-    """Yield all rows."""
-    for case in chosen:
-        if case.startswith("dense"):
-            yield from qp_rows(case, dense_case(int(case.split()[1])))
-        elif case == "batch":
-            yield from batch_rows(case)
-        elif case == "band":
-            yield from qp_rows(case, band_case(1000 if quick else 10_000))
-        else:
-            yield obstacle_row(case, 10_000 if quick else 1_000_000)
-
-
-def main(arguments: list[str] | None = None) -> int:
-    """Run all cases."""
-    parser = cli.parser(__doc__, "quick", "csv")
-    parser.add_argument("--cases", nargs="+", choices=CASES, default=list(CASES))
-    args = parser.parse_args(arguments)
+def work(job: Job, case: str, quick: bool) -> Row:
+    """Return the row of a case: the work of a child."""
     warnings.simplefilter("ignore")
-    shown = "case solver:8 solve backward error ratio linear"
-    header = cli.begin(("proxqp", "qpth", "diffcp", "daqp", "piqp", "cvxpy"))
-    tables.print_rows([], shown)
-    with csv_files.writer(args.csv, header, COLUMNS) as write:
-        for row in rows(args.cases, args.quick):
-            tables.print_row(row, shown)
-            write(row)
-    return 0
+    job.ready()
+    if case == "batch":
+        return batch_row(job.solver)
+    if case == "obstacle":
+        return obstacle_row(10_000 if quick else 1_000_000)
+    if case == "band":
+        return qp_row(job.solver, band_case(1000 if quick else 10_000))
+    return qp_row(job.solver, dense_case(int(case.split()[1])))
 
+
+def requests(args: Args) -> Iterator[Row]:
+    """Yield the cases, all packages in turn, ours first."""
+    for case, solvers in CASES.items():
+        for solver in (s for s in solvers if s in args.solvers):
+            ask = lambda case=case: (case, args.quick)  # noqa: E731
+            yield {"case": case, "solver": solver, "ask": ask}
+
+
+SUITE = Suite(
+    name="derivatives-peers",
+    doc=__doc__,
+    requests=requests,
+    work=work,
+    columns="case solver solve backward error ratio linear",
+    keys="case solver",
+    solvers=tuple(MAKERS),
+    packages={"qpth": "qpth", "diffcp": "diffcp", "dqp": "daqp"},
+    limit=600.0,
+    shown="case solver:8 solve backward error ratio linear status:30",
+)
+main = SUITE.main
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -180,7 +180,7 @@ class Run:
         tables.print_rows([], self.shown)
         for _, group in groupby(suite.requests(self.args), self.problem):
             requests = [
-                request
+                {"solver": "nam"} | request
                 for request in group
                 if not only or any(str(value) in only for value in request.values())
             ]

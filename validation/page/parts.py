@@ -89,7 +89,9 @@ PARTS = {
         derivatives.closest {quick} --data {data} --csv {results}/closest.csv
     """),
     "lcp": part("LCPs beside PIQP and OSQP", 175.0, """
-        peers.lcp --data {data} --results {results}
+        peers.lcp contact --data {data} --csv {results}/contact.csv
+        peers.lcp example1 --csv {results}/example1.csv
+        peers.lcp first-call --csv {results}/first-call.csv
     """),
     "large": part("Large LCPs", 700.0, """
         applications.large --csv {results}/large.csv --go-on
@@ -105,10 +107,12 @@ PARTS = {
         oracles.agreement {quick} --data {data} --csv {results}/oracles.csv
     """, quick=60.0),
     "hertz": part("Hertz contact without a matrix", 50.0, """
-        applications.hertz --results {results}
+        applications.hertz --csv {results}/hertz.csv
     """),
     "put": part("American puts", 10.0, """
-        applications.american_put --results {results}
+        applications.american_put timing --csv {results}/american-put.csv
+        applications.american_put convergence \
+        --csv {results}/american-put-convergence.csv
     """),
     "paper": part("The paper's tables", 330.0, """
         paper.tables --results {results} --figures {figures}

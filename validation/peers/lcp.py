@@ -15,68 +15,53 @@ first-call
 import subprocess
 import sys
 import time
-from collections.abc import Callable
-from functools import partial
-from pathlib import Path
+from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 import qpsolvers
 import scipy.sparse as sp
 
-from validation.harness import (
-    Row,
-    cli,
-    csv_files,
-    judging,
-    processes,
-    qp_solvers,
-    tables,
-    timing,
-)
+from validation.harness import Job, Row, cli, judging, qp_solvers, tables, timing
+from validation.harness.suite import Args, Suite, chosen_by_name
 from validation.problems import data_sets, sweep_scenes
 
-PARTS = ("contact", "example1", "first-call")
 RUNS = 3
+REPEATS = {"nam": 5, "osqp": 1}  # of Example 1
 FIRST_CALL = "environment.first_call"
 
 
-def contact(data: Path) -> list[Row]:
-    """Return one row for each scene and solver."""
+def contact(job: Job, name: str) -> Row:
+    """Return the row of a contact scene: the work of a child."""
     import namlcp
 
-    rows = []
-    for name in data_sets.set_names(data, "contact"):
-        A, q = data_sets.contact_lcp(data, name)
-        problem = data_sets.load(data, "contact", name)
-        settings = qp_solvers.settings("piqp", 1e-9, 10.0) | {"solver": "piqp"}
-        for solver, call in (
-            ("nam", partial(namlcp.solve_lcp, A, q)),
-            ("piqp", partial(qpsolvers.solve_problem, problem, **settings)),
-        ):
-            call()
-            answer, _, runtime = timing.median_time(call)
-            z = answer.z if solver == "nam" else answer.x
-            rows.append(
-                {
-                    "scene": name,
-                    "n": q.size,
-                    "solver": solver,
-                    "runtime": runtime,
-                    "relative_residual": judging.relative_residual(A, q, z),
-                    "status": answer.status.value if solver == "nam" else answer.found,
-                }
-            )
-    return rows
+    A, q = data_sets.contact_lcp(job.data, name)
+    problem = data_sets.load(job.data, "contact", name)
+    settings = qp_solvers.settings("piqp", 1e-9, 10.0) | {"solver": "piqp"}
+
+    def call() -> Any:
+        if job.solver == "nam":
+            return namlcp.solve_lcp(A, q)
+        return qpsolvers.solve_problem(problem, **settings)
+
+    call()
+    job.ready()
+    answer, _, runtime = timing.median_time(call)
+    ours = job.solver == "nam"
+    z = answer.z if ours else answer.x
+    return {
+        "n": q.size,
+        "runtime": runtime,
+        "relative_residual": judging.relative_residual(A, q, z),
+        "status": answer.status.value if ours else answer.found,
+    }
 
 
-def print_contact(rows: list[Row]) -> None:
-    """Print the scenes, how many are solved to 1e-9, and the geometric means."""
-    tables.print_rows(rows, "scene:18 n:6 solver runtime relative_residual:18 status")
-    for solver in ("nam", "piqp"):
-        own = tables.chosen(rows, solver=solver)
-        exact = sum(row["relative_residual"] <= 1e-9 for row in own)
-        mean = 1e3 * timing.geometric_mean([row["runtime"] for row in own])
-        print(f"{solver}: {exact}/{len(own)} to 1e-9, geometric mean {mean:.3f} ms")
+def contacts(args: Args) -> Iterator[Row]:
+    """Yield the scenes, both solvers in turn."""
+    names = data_sets.set_names(args.data, "contact")
+    for name in names[:: 4 if args.quick else 1]:
+        yield from ({"scene": name, "solver": solver} for solver in args.solvers)
 
 
 def nam_call(A: sp.csr_array, q: np.ndarray) -> Callable[[], np.ndarray]:
@@ -105,16 +90,17 @@ def osqp_call(A: sp.csr_array, q: np.ndarray) -> Callable[[], np.ndarray]:
     return call
 
 
-def example1_row(solver: str, repeats: int) -> Row:
-    """Return time, accuracy and memory of a solver on Example 1, n = 10^6."""
-    make = nam_call if solver == "nam" else osqp_call
+def example1(job: Job) -> Row:
+    """Return time, accuracy and memory of a solver on Example 1: a child's work."""
+    make = nam_call if job.solver == "nam" else osqp_call
     small, scene = (sweep_scenes.paper_example(1, m) for m in (10, 1000))
     make(small.A, small.q)()
     A, q = scene.A, scene.q
     call = make(A, q)
     before = timing.resident_memory(reset_peak=True)
     times = []
-    for _ in range(repeats):
+    job.ready()
+    for _ in range(REPEATS[job.solver]):
         start = time.perf_counter()
         z = call()
         times.append(time.perf_counter() - start)
@@ -122,22 +108,12 @@ def example1_row(solver: str, repeats: int) -> Row:
             memory = timing.resident_memory() - before
     own = A.data.nbytes + A.indices.nbytes + A.indptr.nbytes
     return {
-        "solver": solver,
         "runtime": float(np.median(times)),
         "cold": times[0],
         "residual": float(np.linalg.norm(np.minimum(z, A @ z + q))),
         "error": float(np.max(np.abs(z - np.tile([1.0, 2.0], z.size // 2)))),
         "memory": memory / own,
     }
-
-
-def first_calls() -> list[Row]:
-    """Return the times [s] of a fresh process for each path, the best of RUNS."""
-    rows = []
-    for path in run_script(FIRST_CALL).split():
-        runs = [fresh_process(path) for _ in range(RUNS)]
-        rows.append({"path": path} | min(runs, key=lambda times: times["solve"]))
-    return rows
 
 
 def markdown(rows: list[Row]) -> str:
@@ -161,37 +137,52 @@ def run_script(*command: str) -> str:
     ).stdout
 
 
-def fresh_process(path: str) -> Row:
-    """Return the wall-clock times of a process, of import and solve in it."""
-    start = time.perf_counter()
-    printed = run_script(FIRST_CALL, path)
-    seconds = [time.perf_counter() - start, *map(float, printed.split())]
-    return dict(zip(("process", "import", "solve"), seconds, strict=True))
+def fresh_process(_: Job, path: str) -> Row:
+    """Return the times of a process, of import and solve in it, the best of RUNS."""
+    runs = []
+    for _ in range(RUNS):
+        start = time.perf_counter()
+        printed = run_script(FIRST_CALL, path)
+        seconds = [time.perf_counter() - start, *map(float, printed.split())]
+        runs.append(dict(zip(("process", "import", "solve"), seconds, strict=True)))
+    return min(runs, key=lambda times: times["solve"])
 
 
-@cli.needs_data
-def main(arguments: list[str] | None = None) -> int:
-    """Run the parts."""
-    parser = cli.parser(__doc__, data=..., results=None)
-    parser.add_argument("--parts", nargs="+", choices=PARTS, default=PARTS)
-    args = parser.parse_args(arguments)
-    header = cli.begin(["nam", "piqp", "osqp"])
-    for part in args.parts:
-        if part == "contact":
-            rows = processes.isolated(contact, args.data)
-            print_contact(rows)
-        elif part == "example1":
-            rows = [processes.isolated(example1_row, "nam", 5)]
-            rows += [processes.isolated(example1_row, "osqp", 1)]
-            tables.print_rows(rows, "solver runtime cold residual error memory")
-            print(f"osqp/nam: {rows[1]['runtime'] / rows[0]['runtime']:.0f}")
-        else:
-            rows = first_calls()
-            tables.print_rows(rows, " ".join(f"{column}:16" for column in rows[0]))
-        if args.results:
-            csv_files.write(args.results / f"{part}.csv", header, rows)
-    return 0
-
+SUITES = {
+    "contact": Suite(
+        name="contact",
+        doc=__doc__,
+        requests=contacts,
+        work=contact,
+        columns="scene n solver runtime relative_residual status",
+        keys="scene solver",
+        solvers=("nam", "piqp"),
+        shown="scene:18 n:6 solver runtime relative_residual:18 status",
+        needs_data=True,
+    ),
+    "example1": Suite(
+        name="example1",
+        doc=__doc__,
+        requests=lambda args: ({"solver": solver} for solver in args.solvers),
+        work=example1,
+        columns="solver runtime cold residual error memory",
+        keys="solver",
+        solvers=tuple(REPEATS),
+        limit=600.0,
+        shown="solver runtime cold residual error memory",
+    ),
+    "first-call": Suite(
+        name="first-call",
+        doc=__doc__,
+        requests=lambda args: ({"path": p} for p in run_script(FIRST_CALL).split()),
+        work=fresh_process,
+        columns="path process import solve",
+        keys="path",
+        shown="path:16 process import solve",
+        table=markdown,
+    ),
+}
+main = chosen_by_name(SUITES)
 
 if __name__ == "__main__":
     sys.exit(main())
