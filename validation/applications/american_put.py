@@ -7,27 +7,21 @@ steps of Crank and Nicolson, the first two of them as four implicit Euler steps 
 the length (Rannacher), which have the same matrix A = I + dt/2 L. The price at S by a
 cubic spline.
 
-timing
-    Each step as a whole `solve_lcp(prepared, q, payoff, z0=last)`, its q included, and
-    as a step of the method of Brennan and Schwartz (J. Finance 32 (1977) 449-462):
-    elimination from the right, substitution from the left with the payoff as a floor,
-    in numba, with the factors kept (`kept`, the faster one) or not. The two take turns
-    in blocks of steps, and processor time is taken, so that other processes matter
-    little; `ratio` is the median over blocks of the ratio of times, `total` the ratio
-    of the sums.
-convergence
-    The price against nodes and steps, with the strike midway or on a node, with and
-    without the Euler steps.
+Each step is timed as a whole `solve_lcp(prepared, q, payoff, z0=last)`, its q included,
+and as a step of the method of Brennan and Schwartz (J. Finance 32 (1977) 449-462):
+elimination from the right, substitution from the left with the payoff as a floor,
+compiled, with the factors kept (`kept`, the faster one) or not. The two take turns in
+blocks of steps, and processor time is taken, so that other processes matter little;
+`ratio` is the median over blocks of the ratio of times, `total` the ratio of the sums.
 """
 
 import sys
 from collections.abc import Iterator
-from itertools import product
 
 import numpy as np
 
 from validation.harness import Job, Row
-from validation.harness.suite import Args, Suite, chosen_by_name
+from validation.harness.suite import Args, Suite
 from validation.problems import american_puts
 
 BLOCK = 10  # steps that one method takes before it is the other's turn
@@ -74,33 +68,13 @@ def timed(_: Job, name: str, size: int) -> Row:
     return timing(name, size, size)
 
 
-def price(_: Job, name: str, size: int, strike: str, euler_steps: int) -> Row:
-    """Return the price of one put on a grid: the work of a child."""
-    put, shift = american_puts.PUTS[name], 0.5 if strike == "midway" else 0.0
-    grid = american_puts.grid_of(put, size, size, shift)
-    march = american_puts.Kept(grid, euler_steps)
-    march.run(size + euler_steps // 2)
-    found = march.price(put.spot)
-    return {"steps": size, "price": found, "error": found - put.price}
-
-
 def puts(args: Args) -> Iterator[Row]:
     """Yield the puts on their grid."""
     for name in american_puts.PUTS:
         yield {"put": name, "nodes": 400 if args.quick else 4000}
 
 
-def grids(args: Args) -> Iterator[Row]:
-    """Yield nodes = steps, places of the strike and starts."""
-    sizes = (100, 200, 400) if args.quick else (500, 1000, 2000, 4000, 8000)
-    starts = american_puts.EULER_STEPS, 0
-    for name, size in product(american_puts.PUTS, sizes):
-        for strike, start in product(("midway", "on a node"), starts):
-            key = {"put": name, "nodes": size, "strike": strike}
-            yield key | {"euler_steps": start}
-
-
-TIMING = Suite(
+SUITE = Suite(
     name="american-put",
     doc=__doc__,
     requests=puts,
@@ -112,16 +86,7 @@ TIMING = Suite(
     keys="put nodes",
     shown="put:16 price error us_a_step us_kept us_anew ratio faces_a_step:12",
 )
-CONVERGENCE = Suite(
-    name="american-put-convergence",
-    doc=__doc__,
-    requests=grids,
-    work=price,
-    columns="put nodes steps strike euler_steps price error",
-    keys="put nodes strike euler_steps",
-    shown="put:16 nodes strike euler_steps:12 error",
-)
-main = chosen_by_name({"timing": TIMING, "convergence": CONVERGENCE})
+main = SUITE.main
 
 if __name__ == "__main__":
     sys.exit(main())

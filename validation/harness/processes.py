@@ -4,9 +4,7 @@ import multiprocessing as mp
 import os
 import resource
 import warnings
-from collections.abc import Callable, Collection, Iterable, Iterator
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import ExitStack, contextmanager
+from collections.abc import Callable, Collection
 from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple, Self
@@ -104,11 +102,6 @@ class Bench:
         self.process.join()
         self.pipe.close()
 
-    def run(self, problem_set: str, name: str, eps: float) -> Row:
-        """Return the row of one problem."""
-        key = {"problem": name, "set": problem_set, "solver": self.solver, "eps": eps}
-        return key | self.ask(problem_set, name, eps)
-
     def ask(self, *request: Any) -> Row:
         """Return the answer to a request; a hang or a crash is a failure.
 
@@ -132,25 +125,6 @@ class Bench:
         if not self.pipe.poll(seconds):
             raise TimeoutError
         return self.pipe.recv()
-
-
-@contextmanager
-def benches(
-    work: Work, solvers: Iterable[str], limit: float, data: Any = None
-) -> Iterator[dict[str, Bench]]:
-    """Hold a child process for each solver open."""
-    with ExitStack() as stack:
-        yield {
-            solver: stack.enter_context(Bench(work, solver, limit, data))
-            for solver in solvers
-        }
-
-
-def isolated(function: Callable[..., Any], *arguments: Any) -> Any:
-    """Return the value of a function, computed in a fresh process."""
-    context = mp.get_context("spawn")
-    with ProcessPoolExecutor(1, context, silence) as pool:
-        return pool.submit(function, *arguments).result()
 
 
 def keep_peers(file: Path, whole: Collection[str] = ()) -> None:

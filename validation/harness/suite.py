@@ -176,13 +176,13 @@ class Run:
 
     def all(self) -> None:
         """Ask for everything, and write it down."""
-        suite, only = self.suite, self.args.only
+        suite, keys, only = self.suite, self.file.keys, set(self.args.only or ())
         tables.print_rows([], self.shown)
         for _, group in groupby(suite.requests(self.args), self.problem):
             requests = [
                 {"solver": "nam"} | request
                 for request in group
-                if not only or any(str(value) in only for value in request.values())
+                if not only or not only.isdisjoint(str(request.get(k)) for k in keys)
             ]
             new = [r for r in requests if self.file.key(r) not in self.file.known]
             if not new or (suite.conclude and len(new) < len(requests)):

@@ -28,7 +28,7 @@ from namlcp import natural_residual
 from validation.harness import Job, Row, tables
 from validation.harness.suite import Args, Suite
 from validation.oracles import parts
-from validation.oracles.rows import compared, row_of
+from validation.oracles.parts import compared, row_of
 from validation.oracles.scenes import Scene, objective, scenes
 from validation.oracles.solvers import ORACLES, Answer, is_symmetric
 from validation.problems import known_scenes

@@ -13,7 +13,6 @@ from scipy.optimize import nnls
 
 from namlcp import natural_residual, solve_lcp
 from validation.harness import Job, MissingDataError, Row, qp_solvers
-from validation.oracles.rows import compared, row_of
 from validation.oracles.scenes import bimatrix, reference_objectives, textbook
 from validation.oracles.solvers import lemke
 from validation.problems import american_puts, data_sets, hertz, known_scenes
@@ -22,6 +21,43 @@ Part = Callable[[Path | None, bool], Iterator[Row]]
 LIMIT = 60.0  # [s]
 LARGEST = 10_000  # variables and rows of a problem of the collections
 EVERY = 8  # of the collections, for a quick run
+
+
+def row_of(
+    scene: str,
+    n: int,
+    solver: str,
+    quantity: str,
+    value: float | None = None,
+    reference: tuple[float, float, str] | None = None,
+    why: str = "",
+) -> Row:
+    """Return a row; it agrees if |value - reference| is within the tolerance.
+
+    `reference` is the value, the absolute tolerance and whose it is.
+    """
+    row: Row = {"scene": scene, "n": n, "solver": solver, "quantity": quantity}
+    row |= {"value": value, "reference": None, "source": "", "error": None}
+    row |= {"tolerance": None, "agrees": False, "residual": None, "why": why}
+    if reference is not None and value is not None:
+        row["reference"], row["tolerance"], row["source"] = reference
+        row["error"] = abs(value - reference[0])
+        row["agrees"] = bool(row["error"] <= reference[1])
+    return row
+
+
+def compared(
+    scene: str,
+    n: int,
+    quantity: str,
+    values: dict[str, float],
+    reference: tuple[float, float, str],
+) -> list[Row]:
+    """Return the rows of all solvers for one quantity."""
+    return [
+        row_of(scene, n, solver, quantity, value, reference)
+        for solver, value in values.items()
+    ]
 
 
 def textbook_lcps(data: Path | None, quick: bool) -> Iterator[Row]:

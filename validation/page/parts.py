@@ -110,9 +110,7 @@ PARTS = {
         applications.hertz --csv {results}/hertz.csv
     """),
     "put": part("American puts", 10.0, """
-        applications.american_put timing --csv {results}/american-put.csv
-        applications.american_put convergence \
-        --csv {results}/american-put-convergence.csv
+        applications.american_put --csv {results}/american-put.csv
     """),
     "paper": part("The paper's tables", 330.0, """
         paper.tables --results {results} --figures {figures}

@@ -170,31 +170,6 @@ def is_failure(row: Row) -> bool:
     return row["outcome"] != "recognised" and not optional
 
 
-def print_own(rows: list[Row]) -> None:
-    """Print what is asked of nam: proofs, times, what it did not recognise."""
-    own = tables.chosen(rows, solver="nam")
-    asked = [row for row in own if row["truth"] in ("infeasible", "unbounded", "both")]
-    timed = [row for row in asked if row["runtime"] > 0.0]
-    if not timed:
-        return
-    twins = [row["runtime"] / row["twin"] for row in timed if row["twin"] > 0.0]
-    proofs = [row["certificate"] for row in asked if row["certificate"] >= 0.0]
-    small = [row for row in timed if row["variables"] < cases.MOST]
-    slowest = max(small, key=lambda row: row["runtime"])
-    steps = [row["iterations"] for row in timed]
-    print(
-        f"\nnam, {len(asked)} infeasible or unbounded: time over the solvable twin "
-        f"{timing.geometric_mean(twins):.2f} (worst {max(twins):.1f}), iterations "
-        f"{np.median(steps):.0f} (at most {max(steps):.0f})\n"
-        f"worst residual of {len(proofs)} certificates {max(proofs):.0e}, "
-        f"median {np.median(proofs):.0e}\n"
-        f"slowest: {slowest['problem']} {slowest['runtime']:.3f} s"
-    )
-    for row in own:
-        if row["outcome"] != "recognised":
-            print(f"{row['outcome']}: {row['problem']} ({row['status']})")
-
-
 SUITE = Suite(
     name="infeasible",
     doc=__doc__,
