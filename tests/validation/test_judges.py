@@ -12,7 +12,7 @@ from namlcp import Status, solve_qp
 from validation.derivatives import closest
 from validation.harness import qps
 from validation.oracles import agreement
-from validation.oracles.parts import collection_row
+from validation.oracles.references import collection_row
 from validation.oracles.scenes import SCENES, Scene, at_bounds
 from validation.oracles.solvers import Answer as Found
 from validation.oracles.solvers import nam

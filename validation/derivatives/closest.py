@@ -25,6 +25,7 @@ The claim: shifts equal to those of one of the two solvers to 1e-8 and condition
 1e-9 on all, and three times the feasible time at most.
 """
 
+import importlib.util
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -212,7 +213,8 @@ def row_of(name: str, group: str, problem: Problem) -> Row:
         choice["infeasible"] = namlcp.Relaxation(lb=1.0, ub=1.0)
         soft = namlcp.solve_qp(**arrays, **choice).closest
         row["soft"] = seconds(lambda: namlcp.solve_qp(**arrays, **choice))
-        row |= proxqp_row(problem, shifted_norm(soft))
+        if importlib.util.find_spec("proxsuite"):
+            row |= proxqp_row(problem, shifted_norm(soft))
     return row
 
 

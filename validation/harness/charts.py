@@ -4,20 +4,15 @@ Colours are Paul Tol's "bright" scheme, distinct for the colour-blind; a family 
 methods has one colour, its members differ by marker.
 """
 
-import math
 from collections.abc import Callable
-from itertools import combinations, product
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
 import matplotlib as mpl
-import numpy as np
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.text import Text
-from matplotlib.transforms import Bbox
+from matplotlib.lines import Line2D
 
 from validation.harness import tables
 from validation.harness.csv_files import Row, header
@@ -32,7 +27,6 @@ WINE, TEAL = "#882255", "#44AA99"
 ORANGE, GREY, BLACK = "#EE7733", "#999999", "#000000"
 DARK = "#555555"
 LIGHT = "#CFCFCF"
-BETWEEN = 8  # points of a line's segment that its names keep away from
 
 METHODS = {
     "mgs": (PURPLE, "o"),
@@ -68,23 +62,6 @@ SOLVERS = {
 }
 """Colour and marker of every solver."""
 
-# Where a name may stand beside a point: offset [points], and what is anchored there.
-SHIFTS = {
-    (7.0, 0.0): {"ha": "left", "va": "center"},
-    (-7.0, 0.0): {"ha": "right", "va": "center"},
-    (0.0, 7.0): {"ha": "center", "va": "bottom"},
-    (0.0, -7.0): {"ha": "center", "va": "top"},
-    (6.0, 6.0): {"ha": "left", "va": "bottom"},
-    (-6.0, 6.0): {"ha": "right", "va": "bottom"},
-    (6.0, -6.0): {"ha": "left", "va": "top"},
-    (-6.0, -6.0): {"ha": "right", "va": "top"},
-}
-
-# Distance of a name from all lines [points] with which it may stand close to its own.
-ROOM = 2.0
-
-MARGIN = 4.0  # [pixels] between a name and the frame of its panel
-
 mpl.rcParams.update(
     {
         "figure.dpi": 110,
@@ -106,13 +83,7 @@ mpl.rcParams.update(
 
 
 def save(figure: Figure, file: Path) -> None:
-    """Write a figure as the suffix of `file` says, without the date, and close it.
-
-    Raises a ValueError if two of its texts overlap.
-    """
-    clashes = overlapping_texts(figure)
-    if clashes:
-        raise ValueError(f"{file.name}: overlapping texts, {clashes[:5]}")
+    """Write a figure as the suffix of `file` says, without the date, and close it."""
     file.parent.mkdir(parents=True, exist_ok=True)
     metadata = {"Date": None} if file.suffix == ".svg" else None
     figure.savefig(file, metadata=metadata, bbox_inches="tight")
@@ -126,7 +97,7 @@ def lines(
     by: str,
     across: str,
     up: str,
-    looks: Callable[[str], dict[str, Any]],
+    style: Callable[[str], dict[str, Any]],
     unit: float = 1.0,
 ) -> dict[str, tuple[list[tuple[float, float]], str]]:
     """Draw a column over another, a line for each value of the column `by`.
@@ -140,15 +111,15 @@ def lines(
         own = [row for row in tables.chosen(rows, **{by: name}) if row[up]]
         points = [(float(row[across]), unit * float(row[up])) for row in own]
         if points:
-            style = {"markersize": 3.5} | looks(name)
-            axes.plot(*zip(*points, strict=True), **style)
-            drawn[style.get("label", name)] = points, style["color"]
+            look = {"markersize": 3.5} | style(name)
+            axes.plot(*zip(*points, strict=True), **look)
+            drawn[look.get("label", name)] = points, look["color"]
     return drawn
 
 
-def solver_looks(solver: str) -> dict[str, Any]:
+def looks(solver: str) -> dict[str, Any]:
     """Return how the line of a solver is drawn; other ways to call us are dashed."""
-    colour, marker = SOLVERS[solver.split()[0]]
+    colour, marker = (METHODS | SOLVERS)[solver.split()[0]]
     first = solver == "nam"
     return {
         "color": colour, "marker": marker, "linestyle": "--" if " " in solver else "-",
@@ -164,86 +135,16 @@ def name_ticks(axes: Axes, rows: list[Row], across: str) -> None:
     axes.minorticks_off()
 
 
-def label(
-    axes: Axes, text: str, point: tuple, shift: tuple, colour: str, **style: Any
-) -> None:
-    """Write the name of a line beside one of its points, `shift` [points] off."""
-    place = {"textcoords": "offset points", "va": "center", "color": colour}
-    axes.annotate(text, point, shift, **place, **style)
-
-
 def name_lines(
     axes: Axes, lines: dict[str, tuple[list[tuple[float, float]], str]]
 ) -> None:
-    """Write the name of each line, in its colour, beside one of its points.
-
-    `lines`: by name, its points and its colour. The place is the one farthest from all
-    lines, among those within the panel and off the texts that are there; it is close to
-    the line, unless there is no room.
-    """
-    axes.figure.draw_without_rendering()  # panels and limits are as they will be
-    frame = axes.get_window_extent().padded(-MARGIN)
-    if not lines:
-        return
-    marks = np.concatenate(
-        [along(axes.transData.transform(points)) for points, _ in lines.values()]
-    )
-    taken = [text.get_window_extent() for text in axes.texts]
-    for name, (points, colour) in lines.items():
-        text = axes.annotate(
-            name, points[0], (0.0, 0.0), textcoords="offset points", color=colour,
-            fontsize=9.0, weight="bold" if name == "namlcp" else "normal", zorder=9,
+    """Name lines in their colours; `lines` has points and colour of each by name."""
+    handles = [Line2D([], [], color=lines[name][1], label=name) for name in lines]
+    if handles:
+        axes.legend(
+            handles=handles, labelcolor="linecolor", fontsize=7.5, handlelength=1.0,
+            borderpad=0.1, labelspacing=0.2,
         )  # fmt: skip
-        best = -math.inf
-        place = points[0], (0.0, 0.0), {}
-        for times, point in product((1.0, 2.5), points):
-            if times > 1.0 and best >= ROOM:
-                break
-            for (across, up), sides in SHIFTS.items():
-                shift = times * across, times * up
-                text.xy, text.xyann = point, shift
-                text.set(**sides)
-                box = text.get_window_extent()
-                inside = frame.contains(*box.min) and frame.contains(*box.max)
-                if not inside or any(box.overlaps(other) for other in taken):
-                    continue
-                room = distance(box, marks)
-                if room > best:
-                    best, place = room, (point, shift, sides)
-        text.xy, text.xyann, sides = place
-        text.set(**sides)
-        taken.append(text.get_window_extent())
-
-
-def along(corners: np.ndarray) -> np.ndarray:
-    """Return points along the line through the corners, close to each other."""
-    at = np.arange(len(corners))
-    fine = np.linspace(0.0, at[-1], BETWEEN * at[-1] + 1)
-    return np.column_stack([np.interp(fine, at, side) for side in corners.T])
-
-
-def distance(box: Bbox, points: np.ndarray) -> float:
-    """Return how far the nearest of some points is from a box; 0 inside."""
-    over = np.maximum(np.maximum(box.min - points, points - box.max), 0.0)
-    return float(np.hypot(*over.T).min())
-
-
-def overlapping_texts(figure: Figure) -> list[tuple[str, str]]:
-    """Return the pairs of texts of a figure whose boxes overlap, of those drawn."""
-    drawn: list[Text] = []
-    draw = Text.draw
-
-    def record(text: Text, *arguments: Any) -> None:
-        if text.get_visible() and text.get_text():
-            drawn.append(text)
-        draw(text, *arguments)
-
-    with mock.patch.object(Text, "draw", record):
-        figure.draw_without_rendering()
-    boxes = [(t.get_text(), t.get_window_extent()) for t in drawn]
-    return [
-        (a, b) for (a, one), (b, other) in combinations(boxes, 2) if one.overlaps(other)
-    ]
 
 
 def caption(axes: Axes, file: Path, below: float = 46.0) -> None:

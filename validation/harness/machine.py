@@ -28,7 +28,7 @@ def lines(solvers: Iterable[str]) -> list[str]:
     packages = ["numpy", "scipy", "qpsolvers"]
     names = dict.fromkeys(solver.split()[0] for solver in solvers)
     packages += [PACKAGES.get(name, name) for name in names]
-    versions = [f"{name} {package_version(name)}" for name in packages]
+    versions = [f"{name} {package_version(name)}" for name in dict.fromkeys(packages)]
     return [
         f"date: {datetime.date.today()}",
         f"commit: {commit()}",

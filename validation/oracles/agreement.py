@@ -10,11 +10,9 @@ Where there is none:
 - z (where it is unique) and w (by the solver's own multipliers): the largest
   difference from NAM, over 1 + the largest entry of NAM's, to 1e-6.
 
-Then the parts that are no single box LCP: textbook LCPs and a bimatrix game beside
-Lemke's answers, American puts beside Brennan and Schwartz, Hertz contact without a
-matrix beside Hertz's formulas, NNLS beside SciPy, QPs of the collections beside their
-reference objectives. A row that does not agree says why in its last column. Exits with
-1 if namlcp does not agree with a known value.
+Then QPs of Maros and Meszaros beside their reference objectives. A row that does not
+agree says why in its last column. Exits with 1 if namlcp does not agree with a known
+value.
 """
 
 import sys
@@ -27,8 +25,13 @@ import numpy as np
 from namlcp import natural_residual
 from validation.harness import Job, Row, tables
 from validation.harness.suite import Args, Suite
-from validation.oracles import parts
-from validation.oracles.parts import compared, row_of
+from validation.oracles.references import (
+    collection_row,
+    collections,
+    compared,
+    objective_of,
+    row_of,
+)
 from validation.oracles.scenes import Scene, objective, scenes
 from validation.oracles.solvers import ORACLES, Answer, is_symmetric
 from validation.problems import known_scenes
@@ -61,13 +64,8 @@ def answered(job: Job, scene: known_scenes.BoxLCP) -> Row:
     return {"answer": call(scene, job.limit)}
 
 
-def part_of(job: Job, number: int, quick: bool) -> Row:
-    """Return {"rows": those of a part}."""
-    return {"rows": list(parts.PARTS[number](job.data, quick))}
-
-
 def requests(args: Args) -> Iterator[Row]:
-    """Yield the scenes that there are data for, the parts, and the collections."""
+    """Yield the scenes that there are data for, and the QPs."""
     for name, scene in scenes(args.data).items():
         if args.quick and not scene.quick:
             continue
@@ -79,23 +77,16 @@ def requests(args: Args) -> Iterator[Row]:
                 "scene": name, "solver": solver, "of": scene, "lcp": lcp,
                 "ask": lambda lcp=lcp: (answered, lcp),
             }  # fmt: skip
-    for k, part in enumerate(parts.PARTS):
-        key = {"scene": part.__name__, "solver": "nam"}
-        yield key | {"ask": lambda k=k: (part_of, k, args.quick)}
-    for name, n, known in parts.collections(args.data, args.quick):
+    for name, n, known in collections(args.data, args.quick):
         key = {"scene": f"QP {name}", "solver": "nam", "qp": (name, n, known)}
-        yield key | {"ask": lambda name=name: (parts.objective_of, name)}
+        yield key | {"ask": lambda name=name: (objective_of, name)}
 
 
 def conclude(rows: list[Row]) -> list[Row]:
     """Return the rows of the file, from the answers to one scene."""
     first = rows[0]
-    if "rows" in first:
-        return first["rows"]
     if "qp" in first:
-        return [parts.collection_row(*first["qp"], first)]
-    if "lcp" not in first:
-        return [row_of(first["scene"], 0, "nam", "rows", why=first["status"])]
+        return [collection_row(*first["qp"], first)]
     answers = {
         row["solver"]: row.get("answer", Answer(None, None, row.get("status", "")))
         for row in rows
@@ -177,54 +168,12 @@ def reason(row: Row, said: str, residuals: dict[str, float]) -> str:
 
 
 def markdown(rows: list[Row]) -> str:
-    """Return one line for each quantity of each scene, errors of all solvers, reasons.
-
-    A star marks an error beyond the tolerance.
-    """
-    solvers = tables.distinct(rows, "solver")
+    """Return how many quantities each solver agrees on; the CSV says why not."""
     lines = []
-    for scene, quantity in tables.distinct(rows, "scene", "quantity"):
-        own = {
-            row["solver"]: row
-            for row in tables.chosen(rows, scene=scene, quantity=quantity)
-        }
-        first = next(iter(own.values()))
-        known = [row for row in own.values() if row["reference"] not in ("", None)]
-        shown = ""
-        if known:
-            number, source = float(known[0]["reference"]), known[0]["source"]
-            shown = source if number == 0.0 else f"{number:.10g} ({source})"
-        cells = [cell(own.get(solver)) for solver in solvers]
-        lines.append([scene, first["n"], quantity, shown, *cells])
-    table = tables.markdown(["scene", "n", "quantity", "reference", *solvers], lines)
-    return "\n".join([table, "", *(f"- {text}" for text in explanations(rows))])
-
-
-def cell(row: Row | None) -> str:
-    """Return the error of one solver."""
-    if row is None:
-        return ""
-    if row["error"] in ("", None):
-        return "none *"
-    return f"{float(row['error']):.0e}" + ("" if agrees(row) else " *")
-
-
-def agrees(row: Row) -> bool:
-    """Tell whether a row agrees, as computed or as read from a file."""
-    return str(row["agrees"]) == "True"
-
-
-def explanations(rows: list[Row]) -> list[str]:
-    """Return a line for every disagreement; of one scene and solver those alike."""
-    found: dict[tuple[str, str, str], list[str]] = {}
-    for row in rows:
-        if not agrees(row):
-            place = row["scene"], row["solver"], row["why"]
-            found.setdefault(place, []).append(row["quantity"])
-    return [
-        f"{scene}, {solver}, {', '.join(parts)}: {why}"
-        for (scene, solver, why), parts in found.items()
-    ]
+    for solver in tables.distinct(rows, "solver"):
+        own = tables.chosen(rows, solver=solver)
+        lines.append((solver, len(tables.chosen(own, agrees="True")), len(own)))
+    return tables.markdown(("solver", "agrees", "asked"), lines)
 
 
 SUITE = Suite(

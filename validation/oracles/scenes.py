@@ -7,7 +7,7 @@ Scenes from files return None without the data folder.
 """
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import NamedTuple
@@ -16,7 +16,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from namlcp.scenes import disc_pile
-from validation.harness import MissingDataError, csv_files, data_folder
+from validation.harness import MissingDataError
 from validation.problems import (
     contact_scenes,
     data_sets,
@@ -194,48 +194,6 @@ def scenes(data: Path | None) -> dict[str, Scene]:
         lcp = known_scenes.BoxLCP(*scene[1:5])
         unique = "contact" not in scene.name
         found[f"class: {scene.name}"] = Scene(lambda _, lcp=lcp: lcp, (), unique)
-    return found
-
-
-def textbook(
-    data: Path | None,
-) -> Iterator[tuple[str, known_scenes.BoxLCP, np.ndarray | None]]:
-    """Yield name, LCP and Lemke's stored answer of the textbook LCPs."""
-    file = None if data is None else data / "lcp" / "textbook_lcps.json"
-    if file is None or not file.exists():
-        return
-    for entry in json.loads(file.read_text())["problems"]:
-        A, q = np.array(entry["M"], dtype=float), np.array(entry["q"], dtype=float)
-        z = entry["z_lemke"]
-        yield (
-            entry["name"],
-            known_scenes.nonnegative(A, q),
-            None if z is None else np.array(z),
-        )
-
-
-def bimatrix(n: int = 5, seed: int = 0) -> known_scenes.BoxLCP:
-    """Return the LCP of a bimatrix game: zero diagonal, not a P-matrix."""
-    rng = np.random.default_rng(seed)
-    A = np.zeros((2 * n, 2 * n))
-    A[:n, n:], A[n:, :n] = 1.0 + rng.random((n, n)), 1.0 + rng.random((n, n))
-    return known_scenes.nonnegative(A, -np.ones(2 * n))
-
-
-def reference_objectives(data: Path) -> dict[str, tuple[float, str, float]]:
-    """Return objective, whose, and its gap, of what a peer solved best."""
-    found = {}
-    file = data_folder.require(data / "maros_meszaros" / "reference_objectives.csv")
-    for row in csv_files.read(file):
-        residuals = {
-            s: sum(float(row[f"{s}_{r}"]) for r in ("rp", "rd", "gap"))
-            for s in ("piqp", "clarabel")
-            if row[f"{s}_found"] == "1"
-        }
-        if residuals:
-            solver = min(residuals, key=lambda s: (residuals[s], s))
-            number = float(row[f"{solver}_obj"])
-            found[Path(row["file"]).stem] = number, solver, residuals[solver]
     return found
 
 

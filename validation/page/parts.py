@@ -102,7 +102,7 @@ PARTS = {
         --csv {results}/work-precision-problems.csv
         peers.work_precision plot --csv {results}/work-precision-problems.csv \
         --figures {figures}
-    """, "work-precision.svg front.svg", 200.0, "work-precision-problems.csv"),
+    """, "front.svg", 200.0, "work-precision-problems.csv"),
     "oracles": part("Agreement with independent oracles", 600.0, """
         oracles.agreement {quick} --data {data} --csv {results}/oracles.csv
     """, quick=60.0),

@@ -20,7 +20,6 @@ except ImportError:
 
 WIDTH = 1.5
 EULER_STEPS = 4
-BOUND = 1e-5
 
 
 class Put(NamedTuple):

@@ -23,7 +23,7 @@ FRONT = ("nam", "daqp", "quadprog", "piqp", "proxqp", "clarabel", "osqp", "qpoas
 
 def looks(solver: str, figure: str) -> dict[str, Any]:
     """Return how a line is drawn."""
-    style = charts.solver_looks(solver)
+    style = charts.looks(solver)
     return style | ({"label": WAYS[figure]} if solver == "nam by calls" else {})
 
 
@@ -106,7 +106,7 @@ def draw_front(calls: list[Row], steps: list[Row], file: Path) -> None:
     ):  # fmt: skip
         rows = [row for row in rows if row["solver"] in FRONT]
         drawn = charts.lines(
-            axes, rows, "solver", across, "microseconds", charts.solver_looks, 1e-6
+            axes, rows, "solver", across, "microseconds", charts.looks, 1e-6
         )
         charts.name_ticks(axes, rows, across)
         axes.set(title=title, xlabel=below, ylabel=f"time of a {beside} [s]")
