@@ -5,8 +5,9 @@ from functools import cache
 from typing import Any
 
 import numpy as np
+from qpsolvers import Problem
 
-from validation.harness import Job, Row, timing
+from validation.harness import Job, Row, judging, qps, timing
 
 TIGHT = {"tol_gap_abs": 1e-12, "tol_gap_rel": 1e-12, "tol_feas": 1e-12}
 SOLVERS: dict[str, tuple[str, dict[str, Any]]] = {
@@ -58,25 +59,18 @@ def residuals(
     }
 
 
-def proof(qp: tuple[Any, ...], y: np.ndarray, z: np.ndarray) -> float:
-    """Return how far (y, z) is from proving that no x is feasible."""
-    _, _, A, b, F, g = qp
-    finite = np.isfinite(g)
-    gain = -(b @ y + g[finite] @ z[finite])
-    error = largest(A.T @ y + F.T @ z, np.minimum(z, 0.0), z[~finite])
-    return error / gain if gain > 0.0 else np.inf
+def problem_of(qp: tuple[Any, ...]) -> Problem:
+    """Return a QP without bounds as qpsolvers has it."""
+    P, q, A, b, F, g = qp
+    return qps.joined(P, q, F, g, A, b, None, None)
 
 
-def ray_error(qp: tuple[Any, ...], raw: Any, extra: Any) -> float:
-    """Return how far a solver's ray is from proving that the objective has no bound."""
-    P, q, A, _, F, g = qp
+def ray_of(raw: Any, extra: Any) -> np.ndarray:
+    """Return a solver's ray along which the objective has no bound."""
     ray = extra.get("ray") if isinstance(extra, dict) else None
     if ray is None:
         ray = getattr(raw, "dual_inf_cert", getattr(raw, "x", None))
-    ray = np.asarray(ray, dtype=float)
-    rise = np.maximum((F @ ray)[np.isfinite(g)], 0.0)
-    gain = -(q @ ray)
-    return largest(P @ ray, A @ ray, rise) / gain if gain > 0.0 else np.inf
+    return np.asarray(ray, dtype=float)
 
 
 def multipliers(solution: Any, constraints: list[Any]) -> np.ndarray:
@@ -107,9 +101,10 @@ def judge(problem: Any, chain: Any, raw: Any, data: Any, inverse: Any) -> Row:
         problem.unpack_results(raw, chain, inverse)
         row["objective"] = float(problem.value)
     elif solution.status == "infeasible" and have_duals:
-        row["proof"] = proof(qp, y, z)
+        none = np.zeros(qp[1].size)
+        row["proof"] = judging.farkas_residual(problem_of(qp), y, z, none)
     elif solution.status == "unbounded":
-        row["proof"] = ray_error(qp, raw, extra)
+        row["proof"] = judging.ray_residual(problem_of(qp), ray_of(raw, extra))
     return row
 
 

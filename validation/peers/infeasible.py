@@ -51,32 +51,6 @@ RIGHT = {
 WRONG = ("solved", "inaccurate", "infeasible", "unbounded")
 
 
-def farkas_residual(problem: Problem, proof: dict[str, np.ndarray]) -> float:
-    """Return how far (y, z, z_box) is from proving 0 <= -1."""
-    _, _, G, h, A, b, lb, ub = qps.parts(problem)
-    y, z, z_box = proof["y"], proof["z"], proof["z_box"]
-    z_box = z_box if z_box.size else np.zeros(lb.size)
-    side = np.where(z_box > 0.0, ub, lb)
-    rows, used = z != 0.0, z_box != 0.0
-    value = b @ y + h[rows] @ z[rows] + side[used] @ z_box[used]
-    if not value < 0.0:
-        return np.inf
-    error = judging.largest(A.T @ y + G.T @ z + z_box, np.minimum(z, 0.0))
-    return error / -float(value)
-
-
-def ray_residual(problem: Problem, d: np.ndarray) -> float:
-    """Return how far d is from a direction of recession with slope -1."""
-    P, q, G, h, A, _, lb, ub = qps.parts(problem)
-    value = float(q @ d)
-    if not value < 0.0:
-        return np.inf
-    rise = np.maximum((G @ d)[np.isfinite(h)], 0.0)
-    up, down = d[np.isfinite(ub)], d[np.isfinite(lb)]
-    wrong = np.maximum(up, 0.0), np.minimum(down, 0.0)
-    return judging.largest(P @ d, A @ d, rise, *wrong) / -value
-
-
 def certificate_residual(problem: Problem, solution: Solution) -> float | None:
     """Return the residual of nam's proof; None where no multipliers can say it.
 
@@ -86,8 +60,8 @@ def certificate_residual(problem: Problem, solution: Solution) -> float | None:
     if proof is None or any(np.isnan(part).any() for part in proof.values()):
         return None
     if "x" in proof:
-        return ray_residual(problem, proof["x"])
-    return farkas_residual(problem, proof)
+        return judging.ray_residual(problem, proof["x"])
+    return judging.farkas_residual(problem, **proof)
 
 
 def outcome(truth: str, said: str) -> str:
