@@ -1,6 +1,7 @@
 """What all scripts share. A caller takes types and modules from this door.
 
 ===========  ===========================================================================
+suite        problems, solvers and tolerances as data, and the one way to run them
 cli          command lines: the usual options, the header of results, missing data
 csv_files    results, with the machine above the rows
 machine      what times depend on: processor and versions; which solvers are installed
