@@ -5,6 +5,12 @@ bound. Unknowns with l = u are left out. With F = M p + c the problem becomes
 
     p_i >= 0 where z_i has a bound, p_i <= r_i where it has two,
     F_i >= 0 at p_i = 0,  F_i <= 0 at p_i = r_i,  F_i = 0 otherwise.
+
+Interior paths take it by its complementary pairs: first every p_i >= 0 with a
+multiplier, then every r_i - p_i. Pair k has the gap g_k > 0, which changes with sign_k
+p_{at_k}, and the multiplier m_k > 0. In a solution
+
+    F = M p + c = sum of sign_k m_k over the pairs of an unknown,  g_k m_k = 0.
 """
 
 from collections.abc import Callable
@@ -20,11 +26,11 @@ EQUILIBRATIONS = 3
 
 
 class Distances:
-    """The LCP of p.
+    """The LCP of p, and sums over its pairs.
 
     M (m, m) dense or CSC, c (m,): F = M p + c, and max |c_i| = 1 or 0.
     r (m,): largest p, 0 where it is infinite.
-    signed, boxed (m,): whether p has the bound 0, and whether it has r, too.
+    signed, boxed: the indices of p with the bound 0, and of those that have r, too.
     lower, upper (m,): the bounds of p, infinite ones included.
     unfixed (m,): the indices of its unknowns in z. base (n,), scale (m,), unit: see
     above.
@@ -44,7 +50,9 @@ class Distances:
         self.top = upper
         unfixed = self.unfixed = np.flatnonzero(lower < upper)
         c = (A @ self.base + q)[unfixed]
-        self.signed, self.boxed = (low | high)[unfixed], (low & high)[unfixed]
+        self.signed = np.flatnonzero((low | high)[unfixed])
+        self.boxed = np.flatnonzero((low & high)[unfixed])
+        self.plain = self.signed.size == unfixed.size and self.boxed.size == 0
         if unfixed.size < q.size:
             A = A[:, unfixed][unfixed]
         d = scaling(A)
@@ -55,8 +63,9 @@ class Distances:
         self.c /= self.unit
         self.r = np.zeros(unfixed.size)
         self.r[self.boxed] = ((upper - lower)[unfixed] / (self.unit * d))[self.boxed]
-        self.lower = np.where(self.signed, 0.0, -np.inf)
-        self.upper = np.where(self.boxed, self.r, np.inf)
+        self.lower, self.upper = np.full((2, unfixed.size), [[-np.inf], [np.inf]])
+        self.lower[self.signed] = 0.0
+        self.upper[self.boxed] = self.r[self.boxed]
 
     def z(self, p: np.ndarray) -> np.ndarray:
         """Return the unknowns of the box LCP; p_i = r_i becomes the upper bound."""
@@ -79,52 +88,34 @@ class Distances:
         """Return Res(p) of this LCP; p need not be within its bounds."""
         return natural_residual(p, F, self.lower, self.upper)
 
-
-class Pairs:
-    """The complementary pairs, for interior-point paths: p_i >= 0, then rooms.
-
-    An unknown p_i >= 0 is paired with a multiplier; so is its room r_i - p_i where p_i
-    has an upper bound r_i. Pair k has the gap g_k > 0, which changes with sign_k
-    p_{at_k}, and the multiplier m_k > 0. In a solution
-
-        F = M p + c = sum of sign_k m_k over the pairs of an unknown,  g_k m_k = 0.
-    """
-
-    def __init__(self, model: Distances):
-        self.size = model.c.size
-        self.signed, self.boxed = map(np.flatnonzero, (model.signed, model.boxed))
-        self.number = self.signed.size + self.boxed.size
-        self.plain = self.signed.size == self.size and self.boxed.size == 0
-
     def of(self, x: np.ndarray) -> np.ndarray:
         """Return sign_k x_{at_k} for all pairs; it may share memory with x."""
         if self.plain:
             return x
         return np.concatenate((x[self.signed], -x[self.boxed]))
 
-    def total(self, m: np.ndarray) -> np.ndarray:
-        """Return the sums of sign_k m_k by unknown; it may share memory with m."""
-        return self.gathered(m, -1.0)
+    def total(self, m: np.ndarray, sign: float = -1.0) -> np.ndarray:
+        """Return the sums of sign_k m_k by unknown; it may share memory with m.
 
-    def gathered(self, m: np.ndarray, sign: float = 1.0) -> np.ndarray:
-        """Return the sums of m_k, with this sign for rooms, by unknown."""
+        `sign` is that of the second kind of pairs.
+        """
         if self.plain:
             return m
-        x = np.zeros(self.size)
+        x = np.zeros(self.c.size)
         x[self.signed] = m[: self.signed.size]
         x[self.boxed] += sign * m[self.signed.size :]
         return x
 
-    def start(self, r: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def start(self) -> tuple[np.ndarray, np.ndarray]:
         """Return p and its gaps: 1, or the middle of the box where that is nearer.
 
         Unknowns without bounds start at 0.
         """
-        p = np.zeros(self.size)
+        p = np.zeros(self.c.size)
         p[self.signed] = 1.0
-        p[self.boxed] = np.minimum(1.0, 0.5 * r[self.boxed])
+        p[self.boxed] = np.minimum(1.0, 0.5 * self.r[self.boxed])
         gaps = self.of(p).copy()
-        gaps[self.signed.size :] += r[self.boxed]
+        gaps[self.signed.size :] += self.r[self.boxed]
         return p, gaps
 
 

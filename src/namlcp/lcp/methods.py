@@ -14,13 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from namlcp.lcp.data import LCP
-from namlcp.lcp.general.arc import Arc
+from namlcp.lcp.general.arc import arc
 from namlcp.lcp.general.cones.condensed import system_of
 from namlcp.lcp.general.enumeration import LARGEST_ENUMERATION, solve_by_enumeration
 from namlcp.lcp.general.games import solve_game
-from namlcp.lcp.general.homogeneous import farkas
+from namlcp.lcp.general.interior import farkas, mehrotra
 from namlcp.lcp.general.lemke import solve_by_lemke, solve_lemke
-from namlcp.lcp.general.mehrotra import mehrotra
 from namlcp.lcp.general.search import Search
 from namlcp.lcp.modulus.methods import SWEEPS
 from namlcp.lcp.modulus.sweeps import sweep
@@ -176,8 +175,7 @@ def by_proof(search: Search) -> Outcome | None:
 
 def by_arc(search: Search) -> Outcome | None:
     """Follow the smooth homotopy; where it goes to infinity, ask if that is a proof."""
-    arc = Arc(search.model, system_of(search.model.M))
-    last = search.follow(arc.points(), "arc")
+    last = search.follow(arc(search.model, system_of(search.model.M)), "arc")
     return None if search.over() else search.disproved(search.clipped(last))
 
 

@@ -11,9 +11,8 @@
 | `games` | the method of Lemke and Howson for bimatrix games |
 | `enumeration` | tiny problems: all complementary cones |
 | `cones/` | factors for contact with friction, its cones eliminated first |
-| `mehrotra` | an infeasible interior path |
+| `interior` | infeasible interior paths, and proofs that there is no solution |
 | `arc` | Lemke's homotopy as a smooth curve |
 | `finish` | the exact solution near an interior point |
 | `proximal` | the same where A is symmetric and the face hard to tell |
-| `homogeneous` | proofs that there is no solution, by an interior path |
 """

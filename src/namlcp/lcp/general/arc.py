@@ -18,37 +18,32 @@ an earlier one and a shorter step, from a stack.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from namlcp.lcp.distances import Distances, Pairs
+from namlcp.lcp.distances import Distances
 from namlcp.lcp.general.cones.condensed import AnyFactors, Condensed, Systems
 
+# Added to the unit diagonal, so that a singular matrix can be factored.
 SHIFT = 1e-12
-"""Added to the unit diagonal, so that a singular matrix can be factored."""
-
+# Steps at most: of any matrix; of one with friction cones, where the curve leads to a
+# solution, but may wind: with 4000 unknowns it has been seen to turn 100 times.
 STEPS, PROMISED_STEPS = 400, 2000
-"""Steps at most: of any matrix; of one with friction cones, where the curve leads to a
-solution, but may wind: with 4000 unknowns it has been seen to turn 100 times."""
-
+# Largest relative change of a gap or multiplier in a step along the curve: in the first
+# step; where an earlier point of the stack is taken instead; in any step.
 FIRST_STEP, LEAST_STEP, MOST_STEP = 0.9, 0.02, 0.98
-"""Largest relative change of a gap or multiplier in a step along the curve: in the
-first step; where an earlier point of the stack is taken instead; in any step."""
-
+# Relative changes back to the curve: below NEAR steps grow, above FAR they shrink;
+# above OFF the point is given up, above OFF_AGAIN if the last one was.
 NEAR, FAR, OFF, OFF_AGAIN = 0.05, 0.2, 1.0, 0.7
-"""Relative changes back to the curve: below NEAR steps grow, above FAR they shrink;
-above OFF the point is given up, above OFF_AGAIN if the last one was."""
-
+# After a point was given up: factor of the step from the one before, and largest
+# relative change back to the curve in it.
 SHORTER, LIMITED = 0.3, 0.5
-"""After a point was given up: factor of the step from the one before, and largest
-relative change back to the curve in it."""
-
+# Points on the stack at most, and entries of their factors: these take 8 bytes each, 24
+# with indices and copies of SuperLU.
 KEPT, KEPT_ENTRIES = 30, 10_000_000
-"""Points on the stack at most, and entries of their factors: these take 8 bytes each,
-24 with indices and copies of SuperLU."""
-
+# Entry of p, relative to max |c_i| = 1, and t, at which the path ends.
 FAR_AWAY, LARGE_T = 1e10, 1e4
-"""Entry of p, relative to max |c_i| = 1, and t, at which the path ends."""
 
 
 @dataclass
@@ -66,6 +61,14 @@ class Point:
     h: float = FIRST_STEP
 
 
+class Curve(NamedTuple):
+    """The data of (1): the LCP, d, and the products a."""
+
+    model: Distances
+    d: np.ndarray
+    products: np.ndarray
+
+
 class Directions:
     """The directions at a point of the path.
 
@@ -75,15 +78,15 @@ class Directions:
     largest entry of V and tv.
     """
 
-    def __init__(self, path: "Arc", at: Point, factors: AnyFactors):
-        model, pairs = path.model, path.pairs
-        self.path, self.at, self.factors = path, at, factors
-        aims = at.t * path.products
+    def __init__(self, curve: Curve, at: Point, factors: AnyFactors):
+        model = curve.model
+        self.curve, self.at, self.factors = curve, at, factors
+        aims = at.t * curve.products
         wish = aims / at.gaps
-        excess = model.F(at.p) + at.t * path.d - pairs.total(at.m)
+        excess = model.F(at.p) + at.t * curve.d - model.total(at.m)
         sides = np.empty((model.c.size, 2), order="F")
-        sides[:, 0] = pairs.total(wish) - at.t * path.d
-        sides[:, 1] = pairs.total(wish - at.m) - excess
+        sides[:, 0] = model.total(wish) - at.t * curve.d
+        sides[:, 1] = model.total(wish - at.m) - excess
         self.du, self.dv = factors.solve(sides).T
         ratio = aims / (at.gaps * at.m)
         self.U = self.changes(self.du, ratio)
@@ -95,22 +98,22 @@ class Directions:
         self.dv = self.dv - along * self.du
         self.tv = -along
         self.error = max(float(np.abs(self.V).max(initial=0.0)), abs(along))
-        self.forward = factors.positive
+        self.forward = factors.is_positive()
 
     def changes(self, dp: np.ndarray, products: np.ndarray) -> np.ndarray:
         """Return the relative changes for dp and those of the products g_k m_k."""
-        a = self.path.pairs.of(dp) / self.at.gaps
+        a = self.curve.model.of(dp) / self.at.gaps
         return np.concatenate((a, products - a))
 
     def move(self, theta: float) -> Point:
         """Return the point a step h along the curve and theta of V away."""
-        at, pairs, number = self.at, self.path.pairs, self.at.m.size
+        at, model, number = self.at, self.curve.model, self.at.m.size
         tau = at.h / max(float(np.abs(self.U).max(initial=0.0)), 1.0)
         tau = -tau if self.forward else tau
         rates, dp = tau * self.U + theta * self.V, tau * self.du + theta * self.dv
         # products are to stay what the first order makes them
         bend = -(tau**2) * self.U[:number] * self.U[number:]
-        dx = self.factors.solve(pairs.total(at.m * bend))
+        dx = self.factors.solve(model.total(at.m * bend))
         X = self.changes(dx, bend)
         if np.abs(X).max(initial=0.0) <= 0.5 * at.h:
             rates += X
@@ -127,52 +130,36 @@ class Directions:
         )
 
 
-class Arc:
-    """The curve from one start; `points` follows it."""
+def arc(model: Distances, system: Systems) -> Iterator[np.ndarray]:
+    """Yield the points p of the path, one factorisation from one to the next.
 
-    def __init__(self, model: Distances, system: Systems):
-        """Start at gaps of 1, as max |c_i| = 1, with multipliers that make d >= 1."""
-        self.model, self.system, self.pairs = model, system, Pairs(model)
-        self.steps = PROMISED_STEPS if isinstance(system, Condensed) else STEPS
-        pairs = self.pairs
-        p, gaps = pairs.start(model.r)
-        F = model.F(p)
-        m = np.maximum(pairs.of(F), 0.0) + 1.0
-        self.d = pairs.total(m) - F
-        self.products = gaps * m
-        self.first = Point(p, gaps, m, 1.0)
-
-    def look(self, at: Point) -> Directions | None:
-        """Factor and return the directions at a point, None where that fails."""
-        shift = self.pairs.gathered(at.m / at.gaps) + SHIFT
-        factors = self.system.factors(shift)
-        if factors is None:
-            return None
-        found = Directions(self, at, factors)
-        return found if math.isfinite(found.error) else None
-
-    def points(self) -> Iterator[np.ndarray]:
-        """Yield the points p of the path, one factorisation from one to the next."""
-        at, off = self.first, False
-        stack: list[Directions] = []
-        for _ in range(self.steps):
-            yield at.p
-            if at.t > LARGE_T or np.abs(at.p).max(initial=0.0) > FAR_AWAY:
-                return
-            here = self.look(at)
-            off = here is None or here.error > (OFF_AGAIN if off else OFF)
-            if here is not None and not (off and stack):
-                at.h = next_length(at.h, here.error)
-                stack.append(here)
-                room = KEPT_ENTRIES // here.factors.entries
-                del stack[: -max(1, min(KEPT, room))]
-            elif stack:
-                shorten(stack)
-            else:
-                return
-            top = stack[-1]
-            at = top.move(min(1.0, LIMITED / top.error) if off and top.error else 1.0)
+    It starts at gaps of 1, as max |c_i| = 1, with multipliers that make d >= 1.
+    """
+    p, gaps = model.start()
+    F = model.F(p)
+    m = np.maximum(model.of(F), 0.0) + 1.0
+    curve = Curve(model, model.total(m) - F, gaps * m)
+    at, off = Point(p, gaps, m, 1.0), False
+    stack: list[Directions] = []
+    for _ in range(PROMISED_STEPS if isinstance(system, Condensed) else STEPS):
         yield at.p
+        if at.t > LARGE_T or np.abs(at.p).max(initial=0.0) > FAR_AWAY:
+            return
+        factors = system.factors(model.total(at.m / at.gaps, 1.0) + SHIFT)
+        here = None if factors is None else Directions(curve, at, factors)
+        off = here is None or not here.error <= (OFF_AGAIN if off else OFF)
+        if here is not None and math.isfinite(here.error) and not (off and stack):
+            at.h = next_length(at.h, here.error)
+            stack.append(here)
+            room = KEPT_ENTRIES // here.factors.entries
+            del stack[: -max(1, min(KEPT, room))]
+        elif stack:
+            shorten(stack)
+        else:
+            return
+        top = stack[-1]
+        at = top.move(min(1.0, LIMITED / top.error) if off and top.error else 1.0)
+    yield at.p
 
 
 def next_length(h: float, error: float) -> float:

@@ -112,8 +112,7 @@ class ConeFactors:
     def entries(self) -> int:
         return self.lu.entries
 
-    @property
-    def positive(self) -> bool:
+    def is_positive(self) -> bool:
         return np.count_nonzero(self.lu.pivots < 0.0) % 2 == 0
 
     def solve(self, r: np.ndarray) -> np.ndarray:
