@@ -44,11 +44,11 @@ class Shifted:
     def __init__(self, M: Any):
         self.M, self.order = M, np.arange(M.shape[0], dtype=np.int32)
         self.is_ordered = False
-        if sparse.issparse(M):  # with its whole diagonal stored; equal entries are added
+        if sparse.issparse(M):  # its whole diagonal is stored; equal entries are added
             M = sparse.coo_array(M)
             rows, columns = (np.append(x, self.order) for x in (M.row, M.col))
             data = np.append(M.data, np.zeros(self.order.size))
-            self.M = sparse.csc_array(sparse.coo_array((data, (rows, columns)), M.shape))
+            self.M = sparse.csc_array((data, (rows, columns)), M.shape)
             self.find_diagonal()
 
     def find_diagonal(self) -> None:
