@@ -51,7 +51,7 @@ def one_step(step, s, lower, upper):
     """Return s+ and Res(z), z = clip(s)."""
     old, new = np.empty((2, 2, s.size))
     old[:] = s, np.clip(s, lower, upper)
-    residual = step(old, new)
+    residual = step.run(old, new)
     np.testing.assert_array_equal(new[1], np.clip(new[0], lower, upper))
     return new[0], residual
 

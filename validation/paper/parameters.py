@@ -145,7 +145,7 @@ def compare(run: Run, method: str, effort: Effort) -> Row:
     given = Parameters(auto_alpha, beta_of(method), auto_omega)
     step = AdaptiveStep(run.lcp, method, given)
     auto = run.sweeps(step, cap)
-    products = step.choice.spectrum.products
+    products = step.spectrum.products
     row: Row = {
         "scene": scene.name,
         "n": scene.q.size,

@@ -54,30 +54,24 @@ from namlcp.lcp.modulus.kernels import Z
 from namlcp.lcp.modulus.methods import (
     SWEEPS,
     Parameters,
-    Sweep,
     checked_parameters,
     positive_diagonal,
 )
-from namlcp.lcp.modulus.steps import Step, TriangularStep, factored_step
+from namlcp.lcp.modulus.steps import Step, fixed_step
 from namlcp.lcp.prepared import Prepared
 
 # c >= LEAST_C G sqrt(f) / (p - c), f the geometric mean of b - 2 for the free rows and
 # for the whole matrix. c is at least SMALL_C: with less, s hardly changes at a bound.
 LEAST_C, SMALL_C = 0.6, 0.01
-# a b is reduced by the fraction BALANCE (2 - g): L is not (I - A)/2 when g < 2. For g =
-# 4 the best P would be 0.
-BALANCE, MOST_G = 0.3, 3.5
-# Factor of c for "modulus" with a nonsymmetric A.
-NONSYMMETRIC = 0.75
+# Largest g: for g = 4 the best P would be 0. Factor of c for "modulus" with a
+# nonsymmetric A.
+MOST_G, NONSYMMETRIC = 3.5, 0.75
 # Largest alpha that is chosen together with Omega, and those compared if beta is given.
 LARGE_ALPHA, ALPHAS = 1.95, [0.05 * k for k in range(2, 40)]
-# P is corrected from sweep FROM on; every EVERY sweeps the change of z is measured.
-FROM, EVERY = 32, 8
-# If g < 2, P is multiplied by SHRINK at every power of 2 from FROM on, until P is
-# raised: that happens when a change of z exceeds GROWTH times the least one so far, or
-# if the largest one between two powers of 2 exceeds STAGNATION times that of the
-# interval before: the iterates wander. (Even an algebraic decay would be faster.)
-SHRINK, GROWTH, STAGNATION = 0.93, 4.0, 0.7
+# From sweep FROM on the change of z is measured every EVERY sweeps. P is raised if it
+# exceeds GROWTH times the least one so far; until then, if g < 2, P is multiplied by
+# SHRINK at every power of 2.
+FROM, EVERY, GROWTH, SHRINK = 32, 8, 4.0, 0.93
 # Most restarts after a divergence, each of which doubles P.
 RETRIES = 8
 # Largest relative change of Omega for which a factored method keeps its factors.
@@ -103,85 +97,188 @@ class AdaptiveStep(Step):
     solution remains a fixed point. `step` is None if the first factorisation fails.
     """
 
-    def __init__(self, lcp: LCP, method: str, parameters: Parameters):
+    def __init__(self, lcp: LCP, name: str, parameters: Parameters):
         """Check the other parameters."""
-        chosen = SWEEPS[method]
-        names = ("alpha", "omega")
-        free = {
-            name: None for name in names if isinstance(getattr(parameters, name), str)
-        }
-        if chosen.factored:
-            D = positive_diagonal(lcp.A, method)
-            shift = (
-                diagonal_of("shift", parameters.shift, D.size, D)
-                if chosen.own
-                else None
-            )
-            fixed = parameters._replace(shift=shift)
-        else:
-            checked = checked_parameters(lcp.A, method, parameters._replace(**free))
-            fixed = parameters._replace(shift=checked.shift)
-            if parameters.omega is not None and "omega" not in free:
-                fixed = fixed._replace(omega=checked.omega)
-        self.lcp, self.fixed = lcp, fixed
-        self.choice = Choice(lcp.matrix, chosen, fixed)
-        self.alpha, self.omega = self.choice.parameters()
+        self.lcp, self.method = lcp, SWEEPS[name]
+        D = self.D = positive_diagonal(lcp.A, name)
+        if self.method.factored and self.method.own:  # E is D, not I
+            shift = diagonal_of("shift", parameters.shift, D.size, D)
+            parameters = parameters._replace(shift=shift)
+        alpha, beta, omega, _ = parameters
+        chosen = {"alpha": isinstance(alpha, str), "omega": isinstance(omega, str)}
+        unset = {key: None for key in chosen if chosen[key]}
+        checked = checked_parameters(lcp.A, name, parameters._replace(**unset))
+        self.given_alpha = None if chosen["alpha"] else checked.alpha
+        self.given_omega = checked.omega if omega is not None else None
+        self.omega_is_free = chosen["omega"]
+        self.beta = self.method.beta if beta is None else checked.beta
+        self.shift = checked.shift
+        self.e = 0.0 if self.shift is None else mean(self.shift / D)
+        self.spectrum, self.all_free = Spectrum(lcp.matrix), False
+        self.scale, self.shrink = 1.0, SHRINK  # factors of P: so far, and the next one
+        self.raised = 1.1  # the next one by which P is raised
+        self.k, self.retries = 0, 0
+        self.before, self.least = np.empty(0), math.inf
+        self.alpha, self.omega = self.choice()
         self.step: Any = self.build(self.alpha, self.omega)
-        self.k = self.retries = 0
-        self.before = np.empty(0)
 
     def build(self, alpha: float, omega: np.ndarray) -> Step | None:
         """Return a step with these parameters, None if the factorisation fails."""
-        chosen, fixed = self.choice.method, self.fixed
-        beta = fixed.beta_for(chosen, alpha)
-        now = fixed._replace(alpha=alpha, beta=beta, omega=omega)
-        if chosen.factored:
-            return factored_step(self.lcp, now)
-        return TriangularStep(self.lcp, chosen, now)
+        beta = alpha if self.beta is None else self.beta
+        now = Parameters(alpha, beta, omega, self.shift)
+        return fixed_step(self.lcp, self.method, now)
 
-    def __call__(self, old: np.ndarray, new: np.ndarray) -> float:
+    def run(self, old: np.ndarray, new: np.ndarray) -> float:
         """Write the next iterate to `new` and return Res(z) of `old`.
 
         old[S] is overwritten if Omega changes.
         """
         z = old[Z]
         k, self.k = self.k, self.k + 1
-        due, doubled = (k >= FROM and k % EVERY == 0), k > 0 and k & (k - 1) == 0
-        changes = due and self.choice.watch(z - self.before)
+        doubled = k > 0 and k & (k - 1) == 0
+        grows = k >= FROM and k % EVERY == 0 and self.grows(z - self.before)
         if doubled:
             free = (z > self.lcp.lower) & (z < self.lcp.upper)
-            self.choice.look(k, free, z - self.before)
-        if changes or doubled:
+            self.all_free = bool(free.all())
+            self.spectrum.estimate(free, z - self.before)
+            if k >= FROM and self.weight(self.free_alpha())[0] < 2.0:
+                self.scale *= self.shrink
+        if doubled or grows:
             self.change(old)
         if (k + 1) % EVERY == 0 or k & (k + 1) == 0:
             self.before = z.copy()
-        return self.step(old, new)
+        return self.step.run(old, new)
+
+    def grows(self, change: np.ndarray) -> bool:
+        """Raise P and the least c for good, by 1.1, 1.2, 1.4, 1.8, 2, if z moves more.
+
+        The size is |D^(1/2) dz|, which unlike Res does not depend on the scaling.
+        """
+        size = float(np.linalg.norm(change * self.spectrum.root))
+        self.least = min(self.least, size)
+        if not size > GROWTH * self.least:
+            return False
+        self.least, self.shrink = size, 1.0
+        self.scale *= self.raised
+        self.raised = min(2.0 * self.raised - 1.0, 2.0)
+        return True
 
     def retries_from(self, point: np.ndarray) -> bool:
         """Prepare a restart from an iterate with larger P; tell whether to restart."""
-        if self.retries == RETRIES:
-            return False
         self.retries += 1
-        self.choice.raised = 2.0
-        self.choice.take_care()
-        self.choice.least = np.inf
+        self.scale, self.shrink, self.raised = 2.0 * self.scale, 1.0, 2.0
+        self.least, self.before = math.inf, point[Z].copy()
         self.change(point)
-        self.before = point[Z].copy()
-        return True
+        return self.retries <= RETRIES
 
     def change(self, point: np.ndarray) -> None:
         """Use the parameters of `choice` from now on; point[S] is overwritten."""
         s, z = point
-        alpha, omega = self.choice.parameters()
+        alpha, omega = self.choice()
         is_near = np.all(np.abs(omega - self.omega) <= REFACTOR * self.omega)
-        if self.choice.method.factored and is_near:
-            return
-        step = self.build(alpha, omega)
-        if step is None:
-            return
-        if not np.array_equal(omega, self.omega):
+        step = None
+        if not (self.method.factored and is_near):
+            step = self.build(alpha, omega)
+        if step is not None:
             np.subtract(z, (self.omega / omega) * (z - s), out=s)
-        self.alpha, self.step, self.omega = alpha, step, omega
+            self.alpha, self.step, self.omega = alpha, step, omega
+
+    def choice(self) -> tuple[float, np.ndarray]:
+        """Return alpha and the diagonal of Omega."""
+        D, alpha = self.D, self.given_alpha
+        if self.method.factored:
+            c = self.factored_c()
+            if alpha is None:  # Omega = alpha I
+                return 1.0, np.full_like(D, c * math.exp(mean(np.log(D))))
+            return 1.0, c * D
+        if not self.omega_is_free:
+            return self.alpha_for(self.given_omega)
+        if alpha is None:
+            alpha = self.free_alpha()
+        return alpha, self.best_c(alpha) * D
+
+    def weight(self, alpha: float) -> tuple[float, float]:
+        """Return g = G + H in [0, MOST_G] and G >= 0."""
+        G = (1.0 if self.beta is None else self.beta / alpha) + self.method.own
+        return min(max(G + self.method.reflected, 0.0), MOST_G), max(G, 0.0)
+
+    def free_alpha(self) -> float:
+        """Return alpha if Omega is chosen, too.
+
+        With beta = alpha its value matters little: p - c = 1, or as near as LARGE_ALPHA
+        allows. A given beta makes g depend on alpha: the least error factor decides.
+        """
+        if self.beta is None:
+            return min(1.0 / max(1.0 - self.e, 1e-9), LARGE_ALPHA)
+        return min(ALPHAS, key=self.error_factor)
+
+    def error_factor(self, alpha: float) -> float:
+        """Return the modulus of the error factor at x = a for the best c."""
+        g = self.weight(alpha)[0]
+        P = 2.0 * (1.0 / alpha + self.e + self.best_c(alpha)) - g
+        return abs(factor(P, g, self.spectrum.low))
+
+    def best_c(self, alpha: float) -> float:
+        """Return the best c for a given alpha."""
+        g, G = self.weight(alpha)
+        t = 1.0 / alpha + self.e
+        return max(self.best_p(g) - t, SMALL_C, self.least_c(t, g, G))
+
+    def alpha_for(self, omega: np.ndarray | None) -> tuple[float, np.ndarray]:
+        """Return the best alpha for a given Omega, or for the default one (None)."""
+        x = self.best_p(self.weight(self.free_alpha())[0]) - self.e  # 1/alpha + c
+        if omega is not None:
+            x -= mean(omega / self.D)
+        elif self.method.reflected:  # c = 1/alpha
+            x /= 2.0
+        else:  # c = 1/(2 alpha^2)
+            x = math.sqrt(max(1.0 + 2.0 * x, 1.0)) - 1.0
+        alpha = min(1.0 / max(x, 1e-9), 1.999)
+        if omega is None:
+            c = 1.0 / alpha if self.method.reflected else 0.5 / (alpha * alpha)
+            omega = c * self.D
+        return alpha, omega
+
+    def factored_c(self) -> float:
+        """Return c for a method with M = A."""
+        a, b = self.spectrum.low, self.spectrum.high
+        if not self.method.own:
+            skew = 1.0 if self.spectrum.symmetric else NONSYMMETRIC
+            return math.sqrt(a * min(b, 2.0)) * skew * self.scale
+        K = 0.25 * (math.sqrt((a + b) ** 2 + 12.0 * a * b) - (a + b))
+        return max(K + 0.5 - self.e, SMALL_C, self.least_c(2.0, 2.0, 1.5))
+
+    def best_p(self, g: float) -> float:
+        """Return p, with equal error factors at x = a and x = b if b <= 2."""
+        a, b = self.spectrum.low, self.spectrum.high
+        over = max(b / 2.0, 1.0)  # above 1 the ordering of A is not consistent
+        sum_ = (2.0 - g) * (a + b / math.sqrt(over))
+        product = g * (4.0 - g) * a * b * over
+        # rounding may make `a` of a singular matrix negative
+        P = 0.5 * (sum_ + math.sqrt(max(sum_ * sum_ + 4.0 * product, 0.0)))
+        return 0.5 * (g + P * self.scale)
+
+    def least_c(self, t: float, g: float, G: float) -> float:
+        """Return the least c for the rows at their bounds, by bisection; p = t + c."""
+        if self.all_free or G == 0.0:
+            return 0.0
+        low, high = 0.0, t
+        for _ in range(30):
+            c = 0.5 * (low + high)
+            free = factor(2.0 * (t + c) - g, g, self.spectrum.low)
+            is_less = (t - c) / (t + c) > free * abs(free)
+            low, high = (c, high) if is_less else (low, c)
+        above = max(self.spectrum.high - 2.0, 0.0) * max(self.spectrum.above - 2.0, 0.0)
+        return max(high, LEAST_C * G * above**0.25 / t) * self.scale
+
+
+def factor(P: float, g: float, x: float) -> float:
+    """Return the error factor for an eigenvalue x."""
+    return (P - (4.0 - g) * x) / (P + g * x)
+
+
+def mean(x: np.ndarray) -> float:
+    return float(np.sum(x)) / max(x.size, 1)
 
 
 class Spectrum:
@@ -263,160 +360,3 @@ def symmetric_form(A: Any) -> Any:
     C = sp.csr_array(root.multiply(root.T.tocsr()))
     C.data = np.maximum(C.data, 0.0)
     return sp.csr_array(C.multiply(A.sign()))
-
-
-def mean(x: np.ndarray) -> float:
-    return float(np.sum(x)) / max(x.size, 1)
-
-
-class Choice:
-    """The choice of alpha and Omega of a sweep method during its run.
-
-    A has a positive diagonal; `parameters` are checked arrays, alpha or omega "auto".
-    """
-
-    def __init__(self, matrix: Prepared, method: Sweep, parameters: Parameters):
-        alpha, beta, omega, shift = parameters
-        self.D = np.array(matrix.diagonal)
-        self.method = method
-        self.asked = alpha, omega
-        self.beta: Any = method.beta if beta is None else beta
-        self.e = 0.0 if shift is None else mean(shift / self.D)
-        self.spectrum = Spectrum(matrix)
-        self.all_free = False
-        self.scale = 1.0  # factor of P and of the least c
-        self.shrink = SHRINK
-        self.raised = 1.1  # next factor by which to raise `scale`
-        # Sizes of changes of z: least so far, largest since the last power of 2, and
-        # largest between the two powers before that.
-        self.least, self.peak, self.last_peak = math.inf, 0.0, math.inf
-
-    def watch(self, change: np.ndarray) -> bool:
-        """Note the size of a change of z; tell whether P was raised because of it.
-
-        The size is |D^(1/2) dz|, which unlike Res does not depend on the scaling.
-        """
-        size = float(np.linalg.norm(change * self.spectrum.root))
-        self.least = min(self.least, size)
-        self.peak = max(self.peak, size)
-        if not size > GROWTH * self.least:
-            return False
-        self.least = size
-        self.take_care()
-        self.peak = math.inf  # STAGNATION is not applied at the next power of 2
-        return True
-
-    def take_care(self) -> None:
-        """Raise P and the least c for good, by 1.1, 1.2, 1.4, 1.8, 2, 2, ..."""
-        self.scale *= self.raised
-        self.raised = min(2.0 * self.raised - 1.0, 2.0)
-        self.shrink = 1.0
-
-    def look(self, k: int, free: np.ndarray, change: np.ndarray) -> None:
-        """Update the spectrum and P for iterate k, its free rows and change of z."""
-        self.all_free = bool(free.all())
-        self.spectrum.estimate(free, change)
-        if k > FROM:
-            if STAGNATION * self.last_peak < self.peak < math.inf:
-                self.take_care()
-            self.last_peak, self.peak = self.peak, 0.0
-        ratio = 1.0 if self.beta is None else self.beta
-        if k >= FROM and not self.method.factored and self.weight(ratio)[0] < 2.0:
-            self.scale *= self.shrink
-
-    def weight(self, ratio: float) -> tuple[float, float]:
-        """Return g = G + H in [0, MOST_G] and G >= 0 for beta/alpha = ratio."""
-        G = ratio + self.method.own
-        return min(max(G + self.method.reflected, 0.0), MOST_G), max(G, 0.0)
-
-    def parameters(self) -> tuple[float, np.ndarray]:
-        """Return alpha and the diagonal of Omega."""
-        alpha, omega = self.asked
-        if self.method.factored:
-            c = self.factored_omega()
-            if alpha == "auto":  # Omega = alpha I
-                return 1.0, np.full_like(self.D, c * math.exp(mean(np.log(self.D))))
-            return 1.0, c * self.D
-        if alpha == "auto":
-            if not isinstance(omega, str):
-                return self.alpha_for(omega)
-            alpha = self.free_alpha()
-        alpha = 1.0 if alpha is None else alpha
-        return alpha, self.best_c(alpha) * self.D
-
-    def free_alpha(self) -> float:
-        """Return alpha if Omega is chosen, too.
-
-        With beta = alpha its value matters little: p - c = 1, or as near as LARGE_ALPHA
-        allows. A given beta makes g depend on alpha: the least error factor decides.
-        """
-        if self.beta is None:
-            return min(1.0 / max(1.0 - self.e, 1e-9), LARGE_ALPHA)
-        return min(ALPHAS, key=self.error_factor)
-
-    def error_factor(self, alpha: float) -> float:
-        """Return the modulus of the error factor at x = a for the best c."""
-        g = self.weight(self.beta / alpha)[0]
-        P = 2.0 * (1.0 / alpha + self.e + self.best_c(alpha)) - g
-        a = self.spectrum.low
-        return abs((P - (4.0 - g) * a) / (P + g * a))
-
-    def best_c(self, alpha: float) -> float:
-        """Return the best c for a given alpha."""
-        g, G = self.weight(1.0 if self.beta is None else self.beta / alpha)
-        p = self.best_p(g)
-        t = 1.0 / alpha + self.e
-        return max(p - t, SMALL_C, self.least_omega(t, g, G))
-
-    def alpha_for(self, omega: Any) -> tuple[float, np.ndarray]:
-        """Return the best alpha for a given Omega, or for the default one (None)."""
-        ratio = 1.0 if self.beta is None else self.beta / self.free_alpha()
-        x = self.best_p(self.weight(ratio)[0]) - self.e  # 1/alpha + c
-        if omega is not None:
-            x -= mean(omega / self.D)
-        elif self.method.reflected:  # c = 1/alpha
-            x /= 2.0
-        else:  # c = 1/(2 alpha^2)
-            x = math.sqrt(max(1.0 + 2.0 * x, 1.0)) - 1.0
-        alpha = min(1.0 / max(x, 1e-9), 1.999)
-        if omega is None:
-            c = 1.0 / alpha if self.method.reflected else 0.5 / (alpha * alpha)
-            omega = c * self.D
-        return alpha, omega
-
-    def factored_omega(self) -> float:
-        """Return c for a method with M = A."""
-        a, b = self.spectrum.low, self.spectrum.high
-        if not self.method.own:
-            skew = 1.0 if self.spectrum.symmetric else NONSYMMETRIC
-            return math.sqrt(a * min(b, 2.0)) * skew * self.scale
-        K = 0.25 * (math.sqrt((a + b) ** 2 + 12.0 * a * b) - (a + b))
-        least = self.least_omega(2.0, 2.0, 1.5)
-        return max(K + 0.5 - self.e, SMALL_C, least)
-
-    def best_p(self, g: float) -> float:
-        """Return p, with equal error factors at x = a and x = b if b <= 2."""
-        a, b = self.spectrum.low, self.spectrum.high
-        over = max(b / 2.0, 1.0)  # above 1 the ordering of A is not consistent
-        sum_ = (2.0 - g) * (a + b / math.sqrt(over))
-        product = g * (4.0 - g) * (1.0 - BALANCE * max(2.0 - g, 0.0)) * a * b * over
-        # rounding may make `a` of a singular matrix negative
-        P = 0.5 * (sum_ + math.sqrt(max(sum_ * sum_ + 4.0 * product, 0.0)))
-        return 0.5 * (g + P * self.scale)
-
-    def least_omega(self, t: float, g: float, G: float) -> float:
-        """Return the least c for the rows at their bounds, by bisection; p = t + c."""
-        if self.all_free or G == 0.0:
-            return 0.0
-        a, b, above = self.spectrum.low, self.spectrum.high, self.spectrum.above
-        low, high = 0.0, t
-        for _ in range(30):
-            c = 0.5 * (low + high)
-            P = 2.0 * (t + c) - g
-            free = (P - (4.0 - g) * a) / (P + g * a)
-            if (t - c) / (t + c) > free * abs(free):
-                low = c
-            else:
-                high = c
-        f = math.sqrt(max(b - 2.0, 0.0) * max(above - 2.0, 0.0))
-        return max(high, LEAST_C * G * math.sqrt(f) / t) * self.scale

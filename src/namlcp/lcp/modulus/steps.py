@@ -11,6 +11,7 @@ others are factored by LU.
 """
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 from scipy import sparse
@@ -34,67 +35,50 @@ from namlcp.linalg.symmetry import asymmetry
 
 
 class Step:
-    """One iteration: a function of two iterates, (2, n) arrays of s and z = clip(s).
+    """One iteration, with `omega` the diagonal of Omega in the last one.
 
-    `omega` is the diagonal of Omega in the last iteration.
+    run, a function of two iterates, (2, n) arrays of s and z = clip(s), writes the
+    second one and returns Res(z) of the first.
     """
 
-    omega: np.ndarray
-
-    def __call__(self, old: np.ndarray, new: np.ndarray) -> float:
-        """Write the next iterate to `new` and return Res(z) of `old`."""
-        raise NotImplementedError
+    def __init__(self, omega: np.ndarray, run: Callable[..., float]) -> None:
+        self.omega, self.run = omega, run
 
     def retries_from(self, point: np.ndarray) -> bool:
         """Tell whether to restart from this iterate after a divergence."""
         return False
 
 
-class TriangularStep(Step):
-    """One sweep of a triangular method with checked parameters."""
+def fixed_step(lcp: LCP, chosen: Sweep, parameters: Parameters) -> Step | None:
+    """Return a step for checked parameters, None if a factorisation fails.
 
-    def __init__(self, lcp: LCP, chosen: Sweep, parameters: Parameters) -> None:
-        A, (_, q, lower, upper) = lcp.A, lcp
-        alpha, beta, self.omega, shift = parameters
-        is_dense = isinstance(A, np.ndarray)
-        boxed = is_dense or bool(lower.any()) or not np.all(upper == np.inf)
-        vectors = np.empty((6 if boxed else 4, q.size))
-        vectors[OMEGA], vectors[Q] = self.omega, q
-        if boxed:
-            vectors[LOWER], vectors[UPPER] = lower, upper
-        P = A.diagonal() / alpha
-        P += self.omega
-        if shift is not None:
-            P += shift
-        np.divide(1.0, P, out=vectors[INVERSE])
-        weights = beta / alpha + chosen.own, chosen.reflected
-        self.kernel = sweep_dense if is_dense else sweep_csr
-        matrix = (A,) if is_dense else arrays_of(A)
-        self.fixed = *matrix, vectors, *weights
-
-    def __call__(self, old: np.ndarray, new: np.ndarray) -> float:
-        return self.kernel(*self.fixed, old, new)
-
-
-class FactoredStep(Step):
-    """One iteration with the factors of M + Omega, see `factored_step`."""
-
-    def __init__(self, lcp: LCP, omega: np.ndarray, solve: Callable):
-        self.lcp, self.omega, self.solve = lcp, omega, solve
-
-    def __call__(self, old: np.ndarray, new: np.ndarray) -> float:
-        s, z = old
-        w = self.lcp.w(z)
-        new[S] = s - 2.0 * self.solve(w - self.omega * (z - s))
-        np.clip(new[S], self.lcp.lower, self.lcp.upper, out=new[Z])
-        return self.lcp.residual(z, w)
-
-
-def factored_step(lcp: LCP, parameters: Parameters) -> FactoredStep | None:
-    """Return a step for checked parameters, None if the factorisation fails.
-
-    parameters.shift is the diagonal of E; None stands for "modulus", without E and L.
+    parameters.shift is the diagonal of E, None for methods without.
     """
+    make = factored_step if chosen.factored else triangular_step
+    return make(lcp, chosen, parameters)
+
+
+def triangular_step(lcp: LCP, chosen: Sweep, parameters: Parameters) -> Step:
+    A, (_, q, lower, upper) = lcp.A, lcp
+    alpha, beta, omega, shift = parameters
+    is_dense = isinstance(A, np.ndarray)
+    boxed = is_dense or bool(lower.any()) or not np.all(upper == np.inf)
+    vectors = np.empty((6 if boxed else 4, q.size))
+    vectors[OMEGA], vectors[Q] = omega, q
+    if boxed:
+        vectors[LOWER], vectors[UPPER] = lower, upper
+    P = A.diagonal() / alpha
+    P += omega
+    if shift is not None:
+        P += shift
+    np.divide(1.0, P, out=vectors[INVERSE])
+    weights = beta / alpha + chosen.own, chosen.reflected
+    if is_dense:
+        return Step(omega, partial(sweep_dense, A, vectors, *weights))
+    return Step(omega, partial(sweep_csr, *arrays_of(A), vectors, *weights))
+
+
+def factored_step(lcp: LCP, chosen: Sweep, parameters: Parameters) -> Step | None:
     A, omega, shift = lcp.A, parameters.omega, parameters.shift
     dense = isinstance(A, np.ndarray)
     system: System
@@ -106,4 +90,15 @@ def factored_step(lcp: LCP, parameters: Parameters) -> FactoredStep | None:
     else:
         system = Quasidefinite(sparse.csc_array(A), np.ones(omega.size))
     factors = system.factors(omega if shift is None else omega + shift)
-    return None if factors is None else FactoredStep(lcp, omega, factors.solve)
+    if factors is None:
+        return None
+    solve = factors.solve
+
+    def run(old: np.ndarray, new: np.ndarray) -> float:
+        s, z = old
+        w = lcp.w(z)
+        new[S] = s - 2.0 * solve(w - omega * (z - s))
+        np.clip(new[S], lcp.lower, lcp.upper, out=new[Z])
+        return lcp.residual(z, w)
+
+    return Step(omega, run)

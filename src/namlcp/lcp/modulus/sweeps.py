@@ -47,7 +47,7 @@ from namlcp.lcp.modulus.methods import (
     checked_parameters,
     is_adaptive,
 )
-from namlcp.lcp.modulus.steps import Step, TriangularStep, factored_step
+from namlcp.lcp.modulus.steps import Step, fixed_step
 from namlcp.limits import Limits
 from namlcp.outcome import Outcome
 from namlcp.status import Status
@@ -103,10 +103,7 @@ def step_of(lcp: LCP, method: str, parameters: Parameters) -> Step | None:
     if is_adaptive(method, parameters):
         adaptive = AdaptiveStep(lcp, method, parameters)
         return None if adaptive.step is None else adaptive
-    checked = checked_parameters(lcp.A, method, parameters)
-    if chosen.factored:
-        return factored_step(lcp, checked)
-    return TriangularStep(lcp, chosen, checked)
+    return fixed_step(lcp, chosen, checked_parameters(lcp.A, method, parameters))
 
 
 def first_iterate(
@@ -135,7 +132,7 @@ def iterate(
     watch = Watch(float(np.linalg.norm(lcp.q)))
     max_iter = limits.max_iter or MAX_NAMED_SWEEPS
     for k in range(max_iter + 1):
-        residual = step(old, new)
+        residual = step.run(old, new)
         if report is not None:
             report(k, residual, lcp.active(old[Z]))
         if residual < eps_abs:
