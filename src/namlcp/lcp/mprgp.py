@@ -36,36 +36,24 @@ from namlcp.outcome import Outcome
 from namlcp.residuals import natural_residual
 from namlcp.status import Status
 
+# Default limit on iterations.
 MAX_DESCENT_STEPS = 20_000
-"""Default limit on iterations."""
-
+# The method stalls after so many consecutive times that the criterion accepts the
+# updated gradient but not the recomputed one, and Res has not halved in between.
 MISSES = 4
-"""The method stalls after so many consecutive times that the criterion accepts the
-updated gradient but not the recomputed one, and Res has not halved in between."""
-
-SUFFICIENT = 0.1
-"""A projected step d is taken if f decreases by at least this fraction of -g'd."""
-
+# A projected step d is taken if f decreases by at least this fraction of -g'd; `leap`
+# goes to a point only if Res there is at most the fraction MINIMUM of the present.
+SUFFICIENT, MINIMUM = 0.1, 0.1
+# A curvature p'A p / p'p of modulus up to ZERO_CURVATURE ||A|| counts as zero; one
+# below INDEFINITE_CURVATURE ||A|| shows that A is not semidefinite. ||A|| is
+# `Descent.norm`.
 ZERO_CURVATURE, INDEFINITE_CURVATURE = 1e-13, -1e-10
-"""A curvature p'A p / p'p of modulus up to ZERO_CURVATURE ||A|| counts as zero; one
-below INDEFINITE_CURVATURE ||A|| shows that A is not semidefinite. ||A|| is
-`Descent.norm`."""
-
-RAY_PRODUCT = 1e-14
-"""||A v|| up to this times ||A|| ||v|| counts as zero."""
-
-MINIMUM = 0.1
-"""`leap` goes to a point only if Res there is at most this fraction of the present."""
-
-RAY_PRODUCTS = 500
-"""Limit on the conjugate gradient steps that make A v = 0 for a flat direction v."""
-
-RAY_ENTRY = 1e-9
-"""Entries of a ray up to this times the largest are set to 0."""
-
+# ||A v|| up to RAY_PRODUCT ||A|| ||v|| counts as zero; conjugate gradient steps at most
+# that make it so; entries of v up to RAY_ENTRY times the largest are set to 0.
+RAY_PRODUCT, RAY_PRODUCTS, RAY_ENTRY = 1e-14, 500, 1e-9
+# A start is replaced by clip(0) if its Res is larger than that of clip(0) by more than
+# this factor: products with so large a z lose too many digits.
 TOO_FAR = 1e6
-"""A start is replaced by clip(0) if its Res is larger than that of clip(0) by more than
-this factor: products with so large a z lose too many digits."""
 
 
 def solve_by_products(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
@@ -82,23 +70,27 @@ def solve_by_products(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcom
             there = criterion.residuals(z, lcp.w(z))[1]
             if not there <= TOO_FAR * criterion.size:
                 z = lcp.start()
-        return descent_from(lcp, z, limits, criterion)
+        descent = Descent(lcp, z)
+        status, best, k = descend(descent, limits, criterion)
+        w = lcp.w(best)
+        if not (math.isfinite(descent.size) and np.isfinite(w).all()):
+            status, best = Status.NUMERICAL_ERROR, np.full(w.size, np.nan)
+            w = best
+        return lcp.outcome(status, best, w, k, "mprgp", descent.message, descent.ray)
 
 
-def descent_from(
-    lcp: LCP, z0: np.ndarray, limits: Limits, criterion: Criterion
-) -> Outcome:
-    """Take steps from a feasible z0, see `solve_by_products` for the outcomes."""
-    descent = Descent(lcp, z0)
-    best = z0
+def descend(
+    descent: "Descent", limits: Limits, criterion: Criterion
+) -> tuple[Status, np.ndarray, int]:
+    """Take steps; return the status, the best point and the number of steps."""
+    best = descent.point()[0]
     least = missed = math.inf
     k = misses = 0
-    status = None
     while math.isfinite(descent.size):
         z, w = descent.point()
         if limits.report is not None:
-            free = int(np.count_nonzero(descent.free))
-            limits.report(k, lcp.residual(z, w), z.size - free)
+            active = int(np.count_nonzero(~descent.free))
+            limits.report(k, descent.lcp.residual(z, w), active)
         accepted = criterion.accepts(z, w)
         if descent.size < least or accepted:
             best, least = z, descent.size
@@ -106,10 +98,10 @@ def descent_from(
             descent.refresh(descent.y)
             least = descent.size
             if criterion.accepts(*descent.point()):
-                status = Status.SOLVED
-                break
+                return Status.SOLVED, best, k
             misses = 0 if descent.size < 0.5 * missed else misses + 1
             missed = min(missed, descent.size)
+        status: Status | None = None
         if misses == MISSES or descent.size == 0.0:
             status = Status.STALLED
         elif k == (limits.max_iter or MAX_DESCENT_STEPS):
@@ -119,13 +111,9 @@ def descent_from(
         else:
             status = descent.step()
         if status is not None:
-            break
+            return status, best, k
         k += 1
-    w = lcp.w(best)
-    if status is None or not (math.isfinite(descent.size) and np.isfinite(w).all()):
-        nothing = np.full(w.size, np.nan)
-        return lcp.outcome(Status.NUMERICAL_ERROR, nothing, nothing, k, "mprgp")
-    return lcp.outcome(status, best, w, k, "mprgp", descent.message, descent.ray)
+    return Status.NUMERICAL_ERROR, best, k
 
 
 class Descent:
@@ -137,14 +125,17 @@ class Descent:
     """
 
     def __init__(self, lcp: LCP, z0: np.ndarray):
-        self.lcp, self.A = lcp, lcp.A
+        self.lcp = lcp
         root = self.root = lcp.matrix.root
         self.q = lcp.q / root
         self.lower, self.upper = lcp.lower * root, lcp.upper * root
         self.ray: np.ndarray | None = None
         self.message = ""
         self.norm = 0.0  # estimate of ||A||: the largest ||A p|| / ||p|| so far
-        self.refresh(np.clip(z0 * root, self.lower, self.upper))
+        self.refresh(self.clipped(z0 * root))
+
+    def clipped(self, y: np.ndarray) -> np.ndarray:
+        return np.clip(y, self.lower, self.upper)
 
     def point(self) -> tuple[np.ndarray, np.ndarray]:
         """Return z and w of the unscaled problem."""
@@ -155,38 +146,25 @@ class Descent:
 
     def product(self, x: np.ndarray) -> np.ndarray:
         """Return D^(-1/2) A D^(-1/2) x."""
-        return (self.A @ (x / self.root)) / self.root
+        return (self.lcp.A @ (x / self.root)) / self.root
 
     def refresh(self, y: np.ndarray) -> None:
-        """Go to y, compute its gradient and restart the conjugate gradients."""
-        self.p: np.ndarray | None = None  # next conjugate direction; None: phi
+        """Go to y, and compute its gradient."""
         self.go(y, self.product(y) + self.q)
 
     def go(self, y: np.ndarray, g: np.ndarray) -> None:
-        """Go to y with the gradient g."""
+        """Go to y with the gradient g, and restart the conjugate gradients."""
+        self.p: np.ndarray | None = None  # next conjugate direction; None: phi
         self.y, self.g = y, g
-        self.free = (self.y > self.lower) & (self.y < self.upper)
-        self.phi = np.where(self.free, self.g, 0.0)
-        self.size = natural_residual(self.y, self.g, self.lower, self.upper)
-
-    def move(self, step: float, p: np.ndarray, Ap: np.ndarray) -> None:
-        """Go to y - step p, which is feasible up to rounding."""
-        y = np.clip(self.y - step * p, self.lower, self.upper)
-        self.go(y, self.g - step * Ap)
+        self.free = (y > self.lower) & (y < self.upper)
+        self.phi = np.where(self.free, g, 0.0)
+        self.size = natural_residual(y, g, self.lower, self.upper)
 
     def limit(self, p: np.ndarray) -> float:
         """Return the largest feasible step along -p."""
         moves = p != 0.0
         bound = np.where(p > 0.0, self.lower, self.upper)
         return float(np.min((self.y - bound)[moves] / p[moves], initial=math.inf))
-
-    def curvature(self, p: np.ndarray) -> tuple[np.ndarray, float]:
-        """Return A p and p'A p, or 0 for the latter at rounding level; update norm."""
-        Ap = self.product(p)
-        pp = float(p @ p)
-        self.norm = max(self.norm, math.sqrt(float(Ap @ Ap) / pp))
-        pAp = float(p @ Ap)
-        return Ap, 0.0 if abs(pAp) <= ZERO_CURVATURE * self.norm * pp else pAp
 
     def step(self) -> Status | None:
         """Take one step, or return the status with which the method ends."""
@@ -197,17 +175,21 @@ class Descent:
         p = beta
         if keeps_active:
             p = self.phi if self.p is None else self.p
-        if float(p @ p) == 0.0:
+        pp = float(p @ p)
+        if pp == 0.0:
             return Status.STALLED
-        Ap, pAp = self.curvature(p)
+        Ap = self.product(p)
+        self.norm = max(self.norm, math.sqrt(float(Ap @ Ap) / pp))
+        pAp = float(p @ Ap)
         if not math.isfinite(pAp):
             self.size = pAp
             return Status.NUMERICAL_ERROR
-        if pAp < INDEFINITE_CURVATURE * self.norm * float(p @ p):
+        if pAp < INDEFINITE_CURVATURE * self.norm * pp:
             self.message = "A is not positive semidefinite"
             return Status.STALLED
-        feasible = self.limit(p)
-        optimal = float(self.g @ p) / pAp if pAp > 0.0 else math.inf
+        feasible, optimal = self.limit(p), math.inf
+        if pAp > ZERO_CURVATURE * self.norm * pp:
+            optimal = float(self.g @ p) / pAp
         if optimal == feasible == math.inf:
             self.ray = self.proof(p)
             if self.leap(p) or (
@@ -216,19 +198,17 @@ class Descent:
                 self.ray = None
                 return None
             return Status.STALLED if self.ray is None else Status.UNSOLVABLE
-        if optimal <= feasible:
-            self.move(optimal, p, Ap)
-            self.p = None
-            if keeps_active:
-                self.p = self.phi - (float(self.phi @ Ap) / pAp) * p
-        elif keeps_active and optimal < math.inf and self.project(optimal, p):
-            # the direction is kept in the variables still free (Polonsky and Keer 1999)
-            rest = np.where(self.free, p, 0.0)
-            rest = self.phi - (float(self.phi @ Ap) / pAp) * rest
-            self.p = rest if float(self.g @ rest) > 0.0 else None
-        else:
-            self.move(feasible, p, Ap)
-            self.p = None
+        if optimal > feasible and keeps_active and optimal < math.inf:
+            if self.project(optimal, p):
+                # the direction is kept in the variables still free (Polonsky and Keer)
+                rest = np.where(self.free, p, 0.0)
+                rest = self.phi - (float(self.phi @ Ap) / pAp) * rest
+                self.p = rest if float(self.g @ rest) > 0.0 else None
+                return None
+        step = min(optimal, feasible)
+        self.go(self.clipped(self.y - step * p), self.g - step * Ap)
+        if optimal <= feasible and keeps_active:
+            self.p = self.phi - (float(self.phi @ Ap) / pAp) * p
         return None
 
     def reduced(self) -> float:
@@ -236,12 +216,12 @@ class Descent:
         if self.norm == 0.0:
             return float(self.phi @ self.phi)
         step = 1.0 / self.norm
-        projected = np.clip(self.y - step * self.phi, self.lower, self.upper)
+        projected = self.clipped(self.y - step * self.phi)
         return float(self.phi @ (self.y - projected)) * self.norm
 
     def project(self, step: float, p: np.ndarray) -> bool:
         """Go to clip(y - step p) if f decreases enough, see SUFFICIENT; tell if so."""
-        y = np.clip(self.y - step * p, self.lower, self.upper)
+        y = self.clipped(self.y - step * p)
         d = y - self.y
         slope = float(self.g @ d)
         if not slope < 0.0:
@@ -260,11 +240,10 @@ class Descent:
         pAp = float(p @ self.product(p))
         if not pAp > 0.0:
             return False
-        y = np.clip(self.y - float(self.g @ p) / pAp * p, self.lower, self.upper)
+        y = self.clipped(self.y - float(self.g @ p) / pAp * p)
         g = self.product(y) + self.q
         if not natural_residual(y, g, self.lower, self.upper) <= MINIMUM * self.size:
             return False
-        self.p = None
         self.go(y, g)
         return True
 

@@ -20,7 +20,6 @@ Kornhuber, Numer. Math. 69 (1994) 167-184; Graeser and Kornhuber, J. Comput. Mat
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
@@ -33,7 +32,7 @@ from namlcp.lcp.multigrid.kernels import (
     project_step,
     residual_vector,
 )
-from namlcp.lcp.multigrid.krylov import bicgstab, conjugate_gradients
+from namlcp.lcp.multigrid.krylov import krylov
 from namlcp.lcp.multigrid.vcycle import VCycle
 from namlcp.lcp.relaxation import relax_back, relax_csr
 from namlcp.limits import Deadline, Limits
@@ -42,89 +41,65 @@ from namlcp.measure import natural_residuals
 from namlcp.outcome import Outcome
 from namlcp.status import Status
 
-MAX_CYCLES = 40
-"""Cycles at most, by default; suitable matrices need less than 10."""
-
-SWEEPS = 2
-"""Pairs of a forward and a backward sweep in a cycle."""
-
-NEW_FACE_REDUCTION, NEW_FACE_STEPS = 0.1, 12
-"""On a changed face: relative residual of A_FF x = -w_F wanted, and steps at most."""
-
-SETTLED_FACE_STEPS = 60
-"""Krylov steps at most on an unchanged face."""
-
-FACE_GOAL = 0.3
-"""Residual of A_FF x = -w_F, relative to the tolerance, at which Krylov steps end."""
-
+# Cycles at most, by default; suitable matrices need less than 10. Pairs of a forward
+# and a backward sweep in a cycle.
+MAX_CYCLES, SWEEPS = 40, 2
+# On a changed face: relative residual of A_FF x = -w_F wanted, and steps at most; steps
+# at most on an unchanged face; residual, relative to the tolerance, at which they end.
+NEW_FACE_REDUCTION, NEW_FACE_STEPS, SETTLED_FACE_STEPS, FACE_GOAL = 0.1, 12, 60, 0.3
+# For the nested start, on each coarse level: Res wanted relative to Res(clip(0)), and
+# cycles at most.
 NESTED_GOAL, NESTED_CYCLES = 1e-3, 3
-"""For the nested start, on each coarse level: Res wanted relative to Res(clip(0)), and
-cycles at most."""
-
+# z0 is used if Res(z0) <= WARM_RESIDUAL Res(clip(0)); after WARM_CYCLES cycles without
+# success the solve begins anew with the nested start.
 WARM_RESIDUAL, WARM_CYCLES = 1e-2, 5
-"""z0 is used if Res(z0) <= WARM_RESIDUAL Res(clip(0)); after WARM_CYCLES cycles without
-success the solve begins anew with the nested start."""
-
-SLOW_CYCLES = 2
-"""The solve ends after so many cycles in a row on an unchanged face that leave more
-than half of the residual."""
-
-FRUITLESS_CYCLES = 5
-"""After so many cycles in a row without a better point a nonsymmetric solve ends, and a
-symmetric one follows every line search from then on."""
-
+# The solve ends after so many cycles in a row on an unchanged face that leave more than
+# half of the residual. After so many without a better point a nonsymmetric solve ends,
+# and a symmetric one follows every line search from then on.
+SLOW_CYCLES, FRUITLESS_CYCLES = 2, 5
+# Step length of the line search below which the full step, which corrects the face, is
+# taken instead.
 SHORT_STEP = 0.5
-"""Step length of the line search below which the full step, which corrects the face, is
-taken instead."""
 
 
-class LevelLCP(NamedTuple):
-    """The LCP on one level; z times `scale` has a unit diagonal on the finest level."""
+class LevelLCP:
+    """The LCP of one level, its iterate z with w = A z + q, and the parts of a cycle.
 
-    q: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-    scale: np.ndarray
-
-    def start(self) -> np.ndarray:
-        """Return clip(0)."""
-        return np.clip(np.zeros(self.q.size), self.lower, self.upper)
-
-
-class Iterate:
-    """z, w = A z + q and Res(z) on one level, and the parts of a cycle.
-
-    `here` is Res in the scaling of the hierarchy, `residual` Res on the finest level of
-    the problem scaled to a unit diagonal, on coarse levels the same as `here`.
-    `settled`: the last correction met an unchanged face. `full_steps`: short line
-    searches are replaced by full steps.
+    z times `scale` has a unit diagonal on the finest level. `here` is Res in the
+    scaling of the hierarchy, `residual` Res on the finest level of the problem scaled
+    to a unit diagonal, on coarse levels the same as `here`. `settled`: the last
+    correction met an unchanged face. `full_steps`: short line searches are replaced by
+    full steps.
     """
 
-    def __init__(self, cycle: VCycle, k: int, box: LevelLCP, z: np.ndarray):
-        self.cycle, self.k, self.box = cycle, k, box
+    def __init__(self, cycle: VCycle, k: int, q: np.ndarray, *box: np.ndarray):
+        """Begin at clip(0); box: lower, upper and scale."""
+        self.cycle, self.k, self.q, self.box = cycle, k, q, box
         self.A = cycle.levels[k].A
-        self.z = z
-        self.w, self.x, self.Ax = (np.empty_like(z) for _ in range(3))
-        self.settled = False
-        self.full_steps = True
-        self.begun = False
-        residual_vector(self.A, box.q, z, self.w)
+        self.w, self.x, self.Ax = np.empty((3, q.size))
+        self.go_to(np.zeros(q.size))
+
+    def go_to(self, z: np.ndarray) -> None:
+        """Begin anew from clip(z), z being overwritten."""
+        self.z = np.clip(z, *self.box[:2], out=z)
+        self.settled, self.full_steps, self.begun = False, True, False
+        residual_vector(self.A, self.q, z, self.w)
         self.update_residuals()
 
     def update_residuals(self) -> None:
-        self.here, self.residual = natural_residuals(self.z, self.w, *self.box[1:])
+        self.here, self.residual = natural_residuals(self.z, self.w, *self.box)
 
     def smooth(self) -> None:
-        q, lower, upper, _ = self.box
+        lower, upper, _ = self.box
         for _ in range(SWEEPS):
-            relax_csr(*self.A, q, lower, upper, 1.0, self.z)
-            relax_back(*self.A, q, lower, upper, self.z)
-        residual_vector(self.A, q, self.z, self.w)
+            relax_csr(*self.A, self.q, lower, upper, 1.0, self.z)
+            relax_back(*self.A, self.q, lower, upper, self.z)
+        residual_vector(self.A, self.q, self.z, self.w)
         self.update_residuals()
 
     def correct(self, goal: float) -> None:
         """Solve on the face, no more accurately than Res <= goal needs, and move."""
-        _, lower, upper, _ = self.box
+        lower, upper, _ = self.box
         z, w, x, Ax = self.z, self.w, self.x, self.Ax
         d, dinv = self.cycle.levels[self.k].d, self.cycle.faces[self.k].dinv
         changed = mark_free(d, z, lower, upper, dinv)
@@ -139,8 +114,7 @@ class Iterate:
         if not self.settled:
             floor, steps = max(NEW_FACE_REDUCTION * size, floor), NEW_FACE_STEPS
         if size > floor:
-            solve = conjugate_gradients if self.cycle.symmetric else bicgstab
-            solve(self.cycle, self.k, r, floor, steps, x)
+            krylov(self.cycle, self.k, r, floor, steps, x)
         slope, curvature = project_step(self.A, z, w, lower, upper, x, Ax)
         step = 1.0
         if self.cycle.symmetric and -slope < curvature:
@@ -149,6 +123,29 @@ class Iterate:
             step = 1.0
         move(step, x, Ax, lower, upper, z, w)
         self.update_residuals()
+
+    def nest(self, deadline: Deadline) -> None:
+        """Begin anew from clip(P z), z from the level below; on the last from clip(0).
+
+        On entry no level may be truncated.
+        """
+        z = np.zeros(self.q.size)
+        if self.k + 1 < len(self.cycle.levels):
+            level = self.cycle.levels[self.k]
+            q, (lower, upper, _) = np.empty(level.C.size), self.box
+            residual_vector(level.R, np.zeros(q.size), self.q, q)
+            box = lower[level.C], upper[level.C], np.ones(q.size)
+            below = LevelLCP(self.cycle, self.k + 1, q, *box)
+            goal = NESTED_GOAL * below.residual
+            below.nest(deadline)
+            for _ in range(NESTED_CYCLES):
+                if below.residual <= goal or deadline.reached():
+                    break
+                below.smooth()
+                if below.residual > goal:
+                    below.correct(goal)
+            residual_vector(level.P, np.zeros(z.size), below.z, z)
+        self.go_to(z)
 
 
 def solve_by_multigrid(lcp: LCP, z0: np.ndarray | None, limits: Limits) -> Outcome:
@@ -181,38 +178,35 @@ class MultigridSolver:
     """
 
     def __init__(self, lcp: LCP, hierarchy: Hierarchy, criterion: Criterion):
-        self.lcp, self.hierarchy = lcp, hierarchy
+        self.lcp, self.scale = lcp, hierarchy.scale
         self.cycle = VCycle(hierarchy.levels, hierarchy.symmetric)
         S, root = hierarchy.scale, np.sqrt(hierarchy.levels[0].d)
-        self.box = LevelLCP(S * lcp.q, lcp.lower / S, lcp.upper / S, root)
+        box = lcp.lower / S, lcp.upper / S, root
+        self.top = LevelLCP(self.cycle, 0, S * lcp.q, *box)
         self.accepts, self.goal = criterion.accepts, criterion.goal
-        self.best = self.box.start()
-        self.least = math.inf
+        self.best, self.least = self.top.z.copy(), math.inf
         self.done = 0
         self.warm = False
 
     def users_point(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Return z in the caller's scaling, and w = A z + q."""
-        z = np.clip(self.hierarchy.scale * z, self.lcp.lower, self.lcp.upper)
+        z = np.clip(self.scale * z, self.lcp.lower, self.lcp.upper)
         return z, self.lcp.w(z)
 
-    def note(self, iterate: Iterate) -> None:
-        """Keep the iterate if it is the best so far."""
-        if iterate.residual < self.least:
-            self.least = iterate.residual
-            np.copyto(self.best, iterate.z)
-
-    def is_solved(self, iterate: Iterate) -> bool:
+    def is_solved(self) -> bool:
         """Keep the iterate if it is the best; tell whether the criterion accepts it.
 
         The criterion is evaluated only if Res(z), with a unit diagonal, is at most
         `goal`; if it fails, `goal` is divided by 10.
         """
-        self.note(iterate)
-        if not iterate.residual <= self.goal:
+        top = self.top
+        if top.residual < self.least:
+            self.least = top.residual
+            np.copyto(self.best, top.z)
+        if not top.residual <= self.goal:
             return False
-        if self.accepts(*self.users_point(iterate.z)):
-            np.copyto(self.best, iterate.z)
+        if self.accepts(*self.users_point(top.z)):
+            np.copyto(self.best, top.z)
             return True
         self.goal *= 0.1
         return False
@@ -220,79 +214,58 @@ class MultigridSolver:
     def run(self, z0: np.ndarray | None, limits: Limits) -> Status:
         """Start, then cycle until solved, stalled or at a limit."""
         deadline, max_cycles = limits.deadline, limits.max_iter or MAX_CYCLES
-        iterate = self.start(z0, deadline)
-        if self.is_solved(iterate):
+        top = self.top
+        if self.start(z0, deadline):
             return Status.SOLVED
         fruitless = slow = 0
         while self.done < max_cycles:
             if deadline.reached():
                 return Status.TIME_LIMIT
-            before, least = iterate.residual, self.least
+            before, least = top.residual, self.least
             self.done += 1
-            iterate.smooth()
-            solved = self.is_solved(iterate)
+            top.smooth()
+            solved = self.is_solved()
             if not solved:
-                iterate.correct(self.goal)
-                solved = self.is_solved(iterate)
+                top.correct(self.goal)
+                solved = self.is_solved()
             if limits.report is not None:
-                z, box = iterate.z, self.box
-                active = np.count_nonzero((z == box.lower) | (z == box.upper))
-                residual = self.lcp.residual(*self.users_point(z))
+                lower, upper, _ = top.box
+                active = np.count_nonzero((top.z == lower) | (top.z == upper))
+                residual = self.lcp.residual(*self.users_point(top.z))
                 limits.report(self.done, residual, active)
             if solved:
                 return Status.SOLVED
             if self.warm and self.done == WARM_CYCLES:
                 self.cycle.faces[0].dinv[:] = 1.0 / self.cycle.levels[0].d
                 self.cycle.follow_face(0)
-                iterate = self.nested(0, self.box, deadline)
+                top.nest(deadline)
                 continue
             fruitless = 0 if self.least < least else fruitless + 1
-            is_slow = iterate.settled and not iterate.residual <= 0.5 * before
+            is_slow = top.settled and not top.residual <= 0.5 * before
             slow = slow + 1 if is_slow else 0
             if slow >= SLOW_CYCLES:
                 return Status.STALLED
             if fruitless >= FRUITLESS_CYCLES:
                 if not self.cycle.symmetric:
                     return Status.STALLED
-                iterate.full_steps = False
+                top.full_steps = False
         return Status.MAX_ITER
 
-    def start(self, z0: np.ndarray | None, deadline: Deadline) -> Iterate:
-        """Return z0 if it is close to the solution, else a nested start."""
-        cold = Iterate(self.cycle, 0, self.box, self.best.copy())
-        self.note(cold)
+    def start(self, z0: np.ndarray | None, deadline: Deadline) -> bool:
+        """Go to z0 if it is close to the solution, else to a nested start.
+
+        Tell whether that is a solution.
+        """
+        top = self.top
+        if self.is_solved():
+            return True
+        cold = top.residual
         if z0 is not None:
             with np.errstate(over="ignore"):
-                z = np.clip(z0 / self.hierarchy.scale, *self.box[1:3])
-            warm = Iterate(self.cycle, 0, self.box, z)
-            self.note(warm)
-            if warm.residual <= max(WARM_RESIDUAL * cold.residual, self.goal):
-                self.warm = True
-                return warm
-        if cold.residual <= self.goal:
-            return cold
-        return self.nested(0, self.box, deadline)
-
-    def nested(self, k: int, box: LevelLCP, deadline: Deadline) -> Iterate:
-        """Return clip(P z), z from the level below; on the last level clip(0).
-
-        On entry no level may be truncated.
-        """
-        z = box.start()
-        if k + 1 < len(self.cycle.levels):
-            level = self.cycle.levels[k]
-            q, C = np.empty(level.C.size), level.C
-            residual_vector(level.R, np.zeros(q.size), box.q, q)
-            below = LevelLCP(q, box.lower[C], box.upper[C], np.ones(q.size))
-            cold = Iterate(self.cycle, k + 1, below, below.start())
-            goal = NESTED_GOAL * cold.residual
-            iterate = self.nested(k + 1, below, deadline)
-            for _ in range(NESTED_CYCLES):
-                if iterate.residual <= goal or deadline.reached():
-                    break
-                iterate.smooth()
-                if iterate.residual > goal:
-                    iterate.correct(goal)
-            residual_vector(level.P, np.zeros(z.size), iterate.z, z)
-            np.clip(z, box.lower, box.upper, out=z)
-        return Iterate(self.cycle, k, box, z)
+                top.go_to(z0 / self.scale)
+            self.warm = top.residual <= max(WARM_RESIDUAL * cold, self.goal)
+            solved = self.is_solved()
+            if self.warm:
+                return solved
+        top.nest(deadline)
+        return self.is_solved()

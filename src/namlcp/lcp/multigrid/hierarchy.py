@@ -25,36 +25,21 @@ from namlcp.lcp.prepared import Prepared
 from namlcp.limits import NEVER, Deadline
 from namlcp.linalg.csc import Compressed, arrays_of
 
-MAX_COARSE, MAX_DENSE = 50, 500
-"""Coarsening ends at MAX_COARSE unknowns; a matrix with more than MAX_DENSE left on the
-last level, which gets a dense inverse, is refused."""
-
-MAX_LEVELS = 30
-
+# Coarsening ends at MAX_COARSE unknowns; a matrix with more than MAX_DENSE left on the
+# last level, which gets a dense inverse, is refused.
+MAX_COARSE, MAX_DENSE, MAX_LEVELS = 50, 500, 30
+# Fraction of rows, at most, whose positive couplings exceed half the negative ones:
+# discretised differential equations have up to 0.02, contact problems from 0.09.
 UNLIKE = 0.03
-"""Fraction of rows, at most, whose positive couplings exceed half the negative ones.
-
-Discretised differential equations have up to 0.02, contact problems from 0.09.
-"""
-
-MOST_ROW_ENTRIES = 100
-"""Entries of a row, on average, at most."""
-
-MOST_COARSE_ENTRIES = 6.0
-"""Entries of all coarse levels at most, as a multiple of those of A."""
-
-GOOD, USELESS = 0.3, 0.8
-"""Convergence rate of the V-cycle up to which no second pass is tried, and above which
-the hierarchy is refused."""
-
-RATE_CYCLES = 4
-"""Number of V-cycles, of which the last one gives the rate."""
-
+# Entries at most: of a row, on average; of all coarse levels, as a multiple of A's.
+MOST_ROW_ENTRIES, MOST_COARSE_ENTRIES = 100, 6.0
+# Convergence rate of the V-cycle up to which no second pass is tried, and above which
+# the hierarchy is refused. The last one of RATE_CYCLES V-cycles gives the rate.
+GOOD, USELESS, RATE_CYCLES = 0.3, 0.8, 4
+# If the largest diagonal entry is not between this and its inverse, A is scaled.
 FAR_FROM_ONE = 1e8
-"""If the largest diagonal entry is not between this and its inverse, A is scaled."""
-
+# Difference up to which two relative row sums count as equal.
 EQUAL_SUMS = 1e-12
-"""Difference up to which two relative row sums count as equal."""
 
 
 class Hierarchy(NamedTuple):

@@ -8,8 +8,6 @@ cpdef void residual_vector(object matrix, const double[::1] q, const double[::1]
 cpdef Py_ssize_t mark_free(const double[::1] d, const double[::1] z, const double[::1] lower, const double[::1] upper, double[::1] dinv) noexcept
 cpdef void descend(object matrix, const int[::1] diagonal, object interpolation, const double[::1] dinv, const double[::1] b, double[::1] x, double[::1] coarse)
 cpdef double ascend(object matrix, const int[::1] diagonal, object interpolation, const double[::1] dinv, const double[::1] b, const double[::1] coarse, double[::1] x) except? -1
-cpdef void relax_edge(object matrix, const double[::1] dinv, const Py_ssize_t[::1] edge, double[::1] b, double[::1] x)
-cpdef void relax_edge_back(object matrix, const double[::1] dinv, const Py_ssize_t[::1] edge, const double[::1] b, const double[::1] start, double[::1] x)
 cpdef void mark_dirty(object matrix, const double[::1] dinv, const unsigned char[::1] touched, unsigned char[::1] dirty)
 cpdef void truncate_coarse(object face, object P_rows, object R_rows, const int[::1] C, object coarse_rows, const double[::1] d, object below)
 cpdef double face_product(object matrix, const double[::1] dinv, const double[::1] p, double[::1] Ap) except? -1

@@ -7,8 +7,7 @@ Gauss-Seidel sweep, the correction with the coarse matrix
     A_c = P' T A T P,
 
 and one backward sweep (Ruge and Stueben, in McCormick, Multigrid Methods, SIAM 1987,
-for T = I; Kornhuber, Numer. Math. 69 (1994) 167-184, for truncation). On coarse levels
-with symmetric A the rows at the edge of F are relaxed once more, before and after.
+for T = I; Kornhuber, Numer. Math. 69 (1994) 167-184, for truncation).
 Matrices are `Compressed` by rows; `diagonal` holds the positions of their a_ii.
 """
 
@@ -128,32 +127,6 @@ def ascend(matrix, diagonal, interpolation, dinv, b, coarse, x):
             x[i] = r * dinv[i]
             product += b[i] * x[i]
     return product
-
-
-def relax_edge(matrix, dinv, edge, b, x):
-    """Sweep forward over the rows `edge` on T A T y = b from y = 0.
-
-    Sets x to these entries of y, and b to b - A y on F. A is symmetric.
-    """
-    A = rows_of(matrix, b.shape[0])
-    for t in range(edge.shape[0]):
-        i = edge[t]
-        x[t] = b[i] * dinv[i]
-        for k in range(A.indptr[i], A.indptr[i + 1]):
-            b[A.indices[k]] -= A.data[k] * x[t]
-
-
-def relax_edge_back(matrix, dinv, edge, b, start, x):
-    """Sweep backward over these rows on T A T x = b, then add `start` to x there."""
-    A = rows_of(matrix, b.shape[0])
-    for t in range(edge.shape[0] - 1, -1, -1):
-        i = edge[t]
-        r = b[i]
-        for k in range(A.indptr[i], A.indptr[i + 1]):
-            r -= A.data[k] * x[A.indices[k]]
-        x[i] += r * dinv[i]
-    for t in range(edge.shape[0]):
-        x[edge[t]] += start[t]
 
 
 def mark_dirty(matrix, dinv, touched, dirty):

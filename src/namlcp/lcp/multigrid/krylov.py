@@ -11,20 +11,25 @@ from namlcp.lcp.multigrid.hierarchy import Hierarchy
 from namlcp.lcp.multigrid.kernels import face_product, step_along
 from namlcp.lcp.multigrid.vcycle import VCycle
 
-LINEAR_STEPS = 100
-"""Krylov steps at most between two computations of the residual."""
-
-RESTARTS = 3
-"""Computations of the residual at most; recurrences drift away from it by rounding."""
+# Krylov steps at most between two computations of the residual, and computations of it
+# at most: recurrences drift away from it by rounding.
+LINEAR_STEPS, RESTARTS = 100, 3
 
 
-def conjugate_gradients(
+def krylov(
     cycle: VCycle, k: int, r: np.ndarray, goal: float, steps: int, x: np.ndarray
 ) -> None:
     """Solve A_FF x = r, F = cycle.faces[k], from x = 0, which stays 0 outside F.
 
     Stop at a residual, left in r, of at most `goal`, or after `steps` steps.
     """
+    solve = conjugate_gradients if cycle.symmetric else bicgstab
+    solve(cycle, k, r, goal, steps, x)
+
+
+def conjugate_gradients(
+    cycle: VCycle, k: int, r: np.ndarray, goal: float, steps: int, x: np.ndarray
+) -> None:
     A, dinv = cycle.levels[k].A, cycle.faces[k].dinv
     y, Ap = np.empty_like(r), np.empty_like(r)
     rho = cycle.solve(k, r, y)
@@ -43,7 +48,6 @@ def conjugate_gradients(
 def bicgstab(
     cycle: VCycle, k: int, r: np.ndarray, goal: float, steps: int, x: np.ndarray
 ) -> None:
-    """Do the same for nonsymmetric A, with two V-cycles a step."""
     A, dinv = cycle.levels[k].A, cycle.faces[k].dinv
     shadow, p = r.copy(), r.copy()
     y, Ay, t = np.empty_like(r), np.empty_like(r), np.empty_like(r)
@@ -87,7 +91,6 @@ class FreeSystem:
         of the hierarchy.
         """
         scale, A = self.hierarchy.scale, self.hierarchy.A
-        solve = conjugate_gradients if self.hierarchy.symmetric else bicgstab
         x, r = np.zeros(b.size), np.where(self.free, scale * b, 0.0)
         goal = accuracy * float(np.linalg.norm(r))
         for _ in range(RESTARTS):
@@ -95,7 +98,7 @@ class FreeSystem:
             if not size > goal:
                 break
             y = np.zeros(b.size)
-            solve(self.cycle, 0, r, goal, LINEAR_STEPS, y)
+            krylov(self.cycle, 0, r, goal, LINEAR_STEPS, y)
             x += scale * y
             r = np.where(self.free, scale * (b - A @ x), 0.0)
         return x, bool(np.linalg.norm(r) <= goal)

@@ -8,17 +8,12 @@ from namlcp.lcp.multigrid.kernels import (
     ascend,
     descend,
     mark_dirty,
-    relax_edge,
-    relax_edge_back,
     truncate_coarse,
 )
 from namlcp.linalg.csc import Compressed
 
 SINGULAR_CONDITION = 1e13
 """Condition number from which on the coarsest matrix gets a pseudo-inverse."""
-
-MOST_EDGE = 0.1
-"""Part of the rows of a level, at most, that is relaxed as the edge of a face."""
 
 
 class Level(NamedTuple):
@@ -67,11 +62,6 @@ def all_free(level: Level) -> FaceOnLevel:
 class VCycle:
     """Approximate inverses of A_FF on the levels of a hierarchy.
 
-    The coarse matrices suit smooth errors less at the edge of a face, the free rows
-    with neighbours that are not free, or that the faces of finer levels have changed.
-    With symmetric A these are relaxed twice on coarse levels, if they are few: an
-    obstacle of 10^6 unknowns takes 11 steps of conjugate gradients instead of 12.
-
     A caller sets a face in faces[k].dinv and calls `follow_face`, which changes coarser
     levels only; so faces on several levels must be set from the coarsest level up.
     """
@@ -80,7 +70,6 @@ class VCycle:
         self.levels = levels
         self.symmetric = symmetric
         self.faces = [all_free(level) for level in levels]
-        self.edges = [np.empty(0, dtype=np.intp)] * len(levels)
         self.invert_coarsest()
 
     def follow_face(self, k: int) -> None:
@@ -93,10 +82,6 @@ class VCycle:
                 position = np.zeros(below.dinv.size, dtype=np.int32)
                 below = self.faces[fine + 1] = below._replace(A=copy, position=position)
             mark_dirty(face.A, face.dinv, face.touched, face.dirty)
-            if fine > k and self.symmetric:
-                edge = np.flatnonzero(face.dirty & (face.dinv != 0.0))
-                is_short = edge.size <= MOST_EDGE * face.dinv.size
-                self.edges[fine] = edge if is_short else edge[:0]
             transfer = level.P, level.R, level.C
             truncate_coarse(face, *transfer, coarse.A, coarse.d, below)
         self.invert_coarsest()
@@ -121,23 +106,8 @@ class VCycle:
         level, face, below = self.levels[k], self.faces[k], self.faces[k + 1]
         A, P, dinv, diagonal = face.A, level.P, face.dinv, level.diagonal
         descend(A, diagonal, P, dinv, b, x, below.b)
-        self.correct(k + 1)
+        self.solve(k + 1, below.b, below.x)
         return ascend(A, diagonal, P, dinv, b, below.x, x)
-
-    def correct(self, k: int) -> None:
-        """Solve A_FF x = b on coarse level k roughly, for what its b and x hold.
-
-        b is overwritten.
-        """
-        A, dinv, *_, b, x, _ = self.faces[k]
-        edge = self.edges[k]
-        if not edge.size:
-            self.solve(k, b, x)
-            return
-        start = np.empty(edge.size)
-        relax_edge(A, dinv, edge, b, start)
-        self.solve(k, b, x)
-        relax_edge_back(A, dinv, edge, b, start, x)
 
 
 def inverse(B: np.ndarray, symmetric: bool) -> Any:
