@@ -4,10 +4,9 @@
 
 | module | content |
 |---|---|
-| `driver` | what the loop calls in Python, the residual check |
+| `driver` | what the loop calls in Python: large free systems, the residual check |
 | `pivot` | block pivoting inside a proximal-point loop |
 | `free_system` | systems of the free unknowns; is A semidefinite? |
-| `large_system` | the same of large problems, in Python |
 | `rays` | certificates that there is no solution |
 | `state` | the memory of a solve, `Pivoting` |
 """

@@ -4,36 +4,31 @@ An `Attempt` solves a copy of the problem that is scaled to a unit diagonal. Its
 solution is checked on the caller's data.
 """
 
+from typing import Any
+
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import splu
 
-from namlcp.lcp.criterion import is_solved_by_zero
-from namlcp.lcp.data import LCP
-from namlcp.lcp.pivoting.large_system import LargeSystem
+from namlcp.lcp.data import LCP, is_solved_by_zero
 from namlcp.lcp.pivoting.pivot import Code, pivot
 from namlcp.lcp.pivoting.rays import proof
 from namlcp.lcp.pivoting.state import Pivoting
+from namlcp.lcp.shifted import HELD, Quasidefinite, Shifted
 from namlcp.limits import Limits
+from namlcp.linalg.csc import submatrix
+from namlcp.linalg.definite import PSD_SLACK, has_positive_pivots
 from namlcp.measure import are_met, natural_residuals
 from namlcp.outcome import Outcome
 from namlcp.status import Status
 
-ACCURACY = 1e-9
-"""Default eps_rel."""
-
-MAX_FACTORISATIONS = 5000
-"""Factorisations at most, by default."""
-
+# Default eps_rel; factorisations at most, by default.
+ACCURACY, MAX_FACTORISATIONS = 1e-9, 5000
+# Sparse symmetric problems with more unknowns and more entries than this are left to
+# `LargeSystem`; smaller ones are solved faster by compiled code alone.
 LARGE_ORDER, LARGE_ENTRIES = 2000, 20_000
-"""Sparse symmetric problems with more unknowns and more entries than this are left to
-`LargeSystem`; smaller ones are solved faster by compiled code alone."""
-
+# Largest order at which sparse nonsymmetric systems are solved by dense LU.
 DENSE_ORDER = 600
-"""Largest order at which sparse nonsymmetric systems are solved by dense LU."""
-
 NO_START = np.empty(0)
-"""z0 where there is none."""
 
 STATUSES = {
     Code.DONE: Status.SOLVED,
@@ -42,6 +37,61 @@ STATUSES = {
     Code.LATE: Status.TIME_LIMIT,
     Code.RAY: Status.UNSOLVABLE,
 }
+
+
+class LargeSystem:
+    """The factors of the current free system of a large sparse symmetric problem.
+
+    Unknowns at their bounds are held by huge diagonal entries, so that the elimination
+    order of one pattern serves many free systems.
+    """
+
+    def __init__(self, n: int) -> None:
+        self.free = np.zeros(n, dtype=bool)  # unknowns in the factors
+        self.rho = np.nan  # of the factors
+        self.member = np.zeros(n, dtype=bool)  # unknowns in the pattern
+        self.orders = 0  # elimination orders computed so far
+        self.system: Any = None  # a Quasidefinite
+        self.factors: Any = None
+
+    def cover(self, work: Pivoting, free: np.ndarray) -> None:
+        """Order the free unknowns and the earlier members.
+
+        From the third time on, or if these are more than half of all unknowns, all
+        unknowns with l < u are ordered, too.
+        """
+        self.orders += 1
+        member = free | self.member
+        if self.orders > 2 or 2 * np.count_nonzero(member) > member.size:
+            member = free | work.is_open
+        self.member = member
+        rows = np.flatnonzero(member)
+        part = submatrix(work.scaled_matrix, rows, rows)
+        self.system = Quasidefinite(part, np.ones(rows.size))
+
+    def solve(self, work: Pivoting) -> None:
+        """Write to z the solution of the free system of `pivot`, NaN if singular."""
+        free, rho = work.state == 0, work.rho
+        if rho != self.rho or np.any(free != self.free):
+            work.factorisations += 1
+            if self.system is None or np.any(free > self.member):
+                self.cover(work, free)
+            shift = np.where(free, rho, HELD)[self.member]
+            self.factors = self.system.factors(shift)
+            self.free, self.rho = free, rho
+        if self.factors is None:
+            work.z[free] = np.nan
+        else:
+            rhs = np.where(free, work.rhs, 0.0)[self.member]
+            work.z[free] = self.factors.solve(rhs)[free[self.member]]
+
+    def is_convex(self, work: Pivoting) -> bool:
+        """Tell whether A + `PSD_SLACK` I is positive definite."""
+        if not np.all(work.has_unit):
+            return False
+        slack = PSD_SLACK * sparse.eye_array(work.n)
+        upper = sparse.triu(work.scaled_matrix)
+        return has_positive_pivots(sparse.csc_array(upper + slack))
 
 
 class Attempt(Pivoting):
@@ -125,9 +175,6 @@ class Attempt(Pivoting):
             return
         self.factorisations += 1
         free = np.flatnonzero(self.state == 0)
-        shift = self.rho * sparse.eye_array(free.size)
         A = self.scaled_matrix[:, free].tocsr()[free]
-        try:
-            self.z[free] = splu(sparse.csc_array(A + shift)).solve(self.rhs[free])
-        except RuntimeError:  # exactly singular
-            self.z[free] = np.nan
+        factors = Shifted(A).factors(np.full(free.size, self.rho))
+        self.z[free] = np.nan if factors is None else factors.solve(self.rhs[free])

@@ -7,8 +7,6 @@ cdef bint factor_free(Pivoting m) noexcept nogil
 cdef void solve_free(Pivoting m) noexcept nogil
 cdef bint may_stay_sparse(Pivoting m, Py_ssize_t count) noexcept nogil
 cdef void set_order(Pivoting m) noexcept nogil
-cdef void set_positions(Pivoting m) noexcept nogil
-cdef void clear_positions(Pivoting m) noexcept nogil
 cdef void plan(Pivoting m) noexcept nogil
 cdef void take_memory(Pivoting m, size_t size) noexcept nogil
 cdef void gather(Pivoting m, double* out) noexcept nogil

@@ -38,15 +38,15 @@ CALL, DENSE_SPEED = 5000.0, 10.0
 def factor_free(m):
     """Factor the matrix; tell whether it is regular, definite if it is symmetric."""
     set_order(m)
+    for k in range(m.count):
+        m.local[m.order[k]] = k
     plan(m)
-    if m.is_short:
-        return False
-    if not m.is_sparse:
-        return factor_dense(m)
-    set_positions(m)
-    smallest = factor_sparse(m)
-    clear_positions(m)
-    return smallest >= LEAST_PIVOT
+    regular: cython.bint = False
+    if not m.is_short:
+        regular = factor_sparse(m) >= LEAST_PIVOT if m.is_sparse else factor_dense(m)
+    for k in range(m.count):
+        m.local[m.order[k]] = -1
+    return regular
 
 
 def solve_free(m):
@@ -109,16 +109,6 @@ def set_order(m):
             m.count += 1
 
 
-def set_positions(m):
-    for k in range(m.count):
-        m.local[m.order[k]] = k
-
-
-def clear_positions(m):
-    for k in range(m.count):
-        m.local[m.order[k]] = -1
-
-
 def plan(m):
     """Choose the cheaper kind of factors, and take memory for them."""
     count = m.count
@@ -126,9 +116,7 @@ def plan(m):
     size = 8.0 * count * count
     m.is_sparse = False
     if may_stay_sparse(m, count):
-        set_positions(m)
         flops = analyse(m)
-        clear_positions(m)
         if DENSE_SPEED * flops <= count * (count * (count / 3.0)) + CALL:
             m.is_sparse = True
             for k in range(count):
@@ -170,14 +158,12 @@ def gather(m, out):
             for t in range(k + 1 if m.symmetric else count):
                 to[t] = column[order[t]]
     else:
-        set_positions(m)
         fill(out, 0.0, count * count)
         for k in range(count):
             for p in range(m.indptr[order[k]], m.indptr[order[k] + 1]):
                 i: Py_ssize_t = local[m.indices[p]]
                 if i >= 0:
                     out[k * count + i] = m.scaled[p]
-        clear_positions(m)
     for k in range(count):
         out[k * (count + 1)] += m.shift[order[k]]
 

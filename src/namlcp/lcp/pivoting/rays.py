@@ -10,32 +10,23 @@ import math
 
 import numpy as np
 from scipy import sparse
-from scipy.sparse.linalg import LinearOperator, cg, lsmr
+from scipy.sparse.linalg import cg, lsmr
 
 from namlcp.lcp.data import LCP
 
+# Scaled entry of v, relative to the largest one, that counts as 0.
 RAY_TOLERANCE = 1e-9
-"""Scaled entry of v, relative to the largest one, that counts as 0."""
-
-SLOPE_ROUNDING = 1e-13
-"""Entry of A'v, relative to |A|'|v|, that counts as 0."""
-
-LEAST_FALL = 1e-10
-"""Modulus of max (q'v + z'A'v), relative to its terms, that counts as 0."""
-
+# Entry of A'v, relative to |A|'|v|, that counts as 0; modulus of max (q'v + z'A'v),
+# relative to its terms, that does.
+SLOPE_ROUNDING, LEAST_FALL = 1e-13, 1e-10
+# Entries of A'v beyond this, relative to |A|'|v|, may stay if A is not symmetric and a
+# finite bound on z_i limits the product with z_i.
 CLEAR_SLOPE = 1e-5
-"""Entries of A'v beyond this, relative to |A|'|v|, may stay if A is not symmetric and
-a finite bound on z_i limits the product with z_i."""
-
-DROPS = 4
-"""Corrections at most; after each, entries that changed their sign are set to 0."""
-
-DENSE_CORRECTION = 600
-"""Largest order for which the correction is a dense least-squares problem."""
-
+# Corrections at most; after each, entries that changed their sign are set to 0. Largest
+# order for which the correction is a dense least-squares problem; beyond, relative
+# accuracy of the iterative one, its steps and its multiplications at most.
+DROPS, DENSE_CORRECTION = 4, 600
 CORRECTION, CORRECTION_STEPS, MULTIPLICATIONS = 1e-6, 2000, 200_000_000
-"""For larger orders, of the iterative correction: relative accuracy, steps at most, and
-multiplications at most."""
 
 
 def proof(lcp: LCP, d: np.ndarray, v: np.ndarray) -> np.ndarray | None:
@@ -115,27 +106,14 @@ class Candidates:
         self, v: np.ndarray, rows: np.ndarray, support: np.ndarray
     ) -> np.ndarray:
         """Return the least-squares u with (A'D u)_rows = (A'v)_rows on the support."""
-        A, d, slope = self.A, self.d, self.slope(v)
+        A, d, slope = self.A, sparse.diags_array(self.d), self.slope(v)
+        B = (sparse.diags_array(self.d[support]) @ A[support] @ d).T[rows]
         if v.size <= DENSE_CORRECTION:
-            part = A[support].toarray() if sparse.issparse(A) else A[support]
-            part = (part * np.outer(d[support], d)).T[rows]
-            return np.linalg.lstsq(part, slope[rows], rcond=None)[0]
+            B = B.toarray() if sparse.issparse(B) else B
+            return np.linalg.lstsq(B, slope[rows], rcond=None)[0]
         steps = max(min(CORRECTION_STEPS, MULTIPLICATIONS // (A.size + v.size)), 1)
-        full = np.zeros(v.size)
-
-        def times(u: np.ndarray) -> np.ndarray:
-            full[support] = d[support] * u
-            return self.slope(full)
-
         if self.lcp.matrix.symmetric:
-            square = support.size, support.size
-            B = LinearOperator(square, lambda u: times(u)[support], dtype=float)
+            B = B[support].tocsr() if sparse.issparse(B) else B[support]
             return cg(B, slope[support], rtol=CORRECTION, maxiter=steps)[0]
-        B = LinearOperator(
-            (v.size, support.size),
-            lambda u: rows * times(u),
-            lambda u: (d * (A @ (d * (rows * u))))[support],
-            dtype=float,
-        )
-        b = rows * slope
+        b = slope[rows]
         return lsmr(B, b, atol=CORRECTION, btol=CORRECTION, maxiter=steps)[0]

@@ -84,5 +84,5 @@ cdef double* reals(Pivoting m, Py_ssize_t count) noexcept nogil
 cdef int* flags(Pivoting m, Py_ssize_t count) noexcept nogil
 cdef void lay_out(Pivoting m) noexcept nogil
 cdef int take_problem(Pivoting m, object columns, tuple vectors) except -1
-cdef Py_ssize_t offset(Pivoting m, const double* vector) noexcept nogil
-cdef object integers(Pivoting m, const int* vector)
+cdef object reals_of(Pivoting m, const double* vector, Py_ssize_t count)
+cdef object integers_of(Pivoting m, const int* vector)

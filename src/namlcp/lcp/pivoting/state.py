@@ -41,37 +41,36 @@ class Pivoting(Watched):
 
     @property
     def z(self):
-        return self.memory[offset(self, self.own_z) :][: self.n]
+        return reals_of(self, self.own_z, self.n)
 
     @property
     def rhs(self):
-        return self.memory[offset(self, self.own_rhs) :][: self.n]
+        return reals_of(self, self.own_rhs, self.n)
 
     @property
     def d(self):
         """The diagonal of D, where D A D is the scaled matrix."""
-        return self.memory[offset(self, self.root) :][: self.n]
+        return reals_of(self, self.root, self.n)
 
     @property
     def state(self):
-        return integers(self, self.side)
+        return integers_of(self, self.side)
 
     @property
     def has_unit(self):
         """1 where a_ii > 0."""
-        return integers(self, self.unit)
+        return integers_of(self, self.unit)
 
     @property
     def is_open(self):
         """Whether the bounds of each unknown differ."""
-        lower = self.memory[offset(self, self.lower) :][: self.n]
-        upper = self.memory[offset(self, self.upper) :][: self.n]
-        return lower < upper
+        n = self.n
+        return reals_of(self, self.lower, n) < reals_of(self, self.upper, n)
 
     @property
     def scaled_matrix(self):
         """The scaled matrix, where it is compressed."""
-        data = self.memory[offset(self, self.scaled) :][: self.entries]
+        data = reals_of(self, self.scaled, self.entries)
         _, indptr, indices, _ = self.given
         return sparse.csc_array((data, indices, indptr), shape=(self.n, self.n))
 
@@ -140,12 +139,13 @@ def take_problem(m, columns, vectors):
     return 0
 
 
-def offset(m, vector):
-    """Return the number of the first entry in the memory."""
-    return vector - m.begin
+def reals_of(m, vector, count):
+    """Return a vector as an array, a view."""
+    first = vector - m.begin
+    return m.memory[first : first + count]
 
 
-def integers(m, vector):
+def integers_of(m, vector):
     """Return a vector of integers as an array, a view."""
-    first = offset(m, cython.cast(cython.p_double, vector))
+    first = cython.cast(cython.p_double, vector) - m.begin
     return m.memory[first:].view(np.int32)[: m.n]
