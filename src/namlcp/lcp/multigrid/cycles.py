@@ -23,8 +23,8 @@ import math
 
 import numpy as np
 
-from namlcp.lcp.criterion import Criterion
-from namlcp.lcp.data import LCP
+from namlcp.lcp.data import LCP, Criterion
+from namlcp.lcp.loops import relax_back, relax_csr
 from namlcp.lcp.multigrid.hierarchy import Hierarchy, hierarchy_of
 from namlcp.lcp.multigrid.kernels import (
     mark_free,
@@ -32,9 +32,7 @@ from namlcp.lcp.multigrid.kernels import (
     project_step,
     residual_vector,
 )
-from namlcp.lcp.multigrid.krylov import krylov
 from namlcp.lcp.multigrid.vcycle import VCycle
-from namlcp.lcp.relaxation import relax_back, relax_csr
 from namlcp.limits import Deadline, Limits
 from namlcp.linalg.columns import LEAST_DIVISOR
 from namlcp.measure import natural_residuals
@@ -114,7 +112,7 @@ class LevelLCP:
         if not self.settled:
             floor, steps = max(NEW_FACE_REDUCTION * size, floor), NEW_FACE_STEPS
         if size > floor:
-            krylov(self.cycle, self.k, r, floor, steps, x)
+            self.cycle.krylov(self.k, r, floor, steps, x)
         slope, curvature = project_step(self.A, z, w, lower, upper, x, Ax)
         step = 1.0
         if self.cycle.symmetric and -slope < curvature:

@@ -1,4 +1,4 @@
-"""The V(1,1)-cycle truncated to a face, with the work arrays of one solve."""
+"""The V(1,1)-cycle truncated to a face, and Krylov methods that it preconditions."""
 
 from typing import Any, NamedTuple
 
@@ -7,13 +7,15 @@ import numpy as np
 from namlcp.lcp.multigrid.kernels import (
     ascend,
     descend,
+    face_product,
     mark_dirty,
+    step_along,
     truncate_coarse,
 )
 from namlcp.linalg.csc import Compressed
 
+# Condition number from which on the coarsest matrix gets a pseudo-inverse.
 SINGULAR_CONDITION = 1e13
-"""Condition number from which on the coarsest matrix gets a pseudo-inverse."""
 
 
 class Level(NamedTuple):
@@ -108,6 +110,66 @@ class VCycle:
         descend(A, diagonal, P, dinv, b, x, below.b)
         self.solve(k + 1, below.b, below.x)
         return ascend(A, diagonal, P, dinv, b, below.x, x)
+
+    def krylov(
+        self, k: int, r: np.ndarray, goal: float, steps: int, x: np.ndarray
+    ) -> None:
+        """Solve A_FF x = r on the face F of level k, from x = 0, which stays 0 outside.
+
+        Stop at a residual, left in r, of at most `goal`, or after `steps` steps: by
+        conjugate gradients for symmetric A, else by right-preconditioned BiCGStab (van
+        der Vorst, SIAM J. Sci. Stat. Comput. 13 (1992) 631-644), two V-cycles a step.
+        (SciPy's conjugate gradients do not end at p'A p <= 0, and SciPy's methods
+        update vectors one by one.)
+        """
+        solve = self.conjugate_gradients if self.symmetric else self.bicgstab
+        solve(k, r, goal, steps, x)
+
+    def conjugate_gradients(
+        self, k: int, r: np.ndarray, goal: float, steps: int, x: np.ndarray
+    ) -> None:
+        A, dinv = self.levels[k].A, self.faces[k].dinv
+        y, Ap = np.empty_like(r), np.empty_like(r)
+        rho = self.solve(k, r, y)
+        p = y.copy()
+        for step in range(1, steps + 1):
+            curvature = face_product(A, dinv, p, Ap)
+            if not (curvature > 0.0 and rho > 0.0):
+                return
+            if step_along(rho / curvature, p, Ap, x, r) <= goal or step == steps:
+                return
+            before, rho = rho, self.solve(k, r, y)
+            p *= rho / before
+            p += y
+
+    def bicgstab(
+        self, k: int, r: np.ndarray, goal: float, steps: int, x: np.ndarray
+    ) -> None:
+        A, dinv = self.levels[k].A, self.faces[k].dinv
+        shadow, p = r.copy(), r.copy()
+        y, Ay, t = np.empty_like(r), np.empty_like(r), np.empty_like(r)
+        rho = float(shadow @ r)
+        for _ in range(steps):
+            self.solve(k, p, y)
+            face_product(A, dinv, y, Ay)
+            below = float(shadow @ Ay)
+            if rho == 0.0 or below == 0.0:
+                return
+            alpha = rho / below
+            if step_along(alpha, y, Ay, x, r) <= goal:
+                return
+            self.solve(k, r, y)
+            face_product(A, dinv, y, t)
+            product = float(t @ t)
+            if product == 0.0:
+                return
+            omega = float(t @ r) / product
+            if step_along(omega, y, t, x, r) <= goal or omega == 0.0:
+                return
+            before, rho = rho, float(shadow @ r)
+            p -= omega * Ay
+            p *= rho / before * alpha / omega
+            p += r
 
 
 def inverse(B: np.ndarray, symmetric: bool) -> Any:
