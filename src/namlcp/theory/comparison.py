@@ -218,8 +218,7 @@ def signs(A: Any, x: np.ndarray) -> tuple[bool, bool, np.ndarray]:
     K = D - |A - D|, x >= 0. The signs are those of the exact numbers: where bounds of
     rounding errors do not settle one, the row is summed in rational arithmetic.
     """
-    own, others, margin = np.empty((3, x.size))
-    row_sums(*arrays_of(A), x, ROUNDOFF, LEAST_NUMBER, own, others, margin)
+    own, others, margin = sums(A, x)
     value, inside = own - others, x > 0.0
     if not np.all(np.isfinite(value)) or (x.size and not inside.any()):
         return False, False, np.full(x.size, math.nan)
@@ -230,6 +229,13 @@ def signs(A: Any, x: np.ndarray) -> tuple[bool, bool, np.ndarray]:
     above = above and all(exact_row(A, i, x) > 0 for i in doubtful)
     below = below and all(exact_row(A, i, x) <= 0 for i in doubtful)
     return above, below, others / own
+
+
+def sums(A: Any, x: np.ndarray) -> np.ndarray:
+    """Return D x, |A - D| x and bounds of the errors of their difference."""
+    found = np.empty((3, x.size))
+    row_sums(*arrays_of(A), x, ROUNDOFF, LEAST_NUMBER, *found)
+    return found
 
 
 def exact_row(A: Any, i: Any, x: np.ndarray) -> Fraction:
@@ -245,8 +251,7 @@ def exact_row(A: Any, i: Any, x: np.ndarray) -> Fraction:
 def is_weakly_dominant(A: Any) -> bool:
     """Tell whether |a_ii| >= sum_{j != i} |a_ij| holds exactly in every row."""
     ones = np.ones(A.shape[0])
-    own, others, margin = np.empty((3, ones.size))
-    row_sums(*arrays_of(A), ones, ROUNDOFF, LEAST_NUMBER, own, others, margin)
+    own, others, margin = sums(A, ones)
     doubtful = np.flatnonzero(own - others < margin)
     return all(exact_row(A, i, ones) >= 0 for i in doubtful)
 
@@ -274,8 +279,10 @@ def perron_vectors(J: Any, shifts: list[float | None]) -> Iterator[np.ndarray]:
         scaled = sparse.diags_array(1.0 / x) @ J @ sparse.diags_array(x)
         noda = float((scaled @ np.ones(x.size)).max()) * (1.0 + 1e-15)
         y = None
-        for y in solutions(scaled, noda if shift is None else shift):
-            yield x * y if shift else x * np.abs(y)
+        for found in solutions(scaled, noda if shift is None else shift):
+            if np.all(np.isfinite(found)) and found.any():
+                y = found
+                yield x * y if shift else x * np.abs(y)
         if y is not None:
             x = x * np.abs(y)
             x = np.maximum(x / x.max(), LEAST_ENTRY)
@@ -284,19 +291,12 @@ def perron_vectors(J: Any, shifts: list[float | None]) -> Iterator[np.ndarray]:
 
 
 def solutions(J: Any, shift: float) -> Iterator[np.ndarray]:
-    """Yield what `approximations` finds, if it is finite."""
-    for y in approximations(J, shift):
-        if np.all(np.isfinite(y)) and y.any():
-            yield y
-
-
-def approximations(J: Any, shift: float) -> Iterator[np.ndarray]:
     """Yield approximations of (shift I - J)^-1 1, up to a positive factor."""
     n = J.shape[0]
     b = np.ones(n)
-    is_dense = not sparse.issparse(J)
-    if is_dense or (n <= LARGEST_DENSE_LU and J.nnz > n * n // 4):
-        J = J if is_dense else J.toarray()
+    if sparse.issparse(J) and n <= LARGEST_DENSE_LU and J.nnz > n * n // 4:
+        J = J.toarray()
+    if not sparse.issparse(J):
         with contextlib.suppress(np.linalg.LinAlgError):
             yield np.linalg.solve(shift * np.eye(n) - J, b)
         return

@@ -175,13 +175,6 @@ def undecided(checked: str = "") -> Verdict:
     return Verdict(None, "no theorem applies", checked)
 
 
-def proven(
-    theorem: str, checked: str, witness: Any = None, bound: float = math.nan
-) -> Verdict:
-    """Return the verdict of a theorem that proves convergence."""
-    return Verdict(True, theorem, checked, witness, bound)
-
-
 def by_comparison(parts: Splitting, semidefinite: bool) -> Verdict:
     """Ask whether K = C - W is an M-matrix."""
     C, W = comparison(parts)
@@ -217,7 +210,7 @@ def by_descent(parts: Splitting, semidefinite: bool) -> Verdict:
             found = "A = A' is positive semidefinite: weakly dominant rows"
         else:
             return undecided("A = A' is not seen to be positive definite")
-    return proven(f"projected SOR, A = A', 0 < alpha < 2 ({source})", found)
+    return Verdict(True, f"projected SOR, A = A', 0 < alpha < 2 ({source})", found)
 
 
 def by_cayley(parts: Splitting, semidefinite: bool) -> Verdict:
@@ -229,11 +222,8 @@ def by_cayley(parts: Splitting, semidefinite: bool) -> Verdict:
     found = positive_definite(symmetric)
     if not found:
         return undecided("A + A' is not seen to be positive definite")
-    theorem = (
-        "modulus method, A + A' positive definite, any Omega > 0 "
-        "(Peaceman-Rachford; Bai 2010 for A = A')"
-    )
-    return proven(theorem, found)
+    name = "modulus method, A + A' positive definite, any Omega > 0"
+    return Verdict(True, f"{name} (Peaceman-Rachford; Bai 2010 for A = A')", found)
 
 
 def positive_definite(A: Any) -> str:
@@ -296,7 +286,7 @@ def by_inverse(parts: Splitting, semidefinite: bool) -> Verdict:
         tried.append(f"rho({name}) >= {lower:.6g}")
         if upper < 1.0 - 1e-12 * kappa * n:
             checked = f"rho <= {upper:.17g}, the largest (T x)_i / x_i"
-            return proven(f"contraction, rho < 1 for {name}", checked, x, upper)
+            return Verdict(True, f"contraction, rho < 1 for {name}", checked, x, upper)
     return undecided("; ".join(tried))
 
 
@@ -337,7 +327,7 @@ def by_quadratic_norm(parts: Splitting, semidefinite: bool) -> Verdict:
         return undecided("no quadratic Lyapunov function found")
     theorem = "contraction in the norm of Q = witness (bounded real lemma)"
     checked = f"the matrix inequality, with Lambda = {found.weight}"
-    return proven(theorem, checked, found.Q, found.factor)
+    return Verdict(True, theorem, checked, found.Q, found.factor)
 
 
 class Lyapunov(NamedTuple):
@@ -427,7 +417,7 @@ def riccati(
     return None
 
 
+# Functions of a splitting and `semidefinite`, in the order that `converges` names.
 THEOREMS = (
     by_comparison, by_descent, by_cayley, by_inverse, by_repulsion, by_quadratic_norm,
 )  # fmt: skip
-"""Functions of a splitting and `semidefinite`, in the order that `converges` names."""

@@ -16,8 +16,8 @@ from namlcp.checks import finite_square_matrix
 from namlcp.lcp import SWEEPS, Parameters, find_method
 from namlcp.lcp.modulus.methods import checked_parameters
 
+# Bound for the rounding errors of the entries of K, relative to their terms.
 SAFE = 1e-13
-"""Bound for the rounding errors of the entries of K, relative to their terms."""
 
 
 class Splitting(NamedTuple):
