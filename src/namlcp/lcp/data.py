@@ -1,6 +1,7 @@
-"""The data of a box LCP: the user's arguments are checked and made clean arrays."""
+"""A box LCP: its data, checked and made clean arrays, and its stopping criterion."""
 
 import math
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +17,9 @@ from namlcp.checks import (
 )
 from namlcp.lcp.loops import is_ordinary
 from namlcp.lcp.prepared import Prepared
+from namlcp.limits import Limits
+from namlcp.linalg.columns import LEAST_DIVISOR
+from namlcp.measure import are_met, natural_residuals
 from namlcp.outcome import Outcome
 from namlcp.residuals import natural_residual
 from namlcp.status import Status
@@ -29,9 +33,13 @@ class LCPPoint(NamedTuple):
     s: np.ndarray | None = None
 
 
+# Range of max |q_i| in which q is not scaled: sums of squares neither vanish nor
+# overflow there.
 LEAST_SIZE, MOST_SIZE = 1e-100, 1e100
-"""Range of max |q_i| in which q is not scaled: sums of squares neither vanish nor
-overflow there."""
+
+
+# Entry of w = A z + q, relative to |A||z| + |q|, that counts as 0.
+W_ROUNDING = 1e-15
 
 
 class LCP(NamedTuple):
@@ -78,6 +86,52 @@ class LCP(NamedTuple):
         """Return how a method has ended, with the residual of its point."""
         point, residual = LCPPoint(z, w, s), self.residual(z, w)
         return Outcome(status, point, residual, iterations, method, message, ray)
+
+
+class Criterion:
+    """The stopping criterion of "auto" and "multigrid" with the tolerances of `limits`.
+
+    A point z solves a box LCP if Res(z) < eps_abs for the problem as given, or if
+    Res(z) <= eps_rel Res(clip(0)) for the problem scaled to a unit diagonal.
+    """
+
+    def __init__(self, lcp: LCP, limits: Limits):
+        self.lcp, self.limits = lcp, limits
+        self.root = lcp.matrix.root
+
+    def residuals(self, z: np.ndarray, w: np.ndarray) -> tuple[float, float]:
+        """Return Res(z) of the problem as given and scaled to a unit diagonal."""
+        _, _, lower, upper = self.lcp
+        return natural_residuals(z, w, lower, upper, self.root)
+
+    @cached_property
+    def size(self) -> float:
+        """Res(clip(0)) of the problem scaled to a unit diagonal."""
+        z = self.lcp.start()
+        return self.residuals(z, self.lcp.w(z) if z.any() else self.lcp.q)[1]
+
+    @cached_property
+    def goal(self) -> float:
+        """Estimate of the largest Res of the scaled problem that `accepts` accepts."""
+        largest = float(self.root.max(initial=LEAST_DIVISOR))
+        return max(self.limits.eps_rel * self.size, self.limits.eps_abs / largest)
+
+    def accepts(self, z: np.ndarray, w: np.ndarray) -> bool:
+        """Tell whether z with w = A z + q solves the problem."""
+        return self.met(*self.residuals(z, w))
+
+    def met(self, plain: float, scaled: float) -> bool:
+        """Tell whether a point with these `residuals` solves the problem."""
+        return are_met(*self.limits.tolerances, self.size, plain, scaled)
+
+
+def is_solved_by_zero(lcp: LCP) -> bool:
+    """Tell whether z = clip(0) is a solution but for the rounding of w."""
+    z = lcp.start()
+    w = lcp.w(z)
+    terms = np.abs(lcp.q) + abs(lcp.A) @ np.abs(z)
+    w[np.abs(w) <= W_ROUNDING * terms] = 0.0
+    return not np.maximum(np.minimum(w, z - lcp.lower), z - lcp.upper).any()
 
 
 def number_or_vector(name: str, value: Any, n: int) -> np.ndarray:

@@ -21,8 +21,8 @@ from scipy import sparse
 
 from namlcp.residuals import natural_residual
 
+# Rounds of scaling rows and columns by their absolute sums.
 EQUILIBRATIONS = 3
-"""Rounds of scaling rows and columns by their absolute sums."""
 
 
 class Distances:

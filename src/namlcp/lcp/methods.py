@@ -1,4 +1,4 @@
-"""The table of all methods for LCPs, and those that try several of its rows in order.
+"""The table of all methods for LCPs, the route to them, and those that try several.
 
 "auto" solves every LCP with a P-matrix or a semidefinite matrix, as far as rounding
 allows: large sparse ones by sweeps and cycles as long as these converge fast enough,
@@ -13,9 +13,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from namlcp.lcp.data import LCP
+from namlcp.checks import finite_vector
+from namlcp.lcp.data import LCP, LCPPoint
 from namlcp.lcp.general.arc import arc
-from namlcp.lcp.general.cones.condensed import system_of
+from namlcp.lcp.general.cones import system_of
 from namlcp.lcp.general.enumeration import LARGEST_ENUMERATION, solve_by_enumeration
 from namlcp.lcp.general.games import solve_game
 from namlcp.lcp.general.interior import farkas, mehrotra
@@ -32,29 +33,25 @@ from namlcp.lcp.prepared import Prepared
 from namlcp.lcp.psor import solve_by_sweeps
 from namlcp.lcp.tridiagonal import solve_tridiagonal
 from namlcp.limits import Deadline, Limits
+from namlcp.linalg.threads import blas_threads
 from namlcp.outcome import Outcome
 from namlcp.status import Status
 
+# Least order n at which projected SOR and multigrid are tried on a sparse A.
 LARGE_LCP = 10_000
-"""Least order n at which projected SOR and multigrid are tried on a sparse A."""
-
+# Largest order n at which pivoting is tried on every A: it takes less than 1 ms.
 TINY_LCP = 100
-"""Largest order n at which pivoting is tried on every A: it takes less than 1 ms."""
-
+# Largest orders for Lemke's method on a dense tableau: up to the first it is faster
+# than the paths where A is dense, up to the second it is tried after them. (An A of up
+# to `prepared.DENSE_ORDER` unknowns is dense here even if given as sparse.)
 LEMKE_ORDER, LAST_LEMKE = 400, 1200
-"""Largest orders for Lemke's method on a dense tableau: up to the first it is faster
-than the paths where A is dense, up to the second it is tried after them. (An A of up to
-`prepared.DENSE_ORDER` unknowns is dense here even if given as sparse.)"""
-
+# Order up to which a proof is cheap beside a path.
 PROOF_ORDER = 250
-"""Order up to which a proof is cheap beside a path."""
-
+# Res of a solution of Lemke's method, relative to that of clip(0), that a path may
+# better: where A is nearly singular, pivots lose digits.
 POOR = 1e-11
-"""Res of a solution of Lemke's method, relative to that of clip(0), that a path may
-better: where A is nearly singular, pivots lose digits."""
-
+# Message of an LCP left undecided.
 UNDECIDED = "no solution was found, and no proof that there is none"
-"""Message of an LCP left undecided."""
 
 
 class Method(NamedTuple):
@@ -255,3 +252,71 @@ def find_method(method: str, options: Collection[str] = ()) -> Method:
             f"method {method!r} has Omega = alpha I: give alpha or omega, not both"
         )
     return found
+
+
+def solve_by_method(
+    lcp: LCP,
+    unit: float,
+    limits: Limits,
+    method: str = "auto",
+    z0: Any = None,
+    is_next: bool = False,
+    **options: Any,
+) -> Outcome:
+    """Solve an LCP as `lcp_data` returns it; the options are those of `solve_lcp`.
+
+    is_next: whether the caller has the `Prepared` matrix, for one LCP after another.
+    """
+    found = NAMED[method]
+    # A LinearOperator is the user's code: it keeps the user's number of BLAS threads.
+    order = 0 if isinstance(lcp.A, Operator) else lcp.q.size
+    with blas_threads(1, order):
+        if z0 is not None:
+            z0 = finite_vector("z0", z0, lcp.q.size, "A", lcp.A.shape)
+        elif method == "auto" and is_next:
+            return solve_next(lcp, unit, limits)
+        solve = partial(found.solve, **options) if options else found.solve
+        if "eps_rel" not in found.takes:
+            return solve(lcp, z0, limits)
+        return solve_scaled(lcp, unit, solve, z0, limits)
+
+
+def solve_next(lcp: LCP, unit: float, limits: Limits) -> Outcome:
+    """Solve the next LCP with a `Prepared` matrix, from the face of the last one.
+
+    What is not solved from there is solved as if it were the first one.
+    """
+    matrix = lcp.matrix
+    outcome = solve_scaled(lcp, unit, solve_auto, matrix.last, limits)
+    undecided = outcome.status not in (Status.SOLVED, Status.TIME_LIMIT)
+    if undecided and matrix.last is not None:
+        outcome = solve_scaled(lcp, unit, solve_auto, None, limits)
+    if outcome.status is Status.SOLVED and outcome.method == "pivoting":
+        matrix.last = outcome.point.z
+    return outcome
+
+
+def solve_scaled(
+    lcp: LCP,
+    unit: float,
+    solve: Callable[[LCP, Any, Limits], Outcome],
+    z0: np.ndarray | None,
+    limits: Limits,
+) -> Outcome:
+    """Call a method on the LCP divided by `unit`, so that squares stay in range."""
+    if unit == 1.0:
+        return solve(lcp, z0, limits)
+    inner = LCP(lcp.matrix, lcp.q / unit, lcp.lower / unit, lcp.upper / unit)
+    told = limits.report
+    units = limits._replace(
+        eps_abs=limits.eps_abs / unit,
+        report=told and (lambda k, residual, active: told(k, residual * unit, active)),
+    )
+    outcome = solve(inner, None if z0 is None else z0 / unit, units)
+    with np.errstate(over="ignore"):  # an entry of w that overflows is infinite
+        ray = None if outcome.ray is None else outcome.ray / unit
+        if ray is not None and not np.isfinite(ray).all():
+            ray = None
+        point = LCPPoint(outcome.point.z * unit, outcome.point.w * unit)
+        residual = lcp.residual(point.z, point.w)
+        return outcome._replace(point=point, residuals=residual, ray=ray)

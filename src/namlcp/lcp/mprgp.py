@@ -29,8 +29,7 @@ import math
 
 import numpy as np
 
-from namlcp.lcp.criterion import Criterion
-from namlcp.lcp.data import LCP
+from namlcp.lcp.data import LCP, Criterion
 from namlcp.limits import Limits
 from namlcp.outcome import Outcome
 from namlcp.residuals import natural_residual

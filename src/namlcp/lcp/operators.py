@@ -31,9 +31,9 @@ class Operator:
         return np.ones(self.shape[0]) if self.stored is None else self.stored
 
 
+# Largest |u'Av - v'Au| that counts as zero for two fixed random vectors, relative to
+# |u||Av| + |v||Au|: it allows for products in single precision.
 SYMMETRIC = 1e-7
-"""Largest |u'Av - v'Au| that counts as zero for two fixed random vectors, relative to
-|u||Av| + |v||Au|: it allows for products in single precision."""
 
 
 def operator_data(A: LinearOperator, diagonal: Any) -> Operator:

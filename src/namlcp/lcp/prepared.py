@@ -14,12 +14,11 @@ from namlcp.linalg.columns import Columns, columns_of
 from namlcp.linalg.csc import arrays_of
 from namlcp.linalg.definite import is_symmetric
 
+# Sum of (A + A')_ij r_j, relative to its terms, that counts as 0 where a_ii = 0.
 DIAGONAL_ROUNDING = 1e-10
-"""Sum of (A + A')_ij r_j, relative to its terms, that counts as 0 where a_ii = 0."""
-
+# Order up to which matrices are factored as dense ones, and share of entries that are
+# not 0 from which on larger ones are, too.
 DENSE_ORDER, SPARSE = 250, 0.125
-"""Order up to which matrices are factored as dense ones, and share of entries that are
-not 0 from which on larger ones are, too."""
 
 
 class Prepared:

@@ -16,23 +16,20 @@ import math
 
 import numpy as np
 
-from namlcp.lcp.criterion import Criterion
-from namlcp.lcp.data import LCP
-from namlcp.lcp.relaxation import relax_csr
+from namlcp.lcp.data import LCP, Criterion
+from namlcp.lcp.loops import relax_csr
 from namlcp.limits import Limits
 from namlcp.linalg.csc import arrays_of
 from namlcp.outcome import Outcome
 from namlcp.status import Status
 
+# Largest mu for which Young's alpha is at most 2/(1 + mu).
 YOUNG_IS_SAFE = 1.0 / math.sqrt(2.0)
-"""Largest mu for which Young's alpha is at most 2/(1 + mu)."""
-
+# Sweeps between two measurements of the rate.
 RATE_SWEEPS = 8
-"""Sweeps between two measurements of the rate."""
-
+# Consecutive rates that must be too slow before the method stalls if alpha > 1, as
+# over-relaxed sweeps begin slowly; otherwise one is enough.
 SLOW = 3
-"""Consecutive rates that must be too slow before the method stalls if alpha > 1, as
-over-relaxed sweeps begin slowly; otherwise one is enough."""
 
 
 def solve_by_sweeps(

@@ -11,13 +11,13 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from scipy import sparse
 from scipy.linalg.lapack import dgetrf, dgetrs
+from scipy.sparse.csgraph import connected_components
 from scipy.sparse.linalg import splu
 
-from namlcp.lcp.loops import transpositions
 from namlcp.linalg.factors import plan_factors
 
+# Entry of x that holds an unknown: it is 0 in the solution for a side that is.
 HELD = 1e20
-"""Entry of x that holds an unknown: it is 0 in the solution for a side that is."""
 
 
 class Factors(NamedTuple):
@@ -35,7 +35,7 @@ class System(Protocol):
     """A matrix, and the factors of its sums with diagonals."""
 
     def factors(self, diagonal: np.ndarray) -> Any:
-        """Factor the sum, for `solve`; return None if it is singular."""
+        """Return the `Factors` of a sum, or what has their names; None if singular."""
 
 
 class Shifted:
@@ -68,7 +68,7 @@ class Shifted:
 
         def is_positive() -> bool:
             swaps = np.count_nonzero(pivots != np.arange(pivots.size))
-            return bool((swaps + np.count_nonzero(lu.diagonal() < 0.0)) % 2 == 0)
+            return is_even(int(swaps), lu.diagonal())
 
         return Factors(lambda b: dgetrs(lu, pivots, b)[0], lu.size, is_positive)
 
@@ -92,7 +92,7 @@ class Shifted:
 
         def is_positive() -> bool:
             swaps = sum(map(transpositions, (lu.perm_r, lu.perm_c, order)))
-            return bool((swaps + np.count_nonzero(lu.U.diagonal() < 0.0)) % 2 == 0)
+            return is_even(swaps, lu.U.diagonal())
 
         return Factors(solve, int(lu.nnz), is_positive)
 
@@ -125,3 +125,13 @@ class Quasidefinite:
     def solve(self, b: np.ndarray) -> np.ndarray:
         """Return the solution for b (m,), with the factors of the last sum."""
         return self.plan.solve(self.signs * b)
+
+
+def transpositions(order: np.ndarray) -> int:
+    """Return how many transpositions make up a permutation."""
+    graph = sparse.csr_array((np.ones(order.size), order, np.arange(order.size + 1)))
+    return order.size - int(connected_components(graph)[0])
+
+
+def is_even(swaps: int, pivots: np.ndarray) -> bool:
+    return bool((swaps + np.count_nonzero(pivots < 0.0)) % 2 == 0)

@@ -10,9 +10,8 @@
 | `lemke` | Lemke's method |
 | `games` | the method of Lemke and Howson for bimatrix games |
 | `enumeration` | tiny problems: all complementary cones |
-| `cones/` | factors for contact with friction, its cones eliminated first |
+| `cones` | factors for contact with friction, its cones eliminated first |
 | `interior` | infeasible interior paths, and proofs that there is no solution |
 | `arc` | Lemke's homotopy as a smooth curve |
-| `finish` | the exact solution near an interior point |
-| `proximal` | the same where A is symmetric and the face hard to tell |
+| `exact` | the exact solution near an interior point |
 """

@@ -18,12 +18,13 @@ an earlier one and a shorter step, from a stack.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from namlcp.lcp.distances import Distances
-from namlcp.lcp.general.cones.condensed import AnyFactors, Condensed, Systems
+from namlcp.lcp.general.cones import Condensed
+from namlcp.lcp.shifted import System
 
 # Added to the unit diagonal, so that a singular matrix can be factored.
 SHIFT = 1e-12
@@ -78,7 +79,7 @@ class Directions:
     largest entry of V and tv.
     """
 
-    def __init__(self, curve: Curve, at: Point, factors: AnyFactors):
+    def __init__(self, curve: Curve, at: Point, factors: Any):
         model = curve.model
         self.curve, self.at, self.factors = curve, at, factors
         aims = at.t * curve.products
@@ -130,7 +131,7 @@ class Directions:
         )
 
 
-def arc(model: Distances, system: Systems) -> Iterator[np.ndarray]:
+def arc(model: Distances, system: System) -> Iterator[np.ndarray]:
     """Yield the points p of the path, one factorisation from one to the next.
 
     It starts at gaps of 1, as max |c_i| = 1, with multipliers that make d >= 1.

@@ -13,21 +13,18 @@ Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 1.3.
 
 import numpy as np
 
-from namlcp.lcp.criterion import Criterion
-from namlcp.lcp.data import LCP
+from namlcp.lcp.data import LCP, Criterion
 from namlcp.lcp.general.plain import Plain
 from namlcp.limits import Limits
 from namlcp.outcome import Outcome
 from namlcp.status import Status
 
+# Largest order: its 4096 cones take some hundredths of a second.
 LARGEST_ENUMERATION = 12
-"""Largest order: its 4096 cones take some hundredths of a second."""
-
+# Message of a proof.
 ENUMERATED = "no complementary cone contains q: all were enumerated"
-"""Message of a proof."""
-
+# Distance of q from a cone, relative to |q|, that rounding cannot explain.
 OUTSIDE = 1e-9
-"""Distance of q from a cone, relative to |q|, that rounding cannot explain."""
 
 
 def solve_by_enumeration(lcp: LCP, limits: Limits) -> Outcome | None:

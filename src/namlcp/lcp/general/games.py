@@ -22,20 +22,17 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 
-from namlcp.lcp.criterion import Criterion
-from namlcp.lcp.data import LCP
-from namlcp.lcp.general.lemke import LARGEST_TABLEAU, last_largest
+from namlcp.lcp.data import LCP, Criterion
+from namlcp.lcp.general.lemke import LARGEST_TABLEAU, basis_solution, last_largest
 from namlcp.lcp.general.plain import dense, is_plain
 from namlcp.lcp.general.tableau import DONE, Tableau, exchange, pivot_until, tableau_of
 from namlcp.limits import Limits
 from namlcp.outcome import Outcome
 from namlcp.status import Status
 
-FIRST_LIMIT, GROWTH = 20, 4
-"""Pivots at most from each label in the first round, and the factor to the next."""
-
-LAST_LIMIT = 1000
-"""No round allows more than LAST_LIMIT n pivots from each label."""
+# Pivots at most from each label in the first round, and the factor to the next; no
+# round allows more than LAST_LIMIT n.
+FIRST_LIMIT, GROWTH, LAST_LIMIT = 20, 4, 1000
 
 
 class Game(NamedTuple):
@@ -82,7 +79,8 @@ def solve_game(lcp: LCP, limits: Limits) -> Outcome | None:
             end, made = follow_label(tableau, game, k, int(min(most, limit - count)))
             count += made
             if end == DONE:
-                z = equilibrium(game, tableau)
+                z = basis_solution(game.cost, np.full(n, -1.0), tableau)
+                z = np.maximum(tableau.values()[n : 2 * n] if z is None else z, 0.0)
                 w = lcp.w(z)
                 if criterion.accepts(z, w):
                     return lcp.outcome(Status.SOLVED, z, w, count, "lemke-howson")
@@ -106,15 +104,3 @@ def follow_label(tableau: Tableau, game: Game, k: int, most: int) -> tuple[int, 
         return DONE, 2
     end, _, made = pivot_until(tableau, n + r, (k, n + k), max(most - 2, 0))
     return end, 2 + made
-
-
-def equilibrium(game: Game, tableau: Tableau) -> np.ndarray:
-    """Return z of the final basis, computed anew: free of the pivots' rounding."""
-    n = tableau.basic.size
-    z = tableau.values()[n : 2 * n]
-    face = np.flatnonzero(tableau.position[n : 2 * n] >= 0)
-    try:
-        z[face] = np.linalg.solve(game.cost[np.ix_(face, face)], np.ones(face.size))
-    except np.linalg.LinAlgError:  # rounding: the basis is singular
-        pass
-    return np.maximum(z, 0.0)

@@ -24,8 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from namlcp.lcp.criterion import Criterion
-from namlcp.lcp.data import LCP, diagonal_of
+from namlcp.lcp.data import LCP, Criterion, diagonal_of
 from namlcp.lcp.general.plain import Plain
 from namlcp.lcp.general.tableau import (
     DONE,
@@ -40,21 +39,16 @@ from namlcp.limits import Limits
 from namlcp.outcome import Outcome
 from namlcp.status import Status
 
+# Largest order: the tableau then takes 200 MB.
 LARGEST_TABLEAU = 5000
-"""Largest order: the tableau then takes 200 MB."""
-
-TRIES, MORE_TRIES = 10, 100
-"""`solve_by_lemke` makes at most TRIES n + MORE_TRIES pivots with a covering vector:
-friction takes up to 2 n, and a path on which rounding has led back never ends."""
-
-PIVOTS, MORE_PIVOTS = 50, 10_000
-"""Default limit of the method by name: PIVOTS n + MORE_PIVOTS."""
-
+# `solve_by_lemke` makes at most TRIES n + MORE_TRIES pivots with a covering vector:
+# friction takes up to 2 n, and a path on which rounding has led back never ends. The
+# default limit of the method by name: PIVOTS n + MORE_PIVOTS.
+TRIES, MORE_TRIES, PIVOTS, MORE_PIVOTS = 10, 100, 50, 10_000
+# Multiplications between two checks of the deadline: about 10 ms.
 UNSEEN = 10_000_000
-"""Multiplications between two checks of the deadline: about 10 ms."""
-
+# Of the third covering vector.
 SEED = 0
-"""Of the third covering vector."""
 
 
 def solve_lemke(lcp: LCP, z0: None, limits: Limits, cover: Any = None) -> Outcome:
@@ -153,18 +147,23 @@ def last_largest(x: np.ndarray) -> int:
 
 
 def best_point(lcp: LCP, plain: Plain, tableau: Tableau) -> np.ndarray:
-    """Return z of the tableau, or of its basis computed anew where that is better.
-
-    The latter is free of the rounding errors of the pivots.
-    """
+    """Return z of the tableau, or of its basis computed anew where that is better."""
     m = plain.r.size
-    p = tableau.values()[m : 2 * m]
-    points = [lcp.start(plain.point(p))]
-    face = np.flatnonzero((tableau.position >= 0)[m : 2 * m])
-    try:
-        p = np.zeros(m)
-        p[face] = np.linalg.solve(plain.M[np.ix_(face, face)], -plain.r[face])
-        points.append(lcp.start(plain.point(p)))
-    except np.linalg.LinAlgError:
-        pass
+    anew = basis_solution(plain.M, plain.r, tableau)
+    found = tableau.values()[m : 2 * m], anew
+    points = [lcp.start(plain.point(p)) for p in found if p is not None]
     return min(points, key=lambda z: lcp.residual(z, lcp.w(z)))
+
+
+def basis_solution(M: np.ndarray, r: np.ndarray, tableau: Tableau) -> np.ndarray | None:
+    """Return z of the basis without the rounding errors of the pivots.
+
+    None: the basis is singular, by rounding.
+    """
+    z = np.zeros(r.size)
+    face = np.flatnonzero((tableau.position >= 0)[r.size : 2 * r.size])
+    try:
+        z[face] = np.linalg.solve(M[np.ix_(face, face)], -r[face])
+    except np.linalg.LinAlgError:
+        return None
+    return z

@@ -11,32 +11,23 @@ from functools import cached_property
 import numpy as np
 from scipy import sparse
 
-from namlcp.lcp.criterion import Criterion, is_solved_by_zero
-from namlcp.lcp.data import LCP
+from namlcp.lcp.data import LCP, Criterion, is_solved_by_zero
 from namlcp.lcp.distances import Distances, unit_diagonal_scale
-from namlcp.lcp.general.cones.condensed import system_of
-from namlcp.lcp.general.finish import finish
-from namlcp.lcp.general.proximal import proximal_steps
+from namlcp.lcp.general.cones import system_of
+from namlcp.lcp.general.exact import finish, proximal_steps
 from namlcp.lcp.pivoting.rays import proof
 from namlcp.lcp.shifted import Quasidefinite, System
 from namlcp.limits import Limits
 from namlcp.outcome import Outcome
 from namlcp.status import Status
 
-TARGET = 1e-9
-"""Res of the scaled problem, relative to max |q_i|, at which a path ends."""
-
-CLOSE = 1e-4
-"""Largest such Res from which the exact solution is sought."""
-
-AGAIN = 0.01
-"""It is sought again on the way where the Res has fallen to this part of that there."""
-
-EXACT = 1e-12
-"""Such a Res of a point that is exact, whatever the tolerances say."""
-
+# Res of the scaled problem, relative to max |q_i|, at which a path ends; the largest
+# one from which the exact solution is sought, and again on the way where it has fallen
+# to the part AGAIN of that there; that of a point which is exact, whatever the
+# tolerances say.
+TARGET, CLOSE, AGAIN, EXACT = 1e-9, 1e-4, 0.01, 1e-12
+# Factorisations at most, by default: beyond those of earlier methods.
 FACTORISATIONS = 5000
-"""Factorisations at most, by default: beyond those of earlier methods."""
 
 
 class Search:

@@ -75,12 +75,6 @@ class Parameters(NamedTuple):
     omega: Any = None
     shift: Any = None
 
-    def beta_for(self, chosen: Sweep, alpha: float) -> float:
-        """Return beta: the user's, else the method's, else alpha."""
-        if self.beta is not None:
-            return self.beta
-        return alpha if chosen.beta is None else chosen.beta
-
 
 def positive_diagonal(A: Any, method: str) -> np.ndarray:
     """Return D = diag(A); raise if it is not positive."""
@@ -126,33 +120,23 @@ def checked_parameters(A: Any, method: str, parameters: Parameters) -> Parameter
 
     shift = None: the method has no E.
     """
-    chosen = SWEEPS[method]
-    n = A.shape[0]
+    chosen, n, ones = SWEEPS[method], A.shape[0], np.ones(A.shape[0])
+    alpha, beta, omega, shift = parameters
     if chosen.factored:
-        if parameters.alpha is not None:
-            omega = np.full(n, number("alpha", parameters.alpha, "(0, inf)"))
-        elif parameters.omega is None and method == "modulus":
+        if alpha is not None:
+            omega = np.full(n, number("alpha", alpha, "(0, inf)"))
+        elif omega is None and method == "modulus":
             omega = positive_diagonal(A, method)
-        else:
-            omega = diagonal_of("omega", parameters.omega, n, np.ones(n), positive=True)
-        shift = (
-            diagonal_of("shift", parameters.shift, n, np.ones(n))
-            if chosen.own
-            else None
-        )
+        omega = diagonal_of("omega", omega, n, ones, positive=True)
+        shift = diagonal_of("shift", shift, n, ones) if chosen.own else None
         return Parameters(1.0, math.nan, omega, shift)
-    alpha = (
-        1.0 if parameters.alpha is None else number("alpha", parameters.alpha, "(0, 2)")
-    )
-    if parameters.beta is not None:
-        parameters = parameters._replace(beta=number("beta", parameters.beta, "[0, 2)"))
-    beta = parameters.beta_for(chosen, alpha)
+    alpha = 1.0 if alpha is None else number("alpha", alpha, "(0, 2)")
+    if beta is not None:
+        beta = number("beta", beta, "[0, 2)")
+    else:
+        beta = alpha if chosen.beta is None else chosen.beta
     D = positive_diagonal(A, method)
     default = D / alpha if chosen.reflected else D / (2.0 * alpha * alpha)
-    omega = diagonal_of("omega", parameters.omega, n, default, positive=True)
-    shift = (
-        diagonal_of("shift", parameters.shift, n, D)
-        if "shift" in chosen.takes
-        else None
-    )
+    omega = diagonal_of("omega", omega, n, default, positive=True)
+    shift = diagonal_of("shift", shift, n, D) if "shift" in chosen.takes else None
     return Parameters(alpha, beta, omega, shift)

@@ -52,8 +52,8 @@ from namlcp.limits import Limits
 from namlcp.outcome import Outcome
 from namlcp.status import Status
 
+# Default limit on sweeps.
 MAX_NAMED_SWEEPS = 100_000
-"""Default limit on sweeps."""
 
 
 def sweep(
