@@ -88,6 +88,17 @@ def vector(
     return array
 
 
+def number_or_vector(name: str, value: Any, n: int, other: str = "A") -> np.ndarray:
+    """Return `value` as `vector` does, a number for all n entries."""
+    if is_clean(value, 1) and value.size == n:
+        return value
+    if not sp.issparse(value):
+        value = real_array(name, value)
+        if value.ndim == 0:
+            return constant(n, float(value))
+    return vector(name, value, n, other, (n, n))
+
+
 def wrong_shape(
     name: str, value: Any, size: int, other: str, shape: tuple[int, ...]
 ) -> ValueError:

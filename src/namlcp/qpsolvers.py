@@ -129,6 +129,7 @@ def nam_solve_qp(
     **settings: Any,
 ) -> np.ndarray | None:
     """Return x of `nam_solve_problem`, or None where no solution was found."""
+    lb, ub = (np.asarray(v) if np.isscalar(v) else v for v in (lb, ub))
     problem = qpsolvers.Problem(P, q, G, h, A, b, lb, ub)
     answer = nam_solve_problem(problem, initvals, verbose, **settings)
     return answer.x if answer.found else None

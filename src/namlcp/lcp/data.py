@@ -5,12 +5,10 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
-import scipy.sparse as sp
 
 from namlcp.checks import (
     constant,
-    is_clean,
-    real_array,
+    number_or_vector,
     refuse_number,
     vector,
     without_huge,
@@ -132,17 +130,6 @@ def is_solved_by_zero(lcp: LCP) -> bool:
     terms = np.abs(lcp.q) + abs(lcp.A) @ np.abs(z)
     w[np.abs(w) <= W_ROUNDING * terms] = 0.0
     return not np.maximum(np.minimum(w, z - lcp.lower), z - lcp.upper).any()
-
-
-def number_or_vector(name: str, value: Any, n: int) -> np.ndarray:
-    """Return a number or an (n,) array as a clean (n,) array."""
-    if is_clean(value, 1) and value.size == n:
-        return value
-    if not sp.issparse(value):
-        value = real_array(name, value)
-        if value.ndim == 0:
-            return constant(n, float(value))
-    return vector(name, value, n, "A", (n, n))
 
 
 def diagonal_of(

@@ -12,6 +12,7 @@ from namlcp.checks import (
     constant,
     matrix,
     no_rows,
+    number_or_vector,
     refuse_number,
     sparse_matrix,
     square_matrix,
@@ -200,8 +201,8 @@ def qp_arrays(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) 
         A, b = no_rows, no_sides
     else:
         A, b = constraint("A", A, "b", b, n)
-    lb = below if lb is None else vector("lb", lb, n, "P", shape)
-    ub = above if ub is None else vector("ub", ub, n, "P", shape)
+    lb = below if lb is None else number_or_vector("lb", lb, n, "P")
+    ub = above if ub is None else number_or_vector("ub", ub, n, "P")
     if not type(P) is type(G) is type(A) is np.ndarray:
         P, G, A = (as_sparse(C) for C in (P, G, A))
     # In half the time of QP(...).

@@ -55,7 +55,7 @@ def solve_qp(
         below 1e10 max_j |G_ij| is refused: that row is a constraint.
     A, b : (p, n) array or sparse matrix, (p,) array, optional
         Equalities.
-    lb, ub : (n,) array, optional
+    lb, ub : (n,) array or float, optional
         Bounds; lb_i <= -1e20 and ub_i >= 1e20 mean none.
     x0 : (n,) array, optional
         A guess of x; the constraints active there are tried first.
