@@ -1,10 +1,10 @@
 """The options of a QP solve, and checks of option values."""
 
-import difflib
 import math
 import numbers
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from difflib import SequenceMatcher
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -58,7 +58,7 @@ class Options:
     array([-1.])
     >>> namlcp.solve_qp(np.eye(1), np.ones(1), eps=1e-6)
     Traceback (most recent call last):
-    TypeError: unknown option 'eps'; did you mean 'eps_rel'?
+    TypeError: unknown option 'eps'; did you mean 'eps_abs'?
     >>> namlcp.Options(max_iter=50).eps_abs
     1e-09
     """
@@ -198,9 +198,15 @@ def remembered(**settings: Any) -> Options:
 def check_names(settings: Mapping[str, Any], known: list[str]) -> None:
     """Raise a TypeError for the first name that is not `known`."""
     for name in settings:
+        if name in ("l", "u"):
+            raise TypeError(
+                f"unknown option {name!r}; rows l <= C x <= u are given as G = [C; -C],"
+                " h = [u; -l], those with l = u as A = C, b = u"
+            )
         if name not in known:
-            near = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
-            hint = f"did you mean {near[0]!r}?" if near else f"known: {sorted(known)}"
+            near = {k: SequenceMatcher(None, name, k).ratio() for k in known}
+            best = max(known, key=lambda k: near[k])
+            hint = f"did you mean {best!r}?" if near[best] >= 0.5 else f"known: {known}"
             raise TypeError(f"unknown option {name!r}; {hint}")
 
 
