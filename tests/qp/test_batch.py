@@ -159,22 +159,46 @@ def test_a_warm_start_saves_iterations(mixed):
     ("changes", "message"),
     [
         ({"q": np.zeros((3, 8))}, "q must have 20 items to match P, got 3"),
-        ({"q": 1.0}, r"q must be 1-D, or 2-D with the items first, got shape \(\)"),
-        ({"h": np.zeros((20, 5))}, r"h must have shape \(12,\) to match G"),
+        ({"q": 1.0}, r"q must have shape \(8,\), or \(N, 8\) .*, got \(\)"),
+        ({"h": np.zeros((20, 5))},
+         r"h must have shape \(12,\), or \(N, 12\) for N items, to match G of shape "
+         r"\(12, 8\), got \(20, 5\)"),
+        ({"h": np.zeros((20, 1, 1, 12))}, r"h must have shape .*got \(20, 1, 1, 12\)"),
+        ({"G": np.zeros((1, 20, 12, 8))}, r"G must have two dimensions, or three"),
+        ({"G": None}, "h was given without G: pass both or neither"),
         ({"lb": np.full(8, np.nan)}, "lb must not hold NaN"),
         ({"P": -np.eye(8)}, "P must be positive semidefinite"),
         ({"verbose": True}, "verbose is for"),
         ({"threads": 0}, "threads must be >= 1"),
     ],
-)
+)  # fmt: skip
 def test_what_all_share_is_checked_at_once(mixed, changes, message):
     with pytest.raises(ValueError, match=message):
         solve_batch(**{**stack(mixed), **changes})
 
 
-def test_a_batch_needs_a_batch_axis(mixed):
-    with pytest.raises(ValueError, match="must have a batch axis"):
-        solve_batch(**mixed[0])
+def test_without_a_batch_axis_there_is_one_item(mixed):
+    for problem in mixed:
+        columns = {k: v[:, None] if v.ndim == 1 else v for k, v in problem.items()}
+        for data in (problem, columns):
+            batch = solve_batch(**data)
+            assert batch.x.shape == (1, 8)
+            assert_equals_single(batch, [problem])
+    gradients = solve_batch(**mixed[0]).backward(dx=np.ones((1, 8)))
+    assert gradients.P.shape == (8, 8)
+
+
+def test_what_solve_qp_takes_a_batch_takes(mixed):
+    """One row as a vector; columns and rows of vectors, of all items and of each."""
+    data = mixed[17] | {"A": np.zeros((0, 8)), "b": np.zeros(0)}
+    data |= {"G": np.ones(8), "q": np.array([one["q"] for one in mixed])}
+    h = np.linspace(-1.0, 1.0, 20)
+    own = data | {"G": np.ones((1, 8))}
+    singles = [{**own, "q": q, "h": h[i : i + 1]} for i, q in enumerate(data["q"])]
+    for shape in ((20, 1), (20, 1, 1)):
+        for q in (data["q"], data["q"][:, :, None], data["q"][:, None, :]):
+            batch = solve_batch(**{**data, "q": q, "h": h.reshape(shape)})
+            assert_equals_single(batch, singles)
 
 
 def test_items_too_large_to_be_solved_together():

@@ -27,15 +27,16 @@ def solve_batch(
     ``minimise 1/2 x'Px + q'x  subject to  Gx <= h,  Ax = b,  lb <= x <= ub``
 
     An argument with a leading axis of length N has one value for each item; one without
-    is shared by all, and what depends on it alone is done once. The results have the
-    order of the items, and the same bits for every number of threads.
+    is shared by all, and what depends on it alone is done once. Without any such axis
+    there is one item. The results have the order of the items, and the same bits for
+    every number of threads.
 
     Parameters
     ----------
     P, G, A : (n, n), (m, n), (p, n) array, with a leading axis N or without
-        As for `solve_qp`. A sparse matrix is shared.
+        As for `solve_qp`. A sparse matrix is shared, as is one row given as a vector.
     q, h, b, lb, ub : (n,), (m,), (p,), (n,), (n,) array, with a leading axis N or not
-        As for `solve_qp`.
+        As for `solve_qp`: columns and rows are flattened.
     threads : int, optional
         Threads that solve items, by default one for each core. BLAS has one thread in
         each.

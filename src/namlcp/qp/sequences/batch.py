@@ -34,6 +34,8 @@ from namlcp.status import Status
 
 STATUSES = tuple(Status)
 MATRICES = ("P", "G", "A")
+# The matrix that has as many rows as a vector has entries.
+SIZED_BY = {"q": "P", "h": "G", "b": "A", "lb": "P", "ub": "P"}
 # Chunks of items for each thread: enough that all threads end at about the same time.
 CHUNKS = 8
 # Operations of one compiled call at most, about: until its end Ctrl-C is not seen.
@@ -91,27 +93,55 @@ class Outcomes:
         self.messages[i] = str(error) or repr(error)
 
 
+def as_vectors(name: str, value: Any, other: str, matrix: Any) -> np.ndarray:
+    """Return vectors of a batch as an (N, size) array, one for all as (size,).
+
+    Columns and rows are flattened, and a number is as good as a vector of bounds.
+    `other`, the `matrix` of an item, has `size` rows.
+    """
+    array = real_array(name, value)
+    shape, size = array.shape, 1 if matrix.ndim == 1 else matrix.shape[0]
+    if array.ndim == 0 and name in ("lb", "ub"):
+        return array
+    if size > 1 and shape == (size, 1):
+        return array.ravel()
+    if shape[1:] in ((size, 1), (1, size)):
+        array = array.reshape(shape[0], size)
+    if array.ndim in (1, 2) and array.shape[-1] == size:
+        return array
+    raise ValueError(
+        f"{name} must have shape ({size},), or (N, {size}) for N items, to match "
+        f"{other} of shape {matrix.shape}, got {shape}"
+    )
+
+
 class Items:
     """The QPs of a batch; an argument without a batch axis belongs to all of them."""
 
     def __init__(self, arguments: dict[str, Any]) -> None:
         """Raise unless the shapes fit, and what is shared is sound."""
         self.stacked: dict[str, np.ndarray] = {}
-        one = {}
-        for name, value in arguments.items():
-            one[name] = value
-            axes = 2 if name in MATRICES else 1
-            if value is None or sp.issparse(value):
+        one = dict(arguments)
+        for name in MATRICES:
+            if one[name] is None or sp.issparse(one[name]):
                 continue
-            array = real_array(name, value)
-            if array.ndim == axes + 1:
-                self.stacked[name] = array
-                one[name] = np.zeros(array.shape[1:])  # for the checks of the shapes
-            elif array.ndim != axes:
+            array = one[name] = real_array(name, one[name])
+            if array.ndim not in (1, 2, 3):
                 raise ValueError(
-                    f"{name} must be {axes}-D, or {axes + 1}-D with the items first, "
+                    f"{name} must have two dimensions, or three with the items first, "
                     f"got shape {array.shape}"
                 )
+            if array.ndim == 3:
+                self.stacked[name] = array
+                one[name] = np.zeros(array.shape[1:])  # for the checks of the shapes
+        for name, other in SIZED_BY.items():
+            if one[name] is None or one[other] is None or sp.issparse(one[name]):
+                continue
+            array = as_vectors(name, one[name], other, one[other])
+            if array.ndim == 2:
+                self.stacked[name] = array
+                array = np.zeros(array.shape[1])
+            one[name] = array
         self.size = self.common_size()
         self.given = tuple(one[name] for name in MATRICES)
         self.shared = qp_data(**one)
@@ -120,11 +150,12 @@ class Items:
             check_convex(self.shared.P)
 
     def common_size(self) -> int:
-        """Return the number of items; raise unless all stacked arguments have it."""
+        """Return the number of items, 1 if no argument is stacked.
+
+        Raises unless all stacked arguments have it.
+        """
         sizes = {name: len(array) for name, array in self.stacked.items()}
-        if not sizes:
-            raise ValueError("one argument at least must have a batch axis, got none")
-        name, size = next(iter(sizes.items()))
+        name, size = next(iter(sizes.items()), ("", 1))
         for other, its in sizes.items():
             if its != size:
                 raise ValueError(
