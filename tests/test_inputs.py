@@ -6,10 +6,14 @@ Every message that refuses an argument is tested by its text.
 import socket
 import subprocess
 import sys
+from decimal import Decimal
+from fractions import Fraction
 
 import numpy as np
 import pytest
+import qpsolvers
 from problems_qp import complementary
+from qpsolvers.exceptions import QPError
 from scipy import sparse
 
 from namlcp import (
@@ -21,6 +25,7 @@ from namlcp import (
     solve_lcp,
     solve_qp,
 )
+from namlcp.qpsolvers import nam_solve_qp
 
 
 def image(value):
@@ -42,6 +47,8 @@ def forms(array):
     locked = array.copy()
     locked.flags.writeable = False
     yield locked
+    yield np.ma.array(array)
+    yield objects(array, Fraction)
     if array.ndim == 2:
         for kind in (
             sparse.csr_array, sparse.csc_array, sparse.coo_array, sparse.lil_array,
@@ -49,6 +56,12 @@ def forms(array):
         ):  # fmt: skip
             yield kind(array)
         yield unsorted(array)
+
+
+def objects(array, kind):
+    """Return an array of objects of this kind."""
+    parts = [kind(v) for v in array.ravel().tolist()]
+    return np.array(parts, object).reshape(array.shape)
 
 
 def unsorted(array):
@@ -161,8 +174,10 @@ QP_REFUSALS = [
      "P must be an array of real numbers, got dtype complex128"),
     ((sparse.csc_array(EYE * 1j), ONE), {}, T,
      "P must hold real numbers, got dtype complex128"),
-    ((EYE, None), {}, T,
-     r"q must be an array of real numbers, got None \(None or masked\)"),
+    ((EYE, None), {}, T, "q must be an array of real numbers, got None$"),
+    ((EYE, ONE, None, None, EYE), {"l": ONE, "u": ONE}, T,
+     r"unknown option 'l'; rows l <= C x <= u are given as G = \[C; -C\]"),
+    ((EYE, ONE), {"eps": 1e-6}, T, "unknown option 'eps'; did you mean 'eps_abs'?"),
     ((np.ones((1, 2, 2)), ONE), {}, V,
      r"P must have two dimensions, got shape \(1, 2, 2\)"),
     ((EYE, ONE), {"maxiter": 3}, T,
@@ -185,6 +200,83 @@ def test_a_qp_is_refused_in_words(arguments, options, error, text, capfd):
     with pytest.raises(error, match=text):
         solve_qp(*arguments, **options)
     assert capfd.readouterr() == ("", "")
+
+
+class Like:
+    """An array-like, as tensors and data frames are."""
+
+    ndim = 1
+
+    def __init__(self, values, **attributes):
+        self.values = values
+        vars(self).update(attributes)
+
+    def __array__(self, *_, **__):
+        return np.array(self.values, object)
+
+
+def update(P, q):
+    solver = Solver(P, ONE)
+    solver.update(q=q)
+    return solver.solve().x
+
+
+DOORS = {
+    "solve_qp": lambda P, q: solve_qp(P, q).x,
+    "x0": lambda P, q: solve_qp(EYE, -ONE, x0=q).x,
+    "Solver": lambda P, q: Solver(P, q).solve().x,
+    "update": update,
+    "solve_batch": lambda P, q: solve_batch(P, q).x[0],
+    "qpsolvers": lambda P, q: qpsolvers.solve_qp(P, q, solver="nam"),
+    "solve_lcp": lambda P, q: solve_lcp(P, q).z,
+    "Prepared": lambda P, q: solve_lcp(Prepared(P), q).z,
+}
+TAKEN = (
+    np.ma.array, lambda v: objects(v, int), lambda v: objects(v, Decimal),
+    lambda v: Like(v.tolist()),
+)  # fmt: skip
+REFUSED = {
+    "masked entries": np.ma.array(ONE, mask=[True, False]),
+    r"Fraction at \(1\) that is no float64; np.asarray\(\w+, float\) rounds it":
+        Like([1, Fraction(1, 3)]),
+    r"Decimal at \(0\) that": Like([Decimal("0.1"), 1]),
+    r"int at \(0\)": Like([10**400, 1]),
+    r"NoneType at \(1\)": Like([1.0, None]),
+    "namlcp.torch.solve_qp differentiates": Like(ONE, requires_grad=True),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("door", DOORS)
+def test_containers_that_lose_nothing_are_taken_in_every_door(door):
+    solve = DOORS[door]
+    for take in TAKEN:
+        assert solve(EYE, take(-ONE)).tolist() == solve(EYE, -ONE).tolist()
+    assert solve(np.ma.array(EYE), -ONE).tolist() == solve(EYE, -ONE).tolist()
+
+
+@pytest.mark.parametrize("text", REFUSED)
+@pytest.mark.parametrize("door", DOORS)
+def test_containers_that_lose_something_are_refused_in_a_line(door, text):
+    with pytest.raises((T, QPError), match=text) as info:
+        DOORS[door](EYE, REFUSED[text])
+    name = {"x0": "x0"}.get(door, "q")
+    assert str(info.value).startswith(f"{name} ")
+    assert "\n" not in str(info.value)
+
+
+@pytest.mark.parametrize(
+    "x",
+    [
+        solve_qp(EYE, -ONE, lb=0.0, ub=0.5).x,
+        Solver(EYE, -ONE, lb=0.0, ub=0.5).solve().x,
+        solve_batch(EYE, -ONE[None, :], lb=0.0, ub=0.5).x[0],
+        nam_solve_qp(EYE, -ONE, lb=0.0, ub=0.5),
+        qpsolvers.solve_qp(EYE, -ONE, ub=np.float64(0.5), solver="nam"),
+        solve_lcp(EYE, -ONE, 0.0, 0.5).z,
+    ],
+)
+def test_a_bound_may_be_a_number(x):
+    assert x.tolist() == [0.5, 0.5]
 
 
 def test_a_side_that_switches_off_a_constraint_is_refused_in_a_sequence_too():

@@ -7,6 +7,7 @@ arrays are never changed; those that are clean already are passed on without a c
 
 import functools
 import math
+from numbers import Number
 from typing import Any
 
 import numpy as np
@@ -51,19 +52,47 @@ def clean_copy(array: np.ndarray, kind: Any) -> np.ndarray:
 
 def real_array(name: str, value: Any) -> np.ndarray:
     """Return `value` as a writeable C-contiguous float64 array, copied if need be."""
-    try:
-        if value is None or isinstance(value, np.ma.MaskedArray):
-            raise ValueError("None or masked")
-        array = np.asarray(value)
-    except ValueError as error:
+    if getattr(value, "requires_grad", None) is True:
         raise TypeError(
-            f"{name} must be an array of real numbers, got {value!r:.60} ({error})"
-        ) from None
-    if array.dtype.kind not in "biuf":
-        raise TypeError(
-            f"{name} must be an array of real numbers, got dtype {array.dtype}"
+            f"{name} requires grad: namlcp.torch.solve_qp differentiates QPs of "
+            f"tensors; or pass {name}.detach()"
         )
+    if value is None or np.ma.is_masked(value):
+        raise not_real(name, "None" if value is None else "masked entries")
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError) as error:
+        reason = str(error).partition("\n")[0]
+        raise not_real(name, f"{type(value).__name__} ({reason})") from None
+    if array.dtype.kind == "O":
+        array = exact_numbers(name, array)
+    if array.dtype.kind not in "biuf":
+        raise not_real(name, f"dtype {array.dtype}")
     return clean_copy(array, np.float64)
+
+
+def not_real(name: str, came: str) -> TypeError:
+    """Return the error of an argument that is no array of real numbers."""
+    return TypeError(f"{name} must be an array of real numbers, got {came}")
+
+
+def exact_numbers(name: str, array: np.ndarray) -> np.ndarray:
+    """Return an array of objects as one of float64; raise unless they are equal."""
+    found = np.empty(array.size)
+    for i, value in enumerate(array.flat):
+        is_number = isinstance(value, Number)
+        try:
+            number = float(value) if is_number else None
+        except (TypeError, ValueError, OverflowError):
+            number = None
+        if number is None or not (number == value or math.isnan(number)):
+            place = ", ".join(map(str, np.unravel_index(i, array.shape)))
+            came = f"{type(value).__name__} at ({place})"
+            if number is not None:
+                came += f" that is no float64; np.asarray({name}, float) rounds it"
+            raise not_real(name, came)
+        found[i] = number
+    return found.reshape(array.shape)
 
 
 def vector(

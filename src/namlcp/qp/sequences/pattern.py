@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_array, issparse
 
-from namlcp.checks import INFINITE, as_sparse, from_arrays, matrix
+from namlcp.checks import INFINITE, as_sparse, from_arrays, matrix, real_array
 from namlcp.entries import is_moderate
 from namlcp.linalg import as_dense
 from namlcp.qp.memory import are_equal, is_same
@@ -25,6 +25,13 @@ class OtherShape(ValueError):
     ...     print("make another Solver")
     make another Solver
     """
+
+
+def copied(name: str, M: Any) -> Any:
+    """Return a user's matrix, in its own order, as one that nobody else has."""
+    if M is None or issparse(M):
+        return M if M is None else M.copy()
+    return np.array(M if type(M) is np.ndarray else real_array(name, M))
 
 
 def is_unchanged(new: Any, old: Any) -> bool:

@@ -9,7 +9,6 @@ however it was found; any other of the general solve is replaced by the answer o
 solve without memory, which is the one of `solve_qp`.
 """
 
-from copy import deepcopy
 from math import inf
 from typing import Any
 
@@ -28,6 +27,7 @@ from namlcp.qp.problem import QP, qp_data
 from namlcp.qp.route import is_small
 from namlcp.qp.sequences.pattern import (
     as_given,
+    copied,
     in_place_of,
     is_unchanged,
     revalued,
@@ -62,7 +62,7 @@ class QPSequence:
         **settings: Any,
     ) -> None:
         self.options = Options.from_names(settings) if settings else DEFAULT_OPTIONS
-        given = P, G, A = deepcopy((P, G, A))
+        given = P, G, A = copied("P", P), copied("G", G), copied("A", A)
         qp = qp_data(P, q, G, h, A, b, lb, ub)
         check_convex(qp.P)
         self.hold_matrices(qp, tuple(map(as_given, given, (qp.P, qp.G, qp.A))))
@@ -163,7 +163,7 @@ class QPSequence:
                 continue
             new[name] = given[name] = revalued(M, kept[name])
             if new[name] is None or (name == "P" and asymmetry(new[name])[0] > 0.0):
-                given[name] = deepcopy(M)
+                given[name] = copied(name, M)
                 new[name] = in_place_of(name, given[name], kept[name])
                 is_clean = False
         if not new:
