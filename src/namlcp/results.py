@@ -25,8 +25,9 @@ from namlcp.derivatives import (
     lcp_directional,
     qp_directional,
 )
-from namlcp.lcp import LCP
+from namlcp.lcp import LCP, Operator
 from namlcp.linalg import times
+from namlcp.linalg.stamp import stamp_of_arrays
 from namlcp.measure import modulus_variable
 from namlcp.outcome import Outcome
 from namlcp.qp import (
@@ -49,6 +50,10 @@ LOST = (
     "derivatives need the result of the solve itself: a pickled or copied one has lost "
     "the problem"
 )
+CHANGED = (
+    "derivatives need the arrays as they were when the problem was solved: one has "
+    "been changed in place since (pass a copy to the solve)"
+)
 
 
 class Differentiable:
@@ -56,9 +61,8 @@ class Differentiable:
 
     def __getstate__(self) -> dict[str, Any]:
         """Leave the problem and the factors behind, in a pickle and in a copy."""
-        state = vars(self) | {"problem": None}
-        state.pop("derivative", None)
-        return state
+        left = "problem", "stamp", "kept"  # the first two are None then
+        return {name: v for name, v in vars(self).items() if name not in left}
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -101,9 +105,9 @@ class LCPResult(Differentiable):
 
     Notes
     -----
-    `backward` and `forward` read the arrays that were given to the solve, which must
-    not have been changed since. A result that is pickled or copied goes without them,
-    and has no derivatives.
+    `backward` and `forward` read the arrays that were given to the solve, and raise
+    where those have been changed since. A result that is pickled or copied goes without
+    them, and has no derivatives.
 
     Examples
     --------
@@ -129,6 +133,8 @@ class LCPResult(Differentiable):
     history: np.ndarray | None = None
     problem: Any = field(default=None, repr=False)
     """The checked LCP and A as it was given, for the derivatives."""
+    stamp: tuple[int, Any] | None = field(default=None, repr=False)
+    """The hash of its numbers, and the vectors of these that the user gave."""
 
     def backward(self, dz: Any = None, dw: Any = None) -> LCPGradients:
         """Return the gradients of a scalar in the data of the LCP.
@@ -147,8 +153,9 @@ class LCPResult(Differentiable):
         Raises
         ------
         ValueError
-            The status is not SOLVED, A is a LinearOperator, the result was pickled or
-            copied, or an argument has a wrong shape.
+            The status is not SOLVED, A is a LinearOperator, an array of the LCP was
+            changed in place since, the result was pickled or copied, or an argument has
+            a wrong shape.
 
         Notes
         -----
@@ -229,9 +236,19 @@ class LCPResult(Differentiable):
         """
         return lcp_directional(self.derivative, dA, dq, dlower, dupper)
 
-    @cached_property
+    @property
     def derivative(self) -> LCPDerivative:
         """The fixed unknowns and the factors of `backward` and `forward`."""
+        lcp, _ = problem_of(self)
+        if self.stamp is not None:
+            before, vectors = self.stamp
+            if before != stamp_of_arrays(vectors, lcp.matrix.stamp_now()):
+                raise ValueError(CHANGED)
+        return self.kept
+
+    @cached_property
+    def kept(self) -> LCPDerivative:
+        """The same, made once."""
         lcp, given = problem_of(self)
         return LCPDerivative(lcp, given, self.z, self.w)
 
@@ -495,6 +512,8 @@ class ClosestPoint(Differentiable):
     message: str
     problem: Any = field(default=None, repr=False)
     """The QP with (P, G, A) as they were given, and the stages, for `backward`."""
+    stamp: int | None = field(default=None, repr=False)
+    """The hash of the QP's numbers."""
 
     def backward(
         self, dx: Any = None, dshift_h: Any = None, dshift_b: Any = None
@@ -516,8 +535,9 @@ class ClosestPoint(Differentiable):
         Raises
         ------
         ValueError
-            The status is not SOLVED, the shifts are not those of norm 2, the result
-            was pickled or copied, or an argument has a wrong shape.
+            The status is not SOLVED, the shifts are not those of norm 2, an array of
+            the QP was changed in place since, the result was pickled or copied, or an
+            argument has a wrong shape.
 
         Examples
         --------
@@ -530,13 +550,21 @@ class ClosestPoint(Differentiable):
         """
         return self.derivative.backward(dx, dshift_h, dshift_b)
 
-    @cached_property
+    @property
     def derivative(self) -> ClosestDerivative:
         """The factors of `backward`."""
         if self.status is Status.SOLVED and self.norm != 2:
             raise ValueError(
                 f"derivatives need shifts of norm 2, got those of norm {self.norm}"
             )
+        (qp, _), *_ = problem_of(self)
+        if self.stamp != stamp_of(qp):
+            raise ValueError(CHANGED)
+        return self.kept
+
+    @cached_property
+    def kept(self) -> ClosestDerivative:
+        """The same, made once."""
         return ClosestDerivative(*problem_of(self))
 
 
@@ -609,7 +637,8 @@ class BatchResult(Differentiable, Outcomes):
         Raises
         ------
         ValueError
-            The result was pickled or copied, or an argument has a wrong shape.
+            An array of the batch was changed in place since, the result was pickled or
+            copied, or an argument has a wrong shape.
 
         Examples
         --------
@@ -622,6 +651,8 @@ class BatchResult(Differentiable, Outcomes):
         """
         if self.problem is None:
             raise ValueError(LOST)
+        if not self.problem.are_unchanged(slice(None)):
+            raise ValueError(CHANGED)
         points = Point(self.x, self.y, self.z, self.z_box)
         return differentiate_batch(
             self.problem, points, self.solved, (dx, dy, dz, dz_box), threads
@@ -662,8 +693,15 @@ class BatchResult(Differentiable, Outcomes):
             setup_time=0.0,
             solve_time=0.0,
             closest=self.closest.get(number),
-            problem=self.problem and partial(self.problem.item, number),
+            problem=self.problem and partial(unchanged_item, self.problem, number),
         )
+
+
+def unchanged_item(items: Items, i: int) -> Any:
+    """Return item i of a batch; raise ValueError if its arrays have changed."""
+    if not items.are_unchanged(slice(i, i + 1)):
+        raise ValueError(CHANGED)
+    return items.item(i)
 
 
 def qp_result(
@@ -708,6 +746,7 @@ def closest_point(
         **parts,
         obj=OBJECTIVE.get(found.status, objective),
         problem=stages and (problem, *stages),
+        stamp=stamp_of(qp),
     )
 
 
@@ -723,18 +762,23 @@ def batch_result(outcomes: Outcomes, items: Items, seconds: float) -> BatchResul
 def lcp_result(
     outcome: Outcome,
     problem: tuple[LCP, Any],
+    vectors: tuple[np.ndarray, ...],
     start: float,
     ready: float,
     history: np.ndarray | None,
 ) -> LCPResult:
     """Return the outcome for `problem`, the checked LCP and A as it was given.
 
+    vectors: those of the LCP that are not defaults.
     start, ready: the values of perf_counter() at the call and after its checks.
     """
-    z, w, s = outcome.point
+    (z, w, s), (lcp, _) = outcome.point, problem
     if s is None:
         s = np.empty(z.size)
-        modulus_variable(z, w, problem[0].matrix.slopes, s)
+        modulus_variable(z, w, lcp.matrix.slopes, s)
+    stamp = None
+    if not isinstance(lcp.A, Operator):  # which has no derivatives
+        stamp = stamp_of_arrays(vectors, lcp.matrix.stamp), vectors
     return LCPResult(
         status=outcome.status,
         z=z,
@@ -749,6 +793,7 @@ def lcp_result(
         message=outcome.message,
         history=history,
         problem=problem,
+        stamp=stamp,
     )
 
 
@@ -759,10 +804,7 @@ def qp_derivative(result: QPResult) -> QPDerivative:
     """
     qp, given = problem_of(result)
     if result.stamp is not None and result.stamp != stamp_of(qp):
-        raise ValueError(
-            "derivatives need the arrays as they were when the QP was solved: one has "
-            "been changed in place since (pass a copy to the solve)"
-        )
+        raise ValueError(CHANGED)
     if result.kept is None:
         point = Point(result.x, result.y, result.z, result.z_box)
         result.kept = QPDerivative(qp, given, point, result.factors)

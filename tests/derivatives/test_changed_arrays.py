@@ -47,10 +47,65 @@ def test_no_derivative_of_arrays_that_have_changed(kind, name, change):
     assert np.array_equal(result.backward(dx=np.ones(3)).q, expected)
 
 
-def test_a_solver_has_its_own_arrays():
-    data = qp()
-    solver = namlcp.Solver(**data)
+A, TWO = np.array([[2.0, 1.0], [1.0, 2.0]]), np.array([[-1.0, 1.0], [1.0, -2.0]])
+
+
+def of_batch(A, q, lb, ub):
+    result = namlcp.solve_batch(A, q, lb=lb, ub=ub)
+    return lambda: result.backward(dx=np.ones((2, 2))).q
+
+
+def of_item(A, q, lb, ub):
+    result = namlcp.solve_batch(A, q, lb=lb, ub=ub)[1]
+    return lambda: result.backward(dx=np.ones(2)).q
+
+
+def of_lcp(A, q, lb, ub, prepare=namlcp.Prepared):
+    result = namlcp.solve_lcp(prepare(A), q[0], lb, ub)
+    return lambda: result.forward(dlower=np.ones(2)).w
+
+
+def of_sparse_lcp(A, q, lb, ub):
+    M = sparse.csr_array(A)
+    M.data = A.reshape(-1)
+    return of_lcp(M, q, lb, ub, lambda matrix: matrix)
+
+
+def of_closest(A, q, lb, ub):
+    """x >= 2 by a row, and x <= 1."""
+    result = namlcp.solve_qp(A, q[0], -A, -7.0 * ub, lb=lb, ub=ub, infeasible="closest")
+    return lambda: result.closest.backward(dx=np.ones(2)).q
+
+
+@pytest.mark.parametrize("of", [of_batch, of_item, of_lcp, of_sparse_lcp, of_closest])
+@pytest.mark.parametrize("change", CHANGES)
+def test_no_derivative_of_other_results_whose_arrays_have_changed(of, change):
+    """One array, and all of them: the signs of lb and ub change places."""
+    arrays = A.copy(), TWO.copy(), -np.ones(2), np.ones(2)
+    derivative = of(*arrays)
+    expected = derivative()
+    for changed in (*((v,) for v in arrays), arrays, arrays[2:]):
+        before = [v.copy() for v in changed]
+        for values in changed:
+            CHANGES[change](values)
+        with pytest.raises(ValueError, match="one has been changed in place since"):
+            derivative()
+        for values, old in zip(changed, before, strict=True):
+            values[...] = old
+    assert np.array_equal(derivative(), expected)
+
+
+@pytest.mark.parametrize("infeasible", [False, True])
+def test_a_solver_has_its_own_arrays(infeasible):
+    data, new = qp(), qp()
+    solver = namlcp.Solver(**data, infeasible="closest")
+    new["h"] -= 10.0 * infeasible
+    new["P"] *= 2.0
+    solver.update(**new)
     result = solver.solve()
+    assert result.found is not infeasible
+    result = result.closest if infeasible else result
     expected = result.backward(dx=np.ones(3)).q
-    data["P"] *= 100.0
+    for values in (*data.values(), *new.values()):
+        values *= 100.0
     assert np.array_equal(result.backward(dx=np.ones(3)).q, expected)

@@ -13,6 +13,7 @@ from namlcp.lcp.operators import operator_data
 from namlcp.linalg.columns import Columns, columns_of
 from namlcp.linalg.csc import arrays_of
 from namlcp.linalg.definite import is_symmetric
+from namlcp.linalg.stamp import stamp_of_arrays
 
 # Sum of (A + A')_ij r_j, relative to its terms, that counts as 0 where a_ii = 0.
 DIAGONAL_ROUNDING = 1e-10
@@ -58,6 +59,7 @@ class Prepared:
     _diagonal: np.ndarray | None = None
     _slopes: np.ndarray | None = None
     _columns: Columns | None = None
+    _stamp: int | None = None
 
     def __init__(self, A: Any, diagonal: Any = None):
         if isinstance(A, LinearOperator):
@@ -110,6 +112,16 @@ class Prepared:
         if self._slopes is None:
             self._slopes = np.where(self.diagonal > 0.0, self.diagonal, 1.0)
         return self._slopes
+
+    @property
+    def stamp(self) -> int:
+        """The hash of the entries of A when it was first asked for."""
+        if self._stamp is None:
+            self._stamp = self.stamp_now()
+        return self._stamp
+
+    def stamp_now(self) -> int:
+        return stamp_of_arrays((self.A.data if self.is_sparse else self.A,))
 
     @cached_property
     def is_general(self) -> bool:

@@ -168,18 +168,19 @@ HOT double scaled_squares(const double *z, const double *w, const double *lower,
     return (s[0] + s[1]) + (s[2] + s[3]);
 }
 
-/* A hash of the bits and places of numbers, added to `total` (mod 2^64): the products of
-   the halves of each, mixed, as in XXH3 (Collet, 2019). Vectors of numbers have these. */
+/* A hash of the bits and places of numbers (mod 2^64): the products of the halves of each,
+   mixed, as in XXH3 (Collet, 2019). Vectors of numbers have these. `total`: the hash of
+   the arrays before, whose order counts. */
 HOT unsigned long long hash_of(const double *values, ptrdiff_t n, unsigned long long total) {
     const unsigned long long *bits = (const unsigned long long *)values;
-    unsigned long long key = 0x9E3779B97F4A7C15ull;
+    unsigned long long own = 0, key = 0x9E3779B97F4A7C15ull;
     for (ptrdiff_t i = 0; i < n; i++) {
         unsigned long long v = bits[i] ^ key;
         v ^= v >> 29;
-        total += bits[i] + (v & 0xFFFFFFFFull) * (v >> 32);
+        own += bits[i] + (v & 0xFFFFFFFFull) * (v >> 32);
         key += 0x9E3779B97F4A7C15ull;
     }
-    return total;
+    return own + total * 0xC2B2AE3D27D4EB4Full;
 }
 
 /* The bits of a number in single precision. */

@@ -170,7 +170,9 @@ def solve_lcp(
     outcome = solve_by_method(lcp, unit, limits, method, is_next=A is matrix, **options)
     rows = progress.history() if progress is not None and history else None
     problem = lcp, matrix.A if A is matrix else A
-    result = lcp_result(outcome, problem, start, ready, rows)
+    pairs = (q, lcp.q), (lower, lcp.lower), (upper, lcp.upper)
+    vectors = tuple(own for came, own in pairs if came is not None)
+    result = lcp_result(outcome, problem, vectors, start, ready, rows)
     if progress is not None:
         seconds = result.setup_time + result.solve_time
         progress.close(

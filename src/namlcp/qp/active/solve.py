@@ -14,6 +14,7 @@ from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import INFINITY, fabs, sqrt
 from cython.cimports.namlcp.linalg.arrays import (
+    NO_ENTRIES,
     are_places,
     data_of,
     fits,
@@ -473,9 +474,10 @@ def stamp_of(m, matrices):
     """Return a hash of all numbers of the QP at hand; `matrices`: P, G and A."""
     n, total = m.n, cython.cast(cython.ulonglong, 0)
     for C in matrices:
+        entries: cnp.ndarray = NO_ENTRIES
         if C is not None:
-            entries: cnp.ndarray = C if cnp.PyArray_CheckExact(C) else C.data
-            total = hash_of(data_of(entries), cnp.PyArray_SIZE(entries), total)
+            entries = C if cnp.PyArray_CheckExact(C) else C.data
+        total = hash_of(data_of(entries), cnp.PyArray_SIZE(entries), total)
     total = hash_of(m.q, n, total)
     total = hash_of(m.h, m.m, total)
     total = hash_of(m.b, m.p, total)

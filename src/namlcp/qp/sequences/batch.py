@@ -18,6 +18,7 @@ import scipy.sparse as sp
 
 from namlcp.checks import real_array
 from namlcp.linalg import blas_threads
+from namlcp.linalg.stamp import stamps_of_items
 from namlcp.options import Options
 from namlcp.outcome import Outcome
 from namlcp.qp.active import MOST_ORDER, OUTCOMES, attached
@@ -27,7 +28,7 @@ from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import make_guess
 from namlcp.qp.memory import Memory
 from namlcp.qp.outcomes import OBJECTIVE, objective_of
-from namlcp.qp.problem import QP, qp_data
+from namlcp.qp.problem import QP, qp_data, stamp_of
 from namlcp.qp.solve import solve_checked
 from namlcp.residuals import UNDEFINED, Residuals
 from namlcp.status import Status
@@ -146,6 +147,8 @@ class Items:
         self.given = tuple(one[name] for name in MATRICES)
         self.shared = qp_data(**one)
         self.has_shared_matrices = self.stacked.keys().isdisjoint(MATRICES)
+        self.stamps = stamps_of_items(tuple(self.stacked.values()), self.size)
+        self.shared_stamp = stamp_of(self.shared)
         if "P" not in self.stacked:
             check_convex(self.shared.P)
 
@@ -162,6 +165,13 @@ class Items:
                     f"{other} must have {size} items to match {name}, got {its}"
                 )
         return size
+
+    def are_unchanged(self, items: slice) -> bool:
+        """Tell whether the numbers of these items are as they were at the beginning."""
+        parts, old = (v[items] for v in self.stacked.values()), self.stamps[items]
+        return self.shared_stamp == stamp_of(self.shared) and bool(
+            (stamps_of_items(tuple(parts), old.size) == old).all()
+        )
 
     def item(self, i: int) -> tuple[QP, tuple[Any, ...]]:
         """Return item i, checked, and (P, G, A) as they were given."""
