@@ -1,5 +1,6 @@
 """Names, layering and errors that every user may meet."""
 
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -72,15 +73,77 @@ def test_what_takes_long_to_import_is_imported_where_it_is_used():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+ONE, EYE = np.ones(2), np.eye(2)
+ROWS = np.array([[1.0, 0.0], [-1.0, 0.0]]), np.array([0.0, -3.0])  # x_1 <= 0, >= 3
+RESULTS = {
+    "QPResult": namlcp.solve_qp(EYE, -np.arange(2.0)),
+    "infeasible": namlcp.solve_qp(EYE, ONE, *ROWS, infeasible="closest"),
+    "LCPResult": namlcp.solve_lcp(EYE, -ONE),
+    "unsolvable": namlcp.solve_lcp(0.0 * EYE, -ONE),
+    "BatchResult": namlcp.solve_batch(np.eye(300), np.ones((20, 300))),
+    "long": namlcp.solve_qp(np.eye(300), np.arange(300.0)),
+}
+RESULTS["ClosestPoint"] = RESULTS["infeasible"].closest
+
+
 def test_results_can_be_compared_without_an_error():
-    result = namlcp.solve_qp(np.eye(2), np.ones(2))
+    result = RESULTS["QPResult"]
     assert result == result
     assert result != namlcp.solve_qp(np.eye(2), np.ones(2))
 
 
+@pytest.mark.parametrize("name", set(RESULTS) - {"BatchResult"})
+def test_a_result_is_true_where_a_solution_was_found(name):
+    result = RESULTS[name]
+    assert bool(result) is result.found is (result.status == "solved")
+    assert result.found is (name not in ("infeasible", "unsolvable"))
+
+
+def test_a_batch_is_neither_true_nor_false():
+    with pytest.raises(TypeError, match=r"ask batch\.solved\.all\(\), or len"):
+        bool(RESULTS["BatchResult"])
+
+
+@pytest.mark.parametrize("name", RESULTS)
+def test_a_result_is_shown_in_a_few_lines(name):
+    lines = repr(RESULTS[name]).splitlines()
+    assert lines[0].startswith(f"{type(RESULTS[name]).__name__}: ")
+    assert len(lines) <= 10
+    assert max(map(len, lines)) <= 120
+    assert "    x = [0. 1.]" in repr(RESULTS["QPResult"])
+    assert "    x = [   0.   -1.   -2. ... -297. -298. -299.]" in repr(RESULTS["long"])
+    assert "    z = [1. 1.]" in repr(RESULTS["LCPResult"])
+
+
+HOSTS = ["__version__", "cvxpy", "cvxpylayers", "jax", "qpsolvers", "scenes", "torch"]
+
+
+@pytest.mark.parametrize(
+    ("what", "names"),
+    [
+        (namlcp, [*namlcp.__all__, *HOSTS]),
+        (Solver := namlcp.Solver, METHODS["Solver"]),
+        (Solver(EYE, ONE), METHODS["Solver"]),
+        *[(result, None) for result in RESULTS.values()],
+        *[(type(result), None) for result in RESULTS.values()],
+    ],
+)
+def test_dir_shows_what_is_public_alone(what, names):
+    """Of results: what their docstring describes, and what follows from that."""
+    shown = [name for name in dir(what) if name[:2] != "__" or what is namlcp]
+    if names is None:
+        kind = what if isinstance(what, type) else type(what)
+        is_batch = kind is namlcp.BatchResult
+        names = ("solved", "statuses") if is_batch else ("found", "derivative")
+        names += METHODS[kind.__name__]
+        for attributes in re.findall(r"^    (\w[\w, ]*) : ", kind.__doc__, re.M):
+            names += tuple(attributes.split(", "))
+    assert sorted(names) == shown
+
+
 @pytest.mark.parametrize("status", namlcp.Status)
 def test_every_status_explains_itself(status):
-    assert status.value == status.name.lower()
+    assert status == status.value == str(status) == status.name.lower()
     assert status.explanation.endswith(".")
 
 

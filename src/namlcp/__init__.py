@@ -54,14 +54,15 @@ __all__ = [
     "warmup",
 ]
 __version__ = "0.2.0"
+LATE = "cvxpy", "scenes"
 
 register()
 
 
 def __getattr__(name: str) -> Any:
     """Import what is seldom used at its first use: hosts are optional, and slow."""
-    if name == "cvxpy":
-        return import_module("namlcp.cvxpy")
+    if name in LATE:
+        return import_module(f"namlcp.{name}")
     if name in layers.__all__:
         return import_module(f"namlcp.layers.{name}")
     if name == "warmup":

@@ -34,19 +34,10 @@ class ResultBase:
         """The `Residuals`, on the user's unscaled data."""
         return residuals_of(self.numbers)
 
-    def replaced(self, **changes):
-        """Return a copy in which some attributes are others."""
-        names = (*FIELDS, "problem", "factors", "stamp")
-        return type(self)(**{name: getattr(self, name) for name in names} | changes)
-
     def __reduce__(self):
         """Leave the problem and the factors behind."""
         state = {name: getattr(self, name) for name in FIELDS}
         return remade, (type(self), state)
-
-    def __repr__(self):
-        parts = [f"{name}={getattr(self, name)!r}" for name in FIELDS]
-        return f"{type(self).__name__}({', '.join(parts)})"
 
 
 def remade(kind, state):

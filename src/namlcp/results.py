@@ -4,7 +4,7 @@ A result keeps the problem by reference, and is differentiated when it is asked.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, is_dataclass
 from functools import cached_property, partial
 from operator import index
 from time import perf_counter
@@ -43,7 +43,7 @@ from namlcp.qp import (
     stamp_of,
 )
 from namlcp.residuals import Residuals
-from namlcp.result_base import ResultBase
+from namlcp.result_base import FIELDS, ResultBase
 from namlcp.status import Status
 
 LOST = (
@@ -54,6 +54,48 @@ CHANGED = (
     "derivatives need the arrays as they were when the problem was solved: one has "
     "been changed in place since (pass a copy to the solve)"
 )
+SHORT = 8
+"""Most entries of an array that is printed in full."""
+
+
+class Public(type):
+    """The class of classes of which `dir` and `help` show public names alone.
+
+    These are the attributes in `data_of`, and the names in PUBLIC.
+    """
+
+    PUBLIC: tuple[str, ...] = ()
+
+    def __dir__(cls) -> list[str]:
+        names = (name for name in super().__dir__() if name.startswith("__"))
+        return sorted({*names, *data_of(cls), *cls.PUBLIC})
+
+
+class Shown(metaclass=Public):
+    """An object of which `dir` shows what it shows of the class."""
+
+    __slots__ = ()
+
+    def __dir__(self) -> list[str]:
+        return dir(type(self))
+
+
+class Single(Shown):
+    """The result of one problem."""
+
+    __slots__ = ()
+    status: Status
+
+    @property
+    def found(self) -> bool:
+        """Whether the status is SOLVED; ``if result:`` asks the same."""
+        return self.status is Status.SOLVED
+
+    def __bool__(self) -> bool:
+        return self.status is Status.SOLVED
+
+    def __repr__(self) -> str:
+        return described(self)
 
 
 class Differentiable:
@@ -65,9 +107,43 @@ class Differentiable:
         return {name: v for name, v in vars(self).items() if name not in left}
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class LCPResult(Differentiable):
-    """Result of `solve_lcp`; read `status` first.
+def data_of(kind: Any) -> tuple[str, ...]:
+    """Return the names of the attributes of a class of results."""
+    if issubclass(kind, ResultBase):
+        return FIELDS
+    return tuple(f.name for f in fields(kind) if f.repr) if is_dataclass(kind) else ()
+
+
+def described(result: Any) -> str:
+    """Return a result in some lines: numbers in the first one, then a line an array."""
+    head: list[str] = []
+    lines: list[str] = []
+    for name in data_of(type(result)):
+        value = getattr(result, name)
+        if isinstance(value, Status):
+            head.append(value)
+        elif isinstance(value, float):
+            head.append(f"{name} = {value:{'.1e' if 'time' in name else '.6g'}}")
+        elif isinstance(value, int) or name in ("form", "method"):
+            head.append(f"{name} = {value}")
+        elif isinstance(value, np.ndarray):
+            is_plain = value.ndim == 1 and value.dtype.names is None
+            text = f"array of shape {value.shape}"
+            if is_plain:
+                text = np.array2string(value, 200, 6, threshold=SHORT)
+            lines += [f"{name} = {text}"] * (value.size > 0)
+        elif isinstance(value, Residuals):
+            lines.append("residuals = {:.1e}, {:.1e}, {:.1e}".format(*value))
+        elif isinstance(value, dict):
+            lines += [f"{name} of {len(value)} items"] * (len(value) > 0)
+        elif value not in (None, ""):
+            lines.append(f"{name} = {str(value).splitlines()[0]}")
+    return "\n    ".join((f"{type(result).__name__}: {', '.join(head)}", *lines))
+
+
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class LCPResult(Differentiable, Single):
+    """Result of `solve_lcp`; read `status` first, or `found`, as ``if result:`` does.
 
     Attributes
     ----------
@@ -135,6 +211,7 @@ class LCPResult(Differentiable):
     """The checked LCP and A as it was given, for the derivatives."""
     stamp: tuple[int, Any] | None = field(default=None, repr=False)
     """The hash of its numbers, and the vectors of these that the user gave."""
+    PUBLIC = "backward", "derivative", "directional", "forward", "found"
 
     def backward(self, dz: Any = None, dw: Any = None) -> LCPGradients:
         """Return the gradients of a scalar in the data of the LCP.
@@ -253,8 +330,8 @@ class LCPResult(Differentiable):
         return LCPDerivative(lcp, given, self.z, self.w)
 
 
-class QPResult(ResultBase):
-    """Result of `solve_qp`; read `status` first.
+class QPResult(Single, ResultBase):
+    """Result of `solve_qp`; read `status` first, or `found`, as ``if result:`` does.
 
     Attributes
     ----------
@@ -319,6 +396,7 @@ class QPResult(ResultBase):
     history: np.ndarray | None
     closest: Any
 
+    PUBLIC = LCPResult.PUBLIC
     __slots__ = ()
 
     def backward(
@@ -453,8 +531,8 @@ class QPResult(ResultBase):
         return qp_derivative(self)
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class ClosestPoint(Differentiable):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class ClosestPoint(Differentiable, Single):
     """The solution of the feasible problem nearest to an infeasible QP.
 
     That problem has the sides h + shift_h, b + shift_b, lb + shift_lb and ub +
@@ -514,6 +592,7 @@ class ClosestPoint(Differentiable):
     """The QP with (P, G, A) as they were given, and the stages, for `backward`."""
     stamp: int | None = field(default=None, repr=False)
     """The hash of the QP's numbers."""
+    PUBLIC = "backward", "derivative", "found"
 
     def backward(
         self, dx: Any = None, dshift_h: Any = None, dshift_b: Any = None
@@ -553,7 +632,7 @@ class ClosestPoint(Differentiable):
     @property
     def derivative(self) -> ClosestDerivative:
         """The factors of `backward`."""
-        if self.status is Status.SOLVED and self.norm != 2:
+        if self.found and self.norm != 2:
             raise ValueError(
                 f"derivatives need shifts of norm 2, got those of norm {self.norm}"
             )
@@ -568,8 +647,8 @@ class ClosestPoint(Differentiable):
         return ClosestDerivative(*problem_of(self))
 
 
-@dataclass(frozen=True, eq=False, kw_only=True)
-class BatchResult(Differentiable, Outcomes):
+@dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class BatchResult(Differentiable, Shown, Outcomes):
     """Result of `solve_batch` for N items; ``batch[i]`` is the `QPResult` of item i.
 
     Attributes
@@ -609,6 +688,7 @@ class BatchResult(Differentiable, Outcomes):
     solve_time: float = 0.0
     problem: Any = field(default=None, repr=False)
     """The `Items` that were solved, for the derivatives."""
+    PUBLIC = "backward", "solved", "statuses"
 
     def backward(
         self,
@@ -670,6 +750,12 @@ class BatchResult(Differentiable, Outcomes):
 
     def __len__(self) -> int:
         return self.codes.size
+
+    def __bool__(self) -> bool:
+        raise TypeError("a batch is not true or false: ask batch.solved.all(), or len")
+
+    def __repr__(self) -> str:
+        return described(self)
 
     def __iter__(self) -> Iterator[QPResult]:
         return map(self.__getitem__, range(len(self)))

@@ -1,14 +1,16 @@
 """How a solve ended: one Enum for LCPs and QPs."""
 
-from enum import Enum
+from enum import StrEnum
 
 
-class Status(Enum):
-    """Outcome of a solve; `value` is for machines, `explanation` for people.
+class Status(StrEnum):
+    """Outcome of a solve: a string for machines, with an `explanation` for people.
 
     Examples
     --------
     >>> from namlcp import Status
+    >>> Status.SOLVED == "solved"
+    True
     >>> Status("time_limit").explanation
     'Time limit reached; the best point is returned. Raise time_limit.'
     """
@@ -62,7 +64,7 @@ class Status(Enum):
 
     def __new__(cls, value: str, explanation: str) -> "Status":
         """Make a member with its value and its explanation."""
-        member = object.__new__(cls)
+        member = str.__new__(cls, value)
         member._value_ = value
         member.explanation = explanation
         return member

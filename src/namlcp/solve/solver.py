@@ -5,13 +5,13 @@ from typing import Any
 
 from namlcp.options import check_flag
 from namlcp.qp import QPSequence, factors_of, make_guess, step
-from namlcp.results import QPResult, qp_result
+from namlcp.results import QPResult, Shown, qp_result
 from namlcp.status import Status
 
 SOLVED = Status.SOLVED
 
 
-class Solver(QPSequence):
+class Solver(Shown, QPSequence):
     """A convex QP that is solved again and again, with other vectors or values.
 
     ``minimise 1/2 x'Px + q'x  subject to  Gx <= h,  Ax = b,  lb <= x <= ub``
@@ -53,6 +53,8 @@ class Solver(QPSequence):
     [1. 0.]
     [1. 0.]
     """
+
+    PUBLIC = "solve", "update"
 
     def solve(self, warm_start: Any = None, derivative: bool = False) -> QPResult:
         """Solve the problem as it is now.
