@@ -132,7 +132,10 @@ def test_a_dask_cluster_goes_on_without_a_worker(tmp_path):
     assert solve_many(problems, progress=False, solve=die) == list(range(20))
 
 
-def test_missing_packages_are_named(monkeypatch):
-    monkeypatch.setitem(sys.modules, "tqdm", None)
-    with pytest.raises(ImportError, match=r'needs tqdm: pip install "namlcp\[batch\]"'):
+def test_one_process_needs_no_other_package(monkeypatch, capfd):
+    for package in ("joblib", "tqdm"):
+        monkeypatch.setitem(sys.modules, package, None)
+    assert_same(solve_many(mixed(), n_jobs=1), singles())
+    assert capfd.readouterr() == ("", "")
+    with pytest.raises(ImportError, match=r'needs joblib .* "namlcp\[batch\]"'):
         solve_many([])

@@ -1,10 +1,12 @@
 """`solve_many`: problems of different shapes, in several processes or on a cluster.
 
 joblib distributes them; ``joblib.parallel_config(backend="dask")`` makes it a cluster.
-Needs the packages of ``pip install "namlcp[batch]"``, imported at the first call.
+It comes with ``pip install "namlcp[batch]"`` and is imported at the first call, as is
+tqdm, without which there is no bar.
 """
 
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from importlib import import_module
 from typing import Any
 
@@ -30,11 +32,11 @@ def solve_many(
         Each a qpsolvers.Problem, a tuple of positional arguments of `solve` or a dict
         of keyword arguments. It may be a generator.
     n_jobs : int or None
-        As for joblib.Parallel: -1 is one process for each core, 1 none but this one,
-        None what ``joblib.parallel_config`` says, else 1. On a Dask cluster it is the
-        cluster that decides.
+        1 is this process alone, without joblib. Else as for joblib.Parallel: -1 is one
+        process for each core, None what ``joblib.parallel_config`` says. On a Dask
+        cluster it is the cluster that decides.
     progress : bool
-        Show a bar on standard error.
+        Show a bar on standard error, by tqdm if that is installed.
     solve : function
         `solve_qp`, or `solve_lcp` for LCPs.
     **settings
@@ -54,7 +56,7 @@ def solve_many(
     TypeError
         `problems` is no iterable, or one problem as a dict.
     ImportError
-        joblib is missing, or tqdm for the bar.
+        joblib is missing, and n_jobs is not 1.
 
     Examples
     --------
@@ -71,16 +73,17 @@ def solve_many(
     >>> solve_many(lcps, n_jobs=1, progress=False, solve=solve_lcp)[0].z
     array([1., 0.])
     """
-    joblib = needed("joblib")
-    bar = needed("tqdm").tqdm if progress else lambda results, **_: results
+    joblib = None if n_jobs == 1 else needed_joblib()
     if not isinstance(problems, Iterable) or isinstance(problems, Mapping):
         raise TypeError(f"problems must be an iterable of problems, got {problems!r}")
     problems = list(problems)
+    bar = bar_of(len(problems)) if progress else iter
+    if joblib is None:
+        return list(bar(solved(solve, one, settings) for one in problems))
     tasks = [joblib.delayed(solved)(solve, one, settings) for one in problems]
     found: list[Any] = []
     try:
-        coming = joblib.Parallel(n_jobs=n_jobs, return_as="generator")(tasks)
-        found.extend(bar(coming, total=len(problems), unit="problem"))
+        found.extend(bar(joblib.Parallel(n_jobs=n_jobs, return_as="generator")(tasks)))
     except Exception as error:  # of the processes: `solved` raises none
         found.extend([error] * (len(problems) - len(found)))
     return found
@@ -98,11 +101,19 @@ def solved(solve: Callable[..., Any], problem: Any, settings: Mapping[str, Any])
         return error.with_traceback(None)
 
 
-def needed(package: str) -> Any:
-    """Import a package of the extra "batch"."""
+def bar_of(total: int) -> Callable[[Iterable[Any]], Iterable[Any]]:
+    """Return what shows a bar while it passes results on, if tqdm is installed."""
     try:
-        return import_module(package)
+        return partial(import_module("tqdm").tqdm, total=total, unit="problem")
+    except ImportError:
+        return iter
+
+
+def needed_joblib() -> Any:
+    """Return the module joblib."""
+    try:
+        return import_module("joblib")
     except ImportError as error:
         raise ImportError(
-            f'solve_many needs {package}: pip install "namlcp[batch]"'
+            'solve_many needs joblib unless n_jobs=1: pip install "namlcp[batch]"'
         ) from error
