@@ -10,6 +10,7 @@ The documentation is in docs/ of the repository, a map of the source code in
 src/README.md.
 """
 
+from contextlib import suppress
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -18,7 +19,6 @@ from namlcp.lcp import Prepared
 from namlcp.many import solve_many
 from namlcp.options import Options, Relaxation
 from namlcp.qp import NotConvex, OtherShape
-from namlcp.qpsolvers import register
 from namlcp.residuals import Residuals, natural_residual, qp_residuals
 from namlcp.results import BatchResult, ClosestPoint, LCPResult, QPResult
 from namlcp.solve import Solver, solve_batch, solve_lcp, solve_qp
@@ -56,7 +56,15 @@ __all__ = [
 __version__ = "0.2.0"
 LATE = "cvxpy", "scenes"
 
-register()
+# qpsolvers may be in the middle of its own import, of a backend that imports namlcp;
+# whatever comes of it, namlcp can be used without.
+with suppress(Exception):
+    import_module("namlcp.qpsolvers").register()
+
+
+def __dir__() -> list[str]:
+    """Return what is public."""
+    return sorted([*__all__, *layers.__all__, *LATE, "qpsolvers", "__version__"])
 
 
 def __getattr__(name: str) -> Any:

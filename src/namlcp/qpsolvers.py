@@ -24,11 +24,11 @@ NO_ENTRIES = np.empty(0)
 
 
 def nam_solve_problem(
-    problem: qpsolvers.Problem,
+    problem: "qpsolvers.Problem",
     initvals: Any = None,
     verbose: bool = False,
     **settings: Any,
-) -> qpsolvers.Solution:
+) -> "qpsolvers.Solution":
     """Solve a quadratic program with namlcp.
 
     Parameters
@@ -87,7 +87,7 @@ def nam_solve_problem(
         raise SolverError(f"namlcp failed: {error!r}") from error
 
 
-def solution(problem: qpsolvers.Problem, result: QPResult) -> qpsolvers.Solution:
+def solution(problem: "qpsolvers.Problem", result: QPResult) -> "qpsolvers.Solution":
     """Return `result` as a Solution."""
     status = result.status
     extras = {
@@ -138,17 +138,20 @@ def nam_solve_qp(
 def register() -> None:
     """Make solver="nam" known to qpsolvers; calling it again changes nothing.
 
+    Nor is anything changed where qpsolvers has such a solver already, or is not loaded
+    in full: then it is importing a backend that imports namlcp.
+
     qpsolvers has no entry points; its table and lists are shared objects, so that
     earlier imports of them see the new name. A worker process started by spawn or
     forkserver must import namlcp again.
     """
+    if not hasattr(qpsolvers, "__version__"):  # set at the end of its import
+        return
     # The attribute qpsolvers.solve_problem is the function, hence import_module.
-    module = importlib.import_module("qpsolvers.solve_problem")
-    module.solve_function[KEYWORD] = nam_solve_problem
-    for names in (
-        qpsolvers.available_solvers,
-        qpsolvers.dense_solvers,
-        qpsolvers.sparse_solvers,
-    ):
-        if KEYWORD not in names:
+    table = importlib.import_module("qpsolvers.solve_problem").solve_function
+    kinds = "available_solvers", "dense_solvers", "sparse_solvers"
+    lists = [getattr(qpsolvers, kind) for kind in kinds]
+    if KEYWORD not in table:
+        table[KEYWORD] = nam_solve_problem
+        for names in lists:
             names.append(KEYWORD)

@@ -1,7 +1,10 @@
 """What qpsolvers alone has: how it finds us, the forms it hands over, its errors."""
 
+import os
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -40,6 +43,32 @@ def test_registered_in_either_order_of_import(order):
         "assert 'matplotlib.pyplot' not in sys.modules\n"
     )
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+@pytest.mark.parametrize("key", ["nam", "namlcp"])
+@pytest.mark.parametrize("order", ["qpsolvers, namlcp", "namlcp, qpsolvers"])
+def test_qpsolvers_may_have_a_backend_that_imports_namlcp(tmp_path, order, key):
+    """In the middle of its own import; what it has by this key stays."""
+    solvers = tmp_path / "qpsolvers" / "solvers"
+    shutil.copytree(Path(qpsolvers.__file__).parent, tmp_path / "qpsolvers")
+    (solvers / "own_.py").write_text("from namlcp import solve_qp as own\n")
+    with open(solvers / "__init__.py", "a") as file:
+        file.write(f"\nfrom .own_ import own\nsolve_function[{key!r}] = own\n")
+        for names in ("available", "dense", "sparse"):
+            file.write(f"{names}_solvers.append({key!r})\n")
+    code = (
+        f"import {order}, namlcp.qpsolvers\n"
+        f"assert qpsolvers.__file__.startswith({str(tmp_path)!r})\n"
+        "for _ in range(2):\n"
+        "    namlcp.qpsolvers.register()\n"
+        "table = qpsolvers.solvers.solve_function\n"
+        f"assert table[{key!r}] is namlcp.solve_qp\n"
+        "for names in ('available', 'dense', 'sparse'):\n"
+        "    assert getattr(qpsolvers, names + '_solvers').count('nam') == 1\n"
+    )
+    path = os.pathsep.join((str(tmp_path), os.environ.get("PYTHONPATH", "")))
+    env = os.environ | {"PYTHONPATH": path}
+    subprocess.run([sys.executable, "-c", code], check=True, env=env)
 
 
 def test_unique_multipliers_are_the_hosts():
