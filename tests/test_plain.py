@@ -69,7 +69,7 @@ def test_the_text_gives_the_answers_of_the_machine_code(seed):
     plain.module("namlcp.qp.active.state").make_room(m)
     code = plain.module("namlcp.qp.active.run").decide(m)
     settings = Settings(1e-9, 1e-10, 1000, INF)
-    found = solve_small(ResultBase, *qp, settings, perf_counter(), False)
+    found = solve_small(ResultBase, settings, perf_counter(), False, *qp)
     is_decided = isinstance(found, ResultBase)
     assert is_decided == (code in OUTCOMES)
     if not is_decided:

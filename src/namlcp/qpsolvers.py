@@ -72,8 +72,10 @@ def nam_solve_problem(
     arguments = problem.unpack()
     try:
         tried = None
-        if initvals is None and warm_start is None and options.is_plain:
-            tried = solve_small(QPResult, *arguments, options.settings, start, False)
+        if options.is_plain:
+            is_cold = initvals is None and warm_start is None
+            data = arguments if is_cold else (*arguments, initvals, warm_start)
+            tried = solve_small(QPResult, options.settings, start, False, *data)
             if type(tried) is QPResult:
                 return solution(problem, tried)
         result = solve_arguments(

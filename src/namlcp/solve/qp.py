@@ -111,8 +111,10 @@ def solve_qp(
     check_flag("history", history)
     check_flag("derivative", derivative)
     arguments, tried = (P, q, G, h, A, b, lb, ub), None
-    if x0 is None and warm_start is None and not history and options.is_plain:
-        tried = solve_small(QPResult, *arguments, options.settings, start, derivative)
+    if not history and options.is_plain:
+        is_cold = x0 is None and warm_start is None  # two arguments take 40 ns
+        data = arguments if is_cold else (*arguments, x0, warm_start)
+        tried = solve_small(QPResult, options.settings, start, derivative, *data)
         if type(tried) is QPResult:
             return tried
     return solve_arguments(arguments, options, start, tried, x0, warm_start, history)

@@ -11,7 +11,7 @@ cpdef enum:
     TINY_ENTRIES = 2000
 
 cdef object SOLVED, DUAL, clock
-cdef double MOST_OPERATIONS, FEW_OPERATIONS, UNIT
+cdef double MOST_OPERATIONS, FEW_OPERATIONS, ACTIVE
 
 cdef double now()
 cdef Py_ssize_t filled(const double* values, Py_ssize_t count) noexcept nogil
@@ -27,5 +27,11 @@ cdef object tiny_form(object C, Py_ssize_t n)
 cdef bint is_certain(DenseActiveSet m) noexcept nogil
 cdef double norm(const double* v, Py_ssize_t n) noexcept nogil
 cdef unsigned long long stamp_of(DenseActiveSet m, tuple matrices)
+cdef void hint(ActiveSet m, Py_ssize_t row, int side) noexcept
+cdef bint suggest_rows_at(DenseActiveSet m, object x0)
+cdef bint is_met(double side, double value) noexcept
+cdef bint suggest_rows_of(DenseActiveSet m, object point)
+cdef bint is_vector(object value, Py_ssize_t size)
+cdef void drop_too_many(ActiveSet m) noexcept
 cdef void place_of_vectors(ActiveSet m, object vectors)
 cdef bint put(object value, double* place, Py_ssize_t size, double infinity)

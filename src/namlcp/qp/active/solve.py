@@ -42,6 +42,7 @@ from cython.cimports.namlcp.qp.active.state import (
     make_room,
 )
 from cython.cimports.namlcp.qp.active.weight import NO_WEIGHT
+from cython.cimports.namlcp.qp.intake import is_finite
 from cython.cimports.namlcp.result_base import (
     Numbers,
     ResultBase,
@@ -52,6 +53,7 @@ from cython.cimports.namlcp.settings import Settings
 from cython.cimports.namlcp.watch import begin_watch, raise_kept
 from scipy.sparse import csc_array, csc_matrix
 
+from namlcp.qp import guess
 from namlcp.status import Status
 
 cnp.import_array()
@@ -75,6 +77,8 @@ OUTCOMES = {
 # of n^2 (n + m + p); and a number, some tens of milliseconds, that is never too large.
 # (Linear programs take 10 to 30 of these units, other QPs 1 to 4.)
 MOST_OPERATIONS, FEW_OPERATIONS = 4.0, 2e8
+# Largest slack of a row that counts as active at a point, relative.
+ACTIVE = guess.ACTIVE
 
 
 def now():
@@ -160,15 +164,19 @@ def rows_of(C, d, n):
 
 def is_bound(side, n):
     """Tell whether a clean vector of n bounds came, or none."""
-    return side is None or (fits(side, 1) and cnp.PyArray_DIM(side, 0) == n)
+    return side is None or is_vector(side, n)
 
 
-def solve_small(kind, P, q, G, h, A, b, lb, ub, settings: Settings, start, keeps):
+def solve_small(
+    kind, settings: Settings, start, keeps, P, q, G, h, A, b, lb, ub, x0=None,
+    warm_start=None,
+):  # fmt: skip
     """Solve a small QP whose arguments are clean; None where they are not.
 
     Dense ones; or P, G and A in CSC that are tiny, zeros included. Returns its result,
     of a class derived from `ResultBase`, or the `DenseActiveSet` that has tried in
-    vain. keeps: let the result have the factors.
+    vain. keeps: let the result have the factors. x0 or warm_start: a point to begin
+    with, see `make_guess`.
     """
     if not fits(q, 1):
         return None
@@ -200,6 +208,11 @@ def solve_small(kind, P, q, G, h, A, b, lb, ub, settings: Settings, start, keeps
     set_bounds(m, lb, ub)
     set_limits(m)
     take_settings(m, settings, start + settings.time_limit)
+    if warm_start is not None:
+        if not suggest_rows_of(m, warm_start):
+            return None
+    elif x0 is not None and not suggest_rows_at(m, x0):
+        return None
     ready = now()
     run(m)
     if m.code != DONE and m.code not in OUTCOMES:
@@ -311,12 +324,82 @@ def suggest(m: ActiveSet, active):
     """
     m.kept_k, m.hints = 0, 0
     for i in np.flatnonzero(active).tolist():
-        if m.hints == m.most:
-            m.hints = 0
-            return
-        m.kept_active[m.hints] = i if i < m.rows else i - m.n
-        m.kept_side[m.hints] = -1 if m.m <= i < m.rows else 1
-        m.hints += 1
+        is_lower: cython.bint = m.m <= i < m.rows
+        hint(m, i if i < m.rows else i - m.n, -1 if is_lower else 1)
+    drop_too_many(m)
+
+
+def hint(m, row, side):
+    """Note a row and its side, if there is a place left."""
+    if m.hints < m.most:
+        m.kept_active[m.hints], m.kept_side[m.hints] = row, side
+    m.hints += 1
+
+
+def drop_too_many(m):
+    """Note no row where not all have found a place."""
+    if m.hints > m.most:
+        m.hints = 0
+
+
+def suggest_rows_at(m, x0):
+    """Begin with the rows that hold with equality at x0; False if it is no point."""
+    n, rows = m.n, m.m
+    if not (is_vector(x0, n) and is_finite(x0)):
+        return False
+    x = data_of(x0)
+    for i in range(rows):
+        if is_met(m.h[i], dot(m.G + i * n, x, n)):
+            hint(m, i, 1)
+    for j in range(n):
+        if is_met(m.lb[j], x[j]):
+            hint(m, rows + j, -1)
+    for j in range(n):
+        if is_met(m.ub[j], x[j]):
+            hint(m, rows + j, 1)
+    drop_too_many(m)
+    return True
+
+
+def is_met(side, value):
+    """Tell whether a finite side is reached, as `active_at` has it."""
+    return fabs(side) < INFINITY and fabs(side - value) <= ACTIVE * (1.0 + fabs(side))
+
+
+def suggest_rows_of(m, point):
+    """Begin with the rows that have multipliers in a solution; False if it is none.
+
+    With none where the solution has no point, or a certificate.
+    """
+    n, rows = m.n, m.m
+    x, y = getattr(point, "x", m), getattr(point, "y", m)
+    z, z_box = getattr(point, "z", m), getattr(point, "z_box", m)
+    if x is None or y is None or z is None or z_box is None:
+        return True
+    has_box: cython.bint = is_vector(z_box, n)
+    if not (is_vector(x, n) and is_vector(y, m.p) and is_vector(z, rows)):
+        return False
+    if not (has_box or is_vector(z_box, 0)):
+        return False
+    if not (is_finite(x) and is_finite(y) and is_finite(z) and is_finite(z_box)):
+        return True
+    of_rows, of_box = data_of(z), data_of(z_box)
+    for i in range(rows):
+        if of_rows[i] > 0.0 and fabs(m.h[i]) < INFINITY:
+            hint(m, i, 1)
+    for j in range(n if has_box else 0):
+        if of_box[j] < 0.0 and fabs(m.lb[j]) < INFINITY:
+            hint(m, rows + j, -1)
+    for j in range(n if has_box else 0):
+        if of_box[j] > 0.0 and fabs(m.ub[j]) < INFINITY:
+            hint(m, rows + j, 1)
+    drop_too_many(m)
+    return True
+
+
+def is_vector(value, size):
+    """Tell whether a clean vector of this size came."""
+    return fits(value, 1) and cnp.PyArray_DIM(value, 0) == size
 
 
 def place_of_vectors(m, vectors):
