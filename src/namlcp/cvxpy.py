@@ -195,15 +195,17 @@ def solver_of(
     The start is None where the Solver has one of its own, or none fits.
     """
     P, q, G, h, A, b = arguments(data)
-    if isinstance(known, Solver):
+    sizes = q.size, h.size, b.size
+    if isinstance(known, QPResult):
+        has_sizes = sizes == (known.x.size, known.z.size, known.y.size)
+        return Solver(P, q, G, h, A, b), known if known and has_sizes else None
+    if sizes == known.sizes:
         try:
             known.update(P=P, q=q, G=G, h=h, A=A, b=b)
             return known, None
-        except OtherShape:
-            return Solver(P, q, G, h, A, b), None
-    sizes = known.x.size, known.z.size, known.y.size
-    fits = known.status is Status.SOLVED and sizes == (q.size, h.size, b.size)
-    return Solver(P, q, G, h, A, b), known if fits else None
+        except OtherShape:  # entries outside the pattern
+            pass
+    return Solver(P, q, G, h, A, b), None
 
 
 def infeasible_or(

@@ -120,8 +120,9 @@ def test_options_reach_the_solver_and_a_limit_leaves_a_usable_point():
     assert "Iteration limit" in problem.solver_stats.extra_stats["message"]
 
 
-def test_resolves_are_those_of_fresh_problems():
-    """Vectors, weights and matrices change, to explicit zeros too."""
+@pytest.mark.parametrize("ignore_dpp", [False, True])
+def test_resolves_are_those_of_fresh_problems(ignore_dpp):
+    """Vectors, weights and matrices change, to explicit zeros too, and to none."""
     rng = np.random.default_rng(2)
     F, target, x = rng.standard_normal((12, 6)), cp.Parameter(12), cp.Variable(6)
     G, weight = cp.Parameter((3, 6)), cp.Parameter(nonneg=True)
@@ -133,7 +134,7 @@ def test_resolves_are_those_of_fresh_problems():
         (1e4, np.zeros((3, 6))), (1.0, dense),
     ):  # fmt: skip
         target.value = rng.standard_normal(12)
-        value = problem.solve(solver=NAM())
+        value = problem.solve(solver=NAM(), ignore_dpp=ignore_dpp)
         assert problem.status == "optimal"
         chains.add(id(problem._cache.solving_chain))
         point = x.value
@@ -143,14 +144,48 @@ def test_resolves_are_those_of_fresh_problems():
     assert len(chains) == 1  # inline instances do not recompile
 
 
-def test_a_resolve_of_another_size_starts_cold():
+@pytest.mark.parametrize("solves", [1, 2, 3])
+def test_a_resolve_of_another_size_starts_cold(solves):
     problem, _ = portfolio()
-    problem.solve(solver=NAM())
+    for _ in range(solves):
+        problem.solve(solver=NAM())
     cache, x = problem._solver_cache, cp.Variable(3)
     other = cp.Problem(cp.Minimize(cp.sum_squares(x)), [x[:2] >= np.ones(2)])
     data, chain, _ = other.get_problem_data(NAM())
     result = chain.solver.solve_via_data(data, True, False, {}, cache)
     np.testing.assert_allclose(result.x, [1.0, 1.0, 0.0], atol=EXACT)
+
+
+@pytest.mark.parametrize(
+    ("terms", "status", "value"),
+    [
+        ({"cost": 1.0}, "optimal", 3.0),
+        ({"slope": 1.0}, "unbounded", -np.inf),
+        ({}, "optimal", 0.0),
+        ({"rows": np.zeros((0, 3))}, "optimal", 0.0),
+        ({"cost": 1.0, "side": 2.0}, "optimal", 3.0),
+        ({"cost": 1.0, "side": -1.0}, "infeasible", np.inf),
+    ],
+)
+def test_nothing_may_be_left_of_a_problem(terms, status, value):
+    """No cost, no variable, no row, or one without variables."""
+    x, side = cp.Variable(3), cp.Parameter(value=terms.get("side", 0.0))
+    cost = terms.get("cost", 0.0) * cp.sum_squares(x) + terms.get("slope", 0) * x[0]
+    rows = [terms["rows"] @ x == 0.0] if "rows" in terms else []
+    rows += [0.0 * x[1] + cp.Constant(0.0) <= side] if "side" in terms else []
+    offset = 3.0 if "cost" in terms else 0.0
+    problem = cp.Problem(cp.Minimize(cost + offset), rows)
+    for _ in range(3):
+        assert problem.solve(solver=NAM()) == pytest.approx(value)
+        assert problem.status == status
+
+
+def test_a_misspelt_option_is_named():
+    problem, _ = portfolio()
+    for _ in range(2):
+        with pytest.raises(TypeError, match="'epsabs'; did you mean 'eps_abs'"):
+            problem.solve(solver=NAM(), epsabs=1e-6)
+        problem.solve(solver=NAM())
 
 
 def test_stats_and_what_the_solver_says_of_itself():
