@@ -141,7 +141,7 @@ class AdaptiveStep(Step):
             free = (z > self.lcp.lower) & (z < self.lcp.upper)
             self.all_free = bool(free.all())
             self.spectrum.estimate(free, z - self.before)
-            if k >= FROM and self.weight(self.free_alpha())[0] < 2.0:
+            if k >= FROM and not self.method.factored and self.weight(1.0)[0] < 2.0:
                 self.scale *= self.shrink
         if doubled or grows:
             self.change(old)

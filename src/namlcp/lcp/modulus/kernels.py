@@ -1,12 +1,11 @@
 """The triangular sweep methods: each sweep is one pass over the rows of A.
 
-With A = D - L - U, ds = s+ - s and dz = z+ - z, every triangular method is, see
-`sweeps`,
+With the letters of `sweeps`, P = D/alpha + Omega + E and two numbers G and H,
 
-    (P - G L) ds - H L dz = -2 (A z + q - w),    w = Omega (z - s),
+    (P - G L) ds - H L dz = -2 (A z + q - w),    w = Omega (z - s).
 
-where P = D/alpha + Omega + E and G, H are two numbers. The right side needs A z of the
-*old* iterate, so the pass that computes s+ also gives Res(z).
+The right side needs A z of the *old* iterate, so the pass that computes s+ also gives
+Res(z).
 
 Row i is read once. Terms that do not depend on row i - 1 are summed first; the one that
 does is added last, because the chain of these dependences limits the speed of a sweep

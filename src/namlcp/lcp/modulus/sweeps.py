@@ -24,7 +24,7 @@ This is what `kernels` computes. Hence nam* is Bai's method with the splitting (
 L, N + E - L). p* is am* with beta = alpha and Omega = D/alpha, which is projected SOR:
 z+ = clip(z - alpha D^-1 (A z + q - L dz)).
 
-"modulus", "nam" and "modified-nam" have M = A, see `factored`.
+"modulus", "nam" and "modified-nam" have M = A, see `steps`.
 
 References
 ----------
