@@ -71,7 +71,7 @@ and Wang, Int. J. Control 77 (2004) 767-788.
 
 import math
 from dataclasses import replace
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from scipy import linalg, sparse
@@ -94,6 +94,7 @@ from namlcp.theory.splittings import Splitting, comparison, lowered, splitting
 LARGEST_DENSE, FILLED = 600, 0.1
 # Values of eps for which Q is sought, in this order.
 MARGINS = (1e-2, 1e-5)
+QUADRATIC = "contraction in the norm of Q = witness (bounded real lemma)"
 # Most steps of the doubling algorithm, which converges quadratically.
 DOUBLINGS = 20
 
@@ -319,38 +320,21 @@ def by_repulsion(parts: Splitting, semidefinite: bool) -> Verdict:
 
 
 def by_quadratic_norm(parts: Splitting, semidefinite: bool) -> Verdict:
-    """Look for a quadratic norm in which every sweep contracts."""
-    if not 0 < parts.omega.size <= LARGEST_DENSE:
-        return undecided()
-    found = lyapunov_function(parts)
-    if found is None:
-        return undecided("no quadratic Lyapunov function found")
-    theorem = "contraction in the norm of Q = witness (bounded real lemma)"
-    checked = f"the matrix inequality, with Lambda = {found.weight}"
-    return Verdict(True, theorem, checked, found.Q, found.factor)
-
-
-class Lyapunov(NamedTuple):
-    """Q with || e+ ||_Q <= factor || e ||_Q, and the name of its Lambda."""
-
-    Q: np.ndarray
-    factor: float
-    weight: str
-
-
-def lyapunov_function(parts: Splitting) -> Lyapunov | None:
-    """Return a quadratic function that decreases with every sweep, None if none found.
+    """Look for a quadratic norm in which every sweep contracts, by the factor `bound`.
 
     Lambda is Omega, or else that which minimises the norm of |X| + |Y| + |Z|: ratios of
     its left and right Perron vectors.
     """
     n = parts.omega.size
+    if not 0 < n <= LARGEST_DENSE:
+        return undecided()
     left, N, right = dense_parts(parts)
     L = -np.tril(parts.A.toarray(), -1) if parts.H else np.zeros((n, n))
+    none = undecided("no quadratic Lyapunov function found")
     try:
         X, Y, Z = (np.linalg.solve(left, side) for side in (N, right - L, L))
         if not np.abs(np.linalg.eigvals(X)).max() < 1.0:
-            return None
+            return none
         S = np.abs(X) + np.abs(Y) + np.abs(Z)
         values, *sides = linalg.eig(S, left=True, right=True)
         k = int(np.argmax(np.abs(values)))
@@ -362,10 +346,12 @@ def lyapunov_function(parts: Splitting) -> Lyapunov | None:
             for eps in MARGINS:
                 found = for_unit_weight(X1, Y1, Z1, eps, rounding)
                 if found is not None:
-                    return Lyapunov(d[:, None] * found[0] * d, found[1], name)
+                    checked = f"the matrix inequality, with Lambda = {name}"
+                    Q = d[:, None] * found[0] * d
+                    return Verdict(True, QUADRATIC, checked, Q, found[1])
     except (np.linalg.LinAlgError, ValueError):  # singular, or not finite
         pass
-    return None
+    return none
 
 
 def for_unit_weight(
