@@ -34,8 +34,6 @@ class LCPPoint(NamedTuple):
 # Range of max |q_i| in which q is not scaled: sums of squares neither vanish nor
 # overflow there.
 LEAST_SIZE, MOST_SIZE = 1e-100, 1e100
-
-
 # Entry of w = A z + q, relative to |A||z| + |q|, that counts as 0.
 W_ROUNDING = 1e-15
 

@@ -45,24 +45,21 @@ def solve_by_enumeration(lcp: LCP, limits: Limits) -> Outcome | None:
     size = float(np.linalg.norm(plain.r)) or 1.0
     faces = (np.arange(2**m)[:, None] >> np.arange(m)) % 2 == 1
     cones = np.where(faces[:, None, :], -plain.M, np.eye(m))
-    best, nearest = np.zeros(m), np.inf
+    best, nearest = lcp.start(), np.inf
     for k in np.flatnonzero(least_distances(cones, plain.r) <= OUTSIDE * size):
         if limits.deadline.reached():
             return None
         x, distance = nnls(cones[k], plain.r)
-        p = np.where(faces[k], x, 0.0)
+        z = lcp.start(plain.point(np.where(faces[k], x, 0.0)))
         if distance < nearest:
-            nearest, best = distance, p
-        if distance <= OUTSIDE * size:
-            z = lcp.start(plain.point(p))
-            w = lcp.w(z)
-            if criterion.accepts(z, w):
-                return lcp.outcome(Status.SOLVED, z, w, int(k) + 1, "enumeration")
+            nearest, best = distance, z
+        if distance <= OUTSIDE * size and criterion.accepts(z, lcp.w(z)):
+            count = int(k) + 1
+            return lcp.outcome(Status.SOLVED, z, lcp.w(z), count, "enumeration")
     if nearest <= OUTSIDE * size:
         return None
-    z = lcp.start(plain.point(best))
-    w = lcp.w(z)
-    return lcp.outcome(Status.UNSOLVABLE, z, w, 2**m, "enumeration", ENUMERATED)
+    status, w = Status.UNSOLVABLE, lcp.w(best)
+    return lcp.outcome(status, best, w, 2**m, "enumeration", ENUMERATED)
 
 
 def least_distances(cones: np.ndarray, q: np.ndarray) -> np.ndarray:
