@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from namlcp.checks import clean_copy, real_array
+from namlcp.derivatives.dense import differentiate_items as differentiate_part
+from namlcp.derivatives.dense import refuse_faults
 from namlcp.derivatives.gradients import InMatrices, product_of
-from namlcp.derivatives.items import differentiate_items as differentiate_part
-from namlcp.derivatives.items import refuse_faults
 from namlcp.derivatives.qp import QPDerivative
 from namlcp.options import check_count
 from namlcp.qp import QP, Items, Point, available_cores, on_threads
@@ -107,9 +107,9 @@ def differentiate_items(
         for name in ("q", "h", "b", "lb", "ub", "weak"):
             getattr(found, name)[i] = getattr(gradients, name)
         found.regular[i] = not gradients.singular
-        face = derivative.face
-        found.held[i, face.active.rows], found.side[i] = 1.0, face.active.side
-        points.y[i], points.z[i] = face.point.y, face.point.z
+        active, point = derivative.face.active, derivative.point
+        found.held[i, active.rows], found.side[i] = 1, active.side
+        points.y[i], points.z[i] = point.y, point.z
 
     on_threads(work, chosen.size, threads)
     return found, points
@@ -121,7 +121,7 @@ def differentiate_dense(
     threads: int,
     found: Found,
 ) -> None:
-    """Differentiate dense items in parts, on threads; arrays as `items` has them."""
+    """Differentiate dense items in parts, on threads; arrays as `dense` has them."""
     n, rows = found.q.shape[1], found.h.shape[1] + found.b.shape[1]
     most = max(int(MOST_WORK / ((n + rows) * n * n + 1)), 1)
     length = min(-(-chosen.size // (CHUNKS * threads)), most)

@@ -82,12 +82,12 @@ class ClosestDerivative:
         lb[face.rows.lower] -= g_lower
         ub[face.rows.upper] += g_upper
 
-        point = self.second.face.point
+        point = self.second.point
         x, y, z, _ = point
         u = -second.q
         of_G, _, _, of_A = self.products(
             (face.spread(y, z), u, lam, x),
-            (face.spread(self.first.face.point.y, 0.0 * z), -first.q[: u.size], mu, x),
+            (face.spread(self.first.point.y, 0.0 * z), -first.q[: u.size], mu, x),
         )
         vectors = second.q, g_h, g_b, lb, ub
         products: dict[str, RankTwo | Products] = {"G": of_G, "A": of_A}

@@ -24,12 +24,10 @@ from typing import Any
 import numpy as np
 from scipy.sparse import vstack
 
-from namlcp.derivatives.dependent import dependencies, signed_multipliers
-from namlcp.derivatives.face import system_of
+from namlcp.derivatives.face import active_sets, dependencies, signs
 from namlcp.derivatives.gradients import LCPTangent, QPTangent
 from namlcp.derivatives.lcp import LCPDerivative
 from namlcp.derivatives.qp import QPDerivative
-from namlcp.derivatives.systems import active_sets
 from namlcp.lcp import ACCURACY, lcp_data, solve_by_method
 from namlcp.limits import Limits
 from namlcp.options import DEFAULT_OPTIONS
@@ -40,18 +38,17 @@ from namlcp.status import Status
 
 def qp_directional(derivative: QPDerivative, changes: dict[str, Any]) -> QPTangent:
     """Return the one-sided derivative of a QP's solution along a direction."""
-    qp, face = derivative.qp, derivative.face
-    if not face.weak and not face.singular:
+    if not derivative.weak and not derivative.singular:
         return derivative.forward(changes)
-    d = derivative.direction(changes)
+    qp, face, d = derivative.qp, derivative.face, derivative.direction(changes)
     point = steepest(derivative, d)
     side = face.whole.side
     r, dh, db = derivative.right_sides(d, point)
-    active, _, _ = active_sets(qp, point)
-    strict, weak = active.rows, np.setdiff1d(face.whole.rows, active.rows)
+    (_, strict, strict_side), _, _ = active_sets(qp, point)
+    weak = np.setdiff1d(face.whole.rows, strict)
     A, b = with_rows(qp.A, qp.G[strict]), np.concatenate((db, dh[strict]))
     change = np.where(side < 0, d["lb"], d["ub"])
-    fixed = active.side != 0
+    fixed = strict_side != 0
     lower = np.where(fixed | (side < 0), change, -np.inf)
     upper = np.where(fixed | (side > 0), change, np.inf)
     found = solved(qp.P, r, qp.G[weak], dh[weak], A, b, lower, upper)
@@ -83,24 +80,23 @@ def with_rows(A: Any, G: Any) -> Any:
 def steepest(derivative: QPDerivative, d: dict[str, Any]) -> Point:
     """Return the multipliers that maximise the derivative of the optimal value."""
     qp, point, whole = derivative.qp, derivative.solution, derivative.face.whole
-    found = dependencies(qp, whole, system_of(qp, whole).null_space)
-    if not found.number:
+    N = dependencies(qp, whole, whole.factors(qp).null_space)
+    if not N.size:
         return point
-    value, N = signed_multipliers(qp, whole, point, found)
+    sign, value = signs(qp, whole), np.concatenate(point[1:])
     _, dh, db = derivative.right_sides(d, point)
     change = np.where(whole.side < 0, d["lb"], d["ub"])
-    slope = -(dh @ found.z + db @ found.y + change @ found.z_box)
-    zero = np.zeros((found.number, found.number))
-    right = np.maximum(value, 0.0)
-    best = solved(zero, -slope, -N, right, None, None, None, None)
+    slope = np.concatenate((db, dh, change)) @ N
+    zero, signed = np.zeros((slope.size, slope.size)), sign != 0
+    G, h = -(sign[:, None] * N)[signed], np.maximum(sign * value, 0.0)[signed]
+    best = solved(zero, slope, G, h, None, None, None, None)
     if best.status is not Status.SOLVED:
         raise ValueError(
             "the QP has no solution along this direction: its constraints contradict "
             f"each other (the LP of the multipliers is {best.status.value})"
         )
-    t = best.point.x
-    z_box = point.z_box + found.z_box @ t
-    return Point(point.x, point.y + found.y @ t, point.z + found.z @ t, z_box)
+    value = value + N @ best.point.x
+    return Point(point.x, *np.split(value, (qp.b.size, qp.b.size + qp.h.size)))
 
 
 def lcp_directional(

@@ -14,17 +14,35 @@ These hold where no unknown is at a bound with w = 0 and A_FF is regular. Elsewh
 solution has kinks, and an element of the generalised Jacobian is chosen as for QPs:
 unknowns at a bound with w = 0 count as free, or as fixed where A_FF is singular with
 them.
+
+From order LARGE_LCP on, matrices like those of differential equations are inverted by
+a Krylov method with truncated multigrid cycles, with the hierarchy of the solve.
 """
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.sparse import csc_array, csr_array
 
-from namlcp.checks import finite_matrix, finite_vector
-from namlcp.derivatives.free_matrix import FreeMatrix, free_matrix
+from namlcp.checks import finite_matrix, finite_vector, from_arrays, no_rows
+from namlcp.derivatives.factors import (
+    DenseFactors,
+    Factors,
+    KKTFactors,
+    SparseFactors,
+)
 from namlcp.derivatives.gradients import LCPGradients, LCPTangent, RankTwo
-from namlcp.derivatives.systems.marks import sides_of_lcp
-from namlcp.lcp import LCP, Operator
+from namlcp.lcp import LARGE_LCP, LCP, FreeSystem, Operator, Prepared, hierarchy_of
+from namlcp.linalg import arrays_of, by_rows, submatrix
+from namlcp.qp import KKT
+
+ACTIVE = 1e-8
+"""w_i counts as 0 up to this multiple of the largest term of (A z + q)_i, a distance to
+a bound up to this multiple of 1 + |z_i|."""
+
+ACCURACY = 1e-12
+"""Residual of multigrid solves, relative to the right-hand side."""
 
 
 class LCPDerivative:
@@ -43,11 +61,11 @@ class LCPDerivative:
         if isinstance(lcp.A, Operator):
             raise ValueError("derivatives need the entries of A, got a LinearOperator")
         self.lcp, self.given, self.z = lcp, given, z
-        side, self.weak_side = sides_of_lcp(lcp, z, w)
+        side, self.weak_side = sides_of(lcp, z, w)
         self.strict_side = side
         self.weak = int(np.count_nonzero(self.weak_side) - np.count_nonzero(side))
         self.hold(side)
-        self.singular = not self.system.regular
+        self.singular = not self.factors.regular
         if self.singular and self.weak:
             self.hold(self.weak_side)
 
@@ -55,7 +73,7 @@ class LCPDerivative:
         """Factor A_FF for the unknowns with side 0."""
         self.side, self.fixed = side, np.flatnonzero(side)
         self.free = np.flatnonzero(side == 0)
-        self.system: FreeMatrix = free_matrix(self.lcp.matrix, self.free)
+        self.factors: Factors = factored(self.lcp.matrix, self.free)
 
     def backward(self, dz: Any, dw: Any) -> LCPGradients:
         """Return the gradients of a scalar in the data from those in the solution."""
@@ -64,7 +82,7 @@ class LCPDerivative:
         rho = np.zeros(gz.size)
         rho[fixed] = gw[fixed]
         right = gz + rho @ A if rho.any() else gz
-        rho[self.free] = self.system.solve(-right[self.free], transposed=True)
+        rho[self.free] = self.factors.solve(-right[self.free], transposed=True)
         lower, upper = np.zeros((2, gz.size))
         if fixed.size:
             mu = gz + rho @ A
@@ -78,7 +96,7 @@ class LCPDerivative:
         r, dl, du = self.direction(dA, dq, dlower, dupper)
         dz = np.where(side < 0, dl, np.where(side > 0, du, 0.0))
         right = r + A @ dz if dz.any() else r
-        dz[self.free] = self.system.solve(-right[self.free], transposed=False)
+        dz[self.free] = self.factors.solve(-right[self.free], transposed=False)
         dw = np.zeros(dz.size)
         if fixed.size:
             dw[fixed] = (A @ dz + r)[fixed]
@@ -98,3 +116,92 @@ class LCPDerivative:
         if value is None:
             return np.zeros(self.z.size)
         return finite_vector(name, value, self.z.size, "q", self.lcp.q.shape)
+
+
+def sides_of(
+    lcp: LCP, z: np.ndarray, w: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Return where an unknown is fixed: -1 at lower, 1 at upper, 0 where it is free.
+
+    The second array counts unknowns at a bound with w = 0 as fixed too. w_i counts as 0
+    up to `ACTIVE` times the largest term of (A z + q)_i, as far as these are known. An
+    unknown is at a bound with w != 0 if its distance to the bound is less than |w_i|
+    over the slope of w_i in z_i.
+    """
+    q, lower, upper, slopes = lcp.q, lcp.lower, lcp.upper, lcp.matrix.slopes
+    terms = np.abs((q, w - q, slopes * z)).max(axis=0)
+    zero, near = ACTIVE * terms, ACTIVE * (1.0 + np.abs(z))
+    pinned = lower == upper
+    at_upper = np.where(pinned, w < 0.0, (w < -zero) & (slopes * (upper - z) < -w))
+    at_lower = np.where(pinned, w >= 0.0, (w > zero) & (slopes * (z - lower) < w))
+    strict = at_upper.astype(np.int8) - at_lower.astype(np.int8)
+    weak = np.where(upper - z <= near, 1, np.where(z - lower <= near, -1, 0))
+    return strict, np.where(strict == 0, weak, strict)
+
+
+def factored(matrix: Prepared, free: np.ndarray) -> Factors:
+    """Return A_FF ready for solves."""
+    if not matrix.is_sparse:
+        return DenseFactors(matrix.A[np.ix_(free, free)])
+    if free.size >= LARGE_LCP and hierarchy_of(matrix) is not None:
+        return Multigrid(matrix, free)
+    return sparse_factors(matrix, free)
+
+
+def sparse_factors(matrix: Prepared, free: np.ndarray) -> KKTFactors | SparseFactors:
+    """Return the factors of a sparse A_FF, without pivoting if it is definite."""
+    transpose = from_arrays(arrays_of(matrix.A), matrix.A.shape, csc_array)
+    transpose = submatrix(transpose, free, free)
+    if matrix.symmetric:
+        none = by_rows(no_rows(free.size))
+        try:
+            found = KKTFactors(KKT(transpose, none, none))
+            if (found.kkt.plan().pivots > 0.0).all():
+                return found
+        except ValueError:  # a pivot vanishes: A is indefinite
+            pass
+    return SparseFactors(transpose)
+
+
+class Multigrid:
+    """A large sparse matrix by truncated cycles, factored where these do not converge.
+
+    A matrix that suits the cycles counts as regular until it is factored.
+    """
+
+    regular = True
+
+    def __init__(self, matrix: Prepared, free: np.ndarray) -> None:
+        self.matrix, self.free = matrix, free
+        self.mask = np.zeros(matrix.n, dtype=bool)
+        self.mask[free] = True
+        self.factors: Factors | None = None
+
+    @cached_property
+    def straight(self) -> FreeSystem | None:
+        """The system of A_FF."""
+        hierarchy = hierarchy_of(self.matrix)
+        return None if hierarchy is None else FreeSystem(hierarchy, self.mask)
+
+    @cached_property
+    def turned(self) -> FreeSystem | None:
+        """The system of A_FF', None if A' does not suit the cycles."""
+        if self.matrix.symmetric:
+            return self.straight
+        transpose = Prepared.unchecked(csr_array(self.matrix.A.T), False)
+        hierarchy = hierarchy_of(transpose)
+        return None if hierarchy is None else FreeSystem(hierarchy, self.mask)
+
+    def solve(self, r: np.ndarray, transposed: bool = False) -> np.ndarray:
+        """Return the solution."""
+        system = self.turned if transposed else self.straight
+        if system is not None and self.factors is None:
+            b = np.zeros(self.mask.size)
+            b[self.free] = r
+            u, converged = system.solve(b, ACCURACY)
+            if converged:
+                return u[self.free]
+        if self.factors is None:
+            self.factors = sparse_factors(self.matrix, self.free)
+            self.regular = self.factors.regular
+        return self.factors.solve(r, transposed)

@@ -28,7 +28,7 @@ Elsewhere the solution has kinks, and an element of the generalised Jacobian is 
 
 1. weakly active constraints are dropped;
 2. where strictly active ones depend on each other, independent ones that carry all
-   multipliers are held (`dependent.py`);
+   multipliers are held (`face.py`);
 3. where K is still singular, weakly active constraints are held, too;
 4. where it is singular even so, because x is not unique, a solution of least norm is
    taken.
@@ -43,9 +43,9 @@ from typing import Any
 import numpy as np
 
 from namlcp.checks import finite_matrix, finite_vector, vector
+from namlcp.derivatives.dense import DenseItem, refuse_faults
 from namlcp.derivatives.face import Face
 from namlcp.derivatives.gradients import QPGradients, QPTangent, product_of
-from namlcp.derivatives.items import DenseItem, refuse_faults
 from namlcp.qp import QP, Point
 
 
@@ -56,9 +56,8 @@ class QPDerivative:
     ----------
     qp, solution : QP, Point
         The problem and its solution.
-    face : Face
-        The constraints held, and the factors of K; made when first asked for, as
-        `backward` of a dense QP needs it at kinks alone.
+    item : DenseItem or None
+        A dense QP whose strictly active constraints have good Cholesky factors.
     """
 
     def __init__(
@@ -68,78 +67,83 @@ class QPDerivative:
         point: Point,
         factors: Any = None,
     ) -> None:
-        """Note the problem; `given`: P, G and A of the user, None for those of qp.
+        """Factor; `given`: P, G and A of the user, None for those of qp.
 
         `factors`: those of the solve, if they are there.
         """
         self.qp, self.given, self.solution = qp, given, point
         self.item: Any = None
         if qp.is_dense:
-            self.item = DenseItem(qp.q.size, qp.h.size, qp.b.size)
-            self.item.take(qp, point, factors)
+            item = DenseItem(qp.q.size, qp.h.size, qp.b.size)
+            if item.take(qp, point, factors):
+                self.item = item
 
     @cached_property
     def face(self) -> Face:
         """The constraints held, and the factors of K."""
-        factors = self.item.factors if self.item is not None else None
-        return Face(self.qp, self.solution, factors)
+        return Face(self.qp, self.solution)
+
+    @property
+    def weak(self) -> int:
+        """How many constraints are active with a multiplier 0."""
+        return self.face.weak if self.item is None else self.item.weak
+
+    @property
+    def singular(self) -> bool:
+        """Whether K is singular with the strictly active constraints alone."""
+        return self.item is None and self.face.singular
+
+    @property
+    def point(self) -> Point:
+        """The solution, with multipliers 0 of constraints that are not held."""
+        return self.face.point if self.item is None else self.solution
 
     def backward(self, dx: Any, dy: Any, dz: Any, dz_box: Any) -> QPGradients:
         """Return the gradients of a scalar in the data from those in the solution."""
-        cotangents = (
-            dx if dx is None else self.cotangent("x", dx),
-            dy if dy is None else self.cotangent("y", dy),
-            dz if dz is None else self.cotangent("z", dz),
-            dz_box if dz_box is None else self.cotangent("z_box", dz_box),
+        vectors, matrices = self.solve(
+            (
+                dx if dx is None else self.cotangent("x", dx),
+                dy if dy is None else self.cotangent("y", dy),
+                dz if dz is None else self.cotangent("z", dz),
+                dz_box if dz_box is None else self.cotangent("z_box", dz_box),
+            ),
+            True,
         )
-        if self.item is not None:
-            found = self.item.backward(cotangents)
-            if found is not None:
-                vectors, matrices, weak = found
-                gradients = self.gradients(vectors, self.solution, weak, False)
-                if matrices:
-                    gradients.P, gradients.G, gradients.A = matrices
-                return gradients
-            self.item = None  # the constraints held have to be chosen
-        return self.backward_of_face(cotangents)
+        matrix = partial(self.matrix, vectors)
+        gradients = QPGradients(vectors, matrix, self.weak, self.singular)
+        if matrices:
+            gradients.P, gradients.G, gradients.A = matrices
+        return gradients
 
-    def backward_of_face(
-        self, cotangents: tuple[np.ndarray | None, ...]
-    ) -> QPGradients:
-        """Do `backward` with the constraints of `face`."""
+    def solve(
+        self, cotangents: tuple[np.ndarray | None, ...], with_matrices: bool = False
+    ) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+        """Return the gradients in q, h, b, lb and ub, small ones in P, G and A too."""
+        if self.item is not None:
+            return self.item.backward(cotangents, with_matrices)
         refuse_faults(cotangents)
         pairs = zip(cotangents, self.solution, strict=True)
-        gx, gy, gz, gz_box = (
-            np.zeros(own.size) if v is None else v for v, own in pairs
-        )
-        face = self.face
-        u = face.fixed * gz_box
-        lam, nu, mu = face.system.solve(gx, gz, gy, u)
-        vectors = 0.0 - u, lam, nu, face.at_lower * mu, face.at_upper * mu
-        return self.gradients(vectors, face.point, face.weak, face.singular)
+        given = (np.zeros(own.size) if v is None else v for v, own in pairs)
+        return self.face.backward(tuple(given)), ()
 
-    def gradients(
-        self, vectors: tuple[np.ndarray, ...], point: Point, weak: int, singular: bool
-    ) -> QPGradients:
-        """Return the gradients; `vectors`: those in q, h, b, lb and ub."""
-        return QPGradients(
-            vectors, partial(self.matrix, vectors, point), weak, singular
-        )
-
-    def matrix(self, vectors: tuple[np.ndarray, ...], point: Point, name: str) -> Any:
+    def matrix(self, vectors: tuple[np.ndarray, ...], name: str) -> Any:
         """Return the gradient in P, G or A in the form of the user's matrix."""
         pattern = self.given["PGA".index(name)]
         if pattern is None:
             pattern = getattr(self.qp, name)
-        return product_of(vectors, point, name).on(pattern)
+        return product_of(vectors, self.point, name).on(pattern)
 
     def forward(self, changes: dict[str, Any]) -> QPTangent:
-        """Return the derivative of the solution along a direction of the data."""
-        d, face = self.direction(changes), self.face
-        r, dh, db = self.right_sides(d, face.point)
-        dx = face.at_lower * d["lb"] + face.at_upper * d["ub"]
-        dz, dy, rest = face.system.solve(-r, dh, db, dx)
-        return QPTangent(dx, dy, dz, face.fixed * rest, face.weak, face.singular)
+        """Return the derivative of the solution along a direction of the data.
+
+        K is symmetric: `solve` has its system, with other right-hand sides.
+        """
+        d = self.direction(changes)
+        r, dh, db = self.right_sides(d, self.point)
+        side = self.item.side if self.item is not None else self.face.active.side
+        fixed = np.where(side < 0, d["lb"], np.where(side > 0, d["ub"], 0.0))
+        (q, h, b, lb, ub), _ = self.solve((-r, db, dh, fixed))
+        return QPTangent(0.0 - q, b, h, lb + ub, self.weak, self.singular)
 
     def right_sides(
         self, d: dict[str, Any], point: Point

@@ -167,39 +167,3 @@ def mark(qp, Gx, share, norms, size, strict, whole):
             weak += side != 0
         whole[m + j] = side
     return weak
-
-
-def sides_of_lcp(lcp, z, w):
-    """Return where an unknown is fixed: -1 at lower, 1 at upper, 0 where it is free.
-
-    The second row counts unknowns at a bound with w = 0 as fixed too. w_i counts as 0
-    up to `ACTIVE` times the largest term of (A z + q)_i, as far as these are known. An
-    unknown is at a bound with w != 0 if its distance to the bound is less than |w_i|
-    over the slope of w_i in z_i.
-    """
-    n: Py_ssize_t = z.size
-    sides = np.empty((2, n), dtype=np.int8)
-    strict = signs(sides, 2 * n)
-    z_at, w_at, q = numbers(z, n), numbers(w, n), numbers(lcp.q, n)
-    lower, upper = numbers(lcp.lower, n), numbers(lcp.upper, n)
-    slopes = numbers(lcp.matrix.slopes, n)
-    for i in range(n):
-        slope, value = slopes[i], w_at[i]
-        zero = ACTIVE * max(fabs(q[i]), max(fabs(value - q[i]), slope * fabs(z_at[i])))
-        to_lower, to_upper = z_at[i] - lower[i], upper[i] - z_at[i]
-        side: cython.schar = 0
-        if lower[i] == upper[i]:
-            side = 1 if value < 0.0 else -1
-        elif value < -zero and slope * to_upper < -value:
-            side = 1
-        elif value > zero and slope * to_lower < value:
-            side = -1
-        strict[i] = side
-        near = ACTIVE * (1.0 + fabs(z_at[i]))
-        if side == 0:
-            if to_upper <= near:
-                side = 1
-            elif to_lower <= near:
-                side = -1
-        strict[n + i] = side
-    return sides

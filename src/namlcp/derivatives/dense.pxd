@@ -1,0 +1,61 @@
+from namlcp.derivatives.marks cimport Solved
+from namlcp.qp.active.dense cimport DenseActiveSet
+
+cdef double LEAST_PIVOT
+cdef enum:
+    AT_ONCE = 2000
+    ARRAYS = 16
+    SOLVES = 2
+
+cdef class DenseItem:
+    cdef:
+        # The QP with its solution; gradients in x, y, z and z_box; those in the data.
+        Solved qp
+        const double *of_x
+        const double *of_y
+        const double *of_z
+        const double *of_box
+        double *u
+        double *lam
+        double *nu
+        double *lower
+        double *upper
+        # Sides of constraints, see `marks`; how many are weak.
+        signed char *strict
+        signed char *whole
+        readonly Py_ssize_t weak
+        # The rows of [A; G] that are held, the free variables, and their numbers.
+        Py_ssize_t *held
+        Py_ssize_t *free
+        Py_ssize_t held_n, free_n
+        # L, V and the factor of S; right-hand sides for free variables and held rows.
+        double *L
+        double *V
+        double *S
+        double *t
+        double *s
+        # Zeros; work space.
+        double *zero
+        double *work
+        char *memory
+        char *store
+        # The factors of the solve; whether they serve.
+        DenseActiveSet kept
+        bint keeps
+        object arrays
+
+cdef int make_store(DenseItem m) except -1
+cdef void set_cotangents(DenseItem m, double** start, const Py_ssize_t* step, Py_ssize_t i) noexcept nogil
+cdef void set_gradients(DenseItem m, double* q, double* h, double* b, double* lb, double* ub) noexcept nogil
+cdef void mark_item(DenseItem m) noexcept nogil
+cdef bint serves(DenseActiveSet own, DenseItem m) noexcept nogil
+cdef bint factor(DenseItem m) noexcept nogil
+cdef bint has_factor(double* M, Py_ssize_t n, double* diagonal) noexcept nogil
+cdef const double* row_at(DenseItem m, Py_ssize_t k) noexcept nogil
+cdef void solve_item(DenseItem m) noexcept nogil
+cdef void set_remainder(DenseItem m) noexcept nogil
+cdef void correct(DenseItem m) noexcept nogil
+cdef void correct_by_kept(DenseActiveSet own, DenseItem m) noexcept nogil
+cdef bint are_finite(DenseItem m) noexcept nogil
+cdef bint is_finite(const double* v, Py_ssize_t n) noexcept nogil
+cdef int write_matrices(DenseItem m, tuple matrices) except -1

@@ -1,0 +1,401 @@
+"""Dense QPs differentiated: the regular case of `namlcp.derivatives.qp`.
+
+The KKT system of the strictly active constraints is factored and solved in compiled
+code; a singular one is left to others. For P_FF = L L' and V = C_F L^-T the Schur
+complement is S = V V', and
+
+    [P_FF C_F'; C_F 0] (u, v) = (r, s):   S v = V L^-1 r - s,
+                                          u = L^-T (L^-1 r - V'v).
+
+A single QP whose solve has left its factors is solved with these, `kept`, if they are
+those of the strictly active constraints: they belong to the whole P, with active bounds
+as rows, see `namlcp.qp.active.steps`.
+"""
+
+import cython
+import numpy as np
+from cython import Py_ssize_t
+from cython.cimports.libc.math import INFINITY, fabs
+from cython.cimports.libc.stdlib import calloc, free, malloc
+from cython.cimports.namlcp.derivatives.marks import (
+    locate,
+    mark_dense,
+    set_solved,
+    sizes_of,
+)
+from cython.cimports.namlcp.derivatives.rank_two import write_rank_two
+from cython.cimports.namlcp.linalg.arrays import indices, numbers, signs
+from cython.cimports.namlcp.linalg.blas import (
+    cholesky,
+    cholesky_solve,
+    solve_rows,
+    times_transposed,
+)
+from cython.cimports.namlcp.linalg.dense import (
+    add_times_transposed,
+    backward_solve,
+    forward_solve,
+    triangle_solve,
+    triangle_solve_transposed,
+)
+from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, dot, fill
+from cython.cimports.namlcp.qp.active.dense import DenseActiveSet
+from cython.cimports.namlcp.qp.active.rows import response_of
+
+from namlcp.checks import refuse_number
+
+# Factors are used if no pivot is below this multiple of its diagonal entry; a single
+# step of refinement then removes the error of the Schur complement.
+LEAST_PIVOT = 1e-8
+# SOLVES: solves with the factors for one right-hand side; the second refines the first.
+# AT_ONCE: entries of the gradients in P, G and A together, up to which they are made
+# with the others: that takes less time than the call that would make one of them later.
+# ARRAYS: data, solution and gradients in the solution.
+
+
+class DenseItem:
+    """One dense QP with its solution, or one after another of the same sizes."""
+
+    def __cinit__(self, n: Py_ssize_t, m: Py_ssize_t, p: Py_ssize_t):
+        qp = cython.address(self.qp)
+        qp.n, qp.m, qp.p = n, m, p
+        most, length, rows = max(n, max(m, p)), 4 * (n + m + p), m + p
+        self.memory = cython.cast(
+            cython.p_char, calloc(8 * (most + length + 2 * (n + rows)) + 2 * (n + m), 1)
+        )
+        if self.memory == cython.NULL:
+            raise MemoryError("a derivative of this size needs more memory")
+        self.zero = cython.cast(cython.p_double, self.memory)
+        self.work = self.zero + most
+        self.t = self.work + length
+        self.s = self.t + n
+        self.held = cython.cast(cython.p_Py_ssize_t, self.s + rows)
+        self.free = self.held + rows
+        self.strict = cython.cast(cython.p_schar, self.free + n)
+        self.whole = self.strict + n + m
+
+    def __dealloc__(self):
+        free(self.memory)
+        free(self.store)
+
+    def take(self, qp, point, kept):
+        """Take a single QP, its solution, and the factors of its solve or None.
+
+        Return whether its KKT system has good factors.
+        """
+        start = cython.declare(cython.p_double[12])
+        step = cython.declare(Py_ssize_t[12])
+        regular: cython.bint = True
+        self.arrays = *qp, *point
+        own = cython.address(self.qp)
+        locate(self.arrays, sizes_of(own.n, own.m, own.p), 1, start, step)
+        set_solved(own, start, step, 0)
+        mark_item(self)
+        if isinstance(kept, DenseActiveSet):
+            self.kept = kept
+            self.keeps = serves(self.kept, self)
+        if not self.keeps:
+            make_store(self)
+            with cython.nogil:  # nobody else has this item yet
+                regular = factor(self)
+        return regular
+
+    @property
+    def side(self):
+        """Where the variables are held: -1 at lb, 1 at ub, 0 where they are free."""
+        n = self.qp.n
+        side = np.empty(n, dtype=np.int8)
+        out = signs(side, n)
+        for j in range(n):
+            out[j] = self.strict[self.qp.m + j]
+        return side
+
+    def backward(self, cotangents, with_matrices):
+        """Return the gradients in q, h, b, lb and ub, and those in P, G and A.
+
+        The latter are there if they are asked for and small, else none of them. Raises
+        ValueError if a cotangent is not finite.
+        """
+        n, m, p = self.qp.n, self.qp.m, self.qp.p
+        start = cython.declare(cython.p_double[4])
+        step = cython.declare(Py_ssize_t[4])
+        q, h, b = np.empty(n), np.empty(m), np.empty(p)
+        lb, ub = np.empty(n), np.empty(n)
+        locate(cotangents, (n, p, m, n), 1, start, step)
+        set_cotangents(self, start, step, 0)
+        set_gradients(
+            self, numbers(q, n), numbers(h, m), numbers(b, p), numbers(lb, n),
+            numbers(ub, n),
+        )  # fmt: skip
+        if not are_finite(self):
+            refuse_faults(cotangents)
+        solve_item(self)
+        matrices = ()
+        if with_matrices and (n + m + p) * n <= AT_ONCE:
+            matrices = np.empty((n, n)), np.empty((m, n)), np.empty((p, n))
+            write_matrices(self, matrices)
+        return (q, h, b, lb, ub), matrices
+
+
+def refuse_faults(cotangents):
+    """Raise a ValueError that names the cotangent which is not finite, if one is."""
+    for name, value in zip(("x", "y", "z", "z_box"), cotangents, strict=True):
+        if value is not None:
+            refuse_number(f"d{name}", value, False)
+
+
+def differentiate_items(chosen, arrays, found):
+    """Write the gradients of the chosen items to their rows of `found`.
+
+    arrays: P, q, G, h, A, b, lb, ub, x, y, z, z_box and the gradients in these four,
+    each with the numbers of one item after another, or of one item that stands for all,
+    or (gradients) None. found: a `Found` of zeros; an item that is singular remains so.
+    """
+    count: Py_ssize_t = found.q.shape[0]
+    n: Py_ssize_t = found.q.shape[1]
+    m: Py_ssize_t = found.h.shape[1]
+    p: Py_ssize_t = found.b.shape[1]
+    start = cython.declare(cython.p_double[ARRAYS])
+    step = cython.declare(Py_ssize_t[ARRAYS])
+    item: DenseItem = DenseItem(n, m, p)
+    make_store(item)
+    locate(arrays, (*sizes_of(n, m, p), n, p, m, n), count, start, step)
+    q, h = numbers(found.q, count * n), numbers(found.h, count * m)
+    b, lb = numbers(found.b, count * p), numbers(found.lb, count * n)
+    ub, weak = numbers(found.ub, count * n), indices(found.weak, count)
+    side = signs(found.sides, count * (m + n))
+    regular = signs(found.regular.view(np.int8), count)
+    length: Py_ssize_t = chosen.size
+    which = indices(chosen, length)
+    with cython.nogil:
+        for t in range(length):
+            i = which[t]
+            set_solved(cython.address(item.qp), start, step, i)
+            set_cotangents(item, start + 12, step + 12, i)
+            set_gradients(item, q + i * n, h + i * m, b + i * p, lb + i * n, ub + i * n)
+            mark_item(item)
+            weak[i] = item.weak
+            regular[i] = factor(item)
+            if regular[i]:
+                solve_item(item)
+            for k in range(m + n):
+                side[i * (m + n) + k] = item.strict[k]
+
+
+def make_store(m):
+    """Make room for L, V and the factor of S."""
+    n, k = m.qp.n, min(m.qp.n, m.qp.m + m.qp.p)
+    m.store = cython.cast(cython.p_char, malloc(8 * (n * n + k * (n + k) + 1)))
+    if m.store == cython.NULL:
+        raise MemoryError("the KKT system needs more memory than there is")
+    m.L = cython.cast(cython.p_double, m.store)
+    return 0
+
+
+def set_cotangents(m, start, step, i):
+    """Note where the gradients in the solution of item i are."""
+    m.of_x = start[0] + i * step[0] if start[0] != cython.NULL else m.zero
+    m.of_y = start[1] + i * step[1] if start[1] != cython.NULL else m.zero
+    m.of_z = start[2] + i * step[2] if start[2] != cython.NULL else m.zero
+    m.of_box = start[3] + i * step[3] if start[3] != cython.NULL else m.zero
+
+
+def set_gradients(m, q, h, b, lb, ub):
+    """Note where the gradients in the vectors are to be."""
+    m.u, m.lam, m.nu, m.lower, m.upper = q, h, b, lb, ub
+
+
+def mark_item(m):
+    """Find the strictly active constraints, and note what they hold and leave free."""
+    qp = cython.address(m.qp)
+    m.weak = mark_dense(qp, m.work, m.strict, m.whole)
+    m.held_n, m.free_n = qp.p, 0
+    for i in range(qp.p):
+        m.held[i] = i
+    for i in range(qp.m):
+        if m.strict[i] != 0:
+            m.held[m.held_n] = qp.p + i
+            m.held_n += 1
+    for j in range(qp.n):
+        if m.strict[qp.m + j] == 0:
+            m.free[m.free_n] = j
+            m.free_n += 1
+
+
+def serves(own, m):
+    """Tell whether a solve has left good factors, of the strictly active constraints."""
+    strict = m.held_n - m.qp.p + m.qp.n - m.free_n
+    if own.skipped > 0 or own.kept_k != strict:
+        return False
+    last: Py_ssize_t = -1
+    for i in range(own.kept_k):
+        row = own.kept_active[i]
+        last += i + 1
+        root = own.kept_triangle[last]
+        if m.strict[row] == 0 or root * root < LEAST_PIVOT * response_of(own, row)[row]:
+            return False
+    return True
+
+
+def factor(m):
+    """Compute L, V and the factor of S; tell whether they exist.
+
+    What is above the diagonal of L and of that factor has no meaning.
+    """
+    n, k = m.free_n, m.held_n
+    if k > n:
+        return False
+    m.V = m.L + n * n
+    m.S = m.V + k * n
+    for a in range(n):
+        row = m.qp.P + m.free[a] * m.qp.n
+        for c in range(a + 1):
+            m.L[a * n + c] = row[m.free[c]]
+    for i in range(k):
+        row = row_at(m, m.held[i])
+        for c in range(n):
+            m.V[i * n + c] = row[m.free[c]]
+    if not has_factor(m.L, n, m.work):
+        return False
+    solve_rows(m.L, n, m.V, k)
+    times_transposed(m.V, m.V, m.S, k, k, n)
+    return has_factor(m.S, k, m.work)
+
+
+def row_at(m, k):
+    """Return row k of [A; G]."""
+    p, n = m.qp.p, m.qp.n
+    return m.qp.A + k * n if k < p else m.qp.G + (k - p) * n
+
+
+def has_factor(M, n, diagonal):
+    """Overwrite the lower triangle of M by its Cholesky factor; False if M is singular.
+
+    That is where a pivot is too small a part of its diagonal entry.
+    """
+    for i in range(n):
+        diagonal[i] = M[i * n + i]
+    if not cholesky(M, n):
+        return False
+    for i in range(n):
+        root = M[i * n + i]
+        if not root * root >= LEAST_PIVOT * diagonal[i]:
+            return False
+    return True
+
+
+def solve_item(m):
+    """Write the gradients in the vectors."""
+    qp, side = cython.address(m.qp), m.strict + m.qp.m
+    fill(m.lam, 0.0, qp.m)
+    fill(m.nu, 0.0, qp.p)
+    for j in range(qp.n):
+        m.u[j] = m.of_box[j] if side[j] != 0 else 0.0
+    for _ in range(SOLVES):
+        set_remainder(m)
+        if m.keeps:
+            correct_by_kept(m.kept, m)
+        else:
+            correct(m)
+    set_remainder(m)
+    for j in range(qp.n):
+        m.u[j] = 0.0 - m.u[j]
+        m.upper[j] = m.lower[j] if side[j] > 0 else 0.0
+        m.lower[j] = m.lower[j] if side[j] < 0 else 0.0
+
+
+def set_remainder(m):
+    """Set lower = of_x - P u - G'lam - A'nu, and s = (of_y - A u, of_z - G u)_held."""
+    qp, rest = cython.address(m.qp), m.lower
+    n, p = qp.n, qp.p
+    fill(rest, 0.0, n)
+    add_times_transposed(qp.P, n, n, m.u, rest)  # P = P'
+    add_times_transposed(qp.G, qp.m, n, m.lam, rest)
+    add_times_transposed(qp.A, p, n, m.nu, rest)
+    for j in range(n):
+        rest[j] = m.of_x[j] - rest[j]
+    for i in range(m.held_n):
+        k = m.held[i]
+        goal = m.of_y[k] if k < p else m.of_z[k - p]
+        m.s[i] = goal - dot(row_at(m, k), m.u, n)
+
+
+def correct(m):
+    """Add the solution for the remainder to u_F, nu and lam, by L, V and S."""
+    n, k, p, t, s = m.free_n, m.held_n, m.qp.p, m.t, m.s
+    for a in range(n):
+        t[a] = m.lower[m.free[a]]
+    forward_solve(m.L, n, t)
+    for i in range(k):
+        s[i] = dot(m.V + i * n, t, n) - s[i]
+    cholesky_solve(m.S, k, s)
+    for i in range(k):
+        add_scaled(-s[i], m.V + i * n, t, n)
+    backward_solve(m.L, n, t)
+    for a in range(n):
+        m.u[m.free[a]] += t[a]
+    for i in range(k):
+        if m.held[i] < p:
+            m.nu[m.held[i]] += s[i]
+        else:
+            m.lam[m.held[i] - p] += s[i]
+
+
+def correct_by_kept(own, m):
+    """Do as `correct` does, by the factors of the solve.
+
+    They solve P u + A'nu + C'v = r, A u = e and C u = goals for its active rows C; of
+    the bounds among them, the v need no correction.
+    """
+    qp = cython.address(m.qp)
+    n, p, goals, values = qp.n, qp.p, m.work, m.work + qp.n
+    for j in range(n):
+        own.rhs[j] = m.lower[j] if m.strict[qp.m + j] == 0 else 0.0
+    copy(m.s, own.rhs + n, p)
+    own.set_values(own.rhs, values)  # (G u, u, nu) without the active rows
+    for i in range(own.kept_k):
+        k = own.kept_active[i]
+        if k < qp.m:
+            goal = m.of_z[k] - dot(qp.G + k * n, m.u, n)
+        else:
+            goal = m.of_box[k - qp.m] - m.u[k - qp.m]
+        goals[i] = values[k] - goal
+    triangle_solve(own.kept_triangle, own.kept_k, goals)
+    triangle_solve_transposed(own.kept_triangle, own.kept_k, goals)
+    for i in range(own.kept_k):
+        k = own.kept_active[i]
+        add_scaled(-goals[i], response_of(own, k), values, own.length)
+        if k < qp.m:
+            m.lam[k] += goals[i]
+    add_scaled(1.0, values + qp.m, m.u, n)
+    add_scaled(1.0, values + own.rows, m.nu, p)
+
+
+def are_finite(m):
+    """Tell whether the gradients in the solution are finite."""
+    qp = cython.address(m.qp)
+    return (
+        is_finite(m.of_x, qp.n)
+        and is_finite(m.of_y, qp.p)
+        and is_finite(m.of_z, qp.m)
+        and is_finite(m.of_box, qp.n)
+    )
+
+
+def is_finite(v, n):
+    """Tell whether no entry of v is NaN or infinite."""
+    fine: cython.bint = True
+    for i in range(n):
+        fine = fine and fabs(v[i]) < INFINITY
+    return fine
+
+
+def write_matrices(m, matrices):
+    """Write the gradients in P, G and A: those of `product_of`."""
+    qp = cython.address(m.qp)
+    n, (P, G, A) = qp.n, matrices
+    u, x = m.u, qp.x
+    write_rank_two(0.5, u, x, 0.5, x, u, n, n, numbers(P, n * n))
+    write_rank_two(1.0, qp.z, u, -1.0, m.lam, x, qp.m, n, numbers(G, qp.m * n))
+    write_rank_two(1.0, qp.y, u, -1.0, m.nu, x, qp.p, n, numbers(A, qp.p * n))
+    return 0

@@ -1,0 +1,216 @@
+"""Factors of dense and of sparse matrices, with refined solves.
+
+Of a singular matrix the solutions are those of least squares. Dense matrices have LU
+factors from LAPACK, sparse ones from SuperLU. The sparse KKT matrix K is scaled to rows
+of size 1 and factored as the quasi-definite K + DELTA diag(I, -I): each step of
+refinement multiplies the error by about DELTA over the least singular value of K.
+"""
+
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import numpy as np
+from scipy.linalg.lapack import dgecon, dgetrf, dgetrs
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import lsmr, splu
+
+from namlcp.linalg import Compressed, add_column_sums, add_columns
+from namlcp.qp import KKT, equilibrate
+
+SINGULAR = 1e-13
+"""A matrix is singular if the reciprocal of its condition, of a sparse one the ratio of
+its pivots, is below this; singular values below this times its order count as 0."""
+
+REFINEMENTS, ROUNDING = 20, 1e-15
+"""Most steps of refinement, and the residual that ends it, relative to the largest
+number of right-hand side and solution."""
+
+SHIFTS = 1e-8, 3.7e-8, 1.3e-7
+"""DELTA: added to the diagonal of P, and subtracted for rows, in units of K scaled. A
+smaller shift makes smaller pivots, whose rounding errors would exceed it; the larger
+ones are tried where a pivot is 0 by rounding."""
+
+PROJECTIONS = 4
+"""Steps that project random vectors to the null space of K."""
+
+FIRST_BLOCK, GROWTH, MOST = 1, 4, 64
+"""Vectors projected first; if the null space has as many dimensions, GROWTH times as
+many are, up to MOST. Of a larger null space a part is found."""
+
+VANISHED = 1e-3
+"""A projected unit vector with a norm below this over sqrt(order) counts as 0: a random
+one has a larger part in any null space."""
+
+NULL = 1e-6
+"""Projected vectors with singular values below this, relative to the largest, are
+multiples of the others."""
+
+ZERO_IMAGE = 1e-12
+"""Largest norm of K v, for K scaled and a unit vector v of its null space."""
+
+
+class Factors(Protocol):
+    """A matrix; `regular` tells whether it has an inverse."""
+
+    regular: bool
+
+    def solve(self, r: np.ndarray, transposed: bool = False) -> np.ndarray:
+        """Return the solution for one right-hand side, of the transpose if asked."""
+
+
+def refined(
+    solve: Callable[[np.ndarray], Any],
+    product: Callable[[np.ndarray], np.ndarray],
+    r: np.ndarray,
+) -> np.ndarray:
+    """Solve K w = r: by what solves it up to errors, and by products with K."""
+    w, rest, error = np.zeros(r.size), r, np.inf
+    for _ in range(REFINEMENTS):
+        trial = w + solve(rest)
+        rest = r - product(trial)
+        before, error = error, float(np.abs(rest).max(initial=0.0))
+        if not error < before:
+            break
+        w = trial
+        size = max(np.abs(v).max(initial=0.0) for v in (r, w))
+        if not ROUNDING * size < error < 0.5 * before:
+            break
+    return w
+
+
+class DenseFactors:
+    """LU factors of K with rows and columns scaled; its pseudo-inverse if singular.
+
+    Attributes
+    ----------
+    null_space : (order, k) array
+        A basis of the vectors that K maps to 0.
+    """
+
+    def __init__(self, K: np.ndarray) -> None:
+        sizes = (np.abs(K).max(axis=k, initial=0.0) for k in (1, 0))
+        self.rows, self.columns = (
+            1.0 / np.sqrt(np.where(size > 0.0, size, 1.0)) for size in sizes
+        )
+        self.K = K = self.rows[:, None] * K * self.columns
+        self.inverse, self.null_space = None, np.empty((K.shape[0], 0))
+        if K.size:
+            self.lu, self.pivots, info = dgetrf(K)
+            rcond = 0.0 if info else dgecon(self.lu, np.abs(K).sum(axis=0).max())[0]
+            if rcond < SINGULAR:
+                left, values, right = np.linalg.svd(K)
+                kept = values > SINGULAR * values.size
+                self.inverse = right[kept].T / values[kept] @ left[:, kept].T
+                self.null_space = self.columns[:, None] * right[~kept].T
+        self.regular = not self.null_space.size
+
+    def solve(self, r: np.ndarray, transposed: bool = False) -> np.ndarray:
+        """Return the solution."""
+        K, inverse, left, right = self.K, self.inverse, self.rows, self.columns
+        if not r.size:
+            return r
+        if transposed:
+            K, left, right = K.T, right, left
+            inverse = None if inverse is None else inverse.T
+        if inverse is not None:
+            return right * (inverse @ (left * r))
+        trans = int(transposed)
+        return right * refined(
+            lambda v: dgetrs(self.lu, self.pivots, v, trans)[0], K.__matmul__, left * r
+        )
+
+
+class SparseFactors:
+    """LU factors of a sparse matrix, given by its transpose."""
+
+    def __init__(self, transpose: csc_array) -> None:
+        self.transpose, self.regular = transpose, True
+        try:
+            self.factors = splu(transpose)
+            pivots = np.abs(self.factors.U.diagonal())
+            least, most = pivots.min(initial=1.0), pivots.max(initial=0.0)
+            self.regular = bool(least > SINGULAR * most)
+        except RuntimeError:  # a pivot is exactly 0
+            self.regular = False
+
+    def solve(self, r: np.ndarray, transposed: bool = False) -> np.ndarray:
+        """Return the solution."""
+        M = self.transpose if transposed else self.transpose.T
+        if not self.regular:
+            return lsmr(M, r, atol=1e-14, btol=1e-14)[0]
+        trans = "N" if transposed else "T"
+        return refined(lambda v: self.factors.solve(v, trans), M.__matmul__, r)
+
+
+class KKTFactors:
+    """L D L' of a sparse KKT matrix K, which is symmetric.
+
+    Attributes
+    ----------
+    regular : bool
+        Whether K has an inverse, as far as the shifted factors can tell.
+    null_space : (order, k) array
+        A basis of the vectors that K maps to 0.
+    """
+
+    def __init__(self, kkt: KKT) -> None:
+        self.kkt = kkt
+        self.scale = np.ones(kkt.size)
+        self.values, self.upper = kkt.base.copy(), np.empty(kkt.base.size)
+        equilibrate(kkt.indptr, kkt.indices, self.values, self.scale)
+        self.upper[:] = self.values
+        self.upper[kkt.diagonal] = 0.0
+        if not any(self.factor(shift) for shift in SHIFTS):
+            raise ValueError("the KKT matrix of the active constraints has no factors")
+        self.basis = self.find_null_space()
+        self.null_space = (self.basis * self.scale).T
+        self.regular = not self.null_space.size
+
+    def factor(self, shift: float) -> bool:
+        """Factor K scaled + shift diag(I, -I); False if a pivot is 0 by rounding."""
+        kkt = self.kkt
+        kkt.data[:] = self.values
+        kkt.data[kkt.diagonal[: kkt.n]] += shift
+        kkt.data[kkt.diagonal[kkt.n :]] -= shift
+        return kkt.factor()
+
+    def find_null_space(self) -> np.ndarray:
+        """Return an orthonormal basis of the null space of K scaled, by rows.
+
+        v - K~^-1 K v, K~ the factored matrix, keeps what K maps to 0 and multiplies all
+        else by about DELTA over its singular value.
+        """
+        size, width = self.kkt.size, FIRST_BLOCK
+        while size:
+            width = min(width, size)
+            V = np.random.default_rng(0).standard_normal((width, size))
+            V /= np.linalg.norm(V, axis=1)[:, None]
+            for _ in range(PROJECTIONS):
+                V = np.array([v - self.kkt.plan().solve(self.product(v)) for v in V])
+                if np.linalg.norm(V, axis=1).max() < VANISHED / np.sqrt(size):
+                    return V[:0]
+            values, basis = np.linalg.svd(V, full_matrices=False)[1:]
+            basis = basis[values > NULL * values[0]]
+            image = [np.linalg.norm(self.product(v)) for v in basis]
+            basis = basis[np.array(image) <= ZERO_IMAGE]
+            if basis.shape[0] < width or width >= min(size, MOST):
+                return basis
+            width *= GROWTH
+        return np.empty((0, 0))
+
+    def product(self, w: np.ndarray) -> np.ndarray:
+        """Return K w for the scaled K."""
+        Kw, kkt = np.zeros(w.size), self.kkt
+        add_columns(Compressed(kkt.indptr, kkt.indices, self.values), w, Kw)
+        add_column_sums(Compressed(kkt.indptr, kkt.indices, self.upper), w, Kw)
+        return Kw
+
+    def solve(self, r: np.ndarray, transposed: bool = False) -> np.ndarray:
+        """Return the solution, of least norm for the scaled K if it is singular."""
+        r = self.across(r * self.scale)
+        w = refined(self.kkt.plan().solve, self.product, r)
+        return self.across(w) * self.scale
+
+    def across(self, w: np.ndarray) -> np.ndarray:
+        """Return the part of w that is orthogonal to the null space of K scaled."""
+        return w if self.regular else w - self.basis.T @ (self.basis @ w)
