@@ -5,6 +5,7 @@ a batch, which its items may share.
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +13,7 @@ import numpy as np
 from namlcp.checks import clean_copy, real_array
 from namlcp.derivatives.dense import differentiate_items as differentiate_part
 from namlcp.derivatives.dense import refuse_faults
-from namlcp.derivatives.gradients import InMatrices, product_of
+from namlcp.derivatives.gradients import QPGradients, product_of
 from namlcp.derivatives.qp import QPDerivative
 from namlcp.options import check_count
 from namlcp.qp import QP, Items, Point, available_cores, on_threads
@@ -103,10 +104,10 @@ def differentiate_items(
         i = chosen[k]
         point = Point(*(v[i] for v in points))
         derivative = QPDerivative(solved.item(i), (None, None, None), point)
-        gradients = derivative.backward(*(v if v is None else v[i] for v in parts))
-        for name in ("q", "h", "b", "lb", "ub", "weak"):
-            getattr(found, name)[i] = getattr(gradients, name)
-        found.regular[i] = not gradients.singular
+        vectors, _ = derivative.solve(tuple(v if v is None else v[i] for v in parts))
+        for own, vector in zip(found, vectors, strict=False):
+            own[i] = vector
+        found.weak[i], found.regular[i] = derivative.weak, not derivative.singular
         active, point = derivative.face.active, derivative.point
         found.held[i, active.rows], found.side[i] = 1, active.side
         points.y[i], points.z[i] = point.y, point.z
@@ -133,7 +134,8 @@ def differentiate_dense(
     on_threads(work, len(starts), threads)
 
 
-class BatchGradients(InMatrices):
+@dataclass(eq=False, repr=False)
+class BatchGradients(QPGradients):
     """Gradients of a scalar in the data of a batch of QPs.
 
     Attributes
@@ -149,29 +151,7 @@ class BatchGradients(InMatrices):
         The same.
     """
 
-    def __init__(
-        self, items: Items, used: np.ndarray, found: Found, points: Point
-    ) -> None:
-        """Take what `differentiate_items` has returned for the used items."""
-        self.stacked = items.stacked
-        self.given = dict(zip("PGA", items.given, strict=True))
-        self.vectors, self.points = found[:5], points
-        self.used, self.weak = used, found.weak
-        self.singular = self.used & ~found.regular
-        self.q, self.h, self.b, self.lb, self.ub = map(
-            self.joined, ("q", "h", "b", "lb", "ub"), self.vectors
-        )
-
-    def joined(self, name: str, parts: np.ndarray) -> np.ndarray:
-        """Return the gradients of all items in one argument, stacked or added."""
-        return parts.copy() if name in self.stacked else parts.sum(axis=0)
-
-    def matrix(self, name: str) -> Any:
-        """Return the gradients in P, G or A."""
-        product = product_of(self.vectors, self.points, name)
-        if name in self.stacked:
-            return product.stacked()
-        return product.summed(self.given[name])
+    used: np.ndarray
 
 
 def differentiate_batch(
@@ -190,7 +170,20 @@ def differentiate_batch(
     if items.shared.is_dense:
         arrays = tuple((items.shared._asdict() | items.stacked).values())
     solved = Solved(arrays, lambda i: items.item(i)[0], points, used)
-    return BatchGradients(items, used, *differentiate_items(solved, given, threads))
+    found, points = differentiate_items(solved, given, threads)
+
+    def matrix(name: str) -> Any:
+        product = product_of(found, points, name)
+        if name in items.stacked:
+            return product.stacked()
+        return product.on(items.given["PGA".index(name)])
+
+    q, h, b, lb, ub = (
+        v.copy() if name in items.stacked else v.sum(axis=0)
+        for name, v in zip(("q", "h", "b", "lb", "ub"), found, strict=False)
+    )
+    singular = used & ~found.regular
+    return BatchGradients(q, h, b, lb, ub, found.weak, singular, matrix, used)
 
 
 def checked_gradient(name: str, value: Any, own: np.ndarray) -> np.ndarray | None:

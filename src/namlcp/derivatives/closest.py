@@ -12,11 +12,9 @@ a change of C that raises their rank makes shifts and point jump; the gradients 
 those for changes that do not.
 """
 
-from functools import partial
 from typing import Any
 
 import numpy as np
-import scipy.sparse as sp
 
 from namlcp.checks import finite_vector
 from namlcp.derivatives.gradients import QPGradients, RankTwo, product_of
@@ -25,21 +23,6 @@ from namlcp.qp import QP, Face, Point
 
 ITS_OWN = (None, None, None)
 """The matrices of a stage, which no user has given."""
-
-
-class Products:
-    """A sum of outer products, asked for on the entries of a matrix of the user."""
-
-    def __init__(self, *terms: RankTwo) -> None:
-        self.terms = terms
-
-    def on(self, pattern: Any) -> Any:
-        """Return it as `RankTwo.on` does."""
-        total, *others = (term.on(pattern) for term in self.terms)
-        entries = total.data if sp.issparse(total) else total
-        for other in others:
-            entries += other.data if sp.issparse(other) else other
-        return total
 
 
 class ClosestDerivative:
@@ -85,31 +68,26 @@ class ClosestDerivative:
         point = self.second.point
         x, y, z, _ = point
         u = -second.q
-        of_G, _, _, of_A = self.products(
-            (face.spread(y, z), u, lam, x),
-            (face.spread(self.first.point.y, 0.0 * z), -first.q[: u.size], mu, x),
+        stages = (
+            (face.spread(y, z), u, lam),
+            (face.spread(self.first.point.y, 0.0 * z), -first.q[: u.size], mu),
         )
         vectors = second.q, g_h, g_b, lb, ub
-        products: dict[str, RankTwo | Products] = {"G": of_G, "A": of_A}
-        products["P"] = product_of(vectors, point, "P")
-        matrix = partial(self.matrix, products)
-        return QPGradients(vectors, matrix, second.weak, first.singular)
 
-    def matrix(self, products: dict[str, RankTwo | Products], name: str) -> Any:
-        """Return the gradient in P, G or A in the form of the user's matrix."""
-        return products[name].on(self.patterns[name])
+        def matrix(name: str) -> Any:
+            """Return the gradient in P; in C it is -sum(v u' + lam x')."""
+            product = product_of(vectors, point, "P")
+            if name != "P":
+                part = 0 if name == "G" else -1
+                terms = (
+                    (face.rows.parts(v)[part], u, face.rows.parts(lam)[part], x)
+                    for v, u, lam in stages
+                )
+                v, u, lam, w = map(np.array, zip(*terms, strict=True))
+                product = RankTwo(-1.0, v, u, -1.0, lam, w)
+            return product.on(self.patterns[name])
 
-    def products(self, *terms: tuple[np.ndarray, ...]) -> list[Products]:
-        """Return the gradient -sum(v u' + lam x') in C, in parts as `Rows.parts`."""
-        parts = self.face.rows.parts
-        stages = [
-            [
-                RankTwo(-1.0, p, u, -1.0, l, x)
-                for p, l in zip(parts(v), parts(lam), strict=True)
-            ]
-            for v, u, lam, x in terms
-        ]
-        return [Products(*pair) for pair in zip(*stages, strict=True)]
+        return QPGradients(*vectors, second.weak, first.singular, matrix)
 
 
 def vector(name: str, value: Any, other: str, own: np.ndarray) -> np.ndarray:

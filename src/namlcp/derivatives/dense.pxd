@@ -57,5 +57,4 @@ cdef void set_remainder(DenseItem m) noexcept nogil
 cdef void correct(DenseItem m) noexcept nogil
 cdef void correct_by_kept(DenseActiveSet own, DenseItem m) noexcept nogil
 cdef bint are_finite(DenseItem m) noexcept nogil
-cdef bint is_finite(const double* v, Py_ssize_t n) noexcept nogil
 cdef int write_matrices(DenseItem m, tuple matrices) except -1

@@ -33,9 +33,9 @@ ones are tried where a pivot is 0 by rounding."""
 PROJECTIONS = 4
 """Steps that project random vectors to the null space of K."""
 
-FIRST_BLOCK, GROWTH, MOST = 1, 4, 64
-"""Vectors projected first; if the null space has as many dimensions, GROWTH times as
-many are, up to MOST. Of a larger null space a part is found."""
+WIDTHS = 1, 4, 16, 64
+"""How many of them, until the null space has fewer dimensions; of one with more than
+the last a part is found."""
 
 VANISHED = 1e-3
 """A projected unit vector with a norm below this over sqrt(order) counts as 0: a random
@@ -88,10 +88,11 @@ class DenseFactors:
     """
 
     def __init__(self, K: np.ndarray) -> None:
-        sizes = (np.abs(K).max(axis=k, initial=0.0) for k in (1, 0))
-        self.rows, self.columns = (
-            1.0 / np.sqrt(np.where(size > 0.0, size, 1.0)) for size in sizes
-        )
+        size = np.abs(K)
+        self.rows, self.columns = (size.max(axis=k, initial=0.0) for k in (1, 0))
+        for scale in (self.rows, self.columns):
+            scale[scale == 0.0] = 1.0
+            scale **= -0.5
         self.K = K = self.rows[:, None] * K * self.columns
         self.inverse, self.null_space = None, np.empty((K.shape[0], 0))
         if K.size:
@@ -180,23 +181,20 @@ class KKTFactors:
         v - K~^-1 K v, K~ the factored matrix, keeps what K maps to 0 and multiplies all
         else by about DELTA over its singular value.
         """
-        size, width = self.kkt.size, FIRST_BLOCK
-        while size:
-            width = min(width, size)
-            V = np.random.default_rng(0).standard_normal((width, size))
+        size, V = self.kkt.size, np.empty((0, 0))
+        for width in WIDTHS if size else ():
+            V = np.random.default_rng(0).standard_normal((min(width, size), size))
             V /= np.linalg.norm(V, axis=1)[:, None]
             for _ in range(PROJECTIONS):
                 V = np.array([v - self.kkt.plan().solve(self.product(v)) for v in V])
                 if np.linalg.norm(V, axis=1).max() < VANISHED / np.sqrt(size):
                     return V[:0]
-            values, basis = np.linalg.svd(V, full_matrices=False)[1:]
-            basis = basis[values > NULL * values[0]]
-            image = [np.linalg.norm(self.product(v)) for v in basis]
-            basis = basis[np.array(image) <= ZERO_IMAGE]
-            if basis.shape[0] < width or width >= min(size, MOST):
-                return basis
-            width *= GROWTH
-        return np.empty((0, 0))
+            values, V = np.linalg.svd(V, full_matrices=False)[1:]
+            image = np.array([np.linalg.norm(self.product(v)) for v in V])
+            V = V[(values > NULL * values[0]) & (image <= ZERO_IMAGE)]
+            if V.shape[0] < width:
+                break
+        return V
 
     def product(self, w: np.ndarray) -> np.ndarray:
         """Return K w for the scaled K."""

@@ -5,6 +5,7 @@ form in which the user gave the matrix, a sparse one on its stored entries alone
 """
 
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -52,13 +53,13 @@ class RankTwo(NamedTuple):
     d: np.ndarray
 
     def on(self, pattern: Any) -> Any:
-        """Return it as an array, or on the stored entries of a sparse `pattern`.
+        """Return their sum as an array, or on the entries stored in a sparse `pattern`.
 
         A CSR matrix has its gradient in CSR, any other sparse matrix in CSC.
         """
         s, a, b, t, c, d = self
-        if type(pattern) is np.ndarray or not sp.issparse(pattern):
-            return rank_two(*self)
+        if not sp.issparse(pattern):
+            return rank_two(*self) if a.ndim == 1 else s * (a.T @ b) + t * (c.T @ d)
         is_csr = pattern.format == "csr"
         pattern = sparse_matrix("pattern", pattern, "csr" if is_csr else "csc")
         if is_csr:
@@ -76,36 +77,9 @@ class RankTwo(NamedTuple):
         first, second = s * a[:, :, None], t * c[:, :, None]
         return first * b[:, None, :] + second * d[:, None, :]
 
-    def summed(self, pattern: Any) -> Any:
-        """Return the sum over all items, in the form of a pattern."""
-        if sp.issparse(pattern):
-            return self.on(pattern)
-        s, a, b, t, c, d = self
-        return s * (a.T @ b) + t * (c.T @ d)
 
-
-class InMatrices:
-    """Gradients in P, G and A, each formed by `matrix` when it is first asked for."""
-
-    matrix: Callable[[str], Any]
-
-    @cached_property
-    def P(self) -> Any:
-        """The gradient in P."""
-        return self.matrix("P")
-
-    @cached_property
-    def G(self) -> Any:
-        """The gradient in G."""
-        return self.matrix("G")
-
-    @cached_property
-    def A(self) -> Any:
-        """The gradient in A."""
-        return self.matrix("A")
-
-
-class QPGradients(InMatrices):
+@dataclass(eq=False)
+class QPGradients:
     """Gradients of a scalar in the data of a QP, from its gradient in the solution.
 
     Attributes
@@ -128,21 +102,30 @@ class QPGradients(InMatrices):
         Whether the KKT system of the strictly active constraints is singular.
     """
 
-    def __init__(
-        self,
-        vectors: tuple[np.ndarray, ...],
-        matrix: Callable[[str], Any],
-        weak: int,
-        singular: bool,
-    ) -> None:
-        """Take (q, h, b, lb, ub), and what returns the others by name."""
-        self.q, self.h, self.b, self.lb, self.ub = vectors
-        self.matrix = matrix
-        self.weak, self.singular = weak, singular
+    q: np.ndarray
+    h: np.ndarray
+    b: np.ndarray
+    lb: np.ndarray
+    ub: np.ndarray
+    weak: Any
+    singular: Any
+    matrix: Callable[[str], Any] = field(repr=False)
+    """Returns the gradient in P, G or A by its name."""
 
-    def __repr__(self) -> str:
-        """Return all but the gradients in matrices, which may be large."""
-        return shown(self, "q h b lb ub weak singular")
+    @cached_property
+    def P(self) -> Any:
+        """The gradient in P."""
+        return self.matrix("P")
+
+    @cached_property
+    def G(self) -> Any:
+        """The gradient in G."""
+        return self.matrix("G")
+
+    @cached_property
+    def A(self) -> Any:
+        """The gradient in A."""
+        return self.matrix("A")
 
 
 def product_of(vectors: tuple[np.ndarray, ...], point: Point, name: str) -> RankTwo:
@@ -178,6 +161,7 @@ class LCPTangent(NamedTuple):
     singular: bool
 
 
+@dataclass(eq=False)
 class LCPGradients:
     """Gradients of a scalar in the data of a box LCP, from its gradient in z and w.
 
@@ -198,30 +182,15 @@ class LCPGradients:
         Whether A_FF is singular, F all unknowns with w = 0.
     """
 
-    def __init__(
-        self,
-        vectors: tuple[np.ndarray, np.ndarray, np.ndarray],
-        matrix: tuple[RankTwo, Any],
-        weak: int,
-        singular: bool,
-    ) -> None:
-        """Take (q, lower, upper), then product and user's matrix for A."""
-        self.q, self.lower, self.upper = vectors
-        self.matrix = matrix
-        self.weak, self.singular = weak, singular
-
-    def __repr__(self) -> str:
-        """Return all but the gradient in A, which may be large."""
-        return shown(self, "q lower upper weak singular")
+    q: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    weak: int
+    singular: bool
+    matrix: Callable[[], Any] = field(repr=False)
+    """Returns the gradient in A."""
 
     @cached_property
     def A(self) -> Any:
         """The gradient in A."""
-        product, pattern = self.matrix
-        return product.on(pattern)
-
-
-def shown(gradients: QPGradients | LCPGradients, names: str) -> str:
-    """Return the class and these attributes, as a dataclass prints them."""
-    parts = (f"{name}={getattr(gradients, name)!r}" for name in names.split())
-    return f"{type(gradients).__name__}({', '.join(parts)})"
+        return self.matrix()

@@ -19,7 +19,7 @@ From order LARGE_LCP on, matrices like those of differential equations are inver
 a Krylov method with truncated multigrid cycles, with the hierarchy of the solve.
 """
 
-from functools import cached_property
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -87,8 +87,9 @@ class LCPDerivative:
         if fixed.size:
             mu = gz + rho @ A
             lower[side < 0], upper[side > 0] = mu[side < 0], mu[side > 0]
-        matrix = RankTwo(1.0, rho, self.z, 0.0, rho, self.z), self.given
-        return LCPGradients((rho, lower, upper), matrix, self.weak, self.singular)
+        product = RankTwo(1.0, rho, self.z, 0.0, rho, self.z)
+        matrix = partial(product.on, self.given)
+        return LCPGradients(rho, lower, upper, self.weak, self.singular, matrix)
 
     def forward(self, dA: Any, dq: Any, dlower: Any, dupper: Any) -> LCPTangent:
         """Return the derivative of the solution along a direction of the data."""
@@ -118,9 +119,7 @@ class LCPDerivative:
         return finite_vector(name, value, self.z.size, "q", self.lcp.q.shape)
 
 
-def sides_of(
-    lcp: LCP, z: np.ndarray, w: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def sides_of(lcp: LCP, z: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return where an unknown is fixed: -1 at lower, 1 at upper, 0 where it is free.
 
     The second array counts unknowns at a bound with w = 0 as fixed too. w_i counts as 0
@@ -176,26 +175,23 @@ class Multigrid:
         self.mask = np.zeros(matrix.n, dtype=bool)
         self.mask[free] = True
         self.factors: Factors | None = None
+        self.systems: dict[bool, FreeSystem | None] = {}
 
-    @cached_property
-    def straight(self) -> FreeSystem | None:
-        """The system of A_FF."""
-        hierarchy = hierarchy_of(self.matrix)
-        return None if hierarchy is None else FreeSystem(hierarchy, self.mask)
-
-    @cached_property
-    def turned(self) -> FreeSystem | None:
-        """The system of A_FF', None if A' does not suit the cycles."""
-        if self.matrix.symmetric:
-            return self.straight
-        transpose = Prepared.unchecked(csr_array(self.matrix.A.T), False)
-        hierarchy = hierarchy_of(transpose)
+    def cycles(self, transposed: bool) -> FreeSystem | None:
+        """Return the system of A_FF or A_FF', None if that does not suit the cycles."""
+        matrix = self.matrix
+        if transposed and not matrix.symmetric:
+            matrix = Prepared.unchecked(csr_array(matrix.A.T), False)
+        hierarchy = hierarchy_of(matrix)
         return None if hierarchy is None else FreeSystem(hierarchy, self.mask)
 
     def solve(self, r: np.ndarray, transposed: bool = False) -> np.ndarray:
         """Return the solution."""
-        system = self.turned if transposed else self.straight
-        if system is not None and self.factors is None:
+        side = transposed and not self.matrix.symmetric
+        if self.factors is None and side not in self.systems:
+            self.systems[side] = self.cycles(side)
+        system = self.systems.get(side)
+        if self.factors is None and system is not None:
             b = np.zeros(self.mask.size)
             b[self.free] = r
             u, converged = system.solve(b, ACCURACY)

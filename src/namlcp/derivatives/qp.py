@@ -58,6 +58,12 @@ class QPDerivative:
         The problem and its solution.
     item : DenseItem or None
         A dense QP whose strictly active constraints have good Cholesky factors.
+    point : Point
+        The solution, with multipliers 0 of constraints that are not held.
+    weak : int
+        How many constraints are active with a multiplier 0.
+    singular : bool
+        Whether K is singular with the strictly active constraints alone.
     """
 
     def __init__(
@@ -76,41 +82,29 @@ class QPDerivative:
         if qp.is_dense:
             item = DenseItem(qp.q.size, qp.h.size, qp.b.size)
             if item.take(qp, point, factors):
-                self.item = item
+                self.item, self.point = item, point
+                self.weak, self.singular = item.weak, False
+                return
+        face = self.face
+        self.point, self.weak, self.singular = face.point, face.weak, face.singular
 
     @cached_property
     def face(self) -> Face:
         """The constraints held, and the factors of K."""
         return Face(self.qp, self.solution)
 
-    @property
-    def weak(self) -> int:
-        """How many constraints are active with a multiplier 0."""
-        return self.face.weak if self.item is None else self.item.weak
-
-    @property
-    def singular(self) -> bool:
-        """Whether K is singular with the strictly active constraints alone."""
-        return self.item is None and self.face.singular
-
-    @property
-    def point(self) -> Point:
-        """The solution, with multipliers 0 of constraints that are not held."""
-        return self.face.point if self.item is None else self.solution
-
     def backward(self, dx: Any, dy: Any, dz: Any, dz_box: Any) -> QPGradients:
         """Return the gradients of a scalar in the data from those in the solution."""
-        vectors, matrices = self.solve(
-            (
-                dx if dx is None else self.cotangent("x", dx),
-                dy if dy is None else self.cotangent("y", dy),
-                dz if dz is None else self.cotangent("z", dz),
-                dz_box if dz_box is None else self.cotangent("z_box", dz_box),
-            ),
-            True,
+        given = (
+            dx if dx is None else self.cotangent("x", dx),
+            dy if dy is None else self.cotangent("y", dy),
+            dz if dz is None else self.cotangent("z", dz),
+            dz_box if dz_box is None else self.cotangent("z_box", dz_box),
         )
-        matrix = partial(self.matrix, vectors)
-        gradients = QPGradients(vectors, matrix, self.weak, self.singular)
+        vectors, matrices = self.solve(given, True)
+        q, h, b, lb, ub = vectors
+        matrix, weak, singular = partial(self.matrix, vectors), self.weak, self.singular
+        gradients = QPGradients(q, h, b, lb, ub, weak, singular, matrix)
         if matrices:
             gradients.P, gradients.G, gradients.A = matrices
         return gradients

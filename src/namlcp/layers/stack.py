@@ -117,8 +117,8 @@ class Stack:
             if name not in "PGA":
                 parts = getattr(found, name)
                 return parts if name in self.stacked else parts.sum(axis=0)
-            product = product_of(found[:3], points, name)
-            return product.stacked() if name in self.stacked else product.summed(None)
+            product = product_of(found, points, name)
+            return product.stacked() if name in self.stacked else product.on(None)
 
         return [
             self.summed(k, gradient(k)) if asked and k in self.flat else None
