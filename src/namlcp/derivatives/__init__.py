@@ -6,7 +6,6 @@ They take problems, points and factors; the methods of results call them.
 from namlcp.derivatives.batch import (
     BatchGradients,
     Found,
-    Solved,
     differentiate_batch,
     differentiate_items,
 )

@@ -25,28 +25,6 @@ CHUNKS = 8
 """Calls for each thread at least, so that all threads end at about the same time."""
 
 
-class Solved(NamedTuple):
-    """QPs of the same sizes and their solutions.
-
-    Attributes
-    ----------
-    arrays : tuple of arrays or None
-        P, q, G, h, A, b, lb and ub, each with a leading axis of the items or of one
-        item, or without, which stands for all items; None if matrices are sparse.
-    item : callable
-        Returns the QP of an item by its number.
-    points : Point
-        The solutions, each with a leading axis.
-    which : (N,) bool array
-        The items that are to be differentiated.
-    """
-
-    arrays: tuple[np.ndarray, ...] | None
-    item: Callable[[int], QP]
-    points: Point
-    which: np.ndarray
-
-
 class Found(NamedTuple):
     """Gradients in the data of items, one after another, and what they hold.
 
@@ -83,27 +61,35 @@ class Found(NamedTuple):
 
 
 def differentiate_items(
-    solved: Solved, cotangents: tuple[np.ndarray | None, ...], threads: int
+    arrays: tuple[np.ndarray, ...] | None,
+    item: Callable[[int], QP],
+    solutions: Point,
+    which: np.ndarray,
+    cotangents: tuple[np.ndarray | None, ...],
+    threads: int,
 ) -> tuple[Found, Point]:
     """Return the gradients of each item, and the solutions with the multipliers used.
 
-    Other items have gradients and solutions 0. `cotangents` are shaped as the points.
+    Items that are not in `which` (N,) have gradients and solutions 0; `item` returns
+    the QP of one by its number. `solutions` and `cotangents` have a leading axis. If
+    matrices are sparse, `arrays` is None; else it has P, q, G, h, A, b, lb and ub, each
+    with a leading axis of the items, or of one item or without, for all items.
     """
-    which, shown = solved.which, solved.which[:, None]
-    points = Point(*(np.where(shown, v, 0.0) for v in solved.points))
+    shown = which[:, None]
+    points = Point(*(np.where(shown, v, 0.0) for v in solutions))
     parts = tuple(None if v is None else np.where(shown, v, 0.0) for v in cotangents)
     refuse_faults(parts)
     sizes = points.x.shape[1], points.z.shape[1], points.y.shape[1]
     found, chosen = Found.zeros(which.size, *sizes), np.flatnonzero(which)
-    if solved.arrays is not None:
-        arrays = *(clean_copy(v, np.float64) for v in solved.arrays), *points, *parts
-        differentiate_dense(arrays, chosen, threads, found)
+    if arrays is not None:
+        clean = tuple(clean_copy(v, np.float64) for v in arrays)
+        differentiate_dense((*clean, *points, *parts), chosen, threads, found)
         chosen = chosen[~found.regular[chosen]]
 
     def work(k: int) -> None:
         i = chosen[k]
         point = Point(*(v[i] for v in points))
-        derivative = QPDerivative(solved.item(i), (None, None, None), point)
+        derivative = QPDerivative(item(i), (None, None, None), point)
         vectors, _ = derivative.solve(tuple(v if v is None else v[i] for v in parts))
         for own, vector in zip(found, vectors, strict=False):
             own[i] = vector
@@ -169,8 +155,9 @@ def differentiate_batch(
     arrays = None
     if items.shared.is_dense:
         arrays = tuple((items.shared._asdict() | items.stacked).values())
-    solved = Solved(arrays, lambda i: items.item(i)[0], points, used)
-    found, points = differentiate_items(solved, given, threads)
+    found, points = differentiate_items(
+        arrays, lambda i: items.item(i)[0], points, used, given, threads
+    )
 
     def matrix(name: str) -> Any:
         product = product_of(found, points, name)

@@ -16,8 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from namlcp.checks import finite_vector
-from namlcp.derivatives.gradients import QPGradients, RankTwo, product_of
+from namlcp.derivatives.gradients import QPGradients, RankTwo, change, product_of
 from namlcp.derivatives.qp import QPDerivative
 from namlcp.qp import QP, Face, Point
 
@@ -47,9 +46,9 @@ class ClosestDerivative:
     def backward(self, dx: Any, dshift_h: Any, dshift_b: Any) -> QPGradients:
         """Return the gradients of a scalar in the data from those in x and shifts."""
         qp, face = self.qp, self.face
-        dx = vector("dx", dx, "x", qp.q)
-        dshift_h = vector("dshift_h", dshift_h, "h", qp.h)
-        dshift_b = vector("dshift_b", dshift_b, "b", qp.b)
+        dx = change("dx", dx, "x", qp.q)
+        dshift_h = change("dshift_h", dshift_h, "h", qp.h)
+        dshift_b = change("dshift_b", dshift_b, "b", qp.b)
         second = self.second.backward(dx, None, None, None)
         lam = face.spread(second.b, second.h)  # the gradient in d, then also that in r
         dr = (face.rows.joined(dshift_h, dshift_b) + lam)[face.shifted]
@@ -88,10 +87,3 @@ class ClosestDerivative:
             return product.on(self.patterns[name])
 
         return QPGradients(*vectors, second.weak, first.singular, matrix)
-
-
-def vector(name: str, value: Any, other: str, own: np.ndarray) -> np.ndarray:
-    """Return a gradient in a part of the solution, 0 if it is None."""
-    if value is None:
-        return np.zeros(own.size)
-    return finite_vector(name, value, own.size, other, own.shape)

@@ -99,16 +99,6 @@ class DenseItem:
                 regular = factor(self)
         return regular
 
-    @property
-    def side(self):
-        """Where the variables are held: -1 at lb, 1 at ub, 0 where they are free."""
-        n = self.qp.n
-        side = np.empty(n, dtype=np.int8)
-        out = signs(side, n)
-        for j in range(n):
-            out[j] = self.strict[self.qp.m + j]
-        return side
-
     def backward(self, cotangents, with_matrices):
         """Return the gradients in q, h, b, lb and ub, and those in P, G and A.
 

@@ -25,14 +25,14 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_array, csr_array
 
-from namlcp.checks import finite_matrix, finite_vector, from_arrays, no_rows
+from namlcp.checks import finite_matrix, from_arrays, no_rows
 from namlcp.derivatives.factors import (
     DenseFactors,
     Factors,
     KKTFactors,
     SparseFactors,
 )
-from namlcp.derivatives.gradients import LCPGradients, LCPTangent, RankTwo
+from namlcp.derivatives.gradients import LCPGradients, LCPTangent, RankTwo, change
 from namlcp.lcp import LARGE_LCP, LCP, FreeSystem, Operator, Prepared, hierarchy_of
 from namlcp.linalg import arrays_of, by_rows, submatrix
 from namlcp.qp import KKT
@@ -114,9 +114,7 @@ class LCPDerivative:
 
     def vector(self, name: str, value: Any) -> np.ndarray:
         """Return a vector of the caller checked, 0 if it is None."""
-        if value is None:
-            return np.zeros(self.z.size)
-        return finite_vector(name, value, self.z.size, "q", self.lcp.q.shape)
+        return change(name, value, "q", self.lcp.q)
 
 
 def sides_of(lcp: LCP, z: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

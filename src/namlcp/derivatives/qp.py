@@ -42,10 +42,10 @@ from typing import Any
 
 import numpy as np
 
-from namlcp.checks import finite_matrix, finite_vector, vector
+from namlcp.checks import finite_matrix, vector
 from namlcp.derivatives.dense import DenseItem, refuse_faults
 from namlcp.derivatives.face import Face
-from namlcp.derivatives.gradients import QPGradients, QPTangent, product_of
+from namlcp.derivatives.gradients import QPGradients, QPTangent, change, product_of
 from namlcp.qp import QP, Point
 
 
@@ -134,9 +134,9 @@ class QPDerivative:
         """
         d = self.direction(changes)
         r, dh, db = self.right_sides(d, self.point)
-        side = self.item.side if self.item is not None else self.face.active.side
-        fixed = np.where(side < 0, d["lb"], np.where(side > 0, d["ub"], 0.0))
-        (q, h, b, lb, ub), _ = self.solve((-r, db, dh, fixed))
+        side = self.face.active.side if self.item is None else self.solution.z_box
+        moved = np.where(side > 0, d["ub"], d["lb"])  # read where x_j is held
+        (q, h, b, lb, ub), _ = self.solve((-r, db, dh, moved))
         return QPTangent(0.0 - q, b, h, lb + ub, self.weak, self.singular)
 
     def right_sides(
@@ -164,11 +164,7 @@ class QPDerivative:
         for name, own in zip(QP._fields, self.qp, strict=True):
             value = changes[name]
             if own.ndim == 1:
-                out[name] = (
-                    np.zeros(own.size)
-                    if value is None
-                    else finite_vector(f"d{name}", value, own.size, name, own.shape)
-                )
+                out[name] = change(f"d{name}", value, name, own)
             elif value is None:
                 out[name] = None
             else:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from namlcp.checks import refuse_number
-from namlcp.derivatives import Found, Solved, differentiate_items, product_of
+from namlcp.derivatives import Found, differentiate_items, product_of
 from namlcp.qp import QP, Point, available_cores, qp_data
 from namlcp.solve import solve_batch, solve_qp
 from namlcp.status import Status
@@ -101,8 +101,10 @@ class Stack:
         absent |= dict.fromkeys("GA", np.empty((0, n)))
         absent |= dict.fromkeys("hb", np.empty(0))
         arrays = tuple((absent | self.flat)[name] for name in AXES)
-        solved = Solved(arrays, self.qp, self.points, self.solved.reshape(-1))
-        return differentiate_items(solved, tuple(cotangents), self.threads)
+        which, given = self.solved.reshape(-1), tuple(cotangents)
+        return differentiate_items(
+            arrays, self.qp, self.points, which, given, self.threads
+        )
 
     def backward(self, cotangents: Sequence[Any], wanted: Sequence[bool]) -> list[Any]:
         """Return the gradients in the wanted arguments, None for the others.
