@@ -71,36 +71,30 @@ class LCPDerivative:
 
     def hold(self, side: np.ndarray) -> None:
         """Factor A_FF for the unknowns with side 0."""
-        self.side, self.fixed = side, np.flatnonzero(side)
-        self.free = np.flatnonzero(side == 0)
+        self.side, self.free = side, np.flatnonzero(side == 0)
         self.factors: Factors = factored(self.lcp.matrix, self.free)
 
     def backward(self, dz: Any, dw: Any) -> LCPGradients:
         """Return the gradients of a scalar in the data from those in the solution."""
-        A, fixed, side = self.lcp.A, self.fixed, self.side
+        A, free, side = self.lcp.A, self.free, self.side
         gz, gw = self.vector("dz", dz), self.vector("dw", dw)
-        rho = np.zeros(gz.size)
-        rho[fixed] = gw[fixed]
+        rho = np.where(side != 0, gw, 0.0)
         right = gz + rho @ A if rho.any() else gz
-        rho[self.free] = self.factors.solve(-right[self.free], transposed=True)
-        lower, upper = np.zeros((2, gz.size))
-        if fixed.size:
-            mu = gz + rho @ A
-            lower[side < 0], upper[side > 0] = mu[side < 0], mu[side > 0]
+        rho[free] = self.factors.solve(-right[free], transposed=True)
+        mu = gz + rho @ A
+        lower, upper = np.where(side < 0, mu, 0.0), np.where(side > 0, mu, 0.0)
         product = RankTwo(1.0, rho, self.z, 0.0, rho, self.z)
         matrix = partial(product.on, self.given)
         return LCPGradients(rho, lower, upper, self.weak, self.singular, matrix)
 
     def forward(self, dA: Any, dq: Any, dlower: Any, dupper: Any) -> LCPTangent:
         """Return the derivative of the solution along a direction of the data."""
-        A, fixed, side = self.lcp.A, self.fixed, self.side
+        A, free, side = self.lcp.A, self.free, self.side
         r, dl, du = self.direction(dA, dq, dlower, dupper)
         dz = np.where(side < 0, dl, np.where(side > 0, du, 0.0))
         right = r + A @ dz if dz.any() else r
-        dz[self.free] = self.factors.solve(-right[self.free], transposed=False)
-        dw = np.zeros(dz.size)
-        if fixed.size:
-            dw[fixed] = (A @ dz + r)[fixed]
+        dz[free] = self.factors.solve(-right[free], transposed=False)
+        dw = np.where(side != 0, A @ dz + r, 0.0)
         return LCPTangent(dz, dw, self.weak, self.singular)
 
     def direction(
