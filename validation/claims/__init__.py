@@ -1,11 +1,9 @@
-"""Every figure that the README files claim, computed from the rows of results.
+"""Every figure that the README files claim, from one table, claims.toml.
 
-`values(folder)` returns them by name (`measured_*`, a module for each kind of file),
-`claims(folder)` those with limits; `marks` finds and renews them in a text. `python -m
-validation.claims` prints the claims; `report --full` compares them with those of the
-run before.
+`figures` computes them from the rows of results, `documents` writes them into the README
+files. `python -m validation.claims --check` says which claims do not hold, and where a
+document differs from the results.
 """
 
-from validation.claims.limits import Claim, claims, moved, summary
-from validation.claims.marks import renewed, stale
-from validation.claims.measured import values
+from validation.claims.documents import DOCUMENTS, faults, written
+from validation.claims.figures import Claim, claims, moved, specs, values

@@ -1,6 +1,34 @@
-"""Print all claims."""
+"""What the README files say, from the results: write it, or with --check compare.
 
-from validation.claims import claims, moved
+`python -m validation.claims` writes the figures and tables of README.md and
+validation/README.md anew and prints which claims do not hold; --check writes nothing and
+returns 1 if a document says what the results do not.
+"""
 
-now = claims()
-print(moved(now, now))
+import sys
+
+from validation.claims import DOCUMENTS, claims, faults, written
+from validation.harness import cli
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Write or check."""
+    parser = cli.parser(__doc__)
+    parser.add_argument("--check", action="store_true", help="write nothing")
+    args = parser.parse_args(arguments)
+    found = []
+    for document in DOCUMENTS:
+        text = document.read_text()
+        name = document.relative_to(cli.ROOT)
+        found += [f"{name}: {fault}" for fault in faults(text)]
+        if not args.check:
+            document.write_text(written(text))
+    for claim in claims():
+        if not claim.holds:
+            print(f"does not hold: {claim.name} {claim.limit}, is {claim.value:.4g}")
+    print("\n".join(found))
+    return int(args.check and bool(found))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

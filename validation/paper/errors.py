@@ -1,6 +1,6 @@
 """The computations behind paper.md, from plain matrix formulas: no kernel is used.
 
-Each function returns the numbers of one section; `report` prints them all.
+`report` prints every section below the first line of its docstring.
 """
 
 import itertools
@@ -29,11 +29,8 @@ def splitting(A: Matrix, method: str, alpha: float) -> tuple[Matrix, Matrix]:
     """Return (M~, N~) of a printed method: Bai's (M, N), or (M + I - L, N + I - L)."""
     D, L, _ = parts(A)
     M = D / alpha - L
-    N = M - A
-    if method.startswith("m"):
-        return M, N
-    more = sp.eye_array(A.shape[0]) - L
-    return M + more, N + more
+    more = 0 * L if method.startswith("m") else sp.eye_array(A.shape[0]) - L
+    return M + more, M - A + more
 
 
 def sweeps(
@@ -87,9 +84,40 @@ def paper_omega(D: Matrix, alpha: float) -> Matrix:
     return D / (2.0 * alpha**2)
 
 
-def missing_omega() -> list[Row]:
+def spectral_radius(T: np.ndarray) -> float:
+    """Return the largest modulus of an eigenvalue."""
+    return float(np.max(np.abs(np.linalg.eigvals(T))))
+
+
+def bound_matrix(A: Matrix, M: Matrix, N: Matrix, Omega: Matrix) -> np.ndarray:
+    """Return T = |(M~ + Omega)^-1| (|N~| + |Omega - A|) of Theorem 2, dense."""
+    M, N, Omega, A = (sp.csr_array(X).toarray() for X in (M, N, Omega, A))
+    return np.abs(np.linalg.inv(M + Omega)) @ (np.abs(N) + np.abs(Omega - A))
+
+
+def comparison(A: Matrix) -> Matrix:
+    """Return <A>: |a_ii| on the diagonal, -|a_ij| beside it."""
+    return sp.csr_array(2.0 * sp.diags_array(np.abs(A.diagonal())) - abs(A))
+
+
+def m_radius(Z: Matrix) -> float:
+    """Return rho(|off-diagonal|/diagonal) of a Z-matrix: below 1, an M-matrix.
+
+    inf where a diagonal entry is not positive: no M-matrix.
+    """
+    Z = sp.csr_array(Z).toarray()
+    d = np.diag(Z)
+    if not (d > 0.0).all():
+        return math.inf
+    return spectral_radius((np.diag(d) - Z) / d[:, None])
+
+
+# ---- the sections of paper.md
+
+
+def missing_omega() -> Iterator[Row]:
     """Count the printed iteration numbers that each guess of Omega reproduces."""
-    guesses = {
+    guesses: dict[str, Callable[[Matrix, float], Matrix]] = {
         "I": lambda D, alpha: sp.eye_array(D.shape[0]),
         "D": lambda D, alpha: D,
         "D/2": lambda D, alpha: D / 2.0,
@@ -97,20 +125,18 @@ def missing_omega() -> list[Row]:
         "D/(2 alpha)": lambda D, alpha: D / (2.0 * alpha),
         "D/(2 alpha^2)": paper_omega,
     }
-    return [
-        {"Omega": name, "counts of 48": agreeing(guess)}
-        for name, guess in guesses.items()
-    ]
+    for name, guess in guesses.items():
+        yield {"Omega": name, "counts of 48": agreeing(guess)}
 
 
-def no_constraint() -> Row:
+def no_constraint() -> Iterator[Row]:
     """Count the printed iteration numbers that stay without z >= 0."""
     same = agreeing(paper_omega, bounded=False)
-    return {"counts of 48 that stay without z >= 0": same}
+    yield {"counts of 48 that stay without z >= 0": same}
 
 
-def hidden_relaxation() -> Row:
-    """Count the printed NAM iteration numbers that plain SOR for A z = -q reproduces.
+def hidden_relaxation() -> Iterator[Row]:
+    """Count the printed NAM iteration numbers that plain SOR for A z = -q has.
 
     With |s| = s the left matrix is D/alpha + Omega + I - 2 L and the right side twice
     the residual: SOR with relaxation 2 d / (d/alpha + omega + 1), d = 8 here.
@@ -128,198 +154,133 @@ def hidden_relaxation() -> Row:
         while np.linalg.norm(A @ z + q) >= EPS:
             z, k = z - left.solve(A @ z + q), k + 1
         same += k == printed
-    return {"counts of 24 that SOR has too": same} | relaxations
+    yield {"counts of 24 that SOR has too": same} | relaxations
 
 
-def printed_formulas() -> list[Row]:
+def printed_formulas() -> Iterator[Row]:
     """Apply the printed iterations once to a solution; a correct one stays there.
 
     A 10 x 10 problem of Example 1, with Omega = D/(2 alpha^2), alpha = 0.9, beta = 0.5
     and the q that makes half of the z*_i zero; s* = z* - Omega^-1 w*.
     """
-    scene = sweep_scenes.paper_example(1, 10)
-    A, n, alpha, beta = scene.A, scene.q.size, 0.9, 0.5
+    A = sweep_scenes.paper_example(1, 10).A
+    a, b = 0.9, 0.5
     D, L, U = parts(A)
-    I = sp.eye_array(n)
-    Omega = D / (2.0 * alpha**2)
+    n = A.shape[0]
+    I, Omega = sp.eye_array(n), paper_omega(D, a)
     rng = np.random.default_rng(0)
-    free = rng.random(n) < 0.5
-    size = rng.uniform(1.0, 2.0, n)
+    free, size = rng.random(n) < 0.5, rng.uniform(1.0, 2.0, n)
     z, w = np.where(free, size, 0.0), np.where(free, 0.0, size)
-    q = w - A @ z
-    s = z - w / Omega.diagonal()
-    c, a, b = alpha * (Omega - A), alpha, beta
-    sor_left = D - 2 * a * L + a * Omega + a * I
-    aor_left = D - (a + b) * L + a * Omega + a * I
-    common = (1 - a) * D + a * U + a * I
-    cases = {
-        "(5) as printed: -L, s": (sor_left, (common - L) @ s + c @ s),
-        "(5) with |s| only": (sor_left, (common - L) @ s + c @ abs(s)),
-        "(5) with -alpha L and |s|": (sor_left, (common - a * L) @ s + c @ abs(s)),
-        "(6) as printed: 2 alpha - beta, s": (
-            aor_left,
-            (common + (2 * a - b) * L) @ s + c @ s,
-        ),
-        "(6) with |s| only": (aor_left, (common + (2 * a - b) * L) @ s + c @ abs(s)),
-        "(6) with -beta and |s|": (aor_left, (common - b * L) @ s + c @ abs(s)),
-    }
-    rows = []
-    for name, (left, right) in cases.items():
-        moved = splu(sp.csc_array(left)).solve(right - 2 * a * q) - s
-        rows.append({"formula": name, "max |s+ - s*|": float(np.max(np.abs(moved)))})
+    q, s = w - A @ z, z - w / Omega.diagonal()
+    sor = D - 2 * a * L + a * Omega + a * I
+    aor = D - (a + b) * L + a * Omega + a * I
+    for name, left, l, last in (  # (... + l L) s + a (Omega - A) last
+        ("(5) as printed: -L, s", sor, -1.0, s),
+        ("(5) with |s| only", sor, -1.0, abs(s)),
+        ("(5) with -alpha L and |s|", sor, -a, abs(s)),
+        ("(6) as printed: 2 alpha - beta, s", aor, 2 * a - b, s),
+        ("(6) with |s| only", aor, 2 * a - b, abs(s)),
+        ("(6) with -beta and |s|", aor, -b, abs(s)),
+    ):
+        right = ((1 - a) * D + a * U + a * I + l * L) @ s + a * (Omega - A) @ last
+        yield {"formula": name, "max |s+ - s*|": moved(left, right - 2 * a * q, s)}
     # L as the text defines it, the strictly lower part of A itself:
-    wrong_L, wrong_U = -L, -U
-    left = D - 2 * wrong_L + Omega + I
-    right = (wrong_U + I - wrong_L) @ s + (Omega - A) @ abs(s) - 2 * q
-    moved = splu(sp.csc_array(left)).solve(right) - s
-    rows.append(
-        {
-            "formula": "(4) with L = tril(A, -1), U = triu(A, 1)",
-            "max |s+ - s*|": float(np.max(np.abs(moved))),
-        }
-    )
-    return rows
+    lower, upper = -L, -U
+    left = D - 2 * lower + Omega + I
+    right = (upper + I - lower) @ s + (Omega - A) @ abs(s) - 2 * q
+    name = "(4) with L = tril(A, -1), U = triu(A, 1)"
+    yield {"formula": name, "max |s+ - s*|": moved(left, right, s)}
 
 
-def factor_r() -> list[Row]:
-    """Compare Omega(|s| - s) with A z + q at the fixed point for several r."""
+def moved(left: Matrix, right: np.ndarray, s: np.ndarray) -> float:
+    """Return max |s+ - s| of left s+ = right."""
+    return float(np.max(np.abs(splu(sp.csc_array(left)).solve(right) - s)))
+
+
+def factor_r() -> Iterator[Row]:
+    """Compare Omega(|s| - s) with A z + q at the fixed point (Theorem 1)."""
     scene = sweep_scenes.paper_example(1, 10)
-    A = scene.A
-    D, _, _ = parts(A)
-    n = scene.q.size
+    A, n = scene.A, scene.q.size
     q = scene.q + 3.0 * np.sin(np.arange(n)) * 4.0
     M, N = splitting(A, "namgs", 1.0)
-    Omega = D / 2.0
+    Omega = parts(A)[0] / 2.0
     left = splu(sp.csc_array(M + Omega))
-    rows = []
     for r in (1.0, 2.0, 5.0):
         s = np.zeros(n)
         for _ in range(300):
             s = left.solve(N @ s + (Omega - A) @ np.abs(s) - r * q)
-        z = (np.abs(s) + s) / r
-        w = A @ z + q
+        w = A @ (np.abs(s) + s) / r + q
         printed = Omega @ (np.abs(s) - s)
         ratio = printed[w > 1e-6] / w[w > 1e-6]
-        rows.append({"r": r, "Omega(|s| - s) / (A z + q)": float(np.median(ratio))})
-    return rows
+        yield {"r": r, "Omega(|s| - s) / (A z + q)": float(np.median(ratio))}
 
 
-def spectral_radius(T: np.ndarray) -> float:
-    """Return the largest modulus of an eigenvalue."""
-    return float(np.max(np.abs(np.linalg.eigvals(T))))
-
-
-def bound_matrix(A: Matrix, M: Matrix, N: Matrix, Omega: Matrix) -> np.ndarray:
-    """Return T = |(M~ + Omega)^-1| (|N~| + |Omega - A|) of Theorem 2, dense."""
-    M, N, Omega, A = (sp.csr_array(X).toarray() for X in (M, N, Omega, A))
-    return np.abs(np.linalg.inv(M + Omega)) @ (np.abs(N) + np.abs(Omega - A))
-
-
-def theorem_two() -> list[Row]:
-    """Return rho(T) of the paper's own runs at n = 100, 900."""
-    rows = []
+def theorem_two() -> Iterator[Row]:
+    """Return rho(T) of the paper's own runs at n = 100, 900 (Theorem 2)."""
     for example, method, relaxation in TABLES:
         alpha = relaxation or 1.0
         row: Row = {"example": example, "method": method}
         for m in (10, 30):
             A = sweep_scenes.paper_example(example, m).A
-            M, N = splitting(A, method, alpha)
-            T = bound_matrix(A, M, N, paper_omega(parts(A)[0], alpha))
+            Omega = paper_omega(parts(A)[0], alpha)
+            T = bound_matrix(A, *splitting(A, method, alpha), Omega)
             row[f"rho(T), n = {m * m}"] = spectral_radius(T)
-        rows.append(row)
-    return rows
+        yield row
 
 
-def componentwise() -> Row:
-    """Count the components that one step takes away from s*, with rho(T) < 1.
+def componentwise() -> Iterator[Row]:
+    """Count the components that one step takes away from s* (Theorem 2).
 
     Example 1, n = 100, NAMGS, Omega = D; s differs from s* in one component.
     """
     scene = sweep_scenes.paper_example(1, 10)
-    A = scene.A
-    D, _, _ = parts(A)
+    A, D = scene.A, parts(scene.A)[0]
     M, N = splitting(A, "namgs", 1.0)
-    radius = spectral_radius(bound_matrix(A, M, N, D))
     fixed = np.tile([1.0, 2.0], 50)
-    s = fixed.copy()
-    s[44] += 1.0
+    s = fixed + (np.arange(100) == 44)
     new = splu(sp.csc_array(M + D)).solve(N @ s + (D - A) @ np.abs(s) - 2 * scene.q)
     worse = np.abs(new - fixed) > np.abs(s - fixed) + 1e-14
-    return {"rho(T)": radius, "components further from s*": int(np.sum(worse))}
+    radius = spectral_radius(bound_matrix(A, M, N, D))
+    yield {"rho(T)": radius, "components further from s*": int(np.sum(worse))}
 
 
-def compatible() -> list[Row]:
-    """Return max | <A> - (<M~> - |N~|) | of Theorem 3's hypothesis, by method."""
+def compatible() -> Iterator[Row]:
+    """Return max | <A> - (<M~> - |N~|) |, 0 where H-compatible (Theorem 3)."""
     A = sweep_scenes.paper_example(1, 10).A
     D, L, _ = parts(A)
-    I = sp.eye_array(A.shape[0])
-    alpha, beta = 0.9, 0.5
-    choices = {
-        "NAM": A,
-        "NAMJ": D,
-        "NAMGS": D - L,
-        "NAMSOR, alpha = 0.9": D / alpha - L,
-        "NAMAOR, alpha = 0.9, beta = 0.5": (D - beta * L) / alpha,
-        "NAMAOR, alpha = 0.9, beta = 0": D / alpha,
-    }
-    rows = []
-    for name, M in choices.items():
-        left, right = M + I - L, M - A + I - L
-        gap = comparison(left) - abs(right) - comparison(A)
-        rows.append({"method": name, "max gap": float(abs(gap).max())})
-    return rows
+    I, alpha, beta = sp.eye_array(A.shape[0]), 0.9, 0.5
+    for name, M in (
+        ("NAM", A),
+        ("NAMJ", D),
+        ("NAMGS", D - L),
+        ("NAMSOR, alpha = 0.9", D / alpha - L),
+        ("NAMAOR, alpha = 0.9, beta = 0.5", (D - beta * L) / alpha),
+        ("NAMAOR, alpha = 0.9, beta = 0", D / alpha),
+    ):
+        gap = comparison(M + I - L) - abs(M - A + I - L) - comparison(A)
+        yield {"method": name, "max gap": float(abs(gap).max())}
 
 
-def comparison(A: Matrix) -> Matrix:
-    """Return <A>: |a_ii| on the diagonal, -|a_ij| beside it."""
-    D = sp.diags_array(np.abs(A.diagonal()))
-    return sp.csr_array(2.0 * D - abs(A))
-
-
-def m_radius(Z: Matrix) -> float:
-    """Return rho(|off-diagonal|/diagonal) of a Z-matrix: below 1, an M-matrix.
-
-    inf where a diagonal entry is not positive: no M-matrix.
-    """
-    Z = sp.csr_array(Z).toarray()
-    d = np.diag(Z)
-    if not (d > 0.0).all():
-        return math.inf
-    return spectral_radius((np.diag(d) - Z) / d[:, None])
-
-
-def theorem_three() -> list[Row]:
-    """Return for NAMGS which condition is an M-matrix: below 1 in each column.
+def theorem_three() -> Iterator[Row]:
+    """Tell for NAMGS which condition of Theorem 3 is an M-matrix: below 1.
 
     Stated: 2 Omega - D - |B|. Used in the proof: <A> + 2 Omega - D - |B|. Repaired:
     <M~> - |N~| + min(D, 2 Omega - D) - |B|.
     """
-    rows = []
-    for example in (1, 2):
-        for delta in (4.0, 0.0):
-            A = sweep_scenes.paper_example(example, 10, delta).A
-            D, L, U = parts(A)
-            B = L + U
-            M, N = splitting(A, "namgs", 1.0)
-            for c in (0.5, 1.0):
-                Omega = c * D
-                repaired = comparison(M) - abs(N) + min(1.0, 2.0 * c - 1.0) * D - B
-                rows.append(
-                    {
-                        "example": example,
-                        "delta": delta,
-                        "Omega": f"{c:g} D",
-                        "stated": m_radius(2 * Omega - D - B),
-                        "proof": m_radius(comparison(A) + 2 * Omega - D - B),
-                        "repaired": m_radius(repaired),
-                        "rho(T)": spectral_radius(bound_matrix(A, M, N, Omega)),
-                    }
-                )
-    return rows
+    for example, delta, c in itertools.product((1, 2), (4.0, 0.0), (0.5, 1.0)):
+        A = sweep_scenes.paper_example(example, 10, delta).A
+        D, L, U = parts(A)
+        M, N = splitting(A, "namgs", 1.0)
+        stated = (2.0 * c - 1.0) * D - L - U
+        repaired = comparison(M) - abs(N) + min(1.0, 2.0 * c - 1.0) * D - L - U
+        row: Row = {"example": example, "delta": delta, "Omega": f"{c:g} D"}
+        row |= {"stated": m_radius(stated), "proof": m_radius(comparison(A) + stated)}
+        row["repaired"] = m_radius(repaired)
+        yield row | {"rho(T)": spectral_radius(bound_matrix(A, M, N, c * D))}
 
 
-def repaired_condition(trials: int = 2000) -> Row:
-    """Check the repaired theorem on random matrices with random Omega and methods."""
+def repaired_condition(trials: int = 2000) -> Iterator[Row]:
+    """Check the repaired Theorem 3 on random matrices, Omega and methods."""
     rng = np.random.default_rng(0)
     holds = violated = bounded = 0
     worst = 0.0
@@ -335,16 +296,15 @@ def repaired_condition(trials: int = 2000) -> Row:
         M = (D - beta * L) / alpha + E - L * rng.integers(0, 2)
         N = M - A
         Omega = D * rng.uniform(0.2, 2.0)
-        B = np.abs(A) - D
         K = 2.0 * np.diag(np.diag(np.abs(M))) - np.abs(M) - np.abs(N)
-        K += np.minimum(D, 2.0 * Omega - D) - B
+        K += np.minimum(D, 2.0 * Omega - D) - (np.abs(A) - D)
         radius = spectral_radius(bound_matrix(A, M, N, Omega))
         bounded += radius < 1.0
         if m_radius(K) < 1.0:
             holds += 1
             violated += radius >= 1.0
             worst = max(worst, radius)
-    return {
+    yield {
         "matrices": trials,
         "condition holds": holds,
         "of these rho(T) >= 1": violated,
@@ -353,68 +313,55 @@ def repaired_condition(trials: int = 2000) -> Row:
     }
 
 
-def units() -> list[Row]:
+def units() -> Iterator[Row]:
     """Return the counts of NAMGS for A, q and eps in other units, both shifts."""
-    rows = []
     for unit in (1e3, 1.0, 1e-1, 1e-2, 1e-3):
         row: Row = {"unit": unit}
-        for word in ("I", "D"):
-            scene = sweep_scenes.paper_example(1, 30)
-            scene = scene._replace(A=unit * scene.A, q=unit * scene.q)
-            D, L, _ = parts(scene.A)
-            M = D - 2 * L + (sp.eye_array(scene.q.size) if word == "I" else D)
+        scene = sweep_scenes.paper_example(1, 30)
+        scene = scene._replace(A=unit * scene.A, q=unit * scene.q)
+        D, L, _ = parts(scene.A)
+        for word, shift in (("I", sp.eye_array(scene.q.size)), ("D", D)):
+            M = D - 2 * L + shift
             run = sweeps(scene, M, M - scene.A, D / 2)
             row[f"sweeps, shift {word}"] = first_below(run, unit * EPS, 10_000)
-        rows.append(row)
-    return rows
+        yield row
 
 
-def far_from_normal() -> list[Row]:
+def far_from_normal() -> Iterator[Row]:
     """Return what NAM with Omega = I does in Example 2: growth and stagnation."""
-    rows = []
     for m in (30, 50):
         A = sweep_scenes.paper_example(2, m, 0.0).A
-        left = A + 2.0 * sp.eye_array(m * m) - parts(A)[1]
-        inverse = np.linalg.inv(left.toarray())
+        inverse = np.linalg.inv((A + 2.0 * sp.eye_array(m * m) - parts(A)[1]).toarray())
         largest = float(np.max(np.abs(inverse)))
-        rows.append({"delta": 0, "n": m * m, "max |(A + 2I - L)^-1|": largest})
+        yield {"delta": 0, "n": m * m, "max |(A + 2I - L)^-1|": largest}
     scene = sweep_scenes.paper_example(2, 30)
     I = sp.eye_array(scene.q.size)
     more = I - parts(scene.A)[1]
-    row: Row = {"delta": 4, "n": scene.q.size}
-    run = sweeps(scene, scene.A + more, more, I, columns="COLAMD")
-    for k, residual in enumerate(itertools.islice(run, 2001)):
-        if k in (10, 100, 500, 1000, 2000):
-            row[f"Res {k}"] = residual
-    return [*rows, row]
+    run = list(
+        itertools.islice(sweeps(scene, scene.A + more, more, I, columns="COLAMD"), 2001)
+    )
+    residuals = {f"Res {k}": run[k] for k in (10, 100, 500, 1000, 2000)}
+    yield {"delta": 4, "n": scene.q.size} | residuals
 
 
-def lemma() -> Row:
+def lemma() -> Iterator[Row]:
     """Return A <= B with rho(A) > rho(B): Lemma 2.2 needs 0 <= A."""
-    A, B = np.array([[-2.0]]), np.array([[1.0]])
-    row: Row = {"A": A.item(), "B": B.item()}
-    return row | {"rho(A)": spectral_radius(A), "rho(B)": spectral_radius(B)}
+    radii = {f"rho({x:g})": spectral_radius(np.array([[x]])) for x in (-2.0, 1.0)}
+    yield {"A": -2.0, "B": 1.0} | radii
+
+
+SECTIONS = (
+    missing_omega, no_constraint, hidden_relaxation, printed_formulas, factor_r,
+    theorem_two, componentwise, compatible, theorem_three, repaired_condition, units,
+    far_from_normal, lemma,
+)  # fmt: skip
 
 
 def report() -> None:
     """Print every computation."""
-    for title, rows in (
-        ("Which Omega?", missing_omega()),
-        ("Is a constraint ever active?", no_constraint()),
-        ("Which SOR is it?", hidden_relaxation()),
-        ("Is a solution a fixed point of the printed formulas?", printed_formulas()),
-        ("Theorem 1: the factor 1/r", factor_r()),
-        ("Theorem 2: rho(T) in the paper's runs", theorem_two()),
-        ("Theorem 2: 'each component decreases'", componentwise()),
-        ("Theorem 3: is the splitting H-compatible?", compatible()),
-        ("Theorem 3: conditions for NAMGS, n = 100 (M-matrix: < 1)", theorem_three()),
-        ("The repaired Theorem 3 on random matrices", repaired_condition()),
-        ("Units: A, q, eps times", units()),
-        ("NAM (M = A, Omega = I) on Example 2", far_from_normal()),
-        ("Lemma 2.2", lemma()),
-    ):
-        print(f"\n{title}")
-        for row in rows if isinstance(rows, list) else [rows]:
+    for section in SECTIONS:
+        print("\n" + (section.__doc__ or "").splitlines()[0])
+        for row in section():
             print("  " + ", ".join(f"{name} = {text(x)}" for name, x in row.items()))
 
 

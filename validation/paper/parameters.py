@@ -7,8 +7,8 @@ are the products with A of its estimates, about half a sweep each, which `ratio`
 auto_sweeps / grid_sweeps leaves out and `ratio_with_products` counts. The wanted ratio
 is 1.3 at most; "none" in grid_sweeps: no point of the grid converges.
 
-parameters.csv has the scenes of the issue, fixed on 2026-11-21 at 10:50, before any
-choice was tuned. --quick takes smaller scenes and a coarse grid.
+parameters.csv has scenes that were fixed on 2026-11-21, before any choice was tuned.
+--quick takes smaller scenes and a coarse grid.
 
 maor and namaor have beta = 1 (without a beta they are msor and namsor), "nam" and
 "modified-nam" E = D, and "modified-nam" alpha = c times the geometric mean of D.
@@ -16,7 +16,6 @@ maor and namaor have beta = 1 (without a beta they are msor and namsor), "nam" a
 
 import math
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -175,7 +174,6 @@ def main(arguments: list[str] | None = None) -> int:
     effort = QUICK if args.quick else FULL
     header = cli.begin()
     tables.print_rows([], SHOWN)
-    start = time.perf_counter()
     rows = []
     for scene in scenes(args.data, effort.m):
         run = Run(scene)
@@ -184,12 +182,6 @@ def main(arguments: list[str] | None = None) -> int:
                 continue
             rows.append(compare(run, method, effort))
             tables.print_row(rows[-1], SHOWN)
-    cells = [row for row in rows if row["grid_sweeps"] != "none"]
-    within = sum(row["within"] for row in cells)
-    print(
-        f"{within} of {len(cells)} cells within {WANTED} of the best point; no point "
-        f"converges in {len(rows) - len(cells)}; {time.perf_counter() - start:.0f} s"
-    )
     folder = args.results or (None if args.quick else cli.RESULTS)
     if folder is not None:
         csv_files.write(folder / "parameters.csv", header, rows)

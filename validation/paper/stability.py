@@ -20,7 +20,7 @@ shows them all. maor and namaor have beta = 0 here, beta = alpha being msor and 
 import itertools
 import math
 import sys
-import time
+from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -143,90 +143,54 @@ def parameters(scene: sweep_scenes.Scene, chart: Map, alpha: float, c: float) ->
     return given
 
 
-def class_rows(quick: bool) -> list[Row]:
-    """Return a row for each class, method and c with a column for each alpha."""
+def key(name: str, chart: Map) -> Row:
+    """Return the first columns of a row."""
+    shift = chart.shift or ""
+    return {"class": name, "method": chart.method, "shift": shift, "axes": chart.axes}
+
+
+def class_rows(quick: bool) -> Iterator[Row]:
+    """Yield a row for each class, method and c with a column for each alpha."""
     alphas = np.linspace(0.1, 1.9, 7 if quick else 19)
     powers = np.linspace(-5.0, 4.0, 7 if quick else 19)
     strip = np.linspace(-8.0, 8.0, 9 if quick else 33)
     line = np.linspace(0.05, 1.95, 9 if quick else 33)
-    rows = []
     for scene in sweep_scenes.problem_classes():
-        start = time.perf_counter()
         for chart in MAPS:
-            for power in powers[::-1]:
-                row = key(scene.name, chart) | {"c": 2.0**power}
+            for c in 2.0 ** powers[::-1]:
+                row = key(scene.name, chart) | {"c": c}
                 for alpha in alphas:
-                    given = parameters(scene, chart, alpha, 2.0**power)
+                    given = parameters(scene, chart, alpha, c)
                     cell = outcome(scene, chart.method, CAP[quick], **given)
                     row[f"{alpha:.2f}"] = cell
-                rows.append(row)
+                yield row
         for chart in STRIPS:
             cap = CAP[quick] if chart.axes == "alpha" else FACTORED_CAP[quick]
             for x in line if chart.axes == "alpha" else 2.0**strip:
                 given = parameters(scene, chart, x, x)
                 cell = outcome(scene, chart.method, cap, **given)
-                rows.append(key(scene.name, chart) | {"c": x, "only": cell})
-        print(f"{scene.name}: {time.perf_counter() - start:.0f} s", flush=True)
-    names = list(dict.fromkeys(itertools.chain.from_iterable(rows)))
-    return [{name: row.get(name, "") for name in names} for row in rows]
+                yield key(scene.name, chart) | {"c": x, "only": cell}
+        print(scene.name, flush=True)
 
 
-def key(name: str, chart: Map) -> Row:
-    """Return the first columns of a row."""
-    return {
-        "class": name,
-        "method": chart.method,
-        "shift": chart.shift or "",
-        "axes": chart.axes,
-    }
-
-
-def unit_rows(quick: bool) -> list[Row]:
-    """Return a row for each method and delta with a column for each unit.
+def unit_rows(quick: bool) -> Iterator[Row]:
+    """Yield a row for each method and delta with a column for each unit.
 
     A and q are multiplied by the unit; the tolerance is relative, so that nothing
     should change.
     """
-    exponents = np.arange(-6, 7, 2 if quick else 1)
-    rows = []
-    for chart in UNITS:
-        for delta in DELTAS:
-            base = sweep_scenes.paper_example(1, 20, delta)
-            row = key("Example 1", chart) | {"delta": delta}
-            for exponent in exponents:
-                unit = 10.0 ** float(exponent)
-                scene = base._replace(A=unit * base.A, q=unit * base.q)
-                given: Row = {"shift": matrix_shift(scene, chart.shift)}
-                given["beta"] = chart.beta
-                if "alpha" in SWEEPS[chart.method].takes:
-                    given["alpha"] = ALPHAS.get(chart.method, ALPHA)
-                cell = outcome(scene, chart.method, CAP[quick], **given)
-                row[f"{exponent:d}"] = cell
-            rows.append(row)
-    return rows
-
-
-def print_summary(rows: list[Row]) -> None:
-    """Print for each class and method: cells solved, and the fewest sweeps."""
-    cells: dict[tuple[str, str], list[Any]] = {}
-    for row in rows:
-        name = f"{row['method']} {row['shift']}".strip()
-        values = [v for k, v in row.items() if k == "only" or k[:2] in ("0.", "1.")]
-        cells.setdefault((row["class"], name), []).extend(v for v in values if v != "")
-    classes = list(dict.fromkeys(pair[0] for pair in cells))
-    methods = list(dict.fromkeys(pair[1] for pair in cells))
-    print("\ncells that converge / all, fewest sweeps")
-    for k, name in enumerate(classes):
-        print(f"  {chr(65 + k)}: {name}")
-    print(f"{'':<16}" + "".join(f"{chr(65 + k):>13}" for k in range(len(classes))))
-    for method in methods:
-        line = f"{method:<16}"
-        for name in classes:
-            values = cells[name, method]
-            counts = [v for v in values if isinstance(v, int)]
-            text = f"{len(counts)}/{len(values)}"
-            line += f"{text:>8}{min(counts, default='-'):>5}"
-        print(line)
+    for chart, delta in itertools.product(UNITS, DELTAS):
+        base = sweep_scenes.paper_example(1, 20, delta)
+        row = key("Example 1", chart) | {"delta": delta}
+        for exponent in np.arange(-6, 7, 2 if quick else 1):
+            unit = 10.0 ** float(exponent)
+            scene = base._replace(A=unit * base.A, q=unit * base.q)
+            given: Row = {"shift": matrix_shift(scene, chart.shift)}
+            given["beta"] = chart.beta
+            if "alpha" in SWEEPS[chart.method].takes:
+                given["alpha"] = ALPHAS.get(chart.method, ALPHA)
+            row[f"{exponent:d}"] = outcome(scene, chart.method, CAP[quick], **given)
+        yield row
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -235,15 +199,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("part", nargs="?", choices=("run", "plot"))
     args = parser.parse_args(arguments)
     if args.part in (None, "run"):
-        start = time.perf_counter()
         header = cli.begin([], f"cells: {CAP[args.quick]} sweeps at most")
-        rows = class_rows(args.quick)
-        print_summary(rows)
+        rows = list(class_rows(args.quick))
+        names = dict.fromkeys(itertools.chain.from_iterable(rows), "")
+        rows = [names | row for row in rows]
         csv_files.write(args.results / "stability.csv", header, rows)
-        csv_files.write(
-            args.results / "stability-units.csv", header, unit_rows(args.quick)
-        )
-        print(f"{time.perf_counter() - start:.0f} s")
+        rows = list(unit_rows(args.quick))
+        csv_files.write(args.results / "stability-units.csv", header, rows)
     if args.part in (None, "plot"):
         stability_figures.plot(args.results, args.figures)
     return 0

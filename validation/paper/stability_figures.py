@@ -1,5 +1,6 @@
 """The figures of paper.stability."""
 
+import textwrap
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -18,32 +19,35 @@ Rows = list[dict[str, str]]
 FAILURES = {"slow": "#F2B134", "cycles": "#D6336C", "diverges": "#222222"}
 COUNTS = ListedColormap(plt.get_cmap("YlGnBu")(np.linspace(0.0, 0.87, 256)))
 LIMITS = LogNorm(5.0, 2000.0)
-NAMES = {
-    "msor": "MSOR",
-    "maor": "MAOR, $\\beta$ = 0",
-    "namsor": "NAMSOR",
-    "namaor": "NAMAOR, $\\beta$ = 0",
-    "amsor": "AMSOR",
-    "psor": "PSOR",
-    "modulus": "modulus",
-    "nam": "NAM",
-    "modified-nam": "modified NAM",
-    "mgs": "MGS",
-    "amgs": "AMGS",
-    "pgs": "PGS",
-    "namj": "NAMJ",
-    "namgs": "NAMGS",
-}
-TITLES = {
-    "dominant M-matrix": "dominant\nM-matrix",
-    "Laplacian": "Laplacian",
-    "SPD, not H": "SPD,\nnot H",
-    "singular contact, discs": "singular contact,\ndiscs",
-    "singular contact, bricks": "singular contact,\nbricks",
-    "badly scaled rows": "badly scaled\nrows, H+",
-    "nonsymmetric H+": "nonsymmetric\nH+",
-    "dense positive": "dense\npositive",
-}
+CURVES = {"msor": 2.0, "namsor": 2.0, "maor": 2.0, "namaor": 2.0, "amsor": 1.0}
+"""k of the white line c = alpha^-k / k: Omega = D/(2 alpha^2) or D/alpha."""
+AXES = {"alpha": "$\\alpha$", "c": "c, $\\Omega$ = c D", "c I": "c, $\\Omega$ = c I"}
+
+
+def name_of(method: str) -> str:
+    """Return the name of a method in a chart."""
+    names = {"modulus": "modulus", "modified-nam": "modified NAM"}
+    zero = ", $\\beta$ = 0" if method in ("maor", "namaor") else ""
+    return names.get(method, method.upper()) + zero
+
+
+def panels(rows: Rows, height: float, **shared: bool) -> tuple[Figure, Any, Any]:
+    """Return a figure, its panels, and for each its rows: classes by methods."""
+    classes = tables.distinct(rows, "class")
+    methods = tables.distinct(rows, "method", "shift")
+    figure, grid = plt.subplots(
+        len(methods), len(classes), figsize=(11.5, height), layout="constrained",
+        **shared,
+    )  # fmt: skip
+    for axes, name in zip(grid[0], classes, strict=True):
+        title = textwrap.fill(name, 14, break_on_hyphens=False)
+        axes.set_title(title, fontsize=8.5)
+    found = []
+    for line, (method, shift) in zip(grid, methods, strict=True):
+        for axes, name in zip(line, classes, strict=True):
+            wanted = {"class": name, "method": method, "shift": shift}
+            found.append((axes, tables.chosen(rows, **wanted)))
+    return figure, grid, found
 
 
 def plot(results: Path, figures: Path) -> None:
@@ -69,14 +73,12 @@ def legend(figure: Figure, axes: Any, what: str) -> None:
         aspect=30, pad=0.01,
     )  # fmt: skip
     bar.set_label(f"{what} to Res < $10^{{-6}}$ Res($z_0$)")
-    bar.set_ticks([5, 10, 20, 50, 100, 200, 500, 1000, 2000])
-    bar.set_ticklabels(["5", "10", "20", "50", "100", "200", "500", "1000", "2000"])
-    words = {
-        "slow": "slow: falls steadily, not there in time",
-        "cycles": "cycles or wanders: no measurable progress",
-        "diverges": "diverges",
-    }
-    patches = [Patch(color=FAILURES[name], label=text) for name, text in words.items()]
+    ticks = [5, 10, 20, 50, 100, 200, 500, 1000, 2000]
+    bar.set_ticks(ticks, labels=[str(tick) for tick in ticks])
+    words = ("slow: falls steadily, not there in time",
+             "cycles or wanders: no measurable progress", "diverges")  # fmt: skip
+    pairs = zip(FAILURES.values(), words, strict=True)
+    patches = [Patch(color=colour, label=text) for colour, text in pairs]
     figure.legend(handles=patches, loc="outside lower center", ncols=3)
 
 
@@ -90,42 +92,31 @@ def show(axes: Axes, rows: Rows, names: list[str], extent: tuple[float, ...]) ->
         spine.set(visible=True, linewidth=0.5, color=charts.DARK)
 
 
-def title_of(method: str, shift: str) -> str:
-    """Return the name of a method with its shift."""
-    return NAMES[method] + (f"\n(E = {shift})" if shift else "")
+def title_of(row: dict[str, str]) -> str:
+    """Return the name of the method of a row with its shift."""
+    return name_of(row["method"]) + (f"\n(E = {row['shift']})" if row["shift"] else "")
 
 
 def plot_maps(rows: Rows, figures: Path) -> None:
     """Draw c against alpha for every class (column) and method (row)."""
-    classes, methods = (
-        tables.distinct(rows, *keys) for keys in (("class",), ("method", "shift"))
-    )
     names = [name for name in rows[0] if name[:2] in ("0.", "1.")]
     alphas = [float(name) for name in names]
-    figure, grid = plt.subplots(
-        len(methods), len(classes), figsize=(11.5, 10.2), sharex=True, sharey=True,
-        layout="constrained",
-    )  # fmt: skip
-    for line, (method, shift) in zip(grid, methods, strict=True):
-        for axes, name in zip(line, classes, strict=True):
-            wanted = {"class": name, "method": method, "shift": shift}
-            own = tables.chosen(rows, **wanted)
-            powers = [np.log2(float(row["c"])) for row in own]
-            dx, dy = alphas[1] - alphas[0], powers[0] - powers[1]
-            sides = alphas[0] - dx / 2, alphas[-1] + dx / 2
-            show(axes, own, names, (*sides, powers[-1] - dy / 2, powers[0] + dy / 2))
-            x = np.linspace(alphas[0], alphas[-1], 50)
-            if method in ("msor", "namsor", "maor", "namaor"):
-                axes.plot(x, -1.0 - 2.0 * np.log2(x), color="white", linewidth=0.9)
-            if method == "amsor":
-                axes.plot(x, -np.log2(x), color="white", linewidth=0.9)
-                axes.plot([1.0], [0.0], "o", color="white", markersize=3)
-            axes.set_ylim(powers[-1] - dy / 2, powers[0] + dy / 2)
-            axes.set_xticks([0.5, 1.0, 1.5])
-            axes.set_yticks([-4, -2, 0, 2, 4], ["1/16", "1/4", "1", "4", "16"])
-        line[0].set_ylabel(f"{title_of(method, shift)}\nc", fontsize=8)
-    for axes, name in zip(grid[0], classes, strict=True):
-        axes.set_title(TITLES[name], fontsize=8.5)
+    dx, x = (alphas[1] - alphas[0]) / 2, np.linspace(alphas[0], alphas[-1], 50)
+    figure, grid, found = panels(rows, 10.2, sharex=True, sharey=True)
+    for axes, own in found:
+        powers = [np.log2(float(row["c"])) for row in own]
+        dy = (powers[0] - powers[1]) / 2
+        ends = powers[-1] - dy, powers[0] + dy
+        show(axes, own, names, (alphas[0] - dx, alphas[-1] + dx, *ends))
+        k = CURVES[own[0]["method"]]
+        axes.plot(x, 1.0 - k - k * np.log2(x), color="white", linewidth=0.9)
+        if k == 1.0:
+            axes.plot([1.0], [0.0], "o", color="white", markersize=3)
+        axes.set_ylim(ends)
+        axes.set_xticks([0.5, 1.0, 1.5])
+        axes.set_yticks([-4, -2, 0, 2, 4], ["1/16", "1/4", "1", "4", "16"])
+    for line, (_, own) in zip(grid, found[:: grid.shape[1]], strict=True):
+        line[0].set_ylabel(f"{title_of(own[0])}\nc", fontsize=8)
     for axes in grid[-1]:
         axes.set_xlabel("$\\alpha$", fontsize=8)
     legend(figure, grid, "sweeps")
@@ -140,39 +131,24 @@ def plot_maps(rows: Rows, figures: Path) -> None:
 
 def plot_strips(rows: Rows, figures: Path) -> None:
     """Draw the methods with one parameter."""
-    classes, methods = (
-        tables.distinct(rows, *keys) for keys in (("class",), ("method", "shift"))
-    )
-    figure, grid = plt.subplots(
-        len(methods), len(classes), figsize=(11.5, 5.2), layout="constrained"
-    )
-    for line, (method, shift) in zip(grid, methods, strict=True):
-        for axes, name in zip(line, classes, strict=True):
-            wanted = {"class": name, "method": method, "shift": shift}
-            own = tables.chosen(rows, **wanted)
-            relaxed = own[0]["axes"] == "alpha"
-            x = [float(row["c"]) for row in own]
-            x = x if relaxed else [float(np.log2(value)) for value in x]
-            step = (x[1] - x[0]) / 2
-            line_of_cells = {str(k): row["only"] for k, row in enumerate(own)}
-            extent = (x[0] - step, x[-1] + step, 0.0, 1.0)
-            show(axes, [line_of_cells], list(line_of_cells), extent)
-            axes.set_yticks([])
-            if relaxed:
-                axes.set_xticks([0.5, 1.0, 1.5])
-            else:
-                axes.set_xticks([-6, 0, 6], ["1/64", "1", "64"])
-        unit = {
-            "alpha": "$\\alpha$",
-            "c": "c, $\\Omega$ = c D",
-            "c I": "c, $\\Omega$ = c I",
-        }
+    figure, grid, found = panels(rows, 5.2)
+    for axes, own in found:
+        relaxed = own[0]["axes"] == "alpha"
+        x = [float(row["c"]) for row in own]
+        x = x if relaxed else [float(np.log2(value)) for value in x]
+        step = (x[1] - x[0]) / 2
+        cells = {str(k): row["only"] for k, row in enumerate(own)}
+        show(axes, [cells], list(cells), (x[0] - step, x[-1] + step, 0.0, 1.0))
+        axes.set_yticks([])
+        if relaxed:
+            axes.set_xticks([0.5, 1.0, 1.5])
+        else:
+            axes.set_xticks([-6, 0, 6], ["1/64", "1", "64"])
+    for line, (_, own) in zip(grid, found[:: grid.shape[1]], strict=True):
         line[0].set_ylabel(
-            f"{title_of(method, shift)}\n{unit[own[0]['axes']]}",
+            f"{title_of(own[0])}\n{AXES[own[0]['axes']]}",
             fontsize=8, rotation=0, ha="right", va="center",
         )  # fmt: skip
-    for axes, name in zip(grid[0], classes, strict=True):
-        axes.set_title(TITLES[name], fontsize=8.5)
     legend(figure, grid, "iterations")
     charts.save(figure, figures / "stability-factored.png")
 
@@ -189,7 +165,7 @@ def plot_units(rows: Rows, figures: Path) -> None:
         own = tables.chosen(rows, method=method, shift=shift)
         sides = float(names[0]) - 0.5, float(names[-1]) + 0.5
         show(axes, own, names, (*sides, len(deltas) - 0.5, -0.5))
-        text = NAMES[method].split(",")[0] + (f", E = {shift}" if shift else "")
+        text = name_of(method).split(",")[0] + (f", E = {shift}" if shift else "")
         axes.set_title(text, fontsize=8.5)
         axes.set_xticks([-6, -3, 0, 3, 6], [f"$10^{{{k}}}$" for k in (-6, -3, 0, 3, 6)])
         axes.set_yticks(range(len(deltas)), [f"{float(d):g}" for d in deltas])

@@ -22,25 +22,18 @@ import itertools
 import multiprocessing as mp
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
 
 from namlcp import LCPResult, solve_lcp
-from validation.harness import Row, cli, csv_files, tables
+from validation.harness import Row, cli, csv_files
 from validation.paper import errors, figures
 from validation.paper.printed import EPS, SIZES, TABLES
-from validation.paper.variants import (
-    CAP,
-    FACTORED_CAP,
-    VARIANTS,
-    arguments,
-    best_values,
-)
+from validation.paper.variants import VARIANTS, arguments, best_values
 from validation.problems import sweep_scenes
 
 DELTAS = (4.0, 1.0, 0.0)
@@ -74,17 +67,13 @@ def timed(scene: sweep_scenes.Scene, method: str, max_iter: int, **given: Any) -
     start = time.perf_counter()
     result = solve(scene, method, max_iter, **given)
     first = time.perf_counter() - start
-    row = {
-        "iterations": result.iterations,
-        "residual": result.residual,
-        "status": result.status.value,
-    }
+    row = {"iterations": result.iterations, "residual": result.residual}
+    row["status"] = result.status.value
     return row | quartiles(lambda: solve(scene, method, max_iter, **given), first)
 
 
-def table_rows() -> list[Row]:
-    """Return the 48 printed runs with what was printed."""
-    rows = []
+def table_rows() -> Iterator[Row]:
+    """Yield the 48 printed runs with what was printed."""
     for (example, method, alpha), printed in TABLES.items():
         given: Row = {} if alpha is None else {"alpha": alpha}
         if method.startswith("nam"):
@@ -92,93 +81,42 @@ def table_rows() -> list[Row]:
         for m, count, digits, cpu in zip(SIZES, *printed, strict=True):
             key = {"example": example, "method": method, "alpha": alpha or 1.0}
             row = timed(sweep_scenes.paper_example(example, m), method, 100, **given)
-            row |= {
-                "printed_iterations": count,
-                "printed_residual": digits / 1e7,
-                "printed_time": cpu,
-                "count_agrees": row["iterations"] == count,
-                "residual_agrees": f"{row['residual']:.1e}" == f"{digits / 1e7:.1e}",
-            }
-            rows.append(key | {"n": m * m} | row)
-    return rows
-
-
-def print_tables(rows: list[Row]) -> None:
-    """Print both tables, the printed figures below ours, and the agreement."""
-    for example in (1, 2):
-        print(f"\nTable {example}   n = " + "".join(f"{m * m:>9}" for m in SIZES))
-        for (number, method, alpha), _ in TABLES.items():
-            if number != example:
-                continue
-            own = tables.chosen(rows, example=example, method=method)
-            for word, ours, theirs, form in (
-                ("IT", "iterations", "printed_iterations", "d"),
-                ("Res", "residual", "printed_residual", ".1e"),
-            ):
-                name = f"{method} {alpha or ''}" if word == "IT" else ""
-                mine = "".join(f"{format(row[ours], form):>9}" for row in own)
-                paper = "".join(f"{format(row[theirs], form):>9}" for row in own)
-                print(f"{name:<12}{word:<4}{mine}\n{'':<9}printed{paper}")
-            micro = [1e6 * row["time"] / row["iterations"] for row in own]
-            print(f"{'':<8}us/sweep" + "".join(f"{t:>9.2f}" for t in micro))
-    counts = sum(row["count_agrees"] for row in rows)
-    digits = sum(row["residual_agrees"] for row in rows)
-    print(f"\niteration counts: {counts}/{len(rows)} as printed")
-    print(f"residuals: {digits}/{len(rows)} to both printed digits")
-    for row in rows:
-        if not row["residual_agrees"]:
-            print(
-                f"  Example {row['example']} {row['method']} n = {row['n']}: "
-                f"{row['residual']:.3e}, printed {row['printed_residual']:.1e}"
+            yield (
+                key
+                | {"n": m * m}
+                | row
+                | {
+                    "printed_iterations": count,
+                    "printed_residual": digits / 1e7,
+                    "printed_time": cpu,
+                    "count_agrees": row["iterations"] == count,
+                    "residual_agrees": f"{row['residual']:.1e}"
+                    == f"{digits / 1e7:.1e}",
+                }
             )
 
 
-def method_rows(jobs: int) -> list[Row]:
-    """Return every variant on every problem; see `variants`.
+def method_rows(jobs: int) -> Iterator[Row]:
+    """Yield every variant on every problem; see `variants`.
 
     `jobs` processes search for the parameters; the runs are timed in this one.
     """
     cases = list(itertools.product((1, 2), DELTAS, VARIANTS))
-    context = mp.get_context("spawn")
-    with ProcessPoolExecutor(jobs, context) as pool:
+    with ProcessPoolExecutor(jobs, mp.get_context("spawn")) as pool:
         found = list(pool.map(best_values, *zip(*cases, strict=True)))
-    rows = []
     for (example, delta, variant), best in zip(cases, found, strict=True):
-        cap = FACTORED_CAP if variant.factored else CAP
         for m, values in zip(SIZES, best, strict=True):
             scene = sweep_scenes.paper_example(example, m, delta)
             given = arguments(variant, values, scene)
-            row = timed(scene, variant.method, cap, **given)
-            key: Row = {"example": example, "delta": delta, "n": m * m}
-            key |= {"variant": variant.label, "method": variant.method}
-            key |= {name: values.get(name) for name in ("alpha", "beta", "c")}
-            rows.append(key | row | {"cap": cap})
-    return rows
+            row: Row = {"example": example, "delta": delta, "n": m * m}
+            row |= {"variant": variant.label, "method": variant.method}
+            row |= {name: values.get(name) for name in ("alpha", "beta", "c")}
+            row |= timed(scene, variant.method, variant.cap, **given)
+            yield row | {"cap": variant.cap}
 
 
-def print_methods(rows: list[Row]) -> None:
-    """Print the counts at the largest size; > means the limit was reached."""
-    n = max(row["n"] for row in rows)
-    print(f"\nsweeps to Res < 1e-5, n = {n}")
-    cases = [(example, delta) for example in (1, 2) for delta in DELTAS]
-    print(f"{'':<30}" + "".join(f"   Ex {e}, {d:g}" for e, d in cases))
-    for variant in VARIANTS:
-        cells = []
-        for case in cases:
-            for row in rows:
-                key = (row["example"], row["delta"])
-                if (key, row["n"], row["variant"]) == (case, n, variant.label):
-                    solved = row["status"] == "solved"
-                    sign = ">" if row["status"] == "max_iter" else "!"
-                    cells.append(f"{'' if solved else sign}{row['iterations']}")
-        print(f"{variant.label:<30}" + "".join(f"{cell:>10}" for cell in cells))
-    print("> not solved within so many sweeps; ! found to diverge after so many")
-
-
-def large_rows() -> list[Row]:
-    """Return held-out sizes up to n = 10^6 beside the plain transcription."""
-    solve(sweep_scenes.paper_example(1, 10), "namgs", 100, shift=1.0)  # compile or load
-    rows = []
+def large_rows() -> Iterator[Row]:
+    """Yield held-out sizes up to n = 10^6 beside the plain transcription."""
     cases = itertools.product((1, 2), ((4.0, 0.5), (1.0, 0.8)), HELD_OUT)
     for example, (delta, c), m in cases:
         scene = sweep_scenes.paper_example(example, m, delta)
@@ -188,21 +126,10 @@ def large_rows() -> list[Row]:
         seconds = time.perf_counter() - start
         count, residual = transcription(scene, omega)
         error = np.max(np.abs(result.z - np.tile([1.0, 2.0], m * m // 2)))
-        rows.append(
-            {
-                "example": example,
-                "delta": delta,
-                "Omega": f"{c:g} D",
-                "n": m * m,
-                "iterations": result.iterations,
-                "transcription": count,
-                "residual": result.residual,
-                "transcription_residual": residual,
-                "error": float(error),
-                "time": seconds,
-            }
-        )
-    return rows
+        row: Row = {"example": example, "delta": delta, "Omega": f"{c:g} D"}
+        row |= {"n": m * m, "iterations": result.iterations, "transcription": count}
+        row |= {"residual": result.residual, "transcription_residual": residual}
+        yield row | {"error": float(error), "time": seconds}
 
 
 def transcription(scene: sweep_scenes.Scene, omega: np.ndarray) -> tuple[int, float]:
@@ -216,20 +143,6 @@ def transcription(scene: sweep_scenes.Scene, omega: np.ndarray) -> tuple[int, fl
     return next((k, r) for k, r in enumerate(run) if r < EPS or k == 1000)
 
 
-def run(results: Path, jobs: int) -> None:
-    """Measure and write both CSV files."""
-    header = cli.begin()
-    start = time.perf_counter()
-    timed(sweep_scenes.paper_example(1, 10), "namgs", 100)  # compile or load
-    rows = table_rows()
-    print_tables(rows)
-    csv_files.write(results / "paper-tables.csv", header, rows)
-    rows = method_rows(jobs)
-    print_methods(rows)
-    csv_files.write(results / "paper-methods.csv", header, rows)
-    print(f"{time.perf_counter() - start:.0f} s")
-
-
 def main(arguments: list[str] | None = None) -> int:
     """Do what the subcommand says."""
     parser = cli.parser(__doc__, "results", "figures")
@@ -237,17 +150,16 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("part", nargs="?", choices=parts)
     parser.add_argument("--jobs", type=int, default=2, help="processes that tune")
     args = parser.parse_args(arguments)
+    files: dict[str, Iterator[Row]] = {}
     if args.part in (None, "run"):
-        run(args.results, args.jobs)
+        files = {"tables": table_rows(), "methods": method_rows(args.jobs)}
+    if args.part == "large":
+        files = {"large": large_rows()}
+    header = cli.begin() if files else []
+    for name, rows in files.items():
+        csv_files.write(args.results / f"paper-{name}.csv", header, list(rows))
     if args.part in (None, "plot"):
         figures.plot(args.results, args.figures)
-    if args.part == "large":
-        header, rows = cli.begin(), large_rows()
-        tables.print_rows(
-            rows,
-            "example:7 delta:5 Omega:6 n iterations transcription:13 residual time",
-        )
-        csv_files.write(args.results / "paper-large.csv", header, rows)
     if args.part == "errors":
         errors.report()
     return 0

@@ -14,6 +14,10 @@ CAP = 5000
 """Sweeps at most; n = 10^4 at delta = 0 needs more of some methods."""
 FACTORED_CAP = 500
 """Iterations at most of the methods that factor once: each costs over ten sweeps."""
+RELAXATIONS, LOGARITHMS = (0.6, 1.0, 1.4, 1.8), (-4.0, -2.0, -1.0, 0.0, 1.0, 2.0)
+"""Where the search starts."""
+
+Point = tuple[float, ...]
 
 
 class Variant(NamedTuple):
@@ -33,6 +37,11 @@ class Variant(NamedTuple):
     def factored(self) -> bool:
         """Whether an iteration is a solve with factors of A + ..., not a sweep."""
         return self.method in ("modulus", "nam", "modified-nam")
+
+    @property
+    def cap(self) -> int:
+        """Iterations at most."""
+        return FACTORED_CAP if self.factored else CAP
 
 
 VARIANTS = (
@@ -86,8 +95,8 @@ class Tuner:
     SKEW = 4  # random directions in a step, along narrow valleys
 
     def __init__(self, variant: Variant, example: int):
-        self.variant = variant
-        self.point: tuple[float, ...] | None = None
+        self.variant, self.tuned = variant, variant.tuned
+        self.point: Point | None = None
         self.spent = 0
         self.fixed: dict[str, float] = {}
         if variant.printed is not None:
@@ -102,62 +111,44 @@ class Tuner:
         self.spent = 0
         starts = [self.point] if self.point else []
         if not (self.point and self.variant.factored):
-            starts += self.grid()
-        best, self.point = self.better(scene, starts, ((math.inf, math.inf), starts[0]))
-        whole = [
-            d for d in itertools.product((-1, 0, 1), repeat=len(self.point)) if any(d)
-        ]
+            grids = [LOGARITHMS if self.free(n) else RELAXATIONS for n in self.tuned]
+            starts += itertools.product(*grids)
+        best, point = self.better(scene, starts, ((math.inf, math.inf), starts[0]))
+        whole = [d for d in itertools.product((-1, 0, 1), repeat=len(point)) if any(d)]
         rng = np.random.default_rng(0)
         step = self.STEP
         while step > self.SMALLEST and self.spent < self.SWEEPS:
-            skew = rng.standard_normal((self.SKEW, len(self.point)))
+            skew = rng.standard_normal((self.SKEW, len(point)))
             around = [
-                tuple(x + step * y for x, y in zip(self.point, d, strict=True))
-                for d in (*whole, *(skew if len(self.point) > 1 else ()))
+                tuple(x + step * y for x, y in zip(point, d, strict=True))
+                for d in (*whole, *(skew if len(point) > 1 else ()))
             ]
             found = best
-            best, self.point = self.better(scene, around, (best, self.point))
+            best, point = self.better(scene, around, (best, point))
             if best == found:
                 step /= 2.0
-        return self.fixed | self.named(self.point)
+        self.point = point
+        return self.fixed | self.named(point)
 
     def better(
-        self,
-        scene: sweep_scenes.Scene,
-        points: list[tuple[float, ...]],
-        best: tuple[Any, Any],
-    ) -> tuple[Any, Any]:
+        self, scene: sweep_scenes.Scene, points: list[Point], best: tuple[Any, Point]
+    ) -> tuple[Any, Point]:
         """Return the least (cost, point) among `best` and the points."""
         for point in points:
             best = min(best, (self.cost(scene, point, best[0][0]), point))
         return best
 
-    def grid(self) -> list[tuple[float, ...]]:
-        """Return the points where the search starts."""
-        lines = {
-            "relaxation": [0.6, 1.0, 1.4, 1.8],
-            "logarithm": [-4.0, -2.0, -1.0, 0.0, 1.0, 2.0],
-        }
-        axes = [lines[self.kind(name)] for name in self.variant.tuned]
-        return list(itertools.product(*axes))
+    def free(self, name: str) -> bool:
+        """Tell whether a parameter moves on a logarithmic scale."""
+        return name == "c" or self.variant.method == "modified-nam"
 
-    def kind(self, name: str) -> str:
-        """Return the scale on which a parameter moves."""
-        free = name == "c" or self.variant.method == "modified-nam"
-        return "logarithm" if free else "relaxation"
-
-    def named(self, point: tuple[float, ...]) -> dict[str, float]:
+    def named(self, point: Point) -> dict[str, float]:
         """Return the parameter values of a point."""
-        return {
-            name: float(2.0**x if self.kind(name) == "logarithm" else x)
-            for name, x in zip(self.variant.tuned, point, strict=True)
-        }
+        pairs = zip(self.tuned, point, strict=True)
+        return {name: float(2.0**x if self.free(name) else x) for name, x in pairs}
 
     def cost(
-        self,
-        scene: sweep_scenes.Scene,
-        point: tuple[float, ...],
-        limit: float = math.inf,
+        self, scene: sweep_scenes.Scene, point: Point, limit: float
     ) -> tuple[float, float]:
         """Return sweeps and Res, infinite if they would be more than `limit`."""
         values = self.fixed | self.named(point)
@@ -165,10 +156,9 @@ class Tuner:
         relaxed = self.variant.method != "modified-nam"
         if relaxed and not (0.0 < alpha < 2.0 and 0.0 <= beta < 2.0):
             return math.inf, math.inf
-        cap = FACTORED_CAP if self.variant.factored else CAP
         result = solve_lcp(
             scene.A, scene.q, scene.lower, scene.upper, method=self.variant.method,
-            s0=scene.s0, eps_abs=EPS, max_iter=int(min(cap, limit)),
+            s0=scene.s0, eps_abs=EPS, max_iter=int(min(self.variant.cap, limit)),
             **arguments(self.variant, values, scene),
         )  # fmt: skip
         self.spent += result.iterations

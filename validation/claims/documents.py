@@ -1,0 +1,135 @@
+"""The figures and tables of README.md, docs and validation/README.md, from claims.toml.
+
+A figure that claims something is followed by the name of a claim as a comment,
+``0.78<!-- Maros-Meszaros over piqp -->``; it has to be the value, rounded to the digits
+that the text gives. A table stands between ``<!-- table: NAME -->`` and ``<!-- end
+-->``: the claims of a part ("claims right"), "taken", or one of claims.toml.
+"""
+
+import math
+import re
+from pathlib import Path
+
+from validation.claims.figures import (
+    TABLE,
+    Figures,
+    Spec,
+    claims,
+    figure,
+    of,
+    read,
+    values,
+    where,
+)
+from validation.harness import Row, cli, csv_files, tables
+
+DOCUMENTS = (
+    cli.ROOT / "README.md",
+    *sorted((cli.ROOT / "docs").rglob("*.md")),
+    cli.ROOT / "validation" / "README.md",
+)
+MARK = re.compile(r"(\d[\d.]*(?:e-?\d+)?)<!-- ([^:]+?) -->")
+BLOCK = re.compile(r"(<!-- table: (.+?) -->\n).*?(?=<!-- end -->)", re.DOTALL)
+WIDEST = 200  # characters of a cell
+
+
+def rounded(value: float, like: str) -> str:
+    """Return a value with the digits of a figure, 3e-9 and 3.1e-10 with theirs."""
+    mantissa, e, _ = like.partition("e")
+    digits = len(mantissa.partition(".")[2])
+    if not e:
+        return f"{value:.{digits}f}"
+    mantissa, _, exponent = f"{value:.{digits}e}".partition("e")
+    return f"{mantissa}e{int(exponent)}"
+
+
+def renewed(text: str, known: Figures) -> str:
+    """Return a text with the measured figures; what is not measured stays."""
+
+    def measured(mark: re.Match[str]) -> str:
+        said, name = mark.groups()
+        value = known.get(name, math.nan)
+        return f"{said if math.isnan(value) else rounded(value, said)}<!-- {name} -->"
+
+    return MARK.sub(measured, text)
+
+
+def of_claims(part: str, results: Path) -> str:
+    """Return the table of what is asked in a part, and what was measured."""
+    lines = (
+        (claim.name, claim.limit, f"{claim.value:.4g}", "yes" if claim.holds else "NO")
+        for claim in claims(results, part)
+    )
+    return tables.markdown(("figure", "limit", "measured", "met"), lines)
+
+
+def taken(results: Path) -> str:
+    """Return the table of what was measured when, from the headers of the files."""
+    files: dict[tuple[str, ...], int] = {}
+    for file in results.glob("*.csv"):
+        lines = (line.partition(": ") for line in csv_files.header(file))
+        said = {name: value for name, _, value in lines}
+        key = tuple(said.get(name, "") for name in ("commit", "date", "cpu", "load"))
+        files[key] = files.get(key, 0) + 1
+    counts = ((*key, count) for key, count in sorted(files.items()))
+    return tables.markdown(("commit", "date", "machine", "load", "files"), counts)
+
+
+def crossed(spec: Spec, results: Path) -> str:
+    """Return a table with a line for each value of `down`, see claims.toml."""
+    rows = where(read(results / f"{spec['file']}.csv"), spec.get("where", "True"))
+    keys = list(zip(*(of(rows, down) for down in spec["down"].values()), strict=True))
+    lines = []
+    for key in sorted(set(keys)):
+        own = [row for row, found in zip(rows, keys, strict=True) if found == key]
+        labels = [x if isinstance(x, str) else f"{x:g}" for x in key]
+        lines.append([*labels, *(cell(own, spec, here) for here in spec["columns"])])
+    heads = map(spec.get("head", "{}").format, spec["columns"])
+    return tables.markdown((*spec["down"], *heads), lines)
+
+
+def cell(rows: list[Row], spec: Spec, here: str) -> str:
+    """Return an entry: its figures but those to `hide`, "-" where there is none."""
+    texts = []
+    for part in spec["cells"]:
+        entries = {key: str(entry).replace("HERE", here) for key, entry in part.items()}
+        value = figure(rows, entries)
+        if not math.isnan(value) and value != part.get("hide"):
+            form = part.get("format")
+            texts.append(form.format(value) if form else tables.short(value))
+    return ", ".join(texts) or "-"
+
+
+def table(name: str, results: Path) -> str:
+    """Return a table by its name."""
+    if name.startswith("claims "):
+        return of_claims(name.removeprefix("claims "), results)
+    return (
+        taken(results) if name == "taken" else crossed(TABLE["tables"][name], results)
+    )
+
+
+def written(text: str, results: Path = cli.RESULTS) -> str:
+    """Return a document with the figures and tables of a folder of results."""
+
+    def block(found: re.Match[str]) -> str:
+        begin, name = found.groups()
+        return f"{begin}{table(name, results)}\n"
+
+    return BLOCK.sub(block, renewed(text, values(results)))
+
+
+def faults(text: str) -> list[str]:
+    """Return what a document says that the results do not, and cells too wide."""
+    known, found = values(), []
+    for said, name in MARK.findall(text):
+        value = known.get(name, math.nan)
+        if rounded(value, said) != said:
+            found.append(f"{name}: {said}, measured {value:g}")
+    old, new = ([b.group() for b in BLOCK.finditer(t)] for t in (text, written(text)))
+    found += [a.splitlines()[0] for a, b in zip(old, new, strict=True) if a != b]
+    cells = (
+        c for line in text.splitlines() if line[:1] == "|" for c in line.split("|")
+    )
+    found += [f"too wide: {wide.strip()[:60]}" for wide in cells if len(wide) > WIDEST]
+    return found
