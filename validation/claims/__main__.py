@@ -1,8 +1,8 @@
 """What the README files say, from the results: write it, or with --check compare.
 
 `python -m validation.claims` writes the figures and tables of README.md and
-validation/README.md anew and prints which claims do not hold; --check writes nothing and
-returns 1 if a document says what the results do not.
+validation/README.md anew and prints which claims do not hold; --check writes nothing
+and returns 1 if a document says what the results do not.
 """
 
 import sys

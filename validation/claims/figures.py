@@ -130,10 +130,11 @@ def groups(rows: list[Row], keys: str) -> Iterator[list[Row]]:
 
 
 def ratios(rows: list[Row], expression: str, over: str) -> Iterator[Row]:
-    """Yield value, that of nam over that of another, and `other`, problem by problem."""
+    """Yield for each problem `other`, and `value`, that of nam over it."""
     keys = " ".join(key for key in BY.split() if rows and key in rows[0])
     for group in groups(rows, keys):
-        times = dict(zip((row["solver"] for row in group), of(group, expression)))
+        solvers = (row["solver"] for row in group)
+        times = dict(zip(solvers, of(group, expression), strict=True))
         ours = times.pop("nam", math.nan)
         others = times.values() if over == "best" else [times.get(over, math.nan)]
         other = min(known(others), default=math.nan)

@@ -9,10 +9,11 @@ proofs: random matrices, methods and parameters; what `converges` proves must co
 runs: the paper's own runs and Omega; which theorem covers them.
 """
 
+import itertools
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from fractions import Fraction
 from functools import partial
 from typing import Any
@@ -27,14 +28,16 @@ from namlcp.lcp.modulus.sweeps import step_of
 from namlcp.theory.comparison import radius_bounds
 from namlcp.theory.convergence import by_quadratic_norm, dense_parts
 from namlcp.theory.splittings import splitting
-from validation.harness import Row, cli, csv_files, tables, timing
+from validation.harness import Row, cli, csv_files, timing
 from validation.paper.errors import spectral_radius
+from validation.paper.printed import TABLES
 from validation.problems import sweep_scenes
 
-PARTS = ("definition", "time", "proofs", "runs")
-
+FILES = {
+    "definition": "h_plus-definition", "time": "h_plus",
+    "proofs": "convergence-proofs", "runs": "convergence-runs",
+}  # fmt: skip
 DISTANCES = (0.5, 1e-2, 1e-4, 1e-6, 1e-8, 1e-9, 2e-10, 1e-11, 1e-12, 1e-14)
-CLEAR = 1e-10  # where an answer is required
 
 
 def jacobi(A: np.ndarray) -> np.ndarray:
@@ -82,36 +85,28 @@ def proves(verdict: Verdict, A: np.ndarray) -> bool:
     return min(x) >= 0 and max(x) > 0 and max(rows) <= 0
 
 
-def definition_rows(count: int) -> list[Row]:
+def definition_rows(count: int) -> Iterator[Row]:
     """Compare is_h_plus with the definition, `count` matrices at each distance."""
     rng = np.random.default_rng(0)
-    rows = []
-    for side in (-1.0, 1.0):
-        for distance in DISTANCES:
-            seen: Counter[str] = Counter()
-            while seen["matrices"] < count:
-                A = random_matrix(rng, 1.0 + side * distance)
-                if A is None:
-                    continue
-                verdict = is_h_plus(sp.csr_array(A) if rng.random() < 0.5 else A)
-                seen["matrices"] += 1
-                seen["undecided"] += verdict.answer is None
-                if verdict.answer is None:
-                    continue
+    for side, distance in itertools.product((-1.0, 1.0), DISTANCES):
+        seen: Counter[str] = Counter()
+        while seen["matrices"] < count:
+            A = random_matrix(rng, 1.0 + side * distance)
+            if A is None:
+                continue
+            verdict = is_h_plus(sp.csr_array(A) if rng.random() < 0.5 else A)
+            seen["matrices"] += 1
+            seen["undecided"] += verdict.answer is None
+            if verdict.answer is not None:
                 seen["proven"] += proves(verdict, A)
                 seen["other"] += verdict.answer is not (side < 0.0)
-            rows.append(
-                {
-                    "case": f"rho(J) = 1 {'-+'[side > 0]} {distance:g}",
-                    "matrices": count,
-                    "proven": seen["proven"],
-                    "undecided": seen["undecided"],
-                    # beyond CLEAR the eigenvalues are right, so this must be 0
-                    "not_the_eigenvalues": seen["other"],
-                }
-            )
-            tables.print_row(rows[-1], "case:24 matrices proven undecided")
-    return rows
+        row: Row = {"case": f"rho(J) = 1 {'-+'[side > 0]} {distance:g}"}
+        row |= {"matrices": count, "proven": seen["proven"]}
+        # beyond 1e-10 the eigenvalues are right, so that none may be other
+        yield row | {
+            "undecided": seen["undecided"],
+            "not_the_eigenvalues": seen["other"],
+        }
 
 
 def solve_time(A: Any, example: int) -> float:
@@ -123,26 +118,18 @@ def solve_time(A: Any, example: int) -> float:
     return time.perf_counter() - start
 
 
-def time_rows(m: int) -> list[Row]:
+def time_rows(m: int) -> Iterator[Row]:
     """Time is_h_plus on n = m^2 unknowns beside a sweep and a multigrid solve."""
-    for delta in (4.0, 0.0, -0.1):
-        is_h_plus(sweep_scenes.paper_example(1, 160, delta).A)  # compile or load
-    rows = []
     for example, delta in ((1, 4.0), (1, 1.0), (1, 0.0), (1, -0.1), (2, 4.0), (2, 0.0)):
         scene = sweep_scenes.paper_example(example, m, delta)
         A = scene.A
         lcp = LCP(Prepared(A), scene.q, scene.lower, scene.upper)
-        step = step_of(lcp, "pgs", Parameters())
-        buffers = np.zeros((2, 2, m * m))
+        sweep = partial(step_of(lcp, "pgs", Parameters()), *np.zeros((2, 2, m * m)))
         row: Row = {"case": f"Example {example}, delta = {delta:g}", "n": m * m}
-        row["sweep"] = timing.median_time(partial(step, *buffers))[2]
+        row["sweep"] = timing.median_time(sweep)[2]
         verdict, _, row["is_h_plus"] = timing.median_time(partial(is_h_plus, A))
         row["linear_solve"] = solve_time(A, example) if delta >= 0.0 else ""
-        row["answer"], row["checked"] = verdict.answer, verdict.checked
-        rows.append(row)
-        shown = "case:24 sweep is_h_plus linear_solve:12 answer:6 checked:30"
-        tables.print_row(row, shown)
-    return rows
+        yield row | {"answer": verdict.answer, "checked": verdict.checked}
 
 
 KINDS = ("dominant", "Z", "spd", "gram", "positive real", "badly scaled")
@@ -184,10 +171,9 @@ def random_parameters(rng: np.random.Generator, method: str, D: np.ndarray) -> R
     return given
 
 
-def proof_rows(count: int) -> list[Row]:
+def proof_rows(count: int) -> Iterator[Row]:
     """Run what `converges` proves and what it refutes, `count` problems a kind."""
     rng = np.random.default_rng(1)
-    rows = []
     for kind in KINDS:
         seen: Counter[str] = Counter()
         for _ in range(count):
@@ -214,65 +200,55 @@ def proof_rows(count: int) -> list[Row]:
                 seen["fled"] += not (result.status is Status.SOLVED and there)
         row = {"kind": kind, "problems": count, "proven": seen["True"]}
         row |= {"converged": seen["kept"], "refuted": seen["False"]}
-        row |= {"did_not": seen["fled"], "undecided": seen["None"]}
-        rows.append(row)
-        print("  ".join(f"{key} {value}" for key, value in row.items()), flush=True)
-    return rows
+        yield row | {"did_not": seen["fled"], "undecided": seen["None"]}
 
 
-def run_rows(sizes: tuple[int, ...]) -> list[Row]:
+def run_rows(sizes: tuple[int, ...]) -> Iterator[Row]:
     """Ask which theorem covers the paper's runs (E = I, Omega = D/(2 alpha^2))."""
-    rows = []
-    alphas = {
-        1: (("msor", 0.85), ("namsor", 0.91)),
-        2: (("msor", 0.88), ("namsor", 0.88)),
-    }
-    for example, delta in ((1, 4.0), (1, 1.0), (1, 0.0), (2, 4.0), (2, 1.0), (2, 0.0)):
-        for m in sizes:
-            A = sweep_scenes.paper_example(example, m, delta).A
-            for method, alpha in (("mgs", None), ("namgs", None), *alphas[example]):
-                given: Row = {} if alpha is None else {"alpha": alpha}
-                if method.startswith("nam"):
-                    given["shift"] = 1.0
-                parts = splitting(A, method, **given)
-                left, N, right = dense_parts(parts)
-                X, Y = np.linalg.solve(left, N), np.linalg.solve(left, right)
-                found = by_quadratic_norm(parts, False)
-                T = np.abs(np.linalg.inv(left)) @ (np.abs(N) + np.abs(right))
-                bounds = radius_bounds(T, 1e-6)
-                row: Row = {"example": example, "delta": delta, "n": m * m}
-                row |= {"method": method, "rho_T": round(bounds[1], 4)}
-                row["rho_smaller_T"] = round(spectral_radius(np.abs(X) + np.abs(Y)), 4)
-                row["energy_factor"] = round(found.bound, 6) if found else ""
-                row["linear_rate"] = round(spectral_radius(X + Y), 4)
-                rows.append(row)
-                print("  ".join(f"{key} {value}" for key, value in row.items()))
-    return rows
+    cases = itertools.product((1, 2), (4.0, 1.0, 0.0), sizes, TABLES)
+    for example, delta, m, (own, method, alpha) in cases:
+        if own != example:
+            continue
+        A = sweep_scenes.paper_example(example, m, delta).A
+        given: Row = {} if alpha is None else {"alpha": alpha}
+        if method.startswith("nam"):
+            given["shift"] = 1.0
+        parts = splitting(A, method, **given)
+        left, N, right = dense_parts(parts)
+        X, Y = np.linalg.solve(left, N), np.linalg.solve(left, right)
+        found = by_quadratic_norm(parts, False)
+        T = np.abs(np.linalg.inv(left)) @ (np.abs(N) + np.abs(right))
+        row: Row = {"example": example, "delta": delta, "n": m * m, "method": method}
+        row["rho_T"] = round(radius_bounds(T, 1e-6)[1], 4)
+        row["rho_smaller_T"] = round(spectral_radius(np.abs(X) + np.abs(Y)), 4)
+        row["energy_factor"] = round(found.bound, 6) if found else ""
+        yield row | {"linear_rate": round(spectral_radius(X + Y), 4)}
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Do the parts that are asked for, all unless told."""
     parser = cli.parser(__doc__, "quick", "results")
-    parser.add_argument("parts", nargs="*", metavar="part", help=", ".join(PARTS))
+    parser.add_argument("parts", nargs="*", metavar="part", help=", ".join(FILES))
     args = parser.parse_args(arguments)
-    unknown = set(args.parts) - set(PARTS)
+    unknown = set(args.parts) - set(FILES)
     if unknown:
-        parser.error(f"unknown part {sorted(unknown)[0]!r}, known: {', '.join(PARTS)}")
+        parser.error(f"unknown part {sorted(unknown)[0]!r}, known: {', '.join(FILES)}")
     header = cli.begin(["pyamg"])
     quick = args.quick
-    count = 5 if quick else 60
-    calls: dict[str, tuple[str, Callable[[], list[Row]]]] = {
-        "definition": ("h_plus-definition", lambda: definition_rows(count)),
-        "time": ("h_plus", lambda: time_rows(200 if quick else 1000)),
-        "proofs": ("convergence-proofs", lambda: proof_rows(100 if quick else 1500)),
-        "runs": ("convergence-runs", lambda: run_rows((10,) if quick else (10, 24))),
+    calls: dict[str, Callable[[], Iterator[Row]]] = {
+        "definition": lambda: definition_rows(5 if quick else 60),
+        "time": lambda: time_rows(200 if quick else 1000),
+        "proofs": lambda: proof_rows(100 if quick else 1500),
+        "runs": lambda: run_rows((10,) if quick else (10, 24)),
     }
-    for part in args.parts or PARTS:
-        name, call = calls[part]
+    for part in args.parts or FILES:
         print(f"\n{part}", flush=True)
-        rows = call()
+        rows = []
+        for row in calls[part]():
+            print("  ".join(f"{key} {value}" for key, value in row.items()), flush=True)
+            rows.append(row)
         if not quick:
-            csv_files.write(args.results / f"{name}.csv", header, rows)
+            csv_files.write(args.results / f"{FILES[part]}.csv", header, rows)
     return 0
 
 
