@@ -127,10 +127,6 @@ def missing_omega() -> Iterator[Row]:
     }
     for name, guess in guesses.items():
         yield {"Omega": name, "counts of 48": agreeing(guess)}
-
-
-def no_constraint() -> Iterator[Row]:
-    """Count the printed iteration numbers that stay without z >= 0."""
     same = agreeing(paper_omega, bounded=False)
     yield {"counts of 48 that stay without z >= 0": same}
 
@@ -344,16 +340,10 @@ def far_from_normal() -> Iterator[Row]:
     yield {"delta": 4, "n": scene.q.size} | residuals
 
 
-def lemma() -> Iterator[Row]:
-    """Return A <= B with rho(A) > rho(B): Lemma 2.2 needs 0 <= A."""
-    radii = {f"rho({x:g})": spectral_radius(np.array([[x]])) for x in (-2.0, 1.0)}
-    yield {"A": -2.0, "B": 1.0} | radii
-
-
 SECTIONS = (
-    missing_omega, no_constraint, hidden_relaxation, printed_formulas, factor_r,
+    missing_omega, hidden_relaxation, printed_formulas, factor_r,
     theorem_two, componentwise, compatible, theorem_three, repaired_condition, units,
-    far_from_normal, lemma,
+    far_from_normal,
 )  # fmt: skip
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 
-from validation.harness import charts, csv_files
+from validation.harness import charts, csv_files, tables
 
 Rows = list[dict[str, str]]
 NAMES = {"mgs": "MGS", "namgs": "NAMGS", "msor": "MSOR", "namsor": "NAMSOR"}
@@ -14,73 +14,62 @@ SHADES = {"4.0": charts.CYAN, "1.0": charts.BLUE, "0.0": charts.PURPLE}
 
 def plot(results: Path, figures: Path) -> None:
     """Draw paper-tables.svg and paper-methods.svg."""
-    tables = results / "paper-tables.csv"
+    file = results / "paper-tables.csv"
     figure, axes = plt.subplots(2, 2, figsize=(charts.WIDTH, 6.2), layout="constrained")
     for column, example in enumerate(("1", "2")):
-        rows = [row for row in csv_files.read(tables) if row["example"] == example]
-        draw_counts(axes[0, column], rows)
-        draw_times(axes[1, column], rows)
-        axes[0, column].set_title(f"Example {example}, $\\delta = 4$: sweeps")
-        axes[1, column].set_title(f"Example {example}, $\\delta = 4$: time")
-    charts.caption(axes[1, 0], tables)
+        rows = tables.chosen(csv_files.read(file), example=example)
+        for line, (word, key, unit) in enumerate(
+            (("sweeps", "iterations", 1.0), ("time", "time", 1e3))
+        ):
+            draw_lines(axes[line, column], rows, key, unit)
+            title = f"Example {example}, $\\delta = 4$: {word}"
+            axes[line, column].set_title(title)
+        axes[0, column].set_ylim(0, None)
+        axes[0, column].set_ylabel("sweeps to Res < $10^{-5}$")
+        axes[1, column].set_yscale("log")
+        axes[1, column].set_ylabel("time [ms], median and quartiles")
+    charts.caption(axes[1, 0], file)
     charts.save(figure, figures / "paper-tables.svg")
 
-    methods = results / "paper-methods.csv"
+    file = results / "paper-methods.csv"
     figure, pair = plt.subplots(
         1, 2, figsize=(charts.WIDTH, 6.6), sharey=True, layout="constrained"
     )
     for axis, example in zip(pair, ("1", "2"), strict=True):
-        rows = [row for row in csv_files.read(methods) if row["example"] == example]
-        draw_methods(axis, rows)
+        draw_methods(axis, tables.chosen(csv_files.read(file), example=example))
         axis.set_title(f"Example {example}, n = 10 000")
     handles, labels = pair[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside upper right", ncols=3)
-    charts.caption(pair[0], methods)
+    charts.caption(pair[0], file)
     charts.save(figure, figures / "paper-methods.svg")
 
 
-def draw_counts(axes: Axes, rows: Rows) -> None:
-    """Draw computed counts as lines, printed ones as black crosses on them."""
+def draw_lines(axes: Axes, rows: Rows, key: str, unit: float) -> None:
+    """Draw computed numbers as lines, printed ones as hollow marks, dotted."""
     lines = {}
     for method, name in NAMES.items():
-        own = [row for row in rows if row["method"] == method]
+        own = tables.chosen(rows, method=method)
         n = [int(row["n"]) for row in own]
-        ours = [int(row["iterations"]) for row in own]
-        colour, marker = charts.METHODS[method]
-        axes.plot(n, ours, color=colour, marker=marker, markersize=7)
-        printed = [int(row["printed_iterations"]) for row in own]
-        axes.plot(n, printed, "+", color="black", markersize=5, markeredgewidth=0.9)
-        lines[name] = list(zip(n, ours, strict=True)), colour
-    axes.plot([], [], "+", color="black", label="printed in the paper")
-    axes.legend(loc="lower left", handletextpad=0.0)
-    axes.set_xscale("log")
-    axes.set_xlim(80, 26000)
-    axes.set_ylim(0, None)
-    axes.set_xlabel("n")
-    axes.set_ylabel("sweeps to Res < $10^{-5}$")
-    charts.name_lines(axes, lines)
-
-
-def draw_times(axes: Axes, rows: Rows) -> None:
-    """Draw our times with quartiles, and the printed ones dotted; names are above."""
-    for method in NAMES:
-        own = [row for row in rows if row["method"] == method]
-        n = [int(row["n"]) for row in own]
-        median, low, high = (
-            [1e3 * float(row[key]) for row in own]
-            for key in ("time", "time_q1", "time_q3")
+        ours, printed = (
+            [unit * float(row[column]) for row in own]
+            for column in (key, f"printed_{key}")
         )
         colour, marker = charts.METHODS[method]
-        axes.plot(n, median, color=colour, marker=marker)
-        axes.vlines(n, low, high, color=colour, linewidth=1.0)
-        printed = [1e3 * float(row["printed_time"]) for row in own]
-        axes.plot(n, printed, ":", color=colour, marker=marker, fillstyle="none")
-    axes.text(1.1e4, 2.6e3, "printed\n(dense)", color=charts.DARK, va="center")
+        axes.plot(n, ours, color=colour, marker=marker)
+        axes.plot(n, printed, ":", color=colour, marker=marker, fillstyle="none",
+                  markersize=8)  # fmt: skip
+        if key == "time":
+            ends = (
+                [unit * float(row[q]) for row in own] for q in ("time_q1", "time_q3")
+            )
+            axes.vlines(n, *ends, color=colour, linewidth=1.0)
+        lines[name] = list(zip(n, ours, strict=True)), colour
+    axes.plot([], [], "o:", color=charts.DARK, fillstyle="none", label="printed")
+    axes.legend(loc="best", handletextpad=0.3)
     axes.set_xscale("log")
-    axes.set_yscale("log")
     axes.set_xlim(80, 26000)
     axes.set_xlabel("n")
-    axes.set_ylabel("time [ms], median and quartiles")
+    charts.name_lines(axes, lines)
 
 
 def draw_methods(axes: Axes, rows: Rows) -> None:

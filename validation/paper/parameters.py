@@ -14,6 +14,7 @@ maor and namaor have beta = 1 (without a beta they are msor and namsor), "nam" a
 "modified-nam" E = D, and "modified-nam" alpha = c times the geometric mean of D.
 """
 
+import itertools
 import math
 import sys
 from collections.abc import Iterator
@@ -51,25 +52,16 @@ class Effort(NamedTuple):
     factored_cap: int
 
 
-FULL = Effort(
-    40,
-    (*(0.1 * k for k in range(2, 20)), 1.95),
-    (0.001, 0.003, *np.geomspace(0.01, 10.0, 25)),
-    5000,
-    1000,
-)
-QUICK = Effort(
-    20, (0.4, 0.7, 1.0, 1.3, 1.6, 1.9), (*np.geomspace(0.01, 10.0, 10),), 1000, 300
-)
+CS = (0.001, 0.003, *np.geomspace(0.01, 10.0, 25))
+FULL = Effort(40, (*(0.1 * k for k in range(2, 20)), 1.95), CS, 5000, 1000)
+FEW = (0.4, 0.7, 1.0, 1.3, 1.6, 1.9)
+QUICK = Effort(20, FEW, (*np.geomspace(0.01, 10.0, 10),), 1000, 300)
 
 
 def scenes(data: Path, m: int) -> list[sweep_scenes.Scene]:
     """Return the list of the issue."""
-    found = [
-        sweep_scenes.paper_example(number, m, delta)
-        for number in (1, 2)
-        for delta in DELTAS
-    ]
+    cases = itertools.product((1, 2), (m,), DELTAS)
+    found = [*itertools.starmap(sweep_scenes.paper_example, cases)]
     found.append(sweep_scenes.obstacle(m))
     names = ("fcp2d_367", "capsules_286", "granular2d_2020", "kaplas_570")
     found += [sweep_scenes.contact(data, name) for name in names]
@@ -80,22 +72,20 @@ class Run:
     """A scene with its start and its stop."""
 
     def __init__(self, scene: sweep_scenes.Scene):
-        self.scene = scene
-        self.lcp = LCP(Prepared(scene.A), scene.q, scene.lower, scene.upper)
-        self.D = np.array(scene.A.diagonal())
-        self.zero = np.clip(np.zeros_like(scene.q), scene.lower, scene.upper)
-        w = scene.A @ self.zero + scene.q
-        size = natural_residual(self.zero, w, scene.lower, scene.upper)
-        self.eps = EPS_REL * size
+        A, q, lower, upper = scene[1:5]
+        self.lcp = LCP(Prepared(A), q, lower, upper)
+        self.D = np.array(A.diagonal())
+        zero = np.clip(np.zeros_like(q), lower, upper)
+        self.start = zero if scene.s0 is None else scene.s0
+        self.eps = EPS_REL * natural_residual(zero, A @ zero + q, lower, upper)
 
-    def sweeps(self, step: Step | None, cap: int) -> int | None:
-        """Return the sweeps to the tolerance, None if there are more than `cap`."""
-        scene = self.scene
+    def sweeps(self, step: Step | None, cap: int) -> float:
+        """Return the sweeps to the tolerance, inf if there are more than `cap`."""
         if step is None:
-            return None
-        s = self.zero if scene.s0 is None else scene.s0
-        status, _, k = iterate(self.lcp, step, s, Limits(self.eps, max_iter=cap))
-        return k if status is Status.SOLVED else None
+            return math.inf
+        limits = Limits(self.eps, max_iter=cap)
+        status, _, k = iterate(self.lcp, step, self.start, limits)
+        return k if status is Status.SOLVED else math.inf
 
     def step(self, method: str, alpha: float | None, c: float) -> Step | None:
         """Return a step at a point of the grid."""
@@ -126,44 +116,35 @@ def points(method: str, effort: Effort) -> Iterator[tuple[float | None, float]]:
             yield alpha, c
 
 
-def compare(run: Run, method: str, effort: Effort) -> Row:
+def compare(scene: sweep_scenes.Scene, method: str, effort: Effort) -> Row:
     """Return the best point of the grid and the choice of the package."""
-    scene, chosen = run.scene, SWEEPS[method]
+    run, chosen = Run(scene), SWEEPS[method]
     cap = effort.factored_cap if chosen.factored else effort.cap
-    best: int | None = None
-    where: tuple[float | None, float] = (None, math.nan)
+    best, where = math.inf, (None, math.nan)
     for point in points(method, effort):
-        limit = cap if best is None else best - 1
+        limit = int(min(cap, best - 1))
         count = run.sweeps(run.step(method, *point), limit)
-        if count is not None:
+        if count < best:
             best, where = count, point
-    auto_alpha = "auto" if "alpha" in chosen.takes else None
-    auto_omega = "auto" if "omega" in chosen.takes else None
-    if method == "modified-nam":
-        auto_omega = None
-    given = Parameters(auto_alpha, beta_of(method), auto_omega)
+    alpha = "auto" if "alpha" in chosen.takes else None
+    fixed = "omega" not in chosen.takes or method == "modified-nam"
+    given = Parameters(alpha, beta_of(method), None if fixed else "auto")
     step = AdaptiveStep(run.lcp, method, given)
-    auto = run.sweeps(step, cap)
-    products = step.spectrum.products
-    row: Row = {
-        "scene": scene.name,
-        "n": scene.q.size,
-        "method": method,
-        "grid_alpha": where[0],
-        "grid_c": where[1],
-        "grid_sweeps": "none" if best is None else best,
-        "auto_alpha": step.alpha if auto_alpha else None,
-        "auto_c": float(np.mean(step.omega / run.D)),
-        "auto_sweeps": "none" if auto is None else auto,
-        "products": products,
-    }
-    row["ratio"] = row["ratio_with_products"] = math.nan
-    if best is not None:
-        row["ratio"] = math.inf if auto is None else auto / best
-        total = math.inf if auto is None else auto + 0.5 * products
-        row["ratio_with_products"] = total / best
-    row["within"] = best is None or row["ratio"] <= WANTED
-    return row
+    auto, products = run.sweeps(step, cap), step.spectrum.products
+    row: Row = {"scene": scene.name, "n": scene.q.size, "method": method}
+    row |= {"grid_alpha": where[0], "grid_c": where[1], "grid_sweeps": shown(best)}
+    row |= {"auto_alpha": step.alpha if alpha else None}
+    row |= {"auto_c": float(np.mean(step.omega / run.D)), "auto_sweeps": shown(auto)}
+    row |= {"products": products, "ratio": math.nan, "ratio_with_products": math.nan}
+    if best < math.inf:
+        row["ratio"] = auto / best
+        row["ratio_with_products"] = (auto + 0.5 * products) / best
+    return row | {"within": best == math.inf or row["ratio"] <= WANTED}
+
+
+def shown(sweeps: float) -> float | str:
+    """Return a number of sweeps, "none" where there is none."""
+    return "none" if sweeps == math.inf else sweeps
 
 
 @cli.needs_data
@@ -172,15 +153,11 @@ def main(arguments: list[str] | None = None) -> int:
     parser = cli.parser(__doc__, "quick", data=..., results=None)
     args = parser.parse_args(arguments)
     effort = QUICK if args.quick else FULL
-    header = cli.begin()
+    header, rows = cli.begin(), []
     tables.print_rows([], SHOWN)
-    rows = []
     for scene in scenes(args.data, effort.m):
-        run = Run(scene)
-        for method in SWEEPS:
-            if not SWEEPS[method].takes:
-                continue
-            rows.append(compare(run, method, effort))
+        for method in (name for name, sweep in SWEEPS.items() if sweep.takes):
+            rows.append(compare(scene, method, effort))
             tables.print_row(rows[-1], SHOWN)
     folder = args.results or (None if args.quick else cli.RESULTS)
     if folder is not None:

@@ -18,14 +18,14 @@ shows them all. maor and namaor have beta = 0 here, beta = alpha being msor and 
 """
 
 import itertools
-import math
 import sys
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
+from scipy.stats import linregress
 
-from namlcp import Status, solve_lcp
+from namlcp import Status, natural_residual, solve_lcp
 from namlcp.lcp import SWEEPS
 from validation.harness import Row, cli, csv_files
 from validation.paper import stability_figures
@@ -48,22 +48,14 @@ class Map(NamedTuple):
 
 
 MAPS = (
-    Map("msor"),
-    Map("maor", beta=0.0),
-    Map("namsor", "I"),
-    Map("namsor", "D"),
-    Map("namaor", "I", beta=0.0),
-    Map("namaor", "D", beta=0.0),
-    Map("amsor"),
-)
+    Map("msor"), Map("maor", beta=0.0), Map("namsor", "I"), Map("namsor", "D"),
+    Map("namaor", "I", beta=0.0), Map("namaor", "D", beta=0.0), Map("amsor"),
+)  # fmt: skip
 STRIPS = (
-    Map("psor", axes="alpha"),
-    Map("modulus", axes="c"),
-    Map("nam", "I", axes="c"),
-    Map("nam", "D", axes="c"),
-    Map("modified-nam", "I", axes="c I"),
+    Map("psor", axes="alpha"), Map("modulus", axes="c"), Map("nam", "I", axes="c"),
+    Map("nam", "D", axes="c"), Map("modified-nam", "I", axes="c I"),
     Map("modified-nam", "D", axes="c I"),
-)
+)  # fmt: skip
 """Methods with one parameter; "c I" means Omega = c I."""
 
 BETAS = {"maor": 0.0, "namaor": 0.45}
@@ -71,13 +63,11 @@ SHIFTED = "namj namgs namsor namaor nam modified-nam"
 UNITS = [
     Map(method, shift, BETAS.get(method))
     for methods, shift in (
-        ("mgs msor maor amgs amsor pgs psor", None),
-        (SHIFTED, "I"),
-        ("modulus", None),
-        (SHIFTED, "D"),
+        ("mgs msor maor amgs amsor pgs psor", None), (SHIFTED, "I"),
+        ("modulus", None), (SHIFTED, "D"),
     )
     for method in methods.split()
-]
+]  # fmt: skip
 ALPHA, ALPHAS = 0.9, {"modified-nam": 5.0}
 """alpha of UNITS, where Omega has its default: the paper's, or D/alpha for am*."""
 DELTAS = (4.0, 2.0, 1.0, 0.5, 0.25, 0.1, 0.03, 0.01, 0.0)
@@ -91,11 +81,11 @@ def outcome(
     The library's own verdict ends a run early; here growth is told from a cycle, and
     what is still falling from what is not.
     """
-    start = np.clip(0.0, scene.lower, scene.upper)
-    gap = start - np.clip(start - scene.A @ start - scene.q, scene.lower, scene.upper)
-    first = float(np.linalg.norm(gap))
+    box = scene.lower, scene.upper
+    start = np.clip(0.0, *box)
+    first = natural_residual(start, scene.A @ start + scene.q, *box)
     result = solve_lcp(
-        scene.A, scene.q, scene.lower, scene.upper, method=method,
+        scene.A, scene.q, *box, method=method,
         eps_abs=EPS * first, max_iter=cap, history=True, **given,
     )  # fmt: skip
     if result.status is Status.SOLVED:
@@ -103,43 +93,26 @@ def outcome(
     if result.status is Status.NUMERICAL_ERROR:
         return "diverges"
     residuals = result.history["residual"]
-    last = residuals[-1]
-    if not math.isfinite(last) or last > GROWN * first:
+    if not residuals[-1] <= GROWN * first:
         return "diverges"
     if result.status is Status.MAX_ITER:
-        slope = trend(np.log(residuals[cap // 2 :]))
-        if abs(slope) > STEADY:
-            return "slow" if slope < 0.0 else "diverges"
+        y = np.log(residuals[cap // 2 :])
+        line = linregress(np.arange(y.size), y)
+        if abs(line.slope) > STEADY * line.stderr:
+            return "slow" if line.slope < 0.0 else "diverges"
     return "cycles"
-
-
-def trend(y: np.ndarray) -> float:
-    """Return the slope of y in units of its standard error (Student's t).
-
-    Far from zero for however slow a fall or growth, near it for wandering and cycles.
-    """
-    x = np.linspace(-1.0, 1.0, y.size)
-    x -= x.mean()
-    slope = float(x @ y) / float(x @ x)
-    rest = y - y.mean() - slope * x
-    variance = float(rest @ rest) / (y.size - 2)
-    return slope / math.sqrt(variance / float(x @ x) + 1e-18)
-
-
-def matrix_shift(scene: sweep_scenes.Scene, shift: str | None) -> Any:
-    """Return the diagonal of E."""
-    return None if shift is None else 1.0 if shift == "I" else scene.A.diagonal()
 
 
 def parameters(scene: sweep_scenes.Scene, chart: Map, alpha: float, c: float) -> Row:
     """Return the keyword arguments of one cell."""
-    given: Row = {"shift": matrix_shift(scene, chart.shift), "beta": chart.beta}
+    D = scene.A.diagonal()
+    given: Row = {"shift": {"I": 1.0, "D": D}.get(chart.shift), "beta": chart.beta}
     if "alpha" in chart.axes:
         given["alpha"] = alpha
     if chart.axes == "c I":
         given["alpha"] = c
     elif "c" in chart.axes:
-        given["omega"] = c * scene.A.diagonal()
+        given["omega"] = c * D
     return given
 
 
@@ -185,8 +158,7 @@ def unit_rows(quick: bool) -> Iterator[Row]:
         for exponent in np.arange(-6, 7, 2 if quick else 1):
             unit = 10.0 ** float(exponent)
             scene = base._replace(A=unit * base.A, q=unit * base.q)
-            given: Row = {"shift": matrix_shift(scene, chart.shift)}
-            given["beta"] = chart.beta
+            given = parameters(scene, chart._replace(axes=""), 0.0, 0.0)
             if "alpha" in SWEEPS[chart.method].takes:
                 given["alpha"] = ALPHAS.get(chart.method, ALPHA)
             row[f"{exponent:d}"] = outcome(scene, chart.method, CAP[quick], **given)

@@ -22,7 +22,7 @@ import itertools
 import multiprocessing as mp
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
 from typing import Any
 
@@ -51,25 +51,19 @@ def solve(
     )  # fmt: skip
 
 
-def quartiles(call: Callable[[], Any], first: float) -> Row:
-    """Return median and quartiles of the time of a call; `first` stands for one."""
-    times = [] if first < REPEAT_TIME else [first]
-    while len(times) < REPEATS and sum(times) < REPEAT_TIME:
-        start = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - start)
-    low, median, high = np.percentile(times, (25, 50, 75))
-    return {"time": median, "time_q1": low, "time_q3": high, "runs": len(times)}
-
-
 def timed(scene: sweep_scenes.Scene, method: str, max_iter: int, **given: Any) -> Row:
-    """Return count, Res, status and times of one method on one scene."""
-    start = time.perf_counter()
-    result = solve(scene, method, max_iter, **given)
-    first = time.perf_counter() - start
+    """Return count, Res, status, median and quartiles of the time of a method."""
+    times: list[float] = []
+    while not times or (len(times) <= REPEATS and sum(times) < REPEAT_TIME):
+        start = time.perf_counter()
+        result = solve(scene, method, max_iter, **given)
+        times.append(time.perf_counter() - start)
+    if len(times) > 1:
+        del times[0]
+    low, median, high = np.percentile(times, (25, 50, 75))
     row = {"iterations": result.iterations, "residual": result.residual}
-    row["status"] = result.status.value
-    return row | quartiles(lambda: solve(scene, method, max_iter, **given), first)
+    row |= {"status": result.status.value, "time": median, "time_q1": low}
+    return row | {"time_q3": high, "runs": len(times)}
 
 
 def table_rows() -> Iterator[Row]:

@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from collections.abc import Iterable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -16,6 +17,9 @@ FACTORED_CAP = 500
 """Iterations at most of the methods that factor once: each costs over ten sweeps."""
 RELAXATIONS, LOGARITHMS = (0.6, 1.0, 1.4, 1.8), (-4.0, -2.0, -1.0, 0.0, 1.0, 2.0)
 """Where the search starts."""
+STEP, SMALLEST = 0.2, 0.003
+SWEEPS = 100_000
+SKEW = 4  # random directions in a step, along narrow valleys
 
 Point = tuple[float, ...]
 
@@ -79,95 +83,82 @@ def arguments(
     return given
 
 
-class Tuner:
-    """Find the parameters with the fewest sweeps, at one size after the other.
+def is_free(variant: Variant, name: str) -> bool:
+    """Tell whether a parameter moves on a logarithmic scale, not on one of (0, 2)."""
+    return name == "c" or variant.method == "modified-nam"
+
+
+def named(variant: Variant, point: Point) -> dict[str, float]:
+    """Return the parameter values of a point, the fixed ones included."""
+    pairs = zip(variant.tuned, point, strict=True)
+    values = {name: 2.0**x if is_free(variant, name) else x for name, x in pairs}
+    return {name: float(x) for name, x in values.items()}
+
+
+def search(
+    scene: sweep_scenes.Scene, variant: Variant, fixed: dict[str, float], last: Point
+) -> Point:
+    """Return the parameters with the fewest sweeps; `last` is a start, if not empty.
 
     A pattern search from the best point of a grid and of the last size: all neighbours
     at a distance of one step, and a few others; the step is halved if none is better.
     A run ends when it cannot win, the search after SWEEPS sweeps. Equal counts are
-    decided by Res. alpha and beta move on a scale of (0, 2), c and the alpha of
-    "modified-nam" (Omega = alpha I) on a logarithmic one. It is a local search: where
-    counts are in the hundreds, some per cent may be missing.
+    decided by Res. It is a local search: where counts are in the hundreds, some per
+    cent may be missing.
     """
+    spent = 0
 
-    STEP, SMALLEST = 0.2, 0.003
-    SWEEPS = 100_000
-    SKEW = 4  # random directions in a step, along narrow valleys
-
-    def __init__(self, variant: Variant, example: int):
-        self.variant, self.tuned = variant, variant.tuned
-        self.point: Point | None = None
-        self.spent = 0
-        self.fixed: dict[str, float] = {}
-        if variant.printed is not None:
-            self.fixed["alpha"] = variant.printed[example - 1]
-        if variant.c is not None:
-            self.fixed["c"] = variant.c
-
-    def values(self, scene: sweep_scenes.Scene) -> dict[str, float]:
-        """Return the best parameter values for a scene, the fixed ones included."""
-        if not self.variant.tuned:
-            return self.fixed
-        self.spent = 0
-        starts = [self.point] if self.point else []
-        if not (self.point and self.variant.factored):
-            grids = [LOGARITHMS if self.free(n) else RELAXATIONS for n in self.tuned]
-            starts += itertools.product(*grids)
-        best, point = self.better(scene, starts, ((math.inf, math.inf), starts[0]))
-        whole = [d for d in itertools.product((-1, 0, 1), repeat=len(point)) if any(d)]
-        rng = np.random.default_rng(0)
-        step = self.STEP
-        while step > self.SMALLEST and self.spent < self.SWEEPS:
-            skew = rng.standard_normal((self.SKEW, len(point)))
-            around = [
-                tuple(x + step * y for x, y in zip(point, d, strict=True))
-                for d in (*whole, *(skew if len(point) > 1 else ()))
-            ]
-            found = best
-            best, point = self.better(scene, around, (best, point))
-            if best == found:
-                step /= 2.0
-        self.point = point
-        return self.fixed | self.named(point)
-
-    def better(
-        self, scene: sweep_scenes.Scene, points: list[Point], best: tuple[Any, Point]
-    ) -> tuple[Any, Point]:
-        """Return the least (cost, point) among `best` and the points."""
-        for point in points:
-            best = min(best, (self.cost(scene, point, best[0][0]), point))
-        return best
-
-    def free(self, name: str) -> bool:
-        """Tell whether a parameter moves on a logarithmic scale."""
-        return name == "c" or self.variant.method == "modified-nam"
-
-    def named(self, point: Point) -> dict[str, float]:
-        """Return the parameter values of a point."""
-        pairs = zip(self.tuned, point, strict=True)
-        return {name: float(2.0**x if self.free(name) else x) for name, x in pairs}
-
-    def cost(
-        self, scene: sweep_scenes.Scene, point: Point, limit: float
-    ) -> tuple[float, float]:
+    def cost(point: Point, limit: float) -> tuple[float, float]:
         """Return sweeps and Res, infinite if they would be more than `limit`."""
-        values = self.fixed | self.named(point)
+        nonlocal spent
+        values = fixed | named(variant, point)
         alpha, beta = values.get("alpha", 1.0), values.get("beta", 1.0)
-        relaxed = self.variant.method != "modified-nam"
+        relaxed = variant.method != "modified-nam"
         if relaxed and not (0.0 < alpha < 2.0 and 0.0 <= beta < 2.0):
             return math.inf, math.inf
         result = solve_lcp(
-            scene.A, scene.q, scene.lower, scene.upper, method=self.variant.method,
-            s0=scene.s0, eps_abs=EPS, max_iter=int(min(self.variant.cap, limit)),
-            **arguments(self.variant, values, scene),
+            scene.A, scene.q, scene.lower, scene.upper, method=variant.method,
+            s0=scene.s0, eps_abs=EPS, max_iter=int(min(variant.cap, limit)),
+            **arguments(variant, values, scene),
         )  # fmt: skip
-        self.spent += result.iterations
-        if result.status is not Status.SOLVED:
-            return math.inf, result.residual
-        return result.iterations, result.residual
+        spent += result.iterations
+        solved = result.status is Status.SOLVED
+        return result.iterations if solved else math.inf, result.residual
+
+    def better(points: Iterable[Point], best: tuple[Any, Point]) -> tuple[Any, Point]:
+        """Return the least (cost, point) among `best` and the points."""
+        for point in points:
+            best = min(best, (cost(point, best[0][0]), point))
+        return best
+
+    starts = [last] if last else []
+    if not (last and variant.factored):
+        free = (is_free(variant, name) for name in variant.tuned)
+        starts += itertools.product(*(LOGARITHMS if f else RELAXATIONS for f in free))
+    best = better(starts, ((math.inf, math.inf), starts[0]))
+    n, rng, step = len(variant.tuned), np.random.default_rng(0), STEP
+    whole = [d for d in itertools.product((-1, 0, 1), repeat=n) if any(d)]
+    while step > SMALLEST and spent < SWEEPS:
+        skew = rng.standard_normal((SKEW, n))
+        around = [
+            tuple(x + step * y for x, y in zip(best[1], d, strict=True))
+            for d in (*whole, *(skew if n > 1 else ()))
+        ]
+        before, best = best[0], better(around, best)
+        if best[0] == before:
+            step /= 2.0
+    return best[1]
 
 
 def best_values(example: int, delta: float, variant: Variant) -> list[dict[str, float]]:
     """Return the parameter values for each of SIZES, found in their order."""
-    tuner = Tuner(variant, example)
-    return [tuner.values(sweep_scenes.paper_example(example, m, delta)) for m in SIZES]
+    fixed = {} if variant.c is None else {"c": variant.c}
+    if variant.printed is not None:
+        fixed["alpha"] = variant.printed[example - 1]
+    found, point = [], ()
+    for m in SIZES:
+        if variant.tuned:
+            scene = sweep_scenes.paper_example(example, m, delta)
+            point = search(scene, variant, fixed, point)
+        found.append(fixed | named(variant, point))
+    return found
