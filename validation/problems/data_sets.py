@@ -13,11 +13,11 @@ Every set is a list of names and a loader from name to `qpsolvers.Problem`:
 from pathlib import Path
 
 import numpy as np
-import scipy.io
 import scipy.sparse as sp
 from qpsolvers import Problem
 
-from validation.harness import MissingDataError, csv_files, data_folder, qps
+from namlcp.cli.files import mat_problem
+from validation.harness import MissingDataError, csv_files, data_folder
 
 SETS = ("mpc", "contact", "small", "strict", "all")
 INFINITY = 9e19  # 1e20 in the collection, in places rounded to slightly less
@@ -95,23 +95,11 @@ def maros_index(data: Path, problem_set: str) -> dict[str, dict[str, str]]:
 def maros_problem(data: Path, name: str, dense: bool) -> Problem:
     """Read min 1/2 x'Px + q'x, l <= [C; I] x <= u from NAME.mat.
 
-    Rows of C with equal sides become A x = b, every other finite side a row of
-    G x <= h, upper sides first; bounds that are all infinite become None.
+    Bounds that are all infinite become None.
     """
     path = data_folder.require(data / "maros_meszaros" / f"{name}.mat")
-    mat = scipy.io.loadmat(path, spmatrix=True)
-    q = mat["q"].ravel().astype(float)
-    n = q.size
-    lower, upper = mat["l"].ravel().astype(float), mat["u"].ravel().astype(float)
-    lower[lower <= -INFINITY], upper[upper >= INFINITY] = -np.inf, np.inf
-    C, lb, ub = sp.csr_matrix(mat["A"])[:-n], lower[-n:], upper[-n:]
-    lower, upper = lower[:-n], upper[:-n]
-    equal = lower == upper
-    below, above = np.isfinite(lower) & ~equal, np.isfinite(upper) & ~equal
-    G, h = sp.vstack([C[above], -C[below]]), np.r_[upper[above], -lower[below]]
-    A, b = C[equal], upper[equal]
-    shape = sp.csc_matrix.toarray if dense else sp.csc_matrix
-    P = sp.csc_matrix(mat["P"], dtype=float)
-    P, G, A = (shape(sp.csc_matrix(M)) for M in (P, G, A))
+    P, q, G, h, A, b, lb, ub = mat_problem(str(path)).unpack()
+    if dense:
+        P, G, A = (None if M is None else M.toarray() for M in (P, G, A))
     bounds = (v if np.isfinite(v).any() else None for v in (lb, ub))
-    return qps.joined(P, q, G, h, A, b, *bounds)
+    return Problem(P, q, G, h, A, b, *bounds)
