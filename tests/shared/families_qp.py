@@ -10,6 +10,7 @@ from problems_qp import QP, complementary, dense, make_qp, residual_form
 from ways_qp import DENSE, PATHS, WAYS
 
 from namlcp import Status, solve_qp
+from validation.problems.draw import around
 
 INF = np.inf
 SOLVED, INFEASIBLE = Status.SOLVED, Status.PRIMAL_INFEASIBLE
@@ -83,14 +84,14 @@ def singular(seed):
         A[-1] = A[0]
     x = np.round(rng.standard_normal(n), 1)
     on, at = rng.random(m) < 0.6, rng.integers(0, 4, n)  # at 0: lb, 1: ub, 2, 3: open
-    h = G @ x + np.where(on, 0.0, rng.random(m))
-    lb = np.where(at == 0, x, np.where(at == 2, -INF, x - 1.0))
-    ub = np.where(at == 1, x, np.where(at == 3, INF, x + 1.0))
+    slack = np.where(on, 0.0, rng.random(m))
+    below = np.where(at == 0, 0.0, np.where(at == 2, INF, 1.0))
+    above = np.where(at == 1, 0.0, np.where(at == 3, INF, 1.0))
     z = np.where(on & (rng.random(m) < 0.7), rng.random(m), 0.0)
     z_box = np.where(at == 0, -1.0, np.where(at == 1, 1.0, 0.0)) * rng.random(n)
-    q = -(P @ x + G.T @ z + A.T @ rng.standard_normal(p) + z_box)
-    qp = QP(P, q, G, h, A, A @ x, lb, ub)
-    return Case(qp, obj=0.5 * x @ P @ x + q @ x)
+    point = x, rng.standard_normal(p), z, z_box
+    qp = QP(*around(P, G, A, point, slack, below, above).qp)
+    return Case(qp, obj=0.5 * x @ P @ x + qp.q @ x)
 
 
 def by_enumeration(seed):

@@ -10,6 +10,8 @@ from pathlib import Path
 import numpy as np
 from scipy import sparse
 
+from validation.problems import sweep_scenes
+
 DATA = Path(
     os.environ.get("NAMLCP_DATA", Path(__file__).parents[3] / "shared" / "data")
 )
@@ -158,13 +160,8 @@ def checkers(A):
 
 def paper_example(number, m, delta=4.0):
     """Return A = P + delta I and q of the paper's Example 1 or 2, n = m^2; z = 1, 2."""
-    below, above = {1: (-1.0, -1.0), 2: (-1.5, -0.5)}[number]
-    T = sparse.diags_array([below, 0.0, above], offsets=[-1, 0, 1], shape=(m, m))
-    I = sparse.eye_array(m)
-    A = sparse.kron(I, T) + sparse.kron(T, I) + (4.0 + delta) * sparse.eye_array(m * m)
-    A = sparse.csr_array(A)
-    A.sort_indices()
-    return A, -(A @ np.tile([1.0, 2.0], m * m // 2))
+    scene = sweep_scenes.paper_example(number, m, delta)
+    return scene.A, scene.q
 
 
 def whole_numbers(seed):

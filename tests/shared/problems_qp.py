@@ -23,16 +23,7 @@ from namlcp.qp.chain import OWN
 from namlcp.qp.interior import solve_interior
 from namlcp.qp.judge import Judge
 from namlcp.qp.memory import Memory
-
-
-class Known(NamedTuple):
-    """A QP and one primal-dual solution."""
-
-    qp: QP
-    x: np.ndarray
-    y: np.ndarray
-    z: np.ndarray
-    z_box: np.ndarray
+from validation.problems.draw import Known, around
 
 
 class Found(NamedTuple):
@@ -100,12 +91,12 @@ def complementary(seed, n, m, p, rank, density=1.0, weak=0) -> Known:
     z = np.where(active, 0.1 + rng.random(m), 0.0)
     z[np.flatnonzero(active)[:weak]] = 0.0
     side = rng.integers(0, 6, n)  # 0: at lb, 1: at ub, 2: free, else inside
-    lb = np.where(side == 2, -np.inf, x - (0.1 + rng.random(n)) * (side != 0))
-    ub = np.where(side == 2, np.inf, x + (0.1 + rng.random(n)) * (side != 1))
+    below = np.where(side == 2, np.inf, (0.1 + rng.random(n)) * (side != 0))
+    above = np.where(side == 2, np.inf, (0.1 + rng.random(n)) * (side != 1))
     z_box = (0.1 + rng.random(n)) * (1.0 * (side == 1) - 1.0 * (side == 0))
-    h = G @ x + (0.1 + rng.random(m)) * ~active
-    q = -(P @ x + G.T @ z + A.T @ y + z_box)
-    return Known(make_qp(P, q, G, h, A, A @ x, lb, ub), x, y, z, z_box)
+    slack = (0.1 + rng.random(m)) * ~active
+    known = around(P, G, A, (x, y, z, z_box), slack, below, above)
+    return known._replace(qp=make_qp(*known.qp))
 
 
 def infeasible(seed, n, m, p, rank) -> QP:

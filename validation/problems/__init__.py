@@ -3,6 +3,7 @@
 A caller takes a module from this door: `from validation.problems import data_sets`.
 
 ==========================  ============================================================
+draw                        QPs and LCPs around a known solution; the tests use it too
 data_sets                   QPs and LCPs of the data folder
 known_scenes                box LCPs whose solutions the literature gives
 large_scenes                families of box LCPs of any size

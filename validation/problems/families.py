@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from qpsolvers import Problem
 
 from namlcp.scenes import disc_pile, preview_control
-from validation.problems import data_sets
+from validation.problems import data_sets, draw
 from validation.problems.contact_scenes import brick_wall, heap
 from validation.problems.known_scenes import (
     BoxLCP,
@@ -40,7 +40,7 @@ from validation.problems.large_scenes import (
 )
 from validation.problems.planted import planted as planted_qp
 from validation.problems.planted import sparse_parts
-from validation.problems.sweep_scenes import halfline, paper_example, with_contact
+from validation.problems.sweep_scenes import paper_example
 
 PAPER_SIDES = (10, 30, 100)  # m of the paper's tables, with n = m^2 unknowns
 SWEPT = ("sweep namgs", "sweep msor", "sweep psor")
@@ -80,11 +80,9 @@ def boxed(scene: BoxLCP, exact: np.ndarray | None = None) -> Task:
 
 def planted(A: Any, seed: int = 0) -> Task:
     """Return the LCP with A whose solution is planted, half of it at zero."""
-    scene = with_contact(halfline("", A, np.zeros(A.shape[0])), seed)
-    rng = np.random.default_rng(seed)  # the same draws again
-    free = rng.random(scene.q.size) < 0.5
-    z = np.where(free, rng.exponential(size=scene.q.size), 0.0)
-    return boxed(nonnegative(scene.A, scene.q), z)
+    A = sp.csr_array(A)
+    z, w = draw.opposite(np.random.default_rng(seed), A.shape[0], A.diagonal())
+    return boxed(nonnegative(A, w - A @ z), z)
 
 
 def random_signs(n: int, seed: int = 0) -> sp.csr_array:

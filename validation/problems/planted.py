@@ -8,7 +8,7 @@ import numpy as np
 import scipy.sparse as sp
 from qpsolvers import Problem
 
-Rng = np.random.Generator
+from validation.problems.draw import Rng, around
 
 
 def planted(
@@ -34,17 +34,16 @@ def planted(
         return on, z
 
     on, z = multipliers(m)
-    h = G @ x + np.where(on, 0.0, rng.exponential(size=m))
+    slack = np.where(on, 0.0, rng.exponential(size=m))
     on, z_upper = multipliers(n)
     boxed = rng.random(n) < box
     upper = rng.random(n) < 0.5
     gap = np.where(on, 0.0, rng.exponential(size=n))
-    lb = np.where(boxed & ~upper, x - gap, -np.inf)
-    ub = np.where(boxed & upper, x + gap, np.inf)
     z_box = np.where(boxed, np.where(upper, z_upper, -z_upper), 0.0)
-    q = -(P @ x + G.T @ z + A.T @ y + z_box)
+    below = np.where(boxed & ~upper, gap, np.inf)
+    above = np.where(boxed & upper, gap, np.inf)
     G, A = (sp.csc_matrix(C) if sp.issparse(P) else C for C in (G, A))
-    return Problem(P, q, G, h, A, A @ x, lb, ub)
+    return Problem(*around(P, G, A, (x, y, z, z_box), slack, below, above).qp)
 
 
 def definite_stack(

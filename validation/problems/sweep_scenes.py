@@ -11,7 +11,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from namlcp.scenes import disc_pile, forced_obstacle
-from validation.problems import data_sets
+from validation.problems import data_sets, draw
 from validation.problems.known_scenes import svm_rbf
 
 
@@ -54,11 +54,8 @@ def with_contact(scene: Scene, seed: int = 0) -> Scene:
     Strictly complementary z*, w*: exponentially distributed, w*_i in units of a_ii.
     """
     rng = np.random.default_rng(seed)
-    free = rng.random(scene.q.size) < 0.5
-    size = rng.exponential(size=scene.q.size)
-    w = np.where(free, 0.0, size * scene.A.diagonal())
-    q = w - scene.A @ np.where(free, size, 0.0)
-    return scene._replace(q=q, s0=None)
+    z, w = draw.opposite(rng, scene.q.size, scene.A.diagonal())
+    return scene._replace(q=w - scene.A @ z, s0=None)
 
 
 def obstacle(m: int) -> Scene:
@@ -118,11 +115,8 @@ def bricks(rows: int, columns: int, seed: int = 0) -> Scene:
 
 def random_spd(n: int, condition: float = 100.0, seed: int = 0) -> Scene:
     """Return a dense SPD matrix with that condition number, random eigenvectors."""
-    rng = np.random.default_rng(seed)
-    V, _ = np.linalg.qr(rng.standard_normal((n, n)))
-    A = (V * np.geomspace(1.0, 1.0 / condition, n)) @ V.T
-    scene = halfline("random SPD", 0.5 * (A + A.T), np.zeros(n))
-    return with_contact(scene, seed)
+    A = draw.definite(np.random.default_rng(seed), n, condition)
+    return with_contact(halfline("random SPD", A, np.zeros(n)), seed)
 
 
 def spd_not_h(n: int, per_row: int = 4, seed: int = 0) -> Scene:

@@ -16,6 +16,7 @@ import numpy as np
 import scipy.linalg
 
 from namlcp.scenes.friction import Scene, friction_lcp
+from validation.problems import draw
 from validation.problems.general import games, piles
 
 MU = (0.2, 0.5, 0.9)  # in turn, by the seed
@@ -25,11 +26,8 @@ Problem = tuple[Any, np.ndarray]
 
 
 def planted(rng: np.random.Generator, A: np.ndarray) -> Problem:
-    """Return A and q around a random complementary pair, a tenth of it 0 and 0."""
-    n = len(A)
-    kind = rng.random(n)
-    z = rng.exponential(size=n) * (kind < 0.5)
-    w = rng.exponential(size=n) * (kind > 0.6)
+    """Return A and q around a random complementary pair."""
+    z, w = draw.pair(rng, len(A))
     return A, w - A @ z
 
 
