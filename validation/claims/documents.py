@@ -1,4 +1,4 @@
-"""The figures and tables of README.md, docs and validation/README.md, from claims.toml.
+"""The figures and tables of README.md, docs and validation/README.md.
 
 A figure that claims something is followed by the name of a claim as a comment,
 ``0.78<!-- Maros-Meszaros over piqp -->``; it has to be the value, rounded to the digits
