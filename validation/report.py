@@ -22,7 +22,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from validation.claims import DOCUMENTS, Claim, claims, moved, written
+from validation.claims import DOCUMENTS, claims, moved, values, written
 from validation.harness import cli, processes, quiet
 
 LOWER_ROOMS = ("harness", "problems", "applications", "derivatives")
@@ -55,71 +55,55 @@ class Job(NamedTuple):
         return [line.strip() for line in text.splitlines() if line.strip()]
 
 
+def suite(
+    file: str,
+    script: str,
+    minutes: float,
+    quick: float = 0.0,
+    settled: str = "",
+    data: bool = False,
+    plot: bool = False,
+) -> Job:
+    """Return the job of a suite: one file, and a chart of it with `plot`."""
+    first, _, part = script.partition(" ")
+    given = f"--csv {{csv}} --go-on {'--data {data}' if data else ''}"
+    commands = f"{first} {part or 'run'} {'{quick}' if quick else ''} {given}"
+    if plot:
+        commands += f"\n{first} plot --csv {{csv}} --figures {{figures}}"
+    return Job(file, commands, minutes, quick, True, settled)
+
+
 MAROS_PEERS = "clarabel osqp proxqp"
 """Half an hour for times that nothing is claimed of but that they are larger."""
 
 JOBS = (
-    Job("maros-meszaros", """
-        peers.maros_meszaros run --data {data} --csv {csv} --solvers nam piqp
-        """, 5.0, grows=True, settled=MAROS_PEERS),
-    Job("classes", "peers.classes --csv {csv}", 4.0, grows=True),
-    Job("infeasible", """
-        peers.infeasible --data {data} --csv {csv} --go-on --limit 5
-        """, 8.0, grows=True),
-    Job("cvxpy-models", "applications.cvxpy_models --csv {csv}", 5.0),
-    Job("cvxpy-resolve", "applications.cvxpy_resolve --csv {csv}", 4.0),
-    Job("benchmark", """
-        peers.benchmark --data {data} --csv {csv} --go-on --set mpc contact small strict
-        """, 18.0, grows=True),
-    Job("sequences", """
-        repeated.sequences run {quick} --csv {csv}
-        repeated.sequences plot --csv {csv} --figure {figures}/sequences.svg
-        """, 12.0, 0.5),
-    Job("latency", """
-        repeated.latency run {quick} --csv {csv}
-        repeated.latency plot --csv {csv} --figure {figures}/latency.svg
-        """, 4.0, 0.3),
-    Job("batches", """
-        repeated.batches run {quick} --csv {csv}
-        repeated.batches plot --csv {csv} --figure {figures}/batches.svg
-        repeated.front_figure --results {results} --figures {figures}
-        """, 3.0, 0.2),
-    Job("general-lcps", """
-        general.benchmark run {quick} --csv {csv}
-        general.benchmark plot --csv {csv} --figures {figures}
-        """, 6.0, 1.5, grows=True),
-    Job("time-stepping", """
-        general.stepping run {quick} --csv {csv}
-        general.stepping plot --csv {csv} --figures {figures}
-        """, 3.0, 0.5),
-    Job("generalisation-families", """
-        peers.generalisation --data {data} --csv {csv} --go-on --changes \
-        --solvers nam piqp
-        """, 2.0, grows=True),
-    Job("generalisation", """
-        peers.generalisation --data {data} --csv {csv} --go-on --families --solvers nam
-        """, 4.0, grows=True),
-    Job("derivatives", "derivatives.differences {quick} --csv {csv}", 3.0, 1.0),
-    Job("derivatives-peers", "derivatives.packages {quick} --csv {csv}", 3.0, 1.0),
-    Job("closest", "derivatives.closest {quick} --data {data} --csv {csv}", 2.0, 1.0),
-    Job("contact example1 first-call", """
-        peers.lcp --data {data} --results {results}
-        """, 3.0),
-    Job("large", """
-        applications.large run --results {results} --go-on
-        applications.large plot --results {results} --figures {figures}
-        """, 12.0, grows=True),
-    Job("work-precision work-precision-problems", """
-        peers.work_precision run {quick} --data {data} --results {results}
-        peers.work_precision plot {quick} --results {results} --figures {figures}
-        """, 17.0, 3.5, grows=True),
-    Job("oracles", """
-        oracles.agreement run {quick} --data {data} --csv {csv}
-        """, 10.0, 1.0),
-    Job("hertz", "applications.hertz --results {results}", 1.0),
-    Job("american-put american-put-convergence", """
-        applications.american_put --results {results}
-        """, 0.2),
+    suite("maros-meszaros", "peers.maros_meszaros", 40.0, 0.0, MAROS_PEERS, data=True),
+    suite("classes", "peers.classes", 4.0),
+    suite("infeasible", "peers.infeasible", 8.0, data=True),
+    suite("cvxpy-models", "applications.cvxpy_models", 5.0),
+    suite("cvxpy-resolve", "applications.cvxpy_resolve", 4.0),
+    suite("benchmark", "peers.benchmark", 18.0, data=True),
+    suite("sequences", "repeated.sequences", 12.0, 0.5, plot=True),
+    suite("latency", "repeated.latency", 4.0, 0.3, plot=True),
+    suite("batches", "repeated.batches", 3.0, 0.2, plot=True),
+    suite("general-lcps", "general.benchmark", 6.0, 1.5, plot=True),
+    suite("time-stepping", "general.stepping", 3.0, 0.5, plot=True),
+    suite("generalisation-families",
+          "peers.generalisation families --solvers nam piqp", 2.0),
+    suite("generalisation", "peers.generalisation changes --solvers nam", 4.0,
+          data=True),
+    suite("derivatives", "derivatives.differences", 3.0, 1.0),
+    suite("derivatives-peers", "derivatives.packages", 3.0, 1.0),
+    suite("closest", "derivatives.closest", 2.0, 1.0, data=True),
+    suite("contact", "peers.lcp contact", 1.0, data=True),
+    suite("example1", "peers.lcp example1", 1.0),
+    suite("first-call", "peers.lcp first-call", 1.0),
+    suite("large", "applications.large", 12.0, plot=True),
+    suite("work-precision-problems", "peers.work_precision", 17.0, 3.5, data=True,
+          plot=True),
+    suite("oracles", "oracles.agreement", 10.0, 1.0, data=True),
+    suite("hertz", "applications.hertz", 1.0),
+    suite("american-put", "applications.american_put", 0.2),
     Job("paper-tables paper-methods", """
         paper.tables --results {results} --figures {figures}
         """, 4.0),
@@ -231,13 +215,14 @@ def main(arguments: list[str] | None = None) -> int:
         (out / folder).mkdir(parents=True, exist_ok=True)
     if args.full:
         os.environ[quiet.LOAD] = quiet.BESIDE if args.busy else quiet.QUIET
-    before: list[Claim] = claims(out / "results")
+    before = claims(values(out / "results"))
     sizes = [args.quick, args.again]
     faults = list(run_all(jobs, args.data.resolve(), out, sizes))
-    print(moved(before, claims(out / "results")))
+    print(moved(before, claims(values(out / "results"))))
     if args.full and out == cli.ROOT / "validation":
+        known = values()
         for document in DOCUMENTS:
-            document.write_text(written(document.read_text()))
+            document.write_text(written(document.read_text(), known))
     print("\n".join(faults))
     return int(any("missing" not in fault for fault in faults))
 

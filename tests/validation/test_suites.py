@@ -4,9 +4,11 @@ import sys
 from importlib import import_module
 
 import pytest
+from child_work import answer
 
 from validation import report
-from validation.harness import cli, machine
+from validation.harness import cli, csv_files, machine
+from validation.harness.suite import Late, Suite, limit_beside
 from validation.stress import campaign, campaign_tally
 
 
@@ -36,7 +38,62 @@ def test_a_stopped_campaign_goes_on(tmp_path, one_thread, capsys):
     assert "| derivatives | nam | 4 |" in capsys.readouterr().out
 
 
-COMMANDS = {line for job in report.JOBS for line in job.lines(bool(job.quick))}
+def asked(args):
+    for eps in args.eps:
+        for problem in (1, 2, 3):
+            for solver in args.solvers:
+                yield {"problem": problem, "eps": eps, "solver": solver}
+
+
+TRIED = Suite(
+    name="tried",
+    doc="",
+    requests=asked,
+    work=answer,
+    complete=lambda row: row | {"said": row["status"]},
+    columns="problem solver eps runtime success said",
+    keys="problem solver eps",
+    solvers=("nam", "slow", "frail"),
+    packages={"slow": "numpy", "frail": "numpy"},
+    tolerances=(1e-6, 1e-9),
+    limit=0.2,
+    late=Late(same=("problem",)),
+    table=lambda rows: f"{len(rows)} rows",
+    failed=lambda rows: any(row["success"] != "True" for row in rows),
+)
+
+
+def test_a_suite_ends_what_hangs_and_goes_on(tmp_path, one_thread, capsys):
+    """What was late is not asked at a tighter tolerance; a death is one row."""
+    file = tmp_path / "tried.csv"
+    command = ["run", "--csv", str(file), "--go-on"]
+    assert TRIED.main([*command, "--only", "1", "2"]) == 1
+    assert TRIED.main(command) == 1
+    rows = csv_files.read(file)
+    said = {(r["problem"], r["solver"], r["eps"]): r["said"] for r in rows}
+    assert len(said) == len(rows) == 18
+    missed = {key: word for key, word in said.items() if word != "solved"}
+    assert missed == {
+        (problem, solver, eps): word
+        for problem, solver, word in (
+            ("2", "slow", "timeout"),
+            ("3", "frail", "crashed"),
+        )
+        for eps in ("1e-06", "1e-09")
+    }
+    before = file.read_text()
+    assert TRIED.main(command) == TRIED.main(["table", "--csv", str(file)]) == 1
+    assert file.read_text() == before
+    assert "18 rows" in capsys.readouterr().out
+
+
+def test_the_limit_of_a_peer_is_ours_times_ten():
+    assert limit_beside([], 5.0) == limit_beside([2.0], 5.0) == 5.0
+    assert limit_beside([0.3, 0.4], 5.0) == 3.0
+    assert limit_beside([1e-3], 5.0) == 1.0
+
+
+COMMANDS = {line for job in report.JOBS for line in job.lines(quick=job.quick > 0.0)}
 
 
 @pytest.mark.parametrize("command", sorted(COMMANDS))

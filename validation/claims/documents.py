@@ -18,7 +18,6 @@ from validation.claims.figures import (
     figure,
     of,
     read,
-    values,
     where,
 )
 from validation.harness import Row, cli, csv_files, tables
@@ -54,11 +53,11 @@ def renewed(text: str, known: Figures) -> str:
     return MARK.sub(measured, text)
 
 
-def of_claims(part: str, results: Path) -> str:
+def of_claims(part: str, known: Figures) -> str:
     """Return the table of what is asked in a part, and what was measured."""
     lines = (
         (claim.name, claim.limit, f"{claim.value:.4g}", "yes" if claim.holds else "NO")
-        for claim in claims(results, part)
+        for claim in claims(known, part)
     )
     return tables.markdown(("figure", "limit", "measured", "met"), lines)
 
@@ -100,33 +99,35 @@ def cell(rows: list[Row], spec: Spec, here: str) -> str:
     return ", ".join(texts) or "-"
 
 
-def table(name: str, results: Path) -> str:
+def table(name: str, known: Figures, results: Path) -> str:
     """Return a table by its name."""
     if name.startswith("claims "):
-        return of_claims(name.removeprefix("claims "), results)
+        return of_claims(name.removeprefix("claims "), known)
     return (
         taken(results) if name == "taken" else crossed(TABLE["tables"][name], results)
     )
 
 
-def written(text: str, results: Path = cli.RESULTS) -> str:
-    """Return a document with the figures and tables of a folder of results."""
+def written(text: str, known: Figures, results: Path = cli.RESULTS) -> str:
+    """Return a document with known figures and the tables of a folder of results."""
 
     def block(found: re.Match[str]) -> str:
         begin, name = found.groups()
-        return f"{begin}{table(name, results)}\n"
+        return f"{begin}{table(name, known, results)}\n"
 
-    return BLOCK.sub(block, renewed(text, values(results)))
+    return BLOCK.sub(block, renewed(text, known))
 
 
-def faults(text: str) -> list[str]:
+def faults(text: str, known: Figures) -> list[str]:
     """Return what a document says that the results do not, and cells too wide."""
-    known, found = values(), []
+    found = []
     for said, name in MARK.findall(text):
         value = known.get(name, math.nan)
         if rounded(value, said) != said:
             found.append(f"{name}: {said}, measured {value:g}")
-    old, new = ([b.group() for b in BLOCK.finditer(t)] for t in (text, written(text)))
+    old, new = (
+        [b.group() for b in BLOCK.finditer(t)] for t in (text, written(text, known))
+    )
     found += [a.splitlines()[0] for a, b in zip(old, new, strict=True) if a != b]
     cells = (
         c for line in text.splitlines() if line[:1] == "|" for c in line.split("|")

@@ -185,13 +185,13 @@ def values(folder: Path = cli.RESULTS) -> Figures:
     return found
 
 
-def claims(folder: Path = cli.RESULTS, part: str = "") -> list[Claim]:
+def claims(known: Figures, part: str = "") -> list[Claim]:
     """Return the figures that have a limit, of one part of the table or of all."""
     table = TABLE["claims"]
-    found, known = values(folder), specs({part: table[part]} if part else table)
+    asked = specs({part: table[part]} if part else table)
     return [
-        Claim(name, found.get(name, math.nan), spec["limit"])
-        for name, (_, spec) in known.items()
+        Claim(name, known.get(name, math.nan), spec["limit"])
+        for name, (_, spec) in asked.items()
         if "limit" in spec
     ]
 
