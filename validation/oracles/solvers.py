@@ -1,16 +1,15 @@
 """Independent solvers of box LCPs: z, and w from the solver's own multipliers.
 
-Symmetric A: min 1/2 z'Az + q'z, lower <= z <= upper, by OSQP directly, by CVXPY with
-Clarabel, by PIQP and HiGHS. Other A with z >= 0 and A + A' semidefinite:
-min z'(Az + q), Az + q >= 0, z >= 0, whose minimum is 0, by CVXPY with Clarabel and
-PIQP. Any A with z >= lower, small: Lemke's method of quantecon.
+Symmetric A: min 1/2 z'Az + q'z, lower <= z <= upper, by OSQP directly and by CVXPY with
+Clarabel. Other A with z >= 0 and A + A' semidefinite: min z'(Az + q), Az + q >= 0,
+z >= 0, whose minimum is 0, by CVXPY with Clarabel. Any A with z >= lower, small:
+Lemke's method of quantecon.
 """
 
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
-import qpsolvers
 import scipy.sparse as sp
 
 from validation.harness import qp_solvers
@@ -19,7 +18,6 @@ from validation.problems import known_scenes
 EPS = 1e-10
 LEMKE = 200  # largest n for Lemke's method
 SEMIDEFINITE = 1000  # largest n whose eigenvalues are looked at
-HIGHS = 1000  # largest n for an active-set method that starts cold
 
 
 class Answer(NamedTuple):
@@ -64,45 +62,6 @@ def osqp(scene: known_scenes.BoxLCP, limit: float) -> Answer | None:
     solver.setup(**problem, u=scene.upper, verbose=False, **options)
     found = solver.solve()
     return Answer(found.x, -found.y, found.info.status)
-
-
-def by_qpsolvers(
-    scene: known_scenes.BoxLCP, solver: str, limit: float
-) -> Answer | None:
-    """Solve by a QP solver of qpsolvers."""
-    A, q = sp.csc_matrix(scene.A), scene.q
-    options = qp_solvers.settings(solver, EPS, limit)
-    lower, upper = (
-        side if np.isfinite(side).any() else None for side in (scene.lower, scene.upper)
-    )
-    if is_symmetric(A):
-        problem = qpsolvers.Problem(A, q, lb=lower, ub=upper)
-        found = qp_solvers.solve(problem, solver, **options)
-        w = None if found.z_box is None else -np.asarray(found.z_box)
-        return Answer(found.x, w, "solved" if found.found else "not found")
-    if not is_monotone(scene):
-        return None
-    shifted = q + A @ scene.lower
-    problem = qpsolvers.Problem(
-        sp.csc_matrix(A + A.T), shifted, -A, shifted, lb=np.zeros(q.size)
-    )
-    found = qp_solvers.solve(problem, solver, **options)
-    if found.x is None:
-        return Answer(None, None, "not found")
-    said = "solved" if found.found else "not found"
-    return Answer(scene.lower + found.x, A @ found.x + shifted, said)
-
-
-def piqp(scene: known_scenes.BoxLCP, limit: float) -> Answer | None:
-    """Solve by PIQP."""
-    return by_qpsolvers(scene, "piqp", limit)
-
-
-def highs(scene: known_scenes.BoxLCP, limit: float) -> Answer | None:
-    """Solve by HiGHS's active-set method, small symmetric ones."""
-    if scene.q.size > HIGHS or not is_symmetric(scene.A):
-        return None
-    return by_qpsolvers(scene, "highs", limit)
 
 
 def clarabel(scene: known_scenes.BoxLCP, limit: float) -> Answer | None:
@@ -158,8 +117,6 @@ ORACLES: dict[
     "nam": ("namlcp", nam),
     "osqp": ("osqp", osqp),
     "clarabel": ("cvxpy", clarabel),
-    "piqp": ("piqp", piqp),
-    "highs": ("highspy", highs),
     "lemke": ("quantecon", lemke),
 }
 """Package and call of every solver; a call returns None where it does not apply."""

@@ -28,7 +28,7 @@ from validation.problems import data_sets, sweep_scenes
 
 RUNS = 3
 REPEATS = {"nam": 5, "osqp": 1}  # of Example 1
-FIRST_CALL = "environment.first_call"
+FIRST_CALL = "peers.first_call"
 
 
 def contact(job: Job, name: str) -> Row:

@@ -1,1 +1,0 @@
-"""The environment: package versions, first calls, BLAS threads."""
