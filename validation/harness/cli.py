@@ -17,8 +17,6 @@ MISSING = 2  # what a script returns whose data folder lacks something
 USUAL: dict[str, dict[str, Any]] = {
     "data": {"type": Path, "help": "the data folder"},
     "quick": {"action": "store_true", "help": "smaller problems, or fewer"},
-    "solvers": {"nargs": "+"},
-    "eps": {"nargs": "+", "type": float, "help": "tolerances"},
     "limit": {"type": float, "default": 10.0, "help": "[s] a problem"},
     "csv": {"type": Path, "help": "write all rows to this file"},
     "go-on": {"action": "store_true", "help": "keep the rows of the file"},
