@@ -11,33 +11,21 @@ and are asked up to DENSE unknowns; a solver that has run into the limit LATES t
 sizes up to n of a family is not asked for more of them. From DENSE unknowns on there
 are FEW seeds.
 
-The CSV grows seed by seed, so that one cut short has all families and sizes. The figure
-is time against n, with crosses on the upper edge for what was not solved.
+The CSV grows seed by seed, so that one cut short has all families and sizes.
 """
 
 import sys
 import time
 from collections.abc import Callable, Iterator
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
-from matplotlib import pyplot as plt
-from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
-from matplotlib.ticker import NullFormatter
 
-from validation.harness import Job, Row, charts, csv_files, tables, timing
+from validation.harness import Job, Row, tables, timing
 from validation.harness.suite import Args, Late, Suite
 from validation.problems.general import families
 
-STYLE = {
-    "nam": (charts.BLUE, "o"),
-    "lemke": (charts.GREEN, "s"),
-    "quantecon": (charts.PURPLE, "^"),
-    "daqp": (charts.RED, "v"),
-}
 FRICTION_SIZES = (80, 200, 500, 1000, 2000, 6000)
 OTHER_SIZES = (10, 20, 50, 100, 200)
 GAME_SIZES = (4, 10, 40, 140, 400)
@@ -173,50 +161,6 @@ def cell(rows: list[Row]) -> str:
     return f"{len(times)}/{len(rows)}{mean}"
 
 
-def plot(results: Path, figures: Path) -> None:
-    """Draw time against n, one panel a family; failures are crosses at the top."""
-    rows = csv_files.read(results)
-    names = tables.distinct(rows, "family")
-    columns = min(5, len(names))
-    lines = -(-len(names) // columns)
-    figure, panels = plt.subplots(
-        lines, columns, figsize=(charts.WIDTH, 2.4 * lines + 0.5), sharey=True,
-        layout="constrained", squeeze=False,
-    )  # fmt: skip
-    for axes, name in zip(panels.flat, names, strict=False):
-        draw_family(axes, tables.chosen(rows, family=name))
-        axes.set_title(name)
-    for axes in panels.flat[len(names) :]:
-        axes.set_axis_off()
-    handles = [
-        Line2D([], [], color=colour, marker=marker, label=solver, markersize=3.5)
-        for solver, (colour, marker) in STYLE.items()
-    ]
-    figure.legend(handles=handles, loc="outside upper center", ncols=len(STYLE))
-    figure.supxlabel("n", fontsize=9.0)
-    figure.supylabel("processor time [ms]; crosses: not solved", fontsize=9.0)
-    charts.save(figure, figures / "general-lcps.svg")
-
-
-def draw_family(axes: Axes, rows: list[Row]) -> None:
-    """Draw the mean times of all solvers, and a cross for each failure."""
-    means = []
-    for k, (solver, (colour, _)) in enumerate(STYLE.items()):
-        for n in tables.distinct(rows, "n"):
-            own = tables.chosen(rows, solver=solver, n=n)
-            good = [float(r["runtime"]) for r in tables.chosen(own, success="True")]
-            order = next((r["order"] for r in own if r["order"]), n)
-            if len(good) < len(own):
-                height = 2e3 * LIMIT * 1.6**k
-                axes.plot(int(order), height, "x", color=colour, markersize=4.0)
-            if good:
-                mean = timing.geometric_mean(good)
-                means.append({"solver": solver, "order": order, "mean": mean})
-    looks = {s: {"color": c, "marker": m} for s, (c, m) in STYLE.items()}
-    charts.lines(axes, means, "solver", "order", "mean", looks.__getitem__, 1e3)
-    axes.xaxis.set_minor_formatter(NullFormatter())
-
-
 SUITE = Suite(
     name="general-lcps",
     doc=__doc__,
@@ -231,7 +175,6 @@ SUITE = Suite(
     late=Late(by="n", same=("family",), copied=False, times=LATES),
     shown="family:22 n:6 seed:5 solver:10 runtime said:30",
     table=markdown,
-    plot=plot,
 )
 main = SUITE.main
 

@@ -128,13 +128,6 @@ def looks(solver: str) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def name_ticks(axes: Axes, rows: list[Row], across: str) -> None:
-    """Mark the values of a column, and no others, on the horizontal axis."""
-    sizes = tables.distinct(rows, across)
-    axes.set_xticks([float(size) for size in sizes], sizes)
-    axes.minorticks_off()
-
-
 def name_lines(
     axes: Axes, lines: dict[str, tuple[list[tuple[float, float]], str]]
 ) -> None:

@@ -16,7 +16,6 @@ import namlcp
 from validation.harness import Job, Row
 from validation.harness.suite import Args, Suite
 from validation.problems import planted
-from validation.repeated import figures
 
 SHAPES = {(5, 10): 100_000, (10, 20): 100_000, (30, 60): 10_000}
 """Variables and rows of an item; items of the largest batch."""
@@ -116,7 +115,6 @@ SUITE = Suite(
     solvers=tuple(LOOPS),
     limit=120.0,
     shown="n:4 m:4 items:8 threads:8 solver:13 microseconds:13 residual status:20",
-    plot=figures.draw_batches,
 )
 main = SUITE.main
 

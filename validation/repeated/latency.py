@@ -24,7 +24,7 @@ from validation.harness import (
 )
 from validation.harness.suite import Args, Late, Suite
 from validation.problems import planted
-from validation.repeated import figures
+from validation.repeated import front_figure
 
 SIZES = (2, 5, 10, 20, 50, 100, 200, 300, 500, 1000)
 QUICK_SIZES = (2, 10)
@@ -101,7 +101,7 @@ SUITE = Suite(
     limit=20.0,
     late=Late(by="n", same=(), copied=False),
     shown="n:6 m:6 solver:13 microseconds:13 solved:7 residual status:30",
-    plot=figures.draw_latency,
+    plot=front_figure.plot,
 )
 main = SUITE.main
 

@@ -33,7 +33,6 @@ from validation.harness import (
 )
 from validation.harness.suite import Args, Suite
 from validation.problems import sequences as known
-from validation.repeated import figures
 from validation.repeated.workspaces import WORKSPACES
 
 REPEATS = 3
@@ -196,7 +195,6 @@ SUITE = Suite(
     limit=30.0,
     shown="scene:21 size:5 level:15 solver:13 solved:7 microseconds:12 residual status",
     table=markdown,
-    plot=figures.draw_sequences,
 )
 main = SUITE.main
 
