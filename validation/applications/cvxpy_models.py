@@ -42,16 +42,6 @@ def requests(args: Args) -> Iterator[Row]:
             yield from (key | {"solver": solver} for solver in args.solvers)
 
 
-def markdown(rows: list[Row]) -> str:
-    """Return the table of sizes and solvers: what is right, and times."""
-    lines = [
-        (size, *cells)
-        for size in tables.distinct(rows, "set")
-        for cells in tables.compared(tables.chosen(rows, set=size))
-    ]
-    return tables.markdown(("size", *tables.compared_columns()), lines)
-
-
 SUITE = Suite(
     name="cvxpy-models",
     doc=__doc__,
@@ -68,7 +58,6 @@ SUITE = Suite(
     packages={REFERENCE: "cvxpy"},
     limit=60.0,
     shown="problem:24 set:6 solver success:8 status:18 runtime " + " ".join(RESIDUALS),
-    table=markdown,
     failed=lambda rows: not all(map(solved, tables.chosen(rows, solver="nam"))),
 )
 main = SUITE.main

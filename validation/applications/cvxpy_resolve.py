@@ -20,7 +20,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from validation.applications.cvxpy_bench import REFERENCE, SOLVERS, judge
-from validation.harness import Job, Row, csv_files, tables
+from validation.harness import Job, Row
 from validation.harness.suite import Args, Suite
 from validation.problems.models import decisions, statistics
 
@@ -167,27 +167,6 @@ def conclude(rows: list[Row]) -> list[Row]:
     return rows
 
 
-def markdown(rows: list[Row]) -> str:
-    """Return the table: a step and the solver's share of it, largest KKT residual."""
-    solvers = [name for name in VARIANTS if name in tables.distinct(rows, "solver")]
-    lines = []
-    for name, size in tables.distinct(rows, "problem", "set"):
-        own = {
-            row["solver"]: row for row in tables.chosen(rows, problem=name, set=size)
-        }
-        lines.append((name, size, *(cell(own[s]) for s in solvers if s in own)))
-    return tables.markdown(("sequence", "size", *solvers), lines)
-
-
-def cell(row: Row) -> str:
-    """Return times in milliseconds and the worst residual."""
-    total, share = (
-        1e3 * csv_files.number(row[name]) for name in ("total", "solver_time")
-    )
-    worst = max(csv_files.number(row[name]) for name in ERRORS)
-    return f"{total:.2f}, {share:.2f}, {worst:.0e}"
-
-
 SUITE = Suite(
     name="cvxpy-resolve",
     doc=__doc__,
@@ -204,7 +183,6 @@ SUITE = Suite(
     packages={"nam-cold": "cvxpy", "osqp-1e-8": "osqp", REFERENCE: "clarabel"},
     limit=120.0,
     shown="problem set:8 solver optimal:8 total solver_time:12 objective_error:16",
-    table=markdown,
 )
 main = SUITE.main
 

@@ -284,7 +284,6 @@ SUITE = Suite(
         "scene:12 n:8 solver method:15 status:11 iterations seconds residual baseline "
         "ratio:6"
     ),
-    table=large_figures.markdown,
     plot=large_figures.plot,
 )
 main = SUITE.main

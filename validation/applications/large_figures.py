@@ -94,21 +94,3 @@ def draw_piles(axes: Axes, rows: list[Row]) -> None:
         lambda scene: {"color": charts.BLUE, "marker": PILES[scene], "label": scene},
     )  # fmt: skip
     axes.legend(loc="lower right", fontsize=7.5, handletextpad=0.1, borderpad=0.0)
-
-
-def value(row: Row, key: str) -> float:
-    """Return an entry as a number, NaN of nothing."""
-    return csv_files.number(row[key])
-
-
-def markdown(rows: list[Row]) -> str:
-    """Return the table of our rows."""
-    heads = "scene,n,method,cycles,time [s],Res,linear solves,active".split(",")
-    lines = []
-    for row in tables.chosen(rows, solver="nam"):
-        ratio = f"{value(row, 'ratio'):.2f}" if row["ratio"] else ""
-        share = f"{100.0 * value(row, 'active'):.2g} %" if row["active"] else ""
-        first = [row[key] for key in ("scene", "n", "method", "iterations")]
-        seconds, residual = value(row, "seconds"), value(row, "residual")
-        lines.append([*first, f"{seconds:.3g}", f"{residual:.1e}", ratio, share])
-    return tables.markdown(heads, lines)

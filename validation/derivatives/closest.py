@@ -44,7 +44,6 @@ from validation.harness import (
     judging,
     qp_solvers,
     qps,
-    tables,
     timing,
 )
 from validation.harness.suite import Args, Suite
@@ -240,18 +239,6 @@ def requests(args: Args) -> Iterator[Row]:
         yield {"problem": name, "group": group, "ask": ask}
 
 
-def markdown(rows: list[Row]) -> str:
-    """Return the time over that of the feasible problem: mean and worst of a group."""
-    lines = []
-    for group in tables.distinct(rows, "group"):
-        own = [
-            float(r["ratio"]) for r in tables.chosen(rows, group=group) if r["ratio"]
-        ]
-        mean = timing.geometric_mean(own)
-        lines.append((group, f"{mean:.2f}", f"{max(own, default=0.0):.1f}"))
-    return tables.markdown(("group", "closest over feasible", "at most"), lines)
-
-
 SUITE = Suite(
     name="closest",
     doc=__doc__,
@@ -261,7 +248,6 @@ SUITE = Suite(
     keys="problem",
     limit=600.0,
     shown="problem:26 norm clarabel piqp conditions closest feasible ratio soft said",
-    table=markdown,
     failed=lambda rows: not all(map(is_right, rows)),
 )
 main = SUITE.main

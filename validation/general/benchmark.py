@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import scipy.sparse as sp
 
-from validation.harness import Job, Row, tables, timing
+from validation.harness import Job, Row, timing
 from validation.harness.suite import Args, Late, Suite
 from validation.problems.general import families
 
@@ -141,26 +141,6 @@ def complete(row: Row) -> Row:
     return {"said": row["status"]} | row
 
 
-def markdown(rows: list[Row]) -> str:
-    """Return the table of families, sizes and solvers: solved, and the mean time."""
-    solvers = tables.distinct(rows, "solver")
-    lines = []
-    for family, n in tables.distinct(rows, "family", "n"):
-        own = tables.chosen(rows, family=family, n=n)
-        cells = [cell(tables.chosen(own, solver=solver)) for solver in solvers]
-        lines.append((family, own[0]["order"] or n, *cells))
-    return tables.markdown(("family", "n", *solvers), lines)
-
-
-def cell(rows: list[Row]) -> str:
-    """Return solved/asked and the geometric mean of the times in milliseconds."""
-    if not rows:
-        return "-"
-    times = [float(row["runtime"]) for row in rows if row["success"] == "True"]
-    mean = f", {tables.short(1e3 * timing.geometric_mean(times))} ms" if times else ""
-    return f"{len(times)}/{len(rows)}{mean}"
-
-
 SUITE = Suite(
     name="general-lcps",
     doc=__doc__,
@@ -174,7 +154,6 @@ SUITE = Suite(
     limit=LIMIT,
     late=Late(by="n", same=("family",), copied=False, times=LATES),
     shown="family:22 n:6 seed:5 solver:10 runtime said:30",
-    table=markdown,
 )
 main = SUITE.main
 

@@ -8,10 +8,8 @@ solved.
 import sys
 from collections.abc import Iterator
 
-import numpy as np
-
 from namlcp.scenes.stepping import FallingDiscs
-from validation.harness import Job, Row, tables
+from validation.harness import Job, Row
 from validation.harness.suite import Args, Suite
 
 COUNTS = (5, 10, 30, 60)
@@ -44,26 +42,6 @@ def conclude(rows: list[Row]) -> list[Row]:
     return [rows[0] | {"step": k} | step for k, step in enumerate(steps)]
 
 
-def markdown(rows: list[Row]) -> str:
-    """Return the table of every run: unknowns, times and worst figures."""
-    lines = []
-    for count, start in tables.distinct(rows, "discs", "start"):
-        own = tables.chosen(rows, discs=count, start=start)
-        n, seconds, residual, overlap, energy = (
-            np.array([float(row[key]) for row in own])
-            for key in ("n", "seconds", "residual", "overlap", "energy")
-        )
-        unsolved = sum(row["status"] != "solved" for row in own)
-        lines.append((
-            count, start, int(n.max()), f"{1e3 * seconds.mean():.3g}",
-            f"{1e3 * seconds.max():.3g}", unsolved, f"{residual.max():.1e}",
-            f"{overlap.max():.1e}", f"{np.diff(energy).max():.1e}",
-        ))  # fmt: skip
-    columns = ("discs", "start from", "largest n", "ms a step", "at most", "not solved",
-               "worst Res", "overlap [m]", "energy gained, at most [J]")  # fmt: skip
-    return tables.markdown(columns, lines)
-
-
 SUITE = Suite(
     name="time-stepping",
     doc=__doc__,
@@ -74,7 +52,6 @@ SUITE = Suite(
     keys="discs start",
     limit=600.0,
     shown="discs start step status residual seconds",
-    table=markdown,
     failed=lambda rows: any(row["status"] != "solved" for row in rows),
 )
 main = SUITE.main

@@ -3,7 +3,7 @@
 import contextlib
 import csv
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -83,11 +83,6 @@ def growing(
 def number(text: Any) -> float:
     """Return an entry as a number, NaN of nothing."""
     return float(text) if text not in ("", None) else float("nan")
-
-
-def with_numbers(row: Row, columns: Iterable[str]) -> Row:
-    """Return a row, of a file or just measured, with numbers in these columns."""
-    return row | {column: number(row.get(column)) for column in columns}
 
 
 def write(file: Path, header: list[str], rows: list[Row]) -> None:

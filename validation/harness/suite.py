@@ -24,6 +24,7 @@ from validation.harness.data_folder import MissingDataError
 from validation.harness.processes import LATE, OURS, Bench, Work
 
 PEER_TIMES, PEER_LEAST = 10.0, 1.0  # times of namlcp's, [s]: see `limit_beside`
+GROUPS = ("set", "family", "limit", "eps")  # columns by which a table is parted
 Args = argparse.Namespace
 
 
@@ -100,8 +101,6 @@ class Suite:
     alone: bool = False
     success: Callable[[Row], bool] = solved
     shown: str = ""
-    read: Callable[[Path], list[Row]] = csv_files.read
-    table: Callable[[list[Row]], str] | None = None
     plot: Callable[[Path, Path], None] | None = None  # from a CSV file into a folder
     failed: Callable[[list[Row]], bool] | None = None
 
@@ -112,15 +111,27 @@ class Suite:
         if args.task == "plot" and self.plot is not None:
             self.plot(args.csv, args.figures)
             return 0
-        rows = self.read(args.csv)
-        if self.table is not None and rows:
-            print("\n" + self.table(rows))
+        rows = csv_files.read(args.csv)
+        print("\n" + self.table(rows))
         return code or int(self.failed is not None and self.failed(rows))
+
+    def table(self, rows: list[Row]) -> str:
+        """Return who solved how many and how fast, by set, limit and tolerance."""
+        keys = self.keys.split()
+        if not rows or not {"solver", "success", "runtime"} <= rows[0].keys():
+            return f"{len(rows)} rows"
+        parts = [name for name in GROUPS if name in rows[0]]
+        about = [key for key in keys if key not in ("solver", *parts)]
+        lines = []
+        for names in {tuple(row[part] for part in parts): None for row in rows}:
+            own = tables.chosen(rows, **dict(zip(parts, names, strict=True)))
+            lines += [(*names, *cells) for cells in tables.compared(own, *about)]
+        return tables.markdown((*parts, *tables.COMPARED), lines)
 
     def parsed(self, arguments: list[str] | None) -> Args:
         """Return what the command line says."""
         parser = cli.parser(self.doc, "quick", "go-on", "csv", "figures")
-        tasks = ["run", *["table"] * bool(self.table), *["plot"] * bool(self.plot)]
+        tasks = ["run", "table", *["plot"] * bool(self.plot)]
         parser.add_argument("task", nargs="?", choices=tasks, default="run")
         parser.add_argument("--data", type=Path, help="the data folder")
         parser.add_argument("--solvers", nargs="+", choices=self.solvers)

@@ -33,35 +33,28 @@ def short(value: float) -> str:
     return f"{value:.0f}" if value >= 999.5 else f"{value:.3g}"
 
 
-def power_of_ten(value: float) -> str:
-    """Return 1e-6 for 10^-6."""
-    return f"{value:.0e}".replace("e-0", "e-")
+COMPARED = ("solver", "solved", "time [ms]", "nam/solver (both solve)")
+"""The columns of what `compared` yields."""
 
 
-def compared_columns(reference: str = "nam") -> tuple[str, ...]:
-    """Return the columns of what `compared` yields."""
-    return "solver", "solved", "time [ms]", f"{reference}/solver (both solve)"
-
-
-def compared(rows: Iterable[Row], reference: str = "nam") -> Iterator[tuple[str, ...]]:
+def compared(rows: list[Row], *about: str) -> Iterator[tuple[str, ...]]:
     """Yield a line for each solver: what it solves, its time, ours over it.
 
-    Rows, of a file or just measured, have "set", "problem", "solver", "success" and
-    "runtime" [s]; times are geometric means of those that were taken.
+    Rows have the columns `about` a problem, "solver", "success" and "runtime" [s];
+    times are geometric means of those that were taken.
     """
-    rows = list(rows)
     times: dict[str, dict[Any, float]] = {s: {} for s in distinct(rows, "solver")}
     for row in rows:
         if str(row["success"]) == "True":
-            problem = row["set"], row["problem"]
+            problem = tuple(row[name] for name in about)
             times[row["solver"]][problem] = number(row["runtime"])
-    total, base = len(distinct(rows, "set", "problem")), times.get(reference, {})
+    total, base = len({tuple(r[k] for k in about) for r in rows}), times.get("nam", {})
     for solver, own in times.items():
         known = {name: time for name, time in own.items() if not math.isnan(time)}
         mean = 1e3 * timing.geometric_mean(list(known.values()))
         ratios = [base[name] / known[name] for name in known if name in base]
         over = f"{timing.geometric_mean(ratios):.2f} ({len(ratios)})"
-        ratio = over if ratios and solver != reference else ""
+        ratio = over if ratios and solver != "nam" else ""
         yield solver, f"{len(own)}/{total}", short(mean), ratio
 
 

@@ -167,15 +167,6 @@ def reason(row: Row, said: str, residuals: dict[str, float]) -> str:
     return f"error {row['error']:.0e} at a natural residual of {own:.0e}"
 
 
-def markdown(rows: list[Row]) -> str:
-    """Return how many quantities each solver agrees on; the CSV says why not."""
-    lines = []
-    for solver in tables.distinct(rows, "solver"):
-        own = tables.chosen(rows, solver=solver)
-        lines.append((solver, len(tables.chosen(own, agrees="True")), len(own)))
-    return tables.markdown(("solver", "agrees", "asked"), lines)
-
-
 SUITE = Suite(
     name="oracles",
     doc=__doc__,
@@ -192,7 +183,6 @@ SUITE = Suite(
     limit=60.0,
     quick={"limit": 3.0},
     shown="scene:36 n:8 solver quantity value agrees",
-    table=markdown,
     failed=lambda rows: any(
         row["agrees"] == "False" for row in tables.chosen(rows, solver="nam")
     ),

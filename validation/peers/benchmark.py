@@ -41,8 +41,6 @@ SUITE = Suite(
     tolerances=(1e-6, 1e-9),
     late=Late(),
     needs_data=True,
-    read=runs.read_rows,
-    table=runs.markdown,
 )
 main = SUITE.main
 

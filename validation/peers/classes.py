@@ -15,10 +15,9 @@ from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 from qpsolvers import Problem
 
-from validation.harness import Row, tables
+from validation.harness import Row
 from validation.harness.suite import Args, Late, Suite
 from validation.peers import runs
 from validation.problems import osqp_classes
@@ -46,29 +45,6 @@ def about(request: Row) -> Row:
     return {"variables": problem.q.size, "entries": osqp_classes.entries(problem)}
 
 
-def milliseconds(seconds: float) -> str:
-    """Return a time in milliseconds with three digits, "-" of none."""
-    return "-" if np.isnan(seconds) else tables.short(1e3 * seconds)
-
-
-def markdown(rows: list[Row]) -> str:
-    """Return the table of all problems: entries, nam's time, the best peer's, ratio."""
-    columns = "class", "size", "entries", "nam [ms]", "best peer", "[ms]", "nam/best"
-    cells = []
-    for name, size in tables.distinct(rows, "set", "problem"):
-        own = tables.chosen(rows, set=name, problem=size)
-        times = {row["solver"]: row["runtime"] for row in own if row["success"]}
-        ours = times.pop("nam", np.nan)
-        peer = min(times, key=times.__getitem__, default="none")
-        best = times.get(peer, np.nan)
-        ratio = "-" if np.isnan(ours / best) else f"{ours / best:.2f}"
-        size, entries = f"{size} {osqp_classes.CLASSES[name].unit}", own[0]["entries"]
-        mine, theirs = milliseconds(ours), milliseconds(best)
-        cells.append((name, size, entries, mine, peer, theirs, ratio))
-    cells.sort(key=lambda line: (line[0], float(line[2])))
-    return tables.markdown(columns, cells)
-
-
 SUITE = Suite(
     name="classes",
     doc=__doc__,
@@ -80,8 +56,6 @@ SUITE = Suite(
     tolerances=(1e-6,),
     late=Late(by="problem", same=("set",)),
     beside=True,
-    read=runs.read_rows,
-    table=markdown,
 )
 main = SUITE.main
 

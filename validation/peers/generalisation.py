@@ -74,8 +74,6 @@ FAMILIES = Suite(
     solvers=("nam", "piqp", "clarabel"),
     tolerances=(1e-6,),
     late=Late(),
-    read=runs.read_rows,
-    table=runs.markdown,
 )
 CHANGES = replace(FAMILIES, name="generalisation", requests=of_changes, needs_data=True)
 main = chosen_by_name({"families": FAMILIES, "changes": CHANGES})

@@ -117,25 +117,8 @@ def requests(args: Args) -> Iterator[Row]:
 
 def complete(row: Row) -> Row:
     """Return a row with what the verdict comes to."""
-    return row | {"outcome": outcome(row["truth"], row.get("verdict", "undecided"))}
-
-
-def markdown(rows: list[Row]) -> str:
-    """Return outcomes and median times [ms] of all solvers, group by group."""
-    solvers = tables.distinct(rows, "solver")
-    lines = []
-    for group in [*tables.distinct(rows, "group"), None]:
-        line = [group or "all"]
-        for solver in solvers:
-            own = [r for r in tables.chosen(rows, solver=solver)
-                   if group in (r["group"], None)]  # fmt: skip
-            words = "recognised", "misjudged", "undecided"
-            count = [len(tables.chosen(own, outcome=word)) for word in words]
-            times = [float(row["runtime"]) for row in own if row["runtime"]]
-            middle = f", {1e3 * np.median(times):.2f}" if times else ""
-            line.append("/".join(map(str, count)) + middle)
-        lines.append(line)
-    return tables.markdown(("recognised/misjudged/undecided", *solvers), lines)
+    row.setdefault("verdict", "undecided")
+    return row | {"outcome": outcome(row["truth"], row["verdict"])}
 
 
 def is_failure(row: Row) -> bool:
@@ -155,7 +138,6 @@ SUITE = Suite(
     solvers=("nam", "osqp", "piqp", "clarabel", "proxqp", "moreau", "qtqp"),
     limit=5.0,
     shown="problem:30 solver outcome runtime status:30",
-    table=markdown,
     failed=lambda rows: any(map(is_failure, tables.chosen(rows, solver="nam"))),
 )
 main = SUITE.main

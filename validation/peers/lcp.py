@@ -22,7 +22,7 @@ import numpy as np
 import qpsolvers
 import scipy.sparse as sp
 
-from validation.harness import Job, Row, cli, judging, qp_solvers, tables, timing
+from validation.harness import Job, Row, cli, judging, qp_solvers, timing
 from validation.harness.suite import Args, Suite, chosen_by_name
 from validation.problems import data_sets, sweep_scenes
 
@@ -116,16 +116,6 @@ def example1(job: Job) -> Row:
     }
 
 
-def markdown(rows: list[Row]) -> str:
-    """Return the table of first solves [s]."""
-    columns = "path", "import", "solve"
-    lines = [
-        (row["path"], *(f"{float(row[name]):.2g}" for name in columns[1:]))
-        for row in rows
-    ]
-    return tables.markdown(("path", "import", "first solve"), lines)
-
-
 def run_script(*command: str) -> str:
     """Return what a script prints."""
     return subprocess.run(
@@ -179,7 +169,6 @@ SUITES = {
         columns="path process import solve",
         keys="path",
         shown="path:16 process import solve",
-        table=markdown,
     ),
 }
 main = chosen_by_name(SUITES)

@@ -28,8 +28,6 @@ from validation.harness import (
     Row,
     judging,
     qps,
-    tables,
-    timing,
 )
 from validation.harness.suite import Args, Suite
 from validation.problems import sequences as known
@@ -155,33 +153,6 @@ def requests(args: Args) -> Iterator[Row]:
                     }  # fmt: skip
 
 
-def markdown(rows: list[Row]) -> str:
-    """Return the table of microseconds a step, the mean over the levels of change.
-
-    In brackets what is solved, where that is not every step.
-    """
-    solvers = tables.distinct(rows, "solver")
-    lines = []
-    for scene, size in tables.distinct(rows, "scene", "size"):
-        own = tables.chosen(rows, scene=scene, size=size)
-        cells = (cell(tables.chosen(own, solver=solver)) for solver in solvers)
-        lines.append((scene, size, *cells))
-    return tables.markdown(("scene", "size", *solvers), lines)
-
-
-def cell(rows: list[Row]) -> str:
-    """Return the mean time of the runs of a solver, "-" without any."""
-    steps, done = (
-        sum(int(row[name] or 0) for row in rows) for name in ("steps", "solved")
-    )
-    times = [float(row["microseconds"]) for row in rows if row["microseconds"]]
-    if not times:
-        return "-"
-    return tables.short(timing.geometric_mean(times)) + f" ({done}/{steps})" * (
-        done < steps
-    )
-
-
 SUITE = Suite(
     name="sequences",
     doc=__doc__,
@@ -194,7 +165,6 @@ SUITE = Suite(
     tolerances=(1e-9,),
     limit=30.0,
     shown="scene:21 size:5 level:15 solver:13 solved:7 microseconds:12 residual status",
-    table=markdown,
 )
 main = SUITE.main
 
