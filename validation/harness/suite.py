@@ -226,7 +226,8 @@ class Run:
 
     def note(self, row: Row) -> None:
         """Remember that a solver was late, or how long namlcp took."""
-        if self.suite.late and row.get("status") in self.suite.late.words:
+        said = row.get("status") or row.get("said")
+        if self.suite.late and said in self.suite.late.words:
             self.late[self.alike(row)].append(row)
         if self.suite.beside and is_ours(row["solver"]) and self.suite.success(row):
             self.ours[self.problem(row)].append(float(row["runtime"]))
@@ -262,7 +263,7 @@ class Run:
         if solver not in self.children:
             args = self.suite.work, solver, self.args.limit, self.args.data
             self.children[solver] = Bench(*args)
-            self.stack.callback(lambda child=self.children[solver]: child.stop())
+            self.stack.callback(self.children[solver].stop)
         return self.children[solver]
 
 

@@ -30,6 +30,7 @@ from validation.harness import (
     Job,
     MissingDataError,
     Row,
+    csv_files,
     judging,
     processes,
     qp_solvers,
@@ -158,7 +159,7 @@ def solution_of(data: Path | None, family: str, name: str) -> np.ndarray | None:
 
 def complete(row: Row) -> Row:
     """Return a row with its error, and whether the request is missed."""
-    residual = float(row.get("residual", np.inf))
+    residual = csv_files.number(row.get("residual"))
     point, about = row.pop("point", None), (row["data"], row["family"], row["problem"])
     late = row["status"].startswith("too slow")
     row["missed"], row["error"] = late or not residual <= MISS * row["eps"], None
