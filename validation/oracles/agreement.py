@@ -48,16 +48,15 @@ def work(job: Job, function: Callable[..., Row], *arguments: Any) -> Row:
 
 
 @cache
-def compile_lemke() -> None:
-    """Call Lemke's method once, so that it is compiled."""
-    ORACLES["lemke"][1](known_scenes.dam(), 60.0)
+def warm_up(solver: str) -> None:
+    """Call a solver once, so that it is imported and compiled."""
+    ORACLES[solver][1](known_scenes.dam(), 60.0)
 
 
 def answered(job: Job, scene: known_scenes.BoxLCP) -> Row:
     """Return {"answer": what a solver says of a scene}."""
     call = ORACLES[job.solver][1]
-    if job.solver == "lemke":
-        compile_lemke()
+    warm_up(job.solver)
     if job.solver == "nam":
         call(scene, job.limit)  # compiled
     job.ready()
