@@ -124,7 +124,7 @@ def described(result: Any) -> str:
             head.append(value)
         elif isinstance(value, float):
             head.append(f"{name} = {value:{'.1e' if 'time' in name else '.6g'}}")
-        elif isinstance(value, int) or name in ("form", "method"):
+        elif isinstance(value, int | str) and name != "message":
             head.append(f"{name} = {value}")
         elif isinstance(value, np.ndarray):
             is_plain = value.ndim == 1 and value.dtype.names is None
