@@ -5,9 +5,10 @@ the active-set method with the products it has at hand.
 """
 
 import cython
+import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf, sqrt
-from cython.cimports.namlcp.box import deviation
+from cython.cimports.namlcp.box import clip, deviation
 from cython.cimports.namlcp.linalg.arrays import data_of, new_vector, numbers
 from cython.cimports.namlcp.linalg.blas import blas_dot
 from cython.cimports.namlcp.linalg.csc import (
@@ -193,12 +194,31 @@ def rounding_errors(P, G, A, x, y, z):
     return UNIT * max(G, A) * x, UNIT * (P * x + G * z + A * y), UNIT * P * x * x
 
 
-def leaves_bounds(x, lb, ub):
-    """Tell whether an entry of x is not between its bounds."""
-    for j in range(x.shape[0]):
-        if not lb[j] <= x[j] <= ub[j]:
-            return True
-    return False
+def on_bounds(x, z_box, lb, ub, moves):
+    """Return (x, z_box) with x in its bounds, and signs that these allow.
+
+    moves: also, x_j is the bound that z_box_j holds it at, where that is no further
+    than |z_box_j|, and z_box_j = 0 elsewhere.
+    """
+    n = x.shape[0]
+    point, multipliers = np.empty(n), np.empty(n)
+    new: cython.double[::1] = point
+    new_box: cython.double[::1] = multipliers
+    for j in range(n):
+        new[j], new_box[j] = x[j], z_box[j]
+        if lb[j] > ub[j]:  # within the tolerance of both, as they have to be
+            continue
+        least = z_box[j] if lb[j] > -INFINITY else 0.0
+        most = z_box[j] if ub[j] < INFINITY else 0.0
+        new[j], new_box[j] = clip(x[j], lb[j], ub[j]), min(least, 0.0) + max(most, 0.0)
+        if moves:
+            if x[j] - lb[j] <= -z_box[j]:
+                new[j], new_box[j] = lb[j], min(z_box[j], 0.0)
+            elif ub[j] - x[j] <= z_box[j]:
+                new[j], new_box[j] = ub[j], max(z_box[j], 0.0)
+            else:
+                new_box[j] = 0.0
+    return point, multipliers
 
 
 # ---- box LCPs

@@ -151,7 +151,8 @@ class LCPResult(Differentiable, Single):
         How the solve ended.
     z, w : (n,) array
         The solution, else the best point found, and w = A z + q; NaN for
-        NUMERICAL_ERROR.
+        NUMERICAL_ERROR. z is within its bounds to the last bit; w is what the product
+        rounds to, so that the w_i that should be 0 or have a sign miss it by rounding.
     s : (n,) array
         The modulus variable: z = clip(s, lower, upper), w = Omega (z - s), with the
         Omega of a named method, diag(A) for "auto".

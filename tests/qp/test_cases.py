@@ -9,6 +9,7 @@ from problems_lcp import laplacian
 from problems_qp import (
     DATA,
     assert_certificate,
+    assert_in_bounds,
     assert_solves_qp,
     complementary,
     dense,
@@ -41,6 +42,7 @@ def judged(case, found, least=0.0):
         if found.status in PROVED and np.isfinite(proof).all():
             assert_certificate(sparse(qp), found)
         return
+    assert_in_bounds(qp, found)
     unit = np.ones(qp.q.size) if case.unit is None else case.unit
     if case.plain is None:
         tol = max(case.tol, case.settings.get("eps_abs", 0.0), least)

@@ -228,6 +228,15 @@ def assert_solves_qp(qp: QP, result, tol=1e-9) -> None:
     assert (result.z_box[np.isinf(qp.ub)] <= 0.0).all()
 
 
+def assert_in_bounds(qp: QP, found) -> None:
+    """To the last bit."""
+    low, high = np.isfinite(qp.lb), np.isfinite(qp.ub)
+    assert ((qp.lb <= found.x) & (found.x <= qp.ub)).all()
+    assert (found.z >= 0.0).all()
+    assert (found.z_box[~low] >= 0.0).all()
+    assert (found.z_box[~high] <= 0.0).all()
+
+
 def assert_certificate(qp: QP, result, tol=1e-8) -> None:
     """A Farkas vector with value -1, or a ray with q'x = -1, to a relative `tol`."""
     P, q, G, h, A, b, lb, ub = qp

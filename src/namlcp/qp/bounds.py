@@ -9,7 +9,6 @@ z_box <= 0 at lb, >= 0 at ub          w >= 0 at lower, <= 0 at upper
 ray x, q'x = -1                       ray v, q'v = -1 (no solution)
 """
 
-import cython
 import numpy as np
 from cython.cimports.libc.math import INFINITY
 
@@ -24,6 +23,7 @@ from namlcp.lcp import (
 )
 from namlcp.limits import Limits
 from namlcp.linalg import times
+from namlcp.measure import on_bounds
 from namlcp.qp.guess import NO_ENTRIES
 from namlcp.qp.problem import Point
 from namlcp.status import Status
@@ -36,27 +36,6 @@ def box_lcp(qp, matrix=None):
     """
     matrix = matrix or Prepared.unchecked(qp.P, symmetric=True)
     return LCP(matrix, qp.q, qp.lb, qp.ub)
-
-
-def on_bounds(z, w, lower, upper):
-    """Return (x, z_box) of the QP for z, w and the bounds of the LCP, all (n,).
-
-    x_j = z_j and z_box_j = 0 where z_j - w_j lies between the bounds. Elsewhere x_j is
-    the bound and z_box_j = -w_j; a w_j too small to move z_j - w_j may have the wrong
-    sign: then z_box_j = 0, and w_j remains as a dual residual.
-    """
-    size = z.shape[0]
-    point, multipliers = np.empty(size), np.empty(size)
-    x: cython.double[::1] = point
-    z_box: cython.double[::1] = multipliers
-    for j in range(size):
-        s = z[j] - w[j]
-        x[j], z_box[j] = z[j], 0.0
-        if s <= lower[j]:
-            x[j], z_box[j] = lower[j], min(-w[j], 0.0)
-        elif s >= upper[j]:
-            x[j], z_box[j] = upper[j], max(-w[j], 0.0)
-    return point, multipliers
 
 
 def is_box_open(lower, upper):
@@ -103,8 +82,8 @@ def solve_bounds(qp, chain, guess, judge, memory):
 def box_point(qp, z):
     """Return the point of the QP for z of the LCP."""
     with np.errstate(all="ignore"):  # overflow is no solution
-        w = times(qp.P, z) + qp.q
-    x, z_box = on_bounds(z, w, qp.lb, qp.ub)
+        z_box = -(times(qp.P, z) + qp.q)
+    x, z_box = on_bounds(z, z_box, qp.lb, qp.ub, True)
     return Point(x, NO_ENTRIES, NO_ENTRIES, z_box)
 
 

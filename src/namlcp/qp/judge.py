@@ -19,7 +19,7 @@ from scipy.linalg.blas import dnrm2
 
 from namlcp.limits import Limits
 from namlcp.linalg import is_clean_csc
-from namlcp.measure import leaves_bounds, residuals_of_columns, rounding_errors
+from namlcp.measure import on_bounds, residuals_of_columns, rounding_errors
 from namlcp.outcome import FINAL, Outcome
 from namlcp.qp.certificates import accept_dual, accept_primal
 from namlcp.qp.outcomes import proved
@@ -59,20 +59,23 @@ class Judge:
         return self.best <= 1.0
 
     def offer(self, point: Point) -> float:
-        """Measure the point, then with x clipped, then with rounding corrected.
+        """Measure the point on its bounds, or within them, or with rounding corrected.
 
-        Returns the least of their largest residuals over tolerances.
+        All have x within its bounds, and multipliers of the right signs. Returns the
+        least of their largest residuals over tolerances.
         """
-        tolerances = self.limits.tolerances
-        found = self.measure(point)
-        worst = found.worst(*tolerances)
-        if leaves_bounds(point.x, self.qp.lb, self.qp.ub):
-            point = point._replace(x=self.qp.clip(point.x))
-            found = self.measure(point)
+        tolerances, worst = self.limits.tolerances, inf
+        z = np.maximum(point.z, 0.0)
+        for moves in (True, False):
+            x, z_box = on_bounds(point.x, point.z_box, self.qp.lb, self.qp.ub, moves)
+            near = Point(x, point.y, z, z_box)
+            found = self.measure(near)
             worst = min(worst, found.worst(*tolerances))
-        if worst > 1.0 and is_correctable(found, *tolerances):
-            corrected = correct_rounding(self.qp, point, found, *tolerances)
-            if corrected is not point:
+            if worst <= 1.0:
+                return worst
+        if is_correctable(found, *tolerances):
+            corrected = correct_rounding(self.qp, near, found, *tolerances)
+            if corrected is not near:
                 worst = min(worst, self.measure(corrected).worst(*tolerances))
         return worst
 

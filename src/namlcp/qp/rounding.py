@@ -116,10 +116,10 @@ def gauss_seidel(indptr, indices, data, lb, ub, tol, left, r, x, z_box):
                     curvature = data[t]
             if curvature > 0.0:
                 excess = rest - copysign(left, rest)
-                step = min(max(x[j] - excess / curvature, lb[j]), ub[j]) - x[j]
-                x[j] += step
+                new = min(max(x[j] - excess / curvature, lb[j]), ub[j])
                 for t in range(indptr[j], indptr[j + 1]):
-                    r[indices[t]] += data[t] * step
+                    r[indices[t]] += data[t] * (new - x[j])
+                x[j] = new
 
 
 def gap_corrections(qp, point, size, tol, dual_left):

@@ -6,6 +6,7 @@ cdef enum:
     PASSES = 3
 
 cdef void set_point(ActiveSet m) noexcept nogil
+cdef bint clip_point(ActiveSet m) noexcept nogil
 cdef double measure(ActiveSet m) noexcept nogil
 cdef void measure_point(ActiveSet m) noexcept nogil
 cdef void set_terms(ActiveSet m, Terms* t) noexcept nogil

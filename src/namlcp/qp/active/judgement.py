@@ -8,6 +8,7 @@ alone.
 
 import cython
 from cython.cimports.libc.math import INFINITY, fabs
+from cython.cimports.namlcp.box import clip
 from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, fill
 from cython.cimports.namlcp.measure import Terms
 from cython.cimports.namlcp.measure import measure as measure_terms
@@ -40,6 +41,17 @@ def set_point(m):
             m.z[row] = max(m.multiplier[i], 0.0)
         else:
             m.x[row - m.m] = goal_of(m, row, m.side[row])
+
+
+def clip_point(m):
+    """Move x into its bounds, which rounding may have left; tell whether it was out."""
+    x, lb, ub = m.x, m.lb, m.ub
+    was_out: cython.bint = False
+    for j in range(m.n):
+        if x[j] < lb[j] or x[j] > ub[j]:
+            x[j] = clip(x[j], lb[j], ub[j])
+            was_out = True
+    return was_out
 
 
 def measure(m):
@@ -162,7 +174,8 @@ def judge(m, found):
     """
     error, passes = INFINITY, PASSES
     set_point(m)
-    m.set_products(m.k == 0 and m.pivots == 0)
+    is_base: cython.bint = m.k == 0 and m.pivots == 0
+    m.set_products(not clip_point(m) and is_base)
     while True:
         before, error = error, measure(m)
         if found == LATE:
@@ -183,6 +196,7 @@ def judge(m, found):
         else:
             return verdict(m)
         set_point(m)
+        clip_point(m)
         m.set_products(False)
 
 

@@ -22,6 +22,7 @@ from cython.cimports.libc.math import fabs
 from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, dot, fill
 from cython.cimports.namlcp.qp.active.face import FACE_SOLVED, LOST, RAY, descend
 from cython.cimports.namlcp.qp.active.judgement import (
+    clip_point,
     measure,
     set_contradiction,
     set_point,
@@ -108,6 +109,7 @@ def minimise(m):
         set_point_values(m)
     elif found == LATE:
         set_point(m)
+        clip_point(m)
         m.set_products(False)
         measure(m)
     elif found == CONTRADICTION:
@@ -124,7 +126,9 @@ def settle(m):
     for i in range(m.m):
         if m.z[i] < 0.0:
             m.z[i], negative = 0.0, True
-    if negative:
+    if clip_point(m):
+        m.set_products(False)
+    elif negative:
         m.set_row_products()
     measure(m)
     return verdict(m)
