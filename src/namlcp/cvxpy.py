@@ -137,8 +137,9 @@ class NAM(QpSolver):
             "residuals": solution.residuals,
             "closest": closest,
         }
-        # NaN where two bounds contradict each other, or the problem is unbounded.
-        have_duals = np.isfinite(y).all() and np.isfinite(z).all()
+        # NaN where the problem is unbounded; an infinite equation has become a row.
+        wanted = sum(constraint.size for constraint in inverse_data[self.EQ_CONSTR])
+        have_duals = y.size == wanted and np.isfinite(np.append(y, z)).all()
         if status == s.INFEASIBLE and have_duals:
             extra["certificate"] = {"y": y, "z": z}  # cvxpy 1.8 drops duals here
         elif status == s.UNBOUNDED:

@@ -342,14 +342,17 @@ class QPResult(Single, ResultBase):
         Primal point and multipliers of Ax = b, Gx <= h and the bounds, in qpsolvers'
         signs: P x + q + G'z + A'y + z_box = 0, z >= 0, z_box <= 0 at a lower bound.
         PRIMAL_INFEASIBLE: x is NaN, (y, z, z_box) a Farkas certificate with
-        b'y + h'z + lb'z_box^- + ub'z_box^+ = -1. DUAL_INFEASIBLE: x is a ray with
-        q'x = -1 (it is not decided whether any x is feasible), the rest NaN. Where two
-        bounds contradict each other (lb > ub, h = -inf) all are NaN and `message` names
-        the bounds. Otherwise the best point found.
+        b'y + h'z + lb'z_box^- + ub'z_box^+ = -1; where a bound or a row is proof enough
+        (lb > ub, h = -inf), it alone has a multiplier (see `namlcp.qp.certificates`),
+        and `message` names it. DUAL_INFEASIBLE: x is a ray with q'x = -1 (it is not
+        decided whether any x is feasible), the rest NaN. Otherwise the best point
+        found: x is within its bounds to the last bit, and the signs are as above.
     obj : float
         1/2 x'Px + q'x; +inf when infeasible, -inf when unbounded.
     residuals : Residuals
-        Recomputed on the user's unscaled data.
+        Recomputed on the user's unscaled data. PRIMAL_INFEASIBLE: `dual` is the largest
+        |A'y + G'z + z_box|. DUAL_INFEASIBLE: `dual` is the largest |P x|, `primal` that
+        of |A x| and (G x)^+. The rest is NaN then.
     iterations : int
         Pivots, sweeps or interior-point steps of the solver named by `form`.
     form : str

@@ -216,7 +216,8 @@ def test_multipliers_that_prove_nothing_are_left_out_and_nan_refused():
     G, h = np.array([[-1.0], [1.0], [1.0], [1.0]]), np.array([-1.0, 0.0, np.inf, 5.0])
     qp = make_qp(np.eye(1), np.zeros(1), G, h)
     z = np.array([1.0, 1.0, 3.0, -2.0])
-    proof = accept_primal(qp, np.zeros(1), np.empty(0), z, TOL)
+    proof, residuals = accept_primal(qp, np.zeros(1), np.empty(0), z, TOL)
+    assert residuals.dual == 0.0
     np.testing.assert_array_equal(proof.z, [1.0, 1.0, 0.0, 0.0])
     z[0] = np.nan
     assert accept_primal(qp, np.zeros(1), np.empty(0), z, TOL) is None

@@ -279,6 +279,12 @@ CASES |= {
             make_qp(I2, [1, 1], lb=[0, 1], ub=[1, 0]), "x[1] .*lb = 1.0, ub = 0.0",
         ),
         "lb = inf": (make_qp(I2, [1, 1], lb=[0, INF]), "x[1] .*lb = inf"),
+        "lb = ub = inf": (
+            make_qp(O2, [0, -1], lb=[0, INF], ub=[INF, INF]), "x[1] .*lb = inf",
+        ),
+        "lb = ub = inf, zero cost": (
+            make_qp(I2, [0, 0], lb=[0, INF], ub=[INF, INF]), "x[1] .*lb = inf",
+        ),
         "ub = -inf": (make_qp(I2, [1, 1], ub=[-INF, 0]), "x[0] .*ub = -inf"),
         "h = -inf": (make_qp(I2, [1, 1], [[1, 1]], [-INF]), "row 0 of G has h = -inf"),
         "h = -inf beside its multiple": (

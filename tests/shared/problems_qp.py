@@ -240,9 +240,11 @@ def assert_in_bounds(qp: QP, found) -> None:
 def assert_certificate(qp: QP, result, tol=1e-8) -> None:
     """A Farkas vector with value -1, or a ray with q'x = -1, to a relative `tol`."""
     P, q, G, h, A, b, lb, ub = qp
+    found = getattr(result, "residuals", None)
     if result.status is Status.DUAL_INFEASIBLE:
         d = result.x
         size = tol * np.abs(d).max()
+        assert found is None or max(found.dual, found.primal) <= size
         assert abs(q @ d + 1.0) <= 1e-9
         assert np.abs(P @ d).max(initial=0.0) <= size
         assert np.abs(A @ d).max(initial=0.0) <= size
@@ -253,8 +255,16 @@ def assert_certificate(qp: QP, result, tol=1e-8) -> None:
     assert result.status is Status.PRIMAL_INFEASIBLE, result.status
     y, z, z_box = result.y, result.z, result.z_box
     size = tol * max(np.abs(v).max(initial=0.0) for v in (y, z, z_box))
+    assert found is None or found.dual <= size
     assert np.isnan(result.x).all()
     assert (z >= 0.0).all()
+    none = (lb > ub) | (lb == np.inf) | (ub == -np.inf)
+    alone = np.concatenate((z * (h == -np.inf), z_box * none))
+    if alone.any():
+        assert sum(map(np.count_nonzero, (y, z, z_box))) == 1
+        for low, high, mu in np.column_stack((lb, ub, z_box))[z_box != 0.0]:
+            assert np.isinf([low, high]).any() or abs((low - high) * mu - 1.0) <= 1e-9
+        return
     assert np.abs(A.T @ y + G.T @ z + z_box).max(initial=0.0) <= size
     side = np.where(z_box > 0.0, ub, lb)
     used, rows = z_box != 0.0, z != 0.0

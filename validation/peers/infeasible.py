@@ -52,12 +52,13 @@ WRONG = ("solved", "inaccurate", "infeasible", "unbounded")
 
 
 def certificate_residual(problem: Problem, solution: Solution) -> float | None:
-    """Return the residual of nam's proof; None where no multipliers can say it.
+    """Return the residual of nam's proof; None where one bound or row is the proof.
 
     That is the case for crossed bounds and sides of -inf.
     """
     proof = solution.extras.get("certificate")
-    if proof is None or any(np.isnan(part).any() for part in proof.values()):
+    _, _, _, h, _, _, lb, ub = qps.parts(problem)
+    if proof is None or (lb > ub).any() or (h == -np.inf).any():
         return None
     if "x" in proof:
         return judging.ray_residual(problem, proof["x"])

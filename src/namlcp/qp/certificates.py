@@ -5,6 +5,10 @@ b'y + h'z + lb'z_box^- + ub'z_box^+ = -1 (Farkas). Unbounded: a direction d, q'd
 with P d = 0, A d = 0, G d <= 0, d in the recession cone of the bounds. Every form
 proposes candidates; `accept_primal` and `accept_dual` alone accept them.
 
+One bound or one row may prove it alone. Where lb_j > ub_j, z_box_j = 1 / (lb_j - ub_j)
+is the multiplier of both bounds, which cancel each other in the first equation; where
+lb_j = inf, ub_j = -inf or h_i = -inf, it is -1, 1 or 1. All others are 0 then.
+
 The test of a Farkas certificate: let r be the residual of the first equation and lam
 the 1-norm of the multipliers. Every x that violates no constraint by more than t has
 1 <= |r|_inf |x|_1 + t lam. The certificate thus excludes all x with |x|_1 below
@@ -22,14 +26,20 @@ from namlcp.qp.acceptance import farkas_numbers, is_clear, is_contradiction, is_
 from namlcp.qp.kkt import KKT
 from namlcp.qp.problem import QP, Point
 from namlcp.qp.transforms import equilibrate
+from namlcp.residuals import UNDEFINED, Residuals
 
 # The user's own units of x, y and z.
 ONES = 3 * (np.ones(1),)
+LARGEST = float(np.finfo(float).max)
+Proof = tuple[Point, Residuals]
+"""A certificate, and as `dual` and `primal` the residuals |A'y + G'z + z_box|, or |P d|
+and the largest of |A d| and (G d)+."""
+NO_RESIDUAL = UNDEFINED._replace(dual=0.0)
 
 
 def accept_primal(
     qp: QP, x: np.ndarray, y: np.ndarray, z: np.ndarray, tol: float
-) -> Point | None:
+) -> Proof | None:
     """Return (NaN, y, z, z_box) with value -1 if it proves that no x is feasible.
 
     z_box follows from y and z; x is the current point, `tol` the absolute tolerance.
@@ -54,7 +64,8 @@ def accept_primal(
 
     if not (proves(ONES) and proves(equilibration(qp, csc_array((x.size, x.size))))):
         return None
-    return Point(np.full(x.size, np.nan), y, z, z_box)
+    point = Point(np.full(x.size, np.nan), y, z, z_box)
+    return point, UNDEFINED._replace(dual=largest(s + z_box))
 
 
 def equilibration(qp: QP, P: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -73,7 +84,7 @@ def equilibration(qp: QP, P: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 def accept_dual(
     qp: QP, x: np.ndarray, y: np.ndarray, z: np.ndarray, d: np.ndarray, tol: float
-) -> Point | None:
+) -> Proof | None:
     """Return (d, NaN, NaN, NaN) with q'd = -1 if it proves unboundedness.
 
     d is first clipped to the recession cone of the bounds; (x, y, z) is the current
@@ -106,7 +117,32 @@ def accept_dual(
     units = equilibration(qp, qp.P)
     if not proves(units, 3 * [max(1.0, largest(units[0] * qp.q))]):
         return None
-    return Point(d, *(np.full(v.size, np.nan) for v in (y, z, d)))
+    point = Point(d, *(np.full(v.size, np.nan) for v in (y, z, d)))
+    dual, *primal = map(largest, residuals)
+    return point, UNDEFINED._replace(primal=max(primal), dual=dual)
+
+
+def alone(qp: QP, eps_abs: float, eps_rel: float) -> tuple[str, Proof] | None:
+    """Return why one bound, or one row, proves that no x is feasible, if one does.
+
+    Bounds contradict each other if no x is within tolerance of both.
+    """
+    size = np.minimum(np.maximum(np.abs(qp.lb), np.abs(qp.ub)), LARGEST)
+    with np.errstate(invalid="ignore"):  # inf - inf
+        crossed = 0.5 * qp.lb - 0.5 * qp.ub > eps_abs + eps_rel * size
+    proof = qp.point(np.full(qp.q.size, np.nan))
+    for j in np.flatnonzero(crossed | (qp.lb == np.inf) | (qp.ub == -np.inf))[:1]:
+        low, high = float(qp.lb[j]), float(qp.ub[j])
+        is_finite = np.isfinite((low, high)).all()
+        proof.z_box[j] = 0.5 / (0.5 * low - 0.5 * high) if is_finite else 1.0
+        if low == np.inf:
+            proof.z_box[j] = -1.0
+        sides = f"lb = {low}, ub = {high}"
+        return f"bounds of x[{j}] contradict each other: {sides}", (proof, NO_RESIDUAL)
+    for i in np.flatnonzero(qp.h == -np.inf)[:1]:
+        proof.z[i] = 1.0
+        return f"row {i} of G has h = -inf", (proof, NO_RESIDUAL)
+    return None
 
 
 def uncancelled(M: Any, d: np.ndarray, Md: np.ndarray) -> float:

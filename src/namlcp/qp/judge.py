@@ -21,8 +21,7 @@ from namlcp.limits import Limits
 from namlcp.linalg import is_clean_csc
 from namlcp.measure import on_bounds, residuals_of_columns, rounding_errors
 from namlcp.outcome import FINAL, Outcome
-from namlcp.qp.certificates import accept_dual, accept_primal
-from namlcp.qp.outcomes import proved
+from namlcp.qp.certificates import Proof, accept_dual, accept_primal
 from namlcp.qp.problem import QP, Point
 from namlcp.qp.rounding import correct_rounding, is_correctable
 from namlcp.residuals import Residuals, qp_residuals
@@ -40,17 +39,17 @@ class Judge:
     """The best point so far; `best` is the largest of its residuals over tolerances.
 
     The QP is solved if best <= 1. `given`: P, G and A as the user holds them, None
-    where absent. `proof`: a certificate that was accepted, as a verdict and a point.
+    where absent. `proof`: a certificate that was accepted: verdict, point, residuals.
     """
 
     def __init__(self, qp: QP, limits: Limits, given: Matrices = NOT_GIVEN) -> None:
-        self.qp, self.limits = qp, limits
+        self.qp, self.checked, self.limits = qp, qp, limits
         self.given = None if given is NOT_GIVEN or are_own(given, qp) else given
         self.is_columns = not qp.is_dense
         self.best = inf
         self.point: Point | None = None
         self.residuals: Residuals | None = None
-        self.proof: tuple[Status, Point] | None = None
+        self.proof: tuple[Status, Point, Residuals] | None = None
         self.message = ""
 
     @property
@@ -128,19 +127,19 @@ class Judge:
 
         The certificate is kept.
         """
-        proof = accept_primal(self.qp, x, y, z, self.limits.eps_abs)
+        proof = accept_primal(self.checked, x, y, z, self.limits.eps_abs)
         return self.keep(Status.PRIMAL_INFEASIBLE, proof)
 
     def accept_ray(self, d: np.ndarray, point: Point | None = None) -> bool:
         """Tell whether the QP is unbounded along d; the certificate is kept."""
         x, y, z, _ = point or self.qp.point()
-        proof = accept_dual(self.qp, x, y, z, d, self.limits.eps_abs)
+        proof = accept_dual(self.checked, x, y, z, d, self.limits.eps_abs)
         return self.keep(Status.DUAL_INFEASIBLE, proof)
 
-    def keep(self, status: Status, proof: Point | None) -> bool:
+    def keep(self, status: Status, proof: Proof | None) -> bool:
         """Keep a certificate, if it is one."""
         if proof is not None:
-            self.proof = status, proof
+            self.proof = status, *proof
         return proof is not None
 
     def answer(
@@ -151,7 +150,7 @@ class Judge:
         If it does not, a final `status` becomes STALLED.
         """
         if self.proof is not None:
-            return proved(*self.proof, iterations, method, message)
+            return Outcome(*self.proof, iterations, method, message)
         if self.point is None or self.residuals is None:
             self.point = self.qp.point(self.qp.clip(np.zeros(self.qp.q.size)))
             self.residuals = self.residuals_of(self.point)

@@ -3,8 +3,6 @@
 import numpy as np
 
 from namlcp.outcome import Outcome
-from namlcp.qp.problem import Point
-from namlcp.residuals import UNDEFINED
 from namlcp.status import Status
 
 # Objective of a QP with a certificate.
@@ -19,10 +17,3 @@ def objective_of(answer: Outcome) -> float:
     if answer.status is Status.SOLVED:
         return objective
     return OBJECTIVE.get(answer.status, objective)
-
-
-def proved(
-    status: Status, proof: Point, iterations: int, method: str, message: str = ""
-) -> Outcome:
-    """Return the outcome that a certificate gives."""
-    return Outcome(status, proof, UNDEFINED, iterations, method, message)

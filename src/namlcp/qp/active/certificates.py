@@ -45,6 +45,7 @@ def prove_infeasible(m):
         s[j] = factor * s[j] + m.z_box[j]
     margin, moduli = factor * m.eps_abs * found.lam, factor * found.moduli
     fill(m.best, 1.0, m.length)
+    m.found.dual = largest_in_units(s, m.best, n)
     if not contradicts(m, m.best, margin, moduli):
         return False
     if not contradicts(m, equilibrate(m, False), margin, moduli):
@@ -88,6 +89,9 @@ def prove_unbounded(m):
         return False
     units = m.best
     fill(units, 1.0, m.length)
+    m.found.dual = largest_in_units(m.Px, units, n)
+    m.found.primal = largest_in_units(m.Ax, units, p)
+    m.found.primal = max(m.found.primal, largest_in_units(m.Gx, units, m.m))
     margin = m.eps_abs * size_of(d, units, n)
     sizes[0] = max(1.0, size_of(m.x, units, n))
     sizes[1] = max(1.0, size_of(m.y, units, p))

@@ -82,7 +82,8 @@ def answer_of(m: ActiveSet, judge: Judge, chain: Chain | None = None) -> Outcome
         else:
             accepted = judge.accept_ray(z_box, point)
     elif chain is None:
-        accepted = judge.keep(status, point)  # it passed on the same arrays
+        proof = point, solve.residuals_found(m)  # it passed on the same arrays
+        accepted = judge.keep(status, proof)
     elif m.code == Code.CONTRADICTION:
         near = chain.primal(np.zeros(x.size))
         accepted = judge.accept_multipliers(near, *chain.certificate(y, z))

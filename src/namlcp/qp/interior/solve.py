@@ -4,13 +4,14 @@ import numpy as np
 
 from namlcp.checks import as_sparse
 from namlcp.outcome import Outcome
+from namlcp.qp.certificates import alone
 from namlcp.qp.chain import Chain
 from namlcp.qp.guess import Guess
 from namlcp.qp.interior.loop import run, try_guess
 from namlcp.qp.interior.state import Interior
 from namlcp.qp.judge import Judge
 from namlcp.qp.memory import Memory
-from namlcp.qp.problem import QP, Point
+from namlcp.qp.problem import QP
 from namlcp.qp.transforms import Presolved, ScaledQP, presolve
 from namlcp.status import Status
 
@@ -32,6 +33,11 @@ def solve_interior(
         qp = qp._replace(P=as_sparse(qp.P), G=as_sparse(qp.G), A=as_sparse(qp.A))
     check()
     memory.ensure_convex(qp.P)
+    found = alone(judge.qp, *limits.tolerances)
+    if found is not None:
+        message, proof = found
+        judge.keep(Status.PRIMAL_INFEASIBLE, proof)
+        return judge.answer(Status.PRIMAL_INFEASIBLE, 0, FORM, message)
     if judge.is_solved:  # by an engine that could not tell whether P is convex
         return judge.answer(Status.SOLVED, 0, FORM)
     check()
@@ -57,17 +63,9 @@ def refuted(small: Presolved, chain: Chain, judge: Judge) -> str | None:
     """Return why the constraints contradict each other, as presolve found, or None."""
     qp = small.qp
     for reason in small.contradictions:
-        if reason.y is None:
-            judge.keep(Status.PRIMAL_INFEASIBLE, nothing(judge.qp))
-            return reason.message
         z = np.zeros(qp.h.size) if reason.z is None else reason.z
         small.hold_fixed(np.zeros(qp.q.size), reason.y, z)
         x = chain.then(small).primal(np.zeros(small.q.size))
         if judge.accept_multipliers(x, *chain.certificate(reason.y, z)):
             return reason.message
     return None
-
-
-def nothing(qp: QP) -> Point:
-    """Return a point of NaN: two bounds contradict each other, which proves enough."""
-    return Point(*(np.full(v.size, np.nan) for v in qp.point()))

@@ -39,11 +39,11 @@ NO_COLUMNS, NO_VALUES = np.empty(0, dtype=np.intp), np.empty(0)
 class Contradiction(NamedTuple):
     """Why the constraints contradict each other, and multipliers of rows as proof.
 
-    y is None where no multipliers prove it (lb > ub, h = -inf); z is None where z = 0.
+    z is None where z = 0.
     """
 
     message: str
-    y: np.ndarray | None = None
+    y: np.ndarray
     z: np.ndarray | None = None
 
 
@@ -193,10 +193,8 @@ def presolve(qp, eps_abs, eps_rel, last=None):
     by, entry = np.full(n, -1, dtype=np.int32), np.empty(n)
     fix_by_rows(qp.G.indptr, qp.G.indices, qp.G.data, h, lb, ub, by, entry)
     column = (by >= 0).nonzero()[0]
-    doubtful, count = inspect_sides(
-        lb, ub, h, is_fixed.view(np.uint8), wanted.view(np.uint8)
-    )
-    found = contradictory_sides(qp, eps_abs, eps_rel) if doubtful else []
+    count = inspect_sides(lb, ub, h, is_fixed.view(np.uint8), wanted.view(np.uint8))
+    found: list = []
     kept, fixed, x_fixed = np.arange(n), NO_COLUMNS, NO_VALUES
     if count:
         kept, fixed = (~is_fixed).nonzero()[0], is_fixed.nonzero()[0]
@@ -247,15 +245,11 @@ def fix_by_rows(indptr, indices, data, h, lb, ub, by, entry):
 def inspect_sides(lb, ub, h, is_fixed, wanted):
     """Mark fixed variables and finite rows (h < inf); both arrays are overwritten.
 
-    Returns whether a bound or row may contradict itself, and the number of fixed
-    variables.
+    Returns the number of fixed variables.
     """
-    doubtful: cython.bint = False
     count: Py_ssize_t = 0
     for j in range(lb.shape[0]):
         low, high = lb[j], ub[j]
-        if not low <= high or low == INFINITY or high == -INFINITY:
-            doubtful = True
         is_fixed[j] = (
             fabs(low) < INFINITY
             and fabs(high) < INFINITY
@@ -265,25 +259,7 @@ def inspect_sides(lb, ub, h, is_fixed, wanted):
             count += 1
     for i in range(h.shape[0]):
         wanted[i] = h[i] < INFINITY
-        if h[i] == -INFINITY:
-            doubtful = True
-    return doubtful, count
-
-
-def contradictory_sides(qp, eps_abs, eps_rel):
-    """Return the first bound or row that contradicts itself, if any.
-
-    Bounds do so if no x is within tolerance of both.
-    """
-    with np.errstate(invalid="ignore"):
-        size = np.maximum(np.abs(qp.lb), np.abs(qp.ub))
-        gap = qp.lb - qp.ub > 2.0 * (eps_abs + eps_rel * np.minimum(size, 1e300))
-    for j in np.flatnonzero(gap | (qp.lb == np.inf) | (qp.ub == -np.inf))[:1]:
-        sides = f"lb = {float(qp.lb[j])}, ub = {float(qp.ub[j])}"
-        return [Contradiction(f"bounds of x[{j}] contradict each other: {sides}")]
-    for i in np.flatnonzero(qp.h == -np.inf)[:1]:
-        return [Contradiction(f"row {i} of G has h = -inf")]
-    return []
+    return count
 
 
 def equality_sides(groups, b, tol, found):
