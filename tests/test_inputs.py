@@ -295,6 +295,30 @@ def test_a_row_is_switched_off_by_a_huge_side(side):
     assert solve_qp(EYE, -ONE, 1e3 * ROW, [side]).x == pytest.approx(ONE)
 
 
+@pytest.mark.parametrize("form", [np.asarray, sparse.csc_array, sparse.csr_matrix])
+def test_an_asymmetry_of_single_precision_is_taken_out(form):
+    """In rows of any size; other backends of qpsolvers read one triangle."""
+    for units in (np.ones(2), np.array([1e3, 1e-3])):
+        P = np.array([[2.0, 1.0 + 1e-7], [1.0 - 1e-7, 2.0]]) * np.outer(units, units)
+        expected = solve_qp((P + P.T) / 2, -units).x
+        solver = Solver(form(P + P.T), -units)
+        solver.update(P=form(P))
+        found = [solve_qp(form(P), -units), Solver(form(P), -units).solve()]
+        found += [solver.solve(), solve_batch(form(P), -units[None, :])[0]]
+        for one in found:
+            assert one.x == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("form", [np.asarray, sparse.csc_array])
+def test_rows_of_1e308_give_no_warning(form):
+    rows = form(1e308 * ROW), [-1e308]
+    for place in (rows, (None, None, *rows)):
+        found = solve_qp(form(EYE), ONE, *place, max_iter=20)
+        said = found.status.value
+        assert said in ("solved", "stalled", "max_iter", "numerical_error")
+        assert np.isnan(found.x).any() == (said == "numerical_error")
+
+
 PAIR = EYE, ONE
 LCP_REFUSALS = [
     ((np.ones((2, 3)), np.ones(3)), {}, V, "A must be square"),

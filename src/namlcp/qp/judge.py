@@ -115,6 +115,9 @@ class Judge:
         """Measure from now on in the order in which the user's matrices are stored."""
         own = self.qp.P, self.qp.G, self.qp.A
         P, G, A = (as_stored(C, M) for C, M in zip(given, own, strict=True))
+        C = sp.csc_array(P.copy()) if sp.issparse(P) else P  # SciPy sorts it in place
+        if abs(C - C.T).max() > 0.0:
+            P = self.qp.P  # (P + P') / 2
         self.qp, self.given = self.qp._replace(P=P, G=G, A=A), None
         self.is_columns = all(map(is_clean_csc, (P, G, A)))
         self.message = BY_LUCK  # unless a point passes

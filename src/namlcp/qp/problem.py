@@ -38,8 +38,9 @@ class Point(NamedTuple):
     z_box: np.ndarray
 
 
-ASYMMETRY = 1e-10
-"""Largest |P - P'|, relative to max |P|, that counts as rounding; P is symmetrised."""
+ASYMMETRY, SINGLE_ASYMMETRY = 1e-10, 1e-6
+"""Largest |P - P'| that counts as rounding, relative to max |P|, or entry by entry to
+sqrt(|P_ii P_jj|), as in a matrix of single precision; P is symmetrised."""
 
 
 STEEP = 1e10
@@ -148,14 +149,25 @@ def without_huge_sides(qp: QP) -> QP:
 
 def symmetrised(P: Any, gap: float, size: float) -> Any:
     """Return (P + P') / 2; raise ValueError if the asymmetry exceeds rounding."""
-    if gap > ASYMMETRY * size:
+    if gap > ASYMMETRY * size and not is_symmetric_in_single(P):
         raise ValueError(
             f"P must be symmetric: max |P - P'| = {gap:.1e}; "
             "pass (P + P.T) / 2 if that is intended"
         )
     if sp.issparse(P):
-        return sparse_matrix("P", (P + P.T) * 0.5, "csc")
-    return (P + P.T) * 0.5
+        return sparse_matrix("P", 0.5 * P + 0.5 * P.T, "csc")
+    return 0.5 * P + 0.5 * P.T
+
+
+def is_symmetric_in_single(P: Any) -> bool:
+    """Tell whether P, dense or CSC, is symmetric up to rounding to single precision."""
+    root = np.sqrt(np.abs(P.diagonal()))
+    if sp.issparse(P):
+        entries = (0.5 * P - 0.5 * P.T).tocoo()
+        off, scale = entries.data, root[entries.row] * root[entries.col]
+    else:
+        off, scale = 0.5 * P - 0.5 * P.T, np.outer(root, root)
+    return bool((np.abs(off) <= 0.5 * SINGLE_ASYMMETRY * scale).all())
 
 
 def constraint(

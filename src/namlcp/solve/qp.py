@@ -47,7 +47,8 @@ def solve_qp(
     Parameters
     ----------
     P : (n, n) array or sparse matrix
-        Cost matrix, symmetric positive semidefinite.
+        Cost matrix, symmetric positive semidefinite; (P + P') / 2 takes its place if
+        |P_ij - P_ji| <= 1e-6 sqrt(P_ii P_jj), as by rounding to single precision.
     q : (n,) array
         Cost vector.
     G, h : (m, n) array or sparse matrix, (m,) array, optional

@@ -173,12 +173,12 @@ LENGTH: tuple[Callable[[Rng, np.ndarray], Any], ...] = (
 
 
 def unsymmetric(rng: Rng, values: np.ndarray) -> Any:
-    """Return P with one entry off by a millionth of the largest."""
+    """Return P with one entry off by a thousandth of the largest."""
     if values.shape[0] < 2:
         return None
     spoiled = values.copy()
     i, j = rng.choice(values.shape[0], 2, replace=False)
-    spoiled[i, j] += 1e-6 * max(np.abs(values).max(), 1.0)
+    spoiled[i, j] += 1e-3 * max(np.abs(values).max(), 1.0)
     return sp.csr_matrix(spoiled) if rng.random() < 0.5 else spoiled
 
 
