@@ -128,6 +128,11 @@ CASES: dict[str, list[Case]] = {
         Case(made.blocks(0.5), ways={"sparse", "general"}),
         made.large_terms(),
     ],
+    "a relative tolerance alone": [
+        Case(make_qp(np.eye(n), c * np.ones(n)), settings={"eps_abs": 0.0})
+        for n in (2, 60)
+        for c in (0.0, 1.0)
+    ],
     "a polynomial": [made.polynomial()],
     "residuals with bounds alone": [
         made.fitted(9, 300, 200, lower=0.0)._replace(
@@ -232,6 +237,7 @@ CASES |= {
         "huge": (make_qp(1e8 * I2, [-1e8, -2e8], [[1e6, 1e6]], [1e6]), [0, 1]),
         "tiny": (make_qp(1e-8 * I2, [-1e-8, -2e-8], [[1e-6, 1e-6]], [1e-6]), None),
         "flat": (make_qp([[1e-9]], [-1.0]), None),
+        "underflow": (make_qp([[4e-164, 1e-164], [1e-164, 2e-164]], [0, 0]), None),
         "stored zeros": (
             make_qp(I2, [-1, 0], sp.csr_array(([0.0, 1.0], [0, 1], [0, 2])), [3]),
             [1, 0],

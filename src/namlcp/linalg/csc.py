@@ -278,7 +278,7 @@ def unit_triangle(indptr, indices, data, zero, least, slack):
             if i == j or data[t] == 0.0:
                 continue
             rest += fabs(data[t])
-            bound = sqrt(max(diagonal[i], 0.0) * max(diagonal[j], 0.0))
+            bound = sqrt(max(diagonal[i], 0.0)) * sqrt(max(diagonal[j], 0.0))
             if fabs(data[t]) > bound * (1.0 + 2.0 * slack) + tiny:
                 return -1, i, j, None
             if i < j:

@@ -13,8 +13,9 @@ from namlcp.qp.closest import check_weights, nearest
 from namlcp.qp.guess import Guess
 from namlcp.qp.judge import NOT_GIVEN, Matrices
 from namlcp.qp.memory import Memory
-from namlcp.qp.problem import QP
+from namlcp.qp.problem import QP, Point
 from namlcp.qp.route import route
+from namlcp.residuals import UNDEFINED
 from namlcp.status import Status
 
 
@@ -44,8 +45,12 @@ def solve_checked(
     relaxation = options.relaxation
     if relaxation:
         check_weights(qp, relaxation)
-    with blas_threads(options.threads, qp.q.size + qp.h.size + qp.b.size):
+    order = qp.q.size + qp.h.size + qp.b.size
+    with blas_threads(options.threads, order), np.errstate(all="ignore"):
         answer = known or route(qp, guess, limits, memory, given)
+        if answer.status is Status.NUMERICAL_ERROR:
+            nothing = Point(*(v * np.nan for v in answer.point))
+            answer = answer._replace(point=nothing, residuals=UNDEFINED)
         if relaxation and answer.status is Status.PRIMAL_INFEASIBLE:
             found = nearest(qp, relaxation, limits, route)
             answer = answer._replace(closest=found)
