@@ -143,6 +143,7 @@ def test_theory_and_preparation_leave_the_matrix_alone(capfd):
 EYE, ONE = np.eye(2), np.ones(2)
 V, T = ValueError, TypeError
 ROW = np.ones((1, 2))
+ENDLESS = np.broadcast_to(1.0, (50_000, 50_000))
 QP_REFUSALS = [
     ((ONE, ONE), {}, V, r"P must be square, got shape \(2,\)"),
     ((EYE, np.ones(3)), {}, V,
@@ -156,6 +157,13 @@ QP_REFUSALS = [
      "b was given without A: pass both or neither"),
     ((np.array([[1.0, 2.0], [0.5, 1.0]]), ONE), {}, V,
      r"P must be symmetric: max \|P - P'\| = 1\.5e\+00; pass \(P \+ P\.T\) / 2"),
+    ((np.array([[1.0, 1e-5], [0.0, 1.0]]), ONE), {}, V, "P must be symmetric: max"),
+    ((np.diag([1e9, 1.0, 1.0]) + np.eye(3, k=1), np.ones(3)), {}, V,
+     "P must be symmetric: max"),
+    ((ENDLESS, np.ones(50_000)), {}, MemoryError,
+     "P would have 2.5e[+]09 entries of 20 GB, allowed are 2.1e[+]09"),
+    ((EYE, ONE, np.broadcast_to(1.0, (2_000_000_000, 2)), ONE), {}, MemoryError,
+     "G would have 4.0e[+]09 entries"),
     ((-EYE, ONE), {}, V,
      "P must be positive semidefinite: its diagonal entry 0 is negative"),
     ((EYE, np.array([1.0, np.inf])), {}, V, r"q must be finite, got inf at \(1\)"),
@@ -323,6 +331,7 @@ PAIR = EYE, ONE
 LCP_REFUSALS = [
     ((np.ones((2, 3)), np.ones(3)), {}, V, "A must be square"),
     ((np.diag([1, np.nan]), ONE), {}, V, r"A must be finite.*\(1, 1"),
+    ((ENDLESS, np.ones(50_000)), {}, MemoryError, "A would have 2.5e[+]09 entries"),
     ((EYE, np.ones(3)), {}, V, r"q must have shape \(2,\)"),
     ((EYE, [1, np.inf]), {}, V, r"q must be finite.*\(1\)"),
     ((EYE, ["a", "b"]), {}, T, "q must be an array of real"),

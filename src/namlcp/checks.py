@@ -52,6 +52,7 @@ def clean_copy(array: np.ndarray, kind: Any) -> np.ndarray:
 
 def real_array(name: str, value: Any) -> np.ndarray:
     """Return `value` as a writeable C-contiguous float64 array, copied if need be."""
+    refuse_view(name, value)
     if getattr(value, "requires_grad", None) is True:
         raise TypeError(
             f"{name} requires grad: namlcp.torch.solve_qp differentiates QPs of "
@@ -218,6 +219,12 @@ def refuse_size(name: str, entries: int) -> None:
             f"{name} would have {entries:.1e} entries of {8e-9 * entries:.0f} GB, "
             f"allowed are {MOST_ENTRIES:.1e}"
         )
+
+
+def refuse_view(name: str, value: Any) -> None:
+    """Raise a MemoryError for a matrix, perhaps a view of one number, too large."""
+    if isinstance(value, np.ndarray) and value.ndim <= 2:
+        refuse_size(name, value.size)
 
 
 def sparse_matrix(name: str, value: Any, layout: str) -> Any:

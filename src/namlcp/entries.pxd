@@ -3,6 +3,9 @@ cpdef enum Order:
     UNSORTED
     CANONICAL
 
+cdef enum:
+    TILE = 32
+
 cpdef bint is_bad(const double[::1] values, bint infinite_allowed)
 cpdef bint is_moderate(const double[::1] values, double most)
 cpdef bint has_huge(const double[::1] values, double most)

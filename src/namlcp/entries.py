@@ -32,13 +32,15 @@ def has_huge(values, most):
 
 
 def dense_asymmetry(P):
-    """Return (max |P - P'|, max |P|)."""
+    """Return (max |P - P'|, max |P|), read in tiles that stay in the cache."""
     gap, size = 0.0, 0.0
-    for i in range(P.shape[0]):
-        size = max(size, fabs(P[i, i]))
-        for j in range(i):
-            gap = max(gap, fabs(P[i, j] - P[j, i]))
-            size = max(size, max(fabs(P[i, j]), fabs(P[j, i])))
+    n: Py_ssize_t = P.shape[0]
+    for first in range(0, n, TILE):
+        for left in range(0, first + 1, TILE):
+            for i in range(first, min(first + TILE, n)):
+                for j in range(left, min(left + TILE, i + 1)):
+                    gap = max(gap, fabs(P[i, j] - P[j, i]))
+                    size = max(size, max(fabs(P[i, j]), fabs(P[j, i])))
     return gap, size
 
 

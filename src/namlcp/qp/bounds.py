@@ -54,6 +54,8 @@ FORM = "bounds"
 def solve_bounds(qp, chain, guess, judge, memory):
     """Solve a QP with bounds alone as a box LCP; None if that decides nothing."""
     limits = judge.limits
+    if qp.is_dense:  # to copy and check it may have taken long
+        limits.deadline.check()
     large = not qp.is_dense and qp.q.size >= LARGE_LCP
     if large:
         memory.ensure_convex(qp.P)

@@ -5,7 +5,14 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_array, issparse
 
-from namlcp.checks import INFINITE, as_sparse, from_arrays, matrix, real_array
+from namlcp.checks import (
+    INFINITE,
+    as_sparse,
+    from_arrays,
+    matrix,
+    real_array,
+    refuse_view,
+)
 from namlcp.entries import is_moderate
 from namlcp.linalg import as_dense
 from namlcp.qp.memory import are_equal, is_same
@@ -31,6 +38,7 @@ def copied(name: str, M: Any) -> Any:
     """Return a user's matrix, in its own order, as one that nobody else has."""
     if M is None or issparse(M):
         return M if M is None else M.copy()
+    refuse_view(name, M)
     return np.array(M if type(M) is np.ndarray else real_array(name, M))
 
 
