@@ -149,6 +149,17 @@ def test_a_start_at_a_degenerate_solution_needs_few(seed):
     assert found.iterations <= max(1, start.iterations)
 
 
+@pytest.mark.parametrize("way", ["dense", "sparse", "Solver", "batch"])
+@pytest.mark.parametrize("n", [2, 50])
+def test_zero_at_all_bounds_takes_a_pivot_for_each(n, way):
+    """There x is nothing but rounding."""
+    root = np.random.default_rng(0).standard_normal((n, 2 * n))
+    for P in (root @ root.T, np.eye(n) + 1.0):
+        found = WAYS[way](make_qp(P, np.ones(n), lb=np.zeros(n)))
+        assert found.x.tolist() == [0.0] * n
+        assert found.iterations <= n
+
+
 def test_each_form_is_taken_where_it_pays():
     n = 110
     few = make_qp(np.eye(n), np.ones(n), np.eye(n)[:5] - np.eye(n)[1:6], np.ones(5))

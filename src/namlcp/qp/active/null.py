@@ -144,7 +144,7 @@ def find_face(m):
     """Find the face of the solution, and the point on it."""
     if not (recall_face(m) and leave_wrong_signs(m)):
         return WIDE
-    m.level, counted = VIOLATION_ROUNDING, 0.0
+    m.level, m.base_size, counted = VIOLATION_ROUNDING, 0.0, 0.0
     while m.entering >= 0 or has_next(m):
         if is_over(m, m.operations - counted):
             return LATE

@@ -44,6 +44,7 @@ from cython.cimports.namlcp.qp.active.steps import (
     recall,
     set_multipliers,
     set_point_values,
+    size_of,
 )
 
 # Residual of a dependent equation over its terms from which on it contradicts others,
@@ -81,6 +82,7 @@ def set_base_values(m):
         m.rhs[j] = m.weight[j] * m.centre[j] - m.q[j]
     copy(m.b, m.rhs + m.n, m.p)
     m.set_values(m.rhs, m.s0)
+    m.base_size = size_of(m, m.s0)
 
 
 def try_old_face(m):

@@ -41,6 +41,7 @@ from cython.cimports.namlcp.qp.active.steps import (
     finish,
     pivot,
     recall,
+    size_of,
 )
 from cython.cimports.namlcp.qp.active.weight import RHO, wanted_rho
 
@@ -151,6 +152,7 @@ def follow(m):
         m.rhs[j] = -m.q[j]
     copy(m.b, m.rhs + m.n, m.p)
     m.set_values(m.rhs, m.s0)
+    m.base_size = size_of(m, m.s0)
     m.entering = -1
     recall(m)
     admit_hints(m)

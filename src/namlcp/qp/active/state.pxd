@@ -107,6 +107,8 @@ cdef class ActiveSet(Watched):
         # The violation over the moduli of its terms that counts as rounding; curvature
         # of a row of norm 1 up to which the equations fix it.
         double level, least_curvature
+        # The largest |x_j| over the norm of its row in s0, 0 on the face of `null`.
+        double base_size
         # Operations so far, those from which on the method gives up.
         readonly double operations, most_operations
         double eps_abs, eps_rel

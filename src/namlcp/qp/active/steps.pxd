@@ -2,7 +2,7 @@ from namlcp.qp.active.state cimport ActiveSet, Code
 
 cdef double DEPENDENT, DEPENDENT_HINT, VIOLATION_ROUNDING, NOISE, MOST_ROUNDING
 cdef Py_ssize_t USUAL
-cdef double ROUND_ROUNDING, MOST_ROUND_ROUNDING
+cdef double ROUND_ROUNDING, MOST_ROUND_ROUNDING, BASE_ROUNDING
 
 cdef enum:
     MOST_PIVOTS = 10

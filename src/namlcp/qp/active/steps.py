@@ -60,6 +60,9 @@ DEPENDENT, DEPENDENT_HINT = 1e-11, 1e-6
 # the rounds of `proximal`, whose base point is far away.
 VIOLATION_ROUNDING, NOISE, MOST_ROUNDING = 1e-13, 1e3, 1e-9
 ROUND_ROUNDING, MOST_ROUND_ROUNDING = 1e-12, 1e-7
+# Rounding of s over the largest entry of s0 from which it was subtracted: what is left
+# at a vertex x = 0. Rows that are active are allowed `level` of it.
+BASE_ROUNDING = 4e-16
 # MOST_PIVOTS: pivots at most, per row and variable; another method is safer for a QP
 # that needs more. A limit of USUAL is not the user's choice, and is exceeded up to
 # GROWN per row and variable; see also m.most_operations.
@@ -199,25 +202,29 @@ def size_of(m, values):
 
 def choose_entering(m):
     """Set m.entering and its side: the row violated most for its norm, -1 for none."""
-    s, scale, h, lb, ub = m.s, m.scale, m.h, m.lb, m.ub
+    s, scale, h, lb, ub, side = m.s, m.scale, m.h, m.lb, m.ub, m.side
     x, unit = s + m.m, scale + m.m
     level, rounding = m.level, m.level * size_of(m, s)
+    held = max(rounding, level * m.base_size)
+    rounding = max(rounding, BASE_ROUNDING * m.base_size)
     entering: Py_ssize_t = -1
     at: Py_ssize_t = 1
     worst = 0.0
     for i in range(m.m):
         violation = (s[i] - h[i]) * scale[i]
         if violation > worst:
-            if violation > level * fabs(h[i]) * scale[i] + rounding:
+            least = held if side[i] != 0 else rounding
+            if violation > level * fabs(h[i]) * scale[i] + least:
                 entering, worst = i, violation
     for j in range(m.n):
+        least = held if side[m.m + j] != 0 else rounding
         violation = (x[j] - ub[j]) * unit[j]
         if violation > worst:
-            if violation > level * fabs(ub[j]) * unit[j] + rounding:
+            if violation > level * fabs(ub[j]) * unit[j] + least:
                 entering, worst, at = m.m + j, violation, 1
         violation = (lb[j] - x[j]) * unit[j]
         if violation > worst:
-            if violation > level * fabs(lb[j]) * unit[j] + rounding:
+            if violation > level * fabs(lb[j]) * unit[j] + least:
                 entering, worst, at = m.m + j, violation, -1
     m.entering, m.entering_side, m.own = entering, at, 0.0
 
