@@ -181,6 +181,8 @@ def judge(m, found):
         if found == LATE:
             return LATE
         if not error < before:
+            if before == INFINITY:  # there is no better point to go back to
+                return STUCK
             m.s, m.best = m.best, m.s
             m.multiplier, m.best_multiplier = m.best_multiplier, m.multiplier
             error, passes = INFINITY, 0
