@@ -118,7 +118,7 @@ JOBS = (
     Job("campaign", """
         stress.campaign run --csv {csv} --seeds 1 2 3
         stress.campaign run --csv {csv} --seeds 1 --problems 10000 \
-        --classes general sequences batches derivatives closest
+        --classes general values sequences batches derivatives closest
         stress.campaign run --csv {csv} --seeds 1 \
         --solvers osqp piqp clarabel daqp quadprog
         """, 26.0, grows=True),

@@ -19,11 +19,11 @@ PEERS: dict[str, dict[str, Any]] = {"osqp": {"max_iter": 4000}}
 
 
 def clean(qp: Any) -> Any:
-    """Return the QP with sides from 1e20 on infinite, as the documentation says."""
+    """Return the QP with sides from 1e20 on infinite, P symmetric, as documented."""
     h = np.where(qp.h >= INFINITE, np.inf, qp.h)
     lb = np.where(qp.lb <= -INFINITE, -np.inf, qp.lb)
     ub = np.where(qp.ub >= INFINITE, np.inf, qp.ub)
-    return qp._replace(h=h, lb=lb, ub=ub)
+    return qp._replace(P=(qp.P + qp.P.T) * 0.5, h=h, lb=lb, ub=ub)
 
 
 def qpsolvers_problem(case: cases.Case) -> qpsolvers.Problem:

@@ -15,10 +15,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from validation.harness import judging
-
-largest = judging.largest
 ROUNDING = 1e-14  # of the terms of a residual, which the judge adds up in another order
+POINT = "x", "y", "z", "z_box"
 PROOF = 1.01e-8  # residual of a certificate over its largest entry, without rounding
 SLOPE = 1e-12  # of an LCP's ray, relative to its terms
 
@@ -53,9 +51,19 @@ class Tolerance(NamedTuple):
         return residual <= allowed + ROUNDING * terms
 
 
-def excess(*arrays: np.ndarray) -> float:
+def largest(*arrays: np.ndarray) -> Any:
+    """Return the largest modulus of an entry, 0 of nothing."""
+    return max((np.abs(a).max() for a in arrays if a.size), default=0.0)
+
+
+def excess(*arrays: np.ndarray) -> Any:
     """Return the largest positive entry, 0 if there is none."""
-    return max(0.0, *(float(a.max()) for a in arrays if a.size), 0.0)
+    return max(0.0, *(a.max() for a in arrays if a.size), 0.0)
+
+
+def wide(parts: Any) -> list[np.ndarray]:
+    """Return the arrays in a type of more than twice the exponents, and more digits."""
+    return [np.asarray(v, np.longdouble) for v in parts]
 
 
 def qp_faults(
@@ -87,31 +95,49 @@ def qp_faults(
     side = np.where(z_box < 0.0, lb, ub)
     used = (z_box != 0.0) & np.isfinite(side)
     parts = (x * Px, q * x, b * y, h[row] * z[row], side[used] * z_box[used])
-    sums = [float(part.sum()) for part in parts]
+    sums = [part.sum() for part in parts]
     gap, size = abs(sum(sums)), max(map(abs, sums))
-    terms = sum(float(np.abs(part).sum()) for part in parts)
-    terms += float(np.abs(x) @ (np.abs(P) @ np.abs(x)))
+    terms = sum(np.abs(part).sum() for part in parts)
+    terms += np.abs(x) @ (np.abs(P) @ np.abs(x))
     if not tolerance.allows(gap, size, terms):
         faults.append(f"gap {gap:.1e} of {size:.1e}")
     return ", ".join(faults)
+
+
+def bit_faults(qp: Any, x: np.ndarray, z: np.ndarray, z_box: np.ndarray) -> str:
+    """Return what is not as promised to the last bit: bounds of x, signs."""
+    *_, lb, ub = qp
+    crossed = lb > ub  # by less than the tolerance
+    if ((x < lb) | (x > ub))[~crossed].any():
+        return "x outside of its bounds"
+    wrong = (z_box < 0.0) & np.isinf(lb) | (z_box > 0.0) & np.isinf(ub)
+    return "a sign" if (z < 0.0).any() or wrong.any() else ""
 
 
 def farkas_faults(qp: Any, y: np.ndarray, z: np.ndarray, z_box: np.ndarray) -> str:
     """Return what is wrong with a proof of infeasibility, "" if it holds.
 
     b'y + h'z + lb'z_box^- + ub'z_box^+ = -1, z >= 0, A'y + G'z + z_box = 0 up to PROOF
-    and the rounding of the sum. It may be NaN where one side alone is a contradiction.
+    and the rounding of the sum. Or one multiplier alone is not 0, that of a row with
+    h = -inf, or of a variable whose bounds leave no finite x: then lb - ub = 1 / z_box.
     """
     _, _, G, h, A, b, lb, ub = qp
-    if np.isnan(np.concatenate((y, z, z_box))).any():
-        clear = (lb > ub).any() or (lb == np.inf).any() or (ub == -np.inf).any()
-        return "" if clear or (h == -np.inf).any() else "NaN for a proof"
+    if not np.isfinite(np.concatenate((y, z, z_box))).all():
+        return "proof: not finite"
+    none = (lb > ub) | (lb == np.inf) | (ub == -np.inf)
+    own = np.concatenate((0.0 * y, z * (h == -np.inf), z_box * none))
+    if own.any():
+        others = np.count_nonzero(y) + np.count_nonzero(z) + np.count_nonzero(z_box)
+        for low, high, mu in np.column_stack((lb, ub, z_box))[z_box != 0.0]:
+            if np.isfinite([low, high]).all() and abs((low - high) * mu - 1.0) > 1e-9:
+                return "proof: value"
+        return "" if others == 1 else "proof: not alone"
     side = np.where(z_box < 0.0, lb, ub)
     rows, used = z != 0.0, z_box != 0.0
     if (z < 0.0).any() or np.isinf(h[rows]).any() or np.isinf(side[used]).any():
         return "proof: a sign"
     summands = np.concatenate((b * y, h[rows] * z[rows], side[used] * z_box[used]))
-    value, rounding = float(summands.sum()), ROUNDING * float(np.abs(summands).sum())
+    value, rounding = summands.sum(), ROUNDING * np.abs(summands).sum()
     if not abs(value + 1.0) <= 1e-6 + rounding or rounding > 0.01:
         return f"proof: value {value} of terms {largest(summands):.1e}"
     sums, most = np.abs(A.T @ y + G.T @ z + z_box), largest(y, z, z_box)
@@ -211,16 +237,22 @@ def judge_qp(
     """
     said = answer.said
     if said == "error":
-        fitting = truth in ("not convex", "near") and issubclass(
+        fitting = truth in ("not convex", "near", "far") and issubclass(
             answer.kind or KeyError, ValueError
         )
-        named = "P must be positive semidefinite" in answer.words
+        side, P = "h must be +inf", "P must be positive semidefinite"
+        named = (side if truth == "far" else P) in answer.words
         return ("right" if fitting and named else "raised"), answer.words
     if said == "refused":
         return "refused", answer.words
     why = ""
+    if truth == "far":
+        qp = type(qp)(*wide(qp))
+        answer = answer._replace(**dict(zip(POINT, wide(answer[1:5]), strict=True)))
     if said == "solved":
         why = qp_faults(qp, answer.x, answer.y, answer.z, answer.z_box, tolerance)
+        if proofs and not why:
+            why = bit_faults(qp, answer.x, answer.z, answer.z_box)
     elif proofs and said == "infeasible":
         why = farkas_faults(qp, answer.y, answer.z, answer.z_box)
     elif proofs:
@@ -231,6 +263,7 @@ def judge_qp(
         "infeasible": ("infeasible",),
         "unbounded": ("unbounded",),
         "both": ("infeasible", "unbounded"),
+        "far": ("solved", "infeasible", "unbounded"),
         "near": ("solved", "infeasible", "unbounded"),
         "not convex": ("infeasible", "unbounded"),
     }[truth]
@@ -241,6 +274,8 @@ def judge_qp(
 
 def judge_lcp(lcp: Any, truth: str, answer: Answer, eps_rel: float) -> tuple[str, str]:
     """Return the outcome for an LCP, and why it is not right."""
+    if truth == "far":
+        lcp, truth = type(lcp)(*wide(lcp)), "near"
     if answer.said == "error":
         return "raised", answer.words
     if answer.said == "refused" or (answer.said == "exhausted" and truth == "near"):

@@ -61,9 +61,10 @@ CYCLES: dict[str, tuple[Maker | str, ...]] = {
     "every": CLASSES,
     "general": (general.friction, general.game, general.strictly_copositive,
                 general.copositive, general.unsolvable_general),
+    "values": (qps.at_bounds, qps.far_scales, qps.single_precision, lcps.far_scales),
 }  # fmt: skip
-"""The classes of a run by name: those of every kind, and LCPs that are neither P nor
-semidefinite."""
+"""The classes of a run by name: those of every kind; LCPs that are neither P nor
+semidefinite; and those of values: at bounds, far apart, of single precision."""
 
 
 def kind_of(i: int, cycle: str = "every") -> Maker | str:
@@ -76,7 +77,7 @@ def group_of(i: int, cycle: str = "every") -> str:
     kind = kind_of(i, cycle)
     if isinstance(kind, str):
         return kind
-    is_lcp = kind in LCPS or cycle == "general"
+    is_lcp = kind in LCPS or cycle == "general" or kind is lcps.far_scales
     return f"{'LCP' if is_lcp else 'QP'} {kind.__name__.replace('_', ' ')}"
 
 

@@ -6,6 +6,7 @@ It returns A, q, lower, upper and what is true of them:
 - possible: there is a solution, but A is outside of that class, or rounding may forbid
   to find it: a refusal is no failure;
 - unsolvable: a semidefinite A, symmetric or not, and nam must prove it;
+- far: as near, beyond the range of squares;
 - near: nothing is known, any answer that can be proved is right.
 """
 
@@ -239,6 +240,15 @@ def extreme_scales(draw: Draw) -> Truth:
     lcp = scaled_lcp(draw, 8.0)
     c = draw.one_of(1.0, 1e150, 1e-150)
     return lcp._replace(A=c * lcp.A, q=c * lcp.q), "possible"
+
+
+def far_scales(draw: Draw) -> Truth:
+    """Units changed so that entries are from 1e-150 to 1e150."""
+    lcp = scaled_lcp(draw, draw.one_of(15.0, 35.0))
+    c = draw.power(-75, 75)
+    lower = np.where(np.abs(lcp.lower) < 1e19, lcp.lower, -INF)
+    upper = np.where(np.abs(lcp.upper) < 1e19, lcp.upper, INF)
+    return LCP(c * lcp.A, c * lcp.q, lower, upper), "far"
 
 
 def without_solution(draw: Draw, skew: bool) -> LCP:

@@ -6,6 +6,8 @@ It returns the arrays and what is true of them:
 - possible: the same, but rounding may forbid it: a refusal is no failure;
 - infeasible, unbounded, both (either may be said): by construction;
 - ask: unknown, HiGHS decides;
+- far: solvable but for the range of floating-point numbers, which may have made it
+  anything; a side may be refused by name;
 - near: too close to call, any answer that can be proved is right;
 - not convex: P has a curvature of less than -1e-3 of its size.
 """
@@ -28,6 +30,7 @@ from validation.problems.fuzzed.draw import (
     linear,
     nearly_singular,
     semidefinite,
+    symmetric,
 )
 
 INF = np.inf
@@ -214,6 +217,38 @@ def scaled(draw: Draw) -> Truth:
 def extreme_scales(draw: Draw) -> Truth:
     """Units changed by 1e-8 to 1e8."""
     return rescaled(draw, draw.one_of(6.0, 8.0)), "possible"
+
+
+def far_scales(draw: Draw) -> Truth:
+    """Units changed so that entries are from 1e-150 to 1e150."""
+    e = draw.one_of(15.0, 40.0, 75.0)
+    P, q, G, h, A, b, lb, ub = any_solvable(draw)[0]
+    c, r, s, cost = (draw.power(-e, e, k) for k in (q.size, h.size, b.size, 1))
+    how = int(draw.rng.integers(6))  # one scale for all columns, none, or each its own
+    c = np.full(c.size, (1.0, c[0], 1.0)[how % 3]) if how < 3 else c
+    if how in (1, 5):
+        r, s = np.full(r.size, 1.0 / c[0]), np.full(s.size, 1.0 / c[0])
+    P = cost * symmetric(P * np.sqrt(c)[:, None] * np.sqrt(c))
+    G, A = r[:, None] * G * c, s[:, None] * A * c
+    return QP(P, cost * q * c, G, r * h, A, s * b, lb / c, ub / c), "far"
+
+
+def at_bounds(draw: Draw) -> Truth:
+    """Bounds on all variables, most of which hold, some with the multiplier 0."""
+    n, m, p = draw.sizes()
+    P, G, A = any_cost(draw, n), draw.matrix(m, n), draw.matrix(p, n)
+    c = draw.power(-3, 3, n)
+    P, q, G, h, A, b, lb, ub = planted(draw, P, G, A, weak=0.3, box=1.0)[0]
+    P = symmetric(P * c[:, None] * c)
+    return QP(P, q * c, G * c, h, A * c, b, lb / c, ub / c), "solvable"
+
+
+def single_precision(draw: Draw) -> Truth:
+    """P with an asymmetry of rounding to single precision, to be taken out."""
+    qp, _ = any_solvable(draw)
+    root = np.sqrt(np.diag(qp.P))
+    off = 0.24e-6 * draw.rng.uniform(-1.0, 1.0, qp.P.shape) * np.outer(root, root)
+    return qp._replace(P=qp.P + off - off.T), "solvable"
 
 
 def huge_sides(draw: Draw) -> Truth:
