@@ -1,15 +1,12 @@
 """Nothing wrong is ever called solved: problems of every kind, judged by definition.
 
-Hypothesis draws small problems (and shrinks what fails); the classes of the campaign in
-validation/ bring larger ones. The judge computes every residual anew.
+Some of each class of the campaign in validation/; its judge computes every residual
+anew, and asks HiGHS where nothing is known of a problem.
 """
 
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as arrays
 
 from namlcp import Status, solve_lcp, solve_qp
 from namlcp.qp import QP
@@ -29,103 +26,22 @@ from validation.stress.campaign_judge import (
 )
 
 INF = np.inf
-FUZZ = settings(derandomize=True, deadline=None, database=None, max_examples=100)
-WHOLE = st.integers(-3, 3).map(float)
-ABOVE = st.one_of(WHOLE, st.sampled_from([1e6, 1e19, 1e20, 1e21, INF, -INF]))
 
 
-def block(rows, columns, elements=WHOLE):
-    return arrays.arrays(np.float64, (rows, columns), elements=elements)
-
-
-def column(size, elements=WHOLE):
-    return arrays.arrays(np.float64, size, elements=elements)
-
-
-@st.composite
-def convex_qps(draw):
-    """Whole numbers, P = F F', any bounds and sides; nothing is known of it."""
-    n = draw(st.integers(1, 5))
-    m, p = draw(st.integers(0, 6)), draw(st.integers(0, 3))
-    F = draw(block(n, draw(st.integers(0, n))))
-    return QP(
-        F @ F.T,
-        draw(column(n)),
-        draw(block(m, n)),
-        draw(column(m, ABOVE)),
-        draw(block(p, n)),
-        draw(column(p)),
-        -draw(column(n, ABOVE)),
-        draw(column(n, ABOVE)),
-    )
-
-
-@st.composite
-def box_lcps(draw):
-    """Whole numbers, any square matrix."""
-    n = draw(st.integers(0, 6))
-    A = draw(block(n, n))
-    if draw(st.booleans()):
-        A = A @ A.T
-    lower = draw(column(n, st.sampled_from([0.0, 0.0, -1.0, -INF])))
-    width = draw(column(n, st.sampled_from([INF, INF, 0.0, 2.0])))
-    upper = np.where(lower == -INF, width, np.maximum(lower, -9.0) + width)
-    return LCP(A, draw(column(n)), lower, upper)
-
-
-def truth(qp):
-    return campaign.truth_of(problems.Case("", "ask", qp, {"P": qp.P}))
-
-
-@given(convex_qps())
-@FUZZ
-def test_qps_of_whole_numbers(qp):
-    """Each is decided, and as HiGHS decides it."""
-    clean = answers.clean(qp)
-    one_sided = (qp.h == -INF).any() or (qp.lb == INF).any() or (qp.ub == -INF).any()
-    known = "infeasible" if one_sided or (qp.lb > qp.ub).any() else truth(qp)
-    answer = answers.qp_answer(solve_qp(*qp))
-    if known == "infeasible" and answer.said == "unbounded":
-        known = "both"
-    outcome = judge_qp(clean, known, answer, answers.NAM, True)
-    assert outcome == ("right", "")
-
-
-@given(box_lcps())
-@FUZZ
-def test_lcps_of_whole_numbers(lcp):
-    """What is called solved is, what is called unsolvable has a proof."""
-    answer = answers.lcp_answer(solve_lcp(*lcp))
-    outcome, why = judge_lcp(lcp, "near", answer, answers.NAM_LCP)
-    assert outcome in ("right", "refused"), why
-    psd = np.linalg.eigvalsh(lcp.A + lcp.A.T).min(initial=0.0) > -1e-12
-    assert outcome == "right" or not psd
-
-
-@given(st.integers(0, 10**9), st.sampled_from(["every", "every", "values"]))
-@settings(FUZZ, max_examples=300)
-def test_campaign(index, cycle):
+@pytest.mark.parametrize("cycle", ["every", "values"])
+@pytest.mark.parametrize("part", range(8))
+def test_campaign(part, cycle):
     """Any problem of the campaign: never wrong, and solved where it must be."""
-    case = problems.make(7, index, cycle)
-    found = campaign.examine(case, "nam", 1e-6, 10.0)
-    assert found["outcome"] in ("right", "refused"), found
-    if found["truth"] in ("solvable", "infeasible", "unsolvable", "malformed"):
-        assert found["outcome"] == "right", found
+    for index in range(50 * part, 50 * part + 50):
+        case = problems.make(7, index, cycle)
+        found = campaign.examine(case, "nam", 1e-6, 10.0)
+        assert found["outcome"] in ("right", "refused"), (index, found)
+        if found["truth"] in ("solvable", "infeasible", "unsolvable", "malformed"):
+            assert found["outcome"] == "right", (index, found)
 
 
-@given(st.integers(0, 10**9), convex_qps())
-@FUZZ
-def test_representations_are_the_same_problem(seed, qp):
-    """Lists, integers, strides, unsorted and doubled entries: the same answer."""
-    arguments = forms.dress(np.random.default_rng(seed), qp._asdict())
-    dressed, plain = solve_qp(**arguments), solve_qp(*qp)
-    assert dressed.status is plain.status
-    if np.isfinite(plain.obj):
-        assert dressed.obj == pytest.approx(plain.obj, rel=1e-8, abs=1e-8)
-
-
-@given(st.integers(0, 10**9), st.booleans())
-@settings(FUZZ, max_examples=200)
+@pytest.mark.parametrize("is_qp", [True, False])
+@pytest.mark.parametrize("seed", range(150))
 def test_malformed_arguments_are_named(seed, is_qp):
     rng = np.random.default_rng(seed)
     n = int(rng.integers(1, 4))
@@ -137,17 +53,6 @@ def test_malformed_arguments_are_named(seed, is_qp):
     spoiled, name = forms.spoil(rng, arguments._asdict())
     with pytest.raises((ValueError, TypeError), match=rf"\b{name}\b"):
         (solve_qp if is_qp else solve_lcp)(**spoiled)
-
-
-@pytest.mark.parametrize("layout", forms.LAYOUTS)
-@pytest.mark.parametrize("kind", ["array", "matrix"])
-def test_every_sparse_class(layout, kind):
-    wrap = getattr(sp, f"{layout}_{kind}")
-    P, one = wrap(np.diag([2.0, 4.0])), np.ones(2)
-    result = solve_qp(P, -one, wrap(np.eye(2)), 0.3 * one, lb=wrap(one[:, None]) * 0.0)
-    np.testing.assert_allclose(result.x, [0.3, 0.25])
-    result = solve_lcp(P, -one, wrap(0.1 * one[:, None]), 0.3)
-    np.testing.assert_allclose(result.z, [0.3, 0.25])
 
 
 def test_the_judge_sees_every_fault():

@@ -3,7 +3,6 @@
 What is counted is tested here, what is timed is only bounded generously.
 """
 
-import io
 import signal
 import threading
 import time
@@ -31,7 +30,6 @@ from namlcp import (
     solve_qp,
 )
 from namlcp.limits import Deadline, OutOfTime
-from namlcp.progress import Progress, is_shown
 from namlcp.qp import qp_data
 from namlcp.qp.transforms import substitute
 from namlcp.qpsolvers import nam_solve_problem
@@ -68,11 +66,6 @@ def test_max_iter_is_held(name):
         assert enough.iterations == whole.iterations
     if name not in QPS:
         assert whole.method == name
-
-
-def test_every_iteration_is_reported():
-    result = solve_qp(*sparse_qp(), history=True)
-    assert result.history["iter"].tolist() == [*range(result.iterations + 1)]
 
 
 # ---- time
@@ -357,25 +350,3 @@ def test_options_are_remembered_by_value_and_type():
 
 
 # ---- the table
-
-
-def test_rows_thin_out():
-    shown = [k for k in range(100_001) if is_shown(k)]
-    assert shown[:20] == list(range(20))
-    assert shown[20:23] == [20, 30, 40]
-    assert [k for k in shown if 200 <= k < 500] == [200, 300, 400]
-    assert len(shown) < 100
-
-
-def test_slow_rows_are_all_shown(monkeypatch):
-    """Nobody waits longer than SILENCE for a row where there is one."""
-    now = [0.0]
-    monkeypatch.setattr(time, "perf_counter", lambda: now[0])
-    stream = io.StringIO()
-    progress = Progress(("iter",), verbose=True, stream=stream)
-    for k in range(40, 50):
-        now[0] += 1.5
-        progress.row(k)
-    numbers = [int(line.split()[0]) for line in stream.getvalue().splitlines()[1:]]
-    assert numbers == [40, 42, 44, 46, 48]
-    assert len(progress.rows) == 10

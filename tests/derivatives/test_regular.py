@@ -272,21 +272,6 @@ def test_gradients_are_those_of_the_transcribed_kkt_system(way):
     assert np.array_equal(P, P.T)
 
 
-@pytest.mark.parametrize("way", QP_WAYS)
-def test_gradients_of_the_objective_are_the_multipliers(way):
-    """The envelope theorem: d obj = x'dPx/2 + x'dq + z'dG x - z'dh + ... ."""
-    for seed in range(5):
-        qp = regular_qp(seed)
-        result = QP_WAYS[way].solve(**qp._asdict())
-        x, z, y, box = result.x, result.z, result.y, result.z_box
-        found = result.backward(dx=qp.P @ x + qp.q)
-        expected = QP(
-            np.zeros_like(qp.P), np.zeros_like(x), np.outer(z, x), -z,
-            np.outer(y, x), -y, -np.minimum(box, 0.0), -np.maximum(box, 0.0),
-        )  # fmt: skip
-        assert_equal_gradients(found, expected, (*VECTORS, *"PGA"), 0.0, 1e-8)
-
-
 def test_obstacle_by_cycles_equals_factors():
     """From order 10^4 on the hierarchy of the solve serves, symmetric or not."""
     n = 120
@@ -356,13 +341,3 @@ def test_factors_are_left_where_they_do_not_serve():
     flat = Solver(np.zeros((1, 1)), [1.0], lb=[0.0])
     flat.solve(derivative=True)
     assert flat.solve(derivative=True).backward(dx=[1.0]).lb.tolist() == [1.0]
-
-
-def test_derivatives_are_made_once_and_kept():
-    result = solve_qp(np.eye(2), [1.0, -1.0])
-    assert result.kept is None
-    result.backward(dx=[1.0, 0.0])
-    kept = result.derivative
-    result.forward(dq=[1.0, 0.0])
-    assert result.derivative is kept
-    assert pickle.loads(pickle.dumps(result)).problem is None

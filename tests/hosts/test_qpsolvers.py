@@ -17,11 +17,6 @@ from test_conformance import TEXTBOOK
 
 import namlcp.qpsolvers
 
-SPARSE_CLASSES = [
-    sp.csc_matrix, sp.csr_matrix, sp.coo_matrix, sp.csc_array, sp.csr_array,
-    sp.coo_array, sp.lil_matrix, sp.dok_array, sp.bsr_array, sp.dia_array,
-]  # fmt: skip
-
 
 def solve(data=TEXTBOOK, **settings):
     return solve_problem(Problem(**data), solver="nam", **settings)
@@ -96,51 +91,6 @@ def test_large_sparse_least_squares():
         assert (G @ x - h).max() < 1e-10
         assert np.abs(A @ x - b).max() < 1e-10
         assert x.min() >= -1e-10
-
-
-def forms():
-    """Yield the textbook problem in forms that mean the same."""
-    for name, matrix in TEXTBOOK.items():
-        frozen = matrix.copy()
-        frozen.flags.writeable = False
-        yield f"{name} read-only", {name: frozen}
-        yield f"{name} strided", {name: np.repeat(matrix, 2, axis=0)[::2]}
-        if matrix.ndim == 2:
-            yield f"{name} Fortran", {name: np.asfortranarray(matrix)}
-        else:
-            yield f"{name} column", {name: matrix.reshape(-1, 1)}
-    P, G, A = (TEXTBOOK[name] for name in "PGA")
-    for kind in SPARSE_CLASSES:
-        yield kind.__name__, {"P": kind(P), "G": kind(G), "A": kind(A)}
-        yield f"P {kind.__name__}", {"P": kind(P)}
-    yield "A one-dimensional", {"A": A.ravel()}
-    yield "float32", {name: v.astype(np.float32) for name, v in TEXTBOOK.items()}
-    yield "integers", {"P": P.astype(int), "G": G.astype(np.int8)}
-    yield "rounding asymmetry", {"P": P + 1e-12 * np.eye(3, k=1)}
-
-
-@pytest.mark.parametrize("change", [pytest.param(d, id=n) for n, d in forms()])
-def test_any_form_is_taken_and_left_alone(change):
-    before = {name: v.copy() for name, v in change.items()}
-    answer, reference = solve(TEXTBOOK | change), solve()
-    assert answer.found
-    single = any(v.dtype == np.float32 for v in change.values())
-    for name in ("x", "z", "z_box"):
-        found, expected = getattr(answer, name), getattr(reference, name)
-        np.testing.assert_allclose(found, expected, atol=1e-6 if single else 1e-8)
-    for name, value in before.items():
-        assert type(change[name]) is type(value)
-        if isinstance(value, np.ndarray):
-            np.testing.assert_array_equal(change[name], value)
-
-
-def test_unsorted_and_duplicate_entries():
-    parts = [1.0, 1.0, 1.0, 4.0, 1.0], [1, 0, 0, 1, 0], [0, 3, 5]
-    P = sp.csc_matrix(parts, shape=(2, 2))
-    indices = P.indices.copy()
-    answer = solve({"P": P, "q": np.array([-3.0, -5.0])})
-    np.testing.assert_allclose(answer.x, [1.0, 1.0], atol=1e-10)
-    np.testing.assert_array_equal(P.indices, indices)
 
 
 def test_no_point_is_none():

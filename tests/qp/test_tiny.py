@@ -3,45 +3,10 @@
 import numpy as np
 import pytest
 import scipy.sparse as sp
-from problems_qp import assert_solves_qp, complementary, dense
+from problems_qp import complementary
 from qpsolvers import Problem, Solution
 
 from namlcp import Status, solve_qp
-from namlcp.qp import qp_data
-
-
-def uncanonical(M):
-    """Return M with each entry in two halves, the later rows first."""
-    found = sp.coo_array(M)
-    rows, columns = (np.tile(k[::-1], 2) for k in found.coords)
-    order = np.argsort(columns, kind="stable")
-    data = np.tile(0.5 * found.data[::-1], 2)
-    indptr = np.searchsorted(columns[order], np.arange(M.shape[1] + 1))
-    return sp.csc_matrix((data[order], rows[order], indptr), shape=M.shape)
-
-
-KINDS = {
-    "csc_array": sp.csc_array,
-    "csc_matrix": sp.csc_matrix,
-    "csr_array": sp.csr_array,
-    "wide": lambda M: sp.csc_array((M.data, M.indices.astype(np.int64), M.indptr)),
-    "uncanonical": uncanonical,
-}
-
-
-@pytest.mark.parametrize("kind", KINDS)
-@pytest.mark.parametrize("seed", range(4))
-def test_any_storage_gives_the_solution_of_the_dense_form(kind, seed):
-    P, q, G, h, A, b, lb, ub = complementary(seed, 12, 9, 3, 8).qp
-    given = (KINDS[kind](P), q, KINDS[kind](G), h, KINDS[kind](A), b, lb, ub)
-    result = solve_qp(*given)
-    assert_solves_qp(qp_data(*given), result)
-    known = solve_qp(*dense(qp_data(*given)))
-    np.testing.assert_allclose(result.x, known.x, atol=1e-9)
-    gradients = result.backward(dx=np.ones(12))
-    assert gradients.P.format == given[0].format
-    expected = known.backward(dx=np.ones(12))
-    np.testing.assert_allclose(gradients.q, expected.q, rtol=1e-6, atol=1e-8)
 
 
 @pytest.mark.parametrize("size", [1.0, 1e4, 1e7, 1e9])
