@@ -8,6 +8,7 @@ from lcp_definition import assert_proves_unsolvable
 from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 from namlcp import Prepared, Status, solve_lcp
+from validation.problems.draw import definite as spd
 
 INF = np.inf
 
@@ -19,7 +20,7 @@ def rng():
 
 def box_problem(rng, n):
     """SPD A of condition 100 and every kind of bounds."""
-    A = problems.spd(rng, n, 100.0)
+    A = spd(rng, n, 100.0)
     lower = np.where(rng.random(n) < 0.3, -INF, -rng.random(n))
     upper = np.where(rng.random(n) < 0.3, INF, rng.random(n))
     lower[:2] = upper[:2] = 0.3
@@ -50,7 +51,7 @@ def test_box_against_pivoting(rng):
 
 def test_equations_alone_are_conjugate_gradients(rng):
     """Without bounds: n steps at most, and one for every refreshed gradient."""
-    A = problems.spd(rng, 20, 10.0)
+    A = spd(rng, 20, 10.0)
     q = rng.standard_normal(20)
     found = solve_lcp(aslinearoperator(A), q, -INF, INF, eps_rel=1e-11)
     assert found.status is Status.SOLVED
@@ -100,7 +101,7 @@ def test_unsolvable_with_a_proof(n, rng):
 
 
 def test_negative_curvature_is_told(rng):
-    A = problems.spd(rng, 30, 10.0) - 0.5 * np.eye(30)
+    A = spd(rng, 30, 10.0) - 0.5 * np.eye(30)
     assert np.linalg.eigvalsh(A)[0] < 0.0
     found = solve_lcp(aslinearoperator(A), rng.standard_normal(30), -INF, INF)
     assert found.status is Status.STALLED

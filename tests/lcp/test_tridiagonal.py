@@ -159,27 +159,6 @@ def test_rounding_is_told_or_overcome():
     assert result.residual <= 1e-4 * np.linalg.norm(q)
 
 
-def test_limits_and_history():
-    A, x = membrane(5000)
-    q = np.sin(50.0 * x) * 1e-3
-    whole = solve_lcp(A, q, -0.1, 0.1, z0=np.zeros(5000), history=True)
-    assert whole.status is Status.SOLVED
-    assert whole.history["iter"].tolist() == list(range(1, whole.iterations + 1))
-    at_bound = np.count_nonzero(np.abs(whole.z) == 0.1)
-    assert whole.history["active"][-1] == at_bound
-    for n, limit, expected in (
-        (5000, {"max_iter": 1}, Status.MAX_ITER),
-        (400_000, {"time_limit": 1e-9}, Status.TIME_LIMIT),  # few faces at a time
-    ):
-        A, x = membrane(n)
-        q = np.sin(50.0 * x) * 1e-3
-        result = solve_lcp(A, q, -0.1, 0.1, z0=np.zeros(n), **limit)
-        assert result.status is expected
-        assert 1 <= result.iterations <= limit.get("max_iter", 5)
-        assert np.all(np.abs(result.z) <= 0.1)
-        np.testing.assert_allclose(result.w, A @ result.z + q, atol=1e-15)
-
-
 def test_a_singular_matrix_of_free_ends(rng):
     """Solvable if and only if sum(q) >= 0."""
     A, q = neumann(41), rng.standard_normal(41)

@@ -22,7 +22,9 @@ from problems_lcp import INF
 from scipy import sparse
 
 from namlcp.scenes import disc_pile
+from validation.problems.draw import definite as spd
 from validation.problems.fuzzed import cases as campaign
+from validation.problems.general.families import FAMILIES
 
 
 class Case(NamedTuple):
@@ -64,14 +66,14 @@ def definite():
     for n in (1, 5, 40, 150):
         for condition in (1e2, 1e6, 1e12):
             rng = numbers(n, int(np.log10(condition)))
-            A, name = problems.spd(rng, n, condition), f"spd {n} {condition:.0e}"
+            A, name = spd(rng, n, condition), f"spd {n} {condition:.0e}"
             q, z = problems.with_solution(rng, A)
             yield name, Case("P", A, rng.standard_normal(n))
             yield f"{name} planted", Case("P", A, q, z=z if condition < 1e6 else None)
             ties = problems.with_solution(rng, A, degenerate=0.5)
             yield f"{name} ties", Case("P", A, ties[0])
     rng = numbers(0)
-    A, q = problems.spd(rng, 50, 1e4), rng.standard_normal(50)
+    A, q = spd(rng, 50, 1e4), rng.standard_normal(50)
     for size_A, size_q in ((1e-9, 1e9), (1e9, 1e9), (1e-9, 1e-9), (1e9, 1e-9)):
         yield f"spd in {size_A:.0e}, {size_q:.0e}", Case("P", size_A * A, size_q * q)
     d = 10 ** rng.uniform(-4, 4, 50)
@@ -120,9 +122,9 @@ def p_matrices():
         q = rng.standard_normal(70)
         yield f"stored on one side {seed}", Case("P", sparse.csr_array(A), q)
     for name, A in (
-        ("symmetric", problems.spd(numbers(5), 60, 1e3)),
+        ("symmetric", spd(numbers(5), 60, 1e3)),
         ("not symmetric", problems.quotient_p(numbers(5), 60)),
-        ("small", problems.spd(numbers(5), 30, 1e2)),
+        ("small", spd(numbers(5), 30, 1e2)),
     ):
         n, rng = len(A), numbers(6)
         lower, upper = -rng.random(n), rng.random(n)
@@ -239,9 +241,9 @@ def neither():
             yield f"machine {parts[0]} {seed}", Case("general", *lcp)
     for n in (5, 40, 160):
         for seed in range(3):
-            lcp = general.copositive(numbers(n, seed), n)
+            lcp = FAMILIES["copositive"](n, seed)
             yield f"copositive {n} {seed}", Case("copositive", *lcp)
-            yield f"p0 {n} {seed}", Case("general", *general.p0(numbers(n, seed), n))
+            yield f"p0 {n} {seed}", Case("general", *FAMILIES["P0"](n, seed))
     for n in (5, 40, 120):  # 1 on the diagonal, >= 0 off it: strictly copositive
         rng = numbers(n)
         A = np.abs(rng.standard_normal((n, n))) * (rng.random((n, n)) < 0.3)

@@ -60,20 +60,6 @@ def machine(rng, bodies, joints, motors):
     return A, q, lower, upper
 
 
-def copositive(rng, n):
-    """Return a copositive A, B'B plus entries >= 0, and q."""
-    B, N = rng.standard_normal((n // 2, n)), rng.random((n, n))
-    return 0.1 * B.T @ B + N * (rng.random((n, n)) < 0.5), rng.standard_normal(n)
-
-
-def p0(rng, n):
-    """Return D K, a P0-matrix, D > 0 diagonal and K skew-symmetric; a solvable q."""
-    K = rng.standard_normal((n, n))
-    A = np.exp(rng.standard_normal((n, 1))) * (K - K.T)
-    z = rng.random(n) * (rng.random(n) < 0.5)
-    return A, rng.random(n) * (z == 0.0) - A @ z
-
-
 def mixed(rng, n):
     """Return A, q, lower, upper with planted z: unknowns with all kinds of bounds.
 

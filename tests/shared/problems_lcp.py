@@ -11,6 +11,7 @@ import numpy as np
 from scipy import sparse
 
 from validation.problems import sweep_scenes
+from validation.problems.data_sets import contact_lcp
 
 DATA = Path(
     os.environ.get("NAMLCP_DATA", Path(__file__).parents[3] / "shared" / "data")
@@ -73,13 +74,6 @@ def with_solution(rng, A, degenerate=0.0):
     return w - A @ z, z
 
 
-def spd(rng, n, condition):
-    """Return a symmetric positive definite matrix with that condition number."""
-    V, _ = np.linalg.qr(rng.standard_normal((n, n)))
-    A = V * np.logspace(0, -np.log10(condition), n) @ V.T
-    return (A + A.T) / 2
-
-
 def quotient_p(rng, n):
     """Return B^-1 C, B and C strictly column-dominant: P, rarely positive definite."""
     B, C = rng.standard_normal((2, n, n))
@@ -139,17 +133,8 @@ def laplacian(m, shift=0.0):
 
 def contact_scenes():
     """Return {name: (W_NN, q_N)} of the contact scenes in the data folder."""
-    found = {}
-    for path in sorted((DATA / "contact").glob("*.npz")):
-        with np.load(path) as f:
-            parts = f["data"], f["indices"], f["indptr"]
-            W = sparse.csr_array(parts, tuple(f["shape"]))
-            dim = int(f["dim"]) if "dim" in f else 1
-            A = sparse.csr_array(W[::dim, ::dim])
-            A = sparse.csr_array((A + A.T) / 2)
-            A.sort_indices()
-            found[path.stem] = A, np.ascontiguousarray(f["q"][::dim], dtype=float)
-    return found
+    names = (path.stem for path in sorted((DATA / "contact").glob("*.npz")))
+    return {name: contact_lcp(DATA, name) for name in names}
 
 
 def checkers(A):
