@@ -134,6 +134,21 @@ def test_active_rows_are_kept_where_they_help(name, form):
     assert other.solve(start).iterations == 0
 
 
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("name", ["store", "lasso", "wide lasso"])
+def test_a_singular_cost_of_another_size(name, form):
+    """The proximal weight follows the vectors; the same active rows need no pivot."""
+    data = Walk(name, 4).data
+    solver = Solver(**arguments(data, FORMS[form]))
+    for size in (1.0, 1e5, 1.0):
+        step = data | {"q": size * data["q"]}
+        solver.update(q=step["q"])
+        first, again = solver.solve(), solver.solve()
+        assert_same(solve_qp(**step), first, step)
+        assert again.iterations == 0
+        assert again.obj == pytest.approx(first.obj)
+
+
 @pytest.mark.parametrize("p", [0, 3])
 def test_large_terms_are_summed_in_the_order_of_numpy(p):
     """Residuals of a solve are those of the definition to the last bits."""
