@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import namlcp
+from namlcp.cli import main
 
 CLIENT = Path(__file__).parent / "shared" / "typed_client.py"
 
@@ -147,6 +148,8 @@ def test_every_status_explains_itself(status):
     assert status.explanation.endswith(".")
 
 
-def test_warmup_says_that_it_does_nothing():
-    with pytest.warns(DeprecationWarning, match="compiled when it is installed"):
+def test_warmup_says_that_it_does_nothing(capsys):
+    with pytest.warns(DeprecationWarning, match="does nothing"):
         namlcp.warmup()
+    assert main(["--warmup"]) == 0
+    assert "does nothing" in capsys.readouterr().err

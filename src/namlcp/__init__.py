@@ -26,7 +26,7 @@ from namlcp.status import Status
 from namlcp.theory import Verdict, converges, is_h_plus
 
 if TYPE_CHECKING:  # `__getattr__` below imports these when they are asked for
-    from namlcp.first_use import warmup
+    from namlcp.deprecated import warmup
     from namlcp.layers import cvxpylayers, jax, torch
 
 __all__ = [
@@ -74,5 +74,5 @@ def __getattr__(name: str) -> Any:
     if name in layers.__all__:
         return import_module(f"namlcp.layers.{name}")
     if name == "warmup":
-        return import_module("namlcp.first_use").warmup
+        return import_module("namlcp.deprecated").warmup
     raise AttributeError(f"module 'namlcp' has no attribute {name!r}")

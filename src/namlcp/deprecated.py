@@ -1,4 +1,4 @@
-"""`warmup`, which once compiled what was not compiled ahead."""
+"""What goes with the next release."""
 
 import warnings
 
