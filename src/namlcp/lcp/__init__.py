@@ -6,4 +6,5 @@ from namlcp.lcp.modulus.methods import SWEEPS, Parameters
 from namlcp.lcp.multigrid.hierarchy import FreeSystem, hierarchy_of
 from namlcp.lcp.operators import Operator
 from namlcp.lcp.pivoting.driver import ACCURACY, Attempt
+from namlcp.lcp.pivoting.small import solve_small
 from namlcp.lcp.prepared import Prepared

@@ -1,5 +1,10 @@
 cdef double INFINITE
 
+# Most unknowns of a dense LCP that is small: its products are our own loops, and "auto"
+# begins with pivoting, whatever A is.
+cpdef enum:
+    MOST_SMALL = 100
+
 # Rows of a tridiagonal matrix: its diagonals, 1 / pivot, 1 / sqrt(a_ii).
 cpdef enum:
     BELOW
@@ -8,7 +13,10 @@ cpdef enum:
     INVERSE
     ROOT
 
-cpdef bint is_ordinary(const double[::1] q, const double[::1] lower, const double[::1] upper) noexcept
+cpdef bint is_ordinary(object q, object lower, object upper) except -1
+cdef bint are_ordinary(const double* q, const double* lower, const double* upper, Py_ssize_t n) noexcept nogil
+cpdef object affine(object A, object z, object q)
+cdef void affine_at(const double* A, const double* z, const double* q, double* w, Py_ssize_t n) noexcept nogil
 cpdef bint read_rows(const int[::1] indptr, const int[::1] indices, const double[::1] data, double[:, ::1] rows) noexcept
 cpdef tuple dominance_csr(const int[::1] indptr, const int[::1] indices, const double[::1] data, const double[::1] root)
 cpdef void row_sums(const int[::1] indptr, const int[::1] indices, const double[::1] data, const double[::1] x, double roundoff, double least, double[::1] own, double[::1] others, double[::1] margin) noexcept

@@ -1,9 +1,11 @@
 """Loops over the data of an LCP, each one pass."""
 
 import cython
+import numpy as np
 from cython.cimports.libc.math import INFINITY, NAN, fabs, sqrt
 from cython.cimports.namlcp.box import clip
 from cython.cimports.namlcp.linalg.arrays import numbers, places
+from cython.cimports.namlcp.linalg.vectors import dot
 
 from namlcp import checks
 
@@ -11,6 +13,12 @@ INFINITE = checks.INFINITE
 
 
 def is_ordinary(q, lower, upper):
+    """Tell whether the vectors surely need no further check, see `are_ordinary`."""
+    n: cython.Py_ssize_t = q.size
+    return are_ordinary(numbers(q, n), numbers(lower, n), numbers(upper, n), n)
+
+
+def are_ordinary(q, lower, upper, n):
     """Tell whether the vectors surely need no further check.
 
     Then no entry is NaN, sum |q_i| is 0 or in (1e-90, 1e90), lower <= upper, and no
@@ -18,13 +26,27 @@ def is_ordinary(q, lower, upper):
     """
     size, most = 0.0, INFINITE
     faults: cython.Py_ssize_t = 0
-    for i in range(q.shape[0]):
+    for i in range(n):
         size += fabs(q[i])
         l, u = lower[i], upper[i]
         below: cython.bint = (l < most) & ((l > -most) | (l == -INFINITY))
         above: cython.bint = (u > -most) & ((u < most) | (u == INFINITY))
         faults += not (below & above & (l <= u))
     return (size == 0.0 or 1e-90 < size < 1e90) and faults == 0
+
+
+def affine(A, z, q):
+    """Return A z + q for a dense A of a few rows."""
+    n: cython.Py_ssize_t = q.size
+    w = np.empty(n)
+    affine_at(numbers(A, n * n), numbers(z, n), numbers(q, n), numbers(w, n), n)
+    return w
+
+
+def affine_at(A, z, q, w, n):
+    """Set w = A z + q."""
+    for i in range(n):
+        w[i] = dot(A + i * n, z, n) + q[i]
 
 
 def read_rows(indptr, indices, data, rows):

@@ -22,6 +22,7 @@ from namlcp.lcp.general.games import solve_game
 from namlcp.lcp.general.interior import farkas, mehrotra
 from namlcp.lcp.general.lemke import solve_by_lemke, solve_lemke
 from namlcp.lcp.general.search import Search
+from namlcp.lcp.loops import MOST_SMALL
 from namlcp.lcp.modulus.methods import SWEEPS
 from namlcp.lcp.modulus.sweeps import sweep
 from namlcp.lcp.mprgp import solve_by_products
@@ -39,8 +40,6 @@ from namlcp.status import Status
 
 # Least order n at which projected SOR and multigrid are tried on a sparse A.
 LARGE_LCP = 10_000
-# Largest order n at which pivoting is tried on every A: it takes less than 1 ms.
-TINY_LCP = 100
 # Largest orders for Lemke's method on a dense tableau: up to the first it is faster
 # than the paths where A is dense, up to the second it is tried after them. (An A of up
 # to `prepared.DENSE_ORDER` unknowns is dense here even if given as sparse.)
@@ -131,7 +130,7 @@ def is_large(matrix: Prepared, deadline: Deadline) -> bool:
 
     They may for smaller tridiagonal ones, too, whose elimination met too many faces.
     """
-    if not matrix.is_sparse or matrix.n <= TINY_LCP:
+    if not matrix.is_sparse or matrix.n <= MOST_SMALL:
         return False
     return matrix.n >= LARGE_LCP or matrix.tridiagonal is not None
 
@@ -185,7 +184,7 @@ METHODS = (
     Method("mprgp", "A known by its products", solve_by_products, stage="auto",
            suits=lambda A, _: isinstance(A.A, Operator)),
     Method("general", "the rows of general that suit A", solve_general, stage="auto",
-           suits=lambda A, _: A.n > TINY_LCP and A.is_general),
+           suits=lambda A, _: A.n > MOST_SMALL and A.is_general),
     Method("tridiagonal", "elimination from a start nearby", solve_by_elimination,
            stage="auto", suits=lambda A, _: A.is_sparse and A.tridiagonal is not None,
            unsettled=(Status.DIVERGED,)),

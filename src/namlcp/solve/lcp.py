@@ -15,7 +15,7 @@ from namlcp.lcp import (
 from namlcp.limits import Deadline, Limits
 from namlcp.options import check_count, check_flag, check_number
 from namlcp.progress import LCP_COLUMNS, Progress
-from namlcp.results import LCPResult, lcp_result
+from namlcp.results import LCPResult, lcp_result, small_lcp_result
 
 SWEEP_EPS_ABS = 1e-8
 """Default eps_abs of the sweep methods."""
@@ -139,6 +139,14 @@ def solve_lcp(
     array([4., 7.])
     """
     start = perf_counter()
+    is_plain = history is False and verbose is False and time_limit is math.inf
+    if is_plain and isinstance(method, str) and method == "auto" and (
+        None is diagonal is alpha is beta is omega is shift is cover is s0 is z0
+        is eps_abs is eps_rel is max_iter
+    ):  # fmt: skip
+        result = small_lcp_result(A, q, lower, upper, start)
+        if result is not None:
+            return result
     deadline = Deadline(start + check_limits(eps_abs, eps_rel, max_iter, time_limit))
     check_flag("history", history)
     check_flag("verbose", verbose)

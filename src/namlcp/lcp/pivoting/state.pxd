@@ -83,6 +83,8 @@ cdef class Pivoting(Watched):
 cdef double* reals(Pivoting m, Py_ssize_t count) noexcept nogil
 cdef int* flags(Pivoting m, Py_ssize_t count) noexcept nogil
 cdef void lay_out(Pivoting m) noexcept nogil
+cdef int allocate(Pivoting m) except -1
+cdef void write_best(Pivoting m, const double* lower, const double* upper, double* z) noexcept nogil
 cdef int take_problem(Pivoting m, object columns, tuple vectors) except -1
 cdef object reals_of(Pivoting m, const double* vector, Py_ssize_t count)
 cdef object integers_of(Pivoting m, const int* vector)

@@ -6,8 +6,8 @@
 import cython
 import numpy as np
 from cython.cimports.libc.stdlib import free
-from cython.cimports.namlcp.linalg.arrays import numbers, places
-from cython.cimports.namlcp.linalg.vectors import copy
+from cython.cimports.namlcp.linalg.arrays import data_of, new_vector, numbers, places
+from cython.cimports.namlcp.linalg.vectors import copy, fill
 from cython.cimports.namlcp.watch import Watched, begin_watch
 from scipy import sparse
 
@@ -77,11 +77,8 @@ class Pivoting(Watched):
     def best_point(self, lower, upper):
         """Return the best z so far, in the caller's scaling, between these bounds."""
         n: cython.Py_ssize_t = self.n
-        least, most = numbers(lower, n), numbers(upper, n)
         point = np.empty(n)
-        z = numbers(point, n)
-        for i in range(n):
-            z[i] = min(max(self.best[i] * self.root[i], least[i]), most[i])
+        write_best(self, numbers(lower, n), numbers(upper, n), numbers(point, n))
         return point
 
 
@@ -112,6 +109,26 @@ def lay_out(m):
     m.pattern, m.flag, m.pivots = flags(m, n), flags(m, n), flags(m, n)
 
 
+def allocate(m):
+    """Allocate the memory for n and `entries`, with zeros, and no place in an order."""
+    lay_out(m)
+    m.memory = new_vector(m.end)
+    m.begin = data_of(m.memory)
+    fill(m.begin, 0.0, m.end)
+    m.end = 0
+    lay_out(m)
+    for i in range(m.n):
+        m.rank[i] = -1
+        m.local[i] = -1
+    return 0
+
+
+def write_best(m, lower, upper, z):
+    """Write the best z so far, in the caller's scaling, between these bounds."""
+    for i in range(m.n):
+        z[i] = min(max(m.best[i] * m.root[i], lower[i]), upper[i])
+
+
 def take_problem(m, columns, vectors):
     """Allocate, and note or copy what is given."""
     n = m.n
@@ -123,19 +140,13 @@ def take_problem(m, columns, vectors):
     else:
         m.values = numbers(data, m.entries)
         m.indptr, m.indices = places(indptr, n + 1), places(indices, m.entries)
-    lay_out(m)
-    m.memory = np.zeros(m.end)
-    m.begin, m.end = numbers(m.memory, m.end), 0
-    lay_out(m)
+    allocate(m)
     q, lower, upper, start = vectors
     copy(numbers(q, n), m.q, n)
     copy(numbers(lower, n), m.lower, n)
     copy(numbers(upper, n), m.upper, n)
     if start.size:
         copy(numbers(start, n), m.own_z, n)
-    for i in range(n):
-        m.rank[i] = -1
-        m.local[i] = -1
     return 0
 
 

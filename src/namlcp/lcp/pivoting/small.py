@@ -1,0 +1,118 @@
+"""Small dense LCPs as they come to `solve_lcp`, by pivoting: one call, at most.
+
+What is not clean, or not solved, is left to the ways that take a closer look.
+"""
+
+import cython
+from cython.cimports import numpy as cnp
+from cython.cimports.libc.math import INFINITY, fabs, sqrt
+from cython.cimports.namlcp.lcp.loops import MOST_SMALL, affine_at, are_ordinary
+from cython.cimports.namlcp.lcp.pivoting.pivot import DONE, pivot
+from cython.cimports.namlcp.lcp.pivoting.state import Pivoting, allocate, write_best
+from cython.cimports.namlcp.linalg.arrays import data_of, fits, new_vector, new_zeros
+from cython.cimports.namlcp.linalg.vectors import box_squares, copy, fill
+from cython.cimports.namlcp.measure import are_met, both_residuals
+from cython.cimports.namlcp.watch import begin_watch
+
+from namlcp.lcp.pivoting import driver
+from namlcp.linalg import definite
+
+cnp.import_array()
+
+ACCURACY, MOST = driver.ACCURACY, driver.MAX_FACTORISATIONS
+SYMMETRY_ROUNDING = definite.SYMMETRY_ROUNDING
+
+
+def solve_small(A, q, lower, upper, start):
+    """Solve a box LCP of up to MOST_SMALL unknowns to the default tolerance.
+
+    Bounds that are None are 0 and inf; start: where to begin, or None. Returns z, w, s,
+    Res(z), the factorisations, and whether A = A'; None where others are to solve it.
+    """
+    if not (fits(A, 2) and fits(q, 1)):
+        return None
+    n: cython.Py_ssize_t = cnp.PyArray_DIM(q, 0)
+    if not 0 < n <= MOST_SMALL:
+        return None
+    if cnp.PyArray_DIM(A, 0) != n or cnp.PyArray_DIM(A, 1) != n:
+        return None
+    if not (is_vector(lower, n) and is_vector(upper, n) and is_vector(start, n)):
+        return None
+    values = data_of(A)
+    total, gap = sum_and_asymmetry(values, n)
+    if not total < INFINITY or 0.0 < gap <= SYMMETRY_ROUNDING * total:
+        return None
+    room = new_vector(2 * n)
+    low = bound(lower, 0.0, data_of(room), n)
+    high = bound(upper, INFINITY, data_of(room) + n, n)
+    if not are_ordinary(data_of(q), low, high, n):
+        return None
+    m: Pivoting = Pivoting.__new__(Pivoting)
+    m.n, m.entries, m.is_dense, m.symmetric = n, n * n, True, gap == 0.0
+    m.given = A if m.symmetric else transpose_of(values, n)
+    m.values = data_of(m.given)
+    allocate(m)
+    copy(data_of(q), m.q, n)
+    copy(low, m.lower, n)
+    copy(high, m.upper, n)
+    if start is not None:
+        copy(data_of(start), m.own_z, n)
+    m.eps_rel, m.most = ACCURACY, MOST
+    begin_watch(m, INFINITY)
+    if pivot(m) != DONE:
+        return None
+    z, w, s = new_vector(n), new_vector(n), new_vector(n)
+    at_z, at_w, at_s = data_of(z), data_of(w), data_of(s)
+    write_best(m, low, high, at_z)
+    affine_at(values, at_z, data_of(q), at_w, n)
+    if not is_solution(m, low, high, at_z, at_w):
+        return None
+    for i in range(n):
+        slope = values[i * (n + 1)]
+        at_s[i] = at_z[i] - at_w[i] / (slope if slope > 0.0 else 1.0)
+    squares = box_squares(at_z, at_w, low, high, 1.0, n)
+    if squares != 0.0 and not 1e-200 < squares < 1e200:
+        return None
+    return z, w, s, sqrt(squares), m.factorisations, m.symmetric
+
+
+def is_vector(value, n):
+    """Tell whether a clean vector of this size came, or none."""
+    return value is None or (fits(value, 1) and cnp.PyArray_DIM(value, 0) == n)
+
+
+def sum_and_asymmetry(A, n):
+    """Return the sum of |A_ij|, NaN if one is, and max |A - A'|."""
+    total, gap = 0.0, 0.0
+    for i in range(n):
+        for j in range(n):
+            total += fabs(A[i * n + j])
+        for j in range(i):
+            gap = max(gap, fabs(A[i * n + j] - A[j * n + i]))
+    return total, gap
+
+
+def transpose_of(A, n):
+    """Return A' as an array."""
+    found = new_zeros(n, n)
+    out = data_of(found)
+    for i in range(n):
+        for j in range(n):
+            out[j * n + i] = A[i * n + j]
+    return found
+
+
+def bound(value, default, room, n):
+    """Return where the bounds are, in `room` if there are none."""
+    if value is not None:
+        return data_of(value)
+    fill(room, default, n)
+    return room
+
+
+def is_solution(m, lower, upper, z, w):
+    """Tell whether the residuals meet the tolerance on the data as they came."""
+    for i in range(m.n):
+        m.y[i] = 1.0 / m.root[i]
+    plain, scaled = both_residuals(z, w, lower, upper, m.y, m.n)
+    return are_met(0.0, ACCURACY, m.size, plain, scaled)
