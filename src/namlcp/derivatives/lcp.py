@@ -33,13 +33,10 @@ from namlcp.derivatives.factors import (
     SparseFactors,
 )
 from namlcp.derivatives.gradients import LCPGradients, LCPTangent, RankTwo, change
+from namlcp.derivatives.marks import sides_of_lcp
 from namlcp.lcp import LARGE_LCP, LCP, FreeSystem, Operator, Prepared, hierarchy_of
 from namlcp.linalg import arrays_of, by_rows, submatrix
 from namlcp.qp import KKT
-
-ACTIVE = 1e-8
-"""w_i counts as 0 up to this multiple of the largest term of (A z + q)_i, a distance to
-a bound up to this multiple of 1 + |z_i|."""
 
 ACCURACY = 1e-12
 """Residual of multigrid solves, relative to the right-hand side."""
@@ -61,7 +58,9 @@ class LCPDerivative:
         if isinstance(lcp.A, Operator):
             raise ValueError("derivatives need the entries of A, got a LinearOperator")
         self.lcp, self.given, self.z = lcp, given, z
-        side, self.weak_side = sides_of(lcp, z, w)
+        _, q, lower, upper = lcp
+        slopes = lcp.matrix.slopes
+        side, self.weak_side = sides_of_lcp(q, lower, upper, slopes, z, w)
         self.strict_side = side
         self.weak = int(np.count_nonzero(self.weak_side) - np.count_nonzero(side))
         self.hold(side)
@@ -109,25 +108,6 @@ class LCPDerivative:
     def vector(self, name: str, value: Any) -> np.ndarray:
         """Return a vector of the caller checked, 0 if it is None."""
         return change(name, value, "q", self.lcp.q)
-
-
-def sides_of(lcp: LCP, z: np.ndarray, w: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return where an unknown is fixed: -1 at lower, 1 at upper, 0 where it is free.
-
-    The second array counts unknowns at a bound with w = 0 as fixed too. w_i counts as 0
-    up to `ACTIVE` times the largest term of (A z + q)_i, as far as these are known. An
-    unknown is at a bound with w != 0 if its distance to the bound is less than |w_i|
-    over the slope of w_i in z_i.
-    """
-    q, lower, upper, slopes = lcp.q, lcp.lower, lcp.upper, lcp.matrix.slopes
-    terms = np.abs((q, w - q, slopes * z)).max(axis=0)
-    zero, near = ACTIVE * terms, ACTIVE * (1.0 + np.abs(z))
-    pinned = lower == upper
-    at_upper = np.where(pinned, w < 0.0, (w < -zero) & (slopes * (upper - z) < -w))
-    at_lower = np.where(pinned, w >= 0.0, (w > zero) & (slopes * (z - lower) < w))
-    strict = at_upper.astype(np.int8) - at_lower.astype(np.int8)
-    weak = np.where(upper - z <= near, 1, np.where(z - lower <= near, -1, 0))
-    return strict, np.where(strict == 0, weak, strict)
 
 
 def factored(matrix: Prepared, free: np.ndarray) -> Factors:

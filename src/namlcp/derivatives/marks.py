@@ -57,6 +57,36 @@ def sides_of(qp, point):
     )  # fmt: skip
 
 
+def sides_of_lcp(q, lower, upper, slopes, z, w):
+    """Return the sides (2, n) int8 of the unknowns of a solved LCP.
+
+    `strict` is 0 where an unknown counts as free; `whole` counts unknowns at a bound
+    with w = 0 as fixed, too. w_i is 0 up to ACTIVE times the largest term of (A z +
+    q)_i, as far as these are known. z_i is at a bound with w_i != 0 if its distance is
+    less than |w_i| over the slope of w_i in z_i.
+    """
+    n: Py_ssize_t = q.size
+    sides = np.empty((2, n), dtype=np.int8)
+    strict, cost, slope = signs(sides, 2 * n), numbers(q, n), numbers(slopes, n)
+    l, u = numbers(lower, n), numbers(upper, n)
+    x, v = numbers(z, n), numbers(w, n)
+    for i in range(n):
+        term = max(fabs(cost[i]), max(fabs(v[i] - cost[i]), fabs(slope[i] * x[i])))
+        zero, near = ACTIVE * term, ACTIVE * (1.0 + fabs(x[i]))
+        side: cython.int = 0
+        if l[i] == u[i]:
+            side = 1 if v[i] < 0.0 else -1
+        elif v[i] < -zero and slope[i] * (u[i] - x[i]) < -v[i]:
+            side = 1
+        elif v[i] > zero and slope[i] * (x[i] - l[i]) < v[i]:
+            side = -1
+        strict[i] = side
+        if side == 0:
+            side = 1 if u[i] - x[i] <= near else (-1 if x[i] - l[i] <= near else 0)
+        strict[n + i] = side
+    return sides
+
+
 def sizes_of(n, m, p):
     """Return how many numbers P, q, G, h, A, b, lb, ub, x, y, z and z_box have."""
     return n * n, n, m * n, m, p * n, p, n, n, n, p, m, n
