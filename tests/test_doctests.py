@@ -11,9 +11,9 @@ import namlcp
 
 HOSTS = {
     "namlcp.cvxpy": {"cvxpy"},
-    "namlcp.layers.cvxpylayers": {"cvxpylayers", "torch"},
-    "namlcp.layers.jax": {"jax"},
-    "namlcp.layers.torch": {"torch"},
+    "namlcp.cvxpylayers": {"cvxpylayers", "torch"},
+    "namlcp.jax": {"jax"},
+    "namlcp.torch": {"torch"},
 }
 MODULES = {name for _, name, _ in pkgutil.walk_packages(namlcp.__path__, "namlcp.")}
 MODULES -= {"namlcp.__main__"}

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from decimal import Decimal
 from fractions import Fraction
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -26,6 +27,7 @@ from namlcp import (
     solve_qp,
 )
 from namlcp.qpsolvers import nam_solve_qp
+from namlcp.scenes.friction import Bodies, Contacts, Scene, friction_lcp
 
 
 def image(value):
@@ -367,6 +369,41 @@ LCP_REFUSALS = [
 def test_an_lcp_is_refused_in_words(arguments, options, error, text):
     with pytest.raises(error, match=text):
         solve_lcp(*arguments, **options)
+
+
+def block(**changes):
+    """Return a block on the ground, in the plane, with some arrays changed."""
+    parts = {
+        "centre": np.zeros((1, 3)), "mass": np.ones(1), "inertia": np.ones((1, 3)),
+        "velocity": np.zeros((1, 6)), "first": np.array([-1]), "second": np.array([0]),
+        "point": np.zeros((1, 3)), "normal": np.eye(3)[1:2], "mu": np.ones(1),
+        "gap": np.zeros(1),
+    } | changes  # fmt: skip
+    values = iter(parts.values())
+    bodies, contacts = (kind(*islice(values, k)) for kind, k in KINDS)
+    return Scene(bodies, contacts, *values)
+
+
+KINDS = (Bodies, 4), (Contacts, 6)
+
+
+@pytest.mark.parametrize(
+    ("changes", "error", "text"),
+    [
+        ({"normal": np.eye(3)[2:]}, V, "plane z = 0 where directions = 2, got 1 at"),
+        ({"normal": 2.0 * np.eye(3)[1:2]}, V, r"unit vectors, got 2 at \(0\)"),
+        ({"mu": -np.ones(1)}, V, "Contacts.mu must not be negative, got -1"),
+        ({"mass": np.zeros(1)}, V, "Bodies.mass must be positive, got 0"),
+        ({"second": np.array([1])}, V, "Contacts.second must be negative.* less than 1"),
+        ({"point": np.zeros(3)}, V, r"Contacts.point must have shape \(1, 3\), got"),
+        ({"gap": [0.0]}, T, r"Contacts.gap must be an array, got \[0.0\]"),
+        ({"directions": 3}, V, "directions must be 2, in the plane, 4, 6, ..., got 3"),
+    ],
+)  # fmt: skip
+def test_a_scene_without_a_meaning_is_refused(changes, error, text):
+    friction_lcp(block())
+    with pytest.raises(error, match=text):
+        friction_lcp(block(**changes))
 
 
 # ---- where it runs

@@ -14,7 +14,6 @@ from contextlib import suppress
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from namlcp import layers
 from namlcp.lcp import Prepared
 from namlcp.many import solve_many
 from namlcp.options import Options, Relaxation
@@ -26,8 +25,8 @@ from namlcp.status import Status
 from namlcp.theory import Verdict, converges, is_h_plus
 
 if TYPE_CHECKING:  # `__getattr__` below imports these when they are asked for
+    from namlcp import cvxpylayers, jax, torch
     from namlcp.deprecated import warmup
-    from namlcp.layers import cvxpylayers, jax, torch
 
 __all__ = [
     "BatchResult",
@@ -54,7 +53,7 @@ __all__ = [
     "warmup",
 ]
 __version__ = "0.2.0"
-LATE = "cvxpy", "scenes"
+LATE = "cvxpy", "cvxpylayers", "jax", "scenes", "torch"
 
 # qpsolvers may be in the middle of its own import, of a backend that imports namlcp;
 # whatever comes of it, namlcp can be used without.
@@ -64,15 +63,13 @@ with suppress(Exception):
 
 def __dir__() -> list[str]:
     """Return what is public."""
-    return sorted([*__all__, *layers.__all__, *LATE, "qpsolvers", "__version__"])
+    return sorted([*__all__, *LATE, "qpsolvers", "__version__"])
 
 
 def __getattr__(name: str) -> Any:
     """Import what is seldom used at its first use: hosts are optional, and slow."""
     if name in LATE:
         return import_module(f"namlcp.{name}")
-    if name in layers.__all__:
-        return import_module(f"namlcp.layers.{name}")
     if name == "warmup":
         return import_module("namlcp.deprecated").warmup
     raise AttributeError(f"module 'namlcp' has no attribute {name!r}")

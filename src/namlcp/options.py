@@ -2,7 +2,7 @@
 
 import math
 import numbers
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
 from difflib import SequenceMatcher
 from functools import cached_property, lru_cache
@@ -204,10 +204,16 @@ def check_names(settings: Mapping[str, Any], known: list[str]) -> None:
                 " h = [u; -l], those with l = u as A = C, b = u"
             )
         if name not in known:
-            near = {k: SequenceMatcher(None, name, k).ratio() for k in known}
-            best = max(known, key=lambda k: near[k])
-            hint = f"did you mean {best!r}?" if near[best] >= 0.5 else f"known: {known}"
+            near = nearest(name, [*known, "warm_start"])
+            hint = f"did you mean {near!r}?" if near else f"known: {known}"
             raise TypeError(f"unknown option {name!r}; {hint}")
+
+
+def nearest(name: str, known: Collection[str]) -> str | None:
+    """Return the name that is written much like this one, None if none is."""
+    close = {k: SequenceMatcher(None, name, k).ratio() for k in known}
+    best = max(close, key=lambda k: close[k])
+    return best if close[best] >= 0.5 else None
 
 
 def check_number(

@@ -15,7 +15,7 @@ from qpsolvers.exceptions import ParamError, ProblemError
 
 import namlcp
 from namlcp.cvxpy import NAM
-from namlcp.layers.stack import AXES, Stack
+from namlcp.stack import AXES, Stack
 
 INF = np.inf
 POINT = "x", "y", "z", "z_box"

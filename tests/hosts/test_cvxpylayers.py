@@ -8,7 +8,7 @@ pytest.importorskip("cvxpylayers", minversion="1.2")
 import cvxpy as cp  # noqa: E402
 from cvxpylayers.torch import CvxpyLayer  # noqa: E402
 
-from namlcp.layers.cvxpylayers import NAM  # noqa: E402
+from namlcp.cvxpylayers import NAM  # noqa: E402
 
 
 def parameters(*shapes):

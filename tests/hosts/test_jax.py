@@ -9,7 +9,7 @@ import jax.numpy as jnp  # noqa: E402
 from jax.test_util import check_grads  # noqa: E402
 
 import namlcp  # noqa: E402
-from namlcp.layers.jax import solve_qp  # noqa: E402
+from namlcp.jax import solve_qp  # noqa: E402
 
 
 @pytest.fixture(autouse=True)

@@ -5,7 +5,7 @@ import pytest
 from problems_layers import SHARP, layer_data
 
 import namlcp
-from namlcp.layers.stack import AXES, Stack
+from namlcp.stack import AXES, Stack
 
 SIZES = {"P": (2, 2), "q": (2,), "G": (1, 2), "h": (1,)}
 

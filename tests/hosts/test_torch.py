@@ -5,7 +5,7 @@ import pytest
 from problems_layers import SHARP, layer_data
 
 torch = pytest.importorskip("torch")
-from namlcp.layers.torch import solve_qp  # noqa: E402
+from namlcp.torch import solve_qp  # noqa: E402
 
 # torch's own forward mode uses what torch deprecates
 pytestmark = pytest.mark.filterwarnings("ignore:.*torch.jit.script:DeprecationWarning")

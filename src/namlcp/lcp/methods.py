@@ -35,6 +35,7 @@ from namlcp.lcp.psor import solve_by_sweeps
 from namlcp.lcp.tridiagonal import solve_tridiagonal
 from namlcp.limits import Deadline, Limits
 from namlcp.linalg.threads import blas_threads
+from namlcp.options import nearest
 from namlcp.outcome import Outcome
 from namlcp.status import Status
 
@@ -234,7 +235,9 @@ def find_method(method: str, options: Collection[str] = ()) -> Method:
     if not isinstance(method, str):
         raise TypeError(f"method must be a string, got {method!r}")
     if method not in NAMED:
-        raise ValueError(f"method must be one of {list(NAMED)}, got {method!r}")
+        near = nearest(method, NAMED)
+        hint = f"; did you mean {near!r}?" if near else ""
+        raise ValueError(f"method must be one of {list(NAMED)}, got {method!r}{hint}")
     found = NAMED[method]
     for name in options:
         if name in found.takes:

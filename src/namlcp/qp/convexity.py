@@ -55,5 +55,8 @@ def check_convex(P: Any) -> None:
     elif i == j:
         reason = f"its diagonal entry {j} is negative"
     else:
-        reason = f"the determinant of its rows and columns {i} and {j} is negative"
+        reason = (
+            f"the determinant of its rows and columns {i} and {j} is negative, and so "
+            "is an eigenvalue"
+        )
     raise NotConvex(f"P must be positive semidefinite: {reason}")

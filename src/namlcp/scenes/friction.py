@@ -38,8 +38,10 @@ PLANE, SPACE = (0, 1, 5), (0, 1, 2, 3, 4, 5)
 class Bodies(NamedTuple):
     """Rigid bodies: centres (k, 3), masses (k,), moments of inertia (k, 3).
 
-    The moments are those about the axes; velocity (k, 6), linear and angular, is that
-    at the end of the time step without contact forces. In the plane z = 0.
+    The moments are those about the world's axes through the centre (a body that is
+    turned in space needs axes of its own: see `docs/contact.md`); velocity (k, 6),
+    linear [m/s] and angular [rad/s], is that at the end of the time step without
+    contact forces. In the plane z = 0.
     """
 
     centre: np.ndarray
@@ -49,10 +51,10 @@ class Bodies(NamedTuple):
 
 
 class Contacts(NamedTuple):
-    """Contacts: two bodies each, -1 for the ground; points and unit normals (m, 3).
+    """Contacts: two bodies each, negative: the ground; points and unit normals (m, 3).
 
     The normal points from the first body to the second. mu (m,): coefficients of
-    friction. gap (m,): distance over the length of the time step.
+    friction. gap (m,): distance divided by the length of the time step [m/s].
     """
 
     first: np.ndarray
@@ -64,7 +66,10 @@ class Contacts(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """Bodies and contacts, in the plane with two directions of friction or in space."""
+    """Bodies and contacts; directions of friction: 2 in the plane z = 0, else 4, 6, ...
+
+    In the plane, gravity is along x or y, and bodies turn about z.
+    """
 
     bodies: Bodies
     contacts: Contacts
@@ -127,7 +132,10 @@ class Scene(NamedTuple):
         return 1.0 / M[:, self.freedom].ravel()
 
     def impulses(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return normal impulses (m,) and friction (m, 3) of a solution z."""
+        """Return normal impulses (m,) and friction (m, 3) of a solution z, in N s.
+
+        Both act on the second body of the contact, and the opposite on the first.
+        """
         m, k = self.contacts.mu.size, self.rough.size
         b = z[m : m + self.directions * k].reshape(self.directions, k, 1)
         friction = np.zeros((m, 3))
@@ -148,6 +156,11 @@ def friction_lcp(scene: Scene) -> tuple[sp.csr_array, np.ndarray]:
 
     `Scene.impulses` and `Scene.velocity` read its solution.
 
+    Raises
+    ------
+    TypeError, ValueError
+        An array of the scene has a wrong shape or values without a meaning.
+
     Examples
     --------
     A block of 1 kg on the ground, pushed with 6 N for 10 ms:
@@ -165,6 +178,7 @@ def friction_lcp(scene: Scene) -> tuple[sp.csr_array, np.ndarray]:
     >>> normal.round(5), friction[0].round(5), scene.velocity(z)[0, :1].round(5)
     (array([0.0981]), array([-0.04905,  0.     ,  0.     ]), array([0.01095]))
     """
+    check_scene(scene)
     mu, rough, count = scene.contacts.mu, scene.rough, scene.directions
     m, k = mu.size, rough.size
     J = scene.jacobian()
@@ -179,3 +193,40 @@ def friction_lcp(scene: Scene) -> tuple[sp.csr_array, np.ndarray]:
     q[: J.shape[0]] = J @ scene.bodies.velocity[:, scene.freedom].ravel()
     q[:m] += scene.contacts.gap
     return A, q
+
+
+def check_scene(scene: Scene) -> None:
+    """Raise where a scene has no meaning."""
+    k, m, count = len(scene.bodies.mass), len(scene.contacts.mu), scene.directions
+    shapes = {"Bodies": [(k, 3), (k,), (k, 3), (k, 6)]}
+    shapes["Contacts"] = [(m,), (m,), (m, 3), (m, 3), (m,), (m,)]
+    for part in scene[:2]:
+        kind = type(part).__name__
+        for name, value, shape in zip(part._fields, part, shapes[kind], strict=True):
+            if not isinstance(value, np.ndarray):
+                raise TypeError(f"{kind}.{name} must be an array, got {value!r}")
+            if value.shape != shape:
+                got = f"{shape}, got {value.shape}"
+                raise ValueError(f"{kind}.{name} must have shape {got}")
+    bodies, contacts = scene.bodies, scene.contacts
+    if count != 2 and (count < 4 or count % 2):
+        raise ValueError(f"directions must be 2, in the plane, 4, 6, ..., got {count}")
+    length = np.linalg.norm(contacts.normal, axis=1)
+    refuse("Contacts.normal must hold unit vectors", abs(length - 1.0) > 1e-6, length)
+    if count == 2:
+        depth = contacts.normal[:, 2]
+        words = "Contacts.normal must lie in the plane z = 0 where directions = 2"
+        refuse(words, depth != 0.0, depth)
+    refuse("Contacts.mu must not be negative", ~(contacts.mu >= 0.0), contacts.mu)
+    refuse("Bodies.mass must be positive", ~(bodies.mass > 0.0), bodies.mass)
+    for name in ("first", "second"):
+        body = getattr(contacts, name)
+        words = f"Contacts.{name} must be negative, the ground, or less than {k}"
+        refuse(words, body >= k, body)
+
+
+def refuse(words: str, wrong: np.ndarray, values: np.ndarray) -> None:
+    """Raise a ValueError for the first value that is wrong."""
+    if wrong.any():
+        i = int(np.argmax(wrong))
+        raise ValueError(f"{words}, got {values[i]:g} at ({i})")

@@ -56,7 +56,7 @@ class NAM(SolverInterface):
     >>> import cvxpy as cp
     >>> import torch
     >>> from cvxpylayers.torch import CvxpyLayer
-    >>> from namlcp.layers.cvxpylayers import NAM
+    >>> from namlcp.cvxpylayers import NAM
     >>> x, c = cp.Variable(2), cp.Parameter(2)
     >>> problem = cp.Problem(cp.Minimize(cp.sum_squares(x - c)), [x <= 1])
     >>> layer = CvxpyLayer(problem, parameters=[c], variables=[x], solver=NAM())

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 
-from namlcp.layers.stack import Stack
+from namlcp.stack import Stack
 
 
 class QPSolution(NamedTuple):

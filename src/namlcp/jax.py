@@ -22,7 +22,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from namlcp.layers.stack import AXES, Stack
+from namlcp.stack import AXES, Stack
 
 SHIFT = 0.6
 """K is factored with its diagonal shifted by eps**SHIFT of its size, eps the rounding
