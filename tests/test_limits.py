@@ -20,7 +20,6 @@ from solves import LCPS, QPS, SOLVES, large_dense, sparse_qp
 import namlcp
 import namlcp.cvxpy
 from namlcp import (
-    Options,
     Prepared,
     Solver,
     Status,
@@ -339,14 +338,6 @@ def test_many_rows_make_no_dual_matrix():
     for rows in (G, sparse.csc_array(G)):
         result = solve_qp(np.eye(5), 10.0 * np.ones(5), rows, np.ones(100_000))
         assert (result.status, result.form) == (Status.SOLVED, "dual")
-
-
-def test_options_are_remembered_by_value_and_type():
-    once = Options.from_names({"max_iter": 1, "eps_abs": 1e-3})
-    assert Options.from_names({"max_iter": 1, "eps_abs": 1e-3}) is once
-    for wrong in (True, [1], np.ones(1)):  # the last two without a hash
-        with pytest.raises(TypeError, match="max_iter must be an integer"):
-            Options.from_names({"max_iter": wrong, "eps_abs": 1e-3})
 
 
 # ---- the table

@@ -149,20 +149,6 @@ def test_a_linear_program_moves_with_its_vertex(kind):
     assert (tangent.weak, tangent.singular) == (0, False)
 
 
-def test_gradients_show_themselves_without_the_matrices():
-    qp = solve_qp(np.eye(1), np.array([-2.0]), ub=np.ones(1))
-    assert repr(qp.backward(dx=np.ones(1))) == (
-        "QPGradients(q=array([0.]), h=array([], dtype=float64), "
-        "b=array([], dtype=float64), lb=array([0.]), ub=array([1.]), weak=0, "
-        "singular=False)"
-    )
-    lcp = solve_lcp(np.eye(1), np.array([-2.0]))
-    assert repr(lcp.backward(dz=np.ones(1))) == (
-        "LCPGradients(q=array([-1.]), lower=array([0.]), upper=array([0.]), weak=0, "
-        "singular=False)"
-    )
-
-
 # ---- what is refused
 
 

@@ -7,7 +7,6 @@ import sys
 import cvxpy as cp
 import numpy as np
 import pytest
-import scipy.sparse as sp
 from cvxpy.error import SolverError
 from cvxpy.reductions.solvers import defines
 
@@ -251,18 +250,6 @@ def test_by_name_after_register():
     assert problem.solve(solver=NAM()) == pytest.approx(value, abs=EXACT)
     default.solve()
     assert default.solver_stats.solver_name == "OSQP"
-
-
-def test_the_hosts_data_are_left_alone():
-    problem, _ = portfolio()
-    data, chain, _ = problem.get_problem_data(NAM())
-    before = {k: v.copy() for k, v in data.items() if hasattr(v, "copy")}
-    chain.solver.solve_via_data(data, True, False, {}, None)
-    for key, value in before.items():
-        if sp.issparse(value):
-            assert (value != data[key]).nnz == 0
-        elif isinstance(value, np.ndarray):
-            np.testing.assert_array_equal(value, data[key])
 
 
 def test_values_of_the_closest_point_of_an_infeasible_problem():
