@@ -7,24 +7,23 @@ cdef class DenseActiveSet(ActiveSet):
         const double *P
         const double *G
         const double *A
-        # L or V, the rows of T', U; four vectors V r, one of a product with U.
+        # L, then V, the rows of T', U; a vector V r, one of a product with U.
         double *factor
         double *equations
         double *schur
-        double *halves
+        double *half
         double *schur_work
         # Bounds that are none.
         double *no_bound
-        # How strongly equations are added to a singular P, 0 for not; whether `factor`
-        # is V already; whether factors are made by LAPACK.
+        # How strongly equations are added to a singular P, 0 for not; whether factors are
+        # made by LAPACK.
         double pull
-        bint is_inverted, is_large
+        bint is_large
 
 
 cdef double PSD_SLACK, MOST_SPREAD, ROUNDING_UNIT, DEPENDENT_EQUATION, FIXED
 cdef enum:
     MOST_EQUATIONS = 2
-    LARGE = 5000
 
 cdef bint set_up(DenseActiveSet m) noexcept nogil
 cdef bint is_sound(DenseActiveSet m) noexcept nogil
@@ -39,8 +38,5 @@ cdef double weight_of(DenseActiveSet m, Py_ssize_t k) noexcept nogil
 cdef void invert_factor(DenseActiveSet m) noexcept nogil
 cdef void set_curvature(DenseActiveSet m) noexcept nogil
 cdef bint set_row_scales(DenseActiveSet m) noexcept nogil
-cdef void finish_values(DenseActiveSet m, const double* rhs, double* half, double* values) noexcept nogil
-cdef void solve_with_factor(DenseActiveSet m, const double* rhs, double* x) noexcept nogil
+cdef void set_base_values(DenseActiveSet m, const double* rhs, double* values) noexcept nogil
 cdef void set_unit_load(DenseActiveSet m, Py_ssize_t row, double* rhs) noexcept nogil
-cdef void choose_companions(DenseActiveSet m, Py_ssize_t asked, Py_ssize_t* found) noexcept nogil
-cdef void set_four_values(DenseActiveSet m, double** outs) noexcept nogil

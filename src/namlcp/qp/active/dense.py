@@ -16,14 +16,12 @@ P + W does, with the W of `weight`, and the QP is solved by `proximal`.
 """
 
 import cython
-from cython import Py_ssize_t, double, p_double
+from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, fabs, sqrt
 from cython.cimports.namlcp.linalg.blas import cholesky, invert_lower
 from cython.cimports.namlcp.linalg.dense import (
     add_times_transposed,
-    backward_solve,
     factor_in_place,
-    forward_solve,
     invert_triangle,
     times_rows,
     times_triangle,
@@ -34,13 +32,11 @@ from cython.cimports.namlcp.linalg.vectors import (
     copy,
     dot,
     fill,
-    four_dots,
     largest_entry,
 )
 from cython.cimports.namlcp.qp.active.rows import (
     claim_place,
     forget_responses,
-    violation_of,
 )
 from cython.cimports.namlcp.qp.active.state import lay_out_rows, reals
 from cython.cimports.namlcp.qp.active.weight import NO_WEIGHT, set_shape, wanted_rho
@@ -59,8 +55,7 @@ DEPENDENT_EQUATION = 1e-11
 # Curvature of a row of norm 1, over the largest entry of P^-1, up to which the
 # equations fix the row: rounding errors for the largest spread are smaller.
 FIXED = 1e-12
-# MOST_EQUATIONS: most equations for a variable, and for two more. LARGE: operations of
-# one response from which on four are made at once.
+# MOST_EQUATIONS: most equations for a variable, and for two more.
 
 
 class DenseActiveSet(ActiveSet):
@@ -72,36 +67,15 @@ class DenseActiveSet(ActiveSet):
         lay_out_rows(self)
         self.factor, self.equations = reals(self, n * n), reals(self, p * n)
         self.schur, self.schur_work = reals(self, p * p), reals(self, p)
-        self.halves, self.no_bound = reals(self, 4 * n), reals(self, 2 * n)
+        self.half, self.no_bound = reals(self, n), reals(self, 2 * n)
 
     def set_values(self, rhs, values):
-        if self.is_inverted:
-            times_triangle(self.factor, self.n, rhs, self.halves)
-            finish_values(self, rhs, self.halves, values)
-        else:
-            solve_with_factor(self, rhs, values + self.m)
+        set_base_values(self, rhs, values)
         times_rows(self.G, self.m, self.n, self.n, values + self.m, values)
 
     def make_responses(self, row):
-        """Make the response to a row, and of a large QP those to three more rows.
-
-        To read V and G takes longer than to multiply with them.
-        """
-        rows = cython.declare(Py_ssize_t[4])
-        outs = cython.declare(p_double[4])
-        if not self.is_inverted:
-            invert_factor(self)
-        size = self.n + self.p
         set_unit_load(self, row, self.rhs)
-        if self.n * (self.n + self.m) < LARGE:
-            self.set_values(self.rhs, claim_place(self, row))
-            return
-        choose_companions(self, row, rows)
-        for i in range(4):
-            set_unit_load(self, rows[i], self.rhs + i * size)
-        for i in range(4):
-            outs[i] = claim_place(self, rows[i]) if rows[i] >= 0 else self.change
-        set_four_values(self, outs)
+        self.set_values(self.rhs, claim_place(self, row))
 
     def set_products(self, is_base):
         n = self.n
@@ -130,9 +104,7 @@ def set_up(m):
     """Factor P, or what takes its place; False where the matrices do not allow it.
 
     They do not if a number is NaN or infinite, or P is not symmetric or not
-    semidefinite. m.wanted > 0 asks for P + W. A single QP without equations goes with L
-    until a row enters, which needs V. (Not so an item of a batch: its last digits would
-    depend on the items before it.)
+    semidefinite. m.wanted > 0 asks for P + W.
     """
     if m.p > MOST_EQUATIONS * (m.n + 2) or not is_sound(m):
         return False
@@ -141,9 +113,7 @@ def set_up(m):
     if not is_plain and (m.wanted == NO_WEIGHT or not factor_weighted(m)):
         return False
     forget_responses(m)
-    m.is_inverted = False
-    if not (m.is_single and m.p == 0 and not m.is_item):
-        invert_factor(m)
+    invert_factor(m)
     return True
 
 
@@ -273,7 +243,6 @@ def invert_factor(m):
     else:
         invert_triangle(m.factor, n)
     set_curvature(m)
-    m.is_inverted = True
     for i in range(p):
         column = m.equations + i * n
         times_triangle(m.factor, n, m.A + i * n, column)
@@ -285,7 +254,7 @@ def invert_factor(m):
 
 def set_curvature(m):
     """Set m.least_curvature from the largest diagonal entry of P^-1 = V'V, scaled."""
-    n, half, unit = m.n, m.halves, m.scale + m.m
+    n, half, unit = m.n, m.half, m.scale + m.m
     fill(half, 0.0, n)
     for i in range(n):
         row = m.factor + i * n
@@ -316,10 +285,11 @@ def set_row_scales(m):
 # ---- the operator
 
 
-def finish_values(m, rhs, half, values):
-    """Set x and y in values = (G x, x, y) from half = V r; overwrites `half`."""
-    n, p = m.n, m.p
+def set_base_values(m, rhs, values):
+    """Set x and y in values = (G x, x, y) to those of (x, y) = K^-1 rhs."""
+    n, p, half = m.n, m.p, m.half
     y = values + m.rows
+    times_triangle(m.factor, n, rhs, half)
     if p > 0:
         times_rows(m.equations, p, n, n, half, y)
         add_scaled(-1.0, rhs + n, y, p)
@@ -332,13 +302,6 @@ def finish_values(m, rhs, half, values):
     times_triangle_transposed(m.factor, n, half, values + m.m)
 
 
-def solve_with_factor(m, rhs, x):
-    """Set x to the solution of P x = rhs by the factor L of P."""
-    copy(rhs, x, m.n)
-    forward_solve(m.factor, m.n, x)
-    backward_solve(m.factor, m.n, x)
-
-
 def set_unit_load(m, row, rhs):
     """Set rhs = (c, 0) for the coefficients c of a row, 0 for row -1."""
     fill(rhs, 0.0, m.n + m.p)
@@ -346,50 +309,3 @@ def set_unit_load(m, row, rhs):
         rhs[row - m.m] = 1.0
     elif row >= 0:
         copy(m.G + row * m.n, rhs, m.n)
-
-
-def choose_companions(m, asked, found):
-    """Set `found` to a row and three whose responses may be asked for next, or -1.
-
-    They are the rows violated most, most of which enter later, or those of a hint.
-    """
-    most, less, least = 0.0, 0.0, 0.0
-    is_hint: cython.bint = m.entering < 0
-    found[0], found[1], found[2], found[3] = asked, -1, -1, -1
-    for i in range(m.hinted if is_hint else 0, m.hints if is_hint else m.rows):
-        row = m.kept_active[i] if is_hint else i
-        if row == asked or m.place[row] >= 0:
-            continue
-        if is_hint:
-            weight = 1.0 / (1 + i)
-        else:
-            weight = violation_of(m, row, m.s[row]) * m.scale[row]
-        if weight > most:
-            found[1], found[2], found[3] = row, found[1], found[2]
-            most, less, least = weight, most, less
-        elif weight > less:
-            found[2], found[3] = row, found[2]
-            less, least = weight, less
-        elif weight > least:
-            found[3], least = row, weight
-
-
-def set_four_values(m, outs):
-    """Do what `set_values` does for four right-hand sides in m.rhs.
-
-    The sums for one of them do not depend on the others.
-    """
-    four = cython.declare(double[4])
-    n, size, at = m.n, m.n + m.p, m.m
-    a, b, c, d = m.rhs, m.rhs + size, m.rhs + 2 * size, m.rhs + 3 * size
-    for i in range(n):
-        four_dots(m.factor + i * n, a, b, c, d, i + 1, four)
-        for j in range(4):
-            m.halves[j * n + i] = four[j]
-    for j in range(4):
-        finish_values(m, m.rhs + j * size, m.halves + j * n, outs[j])
-    a, b, c, d = outs[0] + at, outs[1] + at, outs[2] + at, outs[3] + at
-    for i in range(m.m):
-        four_dots(m.G + i * n, a, b, c, d, n, four)
-        for j in range(4):
-            outs[j][i] = four[j]

@@ -8,9 +8,7 @@ import cython
 from cython import Py_ssize_t
 from cython.cimports.libc.stdlib import free, malloc
 from cython.cimports.namlcp.linalg.blas import times, times_transposed
-from cython.cimports.namlcp.linalg.dense import times_rows
 from cython.cimports.namlcp.linalg.vectors import copy
-from cython.cimports.namlcp.qp.active.dense import invert_factor, solve_with_factor
 from cython.cimports.namlcp.qp.active.rows import claim_place
 
 # MOST_ROWS: most rows for a variable for which responses are made before they are asked
@@ -18,11 +16,10 @@ from cython.cimports.namlcp.qp.active.rows import claim_place
 
 
 def prepare(m):
-    """Make the responses to the violated rows of G, from the factor L of P."""
-    if m.p > 0 or m.m > MOST_ROWS * m.n or m.is_inverted:
+    """Make the responses to the violated rows of G, from V."""
+    if m.p > 0 or m.m > MOST_ROWS * m.n:
         return
     k: Py_ssize_t = violated_rows(m, m.s, m.active)
-    invert_factor(m)
     space = cython.cast(cython.p_double, malloc(8 * k * (2 * m.n + m.m) + 8))
     if space != cython.NULL:  # else they are made one by one
         make_all(m, m.active, k, space)
@@ -34,11 +31,10 @@ def violated_rows(m, values, rows):
 
     values: room for (G x, x).
     """
-    n, count = m.n, cython.cast(Py_ssize_t, 0)
-    for j in range(n):
+    count: Py_ssize_t = 0
+    for j in range(m.n):
         m.rhs[j] = -m.q[j]
-    solve_with_factor(m, m.rhs, values + m.m)
-    times_rows(m.G, m.m, n, n, values + m.m, values)
+    m.set_values(m.rhs, values)
     for i in range(m.m):
         if values[i] > m.h[i] and count < m.most:
             rows[count] = i

@@ -1,7 +1,6 @@
 from namlcp.qp.active.state cimport ActiveSet
 
 cdef double goal_of(ActiveSet m, Py_ssize_t row, Py_ssize_t side) noexcept nogil
-cdef double violation_of(ActiveSet m, Py_ssize_t row, double value) noexcept nogil
 cdef double* response_of(ActiveSet m, Py_ssize_t row) noexcept nogil
 cdef double* claim_place(ActiveSet m, Py_ssize_t row) noexcept nogil
 cdef void forget_responses(ActiveSet m) noexcept nogil

@@ -19,14 +19,6 @@ def goal_of(m, row, side):
     return m.lb[row - m.m] if side < 0 else m.ub[row - m.m]
 
 
-def violation_of(m, row, value):
-    """Return by how much the value of a row exceeds the nearer one of its sides."""
-    if row < m.m:
-        return value - m.h[row]
-    j = row - m.m
-    return max(value - m.ub[j], m.lb[j] - value)
-
-
 def response_of(m, row):
     """Return the response to a row, which has been made."""
     return m.responses + m.length * m.place[row]

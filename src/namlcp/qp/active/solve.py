@@ -497,7 +497,7 @@ def solve_items(
         out[k] = data_of(outs[k])
     code = cython.cast(cython.p_longlong, cnp.PyArray_DATA(codes))
     count = cython.cast(cython.p_longlong, cnp.PyArray_DATA(iterations))
-    m.is_single = m.is_item = True
+    m.is_single = True
     wanted = m.wanted
     take_settings(m, settings, INFINITY)
     with cython.nogil:
@@ -538,7 +538,7 @@ def factors_of(m: DenseActiveSet):
     place_of_vectors(other, m.vectors)
     other.point = m.point
     other.x, other.y, other.z, other.z_box = m.x, m.y, m.z, m.z_box
-    other.pull, other.is_inverted, other.skipped = m.pull, m.is_inverted, m.skipped
+    other.pull, other.skipped = m.pull, m.skipped
     other.is_ready, other.kept_k = True, m.kept_k
     copy(m.factor, other.factor, m.n * m.n)
     copy(m.equations, other.equations, m.p * m.n)

@@ -57,11 +57,10 @@ cdef class ActiveSet(Watched):
         double *kept_triangle
         # Active rows now and in the last solved QP; changes since L was computed from S,
         # now and then; rows of a hint, and the one tried now; whether rows have
-        # changed in this solve; whether no other solve follows, or only that of an
-        # item of a batch, which must not depend on this one.
-        Py_ssize_t k, age, kept_age, hinted
+        # changed in this solve; whether no other solve follows that depends on it.
+        Py_ssize_t k, age, kept_age
         public Py_ssize_t kept_k, hints
-        bint changed, is_single, is_item
+        bint changed, is_single
         # L^-1 w_F, S^-1 w_F, right-hand sides of S, Givens rotations.
         double *coefficient
         double *ratio

@@ -149,7 +149,6 @@ def admit_hints(m):
         is_new: cython.bint = m.side[row] == 0 and m.k < m.most
         if is_new and not isinf(goal_of(m, row, side)):
             if m.place[row] < 0:
-                m.hinted = i
                 m.make_responses(row)
             rest = rest_of(m, row)
             if not is_dependent(m, row, rest, DEPENDENT_HINT):
