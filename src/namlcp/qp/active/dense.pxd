@@ -15,9 +15,7 @@ cdef class DenseActiveSet(ActiveSet):
         double *schur_work
         # Bounds that are none.
         double *no_bound
-        # How strongly equations are added to a singular P, 0 for not; whether factors are
-        # made by LAPACK.
-        double pull
+        # Whether factors are made by LAPACK.
         bint is_large
 
 
@@ -30,11 +28,9 @@ cdef bint is_sound(DenseActiveSet m) noexcept nogil
 cdef double copy_cost(DenseActiveSet m, double slack) noexcept nogil
 cdef bint has_factor(DenseActiveSet m) noexcept nogil
 cdef bint is_semidefinite(DenseActiveSet m) noexcept nogil
-cdef bint factor_pulled(DenseActiveSet m, double pull) noexcept nogil
-cdef bint can_pull(DenseActiveSet m) noexcept nogil
+cdef bint factor_cost(DenseActiveSet m) noexcept nogil
 cdef bint factor_weighted(DenseActiveSet m) noexcept nogil
 cdef double reach_of(const double* row, const double* shape, Py_ssize_t n) noexcept nogil
-cdef double weight_of(DenseActiveSet m, Py_ssize_t k) noexcept nogil
 cdef void invert_factor(DenseActiveSet m) noexcept nogil
 cdef void set_curvature(DenseActiveSet m) noexcept nogil
 cdef bint set_row_scales(DenseActiveSet m) noexcept nogil

@@ -10,13 +10,11 @@ but lose about half as many digits (Higham, Accuracy and Stability of Numerical
 Algorithms, 2nd ed., chapter 14). An equation that depends on those before it has the
 multiplier 0.
 
-A singular P may be definite where A x = 0. Then P + A'WA takes its place, W diagonal:
-with the equations it has the same x, and its multipliers are y - W b instead of y. Else
-P + W does, with the W of `weight`, and the QP is solved by `proximal`.
+In place of a P without a good factor is P + W, with the W of `weight`, and the QP is
+solved by `proximal`.
 """
 
 import cython
-from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, fabs, sqrt
 from cython.cimports.namlcp.linalg.blas import cholesky, invert_lower
 from cython.cimports.namlcp.linalg.dense import (
@@ -73,7 +71,7 @@ class DenseActiveSet(ActiveSet):
         set_base_values(self, rhs, values)
         times_rows(self.G, self.m, self.n, self.n, values + self.m, values)
 
-    def make_responses(self, row):
+    def make_response(self, row):
         set_unit_load(self, row, self.rhs)
         self.set_values(self.rhs, claim_place(self, row))
 
@@ -109,7 +107,7 @@ def set_up(m):
     if m.p > MOST_EQUATIONS * (m.n + 2) or not is_sound(m):
         return False
     m.rho, m.skipped = 0.0, 0
-    is_plain: cython.bint = m.wanted <= 0.0 and (factor_pulled(m, 0.0) or can_pull(m))
+    is_plain: cython.bint = m.wanted <= 0.0 and factor_cost(m)
     if not is_plain and (m.wanted == NO_WEIGHT or not factor_weighted(m)):
         return False
     forget_responses(m)
@@ -164,32 +162,16 @@ def is_semidefinite(m):
     return has_factor(m)
 
 
-def factor_pulled(m, pull):
-    """Factor P + A'WA, W_ii = pull / |a_i|^2; False where that has no good factor.
-
-    It has none if the pivots differ too much.
-    """
-    n, m.pull = m.n, pull
+def factor_cost(m):
+    """Factor P; False where it has no good factor, as the pivots differ too much."""
+    n, low, high = m.n, INFINITY, 0.0
     copy_cost(m, 0.0)
-    for k in range(m.p if pull > 0.0 else 0):
-        row, weight = m.A + k * n, weight_of(m, k)
-        for i in range(n):
-            if row[i] != 0.0:
-                add_scaled(weight * row[i], row, m.factor + i * n, i + 1)
     if not has_factor(m):
         return False
-    low, high = INFINITY, 0.0
     for i in range(n):
         root = m.factor[i * n + i]
         low, high = min(low, root), max(high, root)
     return high * high <= MOST_SPREAD * low * low
-
-
-def can_pull(m):
-    """Factor P + A'WA; False, too, where P is not semidefinite, which W may hide."""
-    if m.p == 0 or not is_semidefinite(m) or m.largest == 0.0:
-        return False
-    return factor_pulled(m, m.largest)
 
 
 def factor_weighted(m):
@@ -204,7 +186,7 @@ def factor_weighted(m):
         m.scale[i] = reach_of(m.G + i * n, m.shape, n)
     for i in range(m.p):
         m.reach[i] = reach_of(m.A + i * n, m.shape, n)
-    m.pull, m.rho = 0.0, wanted_rho(m)
+    m.rho = wanted_rho(m)
     copy_cost(m, 0.0)
     for i in range(n):
         m.weight[i] = m.rho * m.shape[i]
@@ -224,13 +206,6 @@ def reach_of(row, shape, n):
     for j in range(n):
         squares += row[j] * row[j] / shape[j]
     return 1.0 / sqrt(squares) if squares > 0.0 else 1.0
-
-
-def weight_of(m, k):
-    """Return W_kk: the weight at which a_k a_k' is as large as P, 0 without a pull."""
-    row = m.A + k * m.n
-    squares = dot(row, row, m.n)
-    return m.pull / squares if squares > 0.0 else 0.0
 
 
 def invert_factor(m):
@@ -297,8 +272,6 @@ def set_base_values(m, rhs, values):
         times_triangle_transposed(m.schur, p, m.schur_work, y)
         for i in range(p):
             add_scaled(-y[i], m.equations + i * n, half, n)
-            if m.pull > 0.0:
-                y[i] += weight_of(m, i) * rhs[n + i]
     times_triangle_transposed(m.factor, n, half, values + m.m)
 
 

@@ -538,8 +538,8 @@ def factors_of(m: DenseActiveSet):
     place_of_vectors(other, m.vectors)
     other.point = m.point
     other.x, other.y, other.z, other.z_box = m.x, m.y, m.z, m.z_box
-    other.pull, other.skipped = m.pull, m.skipped
     other.is_ready, other.kept_k = True, m.kept_k
+    other.skipped = m.skipped
     copy(m.factor, other.factor, m.n * m.n)
     copy(m.equations, other.equations, m.p * m.n)
     copy(m.schur, other.schur, m.p * m.p)

@@ -88,7 +88,7 @@ class SparseActiveSet:
         solve_base(self, rhs, values + self.m, self.passes)
         times_rows(self, values + self.m, values)
 
-    def make_responses(self, row):
+    def make_response(self, row):
         """Make the response to a row, one pass more accurate than what changes."""
         self.operations += self.response_operations
         fill(self.rhs, 0.0, self.size)

@@ -29,8 +29,8 @@ class ActiveSet(Watched):
     def set_values(self, rhs, values):
         """Set values = (G x, x, y) for (x, y) = K^-1 rhs, see `steps`."""
 
-    def make_responses(self, row):
-        """Make the response to a row, perhaps those to others."""
+    def make_response(self, row):
+        """Make the response to a row."""
 
     def set_products(self, is_base):
         """Set the products of the point with P, G and A.

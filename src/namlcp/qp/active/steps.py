@@ -149,7 +149,7 @@ def admit_hints(m):
         is_new: cython.bint = m.side[row] == 0 and m.k < m.most
         if is_new and not isinf(goal_of(m, row, side)):
             if m.place[row] < 0:
-                m.make_responses(row)
+                m.make_response(row)
             rest = rest_of(m, row)
             if not is_dependent(m, row, rest, DEPENDENT_HINT):
                 append_row(m, row, side, 0.0, sqrt(rest))
@@ -305,7 +305,7 @@ def pivot(m):
             if not has_next(m):
                 return DONE if m.entering < 0 else STUCK
             if m.place[m.entering] < 0:
-                m.make_responses(m.entering)
+                m.make_response(m.entering)
         operations: cython.double = (m.k + 2) * (m.length + m.k)
         if is_over(m, operations):
             return LATE
