@@ -5,15 +5,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csc_array, issparse
 
-from namlcp.checks import (
-    INFINITE,
-    as_sparse,
-    from_arrays,
-    matrix,
-    real_array,
-    refuse_view,
-)
-from namlcp.entries import is_moderate
+from namlcp.checks import as_sparse, from_arrays, matrix, real_array, refuse_view
 from namlcp.linalg import as_dense
 from namlcp.qp.memory import are_equal, is_same
 
@@ -64,23 +56,6 @@ def has_pattern_of(new: Any, old: Any) -> bool:
 def as_given(given: Any, own: Any) -> Any:
     """Return a user's matrix as it is stored, which is `own` where that is the same."""
     return own if type(own) is csc_array and has_pattern_of(given, own) else given
-
-
-def revalued(value: Any, kept: Any) -> Any:
-    """Return `kept`, a clean csc_array, with a user's values instead of its own.
-
-    None where that takes a closer look: another class or pattern, or values that are
-    not float64, finite and moderate.
-    """
-    if type(kept) is not csc_array or not has_pattern_of(value, kept):
-        return None
-    data = value.data
-    if data.dtype != np.float64 or data.shape != kept.data.shape:
-        return None
-    data = data.copy()
-    if not is_moderate(data, INFINITE):
-        return None
-    return from_arrays((kept.indptr, kept.indices, data), kept.shape)
 
 
 def in_place_of(name: str, value: Any, kept: Any) -> Any:

@@ -13,7 +13,6 @@ from math import inf
 from typing import Any
 
 from namlcp.limits import Deadline
-from namlcp.linalg import asymmetry
 from namlcp.options import DEFAULT_OPTIONS, Options
 from namlcp.outcome import Outcome
 from namlcp.qp.active.once import answer_of, kept_for, renew
@@ -30,7 +29,6 @@ from namlcp.qp.sequences.pattern import (
     copied,
     in_place_of,
     is_unchanged,
-    revalued,
     within_pattern,
 )
 from namlcp.qp.solve import solve_checked
@@ -65,7 +63,7 @@ class QPSequence:
         given = P, G, A = copied("P", P), copied("G", G), copied("A", A)
         qp = qp_data(P, q, G, h, A, b, lb, ub)
         check_convex(qp.P)
-        self.hold_matrices(qp, tuple(map(as_given, given, (qp.P, qp.G, qp.A))))
+        self.hold_matrices(qp, given)
         self.vectors = qp.joined()  # replaced, never changed: results keep it
         self.last: Any = None  # the last result that is a solution
         self.begin()
@@ -77,8 +75,9 @@ class QPSequence:
 
     def hold_matrices(self, qp: QP, given: tuple[Any, ...]) -> None:
         """Take the matrices of a checked QP, `given` in the user's own storage."""
-        P, G, A = given
-        self.matrices, self.given = (qp.P, qp.G, qp.A), (P, G, A)
+        self.matrices = qp.P, qp.G, qp.A
+        P, G, A = map(as_given, given, self.matrices)
+        self.given = P, G, A
         self.is_own = are_own(self.given, qp)
 
     def begin(self) -> None:
@@ -157,22 +156,16 @@ class QPSequence:
     def take_matrices(self, changes: dict[str, Any]) -> None:
         """Check and take those matrices that are new."""
         given, kept = dict(zip("PGA", self.given, strict=True)), self.qp._asdict()
-        new, is_clean = {}, True
+        new = {}
         for name, M in changes.items():
-            if M is None or is_unchanged(M, given[name]):
-                continue
-            new[name] = given[name] = revalued(M, kept[name])
-            if new[name] is None or (name == "P" and asymmetry(new[name])[0] > 0.0):
+            if M is not None and not is_unchanged(M, given[name]):
                 given[name] = copied(name, M)
                 new[name] = in_place_of(name, given[name], kept[name])
-                is_clean = False
         if not new:
             return
-        qp = self.qp._replace(**new)
-        if not is_clean:
-            qp = qp_data(*qp)
-            if not qp.is_dense:  # P + P' is stored without zeros
-                qp = qp._replace(P=within_pattern(qp.P, kept["P"]))
+        qp = qp_data(*self.qp._replace(**new))
+        if not qp.is_dense:  # P + P' is stored without zeros
+            qp = qp._replace(P=within_pattern(qp.P, kept["P"]))
         if "P" in new:
             check_convex(qp.P)
         self.hold_matrices(qp, tuple(given.values()))
