@@ -7,7 +7,6 @@ cdef enum:
     TILE = 32
 
 cpdef bint is_bad(const double[::1] values, bint infinite_allowed)
-cpdef bint is_moderate(const double[::1] values, double most)
 cpdef bint has_huge(const double[::1] values, double most)
 cpdef tuple dense_asymmetry(const double[:, ::1] P)
 cpdef tuple sparse_asymmetry(const int[::1] indptr, const int[::1] indices, const double[::1] data)

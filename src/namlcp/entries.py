@@ -15,14 +15,6 @@ def is_bad(values, infinite_allowed):
     return bad > 0
 
 
-def is_moderate(values, most):
-    """Tell whether all values are below `most` in modulus; False for NaN."""
-    bad: Py_ssize_t = 0
-    for i in range(values.shape[0]):
-        bad += not fabs(values[i]) < most
-    return bad == 0
-
-
 def has_huge(values, most):
     """Tell whether a value is finite, but not below `most` in modulus."""
     for i in range(values.shape[0]):

@@ -6,7 +6,7 @@ and `null` (most variables at bounds) are parts of it, and `run` is a whole solv
 `solve` is the door from the user's arrays, `once` has the answer.
 """
 
-from namlcp.qp.active.once import answer_of, new_attempt, solve_dense
+from namlcp.qp.active.once import solve_dense
 from namlcp.qp.active.solve import (
     MOST_ORDER,
     OUTCOMES,

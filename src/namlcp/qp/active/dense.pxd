@@ -22,6 +22,7 @@ cdef class DenseActiveSet(ActiveSet):
 cdef double PSD_SLACK, MOST_SPREAD, ROUNDING_UNIT, DEPENDENT_EQUATION, FIXED
 cdef enum:
     MOST_EQUATIONS = 2
+    MOST_ROWS = 2
 
 cdef bint set_up(DenseActiveSet m) noexcept nogil
 cdef bint is_sound(DenseActiveSet m) noexcept nogil
@@ -36,3 +37,6 @@ cdef void set_curvature(DenseActiveSet m) noexcept nogil
 cdef bint set_row_scales(DenseActiveSet m) noexcept nogil
 cdef void set_base_values(DenseActiveSet m, const double* rhs, double* values) noexcept nogil
 cdef void set_unit_load(DenseActiveSet m, Py_ssize_t row, double* rhs) noexcept nogil
+cdef void prepare(DenseActiveSet m) noexcept nogil
+cdef Py_ssize_t violated_rows(DenseActiveSet m, double* values, Py_ssize_t* rows) noexcept nogil
+cdef void make_all(DenseActiveSet m, const Py_ssize_t* rows, Py_ssize_t k, double* space) noexcept nogil

@@ -16,7 +16,13 @@ solved by `proximal`.
 
 import cython
 from cython.cimports.libc.math import INFINITY, fabs, sqrt
-from cython.cimports.namlcp.linalg.blas import cholesky, invert_lower
+from cython.cimports.libc.stdlib import free, malloc
+from cython.cimports.namlcp.linalg.blas import (
+    cholesky,
+    invert_lower,
+    times,
+    times_transposed,
+)
 from cython.cimports.namlcp.linalg.dense import (
     add_times_transposed,
     factor_in_place,
@@ -53,7 +59,8 @@ DEPENDENT_EQUATION = 1e-11
 # Curvature of a row of norm 1, over the largest entry of P^-1, up to which the
 # equations fix the row: rounding errors for the largest spread are smaller.
 FIXED = 1e-12
-# MOST_EQUATIONS: most equations for a variable, and for two more.
+# MOST_EQUATIONS: most equations for a variable, and for two more. MOST_ROWS: most rows
+# for a variable for which responses are made before they are asked for.
 
 
 class DenseActiveSet(ActiveSet):
@@ -276,9 +283,58 @@ def set_base_values(m, rhs, values):
 
 
 def set_unit_load(m, row, rhs):
-    """Set rhs = (c, 0) for the coefficients c of a row, 0 for row -1."""
+    """Set rhs = (c, 0) for the coefficients c of a row."""
     fill(rhs, 0.0, m.n + m.p)
     if row >= m.m:
         rhs[row - m.m] = 1.0
-    elif row >= 0:
+    else:
         copy(m.G + row * m.n, rhs, m.n)
+
+
+# ---- large QPs, one at a time
+
+
+def prepare(m):
+    """Make the responses to the rows of G violated without constraints, at once.
+
+    They mostly enter sooner or later. One by one their responses would be limited by
+    the speed of memory.
+    """
+    if m.p > 0 or m.m > MOST_ROWS * m.n:
+        return
+    k: Py_ssize_t = violated_rows(m, m.s, m.active)
+    space = cython.cast(cython.p_double, malloc(8 * k * (2 * m.n + m.m) + 8))
+    if space != cython.NULL:  # else they are made one by one
+        make_all(m, m.active, k, space)
+        free(space)
+
+
+def violated_rows(m, values, rows):
+    """List rows of G that exceed h at the minimum without constraints, m.most at most.
+
+    values: room for (G x, x).
+    """
+    count: Py_ssize_t = 0
+    for j in range(m.n):
+        m.rhs[j] = -m.q[j]
+    m.set_values(m.rhs, values)
+    for i in range(m.m):
+        if values[i] > m.h[i] and count < m.most:
+            rows[count] = i
+            count += 1
+    return count
+
+
+def make_all(m, rows, k, space):
+    """Make the responses to k rows of G; space: for k (2 n + m) numbers."""
+    n = m.n
+    C, H, W = space, space + k * n, space + 2 * k * n
+    for i in range(k):
+        copy(m.G + rows[i] * n, C + i * n, n)
+    times_transposed(C, m.factor, H, k, n, n)
+    times(H, m.factor, C, k, n, n)
+    times_transposed(C, m.G, W, k, m.m, n)
+    for i in range(k):
+        values = claim_place(m, rows[i])
+        copy(W + i * m.m, values, m.m)
+        copy(C + i * n, values + m.m, n)

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from namlcp.limits import Limits
 from namlcp.options import DEFAULT_OPTIONS
 from namlcp.outcome import Outcome
 from namlcp.qp.active import solve
@@ -16,19 +15,13 @@ from namlcp.qp.active.null import NullSpace
 from namlcp.qp.active.sparse import SparseActiveSet, active_set_of
 from namlcp.qp.active.state import ActiveSet, Code
 from namlcp.qp.chain import Chain
-from namlcp.qp.guess import NO_GUESS, Guess
+from namlcp.qp.guess import Guess
 from namlcp.qp.judge import Judge
 from namlcp.qp.problem import QP, Point
 from namlcp.settings import Settings
 from namlcp.status import Status
 
 FORM = "dual"
-
-
-def settings_of(limits: Limits) -> Settings:
-    """Return the tolerances and the count of `limits`."""
-    most = limits.max_iter or DEFAULT_OPTIONS.max_iter
-    return Settings(limits.eps_abs, limits.eps_rel, most, 0.0)
 
 
 def solve_dense(
@@ -40,20 +33,14 @@ def solve_dense(
     """
     limits = judge.limits
     own = qp.in_dense_form()
-    m = new_attempt(own, settings_of(limits), limits.deadline.at, guess)
-    return answer_of(m, judge, None if own is judge.qp else chain)
-
-
-def new_attempt(
-    qp: QP, settings: Settings, until: float, guess: Guess = NO_GUESS
-) -> DenseActiveSet:
-    """Try to solve one dense QP; return what has tried."""
+    most = limits.max_iter or DEFAULT_OPTIONS.max_iter
+    settings = Settings(limits.eps_abs, limits.eps_rel, most, 0.0)
     m = DenseActiveSet()
-    solve.attach(m, qp.P, qp.G, qp.A, True)
+    solve.attach(m, own.P, own.G, own.A, True)
     if guess.active.size:
         solve.suggest(m, guess.active)
-    solve.solve(m, qp.joined(), settings, until)
-    return m
+    solve.solve(m, own.joined(), settings, limits.deadline.at)
+    return answer_of(m, judge, None if own is judge.qp else chain)
 
 
 def answer_of(m: ActiveSet, judge: Judge, chain: Chain | None = None) -> Outcome | None:

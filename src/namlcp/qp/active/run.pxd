@@ -3,7 +3,6 @@ from namlcp.qp.active.state cimport ActiveSet, Code
 
 cdef double INFINITE, LESS_RHO, MORE_RHO
 
-cdef bint are_allowed(ActiveSet m) noexcept nogil
 cdef bint is_faulty(ActiveSet m) noexcept nogil
 cdef Code decide(DenseActiveSet m) noexcept nogil
 cdef Code solve_anew(DenseActiveSet m, double wanted) noexcept nogil

@@ -9,7 +9,7 @@ from cython.cimports.namlcp.qp.active.certificates import (
     prove_infeasible,
     prove_unbounded,
 )
-from cython.cimports.namlcp.qp.active.dense import set_up
+from cython.cimports.namlcp.qp.active.dense import prepare, set_up
 from cython.cimports.namlcp.qp.active.judgement import (
     are_within,
     judge,
@@ -17,7 +17,6 @@ from cython.cimports.namlcp.qp.active.judgement import (
     set_contradiction,
     set_terms,
 )
-from cython.cimports.namlcp.qp.active.large import prepare
 from cython.cimports.namlcp.qp.active.proximal import (
     contradicts_equations,
     leaves_equations,
@@ -53,32 +52,22 @@ INFINITE = HUGE_SIDE
 LESS_RHO, MORE_RHO = 1e-2 * RHO, 1e2 * RHO
 
 
-def are_allowed(m):
-    """Tell whether all numbers in the vectors are allowed, and mean what they are.
+def is_faulty(m):
+    """Tell whether a number in the vectors is not allowed, or two sides are opposed.
 
-    Not so NaN, infinite entries of q and b, and sides beyond `INFINITE`.
+    Not allowed are NaN, infinite entries of q and b, and sides beyond `INFINITE`.
     """
     fine: cython.bint = True
     most = INFINITE
     for j in range(m.n):
-        fine = fine and fabs(m.q[j]) < INFINITY
+        fine = fine and fabs(m.q[j]) < INFINITY and m.lb[j] <= m.ub[j]
         fine = fine and (-most < m.lb[j] < most or m.lb[j] == -INFINITY)
         fine = fine and (-most < m.ub[j] < most or m.ub[j] == INFINITY)
     for i in range(m.p):
         fine = fine and fabs(m.b[i]) < INFINITY
     for i in range(m.m):
         fine = fine and (-most < m.h[i] < most or m.h[i] == INFINITY)
-    return fine
-
-
-def is_faulty(m):
-    """Tell whether a number in the vectors is not allowed, or two sides are opposed."""
-    if not are_allowed(m):
-        return True
-    opposed: cython.bint = False
-    for j in range(m.n):
-        opposed = opposed or not m.lb[j] <= m.ub[j]
-    return opposed
+    return not fine
 
 
 def decide(m):
