@@ -11,16 +11,12 @@ matrix, in CSC, only the upper triangle is read.
 
 from typing import NamedTuple
 
+import cython
 import numpy as np
+from cython import Py_ssize_t
 from scipy.sparse import csc_matrix
 
 from namlcp.checks import refuse_size, transposed
-from namlcp.linalg.elimination import (
-    merged,
-    permuted,
-    postordered_tree,
-    row_patterns,
-)
 
 MERGE = np.array(((4, 0.5), (16, 0.3), (48, 0.1), (1 << 30, 0.05)))
 """(Columns, fraction): supernodes are merged into one of at most so many columns if at
@@ -40,7 +36,7 @@ class Order(NamedTuple):
     counts: np.ndarray
 
     @property
-    def work(self) -> float:
+    def work(self):
         """Multiplications of a factorisation, about half of them in the updates."""
         counts = self.counts.astype(np.float64)
         return float(counts @ counts)
@@ -68,8 +64,8 @@ class Supernodes(NamedTuple):
     source: np.ndarray
 
 
-def nested_dissection(indptr: np.ndarray, indices: np.ndarray) -> Order | None:
-    """Order a symmetric matrix by METIS; None without pymetis (the extra `large`).
+def nested_dissection(indptr, indices):
+    """Return METIS's `Order` of a matrix; None without pymetis (the extra `large`).
 
     Separators come last (A. George, SIAM J. Numer. Anal. 10, 1973): for large matrices
     without structure this causes less fill than minimum degree, in ten times the time.
@@ -90,12 +86,106 @@ def nested_dissection(indptr: np.ndarray, indices: np.ndarray) -> Order | None:
     return postordered(indptr, indices, np.array(place, dtype=np.int32))
 
 
-def postordered(indptr: np.ndarray, indices: np.ndarray, place: np.ndarray) -> Order:
+def postordered(indptr, indices, place):
     """Return the postordered equivalent of the order `place`, which is overwritten."""
-    return Order(place, *postordered_tree(indptr, indices, place))
+    size = np.count_nonzero(place >= 0)
+    columns, rows, _ = permuted(indptr, indices, place, size, True)
+    parent, counts = elimination_tree(columns, rows)
+    position = postorder(parent)
+    place[place >= 0] = position[place[place >= 0]]
+    new_parent, new_counts = np.empty((2, size), np.int32)
+    new_parent[position[:size]] = position[parent]
+    new_counts[position[:size]] = counts
+    return Order(place, new_parent, new_counts)
 
 
-def supernodes(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Supernodes:
+def permuted(indptr, indices, place, size, is_strict):
+    """Return the permuted upper triangle in CSC, and where its entries come from.
+
+    is_strict: without the diagonal. place[i] is the new place of row i, of `size`
+    places, or -1. The entries of a column are in their original order.
+    """
+    n, least = place.shape[0], 1 if is_strict else 0
+    starts = np.zeros(size + 1, np.int32)
+    start: cython.int[::1] = starts
+    for j in range(n):
+        for t in range(indptr[j], indptr[j + 1]):
+            i = indices[t]
+            if i <= j - least and place[i] >= 0 and place[j] >= 0:
+                start[max(place[i], place[j])] += 1
+    for k in range(1, size + 1):  # start[k] is the end of column k, then its beginning
+        start[k] += start[k - 1]
+    rows, sources = np.empty((2, start[size]), np.int32)
+    row: cython.int[::1] = rows
+    source: cython.int[::1] = sources
+    for j in range(n - 1, -1, -1):
+        for t in range(indptr[j + 1] - 1, indptr[j] - 1, -1):
+            i = indices[t]
+            if i <= j - least and place[i] >= 0 and place[j] >= 0:
+                k = max(place[i], place[j])
+                start[k] -= 1
+                row[start[k]] = min(place[i], place[j])
+                source[start[k]] = t
+    return starts, rows, sources
+
+
+def elimination_tree(indptr, indices):
+    """Return each column's parent, -1 at a root, and its entries below the diagonal.
+
+    Each entry (k, i) of L is followed up the tree to a column that row k has seen.
+    """
+    size = indptr.shape[0] - 1
+    parents, counts = np.full(size, -1, np.int32), np.zeros(size, np.int32)
+    parent: cython.int[::1] = parents
+    count: cython.int[::1] = counts
+    seen: cython.int[::1] = np.empty(size, np.int32)
+    for k in range(size):
+        seen[k] = k
+        for t in range(indptr[k], indptr[k + 1]):
+            i = indices[t]
+            while seen[i] != k:
+                seen[i] = k
+                count[i] += 1
+                if parent[i] < 0:
+                    parent[i] = k
+                i = parent[i]
+    return parents, counts
+
+
+def postorder(parent):
+    """Return the place of every node, each directly after its descendants.
+
+    The last entry is -1, the parent of a root.
+    """
+    size = parent.shape[0]
+    places = np.full(size + 1, -1, np.int32)
+    place: cython.int[::1] = places
+    head: cython.int[::1] = np.full(size + 1, -1, np.int32)  # the last list: the roots
+    following: cython.int[::1] = np.empty(size, np.int32)
+    path: cython.int[::1] = np.empty(size + 1, np.int32)
+    for j in range(size - 1, -1, -1):
+        k = parent[j] if parent[j] >= 0 else size
+        following[j] = head[k]
+        head[k] = j
+    path[0] = size
+    depth: Py_ssize_t = 0
+    done: cython.int = 0
+    while depth >= 0:
+        k = path[depth]
+        child = head[k]
+        if child >= 0:
+            head[k] = following[child]
+            depth += 1
+            path[depth] = child
+        else:
+            if k < size:
+                place[k] = done
+                done += 1
+            depth -= 1
+    return places
+
+
+def supernodes(indptr, indices, order):
     """Return the layout of L for a symmetric matrix in this order."""
     size = order.parent.size
     columns, upper, source = permuted(indptr, indices, order.place, size, False)
@@ -111,6 +201,81 @@ def supernodes(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Superno
     node = np.repeat(np.arange(k.size, dtype=np.int32), k)
     above = order.parent[last]
     parent = np.where(above < 0, -1, node[above]).astype(np.int32)
-    rows = np.empty(starts[-1], dtype=np.int32)
-    row_patterns(columns, upper, starts, parent, node, rows)
+    rows = row_patterns(columns, upper, starts, parent, node)
     return Supernodes(first, parent, node, starts, rows, panels, lower, below, source)
+
+
+def merged(parent, counts, lower, below, limits):
+    """Return the first column of every supernode, and the number of columns.
+
+    The supernode that ends with a column is merged with the one before if that is its
+    child, or if both are leaves with the same rows, and the `limits` allow it, see
+    MERGE. `filled` counts entries without explicit zeros.
+    """
+    size, found = parent.shape[0], cython.cast(Py_ssize_t, 0)
+    starts = np.empty(size + 1, np.int32)
+    first: cython.int[::1] = starts
+    filled: cython.double[::1] = np.empty(size)
+    for j in range(size):
+        first[found] = j
+        filled[found] = counts[j] + 1.0
+        found += 1
+        while found > 1:
+            before = first[found - 1] - 1
+            is_child: cython.bint = before < parent[before] <= j
+            if not is_child and not are_twins(before, j, parent, lower, below):
+                break
+            columns = j + 1 - first[found - 2]
+            entries = columns * (0.5 * (columns + 1.0) + counts[j])
+            k: Py_ssize_t = 0
+            while columns > limits[k, 0]:
+                k += 1
+            true = filled[found - 1] + filled[found - 2]
+            if entries - true > limits[k, 1] * entries:
+                break
+            filled[found - 2] = true
+            found -= 1
+    first[found] = size
+    return starts[: found + 1].copy()
+
+
+def are_twins(i, j, parent, lower, below):
+    """Tell whether the columns i and j = i + 1 are leaves with the same rows of L.
+
+    The rows of a leaf, a column without children, are those of the matrix.
+    """
+    if j != i + 1 or parent[i] == j or (i > 0 and parent[i - 1] == i):
+        return False
+    shift = lower[j] - lower[i]
+    if lower[j + 1] - lower[j] != shift:
+        return False
+    for t in range(lower[i] + 1, lower[j]):
+        if below[t] != below[t + shift]:
+            return False
+    return True
+
+
+def row_patterns(indptr, indices, starts, parent, node):
+    """Return the rows of all supernodes: k is in those on the tree paths to k's own.
+
+    The paths start at the supernodes of the entries of A in row k; end[s] is where the
+    rows of s end so far.
+    """
+    count = parent.shape[0]
+    patterns = np.empty(starts[count], np.int32)
+    rows: cython.int[::1] = patterns
+    end: cython.longlong[::1] = np.array(starts[:count], np.longlong)
+    seen: cython.int[::1] = np.full(count, -1, np.int32)
+    for k in range(node.shape[0]):
+        own = node[k]
+        rows[end[own]] = k
+        end[own] += 1
+        seen[own] = k
+        for t in range(indptr[k], indptr[k + 1]):
+            s = node[indices[t]]
+            while seen[s] != k:
+                seen[s] = k
+                rows[end[s]] = k
+                end[s] += 1
+                s = parent[s]
+    return patterns

@@ -43,7 +43,7 @@ from cython.cimports.namlcp.linalg.vectors import subtract_sum
 from cython.cimports.namlcp.watch import Watched, is_over, raise_kept
 
 from namlcp.checks import refuse_size
-from namlcp.linalg.elimination import permuted
+from namlcp.linalg.ordering import permuted
 
 cnp.import_array()
 
