@@ -19,35 +19,22 @@ cdef struct Layout:
     Py_ssize_t number
     # Names as in `ordering.Supernodes`. Entry t of the layout goes to target[t] of the
     # panel; above[t] is the place of row rows[t] in the rows of the parent.
-    const int *place
-    const int *first
-    const int *parent
-    const int *rows
-    const int *lower
-    const int *below
-    const Py_ssize_t *starts
-    const Py_ssize_t *panels
+    const int *place, *first, *parent, *rows, *lower, *below
+    const Py_ssize_t *starts, *panels
     int *above
     Py_ssize_t *target
     # The children whose updates are on the stack: the first of them, the next one, where
     # they are; flags.
-    int *child
-    int *sibling
-    int *flags
+    int *child, *sibling, *flags
     Py_ssize_t *at
     # Updates; L D of the rows below; columns of an update; one row, one right-hand side.
-    double *stack
-    double *scaled
-    double *strip
-    double *w
-    double *x
+    double *stack, *scaled, *strip, *w, *x
 
 cdef struct Front:
     # k columns from `first` on, f rows, u of them below; where the panels begin; below
     # the square: the rows, their places in the parent.
     Py_ssize_t first, k, f, u, panel
-    const int *rows
-    const int *above
+    const int *rows, *above
 
 
 cdef class Fronts(Factors):

@@ -25,23 +25,9 @@ cdef struct Quotient:
     #
     # kind: OUTSIDE, VARIABLE, or BESIDE for a hub; the first `done` places are taken.
     Py_ssize_t size, room, end, tag, done
-    Py_ssize_t *start
-    Py_ssize_t *mark
-    Py_ssize_t *degree
-    Py_ssize_t *beside
-    int *kind
-    int *place
-    int *length
-    int *elements
-    int *weight
-    int *following
-    int *last
-    int *hubs
-    int *head
-    int *after
-    int *before
-    int *bucket
-    int *adjacent
+    Py_ssize_t *start, *mark, *degree, *beside
+    int *kind, *place, *length, *elements, *weight, *following, *last, *hubs, *head
+    int *after, *before, *bucket, *adjacent
 
 cdef bint order_by_degree(const int* indptr, const int* indices, Py_ssize_t size, int* kind, int* place) noexcept nogil
 cdef void place_hubs(Quotient* g) noexcept nogil

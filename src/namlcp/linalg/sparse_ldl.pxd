@@ -24,25 +24,20 @@ cdef class SparseFactors(Factors):
         # rows[t], for t in columns[k] : columns[k + 1].
         const int *place
         int *diagonal
-        const int *columns
-        const int *rows
-        const int *source
+        const int *columns, *rows, *source
         # Column i of L below the diagonal has values[p] in the rows below[p], ascending,
         # for p in starts[i] : starts[i + 1]; inverse[i] is 1 over its pivot. Row k has
         # entries in the chunks that begin with the columns chunks[t], ascending, for t in
-        # lines[k] : lines[k + 1]. width[i] is 1, 2 or 4, the number of columns of the
+        # lines[k] : lines[k + 1]. width[i] is 1 or 4, the number of columns of the
         # chunk, for its first and its last column i.
         Py_ssize_t *starts
         int *below
         Py_ssize_t *lines
-        int *chunks
-        int *width
-        double *values
-        double *inverse
-        # The column with which the dense block that L ends with begins, n without one. A
-        # chunk that begins with i is applied row by row to the first reach[i] of the rows
-        # below it: to those before the block if it has one or two columns and is before
-        # the block, otherwise to all.
+        int *chunks, *width
+        double *values, *inverse
+        # The column with which the dense block that L ends with begins, n without one; a
+        # single column i before it is applied row by row to the first reach[i] rows below
+        # it, those before the block.
         Py_ssize_t first
         int *reach
         # Work space: done[i] counts the rows that are complete below the chunk that
@@ -58,12 +53,11 @@ cdef class SparseFactors(Factors):
 cdef object as_array(double* values, Py_ssize_t size)
 cdef void lay_out(SparseFactors f, const int* indptr, const int* parent, const int* counts) noexcept nogil
 cdef void lay_out_lines(SparseFactors f) noexcept nogil
-cdef Py_ssize_t chunk_from(Py_ssize_t begin, const int* parent, const int* counts) noexcept nogil
+cdef int width_at(Py_ssize_t begin, const int* parent, const int* counts) noexcept nogil
 cdef Py_ssize_t first_dense(SparseFactors f) noexcept nogil
 cdef void subtract_products(SparseFactors f) noexcept nogil
 cdef double apply_one(SparseFactors f, Py_ssize_t i) noexcept nogil
 cdef double apply_part(SparseFactors f, Py_ssize_t i, Py_ssize_t k) noexcept nogil
-cdef double apply_two(SparseFactors f, Py_ssize_t i) noexcept nogil
 cdef double apply_four(SparseFactors f, Py_ssize_t i) noexcept nogil
 cdef void solve_forward(SparseFactors f) noexcept nogil
 cdef void solve_backward(SparseFactors f) noexcept nogil

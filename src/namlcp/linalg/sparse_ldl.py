@@ -12,13 +12,12 @@ with l_ki not 0, in rising order,
 
 (T. Davis, "Algorithm 849", ACM Trans. Math. Softw. 31 (2005) 587-591). Columns of L are
 alike if each is the first below the diagonal in the one before, and both have the same
-rows below that. Four or two such columns are a *chunk*, applied to y at a time: each
-entry of y is read and written once for all of them, and has one index.
+rows below that. Four such columns are a *chunk*, applied to y at a time: each entry of
+y is read and written once for all of them, and has one index.
 
 Where L ends with a dense block, its rows have most of the work, and every one would
-read most of L. So the chunks of one or two columns before the block are applied to the
-y_j before it alone. Then each of these columns is read once, and subtracted from all
-rows of the block,
+read most of L. So the single columns before the block are applied to the y_j before it
+alone. Then each of them is read once, and subtracted from all rows of the block,
 
     s_rc -= l_ri d_i l_ci    (i before the block, c < r in it),
 
@@ -131,8 +130,8 @@ class SparseFactors(Factors):
         self.place, self.columns = places(order.place, n), places(columns, n + 1)
         self.rows, self.source = places(rows, rows.size), places(source, source.size)
         self.diagonal, self.width = places(ints[0], n), places(ints[1], n)
-        self.reach, self.done = places(ints[2], n), longs_at(longs[0], n + 1)
-        self.starts, self.lines = longs_at(longs[1], n + 1), longs_at(longs[2], n + 1)
+        self.starts, self.lines = longs_at(longs[0], n + 1), longs_at(longs[1], n + 1)
+        self.done, self.reach = longs_at(longs[2], n + 1), places(ints[2], n)
         self.below, self.chunks = places(below, entries), places(chunks, entries)
         self.values = numbers(values, entries)
         self.inverse, self.y = numbers(reals[0], n), numbers(reals[1], n)
@@ -172,18 +171,16 @@ class SparseFactors(Factors):
                     pivot = inverse[k]
                     for j in range(begin, k):
                         y[j] = values[starts[j] + k - j - 1]
-                for p in range(self.lines[k], self.lines[k + 1]):
-                    i: Py_ssize_t = self.chunks[p]
+                for t in range(self.lines[k], self.lines[k + 1]):
+                    i: Py_ssize_t = self.chunks[t]
                     if i < begin:
                         continue
                     if i >= end:
                         break
                     if width[i] == 1:
                         pivot -= apply_one(self, i)
-                    elif k < i + width[i]:
+                    elif k < i + 4:
                         pivot -= apply_part(self, i, k)
-                    elif width[i] == 2:
-                        pivot -= apply_two(self, i)
                     else:
                         pivot -= apply_four(self, i)
                 if k >= end:
@@ -239,27 +236,24 @@ def lay_out(f, indptr, parent, counts):
                 i = parent[i]
     begin: Py_ssize_t = 0
     while begin < n:
-        width[begin] = chunk_from(begin, parent, counts)
+        width[begin] = width_at(begin, parent, counts)
         width[begin + width[begin] - 1] = width[begin]
         begin += width[begin]
     f.first = first_dense(f)
 
 
 def lay_out_lines(f):
-    """Set the chunks of every row, and how far each is applied row by row."""
+    """Set the chunks of every row, and how far each column is applied row by row."""
     n, starts, below, lines, done = f.n, f.starts, f.below, f.lines, f.done
     for k in range(n):
         done[k] = 0
     begin: Py_ssize_t = 0
     while begin < n:
-        last = begin + f.width[begin] - 1
-        is_wide: cython.bint = f.width[begin] == 4
         f.reach[begin] = 0
         for t in range(starts[begin], starts[begin + 1]):
             done[below[t]] += 1
-        for t in range(starts[last], starts[last + 1]):
-            f.reach[begin] += begin >= f.first or is_wide or below[t] < f.first
-        begin = last + 1
+            f.reach[begin] += begin >= f.first or below[t] < f.first
+        begin += f.width[begin]
     lines[0] = 0
     for k in range(n):
         lines[k + 1] = lines[k] + done[k]
@@ -273,15 +267,12 @@ def lay_out_lines(f):
         begin += f.width[begin]
 
 
-def chunk_from(begin, parent, counts):
-    """Return how many columns from `begin` on are alike: 1, 2 or 4."""
-    end = begin
-    while end < begin + 3 and parent[end] == end + 1:
-        if counts[end] != counts[end + 1] + 1:
-            break
-        end += 1
-    found = end - begin + 1
-    return found if found != 3 else 2
+def width_at(begin, parent, counts):
+    """Return 4 if so many columns from `begin` on are alike, else 1."""
+    for i in range(begin, begin + 3):
+        if parent[i] != i + 1 or counts[i] != counts[i + 1] + 1:
+            return 1
+    return 4
 
 
 def first_dense(f):
@@ -301,31 +292,28 @@ def first_dense(f):
 
 
 def subtract_products(f):
-    """Subtract from the dense block the products that earlier chunks leave out."""
+    """Subtract from the dense block the products that `apply_one` leaves out."""
     starts, below, values = f.starts, f.below, f.values
     i: Py_ssize_t = 0
     while i < f.first:
-        end = i + f.width[i]
-        rows = starts[end] - starts[end - 1] - f.reach[i]
-        for j in range(i, end):
-            for s in range(starts[j + 1] - rows, starts[j + 1]):
-                c = below[s]
-                y_c = values[s] / f.inverse[j]
-                to = starts[c] - c - 1
-                for t in range(s + 1, starts[j + 1]):
-                    values[to + below[t]] -= values[t] * y_c
-        i = end
+        first = starts[i] + f.reach[i] if f.width[i] == 1 else starts[i + 1]
+        for s in range(first, starts[i + 1]):
+            c = below[s]
+            y_c = values[s] / f.inverse[i]
+            to = starts[c] - c - 1
+            for t in range(s + 1, starts[i + 1]):
+                values[to + below[t]] -= values[t] * y_c
+        i += f.width[i]
 
 
 def apply_one(f, i):
     """Apply column i to y, and append l_ki to it; return l_ki y_i."""
     y, values, below = f.y, f.values, f.below
     a, rows = f.starts[i], f.done[i]
-    count = min(rows, f.reach[i])
     f.done[i] += 1
     y_i = y[i]
     y[i] = 0.0
-    for p in range(a, a + count):
+    for p in range(a, a + min(rows, f.reach[i])):
         y[below[p]] -= values[p] * y_i
     l_i = y_i * f.inverse[i]
     values[a + rows] = l_i
@@ -337,47 +325,17 @@ def apply_part(f, i, k):
 
     Appends the l_kj to them; returns the sum of l_kj y_j.
     """
-    y, values, inverse = f.y, f.values, f.inverse
-    a = f.starts[i]
-    y_0 = y[i]
-    l_0 = y_0 * inverse[i]
-    total = l_0 * y_0
-    y[i] = 0.0
-    values[a + k - i - 1] = l_0
-    if k > i + 1:
-        b = f.starts[i + 1]
-        y_1 = y[i + 1] - values[a] * y_0
-        l_1 = y_1 * inverse[i + 1]
-        total += l_1 * y_1
-        y[i + 1] = 0.0
-        values[b + k - i - 2] = l_1
-        if k > i + 2:
-            y_2 = y[i + 2] - values[a + 1] * y_0 - values[b] * y_1
-            l_2 = y_2 * inverse[i + 2]
-            total += l_2 * y_2
-            y[i + 2] = 0.0
-            values[f.starts[i + 2]] = l_2
+    y, values, total = f.y, f.values, 0.0
+    for j in range(i, k):
+        column = values + f.starts[j] - j - 1
+        y_j = y[j]
+        for s in range(j + 1, k):
+            y[s] -= column[s] * y_j
+        l_j = y_j * f.inverse[j]
+        column[k] = l_j
+        total += l_j * y_j
+        y[j] = 0.0
     return total
-
-
-def apply_two(f, i):
-    """Do as `apply_one` with the columns i and i + 1; return the sum of l_kj y_j."""
-    y, values, inverse, below = f.y, f.values, f.inverse, f.below
-    a, b = f.starts[i], f.starts[i + 1]
-    rows = f.done[i]
-    count = min(rows, f.reach[i])
-    f.done[i] += 1
-    y_0 = y[i]
-    y_1 = y[i + 1] - values[a] * y_0
-    y[i] = 0.0
-    y[i + 1] = 0.0
-    a += 1
-    for s in range(count):
-        y[below[b + s]] -= values[a + s] * y_0 + values[b + s] * y_1
-    l_0, l_1 = y_0 * inverse[i], y_1 * inverse[i + 1]
-    values[a + rows] = l_0
-    values[b + rows] = l_1
-    return l_0 * y_0 + l_1 * y_1
 
 
 def apply_four(f, i):
@@ -386,7 +344,6 @@ def apply_four(f, i):
     a, b = f.starts[i], f.starts[i + 1]
     c, d = f.starts[i + 2], f.starts[i + 3]
     rows = f.done[i]
-    count = min(rows, f.reach[i])
     f.done[i] += 1
     y_0 = y[i]
     y_1 = y[i + 1] - values[a] * y_0
@@ -394,13 +351,13 @@ def apply_four(f, i):
     y_3 = y[i + 3] - values[a + 2] * y_0 - values[b + 1] * y_1 - values[c] * y_2
     y[i], y[i + 1], y[i + 2], y[i + 3] = 0.0, 0.0, 0.0, 0.0
     a, b, c = a + 3, b + 2, c + 1
-    if count >= CONSECUTIVE and below[d + count - 1] - below[d] + 1 == count:
+    if rows >= CONSECUTIVE and below[d + rows - 1] - below[d] + 1 == rows:
         subtract_sum(
             y_0, values + a, y_1, values + b, y_2, values + c, y_3, values + d,
-            y + below[d], count,
+            y + below[d], rows,
         )  # fmt: skip
     else:
-        for s in range(count):
+        for s in range(rows):
             y[below[d + s]] -= (
                 values[a + s] * y_0 + values[b + s] * y_1
                 + values[c + s] * y_2 + values[d + s] * y_3
@@ -422,18 +379,11 @@ def solve_forward(f):
     y, values, below, starts = f.y, f.values, f.below, f.starts
     i: Py_ssize_t = 0
     while i < f.n:
-        width, y_0 = f.width[i], y[i]
-        if width == 1:
+        y_0 = y[i]
+        if f.width[i] == 1:
             for t in range(starts[i], starts[i + 1]):
                 y[below[t]] -= values[t] * y_0
             i += 1
-        elif width == 2:
-            a, b = starts[i], starts[i + 1]
-            y_1 = y[i + 1] - values[a] * y_0
-            y[i + 1] = y_1
-            i += 2
-            for t in range(starts[i] - b):
-                y[below[b + t]] -= values[a + 1 + t] * y_0 + values[b + t] * y_1
         else:
             a, b, c, d = starts[i], starts[i + 1], starts[i + 2], starts[i + 3]
             y_1 = y[i + 1] - values[a] * y_0
@@ -453,23 +403,12 @@ def solve_backward(f):
     y, values, below, starts, inverse = f.y, f.values, f.below, f.starts, f.inverse
     i = f.n
     while i > 0:
-        width = f.width[i - 1]
-        if width == 1:
+        if f.width[i - 1] == 1:
             i -= 1
             y_0 = y[i] * inverse[i]
             for t in range(starts[i], starts[i + 1]):
                 y_0 -= values[t] * y[below[t]]
             y[i] = y_0
-        elif width == 2:
-            i -= 2
-            a, b = starts[i], starts[i + 1]
-            y_0, y_1 = y[i] * inverse[i], y[i + 1] * inverse[i + 1]
-            for t in range(starts[i + 2] - b):
-                y_t = y[below[b + t]]
-                y_0 -= values[a + 1 + t] * y_t
-                y_1 -= values[b + t] * y_t
-            y[i + 1] = y_1
-            y[i] = y_0 - values[a] * y_1
         else:
             i -= 4
             a, b, c, d = starts[i], starts[i + 1], starts[i + 2], starts[i + 3]

@@ -3,9 +3,7 @@ from namlcp.watch cimport Watched
 
 
 cdef struct Step:
-    double *du
-    double *dW
-    double *dZ
+    double *du, *dW, *dZ
     # The longest steps a, a' <= 1, and the relative residual of du.
     double primal, dual, error
 
@@ -22,77 +20,31 @@ cdef class Interior(Watched):
         # factored; one-sided constraints are sign * t[place] + W = c with slacks W >= 0
         # and multipliers Z >= 0, where t = (x, Ax, Gx) and v = (net z_box, y, net z) have
         # the layout of K. cost, goal_b and goal_c are q, b and c of active-set systems.
-        const int *indptr
-        const int *indices
+        const int *indptr, *indices
         const double *base
-        double *data
-        double *factored
+        double *data, *factored
         const int *place
-        const double *sign
-        const double *unit
-        const double *q
-        const double *b
-        const double *c
-        const double *cost
-        const double *goal_b
-        const double *goal_c
+        const double *sign, *unit, *q, *b, *c, *cost, *goal_b, *goal_c
         # The iterate and the best one; the residuals, and the products P x and C'v; the
         # target rc of W dZ + Z dW, tau and omega of `steps`.
-        double *x
-        double *y
-        double *W
-        double *Z
-        double *best_x
-        double *best_y
-        double *best_Z
-        double *rd
-        double *rp
-        double *rw
-        double *Px
-        double *Ctv
-        double *v
-        double *t
-        double *rc
-        double *tau
-        double *omega
+        double *x, *y, *W, *Z, *best_x, *best_y, *best_Z, *rd, *rp, *rw, *Px, *Ctv, *v, *t
+        double *rc, *tau, *omega
         # The step; the one before the last corrector; P dx, C'dv and C dx of it.
         Step step, other
-        double *dv
-        double *dt
-        double *Pdx
-        double *Ctdv
+        double *dv, *dt, *Pdx, *Ctdv
         # Linear solves (`newton`): sums of omega, max(1, |K~_ii|), the right-hand side,
         # the residual and the solution of the last solve, another solution and its
         # residual; the vectors of GMRES, once it is needed.
-        double *weight
-        double *row_size
-        double *rhs
-        double *r
-        double *answer
-        double *trial
-        double *trial_r
-        double *krylov
+        double *weight, *row_size, *rhs, *r, *answer, *trial, *trial_r, *krylov
         # Relative residuals of the candidates for certificates, now and at the last test.
         double ratios[4]
         double tested[4]
         # The active-set system (`active_set`): where it starts, its point, the best one.
-        double *start_x
-        double *start_y
-        double *start_Z
-        double *set_x
-        double *set_y
-        double *set_Z
-        double *set_v
-        double *kept_x
-        double *kept_v
-        double *goal
+        double *start_x, *start_y, *start_Z, *set_x, *set_y, *set_Z, *set_v, *kept_x
+        double *kept_v, *goal
         # Constraints with Z > W now and one iteration before; those in the active-set
         # system and in the next one; rows and variables that it holds.
-        int *active
-        int *was_active
-        int *set_active
-        int *next_active
-        int *held
+        int *active, *was_active, *set_active, *next_active, *held
         # Tolerances, the larger one, and the relative residual that ends a refinement;
         # that at which refinement last came to a halt.
         double eps_abs, eps_rel, tol, accuracy, attained
