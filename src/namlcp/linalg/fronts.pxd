@@ -4,16 +4,12 @@ from namlcp.watch cimport Watched
 cdef double LEAST
 cdef enum:
     # Columns of a panel eliminated at a time, columns of L in one product, columns of an
-    # update that one product sets, multiplications up to which loops are faster.
+    # update that one product sets, multiplications up to which loops are faster to
+    # eliminate columns.
     BLOCK = 32
     DEPTH = 256
     STRIP = 96
     SMALL = 6000
-    # The update goes to the panel of the parent at once; the first child that does so
-    # sets this panel to the entries of K; a child has set it.
-    INSIDE = 1
-    OPENS = 2
-    OPENED = 4
 
 cdef struct Layout:
     Py_ssize_t number
@@ -23,12 +19,11 @@ cdef struct Layout:
     const Py_ssize_t *starts, *panels
     int *above
     Py_ssize_t *target
-    # The children whose updates are on the stack: the first of them, the next one, where
-    # they are; flags.
-    int *child, *sibling, *flags
+    # The first child of a supernode, the next one of its parent, where its update is.
+    int *child, *sibling
     Py_ssize_t *at
-    # Updates; L D of the rows below; columns of an update; one row, one right-hand side.
-    double *stack, *scaled, *strip, *w, *x
+    # Updates; L D of the rows below; one row, one right-hand side.
+    double *stack, *scaled, *w, *x
 
 cdef struct Front:
     # k columns from `first` on, f rows, u of them below; where the panels begin; below
@@ -55,14 +50,13 @@ cdef class Fronts(Factors):
 cdef Py_ssize_t lay_out(Layout *t, Py_ssize_t sides, int *position, Py_ssize_t *held) noexcept nogil
 cdef Front front_at(const Layout *t, Py_ssize_t s) noexcept nogil
 cdef void open_panels(Fronts f, Py_ssize_t s, const double *data) noexcept nogil
-cdef double *update_of(Fronts f, Py_ssize_t s, Py_ssize_t side, Py_ssize_t *ld) noexcept nogil
+cdef double *update_of(Fronts f, Py_ssize_t s, Py_ssize_t side) noexcept nogil
 cdef void assemble(Fronts f, Py_ssize_t s, Py_ssize_t side) noexcept nogil
 cdef void extend_add(Fronts f, Py_ssize_t c, Py_ssize_t side) noexcept nogil
 cdef bint eliminate(Fronts f, Front v, Watched watch) noexcept nogil
 cdef void solve_below(Front v, double *L, const double *U, const double *D, Py_ssize_t start, Py_ssize_t stop) noexcept nogil
 cdef void update_columns(Front v, double *L, const double *U, const double *D, Py_ssize_t start, Py_ssize_t stop, double *scaled) noexcept nogil
 cdef void complement(Fronts f, Py_ssize_t s, Py_ssize_t side, Watched watch) noexcept nogil
-cdef void small_complement(Fronts f, Py_ssize_t s, Py_ssize_t side) noexcept nogil
 cdef void forward(Fronts f, const double *L, double *x) noexcept nogil
 cdef void backward(Fronts f, const double *U, double *x) noexcept nogil
 cdef void scale(const double *L, Py_ssize_t ld, const double *D, Py_ssize_t m, Py_ssize_t n, double *out) noexcept nogil

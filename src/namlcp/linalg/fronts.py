@@ -2,8 +2,7 @@
 
 A supernode, k columns of L on f rows, is kept as one dense column-major block, the
 panel. Eliminating it leaves an update of order u = f - k, which its parent in the
-elimination tree adds to its own front. Where all its rows are columns of the parent, it
-goes to the parent's panel at once. Nearly all operations are products by BLAS. The
+elimination tree adds to its own front. Nearly all operations are products by BLAS. The
 method: Duff and Reid, ACM Trans. Math. Softw. 9 (1983) 302-325.
 
 K is symmetric, or its pattern is. Then a second panel has U', and with the lower
@@ -65,10 +64,9 @@ class Fronts(Factors):
         f = np.diff(nodes.starts)
         u = f - k
         length = nodes.rows.size
-        ints, above = np.empty((3, number), np.int32), np.empty(length, np.int32)
+        ints, above = np.empty((2, number), np.int32), np.empty(length, np.int32)
         at, target = np.empty(number, np.intp), np.empty(size, np.intp)
         scaled = np.empty(max((u * np.minimum(k, DEPTH)).max(), BLOCK * f.max()))
-        strip = np.empty(max(u.max(), 1) * STRIP)
         vectors = np.empty(f.max() + 3 + n)
         t = cython.address(self.t)
         t.number = number
@@ -78,10 +76,8 @@ class Fronts(Factors):
         t.starts = longs(nodes.starts, number + 1)
         t.panels = longs(nodes.panels, number + 1)
         t.child, t.sibling = places(ints[0], number), places(ints[1], number)
-        t.flags, t.above = places(ints[2], number), places(above, length)
-        t.at, t.target = longs(at, number), longs(target, size)
-        t.scaled = numbers(scaled, scaled.size)
-        t.strip = numbers(strip, strip.size)
+        t.above, t.at = places(above, length), longs(at, number)
+        t.target, t.scaled = longs(target, size), numbers(scaled, scaled.size)
         t.x = numbers(vectors, vectors.size)
         t.w = t.x + n
         for side in range(self.sides):
@@ -91,7 +87,7 @@ class Fronts(Factors):
         stack = np.empty(most)
         t.stack = numbers(stack, most)
         self.arrays = nodes, order, sources, ints, above, at, target, stack, scaled
-        self.arrays += strip, vectors
+        self.arrays += (vectors,)
         self.allocate()
 
     def allocate(self):
@@ -116,19 +112,13 @@ class Fronts(Factors):
             v = front_at(t, s)
             if is_over(watch, v.k * v.f * v.f):
                 return False
-            if not t.flags[s] & OPENED:
-                open_panels(self, s, data)
-            if t.flags[s] & OPENS:
-                open_panels(self, t.parent[s], data)
+            open_panels(self, s, data)
             for side in range(self.sides):
                 assemble(self, s, side)
             if not eliminate(self, v, watch):
                 return False
             for side in range(self.sides):
-                if v.u * v.u * v.k <= SMALL or v.k < 4:
-                    small_complement(self, s, side)
-                else:
-                    complement(self, s, side, watch)
+                complement(self, s, side, watch)
         return not watch.over
 
     def solve_into(self, rhs, x):
@@ -147,7 +137,7 @@ class Fronts(Factors):
 
 
 def lay_out(t, sides, position, held):
-    """Set places, lists of children, flags and stacks; return the size of the stacks.
+    """Set places, lists of children and stacks; return the size of the stacks.
 
     held, zeros, is overwritten by what the children of a supernode have on their stack.
     """
@@ -155,11 +145,8 @@ def lay_out(t, sides, position, held):
         t.child[s] = -1
     for s in range(t.number - 1, -1, -1):
         v, g = front_at(t, s), t.parent[s]
-        t.flags[s] = 0
         t.at[s] = 0 if g < 0 else 1 - t.at[g]  # the stack, for now
-        if v.u > 0 and v.rows[v.u - 1] < t.first[g + 1]:
-            t.flags[s] = INSIDE
-        elif v.u > 0:
+        if v.u > 0:
             t.sibling[s] = t.child[g]
             t.child[g] = s
     height = cython.declare(Py_ssize_t[2])
@@ -178,10 +165,7 @@ def lay_out(t, sides, position, held):
             while t.rows[t.starts[g] + i] != t.rows[p]:
                 i += 1
             t.above[p] = i
-        if t.flags[s] & INSIDE and not t.flags[g] & OPENED:
-            t.flags[s] |= OPENS
-            t.flags[g] |= OPENED
-        size: Py_ssize_t = 0 if t.flags[s] & INSIDE else sides * v.u * v.u
+        size = sides * v.u * v.u
         stack = t.at[s]
         t.at[s] = height[stack] if stack == 0 else -height[stack] - size
         height[stack] += size
@@ -220,34 +204,22 @@ def open_panels(f, s, data):
             L[t.target[e]] = data[source[e]]
 
 
-def update_of(f, s, side, ld):
-    """Return where the update of a supernode begins, and set its leading dimension.
-
-    If it is inside the parent, this is the parent's panel.
-    """
-    t = cython.address(f.t)
-    v = front_at(t, s)
-    if t.flags[s] & INSIDE:
-        above = front_at(t, t.parent[s])
-        ld[0] = above.f
-        return f.panels[side] + above.panel
-    ld[0] = v.u
-    return t.stack + t.at[s] + side * v.u * v.u
+def update_of(f, s, side):
+    """Return where the update of a supernode begins, a square of order u."""
+    u = front_at(cython.address(f.t), s).u
+    return f.t.stack + f.t.at[s] + side * u * u
 
 
 def assemble(f, s, side):
     """Add the updates of the children to the front."""
-    t = cython.address(f.t)
-    v = front_at(t, s)
-    ld: Py_ssize_t = 0
-    c: Py_ssize_t = t.child[s]
-    if c >= 0 and not t.flags[s] & INSIDE:
-        U = update_of(f, s, side, cython.address(ld))
-        for j in range(v.u):
-            memset(U + j * (ld + 1), 0, (v.u - j) * cython.sizeof(cython.double))
+    u, c = front_at(cython.address(f.t), s).u, f.t.child[s]
+    U = update_of(f, s, side)
+    if c >= 0:
+        for j in range(u):
+            memset(U + j * (u + 1), 0, (u - j) * cython.sizeof(cython.double))
     while c >= 0:
         extend_add(f, c, side)
-        c = t.sibling[c]
+        c = f.t.sibling[c]
 
 
 def extend_add(f, c, side):
@@ -256,22 +228,13 @@ def extend_add(f, c, side):
     s = t.parent[c]
     child, v = front_at(t, c), front_at(t, s)
     m, place = child.u, child.above
-    own: Py_ssize_t = 0
-    ld: Py_ssize_t = 0
-    C = update_of(f, c, side, cython.address(own))
-    U = update_of(f, s, side, cython.address(ld))
-    is_inside: cython.bint = t.flags[s] & INSIDE
+    C, U = update_of(f, c, side), update_of(f, s, side)
     for j in range(m):
         column, r = C + j * m, place[j]
         if r < v.k:
             to = f.panels[side] + v.panel + r * v.f
-        elif is_inside:
-            to = U + v.above[r - v.k] * ld
-            for i in range(j, m):
-                to[v.above[place[i] - v.k]] += column[i]
-            continue
         else:
-            to = U + (r - v.k) * ld - v.k
+            to = U + (r - v.k) * v.u - v.k
         if place[m - 1] - r == m - 1 - j:  # several at a time, without indices
             to = to + r - j
             for i in range(j, m):
@@ -359,72 +322,24 @@ def complement(f, s, side, watch):
     """Subtract L D U of the rows below from the update, a lower triangle."""
     t = cython.address(f.t)
     v = front_at(t, s)
-    u, place, scaled, strip = v.u, v.above, t.scaled, t.strip
+    u, C = v.u, update_of(f, s, side)
     L = f.panels[side] + v.panel + v.k
     U = f.panels[f.sides - 1 - side] + v.panel + v.k
-    ld: Py_ssize_t = 0
-    C = update_of(f, s, side, cython.address(ld))
-    is_inside: cython.bint = t.flags[s] & INSIDE
-    is_dense: cython.bint = not is_inside or place[u - 1] - place[0] == u - 1
-    if is_inside and is_dense:
-        C = C + place[0] * (ld + 1)
-    adds: cython.bint = is_inside or t.child[s] >= 0
+    beta = 1.0 if t.child[s] >= 0 else 0.0
     start: Py_ssize_t = 0
     while start < v.k:
         depth = min(DEPTH, v.k - start)
-        scale(L, v.f, f.D + v.first + start, u, depth, scaled)
+        scale(L, v.f, f.D + v.first + start, u, depth, t.scaled)
         a: Py_ssize_t = 0
         while a < u:
             if is_over(watch, STRIP * depth * (u - a)):
                 return
-            m, columns = u - a, min(STRIP, u - a)
-            to = C + a * (ld + 1) if is_dense else strip
             subtract_product(
-                m, columns, depth, scaled + a, u, U + a, v.f,
-                1.0 if adds and is_dense else 0.0, to, ld if is_dense else m,
+                u - a, min(STRIP, u - a), depth, t.scaled + a, u, U + a, v.f,
+                beta, C + a * (u + 1), u,
             )  # fmt: skip
-            if not is_dense:
-                for j in range(a, a + columns):
-                    column, to = strip + (j - a) * m - a, C + place[j] * ld
-                    for i in range(j, u):
-                        to[place[i]] += column[i]
             a += STRIP
-        start, L, U, adds = start + DEPTH, L + DEPTH * v.f, U + DEPTH * v.f, True
-
-
-def small_complement(f, s, side):
-    """Do as `complement` by loops."""
-    t = cython.address(f.t)
-    v = front_at(t, s)
-    u, k, place, w, strip = v.u, v.k, v.above, t.w, t.strip
-    L = f.panels[side] + v.panel + k
-    U = f.panels[f.sides - 1 - side] + v.panel + k
-    D = f.D + v.first
-    ld: Py_ssize_t = 0
-    C = update_of(f, s, side, cython.address(ld))
-    is_inside: cython.bint = t.flags[s] & INSIDE
-    adds: cython.bint = t.child[s] >= 0
-    for j in range(u):
-        for p in range(k):
-            w[p] = D[p] * U[j + p * v.f]
-        if not is_inside:
-            to = C + j * (u + 1)
-            if not adds:
-                memset(to, 0, (u - j) * cython.sizeof(cython.double))
-            subtract(to, L + j, v.f, w, k, u - j)
-            continue
-        to = C + place[j] * ld
-        if place[u - 1] - place[j] == u - 1 - j:
-            subtract(to + place[j], L + j, v.f, w, k, u - j)
-        elif k == 1:
-            w_0 = w[0]
-            for i in range(j, u):
-                to[place[i]] -= L[i] * w_0
-        else:
-            memset(strip, 0, (u - j) * cython.sizeof(cython.double))
-            subtract(strip, L + j, v.f, w, k, u - j)
-            for i in range(j, u):
-                to[place[i]] += strip[i - j]
+        start, L, U, beta = start + DEPTH, L + DEPTH * v.f, U + DEPTH * v.f, 1.0
 
 
 # ---- solution
