@@ -200,8 +200,7 @@ def test_contradictions_of_presolve_are_proofs():
         small, held = presolve(qp, 1e-6, 0.0), np.zeros(qp.q.size)
         held[small.fixed], free = small.x_fixed, small.kept
         for reason in small.contradictions:
-            y = reason.y
-            z = np.zeros(qp.h.size) if reason.z is None else reason.z
+            y, z = reason.y, reason.z
             finite = np.where(z > 0.0, qp.h, 0.0)
             assert (qp.b - qp.A @ held) @ y + (finite - qp.G @ held) @ z < 0.0
             np.testing.assert_allclose((qp.A.T @ y + qp.G.T @ z)[free], 0, atol=1e-12)

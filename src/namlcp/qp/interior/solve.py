@@ -61,11 +61,9 @@ def solve_interior(
 
 def refuted(small: Presolved, chain: Chain, judge: Judge) -> str | None:
     """Return why the constraints contradict each other, as presolve found, or None."""
-    qp = small.qp
     for reason in small.contradictions:
-        z = np.zeros(qp.h.size) if reason.z is None else reason.z
-        small.hold_fixed(np.zeros(qp.q.size), reason.y, z)
+        small.hold_fixed(np.zeros(small.qp.q.size), reason.y, reason.z)
         x = chain.then(small).primal(np.zeros(small.q.size))
-        if judge.accept_multipliers(x, *chain.certificate(reason.y, z)):
+        if judge.accept_multipliers(x, *chain.certificate(reason.y, reason.z)):
             return reason.message
     return None

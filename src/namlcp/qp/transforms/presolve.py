@@ -13,7 +13,6 @@ from typing import NamedTuple
 
 import cython
 import numpy as np
-from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, fabs
 from scipy.sparse import csc_array, csr_array
 
@@ -21,7 +20,6 @@ from namlcp.checks import constant
 from namlcp.linalg import add_transposed, submatrix, times
 from namlcp.qp.problem import QP, Point
 from namlcp.qp.transforms.repeated import (
-    EMPTY,
     Groups,
     leading_rows,
     merge_equations,
@@ -32,19 +30,12 @@ from namlcp.qp.transforms.repeated import (
 FIXED = 1e-12
 
 
-# Columns and values of no fixed variables.
-NO_COLUMNS, NO_VALUES = np.empty(0, dtype=np.intp), np.empty(0)
-
-
 class Contradiction(NamedTuple):
-    """Why the constraints contradict each other, and multipliers of rows as proof.
-
-    z is None where z = 0.
-    """
+    """Why the constraints contradict each other, and multipliers of rows as proof."""
 
     message: str
     y: np.ndarray
-    z: np.ndarray | None = None
+    z: np.ndarray
 
 
 class Presolved(NamedTuple):
@@ -163,14 +154,7 @@ class Presolved(NamedTuple):
         active = row[upper], row[lower], ub[kept], lb[kept]
         return guess.x[kept], y, z[upper], z[lower], guess.z_box[kept], active
 
-    def point(
-        self,
-        x,
-        y,
-        z_upper,
-        z_lower,
-        z_box,
-    ):
+    def point(self, x, y, z_upper, z_lower, z_box):
         """Return the point of `qp`; z_box of a fixed variable makes its residual 0."""
         qp = self.qp
         y, z = self.multipliers(y, z_upper, z_lower)
@@ -188,17 +172,15 @@ def presolve(qp, eps_abs, eps_rel, last=None):
     The tolerances decide which constraints contradict each other.
     """
     n, m, p = qp.q.size, qp.h.size, qp.b.size
-    is_fixed, wanted = np.empty(n, dtype=np.bool_), np.empty(m, dtype=np.bool_)
     q, b, h, lb, ub = qp.q, qp.b, qp.h, qp.lb.copy(), qp.ub.copy()
     by, entry = np.full(n, -1, dtype=np.int32), np.empty(n)
     fix_by_rows(qp.G.indptr, qp.G.indices, qp.G.data, h, lb, ub, by, entry)
     column = (by >= 0).nonzero()[0]
-    count = inspect_sides(lb, ub, h, is_fixed.view(np.uint8), wanted.view(np.uint8))
-    found: list = []
-    kept, fixed, x_fixed = np.arange(n), NO_COLUMNS, NO_VALUES
-    if count:
-        kept, fixed = (~is_fixed).nonzero()[0], is_fixed.nonzero()[0]
-        x_fixed = 0.5 * (lb[fixed] + ub[fixed])
+    is_fixed = np.isfinite(lb) & np.isfinite(ub)
+    is_fixed &= ub - lb <= FIXED * np.maximum(1.0, np.abs(lb))
+    fixed = is_fixed.nonzero()[0]
+    kept, x_fixed = (~is_fixed).nonzero()[0], 0.5 * (lb[fixed] + ub[fixed])
+    if fixed.size:
         held = np.zeros(n)
         held[fixed] = x_fixed
         q = (q + times(qp.P, held))[kept]
@@ -210,10 +192,12 @@ def presolve(qp, eps_abs, eps_rel, last=None):
     else:
         P = submatrix(qp.P, kept, kept)
         A, A_groups = leading_rows(qp.A, kept, np.ones(p, dtype=np.bool_))
-        G, G_groups = leading_rows(qp.G, kept, wanted)
+        G, G_groups = leading_rows(qp.G, kept, h < np.inf)
     tol = eps_abs if eps_abs > 0.0 else eps_rel
-    b, largest_of, smallest_of = equality_sides(A_groups, b, tol, found)
-    lower, upper, lower_of, upper_of = ranges(G_groups, h, tol, p, found)
+    b, largest_of, smallest_of, of_A = equality_sides(A_groups, b, tol)
+    lower, upper, lower_of, upper_of, of_G = ranges(G_groups, h, tol)
+    found = [Contradiction(message, y, np.zeros(m)) for message, y in of_A]
+    found += [Contradiction(message, np.zeros(p), z) for message, z in of_G]
     return Presolved(
         qp, P, q, A, b, G, lower, upper, lb, ub, kept, fixed, x_fixed,
         largest_of, smallest_of, upper_of, lower_of, found, A_groups, G_groups,
@@ -242,77 +226,53 @@ def fix_by_rows(indptr, indices, data, h, lb, ub, by, entry):
                 by[j], entry[j] = i, data[t]
 
 
-def inspect_sides(lb, ub, h, is_fixed, wanted):
-    """Mark fixed variables and finite rows (h < inf); both arrays are overwritten.
-
-    Returns the number of fixed variables.
-    """
-    count: Py_ssize_t = 0
-    for j in range(lb.shape[0]):
-        low, high = lb[j], ub[j]
-        is_fixed[j] = (
-            fabs(low) < INFINITY
-            and fabs(high) < INFINITY
-            and high - low <= FIXED * max(1.0, fabs(low))
-        )
-        if is_fixed[j]:
-            count += 1
-    for i in range(h.shape[0]):
-        wanted[i] = h[i] < INFINITY
-    return count
-
-
-def equality_sides(groups, b, tol, found):
+def equality_sides(groups, b, tol):
     """Return the right-hand sides of the equations and the rows of extreme ones.
 
     Proportional rows contradict each other if no value is within `tol` of all their b.
-    Contradictions are added to `found`.
+    Such contradictions are returned, too: messages and multipliers y.
     """
-    p, first = b.size, groups.first
-    if groups.empty:
-        empty = np.flatnonzero(groups.leader == EMPTY)
-        for i in empty[np.abs(b[empty]) > tol][:1]:
-            side = f"but the right-hand side {b[i]:g}"
-            message = f"row {i} of A has no free variable, {side}"
-            found.append(Contradiction(message, unit(p, i, -np.sign(b[i]))))
+    first, found = groups.first, []
+    for i in groups.empty[np.abs(b[groups.empty]) > tol][:1]:
+        message = f"row {i} of A has no free variable, but the right-hand side {b[i]:g}"
+        found.append((message, unit(b.size, i, -np.sign(b[i]))))
     if not groups.repeated:
-        return b[first], first, first
+        return b[first], first, first, found
     sides = np.empty(first.size)
     most, least = np.empty((2, first.size), dtype=np.intp)
     k = merge_equations(*groups.merged_by, b, tol, sides, most, least)
     if k >= 0:
         i, j = least[k], most[k]
-        y = unit(p, i, 1.0 / groups.ratio[i]) - unit(p, j, 1.0 / groups.ratio[j])
-        message = f"rows {j} and {i} of A contradict each other"
-        found.append(Contradiction(message, y))
-    return sides, most, least
+        y = unit(b.size, i, 1.0 / groups.ratio[i])
+        y[j] = -1.0 / groups.ratio[j]
+        found.append((f"rows {j} and {i} of A contradict each other", y))
+    return sides, most, least, found
 
 
-def ranges(groups, h, tol, p, found):
+def ranges(groups, h, tol):
     """Return the lower and upper sides of the ranges and the rows that give them.
 
-    Contradictions are added to `found`; `p` is the size of their y.
+    Contradictions are returned, too: messages and multipliers z.
     """
-    m, count = h.size, groups.first.size
-    if groups.empty:
-        empty = np.flatnonzero(groups.leader == EMPTY)
-        for i in empty[(h[empty] < -tol) & (h[empty] > -np.inf)][:1]:
-            side = f"but the right-hand side {h[i]:g}"
-            message = f"row {i} of G has no free variable, {side}"
-            found.append(Contradiction(message, np.zeros(p), unit(m, i, 1.0)))
+    first, found = groups.first, []
+    sides = h[groups.empty]
+    for i in groups.empty[(sides < -tol) & (sides > -np.inf)][:1]:
+        message = f"row {i} of G has no free variable, but the right-hand side {h[i]:g}"
+        found.append((message, unit(h.size, i, 1.0)))
+    count = first.size
     if not groups.repeated:
-        upper = h[groups.first]
-        rows = np.where(upper > -np.inf, groups.first, -1)
-        return constant(count, -np.inf), upper, np.full(count, -1), rows
+        upper = h[first]
+        rows = np.where(upper > -np.inf, first, -1)
+        return constant(count, -np.inf), upper, np.full(count, -1), rows, found
     lower, upper = np.empty((2, count))
     low_at, up_at = np.empty((2, count), dtype=np.intp)
     k = merge_ranges(*groups.merged_by, h, tol, lower, upper, low_at, up_at)
     if k >= 0:
         i, j = up_at[k], low_at[k]
-        z = unit(m, i, 1.0 / groups.ratio[i]) - unit(m, j, 1.0 / groups.ratio[j])
-        message = f"rows {i} and {j} of G contradict each other"
-        found.append(Contradiction(message, np.zeros(p), z))
-    return lower, upper, low_at, up_at
+        z = unit(h.size, i, 1.0 / groups.ratio[i])
+        z[j] = -1.0 / groups.ratio[j]
+        found.append((f"rows {i} and {j} of G contradict each other", z))
+    return lower, upper, low_at, up_at, found
 
 
 def unit(size, index, value):

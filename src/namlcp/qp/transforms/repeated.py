@@ -29,7 +29,7 @@ class Groups(NamedTuple):
     Row i is ratio[i] times row leader[i], the `first` one of its group; rows that are
     not `wanted` and empty ones have the leader UNWANTED or EMPTY. number[i] is the
     position of a leader in `first`. `repeated` tells whether some rows are not leaders,
-    `empty` whether some are empty.
+    `empty` has those that are empty.
     """
 
     wanted: np.ndarray
@@ -38,7 +38,7 @@ class Groups(NamedTuple):
     number: np.ndarray
     first: np.ndarray
     repeated: bool
-    empty: bool
+    empty: np.ndarray
 
     @property
     def merged_by(self):
@@ -62,13 +62,13 @@ def leading_rows(M, columns, wanted):
     wanted_bytes = wanted.view(np.uint8)
     turned_part(M.indptr, M.indices, M.data, columns, wanted_bytes, *rows)
     table = np.empty(1 << (2 * m + 1).bit_length(), dtype=np.int32)
-    count, followers, empty = group_rows(
+    count, followers = group_rows(
         *rows, wanted_bytes, key, table, leader, ratio, number
     )
     entries = indptr[count]
     parts = indptr[: count + 1], indices[:entries], data[:entries]
-    first = (number >= 0).nonzero()[0]
-    groups = Groups(wanted, leader, ratio, number, first, followers > 0, empty > 0)
+    first, empty = (number >= 0).nonzero()[0], (leader == EMPTY).nonzero()[0]
+    groups = Groups(wanted, leader, ratio, number, first, followers > 0, empty)
     return from_arrays(parts, (count, columns.size), csr_array), groups
 
 
@@ -77,8 +77,8 @@ def no_leading_rows(n):
     """Return what `leading_rows` does of no rows; it is shared: read only."""
     none, flags = np.empty(0, dtype=np.int32), np.empty(0, dtype=np.bool_)
     empty = from_arrays((np.zeros(1, np.int32), none, np.empty(0)), (0, n), csr_array)
-    first = np.empty(0, dtype=np.intp)
-    return empty, Groups(flags, none, np.empty(0), none, first, False, False)
+    rows = np.empty(0, dtype=np.intp)
+    return empty, Groups(flags, none, np.empty(0), none, rows, False, rows)
 
 
 def turned_part(indptr, indices, data, columns, wanted, start, position, value):
@@ -112,19 +112,18 @@ def turned_part(indptr, indices, data, columns, wanted, start, position, value):
 def group_rows(indptr, indices, data, wanted, key, table, leader, ratio, number):
     """Group the rows of a CSR matrix that are proportional; keep their leaders.
 
-    Returns the numbers of leaders, of other rows in groups, and of empty rows that are
-    wanted. `leader`, `ratio` and `number` (m,) are overwritten as in `Groups`, and the
-    matrix by its leaders. key and table are overwritten: the bits of keys in single
-    precision, so that rounding errors seldom change them, and a hash table of rows with
-    open addressing. The key of a row is sum |a_ij| w_ij / |first a_ij| with the weights
-    of GOLDEN, plus 1 where the signs of a_ij and of the first entry differ.
+    Returns the numbers of leaders and of other rows in groups. `leader`, `ratio` and
+    `number` (m,) are overwritten as in `Groups`, and the matrix by its leaders. key and
+    table are overwritten: the bits of keys in single precision, so that rounding errors
+    seldom change them, and a hash table of rows with open addressing. The key of a row
+    is sum |a_ij| w_ij / |first a_ij| with the weights of GOLDEN, plus 1 where the signs
+    of a_ij and of the first entry differ.
     """
     mask: cython.longlong = table.shape[0] - 1
     for k in range(table.shape[0]):
         table[k] = -1
     kept: cython.int = 0
     followers: Py_ssize_t = 0
-    empty: Py_ssize_t = 0
     head: cython.int = 0
     begin = indptr[0]
     for i in range(wanted.shape[0]):
@@ -132,7 +131,6 @@ def group_rows(indptr, indices, data, wanted, key, table, leader, ratio, number)
         ratio[i], number[i] = 1.0, -1
         if begin == end:
             leader[i] = EMPTY if wanted[i] else UNWANTED
-            empty += 1 if wanted[i] else 0
             continue
         total = 0.0
         for t in range(begin, end):
@@ -163,7 +161,7 @@ def group_rows(indptr, indices, data, wanted, key, table, leader, ratio, number)
         kept += 1
         indptr[kept] = start + end - begin
         begin = end
-    return kept, followers, empty
+    return kept, followers
 
 
 def multiple(indices, data, a, a_end, c, c_end):
