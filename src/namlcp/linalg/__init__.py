@@ -16,12 +16,13 @@ from namlcp.linalg.csc import (
     is_clean_csc,
     submatrix,
     times,
+    unit_triangle,
     with_squares,
     without_zeros,
 )
 from namlcp.linalg.definite import (
     PSD_SLACK,
-    curvature,
+    asymmetry,
     has_positive_pivots,
     is_positive_semidefinite,
     is_symmetric,
@@ -30,5 +31,4 @@ from namlcp.linalg.factors import factor_triangle, plan_factors, plan_lu
 from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.ordering import supernodes
 from namlcp.linalg.sparse_ldl import Factors, SparseFactors
-from namlcp.linalg.symmetry import asymmetry
 from namlcp.linalg.threads import blas_threads

@@ -235,11 +235,13 @@ def add_column_sums(arrays, z, out):
 
 
 def unit_triangle(indptr, indices, data, zero, least, slack):
-    """Return sign, i and j of `Curvature`, and an upper triangle where it is wanted.
+    """Return sign, i, j and a triangle: what tells whether P is positive semidefinite.
 
-    That is the one of R^-1 (P + t I) R^-1 + slack I. Here t = zero max |P|, at least
-    `least`, allows for rounding, and R^2 is the diagonal of P + t I. Of the symmetric
-    P it has the rows and columns with entries beside the diagonal.
+    sign: 1 where diagonal signs, minors of order two and diagonal dominance prove it, 0
+    where they do not decide, -1 where the minor of rows i and j, for i = j a diagonal
+    entry, is negative. With 0 comes the upper triangle of R^-1 (P + t I) R^-1 + slack I
+    without rows and columns that have a diagonal entry alone. Here t = zero max |P|, at
+    least `least`, allows for rounding, and R^2 is the diagonal of P + t I.
     """
     n, size = indptr.shape[0] - 1, 0.0
     diagonal: cython.double[::1] = np.zeros(n)

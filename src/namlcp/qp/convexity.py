@@ -11,13 +11,21 @@ from typing import Any
 import numpy as np
 from scipy.linalg.lapack import dpotrf
 
-from namlcp.checks import as_sparse
-from namlcp.linalg import PSD_SLACK, curvature, has_positive_pivots
+from namlcp.checks import as_sparse, from_arrays
+from namlcp.linalg import (
+    LEAST_DIVISOR,
+    PSD_SLACK,
+    arrays_of,
+    has_positive_pivots,
+    unit_triangle,
+)
 from namlcp.theory import is_h_plus
 
 # Least order of P for which `is_h_plus`, a multigrid method, is tried before a
 # factorisation, which may cost far more.
 MULTIGRID_ORDER = 50_000
+# Entry p_jj, relative to max |P|, up to which it counts as 0; row j must be 0 then.
+ZERO = 1e-15
 
 
 class NotConvex(ValueError):
@@ -41,13 +49,14 @@ def check_convex(P: Any) -> None:
         if dpotrf(P)[1] == 0:
             return  # definite, as most are: this takes a tenth of the time
         P = as_sparse(P)
-    sign, i, j, triangle = curvature(P)
+    sign, i, j, parts = unit_triangle(*arrays_of(P), ZERO, LEAST_DIVISOR, PSD_SLACK)
     if sign > 0:
         return
     if sign == 0:
         if P.shape[0] >= MULTIGRID_ORDER and is_h_plus(P.T):
             return
-        if has_positive_pivots(triangle):
+        order = parts[0].size - 1
+        if has_positive_pivots(from_arrays(parts, (order, order))):
             return
         reason = (
             f"an eigenvalue of P with its diagonal scaled to 1 is below -{PSD_SLACK:g}"

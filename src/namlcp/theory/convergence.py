@@ -76,8 +76,7 @@ from typing import Any
 import numpy as np
 from scipy import linalg, sparse
 
-from namlcp.linalg.definite import is_positive_semidefinite, positive_factors
-from namlcp.linalg.symmetry import asymmetry
+from namlcp.linalg.definite import asymmetry, is_positive_semidefinite, positive_factors
 from namlcp.theory.comparison import (
     LARGEST_FACTORED,
     ROUNDOFF,

@@ -31,7 +31,7 @@ from namlcp.lcp.modulus.kernels import (
 from namlcp.lcp.modulus.methods import Parameters, Sweep
 from namlcp.lcp.shifted import Quasidefinite, Shifted, System
 from namlcp.linalg.csc import arrays_of
-from namlcp.linalg.symmetry import asymmetry
+from namlcp.linalg.definite import asymmetry
 
 
 class Step:

@@ -71,14 +71,12 @@ class ScaledQP:
 
     def scale_vectors(self):
         """Set unit, q, b, c and the values of K~."""
-        small = self.small
+        n, rows, small, scale = self.n, self.n + self.p, self.small, self.scale
         self.kkt.data[:] = self.kkt.base
-        self.unit, self.c = np.empty(self.scale.size), np.empty(self.side.size)
-        self.q, self.b = np.empty(self.n), np.empty(self.p)
-        scale_sides(
-            self.scale, self.place, small.q, small.b, self.side,
-            self.q, self.b, self.c, self.unit,
-        )  # fmt: skip
+        self.unit = scale.copy()
+        self.unit[n:] = 1.0 / scale[n:]
+        self.q, self.b = small.q * scale[:n], small.b * scale[n:rows]
+        self.c = self.side / self.unit[self.place]
 
     @property
     def finite(self):
@@ -152,19 +150,6 @@ def list_finite(values, first, s, k, place, sign, side):
             side[k] = s * values[i]
             k += 1
     return k
-
-
-def scale_sides(scale, place, q0, b0, side, q, b, c, unit):
-    """Set `unit`, q, b and c from the q0, b0 and sides that are not scaled."""
-    n = q.shape[0]
-    for j in range(scale.shape[0]):
-        unit[j] = scale[j] if j < n else 1.0 / scale[j]
-    for j in range(n):
-        q[j] = q0[j] * scale[j]
-    for i in range(b.shape[0]):
-        b[i] = b0[i] * scale[n + i]
-    for k in range(c.shape[0]):
-        c[k] = side[k] / unit[place[k]]
 
 
 def unscale(unit, place, ends, x, y, Z, x_out, y_out, upper, lower, box):
