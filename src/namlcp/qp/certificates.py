@@ -130,8 +130,12 @@ def alone(qp: QP, eps_abs: float, eps_rel: float) -> tuple[str, Proof] | None:
     size = np.minimum(np.maximum(np.abs(qp.lb), np.abs(qp.ub)), LARGEST)
     with np.errstate(invalid="ignore"):  # inf - inf
         crossed = 0.5 * qp.lb - 0.5 * qp.ub > eps_abs + eps_rel * size
+    wrong = (crossed | (qp.lb == np.inf) | (qp.ub == -np.inf)).nonzero()[0]
+    empty = (qp.h == -np.inf).nonzero()[0]
+    if not (wrong.size or empty.size):
+        return None
     proof = qp.point(np.full(qp.q.size, np.nan))
-    for j in np.flatnonzero(crossed | (qp.lb == np.inf) | (qp.ub == -np.inf))[:1]:
+    for j in wrong[:1]:
         low, high = float(qp.lb[j]), float(qp.ub[j])
         is_finite = np.isfinite((low, high)).all()
         proof.z_box[j] = 0.5 / (0.5 * low - 0.5 * high) if is_finite else 1.0
@@ -139,10 +143,9 @@ def alone(qp: QP, eps_abs: float, eps_rel: float) -> tuple[str, Proof] | None:
             proof.z_box[j] = -1.0
         sides = f"lb = {low}, ub = {high}"
         return f"bounds of x[{j}] contradict each other: {sides}", (proof, NO_RESIDUAL)
-    for i in np.flatnonzero(qp.h == -np.inf)[:1]:
-        proof.z[i] = 1.0
-        return f"row {i} of G has h = -inf", (proof, NO_RESIDUAL)
-    return None
+    i = empty[0]
+    proof.z[i] = 1.0
+    return f"row {i} of G has h = -inf", (proof, NO_RESIDUAL)
 
 
 def uncancelled(M: Any, d: np.ndarray, Md: np.ndarray) -> float:

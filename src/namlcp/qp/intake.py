@@ -55,10 +55,11 @@ def rows_of(M, n, is_dense):
     data, indices, indptr = M.data, M.indices, M.indptr
     if not (fits(data, 1) and are_places(indices) and are_places(indptr)):
         return -1
-    rows: Py_ssize_t = M.shape[0]
+    shape: tuple = M.shape
+    rows: Py_ssize_t = shape[0]
     size: Py_ssize_t = cnp.PyArray_DIM(indices, 0)
     is_whole: cython.bint = (
-        M.shape[1] == n
+        shape[1] == n
         and cnp.PyArray_DIM(data, 0) == size
         and cnp.PyArray_DIM(indptr, 0) == n + 1
         and indptr[n] == size

@@ -32,20 +32,20 @@ BY_LUCK = (
     "arguments: the terms of the residuals are too large for them. Loosen eps_abs."
 )
 Matrices = tuple[Any, Any, Any]
-NOT_GIVEN: Matrices = (None, None, None)
 
 
 class Judge:
     """The best point so far; `best` is the largest of its residuals over tolerances.
 
-    The QP is solved if best <= 1. `given`: P, G and A as the user holds them, None
-    where absent. `proof`: a certificate that was accepted: verdict, point, residuals.
+    The QP is solved if best <= 1. `given`: P, G and A as the user holds them, each
+    None where absent. `proof`: a certificate that was accepted: verdict, point,
+    residuals.
     """
 
-    def __init__(self, qp: QP, limits: Limits, given: Matrices = NOT_GIVEN) -> None:
+    def __init__(self, qp: QP, limits: Limits, given: Matrices | None = None) -> None:
         self.qp, self.checked, self.limits = qp, qp, limits
-        self.given = None if given is NOT_GIVEN or are_own(given, qp) else given
-        self.is_columns = not qp.is_dense
+        self.given = None if given and are_own(given, qp) else given
+        self.is_columns = type(qp.P) is not np.ndarray
         self.best = inf
         self.point: Point | None = None
         self.residuals: Residuals | None = None

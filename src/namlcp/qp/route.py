@@ -5,9 +5,6 @@ dual active-set method in dense form; any other, and what these two leave unsolv
 the interior-point method. Engines offer points and certificates; the `Judge` decides.
 """
 
-from collections.abc import Callable
-from typing import NamedTuple
-
 import numpy as np
 
 from namlcp.limits import Limits, OutOfTime
@@ -24,7 +21,7 @@ from namlcp.qp.bounds import is_box_open, solve_bounds
 from namlcp.qp.chain import OWN, Chain
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.interior import solve_interior
-from namlcp.qp.judge import NOT_GIVEN, Judge, Matrices
+from namlcp.qp.judge import Judge, Matrices
 from namlcp.qp.memory import Memory
 from namlcp.qp.outcomes import UNDECIDED
 from namlcp.qp.problem import QP
@@ -36,12 +33,6 @@ from namlcp.status import Status
 DENSE_VARIABLES, DENSE_ENTRIES = 2000, 16_000_000
 
 
-def is_tiny(qp: QP) -> bool:
-    """Tell whether a sparse QP is solved in dense form as it came."""
-    n = qp.q.size
-    return n * (n + qp.h.size + qp.b.size) <= TINY_ENTRIES
-
-
 def is_small(qp: QP) -> bool:
     """Tell whether the matrices have few entries, or few zeros, for the dense form."""
     n = qp.q.size
@@ -50,42 +41,12 @@ def is_small(qp: QP) -> bool:
         return False
     if entries <= FEW_ENTRIES:
         return True
-    count = np.count_nonzero if qp.is_dense else lambda M: M.nnz
-    return 100 * sum(map(count, (qp.P, qp.G, qp.A))) >= FULL * entries
-
-
-def takes_bounds(qp: QP, memory: Memory) -> bool:
-    """Tell whether there are bounds alone, which have a finite point, and many."""
-    return (
-        qp.h.size + qp.b.size == 0
-        and (qp.q.size > MOST_BOX or not is_small(qp))
-        and is_box_open(qp.lb, qp.ub)
-    )
-
-
-def takes_dense(qp: QP, memory: Memory) -> bool:
-    """Tell whether the dense form is small, and promises more than interior points."""
-    if memory.in_vain or not is_small(qp):
-        return False
-    return not qp.is_dense or qp.q.size <= MOST_LINEAR or bool(qp.P.any())
-
-
-class Engine(NamedTuple):
-    """A method for QPs.
-
-    suits(qp, memory): whether it is tried. solve(qp, chain, guess, judge, memory): its
-    answer, None if that is nothing; chain: the way from the user's QP to `qp`.
-    """
-
-    suits: Callable[[QP, Memory], bool]
-    solve: Callable[[QP, Chain, Guess, Judge, Memory], Outcome | None]
-
-
-ENGINES = (
-    Engine(takes_bounds, solve_bounds),
-    Engine(takes_dense, solve_dense),
-    Engine(lambda qp, memory: True, solve_interior),
-)
+    P, _, G, _, A, *_ = qp
+    if qp.is_dense:
+        filled = sum(map(np.count_nonzero, (P, G, A)))
+    else:
+        filled = P.data.size + G.data.size + A.data.size
+    return 100 * filled >= FULL * entries
 
 
 def route(
@@ -93,7 +54,7 @@ def route(
     guess: Guess,
     limits: Limits,
     memory: Memory | None = None,
-    given: Matrices = NOT_GIVEN,
+    given: Matrices | None = None,
 ) -> Outcome:
     """Solve a checked QP; if it stalls, go on without its huge bounds.
 
@@ -101,22 +62,17 @@ def route(
     `given`: P, G and A as the user holds them.
     """
     judge = Judge(qp, limits, given)
-    answer = solve_in_time(qp, guess, judge, memory)
-    relaxed = without_huge_bounds(qp) if answer.status in UNDECIDED else None
-    if relaxed is None:
-        return answer
-    other = solve_in_time(relaxed, NO_GUESS, judge, None)
+    try:
+        answer = solve_in_forms(qp, guess, judge, memory)
+        relaxed = without_huge_bounds(qp) if answer.status in UNDECIDED else None
+        if relaxed is None:
+            return answer
+        other = solve_in_forms(relaxed, NO_GUESS, judge, None)
+    except OutOfTime:
+        return judge.answer(Status.TIME_LIMIT, 0, "none")
     if other.status in UNDECIDED:
         return other._replace(status=answer.status, message=answer.message)
     return other
-
-
-def solve_in_time(qp: QP, guess: Guess, judge: Judge, memory: Memory | None) -> Outcome:
-    """Do `solve_in_forms`, unless time is over before a method begins."""
-    try:
-        return solve_in_forms(qp, guess, judge, memory)
-    except OutOfTime:
-        return judge.answer(Status.TIME_LIMIT, 0, "none")
 
 
 def solve_in_forms(
@@ -131,7 +87,9 @@ def solve_in_forms(
     else:
         qp = memory.recognised(qp)
     if not qp.is_dense and (qp.h.size or qp.b.size):
-        if is_tiny(qp) and not memory.in_vain:
+        n = qp.q.size
+        is_tiny = n * (n + qp.h.size + qp.b.size) <= TINY_ENTRIES
+        if is_tiny and not memory.in_vain:
             found = solve_dense(qp, OWN, guess, judge, memory)
             if found is not None and found.ends:
                 return found
@@ -151,12 +109,27 @@ def solve_in_forms(
 def solve_by_engines(
     qp: QP, chain: Chain, guess: Guess, judge: Judge, memory: Memory
 ) -> Outcome:
-    """Return the answer of the first engine that decides, else that of the last one."""
-    start, answer = chain.guess(guess), None
-    for engine in ENGINES:
-        if engine.suits(qp, memory):
-            answer = engine.solve(qp, chain, start, judge, memory) or answer
-            if answer is not None and answer.ends:
-                break
-    assert answer is not None  # the last engine suits all
-    return answer
+    """Return the answer of the first engine that decides, else that of the last one.
+
+    A QP with bounds alone, which have a finite point, is a box LCP if it has many, or
+    is not small. Small QPs are solved in dense form, but dense linear programs.
+    """
+    guess = chain.guess(guess)
+    small = is_small(qp)
+    if (
+        qp.h.size + qp.b.size == 0
+        and (qp.q.size > MOST_BOX or not small)
+        and is_box_open(qp.lb, qp.ub)
+    ):
+        found = solve_bounds(qp, chain, guess, judge, memory)
+        if found is not None and found.ends:
+            return found
+    if (
+        small
+        and not memory.in_vain
+        and (not qp.is_dense or qp.q.size <= MOST_LINEAR or qp.P.any())
+    ):
+        found = solve_dense(qp, chain, guess, judge, memory)
+        if found is not None and found.ends:
+            return found
+    return solve_interior(qp, chain, guess, judge, memory)

@@ -11,7 +11,7 @@ from namlcp.outcome import Outcome
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp.closest import check_weights, nearest
 from namlcp.qp.guess import Guess
-from namlcp.qp.judge import NOT_GIVEN, Matrices
+from namlcp.qp.judge import Matrices
 from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, Point
 from namlcp.qp.route import route
@@ -26,7 +26,7 @@ def solve_checked(
     start: float,
     progress: Progress | None = None,
     memory: Memory | None = None,
-    given: Matrices = NOT_GIVEN,
+    given: Matrices | None = None,
     known: Outcome | None = None,
 ) -> Outcome:
     """Solve a checked QP; `start` is the perf_counter() of the call.

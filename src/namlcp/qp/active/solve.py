@@ -236,9 +236,11 @@ def tiny_form(C, n):
     data, indices, indptr = C.data, C.indices, C.indptr
     if not (fits(data, 1) and are_places(indices) and are_places(indptr)):
         return None
+    if cnp.PyArray_DIM(indptr, 0) != n + 1 or n * n > TINY_ENTRIES:
+        return None
     rows: Py_ssize_t = C.shape[0]
     nnz: Py_ssize_t = cnp.PyArray_DIM(data, 0)
-    if cnp.PyArray_DIM(indptr, 0) != n + 1 or n * (n + rows) > TINY_ENTRIES:
+    if n * (n + rows) > TINY_ENTRIES:
         return None
     start, at, value = places(indptr, n + 1), places(indices, nnz), data_of(data)
     if start[0] != 0 or start[n] != nnz:
