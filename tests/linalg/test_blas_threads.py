@@ -77,9 +77,9 @@ def seen_inside(monkeypatch, solve):
     """Return the numbers of threads that were set while `solve` ran."""
     seen = []
     monkeypatch.setattr(
-        threads.BLAS_THREADS,
-        "put",
-        lambda put=threads.BLAS_THREADS.put: (put(), seen.append(set(numbers()))),
+        threads,
+        "put_threads",
+        lambda put=threads.put_threads: (put(), seen.append(set(numbers()))),
     )
     assert solve().status.value == "solved"
     assert seen.pop() == {2}

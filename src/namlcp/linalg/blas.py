@@ -59,10 +59,9 @@ def cholesky(A, n):
     """
     order: cython.int = n
     info: cython.int = 0
-    upper: cython.char = b"U"
     if n > 0:
         dpotrf(
-            cython.address(upper), cython.address(order), A, cython.address(order),
+            b"U", cython.address(order), A, cython.address(order),
             cython.address(info),
         )  # fmt: skip
     return info == 0
@@ -73,10 +72,9 @@ def cholesky_solve(L, n, b):
     order: cython.int = n
     one: cython.int = 1
     info: cython.int = 0
-    upper: cython.char = b"U"
     if n > 0:
         dpotrs(
-            cython.address(upper), cython.address(order), cython.address(one),
+            b"U", cython.address(order), cython.address(one),
             cython.cast(p_double, L), cython.address(order), b, cython.address(order),
             cython.address(info),
         )  # fmt: skip
@@ -99,10 +97,9 @@ def lu_solve(factors, n, pivots, b):
     order: cython.int = n
     one: cython.int = 1
     info: cython.int = 0
-    plain: cython.char = b"N"
     if n > 0:
         dgetrs(
-            cython.address(plain), cython.address(order), cython.address(one),
+            b"N", cython.address(order), cython.address(one),
             cython.cast(p_double, factors), cython.address(order),
             cython.cast(cython.p_int, pivots), b, cython.address(order),
             cython.address(info),
@@ -114,14 +111,9 @@ def solve_rows(L, n, X, count):
     order: cython.int = n
     rows: cython.int = count
     one: cython.double = 1.0
-    left: cython.char = b"L"
-    upper: cython.char = b"U"
-    transposed: cython.char = b"T"
-    plain: cython.char = b"N"
     if n > 0 and count > 0:
         dtrsm(
-            cython.address(left), cython.address(upper), cython.address(transposed),
-            cython.address(plain), cython.address(order), cython.address(rows),
+            b"L", b"U", b"T", b"N", cython.address(order), cython.address(rows),
             cython.address(one), cython.cast(p_double, L), cython.address(order), X,
             cython.address(order),
         )  # fmt: skip
@@ -131,11 +123,9 @@ def invert_lower(L, n):
     """Overwrite a lower triangle by its inverse."""
     order: cython.int = n
     info: cython.int = 0
-    upper: cython.char = b"U"
-    plain: cython.char = b"N"
     if n > 0:
         dtrtri(
-            cython.address(upper), cython.address(plain), cython.address(order), L,
+            b"U", b"N", cython.address(order), L,
             cython.address(order), cython.address(info),
         )  # fmt: skip
 
@@ -145,12 +135,11 @@ def _multiply(letter, A, B, C, rows, columns, inner):
     n: cython.int = rows
     k: cython.int = inner
     width: cython.int = inner if letter == b"T" else columns
-    plain: cython.char = b"N"
     one: cython.double = 1.0
     zero: cython.double = 0.0
     if rows > 0 and columns > 0 and inner > 0:
         dgemm(
-            cython.address(letter), cython.address(plain), cython.address(m),
+            cython.address(letter), b"N", cython.address(m),
             cython.address(n), cython.address(k), cython.address(one),
             cython.cast(p_double, B), cython.address(width), cython.cast(p_double, A),
             cython.address(k), cython.address(zero), C, cython.address(m),

@@ -18,6 +18,7 @@ import sys
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import scipy.linalg
@@ -75,65 +76,56 @@ def extension_modules() -> Iterator[str]:
             yield from map(str, folder.glob("*openblas*"))
 
 
-class BlasThreads:
-    """Sets the largest number of threads that any running solve asks for."""
-
-    def __init__(self) -> None:
-        self.lock = threading.Lock()
-        self.asked: list[int] = []
-        self.before: list[int] = []
-
-    def enter(self, threads: int) -> None:
-        """Begin a solve with this number of threads."""
-        with self.lock:
-            if not self.asked:
-                self.before = [get() for _, get in settings()]
-            self.asked.append(threads)
-            self.put()
-
-    def leave(self, threads: int) -> None:
-        """End a solve with this number of threads."""
-        with self.lock:
-            if threads in self.asked:  # not so in a child of fork
-                self.asked.remove(threads)
-                self.put()
-
-    def put(self) -> None:
-        """Set the largest number asked for, or the number before the first solve."""
-        for (put, get), before in zip(settings(), self.before, strict=True):
-            wanted = max(self.asked, default=before)
-            if get() != wanted:
-                put(wanted)
-
-    def forget(self) -> None:
-        """Start anew in a forked process, which has none of the threads that solved."""
-        self.lock = threading.Lock()
-        if self.asked:
-            self.asked.clear()
-            self.put()
-
-
-BLAS_THREADS = BlasThreads()
-if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=BLAS_THREADS.forget)
-
-
-UNLIMITED: contextlib.AbstractContextManager[None] = contextlib.nullcontext()
-
-
 class Limited:
-    """A block in which BLAS may use so many threads; a generator would cost 3 us."""
+    """A block in which BLAS may use so many threads; a generator would cost 3 us.
 
-    def __init__(self, threads: int):
+    Of blocks that run at once, the one that asks for most counts.
+    """
+
+    lock = threading.Lock()
+    asked: ClassVar[list[int]] = []  # by the blocks that run
+    before: ClassVar[list[int]] = []  # what the first one found
+
+    def __init__(self, threads: int) -> None:
         self.threads = threads
 
     def __enter__(self) -> None:
         """Set the number."""
-        BLAS_THREADS.enter(self.threads)
+        with Limited.lock:
+            if not Limited.asked:
+                Limited.before = [get() for _, get in settings()]
+            Limited.asked.append(self.threads)
+            put_threads()
 
     def __exit__(self, *_: object) -> None:
         """Restore what was set before."""
-        BLAS_THREADS.leave(self.threads)
+        with Limited.lock:
+            if self.threads in Limited.asked:  # not so in a child of fork
+                Limited.asked.remove(self.threads)
+                put_threads()
+
+
+def put_threads() -> None:
+    """Set the largest number asked for, or the number before the first block."""
+    for (put, get), before in zip(settings(), Limited.before, strict=True):
+        wanted = max(Limited.asked, default=before)
+        if get() != wanted:
+            put(wanted)
+
+
+def forget() -> None:
+    """Start anew in a forked process, which has none of the threads that solved."""
+    Limited.lock = threading.Lock()
+    if Limited.asked:
+        Limited.asked.clear()
+        put_threads()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=forget)
+
+
+UNLIMITED: contextlib.AbstractContextManager[None] = contextlib.nullcontext()
 
 
 def blas_threads(threads: int, order: int) -> contextlib.AbstractContextManager[None]:
