@@ -21,7 +21,8 @@ def bent(change):
     def solve(stage, guess, limits):
         nonlocal count
         count += 1
-        return change(count, route(stage, guess, limits))
+        with np.errstate(all="ignore"):
+            return change(count, route(stage, guess, limits))
 
     return solve
 

@@ -40,7 +40,8 @@ class Found(NamedTuple):
 
 def solve_sparse(qp, limits=Options().limits(), guess=NO_GUESS) -> Found:  # noqa: B008
     """Solve by the interior-point method, whatever the form."""
-    answer = solve_interior(qp, OWN, guess, Judge(qp, limits), Memory())
+    with np.errstate(all="ignore"):
+        answer = solve_interior(qp, OWN, guess, Judge(qp, limits), Memory())
     return Found(answer.status, *answer.point, answer.iterations, answer.message)
 
 

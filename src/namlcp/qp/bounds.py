@@ -9,7 +9,6 @@ z_box <= 0 at lb, >= 0 at ub          w >= 0 at lower, <= 0 at upper
 ray x, q'x = -1                       ray v, q'v = -1 (no solution)
 """
 
-import numpy as np
 from cython.cimports.libc.math import INFINITY
 
 from namlcp.checks import as_sparse
@@ -83,8 +82,7 @@ def solve_bounds(qp, chain, guess, judge, memory):
 
 def box_point(qp, z):
     """Return the point of the QP for z of the LCP."""
-    with np.errstate(all="ignore"):  # overflow is no solution
-        z_box = -(times(qp.P, z) + qp.q)
+    z_box = -(times(qp.P, z) + qp.q)
     x, z_box = on_bounds(z, z_box, qp.lb, qp.ub, True)
     return Point(x, NO_ENTRIES, NO_ENTRIES, z_box)
 

@@ -128,8 +128,7 @@ def alone(qp: QP, eps_abs: float, eps_rel: float) -> tuple[str, Proof] | None:
     Bounds contradict each other if no x is within tolerance of both.
     """
     size = np.minimum(np.maximum(np.abs(qp.lb), np.abs(qp.ub)), LARGEST)
-    with np.errstate(invalid="ignore"):  # inf - inf
-        crossed = 0.5 * qp.lb - 0.5 * qp.ub > eps_abs + eps_rel * size
+    crossed = 0.5 * qp.lb - 0.5 * qp.ub > eps_abs + eps_rel * size  # NaN for inf - inf
     wrong = (crossed | (qp.lb == np.inf) | (qp.ub == -np.inf)).nonzero()[0]
     empty = (qp.h == -np.inf).nonzero()[0]
     if not (wrong.size or empty.size):

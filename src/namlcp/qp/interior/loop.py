@@ -73,10 +73,9 @@ def run(m: Interior, guess):
 
     Returns the status; the judge has the point or the certificate.
     """
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        status = iterate(m, guess)
-        if status is not Status.SOLVED and m.best < INFINITY:
-            offer(m, m.best_x, m.best_y, m.best_Z)
+    status = iterate(m, guess)
+    if status is not Status.SOLVED and m.best < INFINITY:
+        offer(m, m.best_x, m.best_y, m.best_Z)
     return status
 
 
@@ -93,8 +92,7 @@ def try_guess(m: Interior, guess):
     as_array(m.start_Z, m.m)[:] = Z
     for k in range(m.m):
         m.set_active[k] = active[k]
-    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        refine(m)
+    refine(m)
     raise_kept(m)
     return m.judge.is_solved
 
