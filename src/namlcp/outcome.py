@@ -14,6 +14,9 @@ FINAL = (
 )
 """Statuses that decide a problem."""
 
+OBJECTIVE = {Status.PRIMAL_INFEASIBLE: np.inf, Status.DUAL_INFEASIBLE: -np.inf}
+"""Objective of a QP with a certificate."""
+
 
 class Outcome(NamedTuple):
     """How the solve of a QP or an LCP ended, and which method found that.
@@ -37,3 +40,11 @@ class Outcome(NamedTuple):
     def ends(self) -> bool:
         """Tell whether no other method is to be tried."""
         return self.status in FINAL or self.status is Status.TIME_LIMIT
+
+
+def objective_of(answer: Outcome) -> float:
+    """Return 1/2 x'Px + q'x, infinite where a certificate takes the place of x."""
+    objective = answer.residuals.objective
+    if answer.status is Status.SOLVED:
+        return objective
+    return OBJECTIVE.get(answer.status, objective)

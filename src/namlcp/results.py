@@ -30,16 +30,14 @@ from namlcp.lcp import LCP, Operator, Prepared, solve_small
 from namlcp.linalg import times
 from namlcp.linalg.stamp import stamp_of_arrays
 from namlcp.measure import modulus_variable
-from namlcp.outcome import Outcome
+from namlcp.outcome import OBJECTIVE, Outcome, objective_of
 from namlcp.qp import (
-    OBJECTIVE,
     QP,
     STATUSES,
     Items,
     Nearest,
     Outcomes,
     Point,
-    objective_of,
     qp_arrays,
     stamp_of,
 )

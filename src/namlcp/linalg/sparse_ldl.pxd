@@ -46,7 +46,6 @@ cdef class SparseFactors(Factors):
         double *y
         # Multiplications of a factorisation.
         double work
-        readonly object order
         object arrays, reciprocals, row_numbers
 
 

@@ -60,8 +60,7 @@ LOOK_AFTER = 1e5
 class Factors:
     """Factors of quasi-definite matrices with one pattern of the upper triangle.
 
-    A subclass has `factor_values` and `solve_into`, which run without the GIL, or, in
-    Python, `refactor` and `solve`.
+    A subclass has `factor_values` and `solve_into`, which run without the GIL.
     """
 
     def __init__(self, indptr):
@@ -84,22 +83,10 @@ class Factors:
 
     def factor_values(self, data, watch):
         """Do as `refactor` does; False if a pivot is 0, or the watch says to stop."""
-        is_done: cython.bint = False
-        with cython.gil:
-            try:
-                self.refactor(as_array(data, self.nnz))
-                is_done = True
-            except ValueError:
-                pass
-            except BaseException as error:
-                watch.over = watch.interrupted = True
-                watch.error = error
-        return is_done
+        return False
 
     def solve_into(self, rhs, x):
         """Set x = K^-1 rhs; x may be rhs."""
-        with cython.gil:
-            as_array(x, self.n)[:] = self.solve(as_array(rhs, self.n))
 
 
 def as_array(values, size):
@@ -116,7 +103,7 @@ class SparseFactors(Factors):
     def __init__(self, indptr, indices, order):
         """Lay out L for a matrix K in an `Order`, which has all its rows."""
         Factors.__init__(self, indptr)
-        self.order, self.entries = order, order.counts.sum(dtype=np.int64)
+        self.entries = order.counts.sum(dtype=np.int64)
         self.work = order.work
         refuse_size("the factors", self.entries)
         n, entries = self.n, self.entries

@@ -8,7 +8,6 @@ from namlcp.qp.convexity import NotConvex
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.kkt import KKT
 from namlcp.qp.memory import Memory
-from namlcp.qp.outcomes import OBJECTIVE, objective_of
 from namlcp.qp.problem import QP, Point, qp_arrays, qp_data, stamp_of
 from namlcp.qp.sequences import (
     STATUSES,

@@ -23,7 +23,6 @@ from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.interior import solve_interior
 from namlcp.qp.judge import Judge, Matrices
 from namlcp.qp.memory import Memory
-from namlcp.qp.outcomes import UNDECIDED
 from namlcp.qp.problem import QP
 from namlcp.qp.transforms import substitute, without_huge_bounds
 from namlcp.status import Status
@@ -31,6 +30,8 @@ from namlcp.status import Status
 # Most variables, and most entries of P, G and A, zeros included, of the dense form,
 # which would take many seconds beyond.
 DENSE_VARIABLES, DENSE_ENTRIES = 2000, 16_000_000
+# Statuses after which a QP is solved in another way.
+UNDECIDED = (Status.STALLED, Status.NUMERICAL_ERROR)
 
 
 def is_small(qp: QP) -> bool:

@@ -20,14 +20,13 @@ from namlcp.checks import real_array
 from namlcp.linalg import blas_threads
 from namlcp.linalg.stamp import stamps_of_items
 from namlcp.options import Options
-from namlcp.outcome import Outcome
+from namlcp.outcome import OBJECTIVE, Outcome, objective_of
 from namlcp.qp.active import MOST_ORDER, OUTCOMES, attached
 from namlcp.qp.active import solve_items as solve_dense_items
 from namlcp.qp.active.state import Code
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import make_guess
 from namlcp.qp.memory import Memory
-from namlcp.qp.outcomes import OBJECTIVE, objective_of
 from namlcp.qp.problem import QP, qp_data, stamp_of
 from namlcp.qp.solve import solve_checked
 from namlcp.residuals import UNDEFINED, Residuals
