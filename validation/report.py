@@ -112,7 +112,7 @@ JOBS = (
         paper.stability --results {results} --figures {figures}
         """, 4.0),
     Job("parameters", "paper.parameters --data {data} --results {results}", 4.0),
-    Job("h_plus h_plus-definition convergence-proofs convergence-runs", """
+    Job("h_plus h_plus-definition convergence-proofs", """
         paper.h_plus --results {results}
         """, 2.0),
     Job("campaign", """

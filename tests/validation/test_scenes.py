@@ -10,11 +10,11 @@ from scipy.optimize import lsq_linear, nnls
 
 from namlcp import Status, natural_residual, solve_lcp
 from validation.harness.data_folder import MissingDataError
-from validation.problems import contact_scenes, hertz
+from validation.problems import hertz
 from validation.problems import known_scenes as known
 from validation.problems import large_scenes as large
 from validation.problems.data_sets import heart_scale
-from validation.problems.general import circuits, games
+from validation.problems.general import games
 
 
 def solve(scene):
@@ -120,28 +120,12 @@ def test_hertz_contact_without_a_matrix():
     np.testing.assert_array_equal(found.z > 0.0, exact.z > 0.0)
 
 
-def test_stack_carries_the_weight_above():
-    boxes = 10
-    scene = contact_scenes.stack(boxes)
-    weight = np.geomspace(1.0, 1e4, boxes)[::-1].cumsum()[::-1]
-    expected = np.repeat(0.5 * contact_scenes.STEP * weight, 2)
-    np.testing.assert_allclose(solve((scene.A, scene.q)), expected, rtol=1e-9)
-
-
 @pytest.mark.parametrize("name", games.KNOWN)
 def test_known_games(name):
     R, C, expected = games.KNOWN[name]
     x, y = games.strategies(solve(games.lcp(R, C)), len(R))
     np.testing.assert_allclose(np.concatenate((x, y)), expected, atol=1e-9)
     assert games.regret(R, C, x, y) < 1e-9
-
-
-def test_diode_bridge():
-    """The resistor sees the modulus of the voltage; energy only falls."""
-    states, diodes = circuits.march(300, lambda A, q: solve_lcp(A, q).z)
-    assert (np.diff(circuits.energy(states)) <= 1e-15).all()
-    resistor = diodes[:, 0] + diodes[:, 1]
-    np.testing.assert_allclose(resistor, np.abs(states[1:, 0]), atol=0.3)
 
 
 # ---- independent solvers, optimality by its own definition

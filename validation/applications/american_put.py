@@ -10,9 +10,9 @@ cubic spline.
 Each step is timed as a whole `solve_lcp(prepared, q, payoff, z0=last)`, its q included,
 and as a step of the method of Brennan and Schwartz (J. Finance 32 (1977) 449-462):
 elimination from the right, substitution from the left with the payoff as a floor,
-compiled, with the factors kept (`kept`, the faster one) or not. The two take turns in
-blocks of steps, and processor time is taken, so that other processes matter little;
-`ratio` is the median over blocks of the ratio of times, `total` the ratio of the sums.
+compiled, with the factors kept. The two take turns in blocks of steps, and processor
+time is taken, so that other processes matter little; `ratio` is the median over blocks
+of the ratio of times, `total` the ratio of the sums.
 """
 
 import sys
@@ -31,19 +31,18 @@ def timing(name: str, nodes: int, steps: int) -> Row:
     """Return the price and the times of one put."""
     put = american_puts.PUTS[name]
     grid = american_puts.grid_of(put, nodes, steps)
-    kinds = american_puts.Package, american_puts.Kept, american_puts.Anew
+    kinds = american_puts.Package, american_puts.Kept
     for kind in kinds:
         kind(grid).run(2)  # compiled
-    ours, kept, anew = (kind(grid) for kind in kinds)
+    ours, kept = (kind(grid) for kind in kinds)
     times = []
     left = steps + american_puts.EULER_STEPS // 2
     while left > 0:
         block = min(BLOCK, left)
-        times.append([march.run(block) for march in (ours, kept, anew)])
+        times.append([march.run(block) for march in (ours, kept)])
         left -= block
     seconds = np.array(times)
     per_step = np.median(seconds[:-1], axis=0) / BLOCK
-    best = seconds[:, 1:].sum(axis=0).argmin() + 1
     price = ours.price(put.spot)
     return {
         "put": name,
@@ -57,9 +56,8 @@ def timing(name: str, nodes: int, steps: int) -> Row:
         "most_faces": max(ours.faces),
         "us_a_step": per_step[0] * 1e6,
         "us_kept": per_step[1] * 1e6,
-        "us_anew": per_step[2] * 1e6,
-        "ratio": float(np.median(seconds[:-1, 0] / seconds[:-1, best])),
-        "total": float(seconds[:, 0].sum() / seconds[:, best].sum()),
+        "ratio": float(np.median(seconds[:-1, 0] / seconds[:-1, 1])),
+        "total": float(seconds[:, 0].sum() / seconds[:, 1].sum()),
     }
 
 
@@ -81,10 +79,10 @@ SUITE = Suite(
     work=timed,
     columns=(
         "put nodes steps price error from_brennan_schwartz worst_residual faces_a_step "
-        "most_faces us_a_step us_kept us_anew ratio total"
+        "most_faces us_a_step us_kept ratio total"
     ),
     keys="put nodes",
-    shown="put:16 price error us_a_step us_kept us_anew ratio faces_a_step:12",
+    shown="put:16 price error us_a_step us_kept ratio faces_a_step:12",
 )
 main = SUITE.main
 

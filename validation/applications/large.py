@@ -9,8 +9,7 @@ its set-up included, and CG (BiCGStab if A is not symmetric). `product` is the m
 time of A @ x, which reads A once. `memory` is what the call needs at its peak and
 `hierarchy` what the levels of the baseline take, A one of them, both in units of the
 bytes of A. OSQP, PIQP and Clarabel solve the forced obstacle to 1e-8 up to the size
-that they do not finish in 60 s. The row of the American put has one time step, and one
-of Brennan and Schwartz as its baseline.
+that they do not finish in 60 s.
 
 --quick: n up to 10^5.
 """
@@ -31,7 +30,7 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import LinearOperator
 
 from namlcp import LCPResult, natural_residual, solve_lcp
-from validation.applications import american_put, large_figures
+from validation.applications import large_figures
 from validation.harness import Job, Row, judging, processes, qp_solvers, timing
 from validation.harness.suite import Args, Late, Suite
 from validation.problems import (
@@ -46,8 +45,6 @@ SIZES = (10_000, 100_000, 1_000_000)
 FORCED_SIZES = (10_000, 40_000, 90_000, 100_000, 1_000_000, 4_000_000)
 PILE_SIZES = (1_000, 10_000, 100_000)
 HERTZ_SIZES = (64**2, 128**2, 256**2, 512**2)  # 1024**2 takes minutes: `hertz`
-PUT_SIZES = (1_000, 4_000, 16_000)
-PUT_STEPS = 4_000
 PEER_SIZES = (10_000, 40_000, 90_000, 1_000_000)
 QUICK = 100_000  # unknowns at most of a quick run
 WARM_UP = 12_000  # unknowns of the scene that loads what is compiled
@@ -105,7 +102,6 @@ SCENES = {
     "wall": Entry(partial(pile, "wall"), PILE_SIZES, None, True),
     "hertz": Entry(hertz_contact, HERTZ_SIZES, None),
 }
-SIZES_OF = {name: entry.sizes for name, entry in SCENES.items()} | {"put": PUT_SIZES}
 
 
 def work(job: Job, name: str, n: int) -> Row:
@@ -113,7 +109,7 @@ def work(job: Job, name: str, n: int) -> Row:
     if job.solver != "nam":
         return peer_row(job, name, n)
     job.ready()
-    return put_row(n) if name == "put" else scene_row(name, n)
+    return scene_row(name, n)
 
 
 def scene_row(name: str, n: int) -> Row:
@@ -164,24 +160,6 @@ def call(scene: known_scenes.BoxLCP, limit: float, relative: bool) -> LCPResult:
         corner[0] = 1.0
         given["diagonal"] = np.full_like(corner, (scene.A @ corner)[0])  # Toeplitz
     return solve_lcp(*scene, **given)
-
-
-def put_row(n: int) -> Row:
-    """Return the row of an American put on n nodes: one time step, the median.
-
-    The baseline is a step of the method of Brennan and Schwartz, the faster variant.
-    """
-    found = american_put.timing("S = K = 100", n, PUT_STEPS)
-    return {
-        "nnz": 3 * n - 2,
-        "method": f"error {found['error']:.1e}",
-        "status": "solved",
-        "iterations": found["most_faces"],
-        "seconds": 1e-6 * found["us_a_step"],
-        "residual": found["worst_residual"],
-        "baseline": 1e-6 * min(found["us_kept"], found["us_anew"]),
-        "ratio": found["ratio"],
-    }
 
 
 def memory_of(M: Any) -> float:
@@ -258,8 +236,8 @@ def peer_row(job: Job, name: str, n: int) -> Row:
 def requests(args: Args) -> Iterator[Row]:
     """Yield the scenes from their least size; peers have the forced obstacle alone."""
     most = QUICK if args.quick else max(FORCED_SIZES)
-    for name, sizes in SIZES_OF.items():
-        for n in (n for n in sizes if n <= most):
+    for name, entry in SCENES.items():
+        for n in (n for n in entry.sizes if n <= most):
             peers = name == "forced" and n in PEER_SIZES
             for solver in args.solvers if peers else ["nam"]:
                 yield {"scene": name, "size": n, "n": n, "solver": solver}

@@ -24,12 +24,11 @@ PANELS = {
     "dominant": "Example 2, $\\delta$ = 4",
     "piles": "contact piles",
     "hertz": "Hertz, matrix-free",
-    "put": "American put, one step",
 }
 """Scenes with the titles of their panels; what is left out leaves its place empty."""
 
 PILES = {"heap": "o", "heap, wide": "s", "wall": "^"}
-LAYOUT = ("FFab", "FFcd", "efgh", "ijkl")
+LAYOUT = ("FFab", "FFcd", "efgh", "ijk.")
 
 
 def plot(results: Path, figures: Path) -> None:
@@ -45,7 +44,7 @@ def plot(results: Path, figures: Path) -> None:
     forced = axes["F"]
     forced.set(xscale="log", yscale="log", xlim=(600.0, 8e6), ylim=(3e-6, 1500.0))
     forced.tick_params(labelbottom=True)
-    for name, (scene, title) in zip("Fabcdefghijkl", PANELS.items(), strict=True):
+    for name, (scene, title) in zip("Fabcdefghijk", PANELS.items(), strict=True):
         panel = axes[name]
         kinds = PILES if scene == "piles" else (scene,)
         own = [row for row in rows if row["scene"] in kinds]
@@ -82,9 +81,7 @@ def draw_scene(axes: Axes, rows: list[Row], named: bool) -> None:
         axes.legend(loc="upper left")
     ratio = csv_files.number(ours[-1]["ratio"])
     if math.isfinite(ratio):
-        is_put = ours[-1]["scene"] == "put"
-        text = "Brennan-Schwartz steps" if is_put else "linear solves"
-        axes.set_xlabel(f"{ratio:.2f} {text} at the end", fontsize=7.5)
+        axes.set_xlabel(f"{ratio:.2f} linear solves at the end", fontsize=7.5)
 
 
 def draw_piles(axes: Axes, rows: list[Row]) -> None:

@@ -152,13 +152,6 @@ def contact(data: Path, name: str) -> known_scenes.BoxLCP:
     return known_scenes.nonnegative(sp.csr_array(A), q)
 
 
-def half_space(cells: int) -> known_scenes.BoxLCP:
-    """Return the Hertz contact with its matrix written out."""
-    problem = hertz.hertz(cells)
-    A = problem.A @ np.eye(cells * cells)
-    return known_scenes.nonnegative(0.5 * (A + A.T), problem.q)
-
-
 def of_matrix(make: Callable[[], tuple]) -> Make:
     """Return a maker from one that returns A and q first."""
 
@@ -233,7 +226,7 @@ SCENES: dict[str, Scene] = {
     ),
     "dam 33 x 49": Scene(lambda _: known_scenes.dam(8)),
     "American put, one step": Scene(lambda _: known_scenes.american_put(199, 200)),
-    "Hertz contact 20 x 20": Scene(lambda _: half_space(20)),
+    "Hertz contact 20 x 20": Scene(of_matrix(lambda: hertz.half_space(20))),
     "heap, 200 contacts": Scene(of_matrix(lambda: contact_scenes.heap(200))),
     "full heap, 200 contacts": Scene(
         of_matrix(lambda: contact_scenes.heap(200, sideways=True)), unique=False

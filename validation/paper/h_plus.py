@@ -6,7 +6,6 @@ definition: random matrices on both sides of rho(J) = 1, near the border include
 time: n = 10^6, is_h_plus beside one sweep, one product and one multigrid solve.
 proofs: random matrices, methods and parameters; what `converges` proves must converge,
     what it refutes must not.
-runs: the paper's own runs and Omega; which theorem covers them.
 """
 
 import itertools
@@ -25,17 +24,13 @@ import scipy.sparse as sp
 from namlcp import Prepared, Status, Verdict, converges, is_h_plus, solve_lcp
 from namlcp.lcp import LCP, SWEEPS, Parameters
 from namlcp.lcp.modulus.sweeps import step_of
-from namlcp.theory.comparison import radius_bounds
-from namlcp.theory.convergence import by_quadratic_norm, dense_parts
-from namlcp.theory.splittings import splitting
 from validation.harness import Row, cli, csv_files, timing
 from validation.paper.errors import spectral_radius
-from validation.paper.printed import TABLES
 from validation.problems import sweep_scenes
 
 FILES = {
     "definition": "h_plus-definition", "time": "h_plus",
-    "proofs": "convergence-proofs", "runs": "convergence-runs",
+    "proofs": "convergence-proofs",
 }  # fmt: skip
 DISTANCES = (0.5, 1e-2, 1e-4, 1e-6, 1e-8, 1e-9, 2e-10, 1e-11, 1e-12, 1e-14)
 
@@ -203,28 +198,6 @@ def proof_rows(count: int) -> Iterator[Row]:
         yield row | {"did_not": seen["fled"], "undecided": seen["None"]}
 
 
-def run_rows(sizes: tuple[int, ...]) -> Iterator[Row]:
-    """Ask which theorem covers the paper's runs (E = I, Omega = D/(2 alpha^2))."""
-    cases = itertools.product((1, 2), (4.0, 1.0, 0.0), sizes, TABLES)
-    for example, delta, m, (own, method, alpha) in cases:
-        if own != example:
-            continue
-        A = sweep_scenes.paper_example(example, m, delta).A
-        given: Row = {} if alpha is None else {"alpha": alpha}
-        if method.startswith("nam"):
-            given["shift"] = 1.0
-        parts = splitting(A, method, **given)
-        left, N, right = dense_parts(parts)
-        X, Y = np.linalg.solve(left, N), np.linalg.solve(left, right)
-        found = by_quadratic_norm(parts, False)
-        T = np.abs(np.linalg.inv(left)) @ (np.abs(N) + np.abs(right))
-        row: Row = {"example": example, "delta": delta, "n": m * m, "method": method}
-        row["rho_T"] = round(radius_bounds(T, 1e-6)[1], 4)
-        row["rho_smaller_T"] = round(spectral_radius(np.abs(X) + np.abs(Y)), 4)
-        row["energy_factor"] = round(found.bound, 6) if found else ""
-        yield row | {"linear_rate": round(spectral_radius(X + Y), 4)}
-
-
 def main(arguments: list[str] | None = None) -> int:
     """Do the parts that are asked for, all unless told."""
     parser = cli.parser(__doc__, "quick", "results")
@@ -239,7 +212,6 @@ def main(arguments: list[str] | None = None) -> int:
         "definition": lambda: definition_rows(5 if quick else 60),
         "time": lambda: time_rows(200 if quick else 1000),
         "proofs": lambda: proof_rows(100 if quick else 1500),
-        "runs": lambda: run_rows((10,) if quick else (10, 24)),
     }
     for part in args.parts or FILES:
         print(f"\n{part}", flush=True)

@@ -29,6 +29,7 @@ from namlcp.lcp.modulus.adaptive import AdaptiveStep
 from namlcp.lcp.modulus.steps import Step
 from namlcp.lcp.modulus.sweeps import iterate, step_of
 from namlcp.limits import Limits
+from namlcp.scenes import forced_obstacle
 from validation.harness import Row, cli, csv_files, tables
 from validation.problems import sweep_scenes
 
@@ -62,7 +63,7 @@ def scenes(data: Path, m: int) -> list[sweep_scenes.Scene]:
     """Return the list of the issue."""
     cases = itertools.product((1, 2), (m,), DELTAS)
     found = [*itertools.starmap(sweep_scenes.paper_example, cases)]
-    found.append(sweep_scenes.obstacle(m))
+    found.append(sweep_scenes.halfline("obstacle", *forced_obstacle(m)))
     names = ("fcp2d_367", "capsules_286", "granular2d_2020", "kaplas_570")
     found += [sweep_scenes.contact(data, name) for name in names]
     return [*found, sweep_scenes.random_spd(200), sweep_scenes.svm_heart(data)]

@@ -116,24 +116,6 @@ def brennan_schwartz(factor, payoff, q, V):
         V[i] = last
 
 
-@njit(cache=True, nogil=True)
-def brennan_schwartz_anew(below, diagonal, above, payoff, coupling, q, V):
-    """Do what `brennan_schwartz` does, with the elimination as it goes."""
-    n = V.size
-    last, c = 0.0, 0.0
-    for i in range(n - 1, -1, -1):
-        inverse = 1.0 / (diagonal - above * c)
-        last = (-q[i] - above * last) * inverse
-        c = below * inverse
-        q[i], coupling[i] = last, c
-    last = 0.0
-    for i in range(n):
-        last = q[i] - coupling[i] * last
-        if last < payoff[i]:
-            last = payoff[i]
-        V[i] = last
-
-
 class March:
     """A put on its way through time; `run(k)` takes the next k steps."""
 
@@ -177,19 +159,6 @@ class Kept(March):
     def solve(self) -> None:
         """Take the step."""
         brennan_schwartz(self.factor, self.grid.payoff, self.q, self.V)
-
-
-class Anew(March):
-    """Brennan and Schwartz with a new elimination in every step."""
-
-    def __init__(self, grid: Grid, euler_steps: int = EULER_STEPS):
-        super().__init__(grid, euler_steps)
-        self.coupling = np.empty_like(self.V)
-
-    def solve(self) -> None:
-        """Take the step."""
-        A = self.grid.below, self.grid.diagonal, self.grid.above
-        brennan_schwartz_anew(*A, self.grid.payoff, self.coupling, self.q, self.V)
 
 
 class Package(March):

@@ -11,13 +11,10 @@ velocity, in the norm of M, that separates no two bodies. More contacts than deg
 freedom make A singular.
 """
 
-from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
-
-from namlcp.scenes import disc_pile
 
 STEP = 0.01  # gravity times the time step
 JITTER = 0.1  # of the centres, the radius is 1
@@ -149,24 +146,6 @@ def brick_wall(contacts: int, *, mass_ratio: float = 1e4, seed: int = 0) -> Scen
     return scene(N, inertia, velocity.ravel(), 3 * bricks)
 
 
-def stack(boxes: int, *, mass_ratio: float = 1e4) -> Scene:
-    """Return a column of boxes 2 x 1 at rest, light below and heavy above.
-
-    Masses grow from 1 to mass_ratio; a box stands on its two corners, so that z of both
-    is half the weight above times STEP: known in every digit, with an A whose condition
-    grows like boxes^2 mass_ratio.
-    """
-    mass = np.geomspace(1.0, mass_ratio, boxes)
-    upper = np.repeat(np.arange(boxes), 2)
-    arm = np.tile([-1.0, 1.0], boxes)  # left and right corner
-    push = np.column_stack((np.ones(2 * boxes), arm))  # force upwards, moment
-    N = normals(upper - 1, upper, -push, push, boxes)
-    inertia = np.column_stack((mass, mass * 5.0 / 12.0)).ravel()
-    velocity = np.zeros(2 * boxes)
-    velocity[::2] = -STEP
-    return scene(N, inertia, velocity, 2 * boxes)
-
-
 def normals(
     first: np.ndarray,
     second: np.ndarray,
@@ -194,15 +173,3 @@ def scene(N: sp.csr_array, mass: np.ndarray, v: np.ndarray, freedom: int) -> Sce
     A = sp.csr_array(N.T @ sp.diags_array(1.0 / mass) @ N)
     A.sort_indices()
     return Scene(A, N.T @ v, freedom)
-
-
-def piles(sizes: Iterable[int]) -> Iterator[tuple[str, Scene]]:
-    """Yield name and scene of every kind, in sizes of about so many contacts."""
-    for contacts in sizes:
-        yield "heap", heap(contacts)
-        yield "full heap", heap(contacts, sideways=True)
-        yield "brick wall", brick_wall(contacts)
-        # 3/2 rows (rows + 1) contacts
-        rows = round((np.sqrt(1.0 + 24.0 * contacts) - 3.0) / 6.0)
-        A, q = disc_pile(max(1, rows))
-        yield "wedge", Scene(A, q, rows * (rows + 1))

@@ -65,6 +65,13 @@ def hertz(cells: int, delta: float = DELTA) -> Hertz:
     )
 
 
+def half_space(cells: int) -> tuple[np.ndarray, np.ndarray]:
+    """Return the matrix written out, dense and positive, no H-matrix, and q."""
+    problem = hertz(cells)
+    A = problem.A @ np.eye(cells * cells)
+    return 0.5 * (A + A.T), problem.q
+
+
 def love(distance: np.ndarray, h: float) -> np.ndarray:
     """Return the deflections at (distance_i, distance_j) under pressure 1 on a cell."""
     near, far = distance - 0.5 * h, distance + 0.5 * h

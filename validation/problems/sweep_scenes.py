@@ -11,7 +11,8 @@ import numpy as np
 import scipy.sparse as sp
 
 from namlcp.scenes import disc_pile, forced_obstacle
-from validation.problems import data_sets, draw
+from validation.problems import data_sets, draw, hertz
+from validation.problems.contact_scenes import brick_wall
 from validation.problems.known_scenes import svm_rbf
 
 
@@ -58,59 +59,10 @@ def with_contact(scene: Scene, seed: int = 0) -> Scene:
     return scene._replace(q=w - scene.A @ z, s0=None)
 
 
-def obstacle(m: int) -> Scene:
-    """Return the membrane on m x m nodes with a load of changing sign."""
-    return halfline("obstacle", *forced_obstacle(m))
-
-
 def contact(data: Path, name: str) -> Scene:
     """Return the frictionless part of a contact scene of the data folder."""
     A, q = data_sets.contact_lcp(data, name)
     return halfline(name, A, q)
-
-
-def discs(rows: int) -> Scene:
-    """Return the contact forces in a pile of discs: A is singular, nearly M."""
-    return halfline("disc pile", *disc_pile(rows))
-
-
-def bricks(rows: int, columns: int, seed: int = 0) -> Scene:
-    """Return the contact forces in a wall of bricks, frictionless and singular.
-
-    Bricks 2 wide and 1 high of random mass lie in running bond, every other row shifted
-    by half a brick. Two bricks touch at both ends of their overlap; with the vertical
-    velocity and the rotation of each brick, N (2 bricks x contacts) and masses M, the
-    impulses solve N'M^-1 N z + N'v >= 0 after a step of gravity and a small random
-    motion. A has entries of both signs, about twice as many rows as its rank, and is
-    not an H-matrix.
-    """
-    rng = np.random.default_rng(seed)
-    centre = [2.0 * k + (row % 2) for row in range(rows) for k in range(columns)]
-    points: list[tuple[int, int, float]] = []  # below (-1: floor), above, x
-    for upper in range(columns * rows):
-        if upper < columns:
-            points += [(-1, upper, centre[upper] + side) for side in (-1.0, 1.0)]
-            continue
-        first = (upper // columns - 1) * columns
-        for lower in range(first, first + columns):
-            left = max(centre[lower], centre[upper]) - 1.0
-            right = min(centre[lower], centre[upper]) + 1.0
-            if left < right:
-                points += [(lower, upper, left), (lower, upper, right)]
-    entries = [
-        (2 * body + part, c, sign * (x - centre[body] if part else 1.0))
-        for c, (below, above, x) in enumerate(points)
-        for body, sign in ((below, -1.0), (above, 1.0))
-        if body >= 0
-        for part in (0, 1)
-    ]
-    into, of, values = zip(*entries, strict=True)
-    N = sp.csr_array((values, (into, of)), shape=(2 * len(centre), len(points)))
-    mass = rng.uniform(0.5, 2.0, len(centre))
-    inverse = np.column_stack((1.0 / mass, 12.0 / (5.0 * mass))).ravel()
-    velocity = 1e-3 * rng.standard_normal(inverse.size)
-    velocity[::2] -= 9.81e-3
-    return halfline("brick wall", N.T @ sp.diags_array(inverse) @ N, N.T @ velocity)
 
 
 def random_spd(n: int, condition: float = 100.0, seed: int = 0) -> Scene:
@@ -162,26 +114,6 @@ def nonsymmetric_h_plus(n: int, radius: float = 0.9, seed: int = 0) -> Scene:
     return with_contact(scene, seed)
 
 
-def hertz(m: int) -> Scene:
-    """Return a sphere pressed on an elastic half-space, m x m pressures on (-1, 1)^2.
-
-    a_ij is the deflection of cell i by a unit pressure on cell j (Love 1929, in units
-    of 1/(pi E*)), q the gap r^2/(2 R) - depth with R = 1, depth 0.25: A is dense and
-    positive, symmetric, no H-matrix.
-    """
-    half = 1.0 / m
-    line = np.linspace(-1.0 + half, 1.0 - half, m)
-    x, y = (axis.ravel() for axis in np.meshgrid(line, line))
-    dx, dy = x[:, None] - x, y[:, None] - y
-
-    def corner(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        return a * np.arcsinh(b / np.abs(a)) + b * np.arcsinh(a / np.abs(b))
-
-    A = corner(dx + half, dy + half) - corner(dx - half, dy + half)
-    A += corner(dx - half, dy - half) - corner(dx + half, dy - half)
-    return halfline("dense positive", 0.5 * (A + A.T), 0.5 * (x * x + y * y) - 0.25)
-
-
 def problem_classes() -> list[Scene]:
     """Return one scene of each class of the stability map, none of which needs data.
 
@@ -192,11 +124,11 @@ def problem_classes() -> list[Scene]:
     dominant = with_contact(paper_example(1, 20, 4.0))
     return [
         dominant._replace(name="dominant M-matrix"),
-        obstacle(20)._replace(name="Laplacian"),
+        halfline("Laplacian", *forced_obstacle(20)),
         spd_not_h(300),
-        discs(14)._replace(name="singular contact, discs"),
-        bricks(8, 8)._replace(name="singular contact, bricks"),
+        halfline("singular contact, discs", *disc_pile(14)),
+        halfline("singular contact, bricks", *brick_wall(240, mass_ratio=4.0)[:2]),
         badly_scaled(20),
         nonsymmetric_h_plus(400),
-        hertz(16),
+        halfline("dense positive", *hertz.half_space(16)),
     ]

@@ -21,12 +21,7 @@ KEY = COLUMNS[:6]
 LISTED = 40  # indices of a class and outcome in the CSV
 OUTCOMES = ("right", "refused", "wrong", "raised", "hang", "crash")
 NEVER = OUTCOMES[2:]
-HEAD = "problems", *OUTCOMES, "mean [ms]"
-SOLVED = 0.998  # share that nam must solve of what has a solution
-NAMED = 0.99  # share whose lack of a solution nam must prove
-NAMELESS = ("infeasible", "unbounded", "both")  # what has no solution
 Key = tuple[Any, ...]
-Bar = tuple[str, int, int, bool]
 
 
 class Part(NamedTuple):
@@ -94,113 +89,19 @@ def read(path: Path) -> Iterator[Row]:
         }
 
 
-def total(rows: Iterable[Row], **wanted: Any) -> int:
-    """Return the sum of the counts of the rows with these values.
-
-    A value is a text, or a collection of them, or "QP" and "LCP" for a class.
-    """
-    return sum(
-        row["count"]
-        for row in rows
-        if all(fits(row, key, value) for key, value in wanted.items())
-    )
-
-
-def fits(row: Row, key: str, value: Any) -> bool:
-    """Tell whether a row has one of the values."""
-    if key == "side":
-        return str(row["class"]).startswith(value)
-    return row[key] == value if isinstance(value, str) else row[key] in value
-
-
-def bars(rows: Iterable[Row]) -> list[Bar]:
-    """Return what is asked of nam: text, how many, of how many, whether it is met.
-
-    "general" LCPs need not all be decided.
-    """
-    own = tables.chosen(rows, solver="nam")
-    found = []
-    for text, share, wanted in (
-        ("convex QPs with a solution: solved", SOLVED, ("QP", "solvable")),
-        ("QPs without one: called by their name", NAMED, ("QP", NAMELESS)),
-        ("LCPs, P or PSD, with a solution: solved", SOLVED, ("LCP", "solvable")),
-        ("LCPs, PSD, without one: proved", NAMED, ("LCP", "unsolvable")),
-        ("not convex: refused by name, or proved", 1.0, ("QP", "not convex")),
-        ("malformed input: named", 1.0, ("malformed", "malformed")),
-        ("asked in two ways: agree", SOLVED, ("", "related")),
-    ):
-        asked = dict(zip(("side", "truth"), wanted, strict=True))
-        rows = [row for row in own if row["set"] != "general"]
-        good, of = total(rows, **asked, outcome="right"), total(rows, **asked)
-        found.append((text, good, of, good >= share * of))
-    for outcome in NEVER:
-        bad = total(own, outcome=outcome)
-        found.append((f"all: {outcome}", bad, total(own), bad == 0))
-    return found
-
-
-def class_lines(rows: list[Row]) -> Iterator[list[Any]]:
-    """Yield the line of each class and truth of one solver."""
-    for group, truth in tables.distinct(rows, "class", "truth"):
-        here = tables.chosen(rows, **{"class": group, "truth": truth})
-        counts = [total(here, outcome=outcome) for outcome in OUTCOMES]
-        seconds = sum(row["seconds"] for row in here)
-        yield [group, truth, sum(counts), *counts, f"{1e3 * seconds / sum(counts):.2f}"]
-
-
-def peer_lines(rows: list[Row]) -> Iterator[list[Any]]:
-    """Yield a line for each solver and kind of truth, on the classes peers have."""
-    common = {row["class"] for row in rows if row["solver"] != "nam"}
-    kinds = {
-        "with a solution": ("solvable",),
-        "extreme scales": ("possible",),
-        "infeasible": ("infeasible",),
-        "unbounded": ("unbounded", "both"),
-    }
-    for text, truths in kinds.items():
-        for solver in tables.distinct(rows, "solver"):
-            here = tables.chosen(rows, solver=solver)
-            here = [r for r in here if r["class"] in common and r["truth"] in truths]
-            counts = [total(here, outcome=outcome) for outcome in OUTCOMES]
-            if sum(counts):
-                seconds = sum(row["seconds"] for row in here)
-                mean = f"{1e3 * seconds / sum(counts):.2f}"
-                yield [text, solver, sum(counts), *counts, mean]
-
-
-def speed_lines(path: Path) -> Iterator[list[Any]]:
-    """Yield a line for each set and solver: problems a second, minutes for 3*10^5."""
-    done = [row for row in read(path) if row["outcome"] == "done" and row["seconds"]]
-    for name, solver in tables.distinct(done, "set", "solver"):
-        here = tables.chosen(done, set=name, solver=solver)
-        rate = sum(row["count"] for row in here) / sum(row["seconds"] for row in here)
-        yield [name, solver, total(here), f"{rate:.0f}", f"{3e5 / rate / 60.0:.0f}"]
-
-
-def counted(path: Path) -> list[Row]:
-    """Return the rows of a CSV that count problems."""
-    return [row for row in read(path) if row["outcome"] != "done"]
-
-
-def of_bars(rows: list[Row]) -> str:
-    """Return the table of what is asked of nam."""
-    met = {True: "yes", False: "NO"}
-    asked = ([*bar[:3], met[bar[3]]] for bar in bars(rows))
-    return tables.markdown(("nam", "count", "of", "met"), asked)
-
-
-def of_solvers(rows: list[Row]) -> str:
-    """Return the table of all solvers on the classes that peers have."""
-    return tables.markdown(("convex QPs", "solver", *HEAD), peer_lines(rows))
-
-
-def print_report(path: Path) -> None:
-    """Print the tables of a CSV."""
-    rows = counted(path)
-    own = tables.chosen(rows, solver="nam")
-    print(of_bars(rows))
-    print("\n" + tables.markdown(("class", "truth", *HEAD), class_lines(own)))
-    if len(tables.distinct(rows, "solver")) > 1:
-        print("\n" + of_solvers(rows))
-    columns = "set", "solver", "problems", "a second", "3*10^5 [min]"
-    print("\n" + tables.markdown(columns, speed_lines(path)))
+def report(rows: Iterable[Row]) -> str:
+    """Return the outcomes of every class as a table; what is asked of them: claims."""
+    lines = []
+    rows = [row for row in rows if row["outcome"] != "done"]
+    kinds = tables.distinct(rows, "set", "class", "truth", "solver")
+    for kind in kinds:
+        about = dict(zip(("set", "class", "truth", "solver"), kind, strict=True))
+        own = tables.chosen(rows, **about)
+        counts = [
+            sum(row["count"] for row in own if row["outcome"] == outcome)
+            for outcome in OUTCOMES
+        ]
+        mean = 1e3 * sum(row["seconds"] for row in own) / sum(counts)
+        lines.append((*kind, sum(counts), *counts, f"{mean:.2f}"))
+    head = ("set", "class", "truth", "solver", "problems", *OUTCOMES, "mean [ms]")
+    return tables.markdown(head, lines)
