@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from qpsolvers import Problem
 
 from namlcp.scenes import disc_pile, preview_control
-from validation.problems import data_sets, draw
+from validation.problems import data_sets, draw, osqp_classes
 from validation.problems.contact_scenes import brick_wall, heap
 from validation.problems.known_scenes import (
     BoxLCP,
@@ -40,6 +40,7 @@ from validation.problems.large_scenes import (
 )
 from validation.problems.planted import planted as planted_qp
 from validation.problems.planted import sparse_parts
+from validation.problems.sequences import control
 from validation.problems.sweep_scenes import paper_example
 
 PAPER_SIDES = (10, 30, 100)  # m of the paper's tables, with n = m^2 unknowns
@@ -111,22 +112,11 @@ def pile(scene: Any) -> Task:
     return boxed(nonnegative(scene[0], scene[1]))
 
 
-def sparse_mpc(steps: int) -> Task:
-    """Return `input_bounded_mpc` with its states as variables: 3 unknowns a step.
-
-    Variables (u_k, x_{k+1}), the dynamics as equalities, |u| <= 1.
-    """
-    F, g = np.array([[1.0, 0.1], [0.0, 1.0]]), np.array([0.005, 0.1])
-    stage = np.column_stack((g, -np.eye(2)))  # g u_k - x_{k+1}
-    before = np.column_stack((np.zeros(2), F))  # F x_k
-    A = sp.kron(sp.eye_array(steps), stage)
-    A += sp.kron(sp.eye_array(steps, k=-1), before)
-    b = np.zeros(2 * steps)
-    b[:2] = -F @ [10.0, 0.0]
-    P = sp.diags_array(np.tile([0.01, 1.0, 0.1], steps))
-    bound = np.tile([1.0, np.inf, np.inf], steps)
-    matrices = {"A": sp.csc_matrix(A), "b": b, "lb": -bound, "ub": bound}
-    return Task(Problem(sp.csc_matrix(P), np.zeros(3 * steps), **matrices))
+def quadcopter(stages: int) -> Task:
+    """Return a step of sparse predictive control, 16 unknowns a stage, P definite."""
+    state = np.zeros(control.STATES)
+    state[[3, control.HEIGHT]] = 1.0, 2.0  # where it is, x and z
+    return Task(control.single(control.stagewise_definite, stages, state))
 
 
 def linear_svm(points: int, features: int = 20) -> Task:
@@ -149,21 +139,9 @@ def random_qp(largest: int, seed: int) -> Task:
     return Task(planted_qp(rng, *sparse_parts(rng, largest)))
 
 
-def factor_portfolio(assets: int, factors: int = 50, seed: int = 0) -> Task:
-    """Return the mean-variance portfolio of a factor model, sparse.
-
-    min x'Dx + f'f - mu'x subject to f = F'x, sum x = 1, x >= 0.
-    """
-    rng = np.random.default_rng(seed)
-    F = sp.random_array((assets, factors), density=0.2, rng=rng, format="csc")
-    F.data = 0.3 * rng.standard_normal(F.nnz)
-    P = sp.diags_array(np.r_[rng.uniform(0.05, 0.5, assets), np.full(factors, 2.0)])
-    q = np.r_[-0.1 * rng.standard_normal(assets), np.zeros(factors)]
-    total = sp.csc_array(np.r_[np.ones(assets), np.zeros(factors)][None, :])
-    A = sp.vstack([sp.hstack([F.T, -sp.eye_array(factors)]), total])
-    lb = np.r_[np.zeros(assets), np.full(factors, -np.inf)]
-    b = np.r_[np.zeros(factors), 1.0]
-    return Task(Problem(sp.csc_matrix(P), q, A=sp.csc_matrix(A), b=b, lb=lb))
+def classed(name: str, size: int) -> Task:
+    """Return a problem of the OSQP paper's classes."""
+    return Task(osqp_classes.generate(name, size))
 
 
 def denoising(n: int, seed: int = 0) -> Task:
@@ -180,19 +158,6 @@ def denoising(n: int, seed: int = 0) -> Task:
     P = sp.diags_array(np.r_[np.ones(n), np.zeros(n - 1)])
     q = np.r_[-y, np.ones(n - 1)]
     return Task(Problem(sp.csc_matrix(P), q, sp.csc_matrix(G), np.zeros(2 * n - 2)))
-
-
-def lasso(samples: int, features: int, seed: int = 0) -> Task:
-    """Return min 1/2 |r|^2 + weight |x|_1, r = B x - b, with x = u - v, dense."""
-    rng = np.random.default_rng(seed)
-    B = rng.standard_normal((samples, features))
-    x = np.where(rng.random(features) < 0.1, rng.standard_normal(features), 0.0)
-    b = B @ x + 0.1 * rng.standard_normal(samples)
-    weight = 0.1 * float(np.abs(B.T @ b).max())
-    gram, slope = B.T @ B, B.T @ b
-    P = np.block([[gram, -gram], [-gram, gram]])
-    q = np.r_[weight - slope, weight + slope]
-    return Task(Problem(P, q, lb=np.zeros(2 * features)))
 
 
 def stored(data: Path, problem_set: str, name: str) -> Task:
@@ -278,8 +243,8 @@ def families(data: Path | None) -> dict[str, Family]:
         "point mass, long": lambda: boxed(input_bounded_mpc(200)),
         "walk": lambda: Task(preview_control(24)),
         "walk, long": lambda: Task(preview_control(40)),
-        "sparse": partial(sparse_mpc, 300),
-        "sparse, long": partial(sparse_mpc, 3500),
+        "sparse": partial(quadcopter, 60),
+        "sparse, long": partial(quadcopter, 650),
     }
     machines = {
         "RBF": lambda: boxed(svm_rbf(X, y, 1.0 / 13.0)),
@@ -293,9 +258,9 @@ def families(data: Path | None) -> dict[str, Family]:
         "random, 1": partial(random_qp, 2000, 1),
         "random, 4": partial(random_qp, 800, 4),
         "portfolio": lambda: boxed(portfolio(300)),
-        "factor portfolio": partial(factor_portfolio, 10_000),
+        "factor portfolio": partial(classed, "portfolio", 43),
         "denoising": partial(denoising, 2000),
-        "lasso": partial(lasso, 200, 100),
+        "lasso": partial(classed, "lasso", 20),
     }
     examples = {
         f"Example {number}, delta = {delta:g}, n = {m**2}": partial(

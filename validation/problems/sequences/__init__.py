@@ -4,15 +4,13 @@
 LEVELS, which says how far the active set moves from a step to the next.
 """
 
-from validation.problems.sequences.contact import shaken_heap
 from validation.problems.sequences.control import (
     condensed,
     single,
     stagewise,
     stagewise_definite,
 )
-from validation.problems.sequences.lasso import penalty_path
-from validation.problems.sequences.portfolio import rebalancing
+from validation.problems.sequences.scenes import penalty_path, rebalancing, shaken_heap
 from validation.problems.sequences.sequence import LEVELS, Scene, Sequence
 
 SCENES = {

@@ -129,9 +129,9 @@ def stagewise(
     return Sequence(problem, steps(loop, vectors, inputs_at))
 
 
-def stagewise_definite(stages: int, level: str) -> Sequence:
+def stagewise_definite(stages: int, level: str, loop: Loop | None = None) -> Sequence:
     """Return `stagewise` with weights on all states, so that P is definite."""
-    return stagewise(stages, level, WEIGHTS + EVERY)
+    return stagewise(stages, level, WEIGHTS + EVERY, loop)
 
 
 def condensed(stages: int, level: str, loop: Loop | None = None) -> Sequence:
@@ -176,7 +176,7 @@ def condensed(stages: int, level: str, loop: Loop | None = None) -> Sequence:
 
 
 def single(build: Callable[..., Sequence], stages: int, state: np.ndarray) -> Problem:
-    """Return the first step of `stagewise` or `condensed` from a measured state."""
+    """Return the first step of a sequence from a measured state."""
 
     def loop() -> Loop:
         """Yield the state; nothing is applied."""
