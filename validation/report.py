@@ -73,24 +73,27 @@ def suite(
     return Job(file, commands, minutes, quick, True, settled)
 
 
-MAROS_PEERS = "clarabel osqp proxqp"
-"""Half an hour for times that nothing is claimed of but that they are larger."""
+SLOW = "clarabel osqp proxqp moreau qtqp"
+"""Peers of which nothing is claimed but that their times are larger."""
+GREY = "scs highs quadprog moreau qtqp"
+"""Peers that the first figure draws in grey."""
 
 JOBS = (
-    suite("maros-meszaros", "peers.maros_meszaros", 40.0, 0.0, MAROS_PEERS, data=True),
-    suite("classes", "peers.classes", 4.0),
-    suite("infeasible", "peers.infeasible", 8.0, data=True),
+    suite("maros-meszaros", "peers.benchmark maros-meszaros", 40.0, 0.0, SLOW,
+          data=True),
+    suite("classes", "peers.benchmark classes", 4.0),
+    suite("infeasible", "peers.infeasible", 4.0, data=True),
     suite("cvxpy-models", "applications.cvxpy_models", 5.0),
     suite("cvxpy-resolve", "applications.cvxpy_resolve", 4.0),
-    suite("benchmark", "peers.benchmark", 18.0, data=True),
-    suite("sequences", "repeated.sequences", 12.0, 0.5),
+    suite("benchmark", "peers.benchmark sets", 6.0, 0.0, SLOW, data=True),
+    suite("sequences", "repeated.sequences", 7.0, 0.5, "osqp proxqp"),
     suite("latency", "repeated.latency", 4.0, 0.3, plot=True),
     suite("batches", "repeated.batches", 3.0, 0.2),
     suite("general-lcps", "general.benchmark", 6.0, 1.5),
     suite("time-stepping", "general.stepping", 3.0, 0.5),
     suite("generalisation-families",
-          "peers.generalisation families --solvers nam piqp", 2.0),
-    suite("generalisation", "peers.generalisation changes --solvers nam", 4.0,
+          "peers.benchmark families --solvers nam piqp", 2.0),
+    suite("generalisation", "peers.benchmark changes --solvers nam", 4.0,
           data=True),
     suite("derivatives", "derivatives.differences", 3.0, 1.0),
     suite("derivatives-peers", "derivatives.packages", 3.0, 1.0),
@@ -99,8 +102,8 @@ JOBS = (
     suite("example1", "peers.lcp example1", 1.0),
     suite("first-call", "peers.lcp first-call", 1.0),
     suite("large", "applications.large", 12.0, plot=True),
-    suite("work-precision-problems", "peers.work_precision", 17.0, 3.5, data=True,
-          plot=True),
+    suite("work-precision-problems", "peers.work_precision", 12.0, 3.5, GREY,
+          data=True, plot=True),
     suite("oracles", "oracles.agreement", 10.0, 1.0, data=True),
     suite("hertz", "applications.hertz", 1.0),
     suite("american-put", "applications.american_put", 0.2),

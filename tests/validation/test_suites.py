@@ -123,4 +123,4 @@ def test_a_report_makes_only_what_is_out_of_date(tmp_path, monkeypatch):
     for again, runs in ((False, 1), (False, 1), (True, 2)):
         assert report.run(report.JOBS[1], tmp_path, tmp_path, False, again) == ""
         assert len(asked) == runs
-    assert asked[0][0] == "peers.classes"
+    assert asked[0][0] == "peers.benchmark"

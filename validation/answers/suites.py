@@ -29,7 +29,7 @@ from validation.general.benchmark import make
 from validation.harness import Row, qps
 from validation.paper import tables
 from validation.paper.printed import TABLES
-from validation.peers import generalisation
+from validation.peers import benchmark
 from validation.problems import data_sets, infeasible_cases, osqp_classes, sweep_scenes
 from validation.problems.fuzzed import cases
 from validation.problems.general import games
@@ -162,7 +162,7 @@ def set_row(data: Path, problem_set: str, eps: float, name: str) -> Row:
 
 def changed_row(data: Path, change: str, name: str) -> Row:
     """Solve a Maros-Meszaros problem in other units, or with noise."""
-    return qp_row(qps.by_name(generalisation.load(data, change, name)), 1e-6)
+    return qp_row(qps.by_name(benchmark.load_changed(data, change, name)), 1e-6)
 
 
 def class_row(name: str) -> Row:

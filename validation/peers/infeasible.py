@@ -136,7 +136,7 @@ SUITE = Suite(
     complete=complete,
     columns=COLUMNS,
     keys="problem solver",
-    solvers=("nam", "osqp", "piqp", "clarabel", "proxqp", "moreau", "qtqp"),
+    solvers=("nam", "osqp", "piqp", "clarabel"),
     limit=5.0,
     shown="problem:30 solver outcome runtime status:30",
     failed=lambda rows: any(map(is_failure, tables.chosen(rows, solver="nam"))),
