@@ -24,7 +24,7 @@ def rng():
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_large_contact(kind):
-    A, q, _ = KINDS[kind](3000)
+    A, q, *_ = KINDS[kind](3000)
     result, again = solve_lcp(A, q), solve_lcp(A, q)
     assert_solves_lcp(result, A, q)
     assert result.iterations <= 200
@@ -33,7 +33,7 @@ def test_large_contact(kind):
 
 def test_pivoting_that_goes_round_is_ended():
     """A heap on which paths stall, too."""
-    A, q, _ = contact_scenes.heap(6000, sideways=True, seed=1)
+    A, q, *_ = contact_scenes.heap(6000, sideways=True, seed=1)
     result = solve_lcp(A, q)
     assert_solves_lcp(result, A, q)
     assert result.iterations <= 300

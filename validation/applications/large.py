@@ -63,15 +63,6 @@ def strongly_dominant(n: int) -> known_scenes.BoxLCP:
     return known_scenes.BoxLCP(*sweep_scenes.with_contact(scene)[1:5])
 
 
-def pile(kind: str, n: int) -> known_scenes.BoxLCP:
-    """Return contacts in a heap of discs or in a wall of bricks."""
-    if kind == "wall":
-        made = contact_scenes.brick_wall(n)
-    else:
-        made = contact_scenes.heap(n, sideways=kind == "heap, wide")
-    return known_scenes.nonnegative(made.A, made.q)
-
-
 def hertz_contact(n: int) -> known_scenes.BoxLCP:
     """Return a sphere on a half-space; A is a LinearOperator, a product by the FFT."""
     made = hertz.hertz(large_scenes.side(n))
@@ -97,9 +88,11 @@ SCENES = {
     **{name: Entry(large_scenes.FAMILIES[name]) for name in PLAIN},
     "transport": Entry(large_scenes.FAMILIES["transport"], accel="bicgstab"),
     "dominant": Entry(strongly_dominant, accel="bicgstab"),
-    "heap": Entry(partial(pile, "heap"), PILE_SIZES, None, True),
-    "heap, wide": Entry(partial(pile, "heap, wide"), PILE_SIZES, None, True),
-    "wall": Entry(partial(pile, "wall"), PILE_SIZES, None, True),
+    "heap": Entry(contact_scenes.heap, PILE_SIZES, None, True),
+    "heap, wide": Entry(
+        partial(contact_scenes.heap, sideways=True), PILE_SIZES, None, True
+    ),
+    "wall": Entry(contact_scenes.brick_wall, PILE_SIZES, None, True),
     "hertz": Entry(hertz_contact, HERTZ_SIZES, None),
 }
 

@@ -16,32 +16,25 @@ from typing import NamedTuple
 import numpy as np
 import scipy.sparse as sp
 
+from validation.problems.known_scenes import BoxLCP, nonnegative
+
 STEP = 0.01  # gravity times the time step
 JITTER = 0.1  # of the centres, the radius is 1
 HOLES = 0.05  # share of the discs taken out
 
 
-class Scene(NamedTuple):
-    """LCP(q, A) and the degrees of freedom of the bodies."""
-
-    A: sp.csr_array
-    q: np.ndarray
-    freedom: int
-
-
 class Heap(NamedTuple):
-    """Normals, masses, velocities, degrees of freedom, and where the discs are."""
+    """Normals, masses and velocities by degree of freedom, and where the discs are."""
 
     N: sp.csr_array
     mass: np.ndarray
     velocity: np.ndarray
-    freedom: int
     centre: np.ndarray
 
 
 def heap(
     contacts: int, *, sideways: bool = False, mass_ratio: float = 1e4, seed: int = 0
-) -> Scene:
+) -> BoxLCP:
     """Return a square heap of discs in a box, of about so many contacts.
 
     The centres are those of a hexagonal lattice, moved at random. A disc lies on two
@@ -49,7 +42,7 @@ def heap(
     `sideways` it touches both neighbours of its row too: A is singular. Some discs are
     taken out again and all move a little, so that contacts open.
     """
-    return scene(*heap_of_discs(contacts, sideways, mass_ratio, seed)[:4])
+    return scene(*heap_of_discs(contacts, sideways, mass_ratio, seed)[:3])
 
 
 def heap_of_discs(contacts: int, sideways: bool, mass_ratio: float, seed: int) -> Heap:
@@ -90,10 +83,10 @@ def heap_of_discs(contacts: int, sideways: bool, mass_ratio: float, seed: int) -
     mass = np.repeat(mass_ratio ** rng.random(discs), 2)
     velocity = 0.5 * STEP * rng.standard_normal(2 * discs)
     velocity[1::2] -= STEP
-    return Heap(N, mass, velocity, 2 * int(present.sum()), centre)
+    return Heap(N, mass, velocity, centre)
 
 
-def brick_wall(contacts: int, *, mass_ratio: float = 1e4, seed: int = 0) -> Scene:
+def brick_wall(contacts: int, *, mass_ratio: float = 1e4, seed: int = 0) -> BoxLCP:
     """Return a dry wall of bricks 2 x 1 in running bond, of about so many contacts.
 
     A brick lies on the halves of two others, two points each, and touches both
@@ -143,7 +136,7 @@ def brick_wall(contacts: int, *, mass_ratio: float = 1e4, seed: int = 0) -> Scen
     velocity = 0.5 * STEP * rng.standard_normal((bricks, 3))
     velocity[rng.random(bricks) < 0.9] = 0.0
     velocity[:, 1] -= STEP
-    return scene(N, inertia, velocity.ravel(), 3 * bricks)
+    return scene(N, inertia, velocity.ravel())
 
 
 def normals(
@@ -168,8 +161,8 @@ def normals(
     return N
 
 
-def scene(N: sp.csr_array, mass: np.ndarray, v: np.ndarray, freedom: int) -> Scene:
+def scene(N: sp.csr_array, mass: np.ndarray, v: np.ndarray) -> BoxLCP:
     """Return the LCP of normals, masses and velocities, both by degree of freedom."""
     A = sp.csr_array(N.T @ sp.diags_array(1.0 / mass) @ N)
     A.sort_indices()
-    return Scene(A, N.T @ v, freedom)
+    return nonnegative(A, N.T @ v)

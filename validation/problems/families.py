@@ -107,11 +107,6 @@ def paper_task(number: int, delta: float, m: int) -> Task:
     return Task(problem, np.tile([1.0, 2.0], m * m // 2), scene.s0)
 
 
-def pile(scene: Any) -> Task:
-    """Return the impulses in a contact scene (A, q, ...)."""
-    return boxed(nonnegative(scene[0], scene[1]))
-
-
 def quadcopter(stages: int) -> Task:
     """Return a step of sparse predictive control, 16 unknowns a stage, P definite."""
     state = np.zeros(control.STATES)
@@ -231,12 +226,12 @@ def families(data: Path | None) -> dict[str, Family]:
         "torsion, small": lambda: boxed(torsion(22, 22)),
     }
     contacts = {
-        "heap": lambda: pile(heap(1000)),
-        "wide heap": lambda: pile(heap(300, sideways=True)),
-        "wall": lambda: pile(brick_wall(1000)),
-        "wall, small": lambda: pile(brick_wall(100)),
-        "wedge": lambda: pile(disc_pile(12)),
-        "heap, large": lambda: pile(heap(10_500)),
+        "heap": lambda: boxed(heap(1000)),
+        "wide heap": lambda: boxed(heap(300, sideways=True)),
+        "wall": lambda: boxed(brick_wall(1000)),
+        "wall, small": lambda: boxed(brick_wall(100)),
+        "wedge": lambda: boxed(nonnegative(*disc_pile(12))),
+        "heap, large": lambda: boxed(heap(10_500)),
     }
     controls = {
         "point mass": lambda: boxed(input_bounded_mpc(100)),

@@ -116,14 +116,8 @@ def degenerate(rng: Rng) -> Problem:
 
 
 def badly_scaled(rng: Rng) -> Problem:
-    """Sparse; rows and columns multiplied by 10^U(-2, 2)."""
-    P, G, A = sparse_parts(rng, 1000)
-    D, E, F = (
-        sp.diags_array(10.0 ** rng.uniform(-2, 2, k))
-        for k in (P.shape[0], G.shape[0], A.shape[0])
-    )
-    scaled = (sp.csc_matrix(C) for C in (D @ P @ D, E @ G @ D, F @ A @ D))
-    return planted(rng, *scaled)
+    """Sparse; rows and columns in units of 10^U(-2, 2)."""
+    return rescaled(planted(rng, *sparse_parts(rng, 1000)), rng, 2.0, 2.0)
 
 
 def nearly_dependent(rng: Rng) -> Problem:

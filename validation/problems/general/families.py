@@ -10,6 +10,7 @@ order 0, around a planted solution.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -84,13 +85,13 @@ def game(n: int, seed: int) -> Problem:
 
 
 def friction(
-    build: Callable[[int, float, float, int], Scene],
+    build: Callable[..., Scene],
 ) -> Callable[..., Problem]:
     """Return a family of scenes, made by (size, mu, mass ratio, seed)."""
 
     def family(n: int, seed: int, ratio: float = 2.0) -> Problem:
         size, mu = 2, MU[seed % len(MU)]
-        while unknowns(scene := build(size, mu, ratio, seed)) < n:
+        while unknowns(scene := build(size, mu, ratio=ratio, seed=seed)) < n:
             size = max(size + 1, int(1.1 * size))
         return friction_lcp(scene)
 
@@ -102,22 +103,12 @@ def unknowns(scene: Scene) -> int:
     return scene.contacts.mu.size * (scene.directions + 2)
 
 
-def balls(layers: int, mu: float, ratio: float, seed: int) -> Scene:
-    """Return a pile of balls with four directions of friction."""
-    return piles.pile_of_balls(layers, mu, 4, ratio, seed)
-
-
-def cubes(levels: int, mu: float, ratio: float, seed: int) -> Scene:
-    """Return a column of cubes with eight directions of friction."""
-    return piles.column_of_cubes(levels, mu, 8, ratio, seed)
-
-
 FAMILIES: dict[str, Callable[..., Problem]] = {
     "pile": friction(piles.pile_of_discs),
     "wall": friction(piles.wall_of_bricks),
     "chain": friction(piles.pressed_chain),
-    "balls": friction(balls),
-    "cubes": friction(cubes),
+    "balls": friction(partial(piles.pile_of_balls, directions=4)),
+    "cubes": friction(partial(piles.column_of_cubes, directions=8)),
     "copositive": copositive,
     "singular copositive": singular_copositive,
     "copositive-plus": copositive_plus,
