@@ -12,16 +12,13 @@ from validation.oracles.scenes import SCENES
 from validation.problems import hertz
 from validation.problems import known_scenes as known
 from validation.problems import large_scenes as large
-from validation.problems.general import games
+from validation.problems.general import circuits, games
 
 
 def solve(scene):
     result = solve_lcp(*scene)
     assert result.status is Status.SOLVED
     return result.z
-
-
-# ---- published values
 
 
 @pytest.mark.parametrize("name", [name for name, s in SCENES.items() if s.known])
@@ -79,7 +76,12 @@ def test_known_games(name):
     assert games.regret(R, C, x, y) < 1e-9
 
 
-# ---- families
+def test_diode_bridge():
+    """The resistor sees the modulus of the voltage; energy only falls."""
+    states, diodes = circuits.march(300, lambda A, q: solve_lcp(A, q).z)
+    assert (np.diff(circuits.energy(states)) <= 1e-15).all()
+    resistor = diodes[:, 0] + diodes[:, 1]
+    np.testing.assert_allclose(resistor, np.abs(states[1:, 0]), atol=0.3)
 
 
 @pytest.mark.parametrize("name", large.FAMILIES)
