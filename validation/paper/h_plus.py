@@ -119,7 +119,8 @@ def time_rows(m: int) -> Iterator[Row]:
         scene = sweep_scenes.paper_example(example, m, delta)
         A = scene.A
         lcp = LCP(Prepared(A), scene.q, scene.lower, scene.upper)
-        sweep = partial(step_of(lcp, "pgs", Parameters()), *np.zeros((2, 2, m * m)))
+        step = step_of(lcp, "pgs", Parameters())
+        sweep = partial(step.run, *np.zeros((2, 2, m * m)))
         row: Row = {"case": f"Example {example}, delta = {delta:g}", "n": m * m}
         row["sweep"] = timing.median_time(sweep)[2]
         verdict, _, row["is_h_plus"] = timing.median_time(partial(is_h_plus, A))

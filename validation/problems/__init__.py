@@ -7,7 +7,7 @@ draw                        QPs and LCPs around a known solution; the tests use 
 data_sets                   QPs and LCPs of the data folder
 known_scenes                box LCPs whose solutions the literature gives
 large_scenes                families of box LCPs of any size
-contact_scenes              heaps of discs, walls of bricks, stacks
+contact_scenes              heaps of discs, walls of bricks
 sweep_scenes                box LCPs of known class for the sweep methods
 hertz                       a sphere on a half-space, without a matrix
 american_puts               American puts, and the method of Brennan and Schwartz
