@@ -5,6 +5,9 @@ dual active-set method in dense form; any other, and what these two leave unsolv
 the interior-point method. Engines offer points and certificates; the `Judge` decides.
 """
 
+from collections.abc import Callable
+from typing import NamedTuple
+
 import numpy as np
 
 from namlcp.limits import Limits, OutOfTime
@@ -107,30 +110,50 @@ def solve_in_forms(
     return solve_by_engines(qp, OWN, guess, judge, memory)
 
 
-def solve_by_engines(
-    qp: QP, chain: Chain, guess: Guess, judge: Judge, memory: Memory
-) -> Outcome:
-    """Return the answer of the first engine that decides, else that of the last one.
-
-    A QP with bounds alone, which have a finite point, is a box LCP if it has many, or
-    is not small. Small QPs are solved in dense form, but dense linear programs.
-    """
-    guess = chain.guess(guess)
-    small = is_small(qp)
-    if (
+def takes_bounds(qp: QP, small: bool, memory: Memory) -> bool:
+    """Tell whether there are bounds alone, which have a finite point, and many."""
+    return (
         qp.h.size + qp.b.size == 0
         and (qp.q.size > MOST_BOX or not small)
         and is_box_open(qp.lb, qp.ub)
-    ):
-        found = solve_bounds(qp, chain, guess, judge, memory)
-        if found is not None and found.ends:
-            return found
-    if (
-        small
-        and not memory.in_vain
-        and (not qp.is_dense or qp.q.size <= MOST_LINEAR or qp.P.any())
-    ):
-        found = solve_dense(qp, chain, guess, judge, memory)
-        if found is not None and found.ends:
-            return found
-    return solve_interior(qp, chain, guess, judge, memory)
+    )
+
+
+def takes_dense(qp: QP, small: bool, memory: Memory) -> bool:
+    """Tell whether the dense form promises more than interior points."""
+    if memory.in_vain or not small:
+        return False
+    return not qp.is_dense or qp.q.size <= MOST_LINEAR or bool(qp.P.any())
+
+
+class Engine(NamedTuple):
+    """A method for QPs.
+
+    suits(qp, small, memory): whether it is tried; small: as `is_small` says.
+    solve(qp, chain, guess, judge, memory): its answer, None if that is nothing; chain:
+    the way from the user's QP to `qp`.
+    """
+
+    suits: Callable[[QP, bool, Memory], bool]
+    solve: Callable[[QP, Chain, Guess, Judge, Memory], Outcome | None]
+
+
+ENGINES = (
+    Engine(takes_bounds, solve_bounds),
+    Engine(takes_dense, solve_dense),
+    Engine(lambda qp, small, memory: True, solve_interior),
+)
+
+
+def solve_by_engines(
+    qp: QP, chain: Chain, guess: Guess, judge: Judge, memory: Memory
+) -> Outcome:
+    """Return the answer of the first engine that decides, else that of the last one."""
+    guess, small = chain.guess(guess), is_small(qp)
+    for engine in ENGINES:
+        if engine.suits(qp, small, memory):
+            found = engine.solve(qp, chain, guess, judge, memory)
+            if found is not None and found.ends:
+                return found
+    assert found is not None
+    return found
