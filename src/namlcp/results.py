@@ -910,7 +910,9 @@ def small_lcp_result(
         own = stamp_of_arrays((A,))
     else:
         matrix.last, own = z, matrix.stamp
-    vectors = tuple(v for v in (q, lower, upper) if v is not None)
+    vectors = (q,)
+    if not (lower is None and upper is None):
+        vectors = tuple(v for v in (q, lower, upper) if v is not None)
     return new_lcp_result(
         status=Status.SOLVED,
         z=z,

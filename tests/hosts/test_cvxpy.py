@@ -38,11 +38,6 @@ def test_import_of_the_package_does_not_import_cvxpy():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-def test_an_unknown_attribute_of_the_package_is_an_attribute_error():
-    with pytest.raises(AttributeError, match="'namlcp' has no attribute 'cvxpi'"):
-        namlcp.cvxpi  # noqa: B018
-
-
 @pytest.mark.parametrize("goal", [cp.Minimize, cp.Maximize])
 def test_duals_are_gradients_of_the_optimal_value(goal):
     rng = np.random.default_rng(1)
