@@ -4,14 +4,14 @@ from time import perf_counter
 
 import numpy as np
 
-from namlcp.limits import Deadline
+from namlcp.limits import Deadline, Limits
 from namlcp.linalg import blas_threads
 from namlcp.options import Options
 from namlcp.outcome import Outcome
 from namlcp.progress import QP_COLUMNS, Progress
-from namlcp.qp.closest import check_weights, nearest
+from namlcp.qp.closest import check_weights, contradiction, nearest
 from namlcp.qp.guess import Guess
-from namlcp.qp.judge import Matrices
+from namlcp.qp.judge import Judge, Matrices
 from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, Point
 from namlcp.qp.route import route
@@ -48,6 +48,8 @@ def solve_checked(
     order = qp.q.size + qp.h.size + qp.b.size
     with blas_threads(options.threads, order), np.errstate(all="ignore"):
         answer = known or route(qp, guess, limits, memory, given)
+        if answer.status is Status.STALLED:
+            answer = disproved(qp, answer, limits)
         if answer.status is Status.NUMERICAL_ERROR:
             nothing = Point(*(v * np.nan for v in answer.point))
             answer = answer._replace(point=nothing, residuals=UNDEFINED)
@@ -57,6 +59,18 @@ def solve_checked(
     if progress is not None:
         progress.close(conclude(answer, perf_counter() - start))
     return answer
+
+
+def disproved(qp: QP, answer: Outcome, limits: Limits) -> Outcome:
+    """Ask the least shifts for a certificate where a point is far from feasible."""
+    feasible = answer.residuals._replace(dual=0.0, gap=0.0).solved(*limits.tolerances)
+    proof = None if feasible else contradiction(qp, limits, route)
+    if proof is None:
+        return answer
+    judge = Judge(qp, limits)
+    if not judge.accept_multipliers(proof.x, proof.y, proof.z):
+        return answer
+    return judge.answer(answer.status, answer.iterations, answer.method)
 
 
 def describe(qp: QP, options: Options) -> str:

@@ -18,4 +18,4 @@ Infeasibility in Optimization, 2008).
 
 from namlcp.qp.closest.face import Face
 from namlcp.qp.closest.rows import check_weights
-from namlcp.qp.closest.solve import Nearest, nearest
+from namlcp.qp.closest.solve import Nearest, contradiction, nearest

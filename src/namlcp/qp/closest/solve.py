@@ -77,6 +77,18 @@ def nearest(qp: QP, relaxation: Relaxation, limits: Limits, solve: Solve) -> Nea
     return found
 
 
+def contradiction(qp: QP, limits: Limits, solve: Solve) -> Point | None:
+    """Return multipliers of the least shifts, which prove that a QP needs some.
+
+    They are as exact as rounding allows, and not yet tested: see `namlcp.qp.judge`.
+    """
+    stage = stage_one(rows_of(qp, Relaxation()), limits, solve)
+    stage = stage.sharpened(limits, solve)
+    if stage.answer.status is not Status.SOLVED:
+        return None
+    return stage.rows.point(stage.x, stage.v, stage.v_box)
+
+
 def least_cost(
     qp: QP, face: Face, x: np.ndarray, limits: Limits, solve: Solve
 ) -> Nearest:
