@@ -16,6 +16,9 @@ from namlcp.linalg.sparse_ldl import Factors, SparseFactors
 # Work of a factorisation, see `Order.work`, in all and for each row, from which on
 # dense fronts are used: a factorisation and six solves take as long both ways there.
 HEAVY, HEAVY_ROW = 1.2e6, 1200.0
+# Most entries of updates that wait at once, for each entry of L, for which they are:
+# many narrow supernodes below one, as of dense columns, pass on more than they compute.
+MOST_WAITING = 12.0
 # Work for each row, and entries of L for each one of the matrix, from which on nested
 # dissection is tried, too: it saves nothing where there is hardly any fill.
 DEEP, FILL = 1e5, 4.0
@@ -29,7 +32,9 @@ def plan_factors(indptr: np.ndarray, indices: np.ndarray) -> Factors:
     """
     order = better_order(indptr, indices, minimum_degree(indptr, indices))
     if order.work >= max(HEAVY, HEAVY_ROW * order.parent.size):
-        return Fronts(indptr, indices, order)
+        fronts = Fronts(indptr, indices, order)
+        if fronts.stack <= MOST_WAITING * order.counts.sum(dtype=np.int64):
+            return fronts
     return SparseFactors(indptr, indices, order)
 
 

@@ -42,6 +42,8 @@ cdef class Fronts(Factors):
         const int *sources[2]
         double *D
         object arrays, values
+        # Most entries of updates that wait at once.
+        readonly Py_ssize_t stack
         readonly object pivots
 
     cdef void allocate(self)

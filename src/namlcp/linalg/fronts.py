@@ -84,6 +84,7 @@ class Fronts(Factors):
             self.sources[side] = places(sources[side], size)
         position, held = np.empty(n, np.int32), np.zeros(number, np.intp)
         most = lay_out(t, self.sides, places(position, n), longs(held, number))
+        self.stack = most
         stack = np.empty(most)
         t.stack = numbers(stack, most)
         self.arrays = nodes, order, sources, ints, above, at, target, stack, scaled
