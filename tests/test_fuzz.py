@@ -139,8 +139,8 @@ def test_a_ray_of_rounding_proves_nothing():
     assert solve_lcp(*case.problem).ray is None
 
 
-@pytest.mark.parametrize("index", [174, 4917, 6804])
-def test_sides_of_1e18_do_not_hide_the_others(index):
+@pytest.mark.parametrize("index", [174, 4917, 6804, 31329, 75545])
+def test_large_numbers_do_not_hide_the_others(index):
     case = problems.make(3, index)
     found = campaign.examine(case, "nam", 1e-6, 10.0)
     assert found["outcome"] == "right", found

@@ -1,7 +1,7 @@
 from namlcp.measure cimport Terms
 from namlcp.qp.active.state cimport ActiveSet, Code
 
-cdef double ACCURATE, RESERVE, ROUNDING, GAIN, LEAST_DIVISOR
+cdef double ACCURATE, RESERVE, ROUNDING, GAIN, LEAST_DIVISOR, INFINITE
 cdef enum:
     PASSES = 3
 
@@ -20,3 +20,5 @@ cdef void set_change(ActiveSet m) noexcept nogil
 cdef void take_change(ActiveSet m) noexcept nogil
 cdef Code judge(ActiveSet m, Code found) noexcept nogil
 cdef void set_contradiction(ActiveSet m) noexcept nogil
+cdef bint is_far(ActiveSet m) noexcept nogil
+cdef double largest_side(const double* side, Py_ssize_t n) noexcept nogil

@@ -16,6 +16,7 @@ from cython.cimports.namlcp.qp.active.rows import goal_of, subtract_active
 from cython.cimports.namlcp.qp.active.state import DONE, LATE, STUCK, SUMMED
 from cython.cimports.namlcp.qp.active.steps import keep
 
+from namlcp import checks
 from namlcp.linalg import columns
 
 # Nothing is refined where residuals over the moduli of their terms are at most
@@ -25,8 +26,8 @@ from namlcp.linalg import columns
 ACCURATE, RESERVE, ROUNDING = 1e-12, 0.05, 4e-15
 # The factor by which each of the PASSES of refinement has to lower the error.
 GAIN = 0.5
-# In place of 0 where a size is divided by.
-LEAST_DIVISOR = columns.LEAST_DIVISOR
+# In place of 0 where a size is divided by; what is infinite beside sides of about 1.
+LEAST_DIVISOR, INFINITE = columns.LEAST_DIVISOR, checks.INFINITE
 
 
 def set_point(m):
@@ -130,10 +131,31 @@ def verdict(m):
 
     Then its active rows are those of the last solved QP.
     """
-    if not are_within(m, 0.0):
+    if not are_within(m, 0.0) or is_far(m):
         return STUCK
     keep(m)
     return DONE if are_within(m, ROUNDING) else SUMMED
+
+
+def is_far(m):
+    """Tell whether rows hold by a size of terms that is infinite beside their sides.
+
+    There, where P curves by the rounding of its entries alone, any rows seem to hold.
+    """
+    if m.found.primal <= m.eps_abs or m.found.primal_size < INFINITE:
+        return False
+    most = max(1.0, largest_side(m.h, m.m), largest_side(m.b, m.p))
+    most = max(most, largest_side(m.lb, m.n), largest_side(m.ub, m.n))
+    return m.found.primal_size >= INFINITE * most
+
+
+def largest_side(side, n):
+    """Return the largest modulus of the finite sides."""
+    most = 0.0
+    for i in range(n):
+        if fabs(side[i]) < INFINITY:
+            most = max(most, fabs(side[i]))
+    return most
 
 
 # ---- refinement
