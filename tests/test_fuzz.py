@@ -13,7 +13,7 @@ from namlcp.qp import QP
 from validation.problems.fuzzed import cases as problems
 from validation.problems.fuzzed import forms
 from validation.problems.fuzzed.lcps import LCP
-from validation.stress import campaign
+from validation.stress import campaign, campaign_relations
 from validation.stress import campaign_answers as answers
 from validation.stress.campaign_judge import (
     Answer,
@@ -157,6 +157,13 @@ def test_what_far_scales_found(seed, index):
     """A point that is not finite was refined for ever; SciPy sorted an argument."""
     found = campaign.examine(problems.make(seed, index, "values"), "nam", 1e-6, 10.0)
     assert found["outcome"] in ("right", "refused"), found
+
+
+@pytest.mark.parametrize("index", [39, 1889, 7229])
+def test_wrong_signs_within_tolerance_are_put_right(index):
+    """P curves by 1e-8: a multiplier of -1e-11 moves x by 1e-3."""
+    found = campaign_relations.examine(1, index, "derivatives")
+    assert found == campaign_relations.RIGHT
 
 
 @pytest.mark.parametrize("index", [12824, 18672])

@@ -109,13 +109,12 @@ def measure_changed(job: Job, kind: str, name: str, eps: float) -> Row:
 
 
 def of_sets(args: Args) -> Iterator[Row]:
-    """Yield every problem of a set for one solver at one tolerance, then the next."""
+    """Yield every problem of a set at one tolerance, all solvers in turn."""
     for problem_set in SETS:
         names = data_sets.set_names(args.data, problem_set)[:: 4 if args.quick else 1]
-        for solver, eps in product(args.solvers, sorted(args.eps, reverse=True)):
-            for name in names:
-                key = {"set": problem_set, "problem": name}
-                yield key | {"solver": solver, "eps": eps}
+        for eps, name in product(sorted(args.eps, reverse=True), names):
+            key = {"set": problem_set, "problem": name, "eps": eps}
+            yield from (key | {"solver": solver} for solver in args.solvers)
 
 
 def of_collection(args: Args) -> Iterator[Row]:

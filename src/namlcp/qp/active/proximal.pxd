@@ -1,9 +1,10 @@
 from namlcp.qp.active.dense cimport DenseActiveSet
 from namlcp.qp.active.state cimport ActiveSet, Code
 
-cdef double CONTRADICTED, LEFT
+cdef double CONTRADICTED, LEFT, WRONG
 cdef enum:
     MOST_ROUNDS = 20
+    RETRIES = 2
     REFINEMENTS = 2
 
 cdef Code solve_by_rounds(ActiveSet m) noexcept nogil

@@ -8,10 +8,11 @@ round with the centre c, at first 0,
 2. minimises the cost without W on the face of the active rows F, see `face`.
 
 If the point at hand has the right signs and violates no row, the QP is solved. Else it
-is the next centre; so is the point where the second step meets the first row that is
-not active. Every centre is feasible and the cost falls from round to round, so that no
-F comes back (Rockafellar, SIAM J. Control Optim. 14 (1976) 877-898). The answer depends
-on the data alone, as c = 0 at the beginning of every solve.
+is the next centre, as it is RETRIES times where wrong signs are within tolerance; so is
+the point where the second step meets the first row that is not active. Every centre is
+feasible and the cost falls from round to round, so that no F comes back (Rockafellar,
+SIAM J. Control Optim. 14 (1976) 877-898). The answer depends on the data alone, as c =
+0 at the beginning of every solve.
 
 Candidates for certificates, of equations and rows, are refined on the data.
 """
@@ -22,6 +23,7 @@ from cython.cimports.libc.math import fabs
 from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, dot, fill
 from cython.cimports.namlcp.qp.active.face import FACE_SOLVED, LOST, RAY, descend
 from cython.cimports.namlcp.qp.active.judgement import (
+    are_within,
     clip_point,
     measure,
     set_contradiction,
@@ -50,6 +52,8 @@ from cython.cimports.namlcp.qp.active.steps import (
 # Residual of a dependent equation over its terms from which on it contradicts others,
 # and the one up to which one that was left out is called dependent.
 CONTRADICTED, LEFT = 1e-9, 1e-11
+# Dual residual over its terms that shows a multiplier of the wrong sign.
+WRONG = 1e-14
 # MOST_ROUNDS: rounds at most. REFINEMENTS: passes of refinement of multipliers.
 
 
@@ -57,7 +61,7 @@ def solve_by_rounds(m):
     """Solve the QP at the pointers of m; after UNBOUNDED z_box has a ray."""
     fill(m.centre, 0.0, m.n)
     set_base_values(m)
-    m.rounds = 0
+    m.rounds, m.retries = 0, RETRIES
     found = try_old_face(m)
     while found == STUCK and m.rounds < MOST_ROUNDS:
         found = minimise(m)
@@ -133,6 +137,10 @@ def settle(m):
     elif negative:
         m.set_row_products()
     measure(m)
+    is_rough: cython.bint = m.found.dual > WRONG * m.found.dual_size
+    if is_rough and m.retries > 0 and are_within(m, 0.0):
+        m.retries -= 1
+        return STUCK
     return verdict(m)
 
 

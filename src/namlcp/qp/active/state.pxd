@@ -96,7 +96,7 @@ cdef class ActiveSet(Watched):
         readonly double rho
         public double wanted
         double largest
-        readonly Py_ssize_t rounds
+        readonly Py_ssize_t rounds, retries
         # Whether the point is on the face of `null`, whose operators hold active rows.
         bint on_face
         # The row that enters (-1: none) and its side, its multiplier so far.
