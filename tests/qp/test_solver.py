@@ -209,6 +209,21 @@ def test_large_portfolios(size, form):
             np.testing.assert_allclose(found.x, fresh.x, 0.0, 1e-10)
 
 
+@pytest.mark.parametrize(("mean", "form"), [(0.0, "dual"), (3.0, "path")])
+def test_new_matrices_where_few_and_where_most_variables_are_at_bounds(mean, form):
+    """Each active row would need a response anew: a step took 10 times a cold solve."""
+    P, _, A = sparse_portfolio(np.random.default_rng(25), 300, 5)
+    b, lb = np.append(np.zeros(5), 1.0), np.append(np.zeros(300), np.full(5, -INF))
+    q = np.append(-mean * np.cos(np.arange(300.0)), np.zeros(5))
+    solver = Solver(sp.csc_array(P), q, A=sp.csc_array(A), b=b, lb=lb)
+    for scale in (1.0, 1.1, 1.2):
+        solver.update(P=sp.csc_array(scale * P))
+        found = solver.solve()
+        fresh = solve_qp(*solver.qp)
+        np.testing.assert_allclose(found.x, fresh.x, 0.0, 1e-10)
+    assert found.form == form
+
+
 def test_a_problem_too_large_for_what_a_solver_keeps():
     n = 30_000
     solver = Solver(sp.eye_array(n, format="csc"), -np.ones(n), ub=np.full(n, 0.5))

@@ -22,6 +22,8 @@ from namlcp.settings import Settings
 from namlcp.status import Status
 
 FORM = "dual"
+# Operations of what is made anew, over those from which on a method gives up.
+MOST_ANEW = 0.2
 
 
 def solve_dense(
@@ -92,6 +94,14 @@ def kept_for(qp: QP) -> Any:
     m = NullSpace()
     solve.attach(m, qp.P, qp.G, qp.A, False)
     return m
+
+
+def is_slow_anew(m: Any) -> bool:
+    """Tell whether others are quicker after `renew`: all active rows need responses."""
+    if not isinstance(m, SparseActiveSet) or m.is_slow_anew:
+        return m.is_slow_anew
+    k = max(m.kept_k, m.hints)
+    return k * m.response_operations + k**3 / 3 > MOST_ANEW * m.most_operations
 
 
 def renew(m: Any, qp: QP) -> None:

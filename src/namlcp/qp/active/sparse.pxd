@@ -18,7 +18,7 @@ cdef class SparseActiveSet(ActiveSet):
         SparseFactors factors
         # Passes of refinement of a solve with K; operations of making a response.
         Py_ssize_t passes
-        double response_operations
+        readonly double response_operations
         # Units of (x, y) in which K is equilibrated; the diagonal of P; a residual.
         double *unit
         double *cost

@@ -15,7 +15,7 @@ from typing import Any
 from namlcp.limits import Deadline
 from namlcp.options import DEFAULT_OPTIONS, Options
 from namlcp.outcome import Outcome
-from namlcp.qp.active.once import answer_of, kept_for, renew
+from namlcp.qp.active.once import answer_of, is_slow_anew, kept_for, renew
 from namlcp.qp.active.solve import solve, suggest, updated
 from namlcp.qp.active.state import Code
 from namlcp.qp.convexity import check_convex
@@ -173,7 +173,7 @@ class QPSequence:
         self.is_renewed, self.is_current = True, False
         if self.pause == inf:  # the old ones were not suited
             self.pause = 0.0
-        if self.active_set is not None and self.active_set.is_slow_anew:
+        if self.active_set is not None and is_slow_anew(self.active_set):
             self.pause = max(self.pause, 1.0)  # others are quicker with new ones
 
     def solve_with_care(
