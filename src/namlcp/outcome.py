@@ -24,7 +24,8 @@ class Outcome(NamedTuple):
     point: the `Point` of a QP, a certificate if the status is proved by one; the
     `LCPPoint` of an LCP. residuals: those on the data of the problem, `Residuals` of a
     QP, Res(z) of an LCP. ray: with UNSOLVABLE the proof of an LCP, beside its best
-    point. closest: the `Nearest` of an infeasible QP, if that was asked for.
+    point. closest: the `Nearest` of an infeasible QP, if that was asked for. factors:
+    those that derivatives of a QP can use.
     """
 
     status: Status
@@ -35,6 +36,7 @@ class Outcome(NamedTuple):
     message: str = ""
     ray: np.ndarray | None = None
     closest: Any = None
+    factors: Any = None
 
     @property
     def ends(self) -> bool:

@@ -804,9 +804,9 @@ def qp_result(
 
     start, ready: the values of perf_counter() at the call and after its checks.
     """
-    status, (x, y, z, z_box), *_, closest = outcome
+    (x, y, z, z_box), closest = outcome.point, outcome.closest
     return QPResult(
-        status=status,
+        status=outcome.status,
         x=x,
         y=y,
         z=z,

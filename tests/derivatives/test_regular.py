@@ -296,12 +296,24 @@ def test_obstacle_by_cycles_equals_factors():
 # ---- the factors that a result keeps
 
 
-def test_factors_are_kept_of_dense_solves_that_are_asked_to():
-    qp = regular_qp(0)
-    assert solve_qp(*qp).factors is None
+def large_qp(n=150):
+    """A regular QP that LAPACK factors."""
+    rng = np.random.default_rng(0)
+    M, G = rng.standard_normal((n, n)), rng.standard_normal((n, n))
+    q, none = rng.standard_normal(n), np.zeros((0, n))
+    bounds = np.full(n, -np.inf), np.full(n, np.inf)
+    return QP(M @ M.T + np.eye(n), q, G, 0.1 + rng.random(n), none, q[:0], *bounds)
+
+
+@pytest.mark.parametrize("qp", [regular_qp(0), large_qp()])
+def test_factors_are_kept_of_dense_solves_that_are_asked_to(qp):
+    plain = solve_qp(*qp)
+    assert plain.factors is None
     assert Solver(*qp).solve().factors is None
     result = solve_qp(*qp, derivative=True)
     assert result.factors is not None
+    found, expected = (r.backward(dx=qp.q) for r in (result, plain))
+    assert_equal_gradients(found, expected, (*VECTORS, *"PGA"))
     assert pickle.loads(pickle.dumps(result)).factors is None
     sparse = stored(sp.csc_array, qp._asdict())
     assert solve_qp(**sparse, derivative=True).factors is None

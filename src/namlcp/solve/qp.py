@@ -118,7 +118,9 @@ def solve_qp(
         tried = solve_small(QPResult, options.settings, start, derivative, *data)
         if type(tried) is QPResult:
             return tried
-    return solve_arguments(arguments, options, start, tried, x0, warm_start, history)
+    return solve_arguments(
+        arguments, options, start, tried, x0, warm_start, history, derivative
+    )
 
 
 def solve_arguments(
@@ -129,6 +131,7 @@ def solve_arguments(
     x0: Any = None,
     warm_start: Any = None,
     history: bool = False,
+    derivative: bool = False,
     name: str = "x0",
 ) -> QPResult:
     """Solve the QP of arguments of any kind; `name` stands for x0 in messages.
@@ -140,7 +143,7 @@ def solve_arguments(
     guess, memory = make_guess(problem[0], x0, warm_start, name), None
     if tried is not None and tried.code not in LEFT:
         memory = Memory(in_vain=True)
-    result = solve_problem(problem, options, guess, start, history, memory)
+    result = solve_problem(problem, options, guess, start, history, memory, derivative)
     result.stamp = stamp_of(problem[0])
     return result
 
@@ -152,6 +155,7 @@ def solve_problem(
     start: float,
     history: bool = False,
     memory: Memory | None = None,
+    derivative: bool = False,
 ) -> QPResult:
     """Return the result of `solve_checked`; `problem`: as for `qp_result`."""
     qp, given = problem
@@ -159,4 +163,7 @@ def solve_problem(
     ready = perf_counter()
     answer = solve_checked(qp, options, guess, start, progress, memory, given)
     rows = progress.history() if progress is not None else None
-    return qp_result(answer, problem, start, ready, rows)
+    result = qp_result(answer, problem, start, ready, rows)
+    if derivative:
+        result.factors = answer.factors
+    return result

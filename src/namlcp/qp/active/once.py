@@ -42,7 +42,12 @@ def solve_dense(
     if guess.active.size:
         solve.suggest(m, guess.active)
     solve.solve(m, own.joined(), settings, limits.deadline.at)
-    return answer_of(m, judge, None if own is judge.qp else chain)
+    if own is not judge.qp:
+        return answer_of(m, judge, chain)
+    answer = answer_of(m, judge)
+    if answer is not None and answer.status is Status.SOLVED:
+        answer = answer._replace(factors=solve.factors_of(m))
+    return answer
 
 
 def answer_of(m: ActiveSet, judge: Judge, chain: Chain | None = None) -> Outcome | None:
