@@ -7,7 +7,7 @@ import scipy.sparse as sp
 from problems_qp import DATA, complementary, make_qp, maros_meszaros
 from qpsolvers import Problem, Solution
 
-from namlcp import Status, qp_residuals
+from namlcp import Status, qp_residuals, solve_qp
 from namlcp.limits import Limits
 from namlcp.qp import Point, qp_data
 from namlcp.qp.judge import Judge
@@ -31,6 +31,22 @@ def test_a_dual_residual_goes_into_a_bound_or_into_a_curved_variable():
     x, _, _, z_box = correct_dual_residual(qp, point, EPS)
     np.testing.assert_allclose(x, [0.0, 2.0, 0.0])
     np.testing.assert_array_equal(z_box, [-1.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("seed", [0, 3, 4, 6])
+def test_sums_of_large_multipliers_are_as_good_as_they_can_be(seed):
+    """A regression with fourth differences >= 0 in other units (LISWET): |G||z| is 1e9
+    where G'z is 1e3, so that the dual residual hovers about its tolerance."""
+    rng, n, k = np.random.default_rng(seed), 500, 4
+    c = np.sqrt(np.linspace(0.0, 1.0, n + k)) + 0.1 * np.sin(np.arange(n + k))
+    differences = sp.diags_array(
+        [-1.0, 4.0, -6.0, 4.0, -1.0], offsets=range(k + 1), shape=(n, n + k)
+    )
+    units = 10.0 ** rng.uniform(-2.0, 2.0, n + k)
+    P, G = sp.diags_array(units**2), differences @ sp.diags_array(units)
+    result = solve_qp(P, -units * c, G, np.zeros(n), eps_abs=1e-8, eps_rel=0.0)
+    assert result.status is Status.SOLVED
+    assert result.iterations < 100
 
 
 def test_no_multiplier_gets_a_sign_its_bounds_do_not_allow():

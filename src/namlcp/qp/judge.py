@@ -31,6 +31,8 @@ BY_LUCK = (
     "The tolerances are met in one order of summation and missed in that of the "
     "arguments: the terms of the residuals are too large for them. Loosen eps_abs."
 )
+# Residual over its tolerance up to which a point may be as good as it can be.
+NEAR = 10.0
 Matrices = tuple[Any, Any, Any]
 
 
@@ -72,7 +74,7 @@ class Judge:
             worst = min(worst, found.worst(*tolerances))
             if worst <= 1.0:
                 return worst
-        if is_correctable(found, *tolerances):
+        if is_correctable(found, *tolerances) or self.is_near(found, near):
             corrected = correct_rounding(self.qp, near, found, *tolerances)
             if corrected is not near:
                 worst = min(worst, self.measure(corrected).worst(*tolerances))
@@ -103,13 +105,24 @@ class Judge:
 
     def is_luck(self, found: Residuals, point: Point) -> bool:
         """Tell whether another order of the sums may leave residuals too large."""
+        return not self.moved(found, point, 1.0).solved(*self.limits.tolerances)
+
+    def is_near(self, found: Residuals, point: Point) -> bool:
+        """Tell whether another order of the sums may pass, and not by far."""
+        if found.worst(*self.limits.tolerances) > NEAR:
+            return False
+        return self.moved(found, point, -1.0).solved(*self.limits.tolerances)
+
+    def moved(self, found: Residuals, point: Point, sign: float) -> Residuals:
+        """Return the residuals, >= 0, with bounds of their rounding errors added."""
         matrices = (self.qp.P, self.qp.G, self.qp.A)
         own = (norm(M if self.qp.is_dense else M.data) for M in matrices)
         primal, dual, gap = rounding_errors(*own, *map(norm, point[:3]))
-        uncertain = found._replace(
-            primal=found.primal + primal, dual=found.dual + dual, gap=found.gap + gap
+        return found._replace(
+            primal=max(found.primal + sign * primal, 0.0),
+            dual=max(found.dual + sign * dual, 0.0),
+            gap=max(found.gap + sign * gap, 0.0),
         )
-        return not uncertain.solved(*self.limits.tolerances)
 
     def take_order_of_user(self, given: Matrices) -> None:
         """Measure from now on in the order in which the user's matrices are stored."""
