@@ -123,7 +123,7 @@ def faults(text: str, known: Figures) -> list[str]:
     found = []
     for said, name in MARK.findall(text):
         value = known.get(name, math.nan)
-        if rounded(value, said) != said:
+        if math.isnan(value) or rounded(value, said) != said:
             found.append(f"{name}: {said}, measured {value:g}")
     old, new = (
         [b.group() for b in BLOCK.finditer(t)] for t in (text, written(text, known))
