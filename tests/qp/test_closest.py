@@ -34,6 +34,20 @@ def relaxed(qp, **choice):
     return found
 
 
+def test_the_nearest_problem_is_solved_by_pivots_though_its_rows_leave_a_point():
+    """Rows that leave a single x seem to contradict each other by rounding."""
+    rng, n = np.random.default_rng(200), 200
+    B, G, A = (rng.standard_normal((k, n)) for k in (n, 3 * n, n // 10))
+    h, b = -1.0 - rng.random(3 * n), rng.standard_normal(n // 10)
+    qp = make_qp(B.T @ B, rng.standard_normal(n), G, h, A, b)
+    found = relaxed(qp, infeasible="closest")
+    assert found.status is Status.SOLVED
+    near = qp._replace(h=qp.h + found.shift_h, b=qp.b + found.shift_b)
+    result = solve_qp(*near)
+    assert (result.status, result.form) == (Status.SOLVED, "dual")
+    np.testing.assert_allclose(result.x, found.x, 0.0, 1e-9)
+
+
 # ---- against other solvers of the two stages
 
 

@@ -83,8 +83,9 @@ def decide(m):
         return found
     if m.pivots > m.max_iter or m.operations > m.most_operations:
         return found
-    # Where P is definite, a small W leaves little to the passes.
-    is_long: cython.bint = m.rho == 0.0 or (found == STUCK and m.rounds > 1)
+    # Where P is definite, a small W leaves little to the passes; where rows seem to
+    # contradict each other by rounding, it is too small.
+    is_long: cython.bint = found == STUCK and (m.rho == 0.0 or m.rounds > 1)
     return solve_anew(m, LESS_RHO if is_long else MORE_RHO)
 
 
