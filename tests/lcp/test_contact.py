@@ -39,6 +39,14 @@ def test_pivoting_that_goes_round_is_ended():
     assert result.iterations <= 300
 
 
+def test_a_path_that_is_slow_at_first_is_followed():
+    """Its residual halves in 10 steps, again at 10^-4, where faces are not found."""
+    A, q, *_ = contact_scenes.heap(28_000, sideways=True)
+    result = solve_lcp(A, q, time_limit=60.0)
+    assert_solves_lcp(result, A, q)
+    assert result.iterations <= 400
+
+
 @pytest.mark.parametrize(("m", "method"), [(50, "pivoting"), (150, "multigrid")])
 def test_sparse_beyond_sweeps(rng, m, method):
     A, q = problems.laplacian(m), rng.standard_normal(m * m)

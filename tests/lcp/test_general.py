@@ -39,6 +39,7 @@ def test_friction_is_solved_to_rounding(bodies, ratio):
     [
         ("wall", 200, 5, 1e4), ("chain", 200, 5, 1e4), ("pile", 200, 17, 1e4),
         ("pile", 600, 2, 1.0), ("balls", 600, 5, 1.0), ("cubes", 300, 0, 1.0),
+        ("pile", 2000, 2, 1e4),
     ],
 )  # fmt: skip
 def test_scenes_are_finished(family, size, seed, ratio):
@@ -47,6 +48,14 @@ def test_scenes_are_finished(family, size, seed, ratio):
     result = solve_lcp(A, q)
     assert_solves_lcp(result, A, q)
     assert result.residual < 1e-9 * np.abs(q).max()
+
+
+def test_a_path_that_has_solved_the_problem_ends_soon():
+    """Its residual stays at 1.4e-9 of the largest q_i for thousands of steps."""
+    A, q = FAMILIES["cubes"](6000, 2, 1e4)
+    result = solve_lcp(A, q, eps_abs=1e-9 * np.abs(q).max())
+    assert result.status is Status.SOLVED
+    assert result.iterations <= 1000
 
 
 def test_dense_ones_go_to_lemke_and_sparse_ones_to_a_path():

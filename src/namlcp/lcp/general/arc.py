@@ -29,8 +29,9 @@ from namlcp.lcp.shifted import System
 # Added to the unit diagonal, so that a singular matrix can be factored.
 SHIFT = 1e-12
 # Steps at most: of any matrix; of one with friction cones, where the curve leads to a
-# solution, but may wind: with 4000 unknowns it has been seen to turn 100 times.
-STEPS, PROMISED_STEPS = 400, 2000
+# solution, but may wind: with 4000 unknowns it has been seen to turn 100 times, with
+# 2000 to take 2100 steps.
+STEPS, PROMISED_STEPS = 400, 5000
 # Largest relative change of a gap or multiplier in a step along the curve: in the first
 # step; where an earlier point of the stack is taken instead; in any step.
 FIRST_STEP, LEAST_STEP, MOST_STEP = 0.9, 0.02, 0.98

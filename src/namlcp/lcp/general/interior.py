@@ -2,9 +2,9 @@
 
 Each step has one factorisation, of M + diag(m/g), for a predictor that aims at the
 products g_k m_k = 0 and a corrector that aims at their centre. `mehrotra` follows the
-path of an LCP with a matrix of any kind. It solves most friction problems in 10 to 20
-steps; where M is not monotone it promises nothing, and may jam where `arc` would have
-to turn.
+path of an LCP with a matrix of any kind, with Gondzio's correctors for products far
+from the centre. It solves most friction problems in 10 to 20 steps; where M is not
+monotone it promises nothing, and may jam where `arc` would have to turn.
 
 `farkas` follows the homogeneous path of an LCP with M = -M', the optimality conditions
 of a linear program. With r = g - S p, S p the signed entries of p in the pairs, and
@@ -18,13 +18,15 @@ has no solution: p is a ray with c'p + r'm < 0.
 
 References
 ----------
-Mehrotra, SIAM J. Optim. 2 (1992) 575-601; Andersen and Ye, Math. Program. 84 (1999)
+Mehrotra, SIAM J. Optim. 2 (1992) 575-601; Gondzio, Comput. Optim. Appl. 6 (1996)
+137-156 (more correctors); Andersen and Ye, Math. Program. 84 (1999)
 375-399 (the homogeneous path).
 """
 
 import math
-from collections.abc import Iterator
-from typing import NamedTuple
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -41,9 +43,14 @@ STEPS, HOMOGENEOUS_STEPS = 100, 50
 STEP_PART = 0.99
 # Range of the mean product aimed at, relative to the present one.
 LEAST_CENTRING, MOST_CENTRING = 1e-4, 0.9
+# Gondzio's correctors at most. Each asks for the larger of two steps, the one before
+# times the first number and plus the second, moves products to within the factor OFF
+# of the one aimed at, and is kept if it makes the step LONGER.
+CORRECTORS, ASK, OFF, LONGER = 2, (1.3, 0.1), 10.0, 1.03
 # So many steps in a row shorter than JAM end the path of an LCP. So does, from step
-# FIRST_STALL on, a least residual that does not halve in STALL steps.
-JAM, JAMS, STALL, FIRST_STALL = 0.05, 3, 8, 15
+# FIRST_STALL on, an error below SETTLED that does not halve in STALL steps; before, it
+# may fall as slowly on the way to a solution, in heaps of 10^4 bodies.
+JAM, JAMS, STALL, FIRST_STALL, SETTLED = 0.05, 3, 8, 15, 1e-9
 # Step length up to which the homogeneous path ends: the direction is inaccurate.
 LEAST_STEP = 1e-8
 # A proof is sought once kappa / tau exceeds CLEAR, and again whenever it has grown by
@@ -73,21 +80,16 @@ def mehrotra(model: Distances, system: System) -> Iterator[np.ndarray]:
         error = float(np.abs(excess).max(initial=0.0))
         error = max(error, float((at.gaps * at.m).max(initial=0.0)))
         least.append(min(error, least[-1]))
-        if len(least) > FIRST_STALL and least[-1] > 0.5 * least[-1 - STALL]:
+        may_stall = len(least) > FIRST_STALL and least[-1] <= SETTLED
+        if may_stall and least[-1] > 0.5 * least[-1 - STALL]:
             return
         ratio = at.m / at.gaps
         factors = system.factors(model.total(ratio, 1.0) + SHIFT)
         if factors is None:
             return
-        change = -at.gaps * at.m  # of the products: first to 0, then as predicted
-        for is_predictor in (True, False):
-            wish = change / at.gaps
-            dp = factors.solve(model.total(wish) - excess)
-            dgaps = model.of(dp)
-            d = Point(dp, dgaps, wish - ratio * dgaps)
-            if is_predictor:
-                change = corrected(at, d)[0]
-        step = STEP_PART * longest(at, d)
+        towards = partial(direction, model, at, factors, excess)
+        d, step = centred(at, towards)
+        step *= STEP_PART
         jams = jams + 1 if step < JAM else 0
         if jams == JAMS or not math.isfinite(step):
             return
@@ -95,18 +97,54 @@ def mehrotra(model: Distances, system: System) -> Iterator[np.ndarray]:
     yield at.p
 
 
+def direction(
+    model: Distances, at: Point, factors: Any, excess: np.ndarray, change: np.ndarray
+) -> Point:
+    """Return the direction that removes the excess and changes the products so."""
+    wish = change / at.gaps
+    dp = factors.solve(model.total(wish) - excess)
+    dgaps = model.of(dp)
+    return Point(dp, dgaps, wish - at.m / at.gaps * dgaps)
+
+
+def centred(at: Point, towards: Callable[[np.ndarray], Point]) -> tuple[Point, float]:
+    """Return the direction of predictor and correctors, and the longest step along it.
+
+    towards: changes of the products to the direction for them.
+    """
+    change, sigma = corrected(at, towards(-at.gaps * at.m))
+    d = towards(change)
+    step, aim = longest(at, d), sigma * mean_product(at)
+    for _ in range(CORRECTORS):
+        if not 0.0 < step < 1.0:
+            break
+        asked = min(1.0, max(ASK[0] * step, step + ASK[1]))
+        products = (at.gaps + asked * d.gaps) * (at.m + asked * d.m)
+        off = np.clip(products, aim / OFF, OFF * aim) - products
+        change += np.maximum(off, -OFF * aim)
+        other = towards(change)
+        longer = longest(at, other)
+        if not longer >= LONGER * step:
+            break
+        d, step = other, longer
+    return d, step
+
+
 def corrected(at: Point, d: Point) -> tuple[np.ndarray, float]:
     """Return the changes of the products to aim at, d being Mehrotra's predictor.
 
     The number is that of the centring, sigma.
     """
-    products = at.gaps * at.m
-    mu = float(products.mean()) if products.size else 0.0
+    products, mu = at.gaps * at.m, mean_product(at)
     step = longest(at, d)
-    left = float((at.gaps + step * d.gaps) @ (at.m + step * d.m)) / max(at.m.size, 1)
+    left = mean_product(at.moved(step, d))
     sigma = (left / mu) ** 3 if mu > 0.0 else 0.0
     sigma = min(max(sigma, LEAST_CENTRING), MOST_CENTRING)
     return sigma * mu - np.clip(d.gaps * d.m, -mu, mu) - products, sigma
+
+
+def mean_product(at: Point) -> float:
+    return float(at.gaps @ at.m) / max(at.m.size, 1)
 
 
 def longest(at: Point, d: Point) -> float:
