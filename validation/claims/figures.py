@@ -53,9 +53,12 @@ class Claim(NamedTuple):
 
 
 def slope(points: list[tuple[float, float]]) -> float:
-    """Return the power of x with which y grows: least squares of the logarithms."""
+    """Return the power of x with which y grows: least squares of the logarithms.
+
+    It is NaN for a single point.
+    """
     x, y = np.log(points).T
-    return float(np.polyfit(x, y, 1)[0])
+    return float(np.polyfit(x, y, 1)[0]) if x.size > 1 else math.nan
 
 
 def rise(values: list[float]) -> float:
