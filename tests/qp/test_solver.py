@@ -22,6 +22,7 @@ from walks_qp import FAMILIES, Walk, portfolio, sparse_portfolio
 from namlcp import Options, Solver, Status, qp_residuals, solve_qp
 from namlcp.qp import qp_data
 from namlcp.result_base import FIELDS
+from validation.stress import campaign_relations
 
 INF = np.inf
 
@@ -382,3 +383,8 @@ def test_a_solve_lets_other_threads_run():
         sys.setswitchinterval(before)
     thread.join()
     assert during
+
+
+def test_large_weights_lose_no_digits_of_the_residuals():
+    """A step with x ~ 10^9 leaves them; P + W less W was taken for a sparse P."""
+    assert campaign_relations.examine(1, 6027, "sequences")[0] == "right"

@@ -34,7 +34,7 @@ cdef enum:
 
 cdef Code solve_sparse(SparseActiveSet m) noexcept nogil
 cdef void solve_base(SparseActiveSet m, const double* rhs, double* u, Py_ssize_t passes) noexcept nogil
-cdef void subtract_product(SparseActiveSet m, Py_ssize_t order, const double* u, double* r) noexcept nogil
+cdef void subtract_product(SparseActiveSet m, const double* u, double* r) noexcept nogil
 cdef void times_rows(SparseActiveSet m, const double* x, double* Gx) noexcept nogil
 cdef void set_shifted(SparseActiveSet m, bint is_all) noexcept nogil
 cdef double least_pivot(SparseActiveSet m) noexcept nogil

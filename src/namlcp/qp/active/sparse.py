@@ -124,12 +124,14 @@ class SparseActiveSet:
         self.set_products(False)
 
     def times_cost(self, x, Px):
-        fill(Px, 0.0, self.n)
-        subtract_product(self, self.n, x, Px)
+        indptr, indices, base = self.indptr, self.indices, self.base
         for j in range(self.n):
-            Px[j] = -Px[j]
-            if self.rho > 0.0:  # the triangle is that of P + W
-                Px[j] -= self.weight[j] * x[j]
+            x_j = x[j]
+            total = self.cost[j] * x_j  # K has the diagonal of P + W
+            for t in range(indptr[j], indptr[j + 1] - 1):
+                Px[indices[t]] += base[t] * x_j
+                total += base[t] * x[indices[t]]
+            Px[j] = total
 
     def attach(self, P, G, A):
         """Take matrices, and what depends on them: factors, units, memory.
@@ -144,6 +146,8 @@ class SparseActiveSet:
         count: Py_ssize_t = self.indptr[self.size]
         self.indices = places(kkt.indices, count)
         self.base, self.data = numbers(kkt.base, count), numbers(kkt.data, count)
+        for j in range(self.n):
+            self.cost[j] = self.base[self.indptr[j + 1] - 1]
         self.row_starts = places(self.by_row.indptr, self.m + 1)
         count = self.row_starts[self.m]
         self.row_columns = places(self.by_row.indices, count)
@@ -218,15 +222,15 @@ def solve_base(m, rhs, u, passes):
     m.factors.solve_into(rhs, u)
     for _ in range(passes):
         copy(rhs, m.rest, m.size)
-        subtract_product(m, m.size, u, m.rest)
+        subtract_product(m, u, m.rest)
         m.factors.solve_into(m.rest, m.rest)
         add_scaled(1.0, m.rest, u, m.size)
 
 
-def subtract_product(m, order, u, r):
-    """Set r -= K u for the leading block of K of an order: n is P, or `size`."""
+def subtract_product(m, u, r):
+    """Set r -= K u."""
     indptr, indices, base = m.indptr, m.indices, m.base
-    for j in range(order):
+    for j in range(m.size):
         last = indptr[j + 1] - 1
         u_j = u[j]
         total = r[j] - base[last] * u_j
@@ -291,7 +295,7 @@ def try_factors(m):
         m.factors.solve_into(rest, other)
         add_scaled(1.0, u, other, m.size)
         copy(rhs, rest, m.size)
-        subtract_product(m, m.size, other, rest)
+        subtract_product(m, other, rest)
         new = 0.0
         for j in range(m.size):
             size = fabs(rest[j] * m.unit[j])
@@ -315,7 +319,7 @@ def take_shape(m):
     """Prepare W, of which the first solve chooses rho."""
     m.largest = 0.0
     for j in range(m.n):
-        m.cost[j] = m.shape[j] = m.base[m.indptr[j + 1] - 1]
+        m.shape[j] = m.cost[j]
         m.largest = max(m.largest, m.cost[j])
     set_shape(m)
     m.rho = INFINITY
