@@ -122,6 +122,16 @@ def test_the_bits_do_not_depend_on_the_threads_or_on_the_neighbours(mixed):
     assert permuted.x.tobytes() == solve_batch(**stacked).x[order].tobytes()
 
 
+def test_a_weight_of_the_item_before_is_not_used():
+    """Equations that contradict each other, after an item with others."""
+    P, A = np.diag([0.0, 2.0]), np.array([[-2.0, 0], [-1, -2], [6, 4], [-6, -4]])
+    b = np.array([[-0.004, 3.998, -7.988, 7.988], [0.0, 3.7, -7.7, 8.2]])
+    q = np.array([[18.002, 11.998], [18.0, 11.8]])
+    both, alone = solve_batch(P, q, A=A, b=b), solve_batch(P, q[1:], A=A, b=b[1:])
+    assert alone.statuses == [Status.PRIMAL_INFEASIBLE]
+    assert both.y[1].tobytes() == alone.y[0].tobytes()
+
+
 def test_a_bad_item_harms_no_other(mixed):
     expected = bits(solve_batch(**stack(mixed)))
     stacked = stack(mixed)

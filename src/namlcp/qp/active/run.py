@@ -119,14 +119,11 @@ def solve_dense(m):
         m.is_ready = True
         if m.is_large and m.is_single and m.rho == 0.0:
             prepare(m)
+    if m.rho != 0.0 and m.rho != wanted_rho(m) and not set_up(m):
+        return UNSUITED
     if m.skipped > 0 and contradicts_equations(m):
         return CONTRADICTION
-    if m.rho == 0.0:
-        found = follow(m)
-    elif m.rho == wanted_rho(m) or set_up(m):
-        found = solve_by_rounds(m)
-    else:
-        return UNSUITED
+    found = solve_by_rounds(m) if m.rho != 0.0 else follow(m)
     if found == CONTRADICTION:
         refine_contradiction(m)
     elif found == SUMMED:
