@@ -9,9 +9,9 @@ import numpy as np
 import plain
 import pytest
 
+from namlcp.limits import Settings
 from namlcp.qp.active.solve import OUTCOMES, solve_small
 from namlcp.result_base import ResultBase
-from namlcp.settings import Settings
 
 INF = np.inf
 HEADERS = {

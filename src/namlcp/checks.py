@@ -319,18 +319,12 @@ def matrix(name: str, value: Any, layout: str) -> Any:
     return array
 
 
-def square_matrix(name: str, value: Any, layout: str) -> Any:
-    """Return `value` as `matrix` does; raise unless it is square."""
+def finite_square_matrix(name: str, value: Any, layout: str) -> Any:
+    """Return `value` as `matrix` does; raise unless it is square, all of it finite."""
     C = matrix(name, value, layout)
     rows, columns = C.shape
     if rows != columns:
         raise ValueError(f"{name} must be square, got shape {np.shape(value)}")
-    return C
-
-
-def finite_square_matrix(name: str, value: Any, layout: str) -> Any:
-    """Return `value` as `square_matrix` does; raise unless all of it is finite."""
-    C = square_matrix(name, value, layout)
     refuse_number(name, C.data if sp.issparse(C) else C, False)
     return C
 

@@ -1,26 +1,21 @@
 """When a solve ends: tolerances, a count, a time limit or Ctrl-C.
 
 Loops in Python check the deadline between two iterations. Compiled loops look at the
-clock, see `watch`, by a call of `now`.
+clock, see `watch`.
 """
 
-import math
 import time
 from typing import NamedTuple
 
-from namlcp.progress import Report
-
-OFTEN = 4_000_000
-"""Operations of compiled code between two looks at the clock: some milliseconds."""
+from cython.cimports.libc.math import INFINITY
 
 
-def now() -> float:
-    """Return time.perf_counter() [s].
+class Settings:
+    """The limits of `Options` for compiled code; time_limit in seconds."""
 
-    As it is a function in Python, handlers of signals run when it is called, and a
-    thread takes an exception that another one has raised in it.
-    """
-    return time.perf_counter()
+    def __init__(self, eps_abs, eps_rel, max_iter, time_limit):
+        self.eps_abs, self.eps_rel = eps_abs, eps_rel
+        self.max_iter, self.time_limit = max_iter, time_limit
 
 
 class OutOfTime(Exception):
@@ -34,14 +29,14 @@ class Deadline:
     what prepares a solve calls `check` between two steps.
     """
 
-    def __init__(self, at: float = math.inf) -> None:
+    def __init__(self, at=INFINITY):
         self.at = at
 
-    def reached(self) -> bool:
+    def reached(self):
         """Tell whether to stop."""
         return time.perf_counter() >= self.at
 
-    def check(self) -> None:
+    def check(self):
         """Raise OutOfTime if the deadline is reached."""
         if self.reached():
             raise OutOfTime
@@ -58,13 +53,13 @@ class Limits(NamedTuple):
     for every iteration as `Progress.row`, unless None.
     """
 
-    eps_abs: float = 0.0
-    eps_rel: float = 0.0
-    max_iter: int | None = None
-    deadline: Deadline = NEVER
-    report: Report = None
+    eps_abs: object = 0.0
+    eps_rel: object = 0.0
+    max_iter: object = None
+    deadline: object = NEVER
+    report: object = None
 
     @property
-    def tolerances(self) -> tuple[float, float]:
+    def tolerances(self):
         """The pair (eps_abs, eps_rel)."""
-        return self.eps_abs, self.eps_rel
+        return self[:2]

@@ -175,6 +175,32 @@ def in_order(t, work):
     )  # fmt: skip
 
 
+def largest_ratio(found, eps_abs, eps_rel):
+    """Return the largest of the three residuals over its tolerance, inf for a NaN.
+
+    A point solves the QP where it is at most 1. `found` is as `Residuals`.
+    """
+    primal: cython.double
+    dual: cython.double
+    gap: cython.double
+    primal_size: cython.double
+    dual_size: cython.double
+    gap_size: cython.double
+    primal, dual, gap, primal_size, dual_size, gap_size, _ = found
+    primal = ratio(primal, eps_abs + eps_rel * primal_size)
+    dual = ratio(dual, eps_abs + eps_rel * dual_size)
+    gap = ratio(gap, eps_abs + eps_rel * gap_size)
+    # max() may ignore a NaN, the sum does not
+    return max(primal, dual, gap) if primal + dual + gap >= 0.0 else INFINITY
+
+
+def ratio(residual, tolerance):
+    """Return residual / tolerance, 0 for 0 / 0."""
+    if tolerance > 0.0:
+        return residual / tolerance
+    return INFINITY if residual > 0.0 else residual
+
+
 def signed_gap(vectors, point, Px):
     """Return `gap_by_products` of arrays."""
     t: Terms

@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from namlcp.limits import NEVER, Deadline, Limits
+from namlcp.limits import NEVER, Deadline, Limits, Settings
 from namlcp.progress import Progress
-from namlcp.settings import Settings
 
 CERTIFICATE = "certificate"
 """The value of `Options.infeasible` that asks for a proof of infeasibility alone."""

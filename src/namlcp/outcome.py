@@ -13,6 +13,8 @@ FINAL = (
     Status.UNSOLVABLE,
 )
 """Statuses that decide a problem."""
+ENDS = (*FINAL, Status.TIME_LIMIT)
+"""Statuses after which no other method is to be tried."""
 
 OBJECTIVE = {Status.PRIMAL_INFEASIBLE: np.inf, Status.DUAL_INFEASIBLE: -np.inf}
 """Objective of a QP with a certificate."""
@@ -41,7 +43,7 @@ class Outcome(NamedTuple):
     @property
     def ends(self) -> bool:
         """Tell whether no other method is to be tried."""
-        return self.status in FINAL or self.status is Status.TIME_LIMIT
+        return self.status in ENDS
 
 
 def objective_of(answer: Outcome) -> float:

@@ -19,6 +19,7 @@ import numpy as np
 
 from namlcp.linalg.csc import add_transposed, is_clean_csc, times
 from namlcp.measure import (
+    largest_ratio,
     natural_squares,
     residuals_of_columns,
     residuals_of_products,
@@ -49,22 +50,11 @@ class Residuals(NamedTuple):
 
     def worst(self, eps_abs: float, eps_rel: float) -> float:
         """Return the largest residual over its tolerance; at most 1 means solved."""
-        primal = over(self.primal, eps_abs + eps_rel * self.primal_size)
-        dual = over(self.dual, eps_abs + eps_rel * self.dual_size)
-        gap = over(self.gap, eps_abs + eps_rel * self.gap_size)
-        # max() may ignore a NaN, the sum does not
-        return max(primal, dual, gap) if primal + dual + gap >= 0.0 else math.inf
+        return largest_ratio(self, eps_abs, eps_rel)
 
     def solved(self, eps_abs: float, eps_rel: float) -> bool:
         """Tell whether all three are within tolerance."""
-        return self.worst(eps_abs, eps_rel) <= 1.0
-
-
-def over(residual: float, tolerance: float) -> float:
-    """Return residual / tolerance, 0 for 0 / 0."""
-    if tolerance > 0.0:
-        return residual / tolerance
-    return math.inf if residual > 0.0 else residual
+        return largest_ratio(self, eps_abs, eps_rel) <= 1.0
 
 
 UNDEFINED = Residuals(*[math.nan] * 7)

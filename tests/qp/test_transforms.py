@@ -124,7 +124,7 @@ def by_scaling(qp):
         x, y, Z, _ = s.guess(small.guess(make_guess(qp, None, p)))
         return x, y, Z, 0.0 * x
 
-    chain = Chain((small, s))
+    chain = Chain(small, s)
 
     def point(p):
         return chain.point(p.x, p.y, p.z)

@@ -6,49 +6,45 @@ before it, and `guess`, which maps a guess forward. A `Chain` has the same metho
 all its transforms.
 """
 
-from typing import Any, NamedTuple
-
-import numpy as np
-
-from namlcp.qp.guess import Guess
 from namlcp.qp.problem import Point
 
 
-class Chain(NamedTuple):
-    """The transforms, the user's end first."""
+class Chain:
+    """The transforms, the user's end first; `back`: the engine's end first."""
 
-    transforms: tuple[Any, ...] = ()
+    def __init__(self, *transforms):
+        self.transforms, self.back = transforms, transforms[::-1]
 
-    def then(self, *transforms: Any) -> "Chain":
+    def then(self, *transforms):
         """Return the chain with more transforms at the engine's end."""
-        return Chain(self.transforms + transforms)
+        return Chain(*self.transforms, *transforms)
 
-    def point(self, *parts: np.ndarray) -> Point:
+    def point(self, *parts):
         """Return the user's point; `parts` as the last transform takes them."""
-        for transform in reversed(self.transforms):
+        for transform in self.back:
             parts = transform.point(*parts)
         return Point(*parts)
 
-    def primal(self, x: np.ndarray) -> np.ndarray:
+    def primal(self, x):
         """Return the user's x."""
-        for transform in reversed(self.transforms):
+        for transform in self.back:
             x = transform.primal(x)
         return x
 
-    def ray(self, d: np.ndarray) -> np.ndarray:
+    def ray(self, d):
         """Return the direction of the user's x."""
-        for transform in reversed(self.transforms):
+        for transform in self.back:
             d = transform.ray(d)
         return d
 
-    def certificate(self, *parts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def certificate(self, *parts):
         """Return the user's (y, z)."""
-        for transform in reversed(self.transforms):
+        for transform in self.back:
             parts = transform.certificate(*parts)
         y, z = parts
         return y, z
 
-    def guess(self, guess: Guess) -> Any:
+    def guess(self, guess):
         """Return the guess for the engine."""
         for transform in self.transforms:
             guess = transform.guess(guess)

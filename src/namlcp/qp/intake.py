@@ -1,22 +1,45 @@
-"""The arguments of a QP that are clean already, checked in one pass.
+"""The arguments of a QP, checked in one pass where they are clean already.
 
-Everything else, and every fault, is left to `problem.checked`, which names it.
+Everything else, and every fault, is left to `problem`, which repairs or names it.
 """
 
 import cython
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import INFINITY, fabs
-from cython.cimports.namlcp.entries import CANONICAL, index_order, sparse_asymmetry
+from cython.cimports.namlcp.entries import (
+    CANONICAL,
+    dense_asymmetry,
+    index_order,
+    sparse_asymmetry,
+)
 from cython.cimports.namlcp.linalg.arrays import are_places, data_of, fits
 from scipy.sparse import csc_array, csc_matrix
 
 from namlcp import checks
+from namlcp.qp.problem import QP, absent_parts, qp_arrays, repaired
 
 cnp.import_array()
 
 # What counts as no bound, see `checks`.
 INFINITE = checks.INFINITE
+
+
+def qp_data(P, q, G, h, A, b, lb, ub):
+    """Return the user's QP as checked, clean arrays."""
+    if is_clean(P, q, G, h, A, b, lb, ub):
+        rows, sides, below, above = absent_parts(q.size)
+        if not cnp.PyArray_CheckExact(P):
+            rows = checks.no_rows(q.size)
+        return QP(
+            P, q,
+            rows if G is None else G, sides if h is None else h,
+            rows if A is None else A, sides if b is None else b,
+            below if lb is None else lb, above if ub is None else ub,
+        )  # fmt: skip
+    qp = qp_arrays(P, q, G, h, A, b, lb, ub)
+    P, q, G, h, A, b, lb, ub = qp
+    return qp if is_clean(P, q, G, h, A, b, lb, ub) else repaired(qp)
 
 
 def is_clean(P, q, G, h, A, b, lb, ub):
@@ -31,31 +54,36 @@ def is_clean(P, q, G, h, A, b, lb, ub):
     is_dense: cython.bint = fits(P, 2)
     if (G is None) != (h is None) or (A is None) != (b is None):
         return False
-    return (
-        rows_of(P, n, is_dense) == n
-        and (h is None or (fits(h, 1) and rows_of(G, n, is_dense) == h.size))
-        and (b is None or (fits(b, 1) and rows_of(A, n, is_dense) == b.size))
-        and is_finite(q)
-        and (b is None or is_finite(b))
-        and (h is None or is_side(h, 1.0, h.size))
-        and (lb is None or is_side(lb, -1.0, n))
-        and (ub is None or is_side(ub, 1.0, n))
-        and is_symmetric(P, n, is_dense)
-    )
+    if (
+        rows_of(P, n, is_dense) != n
+        or not (h is None or (fits(h, 1) and rows_of(G, n, is_dense) == h.size))
+        or not (b is None or (fits(b, 1) and rows_of(A, n, is_dense) == b.size))
+        or not is_finite(q)
+        or not (b is None or is_finite(b))
+        or not (h is None or is_side(h, 1.0, h.size))
+        or not (lb is None or is_side(lb, -1.0, n))
+        or not (ub is None or is_side(ub, 1.0, n))
+    ):
+        return False
+    if is_dense:
+        gap, _ = dense_asymmetry(P)
+    else:
+        gap, _ = sparse_asymmetry(P.indptr, P.indices, P.data)
+    return gap == 0.0
 
 
 def rows_of(M, n, is_dense):
     """Return the number of rows of a clean matrix with n columns, -1 if it is none."""
     if is_dense:
-        if not (fits(M, 2) and cnp.PyArray_DIM(M, 1) == n and is_finite(M)):
+        if not (fits(M, 2) and cnp.PyArray_DIM(M, 1) == n):
             return -1
-        return cnp.PyArray_DIM(M, 0)
+        return cnp.PyArray_DIM(M, 0) if is_finite(M) else -1
     if type(M) is not csc_array and type(M) is not csc_matrix:
         return -1
     data, indices, indptr = M.data, M.indices, M.indptr
     if not (fits(data, 1) and are_places(indices) and are_places(indptr)):
         return -1
-    shape: tuple = M.shape
+    shape: tuple = M._shape  # M.shape takes a call
     rows: Py_ssize_t = shape[0]
     size: Py_ssize_t = cnp.PyArray_DIM(indices, 0)
     is_whole: cython.bint = (
@@ -88,17 +116,4 @@ def is_side(array, sign, size):
     for i in range(size):
         if not (fabs(values[i]) < INFINITE or values[i] == sign * INFINITY):
             return False
-    return True
-
-
-def is_symmetric(P, n, is_dense):
-    """Tell whether P = P'."""
-    if not is_dense:
-        gap, _ = sparse_asymmetry(P.indptr, P.indices, P.data)
-        return gap == 0.0
-    values = data_of(P)
-    for i in range(n):
-        for j in range(i):
-            if values[i * n + j] != values[j * n + i]:
-                return False
     return True

@@ -10,19 +10,21 @@ tolerance of 1e-9: a point may pass in the order in which the QP's matrices are 
 and fail in that of the user's own. Where that matters the order is the user's.
 """
 
-from math import inf
-from typing import Any
-
 import numpy as np
 import scipy.sparse as sp
+from cython.cimports.libc.math import INFINITY
+from cython.cimports.namlcp.measure import (
+    largest_ratio,
+    on_bounds,
+    residuals_of_columns,
+    rounding_errors,
+)
 from scipy.linalg.blas import dnrm2
 
-from namlcp.limits import Limits
 from namlcp.linalg import is_clean_csc
-from namlcp.measure import on_bounds, residuals_of_columns, rounding_errors
 from namlcp.outcome import FINAL, Outcome
-from namlcp.qp.certificates import Proof, accept_dual, accept_primal
-from namlcp.qp.problem import QP, Point
+from namlcp.qp.certificates import accept_dual, accept_primal
+from namlcp.qp.problem import Point
 from namlcp.qp.rounding import correct_rounding, is_correctable
 from namlcp.residuals import Residuals, qp_residuals
 from namlcp.status import Status
@@ -33,101 +35,97 @@ BY_LUCK = (
 )
 # Residual over its tolerance up to which a point may be as good as it can be.
 NEAR = 10.0
-Matrices = tuple[Any, Any, Any]
 
 
 class Judge:
     """The best point so far; `best` is the largest of its residuals over tolerances.
 
-    The QP is solved if best <= 1. `given`: P, G and A as the user holds them, each
-    None where absent. `proof`: a certificate that was accepted: verdict, point,
-    residuals.
+    The QP is solved if best <= 1. `given`: P, G and A as the user stores them, each
+    None where absent; None where these are the matrices of the QP. `proof`: a
+    certificate that was accepted: status, point, residuals.
     """
 
-    def __init__(self, qp: QP, limits: Limits, given: Matrices | None = None) -> None:
+    def __init__(self, qp, limits, given=None):
         self.qp, self.checked, self.limits = qp, qp, limits
-        self.given = None if given and are_own(given, qp) else given
+        self.tolerances = limits.eps_abs, limits.eps_rel
+        self.given = None if given is None or are_own(given, qp) else given
         self.is_columns = type(qp.P) is not np.ndarray
-        self.best = inf
-        self.point: Point | None = None
-        self.residuals: Residuals | None = None
-        self.proof: tuple[Status, Point, Residuals] | None = None
+        self.best = INFINITY
+        self.point = self.residuals = self.proof = None
         self.message = ""
 
     @property
-    def is_solved(self) -> bool:
+    def is_solved(self):
         """Tell whether the best point solves the QP."""
         return self.best <= 1.0
 
-    def offer(self, point: Point) -> float:
+    def offer(self, point):
         """Measure the point on its bounds, or within them, or with rounding corrected.
 
         All have x within its bounds, and multipliers of the right signs. Returns the
         least of their largest residuals over tolerances.
         """
-        tolerances, worst = self.limits.tolerances, inf
-        z = np.maximum(point.z, 0.0)
+        least, z = INFINITY, np.maximum(point.z, 0.0)
         for moves in (True, False):
             x, z_box = on_bounds(point.x, point.z_box, self.qp.lb, self.qp.ub, moves)
             near = Point(x, point.y, z, z_box)
             found = self.measure(near)
-            worst = min(worst, found.worst(*tolerances))
-            if worst <= 1.0:
-                return worst
-        if is_correctable(found, *tolerances) or self.is_near(found, near):
-            corrected = correct_rounding(self.qp, near, found, *tolerances)
+            ratio = self.ratio(found)
+            least = min(least, ratio)
+            if least <= 1.0:
+                return least
+        if is_correctable(found, *self.tolerances) or (
+            ratio <= NEAR and self.ratio_in_other_order(found, near, -1.0) <= 1.0
+        ):
+            corrected = correct_rounding(self.qp, near, found, *self.tolerances)
             if corrected is not near:
-                worst = min(worst, self.measure(corrected).worst(*tolerances))
-        return worst
+                least = min(least, self.ratio(self.measure(corrected)))
+        return least
 
-    def measure(self, point: Point, known: Residuals | None = None) -> Residuals:
-        """Return the residuals of one point; keep it if it is the best.
+    def measure(self, point, found=None):
+        """Return the residuals of one point, or those found; keep it if it is the best.
 
-        `known`: they, where they have been computed on the arrays of the QP.
+        Those found have been computed on the arrays of the QP.
         """
-        found = known or self.residuals_of(point)
-        worst = found.worst(*self.limits.tolerances)
-        if self.given is not None and worst <= 1.0 and self.is_luck(found, point):
-            self.take_order_of_user(self.given)
-            found = self.residuals_of(point)
-            worst = found.worst(*self.limits.tolerances)
-        if worst < self.best:
-            self.best, self.residuals, self.point = worst, found, point
+        found = found or self.residuals_of(point)
+        ratio = self.ratio(found)
+        if self.given is not None and ratio <= 1.0:
+            if not self.ratio_in_other_order(found, point, 1.0) <= 1.0:
+                self.take_order_of_user()
+                found = self.residuals_of(point)
+                ratio = self.ratio(found)
+        if ratio < self.best:
+            self.best, self.residuals, self.point = ratio, found, point
         return found
 
-    def residuals_of(self, point: Point) -> Residuals:
+    def ratio(self, residuals):
+        """Return the largest residual over its tolerance."""
+        eps_abs, eps_rel = self.tolerances
+        return largest_ratio(residuals, eps_abs, eps_rel)
+
+    def residuals_of(self, point):
         """Return the residuals of a point, by the definition."""
         P, q, G, h, A, b, lb, ub = self.qp
-        if self.is_columns:
-            vectors = q, h, b, lb, ub
-            return Residuals(*residuals_of_columns(P, G, A, vectors, tuple(point)))
-        return qp_residuals(*self.qp, *point)
+        if not self.is_columns:
+            return qp_residuals(*self.qp, *point)
+        vectors = q, h, b, lb, ub
+        return Residuals(*residuals_of_columns(P, G, A, vectors, tuple(point)))
 
-    def is_luck(self, found: Residuals, point: Point) -> bool:
-        """Tell whether another order of the sums may leave residuals too large."""
-        return not self.moved(found, point, 1.0).solved(*self.limits.tolerances)
+    def ratio_in_other_order(self, found, point, sign):
+        """Return the largest residual over its tolerance after another order of sums.
 
-    def is_near(self, found: Residuals, point: Point) -> bool:
-        """Tell whether another order of the sums may pass, and not by far."""
-        if found.worst(*self.limits.tolerances) > NEAR:
-            return False
-        return self.moved(found, point, -1.0).solved(*self.limits.tolerances)
+        sign: 1.0 for the most that it may be, -1.0 for the least.
+        """
+        P, G, A = (norm(M) for M in (self.qp.P, self.qp.G, self.qp.A))
+        x, y, z = map(norm, point[:3])
+        pairs = zip(found[:3], rounding_errors(P, G, A, x, y, z), strict=True)
+        changed = [max(r + sign * error, 0.0) for r, error in pairs]
+        return self.ratio((*changed, *found[3:]))
 
-    def moved(self, found: Residuals, point: Point, sign: float) -> Residuals:
-        """Return the residuals, >= 0, with bounds of their rounding errors added."""
-        matrices = (self.qp.P, self.qp.G, self.qp.A)
-        own = (norm(M if self.qp.is_dense else M.data) for M in matrices)
-        primal, dual, gap = rounding_errors(*own, *map(norm, point[:3]))
-        return found._replace(
-            primal=max(found.primal + sign * primal, 0.0),
-            dual=max(found.dual + sign * dual, 0.0),
-            gap=max(found.gap + sign * gap, 0.0),
-        )
-
-    def take_order_of_user(self, given: Matrices) -> None:
+    def take_order_of_user(self):
         """Measure from now on in the order in which the user's matrices are stored."""
         own = self.qp.P, self.qp.G, self.qp.A
-        P, G, A = (as_stored(C, M) for C, M in zip(given, own, strict=True))
+        P, G, A = map(as_stored, self.given, own)
         C = sp.csc_array(P.copy()) if sp.issparse(P) else P  # SciPy sorts it in place
         if abs(C - C.T).max() > 0.0:
             P = self.qp.P  # (P + P') / 2
@@ -135,10 +133,10 @@ class Judge:
         self.is_columns = all(map(is_clean_csc, (P, G, A)))
         self.message = BY_LUCK  # unless a point passes
         if self.point is not None:
-            self.best = inf
+            self.best = INFINITY
             self.measure(self.point)
 
-    def accept_multipliers(self, x: np.ndarray, y: np.ndarray, z: np.ndarray) -> bool:
+    def accept_multipliers(self, x, y, z):
         """Tell whether multipliers prove that no x is feasible; x: the point at hand.
 
         The certificate is kept.
@@ -146,44 +144,42 @@ class Judge:
         proof = accept_primal(self.checked, x, y, z, self.limits.eps_abs)
         return self.keep(Status.PRIMAL_INFEASIBLE, proof)
 
-    def accept_ray(self, d: np.ndarray, point: Point | None = None) -> bool:
+    def accept_ray(self, d, point=None):
         """Tell whether the QP is unbounded along d; the certificate is kept."""
         x, y, z, _ = point or self.qp.point()
         proof = accept_dual(self.checked, x, y, z, d, self.limits.eps_abs)
         return self.keep(Status.DUAL_INFEASIBLE, proof)
 
-    def keep(self, status: Status, proof: Proof | None) -> bool:
+    def keep(self, status, proof):
         """Keep a certificate, if it is one."""
         if proof is not None:
             self.proof = status, *proof
         return proof is not None
 
-    def answer(
-        self, status: Status, iterations: int, method: str, message: str = ""
-    ) -> Outcome:
+    def answer(self, status, iterations, method, message=""):
         """Return the certificate, or the best point, SOLVED if it passes.
 
         If it does not, a final `status` becomes STALLED.
         """
         if self.proof is not None:
             return Outcome(*self.proof, iterations, method, message)
-        if self.point is None or self.residuals is None:
+        if self.point is None:
             self.point = self.qp.point(self.qp.clip(np.zeros(self.qp.q.size)))
             self.residuals = self.residuals_of(self.point)
-        if self.is_solved:
+        if self.best <= 1.0:
             status = Status.SOLVED
         elif status in FINAL:
             status, message = Status.STALLED, message or self.message
         return Outcome(status, self.point, self.residuals, iterations, method, message)
 
 
-def are_own(given: Matrices, qp: QP) -> bool:
+def are_own(given, qp):
     """Tell whether (P, G, A) as they came are the very matrices of the QP."""
     P, G, A = given
     return P is qp.P and (G is None or G is qp.G) and (A is None or A is qp.A)
 
 
-def as_stored(given: Any, own: Any) -> Any:
+def as_stored(given, own):
     """Return a matrix of the user in its own order, the QP's where it is absent.
 
     CSC arrays get the types that compiled code takes.
@@ -199,6 +195,7 @@ def as_stored(given: Any, own: Any) -> Any:
     return sp.csc_array((data, *places), shape=given.shape)
 
 
-def norm(entries: np.ndarray) -> float:
+def norm(M):
     """Return the 2-norm of all entries, without overflow or a warning of it."""
-    return float(dnrm2(entries.ravel(order="K"))) if entries.size else 0.0
+    entries = M if type(M) is np.ndarray else M.data
+    return dnrm2(entries.ravel(order="K")) if entries.size else 0.0

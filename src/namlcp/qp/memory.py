@@ -8,13 +8,11 @@ the elimination order is reused.
 from typing import Any
 
 import numpy as np
-from scipy.sparse import csc_array
 
 from namlcp.lcp import Prepared
 from namlcp.linalg import arrays_of
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.problem import QP
-from namlcp.qp.transforms import Presolved, ScaledQP, Substitution
 
 
 class Memory:
@@ -27,15 +25,13 @@ class Memory:
     `in_vain`: whether the dense form of the QP, as it came, has been tried in vain.
     """
 
-    def __init__(self, in_vain: bool = False) -> None:
-        """Start empty."""
-        self.matrices: list[Any] = []
-        self.convex: Any = None
-        self.substitution: Substitution | None = None
-        self.presolved: Presolved | None = None
-        self.scaled: ScaledQP | None = None
-        self.rows: Prepared | None = None
-        self.in_vain = in_vain
+    matrices: tuple[Any, ...] = (None, None, None)
+    convex: Any = None
+    substitution: Any = None
+    presolved: Any = None
+    scaled: Any = None
+    rows: Prepared | None = None
+    in_vain = False
 
     @classmethod
     def of(cls, qp: QP) -> "Memory":
@@ -54,33 +50,27 @@ class Memory:
         P was found positive semidefinite.
         """
         if not qp.is_dense:
-            self.matrices = [qp.P, qp.G, qp.A]
+            self.matrices = qp.P, qp.G, qp.A
             self.convex = qp.P
 
-    def known(self, *matrices: Any) -> list[Any]:
-        """Return P, G and A (CSC), each replaced by its kept copy if that is equal."""
-        if not self.matrices:
-            return list(matrices)
-        pairs = zip(self.matrices, matrices, strict=True)
-        return [old if is_same(old, M) else M for old, M in pairs]
-
     def recognised(self, qp: QP) -> QP:
-        """Return qp with kept copies of its matrices; changed matrices are copied."""
+        """Return qp with the copies of matrices that are equal; others are copied."""
         if qp.is_dense:
             return qp
-        kept = self.known(qp.P, qp.G, qp.A)
-        ours = {id(M) for M in self.matrices}
-        self.matrices = [M if id(M) in ours else M.copy() for M in kept]
+        pairs = zip(self.matrices, (qp.P, qp.G, qp.A), strict=True)
+        self.matrices = tuple(
+            old if old is not None and is_same(old, M) else M.copy() for old, M in pairs
+        )
         P, G, A = self.matrices
         return qp._replace(P=P, G=G, A=A)
 
-    def ensure_convex(self, P: csc_array) -> None:
+    def ensure_convex(self, P: Any) -> None:
         """Raise NotConvex unless P is positive semidefinite; test the same P once."""
         if self.convex is not P:
             check_convex(P)
             self.convex = P
 
-    def prepared(self, P: csc_array) -> Prepared:
+    def prepared(self, P: Any) -> Prepared:
         """Return P prepared for box LCPs, as before if P is the same."""
         rows = self.rows
         if rows is None or rows.A.data is not P.data:

@@ -10,19 +10,16 @@ from namlcp.checks import (
     INFINITE,
     as_sparse,
     constant,
+    finite_square_matrix,
     matrix,
-    no_rows,
     number_or_vector,
     refuse_number,
     sparse_matrix,
-    square_matrix,
     vector,
     without_huge,
 )
-from namlcp.entries import has_huge, is_bad
 from namlcp.linalg import as_dense, asymmetry
 from namlcp.linalg.stamp import stamp_of_arrays
-from namlcp.qp.intake import is_clean
 
 
 class Point(NamedTuple):
@@ -114,13 +111,6 @@ def stamp_of(qp: QP) -> int:
     return stamp_of_arrays((*matrices, q, h, b, lb, ub))
 
 
-def refuse_numbers(qp: QP) -> None:
-    """Raise ValueError for the first NaN, or infinity in P, q, G, A or b."""
-    for name, values in zip(qp._fields, qp, strict=True):
-        entries = values if type(values) is np.ndarray else values.data
-        refuse_number(name, entries, name in ("h", "lb", "ub"))
-
-
 def refuse_steep_rows(G: Any, h: np.ndarray) -> None:
     """Raise ValueError where a finite h_i switches off a row with a side that matters.
 
@@ -138,13 +128,6 @@ def refuse_steep_rows(G: Any, h: np.ndarray) -> None:
             f"h must be +inf where there is no constraint, got {h[i]:.1e} at ({i}), "
             f"where G has entries of {size:.1e}: divide this row and h by that"
         )
-
-
-def without_huge_sides(qp: QP) -> QP:
-    """Return the QP with sides beyond `INFINITE` made infinite."""
-    refuse_steep_rows(qp.G, qp.h)
-    h, ub = without_huge(qp.h, 1.0), without_huge(qp.ub, 1.0)
-    return qp._replace(h=h, lb=without_huge(qp.lb, -1.0), ub=ub)
 
 
 def symmetrised(P: Any, gap: float, size: float) -> Any:
@@ -189,18 +172,17 @@ def constraint(
 def absent_parts(n: int) -> tuple[np.ndarray, ...]:
     """Return the absent G, h, lb and ub of a QP with n variables.
 
-    All QPs share them, and nobody writes to the arrays of a QP; they are not marked as
-    read-only, for which kernels would have to be compiled once more.
+    All QPs share them, and nobody writes to the arrays of a QP.
     """
     return np.empty((0, n)), np.empty(0), constant(n, -np.inf), constant(n, np.inf)
 
 
 def qp_arrays(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) -> QP:
-    """Return the user's QP as arrays of the right types and shapes, for `checked`.
+    """Return the user's QP as arrays of the right types and shapes.
 
     Raises TypeError or ValueError naming the argument, what was expected and what came.
     """
-    P = square_matrix("P", P, "csc")
+    P = finite_square_matrix("P", P, "csc")
     shape = P.shape
     n = shape[1]
     q = vector("q", q, n, "P", shape)
@@ -217,39 +199,20 @@ def qp_arrays(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) 
     ub = above if ub is None else number_or_vector("ub", ub, n, "P")
     if not type(P) is type(G) is type(A) is np.ndarray:
         P, G, A = (as_sparse(C) for C in (P, G, A))
-    # In half the time of QP(...).
-    return tuple.__new__(QP, (P, q, G, h, A, b, lb, ub))
+    return QP(P, q, G, h, A, b, lb, ub)
 
 
-def checked(qp: QP) -> QP:
-    """Return the QP of `qp_arrays` with clean numbers: P symmetric, no huge sides.
+def repaired(qp: QP) -> QP:
+    """Return the QP of `qp_arrays` with P symmetric and no huge sides.
 
     Raises ValueError for a NaN, an infinite entry or a P that is not symmetric.
     Contradictions (lb > ub, h = -inf) pass: such a QP is infeasible, not malformed.
     """
-    P, q, G, h, A, b, lb, ub = qp
-    matrices = (M.reshape(-1) if qp.is_dense else M.data for M in (P, G, A))
-    bad = any(is_bad(v, False) for v in (*matrices, q, b))
-    bad = bad or any(is_bad(v, True) for v in (h, lb, ub))
-    huge = any(has_huge(v, INFINITE) for v in (h, lb, ub))
-    gap, size = asymmetry(P)
-    if bad:
-        refuse_numbers(qp)
-    if gap > 0.0:
-        qp = qp._replace(P=symmetrised(qp.P, gap, size))
-    return without_huge_sides(qp) if huge else qp
-
-
-def qp_data(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) -> QP:
-    """Return the user's QP as checked, clean arrays."""
-    if not is_clean(P, q, G, h, A, b, lb, ub):
-        return checked(qp_arrays(P, q, G, h, A, b, lb, ub))
-    rows, sides, below, above = absent_parts(q.size)
-    if type(P) is not np.ndarray:
-        rows = no_rows(q.size)
-    return QP(
-        P, q,
-        rows if G is None else G, sides if h is None else h,
-        rows if A is None else A, sides if b is None else b,
-        below if lb is None else lb, above if ub is None else ub,
-    )  # fmt: skip
+    for name, values in zip(qp._fields, qp, strict=True):
+        entries = values if type(values) is np.ndarray else values.data
+        refuse_number(name, entries, name in ("h", "lb", "ub"))
+    gap, size = asymmetry(qp.P)
+    P = symmetrised(qp.P, gap, size) if gap > 0.0 else qp.P
+    refuse_steep_rows(qp.G, qp.h)
+    h, ub = without_huge(qp.h, 1.0), without_huge(qp.ub, 1.0)
+    return qp._replace(P=P, h=h, lb=without_huge(qp.lb, -1.0), ub=ub)

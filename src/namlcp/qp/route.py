@@ -5,13 +5,10 @@ dual active-set method in dense form; any other, and what these two leave unsolv
 the interior-point method. Engines offer points and certificates; the `Judge` decides.
 """
 
-from collections.abc import Callable
-from typing import NamedTuple
-
 import numpy as np
 
-from namlcp.limits import Limits, OutOfTime
-from namlcp.outcome import Outcome
+from namlcp.limits import OutOfTime
+from namlcp.outcome import ENDS
 from namlcp.qp.active import solve_dense
 from namlcp.qp.active.solve import (
     FEW_ENTRIES,
@@ -22,11 +19,10 @@ from namlcp.qp.active.solve import (
 )
 from namlcp.qp.bounds import is_box_open, solve_bounds
 from namlcp.qp.chain import OWN, Chain
-from namlcp.qp.guess import NO_GUESS, Guess, make_guess
+from namlcp.qp.guess import NO_GUESS, make_guess
 from namlcp.qp.interior import solve_interior
-from namlcp.qp.judge import Judge, Matrices
+from namlcp.qp.judge import Judge
 from namlcp.qp.memory import Memory
-from namlcp.qp.problem import QP
 from namlcp.qp.transforms import substitute, without_huge_bounds
 from namlcp.status import Status
 
@@ -37,33 +33,11 @@ DENSE_VARIABLES, DENSE_ENTRIES = 2000, 16_000_000
 UNDECIDED = (Status.STALLED, Status.NUMERICAL_ERROR)
 
 
-def is_small(qp: QP) -> bool:
-    """Tell whether the matrices have few entries, or few zeros, for the dense form."""
-    n = qp.q.size
-    entries = n * (n + qp.h.size + qp.b.size)
-    if n > DENSE_VARIABLES or entries > DENSE_ENTRIES:
-        return False
-    if entries <= FEW_ENTRIES:
-        return True
-    P, _, G, _, A, *_ = qp
-    if qp.is_dense:
-        filled = sum(map(np.count_nonzero, (P, G, A)))
-    else:
-        filled = P.data.size + G.data.size + A.data.size
-    return 100 * filled >= FULL * entries
-
-
-def route(
-    qp: QP,
-    guess: Guess,
-    limits: Limits,
-    memory: Memory | None = None,
-    given: Matrices | None = None,
-) -> Outcome:
+def route(qp, guess, limits, memory=None, given=None):
     """Solve a checked QP; if it stalls, go on without its huge bounds.
 
     `memory` may be kept for the next problem of the same pattern; it is changed.
-    `given`: P, G and A as the user holds them.
+    `given`: P, G and A as the user stores them.
     """
     judge = Judge(qp, limits, given)
     try:
@@ -79,9 +53,7 @@ def route(
     return other
 
 
-def solve_in_forms(
-    qp: QP, guess: Guess, judge: Judge, memory: Memory | None
-) -> Outcome:
+def solve_in_forms(qp, guess, judge, memory):
     """Solve with free columns substituted; if that is undecided, without.
 
     A tiny sparse QP is first tried in dense form as it came.
@@ -90,27 +62,56 @@ def solve_in_forms(
         memory = Memory()
     else:
         qp = memory.recognised(qp)
-    if not qp.is_dense and (qp.h.size or qp.b.size):
-        n = qp.q.size
-        is_tiny = n * (n + qp.h.size + qp.b.size) <= TINY_ENTRIES
-        if is_tiny and not memory.in_vain:
-            found = solve_dense(qp, OWN, guess, judge, memory)
-            if found is not None and found.ends:
-                return found
-        substitution = substitute(qp, memory.substitution, judge.limits.deadline)
-        memory.substitution = substitution
-        if substitution is not None:
-            memory.convex = substitution.P  # P was checked; this adds only squares
-            memory.in_vain = False
-            chain = Chain((substitution,))
-            answer = solve_by_engines(substitution.problem, chain, guess, judge, memory)
-            if answer.status not in UNDECIDED:
-                return answer
-            guess, memory = make_guess(qp, None, answer.point), Memory()
+    if type(qp.P) is np.ndarray or not (qp.h.size or qp.b.size):
+        return solve_by_engines(qp, OWN, guess, judge, memory)
+    if entries_of(qp) <= TINY_ENTRIES and not memory.in_vain:
+        found = solve_dense(qp, OWN, guess, judge, memory)
+        if found is not None and found.status in ENDS:
+            return found
+    substitution = substitute(qp, memory.substitution, judge.limits.deadline)
+    memory.substitution = substitution
+    if substitution is not None:
+        memory.convex = substitution.P  # P was checked; this adds only squares
+        memory.in_vain, chain = False, Chain(substitution)
+        answer = solve_by_engines(substitution.problem, chain, guess, judge, memory)
+        if answer.status not in UNDECIDED:
+            return answer
+        guess, memory = make_guess(qp, None, answer.point), Memory()
     return solve_by_engines(qp, OWN, guess, judge, memory)
 
 
-def takes_bounds(qp: QP, small: bool, memory: Memory) -> bool:
+def solve_by_engines(qp, chain, guess, judge, memory):
+    """Return the answer of the first engine that decides, else that of the last one."""
+    guess, small = chain.guess(guess), is_small(qp)
+    for suits, solve in ENGINES:
+        if suits(qp, small, memory):
+            found = solve(qp, chain, guess, judge, memory)
+            if found is not None and found.status in ENDS:
+                return found
+    return found
+
+
+def entries_of(qp):
+    """Return how many entries P, G and A have, zeros included."""
+    return qp.q.size * (qp.q.size + qp.h.size + qp.b.size)
+
+
+def is_small(qp):
+    """Tell whether the matrices have few entries, or few zeros, for the dense form."""
+    entries = entries_of(qp)
+    if qp.q.size > DENSE_VARIABLES or entries > DENSE_ENTRIES:
+        return False
+    if entries <= FEW_ENTRIES:
+        return True
+    matrices = qp.P, qp.G, qp.A
+    if type(qp.P) is np.ndarray:
+        filled = sum(map(np.count_nonzero, matrices))
+    else:
+        filled = sum([M.data.size for M in matrices])
+    return 100 * filled >= FULL * entries
+
+
+def takes_bounds(qp, small, memory):
     """Tell whether there are bounds alone, which have a finite point, and many."""
     return (
         qp.h.size + qp.b.size == 0
@@ -119,41 +120,19 @@ def takes_bounds(qp: QP, small: bool, memory: Memory) -> bool:
     )
 
 
-def takes_dense(qp: QP, small: bool, memory: Memory) -> bool:
+def takes_dense(qp, small, memory):
     """Tell whether the dense form promises more than interior points."""
     if memory.in_vain or not small:
         return False
-    return not qp.is_dense or qp.q.size <= MOST_LINEAR or bool(qp.P.any())
-
-
-class Engine(NamedTuple):
-    """A method for QPs.
-
-    suits(qp, small, memory): whether it is tried; small: as `is_small` says.
-    solve(qp, chain, guess, judge, memory): its answer, None if that is nothing; chain:
-    the way from the user's QP to `qp`.
-    """
-
-    suits: Callable[[QP, bool, Memory], bool]
-    solve: Callable[[QP, Chain, Guess, Judge, Memory], Outcome | None]
+    is_dense = type(qp.P) is np.ndarray
+    return not is_dense or qp.q.size <= MOST_LINEAR or qp.P.any()
 
 
 ENGINES = (
-    Engine(takes_bounds, solve_bounds),
-    Engine(takes_dense, solve_dense),
-    Engine(lambda qp, small, memory: True, solve_interior),
+    (takes_bounds, solve_bounds),
+    (takes_dense, solve_dense),
+    (lambda qp, small, memory: True, solve_interior),
 )
-
-
-def solve_by_engines(
-    qp: QP, chain: Chain, guess: Guess, judge: Judge, memory: Memory
-) -> Outcome:
-    """Return the answer of the first engine that decides, else that of the last one."""
-    guess, small = chain.guess(guess), is_small(qp)
-    for engine in ENGINES:
-        if engine.suits(qp, small, memory):
-            found = engine.solve(qp, chain, guess, judge, memory)
-            if found is not None and found.ends:
-                return found
-    assert found is not None
-    return found
+"""The methods for QPs, in order: suits(qp, small, memory), whether one is tried, with
+small as `is_small` says, and solve(qp, chain, guess, judge, memory), its answer, None
+if that is nothing. chain: the way from the user's QP to `qp`."""

@@ -1,6 +1,7 @@
 """A checked QP by the `route`, then the closest point; what is printed of it."""
 
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from namlcp.outcome import Outcome
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp.closest import check_weights, contradiction, nearest
 from namlcp.qp.guess import Guess
-from namlcp.qp.judge import Judge, Matrices
+from namlcp.qp.judge import Judge
 from namlcp.qp.memory import Memory
 from namlcp.qp.problem import QP, Point
 from namlcp.qp.route import route
@@ -26,14 +27,14 @@ def solve_checked(
     start: float,
     progress: Progress | None = None,
     memory: Memory | None = None,
-    given: Matrices | None = None,
+    given: tuple[Any, Any, Any] | None = None,
     known: Outcome | None = None,
 ) -> Outcome:
     """Solve a checked QP; `start` is the perf_counter() of the call.
 
     `progress` takes the rows; where they are printed, it is made here if it is None.
     `memory` may be kept for the next problem of the same pattern; it is changed.
-    `given`: P, G and A as the user holds them, in whose order sums are judged. `known`:
+    `given`: P, G and A as the user stores them, in whose order sums are judged. `known`:
     the answer, if the closest point is left to find.
     """
     if progress is None and options.verbose:

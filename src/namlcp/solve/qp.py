@@ -6,6 +6,7 @@ from typing import Any
 from namlcp.options import DEFAULT_OPTIONS, Options, check_flag
 from namlcp.progress import QP_COLUMNS, Progress
 from namlcp.qp import (
+    NO_GUESS,
     QP,
     Code,
     DenseActiveSet,
@@ -109,8 +110,10 @@ def solve_qp(
     """
     start = perf_counter()
     options = Options.from_names(settings) if settings else DEFAULT_OPTIONS
-    check_flag("history", history)
-    check_flag("derivative", derivative)
+    if history is not False:
+        check_flag("history", history)
+    if derivative is not False:
+        check_flag("derivative", derivative)
     arguments, tried = (P, q, G, h, A, b, lb, ub), None
     if not history and options.is_plain:
         is_cold = x0 is None and warm_start is None  # two arguments take 40 ns
@@ -139,13 +142,13 @@ def solve_arguments(
     `tried`: what has tried to solve it already, if anything has.
     """
     P, _, G, _, A, *_ = arguments
-    problem = qp_data(*arguments), (P, G, A)
-    guess, memory = make_guess(problem[0], x0, warm_start, name), None
+    problem, guess, memory = (qp_data(*arguments), (P, G, A)), NO_GUESS, None
+    if not (x0 is None and warm_start is None):
+        guess = make_guess(problem[0], x0, warm_start, name)
     if tried is not None and tried.code not in LEFT:
-        memory = Memory(in_vain=True)
-    result = solve_problem(problem, options, guess, start, history, memory, derivative)
-    result.stamp = stamp_of(problem[0])
-    return result
+        memory = Memory()
+        memory.in_vain = True
+    return solve_problem(problem, options, guess, start, history, memory, derivative)
 
 
 def solve_problem(
@@ -164,6 +167,7 @@ def solve_problem(
     answer = solve_checked(qp, options, guess, start, progress, memory, given)
     rows = progress.history() if progress is not None else None
     result = qp_result(answer, problem, start, ready, rows)
+    result.stamp = stamp_of(qp)
     if derivative:
         result.factors = answer.factors
     return result

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from namlcp.limits import Settings
 from namlcp.options import DEFAULT_OPTIONS
 from namlcp.outcome import Outcome
 from namlcp.qp.active import solve
@@ -18,7 +19,6 @@ from namlcp.qp.chain import Chain
 from namlcp.qp.guess import Guess
 from namlcp.qp.judge import Judge
 from namlcp.qp.problem import QP, Point
-from namlcp.settings import Settings
 from namlcp.status import Status
 
 FORM = "dual"

@@ -1,4 +1,4 @@
-from namlcp.settings cimport Settings
+from namlcp.limits cimport Settings
 from namlcp.qp.active.dense cimport DenseActiveSet
 from namlcp.qp.active.state cimport ActiveSet
 

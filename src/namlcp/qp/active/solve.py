@@ -13,6 +13,7 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import INFINITY, fabs, sqrt
+from cython.cimports.namlcp.limits import Settings
 from cython.cimports.namlcp.linalg.arrays import (
     NO_ENTRIES,
     are_places,
@@ -49,7 +50,6 @@ from cython.cimports.namlcp.result_base import (
     new_result,
     residuals_of,
 )
-from cython.cimports.namlcp.settings import Settings
 from cython.cimports.namlcp.watch import begin_watch, raise_kept
 from scipy.sparse import csc_array, csc_matrix
 

@@ -20,9 +20,10 @@ from namlcp.qp.active.solve import solve, suggest, updated
 from namlcp.qp.active.state import Code
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
+from namlcp.qp.intake import qp_data
 from namlcp.qp.judge import Judge, are_own
 from namlcp.qp.memory import Memory
-from namlcp.qp.problem import QP, qp_data
+from namlcp.qp.problem import QP
 from namlcp.qp.route import is_small
 from namlcp.qp.sequences.pattern import (
     as_given,
