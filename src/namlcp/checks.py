@@ -16,6 +16,8 @@ import scipy.sparse as sp
 from namlcp.entries import (
     Order,
     compressed,
+    constant,
+    from_arrays,
     has_huge,
     index_order,
     is_bad,
@@ -273,28 +275,6 @@ def rearranged(value: Any, layout: str) -> Any:
     return from_arrays(parts, value.shape, wrap)
 
 
-# Matrices that `from_arrays` copies; that their format is canonical is noted in them.
-EMPTY = {kind: kind((0, 0)) for kind in (sp.csc_array, sp.csr_array)}
-for M in EMPTY.values():
-    M.has_canonical_format = True
-
-
-def from_arrays(
-    parts: tuple[np.ndarray, np.ndarray, np.ndarray],
-    shape: tuple[int, ...],
-    kind: Any = sp.csc_array,
-) -> Any:
-    """Return (indptr, indices, data), sorted and without duplicates, as a matrix.
-
-    `kind` is csc_array or csr_array. Its constructor would take 13 us for checks.
-    """
-    M = object.__new__(kind)
-    vars(M).update(vars(EMPTY[kind]))
-    M.indptr, M.indices, M.data = parts
-    M._shape = shape
-    return M
-
-
 @functools.lru_cache(maxsize=16)
 def no_rows(n: int) -> sp.csc_array:
     """Return the (0, n) matrix of absent constraints, which is shared: read only."""
@@ -358,10 +338,3 @@ def as_sparse(C: Any) -> Any:
     if C.shape[0] == 0:
         return no_rows(C.shape[1])
     return from_arrays(compressed(C), C.shape)
-
-
-def constant(n: int, value: float) -> np.ndarray:
-    """Return np.full(n, value), in a third of its time."""
-    array = np.empty(n)
-    array.fill(value)
-    return array

@@ -36,9 +36,9 @@ class Deadline:
         """Tell whether to stop."""
         return time.perf_counter() >= self.at
 
-    def check(self):
-        """Raise OutOfTime if the deadline is reached."""
-        if self.reached():
+    def check(self, seconds=0.0):
+        """Raise OutOfTime if the deadline is reached, or will be in so many seconds."""
+        if time.perf_counter() + seconds >= self.at:
             raise OutOfTime
 
 

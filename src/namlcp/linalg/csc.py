@@ -15,7 +15,7 @@ from cython.cimports.namlcp.linalg.arrays import numbers, places
 from scipy.sparse import csr_array
 
 from namlcp.checks import as_sparse, from_arrays, has_clean_arrays
-from namlcp.entries import transposed
+from namlcp.entries import constant, transposed
 from namlcp.limits import NEVER
 
 # Density of B above which P + B'WB is computed with dense matrices.
@@ -246,7 +246,7 @@ def unit_triangle(indptr, indices, data, zero, least, slack):
     n, size = indptr.shape[0] - 1, 0.0
     diagonal: cython.double[::1] = np.zeros(n)
     root: cython.double[::1] = np.empty(n)
-    number: cython.int[::1] = np.full(n, -1, np.int32)
+    number: cython.int[::1] = constant(n, -1, np.int32)
     order: cython.int = 0
     for j in range(n):
         for t in range(indptr[j], indptr[j + 1]):

@@ -20,6 +20,7 @@ from cython.cimports.libc.math import sqrt
 from cython.cimports.libc.stdlib import free, malloc, realloc
 from cython.cimports.namlcp.linalg.arrays import places
 
+from namlcp.entries import constant
 from namlcp.linalg.ordering import postordered
 
 # Neighbours of a hub at least, relative to the square root of the order, and to the
@@ -34,7 +35,7 @@ def minimum_degree(indptr, indices, member=None):
     The matrix is in CSC, its entries below the diagonal are not read.
     """
     size: Py_ssize_t = indptr.size - 1
-    kind, place = np.full(size, VARIABLE, np.int32), np.empty(size, np.int32)
+    kind, place = constant(size, VARIABLE, np.int32), np.empty(size, np.int32)
     if member is not None:
         kind[~member] = OUTSIDE
     # Sums of SciPy's matrices have indices of 64 bits.

@@ -16,7 +16,7 @@ import numpy as np
 from cython import Py_ssize_t
 from scipy.sparse import csc_matrix
 
-from namlcp.checks import refuse_size, transposed
+from namlcp.checks import constant, refuse_size, transposed
 
 MERGE = np.array(((4, 0.5), (16, 0.3), (48, 0.1), (1 << 30, 0.05)))
 """(Columns, fraction): supernodes are merged into one of at most so many columns if at
@@ -135,7 +135,7 @@ def elimination_tree(indptr, indices):
     Each entry (k, i) of L is followed up the tree to a column that row k has seen.
     """
     size = indptr.shape[0] - 1
-    parents, counts = np.full(size, -1, np.int32), np.zeros(size, np.int32)
+    parents, counts = constant(size, -1, np.int32), np.zeros(size, np.int32)
     parent: cython.int[::1] = parents
     count: cython.int[::1] = counts
     seen: cython.int[::1] = np.empty(size, np.int32)
@@ -158,9 +158,9 @@ def postorder(parent):
     The last entry is -1, the parent of a root.
     """
     size = parent.shape[0]
-    places = np.full(size + 1, -1, np.int32)
+    places = constant(size + 1, -1, np.int32)
     place: cython.int[::1] = places
-    head: cython.int[::1] = np.full(size + 1, -1, np.int32)  # the last list: the roots
+    head: cython.int[::1] = constant(size + 1, -1, np.int32)  # the last list: the roots
     following: cython.int[::1] = np.empty(size, np.int32)
     path: cython.int[::1] = np.empty(size + 1, np.int32)
     for j in range(size - 1, -1, -1):
@@ -265,7 +265,7 @@ def row_patterns(indptr, indices, starts, parent, node):
     patterns = np.empty(starts[count], np.int32)
     rows: cython.int[::1] = patterns
     end: cython.longlong[::1] = np.array(starts[:count], np.longlong)
-    seen: cython.int[::1] = np.full(count, -1, np.int32)
+    seen: cython.int[::1] = constant(count, -1, np.int32)
     for k in range(node.shape[0]):
         own = node[k]
         rows[end[own]] = k

@@ -13,7 +13,7 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.namlcp.linalg.csc import Columns, take_columns
 
-from namlcp.checks import refuse_size
+from namlcp.checks import constant, refuse_size
 from namlcp.linalg import plan_factors
 
 
@@ -34,9 +34,9 @@ class KKT:
 
         It shares the factors of `last` if that has the same pattern.
         """
-        self.n = P.shape[0]
-        self.size = self.n + A.shape[0] + G.shape[0]
-        entries = P.nnz + A.nnz + G.nnz + self.size
+        self.n = P.indptr.size - 1
+        self.size = self.n + A.indptr.size + G.indptr.size - 2
+        entries = P.data.size + A.data.size + G.data.size + self.size
         refuse_size("the KKT matrix", entries)
         self.indptr = np.empty(self.size + 1, dtype=np.int32)
         self.indices, self.base = np.empty(entries, dtype=np.int32), np.empty(entries)
@@ -46,7 +46,7 @@ class KKT:
         self.diagonal = self.indptr[1:] - 1
         self.data = np.empty(entries)
         self.factors = None
-        self.factored = np.full(entries, np.nan)  # unlike any data
+        self.factored = constant(entries, np.nan)  # unlike any data
         if last is not None and (
             np.array_equal(last.indptr, self.indptr)
             and np.array_equal(last.indices, self.indices)
@@ -74,7 +74,7 @@ def upper_triangle(P, A, G, indptr, indices, data):
     indptr, indices and data take the triangle.
     """
     M: Columns
-    n: Py_ssize_t = P.shape[0]
+    n: Py_ssize_t = P.indptr.size - 1
     column, k = n, cython.cast(Py_ssize_t, 0)
     take_columns(P, n, cython.address(M))
     indptr[0] = 0
@@ -90,7 +90,7 @@ def upper_triangle(P, A, G, indptr, indices, data):
         k += 1
         indptr[j + 1] = k
     for C in (A, G):
-        rows: Py_ssize_t = C.shape[0]
+        rows: Py_ssize_t = C.indptr.size - 1
         take_columns(C, rows, cython.address(M))  # the columns of C'
         for i in range(rows):
             for t in range(M.indptr[i], M.indptr[i + 1]):

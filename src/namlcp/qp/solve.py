@@ -34,8 +34,8 @@ def solve_checked(
 
     `progress` takes the rows; where they are printed, it is made here if it is None.
     `memory` may be kept for the next problem of the same pattern; it is changed.
-    `given`: P, G and A as the user stores them, in whose order sums are judged. `known`:
-    the answer, if the closest point is left to find.
+    `given`: P, G and A as the user stores them, in whose order sums are judged.
+    `known`: the answer, if the closest point is left to find.
     """
     if progress is None and options.verbose:
         progress = Progress(QP_COLUMNS, True)

@@ -33,7 +33,7 @@ def solve_interior(
         qp = qp._replace(P=as_sparse(qp.P), G=as_sparse(qp.G), A=as_sparse(qp.A))
     check()
     memory.ensure_convex(qp.P)
-    found = alone(judge.qp, *judge.tolerances)
+    found = alone(judge.qp, *limits.tolerances)
     if found is not None:
         message, proof = found
         judge.keep(Status.PRIMAL_INFEASIBLE, proof)
@@ -41,10 +41,10 @@ def solve_interior(
     if judge.is_solved:  # by an engine that could not tell whether P is convex
         return judge.answer(Status.SOLVED, 0, FORM)
     check()
-    small = presolve(qp, *judge.tolerances, memory.presolved)
+    small = presolve(qp, *limits.tolerances, memory.presolved)
     memory.presolved = small
-    reason = small.contradictions and refuted(small, chain, judge)
-    if reason:
+    reason = refuted(small, chain, judge)
+    if reason is not None:
         return judge.answer(Status.PRIMAL_INFEASIBLE, 0, FORM, reason)
     if small.q.size == 0:
         none, zero = np.empty(0), np.zeros(small.lower.size)
