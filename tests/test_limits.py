@@ -133,13 +133,13 @@ def test_time_limit_before_a_method_begins():
 
 
 def test_time_limit_of_the_second_try_without_huge_bounds(monkeypatch):
-    first = namlcp.qp.route.solve_in_forms
+    first = namlcp.qp.route.solve_transformed
 
     def forms(qp, *arguments):
         status = Status.STALLED if qp.ub[0] < np.inf else Status.TIME_LIMIT
         return first(qp, *arguments)._replace(status=status)
 
-    monkeypatch.setattr("namlcp.qp.route.solve_in_forms", forms)
+    monkeypatch.setattr("namlcp.qp.route.solve_transformed", forms)
     # without a history it would be solved before that
     result = solve_qp(np.eye(1), np.ones(1), ub=np.full(1, 1e10), history=True)
     assert result.status is Status.TIME_LIMIT

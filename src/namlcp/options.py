@@ -4,7 +4,7 @@ import math
 import numbers
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
-from difflib import SequenceMatcher
+from difflib import get_close_matches
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -112,7 +112,7 @@ class Options:
         try:
             return remembered(**settings)
         except TypeError:  # of a name, of a value, or one without a hash
-            check_names(settings, sorted(OPTION_NAMES))
+            check_names(settings, OPTION_NAMES)
             return cls(**settings)
 
     def limits(
@@ -188,12 +188,6 @@ def relaxation_of(infeasible: object) -> Relaxation | None:
     return RELAXATIONS[infeasible]
 
 
-@lru_cache(maxsize=32, typed=True)  # True and 1 differ by their types
-def remembered(**settings: Any) -> Options:
-    """Return the options with these names and values."""
-    return Options(**settings)
-
-
 def check_names(settings: Mapping[str, Any], known: list[str]) -> None:
     """Raise a TypeError for the first name that is not `known`."""
     for name in settings:
@@ -210,9 +204,7 @@ def check_names(settings: Mapping[str, Any], known: list[str]) -> None:
 
 def nearest(name: str, known: Collection[str]) -> str | None:
     """Return the name that is written much like this one, None if none is."""
-    close = {k: SequenceMatcher(None, name, k).ratio() for k in known}
-    best = max(close, key=lambda k: close[k])
-    return best if close[best] >= 0.5 else None
+    return next(iter(get_close_matches(name, known, 1, 0.5)), None)
 
 
 def check_number(
@@ -252,7 +244,8 @@ def check_flag(name: str, value: object) -> None:
         raise TypeError(f"{name} must be True or False, got {value!r}")
 
 
-OPTION_NAMES = frozenset(field.name for field in fields(Options))
+OPTION_NAMES = sorted(field.name for field in fields(Options))
+remembered = lru_cache(maxsize=32, typed=True)(Options)  # True is not 1
 RELAXATIONS = {
     CERTIFICATE: None,
     "closest": Relaxation(norm=2),

@@ -60,8 +60,9 @@ def plan_lu(indptr: np.ndarray, indices: np.ndarray) -> Fronts:
 
 def better_order(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Order:
     """Return an order by nested dissection where it causes less work."""
-    fill = order.counts.sum(dtype=np.int64)
-    if order.work < DEEP * order.parent.size or fill < FILL * indices.size:
+    if order.work < DEEP * order.parent.size:
+        return order
+    if order.counts.sum(dtype=np.int64) < FILL * indices.size:
         return order
     other = nested_dissection(indptr, indices)
     return order if other is None or other.work >= order.work else other

@@ -6,10 +6,10 @@ from namlcp.qp.active.state import Code
 from namlcp.qp.closest import Face, Nearest
 from namlcp.qp.convexity import NotConvex
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
-from namlcp.qp.intake import qp_data
+from namlcp.qp.intake import qp_data, stamp_of
 from namlcp.qp.kkt import KKT
 from namlcp.qp.memory import Memory
-from namlcp.qp.problem import QP, Point, qp_arrays, stamp_of
+from namlcp.qp.problem import QP, Point, qp_arrays
 from namlcp.qp.sequences import (
     STATUSES,
     Items,

@@ -17,6 +17,7 @@ from cython.cimports.namlcp.linalg.arrays import are_places, data_of, fits
 from scipy.sparse import csc_array, csc_matrix
 
 from namlcp import checks
+from namlcp.linalg.stamp import stamp_of_arrays
 from namlcp.qp.problem import QP, absent_parts, qp_arrays, repaired
 
 cnp.import_array()
@@ -41,6 +42,17 @@ def qp_data(P, q, G, h, A, b, lb, ub):
     qp = qp_arrays(P, q, G, h, A, b, lb, ub)
     P, q, G, h, A, b, lb, ub = qp
     return qp if is_clean(P, q, G, h, A, b, lb, ub) else repaired(qp)
+
+
+def stamp_of(qp):
+    """Return a hash of the numbers of a QP, of sparse matrices without their places.
+
+    Two QPs of one stamp are the same but for a rare chance.
+    """
+    P, q, G, h, A, b, lb, ub = qp
+    if not cnp.PyArray_CheckExact(P):
+        P, G, A = P.data, G.data, A.data
+    return stamp_of_arrays((P, G, A, q, h, b, lb, ub))
 
 
 def is_clean(P, q, G, h, A, b, lb, ub):

@@ -21,8 +21,8 @@ class Memory:
     `matrices` are copies of the last P, G and A. `recognised` replaces equal matrices
     by them, so that identity tells whether what was made from a matrix still fits.
     `convex` is the last P found positive semidefinite; `substitution`, `presolved` and
-    `scaled` are the last transforms, `rows` the last P prepared for box LCPs.
-    `in_vain`: whether the dense form of the QP, as it came, has been tried in vain.
+    `scaled` are the last transforms, `box` the last P prepared for box LCPs.
+    `dense_failed`: whether the dense form of the QP, as it came, was tried and failed.
     """
 
     matrices: tuple[Any, ...] = (None, None, None)
@@ -30,8 +30,8 @@ class Memory:
     substitution: Any = None
     presolved: Any = None
     scaled: Any = None
-    rows: Prepared | None = None
-    in_vain = False
+    box: Prepared | None = None
+    dense_failed = False
 
     @classmethod
     def of(cls, qp: QP) -> "Memory":
@@ -72,10 +72,9 @@ class Memory:
 
     def prepared(self, P: Any) -> Prepared:
         """Return P prepared for box LCPs, as before if P is the same."""
-        rows = self.rows
-        if rows is None or rows.A.data is not P.data:
-            rows = self.rows = Prepared(P.T)
-        return rows
+        if self.box is None or self.box.A.data is not P.data:
+            self.box = Prepared(P.T)
+        return self.box
 
 
 def is_same(M: Any, N: Any) -> bool:

@@ -19,7 +19,6 @@ from namlcp.checks import (
     without_huge,
 )
 from namlcp.linalg import as_dense, asymmetry
-from namlcp.linalg.stamp import stamp_of_arrays
 
 
 class Point(NamedTuple):
@@ -99,16 +98,6 @@ class QP(NamedTuple):
     def has_matrices_of(self, other: "QP") -> bool:
         """Tell whether P, G and A are the very same objects."""
         return self.P is other.P and self.G is other.G and self.A is other.A
-
-
-def stamp_of(qp: QP) -> int:
-    """Return a hash of the numbers of a QP, of sparse matrices without their places.
-
-    Two QPs of one stamp are the same but for a rare chance.
-    """
-    P, q, G, h, A, b, lb, ub = qp
-    matrices = (P, G, A) if qp.is_dense else (P.data, G.data, A.data)
-    return stamp_of_arrays((*matrices, q, h, b, lb, ub))
 
 
 def refuse_steep_rows(G: Any, h: np.ndarray) -> None:

@@ -41,11 +41,11 @@ def route(qp, guess, limits, memory=None, given=None):
     """
     judge = Judge(qp, limits, given)
     try:
-        answer = solve_in_forms(qp, guess, judge, memory)
+        answer = solve_transformed(qp, guess, judge, memory)
         relaxed = without_huge_bounds(qp) if answer.status in UNDECIDED else None
         if relaxed is None:
             return answer
-        other = solve_in_forms(relaxed, NO_GUESS, judge, None)
+        other = solve_transformed(relaxed, NO_GUESS, judge, None)
     except OutOfTime:
         return judge.answer(Status.TIME_LIMIT, 0, "none")
     if other.status in UNDECIDED:
@@ -53,7 +53,7 @@ def route(qp, guess, limits, memory=None, given=None):
     return other
 
 
-def solve_in_forms(qp, guess, judge, memory):
+def solve_transformed(qp, guess, judge, memory):
     """Solve with free columns substituted; if that is undecided, without.
 
     A tiny sparse QP is first tried in dense form as it came.
@@ -64,7 +64,7 @@ def solve_in_forms(qp, guess, judge, memory):
         qp = memory.recognised(qp)
     if type(qp.P) is np.ndarray or not (qp.h.size or qp.b.size):
         return solve_by_engines(qp, OWN, guess, judge, memory)
-    if entries_of(qp) <= TINY_ENTRIES and not memory.in_vain:
+    if entries_of(qp) <= TINY_ENTRIES and not memory.dense_failed:
         found = solve_dense(qp, OWN, guess, judge, memory)
         if found is not None and found.status in ENDS:
             return found
@@ -72,7 +72,7 @@ def solve_in_forms(qp, guess, judge, memory):
     memory.substitution = substitution
     if substitution is not None:
         memory.convex = substitution.P  # P was checked; this adds only squares
-        memory.in_vain, chain = False, Chain(substitution)
+        memory.dense_failed, chain = False, Chain(substitution)
         answer = solve_by_engines(substitution.problem, chain, guess, judge, memory)
         if answer.status not in UNDECIDED:
             return answer
@@ -122,7 +122,7 @@ def takes_bounds(qp, small, memory):
 
 def takes_dense(qp, small, memory):
     """Tell whether the dense form promises more than interior points."""
-    if memory.in_vain or not small:
+    if memory.dense_failed or not small:
         return False
     is_dense = type(qp.P) is np.ndarray
     return not is_dense or qp.q.size <= MOST_LINEAR or qp.P.any()

@@ -20,9 +20,9 @@ from namlcp.qp import (
 )
 from namlcp.results import QPResult, qp_result
 
-# How an attempt ended after which the dense form may be tried again: a fault is named,
-# or a point was found whose sums have to be judged in the order of the arguments.
-LEFT = (Code.UNSUITED, Code.FAULTY, Code.DONE)
+# How `solve_small` ended where the dense form is tried again: so that a fault is named,
+# or the sums of a point are added in the order of the arguments.
+RETRIED = (Code.UNSUITED, Code.FAULTY, Code.DONE)
 
 
 def solve_qp(
@@ -139,15 +139,15 @@ def solve_arguments(
 ) -> QPResult:
     """Solve the QP of arguments of any kind; `name` stands for x0 in messages.
 
-    `tried`: what has tried to solve it already, if anything has.
+    `tried`: what `solve_small` returned if it failed, None if it was not called.
     """
     P, _, G, _, A, *_ = arguments
     problem, guess, memory = (qp_data(*arguments), (P, G, A)), NO_GUESS, None
     if not (x0 is None and warm_start is None):
         guess = make_guess(problem[0], x0, warm_start, name)
-    if tried is not None and tried.code not in LEFT:
+    if tried is not None and tried.code not in RETRIED:
         memory = Memory()
-        memory.in_vain = True
+        memory.dense_failed = True
     return solve_problem(problem, options, guess, start, history, memory, derivative)
 
 

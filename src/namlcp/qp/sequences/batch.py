@@ -26,9 +26,9 @@ from namlcp.qp.active import solve_items as solve_dense_items
 from namlcp.qp.active.state import Code
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import make_guess
-from namlcp.qp.intake import qp_data
+from namlcp.qp.intake import qp_data, stamp_of
 from namlcp.qp.memory import Memory
-from namlcp.qp.problem import QP, stamp_of
+from namlcp.qp.problem import QP
 from namlcp.qp.solve import solve_checked
 from namlcp.residuals import UNDEFINED, Residuals
 from namlcp.status import Status
