@@ -23,6 +23,7 @@ from scipy.sparse import csc_array
 from namlcp.checks import as_sparse
 from namlcp.linalg import add_transposed, by_rows, times, without_zeros
 from namlcp.qp.acceptance import farkas_numbers, is_clear, is_contradiction, is_ray
+from namlcp.qp.bounds import is_box_open
 from namlcp.qp.kkt import KKT
 from namlcp.qp.problem import QP, Point
 from namlcp.qp.transforms import equilibrate
@@ -127,10 +128,12 @@ def alone(qp: QP, eps_abs: float, eps_rel: float) -> tuple[str, Proof] | None:
 
     Bounds contradict each other if no x is within tolerance of both.
     """
+    empty = (qp.h == -np.inf).nonzero()[0]
+    if is_box_open(qp.lb, qp.ub) and not empty.size:
+        return None
     size = np.minimum(np.maximum(np.abs(qp.lb), np.abs(qp.ub)), LARGEST)
     crossed = 0.5 * qp.lb - 0.5 * qp.ub > eps_abs + eps_rel * size  # NaN for inf - inf
     wrong = (crossed | (qp.lb == np.inf) | (qp.ub == -np.inf)).nonzero()[0]
-    empty = (qp.h == -np.inf).nonzero()[0]
     if not (wrong.size or empty.size):
         return None
     proof = qp.point(np.full(qp.q.size, np.nan))
