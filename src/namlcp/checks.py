@@ -21,15 +21,13 @@ from namlcp.entries import (
     has_huge,
     index_order,
     is_bad,
+    refuse_size,
     transposed,
 )
 
 INFINITE = 0.999e20
 """Bounds of at least this modulus mean "no bound". The QP collections write 1e20, and
 some of these numbers have become slightly smaller by scaling."""
-
-MOST_ENTRIES = 2**31 - 1
-"""Most entries of any matrix, the KKT matrix included: int32 counts them."""
 
 FLOAT = np.dtype(np.float64)
 INDEX = np.dtype(np.int32)
@@ -122,9 +120,7 @@ def vector(
 
 def number_or_vector(name: str, value: Any, n: int, other: str = "A") -> np.ndarray:
     """Return `value` as `vector` does, a number for all n entries."""
-    if is_clean(value, 1) and value.size == n:
-        return value
-    if not sp.issparse(value):
+    if not (is_clean(value, 1) or sp.issparse(value)):
         value = real_array(name, value)
         if value.ndim == 0:
             return constant(n, float(value))
@@ -212,15 +208,6 @@ def has_clean_arrays(value: Any) -> bool:
         and indptr.flags.carray
         and value.data.size == indices.size == indptr[-1]
     )
-
-
-def refuse_size(name: str, entries: int) -> None:
-    """Raise a MemoryError where there are more entries than int32 can count."""
-    if entries > MOST_ENTRIES:
-        raise MemoryError(
-            f"{name} would have {entries:.1e} entries of {8e-9 * entries:.0f} GB, "
-            f"allowed are {MOST_ENTRIES:.1e}"
-        )
 
 
 def refuse_view(name: str, value: Any) -> None:

@@ -6,6 +6,18 @@ from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, fabs, isinf
 from scipy.sparse import csc_array, csr_array
 
+# Most entries of any matrix, the KKT matrix included: int32 counts them.
+MOST_ENTRIES = 2**31 - 1
+
+
+def refuse_size(name, entries):
+    """Raise a MemoryError where there are more entries than int32 can count."""
+    if entries > MOST_ENTRIES:
+        raise MemoryError(
+            f"{name} would have {entries:.1e} entries of {8e-9 * entries:.0f} GB, "
+            f"allowed are {MOST_ENTRIES:.1e}"
+        )
+
 
 def is_bad(values, infinite_allowed):
     """Tell whether a NaN (or an infinite value unless allowed) is among the values."""

@@ -4,7 +4,7 @@ import math
 import numbers
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
-from difflib import get_close_matches
+from difflib import SequenceMatcher
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -204,7 +204,9 @@ def check_names(settings: Mapping[str, Any], known: list[str]) -> None:
 
 def nearest(name: str, known: Collection[str]) -> str | None:
     """Return the name that is written much like this one, None if none is."""
-    return next(iter(get_close_matches(name, known, 1, 0.5)), None)
+    close = {k: SequenceMatcher(None, name, k).ratio() for k in known}
+    best = max(close, key=lambda k: close[k])
+    return best if close[best] >= 0.5 else None
 
 
 def check_number(

@@ -88,7 +88,7 @@ def nested_dissection(indptr, indices):
 
 def postordered(indptr, indices, place):
     """Return the postordered equivalent of the order `place`, which is overwritten."""
-    size = np.count_nonzero(place >= 0)
+    size = (place >= 0).nonzero()[0].size
     columns, rows, _ = permuted(indptr, indices, place, size, True)
     parent, counts = elimination_tree(columns, rows)
     position = postorder(parent)
