@@ -68,35 +68,35 @@ class Judge:
         least, z = INFINITY, np.maximum(point.z, 0.0)
         for moves in (True, False):
             x, z_box = on_bounds(point.x, point.z_box, self.qp.lb, self.qp.ub, moves)
-            near = Point(x, point.y, z, z_box)
-            found = self.measure(near)
-            ratio = self.ratio(found)
+            trial = Point(x, point.y, z, z_box)
+            residuals = self.measure(trial)
+            ratio = self.ratio(residuals)
             least = min(least, ratio)
             if least <= 1.0:
                 return least
-        if is_correctable(found, *self.tolerances) or (
-            ratio <= NEAR and self.ratio_in_other_order(found, near, -1.0) <= 1.0
+        if is_correctable(residuals, *self.tolerances) or (
+            ratio <= NEAR and self.ratio_in_other_order(residuals, trial, -1.0) <= 1.0
         ):
-            corrected = correct_rounding(self.qp, near, found, *self.tolerances)
-            if corrected is not near:
+            corrected = correct_rounding(self.qp, trial, residuals, *self.tolerances)
+            if corrected is not trial:
                 least = min(least, self.ratio(self.measure(corrected)))
         return least
 
-    def measure(self, point, found=None):
-        """Return the residuals of one point, or those found; keep it if it is the best.
+    def measure(self, point, residuals=None):
+        """Return the residuals of one point; keep it if it is the best.
 
-        Those found have been computed on the arrays of the QP.
+        `residuals`: they, where they have been computed on the arrays of the QP.
         """
-        found = found or self.residuals_of(point)
-        ratio = self.ratio(found)
+        residuals = residuals or self.residuals_of(point)
+        ratio = self.ratio(residuals)
         if self.given is not None and ratio <= 1.0:
-            if not self.ratio_in_other_order(found, point, 1.0) <= 1.0:
+            if self.ratio_in_other_order(residuals, point, 1.0) > 1.0:
                 self.take_order_of_user()
-                found = self.residuals_of(point)
-                ratio = self.ratio(found)
+                residuals = self.residuals_of(point)
+                ratio = self.ratio(residuals)
         if ratio < self.best:
-            self.best, self.residuals, self.point = ratio, found, point
-        return found
+            self.best, self.residuals, self.point = ratio, residuals, point
+        return residuals
 
     def ratio(self, residuals):
         """Return the largest residual over its tolerance."""
@@ -111,16 +111,16 @@ class Judge:
         vectors = q, h, b, lb, ub
         return Residuals(*residuals_of_columns(P, G, A, vectors, tuple(point)))
 
-    def ratio_in_other_order(self, found, point, sign):
+    def ratio_in_other_order(self, residuals, point, sign):
         """Return the largest residual over its tolerance after another order of sums.
 
         sign: 1.0 for the most that it may be, -1.0 for the least.
         """
         P, G, A = (norm(M) for M in (self.qp.P, self.qp.G, self.qp.A))
         x, y, z = map(norm, point[:3])
-        pairs = zip(found[:3], rounding_errors(P, G, A, x, y, z), strict=True)
+        pairs = zip(residuals[:3], rounding_errors(P, G, A, x, y, z), strict=True)
         changed = [max(r + sign * error, 0.0) for r, error in pairs]
-        return self.ratio((*changed, *found[3:]))
+        return self.ratio((*changed, *residuals[3:]))
 
     def take_order_of_user(self):
         """Measure from now on in the order in which the user's matrices are stored."""

@@ -142,10 +142,10 @@ def is_symmetric_in_single(P: Any) -> bool:
     return bool((np.abs(off) <= 0.5 * SINGLE_ASYMMETRY * scale).all())
 
 
-def constraint(
-    name: str, C: Any, right: str, d: Any, n: int
-) -> tuple[np.ndarray, np.ndarray]:
+def constraint(name: str, C: Any, right: str, d: Any, n: int) -> Any:
     """Return the pair (G, h) or (A, b); raise if one of them alone is None."""
+    if C is None and d is None:
+        return absent_parts(n)[:2]
     if C is None or d is None:
         given, missing = (name, right) if d is None else (right, name)
         raise ValueError(f"{given} was given without {missing}: pass both or neither")
@@ -172,18 +172,11 @@ def qp_arrays(P: Any, q: Any, G: Any, h: Any, A: Any, b: Any, lb: Any, ub: Any) 
     Raises TypeError or ValueError naming the argument, what was expected and what came.
     """
     P = finite_square_matrix("P", P, "csc")
-    shape = P.shape
-    n = shape[1]
-    q = vector("q", q, n, "P", shape)
-    no_rows, no_sides, below, above = absent_parts(n)
-    if G is None and h is None:
-        G, h = no_rows, no_sides
-    else:
-        G, h = constraint("G", G, "h", h, n)
-    if A is None and b is None:
-        A, b = no_rows, no_sides
-    else:
-        A, b = constraint("A", A, "b", b, n)
+    n = P.shape[1]
+    q = vector("q", q, n, "P", P.shape)
+    G, h = constraint("G", G, "h", h, n)
+    A, b = constraint("A", A, "b", b, n)
+    *_, below, above = absent_parts(n)
     lb = below if lb is None else number_or_vector("lb", lb, n, "P")
     ub = above if ub is None else number_or_vector("ub", ub, n, "P")
     if not type(P) is type(G) is type(A) is np.ndarray:
