@@ -156,7 +156,7 @@ def finite_matrix(name: str, value: Any, other: str, shape: tuple[int, ...]) -> 
         raise ValueError(
             f"{name} must have shape {shape} to match {other}, got {C.shape}"
         )
-    refuse_number(name, C.data if sp.issparse(C) else C, False)
+    refuse_number(name, C, False)
     return C
 
 
@@ -292,12 +292,13 @@ def finite_square_matrix(name: str, value: Any, layout: str) -> Any:
     rows, columns = C.shape
     if rows != columns:
         raise ValueError(f"{name} must be square, got shape {np.shape(value)}")
-    refuse_number(name, C.data if sp.issparse(C) else C, False)
+    refuse_number(name, C, False)
     return C
 
 
-def refuse_number(name: str, values: np.ndarray, infinite_allowed: bool) -> None:
+def refuse_number(name: str, values: Any, infinite_allowed: bool) -> None:
     """Raise a ValueError that says where the first NaN or forbidden infinity is."""
+    values = values.data if sp.issparse(values) else values
     flat = values.ravel()
     if is_bad(flat, infinite_allowed):
         i = np.argmax(np.isnan(flat) if infinite_allowed else ~np.isfinite(flat))

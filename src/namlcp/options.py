@@ -112,7 +112,7 @@ class Options:
         try:
             return remembered(**settings)
         except TypeError:  # of a name, of a value, or one without a hash
-            check_names(settings, OPTION_NAMES)
+            check_names(settings)
             return cls(**settings)
 
     def limits(
@@ -188,8 +188,9 @@ def relaxation_of(infeasible: object) -> Relaxation | None:
     return RELAXATIONS[infeasible]
 
 
-def check_names(settings: Mapping[str, Any], known: list[str]) -> None:
-    """Raise a TypeError for the first name that is not `known`."""
+def check_names(settings: Mapping[str, Any]) -> None:
+    """Raise a TypeError for the first name that is no option."""
+    known = sorted(field.name for field in fields(Options))
     for name in settings:
         if name in ("l", "u"):
             raise TypeError(
@@ -246,7 +247,6 @@ def check_flag(name: str, value: object) -> None:
         raise TypeError(f"{name} must be True or False, got {value!r}")
 
 
-OPTION_NAMES = sorted(field.name for field in fields(Options))
 remembered = lru_cache(maxsize=32, typed=True)(Options)  # True is not 1
 RELAXATIONS = {
     CERTIFICATE: None,

@@ -2,13 +2,9 @@
 
 import sys
 import time
-from collections.abc import Callable
 from typing import TextIO
 
 import numpy as np
-
-Report = Callable[..., None] | None
-"""What a loop calls for every iteration, as `Progress.row`; None for no report."""
 
 SILENCE = 2.0
 """Time [s] since the last printed row after which the next row is always printed."""

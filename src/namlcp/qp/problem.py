@@ -120,26 +120,24 @@ def refuse_steep_rows(G: Any, h: np.ndarray) -> None:
 
 
 def symmetrised(P: Any, gap: float, size: float) -> Any:
-    """Return (P + P') / 2; raise ValueError if the asymmetry exceeds rounding."""
-    if gap > ASYMMETRY * size and not is_symmetric_in_single(P):
-        raise ValueError(
-            f"P must be symmetric: max |P - P'| = {gap:.1e}; "
-            "pass (P + P.T) / 2 if that is intended"
-        )
-    if sp.issparse(P):
-        return sparse_matrix("P", 0.5 * P + 0.5 * P.T, "csc")
-    return 0.5 * P + 0.5 * P.T
+    """Return (P + P') / 2; raise ValueError if the asymmetry exceeds rounding.
 
-
-def is_symmetric_in_single(P: Any) -> bool:
-    """Tell whether P, dense or CSC, is symmetric up to rounding to single precision."""
-    root = np.sqrt(np.abs(P.diagonal()))
-    if sp.issparse(P):
-        entries = (0.5 * P - 0.5 * P.T).tocoo()
-        off, scale = entries.data, root[entries.row] * root[entries.col]
-    else:
-        off, scale = 0.5 * P - 0.5 * P.T, np.outer(root, root)
-    return bool((np.abs(off) <= 0.5 * SINGLE_ASYMMETRY * scale).all())
+    gap: max |P - P'|, size: max |P|.
+    """
+    if gap > ASYMMETRY * size:
+        off, root = 0.5 * P - 0.5 * P.T, np.sqrt(np.abs(P.diagonal()))
+        if sp.issparse(P):
+            entries = off.tocoo()
+            off, scale = entries.data, root[entries.row] * root[entries.col]
+        else:
+            scale = np.outer(root, root)
+        if not (np.abs(off) <= 0.5 * SINGLE_ASYMMETRY * scale).all():
+            raise ValueError(
+                f"P must be symmetric: max |P - P'| = {gap:.1e}; "
+                "pass (P + P.T) / 2 if that is intended"
+            )
+    S = 0.5 * P + 0.5 * P.T
+    return sparse_matrix("P", S, "csc") if sp.issparse(P) else S
 
 
 def constraint(name: str, C: Any, right: str, d: Any, n: int) -> Any:
@@ -191,8 +189,7 @@ def repaired(qp: QP) -> QP:
     Contradictions (lb > ub, h = -inf) pass: such a QP is infeasible, not malformed.
     """
     for name, values in zip(qp._fields, qp, strict=True):
-        entries = values if type(values) is np.ndarray else values.data
-        refuse_number(name, entries, name in ("h", "lb", "ub"))
+        refuse_number(name, values, name in ("h", "lb", "ub"))
     gap, size = asymmetry(qp.P)
     P = symmetrised(qp.P, gap, size) if gap > 0.0 else qp.P
     refuse_steep_rows(qp.G, qp.h)

@@ -150,16 +150,10 @@ def solve_lcp(
     deadline = Deadline(start + check_limits(eps_abs, eps_rel, max_iter, time_limit))
     check_flag("history", history)
     check_flag("verbose", verbose)
-    options = {
-        "alpha": alpha,
-        "beta": beta,
-        "omega": omega,
-        "shift": shift,
-        "cover": cover,
-        "s0": s0,
-        "eps_rel": eps_rel,
-        "z0": z0,
-    }
+    options = dict(
+        alpha=alpha, beta=beta, omega=omega, shift=shift, cover=cover, s0=s0,
+        eps_rel=eps_rel, z0=z0,
+    )  # fmt: skip
     options = {name: value for name, value in options.items() if value is not None}
     found = find_method(method, options)
     options.pop("eps_rel", None)
