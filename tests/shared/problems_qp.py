@@ -19,7 +19,7 @@ from namlcp import Status, qp_residuals
 from namlcp.cli.files import mat_problem
 from namlcp.options import Options
 from namlcp.qp import NO_GUESS, QP
-from namlcp.qp.chain import OWN
+from namlcp.qp.chain import NO_TRANSFORMS
 from namlcp.qp.interior import solve_interior
 from namlcp.qp.judge import Judge
 from namlcp.qp.memory import Memory
@@ -41,7 +41,7 @@ class Found(NamedTuple):
 def solve_sparse(qp, limits=Options().limits(), guess=NO_GUESS) -> Found:  # noqa: B008
     """Solve by the interior-point method, whatever the form."""
     with np.errstate(all="ignore"):
-        answer = solve_interior(qp, OWN, guess, Judge(qp, limits), Memory())
+        answer = solve_interior(qp, NO_TRANSFORMS, guess, Judge(qp, limits), Memory())
     return Found(answer.status, *answer.point, answer.iterations, answer.message)
 
 

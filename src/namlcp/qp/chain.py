@@ -51,5 +51,5 @@ class Chain:
         return guess
 
 
-OWN = Chain()
-"""The way of a QP that is solved as it came."""
+NO_TRANSFORMS = Chain()
+"""For a QP that is solved as it came."""

@@ -18,7 +18,7 @@ from namlcp.qp.active.solve import (
     TINY_ENTRIES,
 )
 from namlcp.qp.bounds import is_box_open, solve_bounds
-from namlcp.qp.chain import OWN, Chain
+from namlcp.qp.chain import NO_TRANSFORMS, Chain
 from namlcp.qp.guess import NO_GUESS, make_guess
 from namlcp.qp.interior import solve_interior
 from namlcp.qp.judge import Judge
@@ -63,9 +63,9 @@ def solve_transformed(qp, guess, judge, memory):
     else:
         qp = memory.recognised(qp)
     if type(qp.P) is np.ndarray or not (qp.h.size or qp.b.size):
-        return solve_by_engines(qp, OWN, guess, judge, memory)
+        return solve_by_engines(qp, NO_TRANSFORMS, guess, judge, memory)
     if entries_of(qp) <= TINY_ENTRIES and not memory.dense_failed:
-        found = solve_dense(qp, OWN, guess, judge, memory)
+        found = solve_dense(qp, NO_TRANSFORMS, guess, judge, memory)
         if found is not None and found.status in ENDS:
             return found
     substitution = substitute(qp, memory.substitution, judge.limits.deadline)
@@ -77,7 +77,7 @@ def solve_transformed(qp, guess, judge, memory):
         if answer.status not in UNDECIDED:
             return answer
         guess, memory = make_guess(qp, None, answer.point), Memory()
-    return solve_by_engines(qp, OWN, guess, judge, memory)
+    return solve_by_engines(qp, NO_TRANSFORMS, guess, judge, memory)
 
 
 def solve_by_engines(qp, chain, guess, judge, memory):
