@@ -66,7 +66,7 @@ def test_the_text_gives_the_answers_of_the_machine_code(seed):
     """Every pointer is checked, and what was never set would show as NaN."""
     qp = random_qp(seed)
     m = of_arrays(plain.module("namlcp.qp.active.dense").DenseActiveSet, *qp)
-    plain.module("namlcp.qp.active.state").make_room(m)
+    plain.module("namlcp.qp.active.engine").make_room(m)
     code = plain.module("namlcp.qp.active.run").decide(m)
     settings = Settings(1e-9, 1e-10, 1000, INF)
     found = solve_small(ResultBase, settings, perf_counter(), False, *qp)

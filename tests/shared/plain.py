@@ -168,7 +168,7 @@ GIVEN = {
         blas_times_transposed=blas_times_transposed,
     ),
 }  # fmt: skip
-INSTEAD = {"namlcp.qp.active.state": {"reals": reals, "indices": indices}}
+INSTEAD = {"namlcp.qp.active.engine": {"reals": reals, "indices": indices}}
 
 
 def plain_import(name, space=None, local=None, names=(), level=0):

@@ -9,7 +9,7 @@ complement is S = V V', and
 
 A single QP whose solve has left its factors is solved with these, `kept`, if they are
 those of the strictly active constraints: they belong to the whole P, with active bounds
-as rows, see `namlcp.qp.active.steps`.
+as rows, see `namlcp.qp.active.engine`.
 """
 
 import cython
@@ -39,7 +39,7 @@ from cython.cimports.namlcp.linalg.dense import (
 )
 from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, dot, fill
 from cython.cimports.namlcp.qp.active.dense import DenseActiveSet
-from cython.cimports.namlcp.qp.active.rows import response_of
+from cython.cimports.namlcp.qp.active.engine import response_of
 
 from namlcp.checks import refuse_number
 

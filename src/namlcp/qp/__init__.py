@@ -2,7 +2,7 @@
 
 from namlcp.qp.active import factors_of, solve_small, step
 from namlcp.qp.active.dense import DenseActiveSet
-from namlcp.qp.active.state import Code
+from namlcp.qp.active.engine import Code
 from namlcp.qp.closest import Face, Nearest
 from namlcp.qp.convexity import NotConvex
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess

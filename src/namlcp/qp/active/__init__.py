@@ -1,6 +1,6 @@
 """QPs by a dual active-set method, compiled: a dual Schur-complement method.
 
-`steps` has the method, `state` its memory, `dense` and `sparse` the operators; `rows`,
+`engine` has the method, `state` its memory, `dense` and `sparse` the operators; `rows`,
 `judgement`, `certificates`, `proximal` (where P has no good factor; `face`, `weight`)
 and `null` (most variables at bounds) are parts of it, and `run` is a whole solve.
 `solve` is the door from the user's arrays, `once` has the answer.

@@ -1,4 +1,4 @@
-from namlcp.qp.active.state cimport ActiveSet
+from namlcp.qp.active.engine cimport ActiveSet
 
 
 cdef class DenseActiveSet(ActiveSet):

@@ -1,4 +1,4 @@
-"""Dense QPs: the base problem of `steps` and its solution operator.
+"""Dense QPs: the base problem of `engine` and its solution operator.
 
 With P = L L', V = L^-1, T = V A' and S = T'T = M M', U = M^-1, the base problem
 min 1/2 x'Px + q'x, A x = b has the solution
@@ -38,11 +38,12 @@ from cython.cimports.namlcp.linalg.vectors import (
     fill,
     largest_entry,
 )
-from cython.cimports.namlcp.qp.active.rows import (
+from cython.cimports.namlcp.qp.active.engine import (
     claim_place,
     forget_responses,
+    lay_out_rows,
+    reals,
 )
-from cython.cimports.namlcp.qp.active.state import lay_out_rows, reals
 from cython.cimports.namlcp.qp.active.weight import NO_WEIGHT, set_shape, wanted_rho
 
 from namlcp.linalg import definite

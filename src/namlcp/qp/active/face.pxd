@@ -1,4 +1,4 @@
-from namlcp.qp.active.state cimport ActiveSet
+from namlcp.qp.active.engine cimport ActiveSet
 
 cdef double EXACT, GOOD, FLAT, NEARLY_EXACT, CANCELLED, TINY, ON_FACE, OPEN
 cdef double RAY_GAIN, MOST_CURVED, CLEAN, LEAST_GROWTH

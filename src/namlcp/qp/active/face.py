@@ -21,6 +21,7 @@ from cython.cimports.namlcp.linalg.vectors import (
     fill,
     largest_entry,
 )
+from cython.cimports.namlcp.qp.active.engine import goal_of, hold_active, size_of
 from cython.cimports.namlcp.qp.active.judgement import (
     LEAST_DIVISOR,
     set_change,
@@ -28,8 +29,6 @@ from cython.cimports.namlcp.qp.active.judgement import (
     set_point,
     take_change,
 )
-from cython.cimports.namlcp.qp.active.rows import goal_of, hold_active
-from cython.cimports.namlcp.qp.active.steps import size_of
 
 # PASSES: passes at most. They end at the relative residual EXACT, and at GOOD if they
 # gain less than a factor of 2 for IDLE passes.

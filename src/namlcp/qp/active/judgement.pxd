@@ -1,5 +1,5 @@
 from namlcp.measure cimport Terms
-from namlcp.qp.active.state cimport ActiveSet, Code
+from namlcp.qp.active.engine cimport ActiveSet, Code
 
 cdef double ACCURATE, RESERVE, ROUNDING, GAIN, LEAST_DIVISOR, INFINITE
 cdef enum:

@@ -12,9 +12,16 @@ from cython.cimports.namlcp.box import clip
 from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, fill
 from cython.cimports.namlcp.measure import Terms
 from cython.cimports.namlcp.measure import measure as measure_terms
-from cython.cimports.namlcp.qp.active.rows import goal_of, subtract_active
-from cython.cimports.namlcp.qp.active.state import DONE, LATE, STUCK, SUMMED
-from cython.cimports.namlcp.qp.active.steps import keep
+from cython.cimports.namlcp.qp.active.engine import (
+    DONE,
+    LATE,
+    STUCK,
+    SUMMED,
+    goal_of,
+    is_pinned,
+    keep,
+    subtract_active,
+)
 
 from namlcp import checks
 from namlcp.linalg import columns
@@ -69,8 +76,9 @@ def measure(m):
         else:
             j = row - m.m
             gradient = m.Px[j] + m.q[j] + m.Gtz[j] + m.Aty[j]
-            sign = m.side[row]
-            m.z_box[j] = sign * max(-sign * gradient, 0.0)
+            sign, m.z_box[j] = m.side[row], -gradient
+            if sign * gradient > 0.0 and not is_pinned(m, row):
+                m.z_box[j] = 0.0
     measure_point(m)
     found = cython.address(m.found)
     return max(

@@ -1,4 +1,4 @@
-"""The null-space form of `steps`, for dense QPs with most variables at bounds.
+"""The null-space form of `engine`, for dense QPs with most variables at bounds.
 
 It takes the same steps, by the same rules and tolerances, but computes with the face of
 the active rows: the variables F not at bounds (B: all others) and the *held* rows
@@ -17,12 +17,12 @@ where nf and the held rows are fewer than k (`are_most_at_bounds`), for nf up to
 A variable that becomes free is appended to L; one that is fixed is removed by Givens
 rotations. T and R are computed anew, as few rows are held. Where the factors do not
 allow a face, as too many variables are free or rows depend on each other, the form with
-responses has to solve the QP: code WIDE.
+responses has to solve the QP: code STUCK.
 """
 
 import cython
 from cython import Py_ssize_t
-from cython.cimports.libc.math import INFINITY, isinf, sqrt
+from cython.cimports.libc.math import isinf, sqrt
 from cython.cimports.namlcp.linalg.dense import (
     append_to_triangle,
     remove_from_triangle,
@@ -32,33 +32,29 @@ from cython.cimports.namlcp.linalg.dense import (
 )
 from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, dot, fill
 from cython.cimports.namlcp.qp.active.dense import DenseActiveSet, set_unit_load
-from cython.cimports.namlcp.qp.active.judgement import judge, set_contradiction
-from cython.cimports.namlcp.qp.active.rows import goal_of, is_pinned
-from cython.cimports.namlcp.qp.active.run import is_faulty, solve_dense, sum_anew
-from cython.cimports.namlcp.qp.active.state import (
+from cython.cimports.namlcp.qp.active.engine import (
     CONTRADICTION,
+    DEPENDENT,
     DONE,
     FAULTY,
     LATE,
-    STUCK,
-    SUMMED,
-    WIDE,
-    indices,
-    reals,
-)
-from cython.cimports.namlcp.qp.active.steps import (
-    DEPENDENT,
     MOST_AGE,
     MOST_SORTED,
+    STUCK,
+    SUMMED,
     VIOLATION_ROUNDING,
-    excuse,
-    has_next,
+    drop_wrong_signs,
+    goal_of,
+    indices,
+    insert_place,
+    pivot,
+    reals,
+    remove_place,
 )
-from cython.cimports.namlcp.watch import is_over
+from cython.cimports.namlcp.qp.active.judgement import judge, set_contradiction
+from cython.cimports.namlcp.qp.active.run import is_faulty, solve_dense, sum_anew
 
-# Operations of a solve from which on it is left to the other form. LEAST_FREE: least
-# variables for this form; with fewer it would gain nothing.
-MOST_WORK = 5e7
+# LEAST_FREE: least variables for this form; with fewer it would gain nothing.
 
 
 class NullSpace(DenseActiveSet):
@@ -73,8 +69,7 @@ class NullSpace(DenseActiveSet):
         self.held_rows = reals(self, count * count)
         self.held_triangle = reals(self, triangle)
         self.free_part, self.held_part = reals(self, count), reals(self, count)
-        self.load, self.row_multiplier = reals(self, n), reals(self, self.rows)
-        self.row_ratio = reals(self, self.length)
+        self.load, self.slope = reals(self, n), reals(self, n + p)
         self.most_free, self.is_free, self.face_is_kept = count, False, False
 
     def set_values(self, rhs, values):
@@ -102,6 +97,69 @@ class NullSpace(DenseActiveSet):
             j = self.free[i]
             add_scaled(x[j], self.P + j * self.n, Px, self.n)
 
+    def step_work(self):
+        if not self.on_face:
+            return DenseActiveSet.step_work(self)
+        return (self.free_count + self.p + self.held + 2) * (self.length + self.n)
+
+    def project(self, row):
+        if not self.on_face:
+            return DenseActiveSet.project(self, row)
+        direction, slope, scale = self.direction, self.slope, self.scale[row]
+        set_unit_load(self, row, slope)
+        set_free_part(self, slope, self.free_part)
+        fill(self.held_part, 0.0, self.p + self.held)
+        fill(direction, 0.0, self.rows)
+        rest = solve_face(self, direction)
+        if not rest * scale * scale > self.least_curvature:
+            rest = 0.0
+            fill(self.free_part, 0.0, self.free_count)
+            fill(direction, 0.0, self.rows)
+        times_rows(self.G, self.m, self.n, self.n, direction + self.m, direction)
+        set_multipliers_of(self, self.ratio)
+        return rest
+
+    def append(self, row, side, multiplier, rest):
+        if not self.on_face:
+            return DenseActiveSet.append(self, row, side, multiplier, rest)
+        if row < self.m:
+            insert_place(self, self.held, row, side, multiplier)
+            self.held += 1
+        else:
+            insert_place(self, self.k, row, side, multiplier)
+            fix(self, row - self.m)
+        return factor_held(self)
+
+    def remove(self, i):
+        if not self.on_face:
+            return DenseActiveSet.remove(self, i)
+        j = self.active[i] - self.m
+        remove_place(self, i)
+        if j < 0:
+            self.held -= 1
+        elif append_free(self, j):
+            add_scaled(-self.s[self.m + j], self.P + j * self.n, self.load, self.n)
+        else:
+            return False
+        return factor_held(self)
+
+    def set_multipliers(self):
+        """Set the point on the face, too."""
+        if not self.on_face:
+            DenseActiveSet.set_multipliers(self)
+            return
+        set_face_point(self)
+        for j in range(self.n):
+            self.slope[j] = -self.q[j] - self.load[j]
+        set_multipliers_of(self, self.multiplier)
+
+    def set_point_values(self):
+        """Set G x, on the face, where `set_multipliers` has set the rest."""
+        if not self.on_face:
+            DenseActiveSet.set_point_values(self)
+            return
+        times_rows(self.G, self.m, self.n, self.n, self.s + self.m, self.s)
+
 
 def solve_next(m):
     """Solve the next QP with the same matrices, on the face where that is smaller.
@@ -110,8 +168,13 @@ def solve_next(m):
     form, which has no factor of theirs.
     """
     if m.is_free and m.is_ready and m.kept_k > 0 and m.hints == 0:
+        m.on_face = True
         found = solve_on_face(m)
-        if found != WIDE and found != STUCK:
+        m.on_face = False
+        if found == SUMMED:
+            found = sum_anew(m)
+        m.face_is_kept = found == DONE
+        if found != STUCK:
             return found
         m.hints, m.kept_k = m.kept_k, 0
     found = solve_dense(m)
@@ -121,50 +184,25 @@ def solve_next(m):
 
 
 def solve_on_face(m):
-    """Solve the QP from the active rows of the last one; WIDE, STUCK: it does not."""
+    """Solve the QP from the active rows of the last one."""
     m.pivots, m.entering = 0, -1
     if is_faulty(m):
         return FAULTY
-    found = find_face(m)
-    list_active(m)
+    if not (recall_face(m) and drop_wrong_signs(m)):
+        return STUCK
+    m.level, m.base_size = VIOLATION_ROUNDING, 0.0
+    found = pivot(m)
     if found == CONTRADICTION:
         set_contradiction(m)
     if found != DONE and found != LATE:
         return found
-    m.on_face = True
-    found = judge(m, found)
-    m.on_face = False
-    if found == SUMMED:
-        found = sum_anew(m)
-    m.face_is_kept = found == DONE
-    return found
-
-
-def find_face(m):
-    """Find the face of the solution, and the point on it."""
-    if not (recall_face(m) and leave_wrong_signs(m)):
-        return WIDE
-    m.level, m.base_size, counted = VIOLATION_ROUNDING, 0.0, 0.0
-    while m.entering >= 0 or has_next(m):
-        if is_over(m, m.operations - counted):
-            return LATE
-        counted = m.operations
-        found = step_on_face(m)
-        if found == CONTRADICTION:
-            found = excuse(m)
-            if found == DONE and not leave_wrong_signs(m):
-                return WIDE
-        if found != DONE:
-            return found
-    if m.entering >= 0:
-        return WIDE
-    if m.changed:  # step 3: the point as a function of the active rows alone
-        is_anew: cython.bint = m.free_count <= MOST_SORTED or m.face_age > MOST_AGE
+    if found == DONE and m.changed:  # the point as a function of the active rows alone
+        is_anew: cython.bint = m.free_count <= MOST_SORTED or m.age > MOST_AGE
         if is_anew and not factor_face(m):
-            return WIDE
+            return STUCK
         set_load(m)
         set_face_point(m)
-    return DONE
+    return judge(m, found)
 
 
 def are_most_at_bounds(m):
@@ -176,6 +214,38 @@ def are_most_at_bounds(m):
 
 
 # ---- the face
+
+
+def recall_face(m):
+    """Go to the face of the last solved QP, less lost sides; tell whether it exists."""
+    for i in range(m.k):
+        m.side[m.active[i]] = 0
+    m.k, m.age, m.changed, m.operations = m.kept_k, m.kept_age, False, 0.0
+    for i in range(m.k):
+        row = m.kept_active[i]
+        m.active[i] = row
+        if isinf(goal_of(m, row, m.kept_side[i])):
+            m.face_is_kept = False
+        else:
+            m.side[row] = m.kept_side[i]
+    if not m.face_is_kept and not factor_face(m):
+        return False
+    set_load(m)
+    return True
+
+
+def factor_face(m):
+    """Compute all factors from the sides of the rows, in sorted order."""
+    m.k, m.held, m.free_count, m.age = 0, 0, 0, 0
+    for row in range(m.rows):
+        if m.side[row] != 0:
+            m.active[m.k] = row
+            m.k += 1
+            m.held += row < m.m
+    for j in range(m.n):
+        if m.side[m.m + j] == 0 and not append_free(m, j):
+            return False
+    return factor_held(m)
 
 
 def held_row(m, i):
@@ -205,6 +275,19 @@ def append_free(m, j):
     return True
 
 
+def fix(m, j):
+    """Fix a variable at its active bound: remove it from L."""
+    at: Py_ssize_t = 0
+    while m.free[at] != j:
+        at += 1
+    for i in range(at, m.free_count - 1):
+        m.free[i] = m.free[i + 1]
+    remove_from_triangle(m.free_triangle, m.free_count, at, m.cosines, m.sines)
+    m.free_count -= 1
+    m.s[m.m + j] = goal_of(m, m.m + j, m.side[m.m + j])
+    add_scaled(m.s[m.m + j], m.P + j * m.n, m.load, m.n)
+
+
 def factor_held(m):
     """Compute T and R from L; tell whether the held rows are independent."""
     count, held, b = m.free_count, m.p + m.held, m.held_part
@@ -221,66 +304,6 @@ def factor_held(m):
             return False
         append_to_triangle(m.held_triangle, i, b, sqrt(rest))
     return True
-
-
-def factor_face(m):
-    """Compute all factors from the sides of the rows, in sorted order."""
-    m.free_count, m.held, m.face_age = 0, 0, 0
-    for i in range(m.m):
-        if m.side[i] != 0:
-            m.active[m.held] = i
-            m.held += 1
-    for j in range(m.n):
-        if m.side[m.m + j] == 0 and not append_free(m, j):
-            return False
-    return factor_held(m)
-
-
-def factor_changed(m):
-    """Compute T and R after a change of the face, unless there were too many."""
-    m.changed, m.face_is_kept = True, False
-    m.face_age += 1
-    m.operations += (m.free_count + m.p + m.held + 2) * (m.length + m.n)  # about
-    return m.operations <= MOST_WORK and factor_held(m)
-
-
-def remove_index(order, count, index):
-    """Remove an index from a list of `count`; return its place."""
-    at: Py_ssize_t = 0
-    while order[at] != index:
-        at += 1
-    for i in range(at, count - 1):
-        order[i] = order[i + 1]
-    return at
-
-
-def leave(m, row):
-    """Let an active row leave; False where the factors do not allow it."""
-    m.side[row] = 0
-    if row < m.m:
-        remove_index(m.active, m.held, row)
-        m.held -= 1
-    elif append_free(m, row - m.m):
-        add_scaled(-m.s[row], m.P + (row - m.m) * m.n, m.load, m.n)
-    else:
-        return False
-    return factor_changed(m)
-
-
-def enter(m, row, sign):
-    """Let a row enter with the multiplier sign * m.own; False as for `leave`."""
-    m.side[row], m.row_multiplier[row] = sign, sign * m.own
-    if row < m.m:
-        m.active[m.held] = row
-        m.held += 1
-    else:
-        j = row - m.m
-        at = remove_index(m.free, m.free_count, j)
-        remove_from_triangle(m.free_triangle, m.free_count, at, m.cosines, m.sines)
-        m.free_count -= 1
-        m.s[row] = goal_of(m, row, sign)
-        add_scaled(m.s[row], m.P + j * m.n, m.load, m.n)
-    return factor_changed(m)
 
 
 def solve_face(m, values):
@@ -318,7 +341,7 @@ def set_load(m):
 
 
 def set_face_point(m):
-    """Set x_F and the multipliers of the held rows from the load."""
+    """Set x_F and r, the latter in m.held_part, from the load."""
     x = m.s + m.m
     for i in range(m.free_count):
         j = m.free[i]
@@ -327,119 +350,18 @@ def set_face_point(m):
         goal = m.b[i] if i < m.p else m.h[m.active[i - m.p]]
         m.held_part[i] = goal - dot(held_row(m, i), x, m.n)
     solve_face(m, m.s)
-    for i in range(m.held):
-        m.row_multiplier[m.active[i]] = m.held_part[m.p + i]
+    copy(m.held_part + m.p, m.multiplier, m.held)
 
 
-def subtract_gradient(m, out):
-    """Subtract P_F x + C'r, x in m.free_part and r in m.held_part."""
-    for i in range(m.free_count):
-        add_scaled(-m.free_part[i], m.P + m.free[i] * m.n, out, m.n)
-    for i in range(m.p + m.held):
-        add_scaled(-m.held_part[i], held_row(m, i), out, m.n)
+def set_multipliers_of(m, multiplier):
+    """Set those of the active rows for x_F in m.free_part and r in m.held_part.
 
-
-# ---- the steps
-
-
-def recall_face(m):
-    """Go to the face of the last solved QP, less lost sides; tell whether it exists."""
-    for i in range(m.k):
-        m.side[m.active[i]] = 0
-    m.changed, m.operations = False, 0.0
-    for i in range(m.kept_k):
-        if isinf(goal_of(m, m.kept_active[i], m.kept_side[i])):
-            m.face_is_kept = False
-        else:
-            m.side[m.kept_active[i]] = m.kept_side[i]
-    if not m.face_is_kept and not factor_face(m):
-        return False
-    set_load(m)
-    return True
-
-
-def leave_wrong_signs(m):
-    """Step 1: let rows leave until all signs are right; False where that fails."""
-    mu = m.row_multiplier
-    while True:
-        set_face_point(m)
-        for j in range(m.n):
-            mu[m.m + j] = -m.q[j] - m.load[j]
-        subtract_gradient(m, mu + m.m)
-        leaving: Py_ssize_t = -1
-        least = 0.0
-        for row in range(m.rows):
-            signed = m.side[row] * mu[row]
-            if signed < least and not is_pinned(m, row):
-                leaving, least = row, signed
-        if leaving < 0:
-            break
-        if not leave(m, leaving):
-            return False
-    times_rows(m.G, m.m, m.n, m.n, m.s + m.m, m.s)
-    return True
-
-
-def step_on_face(m):
-    """Do what `step` does."""
-    row, sign, mu, ratio = m.entering, m.entering_side, m.row_multiplier, m.row_ratio
-    rest = set_direction(m, row)
-    leaving: Py_ssize_t = -1
-    t = INFINITY
-    for i in range(m.rows):
-        side = m.side[i]
-        falls, signed = sign * side * ratio[i], side * mu[i]
-        if falls > 0.0 and signed < t * falls and not is_pinned(m, i):
-            leaving, t = i, signed / falls
-    t = max(t, 0.0)
-    if rest > 0.0:
-        full = sign * (m.s[row] - goal_of(m, row, sign)) / rest
-        if full <= t:
-            leaving, t = -1, full
-    elif leaving < 0:
-        return CONTRADICTION
-    add_scaled(-sign * t, m.direction, m.s, m.length)
-    add_scaled(-sign * t, ratio, mu, m.rows)
-    m.own += t
-    if leaving >= 0:
-        return DONE if leave(m, leaving) else WIDE
-    m.entering = -1
-    return DONE if enter(m, row, sign) else WIDE
-
-
-def set_direction(m, row):
-    """Set the change of the values and multipliers for the multiplier of a row.
-
-    Returns the squared length of the row's part orthogonal to the active rows; 0.0,
-    with no change of x, if it depends on them.
+    m.slope has what P_F x_F + C'r is subtracted from.
     """
-    direction, ratio, scale = m.direction, m.row_ratio, m.scale[row]
-    fill(ratio, 0.0, m.m)
-    set_unit_load(m, row, ratio + m.m)
-    set_free_part(m, ratio + m.m, m.free_part)
-    fill(m.held_part, 0.0, m.p + m.held)
-    fill(direction, 0.0, m.rows)
-    rest = solve_face(m, direction)
-    if not rest * scale * scale > m.least_curvature:
-        rest = 0.0
-        fill(m.free_part, 0.0, m.free_count)
-        fill(direction, 0.0, m.rows)
-    times_rows(m.G, m.m, m.n, m.n, direction + m.m, direction)
-    subtract_gradient(m, ratio + m.m)
-    for i in range(m.held):
-        ratio[m.active[i]] = m.held_part[m.p + i]
-    return rest
-
-
-def list_active(m):
-    """List the active rows and their multipliers as `judgement` expects them."""
-    m.k = m.held
-    for i in range(m.held):
-        row = m.active[i]
-        m.multiplier[i], m.ratio[i] = m.row_multiplier[row], m.row_ratio[row]
-    for row in range(m.m, m.rows):
-        if m.side[row] != 0:
-            if is_pinned(m, row):
-                m.side[row] = 1 if m.row_multiplier[row] >= 0.0 else -1
-            m.active[m.k] = row
-            m.k += 1
+    for i in range(m.free_count):
+        add_scaled(-m.free_part[i], m.P + m.free[i] * m.n, m.slope, m.n)
+    for i in range(m.p + m.held):
+        add_scaled(-m.held_part[i], held_row(m, i), m.slope, m.n)
+    copy(m.held_part + m.p, multiplier, m.held)
+    for i in range(m.held, m.k):
+        multiplier[i] = m.slope[m.active[i] - m.m]

@@ -12,9 +12,9 @@ from namlcp.options import DEFAULT_OPTIONS
 from namlcp.outcome import Outcome
 from namlcp.qp.active import solve
 from namlcp.qp.active.dense import DenseActiveSet
+from namlcp.qp.active.engine import ActiveSet, Code
 from namlcp.qp.active.null import NullSpace
 from namlcp.qp.active.sparse import SparseActiveSet, active_set_of
-from namlcp.qp.active.state import ActiveSet, Code
 from namlcp.qp.chain import Chain
 from namlcp.qp.guess import Guess
 from namlcp.qp.judge import Judge

@@ -3,7 +3,7 @@
 With P + W in place of P, W = rho D as in `weight`, the base problem has a factor. A
 round with the centre c, at first 0,
 
-1. minimises 1/2 x'Px + q'x + 1/2 (x - c)'W(x - c) by `steps`, from the active rows of
+1. minimises 1/2 x'Px + q'x + 1/2 (x - c)'W(x - c) by `engine`, from the active rows of
    the round before: its base solution is K^-1 (W c - q, b);
 2. minimises the cost without W on the face of the active rows F, see `face`.
 
@@ -21,6 +21,20 @@ import cython
 from cython import Py_ssize_t
 from cython.cimports.libc.math import fabs
 from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, dot, fill
+from cython.cimports.namlcp.qp.active.engine import (
+    CONTRADICTION,
+    DONE,
+    LATE,
+    ROUND_ROUNDING,
+    STUCK,
+    UNBOUNDED,
+    admit_hints,
+    drop_wrong_signs,
+    hold_active,
+    pivot,
+    recall,
+    size_of,
+)
 from cython.cimports.namlcp.qp.active.face import FACE_SOLVED, LOST, RAY, descend
 from cython.cimports.namlcp.qp.active.judgement import (
     are_within,
@@ -29,24 +43,6 @@ from cython.cimports.namlcp.qp.active.judgement import (
     set_contradiction,
     set_point,
     verdict,
-)
-from cython.cimports.namlcp.qp.active.rows import hold_active
-from cython.cimports.namlcp.qp.active.state import (
-    CONTRADICTION,
-    DONE,
-    LATE,
-    STUCK,
-    UNBOUNDED,
-)
-from cython.cimports.namlcp.qp.active.steps import (
-    ROUND_ROUNDING,
-    admit_hints,
-    drop_wrong_signs,
-    pivot,
-    recall,
-    set_multipliers,
-    set_point_values,
-    size_of,
 )
 
 # Residual of a dependent equation over its terms from which on it contradicts others,
@@ -100,8 +96,8 @@ def try_old_face(m):
     m.level = ROUND_ROUNDING
     if m.k == 0:
         return STUCK
-    set_multipliers(m)
-    set_point_values(m)
+    m.set_multipliers()
+    m.set_point_values()
     return settle(m) if descend(m) == FACE_SOLVED else STUCK
 
 
@@ -111,8 +107,8 @@ def minimise(m):
     drop_wrong_signs(m)
     found = pivot(m)
     if found == DONE and m.changed:
-        set_multipliers(m)
-        set_point_values(m)
+        m.set_multipliers()
+        m.set_point_values()
     elif found == LATE:
         set_point(m)
         clip_point(m)

@@ -1,5 +1,5 @@
 from namlcp.qp.active.dense cimport DenseActiveSet
-from namlcp.qp.active.state cimport ActiveSet, Code
+from namlcp.qp.active.engine cimport ActiveSet, Code
 
 cdef double INFINITE, LESS_RHO, MORE_RHO
 

@@ -10,6 +10,23 @@ from cython.cimports.namlcp.qp.active.certificates import (
     prove_unbounded,
 )
 from cython.cimports.namlcp.qp.active.dense import prepare, set_up
+from cython.cimports.namlcp.qp.active.engine import (
+    CONTRADICTION,
+    DONE,
+    FAULTY,
+    STUCK,
+    SUMMED,
+    UNBOUNDED,
+    UNPROVED,
+    UNSUITED,
+    VIOLATION_ROUNDING,
+    admit_hints,
+    drop_wrong_signs,
+    finish,
+    pivot,
+    recall,
+    size_of,
+)
 from cython.cimports.namlcp.qp.active.judgement import (
     are_within,
     judge,
@@ -22,25 +39,6 @@ from cython.cimports.namlcp.qp.active.proximal import (
     leaves_equations,
     refine_contradiction,
     solve_by_rounds,
-)
-from cython.cimports.namlcp.qp.active.state import (
-    CONTRADICTION,
-    DONE,
-    FAULTY,
-    STUCK,
-    SUMMED,
-    UNBOUNDED,
-    UNPROVED,
-    UNSUITED,
-)
-from cython.cimports.namlcp.qp.active.steps import (
-    VIOLATION_ROUNDING,
-    admit_hints,
-    drop_wrong_signs,
-    finish,
-    pivot,
-    recall,
-    size_of,
 )
 from cython.cimports.namlcp.qp.active.weight import RHO, wanted_rho
 
@@ -134,7 +132,7 @@ def solve_dense(m):
 
 
 def follow(m):
-    """Solve the QP by the steps of `steps`, from the active rows at hand, and judge."""
+    """Solve the QP by `engine`, from the active rows at hand, and judge."""
     for j in range(m.n):
         m.rhs[j] = -m.q[j]
     copy(m.b, m.rhs + m.n, m.p)

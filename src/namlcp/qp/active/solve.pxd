@@ -1,6 +1,6 @@
 from namlcp.limits cimport Settings
 from namlcp.qp.active.dense cimport DenseActiveSet
-from namlcp.qp.active.state cimport ActiveSet
+from namlcp.qp.active.engine cimport ActiveSet
 
 cpdef enum:
     MOST_ORDER = 900

@@ -26,22 +26,20 @@ from cython.cimports.namlcp.linalg.arrays import (
 from cython.cimports.namlcp.linalg.vectors import copy, dot, fill, hash_of
 from cython.cimports.namlcp.measure import rounding_errors
 from cython.cimports.namlcp.qp.active.dense import DenseActiveSet
-from cython.cimports.namlcp.qp.active.judgement import is_within
-from cython.cimports.namlcp.qp.active.null import NullSpace, solve_next
-from cython.cimports.namlcp.qp.active.rows import (
-    claim_place,
-    forget_responses,
-    response_of,
-)
-from cython.cimports.namlcp.qp.active.run import INFINITE, decide, proved
-from cython.cimports.namlcp.qp.active.sparse import SparseActiveSet, solve_sparse
-from cython.cimports.namlcp.qp.active.state import (
+from cython.cimports.namlcp.qp.active.engine import (
     CONTRADICTION,
     DONE,
     OTHER_WEIGHT,
     UNBOUNDED,
+    claim_place,
+    forget_responses,
     make_room,
+    response_of,
 )
+from cython.cimports.namlcp.qp.active.judgement import is_within
+from cython.cimports.namlcp.qp.active.null import NullSpace, solve_next
+from cython.cimports.namlcp.qp.active.run import INFINITE, decide, proved
+from cython.cimports.namlcp.qp.active.sparse import SparseActiveSet, solve_sparse
 from cython.cimports.namlcp.qp.active.weight import NO_WEIGHT
 from cython.cimports.namlcp.qp.intake import is_finite
 from cython.cimports.namlcp.result_base import (

@@ -1,5 +1,5 @@
 from namlcp.linalg.sparse_ldl cimport SparseFactors
-from namlcp.qp.active.state cimport ActiveSet, Code
+from namlcp.qp.active.engine cimport ActiveSet, Code
 
 
 cdef class SparseActiveSet(ActiveSet):

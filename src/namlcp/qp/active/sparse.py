@@ -1,4 +1,4 @@
-"""Sparse QPs: the base problem of `steps` by the factors of its KKT matrix.
+"""Sparse QPs: the base problem of `engine` by the factors of its KKT matrix.
 
 The base problem min 1/2 x'Px + q'x, A x = b is the system K u = (-q, b) with
 
@@ -20,21 +20,22 @@ from cython.cimports.libc.math import INFINITY, cos, fabs, sqrt
 from cython.cimports.namlcp.linalg.arrays import data_of, numbers, places
 from cython.cimports.namlcp.linalg.sparse_ldl import SparseFactors
 from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, fill
-from cython.cimports.namlcp.qp.active.proximal import (
-    refine_contradiction,
-    solve_by_rounds,
-)
-from cython.cimports.namlcp.qp.active.rows import claim_place, forget_responses
-from cython.cimports.namlcp.qp.active.run import follow, is_faulty
-from cython.cimports.namlcp.qp.active.state import (
+from cython.cimports.namlcp.qp.active.engine import (
     CONTRADICTION,
     FAULTY,
     OTHER_WEIGHT,
     UNSUITED,
+    claim_place,
+    forget_responses,
     lay_out_rows,
     make_room,
     reals,
 )
+from cython.cimports.namlcp.qp.active.proximal import (
+    refine_contradiction,
+    solve_by_rounds,
+)
+from cython.cimports.namlcp.qp.active.run import follow, is_faulty
 from cython.cimports.namlcp.qp.active.weight import set_shape, wanted_rho
 from scipy.sparse import csr_array
 

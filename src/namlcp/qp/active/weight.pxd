@@ -1,4 +1,4 @@
-from namlcp.qp.active.state cimport ActiveSet
+from namlcp.qp.active.engine cimport ActiveSet
 
 cdef double RHO, NO_WEIGHT, LEAST_SHAPE
 

@@ -23,7 +23,7 @@ from namlcp.options import Options
 from namlcp.outcome import OBJECTIVE, Outcome, objective_of
 from namlcp.qp.active import MOST_ORDER, OUTCOMES, attached
 from namlcp.qp.active import solve_items as solve_dense_items
-from namlcp.qp.active.state import Code
+from namlcp.qp.active.engine import Code
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import make_guess
 from namlcp.qp.intake import qp_data, stamp_of

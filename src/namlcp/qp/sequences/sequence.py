@@ -15,9 +15,9 @@ from typing import Any
 from namlcp.limits import Deadline
 from namlcp.options import DEFAULT_OPTIONS, Options
 from namlcp.outcome import Outcome
+from namlcp.qp.active.engine import Code
 from namlcp.qp.active.once import answer_of, is_slow_anew, kept_for, renew
 from namlcp.qp.active.solve import solve, suggest, updated
-from namlcp.qp.active.state import Code
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.intake import qp_data

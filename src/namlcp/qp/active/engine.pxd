@@ -1,17 +1,25 @@
 from namlcp.result_base cimport Numbers
 from namlcp.watch cimport Watched
 
-cdef Py_ssize_t MOST_NUMBERS
+cdef double DEPENDENT, DEPENDENT_HINT, VIOLATION_ROUNDING, NOISE, MOST_ROUNDING
+cdef double ROUND_ROUNDING, MOST_ROUND_ROUNDING, BASE_ROUNDING
+cdef Py_ssize_t USUAL
+
+cdef enum:
+    MOST_NUMBERS = 8_000_000
+    MOST_PIVOTS = 10
+    GROWN = 3
+    MOST_SORTED = 64
+    MOST_AGE = 50
 
 
 cpdef enum Code:
-    # How a part of a solve ended. STUCK: another method has to solve the QP; UNSUITED:
-    # as its matrices are not suited; FAULTY: as a number is not allowed, or two sides
-    # are opposed. SUMMED: as DONE, but the terms are so large that the order of their
-    # sums matters. CONTRADICTION, UNBOUNDED: there is a candidate for a certificate; of a
-    # dense QP at last the certificate itself, else UNPROVED. WIDE: the form with
-    # responses has to solve it, see `null`. OTHER_WEIGHT: W has to be made anew, see
-    # `sparse`.
+    # How a part of a solve ended. STUCK: another form or method has to solve the QP;
+    # UNSUITED: as its matrices are not suited; FAULTY: as a number is not allowed, or two
+    # sides are opposed. SUMMED: as DONE, but the terms are so large that the order of
+    # their sums matters. CONTRADICTION, UNBOUNDED: there is a candidate for a certificate;
+    # of a dense QP at last the certificate itself, else UNPROVED. OTHER_WEIGHT: W has to
+    # be made anew, see `sparse`.
     DONE
     CONTRADICTION
     LATE
@@ -21,7 +29,6 @@ cpdef enum Code:
     SUMMED
     UNBOUNDED
     UNPROVED
-    WIDE
     OTHER_WEIGHT
 
 
@@ -127,9 +134,42 @@ cdef class ActiveSet(Watched):
     cdef void set_products(self, bint is_base) noexcept nogil
     cdef void set_row_products(self) noexcept nogil
     cdef void times_cost(self, const double* x, double* Px) noexcept nogil
+    cdef double step_work(self) noexcept nogil
+    cdef double project(self, Py_ssize_t row) noexcept nogil
+    cdef bint append(self, Py_ssize_t row, Py_ssize_t side, double multiplier, double rest) noexcept nogil
+    cdef bint remove(self, Py_ssize_t i) noexcept nogil
+    cdef void set_multipliers(self) noexcept nogil
+    cdef void set_point_values(self) noexcept nogil
 
 
 cdef double* reals(ActiveSet m, Py_ssize_t count) noexcept nogil
 cdef Py_ssize_t* indices(ActiveSet m, Py_ssize_t count) noexcept nogil
 cdef void lay_out_rows(ActiveSet m) noexcept nogil
 cdef int make_room(ActiveSet m) except -1
+cdef double goal_of(ActiveSet m, Py_ssize_t row, Py_ssize_t side) noexcept nogil
+cdef bint is_pinned(ActiveSet m, Py_ssize_t row) noexcept nogil
+cdef double* response_of(ActiveSet m, Py_ssize_t row) noexcept nogil
+cdef double* claim_place(ActiveSet m, Py_ssize_t row) noexcept nogil
+cdef void forget_responses(ActiveSet m) noexcept nogil
+cdef void subtract_responses(ActiveSet m, const double* factor, Py_ssize_t k, double* s) noexcept nogil
+cdef void solve_active(ActiveSet m, double* v) noexcept nogil
+cdef void subtract_active(ActiveSet m, double* values) noexcept nogil
+cdef void hold_active(ActiveSet m, double* values) noexcept nogil
+cdef double rest_of(ActiveSet m, Py_ssize_t row) noexcept nogil
+cdef bint is_independent(ActiveSet m, Py_ssize_t row, double rest, double limit) noexcept nogil
+cdef Py_ssize_t most_independent(ActiveSet m) noexcept nogil
+cdef void insert_place(ActiveSet m, Py_ssize_t at, Py_ssize_t row, Py_ssize_t side, double multiplier) noexcept nogil
+cdef void remove_place(ActiveSet m, Py_ssize_t i) noexcept nogil
+cdef void recall(ActiveSet m) noexcept nogil
+cdef void keep(ActiveSet m) noexcept nogil
+cdef void admit_hints(ActiveSet m) noexcept nogil
+cdef bint drop_wrong_signs(ActiveSet m) noexcept nogil
+cdef double size_of(ActiveSet m, const double* values) noexcept nogil
+cdef void choose_entering(ActiveSet m) noexcept nogil
+cdef Code step(ActiveSet m) noexcept nogil
+cdef bint has_next(ActiveSet m) noexcept nogil
+cdef Code excuse(ActiveSet m) noexcept nogil
+cdef Code pivot(ActiveSet m) noexcept nogil
+cdef void sort_active(ActiveSet m) noexcept nogil
+cdef bint factor_active(ActiveSet m) noexcept nogil
+cdef bint finish(ActiveSet m) noexcept nogil

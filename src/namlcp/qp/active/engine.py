@@ -1,0 +1,558 @@
+"""The dual active-set method on responses: a dual Schur-complement method.
+
+The inequalities c x <= d and the bounds of the variables are rows: row i < m is row i
+of G, row m + j the unit row e_j with two sides, lb_j and ub_j. The base problem is the
+QP without them; with its solution operator, (x, y) = K^-1 (-q, b). A multiplier mu of
+row c changes the values s = (G x, x, y) by -mu w_c, where w_c, the *response* to the
+row, is (G u, u, v) for (u, v) = K^-1 (c, 0). Responses depend on the matrices alone,
+and are kept from solve to solve. With the active rows F, S = (w_i)_j, i, j in F, L L' =
+S, and s0 the values of the base solution:
+
+1. mu = S^-1 (s0_F - d_F); while one has the wrong sign, the row of the worst is removed
+   from F. s = s0 - sum mu_i w_i.
+2. The row violated most enters: t, its multiplier, grows, mu_F -= t r with
+   r = S^-1 w_F, and s -= t (w - sum r_i w_i), until the row holds with equality (full
+   step) or an active multiplier is zero, whose row is removed (partial step). If
+   neither ends the step, the multipliers (-r, 1) contradict the rows.
+3. Once no row is violated, F is sorted and mu and s are computed anew from s0
+   (`finish`): the answer depends on F alone, not on the way to it.
+
+This is the method of Goldfarb and Idnani (Math. Programming 27 (1983) 1-33) in the form
+of Bartlett and Biegler (QPSchur, Optim. Eng. 7 (2006) 5-32). Signs: multipliers mu
+are >= 0 for a row at h or ub (side 1) and <= 0 for one at lb (side -1).
+"""
+
+import cython
+from cython import Py_ssize_t
+from cython.cimports.libc.math import INFINITY, fabs, isinf, sqrt
+from cython.cimports.libc.stdlib import free, malloc
+from cython.cimports.namlcp.linalg.dense import (
+    append_to_triangle,
+    remove_from_triangle,
+    triangle_solve,
+    triangle_solve_transposed,
+)
+from cython.cimports.namlcp.linalg.vectors import add_four, add_scaled, copy, dot, fill
+from cython.cimports.namlcp.watch import Watched, is_over
+
+from namlcp.options import DEFAULT_OPTIONS
+
+USUAL = DEFAULT_OPTIONS.max_iter
+# A row depends on the active ones if the squared length of its part orthogonal to them,
+# in the metric of the responses, over its own is at most DEPENDENT; for rows of a hint,
+# which need not be right, DEPENDENT_HINT.
+DEPENDENT, DEPENDENT_HINT = 1e-11, 1e-6
+# Violations over the moduli of their terms up to which they count as rounding at first.
+# This `level` grows tenfold where a violation below NOISE * level contradicts the
+# active rows; above MOST_ROUNDING the method gives up. The larger numbers are those of
+# the rounds of `proximal`, whose base point is far away.
+VIOLATION_ROUNDING, NOISE, MOST_ROUNDING = 1e-13, 1e3, 1e-9
+ROUND_ROUNDING, MOST_ROUND_ROUNDING = 1e-12, 1e-7
+# Rounding of s over the largest entry of s0 from which it was subtracted: what is left
+# at a vertex x = 0. Rows that are active are allowed `level` of it.
+BASE_ROUNDING = 4e-16
+# MOST_NUMBERS: most numbers that all responses may take, 64 MB; there are no more
+# active rows. MOST_PIVOTS: pivots at most, per row and variable; another method is
+# safer for a QP that needs more. A limit of USUAL is not the user's choice, and is
+# exceeded up to GROWN per row and variable; see also m.most_operations.
+# MOST_SORTED: most active rows for which L is always computed anew at the end, which
+# takes k^3 / 6 operations; MOST_AGE: most changes of a larger L before it is.
+
+
+class ActiveSet(Watched):
+    """A QP, its active rows, and what is kept from solve to solve.
+
+    All in one allocation. A subclass has the operators, the first methods, and vectors
+    of its own; one with another form of the active rows has the others, too.
+    """
+
+    def __cinit__(self):
+        self.most_operations = INFINITY
+
+    def __dealloc__(self):
+        free(self.memory)
+
+    def lay_out(self):
+        """Give every vector its place, for the sizes n, m, p and `most`."""
+
+    def set_values(self, rhs, values):
+        """Set values = (G x, x, y) for (x, y) = K^-1 rhs."""
+
+    def make_response(self, row):
+        """Make the response to a row."""
+
+    def set_products(self, is_base):
+        """Set the products of the point with P, G and A.
+
+        is_base: it is that of the base problem, whose values s0 have G x.
+        """
+
+    def set_row_products(self):
+        """Set the products with A, G' and A' alone, perhaps the others, too."""
+
+    def times_cost(self, x, Px):
+        """Set Px = P x."""
+
+    def step_work(self):
+        """Return the operations of a step."""
+        return (self.k + 2) * (self.length + self.k)
+
+    def project(self, row):
+        """Set the changes of the values and multipliers for the multiplier of a row.
+
+        They are in m.direction and m.ratio. Returns the squared length of the part of
+        the row orthogonal to the active ones: 0.0, with no change of (G x, x), if it
+        depends on them.
+        """
+        k, rest = self.k, rest_of(self, row)
+        is_new: cython.bint = is_independent(self, row, rest, DEPENDENT)
+        copy(self.coefficient, self.ratio, k)
+        triangle_solve_transposed(self.triangle, k, self.ratio)
+        copy(response_of(self, row), self.direction, self.length)
+        subtract_responses(self, self.ratio, k, self.direction)
+        if not is_new:
+            fill(self.direction, 0.0, self.rows)
+            return 0.0
+        return rest
+
+    def append(self, row, side, multiplier, rest):
+        """Make a row with this `project` active; False if the factors forbid it."""
+        append_to_triangle(self.triangle, self.k, self.coefficient, sqrt(rest))
+        insert_place(self, self.k, row, side, multiplier)
+        return True
+
+    def remove(self, i):
+        """Remove the active row number i; False if the factors forbid it."""
+        remove_from_triangle(self.triangle, self.k, i, self.cosines, self.sines)
+        remove_place(self, i)
+        return True
+
+    def set_multipliers(self):
+        """Set mu = S^-1 (s0_F - d_F)."""
+        for i in range(self.k):
+            row = self.active[i]
+            self.multiplier[i] = self.s0[row] - goal_of(self, row, self.side[row])
+        solve_active(self, self.multiplier)
+
+    def set_point_values(self):
+        """Set s = s0 - sum mu_i w_i."""
+        copy(self.s0, self.s, self.length)
+        subtract_responses(self, self.multiplier, self.k, self.s)
+
+
+def reals(m, count):
+    """Return the place of the next `count` numbers of the memory.
+
+    Without memory, at first, that only counts them.
+    """
+    found = cython.cast(cython.p_double, m.memory + m.memory_end)
+    m.memory_end += 8 * max(count, 1)
+    return found
+
+
+def indices(m, count):
+    """Return the place of the next `count` indices of the memory."""
+    return cython.cast(cython.p_Py_ssize_t, reals(m, count))
+
+
+def lay_out_rows(m):
+    """Give the vectors of any storage their places; m.most is set."""
+    n, p = m.n, m.p
+    rows = m.m + n
+    length = rows + p
+    m.rows, m.length = rows, length
+    places = MOST_NUMBERS // max(length, 1)
+    m.most = most = max(min(m.most, min(rows, places)), 0)
+    m.capacity = min(rows, max(most + 4, places))
+    size = most * (most + 1) // 2
+    m.s0, m.s, m.direction = reals(m, length), reals(m, length), reals(m, length)
+    m.best, m.change, m.scale = reals(m, length), reals(m, length), reals(m, rows)
+    m.best_multiplier, m.multiplier = reals(m, most + 1), reals(m, most + 1)
+    m.active, m.side = indices(m, most + 1), indices(m, rows)
+    m.kept_active, m.kept_side = indices(m, most + 1), indices(m, most + 1)
+    m.triangle, m.kept_triangle = reals(m, size), reals(m, size)
+    m.coefficient, m.ratio = reals(m, most + 1), reals(m, most + 1)
+    m.work = reals(m, most + 1)
+    m.cosines, m.sines = reals(m, most), reals(m, most)
+    m.place, m.owner = indices(m, rows), indices(m, m.capacity)
+    m.Px, m.Gx, m.Ax = reals(m, n), reals(m, m.m), reals(m, p)
+    m.Gtz, m.Aty, m.rhs = reals(m, n), reals(m, n), reals(m, 4 * (n + p))
+    m.weight, m.shape, m.reach = reals(m, n), reals(m, n), reals(m, p)
+    m.centre, m.along, m.Palong = reals(m, n), reals(m, length), reals(m, n)
+    m.responses = reals(m, m.capacity * length)
+
+
+def make_room(m):
+    """Take memory for the sizes at hand, and forget what an earlier QP has left."""
+    memory, m.memory, m.memory_end = m.memory, cython.NULL, 0
+    most = m.most
+    m.lay_out()
+    if m.memory_end > m.memory_size or memory == cython.NULL:
+        free(memory)
+        m.memory_size = 0
+        memory = cython.cast(cython.p_char, malloc(m.memory_end))
+        if memory == cython.NULL:
+            raise MemoryError("a QP of this size needs more memory than there is")
+        m.memory_size = m.memory_end
+    m.memory, m.memory_end, m.most = memory, 0, most
+    m.lay_out()
+    m.is_ready, m.skipped, m.rho = False, 0, 0.0
+    m.k, m.kept_k, m.hints, m.kept_age = 0, 0, 0, 0
+    return 0
+
+
+# ---- rows and responses
+
+
+def goal_of(m, row, side):
+    """Return the right-hand side of a row at one of its sides."""
+    if row < m.m:
+        return m.h[row]
+    return m.lb[row - m.m] if side < 0 else m.ub[row - m.m]
+
+
+def is_pinned(m, row):
+    """Tell whether the two sides of a row are one, so that its multiplier is free."""
+    j = row - m.m
+    return j >= 0 and m.lb[j] == m.ub[j]
+
+
+def response_of(m, row):
+    """Return the response to a row, which has been made."""
+    return m.responses + m.length * m.place[row]
+
+
+def claim_place(m, row):
+    """Return the vector that the response to `row` is to be written to, at once.
+
+    With all places taken, the response of a row that is not active is forgotten.
+    """
+    at = m.next_place
+    while m.owner[at] >= 0 and (m.side[m.owner[at]] != 0 or m.owner[at] == m.entering):
+        at = (at + 1) % m.capacity
+    if m.owner[at] >= 0:
+        m.place[m.owner[at]] = -1
+    m.owner[at], m.place[row] = row, at
+    m.next_place = (at + 1) % m.capacity
+    return m.responses + m.length * at
+
+
+def forget_responses(m):
+    """Forget all responses; the active rows of the last solve become a hint."""
+    for i in range(m.capacity):
+        m.owner[i] = -1
+    for i in range(m.rows):
+        m.place[i], m.side[i] = -1, 0
+    m.next_place, m.k = 0, 0
+    m.hints += m.kept_k
+    m.kept_k, m.kept_age = 0, 0
+
+
+def subtract_responses(m, factor, k, s):
+    """Set s -= sum over i < k of factor[i] times the response to active row i.
+
+    Four rows at a time, because reading and writing s would take most of the time.
+    """
+    active = m.active
+    i: Py_ssize_t = 0
+    while i + 4 <= k:
+        add_four(
+            -factor[i], response_of(m, active[i]),
+            -factor[i + 1], response_of(m, active[i + 1]),
+            -factor[i + 2], response_of(m, active[i + 2]),
+            -factor[i + 3], response_of(m, active[i + 3]), s, m.length,
+        )  # fmt: skip
+        i += 4
+    while i < k:
+        add_scaled(-factor[i], response_of(m, active[i]), s, m.length)
+        i += 1
+
+
+def solve_active(m, v):
+    """Overwrite v by S^-1 v."""
+    triangle_solve(m.triangle, m.k, v)
+    triangle_solve_transposed(m.triangle, m.k, v)
+
+
+def subtract_active(m, values):
+    """Set m.work = S^-1 m.work, and values -= sum of m.work_i w_i over active rows."""
+    solve_active(m, m.work)
+    subtract_responses(m, m.work, m.k, values)
+
+
+def hold_active(m, values):
+    """Set m.work = S^-1 values_F and subtract these responses: then values_F = 0."""
+    for i in range(m.k):
+        m.work[i] = values[m.active[i]]
+    subtract_active(m, values)
+
+
+def rest_of(m, row):
+    """Return the squared length of w_row orthogonal to the active rows.
+
+    Sets m.coefficient = L^-1 w_F; negative or 0 where rounding is all that is left.
+    """
+    if m.place[row] < 0:
+        m.make_response(row)
+    w, coefficient = response_of(m, row), m.coefficient
+    for i in range(m.k):
+        coefficient[i] = w[m.active[i]]
+    triangle_solve(m.triangle, m.k, coefficient)
+    return w[row] - dot(coefficient, coefficient, m.k)
+
+
+def is_independent(m, row, rest, limit):
+    """Tell whether a row with this `rest_of` can join equations and active rows."""
+    scale, whole = m.scale[row], response_of(m, row)[row]
+    if m.k == m.most or m.k >= most_independent(m):
+        return False
+    return rest > limit * whole and rest * scale * scale > m.least_curvature
+
+
+def most_independent(m):
+    """Return how many rows may be active, for the rank of the equations."""
+    return m.n - m.p + m.skipped
+
+
+def insert_place(m, at, row, side, multiplier):
+    """Put a row into the list of active ones."""
+    for j in range(m.k, at, -1):
+        m.active[j], m.multiplier[j] = m.active[j - 1], m.multiplier[j - 1]
+    m.active[at], m.multiplier[at] = row, multiplier
+    m.side[row] = side
+    m.k += 1
+    m.changed = True
+    m.age += 1
+
+
+def remove_place(m, i):
+    """Take row number i out of the list of active ones."""
+    m.side[m.active[i]] = 0
+    for j in range(i, m.k - 1):
+        m.active[j], m.multiplier[j] = m.active[j + 1], m.multiplier[j + 1]
+    m.k -= 1
+    m.changed = True
+    m.age += 1
+
+
+# ---- step 1
+
+
+def recall(m):
+    """Make the rows active that were so in the last solved QP, less lost sides."""
+    for i in range(m.k):
+        m.side[m.active[i]] = 0
+    m.k, m.changed, m.operations = m.kept_k, False, 0.0
+    m.age = m.kept_age if m.k > 0 else 0
+    for i in range(m.k):
+        m.active[i] = m.kept_active[i]
+        m.side[m.active[i]] = m.kept_side[i]
+    copy(m.kept_triangle, m.triangle, m.k * (m.k + 1) // 2)
+    for i in range(m.k - 1, -1, -1):
+        if isinf(goal_of(m, m.active[i], m.side[m.active[i]])):
+            m.remove(i)
+
+
+def keep(m):
+    """Note the active rows as those of the last solved QP."""
+    for i in range(m.k):
+        m.kept_active[i], m.kept_side[i] = m.active[i], m.side[m.active[i]]
+    m.kept_k, m.kept_age, m.hints = m.k, m.age, 0
+    m.triangle, m.kept_triangle = m.kept_triangle, m.triangle
+
+
+def admit_hints(m):
+    """Append those rows of the hint, the first m.hints kept, that are independent."""
+    for i in range(m.hints):
+        row, side = m.kept_active[i], m.kept_side[i]
+        is_new: cython.bint = m.side[row] == 0 and m.k < m.most
+        if is_new and not isinf(goal_of(m, row, side)):
+            rest = rest_of(m, row)
+            if is_independent(m, row, rest, DEPENDENT_HINT):
+                m.append(row, side, 0.0, rest)
+
+
+def drop_wrong_signs(m):
+    """Step 1: remove active rows until all multipliers have the sign of their side.
+
+    False where the factors do not allow it.
+    """
+    while True:
+        m.set_multipliers()
+        leaving: Py_ssize_t = -1
+        least = 0.0
+        for i in range(m.k):
+            signed = m.side[m.active[i]] * m.multiplier[i]
+            if signed < least and not is_pinned(m, m.active[i]):
+                leaving, least = i, signed
+        if leaving < 0:
+            break
+        if not m.remove(leaving):
+            return False
+    m.set_point_values()
+    return True
+
+
+# ---- step 2
+
+
+def size_of(m, values):
+    """Return the largest |x_j| over the norm of its row, for values (G x, x, ...)."""
+    size = 0.0
+    for i in range(m.m, m.rows):
+        size = max(size, fabs(values[i]) * m.scale[i])
+    return size
+
+
+def choose_entering(m):
+    """Set m.entering and its side: the row violated most for its norm, -1 for none."""
+    s, scale, h, lb, ub, side = m.s, m.scale, m.h, m.lb, m.ub, m.side
+    x, unit = s + m.m, scale + m.m
+    level, rounding = m.level, m.level * size_of(m, s)
+    held = max(rounding, level * m.base_size)
+    rounding = max(rounding, BASE_ROUNDING * m.base_size)
+    entering: Py_ssize_t = -1
+    at: Py_ssize_t = 1
+    worst = 0.0
+    for i in range(m.m):
+        violation = (s[i] - h[i]) * scale[i]
+        if violation > worst:
+            least = held if side[i] != 0 else rounding
+            if violation > level * fabs(h[i]) * scale[i] + least:
+                entering, worst = i, violation
+    for j in range(m.n):
+        least = held if side[m.m + j] != 0 else rounding
+        violation = (x[j] - ub[j]) * unit[j]
+        if violation > worst:
+            if violation > level * fabs(ub[j]) * unit[j] + least:
+                entering, worst, at = m.m + j, violation, 1
+        violation = (lb[j] - x[j]) * unit[j]
+        if violation > worst:
+            if violation > level * fabs(lb[j]) * unit[j] + least:
+                entering, worst, at = m.m + j, violation, -1
+    m.entering, m.entering_side, m.own = entering, at, 0.0
+
+
+def step(m):
+    """Let the multiplier of the entering row grow until a step ends: DONE if it can.
+
+    After a full step m.entering = -1. STUCK: the factors do not allow the change.
+    """
+    row, sign, k = m.entering, m.entering_side, m.k
+    rest = m.project(row)
+    leaving: Py_ssize_t = -1
+    t = INFINITY
+    for i in range(k):
+        side = m.side[m.active[i]]
+        falls, signed = sign * side * m.ratio[i], side * m.multiplier[i]
+        if falls > 0.0 and signed < t * falls and not is_pinned(m, m.active[i]):
+            leaving, t = i, signed / falls
+    t = max(t, 0.0)
+    if rest > 0.0:
+        full = sign * (m.s[row] - goal_of(m, row, sign)) / rest
+        if full <= t:
+            leaving, t = -1, full
+    elif leaving < 0:
+        return CONTRADICTION
+    add_scaled(-sign * t, m.direction, m.s, m.length)
+    add_scaled(-sign * t, m.ratio, m.multiplier, k)
+    m.own += t
+    if leaving >= 0:
+        return DONE if m.remove(leaving) else STUCK
+    m.entering = -1
+    return DONE if m.append(row, sign, sign * m.own, rest) else STUCK
+
+
+def has_next(m):
+    """Choose the entering row, unless there is none or there were too many."""
+    choose_entering(m)
+    if m.entering < 0:
+        return False
+    m.pivots += 1
+    most = max(USUAL, GROWN * m.rows) if m.max_iter == USUAL else m.max_iter
+    return m.pivots <= min(most, MOST_PIVOTS * (m.rows + 1))
+
+
+def excuse(m):
+    """Leave a row that contradicts the active ones, if that may be due to rounding.
+
+    CONTRADICTION if it cannot, STUCK if the rounding errors would be too large.
+    """
+    row = m.entering
+    goal, scale = goal_of(m, row, m.entering_side), m.scale[row]
+    terms = fabs(goal) * scale + size_of(m, m.s)
+    if not fabs(m.s[row] - goal) * scale <= NOISE * m.level * terms:
+        return CONTRADICTION
+    m.level *= 10.0
+    m.entering = -1
+    most = MOST_ROUND_ROUNDING if m.rho > 0.0 else MOST_ROUNDING
+    return STUCK if m.level > most else DONE
+
+
+def pivot(m):
+    """Step 2, as often as a row is violated: DONE, or why it ended before."""
+    while True:
+        if m.entering < 0 and not has_next(m):
+            return DONE if m.entering < 0 else STUCK
+        operations = m.step_work()
+        if is_over(m, operations):
+            return LATE
+        m.operations += operations
+        is_full: cython.bint = m.k == m.most
+        if is_full and m.k < min(most_independent(m), m.rows):
+            return STUCK
+        if m.operations > m.most_operations:
+            return STUCK
+        found = step(m)
+        if found == CONTRADICTION:
+            found = excuse(m)
+            if found == DONE and not drop_wrong_signs(m):  # without the partial steps
+                found = STUCK
+        if found != DONE:
+            return found
+
+
+# ---- step 3
+
+
+def sort_active(m):
+    """Sort the active rows."""
+    for i in range(1, m.k):
+        row = m.active[i]
+        j = i
+        while j > 0 and m.active[j - 1] > row:
+            m.active[j] = m.active[j - 1]
+            j -= 1
+        m.active[j] = row
+
+
+def factor_active(m):
+    """Compute L from the responses; tell whether all rows are independent."""
+    count, m.k = m.k, 0
+    fine: cython.bint = True
+    while fine and m.k < count:
+        rest = rest_of(m, m.active[m.k])
+        append_to_triangle(m.triangle, m.k, m.coefficient, sqrt(rest))
+        fine = rest > 0.0
+        m.k += 1
+    m.k = count
+    return fine
+
+
+def finish(m):
+    """Step 3: mu and s as functions of the active rows alone; False if these fail.
+
+    Where no row has entered or left, step 1 has computed just that. A single solve goes
+    without, as there is no other that its answer could differ from; so does one with
+    many active rows, up to MOST_AGE times, with mu and s of the L at hand.
+    """
+    if m.changed and not m.is_single:
+        if m.k <= MOST_SORTED or m.age > MOST_AGE:
+            sort_active(m)
+            if not factor_active(m):
+                return False
+            m.age = 0
+        m.set_multipliers()
+        m.set_point_values()
+    m.changed = False
+    return True
