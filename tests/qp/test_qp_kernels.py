@@ -11,7 +11,6 @@ from scipy.sparse import csc_array, random_array
 from namlcp.checks import transposed
 from namlcp.limits import Limits
 from namlcp.linalg import csc
-from namlcp.qp.acceptance import farkas_numbers
 from namlcp.qp.certificates import accept_dual, accept_primal
 from namlcp.qp.chain import Chain
 from namlcp.qp.guess import NO_GUESS
@@ -188,6 +187,16 @@ def test_the_norm_of_a_residual_with_nan_is_nan(place):
 # ---- certificates
 
 
+def weighed(b, y, h, z, lb, ub, s):
+    """Return z_box, and the value, its moduli and the 1-norm of the multipliers."""
+    acceptance = plain.module("namlcp.qp.acceptance")
+    found, z_box = acceptance.Farkas(), np.empty(s.size)
+    b, y, h, z, lb, ub, s, out = map(plain.Pointer, (b, y, h, z, lb, ub, s, z_box))
+    p, m, n = (v.array.size for v in (b, h, s))
+    acceptance.weigh(found, b, y, p, h, z, m, lb, ub, s, out, n)
+    return z_box, (found.value, found.moduli, found.lam)
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_numbers_of_a_certificate_are_those_of_their_definition(seed):
     rng = np.random.default_rng(seed)
@@ -199,7 +208,7 @@ def test_numbers_of_a_certificate_are_those_of_their_definition(seed):
     s[rng.random(n) < 0.3] = 0.0
     kept = np.maximum(rng.standard_normal(m), 0.0)
     kept[np.isinf(h)] = 0.0
-    z_box, found = farkas_numbers((b, h, lb, ub), y, kept, s)
+    z_box, found = weighed(b, y, h, kept, lb, ub, s)
     allowed = np.where(s < 0.0, np.isfinite(ub), np.isfinite(lb))
     np.testing.assert_array_equal(z_box, np.where(allowed & (s != 0.0), -s, 0.0))
     at, up, low = kept > 0.0, z_box > 0.0, z_box < 0.0
@@ -208,7 +217,7 @@ def test_numbers_of_a_certificate_are_those_of_their_definition(seed):
     expected = terms.sum(), np.abs(terms).sum(), np.abs(entries).sum()
     np.testing.assert_allclose(found, expected, rtol=1e-13)
     s[2] = np.nan
-    assert np.isnan(farkas_numbers((b, h, lb, ub), y, kept, s)[1][0])
+    assert np.isnan(weighed(b, y, h, kept, lb, ub, s)[1][0])
 
 
 def test_multipliers_that_prove_nothing_are_left_out_and_nan_refused():

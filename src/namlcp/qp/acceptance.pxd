@@ -7,9 +7,36 @@ cdef struct Farkas:
     double moduli
     double lam
 
-cpdef bint is_clear(double value, double moduli) noexcept nogil
-cpdef bint is_contradiction(double worst, double most, double size, double margin, double moduli) noexcept nogil
-cpdef bint is_ray(double worst, double most, double error, double margin, double moduli, double left) noexcept nogil
+# The lines of a matrix: the rows of a dense one, of `width` numbers each (`starts` is NULL
+# then), or the columns of one in CSC.
+cdef struct Matrix:
+    Py_ssize_t lines, width
+    const double *values
+    const int *starts
+    const int *others
+
+# A QP for which something is claimed; three vectors of n + p + m numbers to work with; the
+# residuals of the certificate.
+cdef struct Claim:
+    Py_ssize_t n, m, p
+    Matrix *P
+    Matrix *G
+    Matrix *A
+    const double *q
+    const double *h
+    const double *b
+    const double *lb
+    const double *ub
+    double tol
+    double *units
+    double *largest
+    double *r
+    double primal
+    double dual
+
+cdef bint is_clear(double value, double moduli) noexcept nogil
+cdef bint is_contradiction(double worst, double most, double size, double margin, double moduli) noexcept nogil
+cdef bint is_ray(double worst, double most, double error, double margin, double moduli, double left) noexcept nogil
 cdef bint is_exact(double relative, double moduli) noexcept nogil
 cdef bint suffices(double relative, double error, double margin, bint exact) noexcept nogil
 cdef void weigh(
@@ -17,3 +44,16 @@ cdef void weigh(
     Py_ssize_t m, const double* lb, const double* ub, const double* s, double* z_box, Py_ssize_t n,
 ) noexcept nogil
 cdef void add_term(Farkas* found, double side, double multiplier) noexcept nogil
+cdef bint prove_infeasible(Claim* c, const double* x, double* y, double* z, double* z_box) noexcept nogil
+cdef bint prove_unbounded(Claim* c, const double* x, const double* y, const double* z, double* d) noexcept nogil
+cdef void equilibrate(Claim* c, bint has_cost) noexcept nogil
+cdef void scale(double factor, double* v, Py_ssize_t n) noexcept nogil
+cdef double sum_per(const double* v, const double* units, Py_ssize_t n) noexcept nogil
+cdef double largest_in(const double* v, const double* units, Py_ssize_t n) noexcept nogil
+cdef double largest_per(const double* v, const double* units, Py_ssize_t n) noexcept nogil
+cdef Py_ssize_t first_of(const Matrix* M, Py_ssize_t line) noexcept nogil
+cdef (Py_ssize_t, Py_ssize_t) place_of(const Matrix* M, Py_ssize_t line, Py_ssize_t t) noexcept nogil
+cdef void add_products(const Matrix* M, const double* d, double* out, double* sizes) noexcept nogil
+cdef void add_transposed(const Matrix* M, const double* y, double* out) noexcept nogil
+cdef void note_entries(const Matrix* M, const double* rows, const double* columns, double* of_rows, double* of_columns) noexcept nogil
+cdef object take_matrix(Matrix* M, object array)

@@ -1,14 +1,25 @@
-"""When a certificate is accepted: the tests of `certificates`, whatever the matrices.
+"""When a certificate is accepted: the tests of `certificates`, for any matrices.
 
 Certificates are those of value -1. `moduli` is the sum of the moduli of the terms of
 the value, `margin` the absolute tolerance times the 1-norm of the multipliers (t lam in
-`certificates`) or of the ray.
+`certificates`) or of the ray. A test is made in the user's units, then in those that
+equilibrate P, A and G (see `transforms.scaling`): without them a column of tiny entries
+would have a tiny residual for any y and z, and a variable that counts in large units
+one for any step along it.
 """
 
 import cython
 import numpy as np
-from cython.cimports.libc.math import fabs, isinf
-from cython.cimports.namlcp.linalg.arrays import data_of
+from cython import Py_ssize_t
+from cython.cimports.libc.math import INFINITY, NAN, fabs, isinf, sqrt
+from cython.cimports.namlcp.linalg.arrays import numbers, places
+from cython.cimports.namlcp.linalg.vectors import fill, largest_entry
+from cython.cimports.namlcp.qp.transforms.scaling import (
+    EQUAL,
+    LEAST_FACTOR,
+    MOST_FACTOR,
+    ROUNDS,
+)
 
 # The value of a certificate, before it is scaled to -1, must be below minus this times
 # the sum of the moduli of its terms, far beyond the rounding errors of the sum.
@@ -95,13 +106,251 @@ def add_term(found, side, multiplier):
     found.lam += fabs(multiplier)
 
 
-def farkas_numbers(sides, y, z, s):
-    """Do `weigh` for sides = (b, h, lb, ub); return z_box and the numbers."""
+# ---- certificates of a QP
+
+
+def prove_infeasible(c, x, y, z, z_box):
+    """Make y, z and z_box a certificate with value -1, if y and z allow it.
+
+    x: the point at hand; c.dual becomes the residual.
+    """
+    n, p, s, factor = c.n, c.p, c.r, 1.0
     found: Farkas
-    z_box = np.empty(s.size)
-    b, h, lb, ub, y, z, s = (np.ascontiguousarray(v, float) for v in (*sides, y, z, s))
-    weigh(
-        cython.address(found), data_of(b), data_of(y), y.size, data_of(h), data_of(z),
-        z.size, data_of(lb), data_of(ub), data_of(s), data_of(z_box), s.size,
-    )  # fmt: skip
-    return z_box, (found.value, found.moduli, found.lam)
+    for i in range(c.m):
+        if z[i] <= 0.0 or isinf(c.h[i]):  # NaN is kept
+            z[i] = 0.0
+    fill(s, 0.0, n)
+    add_transposed(c.G, z, s)
+    add_transposed(c.A, y, s)
+    weigh(cython.address(found), c.b, y, p, c.h, z, c.m, c.lb, c.ub, s, z_box, n)
+    if not is_clear(found.value, found.moduli):
+        return False
+    factor = -1.0 / found.value
+    scale(factor, y, p)
+    scale(factor, z, c.m)
+    scale(factor, z_box, n)
+    for j in range(n):
+        s[j] = factor * s[j] + z_box[j]
+    c.dual = largest_entry(s, n)
+    fill(c.units, 1.0, n + p + c.m)
+    for has_units in range(2):
+        if has_units:
+            equilibrate(c, False)
+        worst, most = largest_in(s, c.units, n), largest_per(z_box, c.units, n)
+        most = max(most, largest_per(y, c.units + n, p))
+        most = max(most, largest_per(z, c.units + n + p, c.m))
+        margin, moduli = factor * c.tol * found.lam, factor * found.moduli
+        if not is_contradiction(worst, most, sum_per(x, c.units, n), margin, moduli):
+            return False
+    return True
+
+
+def prove_unbounded(c, x, y, z, d):
+    """Make d a ray with q'd = -1, if that allows it.
+
+    d is clipped to the recession cone of the bounds. (x, y, z): the point at hand;
+    c.dual becomes |P d|, c.primal the largest of |A d| and (G d)+.
+    """
+    n, p, m, r, value, moduli = c.n, c.p, c.m, c.r, 0.0, 0.0
+    for j in range(n):
+        if (d[j] > 0.0 and c.ub[j] < INFINITY) or (d[j] < 0.0 and c.lb[j] > -INFINITY):
+            d[j] = 0.0
+        value += c.q[j] * d[j]
+        moduli += fabs(c.q[j] * d[j])
+    if not is_clear(value, moduli):
+        return False
+    scale(-1.0 / value, d, n)
+    moduli /= -value
+    sizes, left = c.largest, 0.0
+    fill(r, 0.0, n + p + m)
+    fill(sizes, 0.0, n + p + m)
+    add_products(c.P, d, r, sizes)
+    add_products(c.A, d, r + n, sizes + n)
+    add_products(c.G, d, r + n + p, sizes + n + p)
+    for i in range(m):
+        r[n + p + i] = 0.0 if isinf(c.h[i]) else max(r[n + p + i], 0.0)
+    for k in range(n + p + m):
+        if not sizes[k] < INFINITY:
+            return False
+        if sizes[k] > 0.0:
+            left = max(left, fabs(r[k]) / sizes[k])
+    c.dual, c.primal = largest_entry(r, n), largest_entry(r + n, p + m)
+    units = c.units
+    fill(units, 1.0, n + p + m)
+    margin = c.tol * sum_per(d, units, n)
+    of_x, of_y = max(1.0, sum_per(x, units, n)), max(1.0, sum_per(y, units, p))
+    of_z = max(1.0, sum_per(z, units, m))
+    for has_units in range(2):
+        if has_units:
+            equilibrate(c, True)
+            of_x = of_y = of_z = max(1.0, largest_in(c.q, units, n))
+        cost, equation = largest_in(r, units, n), largest_in(r + n, units + n, p)
+        row = largest_in(r + n + p, units + n + p, m)
+        error = cost * of_x + equation * of_y + row * of_z
+        worst, most = max(cost, max(equation, row)), largest_per(d, units, n)
+        if not is_ray(worst, most, error, margin, moduli, left):
+            return False
+    return True
+
+
+def equilibrate(c, has_cost):
+    """Set c.units to factors of x, y and z that equilibrate P (or 0), A and G.
+
+    They are those of `transforms.scaling.equilibrate` for the KKT matrix.
+    """
+    n, p, units, largest = c.n, c.p, c.units, c.largest
+    size = n + p + c.m
+    fill(units, 1.0, size)
+    for _ in range(ROUNDS):
+        fill(largest, 0.0, size)
+        if has_cost:
+            note_entries(c.P, units, units, largest, largest)
+        note_entries(c.A, units + n, units, largest + n, largest)
+        note_entries(c.G, units + n + p, units, largest + n + p, largest)
+        off = 0.0
+        for k in range(size):
+            factor = units[k]
+            if largest[k] > 0.0:
+                off = max(off, fabs(1.0 - largest[k]))
+                factor /= sqrt(largest[k])
+            largest[k] = min(max(factor, LEAST_FACTOR), MOST_FACTOR)
+        if off <= EQUAL:
+            break
+        for k in range(size):
+            units[k] = largest[k]
+
+
+# ---- vectors and matrices
+
+
+def scale(factor, v, n):
+    """Multiply a vector by a number."""
+    for i in range(n):
+        v[i] *= factor
+
+
+def sum_per(v, units, n):
+    """Return the sum of |v_i / units_i|."""
+    total = 0.0
+    for i in range(n):
+        total += fabs(v[i] / units[i])
+    return total
+
+
+def largest_in(v, units, n):
+    """Return max |v_i units_i|."""
+    largest = 0.0
+    for i in range(n):
+        largest = max(largest, fabs(v[i] * units[i]))
+    return largest
+
+
+def largest_per(v, units, n):
+    """Return max |v_i / units_i|."""
+    largest = 0.0
+    for i in range(n):
+        largest = max(largest, fabs(v[i] / units[i]))
+    return largest
+
+
+def first_of(M, line):
+    """Return where the entries of a line begin."""
+    return line * M.width if M.starts == cython.NULL else M.starts[line]
+
+
+def place_of(M, line, t):
+    """Return the row and the column of entry t of a line."""
+    if M.starts == cython.NULL:
+        return line, t - line * M.width
+    return M.others[t], line
+
+
+def add_products(M, d, out, sizes):
+    """Add M d and |M| |d|."""
+    for line in range(M.lines):
+        for t in range(first_of(M, line), first_of(M, line + 1)):
+            i, j = place_of(M, line, t)
+            term = M.values[t] * d[j]
+            out[i] += term
+            sizes[i] += fabs(term)
+
+
+def add_transposed(M, y, out):
+    """Add M'y."""
+    for line in range(M.lines):
+        for t in range(first_of(M, line), first_of(M, line + 1)):
+            i, j = place_of(M, line, t)
+            if y[i] != 0.0:
+                out[j] += M.values[t] * y[i]
+
+
+def note_entries(M, rows, columns, of_rows, of_columns):
+    """Note the largest entries of the rows and columns of M scaled by two vectors."""
+    for line in range(M.lines):
+        first, last = first_of(M, line), first_of(M, line + 1)
+        if M.starts == cython.NULL:
+            row, factor, most = M.values + first, rows[line], of_rows[line]
+            for j in range(last - first):
+                value = fabs(row[j]) * factor * columns[j]
+                of_columns[j] = max(of_columns[j], value)
+                most = max(most, value)
+            of_rows[line] = most
+            continue
+        for t in range(first, last):
+            i = M.others[t]
+            value = fabs(M.values[t]) * rows[i] * columns[line]
+            of_rows[i] = max(of_rows[i], value)
+            of_columns[line] = max(of_columns[line], value)
+
+
+# ---- arrays of NumPy
+
+
+def take_matrix(M, array):
+    """Note a matrix, dense or in CSC; return what has its numbers."""
+    if type(array) is np.ndarray:
+        array = np.ascontiguousarray(array, float)
+        M.lines, M.width, M.starts = array.shape[0], array.shape[1], cython.NULL
+        M.values = numbers(array, array.size)
+    else:
+        M.lines, size = array.shape[1], array.indices.size
+        M.starts = places(array.indptr, M.lines + 1)
+        M.others, M.values = places(array.indices, size), numbers(array.data, size)
+    return array
+
+
+def accepted(qp, point, d, tol):
+    """Return a certificate for multipliers or a ray, None if they make none.
+
+    point: (x, y, z) at hand, of which y and z are to prove that the QP is infeasible; a
+    ray d, if not None, that it is unbounded. Returns (y, z, z_box) or (d,), and the
+    residuals c.primal and c.dual.
+    """
+    P: Matrix
+    G: Matrix
+    A: Matrix
+    c: Claim
+    c.P, c.G, c.A = cython.address(P), cython.address(G), cython.address(A)
+    arrays = [np.ascontiguousarray(v, float) for v in (qp.q, qp.h, qp.b, qp.lb, qp.ub)]
+    n: Py_ssize_t = qp.q.size
+    m: Py_ssize_t = qp.h.size
+    p: Py_ssize_t = qp.b.size
+    size = n + m + p
+    c.n, c.m, c.p, c.tol, c.primal, c.dual = n, m, p, tol, NAN, NAN
+    c.q, c.h, c.b = numbers(arrays[0], n), numbers(arrays[1], m), numbers(arrays[2], p)
+    c.lb, c.ub = numbers(arrays[3], n), numbers(arrays[4], n)
+    arrays += [take_matrix(c.P, qp.P), take_matrix(c.G, qp.G), take_matrix(c.A, qp.A)]
+    work = np.empty(3 * size)
+    c.units = numbers(work, 3 * size)
+    c.largest, c.r = c.units + size, c.units + 2 * size
+    x, y, z = (np.array(v, float) for v in point)
+    last = np.empty(n) if d is None else np.array(d, float)
+    of_x, of_y, of_z = numbers(x, n), numbers(y, p), numbers(z, m)
+    of_last = numbers(last, n)
+    if d is None:
+        is_one = prove_infeasible(cython.address(c), of_x, of_y, of_z, of_last)
+        found = y, z, last
+    else:
+        is_one = prove_unbounded(cython.address(c), of_x, of_y, of_z, of_last)
+        found = (last,)
+    return (found, c.primal, c.dual) if is_one else None

@@ -15,22 +15,13 @@ the 1-norm of the multipliers. Every x that violates no constraint by more than 
 (1 - t lam)/|r|_inf; if r = 0, every x violates some constraint by 1/lam or more.
 """
 
-from typing import Any
-
 import numpy as np
-from scipy.sparse import csc_array
 
-from namlcp.checks import as_sparse
-from namlcp.linalg import add_transposed, by_rows, times, without_zeros
-from namlcp.qp.acceptance import farkas_numbers, is_clear, is_contradiction, is_ray
+from namlcp.qp.acceptance import accepted
 from namlcp.qp.bounds import is_box_open
-from namlcp.qp.kkt import KKT
 from namlcp.qp.problem import QP, Point
-from namlcp.qp.transforms import equilibrate
 from namlcp.residuals import UNDEFINED, Residuals
 
-# The user's own units of x, y and z.
-ONES = 3 * (np.ones(1),)
 LARGEST = float(np.finfo(float).max)
 Proof = tuple[Point, Residuals]
 """A certificate, and as `dual` and `primal` the residuals |A'y + G'z + z_box|, or |P d|
@@ -45,42 +36,11 @@ def accept_primal(
 
     z_box follows from y and z; x is the current point, `tol` the absolute tolerance.
     """
-    z_kept = np.where((z <= 0.0) | np.isinf(qp.h), 0.0, z)  # NaN is kept
-    s = np.zeros(x.size)
-    add_transposed(qp.G, z_kept, s)
-    add_transposed(qp.A, y, s)
-    z_box, numbers = farkas_numbers((qp.b, qp.h, qp.lb, qp.ub), y, z_kept, s)
-    value, moduli, lam = numbers
-    if not is_clear(value, moduli):
+    found = accepted(qp, (x, y, z), None, tol)
+    if found is None:
         return None
-    y, z, z_box, s = (v / -value for v in (y, z_kept, z_box, s))
-    margin, moduli = tol * lam / -value, moduli / -value
-
-    def proves(units: tuple[np.ndarray, ...]) -> bool:
-        """Tell whether the multipliers pass in units of x, y and z."""
-        d, a, g = units
-        worst = largest((s + z_box) * d)
-        most = max(largest(y / a), largest(z / g), largest(z_box * d))
-        return is_contradiction(worst, most, np.abs(x / d).sum(), margin, moduli)
-
-    if not (proves(ONES) and proves(equilibration(qp, csc_array((x.size, x.size))))):
-        return None
-    point = Point(np.full(x.size, np.nan), y, z, z_box)
-    return point, UNDEFINED._replace(dual=largest(s + z_box))
-
-
-def equilibration(qp: QP, P: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return factors of x, y and z that equilibrate P, A and G.
-
-    Without them a column of tiny entries would have a tiny residual for any y and z,
-    and a variable that counts in large units one for any step along it.
-    """
-    n, p = qp.q.size, qp.b.size
-    A, G = (by_rows(without_zeros(as_sparse(M))) for M in (qp.A, qp.G))
-    kkt = KKT(csc_array(P), A, G)
-    scale = np.ones(kkt.size)
-    equilibrate(kkt.indptr, kkt.indices, kkt.base, scale)
-    return scale[:n], scale[n : n + p], scale[n + p :]
+    point = Point(np.full(x.size, np.nan), *found[0])
+    return point, UNDEFINED._replace(dual=found[2])
 
 
 def accept_dual(
@@ -91,36 +51,11 @@ def accept_dual(
     d is first clipped to the recession cone of the bounds; (x, y, z) is the current
     point, `tol` the absolute tolerance.
     """
-    d = np.where(np.isfinite(qp.ub), np.minimum(d, 0.0), d)
-    d = np.where(np.isfinite(qp.lb), np.maximum(d, 0.0), d)
-    terms = qp.q * d
-    value, moduli = terms.sum(), np.abs(terms).sum()
-    if not is_clear(value, moduli):
+    found = accepted(qp, (x, y, z), d, tol)
+    if found is None:
         return None
-    d, moduli = d / -value, moduli / -value
-    residuals = (
-        times(qp.P, d),
-        times(qp.A, d),
-        np.where(np.isinf(qp.h), 0.0, np.maximum(times(qp.G, d), 0.0)),
-    )
-    matrices = qp.P, qp.A, qp.G
-    left = max(map(uncancelled, matrices, 3 * (d,), residuals))
-    margin = tol * np.abs(d).sum()
-
-    def proves(units: tuple[np.ndarray, ...], sizes: list[float]) -> bool:
-        """Tell whether d passes in units of x, y and z, for points of these sizes."""
-        parts = [largest(u * v) for u, v in zip(units, residuals, strict=True)]
-        error = float(np.dot(parts, sizes))
-        return is_ray(max(parts), largest(d / units[0]), error, margin, moduli, left)
-
-    if not proves(ONES, [max(1.0, np.abs(v).sum()) for v in (x, y, z)]):
-        return None
-    units = equilibration(qp, qp.P)
-    if not proves(units, 3 * [max(1.0, largest(units[0] * qp.q))]):
-        return None
-    point = Point(d, *(np.full(v.size, np.nan) for v in (y, z, d)))
-    dual, *primal = map(largest, residuals)
-    return point, UNDEFINED._replace(primal=max(primal), dual=dual)
+    point = Point(*found[0], *(np.full(v.size, np.nan) for v in (y, z, d)))
+    return point, UNDEFINED._replace(primal=found[1], dual=found[2])
 
 
 def alone(qp: QP, eps_abs: float, eps_rel: float) -> tuple[str, Proof] | None:
@@ -148,12 +83,6 @@ def alone(qp: QP, eps_abs: float, eps_rel: float) -> tuple[str, Proof] | None:
     i = empty[0]
     proof.z[i] = 1.0
     return f"row {i} of G has h = -inf", (proof, NO_RESIDUAL)
-
-
-def uncancelled(M: Any, d: np.ndarray, Md: np.ndarray) -> float:
-    """Return the largest |M d| over |M| |d| row by row: the same in any units."""
-    terms = abs(M) @ np.abs(d)
-    return largest(np.divide(Md, terms, out=np.zeros_like(Md), where=terms > 0.0))
 
 
 def largest(v: np.ndarray) -> float:

@@ -3,9 +3,11 @@
 import cython
 from cython.cimports.libc.math import INFINITY, NAN, fabs
 from cython.cimports.namlcp.linalg.blas import blas_times, blas_times_transposed
-from cython.cimports.namlcp.linalg.vectors import copy
+from cython.cimports.namlcp.linalg.vectors import copy, fill
 from cython.cimports.namlcp.measure import Terms, gap_by_products
-from cython.cimports.namlcp.qp.active.certificates import (
+from cython.cimports.namlcp.qp.acceptance import (
+    Claim,
+    Matrix,
     prove_infeasible,
     prove_unbounded,
 )
@@ -96,13 +98,33 @@ def solve_anew(m, wanted):
 
 def proved(m, found):
     """Turn a candidate for a certificate into one; UNPROVED where it is none."""
+    P: Matrix
+    G: Matrix
+    A: Matrix
+    c: Claim
     if found != CONTRADICTION and found != UNBOUNDED:
         return found
-    numbers = cython.address(m.found)
-    numbers.primal, numbers.dual, numbers.gap = NAN, NAN, NAN
+    numbers, claim = cython.address(m.found), cython.address(c)
+    P.lines, P.width, P.values, P.starts = m.n, m.n, m.P, cython.NULL
+    G.lines, G.width, G.values, G.starts = m.m, m.n, m.G, cython.NULL
+    A.lines, A.width, A.values, A.starts = m.p, m.n, m.A, cython.NULL
+    c.P, c.G, c.A = cython.address(P), cython.address(G), cython.address(A)
+    c.n, c.m, c.p, c.tol = m.n, m.m, m.p, m.eps_abs
+    c.q, c.h, c.b, c.lb, c.ub = m.q, m.h, m.b, m.lb, m.ub
+    c.units, c.largest, c.r = m.best, m.change, m.direction
+    c.primal, c.dual = NAN, NAN
+    if found == CONTRADICTION:
+        done = prove_infeasible(claim, m.x, m.y, m.z, m.z_box)
+        fill(m.x, NAN, m.n)
+    else:
+        done = prove_unbounded(claim, m.x, m.y, m.z, m.z_box)
+        copy(m.z_box, m.x, m.n)
+        fill(m.z_box, NAN, m.n)
+        fill(m.y, NAN, m.p)
+        fill(m.z, NAN, m.m)
+    numbers.primal, numbers.dual, numbers.gap = c.primal, c.dual, NAN
     numbers.primal_size, numbers.dual_size, numbers.gap_size = NAN, NAN, NAN
     numbers.objective = NAN
-    done = prove_infeasible(m) if found == CONTRADICTION else prove_unbounded(m)
     return found if done else UNPROVED
 
 
