@@ -67,7 +67,7 @@ def test_the_text_gives_the_answers_of_the_machine_code(seed):
     qp = random_qp(seed)
     m = of_arrays(plain.module("namlcp.qp.active.dense").DenseActiveSet, *qp)
     plain.module("namlcp.qp.active.engine").make_room(m)
-    code = plain.module("namlcp.qp.active.run").decide(m)
+    code = m.decide()
     settings = Settings(1e-9, 1e-10, 1000, INF)
     found = solve_small(ResultBase, settings, perf_counter(), False, *qp)
     is_decided = isinstance(found, ResultBase)

@@ -1,8 +1,9 @@
 """The compiled modules as plain Python, with checked pointers: the text is the same.
 
-`module("namlcp.qp.active.run")` executes that file of the checkout. What it imports of
-Cython comes from here: pointers know their bounds and begin as NaN, fields of classes
-as 0. Of a .pxd the constants, the structs and the imports are read; C alone has types.
+`module("namlcp.qp.active.dense")` executes that file of the checkout. What it imports
+of Cython comes from here: pointers know their bounds and begin as NaN, fields of
+classes as 0. Of a .pxd the constants, the structs and the imports are read; C alone has
+types.
 """
 
 import ast

@@ -34,11 +34,7 @@ cdef struct Claim:
     double primal
     double dual
 
-cdef bint is_clear(double value, double moduli) noexcept nogil
-cdef bint is_contradiction(double worst, double most, double size, double margin, double moduli) noexcept nogil
-cdef bint is_ray(double worst, double most, double error, double margin, double moduli, double left) noexcept nogil
-cdef bint is_exact(double relative, double moduli) noexcept nogil
-cdef bint suffices(double relative, double error, double margin, bint exact) noexcept nogil
+cdef bint suffices(double worst, double most, double error, double margin, double moduli, bint cancels) noexcept nogil
 cdef void weigh(
     Farkas* found, const double* b, const double* y, Py_ssize_t p, const double* h, const double* z,
     Py_ssize_t m, const double* lb, const double* ub, const double* s, double* z_box, Py_ssize_t n,

@@ -39,45 +39,17 @@ ROUNDED_VALUE = 1e-2
 CANCELLED = 1e-10
 
 
-def is_clear(value, moduli):
-    """Tell whether a value is negative beyond rounding; False for NaN."""
-    return value < -VALUE_ROUNDING * moduli
+def suffices(worst, most, error, margin, moduli, cancels):
+    """Tell whether a certificate is accepted.
 
-
-def is_contradiction(worst, most, size, margin, moduli):
-    """Tell whether multipliers pass as a Farkas certificate.
-
-    worst: the largest residual; most: the largest multiplier; size: |x|_1.
+    worst: its largest residual; most: its largest entry; error: the most that the
+    residual may be at points of the current size; cancels: whether a residual of
+    rounding errors is one.
     """
-    error = RADIUS * max(1.0, size) * worst
-    exact = is_exact(worst / most, moduli)
-    return suffices(worst / most, error + margin, margin, exact)
-
-
-def is_ray(worst, most, error, margin, moduli, left):
-    """Tell whether a direction d passes as a ray.
-
-    worst: the largest |M d|_i of P, A and G; most: that of d; error: the largest of
-    each times the size of x, y and z, added; left: the largest |M d| over |M| |d|.
-    """
-    cancelled: cython.bint = left <= CANCELLED and left * moduli <= ROUNDED_VALUE
-    exact = is_exact(worst / most, moduli) and cancelled
-    return suffices(worst / most, RADIUS * error + margin, margin, exact)
-
-
-def is_exact(relative, moduli):
-    """Tell whether a residual is mere rounding, and has not made the value of -1."""
-    return relative <= EXACT_RESIDUAL and relative * moduli <= ROUNDED_VALUE
-
-
-def suffices(relative, error, margin, exact):
-    """Tell whether a certificate with this relative residual is accepted.
-
-    `error` must be at most 1 for the points within RADIUS; for an exact one `margin`,
-    its part by the tolerance, must be small.
-    """
-    within: cython.bint = relative <= RESIDUAL and error <= 1.0
-    return within or (exact and margin <= MARGIN)
+    relative, radius = worst / most, RADIUS * error + margin
+    within: cython.bint = relative <= RESIDUAL and radius <= 1.0
+    exact: cython.bint = relative <= EXACT_RESIDUAL and margin <= MARGIN
+    return within or (exact and cancels and relative * moduli <= ROUNDED_VALUE)
 
 
 def weigh(found, b, y, p, h, z, m, lb, ub, s, z_box, n):
@@ -123,7 +95,7 @@ def prove_infeasible(c, x, y, z, z_box):
     add_transposed(c.G, z, s)
     add_transposed(c.A, y, s)
     weigh(cython.address(found), c.b, y, p, c.h, z, c.m, c.lb, c.ub, s, z_box, n)
-    if not is_clear(found.value, found.moduli):
+    if not found.value < -VALUE_ROUNDING * found.moduli:
         return False
     factor = -1.0 / found.value
     scale(factor, y, p)
@@ -140,7 +112,8 @@ def prove_infeasible(c, x, y, z, z_box):
         most = max(most, largest_per(y, c.units + n, p))
         most = max(most, largest_per(z, c.units + n + p, c.m))
         margin, moduli = factor * c.tol * found.lam, factor * found.moduli
-        if not is_contradiction(worst, most, sum_per(x, c.units, n), margin, moduli):
+        error = max(1.0, sum_per(x, c.units, n)) * worst
+        if not suffices(worst, most, error, margin, moduli, True):
             return False
     return True
 
@@ -157,7 +130,7 @@ def prove_unbounded(c, x, y, z, d):
             d[j] = 0.0
         value += c.q[j] * d[j]
         moduli += fabs(c.q[j] * d[j])
-    if not is_clear(value, moduli):
+    if not value < -VALUE_ROUNDING * moduli:
         return False
     scale(-1.0 / value, d, n)
     moduli /= -value
@@ -175,6 +148,7 @@ def prove_unbounded(c, x, y, z, d):
         if sizes[k] > 0.0:
             left = max(left, fabs(r[k]) / sizes[k])
     c.dual, c.primal = largest_entry(r, n), largest_entry(r + n, p + m)
+    cancels: cython.bint = left <= CANCELLED and left * moduli <= ROUNDED_VALUE
     units = c.units
     fill(units, 1.0, n + p + m)
     margin = c.tol * sum_per(d, units, n)
@@ -188,7 +162,7 @@ def prove_unbounded(c, x, y, z, d):
         row = largest_in(r + n + p, units + n + p, m)
         error = cost * of_x + equation * of_y + row * of_z
         worst, most = max(cost, max(equation, row)), largest_per(d, units, n)
-        if not is_ray(worst, most, error, margin, moduli, left):
+        if not suffices(worst, most, error, margin, moduli, cancels):
             return False
     return True
 

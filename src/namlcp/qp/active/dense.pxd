@@ -1,4 +1,4 @@
-from namlcp.qp.active.engine cimport ActiveSet
+from namlcp.qp.active.engine cimport ActiveSet, Code
 
 
 cdef class DenseActiveSet(ActiveSet):
@@ -20,6 +20,7 @@ cdef class DenseActiveSet(ActiveSet):
 
 
 cdef double PSD_SLACK, MOST_SPREAD, ROUNDING_UNIT, DEPENDENT_EQUATION, FIXED
+cdef double CONTRADICTED, LEFT, LESS_RHO, MORE_RHO
 cdef enum:
     MOST_EQUATIONS = 2
     MOST_ROWS = 2
@@ -40,3 +41,10 @@ cdef void set_unit_load(DenseActiveSet m, Py_ssize_t row, double* rhs) noexcept 
 cdef void prepare(DenseActiveSet m) noexcept nogil
 cdef Py_ssize_t violated_rows(DenseActiveSet m, double* values, Py_ssize_t* rows) noexcept nogil
 cdef void make_all(DenseActiveSet m, const Py_ssize_t* rows, Py_ssize_t k, double* space) noexcept nogil
+cdef Code solve_anew(DenseActiveSet m, double wanted) noexcept nogil
+cdef Code solve_dense(DenseActiveSet m) noexcept nogil
+cdef Code sum_anew(DenseActiveSet m) noexcept nogil
+cdef Code proved(DenseActiveSet m, Code found) noexcept nogil
+cdef double equation_error(DenseActiveSet m, Py_ssize_t i, const double* x) noexcept nogil
+cdef bint contradicts_equations(DenseActiveSet m) noexcept nogil
+cdef bint leaves_equations(DenseActiveSet m) noexcept nogil

@@ -10,14 +10,17 @@ but lose about half as many digits (Higham, Accuracy and Stability of Numerical
 Algorithms, 2nd ed., chapter 14). An equation that depends on those before it has the
 multiplier 0.
 
-In place of a P without a good factor is P + W, with the W of `weight`, and the QP is
-solved by `proximal`.
+In place of a P without a good factor is P + W, with W, and the QP is solved as in
+`proximal`.
 """
 
 import cython
-from cython.cimports.libc.math import INFINITY, fabs, sqrt
+from cython import Py_ssize_t
+from cython.cimports.libc.math import INFINITY, NAN, fabs, sqrt
 from cython.cimports.libc.stdlib import free, malloc
 from cython.cimports.namlcp.linalg.blas import (
+    blas_times,
+    blas_times_transposed,
     cholesky,
     invert_lower,
     times,
@@ -38,13 +41,41 @@ from cython.cimports.namlcp.linalg.vectors import (
     fill,
     largest_entry,
 )
+from cython.cimports.namlcp.measure import Terms, gap_by_products
+from cython.cimports.namlcp.qp.acceptance import (
+    Claim,
+    Matrix,
+    prove_infeasible,
+    prove_unbounded,
+)
 from cython.cimports.namlcp.qp.active.engine import (
+    CONTRADICTION,
+    DONE,
+    FAULTY,
+    STUCK,
+    SUMMED,
+    UNBOUNDED,
+    UNPROVED,
+    UNSUITED,
     claim_place,
     forget_responses,
     lay_out_rows,
     reals,
 )
-from cython.cimports.namlcp.qp.active.weight import NO_WEIGHT, set_shape, wanted_rho
+from cython.cimports.namlcp.qp.active.judgement import (
+    are_within,
+    is_faulty,
+    measure_point,
+    set_terms,
+)
+from cython.cimports.namlcp.qp.active.proximal import (
+    NO_WEIGHT,
+    RHO,
+    refine_contradiction,
+    set_shape,
+    solve_at_hand,
+    wanted_rho,
+)
 
 from namlcp.linalg import definite
 
@@ -60,6 +91,12 @@ DEPENDENT_EQUATION = 1e-11
 # Curvature of a row of norm 1, over the largest entry of P^-1, up to which the
 # equations fix the row: rounding errors for the largest spread are smaller.
 FIXED = 1e-12
+# Residual of a dependent equation over its terms from which on it contradicts others,
+# and the one up to which one that was left out is called dependent.
+CONTRADICTED, LEFT = 1e-9, 1e-11
+# Other values of m.wanted: where too many rounds were needed, and where rounding errors
+# were too large.
+LESS_RHO, MORE_RHO = 1e-2 * RHO, 1e2 * RHO
 # MOST_EQUATIONS: most equations for a variable, and for two more. MOST_ROWS: most rows
 # for a variable for which responses are made before they are asked for.
 
@@ -101,6 +138,24 @@ class DenseActiveSet(ActiveSet):
 
     def times_cost(self, x, Px):
         times_rows(self.P, self.n, self.n, self.n, x, Px)
+
+    def decide(self):
+        """Solve the QP at hand, if need be with another W, see `proximal`.
+
+        Without W, rounding errors are to blame; with W, these or too many rounds.
+        """
+        are_hinted: cython.bint = self.hints > 0
+        found = proved(self, solve_dense(self))
+        if are_hinted and (found == STUCK or found == UNPROVED):
+            found = solve_anew(self, self.wanted)  # as a wrong guess may mislead
+        if (found != STUCK and found != UNPROVED) or self.wanted != 0.0:
+            return found
+        if self.pivots > self.max_iter or self.operations > self.most_operations:
+            return found
+        # Where P is definite, a small W leaves little to the passes; where rows seem to
+        # contradict each other by rounding, it is too small.
+        is_long: cython.bint = found == STUCK and (self.rho == 0.0 or self.rounds > 1)
+        return solve_anew(self, LESS_RHO if is_long else MORE_RHO)
 
 
 # ---- the factors
@@ -339,3 +394,137 @@ def make_all(m, rows, k, space):
         values = claim_place(m, rows[i])
         copy(W + i * m.m, values, m.m)
         copy(C + i * n, values + m.m, n)
+
+
+# ---- a whole solve
+
+
+def solve_anew(m, wanted):
+    """Solve the same QP from nothing, with the W wanted."""
+    m.wanted, m.is_ready = wanted, False
+    m.k, m.kept_k, m.hints = 0, 0, 0
+    return proved(m, solve_dense(m))
+
+
+def solve_dense(m):
+    """Solve the QP at the pointers of m; certificates are candidates."""
+    m.pivots = 0
+    if is_faulty(m):
+        return FAULTY
+    if not m.is_ready:
+        if not set_up(m):
+            return UNSUITED
+        m.is_ready = True
+        if m.is_large and m.is_single and m.rho == 0.0:
+            prepare(m)
+    if m.rho != 0.0 and m.rho != wanted_rho(m) and not set_up(m):
+        return UNSUITED
+    if m.skipped > 0 and contradicts_equations(m):
+        return CONTRADICTION
+    found = solve_at_hand(m)
+    if found == SUMMED:
+        found = sum_anew(m)
+    if found == DONE and m.skipped > 0 and leaves_equations(m):
+        return UNSUITED
+    return found
+
+
+def sum_anew(m):
+    """Measure the point with sums in the order of the data: DONE or STUCK.
+
+    They are those of `qp_residuals`, which takes them from NumPy and thus from BLAS.
+    """
+    n = m.n
+    t: Terms
+    blas_times(m.P, n, n, m.x, m.Px)
+    blas_times(m.G, m.m, n, m.x, m.Gx)
+    blas_times(m.A, m.p, n, m.x, m.Ax)
+    blas_times_transposed(m.G, m.m, n, m.z, m.Gtz)
+    blas_times_transposed(m.A, m.p, n, m.y, m.Aty)
+    measure_point(m)
+    set_terms(m, cython.address(t))
+    m.found.gap = fabs(gap_by_products(cython.address(t), m.change, m.direction))
+    return DONE if are_within(m, 0.0) else STUCK
+
+
+def proved(m, found):
+    """Turn a candidate for a certificate into one; UNPROVED where it is none."""
+    P: Matrix
+    G: Matrix
+    A: Matrix
+    c: Claim
+    if found != CONTRADICTION and found != UNBOUNDED:
+        return found
+    numbers, claim = cython.address(m.found), cython.address(c)
+    P.lines, P.width, P.values, P.starts = m.n, m.n, m.P, cython.NULL
+    G.lines, G.width, G.values, G.starts = m.m, m.n, m.G, cython.NULL
+    A.lines, A.width, A.values, A.starts = m.p, m.n, m.A, cython.NULL
+    c.P, c.G, c.A = cython.address(P), cython.address(G), cython.address(A)
+    c.n, c.m, c.p, c.tol = m.n, m.m, m.p, m.eps_abs
+    c.q, c.h, c.b, c.lb, c.ub = m.q, m.h, m.b, m.lb, m.ub
+    c.units, c.largest, c.r = m.best, m.change, m.direction
+    c.primal, c.dual = NAN, NAN
+    if found == CONTRADICTION:
+        done = prove_infeasible(claim, m.x, m.y, m.z, m.z_box)
+        fill(m.x, NAN, m.n)
+    else:
+        done = prove_unbounded(claim, m.x, m.y, m.z, m.z_box)
+        copy(m.z_box, m.x, m.n)
+        fill(m.z_box, NAN, m.n)
+        fill(m.y, NAN, m.p)
+        fill(m.z, NAN, m.m)
+    numbers.primal, numbers.dual, numbers.gap = c.primal, c.dual, NAN
+    numbers.primal_size, numbers.dual_size, numbers.gap_size = NAN, NAN, NAN
+    numbers.objective = NAN
+    return found if done else UNPROVED
+
+
+def equation_error(m, i, x):
+    """Return the residual of an equation over the moduli of its terms."""
+    row = m.A + i * m.n
+    rest, size = -m.b[i], fabs(m.b[i])
+    for j in range(m.n):
+        rest += row[j] * x[j]
+        size += fabs(row[j] * x[j])
+    return fabs(rest) / size if size > 0.0 else 0.0
+
+
+def contradicts_equations(m):
+    """Tell whether a dependent equation contradicts the others: y is the candidate.
+
+    It contradicts them where the solution of these violates it.
+    """
+    fill(m.rhs, 0.0, m.n)
+    copy(m.b, m.rhs + m.n, m.p)
+    m.set_values(m.rhs, m.s)
+    at: Py_ssize_t = -1
+    worst = CONTRADICTED
+    for i in range(m.p):
+        error = equation_error(m, i, m.s + m.m)
+        if error > worst:
+            worst, at = error, i
+    if at < 0:
+        return False
+    copy(m.s + m.m, m.x, m.n)
+    fill(m.y, 0.0, m.p)
+    fill(m.z, 0.0, m.m)
+    fill(m.z_box, 0.0, m.n)
+    m.y[at] = 1.0
+    k, m.k, m.entering = m.k, 0, -1
+    refine_contradiction(m)
+    m.k = k
+    if dot(m.b, m.y, m.p) > 0.0:
+        for i in range(m.p):
+            m.y[i] = -m.y[i]
+    return True
+
+
+def leaves_equations(m):
+    """Tell whether the point violates an equation by more than rounding.
+
+    Then one that was left out depends on the others but for a small part.
+    """
+    for i in range(m.p):
+        if equation_error(m, i, m.x) > LEFT:
+            return True
+    return False

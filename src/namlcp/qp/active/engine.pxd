@@ -18,8 +18,7 @@ cpdef enum Code:
     # UNSUITED: as its matrices are not suited; FAULTY: as a number is not allowed, or two
     # sides are opposed. SUMMED: as DONE, but the terms are so large that the order of
     # their sums matters. CONTRADICTION, UNBOUNDED: there is a candidate for a certificate;
-    # of a dense QP at last the certificate itself, else UNPROVED. OTHER_WEIGHT: W has to
-    # be made anew, see `sparse`.
+    # of a dense QP at last the certificate itself, else UNPROVED.
     DONE
     CONTRADICTION
     LATE
@@ -29,7 +28,6 @@ cpdef enum Code:
     SUMMED
     UNBOUNDED
     UNPROVED
-    OTHER_WEIGHT
 
 
 cdef class ActiveSet(Watched):
@@ -90,7 +88,7 @@ cdef class ActiveSet(Watched):
         double *change
         double *best
         double *best_multiplier
-        # Of `proximal`: W, what it is made of, see `weight`; the centre of a round; the
+        # Of `proximal`: W, what it is made of; the centre of a round; the
         # direction of conjugate gradients with the values of rows, and P times it.
         double *weight
         double *shape
@@ -129,6 +127,7 @@ cdef class ActiveSet(Watched):
         readonly int code
 
     cdef void lay_out(self) noexcept nogil
+    cdef Code decide(self) noexcept nogil
     cdef void set_values(self, const double* rhs, double* values) noexcept nogil
     cdef void make_response(self, Py_ssize_t row) noexcept nogil
     cdef void set_products(self, bint is_base) noexcept nogil

@@ -75,6 +75,10 @@ class ActiveSet(Watched):
     def lay_out(self):
         """Give every vector its place, for the sizes n, m, p and `most`."""
 
+    def decide(self):
+        """Solve the QP at the pointers; return how that ended."""
+        return UNSUITED
+
     def set_values(self, rhs, values):
         """Set values = (G x, x, y) for (x, y) = K^-1 rhs."""
 

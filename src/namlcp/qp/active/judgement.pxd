@@ -22,3 +22,6 @@ cdef Code judge(ActiveSet m, Code found) noexcept nogil
 cdef void set_contradiction(ActiveSet m) noexcept nogil
 cdef bint is_far(ActiveSet m) noexcept nogil
 cdef double largest_side(const double* side, Py_ssize_t n) noexcept nogil
+cdef bint is_faulty(ActiveSet m) noexcept nogil
+cdef void set_base_values(ActiveSet m) noexcept nogil
+cdef Code follow(ActiveSet m) noexcept nogil

@@ -13,13 +13,21 @@ from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, fill
 from cython.cimports.namlcp.measure import Terms
 from cython.cimports.namlcp.measure import measure as measure_terms
 from cython.cimports.namlcp.qp.active.engine import (
+    CONTRADICTION,
     DONE,
     LATE,
     STUCK,
     SUMMED,
+    VIOLATION_ROUNDING,
+    admit_hints,
+    drop_wrong_signs,
+    finish,
     goal_of,
     is_pinned,
     keep,
+    pivot,
+    recall,
+    size_of,
     subtract_active,
 )
 
@@ -245,3 +253,55 @@ def set_contradiction(m):
             m.z[m.active[i]] = -sign * m.ratio[i]
     if m.entering < m.m:
         m.z[m.entering] = 1.0
+
+
+# ---- a whole solve
+
+
+def is_faulty(m):
+    """Tell whether a number in the vectors is not allowed, or two sides are opposed.
+
+    Not allowed are NaN, infinite entries of q and b, and sides beyond `INFINITE`.
+    """
+    fine: cython.bint = True
+    most = INFINITE
+    for j in range(m.n):
+        fine = fine and fabs(m.q[j]) < INFINITY and m.lb[j] <= m.ub[j]
+        fine = fine and (-most < m.lb[j] < most or m.lb[j] == -INFINITY)
+        fine = fine and (-most < m.ub[j] < most or m.ub[j] == INFINITY)
+    for i in range(m.p):
+        fine = fine and fabs(m.b[i]) < INFINITY
+    for i in range(m.m):
+        fine = fine and (-most < m.h[i] < most or m.h[i] == INFINITY)
+    return not fine
+
+
+def set_base_values(m):
+    """Set s0, the base solution, with the proximal term of the centre if there is W."""
+    for j in range(m.n):
+        m.rhs[j] = -m.q[j]
+    if m.rho != 0.0:
+        for j in range(m.n):
+            m.rhs[j] += m.weight[j] * m.centre[j]
+    copy(m.b, m.rhs + m.n, m.p)
+    m.set_values(m.rhs, m.s0)
+    m.base_size = size_of(m, m.s0)
+
+
+def follow(m):
+    """Solve the QP by `engine`, from the active rows at hand, and judge."""
+    set_base_values(m)
+    m.entering = -1
+    recall(m)
+    admit_hints(m)
+    drop_wrong_signs(m)
+    m.level = VIOLATION_ROUNDING
+    found = pivot(m)
+    if found == STUCK:
+        return STUCK
+    if found == CONTRADICTION:
+        set_contradiction(m)
+        return CONTRADICTION
+    if found == DONE and not finish(m):
+        return STUCK
+    return judge(m, found)

@@ -27,7 +27,6 @@ cdef class NullSpace(DenseActiveSet):
         readonly bint is_free, face_is_kept
 
 
-cdef Code solve_next(NullSpace m) noexcept nogil
 cdef Code solve_on_face(NullSpace m) noexcept nogil
 cdef bint are_most_at_bounds(NullSpace m) noexcept nogil
 cdef bint recall_face(NullSpace m) noexcept nogil

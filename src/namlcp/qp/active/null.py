@@ -31,7 +31,13 @@ from cython.cimports.namlcp.linalg.dense import (
     triangle_solve_transposed,
 )
 from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, dot, fill
-from cython.cimports.namlcp.qp.active.dense import DenseActiveSet, set_unit_load
+from cython.cimports.namlcp.qp.active.dense import (
+    DenseActiveSet,
+    proved,
+    set_unit_load,
+    solve_dense,
+    sum_anew,
+)
 from cython.cimports.namlcp.qp.active.engine import (
     CONTRADICTION,
     DEPENDENT,
@@ -51,8 +57,11 @@ from cython.cimports.namlcp.qp.active.engine import (
     reals,
     remove_place,
 )
-from cython.cimports.namlcp.qp.active.judgement import judge, set_contradiction
-from cython.cimports.namlcp.qp.active.run import is_faulty, solve_dense, sum_anew
+from cython.cimports.namlcp.qp.active.judgement import (
+    is_faulty,
+    judge,
+    set_contradiction,
+)
 
 # LEAST_FREE: least variables for this form; with fewer it would gain nothing.
 
@@ -71,6 +80,27 @@ class NullSpace(DenseActiveSet):
         self.free_part, self.held_part = reals(self, count), reals(self, count)
         self.load, self.slope = reals(self, n), reals(self, n + p)
         self.most_free, self.is_free, self.face_is_kept = count, False, False
+
+    def decide(self):
+        """Solve the next QP with the same matrices, on the face where that is smaller.
+
+        Where that fails, the active rows of the last solved QP are a hint for the other
+        form, which has no factor of theirs.
+        """
+        if self.is_free and self.is_ready and self.kept_k > 0 and self.hints == 0:
+            self.on_face = True
+            found = solve_on_face(self)
+            self.on_face = False
+            if found == SUMMED:
+                found = sum_anew(self)
+            self.face_is_kept = found == DONE
+            if found != STUCK:
+                return proved(self, found)
+            self.hints, self.kept_k = self.kept_k, 0
+        found = proved(self, solve_dense(self))
+        self.is_free = found == DONE and self.rho == 0.0 and are_most_at_bounds(self)
+        self.face_is_kept = False
+        return found
 
     def set_values(self, rhs, values):
         """On the face: set the change of the point for its residuals, without G x."""
@@ -159,28 +189,6 @@ class NullSpace(DenseActiveSet):
             DenseActiveSet.set_point_values(self)
             return
         times_rows(self.G, self.m, self.n, self.n, self.s + self.m, self.s)
-
-
-def solve_next(m):
-    """Solve the next QP with the same matrices, on the face where that is smaller.
-
-    Where that fails, the active rows of the last solved QP are a hint for the other
-    form, which has no factor of theirs.
-    """
-    if m.is_free and m.is_ready and m.kept_k > 0 and m.hints == 0:
-        m.on_face = True
-        found = solve_on_face(m)
-        m.on_face = False
-        if found == SUMMED:
-            found = sum_anew(m)
-        m.face_is_kept = found == DONE
-        if found != STUCK:
-            return found
-        m.hints, m.kept_k = m.kept_k, 0
-    found = solve_dense(m)
-    m.is_free = found == DONE and m.rho == 0.0 and are_most_at_bounds(m)
-    m.face_is_kept = False
-    return found
 
 
 def solve_on_face(m):

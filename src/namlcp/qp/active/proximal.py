@@ -1,6 +1,6 @@
 """QPs whose P has no good factor: proximal rounds, and faces within them.
 
-With P + W in place of P, W = rho D as in `weight`, the base problem has a factor. A
+With P + W in place of P, W = rho D, the base problem has a factor. A
 round with the centre c, at first 0,
 
 1. minimises 1/2 x'Px + q'x + 1/2 (x - c)'W(x - c) by `engine`, from the active rows of
@@ -14,13 +14,23 @@ feasible and the cost falls from round to round, so that no F comes back (Rockaf
 SIAM J. Control Optim. 14 (1976) 877-898). The answer depends on the data alone, as c =
 0 at the beginning of every solve.
 
+D is the diagonal of P, with the geometric mean of its positive entries in place of the
+others, and rho a multiple of
+
+    max(1, tau),   tau = max |q_j| / sqrt(D_j)  over  mean |d_i| / |D^-1/2 c_i|:
+
+in variables scaled by sqrt(D), the largest slope over the geometric mean of the
+distances of all planes c_i x = d_i from 0, that is the curvature which has its minimum
+about as far away as they are. With P = 0 that is tau alone. A power of 16 in its place
+lets rho be the same for most QPs with the same matrices. Norms of rows and sizes of x
+are those in the scaled variables, too.
+
 Candidates for certificates, of equations and rows, are refined on the data.
 """
 
 import cython
-from cython import Py_ssize_t
-from cython.cimports.libc.math import fabs
-from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, dot, fill
+from cython.cimports.libc.math import INFINITY, exp, fabs, floor, log, sqrt
+from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, fill
 from cython.cimports.namlcp.qp.active.engine import (
     CONTRADICTION,
     DONE,
@@ -33,28 +43,41 @@ from cython.cimports.namlcp.qp.active.engine import (
     hold_active,
     pivot,
     recall,
-    size_of,
 )
 from cython.cimports.namlcp.qp.active.face import FACE_SOLVED, LOST, RAY, descend
 from cython.cimports.namlcp.qp.active.judgement import (
     are_within,
     clip_point,
+    follow,
     measure,
+    set_base_values,
     set_contradiction,
     set_point,
     verdict,
 )
 
-# Residual of a dependent equation over its terms from which on it contradicts others,
-# and the one up to which one that was left out is called dependent.
-CONTRADICTED, LEFT = 1e-9, 1e-11
 # Dual residual over its terms that shows a multiplier of the wrong sign.
 WRONG = 1e-14
+# rho over that power of 16, if no other is asked for; the value of m.wanted without any
+# weight.
+RHO, NO_WEIGHT = 1e-4, -1.0
+# Diagonal entry of P, over the largest one, up to which it counts as 0.
+LEAST_SHAPE = 1e-36
+# The curvature is between this number and its inverse.
+LEAST_CURVATURE = 1e-100
 # MOST_ROUNDS: rounds at most. REFINEMENTS: passes of refinement of multipliers.
 
 
+def solve_at_hand(m):
+    """Solve the QP at the pointers of m, whose factors are there."""
+    found = solve_by_rounds(m) if m.rho != 0.0 else follow(m)
+    if found == CONTRADICTION:
+        refine_contradiction(m)
+    return found
+
+
 def solve_by_rounds(m):
-    """Solve the QP at the pointers of m; after UNBOUNDED z_box has a ray."""
+    """Solve a QP with W; after UNBOUNDED z_box has a ray."""
     fill(m.centre, 0.0, m.n)
     set_base_values(m)
     m.rounds, m.retries = 0, RETRIES
@@ -74,15 +97,6 @@ def solve_by_rounds(m):
             copy(m.s + m.m, m.centre, m.n)
             set_base_values(m)
     return found
-
-
-def set_base_values(m):
-    """Set s0, the base solution with the proximal term of this centre."""
-    for j in range(m.n):
-        m.rhs[j] = m.weight[j] * m.centre[j] - m.q[j]
-    copy(m.b, m.rhs + m.n, m.p)
-    m.set_values(m.rhs, m.s0)
-    m.base_size = size_of(m, m.s0)
 
 
 def try_old_face(m):
@@ -166,52 +180,55 @@ def refine_contradiction(m):
         add_scaled(1.0, m.change + m.rows, m.y, m.p)
 
 
-def equation_error(m, i, x):
-    """Return the residual of an equation over the moduli of its terms."""
-    row = m.A + i * m.n
-    rest, size = -m.b[i], fabs(m.b[i])
+# ---- the weights
+
+
+def set_shape(m):
+    """Make m.shape, the diagonal of P in it, that of D; set the norms of x.
+
+    m.largest is the largest diagonal entry of P.
+    """
+    total, count = 0.0, 0
     for j in range(m.n):
-        rest += row[j] * x[j]
-        size += fabs(row[j] * x[j])
-    return fabs(rest) / size if size > 0.0 else 0.0
+        if m.shape[j] > LEAST_SHAPE * m.largest:
+            total += log(m.shape[j])
+            count += 1
+    mean = exp(total / max(count, 1))
+    for j in range(m.n):
+        if not m.shape[j] > LEAST_SHAPE * m.largest:
+            m.shape[j] = mean
+        m.scale[m.m + j] = sqrt(m.shape[j])
 
 
-def contradicts_equations(m):
-    """Tell whether a dependent equation contradicts the others: y is the candidate.
+def wanted_rho(m):
+    """Return rho for the vectors at hand."""
+    tau = typical_curvature(m)
+    if m.largest > 0.0 or not tau > 0.0:
+        tau = max(1.0, tau)
+    tau = min(max(tau, LEAST_CURVATURE), 1.0 / LEAST_CURVATURE)
+    factor = m.wanted if m.wanted > 0.0 else RHO
+    return factor * 16.0 ** floor(log(tau) / log(16.0))
 
-    It contradicts them where the solution of these violates it.
-    """
-    fill(m.rhs, 0.0, m.n)
-    copy(m.b, m.rhs + m.n, m.p)
-    m.set_values(m.rhs, m.s)
-    at: Py_ssize_t = -1
-    worst = CONTRADICTED
+
+def typical_curvature(m):
+    """Return tau."""
+    sum: Logarithms
+    largest = 0.0
+    sum.total, sum.count = 0.0, 0
+    for i in range(m.m):
+        add_log(cython.address(sum), m.h[i] * m.scale[i])
     for i in range(m.p):
-        error = equation_error(m, i, m.s + m.m)
-        if error > worst:
-            worst, at = error, i
-    if at < 0:
-        return False
-    copy(m.s + m.m, m.x, m.n)
-    fill(m.y, 0.0, m.p)
-    fill(m.z, 0.0, m.m)
-    fill(m.z_box, 0.0, m.n)
-    m.y[at] = 1.0
-    k, m.k, m.entering = m.k, 0, -1
-    refine_contradiction(m)
-    m.k = k
-    if dot(m.b, m.y, m.p) > 0.0:
-        for i in range(m.p):
-            m.y[i] = -m.y[i]
-    return True
+        add_log(cython.address(sum), m.b[i] * m.reach[i])
+    for j in range(m.n):
+        root = m.scale[m.m + j]
+        add_log(cython.address(sum), m.lb[j] * root)
+        add_log(cython.address(sum), m.ub[j] * root)
+        largest = max(largest, fabs(m.q[j]) / root)
+    return largest / exp(sum.total / max(sum.count, 1))
 
 
-def leaves_equations(m):
-    """Tell whether the point violates an equation by more than rounding.
-
-    Then one that was left out depends on the others but for a small part.
-    """
-    for i in range(m.p):
-        if equation_error(m, i, m.x) > LEFT:
-            return True
-    return False
+def add_log(sum, side):
+    """Add the logarithm of one distance, unless it is 0 or means no constraint."""
+    if 0.0 < fabs(side) < INFINITY:
+        sum.total += log(fabs(side))
+        sum.count += 1

@@ -29,18 +29,15 @@ from cython.cimports.namlcp.qp.active.dense import DenseActiveSet
 from cython.cimports.namlcp.qp.active.engine import (
     CONTRADICTION,
     DONE,
-    OTHER_WEIGHT,
     UNBOUNDED,
     claim_place,
     forget_responses,
     make_room,
     response_of,
 )
-from cython.cimports.namlcp.qp.active.judgement import is_within
-from cython.cimports.namlcp.qp.active.null import NullSpace, solve_next
-from cython.cimports.namlcp.qp.active.run import INFINITE, decide, proved
-from cython.cimports.namlcp.qp.active.sparse import SparseActiveSet, solve_sparse
-from cython.cimports.namlcp.qp.active.weight import NO_WEIGHT
+from cython.cimports.namlcp.qp.active.judgement import INFINITE, is_within
+from cython.cimports.namlcp.qp.active.null import NullSpace
+from cython.cimports.namlcp.qp.active.proximal import NO_WEIGHT
 from cython.cimports.namlcp.qp.intake import is_finite
 from cython.cimports.namlcp.result_base import (
     Numbers,
@@ -118,20 +115,8 @@ def run(m):
     z_box = new_vector(m.n)
     m.point = x, y, z, z_box
     m.x, m.y, m.z, m.z_box = data_of(x), data_of(y), data_of(z), data_of(z_box)
-    if isinstance(m, SparseActiveSet):
-        with cython.nogil:
-            m.code = solve_sparse(cython.cast(SparseActiveSet, m))
-        if m.code == OTHER_WEIGHT:
-            cython.cast(SparseActiveSet, m).weigh()
-            with cython.nogil:
-                m.code = solve_sparse(cython.cast(SparseActiveSet, m))
-    elif isinstance(m, NullSpace):
-        with cython.nogil:
-            found = solve_next(cython.cast(NullSpace, m))
-            m.code = proved(cython.cast(NullSpace, m), found)
-    else:
-        with cython.nogil:
-            m.code = decide(cython.cast(DenseActiveSet, m))
+    with cython.nogil:
+        m.code = m.decide()
     raise_kept(m)
     return 0
 
@@ -511,7 +496,7 @@ def solve_items(
             m.kept_k, m.hints = 0, 0
             m.is_ready = m.is_ready and m.wanted == wanted and not has_new_matrices
             m.wanted = wanted
-            code[i] = decide(m)
+            code[i] = m.decide()
             count[i] = m.pivots
             cython.cast(cython.pointer(Numbers), out[4])[i] = m.found
             if m.interrupted:

@@ -1,5 +1,5 @@
 from namlcp.linalg.sparse_ldl cimport SparseFactors
-from namlcp.qp.active.engine cimport ActiveSet, Code
+from namlcp.qp.active.engine cimport ActiveSet
 
 
 cdef class SparseActiveSet(ActiveSet):
@@ -32,7 +32,7 @@ cdef enum:
     MOST_LENGTH = 20_000
     MOST_PASSES = 4
 
-cdef Code solve_sparse(SparseActiveSet m) noexcept nogil
+cdef bint is_weighed(SparseActiveSet m, double rho) noexcept nogil
 cdef void solve_base(SparseActiveSet m, const double* rhs, double* u, Py_ssize_t passes) noexcept nogil
 cdef void subtract_product(SparseActiveSet m, const double* u, double* r) noexcept nogil
 cdef void times_rows(SparseActiveSet m, const double* x, double* Gx) noexcept nogil

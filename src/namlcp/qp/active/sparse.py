@@ -10,7 +10,7 @@ pivoting. A solve with K is a solve with K~ and `passes` of iterative refinement
 held by its upper triangle in CSC, as in `qp.kkt`: column n + i is row i of A, and the
 diagonal is the last entry of a column. G is held by rows.
 
-Where P and A together do not determine x, P + W takes the place of P, see `weight`.
+Where P and A together do not determine x, P + W takes the place of P, see `proximal`.
 """
 
 import cython
@@ -21,9 +21,7 @@ from cython.cimports.namlcp.linalg.arrays import data_of, numbers, places
 from cython.cimports.namlcp.linalg.sparse_ldl import SparseFactors
 from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, fill
 from cython.cimports.namlcp.qp.active.engine import (
-    CONTRADICTION,
     FAULTY,
-    OTHER_WEIGHT,
     UNSUITED,
     claim_place,
     forget_responses,
@@ -31,12 +29,12 @@ from cython.cimports.namlcp.qp.active.engine import (
     make_room,
     reals,
 )
+from cython.cimports.namlcp.qp.active.judgement import is_faulty
 from cython.cimports.namlcp.qp.active.proximal import (
-    refine_contradiction,
-    solve_by_rounds,
+    set_shape,
+    solve_at_hand,
+    wanted_rho,
 )
-from cython.cimports.namlcp.qp.active.run import follow, is_faulty
-from cython.cimports.namlcp.qp.active.weight import set_shape, wanted_rho
 from scipy.sparse import csr_array
 
 from namlcp.linalg import by_rows
@@ -124,6 +122,18 @@ class SparseActiveSet:
     def set_row_products(self):
         self.set_products(False)
 
+    def decide(self):
+        self.pivots = 0
+        if not self.is_ready:
+            return UNSUITED
+        if is_faulty(self):
+            return FAULTY
+        if self.rho != 0.0:
+            rho = wanted_rho(self)
+            if self.rho != rho and not is_weighed(self, rho):
+                return UNSUITED
+        return solve_at_hand(self)
+
     def times_cost(self, x, Px):
         indptr, indices, base = self.indptr, self.indices, self.base
         for j in range(self.n):
@@ -172,14 +182,6 @@ class SparseActiveSet:
         set_norms(self)
         forget_responses(self)
 
-    def weigh(self):
-        """Factor P + W, in the place of P, with the W for rho."""
-        for j in range(self.n):
-            self.weight[j] = self.rho * self.shape[j]
-            self.base[self.indptr[j + 1] - 1] = self.cost[j] + self.weight[j]
-        self.is_ready = self.factor_and_try()
-        forget_responses(self)
-
     def factor_and_try(self):
         """Factor K~ and choose the passes of refinement by a trial solve.
 
@@ -196,23 +198,23 @@ class SparseActiveSet:
         return error <= REACHED
 
 
-def solve_sparse(m):
-    """Solve the QP at the pointers of m. OTHER_WEIGHT: `weigh`, then call again."""
-    m.pivots = 0
-    if not m.is_ready:
-        return UNSUITED
-    if is_faulty(m):
-        return FAULTY
-    if m.rho == 0.0:
-        return follow(m)
-    rho = wanted_rho(m)
-    if m.rho != rho:
-        m.rho = rho
-        return OTHER_WEIGHT
-    found = solve_by_rounds(m)
-    if found == CONTRADICTION:
-        refine_contradiction(m)
-    return found
+def is_weighed(m, rho):
+    """Factor P + W, in the place of P; tell whether that allows accurate solves.
+
+    Apart from `decide`, as a function with a block like this takes the GIL whenever it
+    ends.
+    """
+    m.rho = rho
+    for j in range(m.n):
+        m.weight[j] = rho * m.shape[j]
+        m.base[m.indptr[j + 1] - 1] = m.cost[j] + m.weight[j]
+    with cython.gil:
+        try:
+            m.is_ready = m.factor_and_try()
+        except MemoryError:
+            m.is_ready = False
+    forget_responses(m)
+    return m.is_ready
 
 
 # ---- the operator
