@@ -13,25 +13,23 @@ cpdef enum:
 cdef object SOLVED, DUAL, clock
 cdef double MOST_OPERATIONS, FEW_OPERATIONS, ACTIVE
 
-cdef double now()
 cdef Py_ssize_t filled(const double* values, Py_ssize_t count) noexcept nogil
 cdef bint are_full(DenseActiveSet m) noexcept nogil
 cdef void take_settings(ActiveSet m, Settings settings, double until)
 cdef int run(ActiveSet m) except -1
 cdef object result_of(ActiveSet m, object kind, object problem, double start, double ready)
-cdef Py_ssize_t rows_of(object C, object d, Py_ssize_t n)
+cdef Py_ssize_t height_of(object C, object d, Py_ssize_t n)
 cdef bint is_bound(object side, Py_ssize_t n)
-cdef void set_bounds(DenseActiveSet m, object lb, object ub)
+cdef const double* bound_at(object side, double* place, Py_ssize_t n, double value)
 cdef void set_limits(DenseActiveSet m) noexcept nogil
 cdef object tiny_form(object C, Py_ssize_t n)
 cdef bint is_certain(DenseActiveSet m) noexcept nogil
 cdef double norm(const double* v, Py_ssize_t n) noexcept nogil
 cdef unsigned long long stamp_of(DenseActiveSet m, tuple matrices)
-cdef void hint(ActiveSet m, Py_ssize_t row, int side) noexcept
-cdef bint suggest_rows_at(DenseActiveSet m, object x0)
+cdef void suggest_signs(ActiveSet m, const double* z, const double* z_box) noexcept
+cdef bint suggest_point(DenseActiveSet m, object x0)
 cdef bint is_met(double side, double value) noexcept
-cdef bint suggest_rows_of(DenseActiveSet m, object point)
+cdef bint suggest_solution(DenseActiveSet m, object point)
 cdef bint is_vector(object value, Py_ssize_t size)
-cdef void drop_too_many(ActiveSet m) noexcept
 cdef void place_of_vectors(ActiveSet m, object vectors)
 cdef bint put(object value, double* place, Py_ssize_t size, double infinity)

@@ -16,7 +16,6 @@ from cython.cimports.libc.math import INFINITY, fabs, sqrt
 from cython.cimports.namlcp.limits import Settings
 from cython.cimports.namlcp.linalg.arrays import (
     NO_ENTRIES,
-    are_places,
     data_of,
     fits,
     new_vector,
@@ -38,7 +37,7 @@ from cython.cimports.namlcp.qp.active.engine import (
 from cython.cimports.namlcp.qp.active.judgement import INFINITE, is_within
 from cython.cimports.namlcp.qp.active.null import NullSpace
 from cython.cimports.namlcp.qp.active.proximal import NO_WEIGHT
-from cython.cimports.namlcp.qp.intake import is_finite
+from cython.cimports.namlcp.qp.intake import is_finite, rows_of
 from cython.cimports.namlcp.result_base import (
     Numbers,
     ResultBase,
@@ -46,7 +45,6 @@ from cython.cimports.namlcp.result_base import (
     residuals_of,
 )
 from cython.cimports.namlcp.watch import begin_watch, raise_kept
-from scipy.sparse import csc_array, csc_matrix
 
 from namlcp.qp import guess
 from namlcp.status import Status
@@ -74,11 +72,6 @@ OUTCOMES = {
 MOST_OPERATIONS, FEW_OPERATIONS = 4.0, 2e8
 # Largest slack of a row that counts as active at a point, relative.
 ACTIVE = guess.ACTIVE
-
-
-def now():
-    """Return the time of time.perf_counter()."""
-    return clock()
 
 
 def filled(values, count):
@@ -131,18 +124,17 @@ def result_of(m, kind, problem, start, ready):
         result.status = OUTCOMES[m.code]
         result.obj = INFINITY if m.code == CONTRADICTION else -INFINITY
     result.iterations, result.problem = m.pivots, problem
-    result.setup_time, result.solve_time = ready - start, now() - ready
+    result.setup_time, result.solve_time = ready - start, clock() - ready
     return result
 
 
-def rows_of(C, d, n):
+def height_of(C, d, n):
     """Return the rows of a clean pair like G and h with n columns, -1 if it is none."""
     if not (fits(C, 2) and fits(d, 1)):
         return -1
     rows = cnp.PyArray_DIM(d, 0)
-    if cnp.PyArray_DIM(C, 0) != rows or cnp.PyArray_DIM(C, 1) != n:
-        return -1
-    return rows
+    is_pair: cython.bint = cnp.PyArray_DIM(C, 0) == rows and cnp.PyArray_DIM(C, 1) == n
+    return rows if is_pair else -1
 
 
 def is_bound(side, n):
@@ -170,10 +162,10 @@ def solve_small(
     if is_sparse:
         P, G, A = tiny_form(P, n), tiny_form(G, n), tiny_form(A, n)
     if G is not None or h is not None:
-        rows = rows_of(G, h, n)
+        rows = height_of(G, h, n)
     if A is not None or b is not None:
-        p = rows_of(A, b, n)
-    if rows_of(P, q, n) < 0 or rows < 0 or p < 0 or n + rows + p > MOST_ORDER:
+        p = height_of(A, b, n)
+    if height_of(P, q, n) < 0 or rows < 0 or p < 0 or n + rows + p > MOST_ORDER:
         return None
     if not (is_bound(lb, n) and is_bound(ub, n)) or (n > MOST_BOX and rows + p == 0):
         return None
@@ -188,15 +180,16 @@ def solve_small(
     if p > 0:
         m.A, m.b = data_of(A), data_of(b)
     make_room(m)
-    set_bounds(m, lb, ub)
+    m.lb = bound_at(lb, m.no_bound, n, -INFINITY)
+    m.ub = bound_at(ub, m.no_bound + n, n, INFINITY)
     set_limits(m)
     take_settings(m, settings, start + settings.time_limit)
     if warm_start is not None:
-        if not suggest_rows_of(m, warm_start):
+        if not suggest_solution(m, warm_start):
             return None
-    elif x0 is not None and not suggest_rows_at(m, x0):
+    elif x0 is not None and not suggest_point(m, x0):
         return None
-    ready = now()
+    ready: cython.double = clock()
     run(m)
     if m.code != DONE and m.code not in OUTCOMES:
         return m
@@ -214,31 +207,17 @@ def tiny_form(C, n):
 
     The same where there is no such matrix.
     """
-    if type(C) is not csc_array and type(C) is not csc_matrix:
+    if cnp.PyArray_CheckExact(C) or n * n > TINY_ENTRIES:
         return None
-    data, indices, indptr = C.data, C.indices, C.indptr
-    if not (fits(data, 1) and are_places(indices) and are_places(indptr)):
+    rows: Py_ssize_t = rows_of(C, n, False)
+    if rows < 0 or n * (n + rows) > TINY_ENTRIES:
         return None
-    if cnp.PyArray_DIM(indptr, 0) != n + 1 or n * n > TINY_ENTRIES:
-        return None
-    rows: Py_ssize_t = C.shape[0]
-    nnz: Py_ssize_t = cnp.PyArray_DIM(data, 0)
-    if n * (n + rows) > TINY_ENTRIES:
-        return None
-    start, at, value = places(indptr, n + 1), places(indices, nnz), data_of(data)
-    if start[0] != 0 or start[n] != nnz:
-        return None
-    found = new_zeros(rows, n)
-    out = data_of(found)
+    data, found = C.data, new_zeros(rows, n)
+    start, value, out = places(C.indptr, n + 1), data_of(data), data_of(found)
+    at = places(C.indices, start[n])
     for j in range(n):
-        before = -1
-        if start[j + 1] < start[j] or start[j + 1] > nnz:
-            return None
         for t in range(start[j], start[j + 1]):
-            if at[t] <= before or at[t] >= rows:
-                return None  # not canonical, or corrupt
-            before = at[t]
-            out[before * n + j] = value[t]
+            out[at[t] * n + j] = value[t]
     return found
 
 
@@ -261,17 +240,12 @@ def norm(v, n):
     return sqrt(dot(v, v, n))
 
 
-def set_bounds(m, lb, ub):
-    """Note bounds, which may be absent."""
-    m.lb, m.ub = m.no_bound, m.no_bound + m.n
-    if lb is None:
-        fill(m.no_bound, -INFINITY, m.n)
-    else:
-        m.lb = data_of(lb)
-    if ub is None:
-        fill(m.no_bound + m.n, INFINITY, m.n)
-    else:
-        m.ub = data_of(ub)
+def bound_at(side, place, n, value):
+    """Return where bounds are: at `place`, all of one value, where there are none."""
+    if side is not None:
+        return data_of(side)
+    fill(place, value, n)
+    return place
 
 
 def set_limits(m):
@@ -303,46 +277,43 @@ def attached(P, G, A):
 
 
 def suggest(m: ActiveSet, active):
-    """Begin the next solve with rows that are probably active, as `Guess` has them.
+    """Begin the next solve with rows that are probably active, as `Guess` has them."""
+    rows, last = m.m, m.rows
+    signs = np.zeros(last)
+    if active.size > 0:
+        signs[:] = active[:last]
+        signs[rows:] = np.where(active[rows:last], -1.0, active[last:])
+    suggest_signs(m, data_of(signs), data_of(signs) + rows)
+
+
+def suggest_signs(m, z, z_box):
+    """Begin the next solve with the rows whose multipliers have these signs.
 
     None are noted if there are too many of them.
     """
     m.kept_k, m.hints = 0, 0
-    for i in np.flatnonzero(active).tolist():
-        is_lower: cython.bint = m.m <= i < m.rows
-        hint(m, i if i < m.rows else i - m.n, -1 if is_lower else 1)
-    drop_too_many(m)
-
-
-def hint(m, row, side):
-    """Note a row and its side, if there is a place left."""
-    if m.hints < m.most:
-        m.kept_active[m.hints], m.kept_side[m.hints] = row, side
-    m.hints += 1
-
-
-def drop_too_many(m):
-    """Note no row where not all have found a place."""
+    for row in range(m.rows):
+        sign = z[row] if row < m.m else z_box[row - m.m]
+        if sign > 0.0 or (sign < 0.0 and row >= m.m):
+            if m.hints < m.most:
+                m.kept_active[m.hints] = row
+                m.kept_side[m.hints] = 1 if sign > 0.0 else -1
+            m.hints += 1
     if m.hints > m.most:
         m.hints = 0
 
 
-def suggest_rows_at(m, x0):
+def suggest_point(m, x0):
     """Begin with the rows that hold with equality at x0; False if it is no point."""
-    n, rows = m.n, m.m
+    n, rows, signs = m.n, m.m, m.s
     if not (is_vector(x0, n) and is_finite(x0)):
         return False
     x = data_of(x0)
     for i in range(rows):
-        if is_met(m.h[i], dot(m.G + i * n, x, n)):
-            hint(m, i, 1)
+        signs[i] = is_met(m.h[i], dot(m.G + i * n, x, n))
     for j in range(n):
-        if is_met(m.lb[j], x[j]):
-            hint(m, rows + j, -1)
-    for j in range(n):
-        if is_met(m.ub[j], x[j]):
-            hint(m, rows + j, 1)
-    drop_too_many(m)
+        signs[rows + j] = -1.0 if is_met(m.lb[j], x[j]) else is_met(m.ub[j], x[j])
+    suggest_signs(m, signs, signs + rows)
     return True
 
 
@@ -351,34 +322,23 @@ def is_met(side, value):
     return fabs(side) < INFINITY and fabs(side - value) <= ACTIVE * (1.0 + fabs(side))
 
 
-def suggest_rows_of(m, point):
+def suggest_solution(m, point):
     """Begin with the rows that have multipliers in a solution; False if it is none.
 
     With none where the solution has no point, or a certificate.
     """
-    n, rows = m.n, m.m
     x, y = getattr(point, "x", m), getattr(point, "y", m)
     z, z_box = getattr(point, "z", m), getattr(point, "z_box", m)
     if x is None or y is None or z is None or z_box is None:
         return True
-    has_box: cython.bint = is_vector(z_box, n)
-    if not (is_vector(x, n) and is_vector(y, m.p) and is_vector(z, rows)):
+    if is_vector(z_box, 0):
+        z_box = np.zeros(m.n)
+    if not (is_vector(x, m.n) and is_vector(y, m.p)):
         return False
-    if not (has_box or is_vector(z_box, 0)):
+    if not (is_vector(z, m.m) and is_vector(z_box, m.n)):
         return False
-    if not (is_finite(x) and is_finite(y) and is_finite(z) and is_finite(z_box)):
-        return True
-    of_rows, of_box = data_of(z), data_of(z_box)
-    for i in range(rows):
-        if of_rows[i] > 0.0 and fabs(m.h[i]) < INFINITY:
-            hint(m, i, 1)
-    for j in range(n if has_box else 0):
-        if of_box[j] < 0.0 and fabs(m.lb[j]) < INFINITY:
-            hint(m, rows + j, -1)
-    for j in range(n if has_box else 0):
-        if of_box[j] > 0.0 and fabs(m.ub[j]) < INFINITY:
-            hint(m, rows + j, 1)
-    drop_too_many(m)
+    if is_finite(x) and is_finite(y) and is_finite(z) and is_finite(z_box):
+        suggest_signs(m, data_of(z), data_of(z_box))
     return True
 
 
