@@ -1,18 +1,17 @@
+from namlcp.linalg.csc cimport Columns
 from namlcp.linalg.sparse_ldl cimport SparseFactors
 from namlcp.qp.active.engine cimport ActiveSet
 
 
 cdef class SparseActiveSet(ActiveSet):
     cdef:
-        # The upper triangle of K, of order `size`, and the values of K~; the rows of G.
-        # The arrays are those of `kkt` and `by_row`.
+        # The upper triangle of K, of order `size`, and the values of K~, with the arrays
+        # of `kkt`; the rows of G and A, those of `matrices` and `by_row`.
         const int *indptr
         const int *indices
         double *base
         double *data
-        const int *row_starts
-        const int *row_columns
-        const double *row_values
+        Columns G, A
         object kkt, by_row
         Py_ssize_t size
         SparseFactors factors
@@ -33,12 +32,12 @@ cdef enum:
     MOST_PASSES = 4
 
 cdef bint is_weighed(SparseActiveSet m, double rho) noexcept nogil
-cdef void solve_base(SparseActiveSet m, const double* rhs, double* u, Py_ssize_t passes) noexcept nogil
+cdef void solve_base(SparseActiveSet m, const double* rhs, double* values, Py_ssize_t passes) noexcept nogil
 cdef void subtract_product(SparseActiveSet m, const double* u, double* r) noexcept nogil
-cdef void times_rows(SparseActiveSet m, const double* x, double* Gx) noexcept nogil
+cdef void times_rows(const Columns* M, Py_ssize_t count, const double* x, double* Mx) noexcept nogil
+cdef void times_both(const Columns* M, Py_ssize_t count, Py_ssize_t n, const double* x, double* Mx, const double* y, double* Mty) noexcept nogil
 cdef void set_shifted(SparseActiveSet m, bint is_all) noexcept nogil
 cdef double least_pivot(SparseActiveSet m) noexcept nogil
 cdef double try_factors(SparseActiveSet m) noexcept nogil
 cdef void take_shape(SparseActiveSet m) noexcept nogil
-cdef void set_norms(SparseActiveSet m) noexcept nogil
-cdef double reach_of(SparseActiveSet m, const int* columns, const double* values, Py_ssize_t start, Py_ssize_t end) noexcept nogil
+cdef void set_norms(SparseActiveSet m, const Columns* M, Py_ssize_t count, double* norm) noexcept nogil

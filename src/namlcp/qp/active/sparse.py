@@ -18,6 +18,7 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, cos, fabs, sqrt
 from cython.cimports.namlcp.linalg.arrays import data_of, numbers, places
+from cython.cimports.namlcp.linalg.csc import take_columns
 from cython.cimports.namlcp.linalg.sparse_ldl import SparseFactors
 from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, fill
 from cython.cimports.namlcp.qp.active.engine import (
@@ -84,40 +85,24 @@ class SparseActiveSet:
         self.cost = reals(self, self.n)
 
     def set_values(self, rhs, values):
-        solve_base(self, rhs, values + self.m, self.passes)
-        times_rows(self, values + self.m, values)
+        solve_base(self, rhs, values, self.passes)
 
     def make_response(self, row):
         """Make the response to a row, one pass more accurate than what changes."""
         self.operations += self.response_operations
         fill(self.rhs, 0.0, self.size)
         if row < self.m:
-            for t in range(self.row_starts[row], self.row_starts[row + 1]):
-                self.rhs[self.row_columns[t]] = self.row_values[t]
+            for t in range(self.G.indptr[row], self.G.indptr[row + 1]):
+                self.rhs[self.G.indices[t]] = self.G.data[t]
         else:
             self.rhs[row - self.m] = 1.0
-        response = claim_place(self, row)
-        solve_base(self, self.rhs, response + self.m, self.passes + 1)
-        times_rows(self, response + self.m, response)
+        solve_base(self, self.rhs, claim_place(self, row), self.passes + 1)
 
     def set_products(self, is_base):
-        indices, base, x = self.indices, self.base, self.x
+        n, x, G, A = self.n, self.x, cython.address(self.G), cython.address(self.A)
         self.times_cost(x, self.Px)
-        times_rows(self, x, self.Gx)
-        fill(self.Gtz, 0.0, self.n)
-        fill(self.Aty, 0.0, self.n)
-        for i in range(self.p):
-            y_i, total = self.y[i], 0.0
-            start, end = self.indptr[self.n + i], self.indptr[self.n + i + 1] - 1
-            for t in range(start, end):
-                self.Aty[indices[t]] += base[t] * y_i
-                total += base[t] * x[indices[t]]
-            self.Ax[i] = total
-        for i in range(self.m):
-            z_i = self.z[i]
-            if z_i != 0.0:
-                for t in range(self.row_starts[i], self.row_starts[i + 1]):
-                    self.Gtz[self.row_columns[t]] += self.row_values[t] * z_i
+        times_both(G, self.m, n, x, self.Gx, self.z, self.Gtz)
+        times_both(A, self.p, n, x, self.Ax, self.y, self.Aty)
 
     def set_row_products(self):
         self.set_products(False)
@@ -150,8 +135,10 @@ class SparseActiveSet:
         The same pattern as before saves time.
         """
         self.n, self.m, self.p = P.shape[0], G.shape[0], A.shape[0]
-        self.matrices, self.by_row = (P, G, A), by_rows(G)
-        self.kkt = kkt = KKT(P, by_rows(A), csr_array((0, self.n)), self.kkt)
+        self.matrices, self.by_row = (P, G, A), (by_rows(G), by_rows(A))
+        take_columns(self.by_row[0], self.m, cython.address(self.G))
+        take_columns(self.by_row[1], self.p, cython.address(self.A))
+        self.kkt = kkt = KKT(P, self.by_row[1], csr_array((0, self.n)), self.kkt)
         make_room(self)
         self.indptr = places(kkt.indptr, self.size + 1)
         count: Py_ssize_t = self.indptr[self.size]
@@ -159,10 +146,6 @@ class SparseActiveSet:
         self.base, self.data = numbers(kkt.base, count), numbers(kkt.data, count)
         for j in range(self.n):
             self.cost[j] = self.base[self.indptr[j + 1] - 1]
-        self.row_starts = places(self.by_row.indptr, self.m + 1)
-        count = self.row_starts[self.m]
-        self.row_columns = places(self.by_row.indices, count)
-        self.row_values = numbers(self.by_row.data, count)
         factors = kkt.plan()
         if not isinstance(factors, SparseFactors):
             return
@@ -179,7 +162,8 @@ class SparseActiveSet:
         else:
             for j in range(self.n):
                 self.scale[self.m + j] = 1.0 / self.unit[j]
-        set_norms(self)
+        set_norms(self, cython.address(self.G), self.m, self.scale)
+        set_norms(self, cython.address(self.A), self.p, self.reach)
         forget_responses(self)
 
     def factor_and_try(self):
@@ -220,14 +204,16 @@ def is_weighed(m, rho):
 # ---- the operator
 
 
-def solve_base(m, rhs, u, passes):
-    """Set u = K^-1 rhs, with so many passes of refinement."""
+def solve_base(m, rhs, values, passes):
+    """Set values = (G x, x, y) for (x, y) = K^-1 rhs, with passes of refinement."""
+    u = values + m.m
     m.factors.solve_into(rhs, u)
     for _ in range(passes):
         copy(rhs, m.rest, m.size)
         subtract_product(m, u, m.rest)
         m.factors.solve_into(m.rest, m.rest)
         add_scaled(1.0, m.rest, u, m.size)
+    times_rows(cython.address(m.G), m.m, u, values)
 
 
 def subtract_product(m, u, r):
@@ -244,14 +230,26 @@ def subtract_product(m, u, r):
         r[j] = total
 
 
-def times_rows(m, x, Gx):
-    """Set Gx = G x."""
-    starts, columns, values = m.row_starts, m.row_columns, m.row_values
-    for i in range(m.m):
+def times_rows(M, count, x, Mx):
+    """Set Mx = M x for the rows of M."""
+    indptr, indices, data = M.indptr, M.indices, M.data
+    for i in range(count):
         total = 0.0
-        for t in range(starts[i], starts[i + 1]):
-            total += values[t] * x[columns[t]]
-        Gx[i] = total
+        for t in range(indptr[i], indptr[i + 1]):
+            total += data[t] * x[indices[t]]
+        Mx[i] = total
+
+
+def times_both(M, count, n, x, Mx, y, Mty):
+    """Set Mx = M x and Mty = M'y."""
+    indptr, indices, data = M.indptr, M.indices, M.data
+    fill(Mty, 0.0, n)
+    for i in range(count):
+        total, y_i = 0.0, y[i]
+        for t in range(indptr[i], indptr[i + 1]):
+            Mty[indices[t]] += data[t] * y_i
+            total += data[t] * x[indices[t]]
+        Mx[i] = total
 
 
 # ---- the factors
@@ -328,20 +326,11 @@ def take_shape(m):
     m.rho = INFINITY
 
 
-def set_norms(m):
-    """Set 1 over the norms of the rows of G and A, for those of x at hand."""
-    for i in range(m.m):
-        start, end = m.row_starts[i], m.row_starts[i + 1]
-        m.scale[i] = reach_of(m, m.row_columns, m.row_values, start, end)
-    for i in range(m.p):
-        start, end = m.indptr[m.n + i], m.indptr[m.n + i + 1] - 1
-        m.reach[i] = reach_of(m, m.indices, m.base, start, end)
-
-
-def reach_of(m, columns, values, start, end):
-    """Return 1 over the norm of a row, entries start : end; 1 for an empty one."""
-    squares = 0.0
-    for t in range(start, end):
-        entry = values[t] / m.scale[m.m + columns[t]]
-        squares += entry * entry
-    return 1.0 / sqrt(squares) if squares > 0.0 else 1.0
+def set_norms(m, M, count, norm):
+    """Set 1 over the norms of rows of M, for those of x at hand; 1 of an empty row."""
+    for i in range(count):
+        squares = 0.0
+        for t in range(M.indptr[i], M.indptr[i + 1]):
+            entry = M.data[t] / m.scale[m.m + M.indices[t]]
+            squares += entry * entry
+        norm[i] = 1.0 / sqrt(squares) if squares > 0.0 else 1.0
