@@ -10,7 +10,7 @@ from namlcp.qp.active.once import solve_dense
 from namlcp.qp.active.solve import (
     MOST_ORDER,
     OUTCOMES,
-    attached,
+    attach,
     factors_of,
     solve_items,
     solve_small,

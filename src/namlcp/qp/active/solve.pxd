@@ -21,7 +21,7 @@ cdef object result_of(ActiveSet m, object kind, object problem, double start, do
 cdef Py_ssize_t height_of(object C, object d, Py_ssize_t n)
 cdef bint is_bound(object side, Py_ssize_t n)
 cdef const double* bound_at(object side, double* place, Py_ssize_t n, double value)
-cdef void set_limits(DenseActiveSet m) noexcept nogil
+cpdef int attach(DenseActiveSet m, object P, object G, object A, bint is_single) except -1
 cdef object tiny_form(object C, Py_ssize_t n)
 cdef bint is_certain(DenseActiveSet m) noexcept nogil
 cdef double norm(const double* v, Py_ssize_t n) noexcept nogil
@@ -32,4 +32,4 @@ cdef bint is_met(double side, double value) noexcept
 cdef bint suggest_solution(DenseActiveSet m, object point)
 cdef bint is_vector(object value, Py_ssize_t size)
 cdef void place_of_vectors(ActiveSet m, object vectors)
-cdef bint put(object value, double* place, Py_ssize_t size, double infinity)
+cdef bint put(object value, double* place, Py_ssize_t size, double sign)

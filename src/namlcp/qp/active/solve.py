@@ -34,10 +34,10 @@ from cython.cimports.namlcp.qp.active.engine import (
     make_room,
     response_of,
 )
-from cython.cimports.namlcp.qp.active.judgement import INFINITE, is_within
+from cython.cimports.namlcp.qp.active.judgement import is_within
 from cython.cimports.namlcp.qp.active.null import NullSpace
 from cython.cimports.namlcp.qp.active.proximal import NO_WEIGHT
-from cython.cimports.namlcp.qp.intake import is_finite, rows_of
+from cython.cimports.namlcp.qp.intake import is_finite, is_side, rows_of
 from cython.cimports.namlcp.result_base import (
     Numbers,
     ResultBase,
@@ -90,6 +90,22 @@ def are_full(m):
         return True
     found = filled(m.P, n * n) + filled(m.G, m.m * n) + filled(m.A, m.p * n)
     return 100 * found >= FULL * entries
+
+
+def attach(m, P, G, A, is_single):
+    """Let an object be for QPs with these matrices, which are clean and not copied."""
+    m.is_single, m.matrices, m.m, m.p = is_single, (P, G, A), 0, 0
+    m.n, m.P = cnp.PyArray_DIM(P, 0), data_of(P)
+    if G is not None:
+        m.m, m.G = cnp.PyArray_DIM(G, 0), data_of(G)
+    if A is not None:
+        m.p, m.A = cnp.PyArray_DIM(A, 0), data_of(A)
+    make_room(m)
+    order, unit = m.n + m.m + m.p, cython.cast(cython.double, m.n * m.n)
+    m.is_large = order > MOST_ORDER
+    m.most_operations = max(FEW_OPERATIONS, MOST_OPERATIONS * unit * order)
+    m.wanted = 0.0 if are_full(m) else NO_WEIGHT
+    return 0
 
 
 def take_settings(m, settings, until):
@@ -172,17 +188,14 @@ def solve_small(
     if n > MOST_LINEAR and filled(data_of(P), n * n) == 0:
         return None
     m: DenseActiveSet = DenseActiveSet.__new__(DenseActiveSet)
-    m.n, m.m, m.p, m.is_single = n, rows, p, True
-    m.matrices, m.vectors = (P, G, A), given
-    m.P, m.q = data_of(P), data_of(q)
+    attach(m, P, G, A, True)
+    m.vectors, m.q = given, data_of(q)
     if rows > 0:
-        m.G, m.h = data_of(G), data_of(h)
+        m.h = data_of(h)
     if p > 0:
-        m.A, m.b = data_of(A), data_of(b)
-    make_room(m)
+        m.b = data_of(b)
     m.lb = bound_at(lb, m.no_bound, n, -INFINITY)
     m.ub = bound_at(ub, m.no_bound + n, n, INFINITY)
-    set_limits(m)
     take_settings(m, settings, start + settings.time_limit)
     if warm_start is not None:
         if not suggest_solution(m, warm_start):
@@ -248,32 +261,7 @@ def bound_at(side, place, n, value):
     return place
 
 
-def set_limits(m):
-    """Set what a solve may take, and whether P + W may take the place of P."""
-    order, unit = m.n + m.m + m.p, cython.cast(cython.double, m.n * m.n)
-    m.is_large = order > MOST_ORDER
-    m.most_operations = max(FEW_OPERATIONS, MOST_OPERATIONS * unit * order)
-    m.wanted = 0.0 if are_full(m) else NO_WEIGHT
-
-
 # ---- those who keep the object
-
-
-def attach(m: DenseActiveSet, P, G, A, is_single: cython.bint):
-    """Let an object be for QPs with these matrices, which are clean and not copied."""
-    m.is_single = is_single
-    m.matrices = P, G, A
-    m.n, m.m, m.p = P.shape[0], G.shape[0], A.shape[0]
-    m.P, m.G, m.A = data_of(P), data_of(G), data_of(A)
-    make_room(m)
-    set_limits(m)
-
-
-def attached(P, G, A):
-    """Return a DenseActiveSet for QPs with these matrices, one after another."""
-    m: DenseActiveSet = DenseActiveSet.__new__(DenseActiveSet)
-    attach(m, P, G, A, False)
-    return m
 
 
 def suggest(m: ActiveSet, active):
@@ -396,22 +384,16 @@ def updated(vectors, sizes, q, h, b, lb, ub):
     return made
 
 
-def put(value, place, size, infinity):
+def put(value, place, size, sign):
     """Copy a clean vector; False if it is none, or has a bad or a huge number.
 
-    infinity: the sign of that which means no bound, 0 where all numbers are finite.
+    sign: that of the infinity that means no bound, 0 where all numbers are finite.
     """
-    if value is None:
-        return True
-    if not (fits(value, 1) and cnp.PyArray_DIM(value, 0) == size):
-        return False
-    source = data_of(value)
-    most = INFINITY if infinity == 0.0 else INFINITE
-    fine: cython.bint = True
-    for i in range(size):
-        place[i] = source[i]
-        fine = fine and (fabs(source[i]) < most or source[i] == infinity * INFINITY)
-    return fine
+    if value is not None:
+        if not is_side(value, sign, size):
+            return False
+        copy(data_of(value), place, size)
+    return True
 
 
 # ---- batches
@@ -479,7 +461,8 @@ def factors_of(m: DenseActiveSet):
     if m.is_single:
         return m
     other: DenseActiveSet = DenseActiveSet.__new__(DenseActiveSet)
-    attach(other, *m.matrices, False)
+    P, G, A = m.matrices
+    attach(other, P, G, A, False)
     place_of_vectors(other, m.vectors)
     other.point = m.point
     other.x, other.y, other.z, other.z_box = m.x, m.y, m.z, m.z_box

@@ -21,8 +21,9 @@ from namlcp.linalg import blas_threads
 from namlcp.linalg.stamp import stamps_of_items
 from namlcp.options import Options
 from namlcp.outcome import OBJECTIVE, Outcome, objective_of
-from namlcp.qp.active import MOST_ORDER, OUTCOMES, attached
+from namlcp.qp.active import MOST_ORDER, OUTCOMES, attach
 from namlcp.qp.active import solve_items as solve_dense_items
+from namlcp.qp.active.dense import DenseActiveSet
 from namlcp.qp.active.engine import Code
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.guess import make_guess
@@ -237,7 +238,8 @@ def solve_stack(
         try:
             space = spaces.pop()
         except IndexError:
-            space = attached(*firsts)
+            space = DenseActiveSet()
+            attach(space, *firsts, True)
         end = min(starts[k] + length, size)
         solve_dense_items(
             space, arrays, stacked, starts[k], end, options.settings, outs, codes,
