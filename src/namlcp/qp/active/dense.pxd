@@ -36,15 +36,12 @@ cdef double reach_of(const double* row, const double* shape, Py_ssize_t n) noexc
 cdef void invert_factor(DenseActiveSet m) noexcept nogil
 cdef void set_curvature(DenseActiveSet m) noexcept nogil
 cdef bint set_row_scales(DenseActiveSet m) noexcept nogil
-cdef void set_base_values(DenseActiveSet m, const double* rhs, double* values) noexcept nogil
 cdef void set_unit_load(DenseActiveSet m, Py_ssize_t row, double* rhs) noexcept nogil
 cdef void prepare(DenseActiveSet m) noexcept nogil
-cdef Py_ssize_t violated_rows(DenseActiveSet m, double* values, Py_ssize_t* rows) noexcept nogil
 cdef void make_all(DenseActiveSet m, const Py_ssize_t* rows, Py_ssize_t k, double* space) noexcept nogil
 cdef Code solve_anew(DenseActiveSet m, double wanted) noexcept nogil
 cdef Code solve_dense(DenseActiveSet m) noexcept nogil
 cdef Code sum_anew(DenseActiveSet m) noexcept nogil
 cdef Code proved(DenseActiveSet m, Code found) noexcept nogil
-cdef double equation_error(DenseActiveSet m, Py_ssize_t i, const double* x) noexcept nogil
+cdef Py_ssize_t worst_equation(DenseActiveSet m, const double* x, double limit) noexcept nogil
 cdef bint contradicts_equations(DenseActiveSet m) noexcept nogil
-cdef bint leaves_equations(DenseActiveSet m) noexcept nogil

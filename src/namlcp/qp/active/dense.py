@@ -66,6 +66,7 @@ from cython.cimports.namlcp.qp.active.judgement import (
     are_within,
     is_faulty,
     measure_point,
+    set_base_values,
     set_terms,
 )
 from cython.cimports.namlcp.qp.active.proximal import (
@@ -113,8 +114,18 @@ class DenseActiveSet(ActiveSet):
         self.half, self.no_bound = reals(self, n), reals(self, 2 * n)
 
     def set_values(self, rhs, values):
-        set_base_values(self, rhs, values)
-        times_rows(self.G, self.m, self.n, self.n, values + self.m, values)
+        n, p, half = self.n, self.p, self.half
+        x, y = values + self.m, values + self.rows
+        times_triangle(self.factor, n, rhs, half)
+        if p > 0:
+            times_rows(self.equations, p, n, n, half, y)
+            add_scaled(-1.0, rhs + n, y, p)
+            times_triangle(self.schur, p, y, self.schur_work)
+            times_triangle_transposed(self.schur, p, self.schur_work, y)
+            for i in range(p):
+                add_scaled(-y[i], self.equations + i * n, half, n)
+        times_triangle_transposed(self.factor, n, half, x)
+        times_rows(self.G, self.m, n, n, x, values)
 
     def make_response(self, row):
         set_unit_load(self, row, self.rhs)
@@ -323,21 +334,6 @@ def set_row_scales(m):
 # ---- the operator
 
 
-def set_base_values(m, rhs, values):
-    """Set x and y in values = (G x, x, y) to those of (x, y) = K^-1 rhs."""
-    n, p, half = m.n, m.p, m.half
-    y = values + m.rows
-    times_triangle(m.factor, n, rhs, half)
-    if p > 0:
-        times_rows(m.equations, p, n, n, half, y)
-        add_scaled(-1.0, rhs + n, y, p)
-        times_triangle(m.schur, p, y, m.schur_work)
-        times_triangle_transposed(m.schur, p, m.schur_work, y)
-        for i in range(p):
-            add_scaled(-y[i], m.equations + i * n, half, n)
-    times_triangle_transposed(m.factor, n, half, values + m.m)
-
-
 def set_unit_load(m, row, rhs):
     """Set rhs = (c, 0) for the coefficients c of a row."""
     fill(rhs, 0.0, m.n + m.p)
@@ -358,27 +354,16 @@ def prepare(m):
     """
     if m.p > 0 or m.m > MOST_ROWS * m.n:
         return
-    k: Py_ssize_t = violated_rows(m, m.s, m.active)
+    k: Py_ssize_t = 0
+    set_base_values(m)
+    for i in range(m.m):
+        if m.s0[i] > m.h[i] and k < m.most:
+            m.active[k] = i
+            k += 1
     space = cython.cast(cython.p_double, malloc(8 * k * (2 * m.n + m.m) + 8))
     if space != cython.NULL:  # else they are made one by one
         make_all(m, m.active, k, space)
         free(space)
-
-
-def violated_rows(m, values, rows):
-    """List rows of G that exceed h at the minimum without constraints, m.most at most.
-
-    values: room for (G x, x).
-    """
-    count: Py_ssize_t = 0
-    for j in range(m.n):
-        m.rhs[j] = -m.q[j]
-    m.set_values(m.rhs, values)
-    for i in range(m.m):
-        if values[i] > m.h[i] and count < m.most:
-            rows[count] = i
-            count += 1
-    return count
 
 
 def make_all(m, rows, k, space):
@@ -424,8 +409,8 @@ def solve_dense(m):
     found = solve_at_hand(m)
     if found == SUMMED:
         found = sum_anew(m)
-    if found == DONE and m.skipped > 0 and leaves_equations(m):
-        return UNSUITED
+    if found == DONE and m.skipped > 0 and worst_equation(m, m.x, LEFT) >= 0:
+        return UNSUITED  # the one left out depends on others but for a small part
     return found
 
 
@@ -479,14 +464,21 @@ def proved(m, found):
     return found if done else UNPROVED
 
 
-def equation_error(m, i, x):
-    """Return the residual of an equation over the moduli of its terms."""
-    row = m.A + i * m.n
-    rest, size = -m.b[i], fabs(m.b[i])
-    for j in range(m.n):
-        rest += row[j] * x[j]
-        size += fabs(row[j] * x[j])
-    return fabs(rest) / size if size > 0.0 else 0.0
+def worst_equation(m, x, limit):
+    """Return the equation with the largest residual over its terms, above `limit`.
+
+    -1 if there is none.
+    """
+    at: Py_ssize_t = -1
+    for i in range(m.p):
+        row = m.A + i * m.n
+        rest, size = -m.b[i], fabs(m.b[i])
+        for j in range(m.n):
+            rest += row[j] * x[j]
+            size += fabs(row[j] * x[j])
+        if fabs(rest) > limit * size:
+            limit, at = fabs(rest) / size, i
+    return at
 
 
 def contradicts_equations(m):
@@ -497,12 +489,7 @@ def contradicts_equations(m):
     fill(m.rhs, 0.0, m.n)
     copy(m.b, m.rhs + m.n, m.p)
     m.set_values(m.rhs, m.s)
-    at: Py_ssize_t = -1
-    worst = CONTRADICTED
-    for i in range(m.p):
-        error = equation_error(m, i, m.s + m.m)
-        if error > worst:
-            worst, at = error, i
+    at = worst_equation(m, m.s + m.m, CONTRADICTED)
     if at < 0:
         return False
     copy(m.s + m.m, m.x, m.n)
@@ -517,14 +504,3 @@ def contradicts_equations(m):
         for i in range(m.p):
             m.y[i] = -m.y[i]
     return True
-
-
-def leaves_equations(m):
-    """Tell whether the point violates an equation by more than rounding.
-
-    Then one that was left out depends on the others but for a small part.
-    """
-    for i in range(m.p):
-        if equation_error(m, i, m.x) > LEFT:
-            return True
-    return False

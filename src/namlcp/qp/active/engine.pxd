@@ -169,6 +169,7 @@ cdef Code step(ActiveSet m) noexcept nogil
 cdef bint has_next(ActiveSet m) noexcept nogil
 cdef Code excuse(ActiveSet m) noexcept nogil
 cdef Code pivot(ActiveSet m) noexcept nogil
+cdef void set_contradiction(ActiveSet m) noexcept nogil
 cdef void sort_active(ActiveSet m) noexcept nogil
 cdef bint factor_active(ActiveSet m) noexcept nogil
 cdef bint finish(ActiveSet m) noexcept nogil

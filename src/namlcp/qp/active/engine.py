@@ -494,7 +494,10 @@ def excuse(m):
 
 
 def pivot(m):
-    """Step 2, as often as a row is violated: DONE, or why it ended before."""
+    """Step 2, as often as a row is violated: DONE, or why it ended before.
+
+    After CONTRADICTION y and z are the candidate.
+    """
     while True:
         if m.entering < 0 and not has_next(m):
             return DONE if m.entering < 0 else STUCK
@@ -510,10 +513,27 @@ def pivot(m):
         found = step(m)
         if found == CONTRADICTION:
             found = excuse(m)
-            if found == DONE and not drop_wrong_signs(m):  # without the partial steps
+            if found == CONTRADICTION:
+                set_contradiction(m)
+            elif found == DONE and not drop_wrong_signs(m):  # without the partial steps
                 found = STUCK
         if found != DONE:
             return found
+
+
+def set_contradiction(m):
+    """Set y and z to the multipliers that `step` found to contradict the rows."""
+    sign = m.entering_side
+    copy(m.s + m.m, m.x, m.n)
+    fill(m.z_box, 0.0, m.n)
+    fill(m.z, 0.0, m.m)
+    for i in range(m.p):
+        m.y[i] = -sign * m.direction[m.rows + i]
+    for i in range(m.k):
+        if m.active[i] < m.m:
+            m.z[m.active[i]] = -sign * m.ratio[i]
+    if m.entering < m.m:
+        m.z[m.entering] = 1.0
 
 
 # ---- step 3

@@ -19,9 +19,9 @@ cdef void set_correction(ActiveSet m) noexcept nogil
 cdef void set_change(ActiveSet m) noexcept nogil
 cdef void take_change(ActiveSet m) noexcept nogil
 cdef Code judge(ActiveSet m, Code found) noexcept nogil
-cdef void set_contradiction(ActiveSet m) noexcept nogil
 cdef bint is_far(ActiveSet m) noexcept nogil
 cdef double largest_side(const double* side, Py_ssize_t n) noexcept nogil
 cdef bint is_faulty(ActiveSet m) noexcept nogil
 cdef void set_base_values(ActiveSet m) noexcept nogil
+cdef void begin(ActiveSet m, double level) noexcept nogil
 cdef Code follow(ActiveSet m) noexcept nogil

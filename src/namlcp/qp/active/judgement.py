@@ -13,7 +13,6 @@ from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, fill
 from cython.cimports.namlcp.measure import Terms
 from cython.cimports.namlcp.measure import measure as measure_terms
 from cython.cimports.namlcp.qp.active.engine import (
-    CONTRADICTION,
     DONE,
     LATE,
     STUCK,
@@ -240,21 +239,6 @@ def judge(m, found):
         m.set_products(False)
 
 
-def set_contradiction(m):
-    """Set y and z to the multipliers that `step` found to contradict the rows."""
-    sign = m.entering_side
-    copy(m.s + m.m, m.x, m.n)
-    fill(m.z_box, 0.0, m.n)
-    fill(m.z, 0.0, m.m)
-    for i in range(m.p):
-        m.y[i] = -sign * m.direction[m.rows + i]
-    for i in range(m.k):
-        if m.active[i] < m.m:
-            m.z[m.active[i]] = -sign * m.ratio[i]
-    if m.entering < m.m:
-        m.z[m.entering] = 1.0
-
-
 # ---- a whole solve
 
 
@@ -288,20 +272,19 @@ def set_base_values(m):
     m.base_size = size_of(m, m.s0)
 
 
-def follow(m):
-    """Solve the QP by `engine`, from the active rows at hand, and judge."""
+def begin(m, level):
+    """Set the base solution, and begin with the rows of the last solve or a hint."""
     set_base_values(m)
-    m.entering = -1
+    m.entering, m.level = -1, level
     recall(m)
     admit_hints(m)
+
+
+def follow(m):
+    """Solve the QP by `engine`, from the active rows at hand, and judge."""
+    begin(m, VIOLATION_ROUNDING)
     drop_wrong_signs(m)
-    m.level = VIOLATION_ROUNDING
     found = pivot(m)
-    if found == STUCK:
-        return STUCK
-    if found == CONTRADICTION:
-        set_contradiction(m)
-        return CONTRADICTION
     if found == DONE and not finish(m):
         return STUCK
-    return judge(m, found)
+    return judge(m, found) if found == DONE or found == LATE else found

@@ -39,7 +39,6 @@ from cython.cimports.namlcp.qp.active.dense import (
     sum_anew,
 )
 from cython.cimports.namlcp.qp.active.engine import (
-    CONTRADICTION,
     DEPENDENT,
     DONE,
     FAULTY,
@@ -57,11 +56,7 @@ from cython.cimports.namlcp.qp.active.engine import (
     reals,
     remove_place,
 )
-from cython.cimports.namlcp.qp.active.judgement import (
-    is_faulty,
-    judge,
-    set_contradiction,
-)
+from cython.cimports.namlcp.qp.active.judgement import is_faulty, judge
 
 # LEAST_FREE: least variables for this form; with fewer it would gain nothing.
 
@@ -200,8 +195,6 @@ def solve_on_face(m):
         return STUCK
     m.level, m.base_size = VIOLATION_ROUNDING, 0.0
     found = pivot(m)
-    if found == CONTRADICTION:
-        set_contradiction(m)
     if found != DONE and found != LATE:
         return found
     if found == DONE and m.changed:  # the point as a function of the active rows alone

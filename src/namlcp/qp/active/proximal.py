@@ -38,21 +38,19 @@ from cython.cimports.namlcp.qp.active.engine import (
     ROUND_ROUNDING,
     STUCK,
     UNBOUNDED,
-    admit_hints,
     drop_wrong_signs,
     hold_active,
     pivot,
-    recall,
 )
 from cython.cimports.namlcp.qp.active.face import FACE_SOLVED, LOST, RAY, descend
 from cython.cimports.namlcp.qp.active.judgement import (
     are_within,
+    begin,
     clip_point,
     follow,
+    judge,
     measure,
     set_base_values,
-    set_contradiction,
-    set_point,
     verdict,
 )
 
@@ -79,7 +77,6 @@ def solve_at_hand(m):
 def solve_by_rounds(m):
     """Solve a QP with W; after UNBOUNDED z_box has a ray."""
     fill(m.centre, 0.0, m.n)
-    set_base_values(m)
     m.rounds, m.retries = 0, RETRIES
     found = try_old_face(m)
     while found == STUCK and m.rounds < MOST_ROUNDS:
@@ -104,10 +101,7 @@ def try_old_face(m):
 
     The rounds would first come to those of the QP with the proximal term.
     """
-    m.entering = -1
-    recall(m)
-    admit_hints(m)
-    m.level = ROUND_ROUNDING
+    begin(m, ROUND_ROUNDING)
     if m.k == 0:
         return STUCK
     m.set_multipliers()
@@ -124,12 +118,7 @@ def minimise(m):
         m.set_multipliers()
         m.set_point_values()
     elif found == LATE:
-        set_point(m)
-        clip_point(m)
-        m.set_products(False)
-        measure(m)
-    elif found == CONTRADICTION:
-        set_contradiction(m)
+        judge(m, found)
     return found
 
 
