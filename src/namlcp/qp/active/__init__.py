@@ -1,9 +1,9 @@
 """QPs by a dual active-set method, compiled: a dual Schur-complement method.
 
-`engine` has the method, `state` its memory, `dense` and `sparse` the operators; `rows`,
-`judgement`, `certificates`, `proximal` (where P has no good factor; `face`, `weight`)
-and `null` (most variables at bounds) are parts of it, and `run` is a whole solve.
-`solve` is the door from the user's arrays, `once` has the answer.
+`engine` has the method and its memory, `dense` and `sparse` the operators and a whole
+solve, `judgement` the point; `proximal` and `face` are for a P without a good factor,
+`null` for most variables at bounds. `solve` is the door from the user's arrays, `once`
+has the answer.
 """
 
 from namlcp.qp.active.once import solve_dense

@@ -190,9 +190,16 @@ def set_up(m):
 
 
 def is_sound(m):
-    """Set the norms of rows; tell whether P and G are finite, and P is symmetric."""
+    """Set 1 over the norms of rows; tell whether P, G and A are finite, and P = P'."""
     n, P = m.n, m.P
-    fine: cython.bint = set_row_scales(m)
+    fine: cython.bint = True
+    for i in range(m.m):
+        squares = dot(m.G + i * n, m.G + i * n, n)
+        fine = fine and squares < INFINITY
+        m.scale[i] = 1.0 / sqrt(squares) if squares > 0.0 else 1.0
+    fill(m.scale + m.m, 1.0, n)
+    for i in range(m.p):
+        fine = fine and dot(m.A + i * n, m.A + i * n, n) < INFINITY
     for i in range(n):
         for j in range(i):
             if P[i * n + j] != P[j * n + i] or not fabs(P[i * n + j]) < INFINITY:
@@ -313,22 +320,6 @@ def set_curvature(m):
     for j in range(n):
         largest = max(largest, half[j] * unit[j] * unit[j])
     m.least_curvature = FIXED * largest
-
-
-def set_row_scales(m):
-    """Set 1 over the norms of the rows; tell whether those of G and A are finite."""
-    fine: cython.bint = True
-    for i in range(m.m):
-        row = m.G + i * m.n
-        squares = dot(row, row, m.n)
-        fine = fine and squares < INFINITY
-        m.scale[i] = 1.0 / sqrt(squares) if squares > 0.0 else 1.0
-    for i in range(m.m, m.rows):
-        m.scale[i] = 1.0
-    for i in range(m.p):
-        row = m.A + i * m.n
-        fine = fine and dot(row, row, m.n) < INFINITY
-    return fine
 
 
 # ---- the operator

@@ -39,5 +39,4 @@ cdef void times_both(const Columns* M, Py_ssize_t count, Py_ssize_t n, const dou
 cdef void set_shifted(SparseActiveSet m, bint is_all) noexcept nogil
 cdef double least_pivot(SparseActiveSet m) noexcept nogil
 cdef double try_factors(SparseActiveSet m) noexcept nogil
-cdef void take_shape(SparseActiveSet m) noexcept nogil
 cdef void set_norms(SparseActiveSet m, const Columns* M, Py_ssize_t count, double* norm) noexcept nogil

@@ -20,7 +20,7 @@ from cython.cimports.libc.math import INFINITY, cos, fabs, sqrt
 from cython.cimports.namlcp.linalg.arrays import data_of, numbers, places
 from cython.cimports.namlcp.linalg.csc import take_columns
 from cython.cimports.namlcp.linalg.sparse_ldl import SparseFactors
-from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, fill
+from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, fill, largest_entry
 from cython.cimports.namlcp.qp.active.engine import (
     FAULTY,
     UNSUITED,
@@ -157,8 +157,11 @@ class SparseActiveSet:
         self.most_operations = MOST_OPERATIONS * entries
         self.is_ready = True
         self.is_slow_anew = not self.factor_and_try()
-        if self.is_slow_anew:
-            take_shape(self)
+        if self.is_slow_anew:  # prepare W, of which the first solve chooses rho
+            copy(self.cost, self.shape, self.n)
+            self.largest = largest_entry(self.cost, self.n)
+            set_shape(self)
+            self.rho = INFINITY
         else:
             for j in range(self.n):
                 self.scale[self.m + j] = 1.0 / self.unit[j]
@@ -311,19 +314,6 @@ def try_factors(m):
         largest = max(largest, fabs(u[j] / m.unit[j]))
     m.least_curvature = FIXED * largest
     return error
-
-
-# ---- the weights and norms
-
-
-def take_shape(m):
-    """Prepare W, of which the first solve chooses rho."""
-    m.largest = 0.0
-    for j in range(m.n):
-        m.shape[j] = m.cost[j]
-        m.largest = max(m.largest, m.cost[j])
-    set_shape(m)
-    m.rho = INFINITY
 
 
 def set_norms(m, M, count, norm):
