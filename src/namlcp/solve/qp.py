@@ -20,9 +20,9 @@ from namlcp.qp import (
 )
 from namlcp.results import QPResult, qp_result
 
-# How `solve_small` ended where the dense form is tried again: so that a fault is named,
-# or the sums of a point are added in the order of the arguments.
-RETRIED = (Code.UNSUITED, Code.FAULTY, Code.DONE)
+# How an attempt ended after which the dense form may be tried again: a fault is named,
+# or a point was found whose sums have to be judged in the order of the arguments.
+RETRIED = (Code.UNSUITED, Code.DONE)
 
 
 def solve_qp(

@@ -51,7 +51,6 @@ from cython.cimports.namlcp.qp.acceptance import (
 from cython.cimports.namlcp.qp.active.engine import (
     CONTRADICTION,
     DONE,
-    FAULTY,
     STUCK,
     SUMMED,
     UNBOUNDED,
@@ -386,7 +385,7 @@ def solve_dense(m):
     """Solve the QP at the pointers of m; certificates are candidates."""
     m.pivots = 0
     if is_faulty(m):
-        return FAULTY
+        return UNSUITED
     if not m.is_ready:
         if not set_up(m):
             return UNSUITED

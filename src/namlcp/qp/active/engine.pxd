@@ -15,16 +15,15 @@ cdef enum:
 
 cpdef enum Code:
     # How a part of a solve ended. STUCK: another form or method has to solve the QP;
-    # UNSUITED: as its matrices are not suited; FAULTY: as a number is not allowed, or two
-    # sides are opposed. SUMMED: as DONE, but the terms are so large that the order of
-    # their sums matters. CONTRADICTION, UNBOUNDED: there is a candidate for a certificate;
-    # of a dense QP at last the certificate itself, else UNPROVED.
+    # UNSUITED: as its matrices are not suited, a number is not allowed, or two sides are
+    # opposed. SUMMED: as DONE, but the terms are so large that the order of their sums
+    # matters. CONTRADICTION, UNBOUNDED: there is a candidate for a certificate; of a dense
+    # QP at last the certificate itself, else UNPROVED.
     DONE
     CONTRADICTION
     LATE
     STUCK
     UNSUITED
-    FAULTY
     SUMMED
     UNBOUNDED
     UNPROVED

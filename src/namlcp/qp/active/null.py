@@ -41,12 +41,12 @@ from cython.cimports.namlcp.qp.active.dense import (
 from cython.cimports.namlcp.qp.active.engine import (
     DEPENDENT,
     DONE,
-    FAULTY,
     LATE,
     MOST_AGE,
     MOST_SORTED,
     STUCK,
     SUMMED,
+    UNSUITED,
     VIOLATION_ROUNDING,
     drop_wrong_signs,
     goal_of,
@@ -190,7 +190,7 @@ def solve_on_face(m):
     """Solve the QP from the active rows of the last one."""
     m.pivots, m.entering = 0, -1
     if is_faulty(m):
-        return FAULTY
+        return UNSUITED
     if not (recall_face(m) and drop_wrong_signs(m)):
         return STUCK
     m.level, m.base_size = VIOLATION_ROUNDING, 0.0

@@ -22,7 +22,6 @@ from cython.cimports.namlcp.linalg.csc import take_columns
 from cython.cimports.namlcp.linalg.sparse_ldl import SparseFactors
 from cython.cimports.namlcp.linalg.vectors import add_scaled, copy, fill, largest_entry
 from cython.cimports.namlcp.qp.active.engine import (
-    FAULTY,
     UNSUITED,
     claim_place,
     forget_responses,
@@ -109,10 +108,8 @@ class SparseActiveSet:
 
     def decide(self):
         self.pivots = 0
-        if not self.is_ready:
+        if not self.is_ready or is_faulty(self):
             return UNSUITED
-        if is_faulty(self):
-            return FAULTY
         if self.rho != 0.0:
             rho = wanted_rho(self)
             if self.rho != rho and not is_weighed(self, rho):
