@@ -91,22 +91,19 @@ def by_presolve(qp):
     small = presolve(qp, 1e-6, 0.0)
     if small.contradictions:
         return None
-    G = small.G.toarray()
-    upper, lower = np.isfinite(small.upper), np.isfinite(small.lower)
-    rows = np.vstack((G[upper], -G[lower]))
-    h = np.append(small.upper[upper], -small.lower[lower])
-    A = small.A.toarray()
+    G, A, finite = small.G.toarray(), small.A.toarray(), np.isfinite(small.sides)
+    rows, h = np.vstack((G, -G))[finite.ravel()], small.sides[finite]
     box = small.lb, small.ub
     inner = QP(small.P.toarray(), small.q, rows, h, A, small.b, *box)
 
     def point(p):
-        z_upper, z_lower = np.zeros((2, upper.size))
-        z_upper[upper], z_lower[lower] = np.split(p.z, [upper.sum()])
-        return small.point(p.x, p.y, z_upper, z_lower, p.z_box)
+        z = np.zeros(finite.shape)
+        z[finite] = p.z
+        return small.point(p.x, p.y, z, p.z_box)
 
     def guess(p):
-        x, y, z_upper, z_lower, z_box, _ = small.guess(make_guess(qp, None, p))
-        return x, y, np.append(z_upper[upper], z_lower[lower]), z_box
+        x, y, z, z_box, _ = small.guess(make_guess(qp, None, p))
+        return x, y, z[finite], z_box
 
     return Transform(inner, point, small.ray, guess, small.fixed)
 
@@ -220,8 +217,8 @@ def test_presolve_drops_what_is_redundant():
     lb[:2] = ub[:2] = known.x[:2]
     qp = make_qp(P, q, G, h, A, np.append(b, 3.0 * b[1]), lb, ub)
     small = presolve(qp, 1e-9, 0.0)
-    sizes = small.q.size, small.b.size, np.isfinite(small.lower).sum()
-    assert (*sizes, small.lower.size) == (10, 3, 4, 10)
+    sizes = small.q.size, small.b.size, np.isfinite(small.sides[1]).sum()
+    assert (*sizes, small.sides[1].size) == (10, 3, 4, 10)
     assert_solves_qp(qp, solve_sparse(qp))
 
 
@@ -282,7 +279,7 @@ def test_an_entry_of_1e_9_is_an_entry():
         for entry, left in ((1e-9, 2), (0.0, 1)):
             rows[1, 2] = entry
             qp = make_qp(np.eye(3), np.ones(3), rows[order], [-1.0, 5.0])
-            assert presolve(qp, 1e-9, 0.0).upper.size == left
+            assert presolve(qp, 1e-9, 0.0).sides[0].size == left
             assert_solves_qp(qp, solve_sparse(qp))
 
 

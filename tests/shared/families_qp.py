@@ -176,7 +176,7 @@ def proportional(off, ratio):
     P, q, G, h, A, b, lb, ub = complementary(0, 20, 10, 4, 7).qp
     A = np.vstack((A.toarray(), ratio * A.toarray()[2]))
     qp = make_qp(P, q, G, h, A, np.append(b, ratio * (b[2] + off)), lb, ub)
-    says = "" if off < 1e-6 else "rows 4 and 2 of A contradict each other"
+    says = "" if off < 1e-6 else "rows 2 and 4 of A contradict each other"
     settings = {"eps_abs": 1e-6, "eps_rel": 0.0}
     status = INFEASIBLE if says else SOLVED
     return Case(qp, status=status, tol=1e-6, settings=settings, says=says)

@@ -8,10 +8,7 @@ cdef enum:
 
 cdef int refine(Interior m) except -1
 cdef void solve_shifted(Interior m) noexcept nogil
-cdef void solve_from_start(Interior m) noexcept nogil
 cdef void solve_set(Interior m) noexcept nogil
 cdef void hold(Interior m) noexcept nogil
 cdef double set_residual(Interior m) noexcept nogil
-cdef bint is_set_solved(Interior m) noexcept nogil
-cdef void correct_set(Interior m) noexcept nogil
 cdef void choose_next_set(Interior m) noexcept nogil

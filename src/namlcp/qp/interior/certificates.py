@@ -117,18 +117,14 @@ def project_ray(m, candidate):
     active, found = change_of_constraints(m, d) > NEARLY_ACTIVE, []
     zero = np.zeros(max(m.size, m.m))  # goal_c has m entries
     m.cost = m.goal_b = m.goal_c = numbers(zero, zero.size)
-    m.regularisation, m.most_solves = PROJECTION, PROJECTION_STEPS
-    set_x = as_array(m.set_x, m.n)
+    m.regularisation = PROJECTION
+    start = as_array(m.start, m.length)
     for _ in range(RAY_PROJECTIONS):
-        set_x[:] = d
-        as_array(m.set_y, m.p)[:] = 0.0
-        as_array(m.set_Z, m.m)[:] = 0.0
-        for k in range(m.m):
-            m.set_active[k] = active[k]
+        start[:] = np.concatenate((d, np.zeros(m.p + m.m), active))
         solve_set(m)
         if not m.is_factored:
             break
-        better = set_x.copy()
+        better = as_array(m.found, m.n).copy()
         found.append((better,))
         more = active | (change_of_constraints(m, better) > VIOLATED)
         if np.array_equal(more, active):

@@ -61,12 +61,11 @@ def look(m):
 
 def mark_active(m):
     """Mark the constraints with Z > W; tell whether they are those of last time."""
-    m.active, m.was_active = m.was_active, m.active
     same: cython.bint = True
     for k in range(m.m):
-        m.active[k] = m.Z[k] > m.W[k]
-        if m.active[k] != m.was_active[k]:
-            same = False
+        is_active: cython.bint = m.Z[k] > m.W[k]
+        if is_active != m.active[k]:
+            same, m.active[k] = False, is_active
     return same
 
 

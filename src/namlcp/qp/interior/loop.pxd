@@ -16,6 +16,5 @@ cdef int measure(Interior m) noexcept nogil
 cdef bint step(Interior m) noexcept nogil
 cdef bint predict(Interior m) noexcept nogil
 cdef void correct(Interior m) noexcept nogil
-cdef bint refine_iterate(Interior m) except -1
 cdef bint restart(Interior m) except -1
 cdef bint start_warm(Interior m, object guess) except -1

@@ -75,7 +75,7 @@ def run(m: Interior, guess):
     """
     status = iterate(m, guess)
     if status is not Status.SOLVED and m.best < INFINITY:
-        offer(m, m.best_x, m.best_y, m.best_Z)
+        offer(m, m.best_x)
     return status
 
 
@@ -86,12 +86,7 @@ def scaled_guess(m, guess):
 
 def try_guess(m: Interior, guess):
     """Try the active set of a guess; tell whether it solves the QP."""
-    x, y, Z, active = scaled_guess(m, guess)
-    as_array(m.start_x, m.n)[:] = x
-    as_array(m.start_y, m.p)[:] = y
-    as_array(m.start_Z, m.m)[:] = Z
-    for k in range(m.m):
-        m.set_active[k] = active[k]
+    as_array(m.start, m.length)[:] = np.concatenate(scaled_guess(m, guess))
     refine(m)
     raise_kept(m)
     return m.judge.is_solved
@@ -136,9 +131,7 @@ def iterate(m, guess):
 def answer(m, wants):
     """Do what the iterate needs; return the status if that ends the loop."""
     if wants & REPORT:
-        count: cython.Py_ssize_t = 0
-        for k in range(m.m):
-            count += m.active[k]
+        count = int(as_array(m.active, m.m).sum())
         length = min(m.step.primal, m.step.dual)
         m.limits.report(m.iterations, m.primal, m.dual, m.gap, length, count)
     # A refinement mostly succeeds: where it is due, an iterate is measured before it
@@ -146,13 +139,14 @@ def answer(m, wants):
     solved: cython.bint = False
     measured: cython.bint = not wants & JUDGE
     if not measured and (m.worst <= 1.0 or not wants & ACTIVE_SET):
-        solved, measured = offer(m, m.x, m.y, m.Z) <= 1.0, True
+        solved, measured = offer(m, m.x) <= 1.0, True
         if solved and m.tol > EXACT:
             return Status.SOLVED
     if solved or wants & ACTIVE_SET:
-        refine_iterate(m)
+        copy(m.x, m.start, m.length)
+        refine(m)
         if not measured and not m.judge.is_solved:
-            offer(m, m.x, m.y, m.Z)
+            offer(m, m.x)
     if m.judge.is_solved:
         return Status.SOLVED
     verdict = find_proof(m) if wants & PROVE else None
@@ -245,16 +239,6 @@ def correct(m):
 # ---- in Python: the judge, the clock, other starts
 
 
-def refine_iterate(m):
-    """Start a refinement from the iterate."""
-    copy(m.x, m.start_x, m.n)
-    copy(m.y, m.start_y, m.p)
-    copy(m.Z, m.start_Z, m.m)
-    for k in range(m.m):
-        m.set_active[k] = m.active[k]
-    refine(m)
-
-
 def is_late(m):
     """Tell whether the time is over; raise what a signal's handler raised."""
     look_at_clock(m)
@@ -276,10 +260,8 @@ def restart(m):
         return False
     m.restarts += 1
     m.lift = LIFT
-    offer(m, m.best_x, m.best_y, m.best_Z)
-    copy(m.best_x, m.x, m.n)
-    copy(m.best_y, m.y, m.p)
-    copy(m.best_Z, m.Z, m.m)
+    offer(m, m.best_x)
+    copy(m.best_x, m.x, m.length)
     m.problem.scale_vectors()  # undo an earlier relaxation
     attach(m)
     evaluate(m)

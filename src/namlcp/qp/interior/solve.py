@@ -47,8 +47,8 @@ def solve_interior(
     if reason is not None:
         return judge.answer(Status.PRIMAL_INFEASIBLE, 0, FORM, reason)
     if small.q.size == 0:
-        none, zero = np.empty(0), np.zeros(small.lower.size)
-        judge.offer(chain.then(small).point(none, none, zero, zero, none))
+        none, zero = np.empty(0), np.zeros(small.sides.shape)
+        judge.offer(chain.then(small).point(none, np.zeros(small.b.size), zero, none))
         return judge.answer(Status.STALLED, 0, FORM)
     check()
     problem = memory.scaled = ScaledQP(small, memory.scaled)

@@ -11,8 +11,8 @@ cdef struct Step:
 cdef class Interior(Watched):
     cdef:
         # n variables, p equations, m one-sided constraints, the order of K and its
-        # entries.
-        readonly Py_ssize_t n, p, m, size, nnz
+        # entries; the length of a point (x, y, Z, flags of the active constraints).
+        readonly Py_ssize_t n, p, m, size, nnz, length
         readonly object problem, chain, judge, limits
         object kkt, given
         Factors factors
@@ -27,7 +27,7 @@ cdef class Interior(Watched):
         const double *sign, *unit, *q, *b, *c, *cost, *goal_b, *goal_c
         # The iterate and the best one; the residuals, and the products P x and C'v; the
         # target rc of W dZ + Z dW, tau and omega of `steps`.
-        double *x, *y, *W, *Z, *best_x, *best_y, *best_Z, *rd, *rp, *rw, *Px, *Ctv, *v, *t
+        double *x, *y, *W, *Z, *active, *best_x, *rd, *rp, *rw, *Px, *Ctv, *v, *t
         double *rc, *tau, *omega
         # The step; the one before the last corrector; P dx, C'dv and C dx of it.
         Step step, other
@@ -39,12 +39,10 @@ cdef class Interior(Watched):
         # Relative residuals of the candidates for certificates, now and at the last test.
         double ratios[4]
         double tested[4]
-        # The active-set system (`active_set`): where it starts, its point, the best one.
-        double *start_x, *start_y, *start_Z, *set_x, *set_y, *set_Z, *set_v, *kept_x
-        double *kept_v, *goal
-        # Constraints with Z > W now and one iteration before; those in the active-set
-        # system and in the next one; rows and variables that it holds.
-        int *active, *was_active, *set_active, *next_active, *held
+        # The active-set system (`active_set`): the point where it starts, with its active
+        # set, and the one found, with the next set; its unknowns, those of the least
+        # residual, the right-hand side of rows; flags of what is held.
+        double *start, *found, *u, *least_u, *goal, *held
         # Tolerances, the larger one, and the relative residual that ends a refinement;
         # that at which refinement last came to a halt.
         double eps_abs, eps_rel, tol, accuracy, attained
@@ -80,12 +78,10 @@ cdef class Interior(Watched):
         # norms one iteration before.
         bint primal_stuck, dual_stuck
         double old_dual_norm, old_primal_norm
-        # The active-set system: its regularisation, most proximal steps, the first and the
-        # least residual, steps in a row that did not halve it; whether it was factored,
-        # whether the residual fell tenfold, whether the next active set is another; the
-        # largest violation of a slack or multiplier, unscaled.
-        double regularisation, first_error, least_error, set_violation
-        Py_ssize_t most_solves, failures
+        # The active-set system: its regularisation, and the largest violation of a slack
+        # or multiplier, unscaled; whether it was factored, whether its residual fell
+        # tenfold, whether the next active set is another.
+        double regularisation, set_violation
         bint is_factored, converged, set_changed
         # Whether the start was warm; cold starts after the first.
         bint is_warm
@@ -100,7 +96,6 @@ cdef enum:
     LARGE_KKT = 5_000
 
 cdef double* reals(Interior m, Py_ssize_t count) noexcept nogil
-cdef int* flags(Interior m, Py_ssize_t count) noexcept nogil
 cdef void lay_out(Interior m) noexcept nogil
 cdef int attach(Interior m) except -1
-cdef double offer(Interior m, double* x, double* y, double* Z) except? -1.0
+cdef double offer(Interior m, double* point) except? -1.0

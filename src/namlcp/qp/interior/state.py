@@ -30,6 +30,7 @@ class Interior(Watched):
         self.kkt = problem.kkt
         self.n, self.p, self.m = problem.n, problem.p, problem.c.size
         self.size, self.nnz = self.kkt.size, self.kkt.base.size
+        self.length = self.n + self.p + 2 * self.m
         lay_out(self)
         self.memory = cython.cast(cython.p_char, calloc(self.memory_end, 1))
         if self.memory == cython.NULL:
@@ -66,35 +67,30 @@ def reals(m, count):
     return found
 
 
-def flags(m, count):
-    """Return the place of the next flags."""
-    return cython.cast(cython.p_int, reals(m, (count + 1) // 2))
-
-
 def lay_out(m):
-    """Give every vector its place."""
+    """Give every vector its place.
+
+    Points are x, y, Z and the flags of the active constraints, one after another.
+    """
     n, p, size = m.n, m.p, m.size
-    m.x, m.best_x, m.rd, m.Px, m.Ctv = (
-        reals(m, n), reals(m, n), reals(m, n), reals(m, n), reals(m, n),
-    )  # fmt: skip
-    m.y, m.best_y, m.rp = reals(m, p), reals(m, p), reals(m, p)
-    m.W, m.Z, m.best_Z = reals(m, m.m), reals(m, m.m), reals(m, m.m)
-    m.rw, m.rc, m.tau, m.omega = (
-        reals(m, m.m), reals(m, m.m), reals(m, m.m), reals(m, m.m),
-    )  # fmt: skip
-    m.v, m.t = reals(m, size), reals(m, size)
+    m.x, m.best_x = reals(m, m.length), reals(m, m.length)
+    m.start, m.found = reals(m, m.length), reals(m, m.length)
+    m.y, m.Z, m.active = m.x + n, m.x + n + p, m.x + n + p + m.m
+    m.rd, m.Px, m.Ctv, m.rp = reals(m, n), reals(m, n), reals(m, n), reals(m, p)
+    m.W, m.rw, m.rc = reals(m, m.m), reals(m, m.m), reals(m, m.m)
+    m.tau, m.omega, m.v, m.t = (
+        reals(m, m.m),
+        reals(m, m.m),
+        reals(m, size),
+        reals(m, size),
+    )
     m.step.dW, m.step.dZ, m.other.dW = reals(m, m.m), reals(m, m.m), reals(m, m.m)
     m.other.dZ, m.step.du, m.other.du = reals(m, m.m), reals(m, size), reals(m, size)
     m.dv, m.dt, m.Pdx, m.Ctdv = reals(m, size), reals(m, size), reals(m, n), reals(m, n)
     m.weight, m.row_size, m.rhs = reals(m, size), reals(m, size), reals(m, size)
     m.r, m.answer = reals(m, size), reals(m, size)
-    m.trial, m.trial_r = reals(m, size), reals(m, size)
-    m.start_x, m.start_y, m.start_Z = reals(m, n), reals(m, p), reals(m, m.m)
-    m.set_x, m.set_y, m.set_Z = reals(m, n), reals(m, p), reals(m, m.m)
-    m.set_v, m.kept_x, m.kept_v = reals(m, size), reals(m, n), reals(m, size)
-    m.goal, m.held = reals(m, size), flags(m, size)
-    m.active, m.was_active = flags(m, m.m), flags(m, m.m)
-    m.set_active, m.next_active = flags(m, m.m), flags(m, m.m)
+    m.trial, m.trial_r, m.u = reals(m, size), reals(m, size), reals(m, size)
+    m.least_u, m.goal, m.held = reals(m, size), reals(m, size), reals(m, size)
 
 
 def attach(m):
@@ -113,7 +109,7 @@ def attach(m):
     return 0
 
 
-def offer(m, x, y, Z):
+def offer(m, point):
     """Let the judge measure a point; return its largest residual over tolerances."""
-    arrays = as_array(x, m.n), as_array(y, m.p), as_array(Z, m.m)
-    return m.judge.offer(m.chain.point(*arrays))
+    x, y, Z = as_array(point, m.n), as_array(point + m.n, m.p), point + m.n + m.p
+    return m.judge.offer(m.chain.point(x, y, as_array(Z, m.m)))

@@ -130,9 +130,7 @@ def evaluate(m):
     m.worst = worst if is_finite else INFINITY
     if m.worst < m.best:
         m.best = worst
-        copy(m.x, m.best_x, n)
-        copy(m.y, m.best_y, m.p)
-        copy(m.Z, m.best_Z, m.m)
+        copy(m.x, m.best_x, m.length)
 
 
 def assemble(m):

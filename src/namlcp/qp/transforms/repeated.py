@@ -4,17 +4,16 @@ Rows c g'x <= d beside g'x <= h are sides of one range, equations c a'x = d besi
 a'x = b are one equation. The first row of each such group is its leader.
 """
 
-import functools
 from typing import NamedTuple
 
 import cython
 import numpy as np
-from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, fabs, floor
 from cython.cimports.namlcp.linalg.vectors import float_bits
 from scipy.sparse import csr_array
 
 from namlcp.checks import from_arrays
+from namlcp.linalg import arrays_of, by_rows, submatrix, without_zeros
 
 # Largest relative difference between entries of two rows, one row scaled.
 SAME = 1e-13
@@ -26,24 +25,13 @@ GOLDEN = 0.6180339887498949
 class Groups(NamedTuple):
     """Which rows of a matrix are kept, and which are multiples of others.
 
-    Row i is ratio[i] times row leader[i], the `first` one of its group; rows that are
-    not `wanted` and empty ones have the leader UNWANTED or EMPTY. number[i] is the
-    position of a leader in `first`. `repeated` tells whether some rows are not leaders,
-    `empty` has those that are empty.
+    Row i is ratio[i] times the first row of its group, row first[number[i]]. number[i]
+    is UNWANTED or EMPTY for a row that was not wanted or is empty.
     """
 
-    wanted: np.ndarray
-    leader: np.ndarray
-    ratio: np.ndarray
     number: np.ndarray
+    ratio: np.ndarray
     first: np.ndarray
-    repeated: bool
-    empty: np.ndarray
-
-    @property
-    def merged_by(self):
-        """What `merge_ranges` and `merge_equations` need."""
-        return self.leader, self.ratio, self.number
 
 
 def leading_rows(M, columns, wanted):
@@ -51,86 +39,38 @@ def leading_rows(M, columns, wanted):
 
     Stored zeros are dropped.
     """
-    m = M.shape[0]
-    if m == 0:
-        return no_leading_rows(columns.size)
-    indptr = np.empty(m + 1, dtype=np.int32)
-    indices, data = np.empty(M.indices.size, dtype=np.int32), np.empty(M.data.size)
-    rows = indptr, indices, data
-    leader, number = np.empty((2, m), dtype=np.int32)
-    ratio, key = np.empty(m), np.empty(m, dtype=np.int32)
-    wanted_bytes = wanted.view(np.uint8)
-    turned_part(M.indptr, M.indices, M.data, columns, wanted_bytes, *rows)
-    table = np.empty(1 << (2 * m + 1).bit_length(), dtype=np.int32)
-    count, followers = group_rows(
-        *rows, wanted_bytes, key, table, leader, ratio, number
-    )
-    entries = indptr[count]
-    parts = indptr[: count + 1], indices[:entries], data[:entries]
-    first, empty = (number >= 0).nonzero()[0], (leader == EMPTY).nonzero()[0]
-    groups = Groups(wanted, leader, ratio, number, first, followers > 0, empty)
-    return from_arrays(parts, (count, columns.size), csr_array), groups
+    number, ratio = np.full(wanted.size, UNWANTED, np.int32), np.ones(wanted.size)
+    rows = wanted.nonzero()[0]
+    C = by_rows(submatrix(without_zeros(M), rows, columns))
+    key, own, first = np.empty((3, rows.size), np.int32)
+    table = np.full(1 << (2 * rows.size + 1).bit_length(), -1, np.int32)
+    factor = np.empty(rows.size)
+    count = group_rows(*arrays_of(C), key, table, own, factor, first)
+    number[rows], ratio[rows] = own, factor
+    indptr, entries = C.indptr[: count + 1], C.indptr[count]
+    parts = indptr, C.indices[:entries], C.data[:entries]
+    kept = from_arrays(parts, (count, columns.size), csr_array)
+    return kept, Groups(number, ratio, rows[first[:count]])
 
 
-@functools.lru_cache(maxsize=16)
-def no_leading_rows(n):
-    """Return what `leading_rows` does of no rows; it is shared: read only."""
-    none, flags = np.empty(0, dtype=np.int32), np.empty(0, dtype=np.bool_)
-    empty = from_arrays((np.zeros(1, np.int32), none, np.empty(0)), (0, n), csr_array)
-    rows = np.empty(0, dtype=np.intp)
-    return empty, Groups(flags, none, np.empty(0), none, rows, False, rows)
-
-
-def turned_part(indptr, indices, data, columns, wanted, start, position, value):
-    """Write the nonzeros of some columns and of the wanted rows of a matrix by rows.
-
-    It comes in CSC, and becomes (start, position, value); columns are numbered as they
-    stand in `columns`, other rows become empty.
-    """
-    count = start.shape[0]
-    for i in range(count):
-        start[i] = 0
-    for k in range(columns.shape[0]):
-        j = columns[k]
-        for t in range(indptr[j], indptr[j + 1]):
-            if data[t] != 0.0 and wanted[indices[t]]:
-                start[indices[t]] += 1
-    total: cython.int = 0
-    for i in range(count):  # start[i] is the end of row i, then its beginning
-        total += start[i]
-        start[i] = total
-    for k in range(columns.shape[0] - 1, -1, -1):
-        j = columns[k]
-        for t in range(indptr[j], indptr[j + 1]):
-            i = indices[t]
-            if data[t] != 0.0 and wanted[i]:
-                start[i] -= 1
-                position[start[i]] = k
-                value[start[i]] = data[t]
-
-
-def group_rows(indptr, indices, data, wanted, key, table, leader, ratio, number):
+def group_rows(indptr, indices, data, key, table, number, ratio, first):
     """Group the rows of a CSR matrix that are proportional; keep their leaders.
 
-    Returns the numbers of leaders and of other rows in groups. `leader`, `ratio` and
-    `number` (m,) are overwritten as in `Groups`, and the matrix by its leaders. key and
-    table are overwritten: the bits of keys in single precision, so that rounding errors
-    seldom change them, and a hash table of rows with open addressing. The key of a row
-    is sum |a_ij| w_ij / |first a_ij| with the weights of GOLDEN, plus 1 where the signs
-    of a_ij and of the first entry differ.
+    Returns the number of groups. number, ratio and first are overwritten as in
+    `Groups`, and the matrix by its leaders; `key` by the bits of their keys in single
+    precision, so that rounding errors seldom change them; `table`, -1 on entry, is a
+    hash table of groups with open addressing. The key of a row is sum |a_ij| w_ij /
+    |first a_ij| with the weights of GOLDEN, plus 1 where the signs of a_ij and of the
+    first entry differ.
     """
     mask: cython.longlong = table.shape[0] - 1
-    for k in range(table.shape[0]):
-        table[k] = -1
     kept: cython.int = 0
-    followers: Py_ssize_t = 0
-    head: cython.int = 0
+    group: cython.int = 0
     begin = indptr[0]
-    for i in range(wanted.shape[0]):
+    for i in range(key.shape[0]):
         end = indptr[i + 1]
-        ratio[i], number[i] = 1.0, -1
+        ratio[i], number[i] = 1.0, EMPTY
         if begin == end:
-            leader[i] = EMPTY if wanted[i] else UNWANTED
             continue
         total = 0.0
         for t in range(begin, end):
@@ -139,29 +79,28 @@ def group_rows(indptr, indices, data, wanted, key, table, leader, ratio, number)
             if (data[t] > 0.0) != (data[begin] > 0.0):
                 weight += 1.0
             total += fabs(data[t]) * weight
-        key[i] = float_bits(total / fabs(data[begin]))
-        s = (key[i] ^ (key[i] >> 15)) & mask
+        bits = float_bits(total / fabs(data[begin]))
+        s = (bits ^ (bits >> 15)) & mask
         factor = 0.0
         while table[s] >= 0 and factor == 0.0:
-            head = table[s]
-            if key[head] == key[i]:
-                k = number[head]
-                factor = multiple(indices, data, indptr[k], indptr[k + 1], begin, end)
+            group = table[s]
+            if key[group] == bits:
+                a, a_end = indptr[group], indptr[group + 1]
+                factor = multiple(indices, data, a, a_end, begin, end)
             s = (s + 1) & mask
         if factor != 0.0:
-            leader[i], ratio[i] = head, factor
-            followers += 1
-            begin = end
-            continue
-        table[s] = i
-        leader[i], number[i] = i, kept
-        start = indptr[kept]
-        for t in range(end - begin):
-            indices[start + t], data[start + t] = indices[begin + t], data[begin + t]
-        kept += 1
-        indptr[kept] = start + end - begin
+            number[i], ratio[i] = group, factor
+        else:
+            table[s], number[i] = kept, kept
+            key[kept], first[kept] = bits, i
+            start = indptr[kept]
+            for t in range(end - begin):
+                indices[start + t] = indices[begin + t]
+                data[start + t] = data[begin + t]
+            kept += 1
+            indptr[kept] = start + end - begin
         begin = end
-    return kept, followers
+    return kept
 
 
 def multiple(indices, data, a, a_end, c, c_end):
@@ -176,53 +115,26 @@ def multiple(indices, data, a, a_end, c, c_end):
     return ratio
 
 
-def merge_ranges(leader, ratio, number, h, tol, lower, upper, low_at, up_at):
-    """Merge rows c g'x <= h_i of each group to lower <= g'x <= upper.
+def merge_rows(number, ratio, sides, equal, tol, least, giver):
+    """Merge rows c g'x <= d_i, or = d_i if `equal`, to one range for each group.
 
-    leader, ratio and number are those of `Groups`; low_at and up_at take the rows that
-    give the sides, -1 for none. Returns the first range with lower > upper, each side
-    widened by `tol` in the units of its row, or -1.
+    That is -least[1] <= g'x <= least[0]; `giver` takes the rows that give these sides,
+    -1 for none. Returns the first group without a point in its range, both sides
+    widened by `tol` in the units of their rows, or -1.
     """
-    for k in range(lower.shape[0]):
-        lower[k], upper[k], low_at[k], up_at[k] = -INFINITY, INFINITY, -1, -1
-    for i in range(h.shape[0]):
-        if leader[i] < 0:
-            continue
-        k, value = number[leader[i]], h[i] / ratio[i]
-        if ratio[i] > 0.0 and value < upper[k]:
-            upper[k], up_at[k] = value, i if value > -INFINITY else -1
-        elif ratio[i] < 0.0 and value > lower[k]:
-            lower[k], low_at[k] = value, i if value < INFINITY else -1
-    for k in range(lower.shape[0]):
-        i, j = low_at[k], up_at[k]
-        if i >= 0 and j >= 0 and lower[k] > upper[k] + tol / ratio[j] - tol / ratio[i]:
-            return k
+    count = least.shape[1]
+    for half in range(2):
+        sign = 1.0 - 2.0 * half
+        for k in range(count):
+            least[half, k], giver[half, k] = INFINITY, -1
+        for i in range(number.shape[0]):
+            k, value = number[i], sign * sides[i] / ratio[i]
+            if k >= 0 and (equal or sign * ratio[i] > 0.0) and value < least[half, k]:
+                least[half, k], giver[half, k] = value, i if value > -INFINITY else -1
+    for k in range(count):
+        i, j = giver[0, k], giver[1, k]
+        if i >= 0 and j >= 0:
+            wide = tol / fabs(ratio[i]) + tol / fabs(ratio[j])
+            if least[0, k] + least[1, k] < -wide:
+                return k
     return -1
-
-
-def merge_equations(leader, ratio, number, b, tol, sides, most, least):
-    """Merge equations c a'x = b_i of each group; return the first contradiction or -1.
-
-    leader, ratio, number are those of `Groups`; `most` and `least` take the rows with
-    the extreme right-hand sides b_i / c, `sides` their mean with the weights |c|, from
-    which both rows differ by as much. They contradict each other where that is above
-    `tol`.
-    """
-    for k in range(sides.shape[0]):
-        most[k], least[k] = -1, -1
-    for i in range(b.shape[0]):
-        if leader[i] < 0:
-            continue
-        k, value = number[leader[i]], b[i] / ratio[i]
-        if most[k] < 0 or value > b[most[k]] / ratio[most[k]]:
-            most[k] = i
-        if least[k] < 0 or value < b[least[k]] / ratio[least[k]]:
-            least[k] = i
-    wrong: Py_ssize_t = -1
-    for k in range(sides.shape[0]):
-        high, low = b[most[k]] / ratio[most[k]], b[least[k]] / ratio[least[k]]
-        above, below = fabs(ratio[most[k]]), fabs(ratio[least[k]])
-        sides[k] = low + above / (above + below) * (high - low)
-        if above * below / (above + below) * (high - low) > tol and wrong < 0:
-            wrong = k
-    return wrong

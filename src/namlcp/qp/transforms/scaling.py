@@ -14,8 +14,7 @@ are divided by `unit`.
 
 import cython
 import numpy as np
-from cython import Py_ssize_t
-from cython.cimports.libc.math import INFINITY, exp, fabs, log, sqrt
+from cython.cimports.libc.math import exp, fabs, log, sqrt
 from cython.cimports.namlcp.linalg.vectors import dot
 
 from namlcp.linalg import columns
@@ -39,14 +38,14 @@ LEAST_DIVISOR = columns.LEAST_DIVISOR
 class ScaledQP:
     """min 1/2 x'Px + q'x, Ax = b, sign * t[place] <= c.
 
-    The one-sided constraints are of four kinds: upper and lower sides of rows, upper
-    and lower bounds. `finite` has the rows or variables of each kind. `small` is the
-    presolved problem; the scaled P, A and G are kept in `kkt` alone.
+    The one-sided constraints are the `finite` ones of the upper and lower sides of all
+    rows, then of the upper and lower bounds. `small` is the presolved problem; the
+    scaled P, A and G are kept in `kkt` alone.
     """
 
     def __init__(self, small, last=None):
         """Scale the presolved problem; the matrices of `last` are not scaled again."""
-        n, p = small.q.size, small.b.size
+        n, p, rows = small.q.size, small.b.size, small.sides.shape[1]
         self.small = small
         self.kkt: KKT
         self.scale: np.ndarray
@@ -61,12 +60,12 @@ class ScaledQP:
             if not small.P.data.any():
                 even_out(*matrix, self.scale)
             equilibrate(*matrix, self.scale)
-        self.bounds = small.upper, small.lower, small.ub, small.lb
-        most = 2 * (small.upper.size + n)
-        self.place, sides = np.empty(most, dtype=np.int32), np.empty((2, most))
-        self.ends = one_sided(*self.bounds, n + p, self.place, sides[0], sides[1])
-        *_, m = self.ends
-        self.place, self.sign, self.side = self.place[:m], sides[0, :m], sides[1, :m]
+        side = np.concatenate((small.sides.ravel(), small.ub, -small.lb))
+        at = np.arange(n + p + rows, dtype=np.int32)
+        place = np.concatenate((at[n + p :], at[n + p :], at[:n], at[:n]))
+        sign = np.repeat((1.0, -1.0, 1.0, -1.0), (rows, rows, n, n))
+        finite = self.finite = np.isfinite(side).nonzero()[0]
+        self.place, self.sign, self.side = place[finite], sign[finite], side[finite]
         self.scale_vectors()
 
     def scale_vectors(self):
@@ -78,47 +77,34 @@ class ScaledQP:
         self.q, self.b = small.q * scale[:n], small.b * scale[n:rows]
         self.c = self.side / self.unit[self.place]
 
-    @property
-    def finite(self):
-        """The rows or variables of each kind of one-sided constraint."""
-        n, p = self.n, self.p
-        parts = np.split(self.place, self.ends[:3])
-        return [at - o for at, o in zip(parts, (n + p, n + p, 0, 0), strict=True)]
-
-    def of_finite(self, values):
-        """Return the values at the one-sided constraints from those of each kind."""
-        parts = zip(values, self.finite, strict=True)
-        return np.concatenate([value[at] for value, at in parts])
-
     def point(self, x, y, Z):
-        """Return the (x, y, z_upper, z_lower, z_box) of the presolved problem."""
-        z_upper, z_lower = np.zeros((2, self.small.upper.size))
-        found = np.empty(self.n), np.empty(self.p), z_upper, z_lower, np.zeros(self.n)
-        unscale(self.unit, self.place, self.ends, x, y, Z, *found)
-        return found
-
-    def primal(self, x):
-        """Return the x of the presolved problem."""
-        return x * self.unit[: self.n]
+        """Return the (x, y, z, z_box) of the presolved problem."""
+        n, rows = self.n, self.small.sides.size
+        z = np.zeros(rows + 2 * n)
+        z[self.finite] = Z / self.unit[self.place]
+        z_box = z[rows : rows + n] - z[rows + n :]
+        y = y / self.unit[n : n + self.p]
+        return self.ray(x), y, z[:rows].reshape(2, -1), z_box
 
     def ray(self, d):
-        """Return the direction of the x of the presolved problem."""
+        """Return the x, or a direction of it, of the presolved problem."""
         return d * self.unit[: self.n]
 
+    primal = ray
+
     def certificate(self, y, Z):
-        """Return the (y, z_upper, z_lower) of the presolved problem."""
-        return self.point(np.zeros(self.n), y, Z)[1:4]
+        """Return the (y, z) of the presolved problem."""
+        return self.point(np.zeros(self.n), y, Z)[1:3]
 
     def guess(self, guess):
         """Return the scaled (x, y, Z) of a guess and which constraints are active."""
-        x, y, z_upper, z_lower, z_box, active = guess
-        bounds = np.maximum(z_box, 0), np.maximum(-z_box, 0)
-        Z = self.of_finite((z_upper, z_lower, *bounds))
+        x, y, z, z_box, active = guess
+        z = np.concatenate((z.ravel(), np.maximum(z_box, 0), np.maximum(-z_box, 0)))
         return (
             x / self.unit[: self.n],
             y * self.unit[self.n : self.n + self.p],
-            Z * self.unit[self.place],
-            self.of_finite(active),
+            z[self.finite] * self.unit[self.place],
+            active[self.finite],
         )
 
     def relax(self, t):
@@ -126,58 +112,6 @@ class ScaledQP:
         row = self.place >= self.n + self.p
         self.b = t[self.n : self.n + self.p].copy()
         self.c = np.where(row, np.maximum(self.c, self.sign * t[self.place]), self.c)
-
-
-def one_sided(upper, lower, ub, lb, rows, place, sign, side):
-    """List the finite sides: upper and lower ones of rows, upper and lower bounds.
-
-    `rows` is the place of the first row. Sets the places, the signs and sign * side;
-    returns the ends of the four lists.
-    """
-    a = list_finite(upper, rows, 1.0, 0, place, sign, side)
-    b = list_finite(lower, rows, -1.0, a, place, sign, side)
-    c = list_finite(ub, 0, 1.0, b, place, sign, side)
-    d = list_finite(lb, 0, -1.0, c, place, sign, side)
-    return a, b, c, d
-
-
-def list_finite(values, first, s, k, place, sign, side):
-    """Append the finite values to the lists, which have k entries; return how many."""
-    for i in range(values.shape[0]):
-        if fabs(values[i]) < INFINITY:
-            place[k] = first + i
-            sign[k] = s
-            side[k] = s * values[i]
-            k += 1
-    return k
-
-
-def unscale(unit, place, ends, x, y, Z, x_out, y_out, upper, lower, box):
-    """Set (x, y, z_upper, z_lower, z_box) from scaled x, y and Z.
-
-    z_upper, z_lower and z_box are 0 on entry.
-    """
-    a: Py_ssize_t
-    b: Py_ssize_t
-    c: Py_ssize_t
-    a, b, c, _ = ends
-    n = x.shape[0]
-    rows = n + y.shape[0]
-    for j in range(n):
-        x_out[j] = x[j] * unit[j]
-    for i in range(y.shape[0]):
-        y_out[i] = y[i] / unit[n + i]
-    for k in range(Z.shape[0]):
-        j = place[k]
-        z = Z[k] / unit[j]
-        if k < a:
-            upper[j - rows] = z
-        elif k < b:
-            lower[j - rows] = z
-        elif k < c:
-            box[j] = z
-        else:
-            box[j] -= z
 
 
 def equilibrate(indptr, indices, data, scale):
