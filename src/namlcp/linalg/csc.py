@@ -21,7 +21,7 @@ from namlcp.limits import NEVER
 # Density of B above which P + B'WB is computed with dense matrices.
 DENSE = 0.2
 # Entries at most of a dense P + B'WB, and of the dense rows multiplied at a time.
-MOST_DENSE, STRIP = 20_000_000, 4_000_000
+MOST_DENSE, STRIP = 20_000_000, 1_000_000
 
 
 class Compressed(NamedTuple):

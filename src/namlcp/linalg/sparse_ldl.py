@@ -30,7 +30,7 @@ import cython
 import numpy as np
 from cython import Py_ssize_t
 from cython.cimports import numpy as cnp
-from cython.cimports.libc.math import isfinite
+from cython.cimports.libc.math import INFINITY, isfinite
 from cython.cimports.namlcp.linalg.arrays import (
     data_of,
     new_vector,
@@ -66,9 +66,13 @@ class Factors:
     def __init__(self, indptr):
         self.n, self.nnz = indptr.size - 1, indptr[indptr.size - 1]
 
-    def refactor(self, data):
-        """Factor the matrix with these values; ValueError if a pivot is 0."""
+    def refactor(self, data, until=INFINITY):
+        """Factor the matrix with these values; ValueError if a pivot is 0.
+
+        Or if time is over; until: the perf_counter() at which it is.
+        """
         watch, values = Watched(), numbers(data, self.nnz)
+        watch.until = until
         with cython.nogil:
             is_done = self.factor_values(values, watch)
         raise_kept(watch)

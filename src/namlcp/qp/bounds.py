@@ -57,7 +57,7 @@ def solve_bounds(qp, chain, guess, judge, memory):
         limits.deadline.check()
     large = not qp.is_dense and qp.q.size >= LARGE_LCP
     if large:
-        memory.ensure_convex(qp.P)
+        memory.ensure_convex(qp.P, limits.deadline)
         outcome = solve_large_box(qp, chain, guess, judge, memory)
         convex = True
     else:

@@ -12,13 +12,16 @@ import numpy as np
 from scipy.linalg.lapack import dpotrf
 
 from namlcp.checks import as_sparse, from_arrays
+from namlcp.limits import NEVER, Deadline
 from namlcp.linalg import (
     LEAST_DIVISOR,
     PSD_SLACK,
     arrays_of,
     has_positive_pivots,
+    plan_factors,
     unit_triangle,
 )
+from namlcp.linalg.definite import DENSE_ORDER
 from namlcp.theory import is_h_plus
 
 # Least order of P for which `is_h_plus`, a multigrid method, is tried before a
@@ -43,8 +46,11 @@ class NotConvex(ValueError):
     """
 
 
-def check_convex(P: Any) -> None:
-    """Raise NotConvex unless P, symmetric, dense or CSC, is positive semidefinite."""
+def check_convex(P: Any, deadline: Deadline = NEVER) -> None:
+    """Raise NotConvex unless P, symmetric, dense or CSC, is positive semidefinite.
+
+    OutOfTime if the deadline is reached before.
+    """
     if type(P) is np.ndarray:
         if dpotrf(P)[1] == 0:
             return  # definite, as most are: this takes a tenth of the time
@@ -56,7 +62,11 @@ def check_convex(P: Any) -> None:
         if P.shape[0] >= MULTIGRID_ORDER and is_h_plus(P.T):
             return
         order = parts[0].size - 1
-        if has_positive_pivots(from_arrays(parts, (order, order))):
+        if order <= DENSE_ORDER:
+            definite = has_positive_pivots(from_arrays(parts, (order, order)))
+        else:
+            definite = has_positive_factors(parts, deadline)
+        if definite:
             return
         reason = (
             f"an eigenvalue of P with its diagonal scaled to 1 is below -{PSD_SLACK:g}"
@@ -69,3 +79,16 @@ def check_convex(P: Any) -> None:
             "is an eigenvalue"
         )
     raise NotConvex(f"P must be positive semidefinite: {reason}")
+
+
+def has_positive_factors(triangle: Any, deadline: Deadline) -> bool:
+    """Tell whether L D L' of a matrix, its upper triangle given, has D > 0."""
+    indptr, indices, data = triangle
+    factors = plan_factors(indptr, indices)
+    deadline.check()
+    try:
+        factors.refactor(data, deadline.at)
+    except ValueError:  # a pivot is 0, or time is over
+        deadline.check()
+        return False
+    return bool((factors.pivots > 0.0).all())

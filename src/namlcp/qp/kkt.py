@@ -11,10 +11,26 @@ diagonal is the last entry of every column.
 import cython
 import numpy as np
 from cython import Py_ssize_t
+from cython.cimports.libc.math import sqrt
+from cython.cimports.namlcp.linalg.arrays import numbers, places
+from cython.cimports.namlcp.linalg.blas import (
+    blas_times,
+    blas_times_transposed,
+    cholesky,
+    cholesky_solve,
+)
 from cython.cimports.namlcp.linalg.csc import Columns, take_columns
+from cython.cimports.namlcp.linalg.sparse_ldl import Factors
+from cython.cimports.namlcp.linalg.vectors import copy, fill
+from cython.cimports.namlcp.watch import is_over
+from cython.cimports.scipy.linalg.cython_blas import dsyrk
 
 from namlcp.checks import constant, refuse_size
 from namlcp.linalg import plan_factors
+
+# Rows are condensed where they are as many as variables, and have this part of entries
+# that are not zero.
+FULL = 0.5
 
 
 class KKT:
@@ -53,10 +69,19 @@ class KKT:
         ):
             self.factors, self.factored = last.factors, last.factored
 
-    def plan(self):
-        """Return the factors, which are not computed yet if they are new."""
+    def plan(self, condense=False):
+        """Return the factors, which are not computed yet if they are new.
+
+        With `condense` they may be those of P and the rows, condensed, where K~ is
+        definite in its first n rows and negative definite in the others.
+        """
         if self.factors is None:
-            self.factors = plan_factors(self.indptr, self.indices)
+            n, rows = self.n, self.size - self.n
+            entries = self.indptr[self.size] - self.indptr[n] - rows
+            if condense and n <= rows and entries >= FULL * n * rows:
+                self.factors = Condensed(self.indptr, self.indices, n)
+            else:
+                self.factors = plan_factors(self.indptr, self.indices)
         return self.factors
 
     def factor(self):
@@ -66,6 +91,73 @@ class KKT:
         except (RuntimeError, ValueError):
             return False
         return True
+
+
+class Condensed(Factors):
+    """K~ with full rows by the Cholesky factor of S = P + dx + R'R, R = D C.
+
+    D^2 = 1 / (dy, dv). The rows are condensed by BLAS, some at a time.
+    """
+
+    def __init__(self, indptr, indices, n):
+        """Lay out S and R for n variables."""
+        Factors.__init__(self, indptr)
+        rows = self.n - n
+        self.width, self.entries = n, n * self.n
+        parts = np.empty(n * n), np.zeros(rows * n), np.empty((3, self.n))
+        self.arrays = indptr, indices, *parts
+        self.indptr = places(indptr, self.n + 1)
+        self.indices = places(indices, self.nnz)
+        self.S, self.R = numbers(parts[0], n * n), numbers(parts[1], rows * n)
+        self.D, self.y = numbers(parts[2][0], self.n), numbers(parts[2][1], self.n)
+        self.u = numbers(parts[2][2], self.n)
+
+    def factor_values(self, data, watch):
+        """Do as `refactor` does."""
+        n, S, R, D, indptr = self.width, self.S, self.R, self.D, self.indptr
+        rows = self.n - n
+        fill(S, 0.0, n * n)
+        for j in range(n):
+            for t in range(indptr[j], indptr[j + 1]):
+                S[j * n + self.indices[t]] = data[t]
+        for i in range(rows):
+            last = indptr[n + i + 1] - 1
+            D[i] = sqrt(-1.0 / data[last])
+            for t in range(indptr[n + i], last):
+                R[i * n + self.indices[t]] = D[i] * data[t]
+        first: Py_ssize_t = 0
+        while first < rows:
+            count = min(BLOCK, rows - first)
+            if is_over(watch, count * n * n):
+                return False
+            add_squares(R + first * n, count, n, S)
+            first += count
+        return cholesky(S, n)
+
+    def solve_into(self, rhs, x):
+        """Set x = K^-1 rhs."""
+        n, rows, D, y, u = self.width, self.n - self.width, self.D, self.y, self.u
+        for i in range(rows):
+            y[i] = D[i] * rhs[n + i]
+        blas_times_transposed(self.R, rows, n, y, u)
+        for j in range(n):
+            u[j] += rhs[j]
+        cholesky_solve(self.S, n, u)
+        copy(u, x, n)
+        blas_times(self.R, rows, n, x, u)
+        for i in range(rows):
+            x[n + i] = D[i] * (u[i] - y[i])
+
+
+def add_squares(C, count, n, S):
+    """Add C'C to the lower triangle of S (n, n), for `count` rows of n numbers."""
+    order: cython.int = n
+    rows: cython.int = count
+    one: cython.double = 1.0
+    dsyrk(
+        b"U", b"N", cython.address(order), cython.address(rows), cython.address(one), C,
+        cython.address(order), cython.address(one), S, cython.address(order),
+    )  # fmt: skip
 
 
 def upper_triangle(P, A, G, indptr, indices, data):

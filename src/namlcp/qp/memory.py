@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from namlcp.lcp import Prepared
+from namlcp.limits import NEVER, Deadline
 from namlcp.linalg import arrays_of
 from namlcp.qp.convexity import check_convex
 from namlcp.qp.problem import QP
@@ -64,10 +65,10 @@ class Memory:
         P, G, A = self.matrices
         return qp._replace(P=P, G=G, A=A)
 
-    def ensure_convex(self, P: Any) -> None:
+    def ensure_convex(self, P: Any, deadline: Deadline = NEVER) -> None:
         """Raise NotConvex unless P is positive semidefinite; test the same P once."""
         if self.convex is not P:
-            check_convex(P)
+            check_convex(P, deadline)
             self.convex = P
 
     def prepared(self, P: Any) -> Prepared:

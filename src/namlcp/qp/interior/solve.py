@@ -16,6 +16,9 @@ from namlcp.qp.transforms import Presolved, ScaledQP, presolve
 from namlcp.status import Status
 
 FORM = "path"
+# Seconds for each entry of the matrices that a step before the first iteration takes at
+# least: none is begun that would end too late.
+PASS = 3e-8
 
 
 def solve_interior(
@@ -26,13 +29,13 @@ def solve_interior(
     If the active set of the guess is the right one, no iteration is needed. `memory`
     holds the factors of a problem solved before, and takes those of this one.
     """
-    limits = judge.limits
-    check = limits.deadline.check
-    if qp.is_dense:
-        check()
-        qp = qp._replace(P=as_sparse(qp.P), G=as_sparse(qp.G), A=as_sparse(qp.A))
-    check()
-    memory.ensure_convex(qp.P)
+    limits, deadline = judge.limits, judge.limits.deadline
+    deadline.check()
+    memory.ensure_convex(qp.P, deadline)
+    for name, M in (("P", qp.P), ("G", qp.G), ("A", qp.A)) if qp.is_dense else ():
+        deadline.check(PASS * M.size)
+        qp = qp._replace(**{name: as_sparse(M)})
+    entries = qp.P.nnz + qp.G.nnz + qp.A.nnz
     found = alone(judge.qp, *limits.tolerances)
     if found is not None:
         message, proof = found
@@ -40,7 +43,7 @@ def solve_interior(
         return judge.answer(Status.PRIMAL_INFEASIBLE, 0, FORM, message)
     if judge.is_solved:  # by an engine that could not tell whether P is convex
         return judge.answer(Status.SOLVED, 0, FORM)
-    check()
+    deadline.check(PASS * entries)
     small = presolve(qp, *limits.tolerances, memory.presolved)
     memory.presolved = small
     reason = refuted(small, chain, judge)
@@ -50,9 +53,9 @@ def solve_interior(
         none, zero = np.empty(0), np.zeros(small.sides.shape)
         judge.offer(chain.then(small).point(none, np.zeros(small.b.size), zero, none))
         return judge.answer(Status.STALLED, 0, FORM)
-    check()
+    deadline.check(2.0 * PASS * entries)
     problem = memory.scaled = ScaledQP(small, memory.scaled)
-    check()
+    deadline.check()
     m = Interior(problem, chain.then(small, problem), judge, limits)
     if guess.x.size and try_guess(m, guess):
         return judge.answer(Status.SOLVED, 0, FORM)

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.sparse import csc_array, csr_array
 
-from namlcp.linalg import add_transposed, submatrix, times
+from namlcp.linalg import add_transposed, submatrix, times, without_zeros
 from namlcp.qp.guess import Guess
 from namlcp.qp.problem import QP, Point
 from namlcp.qp.transforms.repeated import (
@@ -25,6 +25,7 @@ from namlcp.qp.transforms.repeated import (
     merge_rows,
 )
 
+NO_PLACES = np.empty(0, dtype=np.intp)
 # Largest ub - lb of a fixed variable, relative to max(1, |lb|).
 FIXED = 1e-12
 
@@ -206,13 +207,11 @@ def fix_by_rows(G: csc_array, h: np.ndarray, lb: np.ndarray, ub: np.ndarray) -> 
 
     Returns these rows, their entries, and the columns.
     """
-    count = np.bincount(G.indices[G.data != 0.0], minlength=h.size)
-    at = ((count[G.indices] == 1) & (G.data != 0.0)).nonzero()[0]
-    row, entry, column = (
-        G.indices[at],
-        G.data[at],
-        np.searchsorted(G.indptr, at, "right") - 1,
-    )
+    G = without_zeros(G)
+    single = np.bincount(G.indices, minlength=h.size) == 1
+    at = single[G.indices].nonzero()[0] if single.any() else NO_PLACES
+    row, entry = G.indices[at], G.data[at]
+    column = np.searchsorted(G.indptr, at, "right") - 1
     value, opposite = h[row] / entry, np.where(entry > 0.0, lb[column], ub[column])
     near = FIXED * np.maximum(1.0, np.abs(opposite))
     fixes = (np.abs(value - opposite) <= near) & (near < np.inf)

@@ -136,7 +136,8 @@ def substitute(
     kept = np.delete(np.arange(qp.q.size), columns)
     others = np.delete(np.arange(qp.b.size), by)
     rest = submatrix(A, by, kept)
-    check_convex(qp.P)  # the squares added below would hide negative curvature
+    # the squares added below would hide negative curvature
+    check_convex(qp.P, deadline)
     deadline.check()
     P = with_squares(submatrix(P, kept, kept), rest, cost / pivot**2, deadline)
     G, A = submatrix(G, np.arange(qp.h.size), kept), submatrix(A, others, kept)
@@ -177,14 +178,9 @@ def stays_sparse(A: csc_array, by: np.ndarray, cost: np.ndarray) -> np.ndarray:
 
     If the squares of all rows with p > 0 fill P, only the short ones of them can.
     """
-    squared = by[cost > 0.0]
     length = np.bincount(A.indices, minlength=A.shape[0])[by] - 1
     lengths = length[cost > 0.0].astype(float)
-    is_squared = np.zeros(A.shape[0], np.bool_)
-    is_squared[squared] = True
-    entries = np.append(0, np.cumsum(is_squared[A.indices]))[A.indptr]
-    width = float(np.count_nonzero(np.diff(entries)) - squared.size)
-    fill = min((lengths**2).sum(), width * width)
-    if fill <= FILL * lengths.sum() + SMALL:
+    width = float(np.count_nonzero(np.diff(A.indptr)) - lengths.size)
+    if min((lengths**2).sum(), width**2) <= FILL * lengths.sum() + SMALL:
         return np.ones(by.size, np.bool_)
     return (cost == 0.0) | (length <= SHORT)
