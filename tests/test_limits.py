@@ -126,6 +126,35 @@ def test_the_substitution_looks_at_the_clock(monkeypatch):
         assert len(now) <= limit + 2
 
 
+def definite():
+    """Return a sparse QP whose P must be factored to see that it is definite."""
+    rng = np.random.default_rng(0)
+    C = sparse.random_array((300, 300), density=0.05, rng=rng)
+    P, G = C.T @ C + sparse.eye_array(300), sparse.random_array((300, 300), rng=rng)
+    return sparse.csc_array(P), np.ones(300), sparse.csc_array(G), np.ones(300)
+
+
+def dense_lp():
+    G = np.random.default_rng(0).standard_normal((300, 150))
+    return np.zeros((150, 150)), -G.sum(0), G, np.ones(300)
+
+
+@pytest.mark.parametrize("data", [definite, dense_lp])
+def test_nothing_begins_after_the_deadline(monkeypatch, data):
+    """Each look at the clock takes a second: at most three are late."""
+    arguments, clock, looks = data(), time.perf_counter, []
+    start = 0.0
+    monkeypatch.setattr(
+        time, "perf_counter", lambda: looks.append(0) or start + len(looks)
+    )
+    for limit in range(1, 9):
+        looks.clear()
+        start = clock()
+        result = solve_qp(*arguments, time_limit=limit)
+        assert result.status is Status.TIME_LIMIT
+        assert len(looks) <= limit + 3
+
+
 def test_time_limit_before_a_method_begins():
     result = solve_qp(*lasso(), time_limit=1e-9)
     assert (result.status, result.form) == (Status.TIME_LIMIT, "none")

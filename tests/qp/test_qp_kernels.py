@@ -155,7 +155,7 @@ def solved_by_other_factors(change, krylov):
     m.indptr, m.indices, m.data = map(plain.Pointer, (kkt.indptr, kkt.indices, data))
     for name in ("du", "r", "answer", "trial", "trial_r", "row_size", "dt"):
         setattr(m, name, plain.reals(m, size))
-    m.krylov = plain.reals(m, 17 * size + 81)
+    m.krylov = plain.reals(m, 16 * size)
     m.row_size.array[:] = np.maximum(1.0, np.abs(data[kkt.diagonal]))
     rhs = np.random.default_rng(0).standard_normal(size)
     m.rhs, m.accuracy, m.krylov_pays = plain.Pointer(rhs), 1e-14, krylov
@@ -173,6 +173,27 @@ def test_newton_systems_are_refined():
     better, m = solved_by_other_factors(3.0, True)
     assert m.krylov_pays
     assert better < 0.1 * crude
+
+
+def test_full_rows_are_condensed():
+    """The factors are other ones, and solve the same systems."""
+    rng = np.random.default_rng(0)
+    n, p, m = 20, 5, 200
+    G, A = rng.standard_normal((m, n)), rng.standard_normal((p, n))
+    G[rng.random((m, n)) < 0.3] = 0.0
+    qp = make_qp(np.eye(n), np.ones(n), G, np.ones(m), A, np.ones(p))
+    kkt = ScaledQP(presolve(qp, 1e-9, 0.0)).kkt
+    factors = kkt.plan(condense=True)
+    kkt.data[kkt.diagonal] += np.r_[np.ones(n), -rng.random(p + m)]
+    factors.refactor(kkt.data)
+    K = upper_triangle_of(kkt).toarray()
+    K += np.triu(K, 1).T
+    rhs = rng.random(n + p + m)
+    assert factors.entries == n * (n + p + m)
+    np.testing.assert_allclose(K @ factors.solve(rhs), rhs, atol=1e-10)
+    kkt.data[kkt.diagonal[0]] = -1e3
+    with pytest.raises(ValueError, match="vanishes"):
+        factors.refactor(kkt.data)
 
 
 @pytest.mark.parametrize("place", [0, 1, 2])
