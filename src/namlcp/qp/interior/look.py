@@ -8,7 +8,6 @@ end of the loop.
 import cython
 from cython.cimports.libc.math import INFINITY
 from cython.cimports.namlcp.linalg.vectors import fill, largest_entry
-from cython.cimports.namlcp.qp.interior.regularisation import is_full_step
 from cython.cimports.namlcp.qp.interior.steps import multiply
 from cython.cimports.namlcp.watch import is_over
 
@@ -47,7 +46,7 @@ def look(m):
     if promises(m):
         wants |= PROVE
     is_stuck: cython.bint = m.primal_ratio > CLOSE and m.primal > STUCK * m.old_primal
-    m.since_halved += IDLE if is_stuck and is_full_step(m) else 1
+    m.since_halved += IDLE if is_stuck and m.has_full_step else 1
     m.old_primal = m.primal
     if m.worst <= 0.5 * m.reference:
         m.reference, m.since_halved = m.worst, 0

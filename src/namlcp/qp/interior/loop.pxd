@@ -15,6 +15,7 @@ cdef bint start(Interior m) noexcept nogil
 cdef int measure(Interior m) noexcept nogil
 cdef bint step(Interior m) noexcept nogil
 cdef bint predict(Interior m) noexcept nogil
+cdef void find_step(Interior m) noexcept nogil
 cdef void correct(Interior m) noexcept nogil
 cdef bint restart(Interior m) except -1
 cdef bint start_warm(Interior m, object guess) except -1

@@ -174,9 +174,7 @@ def start(m):
     assemble(m)
     if not factor(m):
         return False
-    set_right_side(m)
-    solve(m)
-    set_step(m)
+    find_step(m)
     start_inside(m)
     return True
 
@@ -210,27 +208,28 @@ def predict(m):
         m.step.error = INFINITY
         if factor(m):
             aim_at_zero(m)
-            set_right_side(m)
-            solve(m)
-            set_step(m)
+            find_step(m)
             if m.step.error <= POOR:
                 return True
         strengthen(m)
     return m.step.error < INFINITY
 
 
-def correct(m):
-    """Make his corrector, then Gondzio's where the steps are short."""
-    aim_at_centre(m)
+def find_step(m):
+    """Solve the Newton system for the target."""
     set_right_side(m)
     solve(m)
     set_step(m)
+
+
+def correct(m):
+    """Make his corrector, then Gondzio's where the steps are short."""
+    aim_at_centre(m)
+    find_step(m)
     if m.step.primal + m.step.dual < LONG:
         aim_at_longer_step(m)
         exchange_steps(m)
-        set_right_side(m)
-        solve(m)
-        set_step(m)
+        find_step(m)
         longer = m.step.primal + m.step.dual
         if not longer >= m.other.primal + m.other.dual + GAIN:
             exchange_steps(m)

@@ -17,8 +17,6 @@ FLOOR, LOWEST, TOP = 1e-7, 1e-16, 1e-6
 # Relative residuals above which a solve is bad, and below which it is accurate; the
 # latter after a step of full length, too, whose remainder is due to rho and delta.
 POOR, ACCURATE, ACCURATE_FULL = 1e-5, 1e-8, 1e-6
-# A step has full length if the sum of the primal and the dual one exceeds this.
-FULL = 1.9
 # WAIT: iterations without lowering after a bad solve.
 # Scaled dual residual up to which rho is not held responsible for it.
 NEGLIGIBLE_RESIDUAL = 1e-12
@@ -42,7 +40,7 @@ def regularise(m, old_mu):
         strengthen(m)
     elif m.wait > 0:
         m.wait -= 1
-    elif m.step.error < (ACCURATE_FULL if is_full_step(m) else ACCURATE):
+    elif m.step.error < (ACCURATE_FULL if m.has_full_step else ACCURATE):
         dual, primal = m.dual_norm, max(m.row_norm, m.slack_norm)
         rho_dominates: cython.bint = (
             dual > NEGLIGIBLE_RESIDUAL and m.rho * m.change_x > 0.5 * dual
@@ -55,11 +53,6 @@ def regularise(m, old_mu):
             rho_dominates and (m.dual_ratio > needed or m.dual_share > gap),
             delta_dominates and (m.primal_ratio > needed or m.primal_share > gap),
         )
-
-
-def is_full_step(m):
-    """Tell whether the last step, primal and dual, had full length."""
-    return m.step.primal + m.step.dual > FULL
 
 
 def lower(m, rho, delta):

@@ -58,8 +58,10 @@ cdef class Interior(Watched):
         double worst, best
         # W'Z after the longest steps; the target of W Z; its least value over the gap.
         double product, target, lift
-        # Largest change of x, and of y and Z, by the last step.
+        # Largest change of x, and of y and Z, by the last step; whether that had full
+        # length.
         double change_x, change_yz
+        bint has_full_step
         # Regularisation, and iterations left without lowering it.
         readonly double rho, delta
         Py_ssize_t wait

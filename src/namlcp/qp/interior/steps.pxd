@@ -1,6 +1,6 @@
 from namlcp.qp.interior.state cimport Interior
 
-cdef double THIN, MOST_LEFT, LENGTHENED, LEAST_PRODUCT, MOST_PRODUCT, SHORT
+cdef double THIN, MOST_LEFT, LENGTHENED, LEAST_PRODUCT, MOST_PRODUCT, SHORT, FULL
 cdef double LEAST_TARGET, NEGLIGIBLE, START_VALUE
 
 cdef void multiply(Interior m, const double* x, const double* v, double* Px, double* Ctv, double* t) noexcept nogil

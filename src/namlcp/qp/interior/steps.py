@@ -24,8 +24,9 @@ MOST_LEFT = 0.1
 # Gondzio's corrector aims at steps (1 + LENGTHENED) a + LENGTHENED and at products W Z
 # there between LEAST_PRODUCT and MOST_PRODUCT times the target.
 LENGTHENED, LEAST_PRODUCT, MOST_PRODUCT = 0.08, 0.1, 10.0
-# Fraction of the longest feasible step that is taken.
-SHORT = 0.99
+# Fraction of the longest feasible step that is taken; a step has full length if the sum
+# of the primal and the dual one exceeds FULL.
+SHORT, FULL = 0.99, 1.9
 # Least target of W'Z, relative to the tolerance of the gap.
 LEAST_TARGET = 0.01
 # If all scaled slacks and multipliers of the first solve are at most NEGLIGIBLE, all
@@ -261,6 +262,7 @@ def move(m):
         m.Z[k] += dual * dZ[k]
         change_yz = max(change_yz, dual * abs(dZ[k]))
     m.change_x, m.change_yz = change_x, change_yz
+    m.has_full_step = m.step.primal + m.step.dual > FULL
 
 
 def prepare_start(m):
