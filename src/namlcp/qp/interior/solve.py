@@ -30,12 +30,13 @@ def solve_interior(
     holds the factors of a problem solved before, and takes those of this one.
     """
     limits, deadline = judge.limits, judge.limits.deadline
-    deadline.check()
-    memory.ensure_convex(qp.P, deadline)
-    for name, M in (("P", qp.P), ("G", qp.G), ("A", qp.A)) if qp.is_dense else ():
+    for name in ("P", "G", "A") if qp.is_dense else ():
+        M = getattr(qp, name)
         deadline.check(PASS * M.size)
         qp = qp._replace(**{name: as_sparse(M)})
     entries = qp.P.nnz + qp.G.nnz + qp.A.nnz
+    deadline.check()
+    memory.ensure_convex(qp.P, deadline)
     found = alone(judge.qp, *limits.tolerances)
     if found is not None:
         message, proof = found

@@ -216,6 +216,8 @@ def fix_by_rows(G: csc_array, h: np.ndarray, lb: np.ndarray, ub: np.ndarray) -> 
     near = FIXED * np.maximum(1.0, np.abs(opposite))
     fixes = (np.abs(value - opposite) <= near) & (near < np.inf)
     fixes &= lb[column] < ub[column]
+    if not fixes.any():
+        return NO_PLACES, NO_PLACES, NO_PLACES
     first = np.unique(column[fixes], return_index=True)[1]
     row, entry, column = (v[fixes][first] for v in (row, entry, column))
     lb[column] = ub[column] = opposite[fixes][first]

@@ -129,8 +129,11 @@ def substitute(
     """
     if last is not None and last.fits(qp):
         return last._replace(user=qp)
+    free = ((qp.lb == -np.inf) & (qp.ub == np.inf)).nonzero()[0]
+    if not (free.size and qp.b.size):
+        return None
     P, G, A = (without_zeros(M) for M in (qp.P, qp.G, qp.A))
-    columns, by, pivot, cost = free_columns(qp, P, G, A)
+    columns, by, pivot, cost = free_columns(free, P, G, A)
     if not (columns.size and (qp.lb <= qp.ub).all()):
         return None
     kept = np.delete(np.arange(qp.q.size), columns)
@@ -144,20 +147,17 @@ def substitute(
     return Substitution(qp, kept, columns, by, pivot, cost, others, rest, P, G, A)
 
 
-def free_columns(qp: QP, P: csc_array, G: csc_array, A: csc_array) -> Any:
-    """Choose free columns to substitute; return them, their rows in A, a_it and p.
+def free_columns(free: np.ndarray, P: csc_array, G: csc_array, A: csc_array) -> Any:
+    """Choose columns to substitute; return them, their rows in A, a_it and p.
 
-    Free is a column without bounds (lb, ub) and without entries in G, with one entry in
-    A and none in P but a diagonal one, p >= 0. Each row of A, in rising order,
+    They are those of the unbounded ones, `free`, without entries in G, with one entry
+    in A and none in P but a diagonal one, p >= 0. Each row of A, in rising order,
     substitutes one column at most, the one with the largest entry.
     """
-    in_A, in_G, in_P = (np.diff(M.indptr) for M in (A, G, P))
-    free = (in_A == 1) & (in_G == 0) & (in_P <= 1) & (qp.lb == -np.inf)
-    columns = (free & (qp.ub == np.inf)).nonzero()[0]
+    in_A, in_G, in_P = (np.diff(M.indptr)[free] for M in (A, G, P))
+    fits = (in_A == 1) & (in_G == 0) & (in_P <= 1)
+    columns, own = free[fits], in_P[fits] == 1
     cost = np.zeros(columns.size)
-    if not columns.size:
-        return columns, columns, cost, cost
-    own = in_P[columns] == 1
     at = P.indptr[columns[own]]
     cost[own] = np.where(P.indices[at] == columns[own], P.data[at], -1.0)
     columns, cost = columns[cost >= 0.0], cost[cost >= 0.0]
@@ -165,7 +165,7 @@ def free_columns(qp: QP, P: csc_array, G: csc_array, A: csc_array) -> Any:
     by, size = A.indices[at], np.abs(A.data[at])
     order = np.lexsort((-columns, size, by))  # the last one of each row is the largest
     order = order[np.append(by[order][1:] != by[order][:-1], True)[: order.size]]
-    largest = np.zeros(qp.b.size)
+    largest = np.zeros(A.shape[0])
     np.maximum.at(largest, A.indices, np.abs(A.data))
     order = order[size[order] >= PIVOT * largest[by[order]]]
     columns, by, pivot, cost = columns[order], by[order], A.data[at[order]], cost[order]
