@@ -9,6 +9,10 @@ from typing import NamedTuple
 
 from cython.cimports.libc.math import INFINITY
 
+PASS = 3e-8
+"""Seconds for an entry of the matrices that some passes over them take, about: what
+prepares a solve is not begun where it would end too late."""
+
 
 class Settings:
     """The limits of `Options` for compiled code; time_limit in seconds."""

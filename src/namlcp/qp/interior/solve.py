@@ -3,6 +3,7 @@
 import numpy as np
 
 from namlcp.checks import as_sparse
+from namlcp.limits import PASS
 from namlcp.outcome import Outcome
 from namlcp.qp.certificates import alone
 from namlcp.qp.chain import Chain
@@ -16,9 +17,6 @@ from namlcp.qp.transforms import Presolved, ScaledQP, presolve
 from namlcp.status import Status
 
 FORM = "path"
-# Seconds for each entry of the matrices that a step before the first iteration takes at
-# least: none is begun that would end too late.
-PASS = 3e-8
 
 
 def solve_interior(

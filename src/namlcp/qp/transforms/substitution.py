@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.sparse import csc_array
 
-from namlcp.limits import NEVER, Deadline
+from namlcp.limits import NEVER, PASS, Deadline
 from namlcp.linalg import (
     add_transposed,
     submatrix,
@@ -132,10 +132,12 @@ def substitute(
     free = ((qp.lb == -np.inf) & (qp.ub == np.inf)).nonzero()[0]
     if not (free.size and qp.b.size):
         return None
+    deadline.check(PASS * qp.A.nnz)
     P, G, A = (without_zeros(M) for M in (qp.P, qp.G, qp.A))
     columns, by, pivot, cost = free_columns(free, P, G, A)
     if not (columns.size and (qp.lb <= qp.ub).all()):
         return None
+    deadline.check(PASS * qp.A.nnz)
     kept = np.delete(np.arange(qp.q.size), columns)
     others = np.delete(np.arange(qp.b.size), by)
     rest = submatrix(A, by, kept)
