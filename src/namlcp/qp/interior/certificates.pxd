@@ -1,6 +1,6 @@
 from namlcp.qp.interior.state cimport Interior
 
-cdef double PROJECTION, PROJECTED, NEARLY_ACTIVE, VIOLATED
+cdef double RAY_SHIFT, PROJECTION, PROJECTED, NEARLY_ACTIVE, VIOLATED
 cdef enum:
     PROJECTION_STEPS = 15
     RAY_PROJECTIONS = 3

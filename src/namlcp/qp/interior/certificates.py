@@ -18,10 +18,12 @@ from cython.cimports.namlcp.qp.interior.steps import THIN, multiply
 from namlcp.qp.certificates import largest
 from namlcp.status import Status
 
-# In a projection, the weight of the distance to the candidate, where the residual has
-# weight 1, and the refinement steps at most. These end at a largest residual PROJECTED
-# of multipliers, the largest of which is 1: a certificate needs 1e-12.
+# In a projection of multipliers, the weight of the distance to the candidate, where the
+# residual has weight 1. The refinement ends at a largest residual PROJECTED, where the
+# largest multiplier is 1: a certificate needs 1e-12.
 PROJECTION, PROJECTED = 1e-8, 1e-16
+# The shift of the system of a ray.
+RAY_SHIFT = 1e-6
 # A one-sided constraint is an equation in the projection of a ray d, max |d_j| = 1, if
 # sign * C d, scaled, exceeds NEARLY_ACTIVE for d, or VIOLATED for a projection so far.
 NEARLY_ACTIVE, VIOLATED = -1e-3, 1e-13
@@ -117,7 +119,7 @@ def project_ray(m, candidate):
     active, found = change_of_constraints(m, d) > NEARLY_ACTIVE, []
     zero = np.zeros(max(m.size, m.m))  # goal_c has m entries
     m.cost = m.goal_b = m.goal_c = numbers(zero, zero.size)
-    m.regularisation = PROJECTION
+    m.regularisation = RAY_SHIFT
     start = as_array(m.start, m.length)
     for _ in range(RAY_PROJECTIONS):
         start[:] = np.concatenate((d, np.zeros(m.p + m.m), active))

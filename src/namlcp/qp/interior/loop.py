@@ -79,14 +79,10 @@ def run(m: Interior, guess):
     return status
 
 
-def scaled_guess(m, guess):
-    """Return the scaled (x, y, Z) of a guess and which constraints are active."""
-    return m.problem.guess(m.problem.small.guess(guess))
-
-
 def try_guess(m: Interior, guess):
     """Try the active set of a guess; tell whether it solves the QP."""
-    as_array(m.start, m.length)[:] = np.concatenate(scaled_guess(m, guess))
+    scaled = m.problem.guess(m.problem.small.guess(guess))
+    as_array(m.start, m.length)[:] = np.concatenate(scaled)
     refine(m)
     raise_kept(m)
     return m.judge.is_solved
@@ -276,7 +272,7 @@ def start_warm(m, guess):
     if not (guess.z.any() or guess.z_box.any()):
         return False
     x, y, W, Z = m.point
-    x[:], y[:], Z[:], _ = scaled_guess(m, guess)
+    x[:], y[:], Z[:], _ = m.problem.guess(m.problem.small.guess(guess))
     fill(m.W, 0.0, m.m)
     evaluate(m)
     m.best = INFINITY
