@@ -47,9 +47,6 @@ LARGE_LCP = 10_000
 LEMKE_ORDER, LAST_LEMKE = 400, 1200
 # Order up to which a proof is cheap beside a path.
 PROOF_ORDER = 250
-# Res of a solution of Lemke's method, relative to that of clip(0), that a path may
-# better: where A is nearly singular, pivots lose digits.
-POOR = 1e-11
 # Message of an LCP left undecided.
 UNDECIDED = "no solution was found, and no proof that there is none"
 
@@ -58,7 +55,7 @@ class Method(NamedTuple):
     """A row of the table.
 
     solve(lcp, z0, limits, **options) returns an `Outcome`; of a stage of "general",
-    solve(search) returns one if that ends the search. takes: the options of `solve_lcp`
+    solve(search) returns one, or None. takes: the options of `solve_lcp`
     that it has beside the limits; none: it has no name for users. stage: "auto" or
     "general" where it is tried in the order of the table, if suits(matrix, deadline).
     unsettled: statuses after which "auto" goes on to the next one.
@@ -102,7 +99,7 @@ def solve_general(
             if search.over():
                 return search.outcome()
             if method.suits(lcp.matrix, limits.deadline):
-                outcome = method.solve(search)
+                outcome = search.decided(method.solve(search))
                 if outcome is not None:
                     return outcome
         return search.outcome(UNDECIDED)
@@ -144,16 +141,6 @@ def has_cycles(matrix: Prepared, deadline: Deadline) -> bool:
 def lemke_is_faster(matrix: Prepared, deadline: Deadline) -> bool:
     """Tell whether Lemke's method is likely to take less time than the paths."""
     return matrix.n <= LEMKE_ORDER and isinstance(matrix.compact, np.ndarray)
-
-
-def by_lemke(search: Search) -> Outcome | None:
-    """Use Lemke's method; where its point is poor, ask the interior path as well."""
-    outcome = search.decided(solve_by_lemke)
-    if not (search.solved and search.least > POOR * search.criterion.size):
-        return outcome
-    search.ended = False
-    by_path(search)
-    return search.outcome()
 
 
 def by_path(search: Search) -> None:
@@ -200,19 +187,18 @@ METHODS = (
     Method("lemke", "Lemke's path of one covering vector", solve_lemke,
            ("cover", "eps_rel")),
     # What is likely to end the search soon comes first, by measured times.
-    Method("lemke-howson", "bimatrix games", lambda s: s.decided(solve_game),
-           stage="general"),
-    Method("lemke first", "Lemke's paths", by_lemke, stage="general",
+    Method("lemke-howson", "bimatrix games", solve_game, stage="general"),
+    Method("lemke first", "Lemke's paths", solve_by_lemke, stage="general",
            suits=lemke_is_faster),
     Method("path", "an infeasible interior path", by_path, stage="general"),
     Method("farkas", "a proof", by_proof, stage="general",
            suits=lambda A, _: A.n <= PROOF_ORDER),
-    Method("enumeration", "all cones", lambda s: s.decided(solve_by_enumeration),
-           stage="general", suits=lambda A, _: A.n <= LARGEST_ENUMERATION),
+    Method("enumeration", "all cones", solve_by_enumeration, stage="general",
+           suits=lambda A, _: A.n <= LARGEST_ENUMERATION),
     Method("arc", "Lemke's homotopy as a smooth curve", by_arc, stage="general"),
     Method("farkas last", "a proof that takes long", by_proof, stage="general",
            suits=lambda A, _: A.n > PROOF_ORDER),
-    Method("lemke last", "Lemke's paths", by_lemke, stage="general",
+    Method("lemke last", "Lemke's paths", solve_by_lemke, stage="general",
            suits=lambda A, end: LAST_LEMKE >= A.n and not lemke_is_faster(A, end)),
     *(Method(name, row.doc, partial(sweep, method=name), (*row.takes, "s0", "z0"))
       for name, row in SWEEPS.items()),

@@ -22,8 +22,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from namlcp.lcp.distances import Distances
 from namlcp.lcp.general.cones import Condensed
+from namlcp.lcp.general.distances import Distances
 from namlcp.lcp.shifted import System
 
 # Added to the unit diagonal, so that a singular matrix can be factored.

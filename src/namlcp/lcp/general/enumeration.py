@@ -13,9 +13,7 @@ Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 1.3.
 
 import numpy as np
 
-from namlcp.lcp.data import LCP, Criterion
-from namlcp.lcp.general.plain import Plain
-from namlcp.limits import Limits
+from namlcp.lcp.general.search import Search
 from namlcp.outcome import Outcome
 from namlcp.status import Status
 
@@ -27,33 +25,29 @@ ENUMERATED = "no complementary cone contains q: all were enumerated"
 OUTSIDE = 1e-9
 
 
-def solve_by_enumeration(lcp: LCP, limits: Limits) -> Outcome | None:
+def solve_by_enumeration(search: Search) -> Outcome | None:
     """Return a solution, or UNSOLVABLE if q is clearly outside every cone, else None.
 
     None, too, if the plain form is of a larger order. Iterations are the cones.
     """
-    try:
-        plain = Plain(lcp)
-    except np.linalg.LinAlgError:
+    lcp, plain = search.lcp, search.plain
+    if plain is None or not 1 <= plain.r.size <= LARGEST_ENUMERATION:
         return None
     m = plain.r.size
-    if not 1 <= m <= LARGEST_ENUMERATION:
-        return None
     from scipy.optimize import nnls  # takes long to import
 
-    criterion = Criterion(lcp, limits)
     size = float(np.linalg.norm(plain.r)) or 1.0
     faces = (np.arange(2**m)[:, None] >> np.arange(m)) % 2 == 1
     cones = np.where(faces[:, None, :], -plain.M, np.eye(m))
     best, nearest = lcp.start(), np.inf
     for k in np.flatnonzero(least_distances(cones, plain.r) <= OUTSIDE * size):
-        if limits.deadline.reached():
+        if search.limits.deadline.reached():
             return None
         x, distance = nnls(cones[k], plain.r)
-        z = lcp.start(plain.point(np.where(faces[k], x, 0.0)))
+        z = lcp.start(plain.z(np.where(faces[k], x, 0.0)))
         if distance < nearest:
             nearest, best = distance, z
-        if distance <= OUTSIDE * size and criterion.accepts(z, lcp.w(z)):
+        if distance <= OUTSIDE * size and search.criterion.accepts(z, lcp.w(z)):
             count = int(k) + 1
             return lcp.outcome(Status.SOLVED, z, lcp.w(z), count, "enumeration")
     if nearest <= OUTSIDE * size:

@@ -26,7 +26,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from namlcp.lcp.distances import Distances
+from namlcp.lcp.general.distances import Distances
 from namlcp.lcp.shifted import HELD, Quasidefinite, Shifted, System
 
 # Wrong p or F, relative to the largest p and to max |c_i| = 1, that counts as 0.

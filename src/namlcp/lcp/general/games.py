@@ -22,11 +22,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy import sparse
 
-from namlcp.lcp.data import LCP, Criterion
+from namlcp.lcp.data import LCP
+from namlcp.lcp.general.distances import dense
 from namlcp.lcp.general.lemke import LARGEST_TABLEAU, basis_solution, last_largest
-from namlcp.lcp.general.plain import dense, is_plain
+from namlcp.lcp.general.search import Search
 from namlcp.lcp.general.tableau import DONE, Tableau, exchange, pivot_until, tableau_of
-from namlcp.limits import Limits
 from namlcp.outcome import Outcome
 from namlcp.status import Status
 
@@ -45,7 +45,9 @@ class Game(NamedTuple):
 def game_of(lcp: LCP) -> Game | None:
     """Return the game if A is a permutation of [0 R; S 0] and q < 0, else None."""
     A, q = lcp.A, lcp.q
-    if not 2 <= q.size <= LARGEST_TABLEAU or not is_plain(lcp) or not (q < 0.0).all():
+    if not 2 <= q.size <= LARGEST_TABLEAU or not (q < 0.0).all():
+        return None
+    if lcp.lower.any() or not (lcp.upper == np.inf).all():
         return None
     row = dense(A[[0]])[0]
     first, second = np.flatnonzero(row == 0.0), np.flatnonzero(row)
@@ -59,15 +61,15 @@ def game_of(lcp: LCP) -> Game | None:
     return Game((first, second), A / -q[:, None])
 
 
-def solve_game(lcp: LCP, limits: Limits) -> Outcome | None:
+def solve_game(search: Search) -> Outcome | None:
     """Return an equilibrium, None if the LCP is no game or no path came to its end.
 
     limits.max_iter counts the pivots of all paths.
     """
-    game = game_of(lcp)
+    lcp, limits = search.lcp, search.limits
+    game, n = game_of(lcp), lcp.q.size
     if game is None:
         return None
-    n, criterion = lcp.q.size, Criterion(lcp, limits)
     start = tableau_of(game.cost, np.full(n, -1.0))
     limit = math.inf if limits.max_iter is None else limits.max_iter
     count, most = 0, FIRST_LIMIT
@@ -82,7 +84,7 @@ def solve_game(lcp: LCP, limits: Limits) -> Outcome | None:
                 z = basis_solution(game.cost, np.full(n, -1.0), tableau)
                 z = np.maximum(tableau.values()[n : 2 * n] if z is None else z, 0.0)
                 w = lcp.w(z)
-                if criterion.accepts(z, w):
+                if search.criterion.accepts(z, w):
                     return lcp.outcome(Status.SOLVED, z, w, count, "lemke-howson")
         most *= GROWTH
     return None

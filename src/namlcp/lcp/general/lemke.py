@@ -25,7 +25,8 @@ from typing import Any
 import numpy as np
 
 from namlcp.lcp.data import LCP, Criterion, diagonal_of
-from namlcp.lcp.general.plain import Plain
+from namlcp.lcp.general.distances import Plain, unit_model
+from namlcp.lcp.general.search import Search
 from namlcp.lcp.general.tableau import (
     DONE,
     MORE,
@@ -65,7 +66,7 @@ def solve_lemke(lcp: LCP, z0: None, limits: Limits, cover: Any = None) -> Outcom
         )
     cover = diagonal_of("cover", cover, n, np.ones(n), positive=True)
     try:
-        plain = Plain(lcp)
+        plain = Plain(unit_model(lcp))
     except np.linalg.LinAlgError:
         raise ValueError(
             "A must be regular in the rows and columns of the unknowns without bounds "
@@ -75,13 +76,12 @@ def solve_lemke(lcp: LCP, z0: None, limits: Limits, cover: Any = None) -> Outcom
     return follow(lcp, plain, plain.cover(cover), limits, (0, most))
 
 
-def solve_by_lemke(lcp: LCP, limits: Limits) -> Outcome | None:
+def solve_by_lemke(search: Search) -> Outcome | None:
     """Follow the paths of three covering vectors; None if none of them decides."""
-    n, done = lcp.q.size, 0
-    try:
-        plain = Plain(lcp)
-    except np.linalg.LinAlgError:
+    lcp, plain, limits = search.lcp, search.plain, search.limits
+    if plain is None:
         return None
+    n, done = lcp.q.size, 0
     most = math.inf if limits.max_iter is None else limits.max_iter
     for d in covering_vectors(plain.M):
         budget = int(min(TRIES * n + MORE_TRIES, most - done))
@@ -125,15 +125,18 @@ def follow(
         end, entering, made = pivot_until(tableau, entering, (z_0, z_0), budget)
         count += made
         if limits.report is not None:
-            z = lcp.start(plain.point(tableau.values()[names]))
+            z = lcp.start(plain.z(tableau.values()[names]))
             limits.report(count, lcp.residual(z, lcp.w(z)), lcp.active(z))
-    z = best_point(lcp, plain, tableau)
+    # the basis computed anew lacks the rounding errors of the pivots
+    found = tableau.values()[names], basis_solution(plain.M, plain.r, tableau)
+    points = [lcp.start(plain.z(x)) for x in found if x is not None]
+    z = min(points, key=lambda z: lcp.residual(z, lcp.w(z)))
     w, ray = lcp.w(z), None
     if Criterion(lcp, limits).accepts(z, w):
         status = Status.SOLVED
     elif end not in (MORE, DONE):
         v = plain.direction(tableau.direction(entering)[names])
-        ray = proof(lcp, 1.0 / lcp.matrix.root, v)
+        ray = proof(lcp, v)
         status = Status.STALLED if ray is None else Status.UNSOLVABLE
     return lcp.outcome(status, z, w, count, "lemke", ray=ray)
 
@@ -146,20 +149,8 @@ def last_largest(x: np.ndarray) -> int:
     return int(x.size - 1 - np.argmax(x[::-1]))
 
 
-def best_point(lcp: LCP, plain: Plain, tableau: Tableau) -> np.ndarray:
-    """Return z of the tableau, or of its basis computed anew where that is better."""
-    m = plain.r.size
-    anew = basis_solution(plain.M, plain.r, tableau)
-    found = tableau.values()[m : 2 * m], anew
-    points = [lcp.start(plain.point(p)) for p in found if p is not None]
-    return min(points, key=lambda z: lcp.residual(z, lcp.w(z)))
-
-
 def basis_solution(M: np.ndarray, r: np.ndarray, tableau: Tableau) -> np.ndarray | None:
-    """Return z of the basis without the rounding errors of the pivots.
-
-    None: the basis is singular, by rounding.
-    """
+    """Return z of the basis, None if it is singular, by rounding."""
     z = np.zeros(r.size)
     face = np.flatnonzero((tableau.position >= 0)[r.size : 2 * r.size])
     try:

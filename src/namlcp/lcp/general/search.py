@@ -5,16 +5,17 @@ them: it counts, looks at the clock, and judges points on the caller's data.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from functools import cached_property
 
 import numpy as np
 from scipy import sparse
 
 from namlcp.lcp.data import LCP, Criterion, is_solved_by_zero
-from namlcp.lcp.distances import Distances, unit_diagonal_scale
 from namlcp.lcp.general.cones import system_of
+from namlcp.lcp.general.distances import Distances, Plain, unit_model
 from namlcp.lcp.general.exact import finish, proximal_steps
+from namlcp.lcp.general.interior import mehrotra
 from namlcp.lcp.pivoting.rays import proof
 from namlcp.lcp.shifted import Quasidefinite, System
 from namlcp.limits import Limits
@@ -26,6 +27,9 @@ from namlcp.status import Status
 # to the part AGAIN of that there; that of a point which is exact, whatever the
 # tolerances say. A path that has solved the problem, not exactly, has LEFT steps more.
 TARGET, CLOSE, AGAIN, EXACT, LEFT = 1e-9, 1e-4, 0.01, 1e-12, 30
+# Res of a solution of pivots, relative to that of clip(0), that a path may better:
+# where A is nearly singular, pivots lose digits.
+POOR = 1e-11
 # Factorisations at most, by default: beyond those of earlier methods.
 FACTORISATIONS = 5000
 
@@ -47,9 +51,15 @@ class Search:
     @cached_property
     def model(self) -> Distances:
         """The problem of the paths, scaled to a unit diagonal."""
-        _, q, lower, upper = self.lcp
-        A = self.lcp.matrix.compact
-        return Distances(A, q, lower, upper, unit_diagonal_scale)
+        return unit_model(self.lcp)
+
+    @cached_property
+    def plain(self) -> Plain | None:
+        """The problem of the pivots; None if what is free is singular."""
+        try:
+            return Plain(self.model)
+        except np.linalg.LinAlgError:
+            return None
 
     @cached_property
     def system(self) -> System:
@@ -127,26 +137,29 @@ class Search:
             if self.over():
                 break
 
-    def decided(self, solve: Callable[[LCP, Limits], Outcome | None]) -> Outcome | None:
+    def decided(self, outcome: Outcome | None) -> Outcome | None:
         """Return the outcome of another method if it ends the search, else keep z.
 
         A solution that is not exact is the start of a search for one.
         """
-        outcome = solve(self.lcp, self.limits)
         if outcome is None or outcome.status is Status.UNSOLVABLE:
             return outcome
         self.offer(outcome.point.z, outcome.method)
         if outcome.status is not Status.SOLVED:
             return None
-        if self.least > EXACT * self.criterion.size:
+        size = self.criterion.size
+        if self.least > EXACT * size:
             self.complete(self.model.p(outcome.point.z), outcome.method)
+        if self.least > POOR * size:
+            self.ended = False
+            self.follow(mehrotra(self.model, self.system), "path")
         return self.lcp.outcome(
             outcome.status, self.z, self.w, outcome.iterations, self.method
         )
 
     def disproved(self, v: np.ndarray) -> Outcome | None:
         """Return UNSOLVABLE if the direction v proves that, corrected for rounding."""
-        ray = proof(self.lcp, 1.0 / self.lcp.matrix.root, v)
+        ray = proof(self.lcp, v)
         if ray is None:
             return None
         return self.outcome()._replace(status=Status.UNSOLVABLE, ray=ray)

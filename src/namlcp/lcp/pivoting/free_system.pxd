@@ -8,12 +8,10 @@ cdef void solve_free(Pivoting m) noexcept nogil
 cdef bint may_stay_sparse(Pivoting m, Py_ssize_t count) noexcept nogil
 cdef void set_order(Pivoting m) noexcept nogil
 cdef void plan(Pivoting m) noexcept nogil
-cdef void take_memory(Pivoting m, size_t size) noexcept nogil
 cdef void gather(Pivoting m, double* out) noexcept nogil
 cdef bint factor_dense(Pivoting m) noexcept nogil
 cdef double analyse(Pivoting m) noexcept nogil
 cdef double factor_sparse(Pivoting m) noexcept nogil
 cdef void solve_sparse(Pivoting m, double* x) noexcept nogil
-cdef bint has_unit_diagonal(Pivoting m) noexcept nogil
 cdef bint is_definite(Pivoting m) noexcept nogil
 cdef void free_blocks_of_bounded(Pivoting m) noexcept nogil

@@ -122,7 +122,12 @@ def plan(m):
             for k in range(count):
                 entries += m.counts[k]
             size = 24.0 * (count + 1) + 12.0 * entries
-    take_memory(m, cython.cast(cython.size_t, size))
+    wanted = cython.cast(cython.size_t, size)
+    if wanted > m.factor_size:
+        free(m.factor)
+        m.factor = cython.cast(cython.p_char, malloc(wanted))
+        m.is_short = m.factor == cython.NULL
+        m.factor_size = 0 if m.is_short else wanted
     if m.is_short:
         return
     m.dense = m.D = cython.cast(cython.p_double, m.factor)
@@ -134,16 +139,6 @@ def plan(m):
         m.starts[0] = 0
         for k in range(count):
             m.starts[k + 1] = m.starts[k] + m.counts[k]
-
-
-def take_memory(m, size):
-    """Give the factor at least so many bytes."""
-    if size > m.factor_size:
-        free(m.factor)
-        m.factor = cython.cast(cython.p_char, malloc(size))
-        m.factor_size = size
-        if m.factor == cython.NULL:
-            m.factor_size, m.is_short = 0, True
 
 
 # ---- dense factors
@@ -282,17 +277,9 @@ def solve_sparse(m, x):
 # ---- is A semidefinite?
 
 
-def has_unit_diagonal(m):
-    """Tell whether all a_ii > 0, which are 1 after scaling."""
-    for i in range(m.n):
-        if not m.unit[i]:
-            return False
-    return True
-
-
 def is_definite(m):
     """Tell whether A + `PSD_SLACK` I is positive definite; False where an a_ii <= 0."""
-    if not has_unit_diagonal(m):
+    if not m.has_unit:
         return False
     if m.is_free_definite and not m.is_dense:
         free_blocks_of_bounded(m)

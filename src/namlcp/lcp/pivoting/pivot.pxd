@@ -20,7 +20,7 @@ cdef enum:
     FEW = 64
     SOME = 4
 
-cdef double SWEEP_RELAXATION, RHO, EXACT_RESIDUAL, START_MARGIN, RAY_ROUNDING
+cdef double SWEEP_RELAXATION, RHO, EXACT_RESIDUAL, START_MARGIN
 
 cpdef int pivot(Pivoting m) except -1
 cdef int advance(Pivoting m) noexcept nogil
@@ -30,7 +30,6 @@ cdef void first_sweeps(Pivoting m) noexcept nogil
 cdef void add_column(Pivoting m, Py_ssize_t j, double factor, double* out) noexcept nogil
 cdef void write_w(Pivoting m, double* w) noexcept nogil
 cdef int state_of(double s, double lower, double upper) noexcept nogil
-cdef void measure(Pivoting m) noexcept nogil
 cdef bint meets(Pivoting m, double margin) noexcept nogil
 cdef bint record(Pivoting m) noexcept nogil
 cdef void set_right_side(Pivoting m) noexcept nogil
@@ -41,4 +40,3 @@ cdef int change_states(Pivoting m, Py_ssize_t wrong) noexcept nogil
 cdef void reset_patience(Pivoting m, double rho) noexcept nogil
 cdef bint may_end_early(Pivoting m, Py_ssize_t wrong) noexcept nogil
 cdef int end_outer_step(Pivoting m) noexcept nogil
-cdef bint may_be_ray(Pivoting m) noexcept nogil

@@ -14,7 +14,6 @@ from cython.cimports.libc.math import INFINITY, isfinite, sqrt
 from cython.cimports.namlcp.lcp.pivoting.free_system import (
     PSD_SLACK,
     factor_free,
-    has_unit_diagonal,
     is_definite,
     solve_free,
 )
@@ -43,8 +42,6 @@ EXACT_RESIDUAL = 1e-15
 # Part of the tolerances that a start must meet to be returned as it is: in a sequence
 # of slowly changing problems the errors of starts add up, to that part.
 START_MARGIN = 0.01
-# Entry of a ray, relative to the largest, that counts as 0.
-RAY_ROUNDING = 1e-9
 
 
 def pivot(m):
@@ -94,7 +91,7 @@ def advance(m):
         if m.is_short:
             return HALTED
         if m.ask_convex and m.count == m.n and m.rho <= PSD_SLACK:
-            m.convex = m.is_free_definite and has_unit_diagonal(m)
+            m.convex = m.is_free_definite and m.has_unit
         m.factorisations += 1
         m.must_factor = False
     code: cython.int = GO_ON
@@ -148,6 +145,7 @@ def begin_pivoting(m):
 def scale_problem(m):
     """Scale the problem to a unit diagonal; write the scaled clip(z) to centre."""
     n, d, lower, upper = m.n, m.root, m.lower, m.upper
+    m.has_unit = True
     for j in range(n):
         d[j] = 0.0
         if m.is_dense:
@@ -157,6 +155,7 @@ def scale_problem(m):
                 if m.indices[p] == j:
                     d[j] = m.values[p]
         m.unit[j] = d[j] > 0.0
+        m.has_unit = m.has_unit and m.unit[j]
         d[j] = 1.0 / sqrt(d[j]) if d[j] > 0.0 else 1.0
         m.q[j] *= d[j]
         lower[j] /= d[j]
@@ -219,13 +218,6 @@ def state_of(s, lower, upper):
     return -1 if s <= lower else (1 if s >= upper else 0)
 
 
-def measure(m):
-    """Set Res(z), of the scaled problem and as given."""
-    m.residual, m.plain_residual = both_residuals(
-        m.own_z, m.w, m.lower, m.upper, m.root, m.n
-    )
-
-
 def meets(m, margin):
     """Tell whether the residuals meet the tolerances times a margin."""
     eps_abs, eps_rel = margin * m.eps_abs, margin * m.eps_rel
@@ -234,7 +226,9 @@ def meets(m, margin):
 
 def record(m):
     """Copy z to best if its Res is the least; return whether that fell to a quarter."""
-    measure(m)
+    m.plain_residual, m.residual = both_residuals(
+        m.own_z, m.w, m.lower, m.upper, m.root, m.n
+    )
     improved: cython.bint = m.residual < 0.25 * m.best_residual
     if m.residual < m.best_residual:
         m.best_residual = m.residual
@@ -362,18 +356,4 @@ def end_outer_step(m):
     # Steps 3, 6, 12, ...: later directions are more accurate, but every test costs.
     turn = m.outer_steps // 3
     due: cython.bint = m.outer_steps == 3 * turn and turn > 0 and turn & (turn - 1) == 0
-    return RAY if due and rho > 0.0 and may_be_ray(m) else GO_ON
-
-
-def may_be_ray(m):
-    """Tell whether v = rhs, q'v < 0, moves no unknown towards a finite bound."""
-    v = m.own_rhs
-    least = RAY_ROUNDING * largest_entry(v, m.n)
-    descent = 0.0
-    for i in range(m.n):
-        if v[i] > least and m.upper[i] < INFINITY:
-            return False
-        if v[i] < -least and m.lower[i] > -INFINITY:
-            return False
-        descent += m.q[i] * v[i]
-    return descent < 0.0
+    return RAY if due and rho > 0.0 else GO_ON

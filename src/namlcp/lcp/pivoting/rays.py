@@ -29,13 +29,14 @@ DROPS, DENSE_CORRECTION = 4, 600
 CORRECTION, CORRECTION_STEPS, MULTIPLICATIONS = 1e-6, 2000, 200_000_000
 
 
-def proof(lcp: LCP, d: np.ndarray, v: np.ndarray) -> np.ndarray | None:
+def proof(lcp: LCP, v: np.ndarray) -> np.ndarray | None:
     """Return v, corrected and scaled, if it proves that there is no solution.
 
-    d_i = a_ii^(-1/2) scales the problem. The direction has few correct digits, because
-    1/rho or 1/tau has magnified its rounding errors. It is corrected to A'v = 0, and if
-    that fails, to (A'v)_i = 0 except where `CLEAR_SLOPE` allows more.
+    The direction has few correct digits, because 1/rho has magnified its rounding
+    errors, or a path has ended. It is corrected to A'v = 0, and if that fails, to
+    (A'v)_i = 0 except where `CLEAR_SLOPE` allows more.
     """
+    d = 1.0 / lcp.matrix.root
     largest = np.max(np.abs(v / d))
     if not 0.0 < largest < math.inf:
         return None
@@ -43,77 +44,70 @@ def proof(lcp: LCP, d: np.ndarray, v: np.ndarray) -> np.ndarray | None:
     has_lower, has_upper = lcp.lower > -math.inf, lcp.upper < math.inf
     if ((v > 0.0) & has_upper | (v < 0.0) & has_lower).any():
         return None
-    candidate = Candidates(lcp, d)
-    slope, terms = candidate.slope(v), candidate.terms(v)
-    if (np.abs(slope) <= SLOPE_ROUNDING * terms).all():
-        return candidate.proof(v)
-    allowed = (slope < 0.0) & has_lower | (slope > 0.0) & has_upper
-    clear = allowed & (np.abs(slope) > CLEAR_SLOPE * terms)
-    every = np.ones(v.size, dtype=bool)
-    symmetric = lcp.matrix.symmetric
-    for rows in (every,) if symmetric or not clear.any() else (every, ~clear):
-        corrected = candidate.corrected(v, rows)
-        found = None if corrected is None else candidate.proof(corrected)
+    slope, terms = slopes(lcp, d, v)
+    tries = []
+    if (np.abs(slope) > SLOPE_ROUNDING * terms).any():
+        tries.append(np.ones(v.size, dtype=bool))
+        allowed = (slope < 0.0) & has_lower | (slope > 0.0) & has_upper
+        clear = allowed & (np.abs(slope) > CLEAR_SLOPE * terms)
+        if clear.any() and not lcp.matrix.symmetric:
+            tries.append(~clear)
+    for rows in tries:
+        corrected = moved(lcp, d, v, rows)
+        found = None if corrected is None else proven(lcp, d, corrected)
         if found is not None:
             return found
-    return candidate.proof(v)
+    return proven(lcp, d, v)
 
 
-class Candidates:
-    """Directions v of one LCP, with A'v and its terms scaled by d."""
+def slopes(lcp: LCP, d: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return A'v, scaled by d, and |A|'|v|."""
+    return d * (lcp.A.T @ v), d * (abs(lcp.A).T @ np.abs(v))
 
-    def __init__(self, lcp: LCP, d: np.ndarray) -> None:
-        self.lcp, self.A, self.d = lcp, lcp.A, d
-        self.size = abs(lcp.A)
 
-    def slope(self, v: np.ndarray) -> np.ndarray:
-        return self.d * (self.A.T @ v)
+def proven(lcp: LCP, d: np.ndarray, v: np.ndarray) -> np.ndarray | None:
+    """Return v scaled to q'v + max z'(A'v) = -1 if it is a proof, else None."""
+    slope, terms = slopes(lcp, d, v)
+    bound = np.where(slope > 0.0, lcp.upper, lcp.lower) / d
+    # Only rounding is ignored: a small slope may mean a solution far away.
+    moving = np.isfinite(bound) | (np.abs(slope) > SLOPE_ROUNDING * terms)
+    fall = float(lcp.q @ v + bound[moving] @ slope[moving])
+    total = float(np.abs(lcp.q) @ np.abs(v) + np.abs(bound[moving]) @ terms[moving])
+    return v / -fall if -math.inf < fall < -LEAST_FALL * total else None
 
-    def terms(self, v: np.ndarray) -> np.ndarray:
-        return self.d * (self.size.T @ np.abs(v))
 
-    def proof(self, v: np.ndarray) -> np.ndarray | None:
-        """Return v scaled to q'v + max z'(A'v) = -1 if it is a proof, else None."""
-        slope, terms = self.slope(v), self.terms(v)
-        bound = np.where(slope > 0.0, self.lcp.upper, self.lcp.lower) / self.d
-        # Only rounding is ignored: a small slope may mean a solution far away.
-        moving = np.isfinite(bound) | (np.abs(slope) > SLOPE_ROUNDING * terms)
-        fall = float(self.lcp.q @ v + bound[moving] @ slope[moving])
-        total = float(np.abs(self.lcp.q) @ np.abs(v))
-        total += float(np.abs(bound[moving]) @ terms[moving])
-        if not -math.inf < fall < -LEAST_FALL * total:
-            return None
-        return v / -fall
+def moved(
+    lcp: LCP, d: np.ndarray, v: np.ndarray, rows: np.ndarray
+) -> np.ndarray | None:
+    """Return v moved to (A'v)_rows = 0 with no sign changed, None if that fails.
 
-    def corrected(self, v: np.ndarray, rows: np.ndarray) -> np.ndarray | None:
-        """Return v moved to (A'v)_rows = 0 with no sign changed, None if that fails.
+    The change is the least in the scaling d. Entries whose sign it would change are set
+    to 0, and a new one is computed without them.
+    """
+    for _ in range(DROPS):
+        support = np.flatnonzero(v)
+        change = np.zeros(v.size)
+        change[support] = d[support] * correction(lcp, d, v, rows, support)
+        found = v - change
+        turned = found * v < 0.0
+        if not turned.any():
+            return found
+        v = np.where(turned, 0.0, v)
+    return None
 
-        The correction is the least in the scaling d. Entries whose sign it would change
-        are set to 0, and a new correction is computed without them.
-        """
-        for _ in range(DROPS):
-            support = np.flatnonzero(v)
-            e = np.zeros(v.size)
-            e[support] = self.d[support] * self.correction(v, rows, support)
-            moved = v - e
-            turned = moved * v < 0.0
-            if not turned.any():
-                return moved
-            v = np.where(turned, 0.0, v)
-        return None
 
-    def correction(
-        self, v: np.ndarray, rows: np.ndarray, support: np.ndarray
-    ) -> np.ndarray:
-        """Return the least-squares u with (A'D u)_rows = (A'v)_rows on the support."""
-        A, d, slope = self.A, sparse.diags_array(self.d), self.slope(v)
-        B = (sparse.diags_array(self.d[support]) @ A[support] @ d).T[rows]
-        if v.size <= DENSE_CORRECTION:
-            B = B.toarray() if sparse.issparse(B) else B
-            return np.linalg.lstsq(B, slope[rows], rcond=None)[0]
-        steps = max(min(CORRECTION_STEPS, MULTIPLICATIONS // (A.size + v.size)), 1)
-        if self.lcp.matrix.symmetric:
-            B = B[support].tocsr() if sparse.issparse(B) else B[support]
-            return cg(B, slope[support], rtol=CORRECTION, maxiter=steps)[0]
-        b = slope[rows]
-        return lsmr(B, b, atol=CORRECTION, btol=CORRECTION, maxiter=steps)[0]
+def correction(
+    lcp: LCP, d: np.ndarray, v: np.ndarray, rows: np.ndarray, support: np.ndarray
+) -> np.ndarray:
+    """Return the least-squares u with (A'D u)_rows = (A'v)_rows on the support."""
+    A, slope = lcp.A, d * (lcp.A.T @ v)
+    B = (sparse.diags_array(d[support]) @ A[support] @ sparse.diags_array(d)).T[rows]
+    if v.size <= DENSE_CORRECTION:
+        B = B.toarray() if sparse.issparse(B) else B
+        return np.linalg.lstsq(B, slope[rows], rcond=None)[0]
+    steps = max(min(CORRECTION_STEPS, MULTIPLICATIONS // (A.size + v.size)), 1)
+    if lcp.matrix.symmetric:
+        B = B[support].tocsr() if sparse.issparse(B) else B[support]
+        return cg(B, slope[support], rtol=CORRECTION, maxiter=steps)[0]
+    b = slope[rows]
+    return lsmr(B, b, atol=CORRECTION, btol=CORRECTION, maxiter=steps)[0]

@@ -25,10 +25,11 @@ cdef class Pivoting(Watched):
         double *own_rhs
         double *shift
         # -1 at the lower bound, 1 at the upper one, 0 free; the same as the signs of z
-        # and w ask for it; 1 where a_ii > 0, elsewhere d = 1.
+        # and w ask for it; 1 where a_ii > 0, elsewhere d = 1. Whether all are 1.
         int *side
         int *goal
         int *unit
+        bint has_unit
         # The first `ordered` entries are unknowns in elimination order; their positions in
         # it, -1 for others.
         int *sequence
@@ -78,13 +79,10 @@ cdef class Pivoting(Watched):
         readonly object memory
         object given
         double *begin
-        Py_ssize_t end
+        double *end
 
 cdef double* reals(Pivoting m, Py_ssize_t count) noexcept nogil
 cdef int* flags(Pivoting m, Py_ssize_t count) noexcept nogil
-cdef void lay_out(Pivoting m) noexcept nogil
 cdef int allocate(Pivoting m) except -1
 cdef void write_best(Pivoting m, const double* lower, const double* upper, double* z) noexcept nogil
-cdef int take_problem(Pivoting m, object columns, tuple vectors) except -1
 cdef object reals_of(Pivoting m, const double* vector, Py_ssize_t count)
-cdef object integers_of(Pivoting m, const int* vector)

@@ -20,10 +20,24 @@ class Pivoting(Watched):
 
         z, the start, may be empty; until: a value of time.perf_counter().
         """
-        self.n, self.symmetric = vectors[0].size, symmetric
-        self.is_dense = columns.dense.shape[0] == self.n
+        dense, indptr, indices, data = self.given = columns
+        q, lower, upper, start = vectors
+        n: cython.Py_ssize_t = q.size
+        self.n, self.symmetric, self.is_dense = n, symmetric, dense.shape[0] == n
         begin_watch(self, until)
-        take_problem(self, columns, vectors)
+        self.entries = n * n if self.is_dense else indices.size
+        if self.is_dense:
+            self.values = numbers(dense, self.entries)
+        else:
+            self.values = numbers(data, self.entries)
+            self.indptr = places(indptr, n + 1)
+            self.indices = places(indices, self.entries)
+        allocate(self)
+        copy(numbers(q, n), self.q, n)
+        copy(numbers(lower, n), self.lower, n)
+        copy(numbers(upper, n), self.upper, n)
+        if start.size:
+            copy(numbers(start, n), self.own_z, n)
 
     def __dealloc__(self):
         free(self.factor)
@@ -54,18 +68,8 @@ class Pivoting(Watched):
 
     @property
     def state(self):
-        return integers_of(self, self.side)
-
-    @property
-    def has_unit(self):
-        """1 where a_ii > 0."""
-        return integers_of(self, self.unit)
-
-    @property
-    def is_open(self):
-        """Whether the bounds of each unknown differ."""
-        n = self.n
-        return reals_of(self, self.lower, n) < reals_of(self, self.upper, n)
+        first = cython.cast(cython.p_double, self.side) - self.begin
+        return self.memory[first:].view(np.int32)[: self.n]
 
     @property
     def scaled_matrix(self):
@@ -83,8 +87,8 @@ class Pivoting(Watched):
 
 
 def reals(m, count):
-    """Return the place of the next numbers; without memory that only counts them."""
-    found = m.begin + m.end
+    """Return the place of the next numbers."""
+    found = m.end
     m.end += count
     return found
 
@@ -94,9 +98,13 @@ def flags(m, count):
     return cython.cast(cython.p_int, reals(m, (count + 1) // 2))
 
 
-def lay_out(m):
-    """Give every vector its place."""
+def allocate(m):
+    """Allocate the memory for n and `entries`, with zeros, and no place in an order."""
     n = m.n
+    size = 11 * n + m.entries + 12 * ((n + 1) // 2)
+    m.memory = new_vector(size)
+    m.begin = m.end = data_of(m.memory)
+    fill(m.begin, 0.0, size)
     m.q, m.lower, m.upper, m.root = reals(m, n), reals(m, n), reals(m, n), reals(m, n)
     m.own_z, m.w, m.centre, m.best = (
         reals(m, n), reals(m, n), reals(m, n), reals(m, n),
@@ -107,19 +115,8 @@ def lay_out(m):
     m.sequence, m.rank, m.local = flags(m, n), flags(m, n), flags(m, n)
     m.order, m.parent, m.counts = flags(m, n), flags(m, n), flags(m, n)
     m.pattern, m.flag, m.pivots = flags(m, n), flags(m, n), flags(m, n)
-
-
-def allocate(m):
-    """Allocate the memory for n and `entries`, with zeros, and no place in an order."""
-    lay_out(m)
-    m.memory = new_vector(m.end)
-    m.begin = data_of(m.memory)
-    fill(m.begin, 0.0, m.end)
-    m.end = 0
-    lay_out(m)
-    for i in range(m.n):
-        m.rank[i] = -1
-        m.local[i] = -1
+    for i in range(n):
+        m.rank[i] = m.local[i] = -1
     return 0
 
 
@@ -129,34 +126,7 @@ def write_best(m, lower, upper, z):
         z[i] = min(max(m.best[i] * m.root[i], lower[i]), upper[i])
 
 
-def take_problem(m, columns, vectors):
-    """Allocate, and note or copy what is given."""
-    n = m.n
-    m.given = columns
-    dense, indptr, indices, data = columns
-    m.entries = n * n if m.is_dense else indices.size
-    if m.is_dense:
-        m.values = numbers(dense, m.entries)
-    else:
-        m.values = numbers(data, m.entries)
-        m.indptr, m.indices = places(indptr, n + 1), places(indices, m.entries)
-    allocate(m)
-    q, lower, upper, start = vectors
-    copy(numbers(q, n), m.q, n)
-    copy(numbers(lower, n), m.lower, n)
-    copy(numbers(upper, n), m.upper, n)
-    if start.size:
-        copy(numbers(start, n), m.own_z, n)
-    return 0
-
-
 def reals_of(m, vector, count):
     """Return a vector as an array, a view."""
     first = vector - m.begin
     return m.memory[first : first + count]
-
-
-def integers_of(m, vector):
-    """Return a vector of integers as an array, a view."""
-    first = cython.cast(cython.p_double, vector) - m.begin
-    return m.memory[first:].view(np.int32)[: m.n]

@@ -19,19 +19,16 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
+from namlcp.lcp.data import LCP
 from namlcp.residuals import natural_residual
-
-# Rounds of scaling rows and columns by their absolute sums.
-EQUILIBRATIONS = 3
 
 
 class Distances:
     """The LCP of p, and sums over its pairs.
 
     M (m, m) dense or CSC, c (m,): F = M p + c, and max |c_i| = 1 or 0.
-    r (m,): largest p, 0 where it is infinite.
+    lower, upper (m,): the bounds of p, 0 or -inf, and r or inf.
     signed, boxed: the indices of p with the bound 0, and of those that have r, too.
-    lower, upper (m,): the bounds of p, infinite ones included.
     unfixed (m,): the indices of its unknowns in z. base (n,), scale (m,), unit: see
     above.
     """
@@ -50,22 +47,24 @@ class Distances:
         self.top = upper
         unfixed = self.unfixed = np.flatnonzero(lower < upper)
         c = (A @ self.base + q)[unfixed]
-        self.signed = np.flatnonzero((low | high)[unfixed])
-        self.boxed = np.flatnonzero((low & high)[unfixed])
-        self.plain = self.signed.size == unfixed.size and self.boxed.size == 0
         if unfixed.size < q.size:
             A = A[:, unfixed][unfixed]
         d = scaling(A)
         self.scale = np.where(low | ~high, 1.0, -1.0)[unfixed] * d
-        self.M = congruent(A, self.scale)
+        if sparse.issparse(A):
+            D = sparse.diags_array(self.scale)
+            self.M = sparse.csc_array(D @ A @ D)
+        else:
+            self.M = A * np.outer(self.scale, self.scale)
         self.c = self.scale * c
         self.unit = float(np.abs(self.c).max(initial=0.0)) or 1.0
         self.c /= self.unit
-        self.r = np.zeros(unfixed.size)
-        self.r[self.boxed] = ((upper - lower)[unfixed] / (self.unit * d))[self.boxed]
-        self.lower, self.upper = np.full((2, unfixed.size), [[-np.inf], [np.inf]])
-        self.lower[self.signed] = 0.0
-        self.upper[self.boxed] = self.r[self.boxed]
+        self.lower = np.where((low | high)[unfixed], 0.0, -np.inf)
+        self.upper = np.full(unfixed.size, np.inf)
+        self.signed = np.flatnonzero((low | high)[unfixed])
+        self.boxed = two = np.flatnonzero((low & high)[unfixed])
+        self.upper[two] = ((upper - lower)[unfixed] / (self.unit * d))[two]
+        self.plain = self.signed.size == unfixed.size and two.size == 0
 
     def z(self, p: np.ndarray) -> np.ndarray:
         """Return the unknowns of the box LCP; p_i = r_i becomes the upper bound."""
@@ -112,31 +111,74 @@ class Distances:
         Unknowns without bounds start at 0.
         """
         p = np.zeros(self.c.size)
-        p[self.signed] = 1.0
-        p[self.boxed] = np.minimum(1.0, 0.5 * self.r[self.boxed])
+        p[self.signed] = np.minimum(1.0, 0.5 * self.upper[self.signed])
         gaps = self.of(p).copy()
-        gaps[self.signed.size :] += self.r[self.boxed]
+        gaps[self.signed.size :] += self.upper[self.boxed]
         return p, gaps
 
 
-def congruent(A: Any, d: np.ndarray) -> Any:
-    """Return D A D, dense or CSC."""
-    if sparse.issparse(A):
-        D = sparse.diags_array(d)
-        return sparse.csc_array(D @ A @ D)
-    return A * np.outer(d, d)
+class Plain:
+    """The LCP of p as a plain one, x >= 0, M x + r >= 0, dense, for pivots from x = 0.
+
+    A p_i <= r_i adds the row r_i - p_i >= 0 with a multiplier y_i >= 0 that its own
+    row loses, [A E; -E' 0]. Unknowns without bounds solve their rows, p_f = -M_ff^-1
+    (M_fb p_b + c_f), which leaves a Schur complement; LinAlgError where M_ff is
+    singular. The first rows are those of the bounded unknowns, and max |r_i| is 1.
+    """
+
+    def __init__(self, model: Distances) -> None:
+        M, r = dense(model.M), model.c
+        self.model, self.count = model, model.signed.size
+        if not model.plain:
+            b, f = model.signed, np.flatnonzero(model.lower < 0.0)
+            sides = np.column_stack((M[np.ix_(f, b)], r[f]))
+            self.back = -np.linalg.solve(M[np.ix_(f, f)], sides)
+            left = (
+                np.column_stack((M[np.ix_(b, b)], r[b])) + M[np.ix_(b, f)] @ self.back
+            )
+            E = np.eye(r.size)[np.ix_(b, model.boxed)]
+            M = np.block([[left[:, :-1], E], [-E.T, np.zeros((E.shape[1],) * 2)]])
+            r = np.append(left[:, -1], model.upper[model.boxed])
+        self.unit = float(np.abs(r).max(initial=0.0)) or 1.0
+        self.M, self.r = M, r / self.unit
+
+    def z(self, x: np.ndarray) -> np.ndarray:
+        """Return the unknowns of the box LCP."""
+        return self.model.z(self.p(self.unit * x, 1.0))
+
+    def direction(self, x: np.ndarray) -> np.ndarray:
+        """Return how these move along x, times a factor."""
+        v = np.zeros(self.model.base.size)
+        v[self.model.unfixed] = self.model.scale * self.p(x, 0.0)
+        return v
+
+    def p(self, x: np.ndarray, one: float) -> np.ndarray:
+        bounded = x[: self.count]
+        if self.model.plain:
+            return bounded
+        p = np.empty(self.model.c.size)
+        p[self.model.signed] = bounded
+        p[self.model.lower < 0.0] = self.back @ np.append(bounded, one)
+        return p
+
+    def cover(self, d: np.ndarray) -> np.ndarray:
+        """Return the covering vector of M for one of A: 1 in rows that A lacks."""
+        full = np.ones(self.r.size)
+        own = np.abs(self.model.scale) * d[self.model.unfixed]
+        full[: self.count] = own[self.model.signed]
+        return full
 
 
-def equilibrating_scale(A: Any) -> np.ndarray:
-    """Return d > 0: the larger of row sum i and column sum i of |D A D| is near 1."""
-    d, size = np.ones(A.shape[0]), abs(A)
-    for _ in range(EQUILIBRATIONS):
-        total = np.maximum(size @ d, size.T @ d) * d
-        d /= np.sqrt(np.where(total > 0.0, total, 1.0))
-    return d
+def dense(A: Any) -> np.ndarray:
+    return A.toarray() if sparse.issparse(A) else A
 
 
-def unit_diagonal_scale(A: Any) -> np.ndarray:
-    """Return d > 0 such that D A D has a unit diagonal; d_i = 1 where a_ii <= 0."""
-    diagonal = A.diagonal()
-    return 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+def unit_model(lcp: LCP) -> Distances:
+    """Return a box LCP scaled to a unit diagonal; d_i = 1 where a_ii <= 0."""
+
+    def scaling(A: Any) -> np.ndarray:
+        diagonal = A.diagonal()
+        return 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+
+    _, q, lower, upper = lcp
+    return Distances(lcp.matrix.compact, q, lower, upper, scaling)
