@@ -15,7 +15,6 @@ from cython.cimports.libc.math import INFINITY
 from cython.cimports.libc.stdlib import free, malloc
 from cython.cimports.namlcp.linalg.blas import cholesky, cholesky_solve, lu, lu_solve
 from cython.cimports.namlcp.linalg.minimum_degree import (
-    OUTSIDE,
     VARIABLE,
     order_by_degree,
 )
@@ -73,36 +72,23 @@ def may_stay_sparse(m, count):
 
 
 def set_order(m):
-    """Set `order` to the free unknowns, in elimination order if L D L' is possible.
-
-    The first order covers these unknowns, the second also all those of the first, the
-    third all n: most solves meet one or two sets F that differ little. With ask_convex,
-    which factors A in the end, the first covers all n already.
-    """
-    side, rank = m.side, m.rank
+    """Set `order` to the free unknowns, in elimination order if L D L' is possible."""
+    side, rank, kind = m.side, m.rank, m.flag
     count: Py_ssize_t = 0
-    missing: cython.bint = False
     for i in range(m.n):
-        if side[i] == 0:
-            count += 1
-            missing = missing or rank[i] < 0
+        count += side[i] == 0
     may_be_sparse = may_stay_sparse(m, count)
-    if may_be_sparse and missing:
-        kind = m.flag
-        of_all: cython.bint = m.ask_convex or m.orderings >= 2
+    if may_be_sparse and not m.is_ordered:
         for i in range(m.n):
-            chosen: cython.bint = of_all or side[i] == 0 or rank[i] >= 0
-            kind[i] = VARIABLE if chosen else OUTSIDE
+            kind[i] = VARIABLE
         if not order_by_degree(m.indptr, m.indices, m.n, kind, rank):
             m.is_short = True
-        m.ordered = 0
+            return
         for i in range(m.n):
-            if rank[i] >= 0:
-                m.sequence[rank[i]] = i
-                m.ordered += 1
-        m.orderings += 1
+            m.sequence[rank[i]] = i
+        m.is_ordered = True
     m.count = 0
-    for k in range(m.ordered if may_be_sparse else m.n):
+    for k in range(m.n):
         i: Py_ssize_t = m.sequence[k] if may_be_sparse else k
         if side[i] == 0:
             m.order[m.count] = i

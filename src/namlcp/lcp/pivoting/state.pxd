@@ -30,11 +30,10 @@ cdef class Pivoting(Watched):
         int *goal
         int *unit
         bint has_unit
-        # The first `ordered` entries are unknowns in elimination order; their positions in
-        # it, -1 for others.
+        # The unknowns in elimination order, their positions in it; whether these are set.
         int *sequence
         int *rank
-        Py_ssize_t orderings, ordered
+        bint is_ordered
         # The free system: its `count` unknowns, their positions, -1 for others, between
         # two uses for all. It is factored by L D L' if is_sparse: the elimination tree,
         # the entries in each column of L; in `factor`, D, the columns' first entries and

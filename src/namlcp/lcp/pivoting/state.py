@@ -99,7 +99,7 @@ def flags(m, count):
 
 
 def allocate(m):
-    """Allocate the memory for n and `entries`, with zeros, and no place in an order."""
+    """Allocate the memory for n and `entries`, with zeros, and no place in a system."""
     n = m.n
     size = 11 * n + m.entries + 12 * ((n + 1) // 2)
     m.memory = new_vector(size)
@@ -116,7 +116,7 @@ def allocate(m):
     m.order, m.parent, m.counts = flags(m, n), flags(m, n), flags(m, n)
     m.pattern, m.flag, m.pivots = flags(m, n), flags(m, n), flags(m, n)
     for i in range(n):
-        m.rank[i] = m.local[i] = -1
+        m.local[i] = -1
     return 0
 
 
