@@ -18,7 +18,7 @@ an earlier one and a shorter step, from a stack.
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -63,14 +63,6 @@ class Point:
     h: float = FIRST_STEP
 
 
-class Curve(NamedTuple):
-    """The data of (1): the LCP, d, and the products a."""
-
-    model: Distances
-    d: np.ndarray
-    products: np.ndarray
-
-
 class Directions:
     """The directions at a point of the path.
 
@@ -80,14 +72,21 @@ class Directions:
     largest entry of V and tv.
     """
 
-    def __init__(self, curve: Curve, at: Point, factors: Any):
-        model = curve.model
-        self.curve, self.at, self.factors = curve, at, factors
-        aims = at.t * curve.products
+    def __init__(
+        self,
+        model: Distances,
+        d: np.ndarray,
+        products: np.ndarray,
+        at: Point,
+        factors: Any,
+    ):
+        """Take d and the products a of the curve, and M + diag(m / g) factored."""
+        self.model, self.at, self.factors = model, at, factors
+        aims = at.t * products
         wish = aims / at.gaps
-        excess = model.F(at.p) + at.t * curve.d - model.total(at.m)
+        excess = model.F(at.p) + at.t * d - model.total(at.m)
         sides = np.empty((model.c.size, 2), order="F")
-        sides[:, 0] = model.total(wish) - at.t * curve.d
+        sides[:, 0] = model.total(wish) - at.t * d
         sides[:, 1] = model.total(wish - at.m) - excess
         self.du, self.dv = factors.solve(sides).T
         ratio = aims / (at.gaps * at.m)
@@ -104,12 +103,12 @@ class Directions:
 
     def changes(self, dp: np.ndarray, products: np.ndarray) -> np.ndarray:
         """Return the relative changes for dp and those of the products g_k m_k."""
-        a = self.curve.model.of(dp) / self.at.gaps
+        a = self.model.of(dp) / self.at.gaps
         return np.concatenate((a, products - a))
 
     def move(self, theta: float) -> Point:
         """Return the point a step h along the curve and theta of V away."""
-        at, model, number = self.at, self.curve.model, self.at.m.size
+        at, model, number = self.at, self.model, self.at.m.size
         tau = at.h / max(float(np.abs(self.U).max(initial=0.0)), 1.0)
         tau = -tau if self.forward else tau
         rates, dp = tau * self.U + theta * self.V, tau * self.du + theta * self.dv
@@ -140,7 +139,7 @@ def arc(model: Distances, system: System) -> Iterator[np.ndarray]:
     p, gaps = model.start()
     F = model.F(p)
     m = np.maximum(model.of(F), 0.0) + 1.0
-    curve = Curve(model, model.total(m) - F, gaps * m)
+    d, products = model.total(m) - F, gaps * m
     at, off = Point(p, gaps, m, 1.0), False
     stack: list[Directions] = []
     for _ in range(PROMISED_STEPS if isinstance(system, Condensed) else STEPS):
@@ -148,32 +147,23 @@ def arc(model: Distances, system: System) -> Iterator[np.ndarray]:
         if at.t > LARGE_T or np.abs(at.p).max(initial=0.0) > FAR_AWAY:
             return
         factors = system.factors(model.total(at.m / at.gaps, 1.0) + SHIFT)
-        here = None if factors is None else Directions(curve, at, factors)
+        here = factors and Directions(model, d, products, at, factors)
         off = here is None or not here.error <= (OFF_AGAIN if off else OFF)
         if here is not None and math.isfinite(here.error) and not (off and stack):
-            at.h = next_length(at.h, here.error)
+            if here.error < NEAR:
+                at.h = min(MOST_STEP, max(2.0 * at.h, 1.0 - (1.0 - at.h) ** 1.5))
+            elif here.error > FAR:
+                at.h *= 0.7
             stack.append(here)
             room = KEPT_ENTRIES // here.factors.entries
             del stack[: -max(1, min(KEPT, room))]
-        elif stack:
-            shorten(stack)
+        elif stack:  # an earlier point is better where the last step was short
+            stack[-1].at.h *= SHORTER
+            while stack[-1].at.h < LEAST_STEP and len(stack) > 1:
+                stack.pop()
+                stack[-1].at.h *= SHORTER
         else:
             return
         top = stack[-1]
         at = top.move(min(1.0, LIMITED / top.error) if off and top.error else 1.0)
     yield at.p
-
-
-def next_length(h: float, error: float) -> float:
-    """Return the next step, from the last one and the distance from the curve."""
-    if error < NEAR:
-        return min(MOST_STEP, max(2.0 * h, 1.0 - (1.0 - h) ** 1.5))
-    return 0.7 * h if error > FAR else h
-
-
-def shorten(stack: list[Directions]) -> None:
-    """Shorten the step of the point on top, or of an earlier one if it was short."""
-    stack[-1].at.h *= SHORTER
-    while stack[-1].at.h < LEAST_STEP and len(stack) > 1:
-        stack.pop()
-        stack[-1].at.h *= SHORTER

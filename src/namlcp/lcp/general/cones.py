@@ -186,11 +186,14 @@ class ConeFactors:
         own = data[system.diagonal[system.turned]]
         # y is C^-1 (...) and N (x, t): the smaller factor rounds less
         self.soft = self.inverse > own
-        self.lu = system.remainder(data, diagonal, self.inverse, slope)
-
-    @property
-    def entries(self) -> int:
-        return self.lu.entries
+        # what remains is V'N V with all C^-1 and slopes
+        change = diagonal[self.remaining]
+        change[system.turned] = self.inverse
+        data[system.diagonal] += change
+        data[system.slopes] += slope.ravel()
+        self.lu = system.fronts.another()
+        self.lu.refactor(data)
+        self.entries: int = self.lu.entries
 
     def is_positive(self) -> bool:
         return np.count_nonzero(self.lu.pivots < 0.0) % 2 == 0
@@ -276,22 +279,6 @@ class Condensed:
         rows = self.N.indices
         data = same[rows] * data + other[rows] * data[self.along]
         return same[self.columns] * data + other[self.columns] * data[self.across]
-
-    def remainder(
-        self,
-        data: np.ndarray,
-        diagonal: np.ndarray,
-        inverse: np.ndarray,
-        slope: np.ndarray,
-    ) -> Any:
-        """Factor what remains, V'N V (overwritten) with all C^-1 and slopes."""
-        change = diagonal[self.cones.remaining]
-        change[self.turned] = inverse
-        data[self.diagonal] += change
-        data[self.slopes] += slope.ravel()
-        lu = self.fronts.another()
-        lu.refactor(data)
-        return lu
 
     def factors(self, diagonal: np.ndarray) -> ConeFactors | None:
         """Factor M + diag(diagonal); return None if it is singular or not finite."""

@@ -40,7 +40,12 @@ def solve_by_enumeration(search: Search) -> Outcome | None:
     faces = (np.arange(2**m)[:, None] >> np.arange(m)) % 2 == 1
     cones = np.where(faces[:, None, :], -plain.M, np.eye(m))
     best, nearest = lcp.start(), np.inf
-    for k in np.flatnonzero(least_distances(cones, plain.r) <= OUTSIDE * size):
+    least = np.zeros(2**m)  # distance of q, at least, 0 where the cone is singular
+    regular = np.linalg.slogdet(cones)[0] != 0.0
+    inverse = np.linalg.inv(cones[regular])
+    apart = -(inverse @ plain.r) / np.linalg.norm(inverse, axis=2)
+    least[regular] = apart.max(axis=1)
+    for k in np.flatnonzero(least <= OUTSIDE * size):
         if search.limits.deadline.reached():
             return None
         x, distance = nnls(cones[k], plain.r)
@@ -54,13 +59,3 @@ def solve_by_enumeration(search: Search) -> Outcome | None:
         return None
     status, w = Status.UNSOLVABLE, lcp.w(best)
     return lcp.outcome(status, best, w, 2**m, "enumeration", ENUMERATED)
-
-
-def least_distances(cones: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Return lower bounds of the distance of q from each cone, 0 where singular."""
-    bound = np.zeros(len(cones))
-    regular = np.linalg.slogdet(cones)[0] != 0.0
-    inverse = np.linalg.inv(cones[regular])
-    apart = -(inverse @ q) / np.linalg.norm(inverse, axis=2)
-    bound[regular] = apart.max(axis=1)
-    return bound

@@ -17,7 +17,6 @@ Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 4.4.
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 from scipy import sparse
@@ -35,11 +34,8 @@ from namlcp.status import Status
 FIRST_LIMIT, GROWTH, LAST_LIMIT = 20, 4, 1000
 
 
-class Game(NamedTuple):
-    """A game: the labels of the two players, and A with row i divided by -q_i."""
-
-    players: tuple[np.ndarray, np.ndarray]
-    cost: np.ndarray
+Game = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""A with row i divided by -q_i, and the labels of the two players."""
 
 
 def game_of(lcp: LCP) -> Game | None:
@@ -58,7 +54,7 @@ def game_of(lcp: LCP) -> Game | None:
     own = A[np.ix_(first, first)].any() or A[np.ix_(second, second)].any()
     if own or np.count_nonzero(A > 0.0) != entries:
         return None
-    return Game((first, second), A / -q[:, None])
+    return A / -q[:, None], first, second
 
 
 def solve_game(search: Search) -> Outcome | None:
@@ -70,7 +66,9 @@ def solve_game(search: Search) -> Outcome | None:
     game, n = game_of(lcp), lcp.q.size
     if game is None:
         return None
-    start = tableau_of(game.cost, np.full(n, -1.0))
+    cost, *players = game
+    q = np.full(n, -1.0)
+    start = tableau_of(cost, q)
     limit = math.inf if limits.max_iter is None else limits.max_iter
     count, most = 0, FIRST_LIMIT
     while most <= LAST_LIMIT * n:
@@ -78,10 +76,10 @@ def solve_game(search: Search) -> Outcome | None:
             if count >= limit or limits.deadline.reached():
                 return None
             tableau = start.copy()
-            end, made = follow_label(tableau, game, k, int(min(most, limit - count)))
+            end, made = follow_label(tableau, players, k, int(min(most, limit - count)))
             count += made
             if end == DONE:
-                z = basis_solution(game.cost, np.full(n, -1.0), tableau)
+                z = basis_solution(cost, q, tableau)
                 z = np.maximum(tableau.values()[n : 2 * n] if z is None else z, 0.0)
                 w = lcp.w(z)
                 if search.criterion.accepts(z, w):
@@ -90,14 +88,16 @@ def solve_game(search: Search) -> Outcome | None:
     return None
 
 
-def follow_label(tableau: Tableau, game: Game, k: int, most: int) -> tuple[int, int]:
+def follow_label(
+    tableau: Tableau, players: list[np.ndarray], k: int, most: int
+) -> tuple[int, int]:
     """Follow the path of label k; return how it ended and the pivots made, at least 2.
 
     Nothing is feasible at first: z_k takes the largest value that a row of the other
     player asks for, then the pair of that row does the same for the player of k.
     """
     n, rows = tableau.basic.size, tableau.rows
-    own, other = game.players if k in game.players[0] else game.players[::-1]
+    own, other = players if k in players[0] else players[::-1]
     s = other[last_largest(1.0 / rows[other, 1 + k])]
     r = own[last_largest(1.0 / rows[own, 1 + s])]
     exchange(tableau, s, 1 + k)

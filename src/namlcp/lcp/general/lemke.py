@@ -19,7 +19,6 @@ Cottle, Pang and Stone, The Linear Complementarity Problem (1992), section 4.4.
 """
 
 import math
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -77,27 +76,25 @@ def solve_lemke(lcp: LCP, z0: None, limits: Limits, cover: Any = None) -> Outcom
 
 
 def solve_by_lemke(search: Search) -> Outcome | None:
-    """Follow the paths of three covering vectors; None if none of them decides."""
+    """Follow the paths of three covering vectors; None if none of them decides.
+
+    Where rounding ends one path, another may get through.
+    """
     lcp, plain, limits = search.lcp, search.plain, search.limits
     if plain is None:
         return None
     n, done = lcp.q.size, 0
     most = math.inf if limits.max_iter is None else limits.max_iter
-    for d in covering_vectors(plain.M):
+    rng = np.random.default_rng(SEED)
+    largest = np.abs(plain.M).max(axis=1, initial=0.0)
+    rows = np.where(largest > 0.0, largest, 1.0)
+    for d in (rows, np.ones(rows.size), rng.uniform(0.2, 1.0, rows.size)):
         budget = int(min(TRIES * n + MORE_TRIES, most - done))
         outcome = follow(lcp, plain, d, limits, (done, done + budget))
         done = outcome.iterations
         if outcome.ends or done >= most:
             return outcome
     return None
-
-
-def covering_vectors(M: np.ndarray) -> Iterator[np.ndarray]:
-    """Yield covering vectors: where rounding ends one path, another may get through."""
-    largest = np.abs(M).max(axis=1, initial=0.0)
-    yield np.where(largest > 0.0, largest, 1.0)
-    yield np.ones(largest.size)
-    yield np.random.default_rng(SEED).uniform(0.2, 1.0, largest.size)
 
 
 def follow(

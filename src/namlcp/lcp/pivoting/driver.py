@@ -4,7 +4,6 @@ An `Attempt` solves a copy of the problem that is scaled to a unit diagonal. Its
 solution is checked on the caller's data.
 """
 
-
 import numpy as np
 
 from namlcp.lcp.data import LCP, is_solved_by_zero
@@ -56,7 +55,8 @@ class Attempt(Pivoting):
         self.ray: np.ndarray | None = None
         # The last factors: free unknowns and rho; unknowns in them, free or held.
         self.free, self.member = np.zeros(n, dtype=bool), lcp.lower < lcp.upper
-        self.factored, self.factors = np.nan, None
+        self.factored = np.nan
+        self.factors: Any = None
         self.system: System | None = None
         self.most = limits.max_iter or MAX_FACTORISATIONS
         self.eps_abs, self.eps_rel = limits.eps_abs, limits.eps_rel

@@ -14,4 +14,3 @@ cdef double analyse(Pivoting m) noexcept nogil
 cdef double factor_sparse(Pivoting m) noexcept nogil
 cdef void solve_sparse(Pivoting m, double* x) noexcept nogil
 cdef bint is_definite(Pivoting m) noexcept nogil
-cdef void free_blocks_of_bounded(Pivoting m) noexcept nogil

@@ -267,34 +267,7 @@ def is_definite(m):
     """Tell whether A + `PSD_SLACK` I is positive definite; False where an a_ii <= 0."""
     if not m.has_unit:
         return False
-    if m.is_free_definite and not m.is_dense:
-        free_blocks_of_bounded(m)
-    else:
-        for i in range(m.n):
-            m.side[i] = 0
+    for i in range(m.n):
+        m.side[i] = 0
     fill(m.shift, PSD_SLACK, m.n)
     return factor_free(m)
-
-
-def free_blocks_of_bounded(m):
-    """Free each diagonal block of A that has a bounded unknown; bound all the others.
-
-    Contacts of separate bodies make many blocks, few of which have one.
-    """
-    side, queue = m.side, m.goal
-    count: Py_ssize_t = 0
-    done: Py_ssize_t = 0
-    for i in range(m.n):
-        if side[i] != 0:
-            queue[count] = i
-            count += 1
-        side[i] = 1 if side[i] == 0 else 0
-    while done < count:
-        k: Py_ssize_t = queue[done]
-        done += 1
-        for p in range(m.indptr[k], m.indptr[k + 1]):
-            j: Py_ssize_t = m.indices[p]
-            if side[j] != 0:
-                side[j] = 0
-                queue[count] = j
-                count += 1

@@ -12,7 +12,6 @@ import cython
 from cython import Py_ssize_t
 from cython.cimports.libc.math import INFINITY, isfinite, sqrt
 from cython.cimports.namlcp.lcp.pivoting.free_system import (
-    PSD_SLACK,
     factor_free,
     is_definite,
     solve_free,
@@ -87,11 +86,11 @@ def advance(m):
     """Factor the free system, and go on until another one is needed."""
     if m.must_factor:
         fill(m.shift, m.rho, m.n)
-        m.is_free_definite = factor_free(m) and m.rho <= PSD_SLACK
+        regular = factor_free(m)
         if m.is_short:
             return HALTED
-        if m.ask_convex and m.count == m.n and m.rho <= PSD_SLACK:
-            m.convex = m.is_free_definite and m.has_unit
+        if m.ask_convex and m.count == m.n:
+            m.convex = regular and m.has_unit
         m.factorisations += 1
         m.must_factor = False
     code: cython.int = GO_ON
@@ -218,23 +217,21 @@ def state_of(s, lower, upper):
     return -1 if s <= lower else (1 if s >= upper else 0)
 
 
-def meets(m, margin):
-    """Tell whether the residuals meet the tolerances times a margin."""
-    eps_abs, eps_rel = margin * m.eps_abs, margin * m.eps_rel
-    return are_met(eps_abs, eps_rel, m.size, m.plain_residual, m.residual)
-
-
 def record(m):
     """Copy z to best if its Res is the least; return whether that fell to a quarter."""
-    m.plain_residual, m.residual = both_residuals(
-        m.own_z, m.w, m.lower, m.upper, m.root, m.n
-    )
-    improved: cython.bint = m.residual < 0.25 * m.best_residual
-    if m.residual < m.best_residual:
-        m.best_residual = m.residual
+    plain, scaled = both_residuals(m.own_z, m.w, m.lower, m.upper, m.root, m.n)
+    improved: cython.bint = scaled < 0.25 * m.best_residual
+    if scaled < m.best_residual:
+        m.best_residual, m.best_plain = scaled, plain
         copy(m.own_z, m.best, m.n)
         m.solved = meets(m, 1.0)
     return improved
+
+
+def meets(m, margin):
+    """Tell whether the best z meets the tolerances times a margin."""
+    eps_abs, eps_rel = margin * m.eps_abs, margin * m.eps_rel
+    return are_met(eps_abs, eps_rel, m.size, m.best_plain, m.best_residual)
 
 
 # ---- the free system and its solution

@@ -6,6 +6,4 @@ cdef Py_ssize_t MOST
 cpdef tuple solve_small(object A, object q, object lower, object upper, object start)
 cdef bint is_vector(object value, Py_ssize_t n)
 cdef (double, double) sum_and_asymmetry(const double* A, Py_ssize_t n) noexcept nogil
-cdef object transpose_of(const double* A, Py_ssize_t n)
 cdef const double* bound(object value, double default, double* room, Py_ssize_t n) noexcept
-cdef bint is_solution(Pivoting m, const double* lower, const double* upper, const double* z, const double* w) noexcept nogil

@@ -5,12 +5,12 @@ What is not clean, or not solved, is left to the ways that take a closer look.
 
 import cython
 from cython.cimports import numpy as cnp
-from cython.cimports.libc.math import INFINITY, fabs, sqrt
+from cython.cimports.libc.math import INFINITY, fabs
 from cython.cimports.namlcp.lcp.loops import MOST_SMALL, affine_at, are_ordinary
 from cython.cimports.namlcp.lcp.pivoting.pivot import DONE, pivot
 from cython.cimports.namlcp.lcp.pivoting.state import Pivoting, allocate, write_best
-from cython.cimports.namlcp.linalg.arrays import data_of, fits, new_vector, new_zeros
-from cython.cimports.namlcp.linalg.vectors import box_squares, copy, fill
+from cython.cimports.namlcp.linalg.arrays import data_of, fits, new_vector
+from cython.cimports.namlcp.linalg.vectors import copy, fill
 from cython.cimports.namlcp.measure import are_met, both_residuals
 from cython.cimports.namlcp.watch import begin_watch
 
@@ -49,7 +49,7 @@ def solve_small(A, q, lower, upper, start):
         return None
     m: Pivoting = Pivoting.__new__(Pivoting)
     m.n, m.entries, m.is_dense, m.symmetric = n, n * n, True, gap == 0.0
-    m.given = A if m.symmetric else transpose_of(values, n)
+    m.given = A if m.symmetric else A.T.copy()
     m.values = data_of(m.given)
     allocate(m)
     copy(data_of(q), m.q, n)
@@ -65,15 +65,16 @@ def solve_small(A, q, lower, upper, start):
     at_z, at_w, at_s = data_of(z), data_of(w), data_of(s)
     write_best(m, low, high, at_z)
     affine_at(values, at_z, data_of(q), at_w, n)
-    if not is_solution(m, low, high, at_z, at_w):
-        return None
     for i in range(n):
+        m.y[i] = 1.0 / m.root[i]
         slope = values[i * (n + 1)]
         at_s[i] = at_z[i] - at_w[i] / (slope if slope > 0.0 else 1.0)
-    squares = box_squares(at_z, at_w, low, high, 1.0, n)
-    if squares != 0.0 and not 1e-200 < squares < 1e200:
+    residual, scaled = both_residuals(at_z, at_w, low, high, m.y, n)
+    if not are_met(0.0, ACCURACY, m.size, residual, scaled):
         return None
-    return z, w, s, sqrt(squares), m.factorisations, m.symmetric
+    if residual != 0.0 and not 1e-100 < residual < 1e100:
+        return None  # sums of squares have left the range
+    return z, w, s, residual, m.factorisations, m.symmetric
 
 
 def is_vector(value, n):
@@ -92,27 +93,9 @@ def sum_and_asymmetry(A, n):
     return total, gap
 
 
-def transpose_of(A, n):
-    """Return A' as an array."""
-    found = new_zeros(n, n)
-    out = data_of(found)
-    for i in range(n):
-        for j in range(n):
-            out[j * n + i] = A[i * n + j]
-    return found
-
-
 def bound(value, default, room, n):
     """Return where the bounds are, in `room` if there are none."""
     if value is not None:
         return data_of(value)
     fill(room, default, n)
     return room
-
-
-def is_solution(m, lower, upper, z, w):
-    """Tell whether the residuals meet the tolerance on the data as they came."""
-    for i in range(m.n):
-        m.y[i] = 1.0 / m.root[i]
-    plain, scaled = both_residuals(z, w, lower, upper, m.y, m.n)
-    return are_met(0.0, ACCURACY, m.size, plain, scaled)

@@ -41,7 +41,7 @@ cdef class Pivoting(Watched):
         int *order
         int *local
         Py_ssize_t count
-        bint is_sparse, is_free_definite
+        bint is_sparse
         int *parent
         int *counts
         int *pivots
@@ -61,9 +61,9 @@ cdef class Pivoting(Watched):
         public double eps_abs, eps_rel
         readonly double rho
         double tolerance
-        # Scaled Res at clip(0), the least so far, that of z, also as the problem was given.
+        # Scaled Res at clip(0); that of the best z, and as the problem was given.
         readonly double size
-        double best_residual, residual, plain_residual
+        double best_residual, best_plain
         # Factorisations, so far and at most; proximal steps.
         public Py_ssize_t factorisations, most
         Py_ssize_t outer_steps
