@@ -900,35 +900,20 @@ def small_lcp_result(
 
     start: the value of perf_counter() at the call.
     """
-    matrix = A if type(A) is Prepared else None
-    entries, last = (A, None) if matrix is None else (matrix.A, matrix.last)
-    found = solve_small(entries, q, lower, upper, last)
+    if type(A) is Prepared:
+        found = solve_small(A.A, q, lower, upper, A.last, A.stamp)
+    else:
+        found = solve_small(A, q, lower, upper, None, None)
     if found is None:
         return None
-    z, w, s, residual, iterations, is_symmetric = found
-    if matrix is None:
-        own = stamp_of_arrays((A,))
-    else:
-        matrix.last, own = z, matrix.stamp
-    vectors = (q,)
-    if not (lower is None and upper is None):
-        vectors = tuple(v for v in (q, lower, upper) if v is not None)
-    return new_lcp_result(
-        status=Status.SOLVED,
-        z=z,
-        w=w,
-        s=s,
-        iterations=iterations,
-        residual=residual,
-        method="pivoting",
-        setup_time=0.0,
-        solve_time=perf_counter() - start,
-        ray=None,
-        message="",
-        history=None,
-        problem=partial(clean_lcp, A, is_symmetric, q, lower, upper),
-        stamp=(stamp_of_arrays(vectors, own), vectors),
-    )
+    attributes, is_symmetric = found
+    if type(A) is Prepared:
+        A.last = attributes["z"]
+    attributes["problem"] = partial(clean_lcp, A, is_symmetric, q, lower, upper)
+    attributes["solve_time"] = perf_counter() - start
+    result = object.__new__(LCPResult)
+    object.__setattr__(result, "__dict__", attributes)  # the class is frozen
+    return result
 
 
 def clean_lcp(

@@ -4,6 +4,8 @@ An `Attempt` solves a copy of the problem that is scaled to a unit diagonal. Its
 solution is checked on the caller's data.
 """
 
+from typing import Any
+
 import numpy as np
 
 from namlcp.lcp.data import LCP, is_solved_by_zero

@@ -1,4 +1,4 @@
-"""Free systems (A_FF + diag(shift)_F) x = b: Cholesky, LU or sparse L D L'.
+"""Free systems (A_FF + shift I) x = b: Cholesky, LU or sparse L D L'.
 
 F is the set of free unknowns, state 0. Sparse symmetric systems are factored by L D L'
 where that takes less time, all others by dense Cholesky or LU.
@@ -34,8 +34,9 @@ LEAST_PIVOT, PIVOT_FLOOR = -1e-7, 1e-14
 CALL, DENSE_SPEED = 5000.0, 10.0
 
 
-def factor_free(m):
+def factor_free(m, shift):
     """Factor the matrix; tell whether it is regular, definite if it is symmetric."""
+    m.shift = shift
     set_order(m)
     for k in range(m.count):
         m.local[m.order[k]] = k
@@ -66,19 +67,14 @@ def solve_free(m):
 # ---- the unknowns of the system
 
 
-def may_stay_sparse(m, count):
-    """Tell whether a free system of this order may be factored by L D L'."""
-    return m.symmetric and not m.is_dense and count > SMALL_ORDER
-
-
 def set_order(m):
     """Set `order` to the free unknowns, in elimination order if L D L' is possible."""
-    side, rank, kind = m.side, m.rank, m.flag
+    side, rank, kind = m.side, m.pattern, m.flag
     count: Py_ssize_t = 0
     for i in range(m.n):
         count += side[i] == 0
-    may_be_sparse = may_stay_sparse(m, count)
-    if may_be_sparse and not m.is_ordered:
+    m.is_sparse = m.symmetric and not m.is_dense and count > SMALL_ORDER
+    if m.is_sparse and not m.is_ordered:
         for i in range(m.n):
             kind[i] = VARIABLE
         if not order_by_degree(m.indptr, m.indices, m.n, kind, rank):
@@ -89,7 +85,7 @@ def set_order(m):
         m.is_ordered = True
     m.count = 0
     for k in range(m.n):
-        i: Py_ssize_t = m.sequence[k] if may_be_sparse else k
+        i: Py_ssize_t = m.sequence[k] if m.is_sparse else k
         if side[i] == 0:
             m.order[m.count] = i
             m.count += 1
@@ -100,20 +96,20 @@ def plan(m):
     count = m.count
     entries: Py_ssize_t = 0
     size = 8.0 * count * count
-    m.is_sparse = False
-    if may_stay_sparse(m, count):
-        flops = analyse(m)
-        if DENSE_SPEED * flops <= count * (count * (count / 3.0)) + CALL:
-            m.is_sparse = True
-            for k in range(count):
-                entries += m.counts[k]
-            size = 24.0 * (count + 1) + 12.0 * entries
+    if m.is_sparse:
+        most = (count * (count * (count / 3.0)) + CALL) / DENSE_SPEED
+        m.is_sparse = analyse(m) <= most
+    if m.is_sparse:
+        for k in range(count):
+            entries += m.counts[k]
+        size = 24.0 * (count + 1) + 12.0 * entries
     wanted = cython.cast(cython.size_t, size)
     if wanted > m.factor_size:
         free(m.factor)
         m.factor = cython.cast(cython.p_char, malloc(wanted))
-        m.is_short = m.factor == cython.NULL
-        m.factor_size = 0 if m.is_short else wanted
+        m.factor_size = wanted
+        if m.factor == cython.NULL:
+            m.factor_size, m.is_short = 0, True
     if m.is_short:
         return
     m.dense = m.D = cython.cast(cython.p_double, m.factor)
@@ -131,7 +127,7 @@ def plan(m):
 
 
 def gather(m, out):
-    """Write A_FF + diag(shift)_F to out, by columns, half of it if symmetric."""
+    """Write A_FF + shift I to out, by columns, half of it if symmetric."""
     count, order, local = m.count, m.order, m.local
     if m.is_dense:
         for k in range(count):
@@ -146,7 +142,7 @@ def gather(m, out):
                 if i >= 0:
                     out[k * count + i] = m.scaled[p]
     for k in range(count):
-        out[k * (count + 1)] += m.shift[order[k]]
+        out[k * (count + 1)] += m.shift
 
 
 def factor_dense(m):
@@ -211,7 +207,7 @@ def factor_sparse(m):
         flag[k] = k
         top = count
         j: Py_ssize_t = m.order[k]
-        pivot = m.shift[j]
+        pivot = m.shift
         for p in range(m.indptr[j], m.indptr[j + 1]):
             i: Py_ssize_t = local[m.indices[p]]
             if i < 0 or i > k:
@@ -269,5 +265,4 @@ def is_definite(m):
         return False
     for i in range(m.n):
         m.side[i] = 0
-    fill(m.shift, PSD_SLACK, m.n)
-    return factor_free(m)
+    return factor_free(m, PSD_SLACK)

@@ -19,7 +19,6 @@ from cython.cimports.namlcp.lcp.pivoting.free_system import (
 from cython.cimports.namlcp.linalg.vectors import (
     add_scaled,
     copy,
-    fill,
     largest_entry,
     scale_by,
 )
@@ -85,8 +84,7 @@ def pivot(m):
 def advance(m):
     """Factor the free system, and go on until another one is needed."""
     if m.must_factor:
-        fill(m.shift, m.rho, m.n)
-        regular = factor_free(m)
+        regular = factor_free(m, m.rho)
         if m.is_short:
             return HALTED
         if m.ask_convex and m.count == m.n:

@@ -2,8 +2,9 @@ from namlcp.lcp.pivoting.state cimport Pivoting
 
 cdef double ACCURACY, SYMMETRY_ROUNDING
 cdef Py_ssize_t MOST
+cdef object SOLVED
 
-cpdef tuple solve_small(object A, object q, object lower, object upper, object start)
+cpdef tuple solve_small(object A, object q, object lower, object upper, object start, object stamp)
 cdef bint is_vector(object value, Py_ssize_t n)
 cdef (double, double) sum_and_asymmetry(const double* A, Py_ssize_t n) noexcept nogil
-cdef const double* bound(object value, double default, double* room, Py_ssize_t n) noexcept
+cdef const double* bound(object value, double default, double* out, Py_ssize_t n) noexcept

@@ -7,27 +7,36 @@ import cython
 from cython.cimports import numpy as cnp
 from cython.cimports.libc.math import INFINITY, fabs
 from cython.cimports.namlcp.lcp.loops import MOST_SMALL, affine_at, are_ordinary
-from cython.cimports.namlcp.lcp.pivoting.pivot import DONE, pivot
+from cython.cimports.namlcp.lcp.pivoting.pivot import (
+    DONE,
+    GO_ON,
+    RAY,
+    advance,
+    begin_pivoting,
+)
 from cython.cimports.namlcp.lcp.pivoting.state import Pivoting, allocate, write_best
 from cython.cimports.namlcp.linalg.arrays import data_of, fits, new_vector
-from cython.cimports.namlcp.linalg.vectors import copy, fill
+from cython.cimports.namlcp.linalg.vectors import copy, fill, hash_of
 from cython.cimports.namlcp.measure import are_met, both_residuals
-from cython.cimports.namlcp.watch import begin_watch
 
 from namlcp.lcp.pivoting import driver
 from namlcp.linalg import definite
+from namlcp.status import Status
 
 cnp.import_array()
 
-ACCURACY, MOST = driver.ACCURACY, driver.MAX_FACTORISATIONS
+ACCURACY, SOLVED = driver.ACCURACY, Status.SOLVED
+# Factorisations at most: nothing looks at the clock between them.
+MOST = 100
 SYMMETRY_ROUNDING = definite.SYMMETRY_ROUNDING
 
 
-def solve_small(A, q, lower, upper, start):
+def solve_small(A, q, lower, upper, start, stamp):
     """Solve a box LCP of up to MOST_SMALL unknowns to the default tolerance.
 
-    Bounds that are None are 0 and inf; start: where to begin, or None. Returns z, w, s,
-    Res(z), the factorisations, and whether A = A'; None where others are to solve it.
+    Bounds that are None are 0 and inf; start: where to begin, or None; stamp: that of
+    A, None if it is not known. Returns attributes of an `LCPResult`, and whether A =
+    A'; None where others are to solve it.
     """
     if not (fits(A, 2) and fits(q, 1)):
         return None
@@ -42,24 +51,22 @@ def solve_small(A, q, lower, upper, start):
     total, gap = sum_and_asymmetry(values, n)
     if not total < INFINITY or 0.0 < gap <= SYMMETRY_ROUNDING * total:
         return None
-    room = new_vector(2 * n)
-    low = bound(lower, 0.0, data_of(room), n)
-    high = bound(upper, INFINITY, data_of(room) + n, n)
-    if not are_ordinary(data_of(q), low, high, n):
-        return None
     m: Pivoting = Pivoting.__new__(Pivoting)
     m.n, m.entries, m.is_dense, m.symmetric = n, n * n, True, gap == 0.0
     m.given = A if m.symmetric else A.T.copy()
     m.values = data_of(m.given)
     allocate(m)
     copy(data_of(q), m.q, n)
-    copy(low, m.lower, n)
-    copy(high, m.upper, n)
+    low, high = bound(lower, 0.0, m.lower, n), bound(upper, INFINITY, m.upper, n)
+    if not are_ordinary(m.q, low, high, n):
+        return None
     if start is not None:
         copy(data_of(start), m.own_z, n)
-    m.eps_rel, m.most = ACCURACY, MOST
-    begin_watch(m, INFINITY)
-    if pivot(m) != DONE:
+    m.eps_rel = ACCURACY
+    code: cython.int = begin_pivoting(m)
+    while code in (GO_ON, RAY) and m.factorisations < MOST:
+        code = advance(m)
+    if code != DONE:
         return None
     z, w, s = new_vector(n), new_vector(n), new_vector(n)
     at_z, at_w, at_s = data_of(z), data_of(w), data_of(s)
@@ -74,7 +81,17 @@ def solve_small(A, q, lower, upper, start):
         return None
     if residual != 0.0 and not 1e-100 < residual < 1e100:
         return None  # sums of squares have left the range
-    return z, w, s, residual, m.factorisations, m.symmetric
+    vectors = q, lower, upper
+    if lower is None or upper is None:
+        vectors = tuple([v for v in vectors if v is not None])
+    total: cython.ulonglong = hash_of(values, n * n, 0) if stamp is None else stamp
+    for v in vectors:
+        total = hash_of(data_of(v), n, total)
+    return {
+        "status": SOLVED, "z": z, "w": w, "s": s, "iterations": m.factorisations,
+        "residual": residual, "method": "pivoting", "setup_time": 0.0, "ray": None,
+        "message": "", "history": None, "stamp": (total, vectors),
+    }, m.symmetric  # fmt: skip
 
 
 def is_vector(value, n):
@@ -93,9 +110,10 @@ def sum_and_asymmetry(A, n):
     return total, gap
 
 
-def bound(value, default, room, n):
-    """Return where the bounds are, in `room` if there are none."""
-    if value is not None:
-        return data_of(value)
-    fill(room, default, n)
-    return room
+def bound(value, default, out, n):
+    """Write the bounds to `out`; return where they stay as they are if scaled."""
+    if value is None:
+        fill(out, default, n)
+        return out
+    copy(data_of(value), out, n)
+    return data_of(value)

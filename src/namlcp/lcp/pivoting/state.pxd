@@ -23,16 +23,15 @@ cdef class Pivoting(Watched):
         double *best
         # Right-hand side and diagonal shift of the free system.
         double *own_rhs
-        double *shift
+        double shift
         # -1 at the lower bound, 1 at the upper one, 0 free; the same as the signs of z
         # and w ask for it; 1 where a_ii > 0, elsewhere d = 1. Whether all are 1.
         int *side
         int *goal
         int *unit
         bint has_unit
-        # The unknowns in elimination order, their positions in it; whether these are set.
+        # The unknowns in elimination order, once that is known.
         int *sequence
-        int *rank
         bint is_ordered
         # The free system: its `count` unknowns, their positions, -1 for others, between
         # two uses for all. It is factored by L D L' if is_sparse: the elimination tree,

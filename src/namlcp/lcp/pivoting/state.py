@@ -101,7 +101,7 @@ def flags(m, count):
 def allocate(m):
     """Allocate the memory for n and `entries`, with zeros, and no place in a system."""
     n = m.n
-    size = 11 * n + m.entries + 12 * ((n + 1) // 2)
+    size = 10 * n + m.entries + 11 * ((n + 1) // 2)
     m.memory = new_vector(size)
     m.begin = m.end = data_of(m.memory)
     fill(m.begin, 0.0, size)
@@ -109,10 +109,10 @@ def allocate(m):
     m.own_z, m.w, m.centre, m.best = (
         reals(m, n), reals(m, n), reals(m, n), reals(m, n),
     )  # fmt: skip
-    m.own_rhs, m.shift, m.y = reals(m, n), reals(m, n), reals(m, n)
+    m.own_rhs, m.y = reals(m, n), reals(m, n)
     m.scaled = reals(m, m.entries)
     m.side, m.goal, m.unit = flags(m, n), flags(m, n), flags(m, n)
-    m.sequence, m.rank, m.local = flags(m, n), flags(m, n), flags(m, n)
+    m.sequence, m.local = flags(m, n), flags(m, n)
     m.order, m.parent, m.counts = flags(m, n), flags(m, n), flags(m, n)
     m.pattern, m.flag, m.pivots = flags(m, n), flags(m, n), flags(m, n)
     for i in range(n):
