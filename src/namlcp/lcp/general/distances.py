@@ -41,7 +41,7 @@ class Distances:
         upper: np.ndarray,
         scaling: Callable[[Any], np.ndarray],
     ):
-        """Take a dense or sparse A; scaling(A without its fixed rows) is |diag(D)|."""
+        """Take a dense or sparse A; scaling(its rows that are not fixed) is 1 / |D|."""
         low, high = np.isfinite(lower), np.isfinite(upper)
         self.base = np.where(low, lower, np.where(high, upper, 0.0))
         self.top = upper
@@ -49,21 +49,21 @@ class Distances:
         c = (A @ self.base + q)[unfixed]
         if unfixed.size < q.size:
             A = A[:, unfixed][unfixed]
-        d = scaling(A)
-        self.scale = np.where(low | ~high, 1.0, -1.0)[unfixed] * d
+        root = np.where(low | ~high, 1.0, -1.0)[unfixed] * scaling(A)
+        self.scale = 1.0 / root
         if sparse.issparse(A):
             D = sparse.diags_array(self.scale)
             self.M = sparse.csc_array(D @ A @ D)
         else:
-            self.M = A * np.outer(self.scale, self.scale)
-        self.c = self.scale * c
+            self.M = A / np.outer(root, root)
+        self.c = c / root
         self.unit = float(np.abs(self.c).max(initial=0.0)) or 1.0
         self.c /= self.unit
         self.lower = np.where((low | high)[unfixed], 0.0, -np.inf)
         self.upper = np.full(unfixed.size, np.inf)
         self.signed = np.flatnonzero((low | high)[unfixed])
         self.boxed = two = np.flatnonzero((low & high)[unfixed])
-        self.upper[two] = ((upper - lower)[unfixed] / (self.unit * d))[two]
+        self.upper[two] = ((upper - lower)[unfixed] * np.abs(root) / self.unit)[two]
         self.plain = self.signed.size == unfixed.size and two.size == 0
 
     def z(self, p: np.ndarray) -> np.ndarray:
@@ -178,7 +178,7 @@ def unit_model(lcp: LCP) -> Distances:
 
     def scaling(A: Any) -> np.ndarray:
         diagonal = A.diagonal()
-        return 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
+        return np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
 
     _, q, lower, upper = lcp
     return Distances(lcp.matrix.compact, q, lower, upper, scaling)

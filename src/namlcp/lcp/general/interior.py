@@ -164,7 +164,7 @@ def farkas(lcp: LCP) -> Iterator[np.ndarray]:
     weights = d[n:] * (np.abs(d * q).max(initial=0.0) or 1.0)
     lower = np.append(lcp.lower, np.where(low[rows], 0.0, -weights))
     upper = np.append(lcp.upper, np.where(high[rows], 0.0, weights))
-    model = Distances(matrix, q, lower, upper, lambda A: d[lower < upper])
+    model = Distances(matrix, q, lower, upper, lambda A: 1.0 / d[lower < upper])
     system = Quasidefinite(model.M, np.where(model.unfixed < n, 1.0, -1.0))
     aim = CLEAR
     for p in mehrotra(model, system):

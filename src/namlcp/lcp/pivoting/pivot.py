@@ -217,7 +217,7 @@ def state_of(s, lower, upper):
 
 def record(m):
     """Copy z to best if its Res is the least; return whether that fell to a quarter."""
-    plain, scaled = both_residuals(m.own_z, m.w, m.lower, m.upper, m.root, m.n)
+    scaled, plain = both_residuals(m.own_z, m.w, m.lower, m.upper, m.root, m.n)
     improved: cython.bint = scaled < 0.25 * m.best_residual
     if scaled < m.best_residual:
         m.best_residual, m.best_plain = scaled, plain
