@@ -23,8 +23,8 @@ from typing import Any
 
 import numpy as np
 
-from namlcp.lcp.data import LCP, Criterion, diagonal_of
-from namlcp.lcp.general.distances import Plain, unit_model
+from namlcp.lcp.data import LCP, diagonal_of
+from namlcp.lcp.general.distances import Plain
 from namlcp.lcp.general.search import Search
 from namlcp.lcp.general.tableau import (
     DONE,
@@ -64,15 +64,14 @@ def solve_lemke(lcp: LCP, z0: None, limits: Limits, cover: Any = None) -> Outcom
             f"which is dense, got {n}"
         )
     cover = diagonal_of("cover", cover, n, np.ones(n), positive=True)
-    try:
-        plain = Plain(unit_model(lcp))
-    except np.linalg.LinAlgError:
+    search = Search(lcp, limits)
+    if search.plain is None:
         raise ValueError(
             "A must be regular in the rows and columns of the unknowns without bounds "
             "for method 'lemke'"
-        ) from None
+        )
     most = PIVOTS * n + MORE_PIVOTS if limits.max_iter is None else limits.max_iter
-    return follow(lcp, plain, plain.cover(cover), limits, (0, most))
+    return follow(search, search.plain, search.plain.cover(cover), (0, most))
 
 
 def solve_by_lemke(search: Search) -> Outcome | None:
@@ -80,17 +79,17 @@ def solve_by_lemke(search: Search) -> Outcome | None:
 
     Where rounding ends one path, another may get through.
     """
-    lcp, plain, limits = search.lcp, search.plain, search.limits
+    plain, n, done = search.plain, search.lcp.q.size, 0
     if plain is None:
         return None
-    n, done = lcp.q.size, 0
-    most = math.inf if limits.max_iter is None else limits.max_iter
+    limit = search.limits.max_iter
+    most = math.inf if limit is None else limit
     rng = np.random.default_rng(SEED)
     largest = np.abs(plain.M).max(axis=1, initial=0.0)
     rows = np.where(largest > 0.0, largest, 1.0)
     for d in (rows, np.ones(rows.size), rng.uniform(0.2, 1.0, rows.size)):
         budget = int(min(TRIES * n + MORE_TRIES, most - done))
-        outcome = follow(lcp, plain, d, limits, (done, done + budget))
+        outcome = follow(search, plain, d, (done, done + budget))
         done = outcome.iterations
         if outcome.ends or done >= most:
             return outcome
@@ -98,14 +97,14 @@ def solve_by_lemke(search: Search) -> Outcome | None:
 
 
 def follow(
-    lcp: LCP, plain: Plain, d: np.ndarray, limits: Limits, counts: tuple[int, int]
+    search: Search, plain: Plain, d: np.ndarray, counts: tuple[int, int]
 ) -> Outcome:
     """Follow the path of the covering vector d of the plain form.
 
     counts: where the count of pivots begins, and where the path is given up. STALLED
     means that the point at its end fails, or that it has ended on a ray.
     """
-    m = plain.r.size
+    lcp, limits, m = search.lcp, search.limits, plain.r.size
     tableau = tableau_of(plain.M, plain.r, d)
     (count, most), end, names = counts, DONE, slice(m, 2 * m)
     if plain.r.min(initial=0.0) < 0.0:
@@ -129,7 +128,7 @@ def follow(
     points = [lcp.start(plain.z(x)) for x in found if x is not None]
     z = min(points, key=lambda z: lcp.residual(z, lcp.w(z)))
     w, ray = lcp.w(z), None
-    if Criterion(lcp, limits).accepts(z, w):
+    if search.criterion.accepts(z, w):
         status = Status.SOLVED
     elif end not in (MORE, DONE):
         v = plain.direction(tableau.direction(entering)[names])

@@ -42,6 +42,14 @@ class Attempt(Pivoting):
     limits.max_iter counts factorisations.
     """
 
+    ray: np.ndarray | None = None
+    # The last factors: free unknowns and rho; unknowns in them, free or held.
+    free: np.ndarray
+    factored = np.nan
+    member: np.ndarray
+    system: System | None = None
+    factors: Any = None
+
     def __init__(
         self, lcp: LCP, z0: np.ndarray | None, limits: Limits, ask_convex: bool
     ) -> None:
@@ -54,12 +62,6 @@ class Attempt(Pivoting):
         vectors = lcp.q, lcp.lower, lcp.upper, np.empty(0) if z0 is None else z0
         super().__init__(matrix.columns, vectors, matrix.symmetric, limits.deadline.at)
         self.lcp, self.limits = lcp, limits
-        self.ray: np.ndarray | None = None
-        # The last factors: free unknowns and rho; unknowns in them, free or held.
-        self.free, self.member = np.zeros(n, dtype=bool), lcp.lower < lcp.upper
-        self.factored = np.nan
-        self.factors: Any = None
-        self.system: System | None = None
         self.most = limits.max_iter or MAX_FACTORISATIONS
         self.eps_abs, self.eps_rel = limits.eps_abs, limits.eps_rel
         large = n > LARGE_ORDER and self.entries > LARGE_ENTRIES
@@ -114,8 +116,8 @@ class Attempt(Pivoting):
             self.factorisations += 1
             self.free, self.factored = free, self.rho
             if self.system is None or not self.symmetric:
-                if not self.symmetric:
-                    self.member = free
+                lower, upper = self.lcp.lower, self.lcp.upper
+                self.member = lower < upper if self.symmetric else free
                 rows = np.flatnonzero(self.member)
                 A = submatrix(self.scaled_matrix, rows, rows)
                 ones = np.ones(rows.size)

@@ -248,7 +248,10 @@ def set_right_side(m):
 
 
 def use_solution(m):
-    """Change wrong states at the solution z, or end the outer step."""
+    """Change wrong states at the solution z, or end the outer step.
+
+    Halt if the wrong signs do not get fewer.
+    """
     clip_rounding(m)
     write_w(m, m.w)
     for i in range(m.n):
@@ -264,7 +267,17 @@ def use_solution(m):
         return end_outer_step(m)
     if m.solved:
         return DONE
-    return change_states(m, wrong)
+    if wrong < m.fewest_wrong:
+        m.fewest_wrong = wrong
+        m.patience = BLOCK_STEPS
+    elif m.patience > 0:
+        m.patience -= 1
+    else:
+        return HALTED
+    for i in range(m.n):
+        m.side[i] = m.goal[i]
+    m.must_factor = True
+    return GO_ON
 
 
 def clip_rounding(m):
@@ -294,21 +307,6 @@ def set_goals(m):
                 goal[i] = 0
         wrong += goal[i] != side[i]
     return wrong
-
-
-def change_states(m, wrong):
-    """Change all states to goal, or halt if the wrong signs do not get fewer."""
-    if wrong < m.fewest_wrong:
-        m.fewest_wrong = wrong
-        m.patience = BLOCK_STEPS
-    elif m.patience > 0:
-        m.patience -= 1
-    else:
-        return HALTED
-    for i in range(m.n):
-        m.side[i] = m.goal[i]
-    m.must_factor = True
-    return GO_ON
 
 
 # ---- proximal steps
