@@ -55,6 +55,11 @@ class Prepared:
     levels: Any = None  # its `Hierarchy`, see `hierarchy_of`
     last: np.ndarray | None = None  # the last solution that pivoting found
     unsuited = False  # whether A is known not to suit multigrid cycles
+    # Every solve reads these; the lock of cached_property would take longer than they.
+    _diagonal: np.ndarray | None = None
+    _slopes: np.ndarray | None = None
+    _columns: Columns | None = None
+    _stamp: int | None = None
 
     def __init__(self, A: Any, diagonal: Any = None):
         if isinstance(A, LinearOperator):
@@ -69,7 +74,9 @@ class Prepared:
             )
 
     def hold(self, A: Any) -> None:
-        self.A, self.n, self.is_sparse = A, A.shape[0], sparse.issparse(A)
+        """Take a checked matrix."""
+        self.A, self.n = A, A.shape[0]
+        self.is_sparse = sparse.issparse(A)
 
     @classmethod
     def unchecked(cls, A: Any, symmetric: bool) -> "Prepared":
@@ -93,19 +100,25 @@ class Prepared:
         rows = np.empty((5, n))
         return rows if read_rows(*arrays_of(A), rows) else None
 
-    @cached_property
+    @property
     def diagonal(self) -> np.ndarray:
-        return self.A.diagonal()
+        if self._diagonal is None:
+            self._diagonal = self.A.diagonal()
+        return self._diagonal
 
-    @cached_property
+    @property
     def slopes(self) -> np.ndarray:
         """diag(A), 1 where that is not positive: the scaling, and Omega of s."""
-        return np.where(self.diagonal > 0.0, self.diagonal, 1.0)
+        if self._slopes is None:
+            self._slopes = np.where(self.diagonal > 0.0, self.diagonal, 1.0)
+        return self._slopes
 
-    @cached_property
+    @property
     def stamp(self) -> int:
         """The hash of the entries of A when it was first asked for."""
-        return self.stamp_now()
+        if self._stamp is None:
+            self._stamp = self.stamp_now()
+        return self._stamp
 
     def stamp_now(self) -> int:
         return stamp_of_arrays((self.A.data if self.is_sparse else self.A,))
@@ -140,10 +153,12 @@ class Prepared:
             return sparse.csr_array(A) if sparse_enough else A
         return A.toarray() if n <= DENSE_ORDER or A.nnz >= SPARSE * n * n else A
 
-    @cached_property
+    @property
     def columns(self) -> Columns:
         """The columns of A, dense or compressed."""
-        return columns_of(self.A, self.symmetric)
+        if self._columns is None:
+            self._columns = columns_of(self.A, self.symmetric)
+        return self._columns
 
     @cached_property
     def dominance(self) -> float:
