@@ -5,8 +5,8 @@
 | module | content |
 |---|---|
 | `search` | the problem, limits and best point, which the methods share |
+| `distances` | an LCP in distances from bounds: for paths, and plain for the tableau |
 | `tableau` | a dense tableau, and complementary pivoting in lexicographic order |
-| `plain` | the plain form of an LCP with bounds, for the tableau |
 | `lemke` | Lemke's method |
 | `games` | the method of Lemke and Howson for bimatrix games |
 | `enumeration` | tiny problems: all complementary cones |

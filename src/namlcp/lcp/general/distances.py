@@ -64,7 +64,7 @@ class Distances:
         self.signed = np.flatnonzero((low | high)[unfixed])
         self.boxed = two = np.flatnonzero((low & high)[unfixed])
         self.upper[two] = ((upper - lower)[unfixed] * np.abs(root) / self.unit)[two]
-        self.plain = self.signed.size == unfixed.size and two.size == 0
+        self.is_plain = self.signed.size == unfixed.size and two.size == 0
 
     def z(self, p: np.ndarray) -> np.ndarray:
         """Return the unknowns of the box LCP; p_i = r_i becomes the upper bound."""
@@ -89,7 +89,7 @@ class Distances:
 
     def of(self, x: np.ndarray) -> np.ndarray:
         """Return sign_k x_{at_k} for all pairs; it may share memory with x."""
-        if self.plain:
+        if self.is_plain:
             return x
         return np.concatenate((x[self.signed], -x[self.boxed]))
 
@@ -98,7 +98,7 @@ class Distances:
 
         `sign` is that of the second kind of pairs.
         """
-        if self.plain:
+        if self.is_plain:
             return m
         x = np.zeros(self.c.size)
         x[self.signed] = m[: self.signed.size]
@@ -129,13 +129,11 @@ class Plain:
     def __init__(self, model: Distances) -> None:
         M, r = dense(model.M), model.c
         self.model, self.count = model, model.signed.size
-        if not model.plain:
+        if not model.is_plain:
             b, f = model.signed, np.flatnonzero(model.lower < 0.0)
-            sides = np.column_stack((M[np.ix_(f, b)], r[f]))
-            self.back = -np.linalg.solve(M[np.ix_(f, f)], sides)
-            left = (
-                np.column_stack((M[np.ix_(b, b)], r[b])) + M[np.ix_(b, f)] @ self.back
-            )
+            sides = np.column_stack((M[:, b], r))
+            self.back = -np.linalg.solve(M[np.ix_(f, f)], sides[f])
+            left = sides[b] + M[np.ix_(b, f)] @ self.back
             E = np.eye(r.size)[np.ix_(b, model.boxed)]
             M = np.block([[left[:, :-1], E], [-E.T, np.zeros((E.shape[1],) * 2)]])
             r = np.append(left[:, -1], model.upper[model.boxed])
@@ -154,7 +152,7 @@ class Plain:
 
     def p(self, x: np.ndarray, one: float) -> np.ndarray:
         bounded = x[: self.count]
-        if self.model.plain:
+        if self.model.is_plain:
             return bounded
         p = np.empty(self.model.c.size)
         p[self.model.signed] = bounded
