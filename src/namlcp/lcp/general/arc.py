@@ -17,13 +17,13 @@ an earlier one and a shorter step, from a stack.
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from namlcp.lcp.general.cones import Condensed
 from namlcp.lcp.general.distances import Distances
+from namlcp.lcp.general.interior import Point
 from namlcp.lcp.shifted import System
 
 # Added to the unit diagonal, so that a singular matrix can be factored.
@@ -48,48 +48,35 @@ KEPT, KEPT_ENTRIES = 30, 10_000_000
 FAR_AWAY, LARGE_T = 1e10, 1e4
 
 
-@dataclass
-class Point:
-    """A point of the path: p, gaps, multipliers m and t.
-
-    h is the length of the step from here: the largest relative change of a gap or
-    multiplier along the curve.
-    """
-
-    p: np.ndarray
-    gaps: np.ndarray
-    m: np.ndarray
-    t: float
-    h: float = FIRST_STEP
-
-
 class Directions:
-    """The directions at a point of the path.
+    """The directions at a point of the path, with its t and the next step h from it.
 
+    h is the largest relative change of a gap or multiplier along the curve.
     U, V: relative changes of the gaps, then of the multipliers, per unit of log t along
     the curve, and back to it; du, dv: the changes of p that belong to them; tv: the
     relative change of t with V. forward: whether t falls along the curve. error: the
     largest entry of V and tv.
     """
 
+    h: float
+
     def __init__(
         self,
-        model: Distances,
-        d: np.ndarray,
-        products: np.ndarray,
+        curve: tuple[Distances, np.ndarray, np.ndarray],
         at: Point,
+        t: float,
         factors: Any,
     ):
-        """Take d and the products a of the curve, and M + diag(m / g) factored."""
-        self.model, self.at, self.factors = model, at, factors
-        aims = at.t * products
-        wish = aims / at.gaps
-        excess = model.F(at.p) + at.t * d - model.total(at.m)
+        """Take the model, d and the products a, and M + diag(m / g) factored."""
+        (model, d, products), self.at, self.t, self.factors = curve, at, t, factors
+        self.model = model
+        wish = t * products / at.gaps
+        excess = model.F(at.p) + t * d - model.total(at.m)
         sides = np.empty((model.c.size, 2), order="F")
-        sides[:, 0] = model.total(wish) - at.t * d
+        sides[:, 0] = model.total(wish) - t * d
         sides[:, 1] = model.total(wish - at.m) - excess
         self.du, self.dv = factors.solve(sides).T
-        ratio = aims / (at.gaps * at.m)
+        ratio = t * products / (at.gaps * at.m)
         self.U = self.changes(self.du, ratio)
         self.V = self.changes(self.dv, ratio - 1.0)
         # V goes across the curve, not to the point of it with the same t, so that it
@@ -106,29 +93,25 @@ class Directions:
         a = self.model.of(dp) / self.at.gaps
         return np.concatenate((a, products - a))
 
-    def move(self, theta: float) -> Point:
-        """Return the point a step h along the curve and theta of V away."""
+    def move(self, theta: float) -> tuple[Point, float]:
+        """Return the point a step h along the curve and theta of V away, and its t."""
         at, model, number = self.at, self.model, self.at.m.size
-        tau = at.h / max(float(np.abs(self.U).max(initial=0.0)), 1.0)
+        tau = self.h / max(float(np.abs(self.U).max(initial=0.0)), 1.0)
         tau = -tau if self.forward else tau
         rates, dp = tau * self.U + theta * self.V, tau * self.du + theta * self.dv
         # products are to stay what the first order makes them
         bend = -(tau**2) * self.U[:number] * self.U[number:]
         dx = self.factors.solve(model.total(at.m * bend))
         X = self.changes(dx, bend)
-        if np.abs(X).max(initial=0.0) <= 0.5 * at.h:
+        if np.abs(X).max(initial=0.0) <= 0.5 * self.h:
             rates += X
             dp += dx
         rate = tau + theta * self.tv
         fall = max(float(-rates.min(initial=0.0)), -rate)
         cut = min(1.0, MOST_STEP / fall) if fall > 0.0 else 1.0
-        return Point(
-            at.p + cut * dp,
-            at.gaps * (1.0 + cut * rates[:number]),
-            at.m * (1.0 + cut * rates[number:]),
-            at.t * (1.0 + cut * rate),
-            at.h,
-        )
+        gaps = at.gaps * (1.0 + cut * rates[:number])
+        m = at.m * (1.0 + cut * rates[number:])
+        return Point(at.p + cut * dp, gaps, m), self.t * (1.0 + cut * rate)
 
 
 def arc(model: Distances, system: System) -> Iterator[np.ndarray]:
@@ -139,31 +122,31 @@ def arc(model: Distances, system: System) -> Iterator[np.ndarray]:
     p, gaps = model.start()
     F = model.F(p)
     m = np.maximum(model.of(F), 0.0) + 1.0
-    d, products = model.total(m) - F, gaps * m
-    at, off = Point(p, gaps, m, 1.0), False
+    curve = model, model.total(m) - F, gaps * m
+    at, t, h, off = Point(p, gaps, m), 1.0, FIRST_STEP, False
     stack: list[Directions] = []
     for _ in range(PROMISED_STEPS if isinstance(system, Condensed) else STEPS):
         yield at.p
-        if at.t > LARGE_T or np.abs(at.p).max(initial=0.0) > FAR_AWAY:
+        if t > LARGE_T or np.abs(at.p).max(initial=0.0) > FAR_AWAY:
             return
         factors = system.factors(model.total(at.m / at.gaps, 1.0) + SHIFT)
-        here = factors and Directions(model, d, products, at, factors)
+        here = factors and Directions(curve, at, t, factors)
         off = here is None or not here.error <= (OFF_AGAIN if off else OFF)
         if here is not None and math.isfinite(here.error) and not (off and stack):
+            here.h = 0.7 * h if here.error > FAR else h
             if here.error < NEAR:
-                at.h = min(MOST_STEP, max(2.0 * at.h, 1.0 - (1.0 - at.h) ** 1.5))
-            elif here.error > FAR:
-                at.h *= 0.7
+                here.h = min(MOST_STEP, max(2.0 * h, 1.0 - (1.0 - h) ** 1.5))
             stack.append(here)
             room = KEPT_ENTRIES // here.factors.entries
             del stack[: -max(1, min(KEPT, room))]
         elif stack:  # an earlier point is better where the last step was short
-            stack[-1].at.h *= SHORTER
-            while stack[-1].at.h < LEAST_STEP and len(stack) > 1:
+            stack[-1].h *= SHORTER
+            while stack[-1].h < LEAST_STEP and len(stack) > 1:
                 stack.pop()
-                stack[-1].at.h *= SHORTER
+                stack[-1].h *= SHORTER
         else:
             return
         top = stack[-1]
-        at = top.move(min(1.0, LIMITED / top.error) if off and top.error else 1.0)
+        h = top.h
+        at, t = top.move(min(1.0, LIMITED / top.error) if off and top.error else 1.0)
     yield at.p
