@@ -17,7 +17,7 @@ def test_examples_are_solved_and_drawn(name, tmp_path, capsys):
 
 
 def test_an_example_needs_no_matplotlib(capsys, monkeypatch):
-    monkeypatch.setattr("namlcp.cli.examples.catalogue.find_spec", lambda name: None)
+    monkeypatch.setattr("namlcp.cli.examples.find_spec", lambda name: None)
     assert main(["example", "lasso"]) == 0
     assert "--picture" in capsys.readouterr().out
     assert main(["example", "lasso", "--picture", "x.png"]) == 2

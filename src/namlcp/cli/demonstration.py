@@ -1,9 +1,9 @@
-"""The demonstration: four scenes, solved by OSQP too where it can and is installed."""
+"""namlcp beside others: four scenes with OSQP, if installed; a QP by solvers named."""
 
 import importlib.util
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -12,7 +12,11 @@ import qpsolvers
 import scipy.sparse as sp
 
 import namlcp
+from namlcp.options import DEFAULT_OPTIONS
 from namlcp.scenes import FallingDiscs, disc_pile, forced_obstacle, preview_control
+
+TOLERANT = ("osqp", "piqp", "proxqp", "qpalm", "scs")
+"""Solvers that take `eps_abs` and `eps_rel` by these names; others have their own."""
 
 
 def demonstrate() -> int:
@@ -99,3 +103,34 @@ def osqp(problem: qpsolvers.Problem) -> qpsolvers.Solution:
 def worst_residual(answer: qpsolvers.Solution) -> float:
     """Return the largest of qpsolvers' three residuals."""
     return max(answer.primal_residual(), answer.dual_residual(), answer.duality_gap())
+
+
+def compare(
+    problem: qpsolvers.Problem, rivals: list[str], settings: Mapping[str, Any]
+) -> None:
+    """Print residuals and times of namlcp and other solvers; raise for unknown ones."""
+    unknown = [name for name in rivals if name not in qpsolvers.available_solvers]
+    if unknown:
+        known = ", ".join(qpsolvers.available_solvers)
+        raise ValueError(f"{unknown[0]} is not installed; there are {known}")
+    tolerances = {
+        name: settings.get(name, getattr(DEFAULT_OPTIONS, name))
+        for name in ("eps_abs", "eps_rel")
+    }
+    print("\nbest of 3, from the call through qpsolvers to the answer")
+    print("solver     found  objective          primal    dual     gap        time")
+    for name in ("nam", *rivals):
+        given = tolerances if name in ("nam", *TOLERANT) else {}
+        call = partial(qpsolvers.solve_problem, problem, name, **given)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of conversions, and of points not found
+            answer, seconds = best_time(call, 3)
+        if answer.x is None:
+            print(f"{name:<10} no{1e3 * seconds:62.3f} ms")
+            continue
+        print(
+            f"{name:<10} {'yes' if answer.found else 'no':<6} "
+            f"{answer.obj:<16.9g} {answer.primal_residual():8.1e} "
+            f"{answer.dual_residual():8.1e} {answer.duality_gap():8.1e} "
+            f"{1e3 * seconds:9.3f} ms"
+        )

@@ -19,7 +19,7 @@ import scipy.sparse as sp
 from scipy.io import loadmat, whosmat
 
 from namlcp.checks import INFINITE, checked_order
-from namlcp.cli.mps import mps_problem
+from namlcp.cli.mps import mps_problem, two_sided
 from namlcp.qp import QP
 
 MOST_BYTES = 2**31
@@ -86,14 +86,7 @@ def mat_problem(path: str) -> qpsolvers.Problem:
             f"q, got {C.shape[0]}, {low.size}, {high.size} for {q.size}"
         )
     low[low <= -INFINITE], high[high >= INFINITE] = -np.inf, np.inf
-    C, (lb, ub), low, high = C[:m], (low[m:], high[m:]), low[:m], high[:m]
-    equal = low == high
-    above, below = ~equal & np.isfinite(high), ~equal & np.isfinite(low)
-    G = sp.vstack([C[above], -C[below]], format="csc")
-    h = np.concatenate((high[above], -low[below]))
-    rows = (G, h) if h.size else (None, None)
-    equalities = (sp.csc_matrix(C[equal]), high[equal]) if equal.any() else (None, None)
-    return qpsolvers.Problem(P, q, *rows, *equalities, lb, ub)
+    return two_sided(P, q, C[:m], low[:m], high[:m], low[m:], high[m:])
 
 
 def read_mat(path: str) -> dict[str, Any]:

@@ -17,8 +17,7 @@ import numpy as np
 import qpsolvers
 
 import namlcp
-from namlcp.cli.comparison import compare
-from namlcp.cli.demonstration import demonstrate
+from namlcp.cli.demonstration import compare, demonstrate
 from namlcp.cli.examples import EXAMPLES, show_example, source
 from namlcp.cli.files import read_problem
 from namlcp.options import RELAXATIONS, Options
@@ -107,20 +106,19 @@ def finite(value: float) -> float | None:
 
 def describe(result: Any) -> None:
     """Print the outcome for people."""
-    print(
-        f"status     {result.status.value}: "
-        f"{result.message or result.status.explanation}"
-    )
-    if hasattr(result, "x"):
+    is_qp = hasattr(result, "x")
+    message = result.message or result.status.explanation
+    print(f"status     {result.status.value}: {message}")
+    method = result.form if is_qp else result.method
+    print(f"method     {method}, {result.iterations} iterations")
+    if is_qp:
         r = result.residuals
-        print(f"method     {result.form}, {result.iterations} iterations")
         print(f"objective  {result.obj:.12g}")
         print(
             f"residuals  primal {r.primal:.1e}, dual {r.dual:.1e}, "
             f"duality gap {r.gap:.1e}"
         )
     else:
-        print(f"method     {result.method}, {result.iterations} iterations")
         print(f"residual   {result.residual:.1e}")
     print(f"time       {1e3 * (result.setup_time + result.solve_time):.3g} ms")
     if getattr(result, "closest", None) is not None:

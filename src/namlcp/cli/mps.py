@@ -6,6 +6,7 @@ is minimised: with OBJSENSE MAX its sign is changed. A constant in it is left ou
 """
 
 from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 import qpsolvers
@@ -100,21 +101,9 @@ class Model:
                 q[j] += v
         C = matrix(inside, (len(rows), n)).tocsr()
         low, high = np.array([self.interval(row) for row in rows]).reshape(-1, 2).T
-        equal = low == high
-        above, below = ~equal & np.isfinite(high), ~equal & np.isfinite(low)
-        G, h = (
-            sp.vstack([C[above], -C[below]], "csc"),
-            np.append(high[above], -low[below]),
-        )
-        A, b = C[equal].tocsc(), high[equal]
+        P = self.sign * matrix(self.squares, (n, n))
         ends = np.array([self.bounds.get(j, [0.0, np.inf]) for j in range(n)])
-        return qpsolvers.Problem(
-            self.sign * matrix(self.squares, (n, n)),
-            self.sign * q,
-            *((G, h) if h.size else (None, None)),
-            *((A, b) if b.size else (None, None)),
-            *ends.T,
-        )
+        return two_sided(P, self.sign * q, C, low, high, *ends.T)
 
     def interval(self, row: str) -> tuple[float, float]:
         """Return the two sides of a row."""
@@ -127,6 +116,18 @@ class Model:
         if kind == "G" or (kind == "E" and width >= 0.0):
             return low, side + abs(width)
         return side - abs(width), high
+
+
+def two_sided(
+    P: Any, q: np.ndarray, C: Any, low: np.ndarray, high: np.ndarray, *box: np.ndarray
+) -> qpsolvers.Problem:
+    """Return the QP with the rows low <= C x <= high, C by rows; box: its bounds."""
+    equal = low == high
+    above, below = ~equal & np.isfinite(high), ~equal & np.isfinite(low)
+    G, h = sp.vstack([C[above], -C[below]], "csc"), np.append(high[above], -low[below])
+    A, b = sp.csc_matrix(C[equal]), high[equal]
+    rows = (G, h) if h.size else (None, None)
+    return qpsolvers.Problem(P, q, *rows, *((A, b) if b.size else (None, None)), *box)
 
 
 def matrix(

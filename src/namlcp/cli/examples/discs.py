@@ -1,27 +1,17 @@
 """Discs that fall into a box and come to rest: an LCP with Coulomb friction a step."""
 
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
 from namlcp import Status
 from namlcp.scenes import FallingDiscs
 
-SHOWN = 4  # pictures of the discs
+SHOWN = 4  # pictures of the discs, at as many steps
 
 
-class Record(NamedTuple):
-    """The discs, centres (SHOWN, discs, 2) at some steps, energies and times [s]."""
-
-    discs: FallingDiscs
-    centres: np.ndarray
-    shown: np.ndarray
-    energies: np.ndarray
-    seconds: np.ndarray
-    solved: bool
-
-
-def run(count: int = 24, steps: int = 300) -> Record:
+def run(count: int = 24, steps: int = 300) -> SimpleNamespace:
     """Let the discs fall, and print what is left of their energy."""
     discs = FallingDiscs(count)
     shown = np.linspace(0, steps - 1, SHOWN).astype(int)
@@ -39,10 +29,13 @@ def run(count: int = 24, steps: int = 300) -> Record:
         f"largest overlap {max(r.overlap for r in records):.1e} m\n"
         f"{1e3 * np.median(seconds):.2f} milliseconds an LCP (median)"
     )
-    return Record(discs, np.array(centres), shown, energies, seconds, solved)
+    return SimpleNamespace(
+        discs=discs, centres=np.array(centres), shown=shown, energies=energies,
+        seconds=seconds, solved=solved,
+    )  # fmt: skip
 
 
-def draw(record: Record, figure: Any) -> None:
+def draw(record: SimpleNamespace, figure: Any) -> None:
     """Draw the discs at some steps, and the energy."""
     from matplotlib.collections import EllipseCollection
 

@@ -5,7 +5,8 @@
 for one appetite after another (Markowitz 1952): only q changes.
 """
 
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -13,15 +14,6 @@ from namlcp import Solver, Status
 
 ASSETS, FACTORS = 60, 5
 MOST = 0.2  # of the capital in one asset
-
-
-class Record(NamedTuple):
-    """Weights (points, ASSETS), risks and returns [1 / year]."""
-
-    weights: np.ndarray
-    risks: np.ndarray
-    returns: np.ndarray
-    solved: bool
 
 
 def market() -> tuple[np.ndarray, np.ndarray]:
@@ -35,7 +27,7 @@ def market() -> tuple[np.ndarray, np.ndarray]:
     return mean, covariance
 
 
-def run(points: int = 200) -> Record:
+def run(points: int = 200) -> SimpleNamespace:
     """Follow the frontier, and print some of its portfolios."""
     mean, covariance = market()
     solver = Solver(
@@ -56,10 +48,10 @@ def run(points: int = 200) -> Record:
     seconds = np.median([result.solve_time for result in results])
     print(f"{1e6 * seconds:.1f} microseconds a solve (median)")
     solved = all(result.status is Status.SOLVED for result in results)
-    return Record(weights, risks, returns, solved)
+    return SimpleNamespace(weights=weights, risks=risks, returns=returns, solved=solved)
 
 
-def draw(record: Record, figure: Any) -> None:
+def draw(record: SimpleNamespace, figure: Any) -> None:
     """Draw the frontier, and the weights along it."""
     frontier, shares = figure.subplots(1, 2)
     mean, covariance = market()

@@ -7,21 +7,14 @@
 multipliers of the two rows of each feature. Along the path only h changes.
 """
 
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
 from namlcp import Solver, Status
 
 SAMPLES, FEATURES, TRUE = 80, 30, 6
-
-
-class Record(NamedTuple):
-    """Penalties over the largest, coefficients (points, FEATURES)."""
-
-    penalties: np.ndarray
-    coefficients: np.ndarray
-    solved: bool
 
 
 def regression() -> tuple[np.ndarray, np.ndarray]:
@@ -34,7 +27,7 @@ def regression() -> tuple[np.ndarray, np.ndarray]:
     return X, X @ w + 0.05 * rng.standard_normal(SAMPLES)
 
 
-def run(points: int = 200) -> Record:
+def run(points: int = 200) -> SimpleNamespace:
     """Follow the path from the largest penalty, and print when features enter."""
     X, y = regression()
     most = abs(X.T @ y).max()
@@ -55,10 +48,12 @@ def run(points: int = 200) -> Record:
     seconds = np.median([result.solve_time for result in results])
     print(f"{1e6 * seconds:.1f} microseconds a solve (median)")
     solved = all(result.status is Status.SOLVED for result in results)
-    return Record(penalties, coefficients, solved)
+    return SimpleNamespace(
+        penalties=penalties, coefficients=coefficients, solved=solved
+    )
 
 
-def draw(record: Record, figure: Any) -> None:
+def draw(record: SimpleNamespace, figure: Any) -> None:
     """Draw the coefficients against the penalty."""
     axes = figure.subplots()
     others = axes.plot(record.penalties, record.coefficients[:, TRUE:], color="0.75")

@@ -5,7 +5,8 @@
 A the five-point matrix of minus the Laplacian on the square (-1, 1)^2, q the load.
 """
 
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
@@ -15,16 +16,7 @@ from namlcp import Status, solve_lcp
 LOAD, RADIUS, TOP = 1.0, 0.6, 0.3
 
 
-class Record(NamedTuple):
-    """Heights of membrane and ball on the grid, and the pressure of contact."""
-
-    heights: np.ndarray
-    ball: np.ndarray
-    pressure: np.ndarray
-    solved: bool
-
-
-def run(points: int = 200) -> Record:
+def run(points: int = 200) -> SimpleNamespace:
     """Solve on a grid of points x points, and print where contact is."""
     step = 2.0 / (points + 1)
     line = sp.diags_array([-1.0, 2.0, -1.0], offsets=[-1, 0, 1], shape=(points, points))
@@ -42,10 +34,11 @@ def run(points: int = 200) -> Record:
         f"contact on {np.mean(heights <= ball):.1%} of the square, "
         f"force {pressure.sum() * step**2:.3f}"
     )
-    return Record(heights, ball, pressure, result.status is Status.SOLVED)
+    solved = result.status is Status.SOLVED
+    return SimpleNamespace(heights=heights, ball=ball, solved=solved)
 
 
-def draw(record: Record, figure: Any) -> None:
+def draw(record: SimpleNamespace, figure: Any) -> None:
     """Draw the height with the free boundary, and a cut through the middle."""
     above, cut = figure.subplots(1, 2)
     box = (-1.0, 1.0, -1.0, 1.0)

@@ -9,7 +9,8 @@ unknowns are the forces alone. From step to step only q and h change.
 """
 
 import time
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 from scipy.linalg import expm, solve_discrete_are
@@ -21,16 +22,6 @@ FORCE, ANGLE = 4.0, 0.12  # N, rad
 CART, BOB, LENGTH, GRAVITY = 1.0, 0.2, 0.5, 9.81  # kg, kg, m, m/s^2
 POSITION, TILT = 0, 2  # of the state: position, speed, angle, rate of the angle
 Q, R = np.diag([10.0, 1.0, 10.0, 1.0]), 0.1
-
-
-class Record(NamedTuple):
-    """States (steps, 4), wanted positions, forces and times [s] of all steps."""
-
-    states: np.ndarray
-    wanted: np.ndarray
-    forces: np.ndarray
-    seconds: np.ndarray
-    solved: bool
 
 
 def plant() -> tuple[np.ndarray, np.ndarray]:
@@ -54,7 +45,7 @@ def condensed(F: np.ndarray, B: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return S, T
 
 
-def run(steps: int = 300) -> Record:
+def run(steps: int = 300) -> SimpleNamespace:
     """Control the cart, and print what that took."""
     F, B = plant()
     S, T = condensed(F, B)
@@ -94,10 +85,12 @@ def run(steps: int = 300) -> Record:
         f"a step (update and solve) takes {median:.0f} microseconds in the median, "
         f"{most:.0f} at 99 %, {worst:.0f} at worst"
     )
-    return Record(states, wanted, forces, seconds, solved)
+    return SimpleNamespace(
+        states=states, wanted=wanted, forces=forces, seconds=seconds, solved=solved
+    )
 
 
-def draw(record: Record, figure: Any) -> None:
+def draw(record: SimpleNamespace, figure: Any) -> None:
     """Draw position, angle, force and time of each step."""
     position, angle, force, cost = figure.subplots(4, 1, sharex=True)
     at = PERIOD * np.arange(record.forces.size)

@@ -6,7 +6,8 @@ E(w) on other samples, `backward` with the gradient of E in the multipliers retu
 gradient in h, whose sum is dE / dpenalty.
 """
 
-from typing import Any, NamedTuple
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -17,15 +18,7 @@ KEPT = 50  # samples to learn from; the others are for validation
 STEPS, RATE = 25, 0.4
 
 
-class Record(NamedTuple):
-    """Penalties, errors and slopes of a scan, and of the descent."""
-
-    scan: np.ndarray
-    descent: np.ndarray
-    solved: bool
-
-
-def run(points: int = 60) -> Record:
+def run(points: int = 60) -> SimpleNamespace:
     """Scan the penalty, descend from the largest one, and print what came out."""
     X, y = regression()
     y = y + 0.3 * np.random.default_rng(3).standard_normal(y.size)
@@ -61,10 +54,10 @@ def run(points: int = 60) -> Record:
         f"to           {best[0]:.3f}, error {best[1]:.3f}, in {STEPS} steps\n"
         f"least error of a scan: {scan[:, 1].min():.3f}"
     )
-    return Record(scan, np.array(descent), solved)
+    return SimpleNamespace(scan=scan, descent=np.array(descent), solved=solved)
 
 
-def draw(record: Record, figure: Any) -> None:
+def draw(record: SimpleNamespace, figure: Any) -> None:
     """Draw the error, its slopes as tangents, and the descent."""
     axes = figure.subplots()
     axes.plot(*record.scan.T[:2], color="0.6", label="validation error")
