@@ -26,7 +26,7 @@ import numpy as np
 from namlcp import Prepared, Status, natural_residual
 from namlcp.lcp import LCP, SWEEPS, Parameters
 from namlcp.lcp.modulus.adaptive import AdaptiveStep
-from namlcp.lcp.modulus.steps import Step
+from namlcp.lcp.modulus.methods import Step
 from namlcp.lcp.modulus.sweeps import iterate, step_of
 from namlcp.limits import Limits
 from namlcp.scenes import forced_obstacle

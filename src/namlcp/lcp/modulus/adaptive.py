@@ -54,10 +54,11 @@ from namlcp.lcp.modulus.kernels import Z
 from namlcp.lcp.modulus.methods import (
     SWEEPS,
     Parameters,
+    Step,
     checked_parameters,
+    fixed_step,
     positive_diagonal,
 )
-from namlcp.lcp.modulus.steps import Step, fixed_step
 from namlcp.lcp.prepared import Prepared
 
 # c >= LEAST_C G sqrt(f) / (p - c), f the geometric mean of b - 2 for the free rows and

@@ -1,11 +1,16 @@
 """The triangular sweep methods: each sweep is one pass over the rows of A.
 
-With the letters of `sweeps`, P = D/alpha + Omega + E and two numbers G and H,
+By equation (3) of the paper, where r = 2 and R(s) = |s|, a solution z = (s + R(s))/2 is
 
-    (P - G L) ds - H L dz = -2 (A z + q - w),    w = Omega (z - s).
+    s = (M + Omega + I - L)^-1 [(N + I - L) s + (Omega - A) R(s) - 2 q],
 
-The right side needs A z of the *old* iterate, so the pass that computes s+ also gives
-Res(z).
+that is A z + q = w, w = Omega (z - s). A sweep adds ds to s so that, with the letters
+of `sweeps`, P = D/alpha + Omega + E and two numbers G and H,
+
+    (P - G L) ds - H L dz = -2 (A z + q - w),
+
+and therefore ds = 0 at a solution. The right side needs A z of the *old* iterate, so
+the pass that computes s+ also gives Res(z).
 
 Row i is read once. Terms that do not depend on row i - 1 are summed first; the one that
 does is added last, because the chain of these dependences limits the speed of a sweep
@@ -67,8 +72,9 @@ def sweep_csr(indptr, indices, data, vectors, G, H, old, new):
                 k += 1
             x = clip(zi - r, l, u)
             total += (zi - x) * (zi - x)
+            w = omega[i] * (zi - si)  # equal to r at a solution
             inv = inverse[i]
-            ds = (2.0 * (omega[i] * (zi - si) - r) - earlier) * inv
+            ds = (2.0 * (w - r) - earlier) * inv
             x = (si + ds) - (neighbour * inv) * last
             s_next[i] = x
             y = clip(x, l, u)
@@ -90,8 +96,8 @@ def sweep_dense(A, vectors, G, H, old, new):
             away: cython.double = zi - clip(zi - r, l, u)
             total += away * away
             earlier = blas_dot(row, cython.address(vectors[CHANGE, 0]), i)
-            step = 2.0 * (vectors[OMEGA, i] * (zi - si) - r) - earlier
-            ds = step * vectors[INVERSE, i]
+            w = vectors[OMEGA, i] * (zi - si)  # equal to r at a solution
+            ds = (2.0 * (w - r) - earlier) * vectors[INVERSE, i]
             x = si + ds
             y = clip(x, l, u)
             new[S, i] = x

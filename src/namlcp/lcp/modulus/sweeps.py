@@ -24,7 +24,7 @@ This is what `kernels` computes. Hence nam* is Bai's method with the splitting (
 L, N + E - L). p* is am* with beta = alpha and Omega = D/alpha, which is projected SOR:
 z+ = clip(z - alpha D^-1 (A z + q - L dz)).
 
-"modulus", "nam" and "modified-nam" have M = A, see `steps`.
+"modulus", "nam" and "modified-nam" have M = A, see `methods`.
 
 References
 ----------
@@ -44,10 +44,11 @@ from namlcp.lcp.modulus.kernels import S, Z
 from namlcp.lcp.modulus.methods import (
     SWEEPS,
     Parameters,
+    Step,
     checked_parameters,
+    fixed_step,
     is_adaptive,
 )
-from namlcp.lcp.modulus.steps import Step, fixed_step
 from namlcp.limits import Limits
 from namlcp.outcome import Outcome
 from namlcp.status import Status
@@ -87,7 +88,12 @@ def sweep(
         if step is None:
             nan = np.full(lcp.q.size, np.nan)
             return lcp.outcome(Status.NUMERICAL_ERROR, nan, nan, 0, method, s=nan)
-        s = first_iterate(lcp, step.omega, s0, z0)
+        if s0 is not None and z0 is not None:
+            raise ValueError("s0 and z0 must not both be given: either fixes the start")
+        if s0 is not None:
+            s = finite_vector("s0", s0, lcp.q.size, "A", lcp.A.shape).copy()
+        else:
+            s = lcp.start() if z0 is None else z0 - lcp.w(z0) / step.omega
         status, s, k = iterate(lcp, step, s, limits)
         z = np.clip(s, lcp.lower, lcp.upper)
         w = lcp.w(z)
@@ -104,17 +110,6 @@ def step_of(lcp: LCP, method: str, parameters: Parameters) -> Step | None:
         adaptive = AdaptiveStep(lcp, method, parameters)
         return None if adaptive.step is None else adaptive
     return fixed_step(lcp, chosen, checked_parameters(lcp.A, method, parameters))
-
-
-def first_iterate(
-    lcp: LCP, omega: np.ndarray, s0: Any, z0: np.ndarray | None
-) -> np.ndarray:
-    """Return the first s, a new array."""
-    if s0 is not None and z0 is not None:
-        raise ValueError("s0 and z0 must not both be given: either fixes the start")
-    if s0 is not None:
-        return finite_vector("s0", s0, lcp.q.size, "A", lcp.A.shape).copy()
-    return lcp.start() if z0 is None else z0 - lcp.w(z0) / omega
 
 
 def iterate(
