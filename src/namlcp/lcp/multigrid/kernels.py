@@ -80,43 +80,49 @@ def mark_free(d, z, lower, upper, dinv):
 def descend(matrix, diagonal, interpolation, dinv, b, x, coarse):
     """Write x, one forward sweep on T A T x = b from 0, and coarse = P' T (b - A x).
 
-    The residual is -(strict upper triangle of T A T) x, so every entry is read once.
+    The residual is -(strict upper triangle of T A T) x: every entry is read once. Its
+    rows are computed when the sweep has passed their columns, still in the cache.
     """
     n = x.shape[0]
     A, P = rows_of(matrix, n), rows_of(interpolation, n)
+    row: cython.Py_ssize_t = 0  # the next one of the residual
     with cython.nogil:
-        for i in range(n):
-            if dinv[i] == 0.0:
-                x[i] = 0.0
-                continue
-            r = b[i]
-            for k in range(A.indptr[i], diagonal[i]):
-                r -= A.data[k] * x[A.indices[k]]
-            x[i] = r * dinv[i]
         for j in range(coarse.shape[0]):
             coarse[j] = 0.0
         for i in range(n):
-            if dinv[i] == 0.0:
-                continue
-            r = 0.0
-            for k in range(diagonal[i] + 1, A.indptr[i + 1]):
-                r -= A.data[k] * x[A.indices[k]]
-            for k in range(P.indptr[i], P.indptr[i + 1]):
-                coarse[P.indices[k]] += P.data[k] * r
+            x[i] = 0.0
+            if dinv[i] != 0.0:
+                r = b[i]
+                for k in range(A.indptr[i], diagonal[i]):
+                    r -= A.data[k] * x[A.indices[k]]
+                x[i] = r * dinv[i]
+            while row <= i and A.indices[A.indptr[row + 1] - 1] <= i:
+                if dinv[row] != 0.0:
+                    r = 0.0
+                    for k in range(diagonal[row] + 1, A.indptr[row + 1]):
+                        r -= A.data[k] * x[A.indices[k]]
+                    for k in range(P.indptr[row], P.indptr[row + 1]):
+                        coarse[P.indices[k]] += P.data[k] * r
+                row += 1
 
 
 def ascend(matrix, diagonal, interpolation, dinv, b, coarse, x):
-    """Add T P coarse to x, sweep backward on T A T x = b, and return b'x."""
+    """Add T P coarse to x, sweep backward on T A T x = b, and return b'x.
+
+    T P coarse is added to an entry of x before the first row that reads it is swept.
+    """
     n, product = x.shape[0], 0.0
     A, P = rows_of(matrix, n), rows_of(interpolation, n)
+    added: cython.Py_ssize_t = n  # from here on
     with cython.nogil:
-        for i in range(n):
-            if dinv[i] != 0.0:
-                r = x[i]
-                for k in range(P.indptr[i], P.indptr[i + 1]):
-                    r += P.data[k] * coarse[P.indices[k]]
-                x[i] = r
         for i in range(n - 1, -1, -1):
+            while added > A.indices[A.indptr[i]]:
+                added -= 1
+                if dinv[added] != 0.0:
+                    r = x[added]
+                    for k in range(P.indptr[added], P.indptr[added + 1]):
+                        r += P.data[k] * coarse[P.indices[k]]
+                    x[added] = r
             if dinv[i] == 0.0:
                 continue
             r = b[i]
@@ -208,18 +214,22 @@ def truncate_coarse(face, P_rows, R_rows, C, coarse_rows, d, below):
                 coarse_dinv[j] = 1.0 / truncated[p]
 
 
-def face_product(matrix, dinv, p, Ap):
-    """Write Ap = T A p for p = T p; return p'Ap."""
+def next_direction(matrix, dinv, beta, y, p, Ap):
+    """Write p = beta p + y and Ap = T A p, where T p = p; return p'Ap. y may be p."""
     n, product = p.shape[0], 0.0
     A = rows_of(matrix, n)
+    row: cython.Py_ssize_t = 0  # the next one of A p
     with cython.nogil:
         for i in range(n):
-            r = 0.0
-            if dinv[i] != 0.0:
-                for k in range(A.indptr[i], A.indptr[i + 1]):
-                    r += A.data[k] * p[A.indices[k]]
-                product += r * p[i]
-            Ap[i] = r
+            p[i] = beta * p[i] + y[i]
+            while row <= i and A.indices[A.indptr[row + 1] - 1] <= i:
+                r = 0.0
+                if dinv[row] != 0.0:
+                    for k in range(A.indptr[row], A.indptr[row + 1]):
+                        r += A.data[k] * p[A.indices[k]]
+                    product += r * p[row]
+                Ap[row] = r
+                row += 1
     return product
 
 

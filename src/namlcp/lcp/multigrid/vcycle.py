@@ -7,8 +7,8 @@ import numpy as np
 from namlcp.lcp.multigrid.kernels import (
     ascend,
     descend,
-    face_product,
     mark_dirty,
+    next_direction,
     step_along,
     truncate_coarse,
 )
@@ -66,11 +66,19 @@ class VCycle:
 
     A caller sets a face in faces[k].dinv and calls `follow_face`, which changes coarser
     levels only; so faces on several levels must be set from the coarsest level up.
+
+    krylov(k, r, goal, steps, x) solves A_FF x = r on the face F of level k, from x = 0,
+    which stays 0 outside. It stops at a residual, left in r, of at most `goal`, or
+    after `steps` steps: by conjugate gradients for symmetric A, else by
+    right-preconditioned BiCGStab (van der Vorst, SIAM J. Sci. Stat. Comput. 13 (1992)
+    631-644), two V-cycles a step. (SciPy's conjugate gradients do not end at p'A p <=
+    0, and SciPy's methods update vectors one by one.)
     """
 
     def __init__(self, levels: list[Level], symmetric: bool):
         self.levels = levels
         self.symmetric = symmetric
+        self.krylov = self.conjugate_gradients if symmetric else self.bicgstab
         self.faces = [all_free(level) for level in levels]
         self.invert_coarsest()
 
@@ -111,36 +119,20 @@ class VCycle:
         self.solve(k + 1, below.b, below.x)
         return ascend(A, diagonal, P, dinv, b, below.x, x)
 
-    def krylov(
-        self, k: int, r: np.ndarray, goal: float, steps: int, x: np.ndarray
-    ) -> None:
-        """Solve A_FF x = r on the face F of level k, from x = 0, which stays 0 outside.
-
-        Stop at a residual, left in r, of at most `goal`, or after `steps` steps: by
-        conjugate gradients for symmetric A, else by right-preconditioned BiCGStab (van
-        der Vorst, SIAM J. Sci. Stat. Comput. 13 (1992) 631-644), two V-cycles a step.
-        (SciPy's conjugate gradients do not end at p'A p <= 0, and SciPy's methods
-        update vectors one by one.)
-        """
-        solve = self.conjugate_gradients if self.symmetric else self.bicgstab
-        solve(k, r, goal, steps, x)
-
     def conjugate_gradients(
         self, k: int, r: np.ndarray, goal: float, steps: int, x: np.ndarray
     ) -> None:
         A, dinv = self.levels[k].A, self.faces[k].dinv
-        y, Ap = np.empty_like(r), np.empty_like(r)
-        rho = self.solve(k, r, y)
-        p = y.copy()
+        y, p, Ap = np.empty_like(r), np.zeros_like(r), np.empty_like(r)
+        rho, beta = self.solve(k, r, y), 0.0
         for step in range(1, steps + 1):
-            curvature = face_product(A, dinv, p, Ap)
+            curvature = next_direction(A, dinv, beta, y, p, Ap)
             if not (curvature > 0.0 and rho > 0.0):
                 return
             if step_along(rho / curvature, p, Ap, x, r) <= goal or step == steps:
                 return
             before, rho = rho, self.solve(k, r, y)
-            p *= rho / before
-            p += y
+            beta = rho / before
 
     def bicgstab(
         self, k: int, r: np.ndarray, goal: float, steps: int, x: np.ndarray
@@ -151,7 +143,7 @@ class VCycle:
         rho = float(shadow @ r)
         for _ in range(steps):
             self.solve(k, p, y)
-            face_product(A, dinv, y, Ay)
+            next_direction(A, dinv, 0.0, y, y, Ay)
             below = float(shadow @ Ay)
             if rho == 0.0 or below == 0.0:
                 return
@@ -159,7 +151,7 @@ class VCycle:
             if step_along(alpha, y, Ay, x, r) <= goal:
                 return
             self.solve(k, r, y)
-            face_product(A, dinv, y, t)
+            next_direction(A, dinv, 0.0, y, y, t)
             product = float(t @ t)
             if product == 0.0:
                 return
