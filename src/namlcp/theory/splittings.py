@@ -90,16 +90,12 @@ def comparison(parts: Splitting) -> tuple[Any, Any]:
         weight = abs(1.0 / alpha - 1.0) * D + np.abs(omega - D)
         W = sparse.diags_array(weight) + abs(G) * lower + 2.0 * upper
         return sparse.csr_array(C), sparse.csr_array(W)
-    C = compared(M + sparse.diags_array(omega))
+    X = sparse.csr_array(M + sparse.diags_array(omega))
+    C = 2.0 * sparse.diags_array(np.abs(X.diagonal())) - abs(X)  # <X>
     W = abs(N) + abs(sparse.diags_array(omega) - A)
-    return C, sparse.csr_array(W)
+    return sparse.csr_array(C), sparse.csr_array(W)
 
 
 def lowered(C: Any, W: Any) -> Any:
     """Return C - W - SAFE (|C| + W): if it is an M-matrix, so is the exact C - W."""
     return sparse.csr_array(C - SAFE * abs(C) - (1.0 + SAFE) * W)
-
-
-def compared(A: Any) -> Any:
-    """Return <A>: |a_ii| on the diagonal, -|a_ij| off it."""
-    return sparse.csr_array(2.0 * sparse.diags_array(np.abs(A.diagonal())) - abs(A))
