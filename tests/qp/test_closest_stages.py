@@ -66,9 +66,16 @@ def test_a_second_stage_that_contradicts_itself_by_rounding_has_stalled():
     assert closest_point(opposed(), steps).status is Status.STALLED
 
 
+def test_a_first_stage_that_leaves_a_contradiction_is_solved_finer():
+    good, bad = Status.SOLVED, Status.PRIMAL_INFEASIBLE
+    found = closest_point(opposed(), ending(good, bad, good, bad, good))
+    assert found.status is Status.SOLVED
+    np.testing.assert_allclose(found.shift_h, [1.5, 1.5])
+
+
 def test_a_least_cost_that_residuals_do_not_confirm_has_stalled():
     def spoil(number, answer):
-        if number == 1:
+        if answer.point.y.size == 0:  # of the first stage
             return answer
         wrong = answer.point._replace(y=answer.point.y + np.arange(2.0))
         return answer._replace(point=wrong)

@@ -7,10 +7,10 @@ import numpy as np
 
 from namlcp.limits import Deadline, Limits
 from namlcp.linalg import blas_threads
-from namlcp.options import Options
+from namlcp.options import RELAXATIONS, Options
 from namlcp.outcome import Outcome
 from namlcp.progress import QP_COLUMNS, Progress
-from namlcp.qp.closest import check_weights, contradiction, nearest
+from namlcp.qp.closest import StageOne, contradiction, nearest, weights_of
 from namlcp.qp.guess import Guess
 from namlcp.qp.judge import Judge
 from namlcp.qp.memory import Memory
@@ -45,33 +45,41 @@ def solve_checked(
     limits = options.limits(deadline, progress)
     relaxation = options.relaxation
     if relaxation:
-        check_weights(qp, relaxation)
+        weights_of(qp, relaxation)  # raises where there are too many or too few
     order = qp.q.size + qp.h.size + qp.b.size
     with blas_threads(options.threads, order), np.errstate(all="ignore"):
         answer = known or route(qp, guess, limits, memory, given)
+        stage = None
         if answer.status is Status.STALLED:
-            answer = disproved(qp, answer, limits)
+            answer, stage = disproved(qp, answer, limits)
         if answer.status is Status.NUMERICAL_ERROR:
             nothing = Point(*(v * np.nan for v in answer.point))
             answer = answer._replace(point=nothing, residuals=UNDEFINED)
         if relaxation and answer.status is Status.PRIMAL_INFEASIBLE:
-            found = nearest(qp, relaxation, limits, route)
+            if relaxation is not RELAXATIONS["closest"]:
+                stage = None
+            found = nearest(qp, relaxation, limits, route, stage)
             answer = answer._replace(closest=found)
     if progress is not None:
         progress.close(conclude(answer, perf_counter() - start))
     return answer
 
 
-def disproved(qp: QP, answer: Outcome, limits: Limits) -> Outcome:
-    """Ask the least shifts for a certificate where a point is far from feasible."""
-    feasible = answer.residuals._replace(dual=0.0, gap=0.0).solved(*limits.tolerances)
-    proof = None if feasible else contradiction(qp, limits, route)
-    if proof is None:
-        return answer
-    judge = Judge(qp, limits)
-    if not judge.accept_multipliers(proof.x, proof.y, proof.z):
-        return answer
-    return judge.answer(answer.status, answer.iterations, answer.method)
+def disproved(
+    qp: QP, answer: Outcome, limits: Limits
+) -> tuple[Outcome, StageOne | None]:
+    """Ask the least shifts for a certificate where a point is far from feasible.
+
+    They are returned, too, if they were sought.
+    """
+    if answer.residuals._replace(dual=0.0, gap=0.0).solved(*limits.tolerances):
+        return answer, None
+    proof, stage = contradiction(qp, limits, route)
+    if proof is not None:
+        judge = Judge(qp, limits)
+        if judge.accept_multipliers(proof.x, proof.y, proof.z):
+            answer = judge.answer(answer.status, answer.iterations, answer.method)
+    return answer, stage
 
 
 def describe(qp: QP, options: Options) -> str:

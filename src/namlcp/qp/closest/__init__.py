@@ -1,7 +1,7 @@
 """The nearest feasible problem of an infeasible QP, and its solution.
 
 All rows in one matrix, C = [G; A], d = [h; b], with shifts r of d, r >= 0 in a row of
-G. Stage 1 (`shifts`) finds the least ones,
+G. Stage 1 (`rows`) finds the least ones,
 
     minimise  1/2 sum w_i r_i^2  (norm 2)  or  sum w_i |r_i|  (norm 1)
     subject to  G x <= h + r_G,  A x = b + r_A,  lb <= x <= ub,
@@ -17,5 +17,5 @@ Infeasibility in Optimization, 2008).
 """
 
 from namlcp.qp.closest.face import Face
-from namlcp.qp.closest.rows import check_weights
-from namlcp.qp.closest.solve import Nearest, contradiction, nearest
+from namlcp.qp.closest.rows import weights_of
+from namlcp.qp.closest.solve import Nearest, StageOne, contradiction, nearest

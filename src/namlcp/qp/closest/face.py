@@ -20,20 +20,19 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
 
-from namlcp.linalg import add_transposed, submatrix, times
+from namlcp.linalg import add_transposed, times
 from namlcp.outcome import Outcome
 from namlcp.qp.closest.rows import (
     ROUNDING,
     Rows,
     chosen,
     largest,
-    moduli,
+    least_shifts,
     scattered,
     times_signs,
-    turned,
 )
-from namlcp.qp.closest.shifts import least_shifts
 from namlcp.qp.problem import QP, Point
 from namlcp.status import Status
 
@@ -45,11 +44,13 @@ AT_LIMIT = 1e-9
 class Face(NamedTuple):
     """The x of all solutions of stage 1: C x <= d + r, = or >= for sense 1, 0, -1.
 
-    v, v_box: the multipliers of stage 1. r: its shifts in norm 2, else 0. lb = ub
-    where x_j stays at a bound. `moves` marks the rows whose shift depends on x.
+    x: one of them. v, v_box: the multipliers of stage 1. r: its shifts in norm 2, else
+    0. lb = ub where x_j stays at a bound. `moves` marks the rows whose shift depends on
+    x.
     """
 
     rows: Rows
+    x: np.ndarray
     v: np.ndarray
     v_box: np.ndarray
     sense: np.ndarray
@@ -65,24 +66,20 @@ class Face(NamedTuple):
         longer held: rounding alone may have made its multiplier positive. The other
         held rows take the least change of v, a QP for `solve`.
         """
-        C, one_sided = self.rows.C, ~self.rows.is_equality
-        forces = np.abs(self.v) * times(moduli(C), np.ones(self.v_box.size))
-        noisy = one_sided & (self.sense == 0)
-        noisy &= forces <= np.abs(self.residual()).sum()
-        sense = self.sense + noisy
-        v = np.where(one_sided & (sense == 1), 0.0, self.v)
-        face = self._replace(v=v, v_box=self.v_box.copy(), sense=sense)
-        held, fixed = face.held, face.v_box != 0.0
-        if not held.size:
-            return None
+        C, one_sided, fixed = self.rows.C, ~self.rows.is_equality, self.v_box != 0.0
+        forces = np.abs(self.v) * times(abs(C), np.ones(fixed.size))
+        noisy = (self.sense == 0) & (forces <= np.abs(self.residual()).sum())
+        sense = np.where(one_sided & noisy, 1, self.sense)
+        v, held = np.where(one_sided & (sense == 1), 0.0, self.v), sense == 0
         size = largest(v)  # of multipliers 1 the errors are relative ones
-        change = least_change(chosen(C, held), ~fixed, v[held] / size)
-        found = solve(change)
+        if not held.any():
+            return None
+        found = solve(least_change(C, held, ~fixed, v / size))
         if found.status is not Status.SOLVED:
             return None
         v[held] = size * found.point.x
-        face.v_box[fixed] -= face.residual()[fixed]
-        return face
+        rest = self._replace(v=v).residual()
+        return face_of(self.rows, self.x, v, np.where(fixed, self.v_box - rest, 0.0))
 
     def residual(self) -> np.ndarray:
         """Return C'v + v_box, which is 0 but for the errors of stage 1."""
@@ -159,18 +156,15 @@ class Face(NamedTuple):
         return self.rows.point(found.x, v, v_box)
 
 
-def least_change(C: Any, free: np.ndarray, v: np.ndarray) -> QP:
-    """Return the QP for the least change of v with C_j'v = 0 in all free columns j."""
-    m, columns = v.size, np.flatnonzero(free)
-    if isinstance(C, np.ndarray):
-        A = np.ascontiguousarray(C[:, columns].T)
-    else:
-        A = turned(submatrix(C, np.arange(m), columns))
-    at, unlimited = np.arange(m), np.full(m, np.inf)
-    P = scattered(at, at, np.ones(m), (m, m), isinstance(C, np.ndarray))
-    nothing = chosen(A, np.empty(0, dtype=np.int64))
-    none, zero = np.empty(0), np.zeros(columns.size)
-    return QP(P, -v, nothing, none, A, zero, -unlimited, unlimited)
+def least_change(C: Any, held: np.ndarray, free: np.ndarray, v: np.ndarray) -> QP:
+    """Return the QP for the least change of v_held with C_j'v = 0 in free columns."""
+    dense, held = isinstance(C, np.ndarray), np.flatnonzero(held)
+    A = chosen(C, held, np.flatnonzero(free)).T
+    A = np.ascontiguousarray(A) if dense else sp.csc_array(A)
+    m, at = held.size, np.arange(held.size)
+    none, zero, unlimited = np.empty(0), np.zeros(A.shape[0]), np.full(m, np.inf)
+    P = scattered(at, at, np.ones(m), (m, m), dense)
+    return QP(P, -v[held], chosen(A, at[:0]), none, A, zero, -unlimited, unlimited)
 
 
 def face_of(rows: Rows, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Face:
@@ -192,6 +186,7 @@ def face_of(rows: Rows, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Face
     v_box = np.where(np.abs(v_box) > zero_box, v_box, 0.0)
     return Face(
         rows=rows,
+        x=x,
         v=v,
         v_box=v_box,
         sense=at_floor.astype(int) - at_ceiling,

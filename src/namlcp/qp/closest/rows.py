@@ -3,16 +3,10 @@
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy.sparse as sp
 
-from namlcp.checks import from_arrays, refuse_size, transposed, vector
-from namlcp.linalg import (
-    Compressed,
-    add_transposed,
-    arrays_of,
-    by_rows,
-    submatrix,
-    times,
-)
+from namlcp.checks import from_arrays, vector
+from namlcp.linalg import add_transposed, submatrix, times
 from namlcp.options import SIDES, Relaxation
 from namlcp.qp.problem import QP, Point
 
@@ -45,6 +39,12 @@ class Rows(NamedTuple):
         """Tell which rows are equalities."""
         return np.arange(self.d.size) >= self.d.size - self.p
 
+    @property
+    def kinds(self) -> tuple[np.ndarray, np.ndarray]:
+        """The numbers of inequalities and of equalities."""
+        below, equal = np.split(np.arange(self.d.size), [self.d.size - self.p])
+        return below, equal
+
     def violations(self, x: np.ndarray) -> np.ndarray:
         """Return the least shifts with which x satisfies all rows."""
         r = times(self.C, x) - self.d
@@ -55,7 +55,7 @@ class Rows(NamedTuple):
 
         0 where w is infinite: v is not computed that way.
         """
-        C, w, d = moduli(self.C), self.weights, self.d
+        C, w, d = abs(self.C), self.weights, self.d
         known = np.isfinite(w) & np.isfinite(d)
         terms = times(C, np.abs(x)) + np.abs(np.where(known, d, 0.0))
         errors = np.where(known, ROUNDING * np.where(known, w, 0.0) * terms, 0.0)
@@ -101,19 +101,49 @@ def rows_of(qp: QP, relaxation: Relaxation) -> Rows:
     )
     lb, ub = qp.lb.copy(), qp.ub.copy()
     lb[lower], ub[upper] = -np.inf, np.inf
-    if upper.size or lower.size:
-        C = stacked(qp.G, units(qp, upper, 1.0), units(qp, lower, -1.0), qp.A)
-    else:
-        C = stacked(qp.G, qp.A)
+    soft = (
+        scattered(
+            np.arange(at.size),
+            at,
+            np.full(at.size, sign),
+            (at.size, qp.q.size),
+            qp.is_dense,
+        )
+        for at, sign in ((upper, 1.0), (lower, -1.0))
+    )
+    C = stacked(0, qp.G, *soft, qp.A)
     d = np.concatenate((qp.h, qp.ub[upper], -qp.lb[lower], qp.b))
     weights = np.concatenate((w["h"], w["ub"][upper], w["lb"][lower], w["b"]))
     return Rows(C, d, weights, qp.b.size, lb, ub, upper, lower, relaxation.norm)
 
 
-def check_weights(qp: QP, relaxation: Relaxation) -> None:
-    """Raise the error of `weights_of`, be the weights needed or not."""
-    if not relaxation.is_uniform:
-        weights_of(qp, relaxation)
+def least_shifts(rows: Rows) -> QP:
+    """Return stage 1: the QP in (x, r) or the LP in (x, r, -r_A) of the least shifts.
+
+    A row that is not shifted has no r. In norm 1 r is split into two parts >= 0, the
+    second one only for equalities.
+    """
+    n, dense = rows.lb.size, isinstance(rows.C, np.ndarray)
+    soft = np.flatnonzero(np.isfinite(rows.weights) & (rows.d < np.inf))
+    signs = np.repeat(-1.0, soft.size)
+    if rows.norm == 1:
+        both = soft[rows.is_equality[soft]]
+        soft, signs = np.append(soft, both), np.append(signs, np.ones(both.size))
+    k, w = soft.size, rows.weights[soft]
+    squares, costs = (w, 0.0 * w) if rows.norm == 2 else (w[:0], w)
+    at, columns = n + np.arange(squares.size), np.arange(k)
+    shifts = scattered(soft, columns, signs, (rows.d.size, k), dense)
+    C, (below, equal) = stacked(1, rows.C, shifts), rows.kinds
+    return QP(
+        scattered(at, at, squares, (n + k, n + k), dense),
+        np.append(np.zeros(n), costs),
+        chosen(C, below),
+        rows.d[below],
+        chosen(C, equal),
+        rows.d[equal],
+        np.append(rows.lb, np.full(k, -np.inf if rows.norm == 2 else 0.0)),
+        np.append(rows.ub, np.full(k, np.inf)),
+    )
 
 
 def weights_of(qp: QP, relaxation: Relaxation) -> dict[str, np.ndarray]:
@@ -132,12 +162,6 @@ def weights_of(qp: QP, relaxation: Relaxation) -> dict[str, np.ndarray]:
     return found
 
 
-def units(qp: QP, at: np.ndarray, sign: float) -> Any:
-    """Return a row for each of some variables x_j, that of sign x_j."""
-    k, values = np.arange(at.size), np.full(at.size, sign)
-    return scattered(k, at, values, (at.size, qp.q.size), qp.is_dense)
-
-
 def scattered(
     rows: np.ndarray,
     columns: np.ndarray,
@@ -154,53 +178,18 @@ def scattered(
     return from_arrays((indptr, rows.astype(np.int32), values), shape)
 
 
-def stacked(*blocks: Any) -> Any:
-    """Return the blocks one above the other, all dense or all clean CSC matrices."""
+def stacked(axis: int, *blocks: Any) -> Any:
+    """Return the blocks above (axis 0) or beside each other, all dense or all CSC."""
     if isinstance(blocks[0], np.ndarray):
-        return np.vstack(blocks)
-    filled = [block for block in blocks if block.shape[0]]
-    if len(filled) <= 1:
-        return filled[0] if filled else blocks[0]
-    m, n = sum(block.shape[0] for block in filled), filled[0].shape[1]
-    parts = joined_lines([arrays_of(by_rows(block)) for block in filled])
-    return from_arrays(transposed(*parts, n), (m, n))
+        return np.concatenate(blocks, axis)
+    return (sp.hstack if axis else sp.vstack)(blocks, "csc")
 
 
-def beside(*blocks: Any) -> Any:
-    """Return the blocks side by side, all dense or all clean CSC matrices."""
-    if isinstance(blocks[0], np.ndarray):
-        return np.hstack(blocks)
-    n = sum(block.shape[1] for block in blocks)
-    parts = joined_lines([arrays_of(block) for block in blocks])
-    return from_arrays(parts, (blocks[0].shape[0], n))
-
-
-def joined_lines(blocks: list[Compressed]) -> Compressed:
-    """Return the lines (rows of CSR, columns of CSC) of all blocks in one matrix."""
-    counts = [np.diff(block.indptr) for block in blocks]
-    indptr = np.cumsum(np.concatenate(([0], *counts)))
-    refuse_size("C", int(indptr[-1]))
-    _, indices, data = (np.concatenate(part) for part in zip(*blocks, strict=True))
-    return Compressed(indptr.astype(np.int32), indices, data)
-
-
-def turned(C: Any) -> Any:
-    """Return the transpose of a clean CSC matrix."""
-    return from_arrays(arrays_of(by_rows(C)), C.shape[::-1])
-
-
-def chosen(C: Any, rows: np.ndarray) -> Any:
-    """Return some rows of C, given in rising order."""
+def chosen(C: Any, rows: np.ndarray, columns: np.ndarray | None = None) -> Any:
+    """Return some rows, and some columns or all, given in rising order."""
     if isinstance(C, np.ndarray):
-        return C[rows]
-    return submatrix(C, rows, np.arange(C.shape[1]))
-
-
-def moduli(C: Any) -> Any:
-    """Return the matrix of the moduli of all entries."""
-    if isinstance(C, np.ndarray):
-        return np.abs(C)
-    return from_arrays((C.indptr, C.indices, np.abs(C.data)), C.shape)
+        return C[rows] if columns is None else C[np.ix_(rows, columns)]
+    return submatrix(C, rows, np.arange(C.shape[1]) if columns is None else columns)
 
 
 def times_signs(sense: np.ndarray, C: Any) -> Any:

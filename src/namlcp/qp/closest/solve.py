@@ -1,18 +1,31 @@
 """Both stages, and the judgement of what they find on the user's own data."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from namlcp.limits import Limits
 from namlcp.options import Relaxation
-from namlcp.qp.closest.face import Face
-from namlcp.qp.closest.rows import Rows, rows_of
-from namlcp.qp.closest.stage_one import Solve, solve_exactly, stage_one
-from namlcp.qp.guess import NO_GUESS, make_guess
+from namlcp.outcome import Outcome
+from namlcp.qp.closest.face import Face, face_of
+from namlcp.qp.closest.rows import Rows, least_shifts, rows_of
+from namlcp.qp.guess import NO_GUESS, Guess, make_guess
 from namlcp.qp.problem import QP, Point
 from namlcp.residuals import UNDEFINED, Residuals, qp_residuals
 from namlcp.status import Status
+
+Solve = Callable[..., Outcome]
+"""Solves a QP: (qp, guess, limits), see `namlcp.qp.route`."""
+
+STAGE_TOLERANCES = 1e-9, 1e-13
+"""eps_abs and eps_rel of both stages, at most: what is active is read from the last
+digits of multipliers. A looser eps_rel leaves products of multipliers and slacks of
+1e-6 and more where objectives are large, and takes the same time."""
+
+FINEST = 1e-11, 1e-15
+"""The same where stage 2 fails on what stage 1 says is active: many multipliers and
+slacks that both vanish are left near the square root of their products."""
 
 NO_NEAREST = "No shift helps: the constraints that must stay contradict each other. "
 NOT_LEAST = "The search for the least shifts ended with status {}: these are larger. "
@@ -49,55 +62,99 @@ class Nearest(NamedTuple):
     stages: tuple[Face, QP, Point] | None = None
 
 
-def nearest(qp: QP, relaxation: Relaxation, limits: Limits, solve: Solve) -> Nearest:
+class StageOne(NamedTuple):
+    """The rows, the answer of stage 1, and all its solutions if it is solved."""
+
+    rows: Rows
+    answer: Outcome
+    face: Face | None
+
+
+def nearest(
+    qp: QP,
+    relaxation: Relaxation,
+    limits: Limits,
+    solve: Solve,
+    stage: StageOne | None = None,
+) -> Nearest:
     """Return the solution of the feasible problem nearest to an infeasible QP.
 
-    `solve` solves both stages, each under the same limits.
+    `solve` solves both stages, each under the same limits; `stage` is the first, if it
+    has been solved before.
     """
-    stage = stage_one(rows_of(qp, relaxation), limits, solve)
-    rows, x = stage.rows, stage.x
-    status, message = stage.answer.status, stage.answer.message
-    if status is Status.PRIMAL_INFEASIBLE:
-        nothing = np.full(rows.d.size, np.nan)
-        return reported(
-            qp, rows, unknown(rows, x), nothing, status, NO_NEAREST + message
-        )
-    if status is not Status.SOLVED:
-        r = rows.violations(x)
-        message = NOT_LEAST.format(status.value) + message
+    stage = stage or stage_one(rows_of(qp, relaxation), limits, solve)
+    rows, (status, point, *_), face = stage
+    if face is None:
+        x, message = point.x[: qp.q.size], stage.answer.message
+        if status is Status.PRIMAL_INFEASIBLE:
+            r, message = np.full(rows.d.size, np.nan), NO_NEAREST + message
+        else:
+            r, message = rows.violations(x), NOT_LEAST.format(status.value) + message
         return reported(qp, rows, unknown(rows, x), r, status, message)
-    found = least_cost(qp, stage.face(), x, limits, solve)
-    if found.status is Status.STALLED:
-        sharper = stage.sharpened(limits, solve)
-        if sharper is stage:
-            return found
-        other = least_cost(qp, sharper.face(), x, limits, solve)
-        if other.status in (Status.SOLVED, Status.DUAL_INFEASIBLE):
-            return other
+    found = least_cost(qp, face, limits, solve)
+    for sharpened in (balanced, solved_finer) if found.status is Status.STALLED else ():
+        sharper = sharpened(face, limits, solve)
+        if sharper is not None:
+            other = least_cost(qp, sharper, limits, solve)
+            if other.status in (Status.SOLVED, Status.DUAL_INFEASIBLE):
+                return other
     return found
 
 
-def contradiction(qp: QP, limits: Limits, solve: Solve) -> Point | None:
+def contradiction(
+    qp: QP, limits: Limits, solve: Solve
+) -> tuple[Point | None, StageOne]:
     """Return multipliers of the least shifts, which prove that a QP needs some.
 
     They are as exact as rounding allows, and not yet tested: see `namlcp.qp.judge`.
     """
     stage = stage_one(rows_of(qp, Relaxation()), limits, solve)
-    stage = stage.sharpened(limits, solve)
-    if stage.answer.status is not Status.SOLVED:
-        return None
-    return stage.rows.point(stage.x, stage.v, stage.v_box)
+    if stage.face is None:
+        return None, stage
+    face = balanced(stage.face, limits, solve) or stage.face
+    return face.rows.point(face.x, face.v, face.v_box), stage
 
 
-def least_cost(
-    qp: QP, face: Face, x: np.ndarray, limits: Limits, solve: Solve
-) -> Nearest:
-    """Return the point of least cost on a face; x is some point of it."""
-    rows, easier = face.rows, face.problem(qp)
+def stage_one(rows: Rows, limits: Limits, solve: Solve) -> StageOne:
+    """Find the least shifts of the rows."""
+    answer, n = solve_exactly(least_shifts(rows), limits, solve), rows.lb.size
+    if answer.status is not Status.SOLVED:
+        return StageOne(rows, answer, None)
+    x, y, z, z_box = answer.point
+    face = face_of(rows, x[:n], np.concatenate((z, y)), z_box[:n])
+    return StageOne(rows, answer, face)
+
+
+def balanced(face: Face, limits: Limits, solve: Solve) -> Face | None:
+    """Return a face with multipliers that balance to rounding, if that is done."""
+    return face.refined(lambda qp: solve_exactly(qp, limits, solve))
+
+
+def solved_finer(face: Face, limits: Limits, solve: Solve) -> Face | None:
+    """Return the face of stage 1 solved to FINEST, if that is done."""
+    eps_abs, eps_rel = FINEST
+    finer = limits._replace(eps_abs=eps_abs, eps_rel=eps_rel)
+    return stage_one(face.rows, finer, solve).face
+
+
+def solve_exactly(
+    qp: QP, limits: Limits, solve: Solve, guess: Guess = NO_GUESS
+) -> Outcome:
+    """Return the answer of `solve` to STAGE_TOLERANCES, or to those of the limits."""
+    eps_abs, eps_rel = np.minimum(limits.tolerances, STAGE_TOLERANCES).tolist()
+    answer = solve(qp, guess, limits._replace(eps_abs=eps_abs, eps_rel=eps_rel))
+    if answer.status is Status.STALLED and answer.residuals.solved(*limits.tolerances):
+        return answer._replace(status=Status.SOLVED)
+    return answer
+
+
+def least_cost(qp: QP, face: Face, limits: Limits, solve: Solve) -> Nearest:
+    """Return the point of least cost on a face."""
+    rows, x, easier = face.rows, face.x, face.problem(qp)
     # The rows active at x are those of the solution only if they leave x no freedom.
     settled = face.held.size + np.count_nonzero(face.v_box) >= x.size
     guess = make_guess(easier, x, None) if settled else NO_GUESS
-    second = solve_exactly(easier, guess, limits, solve)
+    second = solve_exactly(easier, limits, solve, guess)
     status, message = second.status, second.message
     if status is Status.DUAL_INFEASIBLE:
         return reported(qp, rows, second.point, face.shifts(x), status, message)
