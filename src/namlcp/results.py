@@ -181,9 +181,12 @@ class LCPResult(Differentiable, Single):
 
     Notes
     -----
-    `backward` and `forward` read the arrays that were given to the solve, and raise
-    where those have been changed since. A result that is pickled or copied goes without
-    them, and has no derivatives.
+    Derivatives read the arrays that were given to the solve. `backward`, `forward` and
+    `directional` raise ValueError where the status is not SOLVED, A is a
+    LinearOperator, an array was changed in place since, or the result was pickled or
+    copied, which leaves the problem behind. The formulas stand in
+    `namlcp.derivatives.lcp`: the first call factors the matrix of the unknowns between
+    their bounds, or takes the multigrid hierarchy of the solve; later calls solve.
 
     Examples
     --------
@@ -227,19 +230,6 @@ class LCPResult(Differentiable, Single):
             In A, q, lower and upper; its `weak` and `singular` tell where the solution
             is not differentiable.
 
-        Raises
-        ------
-        ValueError
-            The status is not SOLVED, A is a LinearOperator, an array of the LCP was
-            changed in place since, the result was pickled or copied, or an argument has
-            a wrong shape.
-
-        Notes
-        -----
-        The formulas stand in `namlcp.derivatives.lcp`. A call solves one linear system
-        with the transposed matrix of the unknowns between their bounds, by factors that
-        the first call makes, or by the multigrid hierarchy of the solve.
-
         Examples
         --------
         >>> import numpy as np
@@ -267,11 +257,6 @@ class LCPResult(Differentiable, Single):
         LCPTangent
             The derivatives of z and w.
 
-        Raises
-        ------
-        ValueError
-            As for `backward`.
-
         Examples
         --------
         >>> import namlcp
@@ -287,22 +272,9 @@ class LCPResult(Differentiable, Single):
         """Return the one-sided derivative of the solution along a direction.
 
         It is exact where unknowns are at a bound with w = 0, too, and not linear in the
-        direction there; elsewhere it is that of `forward`. One more LCP is solved.
-
-        Parameters
-        ----------
-        dA, dq, dlower, dupper : arrays, optional
-            As for `forward`. Those of an unknown with lower_i = upper_i must be equal.
-
-        Returns
-        -------
-        LCPTangent
-            The derivatives of z and w for a step of positive length.
-
-        Raises
-        ------
-        ValueError
-            As for `backward`, or the LCP has no solution along the direction.
+        direction there; elsewhere it is that of `forward`, whose arguments and result
+        it has. Those of an unknown with lower_i = upper_i must be equal. One more LCP
+        is solved; ValueError says that it has no solution.
 
         Examples
         --------
@@ -369,9 +341,11 @@ class QPResult(Single, ResultBase):
 
     Notes
     -----
-    `backward` and `forward` read the arrays that were given to the solve, and raise
-    where those have been changed since. A result that is pickled or copied goes without
-    them, and has no derivatives.
+    Derivatives read the arrays that were given to the solve. `backward`, `forward` and
+    `directional` raise ValueError where the status is not SOLVED, an array was changed
+    in place since, or the result was pickled or copied, which leaves the problem
+    behind. The formulas stand in `namlcp.derivatives.qp`: the first call factors the
+    KKT system of the active constraints; later calls solve.
 
     Examples
     --------
@@ -418,17 +392,6 @@ class QPResult(Single, ResultBase):
             In P, q, G, h, A, b, lb and ub; its `weak` and `singular` tell where the
             solution is not differentiable.
 
-        Raises
-        ------
-        ValueError
-            The status is not SOLVED, an array of the QP was changed in place since,
-            the result was pickled or copied, or an argument has a wrong shape.
-
-        Notes
-        -----
-        The formulas stand in `namlcp.derivatives.qp`. The first call factors the KKT
-        system of the active constraints; later calls, and `forward`, use its factors.
-
         Examples
         --------
         >>> import numpy as np
@@ -465,11 +428,6 @@ class QPResult(Single, ResultBase):
         QPTangent
             The derivatives of x, y, z and z_box.
 
-        Raises
-        ------
-        ValueError
-            As for `backward`.
-
         Examples
         --------
         >>> import numpy as np
@@ -496,26 +454,10 @@ class QPResult(Single, ResultBase):
         """Return the one-sided derivative of the solution along a direction.
 
         It is exact where constraints are active with a multiplier 0, too, and not
-        linear in the direction there; elsewhere it is that of `forward`.
-
-        Parameters
-        ----------
-        dP, dq, dG, dh, dA, db, dlb, dub : arrays, optional
-            As for `forward`. dlb and dub of a pinned variable must be equal.
-
-        Returns
-        -------
-        QPTangent
-            The derivatives of x, y, z and z_box for a step of positive length.
-
-        Raises
-        ------
-        ValueError
-            As for `backward`, or the QP has no solution along the direction.
-
-        Notes
-        -----
-        One more QP is solved, see `namlcp.derivatives.directional`.
+        linear in the direction there; elsewhere it is that of `forward`, whose
+        arguments and result it has. dlb and dub of a pinned variable must be equal. One
+        more QP is solved (`namlcp.derivatives.directional`); ValueError says that it
+        has no solution.
 
         Examples
         --------
@@ -617,9 +559,7 @@ class ClosestPoint(Differentiable, Single):
         Raises
         ------
         ValueError
-            The status is not SOLVED, the shifts are not those of norm 2, an array of
-            the QP was changed in place since, the result was pickled or copied, or an
-            argument has a wrong shape.
+            As for `QPResult.backward`, or the shifts are not those of norm 2.
 
         Examples
         --------
@@ -707,7 +647,7 @@ class BatchResult(Differentiable, Shown, Outcomes):
         Parameters
         ----------
         dx, dy, dz, dz_box : (N, n), (N, p), (N, m), (N, n) array, optional
-            The gradients of the scalar in the solutions, 0 where absent.
+            As for `QPResult.backward`, of each item.
         threads : int, optional
             Threads, by default one for each core.
 
@@ -716,12 +656,6 @@ class BatchResult(Differentiable, Shown, Outcomes):
         BatchGradients
             Items that were not solved have gradients 0, and False in `used`. An
             argument shared by all items has the sum of their gradients.
-
-        Raises
-        ------
-        ValueError
-            An array of the batch was changed in place since, the result was pickled or
-            copied, or an argument has a wrong shape.
 
         Examples
         --------

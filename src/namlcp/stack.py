@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from namlcp.checks import refuse_number
-from namlcp.derivatives import Found, differentiate_items, product_of
-from namlcp.qp import QP, Point, available_cores, qp_data
+from namlcp.derivatives import Found, differentiate_batch, differentiate_items
+from namlcp.qp import QP, Items, Point, available_cores
 from namlcp.solve import solve_batch, solve_qp
 from namlcp.status import Status
 
@@ -59,7 +59,7 @@ class Stack:
         found: Any
         if self.lead:
             found = solve_batch(**arguments(self.flat), **settings)
-            solved = found.solved
+            solved, self.items = found.solved, found.problem
         else:
             found = solve_qp(**arguments(self.flat), **settings)
             solved = np.array([found.status is Status.SOLVED])
@@ -86,46 +86,26 @@ class Stack:
         """Return values of all items with the leading axes instead of one."""
         return Point(*(v.reshape(*self.lead, v.shape[1]) for v in points))
 
-    def of(self, flat: Arrays, i: int) -> Arrays:
-        """Return the arguments of item i."""
-        return {k: v[i] if k in self.stacked else v for k, v in flat.items()}
-
-    def qp(self, i: int) -> QP:
-        """Return item i."""
-        return qp_data(**arguments(self.of(self.flat, i)))
-
-    def differentiated(self, cotangents: Sequence[Any]) -> Any:
-        """Return what `differentiate_items` does for these gradients, one axis each."""
-        n = self.flat["q"].shape[-1]
-        absent: Arrays = {"lb": np.full(n, -np.inf), "ub": np.full(n, np.inf)}
-        absent |= dict.fromkeys("GA", np.empty((0, n)))
-        absent |= dict.fromkeys("hb", np.empty(0))
-        arrays = tuple((absent | self.flat)[name] for name in AXES)
-        which, given = self.solved.reshape(-1), tuple(cotangents)
-        return differentiate_items(
-            arrays, self.qp, self.points, which, given, self.threads
-        )
-
     def backward(self, cotangents: Sequence[Any], wanted: Sequence[bool]) -> list[Any]:
         """Return the gradients in the wanted arguments, None for the others.
 
         `cotangents`: the gradients of a scalar in the solution, shaped as that. Items
         not solved have gradients 0.
         """
-        flat = [np.reshape(v, (self.size, -1)) for v in cotangents]
-        found, points = self.differentiated(flat)
-
-        def gradient(name: str) -> np.ndarray:
-            if name not in "PGA":
-                parts = getattr(found, name)
-                return parts if name in self.stacked else parts.sum(axis=0)
-            product = product_of(found, points, name)
-            return product.stacked() if name in self.stacked else product.on(None)
-
+        given = tuple(np.reshape(v, (self.size, -1)) for v in cotangents)
+        which = self.solved.reshape(-1)
+        found = differentiate_batch(self.items, self.points, which, given, self.threads)
         return [
-            self.summed(k, gradient(k)) if asked and k in self.flat else None
+            self.summed(k, getattr(found, k)) if asked and k in self.flat else None
             for k, asked in zip(AXES, wanted, strict=True)
         ]
+
+    def differentiated(self, cotangents: tuple[Any, ...]) -> tuple[Found, Point]:
+        """Return what `differentiate_items` does for these gradients, one axis each."""
+        which = self.solved.reshape(-1)
+        return differentiate_items(
+            self.items, self.points, which, cotangents, self.threads
+        )
 
     def summed(self, name: str, gradient: np.ndarray) -> np.ndarray:
         """Return a gradient summed over the axes along which its argument is shared."""
@@ -164,12 +144,18 @@ class Stack:
         r = r + times("G", z, True) + times("A", y, True)
         db = d.get("b", 0.0 * y) - times("A", x)
         dh = d.get("h", 0.0 * z) - times("G", x)
-        at_lower, at_upper = held.side < 0, held.side > 0
+        side = held.sides[:, z.shape[1] :]
+        at_lower, at_upper = side < 0, side > 0
         dx = at_lower * d.get("lb", zero) + at_upper * d.get("ub", zero)
         pairs = zip((-r, db, dh, dx), self.points, strict=True)
-        right = [np.broadcast_to(v, own.shape) for v, own in pairs]
+        right = tuple(np.broadcast_to(v, own.shape) for v, own in pairs)
         found, _ = self.differentiated(right)
         return self.shaped(Point(-found.q, found.b, found.h, found.lb + found.ub))
+
+    @cached_property
+    def items(self) -> Items:
+        """The QPs as those of a batch."""
+        return Items(arguments(self.flat))
 
     @cached_property
     def held(self) -> tuple[Found, Point]:
@@ -181,10 +167,9 @@ class Stack:
 
         The side is -1 at a lower bound, 1 at an upper one, else 0.
         """
-        found, _ = self.held
-        held, side = (
-            v.reshape(*self.lead, v.shape[1]) for v in (found.held, found.side)
-        )
+        sides = self.held[0].sides
+        sides = sides.reshape(*self.lead, sides.shape[1])
+        held, side = np.split(sides, [self.points.z.shape[1]], axis=-1)
         return held, side
 
 

@@ -4,7 +4,6 @@
 a batch, which its items may share.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -16,7 +15,7 @@ from namlcp.derivatives.dense import refuse_faults
 from namlcp.derivatives.gradients import QPGradients, product_of
 from namlcp.derivatives.qp import QPDerivative
 from namlcp.options import check_count
-from namlcp.qp import QP, Items, Point, available_cores, on_threads
+from namlcp.qp import Items, Point, available_cores, on_threads
 
 MOST_WORK = 1e8
 """Operations of one compiled call at most, about: until its end Ctrl-C is not seen."""
@@ -49,20 +48,9 @@ class Found(NamedTuple):
         sides, weak = np.zeros((count, m + n), np.int8), np.zeros(count, np.intp)
         return cls(q, h, b, lb, ub, sides, weak, np.zeros(count, bool))
 
-    @property
-    def held(self) -> np.ndarray:
-        """The sides of the rows of G."""
-        return self.sides[:, : self.h.shape[1]]
-
-    @property
-    def side(self) -> np.ndarray:
-        """Those of the variables."""
-        return self.sides[:, self.h.shape[1] :]
-
 
 def differentiate_items(
-    arrays: tuple[np.ndarray, ...] | None,
-    item: Callable[[int], QP],
+    items: Items,
     solutions: Point,
     which: np.ndarray,
     cotangents: tuple[np.ndarray | None, ...],
@@ -70,54 +58,44 @@ def differentiate_items(
 ) -> tuple[Found, Point]:
     """Return the gradients of each item, and the solutions with the multipliers used.
 
-    Items that are not in `which` (N,) have gradients and solutions 0; `item` returns
-    the QP of one by its number. `solutions` and `cotangents` have a leading axis. If
-    matrices are sparse, `arrays` is None; else it has P, q, G, h, A, b, lb and ub, each
-    with a leading axis of the items, or of one item or without, for all items.
+    Items that are not in `which` (N,) have gradients and solutions 0. `solutions` and
+    `cotangents` have a leading axis.
     """
     shown = which[:, None]
     points = Point(*(np.where(shown, v, 0.0) for v in solutions))
     parts = tuple(None if v is None else np.where(shown, v, 0.0) for v in cotangents)
     refuse_faults(parts)
-    sizes = points.x.shape[1], points.z.shape[1], points.y.shape[1]
-    found, chosen = Found.zeros(which.size, *sizes), np.flatnonzero(which)
-    if arrays is not None:
-        clean = tuple(clean_copy(v, np.float64) for v in arrays)
-        differentiate_dense((*clean, *points, *parts), chosen, threads, found)
-        chosen = chosen[~found.regular[chosen]]
+    n, m, p = points.x.shape[1], points.z.shape[1], points.y.shape[1]
+    found, chosen = Found.zeros(which.size, n, m, p), np.flatnonzero(which)
+    if items.shared.is_dense:
+        given = (items.shared._asdict() | items.stacked).values()
+        clean = (clean_copy(v, np.float64) for v in given)
+        arrays, dense = (*clean, *points, *parts), chosen
+        most = max(int(MOST_WORK / ((n + m + p) * n * n + 1)), 1)
+        length = max(min(-(-dense.size // (CHUNKS * threads)), most), 1)
+        starts = range(0, dense.size, length)
+
+        def work_on_part(k: int) -> None:
+            part = dense[starts[k] : starts[k] + length]
+            differentiate_part(part, arrays, found)
+
+        on_threads(work_on_part, len(starts), threads)
+        chosen = dense[~found.regular[dense]]
 
     def work(k: int) -> None:
         i = chosen[k]
         point = Point(*(v[i] for v in points))
-        derivative = QPDerivative(item(i), (None, None, None), point)
+        derivative = QPDerivative(items.item(i)[0], (None, None, None), point)
         vectors, _ = derivative.solve(tuple(v if v is None else v[i] for v in parts))
         for own, vector in zip(found, vectors, strict=False):
             own[i] = vector
         found.weak[i], found.regular[i] = derivative.weak, not derivative.singular
         active, point = derivative.face.active, derivative.point
-        found.held[i, active.rows], found.side[i] = 1, active.side
+        found.sides[i, active.rows], found.sides[i, m:] = 1, active.side
         points.y[i], points.z[i] = point.y, point.z
 
     on_threads(work, chosen.size, threads)
     return found, points
-
-
-def differentiate_dense(
-    arrays: tuple[np.ndarray | None, ...],
-    chosen: np.ndarray,
-    threads: int,
-    found: Found,
-) -> None:
-    """Differentiate dense items in parts, on threads; arrays as `dense` has them."""
-    n, rows = found.q.shape[1], found.h.shape[1] + found.b.shape[1]
-    most = max(int(MOST_WORK / ((n + rows) * n * n + 1)), 1)
-    length = min(-(-chosen.size // (CHUNKS * threads)), most)
-    starts = range(0, chosen.size, length or 1)
-
-    def work(k: int) -> None:
-        differentiate_part(chosen[starts[k] : starts[k] + length], arrays, found)
-
-    on_threads(work, len(starts), threads)
 
 
 @dataclass(eq=False, repr=False)
@@ -152,12 +130,7 @@ def differentiate_batch(
     check_count("threads", threads)
     pairs = zip(Point._fields, cotangents, points, strict=True)
     given = tuple(checked_gradient(*pair) for pair in pairs)
-    arrays = None
-    if items.shared.is_dense:
-        arrays = tuple((items.shared._asdict() | items.stacked).values())
-    found, points = differentiate_items(
-        arrays, lambda i: items.item(i)[0], points, used, given, threads
-    )
+    found, points = differentiate_items(items, points, used, given, threads)
 
     def matrix(name: str) -> Any:
         product = product_of(found, points, name)
