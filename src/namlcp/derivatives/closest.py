@@ -44,7 +44,6 @@ class ClosestDerivative:
         self.second = QPDerivative(easier, ITS_OWN, point)
 
     def backward(self, dx: Any, dshift_h: Any, dshift_b: Any) -> QPGradients:
-        """Return the gradients of a scalar in the data from those in x and shifts."""
         qp, face = self.qp, self.face
         dx = change("dx", dx, "x", qp.q)
         dshift_h = change("dshift_h", dshift_h, "h", qp.h)

@@ -58,3 +58,4 @@ cdef void correct(DenseItem m) noexcept nogil
 cdef void correct_by_kept(DenseActiveSet own, DenseItem m) noexcept nogil
 cdef bint are_finite(DenseItem m) noexcept nogil
 cdef int write_matrices(DenseItem m, tuple matrices) except -1
+cdef void write_rank_two(double s, const double* a, const double* b, double t, const double* c, const double* d, Py_ssize_t rows, Py_ssize_t columns, double* out) noexcept nogil

@@ -46,7 +46,8 @@ def qp_directional(derivative: QPDerivative, changes: dict[str, Any]) -> QPTange
     r, dh, db = derivative.right_sides(d, point)
     (_, strict, strict_side), _, _ = active_sets(qp, point)
     weak = np.setdiff1d(face.whole.rows, strict)
-    A, b = with_rows(qp.A, qp.G[strict]), np.concatenate((db, dh[strict]))
+    parts, b = (qp.A, qp.G[strict]), np.concatenate((db, dh[strict]))
+    A = np.concatenate(parts) if qp.is_dense else vstack(parts, "csc")
     change = np.where(side < 0, d["lb"], d["ub"])
     fixed = strict_side != 0
     lower = np.where(fixed | (side < 0), change, -np.inf)
@@ -68,13 +69,6 @@ def solved(*arguments: Any) -> Outcome:
     qp = qp_data(*arguments)
     given = qp.P, qp.G, qp.A
     return solve_checked(qp, DEFAULT_OPTIONS, NO_GUESS, perf_counter(), given=given)
-
-
-def with_rows(A: Any, G: Any) -> Any:
-    """Return [A; G], dense or in CSC."""
-    if type(A) is np.ndarray:
-        return np.concatenate((A, G))
-    return vstack((A, G), format="csc")
 
 
 def steepest(derivative: QPDerivative, d: dict[str, Any]) -> Point:

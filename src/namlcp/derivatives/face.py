@@ -79,7 +79,6 @@ class Face:
     """
 
     def __init__(self, qp: QP, solution: Point) -> None:
-        """Choose the constraints and factor."""
         self.qp = qp
         strict, self.whole, self.weak = active_sets(qp, solution)
         self.hold(strict, solution)

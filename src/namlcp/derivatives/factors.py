@@ -106,7 +106,6 @@ class DenseFactors:
         self.regular = not self.null_space.size
 
     def solve(self, r: np.ndarray, transposed: bool = False) -> np.ndarray:
-        """Return the solution."""
         K, inverse, left, right = self.K, self.inverse, self.rows, self.columns
         if not r.size:
             return r
@@ -135,7 +134,6 @@ class SparseFactors:
             self.regular = False
 
     def solve(self, r: np.ndarray, transposed: bool = False) -> np.ndarray:
-        """Return the solution."""
         M = self.transpose if transposed else self.transpose.T
         if not self.regular:
             return lsmr(M, r, atol=1e-14, btol=1e-14)[0]
@@ -197,7 +195,6 @@ class KKTFactors:
         return V
 
     def product(self, w: np.ndarray) -> np.ndarray:
-        """Return K w for the scaled K."""
         Kw, kkt = np.zeros(w.size), self.kkt
         add_columns(Compressed(kkt.indptr, kkt.indices, self.values), w, Kw)
         add_column_sums(Compressed(kkt.indptr, kkt.indices, self.upper), w, Kw)

@@ -13,7 +13,7 @@ import numpy as np
 import scipy.sparse as sp
 
 from namlcp.checks import finite_vector, from_arrays, sparse_matrix
-from namlcp.derivatives.rank_two import add_rank_two_at, rank_two
+from namlcp.derivatives.dense import add_rank_two_at, rank_two
 from namlcp.qp import Point
 
 
@@ -24,11 +24,9 @@ class QPTangent(NamedTuple):
     ----------
     x, y, z, z_box : (n,), (p,), (m,), (n,) array
         Derivatives of the parts of a `QPResult`.
-    weak : int
-        How many constraints are active with a multiplier 0: the derivative depends on
-        the sign of the direction there.
-    singular : bool
-        Whether the KKT system of the strictly active constraints is singular.
+    weak, singular : int, bool
+        As in `QPGradients`; where weak > 0, the derivative depends on the sign of the
+        direction.
     """
 
     x: np.ndarray
@@ -155,11 +153,9 @@ class LCPTangent(NamedTuple):
     ----------
     z, w : (n,) array
         Derivatives of the parts of an `LCPResult`.
-    weak : int
-        How many unknowns are at a bound with w = 0: the derivative depends on the sign
-        of the direction there.
-    singular : bool
-        Whether A_FF is singular, F all unknowns with w = 0.
+    weak, singular : int, bool
+        As in `LCPGradients`; where weak > 0, the derivative depends on the sign of the
+        direction.
     """
 
     z: np.ndarray

@@ -106,7 +106,6 @@ class LCPDerivative:
         return r, self.vector("dlower", dlower), self.vector("dupper", dupper)
 
     def vector(self, name: str, value: Any) -> np.ndarray:
-        """Return a vector of the caller checked, 0 if it is None."""
         return change(name, value, "q", self.lcp.q)
 
 
@@ -144,32 +143,30 @@ class Multigrid:
 
     def __init__(self, matrix: Prepared, free: np.ndarray) -> None:
         self.matrix, self.free = matrix, free
-        self.mask = np.zeros(matrix.n, dtype=bool)
-        self.mask[free] = True
         self.factors: Factors | None = None
         self.systems: dict[bool, FreeSystem | None] = {}
 
-    def cycles(self, transposed: bool) -> FreeSystem | None:
-        """Return the system of A_FF or A_FF', None if that does not suit the cycles."""
-        matrix = self.matrix
-        if transposed and not matrix.symmetric:
-            matrix = Prepared.unchecked(csr_array(matrix.A.T), False)
-        hierarchy = hierarchy_of(matrix)
-        return None if hierarchy is None else FreeSystem(hierarchy, self.mask)
+    def system(self, transposed: bool) -> FreeSystem | None:
+        """Return that of A_FF or A_FF', None if it does not suit the cycles."""
+        if transposed not in self.systems:
+            matrix, mask = self.matrix, np.zeros(self.matrix.n, dtype=bool)
+            mask[self.free] = True
+            if transposed:
+                matrix = Prepared.unchecked(csr_array(matrix.A.T), False)
+            hierarchy = hierarchy_of(matrix)
+            found = None if hierarchy is None else FreeSystem(hierarchy, mask)
+            self.systems[transposed] = found
+        return self.systems[transposed]
 
     def solve(self, r: np.ndarray, transposed: bool = False) -> np.ndarray:
-        """Return the solution."""
-        side = transposed and not self.matrix.symmetric
-        if self.factors is None and side not in self.systems:
-            self.systems[side] = self.cycles(side)
-        system = self.systems.get(side)
-        if self.factors is None and system is not None:
-            b = np.zeros(self.mask.size)
-            b[self.free] = r
-            u, converged = system.solve(b, ACCURACY)
-            if converged:
-                return u[self.free]
         if self.factors is None:
+            system = self.system(transposed and not self.matrix.symmetric)
+            if system is not None:
+                b = np.zeros(self.matrix.n)
+                b[self.free] = r
+                u, converged = system.solve(b, ACCURACY)
+                if converged:
+                    return u[self.free]
             self.factors = sparse_factors(self.matrix, self.free)
             self.regular = self.factors.regular
         return self.factors.solve(r, transposed)

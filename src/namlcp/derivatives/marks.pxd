@@ -1,5 +1,3 @@
-from namlcp.linalg.csc cimport Columns
-
 cdef double ACTIVE
 
 cdef struct Solved:
@@ -21,6 +19,4 @@ cdef tuple sizes_of(Py_ssize_t n, Py_ssize_t m, Py_ssize_t p)
 cdef int locate(tuple arrays, tuple sizes, Py_ssize_t count, double** start, Py_ssize_t* step) except -1
 cdef void set_solved(Solved* qp, double** start, const Py_ssize_t* step, Py_ssize_t i) noexcept nogil
 cdef Py_ssize_t mark_dense(const Solved* qp, double* work, signed char* strict, signed char* whole) noexcept nogil
-cdef Py_ssize_t mark_sparse(const Solved* qp, const Columns* P, const Columns* G, const Columns* A, double* work, signed char* strict, signed char* whole) noexcept nogil
-cdef void set_sizes(const Solved* qp, const double* Gtz, const double* Aty, double* size) noexcept nogil
 cdef Py_ssize_t mark(const Solved* qp, const double* Gx, const double* share, const double* norms, const double* size, signed char* strict, signed char* whole) noexcept nogil

@@ -11,14 +11,10 @@ import numpy as np
 from cython import Py_ssize_t
 from cython.cimports.libc.math import fabs, sqrt
 from cython.cimports.namlcp.linalg.arrays import numbers, signs
-from cython.cimports.namlcp.linalg.csc import (
-    Columns,
-    columns_times,
-    columns_times_transposed,
-    take_columns,
-)
 from cython.cimports.namlcp.linalg.dense import add_times_transposed, times_rows
 from cython.cimports.namlcp.linalg.vectors import dot, fill, largest_entry
+
+from namlcp.linalg import add_transposed, times
 
 # A multiplier counts as 0 if in no column of the stationarity condition its term
 # exceeds this multiple of the largest term there; a slack counts as 0 up to this
@@ -28,32 +24,36 @@ ACTIVE = 1e-8
 
 def sides_of(qp, point):
     """Return the sides (2, m + n) int8, `strict` and `whole`, and the count of weak."""
-    n: Py_ssize_t = qp.q.size
-    m: Py_ssize_t = qp.h.size
-    p: Py_ssize_t = qp.b.size
+    G, (x, y, z, z_box) = qp.G, point
+    n: Py_ssize_t = x.size
+    m: Py_ssize_t = z.size
+    p: Py_ssize_t = y.size
     start = cython.declare(cython.p_double[12])
     step = cython.declare(Py_ssize_t[12])
     solved: Solved
-    P: Columns
-    G: Columns
-    A: Columns
-    sides, work = np.empty((2, m + n), dtype=np.int8), np.empty(4 * (m + n))
-    strict, room = signs(sides, 2 * (m + n)), numbers(work, 4 * (m + n))
-    whole = strict + m + n
-    solved.n, solved.m, solved.p = n, m, p
-    is_dense: cython.bint = qp.is_dense
-    matrices = (qp.P, qp.G, qp.A) if is_dense else (None, None, None)
-    arrays = matrices[0], qp.q, matrices[1], qp.h, matrices[2], qp.b, qp.lb, qp.ub
+    Gtz, Aty, entries = np.zeros(n), np.zeros(n), np.abs(G if qp.is_dense else G.data)
+    add_transposed(G, z, Gtz)
+    add_transposed(qp.A, y, Aty)
+    size = np.abs((times(qp.P, x), qp.q, z_box, Gtz, Aty)).max(axis=0)
+    np.divide(1.0, size, size, where=size > 0.0)
+    if qp.is_dense:
+        share, squares = (
+            (entries * size).max(axis=1, initial=0.0),
+            np.sum(G * G, axis=1),
+        )
+    else:
+        share, squares = np.zeros(m), np.bincount(G.indices, entries * entries, m)
+        np.maximum.at(share, G.indices, entries * np.repeat(size, np.diff(G.indptr)))
+    sides, Gx = np.empty((2, m + n), np.int8), times(G, x)
+    share, norms = z * share, np.sqrt(squares)
+    strict = signs(sides, 2 * (m + n))
+    arrays = None, qp.q, None, qp.h, None, qp.b, qp.lb, qp.ub
     locate((*arrays, *point), sizes_of(n, m, p), 1, start, step)
+    solved.n, solved.m, solved.p = n, m, p
     set_solved(cython.address(solved), start, step, 0)
-    if is_dense:
-        return sides, mark_dense(cython.address(solved), room, strict, whole)
-    take_columns(qp.P, n, cython.address(P))
-    take_columns(qp.G, n, cython.address(G))
-    take_columns(qp.A, n, cython.address(A))
-    return sides, mark_sparse(
-        cython.address(solved), cython.address(P), cython.address(G),
-        cython.address(A), room, strict, whole,
+    return sides, mark(
+        cython.address(solved), numbers(Gx, m), numbers(share, m), numbers(norms, m),
+        numbers(size, n), strict, strict + m + n,
     )  # fmt: skip
 
 
@@ -129,7 +129,10 @@ def mark_dense(qp, work, strict, whole):
     fill(Gtz, 0.0, 2 * n)
     add_times_transposed(qp.G, m, n, qp.z, Gtz)
     add_times_transposed(qp.A, qp.p, n, qp.y, Aty)
-    set_sizes(qp, Gtz, Aty, size)
+    for j in range(n):
+        large = max(fabs(size[j]), max(fabs(qp.q[j]), fabs(qp.z_box[j])))
+        large = max(large, max(fabs(Gtz[j]), fabs(Aty[j])))
+        size[j] = 1.0 / large if large > 0.0 else 0.0
     for i in range(m):
         row, multiplier = qp.G + i * n, qp.z[i]
         norms[i], share[i] = sqrt(dot(row, row, n)), 0.0
@@ -141,41 +144,13 @@ def mark_dense(qp, work, strict, whole):
     return mark(qp, Gx, share, norms, size, strict, whole)
 
 
-def mark_sparse(qp, P, G, A, work, strict, whole):
-    """Do as `mark_dense` for matrices in CSC."""
-    n, m = qp.n, qp.m
-    size, Gtz, Aty, Gx = work, work + n, work + 2 * n, work + 3 * n
-    share, norms = Gx + m, Gx + 2 * m
-    fill(work, 0.0, 3 * (n + m))
-    columns_times(P, n, qp.x, size)
-    columns_times(G, n, qp.x, Gx)
-    columns_times_transposed(G, n, qp.z, Gtz)
-    columns_times_transposed(A, n, qp.y, Aty)
-    set_sizes(qp, Gtz, Aty, size)
-    for j in range(n):
-        for t in range(G.indptr[j], G.indptr[j + 1]):
-            i, entry = G.indices[t], fabs(G.data[t])
-            norms[i] += entry * entry
-            share[i] = max(share[i], qp.z[i] * entry * size[j])
-    for i in range(m):
-        norms[i] = sqrt(norms[i])
-    return mark(qp, Gx, share, norms, size, strict, whole)
-
-
-def set_sizes(qp, Gtz, Aty, size):
-    """Overwrite size, P x, by the inverse of the largest term of each column, or 0."""
-    for j in range(qp.n):
-        large = max(fabs(size[j]), max(fabs(qp.q[j]), fabs(qp.z_box[j])))
-        large = max(large, max(fabs(Gtz[j]), fabs(Aty[j])))
-        size[j] = 1.0 / large if large > 0.0 else 0.0
-
-
 def mark(qp, Gx, share, norms, size, strict, whole):
     """Set the sides; return how many constraints are weak.
 
     A pinned variable (lb_j = ub_j) always counts as strictly active, at the bound that
     its multiplier presses on. share: a number that exceeds ACTIVE where z_i does not
-    count as 0; norms: of the rows of G; size: the result of `set_sizes`.
+    count as 0; norms: of the rows of G; size: the inverse of the
+    largest term of each column of the stationarity condition, or 0.
     """
     n, m = qp.n, qp.m
     weak: Py_ssize_t = 0

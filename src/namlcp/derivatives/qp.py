@@ -154,7 +154,6 @@ class QPDerivative:
         return r, dh, db
 
     def cotangent(self, part: str, value: Any) -> np.ndarray:
-        """Return a gradient in a part of the solution as an array."""
         own = getattr(self.solution, part)
         return vector(f"d{part}", value, own.size, part, own.shape)
 
