@@ -12,7 +12,12 @@ from typing import Any
 import numpy as np
 
 from namlcp.checks import refuse_number
-from namlcp.derivatives import Found, differentiate_batch, differentiate_items
+from namlcp.derivatives import (
+    Found,
+    differentiate_batch,
+    differentiate_items,
+    right_sides,
+)
 from namlcp.qp import QP, Items, Point, available_cores
 from namlcp.solve import solve_batch, solve_qp
 from namlcp.status import Status
@@ -128,23 +133,12 @@ class Stack:
         changes = {name: np.array(v) for name, v in named if v is not None}
         for name, change in changes.items():
             refuse_number(f"d{name}", change, False)
-        d = self.flattened(changes)
-        held, (x, y, z, _) = self.held
-        zero = np.zeros(x.shape)
-
-        def times(name: str, v: np.ndarray, transposed: bool = False) -> Any:
-            """Return the change of a matrix, or its transpose, times v of each item."""
-            if name not in d:
-                return 0.0
-            return np.einsum(
-                f"...{'ji' if transposed else 'ij'},...j->...i", d[name], v
-            )
-
-        r = d.get("q", zero) + 0.5 * (times("P", x) + times("P", x, True))
-        r = r + times("G", z, True) + times("A", y, True)
-        db = d.get("b", 0.0 * y) - times("A", x)
-        dh = d.get("h", 0.0 * z) - times("G", x)
-        side = held.sides[:, z.shape[1] :]
+        held, point = self.held
+        absent = {k: np.zeros(v.shape) for k, v in zip("qbh", point[:3], strict=True)}
+        d = absent | self.flattened(changes)
+        r, dh, db = right_sides(d, point)
+        zero, m = absent["q"], dh.shape[-1]
+        side = held.sides[:, m:]
         at_lower, at_upper = side < 0, side > 0
         dx = at_lower * d.get("lb", zero) + at_upper * d.get("ub", zero)
         pairs = zip((-r, db, dh, dx), self.points, strict=True)

@@ -25,7 +25,7 @@ import numpy as np
 from scipy.sparse import vstack
 
 from namlcp.derivatives.face import active_sets, dependencies, signs
-from namlcp.derivatives.gradients import LCPTangent, QPTangent
+from namlcp.derivatives.gradients import LCPTangent, QPTangent, right_sides
 from namlcp.derivatives.lcp import LCPDerivative
 from namlcp.derivatives.qp import QPDerivative
 from namlcp.lcp import ACCURACY, lcp_data, solve_by_method
@@ -43,7 +43,7 @@ def qp_directional(derivative: QPDerivative, changes: dict[str, Any]) -> QPTange
     qp, face, d = derivative.qp, derivative.face, derivative.direction(changes)
     point = steepest(derivative, d)
     side = face.whole.side
-    r, dh, db = derivative.right_sides(d, point)
+    r, dh, db = right_sides(d, point)
     (_, strict, strict_side), _, _ = active_sets(qp, point)
     weak = np.setdiff1d(face.whole.rows, strict)
     parts, b = (qp.A, qp.G[strict]), np.concatenate((db, dh[strict]))
@@ -78,7 +78,7 @@ def steepest(derivative: QPDerivative, d: dict[str, Any]) -> Point:
     if not N.size:
         return point
     sign, value = signs(qp, whole), np.concatenate(point[1:])
-    _, dh, db = derivative.right_sides(d, point)
+    _, dh, db = right_sides(d, point)
     change = np.where(whole.side < 0, d["lb"], d["ub"])
     slope = np.concatenate((db, dh, change)) @ N
     zero, signed = np.zeros((slope.size, slope.size)), sign != 0

@@ -146,6 +146,26 @@ def product_of(vectors: tuple[np.ndarray, ...], point: Point, name: str) -> Rank
     return RankTwo(1.0, dual, of_q, -1.0, change, x)
 
 
+def right_sides(changes: dict[str, Any], point: Point) -> tuple[Any, Any, Any]:
+    """Return dP x + dq + dG'z + dA'y, dh - dG x and db - dA x for changes of the data.
+
+    Of dP the symmetric part counts. All may have a leading axis, or the changes none.
+    """
+    (x, y, z, _), d = point, changes
+
+    def times(name: str, v: np.ndarray, transposed: bool = False) -> Any:
+        M = d.get(name)
+        if M is None:
+            return 0.0
+        if v.ndim == 1:
+            return v @ M if transposed else M @ v
+        return np.einsum(f"...{'ji' if transposed else 'ij'},...j->...i", M, v)
+
+    r = d["q"] + 0.5 * (times("P", x) + times("P", x, True))
+    r = r + times("G", z, True) + times("A", y, True)
+    return r, d["h"] - times("G", x), d["b"] - times("A", x)
+
+
 class LCPTangent(NamedTuple):
     """How the solution of an LCP changes: derivatives along one direction of the data.
 

@@ -45,7 +45,13 @@ import numpy as np
 from namlcp.checks import finite_matrix, vector
 from namlcp.derivatives.dense import DenseItem, refuse_faults
 from namlcp.derivatives.face import Face
-from namlcp.derivatives.gradients import QPGradients, QPTangent, change, product_of
+from namlcp.derivatives.gradients import (
+    QPGradients,
+    QPTangent,
+    change,
+    product_of,
+    right_sides,
+)
 from namlcp.qp import QP, Point
 
 
@@ -133,25 +139,11 @@ class QPDerivative:
         K is symmetric: `solve` has its system, with other right-hand sides.
         """
         d = self.direction(changes)
-        r, dh, db = self.right_sides(d, self.point)
+        r, dh, db = right_sides(d, self.point)
         side = self.face.active.side if self.item is None else self.solution.z_box
         moved = np.where(side > 0, d["ub"], d["lb"])  # read where x_j is held
         (q, h, b, lb, ub), _ = self.solve((-r, db, dh, moved))
         return QPTangent(0.0 - q, b, h, lb + ub, self.weak, self.singular)
-
-    def right_sides(
-        self, d: dict[str, Any], point: Point
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return dP x + dq + dG'z + dA'y, dh - dG x and db - dA x."""
-        x, y, z, _ = point
-        r, dh, db = d["q"], d["h"], d["b"]
-        if d["P"] is not None:
-            r = r + 0.5 * (d["P"] @ x + x @ d["P"])
-        if d["G"] is not None:
-            r, dh = r + z @ d["G"], dh - d["G"] @ x
-        if d["A"] is not None:
-            r, db = r + y @ d["A"], db - d["A"] @ x
-        return r, dh, db
 
     def cotangent(self, part: str, value: Any) -> np.ndarray:
         own = getattr(self.solution, part)

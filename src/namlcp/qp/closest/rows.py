@@ -39,12 +39,6 @@ class Rows(NamedTuple):
         """Tell which rows are equalities."""
         return np.arange(self.d.size) >= self.d.size - self.p
 
-    @property
-    def kinds(self) -> tuple[np.ndarray, np.ndarray]:
-        """The numbers of inequalities and of equalities."""
-        below, equal = np.split(np.arange(self.d.size), [self.d.size - self.p])
-        return below, equal
-
     def violations(self, x: np.ndarray) -> np.ndarray:
         """Return the least shifts with which x satisfies all rows."""
         r = times(self.C, x) - self.d
@@ -133,7 +127,8 @@ def least_shifts(rows: Rows) -> QP:
     squares, costs = (w, 0.0 * w) if rows.norm == 2 else (w[:0], w)
     at, columns = n + np.arange(squares.size), np.arange(k)
     shifts = scattered(soft, columns, signs, (rows.d.size, k), dense)
-    C, (below, equal) = stacked(1, rows.C, shifts), rows.kinds
+    C = stacked(1, rows.C, shifts)
+    below, equal = np.split(np.arange(rows.d.size), [rows.d.size - rows.p])
     return QP(
         scattered(at, at, squares, (n + k, n + k), dense),
         np.append(np.zeros(n), costs),
