@@ -473,7 +473,13 @@ class QPResult(Single, ResultBase):
     @property
     def derivative(self) -> QPDerivative:
         """The active constraints and factors of `backward` and `forward`."""
-        return qp_derivative(self)
+        qp, given = problem_of(self)
+        if self.stamp is not None and self.stamp != stamp_of(qp):
+            raise ValueError(CHANGED)
+        if self.kept is None:
+            point = Point(self.x, self.y, self.z, self.z_box)
+            self.kept = QPDerivative(qp, given, point, self.factors)
+        return self.kept
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -859,20 +865,6 @@ def clean_lcp(
     lower = constant(q.size, 0.0) if lower is None else lower
     upper = constant(q.size, np.inf) if upper is None else upper
     return LCP(matrix, q, lower, upper), matrix.A
-
-
-def qp_derivative(result: QPResult) -> QPDerivative:
-    """Return the derivative of a solution, made once; raise ValueError if it has none.
-
-    That is so, too, if an array of the user has other numbers than at the solve.
-    """
-    qp, given = problem_of(result)
-    if result.stamp is not None and result.stamp != stamp_of(qp):
-        raise ValueError(CHANGED)
-    if result.kept is None:
-        point = Point(result.x, result.y, result.z, result.z_box)
-        result.kept = QPDerivative(qp, given, point, result.factors)
-    return result.kept
 
 
 def problem_of(result: QPResult | LCPResult | ClosestPoint) -> Any:

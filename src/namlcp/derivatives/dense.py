@@ -171,7 +171,6 @@ def differentiate_items(chosen, arrays, found):
 
 
 def make_store(m):
-    """Make room for L, V and the factor of S."""
     n, k = m.qp.n, min(m.qp.n, m.qp.m + m.qp.p)
     m.store = cython.cast(cython.p_char, malloc(8 * (n * n + k * (n + k) + 1)))
     if m.store == cython.NULL:
@@ -189,7 +188,6 @@ def set_cotangents(m, start, step, i):
 
 
 def set_gradients(m, q, h, b, lb, ub):
-    """Note where the gradients in the vectors are to be."""
     m.u, m.lam, m.nu, m.lower, m.upper = q, h, b, lb, ub
 
 
@@ -273,7 +271,6 @@ def has_factor(M, n, diagonal):
 
 
 def solve_item(m):
-    """Write the gradients in the vectors."""
     qp, side = cython.address(m.qp), m.strict + m.qp.m
     fill(m.lam, 0.0, qp.m)
     fill(m.nu, 0.0, qp.p)
@@ -386,7 +383,6 @@ def write_matrices(m, matrices):
 
 
 def write_rank_two(s, a, b, t, c, d, rows, columns, out):
-    """Set out (rows, columns) to s a b' + t c d'."""
     for i in range(rows):
         first, second, row = s * a[i], t * c[i], out + i * columns
         for j in range(columns):
@@ -394,7 +390,6 @@ def write_rank_two(s, a, b, t, c, d, rows, columns, out):
 
 
 def rank_two(s: cython.double, a, b, t: cython.double, c, d):
-    """Return s a b' + t c d' as an array."""
     rows: cython.Py_ssize_t = a.size
     columns: cython.Py_ssize_t = b.size
     out = np.empty((rows, columns))

@@ -37,7 +37,6 @@ from namlcp.status import Status
 
 
 def qp_directional(derivative: QPDerivative, changes: dict[str, Any]) -> QPTangent:
-    """Return the one-sided derivative of a QP's solution along a direction."""
     if not derivative.weak and not derivative.singular:
         return derivative.forward(changes)
     qp, face, d = derivative.qp, derivative.face, derivative.direction(changes)
@@ -96,7 +95,6 @@ def steepest(derivative: QPDerivative, d: dict[str, Any]) -> Point:
 def lcp_directional(
     derivative: LCPDerivative, dA: Any, dq: Any, dlower: Any, dupper: Any
 ) -> LCPTangent:
-    """Return the one-sided derivative of an LCP's solution along a direction."""
     if not derivative.weak and not derivative.singular:
         return derivative.forward(dA, dq, dlower, dupper)
     lcp, weak_side = derivative.lcp, derivative.weak_side

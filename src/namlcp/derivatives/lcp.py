@@ -74,7 +74,6 @@ class LCPDerivative:
         self.factors: Factors = factored(self.lcp.matrix, self.free)
 
     def backward(self, dz: Any, dw: Any) -> LCPGradients:
-        """Return the gradients of a scalar in the data from those in the solution."""
         A, free, side = self.lcp.A, self.free, self.side
         gz, gw = self.vector("dz", dz), self.vector("dw", dw)
         rho = np.where(side != 0, gw, 0.0)
@@ -87,7 +86,6 @@ class LCPDerivative:
         return LCPGradients(rho, lower, upper, self.weak, self.singular, matrix)
 
     def forward(self, dA: Any, dq: Any, dlower: Any, dupper: Any) -> LCPTangent:
-        """Return the derivative of the solution along a direction of the data."""
         A, free, side = self.lcp.A, self.free, self.side
         r, dl, du = self.direction(dA, dq, dlower, dupper)
         dz = np.where(side < 0, dl, np.where(side > 0, du, 0.0))

@@ -100,7 +100,6 @@ class QPDerivative:
         return Face(self.qp, self.solution)
 
     def backward(self, dx: Any, dy: Any, dz: Any, dz_box: Any) -> QPGradients:
-        """Return the gradients of a scalar in the data from those in the solution."""
         given = (
             dx if dx is None else self.cotangent("x", dx),
             dy if dy is None else self.cotangent("y", dy),

@@ -99,17 +99,14 @@ class Face(NamedTuple):
 
     @property
     def held(self) -> np.ndarray:
-        """The numbers of the rows held with equality."""
         return np.flatnonzero(self.sense == 0)
 
     @property
     def bounded(self) -> np.ndarray:
-        """The numbers of the other rows."""
         return np.flatnonzero(self.sense)
 
     @property
     def shifted(self) -> np.ndarray:
-        """The numbers of the held rows that have a weight."""
         return self.held[np.isfinite(self.rows.weights[self.held])]
 
     def spread(self, of_held: np.ndarray, of_bounded: np.ndarray) -> np.ndarray:

@@ -36,7 +36,6 @@ class Rows(NamedTuple):
 
     @property
     def is_equality(self) -> np.ndarray:
-        """Tell which rows are equalities."""
         return np.arange(self.d.size) >= self.d.size - self.p
 
     def violations(self, x: np.ndarray) -> np.ndarray:
@@ -87,7 +86,6 @@ class Rows(NamedTuple):
 
 
 def rows_of(qp: QP, relaxation: Relaxation) -> Rows:
-    """Return the rows of a QP and its soft bounds, with their weights."""
     w = weights_of(qp, relaxation)
     upper, lower = (
         np.flatnonzero(np.isfinite(w[side]) & np.isfinite(bound))
@@ -188,7 +186,6 @@ def chosen(C: Any, rows: np.ndarray, columns: np.ndarray | None = None) -> Any:
 
 
 def times_signs(sense: np.ndarray, C: Any) -> Any:
-    """Return C with each row times its sign."""
     if isinstance(C, np.ndarray):
         return sense[:, None] * C
     return from_arrays((C.indptr, C.indices, sense[C.indices] * C.data), C.shape)

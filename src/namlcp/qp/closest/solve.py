@@ -116,7 +116,6 @@ def contradiction(
 
 
 def stage_one(rows: Rows, limits: Limits, solve: Solve) -> StageOne:
-    """Find the least shifts of the rows."""
     answer, n = solve_exactly(least_shifts(rows), limits, solve), rows.lb.size
     if answer.status is not Status.SOLVED:
         return StageOne(rows, answer, None)
@@ -149,7 +148,6 @@ def solve_exactly(
 
 
 def least_cost(qp: QP, face: Face, limits: Limits, solve: Solve) -> Nearest:
-    """Return the point of least cost on a face."""
     rows, x, easier = face.rows, face.x, face.problem(qp)
     # The rows active at x are those of the solution only if they leave x no freedom.
     settled = face.held.size + np.count_nonzero(face.v_box) >= x.size
