@@ -473,13 +473,14 @@ class QPResult(Single, ResultBase):
     @property
     def derivative(self) -> QPDerivative:
         """The active constraints and factors of `backward` and `forward`."""
+        base: Any = self  # its other attributes are those of compiled code
         qp, given = problem_of(self)
-        if self.stamp is not None and self.stamp != stamp_of(qp):
+        if base.stamp is not None and base.stamp != stamp_of(qp):
             raise ValueError(CHANGED)
-        if self.kept is None:
+        if base.kept is None:
             point = Point(self.x, self.y, self.z, self.z_box)
-            self.kept = QPDerivative(qp, given, point, self.factors)
-        return self.kept
+            base.kept = QPDerivative(qp, given, point, base.factors)
+        return base.kept
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
