@@ -7,6 +7,7 @@ NumPy's do: P of shape (n, n) belongs to all items, q of shape (10, 1, n) and h 
 
 from collections.abc import Sequence
 from functools import cached_property
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -14,11 +15,11 @@ import numpy as np
 from namlcp.checks import refuse_number
 from namlcp.derivatives import (
     Found,
-    differentiate_batch,
     differentiate_items,
+    product_of,
     right_sides,
 )
-from namlcp.qp import QP, Items, Point, available_cores
+from namlcp.qp import QP, Point, available_cores, qp_data
 from namlcp.solve import solve_batch, solve_qp
 from namlcp.status import Status
 
@@ -97,11 +98,18 @@ class Stack:
         `cotangents`: the gradients of a scalar in the solution, shaped as that. Items
         not solved have gradients 0.
         """
-        given = tuple(np.reshape(v, (self.size, -1)) for v in cotangents)
-        which = self.solved.reshape(-1)
-        found = differentiate_batch(self.items, self.points, which, given, self.threads)
+        flat = tuple(np.reshape(v, (self.size, -1)) for v in cotangents)
+        found, points = self.differentiated(flat)
+
+        def gradient(name: str) -> np.ndarray:
+            if name not in "PGA":
+                parts = getattr(found, name)
+                return parts if name in self.stacked else parts.sum(axis=0)
+            product = product_of(found, points, name)
+            return product.stacked() if name in self.stacked else product.on(None)
+
         return [
-            self.summed(k, getattr(found, k)) if asked and k in self.flat else None
+            self.summed(k, gradient(k)) if asked and k in self.flat else None
             for k, asked in zip(AXES, wanted, strict=True)
         ]
 
@@ -147,9 +155,17 @@ class Stack:
         return self.shaped(Point(-found.q, found.b, found.h, found.lb + found.ub))
 
     @cached_property
-    def items(self) -> Items:
-        """The QPs as those of a batch."""
-        return Items(arguments(self.flat))
+    def items(self) -> Any:
+        """The QP as the `Items` of a batch, but for checks and stamps of its arrays."""
+        flat, n = self.flat, self.flat["q"].size
+        absent: Arrays = {"lb": np.full(n, -np.inf), "ub": np.full(n, np.inf)}
+        absent |= dict.fromkeys("GA", np.empty((0, n)))
+        absent |= dict.fromkeys("hb", np.empty(0))
+        return SimpleNamespace(
+            shared=QP(**(absent | flat)),
+            stacked={},
+            item=lambda _: (qp_data(**arguments(flat)), None),
+        )
 
     @cached_property
     def held(self) -> tuple[Found, Point]:

@@ -16,6 +16,7 @@ from namlcp.derivatives.gradients import (
     LCPTangent,
     QPGradients,
     QPTangent,
+    product_of,
     right_sides,
 )
 from namlcp.derivatives.lcp import LCPDerivative
