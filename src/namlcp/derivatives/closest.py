@@ -50,7 +50,8 @@ class ClosestDerivative:
         dshift_b = change("dshift_b", dshift_b, "b", qp.b)
         second = self.second.backward(dx, None, None, None)
         lam = face.spread(second.b, second.h)  # the gradient in d, then also that in r
-        dr = (face.rows.joined(dshift_h, dshift_b) + lam)[face.shifted]
+        soft = np.zeros(lam.size - dshift_h.size - dshift_b.size)  # bounds
+        dr = (np.concatenate((dshift_h, soft, dshift_b)) + lam)[face.shifted]
         before = np.concatenate((np.zeros(dx.size), dr))
         first = self.first.backward(before, None, None, None)
         mu = face.spread(first.b, np.zeros(second.h.size))

@@ -7,7 +7,7 @@ refinement multiplies the error by about DELTA over the least singular value of 
 """
 
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from scipy.linalg.lapack import dgecon, dgetrf, dgetrs
@@ -47,15 +47,6 @@ multiples of the others."""
 
 ZERO_IMAGE = 1e-12
 """Largest norm of K v, for K scaled and a unit vector v of its null space."""
-
-
-class Factors(Protocol):
-    """A matrix; `regular` tells whether it has an inverse."""
-
-    regular: bool
-
-    def solve(self, r: np.ndarray, transposed: bool = False) -> np.ndarray:
-        """Return the solution for one right-hand side, of the transpose if asked."""
 
 
 def refined(

@@ -26,12 +26,7 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array
 
 from namlcp.checks import finite_matrix, from_arrays, no_rows
-from namlcp.derivatives.factors import (
-    DenseFactors,
-    Factors,
-    KKTFactors,
-    SparseFactors,
-)
+from namlcp.derivatives.factors import DenseFactors, KKTFactors, SparseFactors
 from namlcp.derivatives.gradients import LCPGradients, LCPTangent, RankTwo, change
 from namlcp.derivatives.marks import sides_of_lcp
 from namlcp.lcp import LARGE_LCP, LCP, FreeSystem, Operator, Prepared, hierarchy_of
@@ -71,7 +66,7 @@ class LCPDerivative:
     def hold(self, side: np.ndarray) -> None:
         """Factor A_FF for the unknowns with side 0."""
         self.side, self.free = side, np.flatnonzero(side == 0)
-        self.factors: Factors = factored(self.lcp.matrix, self.free)
+        self.factors = factored(self.lcp.matrix, self.free)
 
     def backward(self, dz: Any, dw: Any) -> LCPGradients:
         A, free, side = self.lcp.A, self.free, self.side
@@ -107,7 +102,9 @@ class LCPDerivative:
         return change(name, value, "q", self.lcp.q)
 
 
-def factored(matrix: Prepared, free: np.ndarray) -> Factors:
+def factored(
+    matrix: Prepared, free: np.ndarray
+) -> "DenseFactors | KKTFactors | SparseFactors | Multigrid":
     """Return A_FF ready for solves."""
     if not matrix.is_sparse:
         return DenseFactors(matrix.A[np.ix_(free, free)])
@@ -141,7 +138,7 @@ class Multigrid:
 
     def __init__(self, matrix: Prepared, free: np.ndarray) -> None:
         self.matrix, self.free = matrix, free
-        self.factors: Factors | None = None
+        self.factors: KKTFactors | SparseFactors | None = None
         self.systems: dict[bool, FreeSystem | None] = {}
 
     def system(self, transposed: bool) -> FreeSystem | None:

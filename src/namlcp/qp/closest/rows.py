@@ -63,11 +63,6 @@ class Rows(NamedTuple):
         m = upper_end - self.upper.size
         return [v[:m], v[m:upper_end], v[upper_end:lower_end], v[lower_end:]]
 
-    def joined(self, of_h: np.ndarray, of_b: np.ndarray) -> np.ndarray:
-        """Return values of the rows of G and A with zeros for the soft bounds."""
-        bounds = np.zeros(self.upper.size + self.lower.size)
-        return np.concatenate((of_h, bounds, of_b))
-
     def point(self, x: np.ndarray, v: np.ndarray, v_box: np.ndarray) -> Point:
         """Return x with multipliers of the rows and of lb, ub as a point of the QP."""
         z, of_upper, of_lower, y = self.parts(v)
