@@ -12,6 +12,7 @@ from namlcp.linalg.fronts import Fronts
 from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.ordering import Order, nested_dissection
 from namlcp.linalg.sparse_ldl import Factors, SparseFactors
+from namlcp.linalg.threads import solve_threads
 
 # Work of a factorisation, see `Order.work`, in all and for each row, from which on
 # dense fronts are used: a factorisation and six solves take as long both ways there.
@@ -32,7 +33,7 @@ def plan_factors(indptr: np.ndarray, indices: np.ndarray) -> Factors:
     """
     order = better_order(indptr, indices, minimum_degree(indptr, indices))
     if order.work >= max(HEAVY, HEAVY_ROW * order.parent.size):
-        fronts = Fronts(indptr, indices, order)
+        fronts = Fronts(indptr, indices, order, None, solve_threads())
         if fronts.stack <= MOST_WAITING * order.counts.sum(dtype=np.int64):
             return fronts
     return SparseFactors(indptr, indices, order)

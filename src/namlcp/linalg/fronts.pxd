@@ -1,7 +1,7 @@
 from namlcp.linalg.sparse_ldl cimport Factors
 from namlcp.watch cimport Watched
 
-cdef double LEAST
+cdef double LEAST, WORTH
 cdef enum:
     # Columns of a panel eliminated at a time, columns of L in one product, columns of an
     # update that one product sets, multiplications up to which loops are faster to
@@ -10,6 +10,27 @@ cdef enum:
     DEPTH = 256
     STRIP = 96
     SMALL = 6000
+
+    # Threads at most; microseconds to wait for one before a look at the clock; the work.
+    MOST_THREADS = 16
+    PATIENCE = 50000
+    PARTS = 4
+    FACTOR = 0
+    FORWARD = 1
+    BACKWARD = 2
+
+cdef extern from "pythread.h" nogil:
+    """
+    #define NO_THREAD ((unsigned long)-1)
+    """
+    unsigned long NO_THREAD
+    ctypedef void *PyThread_type_lock
+    unsigned long PyThread_start_new_thread(void (*work)(void *) noexcept nogil, void *argument)
+    PyThread_type_lock PyThread_allocate_lock()
+    void PyThread_free_lock(PyThread_type_lock lock)
+    int PyThread_acquire_lock(PyThread_type_lock lock, int wait)
+    int PyThread_acquire_lock_timed(PyThread_type_lock lock, long long microseconds, int is_interrupted)
+    void PyThread_release_lock(PyThread_type_lock lock)
 
 cdef struct Layout:
     Py_ssize_t number
@@ -22,14 +43,33 @@ cdef struct Layout:
     # The first child of a supernode, the next one of its parent, where its update is.
     int *child, *sibling
     Py_ssize_t *at
-    # Updates; L D of the rows below; one row, one right-hand side.
-    double *stack, *scaled, *w, *x
+    # Piece p has the supernodes sequence[bounds[p] : bounds[p + 1]], ascending: those of
+    # a subtree, the last piece all others.
+    Py_ssize_t pieces
+    const Py_ssize_t *bounds, *sequence
+    # Updates; a right-hand side; what a piece adds to that of others, entry t to row
+    # rows[t], for the last supernode of the piece.
+    double *stack, *x, *passed
 
 cdef struct Front:
-    # k columns from `first` on, f rows, u of them below; where the panels begin; below
-    # the square: the rows, their places in the parent.
-    Py_ssize_t first, k, f, u, panel
+    # k columns from `first` on, f rows, u of them below; those rows, their places in the
+    # parent; the panels of L and U', the update, the part of `passed`.
+    Py_ssize_t first, k, f, u
     const int *rows, *above
+    double *panels[2]
+    double *update, *passed
+
+cdef struct Desk:
+    # The number of a thread, its work space: a front of a vector, L D of the rows below,
+    # a right-hand side, 0 between pieces.
+    Py_ssize_t number
+    double *w, *scaled, *z
+
+cdef struct Helper:
+    # A thread: its factors and its watch, the lock that it releases at the end.
+    void *owner, *watch
+    Desk desk
+    PyThread_type_lock done
 
 
 cdef class Fronts(Factors):
@@ -41,26 +81,42 @@ cdef class Fronts(Factors):
         double *panels[2]
         const int *sources[2]
         double *D
-        object arrays, values
-        # Most entries of updates that wait at once.
-        readonly Py_ssize_t stack
+        const double *data
+        # What is done, the next piece to be taken, whether a pivot is 0; the first helper
+        # is the thread that asks.
+        int work
+        Py_ssize_t next
+        bint failed
+        PyThread_type_lock guard
+        Helper helpers[MOST_THREADS]
+        object arrays, shared, values
+        # Entries of all updates that wait at once.
+        readonly Py_ssize_t stack, threads
         readonly object pivots
 
     cdef void allocate(self)
+    cdef void share(self, object nodes, Py_ssize_t threads)
 
 
-cdef Py_ssize_t lay_out(Layout *t, Py_ssize_t sides, int *position, Py_ssize_t *held) noexcept nogil
-cdef Front front_at(const Layout *t, Py_ssize_t s) noexcept nogil
-cdef void open_panels(Fronts f, Py_ssize_t s, const double *data) noexcept nogil
-cdef double *update_of(Fronts f, Py_ssize_t s, Py_ssize_t side) noexcept nogil
+cdef void lay_out(Fronts f, int *position) noexcept nogil
+cdef Py_ssize_t stack_updates(Fronts f, Py_ssize_t *held) noexcept nogil
+cdef tuple pieces_of(const int[::1] parent, object work)
+cdef Front front_at(Fronts f, Py_ssize_t s) noexcept nogil
+cdef void do_tasks(Fronts f, int work, Watched watch) noexcept nogil
+cdef void help_along(void *helper) noexcept nogil
+cdef void take_tasks(Fronts f, Watched watch, Desk *desk) noexcept nogil
+cdef void do_piece(Fronts f, Py_ssize_t p, Watched watch, Desk *desk) noexcept nogil
+cdef bint factor_front(Fronts f, Py_ssize_t s, Watched watch, Desk *desk) noexcept nogil
+cdef bint stops(Watched watch, Desk *desk, double operations) noexcept nogil
+cdef void open_panels(Fronts f, Py_ssize_t s) noexcept nogil
 cdef void assemble(Fronts f, Py_ssize_t s, Py_ssize_t side) noexcept nogil
 cdef void extend_add(Fronts f, Py_ssize_t c, Py_ssize_t side) noexcept nogil
-cdef bint eliminate(Fronts f, Front v, Watched watch) noexcept nogil
+cdef bint eliminate(Fronts f, Front v, Watched watch, Desk *desk) noexcept nogil
 cdef void solve_below(Front v, double *L, const double *U, const double *D, Py_ssize_t start, Py_ssize_t stop) noexcept nogil
-cdef void update_columns(Front v, double *L, const double *U, const double *D, Py_ssize_t start, Py_ssize_t stop, double *scaled) noexcept nogil
-cdef void complement(Fronts f, Py_ssize_t s, Py_ssize_t side, Watched watch) noexcept nogil
-cdef void forward(Fronts f, const double *L, double *x) noexcept nogil
-cdef void backward(Fronts f, const double *U, double *x) noexcept nogil
+cdef void complement(Fronts f, Py_ssize_t s, Py_ssize_t side, Watched watch, Desk *desk) noexcept nogil
+cdef void forward(Fronts f, Py_ssize_t s, double *z, Py_ssize_t end, Desk *desk) noexcept nogil
+cdef void subtract_from(Front v, const double *column, double factor, double *x, double *z, Py_ssize_t end) noexcept nogil
+cdef void backward(Fronts f, Py_ssize_t s, Desk *desk) noexcept nogil
 cdef void scale(const double *L, Py_ssize_t ld, const double *D, Py_ssize_t m, Py_ssize_t n, double *out) noexcept nogil
 cdef void subtract(double *out, const double *L, Py_ssize_t ld, const double *w, Py_ssize_t k, Py_ssize_t m) noexcept nogil
-cdef void subtract_product(Py_ssize_t m, Py_ssize_t n, Py_ssize_t k, const double *A, Py_ssize_t lda, const double *B, Py_ssize_t ldb, double beta, double *C, Py_ssize_t ldc) noexcept nogil
+cdef void subtract_product(Py_ssize_t m, Py_ssize_t n, Py_ssize_t k, const double *A, const double *B, Py_ssize_t ldb, double beta, double *C, Py_ssize_t ldc) noexcept nogil

@@ -17,6 +17,11 @@ other matrices this is justified by measurement alone (`lcp.general.cones`).
 Updates are kept on two stacks that grow towards each other, one for supernodes of even
 depth, one for odd depth: so those of the children are at the end of the one while that
 of their parent is set at the end of the other.
+
+Threads share the work by *pieces*: subtrees, each with stacks of its own, and at last
+all other supernodes, which one thread does alone. A front takes what its children pass
+on in their order, in a factorisation and in a solve: so the bits are the same for any
+number of threads.
 """
 
 import cython
@@ -35,19 +40,21 @@ from cython.cimports.namlcp.linalg.vectors import (
     four_dots,
     subtract_sum,
 )
-from cython.cimports.namlcp.watch import is_over
+from cython.cimports.namlcp.watch import OFTEN, Watched, is_over
 from cython.cimports.scipy.linalg.cython_blas import dgemm, dtrsm
 
 from namlcp.linalg.ordering import supernodes
 
 # Smallest pivot that is not 0 for us: the reciprocals of smaller ones may overflow.
 LEAST = float(np.finfo(np.float64).tiny)
+# Work of a factorisation, the sum of k f^2, from which on it is divided.
+WORTH = 3e8
 
 
 class Fronts(Factors):
     """`Factors` by dense fronts."""
 
-    def __init__(self, indptr, indices, order, pairs=None):
+    def __init__(self, indptr, indices, order, pairs=None, threads=1):
         """Lay out L for a matrix K, the upper triangle of its pattern given.
 
         If K is not symmetric, entry t of this triangle stands for data[pairs[0, t]]
@@ -60,14 +67,10 @@ class Fronts(Factors):
         self.sides, size = sources.shape
         if pairs is not None:
             self.nnz = 2 * self.nnz - self.n
-        k, n, number = np.diff(nodes.first), self.n, nodes.parent.size
-        f = np.diff(nodes.starts)
-        u = f - k
-        length = nodes.rows.size
+        n, number, length = self.n, nodes.parent.size, nodes.rows.size
         ints, above = np.empty((2, number), np.int32), np.empty(length, np.int32)
         at, target = np.empty(number, np.intp), np.empty(size, np.intp)
-        scaled = np.empty(max((u * np.minimum(k, DEPTH)).max(), BLOCK * f.max()))
-        vectors = np.empty(f.max() + 3 + n)
+        x, passed = np.empty(n), np.empty(length)
         t = cython.address(self.t)
         t.number = number
         t.place, t.first = places(order.place, n), places(nodes.first, number + 1)
@@ -77,19 +80,15 @@ class Fronts(Factors):
         t.panels = longs(nodes.panels, number + 1)
         t.child, t.sibling = places(ints[0], number), places(ints[1], number)
         t.above, t.at = places(above, length), longs(at, number)
-        t.target, t.scaled = longs(target, size), numbers(scaled, scaled.size)
-        t.x = numbers(vectors, vectors.size)
-        t.w = t.x + n
+        t.target, t.x = longs(target, size), numbers(x, n)
+        t.passed = numbers(passed, length)
         for side in range(self.sides):
             self.sources[side] = places(sources[side], size)
-        position, held = np.empty(n, np.int32), np.zeros(number, np.intp)
-        most = lay_out(t, self.sides, places(position, n), longs(held, number))
-        self.stack = most
-        stack = np.empty(most)
-        t.stack = numbers(stack, most)
-        self.arrays = nodes, order, sources, ints, above, at, target, stack, scaled
-        self.arrays += (vectors,)
+        self.arrays = nodes, order, sources, ints, above, at, target, x, passed
         self.allocate()
+        position = np.empty(n, np.int32)
+        lay_out(self, places(position, n))
+        self.share(nodes, min(threads, MOST_THREADS))
 
     def allocate(self):
         size: Py_ssize_t = self.t.panels[self.t.number]
@@ -98,38 +97,73 @@ class Fronts(Factors):
             self.panels[side] = numbers(self.values[side], size)
         self.D, self.entries = numbers(self.pivots, self.n), self.sides * size
 
+    def share(self, nodes, threads):
+        """Lay out the pieces, the stacks and the work space of so many threads."""
+        t, n, number = cython.address(self.t), self.n, self.t.number
+        k, f = np.diff(nodes.first), np.diff(nodes.starts)
+        sequence, bounds = pieces_of(nodes.parent, k * f.astype(float) ** 2)
+        t.pieces = bounds.size - 1
+        t.sequence, t.bounds = longs(sequence, number), longs(bounds, bounds.size)
+        held = np.empty(number, np.intp)
+        self.stack = stack_updates(self, longs(held, number))
+        threads = threads if t.pieces > 1 else 1
+        width: Py_ssize_t = f.max() + 3
+        room = max(((f - k) * np.minimum(k, DEPTH)).max(), BLOCK * f.max()) + width
+        stack, work = np.empty(self.stack), np.empty((threads, room))
+        z = np.zeros((threads, n))
+        t.stack = numbers(stack, self.stack)
+        self.shared = sequence, bounds, stack, work, z
+        for i in range(threads):
+            helper = cython.address(self.helpers[i])
+            helper.owner = cython.cast(cython.p_void, self)
+            helper.desk.number, helper.desk.z = i, numbers(z[i], n)
+            helper.desk.w = numbers(work[i], room)
+            helper.desk.scaled = helper.desk.w + width
+            if i > 0:
+                helper.done = PyThread_allocate_lock()
+                PyThread_acquire_lock(helper.done, 1)
+        self.guard, self.threads = PyThread_allocate_lock(), threads
+
+    def __dealloc__(self):
+        if self.guard != cython.NULL:
+            PyThread_free_lock(self.guard)
+        for i in range(1, self.threads):
+            PyThread_free_lock(self.helpers[i].done)
+
     def another(self):
-        """Return factors of the same layout and work space, for other values."""
+        """Return factors of the same layout and work space, on one thread."""
         other: Fronts = Fronts.__new__(Fronts)
         other.n, other.nnz, other.t = self.n, self.nnz, self.t
-        other.sides, other.arrays = self.sides, self.arrays
+        other.sides, other.arrays, other.shared = self.sides, self.arrays, self.shared
         other.sources[0], other.sources[1] = self.sources[0], self.sources[1]
+        other.helpers[0], other.threads = self.helpers[0], 1
+        other.guard = PyThread_allocate_lock()
         other.allocate()
         return other
 
     def factor_values(self, data, watch):
-        t = cython.address(self.t)
-        for s in range(t.number):
-            v = front_at(t, s)
-            if is_over(watch, v.k * v.f * v.f):
-                return False
-            open_panels(self, s, data)
-            for side in range(self.sides):
-                assemble(self, s, side)
-            if not eliminate(self, v, watch):
-                return False
-            for side in range(self.sides):
-                complement(self, s, side, watch)
-        return not watch.over
+        self.data, self.failed = data, False
+        do_tasks(self, FACTOR, watch)
+        do_piece(self, self.t.pieces - 1, watch, cython.address(self.helpers[0].desk))
+        return not (self.failed or watch.over)
 
     def solve_into(self, rhs, x):
-        place, y = self.t.place, self.t.x
+        t, desk = cython.address(self.t), cython.address(self.helpers[0].desk)
+        place, y, top = t.place, t.x, t.pieces - 1
         for j in range(self.n):
             y[place[j]] = rhs[j]
-        forward(self, self.panels[0], y)
+        self.failed = False
+        do_tasks(self, FORWARD, None)
+        for p in range(top):
+            v = front_at(self, t.sequence[t.bounds[p + 1] - 1])
+            for i in range(v.u):
+                y[v.rows[i]] += v.passed[i]
+        do_piece(self, top, None, desk)
         for j in range(self.n):
             y[j] /= self.D[j]
-        backward(self, self.panels[self.sides - 1], y)
+        self.work = BACKWARD
+        do_piece(self, top, None, desk)
+        do_tasks(self, BACKWARD, None)
         for j in range(self.n):
             x[j] = y[place[j]]
 
@@ -137,24 +171,18 @@ class Fronts(Factors):
 # ---- the layout
 
 
-def lay_out(t, sides, position, held):
-    """Set places, lists of children and stacks; return the size of the stacks.
-
-    held, zeros, is overwritten by what the children of a supernode have on their stack.
-    """
+def lay_out(f, position):
+    """Set the places of entries and rows, and the lists of children."""
+    t = cython.address(f.t)
     for s in range(t.number):
         t.child[s] = -1
     for s in range(t.number - 1, -1, -1):
-        v, g = front_at(t, s), t.parent[s]
-        t.at[s] = 0 if g < 0 else 1 - t.at[g]  # the stack, for now
+        v, g = front_at(f, s), t.parent[s]
         if v.u > 0:
             t.sibling[s] = t.child[g]
             t.child[g] = s
-    height = cython.declare(Py_ssize_t[2])
-    height[0] = height[1] = 0
-    most: Py_ssize_t = 0
     for s in range(t.number):
-        v, g = front_at(t, s), t.parent[s]
+        v = front_at(f, s)
         rows = t.rows + t.starts[s]
         for i in range(v.f):
             position[rows[i]] = i
@@ -163,61 +191,186 @@ def lay_out(t, sides, position, held):
                 t.target[e] = position[t.below[e]] + j * v.f
         i: Py_ssize_t = 0
         for p in range(t.starts[s] + v.k, t.starts[s + 1]):
-            while t.rows[t.starts[g] + i] != t.rows[p]:
+            while t.rows[t.starts[t.parent[s]] + i] != t.rows[p]:
                 i += 1
             t.above[p] = i
-        size = sides * v.u * v.u
-        stack = t.at[s]
-        t.at[s] = height[stack] if stack == 0 else -height[stack] - size
-        height[stack] += size
-        most = max(most, height[0] + height[1])
-        height[1 - stack] -= held[s]
-        if g >= 0:
-            held[g] += size
-    for s in range(t.number):
-        if t.at[s] < 0:
-            t.at[s] += most
-    return most
 
 
-def front_at(t, s):
-    """Return the sizes and rows of supernode s."""
-    v = cython.declare(Front)
-    v.first, v.panel = t.first[s], t.panels[s]
-    v.k, v.f = t.first[s + 1] - v.first, t.starts[s + 1] - t.starts[s]
+def stack_updates(f, held):
+    """Give all updates their places; return the size of the stacks.
+
+    held is overwritten by what the children of a supernode have on their stack.
+    """
+    t = cython.address(f.t)
+    height = cython.declare(Py_ssize_t[2])
+    total: Py_ssize_t = 0
+    for s in range(t.number - 1, -1, -1):
+        t.at[s] = 0 if t.parent[s] < 0 else 1 - t.at[t.parent[s]]  # the stack, for now
+        held[s] = 0
+    for p in range(t.pieces):
+        begin, end = t.bounds[p], t.bounds[p + 1]
+        height[0] = height[1] = 0
+        most: Py_ssize_t = 0
+        for i in range(begin, end):
+            s = t.sequence[i]
+            v, g = front_at(f, s), t.parent[s]
+            size, stack = f.sides * v.u * v.u, t.at[s]
+            t.at[s] = height[stack] if stack == 0 else -height[stack] - size
+            height[stack] += size
+            most = max(most, height[0] + height[1])
+            height[1 - stack] -= held[s]
+            if g >= 0 and (i + 1 < end or p + 1 == t.pieces):  # of this piece
+                held[g] += size
+        for i in range(begin, end):
+            s = t.sequence[i]
+            t.at[s] += total if t.at[s] >= 0 else total + most
+        total += most
+    return total
+
+
+def pieces_of(parent, work):
+    """Return the supernodes of all pieces, and where each piece begins.
+
+    Subtrees, the largest first, have at most 1 / PARTS of the work; there is but one
+    piece where threads are not worth it.
+    """
+    number: Py_ssize_t = parent.shape[0]
+    pieces, works = np.full(number, number), np.append(work, 0.0)
+    piece: Py_ssize_t[::1] = pieces
+    whole: cython.double[::1] = works
+    for s in range(number):  # the last one is the sum of all trees
+        whole[parent[s] if parent[s] >= 0 else number] += whole[s]
+    most = whole[number] / PARTS if whole[number] >= WORTH else 0.0
+    whole[number] = 0.0
+    for s in range(number - 1, -1, -1):
+        if parent[s] >= 0 and piece[parent[s]] < number:
+            piece[s] = piece[parent[s]]
+        elif whole[s] <= most:
+            piece[s] = s
+    sequence = np.lexsort((pieces, -works[pieces]))
+    ends = np.flatnonzero(np.diff(pieces[sequence])) + 1
+    return sequence, np.concatenate(([0], ends, [number]))
+
+
+def front_at(f, s):
+    """Return the sizes and rows of supernode s, and where its numbers are."""
+    t, v = cython.address(f.t), cython.declare(Front)
+    start = t.starts[s]
+    v.first = t.first[s]
+    v.k, v.f = t.first[s + 1] - v.first, t.starts[s + 1] - start
     v.u = v.f - v.k
-    v.rows, v.above = t.rows + t.starts[s] + v.k, t.above + t.starts[s] + v.k
+    v.rows, v.above = t.rows + start + v.k, t.above + start + v.k
+    v.panels[0], v.panels[1] = f.panels[0] + t.panels[s], f.panels[1] + t.panels[s]
+    v.update, v.passed = t.stack + t.at[s], t.passed + start + v.k
     return v
+
+
+# ---- pieces, on threads
+
+
+def do_tasks(f, work, watch):
+    """Do the work of all pieces but the last one, on all threads."""
+    f.work, f.next = work, 0
+    if f.t.pieces == 1:
+        return
+    for i in range(1, f.threads):
+        helper = cython.address(f.helpers[i])
+        helper.watch = cython.cast(cython.p_void, watch)
+        if PyThread_start_new_thread(help_along, helper) == NO_THREAD:
+            PyThread_release_lock(helper.done)
+    take_tasks(f, watch, cython.address(f.helpers[0].desk))
+    for i in range(1, f.threads):
+        while PyThread_acquire_lock_timed(f.helpers[i].done, PATIENCE, 0) != 1:
+            if watch is not None:
+                is_over(watch, OFTEN)
+
+
+def help_along(helper):
+    """Be a thread."""
+    own = cython.cast(cython.pointer(Helper), helper)
+    take_tasks(
+        cython.cast(Fronts, own.owner), cython.cast(Watched, own.watch),
+        cython.address(own.desk),
+    )  # fmt: skip
+    PyThread_release_lock(own.done)
+
+
+def take_tasks(f, watch, desk):
+    """Do pieces that no other thread has taken."""
+    while not f.failed:
+        PyThread_acquire_lock(f.guard, 1)
+        p = f.next
+        f.next += 1
+        PyThread_release_lock(f.guard)
+        if p + 1 >= f.t.pieces:
+            break
+        do_piece(f, p, watch, desk)
+
+
+def do_piece(f, p, watch, desk):
+    """Do the work of one piece, backward from its last supernode if it is asked for."""
+    begin, end = f.t.bounds[p], f.t.bounds[p + 1]
+    if f.work == FACTOR:
+        for i in range(begin, end):
+            if f.failed or not factor_front(f, f.t.sequence[i], watch, desk):
+                f.failed = True
+                break
+    elif f.work == BACKWARD:
+        for i in range(end - 1, begin - 1, -1):
+            backward(f, f.t.sequence[i], desk)
+    elif p + 1 == f.t.pieces:
+        for i in range(begin, end):
+            forward(f, f.t.sequence[i], f.t.x, f.n, desk)
+    else:
+        root = front_at(f, f.t.sequence[end - 1])
+        for i in range(begin, end):
+            forward(f, f.t.sequence[i], desk.z, root.first + root.k, desk)
+        for i in range(root.u):
+            root.passed[i] = desk.z[root.rows[i]]
+            desk.z[root.rows[i]] = 0.0
+
+
+def stops(watch, desk, operations):
+    """Tell whether to stop: the first thread looks at the clock."""
+    return is_over(watch, operations) if desk.number == 0 else watch.over
 
 
 # ---- one front
 
 
-def open_panels(f, s, data):
-    """Set the panels of a supernode to the entries of K."""
-    t = cython.address(f.t)
-    begin, end = t.lower[t.first[s]], t.lower[t.first[s + 1]]
-    size = t.panels[s + 1] - t.panels[s]
+def factor_front(f, s, watch, desk):
+    """Assemble and eliminate a supernode; False if a pivot is 0, or it is time."""
+    v = front_at(f, s)
+    if stops(watch, desk, v.k * v.f * v.f):
+        return False
+    open_panels(f, s)
     for side in range(f.sides):
-        L, source = f.panels[side] + t.panels[s], f.sources[side]
-        memset(L, 0, size * cython.sizeof(cython.double))
+        assemble(f, s, side)
+    if not eliminate(f, v, watch, desk):
+        return False
+    for side in range(f.sides):
+        complement(f, s, side, watch, desk)
+    return True
+
+
+def open_panels(f, s):
+    """Set the panels of a supernode to the entries of K."""
+    t, v = cython.address(f.t), front_at(f, s)
+    begin, end = t.lower[v.first], t.lower[v.first + v.k]
+    for side in range(f.sides):
+        L, source = v.panels[side], f.sources[side]
+        memset(L, 0, v.k * v.f * cython.sizeof(cython.double))
         for e in range(begin, end):
-            L[t.target[e]] = data[source[e]]
-
-
-def update_of(f, s, side):
-    """Return where the update of a supernode begins, a square of order u."""
-    u = front_at(cython.address(f.t), s).u
-    return f.t.stack + f.t.at[s] + side * u * u
+            L[t.target[e]] = f.data[source[e]]
 
 
 def assemble(f, s, side):
     """Add the updates of the children to the front."""
-    u, c = front_at(cython.address(f.t), s).u, f.t.child[s]
-    U = update_of(f, s, side)
+    v, c = front_at(f, s), f.t.child[s]
+    U = v.update + side * v.u * v.u
     if c >= 0:
-        for j in range(u):
-            memset(U + j * (u + 1), 0, (u - j) * cython.sizeof(cython.double))
+        for j in range(v.u):
+            memset(U + j * (v.u + 1), 0, (v.u - j) * cython.sizeof(cython.double))
     while c >= 0:
         extend_add(f, c, side)
         c = f.t.sibling[c]
@@ -225,15 +378,13 @@ def assemble(f, s, side):
 
 def extend_add(f, c, side):
     """Add the update of c, a lower triangle, to the front of its parent."""
-    t = cython.address(f.t)
-    s = t.parent[c]
-    child, v = front_at(t, c), front_at(t, s)
+    child, v = front_at(f, c), front_at(f, f.t.parent[c])
     m, place = child.u, child.above
-    C, U = update_of(f, c, side), update_of(f, s, side)
+    C, U = child.update + side * m * m, v.update + side * v.u * v.u
     for j in range(m):
         column, r = C + j * m, place[j]
         if r < v.k:
-            to = f.panels[side] + v.panel + r * v.f
+            to = v.panels[side] + r * v.f
         else:
             to = U + (r - v.k) * v.u - v.k
         if place[m - 1] - r == m - 1 - j:  # several at a time, without indices
@@ -245,45 +396,47 @@ def extend_add(f, c, side):
                 to[place[i]] += column[i]
 
 
-def eliminate(f, v, watch):
+def eliminate(f, v, watch, desk):
     """Overwrite the panels by those of L and U', set D; False if a pivot is 0."""
-    D, w = f.D + v.first, f.t.w
+    D, w = f.D + v.first, desk.w
     start: Py_ssize_t = 0
     while start < v.k:
         stop = min(start + BLOCK, v.k)
         width = stop - start
         is_small: cython.bint = (v.f - stop) * width * width <= SMALL or width <= 4
         end = v.f if is_small else stop
-        if is_over(watch, (v.f - start) * width * (v.k - start)):
+        if stops(watch, desk, (v.f - start) * width * (v.k - start)):
             return False
         for j in range(start, stop):
             for side in range(f.sides):
-                L = f.panels[side] + v.panel
-                U = f.panels[f.sides - 1 - side] + v.panel
+                L, U = v.panels[side], v.panels[f.sides - 1 - side]
                 for p in range(start, j):
                     w[p - start] = D[p] * U[j + p * v.f]
                 subtract(
                     L + j * (v.f + 1), L + j + start * v.f, v.f, w, j - start, end - j
                 )
-            pivot = f.panels[0][v.panel + j * (v.f + 1)]
+            pivot = v.panels[0][j * (v.f + 1)]
             if not (LEAST <= abs(pivot) and isfinite(pivot)):
                 return False
             D[j] = pivot
             inverse = 1.0 / pivot
             for side in range(f.sides):
-                column = f.panels[side] + v.panel + j * v.f
+                column = v.panels[side] + j * v.f
                 for i in range(j + 1, end):
                     column[i] *= inverse
         for side in range(f.sides):
             if not is_small:
-                L = f.panels[side] + v.panel
-                U = f.panels[f.sides - 1 - side] + v.panel
+                L, U = v.panels[side], v.panels[f.sides - 1 - side]
                 solve_below(v, L, U, D, start, stop)
         for side in range(f.sides):
             if stop < v.k:
-                L = f.panels[side] + v.panel
-                U = f.panels[f.sides - 1 - side] + v.panel
-                update_columns(v, L, U, D, start, stop, f.t.scaled)
+                L, U = v.panels[side] + stop, v.panels[f.sides - 1 - side] + stop
+                m, to = v.f - stop, start * v.f
+                scale(L + to, v.f, D + start, m, width, desk.scaled)
+                subtract_product(
+                    m, v.k - stop, width, desk.scaled, U + to, v.f, 1.0,
+                    L + stop * v.f, v.f,
+                )  # fmt: skip
         start = stop
     return True
 
@@ -306,102 +459,86 @@ def solve_below(v, L, U, D, start, stop):
             column[i] *= inverse
 
 
-def update_columns(v, L, U, D, start, stop, scaled):
-    """Subtract the product of the columns start : stop from those to the right."""
-    m = v.f - stop
-    scale(L + stop + start * v.f, v.f, D + start, m, stop - start, scaled)
-    a = stop
-    while a < v.k:
-        subtract_product(
-            v.f - a, min(STRIP, v.k - a), stop - start, scaled + a - stop, m,
-            U + a + start * v.f, v.f, 1.0, L + a * (v.f + 1), v.f,
-        )  # fmt: skip
-        a += STRIP
-
-
-def complement(f, s, side, watch):
+def complement(f, s, side, watch, desk):
     """Subtract L D U of the rows below from the update, a lower triangle."""
-    t = cython.address(f.t)
-    v = front_at(t, s)
-    u, C = v.u, update_of(f, s, side)
-    L = f.panels[side] + v.panel + v.k
-    U = f.panels[f.sides - 1 - side] + v.panel + v.k
-    beta = 1.0 if t.child[s] >= 0 else 0.0
+    v = front_at(f, s)
+    L, U = v.panels[side] + v.k, v.panels[f.sides - 1 - side] + v.k
+    beta = 1.0 if f.t.child[s] >= 0 else 0.0
     start: Py_ssize_t = 0
     while start < v.k:
         depth = min(DEPTH, v.k - start)
-        scale(L, v.f, f.D + v.first + start, u, depth, t.scaled)
-        a: Py_ssize_t = 0
-        while a < u:
-            if is_over(watch, STRIP * depth * (u - a)):
-                return
-            subtract_product(
-                u - a, min(STRIP, u - a), depth, t.scaled + a, u, U + a, v.f,
-                beta, C + a * (u + 1), u,
-            )  # fmt: skip
-            a += STRIP
+        if stops(watch, desk, depth * v.u * v.u):
+            return
+        scale(L, v.f, f.D + v.first + start, v.u, depth, desk.scaled)
+        subtract_product(
+            v.u, v.u, depth, desk.scaled, U, v.f, beta,
+            v.update + side * v.u * v.u, v.u,
+        )  # fmt: skip
         start, L, U, beta = start + DEPTH, L + DEPTH * v.f, U + DEPTH * v.f, 1.0
 
 
 # ---- solution
 
 
-def forward(f, L, x):
-    """Overwrite x, in the order of elimination, by L^-1 x."""
-    t = cython.address(f.t)
-    y = t.w
-    for s in range(t.number):
-        v = front_at(t, s)
-        own, P = x + v.first, L + v.panel
-        if v.k == 1:
-            for i in range(v.u):
-                x[v.rows[i]] -= P[i + 1] * own[0]
-            continue
-        copy(own, y, v.k)
-        fill(y + v.k, 0.0, v.u)
-        j: Py_ssize_t = 0
-        while j < v.k:
-            end = min(j + 4, v.k)
-            for p in range(j, end):
-                for i in range(p + 1, end):
-                    y[i] -= P[i + p * v.f] * y[p]
-            subtract(y + end, P + end + j * v.f, v.f, y + j, end - j, v.f - end)
-            j = end
-        copy(y, own, v.k)
-        for i in range(v.u):
-            x[v.rows[i]] += y[v.k + i]
+def forward(f, s, z, end, desk):
+    """Solve with the columns of L of a supernode, in z for the rows from `end` on."""
+    v, x = front_at(f, s), f.t.x
+    own, P, y = x + v.first, v.panels[0], desk.w
+    if v.k == 1:
+        subtract_from(v, P + 1, own[0], x, z, end)
+        return
+    copy(own, y, v.k)
+    fill(y + v.k, 0.0, v.u)
+    j: Py_ssize_t = 0
+    while j < v.k:
+        stop = min(j + 4, v.k)
+        for p in range(j, stop):
+            for i in range(p + 1, stop):
+                y[i] -= P[i + p * v.f] * y[p]
+        subtract(y + stop, P + stop + j * v.f, v.f, y + j, stop - j, v.f - stop)
+        j = stop
+    copy(y, own, v.k)
+    subtract_from(v, y + v.k, -1.0, x, z, end)
 
 
-def backward(f, U, x):
-    """Overwrite x by U^-1 x."""
-    t = cython.address(f.t)
-    y = t.w
+def subtract_from(v, column, factor, x, z, end):
+    """Subtract a multiple of a column from the rows below a square of x, then of z."""
+    inside = v.u
+    while inside > 0 and v.rows[inside - 1] >= end:
+        inside -= 1
+    for i in range(inside):
+        x[v.rows[i]] -= column[i] * factor
+    for i in range(inside, v.u):
+        z[v.rows[i]] -= column[i] * factor
+
+
+def backward(f, s, desk):
+    """Solve with the rows of U of a supernode."""
+    v, x = front_at(f, s), f.t.x
+    own, P, y = x + v.first, v.panels[f.sides - 1], desk.w
     sums = cython.declare(cython.double[4])
-    for s in range(t.number - 1, -1, -1):
-        v = front_at(t, s)
-        own, P = x + v.first, U + v.panel
-        if v.k == 1:
-            for i in range(v.u):
-                own[0] -= P[i + 1] * x[v.rows[i]]
-            continue
-        copy(own, y, v.k)
+    if v.k == 1:
         for i in range(v.u):
-            y[v.k + i] = x[v.rows[i]]
-        end = v.k
-        while end > 0:
-            j = max(end - 4, 0)
-            a, m, ld = P + end + j * v.f, v.f - end, v.f
-            if j + 4 == end:
-                four_dots(y + end, a, a + ld, a + 2 * ld, a + 3 * ld, m, sums)
-            else:
-                for p in range(end - j):
-                    sums[p] = dot(a + p * ld, y + end, m)
-            for p in range(end - 1, j - 1, -1):
-                y[p] -= sums[p - j]
-                for i in range(p + 1, end):
-                    y[p] -= P[i + p * ld] * y[i]
-            end = j
-        copy(y, own, v.k)
+            own[0] -= P[i + 1] * x[v.rows[i]]
+        return
+    copy(own, y, v.k)
+    for i in range(v.u):
+        y[v.k + i] = x[v.rows[i]]
+    end = v.k
+    while end > 0:
+        j = max(end - 4, 0)
+        a, m, ld = P + end + j * v.f, v.f - end, v.f
+        if j + 4 == end:
+            four_dots(y + end, a, a + ld, a + 2 * ld, a + 3 * ld, m, sums)
+        else:
+            for p in range(end - j):
+                sums[p] = dot(a + p * ld, y + end, m)
+        for p in range(end - 1, j - 1, -1):
+            y[p] -= sums[p - j]
+            for i in range(p + 1, end):
+                y[p] -= P[i + p * ld] * y[i]
+        end = j
+    copy(y, own, v.k)
 
 
 # ---- products
@@ -435,18 +572,26 @@ def subtract(out, L, ld, w, k, m):
         add_scaled(-w[p], L + p * ld, out, m)
 
 
-def subtract_product(m, n, k, A, lda, B, ldb, beta, C, ldc):
-    """Set C (m, n) to beta C - A B'."""
-    rows: cython.int = m
-    columns: cython.int = n
+def subtract_product(m, n, k, A, B, ldb, beta, C, ldc):
+    """Set the first n columns of a lower triangle C with m rows to beta C - A B'.
+
+    A has its rows one after another, without gaps. STRIP columns at a time have the
+    rows from the first one's diagonal entry on.
+    """
     inner: cython.int = k
-    step_A: cython.int = lda
+    step_A: cython.int = m
     step_B: cython.int = ldb
     step_C: cython.int = ldc
     minus: cython.double = -1.0
-    dgemm(
-        b"N", b"T", cython.address(rows), cython.address(columns),
-        cython.address(inner), cython.address(minus), cython.cast(cython.p_double, A),
-        cython.address(step_A), cython.cast(cython.p_double, B), cython.address(step_B),
-        cython.address(beta), C, cython.address(step_C),
-    )  # fmt: skip
+    a: Py_ssize_t = 0
+    while a < n:
+        rows: cython.int = m - a
+        columns: cython.int = min(STRIP, n - a)
+        dgemm(
+            b"N", b"T", cython.address(rows), cython.address(columns),
+            cython.address(inner), cython.address(minus),
+            cython.cast(cython.p_double, A) + a, cython.address(step_A),
+            cython.cast(cython.p_double, B) + a, cython.address(step_B),
+            cython.address(beta), C + a * (ldc + 1), cython.address(step_C),
+        )  # fmt: skip
+        a += STRIP

@@ -4,7 +4,8 @@ The threads of OpenBLAS wait for each other in every small factorisation: if ano
 process occupies the core of one, all wait, and a solve takes many times as long. On an
 idle machine with two cores a second thread saves 5 to 15 % of the time of dense QPs
 with 600 to 1800 variables and rows, and nothing for smaller ones or dense LCPs. So a
-solve runs on one thread, a QP of that size on more where they are asked for.
+solve runs on one thread, a dense QP of that size on more where they are asked for. In a
+large sparse one the `fronts` then have these threads, each with a BLAS of one.
 
 The setting belongs to the process. Of solves that run at once in several threads of
 Python, the last to end restores the setting that the first one found.
@@ -77,32 +78,41 @@ def extension_modules() -> Iterator[str]:
 
 
 class Limited:
-    """A block in which BLAS may use so many threads; a generator would cost 3 us.
+    """A block of a solve with so many threads, of which BLAS may use its own number.
 
-    Of blocks that run at once, the one that asks for most counts.
+    Of blocks that run at once, the one that asks most of BLAS counts. A generator would
+    cost 3 us.
     """
 
     lock = threading.Lock()
     asked: ClassVar[list[int]] = []  # by the blocks that run
     before: ClassVar[list[int]] = []  # what the first one found
+    local = threading.local()
 
-    def __init__(self, threads: int) -> None:
-        self.threads = threads
+    def __init__(self, threads: int, blas: int) -> None:
+        self.threads, self.blas, self.outer = threads, blas, solve_threads()
 
     def __enter__(self) -> None:
         """Set the number."""
+        Limited.local.threads = self.threads
         with Limited.lock:
             if not Limited.asked:
                 Limited.before = [get() for _, get in settings()]
-            Limited.asked.append(self.threads)
+            Limited.asked.append(self.blas)
             put_threads()
 
     def __exit__(self, *_: object) -> None:
         """Restore what was set before."""
+        Limited.local.threads = self.outer
         with Limited.lock:
-            if self.threads in Limited.asked:  # not so in a child of fork
-                Limited.asked.remove(self.threads)
+            if self.blas in Limited.asked:  # not so in a child of fork
+                Limited.asked.remove(self.blas)
                 put_threads()
+
+
+def solve_threads() -> int:
+    """Return how many threads the solve that runs in this one may use."""
+    return getattr(Limited.local, "threads", 1)
 
 
 def put_threads() -> None:
@@ -128,12 +138,15 @@ if hasattr(os, "register_at_fork"):
 UNLIMITED: contextlib.AbstractContextManager[None] = contextlib.nullcontext()
 
 
-def blas_threads(threads: int, order: int) -> contextlib.AbstractContextManager[None]:
+def blas_threads(
+    threads: int, order: int, dense: bool = True
+) -> contextlib.AbstractContextManager[None]:
     """Let BLAS use `threads` threads in a `with` block, one where more do not pay.
 
     `order`: of the largest matrix that may be dense; up to UNTOUCHED_ORDER nothing is
-    set.
+    set. Unless it is `dense`, BLAS has one, and the others are left: `solve_threads`.
     """
     if order <= UNTOUCHED_ORDER or not settings():
         return UNLIMITED
-    return Limited(threads if order >= WORTH_ORDER else 1)
+    blas = threads if dense and order >= WORTH_ORDER else 1
+    return Limited(threads // blas, blas)

@@ -47,7 +47,8 @@ def solve_checked(
     if relaxation:
         weights_of(qp, relaxation)  # raises where there are too many or too few
     order = qp.q.size + qp.h.size + qp.b.size
-    with blas_threads(options.threads, order), np.errstate(all="ignore"):
+    threads = blas_threads(options.threads, order, qp.is_dense)
+    with threads, np.errstate(all="ignore"):
         answer = known or route(qp, guess, limits, memory, given)
         stage = None
         if answer.status is Status.STALLED:
