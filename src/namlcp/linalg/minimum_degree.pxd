@@ -32,7 +32,6 @@ cdef struct Quotient:
 cdef bint order_by_degree(const int* indptr, const int* indices, Py_ssize_t size, int* kind, int* place) noexcept nogil
 cdef void place_hubs(Quotient* g) noexcept nogil
 cdef void mark_hubs(Quotient* g, const int* indptr, const int* indices) noexcept nogil
-cdef void count_inside(Quotient* g, const int* indptr, const int* indices, const int* member, Py_ssize_t* degree) noexcept nogil
 cdef bint eliminate_all(Quotient* g, const int* indptr, const int* indices) noexcept nogil
 cdef Py_ssize_t count_neighbours(Quotient* g, const int* indptr, const int* indices) noexcept nogil
 cdef void write_neighbours(Quotient* g, const int* indptr, const int* indices) noexcept nogil
