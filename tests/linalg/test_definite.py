@@ -47,3 +47,14 @@ def test_pivots_of_small_and_large_matrices(order, shift):
     triangle.indices = triangle.indices.astype(np.int32)
     triangle.indptr = triangle.indptr.astype(np.int32)
     assert has_positive_pivots(triangle) == (shift > 0.0)
+
+
+@pytest.mark.parametrize("j", [0, 5, DENSE_ORDER])
+def test_a_diagonal_entry_that_is_not_stored_is_0(j):
+    order = DENSE_ORDER + 1
+    ones = np.ones(order)
+    triangle = sparse.csc_array(np.diag(ones) + 0.1 * np.diag(ones[1:], 1))
+    assert has_positive_pivots(triangle)
+    triangle[j, j] = 0.0
+    triangle.eliminate_zeros()
+    assert not has_positive_pivots(triangle)

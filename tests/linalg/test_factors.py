@@ -23,7 +23,6 @@ from scipy.sparse import (
 from namlcp import solve_qp
 from namlcp.linalg import (
     SparseFactors,
-    factor_triangle,
     factors,
     minimum_degree,
     plan_lu,
@@ -158,16 +157,6 @@ def test_of_order_zero(kind):
     f = KINDS[kind](U)
     f.refactor(U.data)
     assert f.solve(np.empty(0)).size == 0
-
-
-def test_a_diagonal_entry_that_is_not_stored_is_told():
-    K = quasi_definite(6, 4, 0.5, 2)
-    np.testing.assert_allclose(K @ factor_triangle(upper(K)).solve(K[0]), K[0])
-    for j in (0, 5, 9):
-        U = upper(K - np.diag(np.diag(K) * (np.arange(10) == j)))
-        U.eliminate_zeros()
-        with pytest.raises(ValueError, match="pivot"):
-            factor_triangle(U)
 
 
 def test_a_qp_is_solved_with_either_kind_of_factors(monkeypatch):

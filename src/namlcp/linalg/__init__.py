@@ -27,7 +27,7 @@ from namlcp.linalg.definite import (
     is_positive_semidefinite,
     is_symmetric,
 )
-from namlcp.linalg.factors import factor_triangle, plan_factors, plan_lu
+from namlcp.linalg.factors import plan_factors, plan_lu
 from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.ordering import supernodes
 from namlcp.linalg.sparse_ldl import Factors, SparseFactors

@@ -15,24 +15,21 @@ NO_ENTRIES = np.empty(0)
 
 def fits(value, ndim):
     """Tell whether a value can go to compiled code as it is."""
-    if not cnp.PyArray_CheckExact(value):
-        return False
-    array: cnp.ndarray = value
-    return (
-        cnp.PyArray_TYPE(array) == cnp.NPY_DOUBLE
-        and cnp.PyArray_NDIM(array) == ndim
-        and cnp.PyArray_ISCARRAY_RO(array)
-    )
+    return _is_clean(value, cnp.NPY_DOUBLE, ndim)
 
 
 def are_places(value):
     """Tell whether a value has indices that can go to compiled code as they are."""
+    return _is_clean(value, cnp.NPY_INT32, 1)
+
+
+def _is_clean(value, kind, ndim):
     if not cnp.PyArray_CheckExact(value):
         return False
     array: cnp.ndarray = value
     return (
-        cnp.PyArray_EquivTypenums(cnp.PyArray_TYPE(array), cnp.NPY_INT32)
-        and cnp.PyArray_NDIM(array) == 1
+        cnp.PyArray_EquivTypenums(cnp.PyArray_TYPE(array), kind)
+        and cnp.PyArray_NDIM(array) == ndim
         and cnp.PyArray_ISCARRAY_RO(array)
     )
 

@@ -8,7 +8,7 @@ from scipy.sparse import csc_array, eye_array, issparse, triu
 
 from namlcp.entries import dense_asymmetry, sparse_asymmetry
 from namlcp.linalg.csc import as_dense
-from namlcp.linalg.factors import factor_triangle
+from namlcp.linalg.minimum_degree import minimum_degree
 from namlcp.linalg.sparse_ldl import SparseFactors
 
 PSD_SLACK = 1e-6
@@ -48,8 +48,16 @@ def is_positive_semidefinite(A: Any, tolerance: float) -> bool:
 
 def positive_factors(triangle: csc_array) -> SparseFactors | None:
     """Return L D L' of the matrix with this upper triangle, None unless D > 0."""
+    triangle.sum_duplicates()
+    n = triangle.shape[0]
+    indptr, indices = (
+        np.ascontiguousarray(v, np.int32) for v in (triangle.indptr, triangle.indices)
+    )
+    if np.any(np.diff(indptr) == 0) or np.any(indices[indptr[1:] - 1] != np.arange(n)):
+        return None  # a diagonal entry is 0
+    factors = SparseFactors(indptr, indices, minimum_degree(indptr, indices))
     try:
-        factors = factor_triangle(triangle)
+        factors.refactor(triangle.data)
     except ValueError:  # a pivot is 0
         return None
     return factors if (factors.pivots > 0.0).all() else None

@@ -6,7 +6,7 @@ dense fronts are faster (`fronts`).
 """
 
 import numpy as np
-from scipy.sparse import csc_array, csc_matrix
+from scipy.sparse import csc_array
 
 from namlcp.linalg.fronts import Fronts
 from namlcp.linalg.minimum_degree import minimum_degree
@@ -67,21 +67,3 @@ def better_order(indptr: np.ndarray, indices: np.ndarray, order: Order) -> Order
         return order
     other = nested_dissection(indptr, indices)
     return order if other is None or other.work >= order.work else other
-
-
-def factor_triangle(triangle: csc_matrix) -> SparseFactors:
-    """Return L D L' of a symmetric matrix, its upper triangle given.
-
-    Raises ValueError if a diagonal entry is not stored, or a pivot is 0.
-    """
-    triangle.sum_duplicates()
-    indptr, indices = (
-        np.ascontiguousarray(v, np.int32) for v in (triangle.indptr, triangle.indices)
-    )
-    last = indptr[1:] - 1
-    every = np.arange(last.size)
-    if np.any(np.diff(indptr) == 0) or np.any(indices[last] != every):
-        raise ValueError("a pivot vanishes")
-    factors = SparseFactors(indptr, indices, minimum_degree(indptr, indices))
-    factors.refactor(triangle.data)
-    return factors

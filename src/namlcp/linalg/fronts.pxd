@@ -20,12 +20,8 @@ cdef enum:
     BACKWARD = 2
 
 cdef extern from "pythread.h" nogil:
-    """
-    #define NO_THREAD ((unsigned long)-1)
-    """
-    unsigned long NO_THREAD
     ctypedef void *PyThread_type_lock
-    unsigned long PyThread_start_new_thread(void (*work)(void *) noexcept nogil, void *argument)
+    long PyThread_start_new_thread(void (*work)(void *) noexcept nogil, void *argument)
     PyThread_type_lock PyThread_allocate_lock()
     void PyThread_free_lock(PyThread_type_lock lock)
     int PyThread_acquire_lock(PyThread_type_lock lock, int wait)
@@ -60,16 +56,13 @@ cdef struct Front:
     double *update, *passed
 
 cdef struct Desk:
-    # The number of a thread, its work space: a front of a vector, L D of the rows below,
-    # a right-hand side, 0 between pieces.
-    Py_ssize_t number
-    double *w, *scaled, *z
-
-cdef struct Helper:
     # A thread: its factors and its watch, the lock that it releases at the end.
+    Py_ssize_t number
     void *owner, *watch
-    Desk desk
     PyThread_type_lock done
+    # Its work space: a front of a vector, L D of the rows below, a right-hand side, which
+    # is 0 between pieces.
+    double *w, *scaled, *z
 
 
 cdef class Fronts(Factors):
@@ -82,13 +75,13 @@ cdef class Fronts(Factors):
         const int *sources[2]
         double *D
         const double *data
-        # What is done, the next piece to be taken, whether a pivot is 0; the first helper
-        # is the thread that asks.
+        # What is done, the next piece to be taken, whether to stop; the first thread is
+        # the one that asks.
         int work
         Py_ssize_t next
         bint failed
         PyThread_type_lock guard
-        Helper helpers[MOST_THREADS]
+        Desk desks[MOST_THREADS]
         object arrays, shared, values
         # Entries of all updates that wait at once.
         readonly Py_ssize_t stack, threads
@@ -101,9 +94,9 @@ cdef class Fronts(Factors):
 cdef void lay_out(Fronts f, int *position) noexcept nogil
 cdef Py_ssize_t stack_updates(Fronts f, Py_ssize_t *held) noexcept nogil
 cdef tuple pieces_of(const int[::1] parent, object work)
-cdef Front front_at(Fronts f, Py_ssize_t s) noexcept nogil
+cdef inline Front front_at(Fronts f, Py_ssize_t s) noexcept nogil
 cdef void do_tasks(Fronts f, int work, Watched watch) noexcept nogil
-cdef void help_along(void *helper) noexcept nogil
+cdef void help_along(void *own) noexcept nogil
 cdef void take_tasks(Fronts f, Watched watch, Desk *desk) noexcept nogil
 cdef void do_piece(Fronts f, Py_ssize_t p, Watched watch, Desk *desk) noexcept nogil
 cdef bint factor_front(Fronts f, Py_ssize_t s, Watched watch, Desk *desk) noexcept nogil
@@ -112,11 +105,11 @@ cdef void open_panels(Fronts f, Py_ssize_t s) noexcept nogil
 cdef void assemble(Fronts f, Py_ssize_t s, Py_ssize_t side) noexcept nogil
 cdef void extend_add(Fronts f, Py_ssize_t c, Py_ssize_t side) noexcept nogil
 cdef bint eliminate(Fronts f, Front v, Watched watch, Desk *desk) noexcept nogil
-cdef void solve_below(Front v, double *L, const double *U, const double *D, Py_ssize_t start, Py_ssize_t stop) noexcept nogil
+cdef void solve_below(int m, int n, const double *U, const double *D, double *L, int ld) noexcept nogil
 cdef void complement(Fronts f, Py_ssize_t s, Py_ssize_t side, Watched watch, Desk *desk) noexcept nogil
-cdef void forward(Fronts f, Py_ssize_t s, double *z, Py_ssize_t end, Desk *desk) noexcept nogil
-cdef void subtract_from(Front v, const double *column, double factor, double *x, double *z, Py_ssize_t end) noexcept nogil
+cdef void forward(Fronts f, Py_ssize_t s, Py_ssize_t end, Desk *desk) noexcept nogil
+cdef void subtract_below(const int *rows, Py_ssize_t u, const double *column, double factor, double *x, double *z, Py_ssize_t end) noexcept nogil
 cdef void backward(Fronts f, Py_ssize_t s, Desk *desk) noexcept nogil
 cdef void scale(const double *L, Py_ssize_t ld, const double *D, Py_ssize_t m, Py_ssize_t n, double *out) noexcept nogil
 cdef void subtract(double *out, const double *L, Py_ssize_t ld, const double *w, Py_ssize_t k, Py_ssize_t m) noexcept nogil
-cdef void subtract_product(Py_ssize_t m, Py_ssize_t n, Py_ssize_t k, const double *A, const double *B, Py_ssize_t ldb, double beta, double *C, Py_ssize_t ldc) noexcept nogil
+cdef void subtract_product(int m, int n, int k, const double *A, const double *B, int ldb, double beta, double *C, int ldc) noexcept nogil

@@ -26,7 +26,7 @@ number of threads.
 
 import cython
 import numpy as np
-from cython import Py_ssize_t
+from cython import Py_ssize_t, address, cast, p_double, p_void
 from cython.cimports.libc.math import isfinite
 from cython.cimports.libc.string import memset
 from cython.cimports.namlcp.linalg.arrays import indices as longs
@@ -71,7 +71,7 @@ class Fronts(Factors):
         ints, above = np.empty((2, number), np.int32), np.empty(length, np.int32)
         at, target = np.empty(number, np.intp), np.empty(size, np.intp)
         x, passed = np.empty(n), np.empty(length)
-        t = cython.address(self.t)
+        t = address(self.t)
         t.number = number
         t.place, t.first = places(order.place, n), places(nodes.first, number + 1)
         t.parent, t.rows = places(nodes.parent, number), places(nodes.rows, length)
@@ -99,7 +99,7 @@ class Fronts(Factors):
 
     def share(self, nodes, threads):
         """Lay out the pieces, the stacks and the work space of so many threads."""
-        t, n, number = cython.address(self.t), self.n, self.t.number
+        t, n, number = address(self.t), self.n, self.t.number
         k, f = np.diff(nodes.first), np.diff(nodes.starts)
         sequence, bounds = pieces_of(nodes.parent, k * f.astype(float) ** 2)
         t.pieces = bounds.size - 1
@@ -114,21 +114,20 @@ class Fronts(Factors):
         t.stack = numbers(stack, self.stack)
         self.shared = sequence, bounds, stack, work, z
         for i in range(threads):
-            helper = cython.address(self.helpers[i])
-            helper.owner = cython.cast(cython.p_void, self)
-            helper.desk.number, helper.desk.z = i, numbers(z[i], n)
-            helper.desk.w = numbers(work[i], room)
-            helper.desk.scaled = helper.desk.w + width
+            desk = self.desks + i
+            desk.number, desk.owner, desk.z = i, cast(p_void, self), numbers(z[i], n)
+            desk.w = numbers(work[i], room)
+            desk.scaled = desk.w + width
             if i > 0:
-                helper.done = PyThread_allocate_lock()
-                PyThread_acquire_lock(helper.done, 1)
+                desk.done = PyThread_allocate_lock()
+                PyThread_acquire_lock(desk.done, 1)
         self.guard, self.threads = PyThread_allocate_lock(), threads
 
     def __dealloc__(self):
         if self.guard != cython.NULL:
             PyThread_free_lock(self.guard)
         for i in range(1, self.threads):
-            PyThread_free_lock(self.helpers[i].done)
+            PyThread_free_lock(self.desks[i].done)
 
     def another(self):
         """Return factors of the same layout and work space, on one thread."""
@@ -136,7 +135,7 @@ class Fronts(Factors):
         other.n, other.nnz, other.t = self.n, self.nnz, self.t
         other.sides, other.arrays, other.shared = self.sides, self.arrays, self.shared
         other.sources[0], other.sources[1] = self.sources[0], self.sources[1]
-        other.helpers[0], other.threads = self.helpers[0], 1
+        other.desks[0], other.threads = self.desks[0], 1
         other.guard = PyThread_allocate_lock()
         other.allocate()
         return other
@@ -144,11 +143,11 @@ class Fronts(Factors):
     def factor_values(self, data, watch):
         self.data, self.failed = data, False
         do_tasks(self, FACTOR, watch)
-        do_piece(self, self.t.pieces - 1, watch, cython.address(self.helpers[0].desk))
+        do_piece(self, self.t.pieces - 1, watch, self.desks)
         return not (self.failed or watch.over)
 
     def solve_into(self, rhs, x):
-        t, desk = cython.address(self.t), cython.address(self.helpers[0].desk)
+        t, desk = address(self.t), self.desks
         place, y, top = t.place, t.x, t.pieces - 1
         for j in range(self.n):
             y[place[j]] = rhs[j]
@@ -173,7 +172,7 @@ class Fronts(Factors):
 
 def lay_out(f, position):
     """Set the places of entries and rows, and the lists of children."""
-    t = cython.address(f.t)
+    t = address(f.t)
     for s in range(t.number):
         t.child[s] = -1
     for s in range(t.number - 1, -1, -1):
@@ -201,7 +200,7 @@ def stack_updates(f, held):
 
     held is overwritten by what the children of a supernode have on their stack.
     """
-    t = cython.address(f.t)
+    t = address(f.t)
     height = cython.declare(Py_ssize_t[2])
     total: Py_ssize_t = 0
     for s in range(t.number - 1, -1, -1):
@@ -254,7 +253,7 @@ def pieces_of(parent, work):
 
 def front_at(f, s):
     """Return the sizes and rows of supernode s, and where its numbers are."""
-    t, v = cython.address(f.t), cython.declare(Front)
+    t, v = address(f.t), cython.declare(Front)
     start = t.starts[s]
     v.first = t.first[s]
     v.k, v.f = t.first[s + 1] - v.first, t.starts[s + 1] - start
@@ -274,25 +273,21 @@ def do_tasks(f, work, watch):
     if f.t.pieces == 1:
         return
     for i in range(1, f.threads):
-        helper = cython.address(f.helpers[i])
-        helper.watch = cython.cast(cython.p_void, watch)
-        if PyThread_start_new_thread(help_along, helper) == NO_THREAD:
-            PyThread_release_lock(helper.done)
-    take_tasks(f, watch, cython.address(f.helpers[0].desk))
+        f.desks[i].watch = cast(p_void, watch)
+        if PyThread_start_new_thread(help_along, f.desks + i) == -1:
+            PyThread_release_lock(f.desks[i].done)
+    take_tasks(f, watch, f.desks)
     for i in range(1, f.threads):
-        while PyThread_acquire_lock_timed(f.helpers[i].done, PATIENCE, 0) != 1:
+        while PyThread_acquire_lock_timed(f.desks[i].done, PATIENCE, 0) != 1:
             if watch is not None:
                 is_over(watch, OFTEN)
 
 
-def help_along(helper):
-    """Be a thread."""
-    own = cython.cast(cython.pointer(Helper), helper)
-    take_tasks(
-        cython.cast(Fronts, own.owner), cython.cast(Watched, own.watch),
-        cython.address(own.desk),
-    )  # fmt: skip
-    PyThread_release_lock(own.done)
+def help_along(own):
+    """Be a thread, at a `Desk`."""
+    desk = cast(cython.pointer(Desk), own)
+    take_tasks(cast(Fronts, desk.owner), cast(Watched, desk.watch), desk)
+    PyThread_release_lock(desk.done)
 
 
 def take_tasks(f, watch, desk):
@@ -318,13 +313,10 @@ def do_piece(f, p, watch, desk):
     elif f.work == BACKWARD:
         for i in range(end - 1, begin - 1, -1):
             backward(f, f.t.sequence[i], desk)
-    elif p + 1 == f.t.pieces:
-        for i in range(begin, end):
-            forward(f, f.t.sequence[i], f.t.x, f.n, desk)
     else:
         root = front_at(f, f.t.sequence[end - 1])
         for i in range(begin, end):
-            forward(f, f.t.sequence[i], desk.z, root.first + root.k, desk)
+            forward(f, f.t.sequence[i], root.first + root.k, desk)
         for i in range(root.u):
             root.passed[i] = desk.z[root.rows[i]]
             desk.z[root.rows[i]] = 0.0
@@ -355,7 +347,7 @@ def factor_front(f, s, watch, desk):
 
 def open_panels(f, s):
     """Set the panels of a supernode to the entries of K."""
-    t, v = cython.address(f.t), front_at(f, s)
+    t, v = address(f.t), front_at(f, s)
     begin, end = t.lower[v.first], t.lower[v.first + v.k]
     for side in range(f.sides):
         L, source = v.panels[side], f.sources[side]
@@ -387,13 +379,8 @@ def extend_add(f, c, side):
             to = v.panels[side] + r * v.f
         else:
             to = U + (r - v.k) * v.u - v.k
-        if place[m - 1] - r == m - 1 - j:  # several at a time, without indices
-            to = to + r - j
-            for i in range(j, m):
-                to[i] += column[i]
-        else:
-            for i in range(j, m):
-                to[place[i]] += column[i]
+        for i in range(j, m):
+            to[place[i]] += column[i]
 
 
 def eliminate(f, v, watch, desk):
@@ -424,14 +411,14 @@ def eliminate(f, v, watch, desk):
                 column = v.panels[side] + j * v.f
                 for i in range(j + 1, end):
                     column[i] *= inverse
+        m, to = v.f - stop, start * v.f
         for side in range(f.sides):
             if not is_small:
-                L, U = v.panels[side], v.panels[f.sides - 1 - side]
-                solve_below(v, L, U, D, start, stop)
+                L, U = v.panels[side] + to, v.panels[f.sides - 1 - side] + to
+                solve_below(m, width, U + start, D + start, L + stop, v.f)
         for side in range(f.sides):
             if stop < v.k:
                 L, U = v.panels[side] + stop, v.panels[f.sides - 1 - side] + stop
-                m, to = v.f - stop, start * v.f
                 scale(L + to, v.f, D + start, m, width, desk.scaled)
                 subtract_product(
                     m, v.k - stop, width, desk.scaled, U + to, v.f, 1.0,
@@ -441,22 +428,17 @@ def eliminate(f, v, watch, desk):
     return True
 
 
-def solve_below(v, L, U, D, start, stop):
-    """Solve with D U of the block start : stop for the rows of L below it."""
-    m: cython.int = v.f - stop
-    n: cython.int = stop - start
-    ld: cython.int = v.f
+def solve_below(m, n, U, D, L, ld):
+    """Set L (m, n) to L (D U)^-1; all columns have ld rows."""
     one: cython.double = 1.0
     dtrsm(
-        b"R", b"L", b"T", b"U", cython.address(m), cython.address(n),
-        cython.address(one), cython.cast(cython.p_double, U) + start * (v.f + 1),
-        cython.address(ld), L + stop + start * v.f, cython.address(ld),
+        b"R", b"L", b"T", b"U", address(m), address(n), address(one),
+        cast(p_double, U), address(ld), L, address(ld),
     )  # fmt: skip
-    for p in range(start, stop):
-        column = L + p * v.f
+    for p in range(n):
         inverse = 1.0 / D[p]
-        for i in range(stop, v.f):
-            column[i] *= inverse
+        for i in range(m):
+            L[i + p * cast(Py_ssize_t, ld)] *= inverse
 
 
 def complement(f, s, side, watch, desk):
@@ -480,12 +462,12 @@ def complement(f, s, side, watch, desk):
 # ---- solution
 
 
-def forward(f, s, z, end, desk):
-    """Solve with the columns of L of a supernode, in z for the rows from `end` on."""
+def forward(f, s, end, desk):
+    """Solve with the columns of L of a supernode, in desk.z for rows from `end` on."""
     v, x = front_at(f, s), f.t.x
     own, P, y = x + v.first, v.panels[0], desk.w
     if v.k == 1:
-        subtract_from(v, P + 1, own[0], x, z, end)
+        subtract_below(v.rows, v.u, P + 1, own[0], x, desk.z, end)
         return
     copy(own, y, v.k)
     fill(y + v.k, 0.0, v.u)
@@ -498,18 +480,18 @@ def forward(f, s, z, end, desk):
         subtract(y + stop, P + stop + j * v.f, v.f, y + j, stop - j, v.f - stop)
         j = stop
     copy(y, own, v.k)
-    subtract_from(v, y + v.k, -1.0, x, z, end)
+    subtract_below(v.rows, v.u, y + v.k, -1.0, x, desk.z, end)
 
 
-def subtract_from(v, column, factor, x, z, end):
-    """Subtract a multiple of a column from the rows below a square of x, then of z."""
-    inside = v.u
-    while inside > 0 and v.rows[inside - 1] >= end:
+def subtract_below(rows, u, column, factor, x, z, end):
+    """Subtract a multiple of a column from u rows of x, from `end` on of z."""
+    inside = u
+    while inside > 0 and rows[inside - 1] >= end:
         inside -= 1
     for i in range(inside):
-        x[v.rows[i]] -= column[i] * factor
-    for i in range(inside, v.u):
-        z[v.rows[i]] -= column[i] * factor
+        x[rows[i]] -= column[i] * factor
+    for i in range(inside, u):
+        z[rows[i]] -= column[i] * factor
 
 
 def backward(f, s, desk):
@@ -573,25 +555,19 @@ def subtract(out, L, ld, w, k, m):
 
 
 def subtract_product(m, n, k, A, B, ldb, beta, C, ldc):
-    """Set the first n columns of a lower triangle C with m rows to beta C - A B'.
+    """Set the first n columns of C, a lower triangle with m rows, to beta C - A B'.
 
-    A has its rows one after another, without gaps. STRIP columns at a time have the
-    rows from the first one's diagonal entry on.
+    Of STRIP columns at a time, all rows from the first diagonal entry on are set. The
+    columns of A follow each other.
     """
-    inner: cython.int = k
-    step_A: cython.int = m
-    step_B: cython.int = ldb
-    step_C: cython.int = ldc
     minus: cython.double = -1.0
     a: Py_ssize_t = 0
     while a < n:
         rows: cython.int = m - a
         columns: cython.int = min(STRIP, n - a)
         dgemm(
-            b"N", b"T", cython.address(rows), cython.address(columns),
-            cython.address(inner), cython.address(minus),
-            cython.cast(cython.p_double, A) + a, cython.address(step_A),
-            cython.cast(cython.p_double, B) + a, cython.address(step_B),
-            cython.address(beta), C + a * (ldc + 1), cython.address(step_C),
+            b"N", b"T", address(rows), address(columns), address(k), address(minus),
+            cast(p_double, A) + a, address(m), cast(p_double, B) + a, address(ldb),
+            address(beta), C + a * (ldc + 1), address(ldc),
         )  # fmt: skip
         a += STRIP

@@ -15,8 +15,8 @@ cdef struct Quotient:
     # supervariable stands for, 0 if it is part of another; it is negative while i belongs
     # to the element being formed. degree[i] bounds the rows beside i. The rows that i
     # stands for are i, following[i], following[following[i]], ..., last[i]. hubs[i] counts
-    # the hubs beside i, beside[i] the rows beside a hub. mark[e] is 0 for an element that
-    # has been absorbed, all marks are below `tag`.
+    # the hubs beside i. mark[e] is 0 for an element that has been absorbed, all marks are
+    # below `tag`.
     #
     # Variables of equal listed degree d, see `listed_degree`, form a list: head[d],
     # after[head[d]], ...; `before` links back. While an element is formed, its variables
@@ -25,12 +25,11 @@ cdef struct Quotient:
     #
     # kind: OUTSIDE, VARIABLE, or BESIDE for a hub; the first `done` places are taken.
     Py_ssize_t size, room, end, tag, done
-    Py_ssize_t *start, *mark, *degree, *beside
+    Py_ssize_t *start, *mark, *degree
     int *kind, *place, *length, *elements, *weight, *following, *last, *hubs, *head
     int *after, *before, *bucket, *adjacent
 
 cdef bint order_by_degree(const int* indptr, const int* indices, Py_ssize_t size, int* kind, int* place) noexcept nogil
-cdef void place_hubs(Quotient* g) noexcept nogil
 cdef void mark_hubs(Quotient* g, const int* indptr, const int* indices) noexcept nogil
 cdef bint eliminate_all(Quotient* g, const int* indptr, const int* indices) noexcept nogil
 cdef Py_ssize_t count_neighbours(Quotient* g, const int* indptr, const int* indices) noexcept nogil

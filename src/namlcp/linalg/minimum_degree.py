@@ -56,15 +56,14 @@ def order_by_degree(indptr, indices, size, kind, place):
     """
     quotient: Quotient
     g = cython.address(quotient)
-    longs = cython.cast(cython.p_Py_ssize_t, malloc(4 * 8 * (size + 1)))
+    longs = cython.cast(cython.p_Py_ssize_t, malloc(3 * 8 * (size + 1)))
     shorts = cython.cast(cython.p_int, malloc(10 * 4 * (size + 1)))
     is_done: cython.bint = longs != cython.NULL and shorts != cython.NULL
     g.adjacent, g.size, g.kind, g.place, g.done = cython.NULL, size, kind, place, 0
     for i in range(size):
         place[i] = NONE
     if is_done:
-        g.start, g.mark = longs, longs + size
-        g.degree, g.beside = longs + 2 * size, longs + 3 * size
+        g.start, g.mark, g.degree = longs, longs + size, longs + 2 * size
         g.length, g.elements = shorts, shorts + size
         g.weight, g.following = shorts + 2 * size, shorts + 3 * size
         g.last, g.hubs = shorts + 4 * size, shorts + 5 * size
@@ -72,29 +71,19 @@ def order_by_degree(indptr, indices, size, kind, place):
         g.before, g.bucket = shorts + 8 * size, shorts + 9 * size
         mark_hubs(g, indptr, indices)
         is_done = eliminate_all(g, indptr, indices)
-        place_hubs(g)
+        for i in range(size):
+            if kind[i] == BESIDE:
+                place[i] = g.done
+                g.done += 1
     free(g.adjacent)
     free(longs)
     free(shorts)
     return is_done
 
 
-def place_hubs(g):
-    """Order the hubs by their degrees; the lists are empty, and serve to sort them."""
-    for i in range(g.size):
-        if g.kind[i] == BESIDE:
-            insert(g, i, min(g.beside[i], g.size - 1))
-    for d in range(g.size):
-        hub = g.head[d]
-        while hub >= 0:
-            g.place[hub] = g.done
-            g.done += 1
-            hub = g.after[hub]
-
-
 def mark_hubs(g, indptr, indices):
-    """Set the kind of hubs; g.beside becomes the degrees of all rows to be ordered."""
-    kind, degree = g.kind, g.beside
+    """Set the kind of hubs."""
+    kind, degree = g.kind, g.degree
     for i in range(g.size):
         degree[i] = 0
     for j in range(g.size):
