@@ -78,11 +78,7 @@ def with_squares(P, B, weight, deadline=NEVER):
             half = C[i : i + step].toarray() * np.sqrt(weight[i : i + step])[:, None]
             S += half.T @ half
         return as_sparse(S)
-    half = B.copy()
-    half.data *= weight[B.indices]
-    S = P + B.T.tocsc() @ without_zeros(half)
-    S.sort_indices()
-    return S
+    return from_arrays(add_squares(arrays_of(P), arrays_of(B), weight), P.shape)
 
 
 def times(M, x):
@@ -147,6 +143,71 @@ def select_part(indptr, indices, data, height, rows, columns):
                 place[nnz], value[nnz] = i, data[t]
                 nnz += 1
     return starts, places, entries
+
+
+def add_squares(P, B, weight):
+    """Return the arrays of P + B' diag(weight) B, all in CSC.
+
+    Column by column with a dense accumulator (Gustavson, ACM Trans. Math. Softw. 4
+    (1978) 250-269), for which B is taken by rows as well.
+    """
+    n = B.indptr.size - 1
+    start_of, column_of, value_of = transposed(B.indptr, B.indices, B.data, weight.size)
+    parts: Columns[3]
+    rows = Compressed(start_of, column_of, value_of)
+    take_columns(P, n, cython.address(parts[0]))
+    take_columns(B, n, cython.address(parts[1]))
+    take_columns(rows, weight.size, cython.address(parts[2]))
+    capacity = P.data.size + 4 * B.data.size + n
+    while True:
+        starts, places = np.zeros(n + 1, np.int32), np.empty(capacity, np.int32)
+        entries = np.empty(capacity)
+        nnz = write_squares(parts, weight, starts, places, entries)
+        if nnz >= 0:
+            break
+        capacity *= 2
+    # The matrix is symmetric (to rounding): its transpose is itself, but sorted.
+    return transposed(starts, places[:nnz], entries[:nnz], n)
+
+
+def write_squares(parts, weight, indptr, indices, data):
+    """Write P + B' diag(weight) B with columns that are not sorted.
+
+    parts: P and B by columns, B by rows. Returns the number of entries, -1 if there is
+    no room for them.
+    """
+    P, B, rows = parts[0], parts[1], parts[2]
+    n, capacity = indptr.shape[0] - 1, data.shape[0]
+    sums: cython.double[::1] = np.zeros(n)
+    seen: cython.int[::1] = np.full(n, -1, np.int32)
+    nnz: cython.Py_ssize_t = 0
+    for j in range(n):
+        if nnz + n > capacity:
+            return -1
+        start = nnz
+        for t in range(P.indptr[j], P.indptr[j + 1]):
+            i = P.indices[t]
+            seen[i] = j
+            sums[i] = P.data[t]
+            indices[nnz] = i
+            nnz += 1
+        for t in range(B.indptr[j], B.indptr[j + 1]):
+            row = B.indices[t]
+            factor = weight[row] * B.data[t]
+            if factor == 0.0:
+                continue
+            for k in range(rows.indptr[row], rows.indptr[row + 1]):
+                i = rows.indices[k]
+                if seen[i] != j:
+                    seen[i] = j
+                    sums[i] = 0.0
+                    indices[nnz] = i
+                    nnz += 1
+                sums[i] += factor * rows.data[k]
+        for t in range(start, nnz):
+            data[t] = sums[indices[t]]
+        indptr[j + 1] = nnz
+    return nnz
 
 
 def scatter(indptr, indices, data, out):

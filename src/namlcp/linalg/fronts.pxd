@@ -1,7 +1,7 @@
 from namlcp.linalg.sparse_ldl cimport Factors
 from namlcp.watch cimport Watched
 
-cdef double LEAST, WORTH
+cdef double WORTH
 cdef enum:
     # Columns of a panel eliminated at a time, columns of L in one product, columns of an
     # update that one product sets, multiplications up to which loops are faster to
@@ -11,10 +11,11 @@ cdef enum:
     STRIP = 96
     SMALL = 6000
 
-    # Threads at most; microseconds to wait for one before a look at the clock; the work.
+    # Threads at most; microseconds to wait for one before a look at the clock; parts of
+    # the work, of which a piece has one at most; what is done.
     MOST_THREADS = 16
     PATIENCE = 50000
-    PARTS = 4
+    PARTS = 3
     FACTOR = 0
     FORWARD = 1
     BACKWARD = 2

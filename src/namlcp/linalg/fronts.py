@@ -31,7 +31,7 @@ from cython.cimports.libc.math import isfinite
 from cython.cimports.libc.string import memset
 from cython.cimports.namlcp.linalg.arrays import indices as longs
 from cython.cimports.namlcp.linalg.arrays import numbers, places
-from cython.cimports.namlcp.linalg.sparse_ldl import Factors
+from cython.cimports.namlcp.linalg.sparse_ldl import LEAST, Factors
 from cython.cimports.namlcp.linalg.vectors import (
     add_scaled,
     copy,
@@ -45,8 +45,6 @@ from cython.cimports.scipy.linalg.cython_blas import dgemm, dtrsm
 
 from namlcp.linalg.ordering import supernodes
 
-# Smallest pivot that is not 0 for us: the reciprocals of smaller ones may overflow.
-LEAST = float(np.finfo(np.float64).tiny)
 # Work of a factorisation, the sum of k f^2, from which on it is divided.
 WORTH = 3e8
 

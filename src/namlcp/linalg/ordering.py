@@ -191,7 +191,7 @@ def supernodes(indptr, indices, order):
     columns, upper, source = permuted(indptr, indices, order.place, size, False)
     lower, below, source = transposed(columns, upper, source.astype(float), size)
     source = source.astype(np.int32)
-    first = merged(order.parent, order.counts, lower, below, MERGE)
+    first = merged(order.parent, order.counts, lower, below)
     last = first[1:] - 1
     k = np.diff(first).astype(np.int64)
     f = k + order.counts[last]
@@ -205,13 +205,14 @@ def supernodes(indptr, indices, order):
     return Supernodes(first, parent, node, starts, rows, panels, lower, below, source)
 
 
-def merged(parent, counts, lower, below, limits):
+def merged(parent, counts, lower, below):
     """Return the first column of every supernode, and the number of columns.
 
     The supernode that ends with a column is merged with the one before if that is its
-    child, or if both are leaves with the same rows, and the `limits` allow it, see
-    MERGE. `filled` counts entries without explicit zeros.
+    child, or if both are leaves with the same rows, and MERGE allows it. `filled`
+    counts entries without explicit zeros.
     """
+    limits: cython.double[:, ::1] = MERGE
     size, found = parent.shape[0], cython.cast(Py_ssize_t, 0)
     starts = np.empty(size + 1, np.int32)
     first: cython.int[::1] = starts
