@@ -49,9 +49,9 @@ cnp.import_array()
 LEAST = float(np.finfo(np.float64).tiny)
 # Operations after which the watch is told of them.
 LOOK_AFTER = 1e5
-# SMALLEST_BLOCK, BEFORE_BLOCK: columns that a dense block at the end of L must have to be
-# treated as one, and columns before it for each of its own: with fewer, rows are as fast
-# one by one.
+# SMALLEST_BLOCK, BEFORE_BLOCK: columns that a dense block at the end of L must have to
+# be treated as one, and columns before it for each of its own: with fewer, rows are as
+# fast one by one.
 
 
 class Factors:
