@@ -11,8 +11,6 @@ plot
 large
     paper-large.csv: sizes that the paper does not have, up to n = 10^6, beside a plain
     transcription of the matrix formula.
-errors
-    The computations behind paper.md.
 
 Without a subcommand: run and plot. The paper does not say what Omega is; with Omega =
 D/(2 alpha^2) all printed counts come out.
@@ -28,10 +26,11 @@ from typing import Any
 
 import numpy as np
 import scipy.sparse as sp
+from scipy.sparse.linalg import splu
 
 from namlcp import LCPResult, solve_lcp
 from validation.harness import Row, cli, csv_files
-from validation.paper import errors, figures
+from validation.paper import figures
 from validation.paper.printed import EPS, SIZES, TABLES
 from validation.paper.variants import VARIANTS, arguments, best_values
 from validation.problems import sweep_scenes
@@ -131,17 +130,25 @@ def transcription(scene: sweep_scenes.Scene, omega: np.ndarray) -> tuple[int, fl
 
     (D - 2L + Omega + I) s+ = (U + I - L) s + (Omega - A)|s| - 2 q
     """
-    D, L, U = errors.parts(scene.A)
-    eye = sp.eye_array(scene.q.size)
-    run = errors.sweeps(scene, D - 2 * L + eye, U + eye - L, sp.diags_array(omega))
-    return next((k, r) for k, r in enumerate(run) if r < EPS or k == 1000)
+    A, q, s = scene.A, scene.q, np.array(scene.s0)
+    D = sp.csr_array(sp.diags_array(A.diagonal()))
+    L, U = sp.csr_array(-sp.tril(A, -1)), sp.csr_array(-sp.triu(A, 1))
+    Omega, eye = sp.diags_array(omega), sp.eye_array(q.size)
+    left = splu(sp.csc_array(D - 2 * L + eye + Omega), permc_spec="NATURAL")
+    N, B = sp.csr_array(U + eye - L), sp.csr_array(Omega - A)
+    for count in itertools.count():
+        z = 0.5 * (np.abs(s) + s)
+        residual = float(np.linalg.norm(np.minimum(z, A @ z + q)))
+        if residual < EPS or count == 1000:
+            break
+        s = left.solve(N @ s + B @ np.abs(s) - 2.0 * q)
+    return count, residual
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Do what the subcommand says."""
     parser = cli.parser(__doc__, "results", "figures")
-    parts = ("run", "plot", "large", "errors")
-    parser.add_argument("part", nargs="?", choices=parts)
+    parser.add_argument("part", nargs="?", choices=("run", "plot", "large"))
     parser.add_argument("--jobs", type=int, default=2, help="processes that tune")
     args = parser.parse_args(arguments)
     files: dict[str, Iterator[Row]] = {}
@@ -154,8 +161,6 @@ def main(arguments: list[str] | None = None) -> int:
         csv_files.write(args.results / f"paper-{name}.csv", header, list(rows))
     if args.part in (None, "plot"):
         figures.plot(args.results, args.figures)
-    if args.part == "errors":
-        errors.report()
     return 0
 
 
