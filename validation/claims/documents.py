@@ -65,9 +65,9 @@ def of_claims(part: str, known: Figures) -> str:
 def taken(results: Path) -> str:
     """Return the table of what was measured when, from the headers of the files."""
     files: dict[tuple[str, ...], int] = {}
-    for file in results.glob("*.csv"):
-        lines = (line.partition(": ") for line in csv_files.header(file))
-        said = {name: value for name, _, value in lines}
+    headers = map(csv_files.header, results.glob("*.csv"))
+    for header in filter(None, headers):  # history.csv has none
+        said = {name: value for name, _, value in (x.partition(": ") for x in header)}
         key = tuple(said.get(name, "") for name in ("commit", "date", "cpu", "load"))
         files[key] = files.get(key, 0) + 1
     counts = ((*key, count) for key, count in sorted(files.items()))
