@@ -1,9 +1,9 @@
 """Some twenty figures of a commit, kept with it, so that one can ask later what fell.
 
 Runs in some minutes, in this process, and appends to results/history.csv a row for each
-figure: the commit, the processor, how many of its cores were busy before, the value. Printed beside each is
-the value over the last one of an earlier commit on the same processor. Counts are of
-solved problems or of iterations; times are wall-clock ones, as the suites take them.
+figure: the commit, the processor, how many of its cores were busy before, the value.
+Printed beside each is the value over the last one of an earlier commit on the same
+processor. Counts are of solved problems or of iterations; times are of the wall clock.
 """
 
 import sys

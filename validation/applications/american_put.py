@@ -15,7 +15,6 @@ time is taken, so that other processes matter little; `ratio` is the median over
 of the ratio of times, `total` the ratio of the sums.
 """
 
-import sys
 from collections.abc import Iterator
 
 import numpy as np
@@ -84,7 +83,3 @@ SUITE = Suite(
     keys="put nodes",
     shown="put:16 price error us_a_step us_kept ratio faces_a_step:12",
 )
-main = SUITE.main
-
-if __name__ == "__main__":
-    sys.exit(main())

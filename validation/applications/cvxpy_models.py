@@ -17,7 +17,6 @@ compilation and without a warm start: processor time, on one thread. Exits with 
 model is not right by NAM.
 """
 
-import sys
 from collections.abc import Iterator
 
 from validation.applications.cvxpy_bench import (
@@ -60,7 +59,3 @@ SUITE = Suite(
     shown="problem:24 set:6 solver success:8 status:18 runtime " + " ".join(RESIDUALS),
     failed=lambda rows: not all(map(solved, tables.chosen(rows, solver="nam"))),
 )
-main = SUITE.main
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -10,7 +10,6 @@ Residuals are the worst of all steps, as in `cvxpy_models`; the objective is com
 with Clarabel's at its tightest tolerances.
 """
 
-import sys
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -184,7 +183,3 @@ SUITE = Suite(
     limit=120.0,
     shown="problem set:8 solver optimal:8 total solver_time:12 objective_error:16",
 )
-main = SUITE.main
-
-if __name__ == "__main__":
-    sys.exit(main())

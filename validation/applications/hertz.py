@@ -1,6 +1,5 @@
 """Hertz contact without a matrix on growing grids, beside Hertz's formulas."""
 
-import sys
 import time
 from collections.abc import Iterator
 
@@ -57,7 +56,3 @@ SUITE = Suite(
     keys="cells",
     shown="cells status iterations products seconds residual",
 )
-main = SUITE.main
-
-if __name__ == "__main__":
-    sys.exit(main())

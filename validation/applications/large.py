@@ -16,7 +16,6 @@ that they do not finish in 60 s.
 
 import ctypes
 import gc
-import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator
@@ -257,7 +256,3 @@ SUITE = Suite(
     ),
     plot=large_figures.plot,
 )
-main = SUITE.main
-
-if __name__ == "__main__":
-    sys.exit(main())

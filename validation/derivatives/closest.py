@@ -26,7 +26,6 @@ The claim: shifts equal to those of one of the two solvers to 1e-8 and condition
 """
 
 import importlib.util
-import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -250,7 +249,3 @@ SUITE = Suite(
     shown="problem:26 norm clarabel piqp conditions closest feasible ratio soft said",
     failed=lambda rows: not all(map(is_right, rows)),
 )
-main = SUITE.main
-
-if __name__ == "__main__":
-    sys.exit(main())

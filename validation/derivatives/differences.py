@@ -21,7 +21,6 @@ The claim: errors at most 1e-7 and adjoint 1e-10 on all regular problems, 1e-7 o
 closest points, and all directional derivatives right.
 """
 
-import sys
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -308,7 +307,3 @@ SUITE = Suite(
     limit=600.0,
     shown="family:14 data:8 problems error median adjoint right weak singular",
 )
-main = SUITE.main
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,9 +1,5 @@
 """Backward passes beside other packages: time of solve and backward, and the error.
 
-Usage::
-
-    python -m validation.derivatives.packages [--cases ...] [--quick] [--csv FILE]
-
 A scalar g'x of the solution of min 1/2 x'Px + q'x, Gx <= h is differentiated in P, q, G
 and h. `dense n` has n rows, `batch` is 128 dense QPs with n = 10 (one thread), `band` a
 banded P with 100 sparse rows and bounds, n = 10^4, `obstacle` an LCP on a square.
@@ -26,7 +22,6 @@ The claim: solve and backward together at most half of the best peer's time, a s
 error in every row, and backward at most 0.3 of the solve from n = 100 on.
 """
 
-import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator
@@ -392,7 +387,3 @@ SUITE = Suite(
     limit=600.0,
     shown="case solver:8 solve backward error ratio linear status:30",
 )
-main = SUITE.main
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -14,7 +14,6 @@ are FEW seeds.
 The CSV grows seed by seed, so that one cut short has all families and sizes.
 """
 
-import sys
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -154,7 +153,3 @@ SUITE = Suite(
     late=Late(by="n", same=("family",), copied=False, times=LATES, words=LATE),
     shown="family:22 n:6 seed:5 solver:10 runtime said:30",
 )
-main = SUITE.main
-
-if __name__ == "__main__":
-    sys.exit(main())

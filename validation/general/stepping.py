@@ -5,7 +5,6 @@ deepest overlap. The scene: `namlcp.scenes.stepping`. Exits with 1 if a step was
 solved.
 """
 
-import sys
 from collections.abc import Iterator
 
 from namlcp.scenes.stepping import FallingDiscs
@@ -54,7 +53,3 @@ SUITE = Suite(
     shown="discs start step status residual seconds",
     failed=lambda rows: any(row["status"] != "solved" for row in rows),
 )
-main = SUITE.main
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -9,7 +9,6 @@ as it is known, and with --go-on a run leaves out what the file has.
 
 import argparse
 import math
-import sys
 from collections import defaultdict
 from collections.abc import Callable, Iterable
 from contextlib import ExitStack
@@ -265,13 +264,3 @@ class Run:
             self.children[solver] = Bench(*args)
             self.stack.callback(self.children[solver].stop)
         return self.children[solver]
-
-
-def chosen_by_name(suites: dict[str, Suite]) -> Callable[..., int]:
-    """Return a main function whose first argument names one of several suites."""
-
-    def main(arguments: list[str] | None = None) -> int:
-        name, *rest = sys.argv[1:] if arguments is None else arguments
-        return suites[name].main(rest)
-
-    return main

@@ -15,7 +15,6 @@ agree says why in its last column. Exits with 1 if namlcp does not agree with a 
 value.
 """
 
-import sys
 from collections.abc import Callable, Iterator
 from functools import cache
 from typing import Any
@@ -186,7 +185,3 @@ SUITE = Suite(
         row["agrees"] == "False" for row in tables.chosen(rows, solver="nam")
     ),
 )
-main = SUITE.main
-
-if __name__ == "__main__":
-    sys.exit(main())

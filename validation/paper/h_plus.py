@@ -9,7 +9,6 @@ proofs: random matrices, methods and parameters; what `converges` proves must co
 """
 
 import itertools
-import sys
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -223,7 +222,3 @@ def main(arguments: list[str] | None = None) -> int:
         if not quick:
             csv_files.write(args.results / f"{FILES[part]}.csv", header, rows)
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -16,7 +16,6 @@ maor and namaor have beta = 1 (without a beta they are msor and namsor), "nam" a
 
 import itertools
 import math
-import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
@@ -164,7 +163,3 @@ def main(arguments: list[str] | None = None) -> int:
     if folder is not None:
         csv_files.write(folder / "parameters.csv", header, rows)
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

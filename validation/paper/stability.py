@@ -18,7 +18,6 @@ shows them all. maor and namaor have beta = 0 here, beta = alpha being msor and 
 """
 
 import itertools
-import sys
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
@@ -181,7 +180,3 @@ def main(arguments: list[str] | None = None) -> int:
     if args.part in (None, "plot"):
         stability_figures.plot(args.results, args.figures)
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

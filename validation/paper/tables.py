@@ -18,7 +18,6 @@ D/(2 alpha^2) all printed counts come out.
 
 import itertools
 import multiprocessing as mp
-import sys
 import time
 from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor
@@ -162,7 +161,3 @@ def main(arguments: list[str] | None = None) -> int:
     if args.part in (None, "plot"):
         figures.plot(args.results, args.figures)
     return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -30,7 +30,6 @@ changes
 --only takes names of sets or problems.
 """
 
-import sys
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from functools import partial
@@ -41,7 +40,7 @@ import numpy as np
 from qpsolvers import Problem
 
 from validation.harness import Job, Row, judging, processes, qp_solvers, qps, timing
-from validation.harness.suite import Args, Late, Suite, chosen_by_name
+from validation.harness.suite import Args, Late, Suite
 from validation.problems import data_sets, infeasible_cases, osqp_classes, planted
 
 COLUMNS = (
@@ -205,7 +204,3 @@ SUITES = {
         FAMILIES, name="generalisation", requests=of_changes, needs_data=True
     ),
 }
-main = chosen_by_name(SUITES)
-
-if __name__ == "__main__":
-    sys.exit(main())

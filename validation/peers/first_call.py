@@ -58,20 +58,17 @@ PATHS: dict[str, Callable[[], Any]] = {
 }
 
 
-def main() -> None:
+def main(arguments: list[str]) -> int:
     """Print the seconds of import and first call."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("path", nargs="?", choices=PATHS)
-    path = parser.parse_args().path
+    path = parser.parse_args(arguments).path
     if path is None:
         print("\n".join(PATHS))
-        return
+        return 0
     call = PATHS[path]
     start = time.perf_counter()
     call()
     seconds = time.perf_counter() - start
     print(IMPORT, seconds)
-
-
-if __name__ == "__main__":
-    main()
+    return 0

@@ -16,7 +16,6 @@ scaled so that it proves -1: the largest |A'y + G'z + z_box|, or |Pd|, |Ad| and 
 or entry of a wrong sign. Exits with 1 if nam misjudges a case or leaves a proof open.
 """
 
-import sys
 import time
 from collections.abc import Iterator
 
@@ -141,7 +140,3 @@ SUITE = Suite(
     shown="problem:30 solver outcome runtime status:30",
     failed=lambda rows: any(map(is_failure, tables.chosen(rows, solver="nam"))),
 )
-main = SUITE.main
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -13,7 +13,6 @@ first-call
 """
 
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -23,7 +22,7 @@ import qpsolvers
 import scipy.sparse as sp
 
 from validation.harness import Job, Row, cli, judging, qp_solvers, timing
-from validation.harness.suite import Args, Suite, chosen_by_name
+from validation.harness.suite import Args, Suite
 from validation.problems import data_sets, sweep_scenes
 
 RUNS = 3
@@ -171,7 +170,3 @@ SUITES = {
         shown="path:16 process import solve",
     ),
 }
-main = chosen_by_name(SUITES)
-
-if __name__ == "__main__":
-    sys.exit(main())

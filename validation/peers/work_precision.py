@@ -14,7 +14,6 @@ it took. What is late at a tolerance is not tried at a tighter one.
 problems of the data folder are left out, by name.
 """
 
-import sys
 from collections.abc import Callable, Iterator
 from functools import cache, lru_cache
 from pathlib import Path
@@ -204,7 +203,3 @@ SUITE = Suite(
     shown="family problem:23 solver:18 eps:7 runtime error status:30",
     plot=work_precision_figure.plot,
 )
-main = SUITE.main
-
-if __name__ == "__main__":
-    sys.exit(main())

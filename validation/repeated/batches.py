@@ -6,7 +6,6 @@ least of ROUNDS; with two threads it means something only where two cores are fr
 `residual` is the largest of all items: primal, dual, gap or a negative multiplier.
 """
 
-import sys
 import time
 from collections.abc import Callable, Iterator
 
@@ -116,7 +115,3 @@ SUITE = Suite(
     limit=120.0,
     shown="n:4 m:4 items:8 threads:8 solver:13 microseconds:13 residual status:20",
 )
-main = SUITE.main
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -7,7 +7,6 @@ What ran into the limit is not tried at a larger size.
 """
 
 import statistics
-import sys
 from collections.abc import Iterator
 
 import numpy as np
@@ -103,7 +102,3 @@ SUITE = Suite(
     shown="n:6 m:6 solver:13 microseconds:13 solved:7 residual status:30",
     plot=front_figure.plot,
 )
-main = SUITE.main
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -13,7 +13,6 @@ all steps. `active` and `changes` are of the fresh solves: constraints with a
 multiplier, and how many of them a step gains or loses.
 """
 
-import sys
 import time
 from collections.abc import Iterator
 from functools import lru_cache
@@ -166,7 +165,3 @@ SUITE = Suite(
     limit=30.0,
     shown="scene:21 size:5 level:15 solver:13 solved:7 microseconds:12 residual status",
 )
-main = SUITE.main
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -19,7 +19,6 @@ ones.
 """
 
 import argparse
-import sys
 import time
 
 import numpy as np
@@ -239,7 +238,3 @@ def main(arguments: list[str] | None = None) -> int:
             command.add_argument("--problems", type=int, default=100_000, help=help_)
     args = parser.parse_args(arguments)
     return int(args.call(args))
-
-
-if __name__ == "__main__":
-    sys.exit(main())
