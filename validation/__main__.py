@@ -9,7 +9,6 @@ import sys
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the suite of a script, or what its `main` does."""
     given = sys.argv[1:] if arguments is None else arguments
     if not given or given[0] in ("-h", "--help"):
         print(__doc__)

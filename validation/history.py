@@ -36,7 +36,6 @@ def of_problems(name: str, rows: list[csv_files.Row]) -> Iterator[Figure]:
 
 
 def figures(data: Path) -> Iterator[Figure]:
-    """Yield the figures by name."""
     job = Job("nam", 10.0, data, lambda: None)
     for problem_set, eps in SETS:
         names = data_sets.set_names(data, problem_set)
@@ -76,7 +75,6 @@ def import_time() -> float:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Measure, keep, and print what moved."""
     parser = cli.parser(__doc__, data=..., csv=FILE)
     args = parser.parse_args(arguments)
     cli.begin()

@@ -139,12 +139,10 @@ def stamp(commands: list[str]) -> str:
 
 
 def stamp_files(job: Job, out: Path) -> list[Path]:
-    """Return the files that hold the stamps of the CSV files of a job."""
     return [out / "stamps" / name for name in job.files.split()]
 
 
 def is_done(job: Job, now: str, out: Path) -> bool:
-    """Tell whether all files of a job are up to date."""
     marks = stamp_files(job, out)
     return all(file.exists() and file.read_text() == now for file in marks)
 
@@ -196,7 +194,6 @@ def run_all(jobs: list[Job], data: Path, out: Path, args: list[bool]) -> Iterato
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run all jobs; return 1 if one of them failed, missing data apart."""
     parser = cli.parser(__doc__, data=Path(os.environ.get("NAMLCP_DATA", "data")))
     size = parser.add_mutually_exclusive_group(required=True)
     size.add_argument("--quick", action="store_true", help="under ten minutes")

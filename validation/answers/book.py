@@ -41,17 +41,14 @@ KINDS = ("wrong", "other", "worse", "better", "failure", "point", "way", "same")
 
 @cache
 def suites(data: Path | None) -> dict[str, Any]:
-    """Return the suites; a worker makes them once."""
     return all_suites(data)
 
 
 def solved(data: Path | None, suite: str, names: list[str]) -> list[Row]:
-    """Return the rows of some problems: the work of a child process."""
     return [row_of(suites(data)[suite], name) for name in names]
 
 
 def chosen(suite: str, names: list[str], book: Path, quick: bool) -> list[str]:
-    """Return the names to be solved."""
     if not quick:
         return names
     rows = csv_files.read(book / f"{suite}.csv")
@@ -88,7 +85,6 @@ def run(args: Any) -> dict[str, list[Row]]:
 
 
 def number(row: Row, column: str) -> float:
-    """Return an entry as a number."""
     return csv_files.number(row.get(column))
 
 
@@ -157,7 +153,6 @@ def compare(found: dict[str, list[Row]], book: Path) -> int:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Write or check the book."""
     parser = cli.parser(__doc__, "data", "quick")
     parser.add_argument("part", choices=("write", "check"))
     parser.add_argument("--book", type=Path, default=BOOK, help="the stored rows")

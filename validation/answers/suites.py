@@ -75,12 +75,10 @@ class Suite(NamedTuple):
 
 
 def weights(n: int) -> np.ndarray:
-    """Return the weights of a mark."""
     return np.cos(1.0 + np.arange(n))
 
 
 def point_of(x: np.ndarray) -> Row:
-    """Return size and mark of a point."""
     if not np.isfinite(x).all():
         return {}
     size, mark = float(np.linalg.norm(x)), float(weights(x.size) @ x)
@@ -88,7 +86,6 @@ def point_of(x: np.ndarray) -> Row:
 
 
 def row_of_qp(result: Any, eps_abs: float = 1e-9, eps_rel: float = 1e-10) -> Row:
-    """Return the row of a QPResult."""
     row: Row = {"status": result.status.value, "method": result.form}
     row["iterations"] = result.iterations
     if not np.isnan(result.obj):
@@ -112,20 +109,17 @@ def row_of_lcp(result: Any, accuracy: float = np.nan) -> Row:
 
 
 def qp_row(arguments: dict[str, Any], eps: float) -> Row:
-    """Solve a QP to an absolute tolerance."""
     given = {"eps_abs": eps, "eps_rel": 0.0, "time_limit": LIMIT}
     return row_of_qp(namlcp.solve_qp(**arguments, **given), eps, 0.0)
 
 
 def lcp_row(A: Any, q: np.ndarray, **given: Any) -> Row:
-    """Solve an LCP to Res = 1e-9 max |q_i|."""
     accuracy = 1e-9 * float(np.abs(q).max(initial=0.0)) or 1e-9
     given |= {"eps_abs": accuracy, "time_limit": LIMIT}
     return row_of_lcp(namlcp.solve_lcp(A, q, **given), accuracy)
 
 
 def fuzzed_row(kind: str, name: str) -> Row:
-    """Solve a problem of the campaign at the default settings, and judge it."""
     case = cases.make(SEED, int(name), kind)
     is_qp = "P" in case.arguments
     row: Row = {}
@@ -150,29 +144,24 @@ def fuzzed_row(kind: str, name: str) -> Row:
 
 
 def related_row(kind: str, name: str) -> Row:
-    """Ask a problem in two ways."""
     outcome, why = campaign_relations.examine(SEED, int(name), kind)
     return {"status": outcome, "method": why[:60], "verdict": outcome}
 
 
 def set_row(data: Path, problem_set: str, eps: float, name: str) -> Row:
-    """Solve a QP of a collection."""
     return qp_row(qps.by_name(data_sets.load(data, problem_set, name)), eps)
 
 
 def changed_row(data: Path, change: str, name: str) -> Row:
-    """Solve a Maros-Meszaros problem in other units, or with noise."""
     return qp_row(qps.by_name(benchmark.load_changed(data, change, name)), 1e-6)
 
 
 def class_row(name: str) -> Row:
-    """Solve a problem of the seven classes."""
     kind, size = name.rsplit(maxsplit=1)
     return qp_row(qps.by_name(osqp_classes.generate(kind, int(size))), 1e-6)
 
 
 def infeasible_row(data: Path, name: str) -> Row:
-    """Solve a QP without a solution, or one that only looks so."""
     case = infeasible_cases.all_cases(data, 3)[name]()
     if case is None:
         return {"status": "no such problem"}
@@ -200,23 +189,19 @@ def linear_program(path: Path) -> dict[str, Any]:
 
 
 def netlib_row(data: Path, eps: float, name: str) -> Row:
-    """Solve a linear program of Netlib."""
     return qp_row(linear_program(data / "netlib" / f"{name}.mat"), eps)
 
 
 def contact_row(data: Path, name: str) -> Row:
-    """Solve a contact scene as an LCP."""
     return lcp_row(*data_sets.contact_lcp(data, name))
 
 
 def family_row(name: str) -> Row:
-    """Solve a general LCP of a family."""
     family, n, seed = name.rsplit(maxsplit=2)
     return lcp_row(*make(family, int(n), int(seed)))
 
 
 def collected_row(data: Path, name: str) -> Row:
-    """Solve a general LCP of a collection, or the LCP of a game."""
     if name.startswith("game"):
         return lcp_row(*games.lcp(*games.gambit(data)[name.removeprefix("game_")]))
     stored = np.load(data / "general" / f"{name}.npz")
@@ -224,7 +209,6 @@ def collected_row(data: Path, name: str) -> Row:
 
 
 def printed_row(name: str) -> Row:
-    """Repeat a run of the paper's tables."""
     example, method, alpha, m = name.split()
     given: Row = {} if alpha == "None" else {"alpha": float(alpha)}
     if method.startswith("nam"):
@@ -234,7 +218,6 @@ def printed_row(name: str) -> Row:
 
 
 def sweep_row(name: str) -> Row:
-    """Solve an example of the paper by a named method."""
     example, delta, method = name.split()
     scene = sweep_scenes.paper_example(int(example), 20, float(delta))
     given = {"method": method, "eps_abs": 1e-8, "max_iter": 2000} | SWEEPS[method]
@@ -295,12 +278,10 @@ def collected(data: Path) -> Iterator[tuple[str, Suite]]:
 
 
 def all_suites(data: Path | None) -> dict[str, Suite]:
-    """Return all suites by name."""
     return dict(generated()) | (dict(collected(data)) if data is not None else {})
 
 
 def row_of(suite: Suite, name: str) -> Row:
-    """Return the row of a problem: what is raised is a row, too."""
     start = time.perf_counter()
     with warnings.catch_warnings():
         warnings.simplefilter("error")

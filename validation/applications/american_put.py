@@ -61,12 +61,10 @@ def timing(name: str, nodes: int, steps: int) -> Row:
 
 
 def timed(_: Job, name: str, size: int) -> Row:
-    """Return the row of a put: the work of a child."""
     return timing(name, size, size)
 
 
 def puts(args: Args) -> Iterator[Row]:
-    """Yield the puts on their grid."""
     for name in american_puts.PUTS:
         yield {"put": name, "nodes": 400 if args.quick else 4000}
 

@@ -119,7 +119,6 @@ def known_models() -> dict[str, Any]:
 
 
 def work(job: Job, size: str, name: str) -> Row:
-    """Compile a model, time a solver on it, judge its first answer: a child's work."""
     from cvxpy.error import SolverError
 
     model = known_models()[name]

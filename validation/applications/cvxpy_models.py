@@ -33,7 +33,6 @@ QUICK = 10  # every so many models, small
 
 
 def requests(args: Args) -> Iterator[Row]:
-    """Yield the models, small then large, all solvers in turn."""
     for size in ("small",) if args.quick else ("small", "large"):
         for name in list(known_models())[:: QUICK if args.quick else 1]:
             key = {"set": size, "problem": name}

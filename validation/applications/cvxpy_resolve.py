@@ -90,7 +90,6 @@ class Recorder:
     """Stand before the compiled problem's solver; keep its last result and time."""
 
     def __init__(self, problem: cp.Problem) -> None:
-        """Take the place of the solver's method."""
         solver = problem._cache.solving_chain.solver
         self.solve_via_data = solver.solve_via_data
         self.raw: Any = None
@@ -141,14 +140,12 @@ def resolve(name: str, size: str, variant: str) -> Row:
 
 
 def work(job: Job, size: str, name: str) -> Row:
-    """Run one sequence with one solver: the work of a child."""
     resolve(name, "small", job.solver)  # load what is compiled on first use
     job.ready()
     return resolve(name, size, job.solver)
 
 
 def requests(args: Args) -> Iterator[Row]:
-    """Yield the sequences, small then medium, all solvers in turn."""
     for size in ("small",) if args.quick else ("small", "medium"):
         for name in MODELS:
             key = {"set": size, "problem": name}
@@ -156,7 +153,6 @@ def requests(args: Args) -> Iterator[Row]:
 
 
 def conclude(rows: list[Row]) -> list[Row]:
-    """Return the rows of one sequence with the worst objective errors."""
     reference = next((r.get("values") for r in rows if r["solver"] == REFERENCE), None)
     for row in rows:
         if reference is not None and "values" in row:

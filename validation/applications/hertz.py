@@ -15,7 +15,6 @@ SIZES = (64, 128, 256, 512, 1024)  # cells along a side
 
 
 def work(_: Job, cells: int) -> Row:
-    """Solve on a grid at the default tolerance: the work of a child."""
     problem, products = hertz.hertz(cells), 0
 
     def product(p: np.ndarray) -> np.ndarray:
@@ -40,7 +39,6 @@ def work(_: Job, cells: int) -> Row:
 
 
 def requests(args: Args) -> Iterator[Row]:
-    """Yield the grids; with --quick the first two."""
     yield from ({"cells": cells} for cells in SIZES[: 2 if args.quick else None])
 
 

@@ -97,7 +97,6 @@ SCENES = {
 
 
 def work(job: Job, name: str, n: int) -> Row:
-    """Return the row of a scene and a solver: the work of a child."""
     if job.solver != "nam":
         return peer_row(job, name, n)
     job.ready()
@@ -145,7 +144,6 @@ def scene_row(name: str, n: int) -> Row:
 
 
 def call(scene: known_scenes.BoxLCP, limit: float, relative: bool) -> LCPResult:
-    """Make the call that is timed."""
     given: Row = {"eps_rel" if relative else "eps_abs": EPS, "time_limit": limit}
     if isinstance(scene.A, LinearOperator):
         corner = np.zeros(scene.q.size)
@@ -226,7 +224,6 @@ def peer_row(job: Job, name: str, n: int) -> Row:
 
 
 def requests(args: Args) -> Iterator[Row]:
-    """Yield the scenes from their least size; peers have the forced obstacle alone."""
     most = QUICK if args.quick else max(FORCED_SIZES)
     for name, entry in SCENES.items():
         for n in (n for n in entry.sizes if n <= most):

@@ -12,7 +12,6 @@ from validation.harness import cli
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Write or check."""
     parser = cli.parser(__doc__)
     parser.add_argument("--check", action="store_true", help="write nothing")
     args = parser.parse_args(arguments)

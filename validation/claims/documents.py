@@ -100,7 +100,6 @@ def cell(rows: list[Row], spec: Spec, here: str) -> str:
 
 
 def table(name: str, known: Figures, results: Path) -> str:
-    """Return a table by its name."""
     if name.startswith("claims "):
         return of_claims(name.removeprefix("claims "), known)
     return (

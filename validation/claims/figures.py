@@ -109,13 +109,11 @@ def read(file: Path) -> list[Row]:
 
 
 def of(rows: list[Row], expression: str) -> list[Any]:
-    """Return the value of an expression in each row."""
     code = compile(expression, expression, "eval")
     return [eval(code, NUMPY, row) for row in rows]
 
 
 def where(rows: list[Row], condition: str) -> list[Row]:
-    """Return the rows for which a condition holds."""
     return list(itertools.compress(rows, of(rows, condition)))
 
 
@@ -145,7 +143,6 @@ def ratios(rows: list[Row], expression: str, over: str) -> Iterator[Row]:
 
 
 def figure(rows: list[Row], spec: Spec) -> float:
-    """Return a figure of the rows of its file."""
     rows = where(rows, spec.get("where", "True"))
     outer, _, rest = spec["value"].rpartition(" of ")
     verb, _, expression = rest.partition(" ")
@@ -189,7 +186,6 @@ def values(folder: Path = cli.RESULTS) -> Figures:
 
 
 def claims(known: Figures, part: str = "") -> list[Claim]:
-    """Return the figures that have a limit, of one part of the table or of all."""
     table = TABLE["claims"]
     asked = specs({part: table[part]} if part else table)
     return [

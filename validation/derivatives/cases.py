@@ -187,5 +187,4 @@ def direction(qp: QP, seed: int, names: str | tuple[str, ...] = QP._fields) -> K
 
 
 def moved(qp: QP, d: Kept, t: float) -> QP:
-    """Return the QP with t times the change added."""
     return qp._replace(**{name: getattr(qp, name) + t * own for name, own in d.items()})

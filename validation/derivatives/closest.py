@@ -84,7 +84,6 @@ def lost(build: Callable[..., Sequence], stages: int, seed: int) -> Problem:
 
 
 def problems(data: Path | None, quick: bool) -> Iterator[tuple[str, str, Problem]]:
-    """Yield names, groups and problems."""
     for dense in (True, False):
         kind = "dense" if dense else "sparse"
         for n in GROSS[: 2 if quick else None]:
@@ -150,12 +149,10 @@ def conditions(problem: Problem, found: Any) -> float:
 
 
 def seconds(call: Callable[[], Any]) -> float:
-    """Return the median time of a call."""
     return timing.median_time(call, time.process_time)[2]
 
 
 def shifted_norm(found: Any) -> float:
-    """Return the 2-norm of all shifts of a closest point."""
     parts = found.shift_h, found.shift_b, found.shift_lb, found.shift_ub
     return float(np.linalg.norm(np.concatenate(parts)))
 
@@ -187,7 +184,6 @@ def proxqp_row(problem: Problem, least: float) -> Row:
 
 
 def row_of(name: str, group: str, problem: Problem) -> Row:
-    """Return the row of a problem."""
     arrays = qps.by_name(problem)
     choice: dict[str, Any] = {"infeasible": "closest", "time_limit": LIMIT}
     found = namlcp.solve_qp(**arrays, **choice).closest
@@ -226,13 +222,11 @@ def is_right(row: Row) -> bool:
 
 
 def work(job: Job, name: str, group: str, problem: Problem) -> Row:
-    """Return the row of a problem: the work of a child."""
     job.ready()
     return row_of(name, group, problem)
 
 
 def requests(args: Args) -> Iterator[Row]:
-    """Yield the problems."""
     for name, group, problem in problems(args.data, args.quick):
         ask = lambda each=(name, group, problem): each  # noqa: E731
         yield {"problem": name, "group": group, "ask": ask}

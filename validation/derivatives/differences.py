@@ -165,7 +165,6 @@ def regular_lcp(seed: int) -> tuple[float, float]:
 
 
 def regular(name: str, one: Callable[[int], tuple[float, float]], count: int) -> Row:
-    """Return the row of regular problems."""
     errors, gaps = np.transpose([one(seed) for seed in range(count)])
     return {
         "family": name,
@@ -254,13 +253,11 @@ def kinks(
 
 
 def rows(count: int, problems: int) -> Iterator[Row]:
-    """Yield all rows."""
     for family, data in FAMILIES:
         yield row_of(family, data, count, problems)
 
 
 def row_of(family: str, data: str, count: int, problems: int) -> Row:
-    """Return the row of a family."""
     if family in REGULAR:
         return regular(family, REGULAR[family], count)
     if family == "weak_lcp":
@@ -284,13 +281,11 @@ FAMILIES = (
 
 
 def work(job: Job, family: str, data: str, count: int, problems: int) -> Row:
-    """Return the row of a family: the work of a child."""
     job.ready()
     return row_of(family, data, count, problems)
 
 
 def requests(args: Args) -> Iterator[Row]:
-    """Yield the families, with few problems of each if it is quick."""
     sizes = QUICK_COUNTS if args.quick else COUNTS
     for family, data in FAMILIES:
         key = {"family": family, "data": data}

@@ -57,7 +57,6 @@ Pass = tuple[Callable[[], Any], Callable[[Any], tuple[Any, ...]]]
 
 
 def dense_case(n: int, seed: int = 0) -> Data:
-    """Return a QP with n variables and n rows."""
     rng = np.random.default_rng(seed)
     P, G = cases.definite(n, rng), rng.standard_normal((n, n))
     h = G @ rng.standard_normal(n) + rng.random(n)
@@ -114,7 +113,6 @@ def proxqp(data: Data) -> Pass:
 
 
 def qpth(data: Data) -> Pass:
-    """Return the passes of qpth."""
     import torch
     from qpth.qp import QPFunction
 
@@ -252,14 +250,12 @@ MAKERS = {"nam": nam, "proxqp": proxqp, "qpth": qpth, "diffcp": diffcp, "dqp": d
 
 
 def qp_row(solver: str, data: Data) -> Row:
-    """Return the row of one QP."""
     exact = reference(data)
     first, second, found = best_times(MAKERS[solver](data))
     return row_of(first, second, error_of(found, exact))
 
 
 def row_of(first: float, second: float, error: float, **more: float) -> Row:
-    """Return a row; `ratio` is backward over solve."""
     row: Row = {"solve": first, "backward": second, "error": error}
     return row | {"ratio": second / first} | more
 
@@ -293,8 +289,6 @@ def stacked(found: Iterator[tuple[Any, ...]]) -> tuple[Any, ...]:
 def batch_nam(
     P: np.ndarray, q: np.ndarray, G: np.ndarray, h: np.ndarray, g: np.ndarray
 ) -> Pass:
-    """Return our passes over a whole batch."""
-
     def backward(batch: namlcp.BatchResult) -> tuple[Any, ...]:
         found = batch.backward(dx=g, threads=1)
         return found.P, found.q, found.G, found.h
@@ -303,7 +297,6 @@ def batch_nam(
 
 
 def batch_qpth(*arrays: np.ndarray) -> Pass:
-    """Return qpth's passes over a whole batch."""
     import torch
     from qpth.qp import QPFunction
 
@@ -355,7 +348,6 @@ CASES = {
 
 
 def work(job: Job, case: str, quick: bool) -> Row:
-    """Return the row of a case: the work of a child."""
     warnings.simplefilter("ignore")
     job.ready()
     if case == "batch":
@@ -368,7 +360,6 @@ def work(job: Job, case: str, quick: bool) -> Row:
 
 
 def requests(args: Args) -> Iterator[Row]:
-    """Yield the cases, all packages in turn, ours first."""
     for case, solvers in CASES.items():
         for solver in (s for s in solvers if s in args.solvers):
             ask = lambda case=case: (case, args.quick)  # noqa: E731

@@ -41,7 +41,6 @@ Answer = tuple[str, np.ndarray | None]
 
 
 def sizes_of(family: str) -> tuple[int, ...]:
-    """Return the sizes at which a family is measured."""
     if family in families.FRICTION:
         return FRICTION_SIZES
     return GAME_SIZES if family == "games" else OTHER_SIZES
@@ -70,12 +69,10 @@ def by_nam(A: Any, q: np.ndarray, limit: float, method: str = "auto") -> Answer:
 
 
 def by_lemke(A: Any, q: np.ndarray, limit: float) -> Answer:
-    """Solve by namlcp's method of Lemke."""
     return by_nam(A, q, limit, "lemke")
 
 
 def by_quantecon(A: Any, q: np.ndarray, limit: float) -> Answer:
-    """Solve by QuantEcon's."""
     from quantecon.optimize import lcp_lemke
 
     result = lcp_lemke(dense(A), q)
@@ -109,7 +106,6 @@ def residual(A: Any, q: np.ndarray, z: np.ndarray | None) -> float:
 
 
 def work(job: Job, family: str, n: int, seed: int) -> Row:
-    """Return the row of one problem."""
     A, q = make(family, n, seed)
     row: Row = {"order": q.size}
     ASK[job.solver](*make(family, WARM_UP, seed), job.limit)
@@ -126,7 +122,6 @@ def work(job: Job, family: str, n: int, seed: int) -> Row:
 
 
 def requests(args: Args) -> Iterator[Row]:
-    """Yield all families and sizes of a seed, then of the next."""
     for seed in range(QUICK if args.quick else SEEDS):
         for family in families.FAMILIES:
             for n in sizes_of(family)[: QUICK if args.quick else None]:
@@ -136,7 +131,6 @@ def requests(args: Args) -> Iterator[Row]:
 
 
 def complete(row: Row) -> Row:
-    """Return a row that says what became of it."""
     return {"said": row.get("status")} | row
 
 

@@ -18,7 +18,6 @@ STARTS = ("last step", "nothing")
 
 
 def work(job: Job, count: int, start: str) -> Row:
-    """Let discs fall; return the rows of all steps."""
     warm_up = FallingDiscs(QUICK[0])
     for _ in range(STEPS):
         warm_up.step()
@@ -29,14 +28,12 @@ def work(job: Job, count: int, start: str) -> Row:
 
 
 def requests(args: Args) -> Iterator[Row]:
-    """Yield the counts of discs, each from the last step and from nothing."""
     for count in QUICK if args.quick else COUNTS:
         for start in STARTS:
             yield {"discs": count, "start": start, "solver": "nam"}
 
 
 def conclude(rows: list[Row]) -> list[Row]:
-    """Return a row for each step."""
     steps = rows[0].get("rows", [{"status": rows[0].get("status")}])
     return [rows[0] | {"step": k} | step for k, step in enumerate(steps)]
 

@@ -51,7 +51,6 @@ class Growing:
         self.known = {self.key(row) for row in rows}
 
     def key(self, row: Row) -> tuple[str, ...]:
-        """Return what a row is about, as the file has it."""
         return tuple(str(row[name]) for name in self.keys)
 
     def has(self, *about: Any) -> bool:
@@ -59,7 +58,6 @@ class Growing:
         return tuple(map(str, about)) in self.known
 
     def add(self, row: Row) -> Row:
-        """Write a row at once, and return it."""
         self.write(row)
         self.rows.append(row)
         self.known.add(self.key(row))
@@ -86,7 +84,6 @@ def number(text: Any) -> float:
 
 
 def write(file: Path, header: list[str], rows: list[Row]) -> None:
-    """Write rows that are all there; the first one names the columns."""
     with writer(file, header, list(rows[0])) as write:
         for row in rows:
             write(row)

@@ -66,7 +66,6 @@ def package_version(name: str) -> str:
 
 
 def cpu_name() -> str:
-    """Return the name of the processor."""
     info = Path("/proc/cpuinfo")
     lines = info.read_text().splitlines() if info.exists() else []
     names = [line.split(":")[1].strip() for line in lines if "model name" in line]

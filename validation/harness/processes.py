@@ -87,7 +87,6 @@ class Bench:
         self.stop()
 
     def start(self) -> None:
-        """Start the child process."""
         context = mp.get_context("spawn")
         self.pipe, child_end = context.Pipe()
         arguments = (child_end, self.work, self.solver, self.data)
@@ -97,7 +96,6 @@ class Bench:
         child_end.close()
 
     def stop(self) -> None:
-        """End the child process, whatever it is doing."""
         self.process.kill()
         self.process.join()
         self.pipe.close()

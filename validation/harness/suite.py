@@ -104,7 +104,6 @@ class Suite:
     failed: Callable[[list[Row]], bool] | None = None
 
     def main(self, arguments: list[str] | None = None) -> int:
-        """Run and print the table, or only the table, or draw the figure."""
         args = self.parsed(arguments)
         code = self.run(args) if args.task == "run" else 0
         if args.task == "plot" and self.plot is not None:
@@ -115,7 +114,6 @@ class Suite:
         return code or int(self.failed is not None and self.failed(rows))
 
     def table(self, rows: list[Row]) -> str:
-        """Return who solved how many and how fast, by set, limit and tolerance."""
         keys = self.keys.split()
         if not rows or not {"solver", "success", "runtime"} <= rows[0].keys():
             return f"{len(rows)} rows"
@@ -219,7 +217,6 @@ class Run:
         return tuple(str(row[key]) for key in self.file.keys if key != "solver")
 
     def alike(self, row: Row) -> tuple[str, ...]:
-        """Return the solver of a row and what problems alike have the same."""
         assert self.suite.late is not None
         return row["solver"], *(str(row[name]) for name in self.suite.late.same)
 
@@ -232,7 +229,6 @@ class Run:
             self.ours[self.problem(row)].append(float(row["runtime"]))
 
     def answer(self, request: Row) -> Row | None:
-        """Return the row of a request, None where there is none."""
         suite, solver = self.suite, request["solver"]
         if suite.late:
             asked = suite.late.hardness(request)
@@ -256,7 +252,6 @@ class Run:
         return request | child.ask(*(request[name] for name in names))
 
     def child(self, solver: str) -> Bench:
-        """Return the child process of a solver."""
         if self.suite.alone and solver in self.children:
             self.children.pop(solver).stop()
         if solver not in self.children:

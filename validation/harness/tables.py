@@ -16,12 +16,10 @@ def distinct(rows: Iterable[Row], *keys: str) -> list[Any]:
 
 
 def chosen(rows: Iterable[Row], **wanted: Any) -> list[Row]:
-    """Return the rows that have these values."""
     return [row for row in rows if all(row[k] == v for k, v in wanted.items())]
 
 
 def markdown(columns: Iterable[Any], lines: Iterable[Iterable[Any]]) -> str:
-    """Return a table in Markdown."""
     head = [str(column) for column in columns]
     text = ["| " + " | ".join(head) + " |", "|---" * len(head) + "|"]
     text += ["| " + " | ".join(str(cell) for cell in line) + " |" for line in lines]

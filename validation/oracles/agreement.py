@@ -42,7 +42,6 @@ QUICK_SIZE = 2500  # unknowns at most
 
 
 def work(job: Job, function: Callable[..., Row], *arguments: Any) -> Row:
-    """Return what a function of a request does: the work of a child."""
     return function(job, *arguments)
 
 
@@ -63,7 +62,6 @@ def answered(job: Job, scene: known_scenes.BoxLCP) -> Row:
 
 
 def requests(args: Args) -> Iterator[Row]:
-    """Yield the scenes that there are data for, and the QPs."""
     for name, scene in scenes(args.data).items():
         if args.quick and not scene.quick:
             continue
@@ -81,7 +79,6 @@ def requests(args: Args) -> Iterator[Row]:
 
 
 def conclude(rows: list[Row]) -> list[Row]:
-    """Return the rows of the file, from the answers to one scene."""
     first = rows[0]
     if "qp" in first:
         return [collection_row(*first["qp"], first)]

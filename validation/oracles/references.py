@@ -116,7 +116,6 @@ def collection_row(
 
 
 def objective_of(job: Job, name: str) -> Row:
-    """Return objective and largest residual of a QP: the work of a child."""
     options = qp_solvers.settings(job.solver, 1e-9, job.limit)
     problem = data_sets.load(job.data, "all", name)
     job.ready()

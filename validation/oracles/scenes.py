@@ -114,7 +114,6 @@ def control_cost(_: known_scenes.BoxLCP, z: np.ndarray) -> float:
 
 
 def value(number: float, decimals: int, source: str = "scenes.md") -> Known:
-    """Return a known objective."""
     return Known("objective", objective, number, 0.5 * 10.0**-decimals, source)
 
 
@@ -131,7 +130,6 @@ def ball(m: int, average: float, worst: float, *, quick: bool = True) -> Scene:
 def from_data(
     make: Callable[[Path], known_scenes.BoxLCP], data: Path | None
 ) -> known_scenes.BoxLCP | None:
-    """Return a scene of the data folder, None without it."""
     try:
         return None if data is None else make(data)
     except MissingDataError:
@@ -139,7 +137,6 @@ def from_data(
 
 
 def heart(data: Path, linear: bool) -> known_scenes.BoxLCP:
-    """Return one of the two duals of heart_scale."""
     X, y = data_sets.heart_scale(data)
     if linear:
         return known_scenes.svm_l2(X, y)
@@ -147,7 +144,6 @@ def heart(data: Path, linear: bool) -> known_scenes.BoxLCP:
 
 
 def contact(data: Path, name: str) -> known_scenes.BoxLCP:
-    """Return a contact scene of the data folder."""
     A, q = data_sets.contact_lcp(data, name)
     return known_scenes.nonnegative(sp.csr_array(A), q)
 
@@ -178,7 +174,6 @@ def contact_known(data: Path | None) -> dict[str, tuple[Known, ...]]:
 
 
 def scenes(data: Path | None) -> dict[str, Scene]:
-    """Return all scenes by name; of those with a file only what the folder has."""
     found = dict(SCENES)
     for name, numbers in contact_known(data).items():
         make = partial(from_data, partial(contact, name=name))

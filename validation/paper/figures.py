@@ -13,7 +13,6 @@ SHADES = {"4.0": charts.CYAN, "1.0": charts.BLUE, "0.0": charts.PURPLE}
 
 
 def plot(results: Path, figures: Path) -> None:
-    """Draw paper-tables.svg and paper-methods.svg."""
     file = results / "paper-tables.csv"
     figure, axes = plt.subplots(2, 2, figsize=(charts.WIDTH, 6.2), layout="constrained")
     for column, example in enumerate(("1", "2")):

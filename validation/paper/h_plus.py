@@ -153,7 +153,6 @@ def random_problem(rng: np.random.Generator, kind: str) -> tuple[Any, ...]:
 
 
 def random_parameters(rng: np.random.Generator, method: str, D: np.ndarray) -> Row:
-    """Return some of the parameters that a method has."""
     takes, given = SWEEPS[method].takes, {}
     if "alpha" in takes and rng.random() < 0.8:
         given["alpha"] = rng.uniform(0.1, 1.95)
@@ -199,7 +198,6 @@ def proof_rows(count: int) -> Iterator[Row]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Do the parts that are asked for, all unless told."""
     parser = cli.parser(__doc__, "quick", "results")
     parser.add_argument("parts", nargs="*", metavar="part", help=", ".join(FILES))
     args = parser.parse_args(arguments)

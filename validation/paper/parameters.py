@@ -59,7 +59,6 @@ QUICK = Effort(20, FEW, (*np.geomspace(0.01, 10.0, 10),), 1000, 300)
 
 
 def scenes(data: Path, m: int) -> list[sweep_scenes.Scene]:
-    """Return the list of the issue."""
     cases = itertools.product((1, 2), (m,), DELTAS)
     found = [*itertools.starmap(sweep_scenes.paper_example, cases)]
     found.append(sweep_scenes.halfline("obstacle", *forced_obstacle(m)))
@@ -88,7 +87,6 @@ class Run:
         return k if status is Status.SOLVED else math.inf
 
     def step(self, method: str, alpha: float | None, c: float) -> Step | None:
-        """Return a step at a point of the grid."""
         chosen = SWEEPS[method]
         if chosen.factored:
             size = self.D if alpha is None else math.exp(np.mean(np.log(self.D)))
@@ -100,7 +98,6 @@ class Run:
 
 
 def beta_of(method: str) -> float | None:
-    """Return beta for the methods that have one."""
     return BETA if "beta" in SWEEPS[method].takes else None
 
 
@@ -149,7 +146,6 @@ def shown(sweeps: float) -> float | str:
 
 @cli.needs_data
 def main(arguments: list[str] | None = None) -> int:
-    """Print the table and write it."""
     parser = cli.parser(__doc__, "quick", data=..., results=None)
     args = parser.parse_args(arguments)
     effort = QUICK if args.quick else FULL

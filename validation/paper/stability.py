@@ -116,7 +116,6 @@ def parameters(scene: sweep_scenes.Scene, chart: Map, alpha: float, c: float) ->
 
 
 def key(name: str, chart: Map) -> Row:
-    """Return the first columns of a row."""
     shift = chart.shift or ""
     return {"class": name, "method": chart.method, "shift": shift, "axes": chart.axes}
 
@@ -165,7 +164,6 @@ def unit_rows(quick: bool) -> Iterator[Row]:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Do what the subcommand says."""
     parser = cli.parser(__doc__, "quick", "results", "figures")
     parser.add_argument("part", nargs="?", choices=("run", "plot"))
     args = parser.parse_args(arguments)

@@ -25,14 +25,12 @@ AXES = {"alpha": "$\\alpha$", "c": "c, $\\Omega$ = c D", "c I": "c, $\\Omega$ = 
 
 
 def name_of(method: str) -> str:
-    """Return the name of a method in a chart."""
     names = {"modulus": "modulus", "modified-nam": "modified NAM"}
     zero = ", $\\beta$ = 0" if method in ("maor", "namaor") else ""
     return names.get(method, method.upper()) + zero
 
 
 def panels(rows: Rows, height: float, **shared: bool) -> tuple[Figure, Any, Any]:
-    """Return a figure, its panels, and for each its rows: classes by methods."""
     classes = tables.distinct(rows, "class")
     methods = tables.distinct(rows, "method", "shift")
     figure, grid = plt.subplots(
@@ -51,7 +49,6 @@ def panels(rows: Rows, height: float, **shared: bool) -> tuple[Figure, Any, Any]
 
 
 def plot(results: Path, figures: Path) -> None:
-    """Draw the three figures."""
     rows = csv_files.read(results / "stability.csv")
     plot_maps([row for row in rows if row["axes"] == "alpha c"], figures)
     plot_strips([row for row in rows if row["axes"] != "alpha c"], figures)
@@ -60,7 +57,6 @@ def plot(results: Path, figures: Path) -> None:
 
 @cache
 def colour(cell: str) -> tuple[float, ...]:
-    """Return the colour of a cell: a count, or a failure by name."""
     if cell in FAILURES:
         return to_rgb(FAILURES[cell])
     return COUNTS(LIMITS(max(float(cell), LIMITS.vmin or 1.0)))[:3]
@@ -83,7 +79,6 @@ def legend(figure: Figure, axes: Any, what: str) -> None:
 
 
 def show(axes: Axes, rows: Rows, names: list[str], extent: tuple[float, ...]) -> None:
-    """Draw a table of cells, columns by name, in a thin frame without a grid."""
     cells = np.array([[colour(row[name]) for name in names] for row in rows])
     axes.imshow(cells, extent=extent, aspect="auto", interpolation="nearest")
     axes.grid(False)
@@ -93,7 +88,6 @@ def show(axes: Axes, rows: Rows, names: list[str], extent: tuple[float, ...]) ->
 
 
 def title_of(row: dict[str, str]) -> str:
-    """Return the name of the method of a row with its shift."""
     return name_of(row["method"]) + (f"\n(E = {row['shift']})" if row["shift"] else "")
 
 

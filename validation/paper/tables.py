@@ -50,7 +50,6 @@ def solve(
 
 
 def timed(scene: sweep_scenes.Scene, method: str, max_iter: int, **given: Any) -> Row:
-    """Return count, Res, status, median and quartiles of the time of a method."""
     times: list[float] = []
     while not times or (len(times) <= REPEATS and sum(times) < REPEAT_TIME):
         start = time.perf_counter()
@@ -145,7 +144,6 @@ def transcription(scene: sweep_scenes.Scene, omega: np.ndarray) -> tuple[int, fl
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Do what the subcommand says."""
     parser = cli.parser(__doc__, "results", "figures")
     parser.add_argument("part", nargs="?", choices=("run", "plot", "large"))
     parser.add_argument("--jobs", type=int, default=2, help="processes that tune")

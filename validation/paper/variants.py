@@ -74,7 +74,6 @@ VARIANTS = (
 def arguments(
     variant: Variant, values: dict[str, float], scene: sweep_scenes.Scene
 ) -> Any:
-    """Return the keyword arguments of the method for parameter values."""
     given: dict[str, Any] = {k: v for k, v in values.items() if k != "c"}
     if "c" in values:
         given["omega"] = values["c"] * scene.A.diagonal()
@@ -126,7 +125,6 @@ def search(
         return result.iterations if solved else math.inf, result.residual
 
     def better(points: Iterable[Point], best: tuple[Any, Point]) -> tuple[Any, Point]:
-        """Return the least (cost, point) among `best` and the points."""
         for point in points:
             best = min(best, (cost(point, best[0][0]), point))
         return best

@@ -84,7 +84,6 @@ def measure(
 
 
 def load_class(_: Path, name: str, size: str) -> Problem:
-    """Return the problem of a class and size."""
     return osqp_classes.generate(name, int(size))
 
 
@@ -147,12 +146,10 @@ def of_kinds(kinds: Iterable[str], names: list[str], args: Args) -> Iterator[Row
 
 
 def of_families(args: Args) -> Iterator[Row]:
-    """Yield random problems, so many of each family."""
     return of_kinds(planted.FAMILIES, [str(seed) for seed in range(SEEDS)], args)
 
 
 def of_changes(args: Args) -> Iterator[Row]:
-    """Yield changed problems."""
     return of_kinds(planted.CHANGES, data_sets.set_names(args.data, "all"), args)
 
 

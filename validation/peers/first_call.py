@@ -33,7 +33,6 @@ def lcp(A: Any, **options: Any) -> namlcp.LCPResult:
 
 
 def qp(P: Any, **constraints: Any) -> qpsolvers.Solution:
-    """Solve a QP with the matrix P through qpsolvers."""
     problem = qpsolvers.Problem(P, LOAD[: P.shape[0]], **constraints)
     return qpsolvers.solve_problem(problem, solver="nam")
 
@@ -59,7 +58,6 @@ PATHS: dict[str, Callable[[], Any]] = {
 
 
 def main(arguments: list[str]) -> int:
-    """Print the seconds of import and first call."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("path", nargs="?", choices=PATHS)
     path = parser.parse_args(arguments).path

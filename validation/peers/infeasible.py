@@ -72,7 +72,6 @@ def outcome(truth: str, said: str) -> str:
 
 
 def solve(job: Job, problem: Problem, eps: float, twin: Problem | None) -> Row:
-    """Time a solver on a problem and say what it makes of it: the work of a child."""
     settings = qp_solvers.detecting_settings(job.solver, eps, job.limit)
 
     def timed(problem: Problem) -> tuple[Solution, float, float]:
@@ -99,7 +98,6 @@ def solve(job: Job, problem: Problem, eps: float, twin: Problem | None) -> Row:
 
 
 def requests(args: Args) -> Iterator[Row]:
-    """Yield all cases for one solver, then for the next."""
     makers = cases.all_cases(args.data, QUICK_STEP if args.quick else STEP)
     found = {name: case for name, make in makers.items() if (case := make())}
     for solver in args.solvers:
@@ -116,7 +114,6 @@ def requests(args: Args) -> Iterator[Row]:
 
 
 def complete(row: Row) -> Row:
-    """Return a row with what the verdict comes to."""
     row.setdefault("verdict", "undecided")
     return row | {"outcome": outcome(row["truth"], row["verdict"])}
 

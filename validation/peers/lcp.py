@@ -31,7 +31,6 @@ FIRST_CALL = "peers.first_call"
 
 
 def contact(job: Job, name: str) -> Row:
-    """Return the row of a contact scene: the work of a child."""
     import namlcp
 
     A, q = data_sets.contact_lcp(job.data, name)
@@ -57,14 +56,12 @@ def contact(job: Job, name: str) -> Row:
 
 
 def contacts(args: Args) -> Iterator[Row]:
-    """Yield the scenes, both solvers in turn."""
     names = data_sets.set_names(args.data, "contact")
     for name in names[:: 4 if args.quick else 1]:
         yield from ({"scene": name, "solver": solver} for solver in args.solvers)
 
 
 def nam_call(A: sp.csr_array, q: np.ndarray) -> Callable[[], np.ndarray]:
-    """Return the call that is timed: data in, z out."""
     import namlcp
 
     return lambda: namlcp.solve_lcp(A, q, method="auto", eps_abs=1e-10).z
@@ -90,7 +87,6 @@ def osqp_call(A: sp.csr_array, q: np.ndarray) -> Callable[[], np.ndarray]:
 
 
 def example1(job: Job) -> Row:
-    """Return time, accuracy and memory of a solver on Example 1: a child's work."""
     make = nam_call if job.solver == "nam" else osqp_call
     small, scene = (sweep_scenes.paper_example(1, m) for m in (10, 1000))
     make(small.A, small.q)()
@@ -116,7 +112,6 @@ def example1(job: Job) -> Row:
 
 
 def run_script(*command: str) -> str:
-    """Return what a script prints."""
     return subprocess.run(
         cli.script(*command),
         cwd=cli.ROOT,

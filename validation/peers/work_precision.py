@@ -121,7 +121,6 @@ def task_of(data: Path | None, family: str, name: str) -> families.Task:
 
 
 def measure(job: Job, family: str, name: str, eps: float) -> Row:
-    """Time a solver on a problem: the work of a child. `point` is its first answer."""
     import namlcp  # noqa: F401
 
     task = task_of(job.data, family, name)
@@ -157,7 +156,6 @@ def solution_of(data: Path | None, family: str, name: str) -> np.ndarray | None:
 
 
 def complete(row: Row) -> Row:
-    """Return a row with its error, and whether the request is missed."""
     residual = csv_files.number(row.get("residual"))
     point, about = row.pop("point", None), (row["data"], row["family"], row["problem"])
     late = row["status"].startswith("too slow")
@@ -170,7 +168,6 @@ def complete(row: Row) -> Row:
 
 
 def requests(args: Args) -> Iterator[Row]:
-    """Yield all families: the solvers in turn, the loosest tolerance first."""
     for name, family in known_families(args.data).items():
         solvers = [*(args.solvers if family.peers else ["sweep auto"]), *family.sweeps]
         for problem in family.quick if args.quick else family.makers:

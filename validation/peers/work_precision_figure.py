@@ -64,7 +64,6 @@ def named(rows: list[Row], family: str) -> list[str]:
 
 
 def plot(results: Path, figures: Path) -> None:
-    """Draw the six panels."""
     rows = summary(results)
     figure, panels = plt.subplots(2, 3, figsize=(charts.WIDTH, 5.6), sharex=True)
     figure.subplots_adjust(
@@ -82,7 +81,6 @@ def plot(results: Path, figures: Path) -> None:
 
 
 def draw_family(axes: Axes, rows: list[Row], coloured: list[str]) -> None:
-    """Draw the lines of one family and the strip of misses."""
     axes.set(xscale="log", yscale="log", xlim=(LEAST_ERROR, MOST_ERROR))
     axes.yaxis.set_major_locator(LogLocator(numticks=12))
     lines = {}

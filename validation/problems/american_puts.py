@@ -141,7 +141,6 @@ class March:
         raise NotImplementedError
 
     def price(self, spot: float) -> float:
-        """Return the value at a spot price."""
         x = self.grid.x
         k = int(np.searchsorted(x, np.log(spot)))
         near = slice(k - 8, k + 8)

@@ -73,7 +73,6 @@ class Family(NamedTuple):
 
 
 def boxed(scene: BoxLCP, exact: np.ndarray | None = None) -> Task:
-    """Return the QP of a box LCP with symmetric A."""
     A, q, lower, upper = scene
     P = A if isinstance(A, np.ndarray) else sp.csc_matrix(A)
     return Task(Problem(P, q, lb=lower, ub=upper), exact)
@@ -135,7 +134,6 @@ def random_qp(largest: int, seed: int) -> Task:
 
 
 def classed(name: str, size: int) -> Task:
-    """Return a problem of the OSQP paper's classes."""
     return Task(osqp_classes.generate(name, size))
 
 
@@ -156,7 +154,6 @@ def denoising(n: int, seed: int = 0) -> Task:
 
 
 def stored(data: Path, problem_set: str, name: str) -> Task:
-    """Return a problem of the data folder."""
     return Task(data_sets.load(data, problem_set, name))
 
 
@@ -172,7 +169,6 @@ STORED = {
 
 
 def file_of(data: Path, problem_set: str, name: str) -> Path:
-    """Return the file of a stored problem."""
     if problem_set == "all":
         return data / "maros_meszaros" / f"{name}.mat"
     return data / problem_set / f"{name}.npz"

@@ -107,7 +107,6 @@ def toeplitz_operator(first: np.ndarray) -> LinearOperator:
 
 
 def measured(problem: Hertz, p: np.ndarray) -> dict[str, float]:
-    """Return the relative errors of radius, force and largest pressure."""
     h = problem.side
     radius = math.sqrt(np.count_nonzero(p) * h * h / math.pi)
     return {

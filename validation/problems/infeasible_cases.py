@@ -110,7 +110,6 @@ def random_feasible(
 
 
 def shaped(arrays: list[np.ndarray], dense: bool) -> Problem:
-    """Return a dense or a sparse problem."""
     if dense:
         return Problem(*arrays)
     return Problem(*[sp.csc_matrix(M) if M.ndim == 2 else M for M in arrays])

@@ -26,7 +26,6 @@ LOAD = 50.0
 
 
 def nodes(m: int) -> np.ndarray:
-    """Return the m interior nodes of (0, 1)."""
     return np.arange(1, m + 1) / (m + 1)
 
 

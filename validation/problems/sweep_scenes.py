@@ -60,7 +60,6 @@ def with_contact(scene: Scene, seed: int = 0) -> Scene:
 
 
 def contact(data: Path, name: str) -> Scene:
-    """Return the frictionless part of a contact scene of the data folder."""
     A, q = data_sets.contact_lcp(data, name)
     return halfline(name, A, q)
 

@@ -29,20 +29,17 @@ Answers = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def at_once(stack: Stack, threads: int) -> Answers:
-    """Solve by namlcp.solve_batch."""
     r = namlcp.solve_batch(*stack, threads=threads)
     return r.x, r.z, r.codes == list(namlcp.Status).index(namlcp.Status.SOLVED)
 
 
 def one_by_one(stack: Stack, _: int) -> Answers:
-    """Solve by a loop over namlcp.solve_qp."""
     results = [namlcp.solve_qp(*item) for item in zip(*stack, strict=True)]
     found = np.array([r.status is namlcp.Status.SOLVED for r in results])
     return np.array([r.x for r in results]), np.array([r.z for r in results]), found
 
 
 def by_daqp(stack: Stack, _: int) -> Answers:
-    """Solve by a loop over daqp.solve."""
     import daqp
 
     P, q, G, h = stack
@@ -74,7 +71,6 @@ def worst_residual(stack: Stack, x: np.ndarray, z: np.ndarray) -> float:
 
 
 def measured(job: Job, n: int, m: int, items: int, threads: int) -> Row:
-    """Time a solver on a batch: the work of a child process."""
     solve = LOOPS[job.solver]
     rng = np.random.default_rng(n)
     solve(planted.definite_stack(rng, n, m, 2), threads)
@@ -95,7 +91,6 @@ def measured(job: Job, n: int, m: int, items: int, threads: int) -> Row:
 
 
 def requests(args: Args) -> Iterator[Row]:
-    """Yield the shapes, from the smallest batch; threads are namlcp's."""
     for (n, m), most in SHAPES.items():
         for items in [QUICK_BATCH] if args.quick else BATCHES:
             for solver in args.solvers if items <= most else []:

@@ -12,7 +12,6 @@ SOLVERS = ("nam", "daqp", "quadprog", "piqp", "proxqp", "clarabel", "osqp", "qpo
 
 
 def plot(results: Path, figures: Path) -> None:
-    """Draw latency.csv and, beside it, sequences.csv; every line has its colour."""
     calls = csv_files.read(results)
     steps = csv_files.read(results.parent / "sequences.csv")
     steps = tables.chosen(steps, scene=SCENE, level=LEVEL)

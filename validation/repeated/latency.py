@@ -32,13 +32,11 @@ LONG = 0.1  # [s] a call, which then has one round
 
 
 def problems(n: int) -> list[Problem]:
-    """Return the problems of a size."""
     stack = planted.definite_stack(np.random.default_rng(n), n, 2 * n, PROBLEMS)
     return [Problem(*parts) for parts in zip(*stack, strict=True)]
 
 
 def called(problem: Problem, solver: str, eps: float, limit: float) -> Solution:
-    """Return the answer to one call."""
     settings = qp_solvers.settings(solver.split()[0], eps, limit)
     if solver == "moreau":  # which qpsolvers does not know
         return qp_solvers.solve(problem, solver, **settings)
@@ -52,7 +50,6 @@ def called(problem: Problem, solver: str, eps: float, limit: float) -> Solution:
 
 
 def measured(job: Job, n: int, eps: float) -> Row:
-    """Time a solver on the problems of a size: the work of a child process."""
     some = problems(n)
     called(problems(2)[0], job.solver, eps, job.limit)
     job.ready()
@@ -82,7 +79,6 @@ def measured(job: Job, n: int, eps: float) -> Row:
 
 
 def requests(args: Args) -> Iterator[Row]:
-    """Yield the sizes, all solvers in turn."""
     for n in QUICK_SIZES if args.quick else SIZES:
         for solver in args.solvers:
             yield {"n": n, "m": 2 * n, "solver": solver, "eps": args.eps[0]}

@@ -76,7 +76,6 @@ def recorded(scene: str, size: int, level: str, most: int) -> Recorded:
 
 
 def replayed(job: Job, sequence: Recorded, eps: float) -> Row:
-    """Run a solver through a sequence: the work of a child process."""
     problem, vectors, fresh, _ = sequence
     times = np.full((REPEATS, len(vectors)), np.inf)
     judged: list[Row] = []
@@ -138,7 +137,6 @@ def described(request: Row) -> Row:
 
 
 def requests(args: Args) -> Iterator[Row]:
-    """Yield the scenes, sizes and levels, all solvers in turn."""
     steps = QUICK_STEPS if args.quick else STEPS
     for name, scene in known.SCENES.items():
         for size in scene.sizes[:1] if args.quick else scene.sizes:

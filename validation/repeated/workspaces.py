@@ -57,24 +57,20 @@ class Calls:
     """`namlcp.solve_qp`, which starts from its last answer."""
 
     def __init__(self, problem: Problem, eps: float) -> None:
-        """Solve once."""
         self.data = qps.by_name(problem)
         self.options = told("nam", eps)
         self.result = namlcp.solve_qp(**self.data, **self.options)
 
     def prepared(self, vectors: Vectors) -> Vectors:
-        """Return them."""
         return vectors
 
     def step(self, vectors: Vectors) -> None:
-        """Solve from the last answer."""
         self.data.update(vectors)
         self.result = namlcp.solve_qp(
             **self.data, warm_start=self.result, **self.options
         )
 
     def solution(self, problem: Problem) -> Solution:
-        """Return the result."""
         r = self.result
         found = r.status is namlcp.Status.SOLVED
         return answered(problem, found, r.x, (r.y, r.z, r.z_box))
@@ -84,12 +80,10 @@ class Kept(Calls):
     """`namlcp.Solver`."""
 
     def __init__(self, problem: Problem, eps: float) -> None:
-        """Set up, and solve once."""
         self.solver = namlcp.Solver(*problem.unpack(), **told("nam", eps))
         self.result = self.solver.solve()
 
     def step(self, vectors: Vectors) -> None:
-        """Update, and solve."""
         self.solver.update(**vectors)
         self.result = self.solver.solve()
 
@@ -98,7 +92,6 @@ class Daqp:
     """DAQP's Model; rows: bounds, G, A."""
 
     def __init__(self, problem: Problem, eps: float) -> None:
-        """Set up, and solve once."""
         import daqp
 
         P, q, G, h, A, b, lb, ub = qps.parts(qps.filled(problem))
@@ -113,7 +106,6 @@ class Daqp:
         self.answer = self.model.solve()
 
     def prepared(self, vectors: Vectors) -> tuple[Any, Any, Any]:
-        """Return f, bupper and blower; None where nothing changes."""
         self.vectors = now = self.vectors | vectors
         if set(vectors) == {"q"}:
             return now["q"], None, None
@@ -127,13 +119,11 @@ class Daqp:
         )
 
     def step(self, arguments: tuple[Any, Any, Any]) -> None:
-        """Update, and solve."""
         f, upper, lower = arguments
         self.model.update(f=f, bupper=upper, blower=lower)
         self.answer = self.model.solve()
 
     def solution(self, problem: Problem) -> Solution:
-        """Return the last answer."""
         x, _, flag, info = self.answer
         n, m = problem.q.size, 0 if problem.h is None else problem.h.size
         lam = info["lam"]
@@ -144,7 +134,6 @@ class Piqp:
     """PIQP's dense or sparse solver."""
 
     def __init__(self, problem: Problem, eps: float) -> None:
-        """Set up, and solve once."""
         import piqp
 
         P, q, G, h, A, b, lb, ub = qps.parts(problem)
@@ -162,21 +151,17 @@ class Piqp:
 
     @staticmethod
     def finite(*sides: np.ndarray) -> list[np.ndarray]:
-        """Return sides within PIQP's infinity."""
         return [np.clip(side, -INFINITY, INFINITY) for side in sides]
 
     def prepared(self, vectors: Vectors) -> Vectors:
-        """Return the keywords of `update`."""
         names = {"q": "c", "h": "h_u", "b": "b", "lb": "x_l", "ub": "x_u"}
         return {names[key]: value for key, value in vectors.items()}
 
     def step(self, arguments: Vectors) -> None:
-        """Update, and solve."""
         self.solver.update(**arguments)
         self.status = self.solver.solve()
 
     def solution(self, problem: Problem) -> Solution:
-        """Return the last answer."""
         r = self.solver.result
         multipliers = r.y, r.z_u, r.z_bu - r.z_bl
         return answered(problem, self.status == self.solved, r.x, multipliers)
@@ -186,7 +171,6 @@ class Proxqp:
     """ProxQP's dense or sparse solver; rows: G, bounds."""
 
     def __init__(self, problem: Problem, eps: float) -> None:
-        """Set up, and solve once."""
         from proxsuite import proxqp
 
         P, q, G, h, A, b, lb, ub = qps.parts(problem)
@@ -212,7 +196,6 @@ class Proxqp:
         self.qp.solve()
 
     def prepared(self, vectors: Vectors) -> Vectors:
-        """Return the keywords of `update`."""
         self.vectors = now = self.vectors | vectors
         arguments = {}
         if "q" in vectors:
@@ -229,12 +212,10 @@ class Proxqp:
         return arguments
 
     def step(self, arguments: Vectors) -> None:
-        """Update, and solve."""
         self.qp.update(**arguments)
         self.qp.solve()
 
     def solution(self, problem: Problem) -> Solution:
-        """Return the last answer."""
         r = self.qp.results
         m = self.vectors["h"].size
         return answered(
@@ -246,7 +227,6 @@ class Osqp:
     """OSQP; rows: G, A, bounds."""
 
     def __init__(self, problem: Problem, eps: float) -> None:
-        """Set up, and solve once."""
         import osqp
 
         P, q, G, h, A, b, lb, ub = qps.parts(problem)
@@ -260,7 +240,6 @@ class Osqp:
         self.answer = self.solver.solve(raise_error=False)
 
     def prepared(self, vectors: Vectors) -> Vectors:
-        """Return the keywords of `update`."""
         self.vectors = now = self.vectors | vectors
         arguments = {"q": now["q"]} if "q" in vectors else {}
         if vectors.keys() & {"h", "b", "lb", "ub"}:
@@ -270,12 +249,10 @@ class Osqp:
         return arguments
 
     def step(self, arguments: Vectors) -> None:
-        """Update, and solve."""
         self.solver.update(**arguments)
         self.answer = self.solver.solve(raise_error=False)
 
     def solution(self, problem: Problem) -> Solution:
-        """Return the last answer."""
         r = self.answer
         m, p = self.vectors["h"].size, self.vectors["b"].size
         parts = r.y[m : m + p], r.y[:m], r.y[m + p :]

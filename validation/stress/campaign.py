@@ -116,7 +116,6 @@ class CampaignBench(Bench):
     """A child process that makes its problems itself: `data` is a `Part`."""
 
     def start(self) -> None:
-        """Start the child process, and wait until all is loaded and compiled."""
         super().start()
         if self.solver == "nam":
             self.pipe.send((self.limit, None))
@@ -133,7 +132,6 @@ class CampaignBench(Bench):
 
 
 def class_of(i: int, name: str) -> str:
-    """Return the class of problem i of a set."""
     of = relations.class_of if name in relations.RELATIONS else cases.group_of
     return of(i, name)
 
@@ -175,7 +173,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def run_part(part: Part, tally: Tally, args: argparse.Namespace) -> None:
-    """Ask one solver the problems of one set and seed that are not done yet."""
     with CampaignBench(work, part.solver, args.limit, part) as child:
         began = time.perf_counter()
         for i in range(tally.done[part], args.problems):
@@ -189,7 +186,6 @@ def run_part(part: Part, tally: Tally, args: argparse.Namespace) -> None:
 
 
 def show(args: argparse.Namespace) -> int:
-    """Ask one problem once more, in this process, and print what comes of it."""
     print(class_of(args.index, args.set))
     if args.set in cases.CYCLES:
         case = cases.make(args.seed, args.index, args.set)
@@ -206,13 +202,11 @@ def show(args: argparse.Namespace) -> int:
 
 
 def table(args: argparse.Namespace) -> int:
-    """Print the table of a CSV."""
     print(report(read(args.csv)))
     return 0
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run, report or show."""
     parser = cli.parser(__doc__)
     commands = parser.add_subparsers(required=True)
     for name, call in (("run", run), ("report", table), ("show", show)):

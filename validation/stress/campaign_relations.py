@@ -44,7 +44,6 @@ RIGHT = "right", ""
 
 
 def answer_of(solve: Callable[[], namlcp.QPResult]) -> Answer:
-    """Return what a solve says; an exception is an answer."""
     try:
         return qp_answer(solve())
     except Exception as error:
@@ -235,7 +234,6 @@ of its class number i modulo their number."""
 
 
 def class_of(i: int, name: str) -> str:
-    """Return the class of problem i of a set."""
     return list(RELATIONS[name])[i % len(RELATIONS[name])]
 
 

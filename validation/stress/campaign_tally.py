@@ -40,7 +40,6 @@ class Tally:
     """The counts of a campaign, kept in a CSV; the row "done" tells how far it is."""
 
     def __init__(self, path: Path, header: list[str]) -> None:
-        """Read what an earlier run has left."""
         self.path, self.header = path, header
         self.rows: dict[Key, Row] = {}
         self.done: collections.Counter[Part] = collections.Counter()
@@ -54,7 +53,6 @@ class Tally:
                 self.rows[tuple(row[name] for name in KEY)] = row
 
     def add(self, part: Part, index: int, found: Row) -> None:
-        """Count one problem."""
         key = (*part, found["class"], found["truth"], found["outcome"])
         row = self.rows.setdefault(
             key, dict(zip(COLUMNS, (*key, 0, 0.0, 0.0, "", ""), strict=True))
@@ -67,7 +65,6 @@ class Tally:
         row["slowest"] = max(row["slowest"], round(found["time"], 4))
 
     def write(self) -> None:
-        """Replace the CSV."""
         new = self.path.with_suffix(".part")
         with csv_files.writer(new, self.header, COLUMNS) as write:
             for part, count in self.done.items():

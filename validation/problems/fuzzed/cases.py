@@ -92,7 +92,6 @@ def is_definite(i: int, cycle: str = "every") -> bool:
 
 
 def make(seed: int, i: int, cycle: str = "every") -> Case:
-    """Return problem i of a seed."""
     rng = np.random.default_rng([seed, i])
     draw = Draw(rng)
     kind, group = kind_of(i, cycle), group_of(i, cycle)

@@ -41,7 +41,6 @@ def matrices(draw: Draw, qp: QP) -> QP:
 
 
 def nothing(draw: Draw, qp: QP) -> QP:
-    """Leave everything as it is."""
     return qp
 
 
@@ -51,5 +50,4 @@ CHANGES: tuple[Callable[[Draw, QP], QP], ...] = (
 
 
 def changed(draw: Draw, qp: QP) -> QP:
-    """Return the QP after one of CHANGES."""
     return CHANGES[int(draw.rng.integers(len(CHANGES)))](draw, qp)

@@ -105,7 +105,6 @@ def diagonal(draw: Draw, n: int) -> np.ndarray:
 
 
 def linear(draw: Draw, n: int) -> np.ndarray:
-    """Return 0."""
     return np.zeros((n, n))
 
 
@@ -128,7 +127,6 @@ COSTS = (
 
 
 def any_cost(draw: Draw, n: int) -> np.ndarray:
-    """Return one of COSTS."""
     return COSTS[int(draw.rng.integers(len(COSTS)))](draw, n)
 
 

@@ -108,7 +108,6 @@ def wrap_loose(rng: Rng, values: np.ndarray, layout: str, wrap: Any) -> Any:
 
 
 def matrix_form(rng: Rng, values: np.ndarray, sparse: bool) -> Any:
-    """Return a matrix in a random dense form, or in a random sparse one."""
     if sparse:
         return sparse_form(rng, values)
     return DENSE[int(rng.integers(len(DENSE)))](rng, values)

@@ -71,13 +71,11 @@ def planted(
 
 
 def ordinary(draw: Draw, P: np.ndarray, m: int, p: int) -> Truth:
-    """Return a solvable QP with random rows."""
     n = P.shape[0]
     return planted(draw, P, draw.matrix(m, n), draw.matrix(p, n))[0], "solvable"
 
 
 def with_cost(draw: Draw, cost: Cost) -> Truth:
-    """Return a solvable QP of any size with such a P."""
     n, m, p = draw.sizes()
     return ordinary(draw, cost(draw, n), m, p)
 

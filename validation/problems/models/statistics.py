@@ -27,7 +27,6 @@ class Model(NamedTuple):
 
 
 def least(cost: Any, *constraints: Any) -> cp.Problem:
-    """Return the problem of the least cost."""
     return cp.Problem(cp.Minimize(cost), list(constraints))
 
 
@@ -100,7 +99,6 @@ Data = Callable[[int, int], tuple[Any, np.ndarray]]
 
 
 def square(r: Any) -> Any:
-    """Return |r|^2."""
     return cp.sum_squares(r)
 
 
@@ -223,7 +221,6 @@ def total_variation(n: int) -> cp.Problem:
 
 
 def image_total_variation(n: int) -> cp.Problem:
-    """Denoise an n x n image by anisotropic total variation."""
     rng = np.random.default_rng(n)
     image = np.kron(rng.standard_normal((n // 5, n // 5)), np.ones((5, 5)))
     x = cp.Variable((n, n))

@@ -176,8 +176,6 @@ def condensed(stages: int, level: str, loop: Loop | None = None) -> Sequence:
 
 
 def single(build: Callable[..., Sequence], stages: int, state: np.ndarray) -> Problem:
-    """Return the first step of a sequence from a measured state."""
-
     def loop() -> Loop:
         """Yield the state; nothing is applied."""
         yield state, np.zeros(STATES)

@@ -95,7 +95,6 @@ ERROR = 0.5  # of y
 
 
 def penalty_path(features: int, level: str) -> Sequence:
-    """Return the path with so many features."""
     rng = np.random.default_rng(features)
     X = rng.standard_normal((2 * features, features)) / np.sqrt(2 * features)
     w = rng.standard_normal(features) * (rng.random(features) < 0.2)
