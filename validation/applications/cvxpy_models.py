@@ -8,13 +8,10 @@ from the point and the multipliers that the solver's interface hands back:
 - primal: largest violation over max(1, |Ax|, |b|, |Fx|, |g|);
 - dual: largest |Px + q + A'y + F'z| or wrong sign over max(1, |Px|, |q|, |A'y|, |F'z|);
 - complementarity: largest |z_i (g - Fx)_i|, and the duality gap, over max(1, x'Px, q'x,
-  b'y, g'z);
-- proof, of an infeasible problem: largest |A'y + F'z| or wrong sign over -(b'y + g'z);
-  of an unbounded one: largest |Px|, |Ax| or (Fx)_i > 0 over -q'x, for the ray x.
+  b'y, g'z).
 
 The time is the median of repeated calls of CVXPY's solve_via_data, without its
-compilation and without a warm start: processor time, on one thread. Exits with 1 if a
-model is not right by NAM.
+compilation and without a warm start: processor time, on one thread.
 """
 
 from collections.abc import Iterator
@@ -26,8 +23,8 @@ from validation.applications.cvxpy_bench import (
     known_models,
     work,
 )
-from validation.harness import Row, tables
-from validation.harness.suite import Args, Suite, solved
+from validation.harness import Row
+from validation.harness.suite import Args, Suite
 
 QUICK = 10  # every so many models, small
 
@@ -47,14 +44,13 @@ SUITE = Suite(
     work=work,
     conclude=conclude,
     columns=(
-        "problem set solver variables equalities inequalities compile runtime cold "
-        "status expected success objective objective_error against primal_residual "
-        "dual_residual complementarity proof iterations form message"
+        "problem set solver variables equalities inequalities runtime cold status "
+        "expected success objective objective_error against primal_residual "
+        "dual_residual complementarity iterations form message"
     ),
     keys="set problem solver",
     solvers=("nam", "osqp", "clarabel", REFERENCE),
     packages={REFERENCE: "cvxpy"},
     limit=60.0,
     shown="problem:24 set:6 solver success:8 status:18 runtime " + " ".join(RESIDUALS),
-    failed=lambda rows: not all(map(solved, tables.chosen(rows, solver="nam"))),
 )

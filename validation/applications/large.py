@@ -6,10 +6,9 @@ compiled kernels loaded; `residual` || z - clip(z - (A z + q), lower, upper) ||_
 computed here. `baseline`, in the same process, in turns with ours and the best of as
 many, is one linear solve: A x = -q to 1e-8 by pyamg's default Ruge-Stueben hierarchy,
 its set-up included, and CG (BiCGStab if A is not symmetric). `product` is the median
-time of A @ x, which reads A once. `memory` is what the call needs at its peak and
-`hierarchy` what the levels of the baseline take, A one of them, both in units of the
-bytes of A. OSQP, PIQP and Clarabel solve the forced obstacle to 1e-8 up to the size
-that they do not finish in 60 s.
+time of A @ x, which reads A once. `memory` is what the call needs at its peak, in units
+of the bytes of A. OSQP, PIQP and Clarabel solve the forced obstacle to 1e-8 up to the
+size that they do not finish in 60 s.
 
 --quick: n up to 10^5.
 """
@@ -112,7 +111,7 @@ def scene_row(name: str, n: int) -> Row:
     A = scene.A
     row: Row = {"n": scene.q.size}
     if sp.issparse(A):
-        row["nnz"], own = A.nnz, memory_of(A)
+        row["nnz"] = A.nnz
     release_memory()
     before = timing.resident_memory(reset_peak=True)
     times, baselines = [], []
@@ -121,24 +120,22 @@ def scene_row(name: str, n: int) -> Row:
         result = call(scene, LIMIT, relative)
         times.append(time.perf_counter() - start)
         if turn == 0 and sp.issparse(A):
+            own = A.data.nbytes + A.indices.nbytes + A.indptr.nbytes
             row["memory"] = (timing.resident_memory() - before) / own
         if accel:
             baselines.append(linear_solve(A, scene.q, accel))
         if times[0] > ONCE:
             break
-    row |= judged(scene, result.z, relative)
     row |= {
+        "residual": residual_of(scene, result.z, relative),
         "method": result.method,
         "status": result.status.value,
         "iterations": result.iterations,
-        "setup": result.setup_time,
-        "solve": result.solve_time,
         "seconds": min(times),
         "product": timing.median_time(lambda: A @ scene.q)[2],
     }
     if baselines:
-        row["baseline"], row["baseline_iterations"], levels = min(baselines)
-        row["hierarchy"] = levels / own
+        row["baseline"], row["baseline_iterations"] = min(baselines)
         row["ratio"] = row["seconds"] / row["baseline"]
     return row
 
@@ -152,11 +149,6 @@ def call(scene: known_scenes.BoxLCP, limit: float, relative: bool) -> LCPResult:
     return solve_lcp(*scene, **given)
 
 
-def memory_of(M: Any) -> float:
-    """Return the bytes of a matrix in CSR form."""
-    return float(M.data.nbytes + M.indices.nbytes + M.indptr.nbytes)
-
-
 def release_memory() -> None:
     """Return freed memory to the system (glibc), so that the peak is not hidden."""
     gc.collect()
@@ -165,19 +157,17 @@ def release_memory() -> None:
         libc.malloc_trim(0)
 
 
-def judged(scene: known_scenes.BoxLCP, z: np.ndarray, relative: bool = False) -> Row:
-    """Return the natural residual of z and the share of unknowns at a bound."""
+def residual_of(
+    scene: known_scenes.BoxLCP, z: np.ndarray, relative: bool = False
+) -> float:
     A, q, lower, upper = scene
-    active = np.mean((z <= lower) | (z >= upper))
     if relative:
-        residual = judging.relative_residual(A, q, z)
-    else:
-        residual = natural_residual(z, A @ z + q, lower, upper)
-    return {"residual": residual, "active": float(active)}
+        return judging.relative_residual(A, q, z)
+    return natural_residual(z, A @ z + q, lower, upper)
 
 
-def linear_solve(A: Any, q: np.ndarray, accel: str) -> tuple[float, int, float]:
-    """Return time, iterations and bytes of the levels of A x = -q to 1e-8.
+def linear_solve(A: Any, q: np.ndarray, accel: str) -> tuple[float, int]:
+    """Return time and iterations of A x = -q to 1e-8.
 
     The time is NaN where 200 iterations are not enough.
     """
@@ -189,10 +179,7 @@ def linear_solve(A: Any, q: np.ndarray, accel: str) -> tuple[float, int, float]:
     seconds = time.perf_counter() - start
     if not np.linalg.norm(A @ x + q) <= 1e-7 * np.linalg.norm(q):
         seconds = np.nan
-    matrices = [level.A for level in hierarchy.levels]
-    for level in hierarchy.levels[:-1]:
-        matrices += [level.P, level.R]
-    return seconds, len(steps) - 1, sum(memory_of(M) for M in matrices)
+    return seconds, len(steps) - 1
 
 
 def peer_row(job: Job, name: str, n: int) -> Row:
@@ -215,7 +202,8 @@ def peer_row(job: Job, name: str, n: int) -> Row:
     answer, cold, runtime = timing.median_time(lambda: solve(scene))
     if not answer.found or answer.x is None:
         return row | processes.failure("not found")
-    row |= judged(scene, answer.x) | {"seconds": runtime, "status": "solved"}
+    row |= {"residual": residual_of(scene, answer.x)}
+    row |= {"seconds": runtime, "status": "solved"}
     if cold > job.limit:
         row["status"] = "too slow"
     elif not row["residual"] <= PEER_EPS * np.sqrt(row["n"]):
@@ -238,8 +226,8 @@ SUITE = Suite(
     requests=requests,
     work=work,
     columns=(
-        "scene size n nnz solver method status iterations setup solve seconds residual "
-        "active baseline baseline_iterations ratio product memory hierarchy"
+        "scene size n nnz solver method status iterations seconds residual baseline "
+        "baseline_iterations ratio product memory"
     ),
     keys="scene size solver",
     solvers=("nam", "osqp", "piqp", "clarabel"),

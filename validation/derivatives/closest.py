@@ -39,7 +39,6 @@ import namlcp
 from validation.harness import (
     Job,
     Row,
-    csv_files,
     judging,
     qp_solvers,
     qps,
@@ -212,15 +211,6 @@ def row_of(name: str, group: str, problem: Problem) -> Row:
     return row
 
 
-def is_right(row: Row) -> bool:
-    """Tell whether a row keeps the claim but for time."""
-    shift, worst = (
-        min(csv_files.number(row[name]) for name in names)
-        for names in (("clarabel", "piqp"), ("conditions",))
-    )
-    return shift <= 1e-8 and worst <= 1e-9
-
-
 def work(job: Job, name: str, group: str, problem: Problem) -> Row:
     job.ready()
     return row_of(name, group, problem)
@@ -241,5 +231,4 @@ SUITE = Suite(
     keys="problem",
     limit=600.0,
     shown="problem:26 norm clarabel piqp conditions closest feasible ratio soft said",
-    failed=lambda rows: not all(map(is_right, rows)),
 )

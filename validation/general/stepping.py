@@ -1,8 +1,7 @@
 """Discs that fall with friction for 300 steps: an LCP each, from the last one or not.
 
 A row for every step: unknowns, method, Res over max |q_i|, processor time, energy and
-deepest overlap. The scene: `namlcp.scenes.stepping`. Exits with 1 if a step was not
-solved.
+deepest overlap. The scene: `namlcp.scenes.stepping`.
 """
 
 from collections.abc import Iterator
@@ -48,5 +47,4 @@ SUITE = Suite(
     keys="discs start",
     limit=600.0,
     shown="discs start step status residual seconds",
-    failed=lambda rows: any(row["status"] != "solved" for row in rows),
 )

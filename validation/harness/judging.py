@@ -65,33 +65,6 @@ def filled(part: Any, size: int) -> np.ndarray:
     return np.zeros(size) if absent else np.asarray(part, dtype=float)
 
 
-def farkas_residual(
-    problem: Problem, y: np.ndarray, z: np.ndarray, z_box: np.ndarray
-) -> float:
-    """Return how far (y, z, z_box) is from proving 0 <= -1."""
-    _, _, G, h, A, b, lb, ub = parts(problem)
-    z_box = z_box if z_box.size else np.zeros(lb.size)
-    side = np.where(z_box > 0.0, ub, lb)
-    rows, used = z != 0.0, z_box != 0.0
-    value = b @ y + h[rows] @ z[rows] + side[used] @ z_box[used]
-    if not value < 0.0:
-        return np.inf
-    error = largest(A.T @ y + G.T @ z + z_box, np.minimum(z, 0.0))
-    return error / -float(value)
-
-
-def ray_residual(problem: Problem, d: np.ndarray) -> float:
-    """Return how far d is from a direction of recession with slope -1."""
-    P, q, G, h, A, _, lb, ub = parts(problem)
-    value = float(q @ d)
-    if not value < 0.0:
-        return np.inf
-    rise = np.maximum((G @ d)[np.isfinite(h)], 0.0)
-    up, down = d[np.isfinite(ub)], d[np.isfinite(lb)]
-    wrong = np.maximum(up, 0.0), np.minimum(down, 0.0)
-    return largest(P @ d, A @ d, rise, *wrong) / -value
-
-
 def relative_residual(A: sp.csr_matrix, q: np.ndarray, z: np.ndarray) -> float:
     """Return the relative natural residual of the LCP scaled to unit diagonal.
 

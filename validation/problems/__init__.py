@@ -10,7 +10,6 @@ large_scenes                families of box LCPs of any size
 contact_scenes              heaps of discs, walls of bricks
 sweep_scenes                box LCPs of known class for the sweep methods
 hertz                       a sphere on a half-space, without a matrix
-american_puts               American puts, and the method of Brennan and Schwartz
 planted                     random QPs around a planted solution; changed data
 infeasible_cases            QPs without a solution, and some that only look so
 families                    the families of the work-precision chart

@@ -1,10 +1,9 @@
 """QPs without a solution, and some that only look so: a set with known truth.
 
-Each case has a truth, `infeasible`, `unbounded`, `both`, `feasible` or `not convex`,
-and, where a solvable problem was changed, that problem as its `twin`. The truth follows
-from the construction; where that needs a linear program, HiGHS solves it (by way of
-scipy.optimize.linprog). From the Maros-Meszaros collection come the convex problems of
-at most 1000 variables and rows, each changed in one way:
+Each case has a truth, `infeasible`, `unbounded`, `both`, `feasible` or `not convex`. It
+follows from the construction; where that needs a linear program, HiGHS solves it (by
+way of scipy.optimize.linprog). From the Maros-Meszaros collection come the convex
+problems of at most 1000 variables and rows, each changed in one way:
 
 - fixed: a variable is held above the largest value that the constraints allow (HiGHS);
 - row: a row is added that contradicts the sum of two others by 1e-3 of its size;
@@ -31,7 +30,6 @@ from validation.problems import data_sets
 from validation.problems.small_infeasible_cases import SMALL, make
 
 MOST = 1000  # variables and rows of a Maros-Meszaros problem to be changed
-CHANGES = ("fixed", "row", "free", "pair", "unbound", "both", "sums", "digits")
 MARGIN = 1e-3
 DESCENT, LEVEL = 1e-3, 1e-9  # slopes that HiGHS can tell from each other
 SIZES = ((5, 8, 2), (10, 20, 3), (30, 40, 5), (50, 100, 10), (100, 150, 20),
@@ -40,12 +38,11 @@ DENSITY = 0.05
 
 
 class Case(NamedTuple):
-    """A problem, what is true of it, and the solvable problem it was made from."""
+    """A problem, and what is true of it."""
 
     group: str
     truth: str
     problem: Problem
-    twin: Problem | None = None
     eps: float = 1e-6
 
 
@@ -58,8 +55,8 @@ def all_cases(data: Path | None, step: int) -> dict[str, Maker]:
     Every `step`-th problem of the Maros-Meszaros collection gets each of its changes.
     """
     makers: dict[str, Maker] = {}
-    for name, (group, truth, eps, arrays, other) in SMALL.items():
-        makers[name] = partial(small_case, group, truth, eps, arrays, other)
+    for name, (group, truth, eps, arrays) in SMALL.items():
+        makers[name] = partial(small_case, group, truth, eps, arrays)
     for k, size in enumerate(SIZES):
         for dense in (True, False):
             for kind in (random_infeasible, random_unbounded):
@@ -73,12 +70,9 @@ def all_cases(data: Path | None, step: int) -> dict[str, Maker]:
     return makers
 
 
-def small_case(
-    group: str, truth: str, eps: float, arrays: dict[str, Any], other: dict[str, Any]
-) -> Case:
+def small_case(group: str, truth: str, eps: float, arrays: dict[str, Any]) -> Case:
     """Return a problem written down in `small_infeasible_cases`."""
-    twin = make(**{**arrays, **other}) if other else None
-    return Case(group, truth, make(**arrays), twin, eps)
+    return Case(group, truth, make(**arrays), eps)
 
 
 def random_rows(rng: np.random.Generator, rows: int, n: int, dense: bool) -> np.ndarray:
@@ -121,23 +115,21 @@ def random_infeasible(seed: int, n: int, m: int, p: int, dense: bool) -> Case:
     Of all rows if dense, else of four; P is definite, singular or zero in turn.
     """
     rng = np.random.default_rng(seed)
-    twin = random_feasible(rng, n, m, p, (n, n // 2, 0)[seed % 3], dense)
-    P, q, G, h, A, b, lb, ub = twin
+    rank = (n, n // 2, 0)[seed % 3]
+    P, q, G, h, A, b, lb, ub = random_feasible(rng, n, m, p, rank, dense)
     used = np.arange(m) if dense else rng.choice(m, 4, replace=False)
     z, y = 0.1 + rng.random(used.size), 0.1 * rng.standard_normal(p)
     y[2:] *= dense
     row = -(G[used].T @ z + A.T @ y)
     side = -(h[used] @ z + b @ y) - 0.1
     problem = [P, q, np.vstack([G, row]), np.append(h, side), A, b, lb, ub]
-    return Case(
-        "random infeasible", "infeasible", shaped(problem, dense), shaped(twin, dense)
-    )
+    return Case("random infeasible", "infeasible", shaped(problem, dense))
 
 
 def random_unbounded(seed: int, n: int, m: int, p: int, dense: bool) -> Case:
     """Give a solvable problem a direction d: P d = 0, A d = 0, G d <= 0, q'd = -1.
 
-    d has all entries, or four. In the twin bounds stop it.
+    d has all entries, or four.
     """
     rng = np.random.default_rng(seed)
     rank = (n // 2, 1, 0)[seed % 3]
@@ -158,10 +150,7 @@ def random_unbounded(seed: int, n: int, m: int, p: int, dense: bool) -> Case:
     h, b = G @ x + rng.random(m), A @ x
     open_lb, open_ub = np.where(d < 0.0, -np.inf, lb), np.where(d > 0.0, np.inf, ub)
     problem = [B.T @ B, q, G, h, A, b, open_lb, open_ub]
-    twin = [*problem[:6], lb, ub]
-    return Case(
-        "random unbounded", "unbounded", shaped(problem, dense), shaped(twin, dense)
-    )
+    return Case("random unbounded", "unbounded", shaped(problem, dense))
 
 
 def bases(data: Path) -> list[str]:
@@ -178,29 +167,9 @@ def bases(data: Path) -> list[str]:
 
 def changed(data: Path, name: str, change: str) -> Case | None:
     """Return a problem of the collection after one of CHANGES."""
-    twin = data_sets.load(data, "all", name)
-    group = f"Maros-Meszaros, {change}"
-    if change == "fixed":
-        problem = fix_outside(twin)
-        return problem and Case(group, "infeasible", problem, twin)
-    if change == "row":
-        return Case(group, "infeasible", contradict(twin), twin)
-    if change == "free":
-        return Case(group, "unbounded", add_variables(twin, 1), twin)
-    if change == "pair":
-        return Case(group, "unbounded", add_variables(twin, 2), twin)
-    if change == "both":
-        return Case(group, "both", add_variables(contradict(twin), 1), twin)
-    if change in ("sums", "digits"):
-        known = {"sums": (1e-4, "infeasible"), "digits": (1e-8, "feasible")}
-        off, truth = known[change]
-        problem = None if twin.A is None else add_sums(twin, off)
-        return problem and Case(group, truth, problem, twin)
-    if twin.lb is None and twin.ub is None:
-        return None
-    problem = Problem(twin.P, twin.q, twin.G, twin.h, twin.A, twin.b)
-    truth = {True: "unbounded", False: "feasible"}.get(is_unbounded(problem))
-    return truth and Case(group, truth, problem, twin)
+    base = data_sets.load(data, "all", name)
+    problem, truth = CHANGES[change](base)
+    return problem and truth and Case(f"Maros-Meszaros, {change}", truth, problem)
 
 
 def linear_program(cost: np.ndarray, problem: Problem) -> Any:
@@ -242,8 +211,10 @@ def contradict(problem: Problem) -> Problem:
     return qps.joined(P, q, G, np.append(h, -side - margin), A.tocsc(), b, lb, ub)
 
 
-def add_sums(problem: Problem, off: float) -> Problem:
+def add_sums(problem: Problem, off: float) -> Problem | None:
     """Add sums of two equations, every right-hand side wrong by +-off."""
+    if problem.A is None:
+        return None
     P, q, G, h, A, b, lb, ub = qps.parts(problem)
     A, p = sp.csr_matrix(A), b.size
     first = np.unique(np.arange(3) * p // 3)
@@ -297,3 +268,24 @@ def is_unbounded(problem: Problem) -> bool | None:
     if answer.status != 0 or -DESCENT < answer.fun < -LEVEL:
         return None
     return bool(answer.fun <= -DESCENT)
+
+
+def unbind(problem: Problem) -> tuple[Problem | None, str | None]:
+    """Drop all bounds, and ask HiGHS what comes of it."""
+    if problem.lb is None and problem.ub is None:
+        return None, None
+    free = Problem(*problem.unpack()[:6])
+    return free, {True: "unbounded", False: "feasible"}.get(is_unbounded(free))
+
+
+CHANGES: dict[str, Callable[[Problem], tuple[Problem | None, str | None]]] = {
+    "fixed": lambda base: (fix_outside(base), "infeasible"),
+    "row": lambda base: (contradict(base), "infeasible"),
+    "free": lambda base: (add_variables(base, 1), "unbounded"),
+    "pair": lambda base: (add_variables(base, 2), "unbounded"),
+    "unbound": unbind,
+    "both": lambda base: (add_variables(contradict(base), 1), "both"),
+    "sums": lambda base: (add_sums(base, 1e-4), "infeasible"),
+    "digits": lambda base: (add_sums(base, 1e-8), "feasible"),
+}
+"""From a problem of the collection to the changed one, and what is true of that."""

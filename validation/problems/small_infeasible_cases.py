@@ -1,7 +1,7 @@
 """Small QPs by construction: infeasible, unbounded, nearly so, treacherous, not convex.
 
-SMALL: name -> (group, truth, eps, data, what the solvable twin has instead). The data
-are the arguments of `make`; absent ones are P = I, q = 0 and no constraints.
+SMALL: name -> (group, truth, eps, data). The data are the arguments of `make`; absent
+ones are P = I, q = 0 and no constraints.
 """
 
 from typing import Any
@@ -11,8 +11,7 @@ from qpsolvers import Problem
 
 inf = np.inf
 I2, O2 = np.eye(2), np.zeros((2, 2))
-BOX = {"lb": -10.0, "ub": 10.0}  # bounds that make an unbounded problem solvable
-Entry = tuple[str, str, float, dict[str, Any], dict[str, Any]]
+Entry = tuple[str, str, float, dict[str, Any]]
 
 
 def make(P: Any, q: Any = 0.0, lb: Any = None, ub: Any = None, **rows: Any) -> Problem:
@@ -24,64 +23,44 @@ def make(P: Any, q: Any = 0.0, lb: Any = None, ub: Any = None, **rows: Any) -> P
     return Problem(P, np.zeros(n) + q, lb=bounds[0], ub=bounds[1], **arrays)
 
 
-# name: (data, what the twin has instead)
-INFEASIBLE: dict[str, tuple[dict[str, Any], dict[str, Any]]] = {
-    "opposite rows": (
-        {"P": I2, "G": [[1, 1], [-2, -2]], "h": [1, -4]}, {"h": [1, 4]},
-    ),
-    "opposite rows, cost in one corner": (
-        {"P": np.diag([1, 0]), "q": [0, 1], "lb": 0, "G": [[1, 1], [-2, -2]],
-         "h": [1, -4]},
-        {"h": [1, 4]},
-    ),
-    "three rows": (
-        {"P": I2, "G": [[1, 1], [-1, 0], [0, -1]], "h": [1, -1, -1]},
-        {"h": [3, -1, -1]},
-    ),
-    "cycle of differences": (
-        {"P": np.eye(3), "G": [[1, -1, 0], [0, 1, -1], [-1, 0, 1]], "h": [-1, -1, -1]},
-        {"h": [-1, -1, 3]},
-    ),
-    "row against bounds": (
-        {"P": I2, "G": [[1, 1]], "h": [-1], "lb": 0}, {"h": [1]},
-    ),
-    "crossed bounds": ({"P": I2, "lb": [0, 1], "ub": [1, 0]}, {"ub": [1, 2]}),
-    "repeated equations": (
-        {"P": I2, "A": [[1, 1], [2, 2]], "b": [1, 3]}, {"b": [1, 2]},
-    ),
-    "dependent equations": (
-        {"P": np.eye(3), "A": [[1, 1, 0], [0, 1, 1], [1, 2, 1]], "b": [1, 1, 3]},
-        {"b": [1, 1, 2]},
-    ),
-    "more equations than unknowns": (
-        {"P": I2, "A": [[1, 0], [0, 1], [1, 1]], "b": [1, 1, 3]}, {"b": [1, 1, 2]},
-    ),
-    "empty equation": ({"P": I2, "A": [[0, 0]], "b": [-1]}, {"b": [0]}),
-    "empty row": ({"P": I2, "G": [[0, 0]], "h": [-1]}, {"h": [1]}),
-    "row of -inf": ({"P": I2, "G": [[1, 1]], "h": [-inf]}, {"h": [0]}),
-    "all fixed": (
-        {"P": I2, "G": [[1, 1]], "h": [2], "lb": [1, 2], "ub": [1, 2]}, {"h": [3]},
-    ),
-    "equation against bounds": (
-        {"P": I2, "A": [[1, 1]], "b": [5], "lb": 0, "ub": 1}, {"b": [1]},
-    ),
-    "equation against rows": (
-        {"P": I2, "A": [[1, -1]], "b": [0], "G": [[1, 0], [0, -1]], "h": [0, -1]},
-        {"h": [0, 1]},
-    ),
-    "transport": (
-        {"P": np.zeros((4, 4)), "q": [1, 2, 2, 1], "lb": 0,
-         "A": [[1, 1, 0, 0], [0, 0, 1, 1], [1, 0, 1, 0], [0, 1, 0, 1]],
-         "b": [1, 1, 1, 2]},
-        {"b": [1, 1, 1, 1]},
-    ),
-    "one unknown": ({"P": [[1]], "G": [[1], [-1]], "h": [-1, 0]}, {"h": [1, 0]}),
-    "rows of different size": (
-        {"P": I2, "G": [[1e6, 1e6], [-1, -1]], "h": [1e6, -2]}, {"h": [1e6, 2]},
-    ),
+INFEASIBLE: dict[str, dict[str, Any]] = {
+    "opposite rows": {"P": I2, "G": [[1, 1], [-2, -2]], "h": [1, -4]},
+    "opposite rows, cost in one corner": {
+        "P": np.diag([1, 0]), "q": [0, 1], "lb": 0, "G": [[1, 1], [-2, -2]],
+        "h": [1, -4],
+    },
+    "three rows": {"P": I2, "G": [[1, 1], [-1, 0], [0, -1]], "h": [1, -1, -1]},
+    "cycle of differences": {
+        "P": np.eye(3), "G": [[1, -1, 0], [0, 1, -1], [-1, 0, 1]], "h": [-1, -1, -1],
+    },
+    "row against bounds": {"P": I2, "G": [[1, 1]], "h": [-1], "lb": 0},
+    "crossed bounds": {"P": I2, "lb": [0, 1], "ub": [1, 0]},
+    "repeated equations": {"P": I2, "A": [[1, 1], [2, 2]], "b": [1, 3]},
+    "dependent equations": {
+        "P": np.eye(3), "A": [[1, 1, 0], [0, 1, 1], [1, 2, 1]], "b": [1, 1, 3],
+    },
+    "more equations than unknowns": {
+        "P": I2, "A": [[1, 0], [0, 1], [1, 1]], "b": [1, 1, 3],
+    },
+    "empty equation": {"P": I2, "A": [[0, 0]], "b": [-1]},
+    "empty row": {"P": I2, "G": [[0, 0]], "h": [-1]},
+    "row of -inf": {"P": I2, "G": [[1, 1]], "h": [-inf]},
+    "all fixed": {"P": I2, "G": [[1, 1]], "h": [2], "lb": [1, 2], "ub": [1, 2]},
+    "equation against bounds": {"P": I2, "A": [[1, 1]], "b": [5], "lb": 0, "ub": 1},
+    "equation against rows": {
+        "P": I2, "A": [[1, -1]], "b": [0], "G": [[1, 0], [0, -1]], "h": [0, -1],
+    },
+    "transport": {
+        "P": np.zeros((4, 4)), "q": [1, 2, 2, 1], "lb": 0,
+        "A": [[1, 1, 0, 0], [0, 0, 1, 1], [1, 0, 1, 0], [0, 1, 0, 1]],
+        "b": [1, 1, 1, 2],
+    },
+    "one unknown": {"P": [[1]], "G": [[1], [-1]], "h": [-1, 0]},
+    "rows of different size": {
+        "P": I2, "G": [[1e6, 1e6], [-1, -1]], "h": [1e6, -2],
+    },
 }  # fmt: skip
 
-# name: data; in the twin bounds of +-10 stop the ray
 UNBOUNDED: dict[str, dict[str, Any]] = {
     "no constraint, linear": {"P": O2, "q": [1, 0]},
     "no constraint, flat direction": {"P": np.diag([1, 0]), "q": [0, -1]},
@@ -145,42 +124,48 @@ TREACHEROUS: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 # The smallest eigenvalue with a unit diagonal is -2e-6 or less; a box holds x.
-NOT_CONVEX: dict[str, Any] = {
-    "negative diagonal": np.diag([1, -1]),
-    "negative minor": [[1, 2], [2, 1]],
-    "negative by 2e-6": [[1, 1 + 2e-6], [1 + 2e-6, 1]],
-    "negative by 1e-4 in three": [[1, -0.50005, -0.5001], [-0.50005, 1, -0.5001],
-                                  [-0.5001, -0.5001, 1]],
-    "negative, far from the diagonal": np.eye(20)[::-1],
+NOT_CONVEX: dict[str, dict[str, Any]] = {
+    name: {"P": P, "lb": -1, "ub": 1}
+    for name, P in {
+        "negative diagonal": np.diag([1, -1]),
+        "negative minor": [[1, 2], [2, 1]],
+        "negative by 2e-6": [[1, 1 + 2e-6], [1 + 2e-6, 1]],
+        "negative by 1e-4 in three": [[1, -0.50005, -0.5001], [-0.50005, 1, -0.5001],
+                                      [-0.5001, -0.5001, 1]],
+        "negative, far from the diagonal": np.eye(20)[::-1],
+    }.items()
 }  # fmt: skip
 
-SMALL: dict[str, Entry] = {}
-for name, (data, other) in INFEASIBLE.items():
-    SMALL[name] = ("small, infeasible", "infeasible", 1e-6, data, other)
-for name, data in UNBOUNDED.items():
-    group = "nearly bounded" if "slope" in name else "small, unbounded"
-    bounds = {"lb": data.get("lb", BOX["lb"]), "ub": BOX["ub"]}
-    SMALL[name] = (group, "unbounded", 1e-6, data, bounds)
-for name, data in BOTH.items():
-    SMALL[name] = ("small, both", "both", 1e-6, data, {})
+NEARLY: dict[str, dict[str, Any]] = {}
 for margin, eps in ((1e-3, 1e-6), (1e-4, 1e-6), (1e-6, 1e-9), (1e-8, 1e-10)):
-    pair = {"P": [[1]], "G": [[1], [-1]], "h": [0, -margin]}
-    triangle = {
-        "P": I2, "G": [[1, 1], [-1, 0], [0, -1]], "h": [1, -0.5, -0.5 - margin],
+    small = f"margin {margin:.0e}"
+    NEARLY |= {
+        f"pair, {small}": {
+            "eps": eps, "P": [[1]], "G": [[1], [-1]], "h": [0, -margin],
+        },
+        f"triangle, {small}": {
+            "eps": eps, "P": I2, "G": [[1, 1], [-1, 0], [0, -1]],
+            "h": [1, -0.5, -0.5 - margin],
+        },
+        f"box, {small}": {
+            "eps": eps, "P": np.eye(10), "G": -np.ones((1, 10)), "h": [-10 - margin],
+            "ub": 1,
+        },
+        f"mean, {small}": {
+            "eps": eps, "P": O2, "q": [1, 2], "A": np.ones((1, 2)), "b": [-margin],
+            "lb": 0,
+        },
     }  # fmt: skip
-    box = {"P": np.eye(10), "G": -np.ones((1, 10)), "h": [-10 - margin], "ub": 1}
-    mean = {"P": O2, "q": [1, 2], "A": np.ones((1, 2)), "b": [-margin], "lb": 0}
-    for name, data, other in (
-        ("pair", pair, {"h": [0, margin]}),
-        ("triangle", triangle, {"h": [1, -0.5, -0.5 + margin]}),
-        ("box", box, {"h": [-10 + margin]}),
-        ("mean", mean, {"b": [margin]}),
-    ):
-        SMALL[f"{name}, margin {margin:.0e}"] = (
-            "nearly feasible", "infeasible", eps, data, other,
-        )  # fmt: skip
-for name, data in TREACHEROUS.items():
-    SMALL[name] = ("treacherous", "feasible", 1e-6, data, {})
-for name, P in NOT_CONVEX.items():
-    data = {"P": P, "lb": -1, "ub": 1}
-    SMALL[name] = ("not convex", "not convex", 1e-6, data, {})
+
+SMALL: dict[str, Entry] = {}
+for truth, group, cases in (
+    ("infeasible", "small, infeasible", INFEASIBLE),
+    ("unbounded", "small, unbounded", UNBOUNDED),
+    ("both", "small, both", BOTH),
+    ("infeasible", "nearly feasible", NEARLY),
+    ("feasible", "treacherous", TREACHEROUS),
+    ("not convex", "not convex", NOT_CONVEX),
+):
+    for name, data in cases.items():
+        own = "nearly bounded" if "slope" in name else group
+        SMALL[name] = (own, truth, data.pop("eps", 1e-6), data)

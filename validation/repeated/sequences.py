@@ -5,12 +5,11 @@ vectors. Then every solver repeats these steps by its own workspace (`workspaces
 its last answer, with the vectors ready in its own form: the time is that of update and
 solve. Of REPEATS runs, each with a new workspace, the quickest counts for each step
 (one run is enough where it takes more than LONG seconds);
-`microseconds` is the median of the steps, `slow` the 90th percentile.
+`microseconds` is the median of the steps.
 
 Each answer is judged with the problem as given: the largest residual (primal, dual,
 gap, signs) and the distance of x to the fresh solve, relative to the largest entry, of
-all steps. `active` and `changes` are of the fresh solves: constraints with a
-multiplier, and how many of them a step gains or loses.
+all steps.
 """
 
 import time
@@ -35,22 +34,18 @@ from validation.repeated.workspaces import WORKSPACES
 REPEATS = 3
 LONG = 2.0  # [s] a run through the sequence, which is then not repeated
 COLUMNS = (
-    "scene size level solver variables inequalities equalities steps solved setup "
-    "microseconds slow sum residual difference active changes moves status"
+    "scene size level solver variables inequalities equalities steps solved "
+    "microseconds residual difference status"
 )
 STEPS, QUICK_STEPS = 200, 12
 
 
 class Recorded(NamedTuple):
-    """A problem, the vectors that change in each step, and x of fresh solves.
-
-    `sets` says which constraints had a multiplier in these, a row for each step.
-    """
+    """A problem, the vectors that change in each step, and x of fresh solves."""
 
     problem: Problem
     vectors: list[dict[str, np.ndarray]]
     fresh: np.ndarray
-    sets: np.ndarray
 
 
 @lru_cache(maxsize=1)
@@ -58,7 +53,7 @@ def recorded(scene: str, size: int, level: str, most: int) -> Recorded:
     """Run a scene's loop with fresh solves; keep at most so many steps."""
     problem, loop = known.SCENES[scene].make(size, level)
     data = qps.by_name(problem)
-    vectors, fresh, sets = [], [], []
+    vectors, fresh = [], []
     x = None
     while len(vectors) < most:
         try:
@@ -71,21 +66,18 @@ def recorded(scene: str, size: int, level: str, most: int) -> Recorded:
         if x is not None:
             vectors.append(changed)
             fresh.append(x)
-            sets.append(np.concatenate((result.z > 0.0, np.sign(result.z_box))))
-    return Recorded(problem, vectors, np.array(fresh), np.array(sets))
+    return Recorded(problem, vectors, np.array(fresh))
 
 
 def replayed(job: Job, sequence: Recorded, eps: float) -> Row:
-    problem, vectors, fresh, _ = sequence
+    problem, vectors, fresh = sequence
     times = np.full((REPEATS, len(vectors)), np.inf)
     judged: list[Row] = []
     job.ready()
     for repeat in range(REPEATS):
         if repeat and times[0].sum() > LONG:
             break
-        start = time.perf_counter()
         workspace = WORKSPACES[job.solver](problem, eps)
-        setup = time.perf_counter() - start
         now = qps.by_name(problem)
         for k, changed in enumerate(vectors):
             arguments = workspace.prepared(changed)
@@ -98,11 +90,8 @@ def replayed(job: Job, sequence: Recorded, eps: float) -> Row:
     best = 1e6 * times.min(axis=0)
     failed = [row["status"] for row in judged if not row["success"]]
     return {
-        "setup": setup,
         "solved": len(judged) - len(failed),
         "microseconds": float(np.median(best)),
-        "slow": float(np.quantile(best, 0.9)),
-        "sum": float(best.sum()),
         "residual": max(row["residual"] for row in judged),
         "difference": max(row["difference"] for row in judged),
         "status": failed[0] if failed else "solved",
@@ -123,17 +112,8 @@ def described(request: Row) -> Row:
     """Return what is said of a sequence, whoever solves it."""
     sequence = recorded(*(request[k] for k in ("scene", "size", "level", "steps")))
     _, q, _, h, _, b, _, _ = qps.parts(sequence.problem)
-    sets = sequence.sets
-    changes = np.count_nonzero(sets[1:] != sets[:-1], axis=1)
-    return {
-        "variables": q.size,
-        "inequalities": h.size,
-        "equalities": b.size,
-        "steps": len(sequence.vectors),
-        "active": np.count_nonzero(sets) / len(sets),
-        "changes": float(changes.mean()),
-        "moves": float((changes > 0).mean()),
-    }
+    found = {"variables": q.size, "inequalities": h.size, "equalities": b.size}
+    return found | {"steps": len(sequence.vectors)}
 
 
 def requests(args: Args) -> Iterator[Row]:

@@ -180,7 +180,7 @@ def regular(function: Callable[[int], tuple[float, float]], number: int) -> Verd
 
 def lcp_kink(number: int) -> Verdict:
     """Compare a one-sided derivative of an LCP with a difference."""
-    error = differences.lcp_kink_error(number)[0]
+    error = differences.lcp_kink_error(number)
     return RIGHT if error <= differences.RIGHT else ("wrong", f"off by {error:.1e}")
 
 
