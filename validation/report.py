@@ -119,10 +119,10 @@ JOBS = (
         paper.h_plus --results {results}
         """, 2.0),
     Job("campaign", """
-        stress.campaign run --csv {csv} --seeds 1 2 3
-        stress.campaign run --csv {csv} --seeds 1 --problems 10000 \
+        stress.campaign --csv {csv} --seeds 1 2 3
+        stress.campaign --csv {csv} --seeds 1 --problems 10000 \
         --classes general values sequences batches derivatives closest
-        stress.campaign run --csv {csv} --seeds 1 \
+        stress.campaign --csv {csv} --seeds 1 \
         --solvers osqp piqp clarabel daqp quadprog
         """, 26.0, grows=True),
 )  # fmt: skip

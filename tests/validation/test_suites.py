@@ -20,10 +20,10 @@ def one_thread(monkeypatch):
         monkeypatch.setenv(f"{library}_NUM_THREADS", "1")
 
 
-def test_a_stopped_campaign_goes_on(tmp_path, one_thread, capsys):
+def test_a_stopped_campaign_goes_on(tmp_path, one_thread):
     """The same command again does nothing, one for more problems asks these alone."""
     file = tmp_path / "campaign.csv"
-    command = ["run", "--csv", str(file), "--solvers", "nam"]
+    command = ["--csv", str(file), "--solvers", "nam"]
 
     def run(problems):
         campaign.main([*command, "--classes", "derivatives", "--problems", problems])
@@ -36,7 +36,6 @@ def test_a_stopped_campaign_goes_on(tmp_path, one_thread, capsys):
         counts = [row["count"] for row in rows if row["truth"]]
         assert sum(counts) == int(problems)
         assert {row["outcome"] for row in rows} <= {"done", "right", "refused"}
-    assert "| related | nam | 1 | 1 |" in capsys.readouterr().out
 
 
 def asked(args):

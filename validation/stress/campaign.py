@@ -7,8 +7,7 @@ alone. The sets: "every" kind of QP and LCP, "general" LCPs, and those of
 --limit seconds or crashes costs that problem, and the next child goes on. The CSV
 counts outcomes for each class and seed and lists the indices of what was not right; run
 again with the same file it goes on where it stopped, also with more seeds, sets,
-solvers or problems. `report` prints the table of outcomes, `show` asks one problem
-once more.
+solvers or problems. `problem_of` asks one of them once more.
 
 nam gets the arguments in all their representations, at its default settings, with
 warnings as errors. Its peers get the convex QPs of "every" and of the first seed,
@@ -21,9 +20,7 @@ ones.
 import argparse
 import time
 
-import numpy as np
-
-from validation.harness import Bench, Job, Row, cli, csv_files, machine
+from validation.harness import Bench, Job, Row, cli, csv_files, machine, tables
 from validation.problems import infeasible_cases
 from validation.problems.fuzzed import cases
 from validation.stress import campaign_relations as relations
@@ -41,7 +38,7 @@ from validation.stress.campaign_judge import (
     judge_malformed,
     judge_qp,
 )
-from validation.stress.campaign_tally import NEVER, Part, Tally, read, report
+from validation.stress.campaign_tally import Part, Tally
 
 SOLVERS = ["nam", "osqp", "piqp", "proxqp", "clarabel", "daqp", "quadprog"]
 SETS = (*cases.CYCLES, *relations.RELATIONS)
@@ -167,9 +164,11 @@ def run(args: argparse.Namespace) -> int:
         if tally.done[part] < args.problems:
             run_part(part, tally, args)
         print(f"{part}: {tally.done[part]} problems", flush=True)
-    print(report(tally.rows.values()))
-    ours = (row for row in tally.rows.values() if row["solver"] == "nam")
-    return int(any(row["outcome"] in NEVER for row in ours))
+    shown = "set class:30 truth solver outcome count first:60"
+    rows = tally.rows.values()
+    tables.print_rows((row for row in rows if row["outcome"] != "right"), shown)
+    ours = (row["outcome"] for row in rows if row["solver"] == "nam")
+    return int(not {"right", "refused"}.issuperset(ours))
 
 
 def run_part(part: Part, tally: Tally, args: argparse.Namespace) -> None:
@@ -185,50 +184,12 @@ def run_part(part: Part, tally: Tally, args: argparse.Namespace) -> None:
                 tally.write()
 
 
-def show(args: argparse.Namespace) -> int:
-    print(class_of(args.index, args.set))
-    if args.set in cases.CYCLES:
-        case = cases.make(args.seed, args.index, args.set)
-        print(f"{case.truth}, {case.problem.q.size} unknowns")
-        for name, value in case.arguments.items():
-            kind = f"{type(value).__name__} {getattr(value, 'dtype', '')}"
-            print(f"  {name}: {kind} {np.shape(value)}")
-    for solver in machine.installed(args.solvers):
-        part = Part(args.seed, args.set, solver)
-        if is_asked(part, args.index):
-            found = problem_of(part, args.index, args.eps, args.limit)
-            print(f"{solver}: {found}")
-    return 0
-
-
-def table(args: argparse.Namespace) -> int:
-    print(report(read(args.csv)))
-    return 0
-
-
 def main(arguments: list[str] | None = None) -> int:
-    parser = cli.parser(__doc__)
-    commands = parser.add_subparsers(required=True)
-    for name, call in (("run", run), ("report", table), ("show", show)):
-        command = commands.add_parser(name)
-        command.set_defaults(call=call)
-        if name != "show":
-            cli.add_usual(command, csv=...)
-        if name == "report":
-            continue
-        cli.add_usual(command, limit=LIMIT)
-        command.add_argument("--solvers", nargs="+", default=["nam"], choices=SOLVERS)
-        command.add_argument("--eps", type=float, default=1e-6, help="of the peers")
-        if name == "show":
-            command.add_argument("--seed", type=int, default=1)
-            command.add_argument("--set", default="every", choices=SETS)
-            command.add_argument("--index", type=int, required=True)
-        else:
-            command.add_argument("--seeds", type=int, nargs="+", default=[1])
-            command.add_argument(
-                "--classes", default=["every"], choices=SETS, nargs="+"
-            )
-            help_ = "of each set and seed"
-            command.add_argument("--problems", type=int, default=100_000, help=help_)
-    args = parser.parse_args(arguments)
-    return int(args.call(args))
+    parser = cli.parser(__doc__, csv=..., limit=LIMIT)
+    parser.add_argument("--solvers", nargs="+", default=["nam"], choices=SOLVERS)
+    parser.add_argument("--eps", type=float, default=1e-6, help="of the peers")
+    parser.add_argument("--seeds", type=int, nargs="+", default=[1])
+    parser.add_argument("--classes", default=["every"], choices=SETS, nargs="+")
+    help_ = "of each set and seed"
+    parser.add_argument("--problems", type=int, default=100_000, help=help_)
+    return run(parser.parse_args(arguments))

@@ -1,4 +1,4 @@
-"""What a campaign has counted: kept in a CSV, and printed as Markdown.
+"""What a campaign has counted: kept in a CSV.
 
 A row of the CSV is a seed, a set of classes, a solver, a class of problems, what is
 true of them and an outcome; its count, its time, and the indices of the first problems
@@ -8,19 +8,17 @@ problems a solver has behind it, and in how many seconds with all that is around
 
 import collections
 import os
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from validation.harness import Row, csv_files, tables
+from validation.harness import Row, csv_files
 
 COLUMNS = (
     "seed set solver class truth outcome count seconds slowest cases first"
 ).split()
 KEY = COLUMNS[:6]
 LISTED = 40  # indices of a class and outcome in the CSV
-OUTCOMES = ("right", "refused", "wrong", "raised", "hang", "crash")
-NEVER = OUTCOMES[2:]
 Key = tuple[Any, ...]
 
 
@@ -84,21 +82,3 @@ def read(path: Path) -> Iterator[Row]:
             "seconds": float(row["seconds"] or 0.0),
             "slowest": float(row["slowest"] or 0.0),
         }
-
-
-def report(rows: Iterable[Row]) -> str:
-    """Return the outcomes of every class as a table; what is asked of them: claims."""
-    lines = []
-    rows = [row for row in rows if row["outcome"] != "done"]
-    kinds = tables.distinct(rows, "set", "class", "truth", "solver")
-    for kind in kinds:
-        about = dict(zip(("set", "class", "truth", "solver"), kind, strict=True))
-        own = tables.chosen(rows, **about)
-        counts = [
-            sum(row["count"] for row in own if row["outcome"] == outcome)
-            for outcome in OUTCOMES
-        ]
-        mean = 1e3 * sum(row["seconds"] for row in own) / sum(counts)
-        lines.append((*kind, sum(counts), *counts, f"{mean:.2f}"))
-    head = ("set", "class", "truth", "solver", "problems", *OUTCOMES, "mean [ms]")
-    return tables.markdown(head, lines)
