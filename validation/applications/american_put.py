@@ -236,5 +236,4 @@ SUITE = Suite(
     work=timed,
     columns="put nodes steps price error us_a_step us_kept ratio",
     keys="put nodes",
-    shown="put:16 price error us_a_step us_kept ratio",
 )

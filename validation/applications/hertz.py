@@ -52,5 +52,4 @@ SUITE = Suite(
         "pressure_error"
     ),
     keys="cells",
-    shown="cells status iterations products seconds residual",
 )

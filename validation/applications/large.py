@@ -235,9 +235,5 @@ SUITE = Suite(
     peer_limit=PEER_LIMIT,
     late=Late(by="size", same=("scene",), copied=False, words=FAILED),
     alone=True,
-    shown=(
-        "scene:12 n:8 solver method:15 status:11 iterations seconds residual baseline "
-        "ratio:6"
-    ),
     plot=large_figures.plot,
 )

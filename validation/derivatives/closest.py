@@ -230,5 +230,4 @@ SUITE = Suite(
     columns=COLUMNS,
     keys="problem",
     limit=600.0,
-    shown="problem:26 norm clarabel piqp conditions closest feasible ratio soft said",
 )

@@ -290,5 +290,4 @@ SUITE = Suite(
     columns="family data problems error adjoint right",
     keys="family data",
     limit=600.0,
-    shown="family:14 data:8 problems error adjoint right",
 )

@@ -376,5 +376,4 @@ SUITE = Suite(
     solvers=tuple(MAKERS),
     packages={"qpth": "qpth", "diffcp": "diffcp", "dqp": "daqp"},
     limit=600.0,
-    shown="case solver:8 solve backward error ratio linear status:30",
 )

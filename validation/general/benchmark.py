@@ -145,5 +145,4 @@ SUITE = Suite(
     solvers=tuple(ASK),
     packages={"lemke": "namlcp", "quantecon": "quantecon"},
     late=Late(by="n", same=("family",), copied=False, times=LATES, words=LATE),
-    shown="family:22 n:6 seed:5 solver:10 runtime said:30",
 )

@@ -29,7 +29,7 @@ def work(job: Job, count: int, start: str) -> Row:
 def requests(args: Args) -> Iterator[Row]:
     for count in QUICK if args.quick else COUNTS:
         for start in STARTS:
-            yield {"discs": count, "start": start, "solver": "nam"}
+            yield {"discs": count, "start": start}
 
 
 def conclude(rows: list[Row]) -> list[Row]:
@@ -46,5 +46,4 @@ SUITE = Suite(
     columns="discs start step n status method residual seconds energy overlap",
     keys="discs start",
     limit=600.0,
-    shown="discs start step status residual seconds",
 )

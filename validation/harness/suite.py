@@ -1,10 +1,10 @@
 """A suite: problems, solvers and tolerances as data, and the one way to run them.
 
-A request is a row with the keys of the suite, the solver among them; requests that
-follow each other and differ in the solver alone are one problem. Each solver answers
-in a child process (`processes.Bench`), which a hang or a crash does not survive; what
-ran into the time limit is not asked for more (`Late`). A row is in the CSV file as soon
-as it is known, and with --go-on a run leaves out what the file has.
+A request is a row with the keys of the suite; one that names no solver asks all of
+them. Requests that follow each other and differ in the solver alone are one problem.
+Each solver answers in a child process (`processes.Bench`), which a hang or a crash does
+not survive; what ran into the time limit is not asked for more (`Late`). A row is in
+the CSV file as soon as it is known, and with --go-on a run leaves out what the file has.
 """
 
 import argparse
@@ -23,6 +23,7 @@ from validation.harness.data_folder import MissingDataError
 from validation.harness.processes import LATE, OURS, Bench, Work
 
 PEER_TIMES, PEER_LEAST = 10.0, 1.0  # times of namlcp's, [s]: see `limit_beside`
+SHOWN = 12  # columns that are printed
 GROUPS = ("set", "family", "limit", "eps")  # columns by which a table is parted
 Args = argparse.Namespace
 
@@ -99,7 +100,6 @@ class Suite:
     beside: bool = False
     alone: bool = False
     success: Callable[[Row], bool] = solved
-    shown: str = ""
     plot: Callable[[Path, Path], None] | None = None  # from a CSV file into a folder
 
     def main(self, arguments: list[str] | None = None) -> int:
@@ -174,7 +174,7 @@ class Run:
         self, suite: Suite, args: Args, file: Growing, stack: ExitStack
     ) -> None:
         self.suite, self.args, self.file, self.stack = suite, args, file, stack
-        self.shown = suite.shown or f"{suite.keys} runtime status:30"
+        self.shown = " ".join(suite.columns.split()[:SHOWN])
         self.children: dict[str, Bench] = {}
         self.late: dict[Any, list[Row]] = defaultdict(list)
         self.ours: dict[Any, list[float]] = defaultdict(list)
@@ -187,9 +187,10 @@ class Run:
         tables.print_rows([], self.shown)
         for _, group in groupby(suite.requests(self.args), self.problem):
             requests = [
-                {"solver": "nam"} | request
+                {"solver": solver} | request
                 for request in group
                 if not only or not only.isdisjoint(str(request.get(k)) for k in keys)
+                for solver in ([""] if "solver" in request else self.args.solvers)
             ]
             new = [r for r in requests if self.file.key(r) not in self.file.known]
             if not new or (suite.conclude and len(new) < len(requests)):

@@ -59,14 +59,14 @@ def compared(rows: list[Row], *about: str) -> Iterator[tuple[str, ...]]:
 def print_row(row: Row, columns: str) -> None:
     """Print entries of a row on a line, blanks for those that it has not.
 
-    `columns` names them, as "name:width" where 10 characters do not suit.
+    `columns` names them, as "name:width" where 12 characters do not suit.
     """
     cells = []
     for column in columns.split():
         name, _, width = column.partition(":")
         value = "" if row.get(name) is None else row[name]
         shown = f"{value:.3g}" if isinstance(value, float) else str(value)
-        most = int(width or 10)
+        most = int(width or 12)
         cells.append(f"{shown:<{most}.{most}}")
     print(" ".join(cells).rstrip(), flush=True)
 

@@ -111,16 +111,14 @@ def of_sets(args: Args) -> Iterator[Row]:
     for problem_set in SETS:
         names = data_sets.set_names(args.data, problem_set)[:: 4 if args.quick else 1]
         for eps, name in product(sorted(args.eps, reverse=True), names):
-            key = {"set": problem_set, "problem": name, "eps": eps}
-            yield from (key | {"solver": solver} for solver in args.solvers)
+            yield {"set": problem_set, "problem": name, "eps": eps}
 
 
 def of_collection(args: Args) -> Iterator[Row]:
     """Yield all Maros-Meszaros problems at the loosest tolerance, then at the next."""
     names = data_sets.set_names(args.data, "all")[:: 10 if args.quick else 1]
     for eps, name in product(sorted(args.eps, reverse=True), names):
-        key = {"limit": args.limit, "set": "all", "problem": name, "eps": eps}
-        yield from (key | {"solver": solver} for solver in args.solvers)
+        yield {"limit": args.limit, "set": "all", "problem": name, "eps": eps}
 
 
 def of_classes(args: Args) -> Iterator[Row]:
@@ -128,8 +126,7 @@ def of_classes(args: Args) -> Iterator[Row]:
     for name, own in osqp_classes.CLASSES.items():
         for size in own.sizes[: 2 if args.quick else None]:
             for eps in args.eps:
-                key = {"set": name, "problem": str(size), "eps": eps}
-                yield from (key | {"solver": solver} for solver in args.solvers)
+                yield {"set": name, "problem": str(size), "eps": eps}
 
 
 def about_class(request: Row) -> Row:

@@ -91,5 +91,4 @@ SUITE = Suite(
     keys="problem solver",
     solvers=("nam", "osqp", "piqp", "clarabel"),
     limit=5.0,
-    shown="problem:30 solver outcome runtime status:30",
 )

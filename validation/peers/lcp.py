@@ -57,8 +57,7 @@ def contact(job: Job, name: str) -> Row:
 
 def contacts(args: Args) -> Iterator[Row]:
     names = data_sets.set_names(args.data, "contact")
-    for name in names[:: 4 if args.quick else 1]:
-        yield from ({"scene": name, "solver": solver} for solver in args.solvers)
+    yield from ({"scene": name} for name in names[:: 4 if args.quick else 1])
 
 
 def nam_call(A: sp.csr_array, q: np.ndarray) -> Callable[[], np.ndarray]:
@@ -139,19 +138,17 @@ SUITES = {
         columns="scene n solver runtime relative_residual status",
         keys="scene solver",
         solvers=("nam", "piqp"),
-        shown="scene:18 n:6 solver runtime relative_residual:18 status",
         needs_data=True,
     ),
     "example1": Suite(
         name="example1",
         doc=__doc__,
-        requests=lambda args: ({"solver": solver} for solver in args.solvers),
+        requests=lambda args: [{}],
         work=example1,
         columns="solver runtime residual memory",
         keys="solver",
         solvers=tuple(REPEATS),
         limit=600.0,
-        shown="solver runtime residual memory",
     ),
     "first-call": Suite(
         name="first-call",
@@ -160,6 +157,5 @@ SUITES = {
         work=fresh_process,
         columns="path process import solve",
         keys="path",
-        shown="path:16 process import solve",
     ),
 }

@@ -197,6 +197,5 @@ SUITE = Suite(
     late=Late(same=("family", "problem")),
     beside=True,
     success=lambda row: str(row["missed"]) == "False",
-    shown="family problem:23 solver:18 eps:7 runtime error status:30",
     plot=work_precision_figure.plot,
 )

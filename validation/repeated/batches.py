@@ -108,5 +108,4 @@ SUITE = Suite(
     keys="n m items threads solver",
     solvers=tuple(LOOPS),
     limit=120.0,
-    shown="n:4 m:4 items:8 threads:8 solver:13 microseconds:13 residual status:20",
 )
